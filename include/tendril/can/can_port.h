@@ -1,0 +1,52 @@
+// The seam between hardware and simulation: frames in, frames out. Everything above cannot tell a SocketCAN interface
+// from the memory bus.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "tendril/core/clock.h"
+
+namespace tendril::can {
+
+/// Classic CAN 2.0A data frame (11-bit identifier), or an error frame reported by the interface.
+struct CanFrame {
+  std::uint32_t id = 0;             // 0..0x7FF; error class bits when error is set
+  std::uint8_t size = 0;            // 0..8
+  bool remote = false;
+  bool error = false;
+  std::array<std::uint8_t, 8> data{};
+};
+
+struct StampedFrame {
+  CanFrame frame;
+  TimeNs time_ns = 0;               // when it arrived, port's clock
+};
+
+struct CanCounters {
+  std::uint64_t sent = 0, received = 0;
+  std::uint64_t send_refused = 0;   // ENOBUFS: the queue was full, the frame is lost
+  std::uint64_t receive_dropped = 0;  // by the kernel: the reader was too slow
+  std::uint64_t error_frames = 0, bus_off = 0;
+  std::uint64_t bits = 0;           // worst-case bits of all frames seen (sent and received)
+};
+
+/// Worst-case bits on the wire of an 11-bit data frame with `size` bytes, stuffing and interframe space included.
+constexpr int WorstCaseBits(int size) { return 8 * size + 47 + (34 + 8 * size - 1) / 4; }
+
+class CanPort {
+ public:
+  virtual ~CanPort() = default;
+  /// Hands one frame over without ever blocking; false when it could not be queued (counted).
+  virtual bool Send(const CanFrame& frame) noexcept = 0;
+  /// Moves up to frames.size() waiting frames out, oldest first; returns how many. Never blocks.
+  virtual int Receive(std::span<StampedFrame> frames) noexcept = 0;
+  /// Blocks until a frame waits or the deadline (port's clock) passed; true when a frame waits.
+  virtual bool WaitUntil(TimeNs deadline_ns) noexcept = 0;
+  /// False after bus-off or when the interface went down, until it is back.
+  virtual bool up() const noexcept = 0;
+  virtual const CanCounters& counters() const noexcept = 0;
+};
+
+}  // namespace tendril::can

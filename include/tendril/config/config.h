@@ -1,0 +1,37 @@
+// Strict YAML to validated structs and back. Every refusal is one line: file:line: key: what is wrong, the accepted
+// range with its unit, and the remedy. Knows nothing of what the numbers are used for.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+#include "tendril/core/daemon.h"
+#include "tendril/core/robot.h"
+
+namespace tendril::config {
+
+/// What a configuration file got wrong; what() is the whole line.
+class ConfigError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// Robot file (config/robots/*.yaml). Unknown, missing and duplicate keys, wrong types, values out of range: ConfigError.
+RobotParameters LoadRobot(const std::string& path);
+RobotParameters ParseRobot(const std::string& yaml, const std::string& name_for_errors);
+
+/// Daemon file (config/tendrild.yaml); the robot file it names is resolved but not loaded.
+DaemonParameters LoadDaemon(const std::string& path);
+DaemonParameters ParseDaemon(const std::string& yaml, const std::string& name_for_errors);
+
+/// The resolved configuration with every value spelled out; parsing it gives the same struct again.
+std::string ToYaml(const RobotParameters& robot);
+std::string ToYaml(const DaemonParameters& daemon);
+
+/// Both files fit each other: every tendon has exactly one node, all nodes differ. Throws ConfigError.
+void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot, const std::string& daemon_path);
+
+/// "robot" or "daemon", by the file's top-level keys. Throws ConfigError when it is neither.
+std::string KindOf(const std::string& path);
+
+}  // namespace tendril::config

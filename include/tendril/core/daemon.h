@@ -1,0 +1,84 @@
+// What the controller, the bus and the daemon are told by their configuration file: plain numbers with units.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "tendril/core/clock.h"
+
+namespace tendril {
+
+/// Limits of the desired motion, per section, on the vector (us, vs).
+struct TrajectoryParameters {
+  double default_speed_radps = 0;       // of point-to-point moves that name no speed
+  double max_rate_radps = 0;
+  double max_acceleration_radps2 = 0;
+  double max_jerk_radps3 = 0;
+};
+
+struct GuardParameters {
+  int max_missing_cycles = 0;           // feedback older than this is a fault
+  double slack_tension_N = 0;           // measured tension below this reports slack
+};
+
+enum class ControlLaw { kPaper };
+
+struct ControllerParameters {
+  ControlLaw law = ControlLaw::kPaper;
+  bool capstan_compensation = true;     // false replaces the Capstan map and its inverse by the identity, nothing else
+  double pretension_ramp_Nps = 0;       // rate at which tensions rise to and fall from their targets on arm / disarm
+  double pretension_settle_s = 0;       // stillness before tendon displacement is zeroed
+  TrajectoryParameters trajectory;
+  GuardParameters guards;
+};
+
+struct IdentityParameters {             // what object 0x1018 must report
+  std::uint32_t vendor_id = 0;
+  std::vector<std::uint32_t> product_codes;  // any of these
+  std::uint32_t min_revision = 0, max_revision = 0;
+};
+
+struct NodeParameters {
+  int node_id = 0;                      // 1..127
+  int tendon = 0;                       // 1..M
+};
+
+struct BusParameters {
+  std::string interface;                // for example can0
+  int bitrate_bps = 0;
+  TimeNs cycle_ns = 0;
+  TimeNs feedback_deadline_ns = 0;      // after SYNC; TPDOs that come later count as missing
+  int heartbeat_ms = 0;                 // produced by master and drives
+  int heartbeat_timeout_ms = 0;         // consumed by both
+  int sdo_timeout_ms = 0;
+  int boot_timeout_ms = 0;              // per node, NMT to configured
+  int abort_connection_option = 0;      // 0x6007: 2 disable voltage, 3 quick stop
+  double max_load = 0.8;                // refuse to start above this share of the bit rate
+  IdentityParameters identity;
+  std::vector<NodeParameters> nodes;    // in tendon order once loaded
+};
+
+struct RealtimeParameters {
+  int priority = 0;                     // SCHED_FIFO; 0: ordinary scheduling
+  int cpu = -1;                         // -1: any
+  bool lock_memory = true;
+  bool required = false;                // true: refuse to start without the rights; false: warn
+};
+
+struct LcmParameters {
+  std::string url;
+  std::string channel_prefix;           // channels are PREFIX_STATE, PREFIX_CYCLE, ...
+  int state_every_cycles = 1;           // publish every n-th state
+  int cycle_every_cycles = 1;           // publish every n-th cycle record; 0: never
+};
+
+struct DaemonParameters {
+  std::string robot_file;               // absolute, or relative to the daemon's file
+  ControllerParameters controller;
+  BusParameters bus;
+  RealtimeParameters realtime;
+  LcmParameters lcm;
+};
+
+}  // namespace tendril

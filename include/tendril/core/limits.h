@@ -1,0 +1,20 @@
+// Fixed capacities of everything that lives in the tick, so that no cycle ever allocates.
+// Raising one costs memory only; the configuration refuses robots that do not fit.
+#pragma once
+
+#include <Eigen/Core>
+
+namespace tendril {
+
+inline constexpr int kMaxSections = 4;
+inline constexpr int kMaxTendons = 16;   // over all sections
+inline constexpr int kMaxUnits = 64;     // over all sections
+
+/// One value a tendon, in tendon order 1..M over the sections; storage inside the object.
+using TendonVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxTendons, 1>;
+/// (us_1, vs_1, ..., us_K, vs_K) of the sections [rad].
+using BendingVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kMaxSections, 1>;
+/// (u_1, v_1, ..., u_N, v_N) of the units [rad].
+using UnitVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kMaxUnits, 1>;
+
+}  // namespace tendril

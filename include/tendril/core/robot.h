@@ -1,0 +1,149 @@
+// The robot as plain numbers with their units. Filled by config/, consumed by model/, control/ and sim/;
+// knows nothing of files.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace tendril {
+
+/// Where a tendon passes the disks: hole at radius_m (cos angle_rad, sin angle_rad, 0) in each disk frame.
+struct TendonRoute {
+  double angle_rad = 0;
+  double radius_m = 0;
+};
+
+/// `units` equal constant-curvature units; its tendons end at its last disk and pass through earlier sections.
+struct SectionParameters {
+  int units = 0;
+  double unit_length_m = 0;
+  double unit_mass_kg = 0;             // lumped at the unit's disk
+  double disk_inertia_xx_kgm2 = 0;     // about the disk's x and y
+  double disk_inertia_zz_kgm2 = 0;     // about the disk's z
+  double youngs_modulus_Pa = 0;
+  double core_radius_m = 0;            // backbone core; I = pi r^4 / 4
+  double bending_damping_Nms = 0;      // N·m per rad/s, on (du, dv) of each unit
+  std::vector<TendonRoute> tendons;    // at least 3
+
+  /// Bending stiffness of one unit, EI / l [N·m/rad].
+  double UnitStiffness() const;
+};
+
+struct BodyParameters {
+  std::vector<SectionParameters> sections;  // 1..kMaxSections, base first
+  Eigen::Vector3d gravity_W_mps2{0, 0, -9.81};  // in F_0; the straight robot points along +z of F_0
+
+  int units() const;
+  int tendons() const;
+  double length_m() const;
+};
+
+struct MotorParameters {
+  double torque_constant_NmpA = 0;
+  double nominal_current_A = 0;
+  double rotor_inertia_kgm2 = 0;
+  double coulomb_friction_Nm = 0;      // at the motor shaft
+  double coulomb_angle_rad = 0;        // Dahl pre-sliding angle: zeta' = (w - |w| zeta) / angle
+  double coulomb_damping_Nms = 0;      // micro-damping on zeta' (torque = coulomb * zeta + this * zeta')
+  double viscous_friction_Nms = 0;
+  double torque_lag_s = 0;             // first-order torque loop
+};
+
+struct DriveParameters {
+  double rated_torque_Nm = 0;          // object 0x6076; torque on the bus is per mille of it
+  double current_limit_A = 0;          // object 0x3001:02
+  int encoder_counts_per_turn = 0;     // of the motor shaft, as 0x6064 counts them
+  double actual_torque_noise_permille = 0;  // rms, of the reported actual torque
+};
+
+struct GearParameters {
+  double ratio = 0;                    // motor turns per spool turn
+  double efficiency = 0;               // driving; 1/efficiency when back-driven
+  std::vector<double> presliding_yields_rad;  // stop operators of the motor angle that switch the direction
+};
+
+struct SpoolParameters {
+  double radius_m = 0;
+};
+
+struct TendonParameters {
+  double stiffness_Npm = 0;            // of the whole tendon, spool to end
+  double damping_Nspm = 0;
+  double free_length_m = 0;            // from spool to the robot's base
+};
+
+enum class CapstanLaw {
+  kCumulative,  // power law between cumulative friction and normal force (the paper)
+  kLocal,       // power law between their densities
+  kClassic,     // exp(alpha * wrap)
+};
+
+/// One guide pulley (or sheath bend) between spool and base.
+struct PulleyParameters {
+  CapstanLaw law = CapstanLaw::kCumulative;
+  double wrap_rad = 0;
+  double radius_ratio = 0;             // rho = pulley radius / tendon radius
+  double alpha = 0;                    // friction coefficient, N^(1-n)
+  double exponent = 1;                 // n, 0 < n <= 1
+  double entry_angle_rad = 0;          // phi_1
+};
+
+struct TransmissionParameters {
+  std::vector<PulleyParameters> pulleys;    // from the base (low-tension side under pull) towards the motor
+  double presliding_m = 0;                  // sliding displacement over which friction builds up
+  double low_tension_N = 0.05;              // below: F continued by the constant ratio F(low)/low
+};
+
+enum class LoadCellPlace { kNone, kMotorSide, kRobotSide };
+
+struct LoadCellParameters {
+  LoadCellPlace place = LoadCellPlace::kNone;
+  double gain_VpN = 0;
+  double resolution_V = 0;             // one step of the drive's analog input
+  double noise_N = 0;                  // rms
+};
+
+struct TrackerParameters {
+  double rate_Hz = 0;
+  double position_noise_m = 0;         // rms per axis
+  double orientation_noise_rad = 0;    // rms per axis of the rotation vector
+  double delay_s = 0;
+};
+
+/// Everything between one drive and one tendon's entry into the robot.
+struct TendonDriveParameters {
+  MotorParameters motor;
+  DriveParameters drive;
+  GearParameters gear;
+  SpoolParameters spool;
+  TendonParameters tendon;
+  TransmissionParameters transmission;
+  LoadCellParameters load_cell;
+  int node_id = 0;                     // CANopen node of the drive, 1..127
+
+  /// Tendon pull per motor angle [m/rad].
+  double SpoolTravelPerMotorRad() const { return spool.radius_m / gear.ratio; }
+};
+
+struct LimitParameters {
+  double min_tension_N = 0;            // at the base: pretension and the allocation's lower bound
+  double max_tension_base_N = 0;
+  double max_tension_motor_N = 0;
+  double max_bending_rad = 0;          // |(us, vs)| of each section
+};
+
+struct ActuationParameters {
+  std::vector<TendonDriveParameters> tendons;  // one a tendon, in tendon order
+  std::optional<TrackerParameters> tracker;
+};
+
+struct RobotParameters {
+  std::string name;
+  BodyParameters body;
+  LimitParameters limits;
+  std::optional<ActuationParameters> actuation;  // absent: a body alone, good for `tendril model`
+};
+
+}  // namespace tendril

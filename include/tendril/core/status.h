@@ -1,0 +1,54 @@
+// Numbered status codes: what the loop says instead of throwing. The numbers are part of the LCM interface and of
+// logs, so a code is never renumbered; new ones are added at the end of their block.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+namespace tendril {
+
+// X(name, number, "text", "remedy"). Blocks: 0 fine, 1xx output is limited, 2xx a command was refused,
+// 3xx degraded but running, 4xx faults that latch.
+#define TENDRIL_STATUS_LIST(X)                                                                                      \
+  X(Ok, 0, "ok", "")                                                                                                \
+  X(LimitedBendingRate, 101, "bending rate limited by trajectory.max_rate_radps", "command a slower motion or raise the limit") \
+  X(LimitedBending, 102, "bending limited by limits.max_bending_rad", "command less bending or raise the limit")      \
+  X(LimitedTensionMax, 103, "tension limited by limits.max_tension_base_N", "less bending, or raise the limit")     \
+  X(LimitedTensionMin, 104, "tension raised to limits.min_tension_N", "command at least the minimum tension")       \
+  X(LimitedMotorTension, 105, "motor-side tension limited by limits.max_tension_motor_N", "less bending, or raise the limit") \
+  X(LimitedTorque, 106, "torque limited by the drive's nominal current (actuation.drive.current_limit_A)", "less bending, or a stronger drive") \
+  X(TargetUnreachable, 107, "tip target out of reach: going to the nearest reachable point", "see target_distance_m") \
+  X(CommandNotFinite, 201, "command refused: not finite", "send numbers only")                                      \
+  X(CommandOutOfRange, 202, "command refused: out of range", "see the robot file's limits")                         \
+  X(CommandStale, 203, "command refused: older than its validity", "check the sender's clock and rate")             \
+  X(CommandWrongMode, 204, "command refused in this mode", "arm first, or clear the fault")                         \
+  X(CommandOutOfOrder, 205, "command refused: sequence number not newer than the last", "one sender at a time")     \
+  X(CommandWrongSize, 206, "command refused: number of values does not fit the robot", "one pair per section, one tension per tendon") \
+  X(CommandExpired, 301, "command stream expired: holding the last target", "keep sending within valid_for_s")      \
+  X(FeedbackMissing, 302, "a drive's TPDO is missing this cycle", "check the bus")                                  \
+  X(Slack, 303, "a tendon is slack", "check pretension and the tendon's path")                                      \
+  X(CycleLate, 304, "cycle finished late", "run tendril rt-check")                                                  \
+  X(SolverFallback, 305, "a bounded solver stopped early: last good solution used", "report with the log")          \
+  X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
+  X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
+  X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \
+  X(TensionOverLimit, 404, "fault: measured tension over limits.max_tension_motor_N", "find what blocks the tendon, then clear") \
+  X(InternalNotFinite, 405, "fault: a computed value is not finite", "report with the log")                         \
+  X(FeedbackStale, 406, "fault: feedback missing for longer than guards.max_missing_cycles", "check the bus, then clear") \
+  X(BootFailed, 407, "fault: a drive could not be configured", "see the event for node, step and object")           \
+  X(ConfigurationMismatch, 408, "fault: a drive does not match the configuration", "see the event for node and object")
+
+enum class Status : std::uint16_t {
+#define TENDRIL_STATUS_ENUM(name, number, text, remedy) k##name = number,
+  TENDRIL_STATUS_LIST(TENDRIL_STATUS_ENUM)
+#undef TENDRIL_STATUS_ENUM
+};
+
+/// One line for people: what happened, and which configuration key acts where one does.
+std::string_view StatusText(Status status) noexcept;
+/// What to do about it; empty where nothing is needed.
+std::string_view StatusRemedy(Status status) noexcept;
+
+inline bool IsFault(Status status) noexcept { return static_cast<std::uint16_t>(status) >= 400; }
+
+}  // namespace tendril

@@ -1,0 +1,54 @@
+// Emulated EPOS4 drives on one CanPort: object dictionary, SDO server, PDOs, heartbeat, CiA 402 state machine. Sensor
+// values are put in, torque commands come out; time is passed in. Knows nothing of the robot behind the motors.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "tendril/can/can_port.h"
+#include "tendril/core/clock.h"
+
+namespace tendril::emulator {
+
+struct EmulatedDriveParameters {
+  int node_id = 1;
+  std::uint32_t product_code = 0x60500000;   // EPOS4 24/1.5
+  std::uint32_t revision = 0x01700000;
+  std::uint32_t serial = 1;
+  std::uint32_t nominal_current_mA = 0;
+  std::uint32_t torque_constant_uNmpA = 0;
+};
+
+/// What the drive's sensors show, set before Poll.
+struct DriveSensors {
+  std::int32_t position_counts = 0;
+  std::int32_t velocity_rpm = 0;
+  double actual_torque_Nm = 0;               // from the current, motor shaft
+  std::array<std::int16_t, 2> analog_mV{};   // 0x3160:01, :02
+};
+
+class DriveRack {
+ public:
+  /// Sends each drive's boot-up message at the first Poll.
+  DriveRack(std::span<const EmulatedDriveParameters> drives, can::CanPort& port);
+  ~DriveRack();
+
+  int drives() const noexcept;
+  void SetSensors(int drive, const DriveSensors& sensors) noexcept;
+  /// Handles all waiting frames and everything that is due at `now_ns`. Returns the number of SYNCs handled. At SYNC the
+  /// torque received since the last SYNC becomes the command and the TPDOs are sampled from the sensors set last.
+  int Poll(TimeNs now_ns);
+  /// Torque command in force [N·m at the motor shaft]; zero unless operation is enabled, limited by the current limit.
+  double torque_Nm(int drive) const noexcept;
+  /// True in operation enabled (or quick stop active with torque).
+  bool enabled(int drive) const noexcept;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace tendril::emulator

@@ -1,0 +1,59 @@
+// LCM in and out: decodes and stamps command messages, encodes state, cycle, run and event messages. Runs on whatever
+// non-real-time thread calls it; the daemon gives it one of its own. Knows nothing of control.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "tendril/core/cycle.h"
+#include "tendril/core/daemon.h"
+
+namespace tendril::io {
+
+/// Sizes and static facts that messages repeat.
+struct RobotShape {
+  int sections = 0, units = 0, tendons = 0;
+};
+
+struct RunInfo {
+  std::string robot_yaml, daemon_yaml;  // resolved
+  std::string version, git_revision;
+  std::int64_t start_utime = 0;         // microseconds since the epoch
+};
+
+class Gateway {
+ public:
+  using CommandSink = std::function<void(const Command&)>;
+  using TrackerSink = std::function<void(const TrackerSample&)>;
+
+  /// Opens LCM. Throws std::runtime_error with the remedy when the URL does not work (for udpm: no multicast route).
+  Gateway(const LcmParameters& lcm, const RobotShape& shape, const Clock& clock);
+  ~Gateway();
+
+  void OnCommand(CommandSink sink);
+  void OnTracker(TrackerSink sink);
+
+  /// Handles waiting messages for at most timeout_ms; returns how many.
+  int Handle(int timeout_ms);
+
+  void PublishRun(const RunInfo& run);
+  void PublishState(const CycleRecord& record);
+  void PublishCycle(const CycleRecord& record);
+  void PublishEvent(TimeNs time_ns, Status status, const std::string& source, const std::string& text);
+
+  struct Counters {
+    std::uint64_t received = 0, undecodable = 0, published = 0, publish_failed = 0;
+  };
+  Counters counters() const;
+
+  /// The connection itself, so that a program can listen or log on it (for memq:// this is the only way in).
+  void* lcm() const;  // lcm::LCM*
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace tendril::io

@@ -1,0 +1,120 @@
+// The robot's body: kinematics, straight tendons and Kane dynamics of a chain of constant-curvature units in (u, v).
+// Pure maths: no I/O, no exceptions after construction, no allocation outside constructors. Knows nothing of motors.
+//
+// q = (u_1, v_1, ..., u_N, v_N) with (u, v) = theta (cos beta, sin beta) of each unit [rad]; F_0 is the base frame.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "tendril/core/robot.h"
+
+namespace tendril::model {
+
+using ConstVectorRef = const Eigen::Ref<const Eigen::VectorXd>&;
+using VectorRef = Eigen::Ref<Eigen::VectorXd>;
+using MatrixRef = Eigen::Ref<Eigen::MatrixXd>;
+
+/// Pose of frame A in frame W.
+struct Pose {
+  Eigen::Matrix3d R_WA = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d p_WA = Eigen::Vector3d::Zero();
+};
+
+/// Energies [J]; gravity is zero at the origin of F_0.
+struct Energy {
+  double kinetic = 0, elastic = 0, gravity = 0;
+  double total() const { return kinetic + elastic + gravity; }
+};
+
+class Body {
+ public:
+  /// Throws std::invalid_argument naming the parameter that makes no sense.
+  explicit Body(const BodyParameters& parameters);
+
+  int units() const { return units_; }
+  int dof() const { return 2 * units_; }
+  int tendons() const { return static_cast<int>(tendons_.size()); }
+  int sections() const { return static_cast<int>(parameters_.sections.size()); }
+  /// First unit (0-based) of section k and one past its last.
+  int first_unit(int section) const { return first_unit_[section]; }
+  int end_unit(int section) const { return first_unit_[section + 1]; }
+  /// Section in which tendon j (0-based) ends.
+  int tendon_section(int tendon) const { return tendons_[tendon].section; }
+  const BodyParameters& parameters() const { return parameters_; }
+
+  /// Scratch memory of the dynamics, allocated once; one per thread.
+  class Workspace {
+   public:
+    explicit Workspace(const Body& body);
+
+   private:
+    friend class Body;
+    struct Unit;
+    std::vector<Unit> units_;
+  };
+
+  // ---- kinematics (paper eqs. 2-4, 10) ----
+
+  /// Poses of frames 1..N in F_0; `poses` has N entries.
+  void Poses(ConstVectorRef q, std::span<Pose> poses) const noexcept;
+  /// Pose of the last disk in F_0.
+  Pose TipPose(ConstVectorRef q) const noexcept;
+  /// 6 x 2N: rows (v_W, w_W) of the last disk per unit dq.
+  void TipJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept;
+
+  // ---- straight tendons between neighbouring disks (eqs. 17-19) ----
+
+  /// Total straight length of each tendon inside the robot [m]; `length` has M entries.
+  void TendonLengths(ConstVectorRef q, VectorRef length_m) const noexcept;
+  /// L(straight) - L(q) [m], positive when the tendon is pulled.
+  void TendonShortening(ConstVectorRef q, VectorRef shortening_m) const noexcept;
+  /// M x 2N, dL_j/dq [m/rad].
+  void TendonLengthJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept;
+  /// Generalised force -sum_j T_j dL_j/dq [N·m] of uniform tensions (eqs. 20, 21), 2N entries.
+  void TendonForce(ConstVectorRef q, ConstVectorRef tension_N, VectorRef force_Nm) const noexcept;
+
+  // ---- dynamics (eqs. 22-25, as O(N) recursions) ----
+
+  /// Inverse: H(q) ddq + C(q, dq) - gravity + elastic + damping = generalised force that must be applied [N·m].
+  void InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef ddq, VectorRef force_Nm,
+                       Workspace& workspace) const noexcept;
+  /// Forward: accelerations [rad/s^2] under the applied generalised force (tendons and any other).
+  void ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef force_Nm, VectorRef ddq,
+                       Workspace& workspace) const noexcept;
+  /// H(q), 2N x 2N, symmetric positive definite [kg·m^2].
+  void MassMatrix(ConstVectorRef q, MatrixRef mass, Workspace& workspace) const noexcept;
+  /// Elastic minus gravity minus tip-force terms of the equations at rest: the generalised force that holds q [N·m].
+  void StaticForce(ConstVectorRef q, const Eigen::Vector3d& tip_force_W_N, VectorRef force_Nm) const noexcept;
+  /// Exact derivative of (StaticForce - TendonForce) by q at given tensions: the tangent stiffness [N·m/rad].
+  void TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Eigen::Vector3d& tip_force_W_N,
+                        MatrixRef stiffness) const noexcept;
+  Energy EnergyOf(ConstVectorRef q, ConstVectorRef dq, Workspace& workspace) const noexcept;
+
+  // ---- constant curvature over sections: all units of a section share its bend equally ----
+
+  /// q of the arc shape: u_i = us_k / n_k; us_vs has 2K entries.
+  void SpreadBending(ConstVectorRef us_vs, VectorRef q) const noexcept;
+  /// Sum over each section's units: (us, vs) per section.
+  void SumBending(ConstVectorRef q, VectorRef us_vs) const noexcept;
+  /// Generalised force on (us, vs) of the arc motion: virtual work of a 2N generalised force.
+  void ProjectForce(ConstVectorRef force_Nm, VectorRef section_force_Nm) const noexcept;
+
+ private:
+  struct Tendon {
+    int section;
+    double cos_angle, sin_angle, radius_m;
+  };
+  struct UnitConstants {
+    double length_m, mass_kg, inertia_xx, inertia_zz, stiffness_Nm, damping_Nms;
+  };
+
+  BodyParameters parameters_;
+  int units_ = 0;
+  std::vector<int> first_unit_;
+  std::vector<Tendon> tendons_;
+  std::vector<UnitConstants> unit_;
+};
+
+}  // namespace tendril::model

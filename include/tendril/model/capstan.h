@@ -1,0 +1,63 @@
+// Friction of a tendon over guide pulleys: the improved Capstan equation (paper eqs. 26-30), its inverse, and a lookup
+// table fast enough for the tick. F maps the low-tension side to the high-tension side under sliding; when the motor
+// pulls, the robot is the low-tension side, when it pays out, the motor is (the map is inverted, alpha keeps its sign).
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "tendril/core/robot.h"
+
+namespace tendril::model {
+
+/// High-side tension [N] for a low-side tension >= 0 over one pulley, by CVODE (relative tolerance about 1e-12).
+/// Throws std::invalid_argument for parameters out of range, std::runtime_error when the solver gives up.
+double SolveCapstan(const PulleyParameters& pulley, double low_tension_N);
+
+/// Inverse of SolveCapstan: low-side tension for a high-side one; SolveCapstanInverse(SolveCapstan(T)) = T to 1e-9.
+double SolveCapstanInverse(const PulleyParameters& pulley, double high_tension_N);
+
+/// The same over pulleys in series, from the low-tension side to the high-tension side.
+double SolveCapstan(std::span<const PulleyParameters> pulleys, double low_tension_N);
+double SolveCapstanInverse(std::span<const PulleyParameters> pulleys, double high_tension_N);
+
+/// Throws std::invalid_argument naming the parameter and its accepted range.
+void ValidatePulley(const PulleyParameters& pulley);
+
+/// F and its inverse of one tendon's transmission as tables built from CVODE solutions. Below `low_tension_N` F is
+/// continued by the constant ratio F(low)/low; above the table's range by the last ratio.
+class CapstanTable {
+ public:
+  /// Builds for low-side tensions up to max_tension_N and checks the table against the solver between its nodes until
+  /// the relative error of both directions is below `relative_error`; throws std::runtime_error if it cannot be met.
+  CapstanTable(const TransmissionParameters& transmission, double max_tension_N, double relative_error = 1e-6);
+
+  /// F: motor-side tension that pulls a base tension; T >= 0, no allocation.
+  double Pull(double base_tension_N) const noexcept;
+  /// F^-1: motor-side tension while paying out against a base tension.
+  double Release(double base_tension_N) const noexcept;
+  /// Derivatives of the two maps.
+  double PullSlope(double base_tension_N) const noexcept;
+  double ReleaseSlope(double base_tension_N) const noexcept;
+
+  /// Base tension for a motor-side tension at sliding state z in [-1, 1]:
+  /// (1+z)/2 F^-1(T_motor) + (1-z)/2 F(T_motor). Pulling at z = 1, paying out at z = -1.
+  double MotorToBase(double motor_tension_N, double z) const noexcept {
+    return 0.5 * (1 + z) * Release(motor_tension_N) + 0.5 * (1 - z) * Pull(motor_tension_N);
+  }
+  /// Motor-side tension wanted for a base tension at sliding state z: (1+z)/2 F(T_b) + (1-z)/2 F^-1(T_b).
+  double BaseToMotor(double base_tension_N, double z) const noexcept {
+    return 0.5 * (1 + z) * Pull(base_tension_N) + 0.5 * (1 - z) * Release(base_tension_N);
+  }
+
+  /// Largest relative error found between the nodes when the table was built.
+  double verified_error() const { return verified_error_; }
+  int nodes() const { return static_cast<int>(log_low_.size()); }
+
+ private:
+  double low_N_, high_of_low_N_;   // constant ratio below these
+  double verified_error_ = 0;
+  std::vector<double> log_low_, log_high_, slope_;  // log-log cubic Hermite nodes, and its inverse by Newton or twin
+};
+
+}  // namespace tendril::model

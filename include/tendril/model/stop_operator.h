@@ -1,0 +1,86 @@
+// Rate-independent pre-sliding: a few stop operators (Maxwell slip) of one coordinate, and Dahl's law as a function of
+// displacement. Exact for monotone motion between commits, so a solver may evaluate them between its steps while the
+// memory moves only when told to.
+#pragma once
+
+#include <array>
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+namespace tendril::model {
+
+/// z(x) = mean_i w_i / y_i in [-1, 1], w_i follows x and is clipped to +-y_i.
+/// z = +1: sliding in the positive direction of x; -1: in the negative; between: pre-sliding.
+template <int kCount>
+class StopOperators {
+ public:
+  StopOperators() = default;
+  /// Yields y_i > 0 in the unit of x; starts relaxed (all w_i = 0) at x = start.
+  explicit StopOperators(const std::array<double, kCount>& yields, double start = 0)
+      : yields_(yields), x_(start) {}
+
+  /// z if x moved on monotonically from the committed point; the memory stays.
+  double Peek(double x) const noexcept {
+    double z = 0;
+    for (int i = 0; i < kCount; ++i) {
+      z += std::clamp(w_[i] + (x - x_), -yields_[i], yields_[i]) / yields_[i];
+    }
+    return z / kCount;
+  }
+  /// Moves the memory to x and returns z there.
+  double Commit(double x) noexcept {
+    double z = 0;
+    for (int i = 0; i < kCount; ++i) {
+      w_[i] = std::clamp(w_[i] + (x - x_), -yields_[i], yields_[i]);
+      z += w_[i] / yields_[i];
+    }
+    x_ = x;
+    return z / kCount;
+  }
+  /// Relaxed at x.
+  void Reset(double x) noexcept {
+    w_.fill(0);
+    x_ = x;
+  }
+
+ private:
+  std::array<double, kCount> yields_{};
+  std::array<double, kCount> w_{};
+  double x_ = 0;
+};
+
+/// The pulley's pre-sliding: four stop operators with yields 1/4, 1/2, 3/4, 1 of the configured displacement.
+inline StopOperators<4> PulleyPresliding(double displacement_m, double start_m = 0) {
+  return StopOperators<4>({0.25 * displacement_m, 0.5 * displacement_m, 0.75 * displacement_m, displacement_m},
+                          start_m);
+}
+
+/// Dahl friction state: zeta' = (w - |w| zeta) / angle, as the closed form along monotone motion.
+class DahlState {
+ public:
+  DahlState() = default;
+  explicit DahlState(double angle_rad) : angle_rad_(angle_rad) {}
+
+  double Peek(double x) const noexcept {
+    const double dx = x - x_;
+    const double s = dx >= 0 ? 1 : -1;
+    return s + (zeta_ - s) * std::exp(-std::abs(dx) / angle_rad_);
+  }
+  double Commit(double x) noexcept {
+    zeta_ = Peek(x);
+    x_ = x;
+    return zeta_;
+  }
+  void Reset(double x, double zeta = 0) noexcept {
+    x_ = x;
+    zeta_ = zeta;
+  }
+
+ private:
+  double angle_rad_ = 1;
+  double x_ = 0;
+  double zeta_ = 0;
+};
+
+}  // namespace tendril::model

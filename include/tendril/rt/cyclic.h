@@ -1,0 +1,56 @@
+// The real-time loop: an absolute deadline grid on CLOCK_MONOTONIC, missed periods counted and skipped whole, phase never
+// reset. Knows nothing of what runs in it.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "tendril/core/clock.h"
+#include "tendril/core/daemon.h"
+
+namespace tendril::rt {
+
+/// Locks memory, sets priority and affinity of the calling thread. Returns an empty text, or what could not be done and
+/// which limit to raise.
+std::string EnterRealtime(const RealtimeParameters& parameters);
+
+/// Grid arithmetic, apart from any clock so that it can be tested.
+class DeadlineGrid {
+ public:
+  DeadlineGrid(TimeNs start_ns, TimeNs period_ns) : next_ns_(start_ns), period_ns_(period_ns) {}
+  TimeNs next_ns() const noexcept { return next_ns_; }
+  /// Moves to the first grid point after now; returns how many whole periods were missed (0 when on time).
+  std::uint64_t Advance(TimeNs now_ns) noexcept;
+
+ private:
+  TimeNs next_ns_, period_ns_;
+};
+
+struct CycleStart {
+  std::uint64_t cycle = 0;
+  TimeNs grid_ns = 0;          // the point on the grid
+  TimeNs wake_latency_ns = 0;  // how late the thread woke
+  std::uint64_t missed = 0;    // periods skipped just before this cycle
+};
+
+/// Calls body(start) once a period until it returns false.
+void RunCyclic(TimeNs period_ns, const std::function<bool(const CycleStart&)>& body);
+
+/// Counts of a latency in logarithmic bins; add() is wait-free and allocation-free.
+class Histogram {
+ public:
+  void Add(TimeNs value_ns) noexcept;
+  std::uint64_t count() const noexcept { return count_; }
+  TimeNs max_ns() const noexcept { return max_ns_; }
+  /// Upper edge of the bin that holds the given share of the values, 0..1.
+  TimeNs Percentile(double share) const noexcept;
+
+ private:
+  static constexpr int kBins = 32 * 8;
+  std::uint64_t bin_[kBins]{};
+  std::uint64_t count_ = 0;
+  TimeNs max_ns_ = 0;
+};
+
+}  // namespace tendril::rt

@@ -1,0 +1,30 @@
+#include "tendril/core/robot.h"
+
+#include <numbers>
+
+namespace tendril {
+
+double SectionParameters::UnitStiffness() const {
+  const double r2 = core_radius_m * core_radius_m;
+  return youngs_modulus_Pa * std::numbers::pi * r2 * r2 / 4 / unit_length_m;
+}
+
+int BodyParameters::units() const {
+  int n = 0;
+  for (const auto& s : sections) n += s.units;
+  return n;
+}
+
+int BodyParameters::tendons() const {
+  int n = 0;
+  for (const auto& s : sections) n += static_cast<int>(s.tendons.size());
+  return n;
+}
+
+double BodyParameters::length_m() const {
+  double l = 0;
+  for (const auto& s : sections) l += s.units * s.unit_length_m;
+  return l;
+}
+
+}  // namespace tendril

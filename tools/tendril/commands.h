@@ -1,0 +1,15 @@
+// One function a subcommand: adds itself to the app. A command's work throws std::exception with one clear line
+// (exit 1); UsageError means wrong use (exit 2).
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <stdexcept>
+
+namespace tendril::tools {
+
+class UsageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+}  // namespace tendril::tools
