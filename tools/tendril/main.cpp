@@ -2,9 +2,12 @@
 #include <fmt/core.h>
 
 #include "commands.h"
+#include "tendril/core/version.h"
 
 int main(int argc, char** argv) {
   CLI::App app{"Tendril: controller, simulator and gap diagnosis for tendon-driven continuum robots"};
+  app.set_version_flag("--version",
+                       fmt::format("tendril {} ({})", tendril::Version(), tendril::GitRevision()));
   app.require_subcommand(1);
   try {
     app.parse(argc, argv);
