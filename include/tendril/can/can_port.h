@@ -1,5 +1,5 @@
-// The seam between hardware and simulation: frames in, frames out. Everything above cannot tell a SocketCAN interface
-// from the memory bus.
+// The seam between hardware and simulation: frames in, frames out. Everything above cannot tell a SocketCAN
+// interface from the memory bus.
 #pragma once
 
 #include <array>
@@ -12,28 +12,36 @@ namespace tendril::can {
 
 /// Classic CAN 2.0A data frame (11-bit identifier), or an error frame reported by the interface.
 struct CanFrame {
-  std::uint32_t id = 0;             // 0..0x7FF; error class bits when error is set
-  std::uint8_t size = 0;            // 0..8
+  std::uint32_t id = 0;   // 0..0x7FF; error class bits when error is set
+  std::uint8_t size = 0;  // 0..8
   bool remote = false;
   bool error = false;
   std::array<std::uint8_t, 8> data{};
 };
 
+/// Error classes in CanFrame::id of an error frame (the kernel's numbers, linux/can/error.h).
+inline constexpr std::uint32_t kErrorBusOff = 0x040;
+inline constexpr std::uint32_t kErrorRestarted = 0x100;
+
 struct StampedFrame {
   CanFrame frame;
-  TimeNs time_ns = 0;               // when it arrived, port's clock
+  TimeNs time_ns = 0;  // when it arrived, port's clock
 };
 
 struct CanCounters {
   std::uint64_t sent = 0, received = 0;
-  std::uint64_t send_refused = 0;   // ENOBUFS: the queue was full, the frame is lost
+  std::uint64_t send_refused = 0;     // ENOBUFS: the queue was full, the frame is lost
   std::uint64_t receive_dropped = 0;  // by the kernel: the reader was too slow
   std::uint64_t error_frames = 0, bus_off = 0;
-  std::uint64_t bits = 0;           // worst-case bits of all frames seen (sent and received)
+  std::uint64_t bits = 0;  // worst-case bits of all frames seen (sent and received)
 };
 
-/// Worst-case bits on the wire of an 11-bit data frame with `size` bytes, stuffing and interframe space included.
+/// Worst-case bits on the wire of an 11-bit data frame with `size` bytes, stuffing and interframe space
+/// included.
 constexpr int WorstCaseBits(int size) { return 8 * size + 47 + (34 + 8 * size - 1) / 4; }
+
+/// The same of a frame; a remote frame carries no data whatever its size says.
+constexpr int WorstCaseBits(const CanFrame& frame) { return WorstCaseBits(frame.remote ? 0 : frame.size); }
 
 class CanPort {
  public:

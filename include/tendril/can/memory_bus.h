@@ -16,17 +16,22 @@ class MemoryBus {
   explicit MemoryBus(const Clock& clock);
   ~MemoryBus();
 
-  /// A new port; lives as long as the bus.
+  /// A new port; lives as long as the bus. It holds 8192 unread frames and drops (and counts) further ones,
+  /// as a socket does. It cannot wait: WaitUntil only says whether a frame is there. One thread at a time
+  /// uses a bus.
   CanPort& AddPort();
 
-  /// Sees each frame before delivery and may change it; return false to drop it. For fault injection and taps.
+  /// Sees each frame before delivery and may change it; return false to drop it. For fault injection and
+  /// taps.
   using Filter = std::function<bool(CanFrame&)>;
   void SetFilter(Filter filter);
 
-  /// Puts an error frame into every port (for example bus-off) or clears the condition again.
+  /// true: puts a bus-off error frame into every port; until false (a restarted error frame) no port is up
+  /// and nothing can be sent.
   void SetBusOff(bool off);
 
-  /// Frames and worst-case bits of everything ever sent on the bus.
+  /// Of the whole bus: `sent` and `bits` count each accepted frame once, also those that the filter dropped;
+  /// `received` and `receive_dropped` are summed over the ports.
   const CanCounters& totals() const;
 
  private:

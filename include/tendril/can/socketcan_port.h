@@ -14,8 +14,8 @@ class SocketCanPort final : public CanPort {
     int receive_buffer_bytes = 1 << 20;
     bool error_frames = true;
   };
-  /// Opens interface (for example "can0"). Throws std::system_error whose text says what to do when the kernel has no
-  /// CAN, the interface does not exist or is down.
+  /// Opens interface (for example "can0"). Throws std::system_error whose text says what to do when the
+  /// kernel has no CAN, the interface does not exist or is down.
   explicit SocketCanPort(const std::string& interface);
   SocketCanPort(const std::string& interface, const Options& options);
   ~SocketCanPort() override;

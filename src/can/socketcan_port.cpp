@@ -1,0 +1,303 @@
+// SocketCAN raw socket: everything that can go wrong at the kernel's border is turned into a counter or one
+// clear text. Knows nothing of what the frames mean.
+#include "tendril/can/socketcan_port.h"
+
+#include <linux/can.h>
+#include <linux/can/error.h>
+#include <linux/can/raw.h>
+#include <net/if.h>
+#include <net/if_arp.h>
+#include <poll.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <ctime>
+#include <system_error>
+
+namespace tendril::can {
+namespace {
+
+static_assert(kErrorBusOff == CAN_ERR_BUSOFF && kErrorRestarted == CAN_ERR_RESTARTED);
+
+constexpr int kBatch = 64;                       // frames a recvmmsg call
+constexpr TimeNs kLinkCheckNs = 100 * kNsPerMs;  // how often a lost interface is looked for
+constexpr TimeNs kOldestStampNs = 10 * kNsPerS;  // older kernel stamps mean that the wall clock jumped
+
+TimeNs ReadClock(clockid_t id) noexcept {
+  timespec t{};
+  clock_gettime(id, &t);
+  return static_cast<TimeNs>(t.tv_sec) * kNsPerS + t.tv_nsec;
+}
+
+[[noreturn]] void Fail(int error, const std::string& text) {
+  throw std::system_error(error, std::generic_category(), text);
+}
+
+ifreq RequestFor(const std::string& interface) {
+  ifreq request{};
+  std::memcpy(request.ifr_name, interface.data(), std::min<std::size_t>(interface.size(), IFNAMSIZ - 1));
+  return request;
+}
+
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  ~Descriptor() {
+    if (fd_ >= 0) close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+int OpenSocket(const std::string& interface) {
+  const int fd = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
+  if (fd >= 0) return fd;
+  const int error = errno;
+  if (error == EAFNOSUPPORT || error == EPROTONOSUPPORT) {
+    Fail(error, "cannot open CAN interface '" + interface +
+                    "': this kernel has no CAN; run under tools/vcan-run, or load it: modprobe can-raw");
+  }
+  Fail(error, "cannot open a CAN socket for interface '" + interface + "'");
+}
+
+}  // namespace
+
+struct SocketCanPort::State {
+  explicit State(const std::string& name) : interface(name), fd(OpenSocket(name)) {}
+
+  void Bind();
+  void SizeReceiveBuffer(int bytes) const;
+  template <typename T>
+  void SetOption(int level, int option, const T& value, const char* what) const;
+  int Take(std::span<StampedFrame> frames) noexcept;
+  void NoteFrame(StampedFrame* out, const can_frame& raw, TimeNs time_ns) noexcept;
+  void NoteControl(msghdr* header, TimeNs* wall_ns) noexcept;
+  void NoteError(int error) noexcept;
+  void LookForLink() noexcept;
+
+  std::string interface;
+  Descriptor fd;
+  int index = 0;
+  bool bus_off = false;
+  bool link_down = false;
+  TimeNs next_link_check_ns = 0;
+  std::uint32_t kernel_drops = 0;  // running count of the socket, wraps
+  CanCounters counters;
+
+  struct Slot {
+    can_frame frame;
+    iovec part;
+    alignas(cmsghdr) char control[CMSG_SPACE(sizeof(timespec)) + CMSG_SPACE(sizeof(std::uint32_t))];
+  };
+  std::array<Slot, kBatch> slots{};
+  std::array<mmsghdr, kBatch> headers{};
+};
+
+void SocketCanPort::State::Bind() {
+  if (interface.empty() || interface.size() >= IFNAMSIZ) {
+    Fail(ENODEV, "CAN interface name '" + interface + "' must have 1 to 15 characters, for example can0");
+  }
+  ifreq request = RequestFor(interface);
+  if (ioctl(fd.get(), SIOCGIFINDEX, &request) < 0) {
+    Fail(errno, "CAN interface '" + interface +
+                    "' does not exist; plug in the adapter, or create a virtual one: ip link add " +
+                    interface + " type vcan");
+  }
+  index = request.ifr_ifindex;
+  if (ioctl(fd.get(), SIOCGIFHWADDR, &request) < 0) Fail(errno, "cannot query interface '" + interface + "'");
+  if (request.ifr_hwaddr.sa_family != ARPHRD_CAN) {
+    Fail(ENODEV, "interface '" + interface + "' is not a CAN interface; see: ip -details link show type can");
+  }
+  if (ioctl(fd.get(), SIOCGIFFLAGS, &request) < 0) Fail(errno, "cannot query interface '" + interface + "'");
+  if (!(request.ifr_flags & IFF_UP)) {
+    Fail(ENETDOWN, "CAN interface '" + interface + "' is down; bring it up: ip link set " + interface +
+                       " up type can bitrate 1000000 restart-ms 100 (a virtual one without 'type …')");
+  }
+  sockaddr_can address{};
+  address.can_family = AF_CAN;
+  address.can_ifindex = index;
+  if (bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) < 0) {
+    Fail(errno, "cannot bind to CAN interface '" + interface + "'");
+  }
+}
+
+void SocketCanPort::State::SizeReceiveBuffer(int bytes) const {
+  // The forced form may exceed net.core.rmem_max but needs CAP_NET_ADMIN; the plain one is clipped silently.
+  if (setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof(bytes)) == 0) return;
+  SetOption(SOL_SOCKET, SO_RCVBUF, bytes, "the receive buffer size");
+}
+
+template <typename T>
+void SocketCanPort::State::SetOption(int level, int option, const T& value, const char* what) const {
+  if (setsockopt(fd.get(), level, option, &value, sizeof(value)) < 0) {
+    Fail(errno, "cannot set " + std::string(what) + " on CAN interface '" + interface + "'");
+  }
+}
+
+void SocketCanPort::State::NoteError(int error) noexcept {
+  if (error == ENETDOWN || error == ENODEV || error == ENXIO) link_down = true;
+}
+
+void SocketCanPort::State::NoteControl(msghdr* header, TimeNs* wall_ns) noexcept {
+  for (cmsghdr* c = CMSG_FIRSTHDR(header); c != nullptr; c = CMSG_NXTHDR(header, c)) {
+    if (c->cmsg_level != SOL_SOCKET) continue;
+    if (c->cmsg_type == SO_TIMESTAMPNS) {
+      timespec t{};
+      std::memcpy(&t, CMSG_DATA(c), sizeof(t));
+      *wall_ns = static_cast<TimeNs>(t.tv_sec) * kNsPerS + t.tv_nsec;
+    } else if (c->cmsg_type == SO_RXQ_OVFL) {
+      std::uint32_t drops = 0;
+      std::memcpy(&drops, CMSG_DATA(c), sizeof(drops));
+      counters.receive_dropped += static_cast<std::uint32_t>(drops - kernel_drops);
+      kernel_drops = drops;
+    }
+  }
+}
+
+void SocketCanPort::State::NoteFrame(StampedFrame* out, const can_frame& raw, TimeNs time_ns) noexcept {
+  CanFrame& frame = out->frame;
+  frame.error = (raw.can_id & CAN_ERR_FLAG) != 0;
+  frame.remote = !frame.error && (raw.can_id & CAN_RTR_FLAG) != 0;
+  frame.id = raw.can_id & (frame.error ? CAN_ERR_MASK : CAN_SFF_MASK);
+  frame.size = std::min<std::uint8_t>(raw.can_dlc, 8);
+  std::copy_n(raw.data, 8, frame.data.begin());
+  out->time_ns = time_ns;
+  if (frame.error) {
+    ++counters.error_frames;
+    if (frame.id & kErrorBusOff) {
+      ++counters.bus_off;
+      bus_off = true;
+    }
+    if (frame.id & kErrorRestarted) bus_off = false;
+  } else {
+    ++counters.received;
+    counters.bits += static_cast<std::uint64_t>(WorstCaseBits(frame));
+  }
+}
+
+int SocketCanPort::State::Take(std::span<StampedFrame> frames) noexcept {
+  const auto wanted = static_cast<unsigned>(std::min<std::size_t>(frames.size(), kBatch));
+  for (unsigned i = 0; i < wanted; ++i) {
+    slots[i].part = {&slots[i].frame, sizeof(can_frame)};
+    headers[i] = {};
+    headers[i].msg_hdr.msg_iov = &slots[i].part;
+    headers[i].msg_hdr.msg_iovlen = 1;
+    headers[i].msg_hdr.msg_control = slots[i].control;
+    headers[i].msg_hdr.msg_controllen = sizeof(slots[i].control);
+  }
+  const int n = recvmmsg(fd.get(), headers.data(), wanted, MSG_DONTWAIT, nullptr);
+  if (n <= 0) {
+    if (n < 0) NoteError(errno);
+    return 0;
+  }
+  // The kernel stamps with the wall clock; only the age of a stamp is used, so that steps of that clock do no
+  // harm.
+  const TimeNs wall_now_ns = ReadClock(CLOCK_REALTIME);
+  const TimeNs now_ns = ReadClock(CLOCK_MONOTONIC);
+  int kept = 0;
+  for (int i = 0; i < n; ++i) {
+    TimeNs wall_ns = wall_now_ns;
+    NoteControl(&headers[static_cast<std::size_t>(i)].msg_hdr, &wall_ns);
+    if (headers[static_cast<std::size_t>(i)].msg_len != CAN_MTU) continue;
+    TimeNs age_ns = wall_now_ns - wall_ns;
+    if (age_ns < 0 || age_ns > kOldestStampNs) age_ns = 0;
+    NoteFrame(&frames[static_cast<std::size_t>(kept++)], slots[static_cast<std::size_t>(i)].frame,
+              now_ns - age_ns);
+  }
+  return kept;
+}
+
+void SocketCanPort::State::LookForLink() noexcept {
+  const TimeNs now_ns = ReadClock(CLOCK_MONOTONIC);
+  if (now_ns < next_link_check_ns) return;
+  next_link_check_ns = now_ns + kLinkCheckNs;
+  ifreq request = RequestFor(interface);
+  if (ioctl(fd.get(), SIOCGIFFLAGS, &request) < 0 || !(request.ifr_flags & IFF_UP)) return;
+  if (ioctl(fd.get(), SIOCGIFINDEX, &request) < 0) return;
+  if (request.ifr_ifindex != index) {  // an adapter plugged in again is a new device under the old name
+    sockaddr_can address{};
+    address.can_family = AF_CAN;
+    address.can_ifindex = request.ifr_ifindex;
+    if (bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) < 0) return;
+    index = request.ifr_ifindex;
+  }
+  link_down = false;
+  bus_off = false;  // bringing an interface up starts its controller afresh
+}
+
+SocketCanPort::SocketCanPort(const std::string& interface) : SocketCanPort(interface, Options{}) {}
+
+SocketCanPort::SocketCanPort(const std::string& interface, const Options& options)
+    : state_(std::make_unique<State>(interface)) {
+  state_->SizeReceiveBuffer(options.receive_buffer_bytes);
+  const int on = 1;
+  state_->SetOption(SOL_SOCKET, SO_RXQ_OVFL, on, "the drop counter");
+  state_->SetOption(SOL_SOCKET, SO_TIMESTAMPNS, on, "time stamps");
+  const can_err_mask_t errors = options.error_frames ? CAN_ERR_MASK : 0;
+  state_->SetOption(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, errors, "error frames");
+  const can_filter only_11_bit{.can_id = 0, .can_mask = CAN_EFF_FLAG};
+  state_->SetOption(SOL_CAN_RAW, CAN_RAW_FILTER, only_11_bit, "the frame filter");
+  state_->Bind();
+}
+
+SocketCanPort::~SocketCanPort() = default;
+
+bool SocketCanPort::Send(const CanFrame& frame) noexcept {
+  can_frame raw{};
+  raw.can_id = frame.id;
+  if (frame.remote) raw.can_id |= CAN_RTR_FLAG;
+  if (frame.error) raw.can_id |= CAN_ERR_FLAG;
+  raw.can_dlc = std::min<std::uint8_t>(frame.size, 8);
+  std::copy_n(frame.data.begin(), 8, raw.data);
+  if (send(state_->fd.get(), &raw, sizeof(raw), MSG_DONTWAIT) == static_cast<ssize_t>(sizeof(raw))) {
+    ++state_->counters.sent;
+    state_->counters.bits += static_cast<std::uint64_t>(WorstCaseBits(frame));
+    return true;
+  }
+  state_->NoteError(errno);
+  ++state_->counters.send_refused;
+  return false;
+}
+
+int SocketCanPort::Receive(std::span<StampedFrame> frames) noexcept {
+  if (state_->link_down) state_->LookForLink();
+  std::size_t taken = 0;
+  while (taken < frames.size()) {
+    const int n = state_->Take(frames.subspan(taken));
+    taken += static_cast<std::size_t>(n);
+    if (n < kBatch) break;
+  }
+  return static_cast<int>(taken);
+}
+
+bool SocketCanPort::WaitUntil(TimeNs deadline_ns) noexcept {
+  while (true) {
+    const TimeNs left_ns = std::max<TimeNs>(0, deadline_ns - ReadClock(CLOCK_MONOTONIC));
+    const timespec timeout{.tv_sec = static_cast<time_t>(left_ns / kNsPerS),
+                           .tv_nsec = static_cast<long>(left_ns % kNsPerS)};
+    pollfd poll_fd{.fd = state_->fd.get(), .events = POLLIN, .revents = 0};
+    const int n = ppoll(&poll_fd, 1, &timeout, nullptr);
+    if (n > 0 && (poll_fd.revents & POLLIN)) return true;
+    if (n > 0) {  // a pending socket error: take it off, or ppoll would return at once for ever
+      int error = 0;
+      socklen_t size = sizeof(error);
+      getsockopt(state_->fd.get(), SOL_SOCKET, SO_ERROR, &error, &size);
+      state_->NoteError(error);
+    }
+    if (left_ns == 0) return false;
+  }
+}
+
+bool SocketCanPort::up() const noexcept { return !state_->bus_off && !state_->link_down; }
+
+const CanCounters& SocketCanPort::counters() const noexcept { return state_->counters; }
+
+}  // namespace tendril::can

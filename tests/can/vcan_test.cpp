@@ -1,0 +1,111 @@
+// SocketCanPort on a real vcan0 (label "vcan"): frames, stamps, drop counter, error frames, waiting.
+// Knows only the CAN room; skips where there is no vcan0.
+#include <gtest/gtest.h>
+#include <net/if.h>
+
+#include <thread>
+#include <vector>
+
+#include "tendril/can/socketcan_port.h"
+
+namespace tendril::can {
+namespace {
+
+class VcanTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (if_nametoindex("vcan0") == 0) GTEST_SKIP() << "no vcan0 here: run under tools/vcan-run";
+    a_ = std::make_unique<SocketCanPort>("vcan0");
+    b_ = std::make_unique<SocketCanPort>("vcan0");
+  }
+
+  static CanFrame Frame(std::uint32_t id, std::uint8_t size) {
+    CanFrame f;
+    f.id = id;
+    f.size = size;
+    for (std::uint8_t i = 0; i < size; ++i) f.data[i] = static_cast<std::uint8_t>(i + 1);
+    return f;
+  }
+
+  MonotonicClock clock_;
+  std::unique_ptr<SocketCanPort> a_, b_;
+};
+
+TEST_F(VcanTest, FramesArriveWholeInOrderAndStampedWithTheMonotonicClock) {
+  const TimeNs before_ns = clock_.Now();
+  for (std::uint32_t i = 0; i < 200; ++i) ASSERT_TRUE(a_->Send(Frame(i, static_cast<std::uint8_t>(i % 9))));
+  const TimeNs after_ns = clock_.Now();
+  std::vector<StampedFrame> got(256);
+  ASSERT_EQ(b_->Receive(got), 200);
+  for (std::uint32_t i = 0; i < 200; ++i) {
+    ASSERT_EQ(got[i].frame.id, i);
+    ASSERT_EQ(got[i].frame.size, i % 9);
+    ASSERT_EQ(got[i].frame.data, Frame(i, static_cast<std::uint8_t>(i % 9)).data);
+    ASSERT_GE(got[i].time_ns, before_ns - kNsPerMs);
+    ASSERT_LE(got[i].time_ns, after_ns + kNsPerMs);
+  }
+  EXPECT_EQ(a_->counters().sent, 200u);
+  EXPECT_EQ(b_->counters().received, 200u);
+  EXPECT_EQ(a_->counters().bits, b_->counters().bits);
+  EXPECT_EQ(a_->Receive(got), 0) << "a port must not hear itself";
+}
+
+TEST_F(VcanTest, RemoteFramesKeepTheirFlag) {
+  CanFrame remote = Frame(0x701, 0);
+  remote.remote = true;
+  a_->Send(remote);
+  std::array<StampedFrame, 4> got;
+  ASSERT_EQ(b_->Receive(got), 1);
+  EXPECT_TRUE(got[0].frame.remote);
+}
+
+TEST_F(VcanTest, WhatASmallBufferLosesIsCounted) {
+  SocketCanPort small("vcan0", {.receive_buffer_bytes = 4096, .error_frames = true});
+  std::vector<StampedFrame> got(4096);
+  for (int i = 0; i < 2000; ++i) a_->Send(Frame(1, 8));
+  const int kept = small.Receive(got);
+  ASSERT_LT(kept, 2000);
+  a_->Send(Frame(2, 8));  // the kernel tells of drops with the next frame
+  EXPECT_EQ(small.Receive(got), 1);
+  EXPECT_EQ(small.counters().receive_dropped, static_cast<std::uint64_t>(2000 - kept));
+  b_->Receive(got);
+  EXPECT_EQ(b_->counters().receive_dropped, 0u) << "the default buffer holds 2000 frames";
+}
+
+TEST_F(VcanTest, BusOffTakesThePortDownUntilRestarted) {
+  CanFrame error;
+  error.error = true;
+  error.size = 8;
+  error.id = kErrorBusOff;
+  std::array<StampedFrame, 4> got;
+  ASSERT_TRUE(a_->Send(error));
+  ASSERT_EQ(b_->Receive(got), 1);
+  EXPECT_TRUE(got[0].frame.error);
+  EXPECT_FALSE(b_->up());
+  EXPECT_EQ(b_->counters().bus_off, 1u);
+  a_->Send(Frame(5, 1));
+  b_->Receive(got);
+  EXPECT_FALSE(b_->up()) << "only a restart ends bus-off";
+  error.id = kErrorRestarted;
+  a_->Send(error);
+  b_->Receive(got);
+  EXPECT_TRUE(b_->up());
+  EXPECT_EQ(b_->counters().received, 1u);
+}
+
+TEST_F(VcanTest, WaitEndsAtTheFrameOrAtTheDeadline) {
+  const TimeNs start_ns = clock_.Now();
+  EXPECT_FALSE(b_->WaitUntil(start_ns + 20 * kNsPerMs));
+  EXPECT_GE(clock_.Now() - start_ns, 20 * kNsPerMs);
+  std::thread sender([this] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    a_->Send(Frame(1, 1));
+  });
+  EXPECT_TRUE(b_->WaitUntil(clock_.Now() + 5 * kNsPerS));
+  sender.join();
+  EXPECT_LT(clock_.Now() - start_ns, 4 * kNsPerS);
+  EXPECT_TRUE(b_->WaitUntil(0)) << "a waiting frame is there whatever the deadline";
+}
+
+}  // namespace
+}  // namespace tendril::can
