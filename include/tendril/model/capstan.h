@@ -1,6 +1,7 @@
-// Friction of a tendon over guide pulleys: the improved Capstan equation (paper eqs. 26-30), its inverse, and a lookup
-// table fast enough for the tick. F maps the low-tension side to the high-tension side under sliding; when the motor
-// pulls, the robot is the low-tension side, when it pays out, the motor is (the map is inverted, alpha keeps its sign).
+// Friction of a tendon over guide pulleys: the improved Capstan equation (paper eqs. 26-30), its inverse, and
+// a lookup table fast enough for the tick. F maps the low-tension side to the high-tension side under
+// sliding; when the motor pulls, the robot is the low-tension side, when it pays out, the motor is (the map
+// is inverted, alpha keeps its sign).
 #pragma once
 
 #include <span>
@@ -10,27 +11,37 @@
 
 namespace tendril::model {
 
-/// High-side tension [N] for a low-side tension >= 0 over one pulley, by CVODE (relative tolerance about 1e-12).
-/// Throws std::invalid_argument for parameters out of range, std::runtime_error when the solver gives up.
+/// High-side tension [N] for a low-side tension >= 0 over one pulley, by CVODE (relative tolerance about
+/// 1e-12). Throws std::invalid_argument for parameters out of range, std::runtime_error when the solver gives
+/// up.
 double SolveCapstan(const PulleyParameters& pulley, double low_tension_N);
 
-/// Inverse of SolveCapstan: low-side tension for a high-side one; SolveCapstanInverse(SolveCapstan(T)) = T to 1e-9.
+/// Inverse of SolveCapstan: low-side tension for a high-side one; SolveCapstanInverse(SolveCapstan(T)) = T to
+/// 1e-9.
 double SolveCapstanInverse(const PulleyParameters& pulley, double high_tension_N);
 
 /// The same over pulleys in series, from the low-tension side to the high-tension side.
 double SolveCapstan(std::span<const PulleyParameters> pulleys, double low_tension_N);
 double SolveCapstanInverse(std::span<const PulleyParameters> pulleys, double high_tension_N);
 
+/// high/low as the tension goes to zero: finite, and the largest ratio of all tensions (T'' = rho T remains).
+double CapstanRatioAtZero(const PulleyParameters& pulley);
+
+/// Largest tension the solver and the table accept.
+inline constexpr double kMaxCapstanTension_N = 1e6;
+
 /// Throws std::invalid_argument naming the parameter and its accepted range.
 void ValidatePulley(const PulleyParameters& pulley);
 
-/// F and its inverse of one tendon's transmission as tables built from CVODE solutions. Below `low_tension_N` F is
-/// continued by the constant ratio F(low)/low; above the table's range by the last ratio.
+/// F and its inverse of one tendon's transmission as tables built from CVODE solutions. Below `low_tension_N`
+/// F is continued by the constant ratio F(low)/low; above the table's range by the last ratio.
 class CapstanTable {
  public:
-  /// Builds for low-side tensions up to max_tension_N and checks the table against the solver between its nodes until
-  /// the relative error of both directions is below `relative_error`; throws std::runtime_error if it cannot be met.
-  CapstanTable(const TransmissionParameters& transmission, double max_tension_N, double relative_error = 1e-6);
+  /// Builds for low-side tensions up to max_tension_N and checks the table against the solver between its
+  /// nodes until the relative error of both directions is below `relative_error`; throws std::runtime_error
+  /// if it cannot be met.
+  CapstanTable(const TransmissionParameters& transmission, double max_tension_N,
+               double relative_error = 1e-6);
 
   /// F: motor-side tension that pulls a base tension; T >= 0, no allocation.
   double Pull(double base_tension_N) const noexcept;
@@ -52,12 +63,31 @@ class CapstanTable {
 
   /// Largest relative error found between the nodes when the table was built.
   double verified_error() const { return verified_error_; }
-  int nodes() const { return static_cast<int>(log_low_.size()); }
+  int nodes() const { return static_cast<int>(nodes_.size()); }
 
  private:
-  double low_N_, high_of_low_N_;   // constant ratio below these
+  struct Node {
+    double log_high;   // ln of the high-side tension here
+    double log_ratio;  // ln(high/low)
+    double slope;      // of log_ratio by ln(low), from the equation's sensitivities
+  };
+  struct Ratio {
+    double value, slope;  // ln(high/low) and its derivative by ln(low)
+  };
+  Ratio LogRatio(int interval, double t) const noexcept;  // cubic Hermite, t in [0, 1]
+  Ratio LogRatioOfLow(double log_low) const noexcept;
+  Ratio LogRatioOfHigh(double log_high) const noexcept;
+  bool Monotone() const noexcept;
+
+  double log_low_ = 0, spacing_ = 1;       // nodes are equally spaced in ln(low)
+  double low_ratio_ = 1, high_ratio_ = 1;  // beyond both ends
   double verified_error_ = 0;
-  std::vector<double> log_low_, log_high_, slope_;  // log-log cubic Hermite nodes, and its inverse by Newton or twin
+  std::vector<Node> nodes_;
 };
+
+/// One table a transmission, in order. Equal transmissions are solved once (a table takes some 10 ms) and
+/// copied.
+std::vector<CapstanTable> MakeCapstanTables(std::span<const TransmissionParameters> transmissions,
+                                            double max_tension_N, double relative_error = 1e-6);
 
 }  // namespace tendril::model

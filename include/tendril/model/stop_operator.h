@@ -1,12 +1,14 @@
-// Rate-independent pre-sliding: a few stop operators (Maxwell slip) of one coordinate, and Dahl's law as a function of
-// displacement. Exact for monotone motion between commits, so a solver may evaluate them between its steps while the
-// memory moves only when told to.
+// Rate-independent pre-sliding: a few stop operators (Maxwell slip) of one coordinate, and Dahl's law as a
+// function of displacement. Exact for monotone motion between commits, so a solver may evaluate them between
+// its steps while the memory moves only when told to.
 #pragma once
 
-#include <array>
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <span>
+#include <limits>
+#include <stdexcept>
+#include <string>
 
 namespace tendril::model {
 
@@ -15,10 +17,17 @@ namespace tendril::model {
 template <int kCount>
 class StopOperators {
  public:
-  StopOperators() = default;
-  /// Yields y_i > 0 in the unit of x; starts relaxed (all w_i = 0) at x = start.
+  /// Never yields: z = 0 everywhere.
+  StopOperators() { yields_.fill(std::numeric_limits<double>::infinity()); }
+  /// Yields y_i > 0 in the unit of x; starts relaxed (all w_i = 0) at x = start. Throws
+  /// std::invalid_argument.
   explicit StopOperators(const std::array<double, kCount>& yields, double start = 0)
-      : yields_(yields), x_(start) {}
+      : yields_(yields), x_(start) {
+    for (const double yield : yields_) {
+      if (!(yield > 0))
+        throw std::invalid_argument("pre-sliding yield = " + std::to_string(yield) + ": accepted > 0");
+    }
+  }
 
   /// z if x moved on monotonically from the committed point; the memory stays.
   double Peek(double x) const noexcept {
@@ -38,6 +47,11 @@ class StopOperators {
     x_ = x;
     return z / kCount;
   }
+  /// Moves the origin of x without sliding; returns the unchanged z.
+  double Hold(double x) noexcept {
+    x_ = x;
+    return Peek(x);
+  }
   /// Relaxed at x.
   void Reset(double x) noexcept {
     w_.fill(0);
@@ -52,15 +66,19 @@ class StopOperators {
 
 /// The pulley's pre-sliding: four stop operators with yields 1/4, 1/2, 3/4, 1 of the configured displacement.
 inline StopOperators<4> PulleyPresliding(double displacement_m, double start_m = 0) {
-  return StopOperators<4>({0.25 * displacement_m, 0.5 * displacement_m, 0.75 * displacement_m, displacement_m},
-                          start_m);
+  return StopOperators<4>(
+      {0.25 * displacement_m, 0.5 * displacement_m, 0.75 * displacement_m, displacement_m}, start_m);
 }
 
 /// Dahl friction state: zeta' = (w - |w| zeta) / angle, as the closed form along monotone motion.
 class DahlState {
  public:
   DahlState() = default;
-  explicit DahlState(double angle_rad) : angle_rad_(angle_rad) {}
+  /// Throws std::invalid_argument unless the angle is positive.
+  explicit DahlState(double angle_rad) : angle_rad_(angle_rad) {
+    if (!(angle_rad > 0))
+      throw std::invalid_argument("Dahl angle = " + std::to_string(angle_rad) + " rad: accepted > 0");
+  }
 
   double Peek(double x) const noexcept {
     const double dx = x - x_;

@@ -1,0 +1,496 @@
+// The improved Capstan equation solved with CVODE, its inverse, and the lookup table built from it.
+// Knows pulleys and tensions only: nothing of motors, directions of motion or pre-sliding.
+#include "tendril/model/capstan.h"
+
+#include <cvode/cvode.h>
+#include <nvector/nvector_serial.h>
+#include <sunlinsol/sunlinsol_band.h>
+#include <sunmatrix/sunmatrix_band.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace tendril::model {
+namespace {
+
+// All solutions are computed in y = ln T and w = T'/T, in which every tension, however small, is equally well
+// scaled and errors are relative: y' = w, w' = rho - w^2 - G(y, w), with
+//   cumulative: G = (rho / n) w c^(-1/n),   local: G = rho sign(w) |w / c|^(1/n),
+//   c = alpha rho / (1 + rho) T^(n-1).
+// The sensitivities s = dy/dy(0) and r = dw/dy(0) go along: they are the slopes of the map in log-log
+// coordinates.
+
+constexpr int kStates = 4;  // ln T - ln T(0), w, s, r
+
+struct LogPoint {
+  double log_high = 0;  // ln of the high-side tension
+  double slope = 1;     // d ln(high) / d ln(low)
+};
+
+struct Problem {
+  double rho, n, m;  // m = 1/n - 1
+  double log_c0;     // ln(alpha rho / (1 + rho))
+  bool local;
+  std::span<const double> log_start;  // ln T(0) of each solution
+};
+
+struct Friction {
+  double g, g_w, g_ww;  // G and its derivatives by w; by y every one of them scales with exp(m y)
+};
+
+Friction FrictionAt(const Problem& p, double y, double w) {
+  const double log_c = p.log_c0 - (1 - p.n) * y;
+  if (!p.local) {
+    const double rate = p.rho / p.n * std::exp(-log_c / p.n);
+    return {rate * w, rate, 0};
+  }
+  if (w == 0) return {0, p.n == 1 ? p.rho * std::exp(-log_c) : 0, 0};
+  const double magnitude = std::abs(w);
+  const double power = p.rho * std::exp((std::log(magnitude) - log_c) / p.n);
+  const double sign = w > 0 ? 1 : -1;
+  return {sign * power, power / (p.n * magnitude), sign * power * p.m / (p.n * magnitude * magnitude)};
+}
+
+int Derivative(realtype, N_Vector state, N_Vector derivative, void* data) {
+  const auto& p = *static_cast<const Problem*>(data);
+  const double* x = N_VGetArrayPointer(state);
+  double* dx = N_VGetArrayPointer(derivative);
+  for (std::size_t i = 0; i < p.log_start.size(); ++i, x += kStates, dx += kStates) {
+    const double w = x[1], s = x[2], r = x[3];
+    const Friction f = FrictionAt(p, p.log_start[i] + x[0], w);
+    dx[0] = w;
+    dx[1] = p.rho - w * w - f.g;
+    dx[2] = r;
+    dx[3] = -(2 * w + f.g_w) * r - p.m * f.g * s;
+    if (!std::isfinite(dx[1]) || !std::isfinite(dx[3]))
+      return 1;  // too long a step: CVODE tries a shorter one
+  }
+  return 0;
+}
+
+int Jacobian(realtype, N_Vector state, N_Vector, SUNMatrix jacobian, void* data, N_Vector, N_Vector,
+             N_Vector) {
+  const auto& p = *static_cast<const Problem*>(data);
+  const double* x = N_VGetArrayPointer(state);
+  for (std::size_t i = 0; i < p.log_start.size(); ++i, x += kStates) {
+    const double w = x[1], s = x[2], r = x[3];
+    const Friction f = FrictionAt(p, p.log_start[i] + x[0], w);
+    const auto at = static_cast<sunindextype>(i) * kStates;
+    SM_ELEMENT_B(jacobian, at, at + 1) = 1;
+    SM_ELEMENT_B(jacobian, at + 1, at) = -p.m * f.g;
+    SM_ELEMENT_B(jacobian, at + 1, at + 1) = -2 * w - f.g_w;
+    SM_ELEMENT_B(jacobian, at + 2, at + 3) = 1;
+    SM_ELEMENT_B(jacobian, at + 3, at) = -p.m * f.g_w * r - p.m * p.m * f.g * s;
+    SM_ELEMENT_B(jacobian, at + 3, at + 1) = -(2 + f.g_ww) * r - p.m * f.g_w * s;
+    SM_ELEMENT_B(jacobian, at + 3, at + 2) = -p.m * f.g;
+    SM_ELEMENT_B(jacobian, at + 3, at + 3) = -2 * w - f.g_w;
+  }
+  return 0;
+}
+
+void Silent(int, const char*, const char*, char*, void*) {}
+
+/// One CVODE run over the wrap for all starts at once: they share steps, and the Jacobian is block diagonal.
+class Integration {
+ public:
+  Integration(const Problem& problem, double start_w) : problem_(problem) {
+    const auto count = static_cast<sunindextype>(problem_.log_start.size()) * kStates;
+    Check(SUNContext_Create(nullptr, &context_));
+    state_ = N_VNew_Serial(count, context_);
+    tolerance_ = N_VNew_Serial(count, context_);
+    matrix_ = SUNBandMatrix(count, 1, 3, context_);
+    cvode_ = CVodeCreate(CV_BDF, context_);
+    solver_ = SUNLinSol_Band(state_, matrix_, context_);
+    if (!state_ || !tolerance_ || !matrix_ || !cvode_ || !solver_)
+      throw std::runtime_error("CVODE: out of memory");
+    double* x = N_VGetArrayPointer(state_);
+    for (sunindextype i = 0; i < count; i += kStates) {
+      x[i] = 0;
+      x[i + 1] = start_w;
+      x[i + 2] = 1;
+      x[i + 3] = 0;
+    }
+  }
+  Integration(const Integration&) = delete;
+  Integration& operator=(const Integration&) = delete;
+  ~Integration() {
+    if (cvode_) CVodeFree(&cvode_);
+    if (solver_) SUNLinSolFree(solver_);
+    if (matrix_) SUNMatDestroy(matrix_);
+    if (tolerance_) N_VDestroy(tolerance_);
+    if (state_) N_VDestroy(state_);
+    if (context_) SUNContext_Free(&context_);
+  }
+
+  void Run(double wrap_rad, double relative_tolerance) {
+    // A slope error matters a thousand times less than a value error: Hermite cubics multiply it by the node
+    // spacing.
+    double* tolerance = N_VGetArrayPointer(tolerance_);
+    for (sunindextype i = 0; i < N_VGetLength(state_); i += kStates) {
+      tolerance[i] = 0.1 * relative_tolerance;
+      tolerance[i + 1] = 0.1 * relative_tolerance;
+      tolerance[i + 2] = relative_tolerance;
+      tolerance[i + 3] = relative_tolerance;
+    }
+    Check(CVodeInit(cvode_, Derivative, 0, state_));
+    Check(CVodeSVtolerances(cvode_, relative_tolerance, tolerance_));
+    Check(CVodeSetErrHandlerFn(cvode_, Silent, nullptr));
+    Check(CVodeSetUserData(cvode_, &problem_));
+    Check(CVodeSetLinearSolver(cvode_, solver_, matrix_));
+    Check(CVodeSetJacFn(cvode_, Jacobian));
+    Check(CVodeSetMaxNumSteps(cvode_, 1'000'000));
+    Check(CVodeSetMaxErrTestFails(cvode_, 20));
+    Check(CVodeSetMaxConvFails(cvode_, 50));
+    Check(CVodeSetStopTime(cvode_, wrap_rad));
+    realtype reached = 0;
+    Check(CVode(cvode_, wrap_rad, state_, &reached, CV_NORMAL));
+  }
+
+  LogPoint Result(std::size_t i) const {
+    const double* x = N_VGetArrayPointer(state_) + i * kStates;
+    return {problem_.log_start[i] + x[0], x[2]};
+  }
+
+ private:
+  static void Check(int flag) {
+    if (flag < 0) {
+      throw std::runtime_error("Capstan equation: CVODE gave up (" +
+                               std::string(CVodeGetReturnFlagName(flag)) + ")");
+    }
+  }
+
+  Problem problem_;
+  SUNContext context_ = nullptr;
+  N_Vector state_ = nullptr, tolerance_ = nullptr;
+  SUNMatrix matrix_ = nullptr;
+  SUNLinearSolver solver_ = nullptr;
+  void* cvode_ = nullptr;
+};
+
+/// ln(high/low) as the tension goes to zero, which is also its largest value: without friction's
+/// tension-dependent damping the equation is T'' = rho T.
+double LogRatioAtZero(const PulleyParameters& p) {
+  const double root = std::sqrt(p.radius_ratio), a = root * p.wrap_rad;
+  const double c = std::cos(p.entry_angle_rad), s = root * std::sin(p.entry_angle_rad);
+  return a + std::log(0.5 * ((c + s) + (c - s) * std::exp(-2 * a)));
+}
+
+/// The map of one pulley in log-log coordinates for all given low-side tensions; parameters already
+/// validated.
+void SolveLog(const PulleyParameters& pulley, std::span<const double> log_low, std::span<LogPoint> out,
+              double relative_tolerance) {
+  if (pulley.law == CapstanLaw::kClassic) {
+    for (std::size_t i = 0; i < log_low.size(); ++i)
+      out[i] = {log_low[i] + pulley.alpha * pulley.wrap_rad, 1};
+    return;
+  }
+  const double log_entry = std::log(std::cos(pulley.entry_angle_rad));
+  if (pulley.wrap_rad == 0 || pulley.alpha == 0) {
+    for (std::size_t i = 0; i < log_low.size(); ++i) out[i] = {log_low[i] + log_entry, 1};
+    return;
+  }
+  std::vector<double> start(log_low.begin(), log_low.end());
+  for (double& y : start) y += log_entry;
+  const double n = pulley.exponent, rho = pulley.radius_ratio;
+  const Problem problem{
+      rho, n, 1 / n - 1, std::log(pulley.alpha * rho / (1 + rho)), pulley.law == CapstanLaw::kLocal, start};
+  const double start_w = rho * std::tan(pulley.entry_angle_rad);
+  if (!problem.local) {
+    // So little friction that the tension does not change by one unit in the last place: too stiff to
+    // integrate, and nothing to integrate.
+    const double least_rate = FrictionAt(problem, *std::min_element(start.begin(), start.end()), 1).g_w;
+    if ((start_w + rho * pulley.wrap_rad) / least_rate < 1e-17) {
+      for (std::size_t i = 0; i < start.size(); ++i) out[i] = {start[i], 1};
+      return;
+    }
+  }
+  Integration integration(problem, start_w);
+  integration.Run(pulley.wrap_rad, relative_tolerance);
+  for (std::size_t i = 0; i < start.size(); ++i) out[i] = integration.Result(i);
+}
+
+constexpr double kSolverTolerance = 1e-12;
+
+LogPoint SolveLog(const PulleyParameters& pulley, double log_low) {
+  LogPoint out;
+  SolveLog(pulley, std::span(&log_low, 1), std::span(&out, 1), kSolverTolerance);
+  return out;
+}
+
+void CheckTension(const char* side, double tension_N) {
+  if (!(tension_N >= 0 && tension_N <= kMaxCapstanTension_N)) {
+    throw std::invalid_argument(std::string(side) + " tension = " + std::to_string(tension_N) +
+                                " N: accepted 0 .. 1e6 N");
+  }
+}
+
+double Finite(double tension_N) {
+  if (!std::isfinite(tension_N)) throw std::runtime_error("Capstan equation: the tension exceeds 1e308 N");
+  return tension_N;
+}
+
+/// ln of the low side for ln of the high side, by Newton with the exact slope inside a bracket. With friction
+/// between none (high = low cos(entry)) and its largest (the limit at zero tension) the bracket is known
+/// beforehand.
+double InvertLog(const PulleyParameters& pulley, double log_high) {
+  if (pulley.law == CapstanLaw::kClassic) return log_high - pulley.alpha * pulley.wrap_rad;
+  const double log_entry = std::log(std::cos(pulley.entry_angle_rad));
+  double upper = log_high - log_entry;
+  if (pulley.wrap_rad == 0 || pulley.alpha == 0) return upper;
+  double lower = log_high - LogRatioAtZero(pulley);
+  double x = upper - std::min(0.5 * (upper - lower), pulley.alpha * pulley.wrap_rad);
+  for (int i = 0; i < 100; ++i) {
+    const LogPoint f = SolveLog(pulley, x);
+    const double miss = f.log_high - log_high;
+    (miss > 0 ? upper : lower) = x;
+    double next = x - miss / f.slope;
+    if (!(next >= lower && next <= upper)) next = 0.5 * (lower + upper);
+    const double step = std::abs(next - x);
+    x = next;
+    if (step <= 1e-13 * std::max(1.0, std::abs(x)) || std::abs(miss) < 2e-14) break;
+  }
+  return x;
+}
+
+}  // namespace
+
+void ValidatePulley(const PulleyParameters& p) {
+  const auto require = [](bool good, const char* name, double value, const char* range) {
+    if (!good) {
+      throw std::invalid_argument(std::string("pulley ") + name + " = " + std::to_string(value) +
+                                  ": accepted " + range);
+    }
+  };
+  require(p.wrap_rad >= 0 && p.wrap_rad <= 100, "wrap", p.wrap_rad, "0 .. 100 rad");
+  require(p.alpha >= 0 && p.alpha <= 100, "alpha", p.alpha, "0 .. 100 N^(1-n)");
+  if (p.law == CapstanLaw::kClassic) return;
+  require(p.radius_ratio > 0 && p.radius_ratio <= 1e12, "rho", p.radius_ratio, "above 0, up to 1e12");
+  require(p.exponent >= 0.05 && p.exponent <= 1, "n", p.exponent, "0.05 .. 1");
+  require(p.entry_angle_rad >= 0 && p.entry_angle_rad <= 1.5, "phi1", p.entry_angle_rad, "0 .. 1.5 rad");
+}
+
+double CapstanRatioAtZero(const PulleyParameters& pulley) {
+  ValidatePulley(pulley);
+  if (pulley.law == CapstanLaw::kClassic || pulley.exponent == 1 || pulley.alpha == 0) {
+    return SolveCapstan(pulley, 1);  // the same ratio at every tension
+  }
+  return Finite(std::exp(LogRatioAtZero(pulley)));
+}
+
+double SolveCapstan(const PulleyParameters& pulley, double low_tension_N) {
+  ValidatePulley(pulley);
+  CheckTension("low-side", low_tension_N);
+  if (low_tension_N == 0) return 0;
+  const double log_low = std::log(low_tension_N);
+  return Finite(low_tension_N * std::exp(SolveLog(pulley, log_low).log_high - log_low));
+}
+
+double SolveCapstanInverse(const PulleyParameters& pulley, double high_tension_N) {
+  ValidatePulley(pulley);
+  if (!(high_tension_N >= 0 && std::isfinite(high_tension_N))) CheckTension("high-side", high_tension_N);
+  if (high_tension_N == 0) return 0;
+  const double log_high = std::log(high_tension_N);
+  return high_tension_N * std::exp(InvertLog(pulley, log_high) - log_high);
+}
+
+double SolveCapstan(std::span<const PulleyParameters> pulleys, double low_tension_N) {
+  CheckTension("low-side", low_tension_N);
+  for (const PulleyParameters& pulley : pulleys) low_tension_N = SolveCapstan(pulley, low_tension_N);
+  return low_tension_N;
+}
+
+double SolveCapstanInverse(std::span<const PulleyParameters> pulleys, double high_tension_N) {
+  CheckTension("high-side", high_tension_N);
+  for (auto p = pulleys.rbegin(); p != pulleys.rend(); ++p)
+    high_tension_N = SolveCapstanInverse(*p, high_tension_N);
+  return high_tension_N;
+}
+
+// ---- the table ----
+
+namespace {
+
+constexpr int kFirstIntervals = 8;
+constexpr int kMostIntervals = 4096;
+constexpr int kProbes = 4;  // each interval is checked at its inner quarter points
+// Hermite errors peak near the middle of an interval but not exactly there: the probes must stay this far
+// below.
+constexpr double kProbeMargin = 0.8;
+
+}  // namespace
+
+CapstanTable::CapstanTable(const TransmissionParameters& transmission, double max_tension_N,
+                           double relative_error) {
+  for (const PulleyParameters& pulley : transmission.pulleys) ValidatePulley(pulley);
+  const double low_N = transmission.low_tension_N;
+  if (!(low_N >= 1e-9 && low_N <= kMaxCapstanTension_N)) {
+    throw std::invalid_argument("transmission low tension = " + std::to_string(low_N) +
+                                " N: accepted 1e-9 .. 1e6 N");
+  }
+  if (!(max_tension_N > low_N && max_tension_N <= kMaxCapstanTension_N)) {
+    throw std::invalid_argument("Capstan table up to " + std::to_string(max_tension_N) +
+                                " N: accepted above " + std::to_string(low_N) +
+                                " N (the low tension), up to 1e6 N");
+  }
+  if (!(relative_error >= 1e-9 && relative_error <= 0.1)) {
+    throw std::invalid_argument("Capstan table relative error = " + std::to_string(relative_error) +
+                                ": accepted 1e-9 .. 0.1");
+  }
+  log_low_ = std::log(low_N);
+  const double span = std::log(max_tension_N) - log_low_;
+  const double tolerance = std::max(kSolverTolerance, 1e-4 * relative_error);
+  // The probes of one round are the nodes and probes of the next: only the points between them are new.
+  std::vector<double> log_low, through, slope;
+  for (int intervals = kFirstIntervals; intervals <= kMostIntervals; intervals *= 2) {
+    const int samples = intervals * kProbes + 1;
+    const int stride = log_low.empty() ? 1 : 2;
+    std::vector<double> fine_low(samples), fine_through(samples), fine_slope(samples, 1.0);
+    std::vector<double> fresh;
+    for (int i = 0; i < samples; ++i) {
+      fine_low[i] = log_low_ + span * i / (samples - 1);
+      if (stride == 1 || i % 2 == 1) fresh.push_back(fine_low[i]);
+    }
+    std::vector<double> fresh_slope(fresh.size(), 1.0);
+    std::vector<LogPoint> points(fresh.size());
+    for (const PulleyParameters& pulley : transmission.pulleys) {
+      SolveLog(pulley, fresh, points, tolerance);
+      for (std::size_t i = 0; i < fresh.size(); ++i) {
+        fresh[i] = points[i].log_high;
+        fresh_slope[i] *= points[i].slope;
+      }
+    }
+    for (int i = 0; i < samples; ++i) {
+      const bool known = stride == 2 && i % 2 == 0;
+      fine_through[i] = known ? through[i / 2] : fresh[i / stride];
+      fine_slope[i] = known ? slope[i / 2] : fresh_slope[i / stride];
+    }
+    log_low = std::move(fine_low);
+    through = std::move(fine_through);
+    slope = std::move(fine_slope);
+    spacing_ = span / intervals;
+    nodes_.clear();
+    for (int i = 0; i < samples; i += kProbes) {
+      nodes_.push_back({through[i], through[i] - log_low[i], slope[i] - 1});
+    }
+    verified_error_ = 0;
+    for (int i = 0; i < samples; ++i) {
+      if (i % kProbes == 0) continue;
+      const int interval = i / kProbes;
+      const double forward = LogRatio(interval, static_cast<double>(i % kProbes) / kProbes).value;
+      const double back = through[i] - LogRatioOfHigh(through[i]).value;
+      verified_error_ = std::max({verified_error_, std::abs(std::expm1(forward - (through[i] - log_low[i]))),
+                                  std::abs(std::expm1(back - log_low[i]))});
+    }
+    if (Monotone() && verified_error_ <= kProbeMargin * relative_error) {
+      low_ratio_ = std::exp(nodes_.front().log_ratio);
+      high_ratio_ = std::exp(nodes_.back().log_ratio);
+      return;
+    }
+  }
+  throw std::runtime_error("Capstan table: relative error " + std::to_string(relative_error) +
+                           " not reached with 4096 intervals; raise the low tension or the accepted error");
+}
+
+bool CapstanTable::Monotone() const noexcept {
+  // Fritsch and Carlson: a cubic Hermite piece rises throughout when both end slopes lie within the circle of
+  // radius three mean slopes.
+  for (std::size_t i = 0; i + 1 < nodes_.size(); ++i) {
+    const double mean = (nodes_[i + 1].log_high - nodes_[i].log_high) / spacing_;
+    const double a = (1 + nodes_[i].slope) / mean, b = (1 + nodes_[i + 1].slope) / mean;
+    if (!(mean > 0 && a >= 0 && b >= 0 && a * a + b * b <= 9)) return false;
+  }
+  return true;
+}
+
+CapstanTable::Ratio CapstanTable::LogRatio(int interval, double t) const noexcept {
+  const Node &a = nodes_[interval], &b = nodes_[interval + 1];
+  const double rise = b.log_ratio - a.log_ratio, da = spacing_ * a.slope, db = spacing_ * b.slope;
+  const double c2 = 3 * rise - 2 * da - db, c3 = da + db - 2 * rise;
+  return {a.log_ratio + t * (da + t * (c2 + t * c3)), (da + t * (2 * c2 + t * 3 * c3)) / spacing_};
+}
+
+CapstanTable::Ratio CapstanTable::LogRatioOfLow(double log_low) const noexcept {
+  const double at = (log_low - log_low_) / spacing_;
+  const int interval = std::clamp(static_cast<int>(at), 0, nodes() - 2);
+  return LogRatio(interval, at - interval);
+}
+
+CapstanTable::Ratio CapstanTable::LogRatioOfHigh(double log_high) const noexcept {
+  const auto above = std::upper_bound(nodes_.begin() + 1, nodes_.end() - 1, log_high,
+                                      [](double value, const Node& node) { return value < node.log_high; });
+  const int interval = static_cast<int>(above - nodes_.begin()) - 1;
+  const Node &a = nodes_[interval], &b = nodes_[interval + 1];
+  const double low = log_low_ + spacing_ * interval;
+  // Start from the cubic of the inverse, whose error is the table's; two Newton steps bring it to round-off.
+  const double height = b.log_high - a.log_high, s = (log_high - a.log_high) / height;
+  const double da = height / (spacing_ * (1 + a.slope)), db = height / (spacing_ * (1 + b.slope));
+  double t = s * (da + s * (3 - 2 * da - db + s * (da + db - 2)));
+  for (int i = 0; i < 2; ++i) {
+    const Ratio f = LogRatio(interval, t);
+    t -= (low + spacing_ * t + f.value - log_high) / (spacing_ * (1 + f.slope));
+  }
+  return LogRatio(interval, t);
+}
+
+double CapstanTable::Pull(double base_tension_N) const noexcept {
+  const double log_low = std::log(base_tension_N);
+  if (!(log_low > log_low_)) return base_tension_N * low_ratio_;
+  if (!(log_low < log_low_ + spacing_ * (nodes() - 1))) return base_tension_N * high_ratio_;
+  return base_tension_N * std::exp(LogRatioOfLow(log_low).value);
+}
+
+double CapstanTable::Release(double base_tension_N) const noexcept {
+  const double log_high = std::log(base_tension_N);
+  if (!(log_high > nodes_.front().log_high)) return base_tension_N / low_ratio_;
+  if (!(log_high < nodes_.back().log_high)) return base_tension_N / high_ratio_;
+  return base_tension_N * std::exp(-LogRatioOfHigh(log_high).value);
+}
+
+double CapstanTable::PullSlope(double base_tension_N) const noexcept {
+  const double log_low = std::log(base_tension_N);
+  if (!(log_low > log_low_)) return low_ratio_;
+  if (!(log_low < log_low_ + spacing_ * (nodes() - 1))) return high_ratio_;
+  const Ratio f = LogRatioOfLow(log_low);
+  return std::exp(f.value) * (1 + f.slope);
+}
+
+double CapstanTable::ReleaseSlope(double base_tension_N) const noexcept {
+  const double log_high = std::log(base_tension_N);
+  if (!(log_high > nodes_.front().log_high)) return 1 / low_ratio_;
+  if (!(log_high < nodes_.back().log_high)) return 1 / high_ratio_;
+  const Ratio f = LogRatioOfHigh(log_high);
+  return std::exp(-f.value) / (1 + f.slope);
+}
+
+namespace {
+
+bool SameTable(const TransmissionParameters& a, const TransmissionParameters& b) {
+  const auto same = [](const PulleyParameters& p, const PulleyParameters& q) {
+    return p.law == q.law && p.wrap_rad == q.wrap_rad && p.radius_ratio == q.radius_ratio &&
+           p.alpha == q.alpha && p.exponent == q.exponent && p.entry_angle_rad == q.entry_angle_rad;
+  };
+  return a.low_tension_N == b.low_tension_N && std::ranges::equal(a.pulleys, b.pulleys, same);
+}
+
+}  // namespace
+
+std::vector<CapstanTable> MakeCapstanTables(std::span<const TransmissionParameters> transmissions,
+                                            double max_tension_N, double relative_error) {
+  std::vector<CapstanTable> tables;
+  tables.reserve(transmissions.size());
+  for (std::size_t i = 0; i < transmissions.size(); ++i) {
+    const auto equal = std::find_if(transmissions.begin(), transmissions.begin() + i,
+                                    [&](const auto& other) { return SameTable(other, transmissions[i]); });
+    const auto first = static_cast<std::size_t>(equal - transmissions.begin());
+    if (first < i) {
+      tables.push_back(tables[first]);
+    } else {
+      tables.emplace_back(transmissions[i], max_tension_N, relative_error);
+    }
+  }
+  return tables;
+}
+
+}  // namespace tendril::model
