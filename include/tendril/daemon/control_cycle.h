@@ -1,0 +1,43 @@
+// One control cycle from SYNC to torques: drives' feedback in, Controller::Step, torques out, with the record
+// of it all. The daemon runs it against the clock of the machine and the demo in simulated time; knows
+// nothing of threads or LCM.
+#pragma once
+
+#include <functional>
+
+#include "tendril/canopen/master.h"
+#include "tendril/control/controller.h"
+#include "tendril/core/cycle.h"
+#include "tendril/core/daemon.h"
+#include "tendril/rt/cyclic.h"
+
+namespace tendril::daemon {
+
+class ControlCycle {
+ public:
+  /// Called while drives have not answered yet: returns true when frames may wait on the port, false when
+  /// none will come until `deadline_ns`. On a real bus CanPort::WaitUntil; in simulated time let the drives
+  /// answer. Must not throw.
+  using Wait = std::function<bool(TimeNs deadline_ns)>;
+
+  /// Everything passed in must outlive the cycle. `controller` and `master` have the same drives in the same
+  /// order.
+  ControlCycle(control::Controller& controller, canopen::Master& master, const Clock& clock,
+               const BusParameters& bus, Wait wait);
+
+  /// SYNC, feedback until complete or bus.feedback_deadline_ns later, Step, torques, then `record` filled.
+  /// `command` (kind kNone: nothing new) and `tracker` (valid only when new) become part of the input. No
+  /// allocation or lock, and no system call beyond clock, port and `wait`.
+  void Run(const rt::CycleStart& start, const Command& command, const TrackerSample& tracker,
+           CycleRecord& record) noexcept;
+
+ private:
+  control::Controller& controller_;
+  canopen::Master& master_;
+  const Clock& clock_;
+  TimeNs feedback_deadline_ns_;
+  Wait wait_;
+  std::uint64_t deadline_misses_ = 0;
+};
+
+}  // namespace tendril::daemon

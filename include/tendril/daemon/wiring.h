@@ -1,0 +1,21 @@
+// From configuration to what the rooms want to be told: which drive on the bus pulls which tendon, and with
+// what motor. Plain conversions, shared by the daemon and the in-process demo; opens nothing.
+#pragma once
+
+#include <vector>
+
+#include "tendril/canopen/master.h"
+#include "tendril/core/daemon.h"
+#include "tendril/core/robot.h"
+#include "tendril/io/gateway.h"
+
+namespace tendril::daemon {
+
+/// One setup a tendon, in tendon order: node ids from the daemon's file, currents [mA], torque constant [uN
+/// m/A] and rated torque [uN m] from the robot's. Throws std::invalid_argument when the robot has no
+/// actuation or a tendon has no node.
+std::vector<canopen::DriveSetup> DriveSetups(const RobotParameters& robot, const BusParameters& bus);
+
+io::RobotShape ShapeOf(const RobotParameters& robot);
+
+}  // namespace tendril::daemon
