@@ -76,9 +76,9 @@ enum class Mode : std::uint8_t {
   kArmed,         // drives being enabled. All enabled -> Pretension.
   kPretension,    // tensions ramp to the minimum; then displacement is zeroed -> Running.
   kRunning,       // follows commands. hold -> Hold, disarm -> SafeStop.
-  kHold,          // stays where it is and refuses targets; hold again -> Running, disarm -> SafeStop.
-  kSafeStop,      // tensions ramp down to pretension, then drives are disabled -> Configured.
-  kFault,         // latched with its cause; clear -> Disconnected/Configured.
+  kHold,          // stops and stays, refuses targets. arm -> Running, disarm -> SafeStop.
+  kSafeStop,      // tensions ramp down, then drives are disabled -> Configured.
+  kFault,         // latched with its cause; tensions ramp down, drives are disabled. clear -> Disconnected.
 };
 
 /// Desired motion of the sections, after limits.
@@ -92,6 +92,7 @@ struct CycleOutput {
   Mode mode = Mode::kDisconnected;
   Status status = Status::kOk;          // the most severe of this cycle; latched in kFault
   DriveRequest drive_request = DriveRequest::kDisable;
+  bool clear_drive_faults = false;      // in the one cycle in which the operator's clear was accepted
   std::array<std::int16_t, kMaxTendons> torque_target_permille{};
 
   // stages, in flow order
