@@ -1,0 +1,214 @@
+// Files in, structs out, and the resolved configuration back as text.
+// Knows the two kinds of file; their keys are in describe_robot.h and describe_daemon.h.
+#include "tendril/config/config.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <optional>
+
+#include "describe_daemon.h"
+#include "describe_robot.h"
+#include "writer.h"
+
+namespace tendril::config {
+
+/// Common blocks are the first tendon's; tendons that differ from it are spelled out below `per_tendon`.
+void WriteActuation(Writer& out, ActuationParameters& p);
+
+namespace {
+
+constexpr std::string_view kRobotKeys =
+    "a robot file with name, body, limits and, for a driven robot, actuation";
+constexpr std::string_view kDaemonKeys = "a daemon file with robot, controller, bus, realtime and lcm";
+constexpr std::string_view kAnyKeys =
+    "a robot file (name, body, limits) or a daemon file (robot, controller, bus)";
+
+enum class Kind { kRobot, kDaemon, kUnknown };
+
+Kind KindOfMap(const YAML::Node& map) {
+  for (const auto& entry : map) {
+    if (!entry.first.IsScalar()) continue;
+    const std::string& key = entry.first.Scalar();
+    if (key == "body" || key == "limits" || key == "actuation") return Kind::kRobot;
+    if (key == "bus" || key == "controller" || key == "realtime" || key == "lcm" || key == "robot")
+      return Kind::kDaemon;
+  }
+  return Kind::kUnknown;
+}
+
+std::string ReadFile(const std::string& path) {
+  namespace fs = std::filesystem;
+  constexpr std::uintmax_t kLargest = 1 << 20;
+  const auto refuse = [&](std::string_view why, std::string_view remedy) {
+    throw ConfigError(fmt::format("{}: {}; accepted: a readable YAML file; {}", path, why, remedy));
+  };
+  std::error_code error;
+  const auto status = fs::status(path, error);
+  if (!fs::exists(status)) {
+    refuse(error ? error.message() : std::string("no such file"), "check the path");
+  }
+  if (fs::is_directory(status)) refuse("is a directory", "name a file in it");
+  if (!fs::is_regular_file(status)) refuse("is not an ordinary file", "name one");
+  if (fs::file_size(path, error) > kLargest) refuse("is larger than 1 MiB", "check that it is the right one");
+  errno = 0;
+  std::ifstream in(path, std::ios::binary);
+  if (!in) refuse(fmt::format("cannot be read: {}", std::strerror(errno)), "check its permissions");
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
+template <class T>
+T Parse(const std::string& yaml, const Source& source, Kind expected, std::string_view keys) {
+  Layer document = ParseDocument(yaml, source, keys);
+  const Kind kind = KindOfMap(document.map);
+  if (kind != expected && kind != Kind::kUnknown) {
+    throw ConfigError(fmt::format("{}:{}: this is a {} file; accepted: {}; name the other file", source.name,
+                                  document.line, kind == Kind::kRobot ? "robot" : "daemon", keys));
+  }
+  Reader reader(source, {std::move(document)});
+  T value;
+  Describe(reader, value);
+  reader.Finish();
+  return value;
+}
+
+/// Refuses at a key of the daemon's file, with its line if the file can still be read.
+[[noreturn]] void RefuseDaemon(const std::string& path, std::string_view key, const std::string& rest) {
+  std::optional<Layer> document;
+  const Source source{path};
+  try {
+    document = ParseDocument(ReadFile(path), source, kDaemonKeys);
+  } catch (const ConfigError&) {
+    throw ConfigError(fmt::format("{}: {}: {}", path, key, rest));
+  }
+  Reader(source, {*document}).Refuse(key, rest);
+}
+
+template <class T>
+std::string BlocksOf(T value) {
+  Writer out;
+  Describe(out, value);
+  return out.Finish();
+}
+
+}  // namespace
+
+void WriteActuation(Writer& out, ActuationParameters& p) {
+  out.BeginBlock("actuation");
+  if (!p.tendons.empty()) {
+    std::vector<long long> nodes;
+    for (const TendonDriveParameters& t : p.tendons) nodes.push_back(t.node_id);
+    out.Integers("nodes", nodes, {}, {});
+    Describe(out, p.tendons.front());
+    const std::string common = BlocksOf(p.tendons.front());
+    bool open = false;
+    for (std::size_t j = 1; j < p.tendons.size(); ++j) {
+      if (BlocksOf(p.tendons[j]) == common) continue;
+      if (!open) out.BeginBlock("per_tendon");
+      open = true;
+      out.Block(std::to_string(j + 1), p.tendons[j]);
+    }
+    if (open) out.EndBlock();
+  }
+  out.OptionalBlock("tracker", p.tracker);
+  out.EndBlock();
+}
+
+RobotParameters ParseRobot(const std::string& yaml, const std::string& name_for_errors) {
+  return Parse<RobotParameters>(yaml, {name_for_errors}, Kind::kRobot, kRobotKeys);
+}
+
+RobotParameters LoadRobot(const std::string& path) { return ParseRobot(ReadFile(path), path); }
+
+DaemonParameters ParseDaemon(const std::string& yaml, const std::string& name_for_errors) {
+  return Parse<DaemonParameters>(yaml, {name_for_errors}, Kind::kDaemon, kDaemonKeys);
+}
+
+DaemonParameters LoadDaemon(const std::string& path) {
+  DaemonParameters daemon = ParseDaemon(ReadFile(path), path);
+  namespace fs = std::filesystem;
+  const fs::path robot =
+      fs::absolute(fs::absolute(path).parent_path() / daemon.robot_file).lexically_normal();
+  std::error_code error;
+  if (!fs::exists(robot, error)) {
+    RefuseDaemon(
+        path, "robot",
+        fmt::format("no such file: {}; accepted: {}; correct the path", robot.string(), kPathRule.accepted));
+  }
+  daemon.robot_file = robot.string();
+  return daemon;
+}
+
+std::string ToYaml(const RobotParameters& robot) { return BlocksOf(robot); }
+std::string ToYaml(const DaemonParameters& daemon) { return BlocksOf(daemon); }
+
+void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
+                   const std::string& daemon_path) {
+  if (!robot.actuation) {
+    RefuseDaemon(
+        daemon_path, "robot",
+        fmt::format(
+            "{} has no actuation, so there is nothing to drive; accepted: a robot file with the block "
+            "actuation; name another one",
+            robot.name));
+  }
+  const int tendons = robot.body.tendons();
+  for (const NodeParameters& node : daemon.bus.nodes) {
+    if (node.tendon < 1 || node.tendon > tendons) {
+      RefuseDaemon(
+          daemon_path, "bus.nodes",
+          fmt::format(
+              "node {} pulls tendon {}, which {} does not have; accepted: tendons 1 .. {}; remove it or "
+              "name another robot",
+              node.node_id, node.tendon, robot.name, tendons));
+    }
+  }
+  for (int tendon = 1; tendon <= tendons; ++tendon) {
+    const auto pulls = [&](const NodeParameters& node) { return node.tendon == tendon; };
+    const auto count = std::count_if(daemon.bus.nodes.begin(), daemon.bus.nodes.end(), pulls);
+    if (count != 1) {
+      RefuseDaemon(
+          daemon_path, "bus.nodes",
+          fmt::format(
+              "tendon {} of {} has {} nodes; accepted: every tendon 1 .. {} exactly once; correct the "
+              "list",
+              tendon, robot.name, count, tendons));
+    }
+  }
+  std::set<int> ids;
+  for (const NodeParameters& node : daemon.bus.nodes) {
+    if (!ids.insert(node.node_id).second) {
+      RefuseDaemon(
+          daemon_path, "bus.nodes",
+          fmt::format("node_id {} twice; accepted: 1 .. 127, all different; correct one", node.node_id));
+    }
+  }
+  if (daemon.controller.guards.slack_tension_N >= robot.limits.min_tension_N) {
+    RefuseDaemon(
+        daemon_path, "controller.guards.slack_tension_N",
+        fmt::format(
+            "{} is not below the pretension of {}; accepted: below limits.min_tension_N, {} N; lower it",
+            daemon.controller.guards.slack_tension_N, robot.name, robot.limits.min_tension_N));
+  }
+}
+
+std::string KindOf(const std::string& path) {
+  const Source source{path};
+  const Layer document = ParseDocument(ReadFile(path), source, kAnyKeys);
+  switch (KindOfMap(document.map)) {
+    case Kind::kRobot:
+      return "robot";
+    case Kind::kDaemon:
+      return "daemon";
+    case Kind::kUnknown:
+      break;
+  }
+  throw ConfigError(fmt::format("{}:{}: neither a robot nor a daemon file; accepted: {}; name another file",
+                                path, document.line, kAnyKeys));
+}
+
+}  // namespace tendril::config

@@ -1,0 +1,352 @@
+// The robot file, key by key: the one place that says which keys there are, their accepted ranges and the
+// rules between them. Used with Reader to parse and with Writer to write back.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "reader.h"
+#include "tendril/core/limits.h"
+#include "tendril/core/robot.h"
+#include "text_rules.h"
+
+namespace tendril::config {
+
+/// Widest angle without a tendon, going round the section [rad]; the tendons can bend every way if it is
+/// below pi.
+inline double WidestGap(const std::vector<TendonRoute>& tendons) {
+  constexpr double kTurn = 2 * std::numbers::pi;
+  std::vector<double> angles;
+  for (const TendonRoute& t : tendons)
+    angles.push_back(t.angle_rad - kTurn * std::floor(t.angle_rad / kTurn));
+  std::sort(angles.begin(), angles.end());
+  double widest = angles.front() + kTurn - angles.back();
+  for (std::size_t i = 1; i < angles.size(); ++i) widest = std::max(widest, angles[i] - angles[i - 1]);
+  return widest;
+}
+
+template <class Io>
+void Describe(Io& io, TendonRoute& p) {
+  io.Number("angle_rad", p.angle_rad, {-6.3, 6.3});
+  io.Number("radius_m", p.radius_m, {1e-4, 0.5});
+}
+
+template <class Io>
+void Describe(Io& io, SectionParameters& p) {
+  io.Integer("units", p.units, {1, kMaxUnits});
+  io.Number("unit_length_m", p.unit_length_m, {1e-4, 1});
+  io.Number("unit_mass_kg", p.unit_mass_kg, {1e-7, 10});
+  double disk_diameter_m = 0;
+  if constexpr (Io::kReading) {
+    // Either both inertias, or the diameter of a uniform thin disk: I_xx = m d^2 / 16, I_zz = m d^2 / 8.
+    if (io.Has("disk_diameter_m")) {
+      for (const char* other : {"disk_inertia_xx_kgm2", "disk_inertia_zz_kgm2"}) {
+        io.Check(
+            !io.Has(other), other,
+            "given beside disk_diameter_m; accepted: either disk_diameter_m, or disk_inertia_xx_kgm2 and "
+            "disk_inertia_zz_kgm2; remove one of the two");
+      }
+      io.Number("disk_diameter_m", disk_diameter_m, {1e-4, 1});
+      p.disk_inertia_xx_kgm2 = p.unit_mass_kg * disk_diameter_m * disk_diameter_m / 16;
+      p.disk_inertia_zz_kgm2 = p.unit_mass_kg * disk_diameter_m * disk_diameter_m / 8;
+    } else {
+      io.Allow("disk_diameter_m");
+    }
+  }
+  if (disk_diameter_m == 0) {
+    io.Number("disk_inertia_xx_kgm2", p.disk_inertia_xx_kgm2, {1e-16, 1});
+    io.Number("disk_inertia_zz_kgm2", p.disk_inertia_zz_kgm2, {1e-16, 1});
+    io.Check(
+        p.disk_inertia_zz_kgm2 <= 2 * p.disk_inertia_xx_kgm2 * (1 + 1e-9), "disk_inertia_zz_kgm2",
+        fmt::format(
+            "{} is more than any body with this disk_inertia_xx_kgm2 can have; accepted: up to {} kg·m²; "
+            "correct one of the two",
+            p.disk_inertia_zz_kgm2, 2 * p.disk_inertia_xx_kgm2));
+  }
+  io.Number("youngs_modulus_Pa", p.youngs_modulus_Pa, {1e6, 1e12});
+  io.Number("core_radius_m", p.core_radius_m, {1e-5, 0.05});
+  io.Number("bending_damping_Nms", p.bending_damping_Nms, {0, 10});
+  io.List("tendons", p.tendons, {3, kMaxTendons});
+  if constexpr (Io::kReading) {
+    for (std::size_t j = 0; j < p.tendons.size(); ++j) {
+      const double hole_m = p.tendons[j].radius_m;
+      io.Check(hole_m > p.core_radius_m, "core_radius_m",
+               fmt::format(
+                   "{} does not leave room for the hole of tendon {} at {} m; accepted: less than {} m; make "
+                   "the backbone thinner or move the hole out",
+                   p.core_radius_m, j + 1, hole_m, hole_m));
+      io.Check(
+          disk_diameter_m == 0 || disk_diameter_m > 2 * hole_m, "disk_diameter_m",
+          fmt::format(
+              "{} is too small for the hole of tendon {} at {} m; accepted: above {} m; correct one of the "
+              "two",
+              disk_diameter_m, j + 1, hole_m, 2 * hole_m));
+    }
+    if (!p.tendons.empty()) {
+      const double gap_deg = WidestGap(p.tendons) * 180 / std::numbers::pi;
+      io.Check(
+          gap_deg < 180 - 1e-6, "tendons",
+          fmt::format(
+              "cannot bend the section every way: no tendon within {:.4g} degrees; accepted: gaps below 180 "
+              "degrees (3.1416 rad) all round; spread the angles",
+              gap_deg));
+    }
+  }
+}
+
+template <class Io>
+void Describe(Io& io, BodyParameters& p) {
+  std::vector<double> gravity(p.gravity_W_mps2.data(), p.gravity_W_mps2.data() + 3);
+  io.Numbers("gravity_W_mps2", gravity, {-100, 100}, {3, 3});
+  if (gravity.size() == 3) p.gravity_W_mps2 = {gravity[0], gravity[1], gravity[2]};
+  io.List("sections", p.sections, {1, kMaxSections});
+  if constexpr (Io::kReading) {
+    io.Check(p.units() <= kMaxUnits, "sections",
+             fmt::format("{} units in all; accepted: up to {} over all sections; use fewer, longer units",
+                         p.units(), kMaxUnits));
+    io.Check(p.tendons() <= kMaxTendons, "sections",
+             fmt::format("{} tendons in all; accepted: up to {} over all sections; remove some", p.tendons(),
+                         kMaxTendons));
+    // All tendons pass the base section's disks, so no two may share a hole there.
+    std::vector<Eigen::Vector2d> holes;
+    for (const SectionParameters& section : p.sections) {
+      for (const TendonRoute& t : section.tendons) {
+        const Eigen::Vector2d hole{t.radius_m * std::cos(t.angle_rad), t.radius_m * std::sin(t.angle_rad)};
+        for (std::size_t k = 0; k < holes.size(); ++k) {
+          io.Check(
+              (holes[k] - hole).norm() > 1e-5, "sections",
+              fmt::format(
+                  "tendons {} and {} pass the base section's disks through the same hole; accepted: holes "
+                  "more than 1e-05 m apart; turn one of them",
+                  k + 1, holes.size() + 1));
+        }
+        holes.push_back(hole);
+      }
+    }
+  }
+}
+
+template <class Io>
+void Describe(Io& io, LimitParameters& p) {
+  io.Number("min_tension_N", p.min_tension_N, {1e-3, 1000});
+  io.Number("max_tension_base_N", p.max_tension_base_N, {1e-2, 10000});
+  io.Number("max_tension_motor_N", p.max_tension_motor_N, {1e-2, 10000});
+  io.Number("max_bending_rad", p.max_bending_rad, {0.01, 6.2});
+  const std::string rule =
+      fmt::format("accepted: above min_tension_N, {} N; raise it, or lower min_tension_N", p.min_tension_N);
+  io.Check(p.max_tension_base_N > p.min_tension_N, "max_tension_base_N",
+           fmt::format("{} is not above the minimum; {}", p.max_tension_base_N, rule));
+  io.Check(p.max_tension_motor_N > p.min_tension_N, "max_tension_motor_N",
+           fmt::format("{} is not above the minimum; {}", p.max_tension_motor_N, rule));
+}
+
+template <class Io>
+void Describe(Io& io, MotorParameters& p) {
+  io.Number("torque_constant_NmpA", p.torque_constant_NmpA, {1e-4, 10});
+  io.Number("nominal_current_A", p.nominal_current_A, {0.01, 100});
+  io.Number("rotor_inertia_kgm2", p.rotor_inertia_kgm2, {1e-10, 1e-2});
+  io.Number("coulomb_friction_Nm", p.coulomb_friction_Nm, {0, 1});
+  io.Number("coulomb_angle_rad", p.coulomb_angle_rad, {1e-6, 1});
+  io.Number("coulomb_damping_Nms", p.coulomb_damping_Nms, {0, 1e-2});
+  io.Number("viscous_friction_Nms", p.viscous_friction_Nms, {0, 1e-2});
+  io.Number("torque_lag_s", p.torque_lag_s, {0, 0.1});
+}
+
+template <class Io>
+void Describe(Io& io, DriveParameters& p) {
+  io.Number("rated_torque_Nm", p.rated_torque_Nm, {1e-6, 1000});
+  io.Number("current_limit_A", p.current_limit_A, {0.01, 100});
+  io.Integer("encoder_counts_per_turn", p.encoder_counts_per_turn, {1, 1e8});
+  io.Number("actual_torque_noise_permille", p.actual_torque_noise_permille, {0, 100});
+}
+
+template <class Io>
+void Describe(Io& io, GearParameters& p) {
+  io.Number("ratio", p.ratio, {0.01, 1e5});
+  io.Number("efficiency", p.efficiency, {0, 1, true});
+  io.Numbers("presliding_yields_rad", p.presliding_yields_rad, {0, 10, true}, {1, 16});
+}
+
+template <class Io>
+void Describe(Io& io, SpoolParameters& p) {
+  io.Number("radius_m", p.radius_m, {1e-4, 1});
+}
+
+template <class Io>
+void Describe(Io& io, TendonParameters& p) {
+  io.Number("stiffness_Npm", p.stiffness_Npm, {100, 1e8});
+  io.Number("damping_Nspm", p.damping_Nspm, {0, 1e4});
+  io.Number("free_length_m", p.free_length_m, {0, 10});
+}
+
+template <class Io>
+void Describe(Io& io, PulleyParameters& p) {
+  io.Choice("law", p.law,
+            Choices<CapstanLaw>{{"cumulative", CapstanLaw::kCumulative},
+                                {"local", CapstanLaw::kLocal},
+                                {"classic", CapstanLaw::kClassic}});
+  io.Number("wrap_rad", p.wrap_rad, {0, 30});
+  io.Number("radius_ratio", p.radius_ratio, {0.1, 1e6});
+  io.Number("alpha", p.alpha, {0, 5});
+  io.Number("exponent", p.exponent, {0, 1, true});
+  io.Number("entry_angle_rad", p.entry_angle_rad, {-1.5, 1.5});
+}
+
+template <class Io>
+void Describe(Io& io, TransmissionParameters& p) {
+  io.List("pulleys", p.pulleys, {0, 16});
+  io.Number("presliding_m", p.presliding_m, {1e-9, 0.1});
+  io.Number("low_tension_N", p.low_tension_N, {1e-6, 100});
+}
+
+template <class Io>
+void Describe(Io& io, LoadCellParameters& p) {
+  io.Choice("place", p.place,
+            Choices<LoadCellPlace>{{"motor_side", LoadCellPlace::kMotorSide},
+                                   {"robot_side", LoadCellPlace::kRobotSide},
+                                   {"none", LoadCellPlace::kNone}});
+  const bool none = p.place == LoadCellPlace::kNone;
+  const auto number = [&](const char* key, double& value, Range range) {
+    if constexpr (Io::kReading) {
+      if (none && !io.Has(key)) return io.Allow(key);  // a cell that is not there has no data
+    }
+    if (none) range.min = 0;
+    io.Number(key, value, range);
+  };
+  number("gain_VpN", p.gain_VpN, {1e-6, 1000});
+  number("resolution_V", p.resolution_V, {1e-6, 10});
+  number("noise_N", p.noise_N, {0, 100});
+}
+
+template <class Io>
+void Describe(Io& io, TrackerParameters& p) {
+  io.Number("rate_Hz", p.rate_Hz, {0.1, 1e4});
+  io.Number("position_noise_m", p.position_noise_m, {0, 1});
+  io.Number("orientation_noise_rad", p.orientation_noise_rad, {0, 3});
+  io.Number("delay_s", p.delay_s, {0, 10});
+}
+
+/// The blocks of one tendon's drivetrain; its node id is part of the list `nodes`.
+template <class Io>
+void Describe(Io& io, TendonDriveParameters& p) {
+  io.Block("motor", p.motor);
+  io.Block("drive", p.drive);
+  io.Block("gear", p.gear);
+  io.Block("spool", p.spool);
+  io.Block("tendon", p.tendon);
+  io.Block("transmission", p.transmission);
+  io.Block("load_cell", p.load_cell);
+  const double rated_Nm = p.motor.torque_constant_NmpA * p.motor.nominal_current_A;
+  io.Check(
+      std::abs(p.drive.rated_torque_Nm - rated_Nm) <= 0.01 * rated_Nm, "drive.rated_torque_Nm",
+      fmt::format(
+          "{} does not fit torque_constant_NmpA x nominal_current_A = {:.6g}; accepted: {:.6g} .. {:.6g} N·m "
+          "(1 %); correct one of the three",
+          p.drive.rated_torque_Nm, rated_Nm, 0.99 * rated_Nm, 1.01 * rated_Nm));
+}
+
+/// All tendons' drivetrains: the common blocks, overridden per tendon.
+inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tendons, ActuationParameters& p) {
+  const Source& source = io.source();
+  const Layer& common = layers.back();
+
+  Reader top(source, {common});
+  top.OptionalBlock("tracker", p.tracker);
+  std::vector<long long> nodes;
+  if (top.Has("nodes")) {
+    top.Integers("nodes", nodes, {1, 127}, {static_cast<double>(tendons), static_cast<double>(tendons)});
+    for (std::size_t j = 0; j < nodes.size(); ++j) {
+      top.Check(
+          std::count(nodes.begin(), nodes.end(), nodes[j]) == 1, "nodes",
+          fmt::format("node {} twice; accepted: one id 1 .. 127 a tendon, all different; correct the list",
+                      nodes[j]));
+    }
+  } else {
+    for (int j = 1; j <= tendons; ++j) nodes.push_back(j);
+  }
+  std::vector<Layer> overrides;
+  if (top.Has("per_tendon")) overrides = top.Children("per_tendon");
+
+  p.tendons.clear();
+  std::vector<Layer> own(static_cast<std::size_t>(tendons));
+  for (const Layer& map : overrides) {
+    const Reader keys_once(source, {map});
+    for (const auto& entry : map.map) {
+      const std::string& key = entry.first.Scalar();
+      int tendon = 0;
+      for (int j = 1; j <= tendons; ++j) tendon = key == std::to_string(j) ? j : tendon;
+      if (tendon == 0 || !entry.second.IsMap()) {
+        keys_once.Refuse(
+            key, fmt::format("{}; accepted: a tendon's number 1 .. {} and below it the keys that differ; "
+                             "correct it",
+                             tendon == 0 ? "is not a tendon" : "is not a mapping", tendons));
+      }
+      own[static_cast<std::size_t>(tendon - 1)] = {entry.second, map.path + "." + key, LineOf(entry.first)};
+    }
+  }
+  for (int j = 1; j <= tendons; ++j) {
+    std::vector<Layer> both;
+    Layer& mine = own[static_cast<std::size_t>(j - 1)];
+    if (mine.line > 0) both.push_back(mine);
+    both.push_back(common);
+    Reader reader(source, std::move(both));
+    for (const char* key : {"tracker", "nodes", "per_tendon"}) reader.AllowInCommon(key);
+    TendonDriveParameters& drive = p.tendons.emplace_back();
+    Describe(reader, drive);
+    reader.Finish();
+    drive.node_id = static_cast<int>(nodes[static_cast<std::size_t>(j - 1)]);
+  }
+}
+
+template <class Io>
+void Describe(Io& io, RobotParameters& p) {
+  io.Text("name", p.name, kNameRule);
+  io.Block("body", p.body);
+  io.Block("limits", p.limits);
+  if constexpr (Io::kReading) {
+    p.actuation.reset();
+    if (p.body.sections.empty() || !io.Has("actuation")) {
+      io.Allow("actuation");
+    } else {
+      ReadActuation(io, io.Children("actuation"), p.body.tendons(), p.actuation.emplace());
+    }
+    for (std::size_t k = 0; k < p.body.sections.size(); ++k) {
+      const SectionParameters& section = p.body.sections[k];
+      for (const TendonRoute& t : section.tendons) {
+        const double reach_rad = section.units * section.unit_length_m / t.radius_m;
+        io.Check(
+            p.limits.max_bending_rad < reach_rad, "limits.max_bending_rad",
+            fmt::format(
+                "at {} the disks of section {} touch at the hole radius {} m; accepted: below {:.6g} rad; "
+                "lower it",
+                p.limits.max_bending_rad, k + 1, t.radius_m, reach_rad));
+      }
+    }
+    if (p.actuation) {
+      for (std::size_t j = 0; j < p.actuation->tendons.size(); ++j) {
+        const TendonDriveParameters& drive = p.actuation->tendons[j];
+        io.Check(drive.transmission.low_tension_N <= p.limits.min_tension_N,
+                 "actuation.transmission.low_tension_N",
+                 fmt::format("{} (tendon {}) lies above limits.min_tension_N; accepted: up to {} N; lower it",
+                             drive.transmission.low_tension_N, j + 1, p.limits.min_tension_N));
+        const double full_scale_V = drive.load_cell.gain_VpN * p.limits.max_tension_motor_N;
+        io.Check(
+            full_scale_V <= 10, "actuation.load_cell.gain_VpN",
+            fmt::format("{} gives {:.4g} V at limits.max_tension_motor_N (tendon {}), past the analog input; "
+                        "accepted: "
+                        "up to {:.6g} V/N; lower one of the two",
+                        drive.load_cell.gain_VpN, full_scale_V, j + 1, 10 / p.limits.max_tension_motor_N));
+      }
+    }
+  } else if (p.actuation) {
+    WriteActuation(io, *p.actuation);
+  }
+}
+
+}  // namespace tendril::config

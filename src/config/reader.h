@@ -1,0 +1,159 @@
+// One YAML mapping read strictly into a struct: every key looked up is a key known, what is left over is
+// refused. Speaks of keys, types, ranges and lines; knows nothing of robots.
+#pragma once
+
+#include <yaml-cpp/yaml.h>
+
+#include <concepts>
+#include <initializer_list>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "tendril/config/config.h"
+
+namespace tendril::config {
+
+/// Accepted values: [min, max], or (min, max] where `above_min`.
+struct Range {
+  double min = 0;
+  double max = 0;
+  bool above_min = false;
+};
+
+template <class E>
+using Choices = std::initializer_list<std::pair<std::string_view, E>>;
+
+/// What a text may look like: a check, and how to say it.
+struct TextRule {
+  bool (*ok)(std::string_view text);
+  std::string_view accepted;
+};
+
+/// The file under the reader, for messages.
+struct Source {
+  std::string name;  // as the person gave it
+};
+
+/// A mapping with the key path and the line that led to it.
+struct Layer {
+  YAML::Node map;
+  std::string path;
+  int line = 0;
+};
+
+/// Several layers are one mapping in which earlier layers override later ones key by key, at any depth.
+class Reader {
+ public:
+  static constexpr bool kReading = true;
+
+  Reader(const Source& source, std::vector<Layer> layers);
+
+  void Number(std::string_view key, double& value, Range range);
+  template <std::integral T>
+  void Integer(std::string_view key, T& value, Range range) {
+    long long wide = static_cast<long long>(value);
+    IntegerValue(key, wide, range);
+    value = static_cast<T>(wide);
+  }
+  /// An integer that people write in hexadecimal.
+  void Identifier(std::string_view key, std::uint32_t& value) {
+    Integer(key, value, {0, std::numeric_limits<std::uint32_t>::max()});
+  }
+  void Flag(std::string_view key, bool& value);
+  void Text(std::string_view key, std::string& value, const TextRule& rule);
+  template <class E>
+  void Choice(std::string_view key, E& value, Choices<E> choices) {
+    std::vector<std::string_view> names;
+    for (const auto& c : choices) names.push_back(c.first);
+    if (const int chosen = ChoiceIndex(key, names); chosen >= 0) value = choices.begin()[chosen].second;
+  }
+  /// A flow or block list of numbers, `count` of them (min, max).
+  void Numbers(std::string_view key, std::vector<double>& values, Range range, Range count);
+  void Integers(std::string_view key, std::vector<long long>& values, Range range, Range count);
+  void Identifiers(std::string_view key, std::vector<std::uint32_t>& values, Range count);
+
+  /// A mapping under `key`, described by Describe(Reader&, T&).
+  template <class T>
+  void Block(std::string_view key, T& value) {
+    std::vector<Layer> inner = Children(key);
+    if (inner.empty()) return;
+    Reader reader(*source_, std::move(inner));
+    Describe(reader, value);
+    reader.Finish();
+  }
+  template <class T>
+  void OptionalBlock(std::string_view key, std::optional<T>& value) {
+    value.reset();
+    if (!Has(key)) return Allow(key);
+    Block(key, value.emplace());
+  }
+  /// A list of mappings.
+  template <class T>
+  void List(std::string_view key, std::vector<T>& values, Range count) {
+    values.clear();
+    for (Layer& item : Items(key, count)) {
+      Reader reader(*source_, {std::move(item)});
+      Describe(reader, values.emplace_back());
+      reader.Finish();
+    }
+  }
+
+  bool Has(std::string_view key) const;
+  /// The key may be there; this description does not read it.
+  void Allow(std::string_view key) { known_.emplace_back(key); }
+  /// Known only in the last (common) layer.
+  void AllowInCommon(std::string_view key) { known_in_common_.emplace_back(key); }
+
+  /// A rule between keys: unless `ok`, refuses at `key` (may be a path of keys, "motor.nominal_current_A").
+  void Check(bool ok, std::string_view key, const std::string& wrong_accepted_remedy);
+  [[noreturn]] void Refuse(std::string_view key, const std::string& wrong_accepted_remedy) const;
+
+  /// Refuses keys that nothing asked for, then keys that were asked for and are not there.
+  void Finish();
+
+  /// The mappings under `key`, one for each layer that has it; empty (and noted as missing) when none has.
+  std::vector<Layer> Children(std::string_view key);
+  const std::vector<Layer>& layers() const { return layers_; }
+  const Source& source() const { return *source_; }
+
+ private:
+  struct Found {
+    YAML::Node value;
+    const Layer* layer = nullptr;
+    int line = 0;
+    std::string path;
+  };
+
+  std::optional<Found> Find(std::string_view key) const;
+  std::optional<Found> Take(std::string_view key, const std::string& accepted);
+  void IntegerValue(std::string_view key, long long& value, Range range);
+  int ChoiceIndex(std::string_view key, const std::vector<std::string_view>& names);
+  std::vector<Layer> Items(std::string_view key, Range count);
+  std::vector<Found> Elements(std::string_view key, std::string_view what, Range count);
+  double ToNumber(const Found& found, std::string_view key, Range range) const;
+  long long ToInteger(const Found& found, std::string_view key, Range range) const;
+  [[noreturn]] void Fail(int line, const std::string& path, const std::string& rest) const;
+
+  const Source* source_;
+  std::vector<Layer> layers_;
+  std::vector<std::string> known_, known_in_common_;
+  struct Missing {
+    std::string key, accepted;
+  };
+  std::optional<Missing> missing_;
+};
+
+/// Line of a node in the file, from 1.
+inline int LineOf(const YAML::Node& node) { return node.Mark().line + 1; }
+
+/// "0.0001 .. 1 m", with the unit of the key's suffix.
+std::string RangeText(std::string_view key, Range range);
+
+/// Reads the text as exactly one YAML document holding a mapping. Throws ConfigError.
+Layer ParseDocument(const std::string& yaml, const Source& source, std::string_view expected);
+
+}  // namespace tendril::config

@@ -1,0 +1,37 @@
+// What the few texts of the configuration may look like, and how to say it. Knows nothing of files.
+#pragma once
+
+#include <algorithm>
+#include <cctype>
+#include <string_view>
+
+#include "reader.h"
+
+namespace tendril::config {
+
+inline bool IsWord(std::string_view text, std::size_t longest) {
+  return !text.empty() && text.size() <= longest &&
+         std::all_of(text.begin(), text.end(),
+                     [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-' || c == '.'; });
+}
+
+inline constexpr TextRule kNameRule{[](std::string_view t) { return IsWord(t, 64); },
+                                    "1 .. 64 letters, digits, '_', '-' or '.'"};
+inline constexpr TextRule kInterfaceRule{
+    [](std::string_view t) { return IsWord(t, 15); },
+    "a network interface, 1 .. 15 letters, digits, '_', '-' or '.', e.g. can0"};
+inline constexpr TextRule kPrefixRule{[](std::string_view t) { return IsWord(t, 40); },
+                                      "1 .. 40 letters, digits, '_', '-' or '.'"};
+inline constexpr TextRule kPathRule{
+    [](std::string_view t) {
+      return !t.empty() && std::none_of(t.begin(), t.end(), [](unsigned char c) { return std::iscntrl(c); });
+    },
+    "the path of a robot file, absolute or relative to this file"};
+inline constexpr TextRule kLcmUrlRule{
+    [](std::string_view t) {
+      return (t.starts_with("udpm://") || t.starts_with("memq://") || t.starts_with("tcpq://")) &&
+             std::none_of(t.begin(), t.end(), [](unsigned char c) { return c <= ' ' || c == 127; });
+    },
+    "an LCM address, e.g. udpm://239.255.76.67:7667?ttl=0"};
+
+}  // namespace tendril::config
