@@ -1,7 +1,9 @@
-// The robot's body: kinematics, straight tendons and Kane dynamics of a chain of constant-curvature units in (u, v).
-// Pure maths: no I/O, no exceptions after construction, no allocation outside constructors. Knows nothing of motors.
+// The robot's body: kinematics, straight tendons and Kane dynamics of a chain of constant-curvature units in
+// (u, v). Pure maths: no I/O, no exceptions after construction, no allocation outside constructors. Knows
+// nothing of motors.
 //
-// q = (u_1, v_1, ..., u_N, v_N) with (u, v) = theta (cos beta, sin beta) of each unit [rad]; F_0 is the base frame.
+// q = (u_1, v_1, ..., u_N, v_N) with (u, v) = theta (cos beta, sin beta) of each unit [rad]; F_0 is the base
+// frame.
 #pragma once
 
 #include <Eigen/Core>
@@ -48,6 +50,11 @@ class Body {
   class Workspace {
    public:
     explicit Workspace(const Body& body);
+    Workspace(const Workspace& other);
+    Workspace(Workspace&& other) noexcept;
+    Workspace& operator=(const Workspace& other);
+    Workspace& operator=(Workspace&& other) noexcept;
+    ~Workspace();
 
    private:
     friend class Body;
@@ -77,7 +84,8 @@ class Body {
 
   // ---- dynamics (eqs. 22-25, as O(N) recursions) ----
 
-  /// Inverse: H(q) ddq + C(q, dq) - gravity + elastic + damping = generalised force that must be applied [N·m].
+  /// Inverse: H(q) ddq + C(q, dq) - gravity + elastic + damping = generalised force that must be applied
+  /// [N·m].
   void InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef ddq, VectorRef force_Nm,
                        Workspace& workspace) const noexcept;
   /// Forward: accelerations [rad/s^2] under the applied generalised force (tendons and any other).
@@ -85,7 +93,8 @@ class Body {
                        Workspace& workspace) const noexcept;
   /// H(q), 2N x 2N, symmetric positive definite [kg·m^2].
   void MassMatrix(ConstVectorRef q, MatrixRef mass, Workspace& workspace) const noexcept;
-  /// Elastic minus gravity minus tip-force terms of the equations at rest: the generalised force that holds q [N·m].
+  /// Elastic minus gravity minus tip-force terms of the equations at rest: the generalised force that holds q
+  /// [N·m].
   void StaticForce(ConstVectorRef q, const Eigen::Vector3d& tip_force_W_N, VectorRef force_Nm) const noexcept;
   /// Exact derivative of (StaticForce - TendonForce) by q at given tensions: the tangent stiffness [N·m/rad].
   void TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Eigen::Vector3d& tip_force_W_N,
@@ -108,6 +117,7 @@ class Body {
   };
   struct UnitConstants {
     double length_m, mass_kg, inertia_xx, inertia_zz, stiffness_Nm, damping_Nms;
+    int first_tendon;  // tendons that pass this unit: first_tendon..M-1
   };
 
   BodyParameters parameters_;

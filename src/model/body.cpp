@@ -1,0 +1,591 @@
+// The body's recursions. Every vector is in the axes of F_0 with the disk's origin as its reference point, so
+// that an inertia is only shifted, never rotated, on its way down the chain. Knows nothing of motors.
+//
+// Unit i joins frame A = i-1 to frame B = i. Its two-freedom joint has the motion subspace (Jv, Jw): linear
+// velocity of the origin of B and angular velocity of B, both relative to A.
+#include "tendril/model/body.h"
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "tendril/core/limits.h"
+#include "tendril/model/stumpff.h"
+
+namespace tendril::model {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Stumpffs = std::array<double, kStumpffCount>;
+
+inline Vector3d Cross(const Vector3d& a, const Vector3d& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+
+inline Vector3d Times(const Matrix3d& r, double x, double y, double z) {
+  return {r(0, 0) * x + r(0, 1) * y + r(0, 2) * z, r(1, 0) * x + r(1, 1) * y + r(1, 2) * z,
+          r(2, 0) * x + r(2, 1) * y + r(2, 2) * z};
+}
+
+// x hat(p).
+inline Matrix3d TimesHat(const Matrix3d& x, const Vector3d& p) {
+  Matrix3d y;
+  y.col(0) = x.col(1) * p[2] - x.col(2) * p[1];
+  y.col(1) = x.col(2) * p[0] - x.col(0) * p[2];
+  y.col(2) = x.col(0) * p[1] - x.col(1) * p[0];
+  return y;
+}
+
+// One unit's geometry in F_0: place of B relative to A and the motion subspace.
+struct Joint {
+  Vector3d p;           // from A to B
+  Vector3d jv_u, jv_v;  // dp
+  Vector3d jw_u, jw_v;  // angular velocity
+};
+
+// eqs. 2, 7, 9 without their singularity at theta = 0; D_k = 2 dc_k/dx.
+inline void PlaceJoint(const Matrix3d& r_wa, double l, double u, double v, const Stumpffs& c, Joint& joint) {
+  const double d1 = c[3] - c[2], d2 = 2 * c[4] - c[3];
+  const double uu = u * u, uv = u * v, vv = v * v;
+  joint.p = Times(r_wa, l * c[2] * u, l * c[2] * v, l * c[1]);
+  joint.jv_u = Times(r_wa, l * (c[2] + uu * d2), l * uv * d2, l * u * d1);
+  joint.jv_v = Times(r_wa, l * uv * d2, l * (c[2] + vv * d2), l * v * d1);
+  joint.jw_u = Times(r_wa, -c[3] * uv, 1 - c[3] * vv, -c[2] * v);
+  joint.jw_v = Times(r_wa, c[3] * uu - 1, c[3] * uv, c[2] * u);
+}
+
+// R_WB = R_WA exp(hat(-v, u, 0)), eqs. 3, 4.
+inline Matrix3d Turn(const Matrix3d& r_wa, double u, double v, const Stumpffs& c) {
+  const double uv = c[2] * u * v, su = c[1] * u, sv = c[1] * v;
+  const double xx = 1 - c[2] * u * u, yy = 1 - c[2] * v * v;
+  Matrix3d r_wb;
+  for (int i = 0; i < 3; ++i) {
+    const double a = r_wa(i, 0), b = r_wa(i, 1), z = r_wa(i, 2);
+    r_wb(i, 0) = a * xx - b * uv - z * su;
+    r_wb(i, 1) = b * yy - a * uv - z * sv;
+    r_wb(i, 2) = a * su + b * sv + z * c[0];
+  }
+  return r_wb;
+}
+
+// Accelerations of B relative to A that remain when ddu = ddv = 0, in the axes of A (eqs. 11, 12).
+inline void RelativeBias(double l, double u, double v, double du, double dv, const Stumpffs& c,
+                         Vector3d& linear, Vector3d& angular) {
+  const double d1 = c[3] - c[2], d2 = 2 * c[4] - c[3], d3 = 3 * c[5] - c[4];
+  const double e1 = d3 - d2, e2 = 8 * c[6] - 5 * c[5] + c[4];
+  const double s = u * du + v * dv, e = du * du + dv * dv, h = u * dv - v * du;
+  const double dc2 = d2 * s, ddc2 = e2 * s * s + d2 * e, ddc1 = e1 * s * s + d1 * e;
+  linear = {l * (ddc2 * u + 2 * dc2 * du), l * (ddc2 * v + 2 * dc2 * dv), l * ddc1};
+  angular = {h * (d3 * s * u + c[3] * du), h * (d3 * s * v + c[3] * dv), h * dc2};
+}
+
+// Straight tendons of one unit: L_j = (l - r_j (u cos + v sin)) k, k = 2 sin(theta/2)/theta = c1(x/4).
+// slope: dk/du = u slope; bend: d(slope)/du = u bend; the same in v.
+struct Chord {
+  double k, slope, bend;
+};
+
+inline Chord ChordOf(double x) {
+  const Stumpffs c = Stumpff(0.25 * x);
+  return {c[1], 0.25 * (c[3] - c[2]), (3 * c[5] - 3 * c[4] + c[3]) / 16};
+}
+
+void Require(bool ok, const std::string& what) {
+  if (!ok) throw std::invalid_argument("body: " + what);
+}
+
+bool Positive(double x) { return std::isfinite(x) && x > 0; }
+
+bool NotNegative(double x) { return std::isfinite(x) && x >= 0; }
+
+}  // namespace
+
+struct Body::Workspace::Unit {
+  Joint joint;
+  Vector3d bias_v, bias_w;  // acceleration of B with the joint's and A's accelerations zero
+  Vector3d f, n;  // force and moment at the origin of B: articulated bias, or what the joint carries
+  Vector3d uf_u, un_u, uf_v, un_v;  // articulated inertia times the motion subspace
+  double d_uu, d_uv, d_vv;          // inverse of the 2 x 2 joint inertia
+  double t_u, t_v;                  // joint force left for the acceleration
+  Vector3d z;                       // axis of the disk
+};
+
+Body::Workspace::Workspace(const Body& body) : units_(body.units()) {}
+Body::Workspace::Workspace(const Workspace& other) = default;
+Body::Workspace::Workspace(Workspace&& other) noexcept = default;
+Body::Workspace& Body::Workspace::operator=(const Workspace& other) = default;
+Body::Workspace& Body::Workspace::operator=(Workspace&& other) noexcept = default;
+Body::Workspace::~Workspace() = default;
+
+Body::Body(const BodyParameters& parameters) : parameters_(parameters) {
+  const auto& sections = parameters_.sections;
+  Require(!sections.empty() && sections.size() <= static_cast<std::size_t>(kMaxSections),
+          "number of sections must be 1.." + std::to_string(kMaxSections));
+  Require(parameters_.gravity_W_mps2.allFinite(), "gravity must be finite");
+  first_unit_.push_back(0);
+  for (std::size_t k = 0; k < sections.size(); ++k) {
+    const SectionParameters& s = sections[k];
+    const std::string where = "section " + std::to_string(k + 1) + ": ";
+    Require(s.units >= 1, where + "units must be at least 1");
+    Require(Positive(s.unit_length_m), where + "unit_length_m must be positive");
+    Require(Positive(s.unit_mass_kg), where + "unit_mass_kg must be positive");
+    Require(Positive(s.disk_inertia_xx_kgm2), where + "disk_inertia_xx_kgm2 must be positive");
+    Require(Positive(s.disk_inertia_zz_kgm2), where + "disk_inertia_zz_kgm2 must be positive");
+    Require(Positive(s.youngs_modulus_Pa), where + "youngs_modulus_Pa must be positive");
+    Require(Positive(s.core_radius_m), where + "core_radius_m must be positive");
+    Require(NotNegative(s.bending_damping_Nms), where + "bending_damping_Nms must not be negative");
+    Require(s.tendons.size() >= 3, where + "needs at least 3 tendons");
+    const int first_tendon = tendons();
+    for (const TendonRoute& t : s.tendons) {
+      Require(std::isfinite(t.angle_rad), where + "tendon angle must be finite");
+      Require(Positive(t.radius_m), where + "tendon radius must be positive");
+      tendons_.push_back({static_cast<int>(k), std::cos(t.angle_rad), std::sin(t.angle_rad), t.radius_m});
+    }
+    units_ += s.units;
+    Require(units_ <= kMaxUnits, "more than " + std::to_string(kMaxUnits) + " units");
+    first_unit_.push_back(units_);
+    for (int i = 0; i < s.units; ++i) {
+      unit_.push_back({s.unit_length_m, s.unit_mass_kg, s.disk_inertia_xx_kgm2, s.disk_inertia_zz_kgm2,
+                       s.UnitStiffness(), s.bending_damping_Nms, first_tendon});
+    }
+  }
+  Require(tendons() <= kMaxTendons, "more than " + std::to_string(kMaxTendons) + " tendons");
+}
+
+// ---- kinematics ----
+
+void Body::Poses(ConstVectorRef q, std::span<Pose> poses) const noexcept {
+  Pose a;
+  for (int i = 0; i < units_; ++i) {
+    const double l = unit_[i].length_m, u = q[2 * i], v = q[2 * i + 1];
+    const Stumpffs c = Stumpff(u * u + v * v);
+    a.p_WA += Times(a.R_WA, l * c[2] * u, l * c[2] * v, l * c[1]);
+    a.R_WA = Turn(a.R_WA, u, v, c);
+    poses[i] = a;
+  }
+}
+
+Pose Body::TipPose(ConstVectorRef q) const noexcept {
+  Pose a;
+  for (int i = 0; i < units_; ++i) {
+    const double l = unit_[i].length_m, u = q[2 * i], v = q[2 * i + 1];
+    const Stumpffs c = Stumpff(u * u + v * v);
+    a.p_WA += Times(a.R_WA, l * c[2] * u, l * c[2] * v, l * c[1]);
+    a.R_WA = Turn(a.R_WA, u, v, c);
+  }
+  return a;
+}
+
+void Body::TipJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept {
+  std::array<Joint, kMaxUnits> joints;
+  Matrix3d r = Matrix3d::Identity();
+  for (int i = 0; i < units_; ++i) {
+    const double u = q[2 * i], v = q[2 * i + 1];
+    const Stumpffs c = Stumpff(u * u + v * v);
+    PlaceJoint(r, unit_[i].length_m, u, v, c, joints[i]);
+    r = Turn(r, u, v, c);
+  }
+  Vector3d to_tip = Vector3d::Zero();  // from B to the tip
+  for (int i = units_ - 1; i >= 0; --i) {
+    const Joint& j = joints[i];
+    jacobian.col(2 * i).head<3>() = j.jv_u + Cross(j.jw_u, to_tip);
+    jacobian.col(2 * i).tail<3>() = j.jw_u;
+    jacobian.col(2 * i + 1).head<3>() = j.jv_v + Cross(j.jw_v, to_tip);
+    jacobian.col(2 * i + 1).tail<3>() = j.jw_v;
+    to_tip += j.p;
+  }
+}
+
+// ---- tendons ----
+
+void Body::TendonLengths(ConstVectorRef q, VectorRef length_m) const noexcept {
+  const int m = tendons();
+  length_m.setZero();
+  for (int i = 0; i < units_; ++i) {
+    const double u = q[2 * i], v = q[2 * i + 1], l = unit_[i].length_m;
+    const double k = ChordOf(u * u + v * v).k;
+    for (int j = unit_[i].first_tendon; j < m; ++j) {
+      const Tendon& t = tendons_[j];
+      length_m[j] += (l - t.radius_m * (u * t.cos_angle + v * t.sin_angle)) * k;
+    }
+  }
+}
+
+void Body::TendonShortening(ConstVectorRef q, VectorRef shortening_m) const noexcept {
+  // l (1 - k) + r a k with 1 - k = y c3(y), y = x/4: exact also where the robot is almost straight.
+  const int m = tendons();
+  shortening_m.setZero();
+  for (int i = 0; i < units_; ++i) {
+    const double u = q[2 * i], v = q[2 * i + 1];
+    const double y = 0.25 * (u * u + v * v);
+    const Stumpffs c = Stumpff(y);
+    const double lost = unit_[i].length_m * y * c[3];
+    for (int j = unit_[i].first_tendon; j < m; ++j) {
+      const Tendon& t = tendons_[j];
+      shortening_m[j] += lost + t.radius_m * (u * t.cos_angle + v * t.sin_angle) * c[1];
+    }
+  }
+}
+
+void Body::TendonLengthJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept {
+  const int m = tendons();
+  jacobian.setZero();
+  for (int i = 0; i < units_; ++i) {
+    const double u = q[2 * i], v = q[2 * i + 1], l = unit_[i].length_m;
+    const Chord chord = ChordOf(u * u + v * v);
+    for (int j = unit_[i].first_tendon; j < m; ++j) {
+      const Tendon& t = tendons_[j];
+      const double rc = t.radius_m * t.cos_angle, rs = t.radius_m * t.sin_angle;
+      const double slope = (l - (u * rc + v * rs)) * chord.slope;
+      jacobian(j, 2 * i) = u * slope - rc * chord.k;
+      jacobian(j, 2 * i + 1) = v * slope - rs * chord.k;
+    }
+  }
+}
+
+void Body::TendonForce(ConstVectorRef q, ConstVectorRef tension_N, VectorRef force_Nm) const noexcept {
+  // All tendons of a unit act through their sum and their first moments alone. From the tip to the base,
+  // tendons that end on the way join in.
+  double sum = 0, moment_u = 0, moment_v = 0;
+  int counted = tendons();
+  for (int i = units_ - 1; i >= 0; --i) {
+    while (counted > unit_[i].first_tendon) {
+      const Tendon& t = tendons_[--counted];
+      sum += tension_N[counted];
+      moment_u += tension_N[counted] * t.radius_m * t.cos_angle;
+      moment_v += tension_N[counted] * t.radius_m * t.sin_angle;
+    }
+    const double u = q[2 * i], v = q[2 * i + 1];
+    const Chord chord = ChordOf(u * u + v * v);
+    const double slope = (sum * unit_[i].length_m - (u * moment_u + v * moment_v)) * chord.slope;
+    force_Nm[2 * i] = moment_u * chord.k - u * slope;
+    force_Nm[2 * i + 1] = moment_v * chord.k - v * slope;
+  }
+}
+
+// ---- dynamics ----
+
+void Body::InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef ddq, VectorRef force_Nm,
+                           Workspace& workspace) const noexcept {
+  Workspace::Unit* const unit = workspace.units_.data();
+  Matrix3d r = Matrix3d::Identity();
+  Vector3d w = Vector3d::Zero(), dw = Vector3d::Zero(), a = -parameters_.gravity_W_mps2;
+  for (int i = 0; i < units_; ++i) {
+    const UnitConstants& k = unit_[i];
+    Joint& j = unit[i].joint;
+    const double u = q[2 * i], v = q[2 * i + 1], du = dq[2 * i], dv = dq[2 * i + 1];
+    const double ddu = ddq[2 * i], ddv = ddq[2 * i + 1];
+    const Stumpffs c = Stumpff(u * u + v * v);
+    PlaceJoint(r, k.length_m, u, v, c, j);
+    Vector3d linear, angular;
+    RelativeBias(k.length_m, u, v, du, dv, c, linear, angular);
+    const Vector3d dp = j.jv_u * du + j.jv_v * dv, w_rel = j.jw_u * du + j.jw_v * dv;
+    a += Cross(dw, j.p) + Cross(w, Cross(w, j.p) + 2 * dp) + Times(r, linear[0], linear[1], linear[2]) +
+         j.jv_u * ddu + j.jv_v * ddv;
+    dw += Cross(w, w_rel) + Times(r, angular[0], angular[1], angular[2]) + j.jw_u * ddu + j.jw_v * ddv;
+    w += w_rel;
+    r = Turn(r, u, v, c);
+    const Vector3d z = r.col(2);
+    const double extra = k.inertia_zz - k.inertia_xx, spin = z.dot(w);
+    unit[i].f = k.mass_kg * a;
+    unit[i].n = k.inertia_xx * dw + (extra * z.dot(dw)) * z + (extra * spin) * Cross(w, z);
+  }
+  Vector3d f = Vector3d::Zero(), n = Vector3d::Zero();
+  for (int i = units_ - 1; i >= 0; --i) {
+    const UnitConstants& k = unit_[i];
+    const Joint& j = unit[i].joint;
+    f += unit[i].f;
+    n += unit[i].n;
+    force_Nm[2 * i] = j.jv_u.dot(f) + j.jw_u.dot(n) + k.stiffness_Nm * q[2 * i] + k.damping_Nms * dq[2 * i];
+    force_Nm[2 * i + 1] =
+        j.jv_v.dot(f) + j.jw_v.dot(n) + k.stiffness_Nm * q[2 * i + 1] + k.damping_Nms * dq[2 * i + 1];
+    n += Cross(j.p, f);
+  }
+}
+
+void Body::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef force_Nm, VectorRef ddq,
+                           Workspace& workspace) const noexcept {
+  Workspace::Unit* const unit = workspace.units_.data();
+  Matrix3d r = Matrix3d::Identity();
+  Vector3d w = Vector3d::Zero();
+  for (int i = 0; i < units_; ++i) {
+    const UnitConstants& k = unit_[i];
+    Workspace::Unit& b = unit[i];
+    Joint& j = b.joint;
+    const double u = q[2 * i], v = q[2 * i + 1], du = dq[2 * i], dv = dq[2 * i + 1];
+    const Stumpffs c = Stumpff(u * u + v * v);
+    PlaceJoint(r, k.length_m, u, v, c, j);
+    Vector3d linear, angular;
+    RelativeBias(k.length_m, u, v, du, dv, c, linear, angular);
+    const Vector3d dp = j.jv_u * du + j.jv_v * dv, w_rel = j.jw_u * du + j.jw_v * dv;
+    b.bias_v = Cross(w, Cross(w, j.p) + 2 * dp) + Times(r, linear[0], linear[1], linear[2]);
+    b.bias_w = Cross(w, w_rel) + Times(r, angular[0], angular[1], angular[2]);
+    w += w_rel;
+    r = Turn(r, u, v, c);
+    b.z = r.col(2);
+    const double extra = k.inertia_zz - k.inertia_xx;
+    b.n = (extra * b.z.dot(w)) * Cross(w, b.z);
+    b.t_u = force_Nm[2 * i] - k.stiffness_Nm * u - k.damping_Nms * du;
+    b.t_v = force_Nm[2 * i + 1] - k.stiffness_Nm * v - k.damping_Nms * dv;
+  }
+
+  // Articulated inertia at the origin of B: force = mass * a + cross * alpha, moment = cross^T * a + inertia
+  // * alpha.
+  Matrix3d mass = Matrix3d::Zero(), cross = Matrix3d::Zero(), inertia = Matrix3d::Zero();
+  Vector3d f = Vector3d::Zero(), n = Vector3d::Zero();
+  for (int i = units_ - 1; i >= 0; --i) {
+    const UnitConstants& k = unit_[i];
+    Workspace::Unit& b = unit[i];
+    const Joint& j = b.joint;
+    const double extra = k.inertia_zz - k.inertia_xx;
+    mass.diagonal().array() += k.mass_kg;
+    inertia.noalias() += (extra * b.z) * b.z.transpose();
+    inertia.diagonal().array() += k.inertia_xx;
+    n += b.n;
+
+    b.uf_u.noalias() = mass * j.jv_u + cross * j.jw_u;
+    b.uf_v.noalias() = mass * j.jv_v + cross * j.jw_v;
+    b.un_u.noalias() = cross.transpose() * j.jv_u + inertia * j.jw_u;
+    b.un_v.noalias() = cross.transpose() * j.jv_v + inertia * j.jw_v;
+    const double h_uu = j.jv_u.dot(b.uf_u) + j.jw_u.dot(b.un_u);
+    const double h_uv = j.jv_u.dot(b.uf_v) + j.jw_u.dot(b.un_v);
+    const double h_vv = j.jv_v.dot(b.uf_v) + j.jw_v.dot(b.un_v);
+    const double inverse = 1 / (h_uu * h_vv - h_uv * h_uv);
+    b.d_uu = h_vv * inverse;
+    b.d_uv = -h_uv * inverse;
+    b.d_vv = h_uu * inverse;
+    b.t_u -= j.jv_u.dot(f) + j.jw_u.dot(n);
+    b.t_v -= j.jv_v.dot(f) + j.jw_v.dot(n);
+    if (i == 0) break;
+
+    // Seen from A, the unit yields along its joint; the rest of its inertia and force is handed on.
+    const Vector3d wf_u = b.d_uu * b.uf_u + b.d_uv * b.uf_v, wf_v = b.d_uv * b.uf_u + b.d_vv * b.uf_v;
+    const Vector3d wn_u = b.d_uu * b.un_u + b.d_uv * b.un_v, wn_v = b.d_uv * b.un_u + b.d_vv * b.un_v;
+    mass.noalias() -= wf_u * b.uf_u.transpose() + wf_v * b.uf_v.transpose();
+    cross.noalias() -= wf_u * b.un_u.transpose() + wf_v * b.un_v.transpose();
+    inertia.noalias() -= wn_u * b.un_u.transpose() + wn_v * b.un_v.transpose();
+    f += mass * b.bias_v + cross * b.bias_w + wf_u * b.t_u + wf_v * b.t_v;
+    n += cross.transpose() * b.bias_v + inertia * b.bias_w + wn_u * b.t_u + wn_v * b.t_v;
+
+    // Shift to the origin of A: alpha there adds alpha x p to the origin of B, the force adds p x f to the
+    // moment.
+    n += Cross(j.p, f);
+    inertia -= TimesHat(cross.transpose(), j.p);
+    cross -= TimesHat(mass, j.p);
+    for (int col = 0; col < 3; ++col) inertia.col(col) += Cross(j.p, cross.col(col));
+  }
+
+  Vector3d a = -parameters_.gravity_W_mps2, alpha = Vector3d::Zero();
+  for (int i = 0; i < units_; ++i) {
+    const Workspace::Unit& b = unit[i];
+    const Joint& j = b.joint;
+    a += Cross(alpha, j.p) + b.bias_v;
+    alpha += b.bias_w;
+    const double t_u = b.t_u - b.uf_u.dot(a) - b.un_u.dot(alpha),
+                 t_v = b.t_v - b.uf_v.dot(a) - b.un_v.dot(alpha);
+    const double ddu = b.d_uu * t_u + b.d_uv * t_v, ddv = b.d_uv * t_u + b.d_vv * t_v;
+    ddq[2 * i] = ddu;
+    ddq[2 * i + 1] = ddv;
+    a += j.jv_u * ddu + j.jv_v * ddv;
+    alpha += j.jw_u * ddu + j.jw_v * ddv;
+  }
+}
+
+void Body::MassMatrix(ConstVectorRef q, MatrixRef mass, Workspace& workspace) const noexcept {
+  Workspace::Unit* const unit = workspace.units_.data();
+  Matrix3d r = Matrix3d::Identity();
+  for (int i = 0; i < units_; ++i) {
+    const double u = q[2 * i], v = q[2 * i + 1];
+    const Stumpffs c = Stumpff(u * u + v * v);
+    PlaceJoint(r, unit_[i].length_m, u, v, c, unit[i].joint);
+    r = Turn(r, u, v, c);
+    unit[i].z = r.col(2);
+  }
+  // Everything from disk i to the tip as one rigid body: mass, first moment and inertia about the origin of
+  // B.
+  double m = 0;
+  Vector3d first = Vector3d::Zero();
+  Matrix3d inertia = Matrix3d::Zero();
+  for (int i = units_ - 1; i >= 0; --i) {
+    const UnitConstants& k = unit_[i];
+    const Joint& j = unit[i].joint;
+    m += k.mass_kg;
+    inertia.noalias() += ((k.inertia_zz - k.inertia_xx) * unit[i].z) * unit[i].z.transpose();
+    inertia.diagonal().array() += k.inertia_xx;
+
+    Vector3d f_u = m * j.jv_u + Cross(j.jw_u, first), f_v = m * j.jv_v + Cross(j.jw_v, first);
+    Vector3d n_u = Cross(first, j.jv_u) + inertia * j.jw_u, n_v = Cross(first, j.jv_v) + inertia * j.jw_v;
+    mass(2 * i, 2 * i) = j.jv_u.dot(f_u) + j.jw_u.dot(n_u);
+    mass(2 * i, 2 * i + 1) = mass(2 * i + 1, 2 * i) = j.jv_u.dot(f_v) + j.jw_u.dot(n_v);
+    mass(2 * i + 1, 2 * i + 1) = j.jv_v.dot(f_v) + j.jw_v.dot(n_v);
+    for (int below = i - 1; below >= 0; --below) {
+      n_u += Cross(unit[below + 1].joint.p, f_u);
+      n_v += Cross(unit[below + 1].joint.p, f_v);
+      const Joint& g = unit[below].joint;
+      mass(2 * below, 2 * i) = mass(2 * i, 2 * below) = g.jv_u.dot(f_u) + g.jw_u.dot(n_u);
+      mass(2 * below, 2 * i + 1) = mass(2 * i + 1, 2 * below) = g.jv_u.dot(f_v) + g.jw_u.dot(n_v);
+      mass(2 * below + 1, 2 * i) = mass(2 * i, 2 * below + 1) = g.jv_v.dot(f_u) + g.jw_v.dot(n_u);
+      mass(2 * below + 1, 2 * i + 1) = mass(2 * i + 1, 2 * below + 1) = g.jv_v.dot(f_v) + g.jw_v.dot(n_v);
+    }
+    if (i == 0) break;
+
+    // Shift by p: d -> d + p in sum m (d.d 1 - d d^T).
+    const Vector3d& p = j.p;
+    const double diagonal = 2 * first.dot(p) + m * p.squaredNorm();
+    inertia.noalias() -= first * p.transpose() + p * (first + m * p).transpose();
+    inertia.diagonal().array() += diagonal;
+    first += m * p;
+  }
+}
+
+Energy Body::EnergyOf(ConstVectorRef q, ConstVectorRef dq, Workspace& workspace) const noexcept {
+  Energy energy;
+  Joint& j = workspace.units_[0].joint;
+  Matrix3d r = Matrix3d::Identity();
+  Vector3d p = Vector3d::Zero(), velocity = Vector3d::Zero(), w = Vector3d::Zero();
+  for (int i = 0; i < units_; ++i) {
+    const UnitConstants& k = unit_[i];
+    const double u = q[2 * i], v = q[2 * i + 1], du = dq[2 * i], dv = dq[2 * i + 1];
+    const Stumpffs c = Stumpff(u * u + v * v);
+    PlaceJoint(r, k.length_m, u, v, c, j);
+    velocity += Cross(w, j.p) + j.jv_u * du + j.jv_v * dv;
+    w += j.jw_u * du + j.jw_v * dv;
+    p += j.p;
+    r = Turn(r, u, v, c);
+    const double spin = r.col(2).dot(w);
+    energy.kinetic += 0.5 * (k.mass_kg * velocity.squaredNorm() + k.inertia_xx * w.squaredNorm() +
+                             (k.inertia_zz - k.inertia_xx) * spin * spin);
+    energy.elastic += 0.5 * k.stiffness_Nm * (u * u + v * v);
+    energy.gravity -= k.mass_kg * parameters_.gravity_W_mps2.dot(p);
+  }
+  return energy;
+}
+
+// ---- statics ----
+
+void Body::StaticForce(ConstVectorRef q, const Vector3d& tip_force_W_N, VectorRef force_Nm) const noexcept {
+  std::array<Joint, kMaxUnits> joints;
+  Matrix3d r = Matrix3d::Identity();
+  for (int i = 0; i < units_; ++i) {
+    const double u = q[2 * i], v = q[2 * i + 1];
+    const Stumpffs c = Stumpff(u * u + v * v);
+    PlaceJoint(r, unit_[i].length_m, u, v, c, joints[i]);
+    r = Turn(r, u, v, c);
+  }
+  Vector3d f = tip_force_W_N, n = Vector3d::Zero();
+  for (int i = units_ - 1; i >= 0; --i) {
+    const Joint& j = joints[i];
+    f += unit_[i].mass_kg * parameters_.gravity_W_mps2;
+    force_Nm[2 * i] = unit_[i].stiffness_Nm * q[2 * i] - j.jv_u.dot(f) - j.jw_u.dot(n);
+    force_Nm[2 * i + 1] = unit_[i].stiffness_Nm * q[2 * i + 1] - j.jv_v.dot(f) - j.jw_v.dot(n);
+    n += Cross(j.p, f);
+  }
+}
+
+void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Vector3d& tip_force_W_N,
+                            MatrixRef stiffness) const noexcept {
+  std::array<Joint, kMaxUnits> joints;
+  std::array<Matrix3d, kMaxUnits> r_wa;
+  std::array<Stumpffs, kMaxUnits> stumpff;
+  Matrix3d r = Matrix3d::Identity();
+  for (int i = 0; i < units_; ++i) {
+    const double u = q[2 * i], v = q[2 * i + 1];
+    stumpff[i] = Stumpff(u * u + v * v);
+    r_wa[i] = r;
+    PlaceJoint(r, unit_[i].length_m, u, v, stumpff[i], joints[i]);
+    r = Turn(r, u, v, stumpff[i]);
+  }
+
+  // Forces F_k at disks k >= i, seen from the origin of B with arms d_k: sum F, sum d x F, and sum d F^T -
+  // (d.F) 1, which turns a small rotation w into sum (w x d) x F.
+  Vector3d f = tip_force_W_N, n = Vector3d::Zero();
+  Matrix3d turning = Matrix3d::Zero();
+  double sum = 0, moment_u = 0, moment_v = 0;
+  int counted = tendons();
+  for (int i = units_ - 1; i >= 0; --i) {
+    const UnitConstants& k = unit_[i];
+    const Joint& j = joints[i];
+    const Stumpffs& c = stumpff[i];
+    const double l = k.length_m, u = q[2 * i], v = q[2 * i + 1];
+    f += k.mass_kg * parameters_.gravity_W_mps2;
+
+    // Change of the moment about the origin of A when this unit bends: what the units below it feel.
+    const Vector3d y_u = Cross(j.jv_u, f) + turning * j.jw_u, y_v = Cross(j.jv_v, f) + turning * j.jw_v;
+    for (int below = i - 1; below >= 0; --below) {
+      const Joint& g = joints[below];
+      stiffness(2 * below, 2 * i) = stiffness(2 * i, 2 * below) = -g.jw_u.dot(y_u);
+      stiffness(2 * below, 2 * i + 1) = stiffness(2 * i + 1, 2 * below) = -g.jw_u.dot(y_v);
+      stiffness(2 * below + 1, 2 * i) = stiffness(2 * i, 2 * below + 1) = -g.jw_v.dot(y_u);
+      stiffness(2 * below + 1, 2 * i + 1) = stiffness(2 * i + 1, 2 * below + 1) = -g.jw_v.dot(y_v);
+    }
+
+    // Within the unit: second derivatives of p and of the angular velocity, with F and the moment in the axes
+    // of A.
+    const Vector3d fa = r_wa[i].transpose() * f, na = r_wa[i].transpose() * n;
+    const double d1 = c[3] - c[2], d2 = 2 * c[4] - c[3], d3 = 3 * c[5] - c[4];
+    const double e1 = d3 - d2, e2 = 8 * c[6] - 5 * c[5] + c[4];
+    const double uu = u * u, uv = u * v, vv = v * v;
+    const Vector3d p_uu(u * (3 * d2 + uu * e2), v * (d2 + uu * e2), d1 + uu * e1);
+    const Vector3d p_uv(v * (d2 + uu * e2), u * (d2 + vv * e2), uv * e1);
+    const Vector3d p_vv(u * (d2 + vv * e2), v * (3 * d2 + vv * e2), d1 + vv * e1);
+    const Vector3d w_uu(-v * (c[3] + uu * d3), -u * vv * d3, -uv * d2);                        // d jw_u / du
+    const Vector3d w_uv(-u * (c[3] + vv * d3), -v * (2 * c[3] + vv * d3), -(c[2] + vv * d2));  // d jw_u / dv
+    const Vector3d w_vv(uu * v * d3, u * (c[3] + vv * d3), uv * d2);                           // d jw_v / dv
+
+    while (counted > k.first_tendon) {
+      const Tendon& t = tendons_[--counted];
+      sum += tension_N[counted];
+      moment_u += tension_N[counted] * t.radius_m * t.cos_angle;
+      moment_v += tension_N[counted] * t.radius_m * t.sin_angle;
+    }
+    const Chord chord = ChordOf(uu + vv);
+    const double lever = sum * l - (u * moment_u + v * moment_v);
+    const Vector3d turn_v = turning * j.jw_v;
+    stiffness(2 * i, 2 * i) = k.stiffness_Nm + lever * (chord.slope + uu * chord.bend) -
+                              2 * u * moment_u * chord.slope - l * fa.dot(p_uu) - na.dot(w_uu) -
+                              j.jw_u.dot(turning * j.jw_u);
+    stiffness(2 * i, 2 * i + 1) = stiffness(2 * i + 1, 2 * i) =
+        lever * uv * chord.bend - (u * moment_v + v * moment_u) * chord.slope - l * fa.dot(p_uv) -
+        na.dot(w_uv) - j.jw_u.dot(turn_v);
+    stiffness(2 * i + 1, 2 * i + 1) = k.stiffness_Nm + lever * (chord.slope + vv * chord.bend) -
+                                      2 * v * moment_v * chord.slope - l * fa.dot(p_vv) - na.dot(w_vv) -
+                                      j.jw_v.dot(turn_v);
+
+    n += Cross(j.p, f);
+    turning.noalias() += j.p * f.transpose();
+    turning.diagonal().array() -= j.p.dot(f);
+  }
+}
+
+// ---- constant curvature over sections ----
+
+void Body::SpreadBending(ConstVectorRef us_vs, VectorRef q) const noexcept {
+  for (int s = 0; s < sections(); ++s) {
+    const double share = end_unit(s) - first_unit(s);
+    for (int i = first_unit(s); i < end_unit(s); ++i) {
+      q[2 * i] = us_vs[2 * s] / share;
+      q[2 * i + 1] = us_vs[2 * s + 1] / share;
+    }
+  }
+}
+
+void Body::SumBending(ConstVectorRef q, VectorRef us_vs) const noexcept {
+  us_vs.setZero();
+  for (int s = 0; s < sections(); ++s) {
+    for (int i = first_unit(s); i < end_unit(s); ++i) {
+      us_vs[2 * s] += q[2 * i];
+      us_vs[2 * s + 1] += q[2 * i + 1];
+    }
+  }
+}
+
+void Body::ProjectForce(ConstVectorRef force_Nm, VectorRef section_force_Nm) const noexcept {
+  // Equal shares of us move each unit by us / n, so a section's force is the mean of its units'.
+  SumBending(force_Nm, section_force_Nm);
+  for (int s = 0; s < sections(); ++s) section_force_Nm.segment<2>(2 * s) /= end_unit(s) - first_unit(s);
+}
+
+}  // namespace tendril::model
