@@ -1,0 +1,51 @@
+// Emergency messages: frame codec, and each EPOS4 code with its cause, remedy and reaction.
+// One table for master and emulator; knows no node's state.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+
+#include "tendril/can/can_port.h"
+
+namespace tendril::canopen {
+
+/// Bits of the error register 0x1001.
+namespace error_register {
+inline constexpr std::uint8_t kGeneric = 0x01, kCurrent = 0x02, kVoltage = 0x04, kTemperature = 0x08,
+                              kCommunication = 0x10, kProfile = 0x20, kMotion = 0x80;
+}
+
+/// What the drive does by itself.
+enum class EmcyReaction : std::uint8_t {
+  kNone,             // 0000: an error went away
+  kDisable,          // always disables
+  kFaultOption,      // per 0x605E
+  kAbortConnection,  // per 0x6007
+};
+
+struct EmcyInfo {
+  std::uint16_t first = 0, last = 0;  // codes covered
+  std::uint8_t register_bit = 0;
+  EmcyReaction reaction = EmcyReaction::kDisable;
+  const char* text = "";
+  const char* cause = "";
+  const char* remedy = "";
+};
+
+std::span<const EmcyInfo> EmcyTable() noexcept;
+/// Never fails: codes outside the table give an entry that says so, by CiA 301's class of error.
+const EmcyInfo& FindEmcy(std::uint16_t code) noexcept;
+
+struct EmcyMessage {
+  int node_id = 0;
+  std::uint16_t code = 0;
+  std::uint8_t error_register = 0;
+  std::array<std::uint8_t, 5> vendor{};
+};
+can::CanFrame EmcyFrame(const EmcyMessage& message) noexcept;
+/// Empty for any other frame (SYNC shares the function code) and for fewer than 8 bytes.
+std::optional<EmcyMessage> ParseEmcy(const can::CanFrame& frame) noexcept;
+
+}  // namespace tendril::canopen

@@ -1,0 +1,96 @@
+// PDO mapping: the one table from which remapping, encoding, decoding and the start-up check are made.
+// Knows the drive's objects by number only, and no port.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "tendril/can/can_port.h"
+
+namespace tendril::canopen {
+
+struct MappingEntry {
+  std::uint16_t index = 0;
+  std::uint8_t sub = 0;
+  std::uint8_t bits = 0;  // a multiple of 8, at most 64
+  bool is_signed = false;
+};
+
+/// As the mapping objects 0x16xx and 0x1Axx hold it: index, sub-index, length in bits.
+constexpr std::uint32_t MappingValue(const MappingEntry& entry) {
+  return (static_cast<std::uint32_t>(entry.index) << 16) | (static_cast<std::uint32_t>(entry.sub) << 8) |
+         entry.bits;
+}
+
+inline constexpr int kMaxMappingEntries = 12;  // of an EPOS4
+inline constexpr int kMaxPdoEntries = 4;       // of ours
+
+/// One PDO as we use it.
+struct PdoLayout {
+  bool transmit = false;            // seen from the drive
+  int number = 1;                   // 1..4
+  std::uint8_t transmission = 0;    // object sub 2: 1 every SYNC, 255 on change
+  std::uint16_t inhibit_100us = 0;  // TPDO sub 3
+  int count = 0;
+  std::array<MappingEntry, kMaxPdoEntries> entries{};
+
+  constexpr int bytes() const {
+    int bits = 0;
+    for (int i = 0; i < count; ++i) bits += entries[static_cast<std::size_t>(i)].bits;
+    return bits / 8;
+  }
+  constexpr std::uint16_t communication_index() const {
+    return static_cast<std::uint16_t>((transmit ? 0x1800 : 0x1400) + number - 1);
+  }
+  constexpr std::uint16_t mapping_index() const {
+    return static_cast<std::uint16_t>((transmit ? 0x1A00 : 0x1600) + number - 1);
+  }
+};
+
+using PdoValues = std::array<std::int64_t, kMaxPdoEntries>;
+
+/// Place of an object in a layout's values; does not compile for an object that is not mapped there.
+consteval std::size_t Slot(const PdoLayout& layout, std::uint16_t index, std::uint8_t sub) {
+  for (int i = 0; i < layout.count; ++i) {
+    const MappingEntry& entry = layout.entries[static_cast<std::size_t>(i)];
+    if (entry.index == index && entry.sub == sub) return static_cast<std::size_t>(i);
+  }
+  throw "object is not mapped in this PDO";
+}
+
+/// Packs one value an entry, first entry first, least significant byte first. Returns the bytes used (at most
+/// 8).
+int EncodePdo(std::span<const MappingEntry> entries, std::span<const std::int64_t> values,
+              std::span<std::uint8_t, 8> data) noexcept;
+/// The inverse; false when fewer than the mapped bytes came. Further bytes are ignored, as CiA 301 allows.
+bool DecodePdo(std::span<const MappingEntry> entries, std::span<const std::uint8_t> data,
+               std::span<std::int64_t> values) noexcept;
+
+// ---- the PDOs of this system
+// -----------------------------------------------------------------------------------
+
+/// Torque to the drive. Type 1: what came in before a SYNC acts at that SYNC.
+inline constexpr PdoLayout kRpdoTorque{.transmit = false,
+                                       .number = 1,
+                                       .transmission = 1,
+                                       .inhibit_100us = 0,
+                                       .count = 2,
+                                       .entries = {{{0x6040, 0, 16, false}, {0x6071, 0, 16, true}}}};
+/// Everything the control loop needs, each SYNC.
+inline constexpr PdoLayout kTpdoFeedback{
+    .transmit = true,
+    .number = 1,
+    .transmission = 1,
+    .inhibit_100us = 0,
+    .count = 3,
+    .entries = {{{0x6064, 0, 32, true}, {0x6077, 0, 16, true}, {0x3160, 1, 16, true}}}};
+/// Statusword when it changes, at most every 10 ms.
+inline constexpr PdoLayout kTpdoStatus{.transmit = true,
+                                       .number = 2,
+                                       .transmission = 255,
+                                       .inhibit_100us = 100,
+                                       .count = 1,
+                                       .entries = {{{0x6041, 0, 16, false}}}};
+
+}  // namespace tendril::canopen
