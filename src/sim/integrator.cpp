@@ -1,0 +1,110 @@
+// CVODE with a matrix-embedded linear solver: the system solves its own Newton equations, whose structure it knows.
+// Knows nothing of robots.
+#include "integrator.h"
+
+#include <fmt/core.h>
+
+#include <cmath>
+#include <stdexcept>
+
+namespace tendril::sim {
+
+struct IntegratorCallbacks {
+  static int Derivative(realtype t, N_Vector y, N_Vector derivative, void* self) {
+    auto* integrator = static_cast<Integrator*>(self);
+    return integrator->system_.Derivative(t, N_VGetArrayPointer(y), N_VGetArrayPointer(derivative)) ? 0 : 1;
+  }
+  static SUNLinearSolver_Type Type(SUNLinearSolver) { return SUNLINEARSOLVER_MATRIX_EMBEDDED; }
+  static int Solve(SUNLinearSolver solver, SUNMatrix, N_Vector x, N_Vector b, realtype) {
+    auto* integrator = static_cast<Integrator*>(solver->content);
+    realtype gamma = 0;
+    CVodeGetCurrentGamma(integrator->cvode_, &gamma);
+    return integrator->system_.SolveNewton(gamma, N_VGetArrayPointer(b), N_VGetArrayPointer(x)) ? 0 : 1;
+  }
+  static void Message(int, const char*, const char*, char* text, void* self) {
+    static_cast<Integrator*>(self)->reason_ = text;
+  }
+};
+
+namespace {
+void Check(int flag, const char* what) {
+  if (flag != CV_SUCCESS) throw std::runtime_error(fmt::format("integrator: {} failed ({})", what, flag));
+}
+}  // namespace
+
+Integrator::Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Tolerances& tolerances)
+    : system_(system), y_(y0) {
+  Check(SUNContext_Create(nullptr, &context_), "SUNContext_Create");
+  vector_ = N_VMake_Serial(y_.size(), y_.data(), context_);
+  absolute_ = N_VNew_Serial(y_.size(), context_);
+  Eigen::VectorXd::Map(N_VGetArrayPointer(absolute_), y_.size()) = tolerances.absolute;
+  linear_ = SUNLinSolNewEmpty(context_);
+  linear_->content = this;
+  linear_->ops->gettype = IntegratorCallbacks::Type;
+  linear_->ops->solve = IntegratorCallbacks::Solve;
+  cvode_ = CVodeCreate(CV_BDF, context_);
+  if (cvode_ == nullptr) throw std::runtime_error("integrator: CVodeCreate failed");
+  Check(CVodeInit(cvode_, IntegratorCallbacks::Derivative, t_, vector_), "CVodeInit");
+  Check(CVodeSetErrHandlerFn(cvode_, IntegratorCallbacks::Message, this), "CVodeSetErrHandlerFn");
+  Check(CVodeSetUserData(cvode_, this), "CVodeSetUserData");
+  Check(CVodeSVtolerances(cvode_, tolerances.relative, absolute_), "CVodeSVtolerances");
+  Check(CVodeSetLinearSolver(cvode_, linear_, nullptr), "CVodeSetLinearSolver");
+}
+
+Integrator::~Integrator() {
+  CVodeFree(&cvode_);
+  SUNLinSolFreeEmpty(linear_);
+  N_VDestroy(absolute_);
+  N_VDestroy(vector_);
+  SUNContext_Free(&context_);
+}
+
+void Integrator::StepTowards(double end) {
+  double first_step = 1e-6;
+  while (true) {
+    // The next step as CVODE would like it, shortened so that the rest of the way is a whole number of them.
+    realtype wanted = 0;
+    CVodeGetCurrentStep(cvode_, &wanted);
+    const double rest = end - t_;
+    const double pieces = wanted > 0 ? std::ceil(rest / wanted - 0.1) : 1;
+    CVodeSetStopTime(cvode_, pieces > 1 ? t_ + rest / pieces : end);
+    const int flag = CVode(cvode_, end, vector_, &t_, CV_ONE_STEP);
+    if (flag >= 0) return;
+    if (first_step < 1e-10) {
+      throw std::runtime_error(fmt::format("integration stopped at t = {:.6f} s: {}", t_, reason_));
+    }
+    Restart(first_step);
+    first_step *= 1e-2;
+  }
+}
+
+void Integrator::Restart(double first_step) {
+  const Counters now = counters();
+  before_restart_ = now;
+  ++before_restart_.restarts;
+  Check(CVodeReInit(cvode_, t_, vector_), "CVodeReInit");
+  Check(CVodeSetInitStep(cvode_, first_step), "CVodeSetInitStep");
+}
+
+Integrator::Counters Integrator::SolverCounters() const {
+  Counters c;
+  CVodeGetNumSteps(cvode_, &c.steps);
+  CVodeGetNumRhsEvals(cvode_, &c.derivatives);
+  CVodeGetNumNonlinSolvIters(cvode_, &c.newton);
+  CVodeGetNumErrTestFails(cvode_, &c.error_test_failures);
+  CVodeGetNumNonlinSolvConvFails(cvode_, &c.convergence_failures);
+  return c;
+}
+
+Integrator::Counters Integrator::counters() const {
+  Counters c = SolverCounters();
+  c.steps += before_restart_.steps;
+  c.derivatives += before_restart_.derivatives;
+  c.newton += before_restart_.newton;
+  c.error_test_failures += before_restart_.error_test_failures;
+  c.convergence_failures += before_restart_.convergence_failures;
+  c.restarts = before_restart_.restarts;
+  return c;
+}
+
+}  // namespace tendril::sim

@@ -1,0 +1,389 @@
+// The plant: body and drivetrains as one system of ordinary differential equations, sensors around it.
+// States: unit bending q, motor angles, their rates, and the Dahl state of each motor's friction. Stop operators are
+// functions of position that remember: read inside the solver's steps, moved on only when a step was accepted.
+#include "tendril/sim/plant.h"
+
+#include <fmt/core.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <numbers>
+#include <random>
+#include <stdexcept>
+
+#include "drivetrain.h"
+#include "integrator.h"
+
+namespace tendril::sim {
+namespace {
+
+using ConstVector = Eigen::Map<const Eigen::VectorXd>;
+using Vector = Eigen::Map<Eigen::VectorXd>;
+
+// Newton's matrix is built from mass and stiffness at a reference shape; beyond this bend or tension from there they
+// are taken anew. The iteration stays fast, and its solution does not depend on it.
+constexpr double kNewtonBend_rad = 0.05;
+constexpr double kNewtonTension_N = 1.0;
+
+bool Same(const PulleyParameters& a, const PulleyParameters& b) {
+  return a.law == b.law && a.wrap_rad == b.wrap_rad && a.radius_ratio == b.radius_ratio && a.alpha == b.alpha &&
+         a.exponent == b.exponent && a.entry_angle_rad == b.entry_angle_rad;
+}
+
+bool SameMap(const TransmissionParameters& a, const TransmissionParameters& b) {
+  return a.low_tension_N == b.low_tension_N && a.pulleys.size() == b.pulleys.size() &&
+         std::equal(a.pulleys.begin(), a.pulleys.end(), b.pulleys.begin(), Same);
+}
+
+const ActuationParameters& Actuation(const RobotParameters& robot) {
+  if (!robot.actuation) {
+    throw std::invalid_argument(fmt::format(
+        "robot '{}' has no actuation: the plant needs motors and tendons; use a robot file with an 'actuation' section",
+        robot.name));
+  }
+  const int wanted = robot.body.tendons();
+  if (static_cast<int>(robot.actuation->tendons.size()) != wanted) {
+    throw std::invalid_argument(fmt::format("robot '{}': actuation names {} tendons, the body has {}", robot.name,
+                                            robot.actuation->tendons.size(), wanted));
+  }
+  return *robot.actuation;
+}
+
+}  // namespace
+
+struct Plant::Impl final : OdeSystem {
+  Impl(const RobotParameters& robot_parameters, const PlantOptions& plant_options)
+      : robot(robot_parameters),
+        options(plant_options),
+        actuation(Actuation(robot)),
+        body(robot.body),
+        workspace(body),
+        n(body.dof()),
+        m(body.tendons()),
+        random(plant_options.seed) {
+    std::vector<std::shared_ptr<const model::CapstanTable>> tables;
+    for (int j = 0; j < m; ++j) {
+      const auto& p = actuation.tendons[j];
+      for (int i = 0; i < j && static_cast<int>(tables.size()) == j; ++i) {
+        if (SameMap(actuation.tendons[i].transmission, p.transmission)) tables.push_back(tables[i]);
+      }
+      if (static_cast<int>(tables.size()) == j) {
+        // The motor's rated torque bounds what it can pull for long; the table's own limit is the file's, doubled.
+        const double most = std::max(2 * robot.limits.max_tension_motor_N, 20.0);
+        tables.push_back(std::make_shared<model::CapstanTable>(p.transmission, most));
+      }
+      drive.emplace_back(p, robot.limits.min_tension_N, tables.back());
+    }
+    for (const auto& section : robot.body.sections) {
+      for (int i = 0; i < 2 * section.units; ++i) damping.push_back(section.bending_damping_Nms);
+    }
+
+    length_jacobian.setZero(m, n);
+    shortening.setZero(m);
+    shortening_rate.setZero(m);
+    tension.setZero(m);
+    force.setZero(n);
+    evaluated_q.setZero(n);
+    motion.resize(m);
+    forces.resize(m);
+    linear.resize(m);
+    state.resize(m);
+    mass.setZero(n, n);
+    stiffness.setZero(n, n);
+    newton.setZero(n, n);
+    weight.setZero(m);
+    known.setZero(m);
+    rotor.setZero(m);
+    moved.setZero(m);
+    body_rhs.setZero(n);
+    cholesky = Eigen::LLT<Eigen::MatrixXd>(n);
+    q.setZero(n);
+    dq.setZero(n);
+
+    integrator = std::make_unique<Integrator>(*this, Eigen::VectorXd::Zero(2 * (n + m) + m), StateTolerances());
+    ReadState();
+    UpdateTendonStates();
+    RememberPose();
+  }
+
+  // ---- layout of the state: q, motor angles, dq, motor velocities, Dahl states ----
+  int angle_at(int j) const { return n + j; }
+  int rate_at() const { return n + m; }
+  int velocity_at(int j) const { return 2 * n + m + j; }
+  int dahl_at(int j) const { return 2 * (n + m) + j; }
+
+  /// One tolerance a state, so that each is worth the same change of tendon tension: the given one is for bending; a
+  /// motor angle counts by the stretch it makes, a rate by the damper's tension, a Dahl state by the friction torque.
+  Integrator::Tolerances StateTolerances() const {
+    const double bend = options.absolute_tolerance;
+    Eigen::VectorXd absolute = Eigen::VectorXd::Constant(2 * (n + m) + m, bend);
+    double slowest = 1e300;
+    for (int j = 0; j < m; ++j) {
+      const auto& d = drive[j];
+      const auto [section, route] = Route(j);
+      const double stretch = bend * route.radius_m;
+      const double rate = d.damping_Nspm() > 0 ? std::min(d.stiffness_Npm() / d.damping_Nspm(), kFastest) : kFastest;
+      slowest = std::min(slowest, rate);
+      absolute[angle_at(j)] = stretch / d.travel_m_per_rad();
+      absolute[velocity_at(j)] = rate * stretch / d.travel_m_per_rad();
+      const double friction = d.stiffness_Npm() * stretch * d.travel_m_per_rad();
+      absolute[dahl_at(j)] = d.coulomb_Nm() > 0 ? std::min(1e-2, friction / d.coulomb_Nm()) : 1e-2;
+    }
+    absolute.segment(rate_at(), n).setConstant(slowest * bend);
+    return {options.relative_tolerance, absolute};
+  }
+  static constexpr double kFastest = 1500;  // 1/s: rates that move a sensor within a fraction of a millisecond
+
+  std::pair<int, TendonRoute> Route(int tendon) const {
+    int section = 0;
+    while (tendon >= static_cast<int>(robot.body.sections[section].tendons.size())) {
+      tendon -= static_cast<int>(robot.body.sections[section].tendons.size());
+      ++section;
+    }
+    return {section, robot.body.sections[section].tendons[tendon]};
+  }
+
+  // ---- equations of motion ----
+  bool Derivative(double t, const double* y, double* derivative) noexcept override {
+    const ConstVector bend(y, n), bend_rate(y + rate_at(), n);
+    if (!bend.allFinite() || !bend_rate.allFinite()) return false;
+    body.TendonLengthJacobian(bend, length_jacobian);
+    body.TendonShortening(bend, shortening);
+    shortening_rate.noalias() = -(length_jacobian * bend_rate);
+    evaluated_q = bend;
+    for (int j = 0; j < m; ++j) {
+      motion[j] = {y[angle_at(j)], y[velocity_at(j)], y[dahl_at(j)], shortening[j], shortening_rate[j]};
+      forces[j] = drive[j].Evaluate(motion[j], drive[j].Torque(t));
+      tension[j] = forces[j].tension_base_N;
+      derivative[angle_at(j)] = y[velocity_at(j)];
+      derivative[velocity_at(j)] = forces[j].acceleration_radps2;
+      derivative[dahl_at(j)] = forces[j].dahl_rate_ps;
+    }
+    force.noalias() = -(length_jacobian.transpose() * tension);
+    Vector(derivative, n) = bend_rate;
+    Vector acceleration(derivative + rate_at(), n);
+    body.ForwardDynamics(bend, bend_rate, force, acceleration, workspace);
+    return acceleration.allFinite();
+  }
+
+  /// (I - gamma df/dy) x = b with the rows of the body multiplied by the mass matrix and the motors, whose block is
+  /// diagonal, eliminated; what is left is symmetric in the bending rates:
+  ///   [H + gamma D + gamma^2 K + J^T diag(w) J] dv = ...,  J = dL/dq.
+  bool SolveNewton(double gamma, const double* b, double* x) noexcept override {
+    if (reference_q.size() == 0 || (evaluated_q - reference_q).cwiseAbs().maxCoeff() > kNewtonBend_rad ||
+        (tension - reference_tension).cwiseAbs().maxCoeff() > kNewtonTension_N) {
+      body.MassMatrix(evaluated_q, mass, workspace);
+      body.TangentStiffness(evaluated_q, tension, Eigen::Vector3d::Zero(), stiffness);
+      reference_q = evaluated_q;
+      reference_tension = tension;
+      ++jacobians;
+    }
+    const ConstVector b_bend(b, n), b_rate(b + rate_at(), n);
+    moved.noalias() = -(length_jacobian * b_bend);  // known change of shortening
+    for (int j = 0; j < m; ++j) {
+      linear[j] = drive[j].Linearise(motion[j], forces[j], gamma);
+      const auto& l = linear[j];
+      const double angle = b[angle_at(j)];
+      rotor[j] = drive[j].rotor_inertia_kgm2() * b[velocity_at(j)] +
+                 gamma * l.RotorTorque(angle, moved[j], b[dahl_at(j)]);
+      known[j] = gamma * l.BaseTension(angle, moved[j]) + l.base_motor * rotor[j] / l.inertia;
+      weight[j] = l.base_body - l.base_motor * l.rotor_body / l.inertia;
+    }
+    newton = mass + gamma * gamma * stiffness;
+    for (int i = 0; i < n; ++i) newton(i, i) += gamma * damping[i];
+    for (int j = 0; j < m; ++j) {
+      newton.noalias() += weight[j] * length_jacobian.row(j).transpose() * length_jacobian.row(j);
+    }
+    body_rhs.noalias() = mass * b_rate;
+    body_rhs.noalias() -= gamma * (stiffness * b_bend);
+    body_rhs.noalias() -= length_jacobian.transpose() * known;
+    cholesky.compute(newton);
+    if (cholesky.info() != Eigen::Success) return false;
+    Vector rate(x + rate_at(), n);
+    rate = body_rhs;
+    cholesky.solveInPlace(rate);
+    Vector(x, n) = b_bend + gamma * rate;
+    moved.noalias() = length_jacobian * rate;
+    for (int j = 0; j < m; ++j) {
+      const double velocity = (rotor[j] - linear[j].rotor_body * moved[j]) / linear[j].inertia;
+      x[velocity_at(j)] = velocity;
+      x[angle_at(j)] = b[angle_at(j)] + gamma * velocity;
+      x[dahl_at(j)] = linear[j].DahlChange(velocity, b[dahl_at(j)]);
+    }
+    return true;
+  }
+
+  // ---- after accepted steps ----
+
+  /// Tendon paths at the accepted point: by the tangent from the iterate where they were evaluated last, which is
+  /// within the solver's tolerance of it, or anew where it is not.
+  void ReadState() {
+    const Eigen::VectorXd& y = integrator->y();
+    q = y.head(n);
+    dq = y.segment(rate_at(), n);
+    if ((q - evaluated_q).cwiseAbs().maxCoeff() > 1e-5) {
+      body.TendonLengthJacobian(q, length_jacobian);
+      body.TendonShortening(q, shortening);
+    } else {
+      shortening.noalias() -= length_jacobian * (q - evaluated_q);
+    }
+    evaluated_q = q;
+    shortening_rate.noalias() = -(length_jacobian * dq);
+    for (int j = 0; j < m; ++j) {
+      motion[j] = {y[angle_at(j)], y[velocity_at(j)], y[dahl_at(j)], shortening[j], shortening_rate[j]};
+    }
+  }
+
+  void Advance(TimeNs dt_ns) {
+    if (dt_ns <= 0) throw std::invalid_argument(fmt::format("plant: cannot advance by {} ns", dt_ns));
+    const double end = ToSeconds(time_ns + dt_ns);
+    while (integrator->t() < end) {
+      const double from = integrator->t();
+      integrator->StepTowards(end);
+      ReadState();
+      for (int j = 0; j < m; ++j) drive[j].Commit(motion[j], integrator->t() - from);
+    }
+    time_ns += dt_ns;
+    UpdateTendonStates();
+    RememberPose();
+  }
+
+  void UpdateTendonStates() {
+    for (int j = 0; j < m; ++j) {
+      const double torque = drive[j].Torque(ToSeconds(time_ns));
+      const DrivetrainForces f = drive[j].Evaluate(motion[j], torque);
+      state[j] = {motion[j].angle_rad,
+                  motion[j].velocity_radps,
+                  torque,
+                  drive[j].travel_m_per_rad() * motion[j].angle_rad,
+                  motion[j].shortening_m,
+                  f.tension_motor_N,
+                  f.tension_base_N,
+                  f.sliding};
+    }
+  }
+
+  // ---- sensors ----
+  double Noise(double rms) {
+    // Drawn whether it is used or not: a run's noise does not depend on which sensors the file gives a noise.
+    const double value = normal(random);
+    return options.sensor_noise ? rms * value : 0;
+  }
+
+  std::vector<TendonSensors> ReadSensors() {
+    std::vector<TendonSensors> sensors(m);
+    for (int j = 0; j < m; ++j) {
+      const auto& p = actuation.tendons[j];
+      const double turns = state[j].motor_angle_rad / (2 * std::numbers::pi);
+      sensors[j].encoder_counts =
+          static_cast<std::int32_t>(std::llround(turns * p.drive.encoder_counts_per_turn));
+      const double permille = p.drive.rated_torque_Nm * 1e-3;
+      sensors[j].torque_Nm =
+          permille * std::round(state[j].motor_torque_Nm / permille + Noise(p.drive.actual_torque_noise_permille));
+      const double cell = Noise(p.load_cell.noise_N);
+      if (p.load_cell.place == LoadCellPlace::kNone) continue;
+      const double tension_N = p.load_cell.place == LoadCellPlace::kMotorSide ? state[j].tension_motor_N
+                                                                              : state[j].tension_base_N;
+      const double volts = p.load_cell.gain_VpN * (tension_N + cell);
+      sensors[j].load_cell_V = p.load_cell.resolution_V * std::round(volts / p.load_cell.resolution_V);
+    }
+    return sensors;
+  }
+
+  void RememberPose() {
+    if (!actuation.tracker || actuation.tracker->delay_s <= 0) return;
+    const double now = ToSeconds(time_ns);
+    past.push_back({now, q});
+    while (past.size() > 2 && past[1].first <= now - actuation.tracker->delay_s) past.pop_front();
+  }
+
+  /// Shape that the tracker sees now: that of delay_s ago, linear between the ends of the plant's advances.
+  Eigen::VectorXd TrackedShape() const {
+    if (past.empty()) return q;
+    const double when = ToSeconds(time_ns) - actuation.tracker->delay_s;
+    const auto& [t0, q0] = past.front();
+    if (past.size() < 2 || when <= t0) return q0;
+    const auto& [t1, q1] = past[1];
+    return q0 + std::min(1.0, (when - t0) / (t1 - t0)) * (q1 - q0);
+  }
+
+  TrackerReading ReadTracker() {
+    TrackerReading reading;
+    const model::Pose pose = body.TipPose(TrackedShape());
+    const TrackerParameters tracker = actuation.tracker.value_or(TrackerParameters{});
+    Eigen::Vector3d turn;
+    for (int i = 0; i < 3; ++i) reading.tip_W_m[i] = pose.p_WA[i] + Noise(tracker.position_noise_m);
+    for (int i = 0; i < 3; ++i) turn[i] = Noise(tracker.orientation_noise_rad);
+    const double angle = turn.norm();
+    const Eigen::Matrix3d noise =
+        angle > 0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
+    reading.orientation_WT = Eigen::Quaterniond(Eigen::Matrix3d(pose.R_WA * noise));
+    if (reading.orientation_WT.w() < 0) reading.orientation_WT.coeffs() *= -1;
+    return reading;
+  }
+
+  RobotParameters robot;
+  PlantOptions options;
+  const ActuationParameters& actuation;
+  model::Body body;
+  model::Body::Workspace workspace;
+  int n, m;  // bending coordinates, tendons
+  std::vector<Drivetrain> drive;
+  std::vector<double> damping;
+
+  // As evaluated last, inside a step or at its accepted end.
+  Eigen::MatrixXd length_jacobian;
+  Eigen::VectorXd shortening, shortening_rate, tension, force, evaluated_q;
+  std::vector<DrivetrainMotion> motion;
+  std::vector<DrivetrainForces> forces;
+
+  // Newton's equations.
+  std::vector<DrivetrainLinear> linear;
+  Eigen::MatrixXd mass, stiffness, newton;
+  Eigen::VectorXd reference_q, reference_tension;
+  Eigen::VectorXd weight, known, rotor, moved, body_rhs;
+  Eigen::LLT<Eigen::MatrixXd> cholesky;
+  std::uint64_t jacobians = 0;
+
+  std::unique_ptr<Integrator> integrator;
+  TimeNs time_ns = 0;
+  Eigen::VectorXd q, dq;
+  std::vector<TendonState> state;
+  std::deque<std::pair<double, Eigen::VectorXd>> past;
+  std::mt19937_64 random;
+  std::normal_distribution<double> normal;
+};
+
+Plant::Plant(const RobotParameters& robot, const PlantOptions& options)
+    : impl_(std::make_unique<Impl>(robot, options)) {}
+Plant::~Plant() = default;
+
+int Plant::tendons() const { return impl_->m; }
+const model::Body& Plant::body() const { return impl_->body; }
+
+void Plant::SetTorque(const Eigen::Ref<const Eigen::VectorXd>& torque_Nm) {
+  if (torque_Nm.size() != impl_->m) {
+    throw std::invalid_argument(fmt::format("plant: {} torques for {} motors", torque_Nm.size(), impl_->m));
+  }
+  if (!torque_Nm.allFinite()) throw std::invalid_argument("plant: a torque is not finite");
+  for (int j = 0; j < impl_->m; ++j) impl_->drive[j].SetTorque(ToSeconds(impl_->time_ns), torque_Nm[j]);
+}
+
+void Plant::Advance(TimeNs dt_ns) { impl_->Advance(dt_ns); }
+TimeNs Plant::time_ns() const { return impl_->time_ns; }
+const Eigen::VectorXd& Plant::q() const { return impl_->q; }
+const Eigen::VectorXd& Plant::dq() const { return impl_->dq; }
+const std::vector<TendonState>& Plant::tendon() const { return impl_->state; }
+model::Pose Plant::TipPose() const { return impl_->body.TipPose(impl_->q); }
+std::vector<TendonSensors> Plant::ReadSensors() { return impl_->ReadSensors(); }
+TrackerReading Plant::ReadTracker() { return impl_->ReadTracker(); }
+
+Plant::Counters Plant::counters() const {
+  const auto c = impl_->integrator->counters();
+  return {static_cast<std::uint64_t>(c.steps), static_cast<std::uint64_t>(c.derivatives), impl_->jacobians,
+          static_cast<std::uint64_t>(c.newton)};
+}
+
+}  // namespace tendril::sim
