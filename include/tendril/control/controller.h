@@ -13,8 +13,8 @@ namespace tendril::control {
 
 class Controller {
  public:
-  /// Builds tables and workspaces; throws std::invalid_argument when the robot cannot be controlled (no actuation,
-  /// sizes above the capacities of core/limits.h). `period_ns` is the cycle.
+  /// Builds tables and workspaces; throws std::invalid_argument when the robot cannot be controlled (no
+  /// actuation, sizes above the capacities of core/limits.h). `period_ns` is the cycle.
   Controller(const RobotParameters& robot, const ControllerParameters& parameters, TimeNs period_ns);
   ~Controller();
 

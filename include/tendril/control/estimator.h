@@ -1,0 +1,49 @@
+// What the robot does, from what the drives report: tendon displacement, tension at the base, bending of each
+// section and the tip, by least squares of the straight-tendon shortening with the tendons' stretch taken
+// out. Knows nothing of commands.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <memory>
+#include <vector>
+
+#include "tendril/core/cycle.h"
+#include "tendril/core/robot.h"
+#include "tendril/model/body.h"
+#include "tendril/model/capstan.h"
+#include "tendril/model/stop_operator.h"
+
+namespace tendril::control {
+
+class Estimator {
+ public:
+  /// `tables` has one entry a tendon and, like `body`, outlives the estimator.
+  Estimator(const RobotParameters& robot, const model::Body& body,
+            const std::vector<std::shared_ptr<const model::CapstanTable>>& tables);
+
+  /// Fills the estimate part of `output` from the drives' raw values.
+  void Step(const CycleInput& input, CycleOutput& output) noexcept;
+
+  /// Declares the present encoder positions to be those of the straight robot at pretension.
+  void ZeroDisplacement(const CycleInput& input) noexcept;
+
+ private:
+  struct Tendon {
+    double travel_per_count_m, rated_torque_Nm, newton_per_mV, stiffness_Npm, travel_m, efficiency,
+        coulomb_Nm;
+    LoadCellPlace place;
+    std::int32_t zero_counts = 0;
+    model::StopOperators<4> presliding;
+  };
+
+  void EstimateBending(const TendonVector& shortening_m) noexcept;
+
+  const model::Body& body_;
+  const std::vector<std::shared_ptr<const model::CapstanTable>>& tables_;
+  double min_tension_N_, max_bending_rad_;
+  std::vector<Tendon> tendons_;
+  BendingVector bending_rad_;
+  UnitVector q_;
+};
+
+}  // namespace tendril::control

@@ -1,0 +1,48 @@
+// The command gate: the only way in. Commands are distrusted: finite, of the right size, in range, fresh,
+// newer than the last and fitting the mode, or refused with the reason. Knows nothing of how targets are
+// reached.
+#pragma once
+
+#include "tendril/core/cycle.h"
+#include "tendril/core/robot.h"
+
+namespace tendril::control {
+
+/// What is wanted right now, after the gate. A moving target moves on with its velocity until it expires.
+struct Target {
+  CommandKind kind = CommandKind::kNone;  // kTip, kBending or kTension once there is one
+  TimeNs since_ns = 0;                    // when it was received
+  TimeNs valid_for_ns = 0;
+  Eigen::Vector3d tip_W_m{0, 0, 0}, tip_velocity_W_mps{0, 0, 0};
+  BendingVector bending_rad, bending_rate_radps;
+  TendonVector tension_N;
+  double speed_radps = 0;
+
+  /// Seconds the target has moved on at time t: never before it came, never past its validity.
+  double ElapsedS(TimeNs t_ns) const noexcept;
+  bool moving() const noexcept;
+  Eigen::Vector3d TipAt(TimeNs t_ns) const noexcept { return tip_W_m + tip_velocity_W_mps * ElapsedS(t_ns); }
+};
+
+class CommandGate {
+ public:
+  CommandGate(const RobotParameters& robot, double default_speed_radps);
+
+  /// Ok when the command may act in this mode, else why not. An accepted target replaces the current one.
+  Status Admit(const Command& command, Mode mode, TimeNs now_ns) noexcept;
+
+  const Target& target() const noexcept { return target_; }
+  /// Forgets the target: nothing is wanted until the next command.
+  void Drop() noexcept { target_.kind = CommandKind::kNone; }
+
+ private:
+  Status CheckValues(const Command& command) const noexcept;
+
+  int sections_, tendons_;
+  double reach_m_, max_bending_rad_, max_tension_N_, default_speed_radps_;
+  bool any_ = false;
+  std::uint32_t last_sequence_ = 0;
+  Target target_;
+};
+
+}  // namespace tendril::control

@@ -1,0 +1,66 @@
+// From a target that may jump to a motion that may not: the target is followed at a limited rate and averaged
+// twice over fixed windows, so that rate, acceleration and jerk of each section's (us, vs) stay within their
+// limits whatever comes in. The averaging delays by delay_ns(); callers look that far ahead of moving
+// targets. Knows nothing of the robot.
+#pragma once
+
+#include <vector>
+
+#include "tendril/core/cycle.h"
+#include "tendril/core/daemon.h"
+
+namespace tendril::control {
+
+class Trajectory {
+ public:
+  /// Window lengths follow from the limits: 2 v/a and 2 a/j. Throws std::invalid_argument when a limit is not
+  /// positive.
+  Trajectory(int sections, const TrajectoryParameters& limits, TimeNs period_ns);
+
+  /// At rest at `bending_rad`.
+  void Reset(const BendingVector& bending_rad) noexcept;
+
+  /// One period towards `goal_rad`, which itself moves with `goal_rate_radps`, closing in at `speed_radps`
+  /// beside that. Returns kLimitedBendingRate when the goal moves faster than max_rate_radps allows.
+  Status Advance(const BendingVector& goal_rad, const BendingVector& goal_rate_radps,
+                 double speed_radps) noexcept;
+
+  /// Comes to rest within the limits from wherever it is.
+  void AdvanceToRest() noexcept;
+
+  const BendingReference& reference() const noexcept { return reference_; }
+  /// The point the averages run towards.
+  const BendingVector& followed() const noexcept { return followed_; }
+  TimeNs delay_ns() const noexcept { return delay_ns_; }
+
+ private:
+  /// Moving average over the last n samples, with the sample that falls out.
+  class Window {
+   public:
+    Window(int values, int samples);
+    void Fill(const BendingVector& value) noexcept;
+    /// Pushes a sample and returns the one n samples ago.
+    BendingVector Push(const BendingVector& value) noexcept;
+    BendingVector Mean() const noexcept { return sum_ / samples_; }
+    int samples() const noexcept { return samples_; }
+
+   private:
+    int samples_;
+    int next_ = 0;
+    std::vector<BendingVector> ring_;
+    BendingVector sum_;
+  };
+
+  void Average() noexcept;
+
+  int sections_;
+  double period_s_, max_rate_radps_;
+  TimeNs delay_ns_;
+  Window position_;   // over 2 v/a
+  Window mean_;       // over 2 a/j
+  Window mean_rate_;  // the same window, on the first average's rate
+  BendingVector followed_;
+  BendingReference reference_;
+};
+
+}  // namespace tendril::control

@@ -1,0 +1,49 @@
+#include "tendril/control/compensation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace tendril::control {
+
+Compensation::Compensation(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
+                           std::shared_ptr<const model::CapstanTable> table)
+    : table_(std::move(table)),
+      capstan_(capstan),
+      stiffness_Npm_(drive.tendon.stiffness_Npm),
+      min_tension_N_(limits.min_tension_N),
+      max_tension_motor_N_(limits.max_tension_motor_N),
+      travel_m_(drive.SpoolTravelPerMotorRad()),
+      efficiency_(drive.gear.efficiency),
+      coulomb_Nm_(drive.motor.coulomb_friction_Nm),
+      max_torque_Nm_(drive.motor.torque_constant_NmpA * drive.drive.current_limit_A),
+      presliding_(model::PulleyPresliding(drive.transmission.presliding_m)) {}
+
+void Compensation::Reset(double tension_base_N, double shortening_m) noexcept {
+  presliding_.Reset(SpoolPull(tension_base_N, shortening_m));
+}
+
+Compensation::Result Compensation::Step(double tension_base_N, double shortening_m, bool moving) noexcept {
+  Result r;
+  const double pull_m = SpoolPull(tension_base_N, shortening_m);
+  if (moving) {
+    r.sliding = presliding_.Commit(pull_m);
+  } else {
+    r.sliding = presliding_.Hold(pull_m);
+  }
+  r.tension_motor_N = capstan_ ? table_->BaseToMotor(tension_base_N, r.sliding) : tension_base_N;
+  if (r.tension_motor_N > max_tension_motor_N_) {
+    r.tension_motor_N = max_tension_motor_N_;
+    r.status = Status::kLimitedMotorTension;
+  }
+  // Gear losses help or hinder with the direction of power, Coulomb friction opposes motion: both follow the
+  // same smooth direction as the pulley, so the torque is continuous through a reversal.
+  r.torque_Nm = r.tension_motor_N * travel_m_ * std::pow(efficiency_, -r.sliding) + coulomb_Nm_ * r.sliding;
+  if (std::abs(r.torque_Nm) > max_torque_Nm_) {
+    r.torque_Nm = std::copysign(max_torque_Nm_, r.torque_Nm);
+    r.status = Status::kLimitedTorque;
+  }
+  return r;
+}
+
+}  // namespace tendril::control

@@ -1,0 +1,490 @@
+#include "tendril/control/controller.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "tendril/control/compensation.h"
+#include "tendril/control/estimator.h"
+#include "tendril/control/gate.h"
+#include "tendril/control/supervisor.h"
+#include "tendril/control/trajectory.h"
+#include "tendril/model/inverse.h"
+
+namespace tendril::control {
+namespace {
+
+using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxSections, kMaxTendons>;
+
+// Tension below which a released tendon counts as released.
+constexpr double kReleasedTension_N = 1e-6;
+
+const RobotParameters& Checked(const RobotParameters& robot) {
+  if (!robot.actuation) {
+    throw std::invalid_argument(
+        "robot '" + robot.name +
+        "' has no actuation: a controller needs motors, gears and tendons; use a rig file");
+  }
+  if (static_cast<int>(robot.actuation->tendons.size()) != robot.body.tendons()) {
+    throw std::invalid_argument("robot '" + robot.name + "': one drive per tendon is needed");
+  }
+  if (robot.body.tendons() > kMaxTendons || robot.body.units() > kMaxUnits ||
+      static_cast<int>(robot.body.sections.size()) > kMaxSections) {
+    throw std::invalid_argument("robot '" + robot.name + "' exceeds the controller's capacity of " +
+                                std::to_string(kMaxSections) + " sections, " + std::to_string(kMaxUnits) +
+                                " units, " + std::to_string(kMaxTendons) + " tendons");
+  }
+  return robot;
+}
+
+bool SameTransmission(const TransmissionParameters& a, const TransmissionParameters& b) {
+  if (a.low_tension_N != b.low_tension_N || a.pulleys.size() != b.pulleys.size()) return false;
+  for (std::size_t i = 0; i < a.pulleys.size(); ++i) {
+    const PulleyParameters &p = a.pulleys[i], &q = b.pulleys[i];
+    if (p.law != q.law || p.wrap_rad != q.wrap_rad || p.radius_ratio != q.radius_ratio ||
+        p.alpha != q.alpha || p.exponent != q.exponent || p.entry_angle_rad != q.entry_angle_rad) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// One table a tendon; tendons over equal pulleys share theirs.
+std::vector<std::shared_ptr<const model::CapstanTable>> MakeTables(const RobotParameters& robot) {
+  std::vector<std::shared_ptr<const model::CapstanTable>> tables;
+  const auto& drives = robot.actuation->tendons;
+  for (std::size_t j = 0; j < drives.size(); ++j) {
+    for (std::size_t i = 0; i < j && tables.size() == j; ++i) {
+      if (SameTransmission(drives[i].transmission, drives[j].transmission)) tables.push_back(tables[i]);
+    }
+    if (tables.size() == j) {
+      tables.push_back(std::make_shared<const model::CapstanTable>(drives[j].transmission,
+                                                                   robot.limits.max_tension_motor_N));
+    }
+  }
+  return tables;
+}
+
+}  // namespace
+
+struct Controller::Impl {
+  Impl(const RobotParameters& robot_in, const ControllerParameters& parameters_in, TimeNs period_ns)
+      : robot(Checked(robot_in)),
+        parameters(parameters_in),
+        period_s(ToSeconds(period_ns)),
+        sections(static_cast<int>(robot.body.sections.size())),
+        tendons(robot.body.tendons()),
+        body(robot.body),
+        workspace(body),
+        tables(MakeTables(robot)),
+        gate(robot, parameters.trajectory.default_speed_radps),
+        kinematics(body, robot.limits.max_bending_rad),
+        trajectory(sections, parameters.trajectory, period_ns),
+        allocator(tendons, 2 * sections),
+        estimator(robot, body, tables),
+        force_per_tension(2 * sections, tendons),
+        tension_N(TendonVector::Zero(tendons)),
+        goal_rad(BendingVector::Zero(2 * sections)),
+        goal_rate_radps(BendingVector::Zero(2 * sections)),
+        q(UnitVector::Zero(body.dof())),
+        dq(q),
+        ddq(q),
+        unit_force_Nm(q) {
+    if (period_ns <= 0) throw std::invalid_argument("the control period must be positive");
+    if (!(parameters.pretension_ramp_Nps > 0))
+      throw std::invalid_argument("pretension_ramp_Nps must be positive");
+    for (int j = 0; j < tendons; ++j) {
+      compensation.emplace_back(robot.actuation->tendons[j], robot.limits, parameters.capstan_compensation,
+                                tables[j]);
+    }
+  }
+
+  // ---- the stages, in flow order ----
+
+  void Prepare(const CycleInput& input, CycleOutput& output) const noexcept;
+  void Admit(const CycleInput& input, CycleOutput& output) noexcept;
+  void Supervise(const CycleInput& input, CycleOutput& output) noexcept;
+  void FollowTarget(const CycleInput& input, CycleOutput& output) noexcept;
+  void TensionsForReference(CycleOutput& output) noexcept;
+  void TensionsForMode(CycleOutput& output) noexcept;
+  void TorquesForTensions(CycleOutput& output) noexcept;
+
+  Status CheckDrives(const CycleInput& input, CycleOutput& output) noexcept;
+  void EnterMode(Mode mode, const CycleInput& input) noexcept;
+  bool RampTensions(const TendonVector& towards_N) noexcept;
+  bool controls_shape() const noexcept {
+    return supervisor.mode() == Mode::kRunning || supervisor.mode() == Mode::kHold;
+  }
+  /// Keeps the most severe status of the cycle.
+  static void Report(CycleOutput& output, Status status) noexcept {
+    if (static_cast<int>(status) > static_cast<int>(output.status)) output.status = status;
+  }
+
+  RobotParameters robot;
+  ControllerParameters parameters;
+  double period_s;
+  int sections, tendons;
+
+  model::Body body;
+  model::Body::Workspace workspace;
+  std::vector<std::shared_ptr<const model::CapstanTable>> tables;
+  CommandGate gate;
+  Supervisor supervisor;
+  model::InverseKinematics kinematics;
+  Trajectory trajectory;
+  model::TensionAllocator allocator;
+  std::vector<Compensation> compensation;
+  Estimator estimator;
+
+  ForceMatrix force_per_tension;
+  TendonVector tension_N;  // wanted at the base, as put out last
+  BendingVector goal_rad, goal_rate_radps;
+  UnitVector q, dq, ddq, unit_force_Nm;
+  bool joined = false;  // tension_N follows its source without the ramp
+  CommandKind source = CommandKind::kNone;
+  TimeNs settled_since_ns = 0;
+  std::uint32_t accepted = 0, refused = 0, missing = 0;
+  Status command_status = Status::kOk;
+};
+
+// ---------------------------------------------------------------------------------------------------------------------
+
+void Controller::Step(const CycleInput& input, CycleOutput& output) noexcept {
+  Impl& c = *impl_;
+  c.Prepare(input, output);
+  c.estimator.Step(input, output);
+  c.Admit(input, output);
+  c.Supervise(input, output);
+  c.FollowTarget(input, output);
+  c.TensionsForReference(output);
+  c.TensionsForMode(output);
+  c.TorquesForTensions(output);
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+
+void Controller::Impl::Prepare(const CycleInput& input, CycleOutput& output) const noexcept {
+  output = CycleOutput{};
+  output.cycle = input.cycle;
+  output.time_ns = input.time_ns;
+  output.target_bending_rad = BendingVector::Zero(2 * sections);
+  output.generalised_force_Nm = BendingVector::Zero(2 * sections);
+  output.bending_estimate_rad = BendingVector::Zero(2 * sections);
+  const TendonVector none = TendonVector::Zero(tendons);
+  output.tension_desired_base_N = none;
+  output.sliding_direction = none;
+  output.tension_desired_motor_N = none;
+  output.torque_desired_Nm = none;
+  output.displacement_desired_m = none;
+  output.displacement_m = none;
+  output.tension_measured_N = none;
+  output.tension_base_estimate_N = none;
+  output.torque_measured_Nm = none;
+}
+
+void Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexcept {
+  if (input.command.kind != CommandKind::kNone) {
+    command_status = gate.Admit(input.command, supervisor.mode(), input.time_ns);
+    ++(command_status == Status::kOk ? accepted : refused);
+    if (command_status != Status::kOk) Report(output, command_status);
+    if (command_status == Status::kOk && input.command.kind == CommandKind::kMode) {
+      Event event = Event::kHold;
+      switch (input.command.mode) {
+        case ModeRequest::kArm:
+          event = Event::kArm;
+          break;
+        case ModeRequest::kDisarm:
+          event = Event::kDisarm;
+          break;
+        case ModeRequest::kHold:
+          event = Event::kHold;
+          break;
+        case ModeRequest::kClear:
+          event = Event::kClear;
+          output.clear_drive_faults = true;
+          break;
+      }
+      if (supervisor.Handle(event)) EnterMode(supervisor.mode(), input);
+    }
+  }
+  output.commands_accepted = accepted;
+  output.commands_refused = refused;
+  output.command_status = command_status;
+}
+
+// Health of bus and drives; a fault only where it means one in this mode.
+Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& output) noexcept {
+  Status worst = Status::kOk;
+  const auto fault = [&worst](Status s) {
+    if (worst == Status::kOk) worst = s;
+  };
+  const Mode mode = supervisor.mode();
+  const bool powered = mode != Mode::kDisconnected && mode != Mode::kConfigured && mode != Mode::kArmed;
+  if (!input.bus_ok) fault(Status::kBusOff);
+  for (int j = 0; j < tendons; ++j) {
+    const DriveFeedback& d = input.drive[j];
+    if (d.state == DriveState::kOffline || d.state == DriveState::kBooting) fault(Status::kDriveLost);
+    if (d.state == DriveState::kFault) fault(Status::kDriveFault);
+    // A drive that left operation enabled on its own while it should hold a tendon is a fault as well.
+    if (powered && mode != Mode::kSafeStop && mode != Mode::kFault && d.state != DriveState::kEnabled) {
+      fault(Status::kDriveFault);
+    }
+    if (d.age_cycles > 0) {
+      ++missing;
+      Report(output, Status::kFeedbackMissing);
+      if (d.age_cycles > parameters.guards.max_missing_cycles) fault(Status::kFeedbackStale);
+    }
+    if (powered && output.tension_measured_N[j] > robot.limits.max_tension_motor_N * 1.1) {
+      fault(Status::kTensionOverLimit);
+    }
+    if (controls_shape() && output.tension_measured_N[j] < parameters.guards.slack_tension_N) {
+      Report(output, Status::kSlack);
+    }
+  }
+  output.feedback_missing = missing;
+  return worst;
+}
+
+void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) noexcept {
+  if (input.late) Report(output, Status::kCycleLate);
+  const Mode before = supervisor.mode();
+  const Status health = input.drives == tendons ? CheckDrives(input, output) : Status::kDriveLost;
+  bool ready = health == Status::kOk, enabled = ready;
+  for (int j = 0; j < tendons && j < input.drives; ++j) {
+    const DriveState s = input.drive[j].state;
+    ready = ready && (s == DriveState::kReady || s == DriveState::kEnabled);
+    enabled = enabled && s == DriveState::kEnabled;
+  }
+
+  bool changed = false;
+  if (health != Status::kOk) changed = supervisor.Handle(Event::kFault, health);
+  if (!changed && ready) changed = supervisor.Handle(Event::kDrivesReady);
+  if (!changed && enabled) changed = supervisor.Handle(Event::kDrivesEnabled);
+  if (!changed && before == Mode::kPretension && joined &&
+      input.time_ns - settled_since_ns >= static_cast<TimeNs>(parameters.pretension_settle_s * 1e9)) {
+    changed = supervisor.Handle(Event::kPretensioned);
+  }
+  if (!changed && before == Mode::kSafeStop && tension_N.maxCoeff() <= kReleasedTension_N) {
+    changed = supervisor.Handle(Event::kReleased);
+  }
+  if (changed) EnterMode(supervisor.mode(), input);
+
+  output.mode = supervisor.mode();
+  switch (output.mode) {
+    case Mode::kArmed:
+    case Mode::kPretension:
+    case Mode::kRunning:
+    case Mode::kHold:
+    case Mode::kSafeStop:
+      output.drive_request = DriveRequest::kEnable;
+      break;
+    case Mode::kFault:
+      // Tensions ramp down on the drives that still can; then everything is disabled and stays so.
+      output.drive_request =
+          tension_N.maxCoeff() > kReleasedTension_N ? DriveRequest::kEnable : DriveRequest::kDisable;
+      Report(output, supervisor.cause());
+      break;
+    case Mode::kDisconnected:
+    case Mode::kConfigured:
+      output.drive_request = DriveRequest::kDisable;
+      break;
+  }
+}
+
+void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
+  switch (mode) {
+    case Mode::kDisconnected:
+    case Mode::kConfigured:
+    case Mode::kArmed:
+      gate.Drop();
+      tension_N.setZero();
+      joined = false;
+      for (auto& k : compensation) k.Reset(0, 0);
+      break;
+    case Mode::kPretension:
+      joined = false;
+      settled_since_ns = input.time_ns;
+      break;
+    case Mode::kRunning:
+      if (source != CommandKind::kNone || gate.target().kind != CommandKind::kNone)
+        break;  // resumed from hold
+      estimator.ZeroDisplacement(input);
+      trajectory.Reset(BendingVector::Zero(2 * sections));
+      joined = false;
+      break;
+    case Mode::kHold:
+      gate.Drop();
+      break;
+    case Mode::kSafeStop:
+    case Mode::kFault:
+      gate.Drop();
+      source = CommandKind::kNone;
+      joined = false;
+      break;
+  }
+}
+
+// Target -> bending goal (inverse kinematics for tip targets) -> jerk-limited reference. The goal is taken as
+// far ahead as the trajectory's averages delay, so a moving target is followed without lag.
+void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output) noexcept {
+  const Target& target = gate.target();
+  output.target_tip_W_m.setConstant(std::numeric_limits<double>::quiet_NaN());
+  const CommandKind before = source;
+  if (supervisor.mode() == Mode::kRunning && target.kind != CommandKind::kNone) source = target.kind;
+  if (before == CommandKind::kTension && source != CommandKind::kTension && controls_shape()) {
+    trajectory.Reset(output.bending_estimate_rad);  // back from tension control: start where the robot is
+    joined = false;
+  }
+
+  if (!controls_shape() || target.kind == CommandKind::kNone || target.kind == CommandKind::kTension) {
+    goal_rate_radps.setZero();
+    trajectory.AdvanceToRest();
+    goal_rad = trajectory.followed();
+  } else {
+    const TimeNs ahead_ns = input.time_ns + trajectory.delay_ns();
+    const BendingVector goal_before = goal_rad;
+    if (target.kind == CommandKind::kTip) {
+      output.target_tip_W_m = target.TipAt(input.time_ns);
+      const model::IkSolution ik = kinematics.Solve(target.TipAt(ahead_ns), goal_before);
+      goal_rad = ik.us_vs;
+      output.target_distance_m = ik.distance_m;
+      Report(output, ik.status);
+    } else {
+      goal_rad = target.bending_rad;
+      if (target.moving()) goal_rad += target.bending_rate_radps * target.ElapsedS(ahead_ns);
+    }
+    for (int k = 0; k < sections; ++k) {
+      const double bend = goal_rad.segment<2>(2 * k).norm();
+      if (bend > robot.limits.max_bending_rad) {
+        goal_rad.segment<2>(2 * k) *= robot.limits.max_bending_rad / bend;
+        Report(output, Status::kLimitedBending);
+      }
+    }
+    // How fast the goal itself moves; a goal that was replaced by a new command is a jump, not a motion.
+    const bool continued =
+        target.moving() && before == source && target.since_ns + period_s * 1e9 < input.time_ns;
+    if (continued) {
+      goal_rate_radps = (goal_rad - goal_before) / period_s;
+    } else if (!target.moving()) {
+      goal_rate_radps.setZero();
+    }
+    Report(output, trajectory.Advance(goal_rad, goal_rate_radps, target.speed_radps));
+    if (target.moving() && input.time_ns - target.since_ns > target.valid_for_ns) {
+      Report(output, Status::kCommandExpired);
+    }
+  }
+  output.target_bending_rad = goal_rad;
+  output.reference = trajectory.reference();
+}
+
+// Kane's equations of the arc motion give the force the tendons must produce; the allocation gives the least
+// tensions.
+void Controller::Impl::TensionsForReference(CycleOutput& output) noexcept {
+  const BendingReference& r = output.reference;
+  body.SpreadBending(r.position_rad, q);
+  body.SpreadBending(r.velocity_radps, dq);
+  body.SpreadBending(r.acceleration_radps2, ddq);
+  output.reference_tip_W_m = body.TipPose(q).p_WA;
+  body.TendonShortening(q, output.displacement_desired_m);
+
+  body.InverseDynamics(q, dq, ddq, unit_force_Nm, workspace);
+  body.ProjectForce(unit_force_Nm, output.generalised_force_Nm);
+  model::SectionForcePerTension(body, r.position_rad, force_per_tension);
+  const auto allocated = allocator.Allocate(force_per_tension, output.generalised_force_Nm,
+                                            robot.limits.min_tension_N, robot.limits.max_tension_base_N);
+  output.tension_desired_base_N = allocated.tension_N;
+  if (controls_shape()) Report(output, allocated.status);
+}
+
+// Moves tension_N towards a goal at the configured rate; true once there.
+bool Controller::Impl::RampTensions(const TendonVector& towards_N) noexcept {
+  const double step_N = parameters.pretension_ramp_Nps * period_s;
+  bool there = true;
+  for (int j = 0; j < tendons; ++j) {
+    const double gap_N = towards_N[j] - tension_N[j];
+    there = there && std::abs(gap_N) <= step_N;
+    tension_N[j] += std::clamp(gap_N, -step_N, step_N);
+  }
+  return there;
+}
+
+// What the mode makes of the tensions. Where the source of tensions changes they are led over at the ramp's
+// rate, then follow it exactly.
+void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
+  const TendonVector pretension = TendonVector::Constant(tendons, robot.limits.min_tension_N);
+  switch (supervisor.mode()) {
+    case Mode::kDisconnected:
+    case Mode::kConfigured:
+    case Mode::kArmed:
+      tension_N.setZero();
+      break;
+    case Mode::kPretension:
+      if (joined) {
+        tension_N = pretension;
+      } else {
+        joined = RampTensions(pretension);
+        settled_since_ns = output.time_ns;
+      }
+      break;
+    case Mode::kRunning:
+    case Mode::kHold:
+      if (source == CommandKind::kTension) {
+        const TendonVector wanted =
+            gate.target().kind == CommandKind::kTension ? gate.target().tension_N : tension_N;
+        RampTensions(wanted.cwiseMax(robot.limits.min_tension_N));
+        if (wanted.minCoeff() < robot.limits.min_tension_N) Report(output, Status::kLimitedTensionMin);
+        joined = false;
+      } else if (joined) {
+        tension_N = output.tension_desired_base_N;
+      } else {
+        joined = RampTensions(output.tension_desired_base_N);
+      }
+      break;
+    case Mode::kSafeStop:
+    case Mode::kFault:
+      RampTensions(TendonVector::Zero(tendons));
+      break;
+  }
+  output.tension_desired_base_N = tension_N;
+}
+
+void Controller::Impl::TorquesForTensions(CycleOutput& output) noexcept {
+  const bool moving = controls_shape() && source != CommandKind::kTension;
+  for (int j = 0; j < tendons; ++j) {
+    const auto r = compensation[j].Step(tension_N[j], output.displacement_desired_m[j], moving);
+    output.sliding_direction[j] = r.sliding;
+    output.tension_desired_motor_N[j] = r.tension_motor_N;
+    output.torque_desired_Nm[j] = r.torque_Nm;
+    Report(output, r.status);
+  }
+  if (!output.torque_desired_Nm.allFinite()) {
+    // Nothing may reach a drive that is not a number: release everything at once.
+    output.torque_desired_Nm.setZero();
+    tension_N.setZero();
+    trajectory.Reset(BendingVector::Zero(2 * sections));
+    supervisor.Handle(Event::kFault, Status::kInternalNotFinite);
+    output.mode = supervisor.mode();
+    output.drive_request = DriveRequest::kDisable;
+    Report(output, Status::kInternalNotFinite);
+  }
+  const bool powered = output.drive_request == DriveRequest::kEnable && output.mode != Mode::kArmed;
+  for (int j = 0; j < tendons; ++j) {
+    const double permille =
+        powered ? output.torque_desired_Nm[j] / robot.actuation->tendons[j].drive.rated_torque_Nm * 1000 : 0;
+    output.torque_target_permille[j] =
+        static_cast<std::int16_t>(std::lround(std::clamp(permille, -32767., 32767.)));
+  }
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
+
+Controller::Controller(const RobotParameters& robot, const ControllerParameters& parameters, TimeNs period_ns)
+    : impl_(std::make_unique<Impl>(robot, parameters, period_ns)) {}
+
+Controller::~Controller() = default;
+
+}  // namespace tendril::control

@@ -1,0 +1,126 @@
+#include "tendril/control/gate.h"
+
+#include <algorithm>
+
+namespace tendril::control {
+namespace {
+
+// Whether a kind of command may act in a mode: one row a mode, columns in the order of ModeRequest, then
+// targets.
+struct Admission {
+  bool arm, disarm, hold, clear, target;
+};
+constexpr Admission AdmissionIn(Mode mode) {
+  switch (mode) {
+    //                          arm    disarm hold   clear  target
+    case Mode::kDisconnected:
+      return {false, true, false, false, false};
+    case Mode::kConfigured:
+      return {true, true, false, false, false};
+    case Mode::kArmed:
+      return {false, true, false, false, false};
+    case Mode::kPretension:
+      return {false, true, false, false, false};
+    case Mode::kRunning:
+      return {false, true, true, false, true};
+    case Mode::kHold:
+      return {true, true, true, false, false};
+    case Mode::kSafeStop:
+      return {false, true, false, false, false};
+    case Mode::kFault:
+      return {false, true, false, true, false};
+  }
+  return {};
+}
+
+bool ModeAllowed(const Admission& may, const Command& c) {
+  if (c.kind != CommandKind::kMode) return may.target;
+  switch (c.mode) {
+    case ModeRequest::kArm:
+      return may.arm;
+    case ModeRequest::kDisarm:
+      return may.disarm;
+    case ModeRequest::kHold:
+      return may.hold;
+    case ModeRequest::kClear:
+      return may.clear;
+  }
+  return false;
+}
+
+// Targets further out than this multiple of the robot's length are mistakes of unit, not of aim.
+constexpr double kReachMargin = 1.5;
+
+}  // namespace
+
+double Target::ElapsedS(TimeNs t_ns) const noexcept {
+  return ToSeconds(std::clamp<TimeNs>(t_ns - since_ns, 0, valid_for_ns));
+}
+
+bool Target::moving() const noexcept {
+  if (kind == CommandKind::kTip) return !tip_velocity_W_mps.isZero(0);
+  return kind == CommandKind::kBending && bending_rate_radps.size() > 0 && !bending_rate_radps.isZero(0);
+}
+
+CommandGate::CommandGate(const RobotParameters& robot, double default_speed_radps)
+    : sections_(static_cast<int>(robot.body.sections.size())),
+      tendons_(robot.body.tendons()),
+      reach_m_(kReachMargin * robot.body.length_m()),
+      max_bending_rad_(robot.limits.max_bending_rad),
+      max_tension_N_(robot.limits.max_tension_base_N),
+      default_speed_radps_(default_speed_radps) {}
+
+Status CommandGate::CheckValues(const Command& c) const noexcept {
+  if (!std::isfinite(c.speed_radps)) return Status::kCommandNotFinite;
+  if (c.speed_radps < 0) return Status::kCommandOutOfRange;
+  switch (c.kind) {
+    case CommandKind::kTip:
+      if (!c.tip_W_m.allFinite() || !c.tip_velocity_W_mps.allFinite()) return Status::kCommandNotFinite;
+      if (c.tip_W_m.norm() > reach_m_) return Status::kCommandOutOfRange;
+      return Status::kOk;
+    case CommandKind::kBending:
+      if (c.bending_rad.size() != 2 * sections_) return Status::kCommandWrongSize;
+      if (c.bending_rate_radps.size() != 0 && c.bending_rate_radps.size() != 2 * sections_) {
+        return Status::kCommandWrongSize;
+      }
+      if (!c.bending_rad.allFinite() || !c.bending_rate_radps.allFinite()) return Status::kCommandNotFinite;
+      for (int k = 0; k < sections_; ++k) {
+        if (c.bending_rad.segment<2>(2 * k).norm() > max_bending_rad_) return Status::kCommandOutOfRange;
+      }
+      return Status::kOk;
+    case CommandKind::kTension:
+      if (c.tension_N.size() != tendons_) return Status::kCommandWrongSize;
+      if (!c.tension_N.allFinite()) return Status::kCommandNotFinite;
+      if (c.tension_N.minCoeff() < 0 || c.tension_N.maxCoeff() > max_tension_N_)
+        return Status::kCommandOutOfRange;
+      return Status::kOk;
+    case CommandKind::kMode:
+    case CommandKind::kNone:
+      return Status::kOk;
+  }
+  return Status::kCommandOutOfRange;
+}
+
+Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns) noexcept {
+  // Serial-number arithmetic: a counter may wrap. What was refused for another reason still counts as seen.
+  if (any_ && static_cast<std::int32_t>(c.sequence - last_sequence_) <= 0) return Status::kCommandOutOfOrder;
+  any_ = true;
+  last_sequence_ = c.sequence;
+  if (const Status s = CheckValues(c); s != Status::kOk) return s;
+  if (c.valid_for_ns <= 0 || now_ns - c.received_ns > c.valid_for_ns) return Status::kCommandStale;
+  if (!ModeAllowed(AdmissionIn(mode), c)) return Status::kCommandWrongMode;
+  if (c.kind == CommandKind::kMode) return Status::kOk;
+
+  target_.kind = c.kind;
+  target_.since_ns = c.received_ns;
+  target_.valid_for_ns = c.valid_for_ns;
+  target_.tip_W_m = c.tip_W_m;
+  target_.tip_velocity_W_mps = c.tip_velocity_W_mps;
+  target_.bending_rad = c.bending_rad;
+  target_.bending_rate_radps = c.bending_rate_radps;
+  target_.tension_N = c.tension_N;
+  target_.speed_radps = c.speed_radps > 0 ? c.speed_radps : default_speed_radps_;
+  return Status::kOk;
+}
+
+}  // namespace tendril::control

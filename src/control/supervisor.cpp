@@ -1,0 +1,50 @@
+#include "tendril/control/supervisor.h"
+
+namespace tendril::control {
+namespace {
+
+using enum Mode;
+
+constexpr Transition kTable[] = {
+    {kDisconnected, Event::kDrivesReady, kConfigured},
+
+    {kConfigured, Event::kArm, kArmed},
+    {kConfigured, Event::kFault, kFault},
+
+    {kArmed, Event::kDrivesEnabled, kPretension},
+    {kArmed, Event::kDisarm, kSafeStop},
+    {kArmed, Event::kFault, kFault},
+
+    {kPretension, Event::kPretensioned, kRunning},
+    {kPretension, Event::kDisarm, kSafeStop},
+    {kPretension, Event::kFault, kFault},
+
+    {kRunning, Event::kHold, kHold},
+    {kRunning, Event::kDisarm, kSafeStop},
+    {kRunning, Event::kFault, kFault},
+
+    {kHold, Event::kArm, kRunning},
+    {kHold, Event::kDisarm, kSafeStop},
+    {kHold, Event::kFault, kFault},
+
+    {kSafeStop, Event::kReleased, kConfigured},
+    {kSafeStop, Event::kFault, kFault},
+
+    {kFault, Event::kClear, kDisconnected},
+};
+
+}  // namespace
+
+std::span<const Transition> Supervisor::Table() noexcept { return kTable; }
+
+bool Supervisor::Handle(Event event, Status cause) noexcept {
+  for (const Transition& t : kTable) {
+    if (t.from != mode_ || t.event != event) continue;
+    mode_ = t.to;
+    cause_ = event == Event::kFault ? cause : Status::kOk;
+    return true;
+  }
+  return false;
+}
+
+}  // namespace tendril::control
