@@ -1,5 +1,5 @@
-// LCM in and out: decodes and stamps command messages, encodes state, cycle, run and event messages. Runs on whatever
-// non-real-time thread calls it; the daemon gives it one of its own. Knows nothing of control.
+// LCM in and out: decodes and stamps command messages, encodes state, cycle, run and event messages. Runs on
+// whatever non-real-time thread calls it; the daemon gives it one of its own. Knows nothing of control.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ struct RobotShape {
 struct RunInfo {
   std::string robot_yaml, daemon_yaml;  // resolved
   std::string version, git_revision;
-  std::int64_t start_utime = 0;         // microseconds since the epoch
+  std::int64_t start_utime = 0;  // microseconds since the epoch
 };
 
 class Gateway {
@@ -28,10 +28,12 @@ class Gateway {
   using CommandSink = std::function<void(const Command&)>;
   using TrackerSink = std::function<void(const TrackerSample&)>;
 
-  /// Opens LCM. Throws std::runtime_error with the remedy when the URL does not work (for udpm: no multicast route).
+  /// Opens LCM. Throws std::runtime_error with the remedy when the URL does not work (for udpm: no multicast
+  /// route).
   Gateway(const LcmParameters& lcm, const RobotShape& shape, const Clock& clock);
   ~Gateway();
 
+  /// Called in Handle; must not throw.
   void OnCommand(CommandSink sink);
   void OnTracker(TrackerSink sink);
 
@@ -39,7 +41,10 @@ class Gateway {
   int Handle(int timeout_ms);
 
   void PublishRun(const RunInfo& run);
+  /// Call with every cycle: publishes every state_every_cycles-th and each in which a command arrived or mode
+  /// or status changed.
   void PublishState(const CycleRecord& record);
+  /// Call with every cycle: publishes every cycle_every_cycles-th.
   void PublishCycle(const CycleRecord& record);
   void PublishEvent(TimeNs time_ns, Status status, const std::string& source, const std::string& text);
 
@@ -47,6 +52,11 @@ class Gateway {
     std::uint64_t received = 0, undecodable = 0, published = 0, publish_failed = 0;
   };
   Counters counters() const;
+
+  /// Sees each message of this gateway as it is published, encoded: a recorder need not listen to it.
+  using Tap = std::function<void(const std::string& channel, const void* data, int size)>;
+  void SetTap(Tap tap);
+  const std::string& channel_prefix() const;
 
   /// The connection itself, so that a program can listen or log on it (for memq:// this is the only way in).
   void* lcm() const;  // lcm::LCM*

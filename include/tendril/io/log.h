@@ -1,4 +1,5 @@
-// LCM log files: the record of a run. Writer for the demo and the daemon's recorder; reader that gives cycle records back.
+// LCM log files: the record of a run. Writer for the demo and the daemon's recorder; reader that gives cycle
+// records back.
 #pragma once
 
 #include <functional>
@@ -11,13 +12,17 @@
 
 namespace tendril::io {
 
-/// Writes every message that passes a gateway's connection (commands included) into an LCM event log.
+/// Writes every message that passes a gateway's connection into an LCM event log: what the gateway publishes
+/// as it is published, everything else (commands, tracker) as Gateway::Handle receives it.
 class LogWriter {
  public:
-  /// Throws std::runtime_error naming the path when it cannot be written. Events are stamped by `clock` in microseconds.
+  /// Throws std::runtime_error naming the path when it cannot be written. Events are stamped by `clock` in
+  /// microseconds (of the epoch when it is this machine's). The gateway must outlive the writer.
   LogWriter(Gateway& gateway, const std::string& path, const Clock& clock);
   ~LogWriter();
   std::uint64_t events() const;
+  /// Empty, or why events could not be written (for example a full disk).
+  std::string error() const;
 
  private:
   struct State;
@@ -30,6 +35,7 @@ struct LogContents {
   std::vector<CycleRecord> cycles;
   std::string damage;
 };
+/// Throws std::runtime_error when the file cannot be opened.
 LogContents ReadLog(const std::string& path);
 
 }  // namespace tendril::io

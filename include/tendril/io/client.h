@@ -1,0 +1,51 @@
+// The other end of the gateway: sends commands, listens to state and events. For programs that operate a
+// daemon, and for anything that commands a controller in the same process. Knows nothing of control.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "tendril/core/cycle.h"
+
+namespace tendril_lcm {
+class state_t;
+class event_t;
+}  // namespace tendril_lcm
+
+namespace tendril::io {
+
+class Client {
+ public:
+  using StateSink = std::function<void(const tendril_lcm::state_t&)>;
+  using EventSink = std::function<void(const tendril_lcm::event_t&)>;
+
+  /// A connection of its own. Throws std::runtime_error with the remedy when it cannot be opened.
+  Client(const std::string& url, const std::string& channel_prefix);
+  /// On an existing connection (lcm::LCM*, for example Gateway::lcm()), which must outlive the client.
+  Client(void* lcm, const std::string& channel_prefix);
+  ~Client();
+
+  /// Called in Handle; must not throw.
+  void OnState(StateSink sink);
+  void OnEvent(EventSink sink);
+
+  /// Publishes the command on its channel, kind kNone excepted. `utime` [us since the epoch] is when it was
+  /// given, 0: the time of arrival counts. received_ns of the command is not sent. False when publishing
+  /// failed.
+  bool Send(const Command& command, std::int64_t utime);
+
+  /// As Gateway::Handle.
+  int Handle(int timeout_ms);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Sequence number for senders that do not live on: ticks of 2.5 ms since the epoch, so that whoever sends
+/// later has the greater number; the gate allows for its wrapping every 124 days.
+std::uint32_t SequenceFromTime();
+
+}  // namespace tendril::io

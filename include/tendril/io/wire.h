@@ -1,0 +1,72 @@
+// Between our structs and the LCM messages, both ways, and the distrustful decoding of bytes. Knows the
+// messages of lcm_types and nothing of connections or files.
+#pragma once
+
+#include <cstdint>
+#include <exception>
+#include <string>
+
+#include "tendril/core/cycle.h"
+#include "tendril/io/gateway.h"
+#include "tendril_lcm/command_bending_t.hpp"
+#include "tendril_lcm/command_mode_t.hpp"
+#include "tendril_lcm/command_tension_t.hpp"
+#include "tendril_lcm/command_tip_t.hpp"
+#include "tendril_lcm/cycle_t.hpp"
+#include "tendril_lcm/event_t.hpp"
+#include "tendril_lcm/run_t.hpp"
+#include "tendril_lcm/state_t.hpp"
+#include "tendril_lcm/tracker_t.hpp"
+
+namespace tendril::io {
+
+/// Messages with arrays begin with this many counts.
+template <class Message>
+inline constexpr int kLeadingCounts = 0;
+template <>
+inline constexpr int kLeadingCounts<tendril_lcm::command_bending_t> = 2;
+template <>
+inline constexpr int kLeadingCounts<tendril_lcm::command_tension_t> = 1;
+template <>
+inline constexpr int kLeadingCounts<tendril_lcm::state_t> = 2;
+template <>
+inline constexpr int kLeadingCounts<tendril_lcm::cycle_t> = 6;
+
+/// True when the first `counts` numbers of an encoded message are not negative and fit into its size
+/// together, so that decoding cannot be made to reserve more memory than the message has.
+bool CountsPlausible(const void* data, int size, int counts) noexcept;
+
+/// False when the bytes are not exactly one message of this type. Never throws, whatever the bytes.
+template <class Message>
+bool Decode(const void* data, int size, Message& message) noexcept {
+  if (!CountsPlausible(data, size, kLeadingCounts<Message>)) return false;
+  try {
+    return message.decode(data, 0, size) == size;
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
+/// Microseconds to add to a clock's to get those of the epoch: for this machine's clock what it is now, for
+/// any other (simulated) clock zero.
+std::int64_t EpochOffsetUs(const Clock& clock);
+
+/// `message` is reused: filling it again does not allocate. Stage vectors that do not have the robot's size
+/// (before the first cycle) are written as NaN.
+void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t utime,
+               tendril_lcm::cycle_t& message);
+/// False when a count is beyond the capacities of core/limits.h. Everything that ToMessage wrote comes back
+/// bit for bit.
+bool FromMessage(const tendril_lcm::cycle_t& message, CycleRecord& record) noexcept;
+
+void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t utime,
+               tendril_lcm::state_t& message);
+
+/// A command as it is meant, but for received_ns. Empty text, or why it cannot be represented (too many
+/// values, an unknown request). Values are not judged: that is the controller's gate.
+std::string FromMessage(const tendril_lcm::command_tip_t& message, Command& command);
+std::string FromMessage(const tendril_lcm::command_bending_t& message, Command& command);
+std::string FromMessage(const tendril_lcm::command_tension_t& message, Command& command);
+std::string FromMessage(const tendril_lcm::command_mode_t& message, Command& command);
+
+}  // namespace tendril::io

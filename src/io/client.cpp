@@ -1,0 +1,132 @@
+// The other end of the gateway; see the header.
+#include "tendril/io/client.h"
+
+#include <chrono>
+#include <lcm/lcm-cpp.hpp>
+#include <utility>
+#include <vector>
+
+#include "tendril/io/connection.h"
+#include "tendril/io/wire.h"
+
+namespace tendril::io {
+
+struct Client::State {
+  State(std::unique_ptr<lcm::LCM> owned_lcm, void* shared, const std::string& channel_prefix)
+      : owned(std::move(owned_lcm)),
+        lcm(owned ? owned.get() : static_cast<lcm::LCM*>(shared)),
+        prefix(channel_prefix),
+        tip_channel(ChannelName(prefix, "COMMAND_TIP")),
+        bending_channel(ChannelName(prefix, "COMMAND_BENDING")),
+        tension_channel(ChannelName(prefix, "COMMAND_TENSION")),
+        mode_channel(ChannelName(prefix, "COMMAND_MODE")) {}
+
+  ~State() {
+    for (lcm_subscription_t* s : subscriptions) lcm_unsubscribe(lcm->getUnderlyingLCM(), s);
+  }
+
+  template <auto Message, auto Sink>
+  void Subscribe(const std::string& name) {
+    subscriptions.push_back(lcm_subscribe(
+        lcm->getUnderlyingLCM(), ChannelName(prefix, name).c_str(),
+        [](const lcm_recv_buf_t* bytes, const char*, void* context) {
+          auto* self = static_cast<State*>(context);
+          // What another version sends is none of our business.
+          if (!Decode(bytes->data, static_cast<int>(bytes->data_size), self->*Message)) return;
+          (self->*Sink)(self->*Message);
+        },
+        this));
+  }
+
+  std::unique_ptr<lcm::LCM> owned;
+  lcm::LCM* lcm;
+  std::string prefix, tip_channel, bending_channel, tension_channel, mode_channel;
+  std::vector<lcm_subscription_t*> subscriptions;
+  StateSink state_sink;
+  EventSink event_sink;
+  tendril_lcm::state_t state{};
+  tendril_lcm::event_t event{};
+};
+
+Client::Client(const std::string& url, const std::string& channel_prefix)
+    : state_(std::make_unique<State>(OpenLcm(url), nullptr, channel_prefix)) {}
+
+Client::Client(void* lcm, const std::string& channel_prefix)
+    : state_(std::make_unique<State>(nullptr, lcm, channel_prefix)) {}
+
+Client::~Client() = default;
+
+void Client::OnState(StateSink sink) {
+  const bool first = !state_->state_sink;
+  state_->state_sink = std::move(sink);
+  if (first) state_->Subscribe<&State::state, &State::state_sink>("STATE");
+}
+
+void Client::OnEvent(EventSink sink) {
+  const bool first = !state_->event_sink;
+  state_->event_sink = std::move(sink);
+  if (first) state_->Subscribe<&State::event, &State::event_sink>("EVENT");
+}
+
+namespace {
+
+template <class Message>
+Message WithHeader(const Command& command, std::int64_t utime) {
+  Message m{};
+  m.utime = utime;
+  m.sequence = command.sequence;
+  m.valid_for_s = ToSeconds(command.valid_for_ns);
+  return m;
+}
+
+}  // namespace
+
+bool Client::Send(const Command& c, std::int64_t utime) {
+  State& s = *state_;
+  switch (c.kind) {
+    case CommandKind::kNone:
+      return false;
+    case CommandKind::kTip: {
+      auto m = WithHeader<tendril_lcm::command_tip_t>(c, utime);
+      m.speed_radps = c.speed_radps;
+      for (int i = 0; i < 3; ++i) {
+        m.tip_W_m[i] = c.tip_W_m[i];
+        m.tip_velocity_W_mps[i] = c.tip_velocity_W_mps[i];
+      }
+      return s.lcm->publish(s.tip_channel, &m) == 0;
+    }
+    case CommandKind::kBending: {
+      auto m = WithHeader<tendril_lcm::command_bending_t>(c, utime);
+      m.speed_radps = c.speed_radps;
+      m.num_bending = static_cast<int>(c.bending_rad.size());
+      m.num_rate = static_cast<int>(c.bending_rate_radps.size());
+      m.bending_rad.assign(c.bending_rad.begin(), c.bending_rad.end());
+      m.bending_rate_radps.assign(c.bending_rate_radps.begin(), c.bending_rate_radps.end());
+      return s.lcm->publish(s.bending_channel, &m) == 0;
+    }
+    case CommandKind::kTension: {
+      auto m = WithHeader<tendril_lcm::command_tension_t>(c, utime);
+      m.speed_radps = c.speed_radps;
+      m.num_tendons = static_cast<int>(c.tension_N.size());
+      m.tension_base_N.assign(c.tension_N.begin(), c.tension_N.end());
+      return s.lcm->publish(s.tension_channel, &m) == 0;
+    }
+    case CommandKind::kMode: {
+      auto m = WithHeader<tendril_lcm::command_mode_t>(c, utime);
+      m.request = static_cast<std::int8_t>(c.mode);
+      return s.lcm->publish(s.mode_channel, &m) == 0;
+    }
+  }
+  return false;
+}
+
+int Client::Handle(int timeout_ms) { return HandleWaiting(*state_->lcm, timeout_ms); }
+
+std::uint32_t SequenceFromTime() {
+  constexpr int kPerSecond = 400;
+  using Tick = std::chrono::duration<std::int64_t, std::ratio<1, kPerSecond>>;
+  return static_cast<std::uint32_t>(
+      std::chrono::duration_cast<Tick>(std::chrono::system_clock::now().time_since_epoch()).count());
+}
+
+}  // namespace tendril::io

@@ -1,0 +1,208 @@
+// LCM in and out; see the header.
+#include "tendril/io/gateway.h"
+
+#include <algorithm>
+#include <lcm/lcm-cpp.hpp>
+#include <utility>
+#include <vector>
+
+#include "tendril/io/connection.h"
+#include "tendril/io/wire.h"
+
+namespace tendril::io {
+namespace {
+
+// A sender of rubbish gets one event a second, and the counter tells the rest.
+constexpr TimeNs kComplaintEvery_ns = kNsPerS;
+
+}  // namespace
+
+struct Gateway::State {
+  State(const LcmParameters& lcm_parameters, const RobotShape& robot_shape, const Clock& gateway_clock)
+      : parameters(lcm_parameters),
+        shape(robot_shape),
+        clock(gateway_clock),
+        epoch_offset_us(EpochOffsetUs(gateway_clock)),
+        state_channel(ChannelName(parameters.channel_prefix, "STATE")),
+        cycle_channel(ChannelName(parameters.channel_prefix, "CYCLE")),
+        run_channel(ChannelName(parameters.channel_prefix, "RUN")),
+        event_channel(ChannelName(parameters.channel_prefix, "EVENT")),
+        lcm(OpenLcm(parameters.url)) {}
+
+  std::int64_t UtimeOf(TimeNs t_ns) const { return t_ns / kNsPerUs + epoch_offset_us; }
+
+  // A sender's time on our clock. What claims to come from the future arrived now.
+  TimeNs OnOurClock(std::int64_t utime) const {
+    const TimeNs now_ns = clock.Now();
+    if (utime <= 0) return now_ns;
+    return now_ns - std::max<std::int64_t>(UtimeOf(now_ns) - utime, 0) * kNsPerUs;
+  }
+
+  template <class Message>
+  void Publish(const std::string& channel, const Message& message) {
+    const int size = message.getEncodedSize();
+    if (buffer.size() < static_cast<std::size_t>(size)) buffer.resize(static_cast<std::size_t>(size));
+    if (message.encode(buffer.data(), 0, size) != size ||
+        lcm->publish(channel, buffer.data(), static_cast<unsigned>(size)) != 0) {
+      ++counters.publish_failed;
+    } else {
+      ++counters.published;
+    }
+    if (tap) tap(channel, buffer.data(), size);
+  }
+
+  void PublishEvent(TimeNs time_ns, Status status, const std::string& source, const std::string& text) {
+    event.utime = UtimeOf(time_ns);
+    event.status = static_cast<std::int16_t>(status);
+    event.status_text = StatusText(status);
+    event.source = source;
+    event.text = text;
+    Publish(event_channel, event);
+  }
+
+  void Complain(const std::string& channel, const std::string& why) {
+    ++counters.undecodable;
+    const TimeNs now_ns = clock.Now();
+    if (complained && now_ns - complained_ns < kComplaintEvery_ns) return;
+    complained = true;
+    complained_ns = now_ns;
+    PublishEvent(now_ns, Status::kOk, "gateway",
+                 channel + ": message ignored: " + why + "; " + std::to_string(counters.undecodable) +
+                     " ignored since start");
+  }
+
+  template <class Message>
+  void Received(const lcm_recv_buf_t* bytes, const char* channel, Message& message) {
+    ++counters.received;
+    if (!Decode(bytes->data, static_cast<int>(bytes->data_size), message)) {
+      Complain(channel, "these bytes are not the message of this channel (compare the sender's lcm_types)");
+      return;
+    }
+    Take(channel, message);
+  }
+
+  template <class Message>
+  void Take(const char* channel, const Message& message) {
+    Command command;
+    if (const std::string why = FromMessage(message, command); !why.empty()) {
+      Complain(channel, why);
+      return;
+    }
+    command.received_ns = OnOurClock(message.utime);
+    if (command_sink) command_sink(command);
+  }
+
+  void Take(const char* /*channel*/, const tendril_lcm::tracker_t& message) {
+    TrackerSample sample;
+    sample.valid = message.valid != 0;
+    sample.time_ns = OnOurClock(message.utime);
+    sample.tip_W_m = {message.tip_W_m[0], message.tip_W_m[1], message.tip_W_m[2]};
+    sample.orientation_WT = {message.orientation_WT[0], message.orientation_WT[1], message.orientation_WT[2],
+                             message.orientation_WT[3]};
+    if (tracker_sink) tracker_sink(sample);
+  }
+
+  template <auto Message>
+  static void Handler(const lcm_recv_buf_t* bytes, const char* channel, void* state) {
+    auto* self = static_cast<State*>(state);
+    self->Received(bytes, channel, self->*Message);
+  }
+
+  template <auto Message>
+  void Subscribe(const std::string& name) {
+    lcm_subscribe(lcm->getUnderlyingLCM(), ChannelName(parameters.channel_prefix, name).c_str(),
+                  &Handler<Message>, this);
+  }
+
+  LcmParameters parameters;
+  RobotShape shape;
+  const Clock& clock;
+  std::int64_t epoch_offset_us;
+  std::string state_channel, cycle_channel, run_channel, event_channel;
+  std::unique_ptr<lcm::LCM> lcm;
+  CommandSink command_sink;
+  TrackerSink tracker_sink;
+  Tap tap;
+  Counters counters;
+  bool complained = false;
+  TimeNs complained_ns = 0;
+  bool any_state = false;
+  Mode last_mode = Mode::kDisconnected;
+  Status last_status = Status::kOk;
+
+  // Reused, so that a cycle is published without allocating.
+  std::vector<std::uint8_t> buffer;
+  tendril_lcm::state_t state{};
+  tendril_lcm::cycle_t cycle{};
+  tendril_lcm::event_t event{};
+  tendril_lcm::command_tip_t tip{};
+  tendril_lcm::command_bending_t bending{};
+  tendril_lcm::command_tension_t tension{};
+  tendril_lcm::command_mode_t mode{};
+  tendril_lcm::tracker_t tracker{};
+};
+
+Gateway::Gateway(const LcmParameters& lcm, const RobotShape& shape, const Clock& clock)
+    : state_(std::make_unique<State>(lcm, shape, clock)) {
+  state_->Subscribe<&State::tip>("COMMAND_TIP");
+  state_->Subscribe<&State::bending>("COMMAND_BENDING");
+  state_->Subscribe<&State::tension>("COMMAND_TENSION");
+  state_->Subscribe<&State::mode>("COMMAND_MODE");
+  state_->Subscribe<&State::tracker>("TRACKER");
+}
+
+Gateway::~Gateway() = default;
+
+void Gateway::OnCommand(CommandSink sink) { state_->command_sink = std::move(sink); }
+void Gateway::OnTracker(TrackerSink sink) { state_->tracker_sink = std::move(sink); }
+void Gateway::SetTap(Tap tap) { state_->tap = std::move(tap); }
+
+int Gateway::Handle(int timeout_ms) { return HandleWaiting(*state_->lcm, timeout_ms); }
+
+void Gateway::PublishRun(const RunInfo& run) {
+  State& s = *state_;
+  tendril_lcm::run_t message{};
+  message.utime = s.UtimeOf(s.clock.Now());
+  message.start_utime = run.start_utime;
+  message.num_sections = s.shape.sections;
+  message.num_units = s.shape.units;
+  message.num_tendons = s.shape.tendons;
+  message.version = run.version;
+  message.git_revision = run.git_revision;
+  message.robot_yaml = run.robot_yaml;
+  message.daemon_yaml = run.daemon_yaml;
+  s.Publish(s.run_channel, message);
+}
+
+void Gateway::PublishState(const CycleRecord& record) {
+  State& s = *state_;
+  const CycleOutput& out = record.output;
+  const bool news = !s.any_state || record.input.command.kind != CommandKind::kNone ||
+                    out.mode != s.last_mode || out.status != s.last_status;
+  s.any_state = true;
+  s.last_mode = out.mode;
+  s.last_status = out.status;
+  const auto every = static_cast<std::uint64_t>(std::max(s.parameters.state_every_cycles, 1));
+  if (!news && record.input.cycle % every != 0) return;
+  ToMessage(record, s.shape, s.UtimeOf(record.input.time_ns), s.state);
+  s.Publish(s.state_channel, s.state);
+}
+
+void Gateway::PublishCycle(const CycleRecord& record) {
+  State& s = *state_;
+  if (s.parameters.cycle_every_cycles <= 0) return;
+  if (record.input.cycle % static_cast<std::uint64_t>(s.parameters.cycle_every_cycles) != 0) return;
+  ToMessage(record, s.shape, s.UtimeOf(record.input.time_ns), s.cycle);
+  s.Publish(s.cycle_channel, s.cycle);
+}
+
+void Gateway::PublishEvent(TimeNs time_ns, Status status, const std::string& source,
+                           const std::string& text) {
+  state_->PublishEvent(time_ns, status, source, text);
+}
+
+Gateway::Counters Gateway::counters() const { return state_->counters; }
+const std::string& Gateway::channel_prefix() const { return state_->parameters.channel_prefix; }
+void* Gateway::lcm() const { return state_->lcm.get(); }
+
+}  // namespace tendril::io

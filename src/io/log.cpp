@@ -1,0 +1,201 @@
+// LCM event logs: writing what passes a gateway, reading cycle records back.
+#include "tendril/io/log.h"
+
+#include <lcm/eventlog.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <lcm/lcm-cpp.hpp>
+#include <span>
+#include <stdexcept>
+#include <string_view>
+
+#include "tendril/io/wire.h"
+
+namespace tendril::io {
+namespace {
+
+constexpr std::size_t kFileBuffer = std::size_t{1} << 20;
+// What a crash of the machine may cost.
+constexpr std::int64_t kFlushEvery_us = 1'000'000;
+
+struct FileCloser {
+  void operator()(std::FILE* file) const noexcept { std::fclose(file); }
+};
+
+}  // namespace
+
+struct LogWriter::State {
+  State(Gateway& log_gateway, const Clock& log_clock)
+      : gateway(log_gateway),
+        clock(log_clock),
+        epoch_offset_us(EpochOffsetUs(log_clock)),
+        lcm(static_cast<lcm::LCM*>(log_gateway.lcm())->getUnderlyingLCM()) {}
+
+  void Write(const char* channel, std::size_t channel_size, const void* data, int size) {
+    lcm_eventlog_event_t event{};
+    event.timestamp = clock.Now() / kNsPerUs + epoch_offset_us;
+    event.channellen = static_cast<std::int32_t>(channel_size);
+    event.datalen = size;
+    // The log's structure has no const; writing does not change them.
+    event.channel = const_cast<char*>(channel);
+    event.data = const_cast<void*>(data);
+    if (lcm_eventlog_write_event(log, &event) != 0) Failed();
+    if (event.timestamp - flushed_us >= kFlushEvery_us) {
+      flushed_us = event.timestamp;
+      if (std::fflush(log->f) != 0) Failed();
+    }
+  }
+
+  void Failed() {
+    if (error.empty()) error = "cannot write log " + path + ": " + std::strerror(errno);
+  }
+
+  Gateway& gateway;
+  const Clock& clock;
+  std::int64_t epoch_offset_us;
+  lcm_t* lcm;
+  lcm_subscription_t* subscription = nullptr;
+  lcm_eventlog_t* log = nullptr;
+  std::vector<char> file_buffer = std::vector<char>(kFileBuffer);
+  std::int64_t flushed_us = 0;
+  std::string path, error;
+};
+
+LogWriter::LogWriter(Gateway& gateway, const std::string& path, const Clock& clock)
+    : state_(std::make_unique<State>(gateway, clock)) {
+  State& s = *state_;
+  s.path = path;
+  s.log = lcm_eventlog_create(path.c_str(), "w");
+  if (s.log == nullptr) {
+    throw std::runtime_error("cannot write log " + path + ": " + std::strerror(errno) +
+                             "; name a file in an existing folder you may write to");
+  }
+  std::setvbuf(s.log->f, s.file_buffer.data(), _IOFBF, s.file_buffer.size());
+  gateway.SetTap([state = state_.get()](const std::string& channel, const void* data, int size) {
+    state->Write(channel.data(), channel.size(), data, size);
+  });
+  // The gateway's own channels come through the tap; listening to them again would cost a copy a message.
+  const std::string others = "(?!" + gateway.channel_prefix() + "_(STATE|CYCLE|RUN|EVENT)$).*";
+  s.subscription = lcm_subscribe(
+      s.lcm, others.c_str(),
+      [](const lcm_recv_buf_t* bytes, const char* channel, void* state) {
+        static_cast<State*>(state)->Write(channel, std::strlen(channel), bytes->data,
+                                          static_cast<int>(bytes->data_size));
+      },
+      &s);
+}
+
+LogWriter::~LogWriter() {
+  State& s = *state_;
+  s.gateway.SetTap({});
+  if (s.subscription != nullptr) lcm_unsubscribe(s.lcm, s.subscription);
+  lcm_eventlog_destroy(s.log);
+}
+
+std::uint64_t LogWriter::events() const { return static_cast<std::uint64_t>(state_->log->eventcount); }
+std::string LogWriter::error() const { return state_->error; }
+
+namespace {
+
+// The event log's format, read with every length checked against the file: LCM's own reader trusts them and
+// skips over damage without saying so.
+class EventReader {
+ public:
+  explicit EventReader(const std::string& path) : file_(std::fopen(path.c_str(), "rb")) {
+    if (!file_) throw std::runtime_error("cannot read log " + path + ": " + std::strerror(errno));
+    std::error_code error;
+    size_ = std::filesystem::file_size(path, error);
+    if (error) throw std::runtime_error("cannot read log " + path + ": " + error.message());
+    std::setvbuf(file_.get(), nullptr, _IOFBF, kFileBuffer);
+  }
+
+  // False at the end or at damage; then damage() says which.
+  bool Next() {
+    begin_ = end_;
+    ++number_;
+    if (size_ == 0) damage_ = "the file is empty";
+    if (begin_ == size_) return false;
+    const std::uint64_t left = size_ - begin_;
+    std::array<std::uint8_t, kHeader> header;
+    if (left < kHeader || !Read(header)) return Damaged("ends in the middle of its header");
+    if (Number32(header, 0) != kSync) return Damaged("does not begin like an event of an LCM log");
+    const std::uint64_t channel_size = Number32(header, 20);
+    const std::uint64_t data_size = Number32(header, 24);
+    if (channel_size < 1 || channel_size > kMaxChannel || data_size > kMaxData) {
+      return Damaged("claims an impossible length");
+    }
+    if (channel_size + data_size > left - kHeader) return Damaged("ends before its data does");
+    channel_.resize(channel_size);
+    data_.resize(data_size);
+    if (!Read(channel_) || !Read(data_)) return Damaged("cannot be read");
+    end_ = begin_ + kHeader + channel_size + data_size;
+    return true;
+  }
+
+  const std::string& channel() const { return channel_; }
+  const std::vector<std::uint8_t>& data() const { return data_; }
+  const std::string& damage() const { return damage_; }
+
+  /// Of the current event.
+  bool Damaged(const std::string& what) {
+    damage_ = "event " + std::to_string(number_) + " at byte " + std::to_string(begin_) + " " + what;
+    return false;
+  }
+
+ private:
+  static constexpr std::size_t kHeader = 28;
+  static constexpr std::uint32_t kSync = 0xEDA1DA01;
+  static constexpr std::uint64_t kMaxChannel = 1000;
+  static constexpr std::uint64_t kMaxData = std::uint64_t{1} << 28;  // LCM's largest message
+
+  template <class Bytes>
+  bool Read(Bytes& bytes) {
+    return std::fread(bytes.data(), 1, bytes.size(), file_.get()) == bytes.size();
+  }
+
+  static std::uint32_t Number32(std::span<const std::uint8_t> bytes, std::size_t at) {
+    return (std::uint32_t{bytes[at]} << 24) | (std::uint32_t{bytes[at + 1]} << 16) |
+           (std::uint32_t{bytes[at + 2]} << 8) | std::uint32_t{bytes[at + 3]};
+  }
+
+  std::unique_ptr<std::FILE, FileCloser> file_;
+  std::uint64_t size_ = 0, begin_ = 0, end_ = 0, number_ = 0;
+  std::string channel_, damage_;
+  std::vector<std::uint8_t> data_;
+};
+
+}  // namespace
+
+LogContents ReadLog(const std::string& path) {
+  LogContents contents;
+  EventReader reader(path);
+  tendril_lcm::cycle_t cycle{};
+  while (reader.Next()) {
+    const std::string_view channel = reader.channel();
+    const void* data = reader.data().data();
+    const int size = static_cast<int>(reader.data().size());
+    if (channel.ends_with("_CYCLE")) {
+      CycleRecord record;
+      if (!Decode(data, size, cycle) || !FromMessage(cycle, record)) {
+        reader.Damaged("on " + reader.channel() + " is not a cycle message of this version's lcm_types");
+        break;
+      }
+      contents.cycles.push_back(record);
+    } else if (channel.ends_with("_RUN")) {
+      tendril_lcm::run_t run{};
+      if (!Decode(data, size, run)) {
+        reader.Damaged("on " + reader.channel() + " is not a run message of this version's lcm_types");
+        break;
+      }
+      contents.run = {run.robot_yaml, run.daemon_yaml, run.version, run.git_revision, run.start_utime};
+    }
+  }
+  contents.damage = reader.damage();
+  return contents;
+}
+
+}  // namespace tendril::io

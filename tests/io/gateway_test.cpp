@@ -1,0 +1,171 @@
+// The gateway on memq://: commands in, messages out, rubbish counted.
+#include "tendril/io/gateway.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <lcm/lcm-cpp.hpp>
+#include <vector>
+
+#include "random_record.h"
+#include "tendril/io/client.h"
+#include "tendril/io/wire.h"
+
+namespace tendril::io {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr RobotShape kShape{1, 4, 3};
+
+struct GatewayTest : testing::Test {
+  static LcmParameters Parameters() { return {"memq://", "TENDRIL", 1, 1}; }
+
+  GatewayTest() {
+    gateway.OnCommand([this](const Command& c) { commands.push_back(c); });
+    client.OnState([this](const tendril_lcm::state_t& s) { states.push_back(s); });
+    client.OnEvent([this](const tendril_lcm::event_t& e) { events.push_back(e); });
+  }
+
+  // What is in flight, and what handling it sets off.
+  void Settle() {
+    while (gateway.Handle(0) > 0) {
+    }
+  }
+
+  SimulatedClock clock{5 * kNsPerS};
+  Gateway gateway{Parameters(), kShape, clock};
+  Client client{gateway.lcm(), "TENDRIL"};
+  std::vector<Command> commands;
+  std::vector<tendril_lcm::state_t> states;
+  std::vector<tendril_lcm::event_t> events;
+};
+
+Command Bending() {
+  Command c;
+  c.kind = CommandKind::kBending;
+  c.sequence = 3;
+  c.valid_for_ns = kNsPerS / 4;
+  c.bending_rad = Eigen::Vector2d(0.1, -0.2);
+  c.bending_rate_radps = Eigen::Vector2d(0.3, 0.4);
+  c.speed_radps = 0.5;
+  return c;
+}
+
+TEST_F(GatewayTest, HandleOfNothingReturnsAtOnce) { EXPECT_EQ(gateway.Handle(0), 0); }
+
+TEST_F(GatewayTest, EachKindOfCommandArrivesAsItWasSent) {
+  Command tip;
+  tip.kind = CommandKind::kTip;
+  tip.sequence = 1;
+  tip.valid_for_ns = kNsPerS;
+  tip.tip_W_m = {0.01, 0.02, 0.03};
+  tip.tip_velocity_W_mps = {0.1, 0.2, 0.3};
+  Command tension;
+  tension.kind = CommandKind::kTension;
+  tension.sequence = 2;
+  tension.valid_for_ns = kNsPerS;
+  tension.tension_N = Eigen::Vector3d(1, 2, 3);
+  Command mode;
+  mode.kind = CommandKind::kMode;
+  mode.sequence = 0xFFFFFFFF;
+  mode.valid_for_ns = kNsPerS;
+  mode.mode = ModeRequest::kClear;
+  for (const Command& c : {tip, tension, Bending(), mode}) ASSERT_TRUE(client.Send(c, 0));
+  Settle();
+  ASSERT_EQ(commands.size(), 4U);
+  EXPECT_EQ(commands[0].tip_W_m, tip.tip_W_m);
+  EXPECT_EQ(commands[0].tip_velocity_W_mps, tip.tip_velocity_W_mps);
+  EXPECT_EQ(commands[1].tension_N, tension.tension_N);
+  EXPECT_EQ(commands[2].bending_rad, Bending().bending_rad);
+  EXPECT_EQ(commands[2].bending_rate_radps, Bending().bending_rate_radps);
+  EXPECT_EQ(commands[2].speed_radps, 0.5);
+  EXPECT_EQ(commands[2].valid_for_ns, kNsPerS / 4);
+  EXPECT_EQ(commands[3].mode, ModeRequest::kClear);
+  EXPECT_EQ(commands[3].sequence, 0xFFFFFFFFU);
+  for (const Command& c : commands) EXPECT_EQ(c.received_ns, clock.Now());
+}
+
+TEST_F(GatewayTest, ACommandIsAsOldAsItsSenderSaysButNeverFromTheFuture) {
+  client.Send(Bending(), 4'900'000);  // 0.1 s ago
+  client.Send(Bending(), 5'100'000);  // in 0.1 s
+  Settle();
+  ASSERT_EQ(commands.size(), 2U);
+  EXPECT_EQ(commands[0].received_ns, 4'900 * kNsPerMs);
+  EXPECT_EQ(commands[1].received_ns, 5'000 * kNsPerMs);
+}
+
+TEST_F(GatewayTest, ImpossibleSizesAndRubbishAreCountedAndReportedOnceASecond) {
+  auto* lcm = static_cast<lcm::LCM*>(gateway.lcm());
+  tendril_lcm::command_tension_t many{};
+  many.num_tendons = 17;
+  many.tension_base_N.assign(17, 1.0);
+  lcm->publish("TENDRIL_COMMAND_TENSION", &many);
+  for (int i = 0; i < 10; ++i) lcm->publish("TENDRIL_COMMAND_TIP", "rubbish", 7);
+  Settle();
+  EXPECT_TRUE(commands.empty());
+  EXPECT_EQ(gateway.counters().received, 11U);
+  EXPECT_EQ(gateway.counters().undecodable, 11U);
+  ASSERT_EQ(events.size(), 1U);
+  EXPECT_THAT(events[0].text, HasSubstr("tension_base_N has 17 values, at most 16"));
+  clock.Advance(kNsPerS);
+  lcm->publish("TENDRIL_COMMAND_TIP", "rubbish", 7);
+  Settle();
+  ASSERT_EQ(events.size(), 2U);
+  EXPECT_THAT(events[1].text, HasSubstr("12 ignored since start"));
+}
+
+TEST_F(GatewayTest, TheStateTellsTheFateOfTheLastCommand) {
+  CycleRecord record = RandomRecords(kShape, 1).Next();
+  record.input.command.kind = CommandKind::kTip;
+  record.input.command.sequence = 77;
+  record.output.mode = Mode::kHold;
+  record.output.command_status = Status::kCommandWrongMode;
+  gateway.PublishState(record);
+  record.input.command = {};
+  gateway.PublishState(record);
+  Settle();
+  ASSERT_EQ(states.size(), 2U);
+  EXPECT_EQ(states[0].command_sequence, 77);
+  EXPECT_EQ(states[0].command_status, 204);
+  EXPECT_EQ(states[0].command_status_text, StatusText(Status::kCommandWrongMode));
+  EXPECT_EQ(states[0].mode_text, "hold");
+  EXPECT_EQ(states[1].command_sequence, 77);
+  EXPECT_EQ(gateway.counters().published, 2U);
+}
+
+TEST(GatewayRates, EveryNthStateAndEachWithNews) {
+  SimulatedClock clock;
+  LcmParameters parameters{"memq://", "X", 10, 0};
+  Gateway gateway(parameters, kShape, clock);
+  CycleRecord record;
+  record.output.mode = Mode::kRunning;
+  for (int i = 0; i < 100; ++i) {
+    record.input.cycle = static_cast<std::uint64_t>(i);
+    record.input.command.kind = i == 55 ? CommandKind::kTip : CommandKind::kNone;
+    if (i == 77) record.output.mode = Mode::kFault;
+    gateway.PublishState(record);
+    gateway.PublishCycle(record);
+  }
+  EXPECT_EQ(gateway.counters().published, 12U);
+}
+
+std::string WhyNot(const LcmParameters& parameters) {
+  try {
+    const SimulatedClock clock;
+    Gateway gateway(parameters, kShape, clock);
+  } catch (const std::runtime_error& e) {
+    return e.what();
+  }
+  return "opened";
+}
+
+TEST(GatewayOpening, ErrorsNameTheAddressAndTheRemedy) {
+  EXPECT_THAT(WhyNot({"udpm://10.0.0.1:7667", "TENDRIL", 1, 1}),
+              HasSubstr("10.0.0.1 is not a multicast address"));
+  EXPECT_THAT(WhyNot({"nothing://", "TENDRIL", 1, 1}), HasSubstr("'nothing://' cannot be opened"));
+  EXPECT_THAT(WhyNot({"memq://", "A.*", 1, 1}), HasSubstr("channel prefix 'A.*'"));
+}
+
+}  // namespace
+}  // namespace tendril::io

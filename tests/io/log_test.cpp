@@ -1,0 +1,160 @@
+// Logs: what was published is what is read, damage is said and costs only what comes after it.
+#include "tendril/io/log.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <lcm/eventlog.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <vector>
+
+#include "random_record.h"
+#include "tendril/io/client.h"
+
+namespace tendril::io {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+constexpr RobotShape kShape{1, 4, 3};
+constexpr int kCycles = 200;
+
+struct LogTest : testing::Test {
+  LogTest() : folder(fs::temp_directory_path() / ("tendril_log_test_" + std::to_string(getpid()))) {
+    fs::create_directories(folder);
+    path = folder / "run.lcmlog";
+  }
+  ~LogTest() override { fs::remove_all(folder); }
+
+  // A run record, then cycles with a command every tenth.
+  void Write() {
+    SimulatedClock clock;
+    Gateway gateway({"memq://", "TENDRIL", 1, 1}, kShape, clock);
+    Client client(gateway.lcm(), "TENDRIL");
+    LogWriter writer(gateway, path, clock);
+    gateway.PublishRun({"robot: 1\n", "daemon: 2\n", "0.1.0", "abc", 42});
+    RandomRecords random(kShape, 7);
+    for (int i = 0; i < kCycles; ++i) {
+      if (i % 10 == 0) {
+        Command c;
+        c.kind = CommandKind::kMode;
+        client.Send(c, 0);
+      }
+      records.push_back(random.Next());
+      records.back().input.cycle = records.back().output.cycle = static_cast<std::uint64_t>(i);
+      gateway.PublishState(records.back());
+      gateway.PublishCycle(records.back());
+      gateway.Handle(0);
+      clock.Advance(kNsPerMs);
+    }
+    EXPECT_EQ(writer.events(), 1U + 2 * kCycles + kCycles / 10);
+    EXPECT_EQ(writer.error(), "");
+  }
+
+  fs::path folder, path;
+  std::vector<CycleRecord> records;
+};
+
+void ExpectSamePrefix(const std::vector<CycleRecord>& read, const std::vector<CycleRecord>& written) {
+  ASSERT_LE(read.size(), written.size());
+  for (std::size_t i = 0; i < read.size(); ++i) ExpectSameBits(read[i], written[i]);
+}
+
+TEST_F(LogTest, CyclesAndRunComeBack) {
+  Write();
+  const LogContents log = ReadLog(path);
+  EXPECT_EQ(log.damage, "");
+  EXPECT_EQ(log.run.robot_yaml, "robot: 1\n");
+  EXPECT_EQ(log.run.daemon_yaml, "daemon: 2\n");
+  EXPECT_EQ(log.run.version, "0.1.0");
+  EXPECT_EQ(log.run.git_revision, "abc");
+  EXPECT_EQ(log.run.start_utime, 42);
+  ASSERT_EQ(log.cycles.size(), static_cast<std::size_t>(kCycles));
+  ExpectSamePrefix(log.cycles, records);
+}
+
+// LCM's own reader is the judge of the file, its order and its stamps.
+TEST_F(LogTest, OtherLcmToolsCanReadIt) {
+  Write();
+  lcm_eventlog_t* log = lcm_eventlog_create(path.c_str(), "r");
+  ASSERT_NE(log, nullptr);
+  int commands = 0, states = 0, cycles = 0, runs = 0;
+  std::int64_t last_us = 0, number = 0;
+  while (lcm_eventlog_event_t* event = lcm_eventlog_read_next_event(log)) {
+    const std::string channel = event->channel;
+    commands += channel == "TENDRIL_COMMAND_MODE";
+    states += channel == "TENDRIL_STATE";
+    cycles += channel == "TENDRIL_CYCLE";
+    runs += channel == "TENDRIL_RUN";
+    EXPECT_EQ(event->eventnum, number++);
+    EXPECT_GE(event->timestamp, last_us);
+    last_us = event->timestamp;
+    lcm_eventlog_free_event(event);
+  }
+  lcm_eventlog_destroy(log);
+  EXPECT_EQ(commands, kCycles / 10);
+  EXPECT_EQ(states, kCycles);
+  EXPECT_EQ(cycles, kCycles);
+  EXPECT_EQ(runs, 1);
+  EXPECT_EQ(last_us, (kCycles - 1) * 1000);
+}
+
+TEST_F(LogTest, ATruncatedLogGivesWhatWasWholeAndSaysSo) {
+  Write();
+  const auto size = fs::file_size(path);
+  std::size_t last = kCycles;
+  for (const double share : {0.9, 0.5, 0.1}) {
+    fs::resize_file(path, static_cast<std::uintmax_t>(static_cast<double>(size) * share) + 1);
+    const LogContents log = ReadLog(path);
+    EXPECT_THAT(log.damage, HasSubstr(" at byte ")) << share;
+    EXPECT_LT(log.cycles.size(), last);
+    EXPECT_GT(log.cycles.size(), static_cast<std::size_t>(kCycles * share) - 10);
+    ExpectSamePrefix(log.cycles, records);
+    last = log.cycles.size();
+  }
+}
+
+TEST_F(LogTest, DamageInTheMiddleEndsTheReadingThere) {
+  Write();
+  {
+    std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(static_cast<std::streamoff>(fs::file_size(path) / 2));
+    for (int i = 0; i < 4000; ++i) file.put('\xA5');
+  }
+  const LogContents log = ReadLog(path);
+  EXPECT_NE(log.damage, "");
+  EXPECT_LT(log.cycles.size(), static_cast<std::size_t>(kCycles));
+  EXPECT_GT(log.cycles.size(), static_cast<std::size_t>(kCycles) / 3);
+}
+
+TEST_F(LogTest, WhatIsNoLogIsSaidToBeNone) {
+  std::ofstream(path) << "this is a text file, and it is longer than the header of one event";
+  EXPECT_THAT(ReadLog(path).damage, HasSubstr("does not begin like an event of an LCM log"));
+  std::ofstream(path, std::ios::trunc).flush();
+  EXPECT_EQ(ReadLog(path).damage, "the file is empty");
+}
+
+TEST_F(LogTest, PathsThatDoNotWorkAreNamed) {
+  const std::string nowhere = folder / "no" / "such.lcmlog";
+  SimulatedClock clock;
+  Gateway gateway({"memq://", "TENDRIL", 1, 1}, kShape, clock);
+  try {
+    LogWriter writer(gateway, nowhere, clock);
+    ADD_FAILURE() << "no error";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), HasSubstr("cannot write log " + nowhere + ": No such file or directory"));
+  }
+  try {
+    ReadLog(nowhere);
+    ADD_FAILURE() << "no error";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), HasSubstr(nowhere));
+  }
+  EXPECT_THROW(ReadLog(folder), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace tendril::io
