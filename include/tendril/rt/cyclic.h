@@ -1,5 +1,5 @@
-// The real-time loop: an absolute deadline grid on CLOCK_MONOTONIC, missed periods counted and skipped whole, phase never
-// reset. Knows nothing of what runs in it.
+// The real-time loop: an absolute deadline grid on CLOCK_MONOTONIC, missed periods counted and skipped whole,
+// phase never reset. Knows nothing of what runs in it.
 #pragma once
 
 #include <cstdint>
@@ -11,8 +11,8 @@
 
 namespace tendril::rt {
 
-/// Locks memory, sets priority and affinity of the calling thread. Returns an empty text, or what could not be done and
-/// which limit to raise.
+/// Locks the process's memory, prefaults the calling thread's stack, sets its priority and affinity. Returns
+/// an empty text, or what could not be done and which limit to raise; whatever can be done is done.
 std::string EnterRealtime(const RealtimeParameters& parameters);
 
 /// Grid arithmetic, apart from any clock so that it can be tested.
@@ -20,7 +20,8 @@ class DeadlineGrid {
  public:
   DeadlineGrid(TimeNs start_ns, TimeNs period_ns) : next_ns_(start_ns), period_ns_(period_ns) {}
   TimeNs next_ns() const noexcept { return next_ns_; }
-  /// Moves to the first grid point after now; returns how many whole periods were missed (0 when on time).
+  /// From the grid point that was just served to the next one that is not past at `now_ns`; returns how many
+  /// grid points lie between the two: periods missed and skipped whole (0 when on time).
   std::uint64_t Advance(TimeNs now_ns) noexcept;
 
  private:
@@ -34,16 +35,19 @@ struct CycleStart {
   std::uint64_t missed = 0;    // periods skipped just before this cycle
 };
 
-/// Calls body(start) once a period until it returns false.
+/// Calls body(start) once a period, counted from now, until it returns false. A late wake-up runs at once;
+/// the periods it covers are skipped whole.
 void RunCyclic(TimeNs period_ns, const std::function<bool(const CycleStart&)>& body);
 
-/// Counts of a latency in logarithmic bins; add() is wait-free and allocation-free.
+/// Counts of a latency in logarithmic bins, eight an octave, up to 17 s; Add is wait-free and
+/// allocation-free. Negative values count as zero.
 class Histogram {
  public:
   void Add(TimeNs value_ns) noexcept;
   std::uint64_t count() const noexcept { return count_; }
   TimeNs max_ns() const noexcept { return max_ns_; }
-  /// Upper edge of the bin that holds the given share of the values, 0..1.
+  /// A value that at least the given share (0..1) of the values do not exceed, at most 1/8 above the exact
+  /// one; 0 when empty.
   TimeNs Percentile(double share) const noexcept;
 
  private:

@@ -1,0 +1,37 @@
+// Values from one thread to one other without locks: a queue of fixed capacity that drops what does not fit
+// and counts it. Knows nothing of what it carries.
+#pragma once
+
+#include <readerwriterqueue/readerwriterqueue.h>
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+namespace tendril::rt {
+
+/// One thread pushes, one thread pops. All memory is taken at construction; neither side ever waits.
+template <class T>
+class Handoff {
+ public:
+  /// Room for at least `capacity` values.
+  explicit Handoff(std::size_t capacity) : queue_(capacity) {}
+
+  /// False when it was full: the value is dropped and counted.
+  bool TryPush(const T& value) noexcept {
+    if (queue_.try_enqueue(value)) return true;
+    dropped_.fetch_add(1, std::memory_order_relaxed);
+    return false;
+  }
+
+  /// False when it was empty.
+  bool TryPop(T& value) noexcept { return queue_.try_dequeue(value); }
+
+  std::uint64_t dropped() const noexcept { return dropped_.load(std::memory_order_relaxed); }
+
+ private:
+  moodycamel::ReaderWriterQueue<T> queue_;
+  std::atomic<std::uint64_t> dropped_{0};
+};
+
+}  // namespace tendril::rt
