@@ -1,5 +1,5 @@
-// Static equilibria of a body under tensions and a tip force, followed from zero tension; natural frequencies about
-// them. For programs and the simulator, not for the tick: may allocate, bounded work.
+// Static equilibria of a body under tensions and a tip force, followed from zero tension; natural frequencies
+// about them. For programs and the simulator, not for the tick: may allocate, bounded work.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,26 +10,29 @@ namespace tendril::model {
 
 enum class StaticsResult {
   kConverged,
-  kBuckled,       // the branch from zero tension lost stability on the way: its tangent stiffness became singular
-  kNoSolution,    // Newton could not continue the branch
+  kBuckled,  // the branch from zero tension lost stability on the way: its tangent stiffness became singular
+  kNoSolution,  // Newton could not continue the branch
 };
 
 struct Equilibrium {
   StaticsResult result = StaticsResult::kNoSolution;
-  Eigen::VectorXd q;              // 2N; where the branch ended when it did not converge
-  double load_fraction = 0;       // fraction of the load reached: 1 when converged
-  double residual_Nm = 0;         // largest component of the residual
-  int iterations = 0;             // Newton steps in all
+  Eigen::VectorXd q;         // 2N; where the branch ended when it did not converge
+  double load_fraction = 0;  // fraction of the load reached: 1 when converged
+  double residual_Nm = 0;    // largest component of the residual
+  int iterations = 0;        // Newton steps in all
 };
 
-/// Follows the equilibrium from the unloaded straight shape (gravity acting) to the given tensions and tip force.
+/// Follows the equilibrium from the unloaded straight shape (gravity acting) to the given tensions and tip
+/// force.
 Equilibrium SolveStatics(const Body& body, ConstVectorRef tension_N, const Eigen::Vector3d& tip_force_W_N);
-/// Newton with the exact tangent from a start, with a line search; result kNoSolution when it does not converge and
-/// kBuckled when what it converges to is unstable.
+/// Minimum of the potential reached downhill from a start: Newton with the exact tangent and a line search;
+/// result kNoSolution when it does not converge and kBuckled when what it converges to is unstable.
 Equilibrium SolveStaticsFrom(const Body& body, ConstVectorRef start_q, ConstVectorRef tension_N,
                              const Eigen::Vector3d& tip_force_W_N);
 
-/// Undamped natural frequencies [Hz], ascending, about an equilibrium at constant tensions.
+/// Undamped natural frequencies [Hz], ascending, 2N, about an equilibrium at constant tensions: f =
+/// sqrt(lambda) / 2 pi of K x = lambda H x. A mode in which the equilibrium is unstable comes out negative:
+/// -f is its growth rate / 2 pi.
 Eigen::VectorXd NaturalFrequencies(const Body& body, ConstVectorRef equilibrium_q, ConstVectorRef tension_N,
                                    const Eigen::Vector3d& tip_force_W_N);
 
