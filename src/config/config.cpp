@@ -76,18 +76,6 @@ T Parse(const std::string& yaml, const Source& source, Kind expected, std::strin
   return value;
 }
 
-/// Refuses at a key of the daemon's file, with its line if the file can still be read.
-[[noreturn]] void RefuseDaemon(const std::string& path, std::string_view key, const std::string& rest) {
-  std::optional<Layer> document;
-  const Source source{path};
-  try {
-    document = ParseDocument(ReadFile(path), source, kDaemonKeys);
-  } catch (const ConfigError&) {
-    throw ConfigError(fmt::format("{}: {}: {}", path, key, rest));
-  }
-  Reader(source, {*document}).Refuse(key, rest);
-}
-
 template <class T>
 std::string BlocksOf(T value) {
   Writer out;
@@ -96,6 +84,17 @@ std::string BlocksOf(T value) {
 }
 
 }  // namespace
+
+ConfigError ErrorAt(const std::string& path, std::string_view key, const std::string& text) {
+  const Source source{path};
+  try {
+    Reader(source, {ParseDocument(ReadFile(path), source, kAnyKeys)}).Refuse(key, text);
+  } catch (const ConfigError& e) {
+    // Whatever stops the file from being read now, this refusal is the one to report.
+    const std::string line = e.what();
+    return line.ends_with(text) ? e : ConfigError(fmt::format("{}: {}: {}", path, key, text));
+  }
+}
 
 void WriteActuation(Writer& out, ActuationParameters& p) {
   out.BeginBlock("actuation");
@@ -135,7 +134,7 @@ DaemonParameters LoadDaemon(const std::string& path) {
       fs::absolute(fs::absolute(path).parent_path() / daemon.robot_file).lexically_normal();
   std::error_code error;
   if (!fs::exists(robot, error)) {
-    RefuseDaemon(
+    throw ErrorAt(
         path, "robot",
         fmt::format("no such file: {}; accepted: {}; correct the path", robot.string(), kPathRule.accepted));
   }
@@ -149,7 +148,7 @@ std::string ToYaml(const DaemonParameters& daemon) { return BlocksOf(daemon); }
 void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
                    const std::string& daemon_path) {
   if (!robot.actuation) {
-    RefuseDaemon(
+    throw ErrorAt(
         daemon_path, "robot",
         fmt::format(
             "{} has no actuation, so there is nothing to drive; accepted: a robot file with the block "
@@ -159,7 +158,7 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
   const int tendons = robot.body.tendons();
   for (const NodeParameters& node : daemon.bus.nodes) {
     if (node.tendon < 1 || node.tendon > tendons) {
-      RefuseDaemon(
+      throw ErrorAt(
           daemon_path, "bus.nodes",
           fmt::format(
               "node {} pulls tendon {}, which {} does not have; accepted: tendons 1 .. {}; remove it or "
@@ -171,7 +170,7 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
     const auto pulls = [&](const NodeParameters& node) { return node.tendon == tendon; };
     const auto count = std::count_if(daemon.bus.nodes.begin(), daemon.bus.nodes.end(), pulls);
     if (count != 1) {
-      RefuseDaemon(
+      throw ErrorAt(
           daemon_path, "bus.nodes",
           fmt::format(
               "tendon {} of {} has {} nodes; accepted: every tendon 1 .. {} exactly once; correct the "
@@ -182,13 +181,13 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
   std::set<int> ids;
   for (const NodeParameters& node : daemon.bus.nodes) {
     if (!ids.insert(node.node_id).second) {
-      RefuseDaemon(
+      throw ErrorAt(
           daemon_path, "bus.nodes",
           fmt::format("node_id {} twice; accepted: 1 .. 127, all different; correct one", node.node_id));
     }
   }
   if (daemon.controller.guards.slack_tension_N >= robot.limits.min_tension_N) {
-    RefuseDaemon(
+    throw ErrorAt(
         daemon_path, "controller.guards.slack_tension_N",
         fmt::format(
             "{} is not below the pretension of {}; accepted: below limits.min_tension_N, {} N; lower it",

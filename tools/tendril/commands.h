@@ -12,4 +12,6 @@ class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+void AddConfigCommand(CLI::App& app);
+
 }  // namespace tendril::tools

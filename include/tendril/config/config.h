@@ -1,9 +1,10 @@
-// Strict YAML to validated structs and back. Every refusal is one line: file:line: key: what is wrong, the accepted
-// range with its unit, and the remedy. Knows nothing of what the numbers are used for.
+// Strict YAML to validated structs and back. Every refusal is one line: file:line: key: what is wrong, the
+// accepted range with its unit, and the remedy. Knows nothing of what the numbers are used for.
 #pragma once
 
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 #include "tendril/core/daemon.h"
 #include "tendril/core/robot.h"
@@ -16,7 +17,8 @@ class ConfigError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Robot file (config/robots/*.yaml). Unknown, missing and duplicate keys, wrong types, values out of range: ConfigError.
+/// Robot file (config/robots/*.yaml). Unknown, missing and duplicate keys, wrong types, values out of range:
+/// ConfigError.
 RobotParameters LoadRobot(const std::string& path);
 RobotParameters ParseRobot(const std::string& yaml, const std::string& name_for_errors);
 
@@ -29,7 +31,12 @@ std::string ToYaml(const RobotParameters& robot);
 std::string ToYaml(const DaemonParameters& daemon);
 
 /// Both files fit each other: every tendon has exactly one node, all nodes differ. Throws ConfigError.
-void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot, const std::string& daemon_path);
+void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
+                   const std::string& daemon_path);
+
+/// A refusal at `key` ("bus.nodes") of the file, with the key's line when the file can still be read. `text`
+/// is what is wrong, the accepted range and the remedy, separated by "; ".
+ConfigError ErrorAt(const std::string& path, std::string_view key, const std::string& text);
 
 /// "robot" or "daemon", by the file's top-level keys. Throws ConfigError when it is neither.
 std::string KindOf(const std::string& path);

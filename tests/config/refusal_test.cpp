@@ -1,0 +1,471 @@
+// What the configuration refuses, and that each refusal is one line a person can act on: file, line, key,
+// what is wrong, what is accepted. Every case edits a shipped file in one place.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <regex>
+
+#include "files.h"
+#include "tendril/config/config.h"
+
+namespace tendril::config {
+namespace {
+
+using ::testing::AnyOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+struct Case {
+  const char* name;
+  const char* file;               // the shipped file that is edited
+  const char* from;               // its first occurrence ...
+  const char* to;                 // ... is replaced by this
+  const char* marker;             // the message names the line that first holds this, after the edit
+  const char* key;                // full path of the key
+  std::vector<const char*> says;  // and these
+};
+
+void PrintTo(const Case& c, std::ostream* os) { *os << c.name; }
+
+void Parse(const std::string& file, const std::string& yaml) {
+  if (file.starts_with("robots/")) {
+    (void)ParseRobot(yaml, "some.yaml");
+  } else {
+    (void)ParseDaemon(yaml, "some.yaml");
+  }
+}
+
+std::string MessageOf(const std::string& file, const std::string& yaml) {
+  try {
+    Parse(file, yaml);
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+  return "(accepted)";
+}
+
+class Refusal : public ::testing::TestWithParam<Case> {};
+
+TEST_P(Refusal, IsOneLineThatHelps) {
+  const Case& c = GetParam();
+  const std::string yaml = Edited(ReadText(ConfigPath(c.file)), c.from, c.to);
+  const std::string message = MessageOf(c.file, yaml);
+  EXPECT_THAT(message,
+              StartsWith("some.yaml:" + std::to_string(LineWith(yaml, c.marker)) + ": " + c.key + ": "));
+  EXPECT_THAT(message, HasSubstr("; accepted: "));
+  for (const char* part : c.says) EXPECT_THAT(message, HasSubstr(part));
+  EXPECT_THAT(message, Not(HasSubstr("\n")));
+}
+
+constexpr const char* kRig = "robots/rig_60mm.yaml";
+constexpr const char* kTwo = "robots/two_section.yaml";
+constexpr const char* kDaemon = "tendrild.yaml";
+
+// clang-format off
+const Case kCases[] = {
+    // ---- keys
+    {"UnknownKey", kRig, "unit_length_m:", "unit_lenght_m:", "unit_lenght_m", "body.sections[1].unit_lenght_m",
+     {"unknown key", "did you mean unit_length_m?"}},
+    {"UnknownKeyAtTop", kRig, "name: rig_60mm", "name: rig_60mm\ncolour: blue", "colour", "colour",
+     {"unknown key", "name, body, limits"}},
+    {"WrongUnitInKey", kRig, "unit_length_m: 0.015 ", "unit_length_mm: 15 ", "unit_length_mm", "body.sections[1].unit_length_mm",
+     {"millimetres", "unit_length_m in m", "write unit_length_m: 0.015"}},
+    {"WrongUnitInKeyUnknownUnit", kRig, "nominal_current_A", "nominal_current_furlong", "furlong", "actuation.motor.nominal_current_furlong",
+     {"furlong", "nominal_current_A in A"}},
+    {"UnitMissingInKey", kRig, "free_length_m:", "free_length:", "free_length:", "actuation.tendon.free_length",
+     {"the unit is missing", "free_length_m in m"}},
+    {"MissingKey", kRig, "unit_mass_kg:", "# unit_mass_kg:", "- units", "body.sections[1].unit_mass_kg",
+     {"missing", "1e-07 .. 10 kg", "add it below body.sections[1]"}},
+    {"MisspeltBlock", kRig, "  gear:", "  geer:", "geer", "actuation.geer", {"did you mean gear?"}},
+    {"MissingBlock", kRig, "  spool:\n    radius_m: 0.008\n", "", "actuation:", "actuation.spool", {"missing", "add it below actuation"}},
+    {"MissingTopKey", kRig, "name: rig_60mm", "", "body:", "name", {"missing", "add it at the top level"}},
+    {"DuplicateKey", kRig, "radius_m: 0.008", "radius_m: 0.008\n    radius_m: 0.009", "radius_m: 0.009", "actuation.spool.radius_m",
+     {"given twice (first on line "}},
+    {"DuplicateBlock", kRig, "limits:", "limits: {}\nlimits:", "limits:\n", "limits", {"given twice"}},
+    {"MergeKey", kRig, "radius_m: 0.008", "<<: {radius_m: 0.008}\n    radius_m: 0.008", "<<:", "actuation.spool.<<", {"merge keys"}},
+    {"KeyIsAList", kRig, "radius_m: 0.008", "[a, b]: 0.008", "[a, b]", "actuation.spool", {"a key is not a plain word"}},
+
+    // ---- types
+    {"TextForNumber", kRig, "unit_length_m: 0.015 ", "unit_length_m: short ", "short", "body.sections[1].unit_length_m",
+     {"'short' is not a number", "0.0001 .. 1 m"}},
+    {"UnitInValue", kRig, "unit_length_m: 0.015 ", "unit_length_m: 15 mm ", "15 mm", "body.sections[1].unit_length_m",
+     {"'15 mm' is not a number", "the unit is in the key's name"}},
+    {"DecimalComma", kRig, "unit_length_m: 0.015 ", "unit_length_m: 0,015 ", "0,015", "body.sections[1].unit_length_m",
+     {"'0,015' is not a number", "decimal point"}},
+    {"QuotedNumber", kRig, "unit_length_m: 0.015 ", "unit_length_m: \"0.015\" ", "\"0.015\"", "body.sections[1].unit_length_m",
+     {"text in quotes"}},
+    {"NoValue", kRig, "unit_length_m: 0.015 ", "unit_length_m: ", "unit_length_m", "body.sections[1].unit_length_m",
+     {"has no value", "0.0001 .. 1 m"}},
+    {"ListForNumber", kRig, "unit_length_m: 0.015 ", "unit_length_m: [0.015] ", "unit_length_m", "body.sections[1].unit_length_m",
+     {"a list, not a number"}},
+    {"NumberForList", kRig, "gravity_W_mps2: [0.0, 0.0, -9.81]", "gravity_W_mps2: -9.81", "gravity_W", "body.gravity_W_mps2",
+     {"not a list", "a list of 3 numbers", "m/s²"}},
+    {"ShortList", kRig, "gravity_W_mps2: [0.0, 0.0, -9.81]", "gravity_W_mps2: [0.0, -9.81]", "gravity_W", "body.gravity_W_mps2",
+     {"2 entries", "a list of 3 numbers"}},
+    {"BadListElement", kRig, "gravity_W_mps2: [0.0, 0.0, -9.81]", "gravity_W_mps2: [0.0, 0.0, down]", "gravity_W", "body.gravity_W_mps2[3]",
+     {"'down' is not a number"}},
+    {"FractionForInteger", kRig, "units: 4 ", "units: 4.5 ", "units: 4.5", "body.sections[1].units",
+     {"'4.5' is not a whole number", "1 .. 64"}},
+    {"OctalLookingInteger", kDaemon, "heartbeat_ms: 100", "heartbeat_ms: 0100", "0100", "bus.heartbeat_ms", {"'0100'"}},
+    {"HugeInteger", kDaemon, "heartbeat_ms: 100", "heartbeat_ms: 99999999999999999999", "9999999", "bus.heartbeat_ms",
+     {"out of range", "5 .. 10000 ms"}},
+    {"MappingForNumber", kRig, "radius_m: 0.008", "radius_m: {a: 1}", "{a: 1}", "actuation.spool.radius_m", {"a mapping, not a number"}},
+    {"NumberForMapping", kRig, "  spool:\n    radius_m: 0.008", "  spool: 0.008", "spool: 0.008", "actuation.spool", {"not a mapping"}},
+    {"YesForTrue", kDaemon, "lock_memory: true", "lock_memory: yes", "lock_memory", "realtime.lock_memory",
+     {"'yes' is neither true nor false"}},
+    {"UnknownChoice", kRig, "law: cumulative", "law: euler", "law: euler", "actuation.transmission.pulleys[1].law",
+     {"'euler'", "cumulative, local, classic"}},
+    {"BadUrl", kDaemon, "udpm://239", "http://239", "http://", "lcm.url", {"udpm://239.255.76.67:7667?ttl=0"}},
+    {"BadInterface", kDaemon, "interface: can0", "interface: /dev/can0", "/dev/can0", "bus.interface", {"can0"}},
+
+    // ---- values
+    {"NotANumber", kRig, "unit_length_m: 0.015 ", "unit_length_m: .nan ", ".nan", "body.sections[1].unit_length_m", {"not finite"}},
+    {"Infinite", kRig, "unit_length_m: 0.015 ", "unit_length_m: -.Inf ", "-.Inf", "body.sections[1].unit_length_m", {"not finite"}},
+    {"TooLargeForDouble", kRig, "unit_length_m: 0.015 ", "unit_length_m: 1e999 ", "1e999", "body.sections[1].unit_length_m", {"double"}},
+    {"Millimetres", kRig, "unit_length_m: 0.015 ", "unit_length_m: 22.5 ", "22.5", "body.sections[1].unit_length_m",
+     {"out of range", "0.0001 .. 1 m", "looks like millimetres: write 0.0225"}},
+    {"Gigapascals", kRig, "2.3e10", "23", "youngs", "body.sections[1].youngs_modulus_Pa", {"1000000 .. 1000000000000 Pa", "gigapascals: write 2.3e+10"}},
+    {"Degrees", kRig, "angle_rad: 2.0943951023931953", "angle_rad: 120", "120,", "body.sections[1].tendons[2].angle_rad",
+     {"looks like degrees: write 2.094395102"}},
+    {"Milliamperes", kRig, "current_limit_A: 0.360", "current_limit_A: 360", "current_limit_A", "actuation.drive.current_limit_A",
+     {"looks like milliamperes: write 0.36"}},
+    {"NegativeMass", kRig, "unit_mass_kg: 0.0025", "unit_mass_kg: -0.0025", "unit_mass", "body.sections[1].unit_mass_kg", {"1e-07 .. 10 kg"}},
+    {"GearBetterThanPerfect", kRig, "efficiency: 0.84", "efficiency: 1.01", "1.01", "actuation.gear.efficiency", {"above 0 up to 1"}},
+    {"GearOfNoUse", kRig, "efficiency: 0.84", "efficiency: 0", "efficiency", "actuation.gear.efficiency", {"above 0 up to 1"}},
+    {"ExponentAboveOne", kRig, "exponent: 0.67", "exponent: 1.5", "exponent: 1.5", "actuation.transmission.pulleys[1].exponent", {"above 0 up to 1"}},
+    {"ExponentZero", kRig, "exponent: 0.67", "exponent: 0", "exponent: 0", "actuation.transmission.pulleys[1].exponent", {"above 0 up to 1"}},
+    {"NodeIdZero", kDaemon, "node_id: 1,", "node_id: 0,", "node_id: 0", "bus.nodes[1].node_id", {"1 .. 127"}},
+    {"NodeId128", kDaemon, "node_id: 3,", "node_id: 128,", "node_id: 128", "bus.nodes[3].node_id", {"1 .. 127"}},
+    {"CycleInMilliseconds", kDaemon, "cycle_ns: 1000000", "cycle_ns: 1", "cycle_ns: 1", "bus.cycle_ns", {"looks like milliseconds: write 1000000"}},
+
+    // ---- rules between keys
+    {"TwoTendons", kRig, "        - {angle_rad: 4.1887902047863905, radius_m: 0.004}", "", "tendons:", "body.sections[1].tendons",
+     {"2 entries", "3 .. 16"}},
+    {"TendonsOnAHalfPlane", kRig, "angle_rad: 4.1887902047863905", "angle_rad: 3.0", "tendons:", "body.sections[1].tendons",
+     {"cannot bend the section every way", "188.1 degrees", "below 180 degrees"}},
+    {"TendonsOnALine", kRig, "angle_rad: 2.0943951023931953", "angle_rad: 3.141592653589793", "tendons:", "body.sections[1].tendons", {"180 degrees"}},
+    {"TooManyUnits", kTwo, "units: 4 ", "units: 61 ", "sections:", "body.sections", {"65 units", "up to 64"}},
+    {"SameHole", kTwo, "- {angle_rad: 1.0471975511965976", "- {angle_rad: 0.0, radius_m: 0.004}\n        - {angle_rad: 1.0471975511965976", "sections:", "body.sections", {"tendons 1 and 4", "same hole"}},
+    {"NoSection", kRig, "  sections:\n", "  sections: []\n  other:\n", "sections:", "body.sections", {"0 entries", "1 .. 4"}},
+    {"MinAboveMax", kRig, "max_tension_base_N: 8.0", "max_tension_base_N: 0.2", "max_tension_base_N", "limits.max_tension_base_N", {"above min_tension_N, 0.3 N"}},
+    {"MinAboveMotorMax", kRig, "max_tension_motor_N: 10.0", "max_tension_motor_N: 0.3", "max_tension_motor_N", "limits.max_tension_motor_N",
+     {"above min_tension_N, 0.3 N"}},
+    {"DisksTouch", kRig, "radius_m: 0.004}", "radius_m: 0.030}", "disk_diameter_m", "body.sections[1].disk_diameter_m", {"above 0.06 m"}},
+    {"BendingFoldsDisks", "robots/qi2021_60mm.yaml", "unit_length_m: 0.015 ", "unit_length_m: 0.0025 ", "max_bending_rad: 2.6", "limits.max_bending_rad",
+     {"section 1 touch", "below 2.5 rad"}},
+    {"CoreWiderThanHole", kRig, "core_radius_m: 0.0005", "core_radius_m: 0.004", "core_radius_m", "body.sections[1].core_radius_m", {"less than 0.004 m"}},
+    {"BothInertias", kRig, "disk_diameter_m: 0.010 ", "disk_diameter_m: 0.010\n      disk_inertia_xx_kgm2: 1.0e-8 ", "disk_inertia_xx_kgm2",
+     "body.sections[1].disk_inertia_xx_kgm2", {"either disk_diameter_m, or disk_inertia_xx_kgm2"}},
+    {"OneInertiaOnly", kRig, "disk_diameter_m: 0.010 ", "disk_inertia_xx_kgm2: 1.0e-8 ", "- units", "body.sections[1].disk_inertia_zz_kgm2", {"missing"}},
+    {"NeitherInertia", kRig, "disk_diameter_m: 0.010 ", "", "- units", "body.sections[1].disk_inertia_xx_kgm2", {"missing"}},
+    {"ImpossibleInertia", kRig, "disk_diameter_m: 0.010 ", "disk_inertia_xx_kgm2: 1.0e-8\n      disk_inertia_zz_kgm2: 2.1e-8 ", "disk_inertia_zz",
+     "body.sections[1].disk_inertia_zz_kgm2", {"up to 2e-08 kg·m²"}},
+    {"RatedTorque", kRig, "rated_torque_Nm: 0.007056", "rated_torque_Nm: 0.0072", "rated_torque_Nm", "actuation.drive.rated_torque_Nm",
+     {"0.00698544 .. 0.00712656 N·m", "1 %"}},
+    {"LoadCellSaturates", kRig, "gain_VpN: 0.2", "gain_VpN: 2.0", "gain_VpN", "actuation.load_cell.gain_VpN", {"20 V", "up to 1 V/N"}},
+    {"LowTensionAbovePretension", kRig, "low_tension_N: 0.05", "low_tension_N: 0.5", "low_tension_N", "actuation.transmission.low_tension_N", {"up to 0.3 N"}},
+    {"SameNodeTwiceInRobot", kRig, "\nactuation:", "\nactuation:\n  nodes: [1, 2, 2]", "nodes: [1", "actuation.nodes", {"node 2 twice"}},
+    {"TooFewNodesInRobot", kRig, "\nactuation:", "\nactuation:\n  nodes: [1, 2]", "nodes: [1", "actuation.nodes", {"2 entries", "a list of 3"}},
+    {"SameNodeTwice", kDaemon, "node_id: 2", "node_id: 1", "nodes:", "bus.nodes", {"node_id 1 twice"}},
+    {"SameTendonTwice", kDaemon, "tendon: 2", "tendon: 1", "nodes:", "bus.nodes", {"tendon 1 twice"}},
+    {"BitRate", kDaemon, "bitrate_bps: 1000000", "bitrate_bps: 300000", "bitrate_bps", "bus.bitrate_bps", {"125000, 250000, 500000, 800000, 1000000"}},
+    {"DeadlinePastCycle", kDaemon, "feedback_deadline_ns: 600000", "feedback_deadline_ns: 1000000", "feedback_deadline_ns", "bus.feedback_deadline_ns",
+     {"below cycle_ns, 1000000 ns"}},
+    {"HeartbeatTimeout", kDaemon, "heartbeat_timeout_ms: 250", "heartbeat_timeout_ms: 110", "heartbeat_timeout_ms", "bus.heartbeat_timeout_ms", {"200 ms"}},
+    {"Revisions", kDaemon, "min_revision: 0x01000000", "min_revision: 0x02000000", "max_revision", "bus.identity.max_revision", {"0x02000000 or more"}},
+    {"DefaultSpeed", kDaemon, "default_speed_radps: 0.5", "default_speed_radps: 9", "default_speed_radps", "controller.trajectory.default_speed_radps",
+     {"up to 8 rad/s"}},
+
+    // ---- tendons that differ
+    {"OverrideOfNoTendon", kRig, "\nactuation:", "\nactuation:\n  per_tendon: {4: {gear: {efficiency: 0.8}}}", "per_tendon: {4", "actuation.per_tendon.4", {"1 .. 3"}},
+    {"OverrideUnknownKey", kRig, "\nactuation:", "\nactuation:\n  per_tendon: {2: {gear: {eficiency: 0.8}}}", "per_tendon: {2: {gear: {e",
+     "actuation.per_tendon.2.gear.eficiency", {"did you mean efficiency?"}},
+    {"OverrideOutOfRange", kRig, "\nactuation:", "\nactuation:\n  per_tendon:\n    2:\n      gear:\n        efficiency: 1.5", "efficiency: 1.5",
+     "actuation.per_tendon.2.gear.efficiency", {"above 0 up to 1"}},
+    {"OverrideOfNodes", kRig, "\nactuation:", "\nactuation:\n  per_tendon: {2: {nodes: [1]}}", "per_tendon: {2: {nodes", "actuation.per_tendon.2.nodes", {"unknown key"}},
+    {"OverrideBreaksRatedTorque", kRig, "\nactuation:", "\nactuation:\n  per_tendon: {2: {motor: {nominal_current_A: 0.4}}}", "rated_torque_Nm",
+     "actuation.drive.rated_torque_Nm", {"0.00784"}},
+
+};
+// clang-format on
+
+INSTANTIATE_TEST_SUITE_P(All, Refusal, ::testing::ValuesIn(kCases),
+                         [](const auto& instance) { return std::string(instance.param.name); });
+
+// ---- every key of the shipped files, damaged in every way
+// --------------------------------------------------------
+
+struct Line {
+  int number;
+  std::string indent, key, value;
+};
+
+std::vector<Line> ScalarLines(const std::string& yaml) {
+  static const std::regex kScalar(R"(^( *)([A-Za-z_0-9]+): +([^\s#\[{][^#\n]*?) *(#.*)?$)");
+  std::vector<Line> lines;
+  std::istringstream in(yaml);
+  std::string text;
+  for (int number = 1; std::getline(in, text); ++number) {
+    std::smatch m;
+    if (std::regex_match(text, m, kScalar)) lines.push_back({number, m[1], m[2], m[3]});
+  }
+  return lines;
+}
+
+std::string WithLine(const std::string& yaml, int number, const std::string& replacement) {
+  std::istringstream in(yaml);
+  std::string out, text;
+  for (int n = 1; std::getline(in, text); ++n) out += (n == number ? replacement : text) + "\n";
+  return out;
+}
+
+class EveryKey : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(EveryKey, DamageIsFoundWhereItIs) {
+  const std::string file = GetParam();
+  const std::string yaml = ReadText(ConfigPath(file));
+  const std::vector<Line> lines = ScalarLines(yaml);
+  EXPECT_GT(lines.size(), 20u);
+  for (const Line& line : lines) {
+    const std::string here = "some.yaml:" + std::to_string(line.number) + ": ";
+    const std::string prefix = line.indent + line.key;
+    SCOPED_TRACE(prefix);
+    for (const std::string& damaged : {prefix + ": {}", prefix + ":", prefix + "x: " + line.value}) {
+      const std::string message = MessageOf(file, WithLine(yaml, line.number, damaged));
+      EXPECT_THAT(message, StartsWith(here)) << damaged;
+      EXPECT_THAT(message, HasSubstr(line.key));
+      EXPECT_THAT(message, HasSubstr("accepted: "));
+    }
+    const bool number = std::isdigit(static_cast<unsigned char>(line.value[0])) || line.value[0] == '-';
+    if (number) {
+      for (const char* value : {".nan", "1e300", "-1e300", "12 x", "'1'"}) {
+        const std::string message = MessageOf(file, WithLine(yaml, line.number, prefix + ": " + value));
+        EXPECT_THAT(message, StartsWith(here)) << value;
+        EXPECT_THAT(message, HasSubstr(line.key + ": "));
+        EXPECT_TRUE(std::regex_search(message, std::regex(R"(accepted: .*\d (\.\.|up to) -?\d)"))) << message;
+      }
+    }
+    const std::string twice = prefix + ": " + line.value + "\n" + prefix + ": " + line.value;
+    EXPECT_THAT(MessageOf(file, WithLine(yaml, line.number, twice)),
+                StartsWith("some.yaml:" + std::to_string(line.number + 1) + ": "));
+    const std::string missing = MessageOf(file, WithLine(yaml, line.number, ""));
+    // An only child leaves its block without a value.
+    EXPECT_THAT(missing, AnyOf(HasSubstr((line.key == "disk_diameter_m" ? "disk_inertia_xx_kgm2" : line.key) +
+                                         ": missing"),
+                               HasSubstr("spool: has no value")));
+    if (HasFailure()) return;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Files, EveryKey,
+                         ::testing::Values("robots/rig_60mm.yaml", "robots/two_section.yaml",
+                                           "tendrild.yaml"));
+
+// ---- files
+// ---------------------------------------------------------------------------------------------------------
+
+template <class F>
+std::string ErrorOf(F f) {
+  try {
+    f();
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+  return "(accepted)";
+}
+
+TEST(RefusedFile, NotYaml) {
+  for (const char* text : {"body: [\n", "body: {a: 1\n", "\tname: x\n", "name: *nowhere\n", "a: b: c\n"}) {
+    const std::string message = ErrorOf([&] { ParseRobot(text, "some.yaml"); });
+    EXPECT_TRUE(std::regex_match(
+        message, std::regex(R"(some\.yaml:\d+: not valid YAML: .*; accepted: a robot file.*; .*)")))
+        << text << " gave " << message;
+  }
+}
+
+TEST(RefusedFile, EmptyListTextOrTwoDocuments) {
+  for (const char* text : {"", "\n", "# only a comment\n", "---\n", "~\n"}) {
+    EXPECT_THAT(ErrorOf([&] { ParseDaemon(text, "some.yaml"); }),
+                StartsWith("some.yaml:1: the file is empty; accepted: a daemon file"));
+  }
+  EXPECT_THAT(ErrorOf([&] { ParseRobot("- 1\n- 2\n", "some.yaml"); }), HasSubstr("the file holds a list"));
+  EXPECT_THAT(ErrorOf([&] { ParseRobot("hello\n", "some.yaml"); }),
+              HasSubstr("the file holds a single value"));
+  EXPECT_THAT(ErrorOf([&] { ParseRobot("name: a\n---\nname: b\n", "some.yaml"); }),
+              StartsWith("some.yaml:3: a second YAML document"));
+}
+
+TEST(RefusedFile, TheOtherKind) {
+  EXPECT_THAT(ErrorOf([] { LoadRobot(ConfigPath("tendrild.yaml")); }),
+              ::testing::AllOf(HasSubstr("tendrild.yaml:5: this is a daemon file"),
+                               HasSubstr("accepted: a robot file")));
+  EXPECT_THAT(ErrorOf([] { LoadDaemon(ConfigPath("robots/rig_60mm.yaml")); }),
+              ::testing::AllOf(HasSubstr("rig_60mm.yaml:5: this is a robot file"),
+                               HasSubstr("accepted: a daemon file")));
+}
+
+class Scratch : public ::testing::Test {
+ protected:
+  Scratch() {
+    std::string pattern = std::filesystem::temp_directory_path() / "tendril_config_XXXXXX";
+    dir_ = ::mkdtemp(pattern.data());
+  }
+  ~Scratch() override { std::filesystem::remove_all(dir_); }
+  std::string Write(const std::string& name, const std::string& text) {
+    std::ofstream(dir_ / name) << text;
+    return dir_ / name;
+  }
+  std::filesystem::path dir_;
+};
+
+TEST_F(Scratch, MissingDirectoryPipeHugeAndUnreadable) {
+  const std::string missing = dir_ / "none.yaml";
+  for (const auto& load :
+       {+[](const std::string& p) { (void)LoadRobot(p); }, +[](const std::string& p) { (void)LoadDaemon(p); },
+        +[](const std::string& p) { (void)KindOf(p); }}) {
+    EXPECT_THAT(
+        ErrorOf([&] { load(missing); }),
+        ::testing::AllOf(StartsWith(missing + ": "), HasSubstr("o such file"), HasSubstr("check the path")));
+    EXPECT_THAT(ErrorOf([&] { load(dir_); }), HasSubstr(": is a directory; accepted: "));
+  }
+  const std::string pipe = dir_ / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_THAT(ErrorOf([&] { LoadRobot(pipe); }), HasSubstr("not an ordinary file"));
+  EXPECT_THAT(ErrorOf([&] { LoadRobot(Write("huge.yaml", std::string(2 << 20, '#'))); }),
+              HasSubstr("larger than 1 MiB"));
+  const std::string secret = Write("secret.yaml", "name: x\n");
+  ::chmod(secret.c_str(), 0);
+  if (::access(secret.c_str(), R_OK) == 0) return;  // root reads everything
+  EXPECT_THAT(ErrorOf([&] { LoadRobot(secret); }), HasSubstr("cannot be read: Permission denied"));
+}
+
+TEST_F(Scratch, NeitherKind) {
+  const std::string path = Write("other.yaml", "# other\nservices: {}\n");
+  EXPECT_THAT(ErrorOf([&] { KindOf(path); }), StartsWith(path + ":2: neither a robot nor a daemon file"));
+}
+
+TEST_F(Scratch, RobotOfADaemonIsLookedForBesideIt) {
+  const std::string daemon = ReadText(ConfigPath("tendrild.yaml"));
+  const std::string path = Write("tendrild.yaml", daemon);
+  EXPECT_THAT(ErrorOf([&] { LoadDaemon(path); }), StartsWith(path + ":5: robot: no such file: "));
+  std::filesystem::create_directory(dir_ / "robots");
+  Write("robots/rig_60mm.yaml", ReadText(ConfigPath("robots/rig_60mm.yaml")));
+  EXPECT_EQ(LoadDaemon(path).robot_file, (dir_ / "robots/rig_60mm.yaml").string());
+}
+
+// ---- two files that do not fit each other
+// ---------------------------------------------------------------------------
+
+TEST(RefusedPair, TendonsAndNodes) {
+  const std::string path = ConfigPath("tendrild.yaml");
+  const DaemonParameters daemon = LoadDaemon(path);
+  const RobotParameters robot = LoadRobot(daemon.robot_file);
+  const std::string nodes =
+      path + ":" + std::to_string(LineWith(ReadText(path), "\n  nodes:") + 1) + ": bus.nodes: ";
+  EXPECT_NO_THROW(CheckTogether(daemon, robot, path));
+
+  DaemonParameters fewer = daemon;
+  fewer.bus.nodes.pop_back();
+  EXPECT_THAT(ErrorOf([&] { CheckTogether(fewer, robot, path); }),
+              StartsWith(nodes + "tendon 3 of rig_60mm has 0 nodes"));
+  DaemonParameters more = daemon;
+  more.bus.nodes.push_back({4, 4});
+  EXPECT_THAT(ErrorOf([&] { CheckTogether(more, robot, path); }),
+              StartsWith(nodes + "node 4 pulls tendon 4"));
+  DaemonParameters same = daemon;
+  same.bus.nodes[1].node_id = 1;
+  EXPECT_THAT(ErrorOf([&] { CheckTogether(same, robot, path); }), StartsWith(nodes + "node_id 1 twice"));
+  DaemonParameters slack = daemon;
+  slack.controller.guards.slack_tension_N = 0.3;
+  EXPECT_THAT(ErrorOf([&] { CheckTogether(slack, robot, path); }),
+              HasSubstr("below limits.min_tension_N, 0.3 N"));
+  EXPECT_THAT(ErrorOf([&] { CheckTogether(daemon, LoadRobot(ConfigPath("robots/qi2021_60mm.yaml")), path); }),
+              StartsWith(path + ":5: robot: qi2021_60mm has no actuation"));
+  EXPECT_THAT(ErrorOf([&] { CheckTogether(fewer, robot, "gone.yaml"); }),
+              StartsWith("gone.yaml: bus.nodes: tendon 3"));
+}
+
+// ---- what is accepted
+// -----------------------------------------------------------------------------------------------
+
+TEST(Accepted, TendonsThatDiffer) {
+  const std::string yaml =
+      Edited(ReadText(ConfigPath(kRig)), "\nactuation:",
+             "\nactuation:\n  nodes: [11, 12, 7]\n  per_tendon:\n    2:\n      gear: {efficiency: 0.8}\n"
+             "      load_cell: {place: none}\n    3: {spool: {radius_m: 0.009}}");
+  const RobotParameters robot = ParseRobot(yaml, "some.yaml");
+  const auto& t = robot.actuation->tendons;
+  EXPECT_EQ(t[0].gear.efficiency, 0.84);
+  EXPECT_EQ(t[1].gear.efficiency, 0.8);
+  EXPECT_EQ(t[1].gear.ratio, 19);
+  EXPECT_EQ(t[2].gear.efficiency, 0.84);
+  EXPECT_EQ(t[0].load_cell.place, LoadCellPlace::kMotorSide);
+  EXPECT_EQ(t[1].load_cell.place, LoadCellPlace::kNone);
+  EXPECT_EQ(t[1].spool.radius_m, 0.008);
+  EXPECT_EQ(t[2].spool.radius_m, 0.009);
+  EXPECT_EQ(t[0].node_id, 11);
+  EXPECT_EQ(t[2].node_id, 7);
+}
+
+TEST(Accepted, AnchorsHexAndPlusSigns) {
+  std::string yaml = Edited(ReadText(ConfigPath(kRig)), "  spool:\n    radius_m: 0.008",
+                            "  spool: &spool\n    radius_m: +8.0E-3\n  per_tendon: {2: {spool: *spool}}");
+  yaml = Edited(yaml, "units: 4 ", "units: 0x4 ");
+  const RobotParameters robot = ParseRobot(yaml, "some.yaml");
+  EXPECT_EQ(robot.actuation->tendons[1].spool.radius_m, 0.008);
+  EXPECT_EQ(robot.body.sections[0].units, 4);
+}
+
+TEST(Accepted, NodesInAnyOrder) {
+  std::string yaml = ReadText(ConfigPath(kDaemon));
+  yaml = Edited(yaml, "{node_id: 1, tendon: 1}", "{node_id: 21, tendon: 3}");
+  yaml = Edited(yaml, "{node_id: 3, tendon: 3}", "{node_id: 23, tendon: 1}");
+  const DaemonParameters daemon = ParseDaemon(yaml, "some.yaml");
+  EXPECT_EQ(daemon.bus.nodes[0].node_id, 23);
+  EXPECT_EQ(daemon.bus.nodes[1].node_id, 2);
+  EXPECT_EQ(daemon.bus.nodes[2].node_id, 21);
+}
+
+// Damaged at random, a file is either read or refused in one line; nothing else happens.
+TEST(Damaged, NeverCrashesAndAlwaysOneLine) {
+  std::mt19937 random(7);
+  for (const std::string file : {kRig, kTwo, kDaemon}) {
+    const std::string whole = ReadText(ConfigPath(file));
+    int refused = 0;
+    for (int i = 0; i < 600; ++i) {
+      std::string yaml = whole;
+      for (int damage = static_cast<int>(random() % 4); damage >= 0; --damage) {
+        const std::size_t at = random() % yaml.size();
+        switch (random() % 4) {
+          case 0:
+            yaml[at] = static_cast<char>(random());
+            break;
+          case 1:
+            yaml.erase(at, random() % 40);
+            break;
+          case 2:
+            yaml.insert(at, yaml.substr(random() % yaml.size(), random() % 60));
+            break;
+          default:
+            yaml[at] = "{}[]&*!|>'\"%@`:-,?#\n\t "[random() % 23];
+        }
+      }
+      const std::string message = MessageOf(file, yaml);
+      if (message == "(accepted)") continue;
+      ++refused;
+      ASSERT_THAT(message, StartsWith("some.yaml:"));
+      ASSERT_THAT(message, HasSubstr("; accepted: "));
+      ASSERT_EQ(message.find('\n'), std::string::npos) << message;
+    }
+    EXPECT_GT(refused, 100);
+  }
+}
+
+}  // namespace
+}  // namespace tendril::config

@@ -1,0 +1,55 @@
+// `tendril config check`: validates a robot or daemon file and prints it resolved; for a daemon, the bus
+// budget too. Knows nothing of the keys.
+#include "tendril/config/config.h"
+
+#include <fmt/core.h>
+
+#include <memory>
+#include <string>
+
+#include "commands.h"
+#include "tendril/canopen/master.h"
+
+namespace tendril::tools {
+namespace {
+
+std::string Remedy(const canopen::BusBudget& budget) {
+  std::string remedy = fmt::format("at most {} drives fit this cycle", budget.max_drives_at_this_cycle);
+  if (budget.min_cycle_ns_for_these_drives > 0) {
+    remedy = fmt::format("set cycle_ns: {} or more, or {}", budget.min_cycle_ns_for_these_drives, remedy);
+  }
+  return remedy;
+}
+
+void Check(const std::string& path) {
+  if (config::KindOf(path) == "robot") {
+    fmt::print("{}", config::ToYaml(config::LoadRobot(path)));
+    return;
+  }
+  const DaemonParameters daemon = config::LoadDaemon(path);
+  const RobotParameters robot = config::LoadRobot(daemon.robot_file);
+  config::CheckTogether(daemon, robot, path);
+  const canopen::BusBudget budget = canopen::ComputeBusBudget(daemon.bus);
+  if (budget.load > daemon.bus.max_load) {
+    throw config::ErrorAt(
+        path, "bus.cycle_ns",
+        fmt::format("{:.1f} % of the bus needed by {} drives; accepted: up to {:.1f} % (bus.max_load); {}",
+                    100 * budget.load, daemon.bus.nodes.size(), 100 * daemon.bus.max_load, Remedy(budget)));
+  }
+  fmt::print("{}# {}\n", config::ToYaml(daemon), budget.ToString());  // still one YAML file
+}
+
+}  // namespace
+
+void AddConfigCommand(CLI::App& app) {
+  CLI::App* group = app.add_subcommand("config", "Robot and daemon files");
+  group->require_subcommand(1);
+  CLI::App* check = group->add_subcommand(
+      "check", "Validate a robot or daemon file and print it resolved; for a daemon, the bus budget too");
+  auto file = std::make_shared<std::string>();
+  check->add_option("FILE", *file, "robot file (config/robots/*.yaml) or daemon file (config/tendrild.yaml)")
+      ->required();
+  check->callback([file] { Check(*file); });
+}
+
+}  // namespace tendril::tools
