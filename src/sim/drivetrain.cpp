@@ -1,5 +1,5 @@
-// The drivetrain's laws: tendon spring, pulley friction with pre-sliding, Dahl motor friction, gear efficiency.
-// Knows one tendon only.
+// The drivetrain's laws: tendon spring, pulley friction with pre-sliding, Dahl motor friction, gear
+// efficiency. Knows one tendon only.
 #include "drivetrain.h"
 
 #include <algorithm>
@@ -8,9 +8,9 @@
 namespace tendril::sim {
 namespace {
 
-/// Extreme of a coordinate that went from x0 to x1 in h seconds with velocities v0 and v1 of opposite sign: the cubic
-/// through both ends, at the zero of the straight line between the velocities (stationary there, so the error is
-/// of second order in that time's).
+/// Extreme of a coordinate that went from x0 to x1 in h seconds with velocities v0 and v1 of opposite sign:
+/// the cubic through both ends, at the zero of the straight line between the velocities (stationary there, so
+/// the error is of second order in that time's).
 double TurningPoint(double x0, double v0, double x1, double v1, double h) {
   const double s = v0 / (v0 - v1);
   const double r = 1 - s;
@@ -90,8 +90,8 @@ double Drivetrain::GearSlope(double angle_rad) const noexcept {
   return (Gear(angle_rad + gear_step_rad_) - Gear(angle_rad - gear_step_rad_)) / (2 * gear_step_rad_);
 }
 
-// The slope of the pulley's map is taken as its ratio: it is exact for a constant ratio and within some per cent for
-// the power law, and only the speed of the solver's iteration depends on it.
+// The slope of the pulley's map is taken as its ratio: it is exact for a constant ratio and within some per
+// cent for the power law, and only the speed of the solver's iteration depends on it.
 DrivetrainLinear Drivetrain::Linearise(const DrivetrainMotion& m, const DrivetrainForces& f,
                                        double gamma) const noexcept {
   DrivetrainLinear l;
@@ -101,7 +101,8 @@ DrivetrainLinear Drivetrain::Linearise(const DrivetrainMotion& m, const Drivetra
     const double ratio = f.tension_base_N / f.tension_motor_N;
     implicit_spring = gamma * (gamma * stiffness_ + damping_);
     l.base_spring = ratio * stiffness_;
-    l.base_slide = 0.25 * (f.release_N - f.pull_N) * SlidingSlope(0.5 * (travel_ * m.angle_rad + m.shortening_m));
+    l.base_slide =
+        0.25 * (f.release_N - f.pull_N) * SlidingSlope(0.5 * (travel_ * m.angle_rad + m.shortening_m));
     l.rotor_spring = travel_ * f.gear_factor * stiffness_;
     l.rotor_gear = -log_efficiency_ * f.gear_factor * GearSlope(m.angle_rad) * travel_ * f.tension_motor_N;
     l.base_body = ratio * implicit_spring - gamma * gamma * l.base_slide;

@@ -1,5 +1,6 @@
-// One motor with its gear, spool, tendon and guide pulleys: from torque and motion to tensions and accelerations.
-// Holds the hysteresis memories; knows nothing of the body, of solvers or of time beyond its torque loop.
+// One motor with its gear, spool, tendon and guide pulleys: from torque and motion to tensions and
+// accelerations. Holds the hysteresis memories; knows nothing of the body, of solvers or of time beyond its
+// torque loop.
 #pragma once
 
 #include <memory>
@@ -13,10 +14,10 @@ namespace tendril::sim {
 
 /// Motion of one drivetrain. Positive pulls the tendon.
 struct DrivetrainMotion {
-  double angle_rad = 0;           // motor
-  double velocity_radps = 0;      // motor
-  double dahl = 0;                // zeta, the Coulomb friction's state in [-1, 1]
-  double shortening_m = 0;        // d: straight tendon length of the straight robot less that of the bent one
+  double angle_rad = 0;       // motor
+  double velocity_radps = 0;  // motor
+  double dahl = 0;            // zeta, the Coulomb friction's state in [-1, 1]
+  double shortening_m = 0;    // d: straight tendon length of the straight robot less that of the bent one
   double shortening_rate_mps = 0;
 };
 
@@ -24,23 +25,24 @@ struct DrivetrainMotion {
 struct DrivetrainForces {
   double tension_motor_N = 0;
   double tension_base_N = 0;
-  double sliding = 0;             // z of the pulley
-  double gear_factor = 1;         // efficiency^(-z_g): load torque at the motor over the lossless one
+  double sliding = 0;      // z of the pulley
+  double gear_factor = 1;  // efficiency^(-z_g): load torque at the motor over the lossless one
   double acceleration_radps2 = 0;
   double dahl_rate_ps = 0;
-  double pull_N = 0;              // F and its inverse at the motor-side tension
+  double pull_N = 0;  // F and its inverse at the motor-side tension
   double release_N = 0;
 };
 
-/// One tendon in the equations linearised over a solver's step of weight gamma [s], as an implicit step needs them. With
-/// B the row of shortening per bending, dv and dw the changes of bending rate and motor velocity:
+/// One tendon in the equations linearised over a solver's step of weight gamma [s], as an implicit step needs
+/// them. With B the row of shortening per bending, dv and dw the changes of bending rate and motor velocity:
 ///   change of base tension:  base_body * (-B dv) + base_motor * dw + (what known changes of positions add),
 ///   rotor:  inertia * dw + rotor_body * (-B dv) = (what known changes add).
 struct DrivetrainLinear {
-  double base_body = 0, base_motor = 0;   // N per m/s, N per rad/s
-  double rotor_body = 0, inertia = 0;     // as torque impulse over gamma; the Dahl state is eliminated
+  double base_body = 0, base_motor = 0;  // N per m/s, N per rad/s
+  double rotor_body = 0, inertia = 0;    // as torque impulse over gamma; the Dahl state is eliminated
 
-  /// Known changes of positions and of the Dahl state -> change of base tension [N], torque on the rotor [N·m].
+  /// Known changes of positions and of the Dahl state -> change of base tension [N], torque on the rotor
+  /// [N·m].
   double BaseTension(double angle_change_rad, double shortening_change_m) const noexcept {
     return base_spring * (travel * angle_change_rad - shortening_change_m) +
            base_slide * (travel * angle_change_rad + shortening_change_m);
@@ -74,8 +76,8 @@ class Drivetrain {
   DrivetrainLinear Linearise(const DrivetrainMotion& motion, const DrivetrainForces& forces,
                              double gamma_s) const noexcept;
 
-  /// Moves the hysteresis memories along the way from the last committed motion, through the turning point if the
-  /// direction changed during these step_s seconds.
+  /// Moves the hysteresis memories along the way from the last committed motion, through the turning point if
+  /// the direction changed during these step_s seconds.
   void Commit(const DrivetrainMotion& motion, double step_s) noexcept;
 
   double rotor_inertia_kgm2() const noexcept { return inertia_; }

@@ -1,9 +1,10 @@
-// CVODE with a matrix-embedded linear solver: the system solves its own Newton equations, whose structure it knows.
-// Knows nothing of robots.
+// CVODE with a matrix-embedded linear solver: the system solves its own Newton equations, whose structure it
+// knows. Knows nothing of robots.
 #include "integrator.h"
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -38,6 +39,8 @@ Integrator::Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Toler
   vector_ = N_VMake_Serial(y_.size(), y_.data(), context_);
   absolute_ = N_VNew_Serial(y_.size(), context_);
   Eigen::VectorXd::Map(N_VGetArrayPointer(absolute_), y_.size()) = tolerances.absolute;
+  error_ = N_VNew_Serial(y_.size(), context_);
+  weights_ = N_VNew_Serial(y_.size(), context_);
   linear_ = SUNLinSolNewEmpty(context_);
   linear_->content = this;
   linear_->ops->gettype = IntegratorCallbacks::Type;
@@ -54,6 +57,8 @@ Integrator::Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Toler
 Integrator::~Integrator() {
   CVodeFree(&cvode_);
   SUNLinSolFreeEmpty(linear_);
+  N_VDestroy(weights_);
+  N_VDestroy(error_);
   N_VDestroy(absolute_);
   N_VDestroy(vector_);
   SUNContext_Free(&context_);
@@ -62,14 +67,15 @@ Integrator::~Integrator() {
 void Integrator::StepTowards(double end) {
   double first_step = 1e-6;
   while (true) {
-    // The next step as CVODE would like it, shortened so that the rest of the way is a whole number of them.
-    realtype wanted = 0;
-    CVodeGetCurrentStep(cvode_, &wanted);
+    // The rest of the way is cut into equal steps no longer than the one CVODE would like.
     const double rest = end - t_;
-    const double pieces = wanted > 0 ? std::ceil(rest / wanted - 0.1) : 1;
+    const double pieces = wanted_step_ > 0 ? std::ceil(rest / wanted_step_ - 0.1) : 1;
     CVodeSetStopTime(cvode_, pieces > 1 ? t_ + rest / pieces : end);
     const int flag = CVode(cvode_, end, vector_, &t_, CV_ONE_STEP);
-    if (flag >= 0) return;
+    if (flag >= 0) {
+      wanted_step_ = WantedStep(flag == CV_TSTOP_RETURN);
+      return;
+    }
     if (first_step < 1e-10) {
       throw std::runtime_error(fmt::format("integration stopped at t = {:.6f} s: {}", t_, reason_));
     }
@@ -78,9 +84,27 @@ void Integrator::StepTowards(double end) {
   }
 }
 
+// At a stop CVODE does not tell its next step; its own rule gives it from the error estimate.
+double Integrator::WantedStep(bool stopped) {
+  realtype step = 0;
+  if (!stopped) {
+    CVodeGetCurrentStep(cvode_, &step);
+    return step;
+  }
+  int order = 1;
+  CVodeGetLastStep(cvode_, &step);
+  CVodeGetLastOrder(cvode_, &order);
+  CVodeGetEstLocalErrors(cvode_, error_);
+  CVodeGetErrWeights(cvode_, weights_);
+  const double error = N_VWrmsNorm(error_, weights_);
+  const double growth = 1 / (std::pow(6 * error, 1.0 / (order + 1)) + 1e-6);
+  return growth < 1.5 ? step : step * std::min(growth, 10.0);
+}
+
 void Integrator::Restart(double first_step) {
   const Counters now = counters();
   before_restart_ = now;
+  wanted_step_ = 0;
   ++before_restart_.restarts;
   Check(CVodeReInit(cvode_, t_, vector_), "CVodeReInit");
   Check(CVodeSetInitStep(cvode_, first_step), "CVodeSetInitStep");

@@ -1,5 +1,5 @@
-// CVODE (BDF) behind a narrow door: one accepted step at a time, own Newton matrix, restart after a failed step.
-// Knows nothing of robots.
+// CVODE (BDF) behind a narrow door: one accepted step at a time, own Newton matrix, restart after a failed
+// step. Knows nothing of robots.
 #pragma once
 
 #include <cvode/cvode.h>
@@ -30,20 +30,22 @@ class Integrator {
   Integrator(const Integrator&) = delete;
   Integrator& operator=(const Integrator&) = delete;
 
-  /// One accepted step, not past `end`; the steps to `end` are made about equally long. A step that CVODE gives up is
-  /// tried again from the last accepted point as a fresh start with a first step of 1 us, then 10 ns, then 0.1 ns;
-  /// after that std::runtime_error with CVODE's reason.
+  /// One accepted step, not past `end`; the steps to `end` are made about equally long. A step that CVODE
+  /// gives up is tried again from the last accepted point as a fresh start with a first step of 1 us, then 10
+  /// ns, then 0.1 ns; after that std::runtime_error with CVODE's reason.
   void StepTowards(double end);
 
   double t() const noexcept { return t_; }
   const Eigen::VectorXd& y() const noexcept { return y_; }
 
   struct Counters {
-    long steps = 0, derivatives = 0, newton = 0, error_test_failures = 0, convergence_failures = 0, restarts = 0;
+    long steps = 0, derivatives = 0, newton = 0, error_test_failures = 0, convergence_failures = 0,
+         restarts = 0;
   };
   Counters counters() const;
 
  private:
+  double WantedStep(bool stopped);
   void Restart(double first_step);
   Counters SolverCounters() const;
 
@@ -51,10 +53,11 @@ class Integrator {
   double t_ = 0;
   Eigen::VectorXd y_;
   SUNContext context_ = nullptr;
-  N_Vector vector_ = nullptr, absolute_ = nullptr;
+  N_Vector vector_ = nullptr, absolute_ = nullptr, error_ = nullptr, weights_ = nullptr;
   SUNLinearSolver linear_ = nullptr;
   void* cvode_ = nullptr;
-  std::string reason_;  // CVODE's last message
+  double wanted_step_ = 0;  // 0: not known yet
+  std::string reason_;      // CVODE's last message
   Counters before_restart_;
 
   friend struct IntegratorCallbacks;

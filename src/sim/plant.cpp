@@ -1,6 +1,7 @@
 // The plant: body and drivetrains as one system of ordinary differential equations, sensors around it.
-// States: unit bending q, motor angles, their rates, and the Dahl state of each motor's friction. Stop operators are
-// functions of position that remember: read inside the solver's steps, moved on only when a step was accepted.
+// States: unit bending q, motor angles, their rates, and the Dahl state of each motor's friction. Stop
+// operators are functions of position that remember: read inside the solver's steps, moved on only when a
+// step was accepted.
 #include "tendril/sim/plant.h"
 
 #include <fmt/core.h>
@@ -22,14 +23,14 @@ namespace {
 using ConstVector = Eigen::Map<const Eigen::VectorXd>;
 using Vector = Eigen::Map<Eigen::VectorXd>;
 
-// Newton's matrix is built from mass and stiffness at a reference shape; beyond this bend or tension from there they
-// are taken anew. The iteration stays fast, and its solution does not depend on it.
+// Newton's matrix is built from mass and stiffness at a reference shape; beyond this bend or tension from
+// there they are taken anew. The iteration stays fast, and its solution does not depend on it.
 constexpr double kNewtonBend_rad = 0.05;
 constexpr double kNewtonTension_N = 1.0;
 
 bool Same(const PulleyParameters& a, const PulleyParameters& b) {
-  return a.law == b.law && a.wrap_rad == b.wrap_rad && a.radius_ratio == b.radius_ratio && a.alpha == b.alpha &&
-         a.exponent == b.exponent && a.entry_angle_rad == b.entry_angle_rad;
+  return a.law == b.law && a.wrap_rad == b.wrap_rad && a.radius_ratio == b.radius_ratio &&
+         a.alpha == b.alpha && a.exponent == b.exponent && a.entry_angle_rad == b.entry_angle_rad;
 }
 
 bool SameMap(const TransmissionParameters& a, const TransmissionParameters& b) {
@@ -39,14 +40,15 @@ bool SameMap(const TransmissionParameters& a, const TransmissionParameters& b) {
 
 const ActuationParameters& Actuation(const RobotParameters& robot) {
   if (!robot.actuation) {
-    throw std::invalid_argument(fmt::format(
-        "robot '{}' has no actuation: the plant needs motors and tendons; use a robot file with an 'actuation' section",
-        robot.name));
+    throw std::invalid_argument(
+        fmt::format("robot '{}' has no actuation: the plant needs motors and tendons; use a robot file with "
+                    "an 'actuation' section",
+                    robot.name));
   }
   const int wanted = robot.body.tendons();
   if (static_cast<int>(robot.actuation->tendons.size()) != wanted) {
-    throw std::invalid_argument(fmt::format("robot '{}': actuation names {} tendons, the body has {}", robot.name,
-                                            robot.actuation->tendons.size(), wanted));
+    throw std::invalid_argument(fmt::format("robot '{}': actuation names {} tendons, the body has {}",
+                                            robot.name, robot.actuation->tendons.size(), wanted));
   }
   return *robot.actuation;
 }
@@ -70,7 +72,8 @@ struct Plant::Impl final : OdeSystem {
         if (SameMap(actuation.tendons[i].transmission, p.transmission)) tables.push_back(tables[i]);
       }
       if (static_cast<int>(tables.size()) == j) {
-        // The motor's rated torque bounds what it can pull for long; the table's own limit is the file's, doubled.
+        // The motor's rated torque bounds what it can pull for long; the table's own limit is the file's,
+        // doubled.
         const double most = std::max(2 * robot.limits.max_tension_motor_N, 20.0);
         tables.push_back(std::make_shared<model::CapstanTable>(p.transmission, most));
       }
@@ -102,7 +105,8 @@ struct Plant::Impl final : OdeSystem {
     q.setZero(n);
     dq.setZero(n);
 
-    integrator = std::make_unique<Integrator>(*this, Eigen::VectorXd::Zero(2 * (n + m) + m), StateTolerances());
+    integrator =
+        std::make_unique<Integrator>(*this, Eigen::VectorXd::Zero(2 * (n + m) + m), StateTolerances());
     ReadState();
     UpdateTendonStates();
     RememberPose();
@@ -114,8 +118,9 @@ struct Plant::Impl final : OdeSystem {
   int velocity_at(int j) const { return 2 * n + m + j; }
   int dahl_at(int j) const { return 2 * (n + m) + j; }
 
-  /// One tolerance a state, so that each is worth the same change of tendon tension: the given one is for bending; a
-  /// motor angle counts by the stretch it makes, a rate by the damper's tension, a Dahl state by the friction torque.
+  /// One tolerance a state, so that each is worth the same change of tendon tension: the given one is for
+  /// bending; a motor angle counts by the stretch it makes, a rate by the damper's tension, a Dahl state by
+  /// the friction torque.
   Integrator::Tolerances StateTolerances() const {
     const double bend = options.absolute_tolerance;
     Eigen::VectorXd absolute = Eigen::VectorXd::Constant(2 * (n + m) + m, bend);
@@ -124,7 +129,8 @@ struct Plant::Impl final : OdeSystem {
       const auto& d = drive[j];
       const auto [section, route] = Route(j);
       const double stretch = bend * route.radius_m;
-      const double rate = d.damping_Nspm() > 0 ? std::min(d.stiffness_Npm() / d.damping_Nspm(), kFastest) : kFastest;
+      const double rate =
+          d.damping_Nspm() > 0 ? std::min(d.stiffness_Npm() / d.damping_Nspm(), kFastest) : kFastest;
       slowest = std::min(slowest, rate);
       absolute[angle_at(j)] = stretch / d.travel_m_per_rad();
       absolute[velocity_at(j)] = rate * stretch / d.travel_m_per_rad();
@@ -134,7 +140,8 @@ struct Plant::Impl final : OdeSystem {
     absolute.segment(rate_at(), n).setConstant(slowest * bend);
     return {options.relative_tolerance, absolute};
   }
-  static constexpr double kFastest = 1500;  // 1/s: rates that move a sensor within a fraction of a millisecond
+  static constexpr double kFastest =
+      1500;  // 1/s: rates that move a sensor within a fraction of a millisecond
 
   std::pair<int, TendonRoute> Route(int tendon) const {
     int section = 0;
@@ -168,8 +175,8 @@ struct Plant::Impl final : OdeSystem {
     return acceleration.allFinite();
   }
 
-  /// (I - gamma df/dy) x = b with the rows of the body multiplied by the mass matrix and the motors, whose block is
-  /// diagonal, eliminated; what is left is symmetric in the bending rates:
+  /// (I - gamma df/dy) x = b with the rows of the body multiplied by the mass matrix and the motors, whose
+  /// block is diagonal, eliminated; what is left is symmetric in the bending rates:
   ///   [H + gamma D + gamma^2 K + J^T diag(w) J] dv = ...,  J = dL/dq.
   bool SolveNewton(double gamma, const double* b, double* x) noexcept override {
     if (reference_q.size() == 0 || (evaluated_q - reference_q).cwiseAbs().maxCoeff() > kNewtonBend_rad ||
@@ -217,8 +224,8 @@ struct Plant::Impl final : OdeSystem {
 
   // ---- after accepted steps ----
 
-  /// Tendon paths at the accepted point: by the tangent from the iterate where they were evaluated last, which is
-  /// within the solver's tolerance of it, or anew where it is not.
+  /// Tendon paths at the accepted point: by the tangent from the iterate where they were evaluated last,
+  /// which is within the solver's tolerance of it, or anew where it is not.
   void ReadState() {
     const Eigen::VectorXd& y = integrator->y();
     q = y.head(n);
@@ -280,12 +287,12 @@ struct Plant::Impl final : OdeSystem {
       sensors[j].encoder_counts =
           static_cast<std::int32_t>(std::llround(turns * p.drive.encoder_counts_per_turn));
       const double permille = p.drive.rated_torque_Nm * 1e-3;
-      sensors[j].torque_Nm =
-          permille * std::round(state[j].motor_torque_Nm / permille + Noise(p.drive.actual_torque_noise_permille));
+      sensors[j].torque_Nm = permille * std::round(state[j].motor_torque_Nm / permille +
+                                                   Noise(p.drive.actual_torque_noise_permille));
       const double cell = Noise(p.load_cell.noise_N);
       if (p.load_cell.place == LoadCellPlace::kNone) continue;
-      const double tension_N = p.load_cell.place == LoadCellPlace::kMotorSide ? state[j].tension_motor_N
-                                                                              : state[j].tension_base_N;
+      const double tension_N =
+          p.load_cell.place == LoadCellPlace::kMotorSide ? state[j].tension_motor_N : state[j].tension_base_N;
       const double volts = p.load_cell.gain_VpN * (tension_N + cell);
       sensors[j].load_cell_V = p.load_cell.resolution_V * std::round(volts / p.load_cell.resolution_V);
     }

@@ -18,7 +18,7 @@ struct PlantOptions {
   std::uint64_t seed = 1;          // of the sensor noise
   bool sensor_noise = true;
   double relative_tolerance = 1e-6;
-  double absolute_tolerance = 1e-8;  // rad; scaled to each state's size inside
+  double absolute_tolerance = 1e-7;  // of bending [rad]; other states get what moves a tension as much
 };
 
 /// True state of one tendon's drivetrain.
