@@ -1,0 +1,226 @@
+// Tendon tensions for a wanted force on the sections: the least-norm admissible solution, by its dual.
+// Knows a matrix, a force and bounds; of the robot only how its tendons act on a section's arc motion.
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "tendril/model/inverse.h"
+
+namespace tendril::model {
+namespace {
+
+constexpr int kMaxForces = 2 * kMaxSections;
+using ForceVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxForces, 1>;
+using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxForces, kMaxForces>;
+using ForceTensionMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxForces, kMaxTendons>;
+
+enum class Bound : signed char { kLower, kFree, kUpper };
+using BoundSet = std::array<Bound, kMaxTendons>;
+
+/// min |x|^2 / 2 with A x = b, 0 <= x <= range, columns of A at most 1 long. Its dual is
+///   x(y) = clip(A^T y, 0, range),  A x(y) + regularisation y = b,
+/// the gradient of a convex, piecewise quadratic function of y. The small regularisation keeps y finite when
+/// b is out of reach; x(y) then tends to the admissible x nearest to b and, among those, to the one of least
+/// norm.
+class BoundedLeastNorm {
+ public:
+  BoundedLeastNorm(const ForceTensionMatrix& a, const ForceVector& b, double range)
+      : a_(a), b_(b), range_(range) {}
+
+  /// Newton on the dual with an exact line search. Ends after finitely many steps; their number is bounded
+  /// all the same. Returns it, or -1 at the bound.
+  int Solve() noexcept {
+    ForceVector y = ForceVector::Zero(b_.size());
+    TendonVector pull = TendonVector::Zero(a_.cols());  // A^T y
+    set_.fill(Bound::kFree);
+    for (int iteration = 1; iteration <= kMaxIterations; ++iteration) {
+      ForceMatrix hessian = ForceMatrix::Identity(b_.size(), b_.size()) * kRegularisation;
+      TendonVector x(a_.cols());
+      for (int j = 0; j < a_.cols(); ++j) {
+        x[j] = iteration == 1 ? pull[j] : std::clamp(pull[j], 0.0, range_);
+        if (set_[j] == Bound::kFree) hessian.noalias() += a_.col(j) * a_.col(j).transpose();
+      }
+      const ForceVector gradient = a_ * x + kRegularisation * y - b_;
+      if (iteration > 1 && gradient.norm() <= 1e-15 * (b_.norm() + x.norm() + y.norm())) return iteration;
+      const ForceVector step = -hessian.ldlt().solve(gradient);
+      const TendonVector step_pull = a_.transpose() * step;
+      const double length = iteration == 1 ? 1 : LineSearch(y, pull, step, step_pull);
+      y += length * step;
+      pull = a_.transpose() * y;
+      const BoundSet previous = set_;
+      Classify(pull);
+      if (length == 1 && previous == set_) return iteration;
+    }
+    return -1;
+  }
+
+  /// The exact solution on the active set that Solve found: x at its bounds, the free ones of least norm.
+  /// Where the set turns out to be wrong by a hair (a tension within the regularisation of a bound) it is
+  /// corrected.
+  TendonVector Polish() noexcept {
+    TendonVector x = OnActiveSet();
+    for (int attempt = 0; attempt < a_.cols(); ++attempt) {
+      bool moved = false;
+      for (int j = 0; j < a_.cols(); ++j) {
+        if (set_[j] != Bound::kFree || (x[j] >= 0 && x[j] <= range_)) continue;
+        set_[j] = x[j] < 0 ? Bound::kLower : Bound::kUpper;
+        moved = true;
+      }
+      if (!moved) break;
+      x = OnActiveSet();
+    }
+    return x.cwiseMax(0.0).cwiseMin(range_);
+  }
+
+ private:
+  static constexpr int kMaxIterations = 60;
+  static constexpr double kRegularisation = 1e-8;
+
+  void Classify(const TendonVector& pull) noexcept {
+    for (int j = 0; j < a_.cols(); ++j) {
+      set_[j] = pull[j] <= 0 ? Bound::kLower : pull[j] >= range_ ? Bound::kUpper : Bound::kFree;
+    }
+  }
+
+  /// Length in (0, 1] at which the derivative along the step, a rising broken line, crosses zero; 1 if it
+  /// does not.
+  double LineSearch(const ForceVector& y, const TendonVector& pull, const ForceVector& step,
+                    const TendonVector& step_pull) const noexcept {
+    const double constant = kRegularisation * step.dot(y) - step.dot(b_);
+    const double linear = kRegularisation * step.squaredNorm();
+    const auto derivative = [&](double t) {
+      double sum = constant + linear * t;
+      for (int j = 0; j < pull.size(); ++j)
+        sum += step_pull[j] * std::clamp(pull[j] + t * step_pull[j], 0.0, range_);
+      return sum;
+    };
+    if (derivative(1) <= 0) return 1;
+    std::array<double, 2 * kMaxTendons + 2> kinks;
+    int count = 0;
+    kinks[count++] = 0;
+    for (int j = 0; j < pull.size(); ++j) {
+      for (const double bound : {0.0, range_}) {
+        const double t = (bound - pull[j]) / step_pull[j];
+        if (t > 0 && t < 1) kinks[count++] = t;
+      }
+    }
+    kinks[count++] = 1;
+    std::sort(kinks.begin(), kinks.begin() + count);
+    int low = 0, high = count - 1;  // the crossing lies between these kinks
+    while (high - low > 1) {
+      const int middle = (low + high) / 2;
+      (derivative(kinks[middle]) <= 0 ? low : high) = middle;
+    }
+    const double at_low = derivative(kinks[low]), at_high = derivative(kinks[high]);
+    if (!(at_high > at_low)) return kinks[high];
+    return kinks[low] - at_low * (kinks[high] - kinks[low]) / (at_high - at_low);
+  }
+
+  TendonVector OnActiveSet() const noexcept {
+    TendonVector x = TendonVector::Zero(a_.cols());
+    ForceTensionMatrix free(b_.size(), a_.cols());
+    std::array<int, kMaxTendons> index{};
+    int count = 0;
+    ForceVector rest = b_;
+    for (int j = 0; j < a_.cols(); ++j) {
+      if (set_[j] == Bound::kFree) {
+        index[count] = j;
+        free.col(count++) = a_.col(j);
+      } else if (set_[j] == Bound::kUpper) {
+        x[j] = range_;
+        rest -= range_ * a_.col(j);
+      }
+    }
+    if (count == 0) return x;
+    free.conservativeResize(Eigen::NoChange, count);
+    const TendonVector solved = LeastNorm(free, rest);
+    for (int i = 0; i < count; ++i) x[index[i]] = solved[i];
+    return x;
+  }
+
+  static TendonVector LeastNorm(const ForceTensionMatrix& a, const ForceVector& b) noexcept {
+    if (a.cols() >= a.rows()) {
+      const ForceMatrix gram = a * a.transpose();
+      const Eigen::LLT<ForceMatrix> factor(gram);
+      if (factor.info() == Eigen::Success && factor.rcond() > 1e-10) {
+        ForceVector y = factor.solve(b);
+        y += factor.solve(b - gram * y);
+        TendonVector x = a.transpose() * y;
+        x += a.transpose() * factor.solve(b - a * x);
+        return x;
+      }
+    }
+    Eigen::CompleteOrthogonalDecomposition<ForceTensionMatrix> factor;
+    factor.setThreshold(1e-9);
+    factor.compute(a);
+    return factor.solve(b);
+  }
+
+  const ForceTensionMatrix& a_;
+  const ForceVector& b_;
+  double range_;
+  BoundSet set_{};
+};
+
+}  // namespace
+
+TensionAllocator::TensionAllocator(int tendons, int forces) : tendons_(tendons), forces_(forces) {
+  if (tendons < 1 || tendons > kMaxTendons) {
+    throw std::invalid_argument("tension allocation: " + std::to_string(tendons) +
+                                " tendons: accepted 1 .. " + std::to_string(kMaxTendons));
+  }
+  if (forces < 1 || forces > kMaxForces) {
+    throw std::invalid_argument("tension allocation: " + std::to_string(forces) + " forces: accepted 1 .. " +
+                                std::to_string(kMaxForces));
+  }
+}
+
+TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen::MatrixXd>& jacobian,
+                                                    ConstVectorRef force_Nm, double min_tension_N,
+                                                    double max_tension_N) const noexcept {
+  assert(jacobian.rows() == forces_ && jacobian.cols() == tendons_ && force_Nm.size() == forces_);
+  Result result;
+  result.tension_N = TendonVector::Constant(tendons_, min_tension_N);
+  const double range_N = std::max(0.0, max_tension_N - min_tension_N);
+  double scale = 0;
+  for (int j = 0; j < tendons_; ++j) scale = std::max(scale, jacobian.col(j).norm());
+  if (!(scale > 0) || !jacobian.allFinite() || !force_Nm.allFinite() || !std::isfinite(min_tension_N) ||
+      std::isnan(max_tension_N)) {
+    result.residual_Nm = force_Nm.norm();
+    result.status = Status::kSolverFallback;
+    return result;
+  }
+  const ForceTensionMatrix a = jacobian / scale;
+  const ForceVector b = force_Nm / scale - a * result.tension_N;
+  BoundedLeastNorm problem(a, b, range_N);
+  const int iterations = problem.Solve();
+  const TendonVector above = problem.Polish();
+  result.tension_N += above;
+  result.residual_Nm = scale * (b - a * above).norm();
+  result.iterations = std::max(iterations, 0);
+  if (iterations < 0) result.status = Status::kSolverFallback;
+  if (result.residual_Nm > 1e-10 * (force_Nm.norm() + scale * (range_N < 1e6 ? range_N : 1.0))) {
+    result.status = Status::kLimitedTensionMax;
+  }
+  return result;
+}
+
+void SectionForcePerTension(const Body& body, const BendingVector& us_vs, MatrixRef jacobian) noexcept {
+  UnitVector q(body.dof()), force(body.dof());
+  body.SpreadBending(us_vs, q);
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, 2 * kMaxUnits> length(body.tendons(),
+                                                                                              body.dof());
+  body.TendonLengthJacobian(q, length);
+  BendingVector section(2 * body.sections());
+  for (int j = 0; j < body.tendons(); ++j) {
+    force = -length.row(j).transpose();
+    body.ProjectForce(force, section);
+    jacobian.col(j) = section;
+  }
+}
+
+}  // namespace tendril::model
