@@ -1,5 +1,6 @@
-// Emulated EPOS4 drives on one CanPort: object dictionary, SDO server, PDOs, heartbeat, CiA 402 state machine. Sensor
-// values are put in, torque commands come out; time is passed in. Knows nothing of the robot behind the motors.
+// Emulated EPOS4 drives on one CanPort: object dictionary, SDO server, PDOs, heartbeat, CiA 402 state
+// machine. Sensor values are put in, torque commands come out; time is passed in. Knows nothing of the robot
+// behind the motors.
 #pragma once
 
 #include <array>
@@ -15,7 +16,7 @@ namespace tendril::emulator {
 
 struct EmulatedDriveParameters {
   int node_id = 1;
-  std::uint32_t product_code = 0x60500000;   // EPOS4 24/1.5
+  std::uint32_t product_code = 0x60500000;  // EPOS4 24/1.5
   std::uint32_t revision = 0x01700000;
   std::uint32_t serial = 1;
   std::uint32_t nominal_current_mA = 0;
@@ -26,25 +27,42 @@ struct EmulatedDriveParameters {
 struct DriveSensors {
   std::int32_t position_counts = 0;
   std::int32_t velocity_rpm = 0;
-  double actual_torque_Nm = 0;               // from the current, motor shaft
-  std::array<std::int16_t, 2> analog_mV{};   // 0x3160:01, :02
+  double actual_torque_Nm = 0;              // from the current, motor shaft
+  std::array<std::int16_t, 2> analog_mV{};  // 0x3160:01, :02
 };
 
 class DriveRack {
  public:
-  /// Sends each drive's boot-up message at the first Poll.
+  /// Sends each drive's boot-up message at the first Poll. Throws std::invalid_argument on a node id that is
+  /// out of 1..127 or given twice. Motor data of 0 leave the drive's factory values; the output current limit
+  /// starts at twice the nominal current.
   DriveRack(std::span<const EmulatedDriveParameters> drives, can::CanPort& port);
   ~DriveRack();
 
   int drives() const noexcept;
   void SetSensors(int drive, const DriveSensors& sensors) noexcept;
-  /// Handles all waiting frames and everything that is due at `now_ns`. Returns the number of SYNCs handled. At SYNC the
-  /// torque received since the last SYNC becomes the command and the TPDOs are sampled from the sensors set last.
+  /// Handles all waiting frames and everything that is due at `now_ns`. Returns the number of SYNCs handled.
+  /// At SYNC the torque received since the last SYNC becomes the command and the TPDOs are sampled from the
+  /// sensors set last.
   int Poll(TimeNs now_ns);
-  /// Torque command in force [N·m at the motor shaft]; zero unless operation is enabled, limited by the current limit.
+  /// Torque command in force [N·m at the motor shaft]; zero unless operation is enabled, limited by the
+  /// current limit.
   double torque_Nm(int drive) const noexcept;
   /// True in operation enabled (or quick stop active with torque).
   bool enabled(int drive) const noexcept;
+
+  // ---- faults on demand ----
+
+  /// The drive detects the error behind an EPOS4 code: history, EMCY message and reaction. The cause is gone
+  /// at once, so a fault reset works.
+  void InjectEmcy(int drive, std::uint16_t code);
+  /// Deaf and mute with its last torque, as with a hung processor; frames of that time are lost to it.
+  void SetFrozen(int drive, bool frozen) noexcept;
+  /// Off and on again: stored values, no torque, boot-up message at the next Poll. Ends every fault but lost
+  /// frames.
+  void PowerCycle(int drive) noexcept;
+  /// No more heartbeats until the drive is reset; everything else works on.
+  void StopHeartbeat(int drive) noexcept;
 
  private:
   struct State;

@@ -1,0 +1,106 @@
+// One emulated EPOS4: NMT, objects, PDOs, heartbeats, EMCY, and the power stage behind them.
+// Knows its own frames and sensors only; nothing of the rack, the robot or a wall clock.
+#pragma once
+
+#include <array>
+
+#include "object_dictionary.h"
+#include "pdo.h"
+#include "power_stage.h"
+#include "sdo_server.h"
+#include "tendril/canopen/wire.h"
+#include "tendril/emulator/drive_rack.h"
+
+namespace tendril::emulator {
+
+class Drive final : private SdoObjects {
+ public:
+  Drive(const EmulatedDriveParameters& parameters, can::CanPort& port);
+  Drive(const Drive&) = delete;
+  Drive& operator=(const Drive&) = delete;
+
+  void SetSensors(const DriveSensors& sensors) noexcept { sensors_ = sensors; }
+  void OnFrame(const can::CanFrame& frame, TimeNs now_ns);
+  void OnSync(TimeNs now_ns);
+  /// Everything that is due at `now_ns`, boot-up first.
+  void OnTime(TimeNs now_ns);
+
+  double torque_Nm() const noexcept { return stage_.torque_Nm(); }
+  bool powered() const noexcept { return stage_.powered(); }
+
+  void InjectEmcy(std::uint16_t code);
+  void SetFrozen(bool frozen) noexcept { frozen_ = frozen; }
+  void PowerCycle() noexcept;
+  void StopHeartbeat() noexcept { heartbeat_stopped_ = true; }
+
+ private:
+  struct Consumer {  // of one heartbeat, 0x1016
+    const Object* setting = nullptr;
+    bool heard = false;
+    TimeNs deadline_ns = 0;
+  };
+  struct Event {  // of one TPDO that is sent on change
+    bool sent = false;
+    int size = 0;
+    std::array<std::uint8_t, 8> data{};
+    TimeNs next_ns = 0;  // end of the inhibit time
+  };
+
+  std::uint32_t Read(canopen::ObjectAddress address, std::span<std::uint8_t> to, std::size_t* size) override;
+  std::uint32_t Write(canopen::ObjectAddress address, std::span<const std::uint8_t> from,
+                      bool exact) override;
+  std::uint32_t CheckWrite(const Object& object, std::int64_t value);
+  std::uint32_t CheckConsumer(const Object& object, std::uint32_t value) const;
+  void AfterWrite(const Object& object);
+
+  void OnNmt(canopen::NmtCommand command);
+  void OnHeartbeat(int node_id, TimeNs now_ns) noexcept;
+  void OnReceivePdo(Pdo& pdo, std::size_t which, const can::CanFrame& frame);
+  void Boot(TimeNs now_ns);
+  void ResetCommunication() noexcept;
+  void ConnectionEvent() noexcept;
+  void RunHeartbeats(TimeNs now_ns);
+  void SendEvents(TimeNs now_ns);
+  void SendPdo(const Pdo& pdo);
+  void SendEmcy(std::uint16_t code);
+
+  void RefreshAll() noexcept;
+  void RefreshRatedTorque() noexcept;
+  void ActOnControlword();
+  void RunStage(TimeNs now_ns) noexcept;
+  void RunThermalModel(double dt_s) noexcept;
+  void ShowProcessValues() noexcept;
+  std::uint16_t Statusword() const noexcept;
+
+  int node_id_;
+  can::CanPort& port_;
+  ObjectDictionary objects_;
+  std::array<Pdo, 4> rpdos_, tpdos_;
+  SdoServer sdo_;
+  PowerStage stage_;
+  DriveSensors sensors_;
+
+  canopen::NmtState nmt_ = canopen::NmtState::kBootUp;
+  bool frozen_ = false, heartbeat_stopped_ = false;
+  bool connection_lost_ = false;  // heartbeat loss: no fault reset before NMT reset communication
+  bool i2t_limits_ = false;
+  std::int64_t rated_at_mA_ = 0;  // nominal current that the rated torque was computed from
+  double i2t_ = 0;  // winding heat, 1: that of the nominal current for ever
+  TimeNs now_ns_ = 0, stage_ns_ = 0, next_heartbeat_ns_ = 0;
+
+  std::array<Consumer, 2> consumers_;
+  struct Received {
+    bool fresh = false;
+    std::array<std::uint8_t, 8> data{};
+  };
+  std::array<Received, 4> received_;  // synchronous RPDO contents that wait for the next SYNC
+  std::array<Event, 4> events_;
+
+  // Objects that act or show something each cycle.
+  Object &error_register_, &heartbeat_time_, &nominal_current_, &current_limit_, &thermal_time_,
+      &torque_constant_, &current_average_, &current_, &torque_average_, &analog1_, &analog2_, &error_code_,
+      &controlword_, &statusword_, &mode_, &mode_shown_, &position_, &velocity_, &target_torque_,
+      &torque_offset_, &rated_torque_, &torque_, &deceleration_;
+};
+
+}  // namespace tendril::emulator
