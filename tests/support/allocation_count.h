@@ -5,7 +5,8 @@
 
 namespace tendril::test {
 
-/// Allocations (malloc, calloc, realloc, aligned_alloc; operator new ends there) of this thread since it started.
+/// Allocations (malloc, calloc, realloc, aligned_alloc; operator new ends there) of this thread since it
+/// started.
 std::uint64_t AllocationCount() noexcept;
 
 }  // namespace tendril::test

@@ -1,0 +1,365 @@
+// The whole tick against drives that do exactly what they are told: modes, limits, reactions, no allocation,
+// same bits.
+#include "tendril/control/controller.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <numbers>
+
+#include "support/allocation_count.h"
+#include "tendril/config/config.h"
+
+namespace tendril::control {
+namespace {
+
+constexpr ControllerParameters kParameters{
+    .law = ControlLaw::kPaper,
+    .capstan_compensation = true,
+    .pretension_ramp_Nps = 2,
+    .pretension_settle_s = 0.1,
+    .trajectory = {.default_speed_radps = 1,
+                   .max_rate_radps = 8,
+                   .max_acceleration_radps2 = 160,
+                   .max_jerk_radps3 = 8000},
+    .guards = {.max_missing_cycles = 5, .slack_tension_N = 0.02},
+};
+
+// Drives and tendons without any loss: encoder and load cell show what the controller wanted a cycle ago.
+class IdealLoop {
+ public:
+  explicit IdealLoop(const char* file = "rig_60mm.yaml")
+      : robot(config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file)),
+        controller(robot, kParameters, kNsPerMs) {
+    input.drives = robot.body.tendons();
+    output.displacement_desired_m = TendonVector::Zero(input.drives);
+    output.tension_desired_motor_N = TendonVector::Zero(input.drives);
+  }
+
+  const CycleOutput& Step(const Command& command = {}) {
+    ++input.cycle;
+    input.time_ns += kNsPerMs;
+    input.command = command;
+    for (int j = 0; j < input.drives; ++j) {
+      const auto& d = robot.actuation->tendons[j];
+      const double stretch =
+          (output.tension_desired_motor_N[j] - robot.limits.min_tension_N) / d.tendon.stiffness_Npm;
+      const double turns =
+          (output.displacement_desired_m[j] + stretch) / d.SpoolTravelPerMotorRad() / (2 * std::numbers::pi);
+      auto& f = input.drive[j];
+      f.position_counts = static_cast<std::int32_t>(std::lround(turns * d.drive.encoder_counts_per_turn));
+      f.analog_mV = static_cast<std::int16_t>(
+          std::lround(output.tension_desired_motor_N[j] * d.load_cell.gain_VpN * 1000));
+      f.torque_permille = output.torque_target_permille[j];
+      if (obey && output.drive_request == DriveRequest::kEnable && f.state == DriveState::kReady) {
+        f.state = DriveState::kEnabled;
+      }
+      if (obey && output.drive_request == DriveRequest::kDisable && f.state == DriveState::kEnabled) {
+        f.state = DriveState::kReady;
+      }
+    }
+    controller.Step(input, output);
+    return output;
+  }
+  void Run(int cycles) {
+    for (int i = 0; i < cycles; ++i) Step();
+  }
+
+  Command Make(CommandKind kind) {
+    Command c;
+    c.kind = kind;
+    c.sequence = ++sequence;
+    c.received_ns = input.time_ns;
+    c.valid_for_ns = kNsPerS;
+    return c;
+  }
+  Command ModeCommand(ModeRequest m) {
+    Command c = Make(CommandKind::kMode);
+    c.mode = m;
+    return c;
+  }
+  Command Tip(const Eigen::Vector3d& p) {
+    Command c = Make(CommandKind::kTip);
+    c.tip_W_m = p;
+    return c;
+  }
+  Command Bending(double u, double v) {
+    Command c = Make(CommandKind::kBending);
+    c.bending_rad = BendingVector::Zero(2 * robot.body.sections.size());
+    c.bending_rad[0] = u;
+    c.bending_rad[1] = v;
+    return c;
+  }
+
+  void Ready() {
+    for (int j = 0; j < input.drives; ++j) input.drive[j].state = DriveState::kReady;
+    Step();
+  }
+  void RunUntilRunning() {
+    Ready();
+    Step(ModeCommand(ModeRequest::kArm));
+    for (int i = 0; i < 2000 && output.mode != Mode::kRunning; ++i) Step();
+    ASSERT_EQ(output.mode, Mode::kRunning) << ModeText(output.mode) << ": " << StatusText(output.status);
+  }
+
+  RobotParameters robot;
+  Controller controller;
+  CycleInput input;
+  CycleOutput output;
+  std::uint32_t sequence = 0;
+  bool obey = true;
+};
+
+TEST(Controller, RefusesABodyWithoutActuation) {
+  const auto body_only = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/qi2021_60mm.yaml");
+  EXPECT_THROW(Controller(body_only, kParameters, kNsPerMs), std::invalid_argument);
+}
+
+TEST(Controller, NoTorqueBeforeArmAndNoneAfterDisarm) {
+  IdealLoop loop;
+  for (int i = 0; i < 50; ++i) {
+    EXPECT_EQ(loop.Step().drive_request, DriveRequest::kDisable);
+    EXPECT_EQ(loop.output.mode, Mode::kDisconnected);
+  }
+  loop.Ready();
+  EXPECT_EQ(loop.output.mode, Mode::kConfigured);
+  loop.Run(50);
+  for (int j = 0; j < 3; ++j) EXPECT_EQ(loop.output.torque_target_permille[j], 0);
+  loop.RunUntilRunning();
+  loop.Step(loop.ModeCommand(ModeRequest::kDisarm));
+  loop.Run(3000);
+  EXPECT_EQ(loop.output.mode, Mode::kConfigured);
+  EXPECT_EQ(loop.output.drive_request, DriveRequest::kDisable);
+  for (int j = 0; j < 3; ++j) EXPECT_EQ(loop.output.torque_target_permille[j], 0);
+}
+
+TEST(Controller, PretensionRisesAtItsRateToTheMinimum) {
+  IdealLoop loop;
+  loop.Ready();
+  loop.Step(loop.ModeCommand(ModeRequest::kArm));
+  double last = 0;
+  for (int i = 0; i < 2000 && loop.output.mode != Mode::kRunning; ++i) {
+    loop.Step();
+    const double now = loop.output.tension_desired_base_N.maxCoeff();
+    EXPECT_LE(now - last, 2e-3 + 1e-12);
+    last = now;
+  }
+  EXPECT_NEAR(loop.output.tension_desired_base_N.minCoeff(), loop.robot.limits.min_tension_N, 1e-9);
+}
+
+TEST(Controller, ReachesTheTipAndEstimatesIt) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  const double theta = std::numbers::pi / 3, l = loop.robot.body.length_m();
+  const Eigen::Vector3d target(l / theta * (1 - std::cos(theta)), 0, l * std::sin(theta) / theta);
+  loop.Step(loop.Tip(target));
+  loop.Run(2000);
+  EXPECT_EQ(loop.output.status, Status::kOk) << StatusText(loop.output.status);
+  EXPECT_LT((loop.output.reference_tip_W_m - target).norm(), 1e-9);
+  // The ideal loop's sensors differ from the truth by their resolution only: a count is 1.3 um, a millivolt 5
+  // mN.
+  EXPECT_LT((loop.output.tip_estimate_W_m - target).norm(), 3e-5);
+  EXPECT_GE(loop.output.tension_desired_base_N.minCoeff(), loop.robot.limits.min_tension_N - 1e-12);
+}
+
+TEST(Controller, UnreachableTipGoesToTheNearestAndSaysHowFarOff) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  loop.Step(loop.Tip({0, 0, 0.07}));
+  EXPECT_EQ(loop.output.status, Status::kTargetUnreachable);
+  EXPECT_NEAR(loop.output.target_distance_m, 0.01, 1e-9);
+}
+
+TEST(Controller, TorqueNeverJumpsOnACircleWithReversals) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  std::array<std::int16_t, kMaxTendons> last{};
+  double largest = 0;
+  loop.Step(loop.Bending(0.5, 0));
+  loop.Run(1500);
+  last = loop.output.torque_target_permille;
+  for (int i = 0; i < 8000; ++i) {
+    const double a = i * 1e-3 * std::numbers::pi / 4;
+    loop.Step(loop.Bending(0.5 * std::cos(a), 0.5 * std::sin(a)));
+    for (int j = 0; j < 3; ++j)
+      largest = std::max(largest, std::abs(1.0 * loop.output.torque_target_permille[j] - last[j]));
+    last = loop.output.torque_target_permille;
+  }
+  // Rated torque is 1000: a sign switch of the friction terms would show as some 60 at once.
+  EXPECT_LE(largest, 12);
+}
+
+TEST(Controller, HoldStopsSoftlyAndRefusesTargetsUntilArmed) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  loop.Step(loop.Bending(1.0, 0));
+  loop.Run(300);
+  loop.Step(loop.ModeCommand(ModeRequest::kHold));
+  loop.Run(300);
+  EXPECT_EQ(loop.output.mode, Mode::kHold);
+  const BendingVector held = loop.output.reference.position_rad;
+  EXPECT_GT(held[0], 0.1);
+  EXPECT_LT(held[0], 0.9);
+  EXPECT_EQ(loop.Step(loop.Bending(0, 0)).command_status, Status::kCommandWrongMode);
+  loop.Run(300);
+  EXPECT_EQ((loop.output.reference.position_rad - held).norm(), 0);
+  loop.Step(loop.ModeCommand(ModeRequest::kArm));
+  EXPECT_EQ(loop.output.mode, Mode::kRunning);
+  loop.Run(300);
+  EXPECT_LT((loop.output.reference.position_rad - held).norm(), 1e-12) << "resumes where it stopped";
+}
+
+TEST(Controller, TensionCommandIsFollowedAtTheRampAndReturnsSmoothly) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  Command c = loop.Make(CommandKind::kTension);
+  c.tension_N = TendonVector::Constant(3, 1.0);
+  loop.Step(c);
+  TendonVector last = loop.output.tension_desired_base_N;
+  for (int i = 0; i < 1000; ++i) {
+    loop.Step();
+    EXPECT_LE((loop.output.tension_desired_base_N - last).cwiseAbs().maxCoeff(), 2e-3 + 1e-12);
+    last = loop.output.tension_desired_base_N;
+  }
+  EXPECT_NEAR(last.minCoeff(), 1.0, 1e-12);
+  loop.Step(loop.Bending(0.2, 0));
+  for (int i = 0; i < 1000; ++i) {
+    EXPECT_LE((loop.output.tension_desired_base_N - last).cwiseAbs().maxCoeff(), 2.5e-3);
+    last = loop.output.tension_desired_base_N;
+    loop.Step();
+  }
+  EXPECT_NEAR(loop.output.tension_desired_base_N.minCoeff(), loop.robot.limits.min_tension_N, 1e-9);
+}
+
+TEST(Controller, NotANumberIsRefusedAndNothingMoves) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  const auto before = loop.output.reference.position_rad;
+  EXPECT_EQ(loop.Step(loop.Tip({std::numeric_limits<double>::quiet_NaN(), 0, 0})).command_status,
+            Status::kCommandNotFinite);
+  loop.Run(100);
+  EXPECT_EQ((loop.output.reference.position_rad - before).norm(), 0);
+  EXPECT_EQ(loop.output.mode, Mode::kRunning);
+}
+
+// Each fault: what provokes it, and how many cycles the reaction may take.
+struct FaultCase {
+  const char* name;
+  void (*provoke)(IdealLoop&);
+  Status status;
+  int cycles;
+};
+class ControllerFault : public testing::TestWithParam<FaultCase> {};
+
+TEST_P(ControllerFault, LatchesRampsDownAndStaysUntilCleared) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  loop.Step(loop.Bending(0.5, 0.2));
+  loop.Run(1000);
+  GetParam().provoke(loop);
+  loop.Run(GetParam().cycles);
+  ASSERT_EQ(loop.output.mode, Mode::kFault);
+  EXPECT_EQ(loop.output.status, GetParam().status) << StatusText(loop.output.status);
+  TendonVector last = loop.output.tension_desired_base_N;
+  for (int i = 0; i < 5000; ++i) {
+    loop.Step();
+    EXPECT_LE((loop.output.tension_desired_base_N - last).maxCoeff(), 1e-12) << "tensions only fall";
+    last = loop.output.tension_desired_base_N;
+  }
+  EXPECT_EQ(loop.output.drive_request, DriveRequest::kDisable);
+  EXPECT_EQ(loop.output.mode, Mode::kFault) << "latched";
+  EXPECT_EQ(loop.Step(loop.ModeCommand(ModeRequest::kArm)).command_status, Status::kCommandWrongMode);
+  loop.input.bus_ok = true;
+  for (int j = 0; j < 3; ++j) {
+    loop.input.drive[j].age_cycles = 0;
+    loop.input.drive[j].state = DriveState::kReady;
+  }
+  EXPECT_TRUE(loop.Step(loop.ModeCommand(ModeRequest::kClear)).clear_drive_faults);
+  loop.Run(10);
+  EXPECT_EQ(loop.output.mode, Mode::kConfigured) << "cleared, and nothing resumes by itself";
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, ControllerFault,
+    testing::Values(FaultCase{"BusOff", [](IdealLoop& l) { l.input.bus_ok = false; }, Status::kBusOff, 1},
+                    FaultCase{"DriveLost",
+                              [](IdealLoop& l) { l.input.drive[1].state = DriveState::kOffline; },
+                              Status::kDriveLost, 1},
+                    FaultCase{"DriveFault", [](IdealLoop& l) { l.input.drive[2].state = DriveState::kFault; },
+                              Status::kDriveFault, 1},
+                    FaultCase{"DriveDisabledItself",
+                              [](IdealLoop& l) {
+                                l.input.drive[0].state = DriveState::kReady;
+                                l.obey = false;
+                              },
+                              Status::kDriveFault, 1},
+                    FaultCase{"FeedbackStale", [](IdealLoop& l) { l.input.drive[0].age_cycles = 6; },
+                              Status::kFeedbackStale, 1}),
+    [](const auto& fault) { return std::string(fault.param.name); });
+
+TEST(Controller, ToleratesAFewMissingCyclesAndCountsThem) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  loop.input.drive[1].age_cycles = 5;
+  EXPECT_EQ(loop.Step().status, Status::kFeedbackMissing);
+  EXPECT_EQ(loop.output.mode, Mode::kRunning);
+  EXPECT_EQ(loop.output.feedback_missing, 1u);
+}
+
+TEST(Controller, TensionOverTheLimitIsAFault) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  loop.output.tension_desired_motor_N[0] =
+      1.2 * loop.robot.limits.max_tension_motor_N;  // what the cell will show
+  loop.Step();
+  EXPECT_EQ(loop.output.mode, Mode::kFault);
+  EXPECT_EQ(loop.output.status, Status::kTensionOverLimit);
+}
+
+TEST(Controller, AllocatesNothingInAnyMode) {
+  for (const char* file : {"rig_60mm.yaml", "two_section.yaml", "four_tendon_90mm.yaml"}) {
+    IdealLoop loop(file);
+    const auto count = [&](const char* what) {
+      const auto before = test::AllocationCount();
+      loop.Run(20);
+      EXPECT_EQ(test::AllocationCount(), before) << file << ": " << what;
+    };
+    ASSERT_GT(test::AllocationCount(), 0u) << "the counter itself works";
+    count("disconnected");
+    loop.RunUntilRunning();
+    count("running");
+    loop.Step(loop.Bending(0.3, 0.2));
+    count("moving in bending");
+    loop.Step(loop.Tip({0.01, 0.002, 0.9 * loop.robot.body.length_m()}));
+    count("moving to a tip");
+    Command c = loop.Make(CommandKind::kTension);
+    c.tension_N = TendonVector::Constant(loop.input.drives, 1.0);
+    loop.Step(c);
+    count("tensions");
+    loop.Step(loop.ModeCommand(ModeRequest::kHold));
+    count("hold");
+    loop.input.bus_ok = false;
+    count("fault");
+  }
+}
+
+TEST(Controller, SameInputSameBits) {
+  IdealLoop a, b;
+  a.RunUntilRunning();
+  b.RunUntilRunning();
+  for (int i = 0; i < 3000; ++i) {
+    const double angle = i * 2e-3;
+    a.Step(a.Bending(0.6 * std::cos(angle), 0.6 * std::sin(angle)));
+    b.Step(b.Bending(0.6 * std::cos(angle), 0.6 * std::sin(angle)));
+    ASSERT_EQ(0, std::memcmp(a.output.torque_desired_Nm.data(), b.output.torque_desired_Nm.data(),
+                             3 * sizeof(double)));
+    ASSERT_EQ(0, std::memcmp(a.output.tip_estimate_W_m.data(), b.output.tip_estimate_W_m.data(),
+                             3 * sizeof(double)));
+  }
+}
+
+}  // namespace
+}  // namespace tendril::control

@@ -1,0 +1,144 @@
+// The gate admits exactly what is finite, in range, fresh, in order and fits the mode, and says why it
+// refuses.
+#include "tendril/control/gate.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "tendril/config/config.h"
+
+namespace tendril::control {
+namespace {
+
+class GateTest : public testing::Test {
+ protected:
+  GateTest()
+      : robot(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml")), gate(robot, 0.5) {}
+
+  Command Tip(double x, double y, double z) {
+    Command c;
+    c.kind = CommandKind::kTip;
+    c.sequence = ++sequence;
+    c.received_ns = now;
+    c.valid_for_ns = 100 * kNsPerMs;
+    c.tip_W_m = {x, y, z};
+    return c;
+  }
+  Command ModeCommand(ModeRequest m) {
+    Command c = Tip(0, 0, 0.06);
+    c.kind = CommandKind::kMode;
+    c.mode = m;
+    return c;
+  }
+  Command Bending(int values) {
+    Command c = Tip(0, 0, 0.06);
+    c.kind = CommandKind::kBending;
+    c.bending_rad = BendingVector::Zero(values);
+    return c;
+  }
+
+  RobotParameters robot;
+  CommandGate gate;
+  TimeNs now = kNsPerS;
+  std::uint32_t sequence = 0;
+};
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+TEST_F(GateTest, AdmitsAGoodTarget) {
+  EXPECT_EQ(gate.Admit(Tip(0.01, 0, 0.055), Mode::kRunning, now), Status::kOk);
+  EXPECT_EQ(gate.target().kind, CommandKind::kTip);
+}
+
+TEST_F(GateTest, RefusedTargetLeavesTheLastOneInPlace) {
+  ASSERT_EQ(gate.Admit(Tip(0.01, 0, 0.055), Mode::kRunning, now), Status::kOk);
+  ASSERT_NE(gate.Admit(Tip(kNan, 0, 0.055), Mode::kRunning, now), Status::kOk);
+  EXPECT_EQ(gate.target().tip_W_m.x(), 0.01);
+}
+
+TEST_F(GateTest, RefusesWhatIsNotFinite) {
+  for (double bad : {kNan, kInf, -kInf}) {
+    EXPECT_EQ(gate.Admit(Tip(bad, 0, 0.05), Mode::kRunning, now), Status::kCommandNotFinite);
+    Command c = Tip(0, 0, 0.05);
+    c.tip_velocity_W_mps.y() = bad;
+    EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandNotFinite);
+    c = Tip(0, 0, 0.05);
+    c.speed_radps = bad;
+    EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandNotFinite);
+    c = Bending(2);
+    c.bending_rad[1] = bad;
+    EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandNotFinite);
+  }
+}
+
+TEST_F(GateTest, RefusesWrongSizes) {
+  EXPECT_EQ(gate.Admit(Bending(1), Mode::kRunning, now), Status::kCommandWrongSize);
+  EXPECT_EQ(gate.Admit(Bending(4), Mode::kRunning, now), Status::kCommandWrongSize);
+  Command c = Tip(0, 0, 0.05);
+  c.kind = CommandKind::kTension;
+  c.tension_N = TendonVector::Constant(2, 1.0);
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandWrongSize);
+}
+
+TEST_F(GateTest, RefusesWhatIsOutOfRange) {
+  EXPECT_EQ(gate.Admit(Tip(28.6479, 0, 49.6196), Mode::kRunning, now), Status::kCommandOutOfRange)
+      << "millimetres";
+  Command c = Bending(2);
+  c.bending_rad[0] = 1.01 * robot.limits.max_bending_rad;
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfRange);
+  c = Tip(0, 0, 0.05);
+  c.kind = CommandKind::kTension;
+  c.tension_N = TendonVector::Constant(3, 1.0);
+  c.tension_N[2] = -0.1;
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfRange);
+}
+
+TEST_F(GateTest, RefusesStaleAndUnorderedCommands) {
+  Command old = Tip(0, 0, 0.05);
+  EXPECT_EQ(gate.Admit(old, Mode::kRunning, now + old.valid_for_ns + 1), Status::kCommandStale);
+  Command c = Tip(0, 0, 0.05);
+  ASSERT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk);
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfOrder) << "a duplicate";
+  c.sequence -= 1;
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfOrder) << "an older one";
+}
+
+TEST_F(GateTest, SequenceMayWrap) {
+  Command c = Tip(0, 0, 0.05);
+  c.sequence = 0xFFFFFFFFu;
+  ASSERT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk);
+  c.sequence = 0;
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk);
+}
+
+TEST_F(GateTest, NothingMovesUnlessRunning) {
+  for (Mode m : {Mode::kDisconnected, Mode::kConfigured, Mode::kArmed, Mode::kPretension, Mode::kHold,
+                 Mode::kSafeStop, Mode::kFault}) {
+    EXPECT_EQ(gate.Admit(Tip(0, 0, 0.05), m, now), Status::kCommandWrongMode) << ModeText(m);
+    EXPECT_EQ(gate.target().kind, CommandKind::kNone);
+  }
+}
+
+TEST_F(GateTest, DisarmIsAlwaysAdmittedAndClearOnlyInFault) {
+  for (Mode m : {Mode::kDisconnected, Mode::kConfigured, Mode::kArmed, Mode::kPretension, Mode::kRunning,
+                 Mode::kHold, Mode::kSafeStop, Mode::kFault}) {
+    EXPECT_EQ(gate.Admit(ModeCommand(ModeRequest::kDisarm), m, now), Status::kOk) << ModeText(m);
+    EXPECT_EQ(gate.Admit(ModeCommand(ModeRequest::kClear), m, now) == Status::kOk, m == Mode::kFault)
+        << ModeText(m);
+  }
+}
+
+TEST_F(GateTest, MovingTargetStopsWhenItExpires) {
+  Command c = Tip(0.01, 0, 0.055);
+  c.tip_velocity_W_mps = {0.02, 0, 0};
+  ASSERT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk);
+  EXPECT_DOUBLE_EQ(gate.target().TipAt(now - kNsPerS).x(), 0.01);
+  EXPECT_DOUBLE_EQ(gate.target().TipAt(now + 50 * kNsPerMs).x(), 0.011);
+  EXPECT_DOUBLE_EQ(gate.target().TipAt(now + 100 * kNsPerMs).x(), 0.012);
+  EXPECT_DOUBLE_EQ(gate.target().TipAt(now + 10 * kNsPerS).x(), 0.012);
+}
+
+}  // namespace
+}  // namespace tendril::control
