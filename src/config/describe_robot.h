@@ -194,8 +194,8 @@ void Describe(Io& io, PulleyParameters& p) {
   io.Number("wrap_rad", p.wrap_rad, {0, 30});
   io.Number("radius_ratio", p.radius_ratio, {0.1, 1e6});
   io.Number("alpha", p.alpha, {0, 5});
-  io.Number("exponent", p.exponent, {0, 1, true});
-  io.Number("entry_angle_rad", p.entry_angle_rad, {-1.5, 1.5});
+  io.Number("exponent", p.exponent, {0.05, 1});
+  io.Number("entry_angle_rad", p.entry_angle_rad, {0, 1.5});
 }
 
 template <class Io>
@@ -242,17 +242,34 @@ void Describe(Io& io, TendonDriveParameters& p) {
   io.Block("tendon", p.tendon);
   io.Block("transmission", p.transmission);
   io.Block("load_cell", p.load_cell);
+}
+
+/// Rules between the blocks of tendon `j` and the robot's limits; refused at the tendon's own key where it
+/// has one.
+inline void CheckTendon(Reader& io, int j, const TendonDriveParameters& p, const LimitParameters& limits) {
   const double rated_Nm = p.motor.torque_constant_NmpA * p.motor.nominal_current_A;
+  const std::string_view rated = "drive.rated_torque_Nm";
   io.Check(
-      std::abs(p.drive.rated_torque_Nm - rated_Nm) <= 0.01 * rated_Nm, "drive.rated_torque_Nm",
+      std::abs(p.drive.rated_torque_Nm - rated_Nm) <= 0.01 * rated_Nm,
+      io.FirstOverridden({rated, "motor.torque_constant_NmpA", "motor.nominal_current_A"}),
       fmt::format(
-          "{} does not fit torque_constant_NmpA x nominal_current_A = {:.6g}; accepted: {:.6g} .. {:.6g} N·m "
-          "(1 %); correct one of the three",
-          p.drive.rated_torque_Nm, rated_Nm, 0.99 * rated_Nm, 1.01 * rated_Nm));
+          "tendon {}: rated_torque_Nm {} does not fit torque_constant_NmpA x nominal_current_A = {:.6g}; "
+          "accepted: {:.6g} .. {:.6g} N·m (1 %); correct one of the three",
+          j, p.drive.rated_torque_Nm, rated_Nm, 0.99 * rated_Nm, 1.01 * rated_Nm));
+  io.Check(p.transmission.low_tension_N <= limits.min_tension_N, "transmission.low_tension_N",
+           fmt::format("tendon {}: {} lies above limits.min_tension_N; accepted: up to {} N; lower it", j,
+                       p.transmission.low_tension_N, limits.min_tension_N));
+  const double full_scale_V = p.load_cell.gain_VpN * limits.max_tension_motor_N;
+  io.Check(full_scale_V <= 10, "load_cell.gain_VpN",
+           fmt::format("tendon {}: {} gives {:.4g} V at limits.max_tension_motor_N, past the analog input; "
+                       "accepted: up to "
+                       "{:.6g} V/N; lower one of the two",
+                       j, p.load_cell.gain_VpN, full_scale_V, 10 / limits.max_tension_motor_N));
 }
 
 /// All tendons' drivetrains: the common blocks, overridden per tendon.
-inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tendons, ActuationParameters& p) {
+inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tendons,
+                          const LimitParameters& limits, ActuationParameters& p) {
   const Source& source = io.source();
   const Layer& common = layers.back();
 
@@ -300,6 +317,7 @@ inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tend
     TendonDriveParameters& drive = p.tendons.emplace_back();
     Describe(reader, drive);
     reader.Finish();
+    CheckTendon(reader, j, drive, limits);
     drive.node_id = static_cast<int>(nodes[static_cast<std::size_t>(j - 1)]);
   }
 }
@@ -311,10 +329,10 @@ void Describe(Io& io, RobotParameters& p) {
   io.Block("limits", p.limits);
   if constexpr (Io::kReading) {
     p.actuation.reset();
-    if (p.body.sections.empty() || !io.Has("actuation")) {
+    if (p.body.sections.empty() || !io.Has("limits") || !io.Has("actuation")) {
       io.Allow("actuation");
     } else {
-      ReadActuation(io, io.Children("actuation"), p.body.tendons(), p.actuation.emplace());
+      ReadActuation(io, io.Children("actuation"), p.body.tendons(), p.limits, p.actuation.emplace());
     }
     for (std::size_t k = 0; k < p.body.sections.size(); ++k) {
       const SectionParameters& section = p.body.sections[k];
@@ -326,22 +344,6 @@ void Describe(Io& io, RobotParameters& p) {
                 "at {} the disks of section {} touch at the hole radius {} m; accepted: below {:.6g} rad; "
                 "lower it",
                 p.limits.max_bending_rad, k + 1, t.radius_m, reach_rad));
-      }
-    }
-    if (p.actuation) {
-      for (std::size_t j = 0; j < p.actuation->tendons.size(); ++j) {
-        const TendonDriveParameters& drive = p.actuation->tendons[j];
-        io.Check(drive.transmission.low_tension_N <= p.limits.min_tension_N,
-                 "actuation.transmission.low_tension_N",
-                 fmt::format("{} (tendon {}) lies above limits.min_tension_N; accepted: up to {} N; lower it",
-                             drive.transmission.low_tension_N, j + 1, p.limits.min_tension_N));
-        const double full_scale_V = drive.load_cell.gain_VpN * p.limits.max_tension_motor_N;
-        io.Check(
-            full_scale_V <= 10, "actuation.load_cell.gain_VpN",
-            fmt::format("{} gives {:.4g} V at limits.max_tension_motor_N (tendon {}), past the analog input; "
-                        "accepted: "
-                        "up to {:.6g} V/N; lower one of the two",
-                        drive.load_cell.gain_VpN, full_scale_V, j + 1, 10 / p.limits.max_tension_motor_N));
       }
     }
   } else if (p.actuation) {

@@ -391,6 +391,28 @@ void Reader::Refuse(std::string_view key, const std::string& wrong_accepted_reme
   Fail(line, path, wrong_accepted_remedy);
 }
 
+std::string_view Reader::FirstOverridden(std::initializer_list<std::string_view> keys) const {
+  const auto gives = [](YAML::Node node, std::string_view path) {
+    while (!path.empty()) {
+      const std::string_view step = path.substr(0, path.find('.'));
+      path.remove_prefix(std::min(path.size(), step.size() + 1));
+      YAML::Node inner;
+      for (const auto& entry : node) {
+        if (entry.first.Scalar() == step) inner.reset(entry.second);
+      }
+      if (inner.IsNull()) return false;
+      node.reset(inner);
+    }
+    return true;
+  };
+  if (layers_.size() > 1) {
+    for (const std::string_view key : keys) {
+      if (gives(layers_.front().map, key)) return key;
+    }
+  }
+  return *keys.begin();
+}
+
 void Reader::Check(bool ok, std::string_view key, const std::string& wrong_accepted_remedy) {
   // While a key is missing the values are not complete; Finish reports that instead.
   if (!ok && !missing_) Refuse(key, wrong_accepted_remedy);

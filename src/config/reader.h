@@ -112,6 +112,9 @@ class Reader {
   void Check(bool ok, std::string_view key, const std::string& wrong_accepted_remedy);
   [[noreturn]] void Refuse(std::string_view key, const std::string& wrong_accepted_remedy) const;
 
+  /// The first of these paths of keys that an overriding layer gives itself; the first of all when none does.
+  std::string_view FirstOverridden(std::initializer_list<std::string_view> keys) const;
+
   /// Refuses keys that nothing asked for, then keys that were asked for and are not there.
   void Finish();
 

@@ -12,6 +12,7 @@
 
 #include "files.h"
 #include "tendril/config/config.h"
+#include "tendril/model/capstan.h"
 
 namespace tendril::config {
 namespace {
@@ -138,8 +139,8 @@ const Case kCases[] = {
     {"NegativeMass", kRig, "unit_mass_kg: 0.0025", "unit_mass_kg: -0.0025", "unit_mass", "body.sections[1].unit_mass_kg", {"1e-07 .. 10 kg"}},
     {"GearBetterThanPerfect", kRig, "efficiency: 0.84", "efficiency: 1.01", "1.01", "actuation.gear.efficiency", {"above 0 up to 1"}},
     {"GearOfNoUse", kRig, "efficiency: 0.84", "efficiency: 0", "efficiency", "actuation.gear.efficiency", {"above 0 up to 1"}},
-    {"ExponentAboveOne", kRig, "exponent: 0.67", "exponent: 1.5", "exponent: 1.5", "actuation.transmission.pulleys[1].exponent", {"above 0 up to 1"}},
-    {"ExponentZero", kRig, "exponent: 0.67", "exponent: 0", "exponent: 0", "actuation.transmission.pulleys[1].exponent", {"above 0 up to 1"}},
+    {"ExponentAboveOne", kRig, "exponent: 0.67", "exponent: 1.5", "exponent: 1.5", "actuation.transmission.pulleys[1].exponent", {"0.05 .. 1"}},
+    {"ExponentZero", kRig, "exponent: 0.67", "exponent: 0", "exponent: 0", "actuation.transmission.pulleys[1].exponent", {"0.05 .. 1"}},
     {"NodeIdZero", kDaemon, "node_id: 1,", "node_id: 0,", "node_id: 0", "bus.nodes[1].node_id", {"1 .. 127"}},
     {"NodeId128", kDaemon, "node_id: 3,", "node_id: 128,", "node_id: 128", "bus.nodes[3].node_id", {"1 .. 127"}},
     {"CycleInMilliseconds", kDaemon, "cycle_ns: 1000000", "cycle_ns: 1", "cycle_ns: 1", "bus.cycle_ns", {"looks like milliseconds: write 1000000"}},
@@ -189,8 +190,10 @@ const Case kCases[] = {
     {"OverrideOutOfRange", kRig, "\nactuation:", "\nactuation:\n  per_tendon:\n    2:\n      gear:\n        efficiency: 1.5", "efficiency: 1.5",
      "actuation.per_tendon.2.gear.efficiency", {"above 0 up to 1"}},
     {"OverrideOfNodes", kRig, "\nactuation:", "\nactuation:\n  per_tendon: {2: {nodes: [1]}}", "per_tendon: {2: {nodes", "actuation.per_tendon.2.nodes", {"unknown key"}},
-    {"OverrideBreaksRatedTorque", kRig, "\nactuation:", "\nactuation:\n  per_tendon: {2: {motor: {nominal_current_A: 0.4}}}", "rated_torque_Nm",
-     "actuation.drive.rated_torque_Nm", {"0.00784"}},
+    {"OverrideBreaksRatedTorque", kRig, "\nactuation:", "\nactuation:\n  per_tendon:\n    2:\n      motor: {nominal_current_A: 0.4}", "nominal_current_A: 0.4",
+     "actuation.per_tendon.2.motor.nominal_current_A", {"tendon 2: ", "= 0.00784; accepted: 0.0077616 .. 0.0079184 N·m"}},
+    {"OverrideBreaksLowTension", kRig, "\nactuation:", "\nactuation:\n  per_tendon:\n    3:\n      transmission: {low_tension_N: 0.4}", "low_tension_N: 0.4",
+     "actuation.per_tendon.3.transmission.low_tension_N", {"tendon 3: ", "up to 0.3 N"}},
 
 };
 // clang-format on
@@ -430,6 +433,43 @@ TEST(Accepted, NodesInAnyOrder) {
   EXPECT_EQ(daemon.bus.nodes[0].node_id, 23);
   EXPECT_EQ(daemon.bus.nodes[1].node_id, 2);
   EXPECT_EQ(daemon.bus.nodes[2].node_id, 21);
+}
+
+// What passes here must not fail in the model afterwards.
+TEST(Accepted, EveryPulleyIsOneTheModelTakes) {
+  for (const char* law : {"cumulative", "local", "classic"}) {
+    for (const char* wrap : {"0", "30"}) {
+      for (const char* ratio : {"0.1", "1e6"}) {
+        for (const char* exponent : {"0.05", "1"}) {
+          std::string yaml = ReadText(ConfigPath(kRig));
+          yaml = Edited(yaml, "law: cumulative", std::string("law: ") + law);
+          yaml = Edited(yaml, "wrap_rad: 3.141592653589793", std::string("wrap_rad: ") + wrap);
+          yaml = Edited(yaml, "radius_ratio: 10.0", std::string("radius_ratio: ") + ratio);
+          yaml = Edited(yaml, "alpha: 0.466", *wrap == '0' ? "alpha: 0" : "alpha: 5");
+          yaml = Edited(yaml, "exponent: 0.67", std::string("exponent: ") + exponent);
+          yaml = Edited(yaml, "entry_angle_rad: 0.0",
+                        *wrap == '0' ? "entry_angle_rad: 0" : "entry_angle_rad: 1.5");
+          const RobotParameters robot = ParseRobot(yaml, "some.yaml");
+          EXPECT_NO_THROW(model::ValidatePulley(robot.actuation.value().tendons[0].transmission.pulleys[0]));
+        }
+      }
+    }
+  }
+}
+
+TEST(Damaged, NestingAndAliasesThatGrow) {
+  std::string deep = "name: x\nbody: ";
+  for (int i = 0; i < 100000; ++i) deep += "[";
+  EXPECT_THAT(ErrorOf([&] { ParseRobot(deep, "some.yaml"); }), HasSubstr("; accepted: "));
+  std::string laughs = "name: x\nbody:\n  a0: &a0 [x, x]\n";
+  for (int i = 1; i < 60; ++i) {
+    const std::string before = "*a" + std::to_string(i - 1);
+    laughs += "  a" + std::to_string(i) + ": &a" + std::to_string(i) + " [" + before + ", " + before + "]\n";
+  }
+  EXPECT_THAT(ErrorOf([&] { ParseRobot(laughs, "some.yaml"); }),
+              StartsWith("some.yaml:3: body.a0: unknown key"));
+  EXPECT_THAT(ErrorOf([&] { ParseRobot("body: &b\n  sections: [*b, *b]\n", "some.yaml"); }),
+              HasSubstr("; accepted: "));
 }
 
 // Damaged at random, a file is either read or refused in one line; nothing else happens.
