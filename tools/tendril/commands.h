@@ -12,6 +12,7 @@ class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+void AddCapstanCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
 
 }  // namespace tendril::tools

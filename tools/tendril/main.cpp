@@ -9,6 +9,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version",
                        fmt::format("tendril {} ({})", tendril::Version(), tendril::GitRevision()));
   app.require_subcommand(1);
+  tendril::tools::AddCapstanCommand(app);
   tendril::tools::AddConfigCommand(app);
   try {
     app.parse(argc, argv);

@@ -1,0 +1,105 @@
+// tendril capstan: the tension on the other side of a guide pulley, from the command line.
+// Knows the transmission's law only; the low-tension continuation of a robot's table is an option.
+#include "tendril/model/capstan.h"
+
+#include <fmt/core.h>
+
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "commands.h"
+
+namespace tendril::tools {
+namespace {
+
+struct Options {
+  PulleyParameters pulley;
+  double tension_base_N = 0;
+  double low_tension_N = 0;
+  bool release = false;
+  CLI::Option* exponent = nullptr;
+  CLI::Option* radius_ratio = nullptr;
+};
+
+double Ratio(const Options& o) {
+  const double base_N = o.tension_base_N, low_N = o.low_tension_N;
+  if (!o.release) {
+    if (low_N > 0 && base_N < low_N) return model::SolveCapstan(o.pulley, low_N) / low_N;
+    if (base_N == 0) return model::CapstanRatioAtZero(o.pulley);
+    return model::SolveCapstan(o.pulley, base_N) / base_N;
+  }
+  // While the motor pays out, the base has the higher tension.
+  if (low_N > 0) {
+    const double high_of_low_N = model::SolveCapstan(o.pulley, low_N);
+    if (base_N < high_of_low_N) return low_N / high_of_low_N;
+  }
+  if (base_N == 0) return 1 / model::CapstanRatioAtZero(o.pulley);
+  return model::SolveCapstanInverse(o.pulley, base_N) / base_N;
+}
+
+void Run(const Options& o) {
+  if (o.pulley.law != CapstanLaw::kClassic && !(*o.exponent && *o.radius_ratio)) {
+    throw UsageError("capstan: --n and --rho are required (only --law classic needs neither)");
+  }
+  try {
+    model::ValidatePulley(o.pulley);
+    const auto require = [](const char* name, double value) {
+      if (!(value >= 0 && value <= model::kMaxCapstanTension_N)) {
+        throw std::invalid_argument(fmt::format("{} = {}: accepted 0 .. 1e6 N", name, value));
+      }
+    };
+    require("--tension", o.tension_base_N);
+    require("--low-tension", o.low_tension_N);
+  } catch (const std::invalid_argument& e) {
+    throw UsageError(fmt::format("capstan: {}", e.what()));
+  }
+  const double ratio = Ratio(o);
+  nlohmann::ordered_json answer;
+  answer["ratio"] = ratio;
+  answer["tension_motor_N"] = ratio * o.tension_base_N;
+  answer["tension_base_N"] = o.tension_base_N;
+  fmt::print("{}\n", answer.dump(2));
+}
+
+}  // namespace
+
+void AddCapstanCommand(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("capstan", "Tendon friction over a guide pulley: JSON with the tensions");
+  command->footer(
+      "Prints ratio (motor side over robot side), tension_motor_N and tension_base_N. The equation as it is, "
+      "without\n"
+      "the constant ratio that a robot's table uses below transmission.low_tension_N (--low-tension adds "
+      "it). At zero\n"
+      "tension the ratio is the limit. Without friction (alpha 0) and with no wrap the ratio is 1, apart "
+      "from cos(phi1)\n"
+      "that the improved law starts with; the classic law knows no phi1.");
+  Options& o = *options;
+  command->add_option("--alpha", o.pulley.alpha, "friction coefficient [N^(1-n)], 0 .. 100")->required();
+  o.exponent = command->add_option("--n", o.pulley.exponent, "friction exponent, 0.05 .. 1");
+  o.radius_ratio =
+      command->add_option("--rho", o.pulley.radius_ratio, "pulley radius over tendon radius, up to 1e12");
+  command->add_option("--wrap", o.pulley.wrap_rad, "wrap angle [rad], 0 .. 100")->required();
+  command->add_option("--tension", o.tension_base_N, "tension on the robot's side [N], 0 .. 1e6")->required();
+  command->add_option("--phi1", o.pulley.entry_angle_rad, "entry angle [rad], 0 .. 1.5")
+      ->capture_default_str();
+  command
+      ->add_option_function<std::string>(
+          "--direction", [options](const std::string& text) { options->release = text == "release"; },
+          "the motor's motion: pull (default) or release")
+      ->check(CLI::IsMember({"pull", "release"}));
+  command->add_option("--law", o.pulley.law, "cumulative (default), local or classic")
+      ->transform(CLI::Transformer(std::map<std::string, CapstanLaw>{{"cumulative", CapstanLaw::kCumulative},
+                                                                     {"local", CapstanLaw::kLocal},
+                                                                     {"classic", CapstanLaw::kClassic}}));
+  command
+      ->add_option("--low-tension", o.low_tension_N,
+                   "below this low-side tension [N] keep the ratio found there")
+      ->capture_default_str();
+  command->callback([options] { Run(*options); });
+}
+
+}  // namespace tendril::tools
