@@ -258,13 +258,12 @@ can::CanFrame EncodeSdoResponse(int node_id, const SdoMessage& message) noexcept
 // ---- client
 // ----------------------------------------------------------------------------------------------------
 
-void SdoClient::Queue(const SdoMessage& message, TimeNs now_ns) noexcept {
+void SdoClient::Queue(const SdoMessage& message) noexcept {
   frame_ = EncodeSdoRequest(node_id_, message);
   frame_waits_ = true;
-  deadline_ns_ = now_ns + timeout_ns_;
 }
 
-void SdoClient::Upload(ObjectAddress address, TimeNs now_ns, TimeNs timeout_ns) noexcept {
+void SdoClient::Upload(ObjectAddress address, TimeNs timeout_ns) noexcept {
   state_ = State::kBusy;
   upload_ = true;
   segmented_ = false;
@@ -276,10 +275,10 @@ void SdoClient::Upload(ObjectAddress address, TimeNs now_ns, TimeNs timeout_ns) 
   SdoMessage message;
   message.kind = SdoKind::kInitiateUpload;
   message.address = address;
-  Queue(message, now_ns);
+  Queue(message);
 }
 
-void SdoClient::Download(ObjectAddress address, std::span<const std::uint8_t> data, TimeNs now_ns,
+void SdoClient::Download(ObjectAddress address, std::span<const std::uint8_t> data,
                          TimeNs timeout_ns) noexcept {
   state_ = State::kBusy;
   upload_ = false;
@@ -298,14 +297,12 @@ void SdoClient::Download(ObjectAddress address, std::span<const std::uint8_t> da
   message.size_indicated = true;
   message.size = static_cast<std::uint32_t>(size_);
   if (!segmented_) std::copy_n(data.begin(), size_, message.data.begin());
-  Queue(message, now_ns);
+  Queue(message);
 }
 
-bool SdoClient::NextFrame(can::CanFrame* frame) noexcept {
-  if (!frame_waits_) return false;
-  *frame = frame_;
+void SdoClient::FrameSent(TimeNs now_ns) noexcept {
   frame_waits_ = false;
-  return true;
+  deadline_ns_ = now_ns + timeout_ns_;
 }
 
 void SdoClient::Fail(std::uint32_t code, bool tell_server) noexcept {
@@ -321,7 +318,7 @@ void SdoClient::Fail(std::uint32_t code, bool tell_server) noexcept {
   frame_waits_ = true;
 }
 
-void SdoClient::QueueSegment(TimeNs now_ns) noexcept {
+void SdoClient::QueueSegment() noexcept {
   SdoMessage message;
   message.toggle = toggle_;
   if (upload_) {
@@ -333,10 +330,10 @@ void SdoClient::QueueSegment(TimeNs now_ns) noexcept {
     sent_ += message.size;
     message.last = sent_ == size_;
   }
-  Queue(message, now_ns);
+  Queue(message);
 }
 
-void SdoClient::OnFrame(const can::CanFrame& frame, TimeNs now_ns) noexcept {
+void SdoClient::OnFrame(const can::CanFrame& frame) noexcept {
   const SdoMessage reply = DecodeSdoResponse(frame);
   // A reply before the request has left cannot be its answer.
   if (!busy() || frame_waits_) {
@@ -367,7 +364,7 @@ void SdoClient::OnFrame(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   if (!upload_) {
     if (in_segments) toggle_ = !toggle_;
     if (segmented_ && sent_ < size_) {
-      QueueSegment(now_ns);
+      QueueSegment();
     } else {
       state_ = State::kDone;
     }
@@ -387,7 +384,7 @@ void SdoClient::OnFrame(const can::CanFrame& frame, TimeNs now_ns) noexcept {
     }
     segmented_ = true;
     toggle_ = false;
-    QueueSegment(now_ns);
+    QueueSegment();
     return;
   }
   if (size_ + reply.size > kCapacity) {
@@ -398,7 +395,7 @@ void SdoClient::OnFrame(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   size_ += reply.size;
   if (!reply.last) {
     toggle_ = !toggle_;
-    QueueSegment(now_ns);
+    QueueSegment();
   } else if (announced_ != 0 && size_ != announced_) {
     Fail(sdo_abort::kLength, true);
   } else {
@@ -407,7 +404,7 @@ void SdoClient::OnFrame(const can::CanFrame& frame, TimeNs now_ns) noexcept {
 }
 
 void SdoClient::Poll(TimeNs now_ns) noexcept {
-  if (!busy() || now_ns < deadline_ns_) return;
+  if (!busy() || frame_waits_ || now_ns < deadline_ns_) return;
   Fail(sdo_abort::kTimeout, true);
   state_ = State::kTimedOut;
 }

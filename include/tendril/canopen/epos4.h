@@ -61,9 +61,10 @@ inline constexpr std::int8_t kModeCyclicSynchronousTorque = 10;
 inline constexpr std::uint32_t kSignatureSave = 0x65766173;  // "save"
 inline constexpr std::uint32_t kSignatureLoad = 0x64616F6C;  // "load"
 
-/// 0x6076 [uNm] of a nominal current and a torque constant, as the drive computes it (rounded to nearest, after
-/// parameter files of real drives).
-constexpr std::uint32_t RatedTorque_uNm(std::uint32_t nominal_current_mA, std::uint32_t torque_constant_uNmpA) {
+/// 0x6076 [uNm] of a nominal current and a torque constant, as the drive computes it (rounded to nearest,
+/// after parameter files of real drives).
+constexpr std::uint32_t RatedTorque_uNm(std::uint32_t nominal_current_mA,
+                                        std::uint32_t torque_constant_uNmpA) {
   return static_cast<std::uint32_t>(
       (static_cast<std::uint64_t>(nominal_current_mA) * torque_constant_uNmpA + 500u) / 1000u);
 }

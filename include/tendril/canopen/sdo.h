@@ -75,15 +75,16 @@ class SdoClient {
   explicit SdoClient(int node_id) : node_id_(node_id) {}
 
   /// Begins reading; a transfer under way is dropped. `timeout_ns` is for each response.
-  void Upload(ObjectAddress address, TimeNs now_ns, TimeNs timeout_ns) noexcept;
+  void Upload(ObjectAddress address, TimeNs timeout_ns) noexcept;
   /// Begins writing `data` (1..kCapacity bytes, little-endian); up to 4 bytes go expedited.
-  void Download(ObjectAddress address, std::span<const std::uint8_t> data, TimeNs now_ns,
-                TimeNs timeout_ns) noexcept;
-  /// The frame to send now; false when there is none.
-  bool NextFrame(can::CanFrame* frame) noexcept;
+  void Download(ObjectAddress address, std::span<const std::uint8_t> data, TimeNs timeout_ns) noexcept;
+  /// The frame to send now; nullptr when there is none.
+  const can::CanFrame* pending() const noexcept { return frame_waits_ ? &frame_ : nullptr; }
+  /// The pending frame has left; the server's time to answer runs from here.
+  void FrameSent(TimeNs now_ns) noexcept;
   /// A frame on 0x580 + node. Replies that answer nothing asked (late, duplicated, of another object) are
   /// counted and discarded.
-  void OnFrame(const can::CanFrame& frame, TimeNs now_ns) noexcept;
+  void OnFrame(const can::CanFrame& frame) noexcept;
   /// Notices a time-out; an abort frame for the server is then the next frame.
   void Poll(TimeNs now_ns) noexcept;
   /// Drops the transfer and forgets a pending frame, for example after the node restarted.
@@ -102,9 +103,9 @@ class SdoClient {
   std::uint64_t stale_replies() const noexcept { return stale_; }
 
  private:
-  void Queue(const SdoMessage& message, TimeNs now_ns) noexcept;
+  void Queue(const SdoMessage& message) noexcept;
   void Fail(std::uint32_t code, bool tell_server) noexcept;
-  void QueueSegment(TimeNs now_ns) noexcept;
+  void QueueSegment() noexcept;
 
   int node_id_;
   State state_ = State::kIdle;

@@ -18,6 +18,7 @@ namespace tendril {
   X(LimitedMotorTension, 105, "motor-side tension limited by limits.max_tension_motor_N", "less bending, or raise the limit") \
   X(LimitedTorque, 106, "torque limited by the drive's nominal current (actuation.drive.current_limit_A)", "less bending, or a stronger drive") \
   X(TargetUnreachable, 107, "tip target out of reach: going to the nearest reachable point", "see target_distance_m") \
+  X(LimitedByDrive, 108, "torque limited by the drive itself (internal limit active)", "see object 0x3001 and the motor's temperature") \
   X(CommandNotFinite, 201, "command refused: not finite", "send numbers only")                                      \
   X(CommandOutOfRange, 202, "command refused: out of range", "see the robot file's limits")                         \
   X(CommandStale, 203, "command refused: older than its validity", "check the sender's clock and rate")             \
@@ -29,6 +30,9 @@ namespace tendril {
   X(Slack, 303, "a tendon is slack", "check pretension and the tendon's path")                                      \
   X(CycleLate, 304, "cycle finished late", "run tendril rt-check")                                                  \
   X(SolverFallback, 305, "a bounded solver stopped early: last good solution used", "report with the log")          \
+  X(FrameNotSent, 306, "a CAN frame could not be sent: the interface's queue is full", "check the bus load and that a node acknowledges") \
+  X(FrameLost, 307, "received CAN frames were lost", "run tendril rt-check")                                          \
+  X(DriveWarning, 308, "a drive reports a warning", "see the drive's temperature and load")                         \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \

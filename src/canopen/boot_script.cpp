@@ -1,0 +1,116 @@
+// The order of a drive's start-up: identity, power off, configuration, rated torque, PDOs, mode, NMT start.
+// Knows the drive's objects and the configuration; runs nothing.
+#include "boot_script.h"
+
+#include "tendril/canopen/epos4.h"
+#include "tendril/canopen/pdo.h"
+
+namespace tendril::canopen {
+namespace {
+
+using Kind = BootAction::Kind;
+
+class Script {
+ public:
+  void Step(const char* step) { step_ = step; }
+  void Add(Kind kind, std::uint16_t index, std::uint8_t sub, std::int64_t value = 0, std::int64_t max = 0) {
+    actions_.push_back({step_, kind, {index, sub}, value, max});
+  }
+  void Write(std::uint16_t index, std::uint8_t sub, std::int64_t value) {
+    Add(Kind::kWrite, index, sub, value);
+  }
+  std::vector<BootAction> Take() { return std::move(actions_); }
+
+ private:
+  const char* step_ = "";
+  std::vector<BootAction> actions_;
+};
+
+void CheckIdentity(Script& s, const IdentityParameters& identity) {
+  s.Step("identity");
+  s.Add(Kind::kExpectBits, 0x1000, 0, 0x0192, 0xFFFF);  // device profile 402
+  s.Add(Kind::kExpect, 0x1018, 1, identity.vendor_id, identity.vendor_id);
+  s.Add(Kind::kExpectProduct, 0x1018, 2);
+  s.Add(Kind::kExpect, 0x1018, 3, identity.min_revision, identity.max_revision);
+  s.Add(Kind::kNote, 0x1018, 4);
+  constexpr std::int64_t kTorqueMode = 1 << (kModeCyclicSynchronousTorque - 1);
+  s.Add(Kind::kExpectBits, 0x6502, 0, kTorqueMode, kTorqueMode);
+}
+
+void Configure(Script& s, const BusParameters& bus, const DriveSetup& drive) {
+  // Whatever the drive did before, its motor is off while its data change, and no old set value survives.
+  s.Step("power off");
+  s.Write(0x6040, 0, 0);
+  s.Write(0x6071, 0, 0);
+  s.Write(0x60B2, 0, 0);
+
+  s.Step("motor data");
+  s.Write(0x3001, 1, drive.nominal_current_mA);
+  s.Write(0x3001, 2, drive.output_current_limit_mA);
+  s.Write(0x3001, 5, drive.torque_constant_uNmpA);
+
+  // A tendon is safe when its motor lets go; a motor that brakes along a ramp keeps pulling. So every stop is
+  // "disable at once", except the quick stop, for which the drive knows one value only.
+  s.Step("stop reactions");
+  s.Write(0x6007, 0, bus.abort_connection_option);
+  s.Write(0x605A, 0, 6);
+  s.Write(0x605B, 0, 0);
+  s.Write(0x605C, 0, 0);
+  s.Write(0x605E, 0, 0);
+  s.Write(0x1029, 1, 0);  // pre-operational on a communication error
+
+  // No interpolation between set values: a torque acts as it came, at its SYNC. (That 0 switches it off is
+  // our reading of the drive's default; the master only needs the value to be the same everywhere.)
+  s.Step("interpolation");
+  s.Write(0x60C2, 1, 0);
+  s.Write(0x60C2, 2, -3);
+
+  s.Step("heartbeat");
+  s.Write(0x1016, 1, (static_cast<std::int64_t>(kMasterNodeId) << 16) | bus.heartbeat_timeout_ms);
+  s.Write(0x1016, 2, 0);
+  s.Write(0x1017, 0, bus.heartbeat_ms);
+
+  s.Step("rated torque");
+  s.Add(Kind::kExpect, 0x6076, 0, static_cast<std::int64_t>(drive.rated_torque_uNm) - 1,
+        static_cast<std::int64_t>(drive.rated_torque_uNm) + 1);  // the drive may round differently
+}
+
+void Remap(Script& s, const PdoLayout& pdo, int node_id) {
+  const std::uint32_t cob_id =
+      pdo.transmit ? kPdoNoRtr | TpdoCobId(pdo.number, node_id) : RpdoCobId(pdo.number, node_id);
+  s.Step("PDO mapping");
+  s.Add(Kind::kDisablePdo, pdo.communication_index(), 1);
+  s.Write(pdo.communication_index(), 2, pdo.transmission);
+  if (pdo.transmit) s.Write(pdo.communication_index(), 3, pdo.inhibit_100us);
+  s.Write(pdo.mapping_index(), 0, 0);
+  for (int i = 0; i < pdo.count; ++i) {
+    s.Write(pdo.mapping_index(), static_cast<std::uint8_t>(i + 1),
+            MappingValue(pdo.entries[static_cast<std::size_t>(i)]));
+  }
+  s.Write(pdo.mapping_index(), 0, pdo.count);
+  s.Write(pdo.communication_index(), 1, cob_id);
+}
+
+}  // namespace
+
+std::vector<BootAction> MakeBootScript(const BusParameters& bus, const DriveSetup& drive) {
+  Script s;
+  CheckIdentity(s, bus.identity);
+  Configure(s, bus, drive);
+  // Those that nobody uses first, so that no COB-ID is ever used twice.
+  s.Step("unused PDOs");
+  for (std::uint16_t index : {0x1401, 0x1402, 0x1403, 0x1802, 0x1803}) s.Add(Kind::kDisablePdo, index, 1);
+  for (const PdoLayout* pdo : {&kRpdoTorque, &kTpdoFeedback, &kTpdoStatus}) Remap(s, *pdo, drive.node_id);
+  s.Step("mode");
+  s.Write(0x6060, 0, kModeCyclicSynchronousTorque);
+  s.Add(Kind::kConfirm, 0x6061, 0, kModeCyclicSynchronousTorque);
+  s.Step("NMT start");
+  s.Add(Kind::kStart, 0x1800, 1);
+  // Read after the start: from here on the statusword's TPDO tells every change.
+  s.Step("state");
+  s.Add(Kind::kNote, 0x603F, 0);
+  s.Add(Kind::kNote, 0x6041, 0);
+  return s.Take();
+}
+
+}  // namespace tendril::canopen

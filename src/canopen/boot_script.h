@@ -1,0 +1,35 @@
+// What a drive is asked and told between its boot-up message and readiness, as a list of SDO actions.
+// Knows the drive's objects and the configuration; runs nothing.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "tendril/canopen/master.h"
+#include "tendril/canopen/wire.h"
+
+namespace tendril::canopen {
+
+/// Node id of the master's heartbeat.
+inline constexpr int kMasterNodeId = 127;
+
+struct BootAction {
+  enum class Kind : std::uint8_t {
+    kWrite,          // write `value`, read it back
+    kDisablePdo,     // read the COB-ID, write it with the invalid bit set, read it back
+    kExpect,         // read: must lie in value..max
+    kExpectBits,     // read: the bits of mask `max` must be `value`
+    kExpectProduct,  // read: must be one of the configured product codes
+    kConfirm,        // read again and again until it is `value`
+    kNote,           // read and keep (serial number, statusword, error code)
+    kStart,          // NMT start, then wait for the first feedback TPDO
+  };
+  const char* step = "";
+  Kind kind = Kind::kNote;
+  ObjectAddress address;
+  std::int64_t value = 0, max = 0;
+};
+
+std::vector<BootAction> MakeBootScript(const BusParameters& bus, const DriveSetup& drive);
+
+}  // namespace tendril::canopen

@@ -1,0 +1,327 @@
+// The master's cycle over all nodes.
+// Knows frames and nodes; each node's own course is in node.cpp.
+#include "tendril/canopen/master.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <stdexcept>
+
+#include "node.h"
+#include "tendril/canopen/wire.h"
+
+namespace tendril::canopen {
+namespace {
+
+constexpr int kReceiveBatch = 64, kMaxBatches = 64;
+constexpr TimeNs kShutdownDisable_ns = 500 * kNsPerMs, kShutdownEnd_ns = 1500 * kNsPerMs;
+constexpr TimeNs kRepeatedEvent_ns = kNsPerS;  // at most one of a kind in this time
+
+BusParameters WithNodes(BusParameters bus, std::span<const DriveSetup> drives) {
+  bus.nodes.clear();
+  for (const DriveSetup& drive : drives) bus.nodes.push_back({drive.node_id, 0});
+  return bus;
+}
+
+/// Throws std::invalid_argument naming what does not fit.
+void Check(const BusParameters& bus, std::span<const DriveSetup> drives) {
+  if (drives.empty() || drives.size() > kMaxTendons) {
+    throw std::invalid_argument("the CAN master takes 1.." + std::to_string(kMaxTendons) + " drives, not " +
+                                std::to_string(drives.size()));
+  }
+  for (const DriveSetup& drive : drives) {
+    const std::string who = "drive with node id " + std::to_string(drive.node_id);
+    if (drive.node_id < kMinNodeId || drive.node_id >= kMasterNodeId) {
+      throw std::invalid_argument(who + ": node ids are 1..126; 127 is the master's heartbeat");
+    }
+    if (std::count_if(drives.begin(), drives.end(),
+                      [&](const DriveSetup& other) { return other.node_id == drive.node_id; }) > 1) {
+      throw std::invalid_argument(who + ": every node id may be used once");
+    }
+    if (drive.rated_torque_uNm == 0 || drive.nominal_current_mA == 0 || drive.torque_constant_uNmpA == 0) {
+      throw std::invalid_argument(who +
+                                  ": nominal current, torque constant and rated torque must be positive");
+    }
+  }
+  if (bus.bitrate_bps <= 0 || bus.cycle_ns <= 0) {
+    throw std::invalid_argument("bus.bitrate_bps and bus.cycle_ns must be positive");
+  }
+  const BusBudget budget = ComputeBusBudget(WithNodes(bus, drives));
+  if (budget.load > bus.max_load) {
+    std::array<char, 320> text{};
+    std::snprintf(
+        text.data(), text.size(),
+        "%d drives at bus.cycle_ns = %lld need %.0f %% of the CAN bus, more than bus.max_load = %.0f %%: at "
+        "most %d drives fit this cycle",
+        static_cast<int>(drives.size()), static_cast<long long>(bus.cycle_ns), 100 * budget.load,
+        100 * bus.max_load, budget.max_drives_at_this_cycle);
+    std::string line = text.data();
+    if (budget.min_cycle_ns_for_these_drives > 0) {
+      line += ", these drives fit bus.cycle_ns = " + std::to_string(budget.min_cycle_ns_for_these_drives) +
+              " or longer";
+    } else {
+      line += ", these drives fit no cycle up to 1 s";
+    }
+    throw std::invalid_argument(line);
+  }
+}
+
+}  // namespace
+
+struct Master::State {
+  State(const BusParameters& bus_in, std::span<const DriveSetup> drives, can::CanPort& port_in)
+      : port(port_in),
+        cycle_ns(bus_in.cycle_ns),
+        heartbeat_ns(bus_in.heartbeat_ms * kNsPerMs),
+        cycle_bits(static_cast<int>(ToSeconds(bus_in.cycle_ns) * bus_in.bitrate_bps * bus_in.max_load)) {
+    node_of_id.fill(nullptr);
+    nodes.reserve(drives.size());
+    for (const DriveSetup& drive : drives) {
+      nodes.push_back(std::make_unique<Node>(bus_in, drive, events));
+      node_of_id[static_cast<std::size_t>(drive.node_id)] = nodes.back().get();
+    }
+  }
+
+  void Report(TimeNs now_ns, Status status, const char* text) noexcept;
+  bool Send(const can::CanFrame& frame, TimeNs now_ns) noexcept;
+  void WatchBus(TimeNs now_ns) noexcept;
+  void Drain(TimeNs now_ns) noexcept;
+  void Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept;
+  void SendSync(TimeNs now_ns) noexcept;
+  void SendHeartbeat(TimeNs now_ns) noexcept;
+  void SendPending(TimeNs now_ns) noexcept;
+  void SendRpdos(TimeNs now_ns, DriveRequest request, std::span<const std::int16_t> torques) noexcept;
+
+  can::CanPort& port;
+  TimeNs cycle_ns, heartbeat_ns;
+  int cycle_bits;  // that may be used of a cycle
+  EventRing events;
+  std::vector<std::unique_ptr<Node>> nodes;
+  std::array<Node*, 128> node_of_id{};
+  std::array<can::StampedFrame, kReceiveBatch> batch{};
+
+  bool running = false;
+  bool down = false;           // bus-off or interface down
+  std::size_t first_node = 0;  // whose pending frame goes first
+  TimeNs next_heartbeat_ns = 0;
+  std::uint64_t dropped_told = 0;
+  TimeNs next_refused_event_ns = 0, next_dropped_event_ns = 0;
+
+  TimeNs shutdown_since_ns = -1, shutdown_cycle_ns = 0;
+};
+
+Master::Master(const BusParameters& bus, std::span<const DriveSetup> drives, can::CanPort& port) {
+  Check(bus, drives);
+  state_ = std::make_unique<State>(bus, drives, port);
+}
+Master::~Master() = default;
+
+int Master::drives() const noexcept { return static_cast<int>(state_->nodes.size()); }
+
+const DriveFeedback& Master::feedback(int drive) const noexcept {
+  return state_->nodes[static_cast<std::size_t>(drive)]->feedback();
+}
+
+bool Master::bus_ok() const noexcept { return !state_->down && state_->port.up(); }
+bool Master::TakeEvent(BusEvent* event) noexcept { return state_->events.Take(event); }
+std::uint64_t Master::events_lost() const noexcept { return state_->events.lost(); }
+
+void Master::Start(TimeNs now_ns) noexcept {
+  State& s = *state_;
+  s.running = true;
+  s.shutdown_since_ns = -1;
+  s.next_heartbeat_ns = now_ns;
+  for (auto& node : s.nodes) node->Boot(now_ns, false);
+}
+
+void Master::ClearFaults(TimeNs now_ns) noexcept {
+  for (auto& node : state_->nodes) node->ClearFault(now_ns);
+}
+
+// ---- one cycle
+// -------------------------------------------------------------------------------------------------
+
+void Master::BeginCycle(TimeNs now_ns) noexcept {
+  State& s = *state_;
+  if (!s.running) return;
+  // What came after the last cycle's end belongs to that cycle: it is taken in before this cycle's SYNC.
+  s.Drain(now_ns);
+  s.WatchBus(now_ns);
+  s.SendSync(now_ns);
+  s.SendHeartbeat(now_ns);
+  for (auto& node : s.nodes) node->BeginCycle(now_ns);
+  s.SendPending(now_ns);
+}
+
+bool Master::Poll(TimeNs now_ns) noexcept {
+  State& s = *state_;
+  s.Drain(now_ns);
+  return std::all_of(s.nodes.begin(), s.nodes.end(), [](const auto& node) { return node->answered(); });
+}
+
+void Master::EndCycle(TimeNs now_ns, DriveRequest request,
+                      std::span<const std::int16_t> torque_permille) noexcept {
+  if (!state_->running) return;
+  state_->SendRpdos(now_ns, request, torque_permille);
+}
+
+/// Torque and power off, then heartbeat monitoring off so that the drives do not take our silence for a
+/// fault, then NMT stop.
+bool Master::Shutdown(TimeNs now_ns) noexcept {
+  State& s = *state_;
+  if (!s.running) return true;
+  if (s.shutdown_since_ns < 0) {
+    s.shutdown_since_ns = now_ns;
+    s.shutdown_cycle_ns = now_ns;
+  }
+  s.Drain(now_ns);
+  s.WatchBus(now_ns);
+  const TimeNs since_ns = now_ns - s.shutdown_since_ns;
+  const bool off =
+      std::none_of(s.nodes.begin(), s.nodes.end(), [](const auto& node) { return node->powered(); });
+  bool released = true;
+  if (off || since_ns >= kShutdownDisable_ns) {
+    for (auto& node : s.nodes) released &= node->Release();
+  } else {
+    released = false;
+  }
+  if (released || since_ns >= kShutdownEnd_ns || s.down) {
+    for (auto& node : s.nodes) {
+      if (!s.down && node->started()) s.Send(NmtFrame(NmtCommand::kStop, node->id()), now_ns);
+    }
+    s.running = false;
+    return true;
+  }
+  if (now_ns >= s.shutdown_cycle_ns) {
+    s.shutdown_cycle_ns = now_ns + s.cycle_ns;
+    s.SendSync(now_ns);
+    s.SendHeartbeat(now_ns);
+    for (auto& node : s.nodes) node->BeginCycle(now_ns);
+    s.SendPending(now_ns);
+    s.SendRpdos(now_ns, DriveRequest::kDisable, {});
+  }
+  return false;
+}
+
+// ---- frames out
+// ------------------------------------------------------------------------------------------------
+
+bool Master::State::Send(const can::CanFrame& frame, TimeNs now_ns) noexcept {
+  if (port.Send(frame)) return true;
+  if (now_ns >= next_refused_event_ns && !down) {
+    next_refused_event_ns = now_ns + kRepeatedEvent_ns;
+    std::array<char, 96> text{};
+    std::snprintf(text.data(), text.size(), "bus: frame 0x%03X not sent, the interface's queue is full",
+                  frame.id);
+    Report(now_ns, Status::kFrameNotSent, text.data());
+  }
+  return false;
+}
+
+void Master::State::SendSync(TimeNs now_ns) noexcept {
+  const bool wanted =
+      std::any_of(nodes.begin(), nodes.end(), [](const auto& node) { return node->started(); });
+  if (wanted && !down) Send(SyncFrame(), now_ns);
+}
+
+void Master::State::SendHeartbeat(TimeNs now_ns) noexcept {
+  if (down || heartbeat_ns <= 0 || now_ns < next_heartbeat_ns) return;
+  Send(HeartbeatFrame(kMasterNodeId, NmtState::kOperational), now_ns);
+  next_heartbeat_ns += heartbeat_ns;
+  if (next_heartbeat_ns <= now_ns) next_heartbeat_ns = now_ns + heartbeat_ns;
+}
+
+/// NMT commands and SDO requests share what the cyclic frames leave of the cycle, each node in its turn.
+void Master::State::SendPending(TimeNs now_ns) noexcept {
+  if (down) return;
+  constexpr int kTransferBits = 2 * can::WorstCaseBits(8);  // request and response
+  const auto cyclic =
+      std::count_if(nodes.begin(), nodes.end(), [](const auto& node) { return node->started(); });
+  const int free_bits = cycle_bits - can::WorstCaseBits(0) -
+                        static_cast<int>(cyclic) * (can::WorstCaseBits(kRpdoTorque.bytes()) +
+                                                    can::WorstCaseBits(kTpdoFeedback.bytes()));
+  int left = std::max(1, free_bits / kTransferBits);
+  for (std::size_t i = 0; i < nodes.size() && left > 0; ++i) {
+    const std::size_t at = (first_node + i) % nodes.size();
+    const can::CanFrame* frame = nodes[at]->pending();
+    if (frame == nullptr) continue;
+    if (!Send(*frame, now_ns)) break;  // the queue is full: in the next cycle
+    nodes[at]->PendingSent(now_ns);
+    if (--left == 0) first_node = (at + 1) % nodes.size();
+  }
+}
+
+void Master::State::SendRpdos(TimeNs now_ns, DriveRequest request,
+                              std::span<const std::int16_t> torques) noexcept {
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    can::CanFrame frame;
+    const std::int16_t torque = i < torques.size() ? torques[i] : std::int16_t{0};
+    if (nodes[i]->MakeRpdo(now_ns, request, torque, &frame) && !down) Send(frame, now_ns);
+  }
+}
+
+// ---- frames in
+// -------------------------------------------------------------------------------------------------
+
+void Master::State::Drain(TimeNs now_ns) noexcept {
+  for (int i = 0; i < kMaxBatches; ++i) {
+    const int n = port.Receive(batch);
+    for (int k = 0; k < n; ++k) Dispatch(batch[static_cast<std::size_t>(k)].frame, now_ns);
+    if (n < kReceiveBatch) return;
+  }
+}
+
+void Master::State::Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept {
+  if (frame.error || frame.remote) return;  // WatchBus sees to the bus's own state
+  Node* node = node_of_id[static_cast<std::size_t>(CobNode(frame.id))];
+  if (node == nullptr || !running) return;
+  switch (CobFunction(frame.id)) {
+    case TpdoCobId(kTpdoFeedback.number, 0):
+      node->OnFeedback(frame, now_ns);
+      return;
+    case TpdoCobId(kTpdoStatus.number, 0):
+      node->OnStatus(frame, now_ns);
+      return;
+    case kSdoResponseBase:
+      node->OnSdo(frame, now_ns);
+      return;
+    case kHeartbeatBase:
+      if (const auto heartbeat = ParseHeartbeat(frame)) node->OnHeartbeat(heartbeat->state, now_ns);
+      return;
+    case kEmcyBase:
+      if (const auto emcy = ParseEmcy(frame)) node->OnEmcy(*emcy, now_ns);
+      return;
+    default:
+      return;
+  }
+}
+
+void Master::State::WatchBus(TimeNs now_ns) noexcept {
+  const bool is_down = !port.up();
+  if (is_down && !down) {
+    Report(now_ns, Status::kBusOff, "bus: the CAN interface went bus-off or down: every drive is lost");
+    for (auto& node : nodes) node->OnBusDown(now_ns);
+  } else if (!is_down && down) {
+    Report(now_ns, Status::kOk, "bus: the CAN interface is back");
+    for (auto& node : nodes) node->OnBusUp(now_ns);
+  }
+  down = is_down;
+  const std::uint64_t dropped = port.counters().receive_dropped;
+  if (dropped != dropped_told && now_ns >= next_dropped_event_ns) {
+    next_dropped_event_ns = now_ns + kRepeatedEvent_ns;
+    std::array<char, 96> text{};
+    std::snprintf(text.data(), text.size(), "bus: %llu received frames lost, the reader was too slow",
+                  static_cast<unsigned long long>(dropped - dropped_told));
+    Report(now_ns, Status::kFrameLost, text.data());
+    dropped_told = dropped;
+  }
+}
+
+void Master::State::Report(TimeNs now_ns, Status status, const char* text) noexcept {
+  BusEvent event;
+  event.time_ns = now_ns;
+  event.status = status;
+  std::snprintf(event.text.data(), event.text.size(), "%s", text);
+  events.Push(event);
+}
+
+}  // namespace tendril::canopen
