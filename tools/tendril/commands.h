@@ -14,5 +14,6 @@ class UsageError : public std::runtime_error {
 
 void AddCapstanCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
+void AddModelCommand(CLI::App& app);
 
 }  // namespace tendril::tools

@@ -11,6 +11,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   tendril::tools::AddCapstanCommand(app);
   tendril::tools::AddConfigCommand(app);
+  tendril::tools::AddModelCommand(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
