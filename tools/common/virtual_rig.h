@@ -1,0 +1,47 @@
+// The rig without hardware: emulated drives on a CAN port, the plant behind their motors. Time is passed in,
+// so the same rig answers in simulated time and in real time. Knows nothing of the controller.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "tendril/can/can_port.h"
+#include "tendril/core/robot.h"
+#include "tendril/emulator/drive_rack.h"
+#include "tendril/sim/plant.h"
+
+namespace tendril::tools {
+
+class VirtualRig {
+ public:
+  /// Drives answer as the node ids of the robot's actuation, in tendon order; load cells are on each drive's
+  /// first analog input. Throws std::invalid_argument when the robot has no actuation. `port` must outlive
+  /// the rig.
+  VirtualRig(const RobotParameters& robot, can::CanPort& port, const sim::PlantOptions& options = {});
+
+  /// Moves the plant to `now_ns`, shows its sensors to the drives, lets them handle waiting frames and what
+  /// is due, and hands their torque to the plant. The plant's time 0 is the first call; later calls must not
+  /// go back in time. Returns the number of SYNCs handled. Throws std::runtime_error when the plant's
+  /// integration gives up.
+  ///
+  /// A motor whose drive was never enabled is held by a brake: it keeps the torque that holds the pretension.
+  /// From the first time on that its drive is enabled the drive's torque counts, which is zero while it is
+  /// disabled.
+  int Poll(TimeNs now_ns);
+
+  const sim::Plant& plant() const { return plant_; }
+  sim::Plant& plant() { return plant_; }
+  emulator::DriveRack& drives() { return rack_; }
+
+ private:
+  void ShowSensors();
+
+  RobotParameters robot_;
+  sim::Plant plant_;
+  emulator::DriveRack rack_;
+  std::optional<TimeNs> start_ns_;
+  std::vector<bool> released_;  // its drive was enabled once
+  Eigen::VectorXd torque_Nm_;   // in force
+};
+
+}  // namespace tendril::tools

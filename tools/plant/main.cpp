@@ -1,0 +1,178 @@
+// tendril-plant: the rig without hardware, in real time on a CAN interface. Drives answer as the robot file's
+// nodes, the plant moves behind them. Knows nothing of the controller.
+#include <fmt/core.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <lcm/lcm-cpp.hpp>
+#include <memory>
+#include <string>
+#include <tendril_lcm/tracker_t.hpp>
+
+#include "tendril/can/socketcan_port.h"
+#include "tendril/config/config.h"
+#include "tendril/core/version.h"
+#include "tendril/io/connection.h"
+#include "tendril/rt/cyclic.h"
+#include "virtual_rig.h"
+
+namespace tendril::tools {
+namespace {
+
+std::atomic<bool> stop_asked{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "set in a signal handler");
+
+void AskToStop(int) { stop_asked = true; }
+
+void CatchSignals() {
+  struct sigaction action {};
+  action.sa_handler = AskToStop;
+  sigemptyset(&action.sa_mask);
+  for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
+}
+
+/// Publishes the tip as an outside tracker would see it, at the tracker's rate.
+class Tracker {
+ public:
+  Tracker(const RobotParameters& robot, const std::string& url)
+      : parameters_(robot.actuation->tracker.value()),
+        period_ns_(static_cast<TimeNs>(std::llround(1e9 / parameters_.rate_Hz))),
+        lcm_(io::OpenLcm(url)),
+        channel_(io::ChannelName("TENDRIL", "TRACKER")) {}
+
+  void PublishIfDue(sim::Plant& plant) {
+    if (plant.time_ns() < next_ns_) return;
+    next_ns_ = std::max(next_ns_ + period_ns_, plant.time_ns());
+    const sim::TrackerReading reading = plant.ReadTracker();
+    const auto now = std::chrono::system_clock::now().time_since_epoch();
+    tendril_lcm::tracker_t message{};
+    message.utime = std::chrono::duration_cast<std::chrono::microseconds>(now).count() -
+                    std::llround(parameters_.delay_s * 1e6);
+    message.valid = true;
+    for (int i = 0; i < 3; ++i) message.tip_W_m[i] = reading.tip_W_m[i];
+    message.orientation_WT[0] = reading.orientation_WT.w();
+    message.orientation_WT[1] = reading.orientation_WT.x();
+    message.orientation_WT[2] = reading.orientation_WT.y();
+    message.orientation_WT[3] = reading.orientation_WT.z();
+    (lcm_->publish(channel_, &message) == 0 ? published_ : failed_)++;
+  }
+  std::uint64_t published() const { return published_; }
+  std::uint64_t failed() const { return failed_; }
+
+ private:
+  TrackerParameters parameters_;
+  TimeNs period_ns_, next_ns_ = 0;
+  std::unique_ptr<lcm::LCM> lcm_;
+  std::string channel_;
+  std::uint64_t published_ = 0, failed_ = 0;
+};
+
+struct Options {
+  std::string robot, interface = "vcan0", lcm_url;
+  std::uint64_t seed = 1;
+};
+
+void Run(const Options& options) {
+  const RobotParameters robot = config::LoadRobot(options.robot);
+  if (!robot.actuation) {
+    throw std::runtime_error(
+        fmt::format("{}: robot '{}' has no 'actuation' section (motors, drives, tendons); use a rig file "
+                    "such as rig_90mm.yaml",
+                    options.robot, robot.name));
+  }
+  if (!options.lcm_url.empty() && !robot.actuation->tracker) {
+    throw std::runtime_error(
+        fmt::format("{}: --lcm publishes the tracker, and robot '{}' has no 'actuation.tracker'; add one or "
+                    "leave --lcm out",
+                    options.robot, robot.name));
+  }
+  can::SocketCanPort port(options.interface);
+  VirtualRig rig(robot, port, {.seed = options.seed});
+  std::unique_ptr<Tracker> tracker;
+  if (!options.lcm_url.empty()) tracker = std::make_unique<Tracker>(robot, options.lcm_url);
+
+  CatchSignals();
+  std::string nodes;
+  for (const auto& tendon : robot.actuation->tendons) {
+    nodes += fmt::format("{}{}", nodes.empty() ? "" : " ", tendon.node_id);
+  }
+  fmt::print("tendril-plant: '{}' on {}: {} units, nodes {}{}; ready, Ctrl-C stops\n", robot.name,
+             options.interface, robot.body.units(), nodes, tracker ? ", tracker on " + options.lcm_url : "");
+  std::fflush(stdout);
+
+  // Wakes for frames and at least each millisecond; the grid only bounds how long the drives and the plant
+  // wait.
+  const MonotonicClock clock;
+  const TimeNs start_ns = clock.Now();
+  rt::DeadlineGrid grid(start_ns, kNsPerMs);
+  rt::Histogram lag, work;
+  std::uint64_t syncs = 0, skipped = 0;
+  bool up = true;
+  while (!stop_asked) {
+    port.WaitUntil(grid.next_ns());
+    const TimeNs now_ns = clock.Now();
+    if (now_ns >= grid.next_ns()) {
+      lag.Add(now_ns - grid.next_ns());
+      skipped += grid.Advance(now_ns);
+    }
+    syncs += static_cast<std::uint64_t>(rig.Poll(now_ns));
+    if (tracker) tracker->PublishIfDue(rig.plant());
+    work.Add(clock.Now() - now_ns);
+    if (port.up() != up) {
+      up = !up;
+      fmt::print(stderr, "tendril-plant: {} is {}\n", options.interface,
+                 up ? "up again" : "down; waiting for it");
+    }
+  }
+
+  const auto bus = port.counters();
+  const auto us = [](TimeNs ns) { return static_cast<double>(ns) * 1e-3; };
+  fmt::print("tendril-plant: {:.1f} s, {} cycles (SYNC), {} frames in, {} out, {} lost\n",
+             ToSeconds(clock.Now() - start_ns), syncs, bus.received, bus.sent,
+             bus.send_refused + bus.receive_dropped);
+  fmt::print(
+      "tendril-plant: real-time lag 99 % below {:.0f} us, at most {:.0f} us, {} whole milliseconds missed; "
+      "work per "
+      "wake-up 99 % below {:.0f} us, at most {:.0f} us\n",
+      us(lag.Percentile(0.99)), us(lag.max_ns()), skipped, us(work.Percentile(0.99)), us(work.max_ns()));
+  if (tracker) {
+    fmt::print("tendril-plant: {} tracker messages, {} failed\n", tracker->published(), tracker->failed());
+  }
+}
+
+}  // namespace
+}  // namespace tendril::tools
+
+int main(int argc, char** argv) {
+  tendril::tools::Options options;
+  CLI::App app{
+      "tendril-plant: emulated drives and a simulated robot on a CAN interface, in real time.\n"
+      "Stands in for the rig: any CANopen master finds EPOS4 drives, whose motors move the robot of the "
+      "file.\n"
+      "Exit status: 0 stopped by Ctrl-C or SIGTERM, 1 the work failed, 2 wrong use."};
+  app.set_version_flag("--version",
+                       fmt::format("tendril-plant {} ({})", tendril::Version(), tendril::GitRevision()));
+  app.add_option("--robot", options.robot,
+                 "robot file with motors and drives, for example config/robots/rig_90mm.yaml")
+      ->required();
+  app.add_option("--can", options.interface, "CAN interface")->capture_default_str();
+  app.add_option(
+      "--lcm", options.lcm_url,
+      "LCM address, for example udpm://239.255.76.67:7667?ttl=0: publishes the tip on TENDRIL_TRACKER at the "
+      "tracker's rate; without it nothing is published");
+  app.add_option("--seed", options.seed, "of the sensors' noise")->capture_default_str();
+  try {
+    app.parse(argc, argv);
+    tendril::tools::Run(options);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "tendril-plant: {}\n", e.what());
+    return 1;
+  }
+  return 0;
+}
