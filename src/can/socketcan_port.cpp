@@ -23,6 +23,7 @@ namespace {
 
 static_assert(kErrorBusOff == CAN_ERR_BUSOFF && kErrorRestarted == CAN_ERR_RESTARTED);
 
+constexpr can_filter kOnly11Bit{.can_id = 0, .can_mask = CAN_EFF_FLAG};
 constexpr int kBatch = 64;                       // frames a recvmmsg call
 constexpr TimeNs kLinkCheckNs = 100 * kNsPerMs;  // how often a lost interface is looked for
 constexpr TimeNs kOldestStampNs = 10 * kNsPerS;  // older kernel stamps mean that the wall clock jumped
@@ -222,7 +223,10 @@ void SocketCanPort::State::LookForLink() noexcept {
   ifreq request = RequestFor(interface);
   if (ioctl(fd.get(), SIOCGIFFLAGS, &request) < 0 || !(request.ifr_flags & IFF_UP)) return;
   if (ioctl(fd.get(), SIOCGIFINDEX, &request) < 0) return;
-  if (request.ifr_ifindex != index) {  // an adapter plugged in again is a new device under the old name
+  if (request.ifr_ifindex != index) {
+    // An adapter plugged in again is a new device under the old name; the kernel dropped the filter with the
+    // old one.
+    if (setsockopt(fd.get(), SOL_CAN_RAW, CAN_RAW_FILTER, &kOnly11Bit, sizeof(kOnly11Bit)) < 0) return;
     sockaddr_can address{};
     address.can_family = AF_CAN;
     address.can_ifindex = request.ifr_ifindex;
@@ -243,8 +247,7 @@ SocketCanPort::SocketCanPort(const std::string& interface, const Options& option
   state_->SetOption(SOL_SOCKET, SO_TIMESTAMPNS, on, "time stamps");
   const can_err_mask_t errors = options.error_frames ? CAN_ERR_MASK : 0;
   state_->SetOption(SOL_CAN_RAW, CAN_RAW_ERR_FILTER, errors, "error frames");
-  const can_filter only_11_bit{.can_id = 0, .can_mask = CAN_EFF_FLAG};
-  state_->SetOption(SOL_CAN_RAW, CAN_RAW_FILTER, only_11_bit, "the frame filter");
+  state_->SetOption(SOL_CAN_RAW, CAN_RAW_FILTER, kOnly11Bit, "the frame filter");
   state_->Bind();
 }
 

@@ -220,7 +220,7 @@ void Drive::OnHeartbeat(int node_id, TimeNs now_ns) noexcept {
 
 void Drive::OnReceivePdo(Pdo& pdo, std::size_t which, const can::CanFrame& frame) {
   if (frame.size < pdo.bytes()) {
-    InjectEmcy(kPdoTooShort);
+    if (error_code_.value != kPdoTooShort) InjectEmcy(kPdoTooShort);  // once, not at every cycle
     return;
   }
   if (pdo.synchronous()) {

@@ -3,6 +3,10 @@
 #include <gtest/gtest.h>
 #include <net/if.h>
 
+#include <cerrno>
+#include <cstdlib>
+#include <string>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -105,6 +109,69 @@ TEST_F(VcanTest, WaitEndsAtTheFrameOrAtTheDeadline) {
   sender.join();
   EXPECT_LT(clock_.Now() - start_ns, 4 * kNsPerS);
   EXPECT_TRUE(b_->WaitUntil(0)) << "a waiting frame is there whatever the deadline";
+}
+
+// An interface of its own, because taking vcan0 down would disturb other tests.
+class LinkTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (if_nametoindex("vcan0") == 0) GTEST_SKIP() << "no vcan0 here: run under tools/vcan-run";
+    if (!Ip("link add tdlink type vcan") || !Ip("link set tdlink up")) {
+      GTEST_SKIP() << "may not create an interface here";
+    }
+  }
+  void TearDown() override { Ip("link del tdlink"); }
+
+  static bool Ip(const std::string& arguments) {
+    return std::system(("ip " + arguments + " 2>/dev/null").c_str()) == 0;
+  }
+  /// Polls as a loop would, until the port's state is the wanted one.
+  static bool Becomes(SocketCanPort& port, bool up) {
+    std::array<StampedFrame, 4> got;
+    for (int i = 0; i < 100 && port.up() != up; ++i) {
+      port.Receive(got);
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return port.up() == up;
+  }
+};
+
+TEST_F(LinkTest, ADownInterfaceIsRefusedAndNamed) {
+  ASSERT_TRUE(Ip("link set tdlink down"));
+  try {
+    SocketCanPort port("tdlink");
+    FAIL() << "opened an interface that is down";
+  } catch (const std::system_error& e) {
+    EXPECT_EQ(e.code().value(), ENETDOWN);
+    EXPECT_NE(std::string(e.what()).find("'tdlink' is down; bring it up: ip link set tdlink up"),
+              std::string::npos);
+  }
+}
+
+TEST_F(LinkTest, ThePortComesBackWithTheInterface) {
+  SocketCanPort a("tdlink"), b("tdlink");
+  CanFrame frame;
+  frame.id = 0x123;
+  std::array<StampedFrame, 4> got;
+  ASSERT_TRUE(Ip("link set tdlink down"));
+  EXPECT_TRUE(Becomes(b, false));
+  EXPECT_FALSE(a.Send(frame));
+  EXPECT_FALSE(a.up());
+  EXPECT_EQ(a.counters().send_refused, 1u);
+  ASSERT_TRUE(Ip("link set tdlink up"));
+  EXPECT_TRUE(Becomes(a, true));
+  EXPECT_TRUE(Becomes(b, true));
+  EXPECT_TRUE(a.Send(frame));
+  EXPECT_EQ(b.Receive(got), 1);
+
+  ASSERT_TRUE(Ip("link del tdlink"));  // the adapter is pulled out and plugged in again
+  EXPECT_TRUE(Becomes(a, false));
+  EXPECT_TRUE(Becomes(b, false));
+  ASSERT_TRUE(Ip("link add tdlink type vcan") && Ip("link set tdlink up"));
+  EXPECT_TRUE(Becomes(a, true));
+  EXPECT_TRUE(Becomes(b, true));
+  EXPECT_TRUE(a.Send(frame));
+  EXPECT_EQ(b.Receive(got), 1);
 }
 
 }  // namespace

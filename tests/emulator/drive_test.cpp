@@ -338,6 +338,8 @@ TEST(Pdo, TooShortIsAnError) {
   EXPECT_EQ(emcy[0], (Bytes{0x10, 0x82, 0x10, 0, 0, 0, 0, 0}));
   EXPECT_EQ(m.State(), 0x08);
   EXPECT_EQ(m.Read(0x603F, 0).number(), 0x8210u);
+  m.Send(0x201, {});
+  EXPECT_THAT(RawMaster::Of(0x081, m.Poll()), IsEmpty()) << "told once, not every cycle";
 }
 
 TEST(Pdo, EventDrivenTorqueActsAtOnce) {

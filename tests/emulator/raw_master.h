@@ -51,6 +51,7 @@ class RawMaster {
   }
 
   DriveRack& rack() { return rack_; }
+  can::CanPort& port() { return port_; }
   can::MemoryBus& bus() { return bus_; }
   TimeNs now() const { return clock_.Now(); }
 
