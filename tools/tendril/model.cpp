@@ -272,6 +272,7 @@ void AddModelCommand(CLI::App& app) {
       Frequencies);
   AddModelEvaluation(*model, "fk", "u,v per unit -> tip x,y,z, quaternion, straight tendon lengths",
                      ForwardKinematics);
+  AddModelInverseCommands(*model);
   auto options = std::make_shared<SimulateOptions>();
   CLI::App* simulate = AddModelEvaluation(
       *model, "simulate", "t and T per tendon (knots, linear between) -> t, u,v and du,dv per unit",

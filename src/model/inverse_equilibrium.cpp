@@ -1,0 +1,278 @@
+// Tensions for a wanted bend or tip in true equilibrium: sequential quadratic programming over the tensions.
+// Knows the body through its forces and their derivatives only.
+#include "tendril/model/inverse_equilibrium.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace tendril::model {
+
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+struct InverseEquilibrium::Motion {
+  VectorXd dq, ddq;
+};
+
+struct InverseEquilibrium::State {
+  VectorXd q, tension_N;
+  Eigen::PartialPivLU<MatrixXd> stiffness;  // d(balance)/dq at q and these tensions
+  MatrixXd force_per_tension;               // 2N x M
+  double residual_Nm = 0;
+  bool stable = false;
+  bool settled = false;  // the last approach ended because nothing moved any more
+  int iterations = 0;
+};
+
+namespace {
+
+/// What is left of the balance: all forces that must be applied at this motion, less those of the tendons.
+VectorXd Residual(const Body& body, const VectorXd& q, const VectorXd& tension_N, const VectorXd* dq,
+                  const VectorXd* ddq, Body::Workspace& workspace) {
+  VectorXd needed(body.dof()), given(body.dof());
+  if (dq) {
+    body.InverseDynamics(q, *dq, *ddq, needed, workspace);
+  } else {
+    body.StaticForce(q, Vector3d::Zero(), needed);
+  }
+  body.TendonForce(q, tension_N, given);
+  return needed - given;
+}
+
+}  // namespace
+
+InverseEquilibrium::InverseEquilibrium(const Body& body, double min_tension_N, double max_tension_N)
+    : body_(body), min_tension_N_(min_tension_N), max_tension_N_(max_tension_N) {
+  if (!(min_tension_N >= 0 && std::isfinite(min_tension_N) && min_tension_N <= max_tension_N)) {
+    throw std::invalid_argument("tension bounds " + std::to_string(min_tension_N) + " .. " +
+                                std::to_string(max_tension_N) + " N: accepted 0 <= minimum <= maximum");
+  }
+  const int n = body.dof(), k = 2 * body.sections();
+  sum_.resize(k, n);
+  spread_.resize(n, k);
+  for (int i = 0; i < n; ++i) {
+    VectorXd column(k);
+    body.SumBending(VectorXd::Unit(n, i), column);
+    sum_.col(i) = column;
+  }
+  for (int i = 0; i < k; ++i) {
+    VectorXd column(n);
+    body.SpreadBending(VectorXd::Unit(k, i), column);
+    spread_.col(i) = column;
+  }
+}
+
+/// Newton on q at fixed tensions; the state's derivatives belong to the q it ends at. False when no stable
+/// shape is found near the start.
+bool InverseEquilibrium::Balance(State& state, const Motion* motion) const {
+  Body::Workspace workspace(body_);
+  const int n = body_.dof();
+  const VectorXd* dq = motion ? &motion->dq : nullptr;
+  const VectorXd* ddq = motion ? &motion->ddq : nullptr;
+  const double scale = body_.parameters().sections[0].UnitStiffness();
+  VectorXd residual = Residual(body_, state.q, state.tension_N, dq, ddq, workspace);
+  for (int iteration = 0; iteration < 50; ++iteration) {
+    MatrixXd stiffness(n, n);
+    body_.TangentStiffness(state.q, state.tension_N, Vector3d::Zero(), stiffness);
+    state.stable = Eigen::LLT<MatrixXd>(stiffness).info() == Eigen::Success;
+    if (motion) {
+      // What motion adds to the stiffness has no closed form here; it is small, and central differences are
+      // ample.
+      constexpr double kStep = 1e-5;
+      VectorXd plus(n), minus(n), still(n);
+      for (int i = 0; i < n; ++i) {
+        VectorXd at = state.q;
+        at[i] += kStep;
+        body_.InverseDynamics(at, *dq, *ddq, plus, workspace);
+        body_.StaticForce(at, Vector3d::Zero(), still);
+        plus -= still;
+        at[i] -= 2 * kStep;
+        body_.InverseDynamics(at, *dq, *ddq, minus, workspace);
+        body_.StaticForce(at, Vector3d::Zero(), still);
+        minus -= still;
+        stiffness.col(i) += (plus - minus) / (2 * kStep);
+      }
+    }
+    state.stiffness.compute(stiffness);
+    state.residual_Nm = residual.cwiseAbs().maxCoeff();
+    const VectorXd step = state.stiffness.solve(-residual);
+    if (!step.allFinite()) return false;
+    if (step.cwiseAbs().maxCoeff() <= 1e-14) break;
+    double length = 1;
+    bool better = false;
+    for (int attempt = 0; attempt < 8 && !better; ++attempt, length *= 0.5) {
+      const VectorXd next = state.q + length * step;
+      const VectorXd next_residual = Residual(body_, next, state.tension_N, dq, ddq, workspace);
+      better = next_residual.norm() < residual.norm();
+      if (better) {
+        state.q = next;
+        residual = next_residual;
+      }
+    }
+    if (!better) break;  // round-off, or no way on: told apart by the residual
+  }
+  state.residual_Nm = residual.cwiseAbs().maxCoeff();
+  MatrixXd lengths(body_.tendons(), n);
+  body_.TendonLengthJacobian(state.q, lengths);
+  state.force_per_tension = -lengths.transpose();
+  return state.stable && state.residual_Nm <= 1e-9 * scale;
+}
+
+VectorXd InverseEquilibrium::Value(Goal goal, const VectorXd& q) const {
+  if (goal == Goal::kBending) return sum_ * q;
+  return body_.TipPose(q).p_WA;
+}
+
+/// Steps of the quadratic programme: tensions of least sum whose linearised shape meets the target, halved
+/// until the body still has a stable shape and the target is nearer. `state` must be in balance.
+void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motion* motion, double tolerance,
+                                  State& state) const {
+  const TensionAllocator allocator(body_.tendons(), static_cast<int>(target.size()));
+  state.settled = false;
+  for (int iteration = 0; iteration < 200; ++iteration) {
+    ++state.iterations;
+    MatrixXd slope;  // of the goal by q
+    if (goal == Goal::kBending) {
+      slope = sum_;
+    } else {
+      MatrixXd jacobian(6, body_.dof());
+      body_.TipJacobian(state.q, jacobian);
+      slope = jacobian.topRows(3);
+    }
+    const MatrixXd q_per_tension = state.stiffness.solve(state.force_per_tension);
+    const MatrixXd per_tension = slope * q_per_tension;
+    const VectorXd miss = target - Value(goal, state.q);
+    const auto wanted =
+        allocator.Allocate(per_tension, miss + per_tension * state.tension_N, min_tension_N_, max_tension_N_);
+    const VectorXd step = wanted.tension_N - state.tension_N;
+    if (step.cwiseAbs().maxCoeff() <= tolerance) {
+      state.settled = true;
+      return;
+    }
+    const double predicted = wanted.residual_Nm;  // the miss that the linear model leaves
+    bool moved = false;
+    double length = 1;
+    for (int attempt = 0; attempt < 25 && !moved; ++attempt, length *= 0.5) {
+      State next = state;
+      next.tension_N = state.tension_N + length * step;
+      next.q = state.q + length * (q_per_tension * step);
+      if (!Balance(next, motion)) continue;
+      const double next_miss = (target - Value(goal, next.q)).norm();
+      // Near enough, steps along the constraint may leave it a little; the next one returns.
+      const double near = 1e-4 * (1 + target.norm());
+      const bool reachable = predicted <= 1e-9 * (1 + target.norm());
+      moved = next_miss <= miss.norm() - 1e-3 * length * (miss.norm() - predicted) ||
+              (reachable && next_miss < near);
+      if (moved) state = std::move(next);
+    }
+    if (!moved) {
+      state.settled = miss.norm() - predicted <= 1e-7 * (1 + target.norm());
+      return;
+    }
+  }
+}
+
+/// From the shape at minimum tension to wanted sums in steps short enough to stay on the branch.
+void InverseEquilibrium::Continue(const VectorXd& us_vs, const Motion* motion, State& state) const {
+  const VectorXd start = sum_ * state.q;
+  const int steps = std::max(1, static_cast<int>(std::ceil((us_vs - start).norm() / 0.3)));
+  for (int i = 1; i < steps; ++i) {
+    Approach(Goal::kBending, start + (us_vs - start) * i / steps, motion, 1e-4, state);
+  }
+  Approach(Goal::kBending, us_vs, motion, 1e-13, state);
+}
+
+InverseEquilibrium::Motion InverseEquilibrium::TipMotion(const VectorXd& q, const Vector3d& velocity,
+                                                         const Vector3d& acceleration) const {
+  const auto jacobian = [&](const VectorXd& at) {
+    MatrixXd full(6, body_.dof());
+    body_.TipJacobian(at, full);
+    return MatrixXd(full.topRows(3));
+  };
+  const MatrixXd sections = jacobian(q) * spread_;
+  const Eigen::CompleteOrthogonalDecomposition<MatrixXd> inverse(sections);
+  Motion motion;
+  motion.dq = spread_ * inverse.solve(velocity);
+  const double speed = motion.dq.norm();
+  Vector3d rest = acceleration;
+  if (speed > 0) {
+    const VectorXd step = 1e-5 / speed * motion.dq;
+    rest -= (jacobian(q + step) - jacobian(q - step)) * motion.dq / (2e-5 / speed);
+  }
+  motion.ddq = spread_ * inverse.solve(rest);
+  return motion;
+}
+
+TensionedShape InverseEquilibrium::Finish(Goal goal, const VectorXd& target, const State& state) const {
+  TensionedShape shape;
+  shape.tension_N = state.tension_N;
+  shape.q = state.q;
+  shape.miss = (target - Value(goal, state.q)).norm();
+  shape.residual_Nm = state.residual_Nm;
+  shape.iterations = state.iterations;
+  const double enough = goal == Goal::kBending ? 1e-9 : 1e-9 * (1 + body_.parameters().length_m());
+  if (!state.stable || !state.settled) {
+    shape.status = Status::kSolverFallback;
+  } else if (shape.miss > enough) {
+    shape.status = Status::kTargetUnreachable;
+  }
+  return shape;
+}
+
+TensionedShape InverseEquilibrium::ForBending(ConstVectorRef us_vs) const {
+  State state;
+  state.q = VectorXd::Zero(body_.dof());
+  state.tension_N = VectorXd::Constant(body_.tendons(), min_tension_N_);
+  if (Balance(state, nullptr)) Continue(us_vs, nullptr, state);
+  return Finish(Goal::kBending, us_vs, state);
+}
+
+TensionedShape InverseEquilibrium::ForBending(ConstVectorRef us_vs, ConstVectorRef dus_dvs,
+                                              ConstVectorRef ddus_ddvs) const {
+  const Motion motion{spread_ * dus_dvs, spread_ * ddus_ddvs};
+  const TensionedShape still = ForBending(us_vs);
+  State state;
+  state.q = still.q;
+  state.tension_N = still.tension_N;
+  state.iterations = still.iterations;
+  if (Balance(state, &motion)) Approach(Goal::kBending, us_vs, &motion, 1e-13, state);
+  return Finish(Goal::kBending, us_vs, state);
+}
+
+TensionedShape InverseEquilibrium::ForTip(const Vector3d& target_W_m, double max_bending_rad) const {
+  // The arc with its tip there has nearly the shape: the search starts from the equilibrium of the same sums.
+  const InverseKinematics arc(body_, max_bending_rad);
+  const VectorXd bend = arc.Solve(target_W_m, BendingVector::Zero(2 * body_.sections())).us_vs;
+  State state;
+  state.q = VectorXd::Zero(body_.dof());
+  state.tension_N = VectorXd::Constant(body_.tendons(), min_tension_N_);
+  if (Balance(state, nullptr)) {
+    Continue(bend, nullptr, state);
+    Approach(Goal::kTip, target_W_m, nullptr, 1e-13, state);
+  }
+  return Finish(Goal::kTip, target_W_m, state);
+}
+
+TensionedShape InverseEquilibrium::ForTip(const Vector3d& target_W_m, const Vector3d& velocity_W_mps,
+                                          const Vector3d& acceleration_W_mps2, double max_bending_rad) const {
+  const TensionedShape still = ForTip(target_W_m, max_bending_rad);
+  State state;
+  state.q = still.q;
+  state.tension_N = still.tension_N;
+  state.iterations = still.iterations;
+  // The rates depend on the shape, the shape a little on the rates.
+  for (int i = 0; i < 30; ++i) {
+    const VectorXd before = state.q;
+    const Motion motion = TipMotion(state.q, velocity_W_mps, acceleration_W_mps2);
+    if (!Balance(state, &motion)) break;
+    Approach(Goal::kTip, target_W_m, &motion, 1e-13, state);
+    if ((state.q - before).cwiseAbs().maxCoeff() <= 1e-13) break;
+  }
+  return Finish(Goal::kTip, target_W_m, state);
+}
+
+}  // namespace tendril::model

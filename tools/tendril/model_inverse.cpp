@@ -1,0 +1,204 @@
+// `tendril model ik | inverse | inverse-tip`: from wanted positions and bends to tensions, row by row.
+// Knows no equation itself; says on stderr where a target could not be met.
+#include <Eigen/Core>
+#include <functional>
+#include <iostream>
+
+#include "commands.h"
+#include "model.h"
+#include "tendril/model/inverse.h"
+#include "tendril/model/inverse_equilibrium.h"
+
+namespace tendril::tools {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using model::Body;
+using Names = std::vector<std::string>;
+
+/// Rows whose target is out of reach: the first few by line, the rest as a number at the end.
+class Unmet {
+ public:
+  void Add(const CsvReader& rows, const std::string& what) {
+    if (++count_ <= kShown) fmt::print(stderr, "tendril: stdin: line {}: {}\n", rows.line(), what);
+  }
+  ~Unmet() {
+    if (count_ > kShown) fmt::print(stderr, "tendril: {} rows out of reach in all\n", count_);
+  }
+
+ private:
+  static constexpr std::size_t kShown = 10;
+  std::size_t count_ = 0;
+};
+
+struct TensionOptions {
+  double min_tension_N = 0;
+  bool equilibrium = false;
+  CLI::Option* min_tension = nullptr;
+};
+
+struct Bounds {
+  double low_N, high_N;
+};
+
+Bounds TensionBounds(const RobotParameters& robot, const TensionOptions& options) {
+  const double low_N = *options.min_tension ? options.min_tension_N : robot.limits.min_tension_N;
+  const double high_N = robot.limits.max_tension_base_N;
+  if (!(low_N >= 0 && low_N <= high_N)) {
+    throw UsageError(fmt::format(
+        "--min-tension = {} N: accepted 0 .. {} N (limits.max_tension_base_N of the robot)", low_N, high_N));
+  }
+  return {low_N, high_N};
+}
+
+VectorXd Part(std::span<const double> values, std::size_t part, Eigen::Index size) {
+  return Eigen::Map<const VectorXd>(values.data() + part * static_cast<std::size_t>(size), size);
+}
+
+void InverseKinematicsRows(const RobotParameters& robot) {
+  const Body body(robot.body);
+  const model::InverseKinematics ik(body, robot.limits.max_bending_rad);
+  CsvReader rows(std::cin, "stdin", {"x", "y", "z"});
+  CsvWriter out(stdout, NumberedPairs("us", "vs", body.sections()));
+  Unmet unmet;
+  BendingVector seed = BendingVector::Zero(2 * body.sections());
+  while (rows.Next()) {
+    const auto solution = ik.Solve(Part(rows.required(), 0, 3), seed);
+    if (solution.status != Status::kOk) {
+      unmet.Add(rows, fmt::format("out of reach: the nearest tip is {:.6g} m away", solution.distance_m));
+    }
+    out.PutAll(solution.us_vs).EndRow();
+    seed = solution.us_vs;
+  }
+}
+
+[[noreturn]] void NoShape(const CsvReader& rows, const model::TensionedShape& shape) {
+  throw rows.Error(fmt::format(
+      "no stable equilibrium found ({:.3g} left of the target, {:.3g} N·m of the balance); ask for less",
+      shape.miss, shape.residual_Nm));
+}
+
+void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
+  const Body body(robot.body);
+  const Bounds bounds = TensionBounds(robot, options);
+  const int k = body.sections(), n = body.dof();
+  CsvReader rows(std::cin, "stdin", NumberedPairs("us", "vs", k),
+                 {NumberedPairs("dus", "dvs", k) + NumberedPairs("ddus", "ddvs", k)});
+  CsvWriter out(stdout, Numbered("T", body.tendons()));
+  Unmet unmet;
+  const model::TensionAllocator allocator(body.tendons(), 2 * k);
+  const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N);
+  Body::Workspace workspace(body);
+  while (rows.Next()) {
+    const VectorXd bend = Part(rows.required(), 0, 2 * k);
+    const bool moving = rows.has(0);
+    const VectorXd rate = moving ? Part(rows.optional(0), 0, 2 * k) : VectorXd::Zero(2 * k);
+    const VectorXd acceleration = moving ? Part(rows.optional(0), 1, 2 * k) : VectorXd::Zero(2 * k);
+    VectorXd q(n), dq(n), ddq(n), force(n), section_force(2 * k);
+    body.SpreadBending(bend, q);
+    RequireOpenDisks(rows, body, q);
+    if (options.equilibrium) {
+      const auto shape =
+          moving ? equilibrium.ForBending(bend, rate, acceleration) : equilibrium.ForBending(bend);
+      if (shape.status == Status::kSolverFallback) NoShape(rows, shape);
+      if (shape.status != Status::kOk) {
+        unmet.Add(rows, fmt::format("out of reach between {} and {} N: the nearest bend is {:.6g} rad away",
+                                    bounds.low_N, bounds.high_N, shape.miss));
+      }
+      out.PutAll(shape.tension_N).EndRow();
+      continue;
+    }
+    body.SpreadBending(rate, dq);
+    body.SpreadBending(acceleration, ddq);
+    body.InverseDynamics(q, dq, ddq, force, workspace);
+    body.ProjectForce(force, section_force);
+    Eigen::MatrixXd per_tension(2 * k, body.tendons());
+    model::SectionForcePerTension(body, bend, per_tension);
+    const auto result = allocator.Allocate(per_tension, section_force, bounds.low_N, bounds.high_N);
+    if (result.status != Status::kOk) {
+      unmet.Add(rows, fmt::format("out of reach between {} and {} N: {:.6g} N·m of the force are missing",
+                                  bounds.low_N, bounds.high_N, result.residual_Nm));
+    }
+    out.PutAll(result.tension_N).EndRow();
+  }
+}
+
+void InverseTipRows(const RobotParameters& robot, const TensionOptions& options) {
+  const Body body(robot.body);
+  const Bounds bounds = TensionBounds(robot, options);
+  const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N);
+  CsvReader rows(std::cin, "stdin", {"x", "y", "z"}, {{"dx", "dy", "dz", "ddx", "ddy", "ddz"}});
+  CsvWriter out(stdout, Numbered("T", body.tendons()) + NumberedPairs("u", "v", body.units()));
+  Unmet unmet;
+  while (rows.Next()) {
+    const Vector3d tip = Part(rows.required(), 0, 3);
+    const double most = robot.limits.max_bending_rad;
+    const auto shape = rows.has(0) ? equilibrium.ForTip(tip, Part(rows.optional(0), 0, 3),
+                                                        Part(rows.optional(0), 1, 3), most)
+                                   : equilibrium.ForTip(tip, most);
+    if (shape.status == Status::kSolverFallback) NoShape(rows, shape);
+    if (shape.status != Status::kOk) {
+      unmet.Add(rows, fmt::format("out of reach between {} and {} N: the nearest tip found is {:.6g} m away",
+                                  bounds.low_N, bounds.high_N, shape.miss));
+    }
+    out.PutAll(shape.tension_N).PutAll(shape.q).EndRow();
+  }
+}
+
+void AddMinTension(CLI::App& command, const std::shared_ptr<TensionOptions>& options) {
+  options->min_tension = command.add_option("--min-tension", options->min_tension_N,
+                                            "least tension [N] of every tendon (default: "
+                                            "limits.min_tension_N of the robot file; the upper bound is its "
+                                            "limits.max_tension_base_N)");
+}
+
+}  // namespace
+
+void AddModelInverseCommands(CLI::App& model) {
+  CLI::App* ik = AddModelEvaluation(model, "ik", "tip x,y,z -> us,vs per section at constant curvature",
+                                    InverseKinematicsRows);
+  ik->footer(
+      "A tip out of reach gets the nearest reachable one (bend up to limits.max_bending_rad per section) and "
+      "a line\n"
+      "on stderr with the distance. With several sections each row starts from the row before, so that a "
+      "path stays\n"
+      "on one branch.");
+
+  auto options = std::make_shared<TensionOptions>();
+  CLI::App* inverse = AddModelEvaluation(
+      model, "inverse", "us,vs per section [and dus,dvs,ddus,ddvs] -> T per tendon of least sum (T - Tmin)^2",
+      [options](const RobotParameters& robot) { InverseRows(robot, *options); });
+  inverse
+      ->add_option_function<std::string>(
+          "--shape", [options](const std::string& text) { options->equilibrium = text == "equilibrium"; },
+          "arc (default) or equilibrium")
+      ->check(CLI::IsMember({"arc", "equilibrium"}));
+  AddMinTension(*inverse, options);
+  inverse->footer(
+      "arc: the units of a section share its bend, rates and accelerations equally; the tensions balance "
+      "Kane's\n"
+      "equations projected on that motion, two a section.\n"
+      "equilibrium: the units bend as the forces make them, their sums being us,vs. Rates and accelerations, "
+      "when\n"
+      "given, are shared equally by a section's units, and every unit's equation of motion holds.\n"
+      "Out of reach within the tension bounds: the nearest admissible tensions, and a line on stderr with "
+      "what is\n"
+      "missing.");
+
+  auto tip_options = std::make_shared<TensionOptions>();
+  CLI::App* inverse_tip = AddModelEvaluation(
+      model, "inverse-tip",
+      "tip x,y,z [and dx,dy,dz,ddx,ddy,ddz] -> T per tendon and u,v per unit of the true equilibrium with "
+      "its tip there",
+      [tip_options](const RobotParameters& robot) { InverseTipRows(robot, *tip_options); });
+  AddMinTension(*inverse_tip, tip_options);
+  inverse_tip->footer(
+      "Tip velocity and acceleration, when given, become section rates of least norm (one section: least "
+      "squares),\n"
+      "shared equally by its units; every unit's equation of motion holds. Out of reach: the nearest tip "
+      "found within\n"
+      "the tension bounds, and a line on stderr with the distance.");
+}
+
+}  // namespace tendril::tools
