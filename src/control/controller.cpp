@@ -233,7 +233,8 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
     if (powered && mode != Mode::kSafeStop && mode != Mode::kFault && d.state != DriveState::kEnabled) {
       fault(Status::kDriveFault);
     }
-    if (d.age_cycles > 0) {
+    const bool answering = d.state != DriveState::kOffline && d.state != DriveState::kBooting;
+    if (answering && d.age_cycles > 0) {
       ++missing;
       Report(output, Status::kFeedbackMissing);
       if (d.age_cycles > parameters.guards.max_missing_cycles) fault(Status::kFeedbackStale);
