@@ -5,7 +5,6 @@
 // velocity of the origin of B and angular velocity of B, both relative to A.
 #include "tendril/model/body.h"
 
-#include <Eigen/Geometry>
 #include <array>
 #include <cmath>
 #include <stdexcept>
@@ -17,37 +16,105 @@
 namespace tendril::model {
 namespace {
 
-using Eigen::Matrix3d;
-using Eigen::Vector3d;
 using Stumpffs = std::array<double, kStumpffCount>;
 
-inline Vector3d Cross(const Vector3d& a, const Vector3d& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+// Three numbers and nothing else: unlike an Eigen vector it stays in registers, where a half-packed store
+// followed by a load of the other half would stall.
+struct Vec {
+  double x, y, z;
+
+  Vec() = default;
+  Vec(double x_, double y_, double z_) : x(x_), y(y_), z(z_) {}
+  explicit Vec(const Eigen::Vector3d& v) : x(v[0]), y(v[1]), z(v[2]) {}
+  Eigen::Vector3d eigen() const { return {x, y, z}; }
+  double dot(const Vec& b) const { return x * b.x + y * b.y + z * b.z; }
+  Vec& operator+=(const Vec& b) { return *this = {x + b.x, y + b.y, z + b.z}; }
+};
+
+inline Vec operator+(const Vec& a, const Vec& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline Vec operator-(const Vec& a) { return {-a.x, -a.y, -a.z}; }
+inline Vec operator*(double k, const Vec& a) { return {k * a.x, k * a.y, k * a.z}; }
+inline Vec Cross(const Vec& a, const Vec& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-inline Vector3d Times(const Matrix3d& r, double x, double y, double z) {
-  return {r(0, 0) * x + r(0, 1) * y + r(0, 2) * z, r(1, 0) * x + r(1, 1) * y + r(1, 2) * z,
-          r(2, 0) * x + r(2, 1) * y + r(2, 2) * z};
-}
+// By columns; of a rotation these are the axes.
+struct Mat {
+  Vec x, y, z;
 
-// x hat(p).
-inline Matrix3d TimesHat(const Matrix3d& x, const Vector3d& p) {
-  Matrix3d y;
-  y.col(0) = x.col(1) * p[2] - x.col(2) * p[1];
-  y.col(1) = x.col(2) * p[0] - x.col(0) * p[2];
-  y.col(2) = x.col(0) * p[1] - x.col(1) * p[0];
-  return y;
-}
+  Vec operator*(const Vec& v) const { return v.x * x + v.y * y + v.z * z; }
+  Vec TransposeTimes(const Vec& v) const { return {x.dot(v), y.dot(v), z.dot(v)}; }
+};
+
+const Mat kIdentity{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+const Vec kZero(0, 0, 0);
+
+inline Vec Times(const Mat& r, double x, double y, double z) { return x * r.x + y * r.y + z * r.z; }
+
+struct Symmetric {
+  double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
+
+  Vec operator*(const Vec& v) const {
+    return {xx * v.x + xy * v.y + xz * v.z, xy * v.x + yy * v.y + yz * v.z, xz * v.x + yz * v.y + zz * v.z};
+  }
+  void AddSquare(double k, const Vec& a) {  // k a a^T
+    const Vec b = k * a;
+    xx += b.x * a.x;
+    xy += b.x * a.y;
+    xz += b.x * a.z;
+    yy += b.y * a.y;
+    yz += b.y * a.z;
+    zz += b.z * a.z;
+  }
+  void SubtractOuter(const Vec& a, const Vec& b, const Vec& c,
+                     const Vec& d) {  // a b^T + c d^T, which is symmetric
+    xx -= a.x * b.x + c.x * d.x;
+    xy -= a.x * b.y + c.x * d.y;
+    xz -= a.x * b.z + c.x * d.z;
+    yy -= a.y * b.y + c.y * d.y;
+    yz -= a.y * b.z + c.y * d.z;
+    zz -= a.z * b.z + c.z * d.z;
+  }
+  void AddDiagonal(double d) {
+    xx += d;
+    yy += d;
+    zz += d;
+  }
+};
+
+// Inertia of disks about a point: force = mass a + cross alpha, moment = cross^T a + inertia alpha.
+struct ArticulatedInertia {
+  Symmetric mass, inertia;
+  Mat cross{kZero, kZero, kZero};
+
+  // To the point -p from the present one: alpha there adds alpha x p to a here, a force adds p x f to the
+  // moment.
+  void Shift(const Vec& p) {
+    const Mat c = cross;
+    cross.x +=
+        Vec(mass.xz * p.y - mass.xy * p.z, mass.yz * p.y - mass.yy * p.z, mass.zz * p.y - mass.yz * p.z);
+    cross.y +=
+        Vec(mass.xx * p.z - mass.xz * p.x, mass.xy * p.z - mass.yz * p.x, mass.xz * p.z - mass.zz * p.x);
+    cross.z +=
+        Vec(mass.xy * p.x - mass.xx * p.y, mass.yy * p.x - mass.xy * p.y, mass.yz * p.x - mass.xz * p.y);
+    inertia.xx += p.y * (c.x.z + cross.x.z) - p.z * (c.x.y + cross.x.y);
+    inertia.xy += p.z * c.x.x - p.x * c.x.z + p.y * cross.y.z - p.z * cross.y.y;
+    inertia.xz += p.x * c.x.y - p.y * c.x.x + p.y * cross.z.z - p.z * cross.z.y;
+    inertia.yy += p.z * (c.y.x + cross.y.x) - p.x * (c.y.z + cross.y.z);
+    inertia.yz += p.x * c.y.y - p.y * c.y.x + p.z * cross.z.x - p.x * cross.z.z;
+    inertia.zz += p.x * (c.z.y + cross.z.y) - p.y * (c.z.x + cross.z.x);
+  }
+};
 
 // One unit's geometry in F_0: place of B relative to A and the motion subspace.
 struct Joint {
-  Vector3d p;           // from A to B
-  Vector3d jv_u, jv_v;  // dp
-  Vector3d jw_u, jw_v;  // angular velocity
+  Vec p;           // from A to B
+  Vec jv_u, jv_v;  // dp
+  Vec jw_u, jw_v;  // angular velocity
 };
 
 // eqs. 2, 7, 9 without their singularity at theta = 0; D_k = 2 dc_k/dx.
-inline void PlaceJoint(const Matrix3d& r_wa, double l, double u, double v, const Stumpffs& c, Joint& joint) {
+inline void PlaceJoint(const Mat& r_wa, double l, double u, double v, const Stumpffs& c, Joint& joint) {
   const double d1 = c[3] - c[2], d2 = 2 * c[4] - c[3];
   const double uu = u * u, uv = u * v, vv = v * v;
   joint.p = Times(r_wa, l * c[2] * u, l * c[2] * v, l * c[1]);
@@ -58,22 +125,29 @@ inline void PlaceJoint(const Matrix3d& r_wa, double l, double u, double v, const
 }
 
 // R_WB = R_WA exp(hat(-v, u, 0)), eqs. 3, 4.
-inline Matrix3d Turn(const Matrix3d& r_wa, double u, double v, const Stumpffs& c) {
-  const double uv = c[2] * u * v, su = c[1] * u, sv = c[1] * v;
-  const double xx = 1 - c[2] * u * u, yy = 1 - c[2] * v * v;
-  Matrix3d r_wb;
-  for (int i = 0; i < 3; ++i) {
-    const double a = r_wa(i, 0), b = r_wa(i, 1), z = r_wa(i, 2);
-    r_wb(i, 0) = a * xx - b * uv - z * su;
-    r_wb(i, 1) = b * yy - a * uv - z * sv;
-    r_wb(i, 2) = a * su + b * sv + z * c[0];
-  }
-  return r_wb;
+inline Mat Turn(const Mat& r, double u, double v, const Stumpffs& c) {
+  const double uv = -c[2] * u * v;
+  return {Times(r, 1 - c[2] * u * u, uv, -c[1] * u), Times(r, uv, 1 - c[2] * v * v, -c[1] * v),
+          Times(r, c[1] * u, c[1] * v, c[0])};
+}
+
+// From the pose of A to that of B.
+inline void Advance(double l, double u, double v, Vec& p, Mat& r) {
+  const Stumpffs c = Stumpff(u * u + v * v);
+  p += Times(r, l * c[2] * u, l * c[2] * v, l * c[1]);
+  r = Turn(r, u, v, c);
+}
+
+inline Pose ToPose(const Vec& p, const Mat& r) {
+  Pose pose;
+  pose.p_WA = p.eigen();
+  pose.R_WA << r.x.eigen(), r.y.eigen(), r.z.eigen();
+  return pose;
 }
 
 // Accelerations of B relative to A that remain when ddu = ddv = 0, in the axes of A (eqs. 11, 12).
-inline void RelativeBias(double l, double u, double v, double du, double dv, const Stumpffs& c,
-                         Vector3d& linear, Vector3d& angular) {
+inline void RelativeBias(double l, double u, double v, double du, double dv, const Stumpffs& c, Vec& linear,
+                         Vec& angular) {
   const double d1 = c[3] - c[2], d2 = 2 * c[4] - c[3], d3 = 3 * c[5] - c[4];
   const double e1 = d3 - d2, e2 = 8 * c[6] - 5 * c[5] + c[4];
   const double s = u * du + v * dv, e = du * du + dv * dv, h = u * dv - v * du;
@@ -105,12 +179,12 @@ bool NotNegative(double x) { return std::isfinite(x) && x >= 0; }
 
 struct Body::Workspace::Unit {
   Joint joint;
-  Vector3d bias_v, bias_w;  // acceleration of B with the joint's and A's accelerations zero
-  Vector3d f, n;  // force and moment at the origin of B: articulated bias, or what the joint carries
-  Vector3d uf_u, un_u, uf_v, un_v;  // articulated inertia times the motion subspace
-  double d_uu, d_uv, d_vv;          // inverse of the 2 x 2 joint inertia
-  double t_u, t_v;                  // joint force left for the acceleration
-  Vector3d z;                       // axis of the disk
+  Vec bias_v, bias_w;  // acceleration of B with the joint's and A's accelerations zero
+  Vec f, n;            // force and moment at the origin of B: articulated bias, or what the joint carries
+  Vec uf_u, un_u, uf_v, un_v;  // articulated inertia times the motion subspace
+  double d_uu, d_uv, d_vv;     // inverse of the 2 x 2 joint inertia
+  double t_u, t_v;             // joint force left for the acceleration
+  Vec z;                       // axis of the disk
 };
 
 Body::Workspace::Workspace(const Body& body) : units_(body.units()) {}
@@ -158,43 +232,37 @@ Body::Body(const BodyParameters& parameters) : parameters_(parameters) {
 // ---- kinematics ----
 
 void Body::Poses(ConstVectorRef q, std::span<Pose> poses) const noexcept {
-  Pose a;
+  Vec p = kZero;
+  Mat r = kIdentity;
   for (int i = 0; i < units_; ++i) {
-    const double l = unit_[i].length_m, u = q[2 * i], v = q[2 * i + 1];
-    const Stumpffs c = Stumpff(u * u + v * v);
-    a.p_WA += Times(a.R_WA, l * c[2] * u, l * c[2] * v, l * c[1]);
-    a.R_WA = Turn(a.R_WA, u, v, c);
-    poses[i] = a;
+    Advance(unit_[i].length_m, q[2 * i], q[2 * i + 1], p, r);
+    poses[i] = ToPose(p, r);
   }
 }
 
 Pose Body::TipPose(ConstVectorRef q) const noexcept {
-  Pose a;
-  for (int i = 0; i < units_; ++i) {
-    const double l = unit_[i].length_m, u = q[2 * i], v = q[2 * i + 1];
-    const Stumpffs c = Stumpff(u * u + v * v);
-    a.p_WA += Times(a.R_WA, l * c[2] * u, l * c[2] * v, l * c[1]);
-    a.R_WA = Turn(a.R_WA, u, v, c);
-  }
-  return a;
+  Vec p = kZero;
+  Mat r = kIdentity;
+  for (int i = 0; i < units_; ++i) Advance(unit_[i].length_m, q[2 * i], q[2 * i + 1], p, r);
+  return ToPose(p, r);
 }
 
 void Body::TipJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept {
   std::array<Joint, kMaxUnits> joints;
-  Matrix3d r = Matrix3d::Identity();
+  Mat r = kIdentity;
   for (int i = 0; i < units_; ++i) {
     const double u = q[2 * i], v = q[2 * i + 1];
     const Stumpffs c = Stumpff(u * u + v * v);
     PlaceJoint(r, unit_[i].length_m, u, v, c, joints[i]);
     r = Turn(r, u, v, c);
   }
-  Vector3d to_tip = Vector3d::Zero();  // from B to the tip
+  Vec to_tip = kZero;  // from B to the tip
   for (int i = units_ - 1; i >= 0; --i) {
     const Joint& j = joints[i];
-    jacobian.col(2 * i).head<3>() = j.jv_u + Cross(j.jw_u, to_tip);
-    jacobian.col(2 * i).tail<3>() = j.jw_u;
-    jacobian.col(2 * i + 1).head<3>() = j.jv_v + Cross(j.jw_v, to_tip);
-    jacobian.col(2 * i + 1).tail<3>() = j.jw_v;
+    jacobian.col(2 * i).head<3>() = (j.jv_u + Cross(j.jw_u, to_tip)).eigen();
+    jacobian.col(2 * i).tail<3>() = j.jw_u.eigen();
+    jacobian.col(2 * i + 1).head<3>() = (j.jv_v + Cross(j.jw_v, to_tip)).eigen();
+    jacobian.col(2 * i + 1).tail<3>() = j.jw_v.eigen();
     to_tip += j.p;
   }
 }
@@ -271,8 +339,8 @@ void Body::TendonForce(ConstVectorRef q, ConstVectorRef tension_N, VectorRef for
 void Body::InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef ddq, VectorRef force_Nm,
                            Workspace& workspace) const noexcept {
   Workspace::Unit* const unit = workspace.units_.data();
-  Matrix3d r = Matrix3d::Identity();
-  Vector3d w = Vector3d::Zero(), dw = Vector3d::Zero(), a = -parameters_.gravity_W_mps2;
+  Mat r = kIdentity;
+  Vec w = kZero, dw = kZero, a = -Vec(parameters_.gravity_W_mps2);
   for (int i = 0; i < units_; ++i) {
     const UnitConstants& k = unit_[i];
     Joint& j = unit[i].joint;
@@ -280,20 +348,19 @@ void Body::InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef d
     const double ddu = ddq[2 * i], ddv = ddq[2 * i + 1];
     const Stumpffs c = Stumpff(u * u + v * v);
     PlaceJoint(r, k.length_m, u, v, c, j);
-    Vector3d linear, angular;
+    Vec linear, angular;
     RelativeBias(k.length_m, u, v, du, dv, c, linear, angular);
-    const Vector3d dp = j.jv_u * du + j.jv_v * dv, w_rel = j.jw_u * du + j.jw_v * dv;
-    a += Cross(dw, j.p) + Cross(w, Cross(w, j.p) + 2 * dp) + Times(r, linear[0], linear[1], linear[2]) +
-         j.jv_u * ddu + j.jv_v * ddv;
-    dw += Cross(w, w_rel) + Times(r, angular[0], angular[1], angular[2]) + j.jw_u * ddu + j.jw_v * ddv;
+    const Vec dp = du * j.jv_u + dv * j.jv_v, w_rel = du * j.jw_u + dv * j.jw_v;
+    a += Cross(dw, j.p) + Cross(w, Cross(w, j.p) + 2 * dp) + r * linear + ddu * j.jv_u + ddv * j.jv_v;
+    dw += Cross(w, w_rel) + r * angular + ddu * j.jw_u + ddv * j.jw_v;
     w += w_rel;
     r = Turn(r, u, v, c);
-    const Vector3d z = r.col(2);
+    const Vec z = r.z;
     const double extra = k.inertia_zz - k.inertia_xx, spin = z.dot(w);
     unit[i].f = k.mass_kg * a;
     unit[i].n = k.inertia_xx * dw + (extra * z.dot(dw)) * z + (extra * spin) * Cross(w, z);
   }
-  Vector3d f = Vector3d::Zero(), n = Vector3d::Zero();
+  Vec f = kZero, n = kZero;
   for (int i = units_ - 1; i >= 0; --i) {
     const UnitConstants& k = unit_[i];
     const Joint& j = unit[i].joint;
@@ -309,8 +376,8 @@ void Body::InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef d
 void Body::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef force_Nm, VectorRef ddq,
                            Workspace& workspace) const noexcept {
   Workspace::Unit* const unit = workspace.units_.data();
-  Matrix3d r = Matrix3d::Identity();
-  Vector3d w = Vector3d::Zero();
+  Mat r = kIdentity;
+  Vec w = kZero;
   for (int i = 0; i < units_; ++i) {
     const UnitConstants& k = unit_[i];
     Workspace::Unit& b = unit[i];
@@ -318,38 +385,36 @@ void Body::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef f
     const double u = q[2 * i], v = q[2 * i + 1], du = dq[2 * i], dv = dq[2 * i + 1];
     const Stumpffs c = Stumpff(u * u + v * v);
     PlaceJoint(r, k.length_m, u, v, c, j);
-    Vector3d linear, angular;
+    Vec linear, angular;
     RelativeBias(k.length_m, u, v, du, dv, c, linear, angular);
-    const Vector3d dp = j.jv_u * du + j.jv_v * dv, w_rel = j.jw_u * du + j.jw_v * dv;
-    b.bias_v = Cross(w, Cross(w, j.p) + 2 * dp) + Times(r, linear[0], linear[1], linear[2]);
-    b.bias_w = Cross(w, w_rel) + Times(r, angular[0], angular[1], angular[2]);
+    const Vec dp = du * j.jv_u + dv * j.jv_v, w_rel = du * j.jw_u + dv * j.jw_v;
+    b.bias_v = Cross(w, Cross(w, j.p) + 2 * dp) + r * linear;
+    b.bias_w = Cross(w, w_rel) + r * angular;
     w += w_rel;
     r = Turn(r, u, v, c);
-    b.z = r.col(2);
+    b.z = r.z;
     const double extra = k.inertia_zz - k.inertia_xx;
     b.n = (extra * b.z.dot(w)) * Cross(w, b.z);
     b.t_u = force_Nm[2 * i] - k.stiffness_Nm * u - k.damping_Nms * du;
     b.t_v = force_Nm[2 * i + 1] - k.stiffness_Nm * v - k.damping_Nms * dv;
   }
 
-  // Articulated inertia at the origin of B: force = mass * a + cross * alpha, moment = cross^T * a + inertia
-  // * alpha.
-  Matrix3d mass = Matrix3d::Zero(), cross = Matrix3d::Zero(), inertia = Matrix3d::Zero();
-  Vector3d f = Vector3d::Zero(), n = Vector3d::Zero();
+  ArticulatedInertia
+      all;  // everything from disk i to the tip, about the origin of B, its joints free to yield
+  Vec f = kZero, n = kZero;
   for (int i = units_ - 1; i >= 0; --i) {
     const UnitConstants& k = unit_[i];
     Workspace::Unit& b = unit[i];
     const Joint& j = b.joint;
-    const double extra = k.inertia_zz - k.inertia_xx;
-    mass.diagonal().array() += k.mass_kg;
-    inertia.noalias() += (extra * b.z) * b.z.transpose();
-    inertia.diagonal().array() += k.inertia_xx;
+    all.mass.AddDiagonal(k.mass_kg);
+    all.inertia.AddDiagonal(k.inertia_xx);
+    all.inertia.AddSquare(k.inertia_zz - k.inertia_xx, b.z);
     n += b.n;
 
-    b.uf_u.noalias() = mass * j.jv_u + cross * j.jw_u;
-    b.uf_v.noalias() = mass * j.jv_v + cross * j.jw_v;
-    b.un_u.noalias() = cross.transpose() * j.jv_u + inertia * j.jw_u;
-    b.un_v.noalias() = cross.transpose() * j.jv_v + inertia * j.jw_v;
+    b.uf_u = all.mass * j.jv_u + all.cross * j.jw_u;
+    b.uf_v = all.mass * j.jv_v + all.cross * j.jw_v;
+    b.un_u = all.cross.TransposeTimes(j.jv_u) + all.inertia * j.jw_u;
+    b.un_v = all.cross.TransposeTimes(j.jv_v) + all.inertia * j.jw_v;
     const double h_uu = j.jv_u.dot(b.uf_u) + j.jw_u.dot(b.un_u);
     const double h_uv = j.jv_u.dot(b.uf_v) + j.jw_u.dot(b.un_v);
     const double h_vv = j.jv_v.dot(b.uf_v) + j.jw_v.dot(b.un_v);
@@ -362,23 +427,21 @@ void Body::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef f
     if (i == 0) break;
 
     // Seen from A, the unit yields along its joint; the rest of its inertia and force is handed on.
-    const Vector3d wf_u = b.d_uu * b.uf_u + b.d_uv * b.uf_v, wf_v = b.d_uv * b.uf_u + b.d_vv * b.uf_v;
-    const Vector3d wn_u = b.d_uu * b.un_u + b.d_uv * b.un_v, wn_v = b.d_uv * b.un_u + b.d_vv * b.un_v;
-    mass.noalias() -= wf_u * b.uf_u.transpose() + wf_v * b.uf_v.transpose();
-    cross.noalias() -= wf_u * b.un_u.transpose() + wf_v * b.un_v.transpose();
-    inertia.noalias() -= wn_u * b.un_u.transpose() + wn_v * b.un_v.transpose();
-    f += mass * b.bias_v + cross * b.bias_w + wf_u * b.t_u + wf_v * b.t_v;
-    n += cross.transpose() * b.bias_v + inertia * b.bias_w + wn_u * b.t_u + wn_v * b.t_v;
+    const Vec wf_u = b.d_uu * b.uf_u + b.d_uv * b.uf_v, wf_v = b.d_uv * b.uf_u + b.d_vv * b.uf_v;
+    const Vec wn_u = b.d_uu * b.un_u + b.d_uv * b.un_v, wn_v = b.d_uv * b.un_u + b.d_vv * b.un_v;
+    all.mass.SubtractOuter(wf_u, b.uf_u, wf_v, b.uf_v);
+    all.inertia.SubtractOuter(wn_u, b.un_u, wn_v, b.un_v);
+    all.cross.x += -b.un_u.x * wf_u + -b.un_v.x * wf_v;
+    all.cross.y += -b.un_u.y * wf_u + -b.un_v.y * wf_v;
+    all.cross.z += -b.un_u.z * wf_u + -b.un_v.z * wf_v;
+    f += all.mass * b.bias_v + all.cross * b.bias_w + b.t_u * wf_u + b.t_v * wf_v;
+    n += all.cross.TransposeTimes(b.bias_v) + all.inertia * b.bias_w + b.t_u * wn_u + b.t_v * wn_v;
 
-    // Shift to the origin of A: alpha there adds alpha x p to the origin of B, the force adds p x f to the
-    // moment.
     n += Cross(j.p, f);
-    inertia -= TimesHat(cross.transpose(), j.p);
-    cross -= TimesHat(mass, j.p);
-    for (int col = 0; col < 3; ++col) inertia.col(col) += Cross(j.p, cross.col(col));
+    all.Shift(j.p);
   }
 
-  Vector3d a = -parameters_.gravity_W_mps2, alpha = Vector3d::Zero();
+  Vec a = -Vec(parameters_.gravity_W_mps2), alpha = kZero;
   for (int i = 0; i < units_; ++i) {
     const Workspace::Unit& b = unit[i];
     const Joint& j = b.joint;
@@ -389,35 +452,35 @@ void Body::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef f
     const double ddu = b.d_uu * t_u + b.d_uv * t_v, ddv = b.d_uv * t_u + b.d_vv * t_v;
     ddq[2 * i] = ddu;
     ddq[2 * i + 1] = ddv;
-    a += j.jv_u * ddu + j.jv_v * ddv;
-    alpha += j.jw_u * ddu + j.jw_v * ddv;
+    a += ddu * j.jv_u + ddv * j.jv_v;
+    alpha += ddu * j.jw_u + ddv * j.jw_v;
   }
 }
 
 void Body::MassMatrix(ConstVectorRef q, MatrixRef mass, Workspace& workspace) const noexcept {
   Workspace::Unit* const unit = workspace.units_.data();
-  Matrix3d r = Matrix3d::Identity();
+  Mat r = kIdentity;
   for (int i = 0; i < units_; ++i) {
     const double u = q[2 * i], v = q[2 * i + 1];
     const Stumpffs c = Stumpff(u * u + v * v);
     PlaceJoint(r, unit_[i].length_m, u, v, c, unit[i].joint);
     r = Turn(r, u, v, c);
-    unit[i].z = r.col(2);
+    unit[i].z = r.z;
   }
   // Everything from disk i to the tip as one rigid body: mass, first moment and inertia about the origin of
   // B.
   double m = 0;
-  Vector3d first = Vector3d::Zero();
-  Matrix3d inertia = Matrix3d::Zero();
+  Vec first = kZero;
+  Symmetric inertia;
   for (int i = units_ - 1; i >= 0; --i) {
     const UnitConstants& k = unit_[i];
     const Joint& j = unit[i].joint;
     m += k.mass_kg;
-    inertia.noalias() += ((k.inertia_zz - k.inertia_xx) * unit[i].z) * unit[i].z.transpose();
-    inertia.diagonal().array() += k.inertia_xx;
+    inertia.AddSquare(k.inertia_zz - k.inertia_xx, unit[i].z);
+    inertia.AddDiagonal(k.inertia_xx);
 
-    Vector3d f_u = m * j.jv_u + Cross(j.jw_u, first), f_v = m * j.jv_v + Cross(j.jw_v, first);
-    Vector3d n_u = Cross(first, j.jv_u) + inertia * j.jw_u, n_v = Cross(first, j.jv_v) + inertia * j.jw_v;
+    Vec f_u = m * j.jv_u + Cross(j.jw_u, first), f_v = m * j.jv_v + Cross(j.jw_v, first);
+    Vec n_u = Cross(first, j.jv_u) + inertia * j.jw_u, n_v = Cross(first, j.jv_v) + inertia * j.jw_v;
     mass(2 * i, 2 * i) = j.jv_u.dot(f_u) + j.jw_u.dot(n_u);
     mass(2 * i, 2 * i + 1) = mass(2 * i + 1, 2 * i) = j.jv_u.dot(f_v) + j.jw_u.dot(n_v);
     mass(2 * i + 1, 2 * i + 1) = j.jv_v.dot(f_v) + j.jw_v.dot(n_v);
@@ -433,64 +496,66 @@ void Body::MassMatrix(ConstVectorRef q, MatrixRef mass, Workspace& workspace) co
     if (i == 0) break;
 
     // Shift by p: d -> d + p in sum m (d.d 1 - d d^T).
-    const Vector3d& p = j.p;
-    const double diagonal = 2 * first.dot(p) + m * p.squaredNorm();
-    inertia.noalias() -= first * p.transpose() + p * (first + m * p).transpose();
-    inertia.diagonal().array() += diagonal;
+    const Vec& p = j.p;
+    inertia.SubtractOuter(first, p, p, first + m * p);
+    inertia.AddDiagonal(2 * first.dot(p) + m * p.dot(p));
     first += m * p;
   }
 }
 
 Energy Body::EnergyOf(ConstVectorRef q, ConstVectorRef dq, Workspace& workspace) const noexcept {
   Energy energy;
+  const Vec gravity(parameters_.gravity_W_mps2);
   Joint& j = workspace.units_[0].joint;
-  Matrix3d r = Matrix3d::Identity();
-  Vector3d p = Vector3d::Zero(), velocity = Vector3d::Zero(), w = Vector3d::Zero();
+  Mat r = kIdentity;
+  Vec p = kZero, velocity = kZero, w = kZero;
   for (int i = 0; i < units_; ++i) {
     const UnitConstants& k = unit_[i];
     const double u = q[2 * i], v = q[2 * i + 1], du = dq[2 * i], dv = dq[2 * i + 1];
     const Stumpffs c = Stumpff(u * u + v * v);
     PlaceJoint(r, k.length_m, u, v, c, j);
-    velocity += Cross(w, j.p) + j.jv_u * du + j.jv_v * dv;
-    w += j.jw_u * du + j.jw_v * dv;
+    velocity += Cross(w, j.p) + du * j.jv_u + dv * j.jv_v;
+    w += du * j.jw_u + dv * j.jw_v;
     p += j.p;
     r = Turn(r, u, v, c);
-    const double spin = r.col(2).dot(w);
-    energy.kinetic += 0.5 * (k.mass_kg * velocity.squaredNorm() + k.inertia_xx * w.squaredNorm() +
+    const double spin = r.z.dot(w);
+    energy.kinetic += 0.5 * (k.mass_kg * velocity.dot(velocity) + k.inertia_xx * w.dot(w) +
                              (k.inertia_zz - k.inertia_xx) * spin * spin);
     energy.elastic += 0.5 * k.stiffness_Nm * (u * u + v * v);
-    energy.gravity -= k.mass_kg * parameters_.gravity_W_mps2.dot(p);
+    energy.gravity -= k.mass_kg * gravity.dot(p);
   }
   return energy;
 }
 
 // ---- statics ----
 
-void Body::StaticForce(ConstVectorRef q, const Vector3d& tip_force_W_N, VectorRef force_Nm) const noexcept {
+void Body::StaticForce(ConstVectorRef q, const Eigen::Vector3d& tip_force_W_N,
+                       VectorRef force_Nm) const noexcept {
   std::array<Joint, kMaxUnits> joints;
-  Matrix3d r = Matrix3d::Identity();
+  Mat r = kIdentity;
   for (int i = 0; i < units_; ++i) {
     const double u = q[2 * i], v = q[2 * i + 1];
     const Stumpffs c = Stumpff(u * u + v * v);
     PlaceJoint(r, unit_[i].length_m, u, v, c, joints[i]);
     r = Turn(r, u, v, c);
   }
-  Vector3d f = tip_force_W_N, n = Vector3d::Zero();
+  const Vec gravity(parameters_.gravity_W_mps2);
+  Vec f(tip_force_W_N), n = kZero;
   for (int i = units_ - 1; i >= 0; --i) {
     const Joint& j = joints[i];
-    f += unit_[i].mass_kg * parameters_.gravity_W_mps2;
+    f += unit_[i].mass_kg * gravity;
     force_Nm[2 * i] = unit_[i].stiffness_Nm * q[2 * i] - j.jv_u.dot(f) - j.jw_u.dot(n);
     force_Nm[2 * i + 1] = unit_[i].stiffness_Nm * q[2 * i + 1] - j.jv_v.dot(f) - j.jw_v.dot(n);
     n += Cross(j.p, f);
   }
 }
 
-void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Vector3d& tip_force_W_N,
+void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Eigen::Vector3d& tip_force_W_N,
                             MatrixRef stiffness) const noexcept {
   std::array<Joint, kMaxUnits> joints;
-  std::array<Matrix3d, kMaxUnits> r_wa;
+  std::array<Mat, kMaxUnits> r_wa;
   std::array<Stumpffs, kMaxUnits> stumpff;
-  Matrix3d r = Matrix3d::Identity();
+  Mat r = kIdentity;
   for (int i = 0; i < units_; ++i) {
     const double u = q[2 * i], v = q[2 * i + 1];
     stumpff[i] = Stumpff(u * u + v * v);
@@ -501,8 +566,9 @@ void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Ve
 
   // Forces F_k at disks k >= i, seen from the origin of B with arms d_k: sum F, sum d x F, and sum d F^T -
   // (d.F) 1, which turns a small rotation w into sum (w x d) x F.
-  Vector3d f = tip_force_W_N, n = Vector3d::Zero();
-  Matrix3d turning = Matrix3d::Zero();
+  const Vec gravity(parameters_.gravity_W_mps2);
+  Vec f(tip_force_W_N), n = kZero;
+  Mat turning{kZero, kZero, kZero};
   double sum = 0, moment_u = 0, moment_v = 0;
   int counted = tendons();
   for (int i = units_ - 1; i >= 0; --i) {
@@ -510,10 +576,10 @@ void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Ve
     const Joint& j = joints[i];
     const Stumpffs& c = stumpff[i];
     const double l = k.length_m, u = q[2 * i], v = q[2 * i + 1];
-    f += k.mass_kg * parameters_.gravity_W_mps2;
+    f += k.mass_kg * gravity;
 
     // Change of the moment about the origin of A when this unit bends: what the units below it feel.
-    const Vector3d y_u = Cross(j.jv_u, f) + turning * j.jw_u, y_v = Cross(j.jv_v, f) + turning * j.jw_v;
+    const Vec y_u = Cross(j.jv_u, f) + turning * j.jw_u, y_v = Cross(j.jv_v, f) + turning * j.jw_v;
     for (int below = i - 1; below >= 0; --below) {
       const Joint& g = joints[below];
       stiffness(2 * below, 2 * i) = stiffness(2 * i, 2 * below) = -g.jw_u.dot(y_u);
@@ -524,16 +590,16 @@ void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Ve
 
     // Within the unit: second derivatives of p and of the angular velocity, with F and the moment in the axes
     // of A.
-    const Vector3d fa = r_wa[i].transpose() * f, na = r_wa[i].transpose() * n;
+    const Vec fa = r_wa[i].TransposeTimes(f), na = r_wa[i].TransposeTimes(n);
     const double d1 = c[3] - c[2], d2 = 2 * c[4] - c[3], d3 = 3 * c[5] - c[4];
     const double e1 = d3 - d2, e2 = 8 * c[6] - 5 * c[5] + c[4];
     const double uu = u * u, uv = u * v, vv = v * v;
-    const Vector3d p_uu(u * (3 * d2 + uu * e2), v * (d2 + uu * e2), d1 + uu * e1);
-    const Vector3d p_uv(v * (d2 + uu * e2), u * (d2 + vv * e2), uv * e1);
-    const Vector3d p_vv(u * (d2 + vv * e2), v * (3 * d2 + vv * e2), d1 + vv * e1);
-    const Vector3d w_uu(-v * (c[3] + uu * d3), -u * vv * d3, -uv * d2);                        // d jw_u / du
-    const Vector3d w_uv(-u * (c[3] + vv * d3), -v * (2 * c[3] + vv * d3), -(c[2] + vv * d2));  // d jw_u / dv
-    const Vector3d w_vv(uu * v * d3, u * (c[3] + vv * d3), uv * d2);                           // d jw_v / dv
+    const Vec p_uu(u * (3 * d2 + uu * e2), v * (d2 + uu * e2), d1 + uu * e1);
+    const Vec p_uv(v * (d2 + uu * e2), u * (d2 + vv * e2), uv * e1);
+    const Vec p_vv(u * (d2 + vv * e2), v * (3 * d2 + vv * e2), d1 + vv * e1);
+    const Vec w_uu(-v * (c[3] + uu * d3), -u * vv * d3, -uv * d2);                        // d jw_u / du
+    const Vec w_uv(-u * (c[3] + vv * d3), -v * (2 * c[3] + vv * d3), -(c[2] + vv * d2));  // d jw_u / dv
+    const Vec w_vv(uu * v * d3, u * (c[3] + vv * d3), uv * d2);                           // d jw_v / dv
 
     while (counted > k.first_tendon) {
       const Tendon& t = tendons_[--counted];
@@ -543,7 +609,7 @@ void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Ve
     }
     const Chord chord = ChordOf(uu + vv);
     const double lever = sum * l - (u * moment_u + v * moment_v);
-    const Vector3d turn_v = turning * j.jw_v;
+    const Vec turn_v = turning * j.jw_v;
     stiffness(2 * i, 2 * i) = k.stiffness_Nm + lever * (chord.slope + uu * chord.bend) -
                               2 * u * moment_u * chord.slope - l * fa.dot(p_uu) - na.dot(w_uu) -
                               j.jw_u.dot(turning * j.jw_u);
@@ -555,8 +621,13 @@ void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Ve
                                       j.jw_v.dot(turn_v);
 
     n += Cross(j.p, f);
-    turning.noalias() += j.p * f.transpose();
-    turning.diagonal().array() -= j.p.dot(f);
+    turning.x += f.x * j.p;
+    turning.y += f.y * j.p;
+    turning.z += f.z * j.p;
+    const double trace = j.p.dot(f);
+    turning.x.x -= trace;
+    turning.y.y -= trace;
+    turning.z.z -= trace;
   }
 }
 
