@@ -1,0 +1,61 @@
+// Cost of the tick: one Controller::Step while the paper's circle is followed, against the number of tendons.
+#include <benchmark/benchmark.h>
+
+#include <cmath>
+#include <numbers>
+#include <string>
+
+#include "tendril/config/config.h"
+#include "tendril/control/controller.h"
+
+namespace tendril {
+namespace {
+
+void Step(benchmark::State& state, const char* file) {
+  const RobotParameters robot = config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file);
+  const DaemonParameters daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml");
+  control::Controller controller(robot, daemon.controller, kNsPerMs);
+  CycleInput input;
+  CycleOutput output;
+  input.drives = robot.body.tendons();
+  std::uint32_t sequence = 0;
+  const auto step = [&](Command command) {
+    input.time_ns += kNsPerMs;
+    ++input.cycle;
+    command.sequence = ++sequence;
+    command.received_ns = input.time_ns;
+    command.valid_for_ns = kNsPerS;
+    input.command = command;
+    for (int j = 0; j < input.drives; ++j) {
+      auto& d = input.drive[static_cast<std::size_t>(j)];
+      d.state = output.drive_request == DriveRequest::kEnable ? DriveState::kEnabled : DriveState::kReady;
+      d.analog_mV = 200;
+    }
+    controller.Step(input, output);
+  };
+  step({});
+  Command arm;
+  arm.kind = CommandKind::kMode;
+  arm.mode = ModeRequest::kArm;
+  step(arm);
+  for (int i = 0; i < 3000 && output.mode != Mode::kRunning; ++i) step({});
+  if (output.mode != Mode::kRunning) state.SkipWithError("the controller does not run");
+
+  const double theta = std::numbers::pi / 3, l = robot.body.length_m();
+  Command tip;
+  tip.kind = CommandKind::kTip;
+  for (auto _ : state) {
+    const double angle = std::numbers::pi / 6 * ToSeconds(input.time_ns);
+    tip.tip_W_m = {l / theta * (1 - std::cos(theta)) * std::cos(angle),
+                   l / theta * (1 - std::cos(theta)) * std::sin(angle), l / theta * std::sin(theta)};
+    step(tip);
+    benchmark::DoNotOptimize(output.torque_target_permille);
+  }
+}
+
+BENCHMARK_CAPTURE(Step, three_tendons, "rig_60mm.yaml");
+BENCHMARK_CAPTURE(Step, four_tendons, "four_tendon_90mm.yaml");
+BENCHMARK_CAPTURE(Step, two_sections_six_tendons, "two_section.yaml");
+
+}  // namespace
+}  // namespace tendril
