@@ -15,6 +15,13 @@ struct IntegratorCallbacks {
     auto* integrator = static_cast<Integrator*>(self);
     return integrator->system_.Derivative(t, N_VGetArrayPointer(y), N_VGetArrayPointer(derivative)) ? 0 : 1;
   }
+  static int Weights(N_Vector y, N_Vector weights, void* self) {
+    const auto& tolerances = static_cast<Integrator*>(self)->tolerances_;
+    const Eigen::Map<const Eigen::ArrayXd> value(N_VGetArrayPointer(y), N_VGetLength(y));
+    Eigen::Map<Eigen::ArrayXd>(N_VGetArrayPointer(weights), value.size()) =
+        (tolerances.relative * value.abs() + tolerances.absolute.array()).inverse();
+    return 0;
+  }
   static SUNLinearSolver_Type Type(SUNLinearSolver) { return SUNLINEARSOLVER_MATRIX_EMBEDDED; }
   static int Solve(SUNLinearSolver solver, SUNMatrix, N_Vector x, N_Vector b, realtype) {
     auto* integrator = static_cast<Integrator*>(solver->content);
@@ -28,19 +35,52 @@ struct IntegratorCallbacks {
 };
 
 namespace {
+
 void Check(int flag, const char* what) {
   if (flag != CV_SUCCESS) throw std::runtime_error(fmt::format("integrator: {} failed ({})", what, flag));
 }
+
+// With some tens of states CVODE's time goes into its vector operations, one library call each. These are the
+// same operations, inlined and vectorised; clones take them over from the vector they are cloned from.
+using Array = Eigen::Map<Eigen::ArrayXd>;
+Array Values(N_Vector v) { return {N_VGetArrayPointer(v), N_VGetLength(v)}; }
+
+void LinearSum(realtype a, N_Vector x, realtype b, N_Vector y, N_Vector z) {
+  Values(z) = a * Values(x) + b * Values(y);
+}
+void Scale(realtype c, N_Vector x, N_Vector z) { Values(z) = c * Values(x); }
+void Fill(realtype c, N_Vector z) { Values(z) = c; }
+realtype WrmsNorm(N_Vector x, N_Vector w) { return std::sqrt((Values(x) * Values(w)).square().mean()); }
+int LinearCombination(int count, realtype* c, N_Vector* x, N_Vector z) {
+  Array sum = Values(z);  // may be x[0]
+  sum = c[0] * Values(x[0]);
+  for (int i = 1; i < count; ++i) sum += c[i] * Values(x[i]);
+  return 0;
+}
+int ScaleAddMulti(int count, realtype* a, N_Vector x, N_Vector* y, N_Vector* z) {
+  for (int i = 0; i < count; ++i) Values(z[i]) = a[i] * Values(x) + Values(y[i]);
+  return 0;
+}
+
+void UseInlinedOperations(N_Vector v) {
+  v->ops->nvlinearsum = LinearSum;
+  v->ops->nvscale = Scale;
+  v->ops->nvconst = Fill;
+  v->ops->nvwrmsnorm = WrmsNorm;
+  v->ops->nvlinearcombination = LinearCombination;
+  v->ops->nvscaleaddmulti = ScaleAddMulti;
+}
+
 }  // namespace
 
-Integrator::Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Tolerances& tolerances)
-    : system_(system), y_(y0) {
+Integrator::Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Tolerances& tolerances,
+                       double longest_step)
+    : system_(system), tolerances_(tolerances), y_(y0) {
   Check(SUNContext_Create(nullptr, &context_), "SUNContext_Create");
   vector_ = N_VMake_Serial(y_.size(), y_.data(), context_);
-  absolute_ = N_VNew_Serial(y_.size(), context_);
-  Eigen::VectorXd::Map(N_VGetArrayPointer(absolute_), y_.size()) = tolerances.absolute;
-  error_ = N_VNew_Serial(y_.size(), context_);
-  weights_ = N_VNew_Serial(y_.size(), context_);
+  UseInlinedOperations(vector_);
+  error_ = N_VClone(vector_);
+  weights_ = N_VClone(vector_);
   linear_ = SUNLinSolNewEmpty(context_);
   linear_->content = this;
   linear_->ops->gettype = IntegratorCallbacks::Type;
@@ -50,7 +90,8 @@ Integrator::Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Toler
   Check(CVodeInit(cvode_, IntegratorCallbacks::Derivative, t_, vector_), "CVodeInit");
   Check(CVodeSetErrHandlerFn(cvode_, IntegratorCallbacks::Message, this), "CVodeSetErrHandlerFn");
   Check(CVodeSetUserData(cvode_, this), "CVodeSetUserData");
-  Check(CVodeSVtolerances(cvode_, tolerances.relative, absolute_), "CVodeSVtolerances");
+  Check(CVodeWFtolerances(cvode_, IntegratorCallbacks::Weights), "CVodeWFtolerances");
+  Check(CVodeSetMaxStep(cvode_, longest_step), "CVodeSetMaxStep");
   Check(CVodeSetLinearSolver(cvode_, linear_, nullptr), "CVodeSetLinearSolver");
 }
 
@@ -59,7 +100,6 @@ Integrator::~Integrator() {
   SUNLinSolFreeEmpty(linear_);
   N_VDestroy(weights_);
   N_VDestroy(error_);
-  N_VDestroy(absolute_);
   N_VDestroy(vector_);
   SUNContext_Free(&context_);
 }

@@ -25,7 +25,7 @@ class Integrator {
     double relative;
     Eigen::VectorXd absolute;  // a state
   };
-  Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Tolerances& tolerances);
+  Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Tolerances& tolerances, double longest_step);
   ~Integrator();
   Integrator(const Integrator&) = delete;
   Integrator& operator=(const Integrator&) = delete;
@@ -50,10 +50,11 @@ class Integrator {
   Counters SolverCounters() const;
 
   OdeSystem& system_;
+  Tolerances tolerances_;
   double t_ = 0;
   Eigen::VectorXd y_;
   SUNContext context_ = nullptr;
-  N_Vector vector_ = nullptr, absolute_ = nullptr, error_ = nullptr, weights_ = nullptr;
+  N_Vector vector_ = nullptr, error_ = nullptr, weights_ = nullptr;
   SUNLinearSolver linear_ = nullptr;
   void* cvode_ = nullptr;
   double wanted_step_ = 0;  // 0: not known yet

@@ -1,7 +1,6 @@
 // The plant: body and drivetrains as one system of ordinary differential equations, sensors around it.
-// States: unit bending q, motor angles, their rates, and the Dahl state of each motor's friction. Stop
-// operators are functions of position that remember: read inside the solver's steps, moved on only when a
-// step was accepted.
+// States: unit bending q, motor angles and their rates. Friction memories are functions of position that
+// remember: read inside the solver's steps, moved on only when a step was accepted.
 #include "tendril/sim/plant.h"
 
 #include <fmt/core.h>
@@ -27,6 +26,10 @@ using Vector = Eigen::Map<Eigen::VectorXd>;
 // there they are taken anew. The iteration stays fast, and its solution does not depend on it.
 constexpr double kNewtonBend_rad = 0.05;
 constexpr double kNewtonTension_N = 1.0;
+
+// A reversal within a step is found by its velocities at both ends; two reversals of a motor that rings on
+// its micro-slip (some 100 Hz) must not hide in one step.
+constexpr double kLongestStep_s = 0.5e-3;
 
 bool Same(const PulleyParameters& a, const PulleyParameters& b) {
   return a.law == b.law && a.wrap_rad == b.wrap_rad && a.radius_ratio == b.radius_ratio &&
@@ -105,25 +108,23 @@ struct Plant::Impl final : OdeSystem {
     q.setZero(n);
     dq.setZero(n);
 
-    integrator =
-        std::make_unique<Integrator>(*this, Eigen::VectorXd::Zero(2 * (n + m) + m), StateTolerances());
+    integrator = std::make_unique<Integrator>(*this, Eigen::VectorXd::Zero(2 * (n + m)), StateTolerances(),
+                                              kLongestStep_s);
     ReadState();
     UpdateTendonStates();
     RememberPose();
   }
 
-  // ---- layout of the state: q, motor angles, dq, motor velocities, Dahl states ----
+  // ---- layout of the state: q, motor angles, dq, motor velocities ----
   int angle_at(int j) const { return n + j; }
   int rate_at() const { return n + m; }
   int velocity_at(int j) const { return 2 * n + m + j; }
-  int dahl_at(int j) const { return 2 * (n + m) + j; }
 
   /// One tolerance a state, so that each is worth the same change of tendon tension: the given one is for
-  /// bending; a motor angle counts by the stretch it makes, a rate by the damper's tension, a Dahl state by
-  /// the friction torque.
+  /// bending; a motor angle counts by the stretch it makes, a rate by the damper's tension.
   Integrator::Tolerances StateTolerances() const {
     const double bend = options.absolute_tolerance;
-    Eigen::VectorXd absolute = Eigen::VectorXd::Constant(2 * (n + m) + m, bend);
+    Eigen::VectorXd absolute = Eigen::VectorXd::Constant(2 * (n + m), bend);
     double slowest = 1e300;
     for (int j = 0; j < m; ++j) {
       const auto& d = drive[j];
@@ -134,8 +135,6 @@ struct Plant::Impl final : OdeSystem {
       slowest = std::min(slowest, rate);
       absolute[angle_at(j)] = stretch / d.travel_m_per_rad();
       absolute[velocity_at(j)] = rate * stretch / d.travel_m_per_rad();
-      const double friction = d.stiffness_Npm() * stretch * d.travel_m_per_rad();
-      absolute[dahl_at(j)] = d.coulomb_Nm() > 0 ? std::min(1e-2, friction / d.coulomb_Nm()) : 1e-2;
     }
     absolute.segment(rate_at(), n).setConstant(slowest * bend);
     return {options.relative_tolerance, absolute};
@@ -161,12 +160,11 @@ struct Plant::Impl final : OdeSystem {
     shortening_rate.noalias() = -(length_jacobian * bend_rate);
     evaluated_q = bend;
     for (int j = 0; j < m; ++j) {
-      motion[j] = {y[angle_at(j)], y[velocity_at(j)], y[dahl_at(j)], shortening[j], shortening_rate[j]};
-      forces[j] = drive[j].Evaluate(motion[j], drive[j].Torque(t));
+      motion[j] = {y[angle_at(j)], y[velocity_at(j)], shortening[j], shortening_rate[j]};
+      forces[j] = drive[j].Evaluate(t, motion[j]);
       tension[j] = forces[j].tension_base_N;
       derivative[angle_at(j)] = y[velocity_at(j)];
       derivative[velocity_at(j)] = forces[j].acceleration_radps2;
-      derivative[dahl_at(j)] = forces[j].dahl_rate_ps;
     }
     force.noalias() = -(length_jacobian.transpose() * tension);
     Vector(derivative, n) = bend_rate;
@@ -193,8 +191,7 @@ struct Plant::Impl final : OdeSystem {
       linear[j] = drive[j].Linearise(motion[j], forces[j], gamma);
       const auto& l = linear[j];
       const double angle = b[angle_at(j)];
-      rotor[j] = drive[j].rotor_inertia_kgm2() * b[velocity_at(j)] +
-                 gamma * l.RotorTorque(angle, moved[j], b[dahl_at(j)]);
+      rotor[j] = drive[j].rotor_inertia_kgm2() * b[velocity_at(j)] + gamma * l.RotorTorque(angle, moved[j]);
       known[j] = gamma * l.BaseTension(angle, moved[j]) + l.base_motor * rotor[j] / l.inertia;
       weight[j] = l.base_body - l.base_motor * l.rotor_body / l.inertia;
     }
@@ -217,7 +214,6 @@ struct Plant::Impl final : OdeSystem {
       const double velocity = (rotor[j] - linear[j].rotor_body * moved[j]) / linear[j].inertia;
       x[velocity_at(j)] = velocity;
       x[angle_at(j)] = b[angle_at(j)] + gamma * velocity;
-      x[dahl_at(j)] = linear[j].DahlChange(velocity, b[dahl_at(j)]);
     }
     return true;
   }
@@ -239,7 +235,7 @@ struct Plant::Impl final : OdeSystem {
     evaluated_q = q;
     shortening_rate.noalias() = -(length_jacobian * dq);
     for (int j = 0; j < m; ++j) {
-      motion[j] = {y[angle_at(j)], y[velocity_at(j)], y[dahl_at(j)], shortening[j], shortening_rate[j]};
+      motion[j] = {y[angle_at(j)], y[velocity_at(j)], shortening[j], shortening_rate[j]};
     }
   }
 
@@ -247,10 +243,9 @@ struct Plant::Impl final : OdeSystem {
     if (dt_ns <= 0) throw std::invalid_argument(fmt::format("plant: cannot advance by {} ns", dt_ns));
     const double end = ToSeconds(time_ns + dt_ns);
     while (integrator->t() < end) {
-      const double from = integrator->t();
       integrator->StepTowards(end);
       ReadState();
-      for (int j = 0; j < m; ++j) drive[j].Commit(motion[j], integrator->t() - from);
+      for (int j = 0; j < m; ++j) drive[j].Commit(integrator->t(), motion[j]);
     }
     time_ns += dt_ns;
     UpdateTendonStates();
@@ -259,11 +254,10 @@ struct Plant::Impl final : OdeSystem {
 
   void UpdateTendonStates() {
     for (int j = 0; j < m; ++j) {
-      const double torque = drive[j].Torque(ToSeconds(time_ns));
-      const DrivetrainForces f = drive[j].Evaluate(motion[j], torque);
+      const DrivetrainForces f = drive[j].Evaluate(ToSeconds(time_ns), motion[j]);
       state[j] = {motion[j].angle_rad,
                   motion[j].velocity_radps,
-                  torque,
+                  f.torque_Nm,
                   drive[j].travel_m_per_rad() * motion[j].angle_rad,
                   motion[j].shortening_m,
                   f.tension_motor_N,

@@ -17,8 +17,8 @@ namespace tendril::sim {
 struct PlantOptions {
   std::uint64_t seed = 1;          // of the sensor noise
   bool sensor_noise = true;
-  double relative_tolerance = 1e-6;
-  double absolute_tolerance = 1e-7;  // of bending [rad]; other states get what moves a tension as much
+  double relative_tolerance = 1e-7;
+  double absolute_tolerance = 3e-8;  // of bending [rad]; other states get what moves a tension as much
 };
 
 /// True state of one tendon's drivetrain.
