@@ -1,0 +1,43 @@
+// The daemon: the control cycle on a real-time thread, LCM on the calling thread, queues without locks
+// between them. Knows nothing of command lines and signals.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "tendril/can/can_port.h"
+#include "tendril/core/daemon.h"
+#include "tendril/core/robot.h"
+#include "tendril/io/gateway.h"
+
+namespace tendril::daemon {
+
+struct DaemonOptions {
+  DaemonParameters parameters;
+  RobotParameters robot;
+  std::string log_path;  // LCM log of everything; empty: none
+};
+
+class Daemon {
+ public:
+  /// Builds everything that may fail and throws std::exception with one clear line. `port` must outlive the
+  /// daemon.
+  Daemon(const DaemonOptions& options, can::CanPort& port);
+  ~Daemon();
+
+  /// Runs until `stop` (asked about once a millisecond) returns true, then disarms, disables the drives and
+  /// returns, within 2 s whatever the drives do. Tells systemd when it is ready, how it is, and, as long as
+  /// the control cycle advances, its watchdog. Throws std::runtime_error before anything moves when
+  /// realtime.required cannot be had.
+  void Run(const std::function<bool()>& stop);
+
+  /// The daemon's LCM connection; before Run, or from its calling thread.
+  io::Gateway& gateway();
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace tendril::daemon

@@ -1,0 +1,85 @@
+// One master a bus; see the header.
+#include "tendril/daemon/bus_guard.h"
+
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstddef>
+#include <cstring>
+#include <span>
+#include <stdexcept>
+
+namespace tendril::daemon {
+namespace {
+
+constexpr std::uint32_t kSyncId = 0x080;
+
+// An address in the abstract name space: no file, no rights to get wrong, gone with the process, and one set
+// of names a network namespace, exactly like CAN interfaces.
+struct Address {
+  explicit Address(const std::string& interface) {
+    const std::string name = "tendrild/" + interface;
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    const std::size_t length = std::min(name.size(), sizeof(address.sun_path) - 1);
+    std::memcpy(address.sun_path + 1, name.data(), length);
+    size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + length);
+    std::memcpy(&storage, &address, sizeof(address));
+  }
+  const sockaddr* get() const { return static_cast<const sockaddr*>(static_cast<const void*>(&storage)); }
+
+  sockaddr_storage storage{};
+  socklen_t size = 0;
+};
+
+// Process id of who holds the address, 0 when it cannot be told.
+pid_t Holder(const Address& address) {
+  const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  if (fd < 0) return 0;
+  ucred peer{};
+  socklen_t size = sizeof(peer);
+  const bool known = connect(fd, address.get(), address.size) == 0 &&
+                     getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0;
+  close(fd);
+  return known ? peer.pid : 0;
+}
+
+}  // namespace
+
+BusGuard::BusGuard(const std::string& interface) : socket_(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+  const Address address(interface);
+  if (socket_ >= 0 && bind(socket_, address.get(), address.size) == 0 && listen(socket_, 1) == 0) return;
+  const int error = errno;
+  if (socket_ >= 0) close(socket_);
+  if (error == EADDRINUSE) {
+    const pid_t pid = Holder(address);
+    throw std::runtime_error("another tendrild already drives " + interface +
+                             (pid > 0 ? " (process " + std::to_string(pid) + ")" : "") +
+                             "; stop it first, or choose another interface with --can");
+  }
+  throw std::runtime_error("cannot reserve interface " + interface + ": " + std::strerror(error));
+}
+
+BusGuard::~BusGuard() { close(socket_); }
+
+void RefuseForeignSync(can::CanPort& port, const Clock& clock, const std::string& interface,
+                       TimeNs listen_ns) {
+  const TimeNs end_ns = clock.Now() + listen_ns;
+  std::array<can::StampedFrame, 64> frames;
+  while (clock.Now() < end_ns) {
+    port.WaitUntil(end_ns);
+    const auto count = static_cast<std::size_t>(std::max(port.Receive(frames), 0));
+    for (const can::StampedFrame& f : std::span(frames).first(count)) {
+      if (!f.frame.error && f.frame.id == kSyncId) {
+        throw std::runtime_error("another CANopen master sends SYNC on " + interface +
+                                 "; stop it first: a bus has one master");
+      }
+    }
+  }
+}
+
+}  // namespace tendril::daemon

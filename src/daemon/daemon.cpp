@@ -1,0 +1,326 @@
+// The daemon's two threads and what passes between them; see the header.
+#include "tendril/daemon/daemon.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+#include <systemd/sd-daemon.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <future>
+#include <optional>
+#include <stdexcept>
+#include <thread>
+
+#include "tendril/canopen/master.h"
+#include "tendril/config/config.h"
+#include "tendril/control/controller.h"
+#include "tendril/core/version.h"
+#include "tendril/daemon/control_cycle.h"
+#include "tendril/daemon/wiring.h"
+#include "tendril/io/log.h"
+#include "tendril/rt/cyclic.h"
+#include "tendril/rt/handoff.h"
+
+namespace tendril::daemon {
+namespace {
+
+constexpr std::size_t kCommandQueue = 256;
+constexpr std::size_t kTrackerQueue = 64;
+constexpr std::size_t kRecordQueue = 1024;  // a second at 1 kHz
+constexpr std::size_t kEventQueue = 256;
+constexpr int kEventsPerCycle = 16;
+
+// From the request to stop: tensions have this long to ramp down, and the drives what is left to be disabled.
+// What is missing to 2 s is for joining the thread and closing the log.
+constexpr TimeNs kDisarmWithin_ns = 1200 * kNsPerMs;
+constexpr TimeNs kStopWithin_ns = 1850 * kNsPerMs;
+
+constexpr int kLcmWait_ms = 1;
+constexpr TimeNs kReportEvery_ns = kNsPerS;
+constexpr TimeNs kStatisticsEvery_ns = 60 * kNsPerS;
+
+spdlog::level::level_enum LevelOf(Status status) {
+  if (IsFault(status)) return spdlog::level::err;
+  return status == Status::kOk ? spdlog::level::info : spdlog::level::warn;
+}
+
+std::int64_t EpochUs() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+double Us(TimeNs t_ns) { return static_cast<double>(t_ns) / static_cast<double>(kNsPerUs); }
+
+}  // namespace
+
+struct Daemon::State {
+  State(const DaemonOptions& o, can::CanPort& p)
+      : options(o),
+        port(p),
+        gateway(o.parameters.lcm, ShapeOf(o.robot), clock),
+        setups(DriveSetups(o.robot, o.parameters.bus)),
+        master(o.parameters.bus, setups, p),
+        controller(o.robot, o.parameters.controller, o.parameters.bus.cycle_ns),
+        cycle(controller, master, clock, o.parameters.bus,
+              [this](TimeNs deadline_ns) { return port.WaitUntil(deadline_ns); }) {
+    if (!o.log_path.empty()) log.emplace(gateway, o.log_path, clock);
+    run = {config::ToYaml(o.robot), config::ToYaml(o.parameters), std::string(Version()),
+           std::string(GitRevision()), EpochUs()};
+    gateway.OnCommand([this](const Command& c) { commands.TryPush(c); });
+    gateway.OnTracker([this](const TrackerSample& s) { tracker.TryPush(s); });
+  }
+
+  // ---- real-time thread: everything from here to RealtimeThread's end ----
+
+  enum class Phase { kRunning, kDisarming, kShutdown };
+
+  bool Tick(const rt::CycleStart& start) {
+    const TimeNs now_ns = clock.Now();
+    if (phase == Phase::kRunning && stop_requested.load(std::memory_order_relaxed)) {
+      phase = Phase::kDisarming;
+      stop_ns = now_ns;
+      disarm_pending = true;
+    }
+    if (phase == Phase::kShutdown) {
+      master.Poll(now_ns);
+      const bool done = master.Shutdown(now_ns);
+      ForwardEvents();
+      tick.store(start.cycle + 1, std::memory_order_relaxed);
+      return !done && now_ns < stop_ns + kStopWithin_ns;
+    }
+
+    cycle.Run(start, NextCommand(now_ns), NextTrackerSample(), record);
+    records.TryPush(record);
+    ForwardEvents();
+    tick.store(start.cycle + 1, std::memory_order_relaxed);
+
+    if (phase == Phase::kDisarming && !disarm_pending) {
+      const bool in_time = clock.Now() < stop_ns + kDisarmWithin_ns;
+      if (!in_time || AllDisabled()) {
+        disarmed_in_time.store(in_time, std::memory_order_relaxed);
+        phase = Phase::kShutdown;
+      }
+    }
+    return true;
+  }
+
+  Command NextCommand(TimeNs now_ns) {
+    Command command;
+    if (phase == Phase::kDisarming) {
+      if (!disarm_pending) return command;
+      // The daemon's own command passes the gate like any other, so that the log explains the stop.
+      disarm_pending = false;
+      command.kind = CommandKind::kMode;
+      command.mode = ModeRequest::kDisarm;
+      command.sequence = last_sequence + 1;
+      command.received_ns = now_ns;
+      command.valid_for_ns = kNsPerS;
+    } else if (commands.TryPop(command)) {
+      last_sequence = command.sequence;
+    }
+    return command;
+  }
+
+  TrackerSample NextTrackerSample() {
+    TrackerSample sample;
+    tracker.TryPop(sample);
+    return sample;
+  }
+
+  bool AllDisabled() const {
+    if (record.output.drive_request == DriveRequest::kEnable) return false;
+    return std::none_of(record.input.drive.begin(), record.input.drive.begin() + record.input.drives,
+                        [](const DriveFeedback& d) { return d.state == DriveState::kEnabled; });
+  }
+
+  void ForwardEvents() {
+    canopen::BusEvent event;
+    for (int i = 0; i < kEventsPerCycle && master.TakeEvent(&event); ++i) events.TryPush(event);
+    master_events_lost.store(master.events_lost(), std::memory_order_relaxed);
+  }
+
+  void RealtimeThread(std::promise<std::string>& ready) {
+    const std::string problems = rt::EnterRealtime(options.parameters.realtime);
+    const bool refused = !problems.empty() && options.parameters.realtime.required;
+    if (!refused) master.Start(clock.Now());
+    ready.set_value(problems);
+    if (refused) return;
+    rt::RunCyclic(options.parameters.bus.cycle_ns,
+                  [this](const rt::CycleStart& start) { return Tick(start); });
+    finished.store(true, std::memory_order_release);
+  }
+
+  // ---- calling thread: LCM, log, systemd ----
+
+  void Event(Status status, const std::string& source, const std::string& text) {
+    spdlog::log(LevelOf(status), "{}: {}", source, text);
+    gateway.PublishEvent(clock.Now(), status, source, text);
+  }
+
+  void Publish() {
+    CycleRecord published;
+    while (records.TryPop(published)) {
+      gateway.PublishState(published);
+      gateway.PublishCycle(published);
+      wake_latency.Add(published.timing.wake_latency_ns);
+      compute.Add(published.timing.compute_ns);
+      total.Add(published.timing.total_ns);
+      const CycleOutput& out = published.output;
+      if (out.mode != last_mode || (out.status != last_status && IsFault(out.status))) {
+        const Status status = IsFault(out.status) ? out.status : Status::kOk;
+        Event(status, "controller",
+              fmt::format("{} -> {}: {} {}", ModeText(last_mode), ModeText(out.mode),
+                          static_cast<int>(out.status), StatusText(out.status)));
+      }
+      last_mode = out.mode;
+      last_status = out.status;
+      last_timing = published.timing;
+    }
+    canopen::BusEvent event;
+    while (events.TryPop(event)) {
+      spdlog::log(LevelOf(event.status), "bus: {}", event.text.data());
+      gateway.PublishEvent(event.time_ns, event.status, "bus", event.text.data());
+    }
+  }
+
+  // Once a second: the run record, what was lost, how it goes.
+  void Report() {
+    gateway.PublishRun(run);
+    ReportLosses("command(s) came faster than one a cycle", commands.dropped(), commands_lost);
+    ReportLosses("cycle record(s) could not be published in time", records.dropped(), records_lost);
+    ReportLosses("bus event(s) came too fast",
+                 events.dropped() + master_events_lost.load(std::memory_order_relaxed), events_lost);
+    if (log && !log_failed && !log->error().empty()) {
+      log_failed = true;
+      Event(Status::kOk, "log", log->error() + "; the log is incomplete, control goes on");
+    }
+    sd_notifyf(0, "STATUS=%s, %d %s; %llu cycles, %llu missed", std::string(ModeText(last_mode)).c_str(),
+               static_cast<int>(last_status), std::string(StatusText(last_status)).c_str(),
+               static_cast<unsigned long long>(wake_latency.count()),
+               static_cast<unsigned long long>(last_timing.deadline_misses));
+  }
+
+  void ReportLosses(const char* what, std::uint64_t now, std::uint64_t& before) {
+    if (now == before) return;
+    Event(Status::kOk, "daemon",
+          fmt::format("{} {} and were dropped, {} since start", now - before, what, now));
+    before = now;
+  }
+
+  void LogStatistics() {
+    spdlog::info(
+        "{} cycles, {} missed; wake-up late by {:.1f} us (99 %: {:.1f}, most: {:.1f}), step {:.1f} us (99 %: "
+        "{:.1f}, "
+        "most: {:.1f}), cycle {:.1f} us (99 %: {:.1f}, most: {:.1f})",
+        wake_latency.count(), last_timing.deadline_misses, Us(wake_latency.Percentile(0.5)),
+        Us(wake_latency.Percentile(0.99)), Us(wake_latency.max_ns()), Us(compute.Percentile(0.5)),
+        Us(compute.Percentile(0.99)), Us(compute.max_ns()), Us(total.Percentile(0.5)),
+        Us(total.Percentile(0.99)), Us(total.max_ns()));
+  }
+
+  DaemonOptions options;
+  MonotonicClock clock;
+  can::CanPort& port;
+  io::Gateway gateway;
+  std::vector<canopen::DriveSetup> setups;
+  canopen::Master master;
+  control::Controller controller;
+  ControlCycle cycle;
+  std::optional<io::LogWriter> log;
+  io::RunInfo run;
+
+  rt::Handoff<Command> commands{kCommandQueue};
+  rt::Handoff<TrackerSample> tracker{kTrackerQueue};
+  rt::Handoff<CycleRecord> records{kRecordQueue};
+  rt::Handoff<canopen::BusEvent> events{kEventQueue};
+  std::atomic<bool> stop_requested{false}, finished{false}, disarmed_in_time{true};
+  std::atomic<std::uint64_t> tick{0}, master_events_lost{0};
+
+  // Of the real-time thread.
+  Phase phase = Phase::kRunning;
+  TimeNs stop_ns = 0;
+  bool disarm_pending = false;
+  std::uint32_t last_sequence = 0;
+  CycleRecord record;
+
+  // Of the calling thread.
+  rt::Histogram wake_latency, compute, total;
+  CycleTiming last_timing;
+  Mode last_mode = Mode::kDisconnected;
+  Status last_status = Status::kOk;
+  std::uint64_t commands_lost = 0, records_lost = 0, events_lost = 0;
+  bool log_failed = false;
+};
+
+Daemon::Daemon(const DaemonOptions& options, can::CanPort& port)
+    : state_(std::make_unique<State>(options, port)) {}
+
+Daemon::~Daemon() = default;
+
+io::Gateway& Daemon::gateway() { return state_->gateway; }
+
+void Daemon::Run(const std::function<bool()>& stop) {
+  State& s = *state_;
+  std::promise<std::string> ready;
+  std::thread realtime([&] { s.RealtimeThread(ready); });
+  const std::string problems = ready.get_future().get();
+  if (!problems.empty()) {
+    if (s.options.parameters.realtime.required) {
+      realtime.join();
+      throw std::runtime_error("real-time rights are missing and realtime.required is true: " + problems);
+    }
+    s.Event(Status::kOk, "realtime", problems);
+  }
+
+  std::uint64_t watchdog_us = 0;
+  const TimeNs watchdog_every_ns =
+      sd_watchdog_enabled(0, &watchdog_us) > 0 ? static_cast<TimeNs>(watchdog_us) * kNsPerUs / 3 : 0;
+  std::uint64_t fed_tick = 0;
+  TimeNs fed_ns = 0;
+  bool ready_told = false;
+  TimeNs report_ns = 0;
+  TimeNs statistics_ns = s.clock.Now() + kStatisticsEvery_ns;
+
+  while (!s.finished.load(std::memory_order_acquire)) {
+    s.gateway.Handle(kLcmWait_ms);
+    s.Publish();
+    const TimeNs now_ns = s.clock.Now();
+    const std::uint64_t tick = s.tick.load(std::memory_order_relaxed);
+    if (!ready_told && tick > 0) {
+      ready_told = true;
+      sd_notify(0, "READY=1");
+    }
+    if (watchdog_every_ns > 0 && tick != fed_tick && now_ns - fed_ns >= watchdog_every_ns) {
+      fed_tick = tick;
+      fed_ns = now_ns;
+      sd_notify(0, "WATCHDOG=1");
+    }
+    if (now_ns >= report_ns) {
+      report_ns = now_ns + kReportEvery_ns;
+      s.Report();
+    }
+    if (now_ns >= statistics_ns) {
+      statistics_ns = now_ns + kStatisticsEvery_ns;
+      s.LogStatistics();
+    }
+    if (!s.stop_requested.load(std::memory_order_relaxed) && stop()) {
+      sd_notify(0, "STOPPING=1");
+      s.Event(Status::kOk, "daemon", "stopping: disarming");
+      s.stop_requested.store(true, std::memory_order_relaxed);
+    }
+  }
+  realtime.join();
+  s.Publish();
+  if (!s.disarmed_in_time.load(std::memory_order_relaxed)) {
+    s.Event(Status::kOk, "daemon",
+            "tensions were still ramping down when time was up: drives were disabled at once");
+  }
+  s.LogStatistics();
+  s.Event(Status::kOk, "daemon", "stopped");
+  s.gateway.Handle(0);
+}
+
+}  // namespace tendril::daemon

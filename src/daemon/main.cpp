@@ -1,0 +1,129 @@
+// tendrild: reads the command line and the configuration, opens the bus, runs the daemon until it is told to
+// stop. Everything that can go wrong before the robot moves ends here as one line.
+#include <fmt/format.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdlib>
+#include <stdexcept>
+#include <string>
+
+#include "tendril/can/socketcan_port.h"
+#include "tendril/canopen/master.h"
+#include "tendril/config/config.h"
+#include "tendril/core/version.h"
+#include "tendril/daemon/bus_guard.h"
+#include "tendril/daemon/daemon.h"
+
+namespace tendril::daemon {
+namespace {
+
+// Longer than the longest cycle worth running, so that another master's SYNC cannot be missed.
+constexpr TimeNs kListenForSync_ns = 250 * kNsPerMs;
+
+volatile std::sig_atomic_t stop_signal = 0;
+
+void OnSignal(int signal) { stop_signal = signal; }
+
+struct Arguments {
+  std::string config, can, lcm, log;
+};
+
+DaemonOptions Load(const Arguments& arguments) {
+  DaemonOptions options;
+  options.parameters = config::LoadDaemon(arguments.config);
+  options.robot = config::LoadRobot(options.parameters.robot_file);
+  config::CheckTogether(options.parameters, options.robot, arguments.config);
+  if (!arguments.can.empty()) options.parameters.bus.interface = arguments.can;
+  if (!arguments.lcm.empty()) options.parameters.lcm.url = arguments.lcm;
+  options.log_path = arguments.log;
+  return options;
+}
+
+void LogSettings(const DaemonOptions& o, const std::string& config_path) {
+  const DaemonParameters& p = o.parameters;
+  std::string nodes;
+  for (const NodeParameters& n : p.bus.nodes) {
+    nodes += fmt::format("{}{} -> tendon {}", nodes.empty() ? "" : ", ", n.node_id, n.tendon);
+  }
+  spdlog::info("tendrild {} ({}), configuration {}", Version(), GitRevision(), config_path);
+  spdlog::info("robot {} ({}): {} section(s), {} units, {} tendons, {:.0f} mm", o.robot.name, p.robot_file,
+               o.robot.body.sections.size(), o.robot.body.units(), o.robot.body.tendons(),
+               1e3 * o.robot.body.length_m());
+  spdlog::info("bus {}: {} bit/s, cycle {:g} ms, worst-case load {:.0f} %, nodes {}", p.bus.interface,
+               p.bus.bitrate_bps, static_cast<double>(p.bus.cycle_ns) / 1e6,
+               100 * canopen::ComputeBusBudget(p.bus).load, nodes);
+  spdlog::info("controller: Capstan compensation {}, default speed {:g} rad/s",
+               p.controller.capstan_compensation ? "on" : "off", p.controller.trajectory.default_speed_radps);
+  spdlog::info("real time: priority {}, cpu {}, memory {}, {}", p.realtime.priority,
+               p.realtime.cpu < 0 ? "any" : std::to_string(p.realtime.cpu),
+               p.realtime.lock_memory ? "locked" : "not locked",
+               p.realtime.required ? "required" : "not required");
+  spdlog::info("LCM {}, channels {}_*; state every {}, cycle every {} cycle(s); log {}", p.lcm.url,
+               p.lcm.channel_prefix, p.lcm.state_every_cycles, p.lcm.cycle_every_cycles,
+               o.log_path.empty() ? "none" : o.log_path);
+}
+
+void SetUpMessages() {
+  // The journal stamps lines itself.
+  const bool journal = std::getenv("JOURNAL_STREAM") != nullptr;
+  spdlog::set_default_logger(spdlog::stderr_color_mt("tendrild"));
+  spdlog::set_pattern(journal ? "%l: %v" : "%Y-%m-%d %H:%M:%S.%e %^%l%$: %v");
+}
+
+void Run(const Arguments& arguments) {
+  const DaemonOptions options = Load(arguments);
+  const std::string& interface = options.parameters.bus.interface;
+
+  const BusGuard guard(interface);
+  can::SocketCanPort port(interface);
+  const MonotonicClock clock;
+  RefuseForeignSync(port, clock, interface, kListenForSync_ns);
+  Daemon daemon(options, port);
+  LogSettings(options, arguments.config);
+
+  struct sigaction action {};
+  action.sa_handler = OnSignal;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  daemon.Run([] { return stop_signal != 0; });
+}
+
+int Main(int argc, char** argv) {
+  CLI::App app{
+      "tendrild: controls a tendon-driven continuum robot over CANopen, commanded over LCM (tendril send, "
+      "tendril "
+      "status).\nStops on SIGINT or SIGTERM: ramps the tensions down, disables the drives and exits within 2 "
+      "s."};
+  app.set_version_flag("--version", fmt::format("tendrild {} ({})", Version(), GitRevision()));
+  Arguments arguments;
+  app.add_option("--config", arguments.config, "daemon file, for example config/tendrild.yaml")
+      ->required()
+      ->option_text("FILE");
+  app.add_option("--can", arguments.can, "CAN interface instead of the file's bus.interface")
+      ->option_text("IFACE");
+  app.add_option("--lcm", arguments.lcm, "LCM address instead of the file's lcm.url")->option_text("URL");
+  app.add_option("--log", arguments.log, "write an LCM log of everything (replay, gap diagnosis)")
+      ->option_text("FILE");
+  app.footer("Exit status: 0 stopped when told to, 1 could not run, 2 wrong use.");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  SetUpMessages();
+  try {
+    Run(arguments);
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "tendrild: {}\n", e.what());
+    return 1;
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace tendril::daemon
+
+int main(int argc, char** argv) { return tendril::daemon::Main(argc, argv); }

@@ -1,0 +1,240 @@
+// The whole daemon in real time, with emulated drives on a bus in memory and LCM inside the process.
+#include "tendril/daemon/daemon.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include "emulated_drives.h"
+#include "tendril/io/client.h"
+#include "tendril/io/log.h"
+#include "tendril_lcm/event_t.hpp"
+#include "tendril_lcm/state_t.hpp"
+
+namespace tendril::daemon {
+namespace {
+
+using testing::Contains;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+// Generous: the machine may be busy with other tests, and these are not about speed.
+DaemonParameters Patient() {
+  DaemonParameters p = RigDaemon();
+  p.bus.heartbeat_timeout_ms = 5000;
+  p.bus.sdo_timeout_ms = 2000;
+  p.bus.boot_timeout_ms = 20000;
+  p.controller.guards.max_missing_cycles = 50;
+  return p;
+}
+
+// What systemd would be: reads the notifications of this process.
+class ServiceManager {
+ public:
+  ServiceManager() : path_(fs::temp_directory_path() / ("tendril_notify_" + std::to_string(getpid()))) {
+    fs::remove(path_);
+    socket_ = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    path_.native().copy(address.sun_path, sizeof(address.sun_path) - 1);
+    EXPECT_EQ(
+        bind(socket_, static_cast<const sockaddr*>(static_cast<const void*>(&address)), sizeof(address)), 0);
+    setenv("NOTIFY_SOCKET", path_.c_str(), 1);
+    setenv("WATCHDOG_USEC", "300000", 1);
+    setenv("WATCHDOG_PID", std::to_string(getpid()).c_str(), 1);
+    reader_ = std::thread([this] {
+      std::array<char, 1000> buffer;
+      for (ssize_t n; (n = recv(socket_, buffer.data(), buffer.size(), 0)) > 0;) {
+        received_.emplace(buffer.data(), static_cast<std::size_t>(n));
+      }
+    });
+  }
+  ~ServiceManager() {
+    if (reader_.joinable()) Received();
+    close(socket_);
+    fs::remove(path_);
+  }
+  /// Everything received; ends the service.
+  const std::multiset<std::string>& Received() {
+    shutdown(socket_, SHUT_RDWR);
+    reader_.join();
+    for (const char* name : {"NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"}) unsetenv(name);
+    return received_;
+  }
+
+ private:
+  fs::path path_;
+  int socket_;
+  std::thread reader_;
+  std::multiset<std::string> received_;
+};
+
+struct DaemonTest : testing::Test {
+  void Start(const DaemonOptions& o) {
+    daemon.emplace(o, drives.port());
+    client.emplace(daemon->gateway().lcm(), "TENDRIL");
+    client->OnState([this](const tendril_lcm::state_t& s) {
+      const std::lock_guard lock(mutex);
+      state = s;
+    });
+    client->OnEvent([this](const tendril_lcm::event_t& e) {
+      const std::lock_guard lock(mutex);
+      texts.push_back(e.source + ": " + e.text);
+    });
+    thread = std::thread([this] { daemon->Run([this] { return stop.load(); }); });
+  }
+
+  // Seconds from the request to the end of Run.
+  double Stop() {
+    const auto begin = std::chrono::steady_clock::now();
+    stop = true;
+    thread.join();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  }
+
+  ~DaemonTest() override {
+    stop = true;
+    if (thread.joinable()) thread.join();
+  }
+
+  tendril_lcm::state_t State() {
+    const std::lock_guard lock(mutex);
+    return state;
+  }
+
+  template <class Condition>
+  bool Within20s(Condition condition) {
+    for (int i = 0; i < 2000; ++i) {
+      if (condition(State())) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return false;
+  }
+
+  bool Reaches(std::int8_t mode) {
+    return Within20s([&](const tendril_lcm::state_t& s) { return s.utime != 0 && s.mode == mode; });
+  }
+
+  void Send(Command c) {
+    c.sequence = ++sequence;
+    c.valid_for_ns = 10 * kNsPerS;
+    client->Send(c, 0);
+  }
+  void Send(ModeRequest request) {
+    Command c;
+    c.kind = CommandKind::kMode;
+    c.mode = request;
+    Send(c);
+  }
+
+  void Arm() {
+    ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+    Send(ModeRequest::kArm);
+    ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_RUNNING));
+  }
+
+  MonotonicClock clock;
+  DaemonOptions options{Patient(), RigRobot(), ""};
+  EmulatedDrives drives{options.robot, options.parameters, clock};
+  std::optional<Daemon> daemon;
+  std::optional<io::Client> client;
+  std::atomic<bool> stop{false};
+  std::thread thread;
+  std::mutex mutex;
+  tendril_lcm::state_t state{};
+  std::vector<std::string> texts;
+  std::uint32_t sequence = 0;
+};
+
+TEST_F(DaemonTest, FromStartToAnOrderlyEnd) {
+  ServiceManager systemd;
+  options.log_path = fs::temp_directory_path() / ("tendril_daemon_" + std::to_string(getpid()) + ".lcmlog");
+  Start(options);
+  Arm();
+  Command bend;
+  bend.kind = CommandKind::kBending;
+  bend.bending_rad = Eigen::Vector2d(0.3, 0);
+  Send(bend);
+  EXPECT_TRUE(Within20s(
+      [](const tendril_lcm::state_t& s) { return std::abs(s.bending_desired_rad[0] - 0.3) < 1e-9; }));
+  EXPECT_EQ(State().commands_accepted, 2);
+
+  EXPECT_LT(Stop(), 2.0);
+  for (int d = 0; d < 3; ++d) EXPECT_FALSE(drives.rack().enabled(d));
+  EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_CONFIGURED}) << "disarmed, not just cut off";
+
+  const std::multiset<std::string>& notifications = systemd.Received();
+  EXPECT_EQ(notifications.count("READY=1"), 1U);
+  EXPECT_EQ(notifications.count("STOPPING=1"), 1U);
+  EXPECT_GE(notifications.count("WATCHDOG=1"), 2U);
+  EXPECT_THAT(notifications, Contains(HasSubstr("STATUS=running, ")));
+
+  const io::LogContents log = io::ReadLog(options.log_path);
+  EXPECT_EQ(log.damage, "");
+  EXPECT_THAT(log.run.robot_yaml, HasSubstr("rig_60mm"));
+  ASSERT_GT(log.cycles.size(), 500U);
+  for (std::size_t i = 1; i < log.cycles.size(); ++i) {
+    ASSERT_EQ(log.cycles[i].input.cycle, log.cycles[i - 1].input.cycle + 1)
+        << "a cycle is missing in the log";
+  }
+  fs::remove(options.log_path);
+}
+
+TEST_F(DaemonTest, EndsInTimeEvenWhenTensionsWouldRampDownForMinutes) {
+  options.parameters.controller.pretension_ramp_Nps =
+      0.3;  // up to the pretension in a second, down from 5 N in 17 s
+  Start(options);
+  Arm();
+  Command pull;
+  pull.kind = CommandKind::kTension;
+  pull.tension_N = Eigen::Vector3d(1.0, 1.0, 1.0);
+  Send(pull);
+  ASSERT_TRUE(Within20s([](const tendril_lcm::state_t& s) { return s.tension_desired_base_N[0] > 0.9; }));
+  EXPECT_LT(Stop(), 2.0);
+  for (int d = 0; d < 3; ++d) EXPECT_FALSE(drives.rack().enabled(d));
+  EXPECT_THAT(texts, Contains(HasSubstr("drives were disabled at once")));
+}
+
+TEST_F(DaemonTest, ARefusedCommandIsAnsweredAndChangesNothing) {
+  Start(options);
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  Command tip;
+  tip.kind = CommandKind::kTip;
+  tip.tip_W_m = {0, 0, 0.05};
+  Send(tip);
+  EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
+    return s.command_sequence == 1 && s.command_status == static_cast<int>(Status::kCommandWrongMode);
+  }));
+  EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_CONFIGURED});
+}
+
+TEST_F(DaemonTest, RequiredRightsThatAreMissingStopItBeforeAnythingMoves) {
+  options.parameters.realtime.required = true;
+  options.parameters.realtime.cpu = 100'000;
+  int sync = 0;
+  drives.bus().SetFilter([&](can::CanFrame& f) {
+    sync += f.id == 0x080;
+    return true;
+  });
+  daemon.emplace(options, drives.port());
+  try {
+    daemon->Run([] { return true; });
+    ADD_FAILURE() << "not refused";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), HasSubstr("realtime.required is true: not bound to cpu 100000"));
+  }
+  EXPECT_EQ(sync, 0);
+}
+
+}  // namespace
+}  // namespace tendril::daemon

@@ -1,0 +1,79 @@
+// Three emulated drives on a bus in memory, as the rig's configuration wants them. Test use only.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tendril/can/memory_bus.h"
+#include "tendril/config/config.h"
+#include "tendril/daemon/wiring.h"
+#include "tendril/emulator/drive_rack.h"
+
+namespace tendril::daemon {
+
+inline RobotParameters RigRobot() {
+  return config::LoadRobot(std::string(TENDRIL_SOURCE_DIR) + "/config/robots/rig_60mm.yaml");
+}
+
+inline DaemonParameters RigDaemon() {
+  DaemonParameters p = config::LoadDaemon(std::string(TENDRIL_SOURCE_DIR) + "/config/tendrild.yaml");
+  p.lcm.url = "memq://";
+  p.realtime = {};
+  return p;
+}
+
+class EmulatedDrives {
+ public:
+  EmulatedDrives(const RobotParameters& robot, const DaemonParameters& daemon, const Clock& clock)
+      : clock_(clock),
+        bus_(clock),
+        rack_(Drives(robot, daemon), bus_.AddPort()),
+        port_(bus_.AddPort(), *this) {}
+
+  can::MemoryBus& bus() { return bus_; }
+  emulator::DriveRack& rack() { return rack_; }
+  /// The master's end; the drives answer whenever it is looked at.
+  can::CanPort& port() { return port_; }
+
+ private:
+  class Port final : public can::CanPort {
+   public:
+    Port(can::CanPort& port, EmulatedDrives& drives) : port_(port), drives_(drives) {}
+    bool Send(const can::CanFrame& frame) noexcept override { return port_.Send(frame); }
+    int Receive(std::span<can::StampedFrame> frames) noexcept override {
+      drives_.rack_.Poll(drives_.clock_.Now());
+      return port_.Receive(frames);
+    }
+    bool WaitUntil(TimeNs deadline_ns) noexcept override {
+      drives_.rack_.Poll(drives_.clock_.Now());
+      return port_.WaitUntil(deadline_ns);
+    }
+    bool up() const noexcept override { return port_.up(); }
+    const can::CanCounters& counters() const noexcept override { return port_.counters(); }
+
+   private:
+    can::CanPort& port_;
+    EmulatedDrives& drives_;
+  };
+
+  static std::vector<emulator::EmulatedDriveParameters> Drives(const RobotParameters& robot,
+                                                               const DaemonParameters& daemon) {
+    std::vector<emulator::EmulatedDriveParameters> drives;
+    for (const canopen::DriveSetup& setup : DriveSetups(robot, daemon.bus)) {
+      emulator::EmulatedDriveParameters d;
+      d.node_id = setup.node_id;
+      d.nominal_current_mA = setup.nominal_current_mA;
+      d.torque_constant_uNmpA = setup.torque_constant_uNmpA;
+      drives.push_back(d);
+    }
+    return drives;
+  }
+
+  const Clock& clock_;
+  can::MemoryBus bus_;
+  emulator::DriveRack rack_;
+  Port port_;
+};
+
+}  // namespace tendril::daemon
