@@ -14,6 +14,10 @@ class UsageError : public std::runtime_error {
 
 void AddCapstanCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
+void AddDemoCommand(CLI::App& app);
+void AddFollowCommand(CLI::App& app);
 void AddModelCommand(CLI::App& app);
+void AddSendCommand(CLI::App& app);
+void AddStatusCommand(CLI::App& app);
 
 }  // namespace tendril::tools

@@ -11,7 +11,11 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   tendril::tools::AddCapstanCommand(app);
   tendril::tools::AddConfigCommand(app);
+  tendril::tools::AddDemoCommand(app);
+  tendril::tools::AddFollowCommand(app);
   tendril::tools::AddModelCommand(app);
+  tendril::tools::AddSendCommand(app);
+  tendril::tools::AddStatusCommand(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

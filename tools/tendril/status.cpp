@@ -1,0 +1,160 @@
+// tendril status: what a daemon is doing, once or continuously, as a table or JSON.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <csignal>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "commands.h"
+#include "lcm_options.h"
+#include "tendril/core/clock.h"
+#include "tendril/io/client.h"
+#include "tendril_lcm/event_t.hpp"
+#include "tendril_lcm/state_t.hpp"
+
+namespace tendril::tools {
+namespace {
+
+constexpr double kFirstWithin_s = 2;
+constexpr TimeNs kRedrawEvery_ns = 200 * kNsPerMs;
+constexpr const char* kClearScreen = "\033[H\033[J";
+
+struct StatusOptions {
+  LcmOptions lcm;
+  bool watch = false, json = false;
+};
+
+volatile std::sig_atomic_t interrupted = 0;
+
+nlohmann::json ToJson(const tendril_lcm::state_t& s) {
+  return {{"utime", s.utime},
+          {"cycle", s.cycle},
+          {"mode", s.mode_text},
+          {"status", s.status},
+          {"status_text", s.status_text},
+          {"status_remedy", s.status_remedy},
+          {"commands_accepted", s.commands_accepted},
+          {"commands_refused", s.commands_refused},
+          {"command_sequence", s.command_sequence},
+          {"command_status", s.command_status},
+          {"command_status_text", s.command_status_text},
+          {"target_tip_W_m", s.target_tip_W_m},
+          {"target_distance_m", s.target_distance_m},
+          {"bending_target_rad", s.bending_target_rad},
+          {"bending_desired_rad", s.bending_desired_rad},
+          {"bending_rate_desired_radps", s.bending_rate_desired_radps},
+          {"bending_estimate_rad", s.bending_estimate_rad},
+          {"tip_desired_W_m", s.tip_desired_W_m},
+          {"tip_estimate_W_m", s.tip_estimate_W_m},
+          {"orientation_estimate_WT", s.orientation_estimate_WT},
+          {"tension_desired_base_N", s.tension_desired_base_N},
+          {"tension_desired_motor_N", s.tension_desired_motor_N},
+          {"tension_measured_N", s.tension_measured_N},
+          {"tension_base_estimate_N", s.tension_base_estimate_N},
+          {"displacement_desired_m", s.displacement_desired_m},
+          {"displacement_m", s.displacement_m},
+          {"torque_desired_Nm", s.torque_desired_Nm},
+          {"torque_measured_Nm", s.torque_measured_Nm}};
+}
+
+// A value in its column, or a dash where it is not known.
+std::string Cell(double value, double scale, int decimals) {
+  return std::isnan(value) ? fmt::format("{:>11}", "-") : fmt::format("{:>11.{}f}", scale * value, decimals);
+}
+
+std::string Table(const tendril_lcm::state_t& s) {
+  std::string t = fmt::format("mode {} (cycle {})\n", s.mode_text, s.cycle);
+  t += fmt::format("status {} {}{}{}\n", s.status, s.status_text, s.status_remedy.empty() ? "" : "; ",
+                   s.status_remedy);
+  t += fmt::format("commands {} accepted, {} refused{}\n\n", s.commands_accepted, s.commands_refused,
+                   s.command_status == 0 ? "" : "; last: " + s.command_status_text);
+  t += fmt::format("{:<12}{:>11}{:>11}{:>11}\n", "tip [mm]", "x", "y", "z");
+  const auto tip = [&](const char* name, const double(&p)[3]) {
+    t += fmt::format("{:<12}{}{}{}\n", name, Cell(p[0], 1e3, 2), Cell(p[1], 1e3, 2), Cell(p[2], 1e3, 2));
+  };
+  tip("  asked for", s.target_tip_W_m);
+  tip("  desired", s.tip_desired_W_m);
+  tip("  estimated", s.tip_estimate_W_m);
+  t += fmt::format("\n{:<12}{:>11}{:>11}{:>11}{:>11}\n", "bend [deg]", "u desired", "v", "u estim.", "v");
+  constexpr double kDegrees = 180 / 3.14159265358979323846;
+  for (std::size_t k = 0; k + 1 < s.bending_desired_rad.size(); k += 2) {
+    t += fmt::format("  section {:<2}{}{}{}{}\n", k / 2 + 1, Cell(s.bending_desired_rad[k], kDegrees, 2),
+                     Cell(s.bending_desired_rad[k + 1], kDegrees, 2),
+                     Cell(s.bending_estimate_rad[k], kDegrees, 2),
+                     Cell(s.bending_estimate_rad[k + 1], kDegrees, 2));
+  }
+  t += fmt::format("\n{:<12}{:>11}{:>11}{:>11}{:>11}{:>11}{:>11}\n", "tendon", "base [N]", "motor [N]",
+                   "meas. [N]", "pull [mm]", "meas. [mm]", "torq [mNm]");
+  for (std::size_t j = 0; j < s.tension_desired_base_N.size(); ++j) {
+    t += fmt::format("  {:<10}{}{}{}{}{}{}\n", j + 1, Cell(s.tension_desired_base_N[j], 1, 3),
+                     Cell(s.tension_desired_motor_N[j], 1, 3), Cell(s.tension_measured_N[j], 1, 3),
+                     Cell(s.displacement_desired_m[j], 1e3, 3), Cell(s.displacement_m[j], 1e3, 3),
+                     Cell(s.torque_measured_Nm[j], 1e3, 3));
+  }
+  return t;
+}
+
+void Show(const StatusOptions& o, const tendril_lcm::state_t& state, const std::string& footer) {
+  if (o.json) {
+    fmt::print("{}\n", ToJson(state).dump());
+  } else {
+    const bool redraw = o.watch && isatty(STDOUT_FILENO) != 0;
+    fmt::print("{}{}{}", redraw ? kClearScreen : "", Table(state), footer);
+  }
+  std::fflush(stdout);
+}
+
+void Status(const StatusOptions& o) {
+  io::Client client(o.lcm.url, o.lcm.prefix);
+  const MonotonicClock clock;
+  bool heard = false;
+  TimeNs heard_ns = clock.Now();
+  tendril_lcm::state_t state{};
+  std::string last_event;
+  client.OnState([&](const tendril_lcm::state_t& s) {
+    heard = true;
+    heard_ns = clock.Now();
+    state = s;
+  });
+  client.OnEvent([&](const tendril_lcm::event_t& e) { last_event = e.source + ": " + e.text; });
+
+  const auto wait = [&](TimeNs until_ns, bool first_only) {
+    while (interrupted == 0 && clock.Now() < until_ns && !(first_only && heard)) client.Handle(20);
+  };
+  wait(clock.Now() + static_cast<TimeNs>(kFirstWithin_s * 1e9), true);
+  if (!heard) {
+    throw std::runtime_error(
+        fmt::format("no daemon answers on {} ({}_STATE) within {:g} s; is tendrild running, with the same "
+                    "--lcm and --prefix?",
+                    o.lcm.url, o.lcm.prefix, kFirstWithin_s));
+  }
+  if (!o.watch) {
+    Show(o, state, "");
+    return;
+  }
+  std::signal(SIGINT, [](int) { interrupted = 1; });
+  while (interrupted == 0) {
+    const double silent_s = ToSeconds(clock.Now() - heard_ns);
+    std::string footer = "\n";
+    if (!last_event.empty()) footer += "last event: " + last_event + "\n";
+    if (silent_s > 1) footer += fmt::format("no state for {:.0f} s: has the daemon stopped?\n", silent_s);
+    Show(o, state, footer);
+    wait(clock.Now() + kRedrawEvery_ns, false);
+  }
+}
+
+}  // namespace
+
+void AddStatusCommand(CLI::App& app) {
+  auto o = std::make_shared<StatusOptions>();
+  CLI::App* status = app.add_subcommand("status", "Show what a running daemon is doing");
+  AddLcmOptions(*status, o->lcm);
+  status->add_flag("--watch", o->watch, "keep showing, five times a second, until interrupted");
+  status->add_flag("--json", o->json, "one JSON object a line instead of a table");
+  status->callback([o] { Status(*o); });
+}
+
+}  // namespace tendril::tools
