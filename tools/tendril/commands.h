@@ -19,5 +19,7 @@ void AddFollowCommand(CLI::App& app);
 void AddModelCommand(CLI::App& app);
 void AddSendCommand(CLI::App& app);
 void AddStatusCommand(CLI::App& app);
+void AddSendCommand(CLI::App& app);
+void AddStatusCommand(CLI::App& app);
 
 }  // namespace tendril::tools
