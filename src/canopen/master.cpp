@@ -13,7 +13,8 @@ namespace tendril::canopen {
 namespace {
 
 constexpr int kReceiveBatch = 64, kMaxBatches = 64;
-constexpr TimeNs kShutdownDisable_ns = 500 * kNsPerMs, kShutdownEnd_ns = 1500 * kNsPerMs;
+// Short enough for the rest of a second that service managers and people grant a stop.
+constexpr TimeNs kShutdownDisable_ns = 300 * kNsPerMs, kShutdownEnd_ns = 600 * kNsPerMs;
 constexpr TimeNs kRepeatedEvent_ns = kNsPerS;  // at most one of a kind in this time
 
 BusParameters WithNodes(BusParameters bus, std::span<const DriveSetup> drives) {
@@ -210,8 +211,7 @@ bool Master::State::Send(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   if (now_ns >= next_refused_event_ns && !down) {
     next_refused_event_ns = now_ns + kRepeatedEvent_ns;
     std::array<char, 96> text{};
-    std::snprintf(text.data(), text.size(), "bus: frame 0x%03X not sent, the interface's queue is full",
-                  frame.id);
+    std::snprintf(text.data(), text.size(), "frame 0x%03X not sent, the interface's queue is full", frame.id);
     Report(now_ns, Status::kFrameNotSent, text.data());
   }
   return false;
@@ -298,10 +298,10 @@ void Master::State::Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept
 void Master::State::WatchBus(TimeNs now_ns) noexcept {
   const bool is_down = !port.up();
   if (is_down && !down) {
-    Report(now_ns, Status::kBusOff, "bus: the CAN interface went bus-off or down: every drive is lost");
+    Report(now_ns, Status::kBusOff, "the CAN interface went bus-off or down: every drive is lost");
     for (auto& node : nodes) node->OnBusDown(now_ns);
   } else if (!is_down && down) {
-    Report(now_ns, Status::kOk, "bus: the CAN interface is back");
+    Report(now_ns, Status::kOk, "the CAN interface is back");
     for (auto& node : nodes) node->OnBusUp(now_ns);
   }
   down = is_down;
@@ -309,7 +309,7 @@ void Master::State::WatchBus(TimeNs now_ns) noexcept {
   if (dropped != dropped_told && now_ns >= next_dropped_event_ns) {
     next_dropped_event_ns = now_ns + kRepeatedEvent_ns;
     std::array<char, 96> text{};
-    std::snprintf(text.data(), text.size(), "bus: %llu received frames lost, the reader was too slow",
+    std::snprintf(text.data(), text.size(), "%llu received frames lost, the reader was too slow",
                   static_cast<unsigned long long>(dropped - dropped_told));
     Report(now_ns, Status::kFrameLost, text.data());
     dropped_told = dropped;

@@ -588,6 +588,11 @@ void Node::OnHeartbeat(NmtState state, TimeNs now_ns) noexcept {
     }
   }
   if (started() && state != NmtState::kOperational && now_ns >= started_ns_ + kNmtGrace_ns) {
+    // NMT commands are not answered: one that got lost is sent again until the boot's deadline.
+    if (phase_ == Phase::kScript && action().kind == BootAction::Kind::kStart) {
+      QueueNmt(NmtCommand::kStart);
+      return;
+    }
     Report(now_ns, Status::kDriveLost, "NMT state changed to %s without being told", NmtStateText(state));
     Lose(now_ns);
   }
@@ -671,7 +676,9 @@ bool Node::MakeRpdo(TimeNs now_ns, DriveRequest request, std::int16_t torque_per
   } else if (request == DriveRequest::kDisable) {
     may_enable_ = !latched_;
     walking_ = holds_ = false;
-  } else if (may_enable_) {
+    off_first_ = powered();
+  } else if (may_enable_ && !(off_first_ && powered())) {
+    off_first_ = false;
     command = ControlwordTowardsEnabled(machine());
     if (powered()) {
       holds_ = true;

@@ -124,6 +124,7 @@ class Node {
   bool latched_ = false;     // a fault that only the operator clears
   bool may_enable_ = false;  // a disable request was seen since the boot or the last fault
   bool holds_ = false;       // was enabled by us and shall stay so
+  bool off_first_ = false;   // told to disable, and not seen disabled yet
   bool walking_ = false;     // on the way to operation enabled
   bool short_pdo_told_ = false;
   TimeNs walk_deadline_ns_ = 0, refresh_ns_ = 0;

@@ -132,6 +132,15 @@ TEST(Boot, OneLostSdoFrameIsAskedForAgain) {
   EXPECT_GT(seen, 100);
 }
 
+TEST(Boot, LostNmtStartIsSentAgain) {
+  Rig rig(1);
+  int starts = 0;
+  rig.bus.SetFilter(
+      [&](can::CanFrame& frame) { return frame.id != 0 || frame.data[0] != 0x01 || ++starts > 1; });
+  EXPECT_TRUE(rig.Ready());
+  EXPECT_EQ(starts, 2);
+}
+
 TEST(Boot, RestartInTheMiddleBeginsAgain) {
   Rig rig(1);
   rig.master.Start(rig.clock.Now());
