@@ -19,7 +19,5 @@ void AddFollowCommand(CLI::App& app);
 void AddModelCommand(CLI::App& app);
 void AddSendCommand(CLI::App& app);
 void AddStatusCommand(CLI::App& app);
-void AddSendCommand(CLI::App& app);
-void AddStatusCommand(CLI::App& app);
 
 }  // namespace tendril::tools

@@ -16,8 +16,6 @@ int main(int argc, char** argv) {
   tendril::tools::AddModelCommand(app);
   tendril::tools::AddSendCommand(app);
   tendril::tools::AddStatusCommand(app);
-  tendril::tools::AddSendCommand(app);
-  tendril::tools::AddStatusCommand(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
