@@ -184,5 +184,51 @@ TEST(Cia402, AnErrorLeadsFromEveryStateToFault) {
   }
 }
 
+// ---- EMCY
+// -------------------------------------------------------------------------------------------------------
+
+struct Code {
+  std::uint16_t code;
+  std::uint8_t error_register;
+  std::uint16_t option;  // that governs the reaction: 0 none, always at once
+};
+constexpr Code kCodes[] = {
+    {0x1000, 0x01, 0},      {0x1080, 0x01, 0},      {0x1088, 0x01, 0},      {0x1090, 0x01, 0},
+    {0x5280, 0x01, 0},      {0x5282, 0x01, 0},      {0x5480, 0x01, 0},      {0x5483, 0x01, 0},
+    {0x6080, 0x01, 0},      {0x6180, 0x01, 0},      {0x61F0, 0x01, 0},      {0x6380, 0x01, 0},
+    {0x8A88, 0x01, 0},      {0x2310, 0x02, 0},      {0x2320, 0x02, 0},      {0x3210, 0x04, 0},
+    {0x3220, 0x04, 0},      {0x5113, 0x04, 0},      {0x4210, 0x08, 0},      {0x4380, 0x08, 0},
+    {0x7320, 0x20, 0},      {0x7380, 0x20, 0},      {0x7382, 0x20, 0},      {0x7388, 0x20, 0},
+    {0x738A, 0x20, 0},      {0x7390, 0x20, 0},      {0x7392, 0x20, 0},      {0x6320, 0x01, 0x605E},
+    {0x8611, 0x80, 0x605E}, {0x8110, 0x10, 0x6007}, {0x8111, 0x10, 0x6007}, {0x8120, 0x10, 0x6007},
+    {0x8130, 0x10, 0x6007}, {0x8150, 0x10, 0x6007}, {0x81FD, 0x10, 0x6007}, {0x81FE, 0x10, 0x6007},
+    {0x81FF, 0x10, 0x6007}, {0x8210, 0x10, 0x6007}, {0x8250, 0x10, 0x6007}};
+
+TEST(Emergencies, EachCodeShowsItsRegisterAndItsReaction) {
+  for (const Code& c : kCodes) {
+    // Once with the option at "at once", once at "ramp"; both with a motor that turns.
+    for (const bool ramp : {false, true}) {
+      RawMaster m;
+      m.Poll();
+      m.Nmt(0x01);
+      for (std::uint16_t controlword : {0x06, 0x07, 0x0F}) m.Write(0x6040, 0, controlword, 2);
+      m.Write(0x605E, 0, ramp ? 2 : 0, 2);
+      m.Write(0x6007, 0, ramp ? 3 : 2, 2);
+      DriveSensors s;
+      s.velocity_rpm = 5000;
+      m.rack().SetSensors(0, s);
+      m.Run(1);
+      m.rack().InjectEmcy(0, c.code);
+      const auto sent = RawMaster::Of(0x081, m.Poll());
+      ASSERT_EQ(sent.size(), 1u) << std::hex << c.code;
+      EXPECT_EQ(sent[0], (Bytes{static_cast<std::uint8_t>(c.code), static_cast<std::uint8_t>(c.code >> 8),
+                                c.error_register, 0, 0, 0, 0, 0}));
+      EXPECT_EQ(m.State(), ramp && c.option != 0 ? kReaction : kFault) << std::hex << c.code;
+      EXPECT_EQ(m.Read(0x603F, 0).number(), c.code);
+      EXPECT_EQ(m.Read(0x1003, 1).number(), c.code);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace tendril::emulator

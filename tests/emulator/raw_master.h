@@ -84,7 +84,7 @@ class RawMaster {
     return all;
   }
 
-  /// Poll, but only the frames of one identifier.
+  /// The contents of the frames with one identifier.
   static std::vector<Bytes> Of(std::uint32_t id, const std::vector<can::CanFrame>& frames) {
     std::vector<Bytes> out;
     for (const auto& f : frames) {
