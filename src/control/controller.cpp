@@ -237,7 +237,8 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
     if (answering && d.age_cycles > 0) {
       ++missing;
       Report(output, Status::kFeedbackMissing);
-      if (d.age_cycles > parameters.guards.max_missing_cycles) fault(Status::kFeedbackStale);
+      // Without torque on the tendons an old value harms nobody; arming waits for a fresh one.
+      if (powered && d.age_cycles > parameters.guards.max_missing_cycles) fault(Status::kFeedbackStale);
     }
     if (powered && output.tension_measured_N[j] > robot.limits.max_tension_motor_N * 1.1) {
       fault(Status::kTensionOverLimit);
@@ -258,7 +259,7 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) n
   for (int j = 0; j < tendons && j < input.drives; ++j) {
     const DriveState s = input.drive[j].state;
     ready = ready && (s == DriveState::kReady || s == DriveState::kEnabled);
-    enabled = enabled && s == DriveState::kEnabled;
+    enabled = enabled && s == DriveState::kEnabled && input.drive[j].age_cycles == 0;
   }
 
   bool changed = false;

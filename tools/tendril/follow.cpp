@@ -102,7 +102,7 @@ class Follower {
     TimeNs moving_ns = start_ns, next_ns = start_ns;
     while (clock_.Now() - moving_ns < kStillBefore_ns) {
       Send(motion_->Start());
-      SleepUntil(next_ns += kCommandPeriod_ns);
+      SleepToNext(next_ns);
       CheckRunning();
       double gap = 0;
       for (std::size_t i = 0; i < state_.bending_target_rad.size(); ++i) {
@@ -122,7 +122,7 @@ class Follower {
     int count = 0, shown_s = -1;
     for (double t_s = 0; t_s < motion_->duration_s(); t_s = ToSeconds(clock_.Now() - start_ns)) {
       Send(motion_->At(t_s));
-      SleepUntil(next_ns += kCommandPeriod_ns);
+      SleepToNext(next_ns);
       CheckRunning();
       const Eigen::Map<const Eigen::Vector3d> estimate(state_.tip_estimate_W_m),
           desired(state_.tip_desired_W_m);
