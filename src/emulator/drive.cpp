@@ -84,7 +84,7 @@ Drive::Drive(const EmulatedDriveParameters& parameters, can::CanPort& port)
     current_limit_.power_on = 2 * static_cast<std::int64_t>(parameters.nominal_current_mA);
   }
   if (parameters.torque_constant_uNmpA != 0) torque_constant_.power_on = parameters.torque_constant_uNmpA;
-  for (std::uint8_t i = 0; i < consumers_.size(); ++i) {
+  for (std::size_t i = 0; i < consumers_.size(); ++i) {
     consumers_[i].setting = &objects_.At(0x1016, static_cast<std::uint8_t>(i + 1));
   }
   PowerCycle();
