@@ -92,8 +92,12 @@ class Follower {
     }
   }
 
-  void SleepUntil(TimeNs t_ns) const {
-    std::this_thread::sleep_for(std::chrono::nanoseconds(t_ns - clock_.Now()));
+  // To the next point of the sending grid; points that a late scheduler passed over are left out, not made up
+  // for.
+  void SleepToNext(TimeNs& next_ns) const {
+    const TimeNs now_ns = clock_.Now();
+    while (next_ns <= now_ns) next_ns += kCommandPeriod_ns;
+    std::this_thread::sleep_for(std::chrono::nanoseconds(next_ns - now_ns));
   }
 
   // To the first target, until the reference has rested there.
