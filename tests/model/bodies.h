@@ -1,0 +1,78 @@
+// The robots of this room's tests, built by hand; reference/make_goldens.py states the same ones.
+#pragma once
+
+#include <Eigen/Core>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "tendril/core/robot.h"
+
+namespace tendril::test {
+
+inline std::vector<TendonRoute> Around(int count, double radius_m, double offset_rad = 0) {
+  std::vector<TendonRoute> routes;
+  for (int k = 0; k < count; ++k) routes.push_back({offset_rad + 2 * std::numbers::pi * k / count, radius_m});
+  return routes;
+}
+
+/// The paper's 90 mm robot (or one with other units), upright, no damping.
+inline BodyParameters PaperBody(int units = 4, double unit_length_m = 0.0225) {
+  SectionParameters s;
+  s.units = units;
+  s.unit_length_m = unit_length_m;
+  s.unit_mass_kg = 0.0025;
+  s.disk_inertia_xx_kgm2 = 0.0025 * 0.010 * 0.010 / 16;
+  s.disk_inertia_zz_kgm2 = 0.0025 * 0.010 * 0.010 / 8;
+  s.youngs_modulus_Pa = 2.3e10;
+  s.core_radius_m = 0.0005;
+  s.tendons = Around(3, 0.004);
+  BodyParameters body;
+  body.sections = {s};
+  return body;
+}
+
+/// Everything different between the sections, gravity askew, damping, disks that are no thin plates.
+inline BodyParameters TwoSections() {
+  SectionParameters a;
+  a.units = 3;
+  a.unit_length_m = 0.020;
+  a.unit_mass_kg = 0.0030;
+  a.disk_inertia_xx_kgm2 = 2.5e-8;
+  a.disk_inertia_zz_kgm2 = 3.5e-8;
+  a.youngs_modulus_Pa = 2.3e10;
+  a.core_radius_m = 0.0006;
+  a.bending_damping_Nms = 3e-5;
+  a.tendons = Around(3, 0.005);
+  SectionParameters b;
+  b.units = 2;
+  b.unit_length_m = 0.025;
+  b.unit_mass_kg = 0.0015;
+  b.disk_inertia_xx_kgm2 = 1.4e-8;
+  b.disk_inertia_zz_kgm2 = 1.1e-8;
+  b.youngs_modulus_Pa = 3.1e10;
+  b.core_radius_m = 0.0004;
+  b.bending_damping_Nms = 1e-5;
+  b.tendons = Around(4, 0.0035, 0.3);
+  BodyParameters body;
+  body.sections = {a, b};
+  body.gravity_W_mps2 = {2.0, -3.0, 8.5};
+  return body;
+}
+
+/// Numbers that are the same on every machine (the distributions of <random> need not be).
+class Random {
+ public:
+  explicit Random(unsigned seed) : engine_(seed) {}
+  double Uniform(double low, double high) { return low + (high - low) * (engine_() / 4294967296.0); }
+  Eigen::VectorXd Vector(Eigen::Index n, double low, double high) {
+    Eigen::VectorXd x(n);
+    for (double& value : x) value = Uniform(low, high);
+    return x;
+  }
+
+ private:
+  std::mt19937 engine_;
+};
+
+}  // namespace tendril::test

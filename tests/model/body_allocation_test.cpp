@@ -1,0 +1,54 @@
+// Nothing the body does after its construction allocates: it runs inside the tick.
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "bodies.h"
+#include "support/allocation_count.h"
+#include "tendril/model/body.h"
+#include "tendril/model/stumpff.h"
+
+namespace tendril::model {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+TEST(BodyAllocation, NoCallOfTheBodyAllocates) {
+  const Body body(test::TwoSections());
+  Body::Workspace workspace(body);
+  const int n = body.dof(), m = body.tendons();
+  test::Random random(1);
+  const VectorXd q = random.Vector(n, -1, 1), dq = random.Vector(n, -1, 1), tension = random.Vector(m, 0, 5);
+  VectorXd force(n), ddq(n), length(m), section(2 * body.sections());
+  MatrixXd mass(n, n), tip(6, n), jacobian(m, n);
+  std::vector<Pose> poses(static_cast<std::size_t>(body.units()));
+  double sum = 0;
+
+  const auto before = test::AllocationCount();
+  body.Poses(q, poses);
+  sum += body.TipPose(q).p_WA.x();
+  body.TipJacobian(q, tip);
+  body.TendonLengths(q, length);
+  body.TendonShortening(q, length);
+  body.TendonLengthJacobian(q, jacobian);
+  body.TendonForce(q, tension, force);
+  body.ForwardDynamics(q, dq, force, ddq, workspace);
+  body.InverseDynamics(q, dq, ddq, force, workspace);
+  body.MassMatrix(q, mass, workspace);
+  sum += body.EnergyOf(q, dq, workspace).total();
+  body.StaticForce(q, Eigen::Vector3d(0.1, 0, 0), force);
+  body.TangentStiffness(q, tension, Eigen::Vector3d(0.1, 0, 0), mass);
+  body.SumBending(q, section);
+  body.ProjectForce(force, section);
+  body.SpreadBending(section, ddq);
+  sum += Stumpff(1)[0] + Stumpff(20)[0];
+  EXPECT_EQ(test::AllocationCount(), before);
+  EXPECT_TRUE(std::isfinite(sum));
+
+  const VectorXd counted(3);  // the counter does count
+  EXPECT_GT(test::AllocationCount(), before);
+}
+
+}  // namespace
+}  // namespace tendril::model
