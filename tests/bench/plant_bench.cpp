@@ -1,0 +1,36 @@
+// Cost of the plant: one simulated millisecond under a controller's torques, with the solver's steps and
+// evaluations of the equations of motion per millisecond and the factor over real time.
+#include <benchmark/benchmark.h>
+
+#include "../sim/motions.h"
+#include "tendril/sim/plant.h"
+
+namespace tendril {
+namespace {
+
+void Millisecond(benchmark::State& state, const char* file) {
+  const RobotParameters robot = test::Rig(file);
+  const test::CircleTorque circle(robot);
+  sim::Plant plant(robot);
+  for (auto _ : state) {
+    state.PauseTiming();
+    const Eigen::VectorXd torque = circle.At(ToSeconds(plant.time_ns()));
+    state.ResumeTiming();
+    plant.SetTorque(torque);
+    plant.Advance(kNsPerMs);
+  }
+  const auto c = plant.counters();
+  const double ms = static_cast<double>(state.iterations());
+  state.counters["steps/ms"] = static_cast<double>(c.solver_steps) / ms;
+  state.counters["rhs/ms"] = static_cast<double>(c.rhs_evaluations) / ms;
+  state.counters["jacobians/ms"] = static_cast<double>(c.jacobian_evaluations) / ms;
+  state.counters["real_time_factor"] = benchmark::Counter(1e-3 * ms, benchmark::Counter::kIsRate);
+}
+
+// A whole number of turns of the circle.
+BENCHMARK_CAPTURE(Millisecond, four_units_three_tendons, "rig_90mm.yaml")->Iterations(12000);
+BENCHMARK_CAPTURE(Millisecond, four_tendons, "four_tendon_90mm.yaml")->Iterations(12000);
+BENCHMARK_CAPTURE(Millisecond, two_sections_six_tendons, "two_section.yaml")->Iterations(12000);
+
+}  // namespace
+}  // namespace tendril
