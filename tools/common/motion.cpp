@@ -19,6 +19,25 @@ BendingVector Spread(const BodyParameters& body, double us, double vs) {
   return b;
 }
 
+// From rest to a constant speed 1 over `lead` seconds as a raised cosine: distance and speed t seconds after
+// rest. Abrupt stops would overshoot: a moving target is looked at one trajectory delay ahead.
+struct Lead {
+  double distance, speed;
+};
+Lead LeadAt(double t, double lead) {
+  return {0.5 * (t - lead / kPi * std::sin(kPi * t / lead)), 0.5 * (1 - std::cos(kPi * t / lead))};
+}
+
+// Rest to rest over a distance at unit speed with a lead-in and a lead-out; takes distance + lead seconds.
+Lead RestToRest(double t, double distance, double lead) {
+  const double end = distance + lead;
+  if (t <= 0) return {0, 0};
+  if (t < lead) return LeadAt(t, lead);
+  if (t <= distance) return {t - lead / 2, 1};
+  const Lead left = LeadAt(std::max(0.0, end - t), lead);
+  return {distance - left.distance, left.speed};
+}
+
 class Circle final : public Motion {
  public:
   explicit Circle(const BodyParameters& body) {
@@ -49,20 +68,10 @@ class Circle final : public Motion {
  private:
   static constexpr double kOmega = kPi / 6, kLead_s = 1;
 
-  // Speed rises and falls as a raised cosine over the lead; the judged revolution begins at angle 0.
+  // The judged revolution begins at angle 0, in full motion.
   std::pair<double, double> AngleAt(double t) const {
-    const auto lead = [](double s) {  // angle swept and rate s seconds after rest
-      return std::pair{kOmega / 2 * (s - kLead_s / kPi * std::sin(kPi * s / kLead_s)),
-                       kOmega / 2 * (1 - std::cos(kPi * s / kLead_s))};
-    };
-    if (t <= 0) return {-kOmega * kLead_s / 2, 0};
-    if (t < kLead_s) {
-      const auto [swept, rate] = lead(t);
-      return {swept - kOmega * kLead_s / 2, rate};
-    }
-    if (t <= judged_until_s_) return {kOmega * (t - kLead_s), kOmega};
-    const auto [left, rate] = lead(std::max(0.0, duration_s_ - t));
-    return {2 * kPi + kOmega * kLead_s / 2 - left, rate};
+    const Lead at = RestToRest(t, duration_s_ - kLead_s, kLead_s);
+    return {kOmega * (at.distance - kLead_s / 2), kOmega * at.speed};
   }
 
   double radius_m_, height_m_;
@@ -73,21 +82,16 @@ class PlanarBend final : public Motion {
   explicit PlanarBend(const BodyParameters& body) : body_(body), model_(body) {
     name_ = "planar";
     description_ = "bend in the xz plane from straight to 1.6 rad at 0.26 rad/s, rest, and back";
-    bend_s_ = kEnd_rad / kRate_radps;
+    bend_s_ = kEnd_rad / kRate_radps + kLead_s;
     judged_from_s_ = 0;
     judged_until_s_ = bend_s_ + kRest_s;
     duration_s_ = 2 * bend_s_ + kRest_s;
   }
 
   Command At(double t) const override {
-    double bend = kEnd_rad, rate = 0;
-    if (t < bend_s_) {
-      bend = kRate_radps * std::max(t, 0.0);
-      rate = kRate_radps;
-    } else if (t > bend_s_ + kRest_s) {
-      bend = kRate_radps * std::max(duration_s_ - t, 0.0);
-      rate = t < duration_s_ ? -kRate_radps : 0;
-    }
+    const bool out = t < bend_s_ + kRest_s / 2;
+    const Lead at = RestToRest(out ? t : duration_s_ - t, kEnd_rad / kRate_radps, kLead_s);
+    const double bend = kRate_radps * at.distance, rate = (out ? 1 : -1) * kRate_radps * at.speed;
     Command target;
     target.kind = CommandKind::kBending;
     target.bending_rad = Spread(body_, bend, 0);
@@ -101,7 +105,7 @@ class PlanarBend final : public Motion {
   }
 
  private:
-  static constexpr double kEnd_rad = 1.6, kRate_radps = 0.26, kRest_s = 1;
+  static constexpr double kEnd_rad = 1.6, kRate_radps = 0.26, kRest_s = 1, kLead_s = 0.5;
   BodyParameters body_;
   model::Body model_;
   double bend_s_;
