@@ -22,9 +22,11 @@ void Require(bool holds) {
 class Source {
  public:
   explicit Source(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
+  int frames() const { return frames_; }
   bool empty() const { return at_ >= bytes_.size(); }
   std::uint8_t Byte() { return empty() ? std::uint8_t{0} : bytes_[at_++]; }
   can::CanFrame Frame(std::uint32_t id) {
+    ++frames_;
     can::CanFrame frame;
     frame.id = id;
     const std::uint8_t head = Byte();
@@ -37,11 +39,12 @@ class Source {
  private:
   std::span<const std::uint8_t> bytes_;
   std::size_t at_ = 0;
+  int frames_ = 0;
 };
 
 }  // namespace
 
-void FuzzSdoClient(std::span<const std::uint8_t> bytes) {
+int FuzzSdoClient(std::span<const std::uint8_t> bytes) {
   Source source(bytes);
   SdoClient client(5);
   TimeNs now_ns = 0;
@@ -75,9 +78,10 @@ void FuzzSdoClient(std::span<const std::uint8_t> bytes) {
     Require(client.state() == SdoClient::State::kAborted || client.state() == SdoClient::State::kTimedOut ||
             client.abort_code() == 0);
   }
+  return source.frames();
 }
 
-void FuzzDecoders(std::span<const std::uint8_t> bytes) {
+int FuzzDecoders(std::span<const std::uint8_t> bytes) {
   Source source(bytes);
   while (!source.empty()) {
     const std::uint8_t low = source.Byte(), high = source.Byte();
@@ -119,9 +123,10 @@ void FuzzDecoders(std::span<const std::uint8_t> bytes) {
       Require(std::equal(data.begin(), data.begin() + pdo->bytes(), frame.data.begin()));
     }
   }
+  return source.frames();
 }
 
-void FuzzMaster(std::span<const std::uint8_t> bytes) {
+int FuzzMaster(std::span<const std::uint8_t> bytes) {
   Source source(bytes);
   Rig rig(3);
   can::CanPort& stranger = rig.bus.AddPort();
@@ -160,6 +165,7 @@ void FuzzMaster(std::span<const std::uint8_t> bytes) {
               DecodeStatusword(feedback.statusword) == DriveMachine::kOperationEnabled);
     }
   }
+  return source.frames();
 }
 
 }  // namespace tendril::canopen::test

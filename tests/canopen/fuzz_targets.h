@@ -8,13 +8,15 @@
 
 namespace tendril::canopen::test {
 
+// Each returns how many frames it made of the bytes.
+
 /// SDO requests against whatever a server may answer: no write outside the buffer, an end state only for a
 /// reason, an upload's size never above the capacity.
-void FuzzSdoClient(std::span<const std::uint8_t> bytes);
+int FuzzSdoClient(std::span<const std::uint8_t> bytes);
 /// NMT, heartbeat, EMCY, SDO and PDO decoders: what decodes encodes to the same frame.
-void FuzzDecoders(std::span<const std::uint8_t> bytes);
+int FuzzDecoders(std::span<const std::uint8_t> bytes);
 /// A master with three drives under a storm of frames: no torque to a drive that was not seen in operation
 /// enabled, and never without a request.
-void FuzzMaster(std::span<const std::uint8_t> bytes);
+int FuzzMaster(std::span<const std::uint8_t> bytes);
 
 }  // namespace tendril::canopen::test

@@ -10,7 +10,7 @@
 namespace tendril::canopen::test {
 namespace {
 
-void RunTarget(void (*target)(std::span<const std::uint8_t>), int inputs, std::size_t length) {
+void RunTarget(int (*target)(std::span<const std::uint8_t>), int inputs, std::size_t length) {
   std::mt19937 random(4711);  // NOLINT: the same on every run
   std::vector<std::uint8_t> bytes(length);
   for (int i = 0; i < inputs; ++i) {
