@@ -2,6 +2,15 @@
 // and counts it. Knows nothing of what it carries.
 #pragma once
 
+#if defined(__SANITIZE_THREAD__)
+// The thread sanitizer does not see what fences order. The queue tells Clang's; this tells GCC's.
+#include <sanitizer/tsan_interface.h>
+namespace tendril::rt {
+inline char fence_seen_by_tsan;
+}
+#define AE_TSAN_ANNOTATE_RELEASE() __tsan_release(&::tendril::rt::fence_seen_by_tsan)
+#define AE_TSAN_ANNOTATE_ACQUIRE() __tsan_acquire(&::tendril::rt::fence_seen_by_tsan)
+#endif
 #include <readerwriterqueue/readerwriterqueue.h>
 
 #include <atomic>
