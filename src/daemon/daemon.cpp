@@ -54,6 +54,48 @@ std::int64_t EpochUs() {
 
 double Us(TimeNs t_ns) { return static_cast<double>(t_ns) / static_cast<double>(kNsPerUs); }
 
+// systemd, where there is one; else nothing happens.
+class ServiceManager {
+ public:
+  ServiceManager() {
+    std::uint64_t watchdog_us = 0;
+    if (sd_watchdog_enabled(0, &watchdog_us) > 0)
+      feed_every_ns_ = static_cast<TimeNs>(watchdog_us) * kNsPerUs / 3;
+  }
+  /// Ready with the first tick; then the watchdog is fed while ticks go on.
+  void Alive(std::uint64_t tick, TimeNs now_ns) {
+    if (tick == last_tick_) return;
+    if (last_tick_ == 0) sd_notify(0, "READY=1");
+    if (feed_every_ns_ > 0 && now_ns - fed_ns_ >= feed_every_ns_) {
+      fed_ns_ = now_ns;
+      sd_notify(0, "WATCHDOG=1");
+    }
+    last_tick_ = tick;
+  }
+  void Tell(const std::string& status) { sd_notify(0, ("STATUS=" + status).c_str()); }
+  void Stopping() { sd_notify(0, "STOPPING=1"); }
+
+ private:
+  TimeNs feed_every_ns_ = 0, fed_ns_ = 0;
+  std::uint64_t last_tick_ = 0;
+};
+
+// Whatever ends the calling thread's part, the robot is disarmed and the real-time thread joined.
+class StopAndJoin {
+ public:
+  StopAndJoin(std::thread& thread, std::atomic<bool>& stop) : thread_(thread), stop_(stop) {}
+  ~StopAndJoin() {
+    stop_.store(true, std::memory_order_relaxed);
+    thread_.join();
+  }
+  StopAndJoin(const StopAndJoin&) = delete;
+  StopAndJoin& operator=(const StopAndJoin&) = delete;
+
+ private:
+  std::thread& thread_;
+  std::atomic<bool>& stop_;
+};
+
 }  // namespace
 
 struct Daemon::State {
@@ -155,6 +197,30 @@ struct Daemon::State {
 
   // ---- calling thread: LCM, log, systemd ----
 
+  void Serve(const std::function<bool()>& stop) {
+    TimeNs report_ns = 0;
+    TimeNs statistics_ns = clock.Now() + kStatisticsEvery_ns;
+    while (!finished.load(std::memory_order_acquire)) {
+      gateway.Handle(kLcmWait_ms);
+      Publish();
+      const TimeNs now_ns = clock.Now();
+      service.Alive(tick.load(std::memory_order_relaxed), now_ns);
+      if (now_ns >= report_ns) {
+        report_ns = now_ns + kReportEvery_ns;
+        Report();
+      }
+      if (now_ns >= statistics_ns) {
+        statistics_ns = now_ns + kStatisticsEvery_ns;
+        TellStatistics();
+      }
+      if (!stop_requested.load(std::memory_order_relaxed) && stop()) {
+        stop_requested.store(true, std::memory_order_relaxed);
+        service.Stopping();
+        Event(Status::kOk, "daemon", "stopping: disarming");
+      }
+    }
+  }
+
   void Event(Status status, const std::string& source, const std::string& text) {
     spdlog::log(LevelOf(status), "{}: {}", source, text);
     gateway.PublishEvent(clock.Now(), status, source, text);
@@ -197,10 +263,9 @@ struct Daemon::State {
       log_failed = true;
       Event(Status::kOk, "log", log->error() + "; the log is incomplete, control goes on");
     }
-    sd_notifyf(0, "STATUS=%s, %d %s; %llu cycles, %llu missed", std::string(ModeText(last_mode)).c_str(),
-               static_cast<int>(last_status), std::string(StatusText(last_status)).c_str(),
-               static_cast<unsigned long long>(wake_latency.count()),
-               static_cast<unsigned long long>(last_timing.deadline_misses));
+    service.Tell(fmt::format("{}, {} {}; {} cycles, {} missed", ModeText(last_mode),
+                             static_cast<int>(last_status), StatusText(last_status), wake_latency.count(),
+                             last_timing.deadline_misses));
   }
 
   void ReportLosses(const char* what, std::uint64_t now, std::uint64_t& before) {
@@ -210,15 +275,16 @@ struct Daemon::State {
     before = now;
   }
 
-  void LogStatistics() {
-    spdlog::info(
-        "{} cycles, {} missed; wake-up late by {:.1f} us (99 %: {:.1f}, most: {:.1f}), step {:.1f} us (99 %: "
-        "{:.1f}, "
-        "most: {:.1f}), cycle {:.1f} us (99 %: {:.1f}, most: {:.1f})",
+  void TellStatistics() {
+    const std::string text = fmt::format(
+        "{} cycles, {} missed; median, 99 % and most: wake-up late by {:.1f}, {:.1f}, {:.1f} us; step "
+        "{:.1f}, {:.1f}, "
+        "{:.1f} us; cycle {:.1f}, {:.1f}, {:.1f} us",
         wake_latency.count(), last_timing.deadline_misses, Us(wake_latency.Percentile(0.5)),
         Us(wake_latency.Percentile(0.99)), Us(wake_latency.max_ns()), Us(compute.Percentile(0.5)),
         Us(compute.Percentile(0.99)), Us(compute.max_ns()), Us(total.Percentile(0.5)),
         Us(total.Percentile(0.99)), Us(total.max_ns()));
+    Event(Status::kOk, "timing", text);
   }
 
   DaemonOptions options;
@@ -247,6 +313,7 @@ struct Daemon::State {
   CycleRecord record;
 
   // Of the calling thread.
+  ServiceManager service;
   rt::Histogram wake_latency, compute, total;
   CycleTiming last_timing;
   Mode last_mode = Mode::kDisconnected;
@@ -266,59 +333,23 @@ void Daemon::Run(const std::function<bool()>& stop) {
   State& s = *state_;
   std::promise<std::string> ready;
   std::thread realtime([&] { s.RealtimeThread(ready); });
-  const std::string problems = ready.get_future().get();
-  if (!problems.empty()) {
-    if (s.options.parameters.realtime.required) {
-      realtime.join();
-      throw std::runtime_error("real-time rights are missing and realtime.required is true: " + problems);
+  {
+    const StopAndJoin join(realtime, s.stop_requested);
+    const std::string problems = ready.get_future().get();
+    if (!problems.empty()) {
+      if (s.options.parameters.realtime.required) {
+        throw std::runtime_error("real-time rights are missing and realtime.required is true: " + problems);
+      }
+      s.Event(Status::kOk, "realtime", problems);
     }
-    s.Event(Status::kOk, "realtime", problems);
+    s.Serve(stop);
   }
-
-  std::uint64_t watchdog_us = 0;
-  const TimeNs watchdog_every_ns =
-      sd_watchdog_enabled(0, &watchdog_us) > 0 ? static_cast<TimeNs>(watchdog_us) * kNsPerUs / 3 : 0;
-  std::uint64_t fed_tick = 0;
-  TimeNs fed_ns = 0;
-  bool ready_told = false;
-  TimeNs report_ns = 0;
-  TimeNs statistics_ns = s.clock.Now() + kStatisticsEvery_ns;
-
-  while (!s.finished.load(std::memory_order_acquire)) {
-    s.gateway.Handle(kLcmWait_ms);
-    s.Publish();
-    const TimeNs now_ns = s.clock.Now();
-    const std::uint64_t tick = s.tick.load(std::memory_order_relaxed);
-    if (!ready_told && tick > 0) {
-      ready_told = true;
-      sd_notify(0, "READY=1");
-    }
-    if (watchdog_every_ns > 0 && tick != fed_tick && now_ns - fed_ns >= watchdog_every_ns) {
-      fed_tick = tick;
-      fed_ns = now_ns;
-      sd_notify(0, "WATCHDOG=1");
-    }
-    if (now_ns >= report_ns) {
-      report_ns = now_ns + kReportEvery_ns;
-      s.Report();
-    }
-    if (now_ns >= statistics_ns) {
-      statistics_ns = now_ns + kStatisticsEvery_ns;
-      s.LogStatistics();
-    }
-    if (!s.stop_requested.load(std::memory_order_relaxed) && stop()) {
-      sd_notify(0, "STOPPING=1");
-      s.Event(Status::kOk, "daemon", "stopping: disarming");
-      s.stop_requested.store(true, std::memory_order_relaxed);
-    }
-  }
-  realtime.join();
   s.Publish();
   if (!s.disarmed_in_time.load(std::memory_order_relaxed)) {
     s.Event(Status::kOk, "daemon",
             "tensions were still ramping down when time was up: drives were disabled at once");
   }
-  s.LogStatistics();
+  s.TellStatistics();
   s.Event(Status::kOk, "daemon", "stopped");
   s.gateway.Handle(0);
 }

@@ -7,12 +7,14 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <lcm/lcm-cpp.hpp>
 #include <stdexcept>
+#include <string_view>
 
 #include "tendril/core/clock.h"
 
@@ -60,6 +62,15 @@ std::unique_ptr<lcm::LCM> OpenLcm(const std::string& url) {
   if (address.empty()) {
     const char* variable = std::getenv("LCM_DEFAULT_URL");
     address = variable != nullptr && *variable != '\0' ? variable : "udpm://239.255.76.67:7667?ttl=0";
+  }
+  // LCM would print a line of its own about an unknown kind.
+  constexpr std::array<std::string_view, 5> kKinds = {kUdpm, "mpudpm://", "memq://", "tcpq://", "file://"};
+  if (std::none_of(kKinds.begin(), kKinds.end(),
+                   [&](std::string_view k) { return address.starts_with(k); })) {
+    throw std::runtime_error(
+        "LCM address '" + address +
+        "' cannot be opened: it must begin with udpm://, mpudpm://, memq://, tcpq:// or file://; "
+        "use for example udpm://239.255.76.67:7667?ttl=0");
   }
   if (address.starts_with(kUdpm)) RequireMulticastRoute(address);
   auto lcm = std::make_unique<lcm::LCM>(address);
