@@ -5,6 +5,7 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -17,6 +18,14 @@ constexpr int kMaxForces = 2 * kMaxSections;
 using ForceVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxForces, 1>;
 using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxForces, kMaxForces>;
 using ForceTensionMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxForces, kMaxTendons>;
+
+using TensionForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, kMaxForces>;
+
+/// Each force can be produced without much regard to the others.
+bool WellConditioned(const ForceTensionMatrix& a) {
+  const Eigen::LLT<ForceMatrix> factor(a * a.transpose());
+  return factor.info() == Eigen::Success && factor.rcond() > 1e-4;
+}
 
 enum class Bound : signed char { kLower, kFree, kUpper };
 using BoundSet = std::array<Bound, kMaxTendons>;
@@ -31,9 +40,29 @@ class BoundedLeastNorm {
   BoundedLeastNorm(const ForceTensionMatrix& a, const ForceVector& b, double range)
       : a_(a), b_(b), range_(range) {}
 
+  struct Solution {
+    TendonVector x;
+    double miss;     // |A x - b|
+    int iterations;  // of Newton
+    bool converged;
+  };
+
+  Solution Solve() noexcept {
+    const int iterations = FindActiveSet();
+    const TendonVector exact = Polish();
+    const double exact_miss = (a_ * exact - b_).norm(), near_miss = (a_ * near_ - b_).norm();
+    const bool improved = exact_miss <= near_miss + 1e-12 * (b_.norm() + exact.norm());
+    return {improved ? exact : near_, improved ? exact_miss : near_miss, std::abs(iterations),
+            iterations > 0};
+  }
+
+ private:
+  static constexpr int kMaxIterations = 60;
+  static constexpr double kRegularisation = 1e-8;
+
   /// Newton on the dual with an exact line search. Ends after finitely many steps; their number is bounded
-  /// all the same. Returns it, or -1 at the bound.
-  int Solve() noexcept {
+  /// all the same. Returns it, negative at the bound.
+  int FindActiveSet() noexcept {
     ForceVector y = ForceVector::Zero(b_.size());
     TendonVector pull = TendonVector::Zero(a_.cols());  // A^T y
     set_.fill(Bound::kFree);
@@ -45,6 +74,7 @@ class BoundedLeastNorm {
         if (set_[j] == Bound::kFree) hessian.noalias() += a_.col(j) * a_.col(j).transpose();
       }
       const ForceVector gradient = a_ * x + kRegularisation * y - b_;
+      near_ = x.cwiseMax(0.0).cwiseMin(range_);
       if (iteration > 1 && gradient.norm() <= 1e-15 * (b_.norm() + x.norm() + y.norm())) return iteration;
       const ForceVector step = -hessian.ldlt().solve(gradient);
       const TendonVector step_pull = a_.transpose() * step;
@@ -53,9 +83,12 @@ class BoundedLeastNorm {
       pull = a_.transpose() * y;
       const BoundSet previous = set_;
       Classify(pull);
-      if (length == 1 && previous == set_) return iteration;
+      if (length == 1 && previous == set_) {
+        near_ = pull.cwiseMax(0.0).cwiseMin(range_);
+        return iteration;
+      }
     }
-    return -1;
+    return -kMaxIterations;
   }
 
   /// The exact solution on the active set that Solve found: x at its bounds, the free ones of least norm.
@@ -75,10 +108,6 @@ class BoundedLeastNorm {
     }
     return x.cwiseMax(0.0).cwiseMin(range_);
   }
-
- private:
-  static constexpr int kMaxIterations = 60;
-  static constexpr double kRegularisation = 1e-8;
 
   void Classify(const TendonVector& pull) noexcept {
     for (int j = 0; j < a_.cols(); ++j) {
@@ -164,6 +193,7 @@ class BoundedLeastNorm {
   const ForceVector& b_;
   double range_;
   BoundSet set_{};
+  TendonVector near_;  // the solution up to the regularisation
 };
 
 }  // namespace
@@ -196,13 +226,31 @@ TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen
   }
   const ForceTensionMatrix a = jacobian / scale;
   const ForceVector b = force_Nm / scale - a * result.tension_N;
-  BoundedLeastNorm problem(a, b, range_N);
-  const int iterations = problem.Solve();
-  const TendonVector above = problem.Polish();
-  result.tension_N += above;
-  result.residual_Nm = scale * (b - a * above).norm();
-  result.iterations = std::max(iterations, 0);
-  if (iterations < 0) result.status = Status::kSolverFallback;
+  std::optional<BoundedLeastNorm::Solution> found;
+  if (!WellConditioned(a)) {
+    // Equations combined so that they are orthonormal have the same solutions, however badly conditioned they
+    // were.
+    const Eigen::HouseholderQR<TensionForceMatrix> factor(a.transpose());
+    const auto upper = factor.matrixQR().topRows(forces_).triangularView<Eigen::Upper>();
+    if (tendons_ >= forces_ && factor.matrixQR().diagonal().cwiseAbs().minCoeff() > 1e-10) {
+      TensionForceMatrix thin(tendons_, forces_);
+      thin.setIdentity();
+      thin.applyOnTheLeft(factor.householderQ());
+      const ForceTensionMatrix rows = thin.transpose();
+      const ForceVector right = upper.transpose().solve(b);
+      found = BoundedLeastNorm(rows, right, range_N).Solve();
+      result.iterations = found->iterations;
+      if (!(found->miss <= 1e-10 * (right.norm() + found->x.norm()))) found.reset();
+    }
+  }
+  // The nearest force, should none of them be reached, is a matter of the equations as they are.
+  if (!found) {
+    found = BoundedLeastNorm(a, b, range_N).Solve();
+    result.iterations += found->iterations;
+    if (!found->converged) result.status = Status::kSolverFallback;
+  }
+  result.tension_N += found->x;
+  result.residual_Nm = scale * (b - a * found->x).norm();
   if (result.residual_Nm > 1e-10 * (force_Nm.norm() + scale * (range_N < 1e6 ? range_N : 1.0))) {
     result.status = Status::kLimitedTensionMax;
   }

@@ -24,11 +24,12 @@ struct InverseEquilibrium::State {
   MatrixXd force_per_tension;               // 2N x M
   double residual_Nm = 0;
   bool stable = false;
-  bool settled = false;  // the last approach ended because nothing moved any more
   int iterations = 0;
 };
 
 namespace {
+
+constexpr double kSettled_N = 1e-13;  // no tension moves more than this
 
 /// What is left of the balance: all forces that must be applied at this motion, less those of the tendons.
 VectorXd Residual(const Body& body, const VectorXd& q, const VectorXd& tension_N, const VectorXd* dq,
@@ -129,10 +130,10 @@ VectorXd InverseEquilibrium::Value(Goal goal, const VectorXd& q) const {
 
 /// Steps of the quadratic programme: tensions of least sum whose linearised shape meets the target, halved
 /// until the body still has a stable shape and the target is nearer. `state` must be in balance.
-void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motion* motion, double tolerance,
-                                  State& state) const {
+void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motion* motion, double least_N,
+                                  double tolerance, State& state) const {
   const TensionAllocator allocator(body_.tendons(), static_cast<int>(target.size()));
-  state.settled = false;
+  double longest = 1;
   for (int iteration = 0; iteration < 200; ++iteration) {
     ++state.iterations;
     MatrixXd slope;  // of the goal by q
@@ -147,15 +148,12 @@ void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motio
     const MatrixXd per_tension = slope * q_per_tension;
     const VectorXd miss = target - Value(goal, state.q);
     const auto wanted =
-        allocator.Allocate(per_tension, miss + per_tension * state.tension_N, min_tension_N_, max_tension_N_);
+        allocator.Allocate(per_tension, miss + per_tension * state.tension_N, least_N, max_tension_N_);
     const VectorXd step = wanted.tension_N - state.tension_N;
-    if (step.cwiseAbs().maxCoeff() <= tolerance) {
-      state.settled = true;
-      return;
-    }
+    if (step.cwiseAbs().maxCoeff() <= tolerance) return;
     const double predicted = wanted.residual_Nm;  // the miss that the linear model leaves
     bool moved = false;
-    double length = 1;
+    double length = longest;
     for (int attempt = 0; attempt < 25 && !moved; ++attempt, length *= 0.5) {
       State next = state;
       next.tension_N = state.tension_N + length * step;
@@ -167,23 +165,41 @@ void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motio
       const bool reachable = predicted <= 1e-9 * (1 + target.norm());
       moved = next_miss <= miss.norm() - 1e-3 * length * (miss.norm() - predicted) ||
               (reachable && next_miss < near);
-      if (moved) state = std::move(next);
+      if (!moved) continue;
+      // Steps that swing about the best tensions are shortened until they settle.
+      longest = next_miss > 0.5 * miss.norm() && next_miss > 1e-12 ? std::max(0.5 * length, 0.02)
+                                                                   : std::min(1.0, 2 * length);
+      state = std::move(next);
     }
-    if (!moved) {
-      state.settled = miss.norm() - predicted <= 1e-7 * (1 + target.norm());
-      return;
-    }
+    if (!moved) return;
   }
 }
 
-/// From the shape at minimum tension to wanted sums in steps short enough to stay on the branch.
-void InverseEquilibrium::Continue(const VectorXd& us_vs, const Motion* motion, State& state) const {
+/// From the shape at equal tensions to wanted sums, in steps short enough to stay on the branch.
+InverseEquilibrium::State InverseEquilibrium::Continue(const VectorXd& us_vs, double least_N) const {
+  State state;
+  state.q = VectorXd::Zero(body_.dof());
+  state.tension_N = VectorXd::Constant(body_.tendons(), least_N);
+  if (!Balance(state, nullptr)) return state;
   const VectorXd start = sum_ * state.q;
   const int steps = std::max(1, static_cast<int>(std::ceil((us_vs - start).norm() / 0.3)));
   for (int i = 1; i < steps; ++i) {
-    Approach(Goal::kBending, start + (us_vs - start) * i / steps, motion, 1e-4, state);
+    Approach(Goal::kBending, start + (us_vs - start) * i / steps, nullptr, least_N, 1e-4, state);
   }
-  Approach(Goal::kBending, us_vs, motion, 1e-13, state);
+  Approach(Goal::kBending, us_vs, nullptr, least_N, kSettled_N, state);
+  return state;
+}
+
+/// The same along the straight line of tips from there to the target.
+InverseEquilibrium::State InverseEquilibrium::Lead(const Vector3d& target_W_m, double least_N) const {
+  State state = Continue(VectorXd::Zero(sum_.rows()), least_N);
+  if (!state.stable) return state;
+  const VectorXd start = Value(Goal::kTip, state.q);
+  constexpr int kSteps = 8;
+  for (int i = 1; i < kSteps; ++i) {
+    Approach(Goal::kTip, start + (target_W_m - start) * i / kSteps, nullptr, least_N, 1e-4, state);
+  }
+  return state;
 }
 
 InverseEquilibrium::Motion InverseEquilibrium::TipMotion(const VectorXd& q, const Vector3d& velocity,
@@ -214,8 +230,8 @@ TensionedShape InverseEquilibrium::Finish(Goal goal, const VectorXd& target, con
   shape.miss = (target - Value(goal, state.q)).norm();
   shape.residual_Nm = state.residual_Nm;
   shape.iterations = state.iterations;
-  const double enough = goal == Goal::kBending ? 1e-9 : 1e-9 * (1 + body_.parameters().length_m());
-  if (!state.stable || !state.settled) {
+  const double enough = goal == Goal::kBending ? 1e-7 : 1e-8;
+  if (!state.stable) {
     shape.status = Status::kSolverFallback;
   } else if (shape.miss > enough) {
     shape.status = Status::kTargetUnreachable;
@@ -224,11 +240,7 @@ TensionedShape InverseEquilibrium::Finish(Goal goal, const VectorXd& target, con
 }
 
 TensionedShape InverseEquilibrium::ForBending(ConstVectorRef us_vs) const {
-  State state;
-  state.q = VectorXd::Zero(body_.dof());
-  state.tension_N = VectorXd::Constant(body_.tendons(), min_tension_N_);
-  if (Balance(state, nullptr)) Continue(us_vs, nullptr, state);
-  return Finish(Goal::kBending, us_vs, state);
+  return Finish(Goal::kBending, us_vs, Continue(us_vs, min_tension_N_));
 }
 
 TensionedShape InverseEquilibrium::ForBending(ConstVectorRef us_vs, ConstVectorRef dus_dvs,
@@ -239,7 +251,7 @@ TensionedShape InverseEquilibrium::ForBending(ConstVectorRef us_vs, ConstVectorR
   state.q = still.q;
   state.tension_N = still.tension_N;
   state.iterations = still.iterations;
-  if (Balance(state, &motion)) Approach(Goal::kBending, us_vs, &motion, 1e-13, state);
+  if (Balance(state, &motion)) Approach(Goal::kBending, us_vs, &motion, min_tension_N_, kSettled_N, state);
   return Finish(Goal::kBending, us_vs, state);
 }
 
@@ -247,14 +259,32 @@ TensionedShape InverseEquilibrium::ForTip(const Vector3d& target_W_m, double max
   // The arc with its tip there has nearly the shape: the search starts from the equilibrium of the same sums.
   const InverseKinematics arc(body_, max_bending_rad);
   const VectorXd bend = arc.Solve(target_W_m, BendingVector::Zero(2 * body_.sections())).us_vs;
-  State state;
-  state.q = VectorXd::Zero(body_.dof());
-  state.tension_N = VectorXd::Constant(body_.tendons(), min_tension_N_);
-  if (Balance(state, nullptr)) {
-    Continue(bend, nullptr, state);
-    Approach(Goal::kTip, target_W_m, nullptr, 1e-13, state);
+  // Equal tensions more on every tendon move the tip only a little, and not in proportion: a tip that needs
+  // them is not found from little tension, so the search starts again from more until one start arrives. The
+  // arc of several sections may be far from any equilibrium; then the tip itself is led there from the
+  // straight shape.
+  const double range_N = std::isfinite(max_tension_N_) ? max_tension_N_ - min_tension_N_ : 10.0;
+  TensionedShape best;
+  bool first = true;
+  int iterations = 0;
+  for (const double fraction : {0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7}) {
+    const double least_N = min_tension_N_ + fraction * range_N;
+    for (const bool led : {false, true}) {
+      State state = led ? Lead(target_W_m, least_N) : Continue(bend, least_N);
+      if (state.stable) Approach(Goal::kTip, target_W_m, nullptr, min_tension_N_, kSettled_N, state);
+      const TensionedShape shape = Finish(Goal::kTip, target_W_m, state);
+      iterations += shape.iterations;
+      const bool nearer = shape.status != Status::kSolverFallback && shape.miss < best.miss;
+      if (first || best.status == Status::kSolverFallback || nearer) best = shape;
+      first = false;
+      if (best.status == Status::kOk) {
+        best.iterations = iterations;
+        return best;
+      }
+    }
   }
-  return Finish(Goal::kTip, target_W_m, state);
+  best.iterations = iterations;
+  return best;
 }
 
 TensionedShape InverseEquilibrium::ForTip(const Vector3d& target_W_m, const Vector3d& velocity_W_mps,
@@ -269,7 +299,7 @@ TensionedShape InverseEquilibrium::ForTip(const Vector3d& target_W_m, const Vect
     const VectorXd before = state.q;
     const Motion motion = TipMotion(state.q, velocity_W_mps, acceleration_W_mps2);
     if (!Balance(state, &motion)) break;
-    Approach(Goal::kTip, target_W_m, &motion, 1e-13, state);
+    Approach(Goal::kTip, target_W_m, &motion, min_tension_N_, kSettled_N, state);
     if ((state.q - before).cwiseAbs().maxCoeff() <= 1e-13) break;
   }
   return Finish(Goal::kTip, target_W_m, state);

@@ -163,8 +163,8 @@ TEST(Allocation, BalanceIsExactWithinBounds) {
 TEST(Allocation, TensionsAreContinuousWhereTendonsTakeOver) {
   const MatrixXd a = StraightJacobian(1, 3);
   const TensionAllocator allocator(3, 2);
-  // In each cone two tendons 120 degrees apart share the force; the smallest singular value of their two columns is
-  // r sqrt(1/2).
+  // In each cone two tendons 120 degrees apart share the force; the smallest singular value of their two
+  // columns is r sqrt(1/2).
   const double lipschitz = std::sqrt(2.0) / kHoleRadius_m * (1 + 1e-6);
   for (double magnitude : {1e-6, 0.005, 0.02, 0.05}) {  // the last is beyond the limits
     TendonVector previous;
@@ -224,6 +224,32 @@ TEST(Allocation, TurningTheTendonsTurnsTheTensions) {
     const auto here = allocator.Allocate(a, force, 0.3, 8).tension_N;
     const auto there = allocator.Allocate(a, turn * force, 0.3, 8).tension_N;
     for (int j = 0; j < 3; ++j) EXPECT_NEAR(there[(j + 1) % 3], here[j], 1e-12);
+  }
+}
+
+// A direction in which no tension does much: what the tensions of a wanted tip position look like.
+TEST(Allocation, NearlyDependentForcesAreStillExact) {
+  std::mt19937 random(10);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (const double weak : {1e-3, 1e-5, 1e-7}) {
+    for (int repeat = 0; repeat < 20; ++repeat) {
+      MatrixXd a(3, 5);
+      for (double& v : a.reshaped()) v = uniform(random);
+      a.row(2) = 0.3 * a.row(0) + 0.5 * a.row(1) + weak * a.row(2);
+      VectorXd t(5);
+      for (double& v : t) v = std::clamp(4 + 6 * uniform(random), 0.3, 8.0);
+      const VectorXd force = a * t;
+      const auto result = TensionAllocator(5, 3).Allocate(a, force, 0.3, 8);
+      EXPECT_EQ(result.status, Status::kOk);
+      EXPECT_LT(result.residual_Nm, 1e-10 * force.norm()) << "what counts as reached";
+      EXPECT_LE((result.tension_N.array() - 0.3).matrix().norm(),
+                (t.array() - 0.3).matrix().norm() * (1 + 1e-9));
+      // Out of reach in the weak direction only: nearest but for the regularisation, which that direction
+      // feels.
+      const VectorXd off = force + Eigen::Vector3d(-0.3, -0.5, 1) * 0.1;
+      EXPECT_LE(TensionAllocator(5, 3).Allocate(a, off, 0.3, 8).residual_Nm,
+                (a * t - off).norm() * (1 + 1e-4));
+    }
   }
 }
 

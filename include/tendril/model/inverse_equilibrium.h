@@ -16,8 +16,7 @@ struct TensionedShape {
   Eigen::VectorXd q;          // 2N
   double miss = 0;            // distance from the target: rad for sums of bending, m for a tip
   double residual_Nm = 0;     // largest component of the balance that is left
-  // kTargetUnreachable: nearest found within the tension bounds; kSolverFallback: no stable shape, or not
-  // converged
+  // kTargetUnreachable: the nearest found within the tension bounds; kSolverFallback: no stable shape found
   Status status = Status::kOk;
   int iterations = 0;
 };
@@ -27,7 +26,8 @@ struct TensionedShape {
 ///   T_max,
 /// and among all such the least sum (T - T_min)^2; g is the sums (us, vs) of each section or the tip in F_0.
 /// Solved by sequential quadratic programming on T, with q on the stable branch continued from the straight
-/// shape. Rows are independent of each other: no warm start, the same input gives the same answer.
+/// shape. Rows are independent of each other: no warm start, the same input gives the same answer. A target
+/// counts as reached within 1e-7 rad or 10 nm.
 class InverseEquilibrium {
  public:
   /// 0 <= min_tension_N <= max_tension_N (infinity: no limit); throws std::invalid_argument.
@@ -54,9 +54,10 @@ class InverseEquilibrium {
 
   bool Balance(State& state, const Motion* motion) const;
   Eigen::VectorXd Value(Goal goal, const Eigen::VectorXd& q) const;
-  void Approach(Goal goal, const Eigen::VectorXd& target, const Motion* motion, double tolerance,
-                State& state) const;
-  void Continue(const Eigen::VectorXd& us_vs, const Motion* motion, State& state) const;
+  void Approach(Goal goal, const Eigen::VectorXd& target, const Motion* motion, double least_N,
+                double tolerance, State& state) const;
+  State Continue(const Eigen::VectorXd& us_vs, double least_N) const;
+  State Lead(const Eigen::Vector3d& target_W_m, double least_N) const;
   Motion TipMotion(const Eigen::VectorXd& q, const Eigen::Vector3d& velocity,
                    const Eigen::Vector3d& acceleration) const;
   TensionedShape Finish(Goal goal, const Eigen::VectorXd& target, const State& state) const;
