@@ -59,7 +59,8 @@ class FakeNode {
   bool sends_feedback = true;
   bool sends_heartbeat = true;
   bool accepts_fault_reset = true;
-  bool obeys = true;  // false: its state stays whatever it is told
+  bool obeys = true;      // false: its state stays whatever it is told
+  TimeNs inhibit_ns = 0;  // of the statusword's TPDO
 
   DriveMachine machine = DriveMachine::kSwitchOnDisabled;
   std::uint16_t extra_bits = 0;  // of the statusword
@@ -97,7 +98,8 @@ class FakeNode {
       port_.Send(HeartbeatFrame(id_, nmt));
       next_heartbeat_ns_ = now_ns + period_ns;
     }
-    if (nmt == NmtState::kOperational && Statusword() != told_statusword_) {
+    if (nmt == NmtState::kOperational && Statusword() != told_statusword_ && now_ns >= next_status_ns_) {
+      next_status_ns_ = now_ns + inhibit_ns;
       told_statusword_ = Statusword();
       can::CanFrame frame;
       frame.id = TpdoCobId(2, id_);
@@ -199,7 +201,7 @@ class FakeNode {
   can::CanFrame rpdo_;
   std::uint16_t last_word_ = 0;
   std::uint16_t told_statusword_ = 0xFFFF;
-  TimeNs next_heartbeat_ns_ = 0;
+  TimeNs next_heartbeat_ns_ = 0, next_status_ns_ = 0;
 };
 
 inline BusParameters TestBus(int drives, TimeNs cycle_ns = kNsPerMs) {
