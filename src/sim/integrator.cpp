@@ -43,7 +43,7 @@ void Check(int flag, const char* what) {
 // With some tens of states CVODE's time goes into its vector operations, one library call each. These are the
 // same operations, inlined and vectorised; clones take them over from the vector they are cloned from.
 using Array = Eigen::Map<Eigen::ArrayXd>;
-Array Values(N_Vector v) { return {N_VGetArrayPointer(v), N_VGetLength(v)}; }
+Array Values(N_Vector v) { return {NV_DATA_S(v), NV_LENGTH_S(v)}; }
 
 void LinearSum(realtype a, N_Vector x, realtype b, N_Vector y, N_Vector z) {
   Values(z) = a * Values(x) + b * Values(y);

@@ -67,6 +67,7 @@ struct Plant::Impl final : OdeSystem {
         workspace(body),
         n(body.dof()),
         m(body.tendons()),
+        cholesky(n),
         random(plant_options.seed) {
     std::vector<std::shared_ptr<const model::CapstanTable>> tables;
     for (int j = 0; j < m; ++j) {
@@ -104,7 +105,6 @@ struct Plant::Impl final : OdeSystem {
     rotor.setZero(m);
     moved.setZero(m);
     body_rhs.setZero(n);
-    cholesky = Eigen::LLT<Eigen::MatrixXd>(n);
     q.setZero(n);
     dq.setZero(n);
 
