@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <stdexcept>
 #include <string>
 
@@ -219,9 +220,15 @@ LogPoint SolveLog(const PulleyParameters& pulley, double log_low) {
   return out;
 }
 
+std::string Text(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
 void CheckTension(const char* side, double tension_N) {
   if (!(tension_N >= 0 && tension_N <= kMaxCapstanTension_N)) {
-    throw std::invalid_argument(std::string(side) + " tension = " + std::to_string(tension_N) +
+    throw std::invalid_argument(std::string(side) + " tension = " + Text(tension_N) +
                                 " N: accepted 0 .. 1e6 N");
   }
 }
@@ -259,8 +266,8 @@ double InvertLog(const PulleyParameters& pulley, double log_high) {
 void ValidatePulley(const PulleyParameters& p) {
   const auto require = [](bool good, const char* name, double value, const char* range) {
     if (!good) {
-      throw std::invalid_argument(std::string("pulley ") + name + " = " + std::to_string(value) +
-                                  ": accepted " + range);
+      throw std::invalid_argument(std::string("pulley ") + name + " = " + Text(value) + ": accepted " +
+                                  range);
     }
   };
   require(p.wrap_rad >= 0 && p.wrap_rad <= 100, "wrap", p.wrap_rad, "0 .. 100 rad");
@@ -326,16 +333,14 @@ CapstanTable::CapstanTable(const TransmissionParameters& transmission, double ma
   for (const PulleyParameters& pulley : transmission.pulleys) ValidatePulley(pulley);
   const double low_N = transmission.low_tension_N;
   if (!(low_N >= 1e-9 && low_N <= kMaxCapstanTension_N)) {
-    throw std::invalid_argument("transmission low tension = " + std::to_string(low_N) +
-                                " N: accepted 1e-9 .. 1e6 N");
+    throw std::invalid_argument("transmission low tension = " + Text(low_N) + " N: accepted 1e-9 .. 1e6 N");
   }
   if (!(max_tension_N > low_N && max_tension_N <= kMaxCapstanTension_N)) {
-    throw std::invalid_argument("Capstan table up to " + std::to_string(max_tension_N) +
-                                " N: accepted above " + std::to_string(low_N) +
-                                " N (the low tension), up to 1e6 N");
+    throw std::invalid_argument("Capstan table up to " + Text(max_tension_N) + " N: accepted above " +
+                                Text(low_N) + " N (the low tension), up to 1e6 N");
   }
   if (!(relative_error >= 1e-9 && relative_error <= 0.1)) {
-    throw std::invalid_argument("Capstan table relative error = " + std::to_string(relative_error) +
+    throw std::invalid_argument("Capstan table relative error = " + Text(relative_error) +
                                 ": accepted 1e-9 .. 0.1");
   }
   log_low_ = std::log(low_N);
@@ -389,7 +394,7 @@ CapstanTable::CapstanTable(const TransmissionParameters& transmission, double ma
       return;
     }
   }
-  throw std::runtime_error("Capstan table: relative error " + std::to_string(relative_error) +
+  throw std::runtime_error("Capstan table: relative error " + Text(relative_error) +
                            " not reached with 4096 intervals; raise the low tension or the accepted error");
 }
 

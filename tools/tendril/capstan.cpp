@@ -4,7 +4,6 @@
 
 #include <fmt/core.h>
 
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -91,10 +90,16 @@ void AddCapstanCommand(CLI::App& app) {
           "--direction", [options](const std::string& text) { options->release = text == "release"; },
           "the motor's motion: pull (default) or release")
       ->check(CLI::IsMember({"pull", "release"}));
-  command->add_option("--law", o.pulley.law, "cumulative (default), local or classic")
-      ->transform(CLI::Transformer(std::map<std::string, CapstanLaw>{{"cumulative", CapstanLaw::kCumulative},
-                                                                     {"local", CapstanLaw::kLocal},
-                                                                     {"classic", CapstanLaw::kClassic}}));
+  command
+      ->add_option_function<std::string>(
+          "--law",
+          [options](const std::string& text) {
+            options->pulley.law = text == "classic" ? CapstanLaw::kClassic
+                                  : text == "local" ? CapstanLaw::kLocal
+                                                    : CapstanLaw::kCumulative;
+          },
+          "cumulative (default), local or classic")
+      ->check(CLI::IsMember({"cumulative", "local", "classic"}));
   command
       ->add_option("--low-tension", o.low_tension_N,
                    "below this low-side tension [N] keep the ratio found there")
