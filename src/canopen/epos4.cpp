@@ -202,13 +202,13 @@ const std::vector<ObjectEntry>& Table() {
   return table;
 }
 
-// ---- electronic data sheet
-// -------------------------------------------------------------------------------------
+// ---- electronic data sheet ----------------------------------------------------------------------
 
 [[gnu::format(printf, 2, 3)]] void Print(std::string& text, const char* format, ...) {
   std::array<char, 512> piece{};
   va_list arguments;
   va_start(arguments, format);
+  // NOLINTNEXTLINE(clang-analyzer-valist.Uninitialized): it is, one line above
   std::vsnprintf(piece.data(), piece.size(), format, arguments);
   va_end(arguments);
   text += piece.data();

@@ -138,8 +138,7 @@ void Master::ClearFaults(TimeNs now_ns) noexcept {
   for (auto& node : state_->nodes) node->ClearFault(now_ns);
 }
 
-// ---- one cycle
-// -------------------------------------------------------------------------------------------------
+// ---- one cycle ----------------------------------------------------------------------------------
 
 void Master::BeginCycle(TimeNs now_ns) noexcept {
   State& s = *state_;
@@ -203,8 +202,7 @@ bool Master::Shutdown(TimeNs now_ns) noexcept {
   return false;
 }
 
-// ---- frames out
-// ------------------------------------------------------------------------------------------------
+// ---- frames out ---------------------------------------------------------------------------------
 
 bool Master::State::Send(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   if (port.Send(frame)) return true;
@@ -259,8 +257,7 @@ void Master::State::SendRpdos(TimeNs now_ns, DriveRequest request,
   }
 }
 
-// ---- frames in
-// -------------------------------------------------------------------------------------------------
+// ---- frames in ----------------------------------------------------------------------------------
 
 void Master::State::Drain(TimeNs now_ns) noexcept {
   for (int i = 0; i < kMaxBatches; ++i) {

@@ -70,8 +70,7 @@ void Node::Report(TimeNs now_ns, Status status, const char* format, ...) noexcep
   events_.Push(event);
 }
 
-// ---- boot
-// ------------------------------------------------------------------------------------------------------
+// ---- boot ---------------------------------------------------------------------------------------
 
 void Node::Boot(TimeNs now_ns, bool reset_fault) noexcept {
   sdo_.Reset();
@@ -368,8 +367,7 @@ void Node::Lose(TimeNs) noexcept {
   UpdateState();
 }
 
-// ---- orders
-// ----------------------------------------------------------------------------------------------------
+// ---- orders -------------------------------------------------------------------------------------
 
 void Node::ClearFault(TimeNs now_ns) noexcept {
   switch (phase_) {
@@ -411,8 +409,7 @@ bool Node::Release() noexcept {
   return false;
 }
 
-// ---- time
-// ------------------------------------------------------------------------------------------------------
+// ---- time ---------------------------------------------------------------------------------------
 
 void Node::BeginCycle(TimeNs now_ns) noexcept {
   if (feedback_.age_cycles < kNeverHeard) ++feedback_.age_cycles;
@@ -474,8 +471,7 @@ void Node::RefreshStatusword(TimeNs now_ns) noexcept {
   if (transfer_ == Transfer::kNone) Read({0x6041, 0}, Transfer::kStatusword);
 }
 
-// ---- frames in
-// -------------------------------------------------------------------------------------------------
+// ---- frames in ----------------------------------------------------------------------------------
 
 void Node::OnFeedback(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   if (!started()) return;
@@ -598,8 +594,7 @@ void Node::OnHeartbeat(NmtState state, TimeNs now_ns) noexcept {
   }
 }
 
-// ---- faults
-// ----------------------------------------------------------------------------------------------------
+// ---- faults -------------------------------------------------------------------------------------
 
 void Node::Latch(TimeNs) noexcept {
   latched_ = true;
@@ -630,8 +625,7 @@ void Node::UpdateState() noexcept {
   }
 }
 
-// ---- frames out
-// ------------------------------------------------------------------------------------------------
+// ---- frames out ---------------------------------------------------------------------------------
 
 void Node::QueueNmt(NmtCommand command) noexcept {
   nmt_frame_ = NmtFrame(command, id_);

@@ -29,7 +29,7 @@ class Node {
   bool answered() const noexcept { return ready() && feedback_.age_cycles == 0; }
   bool powered() const noexcept { return machine() == DriveMachine::kOperationEnabled; }
 
-  // ---- orders ----
+  // ---- orders -----------------------------------------------------------------------------------
 
   /// Boots from NMT reset communication; afterwards resets the drive's fault if told to.
   void Boot(TimeNs now_ns, bool reset_fault) noexcept;
@@ -40,12 +40,12 @@ class Node {
   /// ... and came back: nodes that were never ready boot now.
   void OnBusUp(TimeNs now_ns) noexcept;
 
-  // ---- time ----
+  // ---- time -------------------------------------------------------------------------------------
 
   /// A new cycle begins: ages the feedback, notices time-outs.
   void BeginCycle(TimeNs now_ns) noexcept;
 
-  // ---- frames in ----
+  // ---- frames in --------------------------------------------------------------------------------
 
   void OnFeedback(const can::CanFrame& frame, TimeNs now_ns) noexcept;
   void OnStatus(const can::CanFrame& frame, TimeNs now_ns) noexcept;
@@ -53,7 +53,7 @@ class Node {
   void OnEmcy(const EmcyMessage& emcy, TimeNs now_ns) noexcept;
   void OnHeartbeat(NmtState state, TimeNs now_ns) noexcept;
 
-  // ---- frames out ----
+  // ---- frames out -------------------------------------------------------------------------------
 
   /// NMT command or SDO request that waits; nullptr when none does.
   const can::CanFrame* pending() const noexcept;

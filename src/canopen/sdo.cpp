@@ -255,8 +255,7 @@ can::CanFrame EncodeSdoResponse(int node_id, const SdoMessage& message) noexcept
   return frame;
 }
 
-// ---- client
-// ----------------------------------------------------------------------------------------------------
+// ---- client -------------------------------------------------------------------------------------
 
 void SdoClient::Queue(const SdoMessage& message) noexcept {
   frame_ = EncodeSdoRequest(node_id_, message);

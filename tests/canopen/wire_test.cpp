@@ -32,8 +32,7 @@ can::CanFrame Frame(std::uint32_t id, std::initializer_list<int> bytes) {
   return frame;
 }
 
-// ---- NMT, heartbeat, SYNC, EMCY
-// --------------------------------------------------------------------------------
+// ---- NMT, heartbeat, SYNC, EMCY -----------------------------------------------------------------
 
 TEST(Wire, FramesOfThePredefinedConnectionSet) {
   EXPECT_EQ(NmtFrame(NmtCommand::kResetCommunication, 5).id, 0x000u);
@@ -93,8 +92,7 @@ TEST(Wire, LittleEndianWithSign) {
   EXPECT_EQ(SignExtend(0x7FFF, 16), 32767);
 }
 
-// ---- SDO
-// -------------------------------------------------------------------------------------------------------
+// ---- SDO ----------------------------------------------------------------------------------------
 
 SdoMessage Initiate(SdoKind kind, ObjectAddress address, int bytes, std::uint32_t value) {
   SdoMessage message;
@@ -205,8 +203,7 @@ TEST(SdoCodec, EveryAbortCodeHasAText) {
   EXPECT_STREQ(AbortText(0x12345678), "unknown abort code");
 }
 
-// ---- CiA 402
-// ---------------------------------------------------------------------------------------------------
+// ---- CiA 402 ------------------------------------------------------------------------------------
 
 TEST(Cia402, StatuswordOfEveryState) {
   const std::pair<std::uint16_t, DriveMachine> cases[] = {
@@ -277,8 +274,7 @@ TEST(Cia402, DisableVoltageCutsThePowerFromEveryState) {
             DriveMachine::kSwitchOnDisabled);
 }
 
-// ---- EMCY
-// ------------------------------------------------------------------------------------------------------
+// ---- EMCY ---------------------------------------------------------------------------------------
 
 TEST(Emcy, CodesRegisterAndReaction) {
   using R = EmcyReaction;
@@ -314,8 +310,7 @@ TEST(Emcy, CodesRegisterAndReaction) {
   EXPECT_THAT(FindEmcy(0x2345).text, HasSubstr("not in the drive's list"));
 }
 
-// ---- PDO
-// -------------------------------------------------------------------------------------------------------
+// ---- PDO ----------------------------------------------------------------------------------------
 
 std::span<const MappingEntry> Entries(const PdoLayout& pdo) {
   return {pdo.entries.data(), static_cast<std::size_t>(pdo.count)};
@@ -350,8 +345,7 @@ TEST(Pdo, WhatWeMapIsMappableAsWideAndAsSigned) {
   }
 }
 
-// ---- object table
-// ----------------------------------------------------------------------------------------------
+// ---- object table -------------------------------------------------------------------------------
 
 TEST(ObjectTable, IsSortedUniqueAndWithinItsOwnRanges) {
   const auto table = ObjectTable();
@@ -391,8 +385,7 @@ TEST(ObjectTable, TheDataSheetInTheTreeIsMadeOfIt) {
   }
 }
 
-// ---- bus budget
-// ------------------------------------------------------------------------------------------------
+// ---- bus budget ---------------------------------------------------------------------------------
 
 BusParameters Bus(int drives, TimeNs cycle_ns) {
   BusParameters bus;

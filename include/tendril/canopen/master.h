@@ -1,6 +1,6 @@
-// CANopen master for CiA 402 torque drives: boots each node, checks and configures it, then runs the cycle of SYNC,
-// RPDO and TPDO. Passive: time is passed in, frames go through a CanPort, nothing blocks or allocates after
-// construction. Knows nothing of tendons.
+// CANopen master for CiA 402 torque drives: boots each node, checks and configures it, then runs the cycle of
+// SYNC, RPDO and TPDO. Passive: time is passed in, frames go through a CanPort, nothing blocks or allocates
+// after construction. Knows nothing of tendons.
 #pragma once
 
 #include <array>
@@ -22,20 +22,21 @@ struct DriveSetup {
   std::uint32_t nominal_current_mA = 0;
   std::uint32_t output_current_limit_mA = 0;
   std::uint32_t torque_constant_uNmpA = 0;
-  std::uint32_t rated_torque_uNm = 0;      // must agree with what 0x6076 reports
+  std::uint32_t rated_torque_uNm = 0;  // must agree with what 0x6076 reports
 };
 
-/// Something that happened on the bus; for events and the log. `text` is static or stored inside, never on the heap.
+/// Something that happened on the bus; for events and the log. `text` is static or stored inside, never on
+/// the heap.
 struct BusEvent {
   TimeNs time_ns = 0;
   Status status = Status::kOk;
-  int node_id = 0;                         // 0: the bus itself
-  std::array<char, 160> text{};            // one line: node, step, index:sub, value, abort text
+  int node_id = 0;               // 0: the bus itself
+  std::array<char, 160> text{};  // one line: node, step, index:sub, value, abort text
 };
 
 /// Share of the bit rate that a configuration needs in the worst case.
 struct BusBudget {
-  double load = 0;                         // of the bit rate, 0..
+  double load = 0;  // of the bit rate, 0..
   double cyclic_bits_per_s = 0, other_bits_per_s = 0;
   int max_drives_at_this_cycle = 0;
   TimeNs min_cycle_ns_for_these_drives = 0;  // shortest whole-millisecond cycle that fits
@@ -45,8 +46,8 @@ BusBudget ComputeBusBudget(const BusParameters& bus);
 
 class Master {
  public:
-  /// Drives in the order in which feedback and torques are given. Throws std::invalid_argument on a budget above
-  /// bus.max_load, naming drive count and cycle that would fit.
+  /// Drives in the order in which feedback and torques are given. Throws std::invalid_argument on a budget
+  /// above bus.max_load, naming drive count and cycle that would fit.
   Master(const BusParameters& bus, std::span<const DriveSetup> drives, can::CanPort& port);
   ~Master();
 
@@ -55,7 +56,7 @@ class Master {
   /// Starts (again) from NMT reset; boot proceeds in Poll.
   void Start(TimeNs now_ns) noexcept;
 
-  // ---- one cycle: BeginCycle, Poll until it returns true or the deadline passed, EndCycle ----
+  // ---- one cycle: BeginCycle, Poll until it returns true or the deadline passed, EndCycle -------
 
   /// Sends SYNC and what boot, heartbeats and time-outs have due.
   void BeginCycle(TimeNs now_ns) noexcept;
@@ -63,17 +64,20 @@ class Master {
   bool Poll(TimeNs now_ns) noexcept;
   /// Feedback of the cycle, age-stamped; valid after Poll.
   const DriveFeedback& feedback(int drive) const noexcept;
-  /// Walks the CiA 402 states towards the request and sends torques [per mille of rated]; they act at the next SYNC.
-  /// Without an enabled drive its torque is sent as zero.
+  /// Walks the CiA 402 states towards the request and sends torques [per mille of rated]; they act at the
+  /// next SYNC. Without an enabled drive its torque is sent as zero.
   void EndCycle(TimeNs now_ns, DriveRequest request, std::span<const std::int16_t> torque_permille) noexcept;
 
-  /// Fault reset of the drives that are in fault, or a new boot where a node was lost; on operator's clear only.
+  /// Fault reset of the drives that are in fault, or a new boot where a node was lost; on operator's clear
+  /// only.
   void ClearFaults(TimeNs now_ns) noexcept;
-  /// NMT stop and drive disable for an orderly end; call until true.
+  /// Disables the drives, lets them forget our heartbeat and stops them; call once a cycle until true, 0.6 s
+  /// at the longest.
   bool Shutdown(TimeNs now_ns) noexcept;
 
   bool bus_ok() const noexcept;
-  /// Oldest event not yet taken; false when there is none. Events beyond the ring's capacity are counted, not kept.
+  /// Oldest event not yet taken; false when there is none. Events beyond the ring's capacity are counted, not
+  /// kept.
   bool TakeEvent(BusEvent* event) noexcept;
   std::uint64_t events_lost() const noexcept;
 

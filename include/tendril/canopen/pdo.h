@@ -67,8 +67,7 @@ int EncodePdo(std::span<const MappingEntry> entries, std::span<const std::int64_
 bool DecodePdo(std::span<const MappingEntry> entries, std::span<const std::uint8_t> data,
                std::span<std::int64_t> values) noexcept;
 
-// ---- the PDOs of this system
-// -----------------------------------------------------------------------------------
+// ---- the PDOs of this system --------------------------------------------------------------------
 
 /// Torque to the drive. Type 1: what came in before a SYNC acts at that SYNC.
 inline constexpr PdoLayout kRpdoTorque{.transmit = false,

@@ -12,8 +12,7 @@
 
 namespace tendril::canopen {
 
-// ---- abort codes
-// -----------------------------------------------------------------------------------------------
+// ---- abort codes --------------------------------------------------------------------------------
 
 namespace sdo_abort {
 inline constexpr std::uint32_t kToggle = 0x05030000, kTimeout = 0x05040000, kCommand = 0x05040001,
@@ -29,8 +28,7 @@ inline constexpr std::uint32_t kToggle = 0x05030000, kTimeout = 0x05040000, kCom
 /// One line for people; "unknown abort code" for codes that are in no list.
 const char* AbortText(std::uint32_t code) noexcept;
 
-// ---- codec
-// -----------------------------------------------------------------------------------------------------
+// ---- codec --------------------------------------------------------------------------------------
 
 enum class SdoKind : std::uint8_t {
   kInitiateDownload,  // request: write begins;      response: accepted
@@ -62,8 +60,7 @@ SdoMessage DecodeSdoResponse(const can::CanFrame& frame) noexcept;
 can::CanFrame EncodeSdoRequest(int node_id, const SdoMessage& message) noexcept;
 can::CanFrame EncodeSdoResponse(int node_id, const SdoMessage& message) noexcept;
 
-// ---- client
-// ----------------------------------------------------------------------------------------------------
+// ---- client -------------------------------------------------------------------------------------
 
 /// One transfer at a time with one server. Start it, send what NextFrame gives, pass in the node's SDO
 /// responses and the time, until state() is no longer kBusy.

@@ -13,8 +13,7 @@
 
 namespace tendril::canopen {
 
-// ---- COB-IDs of the predefined connection set (CiA 301); those of a node have its id added
-// ---------------------
+// ---- COB-IDs of the predefined connection set (CiA 301); those of a node have its id added ------
 
 inline constexpr std::uint32_t kNmtCobId = 0x000;
 inline constexpr std::uint32_t kSyncCobId = 0x080;
@@ -49,8 +48,7 @@ struct ObjectAddress {
   friend constexpr bool operator==(const ObjectAddress&, const ObjectAddress&) = default;
 };
 
-// ---- little-endian numbers
-// -------------------------------------------------------------------------------------
+// ---- little-endian numbers ----------------------------------------------------------------------
 
 /// Writes the lowest `bytes` bytes of `value` to the front of `to`, least significant first.
 inline void PutLe(std::span<std::uint8_t> to, std::uint64_t value, int bytes) noexcept {
@@ -83,8 +81,7 @@ constexpr std::int64_t SignExtend(std::uint64_t value, int bits) {
   return static_cast<std::int64_t>(value << shift) >> shift;
 }
 
-// ---- NMT, heartbeat, SYNC
-// --------------------------------------------------------------------------------------
+// ---- NMT, heartbeat, SYNC -----------------------------------------------------------------------
 
 enum class NmtCommand : std::uint8_t {
   kStart = 0x01,
