@@ -72,11 +72,8 @@ const CycleRecord& ClosedLoop::Step() {
   cycle_->Run(start, pending_, {}, record_);
   pending_ = Command{};
 
-  const auto due = [this](int every) {
-    return every > 0 && record_.input.cycle % static_cast<std::uint64_t>(every) == 0;
-  };
-  if (due(daemon_.lcm.state_every_cycles)) gateway_->PublishState(record_);
-  if (due(daemon_.lcm.cycle_every_cycles)) gateway_->PublishCycle(record_);
+  gateway_->PublishState(record_);
+  gateway_->PublishCycle(record_);
   ForwardEvents();
   return record_;
 }
