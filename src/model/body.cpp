@@ -24,7 +24,7 @@ struct Vec {
   double x, y, z;
 
   Vec() = default;
-  Vec(double x_, double y_, double z_) : x(x_), y(y_), z(z_) {}
+  constexpr Vec(double x_, double y_, double z_) : x(x_), y(y_), z(z_) {}
   explicit Vec(const Eigen::Vector3d& v) : x(v[0]), y(v[1]), z(v[2]) {}
   Eigen::Vector3d eigen() const { return {x, y, z}; }
   double dot(const Vec& b) const { return x * b.x + y * b.y + z * b.z; }
@@ -46,8 +46,8 @@ struct Mat {
   Vec TransposeTimes(const Vec& v) const { return {x.dot(v), y.dot(v), z.dot(v)}; }
 };
 
-const Mat kIdentity{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-const Vec kZero(0, 0, 0);
+constexpr Mat kIdentity{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+constexpr Vec kZero(0, 0, 0);
 
 inline Vec Times(const Mat& r, double x, double y, double z) { return x * r.x + y * r.y + z * r.z; }
 
@@ -57,7 +57,8 @@ struct Symmetric {
   Vec operator*(const Vec& v) const {
     return {xx * v.x + xy * v.y + xz * v.z, xy * v.x + yy * v.y + yz * v.z, xz * v.x + yz * v.y + zz * v.z};
   }
-  void AddSquare(double k, const Vec& a) {  // k a a^T
+  // k a a^T.
+  void AddSquare(double k, const Vec& a) {
     const Vec b = k * a;
     xx += b.x * a.x;
     xy += b.x * a.y;
@@ -66,8 +67,8 @@ struct Symmetric {
     yz += b.y * a.z;
     zz += b.z * a.z;
   }
-  void SubtractOuter(const Vec& a, const Vec& b, const Vec& c,
-                     const Vec& d) {  // a b^T + c d^T, which is symmetric
+  // a b^T + c d^T, which is symmetric.
+  void SubtractOuter(const Vec& a, const Vec& b, const Vec& c, const Vec& d) {
     xx -= a.x * b.x + c.x * d.x;
     xy -= a.x * b.y + c.x * d.y;
     xz -= a.x * b.z + c.x * d.z;
@@ -87,8 +88,7 @@ struct ArticulatedInertia {
   Symmetric mass, inertia;
   Mat cross{kZero, kZero, kZero};
 
-  // To the point -p from the present one: alpha there adds alpha x p to a here, a force adds p x f to the
-  // moment.
+  // To the point at -p: alpha there adds alpha x p to a here, a force here adds p x f to the moment there.
   void Shift(const Vec& p) {
     const Mat c = cross;
     cross.x +=
@@ -113,7 +113,7 @@ struct Joint {
   Vec jw_u, jw_v;  // angular velocity
 };
 
-// eqs. 2, 7, 9 without their singularity at theta = 0; D_k = 2 dc_k/dx.
+// eqs. 2, 7, 9 without their singularity at theta = 0; d_k = 2 dc_k/dx.
 inline void PlaceJoint(const Mat& r_wa, double l, double u, double v, const Stumpffs& c, Joint& joint) {
   const double d1 = c[3] - c[2], d2 = 2 * c[4] - c[3];
   const double uu = u * u, uv = u * v, vv = v * v;
@@ -145,7 +145,8 @@ inline Pose ToPose(const Vec& p, const Mat& r) {
   return pose;
 }
 
-// Accelerations of B relative to A that remain when ddu = ddv = 0, in the axes of A (eqs. 11, 12).
+// Accelerations of B relative to A that remain when ddu = ddv = 0, in the axes of A (eqs. 11, 12); d_k as
+// above, e_k = 2 dd_k/dx.
 inline void RelativeBias(double l, double u, double v, double du, double dv, const Stumpffs& c, Vec& linear,
                          Vec& angular) {
   const double d1 = c[3] - c[2], d2 = 2 * c[4] - c[3], d3 = 3 * c[5] - c[4];

@@ -46,6 +46,12 @@ TEST(BodyAllocation, NoCallOfTheBodyAllocates) {
   EXPECT_EQ(test::AllocationCount(), before);
   EXPECT_TRUE(std::isfinite(sum));
 
+  // Vectors of fixed size are taken as they are.
+  Eigen::Matrix<double, 10, 1> q10 = q, force10 = Eigen::Matrix<double, 10, 1>::Zero(), ddq10;
+  body.ForwardDynamics(q10, q10, force10, ddq10, workspace);
+  body.InverseDynamics(q10, q10, ddq10, force10, workspace);
+  EXPECT_EQ(test::AllocationCount(), before);
+
   const VectorXd counted(3);  // the counter does count
   EXPECT_GT(test::AllocationCount(), before);
 }
