@@ -156,7 +156,9 @@ void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motio
     double length = longest;
     for (int attempt = 0; attempt < 25 && !moved; ++attempt, length *= 0.5) {
       State next = state;
-      next.tension_N = state.tension_N + length * step;
+      next.tension_N = (state.tension_N + length * step)
+                           .cwiseMax(min_tension_N_)
+                           .cwiseMin(max_tension_N_);  // but for round-off
       next.q = state.q + length * (q_per_tension * step);
       if (!Balance(next, motion)) continue;
       const double next_miss = (target - Value(goal, next.q)).norm();
