@@ -10,6 +10,7 @@ struct MemoryBus::State {
   explicit State(const Clock& c) : clock(c) {}
 
   void Broadcast(const CanFrame& frame, const Port* except) noexcept;
+  void Tell(const CanFrame& error, const Port* except) noexcept;
 
   const Clock& clock;
   std::vector<std::unique_ptr<Port>> ports;
@@ -27,6 +28,10 @@ class MemoryBus::Port final : public CanPort {
       ++counters_.send_refused;
       ++bus_.totals.send_refused;
       return false;
+    }
+    if (frame.error) {
+      bus_.Tell(frame, this);
+      return true;
     }
     const auto bits = static_cast<std::uint64_t>(WorstCaseBits(frame));
     ++counters_.sent;
@@ -46,7 +51,7 @@ class MemoryBus::Port final : public CanPort {
   }
 
   bool WaitUntil(TimeNs) noexcept override { return head_ != tail_; }
-  bool up() const noexcept override { return !bus_.off; }
+  bool up() const noexcept override { return !off_ && !bus_.off; }
   const CanCounters& counters() const noexcept override { return counters_; }
 
   void Deliver(const CanFrame& frame) noexcept {
@@ -58,7 +63,11 @@ class MemoryBus::Port final : public CanPort {
     ring_[tail_++ % kCapacity] = {frame, bus_.clock.Now()};
     if (frame.error) {
       ++counters_.error_frames;
-      if (frame.id & kErrorBusOff) ++counters_.bus_off;
+      if (frame.id & kErrorBusOff) {
+        ++counters_.bus_off;
+        off_ = true;
+      }
+      if (frame.id & kErrorRestarted) off_ = false;
     } else {
       ++counters_.received;
       counters_.bits += static_cast<std::uint64_t>(WorstCaseBits(frame));
@@ -71,6 +80,7 @@ class MemoryBus::Port final : public CanPort {
   State& bus_;
   std::vector<StampedFrame> ring_;
   std::size_t head_ = 0, tail_ = 0;  // of everything ever, taken modulo the capacity
+  bool off_ = false;                 // as the last error frame said
   CanCounters counters_;
 };
 
@@ -78,6 +88,12 @@ void MemoryBus::State::Broadcast(const CanFrame& frame, const Port* except) noex
   for (const auto& port : ports) {
     if (port.get() != except) port->Deliver(frame);
   }
+}
+
+void MemoryBus::State::Tell(const CanFrame& error, const Port* except) noexcept {
+  ++totals.error_frames;
+  if (error.id & kErrorBusOff) ++totals.bus_off;
+  Broadcast(error, except);
 }
 
 MemoryBus::MemoryBus(const Clock& clock) : state_(std::make_unique<State>(clock)) {}
@@ -97,9 +113,7 @@ void MemoryBus::SetBusOff(bool off) {
   frame.error = true;
   frame.size = 8;
   frame.id = off ? kErrorBusOff : kErrorRestarted;
-  ++state_->totals.error_frames;
-  if (off) ++state_->totals.bus_off;
-  state_->Broadcast(frame, nullptr);
+  state_->Tell(frame, nullptr);
 }
 
 const CanCounters& MemoryBus::totals() const { return state_->totals; }

@@ -1,17 +1,21 @@
 // Files in, structs out, and the resolved configuration back as text.
-// Knows the two kinds of file; their keys are in describe_robot.h and describe_daemon.h.
+// Knows the kinds of file; their keys are in describe_robot.h, describe_daemon.h and describe_fault.h.
 #include "tendril/config/config.h"
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <optional>
+#include <sstream>
 
 #include "describe_daemon.h"
+#include "describe_fault.h"
 #include "describe_robot.h"
 #include "writer.h"
 
@@ -28,7 +32,9 @@ constexpr std::string_view kDaemonKeys = "a daemon file with robot, controller, 
 constexpr std::string_view kAnyKeys =
     "a robot file (name, body, limits) or a daemon file (robot, controller, bus)";
 
-enum class Kind { kRobot, kDaemon, kUnknown };
+constexpr std::string_view kScenarioKeys = "a scenario file with faults";
+
+enum class Kind { kRobot, kDaemon, kScenario, kUnknown };
 
 Kind KindOfMap(const YAML::Node& map) {
   for (const auto& entry : map) {
@@ -37,8 +43,23 @@ Kind KindOfMap(const YAML::Node& map) {
     if (key == "body" || key == "limits" || key == "actuation") return Kind::kRobot;
     if (key == "bus" || key == "controller" || key == "realtime" || key == "lcm" || key == "robot")
       return Kind::kDaemon;
+    if (key == "faults") return Kind::kScenario;
   }
   return Kind::kUnknown;
+}
+
+std::string_view KindText(Kind kind) {
+  switch (kind) {
+    case Kind::kRobot:
+      return "robot";
+    case Kind::kDaemon:
+      return "daemon";
+    case Kind::kScenario:
+      return "scenario";
+    case Kind::kUnknown:
+      break;
+  }
+  return "other";
 }
 
 std::string ReadFile(const std::string& path) {
@@ -67,7 +88,7 @@ T Parse(const std::string& yaml, const Source& source, Kind expected, std::strin
   const Kind kind = KindOfMap(document.map);
   if (kind != expected && kind != Kind::kUnknown) {
     throw ConfigError(fmt::format("{}:{}: this is a {} file; accepted: {}; name the other file", source.name,
-                                  document.line, kind == Kind::kRobot ? "robot" : "daemon", keys));
+                                  document.line, KindText(kind), keys));
   }
   Reader reader(source, {std::move(document)});
   T value;
@@ -142,6 +163,37 @@ DaemonParameters LoadDaemon(const std::string& path) {
   return daemon;
 }
 
+std::vector<FaultParameters> LoadScenario(const std::string& path) {
+  return Parse<Scenario>(ReadFile(path), {path}, Kind::kScenario, kScenarioKeys).faults;
+}
+
+FaultParameters ParseFault(const std::string& text, const std::string& name_for_errors) {
+  constexpr std::string_view kForm = "a kind, then key=value, e.g. drop node=2 probability=0.1 for_s=5";
+  // Rewritten as the YAML of one entry of a scenario, so that both have the same keys and the same refusals.
+  std::string yaml;
+  std::istringstream words(text.substr(0, 1000));
+  for (std::string word; words >> word;) {
+    const auto equals = word.find('=');
+    const bool plain = std::all_of(word.begin(), word.end(), [](unsigned char c) {
+      return std::isalnum(c) || c == '_' || c == '=' || c == '.' || c == '-' || c == '+';
+    });
+    if (!plain || (equals == std::string::npos) != yaml.empty()) {
+      throw ConfigError(fmt::format("{}: '{}' is not understood; accepted: {}; correct it", name_for_errors,
+                                    plain ? word : "a character", kForm));
+    }
+    yaml += yaml.empty() ? "{fault: " + word
+                         : fmt::format(", {}: {}", word.substr(0, equals), word.substr(equals + 1));
+  }
+  if (yaml.empty())
+    throw ConfigError(fmt::format("{}: is empty; accepted: {}; write one", name_for_errors, kForm));
+  try {
+    return Parse<FaultParameters>(yaml + "}", {name_for_errors}, Kind::kUnknown, kForm);
+  } catch (const ConfigError& e) {  // one line has no number
+    const std::string line = e.what(), lead = name_for_errors + ":1";
+    throw line.starts_with(lead) ? ConfigError(name_for_errors + line.substr(lead.size())) : e;
+  }
+}
+
 std::string ToYaml(const RobotParameters& robot) { return BlocksOf(robot); }
 std::string ToYaml(const DaemonParameters& daemon) { return BlocksOf(daemon); }
 
@@ -198,14 +250,8 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
 std::string KindOf(const std::string& path) {
   const Source source{path};
   const Layer document = ParseDocument(ReadFile(path), source, kAnyKeys);
-  switch (KindOfMap(document.map)) {
-    case Kind::kRobot:
-      return "robot";
-    case Kind::kDaemon:
-      return "daemon";
-    case Kind::kUnknown:
-      break;
-  }
+  const Kind kind = KindOfMap(document.map);
+  if (kind != Kind::kUnknown) return std::string(KindText(kind));
   throw ConfigError(fmt::format("{}:{}: neither a robot nor a daemon file; accepted: {}; name another file",
                                 path, document.line, kAnyKeys));
 }

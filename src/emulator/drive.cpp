@@ -98,12 +98,21 @@ Drive::Drive(const EmulatedDriveParameters& parameters, can::CanPort& port)
 void Drive::PowerCycle() noexcept {
   objects_.Restore(0x0000, 0xFFFF);
   stage_.Reset();
+  supplied_ = true;
   frozen_ = heartbeat_stopped_ = false;
   connection_lost_ = i2t_limits_ = false;
   i2t_ = 0;
   nmt_ = NmtState::kBootUp;
   ResetCommunication();
   RefreshRatedTorque();
+}
+
+/// The stage is reset when the supply goes, so that no torque is left, and everything once more when it comes
+/// back.
+void Drive::SetSupply(bool on) noexcept {
+  if (on == supplied_) return;
+  PowerCycle();
+  supplied_ = on;
 }
 
 void Drive::ResetCommunication() noexcept {
@@ -140,11 +149,27 @@ void Drive::RefreshRatedTorque() noexcept {
                                                  static_cast<std::uint32_t>(torque_constant_.value));
 }
 
+// ---- sensors
+// ---------------------------------------------------------------------------------------------------
+
+/// A stuck encoder shows standstill: the drive's velocity is made of it.
+void Drive::SetSensors(const DriveSensors& sensors) noexcept {
+  const auto stuck = [this](DriveSensor sensor) { return stuck_[static_cast<std::size_t>(sensor)]; };
+  DriveSensors shown = sensors;
+  if (stuck(DriveSensor::kEncoder)) {
+    shown.position_counts = sensors_.position_counts;
+    shown.velocity_rpm = 0;
+  }
+  if (stuck(DriveSensor::kLoadCell)) shown.analog_mV = sensors_.analog_mV;
+  if (stuck(DriveSensor::kTorque)) shown.actual_torque_Nm = sensors_.actual_torque_Nm;
+  sensors_ = shown;
+}
+
 // ---- frames
 // ----------------------------------------------------------------------------------------------------
 
 void Drive::OnFrame(const can::CanFrame& frame, TimeNs now_ns) {
-  if (frozen_ || frame.error) return;
+  if (!alive() || frame.error) return;
   now_ns_ = now_ns;
   const std::uint32_t function = canopen::CobFunction(frame.id);
   if (frame.id == canopen::kNmtCobId) {
@@ -233,7 +258,7 @@ void Drive::OnReceivePdo(Pdo& pdo, std::size_t which, const can::CanFrame& frame
 }
 
 void Drive::OnSync(TimeNs now_ns) {
-  if (frozen_ || nmt_ != NmtState::kOperational) return;
+  if (!alive() || nmt_ != NmtState::kOperational) return;
   now_ns_ = now_ns;
   bool fresh = false;
   for (std::size_t i = 0; i < received_.size(); ++i) {
@@ -261,7 +286,7 @@ void Drive::SendPdo(const Pdo& pdo) {
 // ------------------------------------------------------------------------------------------------------
 
 void Drive::OnTime(TimeNs now_ns) {
-  if (frozen_) return;
+  if (!alive()) return;
   now_ns_ = now_ns;
   if (nmt_ == NmtState::kBootUp) Boot(now_ns);
   RunHeartbeats(now_ns);

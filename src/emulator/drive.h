@@ -19,7 +19,9 @@ class Drive final : private SdoObjects {
   Drive(const Drive&) = delete;
   Drive& operator=(const Drive&) = delete;
 
-  void SetSensors(const DriveSensors& sensors) noexcept { sensors_ = sensors; }
+  int node_id() const noexcept { return node_id_; }
+
+  void SetSensors(const DriveSensors& sensors) noexcept;
   void OnFrame(const can::CanFrame& frame, TimeNs now_ns);
   void OnSync(TimeNs now_ns);
   /// Everything that is due at `now_ns`, boot-up first.
@@ -31,6 +33,10 @@ class Drive final : private SdoObjects {
   void InjectEmcy(std::uint16_t code);
   void SetFrozen(bool frozen) noexcept { frozen_ = frozen; }
   void PowerCycle() noexcept;
+  void SetSupply(bool on) noexcept;
+  void StickSensor(DriveSensor sensor, bool stuck) noexcept {
+    stuck_[static_cast<std::size_t>(sensor)] = stuck;
+  }
   void StopHeartbeat() noexcept { heartbeat_stopped_ = true; }
 
  private:
@@ -53,6 +59,7 @@ class Drive final : private SdoObjects {
   std::uint32_t CheckConsumer(const Object& object, std::uint32_t value) const;
   void AfterWrite(const Object& object);
 
+  bool alive() const noexcept { return supplied_ && !frozen_; }
   void OnNmt(canopen::NmtCommand command);
   void OnHeartbeat(int node_id, TimeNs now_ns) noexcept;
   void OnReceivePdo(Pdo& pdo, std::size_t which, const can::CanFrame& frame);
@@ -81,11 +88,12 @@ class Drive final : private SdoObjects {
   DriveSensors sensors_;
 
   canopen::NmtState nmt_ = canopen::NmtState::kBootUp;
-  bool frozen_ = false, heartbeat_stopped_ = false;
+  bool supplied_ = true, frozen_ = false, heartbeat_stopped_ = false;
+  std::array<bool, 3> stuck_{};   // by DriveSensor
   bool connection_lost_ = false;  // heartbeat loss: no fault reset before NMT reset communication
   bool i2t_limits_ = false;
   std::int64_t rated_at_mA_ = 0;  // nominal current that the rated torque was computed from
-  double i2t_ = 0;  // winding heat, 1: that of the nominal current for ever
+  double i2t_ = 0;                // winding heat, 1: that of the nominal current for ever
   TimeNs now_ns_ = 0, stage_ns_ = 0, next_heartbeat_ns_ = 0;
 
   std::array<Consumer, 2> consumers_;

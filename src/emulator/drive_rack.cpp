@@ -40,6 +40,8 @@ DriveRack::~DriveRack() = default;
 
 int DriveRack::drives() const noexcept { return static_cast<int>(state_->drives.size()); }
 
+int DriveRack::node_id(int drive) const noexcept { return state_->At(drive).node_id(); }
+
 void DriveRack::SetSensors(int drive, const DriveSensors& sensors) noexcept {
   state_->At(drive).SetSensors(sensors);
 }
@@ -75,6 +77,12 @@ void DriveRack::InjectEmcy(int drive, std::uint16_t code) { state_->At(drive).In
 void DriveRack::SetFrozen(int drive, bool frozen) noexcept { state_->At(drive).SetFrozen(frozen); }
 
 void DriveRack::PowerCycle(int drive) noexcept { state_->At(drive).PowerCycle(); }
+
+void DriveRack::SetSupply(int drive, bool on) noexcept { state_->At(drive).SetSupply(on); }
+
+void DriveRack::StickSensor(int drive, DriveSensor sensor, bool stuck) noexcept {
+  state_->At(drive).StickSensor(sensor, stuck);
+}
 
 void DriveRack::StopHeartbeat(int drive) noexcept { state_->At(drive).StopHeartbeat(); }
 

@@ -147,5 +147,22 @@ TEST_F(MemoryBusTest, BusOffIsToldOnceAndStopsEverything) {
   EXPECT_EQ(got[1].frame.id, 0x80u);
 }
 
+TEST_F(MemoryBusTest, AnErrorFrameOfAPortActsOnTheOthersAsOnAVirtualInterface) {
+  CanFrame error;
+  error.error = true;
+  error.size = 8;
+  error.id = kErrorBusOff;
+  EXPECT_TRUE(a_.Send(error));
+  EXPECT_TRUE(a_.up());
+  EXPECT_FALSE(b_.up());
+  EXPECT_FALSE(c_.up());
+  EXPECT_EQ(b_.counters().bus_off, 1u);
+  EXPECT_EQ(bus_.totals().bits, 0u) << "no frame was on the wire";
+  error.id = kErrorRestarted;
+  EXPECT_TRUE(a_.Send(error));
+  EXPECT_TRUE(b_.up());
+  EXPECT_EQ(Drain(b_).size(), 2u);
+}
+
 }  // namespace
 }  // namespace tendril::can

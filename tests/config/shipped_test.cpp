@@ -21,7 +21,9 @@ TEST(Shipped, EveryFileLoads) {
     if (entry.path().extension() != ".yaml") continue;
     SCOPED_TRACE(entry.path());
     ++files;
-    if (KindOf(entry.path()) == "robot") {
+    if (KindOf(entry.path()) == "scenario") {
+      EXPECT_FALSE(LoadScenario(entry.path()).empty());
+    } else if (KindOf(entry.path()) == "robot") {
       const RobotParameters robot = LoadRobot(entry.path());
       EXPECT_EQ(robot.name, entry.path().stem());
     } else {

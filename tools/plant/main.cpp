@@ -13,9 +13,11 @@
 #include <string>
 #include <tendril_lcm/tracker_t.hpp>
 
+#include "fault_orders.h"
 #include "tendril/can/socketcan_port.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
+#include "tendril/emulator/faults.h"
 #include "tendril/io/connection.h"
 #include "tendril/rt/cyclic.h"
 #include "virtual_rig.h"
@@ -35,14 +37,16 @@ void CatchSignals() {
   for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
 }
 
+constexpr const char* kPrefix = "TENDRIL";
+
 /// Publishes the tip as an outside tracker would see it, at the tracker's rate.
 class Tracker {
  public:
-  Tracker(const RobotParameters& robot, const std::string& url)
+  Tracker(const RobotParameters& robot, lcm::LCM& lcm)
       : parameters_(robot.actuation->tracker.value()),
         period_ns_(static_cast<TimeNs>(std::llround(1e9 / parameters_.rate_Hz))),
-        lcm_(io::OpenLcm(url)),
-        channel_(io::ChannelName("TENDRIL", "TRACKER")) {}
+        lcm_(lcm),
+        channel_(io::ChannelName(kPrefix, "TRACKER")) {}
 
   void PublishIfDue(sim::Plant& plant) {
     if (plant.time_ns() < next_ns_) return;
@@ -58,7 +62,7 @@ class Tracker {
     message.orientation_WT[1] = reading.orientation_WT.x();
     message.orientation_WT[2] = reading.orientation_WT.y();
     message.orientation_WT[3] = reading.orientation_WT.z();
-    (lcm_->publish(channel_, &message) == 0 ? published_ : failed_)++;
+    (lcm_.publish(channel_, &message) == 0 ? published_ : failed_)++;
   }
   std::uint64_t published() const { return published_; }
   std::uint64_t failed() const { return failed_; }
@@ -66,17 +70,36 @@ class Tracker {
  private:
   TrackerParameters parameters_;
   TimeNs period_ns_, next_ns_ = 0;
-  std::unique_ptr<lcm::LCM> lcm_;
+  lcm::LCM& lcm_;
   std::string channel_;
   std::uint64_t published_ = 0, failed_ = 0;
 };
 
 struct Options {
-  std::string robot, interface = "vcan0", lcm_url;
+  std::string robot, interface = "vcan0", lcm_url, scenario;
+  std::vector<std::string> faults;
   std::uint64_t seed = 1;
 };
 
+void Show(FaultListener& listener) {
+  for (const std::string& line : listener.TakeLines()) fmt::print("tendril-plant: {}\n", line);
+  std::fflush(stdout);
+}
+
+/// Of the command line: what does not fit is wrong use.
+template <class Work>
+auto AsUse(Work work) {
+  try {
+    return work();
+  } catch (const config::ConfigError& e) {
+    throw CLI::ValidationError(e.what());
+  }
+}
+
 void Run(const Options& options) {
+  const std::vector<FaultOrder> faults = AsUse([&] { return ReadFaults(options.faults); });
+  const std::vector<FaultOrder> scenario =
+      options.scenario.empty() ? std::vector<FaultOrder>{} : ReadScenario(options.scenario);
   const RobotParameters robot = config::LoadRobot(options.robot);
   if (!robot.actuation) {
     throw std::runtime_error(
@@ -84,29 +107,37 @@ void Run(const Options& options) {
                     "such as rig_90mm.yaml",
                     options.robot, robot.name));
   }
-  if (!options.lcm_url.empty() && !robot.actuation->tracker) {
-    throw std::runtime_error(
-        fmt::format("{}: --lcm publishes the tracker, and robot '{}' has no 'actuation.tracker'; add one or "
-                    "leave --lcm out",
-                    options.robot, robot.name));
-  }
-  can::SocketCanPort port(options.interface);
+  const MonotonicClock clock;
+  can::SocketCanPort bus(options.interface);
+  emulator::FaultInjector port(bus, options.seed);
   VirtualRig rig(robot, port, {.seed = options.seed});
+  port.Attach(rig.drives());
+  AsUse([&] { Order(faults, port, clock.Now()); });
+  Order(scenario, port, clock.Now());
+
+  std::unique_ptr<lcm::LCM> lcm;
   std::unique_ptr<Tracker> tracker;
-  if (!options.lcm_url.empty()) tracker = std::make_unique<Tracker>(robot, options.lcm_url);
+  std::unique_ptr<FaultListener> listener;
+  if (!options.lcm_url.empty()) {
+    lcm = io::OpenLcm(options.lcm_url);
+    listener = std::make_unique<FaultListener>(*lcm, kPrefix, port, clock);
+    if (robot.actuation->tracker) tracker = std::make_unique<Tracker>(robot, *lcm);
+  }
 
   CatchSignals();
   std::string nodes;
   for (const auto& tendon : robot.actuation->tendons) {
     nodes += fmt::format("{}{}", nodes.empty() ? "" : " ", tendon.node_id);
   }
-  fmt::print("tendril-plant: '{}' on {}: {} units, nodes {}{}; ready, Ctrl-C stops\n", robot.name,
-             options.interface, robot.body.units(), nodes, tracker ? ", tracker on " + options.lcm_url : "");
+  const std::string on_lcm =
+      lcm ? fmt::format(", {}faults by LCM on {}", tracker ? "tracker and " : "", options.lcm_url) : "";
+  const std::string ordered = port.pending() > 0 ? fmt::format(", {} faults ordered", port.pending()) : "";
+  fmt::print("tendril-plant: '{}' on {}: {} units, nodes {}{}{}; ready, Ctrl-C stops\n", robot.name,
+             options.interface, robot.body.units(), nodes, on_lcm, ordered);
   std::fflush(stdout);
 
   // Wakes for frames and at least each millisecond; the grid only bounds how long the drives and the plant
   // wait.
-  const MonotonicClock clock;
   const TimeNs start_ns = clock.Now();
   rt::DeadlineGrid grid(start_ns, kNsPerMs);
   rt::Histogram lag, work;
@@ -118,7 +149,9 @@ void Run(const Options& options) {
     if (now_ns >= grid.next_ns()) {
       lag.Add(now_ns - grid.next_ns());
       skipped += grid.Advance(now_ns);
+      if (lcm && io::HandleWaiting(*lcm, 0) > 0) Show(*listener);
     }
+    port.Poll(now_ns);
     syncs += static_cast<std::uint64_t>(rig.Poll(now_ns));
     if (tracker) tracker->PublishIfDue(rig.plant());
     work.Add(clock.Now() - now_ns);
@@ -129,16 +162,21 @@ void Run(const Options& options) {
     }
   }
 
-  const auto bus = port.counters();
+  const can::CanCounters& frames = bus.counters();
   const auto us = [](TimeNs ns) { return static_cast<double>(ns) * 1e-3; };
   fmt::print("tendril-plant: {:.1f} s, {} cycles (SYNC), {} frames in, {} out, {} lost\n",
-             ToSeconds(clock.Now() - start_ns), syncs, bus.received, bus.sent,
-             bus.send_refused + bus.receive_dropped);
+             ToSeconds(clock.Now() - start_ns), syncs, frames.received, frames.sent,
+             frames.send_refused + frames.receive_dropped);
   fmt::print(
       "tendril-plant: real-time lag 99 % below {:.0f} us, at most {:.0f} us, {} whole milliseconds missed; "
       "work per "
       "wake-up 99 % below {:.0f} us, at most {:.0f} us\n",
       us(lag.Percentile(0.99)), us(lag.max_ns()), skipped, us(work.Percentile(0.99)), us(work.max_ns()));
+  if (const emulator::FaultCounters& f = port.faults();
+      f.dropped + f.delayed + f.duplicated + f.corrupted > 0) {
+    fmt::print("tendril-plant: frames by faults: {} dropped, {} delayed, {} duplicated, {} corrupted\n",
+               f.dropped, f.delayed, f.duplicated, f.corrupted);
+  }
   if (tracker) {
     fmt::print("tendril-plant: {} tracker messages, {} failed\n", tracker->published(), tracker->failed());
   }
@@ -163,8 +201,16 @@ int main(int argc, char** argv) {
   app.add_option(
       "--lcm", options.lcm_url,
       "LCM address, for example udpm://239.255.76.67:7667?ttl=0: publishes the tip on TENDRIL_TRACKER at the "
-      "tracker's rate; without it nothing is published");
-  app.add_option("--seed", options.seed, "of the sensors' noise")->capture_default_str();
+      "tracker's rate, if the robot has one, and takes faults on TENDRIL_FAULT; without it neither");
+  app.add_option("--fault", options.faults,
+                 "a fault to act out, may be repeated: a kind (drop, delay, duplicate, corrupt, die, reboot, "
+                 "freeze, emcy, stop_heartbeat, stick_sensor, bus_off), then the keys of a scenario, for "
+                 "example \"drop node=2 probability=0.1 at_s=5 for_s=1\"")
+      ->allow_extra_args(false);
+  app.add_option("--scenario", options.scenario,
+                 "file with faults, for example config/scenarios/rough_minute.yaml");
+  app.add_option("--seed", options.seed, "of the sensors' noise and of the faults' luck")
+      ->capture_default_str();
   try {
     app.parse(argc, argv);
     tendril::tools::Run(options);

@@ -5,8 +5,10 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "tendril/core/daemon.h"
+#include "tendril/core/fault.h"
 #include "tendril/core/robot.h"
 
 namespace tendril::config {
@@ -26,6 +28,12 @@ RobotParameters ParseRobot(const std::string& yaml, const std::string& name_for_
 DaemonParameters LoadDaemon(const std::string& path);
 DaemonParameters ParseDaemon(const std::string& yaml, const std::string& name_for_errors);
 
+/// Scenario file for tendril-plant (config/scenarios/*.yaml): the faults in the order of the file.
+std::vector<FaultParameters> LoadScenario(const std::string& path);
+/// One fault in one line: a kind, then the scenario's keys as key=value ("drop node=2 probability=0.1
+/// for_s=5").
+FaultParameters ParseFault(const std::string& text, const std::string& name_for_errors);
+
 /// The resolved configuration with every value spelled out; parsing it gives the same struct again.
 std::string ToYaml(const RobotParameters& robot);
 std::string ToYaml(const DaemonParameters& daemon);
@@ -38,7 +46,7 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
 /// is what is wrong, the accepted range and the remedy, separated by "; ".
 ConfigError ErrorAt(const std::string& path, std::string_view key, const std::string& text);
 
-/// "robot" or "daemon", by the file's top-level keys. Throws ConfigError when it is neither.
+/// "robot", "daemon" or "scenario", by the file's top-level keys. Throws ConfigError when it is none.
 std::string KindOf(const std::string& path);
 
 }  // namespace tendril::config

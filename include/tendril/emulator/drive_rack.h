@@ -11,6 +11,7 @@
 
 #include "tendril/can/can_port.h"
 #include "tendril/core/clock.h"
+#include "tendril/core/fault.h"
 
 namespace tendril::emulator {
 
@@ -40,6 +41,7 @@ class DriveRack {
   ~DriveRack();
 
   int drives() const noexcept;
+  int node_id(int drive) const noexcept;
   void SetSensors(int drive, const DriveSensors& sensors) noexcept;
   /// Handles all waiting frames and everything that is due at `now_ns`. Returns the number of SYNCs handled.
   /// At SYNC the torque received since the last SYNC becomes the command and the TPDOs are sampled from the
@@ -58,9 +60,13 @@ class DriveRack {
   void InjectEmcy(int drive, std::uint16_t code);
   /// Deaf and mute with its last torque, as with a hung processor; frames of that time are lost to it.
   void SetFrozen(int drive, bool frozen) noexcept;
-  /// Off and on again: stored values, no torque, boot-up message at the next Poll. Ends every fault but lost
-  /// frames.
+  /// Off and on again: stored values, no torque, boot-up message at the next Poll. Ends freezing and the
+  /// heartbeat's silence, and gives back the supply.
   void PowerCycle(int drive) noexcept;
+  /// Off: deaf, mute and without torque. On again: as after PowerCycle.
+  void SetSupply(int drive, bool on) noexcept;
+  /// The sensor shows the value it shows now, until it is set free. (Load cell: both analog inputs.)
+  void StickSensor(int drive, DriveSensor sensor, bool stuck) noexcept;
   /// No more heartbeats until the drive is reset; everything else works on.
   void StopHeartbeat(int drive) noexcept;
 
