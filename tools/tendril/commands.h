@@ -17,6 +17,7 @@ void AddConfigCommand(CLI::App& app);
 void AddDemoCommand(CLI::App& app);
 void AddFollowCommand(CLI::App& app);
 void AddModelCommand(CLI::App& app);
+void AddReproduceCommand(CLI::App& app);
 void AddSendCommand(CLI::App& app);
 void AddStatusCommand(CLI::App& app);
 

@@ -1,7 +1,6 @@
 // `tendril demo`: the paper's robot follows a commanded circle and a planar bend, everything in one process
 // and simulated time; leaves a log, a summary, samples and plots.
 #include <fmt/core.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -20,6 +19,8 @@
 #include "closed_loop.h"
 #include "commands.h"
 #include "motion.h"
+#include "motion_run.h"
+#include "output.h"
 #include "paths.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
@@ -185,10 +186,6 @@ double WallSeconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-// Closer than this to the motion's first target counts as there.
-constexpr double kArrivedBending_rad = 1e-4;
-// Commands are streamed at this rate, as an operator's program would.
-constexpr double kCommandPeriod_s = 0.01;
 constexpr double kSamplePeriod_s = 0.01;
 
 ordered_json Describe(const std::vector<Statistic>& of, const char* what, ordered_json tensions) {
@@ -224,11 +221,7 @@ ordered_json RunMotion(const std::string& name, const DemoOptions& options, cons
   Figures figures(tendons);
   Progress progress(name);
   const double wall_start = WallSeconds();
-  const auto every = [&](double period_s) {
-    return std::max<std::uint64_t>(
-        1, static_cast<std::uint64_t>(std::llround(period_s * 1e9 / static_cast<double>(loop.cycle_ns()))));
-  };
-  const std::uint64_t command_every = every(kCommandPeriod_s), sample_every = every(kSamplePeriod_s);
+  const std::uint64_t sample_every = CyclesOf(loop, kSamplePeriod_s);
 
   // Every step of the run passes here: samples, Ctrl-C, faults.
   const auto observe = [&](const CycleRecord& r, const Eigen::Vector3d& target_W_m) {
@@ -245,37 +238,19 @@ ordered_json RunMotion(const std::string& name, const DemoOptions& options, cons
 
   loop.ArmAndPretension();
 
-  // To the motion's first target, and until the robot has come to rest there.
-  loop.Send(motion->Start());
-  const double approach_end_s = loop.now_s() + 30;
-  for (double still_since_s = loop.now_s(); loop.now_s() - still_since_s < 0.5;) {
-    const CycleRecord& r = loop.Step();
-    observe(r, motion->TipAt(0));
-    const double gap_rad = (r.output.reference.position_rad - r.output.target_bending_rad).norm();
-    if (gap_rad > kArrivedBending_rad) still_since_s = loop.now_s();
-    if (loop.now_s() > approach_end_s)
-      throw std::runtime_error("the motion's first target was not reached in 30 s");
-  }
+  ApproachStart(loop, *motion, [&](const CycleRecord& r, double) { observe(r, motion->TipAt(0)); });
 
   const TimeNs start_ns = loop.now_ns();
   const can::CanCounters bus_before = loop.bus();
-  std::uint64_t steps = 0;
-  double t_s = 0;
-  while (t_s < motion->duration_s()) {
-    if (steps % command_every == 0) loop.Send(motion->At(t_s));
-    const CycleRecord& r = loop.Step();
-    ++steps;
-    t_s = ToSeconds(loop.now_ns() - start_ns);
-    // The command sent before this cycle is the target of this cycle, so the motion's clock starts with it.
-    const double target_s = t_s - ToSeconds(loop.cycle_ns());
+  StreamMotion(loop, *motion, [&](const CycleRecord& r, double target_s) {
     const Eigen::Vector3d wanted = motion->TipAt(target_s);
     observe(r, wanted);
     if (target_s >= motion->judged_from_s() && target_s <= motion->judged_until_s()) {
       figures.Add(r, loop.plant(), wanted, min_tension_N);
     }
-    progress.Show(t_s / motion->duration_s(), loop.now_s(), WallSeconds() - wall_start,
-                  (loop.plant().TipPose().p_WA - wanted).norm());
-  }
+    progress.Show(ToSeconds(loop.now_ns() - start_ns) / motion->duration_s(), loop.now_s(),
+                  WallSeconds() - wall_start, (loop.plant().TipPose().p_WA - wanted).norm());
+  });
   const can::CanCounters bus_after = loop.bus();
   const double bus_s = ToSeconds(loop.now_ns() - start_ns);
   loop.DisarmAndWait();
@@ -332,36 +307,6 @@ ordered_json RunMotion(const std::string& name, const DemoOptions& options, cons
 // ---- the command
 // -----------------------------------------------------------------------------------------------------
 
-fs::path MakeFolder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  const bool usable = !error && fs::is_directory(folder) && access(folder.c_str(), W_OK | X_OK) == 0;
-  if (!usable) {
-    throw std::runtime_error(fmt::format("cannot write into {}{}: choose another folder with --out",
-                                         folder.string(), error ? " (" + error.message() + ")" : ""));
-  }
-  return folder;
-}
-
-void DrawPlots(const std::vector<fs::path>& folders) {
-  std::vector<std::string> arguments{"python3", ScriptFile("plot_demo.py")};
-  for (const auto& f : folders) arguments.push_back(f.string());
-  std::vector<char*> argv;
-  for (auto& a : arguments) argv.push_back(a.data());
-  argv.push_back(nullptr);
-  const pid_t child = fork();
-  if (child == 0) {
-    execv("/usr/bin/python3", argv.data());
-    _exit(127);
-  }
-  int status = 0;
-  if (child < 0 || waitpid(child, &status, 0) < 0 || !WIFEXITED(status) || WEXITSTATUS(status) != 0) {
-    throw std::runtime_error(
-        "the plots could not be drawn (everything else is written): install python3-matplotlib, or use "
-        "--no-plots");
-  }
-}
-
 void PrintTable(const std::vector<ordered_json>& summaries, const fs::path& out) {
   const auto row = [&](const char* what, const char* unit, auto value) {
     fmt::print("  {:<52}", fmt::format("{} [{}]", what, unit));
@@ -408,11 +353,11 @@ void RunDemo(const DemoOptions& options) {
   std::signal(SIGTERM, [](int) { interrupted = 1; });
   const fs::path out(options.out);
   std::vector<fs::path> folders;
-  for (const auto& name : names) folders.push_back(MakeFolder(out / name));  // before any work is done
+  for (const auto& name : names) folders.push_back(MakeOutputFolder(out / name));  // before any work is done
   std::vector<ordered_json> summaries;
   for (std::size_t i = 0; i < names.size(); ++i)
     summaries.push_back(RunMotion(names[i], options, folders[i]));
-  if (options.plots) DrawPlots(folders);
+  if (options.plots) RunPlotScript("plot_demo.py", folders, "the plots");
   PrintTable(summaries, out);
 }
 

@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
   tendril::tools::AddDemoCommand(app);
   tendril::tools::AddFollowCommand(app);
   tendril::tools::AddModelCommand(app);
+  tendril::tools::AddReproduceCommand(app);
   tendril::tools::AddSendCommand(app);
   tendril::tools::AddStatusCommand(app);
   try {
