@@ -21,7 +21,8 @@ function(tendril_room name)
   set_property(GLOBAL APPEND PROPERTY TENDRIL_ROOM_RULES "${name}:${ARG_ROOMS}")
 endfunction()
 
-# tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s]): a GoogleTest program whose cases ctest lists.
+# tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s]): a GoogleTest program whose cases ctest lists. With the
+# label vcan it is run as a whole, where a real vcan0 exists, for that may take the start of another kernel.
 function(tendril_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LINK;LABELS" ${ARGN})
   if(NOT ARG_TIMEOUT)
@@ -30,6 +31,26 @@ function(tendril_test name)
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE tendril_options ${ARG_LINK} GTest::gtest_main GTest::gmock)
   target_compile_definitions(${name} PRIVATE TENDRIL_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  if(vcan IN_LIST ARG_LABELS)
+    tendril_vcan_test(${name} TIMEOUT ${ARG_TIMEOUT} COMMAND $<TARGET_FILE:${name}>)
+    return()
+  endif()
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+endfunction()
+
+# tendril_vcan_test(NAME COMMAND ... [TIMEOUT s]): a test run where a real vcan0 exists; skipped, saying what is missing,
+# where there is no way to have one. TIMEOUT counts the time that the test sees.
+function(tendril_vcan_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "COMMAND" ${ARGN})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  set(kernel uml)
+  if(TENDRIL_SANITIZE)
+    set(kernel host)
+  endif()
+  add_test(NAME ${name} COMMAND ${PROJECT_SOURCE_DIR}/tests/tools/in_vcan.sh
+    ${kernel} $<TARGET_FILE:tendril_virtual_time> ${ARG_TIMEOUT} ${ARG_COMMAND})
+  set_tests_properties(${name} PROPERTIES LABELS vcan RUN_SERIAL TRUE TIMEOUT 300 SKIP_RETURN_CODE 77)
 endfunction()
