@@ -86,7 +86,6 @@ def legend(axis, **options):
 def eq31(r):
     figure, ((a,),) = new_figure(6.2, 4.6)
     s = r.series("eq31")
-    paper = r.claim("eq31_bend")["readings"]["60 mm robot"]
     for length, color in ((60, OURS), (90, GREY)):
         of = s["length_mm"] == length
         a.plot([0, *(1e3 * s["x_m"][of])], [0, *(1e3 * s["z_m"][of])], color=color, linewidth=2.4,
@@ -94,15 +93,13 @@ def eq31(r):
     x, z = 28.6479, 49.6196
     a.plot([-x, x], [z, z], color=PAPER, linewidth=1.6, linestyle=(0, (5, 2)), label="circle of eq. 31, from the side")
     a.plot([x], [z], "o", color=PAPER, markersize=6)
-    a.annotate(f"r = {x}, z = {z} mm;\nthe 60 mm robot's tip is {paper['distance to eq. 31 [mm]']:.1g} mm away", (x, z),
-               (4, 60), fontsize=8.5, color=PAPER)
     a.set_aspect("equal")
     a.set_xlabel("x [mm]")
     a.set_ylabel("z [mm]")
     a.set_xlim(-33, 62)
     a.set_ylim(0, 82)
     legend(a, loc="lower right")
-    return figure, "Side view: the circle of eq. 31 belongs to a robot of 60 mm."
+    return figure, f"Side view: the circle of eq. 31 (radius {x} mm at z = {z} mm) belongs to a robot of 60 mm."
 
 
 def fig4(r):
@@ -123,9 +120,9 @@ def fig5(r):
     for a, name, title in ((axes[0, 0], "pull_undamped", "the paper's equations: no damping"),
                            (axes[0, 1], "pull_damped", "with the damping stated")):
         s = r.series(name)
-        shown = s["t_s"] <= 3
+        shown = s["t_s"] <= 2
         for i in range(4):
-            a.plot(s["t_s"][shown], s[f"u{i + 1}"][shown], color=UNITS[i], linewidth=1.0, label=f"unit {i + 1}")
+            a.plot(s["t_s"][shown], s[f"u{i + 1}"][shown], color=UNITS[i], linewidth=0.9, label=f"unit {i + 1}")
         a.axhline(math.pi / 6, color=PAPER, linestyle=(0, (5, 2)), linewidth=1.2, label="pi/6 (the paper)")
         a.set_title(title, fontsize=10)
         a.set_xlabel("t [s]")
@@ -150,7 +147,7 @@ def fig5_readings(r):
     a.invert_yaxis()
     a.set_xlim(left=0)
     a.set_xlabel("bending angle of a unit at rest [rad]")
-    legend(a, loc="lower right")
+    legend(a, loc="upper right")
     return figure, "Where each reading of the paper comes to rest under 5 N on tendon 1."
 
 
@@ -228,13 +225,14 @@ def fig13(r):
             a.plot(t, s[f"desired_base_N_{j + 1}"], color=TENDONS[j], linestyle=(0, (3, 2)), linewidth=1)
         a.set_title(f"{count} tendons: actual (full) and theoretical (dashed)", fontsize=10)
         a.set_ylabel("tension [N]")
-        legend(a, loc="lower center", ncol=count)
+        legend(a, loc="lower center", ncol=count, handlelength=1.1, columnspacing=1)
         a.set_ylim(bottom=-0.9)
     a = axes[1, 0]
     for s, color, name in ((three, TENDONS[0], "3 tendons"), (four, TENDONS[1], "4 tendons")):
         a.plot(s["t_s"] - s["t_s"][0], s["motor_N_1"] - s["base_N_1"], color=color, label=f"tendon 1 of {name}")
     a.axhline(0.42, color=PAPER, linestyle=(0, (5, 2)), linewidth=1.2, label="mean 0.42 N (the paper)")
     a.axhline(0, color="#000000", linewidth=0.7)
+    a.set_ylim(top=2.2)
     a.set_title("actual less at the robot: what the pulley takes", fontsize=10)
     a.set_xlabel("t [s]")
     a.set_ylabel("loss [N]")
@@ -244,9 +242,9 @@ def fig13(r):
            color=OURS, label="true bend, 3 tendons")
     a.axhline(math.pi / 3, color=PAPER, linestyle=(0, (5, 2)), linewidth=1.2, label="pi/3 (the paper)")
     a.set_ylim(0.9, 1.2)
-    a.set_title("bend", fontsize=10)
+    a.set_title("bend of the whole robot", fontsize=10)
     a.set_xlabel("t [s]")
-    a.set_ylabel("[rad]")
+    a.set_ylabel("bend [rad]")
     legend(a, loc="upper right")
     return figure, "Fig. 13 recomputed on 60 mm rigs with 3 and with 4 tendons, one revolution of eq. 31."
 
