@@ -17,7 +17,7 @@ try:
     import canopen
     from canopen.profiles.p402 import BaseNode402
 except ImportError:
-    print("skipped: Python's canopen is not installed (pip install canopen python-can)")
+    print("skipped: Python's canopen is not installed; see tests/requirements.txt")
     sys.exit(77)
 
 RACK = None
