@@ -5,7 +5,7 @@
 #include "tendril/core/version.h"
 
 int main(int argc, char** argv) {
-  CLI::App app{"Tendril: controller, simulator and gap diagnosis for tendon-driven continuum robots"};
+  CLI::App app{"Tendril: run, simulate and compute tendon-driven continuum robots"};
   app.set_version_flag("--version",
                        fmt::format("tendril {} ({})", tendril::Version(), tendril::GitRevision()));
   app.require_subcommand(1);
