@@ -1,0 +1,18 @@
+# What is installed, and the Debian package of it (cpack -G DEB in the build folder).
+install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril/config PATTERN systemd EXCLUDE)
+install(DIRECTORY lcm_types/ DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril/lcm_types FILES_MATCHING PATTERN "*.lcm")
+file(GLOB plot_scripts CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tools/*.py)
+install(PROGRAMS ${plot_scripts} DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril)
+install(FILES README.md CHANGELOG.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(DIRECTORY tools/pictures DESTINATION ${CMAKE_INSTALL_DOCDIR}/tools)
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_CONTACT "Tendril maintainers <maintainers@tendril.invalid>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY ${PROJECT_DESCRIPTION})
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "python3, python3-matplotlib, python3-numpy")
+include(CPack)
