@@ -1,8 +1,36 @@
 // tendril: one command for everything a person does with the robot, its model and its logs.
 #include <fmt/core.h>
 
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+
 #include "commands.h"
 #include "tendril/core/version.h"
+
+namespace {
+
+// A full disk or a closed output must not pass for success.
+int CheckOutput() {
+  if (std::fflush(stdout) == 0 && !std::ferror(stdout)) return 0;
+  fmt::print(stderr, "tendril: not everything could be written to the standard output: {}\n",
+             std::strerror(errno));
+  return 1;
+}
+
+// CLI11 asks for a subcommand where a wrong one was given: name the wrong word.
+void NameUnknownWord(const CLI::App& app) {
+  for (const CLI::App* at = &app; at != nullptr;) {
+    if (const auto rest = at->remaining(); !rest.empty()) {
+      fmt::print(stderr, "tendril: '{}' is not known here\n", rest.front());
+      return;
+    }
+    const auto next = at->get_subcommands();
+    at = next.empty() ? nullptr : next.front();
+  }
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app{"Tendril: run, simulate and compute tendon-driven continuum robots"};
@@ -20,7 +48,8 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
+    if (e.get_exit_code() != 0) NameUnknownWord(app);
+    return app.exit(e) == 0 ? CheckOutput() : 2;
   } catch (const tendril::tools::UsageError& e) {
     fmt::print(stderr, "tendril: {}\n", e.what());
     return 2;
@@ -28,5 +57,5 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "tendril: {}\n", e.what());
     return 1;
   }
-  return 0;
+  return CheckOutput();
 }

@@ -110,6 +110,11 @@ VectorXd RequireEquilibrium(const CsvReader& rows, const Body& body, const Vecto
     case model::StaticsResult::kConverged:
       return found.q;
     case model::StaticsResult::kBuckled:
+      if (found.load_fraction <= 0) {
+        throw rows.Error(
+            "no stable equilibrium: the robot buckles under its own weight before any tension acts; "
+            "make it stiffer, lighter or shorter, or turn gravity");
+      }
       throw rows.Error(
           fmt::format("no stable equilibrium: the branch from zero tension buckles at {:.6g} % of the load; "
                       "lower the tensions",

@@ -8,6 +8,7 @@
 #include "model.h"
 #include "tendril/model/inverse.h"
 #include "tendril/model/inverse_equilibrium.h"
+#include "tendril/model/statics.h"
 
 namespace tendril::tools {
 namespace {
@@ -24,7 +25,7 @@ class Unmet {
     if (++count_ <= kShown) fmt::print(stderr, "tendril: stdin: line {}: {}\n", rows.line(), what);
   }
   ~Unmet() {
-    if (count_ > kShown) fmt::print(stderr, "tendril: {} rows out of reach in all\n", count_);
+    if (count_ > kShown) fmt::print(stderr, "tendril: {} such lines in all\n", count_);
   }
 
  private:
@@ -56,6 +57,14 @@ VectorXd Part(std::span<const double> values, std::size_t part, Eigen::Index siz
   return Eigen::Map<const VectorXd>(values.data() + part * static_cast<std::size_t>(size), size);
 }
 
+// A tip in metres; far beyond any robot its distances would overflow.
+Vector3d TipOf(const CsvReader& rows) {
+  constexpr double kFarthest_m = 1e6;
+  const Vector3d tip = Part(rows.required(), 0, 3);
+  if (tip.cwiseAbs().maxCoeff() > kFarthest_m) throw rows.Error("x,y,z must lie within 1e6 m of the base");
+  return tip;
+}
+
 void InverseKinematicsRows(const RobotParameters& robot) {
   const Body body(robot.body);
   const model::InverseKinematics ik(body, robot.limits.max_bending_rad);
@@ -64,7 +73,7 @@ void InverseKinematicsRows(const RobotParameters& robot) {
   Unmet unmet;
   BendingVector seed = BendingVector::Zero(2 * body.sections());
   while (rows.Next()) {
-    const auto solution = ik.Solve(Part(rows.required(), 0, 3), seed);
+    const auto solution = ik.Solve(TipOf(rows), seed);
     if (solution.status != Status::kOk) {
       unmet.Add(rows, fmt::format("out of reach: the nearest tip is {:.6g} m away", solution.distance_m));
     }
@@ -132,7 +141,7 @@ void InverseTipRows(const RobotParameters& robot, const TensionOptions& options)
   CsvWriter out(stdout, Numbered("T", body.tendons()) + NumberedPairs("u", "v", body.units()));
   Unmet unmet;
   while (rows.Next()) {
-    const Vector3d tip = Part(rows.required(), 0, 3);
+    const Vector3d tip = TipOf(rows);
     const double most = robot.limits.max_bending_rad;
     const auto shape = rows.has(0) ? equilibrium.ForTip(tip, Part(rows.optional(0), 0, 3),
                                                         Part(rows.optional(0), 1, 3), most)
@@ -141,6 +150,18 @@ void InverseTipRows(const RobotParameters& robot, const TensionOptions& options)
     if (shape.status != Status::kOk) {
       unmet.Add(rows, fmt::format("out of reach between {} and {} N: the nearest tip found is {:.6g} m away",
                                   bounds.low_N, bounds.high_N, shape.miss));
+    }
+    // An equilibrium that loading from rest does not lead to is still one, but the robot may not go there by
+    // itself.
+    if (!rows.has(0)) {
+      const model::Equilibrium loaded = model::SolveStatics(body, shape.tension_N, Vector3d::Zero());
+      if (loaded.result != model::StaticsResult::kConverged ||
+          (loaded.q - shape.q).cwiseAbs().maxCoeff() > 1e-6) {
+        unmet.Add(
+            rows,
+            "this equilibrium does not lie on the branch from zero tension: raising the tensions from rest "
+            "ends elsewhere (see `tendril model statics`)");
+      }
     }
     out.PutAll(shape.tension_N).PutAll(shape.q).EndRow();
   }
