@@ -78,6 +78,7 @@ struct Controller::Impl {
         period_s(ToSeconds(period_ns)),
         sections(static_cast<int>(robot.body.sections.size())),
         tendons(robot.body.tendons()),
+        reach_tolerance_m(1e-3 * robot.body.length_m()),
         body(robot.body),
         workspace(body),
         tables(MakeTables(robot)),
@@ -128,6 +129,7 @@ struct Controller::Impl {
   ControllerParameters parameters;
   double period_s;
   int sections, tendons;
+  double reach_tolerance_m;  // a tip target closer to reach than this counts as reachable
 
   model::Body body;
   model::Body::Workspace workspace;
@@ -151,7 +153,7 @@ struct Controller::Impl {
   Status command_status = Status::kOk;
 };
 
-// ---------------------------------------------------------------------------------------------------------------------
+// -----------------------------------------------------------------------------------------------------------
 
 void Controller::Step(const CycleInput& input, CycleOutput& output) noexcept {
   Impl& c = *impl_;
@@ -165,7 +167,7 @@ void Controller::Step(const CycleInput& input, CycleOutput& output) noexcept {
   c.TorquesForTensions(output);
 }
 
-// ---------------------------------------------------------------------------------------------------------------------
+// -----------------------------------------------------------------------------------------------------------
 
 void Controller::Impl::Prepare(const CycleInput& input, CycleOutput& output) const noexcept {
   output = CycleOutput{};
@@ -354,7 +356,9 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
       const model::IkSolution ik = kinematics.Solve(target.TipAt(ahead_ns), goal_before);
       goal_rad = ik.us_vs;
       output.target_distance_m = ik.distance_m;
-      Report(output, ik.status);
+      // The look-ahead of a moving target leaves the reachable surface by a hair; that is not worth a word.
+      if (ik.status != Status::kTargetUnreachable || ik.distance_m > reach_tolerance_m)
+        Report(output, ik.status);
     } else {
       goal_rad = target.bending_rad;
       if (target.moving()) goal_rad += target.bending_rate_radps * target.ElapsedS(ahead_ns);
@@ -482,7 +486,7 @@ void Controller::Impl::TorquesForTensions(CycleOutput& output) noexcept {
   }
 }
 
-// ---------------------------------------------------------------------------------------------------------------------
+// -----------------------------------------------------------------------------------------------------------
 
 Controller::Controller(const RobotParameters& robot, const ControllerParameters& parameters, TimeNs period_ns)
     : impl_(std::make_unique<Impl>(robot, parameters, period_ns)) {}

@@ -81,17 +81,16 @@ class PlanarBend final : public Motion {
  public:
   explicit PlanarBend(const BodyParameters& body) : body_(body), model_(body) {
     name_ = "planar";
-    description_ = "bend in the xz plane from straight to 1.6 rad at 0.26 rad/s, rest, and back";
+    description_ = "bend in the xz plane from straight to 1.6 rad at 0.26 rad/s, and rest";
     bend_s_ = kEnd_rad / kRate_radps + kLead_s;
     judged_from_s_ = 0;
     judged_until_s_ = bend_s_ + kRest_s;
-    duration_s_ = 2 * bend_s_ + kRest_s;
+    duration_s_ = judged_until_s_;
   }
 
   Command At(double t) const override {
-    const bool out = t < bend_s_ + kRest_s / 2;
-    const Lead at = RestToRest(out ? t : duration_s_ - t, kEnd_rad / kRate_radps, kLead_s);
-    const double bend = kRate_radps * at.distance, rate = (out ? 1 : -1) * kRate_radps * at.speed;
+    const Lead at = RestToRest(t, kEnd_rad / kRate_radps, kLead_s);
+    const double bend = kRate_radps * at.distance, rate = kRate_radps * at.speed;
     Command target;
     target.kind = CommandKind::kBending;
     target.bending_rad = Spread(body_, bend, 0);

@@ -40,8 +40,8 @@ class Motion {
 /// gathering speed.
 std::unique_ptr<Motion> MakeCircle(const BodyParameters& body);
 
-/// The planar bend of section 5.1: from straight to 1.6 rad in the xz plane at 0.26 rad/s, a second's rest,
-/// and back.
+/// The planar bend of section 5.1: from straight to 1.6 rad in the xz plane at 0.26 rad/s, and a
+/// second's rest.
 std::unique_ptr<Motion> MakePlanarBend(const BodyParameters& body);
 
 /// "circle" or "planar"; throws std::invalid_argument naming the choices.

@@ -12,8 +12,10 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <system_error>
 #include <vector>
 
 #include "closed_loop.h"
@@ -43,8 +45,7 @@ struct Interrupted : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// ---- accumulated figures
-// ---------------------------------------------------------------------------------------------
+// ---- accumulated figures ----------------------------------------------------------------------------------
 
 struct Statistic {
   std::uint64_t count = 0;
@@ -69,6 +70,7 @@ struct Figures {
   void Add(const CycleRecord& record, const sim::Plant& plant, const Eigen::Vector3d& wanted_tip_W_m,
            double min_tension_N) {
     const CycleOutput& o = record.output;
+    if (o.status != Status::kOk) ++cycles_by_status[o.status];
     tip_error.Add((plant.TipPose().p_WA - wanted_tip_W_m).norm());
     estimate_error.Add((plant.TipPose().p_WA - o.tip_estimate_W_m).norm());
     for (int j = 0; j < static_cast<int>(desired.size()); ++j) {
@@ -88,16 +90,17 @@ struct Figures {
     }
   }
 
+  std::map<Status, std::uint64_t> cycles_by_status;
   Statistic tip_error, estimate_error, friction_loss, capstan_error, all_base_error;
   std::vector<Statistic> desired, motor, base, measured, base_error;
 };
 
-// ---- samples for plots and other programs
-// ----------------------------------------------------------------------------
+// ---- samples for plots and other programs -----------------------------------------------------------------
 
 class SampleWriter {
  public:
-  SampleWriter(const fs::path& path, int sections, int tendons) : sections_(sections), tendons_(tendons) {
+  SampleWriter(const fs::path& path, int sections, int tendons)
+      : path_(path), sections_(sections), tendons_(tendons) {
     file_.reset(std::fopen(path.c_str(), "w"));
     if (!file_)
       throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), std::strerror(errno)));
@@ -123,6 +126,18 @@ class SampleWriter {
 
   void Write(double t_s, const CycleRecord& record, const sim::Plant& plant,
              const Eigen::Vector3d& target_W_m) {
+    try {
+      WriteRow(t_s, record, plant, target_W_m);
+    } catch (const std::system_error& e) {
+      throw std::runtime_error(
+          fmt::format("cannot write {}: {}; make room or choose another folder with --out", path_.string(),
+                      e.code().message()));
+    }
+  }
+
+ private:
+  void WriteRow(double t_s, const CycleRecord& record, const sim::Plant& plant,
+                const Eigen::Vector3d& target_W_m) {
     const CycleOutput& o = record.output;
     const Eigen::Vector3d tip = plant.TipPose().p_WA;
     fmt::print(file_.get(), "{:.3f},{}", t_s, static_cast<int>(o.mode));
@@ -150,16 +165,15 @@ class SampleWriter {
     fmt::print(file_.get(), "\n");
   }
 
- private:
   struct Close {
     void operator()(std::FILE* f) const { std::fclose(f); }
   };
+  fs::path path_;
   int sections_, tendons_;
   std::unique_ptr<std::FILE, Close> file_;
 };
 
-// ---- one motion
-// ------------------------------------------------------------------------------------------------------
+// ---- one motion -------------------------------------------------------------------------------------------
 
 class Progress {
  public:
@@ -170,10 +184,11 @@ class Progress {
     shown_ = percent;
     std::string bar(static_cast<std::size_t>(std::clamp(percent, 0, 100) / 4), '#');
     bar.resize(25, '.');
-    fmt::print(stderr,
-               "{}{:>8} [{}] {:3d} %  {:5.1f} s simulated, {:4.0f} x real time, tip error {:6.3f} mm{}",
-               terminal_ ? "\r" : "", name_, bar, percent, simulated_s, wall_s > 0 ? simulated_s / wall_s : 0,
-               tip_error_m * 1e3, terminal_ && !last ? "" : "\n");
+    const std::string line =
+        fmt::format("{}{:>8} [{}] {:3d} %  {:5.1f} s simulated, {:4.0f} x real time, tip error {:6.3f} mm{}",
+                    terminal_ ? "\r" : "", name_, bar, percent, simulated_s,
+                    wall_s > 0 ? simulated_s / wall_s : 0, tip_error_m * 1e3, terminal_ && !last ? "" : "\n");
+    std::fputs(line.c_str(), stderr);  // whatever becomes of it: showing progress must not end the run
   }
 
  private:
@@ -196,6 +211,24 @@ ordered_json Describe(const std::vector<Statistic>& of, const char* what, ordere
   return tensions;
 }
 
+// What an earlier run left must not stand beside the files of one that was broken off.
+void RemoveOldResults(const fs::path& folder) {
+  std::error_code ignored;
+  fs::remove(folder / "summary.json", ignored);
+  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
+    if (entry.path().extension() == ".png") fs::remove(entry.path(), ignored);
+  }
+}
+
+// Cycles of the judged part in which a limit acted or something was wrong, by status.
+ordered_json Describe(const std::map<Status, std::uint64_t>& cycles_by_status) {
+  ordered_json list = ordered_json::array();
+  for (const auto& [status, cycles] : cycles_by_status) {
+    list.push_back({{"status", static_cast<int>(status)}, {"text", StatusText(status)}, {"cycles", cycles}});
+  }
+  return list;
+}
+
 ordered_json RunMotion(const std::string& name, const DemoOptions& options, const fs::path& folder) {
   const std::string default_file =
       ConfigFile(name == "circle" ? "robots/rig_60mm.yaml" : "robots/rig_90mm.yaml");
@@ -215,6 +248,7 @@ ordered_json RunMotion(const std::string& name, const DemoOptions& options, cons
   const int tendons = loop_options.controller_robot.body.tendons();
   const double min_tension_N = loop_options.controller_robot.limits.min_tension_N;
 
+  RemoveOldResults(folder);
   ClosedLoop loop(loop_options);
   SampleWriter samples(folder / "samples.csv",
                        static_cast<int>(loop_options.controller_robot.body.sections.size()), tendons);
@@ -258,6 +292,7 @@ ordered_json RunMotion(const std::string& name, const DemoOptions& options, cons
   progress.Show(1, loop.now_s(), wall_s, figures.tip_error.rms(), true);
 
   const CycleRecord& last = loop.record();
+  const double judged_from_s = ToSeconds(start_ns + loop.cycle_ns()) + motion->judged_from_s();
   ordered_json tensions = ordered_json::array();
   for (int j = 0; j < tendons; ++j) tensions.push_back({{"tendon", j + 1}});
   tensions = Describe(figures.desired, "desired_base", tensions);
@@ -268,44 +303,47 @@ ordered_json RunMotion(const std::string& name, const DemoOptions& options, cons
     tensions[static_cast<std::size_t>(j)]["base_error_rms_N"] =
         figures.base_error[static_cast<std::size_t>(j)].rms();
   }
-  ordered_json summary = {{"trajectory", name},
-                          {"description", motion->description()},
-                          {"robot", robot_file},
-                          {"plant", plant_file},
-                          {"compensation", options.compensation == "on"},
-                          {"seed", options.seed},
-                          {"version", Version()},
-                          {"git_revision", GitRevision()},
-                          {"simulated_s", loop.now_s()},
-                          {"wall_s", wall_s},
-                          {"real_time_factor", loop.now_s() / wall_s},
-                          {"cycle_s", ToSeconds(loop.cycle_ns())},
-                          {"cycles", last.input.cycle + 1},
-                          {"deadline_misses", last.timing.deadline_misses},
-                          {"feedback_missing", last.output.feedback_missing},
-                          {"commands_accepted", last.output.commands_accepted},
-                          {"commands_refused", last.output.commands_refused},
-                          {"bus_load", static_cast<double>(bus_after.bits - bus_before.bits) /
-                                           (bus_s * loop.daemon().bus.bitrate_bps)},
-                          {"bus_load_budget", canopen::ComputeBusBudget(loop.daemon().bus).load},
-                          {"tip_rms_error_m", figures.tip_error.rms()},
-                          {"tip_max_error_m", figures.tip_error.max()},
-                          {"tip_estimate_rms_error_m", figures.estimate_error.rms()},
-                          {"friction_loss_mean_N", figures.friction_loss.mean()},
-                          {"friction_loss_max_N", figures.friction_loss.max()},
-                          {"capstan_error_rms_N", figures.capstan_error.rms()},
-                          {"base_tension_error_rms_N", figures.all_base_error.rms()},
-                          {"tensions", tensions},
-                          {"log", "run.lcmlog"},
-                          {"log_events", loop.log_events()}};
+  ordered_json summary = {
+      {"trajectory", name},
+      {"description", motion->description()},
+      {"robot", robot_file},
+      {"plant", plant_file},
+      {"compensation", options.compensation == "on"},
+      {"seed", options.seed},
+      {"version", Version()},
+      {"git_revision", GitRevision()},
+      {"simulated_s", loop.now_s()},
+      {"wall_s", wall_s},
+      {"real_time_factor", loop.now_s() / wall_s},
+      {"cycle_s", ToSeconds(loop.cycle_ns())},
+      {"cycles", last.input.cycle + 1},
+      {"deadline_misses", last.timing.deadline_misses},
+      {"feedback_missing", last.output.feedback_missing},
+      {"commands_accepted", last.output.commands_accepted},
+      {"commands_refused", last.output.commands_refused},
+      {"bus_load",
+       static_cast<double>(bus_after.bits - bus_before.bits) / (bus_s * loop.daemon().bus.bitrate_bps)},
+      {"bus_load_budget", canopen::ComputeBusBudget(loop.daemon().bus).load},
+      {"judged_from_s", judged_from_s},
+      {"judged_until_s", judged_from_s + motion->judged_until_s() - motion->judged_from_s()},
+      {"tip_rms_error_m", figures.tip_error.rms()},
+      {"tip_max_error_m", figures.tip_error.max()},
+      {"tip_estimate_rms_error_m", figures.estimate_error.rms()},
+      {"friction_loss_mean_N", figures.friction_loss.mean()},
+      {"friction_loss_max_N", figures.friction_loss.max()},
+      {"capstan_error_rms_N", figures.capstan_error.rms()},
+      {"base_tension_error_rms_N", figures.all_base_error.rms()},
+      {"tensions", tensions},
+      {"statuses", Describe(figures.cycles_by_status)},
+      {"log", "run.lcmlog"},
+      {"log_events", loop.log_events()}};
   std::ofstream out(folder / "summary.json");
   out << summary.dump(2) << '\n';
   if (!out.flush()) throw std::runtime_error("cannot write " + (folder / "summary.json").string());
   return summary;
 }
 
-// ---- the command
-// -----------------------------------------------------------------------------------------------------
+// ---- the command ------------------------------------------------------------------------------------------
 
 void PrintTable(const std::vector<ordered_json>& summaries, const fs::path& out) {
   const auto row = [&](const char* what, const char* unit, auto value) {
@@ -333,6 +371,12 @@ void PrintTable(const std::vector<ordered_json>& summaries, const fs::path& out)
   row("deadline misses", "1",
       [](const ordered_json& s) { return fmt::format("{}", s["deadline_misses"].get<std::uint64_t>()); });
   row("speed", "x real time", number("real_time_factor", 1, 0));
+  for (const auto& s : summaries) {
+    for (const auto& status : s["statuses"]) {
+      fmt::print("  {}: {} in {} cycles\n", s["trajectory"].get<std::string>(),
+                 status["text"].get<std::string>(), status["cycles"].get<std::uint64_t>());
+    }
+  }
   fmt::print("\n  compensation of pulley friction: {}\n",
              summaries.front()["compensation"].get<bool>() ? "on" : "off");
   for (const auto& s : summaries) {
@@ -343,6 +387,7 @@ void PrintTable(const std::vector<ordered_json>& summaries, const fs::path& out)
 }
 
 void RunDemo(const DemoOptions& options) {
+  if (options.out.empty()) throw UsageError("--out needs a folder, for example --out tendril-demo");
   std::vector<std::string> names;
   if (options.trajectory == "all") {
     names = {"circle", "planar"};

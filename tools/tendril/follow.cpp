@@ -29,7 +29,9 @@ volatile std::sig_atomic_t interrupted = 0;
 constexpr TimeNs kCommandPeriod_ns = 10 * kNsPerMs;
 // Long enough for a late scheduler, short enough that a dead stream stops the robot soon.
 constexpr TimeNs kValidFor_ns = 100 * kNsPerMs;
-constexpr TimeNs kSilence_ns = kNsPerS;
+constexpr TimeNs kSilence_ns = kNsPerS, kArmingAtMost_ns = 10 * kNsPerS;
+// Further from the robot's reach than this, the motion was made for another robot.
+constexpr double kOutOfReach_m = 1e-3;
 // Closer than this to the motion's first target, the robot's reference counts as there.
 constexpr double kArrivedBending_rad = 1e-4;
 constexpr TimeNs kStillBefore_ns = 500 * kNsPerMs, kApproachAtMost_ns = 30 * kNsPerS;
@@ -62,6 +64,7 @@ class Follower {
                       "--lcm and --prefix?",
                       options_.lcm.url, options_.lcm.prefix));
     }
+    while (Arming() && clock_.Now() - asked_ns < kArmingAtMost_ns) client_.Handle(20);
     CheckRunning();
     fmt::print("{}\n", motion_->description());
     Approach();
@@ -69,6 +72,11 @@ class Follower {
   }
 
  private:
+  bool Arming() const {
+    return !interrupted && (state_.mode == tendril_lcm::state_t::MODE_ARMED ||
+                            state_.mode == tendril_lcm::state_t::MODE_PRETENSION);
+  }
+
   void CheckRunning() {
     client_.Handle(0);
     if (interrupted) throw std::runtime_error("stopped by Ctrl-C: the robot holds the last target");
@@ -77,9 +85,17 @@ class Follower {
           "the daemon fell silent for a second: look at its log; the robot holds the last target");
     }
     if (state_.mode != tendril_lcm::state_t::MODE_RUNNING) {
-      throw std::runtime_error(fmt::format("the daemon is in mode {}{}: arm it first with `tendril send arm`",
-                                           state_.mode_text,
-                                           state_.status ? " (" + state_.status_text + ")" : std::string()));
+      throw std::runtime_error(fmt::format("the daemon is in mode {}{}: {}", state_.mode_text,
+                                           state_.status ? " (" + state_.status_text + ")" : std::string(),
+                                           state_.mode == tendril_lcm::state_t::MODE_FAULT
+                                               ? "clear it with `tendril send clear`, then arm"
+                                               : "arm it first with `tendril send arm`"));
+    }
+    if (state_.target_distance_m > kOutOfReach_m) {
+      throw std::runtime_error(
+          fmt::format("the daemon's robot cannot reach this motion by {:.1f} mm: is {} its robot file? The "
+                      "robot holds the last target",
+                      1e3 * state_.target_distance_m, options_.robot));
     }
   }
 

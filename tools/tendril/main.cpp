@@ -4,17 +4,23 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <utility>
 
 #include "commands.h"
 #include "tendril/core/version.h"
 
 namespace {
 
+// Never throws, unlike fmt::print: the standard error may be closed.
+template <typename... T>
+void Complain(fmt::format_string<T...> format, T&&... values) {
+  std::fputs(fmt::format(format, std::forward<T>(values)...).c_str(), stderr);
+}
+
 // A full disk or a closed output must not pass for success.
 int CheckOutput() {
   if (std::fflush(stdout) == 0 && !std::ferror(stdout)) return 0;
-  fmt::print(stderr, "tendril: not everything could be written to the standard output: {}\n",
-             std::strerror(errno));
+  Complain("tendril: not everything could be written to the standard output: {}\n", std::strerror(errno));
   return 1;
 }
 
@@ -22,7 +28,7 @@ int CheckOutput() {
 void NameUnknownWord(const CLI::App& app) {
   for (const CLI::App* at = &app; at != nullptr;) {
     if (const auto rest = at->remaining(); !rest.empty()) {
-      fmt::print(stderr, "tendril: '{}' is not known here\n", rest.front());
+      Complain("tendril: '{}' is not known here\n", rest.front());
       return;
     }
     const auto next = at->get_subcommands();
@@ -51,10 +57,10 @@ int main(int argc, char** argv) {
     if (e.get_exit_code() != 0) NameUnknownWord(app);
     return app.exit(e) == 0 ? CheckOutput() : 2;
   } catch (const tendril::tools::UsageError& e) {
-    fmt::print(stderr, "tendril: {}\n", e.what());
+    Complain("tendril: {}\n", e.what());
     return 2;
   } catch (const std::exception& e) {
-    fmt::print(stderr, "tendril: {}\n", e.what());
+    Complain("tendril: {}\n", e.what());
     return 1;
   }
   return CheckOutput();

@@ -25,7 +25,7 @@ class Unmet {
     if (++count_ <= kShown) fmt::print(stderr, "tendril: stdin: line {}: {}\n", rows.line(), what);
   }
   ~Unmet() {
-    if (count_ > kShown) fmt::print(stderr, "tendril: {} such lines in all\n", count_);
+    if (count_ > kShown) fmt::print(stderr, "tendril: {} rows with such a remark in all\n", count_);
   }
 
  private:

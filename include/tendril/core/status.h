@@ -22,16 +22,16 @@ namespace tendril {
   X(CommandNotFinite, 201, "command refused: not finite", "send numbers only")                                      \
   X(CommandOutOfRange, 202, "command refused: out of range", "see the robot file's limits")                         \
   X(CommandStale, 203, "command refused: older than its validity", "check the sender's clock and rate")             \
-  X(CommandWrongMode, 204, "command refused in this mode", "arm first, or clear the fault")                         \
+  X(CommandWrongMode, 204, "command refused in this mode", "arm from configured or hold, targets only while running, clear only in fault")                         \
   X(CommandOutOfOrder, 205, "command refused: sequence number not newer than the last", "one sender at a time")     \
   X(CommandWrongSize, 206, "command refused: number of values does not fit the robot", "one pair per section, one tension per tendon") \
   X(CommandExpired, 301, "command stream expired: holding the last target", "keep sending within valid_for_s")      \
   X(FeedbackMissing, 302, "a drive's TPDO is missing this cycle", "check the bus")                                  \
   X(Slack, 303, "a tendon is slack", "check pretension and the tendon's path")                                      \
-  X(CycleLate, 304, "cycle finished late", "run tendril rt-check")                                                  \
+  X(CycleLate, 304, "cycle finished late", "check the load of this machine and the rights to real-time scheduling")                                                  \
   X(SolverFallback, 305, "a bounded solver stopped early: last good solution used", "report with the log")          \
   X(FrameNotSent, 306, "a CAN frame could not be sent: the interface's queue is full", "check the bus load and that a node acknowledges") \
-  X(FrameLost, 307, "received CAN frames were lost", "run tendril rt-check")                                          \
+  X(FrameLost, 307, "received CAN frames were lost", "check the load of this machine and the rights to real-time scheduling")                                          \
   X(DriveWarning, 308, "a drive reports a warning", "see the drive's temperature and load")                         \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
