@@ -45,8 +45,9 @@ echo "== debootstrap $suite from $mirror"
 debootstrap --variant=minbase "$suite" "$dir/base" "$mirror" >"$dir/debootstrap.log" ||
   { tail -n 5 "$dir/debootstrap.log" >&2; exit 1; }
 # This machine's way to its packages (sources, proxies, certificates, keys), whatever it is.
-mkdir -p "$dir/base/etc/ssl/certs"
-cp -aL /etc/ssl/certs/ca-certificates.crt "$dir/base/etc/ssl/certs/" 2>/dev/null || :
+# The certificates under a name of their own: the ones of a package would take their place.
+bundle=/etc/ssl/certs/ca-certificates.crt
+[ ! -f $bundle ] || install -D -m 644 $bundle "$dir/base/etc/ssl/fresh-root.crt"
 [ ! -f /etc/pip.conf ] || cp -L /etc/pip.conf "$dir/base/etc/"
 rm -rf "$dir/base/etc/apt"
 cp -a /etc/apt "$dir/base/etc/apt"
@@ -66,9 +67,10 @@ for person in $who; do
   mount --make-rslave "$target/dev"
   mount -t tmpfs -o mode=1777 shm "$target/dev/shm"
   clean=(env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin TERM=dumb)
-  for name in http_proxy https_proxy no_proxy PIP_INDEX_URL PIP_CERT; do
+  for name in http_proxy https_proxy no_proxy PIP_INDEX_URL; do
     [ -z "${!name:-}" ] || clean+=("$name=${!name}")
   done
+  [ ! -f "$dir/base/etc/ssl/fresh-root.crt" ] || clean+=(PIP_CERT=/etc/ssl/fresh-root.crt)
   if [ "$person" = user ]; then
     chroot "$target" "${clean[@]}" DEBIAN_FRONTEND=noninteractive sh -c \
       'apt-get -qq update && apt-get -qq install -y --no-install-recommends sudo >/dev/null'
