@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace tendril {
@@ -139,11 +140,21 @@ struct ActuationParameters {
   std::optional<TrackerParameters> tracker;
 };
 
+/// An effect that this robot has beyond the nominal model (the list `effects` of a robot file): by name, with its
+/// parameters. What it means is the simulator's business (sim/effects.h); a controller does not use it.
+struct EffectSetting {
+  std::string name;                              // "backlash"
+  std::string where = "all";                     // all, tendon:j, unit:i or section:k, from 1
+  std::vector<std::pair<std::string, double>> values;  // by parameter, SI
+  bool operator==(const EffectSetting&) const = default;
+};
+
 struct RobotParameters {
   std::string name;
   BodyParameters body;
   LimitParameters limits;
   std::optional<ActuationParameters> actuation;  // absent: a body alone, good for `tendril model`
+  std::vector<EffectSetting> effects;
 };
 
 }  // namespace tendril

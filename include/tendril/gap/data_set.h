@@ -1,0 +1,49 @@
+// Measured runs of a robot: a folder of CSV files with robot.yaml and runs.yaml, LCM logs, or anybody's
+// tables through a column map. Knows nothing of models.
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tendril/core/robot.h"
+
+namespace tendril::gap {
+
+/// One run as it was measured: S samples; NaN where a slower sensor has no new value; a matrix without
+/// columns was not measured. SI units, pulling positive, motor shaft.
+struct Run {
+  std::string name;       // file name, or what the log is called
+  std::string family;     // kind of excitation: triangle, circle, ... ; "unknown" when not told
+  std::string repeat_of;  // name of the run of which it is an identical repetition, or empty
+  LoadCellPlace load_cell = LoadCellPlace::kMotorSide;
+  std::string sha256;      // of the file it came from, lower-case hex
+  Eigen::VectorXd time_s;  // S, of the log's clock
+  Eigen::MatrixXd torque_target_Nm, torque_actual_Nm, motor_position_rad, tension_N;  // S x M
+  Eigen::MatrixXd tip_m;           // S x 3 in the tracker's frame
+  Eigen::MatrixXd tip_quaternion;  // S x 4: w, x, y, z
+  Eigen::MatrixXd bending_rad;     // S x 2K: (us, vs) a section, where a log has it
+  std::vector<std::string> notes;  // what was lost or repaired on reading, one line each
+};
+
+struct DataSet {
+  std::string name;
+  RobotParameters robot;  // nominal
+  std::vector<Run> runs;
+  std::vector<std::string> notes;  // of the set: files that could not be read at all, for example
+};
+
+/// A folder (robot.yaml, runs.yaml, CSV). `robot_path` overrides the folder's robot.yaml when not empty. A
+/// run that cannot be read is left out with a note; std::runtime_error when nothing is left or the folder is
+/// none.
+DataSet LoadDataSet(const std::filesystem::path& folder, const std::string& robot_path);
+/// Folders, CSV files and LCM logs in any mixture, as one set.
+DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path);
+
+/// Canonical CSV (column names in README) of one run; 17 significant digits where needed, empty for NaN.
+void WriteRun(const Run& run, const std::filesystem::path& file);
+/// robot.yaml, runs.yaml and one CSV a run.
+void WriteDataSet(const DataSet& set, const std::filesystem::path& folder);
+
+}  // namespace tendril::gap

@@ -1,0 +1,98 @@
+// The effects a real robot has and the nominal model has not, or has with a wrong number: their registry, and
+// how a robot gets them. One file of src/sim/effects and one line of the registry each. Knows nothing of logs
+// or fits.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tendril/core/robot.h"
+
+namespace tendril::sim {
+
+class PlantLaws;
+
+/// Part of the chain from command to tip that an effect belongs to.
+enum class Stage { kDrive, kTransmission, kBody, kSensor };
+
+/// A place in the chain where signals are measured on both sides, in chain order (C0..C6).
+enum class Cut {
+  kClock,        // C0 timestamps
+  kCurrentLoop,  // C1 target torque -> actual torque
+  kDrivetrain,   // C2 actual torque and encoder -> load cell
+  kTendon,       // C3 encoder and shape -> tension
+  kShape,        // C4 load cell -> quasi-static shape
+  kMotion,       // C5 load cell -> motion in time
+  kSensors,      // C6 redundant sensors
+};
+inline constexpr int kCuts = 7;
+/// "C0".."C6".
+std::string_view CutName(Cut cut);
+
+/// What one setting of an effect may be about.
+enum class Scope { kRobot, kTendon, kUnit, kSection };
+
+struct EffectParameter {
+  std::string_view name;        // "scale", "mass_kg": SI, the unit at its end
+  double nominal = 0;           // value without the effect: 1 for a scale, else 0
+  double lower = 0, upper = 0;  // physical bounds
+  double typical = 0;           // a plainly visible deviation from nominal: scale of steps and starts
+  /// A shape parameter (a time constant, a yield) means nothing while the effect's others are nominal; then
+  /// `nominal` is its usual value and `starts` are where a search begins.
+  bool shape = false;
+  std::vector<double> starts{};
+};
+
+/// Which tendon, unit or section, counted from 0; all of them when empty.
+using Target = std::optional<int>;
+
+struct Effect {
+  std::string_view name;
+  Stage stage{};
+  Scope scope{};
+  Cut cut{};             // where it shows first, with a load cell on the motor's side
+  Cut cut_robot_side{};  // the same with the cell between pulleys and robot
+  bool on_all = true;    // one value for all tendons (units) is a hypothesis
+  bool on_one = false;   // one tendon (unit) alone is one
+  /// Constant that nobody can know beforehand (a pre-sliding length): free within its bounds, not accused
+  /// alone while its change is immaterial.
+  bool nuisance = false;
+  std::vector<EffectParameter> parameters;
+  // For people, a few sentences each (`tendril gap explain`).
+  std::string_view summary;                  // one line
+  std::string_view physics;                  // what happens, with the law in words and symbols
+  std::string_view signature;                // how it looks in the data
+  std::string_view experiment;               // what shows it
+  std::vector<std::string_view> confusable;  // effects that look alike, by name
+  /// Exactly one of the two. `edit`: the effect is a number that the robot file has, so the controller can
+  /// know it too. `add`: a law that only the simulator has.
+  void (*edit)(RobotParameters& robot, Target target, std::span<const double> values) = nullptr;
+  void (*add)(PlantLaws& laws, const RobotParameters& robot, Target target,
+              std::span<const double> values) = nullptr;
+};
+
+/// All effects, in chain order; the order and the addresses stay.
+std::span<const Effect> Effects();
+/// nullptr when there is none of this name.
+const Effect* FindEffect(std::string_view name);
+
+/// "all", "tendon:2", "unit:1", "section:1" <-> target of an effect on this robot. Throws
+/// std::invalid_argument with the accepted ones.
+Target ParseTarget(const Effect& effect, std::string_view where, const RobotParameters& robot);
+std::string TargetText(const Effect& effect, Target target);
+
+/// "backlash where=tendon:2 rad=0.05" (the form of command lines) -> a setting, checked against the registry
+/// and the robot: unknown names, values out of bounds and missing primary parameters throw
+/// std::invalid_argument with what, accepted and remedy.
+EffectSetting ParseEffect(std::string_view text, const RobotParameters& robot);
+void CheckEffects(const RobotParameters& robot);
+/// All of an effect's parameters in the registry's order: those the setting names, the others nominal.
+std::vector<double> ValuesOf(const EffectSetting& setting);
+
+/// The robot with every effect that is a parameter worked into its numbers; `effects` keeps only laws.
+RobotParameters FoldEffects(const RobotParameters& robot);
+
+}  // namespace tendril::sim
