@@ -1,0 +1,160 @@
+// What a diagnosis found, as plain data: everything the report shows and report.json mirrors. Knows nothing
+// of how it was found.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tendril/sim/effects.h"
+
+namespace tendril::gap {
+
+/// A number with its 95 % interval.
+struct Estimate {
+  double value = 0;
+  double low = 0, high = 0;
+};
+
+enum class Verdict { kNoGap, kAttributed, kAmbiguousGroup, kUnexplained, kInsufficientData };
+/// "no_gap", "attributed", "ambiguous_group", "unexplained", "insufficient_data".
+std::string VerdictName(Verdict verdict);
+
+/// The residual (measured less simulated) behind one cut, of one tendon's tension or one section's tip.
+struct CutFinding {
+  sim::Cut cut{};
+  std::string where;        // "tendon:2", "section:1" or "all"
+  std::string quantity;     // "tension", "torque", "tip position", "tip direction", "timestamps"
+  std::string unit;         // "N", "m", "rad", "N·m", "s"
+  bool measured = true;     // false: cannot be told from these logs, `note` says why
+  double rms = 0;           // of the residual
+  double floor = 0;         // rms that noise and repetition explain
+  double excess_sigma = 0;  // sqrt(rms^2 - floor^2) / floor, 0 when below
+  double delta = 0;         // materiality in `unit`
+  double p_value = 1;       // of the excess being noise (bootstrap over blocks)
+  bool excess = false;      // passes delta with false discoveries controlled
+  bool first = false;       // the first in the chain: here lies the gap
+  std::string note;
+};
+
+/// One hypothesis with its probability.
+struct Cause {
+  std::string effect;  // registry name, "no_gap" or "unknown"
+  std::string where;   // "all", "tendon:2", ...; empty for no_gap and unknown
+  double p = 0;
+  int group = 0;  // causes with the same number > 0 cannot be told apart by these runs
+  std::map<std::string, Estimate> parameters;
+  bool bound_hit = false;
+  double held_out_gain = 0;   // share of the excess mean square on held-out families that it removes
+  double screening_gain = 0;  // share that the linear screening expected
+  std::string note;
+};
+
+/// How far the gap shrinks in one channel when the named causes are in the model, on held-out trajectories.
+struct Closure {
+  std::string channel;  // "tension 1 from torque", "tip position", ...
+  std::string unit;
+  sim::Cut cut{};
+  double before_rms = 0, after_rms = 0, floor_rms = 0;
+  std::optional<Estimate> closed;  // empty: before is at the floor
+};
+
+/// Two causes and how alike their marks are: cosine of their sensitivities with nuisances and calibration
+/// removed.
+struct Confusion {
+  std::string a, b;  // "effect where"
+  double cosine = 0;
+  double profile_gap =
+      0;  // least change of held-out score between the two after refitting, in units of decision
+  bool confirmed = false;  // by the profile too
+};
+
+/// Mean of a residual against a condition, with a block-bootstrap band.
+struct ConditionMap {
+  sim::Cut cut{};
+  std::string channel, unit;              // of the residual
+  std::string condition, condition_unit;  // "speed of the tendon", "m/s"
+  std::vector<double> at, mean, low, high;
+  std::vector<double> after;  // mean after the cause is in the model, empty without one
+};
+
+/// Held-out run: measured, simulated before and after; for overlays and hysteresis loops.
+struct Overlay {
+  std::string run, channel, unit;
+  sim::Cut cut{};
+  double floor = 0;
+  std::vector<double> time_s, measured, before, after;
+  std::string against;  // what `x` is, for a loop: "displacement 1"; empty: only over time
+  std::string against_unit;
+  std::vector<double> x;
+};
+
+/// Growth of the residual with the time since the simulation was set to the measured state.
+struct HorizonPoint {
+  double horizon_s = 0;
+  double rms_m = 0, floor_m = 0;
+};
+
+/// How well a parameter is determined: held-out score over its value, others refitted.
+struct Profile {
+  std::string effect, where, parameter;
+  std::vector<double> value, score;
+};
+
+struct NextExperiment {
+  std::string family;  // what `tendril excite` calls it; empty: none needed or none helps
+  std::string reason;  // in words: which rivals, why this run separates them
+  double separation_sigma = 0;
+  std::string yaml;                                          // file that `tendril excite --plan` runs
+  std::vector<std::pair<std::string, double>> alternatives;  // other families with their separation
+};
+
+struct HealthFinding {
+  enum class Severity { kInfo, kWarning, kError } severity = Severity::kInfo;
+  std::string run, channel;
+  double value = 0;
+  std::string text;  // what was found, what it means for the diagnosis, the remedy
+};
+
+struct RunSummary {
+  std::string name, family, repeat_of, sha256;
+  double duration_s = 0, rate_Hz = 0;
+  int samples = 0;
+};
+
+struct Diagnosis {
+  Verdict verdict = Verdict::kInsufficientData;
+  std::string sentence;              // where, what, how sure, how far it shrinks, what next
+  std::vector<CutFinding> location;  // in chain order
+  std::vector<Cause> causes;         // by falling p; with no_gap and unknown
+  std::vector<Cause> accepted;       // what the model needs: empty, one, or the members of a pair
+  std::optional<Estimate> closed;    // pooled, on held-out trajectories
+  std::vector<Closure> closures;
+  std::optional<Estimate> closed_ceiling;  // what refitting everything at once closes, as an upper mark
+  std::vector<std::pair<std::string, double>>
+      order_effects;          // closed by each of a pair alone and after the other
+  double leftover_sigma = 0;  // what the best model leaves beyond the floor on held-out data
+  std::vector<Confusion> confusable;
+  std::vector<ConditionMap> maps;
+  std::vector<Overlay> overlays;
+  std::vector<HorizonPoint> horizon;
+  std::vector<Profile> profiles;
+  std::vector<std::pair<std::string, double>> input_correlations;  // of what is left with the inputs
+  NextExperiment next;
+  std::vector<HealthFinding> health;
+  std::vector<std::string> degradations;  // what these logs lack and what can therefore not be said
+
+  // provenance
+  std::string robot_name, robot_yaml;  // nominal file, resolved
+  std::vector<RunSummary> runs;
+  std::vector<std::string> training_families, held_out_families;  // of the last split reported
+  double delta_N = 0, delta_m = 0;
+  std::uint64_t seed = 0;
+  std::string version, revision, command;
+  double seconds = 0;  // it took; the only number that differs between equal runs
+};
+
+}  // namespace tendril::gap
