@@ -1,14 +1,17 @@
 // One motor with its gear, spool, tendon and guide pulleys: from torque and motion to tensions and
 // accelerations. Holds the hysteresis memories; knows nothing of the body, of solvers or of time beyond its
-// torque loop.
+// torque loop. A copy goes its own way from where the original stands.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <vector>
 
+#include "tendon_laws.h"
 #include "tendril/core/robot.h"
 #include "tendril/model/capstan.h"
 #include "tendril/model/stop_operator.h"
+#include "torque_loop.h"
 
 namespace tendril::sim {
 
@@ -29,7 +32,7 @@ struct Way {
 
 /// What the motion does, with the friction memories as they were committed last.
 struct DrivetrainForces {
-  double torque_Nm = 0;  // electromagnetic
+  double torque_Nm = 0;  // at the motor shaft
   double tension_motor_N = 0;
   double tension_base_N = 0;
   double sliding = 0;      // z of the pulley
@@ -38,7 +41,24 @@ struct DrivetrainForces {
   double acceleration_radps2 = 0;
   double pull_N = 0;  // F and its inverse at the motor-side tension
   double release_N = 0;
+  double spool_pull_m = 0;    // s
+  double spool_rate_mps = 0;  // ds/dt
+  double pull_m_per_rad = 0;  // ds/d(angle): 0 while the shaft crosses its play
+  double load_arm_m = 0;      // motor torque per tension before the gear's losses
+  ShaftTorque extra;          // of the shaft laws
   Way slide, shaft;
+};
+
+/// Play between motor shaft and spool: where the driven side is, for a pull flank at 0.
+class Play {
+ public:
+  explicit Play(double play) : play_(play) {}
+  double Peek(double x) const noexcept { return std::clamp(at_, x, x + play_); }
+  void Commit(double x) noexcept { at_ = Peek(x); }
+  double play() const noexcept { return play_; }
+
+ private:
+  double play_, at_ = 0;
 };
 
 /// One tendon in the equations linearised over a solver's step of weight gamma [s], as an implicit step needs
@@ -66,11 +86,14 @@ class Drivetrain {
  public:
   /// Straight, at rest, `start_tension_N` in the tendon and the torque that holds it.
   Drivetrain(const TendonDriveParameters& parameters, double start_tension_N,
-             std::shared_ptr<const model::CapstanTable> capstan);
+             std::shared_ptr<const model::CapstanTable> capstan, const TendonLaws& laws = {});
 
-  /// Torque loop: T' = (wanted - T) / lag, solved exactly, so that a solver sees no states or corners of it.
-  void SetTorque(double time_s, double wanted_Nm) noexcept;
-  double Torque(double time_s) const noexcept;
+  /// Torque sent to the drive from now on.
+  void SetTorque(double time_s, double sent_Nm) { loop_.Set(time_s, sent_Nm); }
+  /// As the drive reports it, without noise: current times the nominal torque constant.
+  double Torque(double time_s) const noexcept { return loop_.At(time_s); }
+  /// See TorqueLoop.
+  double NextCorner(double time_s) const noexcept { return loop_.NextCorner(time_s); }
 
   /// Forces at a motion reached at time_s, at or after the last commit.
   DrivetrainForces Evaluate(double time_s, const DrivetrainMotion& motion) const noexcept;
@@ -80,29 +103,53 @@ class Drivetrain {
   /// Moves the hysteresis memories to a motion reached at time_s, through the turning points on the way.
   void Commit(double time_s, const DrivetrainMotion& motion) noexcept;
 
+  // Parts of the chain by themselves, along a motion that was measured. As for Evaluate, time_s is at or
+  // after the last commit, and Commit moves on; steps as short as a reversal needs.
+
+  /// Motor-side tension [N], >= 0, that leaves the rotor this acceleration under a torque as reported by the
+  /// drive: (scale * torque - friction - inertia * acceleration) / (arm * gear factor).
+  double TensionFromTorque(double time_s, const DrivetrainMotion& motion, double torque_Nm,
+                           double acceleration_radps2) const noexcept;
+  /// Motor-side tension [N], >= 0, of the tendon's spring and damper.
+  double TensionFromStretch(double time_s, const DrivetrainMotion& motion) const noexcept;
+  /// Robot-side tension [N] for a motor-side one, by the pulleys at the motion's sliding state.
+  double BaseTension(double time_s, const DrivetrainMotion& motion, double tension_motor_N) const noexcept;
+
   double rotor_inertia_kgm2() const noexcept { return inertia_; }
   double travel_m_per_rad() const noexcept { return travel_; }
   double stiffness_Npm() const noexcept { return stiffness_; }
   double damping_Nspm() const noexcept { return damping_; }
 
  private:
-  double Slide(const DrivetrainMotion& motion) const noexcept;
-  double SlideRate(const DrivetrainMotion& motion) const noexcept;
-  Way SlideWay(double time_s, const DrivetrainMotion& motion) const noexcept;
+  struct Spool {
+    double pull_m, rate_mps, per_rad_m, arm_m;
+  };
   Way ShaftWay(double time_s, const DrivetrainMotion& motion) const noexcept;
-  double Gear(Way way) const noexcept;
+  Spool SpoolAt(const Way& shaft, const DrivetrainMotion& motion) const noexcept;
+  Way SlideWay(double time_s, const DrivetrainMotion& motion, const Spool& spool) const noexcept;
+  double Stretched(double time_s, const DrivetrainMotion& motion, const Spool& spool) const noexcept;
+  double Base(double tension_motor_N, double sliding, double release_N, double pull_N) const noexcept;
+  double Gear(const Way& way) const noexcept;
+  /// Friction and the shaft laws' torque against the rotor; leaves zeta and the laws' part in `forces`.
+  double Resistance(const DrivetrainMotion& motion, DrivetrainForces& forces) const noexcept;
 
   double travel_, stiffness_, damping_, stretch0_m_;
-  double inertia_, coulomb_, dahl_angle_, dahl_damping_, viscous_, lag_s_;
+  double inertia_, coulomb_, dahl_angle_, dahl_damping_, viscous_, torque_scale_;
   double log_efficiency_;
+  double pulley_coulomb_N_, low_tension_N_;
   double slide_step_m_, gear_step_rad_;  // of the slopes' differences: small beside every yield
   std::shared_ptr<const model::CapstanTable> capstan_;
   model::StopOperators<4> pulley_;
   model::DahlState dahl_;
   std::vector<model::StopOperators<1>> gear_;
+  TorqueLoop loop_;
+  std::vector<std::shared_ptr<const ShaftLaw>> shaft_laws_;
+  std::vector<OwnedStretch> stretch_laws_;
+  double growth_per_rad_m_;  // of the pull per motor angle, by the driven side's motor angle
+  bool plain_spool_;         // neither play nor growth
+  Play play_;
   // Where and when the memories were committed.
   double time_s_ = 0, angle_ = 0, velocity_ = 0, slide_ = 0, slide_rate_ = 0;
-  double torque_time_s_ = 0, torque_from_ = 0, torque_wanted_ = 0;
 };
 
 }  // namespace tendril::sim

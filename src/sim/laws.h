@@ -11,7 +11,7 @@ namespace tendril::sim {
 
 class PlantLaws {
  public:
-  explicit PlantLaws(int tendons) : tendon(static_cast<std::size_t>(tendons)) {}
+  explicit PlantLaws(int tendons) : tendon(static_cast<std::size_t>(tendons)), sensor(tendons) {}
 
   std::vector<TendonLaws> tendon;  // tendon_laws.h: from drive command to base tension
   BodyLaws body;                   // body_laws.h: along the disks, and on the units

@@ -15,6 +15,8 @@
 
 #include "drivetrain.h"
 #include "integrator.h"
+#include "laws.h"
+#include "tendril/sim/effects.h"
 
 namespace tendril::sim {
 namespace {
@@ -41,6 +43,12 @@ bool SameMap(const TransmissionParameters& a, const TransmissionParameters& b) {
          std::equal(a.pulleys.begin(), a.pulleys.end(), b.pulleys.begin(), Same);
 }
 
+Eigen::Matrix3d Rotation(const Eigen::Vector3d& vector) {
+  const double angle = vector.norm();
+  return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix()
+                   : Eigen::Matrix3d::Identity();
+}
+
 const ActuationParameters& Actuation(const RobotParameters& robot) {
   if (!robot.actuation) {
     throw std::invalid_argument(
@@ -60,7 +68,8 @@ const ActuationParameters& Actuation(const RobotParameters& robot) {
 
 struct Plant::Impl final : OdeSystem {
   Impl(const RobotParameters& robot_parameters, const PlantOptions& plant_options)
-      : robot(robot_parameters),
+      : robot(FoldEffects(robot_parameters)),
+        laws(PlantLaws::Of(robot)),
         options(plant_options),
         actuation(Actuation(robot)),
         body(robot.body),
@@ -81,7 +90,8 @@ struct Plant::Impl final : OdeSystem {
         const double most = std::max(2 * robot.limits.max_tension_motor_N, 20.0);
         tables.push_back(std::make_shared<model::CapstanTable>(p.transmission, most));
       }
-      drive.emplace_back(p, robot.limits.min_tension_N, tables.back());
+      drive.emplace_back(p, robot.limits.min_tension_N, tables.back(),
+                         laws.tendon[static_cast<std::size_t>(j)]);
     }
     for (const auto& section : robot.body.sections) {
       for (int i = 0; i < 2 * section.units; ++i) damping.push_back(section.bending_damping_Nms);
@@ -243,7 +253,7 @@ struct Plant::Impl final : OdeSystem {
     if (dt_ns <= 0) throw std::invalid_argument(fmt::format("plant: cannot advance by {} ns", dt_ns));
     const double end = ToSeconds(time_ns + dt_ns);
     while (integrator->t() < end) {
-      integrator->StepTowards(end);
+      integrator->StepTowards(NextStop(end));
       ReadState();
       for (int j = 0; j < m; ++j) drive[j].Commit(integrator->t(), motion[j]);
     }
@@ -252,17 +262,23 @@ struct Plant::Impl final : OdeSystem {
     RememberPose();
   }
 
+  /// `end`, or the corner of a drive's torque before it. Corners closer than a nanosecond to either end are
+  /// one with it: times are sums that round.
+  double NextStop(double end) const {
+    constexpr double kSame_s = 1e-9;
+    double stop = end;
+    for (const Drivetrain& d : drive) {
+      const double corner = d.NextCorner(integrator->t() + kSame_s);
+      if (corner < stop - kSame_s) stop = corner;
+    }
+    return stop;
+  }
+
   void UpdateTendonStates() {
     for (int j = 0; j < m; ++j) {
       const DrivetrainForces f = drive[j].Evaluate(ToSeconds(time_ns), motion[j]);
-      state[j] = {motion[j].angle_rad,
-                  motion[j].velocity_radps,
-                  f.torque_Nm,
-                  drive[j].travel_m_per_rad() * motion[j].angle_rad,
-                  motion[j].shortening_m,
-                  f.tension_motor_N,
-                  f.tension_base_N,
-                  f.sliding};
+      state[j] = {motion[j].angle_rad,    motion[j].velocity_radps, f.torque_Nm,      f.spool_pull_m,
+                  motion[j].shortening_m, f.tension_motor_N,        f.tension_base_N, f.sliding};
     }
   }
 
@@ -275,19 +291,22 @@ struct Plant::Impl final : OdeSystem {
 
   std::vector<TendonSensors> ReadSensors() {
     std::vector<TendonSensors> sensors(m);
+    const double now = ToSeconds(time_ns);
     for (int j = 0; j < m; ++j) {
       const auto& p = actuation.tendons[j];
-      const double turns = state[j].motor_angle_rad / (2 * std::numbers::pi);
+      const double turns =
+          (state[j].motor_angle_rad + laws.sensor.encoder_offset_rad[j]) / (2 * std::numbers::pi);
       sensors[j].encoder_counts =
           static_cast<std::int32_t>(std::llround(turns * p.drive.encoder_counts_per_turn));
       const double permille = p.drive.rated_torque_Nm * 1e-3;
-      sensors[j].torque_Nm = permille * std::round(state[j].motor_torque_Nm / permille +
+      sensors[j].torque_Nm = permille * std::round(drive[j].Torque(now) / permille +
                                                    Noise(p.drive.actual_torque_noise_permille));
       const double cell = Noise(p.load_cell.noise_N);
       if (p.load_cell.place == LoadCellPlace::kNone) continue;
       const double tension_N =
           p.load_cell.place == LoadCellPlace::kMotorSide ? state[j].tension_motor_N : state[j].tension_base_N;
-      const double volts = p.load_cell.gain_VpN * (tension_N + cell);
+      const double shift = p.load_cell.offset_N + laws.sensor.cell_drift_Nps[j] * now;
+      const double volts = p.load_cell.gain_VpN * (tension_N + cell + shift);
       sensors[j].load_cell_V = p.load_cell.resolution_V * std::round(volts / p.load_cell.resolution_V);
     }
     return sensors;
@@ -312,20 +331,20 @@ struct Plant::Impl final : OdeSystem {
 
   TrackerReading ReadTracker() {
     TrackerReading reading;
-    const model::Pose pose = body.TipPose(TrackedShape());
+    const model::Pose tip = body.TipPose(TrackedShape());
+    const Eigen::Matrix3d turned = Rotation(laws.sensor.tracker_turn_rad);
+    const model::Pose pose{turned * tip.R_WA, turned * tip.p_WA + laws.sensor.tracker_offset_m};
     const TrackerParameters tracker = actuation.tracker.value_or(TrackerParameters{});
     Eigen::Vector3d turn;
     for (int i = 0; i < 3; ++i) reading.tip_W_m[i] = pose.p_WA[i] + Noise(tracker.position_noise_m);
     for (int i = 0; i < 3; ++i) turn[i] = Noise(tracker.orientation_noise_rad);
-    const double angle = turn.norm();
-    const Eigen::Matrix3d noise =
-        angle > 0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
-    reading.orientation_WT = Eigen::Quaterniond(Eigen::Matrix3d(pose.R_WA * noise));
+    reading.orientation_WT = Eigen::Quaterniond(Eigen::Matrix3d(pose.R_WA * Rotation(turn)));
     if (reading.orientation_WT.w() < 0) reading.orientation_WT.coeffs() *= -1;
     return reading;
   }
 
-  RobotParameters robot;
+  RobotParameters robot;  // with the effects that are parameters worked in
+  PlantLaws laws;         // the others
   PlantOptions options;
   const ActuationParameters& actuation;
   model::Body body;

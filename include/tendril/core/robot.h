@@ -32,13 +32,27 @@ struct SectionParameters {
   double UnitStiffness() const;
 };
 
+/// What one unit has that its section's numbers do not say.
+struct UnitDeviation {
+  int unit = 0;                        // along the whole robot, from 1
+  double stiffness_scale = 1;          // of the bending stiffness EI / l
+  double rest_u_rad = 0;               // bend (u, v) in which the backbone is free of stress
+  double rest_v_rad = 0;
+};
+
 struct BodyParameters {
   std::vector<SectionParameters> sections;  // 1..kMaxSections, base first
   Eigen::Vector3d gravity_W_mps2{0, 0, -9.81};  // in F_0; the straight robot points along +z of F_0
+  double tip_payload_kg = 0;           // point mass at the centre of the last disk
+  Eigen::Vector3d tip_force_W_N{0, 0, 0};  // constant in F_0, at the centre of the last disk
+  double twist_rad_per_m = 0;          // a disk's holes are turned about its z by this times its arc length
+  std::vector<UnitDeviation> unit_deviations;  // at most one a unit
 
   int units() const;
   int tendons() const;
   double length_m() const;
+  /// The deviation of unit 1..units(), entered as none where there is none yet.
+  UnitDeviation& DeviationOf(int unit);
 };
 
 struct MotorParameters {
@@ -50,6 +64,7 @@ struct MotorParameters {
   double coulomb_damping_Nms = 0;      // micro-damping on zeta' (torque = coulomb * zeta + this * zeta')
   double viscous_friction_Nms = 0;
   double torque_lag_s = 0;             // first-order torque loop
+  double torque_scale = 1;             // real shaft torque over current x torque_constant_NmpA
 };
 
 struct DriveParameters {
@@ -95,6 +110,9 @@ struct TransmissionParameters {
   std::vector<PulleyParameters> pulleys;    // from the base (low-tension side under pull) towards the motor
   double presliding_m = 0;                  // sliding displacement over which friction builds up
   double low_tension_N = 0.05;              // below: F continued by the constant ratio F(low)/low
+  /// Load-independent friction of the pulleys, on the robot's side: T_base = F^-1(T_motor) - this when the
+  /// motor pulls, F(T_motor) + this when it pays out.
+  double coulomb_N = 0;
 };
 
 enum class LoadCellPlace { kNone, kMotorSide, kRobotSide };
@@ -104,6 +122,7 @@ struct LoadCellParameters {
   double gain_VpN = 0;
   double resolution_V = 0;             // one step of the drive's analog input
   double noise_N = 0;                  // rms
+  double offset_N = 0;                 // reading = gain x (tension + offset)
 };
 
 struct TrackerParameters {

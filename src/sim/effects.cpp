@@ -1,0 +1,249 @@
+// The registry of effects: names and targets, settings checked and folded into a robot's numbers, laws
+// gathered. Knows no effect by itself; they are listed in effects/list.inc.
+#include "tendril/sim/effects.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+#include "laws.h"
+
+namespace tendril::sim {
+
+#define TENDRIL_EFFECT(Name) Effect Name();
+#include "effects/list.inc"
+#undef TENDRIL_EFFECT
+
+namespace {
+
+std::invalid_argument Wrong(std::string_view what, std::string_view accepted, std::string_view remedy) {
+  return std::invalid_argument(fmt::format("{}; accepted: {}; {}", what, accepted, remedy));
+}
+
+std::string_view ScopeName(Scope scope) {
+  switch (scope) {
+    case Scope::kTendon:
+      return "tendon";
+    case Scope::kUnit:
+      return "unit";
+    case Scope::kSection:
+      return "section";
+    case Scope::kRobot:
+      break;
+  }
+  return "all";
+}
+
+int CountOf(Scope scope, const RobotParameters& robot) {
+  switch (scope) {
+    case Scope::kTendon:
+      return robot.body.tendons();
+    case Scope::kUnit:
+      return robot.body.units();
+    case Scope::kSection:
+      return static_cast<int>(robot.body.sections.size());
+    case Scope::kRobot:
+      break;
+  }
+  return 0;
+}
+
+bool ReadNumber(std::string_view text, double& value) {
+  if (text.starts_with('+')) text.remove_prefix(1);
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc() && end == text.data() + text.size() && std::isfinite(value);
+}
+
+const Effect& Known(std::string_view name) {
+  if (const Effect* effect = FindEffect(name)) return *effect;
+  std::vector<std::string_view> names;
+  for (const Effect& effect : Effects()) names.push_back(effect.name);
+  throw Wrong(fmt::format("there is no effect '{}'", name), fmt::format("{}", fmt::join(names, ", ")),
+              "correct the name");
+}
+
+void CheckValue(const Effect& effect, std::string_view name, double value) {
+  const auto& all = effect.parameters;
+  const auto p = std::find_if(all.begin(), all.end(), [&](const auto& q) { return q.name == name; });
+  if (p == all.end()) {
+    std::vector<std::string_view> names;
+    for (const EffectParameter& q : all) names.push_back(q.name);
+    throw Wrong(fmt::format("{} has no parameter '{}'", effect.name, name),
+                fmt::format("{}", fmt::join(names, ", ")), "correct the name");
+  }
+  if (!(value >= p->lower && value <= p->upper)) {
+    throw Wrong(fmt::format("{}.{} = {}", effect.name, name, value),
+                fmt::format("{} .. {}", p->lower, p->upper), "correct the value");
+  }
+}
+
+struct Resolved {
+  const Effect* effect = nullptr;
+  Target target;
+};
+
+Resolved Resolve(const EffectSetting& setting, const RobotParameters& robot) {
+  const Effect& effect = Known(setting.name);
+  const Target target = ParseTarget(effect, setting.where, robot);
+  if (effect.stage != Stage::kBody && !robot.actuation) {
+    throw Wrong(fmt::format("{}: robot '{}' has no actuation", effect.name, robot.name),
+                "effects of the body", "use a robot file with an 'actuation' section");
+  }
+  std::vector<std::string_view> primary, given;
+  for (const EffectParameter& p : effect.parameters) {
+    if (!p.shape) primary.push_back(p.name);
+  }
+  bool any = false;
+  for (const auto& [name, value] : setting.values) {
+    CheckValue(effect, name, value);
+    if (std::find(given.begin(), given.end(), name) != given.end()) {
+      throw Wrong(fmt::format("{}.{} twice", effect.name, name), "each parameter once", "remove one");
+    }
+    given.push_back(name);
+    any = any || std::find(primary.begin(), primary.end(), name) != primary.end();
+  }
+  if (!any) {
+    throw Wrong(fmt::format("{} without {}", effect.name, fmt::join(primary, ", ")),
+                primary.size() > 1 ? "at least one of them" : "a value of it", "add it");
+  }
+  return {&effect, target};
+}
+
+/// All of a robot's settings; a refusal says which entry of the list it is about.
+std::vector<Resolved> ResolveAll(const RobotParameters& robot) {
+  std::vector<Resolved> all;
+  for (std::size_t i = 0; i < robot.effects.size(); ++i) {
+    try {
+      all.push_back(Resolve(robot.effects[i], robot));
+      for (std::size_t k = 0; k < i; ++k) {
+        if (all[k].effect == all[i].effect && all[k].target == all[i].target) {
+          throw Wrong(
+              fmt::format("{} on {} twice", all[i].effect->name, TargetText(*all[i].effect, all[i].target)),
+              "each effect once a place", "remove one");
+        }
+      }
+    } catch (const std::invalid_argument& e) {
+      throw std::invalid_argument(fmt::format("entry {}: {}", i + 1, e.what()));
+    }
+  }
+  return all;
+}
+
+}  // namespace
+
+std::string_view CutName(Cut cut) {
+  constexpr std::string_view kNames[kCuts] = {"C0", "C1", "C2", "C3", "C4", "C5", "C6"};
+  return kNames[static_cast<int>(cut)];
+}
+
+std::span<const Effect> Effects() {
+  static const std::vector<Effect> all{
+#define TENDRIL_EFFECT(Name) Name(),
+#include "effects/list.inc"
+#undef TENDRIL_EFFECT
+  };
+  return all;
+}
+
+const Effect* FindEffect(std::string_view name) {
+  for (const Effect& effect : Effects()) {
+    if (effect.name == name) return &effect;
+  }
+  return nullptr;
+}
+
+Target ParseTarget(const Effect& effect, std::string_view where, const RobotParameters& robot) {
+  if (where == "all" && effect.on_all) return std::nullopt;
+  const std::string_view scope = ScopeName(effect.scope);
+  const int count = CountOf(effect.scope, robot);
+  if (effect.on_one && where.starts_with(scope) && where.substr(scope.size()).starts_with(':')) {
+    const std::string_view digits = where.substr(scope.size() + 1);
+    int number = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+    if (error == std::errc() && end == digits.data() + digits.size() && number >= 1 && number <= count)
+      return number - 1;
+  }
+  std::string accepted = effect.on_all ? "all" : "";
+  if (effect.on_one) {
+    accepted += fmt::format("{}{}:1 .. {}:{}", effect.on_all ? ", " : "", scope, scope, count);
+  }
+  throw Wrong(fmt::format("{}: where = '{}'", effect.name, where), accepted, "name one of these places");
+}
+
+std::string TargetText(const Effect& effect, Target target) {
+  return target ? fmt::format("{}:{}", ScopeName(effect.scope), *target + 1) : "all";
+}
+
+EffectSetting ParseEffect(std::string_view text, const RobotParameters& robot) {
+  constexpr std::string_view kForm =
+      "an effect, its place and its parameters, as in 'backlash where=tendon:2 rad=0.05'";
+  std::istringstream words{std::string(text)};
+  EffectSetting setting;
+  if (!(words >> setting.name)) throw Wrong("an effect without a name", kForm, "name one");
+  for (std::string word; words >> word;) {
+    const auto equals = word.find('=');
+    if (equals == std::string::npos) {
+      throw Wrong(fmt::format("'{}' is not key=value", word), kForm, "correct it");
+    }
+    const std::string key = word.substr(0, equals), value = word.substr(equals + 1);
+    if (key == "where") {
+      setting.where = value;
+      continue;
+    }
+    double number = 0;
+    if (!ReadNumber(value, number)) {
+      throw Wrong(fmt::format("{}.{} = '{}'", setting.name, key, value), "a finite number", "correct it");
+    }
+    setting.values.emplace_back(key, number);
+  }
+  Resolve(setting, robot);
+  return setting;
+}
+
+void CheckEffects(const RobotParameters& robot) { ResolveAll(robot); }
+
+std::vector<double> ValuesOf(const EffectSetting& setting) {
+  std::vector<double> values;
+  for (const EffectParameter& p : Known(setting.name).parameters) {
+    const auto is_it = [&](const auto& value) { return value.first == p.name; };
+    const auto at = std::find_if(setting.values.begin(), setting.values.end(), is_it);
+    values.push_back(at == setting.values.end() ? p.nominal : at->second);
+  }
+  return values;
+}
+
+// In chain order, whatever the file's: what two effects on one number make of it does not depend on how
+// somebody sorted his list.
+RobotParameters FoldEffects(const RobotParameters& robot) {
+  const std::vector<Resolved> all = ResolveAll(robot);
+  RobotParameters folded = robot;
+  folded.effects.clear();
+  for (const Effect& effect : Effects()) {
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (all[i].effect == &effect && effect.edit)
+        effect.edit(folded, all[i].target, ValuesOf(robot.effects[i]));
+    }
+  }
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (!all[i].effect->edit) folded.effects.push_back(robot.effects[i]);
+  }
+  return folded;
+}
+
+PlantLaws PlantLaws::Of(const RobotParameters& robot) {
+  PlantLaws laws(robot.body.tendons());
+  const std::vector<Resolved> all = ResolveAll(robot);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (all[i].effect->add) {
+      all[i].effect->add(laws, robot, all[i].target, ValuesOf(robot.effects[i]));
+    }
+  }
+  return laws;
+}
+
+}  // namespace tendril::sim
