@@ -14,12 +14,13 @@ namespace tendril::gap {
 /// One run as it was measured: S samples; NaN where a slower sensor has no new value; a matrix without
 /// columns was not measured. SI units, pulling positive, motor shaft.
 struct Run {
-  std::string name;       // file name, or what the log is called
+  std::string name;       // file name without its ending, or what the log is called
   std::string family;     // kind of excitation: triangle, circle, ... ; "unknown" when not told
   std::string repeat_of;  // name of the run of which it is an identical repetition, or empty
   LoadCellPlace load_cell = LoadCellPlace::kMotorSide;
   std::string sha256;      // of the file it came from, lower-case hex
   Eigen::VectorXd time_s;  // S, of the log's clock
+  // A target is the one in force from its row on; everything else is the sensors' value at its row's time.
   Eigen::MatrixXd torque_target_Nm, torque_actual_Nm, motor_position_rad, tension_N;  // S x M
   Eigen::MatrixXd tip_m;           // S x 3 in the tracker's frame
   Eigen::MatrixXd tip_quaternion;  // S x 4: w, x, y, z
@@ -41,7 +42,8 @@ DataSet LoadDataSet(const std::filesystem::path& folder, const std::string& robo
 /// Folders, CSV files and LCM logs in any mixture, as one set.
 DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path);
 
-/// Canonical CSV (column names in README) of one run; 17 significant digits where needed, empty for NaN.
+/// Canonical CSV (column names in README) of one run; as many digits as give the same number back, empty for
+/// NaN.
 void WriteRun(const Run& run, const std::filesystem::path& file);
 /// robot.yaml, runs.yaml and one CSV a run.
 void WriteDataSet(const DataSet& set, const std::filesystem::path& folder);

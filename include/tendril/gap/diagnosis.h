@@ -60,6 +60,7 @@ struct Closure {
   sim::Cut cut{};
   double before_rms = 0, after_rms = 0, floor_rms = 0;
   std::optional<Estimate> closed;  // empty: before is at the floor
+  std::optional<double> ceiling_rms{};  // what is left when everything is refitted at once
 };
 
 /// Two causes and how alike their marks are: cosine of their sensitivities with nuisances and calibration

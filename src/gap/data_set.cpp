@@ -1,0 +1,375 @@
+// Sets of runs: folders with robot.yaml and runs.yaml, and any mixture of folders, tables and logs.
+#include "tendril/gap/data_set.h"
+
+#include <fmt/core.h>
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <set>
+#include <stdexcept>
+
+#include "csv.h"
+#include "sources.h"
+#include "tendril/config/config.h"
+
+namespace tendril::gap {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A list of runs that is larger is not one.
+constexpr std::size_t kMostList = std::size_t{4} << 20;
+
+/// One entry of runs.yaml as it is written.
+struct Listed {
+  fs::path file;
+  std::string family = "unknown", repeat_of{};
+  std::optional<LoadCellPlace> load_cell{};
+};
+
+std::string_view PlaceText(LoadCellPlace place) {
+  switch (place) {
+    case LoadCellPlace::kMotorSide:
+      return "motor_side";
+    case LoadCellPlace::kRobotSide:
+      return "robot_side";
+    case LoadCellPlace::kNone:
+      break;
+  }
+  return "none";
+}
+
+bool IsNoName(std::string_view text) {
+  const std::string low = LowerCase(Trimmed(text));
+  return low.empty() || low == "none" || low == "null" || low == "~";
+}
+
+/// The text of a key, trimmed; empty when it is missing, null or no single value.
+std::string Text(const YAML::Node& entry, const char* key) {
+  const YAML::Node node = entry[key];
+  return node && node.IsScalar() ? std::string(Trimmed(node.Scalar())) : std::string();
+}
+
+Listed ReadEntry(const YAML::Node& entry, const std::string& where, std::vector<std::string>& notes) {
+  Listed listed;
+  listed.file = Text(entry, "file");
+  if (const std::string family = Text(entry, "family"); !family.empty()) listed.family = family;
+  if (const std::string name = Text(entry, "repeat_of"); !IsNoName(name)) listed.repeat_of = RunName(name);
+  const std::string place = LowerCase(Text(entry, "load_cell"));
+  if (place == "motor_side") listed.load_cell = LoadCellPlace::kMotorSide;
+  if (place == "robot_side") listed.load_cell = LoadCellPlace::kRobotSide;
+  if (place == "none") listed.load_cell = LoadCellPlace::kNone;
+  if (!place.empty() && !listed.load_cell) {
+    notes.push_back(
+        fmt::format("{}: load_cell '{}' is not known; accepted: motor_side, robot_side, none; the robot "
+                    "file's is taken",
+                    where, Printable(place)));
+  }
+  return listed;
+}
+
+std::vector<Listed> ReadList(const fs::path& file, std::vector<std::string>& notes) {
+  const std::string text = ReadBytes(file);
+  if (text.size() > kMostList) throw std::runtime_error(file.string() + ": too large for a list of runs");
+  YAML::Node list;
+  try {
+    list = YAML::Load(text);
+    if (list.IsMap() && list["runs"]) list.reset(list["runs"]);
+  } catch (const YAML::Exception& e) {
+    throw std::runtime_error(fmt::format("{}:{}: not YAML ({})", file.string(), e.mark.line + 1, e.msg));
+  }
+  if (!list.IsSequence()) {
+    throw std::runtime_error(
+        file.string() +
+        ":1: no list of runs; accepted: a list, or the key 'runs' with a list, of entries "
+        "such as {file: circle_1.csv, family: circle, repeat_of: none}");
+  }
+  std::vector<Listed> runs;
+  for (const YAML::Node& entry : list) {
+    const std::string where = fmt::format("{}:{}", file.string(), entry.Mark().line + 1);
+    Listed listed;
+    if (entry.IsScalar()) {
+      listed.file = std::string(Trimmed(entry.Scalar()));
+    } else if (entry.IsMap()) {
+      listed = ReadEntry(entry, where, notes);
+    }
+    if (listed.file.empty()) {
+      notes.push_back(where + ": an entry without a file is left out; accepted: {file: circle_1.csv, ...}");
+      continue;
+    }
+    runs.push_back(std::move(listed));
+  }
+  return runs;
+}
+
+std::vector<fs::path> FilesIn(const fs::path& folder) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (fs::directory_iterator i(folder, error), end; !error && i != end; i.increment(error)) {
+    std::error_code ignored;
+    if (i->is_regular_file(ignored)) files.push_back(i->path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+bool HasEnding(const fs::path& file, std::string_view ending) {
+  return LowerCase(file.extension().string()) == ending;
+}
+
+std::vector<Run> ReadAny(const fs::path& file, const RobotParameters& robot) {
+  if (IsLcmLog(file)) return ReadRunLog(file, robot);
+  std::vector<Run> one;
+  one.push_back(ReadRunTable(file, robot));
+  return one;
+}
+
+/// What of a run depends on where its load cells are said to be.
+void SettleCell(Run& run, std::optional<LoadCellPlace> told) {
+  if (told) run.load_cell = *told;
+  if (run.tension_N.cols() == 0) {
+    run.load_cell = LoadCellPlace::kNone;
+  } else if (run.load_cell == LoadCellPlace::kNone) {
+    if (told) {
+      run.notes.push_back("load_cell is none: its tension columns are not used");
+      run.tension_N.resize(run.time_s.size(), 0);
+    } else {
+      run.notes.push_back(
+          "the robot file has no load cell but the run has tensions: taken as measured on the motor's side; "
+          "say "
+          "load_cell in runs.yaml");
+      run.load_cell = LoadCellPlace::kMotorSide;
+    }
+  }
+}
+
+/// Reads the files of a list into the set; what cannot be read becomes a note.
+void AddRuns(DataSet& set, const std::vector<Listed>& list) {
+  for (const Listed& listed : list) {
+    try {
+      for (Run& run : ReadAny(listed.file, set.robot)) {
+        if (listed.family != "unknown") run.family = listed.family;
+        run.repeat_of = listed.repeat_of;
+        SettleCell(run, listed.load_cell);
+        set.runs.push_back(std::move(run));
+      }
+    } catch (const std::exception& e) {
+      set.notes.push_back(fmt::format("left out: {}", e.what()));
+    }
+  }
+}
+
+/// Names that occur twice are told apart, and every repeat_of becomes the name of a run that is there, that
+/// of the first of its kind.
+void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::string>& notes) {
+  std::set<std::string> taken;
+  for (std::size_t i = 0; i < from; ++i) taken.insert(runs[i].name);
+  std::map<std::string, std::string> root;  // by what runs.yaml may call a run
+  std::map<std::string, std::string> told;
+  for (std::size_t i = from; i < runs.size(); ++i) {
+    const std::string plain = runs[i].name;
+    for (int n = 2; !taken.insert(runs[i].name).second; ++n) runs[i].name = fmt::format("{}#{}", plain, n);
+    root.emplace(plain, runs[i].name);
+    told.emplace(runs[i].name, runs[i].repeat_of);
+  }
+  std::map<std::string, std::string> stands_in;  // for an original that is missing
+  for (std::size_t i = from; i < runs.size(); ++i) {
+    Run& run = runs[i];
+    std::string at = run.name, original = run.repeat_of;
+    std::set<std::string> seen{at};
+    bool circle = false;
+    while (!original.empty()) {
+      const auto found = root.find(original);
+      if (found == root.end()) break;
+      at = found->second;
+      if (!seen.insert(at).second) {
+        circle = true;
+        break;
+      }
+      original = told[at];
+    }
+    if (circle) {
+      notes.push_back(
+          fmt::format("run {}: repeat_of leads in a circle; taken as no repetition", Printable(run.name)));
+      run.repeat_of.clear();
+    } else if (!original.empty()) {
+      // The original is not there: the first of its repetitions takes its place.
+      const auto [place, first] = stands_in.emplace(original, run.name);
+      if (first) {
+        notes.push_back(fmt::format("run {}: its original '{}' is missing; it stands in for it",
+                                    Printable(run.name), Printable(original)));
+      }
+      run.repeat_of = first ? std::string() : place->second;
+    } else {
+      run.repeat_of = at == run.name ? std::string() : at;
+    }
+  }
+}
+
+void AddFolder(DataSet& set, const fs::path& folder) {
+  const std::size_t from = set.runs.size();
+  const fs::path list_file = folder / "runs.yaml";
+  const std::vector<fs::path> files = FilesIn(folder);
+  std::vector<Listed> list;
+  std::error_code ignored;
+  if (fs::exists(list_file, ignored)) {
+    try {
+      list = ReadList(list_file, set.notes);
+    } catch (const std::exception& e) {
+      set.notes.push_back(fmt::format("{}; every CSV file is taken as a run of unknown family", e.what()));
+    }
+    std::set<fs::path> listed;
+    for (Listed& run : list) {
+      if (run.file.is_relative()) run.file = folder / run.file;
+      listed.insert(run.file.lexically_normal());
+    }
+    if (!list.empty()) {
+      std::string others;
+      for (const fs::path& file : files) {
+        if (HasEnding(file, ".csv") && !listed.contains(file.lexically_normal())) {
+          others += (others.empty() ? "" : ", ") + file.filename().string();
+        }
+      }
+      if (!others.empty()) {
+        set.notes.push_back(
+            fmt::format("{}: not listed and so left out: {}", list_file.string(), Printable(others, 200)));
+      }
+    }
+  }
+  if (list.empty()) {
+    const bool logs = std::any_of(files.begin(), files.end(), [](const fs::path& f) { return IsLcmLog(f); });
+    for (const fs::path& file : files) {
+      if (logs ? IsLcmLog(file) : HasEnding(file, ".csv")) list.push_back({.file = file});
+    }
+  }
+  AddRuns(set, list);
+  SettleNames(set.runs, from, set.notes);
+}
+
+[[noreturn]] void ThrowNothing(const DataSet& set, const std::string& where) {
+  std::string why;
+  for (const std::string& note : set.notes) why += "\n  " + note;
+  throw std::runtime_error(
+      fmt::format("{}: no run that can be used; accepted: CSV files with the column t_s, listed in "
+                  "runs.yaml, or LCM logs{}",
+                  where, why));
+}
+
+std::string NameOf(const fs::path& path) {
+  const fs::path normal = fs::absolute(path).lexically_normal();
+  return normal.has_filename() ? normal.filename().string() : normal.parent_path().filename().string();
+}
+
+}  // namespace
+
+DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path) {
+  if (std::error_code error; !fs::is_directory(folder, error)) {
+    throw std::runtime_error(folder.string() +
+                             ": no such folder; name a folder with robot.yaml, runs.yaml and CSV files");
+  }
+  return LoadLogs({folder.string()}, robot_path);
+}
+
+DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path) {
+  if (paths.empty()) throw std::runtime_error("no run is named; name a folder, a CSV file or an LCM log");
+  DataSet set;
+  std::string robot_from = robot_path;
+  std::optional<std::string> other;
+  const auto offer = [&](const fs::path& file) {
+    std::error_code ignored;
+    if (!robot_path.empty() || !fs::exists(file, ignored)) return;
+    if (robot_from.empty()) {
+      robot_from = file.string();
+    } else if (ReadBytes(robot_from) != ReadBytes(file)) {
+      other = file.string();
+    }
+  };
+  for (const std::string& path : paths) {
+    std::error_code error;
+    if (!fs::exists(path, error)) {
+      throw std::runtime_error(path +
+                               ": no such file or folder; name a folder with runs, a CSV file or an LCM log");
+    }
+    offer(fs::is_directory(path, error) ? fs::path(path) / "robot.yaml"
+                                        : fs::path(path).parent_path() / "robot.yaml");
+  }
+  if (!robot_from.empty()) {
+    set.robot = config::LoadRobot(robot_from);
+  } else {
+    std::vector<fs::path> files;
+    for (const std::string& path : paths) {
+      std::error_code error;
+      if (!fs::is_directory(path, error)) {
+        files.emplace_back(path);
+      } else {
+        const auto in_folder = FilesIn(path);
+        files.insert(files.end(), in_folder.begin(), in_folder.end());
+      }
+    }
+    const auto log = std::find_if(files.begin(), files.end(), [](const fs::path& f) { return IsLcmLog(f); });
+    const std::string yaml = log == files.end() ? std::string() : RobotYamlOfLog(*log);
+    if (yaml.empty()) {
+      throw std::runtime_error(
+          paths.front() + ": no robot.yaml there; accepted: a robot file in the folder, or named by --robot");
+    }
+    set.robot = config::ParseRobot(yaml, "robot of " + log->string());
+    set.notes.push_back("the robot is the one that " + log->string() + " was made with");
+  }
+  if (other) {
+    set.notes.push_back(
+        fmt::format("{} is another robot than {}, which is taken for all runs; give --robot to choose",
+                    *other, robot_from));
+  }
+
+  set.name = NameOf(paths.front());
+  for (const std::string& path : paths) {
+    std::error_code error;
+    if (fs::is_directory(path, error)) {
+      AddFolder(set, path);
+    } else {
+      const std::size_t from = set.runs.size();
+      AddRuns(set, {{.file = path}});
+      SettleNames(set.runs, from, set.notes);
+    }
+  }
+  if (set.runs.empty()) ThrowNothing(set, paths.front());
+  return set;
+}
+
+void WriteDataSet(const DataSet& set, const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw std::runtime_error("cannot make folder " + folder.string() + ": " + error.message());
+  std::map<std::string, std::string> file_of;
+  YAML::Emitter list;
+  list << YAML::BeginMap << YAML::Key << "runs" << YAML::Value << YAML::BeginSeq;
+  for (const Run& run : set.runs) {
+    if (run.name.empty() || run.name.find('/') != run.name.npos) {
+      throw std::runtime_error(
+          fmt::format("a run is called '{}'; accepted: a file name without folder", run.name));
+    }
+    const std::string file = RunName(run.name) + ".csv";
+    if (!file_of.emplace(run.name, file).second) {
+      throw std::runtime_error(
+          fmt::format("two runs are called '{}'; each needs a name of its own", run.name));
+    }
+    WriteRun(run, folder / file);
+    list << YAML::BeginMap << YAML::Key << "file" << YAML::Value << file << YAML::Key << "family"
+         << YAML::Value << (run.family.empty() ? "unknown" : run.family) << YAML::Key << "repeat_of"
+         << YAML::Value << (run.repeat_of.empty() ? "none" : RunName(run.repeat_of) + ".csv") << YAML::Key
+         << "load_cell" << YAML::Value << std::string(PlaceText(run.load_cell)) << YAML::EndMap;
+  }
+  list << YAML::EndSeq << YAML::EndMap;
+  const auto write = [&](const char* name, const std::string& text) {
+    std::ofstream out(folder / name, std::ios::binary);
+    out << text;
+    if (!out.flush()) throw std::runtime_error("cannot write " + (folder / name).string());
+  };
+  write("runs.yaml", std::string(list.c_str()) + "\n");
+  write("robot.yaml", config::ToYaml(set.robot));
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,610 @@
+// Residuals at the cuts, and how much of them is not the model's fault.
+#include "evaluator.h"
+
+#include <fmt/core.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <stdexcept>
+
+#include "parallel.h"
+
+namespace tendril::gap {
+namespace {
+
+using Quantity = Channel::Quantity;
+
+constexpr double kWindow_s = 0.02;  // residuals are averaged over this: slower than the sensors' white noise
+constexpr double kSimulatedStep_s = 0.002;  // of the tip, between which it is interpolated
+constexpr double kBendingWindow_s = 0.15;   // over which the tracker corrects the simulated bending
+constexpr int kReadings = 4;                // alternative readings of the same log, see Prepare
+constexpr double kResolutionWindow_s = 0.25;
+
+Eigen::Vector3d RotationVector(const Eigen::Matrix3d& R) {
+  const Eigen::AngleAxisd turn(R);
+  return turn.angle() * turn.axis();
+}
+
+Eigen::Matrix3d Rotation(const Eigen::Vector3d& vector) {
+  const double angle = vector.norm();
+  return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix()
+                   : Eigen::Matrix3d::Identity();
+}
+
+/// (u, v) of the bend that takes z to the frame's z axis; blind for twist.
+Eigen::Vector2d BendOf(const Eigen::Matrix3d& R) {
+  const Eigen::Vector3d z = R.col(2);
+  const double side = std::hypot(z.x(), z.y());
+  const double bend = std::atan2(side, z.z());
+  return side > 1e-12 ? Eigen::Vector2d(bend / side * z.head<2>()) : Eigen::Vector2d(0, 0);
+}
+
+/// Bend of a single arc whose tip is at p.
+Eigen::Vector2d BendOfTip(const Eigen::Vector3d& p) {
+  const double side = std::hypot(p.x(), p.y());
+  const double bend = 2 * std::atan2(side, p.z());
+  return side > 1e-12 ? Eigen::Vector2d(bend / side * p.head<2>()) : Eigen::Vector2d(0, 0);
+}
+
+/// rms of white noise on a smooth signal, from third differences (robust against the motion itself).
+double WhiteNoise(const Eigen::MatrixXd& signal, int column) {
+  std::vector<double> differences;
+  for (int i = 3; i < signal.rows(); ++i) {
+    const double d =
+        signal(i, column) - 3 * signal(i - 1, column) + 3 * signal(i - 2, column) - signal(i - 3, column);
+    if (std::isfinite(d)) differences.push_back(std::abs(d));
+  }
+  if (differences.size() < 50) return 0;
+  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
+  std::nth_element(differences.begin(), middle, differences.end());
+  return *middle / 0.6745 / std::sqrt(20.0);
+}
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+int Windows(int samples, int width) { return samples / width; }
+
+/// Means over windows of what is finite; NaN where nothing is.
+Eigen::VectorXd Average(const Eigen::VectorXd& values, int width) {
+  Eigen::VectorXd mean(Windows(static_cast<int>(values.size()), width));
+  for (int w = 0; w < mean.size(); ++w) {
+    double sum = 0;
+    int count = 0;
+    for (int i = w * width; i < (w + 1) * width; ++i) {
+      if (!std::isfinite(values[i])) continue;
+      sum += values[i];
+      ++count;
+    }
+    mean[w] = count > 0 ? sum / count : NAN;
+  }
+  return mean;
+}
+
+int WindowSamples(const PreparedRun& run, const Channel& channel) {
+  if (channel.quantity == Quantity::kTorque) return 1;
+  return std::max(1, static_cast<int>(std::lround(kWindow_s / run.signals.step_s)));
+}
+
+std::optional<EffectSetting> Setting(const RobotParameters& robot, std::string_view name) {
+  for (const auto& effect : robot.effects) {
+    if (effect.name == name) return effect;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+struct Evaluator::Replayed {
+  Eigen::MatrixXd torque_Nm, from_torque_N, from_stretch_N;
+  sim::BodyMotion motion;
+};
+
+Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.robot) {
+  nominal_.effects = set.robot.effects;
+  if (!nominal_.actuation) {
+    throw std::runtime_error(fmt::format(
+        "robot '{}' has no actuation; accepted: a robot file with motors, tendons and sensors; use the "
+        "file that the robot was controlled with",
+        nominal_.name));
+  }
+  const int tendons = nominal_.body.tendons();
+  runs_.resize(set.runs.size());
+  ParallelFor(static_cast<int>(set.runs.size()), options.threads,
+              [&](int i) { runs_[i] = Prepare(set.runs[i], nominal_, 0); });
+
+  // What all runs together can be compared on.
+  const auto every = [&](auto&& test) { return std::all_of(runs_.begin(), runs_.end(), test); };
+  const auto any = [&](auto&& test) { return std::any_of(runs_.begin(), runs_.end(), test); };
+  const bool motor = every([](const PreparedRun& r) { return r.signals.motor_angle_rad.cols() > 0; });
+  const auto torque_of = [](const PreparedRun& r) {
+    return r.signals.torque_actual_Nm.cols() > 0 && r.signals.torque_actual_Nm.allFinite();
+  };
+  const auto target_of = [](const PreparedRun& r) {
+    return r.signals.torque_target_Nm.cols() > 0 && r.signals.torque_target_Nm.allFinite();
+  };
+  const auto cell_of = [](const PreparedRun& r) {
+    return r.signals.load_cell != LoadCellPlace::kNone && r.signals.tension_N.cols() > 0;
+  };
+  const bool torque = every(torque_of), target = every(target_of), cell = every(cell_of);
+  const bool tracker = any([](const PreparedRun& r) { return r.tracker_s.size() > 10; });
+  if (!motor) {
+    throw std::runtime_error(
+        "no motor positions in (some of) the logs; accepted: motor_position_rad of every tendon in every "
+        "run; without "
+        "them neither friction's direction nor the tendons' stretch is known");
+  }
+  available_ = (torque && target ? kC1 : 0u) | (torque && cell ? kC2 : 0u) | (cell ? kC3 : 0u) |
+               (tracker ? kBody : 0u);
+  driven_by_ = cell     ? sim::Replay::DrivenBy::kCell
+               : torque ? sim::Replay::DrivenBy::kTorque
+                        : sim::Replay::DrivenBy::kMotor;
+  if (available_ == 0) {
+    throw std::runtime_error(
+        "nothing to compare: the logs have neither torque targets and actual torques, nor tensions, nor a "
+        "tip pose; "
+        "accepted: at least one of them beside the motor positions");
+  }
+  if (!target || !torque)
+    degradations_.push_back("no target or actual torque: the drives' current loop (C1) is not seen");
+  if (!cell) {
+    degradations_.push_back(torque ? "no load cell: tensions are taken from the motors' torque, so "
+                                     "drivetrain, pulleys and body (C2 to C5) "
+                                     "cannot be told apart by place, only by cause"
+                                   : "no load cell and no torque: the body is driven by motor positions "
+                                     "alone; tensions are not known, so "
+                                     "drive and friction effects are not seen");
+  }
+  if (cell && !torque) degradations_.push_back("no actual torque: motors and gears (C2) are not seen");
+  if (!tracker) {
+    degradations_.push_back(
+        "no tracker: shape and motion (C4, C5) are not seen; body effects show only through tendon "
+        "displacement (C3) and "
+        "cannot be told from tendon effects by place");
+  }
+
+  // A tendon whose own cell is missing takes the tension that its torque makes.
+  if (cell) {
+    for (int j = 0; j < tendons; ++j) {
+      for (auto& run : runs_) {
+        if (run.signals.tension_N.col(j).allFinite()) continue;
+        if (!torque) {
+          throw std::runtime_error(
+              fmt::format("{}: no tension of tendon {} and no torque to take it from; accepted: one of the "
+                          "two; leave the run out",
+                          run.name, j + 1));
+        }
+        auto without = run.signals;
+        without.tension_N.col(j).setZero();
+        const Eigen::MatrixXd nominal = sim::Replay(nominal_).CellFromTorque(
+            without, Eigen::MatrixXd::Zero(without.tension_N.rows(), tendons));
+        run.signals.tension_N.col(j) = nominal.col(j);
+        degradations_.push_back(fmt::format(
+            "{}: no load cell on tendon {}: its tension is taken from the motor's torque", run.name, j + 1));
+      }
+    }
+  }
+
+  for (int j = 0; j < tendons; ++j) {
+    if (has(kC1))
+      channels_.push_back(
+          {sim::Cut::kCurrentLoop, Quantity::kTorque, j, fmt::format("torque {}", j + 1), "N·m"});
+  }
+  for (int j = 0; j < tendons; ++j) {
+    if (has(kC2))
+      channels_.push_back(
+          {sim::Cut::kDrivetrain, Quantity::kTension, j, fmt::format("tension {} from torque", j + 1), "N"});
+  }
+  for (int j = 0; j < tendons; ++j) {
+    if (has(kC3))
+      channels_.push_back(
+          {sim::Cut::kTendon, Quantity::kTension, j, fmt::format("tension {} from stretch", j + 1), "N"});
+  }
+  const bool turned = any([](const PreparedRun& r) { return !r.tip_R.empty(); });
+  if (tracker && !turned)
+    degradations_.push_back("the tracker gives no orientation: shape from the tip's position alone");
+  for (int i = 0; i < 3; ++i) {
+    if (has(kBody))
+      channels_.push_back(
+          {sim::Cut::kShape, Quantity::kTipPosition, i, fmt::format("tip {}", "xyz"[i]), "m"});
+  }
+  for (int i = 0; i < 3; ++i) {
+    if (has(kBody) && turned)
+      channels_.push_back(
+          {sim::Cut::kShape, Quantity::kTipDirection, i, fmt::format("tip rotation {}", "xyz"[i]), "rad"});
+  }
+
+  nominal_motion_.resize(runs_.size());
+  nominal_residuals_.resize(runs_.size());
+  ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
+    const sim::Replay replay(nominal_);
+    nominal_motion_[i] = replay.Body(runs_[i].signals, driven_by_, Stride(runs_[i]));
+    if (runs_[i].tracker_s.size() > 10) {
+      MeasureBending(runs_[i], nominal_, nominal_motion_[i]);
+      nominal_motion_[i] = replay.Body(runs_[i].signals, driven_by_, Stride(runs_[i]));
+    }
+  });
+  FindFloors(set, options);
+}
+
+int Evaluator::Stride(const PreparedRun& run) const {
+  return std::max(1, static_cast<int>(std::lround(kSimulatedStep_s / run.signals.step_s)));
+}
+
+double Evaluator::window_s(int run, int channel) const {
+  return WindowSamples(runs_[run], channels_[channel]) * runs_[run].signals.step_s;
+}
+
+// The tracker's bend replaces the simulated one at low frequency; the simulation keeps what is faster than
+// the tracker's noise allows.
+void Evaluator::MeasureBending(PreparedRun& run, const RobotParameters& robot,
+                               const sim::BodyMotion& motion) const {
+  const int sections = static_cast<int>(nominal_.body.sections.size());
+  const bool turned = !run.tip_R.empty();
+  if (!turned && sections > 1) return;
+  Eigen::Matrix3d tracker_R = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d tracker_p(0, 0, 0);
+  double delay_s = 0;
+  if (const auto s = Setting(robot, "tracker_rotation")) {
+    const auto v = sim::ValuesOf(*s);
+    tracker_R = Rotation({v[0], v[1], v[2]});
+  }
+  if (const auto s = Setting(robot, "tracker_offset")) {
+    const auto v = sim::ValuesOf(*s);
+    tracker_p = {v[0], v[1], v[2]};
+  }
+  if (const auto s = Setting(robot, "tracker_delay")) delay_s = sim::ValuesOf(*s)[0];
+
+  const int samples = run.samples(), seen = static_cast<int>(run.tracker_s.size());
+  const double stride_s = Stride(run) * run.signals.step_s;
+  const int rows = static_cast<int>(motion.tip_rotation.rows());
+  const auto simulated = [&](double t) {
+    const int k = std::clamp(static_cast<int>(std::lround(t / stride_s)), 0, rows - 1);
+    return turned ? BendOf(Rotation(motion.tip_rotation.row(k).transpose()))
+                  : BendOfTip(motion.tip_m.row(k).transpose());
+  };
+  Eigen::MatrixXd difference(seen, 2);
+  for (int k = 0; k < seen; ++k) {
+    const Eigen::Vector2d measured =
+        turned ? BendOf(tracker_R.transpose() * run.tip_R[k])
+               : BendOfTip(tracker_R.transpose() * (run.tip_m.row(k).transpose() - tracker_p));
+    difference.row(k) = measured - simulated(run.tracker_s[k] - delay_s);
+  }
+  // Mean over a window, then linear onto the grid.
+  Eigen::MatrixXd smooth(seen, 2);
+  int low = 0, high = 0;
+  Eigen::RowVector2d sum(0, 0);
+  for (int k = 0; k < seen; ++k) {
+    while (high < seen && run.tracker_s[high] <= run.tracker_s[k] + 0.5 * kBendingWindow_s)
+      sum += difference.row(high++);
+    while (run.tracker_s[low] < run.tracker_s[k] - 0.5 * kBendingWindow_s) sum -= difference.row(low++);
+    smooth.row(k) = sum / (high - low);
+  }
+  run.signals.bending_rad.resize(samples, 2 * sections);
+  const double units = nominal_.body.units();
+  int at = 0;
+  for (int i = 0; i < samples; ++i) {
+    const double t = i * run.signals.step_s;
+    const double seen_at = t + delay_s;
+    while (at + 2 < seen && run.tracker_s[at + 1] < seen_at) ++at;
+    const double span = run.tracker_s[at + 1] - run.tracker_s[at];
+    const double share = std::clamp((seen_at - run.tracker_s[at]) / span, 0.0, 1.0);
+    const Eigen::RowVector2d delta = smooth.row(at) + share * (smooth.row(at + 1) - smooth.row(at));
+    const double row = std::min(t / stride_s, static_cast<double>(rows - 1));
+    const int r0 = static_cast<int>(row), r1 = std::min(r0 + 1, rows - 1);
+    int unit = 0;
+    for (int k = 0; k < sections; ++k) {
+      Eigen::RowVector2d sums(0, 0);
+      for (int u = 0; u < nominal_.body.sections[k].units; ++u, ++unit) {
+        const auto q0 = motion.q.row(r0).segment<2>(2 * unit), q1 = motion.q.row(r1).segment<2>(2 * unit);
+        sums += q0 + (row - r0) * (q1 - q0);
+      }
+      run.signals.bending_rad.row(i).segment<2>(2 * k) =
+          sums + nominal_.body.sections[k].units / units * delta;
+    }
+  }
+}
+
+Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,
+                                         const sim::BodyMotion* known_motion) const {
+  const sim::Replay replay(robot);
+  Replayed out;
+  const bool tracker_effects = Setting(robot, "tracker_rotation") || Setting(robot, "tracker_delay") ||
+                               (run.tip_R.empty() && Setting(robot, "tracker_offset"));
+  PreparedRun corrected;
+  const PreparedRun* used = &run;
+  if (tracker_effects && run.signals.bending_rad.cols() > 0 && known_motion != nullptr) {
+    corrected = run;
+    MeasureBending(corrected, robot, *known_motion);
+    used = &corrected;
+  }
+  const bool simulate = (cuts & kBody) != 0 || known_motion == nullptr;
+  if (simulate) out.motion = replay.Body(used->signals, driven_by_, Stride(run));
+  const Eigen::MatrixXd& shortening = simulate ? out.motion.shortening_m : known_motion->shortening_m;
+  if ((cuts & kC1) && has(kC1)) out.torque_Nm = replay.ActualTorque(used->signals);
+  if ((cuts & kC2) && has(kC2)) out.from_torque_N = replay.CellFromTorque(used->signals, shortening);
+  if ((cuts & kC3) && has(kC3)) out.from_stretch_N = replay.CellFromStretch(used->signals, shortening);
+  return out;
+}
+
+std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, const PreparedRun& run,
+                                                    unsigned cuts) const {
+  std::vector<Eigen::VectorXd> residuals(channels_.size());
+  const int samples = run.samples();
+  Eigen::MatrixXd tip;
+  if ((cuts & kBody) && has(kBody) && run.tracker_s.size() > 10) {
+    const double stride_s = Stride(run) * run.signals.step_s;
+    const int rows = static_cast<int>(replayed.motion.tip_m.rows());
+    tip = Eigen::MatrixXd::Constant(samples, 6, NAN);
+    for (int k = 0; k < run.tracker_s.size(); ++k) {
+      const double row = std::clamp(run.tracker_s[k] / stride_s, 0.0, rows - 1.0);
+      const int r0 = std::min(static_cast<int>(row), rows - 1), r1 = std::min(r0 + 1, rows - 1);
+      const double share = row - r0;
+      const int at =
+          std::clamp(static_cast<int>(std::lround(run.tracker_s[k] / run.signals.step_s)), 0, samples - 1);
+      tip.row(at).head<3>() = run.tip_m.row(k) - replayed.motion.tip_m.row(r0) -
+                              share * (replayed.motion.tip_m.row(r1) - replayed.motion.tip_m.row(r0));
+      if (run.tip_R.empty()) continue;
+      const Eigen::Vector3d turn =
+          replayed.motion.tip_rotation.row(r0) +
+          share * (replayed.motion.tip_rotation.row(r1) - replayed.motion.tip_rotation.row(r0));
+      tip.row(at).tail<3>() = RotationVector(run.tip_R[k] * Rotation(turn).transpose());
+    }
+  }
+  for (std::size_t c = 0; c < channels_.size(); ++c) {
+    const Channel& channel = channels_[c];
+    Eigen::VectorXd all;
+    const auto j = channel.index;
+    if (channel.cut == sim::Cut::kCurrentLoop && replayed.torque_Nm.cols() > 0) {
+      all = run.signals.torque_actual_Nm.col(j) - replayed.torque_Nm.col(j);
+    } else if (channel.cut == sim::Cut::kDrivetrain && replayed.from_torque_N.cols() > 0) {
+      all = run.cell_N.col(j) - replayed.from_torque_N.col(j);
+    } else if (channel.cut == sim::Cut::kTendon && replayed.from_stretch_N.cols() > 0) {
+      all = run.cell_N.col(j) - replayed.from_stretch_N.col(j);
+    } else if (channel.cut == sim::Cut::kShape && tip.rows() > 0) {
+      all = tip.col(channel.quantity == Quantity::kTipPosition ? j : 3 + j);
+    } else {
+      continue;
+    }
+    for (int i = 0; i < samples; ++i) {
+      if (!run.valid[i]) all[i] = NAN;
+    }
+    residuals[c] = Average(all, WindowSamples(run, channel));
+  }
+  return residuals;
+}
+
+Residuals Evaluator::At(const RobotParameters& robot, unsigned cuts, const std::vector<int>& only) const {
+  Residuals residuals(runs_.size());
+  const auto one = [&](int i) {
+    const Replayed replayed = ReplayRun(robot, runs_[i], cuts, &nominal_motion_[i]);
+    residuals[i] = ResidualsOf(replayed, runs_[i], cuts);
+    for (std::size_t c = 0; c < channels_.size(); ++c) {
+      auto& r = residuals[i][c];
+      if (r.size() == 0 || variance_.empty()) continue;
+      const auto& variance = variance_[i][c];
+      for (int w = 0; w < r.size(); ++w) {
+        if (!std::isfinite(variance[w])) r[w] = 0;
+        if (std::isfinite(variance[w]) && !std::isfinite(r[w])) {
+          throw std::runtime_error("simulation without a result in " + channels_[c].name);
+        }
+      }
+    }
+  };
+  if (only.empty()) {
+    for (int i = 0; i < static_cast<int>(runs_.size()); ++i) one(i);
+  } else {
+    for (const int i : only) one(i);
+  }
+  return residuals;
+}
+
+void Evaluator::FindFloors(const DataSet& set, const Options& options) {
+  const int runs = static_cast<int>(runs_.size());
+  const int channels = static_cast<int>(channels_.size());
+
+  // White noise of one sample, from the measured signals themselves.
+  for (auto& channel : channels_) {
+    std::vector<double> noise;
+    for (const auto& run : runs_) {
+      switch (channel.quantity) {
+        case Quantity::kTorque:
+          noise.push_back(WhiteNoise(run.signals.torque_actual_Nm, channel.index));
+          break;
+        case Quantity::kTension:
+          noise.push_back(WhiteNoise(run.cell_N, channel.index));
+          break;
+        case Quantity::kTipPosition:
+          if (run.tip_m.rows() > 0) noise.push_back(WhiteNoise(run.tip_m, channel.index));
+          break;
+        case Quantity::kTipDirection: {
+          if (run.tip_R.empty()) break;
+          Eigen::MatrixXd turn(static_cast<int>(run.tip_R.size()), 3);
+          for (int k = 0; k < turn.rows(); ++k) {
+            // Against the first orientation, in the tip's own axes, where no turn is near pi.
+            turn.row(k) = RotationVector(run.tip_R[0].transpose() * run.tip_R[k]);
+          }
+          noise.push_back(WhiteNoise(turn, channel.index));
+          break;
+        }
+      }
+    }
+    const auto& p =
+        nominal_.actuation
+            ->tendons[channel.quantity == Quantity::kTorque || channel.quantity == Quantity::kTension
+                          ? channel.index
+                          : 0];
+    double least = 0;  // a sensor's resolution is a floor even where it shows no noise
+    if (channel.quantity == Quantity::kTorque) least = 1e-3 * p.drive.rated_torque_Nm / std::sqrt(12.0);
+    if (channel.quantity == Quantity::kTension && p.load_cell.gain_VpN > 0)
+      least = p.load_cell.resolution_V / p.load_cell.gain_VpN / std::sqrt(12.0);
+    if (channel.quantity == Quantity::kTipPosition) least = 1e-6;
+    if (channel.quantity == Quantity::kTipDirection) least = 1e-5;
+    channel.white = std::max(least, Median(noise));
+  }
+
+  // The nominal residuals, and how they scatter over alternative readings of the same logs.
+  std::vector<Residuals> readings(kReadings, Residuals(runs));
+  ParallelFor(runs * (kReadings + 1), options.threads, [&](int task) {
+    const int i = task % runs, k = task / runs - 1;
+    if (k < 0) {
+      nominal_residuals_[i] =
+          ResidualsOf(ReplayRun(nominal_, runs_[i], kAllCuts, nullptr), runs_[i], kAllCuts);
+      return;
+    }
+    PreparedRun other = Prepare(set.runs[i], nominal_, options.seed * 1000003 + task);
+    if (runs_[i].signals.bending_rad.cols() > 0) MeasureBending(other, nominal_, nominal_motion_[i]);
+    other.cell_N = runs_[i].cell_N;
+    other.signals.torque_target_Nm = runs_[i].signals.torque_target_Nm;
+    readings[k][i] =
+        ResidualsOf(ReplayRun(nominal_, other, kC2 | kC3 | kBody, nullptr), other, kC2 | kC3 | kBody);
+  });
+
+  variance_.assign(runs, std::vector<Eigen::VectorXd>(channels));
+  for (int i = 0; i < runs; ++i) {
+    for (int c = 0; c < channels; ++c) {
+      auto& r = nominal_residuals_[i][c];
+      auto& variance = variance_[i][c];
+      const int windows = static_cast<int>(r.size());
+      variance.resize(windows);
+      if (windows == 0) continue;
+      const int width = WindowSamples(runs_[i], channels_[c]);
+      double samples_in = width;
+      if (channels_[c].cut == sim::Cut::kShape) {
+        // The tracker is slower than the grid.
+        const double duration = runs_[i].samples() * runs_[i].signals.step_s;
+        samples_in = std::clamp(runs_[i].tracker_s.size() / duration * width * runs_[i].signals.step_s, 1.0,
+                                static_cast<double>(width));
+      }
+      const double white = channels_[c].white * channels_[c].white / samples_in;
+      // Spread over the readings, smoothed over neighbouring windows: four draws alone say little.
+      Eigen::VectorXd spread = Eigen::VectorXd::Zero(windows);
+      if (readings[0][i][c].size() == windows) {
+        Eigen::VectorXd scatter(windows);
+        for (int w = 0; w < windows; ++w) {
+          // The readings scatter about the truth as the best reading does: twice their distance from it, half
+          // of it each.
+          double square = 0;
+          for (int k = 0; k < kReadings; ++k) square += std::pow(readings[k][i][c][w] - r[w], 2);
+          scatter[w] = std::isfinite(square) ? square / kReadings : 0;
+        }
+        const int reach =
+            std::max(1, static_cast<int>(0.5 * kResolutionWindow_s / (width * runs_[i].signals.step_s)));
+        for (int w = 0; w < windows; ++w) {
+          const int a = std::max(0, w - reach), b = std::min(windows, w + reach + 1);
+          spread[w] = std::max(scatter.segment(a, b - a).mean(), 0.5 * scatter[w]);
+        }
+      }
+      for (int w = 0; w < windows; ++w) {
+        variance[w] = std::isfinite(r[w]) ? white + spread[w] : INFINITY;
+        if (!std::isfinite(r[w])) r[w] = 0;
+      }
+    }
+  }
+
+  // Identical repetitions: half the mean-square difference of their residuals.
+  std::map<std::string, int> by_name;
+  for (int i = 0; i < runs; ++i) by_name[runs_[i].name] = i;
+  for (int c = 0; c < channels; ++c) {
+    double ratio_sum = 0;
+    int count = 0;
+    for (int i = 0; i < runs; ++i) {
+      const auto original = by_name.find(runs_[i].repeat_of);
+      if (runs_[i].repeat_of.empty() || original == by_name.end() || original->second == i) continue;
+      repeated_ = true;
+      const auto& a = nominal_residuals_[i][c];
+      const auto& b = nominal_residuals_[original->second][c];
+      const auto& va = variance_[i][c];
+      const auto& vb = variance_[original->second][c];
+      for (int w = 0; w < std::min(a.size(), b.size()); ++w) {
+        if (!std::isfinite(va[w]) || !std::isfinite(vb[w])) continue;
+        ratio_sum += std::pow(a[w] - b[w], 2) / (va[w] + vb[w]);
+        ++count;
+      }
+    }
+    const double scale = count > 20 ? std::max(1.0, ratio_sum / count) : 1;
+    std::vector<double> variances;
+    for (int i = 0; i < runs; ++i) {
+      for (auto& v : variance_[i][c]) {
+        v *= scale;
+        if (std::isfinite(v)) variances.push_back(v);
+      }
+    }
+    Channel& channel = channels_[c];
+    channel.floor = std::sqrt(std::max(Median(variances), channel.white * channel.white));
+    channel.delta = 0.2 * channel.floor;
+    if (channel.quantity == Quantity::kTension && options.delta_N > 0) channel.delta = options.delta_N;
+    if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
+  }
+  if (!repeated_) {
+    degradations_.push_back(
+        "no repeated runs: the noise floor comes from high-frequency differences and the sensors' "
+        "resolution; what the "
+        "robot itself does not repeat is counted as gap");
+  }
+}
+
+unsigned Evaluator::CutsOf(const sim::Effect& effect) const {
+  if (driven_by_ != sim::Replay::DrivenBy::kCell) {
+    return effect.cut == sim::Cut::kCurrentLoop ? unsigned{kC1} : unsigned{kAllCuts};
+  }
+  const std::string_view name = effect.name;
+  switch (effect.stage) {
+    case sim::Stage::kDrive:
+      return effect.cut == sim::Cut::kCurrentLoop || effect.cut == sim::Cut::kClock ? kC1 : kC2;
+    case sim::Stage::kTransmission:
+      if (runs_[0].signals.load_cell == LoadCellPlace::kMotorSide &&
+          (name == "tendon_stiffness" || name == "tendon_creep" || name == "slack"))
+        return kC3;
+      return kC2 | kC3 | kBody;
+    case sim::Stage::kBody:
+      return runs_[0].signals.load_cell == LoadCellPlace::kMotorSide ? kC3 | kBody : kC2 | kC3 | kBody;
+    case sim::Stage::kSensor:
+      return kC2 | kC3 | kBody;
+  }
+  return kAllCuts;
+}
+
+Evaluator::Curve Evaluator::CurveOf(const RobotParameters& robot, int run_index, int channel_index) const {
+  const PreparedRun& run = runs_[run_index];
+  const Channel& channel = channels_[channel_index];
+  const unsigned cut = channel.cut == sim::Cut::kCurrentLoop  ? kC1
+                       : channel.cut == sim::Cut::kDrivetrain ? kC2
+                       : channel.cut == sim::Cut::kTendon     ? kC3
+                                                              : kBody;
+  const Replayed replayed = ReplayRun(robot, run, cut | kBody, &nominal_motion_[run_index]);
+  const Eigen::VectorXd residual = ResidualsOf(replayed, run, cut)[channel_index];
+  const int width = WindowSamples(run, channel);
+  Curve curve;
+  const int windows = static_cast<int>(residual.size());
+  curve.time_s.resize(windows);
+  curve.simulated.resize(windows);
+  for (int w = 0; w < windows; ++w) curve.time_s[w] = (w + 0.5) * width * run.signals.step_s;
+  if (channel.cut == sim::Cut::kShape) {
+    const double stride_s = Stride(run) * run.signals.step_s;
+    const int rows = static_cast<int>(replayed.motion.tip_m.rows());
+    for (int w = 0; w < windows; ++w) {
+      const int k = std::clamp(static_cast<int>(std::lround(curve.time_s[w] / stride_s)), 0, rows - 1);
+      curve.simulated[w] = channel.quantity == Quantity::kTipPosition
+                               ? replayed.motion.tip_m(k, channel.index)
+                               : replayed.motion.tip_rotation(k, channel.index);
+    }
+  } else {
+    const Eigen::MatrixXd& all = cut == kC1   ? replayed.torque_Nm
+                                 : cut == kC2 ? replayed.from_torque_N
+                                              : replayed.from_stretch_N;
+    curve.simulated = Average(all.col(channel.index), width);
+  }
+  curve.measured = curve.simulated + residual;
+  return curve;
+}
+
+}  // namespace tendril::gap

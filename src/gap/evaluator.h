@@ -1,0 +1,95 @@
+// From a robot (nominal, or with effects) to what is left of the measurements at every cut: the residuals,
+// what noise and resolution leave open in them, and their floor. Knows nothing of hypotheses or verdicts.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "prepare.h"
+#include "tendril/gap/data_set.h"
+#include "tendril/sim/effects.h"
+#include "tendril/sim/replay.h"
+
+namespace tendril::gap {
+
+/// One measured quantity behind one cut.
+struct Channel {
+  enum class Quantity { kTorque, kTension, kTipPosition, kTipDirection };
+  sim::Cut cut{};  // kShape stands for C4 and C5, which differ by time scale only
+  Quantity quantity{};
+  int index = 0;           // tendon, or axis
+  std::string name, unit;  // "tension 1 from torque", "N"
+  double white = 0;        // rms of one sample's white noise
+  double floor = 0;        // rms floor of one sample: white noise, resolution, repetition
+  double delta = 0;        // materiality
+};
+
+/// Residuals, measured less simulated, averaged over windows: [run][channel][window]; a channel that was not
+/// asked for is empty, a window without a measurement is 0 and has no weight.
+using Residuals = std::vector<std::vector<Eigen::VectorXd>>;
+
+/// Which replays an evaluation needs.
+enum CutBits : unsigned { kC1 = 1, kC2 = 2, kC3 = 4, kBody = 8, kAllCuts = 15 };
+
+class Evaluator {
+ public:
+  struct Options {
+    int threads = 1;
+    double delta_N = 0, delta_m = 0;  // 0: derived from the floor
+    std::uint64_t seed = 1;
+  };
+  /// Prepares the runs and finds the floors. Throws std::runtime_error when nothing can be compared.
+  Evaluator(const DataSet& set, const Options& options);
+
+  const RobotParameters& nominal() const { return nominal_; }
+  const std::vector<PreparedRun>& runs() const { return runs_; }
+  const std::vector<Channel>& channels() const { return channels_; }
+  double window_s(int run, int channel) const;
+  bool has(unsigned cut) const { return (available_ & cut) != 0; }
+  bool has_tracker() const { return has(kBody); }
+  bool repeated() const { return repeated_; }
+  sim::Replay::DrivenBy driven_by() const { return driven_by_; }
+  const std::vector<std::string>& degradations() const { return degradations_; }
+
+  /// Residuals of one robot in the cuts asked for; runs in `only`, or all when empty. Throws
+  /// std::runtime_error when the simulation cannot be carried out.
+  Residuals At(const RobotParameters& robot, unsigned cuts, const std::vector<int>& only = {}) const;
+  /// With the nominal robot.
+  const Residuals& AtNominal() const { return nominal_residuals_; }
+  /// Variance that noise, resolution and repetition leave in each window [run][channel][window]; infinite
+  /// without a measurement.
+  const Residuals& Variance() const { return variance_; }
+
+  /// What an effect can change, given these logs.
+  unsigned CutsOf(const sim::Effect& effect) const;
+
+  /// Simulated values on the grid for pictures (S x 1 of the channel), with the measured ones.
+  struct Curve {
+    Eigen::VectorXd time_s, measured, simulated;
+  };
+  Curve CurveOf(const RobotParameters& robot, int run, int channel) const;
+
+ private:
+  struct Replayed;
+  Replayed ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,
+                     const sim::BodyMotion* known_motion) const;
+  std::vector<Eigen::VectorXd> ResidualsOf(const Replayed& replayed, const PreparedRun& run,
+                                           unsigned cuts) const;
+  void MeasureBending(PreparedRun& run, const RobotParameters& robot, const sim::BodyMotion& motion) const;
+  int Stride(const PreparedRun& run) const;
+  void FindFloors(const DataSet& set, const Options& options);
+
+  RobotParameters nominal_;
+  std::vector<PreparedRun> runs_;
+  std::vector<sim::BodyMotion> nominal_motion_;
+  std::vector<Channel> channels_;
+  unsigned available_ = 0;
+  bool repeated_ = false;
+  sim::Replay::DrivenBy driven_by_ = sim::Replay::DrivenBy::kCell;
+  Residuals nominal_residuals_, variance_;
+  std::vector<std::string> degradations_;
+};
+
+}  // namespace tendril::gap

@@ -1,0 +1,68 @@
+// Candidates from the registry, models from candidates.
+#include "hypothesis.h"
+
+#include <algorithm>
+
+namespace tendril::gap {
+
+std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cell, bool tracker) {
+  std::vector<Candidate> candidates;
+  for (const sim::Effect& effect : sim::Effects()) {
+    const bool of_cell = effect.name.starts_with("cell_"), of_tracker = effect.name.starts_with("tracker_");
+    if ((of_cell && !load_cell) || (of_tracker && !tracker)) continue;
+    const auto add = [&](sim::Target target) {
+      candidates.push_back({&effect, target, sim::TargetText(effect, target)});
+    };
+    if (effect.on_all) add(std::nullopt);
+    if (!effect.on_one) continue;
+    int places = 0;
+    if (effect.scope == sim::Scope::kTendon) places = robot.body.tendons();
+    if (effect.scope == sim::Scope::kUnit) places = robot.body.units();
+    if (effect.scope == sim::Scope::kSection) places = static_cast<int>(robot.body.sections.size());
+    // On a robot with one section, "section:1" and "all" are the same.
+    if (places == 1 && effect.on_all) continue;
+    for (int i = 0; i < places; ++i) add(i);
+  }
+  return candidates;
+}
+
+Model Model::Of(const Candidate& candidate) { return Model{}.With(candidate); }
+
+Model Model::With(const Candidate& candidate) const {
+  Model model = *this;
+  model.parts.push_back(candidate);
+  model.values.conservativeResize(values.size() + candidate.size());
+  for (int k = 0; k < candidate.size(); ++k) {
+    model.values[values.size() + k] = candidate.effect->parameters[k].nominal;
+  }
+  return model;
+}
+
+const sim::EffectParameter& Model::parameter(int k) const {
+  for (const auto& part : parts) {
+    if (k < part.size()) return part.effect->parameters[k];
+    k -= part.size();
+  }
+  return parts.back().effect->parameters.back();
+}
+
+int Model::offset(int part) const {
+  int offset = 0;
+  for (int i = 0; i < part; ++i) offset += parts[i].size();
+  return offset;
+}
+
+RobotParameters Model::Robot(const RobotParameters& base) const {
+  RobotParameters robot = base;
+  int k = 0;
+  for (const auto& part : parts) {
+    EffectSetting setting{std::string(part.effect->name), part.where, {}};
+    for (const auto& p : part.effect->parameters) {
+      setting.values.emplace_back(p.name, std::clamp(values[k++], p.lower, p.upper));
+    }
+    robot.effects.push_back(setting);
+  }
+  return robot;
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,43 @@
+// A hypothesis: one effect of the registry at one place, or several together, with the values of its parameters. Turns
+// into a robot that has it. Knows nothing of data.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "tendril/core/robot.h"
+#include "tendril/sim/effects.h"
+
+namespace tendril::gap {
+
+/// One effect at one place.
+struct Candidate {
+  const sim::Effect* effect = nullptr;
+  sim::Target target;
+  std::string where;
+
+  int size() const { return static_cast<int>(effect->parameters.size()); }
+  std::string Name() const { return std::string(effect->name) + (where == "all" ? "" : " " + where); }
+  bool operator==(const Candidate& other) const { return effect == other.effect && target == other.target; }
+};
+
+/// All that the registry has for this robot, in its order.
+std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cell, bool tracker);
+
+/// Candidates that hold together, with all their parameters one after the other.
+struct Model {
+  std::vector<Candidate> parts;
+  Eigen::VectorXd values;
+
+  static Model Of(const Candidate& candidate);                 // at nominal
+  Model With(const Candidate& candidate) const;                // and this one at nominal
+  int size() const { return static_cast<int>(values.size()); }
+  const sim::EffectParameter& parameter(int k) const;
+  /// First value of part i in `values`.
+  int offset(int part) const;
+  /// `base` with these effects added.
+  RobotParameters Robot(const RobotParameters& base) const;
+};
+
+}  // namespace tendril::gap

@@ -1,0 +1,227 @@
+// Runs out of LCM logs of the daemon or the demo. Knows the drives' objects and what a cycle holds; takes no
+// estimate of the controller for a measurement.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <numbers>
+
+#include "csv.h"
+#include "sources.h"
+#include "tendril/io/log.h"
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+/// Drives enabled and the robot tensioned: pretension is over, nothing is being let go.
+bool Measured(const CycleRecord& record) {
+  const Mode mode = record.output.mode;
+  if (mode != Mode::kRunning && mode != Mode::kHold) return false;
+  return std::all_of(record.input.drive.begin(), record.input.drive.begin() + record.input.drives,
+                     [](const DriveFeedback& d) { return d.state == DriveState::kEnabled; });
+}
+
+/// The usual number of cycles from one record to the next: logs may hold every n-th.
+std::uint64_t Stride(const std::vector<CycleRecord>& cycles) {
+  std::vector<std::uint64_t> steps;
+  for (std::size_t i = 1; i < cycles.size(); ++i)
+    steps.push_back(cycles[i].input.cycle - cycles[i - 1].input.cycle);
+  if (steps.empty()) return 1;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  return std::max<std::uint64_t>(*middle, 1);
+}
+
+class LogRun {
+ public:
+  LogRun(const std::vector<CycleRecord>& cycles, std::size_t first, std::size_t last,
+         const RobotParameters& robot)
+      : cycles_(cycles), first_(first), last_(last), robot_(robot) {}
+
+  Run Make() {
+    const std::vector<std::size_t> kept = KeptCycles();
+    const auto rows = static_cast<Eigen::Index>(kept.size());
+    const auto tendons = static_cast<Eigen::Index>(robot_.actuation->tendons.size());
+    run_.time_s.resize(rows);
+    for (Eigen::MatrixXd* m : {&run_.torque_target_Nm, &run_.torque_actual_Nm, &run_.motor_position_rad}) {
+      m->resize(rows, tendons);
+    }
+    const bool cell = CellPlace(robot_) != LoadCellPlace::kNone;
+    run_.tension_N.resize(rows, cell ? tendons : 0);
+    const TimeNs start_ns = cycles_[kept.front()].input.time_ns;
+    for (Eigen::Index i = 0; i < rows; ++i) {
+      const std::size_t at = kept[static_cast<std::size_t>(i)];
+      run_.time_s[i] = ToSeconds(cycles_[at].input.time_ns - start_ns);
+      for (int j = 0; j < static_cast<int>(tendons); ++j) FillDrive(i, at, j, cycles_[kept.front()]);
+    }
+    FillTracker(kept);
+    NoteLost(kept);
+    if (stale_ > 0)
+      run_.notes.push_back(fmt::format("{} drive answers did not arrive in their cycle: missing", stale_));
+    return std::move(run_);
+  }
+
+ private:
+  // A damaged or joined log may repeat cycles.
+  std::vector<std::size_t> KeptCycles() {
+    std::vector<std::size_t> kept;
+    for (std::size_t i = first_; i < last_; ++i) {
+      if (!kept.empty() && cycles_[i].input.time_ns <= cycles_[kept.back()].input.time_ns) continue;
+      kept.push_back(i);
+    }
+    if (const std::size_t lost = last_ - first_ - kept.size(); lost > 0) {
+      run_.notes.push_back(fmt::format("{} cycles whose time does not increase dropped", lost));
+    }
+    return kept;
+  }
+
+  void FillDrive(Eigen::Index row, std::size_t at, int j, const CycleRecord& zero) {
+    const auto& tendon = robot_.actuation->tendons[static_cast<std::size_t>(j)];
+    const auto d = static_cast<std::size_t>(j);
+    const DriveFeedback& drive = cycles_[at].input.drive[d];
+    const double rated_Nm = tendon.drive.rated_torque_Nm * 1e-3;
+    // What a cycle sends acts from the next SYNC on: in force here is what the cycle before sent.
+    run_.torque_target_Nm(row, j) =
+        at > 0 && cycles_[at - 1].input.cycle + 1 == cycles_[at].input.cycle
+            ? cycles_[at - 1].output.torque_target_permille[d] * rated_Nm
+            : (stride_is_one_ ? kNone : cycles_[at].output.torque_target_permille[d] * rated_Nm);
+    const bool fresh = drive.age_cycles == 0;
+    if (!fresh) ++stale_;
+    // The counter wraps: the difference counts. Zero is where the controller puts it, at the end of
+    // pretension.
+    const auto counts =
+        static_cast<std::int32_t>(static_cast<std::uint32_t>(drive.position_counts) -
+                                  static_cast<std::uint32_t>(zero.input.drive[d].position_counts));
+    run_.motor_position_rad(row, j) =
+        fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn : kNone;
+    run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNone;
+    if (run_.tension_N.cols() > 0) {
+      const bool cell = tendon.load_cell.place != LoadCellPlace::kNone && tendon.load_cell.gain_VpN > 0;
+      run_.tension_N(row, j) = fresh && cell ? drive.analog_mV * 1e-3 / tendon.load_cell.gain_VpN : kNone;
+    }
+  }
+
+  // A reading stands in the row whose time is nearest to that of its measurement, not where it arrived.
+  void FillTracker(const std::vector<std::size_t>& kept) {
+    const auto rows = static_cast<Eigen::Index>(kept.size());
+    std::vector<const TrackerSample*> samples;
+    // Readings of the last rows arrive after them.
+    const std::size_t end = std::min(cycles_.size(), last_ + 100);
+    for (std::size_t i = first_; i < end; ++i) {
+      if (cycles_[i].input.tracker.valid) samples.push_back(&cycles_[i].input.tracker);
+    }
+    if (samples.empty()) return;
+    run_.tip_m.setConstant(rows, 3, kNone);
+    run_.tip_quaternion.setConstant(rows, 4, kNone);
+    const TimeNs start_ns = cycles_[kept.front()].input.time_ns;
+    int used = 0;
+    for (const TrackerSample* sample : samples) {
+      const double t = ToSeconds(sample->time_ns - start_ns);
+      const double* const begin = run_.time_s.data();
+      auto row = static_cast<Eigen::Index>(std::lower_bound(begin, begin + rows, t) - begin);
+      if (row == rows || (row > 0 && t - run_.time_s[row - 1] < run_.time_s[row] - t)) --row;
+      const double step = row > 0 ? run_.time_s[row] - run_.time_s[row - 1] : run_.time_s[1] - run_.time_s[0];
+      if (row < 0 || std::abs(run_.time_s[row] - t) > 0.51 * step) continue;
+      const Eigen::Quaterniond& q = sample->orientation_WT;
+      if (!sample->tip_W_m.allFinite() || !(std::abs(q.norm() - 1) < 0.05)) continue;
+      run_.tip_m.row(row) = sample->tip_W_m.transpose();
+      run_.tip_quaternion.row(row) << q.w(), q.x(), q.y(), q.z();
+      ++used;
+    }
+    if (used > 0) return;
+    run_.tip_m.resize(0, 0);
+    run_.tip_quaternion.resize(0, 0);
+  }
+
+  void NoteLost(const std::vector<std::size_t>& kept) {
+    const std::uint64_t stride = Stride(cycles_);
+    std::uint64_t lost = 0;
+    for (std::size_t i = 1; i < kept.size(); ++i) {
+      const std::uint64_t step = cycles_[kept[i]].input.cycle - cycles_[kept[i - 1]].input.cycle;
+      if (step > stride) lost += step / stride - 1;
+    }
+    if (stride > 1) run_.notes.push_back(fmt::format("the log holds every {}-th cycle only", stride));
+    if (lost > 0) run_.notes.push_back(fmt::format("{} cycles are missing from the log", lost));
+    NoteGaps(run_);
+  }
+
+  const std::vector<CycleRecord>& cycles_;
+  std::size_t first_, last_;
+  const RobotParameters& robot_;
+  bool stride_is_one_ = Stride(cycles_) == 1;
+  int stale_ = 0;
+  Run run_;
+};
+
+}  // namespace
+
+bool IsLcmLog(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::array<char, 4> sync{};
+  in.read(sync.data(), sync.size());
+  return in.gcount() == 4 && sync == std::array<char, 4>{'\xED', '\xA1', '\xDA', '\x01'};
+}
+
+std::string RobotYamlOfLog(const std::filesystem::path& file) {
+  return io::ReadLog(file.string()).run.robot_yaml;
+}
+
+std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParameters& robot) {
+  const std::string name = file.string();
+  if (!robot.actuation) {
+    throw std::runtime_error(
+        name + ": robot '" + robot.name +
+        "' has no actuation, so that counts and millivolts mean nothing; use a rig file such as "
+        "rig_60mm.yaml");
+  }
+  const io::LogContents log = io::ReadLog(name);
+  if (log.cycles.empty()) {
+    throw std::runtime_error(name + ": no cycle in this log" +
+                             (log.damage.empty() ? "" : " (" + log.damage + ")") +
+                             "; accepted: a log with the channel ..._CYCLE; set lcm.cycle_every_cycles to 1");
+  }
+  const int tendons = static_cast<int>(robot.actuation->tendons.size());
+  if (const int drives = log.cycles.front().input.drives; drives != tendons) {
+    throw std::runtime_error(
+        fmt::format("{}: the log is of {} drives, robot '{}' has {} tendons; give the robot's own "
+                    "file",
+                    name, drives, robot.name, tendons));
+  }
+  const std::string sha256 = Sha256(ReadBytes(file));
+  std::vector<Run> runs;
+  for (std::size_t first = 0; first < log.cycles.size();) {
+    if (!Measured(log.cycles[first])) {
+      ++first;
+      continue;
+    }
+    std::size_t last = first;
+    while (last < log.cycles.size() && Measured(log.cycles[last])) ++last;
+    if (last - first >= 2) {
+      Run run = LogRun(log.cycles, first, last, robot).Make();
+      run.name = RunName(file);
+      // A log is called run.lcmlog; what it was is what its folder is called.
+      if (run.name == "run" && std::filesystem::absolute(file).parent_path().has_filename()) {
+        run.name = std::filesystem::absolute(file).lexically_normal().parent_path().filename().string();
+      }
+      run.family = "unknown";
+      run.sha256 = sha256;
+      run.load_cell = CellPlace(robot);
+      if (!log.damage.empty()) run.notes.push_back("the log is damaged and ends early: " + log.damage);
+      runs.push_back(std::move(run));
+    }
+    first = last;
+  }
+  if (runs.empty()) {
+    throw std::runtime_error(name +
+                             ": the drives are never enabled and tensioned in this log; accepted: a run with "
+                             "arming, motion and disarming");
+  }
+  return runs;
+}
+
+}  // namespace tendril::gap

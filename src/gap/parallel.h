@@ -1,0 +1,37 @@
+// Work on all cores: independent items, results where the items say. Knows nothing of what the work is.
+#pragma once
+
+#include <atomic>
+#include <exception>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace tendril::gap {
+
+/// Calls work(i) for i = 0..count-1 on `threads` threads; each call writes only its own results, so the
+/// outcome does not depend on the order. The first exception is thrown again after all threads have ended.
+inline void ParallelFor(int count, int threads, const std::function<void(int)>& work) {
+  std::atomic<int> next{0};
+  std::exception_ptr failure;
+  std::mutex guard;
+  const auto run = [&] {
+    for (int i = next++; i < count; i = next++) {
+      try {
+        work(i);
+      } catch (...) {
+        const std::lock_guard lock(guard);
+        if (!failure) failure = std::current_exception();
+        next = count;
+      }
+    }
+  };
+  std::vector<std::thread> others;
+  for (int t = 1; t < std::min(threads, count); ++t) others.emplace_back(run);
+  run();
+  for (auto& thread : others) thread.join();
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,275 @@
+// Grid, gaps, encoder, tracker. An encoder count is a cell in which the motor may be anywhere; where the
+// count changes the motor was on the cell's border, and that is known far better than the count itself.
+#include "prepare.h"
+
+#include <fmt/core.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <stdexcept>
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kSlowestGrid_s =
+    0.01;  // slower logs are interpolated: the body's motion is integrated on the grid
+constexpr double kDerivativeHalf_s =
+    0.01;                            // half width of the local polynomial that gives speed and acceleration
+constexpr double kSettle_s = 0.02;   // a motor that stays within one count has come to rest by then
+constexpr double kAfterGap_s = 0.3;  // after lost samples friction memories are not known
+
+double Median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Local polynomial of degree 4 through 2h+1 equally spaced points: weights that give value, first and second
+/// derivative (per sample) at the middle.
+struct LocalPolynomial {
+  explicit LocalPolynomial(int half_width) : half(half_width) {
+    const int n = 2 * half + 1;
+    const int degree = std::min(4, n - 1);
+    Eigen::MatrixXd powers(n, degree + 1);
+    for (int i = 0; i < n; ++i) {
+      for (int d = 0; d <= degree; ++d)
+        powers(i, d) = std::pow((i - half) / static_cast<double>(std::max(half, 1)), d);
+    }
+    const Eigen::MatrixXd solve = (powers.transpose() * powers).ldlt().solve(powers.transpose());
+    const double scale = std::max(half, 1);
+    value = solve.row(0);
+    first = degree >= 1 ? Eigen::RowVectorXd(solve.row(1) / scale) : Eigen::RowVectorXd::Zero(n);
+    second =
+        degree >= 2 ? Eigen::RowVectorXd(2 * solve.row(2) / (scale * scale)) : Eigen::RowVectorXd::Zero(n);
+  }
+  int half;
+  Eigen::RowVectorXd value, first, second;
+};
+
+/// Linear between knots, constant beyond.
+class Interpolator {
+ public:
+  void Add(double t, double y) {
+    t_.push_back(t);
+    y_.push_back(y);
+  }
+  double operator()(double t) {
+    if (t <= t_.front()) return y_.front();
+    if (t >= t_.back()) return y_.back();
+    while (t_[at_ + 1] < t) ++at_;
+    while (t_[at_] > t) --at_;
+    const double s = (t - t_[at_]) / (t_[at_ + 1] - t_[at_]);
+    return y_[at_] + s * (y_[at_ + 1] - y_[at_]);
+  }
+  bool empty() const { return t_.empty(); }
+
+ private:
+  std::vector<double> t_, y_;
+  std::size_t at_ = 0;
+};
+
+/// True when the readings step by whole counts.
+bool Quantised(const Eigen::VectorXd& angle, double count) {
+  int moved = 0, whole = 0;
+  for (int i = 1; i < angle.size(); ++i) {
+    const double steps = (angle[i] - angle[i - 1]) / count;
+    if (!std::isfinite(steps) || std::abs(steps) < 1e-6) continue;
+    ++moved;
+    whole += std::abs(steps - std::round(steps)) < 0.02;
+  }
+  return moved > 0 && whole > 0.98 * moved;
+}
+
+/// Angle inside the counts: through the cell's border where the count changes by one, through the reading
+/// itself where the motor is faster than that. Where it rests or turns round within a cell nobody knows how
+/// far it went in: half way, or with `random` anywhere.
+Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, double step_s,
+                             std::mt19937_64* random) {
+  const int n = static_cast<int>(reading.size());
+  Interpolator path;
+  std::uniform_real_distribution<double> anywhere(0, 1);
+  path.Add(0, reading[0]);
+  int dwell = 0;         // first sample of the present count
+  double entered = NAN;  // border by which its cell was entered; NaN: jumped in, or there from the beginning
+  for (int i = 1; i <= n; ++i) {
+    const bool end = i == n;
+    const double steps = end ? 0 : std::round((reading[i] - reading[i - 1]) / count);
+    if (!end && steps == 0) continue;
+    const double middle = reading[i - 1];
+    const double left = !end && std::abs(steps) == 1 ? middle + 0.5 * count * steps : NAN;
+    const double from_s = step_s * (dwell - 0.5), to_s = step_s * (end ? i - 1 : i - 0.5);
+    const bool rests = to_s - from_s > 2.5 * kSettle_s;
+    const bool turns = !std::isnan(entered) && (end || left == entered);
+    double rest = middle;
+    if (!std::isnan(entered)) {
+      const double depth = random != nullptr ? anywhere(*random) : 0.5;
+      rest = entered + (entered < middle ? count : -count) * depth;
+    }
+    if (rests) {
+      if (dwell > 0) path.Add(from_s + kSettle_s, rest);
+      path.Add(end ? to_s : to_s - kSettle_s, rest);
+    } else if (turns || std::isnan(entered) || std::isnan(left)) {
+      if (dwell > 0) path.Add(0.5 * (from_s + to_s), rest);
+    }
+    if (end) break;
+    if (!std::isnan(left)) path.Add(to_s, left);
+    entered = std::abs(steps) == 1 ? left : NAN;
+    dwell = i;
+  }
+  Eigen::VectorXd angle(n);
+  for (int i = 0; i < n; ++i) angle[i] = path(step_s * i);
+  return angle;
+}
+
+}  // namespace
+
+PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t seed) {
+  PreparedRun out;
+  out.name = run.name;
+  out.family = run.family;
+  out.repeat_of = run.repeat_of;
+  const int rows = static_cast<int>(run.time_s.size());
+  if (rows < 20)
+    throw std::runtime_error(fmt::format("{}: {} samples; accepted: at least 20", run.name, rows));
+
+  std::vector<double> steps;
+  for (int i = 1; i < rows; ++i) steps.push_back(run.time_s[i] - run.time_s[i - 1]);
+  const double sampled_s = Median(steps);
+  const int refine = static_cast<int>(std::max(1.0, std::ceil(sampled_s / kSlowestGrid_s - 1e-6)));
+  const double step_s = sampled_s / refine;
+  out.start_s = run.time_s[0];
+  out.signals.step_s = step_s;
+  out.signals.load_cell = run.load_cell;
+  const int samples = static_cast<int>(std::llround((run.time_s[rows - 1] - out.start_s) / step_s)) + 1;
+  if (samples > 50'000'000) {
+    throw std::runtime_error(
+        fmt::format("{}: {:.3g} s at a step of {:.3g} s are too many samples; cut the run", run.name,
+                    run.time_s[rows - 1] - out.start_s, step_s));
+  }
+
+  // Rows onto the grid.
+  std::vector<int> at(rows);
+  std::vector<char> hit(samples, 0);
+  double square = 0;
+  for (int i = 0; i < rows; ++i) {
+    const double exact = (run.time_s[i] - out.start_s) / step_s;
+    at[i] = std::clamp(static_cast<int>(std::llround(exact)), 0, samples - 1);
+    square += std::pow((exact - at[i]) * step_s, 2);
+    hit[at[i]] = 1;
+  }
+  out.jitter_s = std::sqrt(square / rows);
+  out.valid.assign(samples, 1);
+  const int memory = static_cast<int>(kAfterGap_s / step_s);
+  for (int i = 1; i < rows; ++i) {
+    const int between = at[i] - at[i - 1];
+    if (between > refine) out.lost += between / refine - 1;
+    // A few lost samples are bridged; a longer hole loses the friction memories.
+    if (between > 5 * refine && between * step_s > 0.02) {
+      for (int k = at[i - 1] + 1; k < std::min(samples, at[i] + memory); ++k) out.valid[k] = 0;
+    }
+  }
+
+  const auto on_grid = [&](const Eigen::MatrixXd& values) {
+    Eigen::MatrixXd grid(samples, values.cols());
+    for (int j = 0; j < values.cols(); ++j) {
+      Interpolator line;
+      for (int i = 0; i < rows; ++i) {
+        if (std::isfinite(values(i, j))) line.Add(step_s * at[i], values(i, j));
+      }
+      if (line.empty()) {
+        grid.col(j).setConstant(NAN);
+        continue;
+      }
+      for (int i = 0; i < samples; ++i) grid(i, j) = line(step_s * i);
+    }
+    return grid;
+  };
+  auto& s = out.signals;
+  const int tendons = robot.body.tendons();
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  if (run.torque_target_Nm.cols() == tendons) s.torque_target_Nm = on_grid(run.torque_target_Nm);
+  if (run.torque_actual_Nm.cols() == tendons) s.torque_actual_Nm = on_grid(run.torque_actual_Nm);
+  if (run.tension_N.cols() == tendons) {
+    s.tension_N = on_grid(run.tension_N);
+    out.cell_N = s.tension_N;
+    for (int j = 0; j < tendons; ++j) {
+      for (int i = 0; i < samples; ++i) {
+        if (!out.valid[i]) out.cell_N(i, j) = NAN;
+      }
+    }
+  }
+  if (seed != 0 && robot.actuation) {
+    for (int j = 0; j < tendons; ++j) {
+      const auto& p = robot.actuation->tendons[j];
+      const double permille = 1e-3 * p.drive.rated_torque_Nm;
+      const double torque = permille * std::hypot(p.drive.actual_torque_noise_permille, std::sqrt(1.0 / 12));
+      for (int i = 0; i < s.torque_actual_Nm.rows(); ++i) s.torque_actual_Nm(i, j) += torque * normal(random);
+      const double cell = std::hypot(
+          p.load_cell.noise_N,
+          p.load_cell.gain_VpN > 0 ? p.load_cell.resolution_V / p.load_cell.gain_VpN / std::sqrt(12.0) : 0);
+      for (int i = 0; i < s.tension_N.rows(); ++i) s.tension_N(i, j) += cell * normal(random);
+    }
+  }
+
+  if (run.motor_position_rad.cols() == tendons) {
+    const Eigen::MatrixXd reading = on_grid(run.motor_position_rad);
+    s.motor_angle_rad.resize(samples, tendons);
+    s.motor_velocity_radps.resize(samples, tendons);
+    s.motor_acceleration_radps2.resize(samples, tendons);
+    const LocalPolynomial local(std::max(2, static_cast<int>(std::lround(kDerivativeHalf_s / step_s))));
+    for (int j = 0; j < tendons; ++j) {
+      Eigen::VectorXd angle = reading.col(j);
+      const int counts = robot.actuation ? robot.actuation->tendons[j].drive.encoder_counts_per_turn : 0;
+      const double count = counts > 0 ? 2 * std::numbers::pi / counts : 0;
+      if (count > 0 && Quantised(angle, count)) {
+        angle = InsideCounts(angle, count, step_s, seed != 0 ? &random : nullptr);
+      }
+      const int h = local.half;
+      Eigen::VectorXd padded(samples + 2 * h);
+      padded << Eigen::VectorXd::Constant(h, angle[0]), angle,
+          Eigen::VectorXd::Constant(h, angle[samples - 1]);
+      for (int i = 0; i < samples; ++i) {
+        const auto window = padded.segment(i, 2 * h + 1);
+        s.motor_angle_rad(i, j) = local.value * window;
+        s.motor_velocity_radps(i, j) = (local.first * window).value() / step_s;
+        s.motor_acceleration_radps2(i, j) = (local.second * window).value() / (step_s * step_s);
+      }
+    }
+  }
+
+  // Tracker.
+  if (run.tip_m.cols() == 3) {
+    const bool turned = run.tip_quaternion.cols() == 4;
+    std::vector<int> seen;
+    for (int i = 0; i < rows; ++i) {
+      const bool position = run.tip_m.row(i).allFinite();
+      const bool orientation =
+          !turned || (run.tip_quaternion.row(i).allFinite() && run.tip_quaternion.row(i).norm() > 0.5);
+      if (position && orientation && out.valid[at[i]]) seen.push_back(i);
+    }
+    out.tracker_s.resize(static_cast<int>(seen.size()));
+    out.tip_m.resize(static_cast<int>(seen.size()), 3);
+    for (int k = 0; k < static_cast<int>(seen.size()); ++k) {
+      const int i = seen[k];
+      out.tracker_s[k] = run.time_s[i] - out.start_s;
+      out.tip_m.row(k) = run.tip_m.row(i);
+      if (!turned) continue;
+      const Eigen::Vector4d w = run.tip_quaternion.row(i).transpose().normalized();
+      Eigen::Quaterniond orientation(w[0], w[1], w[2], w[3]);
+      if (seed != 0 && robot.actuation && robot.actuation->tracker) {
+        const double rms = 0.5 * robot.actuation->tracker->orientation_noise_rad;
+        const Eigen::Quaterniond turn(1, rms * normal(random), rms * normal(random), rms * normal(random));
+        orientation = (orientation * turn).normalized();
+      }
+      out.tip_R.push_back(orientation.toRotationMatrix());
+    }
+  }
+  if (out.lost > 0) out.notes.push_back(fmt::format("{} samples lost", out.lost));
+  return out;
+}
+
+}  // namespace tendril::gap

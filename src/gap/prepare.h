@@ -1,0 +1,40 @@
+// A measured run made fit for replay: one uniform grid, lost samples bridged and marked, encoder counts
+// turned into a smooth angle with its derivatives. Knows no model.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "tendril/core/robot.h"
+#include "tendril/gap/data_set.h"
+#include "tendril/sim/replay.h"
+
+namespace tendril::gap {
+
+/// One run on its grid, S samples, with what the sensors said.
+struct PreparedRun {
+  std::string name, family, repeat_of;
+  sim::ReplaySignals signals;
+  double start_s = 0;       // time of the first sample in the log
+  std::vector<char> valid;  // S: false where samples were lost, and shortly after
+  Eigen::MatrixXd cell_N;   // S x M as read, NaN where nothing was
+  // Tracker: P samples at their own times.
+  Eigen::VectorXd tracker_s;           // since start_s
+  Eigen::MatrixXd tip_m;               // P x 3
+  std::vector<Eigen::Matrix3d> tip_R;  // P, empty without orientation
+  // Of the time stamps.
+  double jitter_s = 0;  // rms against the grid
+  int lost = 0;         // grid points without a sample
+  std::vector<std::string> notes;
+
+  int samples() const { return static_cast<int>(valid.size()); }
+};
+
+/// What encoder, cells and tracker cannot resolve, drawn anew: prepared with seed 0 the most likely reading
+/// is taken, with any other a reading that would have been recorded the same. The spread of a simulation over
+/// such readings is how much the sensors' resolution leaves open.
+PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t seed);
+
+}  // namespace tendril::gap

@@ -1,0 +1,591 @@
+// A diagnosis as JSON and back: one list of fields a structure, read by a writer and by a reader, so that the two
+// cannot part. Knows nothing of the page.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <set>
+#include <sstream>
+#include <stdexcept>
+#include <type_traits>
+
+#include "tendril/gap/report.h"
+
+namespace tendril::gap {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using sim::Cut;
+
+constexpr int kFormat = 1;
+
+// ---- names ------------------------------------------------------------------------------------------------
+
+constexpr std::array<const char*, 5> kVerdicts{"no_gap", "attributed", "ambiguous_group", "unexplained",
+                                               "insufficient_data"};
+constexpr std::array<const char*, 3> kSeverities{"info", "warning", "error"};
+
+constexpr std::array<CutText, sim::kCuts> kCutTexts{{
+    {"clocks", "time stamps", "counters"},
+    {"current loop", "target torque", "actual torque"},
+    {"drivetrain", "motor torque", "load cell"},
+    {"tendon", "motor angle and shape", "tension"},
+    {"shape", "tension", "shape at rest"},
+    {"motion", "tension", "tip in motion"},
+    {"sensors", "one sensor", "another"},
+}};
+
+// ---- writing ----------------------------------------------------------------------------------------------
+
+class Writer {
+ public:
+  template <class T>
+  using Ref = const T&;
+  explicit Writer(Json& to) : to_(to) {}
+  template <class T>
+  void operator()(const char* key, const T& value);
+
+ private:
+  Json& to_;
+};
+
+// ---- reading ----------------------------------------------------------------------------------------------
+
+[[noreturn]] void Wrong(const std::string& at, const char* wanted) {
+  throw std::runtime_error(fmt::format("'{}' must be {}", at, wanted));
+}
+
+class Reader {
+ public:
+  template <class T>
+  using Ref = T&;
+  Reader(const Json& from, std::string at) : from_(from), at_(std::move(at)) {
+    if (!from_.is_object()) Wrong(at_.empty() ? "the report" : at_, "an object");
+  }
+  template <class T>
+  void operator()(const char* key, T& value);
+
+ private:
+  const Json& from_;
+  std::string at_;
+};
+
+std::string Below(const std::string& at, const std::string& key) {
+  return at.empty() ? key : at + "." + key;
+}
+
+// ---- the fields -------------------------------------------------------------------------------------------
+
+template <class A>
+void Fields(A& a, typename A::template Ref<CutFinding> f) {
+  a("where", f.where);
+  a("quantity", f.quantity);
+  a("unit", f.unit);
+  a("measured", f.measured);
+  a("rms", f.rms);
+  a("floor", f.floor);
+  a("excess_sigma", f.excess_sigma);
+  a("delta", f.delta);
+  a("p_value", f.p_value);
+  a("excess", f.excess);
+  a("first", f.first);
+  a("note", f.note);
+}
+
+template <class A>
+void Fields(A& a, typename A::template Ref<Cause> c) {
+  a("effect", c.effect);
+  a("where", c.where);
+  a("p", c.p);
+  a("group", c.group);
+  a("parameters", c.parameters);
+  a("bound_hit", c.bound_hit);
+  a("held_out_gain", c.held_out_gain);
+  a("screening_gain", c.screening_gain);
+  a("note", c.note);
+}
+
+template <class A>
+void Fields(A& a, typename A::template Ref<Confusion> c) {
+  a("a", c.a);
+  a("b", c.b);
+  a("cosine", c.cosine);
+  a("profile_gap", c.profile_gap);
+  a("confirmed", c.confirmed);
+}
+
+template <class A>
+void Fields(A& a, typename A::template Ref<ConditionMap> m) {
+  a("cut", m.cut);
+  a("channel", m.channel);
+  a("unit", m.unit);
+  a("condition", m.condition);
+  a("condition_unit", m.condition_unit);
+  a("at", m.at);
+  a("mean", m.mean);
+  a("low", m.low);
+  a("high", m.high);
+  a("after", m.after);
+}
+
+template <class A>
+void Fields(A& a, typename A::template Ref<Overlay> o) {
+  a("run", o.run);
+  a("channel", o.channel);
+  a("unit", o.unit);
+  a("cut", o.cut);
+  a("floor", o.floor);
+  a("time_s", o.time_s);
+  a("measured", o.measured);
+  a("before", o.before);
+  a("after", o.after);
+  a("against", o.against);
+  a("against_unit", o.against_unit);
+  a("x", o.x);
+}
+
+template <class A>
+void Fields(A& a, typename A::template Ref<HorizonPoint> h) {
+  a("horizon_s", h.horizon_s);
+  a("rms_m", h.rms_m);
+  a("floor_m", h.floor_m);
+}
+
+template <class A>
+void Fields(A& a, typename A::template Ref<Profile> p) {
+  a("effect", p.effect);
+  a("where", p.where);
+  a("parameter", p.parameter);
+  a("value", p.value);
+  a("score", p.score);
+}
+
+template <class A>
+void Fields(A& a, typename A::template Ref<NextExperiment> n) {
+  a("family", n.family);
+  a("reason", n.reason);
+  a("separation_sigma", n.separation_sigma);
+  a("yaml", n.yaml);
+  a("alternatives", n.alternatives);
+}
+
+template <class A>
+void Fields(A& a, typename A::template Ref<HealthFinding> h) {
+  a("severity", h.severity);
+  a("run", h.run);
+  a("channel", h.channel);
+  a("value", h.value);
+  a("text", h.text);
+}
+
+template <class A>
+void Fields(A& a, typename A::template Ref<RunSummary> r) {
+  a("name", r.name);
+  a("family", r.family);
+  a("repeat_of", r.repeat_of);
+  a("sha256", r.sha256);
+  a("duration_s", r.duration_s);
+  a("rate_Hz", r.rate_Hz);
+  a("samples", r.samples);
+}
+
+template <class A>
+void Fields(A& a, typename A::template Ref<Diagnosis> d) {
+  a("verdict", d.verdict);
+  a("sentence", d.sentence);
+  a("location", d.location);
+  a("causes", d.causes);
+  a("accepted", d.accepted);
+  // "closed" gathers several members: see WriteClosed and ReadClosed.
+  a("order_effects", d.order_effects);
+  a("leftover_sigma", d.leftover_sigma);
+  a("confusable", d.confusable);
+  a("condition_maps", d.maps);
+  a("overlays", d.overlays);
+  a("horizon", d.horizon);
+  a("profiles", d.profiles);
+  a("input_correlations", d.input_correlations);
+  a("next_experiment", d.next);
+  a("data_health", d.health);
+  a("degradations", d.degradations);
+}
+
+template <class A>
+void ProvenanceFields(A& a, typename A::template Ref<Diagnosis> d) {
+  a("robot_name", d.robot_name);
+  a("robot_yaml", d.robot_yaml);
+  a("runs", d.runs);
+  a("training_families", d.training_families);
+  a("held_out_families", d.held_out_families);
+  a("delta_N", d.delta_N);
+  a("delta_m", d.delta_m);
+  a("seed", d.seed);
+  a("version", d.version);
+  a("revision", d.revision);
+  a("command", d.command);
+  a("seconds", d.seconds);
+}
+
+// ---- values to JSON ---------------------------------------------------------------------------------------
+
+Json ToJson(double v) { return std::isfinite(v) ? Json(v) : Json(nullptr); }
+Json ToJson(int v) { return v; }
+Json ToJson(std::uint64_t v) { return v; }
+Json ToJson(bool v) { return v; }
+Json ToJson(const std::string& v) { return v; }
+Json ToJson(Cut v) { return std::string(sim::CutName(v)); }
+Json ToJson(Verdict v) { return VerdictName(v); }
+Json ToJson(HealthFinding::Severity v) { return kSeverities.at(static_cast<std::size_t>(v)); }
+Json ToJson(const Estimate& v) {
+  return {{"value", ToJson(v.value)}, {"ci", {ToJson(v.low), ToJson(v.high)}}};
+}
+template <class T>
+Json ToJson(const std::optional<T>& v) {
+  return v ? ToJson(*v) : Json(nullptr);
+}
+Json ToJson(const std::map<std::string, Estimate>& v) {
+  Json j = Json::object();
+  for (const auto& [name, estimate] : v) j[name] = ToJson(estimate);
+  return j;
+}
+Json ToJson(const std::pair<std::string, double>& v) { return {{"name", v.first}, {"value", ToJson(v.second)}}; }
+
+template <class T>
+Json ToJson(const T& v)
+  requires std::is_class_v<T>
+{
+  Json j = Json::object();
+  Writer w(j);
+  Fields(w, v);
+  return j;
+}
+
+// The number of "tendon:2" under its own key, as other programs expect it.
+Json ToJson(const CutFinding& v) {
+  Json j{{"cut", ToJson(v.cut)}};
+  for (const std::string_view kind : {"tendon", "section"}) {
+    int number = 0;
+    if (!v.where.starts_with(kind) || v.where.size() < kind.size() + 2) continue;
+    const char* end = v.where.data() + v.where.size();
+    if (std::from_chars(v.where.data() + kind.size() + 1, end, number).ptr == end) j[std::string(kind)] = number;
+  }
+  Writer w(j);
+  Fields(w, v);
+  return j;
+}
+
+// What the registry says of the effect, for readers of the page; not read back.
+Json ToJson(const Cause& v) {
+  Json j = Json::object();
+  Writer w(j);
+  Fields(w, v);
+  const sim::Effect* effect = sim::FindEffect(v.effect);
+  j["about"] = effect ? std::string(effect->summary) : std::string();
+  return j;
+}
+
+template <class T>
+Json ToJson(const std::vector<T>& v) {
+  Json j = Json::array();
+  for (const T& x : v) j.push_back(ToJson(x));
+  return j;
+}
+
+template <class T>
+void Writer::operator()(const char* key, const T& value) {
+  to_[key] = ToJson(value);
+}
+
+// ---- JSON to values ---------------------------------------------------------------------------------------
+
+void FromJson(const Json& j, const std::string& at, double& v) {
+  if (!j.is_number() && !j.is_null()) Wrong(at, "a number or null");
+  v = j.is_null() ? std::numeric_limits<double>::quiet_NaN() : j.get<double>();
+}
+void FromJson(const Json& j, const std::string& at, int& v) {
+  if (!j.is_number_integer() || j < std::numeric_limits<int>::min() || j > std::numeric_limits<int>::max()) {
+    Wrong(at, "a whole number");
+  }
+  v = j.get<int>();
+}
+void FromJson(const Json& j, const std::string& at, std::uint64_t& v) {
+  if (!j.is_number_unsigned()) Wrong(at, "a whole number from 0");
+  v = j.get<std::uint64_t>();
+}
+void FromJson(const Json& j, const std::string& at, bool& v) {
+  if (!j.is_boolean()) Wrong(at, "true or false");
+  v = j.get<bool>();
+}
+void FromJson(const Json& j, const std::string& at, std::string& v) {
+  if (!j.is_string()) Wrong(at, "a text");
+  v = j.get<std::string>();
+}
+
+template <std::size_t n>
+std::size_t IndexOf(const Json& j, const std::string& at, const std::array<const char*, n>& names) {
+  for (std::size_t i = 0; i < n; ++i) {
+    if (j == names[i]) return i;
+  }
+  Wrong(at, fmt::format("one of {}", fmt::join(names, ", ")).c_str());
+}
+void FromJson(const Json& j, const std::string& at, Verdict& v) {
+  v = static_cast<Verdict>(IndexOf(j, at, kVerdicts));
+}
+void FromJson(const Json& j, const std::string& at, HealthFinding::Severity& v) {
+  v = static_cast<HealthFinding::Severity>(IndexOf(j, at, kSeverities));
+}
+void FromJson(const Json& j, const std::string& at, Cut& v) {
+  for (int i = 0; i < sim::kCuts; ++i) {
+    v = static_cast<Cut>(i);
+    if (j == std::string(sim::CutName(v))) return;
+  }
+  Wrong(at, "a cut, C0 to C6");
+}
+
+const Json& Member(const Json& j, const std::string& at, const char* key) {
+  if (!j.is_object()) Wrong(at, "an object");
+  const auto it = j.find(key);
+  if (it == j.end()) throw std::runtime_error(fmt::format("'{}' is missing", Below(at, key)));
+  return *it;
+}
+
+void FromJson(const Json& j, const std::string& at, Estimate& v) {
+  FromJson(Member(j, at, "value"), Below(at, "value"), v.value);
+  const Json& ci = Member(j, at, "ci");
+  if (!ci.is_array() || ci.size() != 2) Wrong(Below(at, "ci"), "[low, high]");
+  FromJson(ci[0], Below(at, "ci[0]"), v.low);
+  FromJson(ci[1], Below(at, "ci[1]"), v.high);
+}
+template <class T>
+void FromJson(const Json& j, const std::string& at, std::optional<T>& v) {
+  v.reset();
+  if (!j.is_null()) FromJson(j, at, v.emplace());
+}
+void FromJson(const Json& j, const std::string& at, std::map<std::string, Estimate>& v) {
+  if (!j.is_object()) Wrong(at, "an object");
+  for (const auto& [key, value] : j.items()) FromJson(value, Below(at, key), v[key]);
+}
+void FromJson(const Json& j, const std::string& at, std::pair<std::string, double>& v) {
+  FromJson(Member(j, at, "name"), Below(at, "name"), v.first);
+  FromJson(Member(j, at, "value"), Below(at, "value"), v.second);
+}
+
+template <class T>
+void FromJson(const Json& j, const std::string& at, T& v)
+  requires std::is_class_v<T>
+{
+  Reader r(j, at);
+  Fields(r, v);
+}
+
+void FromJson(const Json& j, const std::string& at, CutFinding& v) {
+  FromJson(Member(j, at, "cut"), Below(at, "cut"), v.cut);
+  Reader r(j, at);
+  Fields(r, v);
+}
+
+template <class T>
+void FromJson(const Json& j, const std::string& at, std::vector<T>& v) {
+  if (!j.is_array()) Wrong(at, "a list");
+  v.clear();
+  v.reserve(j.size());
+  for (std::size_t i = 0; i < j.size(); ++i) FromJson(j[i], fmt::format("{}[{}]", at, i), v.emplace_back());
+}
+
+template <class T>
+void Reader::operator()(const char* key, T& value) {
+  FromJson(Member(from_, at_, key), Below(at_, key), value);
+}
+
+// ---- closed -----------------------------------------------------------------------------------------------
+
+Json WriteClosed(const Diagnosis& d) {
+  Json channels = Json::object();
+  for (const Closure& c : d.closures) {
+    Json j = c.closed ? ToJson(*c.closed) : Json{{"value", nullptr}, {"ci", nullptr}};
+    j["before"] = ToJson(c.before_rms);
+    j["after"] = ToJson(c.after_rms);
+    j["ceiling"] = ToJson(c.ceiling_rms);
+    j["floor"] = ToJson(c.floor_rms);
+    j["unit"] = c.unit;
+    j["cut"] = ToJson(c.cut);
+    j["channel"] = c.channel;
+    // One channel may be judged at two cuts; keys are unique.
+    std::string key = c.channel;
+    if (channels.contains(key)) key += fmt::format(" ({})", sim::CutName(c.cut));
+    for (int n = 2; channels.contains(key); ++n) key = fmt::format("{} ({}, {})", c.channel, sim::CutName(c.cut), n);
+    channels[key] = std::move(j);
+  }
+  return {{"pooled", ToJson(d.closed)}, {"ceiling", ToJson(d.closed_ceiling)}, {"channels", std::move(channels)}};
+}
+
+void ReadClosed(const Json& j, Diagnosis& d) {
+  FromJson(Member(j, "closed", "pooled"), "closed.pooled", d.closed);
+  FromJson(Member(j, "closed", "ceiling"), "closed.ceiling", d.closed_ceiling);
+  const Json& channels = Member(j, "closed", "channels");
+  if (!channels.is_object()) Wrong("closed.channels", "an object");
+  for (const auto& [key, value] : channels.items()) {
+    const std::string at = Below("closed.channels", key);
+    Closure c;
+    Reader r(value, at);
+    r("before", c.before_rms);
+    r("after", c.after_rms);
+    r("ceiling", c.ceiling_rms);
+    r("floor", c.floor_rms);
+    r("unit", c.unit);
+    r("cut", c.cut);
+    r("channel", c.channel);
+    if (!Member(value, at, "ci").is_null()) FromJson(value, at, c.closed.emplace());
+    d.closures.push_back(std::move(c));
+  }
+}
+
+Json Chain() {
+  Json chain = Json::array();
+  for (int i = 0; i < sim::kCuts; ++i) {
+    const auto cut = static_cast<Cut>(i);
+    const CutText& text = TextOf(cut);
+    chain.push_back({{"cut", ToJson(cut)}, {"title", text.title}, {"from", text.from}, {"to", text.to}});
+  }
+  return chain;
+}
+
+// ---- condensing -------------------------------------------------------------------------------------------
+
+constexpr std::size_t kPointsInAll = 24000, kMostPoints = 1200, kFewestPoints = 200;
+
+// Six digits: finer than any plot, and half the size.
+void Round(std::vector<double>& curve) {
+  for (double& v : curve) {
+    if (!std::isfinite(v)) continue;
+    const std::string text = fmt::format("{:.6g}", v);
+    std::from_chars(text.data(), text.data() + text.size(), v);
+  }
+}
+
+void Keep(std::vector<double>& curve, const std::vector<std::size_t>& indices) {
+  if (curve.empty()) return;
+  std::vector<double> kept;
+  kept.reserve(indices.size());
+  for (const std::size_t i : indices) kept.push_back(curve[i]);
+  curve = std::move(kept);
+}
+
+// Of each stretch of samples the first, and those where what was measured and what the simulation misses are extreme.
+void Thin(Overlay& o, std::size_t most) {
+  const std::size_t samples = o.time_s.size();
+  for (const auto* curve : {&o.measured, &o.before, &o.after, &o.x}) {
+    if (!curve->empty() && curve->size() != samples) {
+      throw std::runtime_error(fmt::format("overlay of {}, {}: curves of different lengths", o.run, o.channel));
+    }
+  }
+  if (samples <= most) return;
+  const std::size_t stretches = most / 5;
+  std::set<std::size_t> indices{samples - 1};
+  const auto missed = [&](std::size_t i) {
+    return (o.measured.empty() ? 0.0 : o.measured[i]) - (o.before.empty() ? 0.0 : o.before[i]);
+  };
+  const auto measured = [&](std::size_t i) { return o.measured.empty() ? 0.0 : o.measured[i]; };
+  for (std::size_t s = 0; s < stretches; ++s) {
+    const std::size_t begin = s * samples / stretches, end = (s + 1) * samples / stretches;
+    std::array<std::size_t, 5> chosen;
+    chosen.fill(begin);
+    for (std::size_t i = begin; i < end; ++i) {
+      if (measured(i) < measured(chosen[1])) chosen[1] = i;
+      if (measured(i) > measured(chosen[2])) chosen[2] = i;
+      if (missed(i) < missed(chosen[3])) chosen[3] = i;
+      if (missed(i) > missed(chosen[4])) chosen[4] = i;
+    }
+    indices.insert(chosen.begin(), chosen.end());
+  }
+  while (indices.size() > most) indices.erase(std::prev(indices.end(), 2));
+  const std::vector<std::size_t> kept(indices.begin(), indices.end());
+  for (auto* curve : {&o.time_s, &o.measured, &o.before, &o.after, &o.x}) Keep(*curve, kept);
+}
+
+}  // namespace
+
+std::string VerdictName(Verdict verdict) { return kVerdicts.at(static_cast<std::size_t>(verdict)); }
+
+const CutText& TextOf(Cut cut) { return kCutTexts.at(static_cast<std::size_t>(cut)); }
+
+Diagnosis Condensed(const Diagnosis& diagnosis) {
+  Diagnosis d = diagnosis;
+  for (const char* always : {"no_gap", "unknown"}) {
+    if (std::none_of(d.causes.begin(), d.causes.end(), [&](const Cause& c) { return c.effect == always; })) {
+      d.causes.emplace_back().effect = always;
+    }
+  }
+  const auto rank = [](const Cause& c) { return std::isfinite(c.p) ? c.p : -1; };
+  std::stable_sort(d.causes.begin(), d.causes.end(),
+                   [&](const Cause& a, const Cause& b) { return rank(a) > rank(b); });
+  const std::size_t most =
+      std::clamp(kPointsInAll / std::max<std::size_t>(d.overlays.size(), 1), kFewestPoints, kMostPoints);
+  for (Overlay& o : d.overlays) {
+    Thin(o, most);
+    for (auto* curve : {&o.time_s, &o.measured, &o.before, &o.after, &o.x}) Round(*curve);
+  }
+  for (ConditionMap& m : d.maps) {
+    for (auto* curve : {&m.at, &m.mean, &m.low, &m.high, &m.after}) Round(*curve);
+  }
+  for (Profile& p : d.profiles) {
+    for (auto* curve : {&p.value, &p.score}) Round(*curve);
+  }
+  return d;
+}
+
+std::string ReportJson(const Diagnosis& diagnosis) {
+  const Diagnosis d = Condensed(diagnosis);
+  Json j{{"format", kFormat}};
+  Writer w(j);
+  Fields(w, d);
+  j["closed"] = WriteClosed(d);
+  j["chain"] = Chain();
+  Json provenance = Json::object();
+  Writer p(provenance);
+  ProvenanceFields(p, d);
+  j["provenance"] = std::move(provenance);
+  // A run's name may hold any bytes: what is no UTF-8 is replaced.
+  return j.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+Diagnosis ParseReport(const std::string& text) {
+  Json j;
+  try {
+    j = Json::parse(text);
+  } catch (const Json::parse_error& e) {
+    throw std::runtime_error(fmt::format("is no JSON (byte {})", e.byte));
+  }
+  Diagnosis d;
+  Reader r(j, "");
+  int format = 0;
+  r("format", format);
+  if (format != kFormat) {
+    throw std::runtime_error(fmt::format("has format {}, this program reads {}", format, kFormat));
+  }
+  Fields(r, d);
+  ReadClosed(Member(j, "", "closed"), d);
+  Reader p(Member(j, "", "provenance"), "provenance");
+  ProvenanceFields(p, d);
+  return d;
+}
+
+Diagnosis ReadReport(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream text;
+  if (!in || !(text << in.rdbuf())) throw std::runtime_error(fmt::format("cannot read {}", file.string()));
+  try {
+    return ParseReport(text.str());
+  } catch (const std::exception& e) {
+    throw std::runtime_error(
+        fmt::format("{}: {}; it must be a report.json of tendril gap diagnose", file.string(), e.what()));
+  }
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,112 @@
+// The page: a template filled with the report's JSON, a style, a script and the plotting library. Knows nothing of
+// what the numbers mean; the script in the page draws them.
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "report_page_files.h"
+#include "tendril/gap/report.h"
+
+namespace tendril::gap {
+namespace {
+
+std::string EscapeHtml(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    switch (c) {
+      case '&': out += "&amp;"; break;
+      case '<': out += "&lt;"; break;
+      case '>': out += "&gt;"; break;
+      case '"': out += "&quot;"; break;
+      default: out += c;
+    }
+  }
+  return out;
+}
+
+// Within a script element no text may close it or open a comment; JSON has its own way to write these letters.
+std::string EscapeForScript(std::string_view json) {
+  std::string out;
+  out.reserve(json.size());
+  for (const char c : json) {
+    switch (c) {
+      case '<': out += "\\u003c"; break;
+      case '>': out += "\\u003e"; break;
+      case '&': out += "\\u0026"; break;
+      default: out += c;
+    }
+  }
+  return out;
+}
+
+// Line ends and indentation of the JSON file, which the page does without.
+std::string Compact(std::string_view json) {
+  std::string out;
+  out.reserve(json.size());
+  for (std::size_t i = 0; i < json.size(); ++i) {
+    out += json[i];
+    if (json[i] != '\n') continue;
+    out.pop_back();
+    while (i + 1 < json.size() && json[i + 1] == ' ') ++i;
+  }
+  return out;
+}
+
+// Every {{key}} of the template by its text, in one pass: what is filled in is not looked at again.
+std::string Fill(std::string_view form, const std::vector<std::pair<std::string_view, std::string>>& texts) {
+  std::string out;
+  for (std::size_t at = 0;;) {
+    const std::size_t open = form.find("{{", at);
+    out += form.substr(at, open == std::string_view::npos ? open : open - at);
+    if (open == std::string_view::npos) return out;
+    const std::size_t close = form.find("}}", open);
+    const std::string_view key = form.substr(open + 2, close - open - 2);
+    for (const auto& [name, text] : texts) {
+      if (name == key) out += text;
+    }
+    at = close + 2;
+  }
+}
+
+void WriteText(const std::filesystem::path& file, const std::string& text) {
+  std::ofstream out(file, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) throw std::runtime_error(fmt::format("cannot write {}: {}", file.string(), std::strerror(errno)));
+}
+
+// `d` as read from `json`, so that both have the same, valid letters.
+std::string Page(const Diagnosis& d, const std::string& json) {
+  const std::string title =
+      EscapeHtml(d.robot_name.empty() ? "Gap report" : fmt::format("Gap report: {}", d.robot_name));
+  return Fill(page::kTemplate, {{"title", title},
+                                {"sentence", EscapeHtml(d.sentence)},
+                                {"style", std::string(page::kStyle)},
+                                {"licence", EscapeHtml(page::kLicence)},
+                                {"data", EscapeForScript(Compact(json))},
+                                {"d3", std::string(page::kD3)},
+                                {"script", std::string(page::kScript)}});
+}
+
+}  // namespace
+
+std::string ReportPage(const Diagnosis& diagnosis) { const std::string json = ReportJson(diagnosis); return Page(ParseReport(json), json); }
+
+void WriteReport(const Diagnosis& diagnosis, const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error || !std::filesystem::is_directory(folder)) {
+    throw std::runtime_error(
+        fmt::format("cannot make the folder {} for the report: {}", folder.string(), error.message()));
+  }
+  const std::string json = ReportJson(diagnosis);
+  WriteText(folder / "report.json", json);
+  WriteText(folder / "report.html", Page(ParseReport(json), json));
+}
+
+}  // namespace tendril::gap

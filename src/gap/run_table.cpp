@@ -1,0 +1,337 @@
+// One run as a CSV with the canonical columns, both ways. Knows the columns' names and what must hold between
+// them, nothing of folders.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <map>
+#include <set>
+
+#include "csv.h"
+#include "sources.h"
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+// A list in a note names at most this many.
+constexpr std::size_t kNamed = 6;
+
+/// One canonical block of columns and where it goes.
+struct Block {
+  Eigen::MatrixXd Run::*matrix;
+  std::vector<std::string> names;  // in the matrix's order
+  bool whole;                      // nothing of it is of use when a column is missing
+};
+
+std::vector<Block> Blocks(int tendons, int sections) {
+  std::vector<Block> blocks;
+  const auto a_tendon = [&](Eigen::MatrixXd Run::*matrix, const char* name) {
+    Block block{matrix, {}, false};
+    for (int j = 1; j <= tendons; ++j) block.names.push_back(fmt::format("{}_{}", name, j));
+    blocks.push_back(block);
+  };
+  a_tendon(&Run::torque_target_Nm, "torque_target_Nm");
+  a_tendon(&Run::torque_actual_Nm, "torque_actual_Nm");
+  a_tendon(&Run::motor_position_rad, "motor_position_rad");
+  a_tendon(&Run::tension_N, "tension_N");
+  blocks.push_back({&Run::tip_m, {"tip_x_m", "tip_y_m", "tip_z_m"}, true});
+  blocks.push_back({&Run::tip_quaternion, {"tip_qw", "tip_qx", "tip_qy", "tip_qz"}, true});
+  Block bending{&Run::bending_rad, {}, false};
+  for (int k = 1; k <= sections; ++k) {
+    bending.names.push_back(fmt::format("us_{}", k));
+    bending.names.push_back(fmt::format("vs_{}", k));
+  }
+  blocks.push_back(bending);
+  return blocks;
+}
+
+std::string Listed(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t i = 0; i < std::min(names.size(), kNamed); ++i) {
+    text += (i ? ", " : "") + Printable(names[i]);
+  }
+  if (names.size() > kNamed) text += fmt::format(" and {} more", names.size() - kNamed);
+  return text;
+}
+
+// Rows whose time is there and greater than that of the row before. A single row that jumps ahead of the two
+// after it is the wrong one, not they.
+std::vector<int> RowsInTime(const std::vector<double>& t, const std::vector<int>& lines, Run& run) {
+  std::vector<int> rows;
+  rows.reserve(t.size());
+  const auto later = [&](std::size_t i, std::size_t than) { return t[i] > t[than]; };
+  std::size_t without = 0, back = 0;
+  int first_back = 0;
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    if (!std::isfinite(t[i])) {
+      ++without;
+      continue;
+    }
+    const auto last = rows.empty() ? t.size() : static_cast<std::size_t>(rows.back());
+    const bool jumped = i + 2 < t.size() && !later(i + 1, i) && !later(i + 2, i) && later(i + 2, i + 1) &&
+                        (rows.empty() || later(i + 1, last));
+    if (jumped || (!rows.empty() && !later(i, last))) {
+      if (back++ == 0) first_back = lines[i];
+      continue;
+    }
+    rows.push_back(static_cast<int>(i));
+  }
+  if (without > 0) run.notes.push_back(fmt::format("{} rows without a time dropped", without));
+  if (back > 0) {
+    run.notes.push_back(
+        fmt::format("{} rows whose time does not increase dropped, the first in line {}; if the clock "
+                    "restarted there, split "
+                    "the file",
+                    back, first_back));
+  }
+  return rows;
+}
+
+// Quaternions of unit norm; what is no rotation is no value.
+void Normalise(Run& run) {
+  if (run.tip_quaternion.cols() == 0) return;
+  int bad = 0;
+  for (Eigen::Index i = 0; i < run.tip_quaternion.rows(); ++i) {
+    const double norm = run.tip_quaternion.row(i).norm();
+    if (std::isnan(norm)) {
+      run.tip_quaternion.row(i).setConstant(kNone);
+    } else if (std::abs(norm - 1) > 0.05) {
+      run.tip_quaternion.row(i).setConstant(kNone);
+      ++bad;
+    } else if (std::abs(norm - 1) > 1e-12) {
+      run.tip_quaternion.row(i) /= norm;
+    }
+  }
+  if (bad > 0) {
+    run.notes.push_back(fmt::format(
+        "{} orientations (tip_qw, tip_qx, tip_qy, tip_qz) whose norm is not 1 taken as missing", bad));
+  }
+}
+
+/// Columns of a table by lower-case name.
+class Columns {
+ public:
+  Columns(const std::vector<std::string>& names, Run& run) {
+    std::vector<std::string> twice;
+    for (std::size_t c = 0; c < names.size(); ++c) {
+      if (names[c].empty()) continue;
+      if (!index_.emplace(LowerCase(names[c]), c).second) twice.push_back(names[c]);
+    }
+    if (!twice.empty()) {
+      run.notes.push_back("columns that are there twice, of which the first is taken: " + Listed(twice));
+    }
+  }
+  int Find(const std::string& name) const {
+    const auto found = index_.find(LowerCase(name));
+    return found == index_.end() ? -1 : static_cast<int>(found->second);
+  }
+
+ private:
+  std::map<std::string, std::size_t> index_;
+};
+
+}  // namespace
+
+void KeepRows(Run& run, const std::vector<int>& rows) {
+  const auto keep = [&](auto& of) {
+    if (of.cols() == 0 || of.rows() == 0) return;
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      of.row(static_cast<Eigen::Index>(i)) = of.row(rows[i]).eval();
+    of.conservativeResize(static_cast<Eigen::Index>(rows.size()), of.cols());
+  };
+  keep(run.time_s);
+  for (Eigen::MatrixXd* of : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
+                              &run.tension_N, &run.tip_m, &run.tip_quaternion, &run.bending_rad}) {
+    keep(*of);
+  }
+}
+
+void NoteGaps(Run& run) {
+  const Eigen::Index rows = run.time_s.size();
+  if (rows < 3) return;
+  std::vector<double> steps(static_cast<std::size_t>(rows - 1));
+  for (Eigen::Index i = 0; i + 1 < rows; ++i) {
+    steps[static_cast<std::size_t>(i)] = run.time_s[i + 1] - run.time_s[i];
+  }
+  std::vector<double> sorted = steps;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  const double usual = *middle;
+  int gaps = 0;
+  double longest = 0, where = 0, lost = 0;
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    if (steps[i] <= 1.5 * usual) continue;
+    ++gaps;
+    lost += std::round(steps[i] / usual) - 1;
+    if (steps[i] > longest) {
+      longest = steps[i];
+      where = run.time_s[static_cast<Eigen::Index>(i)];
+    }
+  }
+  // A log of irregular times has no grid in which rows could be missing.
+  if (gaps == 0 || gaps > rows / 5) return;
+  run.notes.push_back(
+      fmt::format("{} gaps in the time grid of {:.6g} s ({:.0f} rows missing), the longest {:.6g} s "
+                  "at t = {:.6g} s",
+                  gaps, usual, lost, longest, where));
+}
+
+LoadCellPlace CellPlace(const RobotParameters& robot) {
+  if (!robot.actuation) return LoadCellPlace::kNone;
+  for (const auto& tendon : robot.actuation->tendons) {
+    if (tendon.load_cell.place != LoadCellPlace::kNone) return tendon.load_cell.place;
+  }
+  return LoadCellPlace::kNone;
+}
+
+std::string RunName(const std::filesystem::path& file) {
+  const std::string ending = LowerCase(file.extension().string());
+  return ending == ".csv" || ending == ".lcmlog" ? file.stem().string() : file.filename().string();
+}
+
+Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot) {
+  const std::string bytes = ReadBytes(file);
+  Run run;
+  run.name = RunName(file);
+  run.family = "unknown";
+  run.load_cell = CellPlace(robot);
+  run.sha256 = Sha256(bytes);
+
+  const int tendons = robot.body.tendons();
+  const auto blocks = Blocks(tendons, static_cast<int>(robot.body.sections.size()));
+  int time_column = -1;
+  std::vector<std::vector<int>> columns;  // by block; -1: missing
+  const std::string name = file.string();
+  Table table = ParseTable(bytes, name, {}, [&](const std::vector<std::string>& names) {
+    const Columns in_file(names, run);
+    std::vector<CellKind> kinds(names.size(), CellKind::kIgnored);
+    time_column = in_file.Find("t_s");
+    if (time_column < 0) {
+      throw TableError(fmt::format(
+          "{}:1: no column t_s (time in seconds); there are: {}; rename the columns to the canonical ones or "
+          "use tendril gap import with a column map",
+          name, Listed(names)));
+    }
+    kinds[static_cast<std::size_t>(time_column)] = CellKind::kNumber;
+    for (const Block& block : blocks) {
+      std::vector<int> found;
+      std::vector<std::string> missing;
+      for (const std::string& wanted : block.names) {
+        found.push_back(in_file.Find(wanted));
+        if (found.back() < 0) missing.push_back(wanted);
+      }
+      if (missing.size() == block.names.size()) {
+        found.clear();
+      } else if (!missing.empty()) {
+        run.notes.push_back(
+            fmt::format("columns missing: {}{}", Listed(missing),
+                        block.whole ? "; the others of their kind are of no use without" : ""));
+        if (block.whole) found.clear();
+      }
+      for (const int c : found) {
+        if (c >= 0) kinds[static_cast<std::size_t>(c)] = CellKind::kNumber;
+      }
+      columns.push_back(found);
+    }
+    std::vector<std::string> ignored;
+    for (std::size_t c = 0; c < names.size(); ++c) {
+      if (kinds[c] == CellKind::kIgnored && !names[c].empty()) ignored.push_back(names[c]);
+    }
+    if (!ignored.empty()) run.notes.push_back("columns ignored: " + Listed(ignored));
+    if (std::all_of(columns.begin(), columns.end(), [](const auto& c) { return c.empty(); })) {
+      throw TableError(fmt::format(
+          "{}:1: no column that could be used; there are: {}; accepted: torque_target_Nm_j, "
+          "torque_actual_Nm_j, "
+          "motor_position_rad_j, tension_N_j (j = 1..{}), tip_x_m, tip_y_m, tip_z_m, tip_qw, tip_qx, tip_qy, "
+          "tip_qz, us_k, vs_k; rename them or use tendril gap import with a column map",
+          name, Listed(names), tendons));
+    }
+    return kinds;
+  });
+  run.notes.insert(run.notes.end(), table.notes.begin(), table.notes.end());
+
+  const std::vector<double>& time = table.numbers[static_cast<std::size_t>(time_column)];
+  const std::vector<int> rows = RowsInTime(time, table.lines, run);
+  if (rows.size() < 2) {
+    throw TableError(
+        fmt::format("{}: {} usable rows; accepted: at least 2 with increasing t_s; record the run again",
+                    name, rows.size()));
+  }
+  const auto count = static_cast<Eigen::Index>(rows.size());
+  const bool all = rows.size() == time.size();
+  const auto copy = [&](const std::vector<double>& from, auto&& to) {
+    if (all) {
+      to = Eigen::Map<const Eigen::VectorXd>(from.data(), count);
+    } else {
+      for (Eigen::Index i = 0; i < count; ++i) {
+        to[i] = from[static_cast<std::size_t>(rows[static_cast<std::size_t>(i)])];
+      }
+    }
+  };
+  run.time_s.resize(count);
+  copy(time, run.time_s);
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    if (columns[b].empty()) continue;
+    Eigen::MatrixXd& matrix = run.*blocks[b].matrix;
+    matrix.resize(count, static_cast<Eigen::Index>(columns[b].size()));
+    for (std::size_t c = 0; c < columns[b].size(); ++c) {
+      auto column = matrix.col(static_cast<Eigen::Index>(c));
+      if (columns[b][c] < 0) {
+        column.setConstant(kNone);
+      } else {
+        copy(table.numbers[static_cast<std::size_t>(columns[b][c])], column);
+      }
+    }
+  }
+  Normalise(run);
+  NoteGaps(run);
+  return run;
+}
+
+void WriteRun(const Run& run, const std::filesystem::path& file) {
+  std::string text = "t_s";
+  std::vector<Eigen::Ref<const Eigen::VectorXd>> columns;
+  const auto tendons = [](const Eigen::MatrixXd& m) { return static_cast<int>(m.cols()); };
+  const int most = std::max({tendons(run.torque_target_Nm), tendons(run.torque_actual_Nm),
+                             tendons(run.motor_position_rad), tendons(run.tension_N)});
+  for (const Block& block : Blocks(most, tendons(run.bending_rad) / 2)) {
+    const Eigen::MatrixXd& matrix = run.*block.matrix;
+    if (matrix.cols() > 0 && matrix.rows() != run.time_s.size()) {
+      throw std::runtime_error(fmt::format("run {}: {} has {} rows, the time {}", run.name,
+                                           block.names.front(), matrix.rows(), run.time_s.size()));
+    }
+    for (Eigen::Index c = 0; c < matrix.cols(); ++c) {
+      text += "," + block.names[static_cast<std::size_t>(c)];
+      columns.push_back(matrix.col(c));
+    }
+  }
+  text += '\n';
+  std::array<char, 32> digits;
+  const auto append = [&](double value) {
+    if (std::isnan(value)) return;
+    text.append(digits.data(), std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr);
+  };
+  text.reserve(text.size() + static_cast<std::size_t>(run.time_s.size()) * (columns.size() + 1) * 20);
+  for (Eigen::Index i = 0; i < run.time_s.size(); ++i) {
+    append(run.time_s[i]);
+    for (const auto& column : columns) {
+      text += ',';
+      append(column[i]);
+    }
+    text += '\n';
+  }
+  std::FILE* out = std::fopen(file.c_str(), "wb");
+  const bool written = out != nullptr && std::fwrite(text.data(), 1, text.size(), out) == text.size();
+  const bool closed = out != nullptr && std::fclose(out) == 0;
+  if (!written || !closed) {
+    throw std::runtime_error("cannot write " + file.string() +
+                             "; name a folder that exists, with room left, in which you may write");
+  }
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,108 @@
+// Folds, weights and scores.
+#include "score.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kCorrelation_s = 0.5;  // what the model leaves unexplained stays alike for about so long
+
+const Eigen::VectorXd& Pick(const Residuals& part, const Residuals& rest, int run, int channel) {
+  return part[run].empty() || part[run][channel].size() == 0 ? rest[run][channel] : part[run][channel];
+}
+
+}  // namespace
+
+Folds MakeFolds(const std::vector<PreparedRun>& runs) {
+  Folds folds;
+  std::map<std::string, int> families;
+  for (const auto& run : runs) families.emplace(run.family, static_cast<int>(families.size()));
+  folds.of_run.resize(runs.size());
+  if (families.size() >= 3) {
+    folds.count = static_cast<int>(families.size());
+    folds.names.resize(families.size());
+    for (const auto& [name, k] : families) folds.names[k] = name;
+    for (std::size_t i = 0; i < runs.size(); ++i) folds.of_run[i] = families[runs[i].family];
+  } else if (runs.size() >= 3) {
+    // A repetition stays with its original.
+    std::map<std::string, int> originals;
+    for (std::size_t i = 0; i < runs.size(); ++i) {
+      const std::string& key = runs[i].repeat_of.empty() ? runs[i].name : runs[i].repeat_of;
+      const auto [entry, added] = originals.emplace(key, static_cast<int>(originals.size()));
+      if (added) folds.names.push_back(key);
+      folds.of_run[i] = entry->second;
+    }
+    folds.count = static_cast<int>(originals.size());
+  }
+  if (folds.count < 2) {
+    folds.by_time = true;
+    folds.count = 4;
+    folds.names = {"first quarter", "second quarter", "third quarter", "last quarter"};
+  }
+  return folds;
+}
+
+Weights::Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover) : leftover_(leftover) {
+  const auto& channels = evaluator.channels();
+  weight_ = evaluator.Variance();
+  for (std::size_t i = 0; i < weight_.size(); ++i) {
+    for (std::size_t c = 0; c < channels.size(); ++c) {
+      const double window = evaluator.window_s(static_cast<int>(i), static_cast<int>(c));
+      const double m = std::max(1.0, kCorrelation_s / window);
+      const double systematic = m * (channels[c].delta * channels[c].delta + leftover[c] * leftover[c]);
+      for (auto& w : weight_[i][c]) w = 1 / (w + systematic);
+    }
+  }
+}
+
+double LogScore(const Weights& weights, const Residuals& part, const Residuals& rest) {
+  double sum = 0;
+  for (int i = 0; i < static_cast<int>(rest.size()); ++i) {
+    for (int c = 0; c < static_cast<int>(rest[i].size()); ++c) {
+      const auto& r = Pick(part, rest, i, c);
+      sum += (weights(i, c).array() * r.array().square()).sum();
+    }
+  }
+  return -0.5 * sum;
+}
+
+ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, const Residuals& rest,
+                           const std::vector<int>& runs) {
+  const auto& channels = evaluator.channels();
+  const int count = static_cast<int>(channels.size());
+  ChannelScore score;
+  score.square.setZero(count);
+  score.noise.setZero(count);
+  Eigen::VectorXd total = Eigen::VectorXd::Zero(count);
+  for (const int i : runs) {
+    for (int c = 0; c < count; ++c) {
+      const auto& r = Pick(part, rest, i, c);
+      const auto& v = evaluator.Variance()[i][c];
+      const double delta2 = channels[c].floor * channels[c].floor;
+      for (int w = 0; w < r.size(); ++w) {
+        if (!std::isfinite(v[w])) continue;
+        // Where resolution leaves much open a window says little about the mean square.
+        const double weight = 1 / (v[w] + delta2);
+        score.square[c] += weight * r[w] * r[w];
+        score.noise[c] += weight * v[w];
+        total[c] += weight;
+      }
+    }
+  }
+  for (int c = 0; c < count; ++c) {
+    if (total[c] > 0) score.square[c] /= total[c], score.noise[c] /= total[c];
+  }
+  return score;
+}
+
+ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, const Residuals& rest) {
+  std::vector<int> all(rest.size());
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int>(i);
+  return ScoreChannels(evaluator, part, rest, all);
+}
+
+}  // namespace tendril::gap

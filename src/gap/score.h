@@ -1,0 +1,56 @@
+// How good a set of residuals is: weights, mean squares by channel, log score, folds. Knows nothing of where residuals
+// come from.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "evaluator.h"
+
+namespace tendril::gap {
+
+/// Parts of the data that are held out in turn: families of runs where there are at least three, else runs, else pieces
+/// of time.
+struct Folds {
+  int count = 0;
+  std::vector<std::string> names;
+  /// Fold of a window.
+  int Of(int run, int window, int windows) const {
+    if (!by_time) return of_run[run];
+    return std::min(count - 1, window * count / std::max(windows, 1));
+  }
+  std::vector<int> of_run;
+  bool by_time = false;
+};
+Folds MakeFolds(const std::vector<PreparedRun>& runs);
+
+/// Weights of the log score. Residuals within a correlation time count once against what is left unexplained: the weight
+/// of a window is 1 / (variance + m (delta^2 + leftover^2)), m the windows in a correlation time.
+class Weights {
+ public:
+  Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover);
+  const Eigen::VectorXd& operator()(int run, int channel) const { return weight_[run][channel]; }
+  const Eigen::VectorXd& leftover() const { return leftover_; }
+
+ private:
+  Residuals weight_;
+  Eigen::VectorXd leftover_;
+};
+
+/// -1/2 sum of w r^2 over the channels that `part` has; where it has none, those of `rest` count.
+double LogScore(const Weights& weights, const Residuals& part, const Residuals& rest);
+
+/// Mean squares per channel, of the residual and of what noise explains.
+struct ChannelScore {
+  Eigen::VectorXd square, noise;
+  /// sqrt(square - slack noise), 0 below.
+  double Excess(int channel, double slack = 1) const {
+    return std::sqrt(std::max(0.0, square[channel] - slack * noise[channel]));
+  }
+};
+ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, const Residuals& rest);
+/// The same of some runs.
+ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, const Residuals& rest,
+                           const std::vector<int>& runs);
+
+}  // namespace tendril::gap

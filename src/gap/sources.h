@@ -1,0 +1,37 @@
+// Where runs come from, one function a kind of file. Knows nothing of folders and lists of runs.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tendril/core/robot.h"
+#include "tendril/gap/data_set.h"
+
+namespace tendril::gap {
+
+/// A canonical CSV. Throws std::runtime_error, one line naming file, line and column.
+Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot);
+
+/// True for the first bytes of an LCM event log.
+bool IsLcmLog(const std::filesystem::path& file);
+/// An LCM log: one run a stretch between arming and disarming. Throws std::runtime_error when it holds none.
+std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParameters& robot);
+/// The robot file that a log carries; empty when it has none. Throws std::runtime_error when it cannot be
+/// read.
+std::string RobotYamlOfLog(const std::filesystem::path& file);
+
+/// Where the load cells of a robot sit: its first tendon's that has one, else none.
+LoadCellPlace CellPlace(const RobotParameters& robot);
+
+/// File name without the endings .csv and .lcmlog.
+std::string RunName(const std::filesystem::path& file);
+
+/// Keeps these rows of everything that a run has.
+void KeepRows(Run& run, const std::vector<int>& rows);
+
+/// Notes holes in the time grid: steps of more than 1.5 times the usual one.
+void NoteGaps(Run& run);
+
+}  // namespace tendril::gap

@@ -1,0 +1,398 @@
+// Measured runs as files: what is written comes back bit for bit, what other programs write is understood,
+// what is wrong is named, and nothing crashes.
+#include "tendril/gap/data_set.h"
+
+#include <fmt/core.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <random>
+#include <sstream>
+
+#include "tendril/config/config.h"
+
+namespace tendril::gap {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+const std::string kRobot = TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml";
+
+class DataSetTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("tendril_data_set_test_" + std::to_string(getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  void Write(const std::string& name, const std::string& text) const {
+    fs::create_directories((folder_ / name).parent_path());
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+  }
+  DataSet Load() const { return LoadDataSet(folder_, kRobot); }
+  /// The only run of a folder with this one table.
+  gap::Run LoadTable(const std::string& text) const {
+    Write("a.csv", text);
+    return Load().runs.at(0);
+  }
+  /// Why a folder with this one table cannot be loaded.
+  std::string Refusal(const std::string& text) const {
+    Write("a.csv", text);
+    try {
+      Load();
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+    return "";
+  }
+
+  fs::path folder_;
+};
+
+/// A run with every channel, numbers of many magnitudes, and a tracker ten times slower than the rest.
+Run FullRun(const std::string& name, int rows) {
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> normal;
+  Run run;
+  run.name = name;
+  run.family = "circle";
+  run.time_s.setLinSpaced(rows, 0, 1e-3 * (rows - 1));
+  const auto fill = [&](Eigen::MatrixXd& m, int columns, double scale) {
+    m.resize(rows, columns);
+    for (auto& x : m.reshaped()) x = scale * normal(random);
+  };
+  fill(run.torque_target_Nm, 3, 1e-3);
+  fill(run.torque_actual_Nm, 3, 1e-3);
+  fill(run.motor_position_rad, 3, 10);
+  fill(run.tension_N, 3, 1);
+  fill(run.tip_m, 3, 0.05);
+  fill(run.tip_quaternion, 4, 1);
+  for (int i = 0; i < rows; ++i) {
+    run.tip_quaternion.row(i).normalize();
+    if (i % 10 == 0) continue;
+    run.tip_m.row(i).setConstant(kNone);
+    run.tip_quaternion.row(i).setConstant(kNone);
+  }
+  fill(run.bending_rad, 2, 1e-7);
+  return run;
+}
+
+bool SameBits(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  if (a.rows() != b.rows() || a.cols() != b.cols()) return false;
+  for (Eigen::Index i = 0; i < a.size(); ++i) {
+    const double x = a.data()[i], y = b.data()[i];
+    if (x != y && !(std::isnan(x) && std::isnan(y))) return false;
+  }
+  return true;
+}
+
+TEST_F(DataSetTest, WhatIsWrittenComesBackBitForBit) {
+  DataSet set;
+  set.robot = config::LoadRobot(kRobot);
+  set.runs.push_back(FullRun("first", 200));
+  set.runs.push_back(FullRun("again", 200));
+  set.runs[1].repeat_of = "first";
+  set.runs[1].load_cell = LoadCellPlace::kRobotSide;
+  WriteDataSet(set, folder_);
+  const DataSet back = LoadDataSet(folder_, "");
+  EXPECT_EQ(config::ToYaml(back.robot), config::ToYaml(set.robot));
+  ASSERT_EQ(back.runs.size(), 2u);
+  EXPECT_THAT(back.notes, IsEmpty());
+  for (int i = 0; i < 2; ++i) {
+    const gap::Run &a = set.runs[static_cast<std::size_t>(i)], &b = back.runs[static_cast<std::size_t>(i)];
+    EXPECT_EQ(a.name, b.name);
+    EXPECT_EQ(a.family, b.family);
+    EXPECT_EQ(a.repeat_of, b.repeat_of);
+    EXPECT_EQ(a.load_cell, b.load_cell);
+    EXPECT_THAT(b.notes, IsEmpty());
+    EXPECT_TRUE(SameBits(a.time_s, b.time_s));
+    EXPECT_TRUE(SameBits(a.torque_target_Nm, b.torque_target_Nm));
+    EXPECT_TRUE(SameBits(a.torque_actual_Nm, b.torque_actual_Nm));
+    EXPECT_TRUE(SameBits(a.motor_position_rad, b.motor_position_rad));
+    EXPECT_TRUE(SameBits(a.tension_N, b.tension_N));
+    EXPECT_TRUE(SameBits(a.tip_m, b.tip_m));
+    EXPECT_LT((a.tip_quaternion - b.tip_quaternion)
+                  .array()
+                  .isNaN()
+                  .select(0, a.tip_quaternion - b.tip_quaternion)
+                  .cwiseAbs()
+                  .maxCoeff(),
+              1e-15);
+    EXPECT_TRUE(SameBits(a.bending_rad, b.bending_rad));
+  }
+}
+
+// The digest as sha256sum prints it for "t_s,tension_N_1\n0,1\n1,2\n" is what a reader can check against.
+TEST_F(DataSetTest, ARunCarriesTheDigestOfItsFile) {
+  const gap::Run run = LoadTable("t_s,tension_N_1,tension_N_2,tension_N_3\n0,1,1,1\n1,2,2,2\n");
+  EXPECT_EQ(run.sha256.size(), 64u);
+  const std::string out = (folder_ / "digest").string();
+  ASSERT_EQ(std::system(("sha256sum < " + (folder_ / "a.csv").string() + " > " + out).c_str()), 0);
+  std::string digest;
+  std::ifstream(out) >> digest;
+  EXPECT_EQ(run.sha256, digest);
+}
+
+TEST_F(DataSetTest, TablesOfOtherProgramsAreUnderstood) {
+  // Byte order mark, Windows line ends, spaces, quotes, another order, further columns, words for no value, a
+  // plus sign, an empty line, a remark, another case, a delimiter at the end of each line.
+  const gap::Run run = LoadTable(
+      "\xEF\xBB\xBF# made by hand\r\n"
+      " tension_N_2 , \"T_S\" ,tension_n_1, comment , tension_N_3,\r\n"
+      " 2.5,0.0 , +1e0 , fine , nan,\r\n"
+      "\r\n"
+      "NaN,0.001,\"1.25\",\"a, b\",n/a,\r\n"
+      "2.5,0.002,,,4,\r\n");
+  ASSERT_EQ(run.time_s.size(), 3);
+  EXPECT_TRUE(SameBits(run.time_s, Eigen::Vector3d(0, 0.001, 0.002)));
+  Eigen::Matrix3d wanted;
+  wanted << 1, 2.5, kNone, 1.25, kNone, kNone, kNone, 2.5, 4;
+  EXPECT_TRUE(SameBits(run.tension_N, wanted));
+  EXPECT_EQ(run.torque_actual_Nm.cols(), 0);
+  EXPECT_EQ(run.family, "unknown");
+  EXPECT_THAT(run.notes, Contains(HasSubstr("comment")));
+}
+
+TEST_F(DataSetTest, SemicolonsWithDecimalCommasTabsAndSpacesSeparateCells) {
+  const Eigen::Vector2d wanted(1.5, -2.5e-3);
+  for (const char* text :
+       {"t_s;tension_N_1\n0;1,5\n0,001;-2,5e-3\n", "t_s\ttension_N_1\n0\t1.5\n0.001\t-2.5e-3\n",
+        "t_s tension_N_1\n  0   1.5\n 0.001  -2.5e-3\n", "t_s,tension_N_1\r0,1.5\r0.001,-.0025\r"}) {
+    const gap::Run run = LoadTable(text);
+    ASSERT_EQ(run.time_s.size(), 2) << text;
+    EXPECT_EQ(run.time_s[1], 0.001) << text;
+    EXPECT_TRUE(SameBits(run.tension_N.col(0), wanted)) << text;
+  }
+}
+
+TEST_F(DataSetTest, ATendonWithoutASensorIsMissingNotAbsent) {
+  const gap::Run run = LoadTable("t_s,tension_N_1,tension_N_3\n0,1,3\n1,1,3\n");
+  ASSERT_EQ(run.tension_N.cols(), 3);
+  EXPECT_TRUE(run.tension_N.col(1).array().isNaN().all());
+  EXPECT_EQ(run.tension_N(0, 2), 3);
+  EXPECT_THAT(run.notes, Contains(HasSubstr("tension_N_2")));
+}
+
+TEST_F(DataSetTest, APoseThatLacksAColumnIsNotUsed) {
+  const gap::Run run = LoadTable("t_s,tension_N_1,tip_x_m,tip_y_m\n0,1,3,1\n1,1,3,1\n");
+  EXPECT_EQ(run.tip_m.cols(), 0);
+  EXPECT_THAT(run.notes, Contains(HasSubstr("tip_z_m")));
+}
+
+TEST_F(DataSetTest, QuaternionsOfAnotherNormAreNoRotation) {
+  const gap::Run run =
+      LoadTable("t_s,tip_qw,tip_qx,tip_qy,tip_qz\n0,1,0,0,0\n1,0,0,0,0\n2,2,0,0,0\n3,0.70710,0.70710,0,0\n");
+  EXPECT_TRUE(run.tip_quaternion.row(1).array().isNaN().all());
+  EXPECT_TRUE(run.tip_quaternion.row(2).array().isNaN().all());
+  EXPECT_NEAR(run.tip_quaternion.row(3).norm(), 1, 1e-15);
+  EXPECT_THAT(run.notes, Contains(HasSubstr("2 orientations")));
+}
+
+TEST_F(DataSetTest, RowsThatGoBackInTimeAreDroppedGapsAreKeptAndBothAreSaid) {
+  std::string text = "t_s,tension_N_1\n";
+  for (int i = 0; i < 100; ++i) {
+    if (i >= 40 && i < 45) continue;
+    text += fmt::format("{},{}\n", i * 0.001, i);
+    if (i == 20) text += "0.019,-1\n0.02,-1\n,7\n";
+  }
+  const gap::Run run = LoadTable(text);
+  ASSERT_EQ(run.time_s.size(), 95);
+  EXPECT_EQ(run.tension_N.col(0).minCoeff(), 0);  // none of the marked rows is left
+  EXPECT_THAT(run.notes,
+              Contains(HasSubstr("2 rows whose time does not increase dropped, the first in line 23")));
+  EXPECT_THAT(run.notes, Contains(HasSubstr("1 rows without a time")));
+  EXPECT_THAT(run.notes, Contains(HasSubstr("5 rows missing")));
+}
+
+TEST_F(DataSetTest, OneTimeThatJumpsAheadDoesNotCostTheRowsAfterIt) {
+  const gap::Run run = LoadTable("t_s,tension_N_1\n0,0\n1,1\n1e9,2\n3,3\n4,4\n5,5\n");
+  EXPECT_TRUE(SameBits(run.time_s, (Eigen::VectorXd(5) << 0, 1, 3, 4, 5).finished()));
+}
+
+TEST_F(DataSetTest, ATableCutAtAnyByteGivesTheRowsBeforeTheCut) {
+  const std::string whole = "t_s,tension_N_1\n0,1.5\n1,2.5\n2,3.5\n3,4.5\n";
+  Write("a.csv", whole);
+  const gap::Run full = Load().runs.at(0);
+  for (std::size_t size = whole.find("2,3.5"); size < whole.size(); ++size) {
+    Write("a.csv", whole.substr(0, size));
+    const gap::Run run = Load().runs.at(0);
+    const Eigen::Index rows = run.time_s.size();
+    ASSERT_GE(rows, 2) << size;
+    EXPECT_TRUE(SameBits(run.time_s, full.time_s.head(rows))) << size;
+    EXPECT_TRUE(SameBits(run.tension_N.col(0), full.tension_N.col(0).head(rows))) << size;
+  }
+}
+
+TEST_F(DataSetTest, WhatIsWrongIsNamedWithItsLineColumnAndRemedy) {
+  const std::string number = Refusal("t_s,tension_N_1\n0,1\n1,1.2.3\n2,1\n");
+  EXPECT_THAT(number, HasSubstr("a.csv:3: column tension_N_1: '1.2.3' is not a number; accepted:"));
+  EXPECT_THAT(Refusal("t_s,tension_N_1\n0,1\n1\n2,1\n"),
+              HasSubstr("a.csv:3: 1 cells in a table of 2 columns"));
+  EXPECT_THAT(Refusal("t_s,tension_N_1\n0,1\n1,1,1\n2,1\n"), HasSubstr("a.csv:3: too many cells"));
+  EXPECT_THAT(Refusal("time,tension_N_1\n0,1\n1,1\n"),
+              HasSubstr("no column t_s (time in seconds); there are: time"));
+  EXPECT_THAT(Refusal("t_s,foo\n0,1\n1,1\n"), HasSubstr("no column that could be used"));
+  EXPECT_THAT(Refusal("0,1\n1,1\n"), HasSubstr("no column names"));
+  EXPECT_THAT(Refusal(""), HasSubstr("empty"));
+  EXPECT_THAT(Refusal("t_s,tension_N_1\n"), HasSubstr("0 usable rows"));
+  EXPECT_THAT(Refusal(std::string("\xFF\xFEt\0_\0s\0", 8)), HasSubstr("UTF-16"));
+}
+
+TEST_F(DataSetTest, ABrokenRunIsLeftOutWithANoteAndTheRestIsLoaded) {
+  Write("good.csv", "t_s,tension_N_1\n0,1\n1,1\n");
+  Write("bad.csv", "t_s,tension_N_1\n0,x\n1,1\n");
+  Write("unlisted.csv", "t_s,tension_N_1\n0,1\n1,1\n");
+  Write("runs.yaml",
+        "- {file: bad.csv, family: circle}\n- {file: good.csv, repeat_of: bad.csv, load_cell: robot_side}\n"
+        "- {file: missing.csv}\n- {family: circle}\n- 17\n");
+  const DataSet set = Load();
+  ASSERT_EQ(set.runs.size(), 1u);
+  EXPECT_EQ(set.runs[0].name, "good");
+  EXPECT_EQ(set.runs[0].repeat_of, "");  // what it repeats is not there
+  EXPECT_EQ(set.runs[0].load_cell, LoadCellPlace::kRobotSide);
+  EXPECT_THAT(set.notes, Contains(HasSubstr("bad.csv:2: column tension_N_1: 'x'")));
+  EXPECT_THAT(set.notes, Contains(HasSubstr("missing.csv")));
+  EXPECT_THAT(set.notes, Contains(HasSubstr("an entry without a file")));
+  EXPECT_THAT(set.notes, Contains(HasSubstr("unlisted.csv")));
+  EXPECT_THAT(set.notes, Contains(HasSubstr("original 'bad' is missing")));
+}
+
+TEST_F(DataSetTest, RepetitionsMayNameFilesOrRunsAndLeadToTheFirstOfTheirKind) {
+  for (const char* name : {"a", "b", "c", "d", "e"}) {
+    Write(std::string(name) + ".csv", "t_s,tension_N_1\n0,1\n1,1\n");
+  }
+  Write("runs.yaml",
+        "runs:\n- {file: a.csv, repeat_of: null}\n- {file: b.csv, repeat_of: a}\n- {file: c.csv, repeat_of: "
+        "b.csv}\n"
+        "- {file: d.csv, repeat_of: None}\n- {file: e.csv, repeat_of: gone.csv, load_cell: left}\n");
+  const DataSet set = Load();
+  ASSERT_EQ(set.runs.size(), 5u);
+  EXPECT_EQ(set.runs[0].repeat_of, "");
+  EXPECT_EQ(set.runs[1].repeat_of, "a");
+  EXPECT_EQ(set.runs[2].repeat_of, "a");
+  EXPECT_EQ(set.runs[3].repeat_of, "");
+  EXPECT_EQ(set.runs[4].repeat_of, "");
+  EXPECT_EQ(set.runs[4].load_cell, LoadCellPlace::kMotorSide);  // the robot file's
+  EXPECT_THAT(set.notes, Contains(HasSubstr("load_cell 'left'")));
+  Write("runs.yaml", "- {file: a.csv, repeat_of: b}\n- {file: b.csv, repeat_of: a}\n");
+  EXPECT_THAT(Load().notes, Contains(HasSubstr("circle")));
+}
+
+TEST_F(DataSetTest, ABrokenListStillGivesTheTables) {
+  Write("a.csv", "t_s,tension_N_1\n0,1\n1,1\n");
+  for (const char* list : {"runs: 7\n", "- [", "\tx: {", "runs:\n", "[]\n", ""}) {
+    Write("runs.yaml", list);
+    EXPECT_EQ(Load().runs.size(), 1u) << list;
+  }
+}
+
+TEST_F(DataSetTest, WhatCannotBeLoadedSaysWhy) {
+  EXPECT_THROW(LoadDataSet(folder_ / "none", kRobot), std::runtime_error);
+  EXPECT_THROW(Load(), std::runtime_error);  // an empty folder
+  Write("a.csv", "t_s,tension_N_1\n0,1\n1,1\n");
+  try {
+    LoadDataSet(folder_, "");
+    FAIL() << "a folder without a robot was loaded";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), HasSubstr("--robot"));
+  }
+}
+
+TEST_F(DataSetTest, ALoadCellIsWhereTheRunSaysOrTheRobot) {
+  EXPECT_EQ(LoadTable("t_s,tension_N_1\n0,1\n1,1\n").load_cell, LoadCellPlace::kMotorSide);
+  EXPECT_EQ(LoadTable("t_s,torque_actual_Nm_1\n0,1\n1,1\n").load_cell, LoadCellPlace::kNone);
+  Write("runs.yaml", "- {file: a.csv, load_cell: none}\n");
+  const gap::Run without = LoadTable("t_s,tension_N_1\n0,1\n1,1\n");
+  EXPECT_EQ(without.load_cell, LoadCellPlace::kNone);
+  EXPECT_EQ(without.tension_N.cols(), 0);
+}
+
+// Damage of every kind: whatever the bytes, it loads or says in one exception why not. Meant for sanitizers.
+TEST_F(DataSetTest, NoBytesCrashTheReader) {
+  DataSet set;
+  set.robot = config::LoadRobot(kRobot);
+  set.runs.push_back(FullRun("a", 12));
+  WriteDataSet(set, folder_);
+  const auto read = [&](const char* name) {
+    std::ifstream in(folder_ / name, std::ios::binary);
+    std::stringstream text;
+    text << in.rdbuf();
+    return text.str();
+  };
+  const std::string table = read("a.csv"), list = read("runs.yaml");
+  std::mt19937 random(11);
+  const auto mutate = [&](std::string text) {
+    const std::string bits = std::string(",;\n\r\"\t -+.eE#:[]{}&*!|nan", 26) + '\0' + '\xFF';
+    for (int n = static_cast<int>(random() % 3) + 1; n > 0 && !text.empty(); --n) {
+      const std::size_t at = random() % text.size();
+      switch (random() % 5) {
+        case 0:
+          text[at] = static_cast<char>(random());
+          break;
+        case 1:
+          text[at] = bits[random() % bits.size()];
+          break;
+        case 2:
+          text.erase(at, random() % 40);
+          break;
+        case 3:
+          text.insert(at, text.substr(random() % text.size(), random() % 60));
+          break;
+        default:
+          text.resize(at);
+          break;
+      }
+    }
+    return text;
+  };
+  int loaded = 0;
+  for (int i = 0; i < 600; ++i) {
+    const bool rubbish = i % 10 == 0;
+    std::string bytes(rubbish ? random() % 200 : 0, 0);
+    for (char& c : bytes) c = static_cast<char>(random());
+    Write("a.csv", rubbish && i % 20 == 0 ? bytes : mutate(table));
+    Write("runs.yaml", rubbish && i % 20 != 0 ? bytes : (i % 3 == 0 ? mutate(list) : list));
+    try {
+      const DataSet got = Load();
+      for (const gap::Run& run : got.runs) {
+        ASSERT_GE(run.time_s.size(), 2);
+        for (Eigen::Index r = 1; r < run.time_s.size(); ++r) ASSERT_GT(run.time_s[r], run.time_s[r - 1]);
+      }
+      ++loaded;
+    } catch (const std::exception& e) {
+      ASSERT_THAT(std::string(e.what()), Not(IsEmpty()));
+    }
+  }
+  EXPECT_GT(loaded, 60);  // else the damage tested nothing but refusals
+}
+
+// 60 s at 1 kHz. The bound is generous for loaded machines; the figure is printed.
+TEST_F(DataSetTest, AMinuteIsReadInAFractionOfASecond) {
+  DataSet set;
+  set.robot = config::LoadRobot(kRobot);
+  set.runs.push_back(FullRun("minute", 60000));
+  WriteDataSet(set, folder_);
+  const auto start = std::chrono::steady_clock::now();
+  const DataSet back = LoadDataSet(folder_, kRobot);
+  const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  std::printf("%.1f MB read in %.3f s\n", static_cast<double>(fs::file_size(folder_ / "minute.csv")) * 1e-6,
+              took);
+  EXPECT_EQ(back.runs.at(0).time_s.size(), 60000);
+  EXPECT_LT(took, 2);
+}
+
+}  // namespace
+}  // namespace tendril::gap
