@@ -1,0 +1,225 @@
+# Writes a data set of the foreign rig with something planted in it, and the truth apart from it.
+# Run as: python -m tests.blind.make --effect NAME[:where] --sigma S --seed N --out DIR --truth FILE
+import argparse
+import copy
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from tests.blind import effects, lagrange_plant as lp, programs, sensors
+
+ROOT = Path(__file__).resolve().parents[2]
+# rms of one sample with the nominal sensors: the cell's noise and step, the tracker, one count of the encoder, the torque
+FLOOR = dict(tension=np.hypot(5e-3, 5e-3 / np.sqrt(12)), motor=2 * np.pi / 2048 / np.sqrt(12), tip=5e-5, turn=5e-4,
+             actual=7.056e-6 * np.hypot(0.3, 1 / np.sqrt(12)))
+
+
+class Wrong(Exception):
+    pass
+
+
+def where_indices(effect, where, p):
+    m, n = len(p["t"]), len(p["u"])
+    count = dict(tendon=m, unit=n, robot=n)[effect.scope]
+    if where in ("all", ""):
+        return list(range(m if effect.scope == "tendon" else n))
+    what, _, number = where.partition(":")
+    if what != effect.scope or not number.isdigit() or not 1 <= int(number) <= count or effect.scope == "robot":
+        raise Wrong(f"{effect.name}: where '{where}'; accepted are all" +
+                    (f" and {effect.scope}:1..{count}" if effect.scope != "robot" else ""))
+    return [int(number) - 1]
+
+
+def planted(robot, items, seed):
+    """Plant, sensors' faults and truth of a list of (name, where, amount)."""
+    p = lp.nominal(robot)
+    faults, truth = {}, []
+    for k, (name, where, amount) in enumerate(items):
+        e = effects.LIST[name]
+        p.pop("truth_extra", None)
+        e.plant(p, faults, where_indices(e, where, p), amount, np.random.default_rng([seed, 77, k]))
+        truth.append(dict(effect=name, where=where, kind=e.kind, cut=e.cut, amount=amount, law=e.law,
+                          parameters={**e.truth(amount), **{k2: float(v) for k2, v in p.get("truth_extra", {}).items()}}))
+    return p, faults, truth
+
+
+def gust_force(p, S, seed):
+    if not p.get("gust_N"):
+        return None
+    from scipy.signal import lfilter
+    w = np.random.default_rng(seed).standard_normal((S, 3))
+    a = np.exp(-2 * np.pi * 0.7e-3)
+    f = lfilter([np.sqrt(1 - a * a)], [1, -a], w, axis=0)
+    f[:500] *= 0
+    f[500:1000] *= np.linspace(0, 1, 500)[:, None]
+    return p["gust_N"] * f
+
+
+def outputs(robot, p, faults, targets, load_cell, sub, gust_seed=1):
+    o = lp.simulate(p, targets, gust_force(p, len(targets), gust_seed), sub=sub)
+    return sensors.ideal(robot, o, targets, faults, load_cell)
+
+
+def difference(a, b):
+    """rms over each channel's floor, by channel; all in units of sigma."""
+    out = {}
+    for key in ("tension", "motor", "actual"):
+        out[key] = float(np.sqrt(np.mean((a[key] - b[key]) ** 2, 0)).max() / FLOOR[key])
+    k = slice(0, None, 10)
+    out["tip"] = float(np.sqrt(np.mean((a["tip"][k] - b["tip"][k]) ** 2, 0)).max() / FLOOR["tip"])
+    D = np.einsum("sij,skj->sik", a["R"][k], b["R"][k])
+    turn = 0.5 * np.stack([D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], 1)
+    out["turn"] = float(np.sqrt(np.mean(turn ** 2, 0)).max() / FLOOR["turn"])
+    return out
+
+
+def size_of(robot, base, name, where, amount, seed, targets, reference, load_cell):
+    p, faults, _ = planted(robot, [(name, where, amount)], seed)
+    total = {}
+    for t, r in zip(targets, reference):
+        for key, v in difference(outputs(robot, p, faults, t, load_cell, 5), r).items():
+            total[key] = total.get(key, 0.0) + v * v / len(targets)
+    total = {key: float(np.sqrt(v)) for key, v in total.items()}
+    best = max(total, key=total.get)
+    return total[best] if np.isfinite(total[best]) else np.inf, best, total
+
+
+_reference = {}
+
+
+def amount_for(robot, name, where, sigma, seed, sign, load_cell="motor_side"):
+    """The amount whose rms change in the most affected channel is sigma floors, on short runs that show it."""
+    e = effects.LIST[name]
+    c = programs.Controller(robot)
+    key = (robot["name"], tuple(e.families), load_cell)
+    if key not in _reference:
+        rng = np.random.default_rng(4711)
+        short = [programs.program(f, c, rng)[:12000 if f != "hold" else 16000] for f in e.families]
+        p0 = lp.nominal(robot)
+        _reference[key] = short, [outputs(robot, p0, {}, t, load_cell, 5) for t in short]
+    short, reference = _reference[key]
+    bound = e.high if sign > 0 else -e.low
+    if bound <= 0:
+        sign, bound = -sign, e.low * -1 if sign > 0 else e.high
+    hi, lo = np.log(bound), np.log(bound) - 18
+    x = np.log(min(abs(e.typical), bound))
+    size = 0.0
+    for _ in range(12):
+        size, channel, _ = size_of(robot, None, name, where, sign * np.exp(x), seed, short, reference, load_cell)
+        if abs(np.log(max(size, 1e-9) / sigma)) < 0.05:
+            break
+        if size > sigma:
+            hi = min(hi, x)
+        else:
+            lo = max(lo, x)
+        if lo >= np.log(bound) - 1e-6:
+            break                       # not even the bound makes it so large
+        step = x + np.clip(np.log(sigma / max(size, 1e-6)), -3, 3)
+        x = step if lo < step < hi else 0.5 * (lo + hi) if hi - lo < 6 else (np.log(bound) if step >= hi else x - 3)
+    return sign * float(np.exp(x)), size, channel
+
+
+def make_set(out, truth_path, robot_name, items, seed, families, repeats=1, load_cell="motor_side", tracker=True,
+             colour=0.0, lost=0.0, jitter=3e-6, strength=1.0, sub=10, extra_truth=None, plant="lagrange"):
+    robot_file = ROOT / "config" / "robots" / f"{robot_name}.yaml"
+    robot = yaml.safe_load(robot_file.read_text())
+    p, faults, truth = planted(robot, items, seed)
+    faults.update(colour=colour, lost=lost, jitter_s=jitter)
+    c = programs.Controller(robot)
+    rng = np.random.default_rng([seed, 1])
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    runs = []
+    for k, family in enumerate(families):
+        targets = programs.program(family, c, rng, strength)
+        signals = outputs(robot, p, faults, targets, load_cell, sub, gust_seed=[seed, 5, k])
+        if not np.all(np.isfinite(signals["tip"])):
+            raise RuntimeError(f"{family}: the simulation left the finite numbers; take a smaller amount")
+        first = f"{family}_{k + 1}.csv"
+        for r in range(1 + (repeats if k == 0 else 0)):
+            name = first if r == 0 else f"{family}_{k + 1}_again{r}.csv"
+            if r and p.get("gust_N"):
+                signals = outputs(robot, p, faults, targets, load_cell, sub, gust_seed=[seed, 6, k, r])
+            rows = sensors.sample(robot, signals, faults, [seed, 2, k, r])
+            sensors.write_run(out / name, rows, tracker, load_cell != "none")
+            runs.append((name, family, None if r == 0 else first, rows))
+    sensors.write_set(out, robot_file, runs, load_cell)
+    answer = dict(seed=seed, robot=robot_name, truth=truth, load_cell=load_cell, tracker=tracker, families=list(families),
+                  colour=colour, lost=lost, strength=strength, sha256_of_data=sensors.digest(out), **(extra_truth or {}))
+    if truth_path:
+        Path(truth_path).parent.mkdir(parents=True, exist_ok=True)
+        Path(truth_path).write_text(json.dumps(answer, indent=1) + "\n")
+    return answer
+
+
+def arguments():
+    a = argparse.ArgumentParser(prog="python -m tests.blind.make", description=__doc__)
+    a.add_argument("--effect", action="append", default=[], metavar="NAME[:where]",
+                   help="none: an exact null; twice: a pair. where is all, tendon:j or unit:i")
+    a.add_argument("--sigma", action="append", type=float, default=[], help="size in the floors of the most affected channel")
+    a.add_argument("--amount", action="append", type=float, default=[], help="size itself, instead of --sigma")
+    a.add_argument("--sign", type=int, default=1, choices=(-1, 1))
+    a.add_argument("--seed", type=int, required=True)
+    a.add_argument("--robot", default="rig_90mm")
+    a.add_argument("--families", nargs="+", default=programs.USUAL, choices=programs.FAMILIES)
+    a.add_argument("--repeats", type=int, default=1)
+    a.add_argument("--load-cell", default="motor_side", choices=("motor_side", "robot_side", "none"))
+    a.add_argument("--no-tracker", action="store_true")
+    a.add_argument("--weak", action="store_true", help="too little excitation to tell causes apart")
+    a.add_argument("--nuisance", type=float, default=0.0, help="rms fraction by which the micro-constants are off")
+    a.add_argument("--colour", type=float, default=0.0, help="pole of the noise of cell and tracker, 0 white")
+    a.add_argument("--lost", type=float, default=0.0, help="share of tracker frames lost (a tenth of it of rows)")
+    a.add_argument("--jitter", type=float, default=3e-6, help="rms of time stamps, s")
+    a.add_argument("--out", required=True)
+    a.add_argument("--truth", help="file for the truth, outside --out")
+    a.add_argument("--list", action="store_true", help="print what can be planted and leave")
+    return a
+
+
+def main():
+    if "--list" in sys.argv:
+        for e in effects.LIST.values():
+            print(f"{e.name:22s} {e.kind:9s} {e.scope:7s} {e.cut}  typical {e.typical:g}  {e.law}")
+        return 0
+    o = arguments().parse_args()
+    if o.truth and Path(o.out).resolve() in Path(o.truth).resolve().parents:
+        raise Wrong("--truth lies inside --out, where the diagnosis reads: give a file elsewhere")
+    robot = yaml.safe_load((ROOT / "config" / "robots" / f"{o.robot}.yaml").read_text())
+    items, sizes = [], []
+    for k, text in enumerate(o.effect):
+        name, _, where = text.partition(":")
+        if name == "none":
+            continue
+        if name not in effects.LIST:
+            raise Wrong(f"--effect {name}: unknown; see --list")
+        where = where or "all"
+        if k < len(o.amount):
+            items.append((name, where, o.amount[k]))
+        elif k < len(o.sigma):
+            amount, size, channel = amount_for(robot, name, where, o.sigma[k], o.seed, o.sign, o.load_cell)
+            items.append((name, where, amount))
+            sizes.append(dict(wanted_sigma=o.sigma[k], sigma=size, channel=channel))
+        else:
+            raise Wrong(f"--effect {name}: give --sigma or --amount for it")
+    begin = time.time()
+    families = ["weak", "weak"] if o.weak else o.families
+    answer = make_set(o.out, o.truth, o.robot, items, o.seed, families, o.repeats, o.load_cell, not o.no_tracker, o.colour,
+                      o.lost, o.jitter, extra_truth=dict(sizes=sizes))
+    print(f"{o.out}: {len(families)} runs, planted {[(t['effect'], t['where'], t['amount']) for t in answer['truth']]}, "
+          f"{time.time() - begin:.1f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except Wrong as error:
+        print(f"make: {error}", file=sys.stderr)
+        sys.exit(2)
+    except (RuntimeError, OSError) as error:
+        print(f"make: {error}", file=sys.stderr)
+        sys.exit(1)
