@@ -8,17 +8,6 @@
 namespace tendril::sim {
 namespace {
 
-/// From x0 with velocity v0 to x with velocity v in h seconds: turned when the velocity changed sign. The
-/// turning point is the cubic's through both ends, taken at the zero of the straight line between the
-/// velocities; it is stationary there, so the error is of second order in that time's.
-Way WayTo(double x0, double v0, double x, double v, double h) {
-  if (!(v0 * v < 0) || h <= 0) return {x, false, x};
-  const double s = v0 / (v0 - v);
-  const double r = 1 - s;
-  const double turn = r * r * (1 + 2 * s) * x0 + s * s * (3 - 2 * s) * x + h * s * r * (r * v0 - s * v);
-  return {x, true, v0 > 0 ? std::max({turn, x0, x}) : std::min({turn, x0, x})};
-}
-
 template <typename Memory>
 double Peek(const Memory& memory, const Way& way) {
   if (!way.turned) return memory.Peek(way.x);
@@ -39,6 +28,17 @@ Way Moved(Way way, double by) {
 }
 
 }  // namespace
+
+// Turned when the velocity changed sign. The
+// turning point is the cubic's through both ends, taken at the zero of the straight line between the
+// velocities; it is stationary there, so the error is of second order in that time's.
+Way WayTo(double x0, double v0, double x, double v, double h) noexcept {
+  if (!(v0 * v < 0) || h <= 0) return {x, false, x};
+  const double s = v0 / (v0 - v);
+  const double r = 1 - s;
+  const double turn = r * r * (1 + 2 * s) * x0 + s * s * (3 - 2 * s) * x + h * s * r * (r * v0 - s * v);
+  return {x, true, v0 > 0 ? std::max({turn, x0, x}) : std::min({turn, x0, x})};
+}
 
 Drivetrain::Drivetrain(const TendonDriveParameters& p, double start_tension_N,
                        std::shared_ptr<const model::CapstanTable> capstan, const TendonLaws& laws)
@@ -107,6 +107,12 @@ double Drivetrain::Base(double tension_motor_N, double z, double release_N, doub
   const double base = 0.5 * (1 + z) * release_N + 0.5 * (1 - z) * pull_N;
   if (pulley_coulomb_N_ == 0) return base;
   return std::max(0.0, base - z * pulley_coulomb_N_ * std::min(1.0, tension_motor_N / low_tension_N_));
+}
+
+PulleyMap Drivetrain::Pulleys(double tension_motor_N) const noexcept {
+  const double release = capstan_->Release(tension_motor_N), pull = capstan_->Pull(tension_motor_N);
+  const double bearings = pulley_coulomb_N_ * std::min(1.0, tension_motor_N / low_tension_N_);
+  return {0.5 * (release + pull), 0.5 * (pull - release) + bearings};
 }
 
 double Drivetrain::Gear(const Way& way) const noexcept {

@@ -30,6 +30,15 @@ struct Way {
   double turn = 0;
 };
 
+/// From x0 with velocity v0 to x with velocity v in h seconds.
+Way WayTo(double x0, double v0, double x, double v, double h) noexcept;
+
+/// What the pulleys make of a motor-side tension, by their sliding state z.
+struct PulleyMap {
+  double middle_N = 0, half_N = 0;
+  double At(double z) const noexcept { return std::max(0.0, middle_N - z * half_N); }
+};
+
 /// What the motion does, with the friction memories as they were committed last.
 struct DrivetrainForces {
   double torque_Nm = 0;  // at the motor shaft
@@ -115,15 +124,25 @@ class Drivetrain {
   /// Robot-side tension [N] for a motor-side one, by the pulleys at the motion's sliding state.
   double BaseTension(double time_s, const DrivetrainMotion& motion, double tension_motor_N) const noexcept;
 
+  /// At a motor-side tension >= 0.
+  PulleyMap Pulleys(double tension_motor_N) const noexcept;
+
+  /// Spool: s, ds/dt, ds/d(angle) (0 while the shaft crosses its play) and lever of the tendon at the motor.
+  struct Spool {
+    double pull_m, rate_mps, per_rad_m, arm_m;
+  };
+  Spool SpoolOf(double time_s, const DrivetrainMotion& motion) const noexcept {
+    return SpoolAt(ShaftWay(time_s, motion), motion);
+  }
+  /// Neither play nor growth: SpoolOf depends on no memory.
+  bool plain_spool() const noexcept { return plain_spool_; }
+
   double rotor_inertia_kgm2() const noexcept { return inertia_; }
   double travel_m_per_rad() const noexcept { return travel_; }
   double stiffness_Npm() const noexcept { return stiffness_; }
   double damping_Nspm() const noexcept { return damping_; }
 
  private:
-  struct Spool {
-    double pull_m, rate_mps, per_rad_m, arm_m;
-  };
   Way ShaftWay(double time_s, const DrivetrainMotion& motion) const noexcept;
   Spool SpoolAt(const Way& shaft, const DrivetrainMotion& motion) const noexcept;
   Way SlideWay(double time_s, const DrivetrainMotion& motion, const Spool& spool) const noexcept;

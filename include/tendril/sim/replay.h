@@ -24,6 +24,9 @@ struct ReplaySignals {
   /// Total bending (us, vs) per section that a tracker shows, S x 2K, smooth; where it is known the tendons'
   /// shortening is corrected to it.
   Eigen::MatrixXd bending_rad;
+  /// From the stamp of a target to the moment it acts; a target stamped when sent acts at the next SYNC, one
+  /// bus cycle later.
+  double command_delay_s = 1e-3;
 };
 
 /// Motion of the body, every `stride` grid samples.

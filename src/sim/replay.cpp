@@ -1,0 +1,628 @@
+// The cuts of the chain, each driven by measured signals: the drivetrain's by its own laws sample by sample,
+// the body's by the integrator of body_motion.h. Knows nothing of files, noise or fits.
+#include "tendril/sim/replay.h"
+
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <stdexcept>
+
+#include "body_motion.h"
+#include "drivetrain.h"
+#include "laws.h"
+#include "tendril/model/capstan.h"
+#include "tendril/sim/effects.h"
+
+namespace tendril::sim {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// Longest step of the body's integrator: 0.01 mm at the tip for motions up to 10 Hz.
+constexpr double kLongestStep_s = 1.05e-3;
+
+// A table of the Capstan equation takes some ten milliseconds; a fit asks for the same few again and again.
+class CapstanTables {
+ public:
+  using Table = std::shared_ptr<const model::CapstanTable>;
+
+  static Table For(const TransmissionParameters& transmission, double most_N) {
+    static CapstanTables all;
+    return all.Get(transmission, most_N);
+  }
+
+ private:
+  static constexpr std::size_t kMost = 256;
+
+  Table Get(const TransmissionParameters& t, double most_N) {
+    std::vector<double> key{most_N, t.low_tension_N};
+    for (const auto& p : t.pulleys) {
+      key.insert(key.end(), {static_cast<double>(p.law), p.wrap_rad, p.radius_ratio, p.alpha, p.exponent,
+                             p.entry_angle_rad});
+    }
+    {
+      const std::lock_guard lock(mutex_);
+      const auto found = tables_.find(key);
+      if (found != tables_.end()) {
+        found->second.used = ++clock_;
+        return found->second.table;
+      }
+    }
+    const auto table = std::make_shared<const model::CapstanTable>(t, most_N);
+    const std::lock_guard lock(mutex_);
+    if (tables_.size() >= kMost) {
+      tables_.erase(std::min_element(tables_.begin(), tables_.end(), [](const auto& a, const auto& b) {
+        return a.second.used < b.second.used;
+      }));
+    }
+    return tables_.insert_or_assign(std::move(key), Entry{table, ++clock_}).first->second.table;
+  }
+
+  struct Entry {
+    Table table;
+    long used;
+  };
+  std::mutex mutex_;
+  std::map<std::vector<double>, Entry> tables_;
+  long clock_ = 0;
+};
+
+const ActuationParameters& Actuation(const RobotParameters& robot) {
+  if (!robot.actuation) {
+    throw std::invalid_argument(fmt::format(
+        "robot '{}' has no actuation: a replay needs motors and tendons; use a robot file with an "
+        "'actuation' section",
+        robot.name));
+  }
+  const int wanted = robot.body.tendons();
+  if (static_cast<int>(robot.actuation->tendons.size()) != wanted) {
+    throw std::invalid_argument(fmt::format("robot '{}': actuation names {} tendons, the body has {}",
+                                            robot.name, robot.actuation->tendons.size(), wanted));
+  }
+  return *robot.actuation;
+}
+
+/// Gaps of NaN bridged by straight lines, held at the ends; false when nothing is known.
+bool Bridge(Eigen::Ref<VectorXd> values) {
+  Index last = -1;
+  for (Index i = 0; i < values.size(); ++i) {
+    if (!std::isfinite(values[i])) continue;
+    for (Index k = last + 1; k < i; ++k) {
+      const double share = last < 0 ? 1 : static_cast<double>(k - last) / static_cast<double>(i - last);
+      values[k] = last < 0 ? values[i] : values[last] + share * (values[i] - values[last]);
+    }
+    last = i;
+  }
+  if (last < 0) return values.size() == 0;
+  values.tail(values.size() - 1 - last).setConstant(values[last]);
+  return true;
+}
+
+/// Rate of a smooth signal on a grid, by central differences of fourth order, lower ones at the ends.
+void Differentiate(Eigen::Ref<const VectorXd> x, double step, Eigen::Ref<VectorXd> rate) {
+  const Index s = x.size();
+  for (Index i = 0; i < s; ++i) {
+    if (i >= 2 && i + 2 < s) {
+      rate[i] = (8 * (x[i + 1] - x[i - 1]) - (x[i + 2] - x[i - 2])) / (12 * step);
+    } else {
+      const Index a = std::max<Index>(0, i - 1), b = std::min(s - 1, i + 1);
+      rate[i] = b > a ? (x[b] - x[a]) / (static_cast<double>(b - a) * step) : 0;
+    }
+  }
+}
+
+}  // namespace
+
+struct Replay::Impl {
+  explicit Impl(const RobotParameters& given)
+      : robot(FoldEffects(given)),
+        actuation(Actuation(robot)),
+        laws(PlantLaws::Of(robot)),
+        body(robot.body),
+        n(body.dof()),
+        m(body.tendons()) {
+    for (int j = 0; j < m; ++j) {
+      const auto& p = actuation.tendons[At(j)];
+      const double most = std::max(2 * robot.limits.max_tension_motor_N, 20.0);
+      drive.emplace_back(p, robot.limits.min_tension_N, CapstanTables::For(p.transmission, most),
+                         laws.tendon[At(j)]);
+      const auto& nominal = Actuation(given).tendons[At(j)].load_cell;
+      if (nominal.place == LoadCellPlace::kNone) {
+        cell.push_back({1, 0, 0});
+      } else {
+        cell.push_back({p.load_cell.gain_VpN / nominal.gain_VpN, p.load_cell.offset_N, nominal.offset_N});
+      }
+    }
+  }
+  static std::size_t At(int j) { return static_cast<std::size_t>(j); }
+
+  // ---- signals ----
+
+  /// A signal that a cut needs: S x M, gaps bridged. Throws when it was not measured.
+  MatrixXd Needed(const MatrixXd& signal, Index samples, const char* what) const {
+    if (signal.cols() != m || signal.rows() != samples || samples == 0) {
+      throw std::invalid_argument(fmt::format("replay: {} is {} x {}; needed {} x {}, a column a tendon",
+                                              what, signal.rows(), signal.cols(), samples, m));
+    }
+    MatrixXd filled = signal;
+    for (int j = 0; j < m; ++j) {
+      if (!Bridge(filled.col(j))) {
+        throw std::runtime_error(fmt::format("replay: {} of tendon {} is nowhere known", what, j + 1));
+      }
+    }
+    return filled;
+  }
+  static double Step(const ReplaySignals& s) {
+    if (!(s.step_s > 0)) {
+      throw std::invalid_argument(
+          fmt::format("replay: step of {} s between samples: accepted > 0", s.step_s));
+    }
+    return s.step_s;
+  }
+
+  /// Motor motion as it was, of what the encoders showed.
+  struct Motors {
+    MatrixXd angle, velocity;
+  };
+  Motors MotorsOf(const ReplaySignals& s) const {
+    const Index samples = s.motor_angle_rad.rows();
+    Motors motors{Needed(s.motor_angle_rad, samples, "motor angle"),
+                  Needed(s.motor_velocity_radps, samples, "motor velocity")};
+    motors.angle.rowwise() -= laws.sensor.encoder_offset_rad.transpose();
+    return motors;
+  }
+
+  double Read(int j, double tension_N, double time_s) const {
+    const Cell& c = cell[At(j)];
+    return c.gain * (tension_N + c.offset_N + laws.sensor.cell_drift_Nps[j] * time_s) - c.nominal_offset_N;
+  }
+  double Unread(int j, double reading_N, double time_s) const {
+    const Cell& c = cell[At(j)];
+    return std::max(
+        0.0, (reading_N + c.nominal_offset_N) / c.gain - c.offset_N - laws.sensor.cell_drift_Nps[j] * time_s);
+  }
+
+  // ---- cuts of one tendon at a time ----
+
+  MatrixXd ActualTorque(const ReplaySignals& s) const {
+    const double step = Step(s);
+    const MatrixXd target = Needed(s.torque_target_Nm, s.torque_target_Nm.rows(), "target torque");
+    MatrixXd actual(target.rows(), m);
+    for (int j = 0; j < m; ++j) {
+      Drivetrain d = drive[At(j)];
+      Index sent = 0;
+      for (Index i = 0; i < target.rows(); ++i) {
+        const double now = static_cast<double>(i) * step;
+        // A thousandth of a step of round-off: a SYNC that falls on a sample acts before it.
+        for (; sent <= i; ++sent) {
+          const double acts = static_cast<double>(sent) * step + s.command_delay_s;
+          if (acts > now + 1e-3 * step) break;
+          d.SetTorque(std::min(acts, now), target(sent, j));
+        }
+        actual(i, j) = d.Torque(now);
+      }
+    }
+    return actual;
+  }
+
+  /// Motor-side tension S x M that the torque leaves, and along the way the robot side's where the
+  /// shortening is given.
+  MatrixXd FromTorque(const ReplaySignals& s, const MatrixXd* shortening) const {
+    const double step = Step(s);
+    const Motors motors = MotorsOf(s);
+    const Index samples = motors.angle.rows();
+    const MatrixXd torque = Needed(s.torque_actual_Nm, samples, "actual torque");
+    const MatrixXd acceleration = Needed(s.motor_acceleration_radps2, samples, "motor acceleration");
+    MatrixXd tension(samples, m);
+    VectorXd d = VectorXd::Zero(samples), rate = VectorXd::Zero(samples);
+    for (int j = 0; j < m; ++j) {
+      if (shortening) {
+        d = shortening->col(j);
+        Differentiate(d, step, rate);
+      }
+      Drivetrain line = drive[At(j)];
+      for (Index i = 0; i < samples; ++i) {
+        const double now = static_cast<double>(i) * step;
+        const DrivetrainMotion motion{motors.angle(i, j), motors.velocity(i, j), d[i], rate[i]};
+        tension(i, j) = line.TensionFromTorque(now, motion, torque(i, j), acceleration(i, j));
+        if (shortening) tension(i, j) = line.BaseTension(now, motion, tension(i, j));
+        line.Commit(now, motion);
+      }
+    }
+    return tension;
+  }
+
+  MatrixXd CellFromTorque(const ReplaySignals& s, const MatrixXd& shortening) const {
+    const bool robot_side = s.load_cell == LoadCellPlace::kRobotSide;
+    MatrixXd d;
+    if (robot_side) d = Needed(shortening, s.motor_angle_rad.rows(), "shortening");
+    return Readings(FromTorque(s, robot_side ? &d : nullptr), s.step_s);
+  }
+
+  MatrixXd CellFromStretch(const ReplaySignals& s, const MatrixXd& shortening) const {
+    const double step = Step(s);
+    const Motors motors = MotorsOf(s);
+    const Index samples = motors.angle.rows();
+    const MatrixXd d = Needed(shortening, samples, "shortening");
+    MatrixXd tension(samples, m);
+    VectorXd rate(samples);
+    for (int j = 0; j < m; ++j) {
+      Differentiate(d.col(j), step, rate);
+      Drivetrain line = drive[At(j)];
+      for (Index i = 0; i < samples; ++i) {
+        const double now = static_cast<double>(i) * step;
+        const DrivetrainMotion motion{motors.angle(i, j), motors.velocity(i, j), d(i, j), rate[i]};
+        tension(i, j) = line.TensionFromStretch(now, motion);
+        if (s.load_cell == LoadCellPlace::kRobotSide) {
+          tension(i, j) = line.BaseTension(now, motion, tension(i, j));
+        }
+        line.Commit(now, motion);
+      }
+    }
+    return Readings(std::move(tension), step);
+  }
+
+  MatrixXd Readings(MatrixXd tension, double step) const {
+    for (int j = 0; j < m; ++j) {
+      for (Index i = 0; i < tension.rows(); ++i) {
+        tension(i, j) = Read(j, tension(i, j), static_cast<double>(i) * step);
+      }
+    }
+    return tension;
+  }
+
+  // ---- body ----
+  BodyMotion Body(const ReplaySignals& s, DrivenBy driven_by, int stride) const;
+  std::unique_ptr<TensionSource> Source(const ReplaySignals& s, DrivenBy driven_by) const;
+  MatrixXd Shortening(const ReplaySignals& s, const MatrixXd& q) const;
+  void Track(const MatrixXd& q, double step, int stride, BodyMotion& motion) const;
+
+  struct Cell {
+    double gain, offset_N, nominal_offset_N;  // reading = gain (tension + offset + drift t) - nominal offset
+  };
+
+  RobotParameters robot;
+  const ActuationParameters& actuation;
+  PlantLaws laws;
+  model::Body body;
+  int n, m;
+  std::vector<Drivetrain> drive;
+  std::vector<Cell> cell;
+};
+
+namespace {
+
+/// Signals on the grid, linear between the samples.
+class Grid {
+ public:
+  Grid(double step, Index samples) : step_(step), last_(samples - 1) {}
+  void MoveTo(double time_s) noexcept {
+    const double at = time_s / step_, whole = std::round(at);
+    const double before = std::abs(at - whole) < 1e-6 ? whole : std::floor(at);
+    fraction_ = at - before < 1e-6 ? 0 : at - before;
+    sample_ = std::clamp<Index>(static_cast<Index>(before), 0, last_);
+    if (sample_ == last_) fraction_ = 0;
+  }
+  double Of(const double* x) const noexcept {
+    return fraction_ > 0 ? x[sample_] + fraction_ * (x[sample_ + 1] - x[sample_]) : x[sample_];
+  }
+
+ private:
+  double step_, fraction_ = 0;
+  Index last_, sample_ = 0;
+};
+
+/// Base tensions as they were read: nothing depends on the body.
+class GivenTension final : public TensionSource {
+ public:
+  GivenTension(MatrixXd tension_N, double step)
+      : tension_(std::move(tension_N)), grid_(step, tension_.rows()), now_(At(tension_.cols())) {}
+  void MoveTo(double time_s) noexcept override {
+    grid_.MoveTo(time_s);
+    for (Index j = 0; j < tension_.cols(); ++j) now_[At(j)] = grid_.Of(tension_.col(j).data());
+  }
+  void Evaluate(const double*, const double*, Tension* tension) const noexcept override {
+    for (std::size_t j = 0; j < now_.size(); ++j) tension[j] = {now_[j], 0, 0};
+  }
+  void Commit(const double*, const double*) noexcept override {}
+
+ private:
+  static std::size_t At(Index j) { return static_cast<std::size_t>(j); }
+  MatrixXd tension_;
+  Grid grid_;
+  std::vector<double> now_;
+};
+
+/// Base tensions behind the pulleys, of motor-side tensions and spools that are known: only the sliding state
+/// depends on the body.
+class PulleyTension final : public TensionSource {
+ public:
+  /// All S x M: pull of the spools and its rate, and the pulleys' map of the motor-side tension.
+  struct Signals {
+    MatrixXd spool_m, spool_rate_mps, middle_N, half_N;
+  };
+  PulleyTension(Signals signals, const std::vector<double>& presliding_m, double step)
+      : signals_(std::move(signals)), grid_(step, signals_.spool_m.rows()) {
+    for (const double presliding : presliding_m) {
+      pulley_.push_back({model::PulleyPresliding(presliding), 1e-3 * presliding});
+    }
+  }
+  void MoveTo(double time_s) noexcept override {
+    grid_.MoveTo(time_s);
+    time_s_ = time_s;
+    for (std::size_t j = 0; j < pulley_.size(); ++j) {
+      const auto column = static_cast<Index>(j);
+      Pulley& p = pulley_[j];
+      p.spool_m = grid_.Of(signals_.spool_m.col(column).data());
+      p.spool_rate_mps = grid_.Of(signals_.spool_rate_mps.col(column).data());
+      p.middle_N = grid_.Of(signals_.middle_N.col(column).data());
+      p.half_N = grid_.Of(signals_.half_N.col(column).data());
+    }
+  }
+  void Evaluate(const double* shortening_m, const double* rate_mps,
+                Tension* tension) const noexcept override {
+    for (std::size_t j = 0; j < pulley_.size(); ++j) {
+      const Pulley& p = pulley_[j];
+      const Way way = WayOf(p, shortening_m[j], rate_mps[j]);
+      const model::StopOperators<4>* memory = &p.memory;
+      model::StopOperators<4> turned;
+      if (way.turned) {
+        turned = p.memory;
+        turned.Commit(way.turn);
+        memory = &turned;
+      }
+      const double slope =
+          (memory->Peek(way.x + p.small_m) - memory->Peek(way.x - p.small_m)) / (2 * p.small_m);
+      const double value = p.middle_N - memory->Peek(way.x) * p.half_N;
+      tension[j] = value > 0 ? Tension{value, 0.5 * p.half_N * slope, 0} : Tension{};
+    }
+  }
+  void Commit(const double* shortening_m, const double* rate_mps) noexcept override {
+    for (std::size_t j = 0; j < pulley_.size(); ++j) {
+      Pulley& p = pulley_[j];
+      const Way way = WayOf(p, shortening_m[j], rate_mps[j]);
+      if (way.turned) p.memory.Commit(way.turn);
+      p.memory.Commit(way.x);
+      p.slide_m = way.x;
+      p.slide_rate_mps = 0.5 * (p.spool_rate_mps + rate_mps[j]);
+    }
+    committed_s_ = time_s_;
+  }
+
+ private:
+  struct Pulley {
+    model::StopOperators<4> memory;
+    double small_m = 0;
+    double slide_m = 0, slide_rate_mps = 0;                            // committed
+    double spool_m = 0, spool_rate_mps = 0, middle_N = 0, half_N = 0;  // now
+  };
+  Way WayOf(const Pulley& p, double shortening_m, double rate_mps) const noexcept {
+    return WayTo(p.slide_m, p.slide_rate_mps, 0.5 * (p.spool_m + shortening_m),
+                 0.5 * (p.spool_rate_mps + rate_mps), time_s_ - committed_s_);
+  }
+
+  Signals signals_;
+  Grid grid_;
+  std::vector<Pulley> pulley_;
+  double time_s_ = 0, committed_s_ = 0;
+};
+
+/// Base tensions of the tendons' springs between measured motors and the body.
+class SpringTension final : public TensionSource {
+ public:
+  SpringTension(MatrixXd angle, MatrixXd velocity, std::vector<Drivetrain> drive, double step)
+      : angle_(std::move(angle)),
+        velocity_(std::move(velocity)),
+        grid_(step, angle_.rows()),
+        drive_(std::move(drive)),
+        motion_(drive_.size()) {}
+  void MoveTo(double time_s) noexcept override {
+    grid_.MoveTo(time_s);
+    time_s_ = time_s;
+    for (std::size_t j = 0; j < drive_.size(); ++j) {
+      const auto column = static_cast<Index>(j);
+      motion_[j].angle_rad = grid_.Of(angle_.col(column).data());
+      motion_[j].velocity_radps = grid_.Of(velocity_.col(column).data());
+    }
+  }
+  void Evaluate(const double* shortening_m, const double* rate_mps,
+                Tension* tension) const noexcept override {
+    for (std::size_t j = 0; j < drive_.size(); ++j) {
+      const DrivetrainMotion motion = Moved(j, shortening_m, rate_mps);
+      const DrivetrainForces forces = drive_[j].Evaluate(time_s_, motion);
+      const DrivetrainLinear linear = drive_[j].Linearise(motion, forces, 1);
+      const double ratio = forces.tension_motor_N > 0 ? forces.tension_base_N / forces.tension_motor_N : 0;
+      tension[j] = {forces.tension_base_N, ratio * drive_[j].stiffness_Npm() - linear.base_slide,
+                    ratio * drive_[j].damping_Nspm()};
+    }
+  }
+  void Commit(const double* shortening_m, const double* rate_mps) noexcept override {
+    for (std::size_t j = 0; j < drive_.size(); ++j) {
+      drive_[j].Commit(time_s_, Moved(j, shortening_m, rate_mps));
+    }
+  }
+
+ private:
+  DrivetrainMotion Moved(std::size_t j, const double* shortening_m, const double* rate_mps) const noexcept {
+    DrivetrainMotion motion = motion_[j];
+    motion.shortening_m = shortening_m[j];
+    motion.shortening_rate_mps = rate_mps[j];
+    return motion;
+  }
+
+  MatrixXd angle_, velocity_;
+  Grid grid_;
+  std::vector<Drivetrain> drive_;
+  std::vector<DrivetrainMotion> motion_;
+  double time_s_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<TensionSource> Replay::Impl::Source(const ReplaySignals& s, DrivenBy driven_by) const {
+  const double step = Step(s);
+  MatrixXd tension;
+  if (driven_by == DrivenBy::kCell) {
+    tension = Needed(s.tension_N, s.tension_N.rows(), "tension");
+    for (int j = 0; j < m; ++j) {
+      for (Index i = 0; i < tension.rows(); ++i) {
+        tension(i, j) = Unread(j, tension(i, j), static_cast<double>(i) * step);
+      }
+    }
+    if (s.load_cell == LoadCellPlace::kRobotSide) {
+      return std::make_unique<GivenTension>(std::move(tension), step);
+    }
+    if (s.load_cell == LoadCellPlace::kNone) {
+      throw std::invalid_argument("replay: no load cell; drive the body by torque or by motor");
+    }
+  }
+  Motors motors = MotorsOf(s);
+  if (driven_by == DrivenBy::kMotor) {
+    return std::make_unique<SpringTension>(std::move(motors.angle), std::move(motors.velocity), drive, step);
+  }
+  if (driven_by == DrivenBy::kTorque) tension = FromTorque(s, nullptr);
+  const Index samples = tension.rows();
+  if (motors.angle.rows() != samples) {
+    throw std::invalid_argument(
+        fmt::format("replay: {} samples of tension, {} of motor angle", samples, motors.angle.rows()));
+  }
+  PulleyTension::Signals signals{MatrixXd(samples, m), MatrixXd(samples, m), MatrixXd(samples, m),
+                                 MatrixXd(samples, m)};
+  std::vector<double> presliding;
+  for (int j = 0; j < m; ++j) {
+    Drivetrain line = drive[At(j)];
+    presliding.push_back(actuation.tendons[At(j)].transmission.presliding_m);
+    for (Index i = 0; i < samples; ++i) {
+      const DrivetrainMotion motion{motors.angle(i, j), motors.velocity(i, j), 0, 0};
+      const double now = static_cast<double>(i) * step;
+      const Drivetrain::Spool spool = line.SpoolOf(now, motion);
+      signals.spool_m(i, j) = spool.pull_m;
+      signals.spool_rate_mps(i, j) = spool.rate_mps;
+      if (!line.plain_spool()) line.Commit(now, motion);
+      const PulleyMap map = line.Pulleys(tension(i, j));
+      signals.middle_N(i, j) = map.middle_N;
+      signals.half_N(i, j) = map.half_N;
+    }
+  }
+  return std::make_unique<PulleyTension>(std::move(signals), presliding, step);
+}
+
+BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int stride) const {
+  if (stride < 1) throw std::invalid_argument(fmt::format("replay: stride {}: accepted >= 1", stride));
+  const double step = Step(s);
+  const std::unique_ptr<TensionSource> source = Source(s, driven_by);
+  const Index samples = driven_by == DrivenBy::kCell ? s.tension_N.rows() : s.motor_angle_rad.rows();
+  const int parts = std::max(1, static_cast<int>(std::ceil(step / kLongestStep_s)));
+
+  BodyStepper stepper(body, laws.body);
+  MatrixXd q(n, samples), tension(m, samples);
+  if (!stepper.Settle(*source, 0)) {
+    throw std::runtime_error("replay: the body has no equilibrium under the first sample's tensions");
+  }
+  for (Index i = 0;; ++i) {
+    q.col(i) = stepper.q();
+    tension.col(i) = stepper.tension_N();
+    if (i + 1 == samples) break;
+    for (int part = 1; part <= parts; ++part) {
+      const double to = (static_cast<double>(i) + static_cast<double>(part) / parts) * step;
+      if (!stepper.StepTo(*source, to)) {
+        throw std::runtime_error(fmt::format(
+            "replay: the body has neither motion nor equilibrium at {:.4f} s; its tensions are {} N", to,
+            fmt::join(stepper.tension_N(), ", ")));
+      }
+    }
+  }
+
+  BodyMotion motion;
+  motion.tension_base_N = tension.transpose();
+  motion.shortening_m = Shortening(s, q);
+  Track(q, step, stride, motion);
+  return motion;
+}
+
+// Where bending is measured, the shape is turned by the difference, spread evenly over the section's units;
+// through gaps the difference goes straight, so that the tendons see no jumps.
+MatrixXd Replay::Impl::Shortening(const ReplaySignals& s, const MatrixXd& q) const {
+  const Index samples = q.cols();
+  const int sections = body.sections();
+  MatrixXd off = MatrixXd::Zero(samples, 2 * sections);
+  if (s.bending_rad.cols() > 0) {
+    if (s.bending_rad.cols() != 2 * sections || s.bending_rad.rows() != samples) {
+      throw std::invalid_argument(
+          fmt::format("replay: bending is {} x {}; needed {} x {}, (us, vs) a section", s.bending_rad.rows(),
+                      s.bending_rad.cols(), samples, 2 * sections));
+    }
+    for (int k = 0; k < sections; ++k) {
+      for (int axis = 0; axis < 2; ++axis) {
+        auto column = off.col(2 * k + axis);
+        column = s.bending_rad.col(2 * k + axis);
+        for (int i = body.first_unit(k); i < body.end_unit(k); ++i) column -= q.row(2 * i + axis).transpose();
+        if (!Bridge(column)) column.setZero();
+        column /= body.end_unit(k) - body.first_unit(k);
+      }
+    }
+  }
+  MatrixXd shortening(samples, m);
+  VectorXd shape(n), d(m);
+  for (Index t = 0; t < samples; ++t) {
+    for (int k = 0; k < sections; ++k) {
+      for (int i = body.first_unit(k); i < body.end_unit(k); ++i) {
+        shape[2 * i] = q(2 * i, t) + off(t, 2 * k);
+        shape[2 * i + 1] = q(2 * i + 1, t) + off(t, 2 * k + 1);
+      }
+    }
+    body.TendonShortening(shape, d);
+    shortening.row(t) = d.transpose();
+  }
+  return shortening;
+}
+
+void Replay::Impl::Track(const MatrixXd& q, double step, int stride, BodyMotion& motion) const {
+  const Index rows = (q.cols() - 1) / stride + 1;
+  const double late = actuation.tracker ? actuation.tracker->delay_s / step : 0;  // in samples
+  const Eigen::Vector3d turn = laws.sensor.tracker_turn_rad;
+  const double angle = turn.norm();
+  const Eigen::Matrix3d r =
+      angle > 0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
+  motion.q.resize(rows, n);
+  motion.tip_m.resize(rows, 3);
+  motion.tip_rotation.resize(rows, 3);
+  VectorXd shape(n);
+  for (Index k = 0; k < rows; ++k) {
+    const Index i = k * stride;
+    motion.q.row(k) = q.col(i).transpose();
+    const double at = std::max(0.0, static_cast<double>(i) - late);
+    const auto before = static_cast<Index>(at);
+    shape = q.col(before);
+    if (before < i) shape += (at - static_cast<double>(before)) * (q.col(before + 1) - q.col(before));
+    const model::Pose pose = body.TipPose(shape);
+    motion.tip_m.row(k) = (r * pose.p_WA + laws.sensor.tracker_offset_m).transpose();
+    const Eigen::AngleAxisd rotation(Eigen::Matrix3d(r * pose.R_WA));
+    motion.tip_rotation.row(k) = (rotation.angle() * rotation.axis()).transpose();
+  }
+}
+
+Replay::Replay(const RobotParameters& robot) : impl_(std::make_unique<Impl>(robot)) {}
+Replay::~Replay() = default;
+Replay::Replay(Replay&&) noexcept = default;
+Replay& Replay::operator=(Replay&&) noexcept = default;
+
+MatrixXd Replay::ActualTorque(const ReplaySignals& signals) const { return impl_->ActualTorque(signals); }
+MatrixXd Replay::CellFromTorque(const ReplaySignals& signals, const MatrixXd& shortening_m) const {
+  return impl_->CellFromTorque(signals, shortening_m);
+}
+MatrixXd Replay::CellFromStretch(const ReplaySignals& signals, const MatrixXd& shortening_m) const {
+  return impl_->CellFromStretch(signals, shortening_m);
+}
+BodyMotion Replay::Body(const ReplaySignals& signals, DrivenBy driven_by, int stride) const {
+  return impl_->Body(signals, driven_by, stride);
+}
+
+}  // namespace tendril::sim
