@@ -9,6 +9,7 @@
 #include <numbers>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "reader.h"
@@ -100,12 +101,64 @@ void Describe(Io& io, SectionParameters& p) {
   }
 }
 
+/// A key that may be left out: read where it is given, written where it is not the nominal value.
+template <class Io>
+void OptionalNumber(Io& io, std::string_view key, double& value, double nominal, Range range) {
+  if constexpr (Io::kReading) {
+    value = nominal;
+    if (!io.Has(key)) return io.Allow(key);
+  } else if (value == nominal) {
+    return;
+  }
+  io.Number(key, value, range);
+}
+
+template <class Io>
+void Describe(Io& io, UnitDeviation& p) {
+  io.Integer("unit", p.unit, {1, kMaxUnits});
+  OptionalNumber(io, "stiffness_scale", p.stiffness_scale, 1, {0.01, 100});
+  OptionalNumber(io, "rest_u_rad", p.rest_u_rad, 0, {-3, 3});
+  OptionalNumber(io, "rest_v_rad", p.rest_v_rad, 0, {-3, 3});
+}
+
+template <class Io>
+void DescribeVector(Io& io, std::string_view key, Eigen::Vector3d& value, Range range) {
+  std::vector<double> numbers(value.data(), value.data() + 3);
+  io.Numbers(key, numbers, range, {3, 3});
+  if (numbers.size() == 3) value = {numbers[0], numbers[1], numbers[2]};
+}
+
+/// Keys of the body that a robot like its drawing does without.
+template <class Io>
+void DescribeDeviations(Io& io, BodyParameters& p) {
+  OptionalNumber(io, "tip_payload_kg", p.tip_payload_kg, 0, {0, 10});
+  OptionalNumber(io, "twist_rad_per_m", p.twist_rad_per_m, 0, {-50, 50});
+  if constexpr (Io::kReading) {
+    p.tip_force_W_N.setZero();
+    p.unit_deviations.clear();
+    for (const char* key : {"tip_force_W_N", "unit_deviations"}) io.Allow(key);
+    if (io.Has("tip_force_W_N")) DescribeVector(io, "tip_force_W_N", p.tip_force_W_N, {-1000, 1000});
+    if (io.Has("unit_deviations")) io.List("unit_deviations", p.unit_deviations, {0, kMaxUnits});
+    std::set<int> seen;
+    for (const UnitDeviation& d : p.unit_deviations) {
+      io.Check(d.unit <= p.units(), "unit_deviations",
+               fmt::format("unit {} does not exist; accepted: 1 .. {}; correct it", d.unit, p.units()));
+      io.Check(seen.insert(d.unit).second, "unit_deviations",
+               fmt::format("unit {} twice; accepted: at most one entry a unit; join the two", d.unit));
+    }
+    std::sort(p.unit_deviations.begin(), p.unit_deviations.end(),
+              [](const UnitDeviation& a, const UnitDeviation& b) { return a.unit < b.unit; });
+  } else {
+    if (!p.tip_force_W_N.isZero(0)) DescribeVector(io, "tip_force_W_N", p.tip_force_W_N, {-1000, 1000});
+    if (!p.unit_deviations.empty()) io.List("unit_deviations", p.unit_deviations, {0, kMaxUnits});
+  }
+}
+
 template <class Io>
 void Describe(Io& io, BodyParameters& p) {
-  std::vector<double> gravity(p.gravity_W_mps2.data(), p.gravity_W_mps2.data() + 3);
-  io.Numbers("gravity_W_mps2", gravity, {-100, 100}, {3, 3});
-  if (gravity.size() == 3) p.gravity_W_mps2 = {gravity[0], gravity[1], gravity[2]};
+  DescribeVector(io, "gravity_W_mps2", p.gravity_W_mps2, {-100, 100});
   io.List("sections", p.sections, {1, kMaxSections});
+  DescribeDeviations(io, p);
   if constexpr (Io::kReading) {
     io.Check(p.units() <= kMaxUnits, "sections",
              fmt::format("{} units in all; accepted: up to {} over all sections; use fewer, longer units",

@@ -1,5 +1,6 @@
 #include "tendril/core/robot.h"
 
+#include <algorithm>
 #include <numbers>
 
 namespace tendril {
@@ -25,6 +26,13 @@ double BodyParameters::length_m() const {
   double l = 0;
   for (const auto& s : sections) l += s.units * s.unit_length_m;
   return l;
+}
+
+UnitDeviation& BodyParameters::DeviationOf(int unit) {
+  const auto at = std::lower_bound(unit_deviations.begin(), unit_deviations.end(), unit,
+                                   [](const UnitDeviation& d, int number) { return d.unit < number; });
+  if (at != unit_deviations.end() && at->unit == unit) return *at;
+  return *unit_deviations.insert(at, {.unit = unit});
 }
 
 }  // namespace tendril

@@ -178,6 +178,11 @@ bool NotNegative(double x) { return std::isfinite(x) && x >= 0; }
 
 }  // namespace
 
+// Length of a tendon within a unit whose disks are twisted, its fall from the straight unit, its derivatives.
+struct Body::SpanSlopes {
+  double length, shortening, u, v, uu, uv, vv;
+};
+
 struct Body::Workspace::Unit {
   Joint joint;
   Vec bias_v, bias_w;  // acceleration of B with the joint's and A's accelerations zero
@@ -200,6 +205,9 @@ Body::Body(const BodyParameters& parameters) : parameters_(parameters) {
   Require(!sections.empty() && sections.size() <= static_cast<std::size_t>(kMaxSections),
           "number of sections must be 1.." + std::to_string(kMaxSections));
   Require(parameters_.gravity_W_mps2.allFinite(), "gravity must be finite");
+  Require(NotNegative(parameters_.tip_payload_kg), "tip_payload_kg must not be negative");
+  Require(parameters_.tip_force_W_N.allFinite(), "tip_force_W_N must be finite");
+  Require(std::isfinite(parameters_.twist_rad_per_m), "twist_rad_per_m must be finite");
   first_unit_.push_back(0);
   for (std::size_t k = 0; k < sections.size(); ++k) {
     const SectionParameters& s = sections[k];
@@ -224,10 +232,36 @@ Body::Body(const BodyParameters& parameters) : parameters_(parameters) {
     first_unit_.push_back(units_);
     for (int i = 0; i < s.units; ++i) {
       unit_.push_back({s.unit_length_m, s.unit_mass_kg, s.disk_inertia_xx_kgm2, s.disk_inertia_zz_kgm2,
-                       s.UnitStiffness(), s.bending_damping_Nms, first_tendon});
+                       s.UnitStiffness(), s.bending_damping_Nms, first_tendon, 0, 0});
     }
   }
   Require(tendons() <= kMaxTendons, "more than " + std::to_string(kMaxTendons) + " tendons");
+  unit_.back().mass_kg += parameters_.tip_payload_kg;
+  for (const UnitDeviation& d : parameters_.unit_deviations) {
+    const std::string where = "unit " + std::to_string(d.unit) + ": ";
+    Require(d.unit >= 1 && d.unit <= units_, where + "there are units 1.." + std::to_string(units_));
+    Require(Positive(d.stiffness_scale), where + "stiffness_scale must be positive");
+    Require(std::isfinite(d.rest_u_rad) && std::isfinite(d.rest_v_rad), where + "rest bend must be finite");
+    UnitConstants& unit = unit_[d.unit - 1];
+    unit.stiffness_Nm *= d.stiffness_scale;
+    unit.rest_u = d.rest_u_rad;
+    unit.rest_v = d.rest_v_rad;
+  }
+  if (parameters_.twist_rad_per_m != 0) {
+    double mid_m = 0;  // arc length of the unit's middle
+    for (int i = 0; i < units_; ++i) {
+      mid_m += 0.5 * unit_[i].length_m;
+      const double delta = 0.5 * parameters_.twist_rad_per_m * unit_[i].length_m;
+      for (const SectionParameters& s : sections) {
+        for (const TendonRoute& t : s.tendons) {
+          const double angle = t.angle_rad + parameters_.twist_rad_per_m * mid_m;
+          twisted_.push_back(
+              {std::cos(angle), std::sin(angle), t.radius_m * std::cos(delta), t.radius_m * std::sin(delta)});
+        }
+      }
+      mid_m += 0.5 * unit_[i].length_m;
+    }
+  }
 }
 
 // ---- kinematics ----
@@ -270,9 +304,52 @@ void Body::TipJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept {
 
 // ---- tendons ----
 
+// E = L^2 = 2 c2 B + side^2 with B = Y^2 - (side h)^2 / 4, Y = l - lever g, side = 2 r sin(delta); then
+// L_u = E_u / 2L, L_uv = E_uv / 2L - E_u E_v / 4L^3.
+Body::SpanSlopes Body::TwistedSlopes(int i, int j, double u, double v) const noexcept {
+  const TwistedSpan& t = Twisted(i, j);
+  const double l = unit_[i].length_m, side2 = t.side_m * t.side_m;  // a quarter of side^2
+  const Stumpffs c = Stumpff(u * u + v * v);
+  const double d2 = 2 * c[4] - c[3], e2 = 8 * c[6] - 5 * c[5] + c[4];
+  const double g = u * t.cos_mid + v * t.sin_mid, h = v * t.cos_mid - u * t.sin_mid;
+  const double y = l - t.lever_m * g;
+  const double b = y * y - side2 * h * h;
+  const double b_u = -2 * (y * t.lever_m * t.cos_mid - side2 * h * t.sin_mid);
+  const double b_v = -2 * (y * t.lever_m * t.sin_mid + side2 * h * t.cos_mid);
+  const double lever2 = t.lever_m * t.lever_m;
+  const double b_uu = 2 * (lever2 * t.cos_mid * t.cos_mid - side2 * t.sin_mid * t.sin_mid);
+  const double b_uv = 2 * (lever2 + side2) * t.cos_mid * t.sin_mid;
+  const double b_vv = 2 * (lever2 * t.sin_mid * t.sin_mid - side2 * t.cos_mid * t.cos_mid);
+  const double e_u = 2 * (c[2] * b_u + u * d2 * b), e_v = 2 * (c[2] * b_v + v * d2 * b);
+  const double e_uu = 2 * (c[2] * b_uu + 2 * u * d2 * b_u + (d2 + u * u * e2) * b);
+  const double e_uv = 2 * (c[2] * b_uv + u * d2 * b_v + v * d2 * b_u + u * v * e2 * b);
+  const double e_vv = 2 * (c[2] * b_vv + 2 * v * d2 * b_v + (d2 + v * v * e2) * b);
+  SpanSlopes s;
+  s.length = std::sqrt(2 * c[2] * b + 4 * side2);
+  // l^2 - 2 c2 B over the sum of both lengths, with 1 - 2 c2 = 2 theta^2 c4: exact where almost straight.
+  const double in = t.lever_m * g;
+  const double fall = 2 * (l * l * (u * u + v * v) * c[4] + c[2] * (in * (2 * l - in) + side2 * h * h));
+  s.shortening = fall / (s.length + std::sqrt(l * l + 4 * side2));
+  const double half = 0.5 / s.length, cube = half / (2 * s.length * s.length);
+  s.u = half * e_u;
+  s.v = half * e_v;
+  s.uu = half * e_uu - cube * e_u * e_u;
+  s.uv = half * e_uv - cube * e_u * e_v;
+  s.vv = half * e_vv - cube * e_v * e_v;
+  return s;
+}
+
 void Body::TendonLengths(ConstVectorRef q, VectorRef length_m) const noexcept {
   const int m = tendons();
   length_m.setZero();
+  if (!twisted_.empty()) {
+    for (int i = 0; i < units_; ++i) {
+      for (int j = unit_[i].first_tendon; j < m; ++j) {
+        length_m[j] += TwistedSlopes(i, j, q[2 * i], q[2 * i + 1]).length;
+      }
+    }
+    return;
+  }
   for (int i = 0; i < units_; ++i) {
     const double u = q[2 * i], v = q[2 * i + 1], l = unit_[i].length_m;
     const double k = ChordOf(u * u + v * v).k;
@@ -287,6 +364,14 @@ void Body::TendonShortening(ConstVectorRef q, VectorRef shortening_m) const noex
   // l (1 - k) + r a k with 1 - k = y c3(y), y = x/4: exact also where the robot is almost straight.
   const int m = tendons();
   shortening_m.setZero();
+  if (!twisted_.empty()) {
+    for (int i = 0; i < units_; ++i) {
+      for (int j = unit_[i].first_tendon; j < m; ++j) {
+        shortening_m[j] += TwistedSlopes(i, j, q[2 * i], q[2 * i + 1]).shortening;
+      }
+    }
+    return;
+  }
   for (int i = 0; i < units_; ++i) {
     const double u = q[2 * i], v = q[2 * i + 1];
     const double y = 0.25 * (u * u + v * v);
@@ -299,9 +384,65 @@ void Body::TendonShortening(ConstVectorRef q, VectorRef shortening_m) const noex
   }
 }
 
+void Body::SpanShortening(ConstVectorRef q, MatrixRef shortening_m) const noexcept {
+  const int m = tendons();
+  shortening_m.setZero();
+  for (int i = 0; i < units_; ++i) {
+    const double u = q[2 * i], v = q[2 * i + 1];
+    const double y = 0.25 * (u * u + v * v);
+    const Stumpffs c = Stumpff(y);
+    for (int j = unit_[i].first_tendon; j < m; ++j) {
+      const Tendon& t = tendons_[j];
+      shortening_m(j, i) = twisted_.empty() ? unit_[i].length_m * y * c[3] +
+                                                  t.radius_m * (u * t.cos_angle + v * t.sin_angle) * c[1]
+                                            : TwistedSlopes(i, j, u, v).shortening;
+    }
+  }
+}
+
+void Body::TendonTurns(ConstVectorRef q, MatrixRef turn_rad) const noexcept {
+  // In the frame half way along a unit's arc the chord of the arc points along z, and a tendon as well, but
+  // for the twist: d = 2 r sin(delta) (-sin a, cos a) across, of which the component along the bend is
+  // shortened. Half the unit's rotation on either side are the frames of its disks.
+  const int m = tendons();
+  turn_rad.setZero();
+  std::array<Vec, kMaxTendons> arriving;  // in the axes of the disk between the two units
+  for (int i = 0; i < units_; ++i) {
+    const double u = q[2 * i], v = q[2 * i + 1];
+    const Stumpffs half = Stumpff(0.25 * (u * u + v * v));
+    const Mat to_first = Turn(kIdentity, 0.5 * u, 0.5 * v, half);
+    for (int j = unit_[i].first_tendon; j < m; ++j) {
+      Vec chord(0, 0, 1);
+      if (!twisted_.empty()) {
+        const TwistedSpan& t = Twisted(i, j);
+        const double x = -2 * t.side_m * t.sin_mid, y = 2 * t.side_m * t.cos_mid;
+        const double along = 0.25 * half[2] * (u * x + v * y);
+        chord = {x - along * u, y - along * v,
+                 half[1] * (unit_[i].length_m - t.lever_m * (u * t.cos_mid + v * t.sin_mid))};
+      }
+      if (i > 0) {
+        const Vec leaving = to_first * chord;
+        const Vec across = Cross(arriving[j], leaving);
+        turn_rad(j, i - 1) = std::atan2(std::sqrt(across.dot(across)), arriving[j].dot(leaving));
+      }
+      arriving[j] = to_first.TransposeTimes(chord);
+    }
+  }
+}
+
 void Body::TendonLengthJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept {
   const int m = tendons();
   jacobian.setZero();
+  if (!twisted_.empty()) {
+    for (int i = 0; i < units_; ++i) {
+      for (int j = unit_[i].first_tendon; j < m; ++j) {
+        const SpanSlopes s = TwistedSlopes(i, j, q[2 * i], q[2 * i + 1]);
+        jacobian(j, 2 * i) = s.u;
+        jacobian(j, 2 * i + 1) = s.v;
+      }
+    }
+    return;
+  }
   for (int i = 0; i < units_; ++i) {
     const double u = q[2 * i], v = q[2 * i + 1], l = unit_[i].length_m;
     const Chord chord = ChordOf(u * u + v * v);
@@ -316,6 +457,17 @@ void Body::TendonLengthJacobian(ConstVectorRef q, MatrixRef jacobian) const noex
 }
 
 void Body::TendonForce(ConstVectorRef q, ConstVectorRef tension_N, VectorRef force_Nm) const noexcept {
+  if (!twisted_.empty()) {
+    force_Nm.setZero();
+    for (int i = 0; i < units_; ++i) {
+      for (int j = unit_[i].first_tendon; j < tendons(); ++j) {
+        const SpanSlopes s = TwistedSlopes(i, j, q[2 * i], q[2 * i + 1]);
+        force_Nm[2 * i] -= tension_N[j] * s.u;
+        force_Nm[2 * i + 1] -= tension_N[j] * s.v;
+      }
+    }
+    return;
+  }
   // All tendons of a unit act through their sum and their first moments alone. From the tip to the base,
   // tendons that end on the way join in.
   double sum = 0, moment_u = 0, moment_v = 0;
@@ -361,15 +513,16 @@ void Body::InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef d
     unit[i].f = k.mass_kg * a;
     unit[i].n = k.inertia_xx * dw + (extra * z.dot(dw)) * z + (extra * spin) * Cross(w, z);
   }
-  Vec f = kZero, n = kZero;
+  Vec f = kZero + -Vec(parameters_.tip_force_W_N), n = kZero;
   for (int i = units_ - 1; i >= 0; --i) {
     const UnitConstants& k = unit_[i];
     const Joint& j = unit[i].joint;
     f += unit[i].f;
     n += unit[i].n;
-    force_Nm[2 * i] = j.jv_u.dot(f) + j.jw_u.dot(n) + k.stiffness_Nm * q[2 * i] + k.damping_Nms * dq[2 * i];
-    force_Nm[2 * i + 1] =
-        j.jv_v.dot(f) + j.jw_v.dot(n) + k.stiffness_Nm * q[2 * i + 1] + k.damping_Nms * dq[2 * i + 1];
+    force_Nm[2 * i] =
+        j.jv_u.dot(f) + j.jw_u.dot(n) + k.stiffness_Nm * (q[2 * i] - k.rest_u) + k.damping_Nms * dq[2 * i];
+    force_Nm[2 * i + 1] = j.jv_v.dot(f) + j.jw_v.dot(n) + k.stiffness_Nm * (q[2 * i + 1] - k.rest_v) +
+                          k.damping_Nms * dq[2 * i + 1];
     n += Cross(j.p, f);
   }
 }
@@ -396,13 +549,13 @@ void Body::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef f
     b.z = r.z;
     const double extra = k.inertia_zz - k.inertia_xx;
     b.n = (extra * b.z.dot(w)) * Cross(w, b.z);
-    b.t_u = force_Nm[2 * i] - k.stiffness_Nm * u - k.damping_Nms * du;
-    b.t_v = force_Nm[2 * i + 1] - k.stiffness_Nm * v - k.damping_Nms * dv;
+    b.t_u = force_Nm[2 * i] - k.stiffness_Nm * (u - k.rest_u) - k.damping_Nms * du;
+    b.t_v = force_Nm[2 * i + 1] - k.stiffness_Nm * (v - k.rest_v) - k.damping_Nms * dv;
   }
 
   ArticulatedInertia
       all;  // everything from disk i to the tip, about the origin of B, its joints free to yield
-  Vec f = kZero, n = kZero;
+  Vec f = kZero + -Vec(parameters_.tip_force_W_N), n = kZero;
   for (int i = units_ - 1; i >= 0; --i) {
     const UnitConstants& k = unit_[i];
     Workspace::Unit& b = unit[i];
@@ -522,9 +675,11 @@ Energy Body::EnergyOf(ConstVectorRef q, ConstVectorRef dq, Workspace& workspace)
     const double spin = r.z.dot(w);
     energy.kinetic += 0.5 * (k.mass_kg * velocity.dot(velocity) + k.inertia_xx * w.dot(w) +
                              (k.inertia_zz - k.inertia_xx) * spin * spin);
-    energy.elastic += 0.5 * k.stiffness_Nm * (u * u + v * v);
+    const double bent_u = u - k.rest_u, bent_v = v - k.rest_v;
+    energy.elastic += 0.5 * k.stiffness_Nm * (bent_u * bent_u + bent_v * bent_v);
     energy.gravity -= k.mass_kg * gravity.dot(p);
   }
+  energy.gravity -= Vec(parameters_.tip_force_W_N).dot(p);
   return energy;
 }
 
@@ -541,12 +696,33 @@ void Body::StaticForce(ConstVectorRef q, const Eigen::Vector3d& tip_force_W_N,
     r = Turn(r, u, v, c);
   }
   const Vec gravity(parameters_.gravity_W_mps2);
-  Vec f(tip_force_W_N), n = kZero;
+  Vec f = Vec(tip_force_W_N) + Vec(parameters_.tip_force_W_N), n = kZero;
+  for (int i = units_ - 1; i >= 0; --i) {
+    const UnitConstants& k = unit_[i];
+    const Joint& j = joints[i];
+    f += k.mass_kg * gravity;
+    force_Nm[2 * i] = k.stiffness_Nm * (q[2 * i] - k.rest_u) - j.jv_u.dot(f) - j.jw_u.dot(n);
+    force_Nm[2 * i + 1] = k.stiffness_Nm * (q[2 * i + 1] - k.rest_v) - j.jv_v.dot(f) - j.jw_v.dot(n);
+    n += Cross(j.p, f);
+  }
+}
+
+void Body::DiskForce(ConstVectorRef q, const Eigen::Ref<const Eigen::Matrix3Xd>& force_W_N,
+                     VectorRef force_Nm) const noexcept {
+  std::array<Joint, kMaxUnits> joints;
+  Mat r = kIdentity;
+  for (int i = 0; i < units_; ++i) {
+    const double u = q[2 * i], v = q[2 * i + 1];
+    const Stumpffs c = Stumpff(u * u + v * v);
+    PlaceJoint(r, unit_[i].length_m, u, v, c, joints[i]);
+    r = Turn(r, u, v, c);
+  }
+  Vec f = kZero, n = kZero;
   for (int i = units_ - 1; i >= 0; --i) {
     const Joint& j = joints[i];
-    f += unit_[i].mass_kg * gravity;
-    force_Nm[2 * i] = unit_[i].stiffness_Nm * q[2 * i] - j.jv_u.dot(f) - j.jw_u.dot(n);
-    force_Nm[2 * i + 1] = unit_[i].stiffness_Nm * q[2 * i + 1] - j.jv_v.dot(f) - j.jw_v.dot(n);
+    f += Vec(force_W_N.col(i));
+    force_Nm[2 * i] = j.jv_u.dot(f) + j.jw_u.dot(n);
+    force_Nm[2 * i + 1] = j.jv_v.dot(f) + j.jw_v.dot(n);
     n += Cross(j.p, f);
   }
 }
@@ -568,7 +744,7 @@ void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Ei
   // Forces F_k at disks k >= i, seen from the origin of B with arms d_k: sum F, sum d x F, and sum d F^T -
   // (d.F) 1, which turns a small rotation w into sum (w x d) x F.
   const Vec gravity(parameters_.gravity_W_mps2);
-  Vec f(tip_force_W_N), n = kZero;
+  Vec f = Vec(tip_force_W_N) + Vec(parameters_.tip_force_W_N), n = kZero;
   Mat turning{kZero, kZero, kZero};
   double sum = 0, moment_u = 0, moment_v = 0;
   int counted = tendons();
@@ -602,7 +778,7 @@ void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Ei
     const Vec w_uv(-u * (c[3] + vv * d3), -v * (2 * c[3] + vv * d3), -(c[2] + vv * d2));  // d jw_u / dv
     const Vec w_vv(uu * v * d3, u * (c[3] + vv * d3), uv * d2);                           // d jw_v / dv
 
-    while (counted > k.first_tendon) {
+    while (twisted_.empty() && counted > k.first_tendon) {
       const Tendon& t = tendons_[--counted];
       sum += tension_N[counted];
       moment_u += tension_N[counted] * t.radius_m * t.cos_angle;
@@ -620,6 +796,15 @@ void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Ei
     stiffness(2 * i + 1, 2 * i + 1) = k.stiffness_Nm + lever * (chord.slope + vv * chord.bend) -
                                       2 * v * moment_v * chord.slope - l * fa.dot(p_vv) - na.dot(w_vv) -
                                       j.jw_v.dot(turn_v);
+    if (!twisted_.empty()) {
+      for (int t = k.first_tendon; t < tendons(); ++t) {
+        const SpanSlopes s = TwistedSlopes(i, t, u, v);
+        stiffness(2 * i, 2 * i) += tension_N[t] * s.uu;
+        stiffness(2 * i, 2 * i + 1) += tension_N[t] * s.uv;
+        stiffness(2 * i + 1, 2 * i) += tension_N[t] * s.uv;
+        stiffness(2 * i + 1, 2 * i + 1) += tension_N[t] * s.vv;
+      }
+    }
 
     n += Cross(j.p, f);
     turning.x += f.x * j.p;

@@ -117,24 +117,24 @@ void Follow(const At& at, const Rate& rate, Equilibrium& result) {
   result.result = StaticsResult::kNoSolution;
 }
 
-// The straight robot takes on its own weight, little by little: the start of the branch.
+// The robot at its rest shape takes on its dead loads, its own weight first of all, little by little: the
+// start of the branch.
 void Sag(const Body& body, Equilibrium& result) {
   const Load none{VectorXd::Zero(body.tendons()), Vector3d::Zero()};
   const int n = body.dof();
-  result.q = VectorXd::Zero(n);
+  result.q.resize(n);
+  for (int i = 0; i < body.units(); ++i) result.q.segment<2>(2 * i) = body.rest_bend_rad(i);
   const auto at = [&](double lambda) {
     BodyParameters parameters = body.parameters();
     parameters.gravity_W_mps2 *= lambda;
+    parameters.tip_force_W_N *= lambda;
     return std::pair<Body, Load>(Body(parameters), none);
   };
-  VectorXd elastic = VectorXd::Zero(n);
   const auto rate = [&](const Body&, const VectorXd& q, const Load&) {
-    VectorXd all(n);
+    VectorXd all(n), elastic(n);
     body.StaticForce(q, Vector3d::Zero(), all);
-    for (int s = 0; s < body.sections(); ++s) {
-      for (int i = 2 * body.first_unit(s); i < 2 * body.end_unit(s); ++i) {
-        elastic[i] = body.parameters().sections[s].UnitStiffness() * q[i];
-      }
+    for (int i = 0; i < body.units(); ++i) {
+      elastic.segment<2>(2 * i) = body.unit_stiffness_Nm(i) * (q.segment<2>(2 * i) - body.rest_bend_rad(i));
     }
     return VectorXd(elastic - all);
   };

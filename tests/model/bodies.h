@@ -60,6 +60,19 @@ inline BodyParameters TwoSections() {
   return body;
 }
 
+/// The two sections as they may have been built and loaded: a payload and a steady force at the tip, twisted
+/// holes, a soft unit and two that are bent by themselves.
+inline BodyParameters AsBuilt() {
+  BodyParameters body = TwoSections();
+  body.tip_payload_kg = 0.002;
+  body.tip_force_W_N = {0.02, -0.03, 0.01};
+  body.twist_rad_per_m = 4;
+  body.unit_deviations = {{.unit = 1, .rest_u_rad = 0.15, .rest_v_rad = -0.1},
+                          {.unit = 3, .stiffness_scale = 0.8},
+                          {.unit = 4, .stiffness_scale = 1.1, .rest_v_rad = 0.2}};
+  return body;
+}
+
 /// Numbers that are the same on every machine (the distributions of <random> need not be).
 class Random {
  public:

@@ -161,8 +161,83 @@ TEST_P(BodyProperties, ShorteningIsExactDownToTheLastBendThatMoves) {
   q[0] = 1e-12 * std::cos(route.angle_rad);
   q[1] = 1e-12 * std::sin(route.angle_rad);
   body.TendonShortening(q, shortening);
-  const double expected = 1e-12 * route.radius_m + 1e-24 / 24 * first.unit_length_m;
-  EXPECT_NEAR(shortening[0], expected, 1e-15 * expected);
+  if (body.parameters().twist_rad_per_m == 0) {
+    const double expected = 1e-12 * route.radius_m + 1e-24 / 24 * first.unit_length_m;
+    EXPECT_NEAR(shortening[0], expected, 1e-15 * expected);
+  } else {
+    MatrixXd jacobian(m, n);
+    body.TendonLengthJacobian(VectorXd::Zero(n), jacobian);
+    EXPECT_NEAR(shortening[0], -jacobian.row(0).dot(q), 1e-11 * shortening[0]);
+  }
+}
+
+// From the holes' places in space alone.
+TEST_P(BodyProperties, TendonsRunStraightFromHoleToHole) {
+  const BodyParameters& parameters = body.parameters();
+  std::vector<Pose> poses(static_cast<std::size_t>(body.units()) + 1);
+  MatrixXd spans(m, body.units()), turns(m, body.units());
+  VectorXd length(m), shortening(m);
+  for (int k = 0; k < 10; ++k) {
+    const VectorXd q = Shape(k);
+    body.Poses(q, std::span(poses).subspan(1));
+    body.TendonLengths(q, length);
+    body.TendonShortening(q, shortening);
+    body.SpanShortening(q, spans);
+    body.TendonTurns(q, turns);
+    EXPECT_LT((spans.rowwise().sum() - shortening).norm(), 1e-16);
+    int j = 0;
+    for (int s = 0; s < body.sections(); ++s) {
+      for (const TendonRoute& route : parameters.sections[static_cast<std::size_t>(s)].tendons) {
+        double arc_m = 0, total_m = 0;
+        Vector3d before(0, 0, 0), last;
+        for (int i = 0; i <= body.end_unit(s); ++i) {
+          const double angle = route.angle_rad + parameters.twist_rad_per_m * arc_m;
+          const Pose& disk = poses[static_cast<std::size_t>(i)];
+          const Vector3d hole =
+              disk.p_WA + route.radius_m * (disk.R_WA * Vector3d(std::cos(angle), std::sin(angle), 0));
+          if (i > 0) {
+            const Vector3d span = hole - last;
+            total_m += span.norm();
+            if (i > 1) {
+              const double turn = 2 * std::asin(0.5 * (span.normalized() - before.normalized()).norm());
+              EXPECT_NEAR(turns(j, i - 2), turn, 1e-13);
+            }
+            before = span;
+          }
+          last = hole;
+          int section = 0;
+          while (section + 1 < body.sections() && i >= body.end_unit(section)) ++section;
+          arc_m += parameters.sections[static_cast<std::size_t>(section)].unit_length_m;
+        }
+        EXPECT_NEAR(length[j], total_m, 1e-15);
+        EXPECT_EQ(turns.row(j).tail(body.units() - body.end_unit(s) + 1).norm(), 0);
+        EXPECT_EQ(spans.row(j).tail(body.units() - body.end_unit(s)).norm(), 0);
+        ++j;
+      }
+    }
+  }
+}
+
+TEST_P(BodyProperties, ForcesOnDisksDoTheWorkOfTheirDisksMotion) {
+  std::vector<Pose> poses(static_cast<std::size_t>(body.units()));
+  for (int k = 0; k < 10; ++k) {
+    const VectorXd q = Shape(k);
+    Eigen::Matrix3Xd forces(3, body.units());
+    for (int i = 0; i < body.units(); ++i) forces.col(i) = random.Vector(3, -1, 1);
+    VectorXd force(n);
+    body.DiskForce(q, forces, force);
+    const MatrixXd work = Jacobian(
+        [&](const VectorXd& at) {
+          body.Poses(at, poses);
+          double sum = 0;
+          for (int i = 0; i < body.units(); ++i) {
+            sum += forces.col(i).dot(poses[static_cast<std::size_t>(i)].p_WA);
+          }
+          return VectorXd::Constant(1, sum);
+        },
+        q, 1e-2);
+    EXPECT_LT((work.row(0).transpose() - force).norm(), 1e-12);
+  }
 }
 
 TEST_P(BodyProperties, TangentStiffnessIsTheDerivativeOfTheStaticForces) {
@@ -236,7 +311,14 @@ TEST_P(BodyProperties, PosesEndAtTheTipAndAreRotations) {
 TEST_P(BodyProperties, NothingChangesWhenEverythingTurnsAboutZ) {
   const double angle = 0.7;
   BodyParameters parameters = GetParam();
-  parameters.gravity_W_mps2 = Eigen::AngleAxisd(angle, Vector3d::UnitZ()) * parameters.gravity_W_mps2;
+  const Eigen::AngleAxisd about_z(angle, Vector3d::UnitZ());
+  parameters.gravity_W_mps2 = about_z * parameters.gravity_W_mps2;
+  parameters.tip_force_W_N = about_z * parameters.tip_force_W_N;
+  for (UnitDeviation& d : parameters.unit_deviations) {
+    const Eigen::Vector2d rest = Eigen::Rotation2Dd(angle) * Eigen::Vector2d(d.rest_u_rad, d.rest_v_rad);
+    d.rest_u_rad = rest[0];
+    d.rest_v_rad = rest[1];
+  }
   for (auto& section : parameters.sections) {
     for (auto& route : section.tendons) route.angle_rad += angle;
   }
@@ -257,6 +339,9 @@ TEST_P(BodyProperties, NothingChangesWhenEverythingTurnsAboutZ) {
 TEST_P(BodyProperties, TheMirrorImageMovesAsTheMirrorImage) {
   BodyParameters parameters = GetParam();
   parameters.gravity_W_mps2.y() *= -1;
+  parameters.tip_force_W_N.y() *= -1;
+  parameters.twist_rad_per_m *= -1;
+  for (UnitDeviation& d : parameters.unit_deviations) d.rest_v_rad *= -1;
   for (auto& section : parameters.sections) {
     for (auto& route : section.tendons) route.angle_rad *= -1;
   }
@@ -291,11 +376,64 @@ TEST_P(BodyProperties, SectionsShareTheirBendEquallyAndForcesDoTheSameWork) {
 
 INSTANTIATE_TEST_SUITE_P(Robots, BodyProperties,
                          testing::Values(test::PaperBody(), test::TwoSections(), test::PaperBody(1, 0.09),
-                                         test::PaperBody(12, 0.0075)),
+                                         test::PaperBody(12, 0.0075), test::AsBuilt()),
                          [](const auto& robot) {
                            return std::to_string(robot.param.sections.size()) + "Sections" +
-                                  std::to_string(robot.param.units()) + "Units";
+                                  std::to_string(robot.param.units()) + "Units" +
+                                  (robot.param.unit_deviations.empty() ? "" : "AsBuilt");
                          });
+
+TEST(Body, LoadsAndRestShapeEnterTheEnergyAsTheirDefinitionsSay) {
+  const BodyParameters built = test::AsBuilt();
+  BodyParameters drawn = built;
+  drawn.tip_payload_kg = 0;
+  drawn.tip_force_W_N.setZero();
+  drawn.unit_deviations.clear();
+  const Body body(built), plain(drawn);
+  Body::Workspace workspace(body);
+  Random random(3);
+  for (int k = 0; k < 10; ++k) {
+    const VectorXd q = random.Vector(10, -1, 1), dq = random.Vector(10, -5, 5);
+    const Energy with = body.EnergyOf(q, dq, workspace), without = plain.EnergyOf(q, dq, workspace);
+    MatrixXd jacobian(6, 10);
+    body.TipJacobian(q, jacobian);
+    const Vector3d tip = body.TipPose(q).p_WA, velocity = jacobian.topRows(3) * dq;
+    EXPECT_NEAR(with.kinetic - without.kinetic, 0.5 * built.tip_payload_kg * velocity.squaredNorm(), 1e-15);
+    EXPECT_NEAR(with.gravity - without.gravity,
+                -(built.tip_payload_kg * built.gravity_W_mps2 + built.tip_force_W_N).dot(tip), 1e-15);
+    double elastic = 0;
+    for (int i = 0; i < 5; ++i) {
+      double stiffness = drawn.sections[i < 3 ? 0 : 1].UnitStiffness();
+      Eigen::Vector2d rest(0, 0);
+      for (const UnitDeviation& d : built.unit_deviations) {
+        if (d.unit != i + 1) continue;
+        stiffness *= d.stiffness_scale;
+        rest = {d.rest_u_rad, d.rest_v_rad};
+      }
+      elastic += 0.5 * stiffness * (q.segment<2>(2 * i) - rest).squaredNorm();
+    }
+    EXPECT_NEAR(with.elastic, elastic, 1e-15);
+  }
+}
+
+TEST(Body, DeviationsThatAreNoneChangeNoBit) {
+  BodyParameters parameters = test::TwoSections();
+  const Body plain(parameters);
+  for (int unit = 5; unit >= 1; --unit) parameters.DeviationOf(unit);
+  ASSERT_EQ(parameters.unit_deviations.size(), 5u);
+  EXPECT_EQ(&parameters.DeviationOf(3), &parameters.unit_deviations[2]);
+  const Body body(parameters);
+  Body::Workspace workspace(body);
+  Random random(11);
+  for (int k = 0; k < 10; ++k) {
+    const VectorXd q = random.Vector(10, -1, 1), dq = random.Vector(10, -5, 5),
+                   force = random.Vector(10, -1, 1);
+    VectorXd a(10), b(10);
+    body.ForwardDynamics(q, dq, force, a, workspace);
+    plain.ForwardDynamics(q, dq, force, b, workspace);
+    EXPECT_EQ(a, b);
+  }
+}
 
 TEST(Body, OneUnitAtRestStraightIsATextbookRotor) {
   // A single straight unit: mass m at the end of a rocker whose end moves l/2 per rad and turns 1 per rad.
@@ -330,6 +468,13 @@ TEST(Body, ConstructionRefusesWhatMakesNoSense) {
   refuses([](BodyParameters& p) { p.sections[0].tendons[1].radius_m = 0; });
   refuses([](BodyParameters& p) { p.sections[0].tendons.resize(17, {0.1, 0.004}); });
   refuses([](BodyParameters& p) { p.gravity_W_mps2.x() = kNan; });
+  refuses([](BodyParameters& p) { p.tip_payload_kg = -1e-3; });
+  refuses([](BodyParameters& p) { p.tip_force_W_N.y() = kNan; });
+  refuses([](BodyParameters& p) { p.twist_rad_per_m = kNan; });
+  refuses([](BodyParameters& p) { p.DeviationOf(5).stiffness_scale = 0.9; });
+  refuses([](BodyParameters& p) { p.DeviationOf(0); });
+  refuses([](BodyParameters& p) { p.DeviationOf(2).stiffness_scale = 0; });
+  refuses([](BodyParameters& p) { p.DeviationOf(2).rest_u_rad = kNan; });
 }
 
 }  // namespace

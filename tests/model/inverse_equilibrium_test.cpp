@@ -52,6 +52,18 @@ Body TwoSections() {
   return Body(p);
 }
 
+/// Payload, a steady pull at the tip, twisted holes, units that are soft or bent by themselves.
+Body AsBuilt() {
+  BodyParameters p;
+  p.sections = {Section(0.0225, 3, 0.2, 2e-4)};
+  p.tip_payload_kg = 0.002;
+  p.tip_force_W_N = {0.01, -0.02, 0};
+  p.twist_rad_per_m = 3;
+  p.unit_deviations = {{.unit = 2, .stiffness_scale = 0.85},
+                       {.unit = 3, .rest_u_rad = 0.1, .rest_v_rad = -0.05}};
+  return Body(p);
+}
+
 VectorXd RandomTensions(std::mt19937& random, int count, double most) {
   std::uniform_real_distribution<double> uniform(-0.6, 1);
   VectorXd t(count);
@@ -112,7 +124,7 @@ void ExpectOptimal(const Body& body, const TensionedShape& shape, Goal goal, dou
 }
 
 TEST(InverseEquilibrium, BendingComesBackWithTheLeastTensions) {
-  for (const Body& body : {ThreeTendons(), FiveTendons(), TwoSections()}) {
+  for (const Body& body : {ThreeTendons(), FiveTendons(), TwoSections(), AsBuilt()}) {
     std::mt19937 random(1);
     const InverseEquilibrium inverse(body, kLeast_N, kMost_N);
     int cases = 0;
@@ -143,7 +155,7 @@ TEST(InverseEquilibrium, BendingComesBackWithTheLeastTensions) {
 }
 
 TEST(InverseEquilibrium, TipComesBackWithTheLeastTensions) {
-  for (const Body& body : {ThreeTendons(), FiveTendons(), TwoSections()}) {
+  for (const Body& body : {ThreeTendons(), FiveTendons(), TwoSections(), AsBuilt()}) {
     std::mt19937 random(2);
     const InverseEquilibrium inverse(body, kLeast_N, kMost_N);
     int cases = 0, same_or_less = 0, other_face = 0;
@@ -208,7 +220,7 @@ TEST(InverseEquilibrium, OutOfReachGoesNearest) {
 }
 
 TEST(InverseEquilibrium, MotionAtRestIsTheStaticSolutionAndMotionBalances) {
-  for (const Body& body : {ThreeTendons(), TwoSections()}) {
+  for (const Body& body : {ThreeTendons(), TwoSections(), AsBuilt()}) {
     const int k = 2 * body.sections();
     const InverseEquilibrium inverse(body, kLeast_N, kMost_N);
     VectorXd bend(k), rate(k), acceleration(k);
@@ -233,6 +245,8 @@ TEST(InverseEquilibrium, MotionAtRestIsTheStaticSolutionAndMotionBalances) {
     EXPECT_LT((got - ddq).norm(), 1e-6 * ddq.norm());
     EXPECT_LT(moving.miss, 1e-12);
 
+    // One section's tips form a shell not a micrometre thick, which a heavy tip in motion need not meet.
+    if (body.parameters().tip_payload_kg > 0) continue;
     const Vector3d tip = body.TipPose(still.q).p_WA;
     const TensionedShape tip_still = inverse.ForTip(tip, 2.6);
     const TensionedShape tip_zero = inverse.ForTip(tip, Vector3d::Zero(), Vector3d::Zero(), 2.6);

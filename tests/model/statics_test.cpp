@@ -79,6 +79,35 @@ TEST(Statics, AnyTensionsUpToTheLimitWithATipForceAndInAnyAttitude) {
   }
 }
 
+TEST(Statics, ARobotAsBuiltIsFollowedFromItsRestShape) {
+  const BodyParameters built = test::AsBuilt();
+  const Body body(built);
+  test::Random random(8);
+  for (int k = 0; k < 50; ++k) {
+    const VectorXd tension = random.Vector(7, 0, 2);
+    const Vector3d force = random.Vector(3, -0.02, 0.02);
+    const Equilibrium found = SolveStatics(body, tension, force);
+    ASSERT_EQ(found.result, StaticsResult::kConverged) << tension.transpose();
+    EXPECT_LT(Residual(body, found.q, tension, force), 1e-16);
+
+    // The body's own force is a force like any other, a payload a force of m g.
+    BodyParameters bare = built;
+    bare.tip_force_W_N.setZero();
+    bare.tip_payload_kg = 0;
+    const Vector3d all = force + built.tip_force_W_N + built.tip_payload_kg * built.gravity_W_mps2;
+    const Equilibrium same = SolveStatics(Body(bare), tension, all);
+    ASSERT_EQ(same.result, StaticsResult::kConverged);
+    EXPECT_LT((same.q - found.q).norm(), 1e-12);
+  }
+
+  BodyParameters alone = built;  // without any load it lies in its rest shape
+  alone.gravity_W_mps2.setZero();
+  alone.tip_force_W_N.setZero();
+  const Equilibrium rest = SolveStatics(Body(alone), VectorXd::Zero(7), kNoForce);
+  ASSERT_EQ(rest.result, StaticsResult::kConverged);
+  EXPECT_LT((rest.q - (VectorXd(10) << 0.15, -0.1, 0, 0, 0, 0, 0, 0.2, 0, 0).finished()).norm(), 1e-15);
+}
+
 // One unit without gravity and one tendon on the x side: k u = T (r c(u) - (l - r u) c'(u)) with
 // c = sin(u/2) / (u/2), solved here by bisection.
 TEST(Statics, OneUnitPulledByOneTendonSolvesItsScalarEquation) {

@@ -22,8 +22,8 @@ struct Equilibrium {
   int iterations = 0;        // Newton steps in all
 };
 
-/// Follows the equilibrium from the unloaded straight shape (gravity acting) to the given tensions and tip
-/// force.
+/// Follows the equilibrium from the unloaded rest shape (gravity and the body's own tip force acting) to the
+/// given tensions and tip force.
 Equilibrium SolveStatics(const Body& body, ConstVectorRef tension_N, const Eigen::Vector3d& tip_force_W_N);
 /// Minimum of the potential reached downhill from a start: Newton with the exact tangent and a line search;
 /// result kNoSolution when it does not converge and kBuckled when what it converges to is unstable.
