@@ -10,23 +10,21 @@ Effect Backlash() {
       .scope = Scope::kTendon,
       .cut = Cut::kTendon,
       .cut_robot_side = Cut::kTendon,
-      .on_all = true,
       .on_one = true,
-      .parameters = {{.name = "rad", .nominal = 0, .lower = 0, .upper = 0.3, .typical = 0.1}},
+      .parameters = {{.name = "rad", .nominal = 0, .lower = 0, .upper = 1, .typical = 0.1}},
       .summary = "after a reversal the motor turns a little before the spool follows",
       .physics =
-          "The shaft has to cross a full play of `rad` at the motor before the spool moves: the driven angle "
-          "is clamp(driven, shaft, shaft + rad). While it is crossed the gear's friction holds the spool, so "
-          "the tendon's load stays on the motor. A run begins with the play taken up in the pulling "
-          "direction.",
+          "The shaft crosses a full play of rad (at the motor) before the spool moves: the driven angle "
+          "is clamp(driven, shaft, shaft + rad). While it is crossed the spool stays, and its load "
+          "stays on the motor. A run begins with the play taken up in the pulling direction.",
       .signature =
-          "Tension and tip against motor angle draw a loop with flat ends: after each reversal the angle "
-          "moves by the same amount, whatever the load, while tension and shape stand still. Actual torque "
-          "against tension shows nothing.",
+          "Tension and shape against motor angle draw a loop: after each reversal the motor turns by "
+          "the same angle, whatever the load, while both stand still. Torque against tension shows "
+          "nothing.",
       .experiment =
-          "Slow reversals of a few tenths of a radian at three levels of co-contraction: the width of the "
-          "loop in motor angle is the play and does not change with the level.",
-      .confusable = {"slack", "presliding", "encoder_offset"},
+          "Slow reversals of some tenths of a radian at three levels of co-contraction: the width of "
+          "the loop in motor angle is the play and does not change with the level.",
+      .confusable = {"slack", "presliding", "encoder_offset", "backbone_hysteresis"},
       .add =
           [](PlantLaws& laws, const RobotParameters&, Target target, std::span<const double> v) {
             ForTarget(laws.tendon, target, [&](TendonLaws& tendon) { tendon.play_rad += v[0]; });

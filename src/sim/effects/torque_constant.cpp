@@ -10,21 +10,22 @@ Effect TorqueConstant() {
       .scope = Scope::kTendon,
       .cut = Cut::kDrivetrain,
       .cut_robot_side = Cut::kDrivetrain,
-      .on_all = true,
       .on_one = true,
       .parameters = {Scale(0.5, 1.5, 0.1)},
       .summary = "the motor's real torque per ampere differs from its data sheet",
       .physics =
-          "The drive knows only the current. It reports current x nominal torque constant, while the shaft "
-          "receives scale x that: a hot magnet loses 0.1 to 0.2 % per kelvin, a motor's constant scatters by "
-          "several per cent between copies.",
+          "The drive knows only the current: it reports current x nominal torque constant, while the "
+          "shaft receives scale x that. A hot magnet loses 0.1 to 0.2 % per kelvin, and copies of one "
+          "motor scatter by several per cent.",
       .signature =
-          "The tension that the load cell reads is off in proportion to the torque, alike for pulling and "
-          "paying out, and independent of speed; commanded and reported torque agree.",
+          "The tension at the load cell is off in proportion to the torque, alike for pulling and "
+          "paying out and at every speed (above 1: more tension than the torque explains). Commanded "
+          "and reported torque agree.",
       .experiment =
-          "Two slow triangles at different tensions with a load cell on the motor's side: the mean of the "
-          "pulling and the paying-out branch against torque gives the scale, their distance the friction.",
-      .confusable = {"gear_efficiency", "cell_gain"},
+          "Slow triangles at two levels of co-contraction with a load cell on the motor's side: the "
+          "mean of the pulling and the paying-out branch, torque against tension, has the slope of the "
+          "constant; half their distance is friction.",
+      .confusable = {"cell_gain", "gear_efficiency"},
       .edit =
           [](RobotParameters& robot, Target target, std::span<const double> v) {
             ForTendons(robot, target,

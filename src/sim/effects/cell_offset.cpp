@@ -1,0 +1,33 @@
+// Effect: the load cell does not show zero at zero tension.
+#include "common.h"
+
+namespace tendril::sim {
+
+Effect CellOffset() {
+  return {
+      .name = "cell_offset",
+      .stage = Stage::kSensor,
+      .scope = Scope::kTendon,
+      .cut = Cut::kSensors,
+      .cut_robot_side = Cut::kSensors,
+      .on_one = true,
+      .parameters = {{.name = "N", .nominal = 0, .lower = -2, .upper = 2, .typical = 0.05}},
+      .summary = "the load cell's zero is off",
+      .physics =
+          "Reading = gain x tension + N: an amplifier's offset, a cell mounted under stress, a tare "
+          "that was taken with tension on it. The real tension is not affected; a controller that "
+          "believes the cell is.",
+      .signature =
+          "The reading differs from what torque, stretch and shape say by the same newtons, at every "
+          "tension and time.",
+      .experiment = "Read the cells with loose tendons.",
+      .confusable = {"cell_drift", "encoder_offset", "slack"},
+      .edit =
+          [](RobotParameters& robot, Target target, std::span<const double> v) {
+            ForTendons(robot, target,
+                       [&](TendonDriveParameters& tendon) { tendon.load_cell.offset_N += v[0]; });
+          },
+  };
+}
+
+}  // namespace tendril::sim

@@ -1,0 +1,32 @@
+// Effect: the zero of the motor angle is not the straight robot at pretension.
+#include "common.h"
+
+namespace tendril::sim {
+
+Effect EncoderOffset() {
+  return {
+      .name = "encoder_offset",
+      .stage = Stage::kSensor,
+      .scope = Scope::kTendon,
+      .cut = Cut::kTendon,
+      .cut_robot_side = Cut::kTendon,
+      .on_one = true,
+      .parameters = {{.name = "rad", .nominal = 0, .lower = -10, .upper = 10, .typical = 0.05}},
+      .summary = "the motor's reported angle is off by a constant",
+      .physics =
+          "Reported angle = angle + rad: the zero was taken with the robot bent, or with another "
+          "pretension. A programme that sets its zero at the start of each run takes it out.",
+      .signature =
+          "All of a run the reported displacement stands ahead of tension and shape by the same length "
+          "(positive: reported ahead), from the first sample on and without any slack at the start.",
+      .experiment = "Set the zero again on the straight robot at pretension, and compare.",
+      .confusable = {"slack", "backlash", "precurvature"},
+      .add =
+          [](PlantLaws& laws, const RobotParameters&, Target target, std::span<const double> v) {
+            ForTarget(laws.sensor.encoder_offset_rad, target,
+                      [&](double& offset_rad) { offset_rad += v[0]; });
+          },
+  };
+}
+
+}  // namespace tendril::sim

@@ -1,0 +1,71 @@
+// Effect: the tendon goes on stretching under load.
+#include <cmath>
+
+#include "common.h"
+
+namespace tendril::sim {
+namespace {
+
+/// c' = (fraction (T - T_start) / k - c) / tau. T is held from one commit to the next: steps are half a
+/// millisecond at most, tau a tenth of a second at least.
+class Creep final : public StretchLaw {
+ public:
+  Creep(double fraction, double tau_s) : fraction_(fraction), tau_s_(tau_s) {}
+  std::unique_ptr<StretchLaw> Clone() const override { return std::make_unique<Creep>(*this); }
+
+  void Start(double tension_N, double stiffness_Npm) noexcept override {
+    start_N_ = tension_N;
+    gain_mpN_ = fraction_ / stiffness_Npm;
+  }
+  double Peek(double time_s) const noexcept override {
+    return length_m_ - (target_m_ - length_m_) * std::expm1(-(time_s - time_s_) / tau_s_);
+  }
+  void Commit(double time_s, double tension_N) noexcept override {
+    length_m_ = Peek(time_s);
+    target_m_ = gain_mpN_ * (tension_N - start_N_);
+    time_s_ = time_s;
+  }
+
+ private:
+  double fraction_, tau_s_, start_N_ = 0, gain_mpN_ = 0;
+  double time_s_ = 0, length_m_ = 0, target_m_ = 0;
+};
+
+}  // namespace
+
+Effect TendonCreep() {
+  return {
+      .name = "tendon_creep",
+      .stage = Stage::kTransmission,
+      .scope = Scope::kTendon,
+      .cut = Cut::kTendon,
+      .cut_robot_side = Cut::kTendon,
+      .on_one = true,
+      .parameters = {{.name = "fraction", .nominal = 0, .lower = 0, .upper = 1, .typical = 0.1},
+                     {.name = "tau_s",
+                      .nominal = 10,
+                      .lower = 0.1,
+                      .upper = 1000,
+                      .typical = 0,
+                      .shape = true,
+                      .starts = {0.5, 3, 20, 100}}},
+      .summary = "the tendon goes on stretching under a constant load and creeps back",
+      .physics =
+          "Beside its elastic stretch the tendon gains length towards fraction x (tension - pretension) "
+          "/ stiffness, with the time constant tau_s (a standard linear solid): stiff when pulled fast, "
+          "softer by 1 / (1 + fraction) in the long run. Polymer ropes do it, wire ropes hardly.",
+      .signature =
+          "After a step to a tension that is then held the motor turns on, or the tip sinks, "
+          "exponentially; on release it comes back. A fast run shows nothing.",
+      .experiment = "A hold of 60 s at high tension, then one at low tension.",
+      .confusable = {"tendon_stiffness", "slack", "cell_drift"},
+      .add =
+          [](PlantLaws& laws, const RobotParameters&, Target target, std::span<const double> v) {
+            ForTarget(laws.tendon, target, [&](TendonLaws& tendon) {
+              tendon.stretch.emplace_back(std::make_unique<Creep>(v[0], v[1]));
+            });
+          },
+  };
+}
+
+}  // namespace tendril::sim
