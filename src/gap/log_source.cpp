@@ -102,7 +102,9 @@ class LogRun {
     run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNone;
     if (run_.tension_N.cols() > 0) {
       const bool cell = tendon.load_cell.place != LoadCellPlace::kNone && tendon.load_cell.gain_VpN > 0;
-      run_.tension_N(row, j) = fresh && cell ? drive.analog_mV * 1e-3 / tendon.load_cell.gain_VpN : kNone;
+      run_.tension_N(row, j) =
+          fresh && cell ? drive.analog_mV * 1e-3 / tendon.load_cell.gain_VpN - tendon.load_cell.offset_N
+                        : kNone;
     }
   }
 

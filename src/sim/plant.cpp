@@ -1,8 +1,6 @@
 // The plant: body and drivetrains as one system of ordinary differential equations, sensors around it.
 // States: unit bending q, motor angles and their rates. Friction memories are functions of position that
 // remember: read inside the solver's steps, moved on only when a step was accepted.
-#include "tendril/sim/plant.h"
-
 #include <fmt/core.h>
 
 #include <Eigen/Cholesky>
@@ -17,6 +15,7 @@
 #include "integrator.h"
 #include "laws.h"
 #include "tendril/sim/effects.h"
+#include "tendril/sim/plant.h"
 
 namespace tendril::sim {
 namespace {
@@ -64,6 +63,25 @@ const ActuationParameters& Actuation(const RobotParameters& robot) {
   return *robot.actuation;
 }
 
+// The tracker draws from a sequence of its own: reading it or not leaves the drives' noise as it is.
+constexpr std::uint64_t kTrackerSeed = 0x9E3779B97F4A7C15;
+
+class Noise {
+ public:
+  Noise(bool on, std::uint64_t seed) : on_(on), random_(seed) {}
+
+  double Draw(double rms) {
+    // Drawn whether it is used or not: a run's noise does not depend on which sensors the file gives a noise.
+    const double value = normal_(random_);
+    return on_ ? rms * value : 0;
+  }
+
+ private:
+  bool on_;
+  std::mt19937_64 random_;
+  std::normal_distribution<double> normal_;
+};
+
 }  // namespace
 
 struct Plant::Impl final : OdeSystem {
@@ -77,7 +95,8 @@ struct Plant::Impl final : OdeSystem {
         n(body.dof()),
         m(body.tendons()),
         cholesky(n),
-        random(plant_options.seed) {
+        sensor_noise(plant_options.sensor_noise, plant_options.seed),
+        tracker_noise(plant_options.sensor_noise, plant_options.seed + kTrackerSeed) {
     std::vector<std::shared_ptr<const model::CapstanTable>> tables;
     for (int j = 0; j < m; ++j) {
       const auto& p = actuation.tendons[j];
@@ -283,11 +302,6 @@ struct Plant::Impl final : OdeSystem {
   }
 
   // ---- sensors ----
-  double Noise(double rms) {
-    // Drawn whether it is used or not: a run's noise does not depend on which sensors the file gives a noise.
-    const double value = normal(random);
-    return options.sensor_noise ? rms * value : 0;
-  }
 
   std::vector<TendonSensors> ReadSensors() {
     std::vector<TendonSensors> sensors(m);
@@ -300,8 +314,8 @@ struct Plant::Impl final : OdeSystem {
           static_cast<std::int32_t>(std::llround(turns * p.drive.encoder_counts_per_turn));
       const double permille = p.drive.rated_torque_Nm * 1e-3;
       sensors[j].torque_Nm = permille * std::round(drive[j].Torque(now) / permille +
-                                                   Noise(p.drive.actual_torque_noise_permille));
-      const double cell = Noise(p.load_cell.noise_N);
+                                                   sensor_noise.Draw(p.drive.actual_torque_noise_permille));
+      const double cell = sensor_noise.Draw(p.load_cell.noise_N);
       if (p.load_cell.place == LoadCellPlace::kNone) continue;
       const double tension_N =
           p.load_cell.place == LoadCellPlace::kMotorSide ? state[j].tension_motor_N : state[j].tension_base_N;
@@ -336,8 +350,9 @@ struct Plant::Impl final : OdeSystem {
     const model::Pose pose{turned * tip.R_WA, turned * tip.p_WA + laws.sensor.tracker_offset_m};
     const TrackerParameters tracker = actuation.tracker.value_or(TrackerParameters{});
     Eigen::Vector3d turn;
-    for (int i = 0; i < 3; ++i) reading.tip_W_m[i] = pose.p_WA[i] + Noise(tracker.position_noise_m);
-    for (int i = 0; i < 3; ++i) turn[i] = Noise(tracker.orientation_noise_rad);
+    for (int i = 0; i < 3; ++i)
+      reading.tip_W_m[i] = pose.p_WA[i] + tracker_noise.Draw(tracker.position_noise_m);
+    for (int i = 0; i < 3; ++i) turn[i] = tracker_noise.Draw(tracker.orientation_noise_rad);
     reading.orientation_WT = Eigen::Quaterniond(Eigen::Matrix3d(pose.R_WA * Rotation(turn)));
     if (reading.orientation_WT.w() < 0) reading.orientation_WT.coeffs() *= -1;
     return reading;
@@ -372,8 +387,7 @@ struct Plant::Impl final : OdeSystem {
   Eigen::VectorXd q, dq;
   std::vector<TendonState> state;
   std::deque<std::pair<double, Eigen::VectorXd>> past;
-  std::mt19937_64 random;
-  std::normal_distribution<double> normal;
+  Noise sensor_noise, tracker_noise;
 };
 
 Plant::Plant(const RobotParameters& robot, const PlantOptions& options)

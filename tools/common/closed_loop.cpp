@@ -1,10 +1,13 @@
 #include "closed_loop.h"
 
+#include <lcm/lcm-cpp.hpp>
 #include <stdexcept>
 
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/daemon/wiring.h"
+#include "tendril/io/connection.h"
+#include "tracker_message.h"
 
 namespace tendril::tools {
 namespace {
@@ -53,6 +56,8 @@ ClosedLoop::ClosedLoop(const ClosedLoopOptions& options) : bus_(clock_) {
       });
   gateway_ = std::make_unique<io::Gateway>(InProcess(daemon_.lcm), daemon::ShapeOf(robot), clock_);
   gateway_->OnCommand([this](const Command& command) { pending_ = command; });
+  gateway_->OnTracker([this](const TrackerSample& sample) { tracker_ = sample; });
+  tracker_channel_ = io::ChannelName(daemon_.lcm.channel_prefix, "TRACKER");
   operator_ = std::make_unique<io::Client>(gateway_->lcm(), daemon_.lcm.channel_prefix);
   if (!options.log_path.empty()) log_ = std::make_unique<io::LogWriter>(*gateway_, options.log_path, clock_);
   gateway_->PublishRun({.robot_yaml = config::ToYaml(robot),
@@ -69,13 +74,25 @@ const CycleRecord& ClosedLoop::Step() {
   const rt::CycleStart start{
       .cycle = cycle_count_++, .grid_ns = clock_.Now(), .wake_latency_ns = 0, .missed = 0};
   answered_ = false;
-  cycle_->Run(start, pending_, {}, record_);
+  cycle_->Run(start, pending_, tracker_, record_);
   pending_ = Command{};
+  tracker_ = TrackerSample{};
 
   gateway_->PublishState(record_);
   gateway_->PublishCycle(record_);
   ForwardEvents();
+  PublishTracker();
   return record_;
+}
+
+// As from a tracker's own computer: a message that the controller has in its next cycle.
+void ClosedLoop::PublishTracker() {
+  const auto reading = rig_->TakeTrackerReading();
+  if (!reading) return;
+  const auto message = TrackerMessage(*reading, reading->time_ns / kNsPerUs);
+  if (static_cast<lcm::LCM*>(gateway_->lcm())->publish(tracker_channel_, &message) != 0) {
+    throw std::runtime_error("a tracker reading could not be published");
+  }
 }
 
 void ClosedLoop::ForwardEvents() {
@@ -106,6 +123,12 @@ void ClosedLoop::ArmAndPretension() {
   Send(ModeRequest::kArm);
   StepUntil([](const CycleRecord& r) { return r.output.mode == Mode::kRunning; }, 10,
             "arming and pretension");
+}
+
+void ClosedLoop::ArmBehindBrakes() {
+  rig_->HoldBrakes(true);
+  ArmAndPretension();
+  rig_->HoldBrakes(false);
 }
 
 void ClosedLoop::DisarmAndWait() {

@@ -59,12 +59,15 @@ class ClosedLoop {
   }
   /// Waits for the drives to be configured, arms, pretensions; then the controller is running.
   void ArmAndPretension();
+  /// The same with the motors' brakes on, and lets them go: nothing has moved until this returns.
+  void ArmBehindBrakes();
   /// Disarms and waits for the safe stop to end.
   void DisarmAndWait();
 
  private:
   [[noreturn]] void ThrowTimeout(const char* what) const;
   void ForwardEvents();
+  void PublishTracker();
 
   SimulatedClock clock_;
   DaemonParameters daemon_;
@@ -77,6 +80,8 @@ class ClosedLoop {
   std::unique_ptr<io::Client> operator_;
   std::unique_ptr<io::LogWriter> log_;
   Command pending_;
+  TrackerSample tracker_;
+  std::string tracker_channel_;
   CycleRecord record_;
   std::string last_event_;
   std::uint64_t cycle_count_ = 0;

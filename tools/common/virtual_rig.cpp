@@ -54,13 +54,26 @@ int VirtualRig::Poll(TimeNs now_ns) {
   const int syncs = rack_.Poll(now_ns);
   bool changed = false;
   for (int j = 0; j < plant_.tendons(); ++j) {
-    released_[j] = released_[j] || rack_.enabled(j);
+    released_[j] = released_[j] || (rack_.enabled(j) && !brakes_held_);
     const double torque = released_[j] ? rack_.torque_Nm(j) : torque_Nm_[j];
     changed = changed || torque != torque_Nm_[j];
     torque_Nm_[j] = torque;
   }
   if (changed) plant_.SetTorque(torque_Nm_);
   return syncs;
+}
+
+std::optional<TrackerSample> VirtualRig::TakeTrackerReading() {
+  const auto& tracker = robot_.actuation->tracker;
+  const TimeNs now_ns = plant_.time_ns();
+  if (!tracker || !start_ns_ || now_ns < next_reading_ns_) return std::nullopt;
+  next_reading_ns_ =
+      std::max(next_reading_ns_ + static_cast<TimeNs>(std::llround(1e9 / tracker->rate_Hz)), now_ns);
+  const sim::TrackerReading reading = plant_.ReadTracker();
+  return TrackerSample{.valid = true,
+                       .time_ns = *start_ns_ + now_ns - std::llround(tracker->delay_s * 1e9),
+                       .tip_W_m = reading.tip_W_m,
+                       .orientation_WT = reading.orientation_WT};
 }
 
 void VirtualRig::ShowSensors() {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tendril/can/can_port.h"
+#include "tendril/core/cycle.h"
 #include "tendril/core/robot.h"
 #include "tendril/emulator/drive_rack.h"
 #include "tendril/sim/plant.h"
@@ -28,6 +29,13 @@ class VirtualRig {
   /// From the first time on that its drive is enabled the drive's torque counts, which is zero while it is
   /// disabled.
   int Poll(TimeNs now_ns);
+  /// Brakes of motors that have not moved yet stay on even while their drives are enabled, until this is
+  /// called with false: a robot that is armed then begins exactly where the plant begins.
+  void HoldBrakes(bool hold) { brakes_held_ = hold; }
+
+  /// What the tracker shows, when its period has passed since the last reading taken; empty in between and
+  /// for a robot without a tracker. Its time is that of the measurement, on the clock of Poll.
+  std::optional<TrackerSample> TakeTrackerReading();
 
   const sim::Plant& plant() const { return plant_; }
   sim::Plant& plant() { return plant_; }
@@ -40,8 +48,10 @@ class VirtualRig {
   sim::Plant plant_;
   emulator::DriveRack rack_;
   std::optional<TimeNs> start_ns_;
+  TimeNs next_reading_ns_ = 0;  // of the tracker, in the plant's time
   std::vector<bool> released_;  // its drive was enabled once
-  Eigen::VectorXd torque_Nm_;   // in force
+  bool brakes_held_ = false;
+  Eigen::VectorXd torque_Nm_;  // in force
 };
 
 }  // namespace tendril::tools

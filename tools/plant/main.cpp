@@ -11,7 +11,6 @@
 #include <lcm/lcm-cpp.hpp>
 #include <memory>
 #include <string>
-#include <tendril_lcm/tracker_t.hpp>
 
 #include "fault_orders.h"
 #include "tendril/can/socketcan_port.h"
@@ -20,6 +19,7 @@
 #include "tendril/emulator/faults.h"
 #include "tendril/io/connection.h"
 #include "tendril/rt/cyclic.h"
+#include "tracker_message.h"
 #include "virtual_rig.h"
 
 namespace tendril::tools {
@@ -39,37 +39,25 @@ void CatchSignals() {
 
 constexpr const char* kPrefix = "TENDRIL";
 
-/// Publishes the tip as an outside tracker would see it, at the tracker's rate.
+/// Publishes the tip as an outside tracker would see it.
 class Tracker {
  public:
-  Tracker(const RobotParameters& robot, lcm::LCM& lcm)
-      : parameters_(robot.actuation->tracker.value()),
-        period_ns_(static_cast<TimeNs>(std::llround(1e9 / parameters_.rate_Hz))),
-        lcm_(lcm),
-        channel_(io::ChannelName(kPrefix, "TRACKER")) {}
+  explicit Tracker(lcm::LCM& lcm) : lcm_(lcm), channel_(io::ChannelName(kPrefix, "TRACKER")) {}
 
-  void PublishIfDue(sim::Plant& plant) {
-    if (plant.time_ns() < next_ns_) return;
-    next_ns_ = std::max(next_ns_ + period_ns_, plant.time_ns());
-    const sim::TrackerReading reading = plant.ReadTracker();
-    const auto now = std::chrono::system_clock::now().time_since_epoch();
-    tendril_lcm::tracker_t message{};
-    message.utime = std::chrono::duration_cast<std::chrono::microseconds>(now).count() -
-                    std::llround(parameters_.delay_s * 1e6);
-    message.valid = true;
-    for (int i = 0; i < 3; ++i) message.tip_W_m[i] = reading.tip_W_m[i];
-    message.orientation_WT[0] = reading.orientation_WT.w();
-    message.orientation_WT[1] = reading.orientation_WT.x();
-    message.orientation_WT[2] = reading.orientation_WT.y();
-    message.orientation_WT[3] = reading.orientation_WT.z();
+  /// `now_ns` is that of the rig's last poll.
+  void PublishIfDue(VirtualRig& rig, TimeNs now_ns) {
+    const auto reading = rig.TakeTrackerReading();
+    if (!reading) return;
+    const auto epoch = std::chrono::system_clock::now().time_since_epoch();
+    const auto message =
+        TrackerMessage(*reading, std::chrono::duration_cast<std::chrono::microseconds>(epoch).count() -
+                                     (now_ns - reading->time_ns) / kNsPerUs);
     (lcm_.publish(channel_, &message) == 0 ? published_ : failed_)++;
   }
   std::uint64_t published() const { return published_; }
   std::uint64_t failed() const { return failed_; }
 
  private:
-  TrackerParameters parameters_;
-  TimeNs period_ns_, next_ns_ = 0;
   lcm::LCM& lcm_;
   std::string channel_;
   std::uint64_t published_ = 0, failed_ = 0;
@@ -121,7 +109,7 @@ void Run(const Options& options) {
   if (!options.lcm_url.empty()) {
     lcm = io::OpenLcm(options.lcm_url);
     listener = std::make_unique<FaultListener>(*lcm, kPrefix, port, clock);
-    if (robot.actuation->tracker) tracker = std::make_unique<Tracker>(robot, *lcm);
+    if (robot.actuation->tracker) tracker = std::make_unique<Tracker>(*lcm);
   }
 
   CatchSignals();
@@ -153,7 +141,7 @@ void Run(const Options& options) {
     }
     port.Poll(now_ns);
     syncs += static_cast<std::uint64_t>(rig.Poll(now_ns));
-    if (tracker) tracker->PublishIfDue(rig.plant());
+    if (tracker) tracker->PublishIfDue(rig, now_ns);
     work.Add(clock.Now() - now_ns);
     if (port.up() != up) {
       up = !up;
