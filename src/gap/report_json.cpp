@@ -1,5 +1,5 @@
-// A diagnosis as JSON and back: one list of fields a structure, read by a writer and by a reader, so that the two
-// cannot part. Knows nothing of the page.
+// A diagnosis as JSON and back: one list of fields a structure, read by a writer and by a reader, so that the
+// two cannot part. Knows nothing of the page.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -76,9 +76,7 @@ class Reader {
   std::string at_;
 };
 
-std::string Below(const std::string& at, const std::string& key) {
-  return at.empty() ? key : at + "." + key;
-}
+std::string Below(const std::string& at, const std::string& key) { return at.empty() ? key : at + "." + key; }
 
 // ---- the fields -------------------------------------------------------------------------------------------
 
@@ -254,12 +252,12 @@ Json ToJson(const std::map<std::string, Estimate>& v) {
   for (const auto& [name, estimate] : v) j[name] = ToJson(estimate);
   return j;
 }
-Json ToJson(const std::pair<std::string, double>& v) { return {{"name", v.first}, {"value", ToJson(v.second)}}; }
+Json ToJson(const std::pair<std::string, double>& v) {
+  return {{"name", v.first}, {"value", ToJson(v.second)}};
+}
 
 template <class T>
-Json ToJson(const T& v)
-  requires std::is_class_v<T>
-{
+Json ToJson(const T& v) requires std::is_class_v<T> {
   Json j = Json::object();
   Writer w(j);
   Fields(w, v);
@@ -273,7 +271,8 @@ Json ToJson(const CutFinding& v) {
     int number = 0;
     if (!v.where.starts_with(kind) || v.where.size() < kind.size() + 2) continue;
     const char* end = v.where.data() + v.where.size();
-    if (std::from_chars(v.where.data() + kind.size() + 1, end, number).ptr == end) j[std::string(kind)] = number;
+    if (std::from_chars(v.where.data() + kind.size() + 1, end, number).ptr == end)
+      j[std::string(kind)] = number;
   }
   Writer w(j);
   Fields(w, v);
@@ -377,9 +376,7 @@ void FromJson(const Json& j, const std::string& at, std::pair<std::string, doubl
 }
 
 template <class T>
-void FromJson(const Json& j, const std::string& at, T& v)
-  requires std::is_class_v<T>
-{
+void FromJson(const Json& j, const std::string& at, T& v) requires std::is_class_v<T> {
   Reader r(j, at);
   Fields(r, v);
 }
@@ -419,10 +416,12 @@ Json WriteClosed(const Diagnosis& d) {
     // One channel may be judged at two cuts; keys are unique.
     std::string key = c.channel;
     if (channels.contains(key)) key += fmt::format(" ({})", sim::CutName(c.cut));
-    for (int n = 2; channels.contains(key); ++n) key = fmt::format("{} ({}, {})", c.channel, sim::CutName(c.cut), n);
+    for (int n = 2; channels.contains(key); ++n)
+      key = fmt::format("{} ({}, {})", c.channel, sim::CutName(c.cut), n);
     channels[key] = std::move(j);
   }
-  return {{"pooled", ToJson(d.closed)}, {"ceiling", ToJson(d.closed_ceiling)}, {"channels", std::move(channels)}};
+  return {
+      {"pooled", ToJson(d.closed)}, {"ceiling", ToJson(d.closed_ceiling)}, {"channels", std::move(channels)}};
 }
 
 void ReadClosed(const Json& j, Diagnosis& d) {
@@ -477,12 +476,14 @@ void Keep(std::vector<double>& curve, const std::vector<std::size_t>& indices) {
   curve = std::move(kept);
 }
 
-// Of each stretch of samples the first, and those where what was measured and what the simulation misses are extreme.
+// Of each stretch of samples the first, and those where what was measured and what the simulation misses are
+// extreme.
 void Thin(Overlay& o, std::size_t most) {
   const std::size_t samples = o.time_s.size();
   for (const auto* curve : {&o.measured, &o.before, &o.after, &o.x}) {
     if (!curve->empty() && curve->size() != samples) {
-      throw std::runtime_error(fmt::format("overlay of {}, {}: curves of different lengths", o.run, o.channel));
+      throw std::runtime_error(
+          fmt::format("overlay of {}, {}: curves of different lengths", o.run, o.channel));
     }
   }
   if (samples <= most) return;

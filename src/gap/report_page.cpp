@@ -1,5 +1,5 @@
-// The page: a template filled with the report's JSON, a style, a script and the plotting library. Knows nothing of
-// what the numbers mean; the script in the page draws them.
+// The page: a template filled with the report's JSON, a style, a script and the plotting library. Knows
+// nothing of what the numbers mean; the script in the page draws them.
 #include <fmt/format.h>
 
 #include <cerrno>
@@ -19,26 +19,43 @@ std::string EscapeHtml(std::string_view text) {
   std::string out;
   for (const char c : text) {
     switch (c) {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      case '"': out += "&quot;"; break;
-      default: out += c;
+      case '&':
+        out += "&amp;";
+        break;
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      default:
+        out += c;
     }
   }
   return out;
 }
 
-// Within a script element no text may close it or open a comment; JSON has its own way to write these letters.
+// Within a script element no text may close it or open a comment; JSON has its own way to write these
+// letters.
 std::string EscapeForScript(std::string_view json) {
   std::string out;
   out.reserve(json.size());
   for (const char c : json) {
     switch (c) {
-      case '<': out += "\\u003c"; break;
-      case '>': out += "\\u003e"; break;
-      case '&': out += "\\u0026"; break;
-      default: out += c;
+      case '<':
+        out += "\\u003c";
+        break;
+      case '>':
+        out += "\\u003e";
+        break;
+      case '&':
+        out += "\\u0026";
+        break;
+      default:
+        out += c;
     }
   }
   return out;
@@ -95,7 +112,10 @@ std::string Page(const Diagnosis& d, const std::string& json) {
 
 }  // namespace
 
-std::string ReportPage(const Diagnosis& diagnosis) { const std::string json = ReportJson(diagnosis); return Page(ParseReport(json), json); }
+std::string ReportPage(const Diagnosis& diagnosis) {
+  const std::string json = ReportJson(diagnosis);
+  return Page(ParseReport(json), json);
+}
 
 void WriteReport(const Diagnosis& diagnosis, const std::filesystem::path& folder) {
   std::error_code error;

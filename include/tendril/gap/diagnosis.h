@@ -59,7 +59,7 @@ struct Closure {
   std::string unit;
   sim::Cut cut{};
   double before_rms = 0, after_rms = 0, floor_rms = 0;
-  std::optional<Estimate> closed;  // empty: before is at the floor
+  std::optional<Estimate> closed;       // empty: before is at the floor
   std::optional<double> ceiling_rms{};  // what is left when everything is refitted at once
 };
 

@@ -1,5 +1,5 @@
-// The report of a diagnosis: a page to look at, a JSON file with every number of the page, and a few lines for
-// the terminal. Knows nothing of how the diagnosis was made.
+// The report of a diagnosis: a page to look at, a JSON file with every number of the page, and a few lines
+// for the terminal. Knows nothing of how the diagnosis was made.
 #pragma once
 
 #include <filesystem>
@@ -9,8 +9,9 @@
 
 namespace tendril::gap {
 
-/// What the report is made of: causes by falling p, with "no_gap" and "unknown"; curves with six digits and thinned
-/// so that the page stays small, a thinned curve keeping its extremes. Done twice it changes nothing more.
+/// What the report is made of: causes by falling p, with "no_gap" and "unknown"; curves with six digits and
+/// thinned so that the page stays small, a thinned curve keeping its extremes. Done twice it changes nothing
+/// more.
 Diagnosis Condensed(const Diagnosis& diagnosis);
 
 /// Every number of the condensed diagnosis as JSON text; a number that is not finite becomes null. The same
@@ -23,14 +24,14 @@ Diagnosis ParseReport(const std::string& json);
 /// One HTML page that needs no other file and no network.
 std::string ReportPage(const Diagnosis& diagnosis);
 
-/// report.json and report.html into the folder, which is created. Throws std::runtime_error when they cannot be
-/// written.
+/// report.json and report.html into the folder, which is created. Throws std::runtime_error when they cannot
+/// be written.
 void WriteReport(const Diagnosis& diagnosis, const std::filesystem::path& folder);
 /// Throws std::runtime_error with the file's name and what is wrong in it.
 Diagnosis ReadReport(const std::filesystem::path& file);
 
-/// For the terminal, at most 100 columns: sentence, chain, causes, what closed, what next, where the report is (left out
-/// when empty). `colour` adds terminal colour codes.
+/// For the terminal, at most 100 columns: sentence, chain, causes, what closed, what next, where the report
+/// is (left out when empty). `colour` adds terminal colour codes.
 std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& report = {},
                     bool colour = false);
 

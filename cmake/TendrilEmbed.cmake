@@ -1,0 +1,21 @@
+# Writes text files into one C++ source as string constants, at build time:
+#   cmake -DOUTPUT=x.cpp -DHEADER=x.h -DNAMESPACE=a::b "-DFILES=kName=path;kOther=path" -P TendrilEmbed.cmake
+# In a file named *.txt the word @VERSION@ stands for the value of -DVERSION.
+cmake_minimum_required(VERSION 3.25)
+set(source "// Written by cmake/TendrilEmbed.cmake.\n#include \"${HEADER}\"\n\nnamespace ${NAMESPACE} {\n\n")
+foreach(entry IN LISTS FILES)
+  string(REGEX MATCH "^([^=]+)=(.+)$" matched "${entry}")
+  set(name "${CMAKE_MATCH_1}")
+  set(path "${CMAKE_MATCH_2}")
+  file(READ "${path}" text)
+  if(path MATCHES "\\.txt$")
+    string(REPLACE "@VERSION@" "${VERSION}" text "${text}")
+  endif()
+  string(FIND "${text}" ")tendril\"" clash)
+  if(NOT clash EQUAL -1)
+    message(FATAL_ERROR "${path} contains )tendril\", which ends the embedded text")
+  endif()
+  string(APPEND source "const std::string_view ${name} = R\"tendril(${text})tendril\";\n\n")
+endforeach()
+string(APPEND source "}  // namespace ${NAMESPACE}\n")
+file(WRITE "${OUTPUT}" "${source}")

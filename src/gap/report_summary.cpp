@@ -1,0 +1,209 @@
+// What the terminal shows of a diagnosis: the page's first screen in a few lines of text. Knows nothing of
+// the terminal itself.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <sstream>
+#include <vector>
+
+#include "tendril/gap/report.h"
+
+namespace tendril::gap {
+namespace {
+
+constexpr int kWidth = 100;
+
+// Letters, not bytes, of a UTF-8 text.
+int Width(std::string_view text) {
+  return static_cast<int>(std::count_if(
+      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+}
+
+std::string Cut(std::string_view text, int width) {
+  if (Width(text) <= width) return std::string(text);
+  std::string out;
+  int letters = 0;
+  for (const char c : text) {
+    if ((static_cast<unsigned char>(c) & 0xC0) != 0x80 && ++letters > width - 3) break;
+    out += c;
+  }
+  return out + "...";
+}
+
+std::string Pad(std::string_view text, int width) {
+  std::string out = Cut(text, width);
+  return out + std::string(static_cast<std::size_t>(std::max(0, width - Width(out))), ' ');
+}
+
+// A hostile name must not steer the terminal.
+std::string Clean(std::string_view text) {
+  std::string out(text);
+  for (char& c : out) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  }
+  return out;
+}
+
+std::string Wrap(const std::string& text, int indent) {
+  std::istringstream words(Clean(text));
+  const std::string margin(static_cast<std::size_t>(indent), ' ');
+  std::string out, line;
+  for (std::string word; words >> word;) {
+    if (!line.empty() && indent + Width(line) + 1 + Width(word) > kWidth) {
+      out += margin + line + "\n";
+      line.clear();
+    }
+    line += (line.empty() ? "" : " ") + word;
+  }
+  return out + margin + line + "\n";
+}
+
+std::string Bar(double share, int width) {
+  const auto full =
+      static_cast<std::size_t>(std::lround(std::clamp(std::isfinite(share) ? share : 0, 0.0, 1.0) * width));
+  return std::string(full, '#') + std::string(static_cast<std::size_t>(width) - full, '.');
+}
+
+std::string Percent(double share) {
+  if (!std::isfinite(share)) return "  - %";
+  if (share > 0 && share < 0.01) return " <1 %";
+  if (share < 1 && share > 0.99) return ">99 %";
+  return fmt::format("{:3.0f} %", 100 * share);
+}
+
+std::string Value(double v, std::string_view unit) {
+  if (!std::isfinite(v)) return "-";
+  if (unit == "m") return fmt::format("{:.3g} mm", 1e3 * v);
+  if (unit == "rad") return fmt::format("{:.3g} deg", v * 180 / std::numbers::pi);
+  return fmt::format("{:.3g}{}{}", v, unit.empty() ? "" : " ", unit);
+}
+
+class Paint {
+ public:
+  explicit Paint(bool colour) : colour_(colour) {}
+  std::string operator()(const char* code, const std::string& text) const {
+    return colour_ ? fmt::format("\x1b[{}m{}\x1b[0m", code, text) : text;
+  }
+
+ private:
+  bool colour_;
+};
+
+constexpr const char *kBold = "1", *kRed = "1;31", *kGreen = "32", *kYellow = "33", *kDim = "2";
+
+std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
+  const CutFinding* worst = nullptr;
+  bool listed = false, first = false;
+  std::string places;
+  for (const CutFinding& f : d.location) {
+    if (f.cut != cut) continue;
+    listed = true;
+    if (!f.measured) continue;
+    first |= f.first;
+    if (!worst || std::pair(f.excess, f.excess_sigma) > std::pair(worst->excess, worst->excess_sigma))
+      worst = &f;
+    if (f.excess && f.where != "all") {
+      std::string place = f.where;
+      std::replace(place.begin(), place.end(), ':', ' ');
+      if (places.find(place) == std::string::npos) places += (places.empty() ? "" : ", ") + place;
+    }
+  }
+  const CutText& text = TextOf(cut);
+  const std::string head = fmt::format("  {} {} {} ", sim::CutName(cut), Pad(text.title, 13),
+                                       Pad(fmt::format("{} -> {}", text.from, text.to), 33));
+  if (!worst) return head + paint(kDim, listed ? "cannot be told from these logs" : "not measured") + "\n";
+  if (!worst->excess) return head + paint(kGreen, "at the noise floor") + "\n";
+  const std::string state =
+      fmt::format("{:6.3g} sigma  {} rms", worst->excess_sigma, Value(worst->rms, worst->unit));
+  const std::string mark = first ? "  <- the gap starts here" : "";
+  const int rest = kWidth - Width(head) - Width(state) - Width(mark) - 2;
+  std::string line = head + paint(first ? kRed : kYellow, state);
+  if (!places.empty() && rest > 8) line += "  " + Cut(Clean(places), rest);
+  return line + paint(kRed, mark) + "\n";
+}
+
+std::string CauseLine(const Cause& c, const Paint& paint, bool accepted) {
+  std::string name = c.effect == "no_gap"    ? "no gap"
+                     : c.effect == "unknown" ? "unknown (none of the library)"
+                                             : c.effect;
+  if (!c.where.empty() && c.where != "all") name += " " + c.where;
+  std::string parameters;
+  for (const auto& [key, e] : c.parameters) {
+    parameters += fmt::format("{}{} {:.4g} [{:.4g}, {:.4g}]", parameters.empty() ? "" : ", ", key, e.value,
+                              e.low, e.high);
+  }
+  if (c.bound_hit) parameters += ", at a bound";
+  const std::string head = fmt::format("  {} {} {}", Pad(Clean(name), 30), Bar(c.p, 20), Percent(c.p));
+  return (accepted ? paint(kBold, head) : head) +
+         (parameters.empty() ? "" : "  " + Cut(Clean(parameters), kWidth - Width(head) - 2)) + "\n";
+}
+
+}  // namespace
+
+std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& report, bool colour) {
+  const Diagnosis d = Condensed(diagnosis);
+  const Paint paint(colour);
+  std::string out = fmt::format("\n{}\nWhere\n", paint(kBold, Wrap(d.sentence, 0)));
+  for (int i = 0; i < sim::kCuts; ++i) out += ChainLine(static_cast<sim::Cut>(i), d, paint);
+
+  out += "\nCauses\n";
+  constexpr std::size_t kShown = 5;
+  for (std::size_t i = 0; i < d.causes.size(); ++i) {
+    const Cause& c = d.causes[i];
+    const bool accepted = std::any_of(d.accepted.begin(), d.accepted.end(), [&](const Cause& a) {
+      return a.effect == c.effect && a.where == c.where;
+    });
+    if (i < kShown || accepted || c.effect == "no_gap" || c.effect == "unknown")
+      out += CauseLine(c, paint, accepted);
+  }
+  if (d.verdict == Verdict::kAmbiguousGroup) {
+    std::string members;
+    for (const Cause& c : d.causes) {
+      if (c.group > 0 && c.group == d.causes.front().group)
+        members += (members.empty() ? "" : ", ") + c.effect;
+    }
+    if (!members.empty()) out += Wrap("These runs cannot tell apart: " + members, 2);
+  }
+
+  if (d.closed) {
+    out += fmt::format("\nClosed {} of the gap on runs held back (95 %: {:.0f} to {:.0f} %)\n",
+                       Percent(d.closed->value), 100 * d.closed->low, 100 * d.closed->high);
+    // The channels with the largest gap, for their size in units.
+    std::vector<const Closure*> rows;
+    for (const Closure& c : d.closures) {
+      if (c.closed) rows.push_back(&c);
+    }
+    const auto size = [](const Closure* c) { return c->before_rms / std::max(c->floor_rms, 1e-300); };
+    std::stable_sort(rows.begin(), rows.end(),
+                     [&](const Closure* a, const Closure* b) { return size(a) > size(b); });
+    for (std::size_t i = 0; i < std::min<std::size_t>(rows.size(), 4); ++i) {
+      const Closure& c = *rows[i];
+      out += fmt::format("  {} {} -> {}  (floor {})\n", Pad(Clean(c.channel), 36),
+                         Value(c.before_rms, c.unit), Value(c.after_rms, c.unit), Value(c.floor_rms, c.unit));
+    }
+  }
+
+  if (!d.next.family.empty() || !d.next.reason.empty()) {
+    const std::string family = d.next.family.empty() ? "" : ": " + paint(kBold, Clean(d.next.family));
+    out += fmt::format("\nNext{}\n{}", family, d.next.reason.empty() ? "" : Wrap(d.next.reason, 2));
+  }
+  const auto troubles = std::count_if(d.health.begin(), d.health.end(), [](const HealthFinding& h) {
+    return h.severity != HealthFinding::Severity::kInfo;
+  });
+  if (troubles > 0) {
+    out += fmt::format("\nData\n");
+    std::size_t shown = 0;
+    for (const HealthFinding& h : d.health) {
+      if (h.severity == HealthFinding::Severity::kInfo || shown++ >= 3) continue;
+      std::string at = h.run + (h.run.empty() || h.channel.empty() ? "" : ", ") + h.channel;
+      out += Wrap((at.empty() ? "" : at + ": ") + h.text, 2);
+    }
+    if (troubles > 3) out += fmt::format("  and {} more warnings in the report\n", troubles - 3);
+  }
+  if (!report.empty()) out += fmt::format("\nReport: {}\n", report.string());
+  return out;
+}
+
+}  // namespace tendril::gap
