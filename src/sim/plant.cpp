@@ -1,9 +1,12 @@
 // The plant: body and drivetrains as one system of ordinary differential equations, sensors around it.
 // States: unit bending q, motor angles and their rates. Friction memories are functions of position that
 // remember: read inside the solver's steps, moved on only when a step was accepted.
+#include "tendril/sim/plant.h"
+
 #include <fmt/core.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <deque>
@@ -15,7 +18,6 @@
 #include "integrator.h"
 #include "laws.h"
 #include "tendril/sim/effects.h"
-#include "tendril/sim/plant.h"
 
 namespace tendril::sim {
 namespace {
@@ -95,6 +97,7 @@ struct Plant::Impl final : OdeSystem {
         n(body.dof()),
         m(body.tendons()),
         cholesky(n),
+        lu(n),
         sensor_noise(plant_options.sensor_noise, plant_options.seed),
         tracker_noise(plant_options.sensor_noise, plant_options.seed + kTrackerSeed) {
     std::vector<std::shared_ptr<const model::CapstanTable>> tables;
@@ -117,6 +120,7 @@ struct Plant::Impl final : OdeSystem {
     }
 
     length_jacobian.setZero(m, n);
+    weighted.setZero(m, n);
     shortening.setZero(m);
     shortening_rate.setZero(m);
     tension.setZero(m);
@@ -195,7 +199,13 @@ struct Plant::Impl final : OdeSystem {
       derivative[angle_at(j)] = y[velocity_at(j)];
       derivative[velocity_at(j)] = forces[j].acceleration_radps2;
     }
-    force.noalias() = -(length_jacobian.transpose() * tension);
+    if (laws.body.empty()) {
+      force.noalias() = -(length_jacobian.transpose() * tension);
+    } else {
+      laws.body.WeighLengths(body, bend, length_jacobian, weighted);
+      force.noalias() = -(weighted.transpose() * tension);
+      laws.body.AddForce(body, bend, bend_rate, t, force);
+    }
     Vector(derivative, n) = bend_rate;
     Vector acceleration(derivative + rate_at(), n);
     body.ForwardDynamics(bend, bend_rate, force, acceleration, workspace);
@@ -224,6 +234,21 @@ struct Plant::Impl final : OdeSystem {
       known[j] = gamma * l.BaseTension(angle, moved[j]) + l.base_motor * rotor[j] / l.inertia;
       weight[j] = l.base_body - l.base_motor * l.rotor_body / l.inertia;
     }
+    Vector rate(x + rate_at(), n);
+    const bool solved = laws.body.empty() ? SolveBending(gamma, b_bend, b_rate, rate)
+                                          : SolveBendingWithLaws(gamma, b_bend, b_rate, rate);
+    if (!solved) return false;
+    Vector(x, n) = b_bend + gamma * rate;
+    moved.noalias() = length_jacobian * rate;
+    for (int j = 0; j < m; ++j) {
+      const double velocity = (rotor[j] - linear[j].rotor_body * moved[j]) / linear[j].inertia;
+      x[velocity_at(j)] = velocity;
+      x[angle_at(j)] = b[angle_at(j)] + gamma * velocity;
+    }
+    return true;
+  }
+
+  bool SolveBending(double gamma, const ConstVector& b_bend, const ConstVector& b_rate, Vector& rate) {
     newton = mass + gamma * gamma * stiffness;
     for (int i = 0; i < n; ++i) newton(i, i) += gamma * damping[i];
     for (int j = 0; j < m; ++j) {
@@ -234,17 +259,28 @@ struct Plant::Impl final : OdeSystem {
     body_rhs.noalias() -= length_jacobian.transpose() * known;
     cholesky.compute(newton);
     if (cholesky.info() != Eigen::Success) return false;
-    Vector rate(x + rate_at(), n);
     rate = body_rhs;
     cholesky.solveInPlace(rate);
-    Vector(x, n) = b_bend + gamma * rate;
-    moved.noalias() = length_jacobian * rate;
-    for (int j = 0; j < m; ++j) {
-      const double velocity = (rotor[j] - linear[j].rotor_body * moved[j]) / linear[j].inertia;
-      x[velocity_at(j)] = velocity;
-      x[angle_at(j)] = b[angle_at(j)] + gamma * velocity;
-    }
     return true;
+  }
+
+  /// The same with J^T of the forces weighed by the shares of tension, which is no longer J of the motion,
+  /// and with the laws' own stiffness, which memories change from step to step.
+  bool SolveBendingWithLaws(double gamma, const ConstVector& b_bend, const ConstVector& b_rate,
+                            Vector& rate) {
+    law_stiffness = stiffness;
+    laws.body.AddStiffness(body, evaluated_q, tension, law_stiffness);
+    newton = mass + gamma * gamma * law_stiffness;
+    for (int i = 0; i < n; ++i) newton(i, i) += gamma * damping[i];
+    for (int j = 0; j < m; ++j) {
+      newton.noalias() += weight[j] * weighted.row(j).transpose() * length_jacobian.row(j);
+    }
+    body_rhs.noalias() = mass * b_rate;
+    body_rhs.noalias() -= gamma * (law_stiffness * b_bend);
+    body_rhs.noalias() -= weighted.transpose() * known;
+    lu.compute(newton);
+    rate = lu.solve(body_rhs);
+    return rate.allFinite();
   }
 
   // ---- after accepted steps ----
@@ -275,6 +311,7 @@ struct Plant::Impl final : OdeSystem {
       integrator->StepTowards(NextStop(end));
       ReadState();
       for (int j = 0; j < m; ++j) drive[j].Commit(integrator->t(), motion[j]);
+      if (!laws.body.empty()) laws.body.Commit(body, q, integrator->t());
     }
     time_ns += dt_ns;
     UpdateTendonStates();
@@ -370,6 +407,7 @@ struct Plant::Impl final : OdeSystem {
 
   // As evaluated last, inside a step or at its accepted end.
   Eigen::MatrixXd length_jacobian;
+  Eigen::MatrixXd weighted;  // length_jacobian times the shares of base tension, where a law needs it
   Eigen::VectorXd shortening, shortening_rate, tension, force, evaluated_q;
   std::vector<DrivetrainMotion> motion;
   std::vector<DrivetrainForces> forces;
@@ -379,7 +417,9 @@ struct Plant::Impl final : OdeSystem {
   Eigen::MatrixXd mass, stiffness, newton;
   Eigen::VectorXd reference_q, reference_tension;
   Eigen::VectorXd weight, known, rotor, moved, body_rhs;
+  Eigen::MatrixXd law_stiffness;
   Eigen::LLT<Eigen::MatrixXd> cholesky;
+  Eigen::PartialPivLU<Eigen::MatrixXd> lu;
   std::uint64_t jacobians = 0;
 
   std::unique_ptr<Integrator> integrator;

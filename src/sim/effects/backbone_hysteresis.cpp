@@ -1,0 +1,138 @@
+// Effect: the backbone's bending has a memory: friction in strands, sleeves and glue, or in the metal itself.
+#include <array>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "sections.h"
+
+namespace tendril::sim {
+namespace {
+
+/// Maxwell slip in the plane of (u, v), alike in every direction. Each unit has four springs e_k of which
+/// each slips when |e_k| reaches its yield y_k = k/4 of the whole yield:
+///   e_k follows q and is brought back to the circle |e_k| = y_k,   moment = -(M / 4) sum_k e_k / y_k,
+/// of size M once all slip. Bringing back along the radius is the plastic flow that loses the most: no cycle
+/// gains energy.
+class HysteresisLaw final : public BodyLaw {
+ public:
+  HysteresisLaw(UnitRange units, double moment_Nm, double yield_rad)
+      : units_(units), moment_Nm_(moment_Nm), yield_rad_(yield_rad), memory_(units.end - units.first) {
+    for (Memory& memory : memory_) memory.fill({0, 0});
+    committed_.assign(memory_.size(), {0, 0});
+  }
+  std::unique_ptr<BodyLaw> Clone() const override { return std::make_unique<HysteresisLaw>(*this); }
+
+  void AddForce(const model::Body&, model::ConstVectorRef q, model::ConstVectorRef, double,
+                model::VectorRef force_Nm) const noexcept override {
+    for (int i = units_.first; i < units_.end; ++i) {
+      for (int k = 0; k < kElements; ++k) {
+        const Slip slip = Peek(i, k, q);
+        const double stiffness = moment_Nm_ / (kElements * Yield(k));
+        force_Nm[2 * i] -= stiffness * slip.u;
+        force_Nm[2 * i + 1] -= stiffness * slip.v;
+      }
+    }
+  }
+
+  void AddStiffness(const model::Body&, model::ConstVectorRef q, model::ConstVectorRef,
+                    model::MatrixRef stiffness) const noexcept override {
+    for (int i = units_.first; i < units_.end; ++i) {
+      for (int k = 0; k < kElements; ++k) {
+        const Slip slip = Peek(i, k, q);
+        const double slope = moment_Nm_ / (kElements * Yield(k)) * slip.kept;
+        const double u = slip.slips ? slip.u / Yield(k) : 0, v = slip.slips ? slip.v / Yield(k) : 0;
+        stiffness(2 * i, 2 * i) += slope * (1 - u * u);
+        stiffness(2 * i, 2 * i + 1) -= slope * u * v;
+        stiffness(2 * i + 1, 2 * i) -= slope * u * v;
+        stiffness(2 * i + 1, 2 * i + 1) += slope * (1 - v * v);
+      }
+    }
+  }
+
+  void Commit(const model::Body&, model::ConstVectorRef q, double) noexcept override {
+    for (int i = units_.first; i < units_.end; ++i) {
+      const std::size_t at = static_cast<std::size_t>(i - units_.first);
+      for (int k = 0; k < kElements; ++k) {
+        const Slip slip = Peek(i, k, q);
+        memory_[at][static_cast<std::size_t>(k)] = {slip.u, slip.v};
+      }
+      committed_[at] = {q[2 * i], q[2 * i + 1]};
+    }
+  }
+
+ private:
+  static constexpr int kElements = 4;
+  struct Pair {
+    double u, v;
+  };
+  using Memory = std::array<Pair, kElements>;
+  struct Slip {
+    double u, v;
+    double kept;  // yield over the length before it was brought back, 1 while it sticks
+    bool slips;
+  };
+
+  double Yield(int k) const { return yield_rad_ * (k + 1) / kElements; }
+
+  Slip Peek(int unit, int k, model::ConstVectorRef q) const {
+    const std::size_t at = static_cast<std::size_t>(unit - units_.first);
+    const Pair from = memory_[at][static_cast<std::size_t>(k)];
+    const double u = from.u + (q[2 * unit] - committed_[at].u);
+    const double v = from.v + (q[2 * unit + 1] - committed_[at].v);
+    const double length = std::hypot(u, v);
+    if (length <= Yield(k)) return {u, v, 1, false};
+    const double kept = Yield(k) / length;
+    return {kept * u, kept * v, kept, true};
+  }
+
+  UnitRange units_;
+  double moment_Nm_, yield_rad_;
+  std::vector<Memory> memory_;
+  std::vector<Pair> committed_;  // bend at which the memory was moved last
+};
+
+}  // namespace
+
+Effect BackboneHysteresis() {
+  return {
+      .name = "backbone_hysteresis",
+      .stage = Stage::kBody,
+      .scope = Scope::kSection,
+      .cut = Cut::kShape,
+      .cut_robot_side = Cut::kShape,
+      .on_all = true,
+      .on_one = true,
+      .parameters = {{.name = "moment_Nm", .nominal = 0, .lower = 0, .upper = 0.02, .typical = 1e-3},
+                     {.name = "yield_rad",
+                      .nominal = 0.05,
+                      .lower = 0.005,
+                      .upper = 0.5,
+                      .typical = 0.02,
+                      .shape = true,
+                      .starts = {0.03, 0.1}}},
+      .summary = "bending the backbone costs a moment that depends on the way, not on the speed",
+      .physics =
+          "Each unit resists its change of bend with a moment that builds up over yield_rad and stays at "
+          "moment_Nm, against the motion in the plane of (u, v), the same in every direction (four springs "
+          "in "
+          "parallel, each slipping at its own bend). Strands rubbing on each other, sleeves, glue, and "
+          "phase changes of NiTi do this. Everything lost is heat; without motion it holds the shape.",
+      .signature =
+          "Shape against tension draws a loop whose height does not depend on speed nor on the level of "
+          "tension, at every bend alike; released, the robot stops short of straight by up to moment_Nm "
+          "over EI / l a unit.",
+      .experiment =
+          "Slow triangles with reversals at several amplitudes at three levels of co-contraction: a loop of "
+          "pulleys or disks widens with the tension, that of the backbone does not. Sways at zero tension "
+          "end in a finite time, not by an exponential.",
+      .confusable = {"routing_friction", "capstan_alpha", "pulley_coulomb", "superelastic"},
+      .add =
+          [](PlantLaws& laws, const RobotParameters& robot, Target target, std::span<const double> v) {
+            if (v[0] == 0) return;
+            laws.body.Add(std::make_unique<HysteresisLaw>(UnitsOf(robot, target), v[0], v[1]));
+          },
+  };
+}
+
+}  // namespace tendril::sim

@@ -1,0 +1,120 @@
+// Effect: the robot leans against something.
+#include <array>
+#include <cmath>
+#include <memory>
+#include <numbers>
+
+#include "common.h"
+#include "tendril/core/limits.h"
+
+namespace tendril::sim {
+namespace {
+
+/// A wall without friction across the direction n = (cos angle, sin angle, 0) of F_0, at the distance gap
+/// from the origin. The centre of disk i lies d = n . p_i - gap behind it; the wall pushes by -n F(d),
+///   F = 0 for d < 0,   k d^2 / (2 e) up to d = e,   k (d - e / 2) beyond,   e = 0.2 mm:
+/// smooth, and the derivative of an energy.
+class ContactLaw final : public BodyLaw {
+ public:
+  ContactLaw(double stiffness_Npm, double gap_m, double angle_rad)
+      : stiffness_Npm_(stiffness_Npm), gap_m_(gap_m), n_(std::cos(angle_rad), std::sin(angle_rad), 0) {}
+  std::unique_ptr<BodyLaw> Clone() const override { return std::make_unique<ContactLaw>(*this); }
+
+  void AddForce(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef, double,
+                model::VectorRef force_Nm) const noexcept override {
+    Depths depth;
+    if (!Touches(body, q, depth)) return;
+    Forces force(3, body.units());
+    for (int i = 0; i < body.units(); ++i) force.col(i) = -Push(depth[static_cast<std::size_t>(i)]) * n_;
+    UnitVector generalised(body.dof());
+    body.DiskForce(q, force, generalised);
+    force_Nm += generalised;
+  }
+
+  /// Without the change of the levers under a constant push.
+  void AddStiffness(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef,
+                    model::MatrixRef stiffness) const noexcept override {
+    Depths depth;
+    if (!Touches(body, q, depth)) return;
+    Forces force(3, body.units());
+    UnitVector lever(body.dof());
+    for (int i = 0; i < body.units(); ++i) {
+      const double d = depth[static_cast<std::size_t>(i)];
+      if (d <= 0) continue;
+      force.setZero();
+      force.col(i) = n_;
+      body.DiskForce(q, force, lever);
+      stiffness += (stiffness_Npm_ * std::min(1.0, d / kEdge_m)) * lever * lever.transpose();
+    }
+  }
+
+ private:
+  static constexpr double kEdge_m = 2e-4;
+  using Depths = std::array<double, kMaxUnits>;
+  using Forces = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxUnits>;
+
+  double Push(double d) const {
+    if (d <= 0) return 0;
+    return stiffness_Npm_ * (d < kEdge_m ? 0.5 * d * d / kEdge_m : d - 0.5 * kEdge_m);
+  }
+
+  bool Touches(const model::Body& body, model::ConstVectorRef q, Depths& depth) const {
+    std::array<model::Pose, kMaxUnits> poses;
+    body.Poses(q, std::span(poses).first(static_cast<std::size_t>(body.units())));
+    bool touches = false;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(body.units()); ++i) {
+      depth[i] = n_.dot(poses[i].p_WA) - gap_m_;
+      touches = touches || depth[i] > 0;
+    }
+    return touches;
+  }
+
+  double stiffness_Npm_, gap_m_;
+  Eigen::Vector3d n_;
+};
+
+}  // namespace
+
+Effect Contact() {
+  return {
+      .name = "contact",
+      .stage = Stage::kBody,
+      .scope = Scope::kRobot,
+      .cut = Cut::kShape,
+      .cut_robot_side = Cut::kShape,
+      .parameters = {{.name = "stiffness_Npm", .nominal = 0, .lower = 0, .upper = 5000, .typical = 100},
+                     {.name = "gap_m",
+                      .nominal = 0.01,
+                      .lower = 0.001,
+                      .upper = 0.2,
+                      .typical = 0.003,
+                      .shape = true,
+                      .starts = {0.005, 0.02}},
+                     {.name = "angle_rad",
+                      .nominal = 0,
+                      .lower = -std::numbers::pi,
+                      .upper = std::numbers::pi,
+                      .typical = 0.3,
+                      .shape = true,
+                      .starts = {-2.1, 2.1, -1.05, 1.05, 3.1}}},
+      .summary = "the robot touches something in part of its workspace",
+      .physics =
+          "A wall stands at gap_m from the straight robot's axis, in the direction angle_rad in the base's "
+          "x-y plane. Each disk whose centre gets behind it is pushed back by stiffness_Npm times the depth "
+          "(less within the first 0.2 mm); there is no friction along the wall.",
+      .signature =
+          "Nothing wrong up to a place in space, the tip short of its target beyond it, always at the same "
+          "place whatever the speed and direction of approach; no loop.",
+      .experiment =
+          "A circle or slow bends in every direction: a map of the error over the tip's position shows a "
+          "straight edge. Then looking there.",
+      .confusable = {"superelastic", "unit_stiffness", "tip_force"},
+      .add =
+          [](PlantLaws& laws, const RobotParameters&, Target, std::span<const double> v) {
+            if (v[0] == 0) return;
+            laws.body.Add(std::make_unique<ContactLaw>(v[0], v[1], v[2]));
+          },
+  };
+}
+
+}  // namespace tendril::sim

@@ -1,0 +1,147 @@
+// Effect: the tendons rub on the disks where they turn.
+#include <array>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "sections.h"
+#include "tendril/core/limits.h"
+#include "tendril/model/stop_operator.h"
+
+namespace tendril::sim {
+namespace {
+
+/// At the disk that ends unit i, tendon j turns by phi_ij. It slides over that disk, towards the base when
+/// positive, by what it shortens beyond it:  x_ij = sum_{k > i} (length in the straight unit k - length).
+///   T_(i+1) = T_i exp(-mu phi_ij z(x_ij)),   z from four stop operators, 1 when it slides to the base,
+/// so that a pulled tendon loses tension towards the tip and one that is paid out holds it there. The base's
+/// own plate is not one of the disks: a turn before it belongs to the guide pulleys.
+class RoutingLaw final : public BodyLaw {
+ public:
+  RoutingLaw(const RobotParameters& robot, Target target, double mu)
+      : target_(target), mu_(mu), units_(robot.body.units()) {
+    memory_.assign(static_cast<std::size_t>(robot.body.tendons() * units_),
+                   model::PulleyPresliding(kPresliding_m));
+  }
+  std::unique_ptr<BodyLaw> Clone() const override { return std::make_unique<RoutingLaw>(*this); }
+
+  void Share(const model::Body& body, model::ConstVectorRef q,
+             model::MatrixRef share) const noexcept override {
+    Spans turn(body.tendons(), units_), slide(body.tendons(), units_);
+    body.TendonTurns(q, turn);
+    Slide(body, q, slide);
+    for (int j = 0; j < body.tendons(); ++j) {
+      if (!IsMine(j)) continue;
+      double lost = 0;
+      for (int i = 0; i + 1 < body.end_unit(body.tendon_section(j)); ++i) {
+        lost += mu_ * turn(j, i) * memory_[At(j, i)].Peek(slide(j, i));
+        share(j, i + 1) *= std::exp(-lost);
+      }
+    }
+  }
+
+  /// By the change of z along x and, with phi about half the sum of the neighbouring units' bends, of phi.
+  void AddStiffness(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef tension_N,
+                    model::MatrixRef stiffness) const noexcept override {
+    const int m = body.tendons(), n = body.dof();
+    Spans turn(m, units_), slide(m, units_);
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, 2 * kMaxUnits> lengths(m, n);
+    body.TendonLengthJacobian(q, lengths);
+    body.TendonTurns(q, turn);
+    Slide(body, q, slide);
+    UnitVector slope(n);  // of what is lost up to a disk
+    for (int j = 0; j < m; ++j) {
+      if (!IsMine(j)) continue;
+      const int end = body.end_unit(body.tendon_section(j));
+      double lost = 0;
+      slope.setZero();
+      for (int i = 0; i + 1 < end; ++i) {
+        const auto& memory = memory_[At(j, i)];
+        constexpr double kStep_m = 1e-3 * kPresliding_m;
+        const double x = slide(j, i), z = memory.Peek(x);
+        const double z_slope = (memory.Peek(x + kStep_m) - memory.Peek(x - kStep_m)) / (2 * kStep_m);
+        lost += mu_ * turn(j, i) * z;
+        for (int k = 2 * (i + 1); k < 2 * end; ++k) slope[k] -= mu_ * turn(j, i) * z_slope * lengths(j, k);
+        const Eigen::Vector2d bend = q.segment<2>(2 * i) + q.segment<2>(2 * i + 2);
+        if (bend.norm() > 0) {
+          slope.segment<2>(2 * i) += 0.5 * mu_ * z * bend / bend.norm();
+          slope.segment<2>(2 * i + 2) += 0.5 * mu_ * z * bend / bend.norm();
+        }
+        const double tension = tension_N[j] * std::exp(-lost);
+        for (int row = 2 * (i + 1); row < 2 * (i + 2); ++row) {
+          for (int k = 0; k < 2 * end; ++k) stiffness(row, k) -= tension * lengths(j, row) * slope[k];
+        }
+      }
+    }
+  }
+
+  void Commit(const model::Body& body, model::ConstVectorRef q, double) noexcept override {
+    Spans slide(body.tendons(), units_);
+    Slide(body, q, slide);
+    for (int j = 0; j < body.tendons(); ++j) {
+      for (int i = 0; i < units_; ++i) memory_[At(j, i)].Commit(slide(j, i));
+    }
+  }
+
+ private:
+  /// Nobody knows it; a hole presses the tendon on less of its length than a pulley does.
+  static constexpr double kPresliding_m = 2e-5;
+  using Spans = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, kMaxUnits>;
+
+  bool IsMine(int tendon) const { return !target_ || *target_ == tendon; }
+  std::size_t At(int tendon, int disk) const { return static_cast<std::size_t>(tendon * units_ + disk); }
+
+  static void Slide(const model::Body& body, model::ConstVectorRef q, model::MatrixRef slide) noexcept {
+    body.SpanShortening(q, slide);  // of each unit; then of all beyond it
+    for (int j = 0; j < slide.rows(); ++j) {
+      double beyond = 0;
+      for (Eigen::Index i = slide.cols() - 1; i >= 0; --i) {
+        const double own = slide(j, i);
+        slide(j, i) = beyond;
+        beyond += own;
+      }
+    }
+  }
+
+  Target target_;
+  double mu_;
+  int units_;
+  std::vector<model::StopOperators<4>> memory_;
+};
+
+}  // namespace
+
+Effect RoutingFriction() {
+  return {
+      .name = "routing_friction",
+      .stage = Stage::kBody,
+      .scope = Scope::kTendon,
+      .cut = Cut::kShape,
+      .cut_robot_side = Cut::kShape,
+      .on_all = true,
+      .on_one = true,
+      .parameters = {{.name = "mu", .nominal = 0, .lower = 0, .upper = 0.6, .typical = 0.1}},
+      .summary = "Coulomb friction of the tendons in the holes of the disks",
+      .physics =
+          "At every disk where it goes on, a tendon turns by half the bends of the units on either side. "
+          "Sliding over it costs the factor exp(-mu x turn), as on a capstan: a pulled tendon arrives at the "
+          "tip with less tension than at the base, a released one keeps it there. After a reversal the "
+          "friction turns round over 0.02 mm of sliding. With n units bent by theta in all the last unit "
+          "lacks about mu theta (n - 1) / n of the tension.",
+      .signature =
+          "Hysteresis of the shape against base tension that grows with tension and with bend and vanishes "
+          "when straight; while pulling, units near the tip bend less than those near the base.",
+      .experiment =
+          "Slow triangles with reversals at several bends and three levels of co-contraction, load cell on "
+          "the robot's side if there is one. Friction of the pulleys shows when straight too; hysteresis of "
+          "the backbone does not grow with tension.",
+      .confusable = {"capstan_alpha", "wrap_angle", "backbone_hysteresis", "presliding"},
+      .add =
+          [](PlantLaws& laws, const RobotParameters& robot, Target target, std::span<const double> v) {
+            if (v[0] == 0) return;
+            laws.body.Add(std::make_unique<RoutingLaw>(robot, target, v[0]));
+          },
+  };
+}
+
+}  // namespace tendril::sim
