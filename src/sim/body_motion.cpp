@@ -22,9 +22,9 @@ constexpr double kRateWeight = kGamma * kShare, kBendWeight = kBeta * kShare;
 constexpr double kReferenceBend_rad = 0.02;
 constexpr double kReferenceTension_N = 0.5;
 // Last correction of the bending. With the matrix so near, what is left is some per cent of it.
-constexpr double kTolerance_rad = 1e-7;
+constexpr double kTolerance_rad = 3e-6;
 // A correction that cycles about a corner of a friction law within this is good enough.
-constexpr double kCorner_rad = 1e-6;
+constexpr double kCorner_rad = 1e-5;
 constexpr int kMostIterations = 12;
 constexpr int kMostHalvings = 6;
 
@@ -83,7 +83,8 @@ void BodyStepper::Evaluate(const TensionSource& source) {
 
 // The body's part of Newton's matrix by acceleration: M + h g D + h^2 b K. At rest (h = 0): K.
 bool BodyStepper::Refresh(double h) {
-  if (h > 0 && h == reference_h_ && (q_new_ - reference_q_).cwiseAbs().maxCoeff() < kReferenceBend_rad &&
+  if (std::abs(h - reference_h_) < 1e-6 * h &&
+      (q_new_ - reference_q_).cwiseAbs().maxCoeff() < kReferenceBend_rad &&
       (tension_ - reference_tension_).cwiseAbs().maxCoeff() < kReferenceTension_N) {
     return true;
   }
