@@ -16,6 +16,7 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
+#include <optional>
 #include <system_error>
 
 namespace tendril::can {
@@ -24,9 +25,10 @@ namespace {
 static_assert(kErrorBusOff == CAN_ERR_BUSOFF && kErrorRestarted == CAN_ERR_RESTARTED);
 
 constexpr can_filter kOnly11Bit{.can_id = 0, .can_mask = CAN_EFF_FLAG};
-constexpr int kBatch = 64;                       // frames a recvmmsg call
+constexpr int kBatch = 64;                       // frames a recvmmsg or sendmmsg call
 constexpr TimeNs kLinkCheckNs = 100 * kNsPerMs;  // how often a lost interface is looked for
 constexpr TimeNs kOldestStampNs = 10 * kNsPerS;  // older kernel stamps mean that the wall clock jumped
+constexpr TimeNs kTrustStampNs = 10 * kNsPerMs;  // for so long the two clocks' difference is not read anew
 
 TimeNs ReadClock(clockid_t id) noexcept {
   timespec t{};
@@ -43,6 +45,43 @@ ifreq RequestFor(const std::string& interface) {
   std::memcpy(request.ifr_name, interface.data(), std::min<std::size_t>(interface.size(), IFNAMSIZ - 1));
   return request;
 }
+
+can_frame RawFrame(const CanFrame& frame) noexcept {
+  can_frame raw{};
+  raw.can_id = frame.id;
+  if (frame.remote) raw.can_id |= CAN_RTR_FLAG;
+  if (frame.error) raw.can_id |= CAN_ERR_FLAG;
+  raw.can_dlc = std::min<std::uint8_t>(frame.size, 8);
+  std::copy_n(frame.data.begin(), 8, raw.data);
+  return raw;
+}
+
+/// Kernel stamps (wall clock) as times of the monotonic clock. Both clocks are read at most once a batch, and
+/// in a busy time once in a while only, for a clock read can cost as much as the frame.
+class StampClock {
+ public:
+  void BeginBatch() noexcept { fresh_ = false; }
+  TimeNs Monotonic(TimeNs wall_ns) noexcept {
+    if (!fresh_ && (wall_ns < wall_read_ns_ || wall_ns > wall_read_ns_ + kTrustStampNs)) Read();
+    TimeNs age_ns = wall_read_ns_ - wall_ns;
+    if (fresh_ && (age_ns < 0 || age_ns > kOldestStampNs)) age_ns = 0;  // a step of the wall clock
+    return monotonic_read_ns_ - age_ns;
+  }
+  TimeNs Now() noexcept {
+    if (!fresh_) Read();
+    return monotonic_read_ns_;
+  }
+
+ private:
+  void Read() noexcept {
+    fresh_ = true;
+    wall_read_ns_ = ReadClock(CLOCK_REALTIME);
+    monotonic_read_ns_ = ReadClock(CLOCK_MONOTONIC);
+  }
+
+  bool fresh_ = false;  // read within this batch
+  TimeNs wall_read_ns_ = 0, monotonic_read_ns_ = 0;
+};
 
 class Descriptor {
  public:
@@ -72,7 +111,18 @@ int OpenSocket(const std::string& interface) {
 }  // namespace
 
 struct SocketCanPort::State {
-  explicit State(const std::string& name) : interface(name), fd(OpenSocket(name)) {}
+  explicit State(const std::string& name) : interface(name), fd(OpenSocket(name)) {
+    for (std::size_t i = 0; i < kBatch; ++i) {
+      slots[i].part = {&slots[i].frame, sizeof(can_frame)};
+      headers[i].msg_hdr.msg_iov = &slots[i].part;
+      headers[i].msg_hdr.msg_iovlen = 1;
+      headers[i].msg_hdr.msg_control = slots[i].control;
+      headers[i].msg_hdr.msg_controllen = sizeof(slots[i].control);
+      out_parts[i] = {&out_frames[i], sizeof(can_frame)};
+      out_headers[i].msg_hdr.msg_iov = &out_parts[i];
+      out_headers[i].msg_hdr.msg_iovlen = 1;
+    }
+  }
 
   void Bind();
   void SizeReceiveBuffer(int bytes) const;
@@ -80,7 +130,8 @@ struct SocketCanPort::State {
   void SetOption(int level, int option, const T& value, const char* what) const;
   int Take(std::span<StampedFrame> frames) noexcept;
   void NoteFrame(StampedFrame* out, const can_frame& raw, TimeNs time_ns) noexcept;
-  void NoteControl(msghdr* header, TimeNs* wall_ns) noexcept;
+  TimeNs NoteControl(msghdr* header) noexcept;
+  void NoteSent(const CanFrame& frame) noexcept;
   void NoteError(int error) noexcept;
   void LookForLink() noexcept;
 
@@ -99,7 +150,11 @@ struct SocketCanPort::State {
     alignas(cmsghdr) char control[CMSG_SPACE(sizeof(timespec)) + CMSG_SPACE(sizeof(std::uint32_t))];
   };
   std::array<Slot, kBatch> slots{};
-  std::array<mmsghdr, kBatch> headers{};
+  std::array<mmsghdr, kBatch> headers{};  // ready to receive, always
+  StampClock stamps;
+  std::array<can_frame, kBatch> out_frames{};
+  std::array<iovec, kBatch> out_parts{};
+  std::array<mmsghdr, kBatch> out_headers{};
 };
 
 void SocketCanPort::State::Bind() {
@@ -147,13 +202,20 @@ void SocketCanPort::State::NoteError(int error) noexcept {
   if (error == ENETDOWN || error == ENODEV || error == ENXIO) link_down = true;
 }
 
-void SocketCanPort::State::NoteControl(msghdr* header, TimeNs* wall_ns) noexcept {
+void SocketCanPort::State::NoteSent(const CanFrame& frame) noexcept {
+  ++counters.sent;
+  counters.bits += static_cast<std::uint64_t>(WorstCaseBits(frame));
+}
+
+/// Takes the drop counter off; returns when the frame arrived, by the monotonic clock.
+TimeNs SocketCanPort::State::NoteControl(msghdr* header) noexcept {
+  std::optional<TimeNs> wall_ns;
   for (cmsghdr* c = CMSG_FIRSTHDR(header); c != nullptr; c = CMSG_NXTHDR(header, c)) {
     if (c->cmsg_level != SOL_SOCKET) continue;
     if (c->cmsg_type == SO_TIMESTAMPNS) {
       timespec t{};
       std::memcpy(&t, CMSG_DATA(c), sizeof(t));
-      *wall_ns = static_cast<TimeNs>(t.tv_sec) * kNsPerS + t.tv_nsec;
+      wall_ns = static_cast<TimeNs>(t.tv_sec) * kNsPerS + t.tv_nsec;
     } else if (c->cmsg_type == SO_RXQ_OVFL) {
       std::uint32_t drops = 0;
       std::memcpy(&drops, CMSG_DATA(c), sizeof(drops));
@@ -161,6 +223,7 @@ void SocketCanPort::State::NoteControl(msghdr* header, TimeNs* wall_ns) noexcept
       kernel_drops = drops;
     }
   }
+  return wall_ns ? stamps.Monotonic(*wall_ns) : stamps.Now();
 }
 
 void SocketCanPort::State::NoteFrame(StampedFrame* out, const can_frame& raw, TimeNs time_ns) noexcept {
@@ -186,34 +249,19 @@ void SocketCanPort::State::NoteFrame(StampedFrame* out, const can_frame& raw, Ti
 
 int SocketCanPort::State::Take(std::span<StampedFrame> frames) noexcept {
   const auto wanted = static_cast<unsigned>(std::min<std::size_t>(frames.size(), kBatch));
-  for (unsigned i = 0; i < wanted; ++i) {
-    slots[i].part = {&slots[i].frame, sizeof(can_frame)};
-    headers[i] = {};
-    headers[i].msg_hdr.msg_iov = &slots[i].part;
-    headers[i].msg_hdr.msg_iovlen = 1;
-    headers[i].msg_hdr.msg_control = slots[i].control;
-    headers[i].msg_hdr.msg_controllen = sizeof(slots[i].control);
-  }
   const int n = recvmmsg(fd.get(), headers.data(), wanted, MSG_DONTWAIT, nullptr);
   if (n <= 0) {
     if (n < 0) NoteError(errno);
     return 0;
   }
-  // The kernel stamps with the wall clock; only the age of a stamp is used, so that steps of that clock do no
-  // harm.
-  const TimeNs wall_now_ns = ReadClock(CLOCK_REALTIME);
-  const TimeNs now_ns = ReadClock(CLOCK_MONOTONIC);
-  int kept = 0;
-  for (int i = 0; i < n; ++i) {
-    TimeNs wall_ns = wall_now_ns;
-    NoteControl(&headers[static_cast<std::size_t>(i)].msg_hdr, &wall_ns);
-    if (headers[static_cast<std::size_t>(i)].msg_len != CAN_MTU) continue;
-    TimeNs age_ns = wall_now_ns - wall_ns;
-    if (age_ns < 0 || age_ns > kOldestStampNs) age_ns = 0;
-    NoteFrame(&frames[static_cast<std::size_t>(kept++)], slots[static_cast<std::size_t>(i)].frame,
-              now_ns - age_ns);
+  stamps.BeginBatch();
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+    const TimeNs time_ns = NoteControl(&headers[i].msg_hdr);
+    headers[i].msg_hdr.msg_controllen = sizeof(slots[i].control);  // the kernel left what it used
+    if (headers[i].msg_len == CAN_MTU) NoteFrame(&frames[kept++], slots[i].frame, time_ns);
   }
-  return kept;
+  return static_cast<int>(kept);
 }
 
 void SocketCanPort::State::LookForLink() noexcept {
@@ -254,20 +302,34 @@ SocketCanPort::SocketCanPort(const std::string& interface, const Options& option
 SocketCanPort::~SocketCanPort() = default;
 
 bool SocketCanPort::Send(const CanFrame& frame) noexcept {
-  can_frame raw{};
-  raw.can_id = frame.id;
-  if (frame.remote) raw.can_id |= CAN_RTR_FLAG;
-  if (frame.error) raw.can_id |= CAN_ERR_FLAG;
-  raw.can_dlc = std::min<std::uint8_t>(frame.size, 8);
-  std::copy_n(frame.data.begin(), 8, raw.data);
+  const can_frame raw = RawFrame(frame);
   if (send(state_->fd.get(), &raw, sizeof(raw), MSG_DONTWAIT) == static_cast<ssize_t>(sizeof(raw))) {
-    ++state_->counters.sent;
-    state_->counters.bits += static_cast<std::uint64_t>(WorstCaseBits(frame));
+    state_->NoteSent(frame);
     return true;
   }
   state_->NoteError(errno);
   ++state_->counters.send_refused;
   return false;
+}
+
+int SocketCanPort::SendAll(std::span<const CanFrame> frames) noexcept {
+  int queued = 0;
+  while (!frames.empty()) {
+    const std::size_t n = std::min<std::size_t>(frames.size(), kBatch);
+    for (std::size_t i = 0; i < n; ++i) state_->out_frames[i] = RawFrame(frames[i]);
+    const int sent =
+        sendmmsg(state_->fd.get(), state_->out_headers.data(), static_cast<unsigned>(n), MSG_DONTWAIT);
+    if (sent > 0) {
+      for (const CanFrame& frame : frames.first(static_cast<std::size_t>(sent))) state_->NoteSent(frame);
+      queued += sent;
+      frames = frames.subspan(static_cast<std::size_t>(sent));
+    } else {  // the first one was refused
+      state_->NoteError(errno);
+      ++state_->counters.send_refused;
+      frames = frames.subspan(1);
+    }
+  }
+  return queued;
 }
 
 int SocketCanPort::Receive(std::span<StampedFrame> frames) noexcept {

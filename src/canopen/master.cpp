@@ -3,6 +3,7 @@
 #include "tendril/canopen/master.h"
 
 #include <algorithm>
+#include <cstdarg>
 #include <cstdio>
 #include <stdexcept>
 
@@ -84,6 +85,7 @@ struct Master::State {
 
   void Report(TimeNs now_ns, Status status, const char* text) noexcept;
   bool Send(const can::CanFrame& frame, TimeNs now_ns) noexcept;
+  [[gnu::format(printf, 3, 4)]] void ReportRefused(TimeNs now_ns, const char* format, ...) noexcept;
   void WatchBus(TimeNs now_ns) noexcept;
   void Drain(TimeNs now_ns) noexcept;
   void Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept;
@@ -99,6 +101,7 @@ struct Master::State {
   std::vector<std::unique_ptr<Node>> nodes;
   std::array<Node*, 128> node_of_id{};
   std::array<can::StampedFrame, kReceiveBatch> batch{};
+  std::array<can::CanFrame, kMaxTendons> rpdos{};
 
   bool running = false;
   bool down = false;           // bus-off or interface down
@@ -206,13 +209,19 @@ bool Master::Shutdown(TimeNs now_ns) noexcept {
 
 bool Master::State::Send(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   if (port.Send(frame)) return true;
-  if (now_ns >= next_refused_event_ns && !down) {
-    next_refused_event_ns = now_ns + kRepeatedEvent_ns;
-    std::array<char, 96> text{};
-    std::snprintf(text.data(), text.size(), "frame 0x%03X not sent, the interface's queue is full", frame.id);
-    Report(now_ns, Status::kFrameNotSent, text.data());
-  }
+  ReportRefused(now_ns, "frame 0x%03X not sent, the interface's queue is full", frame.id);
   return false;
+}
+
+void Master::State::ReportRefused(TimeNs now_ns, const char* format, ...) noexcept {
+  if (now_ns < next_refused_event_ns || down) return;
+  next_refused_event_ns = now_ns + kRepeatedEvent_ns;
+  std::array<char, 96> text{};
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(text.data(), text.size(), format, arguments);
+  va_end(arguments);
+  Report(now_ns, Status::kFrameNotSent, text.data());
 }
 
 void Master::State::SendSync(TimeNs now_ns) noexcept {
@@ -250,10 +259,15 @@ void Master::State::SendPending(TimeNs now_ns) noexcept {
 
 void Master::State::SendRpdos(TimeNs now_ns, DriveRequest request,
                               std::span<const std::int16_t> torques) noexcept {
+  int n = 0;
   for (std::size_t i = 0; i < nodes.size(); ++i) {
-    can::CanFrame frame;
     const std::int16_t torque = i < torques.size() ? torques[i] : std::int16_t{0};
-    if (nodes[i]->MakeRpdo(now_ns, request, torque, &frame) && !down) Send(frame, now_ns);
+    n += nodes[i]->MakeRpdo(now_ns, request, torque, &rpdos[static_cast<std::size_t>(n)]) ? 1 : 0;
+  }
+  if (n == 0 || down) return;
+  const int sent = port.SendAll(std::span(rpdos).first(static_cast<std::size_t>(n)));
+  if (sent < n) {
+    ReportRefused(now_ns, "%d of %d torque frames not sent, the interface's queue is full", n - sent, n);
   }
 }
 

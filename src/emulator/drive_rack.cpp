@@ -10,12 +10,49 @@
 #include "drive.h"
 
 namespace tendril::emulator {
+namespace {
+
+/// What the drives send during a Poll goes to the port at once at its end: many frames, one system call.
+class Outbox final : public can::CanPort {
+ public:
+  explicit Outbox(can::CanPort& port) : port_(port) {}
+
+  void Open() noexcept { open_ = true; }
+  void Close() noexcept {
+    Flush();
+    open_ = false;
+  }
+
+  bool Send(const can::CanFrame& frame) noexcept override {
+    if (!open_) return port_.Send(frame);
+    if (size_ == frames_.size()) Flush();
+    frames_[size_++] = frame;
+    return true;
+  }
+  int Receive(std::span<can::StampedFrame> frames) noexcept override { return port_.Receive(frames); }
+  bool WaitUntil(TimeNs deadline_ns) noexcept override { return port_.WaitUntil(deadline_ns); }
+  bool up() const noexcept override { return port_.up(); }
+  const can::CanCounters& counters() const noexcept override { return port_.counters(); }
+
+ private:
+  void Flush() noexcept {
+    if (size_ > 0) port_.SendAll(std::span(frames_).first(size_));
+    size_ = 0;
+  }
+
+  can::CanPort& port_;
+  bool open_ = false;
+  std::size_t size_ = 0;
+  std::array<can::CanFrame, 64> frames_{};
+};
+
+}  // namespace
 
 struct DriveRack::State {
   explicit State(can::CanPort& p) : port(p) {}
   Drive& At(int drive) noexcept { return *drives[static_cast<std::size_t>(drive)]; }
 
-  can::CanPort& port;
+  Outbox port;
   std::vector<std::unique_ptr<Drive>> drives;
   std::array<can::StampedFrame, 64> batch{};
 };
@@ -32,7 +69,7 @@ DriveRack::DriveRack(std::span<const EmulatedDriveParameters> drives, can::CanPo
       throw std::invalid_argument("emulated drive: node id " + std::to_string(id) + " is given twice");
     }
     taken.set(static_cast<std::size_t>(id));
-    state_->drives.push_back(std::make_unique<Drive>(parameters, port));
+    state_->drives.push_back(std::make_unique<Drive>(parameters, state_->port));
   }
 }
 
@@ -48,6 +85,7 @@ void DriveRack::SetSensors(int drive, const DriveSensors& sensors) noexcept {
 
 int DriveRack::Poll(TimeNs now_ns) {
   int syncs = 0;
+  state_->port.Open();
   while (true) {
     const int n = state_->port.Receive(state_->batch);
     for (int i = 0; i < n; ++i) {
@@ -65,6 +103,7 @@ int DriveRack::Poll(TimeNs now_ns) {
     if (n < static_cast<int>(state_->batch.size())) break;
   }
   for (const auto& drive : state_->drives) drive->OnTime(now_ns);
+  state_->port.Close();
   return syncs;
 }
 

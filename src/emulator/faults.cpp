@@ -267,6 +267,12 @@ bool FaultInjector::Send(const can::CanFrame& frame) noexcept {
   return sent;
 }
 
+int FaultInjector::SendAll(std::span<const can::CanFrame> frames) noexcept {
+  // Without faults of frames they go on together.
+  if (!state_->bus_off && state_->orders.empty()) return state_->bus.SendAll(frames);
+  return can::CanPort::SendAll(frames);
+}
+
 int FaultInjector::Receive(std::span<can::StampedFrame> frames) noexcept {
   State& s = *state_;
   std::size_t n = 0;

@@ -1,8 +1,15 @@
 // The bus cycle of three drives over a real vcan0 beside bare SocketCAN programs that move the same frames,
-// in alternating blocks of one run. Prints times and their ratio; run it under tools/vcan-run.
+// in alternating blocks of one run. Prints times and their ratios; run it under tools/vcan-run.
+//
+// Two bare programs: one that waits for each frame until a deadline, as every control loop must (clock,
+// ppoll, read), and one that blocks in read() for ever, which no control loop may do but which nothing can
+// undercut. All processes have the same real-time priority where that is allowed, so that none preempts
+// another.
 #include <linux/can.h>
 #include <linux/can/raw.h>
 #include <net/if.h>
+#include <poll.h>
+#include <sched.h>
 #include <signal.h>
 #include <sys/ioctl.h>
 #include <sys/prctl.h>
@@ -28,8 +35,8 @@ namespace {
 
 using namespace tendril;
 
-constexpr int kDrives = 3, kBlocks = 8, kCycles = 1500, kWarmUp = 100;
-constexpr TimeNs kCycle_ns = kNsPerMs;
+constexpr int kDrives = 3, kBlocks = 12, kCycles = 1000, kWarmUp = 100;
+constexpr TimeNs kCycle_ns = kNsPerMs, kDeadline_ns = kNsPerS;
 constexpr const char* kInterface = "vcan0";
 
 struct Times {
@@ -84,7 +91,9 @@ void SleepUntil(TimeNs t_ns) {
 }
 
 // ---- bare SocketCAN
-// --------------------------------------------------------------------------------------------
+// -----------------------------------------------------------------------------
+
+enum class Bare { kBlocking, kDeadline };
 
 int OpenBare() {
   const int fd = socket(PF_CAN, SOCK_RAW, CAN_RAW);
@@ -119,16 +128,33 @@ can_frame ReadBare(int fd) {
   return frame;
 }
 
-[[noreturn]] void EchoBare(int fd) {
+/// Waits for one frame until `deadline_ns`; false when none came.
+bool ReadBareUntil(int fd, TimeNs deadline_ns, const Clock& clock, can_frame* frame) {
+  const TimeNs left_ns = std::max<TimeNs>(0, deadline_ns - clock.Now());
+  const timespec timeout{.tv_sec = left_ns / kNsPerS, .tv_nsec = left_ns % kNsPerS};
+  pollfd poll_fd{.fd = fd, .events = POLLIN, .revents = 0};
+  if (ppoll(&poll_fd, 1, &timeout, nullptr) <= 0) return false;
+  *frame = ReadBare(fd);
+  return true;
+}
+
+[[noreturn]] void EchoBare(int fd, Bare way) {
+  const MonotonicClock clock;
+  can_frame frame{};
   while (true) {
-    if (ReadBare(fd).can_id != 0x080) continue;
+    if (way == Bare::kBlocking) {
+      frame = ReadBare(fd);
+    } else if (!ReadBareUntil(fd, clock.Now() + 10 * kNsPerMs, clock, &frame)) {
+      continue;
+    }
+    if (frame.can_id != 0x080) continue;
     for (canid_t i = 1; i <= kDrives; ++i) WriteBare(fd, 0x180 + i, 8);
   }
 }
 
-Times RunBare() {
+Times RunBare(Bare way) {
   const int echo_fd = OpenBare();  // bound before the first SYNC
-  const Child child([&] { EchoBare(echo_fd); });
+  const Child child([&] { EchoBare(echo_fd, way); });
   close(echo_fd);
   const int fd = OpenBare();
   const MonotonicClock clock;
@@ -138,7 +164,14 @@ Times RunBare() {
     SleepUntil(next_ns += kCycle_ns);
     const TimeNs begin_ns = clock.Now();
     WriteBare(fd, 0x080, 0);
-    for (int k = 0; k < kDrives; ++k) ReadBare(fd);
+    for (int k = 0; k < kDrives; ++k) {
+      can_frame frame{};
+      if (way == Bare::kBlocking) {
+        ReadBare(fd);
+      } else if (!ReadBareUntil(fd, begin_ns + kDeadline_ns, clock, &frame)) {
+        throw std::runtime_error("the bare echo did not answer");
+      }
+    }
     const TimeNs answered_ns = clock.Now();
     for (canid_t k = 1; k <= kDrives; ++k) WriteBare(fd, 0x200 + k, 4);
     const TimeNs end_ns = clock.Now();
@@ -150,7 +183,7 @@ Times RunBare() {
 }
 
 // ---- master and emulated drives
-// --------------------------------------------------------------------------------
+// -----------------------------------------------------------------
 
 [[noreturn]] void RunDrives(can::CanPort& port) {
   std::vector<emulator::EmulatedDriveParameters> drives(kDrives);
@@ -162,8 +195,9 @@ Times RunBare() {
   emulator::DriveRack rack(drives, port);
   const MonotonicClock clock;
   while (true) {
-    rack.Poll(clock.Now());
-    port.WaitUntil(clock.Now() + 10 * kNsPerMs);
+    const TimeNs now_ns = clock.Now();
+    rack.Poll(now_ns);
+    port.WaitUntil(now_ns + 10 * kNsPerMs);
   }
 }
 
@@ -211,9 +245,15 @@ Times RunOurs() {
     SleepUntil(next_ns += kCycle_ns);
     const TimeNs begin_ns = clock.Now();
     master.BeginCycle(begin_ns);
+    // As the daemon's cycle does it.
+    const TimeNs deadline_ns = begin_ns + (measured < 0 ? kCycle_ns : kDeadline_ns);
+    TimeNs now_ns = begin_ns;
     bool complete = false;
-    const TimeNs deadline_ns = begin_ns + (measured < 0 ? kCycle_ns : kNsPerS);
-    while (!(complete = master.Poll(clock.Now())) && clock.Now() < deadline_ns) port.WaitUntil(deadline_ns);
+    while (!complete && now_ns < deadline_ns) {
+      port.WaitUntil(deadline_ns);
+      now_ns = clock.Now();
+      complete = master.Poll(now_ns);
+    }
     const TimeNs answered_ns = clock.Now();
     master.EndCycle(answered_ns, request, torques);
     const TimeNs end_ns = clock.Now();
@@ -232,32 +272,53 @@ Times RunOurs() {
   return times;
 }
 
-void Print(const char* what, const std::vector<TimeNs>& bare, const std::vector<TimeNs>& ours) {
-  std::printf(
-      "%-22s bare: median %6.1f us, 99 %% %6.1f us;  ours: median %6.1f us, 99 %% %6.1f us;  ratio %.2f\n",
-      what, Quantile_us(bare, 0.5), Quantile_us(bare, 0.99), Quantile_us(ours, 0.5), Quantile_us(ours, 0.99),
-      Quantile_us(ours, 0.5) / Quantile_us(bare, 0.5));
+struct Ratio {
+  const char* than;
+  std::vector<double> of_blocks;
+
+  void Print() {
+    std::sort(of_blocks.begin(), of_blocks.end());
+    std::printf("  ours to %-34s %.2f (blocks: %.2f to %.2f)\n", than, of_blocks[of_blocks.size() / 2],
+                of_blocks.front(), of_blocks.back());
+  }
+};
+
+void Print(const char* what, const char* who, const std::vector<TimeNs>& times) {
+  std::printf("%-22s %-34s median %6.1f us, 99 %% %6.1f us\n", what, who, Quantile_us(times, 0.5),
+              Quantile_us(times, 0.99));
 }
 
 }  // namespace
 
 int main() {
   try {
-    std::printf("three drives on %s, a cycle each ms, %d blocks of %d cycles each way\n", kInterface, kBlocks,
-                kCycles);
-    Times bare, ours;
-    std::vector<double> ratios;
+    const sched_param parameters{.sched_priority = 1};
+    const bool realtime = sched_setscheduler(0, SCHED_FIFO, &parameters) == 0;
+    std::printf("three drives on %s, a cycle each ms, %d blocks of %d cycles each way, %s\n", kInterface,
+                kBlocks, kCycles,
+                realtime ? "all at SCHED_FIFO 1" : "without real-time priority (not allowed here)");
+    constexpr const char* kDeadlineBare = "bare, waiting until a deadline";
+    constexpr const char* kBlockingBare = "bare, blocking for ever";
+    Times deadline, blocking, ours;
+    Ratio to_deadline{kDeadlineBare, {}}, to_blocking{kBlockingBare, {}};
     for (int block = 0; block < kBlocks; ++block) {
-      const Times b = RunBare(), o = RunOurs();
-      ratios.push_back(Quantile_us(o.echo_ns, 0.5) / Quantile_us(b.echo_ns, 0.5));
-      bare.Append(b);
+      const Times d = RunBare(Bare::kDeadline), o = RunOurs(), b = RunBare(Bare::kBlocking);
+      const double median_us = Quantile_us(o.echo_ns, 0.5);
+      to_deadline.of_blocks.push_back(median_us / Quantile_us(d.echo_ns, 0.5));
+      to_blocking.of_blocks.push_back(median_us / Quantile_us(b.echo_ns, 0.5));
+      deadline.Append(d);
+      blocking.Append(b);
       ours.Append(o);
     }
-    Print("SYNC to last feedback", bare.echo_ns, ours.echo_ns);
-    Print("... and torques sent", bare.cycle_ns, ours.cycle_ns);
-    std::sort(ratios.begin(), ratios.end());
-    std::printf("ratio of the medians of SYNC to last feedback, block by block: %.2f to %.2f, middle %.2f\n",
-                ratios.front(), ratios.back(), ratios[ratios.size() / 2]);
+    Print("SYNC to last feedback", kDeadlineBare, deadline.echo_ns);
+    Print("", kBlockingBare, blocking.echo_ns);
+    Print("", "ours", ours.echo_ns);
+    Print("... and torques sent", kDeadlineBare, deadline.cycle_ns);
+    Print("", kBlockingBare, blocking.cycle_ns);
+    Print("", "ours", ours.cycle_ns);
+    std::printf("ratio of the medians of SYNC to last feedback, middle of the blocks:\n");
+    to_deadline.Print();
+    to_blocking.Print();
   } catch (const std::exception& e) {
     std::fprintf(stderr, "vcan_echo_bench: %s\n", e.what());
     return 1;

@@ -54,6 +54,42 @@ TEST_F(VcanTest, FramesArriveWholeInOrderAndStampedWithTheMonotonicClock) {
   EXPECT_EQ(a_->Receive(got), 0) << "a port must not hear itself";
 }
 
+TEST_F(VcanTest, ManyFramesInOneCallArriveAsIfSentOneByOne) {
+  std::vector<CanFrame> frames;
+  for (std::uint32_t i = 0; i < 150; ++i) frames.push_back(Frame(i, static_cast<std::uint8_t>(i % 9)));
+  frames[70].remote = true;
+  const TimeNs before_ns = clock_.Now();
+  ASSERT_EQ(a_->SendAll(frames), 150);
+  const TimeNs after_ns = clock_.Now();
+  std::vector<StampedFrame> got(256);
+  ASSERT_EQ(b_->Receive(got), 150);
+  for (std::uint32_t i = 0; i < 150; ++i) {
+    ASSERT_EQ(got[i].frame.id, i);
+    ASSERT_EQ(got[i].frame.size, i % 9);
+    ASSERT_EQ(got[i].frame.remote, i == 70);
+    ASSERT_GE(got[i].time_ns, before_ns - kNsPerMs);
+    ASSERT_LE(got[i].time_ns, after_ns + kNsPerMs);
+  }
+  EXPECT_EQ(a_->counters().sent, 150u);
+  EXPECT_EQ(a_->counters().bits, b_->counters().bits);
+  EXPECT_EQ(a_->SendAll({}), 0);
+}
+
+// The difference of the clocks is read once in a while only: stamps must be right within that time and after
+// it.
+TEST_F(VcanTest, StampsAreTheTimeOfArrivalHoweverLateTheyAreRead) {
+  std::array<StampedFrame, 4> got;
+  for (const int wait_ms : {0, 0, 1, 3, 30, 120, 0, 1}) {
+    const TimeNs before_ns = clock_.Now();
+    ASSERT_TRUE(a_->Send(Frame(1, 1)));
+    const TimeNs after_ns = clock_.Now();
+    std::this_thread::sleep_for(std::chrono::milliseconds(wait_ms));
+    ASSERT_EQ(b_->Receive(got), 1);
+    EXPECT_GE(got[0].time_ns, before_ns - kNsPerMs / 2) << wait_ms;
+    EXPECT_LE(got[0].time_ns, after_ns + kNsPerMs / 2) << wait_ms;
+  }
+}
+
 TEST_F(VcanTest, RemoteFramesKeepTheirFlag) {
   CanFrame remote = Frame(0x701, 0);
   remote.remote = true;
@@ -158,6 +194,8 @@ TEST_F(LinkTest, ThePortComesBackWithTheInterface) {
   EXPECT_FALSE(a.Send(frame));
   EXPECT_FALSE(a.up());
   EXPECT_EQ(a.counters().send_refused, 1u);
+  EXPECT_EQ(a.SendAll(std::array<CanFrame, 3>{frame, frame, frame}), 0);
+  EXPECT_EQ(a.counters().send_refused, 4u);
   ASSERT_TRUE(Ip("link set tdlink up"));
   EXPECT_TRUE(Becomes(a, true));
   EXPECT_TRUE(Becomes(b, true));

@@ -48,6 +48,13 @@ class CanPort {
   virtual ~CanPort() = default;
   /// Hands one frame over without ever blocking; false when it could not be queued (counted).
   virtual bool Send(const CanFrame& frame) noexcept = 0;
+  /// As Send for one after the other, whatever becomes of those before; returns how many were queued. Ports
+  /// that can do so hand all over at once.
+  virtual int SendAll(std::span<const CanFrame> frames) noexcept {
+    int queued = 0;
+    for (const CanFrame& frame : frames) queued += Send(frame) ? 1 : 0;
+    return queued;
+  }
   /// Moves up to frames.size() waiting frames out, oldest first; returns how many. Never blocks.
   virtual int Receive(std::span<StampedFrame> frames) noexcept = 0;
   /// Blocks until a frame waits or the deadline (port's clock) passed; true when a frame waits.

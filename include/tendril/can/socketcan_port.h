@@ -21,6 +21,7 @@ class SocketCanPort final : public CanPort {
   ~SocketCanPort() override;
 
   bool Send(const CanFrame& frame) noexcept override;
+  int SendAll(std::span<const CanFrame> frames) noexcept override;
   int Receive(std::span<StampedFrame> frames) noexcept override;
   bool WaitUntil(TimeNs deadline_ns) noexcept override;
   bool up() const noexcept override;

@@ -37,6 +37,7 @@ class FaultInjector final : public can::CanPort {
   int pending() const noexcept;
 
   bool Send(const can::CanFrame& frame) noexcept override;
+  int SendAll(std::span<const can::CanFrame> frames) noexcept override;
   int Receive(std::span<can::StampedFrame> frames) noexcept override;
   bool WaitUntil(TimeNs deadline_ns) noexcept override;
   bool up() const noexcept override;
