@@ -113,6 +113,17 @@ void OptionalNumber(Io& io, std::string_view key, double& value, double nominal,
   io.Number(key, value, range);
 }
 
+/// A tendon's key that may be left out: always written, for a tendon that spells out nothing has what the
+/// common block says.
+template <class Io>
+void NumberOr(Io& io, std::string_view key, double& value, double nominal, Range range) {
+  if constexpr (Io::kReading) {
+    value = nominal;
+    if (!io.Has(key)) return io.Allow(key);
+  }
+  io.Number(key, value, range);
+}
+
 template <class Io>
 void Describe(Io& io, UnitDeviation& p) {
   io.Integer("unit", p.unit, {1, kMaxUnits});
@@ -209,6 +220,7 @@ void Describe(Io& io, MotorParameters& p) {
   io.Number("coulomb_damping_Nms", p.coulomb_damping_Nms, {0, 1e-2});
   io.Number("viscous_friction_Nms", p.viscous_friction_Nms, {0, 1e-2});
   io.Number("torque_lag_s", p.torque_lag_s, {0, 0.1});
+  NumberOr(io, "torque_scale", p.torque_scale, 1, {0.1, 10});
 }
 
 template <class Io>
@@ -256,6 +268,7 @@ void Describe(Io& io, TransmissionParameters& p) {
   io.List("pulleys", p.pulleys, {0, 16});
   io.Number("presliding_m", p.presliding_m, {1e-9, 0.1});
   io.Number("low_tension_N", p.low_tension_N, {1e-6, 100});
+  NumberOr(io, "coulomb_N", p.coulomb_N, 0, {0, 100});
 }
 
 template <class Io>
@@ -275,6 +288,7 @@ void Describe(Io& io, LoadCellParameters& p) {
   number("gain_VpN", p.gain_VpN, {1e-6, 1000});
   number("resolution_V", p.resolution_V, {1e-6, 10});
   number("noise_N", p.noise_N, {0, 100});
+  NumberOr(io, "offset_N", p.offset_N, 0, {-100, 100});
 }
 
 template <class Io>
@@ -375,6 +389,29 @@ inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tend
   }
 }
 
+/// Every key but two is a parameter; which there are, and their bounds, the simulator knows.
+template <class Io>
+void Describe(Io& io, EffectSetting& p) {
+  io.Text("effect", p.name, kNameRule);
+  if constexpr (Io::kReading) {
+    p.where = "all";
+    p.values.clear();
+    if (io.Has("where")) {
+      io.Text("where", p.where, kPlaceRule);
+    } else {
+      io.Allow("where");
+    }
+    for (const auto& entry : io.layers().back().map) {
+      const std::string key = entry.first.Scalar();
+      if (key == "effect" || key == "where") continue;
+      io.Number(key, p.values.emplace_back(key, 0).second, {-1e6, 1e6});
+    }
+  } else {
+    io.Text("where", p.where, kPlaceRule);
+    for (auto& [key, value] : p.values) io.Number(key, value, {});
+  }
+}
+
 template <class Io>
 void Describe(Io& io, RobotParameters& p) {
   io.Text("name", p.name, kNameRule);
@@ -399,8 +436,15 @@ void Describe(Io& io, RobotParameters& p) {
                 p.limits.max_bending_rad, k + 1, t.radius_m, reach_rad));
       }
     }
-  } else if (p.actuation) {
-    WriteActuation(io, *p.actuation);
+    p.effects.clear();
+    if (io.Has("effects")) {
+      io.List("effects", p.effects, {0, 1000});
+    } else {
+      io.Allow("effects");
+    }
+  } else {
+    if (p.actuation) WriteActuation(io, *p.actuation);
+    if (!p.effects.empty()) io.List("effects", p.effects, {});
   }
 }
 

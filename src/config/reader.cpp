@@ -371,12 +371,19 @@ void Reader::Refuse(std::string_view key, const std::string& wrong_accepted_reme
   std::string path = level.back().path;
   while (!key.empty()) {
     const std::string_view step = key.substr(0, key.find('.'));
+    const std::string_view name = step.substr(0, step.find('['));
     key.remove_prefix(std::min(key.size(), step.size() + 1));
+    std::size_t item = 0;  // of a list, from 1: "effects[2]"
+    if (name.size() < step.size()) {
+      std::from_chars(step.data() + name.size() + 1, step.data() + step.size(), item);
+    }
     std::vector<Layer> next;
     for (const Layer& layer : level) {
       for (const auto& entry : layer.map) {
-        if (entry.first.Scalar() == step)
-          next.push_back({entry.second, Join(layer.path, step), LineOf(entry.first)});
+        if (entry.first.Scalar() != name) continue;
+        const bool in_list = item > 0 && entry.second.IsSequence() && item <= entry.second.size();
+        const YAML::Node node = in_list ? entry.second[item - 1] : entry.second;
+        next.push_back({node, Join(layer.path, step), in_list ? LineOf(node) : LineOf(entry.first)});
       }
     }
     if (next.empty()) {

@@ -17,6 +17,15 @@ inline bool IsWord(std::string_view text, std::size_t longest) {
 
 inline constexpr TextRule kNameRule{[](std::string_view t) { return IsWord(t, 64); },
                                     "1 .. 64 letters, digits, '_', '-' or '.'"};
+/// Which of several equal parts of a robot.
+inline constexpr TextRule kPlaceRule{
+    [](std::string_view t) {
+      const auto colon = t.find(':');
+      const std::string_view digits = colon < t.size() ? t.substr(colon + 1) : "";
+      return IsWord(t.substr(0, colon), 64) &&
+             (colon == t.npos || (IsWord(digits, 4) && digits.find_first_not_of("0123456789") == t.npos));
+    },
+    "all, or one of several as in tendon:2, from 1"};
 inline constexpr TextRule kInterfaceRule{
     [](std::string_view t) { return IsWord(t, 15); },
     "a network interface, 1 .. 15 letters, digits, '_', '-' or '.', e.g. can0"};

@@ -16,6 +16,8 @@ Compensation::Compensation(const TendonDriveParameters& drive, const LimitParame
       travel_m_(drive.SpoolTravelPerMotorRad()),
       efficiency_(drive.gear.efficiency),
       coulomb_Nm_(drive.motor.coulomb_friction_Nm),
+      pulley_coulomb_N_(drive.transmission.coulomb_N),
+      torque_scale_(drive.motor.torque_scale),
       max_torque_Nm_(drive.motor.torque_constant_NmpA * drive.drive.current_limit_A),
       presliding_(model::PulleyPresliding(drive.transmission.presliding_m)) {}
 
@@ -31,7 +33,11 @@ Compensation::Result Compensation::Step(double tension_base_N, double shortening
   } else {
     r.sliding = presliding_.Hold(pull_m);
   }
-  r.tension_motor_N = capstan_ ? table_->BaseToMotor(tension_base_N, r.sliding) : tension_base_N;
+  r.tension_motor_N = tension_base_N;
+  if (capstan_) {
+    const double load_N = std::max(0.0, tension_base_N + pulley_coulomb_N_ * r.sliding);
+    r.tension_motor_N = table_->BaseToMotor(load_N, r.sliding);
+  }
   if (r.tension_motor_N > max_tension_motor_N_) {
     r.tension_motor_N = max_tension_motor_N_;
     r.status = Status::kLimitedMotorTension;
@@ -39,6 +45,7 @@ Compensation::Result Compensation::Step(double tension_base_N, double shortening
   // Gear losses help or hinder with the direction of power, Coulomb friction opposes motion: both follow the
   // same smooth direction as the pulley, so the torque is continuous through a reversal.
   r.torque_Nm = r.tension_motor_N * travel_m_ * std::pow(efficiency_, -r.sliding) + coulomb_Nm_ * r.sliding;
+  r.torque_Nm /= torque_scale_;  // the drive counts in current
   if (std::abs(r.torque_Nm) > max_torque_Nm_) {
     r.torque_Nm = std::copysign(max_torque_Nm_, r.torque_Nm);
     r.status = Status::kLimitedTorque;

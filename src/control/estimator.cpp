@@ -30,8 +30,9 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
   for (const auto& t : robot.actuation->tendons) {
     const double per_mV = t.load_cell.gain_VpN > 0 ? 1e-3 / t.load_cell.gain_VpN : 0;
     tendons_.push_back({2 * std::numbers::pi / t.drive.encoder_counts_per_turn * t.SpoolTravelPerMotorRad(),
-                        t.drive.rated_torque_Nm, per_mV, t.tendon.stiffness_Npm, t.SpoolTravelPerMotorRad(),
-                        t.gear.efficiency, t.motor.coulomb_friction_Nm, t.load_cell.place, 0,
+                        t.drive.rated_torque_Nm, t.motor.torque_scale, per_mV, t.load_cell.offset_N,
+                        t.tendon.stiffness_Npm, t.SpoolTravelPerMotorRad(), t.gear.efficiency,
+                        t.motor.coulomb_friction_Nm, t.transmission.coulomb_N, t.load_cell.place, 0,
                         model::PulleyPresliding(t.transmission.presliding_m)});
   }
 }
@@ -56,21 +57,23 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
     const double pull_m = counts * t.travel_per_count_m;
     const double z = t.presliding.Commit(pull_m);
     const double torque_Nm = d.torque_permille * 1e-3 * t.rated_torque_Nm;
-    const double cell_N = d.analog_mV * t.newton_per_mV;
+    const double cell_N = d.analog_mV * t.newton_per_mV - t.cell_offset_N;
+    const double bearing_N = t.pulley_coulomb_N * z;  // lost in the pulleys whatever the load
 
     double motor_N = 0, base_N = 0;
     switch (t.place) {
       case LoadCellPlace::kMotorSide:
         motor_N = cell_N;
-        base_N = tables_[j]->MotorToBase(std::max(motor_N, 0.0), z);
+        base_N = std::max(0.0, tables_[j]->MotorToBase(std::max(motor_N, 0.0), z) - bearing_N);
         break;
       case LoadCellPlace::kRobotSide:
         base_N = cell_N;
-        motor_N = tables_[j]->BaseToMotor(std::max(base_N, 0.0), z);
+        motor_N = tables_[j]->BaseToMotor(std::max(base_N + bearing_N, 0.0), z);
         break;
       case LoadCellPlace::kNone:
-        motor_N = std::max(0.0, (torque_Nm - t.coulomb_Nm * z) / t.travel_m * std::pow(t.efficiency, z));
-        base_N = tables_[j]->MotorToBase(motor_N, z);
+        motor_N = std::max(
+            0.0, (t.torque_scale * torque_Nm - t.coulomb_Nm * z) / t.travel_m * std::pow(t.efficiency, z));
+        base_N = std::max(0.0, tables_[j]->MotorToBase(motor_N, z) - bearing_N);
         break;
     }
     output.displacement_m[j] = pull_m;

@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "laws.h"
+#include "tendril/config/config.h"
 
 namespace tendril::sim {
 
@@ -128,13 +129,16 @@ std::vector<Resolved> ResolveAll(const RobotParameters& robot) {
         }
       }
     } catch (const std::invalid_argument& e) {
-      throw std::invalid_argument(fmt::format("entry {}: {}", i + 1, e.what()));
+      throw EffectError(static_cast<int>(i + 1), e.what());
     }
   }
   return all;
 }
 
 }  // namespace
+
+EffectError::EffectError(int entry, const std::string& text)
+    : std::invalid_argument(fmt::format("effects[{}]: {}", entry, text)), entry_(entry), text_(text) {}
 
 std::string_view CutName(Cut cut) {
   constexpr std::string_view kNames[kCuts] = {"C0", "C1", "C2", "C3", "C4", "C5", "C6"};
@@ -206,6 +210,16 @@ EffectSetting ParseEffect(std::string_view text, const RobotParameters& robot) {
 }
 
 void CheckEffects(const RobotParameters& robot) { ResolveAll(robot); }
+
+RobotParameters LoadRobot(const std::string& path) {
+  RobotParameters robot = config::LoadRobot(path);
+  try {
+    CheckEffects(robot);
+  } catch (const EffectError& e) {
+    throw config::ErrorAt(path, fmt::format("effects[{}]", e.entry()), e.text());
+  }
+  return robot;
+}
 
 std::vector<double> ValuesOf(const EffectSetting& setting) {
   std::vector<double> values;

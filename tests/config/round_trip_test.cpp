@@ -32,18 +32,19 @@ std::vector<std::uint64_t> Bits(const RobotParameters& r) {
   for (const TendonDriveParameters& t : r.actuation.value().tendons) {
     const MotorParameters& m = t.motor;
     put(m.torque_constant_NmpA, m.nominal_current_A, m.rotor_inertia_kgm2, m.coulomb_friction_Nm,
-        m.coulomb_angle_rad, m.coulomb_damping_Nms, m.viscous_friction_Nms, m.torque_lag_s);
+        m.coulomb_angle_rad, m.coulomb_damping_Nms, m.viscous_friction_Nms, m.torque_lag_s, m.torque_scale);
     put(t.drive.rated_torque_Nm, t.drive.current_limit_A, t.drive.encoder_counts_per_turn,
         t.drive.actual_torque_noise_permille);
     put(t.gear.ratio, t.gear.efficiency, t.gear.presliding_yields_rad.size());
     for (const double y : t.gear.presliding_yields_rad) put(y);
     put(t.spool.radius_m, t.tendon.stiffness_Npm, t.tendon.damping_Nspm, t.tendon.free_length_m);
-    put(t.transmission.pulleys.size(), t.transmission.presliding_m, t.transmission.low_tension_N);
+    put(t.transmission.pulleys.size(), t.transmission.presliding_m, t.transmission.low_tension_N,
+        t.transmission.coulomb_N);
     for (const PulleyParameters& p : t.transmission.pulleys) {
       put(static_cast<int>(p.law), p.wrap_rad, p.radius_ratio, p.alpha, p.exponent, p.entry_angle_rad);
     }
     put(static_cast<int>(t.load_cell.place), t.load_cell.gain_VpN, t.load_cell.resolution_V,
-        t.load_cell.noise_N);
+        t.load_cell.noise_N, t.load_cell.offset_N);
     put(t.node_id);
   }
   put(r.actuation->tracker.has_value());
@@ -58,6 +59,7 @@ void ExpectRoundTrip(const RobotParameters& robot) {
   ASSERT_NO_THROW(again = ParseRobot(yaml, "again")) << yaml;
   EXPECT_EQ(again.name, robot.name);
   EXPECT_EQ(Bits(again), Bits(robot)) << yaml;
+  EXPECT_EQ(again.effects, robot.effects) << yaml;
   EXPECT_EQ(ToYaml(again), yaml);
 }
 
@@ -94,8 +96,16 @@ TEST(RoundTrip, RobotsWithUglyNumbersAndUnequalTendons) {
       t.transmission.pulleys[0].alpha *= near(random);
       t.transmission.pulleys[1].law = CapstanLaw::kLocal;
       t.load_cell.place = near(random) < 1 ? LoadCellPlace::kRobotSide : LoadCellPlace::kMotorSide;
+      // Optional keys, left out by some: a tendon without one must not get that of the common block.
+      if (near(random) < 1) t.motor.torque_scale = near(random);
+      if (near(random) < 1) t.load_cell.offset_N = near(random) - 1;
+      if (near(random) < 1) t.transmission.coulomb_N = 0.1 * near(random);
     }
     if (near(random) < 1) r.actuation.value().tracker.reset();
+    if (near(random) < 1) {
+      r.effects = {{"backlash", "tendon:2", {{"rad", 0.1 * near(random)}}},
+                   {"tip_force", "all", {{"x_N", near(random) - 1}, {"z_N", 1e-3 * near(random)}}}};
+    }
     ExpectRoundTrip(r);
     if (HasFailure()) return;
   }

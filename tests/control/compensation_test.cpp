@@ -56,6 +56,26 @@ TEST_F(CompensationTest, OffReplacesOnlyThePulleyMapByTheIdentity) {
   EXPECT_NEAR(r.torque_Nm, 3 * 0.008 / 19 / 0.84 + 2e-4, 1e-12);
 }
 
+TEST_F(CompensationTest, BearingsOfThePulleysAreCarriedOnTopOfTheWantedTension) {
+  drive.transmission.coulomb_N = 0.2;
+  Compensation c = Make(true);
+  c.Reset(3, 0);
+  Compensation::Result r;
+  for (int i = 1; i <= 100; ++i) r = c.Step(3, i * 1e-6, true);
+  EXPECT_NEAR(r.tension_motor_N, model::SolveCapstan(drive.transmission.pulleys, 3.2), 3e-6);
+  for (int i = 1; i <= 200; ++i) r = c.Step(3, 1e-4 - i * 1e-6, true);
+  EXPECT_NEAR(r.tension_motor_N, model::SolveCapstanInverse(drive.transmission.pulleys, 2.8), 3e-6);
+  EXPECT_EQ(Make(false).Step(3, 0, true).tension_motor_N, 3);
+}
+
+TEST_F(CompensationTest, AMotorStrongerThanItsDataSheetIsSentLess) {
+  const double nominal = Make(true).Step(3, 0, true).torque_Nm;
+  drive.motor.torque_scale = 1.25;
+  Compensation c = Make(true);
+  EXPECT_NEAR(c.Step(3, 0, true).torque_Nm, nominal / 1.25, 1e-15);
+  EXPECT_EQ(c.max_torque_Nm(), 0.0196 * 0.36);  // the drive's limit is one of current
+}
+
 TEST_F(CompensationTest, NoJumpAtAReversal) {
   Compensation c = Make(true);
   c.Reset(2, 0);

@@ -42,7 +42,7 @@ std::string ToYaml(const DaemonParameters& daemon);
 void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
                    const std::string& daemon_path);
 
-/// A refusal at `key` ("bus.nodes") of the file, with the key's line when the file can still be read. `text`
+/// A refusal at `key` ("bus.nodes", "effects[2]") of the file, with the key's line when the file can still be read. `text`
 /// is what is wrong, the accepted range and the remedy, separated by "; ".
 ConfigError ErrorAt(const std::string& path, std::string_view key, const std::string& text);
 

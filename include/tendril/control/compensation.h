@@ -21,7 +21,7 @@ class Compensation {
   struct Result {
     double sliding = 0;          // z_c in [-1, 1], +1: the motor pulls
     double tension_motor_N = 0;  // wanted on the motor's side of the pulleys
-    double torque_Nm = 0;        // motor shaft, within the drive's current limit
+    double torque_Nm = 0;        // to be sent: current x torque constant, within the drive's current limit
     Status status = Status::kOk;
   };
 
@@ -43,7 +43,7 @@ class Compensation {
   std::shared_ptr<const model::CapstanTable> table_;
   bool capstan_;
   double stiffness_Npm_, min_tension_N_, max_tension_motor_N_;
-  double travel_m_, efficiency_, coulomb_Nm_, max_torque_Nm_;
+  double travel_m_, efficiency_, coulomb_Nm_, pulley_coulomb_N_, torque_scale_, max_torque_Nm_;
   model::StopOperators<4> presliding_;
 };
 

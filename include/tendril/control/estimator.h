@@ -29,8 +29,8 @@ class Estimator {
 
  private:
   struct Tendon {
-    double travel_per_count_m, rated_torque_Nm, newton_per_mV, stiffness_Npm, travel_m, efficiency,
-        coulomb_Nm;
+    double travel_per_count_m, rated_torque_Nm, torque_scale, newton_per_mV, cell_offset_N, stiffness_Npm,
+        travel_m, efficiency, coulomb_Nm, pulley_coulomb_N;
     LoadCellPlace place;
     std::int32_t zero_counts = 0;
     model::StopOperators<4> presliding;

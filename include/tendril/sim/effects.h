@@ -5,6 +5,7 @@
 
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -79,6 +80,18 @@ std::span<const Effect> Effects();
 /// nullptr when there is none of this name.
 const Effect* FindEffect(std::string_view name);
 
+/// What is wrong with one of robot.effects.
+class EffectError : public std::invalid_argument {
+ public:
+  EffectError(int entry, const std::string& text);  // what(): "effects[2]: " and the text
+  int entry() const { return entry_; }              // from 1
+  const std::string& text() const { return text_; }
+
+ private:
+  int entry_;
+  std::string text_;
+};
+
 /// "all", "tendon:2", "unit:1", "section:1" <-> target of an effect on this robot. Throws
 /// std::invalid_argument with the accepted ones.
 Target ParseTarget(const Effect& effect, std::string_view where, const RobotParameters& robot);
@@ -88,7 +101,10 @@ std::string TargetText(const Effect& effect, Target target);
 /// and the robot: unknown names, values out of bounds and missing primary parameters throw
 /// std::invalid_argument with what, accepted and remedy.
 EffectSetting ParseEffect(std::string_view text, const RobotParameters& robot);
+/// Throws EffectError for the first of robot.effects that is not as ParseEffect wants it, or there twice.
 void CheckEffects(const RobotParameters& robot);
+/// config::LoadRobot with CheckEffects; config::ConfigError names the line of the entry that is wrong.
+RobotParameters LoadRobot(const std::string& path);
 /// All of an effect's parameters in the registry's order: those the setting names, the others nominal.
 std::vector<double> ValuesOf(const EffectSetting& setting);
 
