@@ -35,7 +35,7 @@ constexpr std::array<CutText, sim::kCuts> kCutTexts{{
     {"clocks", "time stamps", "counters"},
     {"current loop", "target torque", "actual torque"},
     {"drivetrain", "motor torque", "load cell"},
-    {"tendon", "motor angle and shape", "tension"},
+    {"tendon", "motor angle, shape", "tension"},
     {"shape", "tension", "shape at rest"},
     {"motion", "tension", "tip in motion"},
     {"sensors", "one sensor", "another"},

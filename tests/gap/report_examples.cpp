@@ -42,10 +42,10 @@ struct Maker {
     d.location.push_back(f);
   }
 
-  void Chain(Cut first, double sigma, bool tracker = true) {
+  void Chain(Cut first, double sigma, bool tracker = true, double later = 1) {
     const auto at = [&](Cut cut, double quiet, double after) {
       return (cut == first               ? sigma
-              : cut > first && sigma > 0 ? after
+              : cut > first && sigma > 0 ? later * after
                                          : quiet) *
              (1 + 0.15 * std::abs(normal(random)));
     };
@@ -275,7 +275,7 @@ Diagnosis ExampleDiagnosis(Verdict verdict) {
           "robot file says (96 % sure), and adding it closes 93 % of the gap on runs held back, from 0.38 N "
           "to 0.041 N; "
           "no further experiment is needed.";
-      m.Chain(Cut::kDrivetrain, 12.3);
+      m.Chain(Cut::kDrivetrain, 12.3, true, 0.5);
       Cause c = m.Suspect("motor_coulomb", "tendon:2", 0.962, "scale", {1.84, 1.79, 1.90}, 0.93);
       m.Others(0.014);
       m.Suspect("unknown", "", 0.009, "", {}, 0);

@@ -48,6 +48,7 @@ const percent = v => {
 };
 const range = ci => !ci || ci[0] === null || ci[1] === null ? '' : `${digits(100 * ci[0], 2)} … ${digits(100 * ci[1], 2)} %`;
 const plain = name => name === 'no_gap' ? 'no gap' : name.replaceAll('_', ' ');
+const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
 const place = where => !where || where === 'all' ? '' : where.replace(':', ' ');
 const causeText = c => plain(c.effect) + (place(c.where) ? ` · ${place(c.where)}` : '');
 // "mass_kg" -> "mass" and "kg"; "scale" has no unit.
@@ -108,9 +109,11 @@ const tipped = (selection, text) => selection
 
 const charts = [];
 // A plot that is drawn again when its width changes: draw(svg, width) returns the height.
-const chart = (host, label, draw) => {
+const chart = (card, label, draw) => {
+  const host = el('div', {class: 'plot'});
+  card.append(host);
   const paint = width => {
-    host.querySelectorAll(':scope > svg').forEach(s => s.remove());
+    host.replaceChildren();
     const w = Math.max(220, Math.floor(width || host.clientWidth || 700));
     const svg = d3.select(host).append('svg').attr('role', 'img').attr('aria-label', label).attr('width', w);
     const h = draw(svg, w);
@@ -137,7 +140,7 @@ const section = (id, title, short, caption, build) => {
 };
 
 const strokeSample = {
-  measured: ['measured', 'line measured'], before: ['nominal simulation', 'line before'], after: ['simulation with the cause', 'line after'],
+  measured: ['measured', 'line measured'], before: ['nominal simulation', 'line before'], 'before-solid': ['nominal simulation', 'line before solid'], after: [`simulation with ${report.accepted.length ? 'the cause' : 'the best model'}`, 'line after'],
 };
 const legend = (...names) => el('div', {class: 'legend'}, names.map(name => {
   const svg = d3.create('svg').attr('width', 26).attr('height', 12);
@@ -155,7 +158,7 @@ const legend = (...names) => el('div', {class: 'legend'}, names.map(name => {
     text = '95 % band';
     svg.append('rect').attr('class', 'before-band').attr('width', 26).attr('height', 12);
   } else {
-    const fills = {'bar-before': ['before: nominal simulation', 'fill-before'], 'bar-after': ['after: with the cause', 'fill-after'],
+    const fills = {'bar-before': ['before: nominal simulation', 'fill-before'], 'bar-after': [`after: with ${report.accepted.length ? 'the cause' : 'the best model'}`, 'fill-after'],
                    'bar-ceiling': ['ceiling: all numbers refitted at once', 'fill-ceiling']};
     text = fills[name][0];
     svg.attr('width', 12).append('rect').attr('class', fills[name][1]).attr('width', 12).attr('height', 12).attr('rx', 2);
@@ -229,16 +232,16 @@ const facts = () => {
     p.robot_name || 'robot', `${p.runs.length} run${p.runs.length === 1 ? '' : 's'}`,
     `${digits(d3.sum(p.runs, r => r.duration_s), 3)} s measured`].join('  ·  ');
   const host = document.getElementById('facts');
-  const fact = (key, value, small, extra) => host.append(el('div', {class: 'fact'}, el('div', {class: 'k'}, key), el('div', {class: 'v'}, value), extra || null, el('div', {class: 's'}, small)));
+  const fact = (key, value, small, extra) => host.append(el('div', {class: 'fact'}, el('div', {class: 'k'}, key), el('div', {class: 'v'}, capital(value)), extra || null, el('div', {class: 's'}, small)));
 
   if (first.length) {
     const places = [...new Set(first.map(l => place(l.where)).filter(Boolean))];
     const worst = d3.max(first, l => l.excess_sigma);
-    fact('Where', `${first[0].cut} ${title(first[0].cut)}`, [places.length && places.length <= 3 ? places.join(', ') : places.length ? `${places.length} places` : '', `${digits(worst, 2)} times the noise floor`].filter(Boolean).join(' · '));
+    fact('Where', `${capital(title(first[0].cut))} (${first[0].cut})`, [places.length && places.length <= 3 ? places.join(', ') : places.length ? `${places.length} places` : '', `${digits(worst, 2)} times the noise floor`].filter(Boolean).join(' · '));
   } else if (report.verdict === 'no_gap') {
     fact('Where', 'Nowhere', `all ${new Set(measuredCuts.map(l => l.cut)).size} places measured are at their noise floor`);
   } else if (strongest.length) {
-    fact('Where', `${strongest[0].cut} ${title(strongest[0].cut)}`, `${digits(strongest[0].excess_sigma, 2)} times the noise floor`);
+    fact('Where', `${capital(title(strongest[0].cut))} (${strongest[0].cut})`, `${digits(strongest[0].excess_sigma, 2)} times the noise floor`);
   } else {
     fact('Where', 'Not known', 'no place in the chain could be judged');
   }
@@ -263,13 +266,14 @@ const facts = () => {
   const pooled = report.closed.pooled;
   if (pooled && pooled.value !== null) {
     const meter = el('div', {class: 'meter'}, el('i', {style: `width:${Math.max(0, Math.min(100, 100 * pooled.value))}%`}));
-    fact('Gap closed', percent(pooled.value), [range(pooled.ci), 'on runs held back'].filter(Boolean).join(' · '), meter);
+    fact('Gap closed', percent(pooled.value), [range(pooled.ci), report.accepted.length ? 'on runs held back' : 'by the best model of the library'].filter(Boolean).join(' · '), meter);
   } else {
     fact('Gap closed', '–', report.verdict === 'no_gap' ? 'nothing to close' : 'no cause to add');
   }
   const next = report.next_experiment;
   if (next.family) fact('Next', plain(next.family), next.separation_sigma ? `tells the rivals apart by ${digits(next.separation_sigma, 2)} σ` : 'see below');
-  else fact('Next', 'Nothing', report.verdict === 'insufficient_data' ? 'no experiment of the menu can be proposed' : 'no further experiment is needed');
+  else if (report.verdict === 'no_gap' || report.verdict === 'attributed') fact('Next', 'Nothing', 'no further experiment is needed');
+  else fact('Next', 'Look closer', 'no experiment of the menu would settle it');
 };
 
 // ---- the chain ---------------------------------------------------------------------------------------------
@@ -309,7 +313,7 @@ const chain = s => {
           g.append('text').attr('class', 'bold').attr('x', w / 2).attr('y', -9).attr('text-anchor', 'middle').style('fill', 'var(--bad)').text('▼ the gap starts here');
         }
         g.append('text').attr('class', 'tiny').attr('x', 10).attr('y', 19).text(c.cut);
-        g.append('text').attr('class', 'bold').attr('x', 10).attr('y', 37).style('font-size', '13.5px').text(c.title);
+        g.append('text').attr('class', 'bold').attr('x', 10).attr('y', 37).style('font-size', '13.5px').text(capital(c.title));
         g.append('text').attr('class', 'tiny').attr('x', 10).attr('y', 54).style('opacity', .82).text(c.from);
         g.append('text').attr('class', 'tiny').attr('x', 10).attr('y', 68).style('opacity', .82).text('→ ' + c.to);
         g.append('text').attr('class', 'bold').attr('x', 10).attr('y', 101).style('font-size', c.excess ? '22px' : '13px')
@@ -420,7 +424,7 @@ const closing = s => {
       const left = 122, right = 20, w = width - left - right, x = d3.scaleLinear([Math.min(0, pooled.value), 1], [0, w]), bar = 24, step = 36;
       const g = svg.append('g').attr('transform', `translate(${left},6)`);
       const rows = [['before', 'gap in the nominal simulation', 0, 1, 'fill-before']];
-      rows.push(['closed', `closed by ${report.accepted.map(causeText).join(' and ') || 'the cause'}`, 1 - pooled.value, 1, 'fill-after']);
+      rows.push(['closed', `closed by ${report.accepted.map(causeText).join(' and ') || 'the best model of the library'}`, 1 - pooled.value, 1, 'fill-after']);
       rows.push(['left', 'left over', 0, Math.max(0, 1 - pooled.value), 'fill-before']);
       rows.forEach(([key, text, from, to, kind], i) => {
         const row = g.append('g').attr('transform', `translate(0,${i * step})`);
@@ -447,6 +451,7 @@ const closing = s => {
       }
       return height;
     });
+    card.append(el('p', {class: 'note'}, 'Mean square of the residual over all channels: 0 % is the noise floor, 100 % the nominal simulation.'));
     if (report.order_effects.length) {
       card.append(el('h3', {}, 'Each cause by itself, and after the other'));
       chart(card, 'Closed by each cause in both orders', (svg, width) => {
@@ -465,7 +470,7 @@ const closing = s => {
   }
   if (!channels.length) return;
   const withCeiling = channels.some(c => c.ceiling !== null && c.ceiling !== undefined);
-  const withAfter = report.accepted.length > 0;
+  const withAfter = report.accepted.length > 0 || (pooled !== null && pooled.value !== null);
   const card = el('div', {class: 'card'}, el('div', {class: 'plot-title'}, 'Residual of each channel on runs held back, rms'),
     legend('bar-before', ...(withAfter ? ['bar-after'] : []), ...(withCeiling ? ['bar-ceiling'] : []), 'floor-line'));
   s.append(card);
@@ -482,7 +487,7 @@ const closing = s => {
     });
     for (const line of lines) {
       const stretch = Math.min(1.35, (width - 16 * (line.length - 1)) / d3.sum(line, p => p.natural));
-      let left = 0;
+      let left = 0, mostLines = 1;
       for (const p of line) {
         const s0 = scaleFor(p.unit, largest([p.rows.map(c => c.before), p.rows.map(c => c.after)]));
         const full = p.natural * stretch, h = 190, w = full - 54;
@@ -507,15 +512,16 @@ const closing = s => {
             const at = textLines.length - 1;
             if ((textLines[at] + ' ' + word).trim().length > Math.max(9, x.step() / 6.2)) textLines.push(word); else textLines[at] = (textLines[at] + ' ' + word).trim();
           }
+          mostLines = Math.max(mostLines, Math.min(3, textLines.filter(Boolean).length));
           textLines.filter(Boolean).slice(0, 3).forEach((t, k) => group.append('text').attr('class', 'tiny soft').attr('x', x.bandwidth() / 2).attr('y', h + 16 + 13 * k).attr('text-anchor', 'middle').text(t));
-          if (c.value !== null && withAfter) group.append('text').attr('class', 'tiny bold').attr('x', x.bandwidth() / 2).attr('y', y(Math.max(c.before || 0, c.after || 0, c.ceiling || 0) * s0.factor) - 5).attr('text-anchor', 'middle').text('−' + percent(c.value));
+          if (c.value !== null && withAfter) group.append('text').attr('class', 'tiny bold').attr('x', x.bandwidth() / 2).attr('y', y(Math.max(c.before || 0, c.after || 0, c.ceiling || 0) * s0.factor) - 5).attr('text-anchor', 'middle').text(`${percent(c.value)} closed`);
           group.append('rect').attr('x', -6).attr('width', x.bandwidth() + 12).attr('height', h).attr('fill', 'transparent');
           tipped(group, () => [`${c.channel} (${c.cut} ${title(c.cut)})`, `before ${show(c.before, c.unit)}, after ${show(c.after, c.unit)}, floor ${show(c.floor, c.unit)}`,
             withCeiling ? `ceiling ${show(c.ceiling, c.unit)}` : '', c.value === null ? 'before is at the floor: nothing to close' : `closed ${percent(c.value)} (${range(c.ci)})`].filter(Boolean).join('\n'));
         });
         left += full + 16;
       }
-      top += 190 + 84;
+      top += 26 + 190 + 20 + 13 * mostLines;
     }
     return top;
   });
@@ -562,9 +568,9 @@ const overlays = s => {
     axes(g, x, y, w, h, '', `${o.channel}${scale.unit ? ` [${scale.unit}]` : ''}`, {yTicks: 5});
     const plot = g.append('g').attr('clip-path', mask);
     plot.append('path').attr('class', 'floor-band').attr('d', d3.area().defined(d => d[1] !== null).x(d => x(d[0])).y0(d => y(d[1] - floor)).y1(d => y(d[1] + floor))(zip(t, measured)));
+    plot.append('path').attr('class', 'line measured').attr('d', path(x, y)(zip(t, measured)));
     plot.append('path').attr('class', 'line before').attr('d', path(x, y)(zip(t, before)));
     if (after.length) plot.append('path').attr('class', 'line after').attr('d', path(x, y)(zip(t, after)));
-    plot.append('path').attr('class', 'line measured').attr('d', path(x, y)(zip(t, measured)));
     // What is missed, on its own scale.
     const miss = list => list.map((v, i) => v === null || measured[i] === null || measured[i] === undefined ? null : measured[i] - v);
     const missBefore = miss(before), missAfter = miss(after);
@@ -577,7 +583,7 @@ const overlays = s => {
     const plot2 = g2.append('g').attr('clip-path', mask2);
     plot2.append('rect').attr('class', 'floor-band').attr('width', w).attr('y', y2(floor * k)).attr('height', Math.max(0, y2(-floor * k) - y2(floor * k)));
     plot2.append('line').attr('class', 'zero').attr('x2', w).attr('y1', y2(0)).attr('y2', y2(0));
-    plot2.append('path').attr('class', 'line before').attr('d', path(x, y2)(zip(t, scaled(missBefore, k))));
+    plot2.append('path').attr('class', 'line before solid').attr('d', path(x, y2)(zip(t, scaled(missBefore, k))));
     if (missAfter.length) plot2.append('path').attr('class', 'line after').attr('d', path(x, y2)(zip(t, scaled(missAfter, k))));
     const cross = svg.append('g').attr('class', 'crosshair').attr('transform', `translate(${left},${top})`).style('display', 'none');
     cross.append('line').attr('y2', h + gap + h2);
@@ -653,7 +659,7 @@ const maps = s => {
 const loops = s => {
   const shown = report.overlays.filter(o => o.against && o.x.length > 2);
   if (!shown.length) return false;
-  s.append(legend('measured', 'before', ...(shown.some(o => o.after.length) ? ['after'] : [])));
+  s.append(legend('measured', 'before-solid', ...(shown.some(o => o.after.length) ? ['after'] : [])));
   grid(s, shown, 6, false, (host, o) => {
     const scale = scaleFor(o.unit, largest([o.measured, o.before])), across = scaleFor(o.against_unit, largest([o.x]));
     const card = el('div', {class: 'card'}, el('h3', {}, `${o.channel} `, el('small', {}, `${o.run} · against ${o.against}`)));
@@ -665,9 +671,9 @@ const loops = s => {
       const x = d3.scaleLinear(padded(d3.min(x0), d3.max(x0), .03), [0, w]), y = d3.scaleLinear(padded(d3.min(values), d3.max(values)), [h, 0]).nice(4);
       const g = svg.append('g').attr('transform', `translate(${left},${top})`);
       axes(g, x, y, w, h, `${o.against}${across.unit ? ` [${across.unit}]` : ''}`, scale.unit ? `[${scale.unit}]` : '', {xTicks: 5, yTicks: 5});
-      g.append('path').attr('class', 'line before').attr('d', path(x, y)(zip(x0, before)));
+      g.append('path').attr('class', 'line measured').attr('d', path(x, y)(zip(x0, measured)));
+      g.append('path').attr('class', 'line before solid').attr('d', path(x, y)(zip(x0, before)));
       if (after.length) g.append('path').attr('class', 'line after').attr('d', path(x, y)(zip(x0, after)));
-      g.append('path').attr('class', 'line measured').style('stroke-width', 1.1).attr('d', path(x, y)(zip(x0, measured)));
       return top + h + 38;
     });
   });
@@ -682,7 +688,7 @@ const growth = s => {
   const both = el('div', {class: points.length > 1 && correlations.length ? 'two' : ''});
   s.append(both);
   if (points.length > 1) {
-    const card = el('div', {class: 'card'}, el('div', {class: 'plot-title'}, 'Error of the tip against how long the simulation runs by itself'), legend('before', 'floor-line'));
+    const card = el('div', {class: 'card'}, el('div', {class: 'plot-title'}, 'Error of the tip against how long the simulation runs by itself'), legend('before-solid', 'floor-line'));
     both.append(card);
     const scale = scaleFor('m', largest([points.map(p => p.rms_m)]));
     chart(card, 'Growth of the error with the horizon', (svg, width) => {
@@ -692,7 +698,7 @@ const growth = s => {
       const g = svg.append('g').attr('transform', `translate(${left},${top})`);
       axes(g, x, y, w, h, 'time since the measured start [s]', `tip error, rms [${scale.unit}]`, {xTicks: 4, format: '~g'});
       g.append('path').attr('class', 'floor-line').attr('d', path(x, y)(points.filter(p => p.floor_m > 0).map(p => [p.horizon_s, p.floor_m * scale.factor])));
-      g.append('path').attr('class', 'line before').style('stroke-dasharray', 'none').attr('d', path(x, y)(points.map(p => [p.horizon_s, p.rms_m * scale.factor])));
+      g.append('path').attr('class', 'line before solid').attr('d', path(x, y)(points.map(p => [p.horizon_s, p.rms_m * scale.factor])));
       tipped(g.selectAll('circle').data(points).enter().append('circle').attr('class', 'fill-before').attr('r', 4).attr('cx', p => x(p.horizon_s)).attr('cy', p => y(p.rms_m * scale.factor)),
         p => `after ${show(p.horizon_s, 's')}: ${show(p.rms_m, 'm')} rms, floor ${show(p.floor_m, 'm')}`);
       return top + h + 38;
@@ -731,13 +737,19 @@ const rivals = s => {
     const names = [...most.keys()].sort((a, b) => most.get(b) - most.get(a)).slice(0, 12);
     const between = (a, b) => pairs.find(p => (p.a === a && p.b === b) || (p.a === b && p.b === a));
     const label = n => { const [effect, where] = n.split(' '); return plain(effect) + (place(where) ? ` · ${place(where)}` : ''); };
-    const card = el('div', {class: 'card'});
+    const card = el('div', {class: 'card'}), both = el('div', {class: 'matrix'}), left = el('div'), right = el('div');
     s.append(card);
-    chart(card, 'Likeness of the marks that causes leave', (svg, width) => {
-      const left = Math.min(240, width * .36), cell = Math.min(54, Math.max(26, (width - left - 10) / names.length)), head = 20;
+    card.append(both);
+    both.append(left, right);
+    const ranked = [...pairs].sort((a, b) => Math.abs(b.cosine || 0) - Math.abs(a.cosine || 0));
+    right.append(el('div', {class: 'plot-title'}, 'Most alike'), el('ul', {class: 'plain'}, ranked.slice(0, 6).map(p => el('li', {}, el('span', {class: 'likeness'}, digits(Math.abs(p.cosine || 0), 2)),
+      el('span', {}, `${label(p.a)} and ${label(p.b)}`, el('br'), el('small', {class: p.confirmed ? 'problem' : 'quiet'}, p.confirmed ? 'cannot be told apart by these runs' : 'can be told apart'))))));
+    chart(left, 'Likeness of the marks that causes leave', (svg, width) => {
+      const left = Math.min(230, width * .4), cell = Math.min(54, Math.max(26, (width - left - 10) / names.length)), head = 20;
       const g = svg.append('g').attr('transform', `translate(${left},${head})`);
       names.forEach((a, i) => {
-        g.append('text').attr('x', -10).attr('y', i * cell + cell / 2 + 4).attr('text-anchor', 'end').text(`${label(a)}  ${i + 1}`);
+        g.append('text').attr('x', -30).attr('y', i * cell + cell / 2 + 4).attr('text-anchor', 'end').text(label(a));
+        g.append('text').attr('class', 'tiny soft').attr('x', -10).attr('y', i * cell + cell / 2 + 4).attr('text-anchor', 'end').text(i + 1);
         g.append('text').attr('class', 'tiny soft').attr('x', i * cell + cell / 2).attr('y', -7).attr('text-anchor', 'middle').text(i + 1);
         names.forEach((b, j) => {
           const pair = i === j ? null : between(a, b);
@@ -755,7 +767,7 @@ const rivals = s => {
     });
     card.append(el('p', {class: 'note'}, '1 or −1: the two leave the same mark. Outlined in red: confirmed by refitting, these runs cannot tell the two apart.'),
       more(`All ${pairs.length} pairs as a table`, table([['one', 'c'], ['other', 'c'], ['cosine', 'n'], ['score between', 'n'], ['', 'c']],
-        [...pairs].sort((a, b) => Math.abs(b.cosine || 0) - Math.abs(a.cosine || 0)).map(p => ({cells: [label(p.a), label(p.b), digits(p.cosine, 3), digits(p.profile_gap, 2), p.confirmed ? 'cannot be told apart' : '']})))));
+        ranked.map(p => ({cells: [label(p.a), label(p.b), digits(p.cosine, 3), digits(p.profile_gap, 2), p.confirmed ? 'cannot be told apart' : '']})))));
   }
   if (profiles.length) {
     s.append(el('h3', {}, 'How well each number is determined'), el('p', {class: 'caption'}, 'A narrow valley: the runs fix the value. A flat line: any value would do.'));
@@ -765,7 +777,7 @@ const rivals = s => {
       host.append(card);
       chart(card, `Score over ${p.effect} ${p.parameter}`, (svg, width) => {
         const left = 44, w = width - left - 8, h = 110, top = 20, value = scaled(p.value, scale.factor);
-        const x = d3.scaleLinear(d3.extent(value), [0, w]), y = d3.scaleLinear(padded(d3.min(p.score), d3.max(p.score)), [h, 0]).nice(3);
+        const x = d3.scaleLinear(d3.extent(value), [0, w]), y = d3.scaleLinear([d3.min(p.score), padded(d3.min(p.score), d3.max(p.score))[1]], [h, 0]);
         const g = svg.append('g').attr('transform', `translate(${left},${top})`);
         axes(g, x, y, w, h, `${word || 'value'}${scale.unit ? ` [${scale.unit}]` : ''}`, 'score', {xTicks: 4, yTicks: 3});
         g.append('path').attr('class', 'line after').attr('d', path(x, y)(zip(value, p.score)));
@@ -805,7 +817,7 @@ const next = s => {
 };
 
 const health = s => {
-  const words = {info: 'ⓘ note', warning: '▲ warning', error: '✖ error'};
+  const words = {info: '○ note', warning: '▲ warning', error: '✖ error'};
   const rank = {error: 0, warning: 1, info: 2};
   const findings = [...report.data_health].sort((a, b) => rank[a.severity] - rank[b.severity]);
   const card = el('div', {class: 'card'});
@@ -837,7 +849,7 @@ const provenance = s => {
 
 try { facts(); } catch (error) { problems.push(`facts: ${error.message}`); console.error(error); }
 section('where', 'Where the gap lies', 'Where', 'Each box feeds what was measured before it into the model of one part of the robot and compares what comes out with what was measured after it; colour shows how far the difference exceeds the noise.', chain);
-section('cause', 'Which effect causes it', 'Cause', 'Each bar is the probability of one explanation, judged on runs that were not used to fit it; “no gap” and “unknown” compete with the rest.', causes);
+section('cause', 'Which effect causes it', 'Cause', 'Each bar is the probability of one explanation, judged on runs held back, that is, not used to find it; “no gap” and “unknown” compete with the rest.', causes);
 section('closed', 'How far the gap shrinks', 'Closed', 'The difference between robot and simulation before and after the cause is put into the simulator, on runs held back; dotted lines mark the noise floor, below which nothing can be gained.', closing);
 section('runs', 'Runs held back, measured and simulated', 'Runs', 'The robot against the nominal simulation and the corrected one over time; below, what each of them misses. Good is: the blue line stays within the grey band.', overlays);
 section('conditions', 'When the difference appears', 'Conditions', 'The mean difference (measured less simulated) against one condition at a time: a step at zero speed hints at friction, a slope at a wrong scale, a bow at a wrong law.', maps);
