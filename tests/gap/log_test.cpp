@@ -1,0 +1,174 @@
+// Runs out of the controller's own logs: what the file holds in counts, per mille and millivolts comes back
+// as the motion, torque and tension that the simulated robot had.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+
+#include "closed_loop.h"
+#include "tendril/config/config.h"
+#include "tendril/gap/data_set.h"
+
+namespace tendril::gap {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+const std::string kRobot = TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml";
+
+/// What the plant was, where the log's run begins and later.
+struct Truth {
+  TimeNs time_ns;
+  Eigen::Vector3d angle_rad, tension_N, torque_Nm, target_Nm, tip_m;
+  bool running;
+};
+
+/// A second and a half of a bend, arming and disarming included.
+std::vector<Truth> Record(const std::string& path, bool tracker, bool noise,
+                          const char* robot_file = kRobot.c_str()) {
+  RobotParameters robot = config::LoadRobot(robot_file);
+  if (!tracker) robot.actuation->tracker.reset();
+  tools::ClosedLoopOptions options{.controller_robot = robot,
+                                   .plant_robot = robot,
+                                   .daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"),
+                                   .plant = {.seed = 5, .sensor_noise = noise},
+                                   .log_path = path};
+  tools::ClosedLoop loop(options);
+  std::vector<Truth> truth;
+  const auto step = [&] {
+    const CycleRecord& r = loop.Step();
+    Truth t;
+    t.time_ns = loop.now_ns();
+    t.running = r.output.mode == Mode::kRunning;
+    for (int j = 0; j < 3; ++j) {
+      const auto& s = loop.plant().tendon()[static_cast<std::size_t>(j)];
+      t.angle_rad[j] = s.motor_angle_rad;
+      t.tension_N[j] = s.tension_motor_N;
+      t.torque_Nm[j] = s.motor_torque_Nm;
+      t.target_Nm[j] = r.output.torque_target_permille[static_cast<std::size_t>(j)] * 0.007056e-3;
+    }
+    t.tip_m = loop.plant().TipPose().p_WA;
+    truth.push_back(t);
+  };
+  bool armed = false;
+  for (int i = 0; i < 6000 && !(truth.size() > 1 && truth.back().running); ++i) {
+    step();
+    if (!armed && loop.record().output.mode == Mode::kConfigured) loop.Send(ModeRequest::kArm), armed = true;
+  }
+  for (int i = 0; i < 750; ++i) {
+    if (i % 10 == 0) {
+      Command command;
+      command.kind = CommandKind::kBending;
+      command.bending_rad = BendingVector::Zero(2);
+      command.bending_rad[0] = 0.5;
+      loop.Send(command);
+    }
+    step();
+  }
+  loop.DisarmAndWait();
+  std::vector<Truth> running;
+  for (const Truth& t : truth) {
+    if (t.running) running.push_back(t);
+  }
+  return running;
+}
+
+class LogTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("tendril_gap_log_test_" + std::to_string(getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_ / "bend");
+    log_ = folder_ / "bend" / "run.lcmlog";
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  gap::Run Load(const std::string& robot = "") const {
+    const DataSet set = LoadLogs({(folder_ / "bend").string()}, robot);
+    EXPECT_EQ(set.runs.size(), 1u);
+    return set.runs.at(0);
+  }
+  fs::path folder_, log_;
+};
+
+TEST_F(LogTest, CountsPermilleAndMillivoltsBecomeWhatTheRobotDid) {
+  const std::vector<Truth> truth = Record(log_.string(), true, false);
+  const gap::Run run = Load(kRobot);
+  EXPECT_EQ(run.name, "bend");
+  EXPECT_THAT(run.notes, IsEmpty());
+  EXPECT_EQ(run.load_cell, LoadCellPlace::kMotorSide);
+  // From the end of pretension on, until the tensions are let go.
+  ASSERT_EQ(run.time_s.size(), static_cast<Eigen::Index>(truth.size()));
+  const double count_rad = 2 * std::numbers::pi / 2048, permille_Nm = 0.007056e-3;
+  EXPECT_EQ(run.time_s[0], 0);
+  int readings = 0;
+  for (Eigen::Index i = 0; i < run.time_s.size(); ++i) {
+    const Truth& t = truth[static_cast<std::size_t>(i)];
+    EXPECT_NEAR(run.time_s[i], ToSeconds(t.time_ns - truth[0].time_ns), 1e-12);
+    for (int j = 0; j < 3; ++j) {
+      EXPECT_NEAR(run.motor_position_rad(i, j), t.angle_rad[j] - truth[0].angle_rad[j], 1.01 * count_rad);
+      EXPECT_NEAR(run.tension_N(i, j), t.tension_N[j], 0.0051);  // 1 mV at 0.2 V/N, half a step and rounding
+      EXPECT_NEAR(run.torque_actual_Nm(i, j), t.torque_Nm[j], 0.51 * permille_Nm);
+      if (i > 0) {
+        EXPECT_EQ(run.torque_target_Nm(i, j), truth[static_cast<std::size_t>(i - 1)].target_Nm[j]);
+      }
+    }
+    if (!std::isnan(run.tip_m(i, 0))) {
+      ++readings;
+      EXPECT_LT((run.tip_m.row(i).transpose() - t.tip_m).norm(), 1e-12) << i;
+      EXPECT_NEAR(run.tip_quaternion.row(i).norm(), 1, 1e-12);
+    }
+  }
+  // 100 Hz.
+  EXPECT_NEAR(readings, 100 * run.time_s[run.time_s.size() - 1], 1.5);
+  EXPECT_GT(run.motor_position_rad.cwiseAbs().maxCoeff(), 1);  // it moved
+}
+
+TEST_F(LogTest, TheTrackerLeavesTheOtherSensorsNoiseAndTheMotionAsTheyAre) {
+  const auto with = Record(log_.string(), true, true);
+  const gap::Run a = Load(kRobot);
+  const auto without = Record(log_.string(), false, true);
+  const gap::Run b = Load(kRobot);
+  EXPECT_EQ(a.tip_m.cols(), 3);
+  EXPECT_EQ(b.tip_m.cols(), 0);
+  EXPECT_EQ(a.tension_N, b.tension_N);
+  EXPECT_EQ(a.torque_actual_Nm.bottomRows(700), b.torque_actual_Nm.bottomRows(700));
+  EXPECT_EQ(a.motor_position_rad, b.motor_position_rad);
+  EXPECT_EQ(with.back().tip_m, without.back().tip_m);
+}
+
+TEST_F(LogTest, TheSameSeedWritesTheSameBytes) {
+  Record(log_.string(), true, true);
+  const std::string first = Load().sha256;
+  Record(log_.string(), true, true);
+  EXPECT_EQ(Load().sha256, first);
+}
+
+TEST_F(LogTest, ALogCarriesItsRobotAndADamagedOneItsBeginning) {
+  Record(log_.string(), true, true);
+  const Eigen::Index whole = Load().time_s.size();
+  fs::resize_file(log_, fs::file_size(log_) / 2);
+  const gap::Run run = Load();
+  EXPECT_LT(run.time_s.size(), whole);
+  EXPECT_GT(run.time_s.size(), whole / 10);
+  EXPECT_THAT(run.notes, Contains(HasSubstr("damaged and ends early")));
+}
+
+TEST_F(LogTest, ARobotThatIsNotTheLogsIsRefused) {
+  Record(log_.string(), true, true);
+  try {
+    Load(TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml");
+    FAIL() << "a robot with four tendons read a log of three drives";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), HasSubstr("the log is of 3 drives"));
+  }
+}
+
+}  // namespace
+}  // namespace tendril::gap
