@@ -29,7 +29,7 @@ void ControlCycle::Run(const rt::CycleStart& start, const Command& command, cons
   master_.BeginCycle(sync_ns);
   const TimeNs deadline_ns = sync_ns + feedback_deadline_ns_;
   TimeNs now_ns = sync_ns;
-  bool complete = master_.Poll(now_ns);
+  bool complete = false;
   for (int i = 0; i < kMaxPolls && !complete && now_ns < deadline_ns; ++i) {
     const bool more = wait_(deadline_ns);
     now_ns = clock_.Now();
