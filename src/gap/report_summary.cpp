@@ -46,20 +46,6 @@ std::string Clean(std::string_view text) {
   return out;
 }
 
-std::string Wrap(const std::string& text, int indent) {
-  std::istringstream words(Clean(text));
-  const std::string margin(static_cast<std::size_t>(indent), ' ');
-  std::string out, line;
-  for (std::string word; words >> word;) {
-    if (!line.empty() && indent + Width(line) + 1 + Width(word) > kWidth) {
-      out += margin + line + "\n";
-      line.clear();
-    }
-    line += (line.empty() ? "" : " ") + word;
-  }
-  return out + margin + line + "\n";
-}
-
 std::string Bar(double share, int width) {
   const auto full =
       static_cast<std::size_t>(std::lround(std::clamp(std::isfinite(share) ? share : 0, 0.0, 1.0) * width));
@@ -142,10 +128,24 @@ std::string CauseLine(const Cause& c, const Paint& paint, bool accepted) {
 
 }  // namespace
 
+std::string Wrapped(std::string_view text, int indent) {
+  std::istringstream words(Clean(text));
+  const std::string margin(static_cast<std::size_t>(indent), ' ');
+  std::string out, line;
+  for (std::string word; words >> word;) {
+    if (!line.empty() && indent + Width(line) + 1 + Width(word) > kWidth) {
+      out += margin + line + "\n";
+      line.clear();
+    }
+    line += (line.empty() ? "" : " ") + word;
+  }
+  return out + margin + line + "\n";
+}
+
 std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& report, bool colour) {
   const Diagnosis d = Condensed(diagnosis);
   const Paint paint(colour);
-  std::string out = fmt::format("\n{}\nWhere\n", paint(kBold, Wrap(d.sentence, 0)));
+  std::string out = fmt::format("\n{}\nWhere\n", paint(kBold, Wrapped(d.sentence, 0)));
   for (int i = 0; i < sim::kCuts; ++i) out += ChainLine(static_cast<sim::Cut>(i), d, paint);
 
   out += "\nCauses\n";
@@ -164,7 +164,7 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
       if (c.group > 0 && c.group == d.causes.front().group)
         members += (members.empty() ? "" : ", ") + c.effect;
     }
-    if (!members.empty()) out += Wrap("These runs cannot tell apart: " + members, 2);
+    if (!members.empty()) out += Wrapped("These runs cannot tell apart: " + members, 2);
   }
 
   if (d.closed) {
@@ -187,7 +187,7 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
 
   if (!d.next.family.empty() || !d.next.reason.empty()) {
     const std::string family = d.next.family.empty() ? "" : ": " + paint(kBold, Clean(d.next.family));
-    out += fmt::format("\nNext{}\n{}", family, d.next.reason.empty() ? "" : Wrap(d.next.reason, 2));
+    out += fmt::format("\nNext{}\n{}", family, d.next.reason.empty() ? "" : Wrapped(d.next.reason, 2));
   }
   const auto troubles = std::count_if(d.health.begin(), d.health.end(), [](const HealthFinding& h) {
     return h.severity != HealthFinding::Severity::kInfo;
@@ -198,7 +198,7 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
     for (const HealthFinding& h : d.health) {
       if (h.severity == HealthFinding::Severity::kInfo || shown++ >= 3) continue;
       std::string at = h.run + (h.run.empty() || h.channel.empty() ? "" : ", ") + h.channel;
-      out += Wrap((at.empty() ? "" : at + ": ") + h.text, 2);
+      out += Wrapped((at.empty() ? "" : at + ": ") + h.text, 2);
     }
     if (troubles > 3) out += fmt::format("  and {} more warnings in the report\n", troubles - 3);
   }

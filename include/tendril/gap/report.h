@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 #include "tendril/gap/diagnosis.h"
 
@@ -34,6 +35,10 @@ Diagnosis ReadReport(const std::filesystem::path& file);
 /// is (left out when empty). `colour` adds terminal colour codes.
 std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& report = {},
                     bool colour = false);
+
+/// The words of a text in lines of at most 100 columns, `indent` of them blank; control characters become
+/// blanks.
+std::string Wrapped(std::string_view text, int indent);
 
 /// What a cut compares, for people.
 struct CutText {

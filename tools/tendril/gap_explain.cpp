@@ -1,0 +1,186 @@
+// tendril gap explain: what the registry knows of an effect, for people and as JSON. Knows nothing of logs or
+// fits.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "commands.h"
+#include "tendril/gap/report.h"
+#include "tendril/sim/effects.h"
+
+namespace tendril::tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using sim::Effect;
+
+struct Options {
+  std::string effect;
+  bool json = false;
+};
+
+constexpr const char* kStages[] = {"drive", "transmission", "body", "sensors"};
+constexpr const char* kScopes[] = {"robot", "tendon", "unit", "section"};
+
+// The unit at the end of a parameter's name; empty for a scale and other pure numbers.
+std::string UnitOf(std::string_view parameter) {
+  const std::string_view end = parameter.substr(parameter.rfind('_') + 1);
+  for (const char* unit : {"N", "m", "s", "kg", "rad", "Nm", "Nms", "V"}) {
+    if (end == unit) return end == "Nm" ? "N·m" : end == "Nms" ? "N·m·s" : std::string(end);
+  }
+  return "";
+}
+
+std::string WhereTexts(const Effect& e) {
+  if (e.scope == sim::Scope::kRobot) return "all";
+  const std::string one = fmt::format("{}:NUMBER", kScopes[static_cast<int>(e.scope)]);
+  return e.on_all && e.on_one ? "all or " + one : e.on_one ? one : "all";
+}
+
+Json ToJson(const Effect& e) {
+  Json parameters = Json::array();
+  for (const sim::EffectParameter& p : e.parameters) {
+    parameters.push_back({{"name", p.name},
+                          {"unit", UnitOf(p.name)},
+                          {"nominal", p.nominal},
+                          {"lower", p.lower},
+                          {"upper", p.upper},
+                          {"typical", p.typical},
+                          {"shape", p.shape}});
+  }
+  return {{"effect", e.name},
+          {"stage", kStages[static_cast<int>(e.stage)]},
+          {"cut", sim::CutName(e.cut)},
+          {"cut_robot_side", sim::CutName(e.cut_robot_side)},
+          {"scope", kScopes[static_cast<int>(e.scope)]},
+          {"on_all", e.on_all},
+          {"on_one", e.on_one},
+          {"nuisance", e.nuisance},
+          {"controller_can_use_it", e.edit != nullptr},
+          {"parameters", std::move(parameters)},
+          {"summary", e.summary},
+          {"physics", e.physics},
+          {"signature", e.signature},
+          {"experiment", e.experiment},
+          {"confusable", e.confusable}};
+}
+
+void PrintTable() {
+  int stage = -1;
+  for (const Effect& e : sim::Effects()) {
+    if (stage != static_cast<int>(e.stage)) {
+      stage = static_cast<int>(e.stage);
+      fmt::print("{}{}\n", e.name == sim::Effects().front().name ? "" : "\n", kStages[stage]);
+    }
+    fmt::print("  {:<20} {}  {}\n", e.name, sim::CutName(e.cut), e.summary);
+  }
+  fmt::print("\nC0 to C6: where in the chain it shows first");
+  for (int i = 0; i < sim::kCuts; ++i) {
+    const auto cut = static_cast<sim::Cut>(i);
+    const gap::CutText& text = gap::TextOf(cut);
+    fmt::print("{}{} {} ({} -> {})", i % 2 == 0 ? "\n  " : ", ", sim::CutName(cut), text.title, text.from,
+               text.to);
+  }
+  fmt::print("\ntendril gap explain EFFECT tells more of one.\n");
+}
+
+void PrintOne(const Effect& e) {
+  const gap::CutText& cut = gap::TextOf(e.cut);
+  fmt::print("{}: {}\n\n", e.name, e.summary);
+  fmt::print("  part of        {}\n", kStages[static_cast<int>(e.stage)]);
+  fmt::print("  shows first at {} {} ({} -> {})", sim::CutName(e.cut), cut.title, cut.from, cut.to);
+  if (e.cut_robot_side != e.cut) {
+    fmt::print("; at {} with a load cell on the robot's side", sim::CutName(e.cut_robot_side));
+  }
+  fmt::print("\n  where          {}\n", WhereTexts(e));
+  fmt::print("  controller     {}\n", e.edit ? "can use it: it is a number of the robot file"
+                                             : "does not know it: only the simulator has this law");
+  if (e.nuisance)
+    fmt::print("  nuisance       nobody can know it beforehand: not accused while it is immaterial\n");
+  fmt::print("\n  parameter         nominal        from          to  plainly visible\n");
+  for (const sim::EffectParameter& p : e.parameters) {
+    fmt::print("  {:<14} {:>10.4g} {:>11.4g} {:>11.4g}  {:.3g}{}{}\n", p.name, p.nominal, p.lower, p.upper,
+               p.typical, UnitOf(p.name).empty() ? "" : " " + UnitOf(p.name),
+               p.shape ? "  (shape of the law)" : "");
+  }
+  const auto paragraph = [](const char* title, std::string_view text) {
+    fmt::print("\n{}\n{}", title, gap::Wrapped(text, 2));
+  };
+  paragraph("What happens", e.physics);
+  paragraph("How it looks in the data", e.signature);
+  paragraph("What shows it", e.experiment);
+  if (!e.confusable.empty()) paragraph("Looks like", fmt::format("{}", fmt::join(e.confusable, ", ")));
+  std::string values;
+  for (const sim::EffectParameter& p : e.parameters) {
+    values += fmt::format(
+        " {}={:.4g}", p.name,
+        p.shape || p.nominal == 0 ? std::min(p.upper, p.nominal + p.typical) : p.nominal + p.typical);
+  }
+  const std::string where = e.on_all ? "" : fmt::format(" where={}:1", kScopes[static_cast<int>(e.scope)]);
+  fmt::print("\nTry it\n  tendril gap simulate --effect \"{}{}{}\" ...\n", e.name, where, values);
+}
+
+// How many letters must change to make one word of the other.
+std::size_t Distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), 0u);
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t changed = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({changed, row[j] + 1, row[j - 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+const Effect& Find(const std::string& name) {
+  std::string wanted = name;
+  std::replace_if(
+      wanted.begin(), wanted.end(), [](char c) { return c == ' ' || c == '-'; }, '_');
+  if (const Effect* effect = sim::FindEffect(wanted)) return *effect;
+  const auto effects = sim::Effects();
+  const Effect& nearest = *std::min_element(
+      effects.begin(), effects.end(),
+      [&](const Effect& a, const Effect& b) { return Distance(wanted, a.name) < Distance(wanted, b.name); });
+  throw UsageError(fmt::format("there is no effect '{}'; did you mean {}? 'tendril gap explain' lists all {}",
+                               name, nearest.name, effects.size()));
+}
+
+void Run(const Options& options) {
+  if (options.json) {
+    Json json = Json::array();
+    if (!options.effect.empty()) {
+      json = ToJson(Find(options.effect));
+    } else {
+      for (const Effect& e : sim::Effects()) json.push_back(ToJson(e));
+    }
+    fmt::print("{}\n", json.dump(2));
+  } else if (options.effect.empty()) {
+    PrintTable();
+  } else {
+    PrintOne(Find(options.effect));
+  }
+}
+
+}  // namespace
+
+void AddGapExplainCommand(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = GapCommand(app).add_subcommand(
+      "explain",
+      "An effect's physics, its mark in the data, what looks like it and what shows it; without one: all");
+  command->add_option("effect", options->effect, "name of the effect, such as backlash");
+  command->add_flag("--json", options->json, "for programs");
+  command->callback([options] { Run(*options); });
+}
+
+}  // namespace tendril::tools
