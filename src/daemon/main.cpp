@@ -10,12 +10,13 @@
 #include <stdexcept>
 #include <string>
 
+#include "tendril/can/bus_guard.h"
 #include "tendril/can/socketcan_port.h"
 #include "tendril/canopen/master.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
-#include "tendril/daemon/bus_guard.h"
 #include "tendril/daemon/daemon.h"
+#include "tendril/daemon/foreign_sync.h"
 
 namespace tendril::daemon {
 namespace {
@@ -77,7 +78,7 @@ void Run(const Arguments& arguments) {
   const DaemonOptions options = Load(arguments);
   const std::string& interface = options.parameters.bus.interface;
 
-  const BusGuard guard(interface);
+  const can::BusGuard guard("tendrild", interface);
   can::SocketCanPort port(interface);
   const MonotonicClock clock;
   RefuseForeignSync(port, clock, interface, kListenForSync_ns);

@@ -13,6 +13,7 @@
 #include <string>
 
 #include "fault_orders.h"
+#include "tendril/can/bus_guard.h"
 #include "tendril/can/socketcan_port.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
@@ -96,6 +97,7 @@ void Run(const Options& options) {
                     options.robot, robot.name));
   }
   const MonotonicClock clock;
+  const can::BusGuard guard("tendril-plant", options.interface);
   can::SocketCanPort bus(options.interface);
   emulator::FaultInjector port(bus, options.seed);
   VirtualRig rig(robot, port, {.seed = options.seed});

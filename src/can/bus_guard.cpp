@@ -1,28 +1,25 @@
-// One master a bus; see the header.
-#include "tendril/daemon/bus_guard.h"
+// One program of a kind a bus, by a name in the kernel.
+// Knows nothing of what the program does with the bus.
+#include "tendril/can/bus_guard.h"
 
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
-#include <span>
 #include <stdexcept>
 
-namespace tendril::daemon {
+namespace tendril::can {
 namespace {
-
-constexpr std::uint32_t kSyncId = 0x080;
 
 // An address in the abstract name space: no file, no rights to get wrong, gone with the process, and one set
 // of names a network namespace, exactly like CAN interfaces.
 struct Address {
-  explicit Address(const std::string& interface) {
-    const std::string name = "tendrild/" + interface;
+  Address(const std::string& program, const std::string& interface) {
+    const std::string name = program + "/" + interface;
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
     const std::size_t length = std::min(name.size(), sizeof(address.sun_path) - 1);
@@ -50,14 +47,15 @@ pid_t Holder(const Address& address) {
 
 }  // namespace
 
-BusGuard::BusGuard(const std::string& interface) : socket_(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-  const Address address(interface);
+BusGuard::BusGuard(const std::string& program, const std::string& interface)
+    : socket_(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+  const Address address(program, interface);
   if (socket_ >= 0 && bind(socket_, address.get(), address.size) == 0 && listen(socket_, 1) == 0) return;
   const int error = errno;
   if (socket_ >= 0) close(socket_);
   if (error == EADDRINUSE) {
     const pid_t pid = Holder(address);
-    throw std::runtime_error("another tendrild already drives " + interface +
+    throw std::runtime_error("another " + program + " is on " + interface + " already" +
                              (pid > 0 ? " (process " + std::to_string(pid) + ")" : "") +
                              "; stop it first, or choose another interface with --can");
   }
@@ -66,20 +64,4 @@ BusGuard::BusGuard(const std::string& interface) : socket_(socket(AF_UNIX, SOCK_
 
 BusGuard::~BusGuard() { close(socket_); }
 
-void RefuseForeignSync(can::CanPort& port, const Clock& clock, const std::string& interface,
-                       TimeNs listen_ns) {
-  const TimeNs end_ns = clock.Now() + listen_ns;
-  std::array<can::StampedFrame, 64> frames;
-  while (clock.Now() < end_ns) {
-    port.WaitUntil(end_ns);
-    const auto count = static_cast<std::size_t>(std::max(port.Receive(frames), 0));
-    for (const can::StampedFrame& f : std::span(frames).first(count)) {
-      if (!f.frame.error && f.frame.id == kSyncId) {
-        throw std::runtime_error("another CANopen master sends SYNC on " + interface +
-                                 "; stop it first: a bus has one master");
-      }
-    }
-  }
-}
-
-}  // namespace tendril::daemon
+}  // namespace tendril::can

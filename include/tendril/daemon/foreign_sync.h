@@ -1,0 +1,17 @@
+// Notices a CANopen master that is none of ours, before we become a second one.
+// Knows nothing of what the daemon does with the bus.
+#pragma once
+
+#include <string>
+
+#include "tendril/can/can_port.h"
+#include "tendril/core/clock.h"
+
+namespace tendril::daemon {
+
+/// Listens for `listen_ns`; throws std::runtime_error when somebody else sends SYNC (identifier 0x080) on
+/// this bus.
+void RefuseForeignSync(can::CanPort& port, const Clock& clock, const std::string& interface,
+                       TimeNs listen_ns);
+
+}  // namespace tendril::daemon
