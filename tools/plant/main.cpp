@@ -20,6 +20,7 @@
 #include "tendril/emulator/faults.h"
 #include "tendril/io/connection.h"
 #include "tendril/rt/cyclic.h"
+#include "tendril/sim/effects.h"
 #include "tracker_message.h"
 #include "virtual_rig.h"
 
@@ -89,7 +90,7 @@ void Run(const Options& options) {
   const std::vector<FaultOrder> faults = AsUse([&] { return ReadFaults(options.faults); });
   const std::vector<FaultOrder> scenario =
       options.scenario.empty() ? std::vector<FaultOrder>{} : ReadScenario(options.scenario);
-  const RobotParameters robot = config::LoadRobot(options.robot);
+  const RobotParameters robot = sim::LoadRobot(options.robot);
   if (!robot.actuation) {
     throw std::runtime_error(
         fmt::format("{}: robot '{}' has no 'actuation' section (motors, drives, tendons); use a rig file "

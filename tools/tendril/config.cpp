@@ -9,6 +9,7 @@
 
 #include "commands.h"
 #include "tendril/canopen/master.h"
+#include "tendril/sim/effects.h"
 
 namespace tendril::tools {
 namespace {
@@ -23,11 +24,11 @@ std::string Remedy(const canopen::BusBudget& budget) {
 
 void Check(const std::string& path) {
   if (config::KindOf(path) == "robot") {
-    fmt::print("{}", config::ToYaml(config::LoadRobot(path)));
+    fmt::print("{}", config::ToYaml(sim::LoadRobot(path)));
     return;
   }
   const DaemonParameters daemon = config::LoadDaemon(path);
-  const RobotParameters robot = config::LoadRobot(daemon.robot_file);
+  const RobotParameters robot = sim::LoadRobot(daemon.robot_file);
   config::CheckTogether(daemon, robot, path);
   const canopen::BusBudget budget = canopen::ComputeBusBudget(daemon.bus);
   if (budget.load > daemon.bus.max_load) {

@@ -26,6 +26,7 @@
 #include "paths.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
+#include "tendril/sim/effects.h"
 
 namespace tendril::tools {
 namespace {
@@ -236,8 +237,8 @@ ordered_json RunMotion(const std::string& name, const DemoOptions& options, cons
   const std::string plant_file =
       !options.plant.empty() ? options.plant : (options.robot.empty() ? default_file : options.robot);
 
-  ClosedLoopOptions loop_options{.controller_robot = config::LoadRobot(robot_file),
-                                 .plant_robot = config::LoadRobot(plant_file),
+  ClosedLoopOptions loop_options{.controller_robot = sim::LoadRobot(robot_file),
+                                 .plant_robot = sim::LoadRobot(plant_file),
                                  .daemon = config::LoadDaemon(ConfigFile("tendrild.yaml")),
                                  .plant = {.seed = options.seed},
                                  .log_path = (folder / "run.lcmlog").string()};
