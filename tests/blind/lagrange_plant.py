@@ -26,6 +26,7 @@ for _n, _i in U.items():
 for _n, _i in G.items():
     globals()["G_" + _n] = _i
 
+LOW, FAST = 0.15, 40.0  # N, rad/s
 PLAYS = 6  # elements of each Prandtl-Ishlinskii operator of the planted laws
 
 Plant = namedtuple("Plant", "t u g hole_r hole_a cap_val cap_axis")
@@ -544,7 +545,7 @@ def rates(P, y, x0, mem, target, force, W, L, dL, Q, T_unit, gh, first, y_dot, o
         if p[T_growth] != 0.0:
             load *= 1 + 2 * p[T_growth] * s / p[T_r_spool]
         load *= p[T_eff] ** (-zg)
-        push = p[T_kt] * tq[j]
+        push = p[T_kt] * tq[j] + force[3 + j]
         if p[T_thermal] != 0.0:
             push *= 1 - y[o + 2 * m + j]
             y_dot[o + 2 * m + j] = (p[T_thermal] * (tq[j] / 3e-3) ** 2 - y[o + 2 * m + j]) / p[T_thermal_tau]
@@ -669,6 +670,7 @@ def run(P, targets, start_torque, force, sub, dt_row, y, x0, mem):
         obs[1, j] = 0.3
     dt = dt_row / sub
     gh = (1 - math.sqrt(0.5)) * dt
+    fine = False
     # twice: tensions enter some planted laws with their last value
     rates(P, y, x0, mem, tgt, force[0], W, L, dL, Q, TU, gh, none, k1, obs, False)
     rates(P, y, x0, mem, tgt, force[0], W, L, dL, Q, TU, gh, none, k1, obs, False)
@@ -681,8 +683,20 @@ def run(P, targets, start_torque, force, sub, dt_row, y, x0, mem):
         out_p[r] = W[0][n]
         out_R[r] = W[1][n]
         out_q[r] = y[:nd]
-        for s in range(sub):
-            t = (r + s / sub) * dt_row
+        # the pulley's ratio is steep at low tension, where the body's side of the tendon is stiffest: shorter steps
+        fast = False
+        for j in range(m):
+            if obs[0, j] < LOW or abs(y[2 * nd + m + j]) > FAST:
+                fast = True
+        if fast != fine:
+            fine = fast
+            dt = dt_row / sub * (0.5 if fast else 1.0)
+            gh = (1 - math.sqrt(0.5)) * dt
+            # k1 holds the increment of the step's old length
+            rates(P, y, x0, mem, tgt, force[r], W, L, dL, Q, TU, gh, none, k1, obs, False)
+        steps = 2 * sub if fine else sub
+        for s in range(steps):
+            t = (r + s / steps) * dt_row
             for j in range(m):
                 # the target sent at row k acts from row k + 1 on, later still by the planted delay
                 k = int(math.floor((t - P.t[j, T_delay]) / dt_row + 1e-6)) - 1
@@ -774,12 +788,13 @@ def build(p):
 
 
 def simulate(p, targets_Nm, force=None, sub=10, dt_row=1e-3, angle0=None):
-    """Rows at 1 kHz of the plant under torque targets (S x M); from straight and at rest at pretension."""
+    """Rows at 1 kHz of the plant under torque targets (S x M); from straight and at rest at pretension. force: S x
+    (3 + M), a force at the tip and a torque at each motor's shaft."""
     P = build(p)
     n, m = P.u.shape[0], P.t.shape[0]
     S = len(targets_Nm)
     if force is None:
-        force = np.zeros((S, 3))
+        force = np.zeros((S, 3 + m))
     y = np.zeros(4 * n + 7 * m + 2 + 2 * n)
     hold = np.full(m, 0.3) * P.t[:, T["r_spool"]] / P.t[:, T["ratio"]]
     y[4 * n + 2 * m:4 * n + 3 * m] = hold

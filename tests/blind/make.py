@@ -13,8 +13,9 @@ import yaml
 from tests.blind import effects, lagrange_plant as lp, programs, sensors
 
 ROOT = Path(__file__).resolve().parents[2]
+SCATTER_NM = 3e-6  # 1.5 % of the motors' Coulomb friction, below 2 Hz: what makes identical runs differ
 # rms of one sample with the nominal sensors: the cell's noise and step, the tracker, one count of the encoder, the torque
-FLOOR = dict(tension=np.hypot(5e-3, 5e-3 / np.sqrt(12)), motor=2 * np.pi / 2048 / np.sqrt(12), tip=5e-5, turn=5e-4,
+SENSORS = dict(tension=np.hypot(5e-3, 5e-3 / np.sqrt(12)), motor=2 * np.pi / 2048 / np.sqrt(12), tip=5e-5, turn=5e-4,
              actual=7.056e-6 * np.hypot(0.3, 1 / np.sqrt(12)))
 
 
@@ -47,61 +48,85 @@ def planted(robot, items, seed):
     return p, faults, truth
 
 
-def gust_force(p, S, seed):
-    if not p.get("gust_N"):
-        return None
+def coloured(rng, S, width, hz):
+    """S x width of unit variance, first order below hz, silent in the still half second and faded in after it."""
     from scipy.signal import lfilter
-    w = np.random.default_rng(seed).standard_normal((S, 3))
-    a = np.exp(-2 * np.pi * 0.7e-3)
-    f = lfilter([np.sqrt(1 - a * a)], [1, -a], w, axis=0)
-    f[:500] *= 0
-    f[500:1000] *= np.linspace(0, 1, 500)[:, None]
-    return p["gust_N"] * f
+    a = np.exp(-2 * np.pi * hz * 1e-3)
+    w = rng.standard_normal((S + 2000, width))
+    f = lfilter([np.sqrt(1 - a * a)], [1, -a], w, axis=0)[2000:]
+    return f * np.clip((np.arange(S) - 500) / 500, 0, 1)[:, None]
 
 
-def outputs(robot, p, faults, targets, load_cell, sub, gust_seed=1):
-    o = lp.simulate(p, targets, gust_force(p, len(targets), gust_seed), sub=sub)
+def disturbance(p, S, scatter_Nm, seed):
+    """What no two runs have in common: torque of brushes and gears, and what is planted as gusts."""
+    m = len(p["t"])
+    f = np.zeros((S, 3 + m))
+    f[:, 3:] = scatter_Nm * coloured(np.random.default_rng([*seed, 0]), S, m, 2.0)
+    if p.get("gust_N"):
+        f[:, :3] = p["gust_N"] * coloured(np.random.default_rng([*seed, 1]), S, 3, 0.7)
+    return f
+
+
+def outputs(robot, p, faults, targets, load_cell, sub=10, scatter_Nm=0.0, seed=(0,)):
+    o = lp.simulate(p, targets, disturbance(p, len(targets), scatter_Nm, seed), sub=sub)
     return sensors.ideal(robot, o, targets, faults, load_cell)
 
 
-def difference(a, b):
-    """rms over each channel's floor, by channel; all in units of sigma."""
+def difference(a, b, floor=None):
+    """rms over each channel's floor, by channel; the worst tendon or axis. Without a floor: over the sensors' noise."""
+    f = floor or SENSORS
     out = {}
     for key in ("tension", "motor", "actual"):
-        out[key] = float(np.sqrt(np.mean((a[key] - b[key]) ** 2, 0)).max() / FLOOR[key])
+        out[key] = float(np.sqrt(np.mean((a[key] - b[key]) ** 2, 0)).max() / f[key])
     k = slice(0, None, 10)
-    out["tip"] = float(np.sqrt(np.mean((a["tip"][k] - b["tip"][k]) ** 2, 0)).max() / FLOOR["tip"])
+    out["tip"] = float(np.sqrt(np.mean((a["tip"][k] - b["tip"][k]) ** 2, 0)).max() / f["tip"])
     D = np.einsum("sij,skj->sik", a["R"][k], b["R"][k])
     turn = 0.5 * np.stack([D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], 1)
-    out["turn"] = float(np.sqrt(np.mean(turn ** 2, 0)).max() / FLOOR["turn"])
+    out["turn"] = float(np.sqrt(np.mean(turn ** 2, 0)).max() / f["turn"])
     return out
 
 
-def size_of(robot, base, name, where, amount, seed, targets, reference, load_cell):
-    p, faults, _ = planted(robot, [(name, where, amount)], seed)
+def pooled(pairs, floor=None):
     total = {}
-    for t, r in zip(targets, reference):
-        for key, v in difference(outputs(robot, p, faults, t, load_cell, 5), r).items():
-            total[key] = total.get(key, 0.0) + v * v / len(targets)
-    total = {key: float(np.sqrt(v)) for key, v in total.items()}
+    for a, b in pairs:
+        for key, v in difference(a, b, floor).items():
+            total[key] = total.get(key, 0.0) + v * v / len(pairs)
+    return {key: float(np.sqrt(v)) for key, v in total.items()}
+
+
+def size_of(robot, name, where, amount, seed, short, load_cell):
+    """sigma of a planted effect on the short runs, the channel that sees most of it, and all channels."""
+    targets, reference, floor = short
+    p, faults, _ = planted(robot, [(name, where, amount)], seed)
+    total = pooled([(outputs(robot, p, faults, t, load_cell, 8, seed=(1, k)), r)
+                    for k, (t, r) in enumerate(zip(targets, reference))], floor)
     best = max(total, key=total.get)
     return total[best] if np.isfinite(total[best]) else np.inf, best, total
 
 
-_reference = {}
+_short = {}
+
+
+def short_runs(robot, families, load_cell):
+    """Targets that show an effect, what the nominal rig does with them, and the floor: the sensors' noise and half the
+    mean square by which two identical runs differ."""
+    key = (robot["name"], tuple(families), load_cell)
+    if key not in _short:
+        c = programs.Controller(robot)
+        rng = np.random.default_rng(4711)
+        targets = [programs.program(f, c, rng)[:10000 if f != "hold" else 16000] for f in families]
+        p = lp.nominal(robot)
+        reference = [outputs(robot, p, {}, t, load_cell, 8) for t in targets]
+        again = [outputs(robot, p, {}, t, load_cell, 8, SCATTER_NM, (9, k)) for k, t in enumerate(targets)]
+        scatter = pooled(list(zip(again, reference)))  # both runs scatter: the difference of one from none is half
+        _short[key] = targets, reference, {k: SENSORS[k] * float(np.hypot(1, scatter[k])) for k in SENSORS}
+    return _short[key]
 
 
 def amount_for(robot, name, where, sigma, seed, sign, load_cell="motor_side"):
     """The amount whose rms change in the most affected channel is sigma floors, on short runs that show it."""
     e = effects.LIST[name]
-    c = programs.Controller(robot)
-    key = (robot["name"], tuple(e.families), load_cell)
-    if key not in _reference:
-        rng = np.random.default_rng(4711)
-        short = [programs.program(f, c, rng)[:12000 if f != "hold" else 16000] for f in e.families]
-        p0 = lp.nominal(robot)
-        _reference[key] = short, [outputs(robot, p0, {}, t, load_cell, 5) for t in short]
-    short, reference = _reference[key]
+    short = short_runs(robot, e.families, load_cell)
     bound = e.high if sign > 0 else -e.low
     if bound <= 0:
         sign, bound = -sign, e.low * -1 if sign > 0 else e.high
@@ -109,7 +134,7 @@ def amount_for(robot, name, where, sigma, seed, sign, load_cell="motor_side"):
     x = np.log(min(abs(e.typical), bound))
     size = 0.0
     for _ in range(12):
-        size, channel, _ = size_of(robot, None, name, where, sign * np.exp(x), seed, short, reference, load_cell)
+        size, channel, _ = size_of(robot, name, where, sign * np.exp(x), seed, short, load_cell)
         if abs(np.log(max(size, 1e-9) / sigma)) < 0.05:
             break
         if size > sigma:
@@ -124,7 +149,7 @@ def amount_for(robot, name, where, sigma, seed, sign, load_cell="motor_side"):
 
 
 def make_set(out, truth_path, robot_name, items, seed, families, repeats=1, load_cell="motor_side", tracker=True,
-             colour=0.0, lost=0.0, jitter=3e-6, strength=1.0, sub=10, extra_truth=None, plant="lagrange"):
+             colour=0.0, lost=0.0, jitter=3e-6, strength=1.0, scatter_Nm=SCATTER_NM, extra_truth=None):
     robot_file = ROOT / "config" / "robots" / f"{robot_name}.yaml"
     robot = yaml.safe_load(robot_file.read_text())
     p, faults, truth = planted(robot, items, seed)
@@ -136,20 +161,20 @@ def make_set(out, truth_path, robot_name, items, seed, families, repeats=1, load
     runs = []
     for k, family in enumerate(families):
         targets = programs.program(family, c, rng, strength)
-        signals = outputs(robot, p, faults, targets, load_cell, sub, gust_seed=[seed, 5, k])
+        signals = outputs(robot, p, faults, targets, load_cell, 10, scatter_Nm, (seed, 5, k))
         if not np.all(np.isfinite(signals["tip"])):
             raise RuntimeError(f"{family}: the simulation left the finite numbers; take a smaller amount")
         first = f"{family}_{k + 1}.csv"
         for r in range(1 + (repeats if k == 0 else 0)):
             name = first if r == 0 else f"{family}_{k + 1}_again{r}.csv"
-            if r and p.get("gust_N"):
-                signals = outputs(robot, p, faults, targets, load_cell, sub, gust_seed=[seed, 6, k, r])
+            if r and (scatter_Nm or p.get("gust_N")):
+                signals = outputs(robot, p, faults, targets, load_cell, 10, scatter_Nm, (seed, 6, k, r))
             rows = sensors.sample(robot, signals, faults, [seed, 2, k, r])
             sensors.write_run(out / name, rows, tracker, load_cell != "none")
             runs.append((name, family, None if r == 0 else first, rows))
     sensors.write_set(out, robot_file, runs, load_cell)
     answer = dict(seed=seed, robot=robot_name, truth=truth, load_cell=load_cell, tracker=tracker, families=list(families),
-                  colour=colour, lost=lost, strength=strength, sha256_of_data=sensors.digest(out), **(extra_truth or {}))
+                  colour=colour, lost=lost, scatter_Nm=scatter_Nm, strength=strength, sha256_of_data=sensors.digest(out), **(extra_truth or {}))
     if truth_path:
         Path(truth_path).parent.mkdir(parents=True, exist_ok=True)
         Path(truth_path).write_text(json.dumps(answer, indent=1) + "\n")
@@ -171,6 +196,7 @@ def arguments():
     a.add_argument("--no-tracker", action="store_true")
     a.add_argument("--weak", action="store_true", help="too little excitation to tell causes apart")
     a.add_argument("--nuisance", type=float, default=0.0, help="rms fraction by which the micro-constants are off")
+    a.add_argument("--scatter", type=float, default=SCATTER_NM, help="rms torque that differs from run to run, N m")
     a.add_argument("--colour", type=float, default=0.0, help="pole of the noise of cell and tracker, 0 white")
     a.add_argument("--lost", type=float, default=0.0, help="share of tracker frames lost (a tenth of it of rows)")
     a.add_argument("--jitter", type=float, default=3e-6, help="rms of time stamps, s")
@@ -208,7 +234,7 @@ def main():
     begin = time.time()
     families = ["weak", "weak"] if o.weak else o.families
     answer = make_set(o.out, o.truth, o.robot, items, o.seed, families, o.repeats, o.load_cell, not o.no_tracker, o.colour,
-                      o.lost, o.jitter, extra_truth=dict(sizes=sizes))
+                      o.lost, o.jitter, scatter_Nm=o.scatter, extra_truth=dict(sizes=sizes))
     print(f"{o.out}: {len(families)} runs, planted {[(t['effect'], t['where'], t['amount']) for t in answer['truth']]}, "
           f"{time.time() - begin:.1f} s")
     return 0

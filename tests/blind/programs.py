@@ -122,14 +122,14 @@ def program(family, controller, rng, strength=1.0):
         time = np.arange(int(10.0 / PERIOD_S)) * PERIOD_S
         n = 7
         at = 1.0 + 1.2 * np.arange(n)
-        levels = grow * rng.uniform(-2.8, 2.8, n)
+        levels = grow * rng.uniform(-1.9, 1.9, n)
         planes = plane + rng.uniform(-0.8, 0.8, n)
         lows = T0 + rng.uniform(0, 1.0, n)
         b, least = np.zeros(len(time)), np.full(len(time), T0)
         ang = np.full(len(time), planes[0])
         before = (0.0, planes[0], T0)
         for k in range(n):
-            s = smooth((time - at[k]) / 0.08)
+            s = smooth((time - at[k]) / 0.45)
             on = time >= at[k]
             b[on] = (before[0] + s * (levels[k] - before[0]))[on]
             ang[on] = (before[1] + s * (planes[k] - before[1]))[on]
