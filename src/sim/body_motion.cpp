@@ -22,9 +22,11 @@ constexpr double kRateWeight = kGamma * kShare, kBendWeight = kBeta * kShare;
 constexpr double kReferenceBend_rad = 0.02;
 constexpr double kReferenceTension_N = 0.5;
 // Last correction of the bending. With the matrix so near, what is left is some per cent of it.
-constexpr double kTolerance_rad = 3e-6;
+constexpr double kTolerance_rad = 1e-5;
 // A correction that cycles about a corner of a friction law within this is good enough.
 constexpr double kCorner_rad = 1e-5;
+// Less than this between two iterates says nothing about a slope.
+constexpr double kSecant_m = 1e-10;
 constexpr int kMostIterations = 12;
 constexpr int kMostHalvings = 6;
 
@@ -36,7 +38,8 @@ BodyStepper::BodyStepper(const model::Body& body, const BodyLaws& laws)
        {&q_, &v_, &a_, &algorithm_, &q_new_, &v_new_, &a_new_, &residual_, &step_, &damping_, &law_force_}) {
     v->setZero(n_);
   }
-  for (auto* v : {&shortening_, &shortening_rate_, &tension_, &reference_tension_, &active_rhs_}) {
+  for (auto* v : {&shortening_, &shortening_rate_, &tension_, &reference_tension_, &active_rhs_,
+                  &previous_shortening_, &previous_rate_, &previous_tension_}) {
     v->setZero(m_);
   }
   for (auto* matrix : {&mass_, &stiffness_, &matrix_, &inverse_}) matrix->setZero(n_, n_);
@@ -169,6 +172,18 @@ void BodyStepper::Solve(double h) {
   }
 }
 
+// Between two branches of a friction law the tangents at both ends may send Newton back and forth; the secant
+// is as steep as the corner between them needs.
+void BodyStepper::SteepenToSecants() {
+  for (int j = 0; j < m_; ++j) {
+    const double moved = shortening_[j] - previous_shortening_[j];
+    if (std::abs(moved) < kSecant_m) continue;
+    auto& p = pull_[static_cast<std::size_t>(j)];
+    const double damped = p.damping_Nspm * (shortening_rate_[j] - previous_rate_[j]);
+    p.stiffness_Npm = std::max(p.stiffness_Npm, (previous_tension_[j] - tension_[j] - damped) / moved);
+  }
+}
+
 bool BodyStepper::TryStep(TensionSource& source, double h) {
   const double bend_weight = h * h * kBendWeight, rate_weight = h * kRateWeight;
   for (int i = 0; i < n_; ++i) {
@@ -181,6 +196,10 @@ bool BodyStepper::TryStep(TensionSource& source, double h) {
   for (int iteration = 0;; ++iteration) {
     Evaluate(source);
     if (!Refresh(h)) return false;
+    if (iteration > 0) SteepenToSecants();
+    previous_shortening_ = shortening_;
+    previous_rate_ = shortening_rate_;
+    previous_tension_ = tension_;
     Solve(h);
     double size = 0;
     for (int i = 0; i < n_; ++i) {
@@ -212,9 +231,13 @@ bool BodyStepper::TryStep(TensionSource& source, double h) {
     q_[i] = q_new_[i];
     v_[i] = v_new_[i];
   }
+  Commit(source);
+  return true;
+}
+
+void BodyStepper::Commit(TensionSource& source) {
   source.Commit(shortening_.data(), shortening_rate_.data());
   if (!plain_) laws_.Commit(body_, q_, to_s_);
-  return true;
 }
 
 void BodyStepper::MoveTo(TensionSource& source, double time_s) {
@@ -252,22 +275,38 @@ bool BodyStepper::StepTo(TensionSource& source, double to_s) {
   return true;
 }
 
-// Pseudo-transient continuation: (K + 1/tau) step = -residual, tau growing with success, so that the end is
-// Newton's and the way there is downhill.
 bool BodyStepper::Settle(TensionSource& source, double time_s) {
-  constexpr int kMost = 400;
-  constexpr double kFloor_Nm = 1e-12, kLongestStep_rad = 0.3;
   MoveTo(source, time_s);
+  v_.setZero();
+  a_.setZero();
+  algorithm_.setZero();
+  const bool settled = Descend(source) || Relax(source);
+  v_.setZero();
+  a_.setZero();
+  algorithm_.setZero();
+  reference_h_ = 0;
+  time_s_ = time_s;
+  return settled;
+}
+
+// (K + 1/tau) step = -residual with a line search on the residual: Newton's where it works, down the gradient
+// where the tangent is not positive or a friction law has its corner.
+bool BodyStepper::Descend(TensionSource& source) {
+  constexpr int kMost = 100;
+  constexpr double kFloor_Nm = 1e-11, kLongest_rad = 0.3, kShortest = 1e-3, kDull_Nm = 1e3, kSharp_Nm = 1e-9;
   q_new_ = q_;
   v_new_.setZero();
   a_new_.setZero();
-  double tau = 1e3;  // rad per N·m
   Evaluate(source);
-  double size = residual_.norm();
-  Eigen::VectorXd q = q_new_;
+  double size = residual_.norm(), push = 1e-4;  // push = 1/tau
+  Eigen::VectorXd start(n_), direction(n_);
   Eigen::LLT<Eigen::MatrixXd> cholesky(n_);
-  bool settled = false;
   for (int i = 0; i < kMost && std::isfinite(size); ++i) {
+    if (size < kFloor_Nm) {
+      q_ = q_new_;
+      Commit(source);
+      return true;
+    }
     body_.TangentStiffness(q_new_, tension_, Eigen::Vector3d::Zero(), matrix_);
     if (!plain_) laws_.AddStiffness(body_, q_new_, tension_, matrix_);
     for (int j = 0; j < m_; ++j) {
@@ -276,47 +315,61 @@ bool BodyStepper::Settle(TensionSource& source, double time_s) {
         matrix_.noalias() += weight * (plain_ ? jacobian_ : weighted_).row(j).transpose() * jacobian_.row(j);
       }
     }
-    const bool newton = tau > 1e12;
-    if (!newton) matrix_.diagonal().array() += 1 / tau;
+    if (push > kSharp_Nm) matrix_.diagonal().array() += push;
     bool usable = true;
     if (plain_) {
       cholesky.compute(matrix_);
       usable = cholesky.info() == Eigen::Success;
-      if (usable) step_ = cholesky.solve(residual_);
+      if (usable) direction = cholesky.solve(residual_);
     } else {
-      step_ = matrix_.partialPivLu().solve(residual_);
+      direction = matrix_.partialPivLu().solve(residual_);
     }
-    if (usable && step_.allFinite() && step_.cwiseAbs().maxCoeff() < kLongestStep_rad) {
-      const double length = step_.cwiseAbs().maxCoeff();
-      q = q_new_;
-      q_new_ -= step_;
-      Evaluate(source);
-      const double now = residual_.norm();
-      if (std::isfinite(now) && (now <= 2 * size || now < kFloor_Nm)) {
-        size = now;
-        tau *= 4;
-        if (tau > 1e6 && (length < 1e-12 || now < kFloor_Nm)) {
-          settled = true;
-          break;
-        }
-        continue;
+    bool closer = false;
+    if (usable && direction.allFinite()) {
+      start = q_new_;
+      const double longest = direction.cwiseAbs().maxCoeff();
+      double share = std::min(1.0, kLongest_rad / longest);
+      for (; !closer && share > kShortest; share *= 0.5) {
+        q_new_ = start - share * direction;
+        Evaluate(source);
+        closer = residual_.norm() < (1 - 1e-3 * share) * size;
       }
-      q_new_ = q;
-      Evaluate(source);
+      if (!closer) {
+        q_new_ = start;
+        Evaluate(source);
+      }
     }
-    tau = std::min(tau, 1e12) / 16;
-    if (tau < 1e-6) break;
+    if (closer) {
+      size = residual_.norm();
+      push = std::max(0.1 * push, 0.1 * kSharp_Nm);
+    } else {
+      push = std::max(30 * push, 1e-6);
+      if (push > kDull_Nm) return false;
+    }
   }
-  if (!settled) return false;
-  time_s_ = time_s;
-  q_ = q_new_;
-  v_.setZero();
-  a_.setZero();
-  algorithm_.setZero();
-  reference_h_ = 0;
-  source.Commit(shortening_.data(), shortening_rate_.data());
-  if (!plain_) laws_.Commit(body_, q_, to_s_);
-  return true;
+  return false;
+}
+
+// Where no path leads down to an equilibrium near by (a body that buckles, a corner that Newton does not get
+// round): the motion itself, braked.
+bool BodyStepper::Relax(TensionSource& source) {
+  constexpr int kMost = 3000, kMostFailures = 40;
+  constexpr double kStep_s = 1e-3, kBrake = 0.9, kStill_radps = 1e-9;
+  double h = kStep_s;
+  int failures = 0;
+  for (int i = 0; i < kMost; ++i) {
+    if (!TryStep(source, h)) {
+      h *= 0.25;
+      a_.setZero();
+      algorithm_.setZero();
+      if (++failures > kMostFailures || h < 1e-9) return false;
+      continue;
+    }
+    h = std::min(2 * h, kStep_s);
+    v_ *= kBrake;
+    if (i > 100 && v_.cwiseAbs().maxCoeff() < kStill_radps) break;
+  }
+  return q_.allFinite();
 }
 
 }  // namespace tendril::sim

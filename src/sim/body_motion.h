@@ -59,6 +59,10 @@ class BodyStepper {
  private:
   void MoveTo(TensionSource& source, double time_s);
   bool TryStep(TensionSource& source, double h);
+  void SteepenToSecants();
+  bool Descend(TensionSource& source);
+  bool Relax(TensionSource& source);
+  void Commit(TensionSource& source);
   void Evaluate(const TensionSource& source);
   bool Refresh(double h);
   void Solve(double h);
@@ -77,6 +81,7 @@ class BodyStepper {
   Eigen::VectorXd q_new_, v_new_, a_new_, residual_, step_, law_force_;
   Eigen::MatrixXd jacobian_, weighted_;  // dL/dq; the same times the share of the base tension that arrives
   std::vector<TensionSource::Tension> pull_;
+  Eigen::VectorXd previous_shortening_, previous_rate_, previous_tension_;  // of the iterate before
 
   // Newton's matrix at a shape near by for a step h: inverse of the body's part, and of it
   // across = inverse Jw^T and small = J inverse Jw^T for the tendons'.
