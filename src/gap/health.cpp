@@ -1,0 +1,593 @@
+// What is wrong with measured runs, one function a question; see the header.
+#include "tendril/gap/health.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <set>
+
+#include "health_signal.h"
+
+namespace tendril::gap {
+namespace {
+
+using Severity = HealthFinding::Severity;
+using Matrix = Eigen::MatrixXd;
+
+constexpr double kRest_s = 0.5;  // that a run begins with
+constexpr double kPi = std::numbers::pi;
+
+/// A kind of channel: where it is in a run, what it is called, and what its numbers usually are.
+struct Kind {
+  Eigen::MatrixXd Run::*matrix;
+  const char* name;
+  const char* unit;
+  bool a_tendon;  // a column is a tendon's
+};
+constexpr Kind kTarget{&Run::torque_target_Nm, "target torque", "N m", true};
+constexpr Kind kActual{&Run::torque_actual_Nm, "actual torque", "N m", true};
+constexpr Kind kMotor{&Run::motor_position_rad, "motor position", "rad", true};
+constexpr Kind kTension{&Run::tension_N, "tension", "N", true};
+constexpr Kind kTip{&Run::tip_m, "tip position", "m", false};
+constexpr Kind kDirection{&Run::tip_quaternion, "tip orientation", "", false};
+constexpr Kind kBending{&Run::bending_rad, "bending", "rad", false};
+constexpr Kind kKinds[] = {kTarget, kActual, kMotor, kTension, kTip, kDirection, kBending};
+
+std::string ChannelOf(const Kind& kind, Eigen::Index column) {
+  return kind.a_tendon ? fmt::format("{} {}", kind.name, column + 1) : std::string(kind.name);
+}
+
+class Checkup {
+ public:
+  explicit Checkup(const DataSet& set) : set_(set), robot_(set.robot) {}
+
+  std::vector<HealthFinding> All() {
+    for (const std::string& note : set_.notes) Add(Severity::kWarning, "", "files", 0, note);
+    WholeSet();
+    for (const Run& run : set_.runs) {
+      run_ = &run;
+      if (run.time_s.size() < 2) continue;
+      for (const std::string& note : run.notes) Add(Severity::kInfo, run.name, "file", 0, note);
+      Sampling();
+      for (const Kind& kind : kKinds) {
+        if (!Fits(kind)) continue;
+        Missing(kind);
+        Constant(kind);
+      }
+      for (const Kind& kind : {kActual, kTension, kTip}) {
+        if (Fits(kind)) Clipped(kind);
+      }
+      Saturated();
+      Steps();
+      Units();
+      Signs();
+      Rest();
+      Excitation();
+      Pairing(kTarget, kActual);
+      Pairing(kActual, kTension);
+      Pairing(kMotor, kTension);
+      TrackerClock();
+      Repetition();
+    }
+    return std::move(found_);
+  }
+
+ private:
+  const Matrix& Of(const Kind& kind) const { return run_->*kind.matrix; }
+  /// Measured, with a row a sample.
+  bool Fits(const Kind& kind) const { return Of(kind).cols() > 0 && Of(kind).rows() == run_->time_s.size(); }
+
+  void Add(Severity severity, const std::string& run, const std::string& channel, double value,
+           std::string text) {
+    found_.push_back({severity, run, channel, std::isfinite(value) ? value : 0, std::move(text)});
+  }
+  void Add(Severity severity, const std::string& channel, double value, std::string text) {
+    Add(severity, run_->name, channel, value, std::move(text));
+  }
+
+  // ---- the set ----
+
+  void WholeSet() {
+    std::set<std::string> families;
+    bool repeats = false, tip = false, tension = false, torque = false, motor = false;
+    double tension_range = 0, reversals = 0;
+    for (const Run& run : set_.runs) {
+      families.insert(run.family);
+      repeats = repeats || !run.repeat_of.empty();
+      tip = tip || run.tip_m.cols() > 0 || run.bending_rad.cols() > 0 || run.tip_quaternion.cols() > 0;
+      tension = tension || run.tension_N.cols() > 0;
+      torque = torque || run.torque_actual_Nm.cols() > 0;
+      motor = motor || run.motor_position_rad.cols() > 0;
+      run_ = &run;
+      if (Fits(kTension)) {
+        for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
+          tension_range = std::max(tension_range, RangeOf(run.tension_N.col(j)).width());
+        }
+      }
+      if (Fits(kMotor)) {
+        for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j) {
+          reversals = std::max(reversals, 1.0 * Reversals(run.motor_position_rad.col(j)));
+        }
+      }
+    }
+    const auto lacks = [&](bool there, const char* channel, const char* text) {
+      if (!there) Add(Severity::kWarning, "", channel, 0, text);
+    };
+    lacks(tip, "tip position",
+          "no run has a tip; the shape and the motion of the body (C4, C5) cannot be told; add a tracker");
+    lacks(tension, "tension",
+          "no run has tensions; motors, pulleys and tendons (C2, C3) cannot be told apart; add a load cell");
+    lacks(torque, "actual torque",
+          "no run has actual torques; the current loop and the drivetrain (C1, C2) cannot be told; log the "
+          "drives' "
+          "actual torque or current");
+    lacks(motor, "motor position",
+          "no run has motor positions; tendons and drivetrain (C2, C3) cannot be told; log the encoders");
+    lacks(repeats, "repetitions",
+          "no run repeats another; the noise floor is taken from fast differences, which misses what does "
+          "not come "
+          "back the same; repeat at least one run unchanged and say so by repeat_of");
+    if (families.size() < 2) {
+      Add(Severity::kWarning, "", "families", static_cast<double>(families.size()),
+          "all runs are of one family; nothing can be held out, so that a cause cannot be tested on another "
+          "kind of "
+          "motion; record another family and name families in runs.yaml");
+    }
+    if (tension && tension_range < 0.5) {
+      Add(Severity::kWarning, "", "tension", tension_range,
+          fmt::format("no tension changes by more than {:.2g} N over all runs; what grows with tension "
+                      "cannot be told "
+                      "from what does not; pull harder",
+                      tension_range));
+    }
+    if (motor && reversals < 2) {
+      Add(Severity::kWarning, "", "motor position", reversals,
+          "no motor turns round twice in any run; friction, backlash and hysteresis cannot be told from "
+          "wrong gains; "
+          "record slow triangles");
+    }
+  }
+
+  // ---- sampling ----
+
+  void Sampling() {
+    const Eigen::VectorXd& t = run_->time_s;
+    const TimeSteps s = StepsOf(t);
+    Add(Severity::kInfo, "time", 1 / s.usual,
+        fmt::format(
+            "{} samples over {:.6g} s, {:.6g} Hz, jitter {:.3g} % of a step, {} gaps ({:.0f} rows missing)",
+            t.size(), t[t.size() - 1] - t[0], 1 / s.usual, 100 * s.jitter / s.usual, s.gaps, s.lost));
+    if (s.jitter > 0.2 * s.usual) {
+      Add(Severity::kWarning, "time", s.jitter,
+          fmt::format("steps scatter by {:.2g} s around {:.4g} s; fast effects (delay, damping) are blurred; "
+                      "stamp the "
+                      "samples where they are taken",
+                      s.jitter, s.usual));
+    }
+    if (s.lost > 0.001 * static_cast<double>(t.size())) {
+      Add(s.lost > 0.1 * static_cast<double>(t.size()) ? Severity::kError : Severity::kWarning, "time",
+          s.lost,
+          fmt::format(
+              "{:.0f} of {:.0f} rows are missing in {} gaps; nothing is told from the gaps and just after; "
+              "record with less load on the logger",
+              s.lost, s.lost + static_cast<double>(t.size()), s.gaps));
+    }
+    if (s.usual > 0.9) {
+      Add(Severity::kWarning, "time", s.usual,
+          fmt::format(
+              "a step is {:.3g} s; if the column is in milliseconds divide it by 1000, else the run is "
+              "quasi-static and motion (C5) cannot be told",
+              s.usual));
+    } else if (s.usual > 0.02) {
+      Add(Severity::kWarning, "time", 1 / s.usual,
+          fmt::format(
+              "{:.3g} Hz; drives (C1) and motion (C5) need 100 Hz and more, the rest is told all the same",
+              1 / s.usual));
+    } else if (s.usual < 2e-5) {
+      Add(Severity::kWarning, "time", s.usual,
+          fmt::format("a step is {:.3g} s; is the column in another unit than seconds?", s.usual));
+    }
+    if (t[t.size() - 1] - t[0] < 2) {
+      Add(Severity::kWarning, "time", t[t.size() - 1] - t[0],
+          fmt::format("{:.3g} s is short; slow effects and averages over noise cannot be told; record longer",
+                      t[t.size() - 1] - t[0]));
+    }
+  }
+
+  void Missing(const Kind& kind) {
+    const Matrix& m = Of(kind);
+    for (Eigen::Index c = 0; c < m.cols(); ++c) {
+      const std::vector<Eigen::Index> rows = FiniteRows(m.col(c));
+      const double missing = 1 - static_cast<double>(rows.size()) / static_cast<double>(m.rows());
+      if (rows.empty()) {
+        Add(Severity::kWarning, ChannelOf(kind, c), 1,
+            "holds no value at all; what needs it cannot be told for this tendon or axis; check sensor and "
+            "column");
+      } else if (missing > 0.01) {
+        // A slower sensor has its own regular grid: what counts is what is missing from that.
+        const double lost = LostOfOwnGrid(rows);
+        if (lost > 0.02) {
+          Add(lost > 0.3 ? Severity::kError : Severity::kWarning, ChannelOf(kind, c), lost,
+              fmt::format(
+                  "{:.1f} % of its values are missing; these stretches are not used; check cable and marker "
+                  "visibility",
+                  100 * lost));
+        }
+      }
+      if (!kind.a_tendon) break;  // the axes of a pose are there or missing together
+    }
+  }
+
+  void Constant(const Kind& kind) {
+    const Matrix& m = Of(kind);
+    for (Eigen::Index c = 0; c < m.cols(); ++c) {
+      const Range range = RangeOf(m.col(c));
+      if (range.count < 20 || range.width() > 0) continue;
+      // A robot without bend in y, a perfect simulator: only a measured signal that never moves is
+      // suspicious.
+      const bool measured = kind.matrix == &Run::tension_N || kind.matrix == &Run::torque_actual_Nm ||
+                            kind.matrix == &Run::motor_position_rad;
+      if (!measured) continue;
+      Add(Severity::kWarning, ChannelOf(kind, c), range.least,
+          fmt::format(
+              "is {:.6g} {} throughout; a dead sensor tells nothing and looks like a perfect one; check its "
+              "cable and its column",
+              range.least, kind.unit));
+    }
+  }
+
+  // ---- amplitudes ----
+
+  void Clipped(const Kind& kind) {
+    const Matrix& m = Of(kind);
+    for (Eigen::Index c = 0; c < m.cols(); ++c) {
+      for (const bool top : {true, false}) {
+        const Plateau p = FlatExtreme(m.col(c), top);
+        if (p.share < 0.003) continue;
+        Add(p.share > 0.1 ? Severity::kError : Severity::kWarning, ChannelOf(kind, c), p.share,
+            fmt::format("is cut off at {:.6g} {} for {:.1f} % of the run; there it tells nothing of the "
+                        "robot; choose "
+                        "a larger range of the sensor or a smaller motion",
+                        p.value, kind.unit, 100 * p.share));
+      }
+    }
+  }
+
+  void Saturated() {
+    if (!robot_.actuation || !Fits(kTarget)) return;
+    const Matrix& m = Of(kTarget);
+    for (Eigen::Index j = 0; j < std::min<Eigen::Index>(m.cols(), Tendons()); ++j) {
+      const auto& t = robot_.actuation->tendons[static_cast<std::size_t>(j)];
+      const double most = t.motor.torque_constant_NmpA * t.drive.current_limit_A;
+      if (!(most > 0)) continue;
+      const double share = static_cast<double>((m.col(j).array().abs() >= 0.995 * most).count()) /
+                           static_cast<double>(m.rows());
+      // Beyond the limit by far it is a matter of units.
+      if (share < 0.002 || m.col(j).array().isNaN().select(0, m.col(j)).cwiseAbs().maxCoeff() > 5 * most)
+        continue;
+      Add(Severity::kWarning, ChannelOf(kTarget, j), share,
+          fmt::format(
+              "is at the drive's limit of {:.4g} N m for {:.1f} % of the run; the drive cannot follow there; "
+              "plan a smaller motion",
+              most, 100 * share));
+    }
+  }
+
+  // ---- steps of the numbers ----
+
+  void Steps() {
+    if (!robot_.actuation) return;
+    const auto check = [&](const Kind& kind, auto expected, const char* key) {
+      if (!Fits(kind)) return;
+      const Matrix& m = Of(kind);
+      for (Eigen::Index j = 0; j < std::min<Eigen::Index>(m.cols(), Tendons()); ++j) {
+        const auto& tendon = robot_.actuation->tendons[static_cast<std::size_t>(j)];
+        const double step = Quantum(m.col(j));
+        const double wanted = expected(tendon);
+        if (!(step > 0) || !(wanted > 0)) continue;
+        const double ratio = step / wanted;
+        if (std::abs(ratio - 1) < 0.02) continue;
+        // Values that only ever differ by several steps are coarser than the file says, not of another unit.
+        Add(ratio < 0.98 && kind.matrix == &Run::motor_position_rad ? Severity::kWarning : Severity::kInfo,
+            ChannelOf(kind, j), step,
+            fmt::format(
+                "comes in steps of {:.6g} {}, by the robot file {:.6g} ({:.4g} times); {} may be another "
+                "robot's; check it",
+                step, kind.unit, wanted, ratio, key));
+      }
+    };
+    check(
+        kMotor, [](const auto& t) { return 2 * kPi / t.drive.encoder_counts_per_turn; },
+        "actuation.drive.encoder_counts_per_turn");
+    check(
+        kActual, [](const auto& t) { return 1e-3 * t.drive.rated_torque_Nm; },
+        "actuation.drive.rated_torque_Nm");
+    check(
+        kTension,
+        [](const auto& t) {
+          return t.load_cell.gain_VpN > 0 ? t.load_cell.resolution_V / t.load_cell.gain_VpN : 0;
+        },
+        "actuation.load_cell.gain_VpN or resolution_V");
+  }
+
+  // ---- units ----
+
+  void Units() {
+    if (Fits(kTip)) TipUnits();
+    if (Fits(kBending)) {
+      const double most = Largest(Of(kBending));
+      if (most > 2 * kPi) {
+        Add(Severity::kError, kBending.name, most,
+            fmt::format("reaches {:.4g} rad; a section cannot bend that far; are these degrees?", most));
+      }
+    }
+    if (!robot_.actuation) return;
+    const auto& t = robot_.actuation->tendons.front();
+    const LimitParameters& limits = robot_.limits;
+    UnitsBy(kTension, Largest(Of(kTension)), limits.max_tension_motor_N, limits.min_tension_N / 30,
+            {{"millinewtons", 1e-3},
+             {"grams", 9.81e-3},
+             {"kilonewtons", 1e3},
+             {"volts of the cell", t.load_cell.gain_VpN > 0 ? 1 / t.load_cell.gain_VpN : 0}});
+    const double rated_Nm = t.drive.rated_torque_Nm;
+    for (const Kind& kind : {kTarget, kActual}) {
+      UnitsBy(kind, Largest(Of(kind)), rated_Nm, 1e-4 * rated_Nm,
+              {{"millinewton metres", 1e-3},
+               {"amperes", t.motor.torque_constant_NmpA},
+               {"milliamperes", 1e-3 * t.motor.torque_constant_NmpA},
+               {"per mille of rated torque", 1e-3 * rated_Nm}});
+    }
+    double radius_m = 0;
+    for (const auto& section : robot_.body.sections) {
+      for (const auto& route : section.tendons) radius_m = std::max(radius_m, route.radius_m);
+    }
+    const double travel = t.SpoolTravelPerMotorRad();
+    if (!(travel > 0) || t.drive.encoder_counts_per_turn <= 0) return;
+    // What bends every section from one limit to the other.
+    const double most_rad =
+        2 * limits.max_bending_rad * radius_m * static_cast<double>(robot_.body.sections.size()) / travel;
+    UnitsBy(kMotor, Range::Of(Of(kMotor)).width(), most_rad, 1e-4 * most_rad,
+            {{"degrees", kPi / 180}, {"encoder counts", 2 * kPi / t.drive.encoder_counts_per_turn}});
+  }
+
+  /// Complains when what a channel reaches is far from what the robot can; of the units that it might be in,
+  /// names the one that would bring it nearest to the middle of what is usual.
+  void UnitsBy(const Kind& kind, double reached, double most, double least,
+               const std::vector<std::pair<const char*, double>>& units) {
+    if (!Fits(kind) || !(most > 0) || !(reached > 0)) return;
+    if (reached < 6 * most && reached > least) return;
+    const auto off = [&](double factor) { return std::abs(std::log(reached * factor / (0.3 * most))); };
+    const auto best = std::min_element(units.begin(), units.end(), [&](const auto& a, const auto& b) {
+      return b.second <= 0 || (a.second > 0 && off(a.second) < off(b.second));
+    });
+    const std::string hint =
+        best->second > 0 && off(best->second) < off(1)
+            ? fmt::format("are these {}? convert them (tendril gap import has a column map for it)",
+                          best->first)
+            : "check the column and the robot file";
+    Add(Severity::kError, kind.name, reached,
+        fmt::format("reaches {:.4g} {} where this robot has up to {:.4g}; wrong units make every number of "
+                    "the diagnosis "
+                    "wrong; {}",
+                    reached, kind.unit, most, hint));
+  }
+
+  void TipUnits() {
+    const double length_m = robot_.body.length_m();
+    std::vector<double> distance;
+    const Matrix& tip = Of(kTip);
+    for (Eigen::Index i = 0; i < tip.rows(); ++i) {
+      if (const double d = tip.row(i).norm(); std::isfinite(d)) distance.push_back(d);
+    }
+    if (distance.empty()) return;
+    const double usual = Quantile(distance, 0.5), far = Quantile(distance, 0.99);
+    if (usual > 30 * length_m) {
+      const bool mm = usual / 1000 > 0.2 * length_m && usual / 1000 < 3 * length_m;
+      Add(Severity::kError, kTip.name, usual,
+          fmt::format("is {:.4g} m from the base, the robot is {:.4g} m long; {}", usual, length_m,
+                      mm ? "these are millimetres; divide by 1000"
+                         : "wrong unit or the tracker's own origin; give it in metres in the base's frame"));
+    } else if (const double rest = distance.front(); rest < 0.3 * length_m) {
+      Add(Severity::kError, kTip.name, rest,
+          fmt::format("begins {:.4g} m from the base, the robot is {:.4g} m long; is the tip given as a "
+                      "displacement or in "
+                      "another unit? give its position in metres in the base's frame",
+                      rest, length_m));
+    } else if (far > 1.05 * length_m + 0.002) {
+      Add(Severity::kWarning, kTip.name, far,
+          fmt::format("is up to {:.4g} m from the base, the robot is {:.4g} m long; a frame with another "
+                      "origin or the "
+                      "file of another robot looks like a gap; transform the tracker's frame to the base",
+                      far, length_m));
+    }
+  }
+
+  void Signs() {
+    if (!Fits(kTension)) return;
+    const Matrix& m = Of(kTension);
+    for (Eigen::Index j = 0; j < m.cols(); ++j) {
+      const auto rows = FiniteRows(m.col(j));
+      if (rows.empty()) continue;
+      const double noise = std::max(Scatter(m.col(j)), 1e-3);
+      const auto below = static_cast<double>(std::count_if(
+          rows.begin(), rows.end(), [&](Eigen::Index i) { return m(i, j) < -5 * noise - 0.02; }));
+      const double share = below / static_cast<double>(rows.size());
+      if (share > 0.9) {
+        Add(Severity::kError, ChannelOf(kTension, j), share,
+            "is negative throughout; a tendon pulls only; turn its sign (pulling is positive)");
+      } else if (share > 0.001) {
+        Add(Severity::kWarning, ChannelOf(kTension, j), RangeOf(m.col(j)).least,
+            fmt::format("falls to {:.3g} N; a tendon cannot push, so that the cell has an offset; zero the "
+                        "cells with "
+                        "slack tendons before the run",
+                        RangeOf(m.col(j)).least));
+      }
+    }
+  }
+
+  // ---- beginning and excitation ----
+
+  void Rest() {
+    const Eigen::VectorXd& t = run_->time_s;
+    const auto rest =
+        static_cast<Eigen::Index>(std::upper_bound(t.data(), t.data() + t.size(), t[0] + kRest_s) - t.data());
+    if (rest < 5 || rest == t.size()) return;
+    double worst = 0;
+    std::string channel;
+    for (const Kind& kind : {kMotor, kTension, kTip}) {
+      if (!Fits(kind)) continue;
+      const Matrix& m = Of(kind);
+      for (Eigen::Index c = 0; c < m.cols(); ++c) {
+        const double whole = RangeOf(m.col(c)).width();
+        const double noise = Scatter(m.col(c).head(rest));
+        const double moved = std::max(RangeOf(m.col(c).head(rest)).width() - 8 * noise, 0.0);
+        if (whole <= 0 || whole < 20 * noise || moved / whole < worst) continue;
+        worst = moved / whole;
+        channel = ChannelOf(kind, c);
+      }
+    }
+    if (worst < 0.05) return;
+    Add(Severity::kWarning, channel, worst,
+        fmt::format(
+            "moves by {:.0f} % of its range in the first {} s; the state at the beginning is then not known; "
+            "begin runs straight, at pretension and at rest",
+            100 * worst, kRest_s));
+  }
+
+  void Excitation() {
+    std::string text;
+    double value = 0;
+    if (Fits(kTension)) {
+      text += "tension ranges";
+      for (Eigen::Index j = 0; j < run_->tension_N.cols(); ++j) {
+        const double width = RangeOf(run_->tension_N.col(j)).width();
+        value = std::max(value, width);
+        text += fmt::format(" {:.3g}", width);
+      }
+      text += " N";
+    }
+    if (Fits(kMotor)) {
+      int reversals = 0;
+      double slow = 0, fast = 0;
+      for (Eigen::Index j = 0; j < run_->motor_position_rad.cols(); ++j) {
+        reversals += Reversals(run_->motor_position_rad.col(j));
+        const auto [lower, upper] = Speeds(run_->time_s, run_->motor_position_rad.col(j));
+        if (upper > fast) fast = upper, slow = lower;
+      }
+      text += fmt::format("{}{} reversals, motor speed {:.3g} to {:.3g} rad/s", text.empty() ? "" : ", ",
+                          reversals, slow, fast);
+    }
+    if (const double bend = BendRange(); bend >= 0) {
+      text += fmt::format("{}tip turns by up to {:.3g} rad", text.empty() ? "" : ", ", bend);
+    }
+    if (!text.empty()) Add(Severity::kInfo, "excitation", value, text);
+  }
+
+  /// Largest angle of the tip's axis from where it was first; negative without orientation.
+  double BendRange() const {
+    if (!Fits(kDirection)) return -1;
+    const Matrix& q = Of(kDirection);
+    Eigen::Vector3d first = Eigen::Vector3d::Zero();
+    double most = -1;
+    for (Eigen::Index i = 0; i < q.rows(); ++i) {
+      if (!q.row(i).allFinite()) continue;
+      const double w = q(i, 0), x = q(i, 1), y = q(i, 2), z = q(i, 3);
+      const Eigen::Vector3d axis(2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y));
+      if (most < 0) first = axis, most = 0;
+      most = std::max(most, std::acos(std::clamp(first.dot(axis), -1.0, 1.0)));
+    }
+    return most;
+  }
+
+  // ---- order and sign ----
+
+  // Two signals of the same tendon rise and fall together, whatever lies between them. When each of some
+  // signals goes with another tendon's by far better than with its own, columns are exchanged.
+  void Pairing(const Kind& from, const Kind& to) {
+    if (!Fits(from) || !Fits(to)) return;
+    const Eigen::Index n = std::min(Of(from).cols(), Of(to).cols());
+    const Matrix c = ChangeCorrelation(run_->time_s, Of(from).leftCols(n), Of(to).leftCols(n));
+    for (Eigen::Index j = 0; j < n; ++j) {
+      if (!std::isfinite(c(j, j))) continue;
+      Eigen::Index best = j, back = j;
+      for (Eigen::Index i = 0; i < n; ++i) {
+        if (c(i, j) > c(best, j)) best = i;
+        if (c(j, i) > c(j, back)) back = i;
+      }
+      if (best != j && back != j && c(best, j) > 0.7 && c(best, j) - c(j, j) > 0.4) {
+        Add(Severity::kError, ChannelOf(to, j), c(j, j),
+            fmt::format(
+                "follows the {} of tendon {} (correlation {:.2f}), not of its own ({:.2f}); the columns are "
+                "in "
+                "another order than the tendons, and every tendon's cause would be put on another; exchange "
+                "them",
+                from.name, best + 1, c(best, j), c(j, j)));
+      } else if (c(j, j) < -0.8 && (n == 1 || c(best, j) < 0.7)) {
+        Add(Severity::kError, ChannelOf(to, j), c(j, j),
+            fmt::format("falls when the {} of its tendon rises (correlation {:.2f}); one of the two has the "
+                        "wrong sign; "
+                        "pulling is positive for both",
+                        from.name, c(j, j)));
+      }
+    }
+  }
+
+  // ---- clocks ----
+
+  void TrackerClock() {
+    if (!Fits(kMotor) || !Fits(kTip)) return;
+    const auto shift = ClockShift(run_->time_s, Of(kMotor), Of(kTip));
+    if (!shift) return;
+    Add(std::abs(shift->seconds) > std::max(0.015, 2 * StepsOf(run_->time_s).usual) ? Severity::kWarning
+                                                                                    : Severity::kInfo,
+        "tracker clock", shift->seconds,
+        fmt::format(
+            "the tip follows the motors {:.1f} ms {} (correlation {:.3f}){}", 1e3 * std::abs(shift->seconds),
+            shift->seconds < 0 ? "too early" : "later", shift->correlation,
+            std::abs(shift->seconds) > 0.015
+                ? "; more than the body's own lag, so that the clocks differ or the tracker is slow, which "
+                  "looks "
+                  "like damping; synchronise the clocks or give the tracker's delay_s in the robot file"
+                : ""));
+  }
+
+  // ---- repetitions ----
+
+  void Repetition() {
+    if (run_->repeat_of.empty()) return;
+    const auto original = std::find_if(set_.runs.begin(), set_.runs.end(),
+                                       [&](const Run& r) { return r.name == run_->repeat_of; });
+    if (original == set_.runs.end()) return;
+    for (const Kind& kind : {kActual, kMotor, kTension, kTip}) {
+      const Matrix& theirs = (*original).*kind.matrix;
+      if (!Fits(kind) || theirs.cols() != Of(kind).cols() || theirs.rows() != original->time_s.size())
+        continue;
+      const double rms = RmsDifference(run_->time_s, Of(kind), original->time_s, theirs);
+      const double range = Range::Of(Of(kind)).width();
+      if (!std::isfinite(rms)) continue;
+      const bool poor = rms > 0.1 * range && range > 0 && rms > 3 * Scatter(Of(kind).col(0));
+      Add(poor ? Severity::kWarning : Severity::kInfo, kind.name, rms,
+          fmt::format("differs from {} by {:.3g} {} rms{}", original->name, rms, kind.unit,
+                      poor ? "; that is no repetition, and as a noise floor it hides every gap; check that "
+                             "commands and "
+                             "beginning were the same"
+                           : ", the floor below which nothing can be told"));
+    }
+  }
+
+  Eigen::Index Tendons() const { return static_cast<Eigen::Index>(robot_.actuation->tendons.size()); }
+
+  const DataSet& set_;
+  const RobotParameters& robot_;
+  const Run* run_ = nullptr;
+  std::vector<HealthFinding> found_;
+};
+
+}  // namespace
+
+std::vector<HealthFinding> CheckHealth(const DataSet& set) { return Checkup(set).All(); }
+
+}  // namespace tendril::gap
