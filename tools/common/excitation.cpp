@@ -34,6 +34,11 @@ constexpr double kRestAfter_s = 0.3;
 // from its file.
 constexpr double kBaseShare = 0.75, kMotorShare = 0.9, kCommandShare = 0.95, kBendingShare = 0.95;
 constexpr double kRateShare = 0.8;
+// Tension below which quick motions never let a tendon go, of the largest: a motor that pays out must not
+// overrun its tendon.
+constexpr double kQuickLevel = 0.1, kQuickestLevel = 0.19;
+// Corners of slow and of quick motions are rounded over twice these.
+constexpr double kSlowCorner_s = 0.25, kQuickCorner_s = 0.06;
 constexpr double kLongest_s = 600;
 
 struct Family {
@@ -59,6 +64,12 @@ const Family& FamilyOf(std::string_view name) {
   }
   return *found;
 }
+
+/// Wanted shapes on the grid of steps, with the least tension of any tendon on the way.
+struct Path {
+  MatrixXd bending_rad;
+  VectorXd level_N;
+};
 
 // ---- what the robot can hold ----
 
@@ -111,15 +122,14 @@ class Reach {
   VectorXd Tensions(const VectorXd& bending_rad, double level_N) {
     body_.SpreadBending(bending_rad, q_);
     body_.InverseDynamics(q_, rest_, rest_, unit_force_, workspace_);
-    VectorXd force(2 * sections_);
-    body_.ProjectForce(unit_force_, force);
-    model::SectionForcePerTension(body_, bending_rad, force_per_tension_);
-    const auto r = allocator_.Allocate(force_per_tension_, force, level_N, robot_.limits.max_tension_base_N);
+    const auto r = Allocate(bending_rad, level_N);
     if (r.status != Status::kOk) return {};
     return r.tension_N;
   }
 
-  bool Allowed(const VectorXd& bending_rad, double level_N) {
+  /// Whether a bend can be held, and pulled to, with a margin to every limit; `commanded` by tension targets,
+  /// which then include what friction takes.
+  bool Allowed(const VectorXd& bending_rad, double level_N, bool commanded) {
     for (int k = 0; k < sections_; ++k) {
       if (bending_rad.segment<2>(2 * k).norm() > kBendingShare * robot_.limits.max_bending_rad) return false;
     }
@@ -127,22 +137,19 @@ class Reach {
     if (tension.size() == 0 || tension.maxCoeff() > kBaseShare * robot_.limits.max_tension_base_N)
       return false;
     for (int j = 0; j < tendons_; ++j) {
+      const double torque = PullTorque(j, tension[j]);
       if (table(j).Pull(tension[j]) > kMotorShare * robot_.limits.max_tension_motor_N) return false;
-      if (PullTorque(j, tension[j]) > kMotorShare * law_[static_cast<std::size_t>(j)].max_torque_Nm())
-        return false;
+      if (torque > kMotorShare * law_[static_cast<std::size_t>(j)].max_torque_Nm()) return false;
+      if (commanded && CommandFor(j, torque) > kCommandShare * robot_.limits.max_tension_base_N) return false;
     }
     return true;
   }
 
   /// Largest share of `bending_rad`, at most 1, that is allowed all the way from straight.
-  double Share(const VectorXd& bending_rad, double level_N,
-               const std::function<bool(const VectorXd&)>& also = {}) {
-    const auto allowed = [&](double share) {
-      const VectorXd b = share * bending_rad;
-      return Allowed(b, level_N) && (!also || also(b));
-    };
-    double good = 0;
+  double Share(const VectorXd& bending_rad, double level_N, bool commanded) {
+    const auto allowed = [&](double share) { return Allowed(share * bending_rad, level_N, commanded); };
     constexpr double kCoarse = 0.05;
+    double good = 0;
     while (good < 1 && allowed(std::min(1.0, good + kCoarse))) good = std::min(1.0, good + kCoarse);
     if (good >= 1) return 1;
     double bad = good + kCoarse;
@@ -153,37 +160,55 @@ class Reach {
     return good;
   }
   /// The bend of `amplitude_rad` in a direction, or what is allowed of it.
-  VectorXd Bend(double amplitude_rad, double beta_rad, int pattern = 0) {
+  VectorXd Bend(double amplitude_rad, double beta_rad, int pattern, double level_N, bool commanded) {
     VectorXd b = amplitude_rad * Direction(beta_rad, pattern);
     // A section alone is not asked for more than the others' share would leave it.
     if (pattern > 0) b *= 0.7;
-    return Share(b, least_N()) * b;
+    return Share(b, level_N, commanded) * b;
   }
   /// Bend that every plane allows.
   double EveryPlane(double amplitude_rad) {
     double least = 1;
     for (int i = 0; i < 24; ++i)
-      least = std::min(least, Share(amplitude_rad * Direction(i * kPi / 12), least_N()));
+      least = std::min(least, Share(amplitude_rad * Direction(i * kPi / 12), least_N(), false));
     return least * amplitude_rad;
   }
 
   const model::CapstanTable& table(int j) const { return *tables_[static_cast<std::size_t>(j)]; }
 
-  /// A tension command drives the motors as if nothing slid. These are the commands that make them drive as
-  /// the tensions along a path of bends need: friction follows the planned motion. Rows: points of the path.
-  MatrixXd TensionCommands(const MatrixXd& bending_rad, const VectorXd& level_N) {
-    MatrixXd command(bending_rad.rows(), tendons_);
-    VectorXd shortening(tendons_);
-    for (Eigen::Index i = 0; i < bending_rad.rows(); ++i) {
-      const VectorXd b = bending_rad.row(i).transpose();
-      const VectorXd tension = Tensions(b, level_N[i]);
-      if (tension.size() == 0) throw std::invalid_argument("a bend beyond the robot's largest tensions");
-      body_.SpreadBending(b, q_);
-      body_.TendonShortening(q_, shortening);
-      for (int j = 0; j < tendons_; ++j) {
-        auto& law = law_[static_cast<std::size_t>(j)];
-        if (i == 0) law.Reset(tension[j], shortening[j]);
-        command(i, j) = CommandFor(j, law.Step(tension[j], shortening[j], true).torque_Nm);
+  /// A tension command drives the motors as if nothing slid. These are the commands that make them drive as a
+  /// motion needs: its inertia, the rotors', and friction along the planned sliding. One row a step.
+  MatrixXd TensionCommands(const Path& path) {
+    const Eigen::Index rows = path.bending_rad.rows();
+    MatrixXd shortening(rows, tendons_), tension(rows, tendons_), command(rows, tendons_);
+    const auto at = [&](Eigen::Index i) { return std::clamp<Eigen::Index>(i, 0, rows - 1); };
+    const auto rate = [&](const MatrixXd& m, Eigen::Index i) -> VectorXd {
+      return (m.row(at(i + 1)) - m.row(at(i - 1))).transpose() / (2 * kStep_s);
+    };
+    const auto acceleration = [&](const MatrixXd& m, Eigen::Index i) -> VectorXd {
+      return (m.row(at(i + 1)) - 2 * m.row(i) + m.row(at(i - 1))).transpose() / (kStep_s * kStep_s);
+    };
+    VectorXd pulled(tendons_), dq(q_.size()), ddq(q_.size());
+    for (Eigen::Index i = 0; i < rows; ++i) {
+      body_.SpreadBending(path.bending_rad.row(i).transpose(), q_);
+      body_.TendonShortening(q_, pulled);
+      shortening.row(i) = pulled.transpose();
+      body_.SpreadBending(rate(path.bending_rad, i), dq);
+      body_.SpreadBending(acceleration(path.bending_rad, i), ddq);
+      body_.InverseDynamics(q_, dq, ddq, unit_force_, workspace_);
+      tension.row(i) = Allocate(path.bending_rad.row(i).transpose(), path.level_N[i]).tension_N.transpose();
+    }
+    for (int j = 0; j < tendons_; ++j) {
+      auto& law = law_[static_cast<std::size_t>(j)];
+      const auto& drive = robot_.actuation->tendons[static_cast<std::size_t>(j)];
+      law.Reset(tension(0, j), shortening(0, j));
+      for (Eigen::Index i = 0; i < rows; ++i) {
+        const double rotor = drive.motor.rotor_inertia_kgm2 *
+                             (shortening(at(i + 1), j) - 2 * shortening(i, j) + shortening(at(i - 1), j)) /
+                             (kStep_s * kStep_s) / drive.SpoolTravelPerMotorRad();
+        command(i, j) =
+            std::min(CommandFor(j, law.Step(tension(i, j), shortening(i, j), true).torque_Nm + rotor),
+                     kCommandShare * robot_.limits.max_tension_base_N);
       }
     }
     return command;
@@ -208,6 +233,14 @@ class Reach {
   }
 
  private:
+  // Of the force in unit_force_.
+  model::TensionAllocator::Result Allocate(const VectorXd& bending_rad, double level_N) {
+    VectorXd force(2 * sections_);
+    body_.ProjectForce(unit_force_, force);
+    model::SectionForcePerTension(body_, bending_rad, force_per_tension_);
+    return allocator_.Allocate(force_per_tension_, force, level_N, robot_.limits.max_tension_base_N);
+  }
+
   const RobotParameters& robot_;
   model::Body body_;
   model::Body::Workspace workspace_;
@@ -256,27 +289,58 @@ double SectionNorm(const VectorXd& bending) {
   return largest;
 }
 
-/// All corners one after the other at one speed, in `seconds`.
-Track AtOneSpeed(const std::vector<VectorXd>& corners, double seconds) {
+/// All corners one after the other at one speed of bending, in `seconds`; an entry beyond the bendings is a
+/// tension, of which four newtons take as long as a radian.
+void Follow(Track& track, const std::vector<VectorXd>& corners, double seconds) {
+  const auto size = [](const VectorXd& change) {
+    const Eigen::Index bendings = change.size() / 2 * 2;
+    const double tension = bendings < change.size() ? std::abs(change[bendings]) / 4 : 0;
+    return std::max(SectionNorm(change.head(bendings)), tension);
+  };
   double length = 0;
-  for (std::size_t i = 1; i < corners.size(); ++i) length += SectionNorm(corners[i] - corners[i - 1]);
-  Track track(corners.front());
-  for (std::size_t i = 1; i < corners.size(); ++i) {
-    track.Line(corners[i], seconds * SectionNorm(corners[i] - corners[i - 1]) / length);
-  }
-  return track;
+  for (std::size_t i = 1; i < corners.size(); ++i) length += size(corners[i] - corners[i - 1]);
+  for (std::size_t i = 1; i < corners.size(); ++i)
+    track.Line(corners[i], seconds * size(corners[i] - corners[i - 1]) / length);
 }
 
 double Smooth(double share) { return 0.5 * (1 - std::cos(kPi * std::clamp(share, 0.0, 1.0))); }
 
 struct Asked {
-  double amplitude_rad, active_s;
+  double amplitude_rad, active_s, largest_N;
   std::uint64_t seed;
   const ControllerParameters& controller;
   int rows() const { return static_cast<int>(std::lround(active_s / kStep_s)) + 1; }
+  double FastestBending() const { return kRateShare * controller.trajectory.max_rate_radps; }
 };
 
-// ---- the families; each returns targets over `active_s`, from straight to straight ----
+MatrixXd MovingAverage(const MatrixXd& m, int rows) {
+  MatrixXd mean(m.rows(), m.cols());
+  const int half = rows / 2;
+  for (Eigen::Index i = 0; i < m.rows(); ++i) {
+    Eigen::RowVectorXd sum = Eigen::RowVectorXd::Zero(m.cols());
+    for (int k = -half; k <= half; ++k) sum += m.row(std::clamp<Eigen::Index>(i + k, 0, m.rows() - 1));
+    mean.row(i) = sum / (2 * half + 1);
+  }
+  return mean;
+}
+
+/// The track's corners rounded; it must rest for `corner_s` at both ends.
+MatrixXd Rounded(const Track& track, int rows, double corner_s) {
+  const int width = static_cast<int>(std::lround(corner_s / kStep_s));
+  return MovingAverage(MovingAverage(track.Sample(rows), width), width);
+}
+
+VectorXd FadedLevel(const Asked& asked, double least_N, double level_N) {
+  constexpr double kFade_s = 0.5;
+  VectorXd level(asked.rows());
+  for (int i = 0; i < level.size(); ++i) {
+    const double t = i * kStep_s;
+    level[i] = least_N + (level_N - least_N) * Smooth(t / kFade_s) * Smooth((asked.active_s - t) / kFade_s);
+  }
+  return level;
+}
+
+// ---- slow families: bending targets, from straight to straight ----
 
 // Large and small loops in three planes off the tendons' own, with a minor loop in each.
 MatrixXd Triangle(Reach& reach, const Asked& asked) {
@@ -284,133 +348,140 @@ MatrixXd Triangle(Reach& reach, const Asked& asked) {
   std::vector<VectorXd> corners{straight};
   constexpr double kPlanes[][2] = {{10, 1.0}, {70, 0.7}, {130, 0.45}};  // deg, share of the amplitude
   for (int p = 0; p < 3; ++p) {
-    const double beta = kPlanes[p][0] * kPi / 180;
+    const double beta = kPlanes[p][0] * kPi / 180, bend = kPlanes[p][1] * asked.amplitude_rad;
     const int pattern = p % reach.patterns();
-    const VectorXd there = reach.Bend(kPlanes[p][1] * asked.amplitude_rad, beta, pattern);
-    const VectorXd back = reach.Bend(kPlanes[p][1] * asked.amplitude_rad, beta + kPi, pattern);
+    const VectorXd there = reach.Bend(bend, beta, pattern, reach.least_N(), false);
+    const VectorXd back = reach.Bend(bend, beta + kPi, pattern, reach.least_N(), false);
     corners.insert(corners.end(), {there, 0.5 * there, 0.8 * there, back, straight});
   }
-  return AtOneSpeed(corners, asked.active_s).Sample(asked.rows());
+  Track track(straight);
+  track.Hold(kSlowCorner_s);
+  Follow(track, corners, asked.active_s - 2 * kSlowCorner_s);
+  track.Hold(kSlowCorner_s);
+  return Rounded(track, asked.rows(), kSlowCorner_s);
 }
 
-// One way round at the full bend, the other way round at six tenths of it.
+// Once round at the full bend and, when there is time, back round at six tenths of it.
 MatrixXd Circle(Reach& reach, const Asked& asked) {
-  const double large = reach.EveryPlane(asked.amplitude_rad), small = 0.6 * large;
-  constexpr double kFrom = 0.3;
+  constexpr double kFrom = 0.3, kBackFrom_s = 9;
+  const double large = reach.EveryPlane(asked.amplitude_rad);
+  const bool back = asked.active_s >= kBackFrom_s;
+  const double small = back ? 0.6 * large : large;
   // Shares of the time: out, round, in to the smaller bend, round, home.
-  const double out = 0.1, round = 0.42, in = 0.06, round_back = 0.32;
+  const double out = back ? 0.1 : 0.18, round = back ? 0.42 : 0.64, in = back ? 0.06 : 0,
+               round_back = back ? 0.32 : 0, home = 1 - out - round - in - round_back;
   MatrixXd m(asked.rows(), 2 * reach.sections());
   for (int i = 0; i < m.rows(); ++i) {
     const double s = i * kStep_s / asked.active_s;
-    const double bend =
-        large * Smooth(s / out) - (large - small) * Smooth((s - out - round) / in) -
-        small * Smooth((s - out - round - in - round_back) / (1 - out - round - in - round_back));
-    const double angle =
-        kFrom + 2 * kPi * (Smooth((s - out) / round) - Smooth((s - out - round - in) / round_back));
-    m.row(i) = (bend * reach.Direction(angle)).transpose();
+    double bend = large * Smooth(s / out) - small * Smooth((s - (1 - home)) / home),
+           turns = Smooth((s - out) / round);
+    if (back) {
+      bend -= (large - small) * Smooth((s - out - round) / in);
+      turns -= Smooth((s - out - round - in) / round_back);
+    }
+    m.row(i) = (bend * reach.Direction(kFrom + 2 * kPi * turns)).transpose();
   }
   return m;
 }
 
+MatrixXd Hold(Reach& reach, const Asked& asked) {
+  const VectorXd bend = reach.Bend(asked.amplitude_rad, 20 * kPi / 180, 0, reach.least_N(), false);
+  const double move_s = std::min(2.0, 0.2 * asked.active_s);
+  Track track(VectorXd::Zero(bend.size()));
+  track.Hold(kSlowCorner_s);
+  track.Line(bend, move_s);
+  track.Hold(asked.active_s - 2 * move_s - 2 * kSlowCorner_s);
+  track.Line(VectorXd::Zero(bend.size()), move_s);
+  track.Hold(kSlowCorner_s);
+  return Rounded(track, asked.rows(), kSlowCorner_s);
+}
+
+// ---- quick families, and those of several tensions: the path becomes tension targets ----
+
 // Quick moves between bends spread over planes and amplitudes, each held.
-MatrixXd Steps(Reach& reach, const Asked& asked) {
-  constexpr double kSpeed_radps = 3.0, kGoldenAngle = 2.399963229728653;
+Path Steps(Reach& reach, const Asked& asked) {
+  constexpr double kSpeed_radps = 3.0, kGoldenAngle = 2.399963229728653, kLead_s = 0.5;
   constexpr double kShares[] = {0.5, 1.0, 0.3, 0.8, 0.6, 0.9, 0.4};
-  std::vector<VectorXd> corners{VectorXd::Zero(2 * reach.sections())};
+  const double level = kQuickLevel * asked.largest_N;
   const int steps = std::clamp(static_cast<int>(asked.active_s / 1.25), 3, 14);
+  std::vector<VectorXd> corners{VectorXd::Zero(2 * reach.sections())};
   for (int i = 0; i < steps; ++i) {
-    corners.push_back(
-        reach.Bend(kShares[i % 7] * asked.amplitude_rad, 0.2 + i * kGoldenAngle, i % reach.patterns()));
+    corners.push_back(reach.Bend(kShares[i % 7] * asked.amplitude_rad, 0.2 + i * kGoldenAngle,
+                                 i % reach.patterns(), level, true));
   }
   corners.push_back(corners.front());
-  const double speed = std::min(kSpeed_radps, kRateShare * asked.controller.trajectory.max_rate_radps);
+  const double speed = std::min(kSpeed_radps, asked.FastestBending());
   double moving_s = 0;
   for (std::size_t i = 1; i < corners.size(); ++i)
     moving_s += SectionNorm(corners[i] - corners[i - 1]) / speed;
-  const double hold_s = (asked.active_s - moving_s) / steps;
+  const double hold_s = std::max(0.1, (asked.active_s - 2 * kLead_s - moving_s) / steps);
   Track track(corners.front());
+  track.Hold(kLead_s);
   for (std::size_t i = 1; i < corners.size(); ++i) {
     track.Line(corners[i], SectionNorm(corners[i] - corners[i - 1]) / speed);
-    if (i + 1 < corners.size()) track.Hold(std::max(0.0, hold_s));
+    if (i + 1 < corners.size()) track.Hold(hold_s);
   }
-  return track.Sample(asked.rows());
+  return {Rounded(track, asked.rows(), kQuickCorner_s), FadedLevel(asked, reach.least_N(), level)};
 }
 
-// Share of a sinusoid that the trajectory's two averages pass.
-double TrajectoryGain(const TrajectoryParameters& t, double frequency_Hz) {
-  const auto sinc = [](double x) { return std::abs(x) < 1e-9 ? 1.0 : std::sin(kPi * x) / (kPi * x); };
-  return std::abs(sinc(frequency_Hz * 2 * t.max_rate_radps / t.max_acceleration_radps2) *
-                  sinc(frequency_Hz * 2 * t.max_acceleration_radps2 / t.max_jerk_radps3));
-}
-
-// Sines from 0.1 to 10 Hz with drawn phases in both directions of every section; what the trajectory takes
-// from the quick ones is given to them beforehand.
-MatrixXd Multisine(Reach& reach, const Asked& asked) {
+// Sines from 0.1 to 10 Hz with drawn phases in both directions of every section.
+Path Multisine(Reach& reach, const Asked& asked) {
   constexpr int kTones = 15;
-  constexpr double kLowest_Hz = 0.1, kHighest_Hz = 10, kCorner_Hz = 2, kFade_s = 0.6, kMostEmphasis = 4;
+  constexpr double kLowest_Hz = 0.1, kHighest_Hz = 10, kCorner_Hz = 1.5, kFade_s = 0.8;
+  constexpr double kQuickest_radps2 = 80;
   std::mt19937_64 random(asked.seed);
   const auto uniform = [&random] { return static_cast<double>(random() >> 11) * 0x1p-53; };
-  const auto& limits = asked.controller.trajectory;
+  const double level = kQuickestLevel * asked.largest_N;
   const int n = asked.rows(), columns = 2 * reach.sections();
-  const MatrixXd spread = [&] {
-    MatrixXd s(columns, 1);
-    for (int k = 0; k < reach.sections(); ++k) s(2 * k) = s(2 * k + 1) = reach.Direction(0)[2 * k];
-    return s;
-  }();
   MatrixXd m = MatrixXd::Zero(n, columns);
   for (int c = 0; c < columns; ++c) {
+    const double share = reach.Direction(0)[c / 2 * 2];
     for (int tone = 0; tone < kTones; ++tone) {
       const double f = kLowest_Hz * std::pow(kHighest_Hz / kLowest_Hz, tone / (kTones - 1.0));
-      const double phase = 2 * kPi * uniform();
-      const double size = spread(c) / (1 + std::pow(f / kCorner_Hz, 1.5)) /
-                          std::max(1 / kMostEmphasis, TrajectoryGain(limits, f));
+      const double phase = 2 * kPi * uniform(), size = share / (1 + std::pow(f / kCorner_Hz, 1.5));
       for (int i = 0; i < n; ++i) m(i, c) += size * std::sin(2 * kPi * f * i * kStep_s + phase);
     }
-  }
-  for (int i = 0; i < n; ++i) {
-    const double t = i * kStep_s;
-    m.row(i) *= Smooth(t / kFade_s) * Smooth((asked.active_s - t) / kFade_s);
   }
   // As large as amplitude, rate, acceleration and tensions allow.
   double bend = 0, rate = 0, acceleration = 0;
   for (int i = 0; i < n; ++i) {
-    VectorXd whole = VectorXd::Zero(2);
+    const double t = i * kStep_s;
+    m.row(i) *= Smooth(t / kFade_s) * Smooth((asked.active_s - t) / kFade_s);
+    Eigen::Vector2d whole(0, 0);
     for (int k = 0; k < reach.sections(); ++k) whole += m.row(i).segment<2>(2 * k).transpose();
     bend = std::max(bend, whole.norm());
     if (i > 0) rate = std::max(rate, SectionNorm((m.row(i) - m.row(i - 1)).transpose()) / kStep_s);
     if (i > 1) {
-      acceleration =
-          std::max(acceleration, SectionNorm((m.row(i) - 2 * m.row(i - 1) + m.row(i - 2)).transpose()) /
-                                     (kStep_s * kStep_s));
+      const VectorXd change = (m.row(i) - 2 * m.row(i - 1) + m.row(i - 2)).transpose();
+      acceleration = std::max(acceleration, SectionNorm(change) / (kStep_s * kStep_s));
     }
   }
-  double scale = std::min({asked.amplitude_rad / bend, kRateShare * limits.max_rate_radps / rate,
-                           kRateShare * limits.max_acceleration_radps2 / acceleration});
-  for (int i = 0; i < n; i += 4) scale *= reach.Share(scale * m.row(i).transpose(), reach.least_N());
-  return scale * m;
+  double scale =
+      std::min({asked.amplitude_rad / bend, asked.FastestBending() / rate, kQuickest_radps2 / acceleration});
+  for (int i = 0; i < n; i += 4) scale *= reach.Share(scale * m.row(i).transpose(), level, true);
+  return {scale * m, FadedLevel(asked, reach.least_N(), level)};
 }
 
 // To and fro about a bend that keeps the tendons loaded, from slow to fast.
-MatrixXd Ladder(Reach& reach, const Asked& asked) {
-  constexpr double kSlowest_radps = 0.1;
+Path Ladder(Reach& reach, const Asked& asked) {
+  constexpr double kSlowest_radps = 0.1, kLead_s = 0.5;
   constexpr int kRungs = 6;
-  const double fastest = std::min(3.0, kRateShare * asked.controller.trajectory.max_rate_radps);
-  const double beta = 25 * kPi / 180;
-  const VectorXd top = reach.Bend(asked.amplitude_rad, beta);
-  const double most = SectionNorm(top);
-  const VectorXd middle = 0.5 * top, along = top / most;
+  const double fastest = std::min(3.0, asked.FastestBending()), level = kQuickLevel * asked.largest_N;
+  const VectorXd top = reach.Bend(asked.amplitude_rad, 25 * kPi / 180, 0, level, true);
+  const VectorXd middle = 0.5 * top, along = top / SectionNorm(top);
+  const double approach_s = 0.1 * asked.active_s;
+  double left_s = asked.active_s - 2 * approach_s - 2 * kLead_s;
   // Every rung gets the same time unless its speed crosses the whole range in less.
-  const double approach_s = 0.12 * asked.active_s;
-  double left_s = asked.active_s - 2 * approach_s;
   std::vector<std::pair<double, double>> rungs;  // speed, half width
   for (int i = kRungs - 1; i >= 0; --i) {
     const double speed = kSlowest_radps * std::pow(fastest / kSlowest_radps, i / (kRungs - 1.0));
-    const double width = std::min(0.48 * most, speed * left_s / (i + 1) / 4);
+    const double width = std::min(0.48 * SectionNorm(top), speed * left_s / (i + 1) / 4);
     left_s -= 4 * width / speed;
     rungs.push_back({speed, width});
   }
   std::reverse(rungs.begin(), rungs.end());
   Track track(VectorXd::Zero(top.size()));
+  track.Hold(kLead_s);
   track.Line(middle, approach_s);
   for (const auto& [speed, width] : rungs) {
     track.Line(middle + width * along, width / speed);
@@ -418,115 +489,64 @@ MatrixXd Ladder(Reach& reach, const Asked& asked) {
     track.Line(middle, width / speed);
   }
   track.Line(VectorXd::Zero(top.size()), approach_s);
-  return track.Sample(asked.rows());
+  track.Hold(kLead_s);
+  return {Rounded(track, asked.rows(), kQuickCorner_s), FadedLevel(asked, reach.least_N(), level)};
 }
 
-MatrixXd Hold(Reach& reach, const Asked& asked) {
-  const VectorXd bend = reach.Bend(asked.amplitude_rad, 20 * kPi / 180);
-  const double move_s = std::min(1.5, 0.2 * asked.active_s);
-  Track track(VectorXd::Zero(bend.size()));
-  track.Line(bend, move_s);
-  track.Hold(asked.active_s - 2 * move_s);
-  track.Line(VectorXd::Zero(bend.size()), move_s);
-  return track.Sample(asked.rows());
+// Three levels of co-contraction; at each slow reversals about straight and about a bend.
+Path Cocontraction(Reach& reach, const Asked& asked) {
+  constexpr double kLevels[] = {0.1, 0.2, 0.35};  // of the largest tension
+  constexpr double kLead_s = 0.3;
+  const int columns = 2 * reach.sections();
+  const VectorXd straight = VectorXd::Zero(columns);
+  // Corners: bending with the level as a further entry.
+  std::vector<VectorXd> corners;
+  const auto add = [&](const VectorXd& bend, double level) {
+    corners.emplace_back(columns + 1);
+    corners.back() << bend, level;
+  };
+  add(straight, reach.least_N());
+  for (int i = 0; i < 3; ++i) {
+    const double level = std::max(reach.least_N(), kLevels[i] * asked.largest_N);
+    const VectorXd bend = reach.Bend(asked.amplitude_rad, (40 + 120 * i) * kPi / 180, 0, level, true);
+    add(straight, level);
+    for (const double share : {0.25, -0.25, 0.0, 1.0, 0.6, 1.0, 0.0}) add(share * bend, level);
+  }
+  add(straight, reach.least_N());
+  Track track(corners.front());
+  track.Hold(kLead_s);
+  Follow(track, corners, asked.active_s - 2 * kLead_s);
+  track.Hold(kLead_s);
+  const MatrixXd m = Rounded(track, asked.rows(), kQuickCorner_s);
+  return {m.leftCols(columns), m.col(columns)};
 }
 
 // Let go from a bend to the least tension, twice; the robot sways freely.
 MatrixXd Sway(Reach& reach, const Asked& asked) {
-  const double release = std::min(6.0, kRateShare * asked.controller.trajectory.max_rate_radps);
+  constexpr double kLead_s = 0.15, kRelease_Nps = 25;
   const VectorXd straight = VectorXd::Zero(2 * reach.sections());
   Track track(straight);
+  std::vector<double> let_go_s;
   for (const double beta_deg : {20.0, 140.0}) {
-    const VectorXd bend = reach.Bend(asked.amplitude_rad, beta_deg * kPi / 180);
+    const VectorXd bend = reach.Bend(asked.amplitude_rad, beta_deg * kPi / 180, 0, reach.least_N(), true);
     const double begin_s = track.end_s();
-    track.Line(bend, 0.12 * asked.active_s);
+    track.Hold(kLead_s);
+    track.Line(bend, 0.16 * asked.active_s);
     track.Hold(0.08 * asked.active_s);
-    track.Line(straight, SectionNorm(bend) / release);
+    let_go_s.push_back(track.end_s());
+    track.Line(straight, kStep_s);
     track.Hold(begin_s + 0.5 * asked.active_s - track.end_s());
   }
-  return track.Sample(asked.rows());
-}
-
-// Three levels of co-contraction; at each slow reversals about straight and about a bend.
-MatrixXd Cocontraction(Reach& reach, const RobotParameters& robot, const Asked& asked) {
-  constexpr double kLevels[] = {0.1, 0.2, 0.35};  // of the largest tension
-  constexpr double kBendSpeed_radps = 0.5, kLevelSpeed_Nps = 2.0;
-  const int columns = 2 * reach.sections();
-  // Corners: bending with the level as a further entry.
-  std::vector<VectorXd> corners;
-  const auto add = [&](const VectorXd& bend, double level) {
-    VectorXd corner(columns + 1);
-    corner << bend, level;
-    corners.push_back(corner);
-  };
-  const VectorXd straight = VectorXd::Zero(columns);
-  add(straight, reach.least_N());
-  for (int i = 0; i < 3; ++i) {
-    const double level = std::max(reach.least_N(), kLevels[i] * robot.limits.max_tension_base_N);
-    const double beta = (40 + 120 * i) * kPi / 180;
-    const VectorXd wanted = asked.amplitude_rad * reach.Direction(beta);
-    const auto commandable = [&](const VectorXd& b) {
-      const VectorXd tension = reach.Tensions(b, level);
-      for (int j = 0; j < reach.tendons(); ++j) {
-        if (reach.CommandFor(j, reach.PullTorque(j, tension[j])) >
-            kCommandShare * robot.limits.max_tension_base_N) {
-          return false;
-        }
-      }
-      return true;
-    };
-    const VectorXd bend = reach.Share(wanted, level, commandable) * wanted;
-    add(straight, level);
-    add(0.25 * bend, level);
-    add(-0.25 * bend, level);
-    add(straight, level);
-    add(bend, level);
-    add(0.6 * bend, level);
-    add(bend, level);
-    add(straight, level);
-  }
-  add(straight, reach.least_N());
-
-  // Fine points along the path; then each gets the time that its speeds and the controller's rate of tension
-  // targets need.
-  std::vector<VectorXd> points{corners.front()};
-  for (std::size_t i = 1; i < corners.size(); ++i) {
-    const VectorXd from = corners[i - 1], change = corners[i] - from;
-    const double seconds = std::max(SectionNorm(change.head(columns)) / kBendSpeed_radps,
-                                    std::abs(change[columns]) / kLevelSpeed_Nps);
-    const int pieces = std::max(1, static_cast<int>(std::ceil(seconds / kStep_s)));
-    for (int p = 1; p <= pieces; ++p) points.push_back(from + change * p / pieces);
-  }
-  MatrixXd bending(static_cast<Eigen::Index>(points.size()), columns);
-  VectorXd level(bending.rows());
-  for (Eigen::Index i = 0; i < bending.rows(); ++i) {
-    bending.row(i) = points[static_cast<std::size_t>(i)].head(columns).transpose();
-    level[i] = points[static_cast<std::size_t>(i)][columns];
-  }
-  const MatrixXd command = reach.TensionCommands(bending, level);
-  const double rate = 0.9 * asked.controller.pretension_ramp_Nps;
-  const auto times = [&](double pace_s) {
-    VectorXd t = VectorXd::Zero(command.rows());
-    for (Eigen::Index i = 1; i < t.size(); ++i) {
-      t[i] = t[i - 1] + std::max(pace_s, (command.row(i) - command.row(i - 1)).cwiseAbs().maxCoeff() / rate);
+  const int rows = asked.rows();
+  MatrixXd command = reach.TensionCommands(
+      {Rounded(track, rows, kQuickCorner_s), VectorXd::Constant(rows, reach.least_N())});
+  for (const double t : let_go_s) {
+    const int from = static_cast<int>((t - kQuickCorner_s) / kStep_s);
+    for (int i = from + 1; i < std::min(rows, static_cast<int>((t + 0.12 * asked.active_s) / kStep_s)); ++i) {
+      command.row(i) = (command.row(i - 1).array() - kRelease_Nps * kStep_s).max(reach.least_N());
     }
-    return t;
-  };
-  if (const double least_s = times(0).tail(1)[0]; least_s > asked.active_s) {
-    throw std::invalid_argument(fmt::format(
-        "cocontraction needs duration_s of at least {:.0f} s with this controller, whose tension targets "
-        "move at {} N/s (controller.pretension_ramp_Nps)",
-        std::ceil(least_s + kStillBefore_s + kRestAfter_s + 0.5), asked.controller.pretension_ramp_Nps));
   }
-  double low = 0, high = asked.active_s;
-  for (int i = 0; i < 60; ++i) {
-    const double middle = 0.5 * (low + high);
-    (times(middle).tail(1)[0] < asked.active_s ? low : high) = middle;
-  }
-  const VectorXd t = times(low);
-  Track track(command.row(0).transpose());
-  for (Eigen::Index i = 1; i < t.size(); ++i) track.Line(command.row(i).transpose(), t[i] - t[i - 1]);
-  return track.Sample(asked.rows());
+  return command;
 }
 
 // ---- own targets ----
@@ -550,7 +570,7 @@ MatrixXd Own(Reach& reach, const PlannedRun& run, const RobotParameters& robot,
                       w.t_s, w.value.size(), key, columns));
     }
     const VectorXd to = Eigen::Map<const VectorXd>(w.value.data(), columns);
-    if (!tension && !reach.Allowed(to, reach.least_N())) {
+    if (!tension && !reach.Allowed(to, reach.least_N(), false)) {
       throw std::invalid_argument(
           fmt::format("{}: the bend at t_s = {} needs more than {:.0f} % of the robot's bending or tension "
                       "limits; bend less",
@@ -581,8 +601,23 @@ MatrixXd Own(Reach& reach, const PlannedRun& run, const RobotParameters& robot,
   return track.Sample(static_cast<int>(std::ceil(track.end_s() / kStep_s)) + 1);
 }
 
-MatrixXd FamilyTargets(Reach& reach, const PlannedRun& run, const RobotParameters& robot,
-                       const ControllerParameters& controller) {
+/// No faster than the controller lets tension targets move, so that what is planned is what is sent.
+MatrixXd RateLimited(MatrixXd command, const ControllerParameters& controller) {
+  const double most = 0.95 * controller.pretension_ramp_Nps * kStep_s;
+  for (Eigen::Index i = 1; i < command.rows(); ++i) {
+    command.row(i) =
+        command.row(i - 1) + (command.row(i) - command.row(i - 1)).cwiseMax(-most).cwiseMin(most);
+  }
+  return command;
+}
+
+struct Targets {
+  MatrixXd rows;
+  bool tension;
+};
+
+Targets FamilyTargets(Reach& reach, const PlannedRun& run, const RobotParameters& robot,
+                      const ControllerParameters& controller) {
   const Family& family = FamilyOf(run.family);
   if (!(run.duration_s >= family.shortest_s && run.duration_s <= kLongest_s)) {
     throw std::invalid_argument(fmt::format("{}: duration_s is {}; accepted: {} to {} s", run.family,
@@ -595,16 +630,20 @@ MatrixXd FamilyTargets(Reach& reach, const PlannedRun& run, const RobotParameter
   }
   const Asked asked{.amplitude_rad = run.amplitude_rad,
                     .active_s = run.duration_s - kStillBefore_s - kRestAfter_s,
+                    .largest_N = robot.limits.max_tension_base_N,
                     .seed = run.seed,
                     .controller = controller};
-  if (run.family == "triangle") return Triangle(reach, asked);
-  if (run.family == "cocontraction") return Cocontraction(reach, robot, asked);
-  if (run.family == "circle") return Circle(reach, asked);
-  if (run.family == "steps") return Steps(reach, asked);
-  if (run.family == "multisine") return Multisine(reach, asked);
-  if (run.family == "ladder") return Ladder(reach, asked);
-  if (run.family == "hold") return Hold(reach, asked);
-  return Sway(reach, asked);
+  if (run.family == "triangle") return {Triangle(reach, asked), false};
+  if (run.family == "circle") return {Circle(reach, asked), false};
+  if (run.family == "hold") return {Hold(reach, asked), false};
+  const auto tension = [&](const Path& path) {
+    return Targets{RateLimited(reach.TensionCommands(path), controller), true};
+  };
+  if (run.family == "cocontraction") return tension(Cocontraction(reach, asked));
+  if (run.family == "steps") return tension(Steps(reach, asked));
+  if (run.family == "multisine") return tension(Multisine(reach, asked));
+  if (run.family == "ladder") return tension(Ladder(reach, asked));
+  return {RateLimited(Sway(reach, asked), controller), true};
 }
 
 }  // namespace
@@ -628,14 +667,15 @@ Program MakeProgram(const PlannedRun& run, const RobotParameters& robot,
         "' has no actuation (motors, drives, tendons): use a rig file such as rig_90mm.yaml");
   }
   Reach reach(robot, controller);
-  const bool own = run.targets != PlannedRun::Targets::kFamily;
-  const MatrixXd active =
-      own ? Own(reach, run, robot, controller) : FamilyTargets(reach, run, robot, controller);
+  const auto [active, tension] =
+      run.targets == PlannedRun::Targets::kFamily
+          ? FamilyTargets(reach, run, robot, controller)
+          : Targets{Own(reach, run, robot, controller), run.targets == PlannedRun::Targets::kTension};
   Program program;
   program.family = run.family;
   program.step_s = kStep_s;
   program.speed_radps = controller.trajectory.max_rate_radps;
-  program.tension = own ? run.targets == PlannedRun::Targets::kTension : run.family == "cocontraction";
+  program.tension = tension;
   if (!program.tension) {
     double rate = 0;
     for (Eigen::Index i = 1; i < active.rows(); ++i) {

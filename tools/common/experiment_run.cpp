@@ -99,10 +99,7 @@ gap::Run RunRecorder::Finish(const std::string& name, const std::string& family)
 
 DaemonParameters ForExperiments(DaemonParameters daemon) {
   auto& c = daemon.controller;
-  // Averaging windows of 20 ms each: 10 Hz passes with five sixths of its size.
-  c.trajectory.max_acceleration_radps2 = 100 * c.trajectory.max_rate_radps;
-  c.trajectory.max_jerk_radps3 = 100 * c.trajectory.max_acceleration_radps2;
-  c.pretension_ramp_Nps = std::max(c.pretension_ramp_Nps, 20.0);
+  c.pretension_ramp_Nps = std::max(c.pretension_ramp_Nps, 100.0);
   daemon.lcm.cycle_every_cycles = 0;
   daemon.lcm.state_every_cycles = 1000;
   return daemon;

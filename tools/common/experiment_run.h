@@ -46,8 +46,8 @@ struct ExperimentOptions {
   int threads = 1;
 };
 
-/// The same daemon with limits that let quick experiments through: wider acceleration and jerk of bending,
-/// faster tension targets, and no messages that nobody listens to.
+/// The same daemon with tension targets that may move as fast as quick experiments ask, and without messages
+/// that nobody listens to.
 DaemonParameters ForExperiments(DaemonParameters daemon);
 
 struct Experiment {

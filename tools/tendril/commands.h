@@ -12,10 +12,23 @@ class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// `tendril gap`, whose subcommands add themselves to it.
+inline CLI::App& GapCommand(CLI::App& app) {
+  const auto there = app.get_subcommands([](const CLI::App* sub) { return sub->get_name() == "gap"; });
+  if (!there.empty()) return *there.front();
+  CLI::App* gap = app.add_subcommand(
+      "gap", "The sim-to-real gap: where it lies, what causes it, how far it shrinks");
+  gap->require_subcommand(1);
+  return *gap;
+}
+
 void AddCapstanCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
 void AddDemoCommand(CLI::App& app);
 void AddFollowCommand(CLI::App& app);
+void AddGapExplainCommand(CLI::App& app);
+void AddGapReportCommand(CLI::App& app);
+void AddGapSimulateCommand(CLI::App& app);
 void AddModelCommand(CLI::App& app);
 void AddReproduceCommand(CLI::App& app);
 void AddSendCommand(CLI::App& app);

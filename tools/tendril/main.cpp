@@ -47,6 +47,9 @@ int main(int argc, char** argv) {
   tendril::tools::AddConfigCommand(app);
   tendril::tools::AddDemoCommand(app);
   tendril::tools::AddFollowCommand(app);
+  tendril::tools::AddGapExplainCommand(app);
+  tendril::tools::AddGapReportCommand(app);
+  tendril::tools::AddGapSimulateCommand(app);
   tendril::tools::AddModelCommand(app);
   tendril::tools::AddReproduceCommand(app);
   tendril::tools::AddSendCommand(app);
