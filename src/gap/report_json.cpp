@@ -580,7 +580,10 @@ Diagnosis ParseReport(const std::string& text) {
 Diagnosis ReadReport(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   std::ostringstream text;
-  if (!in || !(text << in.rdbuf())) throw std::runtime_error(fmt::format("cannot read {}", file.string()));
+  if (in) in >> text.rdbuf();
+  if (in.bad() || !in.is_open() || std::filesystem::is_directory(file)) {
+    throw std::runtime_error(fmt::format("cannot read {}", file.string()));
+  }
   try {
     return ParseReport(text.str());
   } catch (const std::exception& e) {

@@ -98,12 +98,12 @@ std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
   }
   const CutText& text = TextOf(cut);
   const std::string head = fmt::format("  {} {} {} ", sim::CutName(cut), Pad(text.title, 13),
-                                       Pad(fmt::format("{} -> {}", text.from, text.to), 33));
+                                       Pad(fmt::format("{} -> {}", text.from, text.to), 30));
   if (!worst) return head + paint(kDim, listed ? "cannot be told from these logs" : "not measured") + "\n";
   if (!worst->excess) return head + paint(kGreen, "at the noise floor") + "\n";
   const std::string state =
       fmt::format("{:6.3g} sigma  {} rms", worst->excess_sigma, Value(worst->rms, worst->unit));
-  const std::string mark = first ? "  <- the gap starts here" : "";
+  const std::string mark = first ? "  <- starts here" : "";
   const int rest = kWidth - Width(head) - Width(state) - Width(mark) - 2;
   std::string line = head + paint(first ? kRed : kYellow, state);
   if (!places.empty() && rest > 8) line += "  " + Cut(Clean(places), rest);

@@ -1,0 +1,520 @@
+// The report: other programs' contract with report.json, a page that opens anywhere and cannot be hurt by
+// names in the data, and a summary that fits the terminal. Knows nothing of how diagnoses are made.
+#include "tendril/gap/report.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <regex>
+#include <sstream>
+
+#include "report_examples.h"
+
+namespace tendril::gap {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr std::array kAllVerdicts{Verdict::kNoGap, Verdict::kAttributed, Verdict::kAmbiguousGroup,
+                                  Verdict::kUnexplained, Verdict::kInsufficientData};
+
+Json Parsed(const Diagnosis& d) { return Json::parse(ReportJson(d)); }
+
+std::string Read(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+int Count(const std::string& text, const std::string& word) {
+  int n = 0;
+  for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++n;
+  return n;
+}
+
+class Folder {
+ public:
+  Folder() : path_(fs::temp_directory_path() / fmt::format("tendril_report_{}_{}", getpid(), count_++)) {}
+  ~Folder() { fs::remove_all(path_); }
+  const fs::path& path() const { return path_; }
+
+ private:
+  static inline int count_ = 0;
+  fs::path path_;
+};
+
+// What a hostile or careless person may call a run, a channel, a robot.
+const std::string kHostile =
+    "</script><script>document.documentElement.dataset.hurt=1</script>\"><img src=x "
+    "onerror='document.documentElement.dataset.hurt=1'>${hurt}{{script}} & 'Größe' 机器人 \x1b[31m\r\n\t\\";
+const std::string kNotUtf8 = "caf\xe9 \xff\xfe";
+
+Diagnosis Hostile() {
+  Diagnosis d = ExampleDiagnosis(Verdict::kAmbiguousGroup);
+  d.sentence += kHostile + kNotUtf8;
+  d.robot_name = kHostile + kNotUtf8;
+  d.robot_yaml = kHostile;
+  d.command = kHostile;
+  for (RunSummary& r : d.runs) r.name += kHostile;
+  for (Overlay& o : d.overlays) {
+    o.run += kHostile;
+    o.channel += kNotUtf8;
+    o.unit += kHostile;
+    o.against += kHostile;
+  }
+  for (ConditionMap& m : d.maps) m.condition += kHostile;
+  for (Closure& c : d.closures) c.channel += kHostile;
+  for (CutFinding& f : d.location) f.note = f.quantity = kHostile;
+  for (Cause& c : d.causes) {
+    c.note = kHostile;
+    c.parameters[kHostile] = {1, 0, 2};
+  }
+  Cause& cause = d.causes.emplace_back();
+  cause.effect = cause.where = kHostile;
+  cause.p = 0.3;
+  cause.group = 1;
+  d.confusable.push_back({kHostile, kHostile + " b", 0.99, 0.1, true});
+  d.health.push_back({HealthFinding::Severity::kWarning, kHostile, kHostile, 1, kHostile});
+  d.degradations.push_back(kHostile);
+  d.next.yaml = d.next.reason = kHostile;
+  d.next.family += kHostile;
+  d.input_correlations.emplace_back(kHostile, 0.4);
+  d.order_effects.emplace_back(kHostile, 0.4);
+  return d;
+}
+
+Diagnosis Undefined() {
+  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  Diagnosis d = ExampleDiagnosis(Verdict::kAttributed);
+  for (CutFinding& f : d.location) f.rms = f.p_value = nan;
+  for (Cause& c : d.causes) {
+    c.held_out_gain = nan;
+    for (auto& [name, e] : c.parameters) e = {nan, -inf, inf};
+  }
+  d.causes[1].p = nan;
+  d.closed = Estimate{0.5, nan, nan};
+  d.closed_ceiling = Estimate{nan, nan, nan};
+  for (Closure& c : d.closures) c.after_rms = c.floor_rms = nan;
+  for (Overlay& o : d.overlays) {
+    o.floor = nan;
+    for (std::size_t i = 0; i < o.measured.size(); i += 3) o.measured[i] = i % 2 ? nan : inf;
+  }
+  for (ConditionMap& m : d.maps) m.low[2] = m.mean[3] = m.at[4] = nan;
+  for (Profile& p : d.profiles) p.score[0] = inf;
+  for (HorizonPoint& h : d.horizon) h.floor_m = nan;
+  for (Confusion& c : d.confusable) c.cosine = c.profile_gap = nan;
+  d.leftover_sigma = inf;
+  d.input_correlations[0].second = nan;
+  d.health[0].value = nan;
+  return d;
+}
+
+Diagnosis Empty() { return {}; }
+
+std::vector<Diagnosis> All() {
+  std::vector<Diagnosis> all;
+  for (const Verdict v : kAllVerdicts) all.push_back(ExampleDiagnosis(v));
+  for (const Diagnosis& d : {Hostile(), Undefined(), Empty()}) all.push_back(d);
+  return all;
+}
+
+// ---- report.json ------------------------------------------------------------------------------------------
+
+TEST(ReportJson, HasWhatOtherProgramsRelyOn) {
+  const Diagnosis d = ExampleDiagnosis(Verdict::kAttributed);
+  const Json j = Parsed(d);
+  EXPECT_EQ(j.at("verdict"), "attributed");
+
+  ASSERT_EQ(j.at("location").size(), d.location.size());
+  std::string before = "C0";
+  int firsts = 0;
+  for (std::size_t i = 0; i < d.location.size(); ++i) {
+    const Json& l = j["location"][i];
+    EXPECT_LE(before, l.at("cut").get<std::string>()) << "not in chain order";
+    before = l["cut"];
+    EXPECT_EQ(l.at("excess_sigma"), d.location[i].excess_sigma);
+    firsts += l.at("first").get<bool>();
+    const std::string& where = d.location[i].where;
+    EXPECT_EQ(l.contains("tendon"), where.starts_with("tendon:")) << where;
+    EXPECT_EQ(l.contains("section"), where.starts_with("section:")) << where;
+    if (l.contains("tendon")) {
+      EXPECT_EQ(fmt::format("tendon:{}", l["tendon"].get<int>()), where);
+    }
+  }
+  EXPECT_GE(firsts, 1);
+
+  std::vector<std::string> effects;
+  double p = 1;
+  for (const Json& c : j.at("causes")) {
+    effects.push_back(c.at("effect"));
+    EXPECT_LE(c.at("p").get<double>(), p) << "not sorted";
+    p = c["p"];
+    EXPECT_TRUE(c.at("where").is_string());
+    EXPECT_TRUE(c.at("group").is_number_integer());
+    for (const auto& [name, e] : c.at("parameters").items()) {
+      EXPECT_TRUE(e.at("value").is_number()) << name;
+      ASSERT_EQ(e.at("ci").size(), 2u) << name;
+      EXPECT_LE(e["ci"][0].get<double>(), e["ci"][1].get<double>()) << name;
+    }
+  }
+  EXPECT_THAT(effects, testing::IsSupersetOf({"no_gap", "unknown", "motor_coulomb"}));
+  EXPECT_EQ(j["causes"][0]["parameters"]["scale"]["value"], 1.84);
+
+  const Json& closed = j.at("closed");
+  EXPECT_EQ(closed.at("pooled").at("value"), d.closed->value);
+  EXPECT_EQ(closed["pooled"].at("ci")[0], d.closed->low);
+  ASSERT_EQ(closed.at("channels").size(), d.closures.size());
+  const Json& tip = closed["channels"].at("tip position");
+  for (const char* key : {"value", "before", "after", "floor"}) EXPECT_TRUE(tip.at(key).is_number()) << key;
+  EXPECT_EQ(tip.at("unit"), "m");
+  EXPECT_EQ(tip.at("ci").size(), 2u);
+
+  EXPECT_TRUE(j.at("confusable").is_array());
+  EXPECT_TRUE(j.at("next_experiment").is_object());
+  EXPECT_EQ(j.at("data_health").size(), d.health.size());
+  EXPECT_EQ(j.at("provenance").at("runs")[0].at("sha256"), d.runs[0].sha256);
+  EXPECT_EQ(j["provenance"].at("seed"), d.seed) << "all 64 bits of it";
+}
+
+TEST(ReportJson, AlwaysSaysHowLikelyNoGapAndUnknownAre) {
+  const Json j = Parsed(Empty());
+  EXPECT_EQ(j["causes"].size(), 2u);
+  EXPECT_EQ(j["closed"]["pooled"], nullptr);
+}
+
+TEST(ReportJson, ComesBackAsItWas) {
+  for (const Diagnosis& d : All()) {
+    const std::string once = ReportJson(d);
+    EXPECT_EQ(ReportJson(ParseReport(once)), once) << VerdictName(d.verdict);
+  }
+}
+
+// Every leaf of the file, changed by itself, must be heard by the reader: else a number of the page could
+// come back different from what the file says.
+TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
+  Diagnosis d = ExampleDiagnosis(Verdict::kAmbiguousGroup);
+  for (Overlay& o : d.overlays) {
+    for (auto* curve : {&o.time_s, &o.measured, &o.before, &o.after, &o.x})
+      curve->resize(std::min<std::size_t>(curve->size(), 2));
+  }
+  d.maps.resize(1);
+  d.profiles.resize(1);
+  d.runs.resize(1);
+  d.order_effects = {{"a", 0.5}};
+  const Json original = Parsed(d);
+  int changed = 0;
+  const Json flat = original.flatten();
+  for (const auto& [pointer, value] : flat.items()) {
+    // Made from other fields or from the registry, not read.
+    if (std::regex_search(pointer,
+                          std::regex("^/(chain|format|verdict)|/(about|tendon|section|cut|severity)$")))
+      continue;
+    Json other = original;
+    Json& leaf = other[Json::json_pointer(pointer)];
+    if (leaf.is_number_float()) {
+      leaf = 0.0625;  // survives the rounding of curves
+    } else if (leaf.is_number_unsigned()) {
+      leaf = leaf.get<std::uint64_t>() - (leaf == 0 ? 0 : 1);
+    } else if (leaf.is_boolean()) {
+      leaf = !leaf.get<bool>();
+    } else if (leaf.is_string()) {
+      leaf = leaf.get<std::string>() + "x";
+    } else {
+      continue;
+    }
+    if (pointer.ends_with("/p") || (other == original)) continue;  // would sort the causes anew
+    const Json back = Json::parse(ReportJson(ParseReport(other.dump())));
+    // A renamed channel takes its key with it, a renamed place its number.
+    if (pointer.ends_with("/channel") && pointer.starts_with("/closed")) {
+      EXPECT_THAT(back["closed"]["channels"].dump(), HasSubstr(leaf.get<std::string>())) << pointer;
+    } else if (pointer.ends_with("/effect")) {
+      EXPECT_THAT(back.dump(), HasSubstr(leaf.get<std::string>())) << pointer;
+    } else if (pointer.starts_with("/location") && pointer.ends_with("/where")) {
+      EXPECT_EQ(back[Json::json_pointer(pointer)], leaf) << pointer;
+    } else {
+      EXPECT_TRUE(back == other) << pointer << ": " << Json::diff(other, back).dump();
+    }
+    ++changed;
+  }
+  EXPECT_GT(changed, 300);
+}
+
+TEST(ReportJson, HasOnlyFiniteNumbers) {
+  const std::string text = ReportJson(Undefined());
+  EXPECT_THAT(text, Not(testing::ContainsRegex("[Nn]a[Nn][^a-z]|[Ii]nf[,\\n ]")));
+  const Json j = Json::parse(text);
+  EXPECT_EQ(j["location"][0]["rms"], nullptr);
+  EXPECT_EQ(j["leftover_sigma"], nullptr);
+  EXPECT_TRUE(std::isnan(ParseReport(text).location[0].rms));
+}
+
+TEST(ReportJson, DiffersBetweenEqualRunsOnlyInTheTimeTheyTook) {
+  Diagnosis a = ExampleDiagnosis(Verdict::kAttributed), b = a;
+  b.seconds = 99;
+  Json one = Parsed(a), other = Parsed(b);
+  EXPECT_NE(one, other);
+  one["provenance"].erase("seconds");
+  other["provenance"].erase("seconds");
+  EXPECT_EQ(one.dump(), other.dump());
+}
+
+TEST(ReportJson, ChannelsOfOneNameAreAllKept) {
+  Diagnosis d;
+  for (const sim::Cut cut : {sim::Cut::kShape, sim::Cut::kMotion, sim::Cut::kMotion}) {
+    Closure c;
+    c.channel = "tip position";
+    c.cut = cut;
+    c.before_rms = 1e-3 * (1 + static_cast<double>(d.closures.size()));
+    d.closures.push_back(c);
+  }
+  const Diagnosis back = ParseReport(ReportJson(d));
+  ASSERT_EQ(back.closures.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(back.closures[i].channel, "tip position");
+    EXPECT_EQ(back.closures[i].before_rms, d.closures[i].before_rms);
+  }
+}
+
+TEST(ReportJson, ThinnedCurvesKeepTheirExtremesAndStayTheSame) {
+  Diagnosis d;
+  Overlay o;
+  for (int i = 0; i < 60000; ++i) {
+    o.time_s.push_back(1e-3 * i);
+    o.measured.push_back(std::sin(1e-3 * i));
+    o.before.push_back(std::sin(1e-3 * i) - (i == 31234 ? 0.5 : 0));
+  }
+  o.measured[12345] = 7;
+  d.overlays = {o};
+  const Diagnosis once = Condensed(d);
+  const Overlay& thin = once.overlays[0];
+  EXPECT_LE(thin.time_s.size(), 1200u);
+  EXPECT_GE(thin.time_s.size(), 400u);
+  EXPECT_EQ(thin.time_s.front(), 0);
+  EXPECT_NEAR(thin.time_s.back(), 59.999, 1e-9);
+  EXPECT_TRUE(std::is_sorted(thin.time_s.begin(), thin.time_s.end()));
+  EXPECT_EQ(*std::max_element(thin.measured.begin(), thin.measured.end()), 7);
+  double missed = 0;
+  for (std::size_t i = 0; i < thin.time_s.size(); ++i) {
+    if (std::abs(thin.time_s[i] - 31.234) < 1e-9) missed = thin.measured[i] - thin.before[i];
+  }
+  EXPECT_NEAR(missed, 0.5, 1e-5) << "a short spike of the residual is gone";
+  EXPECT_EQ(Condensed(once).overlays[0].measured, thin.measured);
+
+  d.overlays[0].after = {1, 2};
+  EXPECT_THROW(Condensed(d), std::runtime_error) << "curves of different lengths";
+}
+
+TEST(ReadReport, SaysWhatIsWrongWithAFile) {
+  const Folder folder;
+  fs::create_directories(folder.path());
+  const fs::path file = folder.path() / "report.json";
+  const auto complaint = [&](const std::string& text) {
+    std::ofstream(file) << text;
+    try {
+      ReadReport(file);
+    } catch (const std::runtime_error& e) {
+      return std::string(e.what());
+    }
+    return std::string("accepted");
+  };
+  EXPECT_THAT(complaint(""), HasSubstr("is no JSON"));
+  EXPECT_THAT(complaint("[]"), HasSubstr("must be an object"));
+  EXPECT_THAT(complaint("{}"), HasSubstr("'format' is missing"));
+  EXPECT_THAT(complaint("{\"format\": 77}"), HasSubstr("format 77"));
+  const std::string good = ReportJson(ExampleDiagnosis(Verdict::kAttributed));
+  EXPECT_THAT(complaint(good.substr(0, good.size() / 2)), HasSubstr("is no JSON"));
+  const auto with = [&](const std::string& pointer, const Json& value) {
+    Json j = Json::parse(good);
+    j[Json::json_pointer(pointer)] = value;
+    return complaint(j.dump());
+  };
+  EXPECT_THAT(with("/causes/1/p", "high"), HasSubstr("'causes[1].p' must be a number"));
+  EXPECT_THAT(with("/verdict", "perhaps"), HasSubstr("'verdict' must be one of no_gap, attributed"));
+  EXPECT_THAT(with("/location/0/cut", "C9"), HasSubstr("'location[0].cut' must be a cut"));
+  EXPECT_THAT(with("/causes/0/parameters/scale/ci", {1}), HasSubstr("ci' must be [low, high]"));
+  EXPECT_THAT(with("/overlays", 3), HasSubstr("'overlays' must be a list"));
+  EXPECT_THAT(with("/provenance/runs/0/samples", 1e300), HasSubstr("must be a whole number"));
+  EXPECT_THROW(ReadReport(folder.path() / "none.json"), std::runtime_error);
+  EXPECT_THROW(ReadReport(folder.path()), std::runtime_error);
+}
+
+// ---- report.html ------------------------------------------------------------------------------------------
+
+TEST(ReportPage, NeedsNothingFromOutside) {
+  const std::string page = ReportPage(ExampleDiagnosis(Verdict::kAttributed));
+  EXPECT_THAT(page, HasSubstr("Content-Security-Policy\" content=\"default-src 'none'"));
+  const std::regex outside(
+      "(src|href|action|data)\\s*=\\s*[\"']?(https?:|//|file:)|@import|url\\(\\s*[\"']?[^#\\s)\"'$]",
+      std::regex::icase);
+  // The plotting library and its licence name addresses without asking for them.
+  std::istringstream lines(page);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.size() > 50000) continue;
+    std::smatch found;
+    EXPECT_FALSE(std::regex_search(line, found, outside)) << line;
+  }
+  EXPECT_EQ(Count(page, "<script"), Count(page, "</script>"));
+  EXPECT_THAT(page, Not(HasSubstr("{{")));
+}
+
+TEST(ReportPage, HoldsTheSameNumbersAsTheJsonFile) {
+  for (const Diagnosis& d : All()) {
+    const std::string page = ReportPage(d);
+    const std::string open = "<script type=\"application/json\" id=\"data\">";
+    const std::size_t begin = page.find(open) + open.size();
+    EXPECT_EQ(Json::parse(page.substr(begin, page.find("</script>", begin) - begin)), Parsed(d));
+  }
+}
+
+TEST(ReportPage, NamesInTheDataCannotBecomeMarkup) {
+  const std::string calm = ReportPage(ExampleDiagnosis(Verdict::kAmbiguousGroup)),
+                    page = ReportPage(Hostile());
+  for (const char* mark : {"<script", "</script", "<img", "<!--"})
+    EXPECT_EQ(Count(page, mark), Count(calm, mark)) << mark;
+  EXPECT_THAT(page, HasSubstr("&lt;img src=x"));
+}
+
+TEST(ReportPage, StaysSmall) {
+  EXPECT_LT(ReportPage(ExampleDiagnosis(Verdict::kAttributed)).size(), 1'000'000u);
+  // Eight tendons and a tip in six runs of a minute each at 1 kHz.
+  Diagnosis d = ExampleDiagnosis(Verdict::kAttributed);
+  Overlay o;
+  o.unit = "N";
+  o.against = "displacement";
+  for (int i = 0; i < 60000; ++i) {
+    o.time_s.push_back(1e-3 * i);
+    for (auto* curve : {&o.measured, &o.before, &o.after, &o.x}) curve->push_back(std::sin(0.37 * i) * M_PI);
+  }
+  d.overlays.assign(66, o);
+  while (d.maps.size() < 200) d.maps.push_back(d.maps[d.maps.size() % 7]);
+  EXPECT_LT(ReportPage(d).size(), 2'000'000u);
+}
+
+std::string Chromium() {
+  for (const char* path : {"/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"}) {
+    if (access(path, X_OK) == 0) return path;
+  }
+  return "";
+}
+
+std::string WithoutScripts(const std::string& dom) {
+  std::string out;
+  for (std::size_t at = 0; at < dom.size();) {
+    const std::size_t open = dom.find("<script", at);
+    out += dom.substr(at, open == std::string::npos ? open : open - at);
+    if (open == std::string::npos) break;
+    at = std::min(dom.size(), dom.find("</script>", open));
+  }
+  return out;
+}
+
+// A browser draws the page: no error on its console, every part there, nothing of the data run as a program.
+TEST(ReportPage, DrawsItselfInABrowser) {
+  const std::string browser = Chromium();
+  if (browser.empty()) GTEST_SKIP() << "no chromium here: Debian's package chromium has it";
+  const Folder folder;
+  int n = 0;
+  for (const Diagnosis& d : {ExampleDiagnosis(Verdict::kAttributed),
+                             ExampleDiagnosis(Verdict::kInsufficientData), Hostile(), Undefined(), Empty()}) {
+    const fs::path place = folder.path() / std::to_string(n++);
+    WriteReport(d, place);
+    const std::string command = fmt::format(
+        "HOME='{0}' timeout 60 '{1}' --headless --no-sandbox --disable-gpu --user-data-dir='{0}/profile' "
+        "--enable-logging=stderr --window-size=1280,900 --dump-dom "
+        "'file://{2}/report.html' 2>'{0}/log' >'{0}/dom'",
+        folder.path().string(), browser, place.string());
+    ASSERT_EQ(std::system(command.c_str()), 0) << Read(folder.path() / "log");
+    const std::string log = Read(folder.path() / "log"), dom = WithoutScripts(Read(folder.path() / "dom"));
+    SCOPED_TRACE(fmt::format("page {}, {}", n - 1, VerdictName(d.verdict)));
+    if (log.find("CONSOLE") != std::string::npos) ADD_FAILURE() << log.substr(log.find("CONSOLE"), 600);
+    const std::string root =
+        dom.substr(dom.find("<html"), dom.find('>', dom.find("<html")) - dom.find("<html"));
+    EXPECT_THAT(root, HasSubstr("data-charts="));
+    EXPECT_THAT(root, Not(HasSubstr("data-problems")));
+    EXPECT_THAT(root, Not(HasSubstr("data-hurt")));
+    std::vector<std::string> parts{"where", "cause", "health", "provenance"};
+    if (!d.overlays.empty()) parts.insert(parts.end(), {"closed", "runs", "conditions", "loops", "growth"});
+    if (!d.confusable.empty()) parts.push_back("rivals");
+    if (!d.next.family.empty()) parts.push_back("next");
+    if (!d.degradations.empty()) parts.push_back("limits");
+    for (const std::string& part : parts) {
+      EXPECT_NE(dom.find("<section id=\"" + part + "\">"), std::string::npos) << part << " is not there";
+    }
+    const std::size_t nan = dom.find("NaN");
+    if (nan != std::string::npos) ADD_FAILURE() << dom.substr(std::max<std::size_t>(nan, 200) - 200, 300);
+  }
+}
+
+TEST(WriteReport, LeavesBothFilesAndSaysWhenItCannot) {
+  const Folder folder;
+  const Diagnosis d = ExampleDiagnosis(Verdict::kNoGap);
+  WriteReport(d, folder.path() / "a" / "b");
+  EXPECT_EQ(Read(folder.path() / "a" / "b" / "report.json"), ReportJson(d));
+  EXPECT_EQ(Read(folder.path() / "a" / "b" / "report.html"), ReportPage(d));
+  std::ofstream(folder.path() / "file") << "x";
+  EXPECT_THROW(WriteReport(d, folder.path() / "file"), std::runtime_error);
+}
+
+// ---- summary ----------------------------------------------------------------------------------------------
+
+int Columns(const std::string& line) {
+  return static_cast<int>(std::count_if(
+      line.begin(), line.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+}
+
+TEST(Summary, FitsTheTerminalAndCannotSteerIt) {
+  for (const Diagnosis& d : All()) {
+    const std::string text = Summary(d, "out/gap/report.html");
+    EXPECT_THAT(text, Not(HasSubstr("\x1b")));
+    EXPECT_THAT(text, Not(HasSubstr("\r")));
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+      if (line.find("document.") != std::string::npos) continue;  // one word, longer than a line
+      EXPECT_LE(Columns(line), 100) << line;
+    }
+    EXPECT_THAT(text, HasSubstr("Report: out/gap/report.html\n"));
+  }
+  EXPECT_THAT(Summary(ExampleDiagnosis(Verdict::kAttributed), {}, true), HasSubstr("\x1b[1m"));
+}
+
+TEST(Summary, SaysWhereWhatHowFarAndWhatNext) {
+  const std::string text = Summary(ExampleDiagnosis(Verdict::kAmbiguousGroup));
+  EXPECT_THAT(text, testing::ContainsRegex("C2 drivetrain .*5.* sigma.*<- starts here"));
+  EXPECT_THAT(text, testing::ContainsRegex("capstan_alpha +#+\\.+ +52 %  scale 1.31 \\[1.22, 1.4\\]"));
+  EXPECT_THAT(text, HasSubstr("no gap"));
+  EXPECT_THAT(text, HasSubstr("unknown"));
+  EXPECT_THAT(text, HasSubstr("Closed  88 % of the gap"));
+  EXPECT_THAT(text, HasSubstr("mm"));
+  EXPECT_THAT(text, HasSubstr("Next: reversals_three_tensions"));
+  EXPECT_THAT(text, Not(HasSubstr("Report:")));
+}
+
+TEST(Wrapped, KeepsEveryWord) {
+  const std::string text = Wrapped("one two\tthree\nfour \xc3\xa4\xc3\xb6\xc3\xbc", 4);
+  EXPECT_EQ(text, "    one two three four äöü\n");
+  std::string many;
+  for (int i = 0; i < 100; ++i) many += "word ";
+  std::istringstream lines(Wrapped(many, 2));
+  int words = 0;
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_LE(line.size(), 100u);
+    words += Count(line, "word");
+  }
+  EXPECT_EQ(words, 100);
+}
+
+}  // namespace
+}  // namespace tendril::gap
