@@ -405,15 +405,17 @@ void Body::TendonTurns(ConstVectorRef q, MatrixRef turn_rad) const noexcept {
   // for the twist: d = 2 r sin(delta) (-sin a, cos a) across, of which the component along the bend is
   // shortened. Half the unit's rotation on either side are the frames of its disks.
   const int m = tendons();
+  const bool alike = twisted_.empty();  // all tendons of a unit run parallel
   turn_rad.setZero();
   std::array<Vec, kMaxTendons> arriving;  // in the axes of the disk between the two units
   for (int i = 0; i < units_; ++i) {
     const double u = q[2 * i], v = q[2 * i + 1];
     const Stumpffs half = Stumpff(0.25 * (u * u + v * v));
     const Mat to_first = Turn(kIdentity, 0.5 * u, 0.5 * v, half);
-    for (int j = unit_[i].first_tendon; j < m; ++j) {
+    const int first = unit_[i].first_tendon;
+    for (int j = first; j < (alike ? first + 1 : m); ++j) {
       Vec chord(0, 0, 1);
-      if (!twisted_.empty()) {
+      if (!alike) {
         const TwistedSpan& t = Twisted(i, j);
         const double x = -2 * t.side_m * t.sin_mid, y = 2 * t.side_m * t.cos_mid;
         const double along = 0.25 * half[2] * (u * x + v * y);
@@ -421,12 +423,14 @@ void Body::TendonTurns(ConstVectorRef q, MatrixRef turn_rad) const noexcept {
                  half[1] * (unit_[i].length_m - t.lever_m * (u * t.cos_mid + v * t.sin_mid))};
       }
       if (i > 0) {
-        const Vec leaving = to_first * chord;
-        const Vec across = Cross(arriving[j], leaving);
-        turn_rad(j, i - 1) = std::atan2(std::sqrt(across.dot(across)), arriving[j].dot(leaving));
+        const Vec& before = arriving[alike ? 0 : j];
+        const Vec leaving = to_first * chord, across = Cross(before, leaving);
+        turn_rad(j, i - 1) = std::atan2(std::sqrt(across.dot(across)), before.dot(leaving));
       }
-      arriving[j] = to_first.TransposeTimes(chord);
+      arriving[alike ? 0 : j] = to_first.TransposeTimes(chord);
     }
+    if (alike && i > 0)
+      turn_rad.col(i - 1).segment(first + 1, m - first - 1).setConstant(turn_rad(first, i - 1));
   }
 }
 

@@ -79,7 +79,9 @@ class RoutingLaw final : public BodyLaw {
     Spans slide(body.tendons(), units_);
     Slide(body, q, slide);
     for (int j = 0; j < body.tendons(); ++j) {
-      for (int i = 0; i < units_; ++i) memory_[At(j, i)].Commit(slide(j, i));
+      for (int i = 0; IsMine(j) && i + 1 < body.end_unit(body.tendon_section(j)); ++i) {
+        memory_[At(j, i)].Commit(slide(j, i));
+      }
     }
   }
 
