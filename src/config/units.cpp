@@ -32,6 +32,7 @@ constexpr Unit kUnits[] = {
     {"Hz", "Hz"},
     {"bps", "bit/s"},
     {"rad", "rad"},
+    {"rad_per_m", "rad/m"},
     {"radps", "rad/s"},
     {"radps2", "rad/s²"},
     {"radps3", "rad/s³"},
@@ -92,13 +93,14 @@ constexpr MixUp kMixUps[] = {
 }  // namespace
 
 std::string_view UnitSuffix(std::string_view key) {
-  const auto cut = key.rfind('_');
-  if (cut == std::string_view::npos) return {};
-  const std::string_view suffix = key.substr(cut + 1);
+  std::string_view longest;
   for (const Unit& unit : kUnits) {
-    if (unit.suffix == suffix) return unit.suffix;
+    if (key.size() > unit.suffix.size() && key.ends_with(unit.suffix) &&
+        key[key.size() - unit.suffix.size() - 1] == '_' && unit.suffix.size() > longest.size()) {
+      longest = unit.suffix;
+    }
   }
-  return {};
+  return longest;
 }
 
 std::string_view UnitText(std::string_view suffix) {
