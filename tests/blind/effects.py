@@ -101,7 +101,7 @@ scaled("unit_mass", "robot", "C4", 0.3, -0.6, 1.5, unit_column("m", "Ixx", "Izz"
 # -- mechanisms of the usual list --
 def saturation(p, faults, which, a, rng):
     for j in which:
-        p["t"][j, T["limit"]] *= 1 - a
+        p["t"][j, T["limit"]] -= a
 
 
 def lag(p, faults, which, a, rng):
@@ -171,13 +171,15 @@ def base_tilt(p, faults, which, a, rng):
 
 def contact(p, faults, which, a, rng):
     b = rng.uniform(0, 2 * np.pi)
+    p["truth_extra"] = {"gap_m": 0.010, "angle_rad": float(np.angle(np.exp(1j * b)))}
     p["g"][[G["wall_x"], G["wall_y"], G["wall_z"]]] = np.cos(b), np.sin(b), 0.0
     p["g"][G["wall_n"]] = 0.010
     p["g"][G["wall_k"]] = a
 
 
 def torsion(p, faults, which, a, rng):
-    p["u"][:, U["twist"]] += a
+    s = np.concatenate([[0], np.cumsum(p["u"][:, U["l"]])])
+    p["hole_a"] += (a * s * (0.5 + 0.75 * s / s[-1]))[:, None]  # more of it near the tip
 
 
 def stribeck(p, faults, which, a, rng):
@@ -192,15 +194,15 @@ def cogging(p, faults, which, a, rng):
         p["t"][j, T["cogging_phase"]] = rng.uniform(0, 2 * np.pi)
 
 
-add("stribeck", "listed", "tendon", "C2", 1.0e-4, 0, 6e-4, stribeck, lambda a: {"extra_Nm": a},
+add("stribeck", "listed", "tendon", "C2", 1.0e-4, 0, 6e-4, stribeck, lambda a: {"torque_Nm": a},
     "LuGre bristle whose strength falls as a Gauss of speed, 6 rad/s", families=["triangle", "ladder"], on_one=True)
 add("cogging", "listed", "tendon", "C2", 5e-5, 0, 5e-4, cogging, lambda a: {"amplitude_Nm": a},
     "12 notches a turn with a second harmonic of a quarter", on_one=True)
-add("torque_loop_lag", "listed", "tendon", "C1", 2e-3, 0, 1.5e-2, lag, lambda a: {"extra_s": a}, "first order, slower",
+add("torque_loop_lag", "listed", "tendon", "C1", 2e-3, 0, 1.5e-2, lag, lambda a: {"s": a}, "first order, slower",
     families=["multisine", "steps"])
 add("command_delay", "listed", "tendon", "C1", 3e-3, 0, 2e-2, tendon_column("delay"), lambda a: {"s": a}, "pure delay",
     families=["multisine", "steps"])
-add("torque_saturation", "listed", "tendon", "C1", 0.6, 0, 0.85, saturation, lambda a: {"limit_Nm": (1 - a) * 0.007056},
+add("torque_saturation", "listed", "tendon", "C1", 5e-3, 0, 6.4e-3, saturation, lambda a: {"deficit_Nm": a},
     "current limited earlier", families=["triangle", "steps"], on_one=True)
 add("wrap_angle", "listed", "tendon", "C4", 0.3, -0.8, 0.8, wrap, lambda a: {"extra_rad": a}, "nominal law, other wrap",
     on_one=True)
@@ -210,14 +212,14 @@ add("tendon_creep", "listed", "tendon", "C3", 0.15, 0, 1.5, creep, lambda a: {"f
     "two Kelvin-Voigt elements in series with the tendon, 2 s and 14 s", families=["hold", "triangle"])
 add("backlash", "listed", "tendon", "C3", 0.1, 0, 1.5, tendon_column("backlash"), lambda a: {"rad": a},
     "six plays in parallel, 0.7 to 1.3 times the width", on_one=True)
-add("slack", "listed", "tendon", "C3", 4e-5, 0, 4e-4, tendon_column("slack"), lambda a: {"m": a},
+add("slack", "listed", "tendon", "C3", 4e-5, 0, 2e-3, tendon_column("slack"), lambda a: {"m": a},
     "longer tendon of one motor", on_one=True, on_all=False)
-add("spool_growth", "listed", "tendon", "C3", 0.1, -0.5, 0.6, tendon_column("growth"), lambda a: {"slope": a},
+add("spool_growth", "listed", "tendon", "C3", 1e-4, 0, 1e-3, tendon_column("growth"), lambda a: {"m_per_rad": a},
     "spool radius grows in proportion to what is wound")
 add("precurvature", "listed", "robot", "C4", 0.03, 0, 0.2, precurvature, lambda a: {}, "bent at rest, all units alike")
 add("backbone_hysteresis", "listed", "robot", "C4", 1.0e-3, 0, 6e-3, hysteresis, lambda a: {"moment_Nm": a},
     "Prandtl-Ishlinskii, six stops from 6 to 150 mrad")
-add("superelastic", "listed", "robot", "C4", 0.2, 0, 0.8, soft, lambda a: {"fraction": a},
+add("superelastic", "listed", "robot", "C4", 0.2, 0, 0.8, soft, lambda a: {"softening": a},
     "stiffness falls to a plateau around 0.3 rad a unit, no loop", families=["triangle", "steps"])
 add("routing_friction", "listed", "tendon", "C4", 0.1, 0, 0.8, routing, lambda a: {"mu": a},
     "wrap at each disk from the chords' turn, three Maxwell-slip elements")
@@ -228,7 +230,7 @@ add("tip_force", "listed", "robot", "C4", 0.02, 0, 0.2, tip_force, lambda a: {},
 add("base_tilt", "listed", "robot", "C4", 0.1, 0, 0.6, base_tilt, lambda a: {}, "gravity leans in the base frame")
 add("contact", "listed", "robot", "C4", 300.0, 0, 6000.0, contact, lambda a: {"stiffness_Npm": a},
     "Hunt and Crossley wall 10 mm beside the axis", families=["triangle", "steps"])
-add("torsion", "listed", "robot", "C4", 0.03, -0.3, 0.3, torsion, lambda a: {"rad": a}, "each unit twisted alike")
+add("torsion", "listed", "robot", "C4", 2.0, -12, 12, torsion, lambda a: {"rad_per_m": a}, "holes turn along the backbone, faster near the tip")
 
 
 # -- mechanisms that no list names --
@@ -286,10 +288,10 @@ def gusts(p, faults, which, a, rng):
 add_unlisted("gusts", "robot", "C5", 0.01, 0.15, gusts, "coloured force at the tip, 0.7 Hz")
 
 
-def sensor(name, scope, typical, low, high, key, value, truth, law, kind="sensor", **more):
+def sensor(name, scope, typical, low, high, key, value, truth, law, kind="sensor", cut="C6", **more):
     def plant(p, faults, which, a, rng):
         faults[key] = value(a, which, p["t"].shape[0], rng, p)
-    add(name, kind, scope, "C6", typical, low, high, plant, truth, law, **more)
+    add(name, kind, scope, cut, typical, low, high, plant, truth, law, **more)
 
 
 def on(which, m, a, base=0.0):
@@ -311,7 +313,7 @@ sensor("cell_gain", "tendon", 0.05, -0.3, 0.3, "cell_gain", lambda a, w, m, r, p
 sensor("cell_offset", "tendon", 0.05, -1.0, 1.0, "cell_offset_N", lambda a, w, m, r, p: on(w, m, a), lambda a: {"N": a},
        "offset", on_one=True)
 sensor("cell_drift", "tendon", 0.004, -0.05, 0.05, "cell_drift_Nps", lambda a, w, m, r, p: on(w, m, a),
-       lambda a: {"Nps": a}, "linear in time", on_one=True, families=["hold"])
+       lambda a: {"N_per_s": a}, "linear in time", on_one=True, families=["hold"])
 sensor("encoder_offset", "tendon", 0.02, -1.0, 1.0, "encoder_offset_rad", lambda a, w, m, r, p: on(w, m, a),
        lambda a: {"rad": a}, "offset", on_one=True)
 sensor("tracker_rotation", "robot", 0.01, 0, 0.2, "tracker_rotation_rad", direction(("x_rad", "y_rad", "z_rad")),

@@ -453,13 +453,15 @@ def rates(P, y, x0, mem, target, force, W, L, dL, Q, T_unit, gh, first, y_dot, o
                 if commit:
                     mb[j, k] = b
                 acc += b
-            theta = acc / PLAYS
+            theta = acc / PLAYS + 0.5 * p[T_backlash]
             rate = slope / PLAYS
         s = p[T_r_spool] * theta / p[T_ratio]
         sd = p[T_r_spool] * om[j] * rate / p[T_ratio]
-        if p[T_growth] != 0.0:
-            sd *= 1 + 2 * p[T_growth] * s / p[T_r_spool]
-            s += p[T_growth] * s * s / p[T_r_spool]
+        arm = p[T_r_spool]
+        if p[T_growth] != 0.0:  # radius gained per radian of the spool
+            arm += p[T_growth] * theta / p[T_ratio]
+            s += 0.5 * p[T_growth] * (theta / p[T_ratio]) ** 2
+            sd = arm * om[j] * rate / p[T_ratio]
         if p[T_ecc] != 0.0:
             s += p[T_ecc] * (math.sin(p[T_ecc_n] * theta / p[T_ratio]) )
             sd += p[T_ecc] * math.cos(p[T_ecc_n] * theta / p[T_ratio]) * p[T_ecc_n] * om[j] * rate / p[T_ratio]
@@ -541,10 +543,7 @@ def rates(P, y, x0, mem, target, force, W, L, dL, Q, T_unit, gh, first, y_dot, o
             mg[j, 0] = z1
             mg[j, 1] = z2
         zg = 0.5 * (z1 / p[T_gear_y1] + z2 / p[T_gear_y2])
-        load = Tm * p[T_r_spool] / p[T_ratio]
-        if p[T_growth] != 0.0:
-            load *= 1 + 2 * p[T_growth] * s / p[T_r_spool]
-        load *= p[T_eff] ** (-zg)
+        load = Tm * arm / p[T_ratio] * p[T_eff] ** (-zg)
         push = p[T_kt] * tq[j] + force[3 + j]
         if p[T_thermal] != 0.0:
             push *= 1 - y[o + 2 * m + j]
@@ -800,7 +799,9 @@ def simulate(p, targets_Nm, force=None, sub=10, dt_row=1e-3, angle0=None):
     y[4 * n + 2 * m:4 * n + 3 * m] = hold
     x0 = np.zeros((m, 4))
     x0[:, 3] = 0.3
-    mem = (np.zeros((m, 6)), np.zeros((m, 2)), np.zeros((m, 6)), np.zeros((m, PLAYS)), np.zeros((m, n, 4)),
+    # planted backlash begins with the play taken up in the pulling direction
+    plays = -0.5 * P.t[:, T["backlash"], None] * (0.7 + 0.6 * np.arange(PLAYS) / (PLAYS - 1))
+    mem = (np.zeros((m, 6)), np.zeros((m, 2)), np.zeros((m, 6)), plays, np.zeros((m, n, 4)),
            np.zeros((m, PLAYS)), np.zeros((n, 2, PLAYS + 1)))
     th, tq, tm, tb, pos, rot, q = run(P, np.ascontiguousarray(targets_Nm), hold, force, sub, dt_row, y, x0, mem)
     return dict(motor_position=th, torque=tq, tension_motor=tm, tension_base=tb, tip=pos, rotation=rot, q=q)
