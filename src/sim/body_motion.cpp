@@ -275,6 +275,21 @@ bool BodyStepper::StepTo(TensionSource& source, double to_s) {
   return true;
 }
 
+bool BodyStepper::LetGo(TensionSource& source, double time_s) {
+  MoveTo(source, time_s);
+  time_s_ = time_s;
+  q_new_ = q_;
+  v_new_ = v_;
+  a_new_.setZero();
+  Evaluate(source);
+  if (!residual_.allFinite()) return false;
+  body_.MassMatrix(q_, mass_, workspace_);
+  a_ = -mass_.llt().solve(residual_);
+  algorithm_ = a_;
+  Commit(source);
+  return a_.allFinite();
+}
+
 bool BodyStepper::Settle(TensionSource& source, double time_s) {
   MoveTo(source, time_s);
   v_.setZero();

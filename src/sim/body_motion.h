@@ -38,6 +38,8 @@ class BodyStepper {
   /// A copy of `laws` goes with the motion from here.
   BodyStepper(const model::Body& body, const BodyLaws& laws);
 
+  /// Begins at time_s where the body is, free to move. False: the tensions make no sense.
+  bool LetGo(TensionSource& source, double time_s);
   /// To rest at time_s, at the equilibrium reached downhill from the present shape. False: there is none
   /// near.
   bool Settle(TensionSource& source, double time_s);

@@ -282,6 +282,7 @@ struct Replay::Impl {
   // ---- body ----
   BodyMotion Body(const ReplaySignals& s, DrivenBy driven_by, int stride) const;
   std::unique_ptr<TensionSource> Source(const ReplaySignals& s, DrivenBy driven_by) const;
+  static bool BeginsInMotion(const ReplaySignals& s);
   MatrixXd Shortening(const ReplaySignals& s, const MatrixXd& q) const;
   void Track(const MatrixXd& q, double step, int stride, BodyMotion& motion) const;
 
@@ -524,7 +525,7 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
 
   BodyStepper stepper(body, laws.body);
   MatrixXd q(n, samples), tension(m, samples);
-  if (!stepper.Settle(*source, 0)) {
+  if (!(BeginsInMotion(s) ? stepper.LetGo(*source, 0) : stepper.Settle(*source, 0))) {
     throw std::runtime_error("replay: the body has no equilibrium under the first sample's tensions");
   }
   for (Index i = 0;; ++i) {
@@ -546,6 +547,31 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
   motion.shortening_m = Shortening(s, q);
   Track(q, step, stride, motion);
   return motion;
+}
+
+// Every simulation begins straight; where that is no equilibrium (tilted, bent by itself, loaded aside) the
+// robot falls into it at once, and motors and cells show it. A log that begins later begins at rest.
+bool Replay::Impl::BeginsInMotion(const ReplaySignals& s) {
+  constexpr double kLook_s = 0.3, kMean_s = 0.004, kAngle_rad = 0.02, kTurned_rad = 0.2, kTension_N = 0.04,
+                   kNoise = 6;
+  const auto moves = [&](const MatrixXd& signal, double least) {
+    const auto mean = std::max<Index>(1, std::lround(kMean_s / s.step_s));
+    const Index windows = std::min(signal.rows(), static_cast<Index>(kLook_s / s.step_s)) / mean;
+    for (Index j = 0; j < signal.cols() && windows > 2; ++j) {
+      VectorXd value(windows), jump(windows - 1);
+      for (Index w = 0; w < windows; ++w) value[w] = signal.col(j).segment(w * mean, mean).mean();
+      if (!value.allFinite()) continue;
+      jump = (value.tail(windows - 1) - value.head(windows - 1)).cwiseAbs();
+      const auto middle = jump.data() + jump.size() / 2;
+      std::nth_element(jump.data(), middle, jump.data() + jump.size());
+      if (value.maxCoeff() - value.minCoeff() > least + kNoise * *middle) return true;
+    }
+    return false;
+  };
+  // A log that begins on the way is none of these: its motors have turned already.
+  if (s.motor_angle_rad.size() > 0 && s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad)
+    return false;
+  return moves(s.motor_angle_rad, kAngle_rad) || moves(s.tension_N, kTension_N);
 }
 
 // Where bending is measured, the shape is turned by the difference, spread evenly over the section's units;

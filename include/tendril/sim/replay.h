@@ -10,8 +10,10 @@
 
 namespace tendril::sim {
 
-/// One run on a uniform grid, S samples; a matrix without columns was not measured. The run begins with the
-/// robot straight, at rest, at pretension (as every plant does).
+/// One run on a uniform grid, S samples; a matrix without columns was not measured, gaps of NaN are bridged
+/// by straight lines. The first sample belongs to a robot that was started straight and at pretension, as
+/// every plant is, with all friction memories relaxed: either it is let go there (its signals move at once
+/// where straight is no equilibrium) or it has come to rest since.
 struct ReplaySignals {
   double step_s = 0;
   LoadCellPlace load_cell = LoadCellPlace::kMotorSide;
@@ -20,24 +22,26 @@ struct ReplaySignals {
   Eigen::MatrixXd motor_angle_rad;   // smooth enough to differentiate, with its derivatives
   Eigen::MatrixXd motor_velocity_radps;
   Eigen::MatrixXd motor_acceleration_radps2;
-  Eigen::MatrixXd tension_N;  // load cell, as read
-  /// Total bending (us, vs) per section that a tracker shows, S x 2K, smooth; where it is known the tendons'
-  /// shortening is corrected to it.
+  Eigen::MatrixXd tension_N;  // load cell, as read with the gain and offset of the robot before its effects
+  /// Total bending (us, vs) per section that a tracker shows, S x 2K, smooth; the tendons' shortening is
+  /// corrected to it (across gaps by the difference on their sides).
   Eigen::MatrixXd bending_rad;
   /// From the stamp of a target to the moment it acts; a target stamped when sent acts at the next SYNC, one
   /// bus cycle later.
   double command_delay_s = 1e-3;
 };
 
-/// Motion of the body, every `stride` grid samples.
+/// Motion of the body, every `stride` grid samples: R = (S - 1) / stride + 1 rows.
 struct BodyMotion {
   Eigen::MatrixXd q;               // R x 2N
   Eigen::MatrixXd tip_m;           // R x 3, as the tracker would report it (its own effects included)
   Eigen::MatrixXd tip_rotation;    // R x 3 rotation vector of the tip frame in F_0, as reported
-  Eigen::MatrixXd shortening_m;    // S x M: d of every tendon on the grid, corrected to the measured bending
+  Eigen::MatrixXd shortening_m;    // S x M: d of every tendon on the grid, corrected to the measured bending:
+                                   // the difference is spread evenly over a section's units
   Eigen::MatrixXd tension_base_N;  // S x M, what drove it
 };
 
+/// One robot with its effects. Const functions may run at once in several threads.
 class Replay {
  public:
   /// Throws std::invalid_argument when the robot has no actuation or an effect that does not exist.
@@ -46,7 +50,10 @@ class Replay {
   Replay(Replay&&) noexcept;
   Replay& operator=(Replay&&) noexcept;
 
-  /// C1: torque that the drives would report, S x M, from the targets.
+  // Signals that a function needs and that were not measured, or of another size, throw
+  // std::invalid_argument; a tendon that is nowhere known std::runtime_error.
+
+  /// C1: torque that the drives would report, S x M, from the targets, each held until the next.
   Eigen::MatrixXd ActualTorque(const ReplaySignals& signals) const;
 
   /// C2: load cell reading from actual torque and motor motion. With the cell on the robot's side the pulleys
@@ -61,7 +68,9 @@ class Replay {
     kTorque,  // no cell: tensions that C2 makes of torque and motor motion
     kMotor,   // motor angles through the tendons' stiffness (no cell, no torque)
   };
-  /// Motion of the body in time; throws std::runtime_error when it cannot be integrated.
+  /// Motion of the body in time; throws std::runtime_error when it cannot be integrated. Where pulleys lie
+  /// between the tension that is known and the base, they slide by (s + d) / 2 with s measured and d of this
+  /// very motion, not of the measured bending: a tracker's noise would be friction there.
   BodyMotion Body(const ReplaySignals& signals, DrivenBy driven_by, int stride) const;
 
  private:
