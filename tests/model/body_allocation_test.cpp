@@ -14,14 +14,17 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-TEST(BodyAllocation, NoCallOfTheBodyAllocates) {
-  const Body body(test::TwoSections());
+class BodyAllocation : public testing::TestWithParam<BodyParameters> {};
+
+TEST_P(BodyAllocation, NoCallOfTheBodyAllocates) {
+  const Body body(GetParam());
   Body::Workspace workspace(body);
   const int n = body.dof(), m = body.tendons();
   test::Random random(1);
   const VectorXd q = random.Vector(n, -1, 1), dq = random.Vector(n, -1, 1), tension = random.Vector(m, 0, 5);
   VectorXd force(n), ddq(n), length(m), section(2 * body.sections());
-  MatrixXd mass(n, n), tip(6, n), jacobian(m, n);
+  MatrixXd mass(n, n), tip(6, n), jacobian(m, n), spans(m, body.units());
+  const Eigen::Matrix3Xd on_disks = Eigen::Matrix3Xd::Ones(3, body.units());
   std::vector<Pose> poses(static_cast<std::size_t>(body.units()));
   double sum = 0;
 
@@ -32,6 +35,9 @@ TEST(BodyAllocation, NoCallOfTheBodyAllocates) {
   body.TendonLengths(q, length);
   body.TendonShortening(q, length);
   body.TendonLengthJacobian(q, jacobian);
+  body.SpanShortening(q, spans);
+  body.TendonTurns(q, spans);
+  body.DiskForce(q, on_disks, force);
   body.TendonForce(q, tension, force);
   body.ForwardDynamics(q, dq, force, ddq, workspace);
   body.InverseDynamics(q, dq, ddq, force, workspace);
@@ -55,6 +61,8 @@ TEST(BodyAllocation, NoCallOfTheBodyAllocates) {
   const VectorXd counted(3);  // the counter does count
   EXPECT_GT(test::AllocationCount(), before);
 }
+
+INSTANTIATE_TEST_SUITE_P(Robots, BodyAllocation, testing::Values(test::TwoSections(), test::AsBuilt()));
 
 }  // namespace
 }  // namespace tendril::model

@@ -44,7 +44,7 @@ class ContactLaw final : public BodyLaw {
       force.setZero();
       force.col(i) = n_;
       body.DiskForce(q, force, lever);
-      stiffness += (stiffness_Npm_ * std::min(1.0, d / kEdge_m)) * lever * lever.transpose();
+      stiffness.noalias() += (stiffness_Npm_ * std::min(1.0, d / kEdge_m)) * lever * lever.transpose();
     }
   }
 
