@@ -71,7 +71,7 @@ struct TendonLaws {
   double torque_limit_Nm = std::numeric_limits<double>::infinity();
 
   // Motor.
-  std::vector<std::shared_ptr<const ShaftLaw>> shaft;
+  std::vector<std::shared_ptr<const ShaftLaw>> shaft{};
 
   /// Full play at the motor shaft [rad]: the spool stays where it is until the shaft has crossed it. A run
   /// begins with the play taken up in the pulling direction.
@@ -81,7 +81,7 @@ struct TendonLaws {
 
   // Tendon.
   double slack_m = 0;  // longer than the pretensioned tendon by this
-  std::vector<OwnedStretch> stretch;
+  std::vector<OwnedStretch> stretch{};
 };
 
 /// What the sensors add to the truth. Gain and offset of a load cell are numbers of the robot file.

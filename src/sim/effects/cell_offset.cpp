@@ -20,7 +20,7 @@ Effect CellOffset() {
       .signature =
           "The reading differs from what torque, stretch and shape say by the same newtons, at every "
           "tension and time.",
-      .experiment = "Read the cells with loose tendons.",
+      .experiment = "Read the cells with loose tendons: what they show then is the offset.",
       .confusable = {"cell_drift", "encoder_offset", "slack"},
       .edit =
           [](RobotParameters& robot, Target target, std::span<const double> v) {
