@@ -41,6 +41,23 @@ constexpr std::array<CutText, sim::kCuts> kCutTexts{{
     {"sensors", "one sensor", "another"},
 }};
 
+// How the names of parameters end, and the unit that it stands for; longer endings first.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 13> kUnits{{
+    {"m_per_rad", "m/rad"},
+    {"rad_per_m", "rad/m"},
+    {"N_per_s", "N/s"},
+    {"radps", "rad/s"},
+    {"Npm", "N/m"},
+    {"Nms", "N·m·s"},
+    {"rad", "rad"},
+    {"Nm", "N·m"},
+    {"kg", "kg"},
+    {"Pa", "Pa"},
+    {"N", "N"},
+    {"m", "m"},
+    {"s", "s"},
+}};
+
 // ---- writing ----------------------------------------------------------------------------------------------
 
 class Writer {
@@ -279,13 +296,29 @@ Json ToJson(const CutFinding& v) {
   return j;
 }
 
-// What the registry says of the effect, for readers of the page; not read back.
+// With what the registry says of the effect and the names and units of its parameters, for readers of the
+// page; these are not read back.
 Json ToJson(const Cause& v) {
   Json j = Json::object();
   Writer w(j);
   Fields(w, v);
+  for (const auto& [name, estimate] : v.parameters) {
+    const ParameterText text = TextOf(name);
+    j["parameters"][name]["word"] = text.word;
+    j["parameters"][name]["unit"] = text.unit;
+  }
   const sim::Effect* effect = sim::FindEffect(v.effect);
   j["about"] = effect ? std::string(effect->summary) : std::string();
+  return j;
+}
+
+Json ToJson(const Profile& v) {
+  Json j = Json::object();
+  Writer w(j);
+  Fields(w, v);
+  const ParameterText text = TextOf(v.parameter);
+  j["word"] = text.word;
+  j["unit"] = text.unit;
   return j;
 }
 
@@ -515,6 +548,19 @@ void Thin(Overlay& o, std::size_t most) {
 std::string VerdictName(Verdict verdict) { return kVerdicts.at(static_cast<std::size_t>(verdict)); }
 
 const CutText& TextOf(Cut cut) { return kCutTexts.at(static_cast<std::size_t>(cut)); }
+
+ParameterText TextOf(std::string_view parameter) {
+  std::string_view word = parameter, unit;
+  for (const auto& [ending, meaning] : kUnits) {
+    if (parameter != ending && !parameter.ends_with(fmt::format("_{}", ending))) continue;
+    word.remove_suffix(std::min(ending.size() + 1, word.size()));
+    unit = meaning;
+    break;
+  }
+  std::string words(word);
+  std::replace(words.begin(), words.end(), '_', ' ');
+  return {std::move(words), std::string(unit)};
+}
 
 Diagnosis Condensed(const Diagnosis& diagnosis) {
   Diagnosis d = diagnosis;

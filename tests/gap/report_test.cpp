@@ -15,6 +15,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <regex>
+#include <set>
 #include <sstream>
 
 #include "report_examples.h"
@@ -207,8 +208,9 @@ TEST(ReportJson, ComesBackAsItWas) {
 TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
   Diagnosis d = ExampleDiagnosis(Verdict::kAmbiguousGroup);
   for (Overlay& o : d.overlays) {
-    for (auto* curve : {&o.time_s, &o.measured, &o.before, &o.after, &o.x})
-      curve->resize(std::min<std::size_t>(curve->size(), 2));
+    for (auto* curve : {&o.time_s, &o.measured, &o.before, &o.after, &o.x}) {
+      if (!curve->empty()) *curve = {curve->front(), curve->back()};
+    }
   }
   d.maps.resize(1);
   d.profiles.resize(1);
@@ -220,7 +222,8 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
   for (const auto& [pointer, value] : flat.items()) {
     // Made from other fields or from the registry, not read.
     if (std::regex_search(pointer,
-                          std::regex("^/(chain|format|verdict)|/(about|tendon|section|cut|severity)$")))
+                          std::regex("^/(chain|format|verdict)|/(about|tendon|section|cut|severity|word)$|/"
+                                     "scale/unit$|^/profiles/0/unit$")))
       continue;
     Json other = original;
     Json& leaf = other[Json::json_pointer(pointer)];
@@ -240,7 +243,7 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
     // A renamed channel takes its key with it, a renamed place its number.
     if (pointer.ends_with("/channel") && pointer.starts_with("/closed")) {
       EXPECT_THAT(back["closed"]["channels"].dump(), HasSubstr(leaf.get<std::string>())) << pointer;
-    } else if (pointer.ends_with("/effect")) {
+    } else if (pointer.ends_with("/effect") || pointer.ends_with("/parameter")) {
       EXPECT_THAT(back.dump(), HasSubstr(leaf.get<std::string>())) << pointer;
     } else if (pointer.starts_with("/location") && pointer.ends_with("/where")) {
       EXPECT_EQ(back[Json::json_pointer(pointer)], leaf) << pointer;
@@ -269,6 +272,25 @@ TEST(ReportJson, DiffersBetweenEqualRunsOnlyInTheTimeTheyTook) {
   one["provenance"].erase("seconds");
   other["provenance"].erase("seconds");
   EXPECT_EQ(one.dump(), other.dump());
+}
+
+TEST(ReportJson, NamesTheUnitOfEachParameter) {
+  const auto text = [](const char* name) { return TextOf(name).word + "|" + TextOf(name).unit; };
+  EXPECT_EQ(text("mass_kg"), "mass|kg");
+  EXPECT_EQ(text("rad"), "|rad");
+  EXPECT_EQ(text("scale"), "scale|");
+  EXPECT_EQ(text("torque_Nm"), "torque|N·m");
+  EXPECT_EQ(text("speed_radps"), "speed|rad/s");
+  EXPECT_EQ(text("m_per_rad"), "|m/rad");
+  EXPECT_EQ(text("periods_per_turn"), "periods per turn|");
+  EXPECT_EQ(text("softening"), "softening|");
+  // Every parameter of the registry but pure numbers has one.
+  const std::set<std::string_view> pure{"scale", "mu", "fraction", "softening", "periods_per_turn"};
+  for (const sim::Effect& e : sim::Effects()) {
+    for (const sim::EffectParameter& p : e.parameters) {
+      EXPECT_EQ(TextOf(p.name).unit.empty(), pure.contains(p.name)) << e.name << " " << p.name;
+    }
+  }
 }
 
 TEST(ReportJson, ChannelsOfOneNameAreAllKept) {

@@ -28,14 +28,7 @@ struct Options {
 constexpr const char* kStages[] = {"drive", "transmission", "body", "sensors"};
 constexpr const char* kScopes[] = {"robot", "tendon", "unit", "section"};
 
-// The unit at the end of a parameter's name; empty for a scale and other pure numbers.
-std::string UnitOf(std::string_view parameter) {
-  const std::string_view end = parameter.substr(parameter.rfind('_') + 1);
-  for (const char* unit : {"N", "m", "s", "kg", "rad", "Nm", "Nms", "V"}) {
-    if (end == unit) return end == "Nm" ? "N·m" : end == "Nms" ? "N·m·s" : std::string(end);
-  }
-  return "";
-}
+std::string UnitOf(const sim::EffectParameter& p) { return gap::TextOf(p.name).unit; }
 
 std::string WhereTexts(const Effect& e) {
   if (e.scope == sim::Scope::kRobot) return "all";
@@ -47,7 +40,7 @@ Json ToJson(const Effect& e) {
   Json parameters = Json::array();
   for (const sim::EffectParameter& p : e.parameters) {
     parameters.push_back({{"name", p.name},
-                          {"unit", UnitOf(p.name)},
+                          {"unit", UnitOf(p)},
                           {"nominal", p.nominal},
                           {"lower", p.lower},
                           {"upper", p.upper},
@@ -106,8 +99,7 @@ void PrintOne(const Effect& e) {
   fmt::print("\n  parameter         nominal        from          to  plainly visible\n");
   for (const sim::EffectParameter& p : e.parameters) {
     fmt::print("  {:<14} {:>10.4g} {:>11.4g} {:>11.4g}  {:.3g}{}{}\n", p.name, p.nominal, p.lower, p.upper,
-               p.typical, UnitOf(p.name).empty() ? "" : " " + UnitOf(p.name),
-               p.shape ? "  (shape of the law)" : "");
+               p.typical, UnitOf(p).empty() ? "" : " " + UnitOf(p), p.shape ? "  (shape of the law)" : "");
   }
   const auto paragraph = [](const char* title, std::string_view text) {
     fmt::print("\n{}\n{}", title, gap::Wrapped(text, 2));

@@ -48,4 +48,10 @@ struct CutText {
 };
 const CutText& TextOf(sim::Cut cut);
 
+/// "mass_kg" -> "mass" and "kg"; "rad" -> "" and "rad"; "scale" -> "scale" and "".
+struct ParameterText {
+  std::string word, unit;
+};
+ParameterText TextOf(std::string_view parameter);
+
 }  // namespace tendril::gap

@@ -17,10 +17,11 @@ const kScales = {
   'kg': [[0.5, 1e3, 'g'], [Infinity, 1, 'kg']],
   'm/s': [[1, 1e3, 'mm/s'], [Infinity, 1, 'm/s']],
   'rad/s': [[Infinity, 180 / Math.PI, '°/s']],
+  'm/rad': [[1, 1e3, 'mm/rad'], [Infinity, 1, 'm/rad']],
   '1/m': [[Infinity, 1, '1/m']],
 };
 const scaleFor = (unit, magnitude) => {
-  const choices = kScales[unit === 'Nm' ? 'N·m' : unit];
+  const choices = kScales[unit];
   if (!choices) return {factor: 1, unit: unit || ''};
   const [, factor, name] = choices.find(([most]) => Math.abs(magnitude) < most) || choices[choices.length - 1];
   return {factor, unit: name};
@@ -51,17 +52,8 @@ const plain = name => name === 'no_gap' ? 'no gap' : name.replaceAll('_', ' ');
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
 const place = where => !where || where === 'all' ? '' : where.replace(':', ' ');
 const causeText = c => plain(c.effect) + (place(c.where) ? ` · ${place(c.where)}` : '');
-// "mass_kg" -> "mass" and "kg"; "scale" has no unit.
-const kUnits = ['Nmprad', 'Nms', 'Nm', 'kg', 'rad', 'N', 'm', 's'];
-const parameterParts = name => {
-  for (const unit of kUnits) {
-    if (name === unit) return ['', unit];
-    if (name.endsWith('_' + unit)) return [plain(name.slice(0, -unit.length - 1)), unit];
-  }
-  return [plain(name), ''];
-};
-const parameterText = (name, e) => {
-  const [word, unit] = parameterParts(name);
+const parameterText = e => {
+  const {word, unit} = e;
   const [low, high] = e.ci || [null, null];
   const s = scaleFor(unit, Math.max(Math.abs(e.value || 0), Math.abs(low || 0), Math.abs(high || 0)));
   const spread = low !== null && high !== null ? Math.abs(high - low) * s.factor : 0;
@@ -71,7 +63,7 @@ const parameterText = (name, e) => {
   const interval = spread > 0 ? ` [${number(low)}, ${number(high)}]` : '';
   return `${word ? word + ' ' : ''}${word === 'scale' ? '× ' : ''}${number(e.value)}${interval}${s.unit ? ' ' + s.unit : ''}`;
 };
-const parametersText = c => Object.entries(c.parameters).map(([n, e]) => parameterText(n, e)).join(', ');
+const parametersText = c => Object.values(c.parameters).map(parameterText).join(', ');
 const largest = lists => {
   let most = 0;
   for (const list of lists) for (const v of list || []) if (v !== null && Math.abs(v) > most) most = Math.abs(v);
@@ -772,7 +764,7 @@ const rivals = s => {
   if (profiles.length) {
     s.append(el('h3', {}, 'How well each number is determined'), el('p', {class: 'caption'}, 'A narrow valley: the runs fix the value. A flat line: any value would do.'));
     grid(s, profiles, 8, true, (host, p) => {
-      const [word, unit] = parameterParts(p.parameter), scale = scaleFor(unit, largest([p.value]));
+      const {word, unit} = p, scale = scaleFor(unit, largest([p.value]));
       const card = el('div', {class: 'card'}, el('h3', {}, causeText(p) + ' ', el('small', {}, word)));
       host.append(card);
       chart(card, `Score over ${p.effect} ${p.parameter}`, (svg, width) => {
