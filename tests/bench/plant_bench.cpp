@@ -8,9 +8,15 @@
 namespace tendril {
 namespace {
 
-void Millisecond(benchmark::State& state, const char* file) {
-  const RobotParameters robot = test::Rig(file);
+const std::vector<EffectSetting> kDrivetrainLaws{
+    {"stribeck", "all", {{"torque_Nm", 1e-4}}}, {"cogging", "all", {{"amplitude_Nm", 1e-4}}},
+    {"command_delay", "all", {{"s", 0.0023}}},  {"tendon_creep", "all", {{"fraction", 0.2}}},
+    {"backlash", "all", {{"rad", 0.1}}},        {"spool_growth", "all", {{"m_per_rad", 1e-4}}}};
+
+void Millisecond(benchmark::State& state, const char* file, const std::vector<EffectSetting>& effects = {}) {
+  RobotParameters robot = test::Rig(file);
   const test::CircleTorque circle(robot);
+  robot.effects = effects;
   sim::Plant plant(robot);
   for (auto _ : state) {
     state.PauseTiming();
@@ -31,6 +37,7 @@ void Millisecond(benchmark::State& state, const char* file) {
 BENCHMARK_CAPTURE(Millisecond, four_units_three_tendons, "rig_90mm.yaml")->Iterations(12000);
 BENCHMARK_CAPTURE(Millisecond, four_tendons, "four_tendon_90mm.yaml")->Iterations(12000);
 BENCHMARK_CAPTURE(Millisecond, two_sections_six_tendons, "two_section.yaml")->Iterations(12000);
+BENCHMARK_CAPTURE(Millisecond, drivetrain_laws, "rig_90mm.yaml", kDrivetrainLaws)->Iterations(12000);
 
 }  // namespace
 }  // namespace tendril
