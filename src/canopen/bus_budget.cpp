@@ -1,10 +1,11 @@
 // Worst-case load of the bus by a configuration.
 // Knows how long frames are and how often each is sent, nothing of drives' states.
+#include "bus_budget.h"
+
 #include <cmath>
 #include <cstdio>
 
 #include "tendril/canopen/master.h"
-#include "tendril/canopen/pdo.h"
 
 namespace tendril::canopen {
 namespace {
@@ -12,18 +13,23 @@ namespace {
 constexpr TimeNs kLongestCycle_ns = 1000 * kNsPerMs;
 
 struct Load {
-  double cyclic_bits_per_s, other_bits_per_s;
+  double cyclic_bits_per_s, other_bits_per_s, sdo_bits_per_s;
   double total() const { return cyclic_bits_per_s + other_bits_per_s; }
 };
 
 Load LoadOf(const BusParameters& bus, int drives, TimeNs cycle_ns) {
   const double sync = can::WorstCaseBits(0);
-  const double pdos = can::WorstCaseBits(kRpdoTorque.bytes()) + can::WorstCaseBits(kTpdoFeedback.bytes());
   const double status_rate_Hz = 1e4 / kTpdoStatus.inhibit_100us;
   const double status = can::WorstCaseBits(kTpdoStatus.bytes()) * status_rate_Hz;
   const double heartbeat_rate_Hz = bus.heartbeat_ms > 0 ? 1e3 / bus.heartbeat_ms : 0;
   const double heartbeat = can::WorstCaseBits(1) * heartbeat_rate_Hz;
-  return {(sync + drives * pdos) / ToSeconds(cycle_ns), drives * status + (drives + 1) * heartbeat};
+  const double sdo = kSdoExchangeBits / (kCyclesPerSdoExchange * ToSeconds(cycle_ns));
+  return {(sync + drives * kPdoBits) / ToSeconds(cycle_ns), drives * status + (drives + 1) * heartbeat + sdo,
+          sdo};
+}
+
+TimeNs TimeOf(int bits, const BusParameters& bus) {
+  return static_cast<TimeNs>(std::ceil(bits * 1e9 / bus.bitrate_bps));
 }
 
 }  // namespace
@@ -35,7 +41,13 @@ BusBudget ComputeBusBudget(const BusParameters& bus) {
   BusBudget budget;
   budget.cyclic_bits_per_s = load.cyclic_bits_per_s;
   budget.other_bits_per_s = load.other_bits_per_s;
+  budget.sdo_bits_per_s = load.sdo_bits_per_s;
   budget.load = load.total() / bus.bitrate_bps;
+  // Feedback yields to nothing but a frame that is on the bus already.
+  budget.feedback_ns = TimeOf(
+      can::WorstCaseBits(0) + drives * can::WorstCaseBits(kTpdoFeedback.bytes()) + can::WorstCaseBits(8),
+      bus);
+  budget.torques_ns = TimeOf(drives * can::WorstCaseBits(kRpdoTorque.bytes()), bus);
   while (budget.max_drives_at_this_cycle < 127 &&
          LoadOf(bus, budget.max_drives_at_this_cycle + 1, bus.cycle_ns).total() <= allowed) {
     ++budget.max_drives_at_this_cycle;
@@ -47,6 +59,31 @@ BusBudget ComputeBusBudget(const BusParameters& bus) {
     }
   }
   return budget;
+}
+
+std::string FeedbackDeadlineProblem(const BusParameters& bus) {
+  const BusBudget budget = ComputeBusBudget(bus);
+  const TimeNs latest_ns = bus.cycle_ns - budget.torques_ns;
+  if (bus.feedback_deadline_ns >= budget.feedback_ns && bus.feedback_deadline_ns <= latest_ns) return "";
+  const bool early = bus.feedback_deadline_ns < budget.feedback_ns;
+  std::array<char, 320> text{};
+  const int n = std::snprintf(
+      text.data(), text.size(), "%lld is too %s: at %d bit/s the %s of %d drives can take %lld ns%s; ",
+      static_cast<long long>(bus.feedback_deadline_ns), early ? "early" : "late", bus.bitrate_bps,
+      early ? "feedback" : "torques", static_cast<int>(bus.nodes.size()),
+      static_cast<long long>(early ? budget.feedback_ns : budget.torques_ns),
+      early ? " after SYNC" : ", before the next SYNC");
+  const auto rest = std::span(text).subspan(static_cast<std::size_t>(n));
+  if (budget.feedback_ns <= latest_ns) {
+    std::snprintf(rest.data(), rest.size(), "accepted: %lld .. %lld; %s it",
+                  static_cast<long long>(budget.feedback_ns), static_cast<long long>(latest_ns),
+                  early ? "raise" : "lower");
+  } else {
+    std::snprintf(rest.data(), rest.size(),
+                  "accepted: a cycle_ns of %lld or more; raise it or use fewer drives",
+                  static_cast<long long>(budget.feedback_ns + budget.torques_ns));
+  }
+  return text.data();
 }
 
 std::string BusBudget::ToString() const {

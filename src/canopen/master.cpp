@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <stdexcept>
 
+#include "bus_budget.h"
 #include "node.h"
 #include "tendril/canopen/wire.h"
 
@@ -47,7 +48,8 @@ void Check(const BusParameters& bus, std::span<const DriveSetup> drives) {
   if (bus.bitrate_bps <= 0 || bus.cycle_ns <= 0) {
     throw std::invalid_argument("bus.bitrate_bps and bus.cycle_ns must be positive");
   }
-  const BusBudget budget = ComputeBusBudget(WithNodes(bus, drives));
+  const BusParameters with_nodes = WithNodes(bus, drives);
+  const BusBudget budget = ComputeBusBudget(with_nodes);
   if (budget.load > bus.max_load) {
     std::array<char, 320> text{};
     std::snprintf(
@@ -65,6 +67,17 @@ void Check(const BusParameters& bus, std::span<const DriveSetup> drives) {
     }
     throw std::invalid_argument(line);
   }
+  if (const std::string problem = FeedbackDeadlineProblem(with_nodes); !problem.empty()) {
+    throw std::invalid_argument("bus.feedback_deadline_ns: " + problem);
+  }
+}
+
+/// Bits of a cycle up to bus.max_load, less what statuswords and heartbeats may need.
+int BitsForCyclicAndSdo(const BusParameters& bus, std::span<const DriveSetup> drives) {
+  const BusBudget budget = ComputeBusBudget(WithNodes(bus, drives));
+  const double bits_per_s =
+      bus.max_load * bus.bitrate_bps - (budget.other_bits_per_s - budget.sdo_bits_per_s);
+  return static_cast<int>(ToSeconds(bus.cycle_ns) * bits_per_s);
 }
 
 }  // namespace
@@ -74,7 +87,7 @@ struct Master::State {
       : port(port_in),
         cycle_ns(bus_in.cycle_ns),
         heartbeat_ns(bus_in.heartbeat_ms * kNsPerMs),
-        cycle_bits(static_cast<int>(ToSeconds(bus_in.cycle_ns) * bus_in.bitrate_bps * bus_in.max_load)) {
+        cycle_bits(BitsForCyclicAndSdo(bus_in, drives)) {
     node_of_id.fill(nullptr);
     nodes.reserve(drives.size());
     for (const DriveSetup& drive : drives) {
@@ -96,7 +109,8 @@ struct Master::State {
 
   can::CanPort& port;
   TimeNs cycle_ns, heartbeat_ns;
-  int cycle_bits;  // that may be used of a cycle
+  int cycle_bits;      // that SYNC, PDOs of each SYNC and SDO may use of a cycle
+  int sdo_credit = 0;  // bits that SDO may use now
   EventRing events;
   std::vector<std::unique_ptr<Node>> nodes;
   std::array<Node*, 128> node_of_id{};
@@ -237,23 +251,27 @@ void Master::State::SendHeartbeat(TimeNs now_ns) noexcept {
   if (next_heartbeat_ns <= now_ns) next_heartbeat_ns = now_ns + heartbeat_ns;
 }
 
-/// NMT commands and SDO requests share what the cyclic frames leave of the cycle, each node in its turn.
+/// NMT commands go at once. SDO requests share what the other frames leave of the bus up to its budget, each
+/// node in its turn: what a cycle leaves is saved up until it is enough for a request and its response. So
+/// SDO never adds more than one frame's time to a cycle's other frames, all of which have precedence on the
+/// bus.
 void Master::State::SendPending(TimeNs now_ns) noexcept {
   if (down) return;
-  constexpr int kTransferBits = 2 * can::WorstCaseBits(8);  // request and response
   const auto cyclic =
       std::count_if(nodes.begin(), nodes.end(), [](const auto& node) { return node->started(); });
-  const int free_bits = cycle_bits - can::WorstCaseBits(0) -
-                        static_cast<int>(cyclic) * (can::WorstCaseBits(kRpdoTorque.bytes()) +
-                                                    can::WorstCaseBits(kTpdoFeedback.bytes()));
-  int left = std::max(1, free_bits / kTransferBits);
-  for (std::size_t i = 0; i < nodes.size() && left > 0; ++i) {
-    const std::size_t at = (first_node + i) % nodes.size();
+  const int left = cycle_bits - can::WorstCaseBits(0) - static_cast<int>(cyclic) * kPdoBits;
+  sdo_credit = std::min(sdo_credit + left, std::max(kSdoExchangeBits, left));
+  const std::size_t first = first_node;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const std::size_t at = (first + i) % nodes.size();
     const can::CanFrame* frame = nodes[at]->pending();
     if (frame == nullptr) continue;
+    const bool sdo = frame->id != kNmtCobId;
+    if (sdo && sdo_credit < kSdoExchangeBits) continue;
     if (!Send(*frame, now_ns)) break;  // the queue is full: in the next cycle
     nodes[at]->PendingSent(now_ns);
-    if (--left == 0) first_node = (at + 1) % nodes.size();
+    sdo_credit -= sdo ? kSdoExchangeBits : can::WorstCaseBits(*frame);
+    if (sdo) first_node = (at + 1) % nodes.size();
   }
 }
 

@@ -12,21 +12,34 @@
 namespace tendril::emulator {
 namespace {
 
-/// What the drives send during a Poll goes to the port at once at its end: many frames, one system call.
+/// What the drives send during a Poll waits here, for two reasons: it goes to the port in one call, and the
+/// other drives of the rack must hear it, which no port does for its own frames.
 class Outbox final : public can::CanPort {
  public:
   explicit Outbox(can::CanPort& port) : port_(port) {}
 
-  void Open() noexcept { open_ = true; }
-  void Close() noexcept {
-    Flush();
-    open_ = false;
+  void Reserve(std::size_t drives) {
+    frames_.resize(64 + 16 * drives);
+    senders_.resize(frames_.size());
+  }
+  /// Who sends from now on; -1: nobody, what is sent goes out directly.
+  void SetSender(int drive) noexcept { sender_ = drive; }
+  bool half_full() const noexcept { return size_ > frames_.size() / 2; }
+  /// Sends everything, then calls `hear(frame, sender)` for each frame; what is sent by that follows.
+  template <class Hear>
+  void Flush(Hear hear) {
+    std::size_t sent = 0, heard = 0;
+    while (sent < size_) {
+      port_.SendAll(std::span(frames_).subspan(sent, size_ - sent));
+      for (sent = size_; heard < sent; ++heard) hear(frames_[heard], senders_[heard]);
+    }
+    size_ = 0;
   }
 
   bool Send(const can::CanFrame& frame) noexcept override {
-    if (!open_) return port_.Send(frame);
-    if (size_ == frames_.size()) Flush();
-    frames_[size_++] = frame;
+    if (sender_ < 0 || size_ == frames_.size()) return port_.Send(frame);
+    frames_[size_] = frame;
+    senders_[size_++] = sender_;
     return true;
   }
   int Receive(std::span<can::StampedFrame> frames) noexcept override { return port_.Receive(frames); }
@@ -35,15 +48,11 @@ class Outbox final : public can::CanPort {
   const can::CanCounters& counters() const noexcept override { return port_.counters(); }
 
  private:
-  void Flush() noexcept {
-    if (size_ > 0) port_.SendAll(std::span(frames_).first(size_));
-    size_ = 0;
-  }
-
   can::CanPort& port_;
-  bool open_ = false;
+  int sender_ = -1;
   std::size_t size_ = 0;
-  std::array<can::CanFrame, 64> frames_{};
+  std::vector<can::CanFrame> frames_;
+  std::vector<int> senders_;
 };
 
 }  // namespace
@@ -51,6 +60,22 @@ class Outbox final : public can::CanPort {
 struct DriveRack::State {
   explicit State(can::CanPort& p) : port(p) {}
   Drive& At(int drive) noexcept { return *drives[static_cast<std::size_t>(drive)]; }
+  /// Calls `act` for each drive but `except`, as the sender of what it then sends.
+  template <class Act>
+  void Each(int except, Act act) {
+    for (int i = 0; i < static_cast<int>(drives.size()); ++i) {
+      port.SetSender(i);
+      if (i != except) act(At(i));
+    }
+    port.SetSender(-1);
+  }
+  void Hear(const can::CanFrame& frame, int sender, TimeNs now_ns) {
+    const bool sync = canopen::IsSync(frame);
+    Each(sender, [&](Drive& drive) { sync ? drive.OnSync(now_ns) : drive.OnFrame(frame, now_ns); });
+  }
+  void Flush(TimeNs now_ns) {
+    port.Flush([&](const can::CanFrame& frame, int sender) { Hear(frame, sender, now_ns); });
+  }
 
   Outbox port;
   std::vector<std::unique_ptr<Drive>> drives;
@@ -71,6 +96,7 @@ DriveRack::DriveRack(std::span<const EmulatedDriveParameters> drives, can::CanPo
     taken.set(static_cast<std::size_t>(id));
     state_->drives.push_back(std::make_unique<Drive>(parameters, state_->port));
   }
+  state_->port.Reserve(drives.size());
 }
 
 DriveRack::~DriveRack() = default;
@@ -84,26 +110,20 @@ void DriveRack::SetSensors(int drive, const DriveSensors& sensors) noexcept {
 }
 
 int DriveRack::Poll(TimeNs now_ns) {
+  State& s = *state_;
   int syncs = 0;
-  state_->port.Open();
   while (true) {
-    const int n = state_->port.Receive(state_->batch);
+    const int n = s.port.Receive(s.batch);
     for (int i = 0; i < n; ++i) {
-      const can::CanFrame& frame = state_->batch[static_cast<std::size_t>(i)].frame;
-      const bool sync = canopen::IsSync(frame);
-      if (sync) ++syncs;
-      for (const auto& drive : state_->drives) {
-        if (sync) {
-          drive->OnSync(now_ns);
-        } else {
-          drive->OnFrame(frame, now_ns);
-        }
-      }
+      const can::CanFrame& frame = s.batch[static_cast<std::size_t>(i)].frame;
+      if (canopen::IsSync(frame)) ++syncs;
+      s.Hear(frame, -1, now_ns);
+      if (s.port.half_full()) s.Flush(now_ns);
     }
-    if (n < static_cast<int>(state_->batch.size())) break;
+    if (n < static_cast<int>(s.batch.size())) break;
   }
-  for (const auto& drive : state_->drives) drive->OnTime(now_ns);
-  state_->port.Close();
+  s.Each(-1, [now_ns](Drive& drive) { drive.OnTime(now_ns); });
+  s.Flush(now_ns);
   return syncs;
 }
 

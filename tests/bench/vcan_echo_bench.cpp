@@ -205,7 +205,7 @@ BusParameters Bus() {
   BusParameters bus;
   bus.bitrate_bps = 1'000'000;
   bus.cycle_ns = kCycle_ns;
-  bus.feedback_deadline_ns = 900'000;
+  bus.feedback_deadline_ns = 600'000;
   bus.heartbeat_ms = 100;
   bus.heartbeat_timeout_ms = 2000;  // the machine may be busy: this is no test of losses
   bus.sdo_timeout_ms = 500;

@@ -254,10 +254,13 @@ TEST(Construction, RefusesWhatDoesNotFit) {
   };
   EXPECT_THAT(refusal(TestBus(3), TestDrives(3)), IsEmpty());
   EXPECT_EQ(refusal(TestBus(4), TestDrives(4)),
-            "4 drives at bus.cycle_ns = 1000000 need 101 % of the CAN bus, more than bus.max_load = 80 %: at "
+            "4 drives at bus.cycle_ns = 1000000 need 102 % of the CAN bus, more than bus.max_load = 80 %: at "
             "most 3 "
             "drives fit this cycle, these drives fit bus.cycle_ns = 2000000 or longer");
   EXPECT_THAT(refusal(TestBus(4, 2 * kNsPerMs), TestDrives(4)), IsEmpty());
+  BusParameters early = TestBus(3);
+  early.feedback_deadline_ns = 500'000;
+  EXPECT_THAT(refusal(early, TestDrives(3)), HasSubstr("bus.feedback_deadline_ns: 500000 is too early"));
   EXPECT_THAT(refusal(TestBus(0), {}), HasSubstr("1..16 drives"));
   EXPECT_THAT(refusal(TestBus(1), {{127, 360, 720, 19600, 7056}}), HasSubstr("node ids are 1..126"));
   EXPECT_THAT(refusal(TestBus(2), {{5, 360, 720, 19600, 7056}, {5, 360, 720, 19600, 7056}}),

@@ -405,10 +405,12 @@ TEST(BusBudget, FrameLengths) {
 
 TEST(BusBudget, ThreeDrivesAtOneKilohertz) {
   const BusBudget budget = ComputeBusBudget(Bus(3, kNsPerMs));
-  // By hand: 1000 (55 + 3 x 230) cyclic; 3 x 100 x 75 statuswords; 4 x 10 x 65 heartbeats.
+  // By hand: 1000 (55 + 3 x 230) cyclic; 3 x 100 x 75 statuswords; 4 x 10 x 65 heartbeats; 50 x 270 SDO.
   EXPECT_DOUBLE_EQ(budget.cyclic_bits_per_s, 745'000);
-  EXPECT_DOUBLE_EQ(budget.other_bits_per_s, 22'500 + 2'600);
-  EXPECT_NEAR(budget.load, 0.7701, 1e-9);
+  EXPECT_DOUBLE_EQ(budget.other_bits_per_s, 22'500 + 2'600 + 13'500);
+  EXPECT_NEAR(budget.load, 0.7836, 1e-9);
+  EXPECT_EQ(budget.feedback_ns, 595'000) << "55 + 3 x 135 + 135 bits";
+  EXPECT_EQ(budget.torques_ns, 285'000) << "3 x 95 bits";
   EXPECT_EQ(budget.max_drives_at_this_cycle, 3);
   EXPECT_EQ(budget.min_cycle_ns_for_these_drives, kNsPerMs);
 }
@@ -421,13 +423,32 @@ TEST(BusBudget, WhatFits) {
   EXPECT_LE(ComputeBusBudget(Bus(6, 2 * kNsPerMs)).load, 0.8);
   EXPECT_GT(ComputeBusBudget(Bus(7, 2 * kNsPerMs)).load, 0.8);
   EXPECT_EQ(ComputeBusBudget(Bus(12, 2 * kNsPerMs)).min_cycle_ns_for_these_drives, 5 * kNsPerMs)
-      << "at 4 ms by hand: 250 (55 + 12 x 230) + 90 000 + 8450 = 802 200 bit/s";
+      << "at 4 ms by hand: 250 (55 + 12 x 230) + 90 000 + 8450 + 3375 = 805 575 bit/s";
   BusParameters slow = Bus(3, kNsPerMs);
   slow.bitrate_bps = 10'000;
   EXPECT_EQ(ComputeBusBudget(slow).max_drives_at_this_cycle, 0);
   EXPECT_EQ(ComputeBusBudget(slow).min_cycle_ns_for_these_drives, 0) << "statuswords alone fill it";
   EXPECT_THAT(ComputeBusBudget(Bus(3, kNsPerMs)).ToString(),
-              HasSubstr("77.0 % (745000 bit/s cyclic, 25100 bit/s other); at most 3 drives fit this cycle"));
+              HasSubstr("78.4 % (745000 bit/s cyclic, 38600 bit/s other); at most 3 drives fit this cycle"));
+}
+
+TEST(BusBudget, TheFeedbackDeadlineLeavesTimeForFeedbackAndForTorques) {
+  const auto problem = [](int drives, TimeNs cycle_ns, TimeNs deadline_ns) {
+    BusParameters bus = Bus(drives, cycle_ns);
+    bus.feedback_deadline_ns = deadline_ns;
+    return FeedbackDeadlineProblem(bus);
+  };
+  EXPECT_EQ(problem(3, kNsPerMs, 595'000), "");
+  EXPECT_EQ(problem(3, kNsPerMs, 715'000), "");
+  EXPECT_EQ(problem(3, kNsPerMs, 594'999),
+            "594999 is too early: at 1000000 bit/s the feedback of 3 drives can take 595000 ns after SYNC; "
+            "accepted: "
+            "595000 .. 715000; raise it");
+  EXPECT_EQ(problem(3, kNsPerMs, 715'001),
+            "715001 is too late: at 1000000 bit/s the torques of 3 drives can take 285000 ns, before the "
+            "next SYNC; "
+            "accepted: 595000 .. 715000; lower it");
+  EXPECT_THAT(problem(6, kNsPerMs, 600'000), HasSubstr("accepted: a cycle_ns of 1570000 or more"));
 }
 
 }  // namespace

@@ -403,6 +403,34 @@ TEST(Heartbeat, LossOfTheMasterDisablesAndNeedsTheRightRecovery) {
   EXPECT_EQ(m.State(), 0x40);
 }
 
+// On a real bus every drive hears every other; in one rack too.
+TEST(Heartbeat, DrivesOfOneRackWatchEachOther) {
+  RawMaster m({RawMaster::Drive(1), RawMaster::Drive(2)});
+  m.Poll();
+  ASSERT_EQ(m.Write(0x1017, 0, 20, 2, 1), 0u);
+  ASSERT_EQ(m.Write(0x1016, 1, 0x00010032, 4, 2), 0u);  // drive 2 watches node 1, 50 ms
+  ASSERT_EQ(m.Write(0x1016, 2, 0x00020032, 4, 2), 0u);  // ... and itself, whom no node hears
+  EXPECT_THAT(RawMaster::Of(0x082, m.Run(500)), IsEmpty());
+  m.rack().SetSupply(0, false);
+  const auto emcy = RawMaster::Of(0x082, m.Run(100));
+  ASSERT_EQ(emcy.size(), 1u);
+  EXPECT_EQ(emcy[0][0] | emcy[0][1] << 8, 0x8130);
+}
+
+TEST(Feedback, ADriveMayTakeAnothersTpdo) {
+  RawMaster m({RawMaster::Drive(1), RawMaster::Drive(2)});
+  m.Poll();
+  m.Enable(2);
+  m.Nmt(0x80, 0);
+  m.Remap(0x1800, 0x1A00, 0x181, 1, {0x60770010});       // actual torque of drive 1 ...
+  m.Remap(0x1400, 0x1600, 0x181, 255, {0x60710010}, 2);  // ... is the set value of drive 2
+  m.Nmt(0x01, 0);
+  m.rack().SetSensors(0, {.position_counts = 0, .velocity_rpm = 0, .actual_torque_Nm = 0.25 * 7056e-6});
+  m.Sync();
+  m.Poll();
+  EXPECT_EQ(static_cast<std::int16_t>(m.Read(0x6071, 0, 2).number()), 250);
+}
+
 TEST(Heartbeat, OneConsumerANode) {
   RawMaster m;
   m.Poll();

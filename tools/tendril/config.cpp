@@ -37,6 +37,9 @@ void Check(const std::string& path) {
         fmt::format("{:.1f} % of the bus needed by {} drives; accepted: up to {:.1f} % (bus.max_load); {}",
                     100 * budget.load, daemon.bus.nodes.size(), 100 * daemon.bus.max_load, Remedy(budget)));
   }
+  if (const std::string problem = canopen::FeedbackDeadlineProblem(daemon.bus); !problem.empty()) {
+    throw config::ErrorAt(path, "bus.feedback_deadline_ns", problem);
+  }
   fmt::print("{}# {}\n", config::ToYaml(daemon), budget.ToString());  // still one YAML file
 }
 

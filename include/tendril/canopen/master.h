@@ -34,20 +34,29 @@ struct BusEvent {
   std::array<char, 160> text{};  // one line: node, step, index:sub, value, abort text
 };
 
-/// Share of the bit rate that a configuration needs in the worst case.
+/// Share of the bit rate that a configuration needs in the worst case, and the time that frames need in a
+/// cycle.
 struct BusBudget {
   double load = 0;  // of the bit rate, 0..
-  double cyclic_bits_per_s = 0, other_bits_per_s = 0;
+  double cyclic_bits_per_s = 0;
+  double other_bits_per_s = 0;  // statuswords, heartbeats, and SDO as `sdo_bits_per_s`
+  double sdo_bits_per_s = 0;  // kept free for SDO; the master uses this and what else is left below max_load
+  TimeNs feedback_ns = 0;     // from SYNC until the last feedback is in, another frame in the way included
+  TimeNs torques_ns = 0;      // that the torques of all drives need
   int max_drives_at_this_cycle = 0;
   TimeNs min_cycle_ns_for_these_drives = 0;  // shortest whole-millisecond cycle that fits
   std::string ToString() const;
 };
 BusBudget ComputeBusBudget(const BusParameters& bus);
+/// What is wrong with bus.feedback_deadline_ns, empty when nothing is: the feedback must be able to come
+/// before it, and the torques to reach the drives after it, before the next SYNC.
+std::string FeedbackDeadlineProblem(const BusParameters& bus);
 
 class Master {
  public:
   /// Drives in the order in which feedback and torques are given. Throws std::invalid_argument on a budget
-  /// above bus.max_load, naming drive count and cycle that would fit.
+  /// above bus.max_load, naming drive count and cycle that would fit, and on a feedback deadline that the
+  /// frames cannot keep.
   Master(const BusParameters& bus, std::span<const DriveSetup> drives, can::CanPort& port);
   ~Master();
 
