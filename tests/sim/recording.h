@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "motions.h"
+#include "tendril/sim/effects.h"
 #include "tendril/sim/plant.h"
 #include "tendril/sim/replay.h"
 
@@ -24,14 +25,24 @@ struct Recording {
   Eigen::MatrixXd tip_rotation;    // S x 3, rotation vectors
 };
 
+/// Sensors whose steps are far below everything that is compared.
+inline RobotParameters WithSharpSensors(RobotParameters robot) {
+  for (auto& t : robot.actuation->tendons) {
+    t.drive.encoder_counts_per_turn = 10'000'000;
+    t.load_cell.resolution_V = 1e-9;
+  }
+  return robot;
+}
+
 using TorqueProgram = std::function<Eigen::VectorXd(double t_s)>;
 
 /// `samples` milliseconds under the program, one torque a millisecond; `hold_ms` before, unrecorded, under
 /// the first torque.
 inline Recording Record(const RobotParameters& robot, const TorqueProgram& torque, int samples,
                         int hold_ms = 0) {
-  constexpr TimeNs kBefore = 50 * kNsPerUs;  // the acceleration is a difference over this
-  sim::Plant plant(robot, {.sensor_noise = false, .relative_tolerance = 1e-8, .absolute_tolerance = 1e-9});
+  constexpr TimeNs kBefore = 10 * kNsPerUs;  // the acceleration is a difference over this
+  const RobotParameters sharp = WithSharpSensors(robot), folded = sim::FoldEffects(robot);
+  sim::Plant plant(sharp, {.sensor_noise = false, .relative_tolerance = 1e-8, .absolute_tolerance = 1e-9});
   const int m = plant.tendons(), n = plant.body().dof();
   for (int i = 0; i < hold_ms; ++i) {
     plant.SetTorque(torque(0));
@@ -50,20 +61,25 @@ inline Recording Record(const RobotParameters& robot, const TorqueProgram& torqu
   r.tip_rotation.resize(samples, 3);
   Eigen::VectorXd before = Eigen::VectorXd::Zero(m);
   for (int i = 0; i < samples; ++i) {
+    const std::vector<sim::TendonSensors> sensors = plant.ReadSensors();
     for (int j = 0; j < m; ++j) {
       const sim::TendonState& t = plant.tendon()[static_cast<std::size_t>(j)];
-      r.signals.torque_actual_Nm(i, j) = t.motor_torque_Nm;
-      r.signals.motor_angle_rad(i, j) = t.motor_angle_rad;
+      const auto& p = sharp.actuation->tendons[static_cast<std::size_t>(j)];
+      const auto& real = folded.actuation->tendons[static_cast<std::size_t>(j)];
+      const sim::TendonSensors& sensor = sensors[static_cast<std::size_t>(j)];
+      r.signals.torque_actual_Nm(i, j) = t.motor_torque_Nm / real.motor.torque_scale;
+      r.signals.motor_angle_rad(i, j) =
+          2 * std::numbers::pi * sensor.encoder_counts / p.drive.encoder_counts_per_turn;
       r.signals.motor_velocity_radps(i, j) = t.motor_velocity_radps;
-      r.signals.tension_N(i, j) = t.tension_motor_N;
+      r.signals.tension_N(i, j) = sensor.load_cell_V / p.load_cell.gain_VpN - p.load_cell.offset_N;
       r.tension_base_N(i, j) = t.tension_base_N;
       r.shortening_m(i, j) = t.body_shortening_m;
       r.sliding(i, j) = t.sliding;
     }
     r.q.row(i) = plant.q().transpose();
-    const model::Pose pose = plant.TipPose();
-    r.tip_m.row(i) = pose.p_WA.transpose();
-    const Eigen::AngleAxisd turn(pose.R_WA);
+    const sim::TrackerReading tracker = plant.ReadTracker();
+    r.tip_m.row(i) = tracker.tip_W_m.transpose();
+    const Eigen::AngleAxisd turn(tracker.orientation_WT);
     r.tip_rotation.row(i) = (turn.angle() * turn.axis()).transpose();
 
     const Eigen::VectorXd now = torque(i * 1e-3);
