@@ -13,6 +13,11 @@ const std::vector<EffectSetting> kDrivetrainLaws{
     {"command_delay", "all", {{"s", 0.0023}}},  {"tendon_creep", "all", {{"fraction", 0.2}}},
     {"backlash", "all", {{"rad", 0.1}}},        {"spool_growth", "all", {{"m_per_rad", 1e-4}}}};
 
+const std::vector<EffectSetting> kBodyLaws{{"backbone_hysteresis", "all", {{"moment_Nm", 1e-3}}},
+                                           {"superelastic", "all", {{"softening", 0.3}}},
+                                           {"routing_friction", "all", {{"mu", 0.15}}},
+                                           {"contact", "all", {{"stiffness_Npm", 100}, {"gap_m", 0.02}}}};
+
 void Millisecond(benchmark::State& state, const char* file, const std::vector<EffectSetting>& effects = {}) {
   RobotParameters robot = test::Rig(file);
   const test::CircleTorque circle(robot);
@@ -38,6 +43,7 @@ BENCHMARK_CAPTURE(Millisecond, four_units_three_tendons, "rig_90mm.yaml")->Itera
 BENCHMARK_CAPTURE(Millisecond, four_tendons, "four_tendon_90mm.yaml")->Iterations(12000);
 BENCHMARK_CAPTURE(Millisecond, two_sections_six_tendons, "two_section.yaml")->Iterations(12000);
 BENCHMARK_CAPTURE(Millisecond, drivetrain_laws, "rig_90mm.yaml", kDrivetrainLaws)->Iterations(12000);
+BENCHMARK_CAPTURE(Millisecond, body_laws, "rig_90mm.yaml", kBodyLaws)->Iterations(12000);
 
 }  // namespace
 }  // namespace tendril

@@ -40,14 +40,13 @@ class RoutingLaw final : public BodyLaw {
     }
   }
 
-  /// By the change of z along x and, with phi about half the sum of the neighbouring units' bends, of phi.
+  /// By the change of z along x and of phi, with phi about half the sum of the neighbouring units' bends.
   void AddStiffness(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef tension_N,
                     model::MatrixRef stiffness) const noexcept override {
     const int m = body.tendons(), n = body.dof();
-    Spans turn(m, units_), slide(m, units_);
+    Spans slide(m, units_);
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, 2 * kMaxUnits> lengths(m, n);
     body.TendonLengthJacobian(q, lengths);
-    body.TendonTurns(q, turn);
     Slide(body, q, slide);
     UnitVector slope(n);  // of what is lost up to a disk
     for (int j = 0; j < m; ++j) {
@@ -56,17 +55,17 @@ class RoutingLaw final : public BodyLaw {
       double lost = 0;
       slope.setZero();
       for (int i = 0; i + 1 < end; ++i) {
+        const Eigen::Vector2d bend = 0.5 * (q.segment<2>(2 * i) + q.segment<2>(2 * i + 2));
+        const double turn = bend.norm();
+        const Eigen::Vector2d towards = turn > 0 ? Eigen::Vector2d(bend / turn) : Eigen::Vector2d(0, 0);
         const auto& memory = memory_[At(j, i)];
         constexpr double kStep_m = 1e-3 * kPresliding_m;
-        const double x = slide(j, i), z = memory.Peek(x);
-        const double z_slope = (memory.Peek(x + kStep_m) - memory.Peek(x - kStep_m)) / (2 * kStep_m);
-        lost += mu_ * turn(j, i) * z;
-        for (int k = 2 * (i + 1); k < 2 * end; ++k) slope[k] -= mu_ * turn(j, i) * z_slope * lengths(j, k);
-        const Eigen::Vector2d bend = q.segment<2>(2 * i) + q.segment<2>(2 * i + 2);
-        if (bend.norm() > 0) {
-          slope.segment<2>(2 * i) += 0.5 * mu_ * z * bend / bend.norm();
-          slope.segment<2>(2 * i + 2) += 0.5 * mu_ * z * bend / bend.norm();
-        }
+        const double x = slide(j, i), before = memory.Peek(x - kStep_m), after = memory.Peek(x + kStep_m);
+        const double z = 0.5 * (before + after), along_x = mu_ * turn * (after - before) / (2 * kStep_m);
+        lost += mu_ * turn * z;
+        for (int k = 2 * (i + 1); k < 2 * end; ++k) slope[k] -= along_x * lengths(j, k);
+        slope.segment<2>(2 * i) += 0.5 * mu_ * z * towards;
+        slope.segment<2>(2 * i + 2) += 0.5 * mu_ * z * towards;
         const double tension = tension_N[j] * std::exp(-lost);
         for (int row = 2 * (i + 1); row < 2 * (i + 2); ++row) {
           for (int k = 0; k < 2 * end; ++k) stiffness(row, k) -= tension * lengths(j, row) * slope[k];
@@ -128,7 +127,7 @@ Effect RoutingFriction() {
           "At every disk where it goes on, a tendon turns by half the bends of the units on either side. "
           "Sliding over it costs the factor exp(-mu x turn), as on a capstan: a pulled tendon arrives at the "
           "tip with less tension than at the base, a released one keeps it there. After a reversal the "
-          "friction turns round over 0.02 mm of sliding. With n units bent by theta in all the last unit "
+          "friction turns round over 0.04 mm of sliding. With n units bent by theta in all the last unit "
           "lacks about mu theta (n - 1) / n of the tension.",
       .signature =
           "Hysteresis of the shape against base tension that grows with tension and with bend and vanishes "
