@@ -14,6 +14,7 @@
 #include "csv.h"
 #include "sources.h"
 #include "tendril/config/config.h"
+#include "tendril/sim/effects.h"
 
 namespace tendril::gap {
 namespace {
@@ -297,7 +298,7 @@ DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot
                                         : fs::path(path).parent_path() / "robot.yaml");
   }
   if (!robot_from.empty()) {
-    set.robot = config::LoadRobot(robot_from);
+    set.robot = sim::LoadRobot(robot_from);
   } else {
     std::vector<fs::path> files;
     for (const std::string& path : paths) {

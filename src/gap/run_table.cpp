@@ -59,39 +59,6 @@ std::string Listed(const std::vector<std::string>& names) {
   return text;
 }
 
-// Rows whose time is there and greater than that of the row before. A single row that jumps ahead of the two
-// after it is the wrong one, not they.
-std::vector<int> RowsInTime(const std::vector<double>& t, const std::vector<int>& lines, Run& run) {
-  std::vector<int> rows;
-  rows.reserve(t.size());
-  const auto later = [&](std::size_t i, std::size_t than) { return t[i] > t[than]; };
-  std::size_t without = 0, back = 0;
-  int first_back = 0;
-  for (std::size_t i = 0; i < t.size(); ++i) {
-    if (!std::isfinite(t[i])) {
-      ++without;
-      continue;
-    }
-    const auto last = rows.empty() ? t.size() : static_cast<std::size_t>(rows.back());
-    const bool jumped = i + 2 < t.size() && !later(i + 1, i) && !later(i + 2, i) && later(i + 2, i + 1) &&
-                        (rows.empty() || later(i + 1, last));
-    if (jumped || (!rows.empty() && !later(i, last))) {
-      if (back++ == 0) first_back = lines[i];
-      continue;
-    }
-    rows.push_back(static_cast<int>(i));
-  }
-  if (without > 0) run.notes.push_back(fmt::format("{} rows without a time dropped", without));
-  if (back > 0) {
-    run.notes.push_back(
-        fmt::format("{} rows whose time does not increase dropped, the first in line {}; if the clock "
-                    "restarted there, split "
-                    "the file",
-                    back, first_back));
-  }
-  return rows;
-}
-
 // Quaternions of unit norm; what is no rotation is no value.
 void Normalise(Run& run) {
   if (run.tip_quaternion.cols() == 0) return;
@@ -137,18 +104,36 @@ class Columns {
 
 }  // namespace
 
-void KeepRows(Run& run, const std::vector<int>& rows) {
-  const auto keep = [&](auto& of) {
-    if (of.cols() == 0 || of.rows() == 0) return;
-    for (std::size_t i = 0; i < rows.size(); ++i)
-      of.row(static_cast<Eigen::Index>(i)) = of.row(rows[i]).eval();
-    of.conservativeResize(static_cast<Eigen::Index>(rows.size()), of.cols());
-  };
-  keep(run.time_s);
-  for (Eigen::MatrixXd* of : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
-                              &run.tension_N, &run.tip_m, &run.tip_quaternion, &run.bending_rad}) {
-    keep(*of);
+// A single row that jumps ahead of the two after it is the wrong one, not they.
+std::vector<int> RowsInTime(const std::vector<double>& t, const std::vector<int>& lines, Run& run) {
+  std::vector<int> rows;
+  rows.reserve(t.size());
+  const auto later = [&](std::size_t i, std::size_t than) { return t[i] > t[than]; };
+  std::size_t without = 0, back = 0;
+  int first_back = 0;
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    if (!std::isfinite(t[i])) {
+      ++without;
+      continue;
+    }
+    const auto last = rows.empty() ? t.size() : static_cast<std::size_t>(rows.back());
+    const bool jumped = i + 2 < t.size() && !later(i + 1, i) && !later(i + 2, i) && later(i + 2, i + 1) &&
+                        (rows.empty() || later(i + 1, last));
+    if (jumped || (!rows.empty() && !later(i, last))) {
+      if (back++ == 0) first_back = lines[i];
+      continue;
+    }
+    rows.push_back(static_cast<int>(i));
   }
+  if (without > 0) run.notes.push_back(fmt::format("{} rows without a time dropped", without));
+  if (back > 0) {
+    run.notes.push_back(
+        fmt::format("{} rows whose time does not increase dropped, the first in line {}; if the clock "
+                    "restarted there, split "
+                    "the file",
+                    back, first_back));
+  }
+  return rows;
 }
 
 void NoteGaps(Run& run) {

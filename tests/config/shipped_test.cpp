@@ -19,6 +19,8 @@ TEST(Shipped, EveryFileLoads) {
   int files = 0;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(ConfigPath(""))) {
     if (entry.path().extension() != ".yaml") continue;
+    if (entry.path().stem().string().ends_with("_map"))
+      continue;  // of foreign tables, held by the tests of gap
     SCOPED_TRACE(entry.path());
     ++files;
     if (KindOf(entry.path()) == "scenario") {

@@ -27,6 +27,7 @@ void AddConfigCommand(CLI::App& app);
 void AddDemoCommand(CLI::App& app);
 void AddFollowCommand(CLI::App& app);
 void AddGapExplainCommand(CLI::App& app);
+void AddGapImportCommand(CLI::App& app);
 void AddGapReportCommand(CLI::App& app);
 void AddGapSimulateCommand(CLI::App& app);
 void AddModelCommand(CLI::App& app);

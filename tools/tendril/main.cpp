@@ -48,6 +48,7 @@ int main(int argc, char** argv) {
   tendril::tools::AddDemoCommand(app);
   tendril::tools::AddFollowCommand(app);
   tendril::tools::AddGapExplainCommand(app);
+  tendril::tools::AddGapImportCommand(app);
   tendril::tools::AddGapReportCommand(app);
   tendril::tools::AddGapSimulateCommand(app);
   tendril::tools::AddModelCommand(app);

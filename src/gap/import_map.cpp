@@ -1,0 +1,437 @@
+// Column maps out of YAML; every refusal names file, line, key, what is accepted and the remedy.
+#include "import_map.h"
+
+#include <fmt/core.h>
+#include <yaml-cpp/yaml.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <set>
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+// A map that is larger is not one.
+constexpr std::size_t kMostBytes = std::size_t{1} << 20;
+
+using Units = std::map<std::string, double>;
+
+const Units kTimes{{"s", 1}, {"unix_s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}, {"min", 60}};
+const Units kLengths{{"m", 1}, {"cm", 1e-2}, {"mm", 1e-3}, {"um", 1e-6}, {"inch", 0.0254}};
+const Units kAngles{{"rad", 1}, {"deg", kDegree}, {"turns", 2 * std::numbers::pi}};
+
+std::string Join(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+template <class Value>
+std::string Names(const std::map<std::string, Value>& of) {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : of) names.push_back(name);
+  return Join(names);
+}
+
+/// One mapping of the file; every key that is read becomes an accepted one.
+class Block {
+ public:
+  Block(const YAML::Node& node, std::string file, std::string key)
+      : node_(node), file_(std::move(file)), key_(std::move(key)) {
+    if (node_ && !node_.IsMap()) Fail("", "is not a block of keys", "a block such as 'column: t'");
+  }
+
+  bool Has(const char* key) {
+    known_.insert(key);
+    return node_ && node_[key];
+  }
+  YAML::Node Get(const char* key) { return Has(key) ? node_[key] : YAML::Node(YAML::NodeType::Undefined); }
+  Block Sub(const char* key) { return {Get(key), file_, key_.empty() ? key : key_ + "." + key}; }
+
+  std::string Text(const char* key, const std::string& otherwise) {
+    if (!Has(key)) return otherwise;
+    if (!node_[key].IsScalar()) Fail(key, "is not a text", "one word or number");
+    return node_[key].Scalar();
+  }
+  double Number(const char* key, double otherwise, double least, double most) {
+    if (!Has(key)) return otherwise;
+    return NumberOf(node_[key], key, least, most);
+  }
+  template <class Value>
+  Value Choice(const char* key, const std::map<std::string, Value>& choices, const std::string& otherwise) {
+    const std::string text = Text(key, otherwise);
+    const auto found = choices.find(text);
+    if (found == choices.end()) Fail(key, "'" + Printable(text) + "' is not known", Names(choices));
+    return found->second;
+  }
+  /// A list of `count` texts; `null` is an empty one.
+  std::vector<std::string> Texts(const char* key, std::size_t count, const char* what) {
+    const YAML::Node list = Get(key);
+    if (!list || !list.IsSequence() || list.size() != count) {
+      Fail(key,
+           list && list.IsSequence() ? fmt::format("has {} entries", list.size()) : "is missing or no list",
+           fmt::format("a list of {} column names: {}", count, what));
+    }
+    std::vector<std::string> texts;
+    for (const YAML::Node& entry : list) {
+      if (!entry.IsScalar() && !entry.IsNull())
+        Fail(key, "holds something other than names", "column names, or null");
+      texts.push_back(entry.IsNull() ? std::string() : std::string(Trimmed(entry.Scalar())));
+    }
+    return texts;
+  }
+  /// A number for all, or a list of one each.
+  std::vector<double> Numbers(const char* key, std::size_t count, double otherwise) {
+    const YAML::Node node = Get(key);
+    if (!node) return std::vector<double>(count, otherwise);
+    if (node.IsScalar()) return std::vector<double>(count, NumberOf(node, key, -1e12, 1e12));
+    if (!node.IsSequence() || node.size() != count)
+      Fail(key, "does not fit", fmt::format("a number, or a list of {}", count));
+    std::vector<double> numbers;
+    for (const YAML::Node& entry : node) numbers.push_back(NumberOf(entry, key, -1e12, 1e12));
+    return numbers;
+  }
+  Eigen::Vector3d Vector(const char* key) {
+    const std::vector<double> v = Numbers(key, 3, 0);
+    return {v[0], v[1], v[2]};
+  }
+
+  /// After all keys were asked for: what nobody asked for is an error.
+  void Close() const {
+    if (!node_) return;
+    for (const auto& entry : node_) {
+      const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "?";
+      if (known_.contains(key)) continue;
+      throw std::runtime_error(fmt::format("{}:{}: {}: no such key; accepted: {}; correct or remove it",
+                                           file_, entry.first.Mark().line + 1, Path(Printable(key)),
+                                           Join({known_.begin(), known_.end()})));
+    }
+  }
+
+  [[noreturn]] void Fail(const char* key, const std::string& what, const std::string& accepted) const {
+    const YAML::Node at = *key != 0 && node_ && node_[key] ? node_[key] : node_;
+    const int line = at ? at.Mark().line : -1;
+    throw std::runtime_error(fmt::format("{}{}: {}: {}; accepted: {}", file_,
+                                         line >= 0 ? fmt::format(":{}", line + 1) : "", Path(key), what,
+                                         accepted));
+  }
+
+ private:
+  std::string Path(const std::string& key) const {
+    return key_.empty() ? key : key.empty() ? key_ : key_ + "." + key;
+  }
+  double NumberOf(const YAML::Node& node, const char* key, double least, double most) const {
+    double value = 0;
+    if (!node.IsScalar() || !YAML::convert<double>::decode(node, value))
+      Fail(key, "is not a number", "a number");
+    if (!(value >= least && value <= most))
+      Fail(key, fmt::format("{} is out of range", value), fmt::format("{:g} .. {:g}", least, most));
+    return value;
+  }
+
+  YAML::Node node_;
+  std::string file_, key_;
+  std::set<std::string> known_;
+};
+
+class Reader {
+ public:
+  Reader(const std::string& path, const RobotParameters& robot) : path_(path), robot_(robot) {}
+
+  ImportMap Read() {
+    const std::string text = ReadBytes(path_);
+    if (text.size() > kMostBytes) throw std::runtime_error(path_ + ": too large for a column map");
+    YAML::Node root;
+    try {
+      root = YAML::Load(text);
+    } catch (const YAML::Exception& e) {
+      throw std::runtime_error(fmt::format("{}:{}: not YAML ({})", path_, e.mark.line + 1, e.msg));
+    }
+    if (!root.IsMap()) {
+      throw std::runtime_error(path_ +
+                               ":1: no column map; accepted: a YAML file with the keys table, time, runs, "
+                               "columns, frame; config/import holds examples");
+    }
+    Block top(root, path_, "");
+    Format(top.Sub("table"));
+    if (!top.Has("time"))
+      top.Fail("time", "is missing", "{column: NAME, unit: s}, or {rate_Hz: 100} without a time column");
+    Time(top.Sub("time"));
+    Runs(top.Sub("runs"));
+    if (!top.Has("columns"))
+      top.Fail("columns", "is missing", "a block that says what the table's columns are");
+    Columns(top.Sub("columns"));
+    Frame(top.Sub("frame"));
+    top.Close();
+    return std::move(map_);
+  }
+
+ private:
+  void Format(Block block) {
+    map_.format.delimiter = block.Choice<char>(
+        "delimiter", {{"auto", '\0'}, {"comma", ','}, {"semicolon", ';'}, {"tab", '\t'}, {"space", ' '}},
+        "auto");
+    map_.format.decimal =
+        block.Choice<char>("decimal", {{"auto", '\0'}, {"point", '.'}, {"comma", ','}}, "auto");
+    if (map_.format.delimiter == ',' && map_.format.decimal == ',') {
+      block.Fail("decimal", "commas cannot separate cells and decimals",
+                 "another delimiter, or decimal: point");
+    }
+    block.Close();
+  }
+
+  void Time(Block block) {
+    map_.time_column = block.Text("column", "");
+    map_.time_factor = block.Choice("unit", kTimes, "s");
+    map_.rate_Hz = block.Number("rate_Hz", 0, 1e-3, 1e6);
+    map_.index_column = block.Text("index", "");
+    if (map_.time_column.empty() == (map_.rate_Hz == 0)) {
+      block.Fail("", "says both or neither of column and rate_Hz",
+                 "one of the two: a time column, or a constant rate");
+    }
+    if (!map_.index_column.empty() && map_.rate_Hz == 0)
+      block.Fail("index", "needs rate_Hz", "rate_Hz beside index");
+    block.Close();
+  }
+
+  MappedText Label(Block& block, const char* key) {
+    MappedText text;
+    const YAML::Node node = block.Get(key);
+    if (!node) return text;
+    if (node.IsScalar()) {
+      text.constant = node.Scalar();
+      return text;
+    }
+    Block sub = block.Sub(key);
+    text.column = sub.Text("column", "");
+    if (text.column.empty()) sub.Fail("column", "is missing", "the name of a column with labels");
+    text.as = sub.Text("as", "$&");
+    if (const std::string match = sub.Text("match", ""); !match.empty()) {
+      try {
+        text.match = std::regex(match, std::regex::ECMAScript);
+      } catch (const std::regex_error& e) {
+        sub.Fail("match", fmt::format("'{}' is no regular expression ({})", Printable(match), e.what()),
+                 "an ECMAScript expression that the whole label matches");
+      }
+    }
+    sub.Close();
+    return text;
+  }
+
+  void Runs(Block block) {
+    map_.by = Label(block, "by");
+    if (!map_.by.constant.empty())
+      block.Fail("by", "is not a block", "{column: NAME, match: EXPRESSION, as: TEXT}");
+    map_.family = Label(block, "family");
+    map_.repeats = Label(block, "repeats");
+    if (!map_.repeats.constant.empty())
+      block.Fail("repeats", "is not a block", "{column: NAME, match: EXPRESSION, as: TEXT}");
+    map_.longest_gap_s = block.Number("longest_gap_s", 0, 1e-6, 1e9);
+    if (block.Has("load_cell")) {
+      map_.load_cell = block.Choice<LoadCellPlace>("load_cell",
+                                                   {{"motor_side", LoadCellPlace::kMotorSide},
+                                                    {"robot_side", LoadCellPlace::kRobotSide},
+                                                    {"none", LoadCellPlace::kNone}},
+                                                   "");
+    }
+    block.Close();
+  }
+
+  /// Names with unit, scale, offset and sign of one channel; `units` by column.
+  std::vector<MappedColumn> Group(Block& block, std::size_t count, const char* what,
+                                  const std::vector<double>& unit) {
+    const std::vector<std::string> names = block.Texts("names", count, what);
+    const std::vector<double> scale = block.Numbers("scale", count, 1),
+                              offset = block.Numbers("offset", count, 0),
+                              sign = block.Numbers("sign", count, 1);
+    std::vector<MappedColumn> columns;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (sign[i] != 1 && sign[i] != -1) block.Fail("sign", fmt::format("{} is no sign", sign[i]), "1 or -1");
+      if (scale[i] == 0) block.Fail("scale", "is zero", "a factor other than 0");
+      columns.push_back({names[i], sign[i] * scale[i] * unit[i], sign[i] * offset[i] * unit[i]});
+    }
+    block.Close();
+    return columns;
+  }
+
+  const TendonDriveParameters& Drive(Block& block, std::size_t j) {
+    if (!robot_.actuation) {
+      block.Fail("unit", "needs a robot file with actuation",
+                 "a rig file that tells motors, gears and spools");
+    }
+    return robot_.actuation->tendons[j];
+  }
+
+  template <class UnitOf>
+  std::vector<MappedColumn> ATendon(Block block, const std::vector<std::string>& units, const char* otherwise,
+                                    UnitOf unit_of) {
+    const std::string unit = block.Text("unit", otherwise);
+    if (std::find(units.begin(), units.end(), unit) == units.end()) {
+      block.Fail("unit", "'" + Printable(unit) + "' is not known", Join(units));
+    }
+    const auto tendons = static_cast<std::size_t>(robot_.body.tendons());
+    std::vector<double> factors;
+    for (std::size_t j = 0; j < tendons; ++j) factors.push_back(unit_of(block, unit, j));
+    return Group(block, tendons, "one a tendon of the robot, in tendon order; null where there is none",
+                 factors);
+  }
+
+  void Columns(Block block) {
+    const auto torque = [&](Block& at, const std::string& unit, std::size_t j) {
+      static const Units kPlain{{"N m", 1}, {"Nm", 1}, {"mN m", 1e-3}, {"mNm", 1e-3}, {"N cm", 1e-2}};
+      if (const auto found = kPlain.find(unit); found != kPlain.end()) return found->second;
+      const auto& drive = Drive(at, j);
+      if (unit == "permille") return 1e-3 * drive.drive.rated_torque_Nm;
+      return (unit == "mA" ? 1e-3 : 1) * drive.motor.torque_constant_NmpA;
+    };
+    const std::vector<std::string> torques{"N m", "Nm", "mN m", "mNm", "N cm", "A", "mA", "permille"};
+    bool any = false;
+    const auto has = [&](const char* key) {
+      const bool there = block.Has(key);
+      any = any || there;
+      return there;
+    };
+    if (has("torque_target"))
+      map_.torque_target = ATendon(block.Sub("torque_target"), torques, "N m", torque);
+    if (has("torque_actual"))
+      map_.torque_actual = ATendon(block.Sub("torque_actual"), torques, "N m", torque);
+    if (has("motor_position")) {
+      map_.motor_position = ATendon(
+          block.Sub("motor_position"), {"rad", "deg", "turns", "counts", "m", "cm", "mm", "um", "inch"},
+          "rad", [&](Block& at, const std::string& unit, std::size_t j) {
+            const std::string where = at.Text("at", "motor");
+            if (where != "motor" && where != "spool")
+              at.Fail("at", "'" + Printable(where) + "' is not known", "motor, spool");
+            if (const auto length = kLengths.find(unit); length != kLengths.end()) {
+              return length->second / Drive(at, j).SpoolTravelPerMotorRad();  // of the tendon
+            }
+            const double gear = where == "spool" ? Drive(at, j).gear.ratio : 1;
+            if (const auto angle = kAngles.find(unit); angle != kAngles.end()) return gear * angle->second;
+            return gear * 2 * std::numbers::pi / Drive(at, j).drive.encoder_counts_per_turn;
+          });
+    }
+    if (has("tension")) {
+      map_.tension = ATendon(block.Sub("tension"), {"N", "mN", "kN", "g", "kg", "V", "mV"}, "N",
+                             [&](Block& at, const std::string& unit, std::size_t j) {
+                               static const Units kPlain{
+                                   {"N", 1}, {"mN", 1e-3}, {"kN", 1e3}, {"g", 9.80665e-3}, {"kg", 9.80665}};
+                               if (const auto found = kPlain.find(unit); found != kPlain.end())
+                                 return found->second;
+                               const double gain = Drive(at, j).load_cell.gain_VpN;
+                               if (!(gain > 0))
+                                 at.Fail("unit", "needs a load cell in the robot file", "N, mN, kN, g, kg");
+                               return (unit == "mV" ? 1e-3 : 1) / gain;
+                             });
+    }
+    if (has("tip")) {
+      Block tip = block.Sub("tip");
+      const double unit = tip.Choice("unit", kLengths, "m");
+      map_.tip = Group(tip, 3, "x, y, z", std::vector<double>(3, unit));
+      if (std::any_of(map_.tip.begin(), map_.tip.end(), [](const auto& c) { return c.name.empty(); })) {
+        block.Fail("tip", "lacks an axis", "three column names");
+      }
+    }
+    if (has("orientation")) Orientation(block.Sub("orientation"));
+    if (has("bending")) {
+      Block bending = block.Sub("bending");
+      map_.bending_is_polar =
+          bending.Choice<bool>("kind", {{"us_vs", false}, {"angle_and_plane", true}}, "us_vs");
+      const double unit = bending.Choice("unit", kAngles, "rad");
+      const std::size_t count = 2 * robot_.body.sections.size();
+      map_.bending =
+          Group(bending, count,
+                map_.bending_is_polar ? "angle and plane of each section" : "us and vs of each section",
+                std::vector<double>(count, unit));
+    }
+    block.Close();
+    if (!any)
+      block.Fail("", "names no column",
+                 "torque_target, torque_actual, motor_position, tension, tip, orientation, bending");
+  }
+
+  void Orientation(Block block) {
+    map_.orientation_kind =
+        block.Choice<OrientationKind>("kind",
+                                      {{"quaternion", OrientationKind::kQuaternion},
+                                       {"matrix", OrientationKind::kMatrix},
+                                       {"euler", OrientationKind::kEuler},
+                                       {"rotation_vector", OrientationKind::kRotationVector}},
+                                      "quaternion");
+    const bool angles = map_.orientation_kind == OrientationKind::kEuler ||
+                        map_.orientation_kind == OrientationKind::kRotationVector;
+    const double unit = angles ? block.Choice("unit", kAngles, "rad") : 1;
+    if (map_.orientation_kind == OrientationKind::kQuaternion) {
+      const std::string order = block.Text("order", "wxyz");
+      std::string sorted = order;
+      std::sort(sorted.begin(), sorted.end());
+      if (sorted != "wxyz")
+        block.Fail("order", "'" + Printable(order) + "' is no order",
+                   "wxyz, xyzw, or any other order of the four");
+      std::vector<MappedColumn> columns =
+          Group(block, 4, "the quaternion in the given order", std::vector<double>(4, 1));
+      for (const char c : {'w', 'x', 'y', 'z'}) map_.orientation.push_back(columns[order.find(c)]);
+    } else if (map_.orientation_kind == OrientationKind::kMatrix) {
+      map_.orientation =
+          Group(block, 9, "the matrix row by row; its columns are the tip's axes", std::vector<double>(9, 1));
+    } else {
+      if (map_.orientation_kind == OrientationKind::kEuler) {
+        map_.euler_order = block.Text("order", "");
+        const std::string& order = map_.euler_order;
+        const bool upper = order.find_first_not_of("XYZ") == order.npos,
+                   lower = order.find_first_not_of("xyz") == order.npos;
+        if (order.size() != 3 || !(upper || lower) || order[0] == order[1] || order[1] == order[2]) {
+          block.Fail("order", "'" + Printable(order) + "' is no order",
+                     "three axes such as ZYX (about the turned axes) or xyz (about the fixed ones)");
+        }
+      }
+      map_.orientation = Group(block, 3, "the three angles", std::vector<double>(3, unit));
+    }
+    for (const MappedColumn& c : map_.orientation) {
+      if (c.name.empty()) block.Fail("names", "lack one", "a column for each number");
+    }
+  }
+
+  void Frame(Block block) {
+    Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
+    if (block.Has("axes")) {
+      const std::vector<std::string> names =
+          block.Texts("axes", 3, "which of the table's axes are the base's x, y and z, such as [x, z, -y]");
+      axes.setZero();
+      for (int i = 0; i < 3; ++i) {
+        const std::string& name = names[static_cast<std::size_t>(i)];
+        const std::string axis = !name.empty() && (name[0] == '-' || name[0] == '+') ? name.substr(1) : name;
+        if (axis != "x" && axis != "y" && axis != "z")
+          block.Fail("axes", "'" + Printable(name) + "' is no axis", "x, y, z, -x, -y, -z");
+        axes(i, axis[0] - 'x') = name[0] == '-' ? -1 : 1;
+      }
+      if (std::abs(axes.determinant() - 1) > 1e-9) {
+        block.Fail("axes", "these axes are no right-handed frame",
+                   "each of x, y, z once, and an even number of exchanges and minus signs");
+      }
+    }
+    const Eigen::Vector3d turn = block.Vector("rotation_rad");
+    const double angle = turn.norm();
+    map_.R_base_table = (angle > 0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix()
+                                   : Eigen::Matrix3d::Identity()) *
+                        axes;
+    map_.offset_m = block.Vector("offset_m");
+    map_.from_rest = block.Choice<bool>("origin", {{"given", false}, {"rest", true}}, "given");
+    block.Close();
+  }
+
+  const std::string& path_;
+  const RobotParameters& robot_;
+  ImportMap map_;
+};
+
+}  // namespace
+
+ImportMap LoadImportMap(const std::string& path, const RobotParameters& robot) {
+  return Reader(path, robot).Read();
+}
+
+}  // namespace tendril::gap
