@@ -235,7 +235,7 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
     if (!ids.insert(node.node_id).second) {
       throw ErrorAt(
           daemon_path, "bus.nodes",
-          fmt::format("node_id {} twice; accepted: 1 .. 127, all different; correct one", node.node_id));
+          fmt::format("node_id {} twice; accepted: 1 .. 126, all different; correct one", node.node_id));
     }
   }
   if (daemon.controller.guards.slack_tension_N >= robot.limits.min_tension_N) {

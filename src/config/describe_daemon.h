@@ -55,7 +55,7 @@ void Describe(Io& io, IdentityParameters& p) {
 
 template <class Io>
 void Describe(Io& io, NodeParameters& p) {
-  io.Integer("node_id", p.node_id, {1, 127});
+  io.Integer("node_id", p.node_id, {1, 126});  // 127 is the master's heartbeat
   io.Integer("tendon", p.tendon, {1, kMaxTendons});
 }
 
@@ -95,7 +95,7 @@ void Describe(Io& io, BusParameters& p) {
   for (std::size_t i = 0; i < p.nodes.size(); ++i) {
     for (std::size_t k = 0; k < i; ++k) {
       io.Check(p.nodes[i].node_id != p.nodes[k].node_id, "nodes",
-               fmt::format("node_id {} twice; accepted: 1 .. 127, all different; correct one",
+               fmt::format("node_id {} twice; accepted: 1 .. 126, all different; correct one",
                            p.nodes[i].node_id));
       io.Check(p.nodes[i].tendon != p.nodes[k].tendon, "nodes",
                fmt::format("tendon {} twice; accepted: every tendon once; correct one", p.nodes[i].tendon));

@@ -5,6 +5,8 @@
 namespace tendril::control {
 namespace {
 
+constexpr TimeNs kSequenceHolds_ns = 3600 * kNsPerS;
+
 // Whether a kind of command may act in a mode: one row a mode, columns in the order of ModeRequest, then
 // targets.
 struct Admission {
@@ -102,10 +104,13 @@ Status CommandGate::CheckValues(const Command& c) const noexcept {
 }
 
 Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns) noexcept {
-  // Serial-number arithmetic: a counter may wrap. What was refused for another reason still counts as seen.
-  if (any_ && static_cast<std::int32_t>(c.sequence - last_sequence_) <= 0) return Status::kCommandOutOfOrder;
+  // Serial-number arithmetic: a counter may wrap, and after a long silence nothing can be said about its
+  // order. What was refused for another reason still counts as seen.
+  const bool fresh = any_ && now_ns - last_seen_ns_ < kSequenceHolds_ns;
+  if (fresh && static_cast<std::int32_t>(c.sequence - last_sequence_) <= 0) return Status::kCommandOutOfOrder;
   any_ = true;
   last_sequence_ = c.sequence;
+  last_seen_ns_ = now_ns;
   if (const Status s = CheckValues(c); s != Status::kOk) return s;
   if (c.valid_for_ns <= 0 || now_ns - c.received_ns > c.valid_for_ns) return Status::kCommandStale;
   if (!ModeAllowed(AdmissionIn(mode), c)) return Status::kCommandWrongMode;

@@ -123,7 +123,7 @@ bool Client::Send(const Command& c, std::int64_t utime) {
 int Client::Handle(int timeout_ms) { return HandleWaiting(*state_->lcm, timeout_ms); }
 
 std::uint32_t SequenceFromTime() {
-  constexpr int kPerSecond = 400;
+  constexpr int kPerSecond = 100'000;
   using Tick = std::chrono::duration<std::int64_t, std::ratio<1, kPerSecond>>;
   return static_cast<std::uint32_t>(
       std::chrono::duration_cast<Tick>(std::chrono::system_clock::now().time_since_epoch()).count());

@@ -170,31 +170,39 @@ class EventReader {
 
 }  // namespace
 
-LogContents ReadLog(const std::string& path) {
-  LogContents contents;
+std::string StreamLog(const std::string& path, const std::function<void(const RunInfo&)>& run,
+                      const std::function<void(const CycleRecord&)>& cycle) {
   EventReader reader(path);
-  tendril_lcm::cycle_t cycle{};
+  tendril_lcm::cycle_t cycle_message{};
+  tendril_lcm::run_t run_message{};
   while (reader.Next()) {
     const std::string_view channel = reader.channel();
     const void* data = reader.data().data();
     const int size = static_cast<int>(reader.data().size());
-    if (channel.ends_with("_CYCLE")) {
+    if (cycle && channel.ends_with("_CYCLE")) {
       CycleRecord record;
-      if (!Decode(data, size, cycle) || !FromMessage(cycle, record)) {
+      if (!Decode(data, size, cycle_message) || !FromMessage(cycle_message, record)) {
         reader.Damaged("on " + reader.channel() + " is not a cycle message of this version's lcm_types");
         break;
       }
-      contents.cycles.push_back(record);
-    } else if (channel.ends_with("_RUN")) {
-      tendril_lcm::run_t run{};
-      if (!Decode(data, size, run)) {
+      cycle(record);
+    } else if (run && channel.ends_with("_RUN")) {
+      if (!Decode(data, size, run_message)) {
         reader.Damaged("on " + reader.channel() + " is not a run message of this version's lcm_types");
         break;
       }
-      contents.run = {run.robot_yaml, run.daemon_yaml, run.version, run.git_revision, run.start_utime};
+      run({run_message.robot_yaml, run_message.daemon_yaml, run_message.version, run_message.git_revision,
+           run_message.start_utime});
     }
   }
-  contents.damage = reader.damage();
+  return reader.damage();
+}
+
+LogContents ReadLog(const std::string& path) {
+  LogContents contents;
+  contents.damage = StreamLog(
+      path, [&](const RunInfo& run) { contents.run = run; },
+      [&](const CycleRecord& cycle) { contents.cycles.push_back(cycle); });
   return contents;
 }
 

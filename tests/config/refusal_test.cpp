@@ -149,8 +149,8 @@ const Case kCases[] = {
     {"GearOfNoUse", kRig, "efficiency: 0.84", "efficiency: 0", "efficiency", "actuation.gear.efficiency", {"above 0 up to 1"}},
     {"ExponentAboveOne", kRig, "exponent: 0.67", "exponent: 1.5", "exponent: 1.5", "actuation.transmission.pulleys[1].exponent", {"0.05 .. 1"}},
     {"ExponentZero", kRig, "exponent: 0.67", "exponent: 0", "exponent: 0", "actuation.transmission.pulleys[1].exponent", {"0.05 .. 1"}},
-    {"NodeIdZero", kDaemon, "node_id: 1,", "node_id: 0,", "node_id: 0", "bus.nodes[1].node_id", {"1 .. 127"}},
-    {"NodeId128", kDaemon, "node_id: 3,", "node_id: 128,", "node_id: 128", "bus.nodes[3].node_id", {"1 .. 127"}},
+    {"NodeIdZero", kDaemon, "node_id: 1,", "node_id: 0,", "node_id: 0", "bus.nodes[1].node_id", {"1 .. 126"}},
+    {"NodeIdOfTheMaster", kDaemon, "node_id: 3,", "node_id: 127,", "node_id: 127", "bus.nodes[3].node_id", {"1 .. 126"}},
     {"CycleInMilliseconds", kDaemon, "cycle_ns: 1000000", "cycle_ns: 1", "cycle_ns: 1", "bus.cycle_ns", {"looks like milliseconds: write 1000000"}},
 
     // ---- rules between keys

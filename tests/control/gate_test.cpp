@@ -113,6 +113,17 @@ TEST_F(GateTest, SequenceMayWrap) {
   EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk);
 }
 
+// Numbers made of the time wrap every 12 hours, so that one sent 7 hours later looks older.
+TEST_F(GateTest, AfterALongSilenceAnyNumberIsNew) {
+  Command c = Tip(0, 0, 0.05);
+  c.sequence = 1000;
+  ASSERT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk);
+  c.sequence = 999;
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now + 3000 * kNsPerS), Status::kCommandOutOfOrder);
+  c.received_ns = now + 3601 * kNsPerS;
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, c.received_ns), Status::kOk);
+}
+
 TEST_F(GateTest, NothingMovesUnlessRunning) {
   for (Mode m : {Mode::kDisconnected, Mode::kConfigured, Mode::kArmed, Mode::kPretension, Mode::kHold,
                  Mode::kSafeStop, Mode::kFault}) {

@@ -144,7 +144,7 @@ TEST_F(ClosedLoop, FeedbackIsThatOfItsSyncAndEveryCycleComplete) {
   }
 }
 
-// The bus carries no more than the budget says: 77 % for three drives at 1 kHz, heartbeats included.
+// The bus carries no more than the budget says: 78 % for three drives at 1 kHz, heartbeats and SDO included.
 TEST_F(ClosedLoop, LoadStaysWithinTheComputedBudget) {
   BootAndEnable();
   const std::uint64_t before = bus_.totals().bits;

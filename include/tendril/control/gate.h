@@ -42,6 +42,7 @@ class CommandGate {
   double reach_m_, max_bending_rad_, max_tension_N_, default_speed_radps_;
   bool any_ = false;
   std::uint32_t last_sequence_ = 0;
+  TimeNs last_seen_ns_ = 0;
   Target target_;
 };
 

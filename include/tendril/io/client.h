@@ -44,8 +44,9 @@ class Client {
   std::unique_ptr<State> state_;
 };
 
-/// Sequence number for senders that do not live on: ticks of 2.5 ms since the epoch, so that whoever sends
-/// later has the greater number; the gate allows for its wrapping every 124 days.
+/// Sequence number for senders that do not live on: ticks of 10 us since the epoch, so that whoever sends
+/// later has the greater number. It wraps every 12 hours; the gate compares with numbers of the last hour
+/// only.
 std::uint32_t SequenceFromTime();
 
 }  // namespace tendril::io

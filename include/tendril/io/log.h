@@ -29,13 +29,18 @@ class LogWriter {
   std::unique_ptr<State> state_;
 };
 
-/// Reads a log back; stops at the first damaged event and says so in the returned text (empty: clean end).
+/// Reads a log back, calling `run` and `cycle` (either may be empty) for each record as it comes: for logs of
+/// any length. Stops at the first damaged event and says so in the returned text (empty: clean end). Throws
+/// std::runtime_error when the file cannot be opened.
+std::string StreamLog(const std::string& path, const std::function<void(const RunInfo&)>& run,
+                      const std::function<void(const CycleRecord&)>& cycle);
+
+/// The same, all at once: the last run record and every cycle (some 2 kB each).
 struct LogContents {
   RunInfo run;
   std::vector<CycleRecord> cycles;
   std::string damage;
 };
-/// Throws std::runtime_error when the file cannot be opened.
 LogContents ReadLog(const std::string& path);
 
 }  // namespace tendril::io
