@@ -104,29 +104,37 @@ TEST(ReplayOfOtherRobots, FourTendonsAndTwoSections) {
   }
 }
 
-// With the effect every cut fits as it does without any; the nominal replay misses it somewhere.
-TEST(ReplayOfEffects, EveryEffectIsInItsCut) {
-  const RobotParameters nominal = Rig();
-  for (const Effect& effect : Effects()) {
-    SCOPED_TRACE(effect.name);
-    RobotParameters robot = nominal;
-    EffectSetting setting{std::string(effect.name), effect.on_all ? "all" : TargetText(effect, 1), {}};
-    for (const auto& p : effect.parameters) {
-      if (!p.shape) setting.values.emplace_back(p.name, p.nominal + p.typical);
-    }
-    robot.effects.push_back(setting);
-    const Recording r = Record(robot, test::Multisine(nominal), 1500);
-    // What the start leaves in memories fades with the first motion.
-    const Misfit with = Compare(r, Replay(robot), Replay::DrivenBy::kCell, 700);
-    Print(std::string(effect.name), with);
-    ExpectTheCutsToFit(with);
-    EXPECT_LT(with.tip_m, 2e-5);
+class ReplayOfEffect : public testing::TestWithParam<const Effect*> {};
 
-    const Misfit without = Compare(r, Replay(nominal), Replay::DrivenBy::kCell, 700);
-    EXPECT_TRUE(without.torque_Nm > 2 * kPermille_Nm || without.from_torque_N > 0.02 ||
-                without.from_stretch_N > 0.02 || without.tip_m > 1e-4);
+// With the effect every cut fits as it does without any; the nominal replay misses it somewhere.
+TEST_P(ReplayOfEffect, IsInItsCut) {
+  const Effect& effect = *GetParam();
+  const RobotParameters nominal = Rig();
+  RobotParameters robot = nominal;
+  EffectSetting setting{std::string(effect.name), effect.on_all ? "all" : TargetText(effect, 1), {}};
+  for (const auto& p : effect.parameters) {
+    if (!p.shape) setting.values.emplace_back(p.name, p.nominal + p.typical);
   }
+  robot.effects.push_back(setting);
+  const Recording r = Record(robot, test::Multisine(nominal), 1500);
+  // What the start leaves in memories fades with the first motion.
+  const Misfit with = Compare(r, Replay(robot), Replay::DrivenBy::kCell, 700);
+  Print(std::string(effect.name), with);
+  ExpectTheCutsToFit(with);
+  EXPECT_LT(with.tip_m, 2e-5);
+
+  const Misfit without = Compare(r, Replay(nominal), Replay::DrivenBy::kCell, 700);
+  EXPECT_TRUE(without.torque_Nm > 2 * kPermille_Nm || without.from_torque_N > 0.02 ||
+              without.from_stretch_N > 0.02 || without.tip_m > 1e-4);
 }
+
+std::vector<const Effect*> AllEffects() {
+  std::vector<const Effect*> all;
+  for (const Effect& effect : Effects()) all.push_back(&effect);
+  return all;
+}
+INSTANTIATE_TEST_SUITE_P(Registry, ReplayOfEffect, testing::ValuesIn(AllEffects()),
+                         [](const auto& with) { return std::string(with.param->name); });
 
 // A robot that is bent at rest falls into its rest at once, held by motor friction; a log may begin with that
 // or later. What the pulleys remember of it moves the tip by a millimetre until the motors turn.
