@@ -26,7 +26,11 @@ DaemonParameters FitBus(DaemonParameters daemon, const RobotParameters& robot) {
     daemon.bus.nodes.push_back({robot.actuation->tendons[static_cast<std::size_t>(j)].node_id, j + 1});
   }
   const canopen::BusBudget budget = canopen::ComputeBusBudget(daemon.bus);
-  if (budget.load > daemon.bus.max_load) daemon.bus.cycle_ns = budget.min_cycle_ns_for_these_drives;
+  if (budget.load > daemon.bus.max_load) {
+    const TimeNs cycle_ns = budget.min_cycle_ns_for_these_drives;
+    daemon.bus.feedback_deadline_ns = daemon.bus.feedback_deadline_ns * cycle_ns / daemon.bus.cycle_ns;
+    daemon.bus.cycle_ns = cycle_ns;
+  }
   return daemon;
 }
 
