@@ -125,10 +125,28 @@ Diagnosis Undefined() {
 
 Diagnosis Empty() { return {}; }
 
+Diagnosis Pair() {
+  Diagnosis d = ExampleDiagnosis(Verdict::kAttributed);
+  d.accepted.push_back(d.causes[1]);
+  d.order_effects = {{"motor_coulomb alone", 0.71},
+                     {"capstan_alpha after motor_coulomb", 0.22},
+                     {"capstan_alpha alone", 0.35},
+                     {"motor_coulomb after capstan_alpha", 0.58}};
+  return d;
+}
+
+// The model made it worse on the runs held back.
+Diagnosis Worse() {
+  Diagnosis d = ExampleDiagnosis(Verdict::kUnexplained);
+  d.closed = Estimate{-0.4, -0.9, 0.1};
+  for (Closure& c : d.closures) c.closed = Estimate{-0.4, -0.9, 0.1};
+  return d;
+}
+
 std::vector<Diagnosis> All() {
   std::vector<Diagnosis> all;
   for (const Verdict v : kAllVerdicts) all.push_back(ExampleDiagnosis(v));
-  for (const Diagnosis& d : {Hostile(), Undefined(), Empty()}) all.push_back(d);
+  for (const Diagnosis& d : {Hostile(), Undefined(), Empty(), Pair(), Worse()}) all.push_back(d);
   return all;
 }
 
@@ -449,8 +467,9 @@ TEST(ReportPage, DrawsItselfInABrowser) {
   if (browser.empty()) GTEST_SKIP() << "no chromium here: Debian's package chromium has it";
   const Folder folder;
   int n = 0;
-  for (const Diagnosis& d : {ExampleDiagnosis(Verdict::kAttributed),
-                             ExampleDiagnosis(Verdict::kInsufficientData), Hostile(), Undefined(), Empty()}) {
+  for (const Diagnosis& d :
+       {ExampleDiagnosis(Verdict::kAttributed), ExampleDiagnosis(Verdict::kInsufficientData), Hostile(),
+        Undefined(), Empty(), Pair(), Worse()}) {
     const fs::path place = folder.path() / std::to_string(n++);
     WriteReport(d, place);
     const std::string command = fmt::format(

@@ -235,7 +235,8 @@ const facts = () => {
   } else if (strongest.length) {
     fact('Where', `${capital(title(strongest[0].cut))} (${strongest[0].cut})`, `${digits(strongest[0].excess_sigma, 2)} times the noise floor`);
   } else {
-    fact('Where', 'Not known', 'no place in the chain could be judged');
+    const judged = new Set(measuredCuts.map(l => l.cut)).size;
+    fact('Where', 'Not settled', judged ? `${judged} of ${report.chain.length} places could be judged; none exceeds its floor` : 'no place in the chain could be judged');
   }
 
   const causes = report.accepted;
@@ -283,14 +284,14 @@ const chain = s => {
     l.measured ? `excess ${digits(l.excess_sigma, 2)} σ, p = ${digits(l.p_value, 2)}${l.excess ? '' : ' (no gap here)'}` : '', l.note].filter(Boolean).join('\n');
   chart(card, 'Chain from command to tip, coloured by excess over the noise floor', (svg, width) => {
     hatch(svg, 'hatch-none', '--line');
-    const columns = width < 700 ? 4 : 7, gap = 20, w = (width - 2 - gap * (columns - 1)) / columns, boxHeight = 118;
+    const columns = width < 560 ? 2 : width < 860 ? 4 : 7, gap = 20, w = (width - 2 - gap * (columns - 1)) / columns, boxHeight = 118;
     const size = 19, per = Math.max(1, Math.floor((w + 3) / (size + 3)));
     // Marks of each cut: one row of squares a quantity.
     for (const c of cuts) {
       c.groups = d3.nest().key(l => l.quantity).entries(c.rows).map(g => ({name: g.key, rows: g.values, lines: Math.ceil(g.values.length / per)}));
       c.height = d3.sum(c.groups, g => 18 + g.lines * (size + 3) + 4);
     }
-    let top = 26;
+    let top = cuts.some(c => c.first) ? 26 : 4;
     for (let begin = 0; begin < cuts.length; begin += columns) {
       const line = cuts.slice(begin, begin + columns);
       line.forEach((c, i) => {
@@ -413,22 +414,22 @@ const closing = s => {
     const card = el('div', {class: 'card'});
     s.append(card);
     chart(card, 'Share of the gap that closes', (svg, width) => {
-      const left = 122, right = 20, w = width - left - right, x = d3.scaleLinear([Math.min(0, pooled.value), 1], [0, w]), bar = 24, step = 36;
+      const left = 122, right = 20, w = width - left - right, grew = pooled.value < 0, x = d3.scaleLinear([0, Math.max(1, 1 - pooled.value)], [0, w]), bar = 24, step = 36;
       const g = svg.append('g').attr('transform', `translate(${left},6)`);
       const rows = [['before', 'gap in the nominal simulation', 0, 1, 'fill-before']];
-      rows.push(['closed', `closed by ${report.accepted.map(causeText).join(' and ') || 'the best model of the library'}`, 1 - pooled.value, 1, 'fill-after']);
+      rows.push(grew ? ['grew', 'the gap grew', 1, 1 - pooled.value, 'fill-before'] : ['closed', `closed by ${report.accepted.map(causeText).join(' and ') || 'the best model of the library'}`, 1 - pooled.value, 1, 'fill-after']);
       rows.push(['left', 'left over', 0, Math.max(0, 1 - pooled.value), 'fill-before']);
       rows.forEach(([key, text, from, to, kind], i) => {
         const row = g.append('g').attr('transform', `translate(0,${i * step})`);
-        row.append('text').attr('class', 'soft').attr('x', -12).attr('y', 16).attr('text-anchor', 'end').text(key === 'before' ? 'gap before' : key === 'closed' ? 'closed' : 'gap after');
+        row.append('text').attr('class', 'soft').attr('x', -12).attr('y', 16).attr('text-anchor', 'end').text(key === 'before' ? 'gap before' : key === 'closed' || key === 'grew' ? key : 'gap after');
         row.append('rect').attr('class', 'track').attr('width', w).attr('height', bar).attr('rx', 3);
         row.append('rect').attr('class', kind).attr('x', x(Math.min(from, to))).attr('width', Math.max(1.5, Math.abs(x(to) - x(from)))).attr('height', bar).attr('rx', 3);
-        const label = key === 'before' ? '100 %' : key === 'closed' ? `${percent(pooled.value)}  ${text}` : percent(1 - pooled.value);
+        const label = key === 'before' ? '100 %' : key === 'closed' ? `${percent(pooled.value)}  ${text}` : key === 'grew' ? `${text} by ${percent(-pooled.value)}` : percent(1 - pooled.value);
         const inside = x(Math.max(from, to)) - x(Math.min(from, to)) > 260 || key === 'before';
-        row.append('text').attr('class', 'bold').attr('y', 16).attr('x', inside ? x(Math.min(from, to)) + 10 : key === 'closed' ? x(from) - 8 : x(to) + 8)
-          .attr('text-anchor', !inside && key === 'closed' ? 'end' : 'start').style('fill', inside ? 'var(--card)' : 'var(--ink)').text(label);
+        row.append('text').attr('class', 'bold').attr('y', 16).attr('x', inside ? x(Math.min(from, to)) + 10 : key === 'closed' || key === 'grew' ? x(from) - 8 : x(to) + 8)
+          .attr('text-anchor', !inside && (key === 'closed' || key === 'grew') ? 'end' : 'start').style('fill', inside ? 'var(--card)' : 'var(--ink)').text(label);
         if (key === 'left' && pooled.ci && pooled.ci[0] !== null) {
-          const a = x(Math.max(0, 1 - pooled.ci[1])), b = x(Math.max(0, 1 - pooled.ci[0]));
+          const a = x(Math.max(0, 1 - pooled.ci[1])), b = Math.min(w, x(Math.max(0, 1 - pooled.ci[0])));
           row.append('path').attr('class', 'whisker').attr('fill', 'none').attr('d', `M${a},${bar + 2}v6M${a},${bar + 5}H${b}M${b},${bar + 2}v6`);
           row.append('text').attr('class', 'tiny soft').attr('x', b + 6).attr('y', bar + 10).text('95 %');
         }
@@ -506,7 +507,7 @@ const closing = s => {
           }
           mostLines = Math.max(mostLines, Math.min(3, textLines.filter(Boolean).length));
           textLines.filter(Boolean).slice(0, 3).forEach((t, k) => group.append('text').attr('class', 'tiny soft').attr('x', x.bandwidth() / 2).attr('y', h + 16 + 13 * k).attr('text-anchor', 'middle').text(t));
-          if (c.value !== null && withAfter) group.append('text').attr('class', 'tiny bold').attr('x', x.bandwidth() / 2).attr('y', y(Math.max(c.before || 0, c.after || 0, c.ceiling || 0) * s0.factor) - 5).attr('text-anchor', 'middle').text(`${percent(c.value)} closed`);
+          if (c.value !== null && withAfter) group.append('text').attr('class', 'tiny bold').attr('x', x.bandwidth() / 2).attr('y', y(Math.max(c.before || 0, c.after || 0, c.ceiling || 0) * s0.factor) - 5).attr('text-anchor', 'middle').text(c.value < 0 ? `${percent(-c.value)} worse` : `${percent(c.value)} closed`);
           group.append('rect').attr('x', -6).attr('width', x.bandwidth() + 12).attr('height', h).attr('fill', 'transparent');
           tipped(group, () => [`${c.channel} (${c.cut} ${title(c.cut)})`, `before ${show(c.before, c.unit)}, after ${show(c.after, c.unit)}, floor ${show(c.floor, c.unit)}`,
             withCeiling ? `ceiling ${show(c.ceiling, c.unit)}` : '', c.value === null ? 'before is at the floor: nothing to close' : `closed ${percent(c.value)} (${range(c.ci)})`].filter(Boolean).join('\n'));
@@ -860,7 +861,7 @@ window.addEventListener('resize', () => {
   clearTimeout(timer);
   timer = setTimeout(() => { if (window.innerWidth !== lastWidth) { lastWidth = window.innerWidth; charts.forEach(c => c.paint()); } }, 150);
 });
-window.addEventListener('beforeprint', () => charts.forEach(c => c.paint(c.host.closest('.grid.small') ? 210 : c.host.closest('.grid, .two') ? 330 : 690)));
+window.addEventListener('beforeprint', () => charts.forEach(c => c.paint(c.host.closest('.grid.small') ? 210 : c.host.closest('.grid, .two') ? 310 : c.host.closest('.matrix') ? 390 : 650)));
 window.addEventListener('afterprint', () => charts.forEach(c => c.paint()));
 if ('IntersectionObserver' in window) {
   const links = new Map([...nav.children].map(a => [a.getAttribute('href').slice(1), a]));
