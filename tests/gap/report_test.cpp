@@ -231,7 +231,16 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
     }
   }
   d.maps.resize(1);
+  for (auto* curve : {&d.maps[0].at, &d.maps[0].mean, &d.maps[0].low, &d.maps[0].high, &d.maps[0].after}) {
+    *curve = {curve->front(), curve->back()};
+  }
   d.profiles.resize(1);
+  for (auto* curve : {&d.profiles[0].value, &d.profiles[0].score}) *curve = {curve->front(), curve->back()};
+  d.location.resize(7);
+  d.causes.resize(4);
+  d.closures.resize(3);
+  d.confusable.resize(2);
+  d.horizon.resize(2);
   d.runs.resize(1);
   d.order_effects = {{"a", 0.5}};
   const Json original = Parsed(d);
@@ -270,7 +279,7 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
     }
     ++changed;
   }
-  EXPECT_GT(changed, 300);
+  EXPECT_GT(changed, 200);
 }
 
 TEST(ReportJson, HasOnlyFiniteNumbers) {

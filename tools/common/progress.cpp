@@ -55,7 +55,7 @@ void Progress::Finish() {
 void Progress::Show(double now_s, bool last) {
   const double took_s = now_s - stage_start_s_;
   std::string line =
-      fmt::format("  {:<44.44} {:3.0f} %  {:>11}", stage_, 100 * (last ? 1 : share_), Duration(took_s));
+      fmt::format("  {:<48.48} {:3.0f} %  {:>11}", stage_, 100 * (last ? 1 : share_), Duration(took_s));
   if (!last && share_ > 0.02 && took_s > 2) {
     line += fmt::format(", {} to go", Duration(took_s / share_ * (1 - share_)));
   }
