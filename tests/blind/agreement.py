@@ -31,7 +31,7 @@ def main():
     a.add_argument("--families", nargs="+", default=programs.USUAL + ["sway"])
     a.add_argument("--seconds", type=float, default=1e9)
     a.add_argument("--seed", type=int, default=3)
-    a.add_argument("--sub", type=int, default=10)
+    a.add_argument("--sub", type=int, default=20)
     a.add_argument("--limit", type=float, help="fail when any channel differs by more floors than this")
     a.add_argument("--mujoco", action="store_true", help="the MuJoCo plant instead of the Lagrangian one")
     a.add_argument("--save", help="keep both sides of every family here (npz)")

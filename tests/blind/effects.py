@@ -202,8 +202,8 @@ add("torque_loop_lag", "listed", "tendon", "C1", 2e-3, 0, 1.5e-2, lag, lambda a:
     families=["multisine", "steps"])
 add("command_delay", "listed", "tendon", "C1", 3e-3, 0, 2e-2, tendon_column("delay"), lambda a: {"s": a}, "pure delay",
     families=["multisine", "steps"])
-add("torque_saturation", "listed", "tendon", "C1", 5e-3, 0, 6.4e-3, saturation, lambda a: {"deficit_Nm": a},
-    "current limited earlier", families=["triangle", "steps"], on_one=True)
+add("torque_saturation", "listed", "tendon", "C1", 6e-3, 0, 6.4e-3, saturation, lambda a: {"deficit_Nm": a},
+    "current limited earlier", families=["steps", "triangle"], on_one=True)
 add("wrap_angle", "listed", "tendon", "C4", 0.3, -0.8, 0.8, wrap, lambda a: {"extra_rad": a}, "nominal law, other wrap",
     on_one=True)
 add("pulley_coulomb", "listed", "tendon", "C4", 0.08, 0, 0.6, tendon_column("pulley_N"), lambda a: {"N": a},
@@ -252,10 +252,6 @@ def robot_number(name, **others):
     return plant
 
 
-def hollow(p, faults, which, a, rng):
-    p["g"][G["base_k"]] = 1.0 / a
-
-
 def add_unlisted(name, scope, cut, typical, high, plant, law, **more):
     add(name, "unlisted", scope, cut, typical, 0, high, plant, lambda a: {"amount": a}, law, **more)
 
@@ -275,7 +271,7 @@ add_unlisted("supply_sag", "tendon", "C2", 0.05, 0.5, column("sag"),
              "all motors weaken with the sum of their currents")
 add_unlisted("axial_compression", "robot", "C4", 0.005, 0.04, robot_number("axial"),
              "units shorten under the sum of tensions")
-add_unlisted("loose_base", "robot", "C4", 0.5, 8.0, hollow, "the base plate leans under the moment of the first unit")
+add_unlisted("loose_base", "robot", "C4", 0.5, 8.0, robot_number("base_c"), "the base plate leans under the moment of the first unit")
 add_unlisted("stiffening_tendon", "tendon", "C3", 0.2, 3.0, column("stiffening"), "tendon stiffness grows with tension")
 add_unlisted("backbone_relaxation", "robot", "C4", 0.1, 1.0, column("visc", "u", visc_tau=1.2),
              "a Maxwell arm beside the backbone, 1.2 s", families=["hold", "triangle"])
@@ -286,6 +282,14 @@ def gusts(p, faults, which, a, rng):
 
 
 add_unlisted("gusts", "robot", "C5", 0.01, 0.15, gusts, "coloured force at the tip, 0.7 Hz")
+
+
+def free(p, faults, which, a, rng):
+    p["free_chain"] = True
+
+
+add_unlisted("free_chain", "robot", "C4", 1.0, 1.0, free,
+             "MuJoCo only: the joints within a unit are not tied, the backbone bends as tendons and weight have it")
 
 
 def sensor(name, scope, typical, low, high, key, value, truth, law, kind="sensor", cut="C6", **more):

@@ -14,7 +14,7 @@ TENDON = ("k c e0 r_spool growth ratio eff J coulomb coulomb_angle coulomb_micro
           "backlash pulley_N creep1 creep_t1 creep2 creep_t2 slack thermal thermal_tau cross ripple ripple_n "
           "fixture_m ecc ecc_n play_kind stiffening route_mu sag fade fade_tau lugre_pulley").split()
 UNIT = ("l m Ixx Izz kb c u0 v0 twist hyst hyst_y soft soft_theta visc visc_tau").split()
-ROBOT = ("gx gy gz fx fy fz tilt_x tilt_y base_k axial wall_x wall_y wall_z wall_n wall_k route_y twist_k "
+ROBOT = ("gx gy gz fx fy fz tilt_x tilt_y base_c axial wall_x wall_y wall_z wall_n wall_k route_y twist_k "
          "gust gust_hz tip_cx tip_cz wobble").split()
 T = {name: i for i, name in enumerate(TENDON)}
 U = {name: i for i, name in enumerate(UNIT)}
@@ -29,10 +29,10 @@ for _n, _i in G.items():
 LOW, FAST = 0.15, 40.0  # N, rad/s
 PLAYS = 6  # elements of each Prandtl-Ishlinskii operator of the planted laws
 
-Plant = namedtuple("Plant", "t u g hole_r hole_a cap_val cap_axis")
+Plant = namedtuple("Plant", "t u g hole_x hole_y rest cap_val cap_axis")  # rest: straight lengths of the straight robot
 
 
-@njit(cache=True, fastmath=False)
+@njit(cache=True, error_model="numpy")
 def cap(val, axis, which, tension):
     """Ratio-preserving below the first grid point; which 0: robot side -> motor side, 1: the inverse."""
     if tension <= 0.0:
@@ -55,12 +55,12 @@ def cap(val, axis, which, tension):
     return tension * math.exp(r)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def clip(x, y):
     return min(max(x, -y), y)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def arc(u, v, l, p, R, JL, dpu, dpv):
     """One constant-curvature unit: position, rotation exp(hat(-v, u, 0)), left Jacobian of the rotation vector and
     the derivatives of the position."""
@@ -109,7 +109,7 @@ def arc(u, v, l, p, R, JL, dpu, dpv):
     JL[2, 2] = 1 - B * t2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def base_rotation(R, tx, ty):
     a = math.sqrt(tx * tx + ty * ty)
     A = 0.5
@@ -128,7 +128,7 @@ def base_rotation(R, tx, ty):
     R[2, 2] = 1 - A * a * a
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def chain(P, q, tx, ty, lengths, twists, pos, rot, pl, Rl, JL, dpu, dpv):
     """Frames 0..N in the world (pos, rot), and each unit's own p, R and derivatives."""
     n = lengths.shape[0]
@@ -152,24 +152,20 @@ def chain(P, q, tx, ty, lengths, twists, pos, rot, pl, Rl, JL, dpu, dpv):
                                      + rot[i, r, 2] * Rl[i, 2, c2])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def straight(P, pl, Rl, JL, dpu, dpv, L, dL):
     """Straight tendon length in each unit L[i, j] and its derivatives dL[i, j, 0:2] by (u_i, v_i)."""
     n = pl.shape[0]
     m = P.t.shape[0]
     for i in range(n):
         for j in range(m):
-            rb = P.hole_r[i, j]
-            ab = P.hole_a[i, j]
-            rt = P.hole_r[i + 1, j]
-            at = P.hole_a[i + 1, j]
-            hx = rt * math.cos(at)
-            hy = rt * math.sin(at)
+            hx = P.hole_x[i + 1, j]
+            hy = P.hole_y[i + 1, j]
             x = Rl[i, 0, 0] * hx + Rl[i, 0, 1] * hy
             y = Rl[i, 1, 0] * hx + Rl[i, 1, 1] * hy
             z = Rl[i, 2, 0] * hx + Rl[i, 2, 1] * hy
-            cx = pl[i, 0] + x - rb * math.cos(ab)
-            cy = pl[i, 1] + y - rb * math.sin(ab)
+            cx = pl[i, 0] + x - P.hole_x[i, j]
+            cy = pl[i, 1] + y - P.hole_y[i, j]
             cz = pl[i, 2] + z
             d = math.sqrt(cx * cx + cy * cy + cz * cz)
             L[i, j] = d
@@ -194,13 +190,13 @@ def straight(P, pl, Rl, JL, dpu, dpv, L, dL):
                 dL[i, j, k] = (ex * cx + ey * cy + ez * cz) / d
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def body_dynamics(P, q, dq, Q, lengths, twists, tx, ty, fx, fy, fz, W, gh, first, ddq):
     """Accelerations of the chain under generalised forces Q (tendons and elasticity) with gravity, a tip force and
     the wall. The mass matrix comes from the Jacobians of the disks; velocity products from the second difference of
     the disks' frames along dq. Returns the Rosenbrock increment (M + gh C)^-1 (force - 2 M first), C the bending
     damping: with gh = 0 and first = 0 the acceleration itself."""
-    pos, rot, pl, Rl, JL, dpu, dpv, pa, ra, pb, rb, pl2, Rl2, JL2, dpu2, dpv2, Jp, Jw, M, f, qa = W
+    pos, rot, pl, Rl, JL, dpu, dpv, pa, ra, pb, rb, pl2, Rl2, JL2, dpu2, dpv2, Jp, Jw, M, f, qa, col = W
     n = lengths.shape[0]
     nd = 2 * n
     eps = 1e-4
@@ -304,33 +300,39 @@ def body_dynamics(P, q, dq, Q, lengths, twists, tx, ty, fx, fy, fz, W, gh, first
                 Fx -= force * P.g[G_wall_x]
                 Fy -= force * P.g[G_wall_y]
                 Fz -= force * P.g[G_wall_z]
-        for ka in range(i + 1):
-            ox = pos[i + 1, 0] - pos[ka + 1, 0]
-            oy = pos[i + 1, 1] - pos[ka + 1, 1]
-            oz = pos[i + 1, 2] - pos[ka + 1, 2]
-            for sa in range(2):
-                a = ka + sa * n
-                jx = Jp[a, 0] + Jw[a, 1] * oz - Jw[a, 2] * oy
-                jy = Jp[a, 1] + Jw[a, 2] * ox - Jw[a, 0] * oz
-                jz = Jp[a, 2] + Jw[a, 0] * oy - Jw[a, 1] * ox
-                f[a] += jx * Fx + jy * Fy + jz * Fz + Jw[a, 0] * tx_ + Jw[a, 1] * ty_ + Jw[a, 2] * tz_
-                d = (iz - ix) * (zx * Jw[a, 0] + zy * Jw[a, 1] + zz * Jw[a, 2])
-                hx = ix * Jw[a, 0] + d * zx
-                hy = ix * Jw[a, 1] + d * zy
-                hz = ix * Jw[a, 2] + d * zz
-                for kb in range(i + 1):
-                    px = pos[i + 1, 0] - pos[kb + 1, 0]
-                    py = pos[i + 1, 1] - pos[kb + 1, 1]
-                    pz = pos[i + 1, 2] - pos[kb + 1, 2]
-                    for sb in range(2):
-                        b = kb + sb * n
-                        if b > a:
-                            continue
-                        gx = Jp[b, 0] + Jw[b, 1] * pz - Jw[b, 2] * py
-                        gy = Jp[b, 1] + Jw[b, 2] * px - Jw[b, 0] * pz
-                        gz = Jp[b, 2] + Jw[b, 0] * py - Jw[b, 1] * px
-                        M[a, b] += (m * (jx * gx + jy * gy + jz * gz) + hx * Jw[b, 0] + hy * Jw[b, 1]
-                                    + hz * Jw[b, 2])
+        for k in range(i + 1):
+            ox = pos[i + 1, 0] - pos[k + 1, 0]
+            oy = pos[i + 1, 1] - pos[k + 1, 1]
+            oz = pos[i + 1, 2] - pos[k + 1, 2]
+            for h in range(2):
+                a = k + h * n
+                w0 = Jw[a, 0]
+                w1 = Jw[a, 1]
+                w2 = Jw[a, 2]
+                jx = Jp[a, 0] + w1 * oz - w2 * oy
+                jy = Jp[a, 1] + w2 * ox - w0 * oz
+                jz = Jp[a, 2] + w0 * oy - w1 * ox
+                f[a] += jx * Fx + jy * Fy + jz * Fz + w0 * tx_ + w1 * ty_ + w2 * tz_
+                d = (iz - ix) * (zx * w0 + zy * w1 + zz * w2)
+                col[a, 0] = jx
+                col[a, 1] = jy
+                col[a, 2] = jz
+                col[a, 3] = ix * w0 + d * zx
+                col[a, 4] = ix * w1 + d * zy
+                col[a, 5] = ix * w2 + d * zz
+        for k in range(i + 1):
+            for h in range(2):
+                a = k + h * n
+                c0 = m * col[a, 0]
+                c1 = m * col[a, 1]
+                c2 = m * col[a, 2]
+                c3 = col[a, 3]
+                c4 = col[a, 4]
+                c5 = col[a, 5]
+                for g in range(h + 1):
+                    for b in range(g * n, g * n + (k + 1 if g == h else i + 1)):
+                        M[a, b] += (c0 * col[b, 0] + c1 * col[b, 1] + c2 * col[b, 2] + c3 * Jw[b, 0]
+                                    + c4 * Jw[b, 1] + c5 * Jw[b, 2])
     if gh > 0.0:
         for a in range(nd):
             s = 0.0
@@ -362,23 +364,24 @@ def body_dynamics(P, q, dq, Q, lengths, twists, tx, ty, fx, fy, fz, W, gh, first
         ddq[a] = s / M[a, a]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def work(n, m):
     nd = 2 * n
     return (np.zeros((n + 1, 3)), np.zeros((n + 1, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3, 3)),
             np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n + 1, 3)), np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3)),
             np.zeros((n + 1, 3, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3)),
-            np.zeros((n, 3)), np.zeros((nd, 3)), np.zeros((nd, 3)), np.zeros((nd, nd)), np.zeros(nd), np.zeros(nd))
+            np.zeros((n, 3)), np.zeros((nd, 3)), np.zeros((nd, 3)), np.zeros((nd, nd)), np.zeros(nd), np.zeros(nd),
+            np.zeros((nd, 6)))
 
 
 # Memory of hysteresis: each element keeps its value and the coordinate at the step's begin; within a step it is a
 # function of the coordinate, exact while the motion does not turn round.
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def stop(w, x, x0, y):
     return clip(w + (x - x0), y)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def dahl(z, x, x0, length):
     """Bristle of unit saturation after the motion from x0 to x."""
     d = x - x0
@@ -388,7 +391,7 @@ def dahl(z, x, x0, length):
 
 
 # State vector: u v du dv (4N), theta omega torque (3M), creep1 creep2 heat fade (4M), base tilt rotation (2), viscoelastic u v (2N)
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def rates(P, y, x0, mem, target, force, W, L, dL, Q, T_unit, gh, first, y_dot, obs, commit):
     """y_dot; obs rows: motor-side tension, base tension, spool displacement s, body displacement d. mem: memories at
     the step's begin, replaced by their values here when `commit`. x0: coordinates at the step's begin (M x 4 + unit)."""
@@ -431,9 +434,7 @@ def rates(P, y, x0, mem, target, force, W, L, dL, Q, T_unit, gh, first, y_dot, o
         d = 0.0
         dd = 0.0
         for i in range(n):
-            rest = math.sqrt(P.u[i, U_l] ** 2 + P.hole_r[i, j] ** 2 + P.hole_r[i + 1, j] ** 2
-                             - 2 * P.hole_r[i, j] * P.hole_r[i + 1, j] * math.cos(P.hole_a[i + 1, j] - P.hole_a[i, j]))
-            d += rest - L[i, j]
+            d += P.rest[i, j] - L[i, j]
             dd -= dL[i, j, 0] * dq[i] + dL[i, j, 1] * dq[n + i]
         # motor -> spool: nominal is rigid; planted backlash is a distribution of plays
         theta = th[j]
@@ -568,10 +569,7 @@ def rates(P, y, x0, mem, target, force, W, L, dL, Q, T_unit, gh, first, y_dot, o
                 wrap = math.sqrt(ux * ux + vx * vx)
                 move = 0.0
                 for k in range(i, n):
-                    rest = math.sqrt(P.u[k, U_l] ** 2 + P.hole_r[k, j] ** 2 + P.hole_r[k + 1, j] ** 2
-                                     - 2 * P.hole_r[k, j] * P.hole_r[k + 1, j]
-                                     * math.cos(P.hole_a[k + 1, j] - P.hole_a[k, j]))
-                    move += rest - L[k, j]
+                    move += P.rest[k, j] - L[k, j]
                 zz = 0.0
                 for k in range(3):
                     yk = g[G_route_y] * (0.4, 0.9, 1.7)[k]
@@ -627,17 +625,14 @@ def rates(P, y, x0, mem, target, force, W, L, dL, Q, T_unit, gh, first, y_dot, o
     fy = g[G_fy] + force[1]
     fz = g[G_fz] + force[2]
     body_dynamics(P, q, dq, Q, lengths, twists, tx, ty, fx, fy, fz, W, gh, first, y_dot[nd:2 * nd])
-    if g[G_base_k] > 0.0:
-        # the base gives way under the sum of the units' elastic moment at its first unit
-        mx = -P.u[0, U_kb] * q[n]
-        my = P.u[0, U_kb] * q[0]
-        y_dot[o + 4 * m] = (-mx / g[G_base_k] * 1.0 - y[o + 4 * m]) / 0.02
-        y_dot[o + 4 * m + 1] = (-my / g[G_base_k] * 1.0 - y[o + 4 * m + 1]) / 0.02
+    if g[G_base_c] > 0.0:  # the base leans with the moment of the first unit, within 20 ms
+        y_dot[o + 4 * m] = (-g[G_base_c] * P.u[0, U_kb] * q[n] - y[o + 4 * m]) / 0.02
+        y_dot[o + 4 * m + 1] = (g[G_base_c] * P.u[0, U_kb] * q[0] - y[o + 4 * m + 1]) / 0.02
     for k in range(nd):
         y_dot[k] = dq[k]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def run(P, targets, start_torque, force, sub, dt_row, y, x0, mem):
     """targets: S x M, sent at row k, acting at row k + 1. Returns rows at the row times: motor angle, motor torque
     (of the current), motor-side tension, base tension, tip position, tip rotation, and (u, v)."""
@@ -782,8 +777,9 @@ def build(p):
             _tables[key] = capstan.tables(pulley, p["t"][j, T["low_N"]])
         val.append(_tables[key][0])
         axis.append(_tables[key][1])
-    return Plant(p["t"].copy(), p["u"].copy(), p["g"].copy(), p["hole_r"].copy(), p["hole_a"].copy(),
-                 np.array(val), np.array(axis))
+    x, y = p["hole_r"] * np.cos(p["hole_a"]), p["hole_r"] * np.sin(p["hole_a"])
+    rest = np.sqrt(p["u"][:, U["l"], None] ** 2 + np.diff(x, axis=0) ** 2 + np.diff(y, axis=0) ** 2)
+    return Plant(p["t"].copy(), p["u"].copy(), p["g"].copy(), x, y, rest, np.array(val), np.array(axis))
 
 
 def simulate(p, targets_Nm, force=None, sub=10, dt_row=1e-3, angle0=None):

@@ -35,9 +35,14 @@ def where_indices(effect, where, p):
     return [int(number) - 1]
 
 
-def planted(robot, items, seed):
-    """Plant, sensors' faults and truth of a list of (name, where, amount)."""
+def planted(robot, items, seed, nuisance=0.0):
+    """Plant, sensors' faults and truth of a list of (name, where, amount); nuisance: rms of the log by which the
+    lengths are off over which friction turns round."""
     p = lp.nominal(robot)
+    if nuisance:
+        rng = np.random.default_rng([seed, 78])
+        for name in ("presliding", "coulomb_angle", "gear_y1", "gear_y2"):
+            p["t"][:, lp.T[name]] *= np.exp(nuisance * rng.standard_normal())
     faults, truth = {}, []
     for k, (name, where, amount) in enumerate(items):
         e = effects.LIST[name]
@@ -67,8 +72,19 @@ def disturbance(p, S, scatter_Nm, seed):
     return f
 
 
-def outputs(robot, p, faults, targets, load_cell, sub=10, scatter_Nm=0.0, seed=(0,)):
-    o = lp.simulate(p, targets, disturbance(p, len(targets), scatter_Nm, seed), sub=sub)
+# What the MuJoCo plant has a law for; sensors' faults come on top of either plant.
+MUJOCO = set("torque_constant gear_efficiency motor_viscous capstan_alpha capstan_n wrap_angle presliding tendon_stiffness "
+             "bending_stiffness unit_stiffness bending_damping hole_radius hole_angle torsion unit_length unit_mass "
+             "precurvature tip_payload base_tilt torque_saturation free_chain".split())
+
+
+def outputs(robot, p, faults, targets, load_cell, sub=10, scatter_Nm=0.0, seed=(0,), plant="lagrange"):
+    force = disturbance(p, len(targets), scatter_Nm, seed)
+    if plant == "mujoco":
+        from tests.blind import mujoco_plant
+        o = mujoco_plant.simulate(p, targets, force[:, 3:], tied=not p.get("free_chain"))
+    else:
+        o = lp.simulate(p, targets, force, sub=sub)
     return sensors.ideal(robot, o, targets, faults, load_cell)
 
 
@@ -149,10 +165,16 @@ def amount_for(robot, name, where, sigma, seed, sign, load_cell="motor_side"):
 
 
 def make_set(out, truth_path, robot_name, items, seed, families, repeats=1, load_cell="motor_side", tracker=True,
-             colour=0.0, lost=0.0, jitter=3e-6, strength=1.0, scatter_Nm=SCATTER_NM, extra_truth=None):
+             colour=0.0, lost=0.0, jitter=3e-6, strength=1.0, scatter_Nm=SCATTER_NM, extra_truth=None,
+             plant="lagrange", nuisance=0.0):
     robot_file = ROOT / "config" / "robots" / f"{robot_name}.yaml"
     robot = yaml.safe_load(robot_file.read_text())
-    p, faults, truth = planted(robot, items, seed)
+    for name, _, _ in items:
+        if plant == "mujoco" and name not in MUJOCO and effects.LIST[name].cut != "C6":
+            raise Wrong(f"--effect {name}: the MuJoCo plant has no law for it; take --plant lagrange")
+        if plant != "mujoco" and name == "free_chain":
+            raise Wrong("--effect free_chain: only the MuJoCo plant has a chain to untie; take --plant mujoco")
+    p, faults, truth = planted(robot, items, seed, nuisance)
     faults.update(colour=colour, lost=lost, jitter_s=jitter)
     c = programs.Controller(robot)
     rng = np.random.default_rng([seed, 1])
@@ -161,20 +183,20 @@ def make_set(out, truth_path, robot_name, items, seed, families, repeats=1, load
     runs = []
     for k, family in enumerate(families):
         targets = programs.program(family, c, rng, strength)
-        signals = outputs(robot, p, faults, targets, load_cell, 10, scatter_Nm, (seed, 5, k))
+        signals = outputs(robot, p, faults, targets, load_cell, 10, scatter_Nm, (seed, 5, k), plant)
         if not np.all(np.isfinite(signals["tip"])):
             raise RuntimeError(f"{family}: the simulation left the finite numbers; take a smaller amount")
         first = f"{family}_{k + 1}.csv"
         for r in range(1 + (repeats if k == 0 else 0)):
             name = first if r == 0 else f"{family}_{k + 1}_again{r}.csv"
             if r and (scatter_Nm or p.get("gust_N")):
-                signals = outputs(robot, p, faults, targets, load_cell, 10, scatter_Nm, (seed, 6, k, r))
+                signals = outputs(robot, p, faults, targets, load_cell, 10, scatter_Nm, (seed, 6, k, r), plant)
             rows = sensors.sample(robot, signals, faults, [seed, 2, k, r])
             sensors.write_run(out / name, rows, tracker, load_cell != "none")
             runs.append((name, family, None if r == 0 else first, rows))
     sensors.write_set(out, robot_file, runs, load_cell)
-    answer = dict(seed=seed, robot=robot_name, truth=truth, load_cell=load_cell, tracker=tracker, families=list(families),
-                  colour=colour, lost=lost, scatter_Nm=scatter_Nm, strength=strength, sha256_of_data=sensors.digest(out), **(extra_truth or {}))
+    answer = dict(seed=seed, robot=robot_name, plant=plant, truth=truth, load_cell=load_cell, tracker=tracker, families=list(families),
+                  colour=colour, lost=lost, scatter_Nm=scatter_Nm, nuisance=nuisance, strength=strength, sha256_of_data=sensors.digest(out), **(extra_truth or {}))
     if truth_path:
         Path(truth_path).parent.mkdir(parents=True, exist_ok=True)
         Path(truth_path).write_text(json.dumps(answer, indent=1) + "\n")
@@ -191,6 +213,7 @@ def arguments():
     a.add_argument("--seed", type=int, required=True)
     a.add_argument("--robot", default="rig_90mm")
     a.add_argument("--families", nargs="+", default=programs.USUAL, choices=programs.FAMILIES)
+    a.add_argument("--plant", default="lagrange", choices=("lagrange", "mujoco"))
     a.add_argument("--repeats", type=int, default=1)
     a.add_argument("--load-cell", default="motor_side", choices=("motor_side", "robot_side", "none"))
     a.add_argument("--no-tracker", action="store_true")
@@ -234,7 +257,7 @@ def main():
     begin = time.time()
     families = ["weak", "weak"] if o.weak else o.families
     answer = make_set(o.out, o.truth, o.robot, items, o.seed, families, o.repeats, o.load_cell, not o.no_tracker, o.colour,
-                      o.lost, o.jitter, scatter_Nm=o.scatter, extra_truth=dict(sizes=sizes))
+                      o.lost, o.jitter, scatter_Nm=o.scatter, extra_truth=dict(sizes=sizes), plant=o.plant, nuisance=o.nuisance)
     print(f"{o.out}: {len(families)} runs, planted {[(t['effect'], t['where'], t['amount']) for t in answer['truth']]}, "
           f"{time.time() - begin:.1f} s")
     return 0

@@ -1,0 +1,483 @@
+# Sealed campaigns: sets with something unknown planted, a diagnosis that never sees the answers, and the score.
+# make and score know the plant; diagnose knows folders, hashes and a command, nothing else.
+import argparse
+import hashlib
+import json
+import os
+import secrets
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+KINDS = dict(single=0.38, parameter=0.15, null=0.2, nuisance_null=0.05, unlisted=0.08, pair=0.08, weak=0.03, no_tracker=0.03)
+
+
+class Wrong(Exception):
+    pass
+
+
+def sha(data):
+    return hashlib.sha256(data).hexdigest()
+
+
+def now():
+    return time.time_ns()
+
+
+def shard_ids(count, shard):
+    part, _, whole = shard.partition("/")
+    if not (part.isdigit() and whole.isdigit() and 1 <= int(part) <= int(whole)):
+        raise Wrong(f"--shard {shard}: write i/n with 1 <= i <= n, such as 2/8")
+    return [k for k in range(count) if k % int(whole) == int(part) - 1]
+
+
+def write_once(path, text):
+    """A file that cannot be written a second time."""
+    fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o444)
+    with os.fdopen(fd, "w") as file:
+        file.write(text)
+
+
+# ---------------------------------------------------------------- make
+def kinds_of(count, rng):
+    """Kinds for `count` sets: whole parts by the composition, the rest by chance, in random order."""
+    names, kinds = list(KINDS), []
+    for name in names:
+        kinds += [name] * int(KINDS[name] * count)
+    while len(kinds) < count:
+        kinds.append(rng.choices(names, [KINDS[n] * count % 1 + 1e-9 for n in names])[0])
+    rng.shuffle(kinds)
+    return kinds
+
+
+def draw(kind, rng):
+    """What to plant: list of (name, where, sigma, sign)."""
+    from tests.blind import effects
+    groups = dict(single=("listed", "scale", "sensor"), parameter=("scale",), unlisted=("unlisted",), pair=("listed", "scale"),
+                  weak=("listed", "scale"), no_tracker=("listed", "scale"))
+    if kind not in groups:
+        return []
+    pool = [e for e in effects.LIST.values() if e.kind in groups[kind] and e.name != "free_chain"]
+    if kind == "no_tracker":
+        pool = [e for e in pool if not e.name.startswith("tracker")]
+
+    def one(sigma):
+        e = rng.choice(pool)
+        pool.remove(e)
+        parts = dict(tendon=3, unit=4).get(e.scope)
+        alone = parts and e.on_one and (not e.on_all or rng.random() < 0.4)
+        where = f"{e.scope}:{rng.randint(1, parts)}" if alone else "all"
+        return e.name, where, sigma, rng.choice((-1, 1)) if e.low < 0 else 1
+
+    log_uniform = lambda a, b: a * (b / a) ** rng.random()
+    if kind == "pair":
+        s = log_uniform(5, 30)
+        return [one(s), one(s / log_uniform(1, 5))]
+    return [one(log_uniform(3, 30) if kind in ("weak", "no_tracker") else log_uniform(0.1, 30))]
+
+
+def make(o):
+    import random
+    import yaml
+    from tests.blind import make as generator
+    folder, vault = Path(o.campaign), Path(o.vault or o.campaign.rstrip("/") + ".vault")
+    if folder.resolve() == vault.resolve() or folder.resolve() in vault.resolve().parents:
+        raise Wrong("--vault must lie outside the campaign, which the diagnosis reads")
+    for d in (folder / "sets", folder / "seals", vault):
+        d.mkdir(parents=True, exist_ok=True)
+    vault.chmod(0o700)
+    rng = random.SystemRandom()
+    ids = shard_ids(o.sets, o.shard)
+    for k, kind in zip(ids, kinds_of(len(ids), rng)):
+        name = f"{k:04d}"
+        if (folder / "seals" / f"{name}.json").exists():
+            continue
+        for leftover in (folder / "sets" / name, folder / "sets" / f"{name}_followup"):
+            shutil.rmtree(leftover, ignore_errors=True)
+        robot_name = rng.choice(["rig_90mm"] * 4 + ["rig_60mm"])
+        robot = yaml.safe_load((ROOT / "config" / "robots" / f"{robot_name}.yaml").read_text())
+        cell = rng.choice(["motor_side"] * 4 + ["robot_side"])
+        seed = rng.getrandbits(48)
+        for _ in range(5):  # again where what was drawn cannot be made
+            items, sizes = [], []
+            for effect, where, sigma, sign in draw(kind, rng):
+                amount, size, channel = generator.amount_for(robot, effect, where, sigma, seed, sign, cell)
+                items.append((effect, where, amount))
+                sizes.append(dict(wanted_sigma=sigma, sigma=size, channel=channel))
+            others = ["cocontraction", "circle", "steps", "multisine", "ladder", "hold"]
+            families = ["triangle"] + rng.sample(others, o.families - 1)
+            common = dict(robot_name=robot_name, items=items, seed=seed, load_cell=cell, tracker=kind != "no_tracker",
+                          colour=rng.choice([0, 0, 0.5, 0.9]), lost=rng.choice([0, 0, 0, 0.03]),
+                          jitter=rng.choice([3e-6, 3e-6, 2e-5]), nuisance=0.2 if kind == "nuisance_null" else 0.0)
+            try:
+                extra = {}
+                if kind == "weak":
+                    answer = generator.make_set(folder / "sets" / name, None, families=["weak", "weak"], **common)
+                    extra = generator.make_set(folder / "sets" / f"{name}_followup", None, families=families, **common)
+                    extra = dict(followup_sha256=extra["sha256_of_data"])
+                else:
+                    answer = generator.make_set(folder / "sets" / name, None, families=families, **common)
+                break
+            except RuntimeError:
+                shutil.rmtree(folder / "sets" / name, ignore_errors=True)
+        else:
+            raise RuntimeError(f"set {name}: five draws could not be simulated")
+        answer.update(extra, id=name, set_kind=kind, sizes=sizes, nonce=secrets.token_hex(32))
+        text = json.dumps(answer, indent=1) + "\n"
+        path = vault / f"{name}.json"
+        path.unlink(missing_ok=True)
+        write_once(path, text)
+        seal = dict(id=name, answer_sha256=sha(text.encode()), data_sha256=answer["sha256_of_data"], sealed_ns=now(), **extra)
+        write_once(folder / "seals" / f"{name}.json", json.dumps(seal) + "\n")
+        print(f"set {name} sealed {seal['answer_sha256'][:16]}", flush=True)
+
+
+# ---------------------------------------------------------------- diagnose
+def digest(folder):
+    h = hashlib.sha256()
+    for path in sorted(Path(folder).iterdir()):
+        h.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return h.hexdigest()
+
+
+def confined(vault):
+    """Prefix of a command that makes the vault unreadable to it; checked, not assumed."""
+    probe = next(iter(sorted(vault.glob("*.json"))), None) if vault and vault.exists() else None
+    if vault is None or not vault.exists():
+        return []  # it is not on this machine
+    prefixes = [["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]] if os.geteuid() == 0 else []
+    hide = 'mount -t tmpfs none "$0" && exec "$@"'
+    prefixes.append(["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", hide, str(vault)])
+    for prefix in prefixes:
+        try:
+            works = subprocess.run([*prefix, "true"], capture_output=True).returncode == 0
+        except FileNotFoundError:
+            continue
+        if works and (probe is None or subprocess.run([*prefix, "cat", str(probe)], capture_output=True).returncode != 0):
+            return prefix
+    raise Wrong(f"the diagnosis could read {vault}: move it to another machine or user, or run as root with setpriv")
+
+
+def diagnose_one(command, folder, prefix, timeout_s):
+    """Runs the command on a copy of the set, under names that tell nothing. (report or None, facts)"""
+    with tempfile.TemporaryDirectory(prefix="set_") as work:
+        work = Path(work)
+        shutil.copytree(folder, work / "set")
+        (work / "out").mkdir()
+        for path in [work, *work.rglob("*")]:
+            path.chmod(0o777 if path.is_dir() else 0o644)
+        words = [w.format(robot=work / "set" / "robot.yaml", set=work / "set", out=work / "out") for w in command]
+        begin = now()
+        try:
+            done = subprocess.run([*prefix, *words], cwd=work, capture_output=True, text=True, timeout=timeout_s,
+                                  env={"PATH": os.environ["PATH"], "HOME": str(work)})
+            code, error = done.returncode, done.stderr[-2000:]
+        except subprocess.TimeoutExpired:
+            code, error = -1, f"more than {timeout_s} s"
+        report = work / "out" / "report.json"
+        facts = dict(started_ns=begin, finished_ns=now(), exit_code=code, error=error)
+        return json.loads(report.read_text()) if report.exists() and code == 0 else None, facts
+
+
+KEEP = ("verdict", "sentence", "location", "causes", "accepted", "closed", "leftover_sigma", "confusable", "baselines",
+        "degradations", "provenance")
+
+
+def diagnose(o):
+    folder = Path(o.campaign)
+    vault = Path(o.vault or o.campaign.rstrip("/") + ".vault")
+    prefix = confined(vault)
+    command = o.command or [str(o.tendril), "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "{set}"]
+    program = shutil.which(command[0])
+    if not program:
+        raise Wrong(f"{command[0]}: no such program; give --tendril or the command after --")
+    (folder / "answers").mkdir(exist_ok=True)
+    for k in shard_ids(o.sets or 100000, o.shard):
+        seal_file = folder / "seals" / f"{k:04d}.json"
+        if not seal_file.exists():
+            continue
+        for name in (f"{k:04d}", f"{k:04d}_followup"):
+            data, out = folder / "sets" / name, folder / "answers" / f"{name}.json"
+            if not data.exists() or out.exists():
+                continue
+            before = digest(data)
+            report, facts = diagnose_one(command, data, prefix, o.timeout)
+            answer = dict(id=name, data_sha256=before, program_sha256=sha(Path(program).read_bytes()),
+                          report=report and {key: report[key] for key in KEEP if key in report}, **facts)
+            write_once(out, json.dumps(answer) + "\n")
+            print(f"{name}: {report['verdict'] if report else 'failed: ' + facts['error'].strip()[-200:]}, "
+                  f"{(facts['finished_ns'] - facts['started_ns']) / 1e9:.1f} s", flush=True)
+
+
+# ---------------------------------------------------------------- score
+def wilson(k, n, z=1.959964):
+    if n == 0:
+        return float("nan"), 0.0, 1.0
+    p = k / n
+    c = (p + z * z / (2 * n)) / (1 + z * z / n)
+    h = z / (1 + z * z / n) * (p * (1 - p) / n + z * z / (4 * n * n)) ** 0.5
+    return p, max(0.0, c - h), min(1.0, c + h)
+
+
+def refused(seal, answer_text, answer, record, data):
+    """Why a record does not count, or None."""
+    if sha(answer_text.encode()) != seal["answer_sha256"]:
+        return "the opened answer is not the sealed one"
+    wanted = seal["followup_sha256"] if record["id"].endswith("_followup") else seal["data_sha256"]
+    if record["data_sha256"] != wanted or (data.exists() and digest(data) != wanted):
+        return "the data are not the sealed ones"
+    if record["started_ns"] < seal["sealed_ns"]:
+        return "the diagnosis is older than the seal"
+    return None
+
+
+class Case:
+    """One scored set: truth beside diagnosis."""
+
+    def __init__(self, truth, record):
+        self.truth, self.kind, self.id = truth["truth"], truth["set_kind"], truth["id"]
+        self.sigma = max([s["sigma"] for s in truth["sizes"]], default=0.0)
+        self.channel = truth["sizes"][0]["channel"] if truth["sizes"] else ""
+        self.robot, self.cell = truth["robot"], truth["load_cell"]
+        self.report = record["report"]
+        r = self.report or {}
+        self.verdict = r.get("verdict", "failed")
+        self.causes = r.get("causes", [])
+        self.p = {(c["effect"], c["where"]): c["p"] for c in self.causes}
+        self.unknown = sum(c["p"] for c in self.causes if c["effect"] == "unknown") + (self.verdict == "unexplained")
+        self.wanted = [(t["effect"], t["where"]) for t in self.truth]
+
+    @staticmethod
+    def same(cause, wanted):
+        # one value for all is the same as the robot's, its sections' or all units'
+        norm = lambda w: "all" if w in ("", "all", "section:1") else w
+        return cause["effect"] == wanted[0] and norm(cause["where"]) == norm(wanted[1])
+
+    @property
+    def top(self):
+        return self.causes[0] if self.causes else None
+
+    def group_hit(self):
+        """The top cause is the true one, or stands in one group with it and the verdict says that it is a group."""
+        if not self.top or not self.wanted:
+            return False
+        if self.same(self.top, self.wanted[0]):
+            return True
+        g = self.top.get("group", 0)
+        return self.verdict == "ambiguous_group" and g > 0 and any(
+            c.get("group") == g and self.same(c, self.wanted[0]) for c in self.causes)
+
+    def right(self):
+        if self.kind in ("null", "nuisance_null"):
+            return self.verdict == "no_gap"
+        if self.kind == "unlisted":
+            return self.verdict in ("unexplained", "no_gap", "insufficient_data")
+        return self.group_hit()
+
+    def confident_wrong(self):
+        if not self.top or self.verdict != "attributed":
+            return False
+        return self.top["p"] >= 0.9 and not any(self.same(self.top, w) for w in self.wanted)
+
+    def first_cut(self):
+        return next((f["cut"] for f in self.report["location"] if f.get("first")), None) if self.report else None
+
+
+def auroc(positive, negative):
+    if not positive or not negative:
+        return float("nan")
+    wins = sum((a > b) + 0.5 * (a == b) for a in positive for b in negative)
+    return wins / (len(positive) * len(negative))
+
+
+def half_point(cases):
+    """sigma of 50 % detection by a logistic curve over log sigma (Newton), and the binned curve."""
+    import math
+    bins = []
+    edges = [0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8, 1e9]
+    points = [(max(c.sigma, 1e-3), c.verdict not in ("no_gap", "insufficient_data", "failed")) for c in cases]
+    for a, b in zip(edges, edges[1:]):
+        inside = [d for s, d in points if a <= s < b]
+        if inside:
+            bins.append((a, b, sum(inside), len(inside)))
+    hits = sum(d for _, d in points)
+    if len(points) < 8 or hits in (0, len(points)):
+        return float("nan"), bins
+    w = [0.0, 1.0]
+    for _ in range(50):
+        g, h = [-1e-3 * w[0], -1e-3 * w[1]], [[1e-3, 0], [0, 1e-3]]
+        for s, d in points:
+            x = math.log(s)
+            p = 1 / (1 + math.exp(-max(-30, min(30, w[0] + w[1] * x))))
+            for a, xa in enumerate((1, x)):
+                g[a] += (d - p) * xa
+                for b, xb in enumerate((1, x)):
+                    h[a][b] += p * (1 - p) * xa * xb
+        det = h[0][0] * h[1][1] - h[0][1] * h[1][0]
+        w = [w[0] + (g[0] * h[1][1] - g[1] * h[0][1]) / det, w[1] + (g[1] * h[0][0] - g[0] * h[1][0]) / det]
+    return (math.exp(-w[0] / w[1]) if w[1] > 0 else float("nan")), bins
+
+
+def table(cases, followups, refusals):
+    lines, numbers = [], {}
+
+    def row(name, k, n, goal):
+        p, low, high = wilson(k, n)
+        numbers[name] = dict(k=k, n=n, value=p, ci=[low, high], goal=goal)
+        shown = f"{100 * p:5.1f} % [{100 * low:5.1f}, {100 * high:5.1f}]" if n else "no such sets"
+        lines.append(f"| {name} | {k} of {n} | {shown} | {goal} |")
+
+    known = [c for c in cases if c.kind in ("single", "parameter", "no_tracker")]
+    strong = [c for c in known if c.sigma > 3]
+    lines.append("| figure | count | value, Wilson 95 % | goal |\n|---|---|---|---|")
+    row("top-1 cause at > 3 sigma, group-exact", sum(c.group_hit() for c in strong), len(strong), ">= 95 %")
+    row("the same, effect's name alone", sum(bool(c.top) and (c.group_hit() or c.top["effect"] == c.wanted[0][0])
+                                            for c in strong), len(strong), "-")
+    located = [c for c in strong if c.kind != "no_tracker" and c.cell == "motor_side"]
+    row("correct first cut at > 3 sigma (motor-side cell)", sum(c.first_cut() == c.truth[0]["cut"] for c in located),
+        len(located), ">= 97 %")
+    nulls = [c for c in cases if c.kind == "null"]
+    row("false alarms on exact nulls", sum(c.verdict not in ("no_gap", "insufficient_data") for c in nulls), len(nulls), "0 of 60")
+    nn = [c for c in cases if c.kind == "nuisance_null"]
+    row("false alarms on nuisance nulls", sum(c.verdict not in ("no_gap", "insufficient_data") for c in nn), len(nn), "-")
+    foreign = [c.unknown for c in cases if c.kind == "unlisted" and c.sigma > 1 and c.report]
+    own = [c.unknown for c in known if c.sigma > 1 and c.report]
+    area = auroc(foreign, own)
+    numbers["unknown AUROC"] = dict(value=area, n=[len(foreign), len(own)])
+    lines.append(f"| unknown mechanism rejected, AUROC at > 1 sigma | {len(foreign)} against {len(own)} | {area:.3f} | >= 0.95 |")
+    unl = [c for c in cases if c.kind == "unlisted" and c.sigma > 1]
+    row("unlisted at > 1 sigma never given a confident name", sum(not c.confident_wrong() for c in unl), len(unl), "-")
+    row("confidently wrong (p >= 0.9)", sum(c.confident_wrong() for c in cases), len(cases), "<= 1 %")
+    bins = {}
+    for c in cases:
+        if c.top and c.kind in ("single", "parameter", "null", "nuisance_null", "no_tracker"):
+            hit = c.top["effect"] == "no_gap" if not c.wanted else c.same(c.top, c.wanted[0])
+            bins.setdefault(min(9, int(c.top["p"] * 10)), []).append((c.top["p"], hit))
+    total = sum(len(v) for v in bins.values())
+    ece = sum(abs(sum(p for p, _ in v) - sum(h for _, h in v)) for v in bins.values()) / total if total else float("nan")
+    numbers["calibration error"] = dict(value=ece, n=total)
+    lines.append(f"| calibration error of the top cause | {total} sets | {ece:.3f} | <= 0.05 |")
+    pairs = [c for c in cases if c.kind == "pair"]
+
+    def both(c):
+        named = (c.report or {}).get("accepted") or c.causes[:2]
+        return all(any(c.same(a, w) for a in named) for w in c.wanted)
+    row("both of a pair", sum(both(c) for c in pairs), len(pairs), ">= 80 %")
+    ratios = []
+    for c in known:
+        closed = (c.report or {}).get("closed") or {}
+        value, top = closed.get("pooled"), closed.get("ceiling")
+        value, top = (value or {}).get("value"), (top or {}).get("value")
+        if value is not None and top:
+            ratios.append(value / top)
+    ratios.sort()
+    if ratios:
+        numbers["closed over ceiling"] = dict(median=ratios[len(ratios) // 2], n=len(ratios))
+        lines.append(f"| gap closed over what refitting everything closes, median | {len(ratios)} sets | "
+                     f"{ratios[len(ratios) // 2]:.3f} | >= 0.97 of an oracle |")
+    half, curve = half_point([c for c in known if c.kind != "no_tracker"])
+    numbers["half detection sigma"] = half
+    lines.append(f"| 50 % detection limit | {len(known)} sets | {half:.2f} sigma | <= 0.3 sigma |")
+    row("follow-up resolves weak excitation", sum(c.group_hit() for c in followups), len(followups), ">= 90 %")
+    row("diagnosis failed to answer", sum(c.report is None for c in cases), len(cases), "0")
+    hypotheses = max((len(c.causes) for c in cases), default=0)
+    lines.append("\nBaselines on the same singles at > 3 sigma: "
+                 f"chance 1 of {hypotheses} hypotheses = {100 / max(hypotheses, 1):.1f} %")
+    names = sorted({b for c in cases for b in ((c.report or {}).get("baselines") or {})})
+    for b in names:
+        hit = [any(c.same(x, c.wanted[0]) for x in [c.report["baselines"][b]]) for c in strong
+               if c.report and b in (c.report.get("baselines") or {})]
+        row(f"baseline {b}", sum(hit), len(hit), "-")
+    lines.append("\nReliability of the top cause: p, share right, sets")
+    for b in sorted(bins):
+        v = bins[b]
+        lines.append(f"  {sum(p for p, _ in v) / len(v):.2f}  {sum(h for _, h in v) / len(v):.2f}  {len(v)}")
+    lines.append("\nDetection: sigma from, to, found, of")
+    lines += [f"  {a:g} {b:g}  {k} of {n}" for a, b, k, n in curve]
+    lines.append("\nConfusion at > 3 sigma (truth -> top cause: sets)")
+    confusion = {}
+    for c in strong:
+        got = f"{c.top['effect']} {c.top['where']}".strip() if c.top else c.verdict
+        if not c.group_hit():
+            key = (" ".join(c.wanted[0]), f"{got} [{c.verdict}]")
+            confusion.setdefault(key, []).append(f"{c.id} ({c.sigma:.1f} sigma)")
+    lines += [f"  {a} -> {b}: {', '.join(ids)}" for (a, b), ids in sorted(confusion.items())] or ["  none"]
+    alarms = [f"{c.id} {c.kind} -> {c.top['effect'] if c.top else ''} [{c.verdict}]" for c in nulls + nn
+              if c.verdict not in ("no_gap", "insufficient_data")]
+    lines.append("\nAlarms on nulls: " + (", ".join(alarms) or "none"))
+    lines.append("Refused: " + ("; ".join(f"{i}: {why}" for i, why in refusals) or "none"))
+    numbers["confusion"] = [[a, b, ids] for (a, b), ids in sorted(confusion.items())]
+    return lines, numbers
+
+
+def score(o):
+    cases, followups, refusals = [], [], []
+    for campaign in o.campaigns:
+        folder = Path(campaign)
+        vault = Path(o.vault or campaign.rstrip("/") + ".vault")
+        for seal_file in sorted((folder / "seals").glob("*.json")):
+            seal = json.loads(seal_file.read_text())
+            for name in (seal["id"], seal["id"] + "_followup"):
+                path = folder / "answers" / f"{name}.json"
+                if not path.exists():
+                    if not name.endswith("_followup"):
+                        refusals.append((name, "not diagnosed"))
+                    continue
+                text = (vault / f"{seal['id']}.json").read_text()
+                record, truth = json.loads(path.read_text()), json.loads(text)
+                why = refused(seal, text, truth, record, folder / "sets" / name)
+                if os.stat(path).st_mode & stat.S_IWUSR:
+                    why = why or "the answer's file can be rewritten"
+                if why:
+                    refusals.append((name, why))
+                elif name.endswith("_followup"):
+                    followups.append(Case(truth, record))
+                else:
+                    cases.append(Case(truth, record))
+    lines, numbers = table(cases, followups, refusals)
+    print(f"{len(cases)} sealed sets, {len(refusals)} refused\n")
+    print("\n".join(lines))
+    if o.json:
+        Path(o.json).write_text(json.dumps(dict(numbers, sets=len(cases), refused=refusals), indent=1) + "\n")
+
+
+def main():
+    a = argparse.ArgumentParser(prog="gap_blind", description="Sealed test of tendril gap diagnose on a foreign plant's data.")
+    sub = a.add_subparsers(dest="what", required=True)
+    m = sub.add_parser("make", help="draw, simulate and seal")
+    m.add_argument("--campaign", required=True, help="folder of sets, seals and answers")
+    m.add_argument("--vault", help="folder of the answers (default: CAMPAIGN.vault)")
+    m.add_argument("--sets", type=int, required=True, help="of the whole campaign")
+    m.add_argument("--families", type=int, default=5, choices=range(2, 8), help="kinds of excitation in a set")
+    m.add_argument("--shard", default="1/1", help="i/n: this part of the sets")
+    d = sub.add_parser("diagnose", help="run the diagnosis on what is sealed, once a set")
+    d.add_argument("--campaign", required=True)
+    d.add_argument("--vault", help="what the diagnosis must not read (default: CAMPAIGN.vault)")
+    d.add_argument("--sets", type=int)
+    d.add_argument("--shard", default="1/1")
+    d.add_argument("--tendril", default="tendril")
+    d.add_argument("--timeout", type=float, default=3600, help="seconds for one set")
+    d.add_argument("command", nargs="*", help="another command after --, with {robot}, {set}, {out}")
+    s = sub.add_parser("score", help="open the seals and count")
+    s.add_argument("campaigns", nargs="+")
+    s.add_argument("--vault")
+    s.add_argument("--json")
+    o = a.parse_args()
+    dict(make=make, diagnose=diagnose, score=score)[o.what](o)
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except Wrong as error:
+        print(f"gap_blind: {error}", file=sys.stderr)
+        sys.exit(2)
+    except (RuntimeError, OSError, KeyError, ValueError) as error:
+        print(f"gap_blind: {error}", file=sys.stderr)
+        sys.exit(1)

@@ -1,0 +1,110 @@
+"""The seal: answers stay out of the diagnosis's reach, are written once, and count only when sealed before and unchanged.
+
+The diagnosis is a stand-in that looks for answers and says "no gap"; the sets are nulls, so the score is known.
+"""
+import tests.blind.packages  # noqa: F401  (first)
+import argparse
+import contextlib
+import io
+import json
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+from unittest import mock
+
+from tests.blind import campaign
+
+SPY = """
+import json, pathlib, sys
+found = []
+for path in sys.argv[3:]:
+    try:
+        found += [str(p) for p in pathlib.Path(path).iterdir()]
+    except OSError:
+        pass
+names = sorted(p.name for p in pathlib.Path(sys.argv[1]).iterdir())
+report = dict(verdict="no_gap", sentence=" ".join(found), location=[], causes=[dict(effect="no_gap", where="", p=1.0)],
+              degradations=names)
+pathlib.Path(sys.argv[2], "report.json").write_text(json.dumps(report))
+"""
+
+
+def run(*words):
+    out = io.StringIO()
+    with mock.patch.object(sys, "argv", ["gap_blind", *map(str, words)]), contextlib.redirect_stdout(out):
+        campaign.main()
+    return out.getvalue()
+
+
+class Seal(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory()
+        cls.folder = Path(cls.scratch.name) / "c"
+        Path(cls.scratch.name).chmod(0o755)
+        with mock.patch.object(campaign, "kinds_of", lambda n, rng: ["null"] * n):
+            for shard in ("1/2", "2/2"):
+                run("make", "--campaign", cls.folder, "--sets", 2, "--families", 2, "--shard", shard)
+        cls.vault = Path(str(cls.folder) + ".vault")
+        spy = [sys.executable if sys.executable.startswith("/usr") else "/usr/bin/python3", "-c", SPY, "{set}", "{out}",
+               str(cls.vault), str(cls.folder)]
+        cls.refusal = None
+        try:
+            run("diagnose", "--campaign", cls.folder, "--", *spy)
+        except campaign.Wrong as refusal:  # a machine where nothing can be hidden: it must refuse, and did
+            cls.refusal = refusal
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.scratch.cleanup()
+
+    def setUp(self):
+        if self.refusal:
+            self.skipTest(str(self.refusal))
+
+    def answer(self, name="0000"):
+        return self.folder / "answers" / f"{name}.json"
+
+    def test_answers_are_out_of_reach_and_data_say_nothing(self):
+        report = json.loads(self.answer().read_text())["report"]
+        self.assertNotIn(str(self.vault) + "/", report["sentence"])
+        self.assertTrue({"robot.yaml", "runs.yaml"} < set(report["degradations"]))
+        seal = json.loads((self.folder / "seals" / "0000.json").read_text())
+        self.assertEqual(set(seal), {"id", "answer_sha256", "data_sha256", "sealed_ns"})
+
+    def test_score_of_two_nulls(self):
+        text = run("score", self.folder)
+        self.assertIn("2 sealed sets, 0 refused", text)
+        self.assertIn("| false alarms on exact nulls | 0 of 2 |", text)
+
+    def test_written_once(self):
+        before = self.answer().read_bytes()
+        run("diagnose", "--campaign", self.folder, "--", "/bin/true")
+        self.assertEqual(self.answer().read_bytes(), before)
+        with self.assertRaises(FileExistsError):
+            campaign.write_once(self.answer(), "{}")
+
+    def tampered(self, change):
+        seal = json.loads((self.folder / "seals" / "0001.json").read_text())
+        text = (self.vault / "0001.json").read_text()
+        record = json.loads(self.answer("0001").read_text())
+        text = change(seal, record) or text
+        return campaign.refused(seal, text, json.loads(text), record, self.folder / "sets" / "0001")
+
+    def test_tampering_is_refused(self):
+        self.assertIsNone(self.tampered(lambda seal, record: None))
+        self.assertIn("older", self.tampered(lambda seal, record: record.update(started_ns=seal["sealed_ns"] - 1)))
+        self.assertIn("data", self.tampered(lambda seal, record: record.update(data_sha256="0")))
+        self.assertIn("sealed one", self.tampered(lambda seal, record: '{"truth": []}'))
+
+    def test_wilson(self):
+        # 8 of 10: the textbook's 0.490 to 0.943
+        p, low, high = campaign.wilson(8, 10)
+        self.assertAlmostEqual(low, 0.4902, places=3)
+        self.assertAlmostEqual(high, 0.9433, places=3)
+
+
+if __name__ == "__main__":
+    sys.argv = sys.argv[:1]
+    unittest.main()
