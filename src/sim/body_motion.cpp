@@ -23,8 +23,6 @@ constexpr double kReferenceBend_rad = 0.02;
 constexpr double kReferenceTension_N = 0.5;
 // Last correction of the bending. With the matrix so near, what is left is some per cent of it.
 constexpr double kTolerance_rad = 1e-5;
-// A correction that cycles about a corner of a friction law within this is good enough.
-constexpr double kCorner_rad = 1e-5;
 // Less than this between two iterates says nothing about a slope.
 constexpr double kSecant_m = 1e-10;
 constexpr int kMostIterations = 12;
@@ -59,7 +57,6 @@ BodyStepper::BodyStepper(const model::Body& body, const BodyLaws& laws)
 
 // Residual of the equations of motion at the iterate.
 void BodyStepper::Evaluate(const TensionSource& source) {
-  ++counters_.evaluations;
   body_.TendonLengthJacobian(q_new_, jacobian_);
   body_.TendonShortening(q_new_, shortening_);
   for (int j = 0; j < m_; ++j) {
@@ -91,7 +88,6 @@ bool BodyStepper::Refresh(double h) {
       (tension_ - reference_tension_).cwiseAbs().maxCoeff() < kReferenceTension_N) {
     return true;
   }
-  ++counters_.matrices;
   body_.MassMatrix(q_new_, mass_, workspace_);
   body_.TangentStiffness(q_new_, tension_, Eigen::Vector3d::Zero(), stiffness_);
   if (!plain_) laws_.AddStiffness(body_, q_new_, tension_, stiffness_);
@@ -211,10 +207,7 @@ bool BodyStepper::TryStep(TensionSource& source, double h) {
     size *= bend_weight;
     if (!std::isfinite(size) || size > 1) return false;
     if (size < kTolerance_rad) break;
-    if (iteration + 1 >= kMostIterations) {
-      if (size > kCorner_rad) return false;
-      break;
-    }
+    if (iteration + 1 >= kMostIterations) return false;
     if (iteration > 0 && size > 0.3 * last) reference_h_ = 0;  // the matrix is stale
     last = size;
   }
@@ -246,7 +239,6 @@ void BodyStepper::MoveTo(TensionSource& source, double time_s) {
 }
 
 bool BodyStepper::StepTo(TensionSource& source, double to_s) {
-  ++counters_.steps;
   const double from = time_s_, whole = to_s - from;
   MoveTo(source, to_s);
   if (TryStep(source, whole)) {
@@ -263,10 +255,8 @@ bool BodyStepper::StepTo(TensionSource& source, double to_s) {
       part = std::min(2 * part, 0.5);
       continue;
     }
-    ++counters_.halvings;
     part = 0.5 * h;
     if (part < std::ldexp(1.0, -kMostHalvings)) {
-      ++counters_.rests;
       if (!Settle(source, to_s)) return false;
       break;
     }

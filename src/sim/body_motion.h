@@ -48,15 +48,9 @@ class BodyStepper {
   bool StepTo(TensionSource& source, double to_s);
 
   const Eigen::VectorXd& q() const { return q_; }
-  const Eigen::VectorXd& dq() const { return v_; }
   /// At the shape accepted last.
   const Eigen::VectorXd& shortening_m() const { return shortening_; }
   const Eigen::VectorXd& tension_N() const { return tension_; }
-
-  struct Counters {
-    long steps = 0, evaluations = 0, matrices = 0, halvings = 0, rests = 0;
-  };
-  const Counters& counters() const { return counters_; }
 
  private:
   void MoveTo(TensionSource& source, double time_s);
@@ -93,7 +87,6 @@ class BodyStepper {
   std::vector<int> active_;
   Eigen::MatrixXd active_matrix_;
   Eigen::VectorXd active_rhs_;
-  Counters counters_;
 };
 
 }  // namespace tendril::sim
