@@ -13,6 +13,7 @@
 #include <string>
 
 #include "fault_orders.h"
+#include "seed_option.h"
 #include "tendril/can/bus_guard.h"
 #include "tendril/can/socketcan_port.h"
 #include "tendril/config/config.h"
@@ -201,6 +202,7 @@ int main(int argc, char** argv) {
   app.add_option("--scenario", options.scenario,
                  "file with faults, for example config/scenarios/rough_minute.yaml");
   app.add_option("--seed", options.seed, "of the sensors' noise and of the faults' luck")
+      ->check(tendril::tools::Seed())
       ->capture_default_str();
   try {
     app.parse(argc, argv);

@@ -24,6 +24,7 @@
 #include "motion_run.h"
 #include "output.h"
 #include "paths.h"
+#include "seed_option.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/sim/effects.h"
@@ -262,8 +263,9 @@ ordered_json RunMotion(const std::string& name, const DemoOptions& options, cons
   const auto observe = [&](const CycleRecord& r, const Eigen::Vector3d& target_W_m) {
     if (r.input.cycle % sample_every == 0) samples.Write(loop.now_s(), r, loop.plant(), target_W_m);
     if (interrupted) {
-      throw Interrupted(fmt::format("stopped by Ctrl-C at t = {:.2f} s of {}; what was recorded is in {}",
-                                    loop.now_s(), name, folder.string()));
+      throw Interrupted(fmt::format("stopped by {} at t = {:.2f} s of {}; what was recorded is in {}",
+                                    interrupted == SIGTERM ? "SIGTERM" : "Ctrl-C", loop.now_s(), name,
+                                    folder.string()));
     }
     if (r.output.mode == Mode::kFault) {
       throw std::runtime_error(fmt::format("{} at t = {:.3f} s of {} ({})", StatusText(r.output.status),
@@ -395,8 +397,8 @@ void RunDemo(const DemoOptions& options) {
   } else {
     names = {options.trajectory};
   }
-  std::signal(SIGINT, [](int) { interrupted = 1; });
-  std::signal(SIGTERM, [](int) { interrupted = 1; });
+  std::signal(SIGINT, [](int signal) { interrupted = signal; });
+  std::signal(SIGTERM, [](int signal) { interrupted = signal; });
   const fs::path out(options.out);
   std::vector<fs::path> folders;
   for (const auto& name : names) folders.push_back(MakeOutputFolder(out / name));  // before any work is done
@@ -425,7 +427,7 @@ void AddDemoCommand(CLI::App& app) {
       ->check(CLI::IsMember({"on", "off"}))
       ->capture_default_str();
   command->add_option("--out", options->out, "folder for DIR/circle and DIR/planar")->capture_default_str();
-  command->add_option("--seed", options->seed, "of the sensor noise")->capture_default_str();
+  command->add_option("--seed", options->seed, "of the sensor noise")->check(Seed())->capture_default_str();
   command->add_flag("!--no-plots", options->plots, "leave out the plots");
   command->callback([options] { RunDemo(*options); });
 }

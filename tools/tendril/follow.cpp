@@ -79,7 +79,10 @@ class Follower {
 
   void CheckRunning() {
     client_.Handle(0);
-    if (interrupted) throw std::runtime_error("stopped by Ctrl-C: the robot holds the last target");
+    if (interrupted) {
+      throw std::runtime_error(fmt::format("stopped by {}: the robot holds the last target",
+                                           interrupted == SIGTERM ? "SIGTERM" : "Ctrl-C"));
+    }
     if (clock_.Now() - heard_ns_ > kSilence_ns) {
       throw std::runtime_error(
           "the daemon fell silent for a second: look at its log; the robot holds the last target");
@@ -183,8 +186,8 @@ void AddFollowCommand(CLI::App& app) {
       ->required();
   AddLcmOptions(*command, options->lcm);
   command->callback([options] {
-    std::signal(SIGINT, [](int) { interrupted = 1; });
-    std::signal(SIGTERM, [](int) { interrupted = 1; });
+    std::signal(SIGINT, [](int signal) { interrupted = signal; });
+    std::signal(SIGTERM, [](int signal) { interrupted = signal; });
     Follower(*options).Run();
   });
 }
