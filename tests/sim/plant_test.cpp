@@ -12,6 +12,7 @@
 #include "motions.h"
 #include "tendril/model/statics.h"
 #include "tendril/model/stop_operator.h"
+#include "tendril/sim/effects.h"
 
 namespace tendril::sim {
 namespace {
@@ -84,7 +85,8 @@ TEST(PlantSigns, PositiveTorquePullsTheTendonAndBendsTowardsIt) {
 }
 
 // The same laws in another language, formulation and integrator (tests/sim/reference/plant_reference.py): a
-// hard pull of one tendon to 5 N with the others paid out and slack, a reversal, a stop.
+// hard pull of one tendon to 5 N with the others paid out and slack, a reversal, a stop; and the pull again
+// on a body that is not as drawn.
 class PlantReference : public testing::Test {
  protected:
   struct Row {
@@ -93,8 +95,8 @@ class PlantReference : public testing::Test {
     Eigen::Matrix<double, 8, 1> q;
     Eigen::Vector3d angle, velocity, torque, motor, base, sliding;
   };
-  static std::vector<Row> Load() {
-    std::ifstream file(TENDRIL_SOURCE_DIR "/tests/sim/reference/plant_rig_90mm.csv");
+  static std::vector<Row> Load(const char* name) {
+    std::ifstream file(std::string(TENDRIL_SOURCE_DIR "/tests/sim/reference/") + name);
     std::string line;
     std::getline(file, line);
     std::vector<Row> rows;
@@ -116,10 +118,12 @@ class PlantReference : public testing::Test {
   struct Worst {
     double motor_N = 0, base_N = 0, angle_rad = 0, q_rad = 0, sliding = 0;
   };
-  static Worst Compare(const PlantOptions& options) {
-    Plant plant(Rig(), options);
+  static constexpr const char* kNominal = "plant_rig_90mm.csv";
+  static Worst Compare(const PlantOptions& options, const RobotParameters& robot = Rig(),
+                       const char* name = kNominal) {
+    Plant plant(robot, options);
     Worst worst;
-    for (const Row& row : Load()) {
+    for (const Row& row : Load(name)) {
       plant.SetTorque(row.wanted);
       plant.Advance(kNsPerMs);
       worst.q_rad = std::max(worst.q_rad, (plant.q() - row.q).cwiseAbs().maxCoeff());
@@ -137,8 +141,29 @@ class PlantReference : public testing::Test {
 };
 
 TEST_F(PlantReference, TightTolerancesAgreeToAHundredthOfTheNoise) {
-  ASSERT_EQ(Load().size(), 240u);
+  ASSERT_EQ(Load(kNominal).size(), 240u);
   const Worst worst = Compare({.relative_tolerance = 1e-9, .absolute_tolerance = 1e-10});
+  EXPECT_LT(worst.motor_N, 0.01 * kCellNoise_N);
+  EXPECT_LT(worst.base_N, 0.01 * kCellNoise_N);
+  EXPECT_LT(worst.angle_rad, 0.05 * kCountNoise * 2 * std::numbers::pi / 2048);
+  EXPECT_LT(worst.q_rad, 1e-6);
+  EXPECT_LT(worst.sliding, 1e-4);
+}
+
+// The same values as in with_effects() of the script.
+TEST_F(PlantReference, ABodyWithEverythingThatCanBeWrongWithItAgreesToo) {
+  RobotParameters robot = Rig();
+  for (const char* effect :
+       {"tip_payload mass_kg=0.002", "unit_stiffness where=unit:2 scale=0.8",
+        "precurvature where=unit:3 u_rad=0.02 v_rad=0.05", "base_tilt y_rad=0.1",
+        "tip_force y_N=0.02 z_N=0.01", "torsion rad_per_m=4", "routing_friction mu=0.2",
+        "backbone_hysteresis moment_Nm=0.002 yield_rad=0.05", "superelastic softening=0.4 onset_rad=0.2",
+        "contact stiffness_Npm=100 gap_m=0.008 angle_rad=0.3"}) {
+    robot.effects.push_back(ParseEffect(effect, robot));
+  }
+  constexpr const char* kEffects = "plant_rig_90mm_effects.csv";
+  ASSERT_EQ(Load(kEffects).size(), 160u);
+  const Worst worst = Compare({.relative_tolerance = 1e-11, .absolute_tolerance = 1e-12}, robot, kEffects);
   EXPECT_LT(worst.motor_N, 0.01 * kCellNoise_N);
   EXPECT_LT(worst.base_N, 0.01 * kCellNoise_N);
   EXPECT_LT(worst.angle_rad, 0.05 * kCountNoise * 2 * std::numbers::pi / 2048);

@@ -1,11 +1,13 @@
 #!/usr/bin/python3
-"""The nominal rig once more, from its laws, in numpy: the golden values of the plant's tests.
+"""The rig once more, nominal or with effects of its body, from its laws, in numpy: golden values of the plant's tests.
 
 Shares no code and no numerics with the simulator: Kane's sums over the disks with accelerations propagated along the
 chain and a dense mass matrix, the Capstan boundary values by fixed-step Runge-Kutta, and classic Runge-Kutta in time
 with steps far below the fastest mode (twice the step changes a tension by 7e-6 N); stop operators move after each
 step, the torque loop is a state.
-Writes plant_rig_90mm.csv beside itself (takes a few minutes); --step to see that it has converged.
+With --effects the body is not as drawn (see Built): tendons then act hole by hole, each span with its own tension.
+Writes plant_rig_90mm.csv, or plant_rig_90mm_effects.csv, beside itself (takes a few minutes); --step to see that it has
+converged.
 """
 import argparse
 import math
@@ -19,7 +21,7 @@ IXX, IZZ = UNIT_KG * 0.010**2 / 16, UNIT_KG * 0.010**2 / 8
 STIFFNESS = 2.3e10 * math.pi * 0.0005**4 / 4 / UNIT_M
 BEND_DAMPING = 2.0e-4
 GRAVITY = np.array([0.0, 0.0, -9.81])
-HOLES = [np.array([0.004 * math.cos(a), 0.004 * math.sin(a), 0.0]) for a in np.arange(3) * 2 * math.pi / 3]
+HOLE_ANGLES, HOLE_M = np.arange(3) * 2 * math.pi / 3, 0.004
 PRETENSION = 0.3
 ROTOR, COULOMB, DAHL_RAD, DAHL_DAMPING, VISCOUS, LAG = 4.1e-7, 2.0e-4, 0.004, 1.6e-8, 1.0e-7, 0.0005
 RATED = 0.007056
@@ -67,6 +69,67 @@ def release(t):
 
 
 # ---- body ----------------------------------------------------------------------------------------------------------
+
+
+class Built:
+    """What the body has beyond its drawing; none of it by default."""
+    mass = np.full(UNITS, UNIT_KG)
+    stiffness = np.full(UNITS, STIFFNESS)
+    rest = np.zeros((UNITS, 2))
+    gravity = GRAVITY
+    tip_force = np.zeros(3)
+    twist = 0.0  # [rad/m]
+    routing = 0.0
+    hysteresis, hysteresis_yields = 0.0, np.array([0.25, 0.5, 0.75, 1.0]) * 0.05
+    softening, onset = 0.0, 0.3
+    wall, wall_gap, wall_angle, wall_edge = 0.0, 0.0, 0.0, 2e-4
+
+
+def with_effects():
+    b = Built()
+    b.mass = np.array([1.0, 1.0, 1.0, 1.0]) * UNIT_KG + np.array([0.0, 0.0, 0.0, 0.002])
+    b.stiffness = STIFFNESS * np.array([1.0, 0.8, 1.0, 1.0])
+    b.rest = np.array([[0.0, 0.0], [0.0, 0.0], [0.02, 0.05], [0.0, 0.0]])
+    tilt = 0.1  # of the base about its y: gravity turns the other way
+    b.gravity = 9.81 * np.array([math.sin(tilt), 0.0, -math.cos(tilt)])
+    b.tip_force = np.array([0.0, 0.02, 0.01])
+    b.twist = 4.0
+    b.routing = 0.2
+    b.hysteresis = 0.002
+    b.softening, b.onset = 0.4, 0.2
+    b.wall, b.wall_gap, b.wall_angle = 100.0, 0.008, 0.3
+    return b
+
+
+BUILT = Built()
+ROUTING_YIELDS = np.array([0.25, 0.5, 0.75, 1.0]) * 2e-5
+
+
+class BodyMemory:
+    """Of friction along the disks (tendon, disk, element) and of the units' hysteresis (unit, element, uv)."""
+
+    def __init__(self):
+        self.rub_w, self.rub_x = np.zeros((3, UNITS - 1, 4)), np.zeros((3, UNITS - 1))
+        self.bend_w, self.bend_q = np.zeros((UNITS, 4, 2)), np.zeros((UNITS, 2))
+
+    def rub(self, x):
+        return np.clip(self.rub_w + (x - self.rub_x)[:, :, None], -ROUTING_YIELDS, ROUTING_YIELDS)
+
+    def bend(self, q):
+        w = self.bend_w + (q - self.bend_q)[:, None, :]
+        size = np.maximum(np.linalg.norm(w, axis=2), 1e-300)
+        return w * np.minimum(1.0, BUILT.hysteresis_yields / size)[:, :, None]
+
+    def move(self, x, q):
+        self.rub_w, self.rub_x = self.rub(x), x.copy()
+        self.bend_w, self.bend_q = self.bend(q), q.copy()
+
+
+def hole_at(disk, tendon):
+    angle = HOLE_ANGLES[tendon] + BUILT.twist * disk * UNIT_M
+    return HOLE_M * np.array([math.cos(angle), math.sin(angle), 0.0])
+
+
 # One unit: p = l (A u, A v, S), R = exp(hat(-v, u, 0)), with functions of w = theta^2 and their derivatives by w.
 
 
@@ -114,16 +177,15 @@ def unit(u, v, du, dv):
     return p, r, jp, left @ to_phi, p_bias, left_dot @ dphi
 
 
-def body(q, dq, tension_of):
-    """Accelerations; tension_of(shortening, rate) gives the base tensions. Returns ddq, shortening, its rate."""
+def body(q, dq, tension_of, memory, out):
+    """Accelerations; tension_of(shortening, rate) gives the base tensions. Returns ddq; `out` gets what slid."""
     n2 = 2 * UNITS
     rot, pos = np.eye(3), np.zeros(3)
     omega, alpha0, acc0 = np.zeros(3), np.zeros(3), np.zeros(3)  # alpha0, acc0: with ddq = 0
     jv, jw = np.zeros((3, n2)), np.zeros((3, n2))
     mass = np.zeros((n2, n2))
     bias = np.zeros(n2)
-    length_jac = np.zeros((3, n2))
-    length = np.zeros(3)
+    disks = [(rot, pos, jv, jw)]
     for i in range(UNITS):
         u, v = q[2 * i : 2 * i + 2]
         du, dv = dq[2 * i : 2 * i + 2]
@@ -131,14 +193,6 @@ def body(q, dq, tension_of):
         cols = slice(2 * i, 2 * i + 2)
         arm = rot @ p
         dp, w_rel = jp @ dq[cols], jom @ dq[cols]
-        # tendons, in the frame of the previous disk: x = p + (R - 1) hole; d(R hole) = w x R hole
-        for j, hole in enumerate(HOLES):
-            rh = r @ hole
-            x = p + rh - hole
-            dist = math.sqrt(x @ x)
-            length[j] += dist
-            dx = jp + np.column_stack([np.cross(jom[:, c], rh) for c in range(2)])
-            length_jac[j, cols] = x @ dx / dist
         acc0 = (acc0 + np.cross(alpha0, arm) + np.cross(omega, np.cross(omega, arm))
                 + 2 * np.cross(omega, rot @ dp) + rot @ p_bias)
         jv = jv - hat(arm) @ jw
@@ -151,13 +205,57 @@ def body(q, dq, tension_of):
         pos = pos + arm
         rot = rot @ r
         inertia = rot @ np.diag([IXX, IXX, IZZ]) @ rot.T
-        mass += UNIT_KG * jv.T @ jv + jw.T @ inertia @ jw
-        bias += jv.T @ (UNIT_KG * (acc0 - GRAVITY)) + jw.T @ (inertia @ alpha0 + np.cross(omega, inertia @ omega))
-    shortening = UNITS * UNIT_M - length
-    rate = -length_jac @ dq
+        mass += BUILT.mass[i] * jv.T @ jv + jw.T @ inertia @ jw
+        bias += (jv.T @ (BUILT.mass[i] * (acc0 - BUILT.gravity))
+                 + jw.T @ (inertia @ alpha0 + np.cross(omega, inertia @ omega)))
+        disks.append((rot, pos, jv, jw))
+
+    # Holes and spans in the base frame; how a hole moves with q.
+    spans, jacobians, lengths = np.zeros((3, UNITS, 3)), [], np.zeros((3, UNITS))
+    for j in range(3):
+        arms = [disks[i][0] @ hole_at(i, j) for i in range(UNITS + 1)]
+        holes = [disks[i][1] + arms[i] for i in range(UNITS + 1)]
+        jacobians.append([disks[i][2] - hat(arms[i]) @ disks[i][3] for i in range(UNITS + 1)])
+        for i in range(UNITS):
+            x = holes[i + 1] - holes[i]
+            lengths[j, i] = math.sqrt(x @ x)
+            spans[j, i] = x / lengths[j, i]
+    straight = np.array([[np.linalg.norm(hole_at(i + 1, j) - hole_at(i, j) + np.array([0.0, 0.0, UNIT_M]))
+                          for i in range(UNITS)] for j in range(3)])
+    shortening = (straight - lengths).sum(axis=1)
+    rate = np.array([-sum(spans[j, i] @ (jacobians[j][i + 1] - jacobians[j][i]) @ dq for i in range(UNITS))
+                     for j in range(3)])
     base = tension_of(shortening, rate)
-    applied = -length_jac.T @ base - STIFFNESS * q - BEND_DAMPING * dq
-    return np.linalg.solve(mass, applied - bias), shortening, rate
+
+    beyond = np.array([[(straight - lengths)[j, i + 1 :].sum() for i in range(UNITS - 1)] for j in range(3)])
+    z = (memory.rub(beyond) / ROUTING_YIELDS).mean(axis=2)
+    applied = np.zeros(n2)
+    for j in range(3):
+        tension = base[j]
+        for i in range(UNITS):  # a span pulls the hole at its end back and the one at its start on
+            applied += tension * (jacobians[j][i] - jacobians[j][i + 1]).T @ spans[j, i]
+            if i + 1 < UNITS:
+                e, f = spans[j, i], spans[j, i + 1]
+                turn = math.atan2(np.linalg.norm(np.cross(e, f)), e @ f)
+                tension *= math.exp(-BUILT.routing * turn * z[j, i])
+
+    bend = q.reshape(UNITS, 2)
+    from_rest = bend - BUILT.rest
+    theta = np.linalg.norm(from_rest, axis=1)
+    direction = from_rest / np.maximum(theta, 1e-300)[:, None]
+    moment = BUILT.stiffness * ((1 - BUILT.softening) * theta
+                                + BUILT.softening * BUILT.onset * np.tanh(theta / BUILT.onset))
+    slip = (memory.bend(bend) / BUILT.hysteresis_yields[:, None]).mean(axis=1)
+    applied -= (moment[:, None] * direction + BUILT.hysteresis * slip).ravel() + BEND_DAMPING * dq
+    applied += disks[-1][2].T @ BUILT.tip_force
+    normal = np.array([math.cos(BUILT.wall_angle), math.sin(BUILT.wall_angle), 0.0])
+    for i in range(1, UNITS + 1):
+        depth = normal @ disks[i][1] - BUILT.wall_gap
+        edge = min(max(depth, 0.0), BUILT.wall_edge)
+        push = BUILT.wall * (0.5 * edge * edge / BUILT.wall_edge + max(depth - BUILT.wall_edge, 0.0))
+        applied -= disks[i][2].T @ (push * normal)
+    out.update(d=shortening, beyond=beyond)
+    return np.linalg.solve(mass, applied - bias)
 
 
 # ---- drivetrains ---------------------------------------------------------------------------------------------------
@@ -167,6 +265,7 @@ class Hysteresis:
     def __init__(self):
         self.slide_w, self.slide_x = np.zeros((3, 4)), np.zeros(3)
         self.gear_w, self.gear_x = np.zeros((3, 2)), np.zeros(3)
+        self.body = BodyMemory()
 
     def slide(self, x):
         return np.clip(self.slide_w + (x - self.slide_x)[:, None], -SLIDE_YIELDS, SLIDE_YIELDS)
@@ -195,13 +294,13 @@ def derivative(y, wanted, memory, out=None):
         found.update(motor=motor, base=base, z=z)
         return base
 
-    ddq, d, _ = body(q, dq, tensions)
+    ddq = body(q, dq, tensions, memory.body, found)
     z_gear = (memory.gear(angle) / GEAR_YIELDS).mean(axis=1)
     zeta_rate = (speed - np.abs(speed) * zeta) / DAHL_RAD
     load = found["motor"] * TRAVEL * EFFICIENCY ** (-z_gear)
     accel = (torque - COULOMB * zeta - DAHL_DAMPING * zeta_rate - VISCOUS * speed - load) / ROTOR
     if out is not None:
-        out.update(found, d=d)
+        out.update(found)
     return np.concatenate([dq, speed, ddq, accel, zeta_rate, (wanted - torque) / LAG])
 
 
@@ -233,6 +332,7 @@ def simulate(step, duration_ms):
             out = {}
             derivative(y, wanted, memory, out)
             memory.move(0.5 * (TRAVEL * y[N2 : N2 + 3] + out["d"]), y[N2 : N2 + 3])
+            memory.body.move(out["beyond"], y[:N2].reshape(UNITS, 2))
         rows.append(np.concatenate([[(cycle + 1) * 1e-3], wanted, y[:N2], y[N2 : N2 + 3], y[2 * N2 + 3 : 2 * N2 + 6],
                                     y[2 * N2 + 9 :], out["motor"], out["base"], out["z"]]))
     return np.array(rows)
@@ -243,8 +343,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--step", type=float, default=1e-5, help="time step [s]")
     parser.add_argument("--duration", type=int, default=240, help="[ms]")
-    parser.add_argument("--out", default=os.path.join(here, "plant_rig_90mm.csv"))
+    parser.add_argument("--effects", action="store_true", help="with the effects of with_effects()")
+    parser.add_argument("--out")
     args = parser.parse_args()
+    if args.effects:
+        global BUILT
+        BUILT = with_effects()
+    if not args.out:
+        args.out = os.path.join(here, "plant_rig_90mm_effects.csv" if args.effects else "plant_rig_90mm.csv")
     rows = simulate(args.step, args.duration)
     names = (["t_s"] + [f"wanted{j}_Nm" for j in (1, 2, 3)]
              + [f"{c}{i}_rad" for i in range(1, UNITS + 1) for c in "uv"]
