@@ -9,6 +9,7 @@ find_package(nlohmann_json 3 REQUIRED)
 find_package(CLI11 2 REQUIRED)
 find_package(LCM REQUIRED)
 find_package(OpenSSL REQUIRED COMPONENTS Crypto)
+find_package(Ceres 2 REQUIRED)  # bounded least squares of the gap diagnosis
 
 find_path(READERWRITERQUEUE_INCLUDE_DIR readerwriterqueue/readerwriterqueue.h REQUIRED)
 add_library(readerwriterqueue INTERFACE)

@@ -22,6 +22,8 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 // A file that claims more columns than this is not a table of a robot.
 constexpr std::size_t kMostColumns = 4096;
+// A file that is larger, or has no end, is not a run.
+constexpr std::size_t kMostBytes = std::size_t{4} << 30;
 
 bool IsSpace(char c) { return c == ' ' || c == '\t'; }
 bool IsLineEnd(char c) { return c == '\n' || c == '\r'; }
@@ -310,12 +312,22 @@ std::string ReadBytes(const std::filesystem::path& file) {
   }
   std::string bytes;
   const std::uintmax_t size = std::filesystem::file_size(file, error);
-  if (!error) bytes.resize(size);
+  const auto check = [&](std::uintmax_t bytes_so_far) {
+    if (bytes_so_far > kMostBytes) {
+      throw std::runtime_error(file.string() + ": more than 4 GiB; accepted: one run a file; split it");
+    }
+  };
+  if (!error) {
+    check(size);
+    bytes.resize(size);
+  }
   bytes.resize(std::fread(bytes.data(), 1, bytes.size(), in.get()));
   // What has grown since, and what has no size (a pipe).
   std::array<char, 65536> more;
-  while (const std::size_t n = std::fread(more.data(), 1, more.size(), in.get()))
+  while (const std::size_t n = std::fread(more.data(), 1, more.size(), in.get())) {
     bytes.append(more.data(), n);
+    check(bytes.size());
+  }
   if (std::ferror(in.get()))
     throw std::runtime_error("cannot read " + file.string() + ": " + std::strerror(errno));
   return bytes;

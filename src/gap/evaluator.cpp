@@ -6,12 +6,14 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <optional>
 #include <stdexcept>
 
 #include "parallel.h"
+#include "tendril/model/body.h"
 
 namespace tendril::gap {
 namespace {
@@ -19,9 +21,8 @@ namespace {
 using Quantity = Channel::Quantity;
 
 constexpr double kWindow_s = 0.02;  // residuals are averaged over this: slower than the sensors' white noise
-constexpr double kSimulatedStep_s = 0.002;  // of the tip, between which it is interpolated
-constexpr double kBendingWindow_s = 0.15;   // over which the tracker corrects the simulated bending
-constexpr int kReadings = 4;                // alternative readings of the same log, see Prepare
+constexpr double kBendingWindow_s = 0.15;  // over which the tracker corrects the simulated bending
+constexpr int kReadings = 4;               // alternative readings of the same log, see Prepare
 constexpr double kResolutionWindow_s = 0.25;
 
 Eigen::Vector3d RotationVector(const Eigen::Matrix3d& R) {
@@ -84,7 +85,7 @@ Eigen::VectorXd Average(const Eigen::VectorXd& values, int width) {
       sum += values[i];
       ++count;
     }
-    mean[w] = count > 0 ? sum / count : NAN;
+    mean[w] = count > 0 ? sum / count : std::nan("");
   }
   return mean;
 }
@@ -225,34 +226,26 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
   nominal_motion_.resize(runs_.size());
   nominal_residuals_.resize(runs_.size());
   ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
-    const sim::Replay replay(nominal_);
-    nominal_motion_[i] = replay.Body(runs_[i].signals, driven_by_, Stride(runs_[i]));
-    if (runs_[i].tracker_s.size() > 10) {
-      MeasureBending(runs_[i], nominal_, nominal_motion_[i]);
-      nominal_motion_[i] = replay.Body(runs_[i].signals, driven_by_, Stride(runs_[i]));
-    }
+    nominal_motion_[i] = sim::Replay(nominal_).Body(runs_[i].signals, driven_by_, 1);
+    nominal_motion_[i].shortening_m = MeasuredShortening(runs_[i], nominal_, nominal_motion_[i]);
   });
   FindFloors(set, options);
-}
-
-int Evaluator::Stride(const PreparedRun& run) const {
-  return std::max(1, static_cast<int>(std::lround(kSimulatedStep_s / run.signals.step_s)));
 }
 
 double Evaluator::window_s(int run, int channel) const {
   return WindowSamples(runs_[run], channels_[channel]) * runs_[run].signals.step_s;
 }
 
-// The tracker's bend replaces the simulated one at low frequency; the simulation keeps what is faster than
-// the tracker's noise allows.
-void Evaluator::MeasureBending(PreparedRun& run, const RobotParameters& robot,
-                               const sim::BodyMotion& motion) const {
-  const int sections = static_cast<int>(nominal_.body.sections.size());
+// Shortening of the tendons in the body. The tracker's bend replaces the simulated one at low frequency; the
+// simulation keeps what is faster than the tracker's noise allows.
+Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
+                                              const sim::BodyMotion& motion) const {
   const bool turned = !run.tip_R.empty();
-  if (!turned && sections > 1) return;
+  const int seen = static_cast<int>(run.tracker_s.size());
+  if (seen <= 10 || (!turned && nominal_.body.sections.size() > 1)) return motion.shortening_m;
+  const RobotParameters folded = sim::FoldEffects(robot);
   Eigen::Matrix3d tracker_R = Eigen::Matrix3d::Identity();
   Eigen::Vector3d tracker_p(0, 0, 0);
-  double delay_s = 0;
   if (const auto s = Setting(robot, "tracker_rotation")) {
     const auto v = sim::ValuesOf(*s);
     tracker_R = Rotation({v[0], v[1], v[2]});
@@ -261,22 +254,24 @@ void Evaluator::MeasureBending(PreparedRun& run, const RobotParameters& robot,
     const auto v = sim::ValuesOf(*s);
     tracker_p = {v[0], v[1], v[2]};
   }
-  if (const auto s = Setting(robot, "tracker_delay")) delay_s = sim::ValuesOf(*s)[0];
+  const double delay_s = folded.actuation->tracker ? folded.actuation->tracker->delay_s : 0;
 
-  const int samples = run.samples(), seen = static_cast<int>(run.tracker_s.size());
-  const double stride_s = Stride(run) * run.signals.step_s;
-  const int rows = static_cast<int>(motion.tip_rotation.rows());
-  const auto simulated = [&](double t) {
-    const int k = std::clamp(static_cast<int>(std::lround(t / stride_s)), 0, rows - 1);
-    return turned ? BendOf(Rotation(motion.tip_rotation.row(k).transpose()))
-                  : BendOfTip(motion.tip_m.row(k).transpose());
-  };
+  const int samples = run.samples();
+  const double step_s = run.signals.step_s;
+  // Both as reported: the tracker's delay is in the simulated pose as well.
   Eigen::MatrixXd difference(seen, 2);
   for (int k = 0; k < seen; ++k) {
-    const Eigen::Vector2d measured =
-        turned ? BendOf(tracker_R.transpose() * run.tip_R[k])
-               : BendOfTip(tracker_R.transpose() * (run.tip_m.row(k).transpose() - tracker_p));
-    difference.row(k) = measured - simulated(run.tracker_s[k] - delay_s);
+    const int at = std::clamp(static_cast<int>(std::lround(run.tracker_s[k] / step_s)), 0, samples - 1);
+    const Eigen::Vector3d tip = motion.tip_m.row(at).transpose();
+    const Eigen::Vector3d measured_tip = run.tip_m.row(k).transpose();
+    if (turned) {
+      const Eigen::Matrix3d simulated = Rotation(motion.tip_rotation.row(at).transpose());
+      difference.row(k) =
+          BendOf(tracker_R.transpose() * run.tip_R[k]) - BendOf(tracker_R.transpose() * simulated);
+    } else {
+      difference.row(k) = BendOfTip(tracker_R.transpose() * (measured_tip - tracker_p)) -
+                          BendOfTip(tracker_R.transpose() * (tip - tracker_p));
+    }
   }
   // Mean over a window, then linear onto the grid.
   Eigen::MatrixXd smooth(seen, 2);
@@ -288,50 +283,41 @@ void Evaluator::MeasureBending(PreparedRun& run, const RobotParameters& robot,
     while (run.tracker_s[low] < run.tracker_s[k] - 0.5 * kBendingWindow_s) sum -= difference.row(low++);
     smooth.row(k) = sum / (high - low);
   }
-  run.signals.bending_rad.resize(samples, 2 * sections);
-  const double units = nominal_.body.units();
+  const model::Body body(folded.body);
+  const int units = body.units();
+  Eigen::MatrixXd shortening(samples, body.tendons());
+  Eigen::VectorXd q(2 * units), d(body.tendons());
   int at = 0;
   for (int i = 0; i < samples; ++i) {
-    const double t = i * run.signals.step_s;
-    const double seen_at = t + delay_s;
+    const double seen_at = i * step_s + delay_s;
     while (at + 2 < seen && run.tracker_s[at + 1] < seen_at) ++at;
     const double span = run.tracker_s[at + 1] - run.tracker_s[at];
-    const double share = std::clamp((seen_at - run.tracker_s[at]) / span, 0.0, 1.0);
-    const Eigen::RowVector2d delta = smooth.row(at) + share * (smooth.row(at + 1) - smooth.row(at));
-    const double row = std::min(t / stride_s, static_cast<double>(rows - 1));
-    const int r0 = static_cast<int>(row), r1 = std::min(r0 + 1, rows - 1);
-    int unit = 0;
-    for (int k = 0; k < sections; ++k) {
-      Eigen::RowVector2d sums(0, 0);
-      for (int u = 0; u < nominal_.body.sections[k].units; ++u, ++unit) {
-        const auto q0 = motion.q.row(r0).segment<2>(2 * unit), q1 = motion.q.row(r1).segment<2>(2 * unit);
-        sums += q0 + (row - r0) * (q1 - q0);
-      }
-      run.signals.bending_rad.row(i).segment<2>(2 * k) =
-          sums + nominal_.body.sections[k].units / units * delta;
-    }
+    const double share = span > 0 ? std::clamp((seen_at - run.tracker_s[at]) / span, 0.0, 1.0) : 0;
+    const Eigen::RowVector2d delta = (smooth.row(at) + share * (smooth.row(at + 1) - smooth.row(at))) / units;
+    q = motion.q.row(i).transpose();
+    for (int u = 0; u < units; ++u) q.segment<2>(2 * u) += delta.transpose();
+    body.TendonShortening(q, d);
+    shortening.row(i) = d.transpose();
   }
+  return shortening;
 }
 
 Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,
                                          const sim::BodyMotion* known_motion) const {
   const sim::Replay replay(robot);
   Replayed out;
-  const bool tracker_effects = Setting(robot, "tracker_rotation") || Setting(robot, "tracker_delay") ||
-                               (run.tip_R.empty() && Setting(robot, "tracker_offset"));
-  PreparedRun corrected;
-  const PreparedRun* used = &run;
-  if (tracker_effects && run.signals.bending_rad.cols() > 0 && known_motion != nullptr) {
-    corrected = run;
-    MeasureBending(corrected, robot, *known_motion);
-    used = &corrected;
-  }
+  // Tracker effects change the shape that is read from it.
+  const bool tracker = Setting(robot, "tracker_rotation") || Setting(robot, "tracker_delay") ||
+                       Setting(robot, "tracker_offset");
   const bool simulate = (cuts & kBody) != 0 || known_motion == nullptr;
-  if (simulate) out.motion = replay.Body(used->signals, driven_by_, Stride(run));
+  if (simulate) {
+    out.motion = replay.Body(run.signals, driven_by_, 1);
+    if ((cuts & (kC2 | kC3)) || tracker) out.motion.shortening_m = MeasuredShortening(run, robot, out.motion);
+  }
   const Eigen::MatrixXd& shortening = simulate ? out.motion.shortening_m : known_motion->shortening_m;
-  if ((cuts & kC1) && has(kC1)) out.torque_Nm = replay.ActualTorque(used->signals);
-  if ((cuts & kC2) && has(kC2)) out.from_torque_N = replay.CellFromTorque(used->signals, shortening);
-  if ((cuts & kC3) && has(kC3)) out.from_stretch_N = replay.CellFromStretch(used->signals, shortening);
+  if ((cuts & kC1) && has(kC1)) out.torque_Nm = replay.ActualTorque(run.signals);
+  if ((cuts & kC2) && has(kC2)) out.from_torque_N = replay.CellFromTorque(run.signals, shortening);
+  if ((cuts & kC3) && has(kC3)) out.from_stretch_N = replay.CellFromStretch(run.signals, shortening);
   return out;
 }
 
@@ -341,7 +327,7 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
   const int samples = run.samples();
   Eigen::MatrixXd tip;
   if ((cuts & kBody) && has(kBody) && run.tracker_s.size() > 10) {
-    const double stride_s = Stride(run) * run.signals.step_s;
+    const double stride_s = run.signals.step_s;
     const int rows = static_cast<int>(replayed.motion.tip_m.rows());
     tip = Eigen::MatrixXd::Constant(samples, 6, NAN);
     for (int k = 0; k < run.tracker_s.size(); ++k) {
@@ -367,6 +353,9 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
       all = run.signals.torque_actual_Nm.col(j) - replayed.torque_Nm.col(j);
     } else if (channel.cut == sim::Cut::kDrivetrain && replayed.from_torque_N.cols() > 0) {
       all = run.cell_N.col(j) - replayed.from_torque_N.col(j);
+      for (int i = 0; i < samples; ++i) {
+        if (!run.sliding(i, j)) all[i] = std::nan("");
+      }
     } else if (channel.cut == sim::Cut::kTendon && replayed.from_stretch_N.cols() > 0) {
       all = run.cell_N.col(j) - replayed.from_stretch_N.col(j);
     } else if (channel.cut == sim::Cut::kShape && tip.rows() > 0) {
@@ -460,8 +449,7 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
           ResidualsOf(ReplayRun(nominal_, runs_[i], kAllCuts, nullptr), runs_[i], kAllCuts);
       return;
     }
-    PreparedRun other = Prepare(set.runs[i], nominal_, options.seed * 1000003 + task);
-    if (runs_[i].signals.bending_rad.cols() > 0) MeasureBending(other, nominal_, nominal_motion_[i]);
+    PreparedRun other = Prepare(set.runs[i], nominal_, options.seed * 1000004 + 4 * i + k);
     other.cell_N = runs_[i].cell_N;
     other.signals.torque_target_Nm = runs_[i].signals.torque_target_Nm;
     readings[k][i] =
@@ -469,6 +457,7 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
   });
 
   variance_.assign(runs, std::vector<Eigen::VectorXd>(channels));
+  white_.assign(runs, std::vector<double>(channels, 0.0));
   for (int i = 0; i < runs; ++i) {
     for (int c = 0; c < channels; ++c) {
       auto& r = nominal_residuals_[i][c];
@@ -485,6 +474,7 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
                                 static_cast<double>(width));
       }
       const double white = channels_[c].white * channels_[c].white / samples_in;
+      white_[i][c] = white;
       // Spread over the readings, smoothed over neighbouring windows: four draws alone say little.
       Eigen::VectorXd spread = Eigen::VectorXd::Zero(windows);
       if (readings[0][i][c].size() == windows) {
@@ -504,7 +494,7 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
         }
       }
       for (int w = 0; w < windows; ++w) {
-        variance[w] = std::isfinite(r[w]) ? white + spread[w] : INFINITY;
+        variance[w] = std::isfinite(r[w]) ? white + spread[w] : std::numeric_limits<double>::infinity();
         if (!std::isfinite(r[w])) r[w] = 0;
       }
     }
@@ -589,7 +579,7 @@ Evaluator::Curve Evaluator::CurveOf(const RobotParameters& robot, int run_index,
   curve.simulated.resize(windows);
   for (int w = 0; w < windows; ++w) curve.time_s[w] = (w + 0.5) * width * run.signals.step_s;
   if (channel.cut == sim::Cut::kShape) {
-    const double stride_s = Stride(run) * run.signals.step_s;
+    const double stride_s = run.signals.step_s;
     const int rows = static_cast<int>(replayed.motion.tip_m.rows());
     for (int w = 0; w < windows; ++w) {
       const int k = std::clamp(static_cast<int>(std::lround(curve.time_s[w] / stride_s)), 0, rows - 1);

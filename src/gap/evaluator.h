@@ -62,6 +62,9 @@ class Evaluator {
   /// without a measurement.
   const Residuals& Variance() const { return variance_; }
 
+  /// Part of a window's variance that is white noise; the rest changes slowly.
+  double WhiteVariance(int run, int channel) const { return white_[run][channel]; }
+
   /// What an effect can change, given these logs.
   unsigned CutsOf(const sim::Effect& effect) const;
 
@@ -77,8 +80,8 @@ class Evaluator {
                      const sim::BodyMotion* known_motion) const;
   std::vector<Eigen::VectorXd> ResidualsOf(const Replayed& replayed, const PreparedRun& run,
                                            unsigned cuts) const;
-  void MeasureBending(PreparedRun& run, const RobotParameters& robot, const sim::BodyMotion& motion) const;
-  int Stride(const PreparedRun& run) const;
+  Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
+                                     const sim::BodyMotion& motion) const;
   void FindFloors(const DataSet& set, const Options& options);
 
   RobotParameters nominal_;
@@ -89,6 +92,7 @@ class Evaluator {
   bool repeated_ = false;
   sim::Replay::DrivenBy driven_by_ = sim::Replay::DrivenBy::kCell;
   Residuals nominal_residuals_, variance_;
+  std::vector<std::vector<double>> white_;
   std::vector<std::string> degradations_;
 };
 

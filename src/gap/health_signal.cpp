@@ -21,6 +21,12 @@ double Median(std::vector<double>& values) {
   return *middle;
 }
 
+// Number of samples, at least `least`, that make up the time over which changes are looked at.
+Eigen::Index Span(double step_s, Eigen::Index least) {
+  const double samples = std::round(kChange_s / step_s);
+  return samples > static_cast<double>(least) ? static_cast<Eigen::Index>(std::min(samples, 1e9)) : least;
+}
+
 // Linear between the rows of increasing times; false outside of them or where a value is missing.
 bool At(const Eigen::VectorXd& time_s, const Eigen::MatrixXd& x, double t, Eigen::RowVectorXd& value) {
   const double* const begin = time_s.data();
@@ -213,7 +219,7 @@ int Reversals(const Signal& x) {
 
 std::pair<double, double> Speeds(const Eigen::VectorXd& time_s, const Signal& x) {
   const double step = StepsOf(time_s).usual;
-  const auto w = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(std::lround(kChange_s / step)));
+  const Eigen::Index w = Span(step, 1);
   std::vector<double> speed;
   double most = 0;
   for (Eigen::Index i = 0; i + w < x.size(); i += std::max<Eigen::Index>(w / 2, 1)) {
@@ -229,7 +235,7 @@ std::pair<double, double> Speeds(const Eigen::VectorXd& time_s, const Signal& x)
 Eigen::MatrixXd ChangeCorrelation(const Eigen::VectorXd& time_s, const Eigen::MatrixXd& a,
                                   const Eigen::MatrixXd& b) {
   const double step = StepsOf(time_s).usual;
-  const auto w = std::max<Eigen::Index>(3, static_cast<Eigen::Index>(std::lround(kChange_s / step)));
+  const Eigen::Index w = Span(step, 3);
   const Eigen::Index hop = std::max<Eigen::Index>(w / 2, 1);
   const auto changes = [&](const Eigen::MatrixXd& x) {
     const Eigen::Index count = std::max<Eigen::Index>((x.rows() - w + hop - 1) / hop, 0);
@@ -277,7 +283,7 @@ std::optional<Shift> ClockShift(const Eigen::VectorXd& time_s, const Eigen::Matr
   const double own = Median(steps);
   // Slower readings cannot tell a shift of milliseconds.
   if (own > kChange_s) return std::nullopt;
-  const auto n = std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(kChange_s / own)));
+  const auto n = static_cast<std::size_t>(Span(own, 1));
   std::vector<std::pair<double, double>> spans;
   std::vector<Eigen::Index> from, to;
   const std::size_t hop = std::max<std::size_t>(1, rows.size() / (kEnough / 2));

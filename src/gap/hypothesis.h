@@ -1,5 +1,5 @@
-// A hypothesis: one effect of the registry at one place, or several together, with the values of its parameters. Turns
-// into a robot that has it. Knows nothing of data.
+// A hypothesis: one effect of the registry at one place, or several together, with the values of its
+// parameters. Turns into a robot that has it. Knows nothing of data.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,8 +30,8 @@ struct Model {
   std::vector<Candidate> parts;
   Eigen::VectorXd values;
 
-  static Model Of(const Candidate& candidate);                 // at nominal
-  Model With(const Candidate& candidate) const;                // and this one at nominal
+  static Model Of(const Candidate& candidate);   // at nominal
+  Model With(const Candidate& candidate) const;  // and this one at nominal
   int size() const { return static_cast<int>(values.size()); }
   const sim::EffectParameter& parameter(int k) const;
   /// First value of part i in `values`.

@@ -29,12 +29,22 @@ bool Measured(const CycleRecord& record) {
 /// The usual number of cycles from one record to the next: logs may hold every n-th.
 std::uint64_t Stride(const std::vector<CycleRecord>& cycles) {
   std::vector<std::uint64_t> steps;
-  for (std::size_t i = 1; i < cycles.size(); ++i)
-    steps.push_back(cycles[i].input.cycle - cycles[i - 1].input.cycle);
+  for (std::size_t i = 1; i < cycles.size(); ++i) {
+    const std::uint64_t before = cycles[i - 1].input.cycle, now = cycles[i].input.cycle;
+    if (now > before) steps.push_back(now - before);
+  }
   if (steps.empty()) return 1;
   const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
   std::nth_element(steps.begin(), middle, steps.end());
-  return std::max<std::uint64_t>(*middle, 1);
+  return *middle;
+}
+
+/// True when time goes on from one cycle to the next, and not by more than a pause could be.
+bool Follows(const CycleRecord& before, const CycleRecord& now) {
+  constexpr std::uint64_t kLongest_ns = 100'000ULL * kNsPerS;
+  const TimeNs a = before.input.time_ns, b = now.input.time_ns;
+  return b > a && static_cast<std::uint64_t>(b) - static_cast<std::uint64_t>(a) < kLongest_ns &&
+         now.input.cycle > before.input.cycle;
 }
 
 class LogRun {
@@ -43,8 +53,10 @@ class LogRun {
          const RobotParameters& robot)
       : cycles_(cycles), first_(first), last_(last), robot_(robot) {}
 
+  /// A run of less than two rows when the log is damaged.
   Run Make() {
     const std::vector<std::size_t> kept = KeptCycles();
+    if (kept.size() < 2) return {};
     const auto rows = static_cast<Eigen::Index>(kept.size());
     const auto tendons = static_cast<Eigen::Index>(robot_.actuation->tendons.size());
     run_.time_s.resize(rows);
@@ -71,7 +83,7 @@ class LogRun {
   std::vector<std::size_t> KeptCycles() {
     std::vector<std::size_t> kept;
     for (std::size_t i = first_; i < last_; ++i) {
-      if (!kept.empty() && cycles_[i].input.time_ns <= cycles_[kept.back()].input.time_ns) continue;
+      if (!kept.empty() && !Follows(cycles_[kept.back()], cycles_[i])) continue;
       kept.push_back(i);
     }
     if (const std::size_t lost = last_ - first_ - kept.size(); lost > 0) {
@@ -123,7 +135,7 @@ class LogRun {
     const TimeNs start_ns = cycles_[kept.front()].input.time_ns;
     int used = 0;
     for (const TrackerSample* sample : samples) {
-      const double t = ToSeconds(sample->time_ns - start_ns);
+      const double t = ToSeconds(sample->time_ns) - ToSeconds(start_ns);
       const double* const begin = run_.time_s.data();
       auto row = static_cast<Eigen::Index>(std::lower_bound(begin, begin + rows, t) - begin);
       if (row == rows || (row > 0 && t - run_.time_s[row - 1] < run_.time_s[row] - t)) --row;
@@ -203,8 +215,7 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParame
     }
     std::size_t last = first;
     while (last < log.cycles.size() && Measured(log.cycles[last])) ++last;
-    if (last - first >= 2) {
-      Run run = LogRun(log.cycles, first, last, robot).Make();
+    if (Run run = LogRun(log.cycles, first, last, robot).Make(); run.time_s.size() >= 2) {
       run.name = RunName(file);
       // A log is called run.lcmlog; what it was is what its folder is called.
       if (run.name == "run" && std::filesystem::absolute(file).parent_path().has_filename()) {

@@ -6,6 +6,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -17,9 +18,13 @@ namespace {
 constexpr double kSlowestGrid_s =
     0.01;  // slower logs are interpolated: the body's motion is integrated on the grid
 constexpr double kDerivativeHalf_s =
-    0.01;                            // half width of the local polynomial that gives speed and acceleration
-constexpr double kSettle_s = 0.02;   // a motor that stays within one count has come to rest by then
-constexpr double kAfterGap_s = 0.3;  // after lost samples friction memories are not known
+    0.01;                           // half width of the local polynomial that gives speed and acceleration
+constexpr double kSettle_s = 0.02;  // a motor that stays within one count has come to rest by then
+constexpr double kSlidingCounts =
+    4;  // 12 mrad at 2048 counts: friction in motor and gear has turned round by then
+constexpr double kRest_s = 0.04;       // a motor that shows no new count for so long may be at rest
+constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
+constexpr double kAfterGap_s = 0.3;    // after lost samples friction memories are not known
 
 double Median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -99,16 +104,20 @@ Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, doubl
     const double steps = end ? 0 : std::round((reading[i] - reading[i - 1]) / count);
     if (!end && steps == 0) continue;
     const double middle = reading[i - 1];
-    const double left = !end && std::abs(steps) == 1 ? middle + 0.5 * count * steps : NAN;
+    const double left = !end && std::abs(steps) == 1 ? middle + 0.5 * count * steps : std::nan("");
     const double from_s = step_s * (dwell - 0.5), to_s = step_s * (end ? i - 1 : i - 0.5);
     const bool rests = to_s - from_s > 2.5 * kSettle_s;
     const bool turns = !std::isnan(entered) && (end || left == entered);
-    double rest = middle;
+    // Before it rests a motor may swing back within the cell, unseen, and turn its friction round.
+    double deepest = middle;
+    double rest = middle + (random != nullptr && dwell > 0 ? (anywhere(*random) - 0.5) * count : 0);
     if (!std::isnan(entered)) {
-      const double depth = random != nullptr ? anywhere(*random) : 0.5;
-      rest = entered + (entered < middle ? count : -count) * depth;
+      const double inwards = entered < middle ? count : -count;
+      deepest = entered + inwards * (random != nullptr ? anywhere(*random) : 0.5);
+      rest = entered + inwards * (random != nullptr ? anywhere(*random) : 0.5);
     }
     if (rests) {
+      if (dwell > 0) path.Add(from_s + 0.5 * kSettle_s, deepest);
       if (dwell > 0) path.Add(from_s + kSettle_s, rest);
       path.Add(end ? to_s : to_s - kSettle_s, rest);
     } else if (turns || std::isnan(entered) || std::isnan(left)) {
@@ -116,12 +125,66 @@ Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, doubl
     }
     if (end) break;
     if (!std::isnan(left)) path.Add(to_s, left);
-    entered = std::abs(steps) == 1 ? left : NAN;
+    entered = std::abs(steps) == 1 ? left : std::nan("");
     dwell = i;
   }
   Eigen::VectorXd angle(n);
   for (int i = 0; i < n; ++i) angle[i] = path(step_s * i);
   return angle;
+}
+
+/// White noise of rms `noise` taken out of a signal that is smooth most of the time: each sample becomes the
+/// mean over the widest window about it in which a straight line leaves no more than the noise, so that rest
+/// is smoothed over many samples and a fast change over none. Friction memories driven by noise creep; that
+/// is what this is for.
+Eigen::VectorXd Denoised(const Eigen::VectorXd& signal, double noise) {
+  const int n = static_cast<int>(signal.size());
+  if (noise <= 0 || !signal.allFinite()) return signal;
+  // Sums up to each sample, of the signal less its mean for precision.
+  const double mean = signal.mean();
+  Eigen::VectorXd y(n + 1), ty(n + 1), yy(n + 1);
+  y[0] = ty[0] = yy[0] = 0;
+  for (int i = 0; i < n; ++i) {
+    const double v = signal[i] - mean;
+    y[i + 1] = y[i] + v;
+    ty[i + 1] = ty[i] + i * v;
+    yy[i + 1] = yy[i] + v * v;
+  }
+  Eigen::VectorXd smooth = signal;
+  for (int i = 0; i < n; ++i) {
+    for (int half = 3; half <= kWidestSmoothing; half = half * 3 / 2) {
+      const int a = i - half, b = i + half + 1;
+      if (a < 0 || b > n) break;
+      const double count = 2 * half + 1;
+      const double sum = y[b] - y[a];
+      const double slope_sum = ty[b] - ty[a] - i * sum;  // of (k - i) v
+      const double spread = half * (half + 1.0) * count / 3;
+      const double left = yy[b] - yy[a] - sum * sum / count - slope_sum * slope_sum / spread;
+      // Three standard deviations of what white noise leaves; shorter windows must have passed as well.
+      if (left > noise * noise * (count - 2) * (1 + 3 * std::sqrt(2 / (count - 2)))) break;
+      smooth[i] = mean + sum / count;
+    }
+  }
+  return smooth;
+}
+
+/// Where a motor has moved on in one direction by kSlidingCounts since it turned, and lately.
+void MarkSliding(const Eigen::VectorXd& reading, double count, double step_s,
+                 Eigen::Ref<Eigen::Matrix<char, -1, 1>> out) {
+  const int patience = std::max(1, static_cast<int>(kRest_s / step_s));
+  double turn = reading[0], last = reading[0];
+  int direction = 0, moved_at = -patience - 1;
+  for (int i = 0; i < reading.size(); ++i) {
+    const double step = reading[i] - last;
+    if (std::abs(step) > 0.5 * count) {
+      const int now = step > 0 ? 1 : -1;
+      if (now != direction) turn = last;
+      direction = now;
+      last = reading[i];
+      moved_at = i;
+    }
+    out[i] = std::abs(last - turn) >= kSlidingCounts * count && i - moved_at <= patience;
+  }
 }
 
 }  // namespace
@@ -214,13 +277,33 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       for (int i = 0; i < s.tension_N.rows(); ++i) s.tension_N(i, j) += cell * normal(random);
     }
   }
+  if (robot.actuation) {
+    for (int j = 0; j < s.tension_N.cols(); ++j) {
+      const auto& p = robot.actuation->tendons[j].load_cell;
+      const double step_N = p.gain_VpN > 0 ? p.resolution_V / p.gain_VpN : 0;
+      const double noise = std::hypot(p.noise_N, step_N / std::sqrt(12.0));
+      s.tension_N.col(j) = Denoised(s.tension_N.col(j), seed == 0 ? noise : std::sqrt(2.0) * noise);
+      if (seed == 0) continue;
+      // What a tension did between two samples is open by as much as its slope changes over them: when a
+      // slack tendon catches, most of the blow may fall between.
+      std::uniform_real_distribution<double> part(-0.5, 0.5);
+      const Eigen::VectorXd read = s.tension_N.col(j);
+      for (int i = 1; i + 1 < samples; ++i) {
+        s.tension_N(i, j) += part(random) * (read[i - 1] - 2 * read[i] + read[i + 1]);
+      }
+    }
+  }
 
   if (run.motor_position_rad.cols() == tendons) {
     const Eigen::MatrixXd reading = on_grid(run.motor_position_rad);
+    out.sliding.setZero(samples, tendons);
     s.motor_angle_rad.resize(samples, tendons);
     s.motor_velocity_radps.resize(samples, tendons);
     s.motor_acceleration_radps2.resize(samples, tendons);
-    const LocalPolynomial local(std::max(2, static_cast<int>(std::lround(kDerivativeHalf_s / step_s))));
+    // How far speed and acceleration depend on the window is part of what the encoder leaves open.
+    constexpr std::array<double, 4> kOtherWidths{0.6, 0.8, 1.25, 1.6};
+    const double half_s = kDerivativeHalf_s * (seed == 0 ? 1 : kOtherWidths[seed % kOtherWidths.size()]);
+    const LocalPolynomial local(std::max(2, static_cast<int>(std::lround(half_s / step_s))));
     for (int j = 0; j < tendons; ++j) {
       Eigen::VectorXd angle = reading.col(j);
       const int counts = robot.actuation ? robot.actuation->tendons[j].drive.encoder_counts_per_turn : 0;
@@ -228,13 +311,14 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       if (count > 0 && Quantised(angle, count)) {
         angle = InsideCounts(angle, count, step_s, seed != 0 ? &random : nullptr);
       }
+      MarkSliding(reading.col(j), count > 0 ? count : 3e-3, step_s, out.sliding.col(j));
       const int h = local.half;
       Eigen::VectorXd padded(samples + 2 * h);
       padded << Eigen::VectorXd::Constant(h, angle[0]), angle,
           Eigen::VectorXd::Constant(h, angle[samples - 1]);
       for (int i = 0; i < samples; ++i) {
         const auto window = padded.segment(i, 2 * h + 1);
-        s.motor_angle_rad(i, j) = local.value * window;
+        s.motor_angle_rad(i, j) = angle[i];  // not smoothed: its turning points count for friction
         s.motor_velocity_radps(i, j) = (local.first * window).value() / step_s;
         s.motor_acceleration_radps2(i, j) = (local.second * window).value() / (step_s * step_s);
       }

@@ -20,6 +20,10 @@ struct PreparedRun {
   double start_s = 0;       // time of the first sample in the log
   std::vector<char> valid;  // S: false where samples were lost, and shortly after
   Eigen::MatrixXd cell_N;   // S x M as read, NaN where nothing was
+  /// S x M: the motor is known to slide in one direction. Around reversals and at rest an encoder cannot tell
+  /// how far friction in motor and gear has turned round, so what torque says of tension is worth nothing
+  /// there.
+  Eigen::Matrix<char, Eigen::Dynamic, Eigen::Dynamic> sliding;
   // Tracker: P samples at their own times.
   Eigen::VectorXd tracker_s;           // since start_s
   Eigen::MatrixXd tip_m;               // P x 3

@@ -70,6 +70,19 @@ double LogScore(const Weights& weights, const Residuals& part, const Residuals& 
   return -0.5 * sum;
 }
 
+double LargestSquare(const Eigen::VectorXd& residual, const Eigen::VectorXd& variance) {
+  constexpr double kSigmas = 6;
+  std::vector<double> squares;
+  for (int w = 0; w < residual.size(); ++w) {
+    if (std::isfinite(variance[w])) squares.push_back(residual[w] * residual[w]);
+  }
+  if (squares.empty()) return 0;
+  const auto high =
+      squares.begin() + static_cast<std::ptrdiff_t>(0.75 * static_cast<double>(squares.size() - 1));
+  std::nth_element(squares.begin(), high, squares.end());
+  return kSigmas * kSigmas * *high;
+}
+
 ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, const Residuals& rest,
                            const std::vector<int>& runs) {
   const auto& channels = evaluator.channels();
@@ -83,11 +96,12 @@ ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, co
       const auto& r = Pick(part, rest, i, c);
       const auto& v = evaluator.Variance()[i][c];
       const double delta2 = channels[c].floor * channels[c].floor;
+      const double most = LargestSquare(r, v);
       for (int w = 0; w < r.size(); ++w) {
         if (!std::isfinite(v[w])) continue;
         // Where resolution leaves much open a window says little about the mean square.
         const double weight = 1 / (v[w] + delta2);
-        score.square[c] += weight * r[w] * r[w];
+        score.square[c] += weight * std::min(r[w] * r[w], most + 36 * v[w]);
         score.noise[c] += weight * v[w];
         total[c] += weight;
       }

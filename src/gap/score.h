@@ -1,5 +1,5 @@
-// How good a set of residuals is: weights, mean squares by channel, log score, folds. Knows nothing of where residuals
-// come from.
+// How good a set of residuals is: weights, mean squares by channel, log score, folds. Knows nothing of where
+// residuals come from.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,8 +9,8 @@
 
 namespace tendril::gap {
 
-/// Parts of the data that are held out in turn: families of runs where there are at least three, else runs, else pieces
-/// of time.
+/// Parts of the data that are held out in turn: families of runs where there are at least three, else runs,
+/// else pieces of time.
 struct Folds {
   int count = 0;
   std::vector<std::string> names;
@@ -24,8 +24,8 @@ struct Folds {
 };
 Folds MakeFolds(const std::vector<PreparedRun>& runs);
 
-/// Weights of the log score. Residuals within a correlation time count once against what is left unexplained: the weight
-/// of a window is 1 / (variance + m (delta^2 + leftover^2)), m the windows in a correlation time.
+/// Weights of the log score. Residuals within a correlation time count once against what is left unexplained:
+/// the weight of a window is 1 / (variance + m (delta^2 + leftover^2)), m the windows in a correlation time.
 class Weights {
  public:
   Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover);
@@ -39,6 +39,9 @@ class Weights {
 
 /// -1/2 sum of w r^2 over the channels that `part` has; where it has none, those of `rest` count.
 double LogScore(const Weights& weights, const Residuals& part, const Residuals& rest);
+
+/// Squares above this count as this: a few samples at a reversal must not decide.
+double LargestSquare(const Eigen::VectorXd& residual, const Eigen::VectorXd& variance);
 
 /// Mean squares per channel, of the residual and of what noise explains.
 struct ChannelScore {

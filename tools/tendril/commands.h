@@ -23,9 +23,13 @@ inline CLI::App& GapCommand(CLI::App& app) {
 }
 
 void AddCapstanCommand(CLI::App& app);
+void AddCompareCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
 void AddDemoCommand(CLI::App& app);
+void AddExciteCommand(CLI::App& app);
 void AddFollowCommand(CLI::App& app);
+void AddGapApplyCommand(CLI::App& app);
+void AddGapDiagnoseCommand(CLI::App& app);
 void AddGapExplainCommand(CLI::App& app);
 void AddGapImportCommand(CLI::App& app);
 void AddGapReportCommand(CLI::App& app);

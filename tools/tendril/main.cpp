@@ -4,7 +4,9 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "commands.h"
 #include "tendril/core/version.h"
@@ -36,6 +38,17 @@ void NameUnknownWord(const CLI::App& app) {
   }
 }
 
+// CLI11 takes -.5 for an option; -0.5 it knows as a number.
+std::vector<std::string> WithLeadingZeros(int argc, const char* const* argv) {
+  std::vector<std::string> words(argv, argv + argc);
+  for (std::string& word : words) {
+    if (word.size() > 2 && word[0] == '-' && word[1] == '.' && word[2] >= '0' && word[2] <= '9') {
+      word.insert(1, "0");
+    }
+  }
+  return words;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -44,9 +57,13 @@ int main(int argc, char** argv) {
                        fmt::format("tendril {} ({})", tendril::Version(), tendril::GitRevision()));
   app.require_subcommand(1);
   tendril::tools::AddCapstanCommand(app);
+  tendril::tools::AddCompareCommand(app);
   tendril::tools::AddConfigCommand(app);
   tendril::tools::AddDemoCommand(app);
+  tendril::tools::AddExciteCommand(app);
   tendril::tools::AddFollowCommand(app);
+  tendril::tools::AddGapApplyCommand(app);
+  tendril::tools::AddGapDiagnoseCommand(app);
   tendril::tools::AddGapExplainCommand(app);
   tendril::tools::AddGapImportCommand(app);
   tendril::tools::AddGapReportCommand(app);
@@ -56,7 +73,10 @@ int main(int argc, char** argv) {
   tendril::tools::AddSendCommand(app);
   tendril::tools::AddStatusCommand(app);
   try {
-    app.parse(argc, argv);
+    const std::vector<std::string> words = WithLeadingZeros(argc, argv);
+    std::vector<const char*> pointers;
+    for (const std::string& word : words) pointers.push_back(word.c_str());
+    app.parse(argc, pointers.data());
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() != 0) NameUnknownWord(app);
     return app.exit(e) == 0 ? CheckOutput() : 2;

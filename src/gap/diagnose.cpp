@@ -1,0 +1,205 @@
+// The diagnosis from end to end: prepare, locate, search, judge, and what a reader wants to see of it.
+#include "tendril/gap/diagnose.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <set>
+#include <thread>
+
+#include "details.h"
+#include "evaluator.h"
+#include "judge.h"
+#include "search.h"
+#include "tendril/config/config.h"
+#include "tendril/core/version.h"
+
+namespace tendril::gap {
+namespace {
+
+std::string Percent(double share) { return fmt::format("{:.0f} %", 100 * share); }
+
+std::string NameOf(const Cause& cause) {
+  return cause.where.empty() || cause.where == "all" ? cause.effect : cause.effect + " (" + cause.where + ")";
+}
+
+std::string ValueOf(const Cause& cause) {
+  for (const auto& [name, value] : cause.parameters) return fmt::format("{} {:.4g}", name, value.value);
+  return "";
+}
+
+std::string Sentence(const Diagnosis& d) {
+  const CutFinding* first = nullptr;
+  for (const auto& f : d.location) {
+    if (f.first) first = &f;
+  }
+  const std::string where =
+      first ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
+                          first->where == "all" ? "" : ", " + first->where)
+            : "The place of the gap is not clear";
+  const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
+  switch (d.verdict) {
+    case Verdict::kNoGap:
+      return "No gap beyond the noise floor and the materiality asked for.";
+    case Verdict::kInsufficientData:
+      return "These logs are not enough to tell whether there is a gap." + next;
+    case Verdict::kUnexplained:
+      return fmt::format(
+          "{}, and no effect of the library explains it: {:.2g} sigma beyond the floor remain with the best "
+          "of them ({}).{}",
+          where, d.leftover_sigma, d.causes.empty() ? "none" : NameOf(d.causes.front()), next);
+    case Verdict::kAttributed:
+    case Verdict::kAmbiguousGroup: {
+      std::string causes;
+      if (d.verdict == Verdict::kAmbiguousGroup) {
+        for (const auto& c : d.causes) {
+          if (c.group == 1) causes += (causes.empty() ? "" : " or ") + NameOf(c);
+        }
+        if (causes.empty() && !d.accepted.empty()) causes = NameOf(d.accepted.front()) + " or another";
+        causes = "one of " + causes + ", which these runs cannot tell apart";
+      } else {
+        for (const auto& c : d.accepted) {
+          causes += (causes.empty() ? "" : " and ") + NameOf(c) + ", " + ValueOf(c) +
+                    fmt::format(" (p = {:.2f})", c.p);
+        }
+      }
+      const std::string closed =
+          d.closed ? fmt::format(" With it in the model {} of the gap closes on runs it was not fitted to.",
+                                 Percent(std::max(0.0, d.closed->value)))
+                   : "";
+      return fmt::format("{}; its cause is {}.{}{}", where, causes, closed, next);
+    }
+  }
+  return "";
+}
+
+/// The cut that a cause belongs to, with this load cell.
+sim::Cut CutOf(const Cause& cause, LoadCellPlace place) {
+  const sim::Effect* effect = sim::FindEffect(cause.effect);
+  return place == LoadCellPlace::kRobotSide ? effect->cut_robot_side : effect->cut;
+}
+
+/// Marks the first place with an excess; a sensor that is found wrong explains the excess at the cuts that
+/// read it.
+void MarkFirst(Diagnosis& d, LoadCellPlace place) {
+  if (d.verdict == Verdict::kNoGap || d.verdict == Verdict::kInsufficientData) return;
+  std::optional<sim::Cut> cut;
+  for (const auto& cause : d.accepted) {
+    const sim::Cut its = CutOf(cause, place);
+    if (!cut || its < *cut) cut = its;
+  }
+  CutFinding* chosen = nullptr;
+  const auto better = [&](CutFinding& f) {
+    return chosen == nullptr || f.excess_sigma > chosen->excess_sigma;
+  };
+  if (cut) {
+    for (auto& f : d.location) {
+      if (f.cut == *cut && f.measured && better(f)) chosen = &f;
+    }
+    // A cause on one tendon marks that tendon.
+    for (auto& f : d.location) {
+      if (f.cut == *cut && f.measured && !d.accepted.empty() && f.where == d.accepted.front().where)
+        chosen = &f;
+    }
+    if (chosen == nullptr && *cut == sim::Cut::kSensors) {
+      CutFinding f;
+      f.cut = sim::Cut::kSensors;
+      f.where = "all";
+      f.quantity = "tracker";
+      f.excess = true;
+      f.note = "found as the cause; the cuts that read this sensor show it";
+      for (const auto& other : d.location) f.excess_sigma = std::max(f.excess_sigma, other.excess_sigma);
+      d.location.push_back(f);
+      chosen = &d.location.back();
+    }
+    if (chosen != nullptr) chosen->excess = true;
+  }
+  for (auto& f : d.location) {
+    if (chosen == nullptr && f.excess) chosen = &f;
+  }
+  if (chosen != nullptr) chosen->first = true;
+}
+
+}  // namespace
+
+Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  const auto progress = [&](const std::string& stage, double fraction) {
+    if (options.progress) options.progress(stage, fraction);
+  };
+  const int threads = options.threads > 0
+                          ? options.threads
+                          : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  Diagnosis d;
+  d.robot_name = set.robot.name;
+  d.robot_yaml = config::ToYaml(set.robot);
+  d.seed = options.seed;
+  d.version = Version();
+  d.revision = GitRevision();
+
+  progress("aligning the logs and finding the noise floor", 0);
+  const Evaluator evaluator(set, {threads, options.delta_N, options.delta_m, options.seed});
+  d.degradations = evaluator.degradations();
+  for (std::size_t i = 0; i < set.runs.size(); ++i) {
+    const auto& run = set.runs[i];
+    const auto& prepared = evaluator.runs()[i];
+    d.runs.push_back({run.name, run.family, run.repeat_of, run.sha256,
+                      prepared.samples() * prepared.signals.step_s, 1 / prepared.signals.step_s,
+                      static_cast<int>(run.time_s.size())});
+  }
+  for (const auto& channel : evaluator.channels()) {
+    if (channel.quantity == Channel::Quantity::kTension) d.delta_N = std::max(d.delta_N, channel.delta);
+    if (channel.quantity == Channel::Quantity::kTipPosition) d.delta_m = std::max(d.delta_m, channel.delta);
+  }
+  d.location = Locate(evaluator, evaluator.AtNominal());
+
+  const Folds folds = MakeFolds(evaluator.runs());
+  d.held_out_families = folds.names;
+  SearchOptions search_options{threads, options.refits, options.without, {}, {}};
+  search_options.progress = [&](double fraction) { progress("searching for the cause", fraction); };
+  search_options.explained = [&](const Residuals& residuals) {
+    for (const auto& f : Locate(evaluator, residuals)) {
+      if (f.excess && f.cut != sim::Cut::kClock && f.excess_sigma > 0.15) return false;
+    }
+    return true;
+  };
+  const SearchResult search = Search(evaluator, folds, search_options);
+  progress("judging", 0);
+  Judgement judgement = Judge(evaluator, search, d.location);
+  d.verdict = judgement.verdict;
+  d.causes = judgement.causes;
+  d.accepted = judgement.accepted;
+  d.confusable = judgement.confusable;
+  d.leftover_sigma = judgement.leftover_sigma;
+
+  const Residuals& before = evaluator.AtNominal();
+  const Fit* shown = judgement.best;
+  if (shown == nullptr && d.verdict == Verdict::kUnexplained && !search.fits.empty())
+    shown = &search.fits.front();
+  Residuals after = before;
+  if (shown != nullptr) {
+    for (std::size_t i = 0; i < after.size(); ++i) {
+      for (std::size_t c = 0; c < after[i].size(); ++c) {
+        if (!shown->held_out[i].empty() && shown->held_out[i][c].size() > 0)
+          after[i][c] = shown->held_out[i][c];
+      }
+    }
+    d.closed = PooledClosure(evaluator, before, after, options.seed);
+  }
+  d.closures = Closures(evaluator, before, after, options.seed);
+  if (!search.everything.empty() && d.verdict != Verdict::kNoGap) {
+    d.closed_ceiling = PooledClosure(evaluator, before, search.everything, options.seed);
+  }
+  AddDetails(evaluator, shown ? &shown->model : nullptr, after, options.seed, d);
+  progress("looking for the experiment that would tell more", 0);
+  d.next = FindNextExperiment(evaluator, search, d, options.menu, threads);
+  const LoadCellPlace place = evaluator.runs().front().signals.load_cell;
+  MarkFirst(d, place);
+  d.sentence = Sentence(d);
+  d.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return d;
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,354 @@
+// Normal equations, bounded refits by Ceres, folds by one Gauss-Newton step from the common optimum.
+#include "fit.h"
+
+#include <ceres/ceres.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+
+namespace tendril::gap {
+namespace {
+
+const Eigen::VectorXd& Pick(const Residuals& part, const Residuals& rest, int run, int channel) {
+  return part[run].empty() || part[run][channel].size() == 0 ? rest[run][channel] : part[run][channel];
+}
+
+/// Minimum of 1/2 x'Hx - g'x within bounds, by fixing what runs against its bound (few variables).
+Eigen::VectorXd Bounded(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, const Eigen::VectorXd& lower,
+                        const Eigen::VectorXd& upper) {
+  const int n = static_cast<int>(g.size());
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(n);
+  std::vector<char> fixed(n, 0);
+  for (int pass = 0; pass <= n; ++pass) {
+    std::vector<int> free;
+    for (int k = 0; k < n; ++k) {
+      if (!fixed[k]) free.push_back(k);
+    }
+    if (free.empty()) break;
+    Eigen::MatrixXd Hf(free.size(), free.size());
+    Eigen::VectorXd gf(free.size());
+    for (std::size_t a = 0; a < free.size(); ++a) {
+      gf[a] = g[free[a]];
+      for (int k = 0; k < n; ++k) {
+        if (fixed[k]) gf[a] -= H(free[a], k) * x[k];
+      }
+      for (std::size_t b = 0; b < free.size(); ++b) Hf(a, b) = H(free[a], free[b]);
+    }
+    Eigen::VectorXd xf = Hf.ldlt().solve(gf);
+    if (!xf.allFinite()) xf.setZero();  // nothing depends on these
+    bool all_inside = true;
+    for (std::size_t a = 0; a < free.size(); ++a) {
+      const int k = free[a];
+      x[k] = std::clamp(xf[a], lower[k], upper[k]);
+      if (x[k] != xf[a]) fixed[k] = 1, all_inside = false;
+    }
+    if (all_inside) break;
+  }
+  return x;
+}
+
+}  // namespace
+
+Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& part, const Residuals& rest,
+                  const Weights& weights, const Folds& folds) {
+  const int n = static_cast<int>(columns.size());
+  Normal normal;
+  normal.A.assign(folds.count, Eigen::MatrixXd::Zero(n, n));
+  normal.b.assign(folds.count, Eigen::VectorXd::Zero(n));
+  normal.c.assign(folds.count, 0);
+  const auto add = [&](int fold, int run, int channel, int from, int count) {
+    const auto& r = Pick(part, rest, run, channel);
+    const auto w = weights(run, channel).segment(from, count).array();
+    const auto rs = r.segment(from, count).array();
+    normal.c[fold] += (w * rs.square()).sum();
+    for (int a = 0; a < n; ++a) {
+      const auto& ja = (*columns[a])[run];
+      if (ja.empty() || ja[channel].size() == 0) continue;
+      const Eigen::ArrayXd wj = w * ja[channel].segment(from, count).array();
+      normal.b[fold][a] += (wj * rs).sum();
+      for (int b = 0; b <= a; ++b) {
+        const auto& jb = (*columns[b])[run];
+        if (jb.empty() || jb[channel].size() == 0) continue;
+        const double product = (wj * jb[channel].segment(from, count).array()).sum();
+        normal.A[fold](a, b) += product;
+        if (a != b) normal.A[fold](b, a) += product;
+      }
+    }
+  };
+  for (int i = 0; i < static_cast<int>(rest.size()); ++i) {
+    for (int c = 0; c < static_cast<int>(rest[i].size()); ++c) {
+      const int windows = static_cast<int>(Pick(part, rest, i, c).size());
+      if (windows == 0) continue;
+      if (!folds.by_time) {
+        add(folds.of_run[i], i, c, 0, windows);
+        continue;
+      }
+      for (int f = 0, from = 0; f < folds.count; ++f) {
+        int to = from;
+        while (to < windows && folds.Of(i, to, windows) == f) ++to;
+        if (to > from) add(f, i, c, from, to - from);
+        from = to;
+      }
+    }
+  }
+  return normal;
+}
+
+LinearFit SolveLinear(const Normal& normal, const Eigen::VectorXd& prior, const Eigen::VectorXd& lower,
+                      const Eigen::VectorXd& upper) {
+  const int n = normal.size();
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
+  const Eigen::MatrixXd regular = prior.array().square().inverse().matrix().asDiagonal();
+  for (std::size_t f = 0; f < normal.A.size(); ++f) A += normal.A[f], b += normal.b[f];
+  LinearFit fit;
+  fit.value = Bounded(A + regular, b, lower, upper);
+  fit.score = fit.value.dot(b) - 0.5 * fit.value.dot(A * fit.value);
+  fit.by_fold.resize(normal.A.size());
+  for (std::size_t f = 0; f < normal.A.size(); ++f) {
+    const Eigen::VectorXd x = Bounded(A - normal.A[f] + regular, b - normal.b[f], lower, upper);
+    fit.by_fold[f] = x.dot(normal.b[f]) - 0.5 * x.dot(normal.A[f] * x);
+    fit.held_out_score += fit.by_fold[f];
+  }
+  return fit;
+}
+
+Column Sensitivity(const Evaluator& evaluator, const Model& model, int k, double step,
+                   const Residuals& at_model, unsigned cuts) {
+  Model moved = model;
+  const auto& p = model.parameter(k);
+  double to = model.values[k] + step;
+  if (to > p.upper || to < p.lower) to = model.values[k] - step;
+  to = std::clamp(to, p.lower, p.upper);
+  const double change = to - model.values[k];
+  if (change == 0) return Column(at_model.size(), std::vector<Eigen::VectorXd>(evaluator.channels().size()));
+  moved.values[k] = to;
+  Column column = evaluator.At(moved.Robot(evaluator.nominal()), cuts);
+  for (std::size_t i = 0; i < column.size(); ++i) {
+    for (std::size_t c = 0; c < column[i].size(); ++c) {
+      if (column[i][c].size() > 0) column[i][c] = (at_model[i][c] - column[i][c]) / change;
+    }
+  }
+  return column;
+}
+
+unsigned Fitter::CutsOf(const Model& model) const {
+  unsigned cuts = 0;
+  for (const auto& part : model.parts) cuts |= evaluator_.CutsOf(*part.effect);
+  return cuts;
+}
+
+namespace {
+
+/// Residuals in one vector, weighted, of the channels that the cuts contain, nuisances as linear terms,
+/// priors below.
+class Cost final : public ceres::CostFunction {
+ public:
+  Cost(const Evaluator& evaluator, const Weights& weights, const Nuisances& nuisances, const Model& model,
+       unsigned cuts, const Residuals& shape)
+      : evaluator_(evaluator), weights_(weights), nuisances_(nuisances), model_(model), cuts_(cuts) {
+    int rows = 0;
+    for (const auto& run : shape) {
+      for (const auto& channel : run) rows += static_cast<int>(channel.size());
+    }
+    data_rows_ = rows;
+    const int free = model.size() + static_cast<int>(nuisances.columns.size());
+    set_num_residuals(rows + free);
+    mutable_parameter_block_sizes()->push_back(free);
+  }
+
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    try {
+      const int n = model_.size(), extra = static_cast<int>(nuisances_.columns.size());
+      Model model = model_;
+      for (int k = 0; k < n; ++k) model.values[k] = parameters[0][k] * Scale(k);
+      // The solver asks for residuals first and for derivatives at the same point later.
+      if (last_values_.size() != model.values.size() || last_values_ != model.values) {
+        last_ = evaluator_.At(model.Robot(evaluator_.nominal()), cuts_);
+        last_values_ = model.values;
+      }
+      const Residuals& at = last_;
+      Eigen::Map<Eigen::VectorXd> out(residuals, num_residuals());
+      Stack(at, at, 1, out.head(data_rows_));
+      Eigen::VectorXd column(data_rows_);
+      for (int e = 0; e < extra; ++e) {
+        Stack(nuisances_.columns[e], at, nuisances_.prior[e], column);
+        out.head(data_rows_) -= parameters[0][n + e] * column;
+      }
+      for (int k = 0; k < n; ++k)
+        out[data_rows_ + k] = 1e-3 * (parameters[0][k] - model_.parameter(k).nominal / Scale(k));
+      for (int e = 0; e < extra; ++e) out[data_rows_ + n + e] = parameters[0][n + e];
+      if (jacobians == nullptr || jacobians[0] == nullptr) return true;
+      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> J(
+          jacobians[0], num_residuals(), n + extra);
+      J.setZero();
+      for (int k = 0; k < n; ++k) {
+        const Column sensitivity = Sensitivity(evaluator_, model, k, kRelativeStep * Scale(k), at, cuts_);
+        Stack(sensitivity, at, -Scale(k), column);
+        J.col(k).head(data_rows_) = column;
+        J(data_rows_ + k, k) = 1e-3;
+      }
+      for (int e = 0; e < extra; ++e) {
+        Stack(nuisances_.columns[e], at, -nuisances_.prior[e], column);
+        J.col(n + e).head(data_rows_) = column;
+        J(data_rows_ + n + e, n + e) = 1;
+      }
+      return true;
+    } catch (const std::exception&) {
+      return false;  // parameters that cannot be simulated: the step is shortened
+    }
+  }
+
+  double Scale(int k) const { return model_.parameter(k).typical; }
+  static constexpr double kRelativeStep = 0.1;
+
+ private:
+  /// sqrt(w) times factor times the channels that `like` has.
+  template <class Out>
+  void Stack(const Residuals& values, const Residuals& like, double factor, Out&& out) const {
+    int row = 0;
+    for (std::size_t i = 0; i < like.size(); ++i) {
+      for (std::size_t c = 0; c < like[i].size(); ++c) {
+        const int size = static_cast<int>(like[i][c].size());
+        if (size == 0) continue;
+        if (values[i].empty() || values[i][c].size() == 0) {
+          out.segment(row, size).setZero();
+        } else {
+          out.segment(row, size) = factor *
+                                   weights_(static_cast<int>(i), static_cast<int>(c)).array().sqrt() *
+                                   values[i][c].array();
+        }
+        row += size;
+      }
+    }
+  }
+
+  const Evaluator& evaluator_;
+  const Weights& weights_;
+  const Nuisances& nuisances_;
+  Model model_;
+  unsigned cuts_;
+  int data_rows_ = 0;
+  mutable Eigen::VectorXd last_values_;
+  mutable Residuals last_;
+};
+
+}  // namespace
+
+Fit Fitter::Refit(const Model& start, int iterations) const {
+  const unsigned cuts = CutsOf(start);
+  const int n = start.size(), extra = static_cast<int>(nuisances_.columns.size());
+  const Residuals at_start = evaluator_.At(start.Robot(evaluator_.nominal()), cuts);
+  Cost* cost = new Cost(evaluator_, weights_, nuisances_, start, cuts, at_start);
+  std::vector<double> x(n + extra, 0.0);
+  for (int k = 0; k < n; ++k) {
+    const auto& p = start.parameter(k);
+    x[k] = std::clamp(start.values[k], p.lower, p.upper) / cost->Scale(k);
+  }
+  ceres::Problem problem;
+  problem.AddResidualBlock(cost, nullptr, x.data());
+  for (int k = 0; k < n; ++k) {
+    problem.SetParameterLowerBound(x.data(), k, start.parameter(k).lower / cost->Scale(k));
+    problem.SetParameterUpperBound(x.data(), k, start.parameter(k).upper / cost->Scale(k));
+  }
+  ceres::Solver::Options options;
+  options.max_num_iterations = iterations;
+  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  options.function_tolerance = 1e-4;
+  options.parameter_tolerance = 1e-5;
+  options.logging_type = ceres::SILENT;
+  options.num_threads = 1;
+  options.max_num_consecutive_invalid_steps = 3;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+
+  Fit fit;
+  fit.model = start;
+  for (int k = 0; k < n; ++k) {
+    const auto& p = start.parameter(k);
+    if (!std::isfinite(x[k])) throw std::runtime_error("no estimate of " + start.parts.front().Name());
+    fit.model.values[k] = x[k] * cost->Scale(k);
+    const double width = p.upper - p.lower;
+    const bool at_bound =
+        fit.model.values[k] < p.lower + 1e-3 * width || fit.model.values[k] > p.upper - 1e-3 * width;
+    if (at_bound && std::abs(fit.model.values[k] - p.nominal) > 1e-3 * width) fit.bound_hit = true;
+  }
+  const Residuals at = evaluator_.At(fit.model.Robot(evaluator_.nominal()), cuts);
+  for (int k = 0; k < n; ++k) {
+    fit.columns.push_back(
+        Sensitivity(evaluator_, fit.model, k, Cost::kRelativeStep * cost->Scale(k), at, cuts));
+  }
+
+  // Folds: one Gauss-Newton step from the common optimum, on each fold's complement.
+  std::vector<const Column*> columns;
+  for (const auto& column : fit.columns) columns.push_back(&column);
+  for (const auto& column : nuisances_.columns) columns.push_back(&column);
+  // Nuisances act on channels outside these cuts as well; there the nominal residuals count.
+  const Residuals& rest = evaluator_.AtNominal();
+  const Normal normal = Accumulate(columns, at, rest, weights_, folds_);
+  Eigen::VectorXd prior(n + extra), lower(n + extra), upper(n + extra);
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n + extra, n + extra);
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(n + extra);
+  for (int k = 0; k < n; ++k) {
+    const auto& p = start.parameter(k);
+    prior[k] = 30 * p.typical;
+    lower[k] = p.lower - fit.model.values[k];
+    upper[k] = p.upper - fit.model.values[k];
+  }
+  for (int e = 0; e < extra; ++e) {
+    prior[n + e] = nuisances_.prior[e];
+    lower[n + e] = -3 * nuisances_.prior[e];
+    upper[n + e] = 3 * nuisances_.prior[e];
+  }
+  for (std::size_t f = 0; f < normal.A.size(); ++f) A += normal.A[f], b += normal.b[f];
+  const Eigen::MatrixXd regular = prior.array().square().inverse().matrix().asDiagonal();
+  // The model's own parameters are at their optimum; only the nuisances move with all data.
+  const auto leave_out = [&](int fold) {
+    const Eigen::MatrixXd Af = fold < 0 ? A : Eigen::MatrixXd(A - normal.A[fold]);
+    const Eigen::VectorXd bf = fold < 0 ? b : Eigen::VectorXd(b - normal.b[fold]);
+    return Bounded(Af + regular, bf, lower, upper);
+  };
+  const Eigen::VectorXd all = leave_out(-1);
+  std::vector<Eigen::VectorXd> without;
+  for (int f = 0; f < folds_.count; ++f) without.push_back(leave_out(f));
+  fit.residuals = at;
+  fit.held_out = at;
+  for (int i = 0; i < static_cast<int>(rest.size()); ++i) {
+    for (int c = 0; c < static_cast<int>(rest[i].size()); ++c) {
+      const int windows = static_cast<int>(rest[i][c].size());
+      bool touched = false;
+      for (const auto* column : columns) touched |= !(*column)[i].empty() && (*column)[i][c].size() > 0;
+      if (!touched) continue;
+      if (fit.residuals[i][c].size() == 0) fit.residuals[i][c] = fit.held_out[i][c] = rest[i][c];
+      for (int k = 0; k < n + extra; ++k) {
+        if ((*columns[k])[i].empty()) continue;
+        const auto& j = (*columns[k])[i][c];
+        if (j.size() == 0) continue;
+        fit.residuals[i][c] -= all[k] * j;
+        for (int w = 0; w < windows; ++w)
+          fit.held_out[i][c][w] -= without[folds_.Of(i, w, windows)][k] * j[w];
+      }
+    }
+  }
+  for (int k = 0; k < n; ++k) {
+    const auto& p = start.parameter(k);
+    fit.model.values[k] = std::clamp(fit.model.values[k] + all[k], p.lower, p.upper);
+  }
+  fit.score = LogScore(weights_, fit.residuals, rest);
+  fit.held_out_score = LogScore(weights_, fit.held_out, rest);
+  // Scatter of the estimate over the folds (a jackknife) says more than the noise: the folds differ by what
+  // the model lacks.
+  Eigen::MatrixXd scatter = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
+  for (const auto& x_f : without) mean += x_f.head(n) / folds_.count;
+  for (const auto& x_f : without) scatter += (x_f.head(n) - mean) * (x_f.head(n) - mean).transpose();
+  scatter *= (folds_.count - 1.0) / folds_.count;
+  const Eigen::MatrixXd inverse = (A + regular).ldlt().solve(Eigen::MatrixXd::Identity(n + extra, n + extra));
+  fit.covariance = inverse.topLeftCorner(n, n) + scatter;
+  return fit;
+}
+
+}  // namespace tendril::gap

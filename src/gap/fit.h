@@ -1,0 +1,78 @@
+// Estimation: linear screening of a candidate from its sensitivities, full refits of a model within its
+// bounds, and both judged on parts of the data that were left out. Knows nothing of verdicts.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "evaluator.h"
+#include "hypothesis.h"
+#include "score.h"
+
+namespace tendril::gap {
+
+/// Derivative of the simulated values by one parameter, [run][channel][window]; empty channels do not depend
+/// on it.
+using Column = Residuals;
+
+/// Normal equations by fold.
+struct Normal {
+  std::vector<Eigen::MatrixXd> A;  // sum of w j j^T
+  std::vector<Eigen::VectorXd> b;  // sum of w j r
+  std::vector<double> c;           // sum of w r^2
+  int size() const { return static_cast<int>(A[0].rows()); }
+};
+Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& part, const Residuals& rest,
+                  const Weights& weights, const Folds& folds);
+
+struct LinearFit {
+  Eigen::VectorXd value;        // change of the parameters
+  double score = 0;             // log score gained by it on the data it was fitted to
+  double held_out_score = 0;    // gained on folds that were left out
+  std::vector<double> by_fold;  // the latter, fold by fold
+};
+/// Least squares with a Gaussian prior of standard deviation prior[k] about zero for each parameter, within
+/// bounds of the change.
+LinearFit SolveLinear(const Normal& normal, const Eigen::VectorXd& prior, const Eigen::VectorXd& lower,
+                      const Eigen::VectorXd& upper);
+
+/// Constants that every model may change: columns with their prior standard deviations.
+struct Nuisances {
+  std::vector<Candidate> candidates;
+  std::vector<Column> columns;
+  Eigen::VectorXd prior;
+};
+
+struct Fit {
+  Model model;
+  bool bound_hit = false;
+  Residuals residuals;                   // of the channels it can change, nuisances taken out
+  Residuals held_out;                    // the same when each fold is predicted by a fit to the others
+  Eigen::MatrixXd covariance;            // of model.values, scaled by what is left
+  std::vector<Column> columns;           // at the optimum, by parameter
+  double score = 0, held_out_score = 0;  // log scores over all channels
+  double linear_score = 0;
+};
+
+class Fitter {
+ public:
+  Fitter(const Evaluator& evaluator, const Folds& folds, const Weights& weights, const Nuisances& nuisances)
+      : evaluator_(evaluator), folds_(folds), weights_(weights), nuisances_(nuisances) {}
+
+  /// Refits all of a model's parameters within their bounds, from its values, by at most `iterations` steps.
+  /// Throws std::runtime_error when the start cannot be simulated.
+  Fit Refit(const Model& start, int iterations) const;
+  unsigned CutsOf(const Model& model) const;
+
+ private:
+  const Evaluator& evaluator_;
+  const Folds& folds_;
+  const Weights& weights_;
+  const Nuisances& nuisances_;
+};
+
+/// d simulated / d value of parameter k about the model, by a difference of `step`.
+Column Sensitivity(const Evaluator& evaluator, const Model& model, int k, double step,
+                   const Residuals& at_model, unsigned cuts);
+
+}  // namespace tendril::gap

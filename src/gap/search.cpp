@@ -1,0 +1,464 @@
+// Screening, refits, pairs.
+#include "search.h"
+
+#include <fmt/core.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "parallel.h"
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kScreeningStep = 0.5;  // of a parameter's typical deviation
+constexpr double kNuisancePrior =
+    0.05;  // the same: constants nobody knows move freely by little, and by no more than three of these
+constexpr int kIterations = 3, kPolish = 6, kPairIterations = 3;
+constexpr int kPolished = 3;
+constexpr int kPlacesOfOneEffect = 2;  // of the candidates that are refitted
+constexpr int kPairStarts = 4;
+constexpr double kNoiseSlack = 1.2;  // the noise is known within some tens of per cent
+
+/// Every combination of the shape parameters' starts.
+std::vector<Model> Variants(const Candidate& candidate) {
+  std::vector<Model> variants{Model::Of(candidate)};
+  for (int k = 0; k < candidate.size(); ++k) {
+    const auto& p = candidate.effect->parameters[k];
+    if (!p.shape || p.starts.empty()) continue;
+    std::vector<Model> more;
+    for (const auto& variant : variants) {
+      for (const double start : p.starts) {
+        more.push_back(variant);
+        more.back().values[k] = start;
+      }
+    }
+    variants = std::move(more);
+  }
+  return variants;
+}
+
+void AddTo(Column& sum, const Column& column) {
+  for (std::size_t i = 0; i < sum.size(); ++i) {
+    if (sum[i].empty()) sum[i].resize(column[i].size());
+    for (std::size_t c = 0; c < column[i].size(); ++c) {
+      if (column[i][c].size() == 0) continue;
+      if (sum[i][c].size() == 0) {
+        sum[i][c] = column[i][c];
+      } else {
+        sum[i][c] += column[i][c];
+      }
+    }
+  }
+}
+
+struct Bounds {
+  Eigen::VectorXd prior, lower, upper;
+};
+
+Bounds BoundsOf(const Model& model, const std::vector<int>& which,
+                const std::vector<const Column*>& nuisances, const Eigen::VectorXd& nuisance_prior) {
+  const int n = static_cast<int>(which.size()), extra = static_cast<int>(nuisances.size());
+  Bounds b{Eigen::VectorXd(n + extra), Eigen::VectorXd(n + extra), Eigen::VectorXd(n + extra)};
+  for (int k = 0; k < n; ++k) {
+    const auto& p = model.parameter(which[k]);
+    b.prior[k] = 30 * p.typical;
+    b.lower[k] = p.lower - model.values[which[k]];
+    b.upper[k] = p.upper - model.values[which[k]];
+  }
+  for (int e = 0; e < extra; ++e) {
+    b.prior[n + e] = nuisance_prior[e];
+    b.lower[n + e] = -3 * nuisance_prior[e];
+    b.upper[n + e] = 3 * nuisance_prior[e];
+  }
+  return b;
+}
+
+Residuals Subtract(const Residuals& from, const std::vector<const Column*>& columns,
+                   const Eigen::VectorXd& values) {
+  Residuals r = from;
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    for (std::size_t i = 0; i < r.size(); ++i) {
+      if ((*columns[k])[i].empty()) continue;
+      for (std::size_t c = 0; c < r[i].size(); ++c) {
+        if ((*columns[k])[i][c].size() > 0) r[i][c] -= values[static_cast<int>(k)] * (*columns[k])[i][c];
+      }
+    }
+  }
+  return r;
+}
+
+Eigen::VectorXd Leftover(const Evaluator& evaluator, const Residuals& part) {
+  const ChannelScore score = ScoreChannels(evaluator, part, evaluator.AtNominal());
+  Eigen::VectorXd leftover(score.square.size());
+  for (int c = 0; c < leftover.size(); ++c) leftover[c] = score.Excess(c, kNoiseSlack);
+  return leftover;
+}
+
+}  // namespace
+
+SearchResult Search(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options) {
+  SearchResult result;
+  const Residuals& nominal = evaluator.AtNominal();
+  const auto progress = [&](double fraction) {
+    if (options.progress) options.progress(fraction);
+  };
+
+  // ---- sensitivities ----
+  std::vector<Candidate> candidates;
+  for (const auto& c : AllCandidates(evaluator.nominal(), evaluator.has(kC3), evaluator.has_tracker())) {
+    if (std::find(options.without.begin(), options.without.end(), c.effect->name) == options.without.end())
+      candidates.push_back(c);
+  }
+  struct Probe {
+    int candidate;
+    Model variant;
+    std::vector<int> primary;
+    std::vector<Column> columns;
+    bool summed = false;  // from those of its places
+  };
+  std::vector<Probe> probes;
+  for (int i = 0; i < static_cast<int>(candidates.size()); ++i) {
+    const auto& c = candidates[i];
+    std::vector<int> primary;
+    for (int k = 0; k < c.size(); ++k) {
+      if (!c.effect->parameters[k].shape) primary.push_back(k);
+    }
+    const bool summed = c.effect->on_all && c.effect->on_one && !c.target &&
+                        c.effect->scope == sim::Scope::kTendon && evaluator.nominal().body.tendons() > 0;
+    for (const auto& variant : Variants(c)) probes.push_back({i, variant, primary, {}, summed});
+  }
+  std::vector<std::pair<int, int>> tasks;  // probe, index of its primary
+  for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
+    probes[p].columns.resize(probes[p].primary.size());
+    if (probes[p].summed) continue;
+    for (int k = 0; k < static_cast<int>(probes[p].primary.size()); ++k) tasks.emplace_back(p, k);
+  }
+  std::atomic<int> done{0};
+  ParallelFor(static_cast<int>(tasks.size()), options.threads, [&](int t) {
+    Probe& probe = probes[tasks[t].first];
+    const int k = probe.primary[tasks[t].second];
+    const unsigned cuts = evaluator.CutsOf(*candidates[probe.candidate].effect);
+    try {
+      probe.columns[tasks[t].second] = Sensitivity(
+          evaluator, probe.variant, k, kScreeningStep * probe.variant.parameter(k).typical, nominal, cuts);
+    } catch (const std::exception&) {
+      probe.columns[tasks[t].second] =
+          Column(nominal.size(), std::vector<Eigen::VectorXd>(evaluator.channels().size()));
+    }
+    progress(0.6 * ++done / static_cast<double>(tasks.size()));
+  });
+  // An effect on all tendons is, to first order, the sum of those on each.
+  for (auto& probe : probes) {
+    if (!probe.summed) continue;
+    for (std::size_t k = 0; k < probe.primary.size(); ++k) probe.columns[k].resize(nominal.size());
+    for (const auto& other : probes) {
+      if (other.summed || candidates[other.candidate].effect != candidates[probe.candidate].effect ||
+          other.variant.values != probe.variant.values)
+        continue;
+      for (std::size_t k = 0; k < probe.primary.size(); ++k) AddTo(probe.columns[k], other.columns[k]);
+    }
+  }
+
+  // ---- nuisances ----
+  for (const auto& probe : probes) {
+    const auto& c = candidates[probe.candidate];
+    if (!c.effect->nuisance || c.target) continue;
+    for (std::size_t k = 0; k < probe.primary.size(); ++k) {
+      result.nuisances.candidates.push_back(c);
+      result.nuisances.columns.push_back(probe.columns[k]);
+      result.nuisances.prior.conservativeResize(static_cast<int>(result.nuisances.columns.size()));
+      result.nuisances.prior[static_cast<int>(result.nuisances.columns.size()) - 1] =
+          kNuisancePrior * c.effect->parameters[probe.primary[k]].typical;
+    }
+  }
+  const auto nuisances_beside = [&](const Candidate& c) {
+    std::vector<int> which;
+    for (int e = 0; e < static_cast<int>(result.nuisances.candidates.size()); ++e) {
+      if (result.nuisances.candidates[e].effect != c.effect) which.push_back(e);
+    }
+    return which;
+  };
+
+  // ---- screening ----
+  const auto screen = [&](const Weights& weights) {
+    std::vector<Screened> best(candidates.size());
+    std::vector<char> found(candidates.size(), 0);
+    std::vector<Screened> all(probes.size());
+    ParallelFor(static_cast<int>(probes.size()), options.threads, [&](int p) {
+      const Probe& probe = probes[p];
+      Screened& s = all[p];
+      s.candidate = candidates[probe.candidate];
+      s.start = probe.variant;
+      s.primary = probe.primary;
+      std::vector<const Column*> columns, extra;
+      for (const auto& column : probe.columns) columns.push_back(&column);
+      Eigen::VectorXd prior(0);
+      for (const int e : nuisances_beside(s.candidate)) {
+        extra.push_back(&result.nuisances.columns[e]);
+        prior.conservativeResize(prior.size() + 1);
+        prior[prior.size() - 1] = result.nuisances.prior[e];
+      }
+      const Bounds bounds = BoundsOf(s.start, s.primary, extra, prior);
+      columns.insert(columns.end(), extra.begin(), extra.end());
+      s.linear = SolveLinear(Accumulate(columns, nominal, nominal, weights, folds), bounds.prior,
+                             bounds.lower, bounds.upper);
+      s.gain = s.linear.held_out_score;
+    });
+    for (std::size_t p = 0; p < probes.size(); ++p) {
+      const int c = probes[p].candidate;
+      if (found[c] && all[p].gain <= best[c].gain) continue;
+      found[c] = 1;
+      best[c] = std::move(all[p]);
+      best[c].columns = probes[p].columns;
+    }
+    std::stable_sort(best.begin(), best.end(),
+                     [](const Screened& a, const Screened& b) { return a.gain > b.gain; });
+    return best;
+  };
+  const auto base = [&](const Weights& weights) {
+    std::vector<const Column*> columns;
+    for (const auto& column : result.nuisances.columns) columns.push_back(&column);
+    if (columns.empty()) return LogScore(weights, nominal, nominal);
+    const Bounds bounds = BoundsOf(Model{}, {}, columns, result.nuisances.prior);
+    const LinearFit fit = SolveLinear(Accumulate(columns, nominal, nominal, weights, folds), bounds.prior,
+                                      bounds.lower, bounds.upper);
+    return LogScore(weights, nominal, nominal) + fit.held_out_score;
+  };
+
+  Eigen::VectorXd leftover = Eigen::VectorXd::Zero(static_cast<int>(evaluator.channels().size()));
+  for (int pass = 0; pass < 2; ++pass) {
+    const Weights weights(evaluator, leftover);
+    result.screened = screen(weights);
+    result.base_score = base(weights);
+    if (pass == 1) break;
+    // What the best candidate would leave, to first order: nothing else is worth distinguishing by less than
+    // that.
+    Eigen::VectorXd least;
+    for (int k = 0; k < std::min<int>(3, static_cast<int>(result.screened.size())); ++k) {
+      std::vector<const Column*> columns;
+      for (const auto& column : result.screened[k].columns) columns.push_back(&column);
+      const Eigen::VectorXd x = result.screened[k].linear.value.head(static_cast<int>(columns.size()));
+      const Eigen::VectorXd l = Leftover(evaluator, Subtract(nominal, columns, x));
+      least = least.size() == 0 ? l : least.cwiseMin(l).eval();
+    }
+    if (least.size() > 0) leftover = least;
+  }
+  progress(0.65);
+
+  // ---- full refits of the best ----
+  std::vector<int> chosen;
+  std::map<const sim::Effect*, int> places;
+  for (int k = 0;
+       k < static_cast<int>(result.screened.size()) && static_cast<int>(chosen.size()) < options.refits;
+       ++k) {
+    if (result.screened[k].gain <= 0 && chosen.size() >= 3) break;
+    if (places[result.screened[k].candidate.effect]++ >= kPlacesOfOneEffect) continue;
+    chosen.push_back(k);
+  }
+  const auto start_of = [&](const Screened& s) {
+    Model start = s.start;
+    for (std::size_t k = 0; k < s.primary.size(); ++k) {
+      const auto& p = start.parameter(s.primary[k]);
+      const double wanted = start.values[s.primary[k]] + s.linear.value[static_cast<int>(k)];
+      start.values[s.primary[k]] =
+          std::clamp(wanted, 0.8 * p.lower + 0.2 * p.nominal, 0.8 * p.upper + 0.2 * p.nominal);
+    }
+    return start;
+  };
+  const auto refit = [&](const std::vector<Model>& starts, const Weights& weights, int iterations,
+                         double from, double to) {
+    std::vector<Fit> fits(starts.size());
+    std::vector<char> good(starts.size(), 0);
+    done = 0;
+    ParallelFor(static_cast<int>(starts.size()), options.threads, [&](int k) {
+      Nuisances beside;
+      for (std::size_t e = 0; e < result.nuisances.candidates.size(); ++e) {
+        const bool own = std::any_of(starts[k].parts.begin(), starts[k].parts.end(), [&](const Candidate& c) {
+          return c.effect == result.nuisances.candidates[e].effect;
+        });
+        if (own) continue;
+        beside.candidates.push_back(result.nuisances.candidates[e]);
+        beside.columns.push_back(result.nuisances.columns[e]);
+        beside.prior.conservativeResize(beside.prior.size() + 1);
+        beside.prior[beside.prior.size() - 1] = result.nuisances.prior[static_cast<int>(e)];
+      }
+      try {
+        fits[k] = Fitter(evaluator, folds, weights, beside).Refit(starts[k], iterations);
+        good[k] = 1;
+      } catch (const std::exception&) {
+        // A candidate that cannot be simulated explains nothing.
+      }
+      progress(from + (to - from) * ++done / static_cast<double>(starts.size()));
+    });
+    std::vector<Fit> kept;
+    for (std::size_t k = 0; k < fits.size(); ++k) {
+      if (good[k]) kept.push_back(std::move(fits[k]));
+    }
+    std::stable_sort(kept.begin(), kept.end(),
+                     [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
+    return kept;
+  };
+  {
+    const Weights weights(evaluator, leftover);
+    std::vector<Model> starts;
+    for (const int k : chosen) starts.push_back(start_of(result.screened[k]));
+    result.fits = refit(starts, weights, kIterations, 0.65, 0.82);
+  }
+  // With what the best really leaves, once more from there.
+  if (!result.fits.empty()) {
+    leftover = Leftover(evaluator, result.fits.front().residuals);
+    const Weights weights(evaluator, leftover);
+    std::vector<Model> starts;
+    for (const auto& fit : result.fits) {
+      if (static_cast<int>(starts.size()) < kPolished) starts.push_back(fit.model);
+    }
+    std::vector<Fit> polished = refit(starts, weights, kPolish, 0.82, 0.9);
+    for (std::size_t k = starts.size(); k < result.fits.size(); ++k) {
+      Fit& rest = result.fits[k];
+      rest.score = LogScore(weights, rest.residuals, nominal);
+      rest.held_out_score = LogScore(weights, rest.held_out, nominal);
+      polished.push_back(std::move(rest));
+    }
+    result.fits = std::move(polished);
+    std::stable_sort(result.fits.begin(), result.fits.end(),
+                     [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
+    result.screened = screen(weights);
+    result.base_score = base(weights);
+  }
+  result.leftover = leftover;
+
+  // ---- pairs: add a second, then try others in the place of the first ----
+  const auto complete = [&](const Residuals& part) {
+    Residuals all = nominal;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      for (std::size_t c = 0; c < all[i].size(); ++c) {
+        if (!part[i].empty() && part[i][c].size() > 0) all[i][c] = part[i][c];
+      }
+    }
+    return all;
+  };
+  if (!result.fits.empty() &&
+      !(options.explained && options.explained(complete(result.fits.front().held_out)))) {
+    const Weights weights(evaluator, leftover);
+    const auto partners = [&](const Fit& first, int count) {
+      std::vector<std::pair<double, int>> gains(result.screened.size());
+      ParallelFor(static_cast<int>(result.screened.size()), options.threads, [&](int k) {
+        const Screened& s = result.screened[k];
+        gains[k] = {-1e300, k};
+        if (s.candidate.effect == first.model.parts[0].effect &&
+            (!s.candidate.target || !first.model.parts[0].target ||
+             s.candidate.target == first.model.parts[0].target))
+          return;
+        std::vector<const Column*> columns;
+        for (const auto& column : s.columns) columns.push_back(&column);
+        const int own = static_cast<int>(columns.size());
+        for (const auto& column : first.columns) columns.push_back(&column);
+        Bounds b = BoundsOf(s.start, s.primary, {}, Eigen::VectorXd(0));
+        const int n = static_cast<int>(columns.size());
+        b.prior.conservativeResize(n);
+        b.lower.conservativeResize(n);
+        b.upper.conservativeResize(n);
+        for (int i = own; i < n; ++i) {
+          const auto& p = first.model.parameter(i - own);
+          b.prior[i] = 30 * p.typical;
+          b.lower[i] = p.lower - first.model.values[i - own];
+          b.upper[i] = p.upper - first.model.values[i - own];
+        }
+        const LinearFit fit = SolveLinear(Accumulate(columns, first.residuals, nominal, weights, folds),
+                                          b.prior, b.lower, b.upper);
+        gains[k].first = fit.held_out_score;
+        result.screened[k].linear.by_fold = fit.by_fold;
+      });
+      std::stable_sort(gains.begin(), gains.end(),
+                       [](const auto& a, const auto& b) { return a.first > b.first; });
+      std::vector<Model> starts;
+      std::map<const sim::Effect*, int> seen;
+      for (const auto& [gain, k] : gains) {
+        if (static_cast<int>(starts.size()) >= count || gain < 1) break;
+        const Screened& s = result.screened[k];
+        if (seen[s.candidate.effect]++ >= 1) continue;
+        Model both = first.model.With(s.candidate);
+        const int offset = first.model.size();
+        for (int i = 0; i < s.candidate.size(); ++i) both.values[offset + i] = s.start.values[i];
+        for (const int i : s.primary) {
+          const auto& p = s.start.parameter(i);
+          // A step in the direction in which the first one's leftover points.
+          both.values[offset + i] = std::clamp(s.start.values[i] + 0.2 * p.typical, p.lower, p.upper);
+        }
+        starts.push_back(both);
+      }
+      return starts;
+    };
+    std::vector<Model> starts = partners(result.fits[0], kPairStarts);
+    if (result.fits.size() > 1) {
+      for (const auto& other : partners(result.fits[1], 2)) starts.push_back(other);
+    }
+    result.pairs = refit(starts, weights, kPairIterations, 0.9, 0.95);
+    if (!result.pairs.empty()) {
+      // The second may be the real first: keep it and look for another partner.
+      const Model& best = result.pairs[0].model;
+      Model second;
+      second.parts = {best.parts[1]};
+      second.values = best.values.tail(best.parts[1].size());
+      const std::vector<Fit> alone = refit({second}, weights, kIterations, 0.95, 0.97);
+      if (!alone.empty()) {
+        std::vector<Fit> swapped = refit(partners(alone[0], 3), weights, kPairIterations, 0.97, 1.0);
+        for (auto& fit : swapped) result.pairs.push_back(std::move(fit));
+      }
+      std::stable_sort(result.pairs.begin(), result.pairs.end(),
+                       [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
+    }
+  }
+
+  // ---- all numbers of the nominal file at once, to first order ----
+  {
+    const Weights weights(evaluator, leftover);
+    std::vector<const Column*> columns;
+    std::vector<double> prior;
+    for (const auto& s : result.screened) {
+      const bool number = s.candidate.effect->edit != nullptr;
+      const bool own = s.candidate.target.has_value() || !s.candidate.effect->on_one;
+      if (!number || (!own && s.candidate.effect->scope == sim::Scope::kTendon)) continue;
+      for (std::size_t k = 0; k < s.columns.size(); ++k) {
+        columns.push_back(&s.columns[k]);
+        prior.push_back(3 * s.start.parameter(s.primary[k]).typical);
+      }
+    }
+    if (!columns.empty()) {
+      const int n = static_cast<int>(columns.size());
+      const Eigen::VectorXd sd = Eigen::Map<Eigen::VectorXd>(prior.data(), n);
+      const Normal normal = Accumulate(columns, nominal, nominal, weights, folds);
+      Eigen::MatrixXd A = sd.array().square().inverse().matrix().asDiagonal();
+      Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
+      for (std::size_t f = 0; f < normal.A.size(); ++f) A += normal.A[f], b += normal.b[f];
+      std::vector<Eigen::VectorXd> x;
+      for (std::size_t f = 0; f < normal.A.size(); ++f)
+        x.push_back((A - normal.A[f]).ldlt().solve(b - normal.b[f]));
+      result.everything = nominal;
+      for (std::size_t i = 0; i < nominal.size(); ++i) {
+        for (std::size_t c = 0; c < nominal[i].size(); ++c) {
+          auto& r = result.everything[i][c];
+          const int windows = static_cast<int>(r.size());
+          for (int k = 0; k < n; ++k) {
+            if ((*columns[k])[i].empty() || (*columns[k])[i][c].size() == 0) continue;
+            const auto& j = (*columns[k])[i][c];
+            if (!folds.by_time) {
+              r -= x[folds.of_run[i]][k] * j;
+            } else {
+              for (int w = 0; w < windows; ++w)
+                r[w] -= x[folds.Of(static_cast<int>(i), w, windows)][k] * j[w];
+            }
+          }
+        }
+      }
+      result.everything_gain = LogScore(weights, result.everything, nominal) - result.base_score;
+    }
+  }
+  return result;
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,49 @@
+// The search for causes: screening of all candidates, refits of the best, pairs. Knows nothing of
+// probabilities or words.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "evaluator.h"
+#include "fit.h"
+#include "hypothesis.h"
+#include "score.h"
+
+namespace tendril::gap {
+
+/// One candidate as the screening sees it.
+struct Screened {
+  Candidate candidate;
+  Model start;               // nominal, shape parameters where the search did best
+  std::vector<int> primary;  // parameters with a column
+  std::vector<Column> columns;
+  LinearFit linear;  // of the primaries (nuisances fitted along)
+  double gain = 0;   // held-out log score over the nominal model
+};
+
+struct SearchOptions {
+  int threads = 1;
+  int refits = 8;
+  std::vector<std::string> without;
+  std::function<void(double)> progress;
+  /// True when these residuals have nothing left to explain: then no second cause is looked for.
+  std::function<bool(const Residuals&)> explained;
+};
+
+struct SearchResult {
+  std::vector<Screened> screened;  // by falling gain
+  std::vector<Fit> fits;           // single candidates, by falling held-out score
+  std::vector<Fit> pairs;          // the same
+  double base_score = 0;           // held-out log score of the nominal model, nuisances free
+  double everything_gain = 0;      // of all numbers of the nominal file refitted together (linear)
+  Residuals everything;            // its held-out residuals
+  Eigen::VectorXd leftover;        // per channel: what the best single leaves beyond the noise
+  Nuisances nuisances;
+  Residuals base_held_out;  // residuals of the nominal model with its nuisances fitted, held out
+};
+
+SearchResult Search(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options);
+
+}  // namespace tendril::gap

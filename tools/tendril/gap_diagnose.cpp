@@ -1,0 +1,120 @@
+// `tendril gap diagnose`: logs of a robot and its nominal file in; where the gap lies, what causes it and how
+// far it shrinks out, on the terminal, as a page and as JSON.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "commands.h"
+#include "experiment_run.h"
+#include "output.h"
+#include "paths.h"
+#include "progress.h"
+#include "tendril/config/config.h"
+#include "tendril/gap/diagnose.h"
+#include "tendril/gap/health.h"
+#include "tendril/gap/report.h"
+#include "tendril/sim/effects.h"
+
+namespace tendril::tools {
+namespace {
+
+struct Options {
+  std::string robot;
+  std::vector<std::string> logs;
+  std::string out = "out/gap";
+  double delta_mm = 0;
+  bool next = true;
+  gap::DiagnoseOptions diagnose;
+};
+
+/// Runs that `tendril excite` knows, simulated in process: what the diagnosis compares rivals on.
+gap::ExperimentMenu Menu(const RobotParameters& nominal, std::uint64_t seed) {
+  gap::ExperimentMenu menu;
+  const DaemonParameters daemon = ForExperiments(config::LoadDaemon(ConfigFile("tendrild.yaml")));
+  for (const std::string_view family : Families()) menu.families.emplace_back(family);
+  menu.simulate = [nominal, daemon, seed](const std::string& family, const RobotParameters& plant) {
+    const ExperimentOptions options{
+        .controller_robot = nominal, .plant_robot = plant, .daemon = daemon, .seed = seed};
+    PlannedRun planned = UsualRun(family);
+    const Program program = MakeProgram(planned, nominal, daemon.controller);
+    Experiment experiment = RunExperiment(program, family, options, seed, nullptr, {});
+    if (!experiment.trouble.empty()) throw std::runtime_error(experiment.trouble);
+    return experiment.run;
+  };
+  menu.plan = [](const std::string& family) {
+    Plan plan;
+    plan.name = "next";
+    plan.runs.push_back(UsualRun(family));
+    plan.runs.back().repeats = 1;
+    return ToYaml(plan);
+  };
+  return menu;
+}
+
+void Run(Options options) {
+  for (const std::string& name : options.diagnose.without) {
+    if (sim::FindEffect(name) == nullptr) {
+      throw UsageError(fmt::format("--without {}: no such effect; `tendril gap explain` lists them", name));
+    }
+  }
+  const std::filesystem::path folder = MakeOutputFolder(options.out);
+  Progress progress;
+  progress("reading the logs", 0);
+  const gap::DataSet set = gap::LoadLogs(options.logs, options.robot);
+  options.diagnose.progress = [&](const std::string& stage, double share) { progress(stage, share); };
+  options.diagnose.delta_m = 1e-3 * options.delta_mm;
+  if (options.next && set.robot.actuation) options.diagnose.menu = Menu(set.robot, options.diagnose.seed);
+  progress("checking the data", 0);
+  std::vector<gap::HealthFinding> health = gap::CheckHealth(set);
+  gap::Diagnosis diagnosis = gap::Diagnose(set, options.diagnose);
+  diagnosis.health = std::move(health);
+  diagnosis.command =
+      fmt::format("tendril gap diagnose --robot {} {}", options.robot, fmt::join(options.logs, " "));
+  gap::WriteReport(diagnosis, folder);
+  progress.Finish();
+  fmt::print("{}", gap::Summary(diagnosis, folder / "report.html", isatty(STDOUT_FILENO) != 0));
+}
+
+}  // namespace
+
+void AddGapDiagnoseCommand(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = GapCommand(app).add_subcommand(
+      "diagnose", "Where the gap lies, which effect causes it, how far it shrinks with it in the model");
+  command->add_option("--robot", options->robot, "nominal robot file, the one the controller used")
+      ->required();
+  command
+      ->add_option("logs", options->logs,
+                   "data-set folders (robot.yaml, runs.yaml, CSV), CSV files or LCM logs, in any mixture")
+      ->required();
+  command->add_option("--out", options->out, "folder for report.html and report.json")->capture_default_str();
+  command
+      ->add_option("--delta-N", options->diagnose.delta_N,
+                   "tension difference below which nobody cares [N]; default 0.2 of the noise floor")
+      ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--delta-mm", options->delta_mm,
+                   "tip distance below which nobody cares [mm]; default 0.2 of the noise floor")
+      ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--seed", options->diagnose.seed,
+                   "of bootstraps and of alternative readings of the sensors")
+      ->capture_default_str();
+  command->add_option("--without", options->diagnose.without, "effects to leave out of the library, by name")
+      ->allow_extra_args(false);
+  command->add_option("--refits", options->diagnose.refits, "candidates refitted in full after the screening")
+      ->check(CLI::Range(1, 200))
+      ->capture_default_str();
+  command->add_option("--threads", options->diagnose.threads, "threads; 0: all cores")
+      ->check(CLI::Range(0, 256))
+      ->capture_default_str();
+  command->add_flag("!--no-next", options->next, "do not look for the next experiment");
+  command->callback([options] { Run(*options); });
+}
+
+}  // namespace tendril::tools
