@@ -46,8 +46,8 @@ struct Family {
   double amplitude_rad, duration_s, shortest_s;
 };
 constexpr Family kFamilies[] = {
-    {"triangle", 1.5, 24, 4},  {"cocontraction", 0.9, 24, 6}, {"circle", 1.1, 14, 3}, {"steps", 1.4, 10, 4},
-    {"multisine", 1.0, 13, 3}, {"ladder", 1.2, 14, 4},        {"hold", 1.2, 60, 4},   {"sway", 1.2, 6, 4},
+    {"triangle", 1.8, 24, 4},  {"cocontraction", 0.9, 24, 6}, {"circle", 1.4, 14, 3}, {"steps", 1.6, 10, 4},
+    {"multisine", 1.0, 13, 3}, {"ladder", 1.4, 14, 4},        {"hold", 1.4, 60, 4},   {"sway", 1.3, 6, 4},
 };
 constexpr auto kNames = [] {
   std::array<std::string_view, std::size(kFamilies)> names{};
@@ -361,23 +361,39 @@ MatrixXd Triangle(Reach& reach, const Asked& asked) {
   return Rounded(track, asked.rows(), kSlowCorner_s);
 }
 
+// Share of a turn after a share of its time: one speed but for its beginning and end.
+constexpr double kTurnLead = 0.15;
+double Turn(double share) {
+  const double s = std::clamp(share, 0.0, 1.0), top = 1 / (1 - kTurnLead);
+  const auto begin = [&](double t) {
+    return 0.5 * top * (t - kTurnLead / kPi * std::sin(kPi * t / kTurnLead));
+  };
+  if (s < kTurnLead) return begin(s);
+  if (s > 1 - kTurnLead) return 1 - begin(1 - s);
+  return top * (s - kTurnLead / 2);
+}
+
 // Once round at the full bend and, when there is time, back round at six tenths of it.
 MatrixXd Circle(Reach& reach, const Asked& asked) {
   constexpr double kFrom = 0.3, kBackFrom_s = 9;
-  const double large = reach.EveryPlane(asked.amplitude_rad);
+  // Turning, like any change of speed, must not let the motors overrun the tendons that they pay out.
+  constexpr double kMostTurning_radps2 = 3;
   const bool back = asked.active_s >= kBackFrom_s;
-  const double small = back ? 0.6 * large : large;
   // Shares of the time: out, round, in to the smaller bend, round, home.
-  const double out = back ? 0.1 : 0.18, round = back ? 0.42 : 0.64, in = back ? 0.06 : 0,
+  const double out = back ? 0.1 : 0.13, round = back ? 0.42 : 0.74, in = back ? 0.06 : 0,
                round_back = back ? 0.32 : 0, home = 1 - out - round - in - round_back;
+  const double turning = 2 * kPi / (1 - kTurnLead) / (round * asked.active_s);
+  const double large =
+      std::min(reach.EveryPlane(asked.amplitude_rad), kMostTurning_radps2 / (turning * turning));
+  const double small = back ? 0.6 * large : large;
   MatrixXd m(asked.rows(), 2 * reach.sections());
   for (int i = 0; i < m.rows(); ++i) {
     const double s = i * kStep_s / asked.active_s;
     double bend = large * Smooth(s / out) - small * Smooth((s - (1 - home)) / home),
-           turns = Smooth((s - out) / round);
+           turns = Turn((s - out) / round);
     if (back) {
       bend -= (large - small) * Smooth((s - out - round) / in);
-      turns -= Smooth((s - out - round - in) / round_back);
+      turns -= Turn((s - out - round - in) / round_back);
     }
     m.row(i) = (bend * reach.Direction(kFrom + 2 * kPi * turns)).transpose();
   }

@@ -46,9 +46,9 @@ std::span<const std::string_view> Families();
 /// A run of this family with its usual amplitude and duration. Throws std::invalid_argument for any other.
 PlannedRun UsualRun(std::string_view family);
 
-/// About 150 s of data; the triangle and the circle twice.
+/// About 150 s of data; triangle and circle twice.
 Plan StandardPlan();
-/// About 60 s.
+/// About 60 s; sway twice.
 Plan QuickPlan();
 /// "standard" or "quick"; throws std::invalid_argument naming them.
 Plan NamedPlan(const std::string& name);

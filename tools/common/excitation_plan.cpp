@@ -165,14 +165,14 @@ class PlanReader {
 
 Plan StandardPlan() {
   return {"standard",
-          {Usual("triangle", 20, 1), Usual("cocontraction", 20), Usual("circle", 12, 1), Usual("steps", 9),
+          {Usual("triangle", 20, 1), Usual("cocontraction", 20), Usual("circle", 13, 1), Usual("steps", 9),
            Usual("multisine", 12), Usual("ladder", 12), Usual("hold", 22), Usual("sway", 6)}};
 }
 
 Plan QuickPlan() {
   return {"quick",
-          {Usual("triangle", 11), Usual("cocontraction", 11), Usual("circle", 7, 1), Usual("steps", 6),
-           Usual("multisine", 8), Usual("ladder", 7), Usual("hold", 6), Usual("sway", 4)}};
+          {Usual("triangle", 10), Usual("cocontraction", 10), Usual("circle", 9), Usual("steps", 6),
+           Usual("multisine", 7), Usual("ladder", 6), Usual("hold", 5), Usual("sway", 4, 1)}};
 }
 
 Plan NamedPlan(const std::string& name) {

@@ -11,6 +11,7 @@
 #include <map>
 #include <mutex>
 #include <numbers>
+#include <regex>
 #include <stdexcept>
 #include <thread>
 
@@ -167,6 +168,17 @@ std::vector<NamedRun> NameRuns(const Plan& plan) {
       runs.push_back({i, fmt::format("{:02}_{}", runs.size() + 1, plan.runs[i].family), first});
   }
   return runs;
+}
+
+std::filesystem::path MakeSetFolder(const std::filesystem::path& folder) {
+  static const std::regex kRun("[0-9]{2}_[a-z0-9_]+\\.csv");
+  std::error_code ignored;
+  std::filesystem::remove(folder / "runs.yaml", ignored);
+  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+    if (std::regex_match(entry.path().filename().string(), kRun))
+      std::filesystem::remove(entry.path(), ignored);
+  }
+  return folder;
 }
 
 ExperimentSet RunSet(const Plan& plan, const ExperimentOptions& options, const std::atomic<bool>* stop,

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
@@ -86,5 +87,8 @@ struct ExperimentSet {
 /// robot. After trouble or `stop` the set holds what was recorded.
 ExperimentSet RunSet(const Plan& plan, const ExperimentOptions& options, const std::atomic<bool>* stop,
                      const SetProgress& progress);
+
+/// The folder without the runs of an earlier set, which must not stand beside the new ones; returns it.
+std::filesystem::path MakeSetFolder(const std::filesystem::path& folder);
 
 }  // namespace tendril::tools

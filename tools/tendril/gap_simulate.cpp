@@ -64,7 +64,7 @@ void RunSimulate(const SimulateOptions& options) {
                                .seed = options.seed,
                                .sensor_noise = options.noise == "on",
                                .threads = options.jobs};
-  const std::filesystem::path out = MakeOutputFolder(options.out);
+  const std::filesystem::path out = MakeSetFolder(MakeOutputFolder(options.out));
 
   SetProgressLine line(NameRuns(plan));
   ExperimentSet set =

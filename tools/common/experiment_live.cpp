@@ -1,0 +1,311 @@
+// The operator's side of an experiment: streams targets in real time and listens to what the daemon reports.
+// Knows nothing of CAN.
+#include "experiment_live.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <lcm/lcm-cpp.hpp>
+#include <numbers>
+#include <stdexcept>
+#include <utility>
+
+#include "tendril/config/config.h"
+#include "tendril/core/clock.h"
+#include "tendril/io/client.h"
+#include "tendril/io/connection.h"
+#include "tendril/io/wire.h"
+
+namespace tendril::tools {
+namespace {
+
+constexpr TimeNs kValidFor_ns = 100 * kNsPerMs, kSilence_ns = 500 * kNsPerMs;
+constexpr double kRestBetween_s = 1.0, kHomeRate_radps = 0.5;
+// Slower than this, tension targets blunt the quick experiments.
+constexpr double kBriskTension_Nps = 30;
+
+std::int64_t EpochUs() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+class Operator {
+ public:
+  Operator(const LiveOptions& options, const std::atomic<bool>* stop)
+      : options_(options),
+        stop_(stop),
+        lcm_(io::OpenLcm(options.lcm_url)),
+        client_(lcm_.get(), options.channel_prefix) {
+    lcm_->subscribe(io::ChannelName(options.channel_prefix, "CYCLE"), &Operator::TakeCycle, this)
+        ->setQueueCapacity(2000);
+    lcm_->subscribe(io::ChannelName(options.channel_prefix, "RUN"), &Operator::TakeRun, this);
+    const TimeNs end_ns = clock_.Now() + 3 * kNsPerS;
+    while (clock_.Now() < end_ns && (cycles_ < 2 || run_.robot_yaml.empty())) io::HandleWaiting(*lcm_, 20);
+    const std::string where = options.lcm_url + " with prefix " + options.channel_prefix;
+    if (run_.robot_yaml.empty()) {
+      throw std::runtime_error("no daemon answers on " + where +
+                               " within 3 s; is tendrild running, with the same --lcm and --prefix?");
+    }
+    if (cycles_ < 2 || record_.input.cycle != last_cycle_ + 1) {
+      throw std::runtime_error("the daemon on " + where +
+                               " does not publish every cycle; set lcm.cycle_every_cycles to 1 in its file");
+    }
+  }
+
+  RobotParameters Robot() const { return config::ParseRobot(run_.robot_yaml, "the daemon's robot"); }
+  DaemonParameters Daemon() const { return config::ParseDaemon(run_.daemon_yaml, "the daemon's file"); }
+
+  /// To a robot at rest at pretension.
+  void Begin(const Program& program) {
+    if (options_.arm) {
+      if (mode() == Mode::kRunning || mode() == Mode::kHold) Release();
+      Await(Mode::kConfigured, 10, "the drives to be ready");
+      Send(ModeRequest::kArm);
+      armed_ = true;
+      Await(Mode::kRunning, 20, "arming and pretension");
+    } else {
+      Check();
+      GoHome(program);
+    }
+    Pass(kRestBetween_s);
+  }
+
+  void Record(const Program& program, RunRecorder& recorder, Experiment& result,
+              const std::function<void(double)>& progress) {
+    const std::uint64_t refused = record_.output.commands_refused;
+    const auto add = [&](const CycleRecord& r) {
+      recorder.Add(r);
+      result.largest_tension_N =
+          std::max(result.largest_tension_N, r.output.tension_base_estimate_N.maxCoeff());
+      result.largest_command_N =
+          std::max(result.largest_command_N, r.output.tension_desired_base_N.maxCoeff());
+      if (r.output.status != Status::kOk) ++result.limited_cycles;
+    };
+    sink_ = add;
+    struct Quiet {
+      Operator* self;
+      ~Quiet() { self->sink_ = nullptr; }
+    } quiet{this};
+    const auto period_ns = static_cast<TimeNs>(program.step_s * 1e9);
+    const TimeNs start_ns = clock_.Now();
+    double shown_s = 0;
+    for (TimeNs next_ns = start_ns;
+         clock_.Now() - start_ns < static_cast<TimeNs>(program.duration_s() * 1e9);) {
+      const double t = ToSeconds(clock_.Now() - start_ns);
+      if (Command command = program.At(t); command.kind != CommandKind::kNone) Send(command);
+      // Points of the grid that a late scheduler passed over are left out, not made up for.
+      while (next_ns <= clock_.Now()) next_ns += period_ns;
+      HandleUntil(next_ns);
+      Check();
+      if (record_.output.commands_refused > refused) {
+        throw std::runtime_error(fmt::format("the daemon refused a target: {} ({})",
+                                             StatusText(record_.output.command_status),
+                                             StatusRemedy(record_.output.command_status)));
+      }
+      if (progress && t > shown_s + 0.5) progress((shown_s = t) / program.duration_s());
+    }
+  }
+
+  /// However things stand: the robot is left safe. Never throws.
+  void End() noexcept {
+    try {
+      if (armed_) {
+        Release();
+      } else if (mode() == Mode::kRunning) {
+        Send(ModeRequest::kHold);
+        Pass(0.1);
+      }
+    } catch (const std::exception& e) {
+      fmt::print(stderr, "the robot could not be released: {}\n", e.what());
+    }
+  }
+
+  /// Straight at the least tension, until it rests there.
+  void GoHome(const Program& program) {
+    Command home;
+    home.kind = CommandKind::kBending;
+    home.bending_rad = BendingVector::Zero(record_.output.bending_estimate_rad.size());
+    home.speed_radps = std::min(kHomeRate_radps, program.speed_radps);
+    const TimeNs end_ns = clock_.Now() + 30 * kNsPerS;
+    do {
+      Send(home);
+      Pass(0.05);
+      Check();
+      if (clock_.Now() > end_ns) throw std::runtime_error("the robot did not come straight within 30 s");
+    } while (record_.output.reference.position_rad.norm() > 1e-4);
+  }
+
+  /// Where each motor's angle counts from: the end of pretension, where the controller has its zero.
+  Eigen::VectorXd ZeroAngles(const RobotParameters& robot) const {
+    Eigen::VectorXd zero(robot.body.tendons());
+    for (int j = 0; j < zero.size(); ++j) {
+      const auto& t = robot.actuation->tendons[static_cast<std::size_t>(j)];
+      zero[j] = record_.input.drive[static_cast<std::size_t>(j)].position_counts * 2 * std::numbers::pi /
+                    t.drive.encoder_counts_per_turn -
+                record_.output.displacement_m[j] / t.SpoolTravelPerMotorRad();
+    }
+    return zero;
+  }
+
+ private:
+  Mode mode() const { return record_.output.mode; }
+
+  void Release() {
+    Send(ModeRequest::kDisarm);
+    const TimeNs end_ns = clock_.Now() + 30 * kNsPerS;
+    while (clock_.Now() < end_ns && mode() != Mode::kConfigured && mode() != Mode::kFault) {
+      HandleUntil(clock_.Now() + 20 * kNsPerMs);
+      if (clock_.Now() - heard_ns_ > kSilence_ns) break;
+    }
+    armed_ = false;
+  }
+
+  void Await(Mode wanted, double timeout_s, const char* what) {
+    const TimeNs end_ns = clock_.Now() + static_cast<TimeNs>(timeout_s * 1e9);
+    while (mode() != wanted) {
+      HandleUntil(clock_.Now() + 20 * kNsPerMs);
+      CheckAlive();
+      if (mode() == Mode::kFault || clock_.Now() > end_ns) {
+        throw std::runtime_error(fmt::format("gave up waiting for {}: mode {}, {} ({})", what,
+                                             ModeText(mode()), StatusText(record_.output.status),
+                                             StatusRemedy(record_.output.status)));
+      }
+    }
+  }
+
+  void Pass(double seconds) {
+    const TimeNs end_ns = clock_.Now() + static_cast<TimeNs>(seconds * 1e9);
+    while (clock_.Now() < end_ns) {
+      HandleUntil(std::min(end_ns, clock_.Now() + 20 * kNsPerMs));
+      CheckAlive();
+    }
+  }
+
+  void CheckAlive() const {
+    if (stop_ && *stop_) throw std::runtime_error("stopped");
+    if (clock_.Now() - heard_ns_ > kSilence_ns)
+      throw std::runtime_error("the daemon fell silent: look at its log");
+  }
+  void Check() const {
+    CheckAlive();
+    if (mode() == Mode::kRunning) return;
+    const std::string remedy = mode() == Mode::kFault        ? "clear it with `tendril send clear`"
+                               : mode() == Mode::kConfigured ? "give --arm, or arm it with `tendril send arm`"
+                                                             : "bring it to running first";
+    throw std::runtime_error(fmt::format(
+        "the daemon is in mode {}{}: {}", ModeText(mode()),
+        record_.output.status == Status::kOk ? "" : fmt::format(" ({})", StatusText(record_.output.status)),
+        remedy));
+  }
+
+  void Send(ModeRequest request) {
+    Command command;
+    command.kind = CommandKind::kMode;
+    command.mode = request;
+    Send(command);
+  }
+  void Send(Command command) {
+    command.sequence = sequence_ = std::max(sequence_ + 1, io::SequenceFromTime());
+    command.valid_for_ns = kValidFor_ns;
+    if (!client_.Send(command, EpochUs()))
+      throw std::runtime_error("LCM could not send on " + options_.lcm_url);
+  }
+
+  void HandleUntil(TimeNs time_ns) {
+    for (TimeNs left_ns = time_ns - clock_.Now(); left_ns > 0; left_ns = time_ns - clock_.Now()) {
+      io::HandleWaiting(*lcm_, static_cast<int>((left_ns + kNsPerMs - 1) / kNsPerMs));
+    }
+  }
+
+  void TakeCycle(const lcm::ReceiveBuffer* buffer, const std::string&) {
+    if (!io::Decode(buffer->data, static_cast<int>(buffer->data_size), message_)) return;
+    const std::uint64_t before = record_.input.cycle;
+    if (!io::FromMessage(message_, record_)) return;
+    last_cycle_ = before;
+    ++cycles_;
+    heard_ns_ = clock_.Now();
+    if (sink_) sink_(record_);
+  }
+  void TakeRun(const lcm::ReceiveBuffer* buffer, const std::string&) {
+    tendril_lcm::run_t run;
+    if (io::Decode(buffer->data, static_cast<int>(buffer->data_size), run)) run_ = run;
+  }
+
+  const LiveOptions& options_;
+  const std::atomic<bool>* stop_;
+  MonotonicClock clock_;
+  std::unique_ptr<lcm::LCM> lcm_;
+  io::Client client_;
+  tendril_lcm::cycle_t message_{};
+  tendril_lcm::run_t run_{};
+  CycleRecord record_;
+  std::function<void(const CycleRecord&)> sink_;
+  TimeNs heard_ns_ = 0;
+  std::uint64_t cycles_ = 0, last_cycle_ = 0;
+  std::uint32_t sequence_ = 0;
+  bool armed_ = false;
+};
+
+}  // namespace
+
+ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std::atomic<bool>* stop,
+                         const std::function<void(const std::string& remark)>& planned,
+                         const SetProgress& progress) {
+  const MonotonicClock clock;
+  const TimeNs start_ns = clock.Now();
+  Operator robot(options, stop);
+  const RobotParameters nominal = options.robot ? *options.robot : robot.Robot();
+  if (const RobotParameters there = robot.Robot();
+      nominal.body.tendons() != there.body.tendons() ||
+      nominal.body.sections.size() != there.body.sections.size()) {
+    throw std::runtime_error(
+        fmt::format("the daemon runs '{}' with {} tendons, --robot is '{}' with {}: give the "
+                    "daemon's robot file",
+                    there.name, there.body.tendons(), nominal.name, nominal.body.tendons()));
+  }
+  const ControllerParameters controller = robot.Daemon().controller;
+  std::vector<Program> programs;
+  bool tension = false;
+  for (const PlannedRun& run : plan.runs) {
+    programs.push_back(MakeProgram(run, nominal, controller));
+    tension = tension || programs.back().tension;
+  }
+  planned(tension && controller.pretension_ramp_Nps < kBriskTension_Nps
+              ? fmt::format(
+                    "the daemon moves tension targets at {} N/s only (controller.pretension_ramp_Nps): quick "
+                    "experiments are blunted; {} N/s or more let them through",
+                    controller.pretension_ramp_Nps, kBriskTension_Nps)
+              : "");
+  const std::vector<NamedRun> names = NameRuns(plan);
+  ExperimentSet set;
+  set.data.name = plan.name;
+  set.data.robot = nominal;
+  for (std::size_t i = 0; i < names.size() && set.trouble.empty(); ++i) {
+    const Program& program = programs[names[i].planned];
+    Experiment result;
+    std::optional<RunRecorder> recorder;
+    try {
+      robot.Begin(program);
+      recorder.emplace(nominal, robot.ZeroAngles(nominal));
+      robot.Record(program, *recorder, result, [&](double share) { progress(i, share, nullptr); });
+    } catch (const std::exception& e) {
+      result.trouble = set.trouble = names[i].name + ": " + e.what();
+    }
+    if (recorder && recorder->rows() > 1) {
+      result.run = recorder->Finish(names[i].name, program.family);
+      result.run.repeat_of = names[i].repeat_of;
+      progress(i, 1, &result);
+      set.simulated_s += result.run.time_s.tail(1)[0];
+      set.data.runs.push_back(result.run);
+    }
+    set.experiments.push_back(std::move(result));
+  }
+  robot.End();
+  set.wall_s = ToSeconds(clock.Now() - start_ns);
+  return set;
+}
+
+}  // namespace tendril::tools

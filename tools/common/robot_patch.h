@@ -1,0 +1,31 @@
+// A robot file with effects worked into it, as its author would have done it by hand: numbers changed where
+// they stand, laws added at the end, comments and order kept. Knows nothing of where the effects come from.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tendril/core/robot.h"
+
+namespace tendril::tools {
+
+struct RobotPatch {
+  std::string text;       // the new file
+  RobotParameters robot;  // what it says
+};
+
+/// `text` is the file, `path` its name for errors. `heading` becomes comment lines at its top, one each. The
+/// result, read back, is the original with the effects folded in: verified to a relative 1e-9. Throws
+/// std::invalid_argument for effects that do not fit the robot, std::runtime_error when the file's layout
+/// cannot be edited.
+RobotPatch PatchRobot(const std::string& text, const std::string& path,
+                      const std::vector<EffectSetting>& effects, const std::vector<std::string>& heading);
+
+/// The lines that differ, with - and +, a few common ones around them.
+std::string DiffLines(const std::string& before, const std::string& after);
+
+/// Largest relative difference of any number of two robots of equal layout; infinity when other things
+/// differ. Their effects are folded in first.
+double RobotDifference(const RobotParameters& a, const RobotParameters& b);
+
+}  // namespace tendril::tools

@@ -1,0 +1,120 @@
+// `tendril excite`: the identification experiments, on the plant in this process or on a running daemon,
+// left as a data-set folder. Knows nothing of what the data will be used for.
+#include <fmt/format.h>
+
+#include <atomic>
+#include <csignal>
+#include <filesystem>
+#include <memory>
+
+#include "commands.h"
+#include "experiment_live.h"
+#include "experiment_run.h"
+#include "lcm_options.h"
+#include "output.h"
+#include "paths.h"
+#include "set_progress.h"
+#include "tendril/config/config.h"
+#include "tendril/gap/data_set.h"
+
+namespace tendril::tools {
+namespace {
+
+struct ExciteOptions {
+  std::string set = "standard", plan, print_plan, robot, plant, out = "tendril-excite";
+  LcmOptions lcm;
+  bool live = false, arm = false;
+  std::uint64_t seed = 1;
+  int repeats = -1, jobs = 2;
+};
+
+std::atomic<bool> stop = false;
+
+ExperimentSet RunInProcess(const Plan& plan, const ExciteOptions& options, const SetProgress& progress) {
+  const std::string robot_file = options.robot.empty() ? ConfigFile("robots/rig_90mm.yaml") : options.robot;
+  RobotParameters nominal = config::LoadRobot(robot_file);
+  const ExperimentOptions experiment{
+      .controller_robot = nominal,
+      .plant_robot = config::LoadRobot(options.plant.empty() ? robot_file : options.plant),
+      .daemon = ForExperiments(config::LoadDaemon(ConfigFile("tendrild.yaml"))),
+      .seed = options.seed,
+      .threads = options.jobs};
+  return RunSet(plan, experiment, &stop, progress);
+}
+
+void RunExcite(const ExciteOptions& options) {
+  if (!options.print_plan.empty()) {
+    fmt::print("{}", ToYaml(NamedPlan(options.print_plan)));
+    return;
+  }
+  if (options.live && !options.plant.empty()) {
+    throw UsageError(
+        "--plant is for the plant in this process; with --live the daemon's robot is what moves");
+  }
+  if (options.arm && !options.live)
+    throw UsageError("--arm goes with --live; in process there is nothing to arm");
+  Plan plan = options.plan.empty() ? NamedPlan(options.set) : LoadPlan(options.plan);
+  if (options.repeats >= 0) {
+    for (PlannedRun& run : plan.runs) run.repeats = options.repeats;
+  }
+  const std::filesystem::path out = MakeSetFolder(MakeOutputFolder(options.out));
+  SetProgressLine line(NameRuns(plan));
+  const auto progress = [&line](std::size_t run, double share, const Experiment* done) {
+    line.Show(run, share, done);
+  };
+  ExperimentSet set;
+  if (options.live) {
+    LiveOptions live{
+        .lcm_url = options.lcm.url, .channel_prefix = options.lcm.prefix, .robot = {}, .arm = options.arm};
+    if (!options.robot.empty()) live.robot = config::LoadRobot(options.robot);
+    set = RunLiveSet(
+        plan, live, &stop,
+        [](const std::string& remark) {
+          if (!remark.empty()) fmt::print(stderr, "note: {}\n", remark);
+        },
+        progress);
+  } else {
+    set = RunInProcess(plan, options, progress);
+  }
+  if (set.data.runs.empty()) throw std::runtime_error("nothing was recorded: " + set.trouble);
+  gap::WriteDataSet(set.data, out);
+  fmt::print("{} runs, {:.1f} s of data in {:.1f} s: {}\n", set.data.runs.size(), set.simulated_s, set.wall_s,
+             std::filesystem::absolute(out).lexically_normal().string());
+  if (!set.trouble.empty()) throw std::runtime_error("the set is not complete: " + set.trouble);
+}
+
+}  // namespace
+
+void AddExciteCommand(CLI::App& app) {
+  auto options = std::make_shared<ExciteOptions>();
+  CLI::App* command = app.add_subcommand(
+      "excite", "Run the identification experiments and leave a data set for `tendril gap diagnose`");
+  auto* set = command->add_option("--set", options->set, "of experiments: about 145 s or 60 s of data")
+                  ->check(CLI::IsMember({"standard", "quick"}))
+                  ->capture_default_str();
+  command->add_option("--plan", options->plan, "experiments from a plan file")->excludes(set);
+  command->add_option("--print-plan", options->print_plan, "print a set as a plan file to edit, and end")
+      ->check(CLI::IsMember({"standard", "quick"}));
+  command->add_option("--robot", options->robot,
+                      "the nominal robot file (default: rig_90mm, with --live the daemon's own)");
+  command->add_option("--plant", options->plant, "the plant's robot file (default: the nominal one)");
+  command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and a CSV a run")
+      ->capture_default_str();
+  command->add_option("--seed", options->seed, "of the plant's sensor noise")->capture_default_str();
+  command
+      ->add_option("--repeats", options->repeats, "identical repetitions of every run instead of the plan's")
+      ->check(CLI::Range(0, 20));
+  command->add_option("--jobs", options->jobs, "runs at a time, in process")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  command->add_flag("--live", options->live, "on a running daemon instead of the plant in this process");
+  command->add_flag("--arm", options->arm, "with --live: arm before every run, disarm after the last");
+  AddLcmOptions(*command, options->lcm);
+  command->callback([options] {
+    std::signal(SIGINT, [](int) { stop = true; });
+    std::signal(SIGTERM, [](int) { stop = true; });
+    RunExcite(*options);
+  });
+}
+
+}  // namespace tendril::tools

@@ -1,0 +1,145 @@
+// `tendril gap apply`: what a diagnosis found, worked into a new robot file. Knows nothing of how it was
+// found.
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <sstream>
+
+#include "commands.h"
+#include "robot_patch.h"
+#include "tendril/core/version.h"
+#include "tendril/gap/diagnosis.h"
+#include "tendril/gap/report.h"
+#include "tendril/sim/effects.h"
+
+namespace tendril::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ApplyOptions {
+  std::string robot, report, out;
+  std::vector<std::string> effects;
+  bool force = false, in_place = false;
+};
+
+std::string ReadText(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::stringstream text;
+  text << in.rdbuf();
+  if (!in || fs::is_directory(path)) throw std::runtime_error("cannot read " + path);
+  return text.str();
+}
+
+std::vector<std::string> Provenance(const gap::Diagnosis& d, const std::string& report) {
+  std::vector<std::string> lines{
+      fmt::format("Patched by `tendril gap apply` ({}) from {}:", Version(), report)};
+  lines.push_back(fmt::format("verdict {}, of robot '{}', diagnosed by {} {}", gap::VerdictName(d.verdict),
+                              d.robot_name, d.version, d.revision));
+  for (const gap::Cause& cause : d.accepted) {
+    std::string line = fmt::format("{} {} (p = {:.3g})", cause.effect, cause.where, cause.p);
+    for (const auto& [name, value] : cause.parameters)
+      line += fmt::format(", {} {:.4g} [{:.4g}, {:.4g}]", name, value.value, value.low, value.high);
+    lines.push_back(line);
+  }
+  if (d.closed) {
+    lines.push_back(fmt::format("closes {:.1f} % [{:.1f}, {:.1f}] of the gap on held-out runs",
+                                100 * d.closed->value, 100 * d.closed->low, 100 * d.closed->high));
+  }
+  for (const gap::RunSummary& run : d.runs)
+    lines.push_back(fmt::format("log {} sha256 {}", run.name, run.sha256));
+  // A comment is one line, whatever a log was called.
+  for (std::string& line : lines) {
+    for (char& c : line) {
+      if (static_cast<unsigned char>(c) < ' ') c = ' ';
+    }
+  }
+  return lines;
+}
+
+void RunApply(const ApplyOptions& options) {
+  if (options.report.empty() && options.effects.empty()) {
+    throw UsageError("nothing to apply: give the report.json of `tendril gap diagnose`, or --effect");
+  }
+  if (options.out.empty() == !options.in_place) {
+    throw UsageError("give either --out FILE, or --in-place to change the robot file itself");
+  }
+  const std::string out = options.in_place ? options.robot : options.out;
+  std::error_code none;
+  if (!options.in_place && fs::equivalent(out, options.robot, none)) {
+    throw UsageError("--out is the robot file itself; give another name, or --in-place");
+  }
+  const std::string text = ReadText(options.robot);
+  const RobotParameters robot = sim::LoadRobot(options.robot);
+
+  std::vector<EffectSetting> effects;
+  std::vector<std::string> heading;
+  if (!options.report.empty()) {
+    const gap::Diagnosis d = gap::ReadReport(options.report);
+    if (d.verdict != gap::Verdict::kAttributed && !options.force) {
+      throw std::runtime_error(
+          fmt::format("{}: the verdict is {}, so no cause is established; run the next experiment that the "
+                      "report names and "
+                      "diagnose again, or give --force to apply what it accepted nevertheless",
+                      options.report, gap::VerdictName(d.verdict)));
+    }
+    if (d.accepted.empty())
+      throw std::runtime_error(options.report + ": it accepted no cause: there is nothing to apply");
+    for (const gap::Cause& cause : d.accepted) {
+      EffectSetting setting{.name = cause.effect, .where = cause.where, .values = {}};
+      for (const auto& [name, value] : cause.parameters) setting.values.emplace_back(name, value.value);
+      effects.push_back(setting);
+    }
+    if (d.robot_name != robot.name) {
+      fmt::print(stderr, "note: the report is about robot '{}', {} is '{}'\n", d.robot_name, options.robot,
+                 robot.name);
+    }
+    heading = Provenance(d, options.report);
+  }
+  for (const std::string& given : options.effects) {
+    effects.push_back(sim::ParseEffect(given, robot));
+    heading.push_back(fmt::format("{} by `tendril gap apply` ({}): {}",
+                                  heading.empty() ? "Patched" : "and by hand,", Version(), given));
+  }
+  const RobotPatch patch = PatchRobot(text, options.robot, effects, heading);
+  fmt::print("{}", DiffLines(text, patch.text));
+
+  // A file that is half written helps nobody.
+  const fs::path temporary = out + ".new";
+  std::ofstream file(temporary, std::ios::binary);
+  file << patch.text;
+  file.close();
+  std::error_code error;
+  if (file) fs::rename(temporary, out, error);
+  if (!file || error) {
+    fs::remove(temporary, none);
+    throw std::runtime_error("cannot write " + out + "; choose another place with --out");
+  }
+  std::size_t laws = 0;
+  for (const EffectSetting& e : effects) laws += sim::FindEffect(e.name)->edit == nullptr;
+  fmt::print(
+      "{}: {} worked into its numbers (the controller uses them), {} added as laws (the simulator's)\n", out,
+      effects.size() - laws, laws);
+}
+
+}  // namespace
+
+void AddGapApplyCommand(CLI::App& app) {
+  auto options = std::make_shared<ApplyOptions>();
+  CLI::App* command =
+      GapCommand(app).add_subcommand("apply", "Write what a diagnosis found into a new robot file");
+  command->add_option("--robot", options->robot, "the robot file that was diagnosed")->required();
+  command->add_option("report", options->report, "report.json of `tendril gap diagnose`");
+  command
+      ->add_option("--effect", options->effects,
+                   "a further effect by hand, e.g. \"bending_stiffness scale=0.9\"")
+      ->allow_extra_args(false);
+  command->add_option("--out", options->out, "the new robot file");
+  command->add_flag("--force", options->force, "although the verdict is not 'attributed'");
+  command->add_flag("--in-place", options->in_place, "change the robot file itself");
+  command->callback([options] { RunApply(*options); });
+}
+
+}  // namespace tendril::tools
