@@ -18,12 +18,42 @@ namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
+bool Enabled(const CycleRecord& record) {
+  return std::all_of(record.input.drive.begin(), record.input.drive.begin() + record.input.drives,
+                     [](const DriveFeedback& d) { return d.state == DriveState::kEnabled; });
+}
+
 /// Drives enabled and the robot tensioned: pretension is over, nothing is being let go.
 bool Measured(const CycleRecord& record) {
   const Mode mode = record.output.mode;
-  if (mode != Mode::kRunning && mode != Mode::kHold) return false;
-  return std::all_of(record.input.drive.begin(), record.input.drive.begin() + record.input.drives,
-                     [](const DriveFeedback& d) { return d.state == DriveState::kEnabled; });
+  return (mode == Mode::kRunning || mode == Mode::kHold) && Enabled(record);
+}
+
+/// The counter wraps: its difference counts.
+std::int32_t CountsSince(const CycleRecord& zero, const CycleRecord& now, std::size_t drive) {
+  return static_cast<std::int32_t>(static_cast<std::uint32_t>(now.input.drive[drive].position_counts) -
+                                   static_cast<std::uint32_t>(zero.input.drive[drive].position_counts));
+}
+
+/// First cycle of the rest before `running`: tensioned already, no motor more than three counts from where it
+/// is then, at most half a second.
+std::size_t BeginOfRest(const std::vector<CycleRecord>& cycles, std::size_t running) {
+  constexpr int kStillCounts = 3;
+  const CycleRecord& zero = cycles[running];
+  std::size_t begin = running;
+  while (begin > 0) {
+    const CycleRecord& before = cycles[begin - 1];
+    if (before.output.mode != Mode::kPretension || !Enabled(before)) break;
+    if (ToSeconds(zero.input.time_ns) - ToSeconds(before.input.time_ns) > 0.5) break;
+    bool still = true;
+    for (std::size_t d = 0; d < static_cast<std::size_t>(zero.input.drives); ++d) {
+      const std::int32_t counts = CountsSince(zero, before, d);
+      still = still && counts >= -kStillCounts && counts <= kStillCounts;
+    }
+    if (!still) break;
+    --begin;
+  }
+  return begin;
 }
 
 /// The usual number of cycles from one record to the next: logs may hold every n-th.
@@ -49,9 +79,10 @@ bool Follows(const CycleRecord& before, const CycleRecord& now) {
 
 class LogRun {
  public:
-  LogRun(const std::vector<CycleRecord>& cycles, std::size_t first, std::size_t last,
+  /// Positions count from cycle `zero`.
+  LogRun(const std::vector<CycleRecord>& cycles, std::size_t zero, std::size_t last,
          const RobotParameters& robot)
-      : cycles_(cycles), first_(first), last_(last), robot_(robot) {}
+      : cycles_(cycles), zero_(zero), first_(BeginOfRest(cycles, zero)), last_(last), robot_(robot) {}
 
   /// A run of less than two rows when the log is damaged.
   Run Make() {
@@ -69,7 +100,7 @@ class LogRun {
     for (Eigen::Index i = 0; i < rows; ++i) {
       const std::size_t at = kept[static_cast<std::size_t>(i)];
       run_.time_s[i] = ToSeconds(cycles_[at].input.time_ns - start_ns);
-      for (int j = 0; j < static_cast<int>(tendons); ++j) FillDrive(i, at, j, cycles_[kept.front()]);
+      for (int j = 0; j < static_cast<int>(tendons); ++j) FillDrive(i, at, j, cycles_[zero_]);
     }
     FillTracker(kept);
     NoteLost(kept);
@@ -104,11 +135,8 @@ class LogRun {
             : (stride_is_one_ ? kNone : cycles_[at].output.torque_target_permille[d] * rated_Nm);
     const bool fresh = drive.age_cycles == 0;
     if (!fresh) ++stale_;
-    // The counter wraps: the difference counts. Zero is where the controller puts it, at the end of
-    // pretension.
-    const auto counts =
-        static_cast<std::int32_t>(static_cast<std::uint32_t>(drive.position_counts) -
-                                  static_cast<std::uint32_t>(zero.input.drive[d].position_counts));
+    // Zero is where the controller puts it, at the end of pretension.
+    const std::int32_t counts = CountsSince(zero, cycles_[at], d);
     run_.motor_position_rad(row, j) =
         fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn : kNone;
     run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNone;
@@ -165,7 +193,7 @@ class LogRun {
   }
 
   const std::vector<CycleRecord>& cycles_;
-  std::size_t first_, last_;
+  std::size_t zero_, first_, last_;
   const RobotParameters& robot_;
   bool stride_is_one_ = Stride(cycles_) == 1;
   int stale_ = 0;

@@ -175,6 +175,8 @@ TEST(Health, MissingValuesDeadSensorsAndDeadTrackers) {
   Only([](gap::Run& run) { run.torque_actual_Nm.col(2).setConstant(kNone); }, "actual torque 3",
        "no value at all");
   Only([](gap::Run& run) { run.tension_N.col(0).setConstant(0.75); }, "tension 1", "is 0.75 N throughout");
+  Only([](gap::Run& run) { run.motor_position_rad.col(1).setConstant(0.5); }, "motor position 2",
+       "is 0.5 rad throughout");
   Only(
       [](gap::Run& run) {
         for (int i = 4000; i < 6000; ++i) run.tip_m.row(i).setConstant(kNone);

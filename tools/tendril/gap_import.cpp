@@ -73,6 +73,7 @@ class CycleLog {
   static LcmParameters Lcm() {
     LcmParameters lcm;
     lcm.url = "memq://";
+    lcm.channel_prefix = "TENDRIL";
     lcm.cycle_every_cycles = 1;
     return lcm;
   }
@@ -194,7 +195,7 @@ void RunImport(const ImportOptions& options) {
     if (f.severity == gap::HealthFinding::Severity::kInfo && f.channel != "file") continue;
     if (!said.insert(f.channel).second) continue;
     fmt::print(stderr, "tendril: {}{}{}: {}\n",
-               f.severity == gap::HealthFinding::Severity::kError ? "probably wrong: " : "",
+               f.severity == gap::HealthFinding::Severity::kError ? "wrong data: " : "data: ",
                f.run.empty() ? "" : f.run + ": ", f.channel, f.text);
   }
 }
