@@ -470,42 +470,101 @@ std::string WithoutScripts(const std::string& dom) {
   return out;
 }
 
+struct Drawn {
+  std::string root;     // the html element's own tag
+  std::string dom;      // the page as drawn, without its programs
+  std::string console;  // what the browser complained of
+};
+
+Drawn Draw(const std::string& page, const fs::path& folder) {
+  fs::create_directories(folder);
+  std::ofstream(folder / "page.html", std::ios::binary) << page;
+  const std::string command = fmt::format(
+      "HOME='{0}' timeout 200 '{1}' --headless --no-sandbox --disable-gpu --user-data-dir='{0}/profile' "
+      "--enable-logging=stderr --window-size=1280,900 --dump-dom 'file://{0}/page.html' 2>'{0}/log' "
+      ">'{0}/dom'",
+      folder.string(), Chromium());
+  const int status = std::system(command.c_str());
+  const std::string log = Read(folder / "log");
+  if (status != 0) ADD_FAILURE() << "the browser ended with " << status << ": " << log;
+  Drawn drawn;
+  drawn.dom = WithoutScripts(Read(folder / "dom"));
+  const std::size_t root = drawn.dom.find("<html");
+  if (root != std::string::npos) drawn.root = drawn.dom.substr(root, drawn.dom.find('>', root) - root);
+  if (log.find("CONSOLE") != std::string::npos) drawn.console = log.substr(log.find("CONSOLE"), 600);
+  return drawn;
+}
+
 // A browser draws the page: no error on its console, every part there, nothing of the data run as a program.
 TEST(ReportPage, DrawsItselfInABrowser) {
-  const std::string browser = Chromium();
-  if (browser.empty()) GTEST_SKIP() << "no chromium here: Debian's package chromium has it";
+  if (Chromium().empty()) GTEST_SKIP() << "no chromium here: Debian's package chromium has it";
   const Folder folder;
-  int n = 0;
   for (const Diagnosis& d :
-       {ExampleDiagnosis(Verdict::kAttributed), ExampleDiagnosis(Verdict::kInsufficientData), Hostile(),
-        Undefined(), Empty(), Pair(), Worse()}) {
-    const fs::path place = folder.path() / std::to_string(n++);
-    WriteReport(d, place);
-    const std::string command = fmt::format(
-        "HOME='{0}' timeout 60 '{1}' --headless --no-sandbox --disable-gpu --user-data-dir='{0}/profile' "
-        "--enable-logging=stderr --window-size=1280,900 --dump-dom "
-        "'file://{2}/report.html' 2>'{0}/log' >'{0}/dom'",
-        folder.path().string(), browser, place.string());
-    ASSERT_EQ(std::system(command.c_str()), 0) << Read(folder.path() / "log");
-    const std::string log = Read(folder.path() / "log"), dom = WithoutScripts(Read(folder.path() / "dom"));
-    SCOPED_TRACE(fmt::format("page {}, {}", n - 1, VerdictName(d.verdict)));
-    if (log.find("CONSOLE") != std::string::npos) ADD_FAILURE() << log.substr(log.find("CONSOLE"), 600);
-    const std::string root =
-        dom.substr(dom.find("<html"), dom.find('>', dom.find("<html")) - dom.find("<html"));
-    EXPECT_THAT(root, HasSubstr("data-charts="));
-    EXPECT_THAT(root, Not(HasSubstr("data-problems")));
-    EXPECT_THAT(root, Not(HasSubstr("data-hurt")));
+       {ExampleDiagnosis(Verdict::kInsufficientData), Hostile(), Undefined(), Empty(), Pair(), Worse()}) {
+    SCOPED_TRACE(VerdictName(d.verdict) + ": " + d.sentence.substr(0, 60));
+    const Drawn drawn = Draw(ReportPage(d), folder.path());
+    EXPECT_EQ(drawn.console, "");
+    EXPECT_THAT(drawn.root, HasSubstr("data-charts="));
+    EXPECT_THAT(drawn.root, Not(HasSubstr("data-problems")));
+    EXPECT_THAT(drawn.root, Not(HasSubstr("data-hurt")));
     std::vector<std::string> parts{"where", "cause", "health", "provenance"};
     if (!d.overlays.empty()) parts.insert(parts.end(), {"closed", "runs", "conditions", "loops", "growth"});
     if (!d.confusable.empty()) parts.push_back("rivals");
     if (!d.next.family.empty()) parts.push_back("next");
     if (!d.degradations.empty()) parts.push_back("limits");
     for (const std::string& part : parts) {
-      EXPECT_NE(dom.find("<section id=\"" + part + "\">"), std::string::npos) << part << " is not there";
+      EXPECT_NE(drawn.dom.find("<section id=\"" + part + "\">"), std::string::npos)
+          << part << " is not there";
     }
-    const std::size_t nan = dom.find("NaN");
-    if (nan != std::string::npos) ADD_FAILURE() << dom.substr(std::max<std::size_t>(nan, 200) - 200, 300);
+    const std::size_t nan = drawn.dom.find("NaN");
+    if (nan != std::string::npos)
+      ADD_FAILURE() << drawn.dom.substr(std::max<std::size_t>(nan, 200) - 200, 300);
   }
+}
+
+// What a reader does with the page, done by a script in it: every answer is written where the test finds it.
+constexpr const char* kReader = R"js(<script>{
+const fire = (target, type, x, y) => target.dispatchEvent(
+    new MouseEvent(type, {bubbles: true, cancelable: true, view: window, clientX: x, clientY: y, button: 0}));
+const count = selector => document.querySelectorAll(selector).length;
+const said = [];
+let before = count('#cause .bar');
+document.querySelector('#cause button').click();
+said.push(count('#cause .bar') > before ? 'all causes' : '');
+before = count('#conditions svg');
+document.querySelector('#conditions button').click();
+said.push(count('#conditions svg') > before ? 'all maps' : '');
+const brush = () => document.querySelector('#runs .brush .overlay');
+const box = brush().getBoundingClientRect();
+const axis = () => document.querySelector('#runs .axis').textContent;
+const whole = axis();
+fire(brush(), 'mousedown', box.left + 200, box.top + 50);
+fire(window, 'mousemove', box.left + 300, box.top + 50);
+fire(window, 'mouseup', box.left + 300, box.top + 50);
+said.push(axis() !== whole ? 'zoomed' : '');
+fire(brush(), 'mousemove', box.left + 100, box.top + 50);
+said.push(/measured .* N/.test(document.getElementById('tip').textContent) ? 'values' : '');
+fire(brush(), 'dblclick', box.left + 100, box.top + 50);
+said.push(axis() === whole ? 'whole' : '');
+for (const s of document.querySelectorAll('#runs select')) {
+  s.selectedIndex = s.options.length - 1;
+  s.dispatchEvent(new Event('change'));
+}
+said.push(document.querySelector('#runs .axis-label').textContent);
+window.dispatchEvent(new Event('beforeprint'));
+window.dispatchEvent(new Event('afterprint'));
+document.documentElement.dataset.said = said.join(', ');
+}</script></body>)js";
+
+TEST(ReportPage, AnswersItsReader) {
+  if (Chromium().empty()) GTEST_SKIP() << "no chromium here: Debian's package chromium has it";
+  const Folder folder;
+  std::string page = ReportPage(ExampleDiagnosis(Verdict::kAttributed));
+  page.replace(page.rfind("</body>"), 7, kReader);
+  const Drawn drawn = Draw(page, folder.path());
+  EXPECT_THAT(drawn.root, HasSubstr("data-said=\"all causes, all maps, zoomed, values, whole, tip z [mm]\""));
+  EXPECT_THAT(drawn.root, Not(HasSubstr("data-problems")));
+  EXPECT_EQ(drawn.console, "");
 }
 
 TEST(WriteReport, LeavesBothFilesAndSaysWhenItCannot) {
