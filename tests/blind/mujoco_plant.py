@@ -28,11 +28,17 @@ def model_xml(p, tied=True, joints=JOINTS, step=STEP_S):
         rows.append(f'<site name="s0_{j}" pos="{x:.12g} {y:.12g} 0"/>')
     depth = 0
     offset = 0.0
+    # Joints of equal angle, spaced so that the unit's end lies on the arc up to the fourth power of the bend: the mean
+    # square of the direction's deviation from the chord is the arc's.
+    K = joints
+    spread = sum((k - K / 2) ** 2 for k in range(1, K))
+    spacing = K * K / 6 / ((K - 1) * K * K / 4 - spread)
+    first = (1 - (K - 1) * spacing) / 2
     for i in range(n):
         u = p["u"][i]
         l = u[U["l"]]
         for k in range(joints):
-            offset += l / (2 * joints) if k == 0 else l / joints
+            offset += first * l if k == 0 else spacing * l
             rows.append(f'<body name="b{i}_{k}" pos="0 0 {offset:.12g}">')
             depth += 1
             offset = 0.0
@@ -42,8 +48,8 @@ def model_xml(p, tied=True, joints=JOINTS, step=STEP_S):
                 rows.append(f'<joint name="{name}{i}_{k}" type="hinge" axis="{axis}" stiffness="{u[U["kb"]] * joints:.12g}" '
                             f'damping="{u[U["c"]] * joints:.12g}" springref="{rest:.12g}"/>')
             if k < joints - 1:
-                rows.append('<inertial pos="0 0 0" mass="1e-9" diaginertia="1e-12 1e-12 1e-12"/>')
-        end = l / (2 * joints)
+                rows.append('<inertial pos="0 0 0" mass="1e-7" diaginertia="1e-9 1e-9 1e-9"/>')
+        end = first * l
         rows.append(f'<inertial pos="0 0 {end:.12g}" mass="{u[U["m"]]:.12g}" diaginertia="{u[U["Ixx"]]:.9g} '
                     f'{u[U["Ixx"]]:.9g} {u[U["Izz"]]:.9g}"/>')
         for j in range(m):
@@ -65,7 +71,7 @@ def model_xml(p, tied=True, joints=JOINTS, step=STEP_S):
             for k in range(1, joints):
                 for name in "uv":
                     rows.append(f'<joint joint1="{name}{i}_{k}" joint2="{name}{i}_0" polycoef="0 1 0 0 0" '
-                                f'solref="{2 * step} 1" solimp="0.99999 0.99999 0.001"/>')
+                                f'solref="{2 * step} 1" solimp="0.9999 0.9999 0.001"/>')
         rows.append("</equality>")
     rows.append("</mujoco>")
     return "\n".join(rows)

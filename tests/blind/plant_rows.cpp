@@ -1,5 +1,5 @@
-// Torque targets in, true signals of the plant out, a row a millisecond: what the foreign plant is compared with.
-// Knows the plant's interface only.
+// Torque targets in, true signals of the plant out, a row a millisecond: what the foreign plant is compared
+// with. Knows the plant's interface only.
 #include <cstdio>
 #include <exception>
 #include <iostream>
@@ -18,7 +18,8 @@ std::vector<Eigen::VectorXd> ReadTargets(int tendons) {
     std::istringstream in(line);
     Eigen::VectorXd row(tendons);
     for (int j = 0; j < tendons; ++j) {
-      if (!(in >> row[j])) throw std::runtime_error("line " + std::to_string(rows.size() + 1) + ": too few numbers");
+      if (!(in >> row[j]))
+        throw std::runtime_error("line " + std::to_string(rows.size() + 1) + ": too few numbers");
     }
     rows.push_back(row);
   }
@@ -34,11 +35,13 @@ int Run(const std::string& robot_file) {
   const auto targets = ReadTargets(plant.tendons());
   for (const Eigen::VectorXd& target : targets) {
     for (const auto& t : plant.tendon()) {
-      std::printf("%.9g %.9g %.9g %.9g ", t.motor_torque_Nm, t.motor_angle_rad, t.tension_motor_N, t.tension_base_N);
+      std::printf("%.9g %.9g %.9g %.9g ", t.motor_torque_Nm, t.motor_angle_rad, t.tension_motor_N,
+                  t.tension_base_N);
     }
     const auto tip = plant.TipPose();
     const Eigen::Quaterniond q(tip.R_WA);
-    std::printf("%.9g %.9g %.9g %.9g %.9g %.9g %.9g\n", tip.p_WA.x(), tip.p_WA.y(), tip.p_WA.z(), q.w(), q.x(), q.y(), q.z());
+    std::printf("%.9g %.9g %.9g %.9g %.9g %.9g %.9g\n", tip.p_WA.x(), tip.p_WA.y(), tip.p_WA.z(), q.w(),
+                q.x(), q.y(), q.z());
     // Sent at this row, it acts at the next one; what was sent before it acts until then.
     plant.Advance(kPeriod_ns);
     plant.SetTorque(target);
