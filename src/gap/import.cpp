@@ -190,8 +190,8 @@ class Importer {
     for (std::size_t i = 0; i < rows.size(); ++i) {
       run.time_s[static_cast<Eigen::Index>(i)] =
           here[static_cast<std::size_t>(rows[i])] - here[static_cast<std::size_t>(rows[0])];
-      rows[i] += static_cast<int>(begin);
     }
+    for (int& row : rows) row += static_cast<int>(begin);  // of the table
     run.torque_target_Nm = Fill(map_.torque_target, rows);
     run.torque_actual_Nm = Fill(map_.torque_actual, rows);
     run.motor_position_rad = Fill(map_.motor_position, rows);

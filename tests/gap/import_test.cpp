@@ -189,7 +189,10 @@ TEST_F(ImportTest, LabelsSplitATableIntoRunsFamiliesAndRepetitions) {
   EXPECT_EQ(set.runs[1].name, "table_rep1_pull_2");
   EXPECT_EQ(set.runs[1].family, "pull");
   EXPECT_EQ(set.runs[2].repeat_of, "table_rep1_circle");
-  EXPECT_EQ(set.runs[2].time_s[0], 0);
+  for (const gap::Run& run : set.runs) {  // a row a second, from 0 in each run
+    for (Eigen::Index i = 0; i < run.time_s.size(); ++i)
+      EXPECT_EQ(run.time_s[i], static_cast<double>(i)) << run.name;
+  }
   EXPECT_EQ(set.runs[3].name, "table_odd");
   EXPECT_EQ(set.runs[4].name, "table_odd_2");  // after the hole
   EXPECT_EQ(set.runs[4].repeat_of, "table_odd");

@@ -152,6 +152,16 @@ void WriteLog(const gap::DataSet& set, const std::string& path) {
     if (run.tension_N.cols() == 0) lacking.insert("tension");
     if (run.tip_quaternion.cols() == 0 && run.tip_m.cols() > 0) lacking.insert("orientation");
   }
+  const bool elsewhere = std::any_of(set.runs.begin(), set.runs.end(), [](const gap::Run& run) {
+    return run.motor_position_rad.cols() > 0 && run.motor_position_rad.row(0).cwiseAbs().maxCoeff() > 0.01;
+  });
+  if (elsewhere) {
+    fmt::print(stderr,
+               "tendril: {}: in a log motors count from where a run begins; a folder (--out) keeps positions "
+               "that begin "
+               "elsewhere\n",
+               path);
+  }
   CycleLog log(set.robot, path);
   for (const gap::Run& run : set.runs) log.Write(run);
   const std::string cut = log.Finish();
