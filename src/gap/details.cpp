@@ -292,7 +292,7 @@ NextExperiment FindNextExperiment(const Evaluator& evaluator, const SearchResult
       const Weights weights(there, Eigen::VectorXd::Zero(static_cast<int>(there.channels().size())));
       std::vector<gap::Column> columns;
       for (int p = 0; p < b.model.size(); ++p) {
-        columns.push_back(Sensitivity(there, b.model, p, 0.1 * b.model.parameter(p).typical, with_b, cuts));
+        columns.push_back(Sensitivity(there, b.model, p, 0.1 * ScaleOf(b.model.parameter(p)), with_b, cuts));
       }
       std::vector<const gap::Column*> pointers;
       for (const auto& column : columns) pointers.push_back(&column);
@@ -304,7 +304,7 @@ NextExperiment FindNextExperiment(const Evaluator& evaluator, const SearchResult
       for (auto& r : zero[0]) r.setZero();
       const int n = static_cast<int>(pointers.size());
       Eigen::VectorXd prior(n);
-      for (int p = 0; p < n; ++p) prior[p] = 30 * b.model.parameter(p).typical;
+      for (int p = 0; p < n; ++p) prior[p] = 30 * ScaleOf(b.model.parameter(p));
       const Eigen::VectorXd wide = Eigen::VectorXd::Constant(n, 1e300);
       const LinearFit taken =
           SolveLinear(Accumulate(pointers, difference, zero, weights, folds), prior, -wide, wide);

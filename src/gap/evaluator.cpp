@@ -23,6 +23,7 @@ using Quantity = Channel::Quantity;
 constexpr double kWindow_s = 0.02;  // residuals are averaged over this: slower than the sensors' white noise
 constexpr double kBendingWindow_s = 0.15;  // over which the tracker corrects the simulated bending
 constexpr int kReadings = 4;               // alternative readings of the same log, see Prepare
+constexpr double kTransient = 4;           // times the white noise's variance, within one window
 constexpr double kResolutionWindow_s = 0.25;
 
 Eigen::Vector3d RotationVector(const Eigen::Matrix3d& R) {
@@ -322,8 +323,10 @@ Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const Pre
 }
 
 std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, const PreparedRun& run,
-                                                    unsigned cuts) const {
+                                                    unsigned cuts,
+                                                    std::vector<Eigen::VectorXd>* scatter) const {
   std::vector<Eigen::VectorXd> residuals(channels_.size());
+  if (scatter) scatter->assign(channels_.size(), {});
   const int samples = run.samples();
   Eigen::MatrixXd tip;
   if ((cuts & kBody) && has(kBody) && run.tracker_s.size() > 10) {
@@ -366,7 +369,12 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
     for (int i = 0; i < samples; ++i) {
       if (!run.valid[i]) all[i] = NAN;
     }
-    residuals[c] = Average(all, WindowSamples(run, channel));
+    const int width = WindowSamples(run, channel);
+    residuals[c] = Average(all, width);
+    if (scatter) {
+      const Eigen::VectorXd square = Average(all.array().square(), width);
+      (*scatter)[c] = (square.array() - residuals[c].array().square()).max(0.0);
+    }
   }
   return residuals;
 }
@@ -442,11 +450,12 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
 
   // The nominal residuals, and how they scatter over alternative readings of the same logs.
   std::vector<Residuals> readings(kReadings, Residuals(runs));
+  Residuals within(runs);
   ParallelFor(runs * (kReadings + 1), options.threads, [&](int task) {
     const int i = task % runs, k = task / runs - 1;
     if (k < 0) {
       nominal_residuals_[i] =
-          ResidualsOf(ReplayRun(nominal_, runs_[i], kAllCuts, nullptr), runs_[i], kAllCuts);
+          ResidualsOf(ReplayRun(nominal_, runs_[i], kAllCuts, nullptr), runs_[i], kAllCuts, &within[i]);
       return;
     }
     PreparedRun other = Prepare(set.runs[i], nominal_, options.seed * 1000004 + 4 * i + k);
@@ -491,6 +500,18 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
         for (int w = 0; w < windows; ++w) {
           const int a = std::max(0, w - reach), b = std::min(windows, w + reach + 1);
           spread[w] = std::max(scatter.segment(a, b - a).mean(), 0.5 * scatter[w]);
+        }
+      }
+      // A residual that changes within a window by more than white noise does is a transient (a motor
+      // breaking loose, a tendon catching), and what the window's mean is depends on microseconds.
+      if (channels_[c].quantity == Quantity::kTension) {
+        const double sample = channels_[c].white * channels_[c].white;
+        for (int w = 0; w < windows; ++w) {
+          double most = 0;
+          for (int k = std::max(0, w - 1); k <= std::min(windows - 1, w + 1); ++k) {
+            if (std::isfinite(within[i][c][k])) most = std::max(most, within[i][c][k]);
+          }
+          spread[w] += std::max(0.0, most - kTransient * sample);
         }
       }
       for (int w = 0; w < windows; ++w) {

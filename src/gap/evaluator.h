@@ -78,8 +78,8 @@ class Evaluator {
   struct Replayed;
   Replayed ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,
                      const sim::BodyMotion* known_motion) const;
-  std::vector<Eigen::VectorXd> ResidualsOf(const Replayed& replayed, const PreparedRun& run,
-                                           unsigned cuts) const;
+  std::vector<Eigen::VectorXd> ResidualsOf(const Replayed& replayed, const PreparedRun& run, unsigned cuts,
+                                           std::vector<Eigen::VectorXd>* scatter = nullptr) const;
   Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
                                      const sim::BodyMotion& motion) const;
   void FindFloors(const DataSet& set, const Options& options);

@@ -202,7 +202,7 @@ class Cost final : public ceres::CostFunction {
     }
   }
 
-  double Scale(int k) const { return model_.parameter(k).typical; }
+  double Scale(int k) const { return ScaleOf(model_.parameter(k)); }
   static constexpr double kRelativeStep = 0.1;
 
  private:
@@ -294,7 +294,7 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n + extra);
   for (int k = 0; k < n; ++k) {
     const auto& p = start.parameter(k);
-    prior[k] = 30 * p.typical;
+    prior[k] = 30 * ScaleOf(p);
     lower[k] = p.lower - fit.model.values[k];
     upper[k] = p.upper - fit.model.values[k];
   }

@@ -2,8 +2,16 @@
 #include "hypothesis.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace tendril::gap {
+
+double ScaleOf(const sim::EffectParameter& parameter) {
+  if (parameter.typical > 0) return parameter.typical;
+  // A shape parameter: a part of its usual value.
+  const double usual = 0.3 * std::abs(parameter.nominal);
+  return usual > 0 ? usual : 0.05 * (parameter.upper - parameter.lower);
+}
 
 std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cell, bool tracker) {
   std::vector<Candidate> candidates;

@@ -22,6 +22,9 @@ struct Candidate {
   bool operator==(const Candidate& other) const { return effect == other.effect && target == other.target; }
 };
 
+/// A plainly visible change of a parameter: what steps, starts and priors are measured in.
+double ScaleOf(const sim::EffectParameter& parameter);
+
 /// All that the registry has for this robot, in its order.
 std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cell, bool tracker);
 

@@ -14,19 +14,23 @@ namespace {
 using Quantity = Channel::Quantity;
 
 // Set on open data sets of another simulator of the rig (tests/blind), never on sealed ones.
-constexpr double kTemperature = 2.0;   // log scores are divided by this
+constexpr double kTemperature =
+    2.0;  // log scores are divided by this and by a share of the best score: a law that
+constexpr double kRelativeTemperature = 0.01;  // differs a little from the real one costs in proportion
+constexpr double kGapGain = 25.0;      // log score that the best cause must bring to count as a gap by itself
 constexpr double kGapSteepness = 6.0;  // of the change from "no gap" to "gap" about the materiality
 constexpr double kUnknownFloor = 0.3;  // sigma that may remain beyond the floor
 constexpr double kUnknownShare =
     0.25;  // and share of the gap that a right cause with a slightly different law may leave
 constexpr double kUnknownSteepness = 4.0;
-constexpr double kNoiseSlack = 1.3;  // the noise is known within some tens of per cent
-constexpr double kSameGain = 6.0;    // log score within which two causes are not told apart
+constexpr double kNoiseSlack = 1.3;     // the noise is known within some tens of per cent
+constexpr double kParameterCost = 1.5;  // temperatures a parameter
+constexpr double kSame = 3.0;           // temperatures within which two causes are not told apart
 constexpr double kSameCosine = 0.95;
 constexpr double kPairGain = 12.0;   // log score that a second cause must bring
 constexpr double kPairDeltas = 2.0;  // and how many materialities it must move some channel
 constexpr double kPairShare = 0.01;  // and the least share of the gap it must explain
-constexpr std::size_t kListed = 12;       // causes in the report
+constexpr std::size_t kListed = 12;  // causes in the report
 constexpr double kFalseDiscoveries = 0.01;
 constexpr double kBlock_s = 1.0;
 constexpr double kMotionWindow_s = 1.0;  // slower is shape (C4), faster is motion (C5)
@@ -303,12 +307,24 @@ double Cosine(const Weights& weights, const Residuals& nominal, const Residuals&
   return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
 }
 
-/// Largest change of a channel in its materialities, by held-out mean squares.
-double Material(const Evaluator& evaluator, const ChannelScore& from, const ChannelScore& to) {
+/// Largest rms change that a model makes in a channel, in that channel's materialities.
+double Material(const Evaluator& evaluator, const Residuals& residuals) {
+  const Residuals& nominal = evaluator.AtNominal();
   double most = 0;
-  for (int c = 0; c < from.square.size(); ++c) {
-    most = std::max(most,
-                    std::sqrt(std::max(0.0, from.square[c] - to.square[c])) / evaluator.channels()[c].delta);
+  for (int c = 0; c < static_cast<int>(evaluator.channels().size()); ++c) {
+    const Channel& channel = evaluator.channels()[c];
+    double square = 0, total = 0;
+    for (std::size_t i = 0; i < nominal.size(); ++i) {
+      const auto& v = evaluator.Variance()[i][c];
+      const bool changed = !residuals[i].empty() && residuals[i][c].size() > 0;
+      for (int w = 0; w < v.size(); ++w) {
+        if (!std::isfinite(v[w])) continue;
+        const double weight = 1 / (v[w] + channel.floor * channel.floor);
+        total += weight;
+        if (changed) square += weight * std::pow(nominal[i][c][w] - residuals[i][c][w], 2);
+      }
+    }
+    if (total > 0) most = std::max(most, std::sqrt(square / total) / channel.delta);
   }
   return most;
 }
@@ -337,7 +353,7 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
   }
   ChannelScore after_single = before;
   if (single) after_single = ScoreChannels(evaluator, single->held_out, nominal);
-  if (gain > 4 * kTemperature) in_deltas = std::max(in_deltas, Material(evaluator, before, after_single));
+  if (gain > kGapGain) in_deltas = std::max(in_deltas, Material(evaluator, single->residuals));
   const double p_gap = 1 - 1 / (1 + std::pow(in_deltas, kGapSteepness));
 
   // ---- a second cause? ----
@@ -382,6 +398,8 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
   const double p_unknown = p_gap * (1 - 1 / (1 + std::pow(unknown, kUnknownSteepness)));
 
   // ---- which cause? ----
+  const double temperature = kTemperature + kRelativeTemperature * std::max(0.0, gain);
+  const double same_gain = kSame * temperature;
   struct Scored {
     Cause cause;
     double gain = 0;
@@ -393,8 +411,11 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
     return std::any_of(scored.begin(), scored.end(),
                        [&](const Scored& s) { return s.cause.effect == effect && s.cause.where == where; });
   };
-  for (const Fit& fit : search.fits)
-    scored.push_back({CauseOf(fit, 0), fit.held_out_score - search.base_score, &fit, nullptr});
+  // Every further parameter is another way to take up what a simpler cause has nearly explained.
+  const auto cost = [&](const Fit& fit) { return kParameterCost * temperature * (fit.model.size() - 1); };
+  for (const Fit& fit : search.fits) {
+    scored.push_back({CauseOf(fit, 0), fit.held_out_score - search.base_score - cost(fit), &fit, nullptr});
+  }
   for (const auto& s : search.screened) {
     if (is_listed(std::string(s.candidate.effect->name), s.candidate.where)) continue;
     Scored entry;
@@ -412,16 +433,16 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
   // What screening alone saw is not worth more than the best refit.
   double top = -1e300, sum = 0;
   for (auto& s : scored) {
-    if (s.screened && single) s.gain = std::min(s.gain, gain - kSameGain);
+    if (s.screened && single) s.gain = std::min(s.gain, gain - same_gain - cost(*single));
     top = std::max(top, s.gain);
   }
-  for (const auto& s : scored) sum += std::exp((s.gain - top) / kTemperature);
+  for (const auto& s : scored) sum += std::exp((s.gain - top) / temperature);
   double base_square = 0;
   for (int c = 0; c < before.square.size(); ++c) {
     base_square += std::pow(before.Excess(c) / evaluator.channels()[c].floor, 2);
   }
   for (auto& s : scored) {
-    s.cause.p = (p_gap - p_unknown) * std::exp((s.gain - top) / kTemperature) / sum;
+    s.cause.p = (p_gap - p_unknown) * std::exp((s.gain - top) / temperature) / sum;
     s.cause.screening_gain = s.screened ? s.gain : 0;
     if (s.fit && base_square > 0) {
       const ChannelScore with = ScoreChannels(evaluator, s.fit->held_out, nominal);
@@ -439,14 +460,14 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
   if (two) {
     double pair_sum = 0;
     for (const Fit& fit : search.pairs)
-      pair_sum += std::exp((fit.held_out_score - pair->held_out_score) / kTemperature);
+      pair_sum += std::exp((fit.held_out_score - pair->held_out_score) / temperature);
     for (int part = 0; part < 2; ++part) {
       const Cause mine = CauseOf(*pair, part);
       double with = 0;
       for (const Fit& fit : search.pairs) {
         const bool contains = std::any_of(fit.model.parts.begin(), fit.model.parts.end(),
                                           [&](const Candidate& c) { return c == pair->model.parts[part]; });
-        if (contains) with += std::exp((fit.held_out_score - pair->held_out_score) / kTemperature);
+        if (contains) with += std::exp((fit.held_out_score - pair->held_out_score) / temperature);
       }
       for (auto& s : scored) {
         if (s.cause.effect != mine.effect || s.cause.where != mine.where) continue;
@@ -471,8 +492,8 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
       const double behind = single->held_out_score - fit.held_out_score;
       if (cosine < kSameCosine) continue;
       j.confusable.push_back(
-          {single->model.parts[0].Name(), fit.model.parts[0].Name(), cosine, behind, behind < kSameGain});
-      if (behind >= kSameGain) continue;
+          {single->model.parts[0].Name(), fit.model.parts[0].Name(), cosine, behind, behind < same_gain});
+      if (behind >= same_gain) continue;
       for (auto& s : scored) {
         if (s.fit == &fit || s.fit == single) s.cause.group = 1;
       }

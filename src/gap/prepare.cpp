@@ -22,7 +22,7 @@ constexpr double kDerivativeHalf_s =
 constexpr double kSettle_s = 0.02;  // a motor that stays within one count has come to rest by then
 constexpr double kSlidingCounts =
     4;  // 12 mrad at 2048 counts: friction in motor and gear has turned round by then
-constexpr double kRest_s = 0.04;       // a motor that shows no new count for so long may be at rest
+constexpr double kSlow_s = 0.2;  // a motor that shows fewer counts than these in this time may be at rest
 constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
 constexpr double kAfterGap_s = 0.3;    // after lost samples friction memories are not known
 
@@ -168,12 +168,13 @@ Eigen::VectorXd Denoised(const Eigen::VectorXd& signal, double noise) {
   return smooth;
 }
 
-/// Where a motor has moved on in one direction by kSlidingCounts since it turned, and lately.
+/// Where a motor has moved on in one direction by kSlidingCounts since it turned, and still moves: so many
+/// counts within the last kSlow_s.
 void MarkSliding(const Eigen::VectorXd& reading, double count, double step_s,
                  Eigen::Ref<Eigen::Matrix<char, -1, 1>> out) {
-  const int patience = std::max(1, static_cast<int>(kRest_s / step_s));
+  const int lately = std::max(1, static_cast<int>(kSlow_s / step_s));
   double turn = reading[0], last = reading[0];
-  int direction = 0, moved_at = -patience - 1;
+  int direction = 0;
   for (int i = 0; i < reading.size(); ++i) {
     const double step = reading[i] - last;
     if (std::abs(step) > 0.5 * count) {
@@ -181,9 +182,9 @@ void MarkSliding(const Eigen::VectorXd& reading, double count, double step_s,
       if (now != direction) turn = last;
       direction = now;
       last = reading[i];
-      moved_at = i;
     }
-    out[i] = std::abs(last - turn) >= kSlidingCounts * count && i - moved_at <= patience;
+    out[i] = std::abs(last - turn) >= kSlidingCounts * count &&
+             std::abs(reading[i] - reading[std::max(0, i - lately)]) >= (kSlidingCounts - 0.5) * count;
   }
 }
 

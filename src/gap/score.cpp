@@ -9,7 +9,7 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kCorrelation_s = 0.5;  // what the model leaves unexplained stays alike for about so long
+constexpr double kCorrelation_s = 1.0;  // what the model leaves unexplained stays alike for about so long
 
 const Eigen::VectorXd& Pick(const Residuals& part, const Residuals& rest, int run, int channel) {
   return part[run].empty() || part[run][channel].size() == 0 ? rest[run][channel] : part[run][channel];
@@ -54,7 +54,9 @@ Weights::Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover) : 
       const double window = evaluator.window_s(static_cast<int>(i), static_cast<int>(c));
       const double m = std::max(1.0, kCorrelation_s / window);
       const double systematic = m * (channels[c].delta * channels[c].delta + leftover[c] * leftover[c]);
-      for (auto& w : weight_[i][c]) w = 1 / (w + systematic);
+      const double white = evaluator.WhiteVariance(static_cast<int>(i), static_cast<int>(c));
+      // What resolution leaves open stays alike as long.
+      for (auto& w : weight_[i][c]) w = 1 / (white + m * std::max(0.0, w - white) + systematic);
     }
   }
 }

@@ -65,7 +65,7 @@ Bounds BoundsOf(const Model& model, const std::vector<int>& which,
   Bounds b{Eigen::VectorXd(n + extra), Eigen::VectorXd(n + extra), Eigen::VectorXd(n + extra)};
   for (int k = 0; k < n; ++k) {
     const auto& p = model.parameter(which[k]);
-    b.prior[k] = 30 * p.typical;
+    b.prior[k] = 30 * ScaleOf(p);
     b.lower[k] = p.lower - model.values[which[k]];
     b.upper[k] = p.upper - model.values[which[k]];
   }
@@ -144,7 +144,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     const unsigned cuts = evaluator.CutsOf(*candidates[probe.candidate].effect);
     try {
       probe.columns[tasks[t].second] = Sensitivity(
-          evaluator, probe.variant, k, kScreeningStep * probe.variant.parameter(k).typical, nominal, cuts);
+          evaluator, probe.variant, k, kScreeningStep * ScaleOf(probe.variant.parameter(k)), nominal, cuts);
     } catch (const std::exception&) {
       probe.columns[tasks[t].second] =
           Column(nominal.size(), std::vector<Eigen::VectorXd>(evaluator.channels().size()));
@@ -172,7 +172,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       result.nuisances.columns.push_back(probe.columns[k]);
       result.nuisances.prior.conservativeResize(static_cast<int>(result.nuisances.columns.size()));
       result.nuisances.prior[static_cast<int>(result.nuisances.columns.size()) - 1] =
-          kNuisancePrior * c.effect->parameters[probe.primary[k]].typical;
+          kNuisancePrior * ScaleOf(c.effect->parameters[probe.primary[k]]);
     }
   }
   const auto nuisances_beside = [&](const Candidate& c) {
@@ -364,7 +364,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
         b.upper.conservativeResize(n);
         for (int i = own; i < n; ++i) {
           const auto& p = first.model.parameter(i - own);
-          b.prior[i] = 30 * p.typical;
+          b.prior[i] = 30 * ScaleOf(p);
           b.lower[i] = p.lower - first.model.values[i - own];
           b.upper[i] = p.upper - first.model.values[i - own];
         }
@@ -387,7 +387,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
         for (const int i : s.primary) {
           const auto& p = s.start.parameter(i);
           // A step in the direction in which the first one's leftover points.
-          both.values[offset + i] = std::clamp(s.start.values[i] + 0.2 * p.typical, p.lower, p.upper);
+          both.values[offset + i] = std::clamp(s.start.values[i] + 0.2 * ScaleOf(p), p.lower, p.upper);
         }
         starts.push_back(both);
       }
@@ -425,7 +425,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       if (!number || (!own && s.candidate.effect->scope == sim::Scope::kTendon)) continue;
       for (std::size_t k = 0; k < s.columns.size(); ++k) {
         columns.push_back(&s.columns[k]);
-        prior.push_back(3 * s.start.parameter(s.primary[k]).typical);
+        prior.push_back(3 * ScaleOf(s.start.parameter(s.primary[k])));
       }
     }
     if (!columns.empty()) {
