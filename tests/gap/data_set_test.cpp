@@ -7,8 +7,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <chrono>
 #include <cmath>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -379,15 +379,15 @@ TEST_F(DataSetTest, NoBytesCrashTheReader) {
   EXPECT_GT(loaded, 60);  // else the damage tested nothing but refusals
 }
 
-// 60 s at 1 kHz. The bound is generous for loaded machines; the figure is printed.
+// 60 s at 1 kHz. The bound leaves room for slow machines and sanitizers; the figure is printed.
 TEST_F(DataSetTest, AMinuteIsReadInAFractionOfASecond) {
   DataSet set;
   set.robot = config::LoadRobot(kRobot);
   set.runs.push_back(FullRun("minute", 60000));
   WriteDataSet(set, folder_);
-  const auto start = std::chrono::steady_clock::now();
+  const std::clock_t start = std::clock();  // of the processor: other programs do not count
   const DataSet back = LoadDataSet(folder_, kRobot);
-  const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const double took = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   std::printf("%.1f MB read in %.3f s\n", static_cast<double>(fs::file_size(folder_ / "minute.csv")) * 1e-6,
               took);
   EXPECT_EQ(back.runs.at(0).time_s.size(), 60000);
