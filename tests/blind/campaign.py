@@ -279,6 +279,10 @@ class Case:
             return self.verdict in ("unexplained", "no_gap", "insufficient_data")
         return self.group_hit()
 
+    def alarm(self):
+        """A gap is claimed. A diagnosis that failed to answer has a row of its own."""
+        return self.verdict not in ("no_gap", "insufficient_data", "failed")
+
     def confident_wrong(self):
         if not self.top or self.verdict != "attributed":
             return False
@@ -342,9 +346,9 @@ def table(cases, followups, refusals):
     row("correct first cut at > 3 sigma (motor-side cell)", sum(c.first_cut() == c.truth[0]["cut"] for c in located),
         len(located), ">= 97 %")
     nulls = [c for c in cases if c.kind == "null"]
-    row("false alarms on exact nulls", sum(c.verdict not in ("no_gap", "insufficient_data") for c in nulls), len(nulls), "0 of 60")
+    row("false alarms on exact nulls", sum(c.alarm() for c in nulls), len(nulls), "0 of 60")
     nn = [c for c in cases if c.kind == "nuisance_null"]
-    row("false alarms on nuisance nulls", sum(c.verdict not in ("no_gap", "insufficient_data") for c in nn), len(nn), "-")
+    row("false alarms on nuisance nulls", sum(c.alarm() for c in nn), len(nn), "-")
     foreign = [c.unknown for c in cases if c.kind == "unlisted" and c.sigma > 1 and c.report]
     own = [c.unknown for c in known if c.sigma > 1 and c.report]
     area = auroc(foreign, own)
@@ -386,8 +390,8 @@ def table(cases, followups, refusals):
     row("follow-up resolves weak excitation", sum(c.group_hit() for c in followups), len(followups), ">= 90 %")
     row("diagnosis failed to answer", sum(c.report is None for c in cases), len(cases), "0")
     hypotheses = max((len(c.causes) for c in cases), default=0)
-    lines.append("\nBaselines on the same singles at > 3 sigma: "
-                 f"chance 1 of {hypotheses} hypotheses = {100 / max(hypotheses, 1):.1f} %")
+    lines.append("\nBaselines on the same singles at > 3 sigma: " +
+                 (f"chance 1 of {hypotheses} hypotheses = {100 / hypotheses:.1f} %" if hypotheses else "no answers"))
     names = sorted({b for c in cases for b in ((c.report or {}).get("baselines") or {})})
     for b in names:
         hit = [any(c.same(x, c.wanted[0]) for x in [c.report["baselines"][b]]) for c in strong
@@ -408,7 +412,7 @@ def table(cases, followups, refusals):
             confusion.setdefault(key, []).append(f"{c.id} ({c.sigma:.1f} sigma)")
     lines += [f"  {a} -> {b}: {', '.join(ids)}" for (a, b), ids in sorted(confusion.items())] or ["  none"]
     alarms = [f"{c.id} {c.kind} -> {c.top['effect'] if c.top else ''} [{c.verdict}]" for c in nulls + nn
-              if c.verdict not in ("no_gap", "insufficient_data")]
+              if c.alarm()]
     lines.append("\nAlarms on nulls: " + (", ".join(alarms) or "none"))
     lines.append("Refused: " + ("; ".join(f"{i}: {why}" for i, why in refusals) or "none"))
     numbers["confusion"] = [[a, b, ids] for (a, b), ids in sorted(confusion.items())]
