@@ -148,7 +148,7 @@ class Reach {
   /// Largest share of `bending_rad`, at most 1, that is allowed all the way from straight.
   double Share(const VectorXd& bending_rad, double level_N, bool commanded) {
     const auto allowed = [&](double share) { return Allowed(share * bending_rad, level_N, commanded); };
-    constexpr double kCoarse = 0.05;
+    constexpr double kCoarse = 0.125;
     double good = 0;
     while (good < 1 && allowed(std::min(1.0, good + kCoarse))) good = std::min(1.0, good + kCoarse);
     if (good >= 1) return 1;
@@ -474,7 +474,7 @@ Path Multisine(Reach& reach, const Asked& asked) {
   }
   double scale =
       std::min({asked.amplitude_rad / bend, asked.FastestBending() / rate, kQuickest_radps2 / acceleration});
-  for (int i = 0; i < n; i += 4) scale *= reach.Share(scale * m.row(i).transpose(), level, true);
+  for (int i = 0; i < n; i += 10) scale *= reach.Share(scale * m.row(i).transpose(), level, true);
   return {scale * m, FadedLevel(asked, reach.least_N(), level)};
 }
 
@@ -711,6 +711,16 @@ Program MakeProgram(const PlannedRun& run, const RobotParameters& robot,
   program.targets.topRows(still).rowwise() = active.row(0);
   program.targets.middleRows(still, active.rows() - 1) = active.topRows(active.rows() - 1);
   program.targets.bottomRows(rest).rowwise() = active.row(active.rows() - 1);
+  if (tension) {
+    // What the last motion's friction was given is taken back.
+    const double least_N = robot.limits.min_tension_N;
+    for (Eigen::Index i = 0; i < rest; ++i) {
+      const double left = 1 - Smooth(static_cast<double>(i + 1) / (0.7 * static_cast<double>(rest)));
+      auto row = program.targets.row(program.targets.rows() - rest + i);
+      row = (least_N + left * (row.array() - least_N)).matrix();
+    }
+    program.targets = RateLimited(program.targets, controller);
+  }
   return program;
 }
 

@@ -34,7 +34,8 @@ class PlanReader {
     try {
       root = YAML::Load(text);
     } catch (const YAML::Exception& e) {
-      throw std::runtime_error(fmt::format("{}:{}: not YAML: {}", name_, e.mark.line + 1, e.msg));
+      throw std::runtime_error(
+          fmt::format("{}:{}: not YAML: {}", name_, std::max(0, e.mark.line) + 1, e.msg));
     }
     if (!root.IsMap()) Refuse(root, "the file", "expected the keys name and runs");
     CheckKeys(root, "the file", {"name", "runs"});
@@ -50,7 +51,8 @@ class PlanReader {
 
  private:
   [[noreturn]] void Refuse(const YAML::Node& node, const std::string& key, const std::string& text) const {
-    throw std::runtime_error(fmt::format("{}:{}: {}: {}", name_, node.Mark().line + 1, key, text));
+    throw std::runtime_error(
+        fmt::format("{}:{}: {}: {}", name_, std::max(0, node.Mark().line) + 1, key, text));
   }
 
   void CheckKeys(const YAML::Node& map, const std::string& what, const std::set<std::string>& known) const {

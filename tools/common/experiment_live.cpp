@@ -21,7 +21,7 @@
 namespace tendril::tools {
 namespace {
 
-constexpr TimeNs kValidFor_ns = 100 * kNsPerMs, kSilence_ns = 500 * kNsPerMs;
+constexpr TimeNs kValidFor_ns = 100 * kNsPerMs, kSilence_ns = kNsPerS;
 constexpr double kRestBetween_s = 1.0, kHomeRate_radps = 0.5;
 // Slower than this, tension targets blunt the quick experiments.
 constexpr double kBriskTension_Nps = 30;
@@ -43,13 +43,13 @@ class Operator {
         ->setQueueCapacity(2000);
     lcm_->subscribe(io::ChannelName(options.channel_prefix, "RUN"), &Operator::TakeRun, this);
     const TimeNs end_ns = clock_.Now() + 3 * kNsPerS;
-    while (clock_.Now() < end_ns && (cycles_ < 2 || run_.robot_yaml.empty())) io::HandleWaiting(*lcm_, 20);
+    while (clock_.Now() < end_ns && !(every_cycle_ && !run_.robot_yaml.empty())) io::HandleWaiting(*lcm_, 20);
     const std::string where = options.lcm_url + " with prefix " + options.channel_prefix;
     if (run_.robot_yaml.empty()) {
       throw std::runtime_error("no daemon answers on " + where +
                                " within 3 s; is tendrild running, with the same --lcm and --prefix?");
     }
-    if (cycles_ < 2 || record_.input.cycle != last_cycle_ + 1) {
+    if (!every_cycle_) {
       throw std::runtime_error("the daemon on " + where +
                                " does not publish every cycle; set lcm.cycle_every_cycles to 1 in its file");
     }
@@ -100,10 +100,12 @@ class Operator {
       while (next_ns <= clock_.Now()) next_ns += period_ns;
       HandleUntil(next_ns);
       Check();
-      if (record_.output.commands_refused > refused) {
+      // One that came late is made up for by the next; anything else will be refused again.
+      if (const CycleOutput& o = record_.output; o.commands_refused > refused &&
+                                                 o.command_status != Status::kOk &&
+                                                 o.command_status != Status::kCommandStale) {
         throw std::runtime_error(fmt::format("the daemon refused a target: {} ({})",
-                                             StatusText(record_.output.command_status),
-                                             StatusRemedy(record_.output.command_status)));
+                                             StatusText(o.command_status), StatusRemedy(o.command_status)));
       }
       if (progress && t > shown_s + 0.5) progress((shown_s = t) / program.duration_s());
     }
@@ -153,12 +155,12 @@ class Operator {
  private:
   Mode mode() const { return record_.output.mode; }
 
+  // Asked for until it happens: one request may come late and be refused.
   void Release() {
-    Send(ModeRequest::kDisarm);
     const TimeNs end_ns = clock_.Now() + 30 * kNsPerS;
     while (clock_.Now() < end_ns && mode() != Mode::kConfigured && mode() != Mode::kFault) {
-      HandleUntil(clock_.Now() + 20 * kNsPerMs);
-      if (clock_.Now() - heard_ns_ > kSilence_ns) break;
+      Send(ModeRequest::kDisarm);
+      HandleUntil(clock_.Now() + 200 * kNsPerMs);
     }
     armed_ = false;
   }
@@ -205,11 +207,12 @@ class Operator {
     Command command;
     command.kind = CommandKind::kMode;
     command.mode = request;
+    command.valid_for_ns = kNsPerS;
     Send(command);
   }
   void Send(Command command) {
     command.sequence = sequence_ = std::max(sequence_ + 1, io::SequenceFromTime());
-    command.valid_for_ns = kValidFor_ns;
+    if (command.valid_for_ns == 0) command.valid_for_ns = kValidFor_ns;
     if (!client_.Send(command, EpochUs()))
       throw std::runtime_error("LCM could not send on " + options_.lcm_url);
   }
@@ -224,8 +227,7 @@ class Operator {
     if (!io::Decode(buffer->data, static_cast<int>(buffer->data_size), message_)) return;
     const std::uint64_t before = record_.input.cycle;
     if (!io::FromMessage(message_, record_)) return;
-    last_cycle_ = before;
-    ++cycles_;
+    every_cycle_ = every_cycle_ || record_.input.cycle == before + 1;
     heard_ns_ = clock_.Now();
     if (sink_) sink_(record_);
   }
@@ -244,7 +246,7 @@ class Operator {
   CycleRecord record_;
   std::function<void(const CycleRecord&)> sink_;
   TimeNs heard_ns_ = 0;
-  std::uint64_t cycles_ = 0, last_cycle_ = 0;
+  bool every_cycle_ = false;  // two that follow each other were heard
   std::uint32_t sequence_ = 0;
   bool armed_ = false;
 };

@@ -6,6 +6,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -54,6 +55,21 @@ std::optional<double> AsNumber(const std::string& text) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size()) return {};
   return value;
+}
+
+// As a person would write it: 1.955e10, not 19550000000. The same digits, so the same number.
+std::string Written(const std::string& number) {
+  const auto value = AsNumber(number);
+  if (!value || *value == 0 || (std::abs(*value) < 1e6 && std::abs(*value) >= 1e-4)) return number;
+  std::array<char, 40> text;
+  const auto end =
+      std::to_chars(text.data(), text.data() + text.size(), *value, std::chars_format::scientific).ptr;
+  std::string written(text.data(), end);
+  const std::size_t exponent = written.find('e') + 1;
+  if (written[exponent] == '+') written.erase(exponent, 1);
+  const std::size_t digits = exponent + (written[exponent] == '-');
+  while (written[digits] == '0' && digits + 1 < written.size()) written.erase(digits, 1);
+  return written;
 }
 
 bool Same(const std::string& a, const std::string& b) {
@@ -260,7 +276,7 @@ Path Join(const Path& a, const Path& b) {
 // One leaf outside the tendons' blocks, or in their common part.
 void Carry(Editor& editor, const Path& path, const YAML::Node& resolved, const Path& resolved_path) {
   if (const YAML::Node there = editor.At(path); there.IsDefined() && there.IsScalar()) {
-    return editor.Replace(there, Find(resolved, resolved_path).Scalar());
+    return editor.Replace(there, Written(Find(resolved, resolved_path).Scalar()));
   }
   // Not in the file: the first missing key gets all that belongs to it.
   for (std::size_t depth = path.size(); depth-- > 0;) {
@@ -340,7 +356,7 @@ void CarryTendons(Editor& editor, const RobotParameters& before, const RobotPara
         continue;
       }
       if (const auto change = by_tendon.find(j); change != by_tendon.end()) {
-        editor.Replace(editor.At(Join(own(j), path)), change->second);
+        editor.Replace(editor.At(Join(own(j), path)), Written(change->second));
       }
     }
     const bool alike = !sharing.empty() && std::all_of(sharing.begin(), sharing.end(), [&](std::size_t j) {
