@@ -272,13 +272,6 @@ class Case:
         return self.verdict == "ambiguous_group" and g > 0 and any(
             c.get("group") == g and self.same(c, self.wanted[0]) for c in self.causes)
 
-    def right(self):
-        if self.kind in ("null", "nuisance_null"):
-            return self.verdict == "no_gap"
-        if self.kind == "unlisted":
-            return self.verdict in ("unexplained", "no_gap", "insufficient_data")
-        return self.group_hit()
-
     def alarm(self):
         """A gap is claimed. A diagnosis that failed to answer has a row of its own."""
         return self.verdict not in ("no_gap", "insufficient_data", "failed")
