@@ -122,6 +122,34 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
   if (chosen != nullptr) chosen->first = true;
 }
 
+/// Effects that change no channel by half its floor when they deviate by what their registry calls plainly
+/// visible.
+std::vector<std::string> Unseen(const Evaluator& evaluator, const SearchResult& search) {
+  constexpr double kSeen = 0.5;
+  std::vector<std::string> unseen;
+  for (const sim::Effect& effect : sim::Effects()) {
+    double most = 0;
+    for (const auto& s : search.screened) {
+      if (s.candidate.effect != &effect) continue;
+      for (std::size_t k = 0; k < s.columns.size(); ++k) {
+        const double deviation = ScaleOf(s.start.parameter(s.primary[k]));
+        for (int c = 0; c < static_cast<int>(evaluator.channels().size()); ++c) {
+          double square = 0, count = 0;
+          for (const auto& run : s.columns[k]) {
+            if (run.empty() || run[c].size() == 0) continue;
+            square += run[c].squaredNorm();
+            count += static_cast<double>(run[c].size());
+          }
+          if (count > 0)
+            most = std::max(most, deviation * std::sqrt(square / count) / evaluator.channels()[c].floor);
+        }
+      }
+    }
+    if (most < kSeen) unseen.emplace_back(effect.name);
+  }
+  return unseen;
+}
+
 }  // namespace
 
 Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
@@ -173,6 +201,17 @@ Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
   d.accepted = judgement.accepted;
   d.confusable = judgement.confusable;
   d.leftover_sigma = judgement.leftover_sigma;
+
+  // What these runs could not have shown however wrong it was.
+  const std::vector<std::string> unseen = Unseen(evaluator, search);
+  if (!unseen.empty()) {
+    std::string names;
+    for (const auto& name : unseen) names += (names.empty() ? "" : ", ") + name;
+    d.degradations.push_back("too weakly excited to be seen even when plainly wrong: " + names);
+  }
+  if (d.verdict == Verdict::kNoGap && 2 * unseen.size() > sim::Effects().size()) {
+    d.verdict = Verdict::kInsufficientData;
+  }
 
   const Residuals& before = evaluator.AtNominal();
   const Fit* shown = judgement.best;

@@ -23,7 +23,10 @@ using Quantity = Channel::Quantity;
 constexpr double kWindow_s = 0.02;  // residuals are averaged over this: slower than the sensors' white noise
 constexpr double kBendingWindow_s = 0.15;  // over which the tracker corrects the simulated bending
 constexpr int kReadings = 4;               // alternative readings of the same log, see Prepare
-constexpr double kTransient = 4;           // times the white noise's variance, within one window
+// Nobody cares about less than this share of the floor, nor of the signal: simulations of one model agree no
+// better.
+constexpr double kFloorShare = 0.2, kSignalShare = 1e-3;
+constexpr double kTransient = 4;  // times the white noise's variance, within one window
 constexpr double kResolutionWindow_s = 0.25;
 
 Eigen::Vector3d RotationVector(const Eigen::Matrix3d& R) {
@@ -551,7 +554,26 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
     }
     Channel& channel = channels_[c];
     channel.floor = std::sqrt(std::max(Median(variances), channel.white * channel.white));
-    channel.delta = 0.2 * channel.floor;
+    double square = 0, signal_sum = 0, signals = 0;
+    for (const auto& run : runs_) {
+      const auto add = [&](const Eigen::MatrixXd& signal) {
+        for (int i = 0; i < signal.rows(); ++i) {
+          const double value = signal(i, channel.index);
+          if (!std::isfinite(value)) continue;
+          square += value * value, signal_sum += value, signals += 1;
+        }
+      };
+      if (channel.quantity == Quantity::kTension) add(run.cell_N);
+      if (channel.quantity == Quantity::kTipPosition) add(run.tip_m);
+      if (channel.quantity == Quantity::kTipDirection && !run.tip_R.empty()) {
+        Eigen::MatrixXd turns(static_cast<int>(run.tip_R.size()), 3);
+        for (int k = 0; k < turns.rows(); ++k) turns.row(k) = RotationVector(run.tip_R[k]);
+        add(turns);
+      }
+    }
+    const double spread =
+        signals > 0 ? std::sqrt(std::max(0.0, square / signals - std::pow(signal_sum / signals, 2))) : 0;
+    channel.delta = std::hypot(kFloorShare * channel.floor, kSignalShare * spread);
     if (channel.quantity == Quantity::kTension && options.delta_N > 0) channel.delta = options.delta_N;
     if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
   }

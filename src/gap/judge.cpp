@@ -16,7 +16,7 @@ using Quantity = Channel::Quantity;
 // Set on open data sets of another simulator of the rig (tests/blind), never on sealed ones.
 constexpr double kTemperature =
     2.0;  // log scores are divided by this and by a share of the best score: a law that
-constexpr double kRelativeTemperature = 0.01;  // differs a little from the real one costs in proportion
+constexpr double kRelativeTemperature = 0.005;  // differs a little from the real one costs in proportion
 constexpr double kGapGain = 25.0;      // log score that the best cause must bring to count as a gap by itself
 constexpr double kGapSteepness = 6.0;  // of the change from "no gap" to "gap" about the materiality
 constexpr double kUnknownFloor = 0.3;  // sigma that may remain beyond the floor
@@ -341,7 +341,16 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
     if (f.excess) j.before_sigma = std::max(j.before_sigma, f.excess_sigma);
   }
 
-  const Fit* single = search.fits.empty() ? nullptr : &search.fits.front();
+  // Every further parameter is another way to take up what a simpler cause has nearly explained.
+  const double most = search.fits.empty() ? 0 : search.fits.front().held_out_score - search.base_score;
+  const double temperature = kTemperature + kRelativeTemperature * std::max(0.0, most);
+  const double same_gain = kSame * temperature;
+  const auto cost = [&](const Fit& fit) { return kParameterCost * temperature * (fit.model.size() - 1); };
+  const Fit* single = nullptr;
+  for (const Fit& fit : search.fits) {
+    if (single == nullptr || fit.held_out_score - cost(fit) > single->held_out_score - cost(*single))
+      single = &fit;
+  }
   const Fit* pair = search.pairs.empty() ? nullptr : &search.pairs.front();
   const double gain = single ? single->held_out_score - search.base_score : 0;
 
@@ -360,16 +369,16 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
   bool two = false;
   if (single && pair && pair->held_out_score - single->held_out_score > kPairGain) {
     const ChannelScore after_pair = ScoreChannels(evaluator, pair->held_out, nominal);
-    double most = 0, gap_in_all = 0, more_in_all = 0;
+    double in_one = 0, gap_in_all = 0, more_in_all = 0;
     for (int c = 0; c < before.square.size(); ++c) {
       const double gap = before.Excess(c) * before.Excess(c);
       const double more = after_single.square[c] - after_pair.square[c];
       gap_in_all += gap / std::pow(evaluator.channels()[c].floor, 2);
       more_in_all += more / std::pow(evaluator.channels()[c].floor, 2);
       if (more > kPairShare * gap)
-        most = std::max(most, std::sqrt(std::max(0.0, more)) / evaluator.channels()[c].delta);
+        in_one = std::max(in_one, std::sqrt(std::max(0.0, more)) / evaluator.channels()[c].delta);
     }
-    two = most > kPairDeltas && more_in_all > kPairShare * gap_in_all;
+    two = in_one > kPairDeltas && more_in_all > kPairShare * gap_in_all;
   }
   const Fit* best = two ? pair : single;
 
@@ -398,8 +407,6 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
   const double p_unknown = p_gap * (1 - 1 / (1 + std::pow(unknown, kUnknownSteepness)));
 
   // ---- which cause? ----
-  const double temperature = kTemperature + kRelativeTemperature * std::max(0.0, gain);
-  const double same_gain = kSame * temperature;
   struct Scored {
     Cause cause;
     double gain = 0;
@@ -411,8 +418,6 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
     return std::any_of(scored.begin(), scored.end(),
                        [&](const Scored& s) { return s.cause.effect == effect && s.cause.where == where; });
   };
-  // Every further parameter is another way to take up what a simpler cause has nearly explained.
-  const auto cost = [&](const Fit& fit) { return kParameterCost * temperature * (fit.model.size() - 1); };
   for (const Fit& fit : search.fits) {
     scored.push_back({CauseOf(fit, 0), fit.held_out_score - search.base_score - cost(fit), &fit, nullptr});
   }
@@ -489,7 +494,7 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
     for (const Fit& fit : search.fits) {
       if (&fit == single) continue;
       const double cosine = Cosine(weights, nominal, single->residuals, fit.residuals);
-      const double behind = single->held_out_score - fit.held_out_score;
+      const double behind = single->held_out_score - cost(*single) - fit.held_out_score + cost(fit);
       if (cosine < kSameCosine) continue;
       j.confusable.push_back(
           {single->model.parts[0].Name(), fit.model.parts[0].Name(), cosine, behind, behind < same_gain});
@@ -594,8 +599,8 @@ std::vector<Closure> Closures(const Evaluator& evaluator, const Residuals& befor
     closure.after_rms = std::sqrt(all_after.square[c]);
     closure.floor_rms = std::sqrt(all_before.noise[c]);
     if (all_before.Excess(c, kNoiseSlack) > channel.delta) {
-      const double value =
-          1 - (all_after.square[c] - all_before.noise[c]) / (all_before.square[c] - all_before.noise[c]);
+      const double value = 1 - std::max(0.0, all_after.square[c] - all_before.noise[c]) /
+                                   (all_before.square[c] - all_before.noise[c]);
       Resampler resampler{std::mt19937_64(seed + c)};
       std::vector<double> draws;
       for (int k = 0; k < kResamples; ++k) {
@@ -604,7 +609,7 @@ std::vector<Closure> Closures(const Evaluator& evaluator, const Residuals& befor
           over += a[i].square[c] - b[i].noise[c];
           under += b[i].square[c] - b[i].noise[c];
         }
-        if (under > 0) draws.push_back(1 - over / under);
+        if (under > 0) draws.push_back(1 - std::max(0.0, over) / under);
       }
       closure.closed = WithInterval(value, draws);
     }
@@ -640,9 +645,9 @@ std::optional<Estimate> PooledClosure(const Evaluator& evaluator, const Residual
   for (int k = 0; k < kResamples; ++k) {
     double o = 0, u = 0;
     for (const int i : resampler.Draw(runs)) o += over[i], u += under[i];
-    if (u > 0) draws.push_back(1 - o / u);
+    if (u > 0) draws.push_back(1 - std::max(0.0, o) / u);
   }
-  return WithInterval(1 - total_over / total_under, draws);
+  return WithInterval(1 - std::max(0.0, total_over) / total_under, draws);
 }
 
 }  // namespace tendril::gap

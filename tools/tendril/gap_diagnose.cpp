@@ -94,12 +94,13 @@ void AddGapDiagnoseCommand(CLI::App& app) {
       ->required();
   command->add_option("--out", options->out, "folder for report.html and report.json")->capture_default_str();
   command
-      ->add_option("--delta-N", options->diagnose.delta_N,
-                   "tension difference below which nobody cares [N]; default 0.2 of the noise floor")
+      ->add_option(
+          "--delta-N", options->diagnose.delta_N,
+          "tension difference below which nobody cares [N]; default from the noise floor and the signal")
       ->check(CLI::PositiveNumber);
   command
       ->add_option("--delta-mm", options->delta_mm,
-                   "tip distance below which nobody cares [mm]; default 0.2 of the noise floor")
+                   "tip distance below which nobody cares [mm]; default from the noise floor and the signal")
       ->check(CLI::PositiveNumber);
   command
       ->add_option("--seed", options->diagnose.seed,

@@ -1,0 +1,228 @@
+// The diagnosis from logs to verdict: runs of the simulated rig with an effect planted, recorded as its
+// sensors show them.
+#include "tendril/gap/diagnose.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "tendril/config/config.h"
+#include "tendril/gap/report.h"
+#include "tendril/sim/effects.h"
+#include "tendril/sim/plant.h"
+
+namespace tendril {
+namespace {
+
+using gap::DataSet;
+using gap::Diagnosis;
+using gap::Run;
+using gap::Verdict;
+
+RobotParameters Rig() { return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"); }
+
+/// Torque at the motor that about holds a tension.
+constexpr double kTorquePerN = 0.008 / 19;
+
+/// Base tensions wanted at a time of a family's run [N].
+Eigen::Vector3d Wanted(const std::string& family, double t) {
+  constexpr double kRest_s = 0.5;
+  const Eigen::Vector3d rest(0.3, 0.3, 0.3);
+  if (t < kRest_s) return rest;
+  const double s = t - kRest_s;
+  const double begin = std::min(1.0, s);
+  Eigen::Vector3d wanted = rest;
+  for (int j = 0; j < 3; ++j) {
+    const double phase = 2 * std::numbers::pi * j / 3;
+    if (family == "circle") wanted[j] += begin * 3.5 * (1 + std::sin(1.6 * s - phase));
+    if (family == "triangle") {
+      const double part = std::fmod(s / 3 + j / 3.0, 1.0);
+      wanted[j] += begin * 7 * (1 - std::abs(2 * part - 1));
+    }
+    if (family == "multisine") {
+      wanted[j] += begin * (3.2 + 1.8 * std::sin(3 * s + phase) + 0.9 * std::sin(13 * s + 2 * phase));
+    }
+  }
+  return wanted;
+}
+
+/// One run as the rig's sensors show it, at 1 kHz, the tracker at 100 Hz.
+Run Record(const RobotParameters& plant_robot, const std::string& family, double duration_s,
+           std::uint64_t seed) {
+  sim::Plant plant(plant_robot, {.seed = seed});
+  const RobotParameters nominal = Rig();
+  const auto& p = nominal.actuation->tendons[0];
+  const int samples = static_cast<int>(duration_s * 1000);
+  Run run;
+  run.name = family;
+  run.family = family;
+  run.time_s = Eigen::VectorXd::LinSpaced(samples, 0, 1e-3 * (samples - 1));
+  for (auto* matrix :
+       {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N}) {
+    matrix->setZero(samples, 3);
+  }
+  run.tip_m.setConstant(samples, 3, std::nan(""));
+  run.tip_quaternion.setConstant(samples, 4, std::nan(""));
+  Eigen::Vector3d sent = Wanted(family, 0) * kTorquePerN;
+  for (int i = 0; i < samples; ++i) {
+    const auto sensors = plant.ReadSensors();
+    const Eigen::Vector3d target = Wanted(family, 1e-3 * i) * kTorquePerN;
+    for (int j = 0; j < 3; ++j) {
+      run.torque_target_Nm(i, j) = target[j];
+      run.torque_actual_Nm(i, j) = sensors[j].torque_Nm;
+      run.motor_position_rad(i, j) =
+          2 * std::numbers::pi / p.drive.encoder_counts_per_turn * sensors[j].encoder_counts;
+      run.tension_N(i, j) = sensors[j].load_cell_V / p.load_cell.gain_VpN;
+    }
+    if (i % 10 == 0) {
+      const auto seen = plant.ReadTracker();
+      run.tip_m.row(i) = seen.tip_W_m;
+      const auto& o = seen.orientation_WT;
+      run.tip_quaternion.row(i) << o.w(), o.x(), o.y(), o.z();
+    }
+    // A target acts at the SYNC after the cycle in which it was sent.
+    plant.SetTorque(sent);
+    sent = target;
+    plant.Advance(kNsPerMs);
+  }
+  return run;
+}
+
+/// Three families and a repetition, some 30 s in all.
+DataSet Recorded(const std::string& effect, double duration_s = 7) {
+  DataSet set;
+  set.name = "test";
+  set.robot = Rig();
+  RobotParameters plant = Rig();
+  if (!effect.empty()) plant.effects.push_back(sim::ParseEffect(effect, plant));
+  std::uint64_t seed = 11;
+  for (const char* family : {"circle", "triangle", "multisine"}) {
+    set.runs.push_back(Record(plant, family, duration_s, seed++));
+  }
+  set.runs.push_back(Record(plant, "circle", duration_s, seed++));
+  set.runs.back().name = "circle again";
+  set.runs.back().repeat_of = "circle";
+  return set;
+}
+
+const gap::Cause* Named(const Diagnosis& d, const std::string& effect) {
+  for (const auto& cause : d.causes) {
+    if (cause.effect == effect) return &cause;
+  }
+  return nullptr;
+}
+
+sim::Cut First(const Diagnosis& d) {
+  for (const auto& finding : d.location) {
+    if (finding.first) return finding.cut;
+  }
+  return sim::Cut::kClock;
+}
+
+TEST(Diagnose, NominalRigHasNoGap) {
+  const Diagnosis d = Diagnose(Recorded(""), {});
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_TRUE(d.accepted.empty());
+}
+
+struct Planted {
+  const char* effect;
+  const char* parameter;
+  double value;
+  double tolerance;
+  sim::Cut cut;
+};
+
+class DiagnosePlanted : public testing::TestWithParam<Planted> {};
+
+TEST_P(DiagnosePlanted, IsFoundWithItsPlaceItsValueAndCloses) {
+  const Planted& planted = GetParam();
+  const Diagnosis d = Diagnose(Recorded(planted.effect), {});
+  const EffectSetting setting = sim::ParseEffect(planted.effect, Rig());
+  EXPECT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  ASSERT_EQ(d.accepted.size(), 1u) << d.sentence;
+  EXPECT_EQ(d.accepted[0].effect, setting.name);
+  EXPECT_EQ(d.accepted[0].where, setting.where);
+  EXPECT_NEAR(d.accepted[0].parameters.at(planted.parameter).value, planted.value, planted.tolerance);
+  EXPECT_EQ(First(d), planted.cut);
+  ASSERT_TRUE(d.closed.has_value());
+  EXPECT_GT(d.closed->value, 0.9);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Effects, DiagnosePlanted,
+    testing::Values(Planted{"bending_stiffness scale=0.93", "scale", 0.93, 0.005, sim::Cut::kShape},
+                    Planted{"torque_constant scale=0.88", "scale", 0.88, 0.01, sim::Cut::kDrivetrain},
+                    Planted{"cell_gain where=tendon:2 scale=1.06", "scale", 1.06, 0.006, sim::Cut::kSensors},
+                    Planted{"tendon_stiffness scale=0.8", "scale", 0.8, 0.03, sim::Cut::kTendon}));
+
+TEST(Diagnose, AnEffectOutsideTheLibraryIsNotAccused) {
+  gap::DiagnoseOptions options;
+  options.without = {"backlash"};
+  const Diagnosis d = Diagnose(Recorded("backlash rad=0.3"), options);
+  EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
+  ASSERT_NE(Named(d, "unknown"), nullptr);
+  EXPECT_GT(Named(d, "unknown")->p, 0.5);
+}
+
+TEST(Diagnose, TheSameForAnyNumberOfThreads) {
+  const DataSet set = Recorded("tip_payload mass_kg=0.002", 4);
+  gap::DiagnoseOptions one, two;
+  one.threads = 1;
+  two.threads = 2;
+  Diagnosis a = Diagnose(set, one), b = Diagnose(set, two);
+  a.seconds = b.seconds = 0;
+  EXPECT_EQ(gap::ReportJson(a), gap::ReportJson(b));
+}
+
+TEST(Diagnose, WithoutATrackerItSaysWhatCannotBeSeen) {
+  DataSet set = Recorded("torque_constant scale=0.9", 4);
+  for (auto& run : set.runs) {
+    run.tip_m.resize(0, 0);
+    run.tip_quaternion.resize(0, 0);
+  }
+  const Diagnosis d = Diagnose(set, {});
+  EXPECT_EQ(First(d), sim::Cut::kDrivetrain);
+  ASSERT_FALSE(d.causes.empty());
+  EXPECT_EQ(d.causes[0].effect, "torque_constant") << d.sentence;
+  bool said = false;
+  for (const auto& text : d.degradations) said |= text.find("no tracker") != std::string::npos;
+  EXPECT_TRUE(said);
+}
+
+// Delay and lag of a torque that changes slowly are the same thing.
+TEST(Diagnose, CausesThatTheRunsCannotTellApartAreAGroup) {
+  const Diagnosis d = Diagnose(Recorded("command_delay s=0.004", 4), {});
+  EXPECT_EQ(First(d), sim::Cut::kCurrentLoop) << d.sentence;
+  ASSERT_EQ(d.verdict, Verdict::kAmbiguousGroup) << d.sentence;
+  ASSERT_NE(Named(d, "command_delay"), nullptr);
+  ASSERT_NE(Named(d, "torque_loop_lag"), nullptr);
+  EXPECT_EQ(Named(d, "command_delay")->group, 1);
+  EXPECT_EQ(Named(d, "torque_loop_lag")->group, 1);
+}
+
+TEST(Diagnose, RunsThatHardlyMoveAreNotEnough) {
+  DataSet set;
+  set.robot = Rig();
+  for (const char* name : {"still", "still again", "still once more"}) {
+    set.runs.push_back(Record(Rig(), "rest", 3, set.runs.size() + 1));
+    set.runs.back().name = name;
+  }
+  const Diagnosis d = Diagnose(set, {});
+  EXPECT_EQ(d.verdict, Verdict::kInsufficientData) << d.sentence;
+}
+
+TEST(Diagnose, LogsWithoutMotorPositionsAreRefused) {
+  DataSet set = Recorded("", 2);
+  set.runs[1].motor_position_rad.resize(0, 0);
+  try {
+    Diagnose(set, {});
+    FAIL() << "accepted";
+  } catch (const std::runtime_error& e) {
+    EXPECT_NE(std::string(e.what()).find("motor_position_rad"), std::string::npos) << e.what();
+  }
+}
+
+}  // namespace
+}  // namespace tendril
