@@ -49,9 +49,11 @@ def main():
             errors.plot(t, 1e3 * np.linalg.norm(tip - wanted, axis=0), color=colour,
                         label=f"{name}: rms {1e3 * run['tip_rms_error_m']:.2f} mm")
             path.plot(1e3 * tip[a], 1e3 * tip[b], color=colour, lw=1)
-        errors.set(title=trajectory["description"], xlabel="time [s]", ylabel="tip error [mm]", ylim=(0, None))
+        errors.set_title(trajectory["description"], fontsize=10)
+        errors.set(xlabel="time [s]", ylabel="tip error [mm]", ylim=(0, None))
         errors.legend(fontsize=8)
-        path.set(xlabel=f"{'xyz'[a]} [mm]", ylabel=f"{'xyz'[b]} [mm]", title="tip, wanted dashed")
+        path.set(xlabel=f"{'xyz'[a]} [mm]", ylabel=f"{'xyz'[b]} [mm]")
+        path.set_title("tip, wanted dashed", fontsize=10)
         path.set_aspect("equal", adjustable="datalim")
         for axis in (errors, path):
             axis.grid(alpha=0.3)

@@ -2,6 +2,8 @@
 // found.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -31,6 +33,15 @@ std::string ReadText(const std::string& path) {
   text << in.rdbuf();
   if (!in || fs::is_directory(path)) throw std::runtime_error("cannot read " + path);
   return text.str();
+}
+
+// A value without digits that its interval does not know: what is rounded off is a hundredth of it at most.
+double Sensible(const gap::Estimate& e) {
+  const double width = e.high - e.low;
+  if (!(width > 0) || !std::isfinite(width) || !std::isfinite(e.value)) return e.value;
+  const int digits = std::clamp(-static_cast<int>(std::floor(std::log10(width / 50))), -15, 15);
+  const double rounded = std::stod(fmt::format("{:.{}f}", e.value, std::max(0, digits)));
+  return rounded >= e.low && rounded <= e.high ? rounded : e.value;
 }
 
 std::vector<std::string> Provenance(const gap::Diagnosis& d, const std::string& report) {
@@ -89,7 +100,7 @@ void RunApply(const ApplyOptions& options) {
       throw std::runtime_error(options.report + ": it accepted no cause: there is nothing to apply");
     for (const gap::Cause& cause : d.accepted) {
       EffectSetting setting{.name = cause.effect, .where = cause.where, .values = {}};
-      for (const auto& [name, value] : cause.parameters) setting.values.emplace_back(name, value.value);
+      for (const auto& [name, value] : cause.parameters) setting.values.emplace_back(name, Sensible(value));
       effects.push_back(setting);
     }
     if (d.robot_name != robot.name) {
