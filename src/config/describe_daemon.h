@@ -122,12 +122,19 @@ void Describe(Io& io, LcmParameters& p) {
 }
 
 template <class Io>
+void Describe(Io& io, BlackBoxParameters& p) {
+  io.Number("seconds", p.seconds, {1, 120});
+  io.Text("folder", p.folder, kFolderRule);
+}
+
+template <class Io>
 void Describe(Io& io, DaemonParameters& p) {
   io.Text("robot", p.robot_file, kPathRule);
   io.Block("controller", p.controller);
   io.Block("bus", p.bus);
   io.Block("realtime", p.realtime);
   io.Block("lcm", p.lcm);
+  io.OptionalBlock("black_box", p.black_box);
 }
 
 }  // namespace tendril::config

@@ -36,6 +36,12 @@ inline constexpr TextRule kPathRule{
       return !t.empty() && std::none_of(t.begin(), t.end(), [](unsigned char c) { return std::iscntrl(c); });
     },
     "the path of a robot file, absolute or relative to this file"};
+inline constexpr TextRule kFolderRule{[](std::string_view t) {
+                                        return t.starts_with('/') &&
+                                               std::none_of(t.begin(), t.end(),
+                                                            [](unsigned char c) { return std::iscntrl(c); });
+                                      },
+                                      "the absolute path of a folder, e.g. /var/lib/tendrild"};
 inline constexpr TextRule kLcmUrlRule{
     [](std::string_view t) {
       return (t.starts_with("udpm://") || t.starts_with("memq://") || t.starts_with("tcpq://")) &&

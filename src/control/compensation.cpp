@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "state_archive.h"
+
 namespace tendril::control {
 
 Compensation::Compensation(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
@@ -52,5 +54,7 @@ Compensation::Result Compensation::Step(double tension_base_N, double shortening
   }
   return r;
 }
+
+void Compensation::Remember(StateArchive& a) noexcept { a.Operators(presliding_); }
 
 }  // namespace tendril::control

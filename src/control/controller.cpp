@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "state_archive.h"
 #include "tendril/control/compensation.h"
 #include "tendril/control/estimator.h"
 #include "tendril/control/gate.h"
@@ -114,6 +115,7 @@ struct Controller::Impl {
   void TensionsForMode(CycleOutput& output) noexcept;
   void TorquesForTensions(CycleOutput& output) noexcept;
 
+  void Remember(StateArchive& archive) noexcept;
   Status CheckDrives(const CycleInput& input, CycleOutput& output) noexcept;
   void EnterMode(Mode mode, const CycleInput& input) noexcept;
   bool RampTensions(const TendonVector& towards_N) noexcept;
@@ -142,8 +144,8 @@ struct Controller::Impl {
   std::vector<Compensation> compensation;
   Estimator estimator;
 
-  ForceMatrix force_per_tension;
-  TendonVector tension_N;  // wanted at the base, as put out last
+  ForceMatrix force_per_tension;  // of this cycle only, as are q to unit_force_Nm
+  TendonVector tension_N;         // wanted at the base, as put out last
   BendingVector goal_rad, goal_rate_radps;
   UnitVector q, dq, ddq, unit_force_Nm;
   bool joined = false;  // tension_N follows its source without the ramp
@@ -486,11 +488,48 @@ void Controller::Impl::TorquesForTensions(CycleOutput& output) noexcept {
   }
 }
 
+// Whatever outlives a cycle; a member that is missing here shows as a difference in replay.
+void Controller::Impl::Remember(StateArchive& a) noexcept {
+  gate.Remember(a);
+  supervisor.Remember(a);
+  trajectory.Remember(a);
+  for (Compensation& k : compensation) k.Remember(a);
+  estimator.Remember(a);
+  a.Vector(tension_N, {tendons});
+  a.Vector(goal_rad, {2 * sections});
+  a.Vector(goal_rate_radps, {2 * sections});
+  a.Value(joined);
+  a.Choice(source, CommandKind::kMode);
+  a.Value(settled_since_ns);
+  a.Value(accepted);
+  a.Value(refused);
+  a.Value(missing);
+  a.Choice(command_status, static_cast<Status>(999));
+}
+
 // -----------------------------------------------------------------------------------------------------------
 
 Controller::Controller(const RobotParameters& robot, const ControllerParameters& parameters, TimeNs period_ns)
     : impl_(std::make_unique<Impl>(robot, parameters, period_ns)) {}
 
 Controller::~Controller() = default;
+
+std::size_t Controller::state_bytes() const noexcept {
+  StateArchive archive;
+  impl_->Remember(archive);
+  return archive.bytes();
+}
+
+void Controller::SaveState(std::span<std::byte> bytes) const noexcept {
+  auto archive = StateArchive::Saver(bytes);
+  impl_->Remember(archive);
+}
+
+bool Controller::LoadState(std::span<const std::byte> bytes) noexcept {
+  if (bytes.size() != state_bytes()) return false;
+  auto archive = StateArchive::Loader(bytes);
+  impl_->Remember(archive);
+  return archive.ok();
+}
 
 }  // namespace tendril::control

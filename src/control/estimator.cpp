@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "state_archive.h"
 #include "tendril/model/inverse.h"
 
 namespace tendril::control {
@@ -112,6 +113,14 @@ void Estimator::EstimateBending(const TendonVector& shortening_m) noexcept {
     if (bend > 1.5 * max_bending_rad_) best.segment<2>(2 * k) *= 1.5 * max_bending_rad_ / bend;
   }
   bending_rad_ = best;
+}
+
+void Estimator::Remember(StateArchive& a) noexcept {
+  for (Tendon& t : tendons_) {
+    a.Value(t.zero_counts);
+    a.Operators(t.presliding);
+  }
+  a.Vector(bending_rad_, {2 * body_.sections()});
 }
 
 }  // namespace tendril::control

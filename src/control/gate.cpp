@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "state_archive.h"
+
 namespace tendril::control {
 namespace {
 
@@ -126,6 +128,25 @@ Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns) noexcept {
   target_.tension_N = c.tension_N;
   target_.speed_radps = c.speed_radps > 0 ? c.speed_radps : default_speed_radps_;
   return Status::kOk;
+}
+
+void CommandGate::Remember(StateArchive& a) noexcept {
+  const Eigen::Index k2 = 2 * sections_, m = tendons_;
+  a.Value(any_);
+  a.Value(last_sequence_);
+  a.Value(last_seen_ns_);
+  a.Choice(target_.kind, CommandKind::kMode);
+  a.Value(target_.since_ns);
+  a.Value(target_.valid_for_ns);
+  a.Vector(target_.tip_W_m);
+  a.Vector(target_.tip_velocity_W_mps);
+  a.Vector(target_.bending_rad, {0, k2});
+  a.Vector(target_.bending_rate_radps, {0, k2});
+  a.Vector(target_.tension_N, {0, m});
+  a.Value(target_.speed_radps);
+  a.Require(target_.valid_for_ns >= 0);
+  a.Require(target_.kind != CommandKind::kBending || target_.bending_rad.size() == k2);
+  a.Require(target_.kind != CommandKind::kTension || target_.tension_N.size() == m);
 }
 
 }  // namespace tendril::control

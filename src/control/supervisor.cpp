@@ -1,5 +1,7 @@
 #include "tendril/control/supervisor.h"
 
+#include "state_archive.h"
+
 namespace tendril::control {
 namespace {
 
@@ -45,6 +47,11 @@ bool Supervisor::Handle(Event event, Status cause) noexcept {
     return true;
   }
   return false;
+}
+
+void Supervisor::Remember(StateArchive& a) noexcept {
+  a.Choice(mode_, Mode::kFault);
+  a.Choice(cause_, static_cast<Status>(999));
 }
 
 }  // namespace tendril::control

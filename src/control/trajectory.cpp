@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "state_archive.h"
+
 namespace tendril::control {
 namespace {
 
@@ -100,6 +102,23 @@ void Trajectory::Average() noexcept {
   reference_.position_rad = mean_.Mean();
   reference_.velocity_radps = (y2 - left_y2) / window_s;
   reference_.acceleration_radps2 = (y2_rate - left_rate) / window_s;
+}
+
+void Trajectory::Window::Remember(StateArchive& a) noexcept {
+  a.Value(next_);
+  a.Require(next_ >= 0 && next_ < samples_);
+  for (auto& v : ring_) a.Vector(v, {v.size()});
+  a.Vector(sum_, {sum_.size()});
+}
+
+void Trajectory::Remember(StateArchive& a) noexcept {
+  position_.Remember(a);
+  mean_.Remember(a);
+  mean_rate_.Remember(a);
+  for (BendingVector* v :
+       {&followed_, &reference_.position_rad, &reference_.velocity_radps, &reference_.acceleration_radps2}) {
+    a.Vector(*v, {2 * sections_});
+  }
 }
 
 }  // namespace tendril::control

@@ -17,9 +17,11 @@
 #include "tendril/config/config.h"
 #include "tendril/control/controller.h"
 #include "tendril/core/version.h"
+#include "tendril/daemon/black_box.h"
 #include "tendril/daemon/control_cycle.h"
 #include "tendril/daemon/wiring.h"
 #include "tendril/io/log.h"
+#include "tendril/io/wire.h"
 #include "tendril/rt/cyclic.h"
 #include "tendril/rt/handoff.h"
 
@@ -38,6 +40,8 @@ constexpr TimeNs kDisarmWithin_ns = 1200 * kNsPerMs;
 constexpr TimeNs kStopWithin_ns = 1850 * kNsPerMs;
 
 constexpr int kLcmWait_ms = 1;
+// Of a black box between two looks at LCM: about a millisecond.
+constexpr int kBlackBoxCycles = 200;
 constexpr TimeNs kReportEvery_ns = kNsPerS;
 constexpr TimeNs kStatisticsEvery_ns = 60 * kNsPerS;
 
@@ -111,6 +115,10 @@ struct Daemon::State {
     if (!o.log_path.empty()) log.emplace(gateway, o.log_path, clock);
     run = {config::ToYaml(o.robot), config::ToYaml(o.parameters), std::string(Version()),
            std::string(GitRevision()), EpochUs()};
+    if (o.parameters.black_box) {
+      black_box.emplace(*o.parameters.black_box, o.parameters.lcm, ShapeOf(o.robot), run,
+                        io::EpochOffsetUs(clock), o.parameters.bus.cycle_ns, controller);
+    }
     gateway.OnCommand([this](const Command& c) { commands.TryPush(c); });
     gateway.OnTracker([this](const TrackerSample& s) { tracker.TryPush(s); });
   }
@@ -136,6 +144,7 @@ struct Daemon::State {
 
     cycle.Run(start, NextCommand(now_ns), NextTrackerSample(), record);
     records.TryPush(record);
+    if (black_box) black_box->Add(record, controller);
     ForwardEvents();
     tick.store(start.cycle + 1, std::memory_order_relaxed);
 
@@ -203,6 +212,7 @@ struct Daemon::State {
     while (!finished.load(std::memory_order_acquire)) {
       gateway.Handle(kLcmWait_ms);
       Publish();
+      WriteBlackBox();
       const TimeNs now_ns = clock.Now();
       service.Alive(tick.load(std::memory_order_relaxed), now_ns);
       if (now_ns >= report_ns) {
@@ -252,6 +262,12 @@ struct Daemon::State {
     }
   }
 
+  void WriteBlackBox() {
+    if (!black_box) return;
+    const std::string text = black_box->WriteSome(kBlackBoxCycles);
+    if (!text.empty()) Event(Status::kOk, "black box", text);
+  }
+
   // Once a second: the run record, what was lost, how it goes.
   void Report() {
     gateway.PublishRun(run);
@@ -297,6 +313,7 @@ struct Daemon::State {
   ControlCycle cycle;
   std::optional<io::LogWriter> log;
   io::RunInfo run;
+  std::optional<BlackBox> black_box;
 
   rt::Handoff<Command> commands{kCommandQueue};
   rt::Handoff<TrackerSample> tracker{kTrackerQueue};
@@ -342,9 +359,14 @@ void Daemon::Run(const std::function<bool()>& stop) {
       }
       s.Event(Status::kOk, "realtime", problems);
     }
+    if (s.black_box) {
+      const std::string problem = s.black_box->CheckFolder();
+      if (!problem.empty()) s.Event(Status::kOk, "black box", problem);
+    }
     s.Serve(stop);
   }
   s.Publish();
+  while (s.black_box && s.black_box->full()) s.WriteBlackBox();
   if (!s.disarmed_in_time.load(std::memory_order_relaxed)) {
     s.Event(Status::kOk, "daemon",
             "tensions were still ramping down when time was up: drives were disabled at once");

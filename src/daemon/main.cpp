@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdlib>
+#include <filesystem>
 #include <stdexcept>
 #include <string>
 
@@ -24,12 +25,15 @@ namespace {
 // Longer than the longest cycle worth running, so that another master's SYNC cannot be missed.
 constexpr TimeNs kListenForSync_ns = 250 * kNsPerMs;
 
+// Where the configuration has none and the command line asks for one.
+constexpr double kBlackBoxSeconds = 10;
+
 volatile std::sig_atomic_t stop_signal = 0;
 
 void OnSignal(int signal) { stop_signal = signal; }
 
 struct Arguments {
-  std::string config, can, lcm, log;
+  std::string config, can, lcm, log, black_box;
 };
 
 DaemonOptions Load(const Arguments& arguments) {
@@ -40,6 +44,11 @@ DaemonOptions Load(const Arguments& arguments) {
   if (!arguments.can.empty()) options.parameters.bus.interface = arguments.can;
   if (!arguments.lcm.empty()) options.parameters.lcm.url = arguments.lcm;
   options.log_path = arguments.log;
+  if (!arguments.black_box.empty()) {
+    auto& box = options.parameters.black_box;
+    if (!box) box.emplace().seconds = kBlackBoxSeconds;
+    box->folder = std::filesystem::absolute(arguments.black_box).string();
+  }
   return options;
 }
 
@@ -65,6 +74,11 @@ void LogSettings(const DaemonOptions& o, const std::string& config_path) {
   spdlog::info("LCM {}, channels {}_*; state every {}, cycle every {} cycle(s); log {}", p.lcm.url,
                p.lcm.channel_prefix, p.lcm.state_every_cycles, p.lcm.cycle_every_cycles,
                o.log_path.empty() ? "none" : o.log_path);
+  if (p.black_box) {
+    spdlog::info("black box: {:g} s before a fault into {}", p.black_box->seconds, p.black_box->folder);
+  } else {
+    spdlog::info("black box: none");
+  }
 }
 
 void SetUpMessages() {
@@ -108,6 +122,9 @@ int Main(int argc, char** argv) {
   app.add_option("--lcm", arguments.lcm, "LCM address instead of the file's lcm.url")->option_text("URL");
   app.add_option("--log", arguments.log, "write an LCM log of everything (replay, gap diagnosis)")
       ->option_text("FILE");
+  app.add_option("--black-box", arguments.black_box,
+                 "folder for the cycles before a fault instead of the file's black_box.folder")
+      ->option_text("FOLDER");
   app.footer("Exit status: 0 stopped when told to, 1 could not run, 2 wrong use.");
   try {
     app.parse(argc, argv);

@@ -162,15 +162,7 @@ int Gateway::Handle(int timeout_ms) { return HandleWaiting(*state_->lcm, timeout
 void Gateway::PublishRun(const RunInfo& run) {
   State& s = *state_;
   tendril_lcm::run_t message{};
-  message.utime = s.UtimeOf(s.clock.Now());
-  message.start_utime = run.start_utime;
-  message.num_sections = s.shape.sections;
-  message.num_units = s.shape.units;
-  message.num_tendons = s.shape.tendons;
-  message.version = run.version;
-  message.git_revision = run.git_revision;
-  message.robot_yaml = run.robot_yaml;
-  message.daemon_yaml = run.daemon_yaml;
+  ToMessage(run, s.shape, s.UtimeOf(s.clock.Now()), message);
   s.Publish(s.run_channel, message);
 }
 

@@ -13,6 +13,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "tendril/io/connection.h"
 #include "tendril/io/wire.h"
 
 namespace tendril::io {
@@ -99,6 +100,81 @@ LogWriter::~LogWriter() {
 std::uint64_t LogWriter::events() const { return static_cast<std::uint64_t>(state_->log->eventcount); }
 std::string LogWriter::error() const { return state_->error; }
 
+struct RecordLog::State {
+  template <class Message>
+  void Write(const std::string& channel, const Message& message, std::int64_t utime) {
+    bytes.resize(static_cast<std::size_t>(message.getEncodedSize()));
+    message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    lcm_eventlog_event_t event{};
+    event.timestamp = utime;
+    event.channellen = static_cast<std::int32_t>(channel.size());
+    event.datalen = static_cast<std::int32_t>(bytes.size());
+    event.channel = const_cast<char*>(channel.data());
+    event.data = bytes.data();
+    if (lcm_eventlog_write_event(log, &event) != 0) Failed();
+  }
+  std::int64_t UtimeOf(TimeNs time_ns) const { return time_ns / kNsPerUs + epoch_offset_us; }
+  void Failed() {
+    if (error.empty()) error = "cannot write log " + path + ": " + std::strerror(errno);
+  }
+
+  std::string path, run_channel, snapshot_channel, cycle_channel, error;
+  RobotShape shape;
+  std::int64_t epoch_offset_us = 0;
+  lcm_eventlog_t* log = nullptr;
+  std::vector<std::uint8_t> bytes;
+  tendril_lcm::cycle_t cycle{};
+};
+
+RecordLog::RecordLog(const std::string& path, const RobotShape& shape, const std::string& channel_prefix,
+                     std::int64_t epoch_offset_us)
+    : state_(std::make_unique<State>()) {
+  State& s = *state_;
+  s.path = path;
+  s.run_channel = ChannelName(channel_prefix, "RUN");
+  s.snapshot_channel = ChannelName(channel_prefix, "SNAPSHOT");
+  s.cycle_channel = ChannelName(channel_prefix, "CYCLE");
+  s.shape = shape;
+  s.epoch_offset_us = epoch_offset_us;
+  s.log = lcm_eventlog_create(path.c_str(), "w");
+  if (s.log == nullptr) throw std::runtime_error("cannot write log " + path + ": " + std::strerror(errno));
+}
+
+RecordLog::~RecordLog() { Close(); }
+
+void RecordLog::Run(const RunInfo& run, TimeNs time_ns) {
+  tendril_lcm::run_t message{};
+  ToMessage(run, state_->shape, state_->UtimeOf(time_ns), message);
+  state_->Write(state_->run_channel, message, message.utime);
+}
+
+void RecordLog::Snapshot(std::uint64_t next_cycle, TimeNs time_ns, std::span<const std::byte> state) {
+  tendril_lcm::snapshot_t message{};
+  message.num_bytes = static_cast<std::int32_t>(state.size());
+  message.utime = state_->UtimeOf(time_ns);
+  message.next_cycle = static_cast<std::int64_t>(next_cycle);
+  message.state.resize(state.size());
+  std::memcpy(message.state.data(), state.data(), state.size());
+  state_->Write(state_->snapshot_channel, message, message.utime);
+}
+
+void RecordLog::Cycle(const CycleRecord& record) {
+  State& s = *state_;
+  const std::int64_t utime = s.UtimeOf(record.input.time_ns);
+  ToMessage(record, s.shape, utime, s.cycle);
+  s.Write(s.cycle_channel, s.cycle, utime);
+}
+
+std::string RecordLog::Close() {
+  State& s = *state_;
+  if (s.log != nullptr) {
+    if (std::fflush(s.log->f) != 0) s.Failed();
+    lcm_eventlog_destroy(s.log);
+    s.log = nullptr;
+  }
+  return s.error;
+}
+
 namespace {
 
 // The event log's format, read with every length checked against the file: LCM's own reader trusts them and
@@ -171,10 +247,12 @@ class EventReader {
 }  // namespace
 
 std::string StreamLog(const std::string& path, const std::function<void(const RunInfo&)>& run,
-                      const std::function<void(const CycleRecord&)>& cycle) {
+                      const std::function<void(const CycleRecord&)>& cycle,
+                      const std::function<void(const StateSnapshot&)>& snapshot) {
   EventReader reader(path);
   tendril_lcm::cycle_t cycle_message{};
   tendril_lcm::run_t run_message{};
+  tendril_lcm::snapshot_t snapshot_message{};
   while (reader.Next()) {
     const std::string_view channel = reader.channel();
     const void* data = reader.data().data();
@@ -193,6 +271,13 @@ std::string StreamLog(const std::string& path, const std::function<void(const Ru
       }
       run({run_message.robot_yaml, run_message.daemon_yaml, run_message.version, run_message.git_revision,
            run_message.start_utime});
+    } else if (snapshot && channel.ends_with("_SNAPSHOT")) {
+      if (!Decode(data, size, snapshot_message)) {
+        reader.Damaged("on " + reader.channel() + " is not a snapshot message of this version's lcm_types");
+        break;
+      }
+      const auto state = std::as_bytes(std::span(snapshot_message.state));
+      snapshot({static_cast<std::uint64_t>(snapshot_message.next_cycle), {state.begin(), state.end()}});
     }
   }
   return reader.damage();

@@ -323,6 +323,18 @@ void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t 
   Fill(m.torque_measured_Nm, out.torque_measured_Nm, nt);
 }
 
+void ToMessage(const RunInfo& run, const RobotShape& shape, std::int64_t utime, tendril_lcm::run_t& m) {
+  m.utime = utime;
+  m.start_utime = run.start_utime;
+  m.num_sections = shape.sections;
+  m.num_units = shape.units;
+  m.num_tendons = shape.tendons;
+  m.version = run.version;
+  m.git_revision = run.git_revision;
+  m.robot_yaml = run.robot_yaml;
+  m.daemon_yaml = run.daemon_yaml;
+}
+
 std::string FromMessage(const tendril_lcm::command_tip_t& m, Command& c) {
   TakeHeader(m, CommandKind::kTip, c);
   c.speed_radps = m.speed_radps;

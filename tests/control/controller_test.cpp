@@ -9,6 +9,9 @@
 #include <cstring>
 #include <limits>
 #include <numbers>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "ideal_loop.h"
 
@@ -219,6 +222,87 @@ TEST(Controller, TensionOverTheLimitIsAFault) {
   loop.Step();
   EXPECT_EQ(loop.output.mode, Mode::kFault);
   EXPECT_EQ(loop.output.status, Status::kTensionOverLimit);
+}
+
+// Whenever it is taken, the state holds all that the next steps depend on. The motion passes through every
+// source of tensions: ramp, bending, moving tip, tensions, hold, fault and what follows a clear.
+TEST(Controller, GoesOnFromASavedStateBitForBit) {
+  IdealLoop loop;
+  std::vector<std::pair<CycleInput, CycleOutput>> cycles;
+  std::vector<std::vector<std::byte>> states;
+  const auto step = [&](const Command& command, int times) {
+    for (int i = 0; i < times; ++i) {
+      states.emplace_back(loop.controller.state_bytes());
+      loop.controller.SaveState(states.back());
+      loop.Step(i == 0 ? command : Command{});
+      cycles.emplace_back(loop.input, loop.output);
+    }
+  };
+  step({}, 3);
+  for (int j = 0; j < 3; ++j) loop.input.drive[j].state = DriveState::kReady;
+  step({}, 2);
+  step(loop.ModeCommand(ModeRequest::kArm), 600);
+  ASSERT_EQ(loop.output.mode, Mode::kRunning);
+  step(loop.Bending(0.5, -0.3), 150);
+  Command circle = loop.Tip(loop.output.reference_tip_W_m);
+  circle.tip_velocity_W_mps = {0.005, -0.01, 0};
+  step(circle, 150);
+  Command pull = loop.Make(CommandKind::kTension);
+  pull.tension_N = Eigen::Vector3d(0.8, 0.5, 0.6);
+  step(pull, 100);
+  step(loop.Bending(-0.2, 0.3), 100);
+  step(loop.ModeCommand(ModeRequest::kHold), 100);
+  loop.input.drive[1].state = DriveState::kFault;
+  step({}, 50);
+  loop.input.drive[1].state = DriveState::kReady;
+  step(loop.ModeCommand(ModeRequest::kClear), 20);
+  step(loop.ModeCommand(ModeRequest::kArm), 100);
+
+  const auto same = [](const auto& a, const auto& b) {
+    return std::memcmp(a.data(), b.data(), static_cast<std::size_t>(a.size()) * sizeof(double)) == 0;
+  };
+  Controller other(loop.robot, kParameters, kNsPerMs);
+  for (std::size_t from = 0; from < cycles.size(); from += 37) {
+    ASSERT_TRUE(other.LoadState(states[from]));
+    for (std::size_t i = from; i < std::min(from + 200, cycles.size()); ++i) {
+      CycleOutput again;
+      other.Step(cycles[i].first, again);
+      const CycleOutput& was = cycles[i].second;
+      ASSERT_EQ(again.mode, was.mode) << "from " << from << " cycle " << i;
+      ASSERT_EQ(again.status, was.status) << "from " << from << " cycle " << i;
+      ASSERT_EQ(again.commands_accepted, was.commands_accepted);
+      ASSERT_TRUE(same(again.torque_desired_Nm, was.torque_desired_Nm)) << "from " << from << " cycle " << i;
+      ASSERT_TRUE(same(again.bending_estimate_rad, was.bending_estimate_rad)) << from << " cycle " << i;
+      ASSERT_TRUE(same(again.reference.acceleration_radps2, was.reference.acceleration_radps2)) << i;
+    }
+  }
+}
+
+// A log is not to be trusted: no bytes may do more than be refused or make wrong numbers.
+TEST(Controller, RefusesAStateThatIsNotItsOwn) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  std::vector<std::byte> state(loop.controller.state_bytes());
+  loop.controller.SaveState(state);
+  const std::span<const std::byte> all(state);
+  EXPECT_FALSE(Controller(loop.robot, kParameters, kNsPerMs).LoadState(all.first(all.size() - 1)));
+  EXPECT_FALSE(Controller(loop.robot, kParameters, 2 * kNsPerMs).LoadState(all)) << "other windows";
+  RobotParameters rougher = loop.robot;
+  for (auto& t : rougher.actuation->tendons) t.transmission.presliding_m *= 2;
+  EXPECT_FALSE(Controller(rougher, kParameters, kNsPerMs).LoadState(all)) << "other pre-sliding";
+  int refused = 0;
+  Controller other(loop.robot, kParameters, kNsPerMs);
+  for (std::size_t i = 0; i < state.size(); i += 7) {
+    std::vector<std::byte> damaged = state;
+    damaged[i] ^= std::byte{0xFF};
+    if (!other.LoadState(damaged)) {
+      ++refused;
+      continue;
+    }
+    CycleOutput output;
+    other.Step(loop.input, output);
+  }
+  EXPECT_GT(refused, 0);
 }
 
 TEST(Controller, SameInputSameBits) {

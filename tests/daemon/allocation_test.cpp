@@ -1,11 +1,12 @@
-// The whole cycle (master, controller, record, hand-off) allocates nothing, from boot to motion; nor do the
-// bus in memory and the drives emulated on it, which run on the same thread here.
+// The whole cycle (master, controller, record, hand-off, black box) allocates nothing, from boot to motion;
+// nor do the bus in memory and the drives emulated on it, which run on the same thread here.
 #include <gtest/gtest.h>
 
 #include <vector>
 
 #include "emulated_drives.h"
 #include "support/allocation_count.h"
+#include "tendril/daemon/black_box.h"
 #include "tendril/daemon/control_cycle.h"
 #include "tendril/rt/handoff.h"
 
@@ -23,6 +24,8 @@ TEST(ControlCycleAllocation, NoneFromBootToMotion) {
   control::Controller controller(robot, parameters.controller, parameters.bus.cycle_ns);
   ControlCycle cycle(controller, master, clock, parameters.bus,
                      [&](TimeNs deadline_ns) { return port.WaitUntil(deadline_ns); });
+  BlackBox black_box({.seconds = 1, .folder = "/nowhere"}, parameters.lcm, ShapeOf(robot), {}, 0,
+                     parameters.bus.cycle_ns, controller);
   rt::Handoff<CycleRecord> records(64);
   rt::Handoff<Command> commands(64);
   CycleRecord record, taken;
@@ -36,6 +39,7 @@ TEST(ControlCycleAllocation, NoneFromBootToMotion) {
       cycle.Run({.cycle = number++, .grid_ns = clock.Now(), .wake_latency_ns = 0, .missed = 0}, command, {},
                 record);
       records.TryPush(record);
+      black_box.Add(record, controller);
       records.TryPop(taken);
       if (i > 100 && record.output.mode == until) break;
     }

@@ -220,6 +220,80 @@ TEST_F(DaemonTest, ARefusedCommandIsAnsweredAndChangesNothing) {
   EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_CONFIGURED});
 }
 
+// The drives' answers stop; what was before lies in the folder, whole and ending with the fault.
+TEST_F(DaemonTest, AFaultLeavesTheCyclesBeforeIt) {
+  const fs::path folder = fs::temp_directory_path() / ("tendril_black_box_" + std::to_string(getpid()));
+  options.parameters.black_box = {.seconds = 1, .folder = (folder / "new").string()};
+  std::atomic<bool> silent{false};
+  drives.bus().SetFilter([&](can::CanFrame& f) { return !(silent.load() && f.id == 0x182); });
+  Start(options);
+  Arm();
+  ASSERT_TRUE(Within20s([](const tendril_lcm::state_t& s) { return s.cycle > 1500; }));
+  silent = true;
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_FAULT));
+  const auto told = [this] {
+    const std::lock_guard lock(mutex);
+    for (const std::string& t : texts) {
+      if (t.starts_with("black box: ")) return t;
+    }
+    return std::string();
+  };
+  ASSERT_TRUE(Within20s([&](const auto&) { return !told().empty(); }));
+  Stop();
+
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(folder / "new")) files.push_back(entry.path());
+  ASSERT_EQ(files.size(), 1U);
+  EXPECT_THAT(files[0].filename().string(),
+              testing::MatchesRegex("20[0-9]{6}T[0-9]{6}\\.[0-9]{3}Z_406_FeedbackStale\\.lcmlog"));
+  EXPECT_THAT(told(), AllOf(HasSubstr("406 FeedbackStale"), HasSubstr(files[0].string())));
+
+  std::vector<std::uint64_t> cycles;
+  io::StateSnapshot snapshot;
+  io::RunInfo run;
+  CycleRecord last;
+  const std::string damage = io::StreamLog(
+      files[0].string(), [&](const io::RunInfo& r) { run = r; },
+      [&](const CycleRecord& r) {
+        cycles.push_back(r.input.cycle);
+        last = r;
+      },
+      [&](const io::StateSnapshot& s) { snapshot = s; });
+  EXPECT_EQ(damage, "");
+  EXPECT_THAT(run.daemon_yaml, HasSubstr("black_box"));
+  ASSERT_GE(cycles.size(), 1000U) << "at least as long as asked for";
+  EXPECT_LE(cycles.size(), 1100U);
+  EXPECT_EQ(snapshot.next_cycle, cycles.front());
+  EXPECT_EQ(cycles.back() - cycles.front() + 1, cycles.size()) << "no cycle is missing";
+  EXPECT_EQ(last.output.mode, Mode::kFault) << "the cycle of the fault is the last";
+  EXPECT_EQ(last.output.status, Status::kFeedbackStale);
+  fs::remove_all(folder);
+}
+
+TEST_F(DaemonTest, ABlackBoxThatCannotBeWrittenIsReportedAndTheDaemonGoesOn) {
+  options.parameters.black_box = {.seconds = 1, .folder = "/proc/tendril_none"};
+  std::atomic<bool> silent{false};
+  drives.bus().SetFilter([&](can::CanFrame& f) { return !(silent.load() && f.id == 0x182); });
+  Start(options);
+  Arm();
+  for (int faults = 1; faults <= 2; ++faults) {
+    silent = true;
+    ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_FAULT));
+    silent = false;
+    ASSERT_TRUE(Within20s([&](const auto&) {
+      const std::lock_guard lock(mutex);
+      return std::count_if(texts.begin(), texts.end(), [](const std::string& t) {
+               return t.starts_with("black box: the cycles before fault 406") &&
+                      t.find("/proc/tendril_none") != t.npos;
+             }) == faults;
+    }));
+    Send(ModeRequest::kClear);
+    Arm();
+  }
+  EXPECT_THAT(texts, Contains(HasSubstr("faults will leave no black box")));
+  EXPECT_LT(Stop(), 2.0);
+}
+
 TEST_F(DaemonTest, RequiredRightsThatAreMissingStopItBeforeAnythingMoves) {
   options.parameters.realtime.required = true;
   options.parameters.realtime.cpu = 100'000;
@@ -233,7 +307,8 @@ TEST_F(DaemonTest, RequiredRightsThatAreMissingStopItBeforeAnythingMoves) {
     daemon->Run([] { return true; });
     ADD_FAILURE() << "not refused";
   } catch (const std::runtime_error& e) {
-    EXPECT_THAT(e.what(), AllOf(HasSubstr("realtime.required is true"), HasSubstr("not bound to cpu 100000")));
+    EXPECT_THAT(e.what(),
+                AllOf(HasSubstr("realtime.required is true"), HasSubstr("not bound to cpu 100000")));
   }
   EXPECT_EQ(sync, 0);
 }

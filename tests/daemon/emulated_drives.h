@@ -20,6 +20,7 @@ inline DaemonParameters RigDaemon() {
   DaemonParameters p = config::LoadDaemon(std::string(TENDRIL_SOURCE_DIR) + "/config/tendrild.yaml");
   p.lcm.url = "memq://";
   p.realtime = {};
+  p.black_box.reset();  // a test that wants one says where
   return p;
 }
 

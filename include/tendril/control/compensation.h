@@ -12,6 +12,8 @@
 
 namespace tendril::control {
 
+class StateArchive;
+
 class Compensation {
  public:
   /// `table` maps base to motor tension and may be shared by tendons with the same transmission.
@@ -32,6 +34,8 @@ class Compensation {
 
   /// Forgets the direction of sliding; the next step starts from here.
   void Reset(double tension_base_N, double shortening_m) noexcept;
+
+  void Remember(StateArchive& archive) noexcept;
 
   double max_torque_Nm() const noexcept { return max_torque_Nm_; }
 

@@ -15,6 +15,8 @@
 
 namespace tendril::control {
 
+class StateArchive;
+
 class Estimator {
  public:
   /// `tables` has one entry a tendon and, like `body`, outlives the estimator.
@@ -26,6 +28,8 @@ class Estimator {
 
   /// Declares the present encoder positions to be those of the straight robot at pretension.
   void ZeroDisplacement(const CycleInput& input) noexcept;
+
+  void Remember(StateArchive& archive) noexcept;
 
  private:
   struct Tendon {

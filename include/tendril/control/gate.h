@@ -8,6 +8,8 @@
 
 namespace tendril::control {
 
+class StateArchive;
+
 /// What is wanted right now, after the gate. A moving target moves on with its velocity until it expires.
 struct Target {
   CommandKind kind = CommandKind::kNone;  // kTip, kBending or kTension once there is one
@@ -34,6 +36,8 @@ class CommandGate {
   const Target& target() const noexcept { return target_; }
   /// Forgets the target: nothing is wanted until the next command.
   void Drop() noexcept { target_.kind = CommandKind::kNone; }
+
+  void Remember(StateArchive& archive) noexcept;
 
  private:
   Status CheckValues(const Command& command) const noexcept;

@@ -8,6 +8,8 @@
 
 namespace tendril::control {
 
+class StateArchive;
+
 enum class Event : std::uint8_t {
   kDrivesReady,    // every drive configured and answering
   kDrivesEnabled,  // every drive in operation enabled
@@ -36,6 +38,8 @@ class Supervisor {
   Status cause() const noexcept { return cause_; }
   /// True when the event changed the mode.
   bool Handle(Event event, Status cause = Status::kOk) noexcept;
+
+  void Remember(StateArchive& archive) noexcept;
 
  private:
   Mode mode_ = Mode::kDisconnected;

@@ -11,6 +11,8 @@
 
 namespace tendril::control {
 
+class StateArchive;
+
 class Trajectory {
  public:
   /// Window lengths follow from the limits: 2 v/a and 2 a/j. Throws std::invalid_argument when a limit is not
@@ -33,6 +35,8 @@ class Trajectory {
   const BendingVector& followed() const noexcept { return followed_; }
   TimeNs delay_ns() const noexcept { return delay_ns_; }
 
+  void Remember(StateArchive& archive) noexcept;
+
  private:
   /// Moving average over the last n samples, with the sample that falls out.
   class Window {
@@ -43,6 +47,7 @@ class Trajectory {
     BendingVector Push(const BendingVector& value) noexcept;
     BendingVector Mean() const noexcept { return sum_ / samples_; }
     int samples() const noexcept { return samples_; }
+    void Remember(StateArchive& archive) noexcept;
 
    private:
     int samples_;

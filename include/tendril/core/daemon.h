@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -73,12 +74,18 @@ struct LcmParameters {
   int cycle_every_cycles = 1;           // publish every n-th cycle record; 0: never
 };
 
+struct BlackBoxParameters {             // the last cycles, written out on every fault
+  double seconds = 0;
+  std::string folder;                   // absolute
+};
+
 struct DaemonParameters {
   std::string robot_file;               // absolute, or relative to the daemon's file
   ControllerParameters controller;
   BusParameters bus;
   RealtimeParameters realtime;
   LcmParameters lcm;
+  std::optional<BlackBoxParameters> black_box;  // none: faults leave no black box
 };
 
 }  // namespace tendril

@@ -2,8 +2,11 @@
 // records back.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -29,11 +32,38 @@ class LogWriter {
   std::unique_ptr<State> state_;
 };
 
-/// Reads a log back, calling `run` and `cycle` (either may be empty) for each record as it comes: for logs of
-/// any length. Stops at the first damaged event and says so in the returned text (empty: clean end). Throws
-/// std::runtime_error when the file cannot be opened.
+/// Writes records that are given to it, without a gateway: for logs made after the fact. Events are stamped
+/// with their cycle's time.
+class RecordLog {
+ public:
+  /// Throws std::runtime_error naming the path when it cannot be written. `epoch_offset_us` as
+  /// EpochOffsetUs of the clock that the records' times are of.
+  RecordLog(const std::string& path, const RobotShape& shape, const std::string& channel_prefix,
+            std::int64_t epoch_offset_us);
+  ~RecordLog();
+  void Run(const RunInfo& run, TimeNs time_ns);
+  /// What the controller remembered after the cycle at `time_ns` and before `next_cycle`.
+  void Snapshot(std::uint64_t next_cycle, TimeNs time_ns, std::span<const std::byte> state);
+  void Cycle(const CycleRecord& record);
+  /// Empty, or why not everything is on the disk. Nothing can be written after it.
+  std::string Close();
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+struct StateSnapshot {
+  std::uint64_t next_cycle = 0;
+  std::vector<std::byte> state;
+};
+
+/// Reads a log back, calling `run`, `cycle` and `snapshot` (any may be empty) for each record as it comes:
+/// for logs of any length. Stops at the first damaged event and says so in the returned text (empty: clean
+/// end). Throws std::runtime_error when the file cannot be opened.
 std::string StreamLog(const std::string& path, const std::function<void(const RunInfo&)>& run,
-                      const std::function<void(const CycleRecord&)>& cycle);
+                      const std::function<void(const CycleRecord&)>& cycle,
+                      const std::function<void(const StateSnapshot&)>& snapshot = {});
 
 /// The same, all at once: the last run record and every cycle (some 2 kB each).
 struct LogContents {

@@ -15,6 +15,7 @@
 #include "tendril_lcm/cycle_t.hpp"
 #include "tendril_lcm/event_t.hpp"
 #include "tendril_lcm/run_t.hpp"
+#include "tendril_lcm/snapshot_t.hpp"
 #include "tendril_lcm/state_t.hpp"
 #include "tendril_lcm/tracker_t.hpp"
 
@@ -31,6 +32,8 @@ template <>
 inline constexpr int kLeadingCounts<tendril_lcm::state_t> = 2;
 template <>
 inline constexpr int kLeadingCounts<tendril_lcm::cycle_t> = 6;
+template <>
+inline constexpr int kLeadingCounts<tendril_lcm::snapshot_t> = 1;
 
 /// True when the first `counts` numbers of an encoded message are not negative and fit into its size
 /// together, so that decoding cannot be made to reserve more memory than the message has.
@@ -61,6 +64,8 @@ bool FromMessage(const tendril_lcm::cycle_t& message, CycleRecord& record) noexc
 
 void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t utime,
                tendril_lcm::state_t& message);
+
+void ToMessage(const RunInfo& run, const RobotShape& shape, std::int64_t utime, tendril_lcm::run_t& message);
 
 /// A command as it is meant, but for received_ns. Empty text, or why it cannot be represented (too many
 /// values, an unknown request). Values are not judged: that is the controller's gate.

@@ -1,0 +1,75 @@
+// The last cycles before a fault: kept in memory by the real-time thread and written as a log by the other
+// one. Knows nothing of LCM connections, threads or what a fault means.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tendril/control/controller.h"
+#include "tendril/core/cycle.h"
+#include "tendril/core/daemon.h"
+#include "tendril/io/log.h"
+
+namespace tendril::daemon {
+
+/// The ring is divided into blocks, each with what the controller remembered before its first cycle; a log
+/// begins with the oldest whole block, so that it can be replayed bit for bit. From a fault until its log is
+/// written nothing is recorded.
+class BlackBox {
+ public:
+  /// Takes all memory: parameters.seconds of cycles and a tenth more. `controller` has taken no step yet.
+  BlackBox(const BlackBoxParameters& parameters, const LcmParameters& lcm, const io::RobotShape& shape,
+           const io::RunInfo& run, std::int64_t epoch_offset_us, TimeNs period_ns,
+           const control::Controller& controller);
+
+  /// Creates the folder. Empty, or why logs cannot be written there and what to do.
+  std::string CheckFolder() const;
+
+  /// Real-time thread, after each step of `controller`: no allocation, lock or system call.
+  void Add(const CycleRecord& record, const control::Controller& controller) noexcept;
+
+  /// The other thread: writes a part of what a fault left, at most `cycles` of them. Empty while there is
+  /// nothing to tell; once a log is complete where it lies, or why there is none. Never throws for the disk.
+  std::string WriteSome(int cycles);
+  /// There is something for WriteSome to do.
+  bool full() const noexcept { return phase_.load(std::memory_order_acquire) == Phase::kFull; }
+
+  std::size_t cycles() const noexcept { return records_.size(); }
+
+ private:
+  enum class Phase { kRecording, kFull, kWritten };
+
+  std::byte* state_of(std::size_t block) { return states_.data() + block * state_bytes_; }
+  void SaveState(std::uint64_t next_cycle, TimeNs time_ns, const control::Controller& controller) noexcept;
+  void Begin();
+
+  struct Snapshot {
+    std::uint64_t next_cycle = 0;
+    TimeNs time_ns = 0;  // of the cycle before
+  };
+
+  BlackBoxParameters parameters_;
+  std::string channel_prefix_;
+  io::RobotShape shape_;
+  io::RunInfo run_;
+  std::int64_t epoch_offset_us_;
+  std::size_t block_cycles_, state_bytes_;
+  std::atomic<Phase> phase_{Phase::kRecording};  // kFull: all below is the writer's, else the other thread's
+
+  std::vector<CycleRecord> records_;
+  std::vector<Snapshot> snapshots_;  // one a block, as are the bytes
+  std::vector<std::byte> states_;
+  std::size_t count_ = 0;  // records since the ring was last empty
+  Mode last_mode_ = Mode::kDisconnected;
+
+  // Of the writer.
+  std::unique_ptr<io::RecordLog> log_;
+  std::string path_, cause_;
+  std::size_t next_ = 0, first_ = 0;
+};
+
+}  // namespace tendril::daemon
