@@ -35,6 +35,7 @@ void AddGapImportCommand(CLI::App& app);
 void AddGapReportCommand(CLI::App& app);
 void AddGapSimulateCommand(CLI::App& app);
 void AddModelCommand(CLI::App& app);
+void AddReplayCommand(CLI::App& app);
 void AddReproduceCommand(CLI::App& app);
 void AddSendCommand(CLI::App& app);
 void AddStatusCommand(CLI::App& app);

@@ -69,6 +69,7 @@ int main(int argc, char** argv) {
   tendril::tools::AddGapReportCommand(app);
   tendril::tools::AddGapSimulateCommand(app);
   tendril::tools::AddModelCommand(app);
+  tendril::tools::AddReplayCommand(app);
   tendril::tools::AddReproduceCommand(app);
   tendril::tools::AddSendCommand(app);
   tendril::tools::AddStatusCommand(app);

@@ -1,0 +1,63 @@
+// tendril replay: is the controller in a log the one in this program, to the last bit? Knows nothing of how
+// logs are written.
+#include <fmt/core.h>
+
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "commands.h"
+#include "log_replay.h"
+#include "tendril/config/config.h"
+#include "tendril/core/version.h"
+
+namespace tendril::tools {
+namespace {
+
+struct Options {
+  std::string log, robot, config;
+};
+
+void Run(const Options& o) {
+  std::optional<RobotParameters> robot;
+  std::optional<DaemonParameters> parameters;
+  if (!o.robot.empty()) robot = config::LoadRobot(o.robot);
+  if (!o.config.empty()) parameters = config::LoadDaemon(o.config);
+  const ReplayResult r = ReplayLog(o.log, robot, parameters);
+
+  if (r.git_revision != GitRevision()) {
+    fmt::print("log written by {} ({}), this is {} ({})\n", r.version, r.git_revision, Version(),
+               GitRevision());
+  }
+  fmt::print("{} cycles replayed, {} to {}{}\n", r.replayed, r.first_cycle, r.last_cycle,
+             r.from_snapshot ? ", from the controller's state in the log" : "");
+  if (r.difference) {
+    const Difference& d = *r.difference;
+    fmt::print("first difference: cycle {} at {:.6f} s, {}, bit {}\n  logged   {}\n  replayed {}\n", d.cycle,
+               ToSeconds(d.time_ns), d.field, d.bit, d.logged, d.replayed);
+    throw std::runtime_error(o.log + ": this controller does not give what was logged");
+  }
+  fmt::print("no bit differs\n");
+  if (r.unchecked > 0) {
+    throw std::runtime_error(
+        fmt::format("{}: cycles are missing after cycle {}; the {} after them could not be checked", o.log,
+                    r.last_cycle, r.unchecked));
+  }
+  if (!r.damage.empty()) throw std::runtime_error(o.log + ": " + r.damage);
+}
+
+}  // namespace
+
+void AddReplayCommand(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* sub = app.add_subcommand(
+      "replay", "Run the controller again on a log's inputs and find the first bit that differs");
+  sub->add_option("FILE", options->log, "log of the demo or the daemon, or a black box")->required();
+  sub->add_option("--robot", options->robot, "robot file instead of the log's")->option_text("FILE");
+  sub->add_option("--config", options->config, "daemon file instead of the log's")->option_text("FILE");
+  sub->footer("Exit status: 0 no bit differs, 1 one does or not all could be checked, 2 wrong use.");
+  sub->callback([options] { Run(*options); });
+}
+
+}  // namespace tendril::tools
