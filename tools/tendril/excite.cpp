@@ -16,6 +16,7 @@
 #include "set_progress.h"
 #include "tendril/config/config.h"
 #include "tendril/gap/data_set.h"
+#include "tendril/sim/effects.h"
 
 namespace tendril::tools {
 namespace {
@@ -32,10 +33,10 @@ std::atomic<bool> stop = false;
 
 ExperimentSet RunInProcess(const Plan& plan, const ExciteOptions& options, const SetProgress& progress) {
   const std::string robot_file = options.robot.empty() ? ConfigFile("robots/rig_90mm.yaml") : options.robot;
-  RobotParameters nominal = config::LoadRobot(robot_file);
+  RobotParameters nominal = sim::LoadRobot(robot_file);
   const ExperimentOptions experiment{
       .controller_robot = nominal,
-      .plant_robot = config::LoadRobot(options.plant.empty() ? robot_file : options.plant),
+      .plant_robot = sim::LoadRobot(options.plant.empty() ? robot_file : options.plant),
       .daemon = ForExperiments(config::LoadDaemon(ConfigFile("tendrild.yaml"))),
       .seed = options.seed,
       .threads = options.jobs};
@@ -66,7 +67,7 @@ void RunExcite(const ExciteOptions& options) {
   if (options.live) {
     LiveOptions live{
         .lcm_url = options.lcm.url, .channel_prefix = options.lcm.prefix, .robot = {}, .arm = options.arm};
-    if (!options.robot.empty()) live.robot = config::LoadRobot(options.robot);
+    if (!options.robot.empty()) live.robot = sim::LoadRobot(options.robot);
     set = RunLiveSet(
         plan, live, &stop,
         [](const std::string& remark) {

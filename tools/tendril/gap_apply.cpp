@@ -110,7 +110,11 @@ void RunApply(const ApplyOptions& options) {
     heading = Provenance(d, options.report);
   }
   for (const std::string& given : options.effects) {
-    effects.push_back(sim::ParseEffect(given, robot));
+    try {
+      effects.push_back(sim::ParseEffect(given, robot));
+    } catch (const std::invalid_argument& e) {
+      throw UsageError(std::string("--effect: ") + e.what());
+    }
     heading.push_back(fmt::format("{} by `tendril gap apply` ({}): {}",
                                   heading.empty() ? "Patched" : "and by hand,", Version(), given));
   }

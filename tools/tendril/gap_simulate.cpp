@@ -32,7 +32,7 @@ struct SimulateOptions {
 std::atomic<bool> stop = false;
 
 void RunSimulate(const SimulateOptions& options) {
-  RobotParameters nominal = config::LoadRobot(options.robot);
+  RobotParameters nominal = sim::LoadRobot(options.robot);
   if (!nominal.actuation) {
     throw UsageError(options.robot +
                      " has no actuation (motors, drives, tendons); use a rig file such as rig_90mm.yaml");
@@ -51,8 +51,12 @@ void RunSimulate(const SimulateOptions& options) {
   if (options.tracker == "off") nominal.actuation->tracker.reset();
 
   RobotParameters plant = nominal;
-  for (const std::string& text : options.effects) plant.effects.push_back(sim::ParseEffect(text, nominal));
-  sim::CheckEffects(plant);
+  try {
+    for (const std::string& text : options.effects) plant.effects.push_back(sim::ParseEffect(text, nominal));
+    sim::CheckEffects(plant);
+  } catch (const std::invalid_argument& e) {
+    throw UsageError(std::string("--effect: ") + e.what());
+  }
 
   Plan plan = options.plan.empty() ? NamedPlan(options.set) : LoadPlan(options.plan);
   if (options.repeats >= 0) {
