@@ -4,14 +4,13 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <set>
-#include <thread>
 
 #include "details.h"
 #include "evaluator.h"
 #include "judge.h"
+#include "parallel.h"
 #include "search.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
@@ -153,13 +152,10 @@ std::vector<std::string> Unseen(const Evaluator& evaluator, const SearchResult& 
 }  // namespace
 
 Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
-  const auto start = std::chrono::steady_clock::now();
   const auto progress = [&](const std::string& stage, double fraction) {
     if (options.progress) options.progress(stage, fraction);
   };
-  const int threads = options.threads > 0
-                          ? options.threads
-                          : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const int threads = options.threads > 0 ? options.threads : AllCores();
   Diagnosis d;
   d.robot_name = set.robot.name;
   d.robot_yaml = config::ToYaml(set.robot);
@@ -237,7 +233,6 @@ Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
   const LoadCellPlace place = evaluator.runs().front().signals.load_cell;
   MarkFirst(d, place);
   d.sentence = Sentence(d);
-  d.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return d;
 }
 

@@ -128,11 +128,7 @@ class LogRun {
     const auto d = static_cast<std::size_t>(j);
     const DriveFeedback& drive = cycles_[at].input.drive[d];
     const double rated_Nm = tendon.drive.rated_torque_Nm * 1e-3;
-    // What a cycle sends acts from the next SYNC on: in force here is what the cycle before sent.
-    run_.torque_target_Nm(row, j) =
-        at > 0 && cycles_[at - 1].input.cycle + 1 == cycles_[at].input.cycle
-            ? cycles_[at - 1].output.torque_target_permille[d] * rated_Nm
-            : (stride_is_one_ ? kNone : cycles_[at].output.torque_target_permille[d] * rated_Nm);
+    run_.torque_target_Nm(row, j) = cycles_[at].output.torque_target_permille[d] * rated_Nm;
     const bool fresh = drive.age_cycles == 0;
     if (!fresh) ++stale_;
     // Zero is where the controller puts it, at the end of pretension.
@@ -195,7 +191,6 @@ class LogRun {
   const std::vector<CycleRecord>& cycles_;
   std::size_t zero_, first_, last_;
   const RobotParameters& robot_;
-  bool stride_is_one_ = Stride(cycles_) == 1;
   int stale_ = 0;
   Run run_;
 };

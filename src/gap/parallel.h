@@ -1,6 +1,7 @@
 // Work on all cores: independent items, results where the items say. Knows nothing of what the work is.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <exception>
 #include <functional>
@@ -9,6 +10,8 @@
 #include <vector>
 
 namespace tendril::gap {
+
+inline int AllCores() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
 
 /// Calls work(i) for i = 0..count-1 on `threads` threads; each call writes only its own results, so the
 /// outcome does not depend on the order. The first exception is thrown again after all threads have ended.

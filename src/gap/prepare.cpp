@@ -207,6 +207,8 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   out.start_s = run.time_s[0];
   out.signals.step_s = step_s;
   out.signals.load_cell = run.load_cell;
+  // Logged every cycle, a target acts one row after it was sent.
+  if (refine == 1 && step_s > 0.4e-3 && step_s < 6e-3) out.signals.command_delay_s = step_s;
   const int samples = static_cast<int>(std::llround((run.time_s[rows - 1] - out.start_s) / step_s)) + 1;
   if (samples > 50'000'000) {
     throw std::runtime_error(

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cmath>
+#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -71,7 +71,9 @@ void Run(Options options) {
   if (options.next && set.robot.actuation) options.diagnose.menu = Menu(set.robot, options.diagnose.seed);
   progress("checking the data", 0);
   std::vector<gap::HealthFinding> health = gap::CheckHealth(set);
+  const auto begin = std::chrono::steady_clock::now();
   gap::Diagnosis diagnosis = gap::Diagnose(set, options.diagnose);
+  diagnosis.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   diagnosis.health = std::move(health);
   diagnosis.command =
       fmt::format("tendril gap diagnose --robot {} {}", options.robot, fmt::join(options.logs, " "));

@@ -20,7 +20,8 @@ struct Run {
   LoadCellPlace load_cell = LoadCellPlace::kMotorSide;
   std::string sha256;      // of the file it came from, lower-case hex
   Eigen::VectorXd time_s;  // S, of the log's clock
-  // A target is the one in force from its row on; everything else is the sensors' value at its row's time.
+  // A target is the one sent at its row's time, which acts a cycle later; everything else is the sensors'
+  // value then.
   Eigen::MatrixXd torque_target_Nm, torque_actual_Nm, motor_position_rad, tension_N;  // S x M
   Eigen::MatrixXd tip_m;           // S x 3 in the tracker's frame
   Eigen::MatrixXd tip_quaternion;  // S x 4: w, x, y, z
