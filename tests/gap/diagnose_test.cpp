@@ -127,12 +127,15 @@ TEST(Diagnose, NominalRigHasNoGap) {
 }
 
 struct Planted {
+  const char* name;
   const char* effect;
   const char* parameter;
   double value;
   double tolerance;
   sim::Cut cut;
 };
+
+void PrintTo(const Planted& planted, std::ostream* out) { *out << planted.effect; }
 
 class DiagnosePlanted : public testing::TestWithParam<Planted> {};
 
@@ -152,10 +155,12 @@ TEST_P(DiagnosePlanted, IsFoundWithItsPlaceItsValueAndCloses) {
 
 INSTANTIATE_TEST_SUITE_P(
     Effects, DiagnosePlanted,
-    testing::Values(Planted{"bending_stiffness scale=0.93", "scale", 0.93, 0.005, sim::Cut::kShape},
-                    Planted{"torque_constant scale=0.88", "scale", 0.88, 0.01, sim::Cut::kDrivetrain},
-                    Planted{"cell_gain where=tendon:2 scale=1.06", "scale", 1.06, 0.006, sim::Cut::kSensors},
-                    Planted{"tendon_stiffness scale=0.8", "scale", 0.8, 0.03, sim::Cut::kTendon}));
+    testing::Values(
+        Planted{"Stiffness", "bending_stiffness scale=0.93", "scale", 0.93, 0.005, sim::Cut::kShape},
+        Planted{"TorqueConstant", "torque_constant scale=0.88", "scale", 0.88, 0.01, sim::Cut::kDrivetrain},
+        Planted{"CellGain", "cell_gain where=tendon:2 scale=1.06", "scale", 1.06, 0.006, sim::Cut::kSensors},
+        Planted{"TendonStiffness", "tendon_stiffness scale=0.8", "scale", 0.8, 0.03, sim::Cut::kTendon}),
+    [](const testing::TestParamInfo<Planted>& test) { return std::string(test.param.name); });
 
 TEST(Diagnose, AnEffectOutsideTheLibraryIsNotAccused) {
   gap::DiagnoseOptions options;

@@ -93,17 +93,14 @@ class CycleLog {
     record.input.time_ns = time_ns;
     record.input.drives = robot_.body.tendons();
     record.output.mode = mode;
-    const Eigen::Index next =
-        std::min<Eigen::Index>(mode == Mode::kRunning ? row + 1 : row, run.time_s.size() - 1);
-    for (int j = 0; j < record.input.drives; ++j) FillDrive(run, row, next, j, mode, record);
+    for (int j = 0; j < record.input.drives; ++j) FillDrive(run, row, j, mode, record);
     if (mode == Mode::kRunning) FillTracker(run, row, time_ns, record.input.tracker);
     gateway_.PublishCycle(record);
     gateway_.Handle(0);  // what goes round in the process must not pile up
     if (mode != Mode::kRunning) ++cycle_;
   }
 
-  void FillDrive(const gap::Run& run, Eigen::Index row, Eigen::Index next, int j, Mode mode,
-                 CycleRecord& record) {
+  void FillDrive(const gap::Run& run, Eigen::Index row, int j, Mode mode, CycleRecord& record) {
     const auto d = static_cast<std::size_t>(j);
     const auto& tendon = robot_.actuation->tendons[d];
     const auto value = [&](const Eigen::MatrixXd& m, Eigen::Index i) { return m.cols() > j ? m(i, j) : 0.0; };
@@ -117,9 +114,8 @@ class CycleLog {
     drive.torque_permille = Whole<std::int16_t>(1e3 * torque / tendon.drive.rated_torque_Nm);
     drive.analog_mV =
         Whole<std::int16_t>(1e3 * tendon.load_cell.gain_VpN * (tension + tendon.load_cell.offset_N));
-    // A target acts from the cycle after the one that sends it.
     record.output.torque_target_permille[d] =
-        Whole<std::int16_t>(1e3 * value(run.torque_target_Nm, next) / tendon.drive.rated_torque_Nm);
+        Whole<std::int16_t>(1e3 * value(run.torque_target_Nm, row) / tendon.drive.rated_torque_Nm);
   }
 
   static void FillTracker(const gap::Run& run, Eigen::Index row, TimeNs time_ns, TrackerSample& sample) {
