@@ -215,12 +215,7 @@ Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
     shown = &search.fits.front();
   Residuals after = before;
   if (shown != nullptr) {
-    for (std::size_t i = 0; i < after.size(); ++i) {
-      for (std::size_t c = 0; c < after[i].size(); ++c) {
-        if (!shown->held_out[i].empty() && shown->held_out[i][c].size() > 0)
-          after[i][c] = shown->held_out[i][c];
-      }
-    }
+    after = Completed(shown->held_out, before);
     d.closed = PooledClosure(evaluator, before, after, options.seed);
   }
   d.closures = Closures(evaluator, before, after, options.seed);

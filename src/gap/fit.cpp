@@ -12,10 +12,6 @@
 namespace tendril::gap {
 namespace {
 
-const Eigen::VectorXd& Pick(const Residuals& part, const Residuals& rest, int run, int channel) {
-  return part[run].empty() || part[run][channel].size() == 0 ? rest[run][channel] : part[run][channel];
-}
-
 /// Minimum of 1/2 x'Hx - g'x within bounds, by fixing what runs against its bound (few variables).
 Eigen::VectorXd Bounded(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, const Eigen::VectorXd& lower,
                         const Eigen::VectorXd& upper) {

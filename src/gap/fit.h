@@ -51,7 +51,6 @@ struct Fit {
   Eigen::MatrixXd covariance;            // of model.values, scaled by what is left
   std::vector<Column> columns;           // at the optimum, by parameter
   double score = 0, held_out_score = 0;  // log scores over all channels
-  double linear_score = 0;
 };
 
 class Fitter {

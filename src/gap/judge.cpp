@@ -337,9 +337,6 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
   const Residuals& nominal = evaluator.AtNominal();
   const Weights weights(evaluator, search.leftover);
   const ChannelScore before = ScoreChannels(evaluator, nominal, nominal);
-  for (const auto& f : location) {
-    if (f.excess) j.before_sigma = std::max(j.before_sigma, f.excess_sigma);
-  }
 
   // Every further parameter is another way to take up what a simpler cause has nearly explained.
   const double most = search.fits.empty() ? 0 : search.fits.front().held_out_score - search.base_score;
@@ -385,13 +382,7 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
   // ---- does the best model explain it? ----
   double unknown = 0;  // largest leftover over what may be left
   if (best) {
-    Residuals left = nominal;
-    for (std::size_t i = 0; i < left.size(); ++i) {
-      for (std::size_t c = 0; c < left[i].size(); ++c) {
-        if (!best->held_out[i].empty() && best->held_out[i][c].size() > 0) left[i][c] = best->held_out[i][c];
-      }
-    }
-    const std::vector<CutFinding> after_location = Locate(evaluator, left);
+    const std::vector<CutFinding> after_location = Locate(evaluator, Completed(best->held_out, nominal));
     for (const auto& f : after_location) {
       if (!f.excess || f.cut == sim::Cut::kClock || f.cut == sim::Cut::kSensors) continue;
       double was = 0;

@@ -20,7 +20,6 @@ struct Judgement {
   std::vector<Confusion> confusable;
   const Fit* best = nullptr;  // of the accepted model; null: none accepted
   double leftover_sigma = 0;
-  double before_sigma = 0;
 };
 Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
                 const std::vector<CutFinding>& location);

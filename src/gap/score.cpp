@@ -11,11 +11,21 @@ namespace {
 
 constexpr double kCorrelation_s = 1.0;  // what the model leaves unexplained stays alike for about so long
 
+}  // namespace
+
 const Eigen::VectorXd& Pick(const Residuals& part, const Residuals& rest, int run, int channel) {
   return part[run].empty() || part[run][channel].size() == 0 ? rest[run][channel] : part[run][channel];
 }
 
-}  // namespace
+Residuals Completed(const Residuals& part, const Residuals& rest) {
+  Residuals all = rest;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    for (std::size_t c = 0; c < all[i].size(); ++c) {
+      all[i][c] = Pick(part, rest, static_cast<int>(i), static_cast<int>(c));
+    }
+  }
+  return all;
+}
 
 Folds MakeFolds(const std::vector<PreparedRun>& runs) {
   Folds folds;

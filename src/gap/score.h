@@ -9,6 +9,11 @@
 
 namespace tendril::gap {
 
+/// Residuals of one channel: those of `part` where it has the channel, else those of `rest`.
+const Eigen::VectorXd& Pick(const Residuals& part, const Residuals& rest, int run, int channel);
+/// `rest` with all that `part` has in its place.
+Residuals Completed(const Residuals& part, const Residuals& rest);
+
 /// Parts of the data that are held out in turn: families of runs where there are at least three, else runs,
 /// else pieces of time.
 struct Folds {

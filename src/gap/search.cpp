@@ -332,17 +332,8 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
   result.leftover = leftover;
 
   // ---- pairs: add a second, then try others in the place of the first ----
-  const auto complete = [&](const Residuals& part) {
-    Residuals all = nominal;
-    for (std::size_t i = 0; i < all.size(); ++i) {
-      for (std::size_t c = 0; c < all[i].size(); ++c) {
-        if (!part[i].empty() && part[i][c].size() > 0) all[i][c] = part[i][c];
-      }
-    }
-    return all;
-  };
   if (!result.fits.empty() &&
-      !(options.explained && options.explained(complete(result.fits.front().held_out)))) {
+      !(options.explained && options.explained(Completed(result.fits.front().held_out, nominal)))) {
     const Weights weights(evaluator, leftover);
     const auto partners = [&](const Fit& first, int count) {
       std::vector<std::pair<double, int>> gains(result.screened.size());
@@ -455,7 +446,6 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
           }
         }
       }
-      result.everything_gain = LogScore(weights, result.everything, nominal) - result.base_score;
     }
   }
   return result;

@@ -37,11 +37,9 @@ struct SearchResult {
   std::vector<Fit> fits;           // single candidates, by falling held-out score
   std::vector<Fit> pairs;          // the same
   double base_score = 0;           // held-out log score of the nominal model, nuisances free
-  double everything_gain = 0;      // of all numbers of the nominal file refitted together (linear)
-  Residuals everything;            // its held-out residuals
+  Residuals everything;            // held-out residuals of all numbers of the nominal file refitted (linear)
   Eigen::VectorXd leftover;        // per channel: what the best single leaves beyond the noise
   Nuisances nuisances;
-  Residuals base_held_out;  // residuals of the nominal model with its nuisances fitted, held out
 };
 
 SearchResult Search(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options);

@@ -49,7 +49,7 @@ struct Cause {
   std::map<std::string, Estimate> parameters;
   bool bound_hit = false;
   double held_out_gain = 0;   // share of the excess mean square on held-out families that it removes
-  double screening_gain = 0;  // share that the linear screening expected
+  double screening_gain = 0;  // log score that the linear screening saw; 0 where it was refitted
   std::string note;
 };
 

@@ -380,7 +380,7 @@ const causes = s => {
         .text([parametersText(c), c.bound_hit ? 'at a bound!' : ''].filter(Boolean).join(' '))
         .each(function () { while (this.getComputedTextLength() > right && this.textContent.length > 4) this.textContent = this.textContent.slice(0, -3) + '…'; });
       row.append('rect').attr('x', -left).attr('width', width).attr('height', height).attr('fill', 'transparent');
-      tipped(row, () => [causeText(c) + ': ' + percent(c.p), c.about, parametersText(c), special(c) ? '' : `removes ${percent(c.held_out_gain)} of the excess on runs held back (expected ${percent(c.screening_gain)})`,
+      tipped(row, () => [causeText(c) + ': ' + percent(c.p), c.about, parametersText(c), special(c) || !c.held_out_gain ? '' : `removes ${percent(c.held_out_gain)} of the excess on runs held back`,
         c.bound_hit ? 'The fit ended at a physical bound: do not trust the value.' : '', c.note].filter(Boolean).join('\n'));
     });
     let begin = 0;
