@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
 
@@ -149,6 +150,62 @@ std::vector<std::string> Unseen(const Evaluator& evaluator, const SearchResult& 
   return unseen;
 }
 
+/// What each of two causes closes by itself, and on top of the other.
+void AddOrders(const Evaluator& evaluator, const SearchResult& search, std::uint64_t seed, Diagnosis& d) {
+  for (int one = 0; one < 2; ++one) {
+    const std::string name = NameOf(d.accepted[one]), other = NameOf(d.accepted[1 - one]);
+    for (const Fit& fit : search.members) {
+      if (fit.model.parts.front().effect->name != d.accepted[one].effect ||
+          fit.model.parts.front().where != d.accepted[one].where)
+        continue;
+      const auto alone = PooledClosure(evaluator, evaluator.AtNominal(),
+                                       Completed(fit.held_out, evaluator.AtNominal()), seed);
+      if (!alone || !d.closed) continue;
+      d.order_effects.emplace_back(name + " alone", alone->value);
+      d.order_effects.emplace_back(other + " after " + name, d.closed->value - alone->value);
+    }
+  }
+}
+
+/// Log score lost about the estimate, within four standard deviations, for every parameter of the model.
+std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, const SearchResult& search,
+                                const Fit& fit, int threads) {
+  constexpr std::array<double, 7> kAt = {-4, -2, -1, 0, 1, 2, 4};
+  const Weights weights(evaluator, search.leftover);
+  const Nuisances beside = search.nuisances.Beside(fit.model);
+  const Fitter fitter(evaluator, folds, weights, beside);
+  std::vector<Profile> profiles;
+  for (int part = 0; part < static_cast<int>(fit.model.parts.size()); ++part) {
+    const Candidate& candidate = fit.model.parts[part];
+    for (int i = 0; i < candidate.size(); ++i) {
+      const int k = fit.model.offset(part) + i;
+      const auto& p = fit.model.parameter(k);
+      const double deviation = std::sqrt(std::max(0.0, fit.covariance(k, k)));
+      if (p.shape || !(deviation > 0)) continue;
+      std::vector<double> values, lost(kAt.size());
+      for (const double at : kAt) {
+        const double value = std::clamp(fit.model.values[k] + at * deviation, p.lower, p.upper);
+        if (values.empty() || value > values.back()) values.push_back(value);
+      }
+      ParallelFor(static_cast<int>(values.size()), threads, [&](int v) {
+        try {
+          lost[v] = fitter.Lost(fit, k, values[v]);
+        } catch (const std::exception&) {
+          lost[v] = std::nan("");
+        }
+      });
+      Profile profile{std::string(candidate.effect->name), candidate.where, std::string(p.name), {}, {}};
+      for (std::size_t v = 0; v < values.size(); ++v) {
+        if (!std::isfinite(lost[v])) continue;
+        profile.value.push_back(values[v]);
+        profile.score.push_back(lost[v]);
+      }
+      profiles.push_back(profile);
+    }
+  }
+  return profiles;
+}
+
 }  // namespace
 
 Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
@@ -222,6 +279,13 @@ Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
   if (!search.everything.empty() && d.verdict != Verdict::kNoGap) {
     d.closed_ceiling = PooledClosure(evaluator, before, search.everything, options.seed);
   }
+  if (!search.everything.empty() && d.verdict != Verdict::kNoGap) {
+    const ChannelScore everything = ScoreChannels(evaluator, search.everything, before);
+    for (std::size_t c = 0; c < d.closures.size(); ++c)
+      d.closures[c].ceiling_rms = std::sqrt(everything.square[static_cast<int>(c)]);
+  }
+  if (d.accepted.size() == 2) AddOrders(evaluator, search, options.seed, d);
+  if (shown != nullptr) d.profiles = ProfilesOf(evaluator, folds, search, *shown, threads);
   AddDetails(evaluator, shown ? &shown->model : nullptr, after, options.seed, d);
   progress("looking for the experiment that would tell more", 0);
   d.next = FindNextExperiment(evaluator, search, d, options.menu, threads);

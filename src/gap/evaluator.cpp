@@ -508,7 +508,12 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
       // A residual that changes within a window by more than white noise does is a transient (a motor
       // breaking loose, a tendon catching), and what the window's mean is depends on microseconds.
       if (channels_[c].quantity == Quantity::kTension) {
-        const double sample = channels_[c].white * channels_[c].white;
+        // What scatters in half of the windows is noise: of the torque as well, where it is the input.
+        std::vector<double> scatters;
+        for (const double s : within[i][c]) {
+          if (std::isfinite(s)) scatters.push_back(s);
+        }
+        const double sample = std::max(channels_[c].white * channels_[c].white, Median(scatters));
         for (int w = 0; w < windows; ++w) {
           double most = 0;
           for (int k = std::max(0, w - 1); k <= std::min(windows - 1, w + 1); ++k) {

@@ -234,6 +234,50 @@ class Cost final : public ceres::CostFunction {
 
 }  // namespace
 
+Nuisances Nuisances::Beside(const Model& model) const {
+  Nuisances beside;
+  for (std::size_t e = 0; e < candidates.size(); ++e) {
+    const bool own = std::any_of(model.parts.begin(), model.parts.end(),
+                                 [&](const Candidate& c) { return c.effect == candidates[e].effect; });
+    if (own) continue;
+    beside.candidates.push_back(candidates[e]);
+    beside.columns.push_back(columns[e]);
+    beside.prior.conservativeResize(beside.prior.size() + 1);
+    beside.prior[beside.prior.size() - 1] = prior[static_cast<int>(e)];
+  }
+  return beside;
+}
+
+double Fitter::Lost(const Fit& fit, int k, double value) const {
+  Model held = fit.model;
+  held.values[k] = value;
+  const Residuals at = evaluator_.At(held.Robot(evaluator_.nominal()), CutsOf(held));
+  std::vector<const Column*> columns;
+  for (const auto& column : nuisances_.columns) columns.push_back(&column);
+  std::vector<double> prior(nuisances_.prior.begin(), nuisances_.prior.end()), lower, upper;
+  for (const double p : prior) lower.push_back(-3 * p), upper.push_back(3 * p);
+  for (int o = 0; o < held.size(); ++o) {
+    if (o == k) continue;
+    const auto& p = held.parameter(o);
+    columns.push_back(&fit.columns[o]);
+    prior.push_back(30 * ScaleOf(p));
+    lower.push_back(p.lower - held.values[o]);
+    upper.push_back(p.upper - held.values[o]);
+  }
+  const Residuals& rest = evaluator_.AtNominal();
+  double score = LogScore(weights_, at, rest);
+  if (!columns.empty()) {
+    const auto vector = [](const std::vector<double>& v) {
+      return Eigen::VectorXd(
+          Eigen::Map<const Eigen::VectorXd>(v.data(), static_cast<Eigen::Index>(v.size())));
+    };
+    score += SolveLinear(Accumulate(columns, at, rest, weights_, folds_), vector(prior), vector(lower),
+                         vector(upper))
+                 .score;
+  }
+  return fit.score - score;
+}
+
 Fit Fitter::Refit(const Model& start, int iterations) const {
   const unsigned cuts = CutsOf(start);
   const int n = start.size(), extra = static_cast<int>(nuisances_.columns.size());

@@ -41,6 +41,9 @@ struct Nuisances {
   std::vector<Candidate> candidates;
   std::vector<Column> columns;
   Eigen::VectorXd prior;
+
+  /// Those that are not themselves part of the model.
+  Nuisances Beside(const Model& model) const;
 };
 
 struct Fit {
@@ -61,6 +64,9 @@ class Fitter {
   /// Refits all of a model's parameters within their bounds, from its values, by at most `iterations` steps.
   /// Throws std::runtime_error when the start cannot be simulated.
   Fit Refit(const Model& start, int iterations) const;
+  /// Log score lost when parameter k is held at `value` and everything else follows by a linear step.
+  /// Throws std::runtime_error when that cannot be simulated.
+  double Lost(const Fit& fit, int k, double value) const;
   unsigned CutsOf(const Model& model) const;
 
  private:

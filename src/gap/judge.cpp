@@ -30,6 +30,7 @@ constexpr double kSameCosine = 0.95;
 constexpr double kPairGain = 12.0;   // log score that a second cause must bring
 constexpr double kPairDeltas = 2.0;  // and how many materialities it must move some channel
 constexpr double kPairShare = 0.01;  // and the least share of the gap it must explain
+constexpr double kOwnShare = 0.25;   // or this share of the gap in some channel
 constexpr std::size_t kListed = 12;  // causes in the report
 constexpr double kFalseDiscoveries = 0.01;
 constexpr double kBlock_s = 1.0;
@@ -366,16 +367,19 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
   bool two = false;
   if (single && pair && pair->held_out_score - single->held_out_score > kPairGain) {
     const ChannelScore after_pair = ScoreChannels(evaluator, pair->held_out, nominal);
-    double in_one = 0, gap_in_all = 0, more_in_all = 0;
+    double in_one = 0, own = 0, gap_in_all = 0, more_in_all = 0;
     for (int c = 0; c < before.square.size(); ++c) {
       const double gap = before.Excess(c) * before.Excess(c);
       const double more = after_single.square[c] - after_pair.square[c];
       gap_in_all += gap / std::pow(evaluator.channels()[c].floor, 2);
       more_in_all += more / std::pow(evaluator.channels()[c].floor, 2);
-      if (more > kPairShare * gap)
-        in_one = std::max(in_one, std::sqrt(std::max(0.0, more)) / evaluator.channels()[c].delta);
+      if (more <= kPairShare * gap) continue;
+      const double in_deltas_here = std::sqrt(more) / evaluator.channels()[c].delta;
+      in_one = std::max(in_one, in_deltas_here);
+      // Where the first cause does little, the second may be nearly all there is.
+      if (more > kOwnShare * gap) own = std::max(own, in_deltas_here);
     }
-    two = in_one > kPairDeltas && more_in_all > kPairShare * gap_in_all;
+    two = own > kPairDeltas || (in_one > kPairDeltas && more_in_all > kPairShare * gap_in_all);
   }
   const Fit* best = two ? pair : single;
 
@@ -454,16 +458,19 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
 
   // Members of an accepted pair are both causes: their probability is that of the pair.
   if (two) {
+    // What the pairs have in common is not in question.
+    const double pair_temperature =
+        kTemperature + kRelativeTemperature * (pair->held_out_score - single->held_out_score);
     double pair_sum = 0;
     for (const Fit& fit : search.pairs)
-      pair_sum += std::exp((fit.held_out_score - pair->held_out_score) / temperature);
+      pair_sum += std::exp((fit.held_out_score - pair->held_out_score) / pair_temperature);
     for (int part = 0; part < 2; ++part) {
       const Cause mine = CauseOf(*pair, part);
       double with = 0;
       for (const Fit& fit : search.pairs) {
         const bool contains = std::any_of(fit.model.parts.begin(), fit.model.parts.end(),
                                           [&](const Candidate& c) { return c == pair->model.parts[part]; });
-        if (contains) with += std::exp((fit.held_out_score - pair->held_out_score) / temperature);
+        if (contains) with += std::exp((fit.held_out_score - pair->held_out_score) / pair_temperature);
       }
       for (auto& s : scored) {
         if (s.cause.effect != mine.effect || s.cause.where != mine.where) continue;

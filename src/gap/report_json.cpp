@@ -236,7 +236,6 @@ void ProvenanceFields(A& a, typename A::template Ref<Diagnosis> d) {
   a("robot_name", d.robot_name);
   a("robot_yaml", d.robot_yaml);
   a("runs", d.runs);
-  a("training_families", d.training_families);
   a("held_out_families", d.held_out_families);
   a("delta_N", d.delta_N);
   a("delta_m", d.delta_m);

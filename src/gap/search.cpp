@@ -15,6 +15,7 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kScreeningStep = 0.5;  // of a parameter's typical deviation
+constexpr double kFarStep = 0.95;       // of the way to the bound, where that changes nothing
 constexpr double kNuisancePrior =
     0.05;  // the same: constants nobody knows move freely by little, and by no more than three of these
 constexpr int kIterations = 3, kPolish = 6, kPairIterations = 3;
@@ -39,6 +40,15 @@ std::vector<Model> Variants(const Candidate& candidate) {
     variants = std::move(more);
   }
   return variants;
+}
+
+bool IsZero(const Column& column) {
+  for (const auto& run : column) {
+    for (const auto& channel : run) {
+      if (channel.size() > 0 && channel.cwiseAbs().maxCoeff() > 0) return false;
+    }
+  }
+  return true;
 }
 
 void AddTo(Column& sum, const Column& column) {
@@ -142,9 +152,15 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     Probe& probe = probes[tasks[t].first];
     const int k = probe.primary[tasks[t].second];
     const unsigned cuts = evaluator.CutsOf(*candidates[probe.candidate].effect);
+    const auto& p = probe.variant.parameter(k);
+    const auto column = [&](double step) {
+      return Sensitivity(evaluator, probe.variant, k, step, nominal, cuts);
+    };
     try {
-      probe.columns[tasks[t].second] = Sensitivity(
-          evaluator, probe.variant, k, kScreeningStep * ScaleOf(probe.variant.parameter(k)), nominal, cuts);
+      Column& mine = probe.columns[tasks[t].second];
+      mine = column(kScreeningStep * ScaleOf(p));
+      // A limit, a contact, a dead zone: nothing happens before it is reached.
+      if (IsZero(mine)) mine = column(kFarStep * (p.upper - probe.variant.values[k]));
     } catch (const std::exception&) {
       probe.columns[tasks[t].second] =
           Column(nominal.size(), std::vector<Eigen::VectorXd>(evaluator.channels().size()));
@@ -264,8 +280,8 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     for (std::size_t k = 0; k < s.primary.size(); ++k) {
       const auto& p = start.parameter(s.primary[k]);
       const double wanted = start.values[s.primary[k]] + s.linear.value[static_cast<int>(k)];
-      start.values[s.primary[k]] =
-          std::clamp(wanted, 0.8 * p.lower + 0.2 * p.nominal, 0.8 * p.upper + 0.2 * p.nominal);
+      start.values[s.primary[k]] = std::clamp(wanted, kFarStep * p.lower + (1 - kFarStep) * p.nominal,
+                                              kFarStep * p.upper + (1 - kFarStep) * p.nominal);
     }
     return start;
   };
@@ -275,17 +291,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     std::vector<char> good(starts.size(), 0);
     done = 0;
     ParallelFor(static_cast<int>(starts.size()), options.threads, [&](int k) {
-      Nuisances beside;
-      for (std::size_t e = 0; e < result.nuisances.candidates.size(); ++e) {
-        const bool own = std::any_of(starts[k].parts.begin(), starts[k].parts.end(), [&](const Candidate& c) {
-          return c.effect == result.nuisances.candidates[e].effect;
-        });
-        if (own) continue;
-        beside.candidates.push_back(result.nuisances.candidates[e]);
-        beside.columns.push_back(result.nuisances.columns[e]);
-        beside.prior.conservativeResize(beside.prior.size() + 1);
-        beside.prior[beside.prior.size() - 1] = result.nuisances.prior[static_cast<int>(e)];
-      }
+      const Nuisances beside = result.nuisances.Beside(starts[k]);
       try {
         fits[k] = Fitter(evaluator, folds, weights, beside).Refit(starts[k], iterations);
         good[k] = 1;
@@ -402,6 +408,23 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       }
       std::stable_sort(result.pairs.begin(), result.pairs.end(),
                        [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
+      // Each of the best two by itself.
+      std::vector<Model> missing;
+      for (const Candidate& part : result.pairs[0].model.parts) {
+        const auto known = std::find_if(result.fits.begin(), result.fits.end(),
+                                        [&](const Fit& fit) { return fit.model.parts.front() == part; });
+        if (known != result.fits.end()) {
+          result.members.push_back(*known);
+          continue;
+        }
+        Model one = Model::Of(part);
+        const Model& both = result.pairs[0].model;
+        const int at = both.offset(part == both.parts[0] ? 0 : 1);
+        one.values = both.values.segment(at, one.size());
+        missing.push_back(one);
+      }
+      for (Fit& fit : refit(missing, weights, kIterations, 1.0, 1.0))
+        result.members.push_back(std::move(fit));
     }
   }
 

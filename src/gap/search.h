@@ -36,6 +36,7 @@ struct SearchResult {
   std::vector<Screened> screened;  // by falling gain
   std::vector<Fit> fits;           // single candidates, by falling held-out score
   std::vector<Fit> pairs;          // the same
+  std::vector<Fit> members;        // of the best pair, each by itself
   double base_score = 0;           // held-out log score of the nominal model, nuisances free
   Residuals everything;            // held-out residuals of all numbers of the nominal file refitted (linear)
   Eigen::VectorXd leftover;        // per channel: what the best single leaves beyond the noise

@@ -210,7 +210,6 @@ struct Maker {
       r.samples = 40000;
       d.runs.push_back(r);
     }
-    d.training_families = {"triangle", "ladder", "multisine"};
     d.held_out_families = {"circle", "steps"};
     d.delta_N = 0.06;
     d.delta_m = 5e-4;
@@ -395,7 +394,6 @@ Diagnosis ExampleDiagnosis(Verdict verdict) {
       d.runs.resize(1);
       d.horizon.clear();
       d.held_out_families.clear();
-      d.training_families = {"triangle"};
       d.next.family = "standard_set";
       d.next.reason =
           "Two families with a repeat each are the least with which a cause can be tested on runs held back.";

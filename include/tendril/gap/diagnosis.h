@@ -99,7 +99,7 @@ struct HorizonPoint {
   double rms_m = 0, floor_m = 0;
 };
 
-/// How well a parameter is determined: held-out score over its value, others refitted.
+/// How well a parameter is determined: log score lost over its value, others following.
 struct Profile {
   std::string effect, where, parameter;
   std::vector<double> value, score;
@@ -151,7 +151,7 @@ struct Diagnosis {
   // provenance
   std::string robot_name, robot_yaml;  // nominal file, resolved
   std::vector<RunSummary> runs;
-  std::vector<std::string> training_families, held_out_families;  // of the last split reported
+  std::vector<std::string> held_out_families;  // each held out in turn, the others trained on
   double delta_N = 0, delta_m = 0;
   std::uint64_t seed = 0;
   std::string version, revision, command;

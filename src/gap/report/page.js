@@ -830,8 +830,8 @@ const provenance = s => {
   // JavaScript's numbers cannot hold every 64-bit seed: its digits as they were written.
   const seed = (source.match(/"seed":\s*(\d+)/) || [, String(p.seed)])[1];
   const rows = [['robot', p.robot_name], ['command', p.command], ['version', [p.version, p.revision].filter(Boolean).join(' · ')], ['seed', seed],
-    ['size that matters (δ)', `${show(p.delta_N, 'N')}, ${show(p.delta_m, 'm')}`], ['learnt from', p.training_families.map(plain).join(', ') || '–'],
-    ['held back', p.held_out_families.map(plain).join(', ') || '–'], ['took', `${digits(p.seconds, 3)} s`]];
+    ['size that matters (δ)', `${show(p.delta_N, 'N')}, ${show(p.delta_m, 'm')}`], 
+    ['held back, each in turn', p.held_out_families.map(plain).join(', ') || '–'], ['took', `${digits(p.seconds, 3)} s`]];
   const card = el('div', {class: 'card'}, table([['', 'c'], ['', 'c']], rows.map(([k, v]) => ({cells: [k, k === 'command' ? el('span', {class: 'mono'}, v) : v]}))));
   card.querySelector('thead').remove();
   if (p.runs.length) card.append(el('h3', {}, 'Runs'), table([['run', 'c'], ['family', 'c'], ['repeats', 'c'], ['duration', 'n'], ['rate', 'n'], ['samples', 'n'], ['SHA-256 of the file', 'mono']],
