@@ -53,18 +53,21 @@ std::string Sentence(const Diagnosis& d) {
     case Verdict::kAttributed:
     case Verdict::kAmbiguousGroup: {
       std::string causes;
-      if (d.verdict == Verdict::kAmbiguousGroup) {
-        for (const auto& c : d.causes) {
-          if (c.group == 1) causes += (causes.empty() ? "" : " or ") + NameOf(c);
+      bool grouped = false;
+      for (const auto& c : d.accepted) {
+        causes += causes.empty() ? "" : ", and ";
+        std::string names;
+        for (const auto& rival : d.causes) {
+          if (c.group != 0 && rival.group == c.group) names += (names.empty() ? "" : " or ") + NameOf(rival);
         }
-        if (causes.empty() && !d.accepted.empty()) causes = NameOf(d.accepted.front()) + " or another";
-        causes = "one of " + causes + ", which these runs cannot tell apart";
-      } else {
-        for (const auto& c : d.accepted) {
-          causes += (causes.empty() ? "" : " and ") + NameOf(c) + ", " + ValueOf(c) +
-                    fmt::format(" (p = {:.2f})", c.p);
+        if (d.verdict == Verdict::kAmbiguousGroup && !names.empty()) {
+          causes += fmt::format("one of {}, which these runs cannot tell apart", names);
+          grouped = true;
+        } else {
+          causes += fmt::format("{}, {} (p = {:.2f})", NameOf(c), ValueOf(c), c.p);
         }
       }
+      if (d.verdict == Verdict::kAmbiguousGroup && !grouped) causes += ", or another";
       const std::string closed =
           d.closed ? fmt::format(" With it in the model {} of the gap closes on runs it was not fitted to.",
                                  Percent(std::max(0.0, d.closed->value)))

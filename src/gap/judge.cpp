@@ -30,6 +30,7 @@ constexpr double kSameCosine = 0.95;
 constexpr double kPairGain = 12.0;   // log score that a second cause must bring
 constexpr double kPairDeltas = 2.0;  // and how many materialities it must move some channel
 constexpr double kPairShare = 0.01;  // and the least share of the gap it must explain
+constexpr double kClear = 0.8;       // share of its group's probability that a cause named alone has
 constexpr double kOwnShare = 0.25;   // or this share of the gap in some channel
 constexpr std::size_t kListed = 12;  // causes in the report
 constexpr double kFalseDiscoveries = 0.01;
@@ -409,6 +410,7 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
     const Screened* screened = nullptr;
   };
   std::vector<Scored> scored;
+  const double base_gain = search.base_score - LogScore(weights, nominal, nominal);
   const auto is_listed = [&](const std::string& effect, const std::string& where) {
     return std::any_of(scored.begin(), scored.end(),
                        [&](const Scored& s) { return s.cause.effect == effect && s.cause.where == where; });
@@ -421,7 +423,7 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
     Scored entry;
     entry.cause.effect = s.candidate.effect->name;
     entry.cause.where = s.candidate.where;
-    entry.gain = s.gain;
+    entry.gain = s.gain - base_gain;
     entry.screened = &s;
     for (std::size_t k = 0; k < s.primary.size(); ++k) {
       const auto& p = s.start.parameter(s.primary[k]);
@@ -429,6 +431,12 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
       entry.cause.parameters[std::string(p.name)] = {value, p.lower, p.upper};
     }
     scored.push_back(entry);
+  }
+  // Where the constants that every model may move explain the gap by themselves, one of them is its cause.
+  if (gain < kGapGain && base_gain > kGapGain) {
+    for (auto& s : scored) {
+      if (!sim::FindEffect(s.cause.effect)->nuisance) s.gain -= base_gain;
+    }
   }
   // What screening alone saw is not worth more than the best refit.
   double top = -1e300, sum = 0;
@@ -464,24 +472,45 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
     double pair_sum = 0;
     for (const Fit& fit : search.pairs)
       pair_sum += std::exp((fit.held_out_score - pair->held_out_score) / pair_temperature);
-    for (int part = 0; part < 2; ++part) {
-      const Cause mine = CauseOf(*pair, part);
+    for (auto& s : scored) {
       double with = 0;
       for (const Fit& fit : search.pairs) {
-        const bool contains = std::any_of(fit.model.parts.begin(), fit.model.parts.end(),
-                                          [&](const Candidate& c) { return c == pair->model.parts[part]; });
+        const bool contains = std::any_of(
+            fit.model.parts.begin(), fit.model.parts.end(),
+            [&](const Candidate& c) { return c.effect->name == s.cause.effect && c.where == s.cause.where; });
         if (contains) with += std::exp((fit.held_out_score - pair->held_out_score) / pair_temperature);
       }
-      for (auto& s : scored) {
-        if (s.cause.effect != mine.effect || s.cause.where != mine.where) continue;
-        s.cause = mine;
-        s.cause.p = (p_gap - p_unknown) * with / pair_sum;
-        s.cause.note = "one of two causes that act together";
-        s.gain = 1e6;
-      }
+      s.cause.p = (p_gap - p_unknown) * with / pair_sum;
     }
-    for (auto& s : scored) {
-      if (s.gain < 1e6) s.cause.p *= 1e-3;
+    for (int part = 0; part < 2; ++part) {
+      const Candidate& member = pair->model.parts[part];
+      const Candidate& partner = pair->model.parts[1 - part];
+      const auto entry_of = [&](const Candidate& c) {
+        return std::find_if(scored.begin(), scored.end(), [&](const Scored& s) {
+          return s.cause.effect == c.effect->name && s.cause.where == c.where;
+        });
+      };
+      const auto mine = entry_of(member);
+      if (mine == scored.end()) continue;
+      const double p = mine->cause.p;
+      mine->cause = CauseOf(*pair, part);
+      mine->cause.p = p;
+      mine->cause.note = "one of two causes that act together";
+      // What could stand in its place beside the same partner.
+      for (const Fit& fit : search.pairs) {
+        const auto other = std::find_if(fit.model.parts.begin(), fit.model.parts.end(),
+                                        [&](const Candidate& c) { return !(c == partner); });
+        const bool same_partner = std::any_of(fit.model.parts.begin(), fit.model.parts.end(),
+                                              [&](const Candidate& c) { return c == partner; });
+        if (!same_partner || other == fit.model.parts.end() || *other == member) continue;
+        const double behind = pair->held_out_score - fit.held_out_score;
+        if (behind >= kSame * pair_temperature) continue;
+        const auto rival = entry_of(*other);
+        if (rival == scored.end()) continue;
+        mine->cause.group = rival->cause.group = part + 1;
+        j.confusable.push_back({member.Name(), other->Name(),
+                                Cosine(weights, nominal, pair->residuals, fit.residuals), behind, true});
+      }
     }
     std::stable_sort(scored.begin(), scored.end(),
                      [](const Scored& a, const Scored& b) { return a.cause.p > b.cause.p; });
@@ -517,22 +546,25 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
   std::stable_sort(j.causes.begin(), j.causes.end(),
                    [](const Cause& a, const Cause& b) { return a.p > b.p; });
 
-  double group = 0, first = 0;
-  bool grouped = false;
-  for (const auto& s : scored) {
-    if (s.cause.group == 1) group += s.cause.p, grouped = true;
-    first = std::max(first, s.cause.p);
+  // The share that the first of a group has of it; a group of one cause has none.
+  double first = 0;
+  bool divided = false;
+  for (const int number : {1, 2}) {
+    double group = 0, first_of_group = 0;
+    for (const auto& s : scored) {
+      if (s.cause.group == number) group += s.cause.p, first_of_group = std::max(first_of_group, s.cause.p);
+    }
+    divided = divided || first_of_group < kClear * group;
   }
+  for (const auto& s : scored) first = std::max(first, s.cause.p);
   if (p_gap < 0.5) {
     j.verdict = Verdict::kNoGap;
   } else if (p_unknown > 0.5 * p_gap) {
     j.verdict = Verdict::kUnexplained;
-  } else if (grouped && first < 0.8 * group) {
+  } else if (divided || first <= 0.5 * (p_gap - p_unknown)) {
     j.verdict = Verdict::kAmbiguousGroup;
-  } else if (first > 0.5 * (p_gap - p_unknown)) {
-    j.verdict = Verdict::kAttributed;
   } else {
-    j.verdict = Verdict::kAmbiguousGroup;
+    j.verdict = Verdict::kAttributed;
   }
   if (j.verdict == Verdict::kAttributed || j.verdict == Verdict::kAmbiguousGroup) {
     j.best = best;

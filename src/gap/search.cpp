@@ -408,6 +408,17 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       }
       std::stable_sort(result.pairs.begin(), result.pairs.end(),
                        [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
+      // The same two, found from either.
+      const auto same = [](const Fit& a, const Fit& b) {
+        return a.model.parts[0] == b.model.parts[1] && a.model.parts[1] == b.model.parts[0];
+      };
+      std::vector<Fit> distinct;
+      for (Fit& fit : result.pairs) {
+        const bool known =
+            std::any_of(distinct.begin(), distinct.end(), [&](const Fit& other) { return same(other, fit); });
+        if (!known) distinct.push_back(std::move(fit));
+      }
+      result.pairs = std::move(distinct);
       // Each of the best two by itself.
       std::vector<Model> missing;
       for (const Candidate& part : result.pairs[0].model.parts) {
