@@ -15,7 +15,9 @@
 #include <stdexcept>
 #include <thread>
 
+#include "built_in_files.h"
 #include "closed_loop.h"
+#include "tendril/config/config.h"
 
 namespace tendril::tools {
 namespace {
@@ -104,6 +106,12 @@ DaemonParameters ForExperiments(DaemonParameters daemon) {
   daemon.lcm.cycle_every_cycles = 0;
   daemon.lcm.state_every_cycles = 1000;
   return daemon;
+}
+
+DaemonParameters DaemonOfExperiments(const std::string& file) {
+  return ForExperiments(file.empty()
+                            ? config::ParseDaemon(std::string(kDaemonFile), "tendrild.yaml (built in)")
+                            : config::LoadDaemon(file));
 }
 
 Experiment RunExperiment(const Program& program, const std::string& name, const ExperimentOptions& options,

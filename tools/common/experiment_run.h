@@ -51,6 +51,10 @@ struct ExperimentOptions {
 /// that nobody listens to.
 DaemonParameters ForExperiments(DaemonParameters daemon);
 
+/// What the daemon of experiments in process is told: this file, or without one what comes with Tendril
+/// (built in; nothing is read).
+DaemonParameters DaemonOfExperiments(const std::string& file);
+
 struct Experiment {
   gap::Run run;
   std::string trouble;               // empty, or why it ended early

@@ -13,8 +13,8 @@
 #include "lcm_options.h"
 #include "output.h"
 #include "paths.h"
+#include "seed_option.h"
 #include "set_progress.h"
-#include "tendril/config/config.h"
 #include "tendril/gap/data_set.h"
 #include "tendril/sim/effects.h"
 
@@ -22,7 +22,7 @@ namespace tendril::tools {
 namespace {
 
 struct ExciteOptions {
-  std::string set = "standard", plan, print_plan, robot, plant, out = "tendril-excite";
+  std::string set = "standard", plan, print_plan, robot, plant, daemon, out = "tendril-excite";
   LcmOptions lcm;
   bool live = false, arm = false;
   std::uint64_t seed = 1;
@@ -37,7 +37,7 @@ ExperimentSet RunInProcess(const Plan& plan, const ExciteOptions& options, const
   const ExperimentOptions experiment{
       .controller_robot = nominal,
       .plant_robot = sim::LoadRobot(options.plant.empty() ? robot_file : options.plant),
-      .daemon = ForExperiments(config::LoadDaemon(ConfigFile("tendrild.yaml"))),
+      .daemon = DaemonOfExperiments(options.daemon),
       .seed = options.seed,
       .threads = options.jobs};
   return RunSet(plan, experiment, &stop, progress);
@@ -52,6 +52,9 @@ void RunExcite(const ExciteOptions& options) {
     throw UsageError(
         "--plant is for the plant in this process; with --live the daemon's robot is what moves");
   }
+  if (options.live && !options.daemon.empty())
+    throw UsageError(
+        "--daemon is for the controller in this process; with --live the daemon has its own file");
   if (options.arm && !options.live)
     throw UsageError("--arm goes with --live; in process there is nothing to arm");
   Plan plan = options.plan.empty() ? NamedPlan(options.set) : LoadPlan(options.plan);
@@ -99,9 +102,14 @@ void AddExciteCommand(CLI::App& app) {
   command->add_option("--robot", options->robot,
                       "the nominal robot file (default: rig_90mm, with --live the daemon's own)");
   command->add_option("--plant", options->plant, "the plant's robot file (default: the nominal one)");
+  command->add_option(
+      "--daemon", options->daemon,
+      "daemon file whose controller runs them in process (default: that of tendrild.yaml, built in)");
   command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and a CSV a run")
       ->capture_default_str();
-  command->add_option("--seed", options->seed, "of the plant's sensor noise")->capture_default_str();
+  command->add_option("--seed", options->seed, "of the plant's sensor noise")
+      ->check(Seed())
+      ->capture_default_str();
   command
       ->add_option("--repeats", options->repeats, "identical repetitions of every run instead of the plan's")
       ->check(CLI::Range(0, 20));

@@ -12,9 +12,8 @@
 #include "commands.h"
 #include "experiment_run.h"
 #include "output.h"
-#include "paths.h"
 #include "progress.h"
-#include "tendril/config/config.h"
+#include "seed_option.h"
 #include "tendril/gap/diagnose.h"
 #include "tendril/gap/health.h"
 #include "tendril/gap/report.h"
@@ -26,16 +25,16 @@ namespace {
 struct Options {
   std::string robot;
   std::vector<std::string> logs;
-  std::string out = "out/gap";
+  std::string out = "out/gap", daemon;
   double delta_mm = 0;
   bool next = true;
   gap::DiagnoseOptions diagnose;
 };
 
 /// Runs that `tendril excite` knows, simulated in process: what the diagnosis compares rivals on.
-gap::ExperimentMenu Menu(const RobotParameters& nominal, std::uint64_t seed) {
+gap::ExperimentMenu Menu(const RobotParameters& nominal, const std::string& daemon_file, std::uint64_t seed) {
   gap::ExperimentMenu menu;
-  const DaemonParameters daemon = ForExperiments(config::LoadDaemon(ConfigFile("tendrild.yaml")));
+  const DaemonParameters daemon = DaemonOfExperiments(daemon_file);
   for (const std::string_view family : Families()) menu.families.emplace_back(family);
   menu.simulate = [nominal, daemon, seed](const std::string& family, const RobotParameters& plant) {
     const ExperimentOptions options{
@@ -68,7 +67,8 @@ void Run(Options options) {
   const gap::DataSet set = gap::LoadLogs(options.logs, options.robot);
   options.diagnose.progress = [&](const std::string& stage, double share) { progress(stage, share); };
   options.diagnose.delta_m = 1e-3 * options.delta_mm;
-  if (options.next && set.robot.actuation) options.diagnose.menu = Menu(set.robot, options.diagnose.seed);
+  if (options.next && set.robot.actuation)
+    options.diagnose.menu = Menu(set.robot, options.daemon, options.diagnose.seed);
   progress("checking the data", 0);
   std::vector<gap::HealthFinding> health = gap::CheckHealth(set);
   const auto begin = std::chrono::steady_clock::now();
@@ -107,6 +107,7 @@ void AddGapDiagnoseCommand(CLI::App& app) {
   command
       ->add_option("--seed", options->diagnose.seed,
                    "of bootstraps and of alternative readings of the sensors")
+      ->check(Seed())
       ->capture_default_str();
   command->add_option("--without", options->diagnose.without, "effects to leave out of the library, by name")
       ->allow_extra_args(false);
@@ -116,6 +117,9 @@ void AddGapDiagnoseCommand(CLI::App& app) {
   command->add_option("--threads", options->diagnose.threads, "threads; 0: all cores")
       ->check(CLI::Range(0, 256))
       ->capture_default_str();
+  command->add_option("--daemon", options->daemon,
+                      "daemon file whose controller would run the next experiment (default: that of "
+                      "tendrild.yaml, built in)");
   command->add_flag("!--no-next", options->next, "do not look for the next experiment");
   command->callback([options] { Run(*options); });
 }

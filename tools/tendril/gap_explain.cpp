@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,7 +22,7 @@ using Json = nlohmann::ordered_json;
 using sim::Effect;
 
 struct Options {
-  std::string effect;
+  std::string effect, robot;
   bool json = false;
 };
 
@@ -30,13 +31,26 @@ constexpr const char* kScopes[] = {"robot", "tendon", "unit", "section"};
 
 std::string UnitOf(const sim::EffectParameter& p) { return gap::TextOf(p.name).unit; }
 
+/// Every `where` that the effect may have on this robot.
+std::vector<std::string> Places(const Effect& e, const RobotParameters& robot) {
+  std::vector<std::string> places;
+  if (e.on_all || e.scope == sim::Scope::kRobot) places.push_back("all");
+  if (!e.on_one) return places;
+  const int count = e.scope == sim::Scope::kTendon    ? robot.body.tendons()
+                    : e.scope == sim::Scope::kUnit    ? robot.body.units()
+                    : e.scope == sim::Scope::kSection ? static_cast<int>(robot.body.sections.size())
+                                                      : 0;
+  for (int i = 0; i < count; ++i) places.push_back(sim::TargetText(e, i));
+  return places;
+}
+
 std::string WhereTexts(const Effect& e) {
   if (e.scope == sim::Scope::kRobot) return "all";
   const std::string one = fmt::format("{}:NUMBER", kScopes[static_cast<int>(e.scope)]);
   return e.on_all && e.on_one ? "all or " + one : e.on_one ? one : "all";
 }
 
-Json ToJson(const Effect& e) {
+Json ToJson(const Effect& e, const RobotParameters* robot) {
   Json parameters = Json::array();
   for (const sim::EffectParameter& p : e.parameters) {
     parameters.push_back({{"name", p.name},
@@ -47,21 +61,28 @@ Json ToJson(const Effect& e) {
                           {"typical", p.typical},
                           {"shape", p.shape}});
   }
-  return {{"effect", e.name},
-          {"stage", kStages[static_cast<int>(e.stage)]},
-          {"cut", sim::CutName(e.cut)},
-          {"cut_robot_side", sim::CutName(e.cut_robot_side)},
-          {"scope", kScopes[static_cast<int>(e.scope)]},
-          {"on_all", e.on_all},
-          {"on_one", e.on_one},
-          {"nuisance", e.nuisance},
-          {"controller_can_use_it", e.edit != nullptr},
-          {"parameters", std::move(parameters)},
-          {"summary", e.summary},
-          {"physics", e.physics},
-          {"signature", e.signature},
-          {"experiment", e.experiment},
-          {"confusable", e.confusable}};
+  Json json{{"effect", e.name},
+            {"stage", kStages[static_cast<int>(e.stage)]},
+            {"cut", sim::CutName(e.cut)},
+            {"cut_robot_side", sim::CutName(e.cut_robot_side)},
+            {"scope", kScopes[static_cast<int>(e.scope)]},
+            {"on_all", e.on_all},
+            {"on_one", e.on_one},
+            {"nuisance", e.nuisance},
+            {"controller_can_use_it", e.edit != nullptr},
+            {"parameters", std::move(parameters)},
+            {"summary", e.summary},
+            {"physics", e.physics},
+            {"signature", e.signature},
+            {"experiment", e.experiment},
+            {"confusable", e.confusable}};
+  if (robot != nullptr) {
+    const bool robot_side =
+        robot->actuation && robot->actuation->tendons[0].load_cell.place == LoadCellPlace::kRobotSide;
+    json["first_cut"] = sim::CutName(robot_side ? e.cut_robot_side : e.cut);
+    json["places"] = Places(e, *robot);
+  }
+  return json;
 }
 
 void PrintTable() {
@@ -148,12 +169,18 @@ const Effect& Find(const std::string& name) {
 }
 
 void Run(const Options& options) {
+  if (!options.robot.empty() && !options.json) {
+    throw UsageError("--robot goes with --json: it adds the places that an effect may have on that robot");
+  }
   if (options.json) {
+    std::optional<RobotParameters> robot;
+    if (!options.robot.empty()) robot = sim::LoadRobot(options.robot);
+    const RobotParameters* on = robot ? &*robot : nullptr;
     Json json = Json::array();
     if (!options.effect.empty()) {
-      json = ToJson(Find(options.effect));
+      json = ToJson(Find(options.effect), on);
     } else {
-      for (const Effect& e : sim::Effects()) json.push_back(ToJson(e));
+      for (const Effect& e : sim::Effects()) json.push_back(ToJson(e, on));
     }
     fmt::print("{}\n", json.dump(2));
   } else if (options.effect.empty()) {
@@ -172,6 +199,8 @@ void AddGapExplainCommand(CLI::App& app) {
       "An effect's physics, its mark in the data, what looks like it and what shows it; without one: all");
   command->add_option("effect", options->effect, "name of the effect, such as backlash");
   command->add_flag("--json", options->json, "for programs");
+  command->add_option("--robot", options->robot,
+                      "with --json: a robot file, for the places and the cut on that robot");
   command->callback([options] { Run(*options); });
 }
 

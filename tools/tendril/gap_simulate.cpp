@@ -3,19 +3,24 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <numeric>
 #include <optional>
 
 #include "commands.h"
 #include "experiment_run.h"
 #include "output.h"
-#include "paths.h"
+#include "progress.h"
+#include "seed_option.h"
 #include "set_progress.h"
-#include "tendril/config/config.h"
+#include "sized_effect.h"
 #include "tendril/gap/data_set.h"
 #include "tendril/sim/effects.h"
 
@@ -23,13 +28,78 @@ namespace tendril::tools {
 namespace {
 
 struct SimulateOptions {
-  std::string robot, set = "standard", plan, out, truth, noise = "on", load_cell, tracker = "on";
+  std::string robot, daemon, set = "standard", plan, out, truth, noise = "on", load_cell, tracker = "on";
   std::vector<std::string> effects;
   std::uint64_t seed = 1;
   int repeats = -1, jobs = 2;
 };
 
 std::atomic<bool> stop = false;
+
+/// Amounts of the effects that are given by their size, each by itself on the nominal robot.
+std::vector<std::optional<SizedEffect>> FindAmounts(const Plan& plan, ExperimentOptions experiment,
+                                                    const std::vector<std::optional<WantedSize>>& wanted) {
+  std::vector<std::optional<SizedEffect>> sized(wanted.size());
+  if (std::none_of(wanted.begin(), wanted.end(), [](const auto& w) { return w.has_value(); })) return sized;
+  Progress progress;
+  experiment.plant_robot = experiment.controller_robot;
+  experiment.sensor_noise = true;  // a floor is what noise makes it, whether or not the data get any
+  std::vector<double> shares(NameRuns(plan).size(), 0.0);
+  const ExperimentSet nominal =
+      RunSet(plan, experiment, &stop, [&](std::size_t run, double share, const Experiment*) {
+        shares[run] = share;
+        progress("running the plan without the effects, for their sizes",
+                 std::accumulate(shares.begin(), shares.end(), 0.0) / static_cast<double>(shares.size()));
+      });
+  if (!nominal.trouble.empty())
+    throw std::runtime_error("sizes cannot be found, the runs without effects are not complete: " +
+                             nominal.trouble);
+  const gap::EffectRuler ruler(nominal.data, experiment.threads);
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    if (!wanted[i]) continue;
+    progress("finding how much makes the size asked for",
+             static_cast<double>(i) / static_cast<double>(wanted.size()));
+    sized[i] = AmountFor(*wanted[i], [&](const EffectSetting& setting) {
+      if (stop) throw std::runtime_error("stopped");
+      return ruler.Of(setting);
+    });
+  }
+  progress.Finish();
+  if (stop) throw std::runtime_error("stopped while looking for the amounts; nothing is written");
+  for (const auto& effect : sized) {
+    if (!effect) continue;
+    const EffectSetting& e = effect->setting;
+    fmt::print("{} where={}", e.name, e.where);
+    for (const auto& [name, value] : e.values) fmt::print(" {}={}", name, value);
+    fmt::print(": {:.3g} sigma in {}{}\n", effect->size.floors, effect->size.channel,
+               effect->limited.empty() ? "" : "; " + effect->limited);
+  }
+  return sized;
+}
+
+void WriteTruth(const SimulateOptions& options, const std::vector<EffectSetting>& effects,
+                const std::vector<std::optional<WantedSize>>& wanted,
+                const std::vector<std::optional<SizedEffect>>& sized) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  // What the robot's own file has comes first; the options' follow.
+  const std::size_t own = effects.size() - wanted.size();
+  for (std::size_t i = 0; i < effects.size(); ++i) {
+    nlohmann::ordered_json entry{{"effect", effects[i].name}, {"where", effects[i].where}};
+    entry["parameters"] = nlohmann::ordered_json::object();
+    for (const auto& [name, value] : effects[i].values) entry["parameters"][name] = value;
+    if (i >= own && sized[i - own]) {
+      entry["sigma"] = {{"asked", std::abs(wanted[i - own]->sigma)},
+                        {"reached", sized[i - own]->size.floors},
+                        {"channel", sized[i - own]->size.channel},
+                        {"limited", sized[i - own]->limited}};
+    }
+    list.push_back(entry);
+  }
+  std::ofstream truth(options.truth);
+  truth << nlohmann::ordered_json{{"robot", options.robot}, {"seed", options.seed}, {"effects", list}}.dump(2)
+        << "\n";
+  if (!truth.flush()) throw std::runtime_error("cannot write " + options.truth);
+}
 
 void RunSimulate(const SimulateOptions& options) {
   RobotParameters nominal = sim::LoadRobot(options.robot);
@@ -51,8 +121,12 @@ void RunSimulate(const SimulateOptions& options) {
   if (options.tracker == "off") nominal.actuation->tracker.reset();
 
   RobotParameters plant = nominal;
+  std::vector<std::optional<WantedSize>> wanted;
   try {
-    for (const std::string& text : options.effects) plant.effects.push_back(sim::ParseEffect(text, nominal));
+    for (const std::string& text : options.effects) {
+      wanted.push_back(ParseWantedSize(text, nominal));
+      plant.effects.push_back(wanted.back() ? wanted.back()->setting : sim::ParseEffect(text, nominal));
+    }
     sim::CheckEffects(plant);
   } catch (const std::invalid_argument& e) {
     throw UsageError(std::string("--effect: ") + e.what());
@@ -64,11 +138,16 @@ void RunSimulate(const SimulateOptions& options) {
   }
   ExperimentOptions experiment{.controller_robot = nominal,
                                .plant_robot = plant,
-                               .daemon = ForExperiments(config::LoadDaemon(ConfigFile("tendrild.yaml"))),
+                               .daemon = DaemonOfExperiments(options.daemon),
                                .seed = options.seed,
                                .sensor_noise = options.noise == "on",
                                .threads = options.jobs};
   const std::filesystem::path out = MakeSetFolder(MakeOutputFolder(options.out));
+  const std::vector<std::optional<SizedEffect>> sized = FindAmounts(plan, experiment, wanted);
+  auto& planted = experiment.plant_robot.effects;
+  for (std::size_t i = 0; i < sized.size(); ++i) {
+    if (sized[i]) planted[planted.size() - sized.size() + i] = sized[i]->setting;
+  }
 
   SetProgressLine line(NameRuns(plan));
   ExperimentSet set =
@@ -76,17 +155,7 @@ void RunSimulate(const SimulateOptions& options) {
              [&](std::size_t run, double share, const Experiment* done) { line.Show(run, share, done); });
   if (set.data.runs.empty()) throw std::runtime_error("nothing was recorded: " + set.trouble);
   gap::WriteDataSet(set.data, out);
-  if (!options.truth.empty()) {
-    std::ofstream truth(options.truth);
-    truth << "seed: " << options.seed << "\neffects:";
-    for (const EffectSetting& e : plant.effects) {
-      truth << "\n  - {name: " << e.name << ", where: \"" << e.where << "\"";
-      for (const auto& [name, value] : e.values) truth << fmt::format(", {}: {}", name, value);
-      truth << "}";
-    }
-    truth << (plant.effects.empty() ? " []\n" : "\n");
-    if (!truth.flush()) throw std::runtime_error("cannot write " + options.truth);
-  }
+  if (!options.truth.empty()) WriteTruth(options, planted, wanted, sized);
   fmt::print("{} runs, {:.1f} s of data in {:.1f} s ({:.1f} x real time): {}\n", set.data.runs.size(),
              set.simulated_s, set.wall_s, set.simulated_s / set.wall_s,
              std::filesystem::absolute(out).lexically_normal().string());
@@ -102,15 +171,20 @@ void AddGapSimulateCommand(CLI::App& app) {
       "A data set from the simulated robot with given effects, the controller knowing the nominal one");
   command->add_option("--robot", options->robot, "nominal robot file (a rig)")->required();
   command
-      ->add_option("--effect", options->effects,
-                   "what the plant has beyond it, e.g. \"backlash where=tendon:2 rad=0.05\"; may be repeated")
+      ->add_option(
+          "--effect", options->effects,
+          "what the plant has beyond it, e.g. \"backlash where=tendon:2 rad=0.05\", or by its size in "
+          "noise floors, \"backlash sigma=3\"; may be repeated")
       ->allow_extra_args(false);
+  command->add_option(
+      "--daemon", options->daemon,
+      "daemon file whose controller runs the experiments (default: that of tendrild.yaml, built in)");
   auto* set = command->add_option("--set", options->set, "experiments")
                   ->check(CLI::IsMember({"standard", "quick"}))
                   ->capture_default_str();
   command->add_option("--plan", options->plan, "experiments from a plan file")->excludes(set);
   command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and a CSV a run")->required();
-  command->add_option("--seed", options->seed, "of the sensors' noise")->capture_default_str();
+  command->add_option("--seed", options->seed, "of the sensors' noise")->check(Seed())->capture_default_str();
   command
       ->add_option("--repeats", options->repeats, "identical repetitions of every run instead of the plan's")
       ->check(CLI::Range(0, 20));
@@ -123,7 +197,7 @@ void AddGapSimulateCommand(CLI::App& app) {
       ->check(CLI::IsMember({"on", "off"}))
       ->capture_default_str();
   command->add_option("--truth", options->truth,
-                      "file that says which effects there were; keep it out of the folder");
+                      "JSON file that says which effects there were; keep it out of the folder");
   command->add_option("--jobs", options->jobs, "runs at a time")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
