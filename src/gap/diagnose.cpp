@@ -45,11 +45,14 @@ std::string Sentence(const Diagnosis& d) {
       return "No gap beyond the noise floor and the materiality asked for.";
     case Verdict::kInsufficientData:
       return "These logs are not enough to tell whether there is a gap." + next;
-    case Verdict::kUnexplained:
+    case Verdict::kUnexplained: {
+      const auto best = std::find_if(d.causes.begin(), d.causes.end(),
+                                     [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
       return fmt::format(
           "{}, and no effect of the library explains it: {:.2g} sigma beyond the floor remain with the best "
           "of them ({}).{}",
-          where, d.leftover_sigma, d.causes.empty() ? "none" : NameOf(d.causes.front()), next);
+          where, d.leftover_sigma, best == d.causes.end() ? "none" : NameOf(*best), next);
+    }
     case Verdict::kAttributed:
     case Verdict::kAmbiguousGroup: {
       std::string causes;
@@ -119,8 +122,15 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
     }
     if (chosen != nullptr) chosen->excess = true;
   }
-  for (auto& f : d.location) {
-    if (chosen == nullptr && f.excess) chosen = &f;
+  // Without a cause, the first place in the chain; but a body that differs also spoils what its shape says of
+  // the tendons' stretch, while tendons that differ leave the way from load cell to shape alone.
+  if (chosen == nullptr) {
+    const bool body = std::any_of(d.location.begin(), d.location.end(), [](const CutFinding& f) {
+      return f.excess && (f.cut == sim::Cut::kShape || f.cut == sim::Cut::kMotion);
+    });
+    for (auto& f : d.location) {
+      if (chosen == nullptr && f.excess && !(body && f.cut == sim::Cut::kTendon)) chosen = &f;
+    }
   }
   if (chosen != nullptr) chosen->first = true;
 }
@@ -237,14 +247,14 @@ Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
     if (channel.quantity == Channel::Quantity::kTension) d.delta_N = std::max(d.delta_N, channel.delta);
     if (channel.quantity == Channel::Quantity::kTipPosition) d.delta_m = std::max(d.delta_m, channel.delta);
   }
-  d.location = Locate(evaluator, evaluator.AtNominal());
+  d.location = Locate(evaluator, evaluator.AtNominal(), kGapDiscoveries);
 
   const Folds folds = MakeFolds(evaluator.runs());
   d.held_out_families = folds.names;
   SearchOptions search_options{threads, options.refits, options.without, {}, {}};
   search_options.progress = [&](double fraction) { progress("searching for the cause", fraction); };
   search_options.explained = [&](const Residuals& residuals) {
-    for (const auto& f : Locate(evaluator, residuals)) {
+    for (const auto& f : Locate(evaluator, residuals, kLeftDiscoveries)) {
       if (f.excess && f.cut != sim::Cut::kClock && f.excess_sigma > 0.15) return false;
     }
     return true;

@@ -33,7 +33,6 @@ constexpr double kPairShare = 0.01;  // and the least share of the gap it must e
 constexpr double kClear = 0.8;       // share of its group's probability that a cause named alone has
 constexpr double kOwnShare = 0.25;   // or this share of the gap in some channel
 constexpr std::size_t kListed = 12;  // causes in the report
-constexpr double kFalseDiscoveries = 0.01;
 constexpr double kBlock_s = 1.0;
 constexpr double kMotionWindow_s = 1.0;  // slower is shape (C4), faster is motion (C5)
 
@@ -135,7 +134,8 @@ void Measure(const Evaluator& evaluator, const Residuals& residuals, Part& part)
 
 }  // namespace
 
-std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals) {
+std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals,
+                               double false_discoveries) {
   const auto& channels = evaluator.channels();
   std::vector<Part> parts;
   const auto tip = fmt::format("section:{}", evaluator.nominal().body.sections.size());
@@ -181,7 +181,7 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
   double limit = 0;
   for (std::size_t k = 0; k < sorted.size(); ++k) {
     const double allowed =
-        kFalseDiscoveries * static_cast<double>(k + 1) / static_cast<double>(sorted.size());
+        false_discoveries * static_cast<double>(k + 1) / static_cast<double>(sorted.size());
     if (sorted[k]->finding.p_value <= allowed) limit = allowed;
   }
   for (auto* part : sorted) part->finding.excess = part->finding.excess && part->finding.p_value <= limit;
@@ -266,7 +266,7 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
     f.delta = channels[c3].delta;
     f.excess_sigma = f.rms / f.floor;
     f.p_value = PositiveMean(blocks);
-    f.excess = f.rms > 2 * f.delta && f.p_value < kFalseDiscoveries;
+    f.excess = f.rms > 2 * f.delta && f.p_value < false_discoveries;
     location.push_back(f);
   }
   std::stable_sort(location.begin(), location.end(),
@@ -387,7 +387,8 @@ Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
   // ---- does the best model explain it? ----
   double unknown = 0;  // largest leftover over what may be left
   if (best) {
-    const std::vector<CutFinding> after_location = Locate(evaluator, Completed(best->held_out, nominal));
+    const std::vector<CutFinding> after_location =
+        Locate(evaluator, Completed(best->held_out, nominal), kLeftDiscoveries);
     for (const auto& f : after_location) {
       if (!f.excess || f.cut == sim::Cut::kClock || f.cut == sim::Cut::kSensors) continue;
       double was = 0;

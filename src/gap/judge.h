@@ -10,8 +10,13 @@
 
 namespace tendril::gap {
 
+/// Share of false ones among the places found to have a gap, and among those that a cause leaves with one: to
+/// miss what is left is to name a wrong cause.
+constexpr double kGapDiscoveries = 0.01, kLeftDiscoveries = 0.05;
+
 /// Excess behind every cut, in chain order, with false discoveries controlled over all of them.
-std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals);
+std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals,
+                               double false_discoveries);
 
 struct Judgement {
   Verdict verdict = Verdict::kInsufficientData;
