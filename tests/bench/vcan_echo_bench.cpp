@@ -301,11 +301,15 @@ int main() {
     constexpr const char* kBlockingBare = "bare, blocking for ever";
     Times deadline, blocking, ours;
     Ratio to_deadline{kDeadlineBare, {}}, to_blocking{kBlockingBare, {}};
+    Ratio cycle_to_deadline{kDeadlineBare, {}}, cycle_to_blocking{kBlockingBare, {}};
     for (int block = 0; block < kBlocks; ++block) {
       const Times d = RunBare(Bare::kDeadline), o = RunOurs(), b = RunBare(Bare::kBlocking);
       const double median_us = Quantile_us(o.echo_ns, 0.5);
       to_deadline.of_blocks.push_back(median_us / Quantile_us(d.echo_ns, 0.5));
       to_blocking.of_blocks.push_back(median_us / Quantile_us(b.echo_ns, 0.5));
+      const double cycle_us = Quantile_us(o.cycle_ns, 0.5);
+      cycle_to_deadline.of_blocks.push_back(cycle_us / Quantile_us(d.cycle_ns, 0.5));
+      cycle_to_blocking.of_blocks.push_back(cycle_us / Quantile_us(b.cycle_ns, 0.5));
       deadline.Append(d);
       blocking.Append(b);
       ours.Append(o);
@@ -319,6 +323,9 @@ int main() {
     std::printf("ratio of the medians of SYNC to last feedback, middle of the blocks:\n");
     to_deadline.Print();
     to_blocking.Print();
+    std::printf("the same from SYNC to the torques sent, when the drives may act:\n");
+    cycle_to_deadline.Print();
+    cycle_to_blocking.Print();
   } catch (const std::exception& e) {
     std::fprintf(stderr, "vcan_echo_bench: %s\n", e.what());
     return 1;
