@@ -8,9 +8,11 @@
 #include <cmath>
 #include <set>
 
+#include "closure.h"
 #include "details.h"
 #include "evaluator.h"
 #include "judge.h"
+#include "locate.h"
 #include "parallel.h"
 #include "search.h"
 #include "tendril/config/config.h"

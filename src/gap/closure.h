@@ -1,0 +1,20 @@
+// How far the gap shrinks: excess mean square before and after, with intervals. Knows nothing of causes.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "evaluator.h"
+#include "tendril/gap/diagnosis.h"
+
+namespace tendril::gap {
+
+/// Fraction of the excess mean square that is gone on held-out runs, by channel and pooled, with a bootstrap
+/// over runs.
+std::vector<Closure> Closures(const Evaluator& evaluator, const Residuals& before, const Residuals& after,
+                              std::uint64_t seed);
+std::optional<Estimate> PooledClosure(const Evaluator& evaluator, const Residuals& before,
+                                      const Residuals& after, std::uint64_t seed);
+
+}  // namespace tendril::gap

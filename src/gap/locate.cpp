@@ -1,0 +1,258 @@
+// Excess over the noise by place, its significance by blocks of time, and what load cells read wrong.
+#include "locate.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "score.h"
+
+namespace tendril::gap {
+namespace {
+
+using Quantity = Channel::Quantity;
+
+constexpr double kBlock_s = 1.0;
+constexpr double kMotionWindow_s = 1.0;  // slower is shape (C4), faster is motion (C5)
+
+/// One-sided p-value that blocks with these sums have a mean above zero by chance.
+double PositiveMean(const std::vector<double>& blocks) {
+  const int n = static_cast<int>(blocks.size());
+  if (n < 4) return 1;
+  const double mean = std::accumulate(blocks.begin(), blocks.end(), 0.0) / n;
+  double square = 0;
+  for (const double b : blocks) square += (b - mean) * (b - mean);
+  const double error = std::sqrt(square / (n - 1) / n);
+  if (error <= 0) return mean > 0 ? 0 : 1;
+  return 0.5 * std::erfc(mean / error / std::sqrt(2.0));
+}
+
+struct Part {
+  CutFinding finding;
+  std::vector<int> channels;
+  bool fast = false;  // of a tip channel: faster than kMotionWindow_s; else slower
+};
+
+/// Slow part of a residual: mean over a window about each sample.
+Eigen::VectorXd Slow(const Eigen::VectorXd& r, const Eigen::VectorXd& variance, int half) {
+  Eigen::VectorXd slow(r.size());
+  double sum = 0;
+  int count = 0, low = 0, high = 0;
+  const int n = static_cast<int>(r.size());
+  for (int w = 0; w < n; ++w) {
+    for (; high < std::min(n, w + half + 1); ++high) {
+      if (std::isfinite(variance[high])) sum += r[high], ++count;
+    }
+    for (; low < w - half; ++low) {
+      if (std::isfinite(variance[low])) sum -= r[low], --count;
+    }
+    slow[w] = count > 0 ? sum / count : 0;
+  }
+  return slow;
+}
+
+void Measure(const Evaluator& evaluator, const Residuals& residuals, Part& part) {
+  const auto& channels = evaluator.channels();
+  double square = 0, noise = 0, total = 0;
+  std::vector<double> blocks;
+  double floor2 = 0, delta = 0;
+  for (const int c : part.channels)
+    floor2 += std::pow(channels[c].floor, 2), delta = std::max(delta, channels[c].delta);
+  for (int i = 0; i < static_cast<int>(residuals.size()); ++i) {
+    for (const int c : part.channels) {
+      const auto& v = evaluator.Variance()[i][c];
+      Eigen::VectorXd r = residuals[i][c];
+      if (r.size() == 0) continue;
+      double share = 1;  // of white noise that the filter lets through
+      const double white = evaluator.WhiteVariance(i, c);
+      if (channels[c].cut == sim::Cut::kShape) {
+        const int half = std::max(1, static_cast<int>(0.5 * kMotionWindow_s / evaluator.window_s(i, c)));
+        const Eigen::VectorXd slow = Slow(r, v, half);
+        share = part.fast ? 1 - 1.0 / (2 * half + 1) : 1.0 / (2 * half + 1);
+        r = part.fast ? Eigen::VectorXd(r - slow) : slow;
+      }
+      const int per_block = std::max(1, static_cast<int>(kBlock_s / evaluator.window_s(i, c)));
+      const double most = LargestSquare(r, v);
+      double block = 0;
+      int in_block = 0;
+      for (int w = 0; w < r.size(); ++w) {
+        if (std::isfinite(v[w])) {
+          const double weight = 1 / (v[w] + std::pow(channels[c].floor, 2));
+          const double expected = v[w] - (1 - share) * std::min(white, v[w]);
+          const double r2 = std::min(r[w] * r[w], most + 36 * expected);
+          square += weight * r2;
+          noise += weight * expected;
+          total += weight;
+          block += weight * (r2 - kNoiseSlack * expected);
+          ++in_block;
+        }
+        if ((w + 1) % per_block == 0) {
+          if (in_block > 0) blocks.push_back(block / in_block);
+          block = 0;
+          in_block = 0;
+        }
+      }
+    }
+  }
+  CutFinding& f = part.finding;
+  if (total <= 0) {
+    f.measured = false;
+    f.note = "no valid samples";
+    return;
+  }
+  const int axes = static_cast<int>(part.channels.size());
+  square *= axes / total;
+  noise *= axes / total;
+  f.rms = std::sqrt(square);
+  f.floor = std::sqrt(floor2);
+  f.delta = delta * std::sqrt(axes);
+  f.excess_sigma = std::sqrt(std::max(0.0, square - noise)) / f.floor;
+  f.p_value = PositiveMean(blocks);
+  f.excess = std::sqrt(std::max(0.0, square - kNoiseSlack * noise)) > f.delta;
+}
+
+}  // namespace
+
+std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals,
+                               double false_discoveries) {
+  const auto& channels = evaluator.channels();
+  std::vector<Part> parts;
+  const auto tip = fmt::format("section:{}", evaluator.nominal().body.sections.size());
+  std::vector<int> position, direction;
+  for (int c = 0; c < static_cast<int>(channels.size()); ++c) {
+    const auto& channel = channels[c];
+    if (channel.quantity == Quantity::kTipPosition) {
+      position.push_back(c);
+    } else if (channel.quantity == Quantity::kTipDirection) {
+      direction.push_back(c);
+    } else {
+      Part part;
+      part.finding.cut = channel.cut;
+      part.finding.where = fmt::format("tendon:{}", channel.index + 1);
+      part.finding.quantity = channel.quantity == Quantity::kTorque ? "torque" : "tension";
+      part.finding.unit = channel.unit;
+      part.channels = {c};
+      parts.push_back(part);
+    }
+  }
+  for (const bool fast : {false, true}) {
+    for (const auto* list : {&position, &direction}) {
+      if (list->empty()) continue;
+      Part part;
+      part.finding.cut = fast ? sim::Cut::kMotion : sim::Cut::kShape;
+      part.finding.where = tip;
+      part.finding.quantity = list == &position ? "tip position" : "tip direction";
+      part.finding.unit = list == &position ? "m" : "rad";
+      part.channels = *list;
+      part.fast = fast;
+      parts.push_back(part);
+    }
+  }
+  for (auto& part : parts) Measure(evaluator, residuals, part);
+
+  // Benjamini-Hochberg over all places.
+  std::vector<Part*> sorted;
+  for (auto& part : parts) {
+    if (part.finding.measured) sorted.push_back(&part);
+  }
+  std::sort(sorted.begin(), sorted.end(),
+            [](const Part* a, const Part* b) { return a->finding.p_value < b->finding.p_value; });
+  double limit = 0;
+  for (std::size_t k = 0; k < sorted.size(); ++k) {
+    const double allowed =
+        false_discoveries * static_cast<double>(k + 1) / static_cast<double>(sorted.size());
+    if (sorted[k]->finding.p_value <= allowed) limit = allowed;
+  }
+  for (auto* part : sorted) part->finding.excess = part->finding.excess && part->finding.p_value <= limit;
+
+  std::vector<CutFinding> location;
+  // C0: the time stamps themselves.
+  {
+    CutFinding f;
+    f.cut = sim::Cut::kClock;
+    f.where = "all";
+    f.quantity = "timestamps";
+    f.unit = "s";
+    double square = 0, step = 0, lost = 0, samples = 0;
+    for (const auto& run : evaluator.runs()) {
+      square += run.jitter_s * run.jitter_s * run.samples();
+      step += run.signals.step_s * run.samples();
+      lost += run.lost;
+      samples += run.samples();
+    }
+    f.rms = std::sqrt(square / samples);
+    f.floor = 0.02 * step / samples;
+    f.delta = 0.2 * step / samples;
+    f.excess_sigma = std::sqrt(std::max(0.0, f.rms * f.rms - f.floor * f.floor)) / f.floor;
+    f.excess = f.rms > f.delta || lost / samples > 0.01;
+    f.p_value = f.excess ? 0 : 1;
+    f.note = fmt::format("{:.0f} of {:.0f} samples lost", lost, samples);
+    location.push_back(f);
+  }
+  for (auto& part : parts) location.push_back(part.finding);
+  const auto missing = [&](sim::Cut cut, const char* why) {
+    CutFinding f;
+    f.cut = cut;
+    f.where = "all";
+    f.measured = false;
+    f.note = why;
+    location.push_back(f);
+  };
+  if (!evaluator.has(kC1)) missing(sim::Cut::kCurrentLoop, "needs target and actual torque");
+  if (!evaluator.has(kC2)) missing(sim::Cut::kDrivetrain, "needs actual torque and load cells");
+  if (!evaluator.has(kC3)) missing(sim::Cut::kTendon, "needs load cells");
+  if (!evaluator.has(kBody)) {
+    missing(sim::Cut::kShape, "needs a tracker");
+    missing(sim::Cut::kMotion, "needs a tracker");
+  }
+  // C6: what both ways to a load cell's reading agree on is the cell's.
+  for (int j = 0; j < evaluator.nominal().body.tendons(); ++j) {
+    int c2 = -1, c3 = -1;
+    for (int c = 0; c < static_cast<int>(channels.size()); ++c) {
+      if (channels[c].quantity != Quantity::kTension || channels[c].index != j) continue;
+      (channels[c].cut == sim::Cut::kDrivetrain ? c2 : c3) = c;
+    }
+    if (c2 < 0 || c3 < 0) continue;
+    double product = 0, total = 0;
+    std::vector<double> blocks;
+    for (int i = 0; i < static_cast<int>(residuals.size()); ++i) {
+      const auto &a = residuals[i][c2], &b = residuals[i][c3];
+      const auto &va = evaluator.Variance()[i][c2], &vb = evaluator.Variance()[i][c3];
+      const int per_block = std::max(1, static_cast<int>(kBlock_s / evaluator.window_s(i, c2)));
+      double block = 0;
+      for (int w = 0; w < std::min(a.size(), b.size()); ++w) {
+        if (std::isfinite(va[w]) && std::isfinite(vb[w])) {
+          const double weight = 1 / (va[w] + vb[w]);
+          // White noise of the cell is in both.
+          const double common = a[w] * b[w] - std::pow(channels[c2].white, 2) *
+                                                  evaluator.runs()[i].signals.step_s /
+                                                  evaluator.window_s(i, c2);
+          product += weight * common;
+          total += weight;
+          block += weight * common;
+        }
+        if ((w + 1) % per_block == 0) blocks.push_back(block), block = 0;
+      }
+    }
+    if (total <= 0) continue;
+    CutFinding f;
+    f.cut = sim::Cut::kSensors;
+    f.where = fmt::format("tendon:{}", j + 1);
+    f.quantity = "tension, common to C2 and C3";
+    f.unit = "N";
+    f.rms = std::sqrt(std::max(0.0, product / total));
+    f.floor = channels[c3].floor;
+    f.delta = channels[c3].delta;
+    f.excess_sigma = f.rms / f.floor;
+    f.p_value = PositiveMean(blocks);
+    f.excess = f.rms > 2 * f.delta && f.p_value < false_discoveries;
+    location.push_back(f);
+  }
+  std::stable_sort(location.begin(), location.end(),
+                   [](const CutFinding& a, const CutFinding& b) { return a.cut < b.cut; });
+  return location;
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,21 @@
+// Where the gap lies: excess behind every cut. Knows nothing of causes.
+#pragma once
+
+#include <vector>
+
+#include "evaluator.h"
+#include "tendril/gap/diagnosis.h"
+
+namespace tendril::gap {
+
+/// The noise is known within some tens of per cent.
+constexpr double kNoiseSlack = 1.3;
+/// Share of false ones among the places found to have a gap, and among those that a cause leaves with one: to
+/// miss what is left is to name a wrong cause.
+constexpr double kGapDiscoveries = 0.01, kLeftDiscoveries = 0.05;
+
+/// Excess behind every cut, in chain order, with false discoveries controlled over all of them.
+std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals,
+                               double false_discoveries);
+
+}  // namespace tendril::gap
