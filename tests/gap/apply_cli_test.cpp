@@ -1,0 +1,203 @@
+// `tendril gap apply`, `gap explain` and `gap report` as a user runs them: what a diagnosis found is in the
+// new robot file with where it comes from, and nothing is written that does not hold.
+#include <nlohmann/json.hpp>
+
+#include "cli.h"
+#include "report_examples.h"
+#include "tendril/config/config.h"
+#include "tendril/gap/report.h"
+#include "tendril/sim/effects.h"
+
+namespace tendril {
+namespace {
+
+using gap::Diagnosis;
+using gap::Verdict;
+using nlohmann::json;
+using testing::HasSubstr;
+
+class ApplyCommandTest : public CommandTest {
+ protected:
+  void SetUp() override {
+    CommandTest::SetUp();
+    fs::copy_file(kRig, folder_ / "rig.yaml");
+    rig_ = ReadText(kRig);
+  }
+  /// A report that accepted these causes.
+  Diagnosis Report(Verdict verdict, std::vector<gap::Cause> causes, const std::string& file = "report.json") {
+    Diagnosis d = gap::ExampleDiagnosis(verdict);
+    d.robot_name = config::LoadRobot(kRig).name;
+    d.accepted = std::move(causes);
+    WriteText(folder_ / file, gap::ReportJson(d));
+    return d;
+  }
+  static gap::Cause Cause(const std::string& effect, const std::string& where, const std::string& parameter,
+                          gap::Estimate value) {
+    gap::Cause cause;
+    cause.effect = effect;
+    cause.where = where;
+    cause.p = 0.97;
+    cause.parameters[parameter] = value;
+    return cause;
+  }
+  int Apply(const std::string& arguments) { return Run("gap apply --robot rig.yaml " + arguments); }
+
+  std::string rig_;
+};
+
+TEST_F(ApplyCommandTest, TheFindingIsInTheNewFileWithWhereItComesFrom) {
+  const Diagnosis d =
+      Report(Verdict::kAttributed, {Cause("bending_stiffness", "all", "scale", {0.9214837, 0.90, 0.94}),
+                                    Cause("backlash", "tendon:2", "rad", {0.05123456, 0.05, 0.0525})});
+  ASSERT_EQ(Apply("report.json --out new.yaml"), 0) << error_;
+  const RobotParameters before = sim::LoadRobot(kRig), after = sim::LoadRobot(folder_ / "new.yaml");
+  // As many digits as the interval knows.
+  EXPECT_NEAR(after.body.sections[0].youngs_modulus_Pa / before.body.sections[0].youngs_modulus_Pa, 0.9215,
+              1e-9);
+  ASSERT_EQ(after.effects.size(), 1u);
+  EXPECT_EQ(after.effects[0].where, "tendon:2");
+  EXPECT_NEAR(after.effects[0].values[0].second, 0.05123, 1e-5);
+  const std::string text = ReadText(folder_ / "new.yaml");
+  for (const std::string& word :
+       {std::string("report.json"), std::string("attributed"),
+        std::string("bending_stiffness all (p = 0.97), scale"), "sha256 " + d.runs[0].sha256, d.version}) {
+    EXPECT_THAT(text.substr(0, text.find("name:")), HasSubstr(word));
+  }
+  EXPECT_THAT(out_, HasSubstr("1 worked into its numbers (the controller uses them), 1 added as laws"));
+  EXPECT_THAT(out_, testing::ContainsRegex("\n- .*youngs_modulus_Pa"));
+  EXPECT_EQ(ReadText(folder_ / "rig.yaml"), rig_);
+  EXPECT_EQ(Run("config check new.yaml"), 0) << error_;
+}
+
+TEST_F(ApplyCommandTest, OnlyWhatIsEstablishedIsApplied) {
+  for (const Verdict verdict :
+       {Verdict::kNoGap, Verdict::kAmbiguousGroup, Verdict::kUnexplained, Verdict::kInsufficientData}) {
+    Report(verdict, {Cause("bending_stiffness", "all", "scale", {0.92, 0.91, 0.93})});
+    EXPECT_EQ(Apply("report.json --out new.yaml"), 1);
+    EXPECT_THAT(error_, HasSubstr("the verdict is " + gap::VerdictName(verdict)));
+    EXPECT_TRUE(OneLine());
+    EXPECT_FALSE(fs::exists(folder_ / "new.yaml"));
+  }
+  EXPECT_EQ(Apply("report.json --out new.yaml --force"), 0) << error_;
+  Report(Verdict::kAttributed, {});
+  EXPECT_EQ(Apply("report.json --out other.yaml"), 1);
+  EXPECT_THAT(error_, HasSubstr("nothing to apply"));
+}
+
+TEST_F(ApplyCommandTest, NonsenseIsRefusedAndNothingWritten) {
+  const struct {
+    gap::Cause cause;
+    const char* says;
+  } causes[] = {
+      {Cause("gremlins", "all", "scale", {0.9, 0.8, 1}), "gremlins"},
+      {Cause("bending_stiffness", "all", "scale", {17, 16, 18}), "accepted: 0.3 .. 3"},
+      {Cause("bending_stiffness", "tendon:1", "scale", {0.9, 0.8, 1}), "where = 'tendon:1'"},
+      {Cause("backlash", "tendon:4", "rad", {0.1, 0, 0.2}), "tendon:1 .. tendon:3"},
+      {Cause("backlash", "all", "mm", {0.1, 0, 0.2}), "no parameter 'mm'"},
+  };
+  for (const auto& c : causes) {
+    Report(Verdict::kAttributed, {c.cause});
+    EXPECT_EQ(Apply("report.json --out new.yaml"), 1) << c.says;
+    EXPECT_THAT(error_, HasSubstr(c.says));
+    EXPECT_TRUE(OneLine());
+  }
+  WriteText(folder_ / "broken.json", ReadText(folder_ / "report.json").substr(0, 500));
+  WriteText(folder_ / "other.json", "{\"a\": 1}");
+  WriteText(folder_ / "new_robot.yaml", "name: x\n");
+  const struct {
+    const char* arguments;
+    int code;
+    const char* says;
+  } cases[] = {
+      {"broken.json --out new.yaml", 1, "is no JSON"},
+      {"other.json --out new.yaml", 1, "'format' is missing"},
+      {"gone.json --out new.yaml", 1, "cannot read"},
+      {"--out new.yaml", 2, "nothing to apply"},
+      {"--effect 'backlash rad=0.1'", 2, "give either --out FILE, or --in-place"},
+      {"--effect 'backlash rad=0.1' --out new.yaml --in-place", 2, "give either --out FILE, or --in-place"},
+      {"--effect 'backlash rad=0.1' --out rig.yaml", 2, "--out is the robot file itself"},
+      {"--effect 'backlash rad=0.1' --out ./../rig.yaml/../x/new.yaml", 1, "cannot write"},
+      {"--effect 'backlash rad=9' --out new.yaml", 2, "accepted: 0 .. 1"},
+      {"--effect 'backlash rad=0.1' --effect 'backlash rad=0.2' --out new.yaml", 1, "twice"},
+  };
+  for (const auto& c : cases) {
+    EXPECT_EQ(Apply(c.arguments), c.code) << c.arguments << error_;
+    EXPECT_THAT(error_, HasSubstr(c.says)) << c.arguments;
+  }
+  EXPECT_EQ(Run("gap apply --robot new_robot.yaml --effect 'backlash rad=0.1' --out new.yaml"), 1);
+  EXPECT_THAT(error_, HasSubstr("new_robot.yaml"));
+  EXPECT_EQ(Run("gap apply --robot gone.yaml --effect 'backlash rad=0.1' --out new.yaml"), 1);
+  EXPECT_FALSE(fs::exists(folder_ / "new.yaml"));
+  EXPECT_FALSE(fs::exists(folder_ / "new.yaml.new"));
+  EXPECT_EQ(ReadText(folder_ / "rig.yaml"), rig_);
+}
+
+TEST_F(ApplyCommandTest, AnotherRobotsReportIsSaid) {
+  Diagnosis d = gap::ExampleDiagnosis(Verdict::kAttributed);
+  d.robot_name = "somebody_elses";
+  d.accepted = {Cause("bending_stiffness", "all", "scale", {0.92, 0.91, 0.93})};
+  WriteText(folder_ / "report.json", gap::ReportJson(d));
+  EXPECT_EQ(Apply("report.json --out new.yaml"), 0);
+  EXPECT_THAT(error_, HasSubstr("the report is about robot 'somebody_elses'"));
+}
+
+TEST_F(ApplyCommandTest, InPlaceChangesTheFileItself) {
+  ASSERT_EQ(Apply("--effect 'tip_payload mass_kg=0.002' --in-place"), 0) << error_;
+  const std::string once = ReadText(folder_ / "rig.yaml");
+  EXPECT_NE(once, rig_);
+  ASSERT_EQ(Apply("--effect 'torque_constant where=tendon:1 scale=0.9' --in-place"), 0) << error_;
+  const RobotParameters robot = sim::LoadRobot(folder_ / "rig.yaml");
+  EXPECT_EQ(robot.actuation->tendons[0].motor.torque_scale, 0.9);
+  EXPECT_EQ(robot.actuation->tendons[1].motor.torque_scale, 1);
+}
+
+// What `explain` says can be tried, can be tried: every effect it knows, at what it calls plainly visible.
+TEST_F(ApplyCommandTest, WhatExplainSuggestsCanBeApplied) {
+  ASSERT_EQ(Run("gap explain --json"), 0);
+  const json effects = json::parse(out_);
+  ASSERT_EQ(effects.size(), sim::Effects().size());
+  for (const json& effect : effects) {
+    const std::string name = effect["effect"];
+    ASSERT_EQ(Run("gap explain " + name), 0) << name;
+    const std::string flag = "--effect \"";
+    const auto at = out_.find(flag);
+    ASSERT_NE(at, std::string::npos) << name;
+    const std::string setting =
+        out_.substr(at + flag.size(), out_.find('"', at + flag.size()) - at - flag.size());
+    EXPECT_EQ(Apply(fmt::format("--effect '{}' --out new.yaml", setting)), 0) << setting << error_;
+  }
+}
+
+TEST_F(ApplyCommandTest, ExplainKnowsThePlacesOfARobot) {
+  ASSERT_EQ(Run("gap explain unit_stiffness --json --robot rig.yaml"), 0) << error_;
+  const json effect = json::parse(out_);
+  EXPECT_EQ(effect["places"], (json{"unit:1", "unit:2", "unit:3", "unit:4"}));
+  EXPECT_EQ(effect["first_cut"], "C4");
+  ASSERT_EQ(Run("gap explain --json --robot rig.yaml"), 0) << error_;
+  const RobotParameters robot = sim::LoadRobot(kRig);
+  for (const json& e : json::parse(out_)) {
+    ASSERT_FALSE(e["places"].empty());
+    for (const json& place : e["places"]) {
+      EXPECT_NO_THROW(
+          sim::ParseTarget(*sim::FindEffect(e["effect"].get<std::string>()), place.get<std::string>(), robot))
+          << e["effect"];
+    }
+  }
+  EXPECT_EQ(Run("gap explain backlash --robot rig.yaml"), 2);
+  EXPECT_EQ(Run("gap explain --json --robot gone.yaml"), 1);
+  EXPECT_EQ(Run("gap explain gremlins"), 2);
+}
+
+TEST_F(ApplyCommandTest, AReportIsDrawnAgainFromItsNumbers) {
+  Report(Verdict::kAttributed, {Cause("bending_stiffness", "all", "scale", {0.92, 0.91, 0.93})});
+  ASSERT_EQ(Run("gap report report.json --out page"), 0) << error_;
+  EXPECT_EQ(ReadText(folder_ / "page/report.json"), ReadText(folder_ / "report.json"));
+  EXPECT_GT(ReadText(folder_ / "page/report.html").size(), 100000u);
+  EXPECT_EQ(Run("gap report gone.json --out page2"), 1);
+  EXPECT_TRUE(OneLine());
+  EXPECT_EQ(Run("gap report report.json --out rig.yaml"), 1);
+  EXPECT_EQ(Run("gap report"), 2);
+}
+
+}  // namespace
+}  // namespace tendril

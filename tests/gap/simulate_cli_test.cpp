@@ -1,0 +1,221 @@
+// `tendril gap simulate` as a user runs it: what is planted is in the data and in the truth, sizes are what
+// was asked for, wrong use is told before anything is written.
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "cli.h"
+#include "tendril/gap/data_set.h"
+
+namespace tendril {
+namespace {
+
+using gap::DataSet;
+using nlohmann::json;
+using testing::HasSubstr;
+
+class SimulateCommandTest : public CommandTest {
+ protected:
+  void SetUp() override {
+    CommandTest::SetUp();
+    WriteText(folder_ / "plan.yaml",
+              "runs:\n"
+              "  - {family: circle, duration_s: 3, repeats: 1}\n"
+              "  - {family: triangle, duration_s: 4}\n");
+  }
+  int Simulate(const std::string& more) {
+    return Run(fmt::format("gap simulate --robot {} --plan plan.yaml {}", kRig, more));
+  }
+  json Truth(const std::string& file = "truth.json") const { return json::parse(ReadText(folder_ / file)); }
+  DataSet Load(const std::string& name) const { return gap::LoadDataSet(folder_ / name, ""); }
+};
+
+double Change(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  double square = 0;
+  int count = 0;
+  for (Eigen::Index i = 0; i < std::min(a.rows(), b.rows()); ++i) {
+    for (Eigen::Index j = 0; j < a.cols(); ++j) {
+      if (!std::isfinite(a(i, j)) || !std::isfinite(b(i, j))) continue;
+      square += (a(i, j) - b(i, j)) * (a(i, j) - b(i, j));
+      ++count;
+    }
+  }
+  return std::sqrt(square / count);
+}
+
+TEST_F(SimulateCommandTest, WhatIsPlantedIsInTheTruthAndInTheRunsButNotInTheNominalFile) {
+  ASSERT_EQ(Simulate("--out plain"), 0) << error_;
+  ASSERT_EQ(Simulate("--effect 'tracker_offset x_m=0.002' --effect 'cell_offset where=tendon:2 N=0.2' "
+                     "--out planted --truth truth.json"),
+            0)
+      << error_;
+  const json truth = Truth();
+  ASSERT_EQ(truth["effects"].size(), 2u);
+  EXPECT_EQ(truth["effects"][0],
+            (json{{"effect", "tracker_offset"}, {"where", "all"}, {"parameters", {{"x_m", 0.002}}}}));
+  EXPECT_EQ(truth["effects"][1],
+            (json{{"effect", "cell_offset"}, {"where", "tendon:2"}, {"parameters", {{"N", 0.2}}}}));
+  const DataSet plain = Load("plain"), planted = Load("planted");
+  ASSERT_EQ(plain.runs.size(), 3u);
+  ASSERT_EQ(planted.runs.size(), 3u);
+  EXPECT_TRUE(planted.robot.effects.empty());
+  EXPECT_EQ(planted.runs[1].repeat_of, planted.runs[0].name);
+  // The same noise in both, and sensors that nothing is controlled by: what differs is the effect.
+  EXPECT_NEAR(Change(plain.runs[0].tip_m.col(0), planted.runs[0].tip_m.col(0)), 2e-3, 1e-6);
+  EXPECT_LT(Change(plain.runs[0].tip_m.col(1), planted.runs[0].tip_m.col(1)), 1e-6);
+  EXPECT_NEAR(Change(plain.runs[0].tension_N.col(1), planted.runs[0].tension_N.col(1)), 0.2, 0.005);
+  EXPECT_LT(Change(plain.runs[0].tension_N.col(0), planted.runs[0].tension_N.col(0)), 1e-6);
+  // A truth beside the runs would be read by whoever is to find it.
+  for (const auto& entry : fs::directory_iterator(folder_ / "planted")) {
+    EXPECT_EQ(ReadText(entry.path()).find("tracker_offset"), std::string::npos) << entry.path();
+  }
+}
+
+TEST_F(SimulateCommandTest, TheSameSeedGivesTheSameBytes) {
+  ASSERT_EQ(Simulate("--seed 5 --effect 'backlash rad=0.1' --out a"), 0) << error_;
+  ASSERT_EQ(Simulate("--seed 5 --effect 'backlash rad=0.1' --out b"), 0) << error_;
+  ASSERT_EQ(Simulate("--seed 6 --effect 'backlash rad=0.1' --out c"), 0) << error_;
+  for (const char* name : {"01_circle.csv", "02_circle.csv", "03_triangle.csv", "runs.yaml", "robot.yaml"}) {
+    EXPECT_EQ(ReadText(folder_ / "a" / name), ReadText(folder_ / "b" / name)) << name;
+  }
+  EXPECT_NE(ReadText(folder_ / "a/01_circle.csv"), ReadText(folder_ / "c/01_circle.csv"));
+}
+
+// The tip moves by so many floors; what a floor is follows from the tracker's own noise and resolution.
+TEST_F(SimulateCommandTest, AnEffectBySizeHasThatSize) {
+  double previous = 0;
+  for (const double sigma : {1.0, 10.0}) {
+    ASSERT_EQ(Simulate(fmt::format("--effect 'bending_stiffness sigma={}' --out planted --truth truth.json",
+                                   sigma)),
+              0)
+        << error_;
+    const json effect = Truth()["effects"][0];
+    EXPECT_NEAR(effect["sigma"]["reached"].get<double>(), sigma, 0.03 * sigma);
+    EXPECT_EQ(effect["sigma"]["asked"], sigma);
+    EXPECT_THAT(effect["sigma"]["channel"].get<std::string>(), HasSubstr("tip"));
+    EXPECT_THAT(out_, HasSubstr("bending_stiffness where=all scale=1.0"));
+    // Small changes of one number do in proportion.
+    const double deviation = effect["parameters"]["scale"].get<double>() - 1;
+    EXPECT_GT(deviation, 0);
+    if (previous > 0) {
+      EXPECT_NEAR(deviation / previous, 10, 1);
+    }
+    previous = deviation;
+  }
+  ASSERT_EQ(Simulate("--effect 'bending_stiffness sigma=-3' --out planted --truth truth.json"), 0) << error_;
+  EXPECT_LT(Truth()["effects"][0]["parameters"]["scale"], 1.0);
+  // The planted data, compared with nominal data of the same noise, change by about as much as was asked for.
+  ASSERT_EQ(Simulate("--effect 'tip_force sigma=10 vary=y_N' --out planted --truth truth.json"), 0) << error_;
+  ASSERT_EQ(Simulate("--out plain"), 0) << error_;
+  const DataSet plain = Load("plain"), planted = Load("planted");
+  const double moved = std::sqrt(3.0) * Change(plain.runs[0].tip_m, planted.runs[0].tip_m);
+  constexpr double kTrackerNoise_m = 5e-5;
+  EXPECT_GT(moved, 5 * kTrackerNoise_m);
+  EXPECT_LT(moved, 60 * kTrackerNoise_m);
+  EXPECT_EQ(Truth()["effects"][0]["parameters"].size(), 1u);
+  EXPECT_GT(Truth()["effects"][0]["parameters"]["y_N"], 0);
+}
+
+TEST_F(SimulateCommandTest, AnEffectThatCannotBeSoLargeIsAsLargeAsItsBound) {
+  ASSERT_EQ(Simulate("--effect 'gear_efficiency sigma=900' --out planted --truth truth.json"), 0) << error_;
+  const json effect = Truth()["effects"][0];
+  EXPECT_EQ(effect["parameters"]["scale"], 1.2);
+  EXPECT_LT(effect["sigma"]["reached"], 900);
+  EXPECT_GT(effect["sigma"]["reached"], 0.5);
+  EXPECT_THAT(effect["sigma"]["limited"].get<std::string>(), HasSubstr("bound of scale"));
+  EXPECT_THAT(out_, HasSubstr("that is the bound of scale"));
+}
+
+TEST_F(SimulateCommandTest, SensorsCanBeLeftOut) {
+  ASSERT_EQ(Simulate("--load-cell none --tracker off --out bare"), 0) << error_;
+  const DataSet bare = Load("bare");
+  EXPECT_EQ(bare.runs[0].tension_N.cols(), 0);
+  EXPECT_EQ(bare.runs[0].tip_m.cols(), 0);
+  ASSERT_EQ(Simulate("--load-cell robot_side --out other"), 0) << error_;
+  EXPECT_EQ(Load("other").runs[0].load_cell, LoadCellPlace::kRobotSide);
+}
+
+TEST_F(SimulateCommandTest, WrongUseIsToldBeforeAnythingIsWritten) {
+  const struct {
+    const char *arguments, *says;
+  } cases[] = {
+      {"--effect 'gremlins scale=2'", "there is no effect 'gremlins'"},
+      {"--effect 'gremlins sigma=2'", "there is no effect 'gremlins'"},
+      {"--effect 'backlash where=tendon:4 rad=0.1'", "accepted: all, tendon:1 .. tendon:3"},
+      {"--effect 'backlash where=tendon:0 sigma=3'", "accepted: all, tendon:1 .. tendon:3"},
+      {"--effect 'unit_stiffness scale=0.9'", "where = 'all'"},
+      {"--effect 'backlash mm=0.1'", "backlash has no parameter 'mm'; accepted: rad"},
+      {"--effect 'backlash rad=7'", "accepted: 0 .. 1"},
+      {"--effect 'backlash rad=nan'", "a finite number"},
+      {"--effect 'backlash'", "backlash without rad"},
+      {"--effect 'backlash rad=0.1' --effect 'backlash rad=0.2'", "backlash on all twice"},
+      {"--effect 'backlash sigma=3' --effect 'backlash sigma=1'", "backlash on all twice"},
+      {"--effect ''", "an effect without a name"},
+      {"--effect 'backlash sigma=0'", "sigma = '0'"},
+      {"--effect 'backlash sigma=three'", "sigma = 'three'"},
+      {"--effect 'backlash sigma=nan'", "sigma = 'nan'"},
+      {"--effect 'backlash sigma=1e9'", "a size in floors up to 1000"},
+      {"--effect 'backlash sigma=3 sigma=3'", "sigma twice"},
+      {"--effect 'backlash sigma=-3'", "positive sizes"},
+      {"--effect 'backlash sigma=3 rad=0.1'", "one of them"},
+      {"--effect 'backlash sigma=3 vary=mm'", "vary = 'mm'; accepted: rad"},
+      {"--effect 'stribeck sigma=3 vary=speed_radps'", "accepted: torque_Nm"},
+      {"--effect 'backlash vary=rad rad=0.1'", "vary without sigma"},
+      {"--seed -3", "leave out the sign"},
+      {"--repeats 21", "--repeats"},
+      {"--jobs 0", "--jobs"},
+      {"--noise some", "--noise"},
+      {"--set quick", "--set"},
+  };
+  for (const auto& c : cases) {
+    EXPECT_EQ(Simulate(fmt::format("{} --out refused --truth refused.json", c.arguments)), 2)
+        << c.arguments << error_;
+    EXPECT_THAT(error_, HasSubstr(c.says)) << c.arguments;
+  }
+  EXPECT_EQ(Run("gap simulate --plan plan.yaml --out refused"), 2);
+  EXPECT_EQ(
+      Run(fmt::format("gap simulate --robot {}/config/robots/qi2021_90mm.yaml --plan plan.yaml --out refused",
+                      TENDRIL_SOURCE_DIR)),
+      2);
+  EXPECT_THAT(error_, HasSubstr("has no actuation"));
+  EXPECT_EQ(Run(fmt::format("gap simulate --robot {} --plan gone.yaml --out refused", kRig)), 1);
+  EXPECT_THAT(error_, HasSubstr("gone.yaml: cannot be read"));
+  EXPECT_EQ(Run(fmt::format("gap simulate --robot {} --daemon gone.yaml --out refused", kRig)), 1);
+  EXPECT_THAT(error_, HasSubstr("gone.yaml"));
+  EXPECT_FALSE(fs::exists(folder_ / "refused"));
+  EXPECT_FALSE(fs::exists(folder_ / "refused.json"));
+}
+
+TEST_F(SimulateCommandTest, AWrongRobotFileIsToldWithFileAndLine) {
+  WriteText(folder_ / "robot.yaml",
+            ReadText(kRig) + "\neffects:\n  - {effect: backlash, where: all, rad: 7}\n");
+  EXPECT_EQ(Run("gap simulate --robot robot.yaml --plan plan.yaml --out refused"), 1);
+  EXPECT_THAT(error_, testing::ContainsRegex("robot.yaml:[0-9]+: effects"));
+  EXPECT_TRUE(OneLine());
+}
+
+TEST_F(SimulateCommandTest, AFolderOfAnEarlierSetHoldsOnlyTheNewRuns) {
+  fs::create_directories(folder_ / "set");
+  WriteText(folder_ / "set/09_sway.csv", "t_s\n0\n");
+  WriteText(folder_ / "set/notes.txt", "mine");
+  ASSERT_EQ(Simulate("--out set"), 0) << error_;
+  EXPECT_FALSE(fs::exists(folder_ / "set/09_sway.csv"));
+  EXPECT_EQ(ReadText(folder_ / "set/notes.txt"), "mine");
+  EXPECT_EQ(Load("set").runs.size(), 3u);
+  EXPECT_EQ(Simulate("--out plan.yaml"), 1);
+  EXPECT_THAT(error_, HasSubstr("cannot write into plan.yaml"));
+}
+
+TEST_F(SimulateCommandTest, TheControllerMayBeAnotherDaemons) {
+  std::string daemon = ReadText(TENDRIL_SOURCE_DIR "/config/tendrild.yaml");
+  const std::string robot = "robots/rig_60mm.yaml", friction = "capstan_compensation: true";
+  ASSERT_NE(daemon.find(friction), std::string::npos);
+  daemon.replace(daemon.find(friction), friction.size(), "capstan_compensation: false");
+  daemon.replace(daemon.find(robot), robot.size(), kRig);
+  WriteText(folder_ / "frictionless.yaml", daemon);
+  ASSERT_EQ(Simulate("--out usual"), 0) << error_;
+  ASSERT_EQ(Simulate("--daemon frictionless.yaml --out other"), 0) << error_;
+  EXPECT_GT(Change(Load("usual").runs[0].tension_N, Load("other").runs[0].tension_N), 0.05);
+}
+
+}  // namespace
+}  // namespace tendril
