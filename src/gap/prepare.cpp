@@ -22,7 +22,8 @@ constexpr double kDerivativeHalf_s =
 constexpr double kSettle_s = 0.02;  // a motor that stays within one count has come to rest by then
 constexpr double kSlidingCounts =
     4;  // 12 mrad at 2048 counts: friction in motor and gear has turned round by then
-constexpr double kSlow_s = 0.2;  // a motor that shows fewer counts than these in this time may be at rest
+constexpr double kSlow_s = 0.05;    // a motor that takes longer from count to count may be at rest
+constexpr double kAtOnce_s = 0.01;  // and so may one that takes twice as long as before, and longer than this
 constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
 constexpr double kAfterGap_s = 0.3;    // after lost samples friction memories are not known
 
@@ -168,23 +169,28 @@ Eigen::VectorXd Denoised(const Eigen::VectorXd& signal, double noise) {
   return smooth;
 }
 
-/// Where a motor has moved on in one direction by kSlidingCounts since it turned, and still moves: so many
-/// counts within the last kSlow_s.
+/// Where a motor has moved on in one direction by kSlidingCounts since it turned or rested, and is on its way
+/// from one count to the next, which it reaches soon: at rest its friction may be anything.
 void MarkSliding(const Eigen::VectorXd& reading, double count, double step_s,
                  Eigen::Ref<Eigen::Matrix<char, -1, 1>> out) {
-  const int lately = std::max(1, static_cast<int>(kSlow_s / step_s));
+  const int samples = static_cast<int>(reading.size());
+  const int soon = std::max(2, static_cast<int>(std::lround(kSlow_s / step_s)));
+  const int at_once = std::max(1, static_cast<int>(std::lround(kAtOnce_s / step_s)));
   double turn = reading[0], last = reading[0];
-  int direction = 0;
-  for (int i = 0; i < reading.size(); ++i) {
+  int direction = 0, changed = 0, before = 0;
+  out.setZero();
+  for (int i = 1; i < samples; ++i) {
     const double step = reading[i] - last;
-    if (std::abs(step) > 0.5 * count) {
-      const int now = step > 0 ? 1 : -1;
-      if (now != direction) turn = last;
-      direction = now;
-      last = reading[i];
-    }
-    out[i] = std::abs(last - turn) >= kSlidingCounts * count &&
-             std::abs(reading[i] - reading[std::max(0, i - lately)]) >= (kSlidingCounts - 0.5) * count;
+    if (std::abs(step) <= 0.5 * count) continue;
+    const int now = step > 0 ? 1 : -1;
+    const int lasted = i - changed;
+    const bool on = now == direction && lasted <= soon && lasted <= std::max(at_once, 2 * before);
+    if (!on) turn = last;
+    if (on && std::abs(last - turn) >= kSlidingCounts * count) out.segment(changed, i - changed).setOnes();
+    direction = now;
+    last = reading[i];
+    changed = i;
+    before = lasted;
   }
 }
 
