@@ -15,12 +15,23 @@
 
 namespace tendril::config {
 
+/// `nominal` unless given; always written.
+template <class Io>
+void OptionalSwitch(Io& io, std::string_view key, bool& value, bool nominal) {
+  if constexpr (Io::kReading) {
+    value = nominal;
+    if (!io.Has(key)) return io.Allow(key);
+  }
+  io.Choice(key, value, Choices<bool>{{"off", false}, {"on", true}});
+}
+
 template <class Io>
 void Describe(Io& io, TrajectoryParameters& p) {
   io.Number("default_speed_radps", p.default_speed_radps, {1e-4, 100});
   io.Number("max_rate_radps", p.max_rate_radps, {1e-3, 100});
   io.Number("max_acceleration_radps2", p.max_acceleration_radps2, {1e-2, 1e5});
   io.Number("max_jerk_radps3", p.max_jerk_radps3, {0.1, 1e8});
+  OptionalSwitch(io, "look_ahead", p.look_ahead, true);
   io.Check(p.default_speed_radps <= p.max_rate_radps, "default_speed_radps",
            fmt::format("{} is faster than max_rate_radps allows; accepted: up to {} rad/s; lower it",
                        p.default_speed_radps, p.max_rate_radps));
@@ -34,7 +45,17 @@ void Describe(Io& io, GuardParameters& p) {
 
 template <class Io>
 void Describe(Io& io, ControllerParameters& p) {
-  io.Choice("law", p.law, Choices<ControlLaw>{{"paper", ControlLaw::kPaper}});
+  io.Choice("law", p.law,
+            Choices<ControlLaw>{{"paper", ControlLaw::kPaper}, {"equilibrium", ControlLaw::kEquilibrium}});
+  OptionalSwitch(io, "tension_feedback", p.tension_feedback, false);
+  io.Check(
+      !p.tension_feedback || p.law == ControlLaw::kEquilibrium, "tension_feedback",
+      "on without what it corrects; accepted: off, or law: equilibrium beside it; change one of the two");
+  OptionalSwitch(io, "tip_feedback", p.tip_feedback, false);
+  io.Check(
+      !p.tip_feedback || p.tension_feedback, "tip_feedback",
+      "on without the damping that it needs; accepted: off, or tension_feedback: on beside it; change one of "
+      "the two");
   io.Flag("capstan_compensation", p.capstan_compensation);
   io.Number("pretension_ramp_Nps", p.pretension_ramp_Nps, {1e-3, 1000});
   io.Number("pretension_settle_s", p.pretension_settle_s, {0, 60});

@@ -1,18 +1,24 @@
 #include "tendril/control/controller.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "state_archive.h"
 #include "tendril/control/compensation.h"
+#include "tendril/control/drive_feed_forward.h"
+#include "tendril/control/equilibrium_law.h"
 #include "tendril/control/estimator.h"
 #include "tendril/control/gate.h"
 #include "tendril/control/supervisor.h"
+#include "tendril/control/tension_feedback.h"
+#include "tendril/control/tip_feedback.h"
 #include "tendril/control/trajectory.h"
 #include "tendril/model/inverse.h"
 
@@ -88,6 +94,8 @@ struct Controller::Impl {
         trajectory(sections, parameters.trajectory, period_ns),
         allocator(tendons, 2 * sections),
         estimator(robot, body, tables),
+        equilibrium(body, robot.limits),
+        uses_equilibrium(parameters.law == ControlLaw::kEquilibrium),
         force_per_tension(2 * sections, tendons),
         tension_N(TendonVector::Zero(tendons)),
         goal_rad(BendingVector::Zero(2 * sections)),
@@ -102,6 +110,32 @@ struct Controller::Impl {
     for (int j = 0; j < tendons; ++j) {
       compensation.emplace_back(robot.actuation->tendons[j], robot.limits, parameters.capstan_compensation,
                                 tables[j]);
+      feed_forward.emplace_back(robot.actuation->tendons[j], robot.limits, parameters.capstan_compensation,
+                                tables[j], period_s);
+    }
+    if (parameters.tension_feedback) {
+      for (const auto& t : robot.actuation->tendons) {
+        if (t.load_cell.place == LoadCellPlace::kNone)
+          throw std::invalid_argument("controller.tension_feedback: on needs a load cell at every tendon");
+      }
+      const TensionLoopGains gains = DesignTensionLoop(robot, period_s);
+      if (!(gains.bandwidth_radps > 0)) {
+        throw std::invalid_argument(
+            "controller.tension_feedback: on has no stable gains with this rig and cycle");
+      }
+      for (int j = 0; j < tendons; ++j)
+        feedback.emplace_back(robot.actuation->tendons[j], robot.limits, gains, j, period_s);
+    }
+    if (parameters.tip_feedback) {
+      if (!robot.actuation->tracker)
+        throw std::invalid_argument("controller.tip_feedback: on needs actuation.tracker in the robot file");
+      tip_feedback.emplace(*robot.actuation->tracker, robot.body.length_m(), period_s);
+    }
+    if (uses_equilibrium) {
+      // A torque sent in this cycle acts a cycle later, for a cycle, through the drives' torque loops.
+      double lag_s = 0;
+      for (const auto& t : robot.actuation->tendons) lag_s = std::max(lag_s, t.motor.torque_lag_s);
+      actuation_delay_ns = period_ns + period_ns / 2 + static_cast<TimeNs>(lag_s * 1e9);
     }
   }
 
@@ -112,9 +146,13 @@ struct Controller::Impl {
   void Supervise(const CycleInput& input, CycleOutput& output) noexcept;
   void FollowTarget(const CycleInput& input, CycleOutput& output) noexcept;
   void TensionsForReference(CycleOutput& output) noexcept;
+  void TensionsForEquilibrium(const CycleInput& input, CycleOutput& output) noexcept;
   void TensionsForMode(CycleOutput& output) noexcept;
-  void TorquesForTensions(CycleOutput& output) noexcept;
+  void TorquesForTensions(const CycleInput& input, CycleOutput& output) noexcept;
+  double FedBack(int tendon, const CycleInput& input, const CycleOutput& output,
+                 const DriveFeedForward::Result& wanted) noexcept;
 
+  TimeNs AheadNs() const noexcept { return trajectory.delay_ns() + actuation_delay_ns; }
   void Remember(StateArchive& archive) noexcept;
   Status CheckDrives(const CycleInput& input, CycleOutput& output) noexcept;
   void EnterMode(Mode mode, const CycleInput& input) noexcept;
@@ -122,6 +160,8 @@ struct Controller::Impl {
   bool controls_shape() const noexcept {
     return supervisor.mode() == Mode::kRunning || supervisor.mode() == Mode::kHold;
   }
+  double Bounded(int tendon, double torque_Nm, Status& status) noexcept;
+  std::int16_t Rounded(int tendon, double permille) noexcept;
   /// Keeps the most severe status of the cycle.
   static void Report(CycleOutput& output, Status status) noexcept {
     if (static_cast<int>(status) > static_cast<int>(output.status)) output.status = status;
@@ -143,12 +183,20 @@ struct Controller::Impl {
   model::TensionAllocator allocator;
   std::vector<Compensation> compensation;
   Estimator estimator;
+  EquilibriumLaw equilibrium;
+  std::vector<DriveFeedForward> feed_forward;
+  std::vector<TensionFeedback> feedback;  // a tendon; empty: off
+  std::optional<TipFeedback> tip_feedback;
+  bool uses_equilibrium;
+  TimeNs actuation_delay_ns = 0;  // looked ahead beside the trajectory's own
 
   ForceMatrix force_per_tension;  // of this cycle only, as are q to unit_force_Nm
   TendonVector tension_N;         // wanted at the base, as put out last
   BendingVector goal_rad, goal_rate_radps;
   UnitVector q, dq, ddq, unit_force_Nm;
-  bool joined = false;  // tension_N follows its source without the ramp
+  bool balanced = false;  // the equilibrium law had an answer in the last cycle
+  std::array<double, kMaxTendons> permille_left_over{};  // of torque, by rounding to what the bus carries
+  bool joined = false;                                   // tension_N follows its source without the ramp
   CommandKind source = CommandKind::kNone;
   TimeNs settled_since_ns = 0;
   std::uint32_t accepted = 0, refused = 0, missing = 0;
@@ -165,8 +213,9 @@ void Controller::Step(const CycleInput& input, CycleOutput& output) noexcept {
   c.Supervise(input, output);
   c.FollowTarget(input, output);
   c.TensionsForReference(output);
+  c.TensionsForEquilibrium(input, output);
   c.TensionsForMode(output);
-  c.TorquesForTensions(output);
+  c.TorquesForTensions(input, output);
 }
 
 // -----------------------------------------------------------------------------------------------------------
@@ -310,6 +359,9 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       tension_N.setZero();
       joined = false;
       for (auto& k : compensation) k.Reset(0, 0);
+      for (auto& k : feed_forward) k.Reset(0, 0);
+      for (auto& k : feedback) k.Reset();
+      equilibrium.Reset();
       break;
     case Mode::kPretension:
       joined = false;
@@ -351,19 +403,24 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
     trajectory.AdvanceToRest();
     goal_rad = trajectory.followed();
   } else {
-    const TimeNs ahead_ns = input.time_ns + trajectory.delay_ns();
+    const TimeNs ahead_ns = input.time_ns + (parameters.trajectory.look_ahead ? AheadNs() : 0);
+    const double smoothing_s2 = uses_equilibrium ? trajectory.smoothing_s2() : 0;
     const BendingVector goal_before = goal_rad;
     if (target.kind == CommandKind::kTip) {
       output.target_tip_W_m = target.TipAt(input.time_ns);
-      const model::IkSolution ik = kinematics.Solve(target.TipAt(ahead_ns), goal_before);
+      const Eigen::Vector3d smoothed_W_m = smoothing_s2 * target.tip_acceleration_W_mps2;
+      const model::IkSolution ik = kinematics.Solve(target.TipAt(ahead_ns) - smoothed_W_m, goal_before);
       goal_rad = ik.us_vs;
-      output.target_distance_m = ik.distance_m;
-      // The look-ahead of a moving target leaves the reachable surface by a hair; that is not worth a word.
-      if (ik.status != Status::kTargetUnreachable || ik.distance_m > reach_tolerance_m)
+      // What look-ahead and smoothing take a moving target off the reachable surface is not worth a word.
+      const double own_m = smoothed_W_m.norm();
+      output.target_distance_m = std::max(0.0, ik.distance_m - own_m);
+      if (ik.status != Status::kTargetUnreachable || ik.distance_m > reach_tolerance_m + own_m)
         Report(output, ik.status);
     } else {
       goal_rad = target.bending_rad;
       if (target.moving()) goal_rad += target.bending_rate_radps * target.ElapsedS(ahead_ns);
+      if (target.bending_acceleration_radps2.size() == goal_rad.size())
+        goal_rad -= smoothing_s2 * target.bending_acceleration_radps2;
     }
     for (int k = 0; k < sections; ++k) {
       const double bend = goal_rad.segment<2>(2 * k).norm();
@@ -406,6 +463,34 @@ void Controller::Impl::TensionsForReference(CycleOutput& output) noexcept {
                                             robot.limits.min_tension_N, robot.limits.max_tension_base_N);
   output.tension_desired_base_N = allocated.tension_N;
   if (controls_shape()) Report(output, allocated.status);
+}
+
+// The shape that the robot really takes on in place of the arc. Without an answer the arc's tensions stay;
+// the tensions are led over at the ramp's rate from one to the other.
+void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutput& output) noexcept {
+  if (!uses_equilibrium) return;
+  if (!controls_shape()) {
+    equilibrium.Reset();
+    balanced = false;
+    return;
+  }
+  Eigen::Vector3d shift_W_m = Eigen::Vector3d::Zero();
+  if (tip_feedback) {
+    Report(output, tip_feedback->Step(input.tracker, input.time_ns, actuation_delay_ns,
+                                      output.reference_tip_W_m, equilibrium.tip_u(), equilibrium.tip_v(),
+                                      joined && source != CommandKind::kTension));
+    shift_W_m = tip_feedback->shift_W_m();
+  }
+  const Status status = equilibrium.Solve(output.reference, output.tension_desired_base_N, shift_W_m);
+  const bool answered = status != Status::kEquilibriumNotFound;
+  if (answered != balanced) joined = false;
+  balanced = answered;
+  Report(output, status);
+  if (!answered) return;
+  output.tension_desired_base_N = equilibrium.tension_N();
+  body.TendonShortening(equilibrium.q(), output.displacement_desired_m);
+  body.TendonForce(equilibrium.q(), equilibrium.tension_N(), unit_force_Nm);
+  body.ProjectForce(unit_force_Nm, output.generalised_force_Nm);
 }
 
 // Moves tension_N towards a goal at the configured rate; true once there.
@@ -460,10 +545,40 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
   output.tension_desired_base_N = tension_N;
 }
 
-void Controller::Impl::TorquesForTensions(CycleOutput& output) noexcept {
+// What the load cell's error adds, compared where the cell sits.
+double Controller::Impl::FedBack(int j, const CycleInput& input, const CycleOutput& output,
+                                 const DriveFeedForward::Result& wanted) noexcept {
+  const Mode mode = supervisor.mode();
+  const bool acts = (mode == Mode::kPretension && joined) || controls_shape();
+  const bool at_motor = robot.actuation->tendons[j].load_cell.place == LoadCellPlace::kMotorSide;
+  return feedback[j].Step(input.drive[j], output.tension_measured_N[j],
+                          {.cell_N = at_motor ? wanted.tension_motor_N : tension_N[j],
+                           .motor_velocity_radps = wanted.motor_velocity_radps},
+                          acts);
+}
+
+// Within the drive's current; the feedback learns what it lost.
+double Controller::Impl::Bounded(int j, double torque_Nm, Status& status) noexcept {
+  const double most_Nm = compensation[j].max_torque_Nm();
+  const double bounded_Nm = std::clamp(torque_Nm, -most_Nm, most_Nm);
+  feedback[j].Limited(torque_Nm - bounded_Nm);
+  if (torque_Nm != bounded_Nm) status = Status::kLimitedTorque;
+  return bounded_Nm;
+}
+
+void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& output) noexcept {
   const bool moving = controls_shape() && source != CommandKind::kTension;
   for (int j = 0; j < tendons; ++j) {
-    const auto r = compensation[j].Step(tension_N[j], output.displacement_desired_m[j], moving);
+    Compensation::Result r;
+    if (uses_equilibrium) {
+      const auto wanted = feed_forward[j].Step(tension_N[j], output.displacement_desired_m[j],
+                                               moving || supervisor.mode() == Mode::kPretension);
+      r = wanted;
+      if (!feedback.empty())
+        r.torque_Nm = Bounded(j, wanted.torque_Nm + FedBack(j, input, output, wanted), r.status);
+    } else {
+      r = compensation[j].Step(tension_N[j], output.displacement_desired_m[j], moving);
+    }
     output.sliding_direction[j] = r.sliding;
     output.tension_desired_motor_N[j] = r.tension_motor_N;
     output.torque_desired_Nm[j] = r.torque_Nm;
@@ -483,9 +598,19 @@ void Controller::Impl::TorquesForTensions(CycleOutput& output) noexcept {
   for (int j = 0; j < tendons; ++j) {
     const double permille =
         powered ? output.torque_desired_Nm[j] / robot.actuation->tendons[j].drive.rated_torque_Nm * 1000 : 0;
-    output.torque_target_permille[j] =
-        static_cast<std::int16_t>(std::lround(std::clamp(permille, -32767., 32767.)));
+    output.torque_target_permille[j] = Rounded(j, permille);
   }
+}
+
+// What rounding took from one cycle the next one gets: a step of the bus is 14 mN of tendon tension here, and
+// the mean over a few cycles is what moves the robot.
+std::int16_t Controller::Impl::Rounded(int tendon, double permille) noexcept {
+  permille = std::clamp(permille, -32767., 32767.);
+  if (!uses_equilibrium) return static_cast<std::int16_t>(std::lround(permille));
+  const double wanted = permille + permille_left_over[tendon];
+  const auto rounded = static_cast<std::int16_t>(std::lround(std::clamp(wanted, -32767., 32767.)));
+  permille_left_over[tendon] = permille == 0 ? 0 : std::clamp(wanted - rounded, -0.5, 0.5);
+  return rounded;
 }
 
 // Whatever outlives a cycle; a member that is missing here shows as a difference in replay.
@@ -494,6 +619,14 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
   supervisor.Remember(a);
   trajectory.Remember(a);
   for (Compensation& k : compensation) k.Remember(a);
+  if (uses_equilibrium) {
+    for (DriveFeedForward& k : feed_forward) k.Remember(a);
+    for (TensionFeedback& k : feedback) k.Remember(a);
+    if (tip_feedback) tip_feedback->Remember(a);
+    equilibrium.Remember(a);
+    a.Value(balanced);
+    for (int j = 0; j < tendons; ++j) a.Value(permille_left_over[j]);
+  }
   estimator.Remember(a);
   a.Vector(tension_N, {tendons});
   a.Vector(goal_rad, {2 * sections});
@@ -513,6 +646,8 @@ Controller::Controller(const RobotParameters& robot, const ControllerParameters&
     : impl_(std::make_unique<Impl>(robot, parameters, period_ns)) {}
 
 Controller::~Controller() = default;
+
+TimeNs Controller::look_ahead_ns() const noexcept { return impl_->AheadNs(); }
 
 std::size_t Controller::state_bytes() const noexcept {
   StateArchive archive;

@@ -118,6 +118,16 @@ Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns) noexcept {
   if (!ModeAllowed(AdmissionIn(mode), c)) return Status::kCommandWrongMode;
   if (c.kind == CommandKind::kMode) return Status::kOk;
 
+  const double since_s = ToSeconds(c.received_ns - target_.since_ns);
+  const bool streamed = target_.kind == c.kind && since_s > 0 && since_s <= ToSeconds(target_.valid_for_ns);
+  target_.tip_acceleration_W_mps2.setZero();
+  target_.bending_acceleration_radps2.resize(0);
+  if (streamed && c.kind == CommandKind::kTip) {
+    target_.tip_acceleration_W_mps2 = (c.tip_velocity_W_mps - target_.tip_velocity_W_mps) / since_s;
+  } else if (streamed && c.bending_rate_radps.size() == target_.bending_rate_radps.size()) {
+    target_.bending_acceleration_radps2 = (c.bending_rate_radps - target_.bending_rate_radps) / since_s;
+  }
+
   target_.kind = c.kind;
   target_.since_ns = c.received_ns;
   target_.valid_for_ns = c.valid_for_ns;
@@ -144,6 +154,8 @@ void CommandGate::Remember(StateArchive& a) noexcept {
   a.Vector(target_.bending_rate_radps, {0, k2});
   a.Vector(target_.tension_N, {0, m});
   a.Value(target_.speed_radps);
+  a.Vector(target_.tip_acceleration_W_mps2);
+  a.Vector(target_.bending_acceleration_radps2, {0, k2});
   a.Require(target_.valid_for_ns >= 0);
   a.Require(target_.kind != CommandKind::kBending || target_.bending_rad.size() == k2);
   a.Require(target_.kind != CommandKind::kTension || target_.tension_N.size() == m);

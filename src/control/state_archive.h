@@ -84,6 +84,18 @@ class StateArchive {
     Require(std::memcmp(&here, &there, sizeof here) == 0 && !std::isnan(loaded.Peek(0)));
     if (ok_) operators = loaded;
   }
+  /// The angle is a parameter, as yields are.
+  void Dahl(model::DahlState& dahl) noexcept {
+    static_assert(std::is_trivially_copyable_v<model::DahlState>);
+    model::DahlState loaded = dahl;
+    Raw(&loaded, sizeof loaded);
+    if (!loading()) return;
+    model::DahlState here = dahl, there = loaded;
+    here.Reset(0);
+    there.Reset(0);
+    Require(std::memcmp(&here, &there, sizeof here) == 0 && std::isfinite(loaded.Peek(0)));
+    if (ok_) dahl = loaded;
+  }
 
  private:
   StateArchive(std::byte* to, const std::byte* from, std::size_t size) : to_(to), from_(from), size_(size) {}

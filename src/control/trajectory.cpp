@@ -111,6 +111,12 @@ void Trajectory::Window::Remember(StateArchive& a) noexcept {
   a.Vector(sum_, {sum_.size()});
 }
 
+// A window of n samples T apart: (n^2 - 1) T^2 / 24.
+double Trajectory::smoothing_s2() const noexcept {
+  const double first = position_.samples(), second = mean_.samples();
+  return (first * first + second * second - 2) * period_s_ * period_s_ / 24;
+}
+
 void Trajectory::Remember(StateArchive& a) noexcept {
   position_.Remember(a);
   mean_.Remember(a);

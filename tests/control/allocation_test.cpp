@@ -5,9 +5,12 @@
 namespace tendril::control {
 namespace {
 
-TEST(Controller, AllocatesNothingInAnyMode) {
+void ExpectNoAllocation(ControlLaw law) {
   for (const char* file : {"rig_60mm.yaml", "two_section.yaml", "four_tendon_90mm.yaml"}) {
-    IdealLoop loop(file);
+    ControllerParameters parameters = kParameters;
+    parameters.law = law;
+    parameters.tension_feedback = law == ControlLaw::kEquilibrium;
+    IdealLoop loop(config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file), parameters);
     const auto count = [&](const char* what) {
       const auto before = test::AllocationCount();
       loop.Run(20);
@@ -30,6 +33,11 @@ TEST(Controller, AllocatesNothingInAnyMode) {
     loop.input.bus_ok = false;
     count("fault");
   }
+}
+
+TEST(Controller, AllocatesNothingInAnyMode) { ExpectNoAllocation(ControlLaw::kPaper); }
+TEST(Controller, AllocatesNothingInAnyModeWithTheEquilibriumLaw) {
+  ExpectNoAllocation(ControlLaw::kEquilibrium);
 }
 
 }  // namespace

@@ -28,8 +28,9 @@ inline constexpr ControllerParameters kParameters{
 class IdealLoop {
  public:
   explicit IdealLoop(const char* file = "rig_60mm.yaml")
-      : robot(config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file)),
-        controller(robot, kParameters, kNsPerMs) {
+      : IdealLoop(config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file), kParameters) {}
+  IdealLoop(const RobotParameters& driven, const ControllerParameters& parameters)
+      : robot(driven), controller(robot, parameters, kNsPerMs) {
     input.drives = robot.body.tendons();
     output.displacement_desired_m = TendonVector::Zero(input.drives);
     output.tension_desired_motor_N = TendonVector::Zero(input.drives);

@@ -37,6 +37,10 @@ class ClosedLoop {
   double now_s() const { return ToSeconds(clock_.Now()); }
   TimeNs cycle_ns() const { return daemon_.bus.cycle_ns; }
   const DaemonParameters& daemon() const { return daemon_; }
+  /// How far ahead of its time a moving target has to be sent to a controller that does not look ahead itself.
+  double sender_lead_s() const {
+    return daemon_.controller.trajectory.look_ahead ? 0 : ToSeconds(controller_->look_ahead_ns());
+  }
   const sim::Plant& plant() const { return rig_->plant(); }
   const can::CanCounters& bus() const { return bus_.totals(); }
   std::uint64_t log_events() const { return log_ ? log_->events() : 0; }

@@ -1,6 +1,8 @@
 #include "motion.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 #include <stdexcept>
 
@@ -40,18 +42,19 @@ Lead RestToRest(double t, double distance, double lead) {
 
 class Circle final : public Motion {
  public:
-  explicit Circle(const BodyParameters& body) {
-    name_ = "circle";
+  Circle(const BodyParameters& body, const char* name, double omega_radps, int turns)
+      : omega_radps_(omega_radps) {
+    name_ = name;
     const double theta = kPi / 3, l = body.length_m();
     radius_m_ = l / theta * (1 - std::cos(theta));
     height_m_ = l / theta * std::sin(theta);
-    const double turn_s = 2 * kPi / kOmega;
+    const double turn_s = 2 * kPi / omega_radps_;
     judged_from_s_ = kLead_s;
-    judged_until_s_ = kLead_s + turn_s;
-    duration_s_ = turn_s + 2 * kLead_s;
+    judged_until_s_ = kLead_s + turns * turn_s;
+    duration_s_ = turns * turn_s + 2 * kLead_s;
     char text[120];
-    std::snprintf(text, sizeof text, "tip circle of radius %.4f mm at z = %.4f mm, one revolution in %.0f s",
-                  radius_m_ * 1e3, height_m_ * 1e3, turn_s);
+    std::snprintf(text, sizeof text, "tip circle of radius %.4f mm at z = %.4f mm, %s in %.0f s",
+                  radius_m_ * 1e3, height_m_ * 1e3, turns == 1 ? "one revolution" : "a revolution", turn_s);
     description_ = text;
   }
 
@@ -66,15 +69,113 @@ class Circle final : public Motion {
   Eigen::Vector3d TipAt(double t) const override { return At(t).tip_W_m; }
 
  private:
-  static constexpr double kOmega = kPi / 6, kLead_s = 1;
+  static constexpr double kLead_s = 1;
 
   // The judged revolution begins at angle 0, in full motion.
   std::pair<double, double> AngleAt(double t) const {
     const Lead at = RestToRest(t, duration_s_ - kLead_s, kLead_s);
-    return {kOmega * (at.distance - kLead_s / 2), kOmega * at.speed};
+    return {omega_radps_ * (at.distance - kLead_s / 2), omega_radps_ * at.speed};
   }
 
-  double radius_m_, height_m_;
+  double omega_radps_, radius_m_, height_m_;
+};
+
+// A tip path (x, y) on the surface that arcs of one bend reach: z follows.
+class OnArcs : public Motion {
+ public:
+  explicit OnArcs(const BodyParameters& body) : length_m_(body.length_m()) {}
+  Eigen::Vector3d TipAt(double t) const override { return At(t).tip_W_m; }
+
+ protected:
+  /// Distance of the tip from the z axis at a bend.
+  double RadiusOf(double theta) const { return length_m_ * (1 - std::cos(theta)) / theta; }
+  Command TargetAt(const Eigen::Vector2d& at_m, const Eigen::Vector2d& velocity_mps) const {
+    const double radius_m = at_m.norm();
+    // rho(theta) = l (1 - cos theta) / theta rises up to theta = 2.33; Newton from its slope at zero.
+    double theta = std::min(2.0, 2 * radius_m / length_m_), slope = 0;
+    for (int i = 0; i < 50; ++i) {
+      const bool small = theta < 1e-4;
+      slope = small ? 0.5 * length_m_
+                    : length_m_ * (std::sin(theta) / theta - (1 - std::cos(theta)) / (theta * theta));
+      const double miss = (small ? 0.5 * length_m_ * theta : RadiusOf(theta)) - radius_m;
+      if (std::abs(miss) < 1e-15) break;
+      theta -= miss / slope;
+    }
+    const double height_m =
+        theta < 1e-4 ? length_m_ * (1 - theta * theta / 6) : length_m_ * std::sin(theta) / theta;
+    const double fall = theta < 1e-4
+                            ? -length_m_ * theta / 3
+                            : length_m_ * (std::cos(theta) / theta - std::sin(theta) / (theta * theta));
+    const double radius_rate = radius_m > 0 ? at_m.dot(velocity_mps) / radius_m : 0;
+    Command target;
+    target.kind = CommandKind::kTip;
+    target.tip_W_m = {at_m.x(), at_m.y(), height_m};
+    target.tip_velocity_W_mps = {velocity_mps.x(), velocity_mps.y(), fall / slope * radius_rate};
+    return target;
+  }
+
+  double length_m_;
+};
+
+// From the middle of one side round to it again; the tip comes to rest in each corner, for a path with
+// corners can be followed in no other way.
+class Square final : public OnArcs {
+ public:
+  explicit Square(const BodyParameters& body) : OnArcs(body) {
+    name_ = "square";
+    half_m_ = RadiusOf(kPi / 3) / std::sqrt(2.0);
+    side_s_ = kSide_s + kLead_s;
+    duration_s_ = judged_until_s_ = 4 * side_s_ + kRest_s;
+    judged_from_s_ = 0;
+    char text[120];
+    std::snprintf(text, sizeof text, "tip square of %.2f mm a side, %.0f s a side, at rest in each corner",
+                  2e3 * half_m_, kSide_s);
+    description_ = text;
+  }
+
+  Command At(double t) const override {
+    const int side = std::clamp(static_cast<int>(t / side_s_), 0, 3);
+    const Lead at = RestToRest(std::min(t - side * side_s_, side_s_), kSide_s, kLead_s);
+    const double angle = side * kPi / 2;
+    const Eigen::Vector2d along(-std::sin(angle), std::cos(angle)),
+        corner(std::cos(angle) + std::sin(angle), std::sin(angle) - std::cos(angle));
+    const double speed = 2 * half_m_ / kSide_s;
+    return TargetAt(half_m_ * corner + speed * at.distance * along, speed * at.speed * along);
+  }
+
+ private:
+  static constexpr double kSide_s = 2, kLead_s = 0.3, kRest_s = 0.5;
+  double half_m_, side_s_;
+};
+
+// Outwards and back in: the tip turns, and rises and falls with its distance from the axis.
+class Spiral final : public OnArcs {
+ public:
+  explicit Spiral(const BodyParameters& body) : OnArcs(body) {
+    name_ = "spiral";
+    judged_from_s_ = kLead_s;
+    judged_until_s_ = kLead_s + kTurns * kTurn_s;
+    duration_s_ = judged_until_s_ + kLead_s;
+    char text[120];
+    std::snprintf(text, sizeof text, "tip spiral out to a bend of %.2f rad and back, %d turns of %.0f s",
+                  kBend_rad, kTurns, kTurn_s);
+    description_ = text;
+  }
+
+  Command At(double t) const override {
+    const Lead at = RestToRest(t, duration_s_ - kLead_s, kLead_s);
+    const double whole = duration_s_ - kLead_s;
+    const double angle = 2 * kPi / kTurn_s * (at.distance - kLead_s / 2), rate = 2 * kPi / kTurn_s * at.speed;
+    const double outer_m = RadiusOf(kBend_rad), phase = 2 * kPi * at.distance / whole;
+    const double radius_m = outer_m * (0.55 - 0.45 * std::cos(phase));
+    const double radius_rate = outer_m * 0.45 * std::sin(phase) * 2 * kPi / whole * at.speed;
+    const Eigen::Vector2d out(std::cos(angle), std::sin(angle)), round(-std::sin(angle), std::cos(angle));
+    return TargetAt(radius_m * out, radius_rate * out + radius_m * rate * round);
+  }
+
+ private:
+  static constexpr double kTurn_s = 3, kLead_s = 1, kBend_rad = 1.2;
+  static constexpr int kTurns = 4;
 };
 
 class PlanarBend final : public Motion {
@@ -119,7 +220,9 @@ Command Motion::Start() const {
   return start;
 }
 
-std::unique_ptr<Motion> MakeCircle(const BodyParameters& body) { return std::make_unique<Circle>(body); }
+std::unique_ptr<Motion> MakeCircle(const BodyParameters& body) {
+  return std::make_unique<Circle>(body, "circle", kPi / 6, 1);
+}
 std::unique_ptr<Motion> MakePlanarBend(const BodyParameters& body) {
   return std::make_unique<PlanarBend>(body);
 }
@@ -127,7 +230,11 @@ std::unique_ptr<Motion> MakePlanarBend(const BodyParameters& body) {
 std::unique_ptr<Motion> MakeMotion(const std::string& name, const BodyParameters& body) {
   if (name == "circle") return MakeCircle(body);
   if (name == "planar") return MakePlanarBend(body);
-  throw std::invalid_argument("no motion is called '" + name + "'; there are circle and planar");
+  if (name == "fast_circle") return std::make_unique<Circle>(body, "fast_circle", 2 * kPi, 5);
+  if (name == "square") return std::make_unique<Square>(body);
+  if (name == "spiral") return std::make_unique<Spiral>(body);
+  throw std::invalid_argument("no motion is called '" + name +
+                              "'; there are circle, planar, fast_circle, square and spiral");
 }
 
 }  // namespace tendril::tools

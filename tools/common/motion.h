@@ -44,7 +44,9 @@ std::unique_ptr<Motion> MakeCircle(const BodyParameters& body);
 /// second's rest.
 std::unique_ptr<Motion> MakePlanarBend(const BodyParameters& body);
 
-/// "circle" or "planar"; throws std::invalid_argument naming the choices.
+/// "circle", "planar", "fast_circle" (the same circle, five turns of a second), "square" (the circle's
+/// inscribed one, at rest in its corners) or "spiral" (turning, outwards and back, z with it); throws
+/// std::invalid_argument naming the choices.
 std::unique_ptr<Motion> MakeMotion(const std::string& name, const BodyParameters& body);
 
 }  // namespace tendril::tools

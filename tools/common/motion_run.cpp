@@ -31,13 +31,13 @@ void ApproachStart(ClosedLoop& loop, const Motion& motion, const CycleObserver& 
   }
 }
 
-void StreamMotion(ClosedLoop& loop, const Motion& motion, const CycleObserver& observe) {
+void StreamMotion(ClosedLoop& loop, const Motion& motion, const CycleObserver& observe, double ahead_s) {
   const std::uint64_t command_every = CyclesOf(loop, kCommandPeriod_s);
   const TimeNs start_ns = loop.now_ns();
   for (std::uint64_t step = 0; ToSeconds(loop.now_ns() - start_ns) < motion.duration_s(); ++step) {
     // The command sent before a cycle is the target of that cycle, so the motion's clock starts with it.
     const double target_s = ToSeconds(loop.now_ns() - start_ns);
-    if (step % command_every == 0) loop.Send(motion.At(target_s));
+    if (step % command_every == 0) loop.Send(motion.At(std::min(target_s + ahead_s, motion.duration_s())));
     observe(loop.Step(), target_s);
   }
 }

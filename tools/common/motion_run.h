@@ -17,7 +17,9 @@ using CycleObserver = std::function<void(const CycleRecord& record, double targe
 void ApproachStart(ClosedLoop& loop, const Motion& motion, const CycleObserver& observe);
 
 /// Streams the motion from beginning to end, one command every 10 ms.
-void StreamMotion(ClosedLoop& loop, const Motion& motion, const CycleObserver& observe);
+/// `ahead_s`: each target is sent this long before its time, for a controller that does not look ahead
+/// itself.
+void StreamMotion(ClosedLoop& loop, const Motion& motion, const CycleObserver& observe, double ahead_s = 0);
 
 /// Number of cycles nearest to a period, at least one.
 std::uint64_t CyclesOf(const ClosedLoop& loop, double period_s);

@@ -23,6 +23,9 @@ class Controller {
   /// One cycle. No allocation, lock, system call or unbounded loop.
   void Step(const CycleInput& input, CycleOutput& output) noexcept;
 
+  /// How far ahead a sender has to be whose targets move, with trajectory.look_ahead: off.
+  TimeNs look_ahead_ns() const noexcept;
+
   /// All that the next Step depends on beside its input, as bytes of this build; takes a few microseconds
   /// and allocates nothing. `bytes` has state_bytes() entries, which depend on robot and parameters only.
   std::size_t state_bytes() const noexcept;

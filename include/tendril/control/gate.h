@@ -18,6 +18,10 @@ struct Target {
   Eigen::Vector3d tip_W_m{0, 0, 0}, tip_velocity_W_mps{0, 0, 0};
   BendingVector bending_rad, bending_rate_radps;
   TendonVector tension_N;
+  // By which the velocity changed from the command before, of a stream of moving targets; zero or empty
+  // otherwise.
+  Eigen::Vector3d tip_acceleration_W_mps2{0, 0, 0};
+  BendingVector bending_acceleration_radps2;
   double speed_radps = 0;
 
   /// Seconds the target has moved on at time t: never before it came, never past its validity.

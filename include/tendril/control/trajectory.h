@@ -34,6 +34,8 @@ class Trajectory {
   /// The point the averages run towards.
   const BendingVector& followed() const noexcept { return followed_; }
   TimeNs delay_ns() const noexcept { return delay_ns_; }
+  /// Averaging takes this much times its second derivative from a smooth motion [s^2].
+  double smoothing_s2() const noexcept;
 
   void Remember(StateArchive& archive) noexcept;
 

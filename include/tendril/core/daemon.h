@@ -16,6 +16,8 @@ struct TrajectoryParameters {
   double max_rate_radps = 0;
   double max_acceleration_radps2 = 0;
   double max_jerk_radps3 = 0;
+  /// A moving target is extrapolated as far ahead as smoothing and drives delay; false: the sender sends ahead.
+  bool look_ahead = true;
 };
 
 struct GuardParameters {
@@ -23,10 +25,15 @@ struct GuardParameters {
   double slack_tension_N = 0;           // measured tension below this reports slack
 };
 
-enum class ControlLaw { kPaper };
+enum class ControlLaw {
+  kPaper,        // arcs of constant curvature, Kane's equations projected on them
+  kEquilibrium,  // every unit's own balance, with the section ends where the arcs have them
+};
 
 struct ControllerParameters {
   ControlLaw law = ControlLaw::kPaper;
+  bool tension_feedback = false;        // of the load cells; with the equilibrium law only
+  bool tip_feedback = false;            // of the tracker; with tension feedback only
   bool capstan_compensation = true;     // false replaces the Capstan map and its inverse by the identity, nothing else
   double pretension_ramp_Nps = 0;       // rate at which tensions rise to and fall from their targets on arm / disarm
   double pretension_settle_s = 0;       // stillness before tendon displacement is zeroed

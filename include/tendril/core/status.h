@@ -33,6 +33,8 @@ namespace tendril {
   X(FrameNotSent, 306, "a CAN frame could not be sent: the interface's queue is full", "check the bus load and that a node acknowledges") \
   X(FrameLost, 307, "received CAN frames were lost", "check the load of this machine and the rights to real-time scheduling")                                          \
   X(DriveWarning, 308, "a drive reports a warning", "see the drive's temperature and load")                         \
+  X(EquilibriumNotFound, 309, "controller.law: equilibrium found no stable shape: the paper's tensions are used", "less bending, or check stiffness, masses and gravity in the robot file") \
+  X(TrackerLost, 311, "no usable tracker reading for some time: tip feedback keeps its last correction", "check the tracker, its clock and its view of the tip") \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \

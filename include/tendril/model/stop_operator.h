@@ -90,6 +90,11 @@ class DahlState {
     x_ = x;
     return zeta_;
   }
+  /// Moves the origin of x without motion; returns the unchanged zeta.
+  double Hold(double x) noexcept {
+    x_ = x;
+    return zeta_;
+  }
   void Reset(double x, double zeta = 0) noexcept {
     x_ = x;
     zeta_ = zeta;

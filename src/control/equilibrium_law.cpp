@@ -1,0 +1,146 @@
+// See the header. Knows the body through its forces and their derivatives only.
+#include "tendril/control/equilibrium_law.h"
+
+#include <cmath>
+
+#include "state_archive.h"
+
+namespace tendril::control {
+namespace {
+
+// From last cycle's shape led on by the reference's rate one step leaves nothing to speak of; a start from
+// the arc takes four.
+constexpr int kMaxIterations = 6;
+constexpr double kSettled_rad = 1e-5;   // Newton converges quadratically: the error left is its square
+constexpr double kLongest_rad = 0.3;    // of a step, a unit: farther the linear model means nothing
+constexpr double kAccepted_rad = 2e-3;  // a last step longer than this has not arrived
+
+}  // namespace
+
+EquilibriumLaw::EquilibriumLaw(const model::Body& body, const LimitParameters& limits)
+    : body_(body),
+      min_tension_N_(limits.min_tension_N),
+      max_tension_N_(limits.max_tension_base_N),
+      workspace_(body),
+      allocator_(body.tendons(), 2 * body.sections()),
+      q_(UnitVector::Zero(body.dof())),
+      tension_N_(TendonVector::Constant(body.tendons(), limits.min_tension_N)),
+      arc_q_(q_),
+      dq_(q_),
+      ddq_(q_),
+      residual_(q_),
+      pose_(body.units()),
+      goal_W_m_(body.sections()),
+      stiffness_(body.dof(), body.dof()),
+      lengths_(body.tendons(), body.dof()),
+      solved_(body.dof(), body.tendons() + 1),
+      tip_jacobian_(6, body.dof()),
+      goal_rows_(2 * body.sections(), body.dof()),
+      goal_per_tension_(2 * body.sections(), body.tendons() + 1),
+      goal_gap_(BendingVector::Zero(2 * body.sections())),
+      factor_(body.dof()) {}
+
+Status EquilibriumLaw::Solve(const BendingReference& reference, const TendonVector& arc_tension_N,
+                             const Eigen::Vector3d& tip_shift_W_m) noexcept {
+  body_.SpreadBending(reference.position_rad, arc_q_);
+  body_.SpreadBending(reference.velocity_radps, dq_);
+  body_.SpreadBending(reference.acceleration_radps2, ddq_);
+  body_.Poses(arc_q_, pose_);
+  for (int k = 0; k < body_.sections(); ++k) goal_W_m_[k] = pose_[body_.end_unit(k) - 1].p_WA;
+  goal_W_m_.back() += tip_shift_W_m;
+  if (!warm_) {
+    q_ = arc_q_;
+    tension_N_ = arc_tension_N;
+  }
+  double size_rad = 0;
+  status_ = Status::kOk;
+  for (iterations_ = 1; iterations_ <= kMaxIterations; ++iterations_) {
+    if (!Step(size_rad)) break;
+    if (size_rad <= kSettled_rad) break;
+  }
+  iterations_ = std::min(iterations_, kMaxIterations);
+  warm_ = status_ != Status::kEquilibriumNotFound && size_rad <= kAccepted_rad;
+  return warm_ ? status_ : Status::kEquilibriumNotFound;
+}
+
+// Newton on the balance and the goals at once: q moves by A dT + b with K A = force per tension and
+// K b = -residual; the allocation finds the tensions whose shape has the goals.
+bool EquilibriumLaw::Step(double& size_rad) noexcept {
+  const int m = body_.tendons();
+  body_.TangentStiffness(q_, tension_N_, Eigen::Vector3d::Zero(), stiffness_);
+  factor_.compute(stiffness_);
+  if (factor_.info() != Eigen::Success) {  // unstable: this shape cannot be held by tensions
+    status_ = Status::kEquilibriumNotFound;
+    return false;
+  }
+  body_.InverseDynamics(q_, dq_, ddq_, residual_, workspace_);
+  body_.TendonLengthJacobian(q_, lengths_);
+  for (int j = 0; j < m; ++j) solved_.col(j) = -lengths_.row(j).transpose();
+  solved_.col(m) = -residual_;
+  solved_.col(m).noalias() += solved_.leftCols(m).lazyProduct(tension_N_);
+  factor_.solveInPlace(solved_);
+
+  Goals();
+  goal_per_tension_.noalias() = goal_rows_.lazyProduct(solved_);
+  const auto slope = goal_per_tension_.leftCols(m);
+  const BendingVector wanted =
+      goal_gap_ - goal_per_tension_.col(m) + BendingVector(slope.lazyProduct(tension_N_));
+  const auto allocated = allocator_.Allocate(slope, wanted, min_tension_N_, max_tension_N_);
+  const TendonVector change_N = allocated.tension_N - tension_N_;
+  UnitVector step = solved_.col(m);
+  step.noalias() += solved_.leftCols(m).lazyProduct(change_N);
+  size_rad = step.lpNorm<Eigen::Infinity>();
+  if (!std::isfinite(size_rad) || allocated.status == Status::kSolverFallback) {
+    status_ = Status::kEquilibriumNotFound;
+    return false;
+  }
+  const double share = size_rad > kLongest_rad ? kLongest_rad / size_rad : 1;
+  q_ += share * step;
+  tension_N_ += share * change_N;
+  status_ = allocated.status;
+  return true;
+}
+
+// Rows W_k of the position Jacobian of each section's end, and what is missing to the goals along them.
+void EquilibriumLaw::Goals() noexcept {
+  body_.Poses(q_, pose_);
+  body_.TipJacobian(q_, tip_jacobian_);
+  const Eigen::Vector3d tip_W_m = pose_.back().p_WA;
+  for (int k = 0; k < body_.sections(); ++k) {
+    const int end = body_.end_unit(k);
+    const Eigen::Vector3d end_W_m = pose_[end - 1].p_WA, beyond_W_m = tip_W_m - end_W_m;
+    const auto velocity = [&](int column) {  // of the section's end, by this angle
+      return Eigen::Vector3d(tip_jacobian_.col(column).head<3>() -
+                             tip_jacobian_.col(column).tail<3>().cross(beyond_W_m));
+    };
+    Eigen::Vector3d u = Eigen::Vector3d::Zero(), v = u;
+    for (int i = body_.first_unit(k); i < end; ++i) {
+      u += velocity(2 * i);
+      v += velocity(2 * i + 1);
+    }
+    u.normalize();
+    v -= u * u.dot(v);
+    v.normalize();
+    tip_u_ = u;
+    tip_v_ = v;
+    for (int i = 0; i < 2 * end; ++i) {
+      const Eigen::Vector3d moves = velocity(i);
+      goal_rows_(2 * k, i) = u.dot(moves);
+      goal_rows_(2 * k + 1, i) = v.dot(moves);
+    }
+    goal_rows_.block(2 * k, 2 * end, 2, body_.dof() - 2 * end).setZero();
+    const Eigen::Vector3d gap = goal_W_m_[k] - end_W_m;
+    goal_gap_[2 * k] = u.dot(gap);
+    goal_gap_[2 * k + 1] = v.dot(gap);
+  }
+}
+
+void EquilibriumLaw::Remember(StateArchive& a) noexcept {
+  a.Value(warm_);
+  a.Vector(q_, {body_.dof()});
+  a.Vector(tension_N_, {body_.tendons()});
+  a.Vector(tip_u_);
+  a.Vector(tip_v_);
+}
+
+}  // namespace tendril::control
