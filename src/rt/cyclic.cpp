@@ -1,6 +1,7 @@
 // The deadline grid, the loop on it, real-time set-up and latency histograms; see the header.
 #include "tendril/rt/cyclic.h"
 
+#include <fcntl.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
@@ -11,6 +12,7 @@
 #include <bit>
 #include <cerrno>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <ctime>
 
@@ -26,6 +28,21 @@ constexpr std::uint64_t kSubBins = 1U << kSubBinBits;
   volatile unsigned char stack[kPrefaultedStack];
   for (std::size_t i = 0; i < kPrefaultedStack; i += 1024) stack[i] = 0;
   (void)stack[0];
+}
+
+// While somebody keeps this file open with a zero in it, no CPU sleeps so deeply that waking takes time. Kept
+// until the process ends; where it may not be written, waking takes longer and nothing else happens.
+void KeepCpusAwake() {
+  static const int file = [] {
+    const int fd = open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
+    const std::int32_t allowed_us = 0;
+    if (fd >= 0 && write(fd, &allowed_us, sizeof allowed_us) != sizeof allowed_us) {
+      close(fd);
+      return -1;
+    }
+    return fd;
+  }();
+  (void)file;
 }
 
 void Append(std::string& text, const std::string& more) {
@@ -66,6 +83,7 @@ std::string EnterRealtime(const RealtimeParameters& p) {
   // Ordinary threads are woken up to 50 us late on purpose, to save wake-ups.
   prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL);
   if (p.priority > 0) {
+    KeepCpusAwake();
     sched_param priority{};
     priority.sched_priority = p.priority;
     if (const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &priority); error != 0) {

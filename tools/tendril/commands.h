@@ -37,6 +37,7 @@ void AddGapSimulateCommand(CLI::App& app);
 void AddModelCommand(CLI::App& app);
 void AddReplayCommand(CLI::App& app);
 void AddReproduceCommand(CLI::App& app);
+void AddRtCheckCommand(CLI::App& app);
 void AddSendCommand(CLI::App& app);
 void AddStatusCommand(CLI::App& app);
 

@@ -71,6 +71,7 @@ int main(int argc, char** argv) {
   tendril::tools::AddModelCommand(app);
   tendril::tools::AddReplayCommand(app);
   tendril::tools::AddReproduceCommand(app);
+  tendril::tools::AddRtCheckCommand(app);
   tendril::tools::AddSendCommand(app);
   tendril::tools::AddStatusCommand(app);
   try {

@@ -11,8 +11,9 @@
 
 namespace tendril::rt {
 
-/// Locks the process's memory, prefaults the calling thread's stack, sets its priority and affinity. Returns
-/// an empty text, or what could not be done and which limit to raise; whatever can be done is done.
+/// Locks the process's memory, prefaults the calling thread's stack, sets its priority and affinity, and with
+/// a priority keeps CPUs from sleeping deeply until the process ends. Returns an empty text, or what could
+/// not be done and which limit to raise; whatever can be done is done.
 std::string EnterRealtime(const RealtimeParameters& parameters);
 
 /// Grid arithmetic, apart from any clock so that it can be tested.
