@@ -15,8 +15,9 @@ namespace {
 // from the real one costs in proportion to what it explains.
 constexpr double kTemperature = 2.0;
 constexpr double kRelativeTemperature = 0.005;
-// A gap: log score that makes the best cause one by itself, and steepness of the change about materiality.
-constexpr double kGapGain = 25.0;
+// A gap: log score at which the best cause is one as likely as not (without a gap the best of all candidates
+// brings some 2), and steepness of the change about materiality.
+constexpr double kGapGain = 7.0;
 constexpr double kGapSteepness = 6.0;
 // Unknown: sigma that may remain beyond the floor, share of the gap that a right cause with a slightly
 // different law may leave, steepness.
@@ -105,6 +106,9 @@ double Material(const Evaluator& evaluator, const Residuals& residuals) {
   return most;
 }
 
+/// From 0 to 1, a half at x = 1.
+double Saturating(double x, double steepness) { return 1 - 1 / (1 + std::pow(x, steepness)); }
+
 /// One case as it is judged, from is there a gap to the verdict.
 class Case {
  public:
@@ -160,16 +164,20 @@ class Case {
                      [](const Scored& a, const Scored& b) { return a.cause.p > b.cause.p; });
   }
 
-  /// From the largest excess, or the largest change that a clear cause makes, in materialities.
+  /// From the largest excess, or from the score of the best cause and the largest change it makes, both in
+  /// materialities.
   double GapProbability() const {
     double in_deltas = 0;
     for (const auto& f : location_) {
       if (f.excess && f.cut != sim::Cut::kClock && f.delta > 0)
         in_deltas = std::max(in_deltas, f.excess_sigma * f.floor / f.delta);
     }
-    if (single_ != nullptr && Gain(*single_) > kGapGain)
-      in_deltas = std::max(in_deltas, Material(evaluator_, single_->residuals));
-    return 1 - 1 / (1 + std::pow(in_deltas, kGapSteepness));
+    double p = Saturating(in_deltas, kGapSteepness);
+    if (single_ != nullptr) {
+      const double sure = 1 / (1 + std::exp(kGapGain - (Gain(*single_) - Cost(*single_))));
+      p = std::max(p, sure * Saturating(Material(evaluator_, single_->residuals), kGapSteepness));
+    }
+    return p;
   }
 
   bool HasSecond() const {
@@ -205,7 +213,7 @@ class Case {
       judgement_.leftover_sigma = std::max(judgement_.leftover_sigma, f.excess_sigma);
       unknown = std::max(unknown, f.excess_sigma / std::hypot(kUnknownFloor, kUnknownShare * was));
     }
-    return 1 - 1 / (1 + std::pow(unknown, kUnknownSteepness));
+    return Saturating(unknown, kUnknownSteepness);
   }
 
   /// All candidates, refitted or only screened, sharing the probability `p`.
