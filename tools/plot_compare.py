@@ -30,6 +30,7 @@ def main():
         return 1
     try:
         found = json.loads((folder / "compare.json").read_text())
+        found["trajectories"] = [t for t in found["trajectories"] if (folder / f"{t['trajectory']}.csv").exists()]
         data = {t["trajectory"]: samples(folder / f"{t['trajectory']}.csv") for t in found["trajectories"]}
     except (OSError, ValueError, KeyError, IndexError) as e:
         print(f"{folder}: {e}; it should be a folder that `tendril compare` wrote", file=sys.stderr)
@@ -42,9 +43,14 @@ def main():
         flat = trajectory["trajectory"] == "planar"
         a, b = (0, 2) if flat else (0, 1)
         path.plot(1e3 * wanted[a], 1e3 * wanted[b], "k--", lw=1, label="wanted")
-        for i, run in enumerate(trajectory["runs"]):
+        # The samples of a comparison of laws are those of its first plant that did not end in a fault.
+        runs = trajectory["runs"]
+        if "law" in runs[0]:
+            runs = [r for r in runs if r["plant"] == runs[0]["plant"] and not r["fault"]]
+        for i, run in enumerate(runs):
             tip = np.array([s[f"tip_{a}_m_{i + 1}"] for a in "xyz"])
-            name = pathlib.Path(run["controller"]).name + (", on its own plant" if run["role"] == "own_plant" else "")
+            name = run.get("law") or pathlib.Path(run["controller"]).name + (
+                ", on its own plant" if run["role"] == "own_plant" else "")
             colour = COLOURS[i % len(COLOURS)]
             errors.plot(t, 1e3 * np.linalg.norm(tip - wanted, axis=0), color=colour,
                         label=f"{name}: rms {1e3 * run['tip_rms_error_m']:.2f} mm")

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <random>
+#include <set>
 #include <sstream>
 
 #include "files.h"
@@ -273,6 +274,11 @@ TEST_P(EveryKey, DamageIsFoundWhereItIs) {
     EXPECT_THAT(MessageOf(file, WithLine(yaml, line.number, twice)),
                 StartsWith("some.yaml:" + std::to_string(line.number + 1) + ": "));
     const std::string missing = MessageOf(file, WithLine(yaml, line.number, ""));
+    static const std::set<std::string> kMayBeLeftOut{"tension_feedback", "tip_feedback", "look_ahead"};
+    if (kMayBeLeftOut.contains(line.key)) {
+      EXPECT_EQ(missing, "(accepted)");
+      continue;
+    }
     // An only child leaves its block without a value.
     EXPECT_THAT(missing, AnyOf(HasSubstr((line.key == "disk_diameter_m" ? "disk_inertia_xx_kgm2" : line.key) +
                                          ": missing"),

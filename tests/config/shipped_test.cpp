@@ -167,6 +167,9 @@ TEST(Shipped, Daemon) {
   EXPECT_EQ(std::filesystem::path(d.robot_file),
             std::filesystem::path(ConfigPath("robots/rig_60mm.yaml")).lexically_normal());
   EXPECT_EQ(d.controller.law, ControlLaw::kPaper);
+  EXPECT_FALSE(d.controller.tension_feedback);
+  EXPECT_FALSE(d.controller.tip_feedback);
+  EXPECT_TRUE(d.controller.trajectory.look_ahead);
   EXPECT_TRUE(d.controller.capstan_compensation);
   EXPECT_EQ(d.bus.interface, "can0");
   EXPECT_EQ(d.bus.bitrate_bps, 1000000);

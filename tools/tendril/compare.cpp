@@ -1,7 +1,9 @@
-// `tendril compare`: how well controllers that believe in different robot files lead one and the same plant.
-// Knows nothing of how the files came about.
+// `tendril compare`: how well controllers that believe in different robot files lead one and the same plant,
+// or how well the control laws lead plants that differ from what they believe. Knows nothing of how files
+// came about.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <csignal>
@@ -27,13 +29,18 @@ namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 struct CompareOptions {
-  std::vector<std::string> robots;
+  std::vector<std::string> robots, laws, plants;
   std::string plant, trajectory = "all", out = "tendril-compare";
   std::uint64_t seed = 1;
   bool json = false, plots = true;
 };
 
 std::atomic<bool> stop = false;
+
+// The robot stopped in a fault.
+struct Fault : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
 
 // Squares and largest of an error.
 struct Error {
@@ -50,53 +57,135 @@ struct Error {
 
 struct Tracking {
   std::string controller, plant;  // file names
+  std::string law;
+  std::string fault;  // of a run that did not reach its end
   Error tip, tension;
   std::uint64_t limited_cycles = 0;
+  double tension_over_N = 0, bending_over_rad = 0, torque_over_permille = 0;  // worst excess of a limit
   std::vector<double> time_s;
   std::vector<Eigen::Vector3d> wanted_m, tip_m;
 };
 
-Tracking Track(const std::string& controller_file, const std::string& plant_file, const Motion& motion,
-               std::uint64_t seed) {
+// How a law is switched on in the daemon's file.
+struct Law {
+  const char* name;
+  const char* keys;  // for people
+  void (*use)(ControllerParameters& parameters);
+};
+constexpr Law kLaws[] = {
+    {"paper", "law: paper", [](ControllerParameters& p) { p.law = ControlLaw::kPaper; }},
+    {"equilibrium", "law: equilibrium", [](ControllerParameters& p) { p.law = ControlLaw::kEquilibrium; }},
+    {"tension", "law: equilibrium, tension_feedback: on",
+     [](ControllerParameters& p) {
+       p.law = ControlLaw::kEquilibrium;
+       p.tension_feedback = true;
+     }},
+    {"tip", "law: equilibrium, tension_feedback: on, tip_feedback: on",
+     [](ControllerParameters& p) {
+       p.law = ControlLaw::kEquilibrium;
+       p.tension_feedback = p.tip_feedback = true;
+     }},
+};
+
+// How a plant differs from the file that the controller believes, in the words of `tendril gap simulate`.
+struct PlantKind {
+  const char* name;
+  const char* description;
+  std::vector<const char*> effects;
+};
+const std::vector<PlantKind>& PlantKinds() {
+  static const std::vector<PlantKind> kinds = {
+      {"nominal", "as the controller's file says", {}},
+      {"stiffness", "backbone 20 % stiffer", {"bending_stiffness scale=1.2"}},
+      {"payload", "2 g more at the tip", {"tip_payload mass_kg=0.002"}},
+      {"friction",
+       "friction of pulleys and motors doubled",
+       {"capstan_alpha scale=2", "motor_coulomb scale=2"}},
+      {"stretch", "tendons half as stiff", {"tendon_stiffness scale=0.5"}},
+  };
+  return kinds;
+}
+
+std::vector<std::string> NamesOf(const std::vector<PlantKind>& kinds) {
+  std::vector<std::string> names;
+  for (const PlantKind& k : kinds) names.emplace_back(k.name);
+  return names;
+}
+
+Tracking Track(ClosedLoopOptions options, const Motion& motion, bool faults_end_it) {
   Tracking result;
-  result.controller = controller_file;
-  result.plant = plant_file;
-  ClosedLoopOptions options{.controller_robot = sim::LoadRobot(controller_file),
-                            .plant_robot = sim::LoadRobot(plant_file),
-                            .daemon = config::LoadDaemon(ConfigFile("tendrild.yaml")),
-                            .plant = {.seed = seed},
-                            .log_path = ""};
   options.daemon.lcm.state_every_cycles = 1000;
   options.daemon.lcm.cycle_every_cycles = 0;
+  const RobotParameters& robot = options.controller_robot;
   ClosedLoop loop(options);
   const auto check = [&](const CycleRecord& r) {
     if (stop) throw std::runtime_error("stopped by Ctrl-C");
+    for (int j = 0; j < robot.body.tendons(); ++j) {
+      const auto& drive = robot.actuation->tendons[static_cast<std::size_t>(j)];
+      const double most_permille =
+          1000 * drive.motor.torque_constant_NmpA * drive.drive.current_limit_A / drive.drive.rated_torque_Nm;
+      const double sent = std::abs(r.output.torque_target_permille[static_cast<std::size_t>(j)]);
+      result.torque_over_permille = std::max(result.torque_over_permille, sent - most_permille - 1);
+      result.tension_over_N = std::max(
+          {result.tension_over_N, r.output.tension_desired_base_N[j] - robot.limits.max_tension_base_N,
+           r.output.tension_desired_motor_N[j] - robot.limits.max_tension_motor_N});
+    }
+    for (Eigen::Index k = 0; k + 1 < r.output.reference.position_rad.size(); k += 2) {
+      result.bending_over_rad =
+          std::max(result.bending_over_rad,
+                   r.output.reference.position_rad.segment<2>(k).norm() - robot.limits.max_bending_rad);
+    }
     if (r.output.mode == Mode::kFault) {
-      throw std::runtime_error(fmt::format("{} with {} on {} at t = {:.2f} s ({})",
-                                           StatusText(r.output.status), controller_file, plant_file,
-                                           loop.now_s(), StatusRemedy(r.output.status)));
+      const std::string why = fmt::format("{} at t = {:.2f} s ({})", StatusText(r.output.status),
+                                          loop.now_s(), StatusRemedy(r.output.status));
+      throw Fault(why);
     }
   };
-  loop.ArmAndPretension();
-  ApproachStart(loop, motion, [&](const CycleRecord& r, double) { check(r); });
-  const std::uint64_t sample_every = CyclesOf(loop, 0.02);
-  StreamMotion(loop, motion, [&](const CycleRecord& r, double target_s) {
-    check(r);
-    if (target_s < motion.judged_from_s() || target_s > motion.judged_until_s()) return;
-    const Eigen::Vector3d wanted = motion.TipAt(target_s), tip = loop.plant().TipPose().p_WA;
-    result.tip.Add((tip - wanted).norm());
-    for (std::size_t j = 0; j < loop.plant().tendon().size(); ++j) {
-      result.tension.Add(loop.plant().tendon()[j].tension_base_N -
-                         r.output.tension_desired_base_N[static_cast<Eigen::Index>(j)]);
-    }
-    if (r.output.status != Status::kOk) ++result.limited_cycles;
-    if (r.input.cycle % sample_every == 0) {
-      result.time_s.push_back(target_s);
-      result.wanted_m.push_back(wanted);
-      result.tip_m.push_back(tip);
-    }
-  });
+  try {
+    loop.ArmAndPretension();
+    ApproachStart(loop, motion, [&](const CycleRecord& r, double) { check(r); });
+    const std::uint64_t sample_every = CyclesOf(loop, 0.02);
+    StreamMotion(
+        loop, motion,
+        [&](const CycleRecord& r, double target_s) {
+          check(r);
+          if (target_s < motion.judged_from_s() || target_s > motion.judged_until_s()) return;
+          const Eigen::Vector3d wanted = motion.TipAt(target_s), tip = loop.plant().TipPose().p_WA;
+          result.tip.Add((tip - wanted).norm());
+          for (std::size_t j = 0; j < loop.plant().tendon().size(); ++j) {
+            result.tension.Add(loop.plant().tendon()[j].tension_base_N -
+                               r.output.tension_desired_base_N[static_cast<Eigen::Index>(j)]);
+          }
+          if (r.output.status != Status::kOk) ++result.limited_cycles;
+          if (r.input.cycle % sample_every == 0) {
+            result.time_s.push_back(target_s);
+            result.wanted_m.push_back(wanted);
+            result.tip_m.push_back(tip);
+          }
+        },
+        loop.sender_lead_s());
+  } catch (const Fault& fault) {
+    if (!faults_end_it) throw;
+    result.fault = fault.what();
+  }
   return result;
+}
+
+Tracking Track(const std::string& controller_file, const std::string& plant_file, const Motion& motion,
+               std::uint64_t seed) {
+  try {
+    Tracking result = Track({.controller_robot = sim::LoadRobot(controller_file),
+                             .plant_robot = sim::LoadRobot(plant_file),
+                             .daemon = config::LoadDaemon(ConfigFile("tendrild.yaml")),
+                             .plant = {.seed = seed},
+                             .log_path = ""},
+                            motion, false);
+    result.controller = controller_file;
+    result.plant = plant_file;
+    return result;
+  } catch (const Fault& fault) {
+    throw std::runtime_error(fmt::format("with {} on {}: {}", controller_file, plant_file, fault.what()));
+  }
 }
 
 ordered_json Describe(const Tracking& t, const char* role) {
@@ -132,6 +221,112 @@ void WriteSamples(const fs::path& file, const std::vector<Tracking>& runs) {
     out << "\n";
   }
   if (!out.flush()) throw std::runtime_error("cannot write " + file.string());
+}
+
+void Finish(const CompareOptions& options, const fs::path& out, const ordered_json& json,
+            const std::vector<std::string>& lines) {
+  {
+    std::ofstream file(out / "compare.json");
+    file << json.dump(1) << "\n";
+    if (!file.flush()) throw std::runtime_error("cannot write " + (out / "compare.json").string());
+  }
+  if (options.plots) RunPlotScript("plot_compare.py", {out}, "the plot");
+  if (options.json) {
+    fmt::print("{}\n", json.dump(1));
+    return;
+  }
+  for (const std::string& line : lines) fmt::print("{}\n", line);
+  fmt::print("\n  {}: compare.json, samples{}\n", fs::absolute(out).lexically_normal().string(),
+             options.plots ? " and compare.png" : "");
+}
+
+// Every law on every plant: one row a trajectory and law, a column a plant.
+void RunLaws(const CompareOptions& options) {
+  const fs::path out = MakeOutputFolder(options.out);
+  const std::vector<std::string> motions =
+      options.trajectory == "all"
+          ? std::vector<std::string>{"circle", "planar", "fast_circle", "square", "spiral"}
+          : std::vector<std::string>{options.trajectory};
+  std::vector<PlantKind> plants;
+  for (const PlantKind& kind : PlantKinds()) {
+    if (options.plants.empty() || std::count(options.plants.begin(), options.plants.end(), kind.name) > 0)
+      plants.push_back(kind);
+  }
+  std::vector<Law> laws;
+  for (const Law& law : kLaws) {
+    if (options.laws.empty() || std::count(options.laws.begin(), options.laws.end(), law.name) > 0)
+      laws.push_back(law);
+  }
+  ordered_json json = {{"version", Version()},
+                       {"seed", options.seed},
+                       {"laws", ordered_json::object()},
+                       {"plants", ordered_json::object()},
+                       {"trajectories", ordered_json::array()}};
+  for (const Law& law : laws) json["laws"][law.name] = law.keys;
+  for (const PlantKind& kind : plants) json["plants"][kind.name] = kind.description;
+  std::vector<std::string> lines{"\n  tip error, rms / largest [mm]"};
+  std::string head = fmt::format("  {:<26}", "");
+  for (const PlantKind& kind : plants) head += fmt::format("{:>19}", kind.name);
+  double over = 0;
+  std::vector<std::string> faults;
+  for (const std::string& name : motions) {
+    const std::string file = ConfigFile(name == "planar" ? "robots/rig_90mm.yaml" : "robots/rig_60mm.yaml");
+    const RobotParameters robot = sim::LoadRobot(file);
+    const auto motion = MakeMotion(name, robot.body);
+    ordered_json entry = {{"trajectory", name},
+                          {"description", motion->description()},
+                          {"robot", file},
+                          {"runs", ordered_json::array()}};
+    lines.push_back(fmt::format("\n  {}: {}\n{}", name, motion->description(), head));
+    std::vector<Tracking> nominal;
+    for (const Law& law : laws) {
+      std::string row = fmt::format("  {:<26}", law.name);
+      for (const PlantKind& kind : plants) {
+        ClosedLoopOptions run{.controller_robot = robot,
+                              .plant_robot = robot,
+                              .daemon = config::LoadDaemon(ConfigFile("tendrild.yaml")),
+                              .plant = {.seed = options.seed},
+                              .log_path = ""};
+        law.use(run.daemon.controller);
+        // All laws get the same stream, from a sender that knows where it is going.
+        run.daemon.controller.trajectory.look_ahead = false;
+        for (const char* effect : kind.effects)
+          run.plant_robot.effects.push_back(sim::ParseEffect(effect, run.plant_robot));
+        Tracking t = Track(run, *motion, true);
+        t.law = law.name;
+        t.controller = file;
+        t.plant = kind.name;
+        over = std::max({over, t.tension_over_N, t.bending_over_rad, t.torque_over_permille});
+        if (t.fault.empty()) {
+          row += fmt::format("{:>10.3f} /{:>7.3f}", 1e3 * t.tip.rms(), 1e3 * t.tip.largest);
+        } else {
+          row += fmt::format("{:>19}", fmt::format("fault [{}]", faults.size() + 1));
+          faults.push_back(fmt::format("  [{}] {} with {} on {}: {}", faults.size() + 1, name, law.name,
+                                       kind.name, t.fault));
+        }
+        ordered_json described = Describe(t, kind.effects.empty() ? "own_plant" : "plant");
+        described["law"] = t.law;
+        described["fault"] = t.fault.empty() ? ordered_json(nullptr) : ordered_json(t.fault);
+        described["limit_excess"] = {{"tension_N", t.tension_over_N},
+                                     {"bending_rad", t.bending_over_rad},
+                                     {"torque_permille", t.torque_over_permille}};
+        entry["runs"].push_back(std::move(described));
+        if (&kind == &plants.front()) nominal.push_back(std::move(t));
+      }
+      lines.push_back(row);
+    }
+    std::erase_if(nominal, [](const Tracking& t) { return !t.fault.empty() || t.time_s.empty(); });
+    if (!nominal.empty()) WriteSamples(out / (name + ".csv"), nominal);
+    json["trajectories"].push_back(std::move(entry));
+  }
+  lines.emplace_back("");
+  for (const std::string& fault : faults) lines.push_back(fault);
+  lines.push_back(
+      over > 0
+          ? fmt::format("  a limit of tension, bending or torque was exceeded (by {:.3g}); see compare.json",
+                        over)
+          : "  no limit of tension, bending or torque was exceeded");
+  Finish(options, out, json, lines);
 }
 
 void RunCompare(const CompareOptions& options) {
@@ -184,19 +379,7 @@ void RunCompare(const CompareOptions& options) {
     WriteSamples(out / (name + ".csv"), runs);
     json["trajectories"].push_back(std::move(entry));
   }
-  {
-    std::ofstream file(out / "compare.json");
-    file << json.dump(1) << "\n";
-    if (!file.flush()) throw std::runtime_error("cannot write " + (out / "compare.json").string());
-  }
-  if (options.plots) RunPlotScript("plot_compare.py", {out}, "the plot");
-  if (options.json) {
-    fmt::print("{}\n", json.dump(1));
-    return;
-  }
-  for (const std::string& line : lines) fmt::print("{}\n", line);
-  fmt::print("\n  {}: compare.json, samples{}\n", fs::absolute(out).lexically_normal().string(),
-             options.plots ? " and compare.png" : "");
+  Finish(options, out, json, lines);
 }
 
 }  // namespace
@@ -204,16 +387,24 @@ void RunCompare(const CompareOptions& options) {
 void AddCompareCommand(CLI::App& app) {
   auto options = std::make_shared<CompareOptions>();
   CLI::App* command = app.add_subcommand(
-      "compare", "Tracking error of controllers with different robot files on the same simulated plant");
+      "compare",
+      "Tracking error: control laws on simulated plants; or, with --robot, robot files on one plant");
   command
       ->add_option("--robot", options->robots,
                    "a controller's robot file; may be repeated, the nominal one first")
-      ->required()
       ->allow_extra_args(false);
-  command->add_option("--plant", options->plant, "the plant's robot file, with what the real robot has")
-      ->required();
+  command->add_option("--plant", options->plant,
+                      "with --robot: the plant's file, with what the real robot has");
+  std::vector<std::string> laws;
+  for (const Law& law : kLaws) laws.emplace_back(law.name);
+  command->add_option("--law", options->laws, "without --robot: these laws only (repeat)")
+      ->check(CLI::IsMember(laws))
+      ->allow_extra_args(false);
+  command->add_option("--on", options->plants, "without --robot: these plants only (repeat)")
+      ->check(CLI::IsMember(NamesOf(PlantKinds())))
+      ->allow_extra_args(false);
   command->add_option("--trajectory", options->trajectory, "what to follow")
-      ->check(CLI::IsMember({"circle", "planar", "all"}))
+      ->check(CLI::IsMember({"circle", "planar", "fast_circle", "square", "spiral", "all"}))
       ->capture_default_str();
   command->add_option("--out", options->out, "folder for compare.json, samples and the plot")
       ->capture_default_str();
@@ -223,7 +414,11 @@ void AddCompareCommand(CLI::App& app) {
   command->callback([options] {
     std::signal(SIGINT, [](int) { stop = true; });
     std::signal(SIGTERM, [](int) { stop = true; });
-    RunCompare(*options);
+    if (options->robots.empty() != options->plant.empty())
+      throw UsageError("--robot and --plant belong together; without both, the control laws are compared");
+    if (!options->robots.empty() && !(options->laws.empty() && options->plants.empty()))
+      throw UsageError("--law and --on go without --robot: they compare laws on the shipped rigs");
+    options->robots.empty() ? RunLaws(*options) : RunCompare(*options);
   });
 }
 

@@ -5,10 +5,12 @@
 #include <fmt/core.h>
 
 #include <memory>
+#include <numbers>
 #include <string>
 
 #include "commands.h"
 #include "tendril/canopen/master.h"
+#include "tendril/control/tension_feedback.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {
@@ -20,6 +22,37 @@ std::string Remedy(const canopen::BusBudget& budget) {
     remedy = fmt::format("set cycle_ns: {} or more, or {}", budget.min_cycle_ns_for_these_drives, remedy);
   }
   return remedy;
+}
+
+// Margins of the load cells' loops, as a comment; refuses what would not be stable.
+std::string FeedbackComment(const DaemonParameters& daemon, const RobotParameters& robot,
+                            const std::string& path) {
+  if (!daemon.controller.tension_feedback) return "";
+  const double period_s = ToSeconds(daemon.bus.cycle_ns);
+  for (std::size_t j = 0; j < robot.actuation->tendons.size(); ++j) {
+    if (robot.actuation->tendons[j].load_cell.place != LoadCellPlace::kNone) continue;
+    throw config::ErrorAt(
+        path, "controller.tension_feedback",
+        fmt::format("on, but tendon {} has no load cell; accepted: off, or a load cell at every "
+                    "tendon; correct the one or the robot file",
+                    j + 1));
+  }
+  const control::TensionLoopGains gains = control::DesignTensionLoop(robot, period_s);
+  if (!(gains.bandwidth_radps > 0)) {
+    throw config::ErrorAt(
+        path, "controller.tension_feedback",
+        fmt::format(
+            "on, but with a cycle of {} ns no gain leaves a gain margin of {:g} and a phase margin of {:g} "
+            "degrees; accepted: a shorter bus.cycle_ns, or off; change one of the two",
+            daemon.bus.cycle_ns, control::kLeastGainMargin, control::kLeastPhaseMargin_deg));
+  }
+  const control::TensionLoopMargins margins = control::CheckTensionLoop(robot, gains, period_s);
+  return fmt::format(
+      "# tension feedback: bandwidth {:.2f} Hz, proportional {:.3f}, integral {:.2f} 1/s; gain margin "
+      "{}{:.1f}, phase "
+      "margin {:.0f} degrees\n",
+      gains.bandwidth_radps / (2 * std::numbers::pi), gains.proportional, gains.integral_ps,
+      margins.gain >= control::kMostGainMargin ? "above " : "", margins.gain, margins.phase_deg);
 }
 
 void Check(const std::string& path) {
@@ -40,7 +73,8 @@ void Check(const std::string& path) {
   if (const std::string problem = canopen::FeedbackDeadlineProblem(daemon.bus); !problem.empty()) {
     throw config::ErrorAt(path, "bus.feedback_deadline_ns", problem);
   }
-  fmt::print("{}# {}\n", config::ToYaml(daemon), budget.ToString());  // still one YAML file
+  const std::string feedback = FeedbackComment(daemon, robot, path);
+  fmt::print("{}# {}\n{}", config::ToYaml(daemon), budget.ToString(), feedback);  // still one YAML file
 }
 
 }  // namespace

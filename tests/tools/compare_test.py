@@ -1,0 +1,55 @@
+#!/usr/bin/env python3
+"""`tendril compare` over control laws as a user runs it: the goals that the nominal plant meets, limits, and wrong
+use. Knows the JSON's keys only."""
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+TENDRIL = sys.argv.pop(1)
+
+
+def run(*args):
+    return subprocess.run([TENDRIL, "compare", *args], capture_output=True, text=True, timeout=300)
+
+
+class Laws(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        with tempfile.TemporaryDirectory() as folder:
+            done = run("--trajectory", "circle", "--on", "nominal", "--no-plots", "--json", "--out", folder)
+            assert done.returncode == 0, done.stderr
+            cls.found = json.loads(done.stdout)
+            cls.columns = (pathlib.Path(folder) / "circle.csv").read_text().split("\n")[0].split(",")
+        cls.runs = {r["law"]: r for r in cls.found["trajectories"][0]["runs"]}
+
+    def test_feedback_of_tension_keeps_the_tip_within_a_fifth_of_a_millimetre(self):
+        self.assertLess(self.runs["tension"]["tip_rms_error_m"], 0.2e-3)
+        self.assertLess(self.runs["tension"]["tip_max_error_m"], 0.2e-3)
+
+    def test_it_is_eight_times_better_than_the_paper(self):
+        # The circle lies 0.07 mm beside every tip that three tendons reach on this robot; the tenth part of the
+        # paper's error would be less than that.
+        self.assertLess(self.runs["tension"]["tip_rms_error_m"], self.runs["paper"]["tip_rms_error_m"] / 8)
+        self.assertLess(self.runs["equilibrium"]["tip_rms_error_m"], self.runs["paper"]["tip_rms_error_m"] / 5)
+
+    def test_no_limit_is_exceeded(self):
+        for law, r in self.runs.items():
+            self.assertIsNone(r["fault"], law)
+            self.assertEqual(max(r["limit_excess"].values()), 0, law)
+
+    def test_samples_have_a_tip_for_every_law(self):
+        self.assertEqual(len(self.columns), 4 + 3 * len(self.runs))
+
+    def test_wrong_use_is_told(self):
+        for args in (("--robot", "a.yaml"), ("--plant", "b.yaml"), ("--law", "best"), ("--on", "moon"),
+                     ("--robot", "a.yaml", "--plant", "b.yaml", "--law", "paper")):
+            done = run(*args)
+            self.assertEqual(done.returncode, 2, args)
+            self.assertNotEqual(done.stderr, "")
+
+
+if __name__ == "__main__":
+    unittest.main()
