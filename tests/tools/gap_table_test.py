@@ -162,13 +162,13 @@ class GapTable(unittest.TestCase):
         self.assertEqual(self.calls("gap diagnose"), 11)
 
     def test_shards_make_one_table(self):
-        options = ("--effects", "stiff,late", "--nulls", "3", "--numbers", "1", "--pairs", "1")
+        options = ("--effects", "stiff,late", "--nulls", "3", "--numbers", "1", "--pairs", "0")
         for part in ("1/3", "2/3", "3/3"):
-            self.run_table(*options, "--shard", part)
+            self.assertEqual(self.run_table(*options, "--shard", part).returncode, 0)
         self.assertEqual(json.loads((self.out / "summary.json").read_text())["missing"], 0)
-        self.assertEqual(self.calls("gap simulate"), 6 + 3 + 1 + 1)
+        self.assertEqual(self.calls("gap simulate"), 6 + 3 + 1)
         count = self.calls("gap simulate")
-        self.assertEqual(self.run_table(*options, "--only-table").returncode in (0, 1), True)
+        self.assertEqual(self.run_table(*options, "--only-table").returncode, 0)
         self.assertEqual(self.calls("gap simulate"), count)
 
     def test_a_case_that_fails_is_named_and_the_others_are_made(self):
