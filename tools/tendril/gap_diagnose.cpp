@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -55,6 +56,22 @@ gap::ExperimentMenu Menu(const RobotParameters& nominal, const std::string& daem
   return menu;
 }
 
+/// What makes the rest of the work doubtful is told before it begins, for it takes a while: one line a
+/// channel.
+void Warn(const std::vector<gap::HealthFinding>& health) {
+  std::vector<const gap::HealthFinding*> first;
+  std::map<std::string, int> runs;
+  for (const gap::HealthFinding& finding : health) {
+    if (finding.severity != gap::HealthFinding::Severity::kError) continue;
+    if (runs[finding.channel]++ == 0) first.push_back(&finding);
+  }
+  for (const gap::HealthFinding* finding : first) {
+    const int others = runs[finding->channel] - 1;
+    fmt::print(stderr, "warning: {}{}: {} {}\n", finding->run,
+               others > 0 ? fmt::format(" and {} more", others) : "", finding->channel, finding->text);
+  }
+}
+
 void Run(Options options) {
   for (const std::string& name : options.diagnose.without) {
     if (sim::FindEffect(name) == nullptr) {
@@ -71,6 +88,7 @@ void Run(Options options) {
     options.diagnose.menu = Menu(set.robot, options.daemon, options.diagnose.seed);
   progress("checking the data", 0);
   std::vector<gap::HealthFinding> health = gap::CheckHealth(set);
+  Warn(health);
   const auto begin = std::chrono::steady_clock::now();
   gap::Diagnosis diagnosis = gap::Diagnose(set, options.diagnose);
   diagnosis.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
