@@ -41,6 +41,18 @@ template <class Io>
 void Describe(Io& io, GuardParameters& p) {
   io.Integer("max_missing_cycles", p.max_missing_cycles, {1, 1000});
   io.Number("slack_tension_N", p.slack_tension_N, {0, 100});
+  io.Number("max_slack_s", p.max_slack_s, {0, 60});
+  io.Number("tension_margin", p.tension_margin, {0, 1});
+  io.Integer("confirm_cycles", p.confirm_cycles, {1, 1000});
+  io.Number("tension_disagreement_N", p.tension_disagreement_N, {1e-3, 1000});
+  io.Number("stuck_torque_change_N", p.stuck_torque_change_N, {1e-3, 1000});
+  io.Number("max_displacement_jump_m", p.max_displacement_jump_m, {1e-6, 1});
+  io.Number("max_displacement_rate_mps", p.max_displacement_rate_mps, {1e-4, 100});
+  io.Number("max_following_error_m", p.max_following_error_m, {1e-6, 1});
+  io.Number("max_bending_excess_rad", p.max_bending_excess_rad, {0, 10});
+  io.Number("max_estimator_residual_m", p.max_estimator_residual_m, {1e-6, 1});
+  io.Integer("max_late_cycles", p.max_late_cycles, {1, 100000});
+  io.Number("max_stream_silence_s", p.max_stream_silence_s, {0, 3600});
 }
 
 template <class Io>

@@ -16,6 +16,7 @@
 #include "tendril/control/equilibrium_law.h"
 #include "tendril/control/estimator.h"
 #include "tendril/control/gate.h"
+#include "tendril/control/guards.h"
 #include "tendril/control/supervisor.h"
 #include "tendril/control/tension_feedback.h"
 #include "tendril/control/tip_feedback.h"
@@ -94,6 +95,7 @@ struct Controller::Impl {
         trajectory(sections, parameters.trajectory, period_ns),
         allocator(tendons, 2 * sections),
         estimator(robot, body, tables),
+        guards(robot, parameters.guards, period_ns, body, tables),
         equilibrium(body, robot.limits),
         uses_equilibrium(parameters.law == ControlLaw::kEquilibrium),
         force_per_tension(2 * sections, tendons),
@@ -183,6 +185,7 @@ struct Controller::Impl {
   model::TensionAllocator allocator;
   std::vector<Compensation> compensation;
   Estimator estimator;
+  Guards guards;
   EquilibriumLaw equilibrium;
   std::vector<DriveFeedForward> feed_forward;
   std::vector<TensionFeedback> feedback;  // a tendon; empty: off
@@ -216,6 +219,7 @@ void Controller::Step(const CycleInput& input, CycleOutput& output) noexcept {
   c.TensionsForEquilibrium(input, output);
   c.TensionsForMode(output);
   c.TorquesForTensions(input, output);
+  c.guards.Expect(output);
 }
 
 // -----------------------------------------------------------------------------------------------------------
@@ -293,14 +297,16 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
       // Without torque on the tendons an old value harms nobody; arming waits for a fresh one.
       if (powered && d.age_cycles > parameters.guards.max_missing_cycles) fault(Status::kFeedbackStale);
     }
-    if (powered && output.tension_measured_N[j] > robot.limits.max_tension_motor_N * 1.1) {
-      fault(Status::kTensionOverLimit);
-    }
     if (controls_shape() && output.tension_measured_N[j] < parameters.guards.slack_tension_N) {
       Report(output, Status::kSlack);
     }
   }
   output.feedback_missing = missing;
+  const bool judged = powered && mode != Mode::kSafeStop && mode != Mode::kFault;
+  fault(guards.Check(input, output,
+                     {.powered = judged,
+                      .tensioned = controls_shape(),
+                      .follows = controls_shape() && source != CommandKind::kTension}));
   return worst;
 }
 
@@ -325,6 +331,14 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) n
   }
   if (!changed && before == Mode::kSafeStop && tension_N.maxCoeff() <= kReleasedTension_N) {
     changed = supervisor.Handle(Event::kReleased);
+  }
+  // A sender that promised a motion and went silent does not come back unasked.
+  const Target& target = gate.target();
+  if (!changed && before == Mode::kRunning && target.moving() &&
+      input.time_ns - target.since_ns - target.valid_for_ns >
+          static_cast<TimeNs>(parameters.guards.max_stream_silence_s * 1e9)) {
+    changed = supervisor.Handle(Event::kHold);
+    Report(output, Status::kCommandsSilent);
   }
   if (changed) EnterMode(supervisor.mode(), input);
 
@@ -364,6 +378,7 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       equilibrium.Reset();
       break;
     case Mode::kPretension:
+      guards.Restart();
       joined = false;
       settled_since_ns = input.time_ns;
       break;
@@ -628,6 +643,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
     for (int j = 0; j < tendons; ++j) a.Value(permille_left_over[j]);
   }
   estimator.Remember(a);
+  guards.Remember(a);
   a.Vector(tension_N, {tendons});
   a.Vector(goal_rad, {2 * sections});
   a.Vector(goal_rate_radps, {2 * sections});

@@ -23,6 +23,18 @@ struct TrajectoryParameters {
 struct GuardParameters {
   int max_missing_cycles = 0;           // feedback older than this is a fault
   double slack_tension_N = 0;           // measured tension below this reports slack
+  double max_slack_s = 30;              // slack for longer is a fault
+  double tension_margin = 0.1;          // measured above limits.max_tension_motor_N by more than this share: a fault
+  int confirm_cycles = 20;              // so long in a row each of the rules below must be broken
+  double tension_disagreement_N = 2;  // between load cell and what the motor's torque allows
+  double stuck_torque_change_N = 2;     // of tension by torque, while the load cell shows one value
+  double max_displacement_jump_m = 5e-4;     // in one cycle; needs no confirmation
+  double max_displacement_rate_mps = 0.2;    // of the spool
+  double max_following_error_m = 4e-3;       // of a tendon's displacement
+  double max_bending_excess_rad = 0.3;       // of the estimate beyond limits.max_bending_rad
+  double max_estimator_residual_m = 2e-3;    // of a tendon's displacement that no shape explains
+  int max_late_cycles = 100;            // skipped at once, or within about a second
+  double max_stream_silence_s = 1;      // after a moving target expired; then hold
 };
 
 enum class ControlLaw {

@@ -33,6 +33,7 @@ namespace tendril {
   X(FrameNotSent, 306, "a CAN frame could not be sent: the interface's queue is full", "check the bus load and that a node acknowledges") \
   X(FrameLost, 307, "received CAN frames were lost", "check the load of this machine and the rights to real-time scheduling")                                          \
   X(DriveWarning, 308, "a drive reports a warning", "see the drive's temperature and load")                         \
+  X(CommandsSilent, 310, "the command stream stayed silent for guards.max_stream_silence_s: holding", "arm to go on; check the sender and LCM") \
   X(EquilibriumNotFound, 309, "controller.law: equilibrium found no stable shape: the paper's tensions are used", "less bending, or check stiffness, masses and gravity in the robot file") \
   X(TrackerLost, 311, "no usable tracker reading for some time: tip feedback keeps its last correction", "check the tracker, its clock and its view of the tip") \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
@@ -42,7 +43,18 @@ namespace tendril {
   X(InternalNotFinite, 405, "fault: a computed value is not finite", "report with the log")                         \
   X(FeedbackStale, 406, "fault: feedback missing for longer than guards.max_missing_cycles", "check the bus, then clear") \
   X(BootFailed, 407, "fault: a drive could not be configured", "see the event for node, step and object")           \
-  X(ConfigurationMismatch, 408, "fault: a drive does not match the configuration", "see the event for node and object")
+  X(ConfigurationMismatch, 408, "fault: a drive does not match the configuration", "see the event for node and object") \
+  X(TendonSlack, 409, "fault: a tendon was slack for longer than guards.max_slack_s", "check pretension and the tendon's path, then clear") \
+  X(SensorDisconnected, 410, "fault: a load cell shows what no tendon can pull", "check its cable and supply, then clear") \
+  X(SensorStuck, 411, "fault: a load cell keeps one value while the torque changes by guards.stuck_torque_change_N", "check its cable and amplifier, then clear") \
+  X(SensorDisagrees, 412, "fault: load cell and motor torque disagree by more than guards.tension_disagreement_N", "check gain and offset of the cell, then what blocks the tendon; then clear") \
+  X(DisplacementJump, 413, "fault: a tendon moved by more than guards.max_displacement_jump_m in one cycle", "check the encoder and its cable, then clear") \
+  X(DisplacementRate, 414, "fault: a spool turned faster than guards.max_displacement_rate_mps", "check the tendon (has it torn?), then clear") \
+  X(FollowingError, 415, "fault: a tendon is off its reference by more than guards.max_following_error_m", "find what holds the robot, then clear") \
+  X(BendingOverLimit, 416, "fault: the robot is bent beyond limits.max_bending_rad by more than guards.max_bending_excess_rad", "find what bends it, then clear") \
+  X(EstimatorDiverged, 417, "fault: no shape explains the tendons' displacements within guards.max_estimator_residual_m", "check the encoders and the tendons' paths, then clear and pretension anew") \
+  X(CyclesLate, 418, "fault: more cycles than guards.max_late_cycles were skipped", "check the load of this machine with tendril rt-check, then clear") \
+  X(TimeStepped, 419, "fault: the controller's time did not go on by whole cycles", "report with the log")
 
 enum class Status : std::uint16_t {
 #define TENDRIL_STATUS_ENUM(name, number, text, remedy) k##name = number,

@@ -1,0 +1,321 @@
+// Every guard, provoked on the plant: which fault it becomes, within how many cycles, and the rules of
+// safety_rig.h in every cycle of the run.
+#include <gtest/gtest.h>
+
+#include "safety_rig.h"
+
+namespace tendril::daemon {
+namespace {
+
+constexpr int kNode = 2;  // whose sensors and drive the table spoils
+
+SafetyOptions Rig() {
+  SafetyOptions o;
+  const std::string config = std::string(TENDRIL_SOURCE_DIR) + "/config/";
+  o.daemon = config::LoadDaemon(config + "tendrild.yaml");
+  o.robot = config::LoadRobot(config + "robots/rig_60mm.yaml");
+  o.plant = o.robot;
+  o.daemon.controller.pretension_ramp_Nps = 5;
+  o.daemon.controller.pretension_settle_s = 0.05;
+  return o;
+}
+
+enum class Activity { kRest, kCircle, kTension };
+
+struct Guard {
+  const char* name;
+  Activity activity;                // of the robot when it happens
+  void (*prepare)(SafetyOptions&);  // a plant or setting that it needs; may be null
+  void (*provoke)(SafetyRig&);      // may be null: it comes by itself
+  Status status;
+  int cycles;  // reaction, from provoking
+};
+
+void FixCell(SafetyRig& r, std::int16_t mV) {
+  r.tampering = {};
+  r.tampering.node = kNode;
+  r.tampering.cell_fixed = true;
+  r.tampering.cell_mV = mV;
+}
+void MoveEncoder(SafetyRig& r, std::int32_t counts, double per_cycle) {
+  r.tampering = {};
+  r.tampering.node = kNode;
+  r.tampering.offset_counts = counts;
+  r.tampering.counts_per_cycle = per_cycle;
+}
+void Order(SafetyRig& r, FaultKind kind) {
+  FaultParameters f;
+  f.kind = kind;
+  f.node = kNode;
+  r.Order(f);
+}
+
+// counts per metre of tendon are 7.7e5 here: 2048 a turn of a motor that pulls 2.65 mm.
+const Guard kGuards[] = {
+    {"TensionOverLimit", Activity::kTension,
+     [](SafetyOptions& o) { o.plant.actuation->tendons[1].motor.torque_scale = 1.8; }, nullptr,
+     Status::kTensionOverLimit, 2500},
+    {"TensionOverLimitBySensor", Activity::kCircle, nullptr, [](SafetyRig& r) { FixCell(r, 2300); },
+     Status::kTensionOverLimit, 2},
+    {"Slack", Activity::kRest, [](SafetyOptions& o) { o.daemon.controller.guards.max_slack_s = 1; },
+     [](SafetyRig& r) { FixCell(r, 0); }, Status::kTendonSlack, 1002},
+    {"SensorStuck", Activity::kCircle, nullptr,
+     [](SafetyRig& r) {
+       FixCell(r, static_cast<std::int16_t>(std::lround(r.output().tension_measured_N[kNode - 1] * 200)));
+     },
+     Status::kSensorStuck, 1500},
+    {"SensorDisconnectedAtZero", Activity::kCircle, nullptr, [](SafetyRig& r) { FixCell(r, 0); },
+     Status::kSensorDisconnected, 22},
+    {"SensorDisconnectedAtRail", Activity::kRest, nullptr, [](SafetyRig& r) { FixCell(r, -10000); },
+     Status::kSensorDisconnected, 22},
+    {"SensorDisagrees", Activity::kRest, nullptr, [](SafetyRig& r) { FixCell(r, 800); },
+     Status::kSensorDisagrees, 22},
+    {"DisplacementJump", Activity::kRest, nullptr, [](SafetyRig& r) { MoveEncoder(r, 512, 0); },
+     Status::kDisplacementJump, 2},
+    {"DisplacementRate", Activity::kTension,
+     // So fast an encoder also contradicts the torque; here this guard alone is asked.
+     [](SafetyOptions& o) { o.daemon.controller.guards.tension_disagreement_N = 1000; },
+     [](SafetyRig& r) { MoveEncoder(r, 0, 375); }, Status::kDisplacementRate, 40},
+    {"FollowingError", Activity::kCircle, nullptr,
+     [](SafetyRig& r) {
+       FaultParameters f;
+       f.kind = FaultKind::kStickSensor;
+       f.node = kNode;
+       f.sensor = DriveSensor::kEncoder;
+       r.Order(f);
+     },
+     Status::kFollowingError, 1500},
+    {"EstimatorDiverged", Activity::kTension, nullptr, [](SafetyRig& r) { MoveEncoder(r, 0, 20); },
+     Status::kEstimatorDiverged, 400},
+    {"BendingOverLimit", Activity::kTension,
+     [](SafetyOptions& o) {
+       o.robot.limits.max_bending_rad = 0.6;
+       o.daemon.controller.guards.max_bending_excess_rad = 0.1;
+     },
+     nullptr, Status::kBendingOverLimit, 3000},
+    {"TpdoMissing", Activity::kCircle, nullptr,
+     [](SafetyRig& r) {
+       FaultParameters f;
+       f.kind = FaultKind::kDrop;
+       f.node = kNode;
+       f.cob_id = 0x180u + kNode;
+       f.direction = FrameDirection::kFromDrives;
+       r.Order(f);
+     },
+     Status::kFeedbackStale, 8},
+    {"HeartbeatLost", Activity::kCircle, nullptr, [](SafetyRig& r) { Order(r, FaultKind::kStopHeartbeat); },
+     Status::kDriveLost, 255},
+    {"DriveDead", Activity::kCircle, nullptr, [](SafetyRig& r) { Order(r, FaultKind::kDie); },
+     Status::kFeedbackStale, 8},
+    {"DriveFrozen", Activity::kCircle, nullptr, [](SafetyRig& r) { Order(r, FaultKind::kFreeze); },
+     Status::kFeedbackStale, 8},
+    {"DriveRebooted", Activity::kCircle, nullptr, [](SafetyRig& r) { Order(r, FaultKind::kReboot); },
+     Status::kDriveLost, 3},
+    {"Emcy", Activity::kCircle, nullptr,
+     [](SafetyRig& r) {
+       FaultParameters f;
+       f.kind = FaultKind::kEmcy;
+       f.node = kNode;
+       f.code = 0x7320;
+       r.Order(f);
+     },
+     Status::kDriveFault, 3},
+    {"BusOff", Activity::kCircle, nullptr, [](SafetyRig& r) { r.Order({.kind = FaultKind::kBusOff}); },
+     Status::kBusOff, 3},
+    {"LateCycles", Activity::kCircle, nullptr, [](SafetyRig& r) { r.Step({}, 150); }, Status::kCyclesLate, 1},
+    {"ClockStep", Activity::kCircle, nullptr, [](SafetyRig& r) { r.Step({}, 0, kNsPerMs / 3); },
+     Status::kTimeStepped, 1},
+};
+
+class GuardOnThePlant : public testing::TestWithParam<Guard> {};
+
+// A cycle of what the robot is about.
+void Go(SafetyRig& r, Activity activity, int i) {
+  const double t_s = i * 1e-3;
+  if (activity == Activity::kCircle && i % 10 == 0) {
+    r.Step(r.Circle(std::min(1., t_s), 2, t_s));
+  } else if (activity == Activity::kTension && i % 10 == 0) {
+    r.Step(r.Tensions(Eigen::Vector3d(0.4, 7.9, 0.4)));
+  } else {
+    r.Step();
+  }
+}
+
+TEST_P(GuardOnThePlant, BecomesItsFaultInTimeAndNoRuleIsBroken) {
+  const Guard& g = GetParam();
+  SafetyOptions o = Rig();
+  if (g.prepare != nullptr) g.prepare(o);
+  SafetyRig r(o);
+  ASSERT_TRUE(r.Arm()) << StatusText(r.output().status) << "; " << r.last_event();
+  int i = 0;
+  if (g.provoke != nullptr) {
+    for (; i < 800; ++i) Go(r, g.activity, i);
+    ASSERT_EQ(r.output().mode, Mode::kRunning)
+        << StatusText(r.output().status) << ": before anything happened";
+    g.provoke(r);
+  }
+  int reaction = 0;
+  while (r.output().mode != Mode::kFault && reaction <= g.cycles) {
+    Go(r, g.activity, i++);
+    ++reaction;
+  }
+  RecordProperty("reaction_cycles", reaction);
+  ASSERT_EQ(r.output().mode, Mode::kFault);
+  EXPECT_EQ(r.output().status, g.status) << StatusText(r.output().status);
+  EXPECT_LE(reaction, g.cycles);
+  r.Run(2);
+  EXPECT_EQ(r.output().mode, Mode::kFault) << "latched";
+  EXPECT_EQ(r.output().drive_request, DriveRequest::kDisable);
+  EXPECT_EQ(r.Step(r.Request(ModeRequest::kArm)).output.command_status, Status::kCommandWrongMode);
+  for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, GuardOnThePlant, testing::ValuesIn(kGuards),
+                         [](const auto& g) { return std::string(g.param.name); });
+
+struct BadCommand {
+  const char* name;
+  Command (*make)(SafetyRig&);
+  Status status;
+};
+const BadCommand kBadCommands[] = {
+    {"NotFinite", [](SafetyRig& r) { return r.Bend(std::nan(""), 0); }, Status::kCommandNotFinite},
+    {"OutOfRange", [](SafetyRig& r) { return r.Bend(3, 0); }, Status::kCommandOutOfRange},
+    {"TensionOutOfRange", [](SafetyRig& r) { return r.Tensions(Eigen::Vector3d(9, 1, 1)); },
+     Status::kCommandOutOfRange},
+    {"WrongSize", [](SafetyRig& r) { return r.Tensions(TendonVector::Constant(5, 1.)); },
+     Status::kCommandWrongSize},
+    {"Stale",
+     [](SafetyRig& r) {
+       Command c = r.Bend(0.2, 0);
+       c.received_ns -= kNsPerS;
+       return c;
+     },
+     Status::kCommandStale},
+    {"WrongMode", [](SafetyRig& r) { return r.Request(ModeRequest::kClear); }, Status::kCommandWrongMode},
+    {"OutOfOrder",
+     [](SafetyRig& r) {
+       Command c = r.Bend(0.2, 0);
+       c.sequence -= 2;
+       return c;
+     },
+     Status::kCommandOutOfOrder},
+};
+
+class CommandOnThePlant : public testing::TestWithParam<BadCommand> {};
+
+TEST_P(CommandOnThePlant, IsRefusedInItsCycleAndTheMotionGoesOn) {
+  SafetyRig good(Rig()), bad(Rig());
+  ASSERT_TRUE(good.Arm() && bad.Arm());
+  for (int i = 0; i < 400; ++i) {
+    const bool now = i == 205;
+    Go(good, Activity::kCircle, i);
+    if (now) {
+      const std::uint32_t refused = bad.output().commands_refused;
+      bad.Step(GetParam().make(bad));
+      EXPECT_EQ(bad.output().command_status, GetParam().status) << StatusText(bad.output().command_status);
+      EXPECT_EQ(bad.output().commands_refused, refused + 1);
+    } else {
+      Go(bad, Activity::kCircle, i);
+    }
+    ASSERT_EQ(bad.output().mode, Mode::kRunning);
+    ASSERT_EQ(bad.output().torque_target_permille, good.output().torque_target_permille) << "in cycle " << i;
+  }
+  for (const std::string& v : bad.violations()) ADD_FAILURE() << v;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, CommandOnThePlant, testing::ValuesIn(kBadCommands),
+                         [](const auto& c) { return std::string(c.param.name); });
+
+TEST(SilentCommands, HoldTheRobotWhereItStopsUntilItIsArmedAgain) {
+  SafetyRig r(Rig());
+  ASSERT_TRUE(r.Arm());
+  for (int i = 0; i < 500; ++i) Go(r, Activity::kCircle, i);
+  int silent = 0;
+  while (r.output().mode == Mode::kRunning && silent < 2000) {
+    r.Step();
+    ++silent;
+  }
+  EXPECT_EQ(r.output().mode, Mode::kHold);
+  EXPECT_EQ(r.output().status, Status::kCommandsSilent);
+  // Sent every 10 ms and valid for 100 ms; then the silence allowed.
+  EXPECT_NEAR(silent, 1100, 12);
+  EXPECT_EQ(r.Step(r.Bend(0, 0)).output.command_status, Status::kCommandWrongMode);
+  r.Run(0.5);
+  EXPECT_EQ(r.output().reference.velocity_radps.norm(), 0);
+  r.Step(r.Request(ModeRequest::kArm));
+  EXPECT_EQ(r.output().mode, Mode::kRunning);
+  for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+}
+
+TEST(ConfigurationMismatch, AnotherMotorIsNeverArmed) {
+  SafetyOptions o = Rig();
+  o.robot.actuation->tendons[1].drive.rated_torque_Nm *= 1.5;
+  SafetyRig r(o);
+  EXPECT_FALSE(r.RunUntil(Mode::kConfigured, 6));
+  EXPECT_EQ(r.output().mode, Mode::kDisconnected);
+  EXPECT_EQ(r.Step(r.Request(ModeRequest::kArm)).output.command_status, Status::kCommandWrongMode);
+  EXPECT_NE(r.events().find("6076"), std::string::npos) << r.events();
+  for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+}
+
+TEST(SafeStop, RampsDownAndDisablesFromEveryMotion) {
+  for (const Activity a : {Activity::kRest, Activity::kCircle, Activity::kTension}) {
+    SafetyRig r(Rig());
+    ASSERT_TRUE(r.Arm());
+    for (int i = 0; i < 1200; ++i) Go(r, a, i);
+    r.Step(r.Request(ModeRequest::kDisarm));
+    EXPECT_EQ(r.output().mode, Mode::kSafeStop);
+    EXPECT_TRUE(r.RunUntil(Mode::kConfigured, 2));
+    r.Run(0.1);
+    for (int d = 0; d < 3; ++d) EXPECT_FALSE(r.rig().drives().enabled(d));
+    for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+  }
+}
+
+// Steady motions, and no guard has a word to say.
+TEST(Guards, AreSilentOnGoodRuns) {
+  for (const double omega : {0.5, 2.}) {
+    SafetyRig r(Rig());
+    ASSERT_TRUE(r.Arm());
+    for (int i = 0; i < 3000; ++i) {
+      r.Step(i % 10 == 0 ? r.Circle(std::min(1., i * 1e-3), omega, i * 1e-3) : Command{});
+      ASSERT_EQ(r.output().mode, Mode::kRunning)
+          << omega << " rad/s at " << i << ": " << StatusText(r.output().status);
+    }
+    for (int i = 0; i < 3000; ++i) {  // to and fro
+      Command c = r.Bend(0, i / 1500 % 2 == 0 ? 1.2 : -1.2);
+      c.speed_radps = 1;
+      r.Step(i % 1500 == 0 ? c : Command{});
+      ASSERT_EQ(r.output().mode, Mode::kRunning) << "step at " << i << ": " << StatusText(r.output().status);
+    }
+    for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+  }
+}
+
+// The law steers without looking. Motions too fast for that whip the robot until slack tendons snap taut at
+// twice the limit; the guards end them before.
+TEST(Guards, EndMotionsThatThrowTheRobotAboutBeforeATensionIsTooHigh) {
+  for (const bool guarded : {true, false}) {
+    SafetyOptions o = Rig();
+    GuardParameters& g = o.daemon.controller.guards;
+    if (!guarded) {
+      g.max_following_error_m = g.max_displacement_jump_m = g.max_displacement_rate_mps = 1;
+      g.tension_disagreement_N = g.stuck_torque_change_N = g.max_slack_s = g.max_bending_excess_rad = 100;
+      g.max_estimator_residual_m = 1;
+    }
+    SafetyRig r(o);
+    ASSERT_TRUE(r.Arm());
+    for (int i = 0; i < 2000; ++i) {
+      Command c = r.Bend(i / 500 % 2 == 0 ? 1.5 : -1.5, 0);
+      c.speed_radps = 8;
+      r.Step(i % 500 == 0 ? c : Command{});
+    }
+    EXPECT_EQ(r.output().mode, Mode::kFault);
+    EXPECT_EQ(r.output().status, guarded ? Status::kFollowingError : Status::kTensionOverLimit);
+    EXPECT_EQ(r.violations().empty(), guarded) << r.max_tension_N() << " N";
+  }
+}
+
+}  // namespace
+}  // namespace tendril::daemon

@@ -1,0 +1,273 @@
+// Controller, master, drives and plant on a bus in memory, with every fault that can be acted out between
+// them, and the rules that no cycle may break. Simulated time; test use only.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "tendril/can/memory_bus.h"
+#include "tendril/canopen/master.h"
+#include "tendril/config/config.h"
+#include "tendril/control/controller.h"
+#include "tendril/daemon/control_cycle.h"
+#include "tendril/daemon/wiring.h"
+#include "tendril/emulator/faults.h"
+#include "virtual_rig.h"
+
+namespace tendril::daemon {
+
+/// A wrong sensor on its way from a drive: applied to each feedback frame of the node while `node` is not 0.
+struct Tampering {
+  int node = 0;
+  bool cell_fixed = false;
+  std::int16_t cell_mV = 0;  // with cell_fixed
+  double cell_gain = 1;
+  std::int32_t offset_counts = 0;  // added to the position
+  double counts_per_cycle = 0;     // further added, cycle by cycle
+};
+
+struct SafetyOptions {
+  RobotParameters robot, plant;
+  DaemonParameters daemon;
+  std::uint64_t seed = 1;
+  bool noise = true;
+};
+
+/// Beyond limits.max_tension_motor_N and guards.tension_margin of it: what a tension may rise within the
+/// cycles of a reaction, and the noise of its cell.
+inline constexpr double kTensionSlop_N = 0.3;
+
+class SafetyRig {
+ public:
+  explicit SafetyRig(const SafetyOptions& o)
+      : options_(o),
+        bus_(clock_),
+        faults_(bus_.AddPort(), o.seed),
+        rig_(o.plant, faults_, {.seed = o.seed, .sensor_noise = o.noise}),
+        master_(o.daemon.bus, DriveSetups(o.robot, o.daemon.bus), bus_.AddPort()),
+        controller_(o.robot, o.daemon.controller, o.daemon.bus.cycle_ns),
+        cycle_(controller_, master_, clock_, o.daemon.bus, [this](TimeNs) {
+          if (answered_) return false;
+          faults_.Poll(clock_.Now());
+          rig_.Poll(clock_.Now());
+          answered_ = true;
+          return true;
+        }) {
+    faults_.Attach(rig_.drives());
+    bus_.SetFilter([this](can::CanFrame& f) {
+      Tamper(f);
+      return true;
+    });
+    master_.Start(clock_.Now());
+  }
+
+  /// One cycle, after `skipped` whole ones and `off_ns` off the grid.
+  const CycleRecord& Step(const Command& command = {}, std::uint64_t skipped = 0, TimeNs off_ns = 0) {
+    clock_.Advance(options_.daemon.bus.cycle_ns * static_cast<TimeNs>(1 + skipped) + off_ns);
+    count_ += skipped;
+    answered_ = false;
+    drift_counts_ += tampering.counts_per_cycle;
+    const CycleOutput before = record_.output;
+    cycle_.Run({.cycle = count_++, .grid_ns = clock_.Now(), .wake_latency_ns = 0, .missed = skipped}, command,
+               {}, record_);
+    canopen::BusEvent event;
+    while (master_.TakeEvent(&event)) {
+      last_event_ = event.text.data();
+      events_ += last_event_ + "\n";
+    }
+    Judge(before, command);
+    return record_;
+  }
+  void Run(double seconds) {
+    for (const TimeNs end_ns = clock_.Now() + static_cast<TimeNs>(seconds * 1e9); clock_.Now() < end_ns;)
+      Step();
+  }
+  /// A cycle without a daemon: it was killed, and its drives are left to themselves.
+  void StepAlone() {
+    clock_.Advance(options_.daemon.bus.cycle_ns);
+    faults_.Poll(clock_.Now());
+    rig_.Poll(clock_.Now());
+  }
+  bool RunUntil(Mode mode, double seconds) {
+    for (const TimeNs end_ns = clock_.Now() + static_cast<TimeNs>(seconds * 1e9); clock_.Now() < end_ns;) {
+      if (Step().output.mode == mode) return true;
+    }
+    return false;
+  }
+  bool Arm() {
+    if (!RunUntil(Mode::kConfigured, 10)) return false;
+    Step(Request(ModeRequest::kArm));
+    return RunUntil(Mode::kRunning, 10);
+  }
+
+  // ---- commands, fresh and in order ----
+
+  Command Make(CommandKind kind, double valid_s = 0.1) {
+    Command c;
+    c.kind = kind;
+    c.sequence = ++sequence_;
+    c.received_ns = clock_.Now() + options_.daemon.bus.cycle_ns;
+    c.valid_for_ns = static_cast<TimeNs>(valid_s * 1e9);
+    return c;
+  }
+  Command Request(ModeRequest request) {
+    Command c = Make(CommandKind::kMode);
+    c.mode = request;
+    return c;
+  }
+  Command Bend(double us, double vs) {
+    Command c = Make(CommandKind::kBending);
+    c.bending_rad = BendingVector::Zero(2 * static_cast<int>(options_.robot.body.sections.size()));
+    c.bending_rad[0] = us;
+    c.bending_rad[1] = vs;
+    return c;
+  }
+  /// On a circle of bending, moving on.
+  Command Circle(double amplitude_rad, double omega_radps, double t_s) {
+    const double a = omega_radps * t_s;
+    Command c = Bend(amplitude_rad * std::cos(a), amplitude_rad * std::sin(a));
+    c.bending_rate_radps = BendingVector::Zero(c.bending_rad.size());
+    c.bending_rate_radps[0] = -amplitude_rad * omega_radps * std::sin(a);
+    c.bending_rate_radps[1] = amplitude_rad * omega_radps * std::cos(a);
+    return c;
+  }
+  Command Tensions(const TendonVector& tension_N) {
+    Command c = Make(CommandKind::kTension);
+    c.tension_N = tension_N;
+    return c;
+  }
+
+  void Order(const FaultParameters& fault) { faults_.Add(fault, clock_.Now()); }
+
+  const CycleRecord& record() const { return record_; }
+  const CycleOutput& output() const { return record_.output; }
+  const SafetyOptions& options() const { return options_; }
+  tools::VirtualRig& rig() { return rig_; }
+  double now_s() const { return ToSeconds(clock_.Now()); }
+  const std::string& last_event() const { return last_event_; }
+  const std::string& events() const { return events_; }
+  /// Rules that were broken, a line each; the first few.
+  const std::vector<std::string>& violations() const { return violations_; }
+  double max_tension_N() const { return max_tension_N_; }  // true, motor side
+  double max_tension_wanted_N() const { return max_wanted_N_; }
+  /// Time from entering a fault to drives told to disable; negative: not yet.
+  double fall_s() const { return fall_s_; }
+
+  Tampering tampering;
+
+ private:
+  void Tamper(can::CanFrame& f) {
+    if (tampering.node == 0 || f.error || f.id != 0x180u + static_cast<unsigned>(tampering.node) ||
+        f.size < 8)
+      return;
+    const auto word = [&f](std::size_t at) {
+      return static_cast<std::uint16_t>(f.data[at] | f.data[at + 1] << 8);
+    };
+    auto counts = static_cast<std::uint32_t>(word(0) | static_cast<std::uint32_t>(word(2)) << 16);
+    counts += static_cast<std::uint32_t>(tampering.offset_counts + static_cast<std::int32_t>(drift_counts_));
+    for (std::size_t i = 0; i < 4; ++i) f.data[i] = static_cast<std::uint8_t>(counts >> (8 * i));
+    const auto cell = static_cast<std::int16_t>(word(6));
+    const double shown = tampering.cell_fixed ? tampering.cell_mV : tampering.cell_gain * cell;
+    const auto out =
+        static_cast<std::uint16_t>(static_cast<std::int16_t>(std::clamp(shown, -32768., 32767.)));
+    f.data[6] = static_cast<std::uint8_t>(out);
+    f.data[7] = static_cast<std::uint8_t>(out >> 8);
+  }
+
+  void Violated(const std::string& what) {
+    if (violations_.size() < 5) {
+      violations_.push_back(std::to_string(now_s()) + " s, " + std::string(ModeText(record_.output.mode)) +
+                            " " + std::to_string(static_cast<int>(record_.output.status)) + ": " + what);
+    }
+  }
+
+  // The rules of every cycle, whatever happens.
+  void Judge(const CycleOutput& before, const Command& command) {
+    const CycleOutput& o = record_.output;
+    const LimitParameters& limits = options_.robot.limits;
+    const int m = options_.robot.body.tendons();
+    const double limit_N = limits.max_tension_motor_N;
+    const double allowed_N =
+        limit_N * (1 + options_.daemon.controller.guards.tension_margin) + kTensionSlop_N;
+    const bool enabled = o.drive_request == DriveRequest::kEnable;
+    double wanted_N = 0;
+    for (int j = 0; j < m; ++j) {
+      const double true_N = rig_.plant().tendon()[static_cast<std::size_t>(j)].tension_motor_N;
+      max_tension_N_ = std::max(max_tension_N_, true_N);
+      if (!(true_N <= allowed_N)) Violated("tension of " + std::to_string(true_N) + " N in the tendon");
+      if (enabled) wanted_N = std::max(wanted_N, o.tension_desired_motor_N[j]);
+      if (!std::isfinite(o.torque_desired_Nm[j]) || !std::isfinite(o.tension_desired_motor_N[j])) {
+        Violated("an output that is not finite");
+      }
+      const auto& t = options_.robot.actuation->tendons[static_cast<std::size_t>(j)];
+      const double most =
+          1000 * t.drive.current_limit_A * t.motor.torque_constant_NmpA / t.drive.rated_torque_Nm;
+      const int sent = o.torque_target_permille[static_cast<std::size_t>(j)];
+      if (std::abs(sent) > most + 1) Violated("torque beyond the current limit");
+      const bool unpowered =
+          o.mode == Mode::kDisconnected || o.mode == Mode::kConfigured || o.mode == Mode::kArmed;
+      if ((unpowered || !enabled) && sent != 0) Violated("torque without arm");
+    }
+    max_wanted_N_ = std::max(max_wanted_N_, wanted_N);
+    if (wanted_N > limit_N + 1e-9) Violated("tension of " + std::to_string(wanted_N) + " N commanded");
+    if ((o.mode == Mode::kDisconnected || o.mode == Mode::kConfigured) && enabled)
+      Violated("drives enabled unasked");
+
+    const bool falling = o.mode == Mode::kFault || o.mode == Mode::kSafeStop;
+    const bool was_falling = before.mode == Mode::kFault || before.mode == Mode::kSafeStop;
+    if (falling && was_falling && before.tension_desired_base_N.size() == m) {
+      const double step_N =
+          options_.daemon.controller.pretension_ramp_Nps * ToSeconds(options_.daemon.bus.cycle_ns);
+      const TendonVector change = o.tension_desired_base_N - before.tension_desired_base_N;
+      if (change.maxCoeff() > 1e-9) Violated("tension wanted rises on the way down");
+      if (change.minCoeff() < -step_N - 1e-9 && o.status != Status::kInternalNotFinite) {
+        Violated("tension wanted falls faster than its ramp");
+      }
+    }
+    // Faults latch until clear; nothing moves on by itself.
+    const bool asked = command.kind == CommandKind::kMode && o.command_status == Status::kOk;
+    if (before.mode == Mode::kFault && o.mode != Mode::kFault &&
+        !(asked && command.mode == ModeRequest::kClear)) {
+      Violated("a fault went away by itself");
+    }
+    const bool armed_now = (o.mode == Mode::kArmed && before.mode != Mode::kArmed) ||
+                           (o.mode == Mode::kRunning && before.mode == Mode::kHold);
+    if (armed_now && !(asked && command.mode == ModeRequest::kArm)) Violated("armed unasked");
+
+    if (o.mode != Mode::kFault) {
+      fault_since_s_ = -1;
+    } else if (before.mode != Mode::kFault) {
+      fault_since_s_ = now_s();
+      fall_s_ = -1;
+    }
+    if (o.mode == Mode::kFault && !enabled && fall_s_ < 0) fall_s_ = now_s() - fault_since_s_;
+    const double longest_s = limits.max_tension_base_N / options_.daemon.controller.pretension_ramp_Nps + 0.1;
+    if (o.mode == Mode::kFault && enabled && now_s() - fault_since_s_ > longest_s) {
+      Violated("drives still enabled long after a fault");
+    }
+  }
+
+  SafetyOptions options_;
+  SimulatedClock clock_;
+  can::MemoryBus bus_;
+  emulator::FaultInjector faults_;
+  tools::VirtualRig rig_;
+  canopen::Master master_;
+  control::Controller controller_;
+  ControlCycle cycle_;
+  CycleRecord record_;
+  std::uint64_t count_ = 0;
+  std::uint32_t sequence_ = 0;
+  bool answered_ = false;
+  double drift_counts_ = 0;
+  std::string last_event_, events_;
+  std::vector<std::string> violations_;
+  double max_tension_N_ = 0, max_wanted_N_ = 0, fault_since_s_ = -1, fall_s_ = -1;
+};
+
+}  // namespace tendril::daemon
