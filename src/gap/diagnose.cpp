@@ -74,9 +74,10 @@ std::string Sentence(const Diagnosis& d) {
       }
       if (d.verdict == Verdict::kAmbiguousGroup && !grouped) causes += ", or another";
       const std::string closed =
-          d.closed ? fmt::format(" With it in the model {} of the gap closes on runs it was not fitted to.",
-                                 Percent(std::max(0.0, d.closed->value)))
-                   : "";
+          d.closed && d.closed->low > 0
+              ? fmt::format(" With it in the model {} of the gap closes on runs it was not fitted to.",
+                            Percent(d.closed->value))
+              : " It is too small beside the noise floor to say how much of the gap closes with it.";
       return fmt::format("{}; its cause is {}.{}{}", where, causes, closed, next);
     }
   }
@@ -131,10 +132,18 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
       return f.excess && (f.cut == sim::Cut::kShape || f.cut == sim::Cut::kMotion);
     });
     for (auto& f : d.location) {
-      if (chosen == nullptr && f.excess && !(body && f.cut == sim::Cut::kTendon)) chosen = &f;
+      if (!f.excess || (body && f.cut == sim::Cut::kTendon)) continue;
+      // Lost samples are the gap only where nothing else is.
+      if (chosen == nullptr || chosen->cut == sim::Cut::kClock) chosen = &f;
     }
   }
   if (chosen != nullptr) chosen->first = true;
+}
+
+std::size_t SearchedEffects(const SearchResult& search) {
+  std::set<const sim::Effect*> effects;
+  for (const auto& s : search.screened) effects.insert(s.candidate.effect);
+  return effects.size();
 }
 
 /// Effects that change no channel by half its floor when they deviate by what their registry calls plainly
@@ -144,8 +153,10 @@ std::vector<std::string> Unseen(const Evaluator& evaluator, const SearchResult& 
   std::vector<std::string> unseen;
   for (const sim::Effect& effect : sim::Effects()) {
     double most = 0;
+    bool searched = false;
     for (const auto& s : search.screened) {
       if (s.candidate.effect != &effect) continue;
+      searched = true;
       for (std::size_t k = 0; k < s.columns.size(); ++k) {
         const double deviation = ScaleOf(s.start.parameter(s.primary[k]));
         for (int c = 0; c < static_cast<int>(evaluator.channels().size()); ++c) {
@@ -160,7 +171,7 @@ std::vector<std::string> Unseen(const Evaluator& evaluator, const SearchResult& 
         }
       }
     }
-    if (most < kSeen) unseen.emplace_back(effect.name);
+    if (searched && most < kSeen) unseen.emplace_back(effect.name);
   }
   return unseen;
 }
@@ -277,7 +288,7 @@ Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
     for (const auto& name : unseen) names += (names.empty() ? "" : ", ") + name;
     d.degradations.push_back("too weakly excited to be seen even when plainly wrong: " + names);
   }
-  if (d.verdict == Verdict::kNoGap && 2 * unseen.size() > sim::Effects().size()) {
+  if (d.verdict == Verdict::kNoGap && 2 * unseen.size() > SearchedEffects(search)) {
     d.verdict = Verdict::kInsufficientData;
   }
 

@@ -464,6 +464,11 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
     PreparedRun other = Prepare(set.runs[i], nominal_, options.seed * 1000004 + 4 * i + k);
     other.cell_N = runs_[i].cell_N;
     other.signals.torque_target_Nm = runs_[i].signals.torque_target_Nm;
+    // What stands in for a missing cell stands in here, too.
+    for (int j = 0; j < other.signals.tension_N.cols(); ++j) {
+      if (!other.signals.tension_N.col(j).allFinite())
+        other.signals.tension_N.col(j) = runs_[i].signals.tension_N.col(j);
+    }
     readings[k][i] =
         ResidualsOf(ReplayRun(nominal_, other, kC2 | kC3 | kBody, nullptr), other, kC2 | kC3 | kBody);
   });

@@ -15,16 +15,20 @@ namespace {
 // from the real one costs in proportion to what it explains.
 constexpr double kTemperature = 2.0;
 constexpr double kRelativeTemperature = 0.005;
-// A gap: log score at which the best cause is one as likely as not (without a gap the best of all candidates
-// brings some 2), and steepness of the change about materiality.
+// A gap: log score at which the best cause makes one as likely as not, with the materialities by which it
+// then has to move some channel (without a gap the best of all candidates brings some 2; what two simulations
+// of one robot differ by brings 20 and moves less); log score with which one materiality is enough;
+// steepness.
 constexpr double kGapGain = 7.0;
+constexpr double kGapDeltas = 2.5;
+constexpr double kClearGain = 25.0;
 constexpr double kGapSteepness = 6.0;
 // Unknown: sigma that may remain beyond the floor, share of the gap that a right cause with a slightly
 // different law may leave, steepness.
 constexpr double kUnknownFloor = 0.3;
 constexpr double kUnknownShare = 0.25;
 constexpr double kUnknownSteepness = 4.0;
-constexpr double kParameterCost = 1.5;  // temperatures a parameter
+constexpr double kParameterCost = 1.5, kBoundCost = 1.5;  // temperatures a parameter, and for a bound
 // Two causes are not told apart within so many temperatures and with marks so alike.
 constexpr double kSame = 3.0;
 constexpr double kSameCosine = 0.95;
@@ -109,6 +113,9 @@ double Material(const Evaluator& evaluator, const Residuals& residuals) {
 /// From 0 to 1, a half at x = 1.
 double Saturating(double x, double steepness) { return 1 - 1 / (1 + std::pow(x, steepness)); }
 
+/// From 0 to 1, a half at `at`.
+double Sure(double gain, double at) { return 1 / (1 + std::exp(at - gain)); }
+
 /// One case as it is judged, from is there a gap to the verdict.
 class Case {
  public:
@@ -154,8 +161,11 @@ class Case {
   };
 
   double Gain(const Fit& fit) const { return fit.held_out_score - search_.base_score; }
-  /// Every further parameter is another way to take up what a simpler cause has nearly explained.
-  double Cost(const Fit& fit) const { return kParameterCost * temperature_ * (fit.model.size() - 1); }
+  /// Every further parameter is another way to take up what a simpler cause has nearly explained; a law at
+  /// its bound has turned into something else.
+  double Cost(const Fit& fit) const {
+    return temperature_ * (kParameterCost * (fit.model.size() - 1) + (fit.bound_hit ? kBoundCost : 0.0));
+  }
   double InFloors(int channel, double square) const {
     return square / std::pow(evaluator_.channels()[channel].floor, 2);
   }
@@ -174,8 +184,11 @@ class Case {
     }
     double p = Saturating(in_deltas, kGapSteepness);
     if (single_ != nullptr) {
-      const double sure = 1 / (1 + std::exp(kGapGain - (Gain(*single_) - Cost(*single_))));
-      p = std::max(p, sure * Saturating(Material(evaluator_, single_->residuals), kGapSteepness));
+      const double gain = Gain(*single_) - Cost(*single_);
+      const double material = Material(evaluator_, single_->residuals);
+      p = std::max(p, Sure(gain, kClearGain) * Saturating(material, kGapSteepness));
+      if (!single_->bound_hit)
+        p = std::max(p, Sure(gain, kGapGain) * Saturating(material / kGapDeltas, kGapSteepness));
     }
     return p;
   }

@@ -170,21 +170,24 @@ Eigen::VectorXd Denoised(const Eigen::VectorXd& signal, double noise) {
 }
 
 /// Where a motor has moved on in one direction by kSlidingCounts since it turned or rested, and is on its way
-/// from one count to the next, which it reaches soon: at rest its friction may be anything.
-void MarkSliding(const Eigen::VectorXd& reading, double count, double step_s,
+/// from one count to the next, which it reaches soon: at rest, and where samples were lost, its friction may
+/// be anything.
+void MarkSliding(const Eigen::VectorXd& reading, const std::vector<char>& valid, double count, double step_s,
                  Eigen::Ref<Eigen::Matrix<char, -1, 1>> out) {
   const int samples = static_cast<int>(reading.size());
   const int soon = std::max(2, static_cast<int>(std::lround(kSlow_s / step_s)));
   const int at_once = std::max(1, static_cast<int>(std::lround(kAtOnce_s / step_s)));
   double turn = reading[0], last = reading[0];
-  int direction = 0, changed = 0, before = 0;
+  int direction = 0, changed = 0, before = 0, lost = -1;
   out.setZero();
   for (int i = 1; i < samples; ++i) {
+    if (!valid[i]) lost = i;
     const double step = reading[i] - last;
     if (std::abs(step) <= 0.5 * count) continue;
     const int now = step > 0 ? 1 : -1;
     const int lasted = i - changed;
-    const bool on = now == direction && lasted <= soon && lasted <= std::max(at_once, 2 * before);
+    const bool on =
+        now == direction && lost < changed && lasted <= soon && lasted <= std::max(at_once, 2 * before);
     if (!on) turn = last;
     if (on && std::abs(last - turn) >= kSlidingCounts * count) out.segment(changed, i - changed).setOnes();
     direction = now;
@@ -320,7 +323,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       if (count > 0 && Quantised(angle, count)) {
         angle = InsideCounts(angle, count, step_s, seed != 0 ? &random : nullptr);
       }
-      MarkSliding(reading.col(j), count > 0 ? count : 3e-3, step_s, out.sliding.col(j));
+      MarkSliding(reading.col(j), out.valid, count > 0 ? count : 3e-3, step_s, out.sliding.col(j));
       const int h = local.half;
       Eigen::VectorXd padded(samples + 2 * h);
       padded << Eigen::VectorXd::Constant(h, angle[0]), angle,
