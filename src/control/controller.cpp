@@ -563,8 +563,7 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
 // What the load cell's error adds, compared where the cell sits.
 double Controller::Impl::FedBack(int j, const CycleInput& input, const CycleOutput& output,
                                  const DriveFeedForward::Result& wanted) noexcept {
-  const Mode mode = supervisor.mode();
-  const bool acts = (mode == Mode::kPretension && joined) || controls_shape();
+  const bool acts = controls_shape();
   const bool at_motor = robot.actuation->tendons[j].load_cell.place == LoadCellPlace::kMotorSide;
   return feedback[j].Step(input.drive[j], output.tension_measured_N[j],
                           {.cell_N = at_motor ? wanted.tension_motor_N : tension_N[j],

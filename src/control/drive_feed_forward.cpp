@@ -11,7 +11,8 @@ namespace {
 
 constexpr int kMaxIterations = 30;
 constexpr double kSolved_N = 1e-6;
-constexpr double kFrictionRate_Nps = 20;
+constexpr double kFrictionRate_Nps = 15;  // at rest; the first tendon mode swings by a tenth of a newton then
+constexpr double kSlow_mps = 1e-3;
 
 }  // namespace
 
@@ -94,8 +95,11 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   Result r;
   const double solved_N = MotorTension(tension_base_N, shortening_m, moving) - tension_base_N;
   // Where a stretched tendon turns round under high tension its path has a fold: the friction that goes pulls
-  // the spool farther than the pre-sliding is long, and the solution jumps. The motor is led across.
-  const double most_N = kFrictionRate_Nps * period_s_;
+  // the spool farther than the pre-sliding is long, and the solution jumps. The motor is led across, the
+  // faster the faster the tendon moves anyway.
+  const double moved_m = moving && !still_ ? std::abs(shortening_m - shortening_m_) : 0;
+  const double fast = moved_m / (moved_m + kSlow_mps * period_s_);
+  const double most_N = kFrictionRate_Nps * period_s_ + fast * stiffness_Npm_ * moved_m;
   friction_N_ =
       still_ && !moving ? solved_N : friction_N_ + std::clamp(solved_N - friction_N_, -most_N, most_N);
   r.tension_motor_N = std::max(0.0, tension_base_N + friction_N_);

@@ -272,6 +272,7 @@ TensionFeedback::TensionFeedback(const TendonDriveParameters& drive, const Limit
       damping_Nms_(gains.damping_Nms[static_cast<std::size_t>(tendon)]),
       travel_m_(drive.SpoolTravelPerMotorRad()),
       rad_per_count_(2 * std::numbers::pi / drive.drive.encoder_counts_per_turn),
+      rest_band_N_(0.5 * drive.motor.coulomb_friction_Nm / travel_m_),
       most_N_(0.5 * limits.max_tension_base_N),
       torque_scale_(drive.motor.torque_scale) {}
 
@@ -304,10 +305,14 @@ double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, c
   const double velocity_radps = moved * rad_per_count_ / period_s_;
   velocity_error_radps_ +=
       velocity_share_ * (then.motor_velocity_radps - velocity_radps - velocity_error_radps_);
-  if (!(limited_ * error_N_ > 0)) {
+  const bool slack = measured_N < kSlackShare * then.cell_N;
+  // At rest dry friction holds any torque within it; an integral that grew against it would push the robot off
+  // as soon as the motion turns, or let it hunt.
+  const bool rests = then.motor_velocity_radps == 0 && !slack && std::abs(error_N_) < rest_band_N_;
+  if (!(limited_ * error_N_ > 0) && !rests) {
     // A tendon pulls only: slack, it closes no loop, the motor's own friction may hold it there, and every
     // bit of the error counts more.
-    const double urgency = measured_N < kSlackShare * then.cell_N ? kSlackUrgency : 1;
+    const double urgency = slack ? kSlackUrgency : 1;
     integral_N_ = std::clamp(integral_N_ + urgency * integral_ps_ * period_s_ * error_N_, -most_N_, most_N_);
   }
   return (travel_m_ * (proportional_ * error_N_ + integral_N_) + damping_Nms_ * velocity_error_radps_) /

@@ -1,4 +1,5 @@
-// Cost of the tick: one Controller::Step while the paper's circle is followed, against the number of tendons.
+// Cost of the tick: one Controller::Step while the paper's circle is followed, against the number of tendons
+// and the control law.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -11,9 +12,11 @@
 namespace tendril {
 namespace {
 
-void Step(benchmark::State& state, const char* file) {
+void Step(benchmark::State& state, const char* file, ControlLaw law, bool feedback) {
   const RobotParameters robot = config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file);
-  const DaemonParameters daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml");
+  DaemonParameters daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml");
+  daemon.controller.law = law;
+  daemon.controller.tension_feedback = feedback;
   control::Controller controller(robot, daemon.controller, kNsPerMs);
   CycleInput input;
   CycleOutput output;
@@ -53,9 +56,14 @@ void Step(benchmark::State& state, const char* file) {
   }
 }
 
-BENCHMARK_CAPTURE(Step, three_tendons, "rig_60mm.yaml");
-BENCHMARK_CAPTURE(Step, four_tendons, "four_tendon_90mm.yaml");
-BENCHMARK_CAPTURE(Step, two_sections_six_tendons, "two_section.yaml");
+using enum ControlLaw;
+BENCHMARK_CAPTURE(Step, three_tendons, "rig_60mm.yaml", kPaper, false);
+BENCHMARK_CAPTURE(Step, four_tendons, "four_tendon_90mm.yaml", kPaper, false);
+BENCHMARK_CAPTURE(Step, two_sections_six_tendons, "two_section.yaml", kPaper, false);
+BENCHMARK_CAPTURE(Step, three_tendons_equilibrium, "rig_60mm.yaml", kEquilibrium, false);
+BENCHMARK_CAPTURE(Step, three_tendons_equilibrium_fed_back, "rig_60mm.yaml", kEquilibrium, true);
+BENCHMARK_CAPTURE(Step, four_tendons_equilibrium_fed_back, "four_tendon_90mm.yaml", kEquilibrium, true);
+BENCHMARK_CAPTURE(Step, two_sections_equilibrium_fed_back, "two_section.yaml", kEquilibrium, true);
 
 }  // namespace
 }  // namespace tendril

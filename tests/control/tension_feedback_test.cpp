@@ -112,8 +112,8 @@ class OneLoop : public testing::Test {
       : robot(Rig("rig_60mm")),
         gains(DesignTensionLoop(robot, 1e-3)),
         loop(robot.actuation->tendons[0], robot.limits, gains, 0, 1e-3) {}
-  double Step(double wanted_N, double measured_N, bool acts = true) {
-    return loop.Step(still, measured_N, {.cell_N = wanted_N, .motor_velocity_radps = 0}, acts);
+  double Step(double wanted_N, double measured_N, bool acts = true, double velocity_radps = 1e-3) {
+    return loop.Step(still, measured_N, {.cell_N = wanted_N, .motor_velocity_radps = velocity_radps}, acts);
   }
   RobotParameters robot;
   TensionLoopGains gains;
@@ -131,6 +131,15 @@ TEST_F(OneLoop, IntegratesWhatRemainsAndForgetsItWhenOff) {
               0.1 * gains.integral_ps * robot.actuation->tendons[0].SpoolTravelPerMotorRad(), 1e-9);
   EXPECT_EQ(Step(1.1, 1.0, false), 0);
   EXPECT_LT(Step(1.1, 1.0), 1e-5);
+}
+
+// Dry friction would hold a motor at rest through half a newton here; an error within that stays as it is.
+TEST_F(OneLoop, DoesNotIntegrateAgainstFrictionAtRest) {
+  double torque = 0;
+  for (int i = 0; i < 100; ++i) torque = Step(1.1, 1.0, true, 0);
+  for (int i = 0; i < 5000; ++i) ASSERT_NEAR(Step(1.1, 1.0, true, 0), torque, 1e-8);
+  for (int i = 0; i < 500; ++i) torque = Step(1.5, 1.0, true, 0);
+  EXPECT_GT(Step(1.5, 1.0, true, 0), torque) << "more than friction is put right";
 }
 
 TEST_F(OneLoop, DoesNotWindUpAtALimitAndComesOffItAtOnce) {

@@ -69,7 +69,7 @@ class TensionFeedback {
   static constexpr int kDelayCycles = 2;
 
   double period_s_, proportional_, integral_ps_, cell_share_, velocity_share_, damping_Nms_;
-  double travel_m_, rad_per_count_, most_N_, torque_scale_;
+  double travel_m_, rad_per_count_, rest_band_N_, most_N_, torque_scale_;
   std::array<Wanted, kDelayCycles> wanted_{};
   double error_N_ = 0, integral_N_ = 0, velocity_error_radps_ = 0, limited_ = 0;
   std::int32_t counts_ = 0;
