@@ -47,8 +47,8 @@ struct ExperimentOptions {
   int threads = 1;
 };
 
-/// The same daemon with tension targets that may move as fast as quick experiments ask, and without messages
-/// that nobody listens to.
+/// The same daemon with tension targets that may move as fast as quick experiments ask, without guards
+/// against a robot that is not as its file says, and without messages that nobody listens to.
 DaemonParameters ForExperiments(DaemonParameters daemon);
 
 /// What the daemon of experiments in process is told: this file, or without one what comes with Tendril
