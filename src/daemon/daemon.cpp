@@ -4,10 +4,14 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 #include <systemd/sd-daemon.h>
+#include <systemd/sd-journal.h>
+#include <syslog.h>
 
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstdlib>
+#include <deque>
 #include <future>
 #include <optional>
 #include <stdexcept>
@@ -24,6 +28,7 @@
 #include "tendril/io/wire.h"
 #include "tendril/rt/cyclic.h"
 #include "tendril/rt/handoff.h"
+#include "tendril/rt/usage.h"
 
 namespace tendril::daemon {
 namespace {
@@ -44,6 +49,7 @@ constexpr int kLcmWait_ms = 1;
 constexpr int kBlackBoxCycles = 200;
 constexpr TimeNs kReportEvery_ns = kNsPerS;
 constexpr TimeNs kStatisticsEvery_ns = 60 * kNsPerS;
+constexpr std::size_t kMissesKept = 16;
 
 spdlog::level::level_enum LevelOf(Status status) {
   if (IsFault(status)) return spdlog::level::err;
@@ -57,6 +63,23 @@ std::int64_t EpochUs() {
 }
 
 double Us(TimeNs t_ns) { return static_cast<double>(t_ns) / static_cast<double>(kNsPerUs); }
+
+// A line for people: under systemd with fields to search for (journalctl TENDRIL_STATUS=406), else as any
+// other message.
+void Tell(Status status, const char* source, const std::string& text) {
+  static const bool journal = std::getenv("JOURNAL_STREAM") != nullptr;
+  const spdlog::level::level_enum level = LevelOf(status);
+  if (!journal) {
+    spdlog::log(level, "{}: {}", source, text);
+    return;
+  }
+  const int priority = level == spdlog::level::err    ? LOG_ERR
+                       : level == spdlog::level::warn ? LOG_WARNING
+                                                      : LOG_INFO;
+  sd_journal_send("MESSAGE=%s: %s", source, text.c_str(), "PRIORITY=%i", priority, "TENDRIL_SOURCE=%s", source,
+                  "TENDRIL_STATUS=%i", static_cast<int>(status), "TENDRIL_REMEDY=%s",
+                  std::string(StatusRemedy(status)).c_str(), nullptr);
+}
 
 // systemd, where there is one; else nothing happens.
 class ServiceManager {
@@ -84,6 +107,31 @@ class ServiceManager {
   std::uint64_t last_tick_ = 0;
 };
 
+// A cycle as the calling thread gets it.
+struct Published {
+  CycleRecord record;
+  can::CanCounters can;
+  rt::ThreadUsage usage;  // sum so far
+};
+
+// What took the time of a cycle that ended after the next one should have begun.
+std::string CauseOfMiss(const CycleTiming& before, const rt::ThreadUsage& usage,
+                        const rt::ThreadUsage& earlier) {
+  const TimeNs rest_ns = before.total_ns - before.feedback_ns - before.compute_ns;
+  const TimeNs most_ns = std::max({before.wake_latency_ns, before.feedback_ns, before.compute_ns, rest_ns});
+  std::string cause = most_ns == before.wake_latency_ns ? "woken late"
+                      : most_ns == before.feedback_ns   ? "the bus"
+                      : most_ns == before.compute_ns    ? "the step"
+                                                        : "sending and handing over";
+  cause += fmt::format(", {:.0f} us", Us(most_ns));
+  if (usage.major_faults + usage.minor_faults > earlier.major_faults + earlier.minor_faults) {
+    cause += ", pages were fetched";
+  } else if (usage.involuntary_switches > earlier.involuntary_switches) {
+    cause += ", the CPU was taken away";
+  }
+  return cause;
+}
+
 // Whatever ends the calling thread's part, the robot is disarmed and the real-time thread joined.
 class StopAndJoin {
  public:
@@ -110,8 +158,9 @@ struct Daemon::State {
         setups(DriveSetups(o.robot, o.parameters.bus)),
         master(o.parameters.bus, setups, p),
         controller(o.robot, o.parameters.controller, o.parameters.bus.cycle_ns),
-        cycle(controller, master, clock, o.parameters.bus,
-              [this](TimeNs deadline_ns) { return port.WaitUntil(deadline_ns); }) {
+        cycle(controller, master, clock, o.parameters.bus, [this](TimeNs deadline_ns) {
+          return usage.Excuse([&] { return port.WaitUntil(deadline_ns); });
+        }) {
     if (!o.log_path.empty()) log.emplace(gateway, o.log_path, clock);
     run = {config::ToYaml(o.robot), config::ToYaml(o.parameters), std::string(Version()),
            std::string(GitRevision()), EpochUs()};
@@ -142,11 +191,15 @@ struct Daemon::State {
       return !done && now_ns < stop_ns + kStopWithin_ns;
     }
 
-    cycle.Run(start, NextCommand(now_ns), NextTrackerSample(), record);
-    records.TryPush(record);
-    if (black_box) black_box->Add(record, controller);
+    usage.Begin();
+    cycle.Run(start, NextCommand(now_ns), NextTrackerSample(), published.record);
+    published.can = port.counters();
+    published.usage = usage.sum();  // up to the cycle before
+    records.TryPush(published);
+    if (black_box) black_box->Add(published.record, controller);
     ForwardEvents();
     tick.store(start.cycle + 1, std::memory_order_relaxed);
+    usage.End();
 
     if (phase == Phase::kDisarming && !disarm_pending) {
       const bool in_time = clock.Now() < stop_ns + kDisarmWithin_ns;
@@ -182,6 +235,7 @@ struct Daemon::State {
   }
 
   bool AllDisabled() const {
+    const CycleRecord& record = published.record;
     if (record.output.drive_request == DriveRequest::kEnable) return false;
     return std::none_of(record.input.drive.begin(), record.input.drive.begin() + record.input.drives,
                         [](const DriveFeedback& d) { return d.state == DriveState::kEnabled; });
@@ -232,19 +286,17 @@ struct Daemon::State {
   }
 
   void Event(Status status, const std::string& source, const std::string& text) {
-    spdlog::log(LevelOf(status), "{}: {}", source, text);
+    Tell(status, source.c_str(), text);
     gateway.PublishEvent(clock.Now(), status, source, text);
   }
 
   void Publish() {
-    CycleRecord published;
-    while (records.TryPop(published)) {
-      gateway.PublishState(published);
-      gateway.PublishCycle(published);
-      wake_latency.Add(published.timing.wake_latency_ns);
-      compute.Add(published.timing.compute_ns);
-      total.Add(published.timing.total_ns);
-      const CycleOutput& out = published.output;
+    Published next;
+    while (records.TryPop(next)) {
+      gateway.PublishState(next.record);
+      gateway.PublishCycle(next.record);
+      Count(next);
+      const CycleOutput& out = next.record.output;
       if (out.mode != last_mode || (out.status != last_status && IsFault(out.status))) {
         const Status status = IsFault(out.status) ? out.status : Status::kOk;
         Event(status, "controller",
@@ -253,13 +305,61 @@ struct Daemon::State {
       }
       last_mode = out.mode;
       last_status = out.status;
-      last_timing = published.timing;
+      last_timing = next.record.timing;
+      last_usage = next.usage;
     }
     canopen::BusEvent event;
     while (events.TryPop(event)) {
-      spdlog::log(LevelOf(event.status), "bus: {}", event.text.data());
+      Tell(event.status, "bus", event.text.data());
       gateway.PublishEvent(event.time_ns, event.status, "bus", event.text.data());
     }
+  }
+
+  void Count(const Published& next) {
+    const CycleRecord& r = next.record;
+    wake_latency.Add(r.timing.wake_latency_ns);
+    round_trip.Add(r.timing.feedback_ns);
+    compute.Add(r.timing.compute_ns);
+    total.Add(r.timing.total_ns);
+    if (const std::uint64_t skipped = r.timing.deadline_misses - last_timing.deadline_misses; skipped > 0) {
+      misses.push_back({r.input.cycle, skipped, CauseOfMiss(last_timing, next.usage, last_usage)});
+      if (misses.size() > kMissesKept) misses.pop_front();
+    }
+    statistics.drives.resize(static_cast<std::size_t>(r.input.drives));
+    for (std::size_t i = 0; i < statistics.drives.size(); ++i) {
+      DriveStatistics& drive = statistics.drives[i];
+      drive.age_cycles = r.input.drive[i].age_cycles;
+      drive.worst_age_cycles = std::max(drive.worst_age_cycles, drive.age_cycles);
+    }
+    can = next.can;
+  }
+
+  void PublishStatistics() {
+    LoopStatistics& s = statistics;
+    const TimeNs now_ns = clock.Now();
+    const double elapsed_s = ToSeconds(now_ns - s.time_ns);
+    s.bus_load =
+        static_cast<double>(can.bits - reported_bits) / options.parameters.bus.bitrate_bps / elapsed_s;
+    reported_bits = can.bits;
+    s.time_ns = now_ns;
+    s.cycles = wake_latency.count();
+    s.deadline_misses = last_timing.deadline_misses;
+    s.wake_latency = wake_latency.Statistics();
+    s.compute = compute.Statistics();
+    s.round_trip = round_trip.Statistics();
+    s.misses.assign(misses.begin(), misses.end());
+    s.can_sent = can.sent;
+    s.can_received = can.received;
+    s.can_send_refused = can.send_refused;
+    s.can_receive_dropped = can.receive_dropped;
+    s.can_error_frames = can.error_frames;
+    s.can_bus_off = can.bus_off;
+    s.voluntary_switches = last_usage.voluntary_switches;
+    s.involuntary_switches = last_usage.involuntary_switches;
+    s.minor_faults = last_usage.minor_faults;
+    s.major_faults = last_usage.major_faults;
+    gateway.PublishStatistics(s);
+    for (DriveStatistics& drive : s.drives) drive.worst_age_cycles = drive.age_cycles;
   }
 
   void WriteBlackBox() {
@@ -271,6 +371,7 @@ struct Daemon::State {
   // Once a second: the run record, what was lost, how it goes.
   void Report() {
     gateway.PublishRun(run);
+    PublishStatistics();
     ReportLosses("command(s) came faster than one a cycle", commands.dropped(), commands_lost);
     ReportLosses("cycle record(s) could not be published in time", records.dropped(), records_lost);
     ReportLosses("bus event(s) came too fast",
@@ -317,7 +418,7 @@ struct Daemon::State {
 
   rt::Handoff<Command> commands{kCommandQueue};
   rt::Handoff<TrackerSample> tracker{kTrackerQueue};
-  rt::Handoff<CycleRecord> records{kRecordQueue};
+  rt::Handoff<Published> records{kRecordQueue};
   rt::Handoff<canopen::BusEvent> events{kEventQueue};
   std::atomic<bool> stop_requested{false}, finished{false}, disarmed_in_time{true};
   std::atomic<std::uint64_t> tick{0}, master_events_lost{0};
@@ -327,11 +428,17 @@ struct Daemon::State {
   TimeNs stop_ns = 0;
   bool disarm_pending = false;
   std::uint32_t last_sequence = 0;
-  CycleRecord record;
+  rt::UsageMeter usage;
+  Published published;
 
   // Of the calling thread.
   ServiceManager service;
-  rt::Histogram wake_latency, compute, total;
+  rt::Histogram wake_latency, round_trip, compute, total;
+  LoopStatistics statistics;
+  std::deque<MissedCycles> misses;
+  can::CanCounters can;
+  std::uint64_t reported_bits = 0;
+  rt::ThreadUsage last_usage;
   CycleTiming last_timing;
   Mode last_mode = Mode::kDisconnected;
   Status last_status = Status::kOk;

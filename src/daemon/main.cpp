@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
@@ -28,9 +29,21 @@ constexpr TimeNs kListenForSync_ns = 250 * kNsPerMs;
 // Where the configuration has none and the command line asks for one.
 constexpr double kBlackBoxSeconds = 10;
 
-volatile std::sig_atomic_t stop_signal = 0;
+volatile std::sig_atomic_t stop_signal = 0, hangups = 0;
 
 void OnSignal(int signal) { stop_signal = signal; }
+void OnHangup(int) { hangups = hangups + 1; }
+
+// Asked about once a millisecond.
+bool StopAsked() {
+  if (hangups > 0) {
+    hangups = 0;
+    spdlog::warn(
+        "SIGHUP refused: limits and guards of a robot under tension are not exchanged; disarm and restart the "
+        "daemon to read its files anew");
+  }
+  return stop_signal != 0;
+}
 
 struct Arguments {
   std::string config, can, lcm, log, black_box;
@@ -103,7 +116,10 @@ void Run(const Arguments& arguments) {
   action.sa_handler = OnSignal;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  daemon.Run([] { return stop_signal != 0; });
+  // With its terminal a daemon loses its operator; a service is only asked to read its files again.
+  if (isatty(STDIN_FILENO) == 0) action.sa_handler = OnHangup;
+  sigaction(SIGHUP, &action, nullptr);
+  daemon.Run(StopAsked);
 }
 
 int Main(int argc, char** argv) {

@@ -44,8 +44,10 @@ struct Client::State {
   std::vector<lcm_subscription_t*> subscriptions;
   StateSink state_sink;
   EventSink event_sink;
+  StatisticsSink statistics_sink;
   tendril_lcm::state_t state{};
   tendril_lcm::event_t event{};
+  tendril_lcm::statistics_t statistics{};
 };
 
 Client::Client(const std::string& url, const std::string& channel_prefix)
@@ -66,6 +68,12 @@ void Client::OnEvent(EventSink sink) {
   const bool first = !state_->event_sink;
   state_->event_sink = std::move(sink);
   if (first) state_->Subscribe<&State::event, &State::event_sink>("EVENT");
+}
+
+void Client::OnStatistics(StatisticsSink sink) {
+  const bool first = !state_->statistics_sink;
+  state_->statistics_sink = std::move(sink);
+  if (first) state_->Subscribe<&State::statistics, &State::statistics_sink>("STATISTICS");
 }
 
 namespace {

@@ -27,6 +27,7 @@ struct Gateway::State {
         cycle_channel(ChannelName(parameters.channel_prefix, "CYCLE")),
         run_channel(ChannelName(parameters.channel_prefix, "RUN")),
         event_channel(ChannelName(parameters.channel_prefix, "EVENT")),
+        statistics_channel(ChannelName(parameters.channel_prefix, "STATISTICS")),
         lcm(OpenLcm(parameters.url)) {}
 
   std::int64_t UtimeOf(TimeNs t_ns) const { return t_ns / kNsPerUs + epoch_offset_us; }
@@ -118,7 +119,7 @@ struct Gateway::State {
   RobotShape shape;
   const Clock& clock;
   std::int64_t epoch_offset_us;
-  std::string state_channel, cycle_channel, run_channel, event_channel;
+  std::string state_channel, cycle_channel, run_channel, event_channel, statistics_channel;
   std::unique_ptr<lcm::LCM> lcm;
   CommandSink command_sink;
   TrackerSink tracker_sink;
@@ -135,6 +136,7 @@ struct Gateway::State {
   tendril_lcm::state_t state{};
   tendril_lcm::cycle_t cycle{};
   tendril_lcm::event_t event{};
+  tendril_lcm::statistics_t statistics{};
   tendril_lcm::command_tip_t tip{};
   tendril_lcm::command_bending_t bending{};
   tendril_lcm::command_tension_t tension{};
@@ -186,6 +188,12 @@ void Gateway::PublishCycle(const CycleRecord& record) {
   if (record.input.cycle % static_cast<std::uint64_t>(s.parameters.cycle_every_cycles) != 0) return;
   ToMessage(record, s.shape, s.UtimeOf(record.input.time_ns), s.cycle);
   s.Publish(s.cycle_channel, s.cycle);
+}
+
+void Gateway::PublishStatistics(const LoopStatistics& statistics) {
+  State& s = *state_;
+  ToMessage(statistics, s.UtimeOf(statistics.time_ns), s.statistics);
+  s.Publish(s.statistics_channel, s.statistics);
 }
 
 void Gateway::PublishEvent(TimeNs time_ns, Status status, const std::string& source,

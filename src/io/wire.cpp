@@ -323,6 +323,60 @@ void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t 
   Fill(m.torque_measured_Nm, out.torque_measured_Nm, nt);
 }
 
+namespace {
+
+void Fill(const LatencyStatistics& from, std::vector<std::int64_t>& counts, std::int64_t (&percentiles)[4]) {
+  counts.assign(from.counts.begin(), from.counts.end());
+  percentiles[0] = from.median_ns;
+  percentiles[1] = from.p99_ns;
+  percentiles[2] = from.p999_ns;
+  percentiles[3] = from.max_ns;
+}
+
+}  // namespace
+
+void ToMessage(const LoopStatistics& s, std::int64_t utime, tendril_lcm::statistics_t& m) {
+  m.utime = utime;
+  Number(m.cycles, s.cycles);
+  Number(m.deadline_misses, s.deadline_misses);
+  m.num_bins = kLatencyBins;
+  m.bin_below_ns.clear();
+  for (int bin = 0; bin < kLatencyBins; ++bin) m.bin_below_ns.push_back(LatencyBinBelow_ns(bin));
+  Fill(s.wake_latency, m.wake_latency_counts, m.wake_latency_ns);
+  Fill(s.compute, m.compute_counts, m.compute_ns);
+  Fill(s.round_trip, m.round_trip_counts, m.round_trip_ns);
+
+  m.num_misses = static_cast<std::int32_t>(s.misses.size());
+  m.miss_cycle.clear();
+  m.miss_skipped.clear();
+  m.miss_cause.clear();
+  for (const MissedCycles& miss : s.misses) {
+    m.miss_cycle.push_back(static_cast<std::int64_t>(miss.cycle));
+    m.miss_skipped.push_back(static_cast<std::int64_t>(miss.skipped));
+    m.miss_cause.push_back(miss.cause);
+  }
+
+  Number(m.can_sent, s.can_sent);
+  Number(m.can_received, s.can_received);
+  Number(m.can_send_refused, s.can_send_refused);
+  Number(m.can_receive_dropped, s.can_receive_dropped);
+  Number(m.can_error_frames, s.can_error_frames);
+  Number(m.can_bus_off, s.can_bus_off);
+  m.bus_load = s.bus_load;
+  m.num_drives = static_cast<std::int32_t>(s.drives.size());
+  m.drive_age_cycles.clear();
+  m.drive_worst_age_cycles.clear();
+  for (const DriveStatistics& drive : s.drives) {
+    m.drive_age_cycles.push_back(drive.age_cycles);
+    m.drive_worst_age_cycles.push_back(drive.worst_age_cycles);
+  }
+
+  Number(m.voluntary_switches, s.voluntary_switches);
+  Number(m.involuntary_switches, s.involuntary_switches);
+  Number(m.minor_faults, s.minor_faults);
+  Number(m.major_faults, s.major_faults);
+}
+
 void ToMessage(const RunInfo& run, const RobotShape& shape, std::int64_t utime, tendril_lcm::run_t& m) {
   m.utime = utime;
   m.start_utime = run.start_utime;

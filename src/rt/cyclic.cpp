@@ -12,7 +12,6 @@
 #include <bit>
 #include <cerrno>
 #include <cmath>
-#include <cstdint>
 #include <cstring>
 #include <ctime>
 
@@ -151,6 +150,21 @@ TimeNs Histogram::Percentile(double share) const noexcept {
     if (seen >= rank) return std::min(static_cast<TimeNs>(EdgeOf(bin)), max_ns_);
   }
   return max_ns_;
+}
+
+LatencyStatistics Histogram::Statistics() const noexcept {
+  LatencyStatistics s;
+  s.median_ns = Percentile(0.5);
+  s.p99_ns = Percentile(0.99);
+  s.p999_ns = Percentile(0.999);
+  s.max_ns = max_ns_;
+  // Octaves end where powers of two do, so that no bin lies across the edge of a published one.
+  std::size_t to = 0;
+  for (std::uint64_t bin = 0; bin < kBins; ++bin) {
+    while (static_cast<TimeNs>(EdgeOf(bin)) >= LatencyBinBelow_ns(static_cast<int>(to))) ++to;
+    s.counts[to] += bin_[bin];
+  }
+  return s;
 }
 
 }  // namespace tendril::rt

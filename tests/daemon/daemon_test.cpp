@@ -20,6 +20,7 @@
 #include "tendril/io/log.h"
 #include "tendril_lcm/event_t.hpp"
 #include "tendril_lcm/state_t.hpp"
+#include "tendril_lcm/statistics_t.hpp"
 
 namespace tendril::daemon {
 namespace {
@@ -36,6 +37,7 @@ DaemonParameters Patient() {
   p.bus.sdo_timeout_ms = 2000;
   p.bus.boot_timeout_ms = 20000;
   p.controller.guards.max_missing_cycles = 50;
+  p.controller.guards.max_late_cycles = 5000;
   p.controller.pretension_ramp_Nps = 20;
   return p;
 }
@@ -88,6 +90,10 @@ struct DaemonTest : testing::Test {
     client->OnState([this](const tendril_lcm::state_t& s) {
       const std::lock_guard lock(mutex);
       state = s;
+    });
+    client->OnStatistics([this](const tendril_lcm::statistics_t& s) {
+      const std::lock_guard lock(mutex);
+      statistics.push_back(s);
     });
     client->OnEvent([this](const tendril_lcm::event_t& e) {
       const std::lock_guard lock(mutex);
@@ -155,6 +161,7 @@ struct DaemonTest : testing::Test {
   std::mutex mutex;
   tendril_lcm::state_t state{};
   std::vector<std::string> texts;
+  std::vector<tendril_lcm::statistics_t> statistics;
   std::uint32_t sequence = 0;
 };
 
@@ -205,6 +212,59 @@ TEST_F(DaemonTest, EndsInTimeEvenWhenTensionsRampDownLonger) {
   EXPECT_LT(Stop(), 2.0);
   for (int d = 0; d < 3; ++d) EXPECT_FALSE(drives.rack().enabled(d));
   EXPECT_THAT(texts, Contains(HasSubstr("drives were disabled at once")));
+}
+
+// Nothing in a cycle waits for anybody or fetches a page, from boot to motion, through a fault and its
+// clearing.
+TEST_F(DaemonTest, StatisticsTellEverySecondAndTheCyclesNeitherWaitNorFetchPages) {
+  options.parameters.realtime = {};  // memory locked
+  Start(options);
+  Arm();
+  Command bend;
+  bend.kind = CommandKind::kBending;
+  bend.bending_rad = Eigen::Vector2d(0.3, 0);
+  Send(bend);
+  const auto reports = [this] {
+    const std::lock_guard lock(mutex);
+    return statistics;
+  };
+  ASSERT_TRUE(Within20s([&](const auto&) { return reports().size() >= 4; }));
+  Stop();
+  const auto all = reports();
+  for (std::size_t i = 2; i < all.size(); ++i) {
+    EXPECT_GT(all[i].utime - all[i - 1].utime, 900'000);
+    EXPECT_GT(all[i].cycles, all[i - 1].cycles);
+  }
+  const tendril_lcm::statistics_t& s = all.back();
+  for (const auto* counts : {&s.wake_latency_counts, &s.compute_counts, &s.round_trip_counts}) {
+    std::int64_t sum = 0;
+    for (const std::int64_t count : *counts) sum += count;
+    EXPECT_EQ(sum, s.cycles) << "every cycle is in one bin";
+  }
+  for (const auto& at : {s.wake_latency_ns, s.compute_ns, s.round_trip_ns}) {
+    EXPECT_LE(at[0], at[1]);
+    EXPECT_LE(at[1], at[2]);
+    EXPECT_LE(at[2], at[3]);
+  }
+  EXPECT_EQ(s.num_drives, 3);
+  EXPECT_GT(s.can_sent, s.cycles) << "SYNC and torques";
+  EXPECT_GT(s.bus_load, 0.01);
+  std::int64_t skipped = 0;
+  for (std::size_t i = 0; i < s.miss_cause.size(); ++i) {
+    skipped += s.miss_skipped[i];
+    EXPECT_NE(s.miss_cause[i], "");
+  }
+  if (s.num_misses < 16) {
+    EXPECT_EQ(skipped, s.deadline_misses);
+  }
+  EXPECT_EQ(s.voluntary_switches, 0);
+  EXPECT_EQ(s.major_faults, 0);
+  const bool locked = std::none_of(texts.begin(), texts.end(), [](const std::string& t) {
+    return t.find("memory is not locked") != t.npos;
+  });
+  if (locked) {
+    EXPECT_EQ(s.minor_faults, 0);
+  }
 }
 
 TEST_F(DaemonTest, ARefusedCommandIsAnsweredAndChangesNothing) {

@@ -11,6 +11,8 @@
 #include <thread>
 #include <vector>
 
+#include "tendril/rt/usage.h"
+
 namespace tendril::rt {
 namespace {
 
@@ -106,6 +108,39 @@ TEST(Histogram, SmallValuesAreExactAndExtremesAreKept) {
   EXPECT_EQ(histogram.Percentile(2.0 / 17), 0);
   histogram.Add(3600 * kNsPerS);
   EXPECT_EQ(histogram.Percentile(1), 3600 * kNsPerS);
+}
+
+TEST(Histogram, PublishedBinsHoldEveryValueBelowTheirEdgeAndNoOther) {
+  Histogram histogram;
+  std::array<std::uint64_t, kLatencyBins> expected{};
+  for (TimeNs v : {0L, 1L, 1023L, 1024L, 2047L, 2048L, 1'000'000L, (1L << 30) - 1, 1L << 30, 1L << 40}) {
+    histogram.Add(v);
+    int bin = 0;
+    while (v >= LatencyBinBelow_ns(bin)) ++bin;
+    ++expected[static_cast<std::size_t>(bin)];
+  }
+  EXPECT_EQ(histogram.Statistics().counts, expected);
+  EXPECT_EQ(histogram.Statistics().max_ns, 1L << 40);
+}
+
+// A wait that is excused is a switch the thread asked for, and still none of its cycle's; one that is not,
+// is.
+TEST(UsageMeter, CountsWhatIsNotExcused) {
+  const auto sleep = [] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    return true;
+  };
+  UsageMeter meter;
+  meter.Begin();
+  EXPECT_TRUE(meter.Excuse(sleep));
+  meter.End();
+  EXPECT_EQ(meter.sum().voluntary_switches, 0U);
+  sleep();
+  EXPECT_EQ(meter.sum().voluntary_switches, 0U) << "outside the cycle";
+  meter.Begin();
+  sleep();
+  meter.End();
+  EXPECT_EQ(meter.sum().voluntary_switches, 1U);
 }
 
 TEST(EnterRealtime, ImpossibleSettingsAreNamedWithTheirRemedy) {

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <stdexcept>
 
 #include "commands.h"
@@ -14,6 +15,7 @@
 #include "tendril/io/client.h"
 #include "tendril_lcm/event_t.hpp"
 #include "tendril_lcm/state_t.hpp"
+#include "tendril_lcm/statistics_t.hpp"
 
 namespace tendril::tools {
 namespace {
@@ -97,12 +99,94 @@ std::string Table(const tendril_lcm::state_t& s) {
   return t;
 }
 
-void Show(const StatusOptions& o, const tendril_lcm::state_t& state, const std::string& footer) {
+nlohmann::json ToJson(const tendril_lcm::statistics_t& s) {
+  const auto latency = [&s](const std::vector<std::int64_t>& counts, const std::int64_t(&at)[4]) {
+    return nlohmann::json{{"median_ns", at[0]},
+                          {"p99_ns", at[1]},
+                          {"p999_ns", at[2]},
+                          {"max_ns", at[3]},
+                          {"bin_below_ns", s.bin_below_ns},
+                          {"counts", counts}};
+  };
+  nlohmann::json misses = nlohmann::json::array();
+  for (std::size_t i = 0; i < s.miss_cycle.size(); ++i) {
+    misses.push_back(
+        {{"cycle", s.miss_cycle[i]}, {"skipped", s.miss_skipped[i]}, {"cause", s.miss_cause[i]}});
+  }
+  return {{"utime", s.utime},
+          {"cycles", s.cycles},
+          {"deadline_misses", s.deadline_misses},
+          {"wake_latency", latency(s.wake_latency_counts, s.wake_latency_ns)},
+          {"compute", latency(s.compute_counts, s.compute_ns)},
+          {"round_trip", latency(s.round_trip_counts, s.round_trip_ns)},
+          {"misses", misses},
+          {"can",
+           {{"sent", s.can_sent},
+            {"received", s.can_received},
+            {"send_refused", s.can_send_refused},
+            {"receive_dropped", s.can_receive_dropped},
+            {"error_frames", s.can_error_frames},
+            {"bus_off", s.can_bus_off},
+            {"load", s.bus_load}}},
+          {"drive_age_cycles", s.drive_age_cycles},
+          {"drive_worst_age_cycles", s.drive_worst_age_cycles},
+          {"voluntary_switches", s.voluntary_switches},
+          {"involuntary_switches", s.involuntary_switches},
+          {"minor_faults", s.minor_faults},
+          {"major_faults", s.major_faults}};
+}
+
+// One row of a histogram as bars: a digit a bin, the tenth part of the fullest in powers of ten.
+std::string Bars(const std::vector<std::int64_t>& counts) {
+  std::string bars;
+  for (const std::int64_t count : counts) {
+    bars += count == 0 ? '.' : static_cast<char>('0' + std::min(9, static_cast<int>(std::log10(count))));
+  }
+  return bars;
+}
+
+std::string Table(const tendril_lcm::statistics_t& s) {
+  std::string t =
+      fmt::format("\n{:<12}{:>11}{:>11}{:>11}{:>11}   {}\n", "time [us]", "median", "99 %", "99.9 %", "most",
+                  "cycles in bins below 1, 2, 4 us ... 1 s (digit d: 10^d or more)");
+  const auto row = [&t](const char* name, const std::int64_t(&at)[4],
+                        const std::vector<std::int64_t>& counts) {
+    t += fmt::format("{:<12}", name);
+    for (const std::int64_t value : at) t += Cell(static_cast<double>(value), 1e-3, 1);
+    t += "   " + Bars(counts) + "\n";
+  };
+  row("  wake-up", s.wake_latency_ns, s.wake_latency_counts);
+  row("  bus", s.round_trip_ns, s.round_trip_counts);
+  row("  step", s.compute_ns, s.compute_counts);
+  t += fmt::format("cycles {}, missed {}", s.cycles, s.deadline_misses);
+  if (s.num_misses > 0) {
+    t += fmt::format("; last: {} before cycle {} ({})", s.miss_skipped.back(), s.miss_cycle.back(),
+                     s.miss_cause.back());
+  }
+  t += fmt::format(
+      "\nCAN {:.1f} % load, {} sent, {} received, {} refused, {} dropped, {} error frames, {} times "
+      "bus-off\n",
+      100 * s.bus_load, s.can_sent, s.can_received, s.can_send_refused, s.can_receive_dropped,
+      s.can_error_frames, s.can_bus_off);
+  t += "age of feedback [cycles], now (worst of the last second):";
+  for (std::size_t i = 0; i < s.drive_age_cycles.size(); ++i) {
+    t += fmt::format(" {} ({})", s.drive_age_cycles[i], s.drive_worst_age_cycles[i]);
+  }
+  t += fmt::format("\nthread: {} voluntary, {} involuntary switches, {} + {} page faults\n",
+                   s.voluntary_switches, s.involuntary_switches, s.minor_faults, s.major_faults);
+  return t;
+}
+
+void Show(const StatusOptions& o, const tendril_lcm::state_t& state,
+          const std::optional<tendril_lcm::statistics_t>& statistics, const std::string& footer) {
   if (o.json) {
-    fmt::print("{}\n", ToJson(state).dump());
+    nlohmann::json all = ToJson(state);
+    if (statistics) all["statistics"] = ToJson(*statistics);
+    fmt::print("{}\n", all.dump());
   } else {
     const bool redraw = o.watch && isatty(STDOUT_FILENO) != 0;
-    fmt::print("{}{}{}", redraw ? kClearScreen : "", Table(state), footer);
+    fmt::print("{}{}{}{}", redraw ? kClearScreen : "", Table(state), statistics ? Table(*statistics) : "",
+               footer);
   }
   std::fflush(stdout);
 }
@@ -119,6 +203,8 @@ void Status(const StatusOptions& o) {
     heard_ns = clock.Now();
     state = s;
   });
+  std::optional<tendril_lcm::statistics_t> statistics;
+  client.OnStatistics([&](const tendril_lcm::statistics_t& s) { statistics = s; });
   client.OnEvent([&](const tendril_lcm::event_t& e) { last_event = e.source + ": " + e.text; });
 
   const auto wait = [&](TimeNs until_ns, bool first_only) {
@@ -132,7 +218,7 @@ void Status(const StatusOptions& o) {
                     o.lcm.url, o.lcm.prefix, kFirstWithin_s));
   }
   if (!o.watch) {
-    Show(o, state, "");
+    Show(o, state, statistics, "");
     return;
   }
   std::signal(SIGINT, [](int) { interrupted = 1; });
@@ -141,7 +227,7 @@ void Status(const StatusOptions& o) {
     std::string footer = "\n";
     if (!last_event.empty()) footer += "last event: " + last_event + "\n";
     if (silent_s > 1) footer += fmt::format("no state for {:.0f} s: has the daemon stopped?\n", silent_s);
-    Show(o, state, footer);
+    Show(o, state, statistics, footer);
     wait(clock.Now() + kRedrawEvery_ns, false);
   }
 }

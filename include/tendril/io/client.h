@@ -12,6 +12,7 @@
 namespace tendril_lcm {
 class state_t;
 class event_t;
+class statistics_t;
 }  // namespace tendril_lcm
 
 namespace tendril::io {
@@ -20,6 +21,7 @@ class Client {
  public:
   using StateSink = std::function<void(const tendril_lcm::state_t&)>;
   using EventSink = std::function<void(const tendril_lcm::event_t&)>;
+  using StatisticsSink = std::function<void(const tendril_lcm::statistics_t&)>;
 
   /// A connection of its own. Throws std::runtime_error with the remedy when it cannot be opened.
   Client(const std::string& url, const std::string& channel_prefix);
@@ -30,6 +32,7 @@ class Client {
   /// Called in Handle; must not throw.
   void OnState(StateSink sink);
   void OnEvent(EventSink sink);
+  void OnStatistics(StatisticsSink sink);
 
   /// Publishes the command on its channel, kind kNone excepted. `utime` [us since the epoch] is when it was
   /// given, 0: the time of arrival counts. received_ns of the command is not sent. False when publishing

@@ -9,6 +9,7 @@
 
 #include "tendril/core/cycle.h"
 #include "tendril/core/daemon.h"
+#include "tendril/core/statistics.h"
 
 namespace tendril::io {
 
@@ -46,6 +47,7 @@ class Gateway {
   void PublishState(const CycleRecord& record);
   /// Call with every cycle: publishes every cycle_every_cycles-th.
   void PublishCycle(const CycleRecord& record);
+  void PublishStatistics(const LoopStatistics& statistics);
   void PublishEvent(TimeNs time_ns, Status status, const std::string& source, const std::string& text);
 
   struct Counters {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "tendril/core/cycle.h"
+#include "tendril/core/statistics.h"
 #include "tendril/io/gateway.h"
 #include "tendril_lcm/command_bending_t.hpp"
 #include "tendril_lcm/command_mode_t.hpp"
@@ -17,6 +18,7 @@
 #include "tendril_lcm/run_t.hpp"
 #include "tendril_lcm/snapshot_t.hpp"
 #include "tendril_lcm/state_t.hpp"
+#include "tendril_lcm/statistics_t.hpp"
 #include "tendril_lcm/tracker_t.hpp"
 
 namespace tendril::io {
@@ -34,6 +36,8 @@ template <>
 inline constexpr int kLeadingCounts<tendril_lcm::cycle_t> = 6;
 template <>
 inline constexpr int kLeadingCounts<tendril_lcm::snapshot_t> = 1;
+template <>
+inline constexpr int kLeadingCounts<tendril_lcm::statistics_t> = 3;
 
 /// True when the first `counts` numbers of an encoded message are not negative and fit into its size
 /// together, so that decoding cannot be made to reserve more memory than the message has.
@@ -64,6 +68,8 @@ bool FromMessage(const tendril_lcm::cycle_t& message, CycleRecord& record) noexc
 
 void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t utime,
                tendril_lcm::state_t& message);
+
+void ToMessage(const LoopStatistics& statistics, std::int64_t utime, tendril_lcm::statistics_t& message);
 
 void ToMessage(const RunInfo& run, const RobotShape& shape, std::int64_t utime, tendril_lcm::run_t& message);
 

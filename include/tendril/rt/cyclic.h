@@ -8,6 +8,7 @@
 
 #include "tendril/core/clock.h"
 #include "tendril/core/daemon.h"
+#include "tendril/core/statistics.h"
 
 namespace tendril::rt {
 
@@ -50,6 +51,7 @@ class Histogram {
   /// A value that at least the given share (0..1) of the values do not exceed, at most 1/8 above the exact
   /// one; 0 when empty.
   TimeNs Percentile(double share) const noexcept;
+  LatencyStatistics Statistics() const noexcept;
 
  private:
   static constexpr int kBins = 32 * 8;

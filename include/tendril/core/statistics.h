@@ -1,0 +1,54 @@
+// How the loop goes, as data: latencies, misses with their cause, the bus, the drives and what the kernel did
+// to the thread. Collected by the daemon, published by the gateway once a second. Plain values.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "tendril/core/clock.h"
+
+namespace tendril {
+
+/// Bins of published histograms: values below 2^10 ns (1 us), below 2^11 ns, ... , below 2^30 ns (1 s), and
+/// the rest.
+inline constexpr int kLatencyBins = 22;
+constexpr TimeNs LatencyBinBelow_ns(int bin) {
+  return bin + 1 < kLatencyBins ? TimeNs{1} << (10 + bin) : INT64_MAX;
+}
+
+struct LatencyStatistics {
+  TimeNs median_ns = 0, p99_ns = 0, p999_ns = 0, max_ns = 0;
+  std::array<std::uint64_t, kLatencyBins> counts{};
+};
+
+/// Whole periods that were skipped, and what took their time.
+struct MissedCycles {
+  std::uint64_t cycle = 0;    // the one that came late
+  std::uint64_t skipped = 0;  // periods before it
+  std::string cause;
+};
+
+struct DriveStatistics {
+  int age_cycles = 0;        // of its feedback; 0: arrived in the last cycle
+  int worst_age_cycles = 0;  // since the last report
+};
+
+/// All counts since start unless said otherwise.
+struct LoopStatistics {
+  TimeNs time_ns = 0;
+  std::uint64_t cycles = 0, deadline_misses = 0;
+  LatencyStatistics wake_latency, compute, round_trip;
+  std::vector<MissedCycles> misses;  // the last few
+  std::vector<DriveStatistics> drives;
+  std::uint64_t can_sent = 0, can_received = 0, can_send_refused = 0, can_receive_dropped = 0,
+                can_error_frames = 0, can_bus_off = 0;
+  double bus_load = 0;  // of the bit rate, since the last report, worst-case stuffing
+  // Of the real-time thread, within its cycles. What a cycle waits for on the bus is not counted.
+  std::uint64_t voluntary_switches = 0;              // it waited for somebody: should be 0
+  std::uint64_t involuntary_switches = 0;            // somebody more important took its CPU
+  std::uint64_t minor_faults = 0, major_faults = 0;  // pages were fetched: should be 0
+};
+
+}  // namespace tendril
