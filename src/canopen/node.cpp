@@ -16,6 +16,7 @@ constexpr int kTries = 3;                           // of each SDO transfer duri
 constexpr TimeNs kBootUpWait_ns = 1000 * kNsPerMs;  // then the node is asked whether it is there
 constexpr TimeNs kNmtGrace_ns = 50 * kNsPerMs;      // heartbeats sent before NMT start may still arrive
 constexpr TimeNs kWalk_ns = 2000 * kNsPerMs;        // from a request to operation enabled
+constexpr TimeNs kDisable_ns = 500 * kNsPerMs;  // from a request to disabled; then NMT takes the power away
 constexpr TimeNs kFaultReset_ns = 1000 * kNsPerMs;
 constexpr TimeNs kStatusRefresh_ns = 200 * kNsPerMs;  // a lost statusword TPDO is made up for after this
 constexpr std::uint16_t kNeverHeard = std::numeric_limits<std::uint16_t>::max();
@@ -449,7 +450,7 @@ void Node::BeginCycle(TimeNs now_ns) noexcept {
 
 /// What the drive was told to do and does not get done.
 void Node::CheckProgress(TimeNs now_ns) noexcept {
-  if ((walking_ || reset_ != Reset::kNone) && now_ns >= refresh_ns_) RefreshStatusword(now_ns);
+  if ((walking_ || off_first_ || reset_ != Reset::kNone) && now_ns >= refresh_ns_) RefreshStatusword(now_ns);
   if (walking_ && now_ns >= walk_deadline_ns_) {
     Report(now_ns, Status::kDriveFault, "enabling: stuck in %s (statusword 0x%04X)",
            DriveMachineText(machine()), feedback_.statusword);
@@ -670,6 +671,16 @@ bool Node::MakeRpdo(TimeNs now_ns, DriveRequest request, std::int16_t torque_per
   } else if (request == DriveRequest::kDisable) {
     may_enable_ = !latched_;
     walking_ = holds_ = false;
+    if (powered() && !off_first_) {
+      refresh_ns_ = now_ns + kStatusRefresh_ns;
+      disable_deadline_ns_ = now_ns + kDisable_ns;
+    } else if (powered() && now_ns >= disable_deadline_ns_) {
+      // Its torque frames may be lost while others get through.
+      disable_deadline_ns_ = now_ns + kDisable_ns;
+      Report(now_ns, Status::kDriveFault, "still enabled %d ms after it was told to disable: stopped by NMT",
+             static_cast<int>(kDisable_ns / kNsPerMs));
+      QueueNmt(NmtCommand::kStop);
+    }
     off_first_ = powered();
   } else if (may_enable_ && !(off_first_ && powered())) {
     off_first_ = false;

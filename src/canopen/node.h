@@ -127,7 +127,7 @@ class Node {
   bool off_first_ = false;   // told to disable, and not seen disabled yet
   bool walking_ = false;     // on the way to operation enabled
   bool short_pdo_told_ = false;
-  TimeNs walk_deadline_ns_ = 0, refresh_ns_ = 0;
+  TimeNs walk_deadline_ns_ = 0, disable_deadline_ns_ = 0, refresh_ns_ = 0;
   Reset reset_ = Reset::kNone;
   bool rebooted_for_reset_ = false;
   TimeNs reset_deadline_ns_ = 0;
