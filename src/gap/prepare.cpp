@@ -24,6 +24,7 @@ constexpr double kSlidingCounts =
     4;  // 12 mrad at 2048 counts: friction in motor and gear has turned round by then
 constexpr double kSlow_s = 0.05;    // a motor that takes longer from count to count may be at rest
 constexpr double kAtOnce_s = 0.01;  // and so may one that takes twice as long as before, and longer than this
+constexpr double kSlowLog_s = 0.005;
 constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
 constexpr double kAfterGap_s = 0.3;    // after lost samples friction memories are not known
 
@@ -173,7 +174,7 @@ Eigen::VectorXd Denoised(const Eigen::VectorXd& signal, double noise) {
 /// from one count to the next, which it reaches soon: at rest, and where samples were lost, its friction may
 /// be anything.
 void MarkSliding(const Eigen::VectorXd& reading, const std::vector<char>& valid, double count, double step_s,
-                 Eigen::Ref<Eigen::Matrix<char, -1, 1>> out) {
+                 double sampled_s, Eigen::Ref<Eigen::Matrix<char, -1, 1>> out) {
   const int samples = static_cast<int>(reading.size());
   const int soon = std::max(2, static_cast<int>(std::lround(kSlow_s / step_s)));
   const int at_once = std::max(1, static_cast<int>(std::lround(kAtOnce_s / step_s)));
@@ -194,6 +195,14 @@ void MarkSliding(const Eigen::VectorXd& reading, const std::vector<char>& valid,
     last = reading[i];
     changed = i;
     before = lasted;
+  }
+  // Between the samples of a slow log a motor may have turned or rested unseen.
+  const int unseen =
+      step_s < kSlowLog_s ? 0 : 2 * std::max(1, static_cast<int>(std::lround(sampled_s / step_s)));
+  const Eigen::Matrix<char, -1, 1> whole = out;
+  for (int i = 0; i < samples && unseen > 0; ++i) {
+    const int a = std::max(0, i - unseen), b = std::min(samples, i + unseen + 1);
+    out[i] = whole.segment(a, b - a).minCoeff();
   }
 }
 
@@ -323,7 +332,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       if (count > 0 && Quantised(angle, count)) {
         angle = InsideCounts(angle, count, step_s, seed != 0 ? &random : nullptr);
       }
-      MarkSliding(reading.col(j), out.valid, count > 0 ? count : 3e-3, step_s, out.sliding.col(j));
+      MarkSliding(reading.col(j), out.valid, count > 0 ? count : 3e-3, step_s, sampled_s, out.sliding.col(j));
       const int h = local.half;
       Eigen::VectorXd padded(samples + 2 * h);
       padded << Eigen::VectorXd::Constant(h, angle[0]), angle,
