@@ -17,8 +17,8 @@ struct Admission {
 constexpr Admission AdmissionIn(Mode mode) {
   switch (mode) {
     //                          arm    disarm hold   clear  target
-    case Mode::kDisconnected:
-      return {false, true, false, false, false};
+    case Mode::kDisconnected:  // clear: drives whose start-up failed are booted again
+      return {false, true, false, true, false};
     case Mode::kConfigured:
       return {true, true, false, false, false};
     case Mode::kArmed:

@@ -41,6 +41,18 @@ TEST(Controller, NoTorqueBeforeArmAndNoneAfterDisarm) {
   for (int j = 0; j < 3; ++j) EXPECT_EQ(loop.output.torque_target_permille[j], 0);
 }
 
+TEST(Controller, ClearBootsDrivesAgainThatFailedToStart) {
+  IdealLoop loop;
+  loop.Step();
+  ASSERT_EQ(loop.output.mode, Mode::kDisconnected);
+  EXPECT_FALSE(loop.output.clear_drive_faults);
+  EXPECT_TRUE(loop.Step(loop.ModeCommand(ModeRequest::kClear)).clear_drive_faults);
+  EXPECT_EQ(loop.output.mode, Mode::kDisconnected);
+  EXPECT_FALSE(loop.Step().clear_drive_faults);
+  loop.Ready();
+  EXPECT_EQ(loop.output.mode, Mode::kConfigured);
+}
+
 TEST(Controller, PretensionRisesAtItsRateToTheMinimum) {
   IdealLoop loop;
   loop.Ready();
