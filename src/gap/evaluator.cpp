@@ -28,7 +28,6 @@ constexpr int kReadings = 4;               // alternative readings of the same l
 constexpr double kFloorShare = 0.2, kSignalShare = 1e-3;
 constexpr double kTransient = 4;  // times the white noise's variance, within one window
 constexpr double kResolutionWindow_s = 0.25;
-constexpr double kSlowLog_s = 0.005;  // a torque loop settles between the samples
 
 Eigen::Vector3d RotationVector(const Eigen::Matrix3d& R) {
   const Eigen::AngleAxisd turn(R);
@@ -529,7 +528,7 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
         }
       }
       // What a target did between the samples of a slow log is open by as much as it changed over them.
-      if (channels_[c].quantity == Quantity::kTorque && runs_[i].signals.step_s > kSlowLog_s) {
+      if (channels_[c].quantity == Quantity::kTorque && runs_[i].signals.step_s >= kSlowLog_s) {
         const auto target = runs_[i].signals.torque_target_Nm.col(channels_[c].index);
         for (int w = 1; w + 1 < windows; ++w) {
           const double most =

@@ -24,7 +24,6 @@ constexpr double kSlidingCounts =
     4;  // 12 mrad at 2048 counts: friction in motor and gear has turned round by then
 constexpr double kSlow_s = 0.05;    // a motor that takes longer from count to count may be at rest
 constexpr double kAtOnce_s = 0.01;  // and so may one that takes twice as long as before, and longer than this
-constexpr double kSlowLog_s = 0.005;
 constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
 constexpr double kAfterGap_s = 0.3;    // after lost samples friction memories are not known
 

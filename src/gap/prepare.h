@@ -13,6 +13,9 @@
 
 namespace tendril::gap {
 
+/// From this step on a torque loop settles, and a motor may turn or rest, unseen between two samples.
+constexpr double kSlowLog_s = 0.005;
+
 /// One run on its grid, S samples, with what the sensors said.
 struct PreparedRun {
   std::string name, family, repeat_of;

@@ -66,25 +66,37 @@ TEST_F(DriveFeedForwardTest, InTheMiddleOfAReversalTheBaseGetsWhatIsWanted) {
   EXPECT_LT(worst, 2e-3);
 }
 
-// Also where the tendon's stretch makes the path fold over, under high tension.
-TEST_F(DriveFeedForwardTest, NoTorqueJumpsAtAReversalAndNoneComesOfRest) {
-  for (const double tension : {0.3, 2.0, 5.0, 7.5}) {
-    DriveFeedForward f = Make();
-    f.Reset(tension, 0);
-    for (int i = 0; i < 1000; ++i) f.Step(tension, 0, true);
-    double last = f.Step(tension, 0, true).torque_Nm, largest = 0;
-    for (int i = 0; i < 6000; ++i) {
-      const double torque =
-          f.Step(tension, 1e-4 * (1 - std::cos(2 * std::numbers::pi * i / 2000)), true).torque_Nm;
-      largest = std::max(largest, std::abs(torque - last));
-      last = torque;
-    }
-    // Gear and motor turn their friction over 0.004 rad of the motor: a cycle may take a part of that, not
-    // all.
-    const double turned = 1.35 * tension * 0.008 / 19 * (1 / 0.84 - 0.84) + 2 * 2e-4;
-    EXPECT_LT(largest, 0.4 * turned) << tension << " N";
-    for (int i = 0; i < 1000; ++i) last = f.Step(tension, 0, true).torque_Nm;
-    for (int i = 0; i < 1000; ++i) EXPECT_EQ(f.Step(tension, 0, true).torque_Nm, last) << "chatter at rest";
+// Largest change of torque in a cycle over a back-and-forth motion; then at rest, where nothing may change.
+double LargestJump(DriveFeedForward f, double tension_N) {
+  f.Reset(tension_N, 0);
+  for (int i = 0; i < 1000; ++i) f.Step(tension_N, 0, true);
+  double last = f.Step(tension_N, 0, true).torque_Nm, largest = 0;
+  for (int i = 0; i < 6000; ++i) {
+    const double torque =
+        f.Step(tension_N, 1e-4 * (1 - std::cos(2 * std::numbers::pi * i / 2000)), true).torque_Nm;
+    largest = std::max(largest, std::abs(torque - last));
+    last = torque;
+  }
+  for (int i = 0; i < 1000; ++i) last = f.Step(tension_N, 0, true).torque_Nm;
+  for (int i = 0; i < 1000; ++i) {
+    EXPECT_EQ(f.Step(tension_N, 0, true).torque_Nm, last) << "chatter at rest, " << tension_N << " N";
+  }
+  return largest;
+}
+
+TEST_F(DriveFeedForwardTest, NoTorqueJumpsAtAReversalUnderLowTension) {
+  for (const double tension_N : {0.3, 1.0})
+    EXPECT_LT(LargestJump(Make(), tension_N), 5e-5) << tension_N << " N";
+}
+
+// A known shortfall: 2 N just exceeds the bound above, and from 5 N on, where the tendon's stretch makes the
+// path fold over, a cycle takes a quarter of the friction that turns. This only keeps it from taking all.
+TEST_F(DriveFeedForwardTest, UnderHighTensionACycleTakesAPartOfAReversal) {
+  for (const double tension_N : {2.0, 5.0, 7.5}) {
+    const double turned_Nm = 1.35 * tension_N * 0.008 / 19 * (1 / 0.84 - 0.84) + 2 * 2e-4;
+    const double largest_Nm = LargestJump(Make(), tension_N);
+    RecordProperty("largest_uNm_at_" + std::to_string(tension_N) + "_N", std::to_string(1e6 * largest_Nm));
+    EXPECT_LT(largest_Nm, 0.4 * turned_Nm) << tension_N << " N";
   }
 }
 
