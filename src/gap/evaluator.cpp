@@ -187,14 +187,14 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
                           "two; leave the run out",
                           run.name, j + 1));
         }
-        auto without = run.signals;
-        without.tension_N.col(j).setZero();
-        const Eigen::MatrixXd nominal = sim::Replay(nominal_).CellFromTorque(
-            without, Eigen::MatrixXd::Zero(without.tension_N.rows(), tendons));
-        run.signals.tension_N.col(j) = nominal.col(j);
+        run.without_cell.push_back(j);
         degradations_.push_back(fmt::format(
             "{}: no load cell on tendon {}: its tension is taken from the motor's torque", run.name, j + 1));
       }
+    }
+    for (auto& run : runs_) {
+      stood_in_ = stood_in_ || !run.without_cell.empty();
+      run.signals = StoodIn(nominal_, run);
     }
   }
 
@@ -306,6 +306,18 @@ Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const Robo
   return shortening;
 }
 
+// With the tensions that torque makes on tendons without a cell: by the laws of this robot, not of the
+// nominal one, or what changes torque into tension would be an error of the body.
+sim::ReplaySignals Evaluator::StoodIn(const RobotParameters& robot, const PreparedRun& run) const {
+  sim::ReplaySignals signals = run.signals;
+  if (run.without_cell.empty()) return signals;
+  for (const int j : run.without_cell) signals.tension_N.col(j).setZero();
+  const Eigen::MatrixXd still = Eigen::MatrixXd::Zero(run.samples(), signals.tension_N.cols());
+  const Eigen::MatrixXd from_torque = sim::Replay(robot).CellFromTorque(signals, still);
+  for (const int j : run.without_cell) signals.tension_N.col(j) = from_torque.col(j);
+  return signals;
+}
+
 Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,
                                          const sim::BodyMotion* known_motion) const {
   const sim::Replay replay(robot);
@@ -315,7 +327,7 @@ Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const Pre
                        Setting(robot, "tracker_offset");
   const bool simulate = (cuts & kBody) != 0 || known_motion == nullptr;
   if (simulate) {
-    out.motion = replay.Body(run.signals, driven_by_, 1);
+    out.motion = replay.Body(run.without_cell.empty() ? run.signals : StoodIn(robot, run), driven_by_, 1);
     if ((cuts & (kC2 | kC3)) || tracker) out.motion.shortening_m = MeasuredShortening(run, robot, out.motion);
   }
   const Eigen::MatrixXd& shortening = simulate ? out.motion.shortening_m : known_motion->shortening_m;
@@ -465,6 +477,7 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
     other.cell_N = runs_[i].cell_N;
     other.signals.torque_target_Nm = runs_[i].signals.torque_target_Nm;
     // What stands in for a missing cell stands in here, too.
+    other.without_cell = runs_[i].without_cell;
     for (int j = 0; j < other.signals.tension_N.cols(); ++j) {
       if (!other.signals.tension_N.col(j).allFinite())
         other.signals.tension_N.col(j) = runs_[i].signals.tension_N.col(j);
@@ -611,7 +624,8 @@ unsigned Evaluator::CutsOf(const sim::Effect& effect) const {
   const std::string_view name = effect.name;
   switch (effect.stage) {
     case sim::Stage::kDrive:
-      return effect.cut == sim::Cut::kCurrentLoop || effect.cut == sim::Cut::kClock ? kC1 : kC2;
+      if (effect.cut == sim::Cut::kCurrentLoop || effect.cut == sim::Cut::kClock) return kC1;
+      return stood_in_ ? kC2 | kC3 | kBody : kC2;
     case sim::Stage::kTransmission:
       if (runs_[0].signals.load_cell == LoadCellPlace::kMotorSide &&
           (name == "tendon_stiffness" || name == "tendon_creep" || name == "slack"))

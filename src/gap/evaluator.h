@@ -76,6 +76,7 @@ class Evaluator {
 
  private:
   struct Replayed;
+  sim::ReplaySignals StoodIn(const RobotParameters& robot, const PreparedRun& run) const;
   Replayed ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,
                      const sim::BodyMotion* known_motion) const;
   std::vector<Eigen::VectorXd> ResidualsOf(const Replayed& replayed, const PreparedRun& run, unsigned cuts,
@@ -89,7 +90,7 @@ class Evaluator {
   std::vector<sim::BodyMotion> nominal_motion_;
   std::vector<Channel> channels_;
   unsigned available_ = 0;
-  bool repeated_ = false;
+  bool repeated_ = false, stood_in_ = false;
   sim::Replay::DrivenBy driven_by_ = sim::Replay::DrivenBy::kCell;
   Residuals nominal_residuals_, variance_;
   std::vector<std::vector<double>> white_;

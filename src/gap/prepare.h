@@ -32,8 +32,9 @@ struct PreparedRun {
   Eigen::MatrixXd tip_m;               // P x 3
   std::vector<Eigen::Matrix3d> tip_R;  // P, empty without orientation
   // Of the time stamps.
-  double jitter_s = 0;  // rms against the grid
-  int lost = 0;         // grid points without a sample
+  double jitter_s = 0;            // rms against the grid
+  int lost = 0;                   // grid points without a sample
+  std::vector<int> without_cell;  // tendons whose tension in `signals` stands in for a cell that is missing
   std::vector<std::string> notes;
 
   int samples() const { return static_cast<int>(valid.size()); }

@@ -327,6 +327,33 @@ TEST_F(DiagnoseCommandTest, WithoutMotorPositionsThereIsNothingToGoBy) {
   EXPECT_THAT(error_, HasSubstr("motor_position_rad"));
 }
 
+TEST_F(DiagnoseCommandTest, AChannelWithoutAnyNumberIsSaid) {
+  Edit([](Table& table) {
+    for (auto& row : table.rows) row[table.Column("tension_N_3")] = "nan";
+  });
+  ASSERT_TRUE(Found());
+  EXPECT_THAT(Said(), HasSubstr("tension 3: holds no value at all"));
+  EXPECT_THAT(Said(), HasSubstr("no load cell on tendon 3"));
+}
+
+TEST_F(DiagnoseCommandTest, WithoutALoadCellOnOneTendonItsTensionIsFromTorque) {
+  Edit([](Table& table) {
+    for (auto& row : table.rows) row[table.Column("tension_N_3")].clear();
+  });
+  ASSERT_TRUE(Found());
+  EXPECT_THAT(Said(), HasSubstr("no load cell on tendon 3: its tension is taken from the motor's torque"));
+}
+
+TEST_F(DiagnoseCommandTest, SlowLogsAreDiagnosedAndSaid) {
+  Edit([](Table& table) {
+    std::vector<std::vector<std::string>> kept;
+    for (std::size_t i = 0; i < table.rows.size(); i += 20) kept.push_back(table.rows[i]);
+    table.rows = kept;
+  });
+  ASSERT_TRUE(Found());
+  EXPECT_THAT(Said(), HasSubstr("50 Hz; drives (C1) and motion (C5) need 100 Hz and more"));
+}
+
 TEST_F(DiagnoseCommandTest, LogsOf100HzAreEnough) {
   Edit([](Table& table) {
     std::vector<std::vector<std::string>> kept;
