@@ -52,6 +52,8 @@ class MemoryBus::Port final : public CanPort {
 
   bool WaitUntil(TimeNs) noexcept override { return head_ != tail_; }
   bool up() const noexcept override { return !off_ && !bus_.off; }
+  bool bus_off() const noexcept override { return !up(); }
+  void Restart() noexcept override { off_ = bus_.off; }
   const CanCounters& counters() const noexcept override { return counters_; }
 
   void Deliver(const CanFrame& frame) noexcept {

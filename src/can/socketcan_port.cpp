@@ -4,7 +4,10 @@
 
 #include <linux/can.h>
 #include <linux/can/error.h>
+#include <linux/can/netlink.h>
 #include <linux/can/raw.h>
+#include <linux/if_link.h>
+#include <linux/rtnetlink.h>
 #include <net/if.h>
 #include <net/if_arp.h>
 #include <poll.h>
@@ -107,6 +110,62 @@ int OpenSocket(const std::string& interface) {
   }
   Fail(error, "cannot open a CAN socket for interface '" + interface + "'");
 }
+
+/// What `ip link set NAME type can restart` sends.
+class RestartRequest {
+ public:
+  explicit RestartRequest(int interface_index) noexcept {
+    header_.nlmsg_type = RTM_NEWLINK;
+    header_.nlmsg_flags = NLM_F_REQUEST;
+    ifinfomsg link{};
+    link.ifi_index = interface_index;
+    Put(&header_, sizeof(header_));
+    Put(&link, sizeof(link));
+    const std::size_t info = Open(IFLA_LINKINFO);
+    const std::size_t kind = Open(IFLA_INFO_KIND);
+    Put("can", 3);
+    Close(kind);
+    const std::size_t data = Open(IFLA_INFO_DATA);
+    const std::size_t restart = Open(IFLA_CAN_RESTART);
+    const std::uint32_t yes = 1;
+    Put(&yes, sizeof(yes));
+    Close(restart);
+    Close(data);
+    Close(info);
+    header_.nlmsg_len = static_cast<std::uint32_t>(size_);
+    std::memcpy(bytes_.data(), &header_, sizeof(header_));
+  }
+  void Send() const noexcept {
+    const Descriptor fd(socket(AF_NETLINK, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, NETLINK_ROUTE));
+    sockaddr_nl kernel{};
+    kernel.nl_family = AF_NETLINK;
+    // Whether it was granted shows in the interface's state.
+    if (fd.get() >= 0) {
+      (void)sendto(fd.get(), bytes_.data(), size_, MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&kernel),
+                   sizeof(kernel));
+    }
+  }
+
+ private:
+  void Put(const void* from, std::size_t size) noexcept {
+    std::memcpy(bytes_.data() + size_, from, size);
+    size_ += NLMSG_ALIGN(size);
+  }
+  std::size_t Open(std::uint16_t type) noexcept {
+    const std::size_t at = size_;
+    const rtattr attribute{.rta_len = 0, .rta_type = type};
+    Put(&attribute, sizeof(attribute));
+    return at;
+  }
+  void Close(std::size_t at) noexcept {
+    const auto length = static_cast<std::uint16_t>(size_ - at);
+    std::memcpy(bytes_.data() + at, &length, sizeof(length));
+  }
+
+  nlmsghdr header_{};
+  alignas(nlmsghdr) std::array<char, 128> bytes_{};
+  std::size_t size_ = 0;
+};
 
 }  // namespace
 
@@ -359,6 +418,18 @@ bool SocketCanPort::WaitUntil(TimeNs deadline_ns) noexcept {
     }
     if (left_ns == 0) return false;
   }
+}
+
+bool SocketCanPort::bus_off() const noexcept { return state_->bus_off && !state_->link_down; }
+
+void SocketCanPort::Restart() noexcept {
+  if (!bus_off()) return;
+  RestartRequest(state_->index).Send();
+  ifreq request = RequestFor(state_->interface);
+  if (ioctl(state_->fd.get(), SIOCGIFFLAGS, &request) < 0) return;
+  // A controller that is off has no carrier, which takes the running flag within a second.
+  constexpr int kRuns = IFF_UP | IFF_RUNNING;
+  if ((request.ifr_flags & kRuns) == kRuns) state_->bus_off = false;
 }
 
 bool SocketCanPort::up() const noexcept { return !state_->bus_off && !state_->link_down; }

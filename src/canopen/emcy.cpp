@@ -3,7 +3,9 @@
 #include "tendril/canopen/emcy.h"
 
 #include <algorithm>
+#include <string>
 
+#include "tendril/canopen/master.h"
 #include "tendril/canopen/wire.h"
 
 namespace tendril::canopen {
@@ -91,6 +93,17 @@ constexpr EmcyInfo kTable[] = {
     {0x0001, 0xFFFF, kGeneric, R::kDisable, "error (code not in the drive's list)", "see the drive's manual",
      "see the drive's manual"},
 };
+
+constexpr std::size_t LongestTexts() {
+  std::size_t longest = 0;
+  for (const EmcyInfo& info : kTable) {
+    const auto length = [](const char* text) { return std::char_traits<char>::length(text); };
+    longest = std::max(longest, length(info.text) + length(info.cause) + length(info.remedy));
+  }
+  return longest;
+}
+// What the master says around them, with its node, code and register.
+static_assert(LongestTexts() + sizeof("node 127: EMCY 0xFFFF (register 0xFF) : ; ") <= sizeof(EventText));
 
 }  // namespace
 

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "bus_budget.h"
+#include "bus_watch.h"
 #include "node.h"
 #include "tendril/canopen/wire.h"
 
@@ -85,9 +86,11 @@ int BitsForCyclicAndSdo(const BusParameters& bus, std::span<const DriveSetup> dr
 struct Master::State {
   State(const BusParameters& bus_in, std::span<const DriveSetup> drives, can::CanPort& port_in)
       : port(port_in),
+        interface(bus_in.interface),
         cycle_ns(bus_in.cycle_ns),
         heartbeat_ns(bus_in.heartbeat_ms * kNsPerMs),
         cycle_bits(BitsForCyclicAndSdo(bus_in, drives)) {
+    bus_off_seen = port.counters().bus_off;
     node_of_id.fill(nullptr);
     nodes.reserve(drives.size());
     for (const DriveSetup& drive : drives) {
@@ -102,12 +105,16 @@ struct Master::State {
   void WatchBus(TimeNs now_ns) noexcept;
   void Drain(TimeNs now_ns) noexcept;
   void Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept;
+  static const char* MastersOwn(std::uint32_t id, bool ours) noexcept;
+  void Foreign(const can::CanFrame& frame, const char* what, TimeNs now_ns) noexcept;
+  void Malformed(const can::CanFrame& frame, const char* what, int bytes, TimeNs now_ns) noexcept;
   void SendSync(TimeNs now_ns) noexcept;
   void SendHeartbeat(TimeNs now_ns) noexcept;
   void SendPending(TimeNs now_ns) noexcept;
   void SendRpdos(TimeNs now_ns, DriveRequest request, std::span<const std::int16_t> torques) noexcept;
 
   can::CanPort& port;
+  std::string interface;
   TimeNs cycle_ns, heartbeat_ns;
   int cycle_bits;      // that SYNC, PDOs of each SYNC and SDO may use of a cycle
   int sdo_credit = 0;  // bits that SDO may use now
@@ -118,7 +125,11 @@ struct Master::State {
   std::array<can::CanFrame, kMaxTendons> rpdos{};
 
   bool running = false;
-  bool down = false;           // bus-off or interface down
+  BusWatch watch;
+  bool restart_heard = false;      // since WatchBus
+  std::uint64_t bus_off_seen = 0;  // of the port's count
+  FrameFaults faults;
+  TimeNs next_malformed_event_ns = 0, next_foreign_event_ns = 0;
   std::size_t first_node = 0;  // whose pending frame goes first
   TimeNs next_heartbeat_ns = 0;
   std::uint64_t dropped_told = 0;
@@ -139,8 +150,9 @@ const DriveFeedback& Master::feedback(int drive) const noexcept {
   return state_->nodes[static_cast<std::size_t>(drive)]->feedback();
 }
 
-bool Master::bus_ok() const noexcept { return !state_->down && state_->port.up(); }
+bool Master::bus_ok() const noexcept { return !state_->watch.down() && state_->port.up(); }
 bool Master::TakeEvent(BusEvent* event) noexcept { return state_->events.Take(event); }
+const FrameFaults& Master::frame_faults() const noexcept { return state_->faults; }
 std::uint64_t Master::events_lost() const noexcept { return state_->events.lost(); }
 
 void Master::Start(TimeNs now_ns) noexcept {
@@ -152,6 +164,7 @@ void Master::Start(TimeNs now_ns) noexcept {
 }
 
 void Master::ClearFaults(TimeNs now_ns) noexcept {
+  state_->watch.TryAgain(now_ns);
   for (auto& node : state_->nodes) node->ClearFault(now_ns);
 }
 
@@ -201,9 +214,9 @@ bool Master::Shutdown(TimeNs now_ns) noexcept {
   } else {
     released = false;
   }
-  if (released || since_ns >= kShutdownEnd_ns || s.down) {
+  if (released || since_ns >= kShutdownEnd_ns || s.watch.down()) {
     for (auto& node : s.nodes) {
-      if (!s.down && node->started()) s.Send(NmtFrame(NmtCommand::kStop, node->id()), now_ns);
+      if (!s.watch.down() && node->started()) s.Send(NmtFrame(NmtCommand::kStop, node->id()), now_ns);
     }
     s.running = false;
     return true;
@@ -228,9 +241,9 @@ bool Master::State::Send(const can::CanFrame& frame, TimeNs now_ns) noexcept {
 }
 
 void Master::State::ReportRefused(TimeNs now_ns, const char* format, ...) noexcept {
-  if (now_ns < next_refused_event_ns || down) return;
+  if (now_ns < next_refused_event_ns || watch.down()) return;
   next_refused_event_ns = now_ns + kRepeatedEvent_ns;
-  std::array<char, 96> text{};
+  EventText text{};
   va_list arguments;
   va_start(arguments, format);
   std::vsnprintf(text.data(), text.size(), format, arguments);
@@ -241,11 +254,11 @@ void Master::State::ReportRefused(TimeNs now_ns, const char* format, ...) noexce
 void Master::State::SendSync(TimeNs now_ns) noexcept {
   const bool wanted =
       std::any_of(nodes.begin(), nodes.end(), [](const auto& node) { return node->started(); });
-  if (wanted && !down) Send(SyncFrame(), now_ns);
+  if (wanted && !watch.down()) Send(SyncFrame(), now_ns);
 }
 
 void Master::State::SendHeartbeat(TimeNs now_ns) noexcept {
-  if (down || heartbeat_ns <= 0 || now_ns < next_heartbeat_ns) return;
+  if (watch.down() || heartbeat_ns <= 0 || now_ns < next_heartbeat_ns) return;
   Send(HeartbeatFrame(kMasterNodeId, NmtState::kOperational), now_ns);
   next_heartbeat_ns += heartbeat_ns;
   if (next_heartbeat_ns <= now_ns) next_heartbeat_ns = now_ns + heartbeat_ns;
@@ -256,7 +269,7 @@ void Master::State::SendHeartbeat(TimeNs now_ns) noexcept {
 /// SDO never adds more than one frame's time to a cycle's other frames, all of which have precedence on the
 /// bus.
 void Master::State::SendPending(TimeNs now_ns) noexcept {
-  if (down) return;
+  if (watch.down()) return;
   const auto cyclic =
       std::count_if(nodes.begin(), nodes.end(), [](const auto& node) { return node->started(); });
   const int left = cycle_bits - can::WorstCaseBits(0) - static_cast<int>(cyclic) * kPdoBits;
@@ -282,7 +295,7 @@ void Master::State::SendRpdos(TimeNs now_ns, DriveRequest request,
     const std::int16_t torque = i < torques.size() ? torques[i] : std::int16_t{0};
     n += nodes[i]->MakeRpdo(now_ns, request, torque, &rpdos[static_cast<std::size_t>(n)]) ? 1 : 0;
   }
-  if (n == 0 || down) return;
+  if (n == 0 || watch.down()) return;
   const int sent = port.SendAll(std::span(rpdos).first(static_cast<std::size_t>(n)));
   if (sent < n) {
     ReportRefused(now_ns, "%d of %d torque frames not sent, the interface's queue is full", n - sent, n);
@@ -300,44 +313,143 @@ void Master::State::Drain(TimeNs now_ns) noexcept {
 }
 
 void Master::State::Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept {
+  if (frame.error && (frame.id & can::kErrorRestarted)) restart_heard = true;
   if (frame.error || frame.remote) return;  // WatchBus sees to the bus's own state
+  if (!running) return;
   Node* node = node_of_id[static_cast<std::size_t>(CobNode(frame.id))];
-  if (node == nullptr || !running) return;
+  if (const char* what = MastersOwn(frame.id, node != nullptr)) return Foreign(frame, what, now_ns);
+  if (node == nullptr) return;
+  const char* what = "";
+  int bytes = 8;
+  bool fits = true;
   switch (CobFunction(frame.id)) {
     case TpdoCobId(kTpdoFeedback.number, 0):
-      node->OnFeedback(frame, now_ns);
-      return;
+      what = "TPDO";
+      bytes = kTpdoFeedback.bytes();
+      fits = node->OnFeedback(frame, now_ns);
+      break;
     case TpdoCobId(kTpdoStatus.number, 0):
-      node->OnStatus(frame, now_ns);
-      return;
+      what = "TPDO";
+      bytes = kTpdoStatus.bytes();
+      fits = node->OnStatus(frame, now_ns);
+      break;
     case kSdoResponseBase:
-      node->OnSdo(frame, now_ns);
-      return;
-    case kHeartbeatBase:
-      if (const auto heartbeat = ParseHeartbeat(frame)) node->OnHeartbeat(heartbeat->state, now_ns);
-      return;
-    case kEmcyBase:
-      if (const auto emcy = ParseEmcy(frame)) node->OnEmcy(*emcy, now_ns);
-      return;
+      what = "SDO response";
+      fits = frame.size == bytes;
+      if (fits) node->OnSdo(frame, now_ns);
+      break;
+    case kHeartbeatBase: {
+      what = "heartbeat";
+      bytes = 1;
+      const auto heartbeat = ParseHeartbeat(frame);
+      fits = heartbeat.has_value();
+      if (fits) node->OnHeartbeat(heartbeat->state, now_ns);
+      break;
+    }
+    case kEmcyBase: {
+      what = "EMCY";
+      const auto emcy = ParseEmcy(frame);
+      fits = emcy.has_value();
+      if (fits) node->OnEmcy(*emcy, now_ns);
+      break;
+    }
     default:
       return;
   }
+  if (!fits) Malformed(frame, what, bytes, now_ns);
+}
+
+/// What only the master sends, in words; nullptr for other identifiers. `ours`: the identifier names a drive
+/// of ours.
+const char* Master::State::MastersOwn(std::uint32_t id, bool ours) noexcept {
+  if (id == kNmtCobId) return "NMT command";
+  if (id == kSyncCobId) return "SYNC";
+  if (id == kHeartbeatBase + static_cast<std::uint32_t>(kMasterNodeId)) return "heartbeat of the master";
+  if (!ours) return nullptr;
+  if (CobFunction(id) == RpdoCobId(kRpdoTorque.number, 0)) return "torque command";
+  if (CobFunction(id) == kSdoRequestBase) return "SDO request";
+  return nullptr;
+}
+
+void Master::State::Foreign(const can::CanFrame& frame, const char* what, TimeNs now_ns) noexcept {
+  ++faults.foreign;
+  if (now_ns < next_foreign_event_ns) return;
+  next_foreign_event_ns = now_ns + kRepeatedEvent_ns;
+  EventText text{};
+  std::snprintf(
+      text.data(), text.size(),
+      "%s 0x%03X came from elsewhere (%llu such frames since start): these drives take one master only", what,
+      frame.id, static_cast<unsigned long long>(faults.foreign));
+  Report(now_ns, Status::kForeignFrame, text.data());
+}
+
+void Master::State::Malformed(const can::CanFrame& frame, const char* what, int bytes,
+                              TimeNs now_ns) noexcept {
+  ++faults.malformed;
+  if (now_ns < next_malformed_event_ns) return;
+  next_malformed_event_ns = now_ns + kRepeatedEvent_ns;
+  std::array<char, 3 * 8 + 1> data{};
+  for (std::size_t i = 0; i < frame.size; ++i) {
+    std::snprintf(data.data() + 3 * i, 4, " %02X", frame.data[i]);
+  }
+  EventText text{};
+  std::snprintf(
+      text.data(), text.size(),
+      "node %d: %s 0x%03X ignored: %d bytes,%s, where %d with known contents belong (%llu such frames "
+      "since start)",
+      CobNode(frame.id), what, frame.id, frame.size, frame.size == 0 ? " none" : data.data(), bytes,
+      static_cast<unsigned long long>(faults.malformed));
+  Report(now_ns, Status::kFrameMalformed, text.data());
 }
 
 void Master::State::WatchBus(TimeNs now_ns) noexcept {
-  const bool is_down = !port.up();
-  if (is_down && !down) {
-    Report(now_ns, Status::kBusOff, "the CAN interface went bus-off or down: every drive is lost");
-    for (auto& node : nodes) node->OnBusDown(now_ns);
-  } else if (!is_down && down) {
-    Report(now_ns, Status::kOk, "the CAN interface is back");
-    for (auto& node : nodes) node->OnBusUp(now_ns);
+  EventText text{};
+  // A bus-off that is over already lost frames and, on the drives' side, everything else as well.
+  const bool was_off = port.bus_off() || port.counters().bus_off != bus_off_seen;
+  bus_off_seen = port.counters().bus_off;
+  switch (watch.Update(now_ns, port.up() && !was_off, port.bus_off(), port.counters().received)) {
+    case BusWatch::Order::kNone:
+      // A restart that somebody else saw to after ours: drives that could not be reached then can be now.
+      if (restart_heard && !watch.down()) {
+        for (auto& node : nodes) node->OnBusUp(now_ns);
+      }
+      break;
+    case BusWatch::Order::kTellDown:
+      Report(now_ns, Status::kBusOff,
+             was_off ? "the CAN interface went bus-off: every drive is lost"
+                     : "the CAN interface went down: every drive is lost until it is up again");
+      for (auto& node : nodes) node->OnBusDown(now_ns);
+      break;
+    case BusWatch::Order::kAskRestart:
+      port.Restart();
+      if (port.up()) {
+        std::snprintf(text.data(), text.size(), "bus-off: restart %d of %d asked for: the interface runs",
+                      watch.restarts(), BusWatch::kRestarts);
+      } else {
+        std::snprintf(
+            text.data(), text.size(),
+            "bus-off: restart %d of %d asked for: not running yet; this process needs CAP_NET_ADMIN "
+            "for it, or the interface restart-ms (ip link set %s type can restart-ms 100)",
+            watch.restarts(), BusWatch::kRestarts, interface.c_str());
+      }
+      Report(now_ns, port.up() ? Status::kOk : Status::kBusOff, text.data());
+      break;
+    case BusWatch::Order::kTellBack:
+      Report(now_ns, Status::kOk, "the CAN interface is back: booting the drives, which stay disarmed");
+      for (auto& node : nodes) node->OnBusUp(now_ns);
+      break;
+    case BusWatch::Order::kTellGivenUp:
+      std::snprintf(text.data(), text.size(),
+                    "the CAN bus did not stay on after %d restarts: given up until clear; check wiring, "
+                    "termination, bit rate and that a drive has power",
+                    BusWatch::kRestarts);
+      Report(now_ns, Status::kBusOff, text.data());
+      break;
   }
-  down = is_down;
+  restart_heard = false;
   const std::uint64_t dropped = port.counters().receive_dropped;
   if (dropped != dropped_told && now_ns >= next_dropped_event_ns) {
     next_dropped_event_ns = now_ns + kRepeatedEvent_ns;
-    std::array<char, 96> text{};
     std::snprintf(text.data(), text.size(), "%llu received frames lost, the reader was too slow",
                   static_cast<unsigned long long>(dropped - dropped_told));
     Report(now_ns, Status::kFrameLost, text.data());

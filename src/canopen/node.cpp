@@ -42,6 +42,11 @@ bool IsCobId(ObjectAddress address) noexcept {
                               (address.index >= 0x1800 && address.index < 0x1A00));
 }
 
+bool Decode(const PdoLayout& pdo, const can::CanFrame& frame, PdoValues& values) noexcept {
+  return frame.size == pdo.bytes() && DecodePdo({pdo.entries.data(), static_cast<std::size_t>(pdo.count)},
+                                                {frame.data.data(), frame.size}, values);
+}
+
 }  // namespace
 
 Node::Node(const BusParameters& bus, const DriveSetup& drive, EventRing& events)
@@ -83,7 +88,6 @@ void Node::Boot(TimeNs now_ns, bool reset_fault) noexcept {
   boot_deadline_ns_ = now_ns + boot_timeout_ns_;
   probe_ns_ = now_ns + std::min(kBootUpWait_ns, boot_timeout_ns_ / 2);
   started_ = heartbeat_watched_ = latched_ = may_enable_ = holds_ = walking_ = released_ = false;
-  short_pdo_told_ = false;
   reset_ = Reset::kNone;
   feedback_.age_cycles = kNeverHeard;
   feedback_.statusword = 0;
@@ -398,7 +402,7 @@ void Node::OnBusDown(TimeNs now_ns) noexcept {
 }
 
 void Node::OnBusUp(TimeNs now_ns) noexcept {
-  if (phase_ == Phase::kLost && !ever_ready_) Boot(now_ns, reset_after_boot_);
+  if (phase_ == Phase::kLost || phase_ == Phase::kFailed) Boot(now_ns, reset_after_boot_);
 }
 
 bool Node::Release() noexcept {
@@ -474,33 +478,24 @@ void Node::RefreshStatusword(TimeNs now_ns) noexcept {
 
 // ---- frames in ----------------------------------------------------------------------------------
 
-void Node::OnFeedback(const can::CanFrame& frame, TimeNs now_ns) noexcept {
-  if (!started()) return;
+bool Node::OnFeedback(const can::CanFrame& frame, TimeNs now_ns) noexcept {
+  if (!started()) return true;  // not mapped yet
   PdoValues values{};
-  if (!DecodePdo({kTpdoFeedback.entries.data(), static_cast<std::size_t>(kTpdoFeedback.count)},
-                 {frame.data.data(), frame.size}, values)) {
-    if (!short_pdo_told_) {
-      Report(now_ns, Status::kConfigurationMismatch, "TPDO 0x%03X has %d bytes, %d are mapped", frame.id,
-             frame.size, kTpdoFeedback.bytes());
-    }
-    short_pdo_told_ = true;
-    return;
-  }
+  if (!Decode(kTpdoFeedback, frame, values)) return false;
   feedback_.position_counts = static_cast<std::int32_t>(values[Slot(kTpdoFeedback, 0x6064, 0)]);
   feedback_.torque_permille = static_cast<std::int16_t>(values[Slot(kTpdoFeedback, 0x6077, 0)]);
   feedback_.analog_mV = static_cast<std::int16_t>(values[Slot(kTpdoFeedback, 0x3160, 1)]);
   feedback_.age_cycles = 0;
   if (phase_ == Phase::kScript && action().kind == BootAction::Kind::kStart) NextAction(now_ns);
+  return true;
 }
 
-void Node::OnStatus(const can::CanFrame& frame, TimeNs now_ns) noexcept {
-  if (!started()) return;
+bool Node::OnStatus(const can::CanFrame& frame, TimeNs now_ns) noexcept {
+  if (!started()) return true;
   PdoValues values{};
-  if (!DecodePdo({kTpdoStatus.entries.data(), static_cast<std::size_t>(kTpdoStatus.count)},
-                 {frame.data.data(), frame.size}, values)) {
-    return;
-  }
+  if (!Decode(kTpdoStatus, frame, values)) return false;
   OnStatusword(static_cast<std::uint16_t>(values[Slot(kTpdoStatus, 0x6041, 0)]), now_ns);
+  return true;
 }
 
 void Node::OnStatusword(std::uint16_t statusword, TimeNs now_ns) noexcept {

@@ -37,7 +37,7 @@ class Node {
   void ClearFault(TimeNs now_ns) noexcept;
   /// The bus went away: everything known is void.
   void OnBusDown(TimeNs now_ns) noexcept;
-  /// ... and came back: nodes that were never ready boot now.
+  /// ... and came back: nodes that were lost boot now, and stay disabled until told otherwise.
   void OnBusUp(TimeNs now_ns) noexcept;
 
   // ---- time -------------------------------------------------------------------------------------
@@ -47,8 +47,9 @@ class Node {
 
   // ---- frames in --------------------------------------------------------------------------------
 
-  void OnFeedback(const can::CanFrame& frame, TimeNs now_ns) noexcept;
-  void OnStatus(const can::CanFrame& frame, TimeNs now_ns) noexcept;
+  /// PDOs: false when the frame's length is not that of the mapping; then nothing was taken of it.
+  bool OnFeedback(const can::CanFrame& frame, TimeNs now_ns) noexcept;
+  bool OnStatus(const can::CanFrame& frame, TimeNs now_ns) noexcept;
   void OnSdo(const can::CanFrame& frame, TimeNs now_ns) noexcept;
   void OnEmcy(const EmcyMessage& emcy, TimeNs now_ns) noexcept;
   void OnHeartbeat(NmtState state, TimeNs now_ns) noexcept;
@@ -126,7 +127,6 @@ class Node {
   bool holds_ = false;       // was enabled by us and shall stay so
   bool off_first_ = false;   // told to disable, and not seen disabled yet
   bool walking_ = false;     // on the way to operation enabled
-  bool short_pdo_told_ = false;
   TimeNs walk_deadline_ns_ = 0, disable_deadline_ns_ = 0, refresh_ns_ = 0;
   Reset reset_ = Reset::kNone;
   bool rebooted_for_reset_ = false;

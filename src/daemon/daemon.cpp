@@ -111,6 +111,7 @@ class ServiceManager {
 struct Published {
   CycleRecord record;
   can::CanCounters can;
+  canopen::FrameFaults frame_faults;
   rt::ThreadUsage usage;  // sum so far
 };
 
@@ -194,6 +195,7 @@ struct Daemon::State {
     usage.Begin();
     cycle.Run(start, NextCommand(now_ns), NextTrackerSample(), published.record);
     published.can = port.counters();
+    published.frame_faults = master.frame_faults();
     published.usage = usage.sum();  // up to the cycle before
     records.TryPush(published);
     if (black_box) black_box->Add(published.record, controller);
@@ -332,6 +334,7 @@ struct Daemon::State {
       drive.worst_age_cycles = std::max(drive.worst_age_cycles, drive.age_cycles);
     }
     can = next.can;
+    frame_faults = next.frame_faults;
   }
 
   void PublishStatistics() {
@@ -354,6 +357,8 @@ struct Daemon::State {
     s.can_receive_dropped = can.receive_dropped;
     s.can_error_frames = can.error_frames;
     s.can_bus_off = can.bus_off;
+    s.can_malformed = frame_faults.malformed;
+    s.can_foreign = frame_faults.foreign;
     s.voluntary_switches = last_usage.voluntary_switches;
     s.involuntary_switches = last_usage.involuntary_switches;
     s.minor_faults = last_usage.minor_faults;
@@ -437,6 +442,7 @@ struct Daemon::State {
   LoopStatistics statistics;
   std::deque<MissedCycles> misses;
   can::CanCounters can;
+  canopen::FrameFaults frame_faults;
   std::uint64_t reported_bits = 0;
   rt::ThreadUsage last_usage;
   CycleTiming last_timing;

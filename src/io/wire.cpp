@@ -362,6 +362,8 @@ void ToMessage(const LoopStatistics& s, std::int64_t utime, tendril_lcm::statist
   Number(m.can_receive_dropped, s.can_receive_dropped);
   Number(m.can_error_frames, s.can_error_frames);
   Number(m.can_bus_off, s.can_bus_off);
+  Number(m.can_malformed, s.can_malformed);
+  Number(m.can_foreign, s.can_foreign);
   m.bus_load = s.bus_load;
   m.num_drives = static_cast<std::int32_t>(s.drives.size());
   m.drive_age_cycles.clear();
@@ -418,8 +420,9 @@ std::string FromMessage(const tendril_lcm::command_tension_t& m, Command& c) {
 
 std::string FromMessage(const tendril_lcm::command_mode_t& m, Command& c) {
   using M = tendril_lcm::command_mode_t;
-  if (m.request < M::ARM || m.request > M::CLEAR) {
-    return "request " + std::to_string(m.request) + " is none of 0 arm, 1 disarm, 2 hold, 3 clear";
+  if (m.request < M::ARM || m.request > M::HOME) {
+    return "request " + std::to_string(m.request) +
+           " is none of 0 arm, 1 disarm, 2 hold, 3 clear, 4 commission, 5 home";
   }
   TakeHeader(m, CommandKind::kMode, c);
   Number(c.mode, m.request);

@@ -133,6 +133,23 @@ TEST_F(VcanTest, BusOffTakesThePortDownUntilRestarted) {
   EXPECT_EQ(b_->counters().received, 1u);
 }
 
+TEST_F(VcanTest, BusOffWhoseRestartNobodyTellsIsOverWhenTheInterfaceRuns) {
+  CanFrame error;
+  error.error = true;
+  error.size = 8;
+  error.id = kErrorBusOff;
+  std::array<StampedFrame, 4> got;
+  ASSERT_TRUE(a_->Send(error));
+  ASSERT_EQ(b_->Receive(got), 1);
+  EXPECT_TRUE(b_->bus_off());
+  b_->Restart();
+  EXPECT_FALSE(b_->bus_off());
+  EXPECT_TRUE(b_->up());
+  b_->Restart();  // nothing to do, nothing done
+  EXPECT_TRUE(b_->Send(Frame(5, 1)));
+  EXPECT_EQ(a_->Receive(got), 1);
+}
+
 TEST_F(VcanTest, WaitEndsAtTheFrameOrAtTheDeadline) {
   const TimeNs start_ns = clock_.Now();
   EXPECT_FALSE(b_->WaitUntil(start_ns + 20 * kNsPerMs));

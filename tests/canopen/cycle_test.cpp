@@ -184,8 +184,78 @@ TEST(Feedback, ShortTpdoIsRefusedAndTold) {
   rig.Steps(5);
   EXPECT_EQ(rig.master.feedback(0).age_cycles, 5);
   EXPECT_NE(rig.master.feedback(0).position_counts, 99);
-  EXPECT_THAT(rig.Texts(Status::kConfigurationMismatch),
-              ElementsAre("node 1: TPDO 0x181 has 6 bytes, 8 are mapped"));
+  EXPECT_THAT(
+      rig.Texts(Status::kFrameMalformed),
+      ElementsAre("node 1: TPDO 0x181 ignored: 6 bytes, 63 00 00 00 00 00, where 8 with known contents "
+                  "belong (1 such frames since start)"));
+}
+
+TEST(Frames, MalformedOnesAreCountedAndToldOnceASecond) {
+  Rig rig(1);
+  ASSERT_TRUE(rig.Enabled());
+  const auto send = [&](std::uint32_t id, std::uint8_t size, std::uint8_t first) {
+    can::CanFrame frame;
+    frame.id = id;
+    frame.size = size;
+    frame.data[0] = first;
+    rig.nodes[0]->SendFrame(frame);
+  };
+  send(0x181, 3, 0x37);  // feedback
+  send(0x281, 1, 0x37);  // statusword
+  send(0x281, 8, 0x37);
+  send(0x081, 5, 0x10);  // EMCY
+  send(0x701, 1, 0x42);  // heartbeat of no state
+  send(0x701, 2, 0x05);
+  send(0x581, 7, 0x43);  // SDO response
+  rig.Steps(3);
+  EXPECT_EQ(rig.master.frame_faults().malformed, 7u);
+  EXPECT_EQ(rig.master.frame_faults().foreign, 0u);
+  EXPECT_EQ(rig.master.feedback(0).state, DriveState::kEnabled) << "what cannot be read harms nobody";
+  ASSERT_THAT(rig.Texts(Status::kFrameMalformed), SizeIs(1));
+  EXPECT_THAT(rig.Texts(Status::kFrameMalformed)[0],
+              HasSubstr("node 1: TPDO 0x181 ignored: 3 bytes, 37 00 00"));
+  rig.Steps(1000);
+  send(0x281, 0, 0);
+  rig.Steps(2);
+  ASSERT_THAT(rig.Texts(Status::kFrameMalformed), SizeIs(2));
+  EXPECT_THAT(rig.Texts(Status::kFrameMalformed)[1], HasSubstr("0 bytes, none, where 2"));
+  EXPECT_THAT(rig.Texts(Status::kFrameMalformed)[1], HasSubstr("(8 such frames since start)"));
+}
+
+TEST(Frames, OnlyTheMasterMaySendAreToldWhenTheyComeFromElsewhere) {
+  Rig rig(1);
+  ASSERT_TRUE(rig.Enabled());
+  can::CanFrame torque;
+  torque.id = 0x201;
+  torque.size = 4;
+  can::CanFrame other_torque = torque;
+  other_torque.id = 0x212;  // of a drive that is not ours
+  for (const can::CanFrame& frame :
+       {SyncFrame(), torque, other_torque, NmtFrame(NmtCommand::kStart, 9),
+        HeartbeatFrame(127, NmtState::kOperational), HeartbeatFrame(9, NmtState::kOperational)}) {
+    rig.nodes[0]->SendFrame(frame);
+  }
+  rig.Steps(3);
+  EXPECT_EQ(rig.master.frame_faults().foreign, 4u);
+  EXPECT_EQ(rig.master.frame_faults().malformed, 0u);
+  ASSERT_THAT(rig.Texts(Status::kForeignFrame), SizeIs(1));
+  EXPECT_THAT(rig.Texts(Status::kForeignFrame)[0], HasSubstr("SYNC 0x080 came from elsewhere"));
+}
+
+TEST(Events, EachEmergencyTellsItsRemedyWhole) {
+  Rig rig(1);
+  ASSERT_TRUE(rig.Ready());
+  for (const EmcyInfo& info : EmcyTable()) {
+    if (info.last == 0) continue;
+    rig.events.clear();
+    rig.nodes[0]->SayEmcy(info.last, 0xFF);
+    rig.Steps(2);
+    ASSERT_FALSE(rig.events.empty());
+    const EmcyInfo& told = FindEmcy(info.last);
+    EXPECT_TRUE(
+        std::string(rig.events[0].text.data()).ends_with(std::string(told.cause) + "; " + told.remedy))
+        << rig.events[0].text.data();
+  }
 }
 
 TEST(Sync, OnlyWhenSomebodyIsStarted) {
@@ -423,13 +493,104 @@ TEST(Bus, OffLosesEveryDriveAndComesBackDisarmed) {
   EXPECT_EQ(rig.master.feedback(0).state, DriveState::kOffline);
   EXPECT_THAT(rig.Texts(Status::kBusOff), SizeIs(1));
   rig.bus.SetBusOff(false);
-  rig.Steps(500);
+  ASSERT_TRUE(rig.StepUntil(DriveState::kReady)) << "booted again";
   EXPECT_TRUE(rig.master.bus_ok());
-  EXPECT_EQ(rig.master.feedback(0).state, DriveState::kOffline);
-  rig.master.ClearFaults(rig.clock.Now());
-  ASSERT_TRUE(rig.StepUntil(DriveState::kReady));
   rig.Steps(100);
   EXPECT_EQ(rig.master.feedback(1).state, DriveState::kReady) << "the old enable request does not count";
+}
+
+can::CanFrame BusOffFrame() {
+  can::CanFrame frame;
+  frame.error = true;
+  frame.size = 8;
+  frame.id = can::kErrorBusOff;
+  return frame;
+}
+
+TEST(Bus, OffWithoutARestartByTheKernelIsRestartedByUs) {
+  Rig rig(2);
+  ASSERT_TRUE(rig.Enabled());
+  rig.nodes[0]->SendFrame(BusOffFrame());  // and nobody ever tells of a restart
+  rig.Steps(1000);
+  EXPECT_FALSE(rig.master.bus_ok());
+  EXPECT_EQ(rig.master.feedback(0).state, DriveState::kOffline);
+  rig.Steps(600);
+  EXPECT_TRUE(rig.master.bus_ok());
+  ASSERT_TRUE(rig.StepUntil(DriveState::kReady)) << "booted again";
+  rig.Steps(100);
+  EXPECT_EQ(rig.nodes[0]->machine, DriveMachine::kSwitchOnDisabled) << "disarmed until told otherwise";
+  EXPECT_THAT(rig.Texts(Status::kBusOff), ElementsAre("the CAN interface went bus-off: every drive is lost"));
+}
+
+TEST(Bus, RestartsAreCountedAndEndInAStatusThatClearTakesAway) {
+  Rig rig(1);
+  ASSERT_TRUE(rig.Ready());
+  rig.bus.SetBusOff(true);
+  rig.Steps(60'000);
+  const auto told = rig.Texts(Status::kBusOff);
+  ASSERT_THAT(told, SizeIs(1 + 5 + 1));
+  EXPECT_THAT(told[5], HasSubstr("restart 5 of 5 asked for: not running yet"));
+  EXPECT_THAT(told[5], HasSubstr("ip link set memory type can restart-ms 100"));
+  EXPECT_THAT(told[6], HasSubstr("given up until clear"));
+  rig.bus.SetBusOff(false);
+  rig.Steps(5000);
+  EXPECT_FALSE(rig.master.bus_ok());
+  EXPECT_EQ(rig.master.feedback(0).state, DriveState::kOffline);
+  rig.master.ClearFaults(rig.clock.Now());
+  EXPECT_TRUE(rig.StepUntil(DriveState::kReady));
+  EXPECT_TRUE(rig.master.bus_ok());
+}
+
+TEST(Bus, ThatGoesOffAgainAndAgainIsLeftAlone) {
+  Rig rig(1);
+  ASSERT_TRUE(rig.Ready());
+  rig.nodes[0]->says_boot_up = false;
+  const int resets_before = rig.nodes[0]->resets;
+  for (int i = 0; i < 100; ++i) {  // a kernel that restarts a short-circuited bus for ever
+    rig.bus.SetBusOff(true);
+    rig.Steps(50);
+    rig.bus.SetBusOff(false);
+    rig.Steps(50);
+  }
+  EXPECT_FALSE(rig.master.bus_ok());
+  EXPECT_EQ(rig.nodes[0]->resets - resets_before, 5) << "bounded";
+  EXPECT_THAT(rig.Texts(Status::kBusOff).back(), HasSubstr("given up until clear"));
+  rig.master.ClearFaults(rig.clock.Now());
+  EXPECT_TRUE(rig.StepUntil(DriveState::kReady));
+  // A bus that was steady since has all its restarts again.
+  rig.Steps(3000);
+  for (int i = 0; i < 5; ++i) {
+    rig.bus.SetBusOff(true);
+    rig.Steps(50);
+    rig.bus.SetBusOff(false);
+    ASSERT_TRUE(rig.StepUntil(DriveState::kReady));
+  }
+}
+
+TEST(Bus, OffAndRestartedWithinACycleIsNoticed) {
+  Rig rig(1);
+  ASSERT_TRUE(rig.Enabled());
+  rig.bus.SetBusOff(true);
+  rig.bus.SetBusOff(false);
+  rig.Steps(1);
+  EXPECT_EQ(rig.master.feedback(0).state, DriveState::kOffline);
+  EXPECT_THAT(rig.Texts(Status::kBusOff), SizeIs(1));
+  EXPECT_TRUE(rig.StepUntil(DriveState::kReady));
+}
+
+TEST(Bus, RestartHeardAfterOursBootsTheDrivesThatCouldNotBeReached) {
+  Rig rig(1);
+  ASSERT_TRUE(rig.Ready());
+  rig.nodes[0]->says_boot_up = false;
+  rig.nodes[0]->SendFrame(BusOffFrame());
+  rig.nodes[0]->powered = false;
+  rig.Steps(6000);  // ours came, the boot failed
+  EXPECT_EQ(rig.master.feedback(0).state, DriveState::kOffline);
+  rig.nodes[0]->powered = true;
+  can::CanFrame restarted = BusOffFrame();
+  restarted.id = can::kErrorRestarted;
+  rig.nodes[0]->SendFrame(restarted);
+  EXPECT_TRUE(rig.StepUntil(DriveState::kReady));
 }
 
 TEST(Bus, ThatComesUpLateBootsTheDrives) {

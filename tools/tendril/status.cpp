@@ -127,6 +127,8 @@ nlohmann::json ToJson(const tendril_lcm::statistics_t& s) {
             {"receive_dropped", s.can_receive_dropped},
             {"error_frames", s.can_error_frames},
             {"bus_off", s.can_bus_off},
+            {"malformed", s.can_malformed},
+            {"foreign", s.can_foreign},
             {"load", s.bus_load}}},
           {"drive_age_cycles", s.drive_age_cycles},
           {"drive_worst_age_cycles", s.drive_worst_age_cycles},
@@ -165,9 +167,9 @@ std::string Table(const tendril_lcm::statistics_t& s) {
   }
   t += fmt::format(
       "\nCAN {:.1f} % load, {} sent, {} received, {} refused, {} dropped, {} error frames, {} times "
-      "bus-off\n",
+      "bus-off, {} malformed, {} foreign\n",
       100 * s.bus_load, s.can_sent, s.can_received, s.can_send_refused, s.can_receive_dropped,
-      s.can_error_frames, s.can_bus_off);
+      s.can_error_frames, s.can_bus_off, s.can_malformed, s.can_foreign);
   t += "age of feedback [cycles], now (worst of the last second):";
   for (std::size_t i = 0; i < s.drive_age_cycles.size(); ++i) {
     t += fmt::format(" {} ({})", s.drive_age_cycles[i], s.drive_worst_age_cycles[i]);

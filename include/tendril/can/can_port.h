@@ -61,6 +61,12 @@ class CanPort {
   virtual bool WaitUntil(TimeNs deadline_ns) noexcept = 0;
   /// False after bus-off or when the interface went down, until it is back.
   virtual bool up() const noexcept = 0;
+  /// True from bus-off until the controller runs again; an interface that is down is not bus-off.
+  virtual bool bus_off() const noexcept { return false; }
+  /// After bus-off, where no restart was told: asks the controller to start again where this process may, and
+  /// looks whether it runs. Afterwards up() says what was found. Takes system calls, so not for a cycle that
+  /// controls anything.
+  virtual void Restart() noexcept {}
   virtual const CanCounters& counters() const noexcept = 0;
 };
 

@@ -17,9 +17,9 @@ class MemoryBus {
   ~MemoryBus();
 
   /// A new port; lives as long as the bus. An error frame sent on it reaches the others as on a virtual CAN
-  /// interface: bus-off takes their up() away, restarted gives it back. It holds 8192 unread frames and drops
-  /// (and counts) further ones, as a socket does. It cannot wait: WaitUntil only says whether a frame is
-  /// there. One thread at a time uses a bus.
+  /// interface: bus-off takes their up() away, restarted or their own Restart() gives it back. It holds 8192
+  /// unread frames and drops (and counts) further ones, as a socket does. It cannot wait: WaitUntil only says
+  /// whether a frame is there. One thread at a time uses a bus.
   CanPort& AddPort();
 
   /// Sees each frame before delivery and may change it; return false to drop it. For fault injection and

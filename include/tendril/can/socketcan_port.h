@@ -25,6 +25,10 @@ class SocketCanPort final : public CanPort {
   int Receive(std::span<StampedFrame> frames) noexcept override;
   bool WaitUntil(TimeNs deadline_ns) noexcept override;
   bool up() const noexcept override;
+  bool bus_off() const noexcept override;
+  /// The request needs CAP_NET_ADMIN and a controller without restart-ms; the look at the interface needs
+  /// nothing, and finds a controller that was restarted unheard.
+  void Restart() noexcept override;
   const CanCounters& counters() const noexcept override;
 
  private:

@@ -25,13 +25,23 @@ struct DriveSetup {
   std::uint32_t rated_torque_uNm = 0;  // must agree with what 0x6076 reports
 };
 
-/// Something that happened on the bus; for events and the log. `text` is static or stored inside, never on
-/// the heap.
+/// One line, stored inside so that a cycle may write it. Holds every text that the master composes: the
+/// longest one is an EMCY's with cause and remedy, which is checked when this is compiled.
+using EventText = std::array<char, 320>;
+
+/// Something that happened on the bus; for events and the log.
 struct BusEvent {
   TimeNs time_ns = 0;
   Status status = Status::kOk;
-  int node_id = 0;               // 0: the bus itself
-  std::array<char, 160> text{};  // one line: node, step, index:sub, value, abort text
+  int node_id = 0;   // 0: the bus itself
+  EventText text{};  // node, step, index:sub, value, abort text
+};
+
+/// Frames that were heard and not taken, since construction.
+struct FrameFaults {
+  std::uint64_t malformed =
+      0;                      // from one of our drives' identifiers, with a length or contents of no meaning
+  std::uint64_t foreign = 0;  // that only the master may send, from another one
 };
 
 /// Share of the bit rate that a configuration needs in the worst case, and the time that frames need in a
@@ -89,6 +99,7 @@ class Master {
   /// kept.
   bool TakeEvent(BusEvent* event) noexcept;
   std::uint64_t events_lost() const noexcept;
+  const FrameFaults& frame_faults() const noexcept;
 
  private:
   struct State;

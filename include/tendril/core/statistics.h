@@ -43,7 +43,7 @@ struct LoopStatistics {
   std::vector<MissedCycles> misses;  // the last few
   std::vector<DriveStatistics> drives;
   std::uint64_t can_sent = 0, can_received = 0, can_send_refused = 0, can_receive_dropped = 0,
-                can_error_frames = 0, can_bus_off = 0;
+                can_error_frames = 0, can_bus_off = 0, can_malformed = 0, can_foreign = 0;
   double bus_load = 0;  // of the bit rate, since the last report, worst-case stuffing
   // Of the real-time thread, within its cycles. What a cycle waits for on the bus is not counted.
   std::uint64_t voluntary_switches = 0;              // it waited for somebody: should be 0

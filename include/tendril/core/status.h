@@ -37,6 +37,9 @@ namespace tendril {
   X(EquilibriumNotFound, 309, "controller.law: equilibrium found no stable shape: the paper's tensions are used", "less bending, or check stiffness, masses and gravity in the robot file") \
   X(TrackerLost, 311, "no usable tracker reading for some time: tip feedback keeps its last correction", "check the tracker, its clock and its view of the tip") \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
+  X(FrameMalformed, 312, "received CAN frames had a wrong length or unknown contents and were ignored", "check that every node id is used once and that nothing else sends in the drives' names") \
+  X(ForeignFrame, 313, "somebody else sends what only the CAN master may send", "stop the other master on this bus") \
+  X(CommissioningEnded, 314, "commissioning: no pull was asked for any more: drives are disabled", "send commission again")   \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \
   X(TensionOverLimit, 404, "fault: measured tension over limits.max_tension_motor_N", "find what blocks the tendon, then clear") \
