@@ -160,8 +160,14 @@ void AddManufacturer(Builder& b) {
   b.Record(0x3160, 2, "Analog input properties");
   b.Add(0x3160, 1, T::kI16, A::kReadOnly, M::kTransmit, 0, "Analog input 1 voltage");
   b.Add(0x3160, 2, T::kI16, A::kReadOnly, M::kTransmit, 0, "Analog input 2 voltage");
+  b.Record(0x3202, 1, "Functional safety");
+  b.Add(0x3202, 1, T::kU8, A::kReadOnly, M::kNone, 3, "STO input states");
 }
 
+// Of the modes of a real drive (0x3A5 in 0x6502) only the one that works here is offered, and none is set at
+// power-on. The target objects of the other modes stay, for the drive's PDOs map them by default.
+// There is no 0x6087: an EPOS4 has no torque slope, and a set torque of the cyclic synchronous mode acts at
+// once.
 void AddDriveProfile(Builder& b) {
   b.Add(0x6007, 0, T::kI16, A::kReadWrite, M::kNone, 3, "Abort connection option code", {0, 3});
   b.Add(0x603F, 0, T::kU16, A::kReadOnly, M::kTransmit, 0, "Error code");
@@ -171,8 +177,8 @@ void AddDriveProfile(Builder& b) {
   b.Add(0x605B, 0, T::kI16, A::kReadWrite, M::kNone, 0, "Shutdown option code", {0, 1});
   b.Add(0x605C, 0, T::kI16, A::kReadWrite, M::kNone, 1, "Disable operation option code", {0, 1});
   b.Add(0x605E, 0, T::kI16, A::kReadWrite, M::kNone, 2, "Fault reaction option code", {0, 2});
-  b.Add(0x6060, 0, T::kI8, A::kReadWrite, M::kReceive, 1, "Modes of operation", {1, 10});
-  b.Add(0x6061, 0, T::kI8, A::kReadOnly, M::kTransmit, 1, "Modes of operation display");
+  b.Add(0x6060, 0, T::kI8, A::kReadWrite, M::kReceive, 0, "Modes of operation", {0, 10});
+  b.Add(0x6061, 0, T::kI8, A::kReadOnly, M::kTransmit, 0, "Modes of operation display");
   b.Add(0x6064, 0, T::kI32, A::kReadOnly, M::kTransmit, 0, "Position actual value");
   b.Add(0x6065, 0, T::kU32, A::kReadWrite, M::kNone, 2000, "Following error window");
   b.Add(0x606C, 0, T::kI32, A::kReadOnly, M::kTransmit, 0, "Velocity actual value");
@@ -187,7 +193,7 @@ void AddDriveProfile(Builder& b) {
   b.Add(0x60C2, 2, T::kI8, A::kReadWrite, M::kNone, -3, "Interpolation time index", {-3, -3});
   b.Add(0x60FF, 0, T::kI32, A::kReadWrite, M::kReceive, 0, "Target velocity");
   b.Add(0x6402, 0, T::kU16, A::kReadWrite, M::kNone, 10, "Motor type");
-  b.Add(0x6502, 0, T::kU32, A::kReadOnly, M::kNone, 0x3A5, "Supported drive modes");
+  b.Add(0x6502, 0, T::kU32, A::kReadOnly, M::kNone, 0x200, "Supported drive modes");
 }
 
 const std::vector<ObjectEntry>& Table() {

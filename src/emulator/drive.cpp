@@ -16,26 +16,17 @@ using canopen::NmtState;
 namespace sdo_abort = canopen::sdo_abort;
 
 constexpr int kHistory = 5;  // entries of 0x1003
-constexpr std::uint16_t kHeartbeatLost = 0x8130, kPdoTooShort = 0x8210;
+constexpr std::uint16_t kParameterError = 0x6320, kHeartbeatLost = 0x8130, kPdoTooShort = 0x8210,
+                        kSafeTorqueOff = 0x8A88;
+constexpr std::int64_t kStoInputsPowered = 0x03;  // 0x3202:01, one bit an input
 
 std::array<Pdo, 4> MakePdos(ObjectDictionary& objects, bool transmit) {
   return {Pdo(objects, transmit, 1), Pdo(objects, transmit, 2), Pdo(objects, transmit, 3),
           Pdo(objects, transmit, 4)};
 }
 
-bool SupportedMode(std::int64_t mode) {
-  switch (mode) {
-    case 1:  // profile position
-    case 3:  // profile velocity
-    case 6:  // homing
-    case 8:  // cyclic synchronous position
-    case 9:  // cyclic synchronous velocity
-    case canopen::kModeCyclicSynchronousTorque:
-      return true;
-    default:
-      return false;
-  }
-}
+/// Those that 0x6502 lists, and none.
+bool SupportedMode(std::int64_t mode) { return mode == 0 || mode == canopen::kModeCyclicSynchronousTorque; }
 
 std::int64_t Saturate16(double value) { return std::clamp<std::int64_t>(std::llround(value), -32768, 32767); }
 
@@ -54,6 +45,7 @@ Drive::Drive(const EmulatedDriveParameters& parameters, can::CanPort& port)
       current_limit_(objects_.At(0x3001, 2)),
       thermal_time_(objects_.At(0x3001, 4)),
       torque_constant_(objects_.At(0x3001, 5)),
+      sto_inputs_(objects_.At(0x3202, 1)),
       current_average_(objects_.At(0x30D1, 1)),
       current_(objects_.At(0x30D1, 2)),
       torque_average_(objects_.At(0x30D2, 1)),
@@ -97,10 +89,11 @@ Drive::Drive(const EmulatedDriveParameters& parameters, can::CanPort& port)
 /// OnTime.
 void Drive::PowerCycle() noexcept {
   objects_.Restore(0x0000, 0xFFFF);
+  TakeNodeId();
   stage_.Reset();
   supplied_ = true;
   frozen_ = heartbeat_stopped_ = false;
-  connection_lost_ = i2t_limits_ = false;
+  connection_lost_ = i2t_limits_ = sto_error_ = false;
   i2t_ = 0;
   nmt_ = NmtState::kBootUp;
   ResetCommunication();
@@ -115,7 +108,24 @@ void Drive::SetSupply(bool on) noexcept {
   supplied_ = on;
 }
 
+/// A stored node id counts from the next reset of the device on, together with the COB-IDs that follow it.
+void Drive::TakeNodeId() noexcept {
+  const auto id = static_cast<int>(objects_.At(0x2000, 0).value);
+  if (id == node_id_) return;
+  objects_.MoveNodeId(node_id_, id);
+  node_id_ = id;
+  sdo_.SetNodeId(id);
+}
+
 void Drive::ResetCommunication() noexcept {
+  // Communication errors that no fault reaction followed end here; a fault keeps what led to it.
+  const bool in_fault = stage_.state() == canopen::DriveMachine::kFault ||
+                        stage_.state() == canopen::DriveMachine::kFaultReactionActive;
+  if (!in_fault && canopen::FindEmcy(static_cast<std::uint16_t>(error_code_.value)).register_bit ==
+                       canopen::error_register::kCommunication) {
+    error_register_.value &= ~std::int64_t{canopen::error_register::kCommunication};
+    error_code_.value = 0;
+  }
   const std::int64_t active_errors = error_register_.value;  // shown in 0x1001, but a state of the device
   std::array<std::int64_t, kHistory + 1> history{};
   for (std::uint8_t i = 0; i <= kHistory; ++i) history[i] = objects_.Find({0x1003, i})->value;
@@ -334,7 +344,16 @@ void Drive::SendEmcy(std::uint16_t code) {
                                  .vendor = {}}));
 }
 
+/// Safe torque off takes the power away whatever the state machine says. The drive tells of it when it has or
+/// wants power only, and refuses a fault reset while it lasts (maxon's support notes on error 0x8A88). That
+/// it shows no voltage meanwhile is our choice.
+void Drive::SetSto(bool active) {
+  sto_ = active;
+  if (active && stage_.powered()) InjectEmcy(kSafeTorqueOff);
+}
+
 void Drive::InjectEmcy(std::uint16_t code) {
+  if (!alive()) return;
   if (code == 0) {
     SendEmcy(code);
     return;
@@ -342,6 +361,7 @@ void Drive::InjectEmcy(std::uint16_t code) {
   const canopen::EmcyInfo& info = canopen::FindEmcy(code);
   error_register_.value |= info.register_bit;
   error_code_.value = code;
+  if (code == kSafeTorqueOff && sto_) sto_error_ = true;
   Object* count = objects_.Find({0x1003, 0});
   for (std::uint8_t sub = kHistory; sub > 1; --sub) {
     objects_.Find({0x1003, sub})->value = objects_.Find({0x1003, static_cast<std::uint8_t>(sub - 1)})->value;
@@ -377,11 +397,23 @@ void Drive::ActOnControlword() {
   const PowerStage::Options options{
       .shutdown = objects_.Find({0x605B, 0})->value == 0 ? Stop::kAtOnce : Stop::kRamp,
       .disable_operation = objects_.Find({0x605C, 0})->value == 0 ? Stop::kAtOnce : Stop::kRamp,
-      .fault_reset_allowed = !connection_lost_};
-  if (!stage_.Command(static_cast<std::uint16_t>(controlword_.value), options)) return;
-  error_register_.value = 0;
-  error_code_.value = 0;
-  SendEmcy(0);
+      .fault_reset_allowed = !connection_lost_ && !(sto_ && sto_error_),
+      .enabling_allowed = !sto_ && rated_torque_.value != 0};
+  switch (stage_.Command(static_cast<std::uint16_t>(controlword_.value), options)) {
+    case PowerStage::Outcome::kNothingSpecial:
+      return;
+    case PowerStage::Outcome::kEnablingRefused:
+      // Without a rated torque no set value means anything. Which error a real drive shows then is open.
+      InjectEmcy(sto_ ? kSafeTorqueOff : kParameterError);
+      return;
+    case PowerStage::Outcome::kFaultReset:
+      if (error_register_.value == 0 && error_code_.value == 0) return;
+      error_register_.value = 0;
+      error_code_.value = 0;
+      sto_error_ = false;
+      SendEmcy(0);
+      return;
+  }
 }
 
 void Drive::RunStage(TimeNs now_ns) noexcept {
@@ -419,7 +451,7 @@ std::uint16_t Drive::Statusword() const noexcept {
   std::uint16_t word = canopen::EncodeState(state);
   const bool voltage =
       state == DriveMachine::kReadyToSwitchOn || state == DriveMachine::kSwitchedOn || stage_.powered();
-  if (voltage) word |= bits::kVoltageEnabled;
+  if (voltage && !sto_) word |= bits::kVoltageEnabled;
   if (nmt_ == NmtState::kOperational) word |= bits::kRemote;
   if (stage_.limited()) word |= bits::kInternalLimit;
   if (i2t_limits_) word |= bits::kWarning;
@@ -441,6 +473,7 @@ void Drive::ShowProcessValues() noexcept {
                        : 0;
   current_average_.value = current_.value;
   statusword_.value = Statusword();
+  sto_inputs_.value = sto_ ? 0 : kStoInputsPowered;
 }
 
 // ---- objects
@@ -497,6 +530,11 @@ std::uint32_t Drive::CheckWrite(const Object& object, std::int64_t value) {
       return stage_.powered() ? sdo_abort::kDeviceState : 0;
     case 0x1016:
       return CheckConsumer(object, static_cast<std::uint32_t>(value));
+    case 0x3001:  // currents and heat are matters of operation, pole pairs and torque constant are not
+      return (address.sub == 3 || address.sub == 5) && stage_.powered() ? sdo_abort::kDeviceState : 0;
+    case 0x6076:
+    case 0x6402:
+      return stage_.powered() ? sdo_abort::kDeviceState : 0;
     case 0x6060:
       return SupportedMode(value) ? 0 : sdo_abort::kValueRange;
     default:

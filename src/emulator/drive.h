@@ -38,6 +38,7 @@ class Drive final : private SdoObjects {
     stuck_[static_cast<std::size_t>(sensor)] = stuck;
   }
   void StopHeartbeat() noexcept { heartbeat_stopped_ = true; }
+  void SetSto(bool active);
 
  private:
   struct Consumer {  // of one heartbeat, 0x1016
@@ -66,6 +67,7 @@ class Drive final : private SdoObjects {
   void Boot(TimeNs now_ns);
   void ResetCommunication() noexcept;
   void ConnectionEvent() noexcept;
+  void TakeNodeId() noexcept;
   void RunHeartbeats(TimeNs now_ns);
   void SendEvents(TimeNs now_ns);
   void SendPdo(const Pdo& pdo);
@@ -91,6 +93,8 @@ class Drive final : private SdoObjects {
   bool supplied_ = true, frozen_ = false, heartbeat_stopped_ = false;
   std::array<bool, 3> stuck_{};   // by DriveSensor
   bool connection_lost_ = false;  // heartbeat loss: no fault reset before NMT reset communication
+  bool sto_ = false;              // an input from outside: no reset changes it
+  bool sto_error_ = false;        // told, and not reset since
   bool i2t_limits_ = false;
   std::int64_t rated_at_mA_ = 0;  // nominal current that the rated torque was computed from
   double i2t_ = 0;                // winding heat, 1: that of the nominal current for ever
@@ -106,9 +110,9 @@ class Drive final : private SdoObjects {
 
   // Objects that act or show something each cycle.
   Object &error_register_, &heartbeat_time_, &nominal_current_, &current_limit_, &thermal_time_,
-      &torque_constant_, &current_average_, &current_, &torque_average_, &analog1_, &analog2_, &error_code_,
-      &controlword_, &statusword_, &mode_, &mode_shown_, &position_, &velocity_, &target_torque_,
-      &torque_offset_, &rated_torque_, &torque_, &deceleration_;
+      &torque_constant_, &sto_inputs_, &current_average_, &current_, &torque_average_, &analog1_, &analog2_,
+      &error_code_, &controlword_, &statusword_, &mode_, &mode_shown_, &position_, &velocity_,
+      &target_torque_, &torque_offset_, &rated_torque_, &torque_, &deceleration_;
 };
 
 }  // namespace tendril::emulator

@@ -143,6 +143,8 @@ void DriveRack::StickSensor(int drive, DriveSensor sensor, bool stuck) noexcept 
   state_->At(drive).StickSensor(sensor, stuck);
 }
 
+void DriveRack::SetSto(int drive, bool active) { state_->At(drive).SetSto(active); }
+
 void DriveRack::StopHeartbeat(int drive) noexcept { state_->At(drive).StopHeartbeat(); }
 
 }  // namespace tendril::emulator

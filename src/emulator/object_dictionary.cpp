@@ -69,6 +69,16 @@ void ObjectDictionary::Store() noexcept {
   }
 }
 
+void ObjectDictionary::MoveNodeId(int from, int to) noexcept {
+  for (Object& o : objects_) {
+    if (!o.entry->plus_node_id || o.entry->index == 0x2000) continue;
+    const std::int64_t before = o.entry->default_value + from, after = o.entry->default_value + to;
+    for (std::int64_t* value : {&o.value, &o.factory, &o.power_on}) {
+      if (*value == before) *value = after;
+    }
+  }
+}
+
 void ObjectDictionary::Load() noexcept {
   for (Object& o : objects_) {
     if (Stored(*o.entry)) o.power_on = o.factory;

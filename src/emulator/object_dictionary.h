@@ -31,6 +31,8 @@ class ObjectDictionary {
   void Restore(std::uint16_t first, std::uint16_t last) noexcept;
   /// What can be stored becomes the power-on value.
   void Store() noexcept;
+  /// What follows the node id and was left at its default moves along.
+  void MoveNodeId(int from, int to) noexcept;
   /// The factory values become those of power-on; current values stay until the next reset.
   void Load() noexcept;
 

@@ -43,34 +43,41 @@ void PowerStage::Brake(std::optional<DriveMachine> then) noexcept {
   after_brake_ = then;
 }
 
-bool PowerStage::Command(std::uint16_t controlword, const Options& options) noexcept {
+PowerStage::Outcome PowerStage::Command(std::uint16_t controlword, const Options& options) noexcept {
   const DriveCommand command = canopen::DecodeControlword(controlword, previous_controlword_);
   previous_controlword_ = controlword;
-  if (command == DriveCommand::kFaultReset && !options.fault_reset_allowed) return false;
+  if (command == DriveCommand::kFaultReset) {
+    if (!options.fault_reset_allowed || state_ == DriveMachine::kFaultReactionActive) {
+      return Outcome::kNothingSpecial;
+    }
+    if (state_ == DriveMachine::kFault) Enter(canopen::Apply(state_, command));
+    return Outcome::kFaultReset;
+  }
   const DriveMachine next = canopen::Apply(state_, command);
   if (state_ == DriveMachine::kOperationEnabled) {
     if (command == DriveCommand::kEnableOperation) {
       braking_ = false;  // enabled again before the ramp of a disable had ended
-      return false;
+      return Outcome::kNothingSpecial;
     }
     const bool ramp = (next == DriveMachine::kSwitchedOn && options.disable_operation == Stop::kRamp) ||
                       (next == DriveMachine::kReadyToSwitchOn && options.shutdown == Stop::kRamp);
     if (ramp) {
       Brake(next);
-      return false;
+      return Outcome::kNothingSpecial;
     }
     if (next == DriveMachine::kQuickStopActive) {
       state_ = next;
       Brake(std::nullopt);
-      return false;
+      return Outcome::kNothingSpecial;
     }
   }
-  if (next == state_) return false;
-  const bool was_fault = state_ == DriveMachine::kFault;
+  if (next == state_) return Outcome::kNothingSpecial;
+  if (command == DriveCommand::kEnableOperation && !options.enabling_allowed)
+    return Outcome::kEnablingRefused;
   Enter(next);
   // Enable operation sent in ready to switch on goes through switched on by itself.
   if (command == DriveCommand::kEnableOperation) Enter(canopen::Apply(state_, command));
-  return was_fault;
+  return Outcome::kNothingSpecial;
 }
 
 void PowerStage::RaiseFault(Stop stop) noexcept {

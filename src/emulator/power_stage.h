@@ -27,12 +27,18 @@ class PowerStage {
     Stop shutdown = Stop::kAtOnce;         // 0x605B
     Stop disable_operation = Stop::kRamp;  // 0x605C
     bool fault_reset_allowed = true;       // false while the cause of the fault lasts
+    bool enabling_allowed = true;          // false: operation enabled is not entered
+  };
+  enum class Outcome : std::uint8_t {
+    kNothingSpecial,
+    kFaultReset,       // errors are acknowledged, in fault or where none led to it
+    kEnablingRefused,  // the state stayed as it was
   };
 
   /// As after power-on, which takes the drive to switch on disabled by itself.
   void Reset() noexcept;
-  /// Acts on 0x6040. True when it was a fault reset that took effect.
-  bool Command(std::uint16_t controlword, const Options& options) noexcept;
+  /// Acts on 0x6040.
+  Outcome Command(std::uint16_t controlword, const Options& options) noexcept;
   /// To fault: at once, or by the quick-stop ramp when the motor is powered.
   void RaiseFault(Stop stop) noexcept;
   /// To switch on disabled without a fault, from the powered states only.

@@ -28,6 +28,7 @@ class SdoServer {
 
   /// Answers a frame on 0x600 + node; false when none is due (the client's abort).
   bool Answer(const can::CanFrame& request, can::CanFrame* response);
+  void SetNodeId(int node_id) noexcept { node_id_ = node_id; }
   /// Drops a transfer under way.
   void Reset() noexcept { transfer_ = Transfer::kNone; }
 

@@ -222,9 +222,81 @@ TEST(Torque, NeedsOperationEnabledAndTorqueMode) {
   EXPECT_TRUE(m.rack().enabled(0));
   EXPECT_NEAR(m.rack().torque_Nm(0), 0.5 * kRated_Nm, 1e-12);
   EXPECT_TRUE(m.Statusword() & 0x1000) << "follows the command";
-  EXPECT_EQ(m.Write(0x6060, 0, 9, 1), 0u);
-  EXPECT_EQ(m.rack().torque_Nm(0), 0.0) << "velocity mode does not use the target torque";
+  EXPECT_EQ(m.Write(0x6060, 0, 0, 1), 0u);
+  EXPECT_EQ(m.rack().torque_Nm(0), 0.0) << "no mode, no torque";
   EXPECT_FALSE(m.Statusword() & 0x1000);
+}
+
+// CiA 402: bit n - 1 of 0x6502 stands for mode n.
+TEST(Modes, ThoseListedAreTakenAndWorkAndNoOthers) {
+  RawMaster m;
+  m.Enable();
+  const std::uint64_t listed = m.Read(0x6502, 0).number();
+  for (int mode = 1; mode <= 10; ++mode) {
+    const bool offered = (listed >> (mode - 1)) & 1;
+    EXPECT_EQ(m.Write(0x6060, 0, static_cast<std::uint64_t>(mode), 1), offered ? 0u : 0x06090030u) << mode;
+    EXPECT_EQ(m.Read(0x6061, 0).number(), 10u) << mode;
+    if (!offered) continue;
+    m.Command(0x0F, 500);
+    m.Sync();
+    m.Run(1);
+    EXPECT_NEAR(m.rack().torque_Nm(0), 0.5 * kRated_Nm, 1e-12) << mode << " does something";
+  }
+  EXPECT_EQ(listed, 0x200u);
+}
+
+// The drive's object dictionary has no torque slope (0x6087): in its cyclic synchronous torque mode the
+// master makes the set values, and each acts at its SYNC. Ramps are those of the stops, see QuickStop and
+// Stop.
+TEST(Torque, ActsAtOnceForThereIsNoSlope) {
+  RawMaster m;
+  m.Enable();
+  EXPECT_EQ(m.Read(0x6087, 0).abort, 0x06020000u);
+  EXPECT_EQ(m.Write(0x6087, 0, 1000, 4), 0x06020000u);
+  for (const std::int16_t torque : {1000, -1000, 0}) {
+    m.Command(0x0F, torque);
+    m.Sync();
+    m.Poll();
+    EXPECT_NEAR(m.rack().torque_Nm(0), 1e-3 * torque * kRated_Nm, 1e-12);
+  }
+}
+
+TEST(Torque, WithoutARatedTorqueIsNotEnabled) {
+  EmulatedDriveParameters factory;  // no motor data: 0x6076 is 0
+  RawMaster m({factory});
+  m.Poll();
+  EXPECT_EQ(m.Read(0x6076, 0).number(), 0u);
+  m.Nmt(0x01);
+  for (std::uint16_t controlword : {0x06, 0x07}) m.Write(0x6040, 0, controlword, 2);
+  EXPECT_EQ(m.State(), 0x23);
+  m.Poll();
+  m.Send(0x601, {0x2B, 0x40, 0x60, 0, 0x0F, 0, 0, 0});
+  EXPECT_THAT(RawMaster::Of(0x081, m.Poll()), ElementsAre(Bytes{0x20, 0x63, 0x01, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(m.State(), 0x08);
+  EXPECT_EQ(m.Read(0x603F, 0).number(), 0x6320u) << "parameter error";
+  m.Write(0x6040, 0, 0, 2);
+  EXPECT_EQ(m.Write(0x3001, 5, 19600, 4), 0u);
+  for (std::uint16_t controlword : {0x80, 0x06, 0x0F}) m.Write(0x6040, 0, controlword, 2);
+  EXPECT_EQ(m.State(), 0x27) << "with motor data it goes";
+}
+
+TEST(Torque, WhatScalesItCannotChangeWhileTheMotorIsPowered) {
+  RawMaster m;
+  m.Enable();
+  m.Command(0x0F, 500);
+  m.Sync();
+  m.Run(1);
+  EXPECT_EQ(m.Write(0x6076, 0, 9999, 4), 0x08000022u);
+  EXPECT_EQ(m.Write(0x3001, 5, 9999, 4), 0x08000022u);
+  EXPECT_EQ(m.Write(0x3001, 3, 2, 1), 0x08000022u);
+  EXPECT_EQ(m.Write(0x6402, 0, 1, 2), 0x08000022u);
+  EXPECT_EQ(m.Write(0x3001, 2, 700, 4), 0u) << "the current limit may";
+  m.Run(1);
+  EXPECT_NEAR(m.rack().torque_Nm(0), 0.5 * kRated_Nm, 1e-12);
+  EXPECT_EQ(m.Read(0x6076, 0).number(), 7056u);
+  m.Write(0x6040, 0, 0, 2);
+  EXPECT_EQ(m.Write(0x6076, 0, 9999, 4), 0u);
+  EXPECT_EQ(m.Write(0x3001, 5, 9999, 4), 0u);
 }
 
 TEST(Torque, OffsetAddsAndTheCurrentLimitClamps) {
@@ -580,6 +652,102 @@ TEST(Emcy, ResetIsAnnounced) {
   EXPECT_THAT(RawMaster::Of(0x081, m.Poll()), ElementsAre(Bytes{0, 0, 0, 0, 0, 0, 0, 0}));
 }
 
+TEST(Emcy, WithoutAReactionIsAcknowledgedByTheRisingEdge) {
+  RawMaster m;
+  m.Enable();
+  ASSERT_EQ(m.Write(0x6007, 0, 0, 2), 0u);  // communication errors do nothing
+  m.rack().InjectEmcy(0, 0x8110);
+  EXPECT_THAT(RawMaster::Of(0x081, m.Poll()), ElementsAre(Bytes{0x10, 0x81, 0x10, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(m.State(), 0x27) << "no reaction";
+  EXPECT_EQ(m.Read(0x1001, 0).number(), 0x10u);
+  EXPECT_EQ(m.Read(0x603F, 0).number(), 0x8110u);
+  m.Send(0x601, {0x2B, 0x40, 0x60, 0, 0x8F, 0, 0, 0});
+  EXPECT_THAT(RawMaster::Of(0x081, m.Poll()), ElementsAre(Bytes{0, 0, 0, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(m.Read(0x1001, 0).number(), 0u);
+  EXPECT_EQ(m.Read(0x603F, 0).number(), 0u);
+  EXPECT_EQ(m.State(), 0x27);
+  m.Write(0x6040, 0, 0x0F, 2);
+  m.Poll();
+  m.Send(0x601, {0x2B, 0x40, 0x60, 0, 0x8F, 0, 0, 0});
+  EXPECT_THAT(RawMaster::Of(0x081, m.Poll()), IsEmpty()) << "nothing is there to be reset";
+}
+
+TEST(Emcy, OfTheCommunicationWithoutAReactionEndsWithItsReset) {
+  RawMaster m;
+  m.Poll();
+  m.Write(0x6007, 0, 0, 2);
+  m.rack().InjectEmcy(0, 0x8110);
+  m.Nmt(0x82);
+  m.Poll();
+  EXPECT_EQ(m.Read(0x1001, 0).number(), 0u);
+  EXPECT_EQ(m.Read(0x603F, 0).number(), 0u);
+  EXPECT_EQ(m.Read(0x1003, 1).number(), 0x8110u);
+
+  m.rack().InjectEmcy(0, 0x2310);  // a fault keeps its cause through it
+  m.Nmt(0x82);
+  m.Poll();
+  EXPECT_EQ(m.Read(0x1001, 0).number(), 0x02u);
+  EXPECT_EQ(m.Read(0x603F, 0).number(), 0x2310u);
+}
+
+// ---- safe torque off ----------------------------------------------------------------------------
+
+TEST(Sto, TakesTheTorqueAtOnceAndRefusesTheResetUntilItEnds) {
+  RawMaster m;
+  m.Enable();
+  m.Command(0x0F, 500);
+  m.Sync();
+  m.Run(1);
+  EXPECT_EQ(m.Read(0x3202, 1).number(), 3u) << "both inputs powered";
+  m.rack().SetSto(0, true);
+  EXPECT_EQ(m.rack().torque_Nm(0), 0.0);
+  EXPECT_THAT(RawMaster::Of(0x081, m.Poll()), ElementsAre(Bytes{0x88, 0x8A, 0x01, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(m.State(), 0x08);
+  EXPECT_FALSE(m.Statusword() & 0x10) << "no voltage";
+  EXPECT_EQ(m.Read(0x3202, 1).number(), 0u);
+  for (int i = 0; i < 3; ++i) {
+    m.Write(0x6040, 0, 0x00, 2);
+    m.Write(0x6040, 0, 0x80, 2);
+    EXPECT_EQ(m.State(), 0x08) << "no reset while it lasts";
+  }
+  m.rack().SetSto(0, false);
+  EXPECT_EQ(m.State(), 0x08) << "nor by its end";
+  m.Write(0x6040, 0, 0x00, 2);
+  m.Write(0x6040, 0, 0x80, 2);
+  EXPECT_EQ(m.State(), 0x40);
+  EXPECT_EQ(m.Read(0x1001, 0).number(), 0u);
+  for (std::uint16_t controlword : {0x06, 0x07, 0x0F}) m.Write(0x6040, 0, controlword, 2);
+  EXPECT_EQ(m.State(), 0x27);
+}
+
+TEST(Sto, IsToldWhenADriveWantsPowerAndNotBefore) {
+  RawMaster m;
+  m.Poll();
+  m.MapTorque();
+  m.Nmt(0x01);
+  m.Poll();
+  m.rack().SetSto(0, true);
+  EXPECT_THAT(RawMaster::Of(0x081, m.Run(20)), IsEmpty());
+  for (std::uint16_t controlword : {0x06, 0x07}) m.Write(0x6040, 0, controlword, 2);
+  EXPECT_EQ(m.Statusword() & 0x7F, 0x23) << "switched on, without voltage";
+  m.Command(0x0F, 500);
+  m.Sync();
+  EXPECT_THAT(RawMaster::Of(0x081, m.Run(1)), ElementsAre(Bytes{0x88, 0x8A, 0x01, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(m.State(), 0x08);
+  EXPECT_EQ(m.rack().torque_Nm(0), 0.0);
+}
+
+TEST(Sto, OutlastsAPowerCycle) {
+  RawMaster m;
+  m.Poll();
+  m.rack().SetSto(0, true);
+  m.rack().PowerCycle(0);
+  m.Poll();
+  for (std::uint16_t controlword : {0x06, 0x07, 0x0F}) m.Write(0x6040, 0, controlword, 2);
+  EXPECT_EQ(m.State(), 0x08);
+  EXPECT_EQ(m.Read(0x603F, 0).number(), 0x8A88u);
+}
+
 TEST(Emcy, TheLastFiveAreKeptNewestFirstAndCanBeCleared) {
   RawMaster m;
   m.Poll();
@@ -655,7 +823,7 @@ TEST(Reset, OfTheNodeBringsEverythingBack) {
   EXPECT_EQ(m.State(), 0x40);
   EXPECT_EQ(m.Read(0x1600, 0).number(), 1u);
   EXPECT_EQ(m.Read(0x1400, 2).number(), 255u);
-  EXPECT_EQ(m.Read(0x6060, 0).number(), 1u);
+  EXPECT_EQ(m.Read(0x6060, 0).number(), 0u);
   EXPECT_EQ(m.Read(0x6071, 0).number(), 0u);
   EXPECT_EQ(m.Read(0x6076, 0).number(), 7056u) << "the motor's data are stored in the drive";
 }
@@ -696,6 +864,39 @@ TEST(Store, SavedValuesSurviveAndLoadBringsTheFactorysBack) {
   m.Poll();
   EXPECT_EQ(m.Read(0x6085, 0).number(), 10000u);
   EXPECT_EQ(m.Read(0x1017, 0).number(), 0u);
+}
+
+TEST(NodeId, CountsFromTheNextResetOnWhenItWasStored) {
+  RawMaster m;
+  m.Poll();
+  ASSERT_EQ(m.Write(0x2000, 0, 9, 1), 0u);
+  m.Nmt(0x81);
+  m.Poll();
+  EXPECT_EQ(m.Read(0x2000, 0).number(), 1u) << "not stored, gone";
+
+  ASSERT_EQ(m.Write(0x1401, 1, 0x80000345, 4), 0u);  // set by hand: stays where it is
+  ASSERT_EQ(m.Write(0x2000, 0, 9, 1), 0u);
+  ASSERT_EQ(m.Write(0x1010, 1, 0x65766173, 4), 0u);
+  EXPECT_EQ(m.Read(0x1014, 0).number(), 0x81u) << "not before the reset";
+  m.Nmt(0x81);
+  EXPECT_THAT(RawMaster::Of(0x709, m.Poll()), ElementsAre(Bytes{0x00}));
+  EXPECT_EQ(m.rack().node_id(0), 9);
+  EXPECT_EQ(m.Read(0x1000, 0, 1).abort, 0xDEADu) << "nobody answers to the old one";
+  EXPECT_EQ(m.Read(0x2000, 0, 9).number(), 9u);
+  EXPECT_EQ(m.Read(0x1014, 0, 9).number(), 0x89u);
+  EXPECT_EQ(m.Read(0x1200, 1, 9).number(), 0x609u);
+  EXPECT_EQ(m.Read(0x1400, 1, 9).number(), 0x209u);
+  EXPECT_EQ(m.Read(0x1800, 1, 9).number(), 0x40000189u);
+  EXPECT_EQ(m.Read(0x1401, 1, 9).number(), 0x80000345u);
+  m.Enable(9);
+  m.rack().InjectEmcy(0, 0x2310);
+  EXPECT_EQ(RawMaster::Of(0x089, m.Poll()).size(), 1u);
+
+  m.Write(0x6040, 0, 0, 2, 9);
+  ASSERT_EQ(m.Write(0x1011, 1, 0x64616F6C, 4, 9), 0u);
+  m.Nmt(0x81, 9);
+  EXPECT_THAT(RawMaster::Of(0x701, m.Poll()), ElementsAre(Bytes{0x00})) << "factory values";
+  EXPECT_EQ(m.Read(0x1400, 1).number(), 0x201u);
 }
 
 TEST(Store, IsRefusedWhileTheMotorIsPowered) {

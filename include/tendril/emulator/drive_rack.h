@@ -41,6 +41,7 @@ class DriveRack {
   ~DriveRack();
 
   int drives() const noexcept;
+  /// As the drive answers to it now: a stored 0x2000 counts from its next reset on.
   int node_id(int drive) const noexcept;
   void SetSensors(int drive, const DriveSensors& sensors) noexcept;
   /// Handles all waiting frames and everything that is due at `now_ns`. Returns the number of SYNCs handled.
@@ -67,6 +68,8 @@ class DriveRack {
   void SetSupply(int drive, bool on) noexcept;
   /// The sensor shows the value it shows now, until it is set free. (Load cell: both analog inputs.)
   void StickSensor(int drive, DriveSensor sensor, bool stuck) noexcept;
+  /// Safe torque off: no torque while it is active, no enabling, no fault reset; it outlasts power cycles.
+  void SetSto(int drive, bool active);
   /// No more heartbeats until the drive is reset; everything else works on.
   void StopHeartbeat(int drive) noexcept;
 
