@@ -37,6 +37,7 @@ inline void Describe(Reader& in, FaultParameters& p) {
                                {"emcy", FaultKind::kEmcy},
                                {"stop_heartbeat", FaultKind::kStopHeartbeat},
                                {"stick_sensor", FaultKind::kStickSensor},
+                               {"sto", FaultKind::kSto},
                                {"bus_off", FaultKind::kBusOff}});
   Optional(in, "at_s", [&] { in.Number("at_s", p.at_s, {0, 1e6}); });
 
@@ -80,6 +81,10 @@ inline void Describe(Reader& in, FaultParameters& p) {
                 Choices<DriveSensor>{{"encoder", DriveSensor::kEncoder},
                                      {"load_cell", DriveSensor::kLoadCell},
                                      {"torque", DriveSensor::kTorque}});
+      duration();
+      return;
+    case FaultKind::kSto:
+      Optional(in, "node", drive);
       duration();
       return;
     case FaultKind::kBusOff:

@@ -23,6 +23,12 @@ TimeNs Ns(double seconds) { return static_cast<TimeNs>(std::llround(seconds * 1e
 
 bool OfFrames(FaultKind kind) { return kind <= FaultKind::kCorrupt; }
 
+/// A state rather than an event: it holds from its begin to its end.
+bool Lasts(FaultKind kind) {
+  return kind == FaultKind::kDie || kind == FaultKind::kFreeze || kind == FaultKind::kStickSensor ||
+         kind == FaultKind::kSto || kind == FaultKind::kBusOff;
+}
+
 /// Of a frame's sender or receiver; 0 for those that everybody hears (SYNC, NMT to all).
 int NodeOf(const can::CanFrame& frame) {
   if (frame.id == canopen::kNmtCobId) return frame.size < 2 ? 0 : frame.data[1];
@@ -49,7 +55,9 @@ struct Order {
     return true;
   }
   bool over(TimeNs now_ns) const {
-    return begun && (now_ns >= end_ns || (fault.count > 0 && taken >= fault.count));
+    if (!begun) return false;
+    if (!OfFrames(fault.kind) && !Lasts(fault.kind)) return true;  // it happened
+    return now_ns >= end_ns || (fault.count > 0 && taken >= fault.count);
   }
 };
 
@@ -81,7 +89,11 @@ struct FaultInjector::State {
   State(can::CanPort& b, std::uint64_t s) : bus(b), seed(s) {}
 
   void Begin(const Order& order);
-  void End(const Order& order);
+  /// Brings what lasts into the state that the orders under way want: each has its own end.
+  void Apply(const Order& order);
+  void ApplyToDrive(const FaultParameters& fault, int drive);
+  /// True when an order under way wants this of the drive.
+  bool Wanted(const FaultParameters& fault, int drive) const;
   void SetBusOff(bool off);
   /// Lets one frame meet every fault. Calls `deliver(frame)` for each copy that arrives now, and files those
   /// that arrive later.
@@ -140,9 +152,12 @@ void FaultInjector::Poll(TimeNs now_ns) {
       order.begun = true;
       s.Begin(order);
     }
-    if (order.over(now_ns)) s.End(order);
   }
-  std::erase_if(s.orders, [now_ns](const Order& order) { return order.over(now_ns); });
+  const auto over = std::stable_partition(s.orders.begin(), s.orders.end(),
+                                          [now_ns](const Order& order) { return !order.over(now_ns); });
+  const std::vector<Order> ended(over, s.orders.end());
+  s.orders.erase(over, s.orders.end());
+  for (const Order& order : ended) s.Apply(order);
   while (s.from_drives.Due(now_ns)) {
     const can::CanFrame frame = s.from_drives.Take().frame;
     s.bus.Send(frame);
@@ -151,19 +166,12 @@ void FaultInjector::Poll(TimeNs now_ns) {
 
 void FaultInjector::State::Begin(const Order& order) {
   switch (order.fault.kind) {
-    case FaultKind::kDrop:
-    case FaultKind::kDelay:
-    case FaultKind::kDuplicate:
-    case FaultKind::kCorrupt:
-      return;
-    case FaultKind::kDie:
-      rack->SetSupply(order.drive, false);
-      return;
     case FaultKind::kReboot:
-      rack->PowerCycle(order.drive);
-      return;
-    case FaultKind::kFreeze:
-      rack->SetFrozen(order.drive, true);
+      // Without a supply there is nothing to switch off and on.
+      if (!Wanted({.kind = FaultKind::kDie}, order.drive)) rack->PowerCycle(order.drive);
+      for (const Order& other : orders) {
+        if (other.begun) ApplyToDrive(other.fault, order.drive);
+      }
       return;
     case FaultKind::kEmcy:
       rack->InjectEmcy(order.drive, order.fault.code);
@@ -171,28 +179,46 @@ void FaultInjector::State::Begin(const Order& order) {
     case FaultKind::kStopHeartbeat:
       rack->StopHeartbeat(order.drive);
       return;
-    case FaultKind::kStickSensor:
-      rack->StickSensor(order.drive, order.fault.sensor, true);
-      return;
-    case FaultKind::kBusOff:
-      SetBusOff(true);
+    default:
+      Apply(order);
       return;
   }
 }
 
-void FaultInjector::State::End(const Order& order) {
-  switch (order.fault.kind) {
+bool FaultInjector::State::Wanted(const FaultParameters& fault, int drive) const {
+  return std::any_of(orders.begin(), orders.end(), [&](const Order& order) {
+    return order.begun && order.fault.kind == fault.kind && (order.drive < 0 || order.drive == drive) &&
+           order.fault.sensor == fault.sensor;
+  });
+}
+
+void FaultInjector::State::Apply(const Order& order) {
+  if (order.fault.kind == FaultKind::kBusOff) {
+    SetBusOff(Wanted(order.fault, -1));
+    return;
+  }
+  if (!Lasts(order.fault.kind)) return;
+  for (int drive = 0; drive < rack->drives(); ++drive) {
+    if (order.drive < 0 || order.drive == drive) ApplyToDrive(order.fault, drive);
+  }
+}
+
+void FaultInjector::State::ApplyToDrive(const FaultParameters& fault, int drive) {
+  const bool wanted = Wanted(fault, drive);
+  switch (fault.kind) {
     case FaultKind::kDie:
-      rack->SetSupply(order.drive, true);
+      rack->SetSupply(drive, !wanted);
+      // Coming back, a drive begins afresh; what else holds it goes on.
+      if (!wanted) rack->SetFrozen(drive, Wanted({.kind = FaultKind::kFreeze}, drive));
       return;
     case FaultKind::kFreeze:
-      rack->SetFrozen(order.drive, false);
+      rack->SetFrozen(drive, wanted);
       return;
     case FaultKind::kStickSensor:
-      rack->StickSensor(order.drive, order.fault.sensor, false);
+      rack->StickSensor(drive, fault.sensor, wanted);
       return;
-    case FaultKind::kBusOff:
-      SetBusOff(false);
+    case FaultKind::kSto:
+      rack->SetSto(drive, wanted);
       return;
     default:
       return;

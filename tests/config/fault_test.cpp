@@ -35,6 +35,8 @@ TEST(Fault, OneLineHoldsWhatAScenarioHolds) {
   EXPECT_EQ(all.probability, 1);
   EXPECT_EQ(all.node, 0);
   EXPECT_FALSE(all.cob_id);
+  EXPECT_EQ(ParseFault("sto node=2 for_s=1", "").node, 2);
+  EXPECT_EQ(ParseFault("sto", "").kind, FaultKind::kSto) << "of every drive";
   EXPECT_EQ(ParseFault("emcy node=3 code=0x7320", "").code, 0x7320);
   EXPECT_EQ(ParseFault(" stick_sensor\tsensor=load_cell node=1", "").sensor, DriveSensor::kLoadCell);
 }

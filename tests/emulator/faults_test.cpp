@@ -405,6 +405,83 @@ TEST(Faults, HeartbeatsThatStopLoseTheDriveThoughItsFeedbackComes) {
   EXPECT_TRUE(rig.Recovers()) << rig.Log();
 }
 
+TEST(Faults, SafeTorqueOffHoldsUntilItEndsAndIsClearedThenOnly) {
+  Rig rig;
+  ASSERT_TRUE(rig.Enabled()) << rig.Log();
+  rig.Order({.kind = FaultKind::kSto, .at_s = 0.01, .for_s = 3});  // of every drive: an emergency stop
+  rig.Run(20);
+  for (int i = 0; i < kDrives; ++i) {
+    EXPECT_EQ(rig.rack.torque_Nm(i), 0);
+    EXPECT_EQ(rig.master.feedback(i).state, DriveState::kFault);
+    EXPECT_EQ(rig.master.feedback(i).error_code, 0x8A88);
+    EXPECT_EQ(rig.Told(i + 1), Codes{Status::kDriveFault}) << rig.Log();
+  }
+  EXPECT_THAT(rig.Log(),
+              HasSubstr("safe torque off: the STO inputs are not powered; release the emergency stop"));
+  EXPECT_FALSE(rig.Recovers()) << "not while it lasts";
+  for (int i = 0; i < kDrives; ++i) EXPECT_FALSE(rig.rack.enabled(i));
+  EXPECT_TRUE(rig.Recovers()) << rig.Log();
+}
+
+TEST(Faults, EachHasItsOwnEnd) {
+  Rig rig;
+  ASSERT_TRUE(rig.Enabled()) << rig.Log();
+  const auto shows = [&](int position) {
+    for (int i = 0; i < kDrives; ++i) rig.rack.SetSensors(i, {.position_counts = position});
+    rig.Step();
+    return rig.master.feedback(0).position_counts;
+  };
+  EXPECT_EQ(shows(1), 1);
+  rig.Order({.kind = FaultKind::kStickSensor, .for_s = 0.020, .node = 1, .sensor = DriveSensor::kEncoder});
+  rig.Order({.kind = FaultKind::kStickSensor, .for_s = 0.010, .node = 1, .sensor = DriveSensor::kEncoder});
+  rig.Order({.kind = FaultKind::kStickSensor, .for_s = 0.010, .node = 1, .sensor = DriveSensor::kTorque});
+  rig.Step();
+  rig.Run(14);
+  EXPECT_EQ(shows(2), 1) << "the longer one lasts";
+  rig.Run(8);
+  EXPECT_EQ(shows(3), 3);
+
+  rig.Order({.kind = FaultKind::kDie, .node = 2});  // for ever
+  rig.Order({.kind = FaultKind::kDie, .for_s = 0.02, .node = 2});
+  rig.Order({.kind = FaultKind::kFreeze, .for_s = 0.03, .node = 2});
+  rig.Order({.kind = FaultKind::kReboot, .at_s = 0.05, .node = 2});
+  rig.Run(600);
+  rig.master.ClearFaults(rig.clock.Now());
+  rig.Run(3500);
+  EXPECT_EQ(rig.master.feedback(1).state, DriveState::kOffline) << "dead for ever";
+
+  rig.Order({.kind = FaultKind::kBusOff, .for_s = 0.3});
+  rig.Order({.kind = FaultKind::kBusOff, .for_s = 0.1});
+  rig.Run(250);
+  EXPECT_FALSE(rig.faults.up());
+  rig.Run(60);
+  EXPECT_TRUE(rig.faults.up());
+
+  rig.Order({.kind = FaultKind::kSto, .for_s = 0.1});
+  rig.Order({.kind = FaultKind::kSto, .for_s = 0.05, .node = 1});
+  rig.Run(70);
+  rig.master.ClearFaults(rig.clock.Now());
+  EXPECT_EQ(rig.faults.pending(), 2) << "the death and the longer of the two";
+}
+
+TEST(Faults, ADriveThatComesBackFrozenStaysFrozen) {
+  Rig rig;
+  ASSERT_TRUE(rig.Enabled()) << rig.Log();
+  rig.Order({.kind = FaultKind::kFreeze, .for_s = 1, .node = 3});
+  rig.Order({.kind = FaultKind::kReboot, .at_s = 0.1, .node = 3});
+  rig.Order({.kind = FaultKind::kDie, .at_s = 0.2, .for_s = 0.1, .node = 3});
+  int from_3 = 0;
+  rig.Step();
+  rig.bus.SetFilter([&](can::CanFrame& frame) {
+    from_3 += frame.id == 0x183 || frame.id == 0x703;
+    return true;
+  });
+  rig.Run(990);
+  EXPECT_EQ(from_3, 0);
+  rig.Run(20);
+  EXPECT_EQ(from_3, 1) << "its boot-up";
+}
+
 class FaultsSensor : public ::testing::TestWithParam<DriveSensor> {};
 
 TEST_P(FaultsSensor, AStuckOneShowsItsLastValueTheOthersGoOn) {

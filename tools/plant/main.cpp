@@ -194,10 +194,11 @@ int main(int argc, char** argv) {
       "--lcm", options.lcm_url,
       "LCM address, for example udpm://239.255.76.67:7667?ttl=0: publishes the tip on TENDRIL_TRACKER at the "
       "tracker's rate, if the robot has one, and takes faults on TENDRIL_FAULT; without it neither");
-  app.add_option("--fault", options.faults,
-                 "a fault to act out, may be repeated: a kind (drop, delay, duplicate, corrupt, die, reboot, "
-                 "freeze, emcy, stop_heartbeat, stick_sensor, bus_off), then the keys of a scenario, for "
-                 "example \"drop node=2 probability=0.1 at_s=5 for_s=1\"")
+  app.add_option(
+         "--fault", options.faults,
+         "a fault to act out, may be repeated: a kind (drop, delay, duplicate, corrupt, die, reboot, "
+         "freeze, emcy, stop_heartbeat, stick_sensor, sto, bus_off), then the keys of a scenario, for "
+         "example \"drop node=2 probability=0.1 at_s=5 for_s=1\"")
       ->allow_extra_args(false);
   app.add_option("--scenario", options.scenario,
                  "file with faults, for example config/scenarios/rough_minute.yaml");

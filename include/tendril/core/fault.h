@@ -20,6 +20,7 @@ enum class FaultKind : std::uint8_t {
   kEmcy,           // it detects the error behind a code
   kStopHeartbeat,  // until its next reset
   kStickSensor,    // one of its sensors keeps its value
+  kSto,            // safe torque off, as by an emergency stop; without a node of every drive
   // the bus
   kBusOff,  // for everybody on it
 };
