@@ -1,20 +1,49 @@
 # What is installed, and the Debian package of it (cpack -G DEB in the build folder).
+set(systemd ${PROJECT_SOURCE_DIR}/config/systemd)
 install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril/config PATTERN systemd EXCLUDE)
 install(DIRECTORY lcm_types/ DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril/lcm_types FILES_MATCHING PATTERN "*.lcm")
 file(GLOB plot_scripts CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tools/*.py)
 install(PROGRAMS ${plot_scripts} DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril)
-install(FILES README.md CHANGELOG.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES README.md CHANGELOG.md ${systemd}/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY tools/pictures DESTINATION ${CMAKE_INSTALL_DOCDIR}/tools)
+install(FILES ${systemd}/tendril.tmpfiles DESTINATION lib/tmpfiles.d RENAME tendril.conf)
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_CONTACT "Tendril maintainers <maintainers@tendril.invalid>")
-set(CPACK_PACKAGE_DESCRIPTION_SUMMARY ${PROJECT_DESCRIPTION})
+
+# The package's own changelog, in Debian's form; with SOURCE_DATE_EPOCH set it is the same every time.
+find_program(GZIP gzip)
+if(GZIP)
+  string(TIMESTAMP date "%a, %d %b %Y %H:%M:%S +0000" UTC)
+  file(WRITE ${PROJECT_BINARY_DIR}/package/changelog "tendril (${PROJECT_VERSION}) stable; urgency=medium
+
+  * What changed is in CHANGELOG.md, beside this file.
+
+ -- ${CPACK_PACKAGE_CONTACT}  ${date}
+")
+  execute_process(COMMAND ${GZIP} -9nf ${PROJECT_BINARY_DIR}/package/changelog)
+  install(FILES ${PROJECT_BINARY_DIR}/package/changelog.gz DESTINATION ${CMAKE_INSTALL_DOCDIR})
+endif()
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
+# Folders and scripts as Debian wants them, whatever the builder's umask.
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
+  OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY ${PROJECT_DESCRIPTION})
+set(CPACK_DEBIAN_PACKAGE_DESCRIPTION "\
+Commanded over LCM, tendrild holds, bends and moves a continuum robot whose
+tendons are pulled by CANopen drives in torque mode. With it come the tools to
+operate it, a simulated rig that answers on a virtual CAN bus, and a diagnosis
+of the gap between the two.
+.
+The service starts when there is an /etc/tendril/tendrild.yaml and somebody
+enables it; a robot moves when somebody arms it.")
+# Needs file(1) and dpkg-shlibdeps; without them a package would claim to need nothing.
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA "${PROJECT_SOURCE_DIR}/config/systemd/postinst;${PROJECT_SOURCE_DIR}/config/systemd/prerm")
-set(CPACK_DEBIAN_PACKAGE_DEPENDS "python3, python3-matplotlib, python3-numpy")
-set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "systemd")
+set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA "${systemd}/postinst;${systemd}/prerm;${systemd}/postrm")
+# A robot computer needs no plots.
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "systemd, udev, iproute2, python3, python3-matplotlib, python3-numpy")
 include(CPack)

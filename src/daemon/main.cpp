@@ -2,7 +2,9 @@
 // stop. Everything that can go wrong before the robot moves ends here as one line.
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/sinks/systemd_sink.h>
 #include <spdlog/spdlog.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -94,11 +96,19 @@ void LogSettings(const DaemonOptions& o, const std::string& config_path) {
   }
 }
 
+bool UnderJournal() { return std::getenv("JOURNAL_STREAM") != nullptr; }
+
 void SetUpMessages() {
-  // The journal stamps lines itself.
-  const bool journal = std::getenv("JOURNAL_STREAM") != nullptr;
-  spdlog::set_default_logger(spdlog::stderr_color_mt("tendrild"));
-  spdlog::set_pattern(journal ? "%l: %v" : "%Y-%m-%d %H:%M:%S.%e %^%l%$: %v");
+  // A terminal may have inherited the variable from a service: it counts where it names our own stream.
+  struct stat own {};
+  if (UnderJournal() && (fstat(STDERR_FILENO, &own) != 0 ||
+                         fmt::format("{}:{}", own.st_dev, own.st_ino) != std::getenv("JOURNAL_STREAM"))) {
+    unsetenv("JOURNAL_STREAM");
+  }
+  // The journal keeps time and priority as fields of their own.
+  spdlog::set_default_logger(UnderJournal() ? spdlog::systemd_logger_mt("tendrild", "tendrild")
+                                            : spdlog::stderr_color_mt("tendrild"));
+  if (!UnderJournal()) spdlog::set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$: %v");
 }
 
 void Run(const Arguments& arguments) {
@@ -151,7 +161,9 @@ int Main(int argc, char** argv) {
   try {
     Run(arguments);
   } catch (const std::exception& e) {
-    fmt::print(stderr, "tendrild: {}\n", e.what());
+    // By the stream, which the journal knows to be this unit's even when the process is already gone; <3> is
+    // an error's priority.
+    fmt::print(stderr, "{}tendrild: {}\n", UnderJournal() ? "<3>" : "", e.what());
     return 1;
   }
   return 0;
