@@ -103,7 +103,7 @@ void Describe(Io& io, BusParameters& p) {
   io.Integer("sdo_timeout_ms", p.sdo_timeout_ms, {5, 10000});
   io.Integer("boot_timeout_ms", p.boot_timeout_ms, {100, 120000});
   io.Integer("abort_connection_option", p.abort_connection_option, {2, 3});
-  io.Number("max_load", p.max_load, {0.05, 1});
+  io.Number("max_load", p.max_load, {0.05, 0.8});
   io.Block("identity", p.identity);
   io.List("nodes", p.nodes, {1, kMaxTendons});
 

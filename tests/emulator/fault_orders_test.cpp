@@ -7,9 +7,11 @@
 
 #include <fstream>
 #include <lcm/lcm-cpp.hpp>
+#include <tendril_lcm/event_t.hpp>
 
 #include "tendril/can/memory_bus.h"
 #include "tendril/config/config.h"
+#include "tendril/io/client.h"
 #include "tendril/io/connection.h"
 
 namespace tendril::tools {
@@ -79,6 +81,12 @@ TEST_F(FaultOrders, ForANodeThatIsNotThereAreRefusedWithTheirPlace) {
 TEST_F(FaultOrders, ByLcmCountFromTheirArrival) {
   const auto lcm = io::OpenLcm("memq://");
   FaultListener listener(*lcm, "TENDRIL", faults_, clock_);
+  std::vector<std::string> answers;
+  const auto hear = [&answers](const tendril_lcm::event_t& event) {
+    if (event.source == "plant") answers.push_back(event.text);
+  };
+  io::Client client(lcm.get(), "TENDRIL");
+  client.OnEvent(hear);
   Poll();
   Seen();
   clock_.Advance(kNsPerS);
@@ -94,6 +102,8 @@ TEST_F(FaultOrders, ByLcmCountFromTheirArrival) {
               ElementsAre("fault ordered: reboot node=3 at_s=0.05",
                           StartsWith("fault refused: TENDRIL_FAULT: node: 300 is out of range")));
   EXPECT_THAT(listener.TakeLines(), ElementsAre());
+  EXPECT_THAT(answers, ElementsAre("fault ordered: reboot node=3 at_s=0.05", StartsWith("fault refused: ")))
+      << "who ordered hears what became of it";
   Poll();
   EXPECT_THAT(Seen(), ElementsAre());
   clock_.Advance(50 * kNsPerMs);

@@ -10,7 +10,8 @@
 namespace tendril::tools {
 namespace {
 
-std::vector<emulator::EmulatedDriveParameters> Drives(const RobotParameters& robot) {
+std::vector<emulator::EmulatedDriveParameters> Drives(
+    const RobotParameters& robot, std::span<const emulator::EmulatedDriveParameters> more) {
   std::vector<emulator::EmulatedDriveParameters> drives;
   for (const auto& tendon : robot.actuation->tendons) {
     emulator::EmulatedDriveParameters drive;
@@ -21,6 +22,7 @@ std::vector<emulator::EmulatedDriveParameters> Drives(const RobotParameters& rob
         static_cast<std::uint32_t>(std::lround(tendon.motor.torque_constant_NmpA * 1e6));
     drives.push_back(drive);
   }
+  drives.insert(drives.end(), more.begin(), more.end());
   return drives;
 }
 
@@ -32,10 +34,11 @@ std::int16_t Millivolts(double volts) {
 }  // namespace
 
 // The plant comes first: it refuses a robot without actuation.
-VirtualRig::VirtualRig(const RobotParameters& robot, can::CanPort& port, const sim::PlantOptions& options)
+VirtualRig::VirtualRig(const RobotParameters& robot, can::CanPort& port, const sim::PlantOptions& options,
+                       std::span<const emulator::EmulatedDriveParameters> more)
     : robot_(robot),
       plant_(robot_, options),
-      rack_(Drives(robot_), port),
+      rack_(Drives(robot_, more), port),
       released_(robot_.actuation->tendons.size(), false),
       torque_Nm_(plant_.tendons()) {
   for (int j = 0; j < plant_.tendons(); ++j) torque_Nm_[j] = plant_.tendon()[j].motor_torque_Nm;

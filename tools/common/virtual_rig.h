@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "tendril/can/can_port.h"
@@ -17,8 +18,9 @@ class VirtualRig {
  public:
   /// Drives answer as the node ids of the robot's actuation, in tendon order; load cells are on each drive's
   /// first analog input. Throws std::invalid_argument when the robot has no actuation. `port` must outlive
-  /// the rig.
-  VirtualRig(const RobotParameters& robot, can::CanPort& port, const sim::PlantOptions& options = {});
+  /// the rig. `more` drives follow those of the tendons; what is behind them is the caller's matter.
+  VirtualRig(const RobotParameters& robot, can::CanPort& port, const sim::PlantOptions& options = {},
+             std::span<const emulator::EmulatedDriveParameters> more = {});
 
   /// Moves the plant to `now_ns`, shows its sensors to the drives, lets them handle waiting frames and what
   /// is due, and hands their torque to the plant. The plant's time 0 is the first call; later calls must not

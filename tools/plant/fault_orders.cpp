@@ -5,7 +5,9 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <chrono>
 #include <stdexcept>
+#include <tendril_lcm/event_t.hpp>
 #include <utility>
 
 #include "tendril/config/config.h"
@@ -51,6 +53,7 @@ void Order(const std::vector<FaultOrder>& orders, emulator::FaultInjector& fault
 FaultListener::FaultListener(lcm::LCM& lcm, const std::string& prefix, emulator::FaultInjector& faults,
                              const Clock& clock)
     : lcm_(lcm),
+      event_channel_(io::ChannelName(prefix, "EVENT")),
       faults_(faults),
       clock_(clock),
       subscription_(lcm.subscribe(io::ChannelName(prefix, "FAULT"), &FaultListener::OnFault, this)) {}
@@ -64,10 +67,21 @@ void FaultListener::OnFault(const lcm::ReceiveBuffer*, const std::string& channe
   try {
     Order({{channel, config::ParseFault(message->fault, channel)}}, faults_, clock_.Now());
     ++ordered_;
-    lines_.push_back(fmt::format("fault ordered: {}", Shown(message->fault)));
+    Answer(fmt::format("fault ordered: {}", Shown(message->fault)));
   } catch (const config::ConfigError& e) {
-    lines_.push_back(fmt::format("fault refused: {}", e.what()));
+    Answer(fmt::format("fault refused: {}", e.what()));
   }
+}
+
+void FaultListener::Answer(const std::string& line) {
+  tendril_lcm::event_t event{};
+  event.utime = std::chrono::duration_cast<std::chrono::microseconds>(
+                    std::chrono::system_clock::now().time_since_epoch())
+                    .count();
+  event.source = "plant";
+  event.text = line;
+  lcm_.publish(event_channel_, &event);
+  lines_.push_back(line);
 }
 
 }  // namespace tendril::tools

@@ -24,7 +24,8 @@ std::vector<FaultOrder> ReadScenario(const std::string& path);
 /// Throws config::ConfigError on a fault that does not fit the drives.
 void Order(const std::vector<FaultOrder>& orders, emulator::FaultInjector& faults, TimeNs now_ns);
 
-/// Orders what comes on PREFIX_FAULT, whenever its LCM is handled; their times count from then.
+/// Orders what comes on PREFIX_FAULT, whenever its LCM is handled; their times count from then. What became
+/// of each is answered by an event on PREFIX_EVENT, source "plant", text as TakeLines gives it.
 class FaultListener {
  public:
   /// `lcm`, `faults` and `clock` must outlive the listener.
@@ -41,7 +42,10 @@ class FaultListener {
  private:
   void OnFault(const lcm::ReceiveBuffer*, const std::string& channel, const tendril_lcm::fault_t* message);
 
+  void Answer(const std::string& line);
+
   lcm::LCM& lcm_;
+  std::string event_channel_;
   emulator::FaultInjector& faults_;
   const Clock& clock_;
   lcm::Subscription* subscription_;

@@ -13,6 +13,7 @@
 #include <string>
 
 #include "fault_orders.h"
+#include "free_motors.h"
 #include "seed_option.h"
 #include "tendril/can/bus_guard.h"
 #include "tendril/can/socketcan_port.h"
@@ -67,7 +68,7 @@ class Tracker {
 };
 
 struct Options {
-  std::string robot, interface = "vcan0", lcm_url, scenario;
+  std::string robot, interface = "vcan0", lcm_url, scenario, extra_nodes;
   std::vector<std::string> faults;
   std::uint64_t seed = 1;
 };
@@ -87,6 +88,17 @@ auto AsUse(Work work) {
   }
 }
 
+std::vector<int> ExtraNodes(const std::string& list, const ActuationParameters& actuation) {
+  if (list.empty()) return {};
+  std::vector<int> taken;
+  for (const auto& tendon : actuation.tendons) taken.push_back(tendon.node_id);
+  try {
+    return ParseNodeList(list, taken);
+  } catch (const std::invalid_argument& e) {
+    throw CLI::ValidationError(fmt::format("--extra-nodes: {}", e.what()));
+  }
+}
+
 void Run(const Options& options) {
   const std::vector<FaultOrder> faults = AsUse([&] { return ReadFaults(options.faults); });
   const std::vector<FaultOrder> scenario =
@@ -98,11 +110,14 @@ void Run(const Options& options) {
                     "such as rig_90mm.yaml",
                     options.robot, robot.name));
   }
+  const std::vector<int> extra = ExtraNodes(options.extra_nodes, *robot.actuation);
+  const TendonDriveParameters& like = robot.actuation->tendons.front();
   const MonotonicClock clock;
   const can::BusGuard guard("tendril-plant", options.interface);
   can::SocketCanPort bus(options.interface);
   emulator::FaultInjector port(bus, options.seed);
-  VirtualRig rig(robot, port, {.seed = options.seed});
+  VirtualRig rig(robot, port, {.seed = options.seed}, FreeDrives(extra, like));
+  FreeMotors free_motors(rig.drives(), static_cast<int>(robot.actuation->tendons.size()), like);
   port.Attach(rig.drives());
   AsUse([&] { Order(faults, port, clock.Now()); });
   Order(scenario, port, clock.Now());
@@ -121,6 +136,7 @@ void Run(const Options& options) {
   for (const auto& tendon : robot.actuation->tendons) {
     nodes += fmt::format("{}{}", nodes.empty() ? "" : " ", tendon.node_id);
   }
+  if (!extra.empty()) nodes += fmt::format(", free motors on nodes {}", options.extra_nodes);
   const std::string on_lcm =
       lcm ? fmt::format(", {}faults by LCM on {}", tracker ? "tracker and " : "", options.lcm_url) : "";
   const std::string ordered = port.pending() > 0 ? fmt::format(", {} faults ordered", port.pending()) : "";
@@ -144,6 +160,7 @@ void Run(const Options& options) {
       if (lcm && io::HandleWaiting(*lcm, 0) > 0) Show(*listener);
     }
     port.Poll(now_ns);
+    free_motors.Poll(now_ns);
     syncs += static_cast<std::uint64_t>(rig.Poll(now_ns));
     if (tracker) tracker->PublishIfDue(rig, now_ns);
     work.Add(clock.Now() - now_ns);
@@ -202,6 +219,10 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   app.add_option("--scenario", options.scenario,
                  "file with faults, for example config/scenarios/rough_minute.yaml");
+  app.add_option(
+      "--extra-nodes", options.extra_nodes,
+      "more drives beyond those of the robot file, for example 4-127: each turns a free motor like the "
+      "robot's first one, and faults can be ordered for it like for any other");
   app.add_option("--seed", options.seed, "of the sensors' noise and of the faults' luck")
       ->check(tendril::tools::Seed())
       ->capture_default_str();

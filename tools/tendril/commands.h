@@ -27,6 +27,7 @@ void AddCompareCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
 void AddDemoCommand(CLI::App& app);
 void AddExciteCommand(CLI::App& app);
+void AddFaultCommand(CLI::App& app);
 void AddFollowCommand(CLI::App& app);
 void AddGapApplyCommand(CLI::App& app);
 void AddGapDiagnoseCommand(CLI::App& app);

@@ -61,6 +61,7 @@ int main(int argc, char** argv) {
   tendril::tools::AddConfigCommand(app);
   tendril::tools::AddDemoCommand(app);
   tendril::tools::AddExciteCommand(app);
+  tendril::tools::AddFaultCommand(app);
   tendril::tools::AddFollowCommand(app);
   tendril::tools::AddGapApplyCommand(app);
   tendril::tools::AddGapDiagnoseCommand(app);

@@ -1,0 +1,106 @@
+// tendril fault: orders a fault from a running tendril-plant over LCM and tells what it answers. Knows no
+// drive.
+#include <fmt/format.h>
+
+#include <chrono>
+#include <lcm/lcm-cpp.hpp>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <tendril_lcm/event_t.hpp>
+#include <tendril_lcm/fault_t.hpp>
+#include <vector>
+
+#include "commands.h"
+#include "lcm_options.h"
+#include "tendril/config/config.h"
+#include "tendril/core/clock.h"
+#include "tendril/io/connection.h"
+
+namespace tendril::tools {
+namespace {
+
+struct FaultOptions {
+  LcmOptions lcm;
+  double timeout_s = 2;
+  std::vector<std::string> words;
+};
+
+/// Takes the plant's answer to one order: the text it came with tells it from others' orders.
+class Answer {
+ public:
+  Answer(lcm::LCM& lcm, const std::string& prefix, const std::string& fault)
+      : ordered_("fault ordered: " + fault.substr(0, 100)) {
+    lcm.subscribe(io::ChannelName(prefix, "EVENT"), &Answer::OnEvent, this);
+  }
+  const std::string& text() const { return text_; }
+
+ private:
+  void OnEvent(const lcm::ReceiveBuffer*, const std::string&, const tendril_lcm::event_t* event) {
+    const bool ours = event->source == "plant" &&
+                      (event->text.starts_with(ordered_) || event->text.starts_with("fault refused"));
+    if (text_.empty() && ours) text_ = event->text;
+  }
+  std::string ordered_;
+  std::string text_;
+};
+
+void OrderFault(const FaultOptions& o) {
+  const std::string fault = fmt::format("{}", fmt::join(o.words, " "));
+  try {
+    (void)config::ParseFault(fault, "fault");
+  } catch (const config::ConfigError& e) {
+    throw UsageError(e.what());
+  }
+  const auto lcm = io::OpenLcm(o.lcm.url);
+  Answer answer(*lcm, o.lcm.prefix, fault);
+  tendril_lcm::fault_t message{};
+  message.utime = std::chrono::duration_cast<std::chrono::microseconds>(
+                      std::chrono::system_clock::now().time_since_epoch())
+                      .count();
+  message.fault = fault;
+  if (lcm->publish(io::ChannelName(o.lcm.prefix, "FAULT"), &message) != 0) {
+    throw std::runtime_error("LCM could not send the fault on " + o.lcm.url);
+  }
+  if (o.timeout_s == 0) return;
+  const MonotonicClock clock;
+  const TimeNs end_ns = clock.Now() + static_cast<TimeNs>(o.timeout_s * static_cast<double>(kNsPerS));
+  while (answer.text().empty() && clock.Now() < end_ns) io::HandleWaiting(*lcm, 20);
+  if (answer.text().empty()) {
+    throw std::runtime_error(fmt::format(
+        "no tendril-plant answers on {} ({}_FAULT) within {:g} s; is it running, with the same --lcm "
+        "(without --lcm it takes no faults)?",
+        o.lcm.url, o.lcm.prefix, o.timeout_s));
+  }
+  if (answer.text().starts_with("fault refused")) throw std::runtime_error(answer.text());
+  fmt::print("{}\n", answer.text());
+}
+
+}  // namespace
+
+void AddFaultCommand(CLI::App& app) {
+  auto o = std::make_shared<FaultOptions>();
+  CLI::App* fault = app.add_subcommand(
+      "fault",
+      "Let a running tendril-plant (started with --lcm) act out a fault: the emulated drives and their bus, "
+      "never a "
+      "real one.\nKinds and their keys, times in s from now, without for_s to the end:\n"
+      "  drop, delay delay_s=, duplicate, corrupt   frames  [node= direction=to_drives|from_drives cob_id= "
+      "probability= count= for_s=]\n"
+      "  die node= [for_s=]       no supply         freeze node= [for_s=]  deaf and mute, torque stays\n"
+      "  reboot node=             off and on        stop_heartbeat node=   until it is reset\n"
+      "  emcy node= code=         an error          stick_sensor node= sensor=encoder|load_cell|torque "
+      "[for_s=]\n"
+      "  sto [node= for_s=]       safe torque off   bus_off [for_s=]\n"
+      "and at_s= with each, for example: tendril fault emcy node=2 code=0x7320 at_s=1");
+  AddLcmOptions(*fault, o->lcm);
+  fault->add_option("--timeout", o->timeout_s, "how long to wait for the plant's answer [s]; 0: not at all")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 3600.0));
+  fault->add_option("fault", o->words, "a kind, then key=value")
+      ->required()
+      ->option_text("KIND KEY=VALUE ...");
+  fault->callback([o] { OrderFault(*o); });
+}
+
+}  // namespace tendril::tools
