@@ -46,6 +46,22 @@ Eigen::VectorXd Bounded(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, cons
   return x;
 }
 
+// What a gap that one fold alone can show has to bring beyond what any parameter takes up by chance, and the
+// share of what is known of a parameter that the other folds must have for it to be held out.
+constexpr double kOnlyFoldCost = 8, kElsewhere = 0.02;
+
+/// The fold that alone says what one of the first `own` parameters is, or -1.
+int OnlyFold(const Normal& normal, int own) {
+  for (int k = 0; k < own; ++k) {
+    double sum = 0;
+    for (const auto& A : normal.A) sum += A(k, k);
+    for (std::size_t f = 0; f < normal.A.size(); ++f) {
+      if (sum > 0 && sum - normal.A[f](k, k) < kElsewhere * sum) return static_cast<int>(f);
+    }
+  }
+  return -1;
+}
+
 }  // namespace
 
 Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& part, const Residuals& rest,
@@ -94,7 +110,7 @@ Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& pa
 }
 
 LinearFit SolveLinear(const Normal& normal, const Eigen::VectorXd& prior, const Eigen::VectorXd& lower,
-                      const Eigen::VectorXd& upper) {
+                      const Eigen::VectorXd& upper, int own) {
   const int n = normal.size();
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
@@ -104,9 +120,12 @@ LinearFit SolveLinear(const Normal& normal, const Eigen::VectorXd& prior, const 
   fit.value = Bounded(A + regular, b, lower, upper);
   fit.score = fit.value.dot(b) - 0.5 * fit.value.dot(A * fit.value);
   fit.by_fold.resize(normal.A.size());
+  const int only = OnlyFold(normal, own);
   for (std::size_t f = 0; f < normal.A.size(); ++f) {
-    const Eigen::VectorXd x = Bounded(A - normal.A[f] + regular, b - normal.b[f], lower, upper);
-    fit.by_fold[f] = x.dot(normal.b[f]) - 0.5 * x.dot(normal.A[f] * x);
+    const bool predicted = static_cast<int>(f) != only;
+    const Eigen::VectorXd x =
+        predicted ? Bounded(A - normal.A[f] + regular, b - normal.b[f], lower, upper) : fit.value;
+    fit.by_fold[f] = x.dot(normal.b[f]) - 0.5 * x.dot(normal.A[f] * x) - (predicted ? 0 : kOnlyFoldCost);
     fit.held_out_score += fit.by_fold[f];
   }
   return fit;
@@ -278,6 +297,10 @@ double Fitter::Lost(const Fit& fit, int k, double value) const {
   return fit.score - score;
 }
 
+double HeldOutScore(const Weights& weights, const Fit& fit, const Residuals& rest) {
+  return LogScore(weights, fit.held_out, rest) - (fit.only_fold >= 0 ? kOnlyFoldCost : 0);
+}
+
 Fit Fitter::Refit(const Model& start, int iterations) const {
   const unsigned cuts = CutsOf(start);
   const int n = start.size(), extra = static_cast<int>(nuisances_.columns.size());
@@ -352,8 +375,9 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
     return Bounded(Af + regular, bf, lower, upper);
   };
   const Eigen::VectorXd all = leave_out(-1);
+  fit.only_fold = OnlyFold(normal, n);
   std::vector<Eigen::VectorXd> without;
-  for (int f = 0; f < folds_.count; ++f) without.push_back(leave_out(f));
+  for (int f = 0; f < folds_.count; ++f) without.push_back(f == fit.only_fold ? all : leave_out(f));
   fit.residuals = at;
   fit.held_out = at;
   for (int i = 0; i < static_cast<int>(rest.size()); ++i) {
@@ -378,7 +402,7 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
     fit.model.values[k] = std::clamp(fit.model.values[k] + all[k], p.lower, p.upper);
   }
   fit.score = LogScore(weights_, fit.residuals, rest);
-  fit.held_out_score = LogScore(weights_, fit.held_out, rest);
+  fit.held_out_score = HeldOutScore(weights_, fit, rest);
   // Scatter of the estimate over the folds (a jackknife) says more than the noise: the folds differ by what
   // the model lacks.
   Eigen::MatrixXd scatter = Eigen::MatrixXd::Zero(n, n);

@@ -32,9 +32,10 @@ struct LinearFit {
   std::vector<double> by_fold;  // the latter, fold by fold
 };
 /// Least squares with a Gaussian prior of standard deviation prior[k] about zero for each parameter, within
-/// bounds of the change.
+/// bounds of the change. A fold without which one of the first `own` parameters is not determined cannot be
+/// predicted from the others: it is scored with what all data say, less a fixed cost.
 LinearFit SolveLinear(const Normal& normal, const Eigen::VectorXd& prior, const Eigen::VectorXd& lower,
-                      const Eigen::VectorXd& upper);
+                      const Eigen::VectorXd& upper, int own = 0);
 
 /// Constants that every model may change: columns with their prior standard deviations.
 struct Nuisances {
@@ -49,12 +50,16 @@ struct Nuisances {
 struct Fit {
   Model model;
   bool bound_hit = false;
+  int only_fold = -1;                    // the one that alone determines a parameter, and is not held out
   Residuals residuals;                   // of the channels it can change, nuisances taken out
   Residuals held_out;                    // the same when each fold is predicted by a fit to the others
   Eigen::MatrixXd covariance;            // of model.values, scaled by what is left
   std::vector<Column> columns;           // at the optimum, by parameter
   double score = 0, held_out_score = 0;  // log scores over all channels
 };
+
+/// Log score of what the fit predicts of held-out data, under weights that may be newer than the fit's.
+double HeldOutScore(const Weights& weights, const Fit& fit, const Residuals& rest);
 
 class Fitter {
  public:

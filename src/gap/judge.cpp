@@ -47,6 +47,8 @@ Cause CauseOf(const Fit& fit, int part) {
   cause.effect = candidate.effect->name;
   cause.where = candidate.where;
   cause.bound_hit = fit.bound_hit;
+  if (fit.only_fold >= 0)
+    cause.note = "one kind of experiment alone shows it; there it is judged on what it was fitted to";
   const int offset = fit.model.offset(part);
   for (int k = 0; k < candidate.size(); ++k) {
     const auto& p = candidate.effect->parameters[k];
@@ -295,7 +297,8 @@ class Case {
       const double p_member = mine->cause.p;
       mine->cause = CauseOf(*pair_, part);
       mine->cause.p = p_member;
-      mine->cause.note = "one of two causes that act together";
+      mine->cause.note = (mine->cause.note.empty() ? "" : mine->cause.note + "; ") +
+                         std::string("one of two causes that act together");
       for (const Fit& fit : search_.pairs) {
         const auto& parts = fit.model.parts;
         if (!(parts[0] == partner) && !(parts[1] == partner)) continue;

@@ -74,18 +74,18 @@ void Measure(const Evaluator& evaluator, const Residuals& residuals, Part& part)
         r = part.fast ? Eigen::VectorXd(r - slow) : slow;
       }
       const int per_block = std::max(1, static_cast<int>(kBlock_s / evaluator.window_s(i, c)));
-      const double most = LargestSquare(r, v);
+      const Eigen::VectorXd expected =
+          v.unaryExpr([&](double variance) { return variance - (1 - share) * std::min(white, variance); });
+      const Eigen::VectorXd squares = CalmSquares(r, v, expected, evaluator.window_s(i, c));
       double block = 0;
       int in_block = 0;
       for (int w = 0; w < r.size(); ++w) {
         if (std::isfinite(v[w])) {
           const double weight = 1 / (v[w] + std::pow(channels[c].floor, 2));
-          const double expected = v[w] - (1 - share) * std::min(white, v[w]);
-          const double r2 = std::min(r[w] * r[w], most + 36 * expected);
-          square += weight * r2;
-          noise += weight * expected;
+          square += weight * squares[w];
+          noise += weight * expected[w];
           total += weight;
-          block += weight * (r2 - kNoiseSlack * expected);
+          block += weight * (squares[w] - kNoiseSlack * expected[w]);
           ++in_block;
         }
         if ((w + 1) % per_block == 0) {

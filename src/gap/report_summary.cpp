@@ -162,7 +162,7 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
     std::string members;
     for (const Cause& c : d.causes) {
       if (c.group > 0 && c.group == d.causes.front().group)
-        members += (members.empty() ? "" : ", ") + c.effect;
+        members += (members.empty() ? "" : ", ") + c.effect + (c.where.empty() ? "" : " " + c.where);
     }
     if (!members.empty()) out += Wrapped("These runs cannot tell apart: " + members, 2);
   }

@@ -9,6 +9,7 @@
 namespace tendril::gap {
 namespace {
 
+constexpr double kLasting_s = 0.1;      // a residual that is large for half of this is no mere transient
 constexpr double kCorrelation_s = 1.0;  // what the model leaves unexplained stays alike for about so long
 
 }  // namespace
@@ -82,17 +83,34 @@ double LogScore(const Weights& weights, const Residuals& part, const Residuals& 
   return -0.5 * sum;
 }
 
-double LargestSquare(const Eigen::VectorXd& residual, const Eigen::VectorXd& variance) {
+Eigen::VectorXd CalmSquares(const Eigen::VectorXd& residual, const Eigen::VectorXd& variance,
+                            const Eigen::VectorXd& expected, double window_s) {
   constexpr double kSigmas = 6;
-  std::vector<double> squares;
-  for (int w = 0; w < residual.size(); ++w) {
-    if (std::isfinite(variance[w])) squares.push_back(residual[w] * residual[w]);
+  const int windows = static_cast<int>(residual.size());
+  Eigen::VectorXd squares = residual.cwiseAbs2();
+  std::vector<double> known;
+  for (int w = 0; w < windows; ++w) {
+    if (std::isfinite(variance[w])) known.push_back(squares[w]);
   }
-  if (squares.empty()) return 0;
-  const auto high =
-      squares.begin() + static_cast<std::ptrdiff_t>(0.75 * static_cast<double>(squares.size() - 1));
-  std::nth_element(squares.begin(), high, squares.end());
-  return kSigmas * kSigmas * *high;
+  if (known.empty()) return squares;
+  const auto high = known.begin() + static_cast<std::ptrdiff_t>(0.75 * static_cast<double>(known.size() - 1));
+  std::nth_element(known.begin(), high, known.end());
+  const double usual = kSigmas * kSigmas * *high;
+  const int reach = std::max(2, static_cast<int>(std::lround(0.5 * kLasting_s / window_s)));
+  Eigen::VectorXd calm = squares;
+  std::vector<double> about;
+  for (int w = 0; w < windows; ++w) {
+    const double most = usual + kSigmas * kSigmas * expected[w];
+    if (!(squares[w] > most) || !std::isfinite(variance[w])) continue;
+    about.clear();
+    for (int k = std::max(0, w - reach); k <= std::min(windows - 1, w + reach); ++k) {
+      if (std::isfinite(variance[k])) about.push_back(squares[k]);
+    }
+    const auto middle = about.begin() + static_cast<std::ptrdiff_t>((about.size() - 1) / 2);
+    std::nth_element(about.begin(), middle, about.end());
+    calm[w] = std::min(squares[w], std::max(most, *middle));
+  }
+  return calm;
 }
 
 ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, const Residuals& rest,
@@ -108,12 +126,12 @@ ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, co
       const auto& r = Pick(part, rest, i, c);
       const auto& v = evaluator.Variance()[i][c];
       const double delta2 = channels[c].floor * channels[c].floor;
-      const double most = LargestSquare(r, v);
+      const Eigen::VectorXd squares = CalmSquares(r, v, v, evaluator.window_s(i, c));
       for (int w = 0; w < r.size(); ++w) {
         if (!std::isfinite(v[w])) continue;
         // Where resolution leaves much open a window says little about the mean square.
         const double weight = 1 / (v[w] + delta2);
-        score.square[c] += weight * std::min(r[w] * r[w], most + 36 * v[w]);
+        score.square[c] += weight * squares[w];
         score.noise[c] += weight * v[w];
         total[c] += weight;
       }

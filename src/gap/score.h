@@ -45,8 +45,11 @@ class Weights {
 /// -1/2 sum of w r^2 over the channels that `part` has; where it has none, those of `rest` count.
 double LogScore(const Weights& weights, const Residuals& part, const Residuals& rest);
 
-/// Squares above this count as this: a few samples at a reversal must not decide.
-double LargestSquare(const Eigen::VectorXd& residual, const Eigen::VectorXd& variance);
+/// Squares of a residual, window by window. A few at a reversal must not decide: one that stands far above
+/// the rest and alone counts as far less, one of many in a row as it is. `expected`: what noise makes of
+/// each; `variance` is infinite in windows without a measurement.
+Eigen::VectorXd CalmSquares(const Eigen::VectorXd& residual, const Eigen::VectorXd& variance,
+                            const Eigen::VectorXd& expected, double window_s);
 
 /// Mean squares per channel, of the residual and of what noise explains.
 struct ChannelScore {

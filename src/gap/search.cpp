@@ -16,6 +16,10 @@ namespace {
 
 constexpr double kScreeningStep = 0.5;  // of a parameter's typical deviation
 constexpr double kFarStep = 0.95;       // of the way to the bound, where that changes nothing
+// Where an effect begins to act is found to this share of the way, and it is tried in steps of these from
+// there.
+constexpr int kOnsetHalvings = 6;
+constexpr double kOnsetSteps[] = {0.02, 0.1, 0.4};
 constexpr double kNuisancePrior =
     0.05;  // the same: constants nobody knows move freely by little, and by no more than three of these
 constexpr int kIterations = 3, kPolish = 6, kPairIterations = 3;
@@ -147,26 +151,69 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     if (probes[p].summed) continue;
     for (int k = 0; k < static_cast<int>(probes[p].primary.size()); ++k) tasks.emplace_back(p, k);
   }
+  const Column nothing(nominal.size(), std::vector<Eigen::VectorXd>(evaluator.channels().size()));
   std::atomic<int> done{0};
   ParallelFor(static_cast<int>(tasks.size()), options.threads, [&](int t) {
     Probe& probe = probes[tasks[t].first];
     const int k = probe.primary[tasks[t].second];
     const unsigned cuts = evaluator.CutsOf(*candidates[probe.candidate].effect);
-    const auto& p = probe.variant.parameter(k);
-    const auto column = [&](double step) {
-      return Sensitivity(evaluator, probe.variant, k, step, nominal, cuts);
-    };
     try {
-      Column& mine = probe.columns[tasks[t].second];
-      mine = column(kScreeningStep * ScaleOf(p));
-      // A limit, a contact, a dead zone: nothing happens before it is reached.
-      if (IsZero(mine)) mine = column(kFarStep * (p.upper - probe.variant.values[k]));
+      probe.columns[tasks[t].second] = Sensitivity(
+          evaluator, probe.variant, k, kScreeningStep * ScaleOf(probe.variant.parameter(k)), nominal, cuts);
     } catch (const std::exception&) {
-      probe.columns[tasks[t].second] =
-          Column(nominal.size(), std::vector<Eigen::VectorXd>(evaluator.channels().size()));
+      probe.columns[tasks[t].second] = nothing;
     }
     progress(0.6 * ++done / static_cast<double>(tasks.size()));
   });
+  // A limit, a contact, a dead zone: nothing happens before it is reached. Probed from where something does.
+  std::vector<int> silent;
+  for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
+    if (!probes[p].summed && probes[p].primary.size() == 1 && IsZero(probes[p].columns[0]))
+      silent.push_back(p);
+  }
+  for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
+    const auto its_place = [&](int other) {
+      return candidates[probes[other].candidate].effect == candidates[probes[p].candidate].effect;
+    };
+    if (!probes[p].summed || std::none_of(silent.begin(), silent.end(), its_place)) continue;
+    probes[p].summed = false;  // places that begin to act at different values do not add up
+    probes[p].columns[0] = nothing;
+    silent.push_back(p);
+  }
+  std::vector<std::vector<Probe>> woken(silent.size());
+  ParallelFor(static_cast<int>(silent.size()), options.threads, [&](int i) {
+    const Probe& probe = probes[silent[i]];
+    const int k = probe.primary[0];
+    const auto& p = probe.variant.parameter(k);
+    const unsigned cuts = evaluator.CutsOf(*candidates[probe.candidate].effect);
+    const double way = kFarStep * (p.upper - probe.variant.values[k]);
+    const auto column = [&](double from, double step) {
+      Model at = probe.variant;
+      at.values[k] += from * way;
+      return Sensitivity(evaluator, at, k, step * way, nominal, cuts);
+    };
+    try {
+      if (IsZero(column(0, 1))) return;
+      double quiet = 0, loud = 1;
+      for (int half = 0; half < kOnsetHalvings; ++half) {
+        const double middle = 0.5 * (quiet + loud);
+        (IsZero(column(0, middle)) ? quiet : loud) = middle;
+      }
+      for (const double step : kOnsetSteps) {
+        if (quiet + step > 1) continue;
+        woken[i].push_back(probe);
+        woken[i].back().variant.values[k] += quiet * way;
+        woken[i].back().columns[0] = column(quiet, step);
+      }
+    } catch (const std::exception&) {
+      // What cannot be simulated explains nothing.
+    }
+  });
+  for (std::size_t i = 0; i < silent.size(); ++i) {
+    if (woken[i].empty()) continue;
+    probes[silent[i]] = std::move(woken[i].front());
+    for (std::size_t v = 1; v < woken[i].size(); ++v) probes.push_back(std::move(woken[i][v]));
+  }
   // An effect on all tendons is, to first order, the sum of those on each.
   for (auto& probe : probes) {
     if (!probe.summed) continue;
@@ -221,7 +268,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       const Bounds bounds = BoundsOf(s.start, s.primary, extra, prior);
       columns.insert(columns.end(), extra.begin(), extra.end());
       s.linear = SolveLinear(Accumulate(columns, nominal, nominal, weights, folds), bounds.prior,
-                             bounds.lower, bounds.upper);
+                             bounds.lower, bounds.upper, static_cast<int>(s.primary.size()));
       s.gain = s.linear.held_out_score;
     });
     for (std::size_t p = 0; p < probes.size(); ++p) {
@@ -326,7 +373,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     for (std::size_t k = starts.size(); k < result.fits.size(); ++k) {
       Fit& rest = result.fits[k];
       rest.score = LogScore(weights, rest.residuals, nominal);
-      rest.held_out_score = LogScore(weights, rest.held_out, nominal);
+      rest.held_out_score = HeldOutScore(weights, rest, nominal);
       polished.push_back(std::move(rest));
     }
     result.fits = std::move(polished);
@@ -366,7 +413,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
           b.upper[i] = p.upper - first.model.values[i - own];
         }
         const LinearFit fit = SolveLinear(Accumulate(columns, first.residuals, nominal, weights, folds),
-                                          b.prior, b.lower, b.upper);
+                                          b.prior, b.lower, b.upper, own);
         gains[k].first = fit.held_out_score;
         result.screened[k].linear.by_fold = fit.by_fold;
       });

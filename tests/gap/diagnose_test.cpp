@@ -162,6 +162,24 @@ INSTANTIATE_TEST_SUITE_P(
         Planted{"TendonStiffness", "tendon_stiffness scale=0.8", "scale", 0.8, 0.03, sim::Cut::kTendon}),
     [](const testing::TestParamInfo<Planted>& test) { return std::string(test.param.name); });
 
+// Leaving out the family that alone reaches the limit leaves nothing to learn the limit from.
+TEST(Diagnose, ALimitThatOneKindOfExperimentReachesIsFound) {
+  RobotParameters plant = Rig();
+  const std::string effect = "torque_saturation where=all deficit_Nm=0.0042";  // at about 6.8 N
+  plant.effects.push_back(sim::ParseEffect(effect, plant));
+  DataSet set;
+  set.name = "test";
+  set.robot = Rig();
+  set.runs = {Record(plant, "multisine", 7, 1), Record(plant, "multisine", 7, 2),
+              Record(plant, "circle", 7, 3)};
+  set.runs[1].name = set.runs[1].family = "other";
+  const Diagnosis d = Diagnose(set, {});
+  EXPECT_EQ(d.causes[0].effect, "torque_saturation") << d.sentence;
+  EXPECT_NEAR(d.causes[0].parameters.at("deficit_Nm").value, 0.0042, 2e-5);
+  EXPECT_NE(d.causes[0].note.find("one kind of experiment alone"), std::string::npos) << d.causes[0].note;
+  EXPECT_EQ(First(d), sim::Cut::kCurrentLoop);
+}
+
 TEST(Diagnose, AnEffectOutsideTheLibraryIsNotAccused) {
   gap::DiagnoseOptions options;
   options.without = {"backlash"};
