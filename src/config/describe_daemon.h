@@ -38,6 +38,24 @@ void Describe(Io& io, TrajectoryParameters& p) {
 }
 
 template <class Io>
+void Describe(Io& io, TakeUpParameters& p) {
+  io.Number("pull_N", p.pull_N, {1e-3, 1000});
+  io.Number("max_speed_mps", p.max_speed_mps, {1e-5, 1});
+  io.Number("max_travel_m", p.max_travel_m, {1e-4, 1});
+  io.Number("timeout_s", p.timeout_s, {0.1, 3600});
+}
+
+/// `nominal` unless given; always written.
+template <class Io>
+void NumberOrNominal(Io& io, std::string_view key, double& value, double nominal, Range range) {
+  if constexpr (Io::kReading) {
+    value = nominal;
+    if (!io.Has(key)) return io.Allow(key);
+  }
+  io.Number(key, value, range);
+}
+
+template <class Io>
 void Describe(Io& io, GuardParameters& p) {
   io.Integer("max_missing_cycles", p.max_missing_cycles, {1, 1000});
   io.Number("slack_tension_N", p.slack_tension_N, {0, 100});
@@ -51,6 +69,8 @@ void Describe(Io& io, GuardParameters& p) {
   io.Number("max_following_error_m", p.max_following_error_m, {1e-6, 1});
   io.Number("max_bending_excess_rad", p.max_bending_excess_rad, {0, 10});
   io.Number("max_estimator_residual_m", p.max_estimator_residual_m, {1e-6, 1});
+  NumberOrNominal(io, "max_torque_error_N", p.max_torque_error_N, GuardParameters{}.max_torque_error_N,
+                  {1e-3, 1000});
   io.Integer("max_late_cycles", p.max_late_cycles, {1, 100000});
   io.Number("max_stream_silence_s", p.max_stream_silence_s, {0, 3600});
 }
@@ -73,6 +93,11 @@ void Describe(Io& io, ControllerParameters& p) {
   io.Number("pretension_settle_s", p.pretension_settle_s, {0, 60});
   io.Block("trajectory", p.trajectory);
   io.Block("guards", p.guards);
+  if constexpr (Io::kReading) {
+    p.take_up = {};
+    if (!io.Has("take_up")) return io.Allow("take_up");
+  }
+  io.Block("take_up", p.take_up);
 }
 
 template <class Io>
@@ -86,10 +111,24 @@ void Describe(Io& io, IdentityParameters& p) {
                        p.max_revision, p.min_revision));
 }
 
+/// As usual unless given, and written only where it is not.
+template <class Io>
+void Direction(Io& io, std::string_view key, bool& reversed) {
+  if constexpr (Io::kReading) {
+    reversed = false;
+    if (!io.Has(key)) return io.Allow(key);
+  } else if (!reversed) {
+    return;
+  }
+  io.Choice(key, reversed, Choices<bool>{{"normal", false}, {"reversed", true}});
+}
+
 template <class Io>
 void Describe(Io& io, NodeParameters& p) {
   io.Integer("node_id", p.node_id, {1, 126});  // 127 is the master's heartbeat
   io.Integer("tendon", p.tendon, {1, kMaxTendons});
+  Direction(io, "motor", p.motor_reversed);
+  Direction(io, "encoder", p.encoder_reversed);
 }
 
 template <class Io>
@@ -163,6 +202,16 @@ void Describe(Io& io, BlackBoxParameters& p) {
 template <class Io>
 void Describe(Io& io, DaemonParameters& p) {
   io.Text("robot", p.robot_file, kPathRule);
+  if constexpr (Io::kReading) p.commissioning_required = true;
+  bool given = true;
+  if constexpr (Io::kReading) {
+    given = io.Has("commissioning");
+    if (!given) io.Allow("commissioning");
+  }
+  if (given) {
+    io.Choice("commissioning", p.commissioning_required,
+              Choices<bool>{{"required", true}, {"not_required", false}});
+  }
   io.Block("controller", p.controller);
   io.Block("bus", p.bus);
   io.Block("realtime", p.realtime);

@@ -18,6 +18,7 @@
 #include "tendril/control/gate.h"
 #include "tendril/control/guards.h"
 #include "tendril/control/supervisor.h"
+#include "tendril/control/take_up.h"
 #include "tendril/control/tension_feedback.h"
 #include "tendril/control/tip_feedback.h"
 #include "tendril/control/trajectory.h"
@@ -28,8 +29,10 @@ namespace {
 
 using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxSections, kMaxTendons>;
 
-// Tension below which a released tendon counts as released.
+// Nearer than this to pretension a tendon counts as released.
 constexpr double kReleasedTension_N = 1e-6;
+// While commissioning: without a pull asked for, the drives are disabled again after this.
+constexpr TimeNs kUnusedFor_ns = 2 * kNsPerS;
 
 const RobotParameters& Checked(const RobotParameters& robot) {
   if (!robot.actuation) {
@@ -90,7 +93,9 @@ struct Controller::Impl {
         body(robot.body),
         workspace(body),
         tables(MakeTables(robot)),
-        gate(robot, parameters.trajectory.default_speed_radps),
+        gate(robot, parameters.trajectory.default_speed_radps, parameters.take_up.pull_N),
+        take_up(robot, parameters.take_up, parameters.pretension_ramp_Nps, parameters.pretension_settle_s,
+                period_ns),
         kinematics(body, robot.limits.max_bending_rad),
         trajectory(sections, parameters.trajectory, period_ns),
         allocator(tendons, 2 * sections),
@@ -157,8 +162,14 @@ struct Controller::Impl {
   TimeNs AheadNs() const noexcept { return trajectory.delay_ns() + actuation_delay_ns; }
   void Remember(StateArchive& archive) noexcept;
   Status CheckDrives(const CycleInput& input, CycleOutput& output) noexcept;
+  Status TakeTendonsUp(const CycleInput& input, CycleOutput& output) noexcept;
+  void BeginAtPretension(const CycleInput& input) noexcept;
+  bool Released() const noexcept;
   void EnterMode(Mode mode, const CycleInput& input) noexcept;
   bool RampTensions(const TendonVector& towards_N) noexcept;
+  bool takes_up() const noexcept {
+    return supervisor.mode() == Mode::kHoming || supervisor.mode() == Mode::kCommissioning;
+  }
   bool controls_shape() const noexcept {
     return supervisor.mode() == Mode::kRunning || supervisor.mode() == Mode::kHold;
   }
@@ -179,6 +190,7 @@ struct Controller::Impl {
   model::Body::Workspace workspace;
   std::vector<std::shared_ptr<const model::CapstanTable>> tables;
   CommandGate gate;
+  TakeUp take_up;
   Supervisor supervisor;
   model::InverseKinematics kinematics;
   Trajectory trajectory;
@@ -200,6 +212,9 @@ struct Controller::Impl {
   bool balanced = false;  // the equilibrium law had an answer in the last cycle
   std::array<double, kMaxTendons> permille_left_over{};  // of torque, by rounding to what the bus carries
   bool joined = false;                                   // tension_N follows its source without the ramp
+  bool engaged = false;  // homing or commissioning, and every drive has been enabled
+  bool bare = false;     // tension_N is the pull of bare motors
+  bool zeroed = false;   // displacement counts from pretension
   CommandKind source = CommandKind::kNone;
   TimeNs settled_since_ns = 0;
   std::uint32_t accepted = 0, refused = 0, missing = 0;
@@ -264,6 +279,14 @@ void Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
           event = Event::kClear;
           output.clear_drive_faults = true;
           break;
+        case ModeRequest::kHome:
+          event = Event::kHome;
+          break;
+        case ModeRequest::kCommission:
+          event = Event::kCommission;
+          break;
+        case ModeRequest::kNotCommissioned:
+          break;  // the gate lets none through
       }
       if (supervisor.Handle(event)) EnterMode(supervisor.mode(), input);
     }
@@ -276,13 +299,18 @@ void Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
 // Health of bus and drives; a fault only where it means one in this mode.
 Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& output) noexcept {
   Status worst = Status::kOk;
-  const auto fault = [&worst](Status s) {
-    if (worst == Status::kOk) worst = s;
+  int tendon = 0;
+  const auto fault = [&](Status s) {
+    if (worst != Status::kOk || s == Status::kOk) return;
+    worst = s;
+    output.blamed_tendon = tendon;
   };
   const Mode mode = supervisor.mode();
-  const bool powered = mode != Mode::kDisconnected && mode != Mode::kConfigured && mode != Mode::kArmed;
+  const bool enabling = mode == Mode::kArmed || (takes_up() && !engaged);
+  const bool powered = mode != Mode::kDisconnected && mode != Mode::kConfigured && !enabling;
   if (!input.bus_ok) fault(Status::kBusOff);
   for (int j = 0; j < tendons; ++j) {
+    tendon = j + 1;
     const DriveFeedback& d = input.drive[j];
     if (d.state == DriveState::kOffline || d.state == DriveState::kBooting) fault(Status::kDriveLost);
     if (d.state == DriveState::kFault) fault(Status::kDriveFault);
@@ -303,11 +331,34 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
   }
   output.feedback_missing = missing;
   const bool judged = powered && mode != Mode::kSafeStop && mode != Mode::kFault;
-  fault(guards.Check(input, output,
-                     {.powered = judged,
-                      .tensioned = controls_shape(),
-                      .follows = controls_shape() && source != CommandKind::kTension}));
+  const Status broken = guards.Check(input, output,
+                                     {.powered = judged,
+                                      .trusted = !takes_up(),
+                                      .tensioned = controls_shape(),
+                                      .follows = controls_shape() && source != CommandKind::kTension});
+  tendon = guards.tendon();
+  fault(broken);
   return worst;
+}
+
+// Bare motors, from the moment in which all of them can pull.
+Status Controller::Impl::TakeTendonsUp(const CycleInput& input, CycleOutput& output) noexcept {
+  Status status = Status::kOk;
+  if (supervisor.mode() == Mode::kHoming) {
+    status = take_up.Home(input, output, tension_N);
+  } else {
+    status = take_up.Watch(input);
+    const bool asked = gate.target().kind == CommandKind::kTension;
+    const TendonVector none = TendonVector::Zero(tendons);
+    take_up.Lead(asked ? gate.target().tension_N : none, tension_N);
+  }
+  if (status != Status::kOk) output.blamed_tendon = take_up.tendon();
+  return status;
+}
+
+bool Controller::Impl::Released() const noexcept {
+  return tension_N.maxCoeff() <= robot.limits.min_tension_N + kReleasedTension_N &&
+         tension_N.minCoeff() >= -kReleasedTension_N;
 }
 
 void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) noexcept {
@@ -321,16 +372,37 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) n
     enabled = enabled && s == DriveState::kEnabled && input.drive[j].age_cycles == 0;
   }
 
+  Status state = health;
+  if (takes_up() && engaged && state == Status::kOk) state = TakeTendonsUp(input, output);
+  if (takes_up() && !engaged && enabled) {
+    engaged = bare = true;
+    guards.Restart();
+    take_up.Start(input);
+    settled_since_ns = input.time_ns;
+  }
+
   bool changed = false;
-  if (health != Status::kOk) changed = supervisor.Handle(Event::kFault, health);
+  if (state != Status::kOk) changed = supervisor.Handle(Event::kFault, state);
   if (!changed && ready) changed = supervisor.Handle(Event::kDrivesReady);
   if (!changed && enabled) changed = supervisor.Handle(Event::kDrivesEnabled);
   if (!changed && before == Mode::kPretension && joined &&
       input.time_ns - settled_since_ns >= static_cast<TimeNs>(parameters.pretension_settle_s * 1e9)) {
     changed = supervisor.Handle(Event::kPretensioned);
   }
-  if (!changed && before == Mode::kSafeStop && tension_N.maxCoeff() <= kReleasedTension_N) {
-    changed = supervisor.Handle(Event::kReleased);
+  if (!changed && before == Mode::kHoming && engaged && take_up.homed()) {
+    changed = supervisor.Handle(Event::kHomed);
+    if (changed) BeginAtPretension(input);
+  }
+  if (!changed && before == Mode::kSafeStop && Released()) changed = supervisor.Handle(Event::kReleased);
+  if (!changed && before == Mode::kCommissioning && engaged) {
+    // Nobody asks for anything, or no more: motors do not pull on unwatched.
+    const Target& pull = gate.target();
+    const TimeNs until_ns = pull.kind == CommandKind::kTension ? pull.since_ns + pull.valid_for_ns
+                                                               : settled_since_ns + kUnusedFor_ns;
+    if (input.time_ns > until_ns) {
+      changed = supervisor.Handle(Event::kDisarm);
+      Report(output, Status::kCommissioningEnded);
+    }
   }
   // A sender that promised a motion and went silent does not come back unasked.
   const Target& target = gate.target();
@@ -349,12 +421,14 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) n
     case Mode::kRunning:
     case Mode::kHold:
     case Mode::kSafeStop:
+    case Mode::kHoming:
+    case Mode::kCommissioning:
       output.drive_request = DriveRequest::kEnable;
       break;
     case Mode::kFault:
       // Tensions ramp down on the drives that still can; then everything is disabled and stays so.
-      output.drive_request =
-          tension_N.maxCoeff() > kReleasedTension_N ? DriveRequest::kEnable : DriveRequest::kDisable;
+      if (Released()) tension_N.setZero();
+      output.drive_request = tension_N.isZero(0) ? DriveRequest::kDisable : DriveRequest::kEnable;
       Report(output, supervisor.cause());
       break;
     case Mode::kDisconnected:
@@ -369,9 +443,11 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
     case Mode::kDisconnected:
     case Mode::kConfigured:
     case Mode::kArmed:
+    case Mode::kHoming:
+    case Mode::kCommissioning:
       gate.Drop();
       tension_N.setZero();
-      joined = false;
+      joined = engaged = bare = zeroed = false;
       for (auto& k : compensation) k.Reset(0, 0);
       for (auto& k : feed_forward) k.Reset(0, 0);
       for (auto& k : feedback) k.Reset();
@@ -383,11 +459,7 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       settled_since_ns = input.time_ns;
       break;
     case Mode::kRunning:
-      if (source != CommandKind::kNone || gate.target().kind != CommandKind::kNone)
-        break;  // resumed from hold
-      estimator.ZeroDisplacement(input);
-      trajectory.Reset(BendingVector::Zero(2 * sections));
-      joined = false;
+      if (!zeroed) BeginAtPretension(input);  // else resumed from hold
       break;
     case Mode::kHold:
       gate.Drop();
@@ -399,6 +471,18 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       joined = false;
       break;
   }
+}
+
+// The straight robot at pretension is where displacement counts from.
+void Controller::Impl::BeginAtPretension(const CycleInput& input) noexcept {
+  estimator.ZeroDisplacement(input);
+  trajectory.Reset(BendingVector::Zero(2 * sections));
+  if (bare) {
+    guards.Restart();
+    tension_N.setConstant(robot.limits.min_tension_N);
+  }
+  bare = joined = false;
+  zeroed = true;
 }
 
 // Target -> bending goal (inverse kinematics for tip targets) -> jerk-limited reference. The goal is taken as
@@ -552,9 +636,12 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
         joined = RampTensions(output.tension_desired_base_N);
       }
       break;
+    case Mode::kHoming:
+    case Mode::kCommissioning:
+      break;  // led by TakeTendonsUp
     case Mode::kSafeStop:
     case Mode::kFault:
-      RampTensions(TendonVector::Zero(tendons));
+      RampTensions(tension_N.cwiseMin(robot.limits.min_tension_N).cwiseMax(0));
       break;
   }
   output.tension_desired_base_N = tension_N;
@@ -584,7 +671,10 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
   const bool moving = controls_shape() && source != CommandKind::kTension;
   for (int j = 0; j < tendons; ++j) {
     Compensation::Result r;
-    if (uses_equilibrium) {
+    if (bare) {
+      r.tension_motor_N = std::max(0., tension_N[j]);
+      r.torque_Nm = take_up.Torque(j, tension_N[j]);
+    } else if (uses_equilibrium) {
       const auto wanted = feed_forward[j].Step(tension_N[j], output.displacement_desired_m[j],
                                                moving || supervisor.mode() == Mode::kPretension);
       r = wanted;
@@ -608,7 +698,8 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
     output.drive_request = DriveRequest::kDisable;
     Report(output, Status::kInternalNotFinite);
   }
-  const bool powered = output.drive_request == DriveRequest::kEnable && output.mode != Mode::kArmed;
+  const bool powered = output.drive_request == DriveRequest::kEnable && output.mode != Mode::kArmed &&
+                       !(takes_up() && !engaged);
   for (int j = 0; j < tendons; ++j) {
     const double permille =
         powered ? output.torque_desired_Nm[j] / robot.actuation->tendons[j].drive.rated_torque_Nm * 1000 : 0;
@@ -631,6 +722,7 @@ std::int16_t Controller::Impl::Rounded(int tendon, double permille) noexcept {
 void Controller::Impl::Remember(StateArchive& a) noexcept {
   gate.Remember(a);
   supervisor.Remember(a);
+  take_up.Remember(a);
   trajectory.Remember(a);
   for (Compensation& k : compensation) k.Remember(a);
   if (uses_equilibrium) {
@@ -647,6 +739,9 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
   a.Vector(goal_rad, {2 * sections});
   a.Vector(goal_rate_radps, {2 * sections});
   a.Value(joined);
+  a.Value(engaged);
+  a.Value(bare);
+  a.Value(zeroed);
   a.Choice(source, CommandKind::kMode);
   a.Value(settled_since_ns);
   a.Value(accepted);

@@ -9,41 +9,50 @@ namespace {
 
 constexpr TimeNs kSequenceHolds_ns = 3600 * kNsPerS;
 
-// Whether a kind of command may act in a mode: one row a mode, columns in the order of ModeRequest, then
-// targets.
+// Numbers of io::SequenceFromTime count 10 us. One that is more than a minute behind was not overtaken on its
+// way: its sender's clock was set back, or it began anew.
+constexpr std::int32_t kOvertaken = 60 * 100'000;
+
+// Whether a kind of command may act in a mode: one row a mode. `start` is for arm, home and commission from
+// rest, `resume` for arm out of hold.
 struct Admission {
-  bool arm, disarm, hold, clear, target;
+  bool start, resume, hold, clear, target, pull;
 };
 constexpr Admission AdmissionIn(Mode mode) {
   switch (mode) {
-    //                          arm    disarm hold   clear  target
+    //                          start  resume hold   clear  target pull
     case Mode::kDisconnected:  // clear: drives whose start-up failed are booted again
-      return {false, true, false, true, false};
+      return {false, false, false, true, false, false};
     case Mode::kConfigured:
-      return {true, true, false, false, false};
-    case Mode::kArmed:
-      return {false, true, false, false, false};
-    case Mode::kPretension:
-      return {false, true, false, false, false};
+      return {true, false, false, false, false, false};
     case Mode::kRunning:
-      return {false, true, true, false, true};
+      return {false, false, true, false, true, false};
     case Mode::kHold:
-      return {true, true, true, false, false};
-    case Mode::kSafeStop:
-      return {false, true, false, false, false};
+      return {false, true, true, false, false, false};
     case Mode::kFault:
-      return {false, true, false, true, false};
+      return {false, false, false, true, false, false};
+    case Mode::kCommissioning:
+      return {false, false, false, false, false, true};
+    case Mode::kArmed:
+    case Mode::kPretension:
+    case Mode::kSafeStop:
+    case Mode::kHoming:
+      return {};
   }
   return {};
 }
 
 bool ModeAllowed(const Admission& may, const Command& c) {
-  if (c.kind != CommandKind::kMode) return may.target;
+  if (c.kind != CommandKind::kMode) return may.target || (may.pull && c.kind == CommandKind::kTension);
   switch (c.mode) {
     case ModeRequest::kArm:
-      return may.arm;
+      return may.start || may.resume;
+    case ModeRequest::kHome:
+    case ModeRequest::kCommission:
+    case ModeRequest::kNotCommissioned:
+      return may.start;
     case ModeRequest::kDisarm:
-      return may.disarm;
+      return true;
     case ModeRequest::kHold:
       return may.hold;
     case ModeRequest::kClear:
@@ -66,15 +75,16 @@ bool Target::moving() const noexcept {
   return kind == CommandKind::kBending && bending_rate_radps.size() > 0 && !bending_rate_radps.isZero(0);
 }
 
-CommandGate::CommandGate(const RobotParameters& robot, double default_speed_radps)
+CommandGate::CommandGate(const RobotParameters& robot, double default_speed_radps, double bare_pull_N)
     : sections_(static_cast<int>(robot.body.sections.size())),
       tendons_(robot.body.tendons()),
       reach_m_(kReachMargin * robot.body.length_m()),
       max_bending_rad_(robot.limits.max_bending_rad),
       max_tension_N_(robot.limits.max_tension_base_N),
-      default_speed_radps_(default_speed_radps) {}
+      default_speed_radps_(default_speed_radps),
+      bare_pull_N_(bare_pull_N) {}
 
-Status CommandGate::CheckValues(const Command& c) const noexcept {
+Status CommandGate::CheckValues(const Command& c, Mode mode) const noexcept {
   if (!std::isfinite(c.speed_radps)) return Status::kCommandNotFinite;
   if (c.speed_radps < 0) return Status::kCommandOutOfRange;
   switch (c.kind) {
@@ -95,6 +105,9 @@ Status CommandGate::CheckValues(const Command& c) const noexcept {
     case CommandKind::kTension:
       if (c.tension_N.size() != tendons_) return Status::kCommandWrongSize;
       if (!c.tension_N.allFinite()) return Status::kCommandNotFinite;
+      if (mode == Mode::kCommissioning) {
+        return c.tension_N.cwiseAbs().maxCoeff() > bare_pull_N_ ? Status::kCommandOutOfRange : Status::kOk;
+      }
       if (c.tension_N.minCoeff() < 0 || c.tension_N.maxCoeff() > max_tension_N_)
         return Status::kCommandOutOfRange;
       return Status::kOk;
@@ -109,14 +122,24 @@ Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns) noexcept {
   // Serial-number arithmetic: a counter may wrap, and after a long silence nothing can be said about its
   // order. What was refused for another reason still counts as seen.
   const bool fresh = any_ && now_ns - last_seen_ns_ < kSequenceHolds_ns;
-  if (fresh && static_cast<std::int32_t>(c.sequence - last_sequence_) <= 0) return Status::kCommandOutOfOrder;
+  const auto ahead = static_cast<std::int32_t>(c.sequence - last_sequence_);
+  if (c.kind == CommandKind::kMode && c.mode == ModeRequest::kDisarm) {
+    // Late, overtaken or sent twice: a robot that was told to stop stops.
+    if (!fresh || ahead > 0) last_sequence_ = c.sequence;
+    any_ = true;
+    last_seen_ns_ = now_ns;
+    return Status::kOk;
+  }
+  if (fresh && ahead <= 0 && ahead > -kOvertaken) return Status::kCommandOutOfOrder;
   any_ = true;
   last_sequence_ = c.sequence;
   last_seen_ns_ = now_ns;
-  if (const Status s = CheckValues(c); s != Status::kOk) return s;
+  if (const Status s = CheckValues(c, mode); s != Status::kOk) return s;
   if (c.valid_for_ns <= 0 || now_ns - c.received_ns > c.valid_for_ns) return Status::kCommandStale;
   if (!ModeAllowed(AdmissionIn(mode), c)) return Status::kCommandWrongMode;
-  if (c.kind == CommandKind::kMode) return Status::kOk;
+  if (c.kind == CommandKind::kMode) {
+    return c.mode == ModeRequest::kNotCommissioned ? Status::kNotCommissioned : Status::kOk;
+  }
 
   const double since_s = ToSeconds(c.received_ns - target_.since_ns);
   const bool streamed = target_.kind == c.kind && since_s > 0 && since_s <= ToSeconds(target_.valid_for_ns);

@@ -16,6 +16,8 @@ constexpr int kRail_mV = 9900;
 constexpr double kSpeedCycles = 20;
 // A real load cell's last digit never rests this long.
 constexpr std::int32_t kStuckCycles = 200;
+// Of max_torque_error_N, where not a digit of a drive's feedback changes.
+constexpr double kFrozenChange = 0.1;
 
 }  // namespace
 
@@ -42,6 +44,7 @@ Guards::Guards(const RobotParameters& robot, const GuardParameters& parameters, 
          .coulomb_Nm = t.motor.coulomb_friction_Nm,
          .torque_scale = t.motor.torque_scale,
          .inertia_kg = t.motor.rotor_inertia_kgm2 / (travel_m * travel_m),
+         .rated_Nm = t.drive.rated_torque_Nm,
          .place = t.load_cell.place});
   }
 }
@@ -53,6 +56,17 @@ void Guards::Restart() noexcept {
     t.seen = false;
     t.speed_mps = t.acceleration_mps2 = 0;
     t.same_for = 0;
+    t.asked.fill(0);
+    t.frozen_for = 0;
+  }
+}
+
+void Guards::Expect(const CycleOutput& output) noexcept {
+  desired_m_ = output.displacement_desired_m;
+  for (std::size_t j = 0; j < tendons_.size(); ++j) {
+    auto& asked = tendons_[j].asked;
+    std::copy_backward(asked.begin(), asked.end() - 1, asked.end());
+    asked[0] = output.torque_target_permille[j];
   }
 }
 
@@ -65,25 +79,33 @@ bool Guards::Confirmed(Tendon& t, Rule rule, bool broken, std::int32_t cycles) c
 Status Guards::Check(const CycleInput& input, const CycleOutput& output,
                      const Expectation& expected) noexcept {
   Status worst = CheckTime(input, expected.powered);
-  const auto keep = [&worst](Status s) {
-    if (worst == Status::kOk) worst = s;
+  blamed_ = 0;
+  std::int32_t tendon = 0;
+  const auto keep = [&](Status s) {
+    if (worst != Status::kOk || s == Status::kOk) return;
+    worst = s;
+    blamed_ = tendon;
   };
   for (std::size_t j = 0; j < tendons_.size(); ++j) {
     Tendon& t = tendons_[j];
     const DriveFeedback& drive = input.drive[j];
+    tendon = static_cast<std::int32_t>(j) + 1;
     if (drive.age_cycles > 0) {
       ++t.unheard;
       continue;  // an old value says nothing new; how old it may be is another guard's
     }
-    if (expected.powered && output.tension_measured_N[static_cast<Eigen::Index>(j)] > max_tension_N_) {
+    const bool judged = expected.powered && expected.trusted;
+    if (judged && output.tension_measured_N[static_cast<Eigen::Index>(j)] > max_tension_N_) {
       keep(Status::kTensionOverLimit);
     }
     keep(CheckMotion(t, drive, expected.powered));
-    keep(CheckCell(j, drive, output, expected.powered));
+    keep(CheckTorque(t, drive, expected.powered));
+    keep(CheckCell(j, drive, output, judged));
     const bool slack = expected.tensioned &&
                        output.tension_measured_N[static_cast<Eigen::Index>(j)] < parameters_.slack_tension_N;
     if (Confirmed(t, kSlack, slack, slack_cycles_)) keep(Status::kTendonSlack);
   }
+  tendon = 0;
   keep(CheckShape(output, expected));
   return worst;
 }
@@ -122,6 +144,31 @@ Status Guards::CheckMotion(Tendon& t, const DriveFeedback& drive, bool powered) 
   if (std::abs(moved_m) > parameters_.max_displacement_jump_m * cycles) return Status::kDisplacementJump;
   const bool fast = std::abs(t.speed_mps) > parameters_.max_displacement_rate_mps;
   return Confirmed(t, kOverSpeed, fast, parameters_.confirm_cycles) ? Status::kDisplacementRate : Status::kOk;
+}
+
+// A drive that lives does what it is told: its torque is there a few cycles after it was asked for. One that
+// hangs goes on sending what it sent last, whatever is asked; in all values, or in its torque alone.
+Status Guards::CheckTorque(Tendon& t, const DriveFeedback& drive, bool powered) noexcept {
+  const double newton_per_permille = 1e-3 * t.rated_Nm / t.travel_m;
+  const bool same = drive.position_counts == t.shown.position_counts &&
+                    drive.torque_permille == t.shown.torque_permille && drive.analog_mV == t.shown.analog_mV;
+  if (!powered || !same || t.frozen_for == 0) {
+    t.shown = drive;
+    t.frozen_for = 1;
+    t.asked_since = t.asked[0];
+  } else {
+    t.frozen_for = std::min(t.frozen_for + 1, kStuckCycles);
+  }
+  // Between two values asked for there is every one on the way.
+  const auto [least, most] = std::minmax_element(t.asked.begin(), t.asked.end());
+  const int off = std::max({0, *least - drive.torque_permille, drive.torque_permille - *most});
+  const bool beyond = powered && off * newton_per_permille > parameters_.max_torque_error_N;
+  if (Confirmed(t, kTorque, beyond, parameters_.confirm_cycles)) return Status::kDriveFrozen;
+  // No torque of a drive is so still that not a digit of anything changes while another one is asked for.
+  const double change_N = std::abs(t.asked[0] - t.asked_since) * newton_per_permille;
+  const bool frozen =
+      t.frozen_for >= kStuckCycles && change_N > kFrozenChange * parameters_.max_torque_error_N;
+  return powered && frozen ? Status::kDriveFrozen : Status::kOk;
 }
 
 // The motor's torque, less what turns its own rotor faster, says what tension there may be, whichever way
@@ -222,11 +269,18 @@ void Guards::Remember(StateArchive& a) noexcept {
     a.Value(t.same_for);
     a.Value(t.least_torque_N);
     a.Value(t.most_torque_N);
+    for (std::int16_t& asked : t.asked) a.Value(asked);
+    a.Value(t.shown.position_counts);
+    a.Value(t.shown.torque_permille);
+    a.Value(t.shown.analog_mV);
+    a.Value(t.frozen_for);
+    a.Value(t.asked_since);
   }
   a.Vector(desired_m_, {body_.tendons()});
   a.Value(timed_);
   a.Value(last_time_ns_);
   a.Value(late_);
+  a.Value(blamed_);
 }
 
 }  // namespace tendril::control

@@ -11,6 +11,8 @@ constexpr Transition kTable[] = {
     {kDisconnected, Event::kDrivesReady, kConfigured},
 
     {kConfigured, Event::kArm, kArmed},
+    {kConfigured, Event::kHome, kHoming},
+    {kConfigured, Event::kCommission, kCommissioning},
     {kConfigured, Event::kFault, kFault},
 
     {kArmed, Event::kDrivesEnabled, kPretension},
@@ -28,6 +30,13 @@ constexpr Transition kTable[] = {
     {kHold, Event::kArm, kRunning},
     {kHold, Event::kDisarm, kSafeStop},
     {kHold, Event::kFault, kFault},
+
+    {kHoming, Event::kHomed, kHold},
+    {kHoming, Event::kDisarm, kSafeStop},
+    {kHoming, Event::kFault, kFault},
+
+    {kCommissioning, Event::kDisarm, kSafeStop},
+    {kCommissioning, Event::kFault, kFault},
 
     {kSafeStop, Event::kReleased, kConfigured},
     {kSafeStop, Event::kFault, kFault},
@@ -50,7 +59,7 @@ bool Supervisor::Handle(Event event, Status cause) noexcept {
 }
 
 void Supervisor::Remember(StateArchive& a) noexcept {
-  a.Choice(mode_, Mode::kFault);
+  a.Choice(mode_, Mode::kCommissioning);
   a.Choice(cause_, static_cast<Status>(999));
 }
 

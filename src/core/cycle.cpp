@@ -12,6 +12,8 @@ std::string_view ModeText(Mode mode) noexcept {
     case Mode::kHold: return "hold";
     case Mode::kSafeStop: return "safe stop";
     case Mode::kFault: return "fault";
+    case Mode::kHoming: return "homing";
+    case Mode::kCommissioning: return "commissioning";
   }
   return "unknown";
 }

@@ -3,9 +3,9 @@
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
+#include <syslog.h>
 #include <systemd/sd-daemon.h>
 #include <systemd/sd-journal.h>
-#include <syslog.h>
 
 #include <algorithm>
 #include <atomic>
@@ -22,6 +22,7 @@
 #include "tendril/control/controller.h"
 #include "tendril/core/version.h"
 #include "tendril/daemon/black_box.h"
+#include "tendril/daemon/commissioning.h"
 #include "tendril/daemon/control_cycle.h"
 #include "tendril/daemon/wiring.h"
 #include "tendril/io/log.h"
@@ -76,8 +77,8 @@ void Tell(Status status, const char* source, const std::string& text) {
   const int priority = level == spdlog::level::err    ? LOG_ERR
                        : level == spdlog::level::warn ? LOG_WARNING
                                                       : LOG_INFO;
-  sd_journal_send("MESSAGE=%s: %s", source, text.c_str(), "PRIORITY=%i", priority, "TENDRIL_SOURCE=%s", source,
-                  "TENDRIL_STATUS=%i", static_cast<int>(status), "TENDRIL_REMEDY=%s",
+  sd_journal_send("MESSAGE=%s: %s", source, text.c_str(), "PRIORITY=%i", priority, "TENDRIL_SOURCE=%s",
+                  source, "TENDRIL_STATUS=%i", static_cast<int>(status), "TENDRIL_REMEDY=%s",
                   std::string(StatusRemedy(status)).c_str(), nullptr);
 }
 
@@ -169,7 +170,7 @@ struct Daemon::State {
       black_box.emplace(*o.parameters.black_box, o.parameters.lcm, ShapeOf(o.robot), run,
                         io::EpochOffsetUs(clock), o.parameters.bus.cycle_ns, controller);
     }
-    gateway.OnCommand([this](const Command& c) { commands.TryPush(c); });
+    gateway.OnCommand([this](const Command& c) { commands.TryPush(Judged(c)); });
     gateway.OnTracker([this](const TrackerSample& s) { tracker.TryPush(s); });
   }
 
@@ -262,6 +263,32 @@ struct Daemon::State {
 
   // ---- calling thread: LCM, log, systemd ----
 
+  // What is to move the robot by its model needs a robot that is as its files say. The record may have been
+  // written since the daemon was started. The controller refuses what becomes of the command here, so that
+  // the log tells.
+  Command Judged(Command c) {
+    const bool moves =
+        c.kind == CommandKind::kMode && (c.mode == ModeRequest::kArm || c.mode == ModeRequest::kHome);
+    if (!moves || commissioned) return c;
+    const std::string problem = CommissioningProblem(options.robot, options.parameters);
+    commissioned = problem.empty();
+    if (commissioned) return c;
+    c.mode = ModeRequest::kNotCommissioned;
+    Event(Status::kNotCommissioned, "daemon", problem);
+    return c;
+  }
+
+  void TellCommissioning() {
+    if (!options.parameters.commissioning_required) {
+      Event(Status::kOk, "daemon",
+            "commissioning: not_required: arms whatever is connected; for simulated robots only");
+      return;
+    }
+    const std::string problem = CommissioningProblem(options.robot, options.parameters);
+    Event(problem.empty() ? Status::kOk : Status::kNotCommissioned, "daemon",
+          problem.empty() ? "commissioned: " + RecordPath(options.parameters) : problem);
+  }
+
   void Serve(const std::function<bool()>& stop) {
     TimeNs report_ns = 0;
     TimeNs statistics_ns = clock.Now() + kStatisticsEvery_ns;
@@ -292,6 +319,12 @@ struct Daemon::State {
     gateway.PublishEvent(clock.Now(), status, source, text);
   }
 
+  std::string WhoseFault(const CycleOutput& out) const {
+    const auto j = static_cast<std::size_t>(out.blamed_tendon) - 1;
+    if (!IsFault(out.status) || j >= setups.size()) return {};
+    return fmt::format(" (tendon {}, node {})", out.blamed_tendon, setups[j].node_id);
+  }
+
   void Publish() {
     Published next;
     while (records.TryPop(next)) {
@@ -302,8 +335,8 @@ struct Daemon::State {
       if (out.mode != last_mode || (out.status != last_status && IsFault(out.status))) {
         const Status status = IsFault(out.status) ? out.status : Status::kOk;
         Event(status, "controller",
-              fmt::format("{} -> {}: {} {}", ModeText(last_mode), ModeText(out.mode),
-                          static_cast<int>(out.status), StatusText(out.status)));
+              fmt::format("{} -> {}: {} {}{}", ModeText(last_mode), ModeText(out.mode),
+                          static_cast<int>(out.status), StatusText(out.status), WhoseFault(out)));
       }
       last_mode = out.mode;
       last_status = out.status;
@@ -450,6 +483,7 @@ struct Daemon::State {
   Status last_status = Status::kOk;
   std::uint64_t commands_lost = 0, records_lost = 0, events_lost = 0;
   bool log_failed = false;
+  bool commissioned = false;  // never taken back: what the record covers is loaded once
 };
 
 Daemon::Daemon(const DaemonOptions& options, can::CanPort& port)
@@ -476,6 +510,7 @@ void Daemon::Run(const std::function<bool()>& stop) {
       const std::string problem = s.black_box->CheckFolder();
       if (!problem.empty()) s.Event(Status::kOk, "black box", problem);
     }
+    s.TellCommissioning();
     s.Serve(stop);
   }
   s.Publish();

@@ -14,7 +14,7 @@ namespace {
 class GateTest : public testing::Test {
  protected:
   GateTest()
-      : robot(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml")), gate(robot, 0.5) {}
+      : robot(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml")), gate(robot, 0.5, 2) {}
 
   Command Tip(double x, double y, double z) {
     Command c;

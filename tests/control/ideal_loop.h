@@ -23,6 +23,7 @@ inline constexpr ControllerParameters kParameters{
                    .max_acceleration_radps2 = 160,
                    .max_jerk_radps3 = 8000},
     .guards = {.max_missing_cycles = 5, .slack_tension_N = 0.02},
+    .take_up = {},
 };
 
 class IdealLoop {

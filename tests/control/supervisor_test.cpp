@@ -10,10 +10,12 @@ namespace tendril::control {
 namespace {
 
 constexpr Event kEvents[] = {Event::kDrivesReady, Event::kDrivesEnabled, Event::kPretensioned,
-                             Event::kReleased,    Event::kArm,           Event::kDisarm,
+                             Event::kReleased,    Event::kHomed,         Event::kArm,
+                             Event::kHome,        Event::kCommission,    Event::kDisarm,
                              Event::kHold,        Event::kClear,         Event::kFault};
-constexpr Mode kModes[] = {Mode::kDisconnected, Mode::kConfigured, Mode::kArmed,    Mode::kPretension,
-                           Mode::kRunning,      Mode::kHold,       Mode::kSafeStop, Mode::kFault};
+constexpr Mode kModes[] = {Mode::kDisconnected, Mode::kConfigured,   Mode::kArmed,    Mode::kPretension,
+                           Mode::kRunning,      Mode::kHold,         Mode::kSafeStop, Mode::kFault,
+                           Mode::kHoming,       Mode::kCommissioning};
 
 // Events that lead a fresh supervisor into a mode, found by searching the table.
 std::vector<Event> PathTo(Mode goal) {
@@ -60,6 +62,20 @@ TEST(Supervisor, OnlyTheOperatorArmsAndOnlyFromConfigured) {
   }
 }
 
+// Power comes to the motors from configured only, each way on a word of its own, and the robot follows
+// commands only after arm.
+TEST(Supervisor, EachWayToPowerHasItsOwnWord) {
+  for (const auto& t : Supervisor::Table()) {
+    if (t.to == Mode::kHoming || t.to == Mode::kCommissioning) {
+      EXPECT_EQ(t.from, Mode::kConfigured);
+      EXPECT_EQ(t.event, t.to == Mode::kHoming ? Event::kHome : Event::kCommission);
+    }
+    if (t.from == Mode::kHoming || t.from == Mode::kCommissioning) {
+      EXPECT_NE(t.to, Mode::kRunning);
+    }
+  }
+}
+
 TEST(Supervisor, FaultLatchesAgainstEverythingButClear) {
   for (Event e : kEvents) {
     Supervisor s = In(Mode::kFault);
@@ -74,7 +90,8 @@ TEST(Supervisor, FaultLatchesAgainstEverythingButClear) {
 }
 
 TEST(Supervisor, EveryPoweredModeHasDisarmAndFault) {
-  for (Mode m : {Mode::kArmed, Mode::kPretension, Mode::kRunning, Mode::kHold}) {
+  for (Mode m :
+       {Mode::kArmed, Mode::kPretension, Mode::kRunning, Mode::kHold, Mode::kHoming, Mode::kCommissioning}) {
     Supervisor s = In(m);
     EXPECT_TRUE(s.Handle(Event::kDisarm));
     EXPECT_EQ(s.mode(), Mode::kSafeStop);

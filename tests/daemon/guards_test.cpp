@@ -264,9 +264,23 @@ TEST(SafeStop, RampsDownAndDisablesFromEveryMotion) {
     SafetyRig r(Rig());
     ASSERT_TRUE(r.Arm());
     for (int i = 0; i < 1200; ++i) Go(r, a, i);
+    const double pretension_N = r.options().robot.limits.min_tension_N;
     r.Step(r.Request(ModeRequest::kDisarm));
-    EXPECT_EQ(r.output().mode, Mode::kSafeStop);
-    EXPECT_TRUE(r.RunUntil(Mode::kConfigured, 2));
+    double last_N = r.output().tension_desired_base_N.maxCoeff(), step_N = 0;
+    int cycles = 0;
+    while (r.output().mode == Mode::kSafeStop && cycles < 3000) {
+      const double now_N = r.output().tension_desired_base_N.maxCoeff();
+      step_N = std::max(step_N, last_N - now_N);
+      last_N = now_N;
+      r.Step();
+      ++cycles;
+    }
+    EXPECT_EQ(r.output().mode, Mode::kConfigured);
+    EXPECT_EQ(cycles == 0, a == Activity::kRest) << "at rest the robot is at pretension already";
+    if (cycles > 0) {
+      EXPECT_NEAR(last_N, pretension_N, 1e-9) << "what the drives are disabled at";
+    }
+    EXPECT_LE(step_N, r.options().daemon.controller.pretension_ramp_Nps * 1e-3 + 1e-9);
     r.Run(0.1);
     for (int d = 0; d < 3; ++d) EXPECT_FALSE(r.rig().drives().enabled(d));
     for (const std::string& v : r.violations()) ADD_FAILURE() << v;

@@ -223,9 +223,14 @@ class SafetyRig {
     if (falling && was_falling && before.tension_desired_base_N.size() == m) {
       const double step_N =
           options_.daemon.controller.pretension_ramp_Nps * ToSeconds(options_.daemon.bus.cycle_ns);
-      const TendonVector change = o.tension_desired_base_N - before.tension_desired_base_N;
+      // Of what pulls: a bare motor that pays out is led to nothing.
+      const TendonVector change =
+          o.tension_desired_base_N.cwiseMax(0) - before.tension_desired_base_N.cwiseMax(0);
+      // Down to pretension by the ramp, from there to nothing by disabling the drives.
+      const bool let_go =
+          !enabled && before.tension_desired_base_N.maxCoeff() <= limits.min_tension_N + step_N + 1e-9;
       if (change.maxCoeff() > 1e-9) Violated("tension wanted rises on the way down");
-      if (change.minCoeff() < -step_N - 1e-9 && o.status != Status::kInternalNotFinite) {
+      if (change.minCoeff() < -step_N - 1e-9 && !let_go && o.status != Status::kInternalNotFinite) {
         Violated("tension wanted falls faster than its ramp");
       }
     }
@@ -238,6 +243,11 @@ class SafetyRig {
     const bool armed_now = (o.mode == Mode::kArmed && before.mode != Mode::kArmed) ||
                            (o.mode == Mode::kRunning && before.mode == Mode::kHold);
     if (armed_now && !(asked && command.mode == ModeRequest::kArm)) Violated("armed unasked");
+    for (const auto& [mode, request] : {std::pair{Mode::kHoming, ModeRequest::kHome},
+                                        std::pair{Mode::kCommissioning, ModeRequest::kCommission}}) {
+      if (o.mode == mode && before.mode != mode && !(asked && command.mode == request))
+        Violated("tendons taken up unasked");
+    }
 
     if (o.mode != Mode::kFault) {
       fault_since_s_ = -1;

@@ -209,8 +209,8 @@ TEST(Commands, ValuesAreNotJudgedButSizesAre) {
   m.bending_rad.assign(9, 0);
   EXPECT_EQ(FromMessage(m, c), "bending_rad has 9 values, at most 8 are possible");
   tendril_lcm::command_mode_t mode{};
-  mode.request = 4;
-  EXPECT_EQ(FromMessage(mode, c), "request 4 is none of 0 arm, 1 disarm, 2 hold, 3 clear");
+  mode.request = 6;
+  EXPECT_EQ(FromMessage(mode, c), "request 6 is none of 0 arm, 1 disarm, 2 hold, 3 clear, 4 commission, 5 home");
 }
 
 TEST(Commands, AValidityThatIsNoNumberIsNone) {

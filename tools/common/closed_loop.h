@@ -42,6 +42,8 @@ class ClosedLoop {
     return daemon_.controller.trajectory.look_ahead ? 0 : ToSeconds(controller_->look_ahead_ns());
   }
   const sim::Plant& plant() const { return rig_->plant(); }
+  /// To connect its drives otherwise, before the first step.
+  VirtualRig& rig() { return *rig_; }
   const can::CanCounters& bus() const { return bus_.totals(); }
   std::uint64_t log_events() const { return log_ ? log_->events() : 0; }
   const io::Gateway& gateway() const { return *gateway_; }

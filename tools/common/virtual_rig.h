@@ -14,6 +14,18 @@
 
 namespace tendril::tools {
 
+/// How one drive is connected to what it should drive, where that is not as it should be.
+struct Wiring {
+  bool motor_reversed = false;    // motor leads swapped: positive torque pays out
+  bool encoder_reversed = false;  // its channels swapped
+  bool encoder_dead = false;
+  bool tendon_off = false;  // the motor turns an empty spool
+  bool jammed = false;      // the motor does not turn
+  double cell_gain = 1;     // shown over true; 0: it shows zero_mV whatever happens
+  double cell_zero_mV = 0;  // added to what the cell shows
+  int cell_of = -1;         // the cell on this drive's input hangs on that drive's tendon; -1: on its own
+};
+
 class VirtualRig {
  public:
   /// Drives answer as the node ids of the robot's actuation, in tendon order; load cells are on each drive's
@@ -34,6 +46,8 @@ class VirtualRig {
   /// Brakes of motors that have not moved yet stay on even while their drives are enabled, until this is
   /// called with false: a robot that is armed then begins exactly where the plant begins.
   void HoldBrakes(bool hold) { brakes_held_ = hold; }
+  /// Connects a drive (from 0) otherwise; before the first Poll.
+  void Connect(int drive, const Wiring& wiring) { wiring_[static_cast<std::size_t>(drive)] = wiring; }
 
   /// What the tracker shows, when its period has passed since the last reading taken; empty in between and
   /// for a robot without a tracker. Its time is that of the measurement, on the clock of Poll.
@@ -45,6 +59,7 @@ class VirtualRig {
 
  private:
   void ShowSensors();
+  void TurnEmptySpools(double seconds);
 
   RobotParameters robot_;
   sim::Plant plant_;
@@ -54,6 +69,11 @@ class VirtualRig {
   std::vector<bool> released_;  // its drive was enabled once
   bool brakes_held_ = false;
   Eigen::VectorXd torque_Nm_;  // in force
+  std::vector<Wiring> wiring_;
+  struct EmptySpool {
+    double angle_rad = 0, velocity_radps = 0, torque_Nm = 0;
+  };
+  std::vector<EmptySpool> empty_;  // of drives whose tendon is off
 };
 
 }  // namespace tendril::tools

@@ -32,9 +32,11 @@ struct Target {
 
 class CommandGate {
  public:
-  CommandGate(const RobotParameters& robot, double default_speed_radps);
+  /// `bare_pull_N`: what commissioning may ask of a motor, either way.
+  CommandGate(const RobotParameters& robot, double default_speed_radps, double bare_pull_N);
 
   /// Ok when the command may act in this mode, else why not. An accepted target replaces the current one.
+  /// A disarm is accepted however old it is and whatever came before it.
   Status Admit(const Command& command, Mode mode, TimeNs now_ns) noexcept;
 
   const Target& target() const noexcept { return target_; }
@@ -44,10 +46,10 @@ class CommandGate {
   void Remember(StateArchive& archive) noexcept;
 
  private:
-  Status CheckValues(const Command& command) const noexcept;
+  Status CheckValues(const Command& command, Mode mode) const noexcept;
 
   int sections_, tendons_;
-  double reach_m_, max_bending_rad_, max_tension_N_, default_speed_radps_;
+  double reach_m_, max_bending_rad_, max_tension_N_, default_speed_radps_, bare_pull_N_;
   bool any_ = false;
   std::uint32_t last_sequence_ = 0;
   TimeNs last_seen_ns_ = 0;

@@ -18,7 +18,8 @@ class StateArchive;
 
 /// What may be expected of the robot in a cycle.
 struct Expectation {
-  bool powered = false;    // drives hold the tendons: sensors and motion are judged
+  bool powered = false;    // drives hold the tendons: motion is judged
+  bool trusted = true;     // load cells are known to work: they are judged as well
   bool tensioned = false;  // pretension is reached and displacement zeroed: slack and shape are judged
   bool follows = false;    // the robot follows the reference of shape: so is the following error
 };
@@ -32,8 +33,11 @@ class Guards {
   /// The first rule broken by this cycle's input and the estimates in `output`, kOk when all are kept.
   Status Check(const CycleInput& input, const CycleOutput& output, const Expectation& expected) noexcept;
 
-  /// End of the cycle: what the next one is expected to show.
-  void Expect(const CycleOutput& output) noexcept { desired_m_ = output.displacement_desired_m; }
+  /// Whose rule Check found broken, from 1; 0: that of no single tendon.
+  int tendon() const noexcept { return blamed_; }
+
+  /// End of the cycle: what the next ones are expected to show.
+  void Expect(const CycleOutput& output) noexcept;
   /// Forgets what was seen: the drives were handled by others, or displacement was zeroed.
   void Restart() noexcept;
 
@@ -41,11 +45,22 @@ class Guards {
 
  private:
   // What is counted as broken for how many cycles in a row.
-  enum Rule { kSlack, kDisconnected, kDisagrees, kOverSpeed, kFollowing, kBending, kEstimate, kRules };
+  enum Rule {
+    kSlack,
+    kDisconnected,
+    kDisagrees,
+    kOverSpeed,
+    kTorque,
+    kFollowing,
+    kBending,
+    kEstimate,
+    kRules
+  };
 
   struct Tendon {
     // Of the robot.
-    double travel_m, travel_per_count_m, stiffness_Npm, efficiency, coulomb_Nm, torque_scale, inertia_kg;
+    double travel_m, travel_per_count_m, stiffness_Npm, efficiency, coulomb_Nm, torque_scale, inertia_kg,
+        rated_Nm;
     LoadCellPlace place;
     // From cycle to cycle.
     std::array<std::int32_t, kRules> broken_for{};
@@ -56,10 +71,16 @@ class Guards {
     std::int16_t cell_mV = 0;                     // since when the cell has shown the same:
     std::int32_t same_for = 0;
     double least_torque_N = 0, most_torque_N = 0;
+    // Torque asked for [per mille], the last first: it is on the motor in the cycle after the next SYNC.
+    std::array<std::int16_t, 3> asked{};
+    DriveFeedback shown{};// since when all of the feedback has been the same:
+    std::int32_t frozen_for = 0;
+    std::int16_t asked_since = 0;  // what was asked for then
   };
 
   Status CheckTime(const CycleInput& input, bool powered) noexcept;
   Status CheckMotion(Tendon& tendon, const DriveFeedback& drive, bool powered) noexcept;
+  Status CheckTorque(Tendon& tendon, const DriveFeedback& drive, bool powered) noexcept;
   Status CheckCell(std::size_t j, const DriveFeedback& drive, const CycleOutput& output,
                    bool powered) noexcept;
   Status CheckShape(const CycleOutput& output, const Expectation& expected) noexcept;
@@ -79,6 +100,7 @@ class Guards {
   bool timed_ = false;
   TimeNs last_time_ns_ = 0;
   double late_ = 0;  // cycles; empties in a second
+  std::int32_t blamed_ = 0;
 };
 
 }  // namespace tendril::control

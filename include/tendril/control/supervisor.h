@@ -14,8 +14,11 @@ enum class Event : std::uint8_t {
   kDrivesReady,    // every drive configured and answering
   kDrivesEnabled,  // every drive in operation enabled
   kPretensioned,   // tensions at the minimum and settled
-  kReleased,       // tensions ramped down
+  kReleased,       // tensions ramped down to pretension
+  kHomed,          // every tendon taut at pretension
   kArm,
+  kHome,
+  kCommission,
   kDisarm,
   kHold,
   kClear,

@@ -17,7 +17,15 @@ namespace tendril {
 // ---- commands ----------------------------------------------------------------------------------------------------
 
 enum class CommandKind : std::uint8_t { kNone, kTip, kBending, kTension, kMode };
-enum class ModeRequest : std::uint8_t { kArm, kDisarm, kHold, kClear };
+enum class ModeRequest : std::uint8_t {
+  kArm,
+  kDisarm,
+  kHold,
+  kClear,
+  kCommission,      // pull single motors gently, to find out how the robot is wired
+  kHome,            // wind slack tendons in, to pretension
+  kNotCommissioned  // arm or home, of a robot that was never commissioned: what the daemon makes of it; refused
+};
 
 /// A command as it left the gateway. Unused values are empty or zero.
 struct Command {
@@ -30,7 +38,7 @@ struct Command {
   Eigen::Vector3d tip_velocity_W_mps{0, 0, 0};  // target moves on with it until the command expires
   BendingVector bending_rad;            // (us, vs) a section
   BendingVector bending_rate_radps;
-  TendonVector tension_N;               // wanted at the robot's base
+  TendonVector tension_N;               // wanted at the robot's base; while commissioning of the bare motors, +-
   double speed_radps = 0;               // bending speed towards the target; 0: the configured default
 };
 
@@ -72,13 +80,15 @@ struct CycleInput {
 
 enum class Mode : std::uint8_t {
   kDisconnected,  // some drive is not configured yet. Leaves to Configured by itself.
-  kConfigured,    // drives ready, no torque. arm -> Armed.
+  kConfigured,    // drives ready, no torque. arm -> Armed, home -> Homing, commission -> Commissioning.
   kArmed,         // drives being enabled. All enabled -> Pretension.
   kPretension,    // tensions ramp to the minimum; then displacement is zeroed -> Running.
   kRunning,       // follows commands. hold -> Hold, disarm -> SafeStop.
   kHold,          // stops and stays, refuses targets. arm -> Running, disarm -> SafeStop.
-  kSafeStop,      // tensions ramp down, then drives are disabled -> Configured.
-  kFault,         // latched with its cause; tensions ramp down, drives are disabled. clear -> Disconnected.
+  kSafeStop,      // tensions ramp down to pretension, then drives are disabled -> Configured.
+  kFault,         // latched with its cause; as in SafeStop, then drives stay disabled. clear -> Disconnected.
+  kHoming,        // drives enabled, tendons wound in gently until each is taut, pretension, zero -> Hold.
+  kCommissioning, // drives enabled, single motors pull as commanded, gently. disarm or silence -> SafeStop.
 };
 
 /// Desired motion of the sections, after limits.
@@ -122,6 +132,9 @@ struct CycleOutput {
   std::uint32_t commands_refused = 0;
   std::uint32_t feedback_missing = 0;
   Status command_status = Status::kOk;  // why the last command was refused, or Ok
+
+  int blamed_tendon = 0;                // of the fault that began in this cycle, from 1; 0: none or not told.
+                                        // For people: it is in no message.
 };
 
 /// Measured by the loop around the controller; not an input of it, so replay stays exact.

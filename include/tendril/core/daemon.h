@@ -33,8 +33,17 @@ struct GuardParameters {
   double max_following_error_m = 4e-3;       // of a tendon's displacement
   double max_bending_excess_rad = 0.3;       // of the estimate beyond limits.max_bending_rad
   double max_estimator_residual_m = 2e-3;    // of a tendon's displacement that no shape explains
+  double max_torque_error_N = 1;        // of tension by torque, between target and what the drive reports
   int max_late_cycles = 100;            // skipped at once, or within about a second
   double max_stream_silence_s = 1;      // after a moving target expired; then hold
+};
+
+/// How tendons are handled before anything is known of them: commissioning and homing.
+struct TakeUpParameters {
+  double pull_N = 2;                    // of a motor's torque, losses left aside; what commissioning may ask for
+  double max_speed_mps = 0.005;         // of a tendon; the torque fades as it is approached
+  double max_travel_m = 0.03;           // of a tendon, either way
+  double timeout_s = 30;                // of homing as a whole
 };
 
 enum class ControlLaw {
@@ -51,6 +60,7 @@ struct ControllerParameters {
   double pretension_settle_s = 0;       // stillness before tendon displacement is zeroed
   TrajectoryParameters trajectory;
   GuardParameters guards;
+  TakeUpParameters take_up;
 };
 
 struct IdentityParameters {             // what object 0x1018 must report
@@ -62,6 +72,8 @@ struct IdentityParameters {             // what object 0x1018 must report
 struct NodeParameters {
   int node_id = 0;                      // 1..127
   int tendon = 0;                       // 1..M
+  bool motor_reversed = false;          // negative torque pulls
+  bool encoder_reversed = false;        // counts fall when the motor pulls
 };
 
 struct BusParameters {
@@ -100,6 +112,7 @@ struct BlackBoxParameters {             // the last cycles, written out on every
 
 struct DaemonParameters {
   std::string robot_file;               // absolute, or relative to the daemon's file
+  bool commissioning_required = true;   // false, for a simulation: arms a robot that was never commissioned
   ControllerParameters controller;
   BusParameters bus;
   RealtimeParameters realtime;

@@ -25,6 +25,7 @@ namespace tendril {
   X(CommandWrongMode, 204, "command refused in this mode", "arm from configured or hold, targets only while running, clear only in fault")                         \
   X(CommandOutOfOrder, 205, "command refused: sequence number not newer than the last", "one sender at a time")     \
   X(CommandWrongSize, 206, "command refused: number of values does not fit the robot", "one pair per section, one tension per tendon") \
+  X(NotCommissioned, 207, "command refused: this robot was never commissioned as its files are now", "run tendril commission --config FILE, or, for a simulation, say commissioning: not_required in the daemon's file") \
   X(CommandExpired, 301, "command stream expired: holding the last target", "keep sending within valid_for_s")      \
   X(FeedbackMissing, 302, "a drive's TPDO is missing this cycle", "check the bus")                                  \
   X(Slack, 303, "a tendon is slack", "check pretension and the tendon's path")                                      \
@@ -36,10 +37,10 @@ namespace tendril {
   X(CommandsSilent, 310, "the command stream stayed silent for guards.max_stream_silence_s: holding", "arm to go on; check the sender and LCM") \
   X(EquilibriumNotFound, 309, "controller.law: equilibrium found no stable shape: the paper's tensions are used", "less bending, or check stiffness, masses and gravity in the robot file") \
   X(TrackerLost, 311, "no usable tracker reading for some time: tip feedback keeps its last correction", "check the tracker, its clock and its view of the tip") \
-  X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(FrameMalformed, 312, "received CAN frames had a wrong length or unknown contents and were ignored", "check that every node id is used once and that nothing else sends in the drives' names") \
   X(ForeignFrame, 313, "somebody else sends what only the CAN master may send", "stop the other master on this bus") \
   X(CommissioningEnded, 314, "commissioning: no pull was asked for any more: drives are disabled", "send commission again")   \
+  X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \
   X(TensionOverLimit, 404, "fault: measured tension over limits.max_tension_motor_N", "find what blocks the tendon, then clear") \
@@ -57,7 +58,13 @@ namespace tendril {
   X(BendingOverLimit, 416, "fault: the robot is bent beyond limits.max_bending_rad by more than guards.max_bending_excess_rad", "find what bends it, then clear") \
   X(EstimatorDiverged, 417, "fault: no shape explains the tendons' displacements within guards.max_estimator_residual_m", "check the encoders and the tendons' paths, then clear and pretension anew") \
   X(CyclesLate, 418, "fault: more cycles than guards.max_late_cycles were skipped", "check the load of this machine with tendril rt-check, then clear") \
-  X(TimeStepped, 419, "fault: the controller's time did not go on by whole cycles", "report with the log")
+  X(TimeStepped, 419, "fault: the controller's time did not go on by whole cycles", "report with the log")           \
+  X(DriveFrozen, 420, "fault: a drive's torque does not follow its target within guards.max_torque_error_N", "switch the drive off and on, then clear; the event tells the node") \
+  X(TravelOverLimit, 421, "fault: a tendon travelled farther than controller.take_up.max_travel_m", "look whether it hangs loose or runs off its spool, then clear") \
+  X(TendonBroken, 422, "fault: homing wound in controller.take_up.max_travel_m of a tendon and no tension came", "hook it in again, or raise the limit if it is that slack; then clear") \
+  X(TendonJammed, 423, "fault: homing: a motor does not turn and its tendon has no tension", "find what holds gear or spool, or raise controller.take_up.pull_N; then clear") \
+  X(CellDead, 424, "fault: homing: a motor winds in until it stands, and its load cell does not answer", "check its cable and amplifier, commission again; then clear") \
+  X(HomingTimedOut, 425, "fault: homing took longer than controller.take_up.timeout_s", "raise the limit, or find what keeps the tendons from becoming taut; then clear")
 
 enum class Status : std::uint16_t {
 #define TENDRIL_STATUS_ENUM(name, number, text, remedy) k##name = number,

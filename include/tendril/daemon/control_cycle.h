@@ -1,8 +1,10 @@
 // One control cycle from SYNC to torques: drives' feedback in, Controller::Step, torques out, with the record
 // of it all. The daemon runs it against the clock of the machine and the demo in simulated time; knows
-// nothing of threads or LCM.
+// nothing of threads or LCM. Here, and only here, motors and encoders that are connected the other way round
+// are turned right.
 #pragma once
 
+#include <array>
 #include <functional>
 
 #include "tendril/canopen/master.h"
@@ -36,6 +38,7 @@ class ControlCycle {
   canopen::Master& master_;
   const Clock& clock_;
   TimeNs feedback_deadline_ns_;
+  std::array<bool, kMaxTendons> motor_reversed_{}, encoder_reversed_{};
   Wait wait_;
   std::uint64_t deadline_misses_ = 0;
 };

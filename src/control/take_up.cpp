@@ -1,0 +1,169 @@
+#include "tendril/control/take_up.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+
+#include "state_archive.h"
+
+namespace tendril::control {
+namespace {
+
+// Speed is averaged over this many cycles: fast enough to damp a bare rotor, slow enough for an encoder's
+// steps.
+constexpr double kSpeedCycles = 5;
+// A motor that has moved less than kStanding_m for so long stands.
+constexpr std::int32_t kStandingCycles = 500;
+constexpr double kStanding_m = 2e-5;
+// A motor that stands within this of where it began did not turn: what gear and tendon give in is less.
+constexpr double kNotTurned_m = 2e-4;
+// A live load cell's last digit never rests this long.
+constexpr std::int32_t kDeadCycles = 200;
+// Of the pretension: within it a tendon is at pretension. Friction holds a motor, so that nothing finer is
+// kept.
+constexpr double kBand = 0.3;
+
+std::int32_t Difference(std::int32_t a, std::int32_t b) noexcept {
+  // The drive's position counter wraps.
+  return static_cast<std::int32_t>(static_cast<std::uint32_t>(a) - static_cast<std::uint32_t>(b));
+}
+
+}  // namespace
+
+double TakeUp::Tendon::TravelM() const noexcept {
+  return Difference(counts, start_counts) * travel_per_count_m;
+}
+
+TakeUp::TakeUp(const RobotParameters& robot, const TakeUpParameters& parameters, double ramp_Nps,
+               double settle_s, TimeNs period_ns)
+    : parameters_(parameters),
+      pretension_N_(robot.limits.min_tension_N),
+      step_N_(ramp_Nps * ToSeconds(period_ns)),
+      period_s_(ToSeconds(period_ns)),
+      settle_cycles_(static_cast<std::int32_t>(settle_s / period_s_) + 1),
+      timeout_cycles_(static_cast<std::int32_t>(parameters.timeout_s / period_s_) + 1) {
+  for (const TendonDriveParameters& t : robot.actuation->tendons) {
+    const double travel_m = t.SpoolTravelPerMotorRad();
+    tendons_.push_back(
+        {.travel_m = travel_m,
+         .travel_per_count_m = 2 * std::numbers::pi / t.drive.encoder_counts_per_turn * travel_m,
+         .cell = t.load_cell.place != LoadCellPlace::kNone});
+  }
+}
+
+void TakeUp::Start(const CycleInput& input) noexcept {
+  homing_for_ = settled_for_ = blamed_ = 0;
+  for (std::size_t j = 0; j < tendons_.size(); ++j) {
+    Tendon& t = tendons_[j];
+    t.start_counts = t.counts = t.standing_counts = input.drive[j].position_counts;
+    t.speed_mps = 0;
+    t.standing_for = t.same_for = 0;
+    t.taut = false;
+  }
+}
+
+Status TakeUp::Watch(const CycleInput& input) noexcept {
+  Status status = Status::kOk;
+  for (std::size_t j = 0; j < tendons_.size(); ++j) {
+    Tendon& t = tendons_[j];
+    const DriveFeedback& drive = input.drive[j];
+    if (drive.age_cycles > 0) continue;
+    const double speed_mps = Difference(drive.position_counts, t.counts) * t.travel_per_count_m / period_s_;
+    t.speed_mps += (speed_mps - t.speed_mps) / kSpeedCycles;
+    t.counts = drive.position_counts;
+    if (std::abs(t.TravelM()) > parameters_.max_travel_m && status == Status::kOk) {
+      status = Status::kTravelOverLimit;
+      blamed_ = static_cast<std::int32_t>(j) + 1;
+    }
+  }
+  return status;
+}
+
+double TakeUp::Torque(int tendon, double pull_N) const noexcept {
+  const Tendon& t = tendons_[static_cast<std::size_t>(tendon)];
+  const double fade = std::max(0., 1 - std::abs(t.speed_mps) / parameters_.max_speed_mps);
+  return std::clamp(pull_N, -parameters_.pull_N, parameters_.pull_N) * t.travel_m * fade;
+}
+
+void TakeUp::Lead(const TendonVector& wanted_N, TendonVector& pull_N) const noexcept {
+  for (Eigen::Index j = 0; j < pull_N.size(); ++j) {
+    pull_N[j] += std::clamp(wanted_N[j] - pull_N[j], -step_N_, step_N_);
+  }
+}
+
+Status TakeUp::Home(const CycleInput& input, const CycleOutput& output, TendonVector& pull_N) noexcept {
+  Status status = Watch(input);
+  if (status == Status::kTravelOverLimit) {
+    // Nothing held it back: there is no tendon, or it hangs looser than it may.
+    const Tendon& t = tendons_[static_cast<std::size_t>(blamed_ - 1)];
+    return !t.taut && t.TravelM() > 0 ? Status::kTendonBroken : status;
+  }
+  bool settled = true;
+  for (std::size_t j = 0; j < tendons_.size(); ++j) {
+    Tendon& t = tendons_[j];
+    const auto at = static_cast<Eigen::Index>(j);
+    const double error_N = pretension_N_ - output.tension_measured_N[at];
+    double wanted_N = t.taut ? pull_N[at] : parameters_.pull_N;
+    if (!t.taut) {
+      const Status s = Judge(t, input.drive[j], pull_N[at]);
+      if (s != Status::kOk && status == Status::kOk) {
+        status = s;
+        blamed_ = static_cast<std::int32_t>(j) + 1;
+      }
+      t.taut = t.taut || (t.cell && error_N <= 0);
+      // What pulled it in is more than what may go on pulling.
+      if (t.taut) wanted_N = pull_N[at] = std::min(pull_N[at], pretension_N_);
+    } else if (t.cell && std::abs(error_N) > kBand * pretension_N_) {
+      wanted_N = std::copysign(parameters_.pull_N, error_N);
+      settled = false;
+    }
+    settled = settled && t.taut;
+    pull_N[at] += std::clamp(wanted_N - pull_N[at], -step_N_, step_N_);
+  }
+  settled_for_ = settled ? settled_for_ + 1 : 0;
+  if (status != Status::kOk || homed()) return status;
+  blamed_ = 0;
+  return ++homing_for_ > timeout_cycles_ ? Status::kHomingTimedOut : Status::kOk;
+}
+
+// A tendon that is not taut yet: is it on its way there?
+Status TakeUp::Judge(Tendon& t, const DriveFeedback& drive, double pull_N) noexcept {
+  if (t.same_for == 0 || drive.analog_mV != t.cell_mV) {
+    t.cell_mV = drive.analog_mV;
+    t.same_for = 0;
+  }
+  t.same_for = std::min(t.same_for + 1, kDeadCycles);
+  const bool full = pull_N > 0.99 * parameters_.pull_N;
+  const double moved_m = std::abs(Difference(t.counts, t.standing_counts)) * t.travel_per_count_m;
+  if (!full || moved_m > kStanding_m) {
+    t.standing_for = 0;
+    t.standing_counts = t.counts;
+  } else if (++t.standing_for >= kStandingCycles) {
+    if (!t.cell) {
+      t.taut = true;
+      return Status::kOk;
+    }
+    const bool turned = std::abs(t.TravelM()) > kNotTurned_m;
+    return turned || t.same_for >= kDeadCycles ? Status::kCellDead : Status::kTendonJammed;
+  }
+  return Status::kOk;
+}
+
+void TakeUp::Remember(StateArchive& a) noexcept {
+  for (Tendon& t : tendons_) {
+    a.Value(t.start_counts);
+    a.Value(t.counts);
+    a.Value(t.speed_mps);
+    a.Value(t.standing_for);
+    a.Value(t.standing_counts);
+    a.Value(t.same_for);
+    a.Value(t.cell_mV);
+    a.Value(t.taut);
+  }
+  a.Value(homing_for_);
+  a.Value(settled_for_);
+  a.Value(blamed_);
+}
+
+}  // namespace tendril::control

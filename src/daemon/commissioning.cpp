@@ -1,0 +1,86 @@
+// The commissioning record; see the header.
+#include "tendril/daemon/commissioning.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+
+namespace tendril::daemon {
+namespace {
+
+constexpr const char* kWiringKey = "wiring: ";
+
+std::string Number(double value) { return std::isnan(value) ? ".nan" : fmt::format("{:.4g}", value); }
+
+}  // namespace
+
+std::string WiringHash(const RobotParameters& robot, const BusParameters& bus) {
+  std::string text;
+  for (const NodeParameters& n : bus.nodes) {
+    text += fmt::format("{} {} {} {}\n", n.node_id, n.tendon, n.motor_reversed, n.encoder_reversed);
+  }
+  for (const SectionParameters& s : robot.body.sections) {
+    for (const TendonRoute& r : s.tendons) text += fmt::format("{:.9g}\n", r.angle_rad);
+  }
+  for (const TendonDriveParameters& t : robot.actuation->tendons) {
+    text += fmt::format("{:.9g} {:.9g} {:.9g} {} {:.9g} {:.9g} {} {:.9g} {:.9g}\n",
+                        t.motor.torque_constant_NmpA, t.motor.torque_scale, t.drive.rated_torque_Nm,
+                        t.drive.encoder_counts_per_turn, t.gear.ratio, t.spool.radius_m,
+                        static_cast<int>(t.load_cell.place), t.load_cell.gain_VpN, t.load_cell.offset_N);
+  }
+  std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a
+  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
+  return fmt::format("{:016x}", hash);
+}
+
+std::string RecordPath(const DaemonParameters& daemon) { return daemon.robot_file + ".commissioned"; }
+
+void WriteRecord(const std::string& path, const CommissioningRecord& record) {
+  std::string text = fmt::format(
+      "# Written by `tendril commission`; tendrild arms this robot only while `wiring` fits its files.\n"
+      "{}{}\nat: {}\nby: \"{}\"\nsoftware: \"{}\"\npull_N: {}\ntendons:\n",
+      kWiringKey, record.wiring, record.at, record.by, record.software, Number(record.pull_N));
+  for (const CommissionedTendon& t : record.tendons) {
+    text += fmt::format(
+        "  - {{tendon: {}, node_id: {}, cell_zero_N: {}, cell_gain: {}, slack_m: {}, seen_angle_rad: {}}}\n",
+        t.tendon, t.node_id, Number(t.cell_zero_N), Number(t.cell_gain), Number(t.slack_m),
+        Number(t.seen_angle_rad));
+  }
+  // A file that is half written must not arm anything.
+  const std::string temporary = path + ".new";
+  std::ofstream file(temporary);
+  file << text;
+  file.close();
+  std::error_code error;
+  if (file) std::filesystem::rename(temporary, path, error);
+  if (!file || error) {
+    std::error_code ignored;
+    std::filesystem::remove(temporary, ignored);
+    throw std::runtime_error(path + " cannot be written; run as a user who may write beside the robot file");
+  }
+}
+
+std::string CommissioningProblem(const RobotParameters& robot, const DaemonParameters& daemon) {
+  if (!daemon.commissioning_required) return {};
+  constexpr const char* kRemedy =
+      "nothing arms it before `tendril commission --config FILE` has passed (for a simulation: "
+      "commissioning: "
+      "not_required in the daemon's file)";
+  const std::string path = RecordPath(daemon);
+  std::ifstream file(path);
+  if (!file) return fmt::format("{} was never commissioned: {} is not there; {}", robot.name, path, kRemedy);
+  const std::string wanted = kWiringKey + WiringHash(robot, daemon.bus);
+  for (std::string line; std::getline(file, line);) {
+    if (line == wanted) return {};
+  }
+  return fmt::format(
+      "{} was commissioned with other nodes, directions, motors or load cells than its files name now ({}); "
+      "{}",
+      robot.name, path, kRemedy);
+}
+
+}  // namespace tendril::daemon
