@@ -158,6 +158,7 @@ std::uint64_t Master::events_lost() const noexcept { return state_->events.lost(
 void Master::Start(TimeNs now_ns) noexcept {
   State& s = *state_;
   s.running = true;
+  s.watch.TryAgain(now_ns);
   s.shutdown_since_ns = -1;
   s.next_heartbeat_ns = now_ns;
   for (auto& node : s.nodes) node->Boot(now_ns, false);

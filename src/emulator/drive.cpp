@@ -518,7 +518,9 @@ std::uint32_t Drive::CheckWrite(const Object& object, std::int64_t value) {
   const canopen::ObjectAddress address = object.address();
   for (auto* pdos : {&rpdos_, &tpdos_}) {
     for (Pdo& pdo : *pdos) {
-      if (pdo.Owns(address)) return pdo.CheckWrite(address, value, nmt_ == NmtState::kPreOperational);
+      if (!pdo.Owns(address)) continue;
+      const std::uint32_t error = pdo.CheckWrite(address, value, nmt_ == NmtState::kPreOperational);
+      return error != 0 ? error : CheckCollision(pdo, object, static_cast<std::uint32_t>(value));
     }
   }
   switch (address.index) {
@@ -540,6 +542,18 @@ std::uint32_t Drive::CheckWrite(const Object& object, std::int64_t value) {
     default:
       return 0;
   }
+}
+
+/// An identifier of two PDOs, or of a PDO and SYNC or our own EMCY, would mean two things. A real drive tells
+/// of that by its error 8150; refusing it is our choice.
+std::uint32_t Drive::CheckCollision(const Pdo& pdo, const Object& object, std::uint32_t value) const {
+  if (!pdo.IsCobId(object) || (value & canopen::kPdoInvalid) != 0) return 0;
+  const std::uint32_t id = value & 0x7FFu;
+  bool taken = id == canopen::kSyncCobId || id == canopen::kEmcyBase + static_cast<std::uint32_t>(node_id_);
+  for (const auto* pdos : {&rpdos_, &tpdos_}) {
+    for (const Pdo& other : *pdos) taken = taken || (&other != &pdo && other.valid() && other.cob_id() == id);
+  }
+  return taken ? sdo_abort::kIncompatible : 0;
 }
 
 /// Two consumers of one node would contradict each other (CiA 301).

@@ -57,6 +57,7 @@ class Drive final : private SdoObjects {
   std::uint32_t Write(canopen::ObjectAddress address, std::span<const std::uint8_t> from,
                       bool exact) override;
   std::uint32_t CheckWrite(const Object& object, std::int64_t value);
+  std::uint32_t CheckCollision(const Pdo& pdo, const Object& object, std::uint32_t value) const;
   std::uint32_t CheckConsumer(const Object& object, std::uint32_t value) const;
   void AfterWrite(const Object& object);
 

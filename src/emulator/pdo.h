@@ -16,6 +16,7 @@ class Pdo {
 
   /// True when `address` is part of this PDO's communication or mapping record.
   bool Owns(canopen::ObjectAddress address) const noexcept;
+  bool IsCobId(const Object& object) const noexcept { return cob_ == &object; }
   /// 0 when `value` may be written to `address` (which it owns) now, else the abort code. Choices where CiA
   /// 301 and maxon leave room: every change needs NMT pre-operational; mapping and inhibit time change only
   /// while the PDO is invalid (bit 31), mapping entries only while the number of entries is 0; a valid PDO's

@@ -567,6 +567,16 @@ TEST(Bus, ThatGoesOffAgainAndAgainIsLeftAlone) {
   }
 }
 
+TEST(Bus, ThatWasGivenUpIsTriedAgainByAStart) {
+  Rig rig(1);
+  ASSERT_TRUE(rig.Ready());
+  rig.bus.SetBusOff(true);
+  rig.Steps(10'000);
+  ASSERT_THAT(rig.Texts(Status::kBusOff).back(), HasSubstr("given up until clear"));
+  rig.bus.SetBusOff(false);
+  EXPECT_TRUE(rig.Ready());
+}
+
 TEST(Bus, OffAndRestartedWithinACycleIsNoticed) {
   Rig rig(1);
   ASSERT_TRUE(rig.Enabled());

@@ -866,6 +866,23 @@ TEST(Store, SavedValuesSurviveAndLoadBringsTheFactorysBack) {
   EXPECT_EQ(m.Read(0x1017, 0).number(), 0u);
 }
 
+TEST(Pdo, AnIdentifierThatIsTakenIsRefused) {
+  RawMaster m;
+  m.Poll();
+  EXPECT_EQ(m.Write(0x1401, 1, 0x80000201, 4), 0u) << "not while it is invalid";
+  EXPECT_EQ(m.Write(0x1401, 1, 0x00000201, 4), 0x06040043u) << "that of RPDO 1";
+  EXPECT_EQ(m.Write(0x1401, 1, 0x80000181, 4), 0u);
+  EXPECT_EQ(m.Write(0x1401, 1, 0x00000181, 4), 0x06040043u) << "that of TPDO 1";
+  EXPECT_EQ(m.Write(0x1401, 1, 0x80000080, 4), 0u);
+  EXPECT_EQ(m.Write(0x1401, 1, 0x00000080, 4), 0x06040043u) << "SYNC";
+  EXPECT_EQ(m.Write(0x1401, 1, 0x80000081, 4), 0u);
+  EXPECT_EQ(m.Write(0x1401, 1, 0x00000081, 4), 0x06040043u) << "its own EMCY";
+  EXPECT_EQ(m.Write(0x1400, 1, 0x80000201, 4), 0u);
+  EXPECT_EQ(m.Write(0x1401, 1, 0x80000201, 4), 0u);
+  EXPECT_EQ(m.Write(0x1401, 1, 0x00000201, 4), 0u) << "free now";
+  EXPECT_EQ(m.Write(0x1400, 1, 0x00000201, 4), 0x06040043u);
+}
+
 TEST(NodeId, CountsFromTheNextResetOnWhenItWasStored) {
   RawMaster m;
   m.Poll();

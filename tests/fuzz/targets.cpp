@@ -354,14 +354,17 @@ int RunMaster(std::span<const std::uint8_t> bytes) {
 
 class Rack {
  public:
-  Rack() : drives_port_(bus_.AddPort()), port_(bus_.AddPort()), rack_(Parameters(), drives_port_) {}
+  Rack() : drives_port_(bus_.AddPort()), port_(bus_.AddPort()) { rack_.emplace(Parameters(), drives_port_); }
 
   int Run(std::span<const std::uint8_t> bytes) {
     Source source(bytes);
     Reset();
     while (!source.empty()) {
       const std::uint8_t choice = source.Byte();
-      if (choice < 0x20) {
+      if (choice == 0x1F) {
+        const std::uint8_t which = source.Byte();
+        rack_->SetSto(which / 2 % rack_->drives(), which & 1);
+      } else if (choice < 0x20) {
         clock_.Advance((1 + choice % 4) * kNsPerMs);
       } else {
         SendSomething(source, choice);
@@ -421,12 +424,12 @@ class Rack {
     sensors.position_counts = static_cast<std::int32_t>(clock_.Now() / 1000);
     sensors.velocity_rpm = static_cast<std::int32_t>(clock_.Now() / kNsPerMs % 200) - 100;
     sensors.actual_torque_Nm = 0.01;
-    for (int i = 0; i < rack_.drives(); ++i) rack_.SetSensors(i, sensors);
-    rack_.Poll(clock_.Now());
-    for (int i = 0; i < rack_.drives(); ++i) {
-      const double torque_Nm = rack_.torque_Nm(i);
+    for (int i = 0; i < rack_->drives(); ++i) rack_->SetSensors(i, sensors);
+    rack_->Poll(clock_.Now());
+    for (int i = 0; i < rack_->drives(); ++i) {
+      const double torque_Nm = rack_->torque_Nm(i);
       Require(std::isfinite(torque_Nm), "torque is a number");
-      Require(torque_Nm == 0 || rack_.enabled(i), "no torque without power");
+      Require(torque_Nm == 0 || rack_->enabled(i), "no torque without power");
     }
     Listen();
   }
@@ -449,7 +452,7 @@ class Rack {
         Require(reply.kind != SdoKind::kAbort ||
                     std::string_view(canopen::AbortText(reply.abort_code)) != "unknown abort code",
                 "abort codes are CiA 301's");
-        Require(--requests_[node] >= 0, "no answer without a request");
+        Require(--requests_[node] >= 0 || Renumbered(), "no answer without a request");
         last_reply_[node] = reply;
         return;
       }
@@ -465,9 +468,22 @@ class Rack {
     }
   }
 
-  /// As after power on, stored values included; each drive must then answer.
+  /// A drive took another node id, perhaps one that is taken.
+  bool Renumbered() const {
+    for (int i = 0; i < rack_->drives(); ++i) {
+      if (rack_->node_id(i) != kNodes[static_cast<std::size_t>(i)]) return true;
+    }
+    return false;
+  }
+
+  /// As after power on, stored values included; each drive must then answer. Those with another node id are
+  /// exchanged for new ones.
   void Reset() {
-    for (int i = 0; i < rack_.drives(); ++i) rack_.PowerCycle(i);
+    for (int i = 0; i < rack_->drives(); ++i) {
+      rack_->SetSto(i, false);
+      rack_->PowerCycle(i);
+    }
+    if (Renumbered()) rack_.emplace(Parameters(), drives_port_);
     clock_.Advance(kNsPerMs);
     Poll();
     port_.Send(canopen::NmtFrame(canopen::NmtCommand::kResetNode, 0));
@@ -508,7 +524,7 @@ class Rack {
   can::MemoryBus bus_{clock_};
   can::CanPort& drives_port_;
   can::CanPort& port_;
-  emulator::DriveRack rack_;
+  std::optional<emulator::DriveRack> rack_;
   std::map<int, int> requests_;  // by node: not answered yet
   std::map<int, SdoMessage> last_reply_;
 };
