@@ -8,6 +8,7 @@
 #include <cmath>
 #include <set>
 
+#include "baselines.h"
 #include "closure.h"
 #include "details.h"
 #include "evaluator.h"
@@ -280,6 +281,7 @@ Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
   d.accepted = judgement.accepted;
   d.confusable = judgement.confusable;
   d.leftover_sigma = judgement.leftover_sigma;
+  d.baselines = Baselines(evaluator, search);
 
   // What these runs could not have shown however wrong it was.
   const std::vector<std::string> unseen = Unseen(evaluator, search);
@@ -304,8 +306,6 @@ Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
   d.closures = Closures(evaluator, before, after, options.seed);
   if (!search.everything.empty() && d.verdict != Verdict::kNoGap) {
     d.closed_ceiling = PooledClosure(evaluator, before, search.everything, options.seed);
-  }
-  if (!search.everything.empty() && d.verdict != Verdict::kNoGap) {
     const ChannelScore everything = ScoreChannels(evaluator, search.everything, before);
     for (std::size_t c = 0; c < d.closures.size(); ++c)
       d.closures[c].ceiling_rms = std::sqrt(everything.square[static_cast<int>(c)]);

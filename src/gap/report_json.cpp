@@ -136,6 +136,13 @@ void Fields(A& a, typename A::template Ref<Confusion> c) {
 }
 
 template <class A>
+void Fields(A& a, typename A::template Ref<Baseline> b) {
+  a("name", b.name);
+  a("effect", b.effect);
+  a("where", b.where);
+}
+
+template <class A>
 void Fields(A& a, typename A::template Ref<ConditionMap> m) {
   a("cut", m.cut);
   a("channel", m.channel);
@@ -221,6 +228,7 @@ void Fields(A& a, typename A::template Ref<Diagnosis> d) {
   a("order_effects", d.order_effects);
   a("leftover_sigma", d.leftover_sigma);
   a("confusable", d.confusable);
+  a("baselines", d.baselines);
   a("condition_maps", d.maps);
   a("overlays", d.overlays);
   a("horizon", d.horizon);

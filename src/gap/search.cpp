@@ -498,6 +498,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       for (std::size_t k = 0; k < s.columns.size(); ++k) {
         columns.push_back(&s.columns[k]);
         prior.push_back(3 * ScaleOf(s.start.parameter(s.primary[k])));
+        result.everything_moved.emplace_back(s.candidate, 0.0);
       }
     }
     if (!columns.empty()) {
@@ -507,6 +508,9 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       Eigen::MatrixXd A = sd.array().square().inverse().matrix().asDiagonal();
       Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
       for (std::size_t f = 0; f < normal.A.size(); ++f) A += normal.A[f], b += normal.b[f];
+      const Eigen::VectorXd moved = A.ldlt().solve(b);
+      for (int k = 0; k < n; ++k)
+        result.everything_moved[static_cast<std::size_t>(k)].second = 3 * moved[k] / sd[k];
       std::vector<Eigen::VectorXd> x;
       for (std::size_t f = 0; f < normal.A.size(); ++f)
         x.push_back((A - normal.A[f]).ldlt().solve(b - normal.b[f]));

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "evaluator.h"
@@ -39,6 +40,7 @@ struct SearchResult {
   std::vector<Fit> members;        // of the best pair, each by itself
   double base_score = 0;           // held-out log score of the nominal model, nuisances free
   Residuals everything;            // held-out residuals of all numbers of the nominal file refitted (linear)
+  std::vector<std::pair<Candidate, double>> everything_moved;  // by which, in plainly visible deviations
   Eigen::VectorXd leftover;        // per channel: what the best single leaves beyond the noise
   Nuisances nuisances;
 };

@@ -23,6 +23,7 @@ class Planted:
     on_one: bool = False       # also on one tendon or unit alone
     on_all: bool = True
     families: list = field(default_factory=lambda: ["triangle", "multisine"])
+    near: str = ""             # of an unlisted one: what of the library it turns into where it changes little
 
 
 LIST = {}
@@ -257,31 +258,31 @@ def add_unlisted(name, scope, cut, typical, high, plant, law, **more):
 
 
 add_unlisted("crossing_friction", "tendon", "C4", 0.05, 0.5, column("cross"),
-             "each tendon rubs on its neighbour: friction in proportion to the neighbour's tension")
+             "each tendon rubs on its neighbour: friction in proportion to the neighbour's tension", near="routing_friction")
 add_unlisted("hot_motor", "tendon", "C2", 0.1, 0.6, column("thermal", thermal_tau=12.0),
-             "torque constant falls with heat from current squared, 12 s", families=["hold", "triangle"])
+             "torque constant falls with heat from current squared, 12 s", families=["hold", "triangle"], near="torque_constant")
 add_unlisted("disk_twist", "robot", "C4", 0.02, 0.3, robot_number("twist_k"),
              "disks turn about the backbone under skew tension")
 add_unlisted("load_ripple", "tendon", "C2", 0.05, 0.5, column("ripple", ripple_n=7.0),
-             "torque ripple of 7 a turn in proportion to the torque")
+             "torque ripple of 7 a turn in proportion to the torque", near="cogging")
 add_unlisted("fixture_hysteresis", "tendon", "C3", 1e-5, 1.5e-4, column("fixture_m"),
              "the fixture gives way with a hysteresis of tension")
-add_unlisted("eccentric_spool", "tendon", "C3", 1e-4, 1.5e-3, column("ecc", ecc_n=1.0), "the spool runs out of true")
+add_unlisted("eccentric_spool", "tendon", "C3", 1e-4, 1.5e-3, column("ecc", ecc_n=1.0), "the spool runs out of true", near="spool_growth")
 add_unlisted("supply_sag", "tendon", "C2", 0.05, 0.5, column("sag"),
-             "all motors weaken with the sum of their currents")
+             "all motors weaken with the sum of their currents", near="torque_constant")
 add_unlisted("axial_compression", "robot", "C4", 0.005, 0.04, robot_number("axial"),
-             "units shorten under the sum of tensions")
-add_unlisted("loose_base", "robot", "C4", 0.5, 8.0, robot_number("base_c"), "the base plate leans under the moment of the first unit")
-add_unlisted("stiffening_tendon", "tendon", "C3", 0.2, 3.0, column("stiffening"), "tendon stiffness grows with tension")
+             "units shorten under the sum of tensions", near="unit_length")
+add_unlisted("loose_base", "robot", "C4", 0.5, 8.0, robot_number("base_c"), "the base plate leans under the moment of the first unit", near="base_tilt")
+add_unlisted("stiffening_tendon", "tendon", "C3", 0.2, 3.0, column("stiffening"), "tendon stiffness grows with tension", near="tendon_stiffness")
 add_unlisted("backbone_relaxation", "robot", "C4", 0.1, 1.0, column("visc", "u", visc_tau=1.2),
-             "a Maxwell arm beside the backbone, 1.2 s", families=["hold", "triangle"])
+             "a Maxwell arm beside the backbone, 1.2 s", families=["hold", "triangle"], near="bending_damping")
 
 
 def gusts(p, faults, which, a, rng):
     p["gust_N"] = a
 
 
-add_unlisted("gusts", "robot", "C5", 0.01, 0.15, gusts, "coloured force at the tip, 0.7 Hz")
+add_unlisted("gusts", "robot", "C5", 0.01, 0.15, gusts, "coloured force at the tip, 0.7 Hz", near="tip_force")
 
 
 def free(p, faults, which, a, rng):
@@ -327,6 +328,6 @@ sensor("tracker_offset", "robot", 2e-4, 0, 5e-3, "tracker_offset_m", direction((
 sensor("tracker_delay", "robot", 0.01, 0, 0.06, "tracker_delay_s", lambda a, w, m, r, p: a, lambda a: {"s": a}, "delay",
        families=["multisine", "steps"])
 sensor("cell_crosstalk", "robot", 0.02, -0.2, 0.2, "cell_cross", lambda a, w, m, r, p: a, lambda a: {"amount": a},
-       "each cell sees a part of its neighbour's tension", kind="unlisted")
+       "each cell sees a part of its neighbour's tension", kind="unlisted", near="cell_gain")
 sensor("bent_field", "robot", 0.02, 0, 0.3, "magnetic", lambda a, w, m, r, p: a, lambda a: {"amount": a},
-       "the tracker's field is bent: error by the square of the distance", kind="unlisted")
+       "the tracker's field is bent: error by the square of the distance", kind="unlisted", near="tracker_rotation")

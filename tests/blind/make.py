@@ -48,7 +48,7 @@ def planted(robot, items, seed, nuisance=0.0):
         e = effects.LIST[name]
         p.pop("truth_extra", None)
         e.plant(p, faults, where_indices(e, where, p), amount, np.random.default_rng([seed, 77, k]))
-        truth.append(dict(effect=name, where=where, kind=e.kind, cut=e.cut, amount=amount, law=e.law,
+        truth.append(dict(effect=name, where=where, kind=e.kind, cut=e.cut, amount=amount, law=e.law, near=e.near,
                           parameters={**e.truth(amount), **{k2: float(v) for k2, v in p.get("truth_extra", {}).items()}}))
     return p, faults, truth
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <map>
@@ -29,6 +30,7 @@ struct Options {
   std::string out = "out/gap", daemon;
   double delta_mm = 0;
   bool next = true;
+  std::vector<std::string> only;
   gap::DiagnoseOptions diagnose;
 };
 
@@ -73,10 +75,18 @@ void Warn(const std::vector<gap::HealthFinding>& health) {
 }
 
 void Run(Options options) {
-  for (const std::string& name : options.diagnose.without) {
-    if (sim::FindEffect(name) == nullptr) {
-      throw UsageError(fmt::format("--without {}: no such effect; `tendril gap explain` lists them", name));
+  const auto check = [](const char* option, const std::vector<std::string>& names) {
+    for (const std::string& name : names) {
+      if (sim::FindEffect(name) == nullptr)
+        throw UsageError(
+            fmt::format("{} {}: no such effect; `tendril gap explain` lists them", option, name));
     }
+  };
+  check("--without", options.diagnose.without);
+  check("--only", options.only);
+  for (const sim::Effect& effect : sim::Effects()) {
+    const bool named = std::find(options.only.begin(), options.only.end(), effect.name) != options.only.end();
+    if (!options.only.empty() && !named) options.diagnose.without.emplace_back(effect.name);
   }
   const std::filesystem::path folder = MakeOutputFolder(options.out);
   Progress progress;
@@ -127,7 +137,11 @@ void AddGapDiagnoseCommand(CLI::App& app) {
                    "of bootstraps and of alternative readings of the sensors")
       ->check(Seed())
       ->capture_default_str();
+  command->add_option("--only", options->only, "effects to look for and no others, by name")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   command->add_option("--without", options->diagnose.without, "effects to leave out of the library, by name")
+      ->delimiter(',')
       ->allow_extra_args(false);
   command->add_option("--refits", options->diagnose.refits, "candidates refitted in full after the screening")
       ->check(CLI::Range(1, 200))

@@ -73,6 +73,12 @@ struct Confusion {
   bool confirmed = false;  // by the profile too
 };
 
+/// What a simpler way of judging the same search would name first.
+struct Baseline {
+  std::string name;           // least_rmse, raw_bic, refit_everything, sparse_regression
+  std::string effect, where;  // or no_gap
+};
+
 /// Mean of a residual against a condition, with a block-bootstrap band.
 struct ConditionMap {
   sim::Cut cut{};
@@ -139,6 +145,7 @@ struct Diagnosis {
       order_effects;          // closed by each of a pair alone and after the other
   double leftover_sigma = 0;  // what the best model leaves beyond the floor on held-out data
   std::vector<Confusion> confusable;
+  std::vector<Baseline> baselines;
   std::vector<ConditionMap> maps;
   std::vector<Overlay> overlays;
   std::vector<HorizonPoint> horizon;
