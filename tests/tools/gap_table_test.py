@@ -24,7 +24,7 @@ here = pathlib.Path(sys.argv[0]).parent
 with open(here / "calls", "a") as calls:
     calls.write(" ".join(sys.argv[1:4]) + "\n")
 if sys.argv[2] == "explain":
-    print(json.dumps([dict(effect=n, places=w, first_cut=c, controller_can_use_it=e, nuisance=False, parameters=[
+    print(json.dumps([dict(effect=n, places=w, first_cut=c, controller_can_use_it=e, nuisance=False, confusable=["lag"], parameters=[
         dict(name="scale", nominal=1, lower=0, upper=2, shape=False), dict(name="tau", nominal=5, lower=1, upper=9, shape=True)])
         for n, w, c, e in EFFECTS]))
 elif sys.argv[2] == "simulate":
@@ -62,6 +62,10 @@ else:
                 for c in causes:
                     c["group"] = 1
         accepted = causes[:1]
+        if "--without" in sys.argv and option("--without") == t["effect"]:
+            name = dict(stiff=None, faint="lag").get(t["effect"], "sticky")
+            verdict = "attributed" if name else "unexplained"
+            causes = accepted = [dict(effect=name or "unknown", where="all", p=0.95, group=0, parameters={})]
     elif not truth and "null_02" in sys.argv[5]:
         verdict = "attributed"
         causes.insert(0, dict(effect="sticky", where="all", p=0.95, group=0, parameters={}))
@@ -130,6 +134,19 @@ class GapTable(unittest.TestCase):
         text = (self.out / "table.md").read_text()
         self.assertIn("| false alarms without a gap | 1 of 10 | 10.0 % [1.8, 40.4] |", text)
         self.assertFalse(any((self.out / "sets").iterdir()), "logs are left behind")
+
+    def test_effects_taken_out_of_the_library(self):
+        done = self.run_table("--effects", "stiff,faint,late", "--sigma", "3", "--left-out", "5", "--nulls", "0", "--numbers", "0",
+                              "--pairs", "0")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        rows, figures = self.rows(), self.figures()
+        self.assertEqual([rows[f"{n}_left_out"]["outcome"] for n in ("stiff", "faint", "late")],
+                         ["right", "what looks like it", "another named"])
+        self.assertEqual((figures["left out of the library: unexplained"]["k"],
+                          figures["left out of the library: another cause, p >= 0.9"]["k"]), (1, 1))
+        # They are no singles, and a wrong name there is counted there.
+        self.assertEqual(figures["first cause, group-exact, at 3 sigma"]["n"], 3)
+        self.assertEqual(figures["confidently wrong (p >= 0.9), all cases"]["n"], 3)
 
     def test_pairs_count_when_both_are_named(self):
         self.assertIn(self.run_table("--effects", "none", "--nulls", "0", "--numbers", "0", "--pairs", "4").returncode, (0, 1))
