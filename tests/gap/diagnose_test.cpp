@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -161,6 +162,54 @@ INSTANTIATE_TEST_SUITE_P(
         Planted{"CellGain", "cell_gain where=tendon:2 scale=1.06", "scale", 1.06, 0.006, sim::Cut::kSensors},
         Planted{"TendonStiffness", "tendon_stiffness scale=0.8", "scale", 0.8, 0.03, sim::Cut::kTendon}),
     [](const testing::TestParamInfo<Planted>& test) { return std::string(test.param.name); });
+
+// A cell that reads 6 % too much: what is measured exceeds what torque says by 6 % of the tension, at every
+// tension alike, and by nothing once the gain is in the model.
+TEST(Diagnose, MapsAndCurvesShowTheMarkOfTheCause) {
+  constexpr double kGain = 1.06;
+  gap::DiagnoseOptions options;
+  for (const sim::Effect& effect : sim::Effects()) {
+    if (effect.name != std::string_view("cell_gain")) options.without.emplace_back(effect.name);
+  }
+  const Diagnosis d = Diagnose(Recorded("cell_gain where=tendon:2 scale=1.06"), options);
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+
+  const auto map = std::find_if(d.maps.begin(), d.maps.end(), [](const gap::ConditionMap& m) {
+    return m.channel == "tension 2 from torque" && m.condition == "tension";
+  });
+  ASSERT_NE(map, d.maps.end());
+  ASSERT_GE(map->at.size(), 5u);
+  ASSERT_EQ(map->after.size(), map->at.size());
+  EXPECT_GT(map->at.back() - map->at.front(), 4);
+  for (std::size_t i = 0; i < map->at.size(); ++i) {
+    EXPECT_NEAR(map->mean[i], (1 - 1 / kGain) * map->at[i], 0.03) << map->at[i];
+    EXPECT_NEAR(map->after[i], 0, 0.03) << map->at[i];
+    EXPECT_LE(map->low[i], map->mean[i]);
+    EXPECT_GE(map->high[i], map->mean[i]);
+  }
+
+  const auto curve = std::find_if(d.overlays.begin(), d.overlays.end(),
+                                  [](const gap::Overlay& o) { return o.channel == "tension 2 from torque"; });
+  ASSERT_NE(curve, d.overlays.end());
+  ASSERT_EQ(curve->after.size(), curve->measured.size());
+  ASSERT_EQ(curve->x.size(), curve->measured.size());
+  double before = 0, after = 0, measured = 0;
+  for (std::size_t i = 0; i < curve->measured.size(); ++i) {
+    if (!std::isfinite(curve->measured[i])) continue;
+    before += std::pow(curve->measured[i] - curve->before[i], 2);
+    after += std::pow(curve->measured[i] - curve->after[i], 2);
+    measured += std::pow(curve->measured[i], 2);
+  }
+  EXPECT_NEAR(std::sqrt(before / measured), 1 - 1 / kGain, 0.01);
+  EXPECT_LT(std::sqrt(after / measured), 0.01);
+
+  // Before, what is left followed the tension; with the cause in the model it follows nothing.
+  ASSERT_FALSE(d.input_correlations.empty());
+  for (const auto& [pair, correlation] : d.input_correlations) {
+    if (!pair.starts_with("tension 2 from torque")) continue;
+    EXPECT_LT(std::abs(correlation), 0.3) << pair;
+  }
+}
 
 // Leaving out the family that alone reaches the limit leaves nothing to learn the limit from.
 TEST(Diagnose, ALimitThatOneKindOfExperimentReachesIsFound) {
