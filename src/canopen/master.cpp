@@ -430,7 +430,8 @@ void Master::State::WatchBus(TimeNs now_ns) noexcept {
         std::snprintf(
             text.data(), text.size(),
             "bus-off: restart %d of %d asked for: not running yet; this process needs CAP_NET_ADMIN "
-            "for it, or the interface restart-ms (ip link set %s type can restart-ms 100)",
+            "for it, or the interface restart-ms (ip link set %s type can restart-ms 100), or take it down "
+            "and up by hand",
             watch.restarts(), BusWatch::kRestarts, interface.c_str());
       }
       Report(now_ns, port.up() ? Status::kOk : Status::kBusOff, text.data());
