@@ -13,11 +13,15 @@ namespace {
 // Speed is averaged over this many cycles: fast enough to damp a bare rotor, slow enough for an encoder's
 // steps.
 constexpr double kSpeedCycles = 5;
+// Of max_speed_mps: up to here all of the pull acts, so that what swings about rest is not driven.
+constexpr double kUnfaded = 0.4;
 // A motor that has moved less than kStanding_m for so long stands.
 constexpr std::int32_t kStandingCycles = 500;
 constexpr double kStanding_m = 2e-5;
 // A motor that stands within this of where it began did not turn: what gear and tendon give in is less.
 constexpr double kNotTurned_m = 2e-4;
+// Of the motor's friction: what moves any motor that is free to, beside the tension on it.
+constexpr double kBreakaway = 1.4;
 // A live load cell's last digit never rests this long.
 constexpr std::int32_t kDeadCycles = 200;
 // Of the pretension: within it a tendon is at pretension. Friction holds a motor, so that nothing finer is
@@ -48,6 +52,8 @@ TakeUp::TakeUp(const RobotParameters& robot, const TakeUpParameters& parameters,
     tendons_.push_back(
         {.travel_m = travel_m,
          .travel_per_count_m = 2 * std::numbers::pi / t.drive.encoder_counts_per_turn * travel_m,
+         .friction_N = t.motor.coulomb_friction_Nm / travel_m,
+         .efficiency = t.gear.efficiency,
          .cell = t.load_cell.place != LoadCellPlace::kNone});
   }
 }
@@ -82,12 +88,16 @@ Status TakeUp::Watch(const CycleInput& input) noexcept {
 
 double TakeUp::Torque(int tendon, double pull_N) const noexcept {
   const Tendon& t = tendons_[static_cast<std::size_t>(tendon)];
-  const double fade = std::max(0., 1 - std::abs(t.speed_mps) / parameters_.max_speed_mps);
+  const double share = std::abs(t.speed_mps) / parameters_.max_speed_mps;
+  const double fade = std::clamp((1 - share) / (1 - kUnfaded), 0., 1.);
   return std::clamp(pull_N, -parameters_.pull_N, parameters_.pull_N) * t.travel_m * fade;
 }
 
 void TakeUp::Lead(const TendonVector& wanted_N, TendonVector& pull_N) const noexcept {
   for (Eigen::Index j = 0; j < pull_N.size(); ++j) {
+    // Letting go needs no ramp: a motor that was asked to stop is not to wind on.
+    if (pull_N[j] > 0) pull_N[j] = std::min(pull_N[j], std::max(0., wanted_N[j]));
+    if (pull_N[j] < 0) pull_N[j] = std::max(pull_N[j], std::min(0., wanted_N[j]));
     pull_N[j] += std::clamp(wanted_N[j] - pull_N[j], -step_N_, step_N_);
   }
 }
@@ -106,7 +116,7 @@ Status TakeUp::Home(const CycleInput& input, const CycleOutput& output, TendonVe
     const double error_N = pretension_N_ - output.tension_measured_N[at];
     double wanted_N = t.taut ? pull_N[at] : parameters_.pull_N;
     if (!t.taut) {
-      const Status s = Judge(t, input.drive[j], pull_N[at]);
+      const Status s = Judge(t, input.drive[j], output.tension_measured_N[at], pull_N[at]);
       if (s != Status::kOk && status == Status::kOk) {
         status = s;
         blamed_ = static_cast<std::int32_t>(j) + 1;
@@ -128,7 +138,12 @@ Status TakeUp::Home(const CycleInput& input, const CycleOutput& output, TendonVe
 }
 
 // A tendon that is not taut yet: is it on its way there?
-Status TakeUp::Judge(Tendon& t, const DriveFeedback& drive, double pull_N) noexcept {
+Status TakeUp::Judge(Tendon& t, const DriveFeedback& drive, double shown_N, double pull_N) noexcept {
+  // Without a count nothing bounds the speed: no more torque than what must move it.
+  const double breakaway_N = kBreakaway * t.friction_N + std::max(shown_N, pretension_N_) / t.efficiency;
+  const bool counted = std::abs(Difference(t.counts, t.start_counts)) > 1;
+  if (!counted && pull_N > std::min(breakaway_N, 0.99 * parameters_.pull_N)) return Status::kTendonJammed;
+
   if (t.same_for == 0 || drive.analog_mV != t.cell_mV) {
     t.cell_mV = drive.analog_mV;
     t.same_for = 0;

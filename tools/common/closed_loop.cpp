@@ -46,7 +46,7 @@ ClosedLoop::ClosedLoop(const ClosedLoopOptions& options) : bus_(clock_) {
         "the controller's robot has " + std::to_string(robot.body.tendons()) + " tendons, the plant's " +
         std::to_string(options.plant_robot.body.tendons()) + ": give two files of the same robot");
   }
-  daemon_ = FitBus(options.daemon, robot);
+  daemon_ = options.keep_nodes ? options.daemon : FitBus(options.daemon, robot);
   rig_ = std::make_unique<VirtualRig>(options.plant_robot, bus_.AddPort(), options.plant);
   const auto setups = daemon::DriveSetups(robot, daemon_.bus);
   master_ = std::make_unique<canopen::Master>(daemon_.bus, setups, bus_.AddPort());

@@ -21,7 +21,8 @@ struct ClosedLoopOptions {
   RobotParameters plant_robot;       // what the plant is
   DaemonParameters daemon;           // bus.nodes are made to fit the robot, the cycle to fit the bus
   sim::PlantOptions plant;
-  std::string log_path;  // empty: no log
+  std::string log_path;     // empty: no log
+  bool keep_nodes = false;  // those of `daemon`, which must fit the robot
 };
 
 class ClosedLoop {
@@ -37,7 +38,8 @@ class ClosedLoop {
   double now_s() const { return ToSeconds(clock_.Now()); }
   TimeNs cycle_ns() const { return daemon_.bus.cycle_ns; }
   const DaemonParameters& daemon() const { return daemon_; }
-  /// How far ahead of its time a moving target has to be sent to a controller that does not look ahead itself.
+  /// How far ahead of its time a moving target has to be sent to a controller that does not look ahead
+  /// itself.
   double sender_lead_s() const {
     return daemon_.controller.trajectory.look_ahead ? 0 : ToSeconds(controller_->look_ahead_ns());
   }

@@ -23,6 +23,7 @@ inline CLI::App& GapCommand(CLI::App& app) {
 }
 
 void AddCapstanCommand(CLI::App& app);
+void AddCommissionCommand(CLI::App& app);
 void AddCompareCommand(CLI::App& app);
 void AddConfigCommand(CLI::App& app);
 void AddDemoCommand(CLI::App& app);
@@ -35,6 +36,7 @@ void AddGapExplainCommand(CLI::App& app);
 void AddGapImportCommand(CLI::App& app);
 void AddGapReportCommand(CLI::App& app);
 void AddGapSimulateCommand(CLI::App& app);
+void AddHomeCommand(CLI::App& app);
 void AddModelCommand(CLI::App& app);
 void AddReplayCommand(CLI::App& app);
 void AddReproduceCommand(CLI::App& app);

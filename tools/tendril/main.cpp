@@ -57,6 +57,7 @@ int main(int argc, char** argv) {
                        fmt::format("tendril {} ({})", tendril::Version(), tendril::GitRevision()));
   app.require_subcommand(1);
   tendril::tools::AddCapstanCommand(app);
+  tendril::tools::AddCommissionCommand(app);
   tendril::tools::AddCompareCommand(app);
   tendril::tools::AddConfigCommand(app);
   tendril::tools::AddDemoCommand(app);
@@ -69,6 +70,7 @@ int main(int argc, char** argv) {
   tendril::tools::AddGapImportCommand(app);
   tendril::tools::AddGapReportCommand(app);
   tendril::tools::AddGapSimulateCommand(app);
+  tendril::tools::AddHomeCommand(app);
   tendril::tools::AddModelCommand(app);
   tendril::tools::AddReplayCommand(app);
   tendril::tools::AddReproduceCommand(app);

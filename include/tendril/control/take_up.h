@@ -30,7 +30,7 @@ class TakeUp {
   /// connected.
   double Torque(int tendon, double pull_N) const noexcept;
 
-  /// The pulls of the next cycle, towards `wanted_N` at the ramp's rate.
+  /// The pulls of the next cycle, towards `wanted_N`: more of them at the ramp's rate, less at once.
   void Lead(const TendonVector& wanted_N, TendonVector& pull_N) const noexcept;
 
   /// One cycle of homing: every pull rises until its load cell shows the pretension (without a cell:
@@ -46,6 +46,7 @@ class TakeUp {
  private:
   struct Tendon {
     double travel_m, travel_per_count_m;  // per motor angle, per count
+    double friction_N, efficiency;
     bool cell;
     std::int32_t start_counts = 0, counts = 0;
     double speed_mps = 0;  // low-passed
@@ -56,7 +57,7 @@ class TakeUp {
     double TravelM() const noexcept;
   };
 
-  Status Judge(Tendon& tendon, const DriveFeedback& drive, double pull_N) noexcept;
+  Status Judge(Tendon& tendon, const DriveFeedback& drive, double shown_N, double pull_N) noexcept;
 
   TakeUpParameters parameters_;
   double pretension_N_, step_N_, period_s_;

@@ -31,7 +31,7 @@ enum class ModeRequest : std::uint8_t {
 struct Command {
   CommandKind kind = CommandKind::kNone;
   std::uint32_t sequence = 0;           // of the sender, must increase
-  TimeNs received_ns = 0;               // controller's clock, stamped by the gateway
+  TimeNs received_ns = 0;               // controller's clock, when it arrived at the gateway
   TimeNs valid_for_ns = 0;              // a target is refused when older; a moving one stops when it expires
   ModeRequest mode = ModeRequest::kHold;
   Eigen::Vector3d tip_W_m{0, 0, 0};     // in F_0

@@ -62,7 +62,7 @@ namespace tendril {
   X(DriveFrozen, 420, "fault: a drive's torque does not follow its target within guards.max_torque_error_N", "switch the drive off and on, then clear; the event tells the node") \
   X(TravelOverLimit, 421, "fault: a tendon travelled farther than controller.take_up.max_travel_m", "look whether it hangs loose or runs off its spool, then clear") \
   X(TendonBroken, 422, "fault: homing wound in controller.take_up.max_travel_m of a tendon and no tension came", "hook it in again, or raise the limit if it is that slack; then clear") \
-  X(TendonJammed, 423, "fault: homing: a motor does not turn and its tendon has no tension", "find what holds gear or spool, or raise controller.take_up.pull_N; then clear") \
+  X(TendonJammed, 423, "fault: homing: a motor does not turn and its tendon has no tension", "find what holds gear or spool, check the encoder, or raise controller.take_up.pull_N; then clear") \
   X(CellDead, 424, "fault: homing: a motor winds in until it stands, and its load cell does not answer", "check its cable and amplifier, commission again; then clear") \
   X(HomingTimedOut, 425, "fault: homing took longer than controller.take_up.timeout_s", "raise the limit, or find what keeps the tendons from becoming taut; then clear")
 

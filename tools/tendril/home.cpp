@@ -1,0 +1,93 @@
+// `tendril home`: tells a daemon to take up the tendons' slack and waits for how it ends. Knows nothing of
+// the robot: the daemon does the homing.
+#include <fmt/format.h>
+
+#include <chrono>
+#include <memory>
+#include <stdexcept>
+
+#include "commands.h"
+#include "lcm_options.h"
+#include "tendril/core/status.h"
+#include "tendril/io/client.h"
+#include "tendril_lcm/event_t.hpp"
+#include "tendril_lcm/state_t.hpp"
+
+namespace tendril::tools {
+namespace {
+
+struct HomeOptions {
+  LcmOptions lcm;
+  double timeout_s = 120;
+};
+
+void Home(const HomeOptions& o) {
+  io::Client client(o.lcm.url, o.lcm.prefix);
+  Command command;
+  command.kind = CommandKind::kMode;
+  command.mode = ModeRequest::kHome;
+  command.sequence = io::SequenceFromTime();
+  command.valid_for_ns = kNsPerS;
+  bool heard = false, seen = false;
+  tendril_lcm::state_t state{};
+  std::string last_fault;
+  client.OnState([&](const tendril_lcm::state_t& s) {
+    heard = true;
+    seen = seen || s.command_sequence == command.sequence;
+    state = s;
+  });
+  client.OnEvent([&](const tendril_lcm::event_t& e) {
+    if (e.source == "controller" && e.status != 0) last_fault = e.text;
+  });
+  const std::int64_t now_us = std::chrono::duration_cast<std::chrono::microseconds>(
+                                  std::chrono::system_clock::now().time_since_epoch())
+                                  .count();
+  if (!client.Send(command, now_us))
+    throw std::runtime_error("LCM could not send the command on " + o.lcm.url);
+  const MonotonicClock clock;
+  const TimeNs asked_ns = clock.Now(), end_ns = asked_ns + static_cast<TimeNs>(o.timeout_s * 1e9);
+  while (!seen && clock.Now() < asked_ns + 2 * kNsPerS) client.Handle(20);
+  if (!heard) {
+    throw std::runtime_error(
+        fmt::format("no daemon answers on {} ({}_STATE) within 2 s; is tendrild running, with the "
+                    "same --lcm and --prefix?",
+                    o.lcm.url, o.lcm.prefix));
+  }
+  if (!seen)
+    throw std::runtime_error("the daemon is there but did not see the command within 2 s; try again");
+  if (state.command_status != 0) {
+    throw std::runtime_error(
+        fmt::format("{} ({}); {} (mode {})", state.command_status_text, state.command_status,
+                    StatusRemedy(static_cast<Status>(state.command_status)), state.mode_text));
+  }
+  while (state.mode == tendril_lcm::state_t::MODE_HOMING && clock.Now() < end_ns) client.Handle(20);
+  if (state.mode == tendril_lcm::state_t::MODE_FAULT) {
+    // The event names the tendon; it comes with the state.
+    for (int i = 0; i < 20 && last_fault.empty(); ++i) client.Handle(20);
+    throw std::runtime_error(fmt::format("{}; {}", last_fault.empty() ? state.status_text : last_fault,
+                                         StatusRemedy(static_cast<Status>(state.status))));
+  }
+  if (state.mode != tendril_lcm::state_t::MODE_HOLD) {
+    throw std::runtime_error(
+        fmt::format("homing did not end within {:g} s or was ended: mode {}", o.timeout_s, state.mode_text));
+  }
+  fmt::print("homed in {:.1f} s; tensions now", ToSeconds(clock.Now() - asked_ns));
+  for (const double tension_N : state.tension_measured_N) fmt::print(" {:.2f}", tension_N);
+  fmt::print(
+      " N, displacement counts from here; the robot holds: `tendril send arm` lets it follow commands\n");
+}
+
+}  // namespace
+
+void AddHomeCommand(CLI::App& app) {
+  auto o = std::make_shared<HomeOptions>();
+  CLI::App* home = app.add_subcommand(
+      "home", "Take up the tendons' slack gently, pretension, and count displacement from there; then hold");
+  AddLcmOptions(*home, o->lcm);
+  home->add_option("--timeout", o->timeout_s, "how long to wait for the end [s]")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 3600.0));
+  home->callback([o] { Home(*o); });
+}
+
+}  // namespace tendril::tools
