@@ -2,6 +2,7 @@
 #include "tendril/io/gateway.h"
 
 #include <algorithm>
+#include <chrono>
 #include <lcm/lcm-cpp.hpp>
 #include <utility>
 #include <vector>
@@ -12,8 +13,18 @@
 namespace tendril::io {
 namespace {
 
+// Longer than anything waits in our own queue. What seems to have waited longer, or not at all, did so across
+// a step of the wall clock.
+constexpr std::int64_t kLongestWait_us = 5'000'000;
+
 // A sender of rubbish gets one event a second, and the counter tells the rest.
 constexpr TimeNs kComplaintEvery_ns = kNsPerS;
+
+std::int64_t EpochUs() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
 
 }  // namespace
 
@@ -22,6 +33,7 @@ struct Gateway::State {
       : parameters(lcm_parameters),
         shape(robot_shape),
         clock(gateway_clock),
+        real(dynamic_cast<const MonotonicClock*>(&gateway_clock) != nullptr),
         epoch_offset_us(EpochOffsetUs(gateway_clock)),
         state_channel(ChannelName(parameters.channel_prefix, "STATE")),
         cycle_channel(ChannelName(parameters.channel_prefix, "CYCLE")),
@@ -32,11 +44,22 @@ struct Gateway::State {
 
   std::int64_t UtimeOf(TimeNs t_ns) const { return t_ns / kNsPerUs + epoch_offset_us; }
 
-  // A sender's time on our clock. What claims to come from the future arrived now.
+  // When a message came, on our clock, which no setting of the wall clock moves: now, less what it waited in
+  // this process. How old it says it is does not count: its sender's clock may be wrong, and either may be
+  // set.
+  TimeNs Arrival(const lcm_recv_buf_t& bytes) const {
+    const TimeNs now_ns = clock.Now();
+    if (!real) return now_ns;
+    const std::int64_t waited_us = EpochUs() - bytes.recv_utime;
+    return waited_us > 0 && waited_us < kLongestWait_us ? now_ns - waited_us * kNsPerUs : now_ns;
+  }
+
+  // The time of a measurement, by the wall clock as it goes now. What claims to come from the future is new.
   TimeNs OnOurClock(std::int64_t utime) const {
     const TimeNs now_ns = clock.Now();
     if (utime <= 0) return now_ns;
-    return now_ns - std::max<std::int64_t>(UtimeOf(now_ns) - utime, 0) * kNsPerUs;
+    const std::int64_t now_us = real ? EpochUs() : UtimeOf(now_ns);
+    return now_ns - std::max<std::int64_t>(now_us - utime, 0) * kNsPerUs;
   }
 
   template <class Message>
@@ -79,21 +102,21 @@ struct Gateway::State {
       Complain(channel, "these bytes are not the message of this channel (compare the sender's lcm_types)");
       return;
     }
-    Take(channel, message);
+    Take(channel, message, Arrival(*bytes));
   }
 
   template <class Message>
-  void Take(const char* channel, const Message& message) {
+  void Take(const char* channel, const Message& message, TimeNs arrival_ns) {
     Command command;
     if (const std::string why = FromMessage(message, command); !why.empty()) {
       Complain(channel, why);
       return;
     }
-    command.received_ns = OnOurClock(message.utime);
+    command.received_ns = arrival_ns;
     if (command_sink) command_sink(command);
   }
 
-  void Take(const char* /*channel*/, const tendril_lcm::tracker_t& message) {
+  void Take(const char* /*channel*/, const tendril_lcm::tracker_t& message, TimeNs /*arrival_ns*/) {
     TrackerSample sample;
     sample.valid = message.valid != 0;
     sample.time_ns = OnOurClock(message.utime);
@@ -118,6 +141,7 @@ struct Gateway::State {
   LcmParameters parameters;
   RobotShape shape;
   const Clock& clock;
+  bool real;  // this machine's time, not a simulated one
   std::int64_t epoch_offset_us;
   std::string state_channel, cycle_channel, run_channel, event_channel, statistics_channel;
   std::unique_ptr<lcm::LCM> lcm;

@@ -124,9 +124,56 @@ TEST_F(GateTest, AfterALongSilenceAnyNumberIsNew) {
   EXPECT_EQ(gate.Admit(c, Mode::kRunning, c.received_ns), Status::kOk);
 }
 
+// Numbers made of the time go back with the clock that they are made of: by a minute and more that is a clock
+// that was set, not a message that was overtaken.
+TEST_F(GateTest, ASendersClockSetBackDoesNotLockItOut) {
+  constexpr std::uint32_t kPerSecond = 100'000;
+  Command c = Tip(0, 0, 0.05);
+  c.sequence = 3'000'000'000u;
+  ASSERT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk);
+  c.sequence -= 59 * kPerSecond;
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfOrder);
+  c.sequence -= 3541 * kPerSecond;
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk) << "an hour";
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfOrder) << "order counts from there";
+  c.sequence += 1;
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk);
+}
+
+// However late, however often, whatever came before: who says stop is believed.
+TEST_F(GateTest, DisarmIsNeverTooOldAndNeverOutOfOrder) {
+  ASSERT_EQ(gate.Admit(Tip(0, 0, 0.05), Mode::kRunning, now), Status::kOk);
+  Command c = ModeCommand(ModeRequest::kDisarm);
+  c.sequence = 0;
+  c.received_ns -= 60 * kNsPerS;
+  EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk);
+  EXPECT_EQ(gate.Admit(Tip(0, 0, 0.05), Mode::kRunning, now), Status::kOk) << "and it moves no number back";
+}
+
+TEST_F(GateTest, WhileCommissioningOnlyGentlePullsOfEitherSignAreTaken) {
+  Command c = Tip(0, 0, 0.05);
+  EXPECT_EQ(gate.Admit(c, Mode::kCommissioning, now), Status::kCommandWrongMode);
+  const auto pull = [&](double n) {
+    Command t = Tip(0, 0, 0.05);
+    t.kind = CommandKind::kTension;
+    t.tension_N = Eigen::Vector3d(0, n, 0);
+    return gate.Admit(t, Mode::kCommissioning, now);
+  };
+  EXPECT_EQ(pull(2), Status::kOk);
+  EXPECT_EQ(pull(-2), Status::kOk);
+  EXPECT_EQ(pull(2.01), Status::kCommandOutOfRange);
+  EXPECT_EQ(pull(-2.01), Status::kCommandOutOfRange);
+  EXPECT_EQ(pull(std::nan("")), Status::kCommandNotFinite);
+}
+
+TEST_F(GateTest, ARobotThatWasNeverCommissionedIsRefusedAsSuch) {
+  EXPECT_EQ(gate.Admit(ModeCommand(ModeRequest::kNotCommissioned), Mode::kConfigured, now),
+            Status::kNotCommissioned);
+}
+
 TEST_F(GateTest, NothingMovesUnlessRunning) {
   for (Mode m : {Mode::kDisconnected, Mode::kConfigured, Mode::kArmed, Mode::kPretension, Mode::kHold,
-                 Mode::kSafeStop, Mode::kFault}) {
+                 Mode::kSafeStop, Mode::kFault, Mode::kHoming, Mode::kCommissioning}) {
     EXPECT_EQ(gate.Admit(Tip(0, 0, 0.05), m, now), Status::kCommandWrongMode) << ModeText(m);
     EXPECT_EQ(gate.target().kind, CommandKind::kNone);
   }
@@ -134,7 +181,7 @@ TEST_F(GateTest, NothingMovesUnlessRunning) {
 
 TEST_F(GateTest, DisarmIsAlwaysAdmittedAndClearWhereSomethingFailed) {
   for (Mode m : {Mode::kDisconnected, Mode::kConfigured, Mode::kArmed, Mode::kPretension, Mode::kRunning,
-                 Mode::kHold, Mode::kSafeStop, Mode::kFault}) {
+                 Mode::kHold, Mode::kSafeStop, Mode::kFault, Mode::kHoming, Mode::kCommissioning}) {
     EXPECT_EQ(gate.Admit(ModeCommand(ModeRequest::kDisarm), m, now), Status::kOk) << ModeText(m);
     EXPECT_EQ(gate.Admit(ModeCommand(ModeRequest::kClear), m, now) == Status::kOk,
               m == Mode::kFault || m == Mode::kDisconnected)

@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "emulated_drives.h"
+#include "tendril/daemon/commissioning.h"
 #include "tendril/io/client.h"
 #include "tendril/io/log.h"
 #include "tendril_lcm/event_t.hpp"
@@ -278,6 +279,39 @@ TEST_F(DaemonTest, ARefusedCommandIsAnsweredAndChangesNothing) {
     return s.command_sequence == 1 && s.command_status == static_cast<int>(Status::kCommandWrongMode);
   }));
   EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_CONFIGURED});
+}
+
+// A robot file of a robot that nobody looked at: refused in one line with the remedy, armed as soon as its
+// record is there, without a restart.
+TEST_F(DaemonTest, ArmsOnlyWhatWasCommissioned) {
+  const fs::path folder =
+      fs::temp_directory_path() / ("tendril_not_commissioned_" + std::to_string(getpid()));
+  fs::create_directories(folder);
+  options.parameters.commissioning_required = true;
+  options.parameters.robot_file = folder / "robot.yaml";
+  Start(options);
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  for (const ModeRequest request : {ModeRequest::kArm, ModeRequest::kHome}) {
+    Send(request);
+    EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
+      return s.command_sequence == sequence && s.command_status == static_cast<int>(Status::kNotCommissioned);
+    }));
+    EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_CONFIGURED});
+  }
+  {
+    const std::lock_guard lock(mutex);
+    EXPECT_THAT(texts, Contains(AllOf(HasSubstr("never commissioned"), HasSubstr("robot.yaml.commissioned"),
+                                      HasSubstr("tendril commission"))));
+  }
+  WriteRecord(RecordPath(options.parameters), {.wiring = WiringHash(options.robot, options.parameters.bus),
+                                               .at = {},
+                                               .by = {},
+                                               .software = {},
+                                               .pull_N = 2,
+                                               .tendons = {}});
+  Arm();
+  Stop();
+  fs::remove_all(folder);
 }
 
 // The drives' answers stop; what was before lies in the folder, whole and ending with the fault.

@@ -1,12 +1,15 @@
 // fault_campaign: random faults at random moments of random motions, in simulated time, each scenario given
 // by its seed alone. The rules of safety_rig.h hold in every cycle, faults are noticed in time where they
 // must be, and nothing comes back by itself. Prints outcomes by kind; exit status 1 when a rule was broken.
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <map>
+#include <mutex>
 #include <optional>
 #include <random>
+#include <thread>
 
 #include "safety_rig.h"
 
@@ -43,6 +46,7 @@ enum class Kind {
   kBadCommand,
   kSilence,
   kTwoDrives,
+  kHungDrive,
   kCount
 };
 const char* const kKindText[] = {"feedback lost",
@@ -73,7 +77,8 @@ const char* const kKindText[] = {"feedback lost",
                                  "clock steps",
                                  "bad commands",
                                  "commands stop",
-                                 "two drives die"};
+                                 "two drives die",
+                                 "drive hangs"};
 static_assert(std::size(kKindText) == static_cast<std::size_t>(Kind::kCount));
 
 enum class Moment { kArming, kRunning, kHold, kSafeStop, kCount };
@@ -315,6 +320,10 @@ class Play {
         rig_.tampering.node = s_.node;
         rig_.tampering.offset_counts = static_cast<std::int32_t>(4000 * (s_.size - 0.5));
         return;
+      case Kind::kHungDrive:
+        rig_.tampering.node = s_.node;
+        rig_.tampering.hung = true;
+        return;
       case Kind::kEncoderDrift:
         rig_.tampering.node = s_.node;
         rig_.tampering.counts_per_cycle = 100 * (s_.size - 0.5);
@@ -473,91 +482,134 @@ struct Row {
   int scenarios = 0, tolerated = 0, held = 0, faulted = 0, recovered = 0, violations = 0, slowest = 0;
   double max_tension_N = 0;
   std::map<int, int> by_status;
+
+  void Add(const Result& r) {
+    ++scenarios;
+    faulted += r.faulted ? 1 : 0;
+    held += r.held && !r.faulted ? 1 : 0;
+    tolerated += !r.faulted && !r.held ? 1 : 0;
+    recovered += r.recovered ? 1 : 0;
+    violations += r.violations.empty() ? 0 : 1;
+    slowest = std::max(slowest, r.reaction_cycles);
+    max_tension_N = std::max(max_tension_N, r.max_tension_N);
+    if (r.faulted) ++by_status[static_cast<int>(r.status)];
+  }
 };
+
+void PrintRow(const char* name, const Row& r) {
+  std::string statuses;
+  for (const auto& [status, count] : r.by_status)
+    statuses += std::to_string(status) + "x" + std::to_string(count) + " ";
+  std::printf("%-22s%7d%7d%7d%7d%9d%9.2f%10d%7d  %s\n", name, r.scenarios, r.tolerated, r.held, r.faulted,
+              r.slowest, r.max_tension_N, r.recovered, r.violations, statuses.c_str());
+}
+
+void PrintTable(const std::vector<Row>& rows, const Row& all) {
+  std::printf("%-22s%7s%7s%7s%7s%9s%9s%10s%7s  %s\n", "fault", "runs", "went on", "held", "faults", "slowest",
+              "most N", "recovered", "broken", "faults by number");
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    if (rows[k].scenarios > 0) PrintRow(kKindText[k], rows[k]);
+  }
+  PrintRow("all", all);
+  std::fflush(stdout);
+}
 
 int Usage() {
   std::fprintf(
       stderr,
-      "fault_campaign [--scenarios N] [--first SEED] [--seed SEED] [--config FOLDER]\n"
+      "fault_campaign [--scenarios N] [--first SEED] [--jobs N] [--every N] [--seed SEED] [--config FOLDER]\n"
+      "  --jobs N plays so many at a time (default: a CPU each); the outcome does not depend on it\n"
+      "  --every N prints the table so far after every N scenarios (default 100)\n"
       "  --seed S runs scenario S alone and tells what happened; exit status 1 when a rule was broken\n");
   return 2;
 }
 
-int Main(int argc, char** argv) {
+struct Orders {
   std::uint64_t first = 1;
-  int scenarios = 1000;
+  int scenarios = 1000, jobs = static_cast<int>(std::thread::hardware_concurrency()), every = 100;
   bool one = false;
   std::string config = std::string(TENDRIL_SOURCE_DIR) + "/config";
+};
+
+bool Read(int argc, char** argv, Orders& o) {
   for (int i = 1; i < argc; i += 2) {
-    if (i + 1 >= argc) return Usage();
+    if (i + 1 >= argc) return false;
+    const char* value = argv[i + 1];
     if (std::strcmp(argv[i], "--scenarios") == 0) {
-      scenarios = std::atoi(argv[i + 1]);
+      o.scenarios = std::atoi(value);
     } else if (std::strcmp(argv[i], "--first") == 0) {
-      first = std::strtoull(argv[i + 1], nullptr, 10);
+      o.first = std::strtoull(value, nullptr, 10);
+    } else if (std::strcmp(argv[i], "--jobs") == 0) {
+      o.jobs = std::atoi(value);
+    } else if (std::strcmp(argv[i], "--every") == 0) {
+      o.every = std::atoi(value);
     } else if (std::strcmp(argv[i], "--seed") == 0) {
-      first = std::strtoull(argv[i + 1], nullptr, 10);
-      scenarios = 1;
-      one = true;
+      o.first = std::strtoull(value, nullptr, 10);
+      o.scenarios = 1;
+      o.one = true;
     } else if (std::strcmp(argv[i], "--config") == 0) {
-      config = argv[i + 1];
+      o.config = value;
     } else {
-      return Usage();
+      return false;
     }
   }
-  if (scenarios < 1) return Usage();
+  o.jobs = std::clamp(o.jobs, 1, std::max(1, o.scenarios));
+  return o.scenarios >= 1 && o.every >= 1;
+}
 
-  std::vector<Row> rows(static_cast<std::size_t>(Kind::kCount));
-  int broken = 0;
-  for (int n = 0; n < scenarios; ++n) {
-    const Scenario s = Make(first + static_cast<std::uint64_t>(n));
-    if (one) std::printf("%s\n", Text(s).c_str());
+Result PlayOne(const Scenario& s, const Orders& o) {
+  try {
+    return Play(s, o.config, o.one).Run();
+  } catch (const std::exception& e) {
     Result r;
-    try {
-      r = Play(s, config, one).Run();
-    } catch (const std::exception& e) {
-      r.violations.push_back(e.what());
-    }
-    Row& row = rows[static_cast<std::size_t>(s.kind)];
-    ++row.scenarios;
-    row.faulted += r.faulted ? 1 : 0;
-    row.held += r.held && !r.faulted ? 1 : 0;
-    row.tolerated += !r.faulted && !r.held ? 1 : 0;
-    row.recovered += r.recovered ? 1 : 0;
-    row.violations += r.violations.empty() ? 0 : 1;
-    row.slowest = std::max(row.slowest, r.reaction_cycles);
-    row.max_tension_N = std::max(row.max_tension_N, r.max_tension_N);
-    if (r.faulted) ++row.by_status[static_cast<int>(r.status)];
-    if (!r.violations.empty()) {
-      ++broken;
-      std::printf("seed %llu: %s\n", static_cast<unsigned long long>(s.seed), Text(s).c_str());
-      for (const std::string& v : r.violations) std::printf("  %s\n", v.c_str());
-    }
-    std::fflush(stdout);
+    r.violations.push_back(e.what());
+    return r;
   }
+}
 
-  std::printf("%-22s%7s%7s%7s%7s%9s%9s%10s%7s  %s\n", "fault", "runs", "went on", "held", "faults", "slowest",
-              "most N", "recovered", "broken", "faults by number");
+int Main(int argc, char** argv) {
+  Orders o;
+  if (!Read(argc, argv, o)) return Usage();
+  if (o.one) std::printf("%s\n", Text(Make(o.first)).c_str());
+
+  std::mutex mutex;  // of all that follows, up to the threads
+  std::vector<Row> rows(static_cast<std::size_t>(Kind::kCount));
   Row all;
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    const Row& r = rows[k];
-    if (r.scenarios == 0) continue;
-    std::string statuses;
-    for (const auto& [status, count] : r.by_status) {
-      statuses += std::to_string(status) + "x" + std::to_string(count) + " ";
+  int next = 0;
+  const auto begin = std::chrono::steady_clock::now();
+  const auto work = [&] {
+    for (;;) {
+      Scenario s;
+      {
+        const std::lock_guard lock(mutex);
+        if (next >= o.scenarios) return;
+        s = Make(o.first + static_cast<std::uint64_t>(next++));
+      }
+      const Result r = PlayOne(s, o);
+      const std::lock_guard lock(mutex);
+      rows[static_cast<std::size_t>(s.kind)].Add(r);
+      all.Add(r);
+      if (!r.violations.empty()) {
+        std::printf("seed %llu: %s\n", static_cast<unsigned long long>(s.seed), Text(s).c_str());
+        for (const std::string& v : r.violations) std::printf("  %s\n", v.c_str());
+      }
+      if (all.scenarios % o.every == 0 && all.scenarios < o.scenarios) {
+        PrintTable(rows, all);
+        const double seconds =
+            std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        std::printf("%d of %d after %.0f s, %d broken\n\n", all.scenarios, o.scenarios, seconds,
+                    all.violations);
+      }
+      std::fflush(stdout);
     }
-    std::printf("%-22s%7d%7d%7d%7d%9d%9.2f%10d%7d  %s\n", kKindText[k], r.scenarios, r.tolerated, r.held,
-                r.faulted, r.slowest, r.max_tension_N, r.recovered, r.violations, statuses.c_str());
-    all.scenarios += r.scenarios;
-    all.tolerated += r.tolerated;
-    all.held += r.held;
-    all.faulted += r.faulted;
-    all.recovered += r.recovered;
-    all.max_tension_N = std::max(all.max_tension_N, r.max_tension_N);
-  }
-  std::printf("%-22s%7d%7d%7d%7d%9s%9.2f%10d%7d\n", "all", all.scenarios, all.tolerated, all.held,
-              all.faulted, "", all.max_tension_N, all.recovered, broken);
-  if (broken > 0) std::printf("again: fault_campaign --seed SEED\n");
-  return broken > 0 ? 1 : 0;
+  };
+  std::vector<std::thread> threads;
+  for (int i = 0; i < o.jobs; ++i) threads.emplace_back(work);
+  for (std::thread& t : threads) t.join();
+
+  PrintTable(rows, all);
+  if (all.violations > 0) std::printf("again: fault_campaign --seed SEED\n");
+  return all.violations > 0 ? 1 : 0;
 }
 
 }  // namespace

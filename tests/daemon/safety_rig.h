@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,6 +30,9 @@ struct Tampering {
   double cell_gain = 1;
   std::int32_t offset_counts = 0;  // added to the position
   double counts_per_cycle = 0;     // further added, cycle by cycle
+  // Its application hangs: heartbeats and feedback go on with the values of that moment, torque frames are
+  // not heard and the last torque stays. NMT is obeyed.
+  bool hung = false;
 };
 
 struct SafetyOptions {
@@ -61,7 +65,7 @@ class SafetyRig {
     faults_.Attach(rig_.drives());
     bus_.SetFilter([this](can::CanFrame& f) {
       Tamper(f);
-      return true;
+      return !Hangs(f);
     });
     master_.Start(clock_.Now());
   }
@@ -179,6 +183,19 @@ class SafetyRig {
     f.data[7] = static_cast<std::uint8_t>(out >> 8);
   }
 
+  bool Hangs(can::CanFrame& f) {
+    if (!tampering.hung || f.error) {
+      hung_feedback_.reset();
+      return false;
+    }
+    const auto node = static_cast<unsigned>(tampering.node);
+    if (f.id == 0x180u + node) {
+      if (!hung_feedback_) hung_feedback_ = f;
+      f = *hung_feedback_;
+    }
+    return f.id == 0x200u + node || f.id == 0x280u + node;
+  }
+
   void Violated(const std::string& what) {
     if (violations_.size() < 5) {
       violations_.push_back(std::to_string(now_s()) + " s, " + std::string(ModeText(record_.output.mode)) +
@@ -274,6 +291,7 @@ class SafetyRig {
   std::uint64_t count_ = 0;
   std::uint32_t sequence_ = 0;
   bool answered_ = false;
+  std::optional<can::CanFrame> hung_feedback_;
   double drift_counts_ = 0;
   std::string last_event_, events_;
   std::vector<std::string> violations_;
