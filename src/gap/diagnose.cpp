@@ -6,12 +6,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <set>
 
 #include "baselines.h"
 #include "closure.h"
 #include "details.h"
 #include "evaluator.h"
+#include "implausible.h"
 #include "judge.h"
 #include "locate.h"
 #include "parallel.h"
@@ -76,8 +78,8 @@ std::string Sentence(const Diagnosis& d) {
       if (d.verdict == Verdict::kAmbiguousGroup && !grouped) causes += ", or another";
       const std::string closed =
           d.closed && d.closed->low > 0
-              ? fmt::format(" With it in the model {} of the gap closes on runs it was not fitted to.",
-                            Percent(d.closed->value))
+              ? fmt::format(" With it in the model {} of the gap closes on {} that it was not fitted to.",
+                            Percent(d.closed->value), d.held_out_by)
               : " It is too small beside the noise floor to say how much of the gap closes with it.";
       return fmt::format("{}; its cause is {}.{}{}", where, causes, closed, next);
     }
@@ -235,12 +237,14 @@ std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, 
 
 }  // namespace
 
-Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
+Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   const auto progress = [&](const std::string& stage, double fraction) {
     if (options.progress) options.progress(stage, fraction);
   };
   const int threads = options.threads > 0 ? options.threads : AllCores();
   Diagnosis d;
+  DataSet set = given;
+  d.degradations = TakeOutImplausible(set);
   d.robot_name = set.robot.name;
   d.robot_yaml = config::ToYaml(set.robot);
   d.seed = options.seed;
@@ -248,8 +252,19 @@ Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
   d.revision = GitRevision();
 
   progress("aligning the logs and finding the noise floor", 0);
-  const Evaluator evaluator(set, {threads, options.delta_N, options.delta_m, options.seed});
-  d.degradations = evaluator.degradations();
+  std::optional<Evaluator> usable;
+  while (!usable) {
+    try {
+      usable.emplace(set, Evaluator::Options{threads, options.delta_N, options.delta_m, options.seed});
+    } catch (const RunError& error) {
+      if (set.runs.size() == 1) throw;
+      d.degradations.push_back(fmt::format("left out: {}", error.what()));
+      set.runs.erase(set.runs.begin() + static_cast<std::ptrdiff_t>(error.run));
+    }
+  }
+  const Evaluator& evaluator = *usable;
+  d.degradations.insert(d.degradations.end(), evaluator.degradations().begin(),
+                        evaluator.degradations().end());
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     const auto& run = set.runs[i];
     const auto& prepared = evaluator.runs()[i];
@@ -265,6 +280,7 @@ Diagnosis Diagnose(const DataSet& set, const DiagnoseOptions& options) {
 
   const Folds folds = MakeFolds(evaluator.runs());
   d.held_out_families = folds.names;
+  d.held_out_by = folds.by;
   SearchOptions search_options{threads, options.refits, options.without, {}, {}};
   search_options.progress = [&](double fraction) { progress("searching for the cause", fraction); };
   search_options.explained = [&](const Residuals& residuals) {

@@ -66,7 +66,14 @@ double WhiteNoise(const Eigen::MatrixXd& signal, int column) {
   if (differences.size() < 50) return 0;
   const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
   std::nth_element(differences.begin(), middle, differences.end());
-  return *middle / 0.6745 / std::sqrt(20.0);
+  // The median is no motion's; but of a coarsely rounded signal it is one of a few values, and the mean
+  // square of what is of its size says more.
+  const double most = 4 * *middle / 0.6745;
+  double square = 0, count = 0;
+  for (const double d : differences) {
+    if (d <= most) square += d * d, count += 1;
+  }
+  return std::sqrt(square / count / 20);
 }
 
 double Median(std::vector<double> values) {
@@ -176,24 +183,28 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
         "cannot be told from tendon effects by place");
   }
 
-  // A tendon whose own cell is missing takes the tension that its torque makes.
+  // Where a cell says nothing its tendon takes the tension that its torque makes.
   if (cell) {
-    for (int j = 0; j < tendons; ++j) {
-      for (auto& run : runs_) {
-        if (run.signals.tension_N.col(j).allFinite()) continue;
-        if (!torque) {
-          throw std::runtime_error(
-              fmt::format("{}: no tension of tendon {} and no torque to take it from; accepted: one of the "
-                          "two; leave the run out",
-                          run.name, j + 1));
+    for (std::size_t i = 0; i < runs_.size(); ++i) {
+      PreparedRun& run = runs_[i];
+      for (const CellHole& hole : run.cell_holes) {
+        const bool whole = hole.to - hole.from == run.samples();
+        if (whole && !torque) {
+          throw RunError(i, fmt::format("{}: no tension of tendon {} and no torque to take it from", run.name,
+                                        hole.tendon + 1));
         }
-        run.without_cell.push_back(j);
-        degradations_.push_back(fmt::format(
-            "{}: no load cell on tendon {}: its tension is taken from the motor's torque", run.name, j + 1));
+        degradations_.push_back(
+            whole
+                ? fmt::format("{}: no load cell on tendon {}: its tension is taken from the motor's torque",
+                              run.name, hole.tendon + 1)
+                : fmt::format("{}: the load cell on tendon {} says nothing for {:.2g} s from {:.4g} s on: {}",
+                              run.name, hole.tendon + 1, (hole.to - hole.from) * run.signals.step_s,
+                              hole.from * run.signals.step_s,
+                              torque ? "its tension is taken from the motor's torque"
+                                     : "bridged by a straight line"));
       }
-    }
-    for (auto& run : runs_) {
-      stood_in_ = stood_in_ || !run.without_cell.empty();
+      if (!torque) run.cell_holes.clear();
+      stood_in_ = stood_in_ || !run.cell_holes.empty();
       run.signals = StoodIn(nominal_, run);
     }
   }
@@ -229,10 +240,19 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
 
   nominal_motion_.resize(runs_.size());
   nominal_residuals_.resize(runs_.size());
+  std::vector<std::string> trouble(runs_.size());
   ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
-    nominal_motion_[i] = sim::Replay(nominal_).Body(runs_[i].signals, driven_by_, 1);
+    try {
+      nominal_motion_[i] = sim::Replay(nominal_).Body(runs_[i].signals, driven_by_, 1);
+    } catch (const std::runtime_error& error) {
+      trouble[i] = error.what();
+      return;
+    }
     nominal_motion_[i].shortening_m = MeasuredShortening(runs_[i], nominal_, nominal_motion_[i]);
   });
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    if (!trouble[i].empty()) throw RunError(i, fmt::format("{}: {}", runs_[i].name, trouble[i]));
+  }
   FindFloors(set, options);
 }
 
@@ -306,15 +326,21 @@ Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const Robo
   return shortening;
 }
 
-// With the tensions that torque makes on tendons without a cell: by the laws of this robot, not of the
-// nominal one, or what changes torque into tension would be an error of the body.
+// With the tensions that torque makes where cells say nothing: by the laws of this robot, not of the nominal
+// one, or what changes torque into tension would be an error of the body.
 sim::ReplaySignals Evaluator::StoodIn(const RobotParameters& robot, const PreparedRun& run) const {
   sim::ReplaySignals signals = run.signals;
-  if (run.without_cell.empty()) return signals;
-  for (const int j : run.without_cell) signals.tension_N.col(j).setZero();
+  if (run.cell_holes.empty()) return signals;
+  const auto fill = [&](auto&& with) {
+    for (const CellHole& hole : run.cell_holes)
+      signals.tension_N.col(hole.tendon).segment(hole.from, hole.to - hole.from) = with(hole);
+  };
+  fill([&](const CellHole& hole) { return Eigen::VectorXd::Zero(hole.to - hole.from).eval(); });
   const Eigen::MatrixXd still = Eigen::MatrixXd::Zero(run.samples(), signals.tension_N.cols());
-  const Eigen::MatrixXd from_torque = sim::Replay(robot).CellFromTorque(signals, still);
-  for (const int j : run.without_cell) signals.tension_N.col(j) = from_torque.col(j);
+  const Eigen::MatrixXd made = sim::Replay(robot).CellFromTorque(signals, still);
+  fill([&](const CellHole& hole) {
+    return made.col(hole.tendon).segment(hole.from, hole.to - hole.from).eval();
+  });
   return signals;
 }
 
@@ -327,7 +353,7 @@ Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const Pre
                        Setting(robot, "tracker_offset");
   const bool simulate = (cuts & kBody) != 0 || known_motion == nullptr;
   if (simulate) {
-    out.motion = replay.Body(run.without_cell.empty() ? run.signals : StoodIn(robot, run), driven_by_, 1);
+    out.motion = replay.Body(run.cell_holes.empty() ? run.signals : StoodIn(robot, run), driven_by_, 1);
     if ((cuts & (kC2 | kC3)) || tracker) out.motion.shortening_m = MeasuredShortening(run, robot, out.motion);
   }
   const Eigen::MatrixXd& shortening = simulate ? out.motion.shortening_m : known_motion->shortening_m;
@@ -477,10 +503,10 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
     other.cell_N = runs_[i].cell_N;
     other.signals.torque_target_Nm = runs_[i].signals.torque_target_Nm;
     // What stands in for a missing cell stands in here, too.
-    other.without_cell = runs_[i].without_cell;
-    for (int j = 0; j < other.signals.tension_N.cols(); ++j) {
-      if (!other.signals.tension_N.col(j).allFinite())
-        other.signals.tension_N.col(j) = runs_[i].signals.tension_N.col(j);
+    other.cell_holes = runs_[i].cell_holes;
+    for (const CellHole& hole : other.cell_holes) {
+      other.signals.tension_N.col(hole.tendon).segment(hole.from, hole.to - hole.from) =
+          runs_[i].signals.tension_N.col(hole.tendon).segment(hole.from, hole.to - hole.from);
     }
     readings[k][i] =
         ResidualsOf(ReplayRun(nominal_, other, kC2 | kC3 | kBody, nullptr), other, kC2 | kC3 | kBody);

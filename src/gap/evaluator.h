@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,13 @@ using Residuals = std::vector<std::vector<Eigen::VectorXd>>;
 /// Which replays an evaluation needs.
 enum CutBits : unsigned { kC1 = 1, kC2 = 2, kC3 = 4, kBody = 8, kAllCuts = 15 };
 
+/// One run that the model cannot be driven by; without it the others may be diagnosed.
+class RunError : public std::runtime_error {
+ public:
+  RunError(std::size_t at, const std::string& what) : std::runtime_error(what), run(at) {}
+  std::size_t run;
+};
+
 class Evaluator {
  public:
   struct Options {
@@ -40,7 +48,8 @@ class Evaluator {
     double delta_N = 0, delta_m = 0;  // 0: derived from the floor
     std::uint64_t seed = 1;
   };
-  /// Prepares the runs and finds the floors. Throws std::runtime_error when nothing can be compared.
+  /// Prepares the runs and finds the floors. Throws RunError for a run that has to be left out, another
+  /// std::runtime_error when nothing can be compared.
   Evaluator(const DataSet& set, const Options& options);
 
   const RobotParameters& nominal() const { return nominal_; }

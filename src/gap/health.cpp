@@ -327,6 +327,15 @@ class Checkup {
 
   // ---- units ----
 
+  /// Largest magnitude but for the rarest, which say nothing of a unit.
+  static double Usual(const Matrix& m) {
+    std::vector<double> sizes;
+    for (const double x : m.reshaped()) {
+      if (std::isfinite(x)) sizes.push_back(std::abs(x));
+    }
+    return sizes.empty() ? 0 : Quantile(std::move(sizes), 0.98);
+  }
+
   void Units() {
     if (Fits(kTip)) TipUnits();
     if (Fits(kBending)) {
@@ -339,14 +348,14 @@ class Checkup {
     if (!robot_.actuation) return;
     const auto& t = robot_.actuation->tendons.front();
     const LimitParameters& limits = robot_.limits;
-    UnitsBy(kTension, Largest(Of(kTension)), limits.max_tension_motor_N, limits.min_tension_N / 30,
+    UnitsBy(kTension, Usual(Of(kTension)), limits.max_tension_motor_N, limits.min_tension_N / 30,
             {{"millinewtons", 1e-3},
              {"grams", 9.81e-3},
              {"kilonewtons", 1e3},
              {"volts of the cell", t.load_cell.gain_VpN > 0 ? 1 / t.load_cell.gain_VpN : 0}});
     const double rated_Nm = t.drive.rated_torque_Nm;
     for (const Kind& kind : {kTarget, kActual}) {
-      UnitsBy(kind, Largest(Of(kind)), rated_Nm, 1e-4 * rated_Nm,
+      UnitsBy(kind, Usual(Of(kind)), rated_Nm, 1e-4 * rated_Nm,
               {{"millinewton metres", 1e-3},
                {"amperes", t.motor.torque_constant_NmpA},
                {"milliamperes", 1e-3 * t.motor.torque_constant_NmpA},

@@ -65,6 +65,7 @@ Cause CauseOf(const Screened& screened) {
   Cause cause;
   cause.effect = screened.candidate.effect->name;
   cause.where = screened.candidate.where;
+  cause.note = "seen by the screening alone: the interval is that of what is physically possible";
   for (std::size_t k = 0; k < screened.primary.size(); ++k) {
     const auto& p = screened.start.parameter(screened.primary[k]);
     const double value =
@@ -321,8 +322,8 @@ class Case {
       const double cosine = Cosine(weights_, nominal_, single_->residuals, fit.residuals);
       if (cosine < kSameCosine) continue;
       const double behind = Gain(*single_) - Cost(*single_) - Gain(fit) + Cost(fit);
-      judgement_.confusable.push_back(
-          {single_->model.parts[0].Name(), fit.model.parts[0].Name(), cosine, behind, behind < same});
+      judgement_.confusable.push_back({single_->model.parts[0].Name(), fit.model.parts[0].Name(), cosine,
+                                       behind, std::exp(-behind / temperature_) > 1 / kClear - 1});
       if (behind >= same) continue;
       for (auto& s : scored_) {
         if (s.fit == &fit || s.fit == single_) s.cause.group = 1;

@@ -15,6 +15,7 @@ namespace {
 using Quantity = Channel::Quantity;
 
 constexpr double kBlock_s = 1.0;
+constexpr double kPlainDeltas = 3;       // materialities from which on a gap may lie in a few seconds alone
 constexpr double kMotionWindow_s = 1.0;  // slower is shape (C4), faster is motion (C5)
 
 /// One-sided p-value that blocks with these sums have a mean above zero by chance.
@@ -27,6 +28,27 @@ double PositiveMean(const std::vector<double>& blocks) {
   const double error = std::sqrt(square / (n - 1) / n);
   if (error <= 0) return mean > 0 ? 0 : 1;
   return 0.5 * std::erfc(mean / error / std::sqrt(2.0));
+}
+
+/// p-value that a block as large as the largest is one of the others, whose scatter is taken from their
+/// middle and trusted by a third: how probable a gap in a few seconds alone is, which a mean over all hides
+/// in its own scatter.
+double LargestBlock(std::vector<double> blocks) {
+  constexpr double kTrust = 3;
+  const std::size_t n = blocks.size();
+  if (n < 8) return 1;
+  const auto median_of = [](std::vector<double>& x) {
+    const auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
+    std::nth_element(x.begin(), middle, x.end());
+    return *middle;
+  };
+  const double largest = *std::max_element(blocks.begin(), blocks.end());
+  const double median = median_of(blocks);
+  for (double& b : blocks) b = std::abs(b - median);
+  const double scatter = 1.4826 * median_of(blocks);
+  if (scatter <= 0) return largest > median ? 0 : 1;
+  const double sigmas = (largest - median) / (kTrust * scatter);
+  return std::min(1.0, static_cast<double>(n) * 0.5 * std::erfc(sigmas / std::sqrt(2.0)));
 }
 
 struct Part {
@@ -110,7 +132,9 @@ void Measure(const Evaluator& evaluator, const Residuals& residuals, Part& part)
   f.delta = delta * std::sqrt(axes);
   f.excess_sigma = std::sqrt(std::max(0.0, square - noise)) / f.floor;
   f.p_value = PositiveMean(blocks);
-  f.excess = std::sqrt(std::max(0.0, square - kNoiseSlack * noise)) > f.delta;
+  const double excess = std::sqrt(std::max(0.0, square - kNoiseSlack * noise));
+  f.excess = excess > f.delta;
+  if (excess > kPlainDeltas * f.delta) f.p_value = std::min(f.p_value, LargestBlock(blocks));
 }
 
 }  // namespace

@@ -25,6 +25,7 @@ constexpr double kSlidingCounts =
 constexpr double kSlow_s = 0.05;    // a motor that takes longer from count to count may be at rest
 constexpr double kAtOnce_s = 0.01;  // and so may one that takes twice as long as before, and longer than this
 constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
+constexpr double kBridged_s = 0.02;    // a hole that a straight line bridges
 constexpr double kAfterGap_s = 0.3;    // after lost samples friction memories are not known
 
 double Median(std::vector<double> values) {
@@ -250,7 +251,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
     const int between = at[i] - at[i - 1];
     if (between > refine) out.lost += between / refine - 1;
     // A few lost samples are bridged; a longer hole loses the friction memories.
-    if (between > 5 * refine && between * step_s > 0.02) {
+    if (between > 5 * refine && between * step_s > kBridged_s) {
       for (int k = at[i - 1] + 1; k < std::min(samples, at[i] + memory); ++k) out.valid[k] = 0;
     }
   }
@@ -283,6 +284,19 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       for (int i = 0; i < samples; ++i) {
         if (!out.valid[i]) out.cell_N(i, j) = NAN;
       }
+      const auto hole = [&](int from, int to) {
+        out.cell_holes.push_back({j, from, to});
+        out.cell_N.col(j).segment(from, to - from).setConstant(NAN);
+      };
+      int last = -1;  // row with a reading
+      for (int i = 0; i < rows; ++i) {
+        if (!std::isfinite(run.tension_N(i, j))) continue;
+        const int from = last < 0 ? 0 : at[last] + 1;
+        if (i - last > 1 && (at[i] - from) * step_s > kBridged_s) hole(from, at[i]);
+        last = i;
+      }
+      const int from = last < 0 ? 0 : at[last] + 1;
+      if ((samples - from) * step_s > kBridged_s) hole(from, samples);
     }
   }
   if (seed != 0 && robot.actuation) {

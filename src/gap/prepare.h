@@ -16,6 +16,11 @@ namespace tendril::gap {
 /// From this step on a torque loop settles, and a motor may turn or rest, unseen between two samples.
 constexpr double kSlowLog_s = 0.005;
 
+/// Samples [from, to) in which a tendon's load cell says nothing, longer than what a line bridges.
+struct CellHole {
+  int tendon = 0, from = 0, to = 0;
+};
+
 /// One run on its grid, S samples, with what the sensors said.
 struct PreparedRun {
   std::string name, family, repeat_of;
@@ -23,6 +28,7 @@ struct PreparedRun {
   double start_s = 0;       // time of the first sample in the log
   std::vector<char> valid;  // S: false where samples were lost, and shortly after
   Eigen::MatrixXd cell_N;   // S x M as read, NaN where nothing was
+  std::vector<CellHole> cell_holes;
   /// S x M: the motor is known to slide in one direction. Around reversals and at rest an encoder cannot tell
   /// how far friction in motor and gear has turned round, so what torque says of tension is worth nothing
   /// there.
@@ -32,9 +38,8 @@ struct PreparedRun {
   Eigen::MatrixXd tip_m;               // P x 3
   std::vector<Eigen::Matrix3d> tip_R;  // P, empty without orientation
   // Of the time stamps.
-  double jitter_s = 0;            // rms against the grid
-  int lost = 0;                   // grid points without a sample
-  std::vector<int> without_cell;  // tendons whose tension in `signals` stands in for a cell that is missing
+  double jitter_s = 0;  // rms against the grid
+  int lost = 0;         // grid points without a sample
   std::vector<std::string> notes;
 
   int samples() const { return static_cast<int>(valid.size()); }

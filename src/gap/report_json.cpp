@@ -245,6 +245,7 @@ void ProvenanceFields(A& a, typename A::template Ref<Diagnosis> d) {
   a("robot_yaml", d.robot_yaml);
   a("runs", d.runs);
   a("held_out_families", d.held_out_families);
+  a("held_out_by", d.held_out_by);
   a("delta_N", d.delta_N);
   a("delta_m", d.delta_m);
   a("seed", d.seed);

@@ -168,8 +168,8 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
   }
 
   if (d.closed) {
-    out += fmt::format("\nClosed {} of the gap on runs held back (95 %: {:.0f} to {:.0f} %)\n",
-                       Percent(d.closed->value), 100 * d.closed->low, 100 * d.closed->high);
+    out += fmt::format("\nClosed {} of the gap on {} held back (95 %: {:.0f} to {:.0f} %)\n",
+                       Percent(d.closed->value), d.held_out_by, 100 * d.closed->low, 100 * d.closed->high);
     // The channels with the largest gap, for their size in units.
     std::vector<const Closure*> rows;
     for (const Closure& c : d.closures) {

@@ -35,6 +35,7 @@ Folds MakeFolds(const std::vector<PreparedRun>& runs) {
   folds.of_run.resize(runs.size());
   if (families.size() >= 3) {
     folds.count = static_cast<int>(families.size());
+    folds.by = "kinds of motion";
     folds.names.resize(families.size());
     for (const auto& [name, k] : families) folds.names[k] = name;
     for (std::size_t i = 0; i < runs.size(); ++i) folds.of_run[i] = families[runs[i].family];
@@ -48,9 +49,11 @@ Folds MakeFolds(const std::vector<PreparedRun>& runs) {
       folds.of_run[i] = entry->second;
     }
     folds.count = static_cast<int>(originals.size());
+    folds.by = "runs";
   }
   if (folds.count < 2) {
     folds.by_time = true;
+    folds.by = "quarters of the runs";
     folds.count = 4;
     folds.names = {"first quarter", "second quarter", "third quarter", "last quarter"};
   }

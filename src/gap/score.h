@@ -18,6 +18,7 @@ Residuals Completed(const Residuals& part, const Residuals& rest);
 /// else pieces of time.
 struct Folds {
   int count = 0;
+  std::string by;  // what is held out: "kinds of motion", "runs", "quarters of the runs"
   std::vector<std::string> names;
   /// Fold of a window.
   int Of(int run, int window, int windows) const {

@@ -41,7 +41,7 @@ struct SearchResult {
   double base_score = 0;           // held-out log score of the nominal model, nuisances free
   Residuals everything;            // held-out residuals of all numbers of the nominal file refitted (linear)
   std::vector<std::pair<Candidate, double>> everything_moved;  // by which, in plainly visible deviations
-  Eigen::VectorXd leftover;        // per channel: what the best single leaves beyond the noise
+  Eigen::VectorXd leftover;  // per channel: what the best single leaves beyond the noise
   Nuisances nuisances;
 };
 

@@ -211,6 +211,7 @@ struct Maker {
       d.runs.push_back(r);
     }
     d.held_out_families = {"circle", "steps"};
+    d.held_out_by = "kinds of motion";
     d.delta_N = 0.06;
     d.delta_m = 5e-4;
     d.seed = 18446744073709551615ull;
@@ -393,7 +394,8 @@ Diagnosis ExampleDiagnosis(Verdict verdict) {
       m.Others(0.1);
       d.runs.resize(1);
       d.horizon.clear();
-      d.held_out_families.clear();
+      d.held_out_families = {"first quarter", "second quarter", "third quarter", "last quarter"};
+      d.held_out_by = "quarters of the runs";
       d.next.family = "standard_set";
       d.next.reason =
           "Two families with a repeat each are the least with which a cause can be tested on runs held back.";

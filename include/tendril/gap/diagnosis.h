@@ -159,6 +159,7 @@ struct Diagnosis {
   std::string robot_name, robot_yaml;  // nominal file, resolved
   std::vector<RunSummary> runs;
   std::vector<std::string> held_out_families;  // each held out in turn, the others trained on
+  std::string held_out_by;                     // what they are: kinds of motion, runs, quarters of the runs
   double delta_N = 0, delta_m = 0;
   std::uint64_t seed = 0;
   std::string version, revision, command;

@@ -259,7 +259,7 @@ const facts = () => {
   const pooled = report.closed.pooled;
   if (pooled && pooled.value !== null) {
     const meter = el('div', {class: 'meter'}, el('i', {style: `width:${Math.max(0, Math.min(100, 100 * pooled.value))}%`}));
-    fact('Gap closed', percent(pooled.value), [range(pooled.ci), report.accepted.length ? 'on runs held back' : 'by the best model of the library'].filter(Boolean).join(' · '), meter);
+    fact('Gap closed', percent(pooled.value), [range(pooled.ci), report.accepted.length ? `on ${report.provenance.held_out_by} held back` : 'by the best model of the library'].filter(Boolean).join(' · '), meter);
   } else {
     fact('Gap closed', '–', report.verdict === 'no_gap' ? 'nothing to close' : 'no cause to add');
   }

@@ -1,0 +1,151 @@
+// One function for each kind of nonsense.
+#include "implausible.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kRare = 0.02;     // share of a column's values up to which they are single mishaps
+constexpr double kBeyond = 3;      // times what the robot can
+constexpr double kFrozen_s = 0.3;  // one value for so long ...
+constexpr double kMoved = 0.15;    // ... while the motor turns by this share of what it does in the run
+constexpr double kSlack_N = 0.15;  // a slack tendon's cell without noise may well keep its value
+constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
+
+struct Finder {
+  Run& run;
+  std::vector<std::string>& said;
+
+  void Say(const std::string& channel, const std::string& text) {
+    said.push_back(fmt::format("{}: {} {}", run.name, channel, text));
+  }
+
+  /// Values of larger magnitude than `most` of column j.
+  void Beyond(Eigen::MatrixXd& matrix, Eigen::Index j, const std::string& channel, const char* unit,
+              double most) {
+    if (matrix.rows() != run.time_s.size() || !(most > 0)) return;
+    Eigen::Index there = 0, beyond = 0;
+    double worst = 0;
+    for (const double x : matrix.col(j)) {
+      there += std::isfinite(x);
+      if (!(std::abs(x) > most)) continue;
+      ++beyond;
+      worst = std::max(worst, std::abs(x));
+    }
+    if (beyond == 0) return;
+    const bool rare = static_cast<double>(beyond) <= kRare * static_cast<double>(there);
+    for (double& x : matrix.col(j)) {
+      if (!rare || std::abs(x) > most) x = kNothing;
+    }
+    if (rare) {
+      Say(channel,
+          fmt::format("has {} value{} up to {:.4g} {}, which this robot cannot reach: taken as missing",
+                      beyond, beyond == 1 ? "" : "s", worst, unit));
+    } else {
+      Say(channel,
+          fmt::format("reaches {:.4g} {}, far beyond this robot, most of the time: left out", worst, unit));
+    }
+  }
+
+  /// Calls with rows [from, to) of stretches in which `same(i)` says that row i repeats the reading before.
+  template <class There, class Same, class Found>
+  void Stretches(There&& there, Same&& same, Found&& found) {
+    const Eigen::Index rows = run.time_s.size();
+    Eigen::Index from = -1, last = -1;
+    const auto end = [&](Eigen::Index to) {
+      if (from >= 0 && last > from && run.time_s[last] - run.time_s[from] >= kFrozen_s) found(from, to);
+    };
+    for (Eigen::Index i = 0; i < rows; ++i) {
+      if (!there(i)) continue;
+      if (last < 0 || !same(i, last)) {
+        end(last + 1);
+        from = i;
+      }
+      last = i;
+    }
+    end(last + 1);
+  }
+
+  /// Share of its way in the run that motor j goes within rows [from, to).
+  double Moved(Eigen::Index j, Eigen::Index from, Eigen::Index to) const {
+    const auto width = [](const auto& x) {
+      double least = 1e300, most = -1e300;
+      for (const double v : x) {
+        if (std::isfinite(v)) least = std::min(least, v), most = std::max(most, v);
+      }
+      return most > least ? most - least : 0.0;
+    };
+    if (j >= run.motor_position_rad.cols()) return 0;
+    const double all = width(run.motor_position_rad.col(j));
+    return all > 0 ? width(run.motor_position_rad.col(j).segment(from, to - from)) / all : 0;
+  }
+
+  std::string Span(Eigen::Index from, Eigen::Index to) const {
+    return fmt::format("from {:.4g} s to {:.4g} s", run.time_s[from] - run.time_s[0],
+                       run.time_s[to - 1] - run.time_s[0]);
+  }
+
+  void FrozenCell(Eigen::Index j) {
+    auto x = run.tension_N.col(j);
+    Stretches([&](Eigen::Index i) { return std::isfinite(x[i]); },
+              [&](Eigen::Index i, Eigen::Index before) { return x[i] == x[before]; },
+              [&](Eigen::Index from, Eigen::Index to) {
+                if (std::abs(x[from]) < kSlack_N || Moved(j, from, to) < kMoved) return;
+                Say(fmt::format("tension {}", j + 1),
+                    fmt::format("keeps {:.4g} N {} while the motor turns: taken as missing there", x[from],
+                                Span(from, to)));
+                x.segment(from, to - from).setConstant(kNothing);
+              });
+  }
+
+  void FrozenTip() {
+    auto& x = run.tip_m;
+    Stretches([&](Eigen::Index i) { return x.row(i).allFinite(); },
+              [&](Eigen::Index i, Eigen::Index before) { return x.row(i) == x.row(before); },
+              [&](Eigen::Index from, Eigen::Index to) {
+                double moved = 0;
+                for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j)
+                  moved = std::max(moved, Moved(j, from, to));
+                if (moved < kMoved) return;
+                Say("the tip", fmt::format("stays where it is {} while motors turn: taken as missing there",
+                                           Span(from, to)));
+                x.middleRows(from, to - from).setConstant(kNothing);
+              });
+  }
+};
+
+}  // namespace
+
+std::vector<std::string> TakeOutImplausible(DataSet& set) {
+  std::vector<std::string> said;
+  const RobotParameters& robot = set.robot;
+  for (Run& run : set.runs) {
+    if (run.time_s.size() < 2) continue;
+    Finder find{run, said};
+    if (robot.actuation) {
+      const auto tendons = static_cast<Eigen::Index>(robot.actuation->tendons.size());
+      for (Eigen::Index j = 0; j < tendons; ++j) {
+        const auto& drive = robot.actuation->tendons[static_cast<std::size_t>(j)].drive;
+        const auto column = [&](Eigen::MatrixXd& matrix, const char* name, const char* unit, double most) {
+          if (j < matrix.cols()) find.Beyond(matrix, j, fmt::format("{} {}", name, j + 1), unit, most);
+        };
+        column(run.tension_N, "tension", "N", kBeyond * robot.limits.max_tension_motor_N);
+        column(run.torque_actual_Nm, "actual torque", "N m", kBeyond * drive.rated_torque_Nm);
+        column(run.torque_target_Nm, "target torque", "N m", kBeyond * drive.rated_torque_Nm);
+      }
+    }
+    for (Eigen::Index axis = 0; axis < run.tip_m.cols(); ++axis)
+      find.Beyond(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m", kBeyond * robot.body.length_m());
+    if (run.motor_position_rad.rows() != run.time_s.size()) continue;
+    for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) find.FrozenCell(j);
+    if (run.tip_m.cols() == 3) find.FrozenTip();
+  }
+  return said;
+}
+
+}  // namespace tendril::gap
