@@ -447,6 +447,8 @@ void Node::BeginCycle(TimeNs now_ns) noexcept {
     Report(now_ns, Status::kDriveLost, "no heartbeat for %d ms",
            static_cast<int>(heartbeat_timeout_ns_ / kNsPerMs));
     Lose(now_ns);
+    // It gets no more torque frames; should it live on with the last one, this takes it off.
+    QueueNmt(NmtCommand::kStop);
     return;
   }
   if (phase_ == Phase::kReady) CheckProgress(now_ns);
