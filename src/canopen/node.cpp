@@ -18,6 +18,7 @@ constexpr TimeNs kNmtGrace_ns = 50 * kNsPerMs;      // heartbeats sent before NM
 constexpr TimeNs kWalk_ns = 2000 * kNsPerMs;        // from a request to operation enabled
 constexpr TimeNs kDisable_ns = 500 * kNsPerMs;  // from a request to disabled; then NMT takes the power away
 constexpr TimeNs kFaultReset_ns = 1000 * kNsPerMs;
+constexpr TimeNs kStopAgain_ns = 200 * kNsPerMs;      // NMT stop is not answered, and may get lost
 constexpr TimeNs kStatusRefresh_ns = 200 * kNsPerMs;  // a lost statusword TPDO is made up for after this
 constexpr std::uint16_t kNeverHeard = std::numeric_limits<std::uint16_t>::max();
 
@@ -367,7 +368,7 @@ void Node::Lose(TimeNs) noexcept {
   transfer_ = Transfer::kNone;
   nmt_waits_ = false;
   phase_ = Phase::kLost;
-  started_ = heartbeat_watched_ = may_enable_ = holds_ = walking_ = false;
+  started_ = heartbeat_watched_ = may_enable_ = holds_ = walking_ = stops_ = false;
   reset_ = Reset::kNone;
   UpdateState();
 }
@@ -422,6 +423,12 @@ void Node::BeginCycle(TimeNs now_ns) noexcept {
   sdo_.Poll(now_ns);
   if (was_busy && !sdo_.busy()) OnTransferEnd(now_ns);
 
+  // A drive without a heartbeat gets no more torque frames; should it live on with the last one, this takes
+  // it off.
+  if (phase_ == Phase::kLost && stops_ && now_ns >= stop_again_ns_) {
+    stop_again_ns_ = now_ns + kStopAgain_ns;
+    QueueNmt(NmtCommand::kStop);
+  }
   if (phase_ == Phase::kWaitBootUp && transfer_ == Transfer::kNone && now_ns >= probe_ns_) {
     Read({0x1000, 0}, Transfer::kProbe);
   }
@@ -447,8 +454,8 @@ void Node::BeginCycle(TimeNs now_ns) noexcept {
     Report(now_ns, Status::kDriveLost, "no heartbeat for %d ms",
            static_cast<int>(heartbeat_timeout_ns_ / kNsPerMs));
     Lose(now_ns);
-    // It gets no more torque frames; should it live on with the last one, this takes it off.
-    QueueNmt(NmtCommand::kStop);
+    stops_ = true;
+    stop_again_ns_ = now_ns;
     return;
   }
   if (phase_ == Phase::kReady) CheckProgress(now_ns);

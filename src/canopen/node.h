@@ -127,7 +127,8 @@ class Node {
   bool holds_ = false;       // was enabled by us and shall stay so
   bool off_first_ = false;   // told to disable, and not seen disabled yet
   bool walking_ = false;     // on the way to operation enabled
-  TimeNs walk_deadline_ns_ = 0, disable_deadline_ns_ = 0, refresh_ns_ = 0;
+  bool stops_ = false;       // lost, and stopped by NMT again and again
+  TimeNs walk_deadline_ns_ = 0, stop_again_ns_ = 0, disable_deadline_ns_ = 0, refresh_ns_ = 0;
   Reset reset_ = Reset::kNone;
   bool rebooted_for_reset_ = false;
   TimeNs reset_deadline_ns_ = 0;

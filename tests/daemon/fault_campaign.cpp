@@ -452,6 +452,9 @@ class Play {
     Watch(true);
     rig_.Run(2.5);
     if (rig_.output().mode == Mode::kFault) {
+      for (int d = 0; d < 3 && !(s_.kind == Kind::kFreeze && s_.for_s <= 0); ++d) {
+        if (rig_.rig().drives().torque_Nm(d) != 0) Broken("torque 2.5 s after a fault");
+      }
       if (rig_.Step(rig_.Request(ModeRequest::kArm)).output.command_status != Status::kCommandWrongMode) {
         Broken("a fault was armed away");
       }

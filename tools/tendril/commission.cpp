@@ -34,7 +34,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr TimeNs kValidFor_ns = 500 * kNsPerMs, kRepeat_ns = 50 * kNsPerMs, kSilence_ns = kNsPerS;
+constexpr TimeNs kValidFor_ns = kNsPerS, kRepeat_ns = 50 * kNsPerMs, kSilence_ns = kNsPerS;
 
 std::atomic<bool> stop = false;
 
