@@ -1,6 +1,7 @@
 // `tendril gap simulate` as a user runs it: what is planted is in the data and in the truth, sizes are what
 // was asked for, wrong use is told before anything is written.
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "cli.h"
@@ -26,6 +27,13 @@ class SimulateCommandTest : public CommandTest {
     return Run(fmt::format("gap simulate --robot {} --plan plan.yaml {}", kRig, more));
   }
   json Truth(const std::string& file = "truth.json") const { return json::parse(ReadText(folder_ / file)); }
+  /// Every file of a folder, by name.
+  std::map<std::string, std::string> Files(const std::string& name) const {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : fs::directory_iterator(folder_ / name))
+      files[entry.path().filename().string()] = ReadText(entry.path());
+    return files;
+  }
   DataSet Load(const std::string& name) const { return gap::LoadDataSet(folder_ / name, ""); }
 };
 
@@ -84,9 +92,10 @@ TEST_F(SimulateCommandTest, TheSameSeedGivesTheSameBytes) {
 TEST_F(SimulateCommandTest, AnEffectBySizeHasThatSize) {
   double previous = 0;
   for (const double sigma : {1.0, 10.0}) {
-    ASSERT_EQ(Simulate(fmt::format("--effect 'bending_stiffness sigma={}' --out planted --truth truth.json",
-                                   sigma)),
-              0)
+    ASSERT_EQ(
+        Simulate(fmt::format(
+            "--effect 'bending_stiffness sigma={}' --out planted --overwrite --truth truth.json", sigma)),
+        0)
         << error_;
     const json effect = Truth()["effects"][0];
     EXPECT_NEAR(effect["sigma"]["reached"].get<double>(), sigma, 0.03 * sigma);
@@ -101,10 +110,13 @@ TEST_F(SimulateCommandTest, AnEffectBySizeHasThatSize) {
     }
     previous = deviation;
   }
-  ASSERT_EQ(Simulate("--effect 'bending_stiffness sigma=-3' --out planted --truth truth.json"), 0) << error_;
+  ASSERT_EQ(Simulate("--effect 'bending_stiffness sigma=-3' --out planted --overwrite --truth truth.json"), 0)
+      << error_;
   EXPECT_LT(Truth()["effects"][0]["parameters"]["scale"], 1.0);
   // The planted data, compared with nominal data of the same noise, change by about as much as was asked for.
-  ASSERT_EQ(Simulate("--effect 'tip_force sigma=10 vary=y_N' --out planted --truth truth.json"), 0) << error_;
+  ASSERT_EQ(Simulate("--effect 'tip_force sigma=10 vary=y_N' --out planted --overwrite --truth truth.json"),
+            0)
+      << error_;
   ASSERT_EQ(Simulate("--out plain"), 0) << error_;
   const DataSet plain = Load("plain"), planted = Load("planted");
   const double moved = std::sqrt(3.0) * Change(plain.runs[0].tip_m, planted.runs[0].tip_m);
@@ -140,6 +152,8 @@ TEST_F(SimulateCommandTest, WrongUseIsToldBeforeAnythingIsWritten) {
   } cases[] = {
       {"--effect 'gremlins scale=2'", "there is no effect 'gremlins'"},
       {"--effect 'gremlins sigma=2'", "there is no effect 'gremlins'"},
+      {"--effect 'BACKLASH rad=0.1'", "did you mean backlash?"},
+      {"--effect 'Bending-Stiffness sigma=2'", "did you mean bending_stiffness?"},
       {"--effect 'backlash where=tendon:4 rad=0.1'", "accepted: all, tendon:1 .. tendon:3"},
       {"--effect 'backlash where=tendon:0 sigma=3'", "accepted: all, tendon:1 .. tendon:3"},
       {"--effect 'unit_stiffness scale=0.9'", "where = 'all'"},
@@ -175,12 +189,24 @@ TEST_F(SimulateCommandTest, WrongUseIsToldBeforeAnythingIsWritten) {
   EXPECT_EQ(
       Run(fmt::format("gap simulate --robot {}/config/robots/qi2021_90mm.yaml --plan plan.yaml --out refused",
                       TENDRIL_SOURCE_DIR)),
-      2);
+      1);
   EXPECT_THAT(error_, HasSubstr("has no actuation"));
   EXPECT_EQ(Run(fmt::format("gap simulate --robot {} --plan gone.yaml --out refused", kRig)), 1);
   EXPECT_THAT(error_, HasSubstr("gone.yaml: cannot be read"));
   EXPECT_EQ(Run(fmt::format("gap simulate --robot {} --daemon gone.yaml --out refused", kRig)), 1);
   EXPECT_THAT(error_, HasSubstr("gone.yaml"));
+  // The plan's line, and the place of the truth, before an hour of runs.
+  WriteText(folder_ / "far.yaml", "runs:\n  - {family: circle}\n  - {family: circle, amplitude_rad: 12}\n");
+  EXPECT_EQ(Run(fmt::format("gap simulate --robot {} --plan far.yaml --out refused", kRig)), 1);
+  EXPECT_THAT(error_, HasSubstr("far.yaml:3: circle: amplitude_rad is 12; accepted: above 0 to"));
+  EXPECT_TRUE(OneLine());
+  for (const char* truth : {"gone/truth.json", "."}) {
+    EXPECT_EQ(Simulate(fmt::format("--out refused --truth {}", truth)), 1);
+    EXPECT_THAT(error_, HasSubstr(fmt::format("cannot write {}", truth)));
+    EXPECT_TRUE(OneLine());
+  }
+  EXPECT_EQ(Simulate("--out refused --truth plan.yaml"), 2);
+  EXPECT_THAT(error_, HasSubstr("would replace plan.yaml"));
   EXPECT_FALSE(fs::exists(folder_ / "refused"));
   EXPECT_FALSE(fs::exists(folder_ / "refused.json"));
 }
@@ -193,16 +219,91 @@ TEST_F(SimulateCommandTest, AWrongRobotFileIsToldWithFileAndLine) {
   EXPECT_TRUE(OneLine());
 }
 
-TEST_F(SimulateCommandTest, AFolderOfAnEarlierSetHoldsOnlyTheNewRuns) {
-  fs::create_directories(folder_ / "set");
-  WriteText(folder_ / "set/09_sway.csv", "t_s\n0\n");
-  WriteText(folder_ / "set/notes.txt", "mine");
+TEST_F(SimulateCommandTest, AnEarlierSetIsNotTouchedUntilItMayGoAndTheNewOneIsWhole) {
   ASSERT_EQ(Simulate("--out set"), 0) << error_;
-  EXPECT_FALSE(fs::exists(folder_ / "set/09_sway.csv"));
-  EXPECT_EQ(ReadText(folder_ / "set/notes.txt"), "mine");
-  EXPECT_EQ(Load("set").runs.size(), 3u);
+  EXPECT_THAT(out_, HasSubstr("3 runs"));
+  WriteText(folder_ / "set/01_mine.csv", "t_s\n0\n");
+  WriteText(folder_ / "set/notes.txt", "mine");
+  const auto before = Files("set");
+  WriteText(folder_ / "far.yaml", "runs: [{family: circle, amplitude_rad: 12}]\n");
+  WriteText(folder_ / "bad.yaml", "name: x\n");
+  const std::string far = fmt::format("gap simulate --robot {} --plan far.yaml ", kRig);
+  EXPECT_EQ(Simulate("--out set"), 2);
+  EXPECT_THAT(error_,
+              HasSubstr("set already holds a data set (01_circle.csv, 01_mine.csv, 02_circle.csv and 3"));
+  EXPECT_THAT(error_, HasSubstr("give another --out, or --overwrite"));
+  EXPECT_TRUE(OneLine());
+  EXPECT_EQ(Run(far + "--out set --overwrite"), 1);
+  EXPECT_EQ(Run("gap simulate --robot bad.yaml --out set --overwrite"), 1);
+  EXPECT_EQ(Simulate("--out set --overwrite --daemon gone.yaml"), 1);
+  EXPECT_EQ(Simulate("--out set --overwrite --effect 'gremlins a=1'"), 2);
+  EXPECT_EQ(Run("gap simulate --robot set/robot.yaml --plan plan.yaml --out set --overwrite"), 2);
+  EXPECT_THAT(error_, HasSubstr("would replace set/robot.yaml, which is read here"));
+  EXPECT_EQ(Files("set"), before);
+
+  // Only what the earlier set lists goes.
+  WriteText(folder_ / "plan.yaml", "runs: [{family: circle, duration_s: 3}]\n");
+  ASSERT_EQ(Simulate("--out set/ --overwrite"), 0) << error_;
+  EXPECT_THAT(out_, HasSubstr("1 run,"));
+  auto after = Files("set");
+  EXPECT_EQ(after["01_mine.csv"], before.at("01_mine.csv"));
+  EXPECT_EQ(after["notes.txt"], "mine");
+  EXPECT_EQ(Load("set").runs.size(), 1u);
+  EXPECT_EQ(after.size(), 5u) << "01_circle.csv, runs.yaml, robot.yaml, and what was not the set's";
+}
+
+TEST_F(SimulateCommandTest, WhatIsNoEarlierSetIsNeverReplaced) {
+  fs::create_directories(folder_ / "mine");
+  WriteText(folder_ / "mine/01_circle.csv", "t_s\n0\n");
+  const auto before = Files("mine");
+  EXPECT_EQ(Simulate("--out mine"), 2);
+  EXPECT_EQ(Simulate("--out mine --overwrite"), 2);
+  EXPECT_THAT(error_, HasSubstr("mine/01_circle.csv is there already and no run of an earlier set"));
+  EXPECT_TRUE(OneLine());
+  EXPECT_EQ(Files("mine"), before);
+  fs::create_directories(folder_ / "robots");
+  WriteText(folder_ / "robots/robot.yaml", ReadText(kRig));
+  EXPECT_EQ(Simulate("--out robots"), 2);
+  EXPECT_EQ(Simulate("--out robots --overwrite"), 2);
+  EXPECT_THAT(error_, HasSubstr("robots/robot.yaml has comments"));
+  EXPECT_EQ(ReadText(folder_ / "robots/robot.yaml"), ReadText(kRig));
   EXPECT_EQ(Simulate("--out plan.yaml"), 1);
   EXPECT_THAT(error_, HasSubstr("cannot write into plan.yaml"));
+}
+
+// However early it comes: the old set, or one that is true.
+TEST_F(SimulateCommandTest, CtrlCLeavesTheEarlierSetOrATrueOne) {
+  ASSERT_EQ(Simulate("--out set"), 0) << error_;
+  const auto before = Files("set");
+  WriteText(folder_ / "plan.yaml",
+            "runs:\n"
+            "  - {family: circle, duration_s: 3}\n"
+            "  - {family: hold, duration_s: 600, repeats: 3}\n");
+  const auto interrupt = [&](const std::string& more) {
+    return std::system(fmt::format("cd {} && timeout -s INT 4 {} gap simulate --robot {} --plan plan.yaml "
+                                   "--jobs 1 {} >/dev/null 2>stderr </dev/null",
+                                   folder_.string(), TENDRIL_BINARY, kRig, more)
+                           .c_str());
+  };
+  EXPECT_NE(interrupt("--out set --overwrite"), 0);
+  EXPECT_EQ(Files("set"), before);
+  EXPECT_NE(interrupt("--out fresh"), 0);
+  if (fs::exists(folder_ / "fresh/runs.yaml")) {
+    const DataSet fresh = Load("fresh");
+    EXPECT_TRUE(fresh.notes.empty());
+    ASSERT_EQ(fresh.runs.size(), 1u);
+    EXPECT_NEAR(fresh.runs[0].time_s.tail(1)[0], 3, 0.1);
+    EXPECT_EQ(Files("fresh").size(), 3u);
+  }
+}
+
+// A load cell without noise shows one value while the robot rests; that is no broken cell.
+TEST_F(SimulateCommandTest, WithoutNoiseEveryRunReachesItsEnd) {
+  WriteText(folder_ / "plan.yaml", "runs: [{family: cocontraction, duration_s: 8}]\n");
+  ASSERT_EQ(Simulate("--noise off --load-cell robot_side --effect 'gear_efficiency scale=0.6' --out quiet"),
+            0)
+      << error_;
+  EXPECT_NEAR(Load("quiet").runs[0].time_s.tail(1)[0], 8, 0.1);
 }
 
 TEST_F(SimulateCommandTest, TheControllerMayBeAnotherDaemons) {

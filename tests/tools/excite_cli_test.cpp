@@ -15,7 +15,7 @@ class ExciteCommandTest : public CommandTest {
  protected:
   int Excite(const std::string& plan, const std::string& more = "") {
     WriteText(folder_ / "plan.yaml", plan);
-    return Run("excite --jobs 1 --plan plan.yaml --out set " + more);
+    return Run("excite --jobs 1 --plan plan.yaml --out set --overwrite " + more);
   }
   DataSet Load() const { return gap::LoadDataSet(folder_ / "set", ""); }
 };
@@ -93,7 +93,7 @@ TEST_F(ExciteCommandTest, APlantWithEffectsMovesOtherwiseAndTheFolderHoldsTheNom
 
 TEST_F(ExciteCommandTest, WhatTheLimitsDoNotAllowIsLessOrRefusedBeforeItRuns) {
   EXPECT_EQ(Excite("runs: [{family: circle, duration_s: 3, amplitude_rad: 12}]\n"), 1);
-  EXPECT_THAT(error_, HasSubstr("circle: amplitude_rad is 12; accepted: above 0 to 2.6 rad"));
+  EXPECT_THAT(error_, HasSubstr("plan.yaml:1: circle: amplitude_rad is 12; accepted: above 0 to 2.6 rad"));
   // What the robot may bend, but needs more tension than it may have, is cut down to what it may have.
   ASSERT_EQ(Excite("runs: [{family: circle, duration_s: 6, amplitude_rad: 2.6}]\n"), 0) << error_;
   const RobotParameters robot = config::LoadRobot(kRig);
@@ -158,6 +158,24 @@ TEST_F(ExciteCommandTest, WrongUseIsTold) {
             ReadText(kRig) + "\neffects:\n  - {effect: backlash, where: all, rad: 7}\n");
   EXPECT_EQ(Excite(plan, "--plant robot.yaml"), 1);
   EXPECT_THAT(error_, testing::ContainsRegex("robot.yaml:[0-9]+: effects"));
+}
+
+// Measurements are not made twice: without being told, a second set does not take the first one's place, and
+// a daemon that does not answer takes nothing.
+TEST_F(ExciteCommandTest, TheFirstMeasurementOutlivesTheSecond) {
+  WriteText(folder_ / "short.yaml", "runs: [{family: circle, duration_s: 3}]\n");
+  ASSERT_EQ(Run("excite --plan short.yaml"), 0) << error_;
+  const std::string run = ReadText(folder_ / "tendril-excite/01_circle.csv");
+  ASSERT_FALSE(run.empty());
+  EXPECT_EQ(Run("excite --plan short.yaml --seed 2"), 2);
+  EXPECT_THAT(error_, HasSubstr("tendril-excite already holds a data set"));
+  EXPECT_TRUE(OneLine());
+  EXPECT_EQ(Run("excite --plan short.yaml --live --lcm memq:// --overwrite"), 1);
+  EXPECT_THAT(error_, HasSubstr("no daemon answers"));
+  EXPECT_EQ(Run("excite --plan short.yaml --robot gone.yaml --overwrite"), 1);
+  EXPECT_EQ(ReadText(folder_ / "tendril-excite/01_circle.csv"), run);
+  ASSERT_EQ(Run("excite --plan short.yaml --seed 2 --overwrite"), 0) << error_;
+  EXPECT_NE(ReadText(folder_ / "tendril-excite/01_circle.csv"), run);
 }
 
 }  // namespace

@@ -34,6 +34,7 @@ struct PlannedRun {
   std::uint64_t seed = 1;    // of the multisine's phases
   enum class Targets { kFamily, kBending, kTension } targets = Targets::kFamily;
   std::vector<Waypoint> waypoints;  // empty for a family that is known
+  std::string where{};              // "plan.yaml:3"; empty for what comes with Tendril
 };
 
 struct Plan {

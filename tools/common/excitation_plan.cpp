@@ -105,6 +105,7 @@ class PlanReader {
     const bool bending = static_cast<bool>(node["bending_targets"]),
                tension = static_cast<bool>(node["tension_targets"]);
     PlannedRun run;
+    const std::string where = fmt::format("{}:{}", name_, node.Mark().line + 1);
     if (bending || tension) {
       if (bending && tension)
         Refuse(node, "run", "bending_targets and tension_targets exclude each other; keep one");
@@ -130,6 +131,7 @@ class PlanReader {
       if (node["seed"]) run.seed = Whole<std::uint64_t>(node["seed"], "seed", UINT64_MAX);
     }
     if (node["repeats"]) run.repeats = Whole<int>(node["repeats"], "repeats", kMostRepeats);
+    run.where = where;
     return run;
   }
 

@@ -269,12 +269,9 @@ ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std
                     there.name, there.body.tendons(), nominal.name, nominal.body.tendons()));
   }
   const ControllerParameters controller = robot.Daemon().controller;
-  std::vector<Program> programs;
-  bool tension = false;
-  for (const PlannedRun& run : plan.runs) {
-    programs.push_back(MakeProgram(run, nominal, controller));
-    tension = tension || programs.back().tension;
-  }
+  const std::vector<Program> programs = MakePrograms(plan, nominal, controller);
+  const bool tension =
+      std::any_of(programs.begin(), programs.end(), [](const Program& program) { return program.tension; });
   planned(tension && controller.pretension_ramp_Nps < kBriskTension_Nps
               ? fmt::format(
                     "the daemon moves tension targets at {} N/s only (controller.pretension_ramp_Nps): quick "
@@ -298,10 +295,14 @@ ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std
     }
     if (recorder && recorder->rows() > 1) {
       result.run = recorder->Finish(names[i].name, program.family);
-      result.run.repeat_of = names[i].repeat_of;
       progress(i, 1, &result);
-      set.simulated_s += result.run.time_s.tail(1)[0];
-      set.data.runs.push_back(result.run);
+      const double seconds = result.run.time_s.tail(1)[0];
+      const bool whole = result.trouble.empty();
+      if (whole) result.run.repeat_of = names[i].repeat_of;  // what ended early repeats nothing
+      if (whole || seconds >= kShortestRun_s) {
+        set.simulated_s += seconds;
+        set.data.runs.push_back(result.run);
+      }
     }
     set.experiments.push_back(std::move(result));
   }

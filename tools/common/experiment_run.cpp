@@ -11,7 +11,6 @@
 #include <map>
 #include <mutex>
 #include <numbers>
-#include <regex>
 #include <stdexcept>
 #include <thread>
 
@@ -108,6 +107,8 @@ DaemonParameters ForExperiments(DaemonParameters daemon) {
   c.guards.max_following_error_m = kAny;
   c.guards.max_estimator_residual_m = kAny;
   c.guards.max_bending_excess_rad = kAny;
+  // Of torque loops that lag or saturate, and of drives without noise, whose feedback may well stand still.
+  c.guards.max_torque_error_N = std::max(c.guards.max_torque_error_N, 100.0);
   c.guards.tension_disagreement_N = std::max(c.guards.tension_disagreement_N, 100.0);
   c.guards.max_slack_s = std::max(c.guards.max_slack_s, 3600.0);
   daemon.lcm.cycle_every_cycles = 0;
@@ -130,6 +131,10 @@ Experiment RunExperiment(const Program& program, const std::string& name, const 
                                  .daemon = options.daemon,
                                  .plant = {.seed = noise_seed, .sensor_noise = options.sensor_noise},
                                  .log_path = ""};
+  // Without noise a load cell of a robot at rest shows one value, and is none the worse for it.
+  constexpr double kAny_N = 100;
+  double& stuck_N = loop_options.daemon.controller.guards.stuck_torque_change_N;
+  if (!options.sensor_noise) stuck_N = std::max(stuck_N, kAny_N);
   ClosedLoop loop(loop_options);
   RunRecorder recorder(options.controller_robot);
   const auto command_every = std::max<std::uint64_t>(
@@ -185,23 +190,25 @@ std::vector<NamedRun> NameRuns(const Plan& plan) {
   return runs;
 }
 
-std::filesystem::path MakeSetFolder(const std::filesystem::path& folder) {
-  static const std::regex kRun("[0-9]{2}_[a-z0-9_]+\\.csv");
-  std::error_code ignored;
-  std::filesystem::remove(folder / "runs.yaml", ignored);
-  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
-    if (std::regex_match(entry.path().filename().string(), kRun))
-      std::filesystem::remove(entry.path(), ignored);
+std::vector<Program> MakePrograms(const Plan& plan, const RobotParameters& robot,
+                                  const ControllerParameters& controller) {
+  std::vector<Program> programs;
+  for (const PlannedRun& run : plan.runs) {
+    try {
+      programs.push_back(MakeProgram(run, robot, controller));
+    } catch (const std::invalid_argument& e) {
+      if (run.where.empty()) throw;
+      throw std::invalid_argument(run.where + ": " + e.what());
+    }
   }
-  return folder;
+  return programs;
 }
 
 ExperimentSet RunSet(const Plan& plan, const ExperimentOptions& options, const std::atomic<bool>* stop,
                      const SetProgress& progress) {
   const double start_s = WallSeconds();
-  std::vector<Program> programs;
-  for (const PlannedRun& run : plan.runs)
-    programs.push_back(MakeProgram(run, options.controller_robot, options.daemon.controller));
+  const std::vector<Program> programs =
+      MakePrograms(plan, options.controller_robot, options.daemon.controller);
   const std::vector<NamedRun> names = NameRuns(plan);
   ExperimentSet set;
   set.data.name = plan.name;
@@ -245,8 +252,13 @@ ExperimentSet RunSet(const Plan& plan, const ExperimentOptions& options, const s
   for (std::thread& t : helpers) t.join();
   if (failure) std::rethrow_exception(failure);
 
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const bool begun = set.experiments[i].run.time_s.size() > 0;
+    if (!begun && set.trouble.empty()) set.trouble = names[i].name + ": stopped before it began";
+  }
   for (Experiment& e : set.experiments) {
     if (e.run.time_s.size() < 2) continue;
+    if (!e.trouble.empty() && ((stop && *stop) || e.run.time_s.tail(1)[0] < kShortestRun_s)) continue;
     set.simulated_s += e.run.time_s.tail(1)[0];
     set.data.runs.push_back(std::move(e.run));
   }

@@ -4,7 +4,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
@@ -87,12 +86,17 @@ struct ExperimentSet {
   std::string trouble;  // empty, or the first run's that ended early
 };
 
-/// Every program is planned before the first one runs: std::invalid_argument for a plan that does not fit the
-/// robot. After trouble or `stop` the set holds what was recorded.
+/// The plan's programs, all before the first one runs. Throws std::invalid_argument, with where the plan's
+/// file says so, for one that does not fit the robot.
+std::vector<Program> MakePrograms(const Plan& plan, const RobotParameters& robot,
+                                  const ControllerParameters& controller);
+
+/// Shorter than this a run that ended early says nothing beyond its stillness, and is left out.
+inline constexpr double kShortestRun_s = kStillBefore_s + 0.25;
+
+/// std::invalid_argument for a plan that does not fit the robot. After trouble the set holds what was
+/// recorded, after `stop` the runs that are whole; `trouble` then says so.
 ExperimentSet RunSet(const Plan& plan, const ExperimentOptions& options, const std::atomic<bool>* stop,
                      const SetProgress& progress);
-
-/// The folder without the runs of an earlier set, which must not stand beside the new ones; returns it.
-std::filesystem::path MakeSetFolder(const std::filesystem::path& folder);
 
 }  // namespace tendril::tools

@@ -8,12 +8,13 @@
 #include <memory>
 
 #include "commands.h"
+#include "counted.h"
 #include "experiment_live.h"
 #include "experiment_run.h"
 #include "lcm_options.h"
-#include "output.h"
 #include "paths.h"
 #include "seed_option.h"
+#include "set_folder.h"
 #include "set_progress.h"
 #include "tendril/gap/data_set.h"
 #include "tendril/sim/effects.h"
@@ -24,7 +25,7 @@ namespace {
 struct ExciteOptions {
   std::string set = "standard", plan, print_plan, robot, plant, daemon, out = "tendril-excite";
   LcmOptions lcm;
-  bool live = false, arm = false;
+  bool live = false, arm = false, overwrite = false;
   std::uint64_t seed = 1;
   int repeats = -1, jobs = 2;
 };
@@ -61,7 +62,9 @@ void RunExcite(const ExciteOptions& options) {
   if (options.repeats >= 0) {
     for (PlannedRun& run : plan.runs) run.repeats = options.repeats;
   }
-  const std::filesystem::path out = MakeSetFolder(MakeOutputFolder(options.out));
+  const SetFolder folder(options.out, options.overwrite,
+                         {options.robot, options.plant, options.plan, options.daemon});
+  folder.CheckNames(FileNames(plan));
   SetProgressLine line(NameRuns(plan));
   const auto progress = [&line](std::size_t run, double share, const Experiment* done) {
     line.Show(run, share, done);
@@ -80,10 +83,10 @@ void RunExcite(const ExciteOptions& options) {
   } else {
     set = RunInProcess(plan, options, progress);
   }
-  if (set.data.runs.empty()) throw std::runtime_error("nothing was recorded: " + set.trouble);
-  gap::WriteDataSet(set.data, out);
-  fmt::print("{} runs, {:.1f} s of data in {:.1f} s: {}\n", set.data.runs.size(), set.simulated_s, set.wall_s,
-             std::filesystem::absolute(out).lexically_normal().string());
+  // Measurements cannot be had again by running a program again.
+  const std::filesystem::path out = WriteSet(set, folder, options.live);
+  fmt::print("{}, {:.1f} s of data in {:.1f} s: {}\n", Counted(set.data.runs.size(), "run"), set.simulated_s,
+             set.wall_s, std::filesystem::absolute(out).lexically_normal().string());
   if (!set.trouble.empty()) throw std::runtime_error("the set is not complete: " + set.trouble);
 }
 
@@ -107,6 +110,8 @@ void AddExciteCommand(CLI::App& app) {
       "daemon file whose controller runs them in process (default: that of tendrild.yaml, built in)");
   command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and a CSV a run")
       ->capture_default_str();
+  command->add_flag("--overwrite", options->overwrite,
+                    "replace the set that the folder holds, when the new one is complete");
   command->add_option("--seed", options->seed, "of the plant's sensor noise")
       ->check(Seed())
       ->capture_default_str();

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "commands.h"
+#include "effect_name.h"
 #include "tendril/gap/report.h"
 #include "tendril/sim/effects.h"
 
@@ -139,33 +140,11 @@ void PrintOne(const Effect& e) {
   fmt::print("\nTry it\n  tendril gap simulate --effect \"{}{}{}\" ...\n", e.name, where, values);
 }
 
-// How many letters must change to make one word of the other.
-std::size_t Distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), 0u);
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t changed = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({changed, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row.back();
-}
-
 const Effect& Find(const std::string& name) {
   std::string wanted = name;
   std::replace_if(
       wanted.begin(), wanted.end(), [](char c) { return c == ' ' || c == '-'; }, '_');
-  if (const Effect* effect = sim::FindEffect(wanted)) return *effect;
-  const auto effects = sim::Effects();
-  const Effect& nearest = *std::min_element(
-      effects.begin(), effects.end(),
-      [&](const Effect& a, const Effect& b) { return Distance(wanted, a.name) < Distance(wanted, b.name); });
-  throw UsageError(fmt::format("there is no effect '{}'; did you mean {}? 'tendril gap explain' lists all {}",
-                               name, nearest.name, effects.size()));
+  return EffectNamed(wanted);
 }
 
 void Run(const Options& options) {

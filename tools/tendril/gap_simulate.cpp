@@ -15,10 +15,12 @@
 #include <optional>
 
 #include "commands.h"
+#include "counted.h"
+#include "effect_name.h"
 #include "experiment_run.h"
-#include "output.h"
 #include "progress.h"
 #include "seed_option.h"
+#include "set_folder.h"
 #include "set_progress.h"
 #include "sized_effect.h"
 #include "tendril/gap/data_set.h"
@@ -32,6 +34,7 @@ struct SimulateOptions {
   std::vector<std::string> effects;
   std::uint64_t seed = 1;
   int repeats = -1, jobs = 2;
+  bool overwrite = false;
 };
 
 std::atomic<bool> stop = false;
@@ -104,8 +107,8 @@ void WriteTruth(const SimulateOptions& options, const std::vector<EffectSetting>
 void RunSimulate(const SimulateOptions& options) {
   RobotParameters nominal = sim::LoadRobot(options.robot);
   if (!nominal.actuation) {
-    throw UsageError(options.robot +
-                     " has no actuation (motors, drives, tendons); use a rig file such as rig_90mm.yaml");
+    throw std::runtime_error(
+        options.robot + " has no actuation (motors, drives, tendons); use a rig file such as rig_90mm.yaml");
   }
   if (!options.load_cell.empty()) {
     const LoadCellPlace place = options.load_cell == "motor_side"   ? LoadCellPlace::kMotorSide
@@ -124,11 +127,14 @@ void RunSimulate(const SimulateOptions& options) {
   std::vector<std::optional<WantedSize>> wanted;
   try {
     for (const std::string& text : options.effects) {
+      CheckEffectNamed(text);
       wanted.push_back(ParseWantedSize(text, nominal));
       plant.effects.push_back(wanted.back() ? wanted.back()->setting : sim::ParseEffect(text, nominal));
     }
     sim::CheckEffects(plant);
   } catch (const std::invalid_argument& e) {
+    throw UsageError(std::string("--effect: ") + e.what());
+  } catch (const UsageError& e) {
     throw UsageError(std::string("--effect: ") + e.what());
   }
 
@@ -142,7 +148,13 @@ void RunSimulate(const SimulateOptions& options) {
                                .seed = options.seed,
                                .sensor_noise = options.noise == "on",
                                .threads = options.jobs};
-  const std::filesystem::path out = MakeSetFolder(MakeOutputFolder(options.out));
+  const std::vector<std::string> inputs{options.robot, options.plan, options.daemon};
+  const SetFolder folder(options.out, options.overwrite, inputs);
+  folder.CheckNames(FileNames(plan));
+  if (!options.truth.empty()) {
+    RefuseToReplace(options.truth, "--truth", inputs);
+    CheckWritable(options.truth);
+  }
   const std::vector<std::optional<SizedEffect>> sized = FindAmounts(plan, experiment, wanted);
   auto& planted = experiment.plant_robot.effects;
   for (std::size_t i = 0; i < sized.size(); ++i) {
@@ -153,11 +165,10 @@ void RunSimulate(const SimulateOptions& options) {
   ExperimentSet set =
       RunSet(plan, experiment, &stop,
              [&](std::size_t run, double share, const Experiment* done) { line.Show(run, share, done); });
-  if (set.data.runs.empty()) throw std::runtime_error("nothing was recorded: " + set.trouble);
-  gap::WriteDataSet(set.data, out);
+  const std::filesystem::path out = WriteSet(set, folder, false);
   if (!options.truth.empty()) WriteTruth(options, planted, wanted, sized);
-  fmt::print("{} runs, {:.1f} s of data in {:.1f} s ({:.1f} x real time): {}\n", set.data.runs.size(),
-             set.simulated_s, set.wall_s, set.simulated_s / set.wall_s,
+  fmt::print("{}, {:.1f} s of data in {:.1f} s ({:.1f} x real time): {}\n",
+             Counted(set.data.runs.size(), "run"), set.simulated_s, set.wall_s, set.simulated_s / set.wall_s,
              std::filesystem::absolute(out).lexically_normal().string());
   if (!set.trouble.empty()) throw std::runtime_error("the set is not complete: " + set.trouble);
 }
@@ -184,6 +195,8 @@ void AddGapSimulateCommand(CLI::App& app) {
                   ->capture_default_str();
   command->add_option("--plan", options->plan, "experiments from a plan file")->excludes(set);
   command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and a CSV a run")->required();
+  command->add_flag("--overwrite", options->overwrite,
+                    "replace the set that the folder holds, when the new one is complete");
   command->add_option("--seed", options->seed, "of the sensors' noise")->check(Seed())->capture_default_str();
   command
       ->add_option("--repeats", options->repeats, "identical repetitions of every run instead of the plan's")

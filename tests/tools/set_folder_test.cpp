@@ -1,0 +1,117 @@
+// Where data sets are left: what was measured is never lost, whatever goes wrong.
+#include "set_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <map>
+
+#include "commands.h"
+#include "tendril/config/config.h"
+
+namespace tendril::tools {
+namespace {
+
+namespace fs = std::filesystem;
+using Files = std::map<std::string, std::string>;
+using testing::HasSubstr;
+
+std::string ReadText(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+class SetFolderTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("tendril_set_folder_test_" + std::to_string(getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  static gap::DataSet Set(const std::vector<std::string>& names) {
+    gap::DataSet set;
+    set.robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml");
+    for (const std::string& name : names) {
+      gap::Run run;
+      run.name = name;
+      run.time_s = Eigen::Vector3d(0, 0.001, 0.002);
+      run.tension_N.setConstant(3, 3, static_cast<double>(set.runs.size()));
+      set.runs.push_back(run);
+    }
+    return set;
+  }
+  Files In(const std::string& name) const {
+    Files files;
+    for (const auto& entry : fs::directory_iterator(folder_ / name))
+      files[entry.path().filename().string()] = ReadText(entry.path());
+    return files;
+  }
+  SetFolder Folder(const std::string& name, bool overwrite = false) const {
+    return {folder_ / name, overwrite, {}};
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(SetFolderTest, LookingMakesNothing) {
+  const SetFolder folder = Folder("a/b/c");
+  EXPECT_FALSE(folder.replaces());
+  EXPECT_FALSE(fs::exists(folder_ / "a"));
+  folder.Write(Set({"01_circle"}));
+  EXPECT_EQ(In("a/b/c").size(), 3u);
+  EXPECT_THROW(Folder("a/b/c"), UsageError);
+  EXPECT_TRUE(Folder("a/b/c", true).replaces());
+}
+
+TEST_F(SetFolderTest, AnIncompleteSetStandsBesideTheEarlierOne) {
+  Folder("set").Write(Set({"01_circle", "02_hold"}));
+  const Files before = In("set");
+  for (const char* name : {"set.incomplete", "set.incomplete-2"}) {
+    EXPECT_EQ(Folder("set", true).WriteIncomplete(Set({"01_circle"})), folder_ / name);
+    EXPECT_EQ(gap::LoadDataSet(folder_ / name, "").runs.size(), 1u);
+  }
+  EXPECT_EQ(In("set"), before);
+  // Where nothing is in the way there is no need for another place.
+  EXPECT_EQ(Folder("new").WriteIncomplete(Set({"01_circle"})), folder_ / "new");
+}
+
+TEST_F(SetFolderTest, ASetThatCannotBeWrittenLeavesTheEarlierOne) {
+  Folder("set").Write(Set({"01_circle", "02_hold"}));
+  const Files before = In("set");
+  EXPECT_THROW(Folder("set", true).Write(Set({"01_circle", "no/name"})), std::runtime_error);
+  EXPECT_EQ(In("set"), before) << "nor is anything left of the new one";
+  // What is called like a file of the set but is none.
+  fs::remove(folder_ / "set/robot.yaml");
+  Files rest = In("set");
+  fs::create_directories(folder_ / "set/robot.yaml/x");
+  EXPECT_THROW(Folder("set", true), UsageError);
+  fs::remove_all(folder_ / "set/robot.yaml");
+  EXPECT_EQ(In("set"), rest);
+}
+
+TEST_F(SetFolderTest, AListThatNamesOtherFilesGivesThemNotAway) {
+  Folder("set").Write(Set({"01_circle"}));
+  std::ofstream(folder_ / "precious.csv") << "t_s\n";
+  std::ofstream(folder_ / "set/thesis.txt") << "mine";
+  std::ofstream(folder_ / "set/runs.yaml") << "runs:\n  - {file: ../precious.csv}\n  - {file: thesis.txt}\n"
+                                           << "  - " << folder_ / "precious.csv"
+                                           << "\n  - 01_circle.csv\n";
+  Folder("set", true).Write(Set({"01_hold"}));
+  EXPECT_TRUE(fs::exists(folder_ / "precious.csv"));
+  EXPECT_EQ(ReadText(folder_ / "set/thesis.txt"), "mine");
+  EXPECT_FALSE(fs::exists(folder_ / "set/01_circle.csv"));
+  std::ofstream(folder_ / "set/runs.yaml") << "runs: [\n";
+  try {
+    Folder("set", true);
+    FAIL();
+  } catch (const UsageError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("not YAML"));
+  }
+}
+
+}  // namespace
+}  // namespace tendril::tools
