@@ -13,6 +13,7 @@
 #include <cstdio>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 
@@ -65,6 +66,12 @@ class Parser {
     while (at_ != end_) {
       if (SkipEmptyLine()) continue;
       ReadRow();
+    }
+    for (const auto& [word, found] : words_) {
+      table_.notes.push_back(
+          fmt::format("{}: {} '{}' taken as missing, the first in line {}, column {}", name_,
+                      found.count == 1 ? "1 cell that says" : fmt::format("{} cells that say", found.count),
+                      Printable(word), found.line, Printable(table_.names[found.column])));
     }
     for (std::size_t c = 0; c < infinite_.size(); ++c) {
       if (infinite_[c] == 0) continue;
@@ -186,7 +193,10 @@ class Parser {
   }
 
   double NumberOf(std::string_view cell, std::size_t column) {
-    if (MeansNone(cell)) return kNone;
+    if (MeansNone(cell)) {
+      if (!cell.empty()) ++words_.try_emplace(std::string(cell), Word{0, line_, column}).first->second.count;
+      return kNone;
+    }
     std::optional<double> value;
     if (format_.decimal == '.') value = Number(cell);
     if (!value && (format_.decimal == ',' || comma_too_) && std::count(cell.begin(), cell.end(), ',') == 1) {
@@ -197,11 +207,14 @@ class Parser {
       value = Number(cell);  // a whole number has neither
     }
     if (!value) {
-      throw TableError(
-          fmt::format("{}:{}: column {}: '{}' is not a number; accepted: a number such as -0.0125, or an "
-                      "empty cell for no "
-                      "value; correct the cell or remove the line",
-                      name_, line_, Printable(table_.names[column]), Printable(cell)));
+      throw TableError(fmt::format(
+          "{}:{}: column {}: '{}' is not a number; accepted: a number such as -0.0125, or an "
+          "empty cell for no "
+          "value; correct the cell or remove the line{}",
+          name_, line_, Printable(table_.names[column]), Printable(cell),
+          std::count(cell.begin(), cell.end(), ',') == 1
+              ? "; if its comma is a decimal one, say table: {decimal: comma} in a map of tendril gap import"
+              : ""));
     }
     if (std::isinf(*value)) {
       ++infinite_[column];
@@ -252,8 +265,11 @@ class Parser {
       at_ = line_begin;
       throw TableError(
           fmt::format("{}:{}: {} cells in a table of {} columns; accepted: one cell a column (empty "
-                      "for no value); correct the line or remove it",
-                      name_, line_, cells < columns ? std::to_string(cells) : "too many", columns));
+                      "for no value); correct the line or remove it{}",
+                      name_, line_, cells < columns ? std::to_string(cells) : "too many", columns,
+                      format_.decimal == ',' && format_.delimiter == ','
+                          ? "; where commas separate cells, numbers with a decimal comma stand in quotes"
+                          : ""));
     }
     last_size_ = last.size();
     table_.lines.push_back(line_);
@@ -286,6 +302,12 @@ class Parser {
   std::size_t last_size_ = 0;  // of the last cell of the row before, as written
   std::vector<CellKind> kinds_;
   std::vector<int> infinite_;
+  struct Word {
+    std::size_t count;
+    int line;  // of the first
+    std::size_t column;
+  };
+  std::map<std::string, Word> words_;  // that stand where there is no value
   Table table_;
 };
 

@@ -54,7 +54,13 @@ class Importer {
 
   std::vector<Run> Read(std::vector<std::string>& notes) {
     table_ = ParseTable(bytes_, file_, map_.format, [&](const auto& names) { return Choose(names); });
+    notes_.insert(notes_.end(), table_.notes.begin(), table_.notes.end());
     const std::size_t rows = table_.lines.size();
+    if (rows == 0) {
+      throw TableError(fmt::format(
+          "{}: names of columns and no row below them; accepted: one row a sample; record or export it again",
+          file_));
+    }
     const std::vector<double> time = Times(rows);
     by_ = Labels(map_.by, rows);
     family_ = Labels(map_.family, rows);

@@ -177,10 +177,6 @@ class Reader {
         "auto");
     map_.format.decimal =
         block.Choice<char>("decimal", {{"auto", '\0'}, {"point", '.'}, {"comma", ','}}, "auto");
-    if (map_.format.delimiter == ',' && map_.format.decimal == ',') {
-      block.Fail("decimal", "commas cannot separate cells and decimals",
-                 "another delimiter, or decimal: point");
-    }
     block.Close();
   }
 
@@ -276,8 +272,20 @@ class Reader {
     const auto tendons = static_cast<std::size_t>(robot_.body.tendons());
     std::vector<double> factors;
     for (std::size_t j = 0; j < tendons; ++j) factors.push_back(unit_of(block, unit, j));
-    return Group(block, tendons, "one a tendon of the robot, in tendon order; null where there is none",
-                 factors);
+    std::vector<MappedColumn> columns = Group(
+        block, tendons, "one a tendon of the robot, in tendon order; null where there is none", factors);
+    for (auto column = columns.begin(); column != columns.end(); ++column) {
+      // Of a motor that winds one tendon in and another one out, both may be told by its column.
+      const bool again = std::any_of(columns.begin(), column, [&](const MappedColumn& c) {
+        return !c.name.empty() && c.name == column->name && c.factor * column->factor > 0;
+      });
+      if (again) {
+        block.Fail("names", fmt::format("'{}' stands for two tendons", Printable(column->name)),
+                   "a column of its own for each tendon, null, or sign: -1 for the other tendon of a motor "
+                   "that has two");
+      }
+    }
+    return columns;
   }
 
   void Columns(Block block) {

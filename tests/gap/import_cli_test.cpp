@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -110,6 +111,72 @@ TEST_F(ImportCommandTest, WrongUseAndWrongDataSayWhatToDo) {
   EXPECT_THAT(error_, HasSubstr("table.csv.gone"));
   EXPECT_EQ(Run(fmt::format("--robot {} --map {} {} --out {}", kRobot, map, table, out)), 0);
   EXPECT_THAT(error_, HasSubstr("these are millimetres; divide by 1000"));
+}
+
+TEST_F(ImportCommandTest, NothingThatIsReadIsEverReplaced) {
+  const std::string map = Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z]}}\n");
+  std::string rows = "x,y,z\n";
+  for (int i = 0; i < 100; ++i) rows += fmt::format("{},0,58\n", i % 7);
+  const std::string table = Write("plain.csv", rows);
+  Write("robot.yaml", "# mine\n");
+  const auto text = [](const fs::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  const std::string command = fmt::format("--robot {} --map {} {} ", kRobot, map, table);
+  fs::create_directories(folder_ / "sub");
+  for (const std::string& out : {folder_.string(), (folder_ / "sub/..").string()}) {
+    for (const char* more : {"", " --overwrite"}) {
+      EXPECT_EQ(Run(command + "--out " + out + more), 2);
+      EXPECT_THAT(error_, HasSubstr("is the folder of")) << error_;
+      EXPECT_EQ(std::count(error_.begin(), error_.end(), '\n'), 1) << error_;
+    }
+  }
+  EXPECT_EQ(Run(command + "--log " + table), 2);
+  EXPECT_THAT(error_, HasSubstr("give another --log"));
+  EXPECT_EQ(text(table), rows);
+  EXPECT_EQ(text(folder_ / "robot.yaml"), "# mine\n");
+  EXPECT_FALSE(fs::exists(folder_ / "runs.yaml"));
+  // A set of another import stays, until it may go.
+  const std::string out = (folder_ / "out").string();
+  ASSERT_EQ(Run(command + "--out " + out), 0) << error_;
+  EXPECT_EQ(Run(command + "--out " + out), 2);
+  EXPECT_THAT(error_, HasSubstr("--overwrite"));
+  EXPECT_EQ(Run(command + "--overwrite --out " + out), 0) << error_;
+}
+
+TEST_F(ImportCommandTest, WhatTheTableLacksIsSaidAllOfIt) {
+  const std::string map = Write("map.yaml",
+                                "time: {rate_Hz: 100}\n"
+                                "columns:\n"
+                                "  tip: {names: [x, y, z], unit: mm}\n"
+                                "  torque_actual: {names: [i1, i2, i3]}\n");
+  std::string rows = "x,y,z,i1,i2,i3,note\n";
+  for (int i = 0; i < 100; ++i)
+    rows += fmt::format("{},0,58,{},0.001,0.002,\n", i % 7, i == 7 ? "n/a" : i == 9 ? "inf" : "0.001");
+  const std::string table = Write("plain.csv", rows + "1,2,58,0.0");
+  const std::string out = (folder_ / "out").string();
+  ASSERT_EQ(Run(fmt::format("--robot {} --map {} {} --out {}", kRobot, map, table, out)), 0) << error_;
+  EXPECT_THAT(error_, HasSubstr("plain.csv:102: the last line has no end and may be cut short; dropped"));
+  EXPECT_THAT(error_, HasSubstr("column i1: 1 infinite values taken as missing"));
+  EXPECT_THAT(error_, HasSubstr("1 cell that says 'n/a' taken as missing, the first in line 9, column i1"));
+  // Of one channel more than the first.
+  EXPECT_THAT(error_, HasSubstr("tension: no run has tensions"));
+  EXPECT_THAT(error_, HasSubstr("columns of the table that the map does not use: note"));
+
+  std::string many = "--robot " + kRobot + " --map " + map + " --out " + out + "2";
+  for (int i = 0; i < 40; ++i) many += " " + Write(fmt::format("t{}.csv", i), rows);
+  ASSERT_EQ(Run(many), 0) << error_;
+  EXPECT_LE(std::count(error_.begin(), error_.end(), '\n'), 25) << error_;
+}
+
+TEST_F(ImportCommandTest, TablesWithoutRowsAreNamedWithTheReason) {
+  const std::string map = Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z]}}\n");
+  const std::string table = Write("head.csv", "x,y,z\n");
+  EXPECT_EQ(Run(fmt::format("--robot {} --map {} {} --out {}/out", kRobot, map, table, folder_.string())), 1);
+  EXPECT_THAT(error_, HasSubstr("head.csv: names of columns and no row below them"));
+  EXPECT_EQ(std::count(error_.begin(), error_.end(), '\n'), 1) << error_;
+  EXPECT_FALSE(fs::exists(folder_ / "out"));
 }
 
 }  // namespace

@@ -94,9 +94,10 @@ TEST_F(ImportTest, AnglesOfMotorSpoolTurnsAndCountsAgree) {
                                      {"{unit: turns, at: motor,", "4.75"},
                                      {"{unit: counts,", "9728"},
                                      {"{unit: deg,", "1710"}}) {
-    const DataSet set = Import(
-        fmt::format("time: {{rate_Hz: 10}}\ncolumns: {{motor_position: {} names: [a, a, a]}}}}\n", unit),
-        fmt::format("a\n{0}\n{0}\n{0}\n", number));
+    const DataSet set =
+        Import(fmt::format(
+                   "time: {{rate_Hz: 10}}\ncolumns: {{motor_position: {} names: [null, a, null]}}}}\n", unit),
+               fmt::format("a\n{0}\n{0}\n{0}\n", number));
     EXPECT_NEAR(set.runs.at(0).motor_position_rad(2, 1), wanted, 1e-9) << unit;
     EXPECT_NEAR(set.runs.at(0).time_s[2], 0.2, 1e-12);
   }
@@ -175,7 +176,7 @@ TEST_F(ImportTest, LabelsSplitATableIntoRunsFamiliesAndRepetitions) {
       "  family: {column: label, match: 'rep\\d+_([a-z]+).*', as: '$1'}\n"
       "  repeats: {column: label, match: 'rep\\d+_(.*?)(_hold)?', as: '$1'}\n"
       "  longest_gap_s: 10\n"
-      "columns: {tension: {names: [f, f, f]}}\n",
+      "columns: {tension: {names: [f, null, null]}}\n",
       "t,label,f\n"
       "1778538600,rep1_circle,1\n1778538601,rep1_circle,2\n1778538602,rep1_circle_hold,3\n"
       "1778538603,rep1_pull 2,4\n1778538604,rep1_pull 2,5\n"
@@ -202,7 +203,7 @@ TEST_F(ImportTest, LabelsSplitATableIntoRunsFamiliesAndRepetitions) {
   const DataSet back = LoadDataSet(folder_ / "set", "");
   ASSERT_EQ(back.runs.size(), 5u);
   EXPECT_EQ(back.runs[2].repeat_of, "table_rep1_circle");
-  EXPECT_EQ(back.runs[2].tension_N, set.runs[2].tension_N);
+  EXPECT_EQ(back.runs[2].tension_N.col(0), set.runs[2].tension_N.col(0));
 }
 
 TEST_F(ImportTest, WrongMapsAreNamedWithTheirLineAndWhatIsAccepted) {
@@ -210,22 +211,22 @@ TEST_F(ImportTest, WrongMapsAreNamedWithTheirLineAndWhatIsAccepted) {
   const auto expect = [&](const std::string& map, const std::string& text) {
     EXPECT_THAT(Refusal(map, table), HasSubstr(text));
   };
-  const std::string good = "time: {column: t}\ncolumns:\n  tension: {names: [x, x, x]}\n";
+  const std::string good = "time: {column: t}\ncolumns:\n  tension: {names: [x, null, null]}\n";
   EXPECT_EQ(Refusal(good, table), "");
   expect(good + "colour: red\n",
          "map.yaml:4: colour: no such key; accepted: columns, frame, runs, table, time");
-  expect("time: {column: t}\ncolumns:\n  tension: {names: [x, x, x], units: N}\n",
+  expect("time: {column: t}\ncolumns:\n  tension: {names: [x, null, null], units: N}\n",
          "map.yaml:3: columns.tension.units: no such key");
-  expect("time: {column: t, unit: hours}\ncolumns:\n  tension: {names: [x, x, x]}\n",
+  expect("time: {column: t, unit: hours}\ncolumns:\n  tension: {names: [x, null, null]}\n",
          "time.unit: 'hours' is not known; accepted: min, ms");
-  expect("columns:\n  tension: {names: [x, x, x]}\n", "time: is missing");
-  expect("time: {}\ncolumns:\n  tension: {names: [x, x, x]}\n", "neither");
+  expect("columns:\n  tension: {names: [x, null, null]}\n", "time: is missing");
+  expect("time: {}\ncolumns:\n  tension: {names: [x, null, null]}\n", "neither");
   expect("time: {column: t}\ncolumns:\n  tension: {names: [x, x]}\n",
          "map.yaml:3: columns.tension.names: has 2 entries; accepted: a list of 3");
-  expect("time: {column: t}\ncolumns:\n  tension: {names: [x, x, x], sign: 2}\n", "2 is no sign");
+  expect("time: {column: t}\ncolumns:\n  tension: {names: [x, null, null], sign: 2}\n", "2 is no sign");
   expect(good + "frame: {axes: [x, y, -z]}\n", "no right-handed frame");
   expect(good + "runs: {by: {column: t, match: '(('}}\n", "is no regular expression");
-  expect("time: {column: t}\ncolumns:\n  tension: {names: [x, x, x], unit: lb}\n",
+  expect("time: {column: t}\ncolumns:\n  tension: {names: [x, null, null], unit: lb}\n",
          "'lb' is not known; accepted: N, mN, kN, g, kg, V, mV");
   expect("time: [", "not YAML");
   expect("", "no column map");
@@ -354,6 +355,25 @@ TEST_F(PublishedTest, ATrunkWithPairsOfTendons) {
   // It hangs along +z of its base and is about as long as its file says.
   EXPECT_NEAR(run.tip_m.col(2).maxCoeff(), set.robot.body.length_m(), 0.03);
   EXPECT_THAT(run.notes, Contains(HasSubstr("x1, y1, z1, x2, y2, z2")));
+}
+
+TEST_F(ImportTest, DecimalCommasInQuotesAreReadWhereTheMapSaysSo) {
+  const std::string columns = "columns: {tip: {names: [x, y, z]}}\n";
+  const std::string table = "\"x\",\"y\",\"z\"\n\"0,0015\",\"-2\",\"1e-3\"\n\"0,5\",\"2,5\",\"\"\n";
+  const gap::Run run = Import("table: {decimal: comma}\ntime: {rate_Hz: 100}\n" + columns, table).runs.at(0);
+  EXPECT_TRUE(run.tip_m.row(0).isApprox(Eigen::RowVector3d(0.0015, -2, 1e-3), 1e-15));
+  EXPECT_EQ(Refusal("table: {delimiter: comma, decimal: comma}\ntime: {rate_Hz: 100}\n" + columns, table),
+            "");
+  EXPECT_THAT(Refusal("time: {rate_Hz: 100}\n" + columns, table),
+              HasSubstr("if its comma is a decimal one, say table: {decimal: comma}"));
+  EXPECT_THAT(Refusal("table: {decimal: comma}\ntime: {rate_Hz: 100}\n" + columns, "x,y,z\n0,1,0,2,0,3\n"),
+              HasSubstr("numbers with a decimal comma stand in quotes"));
+}
+
+TEST_F(ImportTest, AColumnIsOneTendons) {
+  EXPECT_THAT(
+      Refusal("time: {rate_Hz: 100}\ncolumns:\n  tension: {names: [a, b, a]}\n", "a,b\n1,2\n3,4\n"),
+      HasSubstr(":3: columns.tension.names: 'a' stands for two tendons; accepted: a column of its own"));
 }
 
 }  // namespace

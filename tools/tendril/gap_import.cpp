@@ -4,15 +4,19 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <set>
 
 #include "commands.h"
-#include "output.h"
+#include "counted.h"
+#include "set_folder.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/daemon/wiring.h"
@@ -25,9 +29,12 @@
 namespace tendril::tools {
 namespace {
 
+namespace fs = std::filesystem;
+
 struct ImportOptions {
   std::string robot, map, out, log;
   std::vector<std::string> tables;
+  bool overwrite = false;
 };
 
 /// Writes runs as the cycles that a daemon would have logged; what its units cannot hold is counted.
@@ -136,10 +143,6 @@ class CycleLog {
 };
 
 void WriteLog(const gap::DataSet& set, const std::string& path) {
-  if (!set.robot.actuation) {
-    throw std::runtime_error(
-        "a log needs a robot file with actuation (drives, encoders, load cells); use --out");
-  }
   std::set<std::string> lacking;
   for (const gap::Run& run : set.runs) {
     if (run.motor_position_rad.cols() == 0) lacking.insert("motor_position");
@@ -161,7 +164,7 @@ void WriteLog(const gap::DataSet& set, const std::string& path) {
   CycleLog log(set.robot, path);
   for (const gap::Run& run : set.runs) log.Write(run);
   const std::string cut = log.Finish();
-  fmt::print("{}: {} runs, {} events\n", path, set.runs.size(), log.events());
+  fmt::print("{}: {}, {}\n", path, Counted(set.runs.size(), "run"), Counted(log.events(), "event"));
   std::string names;
   for (const std::string& name : lacking) names += (names.empty() ? "" : ", ") + name;
   if (!names.empty()) {
@@ -174,16 +177,78 @@ void WriteLog(const gap::DataSet& set, const std::string& path) {
   if (!cut.empty()) fmt::print(stderr, "tendril: {}: {}\n", path, cut);
 }
 
+/// The same of several runs is one line, and there are no more lines than somebody reads; what is worst comes
+/// first.
+void PrintFindings(const std::vector<gap::HealthFinding>& findings) {
+  using Severity = gap::HealthFinding::Severity;
+  constexpr std::size_t kMost = 24;
+  struct Group {
+    const gap::HealthFinding* first;
+    std::size_t others;
+  };
+  std::vector<Group> groups;
+  std::map<std::string, std::size_t> known;
+  for (const gap::HealthFinding& f : findings) {
+    if (f.severity == Severity::kInfo && f.channel != "file") continue;
+    std::string kind = fmt::format("{} {} ", static_cast<int>(f.severity), f.channel);
+    for (const char c : f.text) {
+      if (!std::isdigit(static_cast<unsigned char>(c))) kind += c;
+    }
+    const auto [at, is_first] = known.emplace(kind, groups.size());
+    if (is_first) {
+      groups.push_back({&f, 0});
+    } else {
+      ++groups[at->second].others;
+    }
+  }
+  std::stable_sort(groups.begin(), groups.end(),
+                   [](const Group& a, const Group& b) { return a.first->severity > b.first->severity; });
+  for (std::size_t i = 0; i < std::min(groups.size(), kMost); ++i) {
+    const auto& [f, others] = groups[i];
+    fmt::print(stderr, "tendril: {}{}{}{}: {}\n", f->severity == Severity::kError ? "wrong data: " : "data: ",
+               f->run.empty() ? "" : f->run + ": ", f->channel,
+               others > 0 ? fmt::format(" (and {} more like it)", others) : "", f->text);
+  }
+  if (groups.size() > kMost)
+    fmt::print(stderr, "tendril: data: and {} more; the report of `tendril gap diagnose` lists all\n",
+               groups.size() - kMost);
+}
+
+/// What would lose a file is found before anything is read. Returns where the set goes, if anywhere.
+std::optional<SetFolder> CheckPlaces(const ImportOptions& options) {
+  std::vector<std::string> inputs{options.robot, options.map};
+  inputs.insert(inputs.end(), options.tables.begin(), options.tables.end());
+  if (!options.log.empty()) {
+    RefuseToReplace(options.log, "--log", inputs);
+    CheckWritable(options.log);
+  }
+  std::error_code ignored;
+  for (const std::string& table : options.tables) {
+    if (options.out.empty() || !fs::equivalent(fs::absolute(table).parent_path(), options.out, ignored))
+      continue;
+    throw UsageError(fmt::format(
+        "--out {} is the folder of {}, which a run of that name would replace; give another --out",
+        options.out, table));
+  }
+  if (options.out.empty()) return {};
+  return SetFolder(options.out, options.overwrite, inputs);
+}
+
 void RunImport(const ImportOptions& options) {
   if (options.out.empty() && options.log.empty()) {
     throw UsageError("gap import: nowhere to write; name a folder by --out or a log by --log");
   }
+  const std::optional<SetFolder> folder = CheckPlaces(options);
   const RobotParameters robot = sim::LoadRobot(options.robot);
+  if (!options.log.empty() && !robot.actuation) {
+    throw std::runtime_error(
+        "a log needs a robot file with actuation (drives, encoders, load cells); use --out");
+  }
   const gap::DataSet set = gap::ImportTables(options.map, options.tables, robot);
-  if (!options.out.empty()) {
-    gap::WriteDataSet(set, MakeOutputFolder(options.out));
-    fmt::print("{}: {} runs\n", std::filesystem::absolute(options.out).lexically_normal().string(),
-               set.runs.size());
+  if (folder) {
+    folder->Write(set);
+    fmt::print("{}: {}\n", fs::absolute(options.out).lexically_normal().string(),
+               Counted(set.runs.size(), "run"));
   }
   if (!options.log.empty()) WriteLog(set, options.log);
 
@@ -194,16 +259,9 @@ void RunImport(const ImportOptions& options) {
     rows += static_cast<std::size_t>(run.time_s.size());
     repeats += !run.repeat_of.empty();
   }
-  fmt::print("{} rows, {} families, {} repetitions\n", rows, families.size(), repeats);
-  // The same complaint of many runs is said once.
-  std::set<std::string> said;
-  for (const gap::HealthFinding& f : gap::CheckHealth(set)) {
-    if (f.severity == gap::HealthFinding::Severity::kInfo && f.channel != "file") continue;
-    if (!said.insert(f.channel).second) continue;
-    fmt::print(stderr, "tendril: {}{}{}: {}\n",
-               f.severity == gap::HealthFinding::Severity::kError ? "wrong data: " : "data: ",
-               f.run.empty() ? "" : f.run + ": ", f.channel, f.text);
-  }
+  fmt::print("{}, {}, {}\n", Counted(rows, "row"), Counted(families.size(), "family", "families"),
+             Counted(repeats, "repetition"));
+  PrintFindings(gap::CheckHealth(set));
 }
 
 }  // namespace
@@ -220,6 +278,7 @@ void AddGapImportCommand(CLI::App& app) {
       ->required();
   command->add_option("tables", options->tables, "text files with one row a sample")->required();
   command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and a CSV a run");
+  command->add_flag("--overwrite", options->overwrite, "replace the set that the folder holds");
   command->add_option("--log", options->log, "LCM log as the daemon writes them, in its drives' units");
   command->callback([options] { RunImport(*options); });
 }
