@@ -27,6 +27,7 @@ class ApplyCommandTest : public CommandTest {
   Diagnosis Report(Verdict verdict, std::vector<gap::Cause> causes, const std::string& file = "report.json") {
     Diagnosis d = gap::ExampleDiagnosis(verdict);
     d.robot_name = config::LoadRobot(kRig).name;
+    d.robot_yaml = config::ToYaml(config::LoadRobot(kRig));
     d.accepted = std::move(causes);
     WriteText(folder_ / file, gap::ReportJson(d));
     return d;
@@ -135,6 +136,7 @@ TEST_F(ApplyCommandTest, NonsenseIsRefusedAndNothingWritten) {
 TEST_F(ApplyCommandTest, AnotherRobotsReportIsSaid) {
   Diagnosis d = gap::ExampleDiagnosis(Verdict::kAttributed);
   d.robot_name = "somebody_elses";
+  d.robot_yaml = config::ToYaml(config::LoadRobot(kRig));
   d.accepted = {Cause("bending_stiffness", "all", "scale", {0.92, 0.91, 0.93})};
   WriteText(folder_ / "report.json", gap::ReportJson(d));
   EXPECT_EQ(Apply("report.json --out new.yaml"), 0);
@@ -149,6 +151,74 @@ TEST_F(ApplyCommandTest, InPlaceChangesTheFileItself) {
   const RobotParameters robot = sim::LoadRobot(folder_ / "rig.yaml");
   EXPECT_EQ(robot.actuation->tendons[0].motor.torque_scale, 0.9);
   EXPECT_EQ(robot.actuation->tendons[1].motor.torque_scale, 1);
+}
+
+// What a report found counts from the file that it was made with.
+TEST_F(ApplyCommandTest, AReportIsRefusedOnAnyOtherFileThanItsOwn) {
+  const Diagnosis d =
+      Report(Verdict::kAttributed, {Cause("bending_stiffness", "all", "scale", {0.92, 0.91, 0.93})});
+  ASSERT_EQ(Apply("report.json --in-place"), 0) << error_;
+  const std::string once = ReadText(folder_ / "rig.yaml");
+  EXPECT_EQ(Apply("report.json --in-place"), 1);
+  EXPECT_THAT(error_, testing::ContainsRegex(
+                          "report.json was made with another robot file: "
+                          "body.sections\\[0\\].youngs_modulus_Pa is [0-9.e]+ there and [0-9.e]+ in "
+                          "rig.yaml"));
+  EXPECT_THAT(error_, HasSubstr("--anyway"));
+  EXPECT_TRUE(OneLine());
+  EXPECT_EQ(ReadText(folder_ / "rig.yaml"), once);
+  ASSERT_EQ(Apply("report.json --in-place --anyway"), 0) << error_;
+  EXPECT_THAT(error_, HasSubstr("warning: report.json was made with another robot file"));
+  EXPECT_NE(ReadText(folder_ / "rig.yaml"), once);
+
+  const auto refused = [&](const std::string& effect, const std::string& key) {
+    WriteText(folder_ / "rig.yaml", rig_);
+    ASSERT_EQ(Apply(fmt::format("--effect '{}' --in-place", effect)), 0) << error_;
+    EXPECT_EQ(Apply("report.json --out new.yaml"), 1) << effect;
+    EXPECT_THAT(error_, HasSubstr(key)) << effect;
+  };
+  refused("torque_constant where=tendon:2 scale=0.9", "torque_scale of tendon 2 is ");
+  refused("backlash where=tendon:1 rad=0.05",
+          "effects[0] is nothing there and backlash where=tendon:1 rad=0.05 in rig.yaml");
+  EXPECT_FALSE(fs::exists(folder_ / "new.yaml"));
+  // The same values in another layout are the same robot.
+  WriteText(folder_ / "rig.yaml", d.robot_yaml);
+  EXPECT_EQ(Apply("report.json --out new.yaml"), 0) << error_;
+  EXPECT_EQ(error_, "");
+  // One that does not tell.
+  Diagnosis old = d;
+  old.robot_yaml.clear();
+  WriteText(folder_ / "report.json", gap::ReportJson(old));
+  EXPECT_EQ(Apply("report.json --out new.yaml"), 1);
+  EXPECT_THAT(error_, HasSubstr("does not say with which robot file it was made"));
+  EXPECT_EQ(Apply("report.json --out new.yaml --anyway"), 0) << error_;
+}
+
+TEST_F(ApplyCommandTest, ThroughALinkTheFileBehindItIsChanged) {
+  fs::rename(folder_ / "rig.yaml", folder_ / "real.yaml");
+  fs::permissions(folder_ / "real.yaml", fs::perms(0640));
+  fs::create_symlink("real.yaml", folder_ / "rig.yaml");
+  WriteText(folder_ / "real.yaml.new", "mine");
+  ASSERT_EQ(Apply("--effect 'tip_payload mass_kg=0.002' --in-place"), 0) << error_;
+  EXPECT_TRUE(fs::is_symlink(folder_ / "rig.yaml"));
+  EXPECT_THAT(ReadText(folder_ / "real.yaml"), HasSubstr("tip_payload mass_kg=0.002"));
+  EXPECT_EQ(fs::status(folder_ / "real.yaml").permissions(), fs::perms(0640));
+  EXPECT_EQ(ReadText(folder_ / "real.yaml.new"), "mine");
+}
+
+TEST_F(ApplyCommandTest, AMarkOfByteOrderIsNoObstacleAndStays) {
+  const std::string mark = "\xEF\xBB\xBF";
+  for (const std::string& text : {rig_, rig_.substr(rig_.find("name:"))}) {
+    WriteText(folder_ / "rig.yaml", mark + text);
+    ASSERT_EQ(Run("config check rig.yaml"), 0) << error_;
+    ASSERT_EQ(Apply("--effect 'bending_stiffness scale=0.9' --in-place"), 0) << error_;
+    const std::string after = ReadText(folder_ / "rig.yaml");
+    EXPECT_TRUE(after.starts_with(mark));
+    EXPECT_EQ(after.find(mark, 1), after.npos);
+    EXPECT_NEAR(sim::LoadRobot(folder_ / "rig.yaml").body.sections[0].youngs_modulus_Pa /
+                    sim::LoadRobot(kRig).body.sections[0].youngs_modulus_Pa,
+                0.9, 1e-12);
+  }
 }
 
 // What `explain` says can be tried, can be tried: every effect it knows, at what it calls plainly visible.
@@ -186,6 +256,10 @@ TEST_F(ApplyCommandTest, ExplainKnowsThePlacesOfARobot) {
   EXPECT_EQ(Run("gap explain backlash --robot rig.yaml"), 2);
   EXPECT_EQ(Run("gap explain --json --robot gone.yaml"), 1);
   EXPECT_EQ(Run("gap explain gremlins"), 2);
+  EXPECT_EQ(Run("gap explain BACKLASH"), 2);
+  EXPECT_THAT(error_, HasSubstr("did you mean backlash?"));
+  EXPECT_EQ(Apply("--effect 'BACKLASH rad=0.1' --out new.yaml"), 2);
+  EXPECT_THAT(error_, HasSubstr("did you mean backlash?"));
 }
 
 TEST_F(ApplyCommandTest, AReportIsDrawnAgainFromItsNumbers) {

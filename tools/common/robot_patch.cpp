@@ -452,6 +452,46 @@ double RobotDifference(const RobotParameters& a, const RobotParameters& b) {
   return largest;
 }
 
+std::optional<KeyDifference> FirstDifference(const RobotParameters& left, const RobotParameters& right) {
+  const auto leaves_of = [](const RobotParameters& robot) {
+    std::map<std::string, std::string> leaves;
+    const auto named = [](const Path& path) {
+      std::string key;
+      for (const std::string& part : path) key += (key.empty() || part.front() == '[' ? "" : ".") + part;
+      return key;
+    };
+    for (const auto& [path, value] : OtherLeaves(robot)) leaves[named(path)] = value;
+    leaves.erase("name");
+    const std::size_t tendons = robot.actuation ? robot.actuation->tendons.size() : 0;
+    for (std::size_t j = 0; j < tendons; ++j) {
+      for (const auto& [path, value] : TendonLeaves(robot, j))
+        leaves[fmt::format("actuation.{} of tendon {}", named(path), j + 1)] = value;
+    }
+    for (std::size_t i = 0; i < robot.effects.size(); ++i) {
+      const EffectSetting& e = robot.effects[i];
+      std::string text = fmt::format("{} where={}", e.name, e.where);
+      for (const auto& [name, value] : e.values) text += fmt::format(" {}={}", name, value);
+      leaves[fmt::format("effects[{}]", i)] = text;
+    }
+    return leaves;
+  };
+  const auto same = [](const std::string& a, const std::string& b) {
+    const auto x = AsNumber(a), y = AsNumber(b);
+    return a == b || (x && y && std::abs(*x - *y) <= kSame * std::max(std::abs(*x), std::abs(*y)));
+  };
+  const auto a = leaves_of(left), b = leaves_of(right);
+  constexpr const char* kNothing = "nothing";
+  for (const auto& [key, value] : a) {
+    const auto other = b.find(key);
+    if (other == b.end()) return KeyDifference{key, value, kNothing};
+    if (!same(value, other->second)) return KeyDifference{key, value, other->second};
+  }
+  for (const auto& [key, value] : b) {
+    if (!a.contains(key)) return KeyDifference{key, kNothing, value};
+  }
+  return {};
+}
+
 RobotPatch PatchRobot(const std::string& text, const std::string& path,
                       const std::vector<EffectSetting>& effects, const std::vector<std::string>& heading) {
   const RobotParameters original = config::ParseRobot(text, path);

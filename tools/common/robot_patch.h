@@ -2,6 +2,7 @@
 // they stand, laws added at the end, comments and order kept. Knows nothing of where the effects come from.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,5 +28,12 @@ std::string DiffLines(const std::string& before, const std::string& after);
 /// Largest relative difference of any number of two robots of equal layout; infinity when other things
 /// differ. Their effects are folded in first.
 double RobotDifference(const RobotParameters& a, const RobotParameters& b);
+
+struct KeyDifference {
+  std::string key, left, right;  // "nothing" where one robot lacks the key
+};
+/// The first key in which the resolved files differ by more than round-off, effects as they are listed; the
+/// robots' names may differ. Empty when there is none.
+std::optional<KeyDifference> FirstDifference(const RobotParameters& left, const RobotParameters& right);
 
 }  // namespace tendril::tools

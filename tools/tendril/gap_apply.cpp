@@ -1,6 +1,7 @@
 // `tendril gap apply`: what a diagnosis found, worked into a new robot file. Knows nothing of how it was
 // found.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +11,9 @@
 #include <sstream>
 
 #include "commands.h"
+#include "effect_name.h"
 #include "robot_patch.h"
+#include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/gap/diagnosis.h"
 #include "tendril/gap/report.h"
@@ -24,7 +27,7 @@ namespace fs = std::filesystem;
 struct ApplyOptions {
   std::string robot, report, out;
   std::vector<std::string> effects;
-  bool force = false, in_place = false;
+  bool force = false, anyway = false, in_place = false;
 };
 
 std::string ReadText(const std::string& path) {
@@ -70,6 +73,39 @@ std::vector<std::string> Provenance(const gap::Diagnosis& d, const std::string& 
   return lines;
 }
 
+/// Why a report does not belong to this robot file; empty when it does. What it found counts from the file
+/// that it was made with, and on any other, its own result included, would count twice or for nothing.
+std::string Misfit(const gap::Diagnosis& d, const ApplyOptions& options, const RobotParameters& robot) {
+  if (d.robot_yaml.empty())
+    return fmt::format("{} does not say with which robot file it was made", options.report);
+  RobotParameters its;
+  try {
+    its = config::ParseRobot(d.robot_yaml, "robot_yaml of " + options.report);
+  } catch (const std::exception& e) {
+    return fmt::format("the robot file with which it was made cannot be read: {}", e.what());
+  }
+  const auto difference = FirstDifference(its, robot);
+  if (!difference) return {};
+  return fmt::format("{} was made with another robot file: {} is {} there and {} in {}", options.report,
+                     difference->key, difference->left, difference->right, options.robot);
+}
+
+/// As one file that is there whole or not at all, with the old one's permissions; a link stays one.
+void WriteText(const std::string& text, const std::string& out) {
+  std::error_code error, ignored;
+  const fs::path target = fs::exists(out, ignored) ? fs::canonical(out) : fs::path(out);
+  const fs::path temporary = fmt::format("{}.new-{}", target.string(), getpid());
+  std::ofstream file(temporary, std::ios::binary);
+  file << text;
+  file.close();
+  if (fs::exists(target, ignored)) fs::permissions(temporary, fs::status(target).permissions(), ignored);
+  if (file) fs::rename(temporary, target, error);
+  if (!file || error) {
+    fs::remove(temporary, ignored);
+    throw std::runtime_error("cannot write " + out + "; choose another place with --out");
+  }
+}
+
 void RunApply(const ApplyOptions& options) {
   if (options.report.empty() && options.effects.empty()) {
     throw UsageError("nothing to apply: give the report.json of `tendril gap diagnose`, or --effect");
@@ -82,7 +118,10 @@ void RunApply(const ApplyOptions& options) {
   if (!options.in_place && fs::equivalent(out, options.robot, none)) {
     throw UsageError("--out is the robot file itself; give another name, or --in-place");
   }
-  const std::string text = ReadText(options.robot);
+  std::string text = ReadText(options.robot);
+  // The mark that some editors put first belongs to no line.
+  const std::string mark = text.starts_with("\xEF\xBB\xBF") ? text.substr(0, 3) : "";
+  text.erase(0, mark.size());
   const RobotParameters robot = sim::LoadRobot(options.robot);
 
   std::vector<EffectSetting> effects;
@@ -98,6 +137,15 @@ void RunApply(const ApplyOptions& options) {
     }
     if (d.accepted.empty())
       throw std::runtime_error(options.report + ": it accepted no cause: there is nothing to apply");
+    if (const std::string misfit = Misfit(d, options, robot); !misfit.empty()) {
+      if (!options.anyway) {
+        throw std::runtime_error(
+            misfit +
+            "; name the file that was diagnosed, or diagnose this one; --anyway applies it "
+            "nevertheless");
+      }
+      fmt::print(stderr, "warning: {}; applied nevertheless\n", misfit);
+    }
     for (const gap::Cause& cause : d.accepted) {
       EffectSetting setting{.name = cause.effect, .where = cause.where, .values = {}};
       for (const auto& [name, value] : cause.parameters) setting.values.emplace_back(name, Sensible(value));
@@ -111,8 +159,11 @@ void RunApply(const ApplyOptions& options) {
   }
   for (const std::string& given : options.effects) {
     try {
+      CheckEffectNamed(given);
       effects.push_back(sim::ParseEffect(given, robot));
     } catch (const std::invalid_argument& e) {
+      throw UsageError(std::string("--effect: ") + e.what());
+    } catch (const UsageError& e) {
       throw UsageError(std::string("--effect: ") + e.what());
     }
     heading.push_back(fmt::format("{} by `tendril gap apply` ({}): {}",
@@ -121,17 +172,7 @@ void RunApply(const ApplyOptions& options) {
   const RobotPatch patch = PatchRobot(text, options.robot, effects, heading);
   fmt::print("{}", DiffLines(text, patch.text));
 
-  // A file that is half written helps nobody.
-  const fs::path temporary = out + ".new";
-  std::ofstream file(temporary, std::ios::binary);
-  file << patch.text;
-  file.close();
-  std::error_code error;
-  if (file) fs::rename(temporary, out, error);
-  if (!file || error) {
-    fs::remove(temporary, none);
-    throw std::runtime_error("cannot write " + out + "; choose another place with --out");
-  }
+  WriteText(mark + patch.text, out);
   std::size_t laws = 0;
   for (const EffectSetting& e : effects) laws += sim::FindEffect(e.name)->edit == nullptr;
   fmt::print(
@@ -153,6 +194,7 @@ void AddGapApplyCommand(CLI::App& app) {
       ->allow_extra_args(false);
   command->add_option("--out", options->out, "the new robot file");
   command->add_flag("--force", options->force, "although the verdict is not 'attributed'");
+  command->add_flag("--anyway", options->anyway, "although the report was made with another robot file");
   command->add_flag("--in-place", options->in_place, "change the robot file itself");
   command->callback([options] { RunApply(*options); });
 }
