@@ -176,6 +176,15 @@ TEST_F(DiagnoseCommandTest, WholeSetsAreDiagnosed) {
   first["provenance"].erase("seconds");
   report_["provenance"].erase("seconds");
   EXPECT_EQ(first, report_);
+  // The whole command, so that a shell takes it again as it was.
+  EXPECT_EQ(report_["provenance"]["command"],
+            fmt::format("tendril gap diagnose --robot {} set --out report --no-next --threads 1 --refits 2{}",
+                        kRig, small_));
+  fs::copy_file(kRig, folder_ / "it's a rig.yaml");
+  ASSERT_EQ(Diagnose("--seed 7 --delta-mm=0.5", "\"it's a rig.yaml\""), 0) << error_;
+  const std::string command = report_["provenance"]["command"];
+  EXPECT_TRUE(command.starts_with("tendril gap diagnose --robot 'it'\\''s a rig.yaml' set --out report"));
+  EXPECT_TRUE(command.ends_with(" --seed 7 --delta-mm=0.5")) << command;
 }
 
 TEST_F(DiagnoseCommandTest, AMissingRunIsLeftOutAndSaid) {
@@ -376,7 +385,8 @@ TEST_F(DiagnoseCommandTest, LostRowsAreGapsAndSaid) {
 }
 
 TEST_F(DiagnoseCommandTest, ATrackerOnAnotherClockIsSaidWithItsOffset) {
-  ASSERT_EQ(Run(fmt::format("gap simulate --robot {} --plan plan.yaml --out set --seed 10 --jobs 1", kRig)),
+  ASSERT_EQ(Run(fmt::format(
+                "gap simulate --robot {} --plan plan.yaml --out set --overwrite --seed 10 --jobs 1", kRig)),
             0)
       << error_;
   Edit([](Table& table) {
@@ -407,17 +417,21 @@ TEST_F(DiagnoseCommandTest, WrongUseIsTold) {
   const struct {
     const char *arguments, *says;
   } cases[] = {
-      {"--without gremlins", "--without gremlins: no such effect"},
+      {"--without gremlins", "--without: there is no effect 'gremlins'"},
+      {"--only BACKLASH", "did you mean backlash?"},
       {"--seed -1", "leave out the sign"},
       {"--threads -1", "--threads"},
       {"--refits 0", "--refits"},
       {"--delta-N 0", "--delta-N"},
       {"--delta-mm nonsense", "--delta-mm"},
+      {"--delta-mm -1", "'-1' is out of range; accepted: a number above 0"},
+      {"--delta-mm inf", "'inf' is out of range"},
   };
   for (const auto& c : cases) {
     EXPECT_EQ(Run(fmt::format("gap diagnose --robot {} set {} --out report", kRig, c.arguments)), 2)
         << c.arguments;
     EXPECT_THAT(error_, HasSubstr(c.says));
+    EXPECT_LT(error_.find('\n'), 200u) << error_;
   }
   EXPECT_EQ(Run(fmt::format("gap diagnose --robot {} gone --out report", kRig)), 1);
   EXPECT_THAT(error_, HasSubstr("gone: no such file or folder"));

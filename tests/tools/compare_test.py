@@ -45,7 +45,7 @@ class Laws(unittest.TestCase):
 
     def test_wrong_use_is_told(self):
         for args in (("--robot", "a.yaml"), ("--plant", "b.yaml"), ("--law", "best"), ("--on", "moon"),
-                     ("--robot", "a.yaml", "--plant", "b.yaml", "--law", "paper")):
+                     ("--robot", "a.yaml", "--plant", "b.yaml", "--law", "paper"), ("--seed", "-1")):
             done = run(*args)
             self.assertEqual(done.returncode, 2, args)
             self.assertNotEqual(done.stderr, "")

@@ -18,6 +18,7 @@
 #include "motion_run.h"
 #include "output.h"
 #include "paths.h"
+#include "seed_option.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/sim/effects.h"
@@ -408,7 +409,7 @@ void AddCompareCommand(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--out", options->out, "folder for compare.json, samples and the plot")
       ->capture_default_str();
-  command->add_option("--seed", options->seed, "of the sensor noise")->capture_default_str();
+  command->add_option("--seed", options->seed, "of the sensor noise")->check(Seed())->capture_default_str();
   command->add_flag("--json", options->json, "print the JSON instead of the table");
   command->add_flag("!--no-plots", options->plots, "leave out the plot");
   command->callback([options] {

@@ -4,14 +4,19 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "commands.h"
+#include "effect_name.h"
 #include "experiment_run.h"
 #include "output.h"
 #include "progress.h"
@@ -74,12 +79,46 @@ void Warn(const std::vector<gap::HealthFinding>& health) {
   }
 }
 
+/// The whole command as it was given, to be pasted into a shell.
+std::string CommandLine() {
+  std::ifstream in("/proc/self/cmdline", std::ios::binary);
+  std::string line = "tendril", word;
+  std::getline(in, word, '\0');  // the program, wherever it is
+  while (std::getline(in, word, '\0')) {
+    const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
+      return std::isalnum(c) ||
+             std::string_view("_@%+=:,./-").find(static_cast<char>(c)) != std::string_view::npos;
+    });
+    if (plain) {
+      line += " " + word;
+      continue;
+    }
+    line += " '";
+    for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    line += "'";
+  }
+  return line;
+}
+
+/// For differences that matter: CLI11's own check would print the largest number there is in full.
+CLI::Validator Positive() {
+  return CLI::Validator(
+      [](std::string& text) -> std::string {
+        double value = 0;
+        const bool good = CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value > 0;
+        return good ? "" : "'" + text + "' is out of range; accepted: a number above 0, such as 0.5";
+      },
+      "NUMBER > 0");
+}
+
 void Run(Options options) {
   const auto check = [](const char* option, const std::vector<std::string>& names) {
     for (const std::string& name : names) {
-      if (sim::FindEffect(name) == nullptr)
-        throw UsageError(
-            fmt::format("{} {}: no such effect; `tendril gap explain` lists them", option, name));
+      try {
+        EffectNamed(name);
+      } catch (const UsageError& e) {
+        throw UsageError(fmt::format("{}: {}", option, e.what()));
+      }
     }
   };
   check("--without", options.diagnose.without);
@@ -103,8 +142,7 @@ void Run(Options options) {
   gap::Diagnosis diagnosis = gap::Diagnose(set, options.diagnose);
   diagnosis.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   diagnosis.health = std::move(health);
-  diagnosis.command =
-      fmt::format("tendril gap diagnose --robot {} {}", options.robot, fmt::join(options.logs, " "));
+  diagnosis.command = CommandLine();
   gap::WriteReport(diagnosis, folder);
   progress.Finish();
   fmt::print("{}", gap::Summary(diagnosis, folder / "report.html", isatty(STDOUT_FILENO) != 0));
@@ -127,11 +165,11 @@ void AddGapDiagnoseCommand(CLI::App& app) {
       ->add_option(
           "--delta-N", options->diagnose.delta_N,
           "tension difference below which nobody cares [N]; default from the noise floor and the signal")
-      ->check(CLI::PositiveNumber);
+      ->check(Positive());
   command
       ->add_option("--delta-mm", options->delta_mm,
                    "tip distance below which nobody cares [mm]; default from the noise floor and the signal")
-      ->check(CLI::PositiveNumber);
+      ->check(Positive());
   command
       ->add_option("--seed", options->diagnose.seed,
                    "of bootstraps and of alternative readings of the sensors")
