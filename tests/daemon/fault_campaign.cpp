@@ -451,6 +451,7 @@ class Play {
   void After() {
     Watch(true);
     rig_.Run(2.5);
+    if (rig_.output().mode == Mode::kFault && rig_.fall_s() < 0) rig_.Run(2.5);  // it has only just come
     if (rig_.output().mode == Mode::kFault) {
       for (int d = 0; d < 3 && !(s_.kind == Kind::kFreeze && s_.for_s <= 0); ++d) {
         if (rig_.rig().drives().torque_Nm(d) != 0) Broken("torque 2.5 s after a fault");
