@@ -165,7 +165,7 @@ TEST_F(ImportCommandTest, WhatTheTableLacksIsSaidAllOfIt) {
   EXPECT_THAT(error_, HasSubstr("columns of the table that the map does not use: note"));
 
   std::string many = "--robot " + kRobot + " --map " + map + " --out " + out + "2";
-  for (int i = 0; i < 40; ++i) many += " " + Write(fmt::format("t{}.csv", i), rows);
+  for (int i = 0; i < 40; ++i) many += fmt::format(" {}", Write(fmt::format("t{}.csv", i), rows));
   ASSERT_EQ(Run(many), 0) << error_;
   EXPECT_LE(std::count(error_.begin(), error_.end(), '\n'), 25) << error_;
 }

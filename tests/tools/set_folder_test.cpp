@@ -9,6 +9,7 @@
 #include <map>
 
 #include "commands.h"
+#include "set_progress.h"
 #include "tendril/config/config.h"
 
 namespace tendril::tools {
@@ -77,6 +78,28 @@ TEST_F(SetFolderTest, AnIncompleteSetStandsBesideTheEarlierOne) {
   EXPECT_EQ(In("set"), before);
   // Where nothing is in the way there is no need for another place.
   EXPECT_EQ(Folder("new").WriteIncomplete(Set({"01_circle"})), folder_ / "new");
+}
+
+// What a program made can be made again; what a robot did cannot.
+TEST_F(SetFolderTest, WhatEndedEarlyGivesWayToTheEarlierSetUnlessItWasMeasured) {
+  ExperimentSet part;
+  part.data = Set({"01_circle"});
+  part.trouble = "02_hold: stopped";
+  // Nothing is in the way: what there is stays.
+  EXPECT_EQ(WriteSet(part, Folder("set"), false), folder_ / "set");
+  const Files before = In("set");
+  EXPECT_THROW(WriteSet(part, Folder("set", true), false), std::runtime_error);
+  EXPECT_FALSE(fs::exists(folder_ / "set.incomplete"));
+  EXPECT_EQ(WriteSet(part, Folder("set", true), true), folder_ / "set.incomplete");
+  EXPECT_EQ(gap::LoadDataSet(folder_ / "set.incomplete", "").runs.at(0).name, "01_circle");
+  EXPECT_EQ(In("set"), before);
+  ExperimentSet none;
+  none.trouble = "no daemon";
+  EXPECT_THROW(WriteSet(none, Folder("set", true), true), std::runtime_error);
+  ExperimentSet whole;
+  whole.data = Set({"01_hold"});
+  EXPECT_EQ(WriteSet(whole, Folder("set", true), true), folder_ / "set");
+  EXPECT_FALSE(fs::exists(folder_ / "set/01_circle.csv"));
 }
 
 TEST_F(SetFolderTest, ASetThatCannotBeWrittenLeavesTheEarlierOne) {
