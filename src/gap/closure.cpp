@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <random>
 
 #include "locate.h"
@@ -73,16 +74,22 @@ std::vector<Closure> Closures(const Evaluator& evaluator, const Residuals& befor
 }
 
 std::optional<Estimate> PooledClosure(const Evaluator& evaluator, const Residuals& before,
-                                      const Residuals& after, std::uint64_t seed) {
-  const int runs = static_cast<int>(before.size());
+                                      const Residuals& after, std::uint64_t seed,
+                                      const std::vector<int>& only) {
+  std::vector<int> chosen = only;
+  if (chosen.empty()) {
+    chosen.resize(before.size());
+    std::iota(chosen.begin(), chosen.end(), 0);
+  }
+  const int runs = static_cast<int>(chosen.size());
   const int count = static_cast<int>(evaluator.channels().size());
   std::vector<double> over(runs), under(runs);
   const ChannelScore all = ScoreChannels(evaluator, before, before);
   double total_over = 0, total_under = 0;
   bool any = false;
   for (int i = 0; i < runs; ++i) {
-    const ChannelScore b = ScoreChannels(evaluator, before, before, {i}),
-                       a = ScoreChannels(evaluator, after, before, {i});
+    const ChannelScore b = ScoreChannels(evaluator, before, before, {chosen[i]}),
+                       a = ScoreChannels(evaluator, after, before, {chosen[i]});
     for (int c = 0; c < count; ++c) {
       if (all.Excess(c, kNoiseSlack) <= evaluator.channels()[c].delta) continue;
       any = true;
@@ -102,6 +109,40 @@ std::optional<Estimate> PooledClosure(const Evaluator& evaluator, const Residual
     if (u > 0) draws.push_back(1 - std::max(0.0, o) / u);
   }
   return WithInterval(1 - std::max(0.0, total_over) / total_under, draws);
+}
+
+std::vector<FamilyClosure> ClosuresByFamily(const Evaluator& evaluator, const Residuals& before,
+                                            const Residuals& after, std::uint64_t seed) {
+  std::vector<FamilyClosure> families;
+  std::vector<std::vector<int>> members;
+  for (int i = 0; i < static_cast<int>(evaluator.runs().size()); ++i) {
+    const std::string& name = evaluator.runs()[i].family;
+    auto at = std::find_if(families.begin(), families.end(), [&](const auto& f) { return f.family == name; });
+    if (at == families.end()) {
+      families.emplace_back().family = name;
+      members.emplace_back();
+      at = families.end() - 1;
+    }
+    members[static_cast<std::size_t>(at - families.begin())].push_back(i);
+  }
+  for (std::size_t f = 0; f < families.size(); ++f) {
+    FamilyClosure& family = families[f];
+    family.runs = static_cast<int>(members[f].size());
+    const ChannelScore b = ScoreChannels(evaluator, before, before, members[f]),
+                       a = ScoreChannels(evaluator, after, before, members[f]);
+    double was = 0, is = 0, noise = 0;
+    for (int c = 0; c < static_cast<int>(evaluator.channels().size()); ++c) {
+      if (evaluator.channels()[c].quantity != Channel::Quantity::kTipPosition) continue;
+      was += b.square[c];
+      is += a.square[c];
+      noise += b.noise[c];
+    }
+    family.before_m = std::sqrt(was);
+    family.after_m = std::sqrt(is);
+    family.floor_m = std::sqrt(noise);
+    family.closed = PooledClosure(evaluator, before, after, seed, members[f]);
+  }
+  return families;
 }
 
 }  // namespace tendril::gap

@@ -14,7 +14,12 @@ namespace tendril::gap {
 /// over runs.
 std::vector<Closure> Closures(const Evaluator& evaluator, const Residuals& before, const Residuals& after,
                               std::uint64_t seed);
+/// Of the runs in `only`, or of all when it is empty.
 std::optional<Estimate> PooledClosure(const Evaluator& evaluator, const Residuals& before,
-                                      const Residuals& after, std::uint64_t seed);
+                                      const Residuals& after, std::uint64_t seed,
+                                      const std::vector<int>& only = {});
+/// By family, in the order in which they come first.
+std::vector<FamilyClosure> ClosuresByFamily(const Evaluator& evaluator, const Residuals& before,
+                                            const Residuals& after, std::uint64_t seed);
 
 }  // namespace tendril::gap

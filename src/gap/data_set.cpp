@@ -72,12 +72,22 @@ Listed ReadEntry(const YAML::Node& entry, const std::string& where, std::vector<
   return listed;
 }
 
-std::vector<Listed> ReadList(const fs::path& file, std::vector<std::string>& notes) {
+std::vector<Listed> ReadList(const fs::path& file, DataSet& set) {
+  std::vector<std::string>& notes = set.notes;
   const std::string text = ReadBytes(file);
   if (text.size() > kMostList) throw std::runtime_error(file.string() + ": too large for a list of runs");
   YAML::Node list;
   try {
     list = YAML::Load(text);
+    if (list.IsMap() && list["tracker_frame"]) {
+      const std::string frame = LowerCase(Text(list, "tracker_frame"));
+      if (frame == "fit") set.fit_frame = true;
+      if (frame != "fit" && frame != "given") {
+        notes.push_back(
+            fmt::format("{}:{}: tracker_frame '{}' is not known; accepted: given, fit; given is taken",
+                        file.string(), list["tracker_frame"].Mark().line + 1, Printable(frame)));
+      }
+    }
     if (list.IsMap() && list["runs"]) list.reset(list["runs"]);
   } catch (const YAML::Exception& e) {
     throw std::runtime_error(fmt::format("{}:{}: not YAML ({})", file.string(), e.mark.line + 1, e.msg));
@@ -218,7 +228,7 @@ void AddFolder(DataSet& set, const fs::path& folder) {
   std::error_code ignored;
   if (fs::exists(list_file, ignored)) {
     try {
-      list = ReadList(list_file, set.notes);
+      list = ReadList(list_file, set);
     } catch (const std::exception& e) {
       set.notes.push_back(fmt::format("{}; every CSV file is taken as a run of unknown family", e.what()));
     }
@@ -346,7 +356,9 @@ void WriteDataSet(const DataSet& set, const fs::path& folder) {
   if (error) throw std::runtime_error("cannot make folder " + folder.string() + ": " + error.message());
   std::map<std::string, std::string> file_of;
   YAML::Emitter list;
-  list << YAML::BeginMap << YAML::Key << "runs" << YAML::Value << YAML::BeginSeq;
+  list << YAML::BeginMap;
+  if (set.fit_frame) list << YAML::Key << "tracker_frame" << YAML::Value << "fit";
+  list << YAML::Key << "runs" << YAML::Value << YAML::BeginSeq;
   for (const Run& run : set.runs) {
     if (run.name.empty() || run.name.find('/') != run.name.npos) {
       throw std::runtime_error(

@@ -235,6 +235,30 @@ std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, 
   return profiles;
 }
 
+/// A run that is too short tells nothing by itself, and must not keep the others from being diagnosed.
+void TakeOutShort(DataSet& set, Diagnosis& d) {
+  std::string names;
+  int count = 0;
+  std::erase_if(set.runs, [&](const Run& run) {
+    const int least = LeastRows(run);
+    const bool left_out = run.time_s.size() < least;
+    if (left_out) {
+      if (++count <= 5) names += fmt::format("{}{} ({})", count > 1 ? ", " : "", run.name, run.time_s.size());
+    }
+    return left_out;
+  });
+  if (set.runs.empty()) {
+    throw std::runtime_error(fmt::format(
+        "no run is long enough: {} rows; accepted: at least {}, of states at rest (rows more than {} s "
+        "apart) {}; record longer runs",
+        names, kLeastRows, kQuasiStatic_s, kLeastStates));
+  }
+  if (count > 0) {
+    d.degradations.push_back(fmt::format("{} runs are too short and left out (rows): {}{}", count, names,
+                                         count > 5 ? ", ..." : ""));
+  }
+}
+
 }  // namespace
 
 Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
@@ -245,6 +269,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   Diagnosis d;
   DataSet set = given;
   d.degradations = TakeOutImplausible(set);
+  TakeOutShort(set, d);
   d.robot_name = set.robot.name;
   d.robot_yaml = config::ToYaml(set.robot);
   d.seed = options.seed;
@@ -320,6 +345,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     d.closed = PooledClosure(evaluator, before, after, options.seed);
   }
   d.closures = Closures(evaluator, before, after, options.seed);
+  d.families = ClosuresByFamily(evaluator, before, after, options.seed);
   if (!search.everything.empty() && d.verdict != Verdict::kNoGap) {
     d.closed_ceiling = PooledClosure(evaluator, before, search.everything, options.seed);
     const ChannelScore everything = ScoreChannels(evaluator, search.everything, before);

@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <Eigen/Geometry>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -28,6 +29,12 @@ constexpr int kReadings = 4;               // alternative readings of the same l
 constexpr double kFloorShare = 0.2, kSignalShare = 1e-3;
 constexpr double kTransient = 4;  // times the white noise's variance, within one window
 constexpr double kResolutionWindow_s = 0.25;
+// What a model leaves unexplained stays alike over this time, or over so many states at rest.
+constexpr double kCorrelation_s = 1.0, kCorrelationStates = 5;
+// Motors all within this share of their range stand as before; with fewer such returns nothing is known of
+// how a robot repeats.
+constexpr double kReturnShare = 0.01;
+constexpr int kLeastReturns = 20;
 
 Eigen::Vector3d RotationVector(const Eigen::Matrix3d& R) {
   const Eigen::AngleAxisd turn(R);
@@ -106,6 +113,13 @@ int WindowSamples(const PreparedRun& run, const Channel& channel) {
   return std::max(1, static_cast<int>(std::lround(kWindow_s / run.signals.step_s)));
 }
 
+/// The tracker's readings in the base's frame.
+void Turn(const TrackerFrame& frame, PreparedRun& run) {
+  for (Eigen::Index k = 0; k < run.tip_m.rows(); ++k)
+    run.tip_m.row(k) = (frame.turn.transpose() * (run.tip_m.row(k).transpose() - frame.offset_m)).transpose();
+  for (auto& R : run.tip_R) R = frame.turn.transpose() * R;
+}
+
 std::optional<EffectSetting> Setting(const RobotParameters& robot, std::string_view name) {
   for (const auto& effect : robot.effects) {
     if (effect.name == name) return effect;
@@ -147,7 +161,7 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
     return r.signals.load_cell != LoadCellPlace::kNone && r.signals.tension_N.cols() > 0;
   };
   const bool torque = every(torque_of), target = every(target_of), cell = every(cell_of);
-  const bool tracker = any([](const PreparedRun& r) { return r.tracker_s.size() > 10; });
+  const bool tracker = any([](const PreparedRun& r) { return r.tracked(); });
   if (!motor) {
     throw std::runtime_error(
         "no motor positions in (some of) the logs; accepted: motor_position_rad of every tendon in every "
@@ -248,12 +262,133 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
       trouble[i] = error.what();
       return;
     }
-    nominal_motion_[i].shortening_m = MeasuredShortening(runs_[i], nominal_, nominal_motion_[i]);
   });
   for (std::size_t i = 0; i < runs_.size(); ++i) {
     if (!trouble[i].empty()) throw RunError(i, fmt::format("{}: {}", runs_[i].name, trouble[i]));
   }
+  if (set.fit_frame && tracker) FindFrame(options);
+  ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
+    nominal_motion_[i].shortening_m = MeasuredShortening(runs_[i], nominal_, nominal_motion_[i]);
+  });
+  if (any([](const PreparedRun& r) { return r.signals.at_rest; })) {
+    degradations_.push_back(fmt::format(
+        "rows are more than {} s apart: the body is taken as at rest at each row, friction as slid straight "
+        "from row to row; motion (C5), damping and delays are not seen",
+        kQuasiStatic_s));
+  }
   FindFloors(set, options);
+}
+
+double Evaluator::Correlated(int run, int channel) const {
+  return runs_[run].signals.at_rest ? kCorrelationStates
+                                    : std::max(1.0, kCorrelation_s / window_s(run, channel));
+}
+
+// The rigid motion that takes the nominal robot's tips to the measured ones, in the least squares of
+// distances whose largest count less (Kabsch, reweighted): a robot that differs is not always off by the
+// same.
+void Evaluator::FindFrame(const Options& options) {
+  constexpr int kPasses = 20;
+  constexpr double kLeastSpread =
+      0.02;  // of the tips across, of their spread along: else a turn is not known
+  std::vector<Eigen::Vector3d> simulated, measured;
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    const PreparedRun& run = runs_[i];
+    if (!run.tracked()) continue;
+    const int last = static_cast<int>(nominal_motion_[i].tip_m.rows()) - 1;
+    for (int k = 0; k < run.tracker_s.size(); ++k) {
+      const int at =
+          std::clamp(static_cast<int>(std::lround(run.tracker_s[k] / run.signals.step_s)), 0, last);
+      simulated.emplace_back(nominal_motion_[i].tip_m.row(at).transpose());
+      measured.emplace_back(run.tip_m.row(k).transpose());
+    }
+  }
+  TrackerFrame frame;
+  if (options.frame) {
+    frame = *options.frame;
+  } else {
+    std::vector<double> weight(simulated.size(), 1.0);
+    for (int pass = 0; pass < kPasses; ++pass) {
+      double total = 0;
+      Eigen::Vector3d from(0, 0, 0), to(0, 0, 0);
+      for (std::size_t k = 0; k < simulated.size(); ++k) {
+        total += weight[k];
+        from += weight[k] * simulated[k];
+        to += weight[k] * measured[k];
+      }
+      from /= total;
+      to /= total;
+      Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
+      for (std::size_t k = 0; k < simulated.size(); ++k)
+        cross += weight[k] * (measured[k] - to) * (simulated[k] - from).transpose();
+      const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross, Eigen::ComputeFullU | Eigen::ComputeFullV);
+      if (!(svd.singularValues()[1] > kLeastSpread * svd.singularValues()[0])) {
+        throw std::runtime_error(
+            "tracker_frame: fit: the tips of these runs lie on a line, so that the tracker's frame cannot be "
+            "fitted; accepted: bends in several directions; add runs or give the frame");
+      }
+      Eigen::Vector3d proper(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() > 0 ? 1 : -1);
+      frame.turn = svd.matrixU() * proper.asDiagonal() * svd.matrixV().transpose();
+      frame.offset_m = to - frame.turn * from;
+      std::vector<double> distance;
+      for (std::size_t k = 0; k < simulated.size(); ++k)
+        distance.push_back((measured[k] - frame.turn * simulated[k] - frame.offset_m).norm());
+      const double usual = std::max(Median(distance), 1e-9);
+      for (std::size_t k = 0; k < simulated.size(); ++k) weight[k] = 1 / std::max(1.0, distance[k] / usual);
+    }
+  }
+  frame_ = frame;
+  for (PreparedRun& run : runs_) Turn(frame, run);
+  const Eigen::Vector3d turn = RotationVector(frame.turn);
+  degradations_.push_back(
+      fmt::format("the tracker's frame is not known: fitted to the nominal robot (rotation vector {:.4f}, "
+                  "{:.4f}, {:.4f} rad, "
+                  "offset {:.2f}, {:.2f}, {:.2f} mm) and free within 0.3 rad and 60 mm beside every cause; "
+                  "what a wrong frame "
+                  "looks like (a tilt without weight, an offset) cannot be told",
+                  turn.x(), turn.y(), turn.z(), 1e3 * frame.offset_m.x(), 1e3 * frame.offset_m.y(),
+                  1e3 * frame.offset_m.z()));
+}
+
+double Evaluator::Unrepeated(int channel, int& returns) const {
+  // States of all runs one after the other.
+  struct State {
+    int run, row;
+  };
+  std::vector<State> states;
+  double range = 0;
+  for (int j = 0; j < nominal_.body.tendons(); ++j) {
+    double least = INFINITY, most = -INFINITY;
+    for (const PreparedRun& run : runs_) {
+      if (!run.signals.at_rest) continue;
+      least = std::min(least, run.signals.motor_angle_rad.col(j).minCoeff());
+      most = std::max(most, run.signals.motor_angle_rad.col(j).maxCoeff());
+    }
+    range = std::max(range, most - least);
+  }
+  for (int i = 0; i < static_cast<int>(runs_.size()); ++i) {
+    if (!runs_[i].signals.at_rest) continue;
+    for (int w = 0; w < nominal_residuals_[i][channel].size(); ++w) {
+      if (std::isfinite(variance_[i][channel][w])) states.push_back({i, w});
+    }
+  }
+  double sum = 0;
+  returns = 0;
+  for (std::size_t b = 1; b < states.size(); ++b) {
+    const auto at = runs_[states[b].run].signals.motor_angle_rad.row(states[b].row);
+    for (std::size_t a = 0; a < b; ++a) {
+      // Not having moved is no return.
+      if (states[a].run == states[b].run && states[b].row - states[a].row < 3) continue;
+      const auto was = runs_[states[a].run].signals.motor_angle_rad.row(states[a].row);
+      if ((at - was).cwiseAbs().maxCoeff() > kReturnShare * range) continue;
+      const auto &ra = nominal_residuals_[states[a].run][channel],
+                 &rb = nominal_residuals_[states[b].run][channel];
+      const auto &va = variance_[states[a].run][channel], &vb = variance_[states[b].run][channel];
+      sum += std::pow(ra[states[a].row] - rb[states[b].row], 2) / (va[states[a].row] + vb[states[b].row]);
+      ++returns;
+    }
+  }
+  return returns > 0 ? sum / returns : 0;
 }
 
 double Evaluator::window_s(int run, int channel) const {
@@ -266,7 +401,7 @@ Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const Robo
                                               const sim::BodyMotion& motion) const {
   const bool turned = !run.tip_R.empty();
   const int seen = static_cast<int>(run.tracker_s.size());
-  if (seen <= 10 || (!turned && nominal_.body.sections.size() > 1)) return motion.shortening_m;
+  if (!run.tracked() || (!turned && nominal_.body.sections.size() > 1)) return motion.shortening_m;
   const RobotParameters folded = sim::FoldEffects(robot);
   Eigen::Matrix3d tracker_R = Eigen::Matrix3d::Identity();
   Eigen::Vector3d tracker_p(0, 0, 0);
@@ -278,7 +413,8 @@ Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const Robo
     const auto v = sim::ValuesOf(*s);
     tracker_p = {v[0], v[1], v[2]};
   }
-  const double delay_s = folded.actuation->tracker ? folded.actuation->tracker->delay_s : 0;
+  const double delay_s =
+      folded.actuation->tracker && !run.signals.at_rest ? folded.actuation->tracker->delay_s : 0;
 
   const int samples = run.samples();
   const double step_s = run.signals.step_s;
@@ -370,7 +506,7 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
   if (scatter) scatter->assign(channels_.size(), {});
   const int samples = run.samples();
   Eigen::MatrixXd tip;
-  if ((cuts & kBody) && has(kBody) && run.tracker_s.size() > 10) {
+  if ((cuts & kBody) && has(kBody) && run.tracked()) {
     const double stride_s = run.signals.step_s;
     const int rows = static_cast<int>(replayed.motion.tip_m.rows());
     tip = Eigen::MatrixXd::Constant(samples, 6, NAN);
@@ -453,6 +589,7 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
   for (auto& channel : channels_) {
     std::vector<double> noise;
     for (const auto& run : runs_) {
+      if (run.signals.at_rest) continue;  // from one state to the next is no noise
       switch (channel.quantity) {
         case Quantity::kTorque:
           noise.push_back(WhiteNoise(run.signals.torque_actual_Nm, channel.index));
@@ -484,8 +621,11 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
     if (channel.quantity == Quantity::kTorque) least = 1e-3 * p.drive.rated_torque_Nm / std::sqrt(12.0);
     if (channel.quantity == Quantity::kTension && p.load_cell.gain_VpN > 0)
       least = p.load_cell.resolution_V / p.load_cell.gain_VpN / std::sqrt(12.0);
-    if (channel.quantity == Quantity::kTipPosition) least = 1e-6;
-    if (channel.quantity == Quantity::kTipDirection) least = 1e-5;
+    const auto& tracker = nominal_.actuation->tracker;
+    if (channel.quantity == Quantity::kTipPosition)
+      least = std::max(1e-6, noise.empty() && tracker ? tracker->position_noise_m : 0);
+    if (channel.quantity == Quantity::kTipDirection)
+      least = std::max(1e-5, noise.empty() && tracker ? tracker->orientation_noise_rad : 0);
     channel.white = std::max(least, Median(noise));
   }
 
@@ -500,6 +640,7 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
       return;
     }
     PreparedRun other = Prepare(set.runs[i], nominal_, options.seed * 1000004 + 4 * i + k);
+    if (frame_) Turn(*frame_, other);
     other.cell_N = runs_[i].cell_N;
     other.signals.torque_target_Nm = runs_[i].signals.torque_target_Nm;
     // What stands in for a missing cell stands in here, too.
@@ -585,6 +726,7 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
   // Identical repetitions: half the mean-square difference of their residuals.
   std::map<std::string, int> by_name;
   for (int i = 0; i < runs; ++i) by_name[runs_[i].name] = i;
+  int most_returns = 0;
   for (int c = 0; c < channels; ++c) {
     double ratio_sum = 0;
     int count = 0;
@@ -602,7 +744,15 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
         ++count;
       }
     }
-    const double scale = count > 20 ? std::max(1.0, ratio_sum / count) : 1;
+    double scale = count > 20 ? std::max(1.0, ratio_sum / count) : 1;
+    if (!repeated_) {
+      int returns = 0;
+      const double ratio = Unrepeated(c, returns);
+      if (returns >= kLeastReturns) {
+        scale = std::max(1.0, ratio);
+        most_returns = std::max(most_returns, returns);
+      }
+    }
     std::vector<double> variances;
     for (int i = 0; i < runs; ++i) {
       for (auto& v : variance_[i][c]) {
@@ -635,7 +785,14 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
     if (channel.quantity == Quantity::kTension && options.delta_N > 0) channel.delta = options.delta_N;
     if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
   }
-  if (!repeated_) {
+  if (most_returns > 0) {
+    degradations_.push_back(
+        fmt::format("no repeated runs: the noise floor is how much the residual differs between {} pairs of "
+                    "rows with the same "
+                    "motor positions within {:.0f} % of their range; what depends on the way there "
+                    "(friction) is in the floor",
+                    most_returns, 100 * kReturnShare));
+  } else if (!repeated_) {
     degradations_.push_back(
         "no repeated runs: the noise floor comes from high-frequency differences and the sensors' "
         "resolution; what the "
@@ -644,6 +801,14 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
 }
 
 unsigned Evaluator::CutsOf(const sim::Effect& effect) const {
+  const bool pulleys =
+      std::any_of(nominal_.actuation->tendons.begin(), nominal_.actuation->tendons.end(),
+                  [](const TendonDriveParameters& p) { return !p.transmission.pulleys.empty(); });
+  const std::string_view named = effect.name;
+  if (!pulleys && (named.starts_with("capstan_") || named == "wrap_angle")) return 0;
+  // Motors go where they were seen to go, whatever turns them.
+  if (driven_by_ == sim::Replay::DrivenBy::kMotor && effect.stage == sim::Stage::kDrive)
+    return has(kC1) ? unsigned{kC1} : 0U;
   if (driven_by_ != sim::Replay::DrivenBy::kCell) {
     return effect.cut == sim::Cut::kCurrentLoop ? unsigned{kC1} : unsigned{kAllCuts};
   }

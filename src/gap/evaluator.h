@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -41,12 +42,19 @@ class RunError : public std::runtime_error {
   std::size_t run;
 };
 
+/// How a tracker's frame lies against the robot's base: it reports p = turn p_base + offset_m.
+struct TrackerFrame {
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();
+};
+
 class Evaluator {
  public:
   struct Options {
     int threads = 1;
     double delta_N = 0, delta_m = 0;  // 0: derived from the floor
     std::uint64_t seed = 1;
+    std::optional<TrackerFrame> frame{};  // of a set whose frame is to be fitted: take this one
   };
   /// Prepares the runs and finds the floors. Throws RunError for a run that has to be left out, another
   /// std::runtime_error when nothing can be compared.
@@ -59,6 +67,10 @@ class Evaluator {
   bool has(unsigned cut) const { return (available_ & cut) != 0; }
   bool has_tracker() const { return has(kBody); }
   bool repeated() const { return repeated_; }
+  /// Fitted to the nominal robot, where nobody knows it; what the runs hold is in the base's frame then.
+  const std::optional<TrackerFrame>& frame() const { return frame_; }
+  /// Windows over which what a model leaves unexplained stays alike.
+  double Correlated(int run, int channel) const;
   sim::Replay::DrivenBy driven_by() const { return driven_by_; }
   const std::vector<std::string>& degradations() const { return degradations_; }
 
@@ -92,7 +104,11 @@ class Evaluator {
                                            std::vector<Eigen::VectorXd>* scatter = nullptr) const;
   Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
                                      const sim::BodyMotion& motion) const;
+  void FindFrame(const Options& options);
   void FindFloors(const DataSet& set, const Options& options);
+  /// Mean ratio of what the same inputs at other times leave to what `channel`'s variances say; 0 when they
+  /// never come back. `returns` counts them.
+  double Unrepeated(int channel, int& returns) const;
 
   RobotParameters nominal_;
   std::vector<PreparedRun> runs_;
@@ -100,6 +116,7 @@ class Evaluator {
   std::vector<Channel> channels_;
   unsigned available_ = 0;
   bool repeated_ = false, stood_in_ = false;
+  std::optional<TrackerFrame> frame_;
   sim::Replay::DrivenBy driven_by_ = sim::Replay::DrivenBy::kCell;
   Residuals nominal_residuals_, variance_;
   std::vector<std::vector<double>> white_;

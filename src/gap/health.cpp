@@ -10,6 +10,7 @@
 #include <set>
 
 #include "health_signal.h"
+#include "prepare.h"
 
 namespace tendril::gap {
 namespace {
@@ -17,8 +18,7 @@ namespace {
 using Severity = HealthFinding::Severity;
 using Matrix = Eigen::MatrixXd;
 
-constexpr double kRest_s = 0.5;         // that a run begins with
-constexpr double kQuasiStatic_s = 0.2;  // rows further apart are states, not a motion
+constexpr double kRest_s = 0.5;  // that a run begins with
 constexpr double kPi = std::numbers::pi;
 
 /// A kind of channel: where it is in a run, what it is called, and what its numbers usually are.

@@ -139,7 +139,8 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
         column(run.torque_target_Nm, "target torque", "N m", kBeyond * drive.rated_torque_Nm);
       }
     }
-    for (Eigen::Index axis = 0; axis < run.tip_m.cols(); ++axis)
+    // In a frame that nobody knows the tip may be anywhere.
+    for (Eigen::Index axis = 0; axis < run.tip_m.cols() && !set.fit_frame; ++axis)
       find.Beyond(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m", kBeyond * robot.body.length_m());
     if (run.motor_position_rad.rows() != run.time_s.size()) continue;
     for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) find.FrozenCell(j);

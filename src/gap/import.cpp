@@ -372,6 +372,7 @@ DataSet ImportTables(const std::string& map_path, const std::vector<std::string>
   const ImportMap map = LoadImportMap(map_path, robot);
   DataSet set;
   set.robot = robot;
+  set.fit_frame = map.fit_frame && !map.tip.empty();
   std::set<std::string> taken;
   for (const std::string& table : tables) {
     try {

@@ -427,7 +427,11 @@ class Reader {
                                    : Eigen::Matrix3d::Identity()) *
                         axes;
     map_.offset_m = block.Vector("offset_m");
-    map_.from_rest = block.Choice<bool>("origin", {{"given", false}, {"rest", true}}, "given");
+    enum class Origin { kGiven, kRest, kFit };
+    const Origin origin = block.Choice<Origin>(
+        "origin", {{"given", Origin::kGiven}, {"rest", Origin::kRest}, {"fit", Origin::kFit}}, "given");
+    map_.from_rest = origin == Origin::kRest;
+    map_.fit_frame = origin == Origin::kFit;
     block.Close();
   }
 

@@ -51,6 +51,7 @@ struct ImportMap {
   Eigen::Matrix3d R_base_table = Eigen::Matrix3d::Identity();
   Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();
   bool from_rest = false;  // the first rows show the straight robot
+  bool fit_frame = false;  // the above is a beginning only
 };
 
 /// Throws std::runtime_error, one line: file:line: key: what; accepted; remedy.

@@ -89,13 +89,16 @@ void Measure(const Evaluator& evaluator, const Residuals& residuals, Part& part)
       if (r.size() == 0) continue;
       double share = 1;  // of white noise that the filter lets through
       const double white = evaluator.WhiteVariance(i, c);
-      if (channels[c].cut == sim::Cut::kShape) {
+      const bool at_rest = evaluator.runs()[i].signals.at_rest;  // all of it is shape
+      if (at_rest && part.fast) continue;
+      if (channels[c].cut == sim::Cut::kShape && !at_rest) {
         const int half = std::max(1, static_cast<int>(0.5 * kMotionWindow_s / evaluator.window_s(i, c)));
         const Eigen::VectorXd slow = Slow(r, v, half);
         share = part.fast ? 1 - 1.0 / (2 * half + 1) : 1.0 / (2 * half + 1);
         r = part.fast ? Eigen::VectorXd(r - slow) : slow;
       }
-      const int per_block = std::max(1, static_cast<int>(kBlock_s / evaluator.window_s(i, c)));
+      const int per_block = at_rest ? static_cast<int>(evaluator.Correlated(i, c))
+                                    : std::max(1, static_cast<int>(kBlock_s / evaluator.window_s(i, c)));
       const Eigen::VectorXd expected =
           v.unaryExpr([&](double variance) { return variance - (1 - share) * std::min(white, variance); });
       const Eigen::VectorXd squares = CalmSquares(r, v, expected, evaluator.window_s(i, c));
@@ -161,7 +164,10 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
       parts.push_back(part);
     }
   }
+  const bool states = std::all_of(evaluator.runs().begin(), evaluator.runs().end(),
+                                  [](const PreparedRun& run) { return run.signals.at_rest; });
   for (const bool fast : {false, true}) {
+    if (fast && states) continue;
     for (const auto* list : {&position, &direction}) {
       if (list->empty()) continue;
       Part part;
@@ -227,6 +233,7 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
   if (!evaluator.has(kC1)) missing(sim::Cut::kCurrentLoop, "needs target and actual torque");
   if (!evaluator.has(kC2)) missing(sim::Cut::kDrivetrain, "needs actual torque and load cells");
   if (!evaluator.has(kC3)) missing(sim::Cut::kTendon, "needs load cells");
+  if (evaluator.has(kBody) && states) missing(sim::Cut::kMotion, "needs rows closer than 0.2 s");
   if (!evaluator.has(kBody)) {
     missing(sim::Cut::kShape, "needs a tracker");
     missing(sim::Cut::kMotion, "needs a tracker");

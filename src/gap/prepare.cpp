@@ -206,7 +206,15 @@ void MarkSliding(const Eigen::VectorXd& reading, const std::vector<char>& valid,
   }
 }
 
+double UsualStep(const Run& run) {
+  std::vector<double> steps;
+  for (Eigen::Index i = 1; i < run.time_s.size(); ++i) steps.push_back(run.time_s[i] - run.time_s[i - 1]);
+  return steps.empty() ? 0 : Median(std::move(steps));
+}
+
 }  // namespace
+
+int LeastRows(const Run& run) { return UsualStep(run) > kQuasiStatic_s ? kLeastStates : kLeastRows; }
 
 PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t seed) {
   PreparedRun out;
@@ -214,20 +222,24 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   out.family = run.family;
   out.repeat_of = run.repeat_of;
   const int rows = static_cast<int>(run.time_s.size());
-  if (rows < 20)
-    throw std::runtime_error(fmt::format("{}: {} samples; accepted: at least 20", run.name, rows));
+  if (rows < LeastRows(run))
+    throw std::runtime_error(
+        fmt::format("{}: {} samples; accepted: at least {}", run.name, rows, LeastRows(run)));
 
-  std::vector<double> steps;
-  for (int i = 1; i < rows; ++i) steps.push_back(run.time_s[i] - run.time_s[i - 1]);
-  const double sampled_s = Median(steps);
-  const int refine = static_cast<int>(std::max(1.0, std::ceil(sampled_s / kSlowestGrid_s - 1e-6)));
+  const double sampled_s = UsualStep(run);
+  const bool at_rest = sampled_s > kQuasiStatic_s;
+  out.signals.at_rest = at_rest;
+  if (at_rest) out.signals.time_s = run.time_s.array() - run.time_s[0];
+  const int refine =
+      at_rest ? 1 : static_cast<int>(std::max(1.0, std::ceil(sampled_s / kSlowestGrid_s - 1e-6)));
   const double step_s = sampled_s / refine;
   out.start_s = run.time_s[0];
   out.signals.step_s = step_s;
   out.signals.load_cell = run.load_cell;
   // Logged every cycle, a target acts one row after it was sent.
   if (refine == 1 && step_s > 0.4e-3 && step_s < 6e-3) out.signals.command_delay_s = step_s;
-  const int samples = static_cast<int>(std::llround((run.time_s[rows - 1] - out.start_s) / step_s)) + 1;
+  const int samples =
+      at_rest ? rows : static_cast<int>(std::llround((run.time_s[rows - 1] - out.start_s) / step_s)) + 1;
   if (samples > 50'000'000) {
     throw std::runtime_error(
         fmt::format("{}: {:.3g} s at a step of {:.3g} s are too many samples; cut the run", run.name,
@@ -239,7 +251,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   std::vector<char> hit(samples, 0);
   double square = 0;
   for (int i = 0; i < rows; ++i) {
-    const double exact = (run.time_s[i] - out.start_s) / step_s;
+    const double exact = at_rest ? i : (run.time_s[i] - out.start_s) / step_s;
     at[i] = std::clamp(static_cast<int>(std::llround(exact)), 0, samples - 1);
     square += std::pow((exact - at[i]) * step_s, 2);
     hit[at[i]] = 1;
@@ -311,7 +323,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       for (int i = 0; i < s.tension_N.rows(); ++i) s.tension_N(i, j) += cell * normal(random);
     }
   }
-  if (robot.actuation) {
+  if (robot.actuation && !at_rest) {
     for (int j = 0; j < s.tension_N.cols(); ++j) {
       const auto& p = robot.actuation->tendons[j].load_cell;
       const double step_N = p.gain_VpN > 0 ? p.resolution_V / p.gain_VpN : 0;
@@ -335,6 +347,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
     s.motor_velocity_radps.resize(samples, tendons);
     s.motor_acceleration_radps2.resize(samples, tendons);
     // How far speed and acceleration depend on the window is part of what the encoder leaves open.
+    std::uniform_real_distribution<double> anywhere(0, 1);
     constexpr std::array<double, 4> kOtherWidths{0.6, 0.8, 1.25, 1.6};
     const double half_s = kDerivativeHalf_s * (seed == 0 ? 1 : kOtherWidths[seed % kOtherWidths.size()]);
     const LocalPolynomial local(std::max(2, static_cast<int>(std::lround(half_s / step_s))));
@@ -342,8 +355,17 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       Eigen::VectorXd angle = reading.col(j);
       const int counts = robot.actuation ? robot.actuation->tendons[j].drive.encoder_counts_per_turn : 0;
       const double count = counts > 0 ? 2 * std::numbers::pi / counts : 0;
-      if (count > 0 && Quantised(angle, count)) {
+      if (count > 0 && at_rest) {
+        // Anywhere within its count.
+        for (int i = 0; i < samples && seed != 0; ++i) angle[i] += (anywhere(random) - 0.5) * count;
+      } else if (count > 0 && Quantised(angle, count)) {
         angle = InsideCounts(angle, count, step_s, seed != 0 ? &random : nullptr);
+      }
+      if (at_rest) {
+        s.motor_angle_rad.col(j) = angle;
+        s.motor_velocity_radps.col(j).setZero();
+        s.motor_acceleration_radps2.col(j).setZero();
+        continue;
       }
       MarkSliding(reading.col(j), out.valid, count > 0 ? count : 3e-3, step_s, sampled_s, out.sliding.col(j));
       const int h = local.half;
@@ -373,7 +395,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
     out.tip_m.resize(static_cast<int>(seen.size()), 3);
     for (int k = 0; k < static_cast<int>(seen.size()); ++k) {
       const int i = seen[k];
-      out.tracker_s[k] = run.time_s[i] - out.start_s;
+      out.tracker_s[k] = at_rest ? i * step_s : run.time_s[i] - out.start_s;
       out.tip_m.row(k) = run.tip_m.row(i);
       if (!turned) continue;
       const Eigen::Vector4d w = run.tip_quaternion.row(i).transpose().normalized();

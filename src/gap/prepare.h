@@ -15,13 +15,18 @@ namespace tendril::gap {
 
 /// From this step on a torque loop settles, and a motor may turn or rest, unseen between two samples.
 constexpr double kSlowLog_s = 0.005;
+/// Rows further apart than this are states at rest, not a motion.
+constexpr double kQuasiStatic_s = 0.2;
+/// A run of fewer rows is left out.
+constexpr int kLeastRows = 20, kLeastStates = 5;
 
 /// Samples [from, to) in which a tendon's load cell says nothing, longer than what a line bridges.
 struct CellHole {
   int tendon = 0, from = 0, to = 0;
 };
 
-/// One run on its grid, S samples, with what the sensors said.
+/// One run on its grid, S samples, with what the sensors said. Of states at rest (signals.at_rest) every row
+/// is a sample, whenever it was; times other than signals.time_s then count rows, `step_s` apart.
 struct PreparedRun {
   std::string name, family, repeat_of;
   sim::ReplaySignals signals;
@@ -43,7 +48,12 @@ struct PreparedRun {
   std::vector<std::string> notes;
 
   int samples() const { return static_cast<int>(valid.size()); }
+  /// Positions enough to compare with.
+  bool tracked() const { return tracker_s.size() > (signals.at_rest ? kLeastStates - 1 : 10); }
 };
+
+/// Rows that Prepare needs: kLeastRows, of a log of states at rest kLeastStates.
+int LeastRows(const Run& run);
 
 /// What encoder, cells and tracker cannot resolve, drawn anew: prepared with seed 0 the most likely reading
 /// is taken, with any other a reading that would have been recorded the same. The spread of a simulation over

@@ -127,6 +127,16 @@ void Fields(A& a, typename A::template Ref<Cause> c) {
 }
 
 template <class A>
+void Fields(A& a, typename A::template Ref<FamilyClosure> f) {
+  a("family", f.family);
+  a("runs", f.runs);
+  a("before_m", f.before_m);
+  a("after_m", f.after_m);
+  a("floor_m", f.floor_m);
+  a("closed", f.closed);
+}
+
+template <class A>
 void Fields(A& a, typename A::template Ref<Confusion> c) {
   a("a", c.a);
   a("b", c.b);
@@ -461,13 +471,16 @@ Json WriteClosed(const Diagnosis& d) {
       key = fmt::format("{} ({}, {})", c.channel, sim::CutName(c.cut), n);
     channels[key] = std::move(j);
   }
-  return {
-      {"pooled", ToJson(d.closed)}, {"ceiling", ToJson(d.closed_ceiling)}, {"channels", std::move(channels)}};
+  return {{"pooled", ToJson(d.closed)},
+          {"ceiling", ToJson(d.closed_ceiling)},
+          {"families", ToJson(d.families)},
+          {"channels", std::move(channels)}};
 }
 
 void ReadClosed(const Json& j, Diagnosis& d) {
   FromJson(Member(j, "closed", "pooled"), "closed.pooled", d.closed);
   FromJson(Member(j, "closed", "ceiling"), "closed.ceiling", d.closed_ceiling);
+  if (j.contains("families")) FromJson(j.at("families"), "closed.families", d.families);
   const Json& channels = Member(j, "closed", "channels");
   if (!channels.is_object()) Wrong("closed.channels", "an object");
   for (const auto& [key, value] : channels.items()) {

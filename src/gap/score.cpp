@@ -9,8 +9,7 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kLasting_s = 0.1;      // a residual that is large for half of this is no mere transient
-constexpr double kCorrelation_s = 1.0;  // what the model leaves unexplained stays alike for about so long
+constexpr double kLasting_s = 0.1;  // a residual that is large for half of this is no mere transient
 
 }  // namespace
 
@@ -65,8 +64,7 @@ Weights::Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover) : 
   weight_ = evaluator.Variance();
   for (std::size_t i = 0; i < weight_.size(); ++i) {
     for (std::size_t c = 0; c < channels.size(); ++c) {
-      const double window = evaluator.window_s(static_cast<int>(i), static_cast<int>(c));
-      const double m = std::max(1.0, kCorrelation_s / window);
+      const double m = evaluator.Correlated(static_cast<int>(i), static_cast<int>(c));
       const double systematic = m * (channels[c].delta * channels[c].delta + leftover[c] * leftover[c]);
       const double white = evaluator.WhiteVariance(static_cast<int>(i), static_cast<int>(c));
       // What resolution leaves open stays alike as long.

@@ -22,6 +22,8 @@ constexpr int kOnsetHalvings = 6;
 constexpr double kOnsetSteps[] = {0.02, 0.1, 0.4};
 constexpr double kNuisancePrior =
     0.05;  // the same: constants nobody knows move freely by little, and by no more than three of these
+// The same of a tracker's frame that nobody knows, about the one fitted to the nominal robot.
+constexpr double kFrameTurn_rad = 0.1, kFrameShift_m = 0.02;
 constexpr int kIterations = 3, kPolish = 6, kPairIterations = 3;
 constexpr int kPolished = 3;
 constexpr int kPlacesOfOneEffect = 2;  // of the candidates that are refitted
@@ -229,13 +231,16 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
   // ---- nuisances ----
   for (const auto& probe : probes) {
     const auto& c = candidates[probe.candidate];
-    if (!c.effect->nuisance || c.target) continue;
+    const bool turn = c.effect->name == "tracker_rotation", shift = c.effect->name == "tracker_offset";
+    const bool frame = evaluator.frame() && (turn || shift);
+    if ((!c.effect->nuisance && !frame) || c.target) continue;
     for (std::size_t k = 0; k < probe.primary.size(); ++k) {
       result.nuisances.candidates.push_back(c);
       result.nuisances.columns.push_back(probe.columns[k]);
       result.nuisances.prior.conservativeResize(static_cast<int>(result.nuisances.columns.size()));
       result.nuisances.prior[static_cast<int>(result.nuisances.columns.size()) - 1] =
-          kNuisancePrior * ScaleOf(c.effect->parameters[probe.primary[k]]);
+          frame ? (turn ? kFrameTurn_rad : kFrameShift_m)
+                : kNuisancePrior * ScaleOf(c.effect->parameters[probe.primary[k]]);
     }
   }
   const auto nuisances_beside = [&](const Candidate& c) {
@@ -500,6 +505,10 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
         prior.push_back(3 * ScaleOf(s.start.parameter(s.primary[k])));
         result.everything_moved.emplace_back(s.candidate, 0.0);
       }
+    }
+    for (std::size_t e = 0; evaluator.frame() && e < result.nuisances.columns.size(); ++e) {
+      columns.push_back(&result.nuisances.columns[e]);
+      prior.push_back(result.nuisances.prior[static_cast<int>(e)]);
     }
     if (!columns.empty()) {
       const int n = static_cast<int>(columns.size());

@@ -167,6 +167,21 @@ struct Replay::Impl {
     }
     return s.step_s;
   }
+  /// When each of S samples was.
+  static VectorXd TimesOf(const ReplaySignals& s, Index samples) {
+    if (s.time_s.size() == 0) {
+      const double step = Step(s);
+      VectorXd time(samples);
+      for (Index i = 0; i < samples; ++i) time[i] = static_cast<double>(i) * step;
+      return time;
+    }
+    if (!s.at_rest || s.time_s.size() != samples) {
+      throw std::invalid_argument(
+          fmt::format("replay: {} times for {} samples; accepted: none, or one a sample at rest",
+                      s.time_s.size(), samples));
+    }
+    return s.time_s;
+  }
 
   /// Motor motion as it was, of what the encoders showed.
   struct Motors {
@@ -174,8 +189,9 @@ struct Replay::Impl {
   };
   Motors MotorsOf(const ReplaySignals& s) const {
     const Index samples = s.motor_angle_rad.rows();
-    Motors motors{Needed(s.motor_angle_rad, samples, "motor angle"),
-                  Needed(s.motor_velocity_radps, samples, "motor velocity")};
+    Motors motors{
+        Needed(s.motor_angle_rad, samples, "motor angle"),
+        s.at_rest ? MatrixXd::Zero(samples, m) : Needed(s.motor_velocity_radps, samples, "motor velocity")};
     motors.angle.rowwise() -= laws.sensor.encoder_offset_rad.transpose();
     return motors;
   }
@@ -195,15 +211,16 @@ struct Replay::Impl {
   MatrixXd ActualTorque(const ReplaySignals& s) const {
     const double step = Step(s);
     const MatrixXd target = Needed(s.torque_target_Nm, s.torque_target_Nm.rows(), "target torque");
+    const VectorXd time = TimesOf(s, target.rows());
     MatrixXd actual(target.rows(), m);
     for (int j = 0; j < m; ++j) {
       Drivetrain d = drive[At(j)];
       Index sent = 0;
       for (Index i = 0; i < target.rows(); ++i) {
-        const double now = static_cast<double>(i) * step;
+        const double now = time[i];
         // A thousandth of a step of round-off: a SYNC that falls on a sample acts before it.
         for (; sent <= i; ++sent) {
-          const double acts = static_cast<double>(sent) * step + s.command_delay_s;
+          const double acts = time[sent] + s.command_delay_s;
           if (acts > now + 1e-3 * step) break;
           d.SetTorque(std::min(acts, now), target(sent, j));
         }
@@ -220,17 +237,20 @@ struct Replay::Impl {
     const Motors motors = MotorsOf(s);
     const Index samples = motors.angle.rows();
     const MatrixXd torque = Needed(s.torque_actual_Nm, samples, "actual torque");
-    const MatrixXd acceleration = Needed(s.motor_acceleration_radps2, samples, "motor acceleration");
+    const MatrixXd acceleration = s.at_rest
+                                      ? MatrixXd::Zero(samples, m)
+                                      : Needed(s.motor_acceleration_radps2, samples, "motor acceleration");
+    const VectorXd time = TimesOf(s, samples);
     MatrixXd tension(samples, m);
     VectorXd d = VectorXd::Zero(samples), rate = VectorXd::Zero(samples);
     for (int j = 0; j < m; ++j) {
       if (shortening) {
         d = shortening->col(j);
-        Differentiate(d, step, rate);
+        if (!s.at_rest) Differentiate(d, step, rate);
       }
       Drivetrain line = drive[At(j)];
       for (Index i = 0; i < samples; ++i) {
-        const double now = static_cast<double>(i) * step;
+        const double now = time[i];
         const DrivetrainMotion motion{motors.angle(i, j), motors.velocity(i, j), d[i], rate[i]};
         tension(i, j) = line.TensionFromTorque(now, motion, torque(i, j), acceleration(i, j));
         if (shortening) tension(i, j) = line.BaseTension(now, motion, tension(i, j));
@@ -244,7 +264,7 @@ struct Replay::Impl {
     const bool robot_side = s.load_cell == LoadCellPlace::kRobotSide;
     MatrixXd d;
     if (robot_side) d = Needed(shortening, s.motor_angle_rad.rows(), "shortening");
-    return Readings(FromTorque(s, robot_side ? &d : nullptr), s.step_s);
+    return Readings(FromTorque(s, robot_side ? &d : nullptr), TimesOf(s, s.motor_angle_rad.rows()));
   }
 
   MatrixXd CellFromStretch(const ReplaySignals& s, const MatrixXd& shortening) const {
@@ -253,12 +273,13 @@ struct Replay::Impl {
     const Index samples = motors.angle.rows();
     const MatrixXd d = Needed(shortening, samples, "shortening");
     MatrixXd tension(samples, m);
-    VectorXd rate(samples);
+    VectorXd rate = VectorXd::Zero(samples);
+    const VectorXd time = TimesOf(s, samples);
     for (int j = 0; j < m; ++j) {
-      Differentiate(d.col(j), step, rate);
+      if (!s.at_rest) Differentiate(d.col(j), step, rate);
       Drivetrain line = drive[At(j)];
       for (Index i = 0; i < samples; ++i) {
-        const double now = static_cast<double>(i) * step;
+        const double now = time[i];
         const DrivetrainMotion motion{motors.angle(i, j), motors.velocity(i, j), d(i, j), rate[i]};
         tension(i, j) = line.TensionFromStretch(now, motion);
         if (s.load_cell == LoadCellPlace::kRobotSide) {
@@ -267,13 +288,13 @@ struct Replay::Impl {
         line.Commit(now, motion);
       }
     }
-    return Readings(std::move(tension), step);
+    return Readings(std::move(tension), time);
   }
 
-  MatrixXd Readings(MatrixXd tension, double step) const {
+  MatrixXd Readings(MatrixXd tension, const VectorXd& time) const {
     for (int j = 0; j < m; ++j) {
       for (Index i = 0; i < tension.rows(); ++i) {
-        tension(i, j) = Read(j, tension(i, j), static_cast<double>(i) * step);
+        tension(i, j) = Read(j, tension(i, j), time[i]);
       }
     }
     return tension;
@@ -284,7 +305,8 @@ struct Replay::Impl {
   std::unique_ptr<TensionSource> Source(const ReplaySignals& s, DrivenBy driven_by) const;
   static bool BeginsInMotion(const ReplaySignals& s);
   MatrixXd Shortening(const ReplaySignals& s, const MatrixXd& q) const;
-  void Track(const MatrixXd& q, double step, int stride, BodyMotion& motion) const;
+  /// `late`: the tracker's delay in samples.
+  void Track(const MatrixXd& q, double late, int stride, BodyMotion& motion) const;
 
   struct Cell {
     double gain, offset_N, nominal_offset_N;  // reading = gain (tension + offset + drift t) - nominal offset
@@ -301,12 +323,14 @@ struct Replay::Impl {
 
 namespace {
 
-/// Signals on the grid, linear between the samples.
+/// Signals at the samples, linear between them.
 class Grid {
  public:
-  Grid(double step, Index samples) : step_(step), last_(samples - 1) {}
+  /// Samples at these times; a constant step apart unless they are states at rest.
+  Grid(const ReplaySignals& s, VectorXd time_s)
+      : step_(s.step_s), last_(time_s.size() - 1), time_s_(s.at_rest ? std::move(time_s) : VectorXd()) {}
   void MoveTo(double time_s) noexcept {
-    const double at = time_s / step_, whole = std::round(at);
+    const double at = time_s_.size() > 0 ? Sample(time_s) : time_s / step_, whole = std::round(at);
     const double before = std::abs(at - whole) < 1e-6 ? whole : std::floor(at);
     fraction_ = at - before < 1e-6 ? 0 : at - before;
     sample_ = std::clamp<Index>(static_cast<Index>(before), 0, last_);
@@ -317,15 +341,25 @@ class Grid {
   }
 
  private:
+  double Sample(double time_s) const noexcept {
+    const double* begin = time_s_.data();
+    const Index after = std::upper_bound(begin, begin + time_s_.size(), time_s) - begin;
+    if (after == 0) return 0;
+    if (after > last_) return static_cast<double>(last_);
+    return static_cast<double>(after - 1) +
+           (time_s - time_s_[after - 1]) / (time_s_[after] - time_s_[after - 1]);
+  }
+
   double step_, fraction_ = 0;
   Index last_, sample_ = 0;
+  VectorXd time_s_;
 };
 
 /// Base tensions as they were read: nothing depends on the body.
 class GivenTension final : public TensionSource {
  public:
-  GivenTension(MatrixXd tension_N, double step)
-      : tension_(std::move(tension_N)), grid_(step, tension_.rows()), now_(At(tension_.cols())) {}
+  GivenTension(MatrixXd tension_N, Grid grid)
+      : tension_(std::move(tension_N)), grid_(std::move(grid)), now_(At(tension_.cols())) {}
   void MoveTo(double time_s) noexcept override {
     grid_.MoveTo(time_s);
     for (Index j = 0; j < tension_.cols(); ++j) now_[At(j)] = grid_.Of(tension_.col(j).data());
@@ -350,8 +384,8 @@ class PulleyTension final : public TensionSource {
   struct Signals {
     MatrixXd spool_m, spool_rate_mps, middle_N, half_N;
   };
-  PulleyTension(Signals signals, const std::vector<double>& presliding_m, double step)
-      : signals_(std::move(signals)), grid_(step, signals_.spool_m.rows()) {
+  PulleyTension(Signals signals, const std::vector<double>& presliding_m, Grid grid)
+      : signals_(std::move(signals)), grid_(std::move(grid)) {
     for (const double presliding : presliding_m) {
       pulley_.push_back({model::PulleyPresliding(presliding), 1e-3 * presliding});
     }
@@ -419,10 +453,10 @@ class PulleyTension final : public TensionSource {
 /// Base tensions of the tendons' springs between measured motors and the body.
 class SpringTension final : public TensionSource {
  public:
-  SpringTension(MatrixXd angle, MatrixXd velocity, std::vector<Drivetrain> drive, double step)
+  SpringTension(MatrixXd angle, MatrixXd velocity, std::vector<Drivetrain> drive, Grid grid)
       : angle_(std::move(angle)),
         velocity_(std::move(velocity)),
-        grid_(step, angle_.rows()),
+        grid_(std::move(grid)),
         drive_(std::move(drive)),
         motion_(drive_.size()) {}
   void MoveTo(double time_s) noexcept override {
@@ -469,17 +503,17 @@ class SpringTension final : public TensionSource {
 }  // namespace
 
 std::unique_ptr<TensionSource> Replay::Impl::Source(const ReplaySignals& s, DrivenBy driven_by) const {
-  const double step = Step(s);
+  const VectorXd time =
+      TimesOf(s, driven_by == DrivenBy::kCell ? s.tension_N.rows() : s.motor_angle_rad.rows());
+  const Grid grid(s, time);
   MatrixXd tension;
   if (driven_by == DrivenBy::kCell) {
     tension = Needed(s.tension_N, s.tension_N.rows(), "tension");
     for (int j = 0; j < m; ++j) {
-      for (Index i = 0; i < tension.rows(); ++i) {
-        tension(i, j) = Unread(j, tension(i, j), static_cast<double>(i) * step);
-      }
+      for (Index i = 0; i < tension.rows(); ++i) tension(i, j) = Unread(j, tension(i, j), time[i]);
     }
     if (s.load_cell == LoadCellPlace::kRobotSide) {
-      return std::make_unique<GivenTension>(std::move(tension), step);
+      return std::make_unique<GivenTension>(std::move(tension), grid);
     }
     if (s.load_cell == LoadCellPlace::kNone) {
       throw std::invalid_argument("replay: no load cell; drive the body by torque or by motor");
@@ -487,7 +521,7 @@ std::unique_ptr<TensionSource> Replay::Impl::Source(const ReplaySignals& s, Driv
   }
   Motors motors = MotorsOf(s);
   if (driven_by == DrivenBy::kMotor) {
-    return std::make_unique<SpringTension>(std::move(motors.angle), std::move(motors.velocity), drive, step);
+    return std::make_unique<SpringTension>(std::move(motors.angle), std::move(motors.velocity), drive, grid);
   }
   if (driven_by == DrivenBy::kTorque) tension = FromTorque(s, nullptr);
   const Index samples = tension.rows();
@@ -503,7 +537,7 @@ std::unique_ptr<TensionSource> Replay::Impl::Source(const ReplaySignals& s, Driv
     presliding.push_back(actuation.tendons[At(j)].transmission.presliding_m);
     for (Index i = 0; i < samples; ++i) {
       const DrivetrainMotion motion{motors.angle(i, j), motors.velocity(i, j), 0, 0};
-      const double now = static_cast<double>(i) * step;
+      const double now = time[i];
       const Drivetrain::Spool spool = line.SpoolOf(now, motion);
       signals.spool_m(i, j) = spool.pull_m;
       signals.spool_rate_mps(i, j) = spool.rate_mps;
@@ -513,7 +547,7 @@ std::unique_ptr<TensionSource> Replay::Impl::Source(const ReplaySignals& s, Driv
       signals.half_N(i, j) = map.half_N;
     }
   }
-  return std::make_unique<PulleyTension>(std::move(signals), presliding, step);
+  return std::make_unique<PulleyTension>(std::move(signals), presliding, grid);
 }
 
 BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int stride) const {
@@ -525,13 +559,22 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
 
   BodyStepper stepper(body, laws.body);
   MatrixXd q(n, samples), tension(m, samples);
-  if (!(BeginsInMotion(s) ? stepper.LetGo(*source, 0) : stepper.Settle(*source, 0))) {
+  const VectorXd time = TimesOf(s, samples);
+  if (!(!s.at_rest && BeginsInMotion(s) ? stepper.LetGo(*source, 0) : stepper.Settle(*source, 0))) {
     throw std::runtime_error("replay: the body has no equilibrium under the first sample's tensions");
   }
   for (Index i = 0;; ++i) {
     q.col(i) = stepper.q();
     tension.col(i) = stepper.tension_N();
     if (i + 1 == samples) break;
+    if (s.at_rest) {
+      if (!stepper.Settle(*source, time[i + 1])) {
+        throw std::runtime_error(
+            fmt::format("replay: the body has no equilibrium at {:.4f} s; its tensions are {} N", time[i + 1],
+                        fmt::join(stepper.tension_N(), ", ")));
+      }
+      continue;
+    }
     for (int part = 1; part <= parts; ++part) {
       const double to = (static_cast<double>(i) + static_cast<double>(part) / parts) * step;
       if (!stepper.StepTo(*source, to)) {
@@ -545,7 +588,8 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
   BodyMotion motion;
   motion.tension_base_N = tension.transpose();
   motion.shortening_m = Shortening(s, q);
-  Track(q, step, stride, motion);
+  const bool delayed = actuation.tracker && !s.at_rest;  // at rest, late or not is the same
+  Track(q, delayed ? actuation.tracker->delay_s / step : 0, stride, motion);
   return motion;
 }
 
@@ -611,9 +655,8 @@ MatrixXd Replay::Impl::Shortening(const ReplaySignals& s, const MatrixXd& q) con
   return shortening;
 }
 
-void Replay::Impl::Track(const MatrixXd& q, double step, int stride, BodyMotion& motion) const {
+void Replay::Impl::Track(const MatrixXd& q, double late, int stride, BodyMotion& motion) const {
   const Index rows = (q.cols() - 1) / stride + 1;
-  const double late = actuation.tracker ? actuation.tracker->delay_s / step : 0;  // in samples
   const Eigen::Vector3d turn = laws.sensor.tracker_turn_rad;
   const double angle = turn.norm();
   const Eigen::Matrix3d r =

@@ -193,6 +193,11 @@ struct Maker {
     d.closures.push_back(c);
   }
 
+  void Families() {
+    d.families = {{"circle", 2, 4.1e-3, 0.4e-3, 0.21e-3, Estimate{0.99, 0.97, 1}},
+                  {"triangle", 1, 0.2e-3, 0.2e-3, 0.21e-3, std::nullopt}};
+  }
+
   void Provenance() {
     d.robot_name = "one_section";
     d.robot_yaml =
@@ -266,6 +271,7 @@ Diagnosis ExampleDiagnosis(Verdict verdict) {
   Maker m;
   Diagnosis& d = m.d;
   d.verdict = verdict;
+  m.Families();
   m.Provenance();
   switch (verdict) {
     case Verdict::kAttributed: {

@@ -32,6 +32,8 @@ struct Run {
 struct DataSet {
   std::string name;
   RobotParameters robot;  // nominal
+  /// Nobody knows how the tracker's frame lies against the robot's base: the diagnosis fits it.
+  bool fit_frame = false;
   std::vector<Run> runs;
   std::vector<std::string> notes;  // of the set: files that could not be read at all, for example
 };

@@ -63,6 +63,15 @@ struct Closure {
   std::optional<double> ceiling_rms{};  // what is left when everything is refitted at once
 };
 
+/// The same of the tip's distance, family by family: each predicted by a fit to the other families, where
+/// there are at least three.
+struct FamilyClosure {
+  std::string family;
+  int runs = 0;
+  double before_m = 0, after_m = 0, floor_m = 0;  // rms
+  std::optional<Estimate> closed;                 // pooled over all channels; empty: before is at the floor
+};
+
 /// Two causes and how alike their marks are: cosine of their sensitivities with nuisances and calibration
 /// removed.
 struct Confusion {
@@ -140,6 +149,7 @@ struct Diagnosis {
   std::vector<Cause> accepted;       // what the model needs: empty, one, or the members of a pair
   std::optional<Estimate> closed;    // pooled, on held-out trajectories
   std::vector<Closure> closures;
+  std::vector<FamilyClosure> families;
   std::optional<Estimate> closed_ceiling;  // what refitting everything at once closes, as an upper mark
   std::vector<std::pair<std::string, double>>
       order_effects;          // closed by each of a pair alone and after the other

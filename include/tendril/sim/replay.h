@@ -16,6 +16,12 @@ namespace tendril::sim {
 /// where straight is no equilibrium) or it has come to rest since.
 struct ReplaySignals {
   double step_s = 0;
+  /// Samples are states at rest, too far apart to tell of a motion: the body is in equilibrium at each,
+  /// friction memories go straight from one to the next, and velocities are taken as zero whatever is given.
+  /// `time_s` (S, rising from 0) then says when each was, for what depends on time; without it they are
+  /// step_s apart.
+  bool at_rest = false;
+  Eigen::VectorXd time_s;
   LoadCellPlace load_cell = LoadCellPlace::kMotorSide;
   Eigen::MatrixXd torque_target_Nm;  // S x M, as sent
   Eigen::MatrixXd torque_actual_Nm;  // as the drive reports it
@@ -70,7 +76,8 @@ class Replay {
   };
   /// Motion of the body in time; throws std::runtime_error when it cannot be integrated. Where pulleys lie
   /// between the tension that is known and the base, they slide by (s + d) / 2 with s measured and d of this
-  /// very motion, not of the measured bending: a tracker's noise would be friction there.
+  /// very motion, not of the measured bending: a tracker's noise would be friction there. Of samples at rest:
+  /// the equilibria, each reached from the one before.
   BodyMotion Body(const ReplaySignals& signals, DrivenBy driven_by, int stride) const;
 
  private:
