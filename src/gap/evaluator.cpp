@@ -266,7 +266,7 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
   for (std::size_t i = 0; i < runs_.size(); ++i) {
     if (!trouble[i].empty()) throw RunError(i, fmt::format("{}: {}", runs_[i].name, trouble[i]));
   }
-  if (set.fit_frame && tracker) FindFrame(options);
+  if (set.fit_frame && tracker) FindFrame();
   ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
     nominal_motion_[i].shortening_m = MeasuredShortening(runs_[i], nominal_, nominal_motion_[i]);
   });
@@ -287,7 +287,7 @@ double Evaluator::Correlated(int run, int channel) const {
 // The rigid motion that takes the nominal robot's tips to the measured ones, in the least squares of
 // distances whose largest count less (Kabsch, reweighted): a robot that differs is not always off by the
 // same.
-void Evaluator::FindFrame(const Options& options) {
+void Evaluator::FindFrame() {
   constexpr int kPasses = 20;
   constexpr double kLeastSpread =
       0.02;  // of the tips across, of their spread along: else a turn is not known
@@ -304,38 +304,34 @@ void Evaluator::FindFrame(const Options& options) {
     }
   }
   TrackerFrame frame;
-  if (options.frame) {
-    frame = *options.frame;
-  } else {
-    std::vector<double> weight(simulated.size(), 1.0);
-    for (int pass = 0; pass < kPasses; ++pass) {
-      double total = 0;
-      Eigen::Vector3d from(0, 0, 0), to(0, 0, 0);
-      for (std::size_t k = 0; k < simulated.size(); ++k) {
-        total += weight[k];
-        from += weight[k] * simulated[k];
-        to += weight[k] * measured[k];
-      }
-      from /= total;
-      to /= total;
-      Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
-      for (std::size_t k = 0; k < simulated.size(); ++k)
-        cross += weight[k] * (measured[k] - to) * (simulated[k] - from).transpose();
-      const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross, Eigen::ComputeFullU | Eigen::ComputeFullV);
-      if (!(svd.singularValues()[1] > kLeastSpread * svd.singularValues()[0])) {
-        throw std::runtime_error(
-            "tracker_frame: fit: the tips of these runs lie on a line, so that the tracker's frame cannot be "
-            "fitted; accepted: bends in several directions; add runs or give the frame");
-      }
-      Eigen::Vector3d proper(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() > 0 ? 1 : -1);
-      frame.turn = svd.matrixU() * proper.asDiagonal() * svd.matrixV().transpose();
-      frame.offset_m = to - frame.turn * from;
-      std::vector<double> distance;
-      for (std::size_t k = 0; k < simulated.size(); ++k)
-        distance.push_back((measured[k] - frame.turn * simulated[k] - frame.offset_m).norm());
-      const double usual = std::max(Median(distance), 1e-9);
-      for (std::size_t k = 0; k < simulated.size(); ++k) weight[k] = 1 / std::max(1.0, distance[k] / usual);
+  std::vector<double> weight(simulated.size(), 1.0);
+  for (int pass = 0; pass < kPasses; ++pass) {
+    double total = 0;
+    Eigen::Vector3d from(0, 0, 0), to(0, 0, 0);
+    for (std::size_t k = 0; k < simulated.size(); ++k) {
+      total += weight[k];
+      from += weight[k] * simulated[k];
+      to += weight[k] * measured[k];
     }
+    from /= total;
+    to /= total;
+    Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();
+    for (std::size_t k = 0; k < simulated.size(); ++k)
+      cross += weight[k] * (measured[k] - to) * (simulated[k] - from).transpose();
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    if (!(svd.singularValues()[1] > kLeastSpread * svd.singularValues()[0])) {
+      throw std::runtime_error(
+          "tracker_frame: fit: the tips of these runs lie on a line, so that the tracker's frame cannot be "
+          "fitted; accepted: bends in several directions; add runs or give the frame");
+    }
+    Eigen::Vector3d proper(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() > 0 ? 1 : -1);
+    frame.turn = svd.matrixU() * proper.asDiagonal() * svd.matrixV().transpose();
+    frame.offset_m = to - frame.turn * from;
+    std::vector<double> distance;
+    for (std::size_t k = 0; k < simulated.size(); ++k)
+      distance.push_back((measured[k] - frame.turn * simulated[k] - frame.offset_m).norm());
+    const double usual = std::max(Median(distance), 1e-9);
+    for (std::size_t k = 0; k < simulated.size(); ++k) weight[k] = 1 / std::max(1.0, distance[k] / usual);
   }
   frame_ = frame;
   for (PreparedRun& run : runs_) Turn(frame, run);

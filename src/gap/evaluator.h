@@ -54,7 +54,6 @@ class Evaluator {
     int threads = 1;
     double delta_N = 0, delta_m = 0;  // 0: derived from the floor
     std::uint64_t seed = 1;
-    std::optional<TrackerFrame> frame{};  // of a set whose frame is to be fitted: take this one
   };
   /// Prepares the runs and finds the floors. Throws RunError for a run that has to be left out, another
   /// std::runtime_error when nothing can be compared.
@@ -104,7 +103,7 @@ class Evaluator {
                                            std::vector<Eigen::VectorXd>* scatter = nullptr) const;
   Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
                                      const sim::BodyMotion& motion) const;
-  void FindFrame(const Options& options);
+  void FindFrame();
   void FindFloors(const DataSet& set, const Options& options);
   /// Mean ratio of what the same inputs at other times leave to what `channel`'s variances say; 0 when they
   /// never come back. `returns` counts them.
