@@ -201,7 +201,8 @@ class Cost final : public ceres::CostFunction {
           jacobians[0], num_residuals(), n + extra);
       J.setZero();
       for (int k = 0; k < n; ++k) {
-        const Column sensitivity = Sensitivity(evaluator_, model, k, kRelativeStep * Scale(k), at, cuts_);
+        const Column sensitivity =
+            Sensitivity(evaluator_, model, k, model.derivative_step * Scale(k), at, cuts_);
         Stack(sensitivity, at, -Scale(k), column);
         J.col(k).head(data_rows_) = column;
         J(data_rows_ + k, k) = 1e-3;
@@ -218,7 +219,6 @@ class Cost final : public ceres::CostFunction {
   }
 
   double Scale(int k) const { return ScaleOf(model_.parameter(k)); }
-  static constexpr double kRelativeStep = 0.1;
 
  private:
   /// sqrt(w) times factor times the channels that `like` has.
@@ -342,7 +342,7 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
   const Residuals at = evaluator_.At(fit.model.Robot(evaluator_.nominal()), cuts);
   for (int k = 0; k < n; ++k) {
     fit.columns.push_back(
-        Sensitivity(evaluator_, fit.model, k, Cost::kRelativeStep * cost->Scale(k), at, cuts));
+        Sensitivity(evaluator_, fit.model, k, fit.model.derivative_step * cost->Scale(k), at, cuts));
   }
 
   // Folds: one Gauss-Newton step from the common optimum, on each fold's complement.

@@ -32,6 +32,8 @@ std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cel
 struct Model {
   std::vector<Candidate> parts;
   Eigen::VectorXd values;
+  /// Differences for derivatives, in plainly visible deviations: small where an effect begins at a threshold.
+  double derivative_step = 0.1;
 
   static Model Of(const Candidate& candidate);   // at nominal
   Model With(const Candidate& candidate) const;  // and this one at nominal

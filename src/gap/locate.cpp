@@ -15,7 +15,8 @@ namespace {
 using Quantity = Channel::Quantity;
 
 constexpr double kBlock_s = 1.0;
-constexpr double kPlainDeltas = 3;       // materialities from which on a gap may lie in a few seconds alone
+// Floors and materialities from which on a gap may lie in a few seconds alone.
+constexpr double kPlainFloors = 2, kPlainDeltas = 3;
 constexpr double kMotionWindow_s = 1.0;  // slower is shape (C4), faster is motion (C5)
 
 /// One-sided p-value that blocks with these sums have a mean above zero by chance.
@@ -137,7 +138,8 @@ void Measure(const Evaluator& evaluator, const Residuals& residuals, Part& part)
   f.p_value = PositiveMean(blocks);
   const double excess = std::sqrt(std::max(0.0, square - kNoiseSlack * noise));
   f.excess = excess > f.delta;
-  if (excess > kPlainDeltas * f.delta) f.p_value = std::min(f.p_value, LargestBlock(blocks));
+  if (excess > std::max(kPlainFloors * f.floor, kPlainDeltas * f.delta))
+    f.p_value = std::min(f.p_value, LargestBlock(blocks));
 }
 
 }  // namespace

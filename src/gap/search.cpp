@@ -19,6 +19,7 @@ constexpr double kFarStep = 0.95;       // of the way to the bound, where that c
 // Where an effect begins to act is found to this share of the way, and it is tried in steps of these from
 // there.
 constexpr int kOnsetHalvings = 6;
+constexpr double kOnsetDerivative = 0.0125;  // plainly visible deviations
 constexpr double kOnsetSteps[] = {0.02, 0.1, 0.4};
 constexpr double kNuisancePrior =
     0.05;  // the same: constants nobody knows move freely by little, and by no more than three of these
@@ -205,6 +206,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
         if (quiet + step > 1) continue;
         woken[i].push_back(probe);
         woken[i].back().variant.values[k] += quiet * way;
+        woken[i].back().variant.derivative_step = kOnsetDerivative;
         woken[i].back().columns[0] = column(quiet, step);
       }
     } catch (const std::exception&) {

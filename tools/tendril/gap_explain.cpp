@@ -144,7 +144,8 @@ const Effect& Find(const std::string& name) {
   std::string wanted = name;
   std::replace_if(
       wanted.begin(), wanted.end(), [](char c) { return c == ' ' || c == '-'; }, '_');
-  return EffectNamed(wanted);
+  if (const Effect* effect = sim::FindEffect(wanted)) return *effect;
+  return EffectNamed(name);
 }
 
 void Run(const Options& options) {
