@@ -48,7 +48,9 @@ struct Finder {
                       beyond, beyond == 1 ? "" : "s", worst, unit));
     } else {
       Say(channel,
-          fmt::format("reaches {:.4g} {}, far beyond this robot, most of the time: left out", worst, unit));
+          fmt::format(
+              "reaches {:.4g} {} and lies beyond what this robot can in {:.0f} % of its values: left out",
+              worst, unit, 100.0 * static_cast<double>(beyond) / static_cast<double>(there)));
     }
   }
 

@@ -433,6 +433,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
         const Screened& s = result.screened[k];
         if (seen[s.candidate.effect]++ >= 1) continue;
         Model both = first.model.With(s.candidate);
+        both.derivative_step = std::min(both.derivative_step, s.start.derivative_step);
         const int offset = first.model.size();
         for (int i = 0; i < s.candidate.size(); ++i) both.values[offset + i] = s.start.values[i];
         for (const int i : s.primary) {
@@ -454,6 +455,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       const Model& best = result.pairs[0].model;
       Model second;
       second.parts = {best.parts[1]};
+      second.derivative_step = best.derivative_step;
       second.values = best.values.tail(best.parts[1].size());
       const std::vector<Fit> alone = refit({second}, weights, kIterations, 0.95, 0.97);
       if (!alone.empty()) {
@@ -484,6 +486,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
         }
         Model one = Model::Of(part);
         const Model& both = result.pairs[0].model;
+        one.derivative_step = both.derivative_step;
         const int at = both.offset(part == both.parts[0] ? 0 : 1);
         one.values = both.values.segment(at, one.size());
         missing.push_back(one);
