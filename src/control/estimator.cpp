@@ -10,13 +10,33 @@
 namespace tendril::control {
 namespace {
 
-using SectionMatrix =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxSections, 2 * kMaxSections>;
 using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxSections, kMaxTendons>;
 
 // Gauss-Newton from the last cycle's estimate: the shape moves so little in a cycle that two steps reach
 // round-off.
 constexpr int kGaussNewtonSteps = 2;
+
+// Of a value rounded to a grid.
+constexpr double RoundingVariance(double step) { return step * step / 12; }
+
+// Friction between pulling and paying out is as uncertain as it has not built up.
+double FrictionVariance(double pulling_N, double paying_out_N, double z) {
+  const double half_N = (pulling_N - paying_out_N) / 2;
+  return std::max(0.0, 1 - z * z) * half_N * half_N / 3;
+}
+
+double SensorVariance(const TendonDriveParameters& t) {
+  if (t.load_cell.place == LoadCellPlace::kNone) {
+    const double permille2 =
+        t.drive.actual_torque_noise_permille * t.drive.actual_torque_noise_permille + RoundingVariance(1);
+    const double permille_N =
+        1e-3 * t.motor.torque_scale * t.drive.rated_torque_Nm / t.SpoolTravelPerMotorRad();
+    return permille2 * permille_N * permille_N;
+  }
+  if (!(t.load_cell.gain_VpN > 0)) return 0;
+  const double step_N = std::max(1e-3, t.load_cell.resolution_V) / t.load_cell.gain_VpN;
+  return t.load_cell.noise_N * t.load_cell.noise_N + RoundingVariance(step_N);
+}
 
 }  // namespace
 
@@ -33,8 +53,8 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
     tendons_.push_back({2 * std::numbers::pi / t.drive.encoder_counts_per_turn * t.SpoolTravelPerMotorRad(),
                         t.drive.rated_torque_Nm, t.motor.torque_scale, per_mV, t.load_cell.offset_N,
                         t.tendon.stiffness_Npm, t.SpoolTravelPerMotorRad(), t.gear.efficiency,
-                        t.motor.coulomb_friction_Nm, t.transmission.coulomb_N, t.load_cell.place, 0,
-                        model::PulleyPresliding(t.transmission.presliding_m)});
+                        t.motor.coulomb_friction_Nm, t.transmission.coulomb_N, SensorVariance(t),
+                        t.load_cell.place, 0, model::PulleyPresliding(t.transmission.presliding_m)});
   }
 }
 
@@ -48,7 +68,7 @@ void Estimator::ZeroDisplacement(const CycleInput& input) noexcept {
 
 void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
   const int m = static_cast<int>(tendons_.size());
-  TendonVector shortening_m(m);
+  TendonVector shortening_m(m), variance_m2(m);
   for (int j = 0; j < m; ++j) {
     Tendon& t = tendons_[j];
     const DriveFeedback& d = input.drive[j];
@@ -61,7 +81,7 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
     const double cell_N = d.analog_mV * t.newton_per_mV - t.cell_offset_N;
     const double bearing_N = t.pulley_coulomb_N * z;  // lost in the pulleys whatever the load
 
-    double motor_N = 0, base_N = 0;
+    double motor_N = 0, base_N = 0, variance_N2 = t.sensor_variance_N2;  // of motor_N
     switch (t.place) {
       case LoadCellPlace::kMotorSide:
         motor_N = cell_N;
@@ -70,20 +90,36 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
       case LoadCellPlace::kRobotSide:
         base_N = cell_N;
         motor_N = tables_[j]->BaseToMotor(std::max(base_N + bearing_N, 0.0), z);
+        if (base_N > 0) {
+          // The map's slope is taken over a deviation of the reading either way.
+          const double low_N = std::max(0.0, base_N - std::sqrt(variance_N2)),
+                       high_N = base_N + std::sqrt(variance_N2);
+          const double spread_N = tables_[j]->BaseToMotor(high_N, z) - tables_[j]->BaseToMotor(low_N, z);
+          variance_N2 =
+              spread_N * spread_N / 4 +
+              FrictionVariance(tables_[j]->BaseToMotor(base_N + t.pulley_coulomb_N, 1),
+                               tables_[j]->BaseToMotor(std::max(0.0, base_N - t.pulley_coulomb_N), -1), z);
+        }
         break;
-      case LoadCellPlace::kNone:
-        motor_N = std::max(
-            0.0, (t.torque_scale * torque_Nm - t.coulomb_Nm * z) / t.travel_m * std::pow(t.efficiency, z));
+      case LoadCellPlace::kNone: {
+        const double pull_Nm = t.torque_scale * torque_Nm, losses = std::pow(t.efficiency, z);
+        motor_N = std::max(0.0, (pull_Nm - t.coulomb_Nm * z) / t.travel_m * losses);
+        variance_N2 = variance_N2 * losses * losses +
+                      FrictionVariance((pull_Nm + t.coulomb_Nm) / t.travel_m / t.efficiency,
+                                       (pull_Nm - t.coulomb_Nm) / t.travel_m * t.efficiency, z);
         base_N = std::max(0.0, tables_[j]->MotorToBase(motor_N, z) - bearing_N);
         break;
+      }
     }
     output.displacement_m[j] = pull_m;
     output.tension_measured_N[j] = t.place == LoadCellPlace::kNone ? motor_N : cell_N;
     output.tension_base_estimate_N[j] = base_N;
     output.torque_measured_Nm[j] = torque_Nm;
     shortening_m[j] = pull_m - (motor_N - min_tension_N_) / t.stiffness_Npm;
+    variance_m2[j] =
+        2 * RoundingVariance(t.travel_per_count_m) + variance_N2 / (t.stiffness_Npm * t.stiffness_Npm);
   }
-  EstimateBending(shortening_m);
+  EstimateBending(shortening_m, variance_m2, output.bending_covariance_rad2);
   body_.SpreadBending(bending_rad_, q_);
   const model::Pose tip = body_.TipPose(q_);
   output.bending_estimate_rad = bending_rad_;
@@ -93,7 +129,8 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
 
 // Least squares of the measured shortening against that of the arc shape. Its Jacobian by (us, vs) is the
 // transpose of the force per tension (virtual work).
-void Estimator::EstimateBending(const TendonVector& shortening_m) noexcept {
+void Estimator::EstimateBending(const TendonVector& shortening_m, const TendonVector& variance_m2,
+                                BendingMatrix& covariance_rad2) noexcept {
   const int k2 = 2 * body_.sections();
   const int m = static_cast<int>(tendons_.size());
   ForceMatrix force_per_tension(k2, m);
@@ -103,8 +140,13 @@ void Estimator::EstimateBending(const TendonVector& shortening_m) noexcept {
     model::SectionForcePerTension(body_, best, force_per_tension);
     body_.SpreadBending(best, q_);
     body_.TendonShortening(q_, modelled_m);
-    const SectionMatrix normal = force_per_tension * force_per_tension.transpose();
-    best += normal.ldlt().solve(force_per_tension * (shortening_m - modelled_m));
+    const BendingMatrix normal = force_per_tension * force_per_tension.transpose();
+    const auto factor = normal.ldlt();
+    best += factor.solve(force_per_tension * (shortening_m - modelled_m));
+    if (step + 1 < kGaussNewtonSteps) continue;
+    const ForceMatrix bending_per_shortening = factor.solve(force_per_tension);
+    const ForceMatrix scaled = bending_per_shortening * variance_m2.cwiseSqrt().asDiagonal();
+    covariance_rad2 = scaled * scaled.transpose();
   }
   if (!best.allFinite()) return;
   // Beyond what the robot may ever do the measurement is wrong; keep the direction, bound the size.

@@ -288,6 +288,7 @@ void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t 
   const int nt = shape.tendons;
   m.num_bending = nb;
   m.num_tendons = nt;
+  m.num_covariance = nb * nb;
   m.utime = utime;
   Number(m.cycle, record.input.cycle);
 
@@ -309,6 +310,7 @@ void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t 
   Fill(m.bending_desired_rad, out.reference.position_rad, nb);
   Fill(m.bending_rate_desired_radps, out.reference.velocity_radps, nb);
   Fill(m.bending_estimate_rad, out.bending_estimate_rad, nb);
+  Fill(m.bending_covariance_rad2, out.bending_covariance_rad2, nb * nb);  // symmetric: rows are columns
   Fill(m.tip_desired_W_m, out.reference_tip_W_m);
   Fill(m.tip_estimate_W_m, out.tip_estimate_W_m);
   Fill(m.orientation_estimate_WT, out.orientation_estimate_WT);

@@ -1,11 +1,13 @@
 // What a robot file says of its own cell, motor and bearings is taken out of the estimates; the forward chain
-// is written out by hand.
+// is written out by hand. The covariance is that of many noisy draws.
 #include "tendril/control/estimator.h"
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <numbers>
+#include <random>
 
 #include "tendril/config/config.h"
 
@@ -60,6 +62,136 @@ TEST_P(EstimatorTest, SeesThroughOffsetBearingsAndAStrongMotor) {
   EXPECT_NEAR(output.tension_base_estimate_N[0], kBase_N, resolution_N);
   const double shown_N = GetParam() == LoadCellPlace::kRobotSide ? kBase_N : motor_N;
   EXPECT_NEAR(output.tension_measured_N[0], shown_N, resolution_N);
+}
+
+// Sensors of a robot in a known shape under known tensions, each with its own noise and resolution.
+class NoisyRobot {
+ public:
+  NoisyRobot(const RobotParameters& robot, const model::CapstanTable& table, unsigned seed)
+      : robot_(robot), table_(table), body_(robot.body), random_(seed) {}
+
+  /// A robot that has been bent from straight (in `zero`) to `bending_rad`; tensions and noise are drawn.
+  void Draw(const BendingVector& bending_rad, CycleInput& zero, CycleInput& bent) {
+    UnitVector q(body_.dof());
+    body_.SpreadBending(bending_rad, q);
+    TendonVector shortening_m(body_.tendons());
+    body_.TendonShortening(q, shortening_m);
+    zero.drives = bent.drives = body_.tendons();
+    for (int j = 0; j < body_.tendons(); ++j) {
+      const auto& t = robot_.actuation->tendons[static_cast<std::size_t>(j)];
+      const double base_N = std::uniform_real_distribution<double>(1, 6)(random_);
+      // Where friction has built up: far from the last reversal.
+      const double z = shortening_m[j] > 0 ? 1 : -1;
+      const double motor_N = z > 0 ? table_.Pull(base_N) : table_.Release(base_N);
+      const double pull_m =
+          shortening_m[j] + (motor_N - robot_.limits.min_tension_N) / t.tendon.stiffness_Npm;
+      const double counts_per_m =
+          t.drive.encoder_counts_per_turn / (2 * std::numbers::pi * t.SpoolTravelPerMotorRad());
+      const double at_zero = std::uniform_real_distribution<double>(-1000, 1000)(random_);
+      const double cell_N = (t.load_cell.place == LoadCellPlace::kRobotSide ? base_N : motor_N) +
+                            t.load_cell.noise_N * normal_(random_);
+      const double torque_Nm = (motor_N / std::pow(t.gear.efficiency, z) * t.SpoolTravelPerMotorRad() +
+                                z * t.motor.coulomb_friction_Nm) /
+                               t.motor.torque_scale;
+      auto& before = zero.drive[static_cast<std::size_t>(j)];
+      auto& now = bent.drive[static_cast<std::size_t>(j)];
+      before.position_counts = static_cast<std::int32_t>(std::lround(at_zero));
+      now.position_counts = static_cast<std::int32_t>(std::lround(at_zero + pull_m * counts_per_m));
+      now.analog_mV = static_cast<std::int16_t>(std::lround(1000 * t.load_cell.gain_VpN * cell_N));
+      now.torque_permille =
+          static_cast<std::int16_t>(std::lround(1000 * torque_Nm / t.drive.rated_torque_Nm +
+                                                t.drive.actual_torque_noise_permille * normal_(random_)));
+    }
+  }
+
+ private:
+  const RobotParameters& robot_;
+  const model::CapstanTable& table_;
+  model::Body body_;
+  std::mt19937 random_;
+  std::normal_distribution<double> normal_;
+};
+
+class Covariance : public testing::TestWithParam<std::tuple<const char*, LoadCellPlace>> {};
+
+TEST_P(Covariance, IsThatOfManyNoisyDraws) {
+  const auto [file, place] = GetParam();
+  RobotParameters robot = config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file);
+  for (auto& t : robot.actuation->tendons) {
+    t.load_cell.place = place;
+    // Coarse enough to matter beside the encoder.
+    t.load_cell.noise_N = 0.03;
+    t.motor.coulomb_friction_Nm = 1e-4;
+  }
+  const model::Body body(robot.body);
+  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
+      static_cast<std::size_t>(body.tendons()),
+      std::make_shared<const model::CapstanTable>(robot.actuation->tendons[0].transmission,
+                                                  robot.limits.max_tension_motor_N));
+  Estimator estimator(robot, body, tables);
+  NoisyRobot noisy(robot, *tables[0], 5);
+  const int n = 2 * body.sections();
+  BendingVector truth(n);
+  for (int i = 0; i < n; ++i) truth[i] = 0.5 * std::cos(1.0 + 2.0 * i);
+
+  constexpr int kDraws = 3000;
+  double normalised = 0;
+  Eigen::MatrixXd drawn = Eigen::MatrixXd::Zero(n, n), said = drawn;
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
+  CycleInput zero, bent;
+  CycleOutput output;
+  output.displacement_m = output.tension_measured_N = output.tension_base_estimate_N =
+      output.torque_measured_Nm = TendonVector::Zero(body.tendons());
+  for (int draw = 0; draw < kDraws; ++draw) {
+    noisy.Draw(truth, zero, bent);
+    estimator.ZeroDisplacement(zero);
+    for (int i = 0; i < 4; ++i) estimator.Step(bent, output);
+    const Eigen::VectorXd error = output.bending_estimate_rad - truth;
+    const Eigen::MatrixXd p = output.bending_covariance_rad2;
+    ASSERT_EQ(p.rows(), n);
+    ASSERT_EQ((p - p.transpose()).cwiseAbs().maxCoeff(), 0);
+    ASSERT_GT(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(p).eigenvalues().minCoeff(), 0);
+    normalised += error.dot(p.ldlt().solve(error)) / kDraws;
+    drawn += error * error.transpose() / kDraws;
+    said += p / kDraws;
+    mean += error / kDraws;
+  }
+  // The sum of n squares of unit variance: n, over the draws within sqrt(2 n / draws), of which five are
+  // allowed. Two sides: a covariance that covers everything says nothing.
+  EXPECT_NEAR(normalised, n, 5 * std::sqrt(2.0 * n / kDraws));
+  EXPECT_LT((drawn - said).norm(), 0.12 * said.norm()) << drawn << "\n" << said;
+  EXPECT_LT(mean.norm(), 5 * std::sqrt(said.trace() / kDraws)) << "unbiased";
+  RecordProperty("normalised_error_squared", std::to_string(normalised / n));
+}
+
+INSTANTIATE_TEST_SUITE_P(Robots, Covariance,
+                         testing::Combine(testing::Values("rig_60mm.yaml", "two_section.yaml",
+                                                          "four_tendon_90mm.yaml"),
+                                          testing::Values(LoadCellPlace::kMotorSide,
+                                                          LoadCellPlace::kRobotSide, LoadCellPlace::kNone)));
+
+TEST(CovarianceOf, FrictionThatHasNotBuiltUpIsUncertain) {
+  RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
+  for (auto& t : robot.actuation->tendons) t.load_cell.place = LoadCellPlace::kRobotSide;
+  const model::Body body(robot.body);
+  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
+      3, std::make_shared<const model::CapstanTable>(robot.actuation->tendons[0].transmission,
+                                                     robot.limits.max_tension_motor_N));
+  Estimator estimator(robot, body, tables);
+  CycleInput input;
+  input.drives = 3;
+  for (auto& d : input.drive) d.analog_mV = 800;
+  CycleOutput output;
+  output.displacement_m = output.tension_measured_N = output.tension_base_estimate_N =
+      output.torque_measured_Nm = TendonVector::Zero(3);
+  estimator.ZeroDisplacement(input);
+  estimator.Step(input, output);
+  const double at_reversal = output.bending_covariance_rad2.trace();
+  for (int i = 0; i < 200; ++i) {
+    for (auto& d : input.drive) d.position_counts += 1;
+    estimator.Step(input, output);
+  }
+  EXPECT_GT(at_reversal, 20 * output.bending_covariance_rad2.trace());
 }
 
 INSTANTIATE_TEST_SUITE_P(Places, EstimatorTest,

@@ -134,6 +134,28 @@ TEST(Wire, StagesBeforeTheFirstCycleAreNaN) {
   for (const double x : m.tension_desired_base_N) EXPECT_TRUE(std::isnan(x));
 }
 
+TEST(Wire, AStateTellsTheCovarianceRowByRowAndNaNBeforeThereIsOne) {
+  CycleRecord record;
+  tendril_lcm::state_t out{}, in{};
+  ToMessage(record, kShape, 1, out);
+  ASSERT_EQ(out.bending_covariance_rad2.size(), 16U);
+  for (const double x : out.bending_covariance_rad2) EXPECT_TRUE(std::isnan(x));
+
+  record.output.bending_covariance_rad2.resize(4, 4);
+  for (int i = 0; i < 4; ++i) {
+    for (int j = 0; j < 4; ++j)
+      record.output.bending_covariance_rad2(i, j) = 10 * std::max(i, j) + std::min(i, j);
+  }
+  ToMessage(record, kShape, 1, out);
+  ASSERT_TRUE(DecodeBytes(Encode(out), in));
+  for (int i = 0; i < 4; ++i) {
+    for (int j = 0; j < 4; ++j) {
+      EXPECT_EQ(in.bending_covariance_rad2[static_cast<std::size_t>(i * in.num_bending + j)],
+                record.output.bending_covariance_rad2(i, j));
+    }
+  }
+}
+
 TEST(Wire, FillingAMessageAgainDoesNotMoveItsArrays) {
   RandomRecords random(kShape, 2);
   tendril_lcm::cycle_t m{};
@@ -210,7 +232,8 @@ TEST(Commands, ValuesAreNotJudgedButSizesAre) {
   EXPECT_EQ(FromMessage(m, c), "bending_rad has 9 values, at most 8 are possible");
   tendril_lcm::command_mode_t mode{};
   mode.request = 6;
-  EXPECT_EQ(FromMessage(mode, c), "request 6 is none of 0 arm, 1 disarm, 2 hold, 3 clear, 4 commission, 5 home");
+  EXPECT_EQ(FromMessage(mode, c),
+            "request 6 is none of 0 arm, 1 disarm, 2 hold, 3 clear, 4 commission, 5 home");
 }
 
 TEST(Commands, AValidityThatIsNoNumberIsNone) {

@@ -49,6 +49,7 @@ nlohmann::json ToJson(const tendril_lcm::state_t& s) {
           {"bending_desired_rad", s.bending_desired_rad},
           {"bending_rate_desired_radps", s.bending_rate_desired_radps},
           {"bending_estimate_rad", s.bending_estimate_rad},
+          {"bending_covariance_rad2", s.bending_covariance_rad2},
           {"tip_desired_W_m", s.tip_desired_W_m},
           {"tip_estimate_W_m", s.tip_estimate_W_m},
           {"orientation_estimate_WT", s.orientation_estimate_WT},
@@ -80,13 +81,19 @@ std::string Table(const tendril_lcm::state_t& s) {
   tip("  asked for", s.target_tip_W_m);
   tip("  desired", s.tip_desired_W_m);
   tip("  estimated", s.tip_estimate_W_m);
-  t += fmt::format("\n{:<12}{:>11}{:>11}{:>11}{:>11}\n", "bend [deg]", "u desired", "v", "u estim.", "v");
+  t += fmt::format("\n{:<12}{:>11}{:>11}{:>11}{:>11}{:>11}{:>11}\n", "bend [deg]", "u desired", "v",
+                   "u estim.", "v", "u +-", "v +-");
   constexpr double kDegrees = 180 / 3.14159265358979323846;
   for (std::size_t k = 0; k + 1 < s.bending_desired_rad.size(); k += 2) {
-    t += fmt::format("  section {:<2}{}{}{}{}\n", k / 2 + 1, Cell(s.bending_desired_rad[k], kDegrees, 2),
+    const auto deviation = [&](std::size_t i) {
+      const std::size_t at = i * s.bending_desired_rad.size() + i;
+      return at < s.bending_covariance_rad2.size() ? std::sqrt(s.bending_covariance_rad2[at]) : NAN;
+    };
+    t += fmt::format("  section {:<2}{}{}{}{}{}{}\n", k / 2 + 1, Cell(s.bending_desired_rad[k], kDegrees, 2),
                      Cell(s.bending_desired_rad[k + 1], kDegrees, 2),
                      Cell(s.bending_estimate_rad[k], kDegrees, 2),
-                     Cell(s.bending_estimate_rad[k + 1], kDegrees, 2));
+                     Cell(s.bending_estimate_rad[k + 1], kDegrees, 2), Cell(deviation(k), kDegrees, 3),
+                     Cell(deviation(k + 1), kDegrees, 3));
   }
   t += fmt::format("\n{:<12}{:>11}{:>11}{:>11}{:>11}{:>11}{:>11}\n", "tendon", "base [N]", "motor [N]",
                    "meas. [N]", "pull [mm]", "meas. [mm]", "torq [mNm]");

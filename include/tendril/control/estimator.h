@@ -1,6 +1,6 @@
 // What the robot does, from what the drives report: tendon displacement, tension at the base, bending of each
-// section and the tip, by least squares of the straight-tendon shortening with the tendons' stretch taken
-// out. Knows nothing of commands.
+// section with its covariance and the tip, by least squares of the straight-tendon shortening with the
+// tendons' stretch taken out. Knows nothing of commands.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -24,6 +24,13 @@ class Estimator {
             const std::vector<std::shared_ptr<const model::CapstanTable>>& tables);
 
   /// Fills the estimate part of `output` from the drives' raw values.
+  ///
+  /// With J the shortening's Jacobian by bending, the least squares' weights are all alike, so the covariance
+  /// is B diag(s^2) B^T, B = (J^T J)^-1 J^T [rad^2], s^2 [m^2] of each tendon's shortening: two encoder steps
+  /// (now and at zero, each step^2 / 12) and, over stiffness squared, what is not known of the motor-side
+  /// tension: noise and resolution of the load cell, or of the torque where there is none; and, where
+  /// friction lies between sensor and motor side, the part of it that has not built up, (1 - z^2) h^2 / 3
+  /// with h half the tension between pulling and paying out. What the robot file has wrong is not in it.
   void Step(const CycleInput& input, CycleOutput& output) noexcept;
 
   /// Declares the present encoder positions to be those of the straight robot at pretension.
@@ -35,12 +42,14 @@ class Estimator {
   struct Tendon {
     double travel_per_count_m, rated_torque_Nm, torque_scale, newton_per_mV, cell_offset_N, stiffness_Npm,
         travel_m, efficiency, coulomb_Nm, pulley_coulomb_N;
+    double sensor_variance_N2;  // of the load cell; without one, of the torque as tension before losses
     LoadCellPlace place;
     std::int32_t zero_counts = 0;
     model::StopOperators<4> presliding;
   };
 
-  void EstimateBending(const TendonVector& shortening_m) noexcept;
+  void EstimateBending(const TendonVector& shortening_m, const TendonVector& variance_m2,
+                       BendingMatrix& covariance_rad2) noexcept;
 
   const model::Body& body_;
   const std::vector<std::shared_ptr<const model::CapstanTable>>& tables_;

@@ -14,6 +14,9 @@ inline constexpr int kMaxUnits = 64;     // over all sections
 using TendonVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxTendons, 1>;
 /// (us_1, vs_1, ..., us_K, vs_K) of the sections [rad].
 using BendingVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kMaxSections, 1>;
+/// One value a pair of these, for example their covariance.
+using BendingMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxSections, 2 * kMaxSections>;
 /// (u_1, v_1, ..., u_N, v_N) of the units [rad].
 using UnitVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kMaxUnits, 1>;
 
