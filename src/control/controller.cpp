@@ -156,6 +156,7 @@ struct Controller::Impl {
   void TensionsForEquilibrium(const CycleInput& input, CycleOutput& output) noexcept;
   void TensionsForMode(CycleOutput& output) noexcept;
   void TorquesForTensions(const CycleInput& input, CycleOutput& output) noexcept;
+  double Unsure(int tendon, double sliding) const noexcept;
   double FedBack(int tendon, const CycleInput& input, const CycleOutput& output,
                  const DriveFeedForward::Result& wanted) noexcept;
 
@@ -205,10 +206,11 @@ struct Controller::Impl {
   bool uses_equilibrium;
   TimeNs actuation_delay_ns = 0;  // looked ahead beside the trajectory's own
 
-  ForceMatrix force_per_tension;  // of this cycle only, as are q to unit_force_Nm
+  ForceMatrix force_per_tension;  // of this cycle only, as are q to arc_shortening_m
   TendonVector tension_N;         // wanted at the base, as put out last
   BendingVector goal_rad, goal_rate_radps;
   UnitVector q, dq, ddq, unit_force_Nm;
+  TendonVector arc_shortening_m;
   bool balanced = false;  // the equilibrium law had an answer in the last cycle
   std::array<double, kMaxTendons> permille_left_over{};  // of torque, by rounding to what the bus carries
   bool joined = false;                                   // tension_N follows its source without the ramp
@@ -554,6 +556,7 @@ void Controller::Impl::TensionsForReference(CycleOutput& output) noexcept {
   body.SpreadBending(r.acceleration_radps2, ddq);
   output.reference_tip_W_m = body.TipPose(q).p_WA;
   body.TendonShortening(q, output.displacement_desired_m);
+  arc_shortening_m = output.displacement_desired_m;
 
   body.InverseDynamics(q, dq, ddq, unit_force_Nm, workspace);
   body.ProjectForce(unit_force_Nm, output.generalised_force_Nm);
@@ -647,6 +650,14 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
   output.tension_desired_base_N = tension_N;
 }
 
+// Where the pulleys have not slid through since a reversal or the start, only the model's memory says what
+// friction is; a cell before them may differ by all that is open, and holding it to the memory would move the
+// base off.
+double Controller::Impl::Unsure(int j, double sliding) const noexcept {
+  const double range_N = tables[j]->Pull(tension_N[j]) - tables[j]->Release(tension_N[j]);
+  return parameters.capstan_compensation ? 0.5 * (1 - std::abs(sliding)) * range_N : 0;
+}
+
 // What the load cell's error adds, compared where the cell sits.
 double Controller::Impl::FedBack(int j, const CycleInput& input, const CycleOutput& output,
                                  const DriveFeedForward::Result& wanted) noexcept {
@@ -654,7 +665,8 @@ double Controller::Impl::FedBack(int j, const CycleInput& input, const CycleOutp
   const bool at_motor = robot.actuation->tendons[j].load_cell.place == LoadCellPlace::kMotorSide;
   return feedback[j].Step(input.drive[j], output.tension_measured_N[j],
                           {.cell_N = at_motor ? wanted.tension_motor_N : tension_N[j],
-                           .motor_velocity_radps = wanted.motor_velocity_radps},
+                           .motor_velocity_radps = wanted.motor_velocity_radps,
+                           .unsure_N = at_motor ? Unsure(j, wanted.sliding) : 0},
                           acts);
 }
 
@@ -675,8 +687,9 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
       r.tension_motor_N = std::max(0., tension_N[j]);
       r.torque_Nm = take_up.Torque(j, tension_N[j]);
     } else if (uses_equilibrium) {
-      const auto wanted = feed_forward[j].Step(tension_N[j], output.displacement_desired_m[j],
-                                               moving || supervisor.mode() == Mode::kPretension);
+      const auto wanted =
+          feed_forward[j].Step(tension_N[j], output.displacement_desired_m[j], arc_shortening_m[j],
+                               moving || supervisor.mode() == Mode::kPretension);
       r = wanted;
       if (!feedback.empty())
         r.torque_Nm = Bounded(j, wanted.torque_Nm + FedBack(j, input, output, wanted), r.status);

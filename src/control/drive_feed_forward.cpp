@@ -11,8 +11,13 @@ namespace {
 
 constexpr int kMaxIterations = 30;
 constexpr double kSolved_N = 1e-6;
-constexpr double kFrictionRate_Nps = 15;  // at rest; the first tendon mode swings by a tenth of a newton then
-constexpr double kSlow_mps = 1e-3;
+// At rest; slower than this a tendon's swinging (a dozen Hz) hears little of, and all friction is turned
+// within a period or two of it.
+constexpr double kFrictionRate_Nps = 25;
+constexpr double kSlow_mps = 3e-4;
+// Losses of gear and motor change by no more in a cycle than this share of the drive's rated torque, 35 uNm
+// here: a sixth of what the motor's own dry friction holds.
+constexpr double kLossStep = 0.005;
 
 }  // namespace
 
@@ -35,9 +40,14 @@ DriveFeedForward::DriveFeedForward(const TendonDriveParameters& drive, const Lim
       pulley_coulomb_N_(drive.transmission.coulomb_N),
       torque_scale_(drive.motor.torque_scale),
       max_torque_Nm_(drive.motor.torque_constant_NmpA * drive.drive.current_limit_A),
+      loss_step_Nm_(kLossStep * drive.drive.rated_torque_Nm),
+      reversal_rad_(2 * drive.motor.coulomb_angle_rad),
       pulleys_(model::PulleyPresliding(drive.transmission.presliding_m)),
       dahl_(drive.motor.coulomb_angle_rad) {
-  for (const double yield : drive.gear.presliding_yields_rad) gear_.emplace_back(std::array{yield});
+  for (const double yield : drive.gear.presliding_yields_rad) {
+    gear_.emplace_back(std::array{yield});
+    reversal_rad_ = std::max(reversal_rad_, 2 * yield);
+  }
 }
 
 void DriveFeedForward::Reset(double tension_base_N, double shortening_m) noexcept {
@@ -45,7 +55,8 @@ void DriveFeedForward::Reset(double tension_base_N, double shortening_m) noexcep
   pulleys_.Reset(0.5 * (pull_m + shortening_m));
   for (auto& g : gear_) g.Reset(pull_m / travel_m_);
   dahl_.Reset(pull_m / travel_m_);
-  friction_N_ = MotorTension(tension_base_N, shortening_m, true) - tension_base_N;
+  friction_N_ = MotorTension(tension_base_N, shortening_m, max_tension_motor_N_, true) - tension_base_N;
+  loss_Nm_ = 0;
   still_ = true;
 }
 
@@ -54,8 +65,11 @@ double DriveFeedForward::BaseTension(double tension_motor_N, double sliding) con
 }
 
 // The pre-sliding that a motor tension meets depends on how far it stretches the tendon, so T_m is solved
-// for: bracketed between paying out and pulling, secant steps that keep the bracket.
-double DriveFeedForward::MotorTension(double tension_base_N, double shortening_m,
+// for: secant steps that keep a bracket between the last tension and `most_N` away from it, or as near to the
+// solution as that lets it come. Where a stretched tendon turns round under high tension its path has a fold:
+// the friction that goes pulls the spool farther than the pre-sliding is long, and there are three solutions.
+// The nearest is followed until it ends, then the motor is led across.
+double DriveFeedForward::MotorTension(double tension_base_N, double shortening_m, double most_N,
                                       bool moving) const noexcept {
   if (!capstan_) return tension_base_N;
   const auto missing_N = [&](double tension_motor_N) {
@@ -63,45 +77,45 @@ double DriveFeedForward::MotorTension(double tension_base_N, double shortening_m
     const double z = moving ? pulleys_.Peek(slide_m) : model::StopOperators<4>(pulleys_).Hold(slide_m);
     return BaseTension(tension_motor_N, z) - tension_base_N;
   };
-  double low_N = table_->Release(std::max(0.0, tension_base_N - pulley_coulomb_N_));
-  double high_N = table_->Pull(tension_base_N + pulley_coulomb_N_);
-  double at_low = missing_N(low_N), at_high = missing_N(high_N);
-  if (!(at_low < 0)) return low_N;
-  if (!(at_high > 0)) return high_N;
+  const double paid_out_N = table_->Release(std::max(0.0, tension_base_N - pulley_coulomb_N_));
+  const double pulled_N = table_->Pull(tension_base_N + pulley_coulomb_N_);
+  double near_N = std::clamp(tension_base_N + friction_N_, paid_out_N, pulled_N);
+  double at_near = missing_N(near_N);
+  if (std::abs(at_near) <= kSolved_N) return near_N;
+  double far_N = at_near < 0 ? std::min(near_N + most_N, pulled_N) : std::max(near_N - most_N, paid_out_N);
+  double at_far = missing_N(far_N);
+  if (at_near * at_far >= 0) return far_N;
   int side = 0;
-  double tension_N = high_N;
-  for (int i = 0; i < kMaxIterations && high_N - low_N > kSolved_N; ++i) {
-    tension_N = (low_N * at_high - high_N * at_low) / (at_high - at_low);
+  double tension_N = far_N;
+  for (int i = 0; i < kMaxIterations && std::abs(far_N - near_N) > kSolved_N; ++i) {
+    tension_N = (near_N * at_far - far_N * at_near) / (at_far - at_near);
     const double at = missing_N(tension_N);
     if (std::abs(at) <= kSolved_N) break;
     // Illinois: an end that stays counts half, so that both ends come in.
-    if (at < 0) {
-      low_N = tension_N;
-      at_low = at;
-      if (side == -1) at_high *= 0.5;
-      side = -1;
-    } else {
-      high_N = tension_N;
-      at_high = at;
-      if (side == 1) at_low *= 0.5;
+    if (at * at_far > 0) {
+      far_N = tension_N;
+      at_far = at;
+      if (side == 1) at_near *= 0.5;
       side = 1;
+    } else {
+      near_N = tension_N;
+      at_near = at;
+      if (side == -1) at_far *= 0.5;
+      side = -1;
     }
   }
   return tension_N;
 }
 
-DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double shortening_m,
+DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double shortening_m, double arc_m,
                                                 bool moving) noexcept {
   Result r;
-  const double solved_N = MotorTension(tension_base_N, shortening_m, moving) - tension_base_N;
-  // Where a stretched tendon turns round under high tension its path has a fold: the friction that goes pulls
-  // the spool farther than the pre-sliding is long, and the solution jumps. The motor is led across, the
-  // faster the faster the tendon moves anyway.
+  // The faster the tendon moves anyway, the faster the motor may be led by friction.
   const double moved_m = moving && !still_ ? std::abs(shortening_m - shortening_m_) : 0;
   const double fast = moved_m / (moved_m + kSlow_mps * period_s_);
-  const double most_N = kFrictionRate_Nps * period_s_ + fast * stiffness_Npm_ * moved_m;
-  friction_N_ =
-      still_ && !moving ? solved_N : friction_N_ + std::clamp(solved_N - friction_N_, -most_N, most_N);
+  const double most_N = still_ && !moving ? max_tension_motor_N_
+                                          : kFrictionRate_Nps * period_s_ + fast * stiffness_Npm_ * moved_m;
+  friction_N_ = MotorTension(tension_base_N, shortening_m, most_N, moving) - tension_base_N;
   r.tension_motor_N = std::max(0.0, tension_base_N + friction_N_);
   if (r.tension_motor_N > max_tension_motor_N_) {
     r.tension_motor_N = max_tension_motor_N_;
@@ -112,7 +126,9 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   double rate_mps = 0, acceleration_mps2 = 0, zeta = 0, gear = 0;
   if (moving) {
     if (!still_) rate_mps = (shortening_m - shortening_m_) / period_s_;
-    if (!still_) acceleration_mps2 = (rate_mps - rate_mps_) / period_s_;
+    const double arc_rate_mps = still_ ? 0 : (arc_m - arc_m_) / period_s_;
+    if (!still_) acceleration_mps2 = (arc_rate_mps - arc_rate_mps_) / period_s_;
+    arc_rate_mps_ = arc_rate_mps;
     r.sliding = pulleys_.Commit(0.5 * (pull_m + shortening_m));
     zeta = dahl_.Commit(angle_rad);
     for (auto& g : gear_) gear += g.Commit(angle_rad);
@@ -122,16 +138,27 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
     for (auto& g : gear_) gear += g.Hold(angle_rad);
   }
   if (!gear_.empty()) gear /= static_cast<double>(gear_.size());
+  const bool fresh = still_ && !moving;
   still_ = !moving;
   shortening_m_ = shortening_m;
-  rate_mps_ = rate_mps;
+  arc_m_ = arc_m;
+  if (!moving) arc_rate_mps_ = 0;
 
   r.motor_velocity_radps = rate_mps / travel_m_;
   r.load_torque_per_N = travel_m_ * std::pow(efficiency_, -gear);
   const double zeta_rate =
       (r.motor_velocity_radps - std::abs(r.motor_velocity_radps) * zeta) / coulomb_angle_rad_;
-  r.torque_Nm = inertia_kgm2_ * acceleration_mps2 / travel_m_ + r.tension_motor_N * r.load_torque_per_N +
-                coulomb_Nm_ * zeta + coulomb_damping_Nms_ * zeta_rate + viscous_Nms_ * r.motor_velocity_radps;
+  const double loss_Nm = r.tension_motor_N * (r.load_torque_per_N - travel_m_) + coulomb_Nm_ * zeta +
+                         coulomb_damping_Nms_ * zeta_rate;
+  // All that a reversal turns, spread over the motor angle in which it turns: what the commanded motion alone
+  // may do. The friction that leaves the pulleys moves the motor as well, through its pre-sliding in a few
+  // cycles; that much more would be a blow.
+  const double turned_Nm = 2 * coulomb_Nm_ + r.tension_motor_N * travel_m_ * (1 / efficiency_ - efficiency_);
+  const double most_Nm =
+      std::max(loss_step_Nm_, turned_Nm * std::abs(r.motor_velocity_radps) * period_s_ / reversal_rad_);
+  loss_Nm_ = fresh ? loss_Nm : loss_Nm_ + std::clamp(loss_Nm - loss_Nm_, -most_Nm, most_Nm);
+  r.torque_Nm = inertia_kgm2_ * acceleration_mps2 / travel_m_ + r.tension_motor_N * travel_m_ + loss_Nm_ +
+                viscous_Nms_ * r.motor_velocity_radps;
   r.torque_Nm /= torque_scale_;  // the drive counts in current
   if (std::abs(r.torque_Nm) > max_torque_Nm_) {
     r.torque_Nm = std::copysign(max_torque_Nm_, r.torque_Nm);
@@ -145,7 +172,9 @@ void DriveFeedForward::Remember(StateArchive& a) noexcept {
   for (auto& g : gear_) a.Operators(g);
   a.Dahl(dahl_);
   a.Value(shortening_m_);
-  a.Value(rate_mps_);
+  a.Value(arc_m_);
+  a.Value(arc_rate_mps_);
+  a.Value(loss_Nm_);
   a.Value(friction_N_);
   a.Value(still_);
 }

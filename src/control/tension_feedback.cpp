@@ -301,13 +301,15 @@ double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, c
   const auto moved = static_cast<std::int32_t>(static_cast<std::uint32_t>(feedback.position_counts) -
                                                static_cast<std::uint32_t>(counts_));
   counts_ = feedback.position_counts;
-  error_N_ += cell_share_ * (then.cell_N - measured_N - error_N_);
+  const double off_N = then.cell_N - measured_N;
+  const double sure_N = std::copysign(std::max(0.0, std::abs(off_N) - then.unsure_N), off_N);
+  error_N_ += cell_share_ * (sure_N - error_N_);
   const double velocity_radps = moved * rad_per_count_ / period_s_;
   velocity_error_radps_ +=
       velocity_share_ * (then.motor_velocity_radps - velocity_radps - velocity_error_radps_);
   const bool slack = measured_N < kSlackShare * then.cell_N;
-  // At rest dry friction holds any torque within it; an integral that grew against it would push the robot off
-  // as soon as the motion turns, or let it hunt.
+  // At rest dry friction holds any torque within it; an integral that grew against it would push the robot
+  // off as soon as the motion turns, or let it hunt.
   const bool rests = then.motor_velocity_radps == 0 && !slack && std::abs(error_N_) < rest_band_N_;
   if (!(limited_ * error_N_ > 0) && !rests) {
     // A tendon pulls only: slack, it closes no loop, the motor's own friction may hold it there, and every
@@ -323,6 +325,7 @@ void TensionFeedback::Remember(StateArchive& a) noexcept {
   for (Wanted& w : wanted_) {
     a.Value(w.cell_N);
     a.Value(w.motor_velocity_radps);
+    a.Value(w.unsure_N);
   }
   for (double* v : {&error_N_, &integral_N_, &velocity_error_radps_, &limited_}) a.Value(*v);
   a.Value(counts_);

@@ -166,6 +166,23 @@ TEST_F(OneLoop, ASlackTendonIsTakenUpQuickly) {
       << "bounded, should the tendon have torn";
 }
 
+// While the pulleys turn round nobody knows what a cell before them should show.
+TEST_F(OneLoop, WhatThePulleysLeaveOpenIsNoError) {
+  const auto step = [&](double measured_N) {
+    return loop.Step(still, measured_N, {.cell_N = 1.0, .motor_velocity_radps = 1e-3, .unsure_N = 0.2}, true);
+  };
+  double torque = 0;
+  for (int i = 0; i < 1000; ++i) torque = step(0.81);
+  EXPECT_NEAR(torque, 0, 1e-6);
+  TensionFeedback other(robot.actuation->tendons[0], robot.limits, gains, 0, 1e-3);
+  double sure = 0;
+  for (int i = 0; i < 1000; ++i) {
+    torque = step(0.7);
+    sure = other.Step(still, 0.9, {.cell_N = 1.0, .motor_velocity_radps = 1e-3}, true);
+  }
+  EXPECT_NEAR(torque, sure, 1e-6) << "what lies beyond counts";
+}
+
 TEST_F(OneLoop, AMotorAheadOfItsMotionIsHeldBack) {
   DriveFeedback f;
   double torque = 0;

@@ -18,8 +18,10 @@ class StateArchive;
 /// With d the wanted shortening, s the spool's pull and T0 the minimum tension at which both are zero:
 ///   s = d + (T_m - T0) / k,   x = (s + d) / 2,   T_b = (1 + z)/2 F^-1(T_m) + (1 - z)/2 F(T_m) - z T_c,
 /// with z the pulleys' pre-sliding at x, solved for T_m; motor angle a = s / travel, its rates those of d;
-///   torque = J a'' + T_m travel efficiency^(-z_g) + coulomb zeta + micro-damping zeta' + viscous a',
-/// z_g the gear's pre-sliding and zeta Dahl's state at a. Without `capstan` the pulleys pass tensions on.
+///   torque = J a'' + T_m travel + loss + viscous a',
+///   loss = T_m travel (efficiency^(-z_g) - 1) + coulomb zeta + micro-damping zeta',
+/// z_g the gear's pre-sliding and zeta Dahl's state at a. Where a reversal would turn the loss in few cycles
+/// it follows at a bounded step. Without `capstan` the pulleys pass tensions on.
 class DriveFeedForward {
  public:
   DriveFeedForward(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
@@ -30,8 +32,10 @@ class DriveFeedForward {
     double load_torque_per_N = 0;     // at the motor, per motor-side tension, in the present direction
   };
 
-  /// One cycle. `moving` false: the shape is not controlled; tensions change, the memories stay.
-  Result Step(double tension_base_N, double shortening_m, bool moving) noexcept;
+  /// One cycle. `arc_m` is the shortening of the reference's arcs, whose second derivative a'' is: that of d
+  /// jumps with the reference's acceleration, which bends the units as weight does. `moving` false: the shape
+  /// is not controlled; tensions change, the memories stay.
+  Result Step(double tension_base_N, double shortening_m, double arc_m, bool moving) noexcept;
 
   /// Forgets the directions: the next step starts from here, at rest.
   void Reset(double tension_base_N, double shortening_m) noexcept;
@@ -39,20 +43,21 @@ class DriveFeedForward {
   void Remember(StateArchive& archive) noexcept;
 
  private:
-  double MotorTension(double tension_base_N, double shortening_m, bool moving) const noexcept;
+  double MotorTension(double tension_base_N, double shortening_m, double most_N, bool moving) const noexcept;
   double BaseTension(double tension_motor_N, double sliding) const noexcept;
 
   std::shared_ptr<const model::CapstanTable> table_;
   bool capstan_;
   double period_s_, stiffness_Npm_, min_tension_N_, max_tension_motor_N_, travel_m_, efficiency_,
       inertia_kgm2_, coulomb_Nm_, coulomb_angle_rad_, coulomb_damping_Nms_, viscous_Nms_, pulley_coulomb_N_,
-      torque_scale_, max_torque_Nm_;
+      torque_scale_, max_torque_Nm_, loss_step_Nm_, reversal_rad_;
   model::StopOperators<4> pulleys_;
   std::vector<model::StopOperators<1>> gear_;
   model::DahlState dahl_;
-  double shortening_m_ = 0, rate_mps_ = 0;  // of the last step
-  double friction_N_ = 0;                   // motor tension less base tension
-  bool still_ = true;                       // there is no last step to take rates from
+  double shortening_m_ = 0, arc_m_ = 0, arc_rate_mps_ = 0;  // of the last step
+  double friction_N_ = 0;                                   // motor tension less base tension
+  double loss_Nm_ = 0;                                      // torque of gear and motor friction
+  bool still_ = true;                                       // there is no last step to take rates from
 };
 
 }  // namespace tendril::control

@@ -53,6 +53,7 @@ class TensionFeedback {
   struct Wanted {
     double cell_N = 0;  // at the load cell
     double motor_velocity_radps = 0;
+    double unsure_N = 0;  // of cell_N: an error up to this says nothing
   };
 
   /// Torque to add [N·m]. `wanted` is what the torque now sent is meant for; it is compared with the cell two
