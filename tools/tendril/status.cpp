@@ -87,7 +87,7 @@ std::string Table(const tendril_lcm::state_t& s) {
   for (std::size_t k = 0; k + 1 < s.bending_desired_rad.size(); k += 2) {
     const auto deviation = [&](std::size_t i) {
       const std::size_t at = i * s.bending_desired_rad.size() + i;
-      return at < s.bending_covariance_rad2.size() ? std::sqrt(s.bending_covariance_rad2[at]) : NAN;
+      return at < s.bending_covariance_rad2.size() ? std::sqrt(s.bending_covariance_rad2[at]) : std::nan("");
     };
     t += fmt::format("  section {:<2}{}{}{}{}{}{}\n", k / 2 + 1, Cell(s.bending_desired_rad[k], kDegrees, 2),
                      Cell(s.bending_desired_rad[k + 1], kDegrees, 2),
