@@ -35,7 +35,7 @@ function(tendril_test name)
     tendril_vcan_test(${name} TIMEOUT ${ARG_TIMEOUT} COMMAND $<TARGET_FILE:${name}>)
     return()
   endif()
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
 endfunction()
 
@@ -52,5 +52,5 @@ function(tendril_vcan_test name)
   endif()
   add_test(NAME ${name} COMMAND ${PROJECT_SOURCE_DIR}/tests/tools/in_vcan.sh
     ${kernel} $<TARGET_FILE:tendril_virtual_time> ${ARG_TIMEOUT} ${ARG_COMMAND})
-  set_tests_properties(${name} PROPERTIES LABELS vcan RUN_SERIAL TRUE TIMEOUT 300 SKIP_RETURN_CODE 77)
+  set_tests_properties(${name} PROPERTIES LABELS vcan RUN_SERIAL TRUE TIMEOUT 900 SKIP_RETURN_CODE 77)
 endfunction()

@@ -15,17 +15,21 @@ def main():
         print(__doc__)
         return 0 if "--help" in sys.argv else 2
     table = np.genfromtxt(sys.argv[1], delimiter=",", names=True)
-    figure, (tip, tension) = plt.subplots(2, 1, figsize=(8, 5.5), sharex=True)
-    for option, name, colour in ((2, "2: disable voltage", "tab:blue"), (3, "3: quick stop", "tab:orange")):
-        rows = table[table["option"] == option]
-        tip.plot(rows["t_s"], rows["tip_x_mm"], color=colour, label=name)
-        tension.plot(rows["t_s"], rows["highest_tension_N"], color=colour)
-    tip.set_ylabel("tip x [mm]")
-    tip.legend(title="object 0x6007")
-    tension.set_ylabel("highest tension [N]")
-    tension.set_xlabel("time after the daemon was killed [s]")
-    for axes in (tip, tension):
-        axes.grid(alpha=0.3)
+    timeouts = sorted(set(table["timeout_ms"]))
+    figure, axes = plt.subplots(2, len(timeouts), figsize=(4.5 * len(timeouts), 5), sharey="row", squeeze=False)
+    for (tip, tension), timeout in zip(axes.T, timeouts):
+        shown = table[(table["timeout_ms"] == timeout) & (table["t_s"] <= timeout / 1e3 + 0.15)]
+        for option, name, style in ((2, "2: disable voltage", "-"), (3, "3: quick stop", "--")):
+            rows = shown[shown["option"] == option]
+            tip.plot(1e3 * rows["t_s"], rows["tip_x_mm"], style, label=name)
+            tension.plot(1e3 * rows["t_s"], rows["highest_tension_N"], style)
+        tip.set_title(f"heartbeat missed for {timeout:g} ms")
+        tension.set_xlabel("time after the daemon was killed [ms]")
+        for plot in (tip, tension):
+            plot.grid(alpha=0.3)
+    axes[0][0].set_ylabel("tip x [mm]")
+    axes[0][0].legend(title="object 0x6007")
+    axes[1][0].set_ylabel("highest tension [N]")
     figure.tight_layout()
     figure.savefig(sys.argv[2], dpi=110)
     return 0

@@ -174,6 +174,7 @@ struct Controller::Impl {
   bool controls_shape() const noexcept {
     return supervisor.mode() == Mode::kRunning || supervisor.mode() == Mode::kHold;
   }
+  Status NotReady(const CycleInput& input) const noexcept;
   double Bounded(int tendon, double torque_Nm, Status& status) noexcept;
   std::int16_t Rounded(int tendon, double permille) noexcept;
   /// Keeps the most severe status of the cycle.
@@ -217,6 +218,9 @@ struct Controller::Impl {
   bool engaged = false;  // homing or commissioning, and every drive has been enabled
   bool bare = false;     // tension_N is the pull of bare motors
   bool zeroed = false;   // displacement counts from pretension
+  // Seen without power since the mode was entered: a drive that is still on when it is asked for anew goes
+  // off first.
+  std::array<bool, kMaxTendons> was_off{};
   CommandKind source = CommandKind::kNone;
   TimeNs settled_since_ns = 0;
   std::uint32_t accepted = 0, refused = 0, missing = 0;
@@ -298,6 +302,16 @@ void Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
   output.command_status = command_status;
 }
 
+// Why a disconnected robot stays so, when it is not that its drives are still starting.
+Status Controller::Impl::NotReady(const CycleInput& input) const noexcept {
+  const auto any = [&](DriveState state) {
+    const auto end = input.drive.begin() + tendons;
+    return std::any_of(input.drive.begin(), end, [&](const DriveFeedback& d) { return d.state == state; });
+  };
+  if (any(DriveState::kFault)) return Status::kDriveHasFault;
+  return any(DriveState::kOffline) ? Status::kDriveAbsent : Status::kOk;
+}
+
 // Health of bus and drives; a fault only where it means one in this mode.
 Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& output) noexcept {
   Status worst = Status::kOk;
@@ -371,7 +385,8 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) n
   for (int j = 0; j < tendons && j < input.drives; ++j) {
     const DriveState s = input.drive[j].state;
     ready = ready && (s == DriveState::kReady || s == DriveState::kEnabled);
-    enabled = enabled && s == DriveState::kEnabled && input.drive[j].age_cycles == 0;
+    was_off[j] = was_off[j] || s != DriveState::kEnabled;
+    enabled = enabled && was_off[j] && s == DriveState::kEnabled && input.drive[j].age_cycles == 0;
   }
 
   Status state = health;
@@ -434,6 +449,9 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) n
       Report(output, supervisor.cause());
       break;
     case Mode::kDisconnected:
+      Report(output, NotReady(input));
+      output.drive_request = DriveRequest::kDisable;
+      break;
     case Mode::kConfigured:
       output.drive_request = DriveRequest::kDisable;
       break;
@@ -450,6 +468,7 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       gate.Drop();
       tension_N.setZero();
       joined = engaged = bare = zeroed = false;
+      for (int j = 0; j < tendons; ++j) was_off[j] = input.drive[j].state != DriveState::kEnabled;
       for (auto& k : compensation) k.Reset(0, 0);
       for (auto& k : feed_forward) k.Reset(0, 0);
       for (auto& k : feedback) k.Reset();
@@ -755,6 +774,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
   a.Value(engaged);
   a.Value(bare);
   a.Value(zeroed);
+  for (int j = 0; j < tendons; ++j) a.Value(was_off[j]);
   a.Choice(source, CommandKind::kMode);
   a.Value(settled_since_ns);
   a.Value(accepted);

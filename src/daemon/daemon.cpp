@@ -280,7 +280,7 @@ struct Daemon::State {
 
   void TellCommissioning() {
     if (!options.parameters.commissioning_required) {
-      Event(Status::kOk, "daemon",
+      Event(Status::kCommissioningOff, "daemon",
             "commissioning: not_required: arms whatever is connected; for simulated robots only");
       return;
     }
@@ -358,6 +358,7 @@ struct Daemon::State {
     total.Add(r.timing.total_ns);
     if (const std::uint64_t skipped = r.timing.deadline_misses - last_timing.deadline_misses; skipped > 0) {
       misses.push_back({r.input.cycle, skipped, CauseOfMiss(last_timing, next.usage, last_usage)});
+      if (skipped > worst_miss.skipped) worst_miss = misses.back();
       if (misses.size() > kMissesKept) misses.pop_front();
     }
     statistics.drives.resize(static_cast<std::size_t>(r.input.drives));
@@ -410,6 +411,7 @@ struct Daemon::State {
   void Report() {
     gateway.PublishRun(run);
     PublishStatistics();
+    ReportMisses();
     ReportLosses("command(s) came faster than one a cycle", commands.dropped(), commands_lost);
     ReportLosses("cycle record(s) could not be published in time", records.dropped(), records_lost);
     ReportLosses("bus event(s) came too fast",
@@ -421,6 +423,19 @@ struct Daemon::State {
     service.Tell(fmt::format("{}, {} {}; {} cycles, {} missed", ModeText(last_mode),
                              static_cast<int>(last_status), StatusText(last_status), wake_latency.count(),
                              last_timing.deadline_misses));
+  }
+
+  // A loop that falls behind must be seen in the log, too: what it looks like from there is drives that do
+  // not answer.
+  void ReportMisses() {
+    const std::uint64_t now = last_timing.deadline_misses;
+    if (now == misses_told) return;
+    const MissedCycles& worst = worst_miss;
+    Event(Status::kCycleLate, "timing",
+          fmt::format("{} cycle(s) missed, {} since start; most in a row {}, before cycle {}: {}",
+                      now - misses_told, now, worst.skipped, worst.cycle, worst.cause));
+    misses_told = now;
+    worst_miss = {};
   }
 
   void ReportLosses(const char* what, std::uint64_t now, std::uint64_t& before) {
@@ -474,6 +489,7 @@ struct Daemon::State {
   rt::Histogram wake_latency, round_trip, compute, total;
   LoopStatistics statistics;
   std::deque<MissedCycles> misses;
+  MissedCycles worst_miss;  // since the log was last told
   can::CanCounters can;
   canopen::FrameFaults frame_faults;
   std::uint64_t reported_bits = 0;
@@ -481,7 +497,7 @@ struct Daemon::State {
   CycleTiming last_timing;
   Mode last_mode = Mode::kDisconnected;
   Status last_status = Status::kOk;
-  std::uint64_t commands_lost = 0, records_lost = 0, events_lost = 0;
+  std::uint64_t misses_told = 0, commands_lost = 0, records_lost = 0, events_lost = 0;
   bool log_failed = false;
   bool commissioned = false;  // never taken back: what the record covers is loaded once
 };

@@ -53,6 +53,23 @@ TEST(Controller, ClearBootsDrivesAgainThatFailedToStart) {
   EXPECT_EQ(loop.output.mode, Mode::kConfigured);
 }
 
+TEST(Controller, DisconnectedTellsWhatToDo) {
+  IdealLoop loop;
+  const auto drives = [&](DriveState a, DriveState b) {
+    for (int j = 0; j < loop.input.drives; ++j) loop.input.drive[j].state = j == 1 ? b : a;
+    return loop.Step().status;
+  };
+  EXPECT_EQ(drives(DriveState::kBooting, DriveState::kBooting), Status::kOk);
+  EXPECT_EQ(drives(DriveState::kReady, DriveState::kOffline), Status::kDriveAbsent);
+  EXPECT_EQ(drives(DriveState::kOffline, DriveState::kFault), Status::kDriveHasFault);
+  EXPECT_EQ(loop.output.mode, Mode::kDisconnected);
+  const CycleOutput& refused = loop.Step(loop.ModeCommand(ModeRequest::kArm));
+  EXPECT_EQ(refused.command_status, Status::kCommandWrongMode);
+  EXPECT_EQ(refused.status, Status::kDriveHasFault);
+  EXPECT_EQ(drives(DriveState::kReady, DriveState::kReady), Status::kOk);
+  EXPECT_EQ(loop.output.mode, Mode::kConfigured);
+}
+
 TEST(Controller, PretensionRisesAtItsRateToTheMinimum) {
   IdealLoop loop;
   loop.Ready();

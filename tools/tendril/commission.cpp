@@ -194,6 +194,21 @@ class LiveLink final : public CommissionLink {
   bool entered_ = false;
 };
 
+bool LineWaits(int timeout_ms) {
+  pollfd in{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
+  return poll(&in, 1, timeout_ms) > 0;
+}
+
+// Enter, and not Ctrl-C or the end of the input.
+bool MayBegin() {
+  fmt::print("Enter to begin, Ctrl-C to leave it: ");
+  std::fflush(stdout);
+  while (!stop && !LineWaits(100)) {
+  }
+  std::string line;
+  return !stop && std::getline(std::cin, line);
+}
+
 // A line of the terminal, while the pull is kept up.
 std::optional<double> AskTerminal(int tendon, const std::function<void()>& keep_going) {
   fmt::print(
@@ -201,11 +216,7 @@ std::optional<double> AskTerminal(int tendon, const std::function<void()>& keep_
       "Enter: cannot tell] ",
       tendon);
   std::fflush(stdout);
-  for (;;) {
-    pollfd in{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
-    if (poll(&in, 1, 0) > 0) break;
-    keep_going();
-  }
+  while (!LineWaits(0)) keep_going();
   std::string line;
   std::getline(std::cin, line);
   char* end = nullptr;
@@ -302,11 +313,8 @@ void RunCommission(const CommissionOptions& options) {
     }
     fmt::print("pulls one motor at a time with at most {:g} N of tendon; keep the power switch in reach\n",
                daemon.controller.take_up.pull_N);
-    if (!options.yes && isatty(STDIN_FILENO) != 0) {
-      fmt::print("Enter to begin, Ctrl-C to leave it: ");
-      std::fflush(stdout);
-      std::string line;
-      std::getline(std::cin, line);
+    if (!options.yes && isatty(STDIN_FILENO) != 0 && !MayBegin()) {
+      throw std::runtime_error("left before anything was pulled");
     }
     link.Enter(robot.body.tendons());
     const AskDirection ask = [&](int tendon,

@@ -74,8 +74,11 @@ void Send(const SendOptions& o, Command command) {
   }
   if (answer.command_status != 0) {
     const auto status = static_cast<Status>(answer.command_status);
-    throw std::runtime_error(fmt::format("{} ({}); {} (mode {})", answer.command_status_text,
-                                         answer.command_status, StatusRemedy(status), answer.mode_text));
+    const bool more = answer.status != 0 && answer.status != answer.command_status;
+    throw std::runtime_error(fmt::format(
+        "{} ({}); {} (mode {}{})", answer.command_status_text, answer.command_status, StatusRemedy(status),
+        answer.mode_text,
+        more ? fmt::format(": {} {}; {}", answer.status, answer.status_text, answer.status_remedy) : ""));
   }
   fmt::print("{}\n", Describe(answer));
 }

@@ -22,7 +22,7 @@ namespace tendril {
   X(CommandNotFinite, 201, "command refused: not finite", "send numbers only")                                      \
   X(CommandOutOfRange, 202, "command refused: out of range", "see the robot file's limits")                         \
   X(CommandStale, 203, "command refused: older than its validity", "check the sender's clock and rate")             \
-  X(CommandWrongMode, 204, "command refused in this mode", "arm from configured or hold, targets only while running, clear only in fault")                         \
+  X(CommandWrongMode, 204, "command refused in this mode", "arm from configured or hold, targets only while running, clear in fault or while disconnected") \
   X(CommandOutOfOrder, 205, "command refused: sequence number not newer than the last", "one sender at a time")     \
   X(CommandWrongSize, 206, "command refused: number of values does not fit the robot", "one pair per section, one tension per tendon") \
   X(NotCommissioned, 207, "command refused: this robot was never commissioned as its files are now", "run tendril commission --config FILE, or, for a simulation, say commissioning: not_required in the daemon's file") \
@@ -40,6 +40,9 @@ namespace tendril {
   X(FrameMalformed, 312, "received CAN frames had a wrong length or unknown contents and were ignored", "check that every node id is used once and that nothing else sends in the drives' names") \
   X(ForeignFrame, 313, "somebody else sends what only the CAN master may send", "stop the other master on this bus") \
   X(CommissioningEnded, 314, "commissioning: no pull was asked for any more: drives are disabled", "send commission again")   \
+  X(CommissioningOff, 315, "commissioning is not required: arms whatever is connected", "for simulated robots only; for a real one run tendril commission and say commissioning: required") \
+  X(DriveHasFault, 316, "a drive was found in fault: nothing can be armed", "see its error in the log, mend that, then clear") \
+  X(DriveAbsent, 317, "a drive does not answer or was not started: nothing can be armed", "see the log; check power and bus, then clear: it starts all drives again") \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \
