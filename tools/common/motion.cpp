@@ -213,11 +213,18 @@ class PlanarBend final : public Motion {
 
 }  // namespace
 
-Command Motion::Start() const {
-  Command start = At(0);
-  start.tip_velocity_W_mps.setZero();
-  start.bending_rate_radps.setZero();
-  return start;
+Command Motion::Start() const { return SentAhead(-1, 0, 0); }
+
+Command Motion::SentAhead(double t_s, double ahead_s, double extrapolates_s) const {
+  const double at_s = t_s + ahead_s;
+  Command target = At(std::clamp(at_s, 0.0, duration_s_));
+  if (at_s < 0 || at_s >= duration_s_) {
+    target.tip_velocity_W_mps.setZero();
+    target.bending_rate_radps.setZero();
+  }
+  target.tip_W_m -= extrapolates_s * target.tip_velocity_W_mps;
+  if (target.bending_rate_radps.size() > 0) target.bending_rad -= extrapolates_s * target.bending_rate_radps;
+  return target;
 }
 
 std::unique_ptr<Motion> MakeCircle(const BodyParameters& body) {

@@ -1,5 +1,5 @@
 // Planned motions as streams of moving targets: the paper's circle and planar bend, for any robot. Pure
-// functions of time, used by the demo in simulated time and by `tendril send` against a live daemon.
+// functions of time, used by the demo in simulated time and by `tendril follow` against a live daemon.
 #pragma once
 
 #include <Eigen/Core>
@@ -27,6 +27,11 @@ class Motion {
   virtual Command At(double t_s) const = 0;
   /// The motion's first target, at rest.
   Command Start() const;
+  /// What to send at time t (which may be negative) to a controller whose reference comes `ahead_s` after its
+  /// goal. One that looks ahead by itself extrapolates what it is sent by `extrapolates_s`; it gets the
+  /// target moved back by that much of its velocity, so that its goal is the motion's and not a tangent's. At
+  /// rest before and after.
+  Command SentAhead(double t_s, double ahead_s, double extrapolates_s) const;
   /// Constant-curvature tip of the target at time t [m, F_0].
   virtual Eigen::Vector3d TipAt(double t_s) const = 0;
 

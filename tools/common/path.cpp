@@ -28,22 +28,6 @@ constexpr double kMargin = 1.002;
 constexpr int kTipPoints = 241;
 constexpr double kReachShare = 1e-3;  // of the robot's length; nearer counts as reached
 
-void CheckBend(const Spline& curve, const RobotParameters& robot) {
-  const double most = robot.limits.max_bending_rad;
-  double worst = 0;
-  for (int i = 0; i <= 2000; ++i) {
-    const VectorXd b = curve.At(curve.begin() + (curve.end() - curve.begin()) * i / 2000).value;
-    for (Eigen::Index k = 0; k + 1 < b.size(); k += 2) worst = std::max(worst, b.segment<2>(k).norm());
-  }
-  if (worst > most * (1 + 1e-9)) {
-    throw PathError(
-        fmt::format("the path bends a section by {:.3f} rad on its way; accepted: up to "
-                    "limits.max_bending_rad = {:g} rad; "
-                    "give points that bend less or lie closer together",
-                    worst, most));
-  }
-}
-
 }  // namespace
 
 // ---- spline -----------------------------------------------------------------------------------------------
@@ -318,6 +302,22 @@ PathTiming::PathTiming(const Spline& curve, const PathLimits& limits) {
 
 // ---- points and tip paths ---------------------------------------------------------------------------------
 
+void RequireWithinBend(const Spline& curve, const RobotParameters& robot) {
+  const double most = robot.limits.max_bending_rad;
+  double worst = 0;
+  for (int i = 0; i <= 2000; ++i) {
+    const VectorXd b = curve.At(curve.begin() + (curve.end() - curve.begin()) * i / 2000).value;
+    for (Eigen::Index k = 0; k + 1 < b.size(); k += 2) worst = std::max(worst, b.segment<2>(k).norm());
+  }
+  if (worst > most * (1 + 1e-9)) {
+    throw PathError(
+        fmt::format("the path bends a section by {:.3f} rad on its way; accepted: up to "
+                    "limits.max_bending_rad = {:g} rad; "
+                    "give points that bend less or lie closer together",
+                    worst, most));
+  }
+}
+
 TipSolver::TipSolver(const RobotParameters& robot, bool nearest)
     : robot_(robot), body_(robot.body), nearest_(nearest), last_(BendingVector::Zero(2 * body_.sections())) {}
 
@@ -348,7 +348,7 @@ Spline ThroughPoints(const MatrixXd& bending_rad, const RobotParameters& robot) 
     knots[i] = knots[i - 1] + std::sqrt(distance);
   }
   Spline curve(knots, bending_rad);
-  CheckBend(curve, robot);
+  RequireWithinBend(curve, robot);
   return curve;
 }
 
@@ -404,7 +404,7 @@ Spline AlongTip(const TipPath& path, const std::string& name, TipSolver& solver,
     throw PathError(name + " does not move the robot; give points that lie apart");
   }
   Spline curve(knots, bending);
-  CheckBend(curve, robot);
+  RequireWithinBend(curve, robot);
   return curve;
 }
 

@@ -101,6 +101,9 @@ class TipSolver {
   BendingVector last_;
 };
 
+/// Throws PathError when the curve bends a section further than the robot may.
+void RequireWithinBend(const Spline& curve, const RobotParameters& robot);
+
 /// Smoothly through bendings (n x 2K), n >= 2, which must differ from one to the next. Throws PathError when
 /// the curve bends a section further than the robot may.
 Spline ThroughPoints(const Eigen::MatrixXd& bending_rad, const RobotParameters& robot);

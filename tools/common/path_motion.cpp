@@ -15,6 +15,7 @@ using Eigen::VectorXd;
 constexpr double kRestAfter_s = 0.5;
 constexpr double kLook_s = 0.001;
 constexpr int kMostLooks = 200000;
+constexpr double kMoving = 0.01;  // of the greatest rate: faster is no rest
 
 Command BendingTarget(const VectorXd& bending_rad, const VectorXd& rate_radps) {
   Command target;
@@ -104,6 +105,11 @@ class TableMotion final : public BendingMotion {
     }
     description_ = fmt::format("{}: {} rows in {:.3f} s, {:.0f} % of what the limits allow", name_,
                                table_.knots().size(), whole_s, 100 * stretch);
+    const double begins = table_.At(table_.begin()).first.norm(), ends = table_.At(table_.end()).first.norm();
+    if (std::max(begins, ends) > kMoving * limits.rate_radps) {
+      description_ += fmt::format("; it begins at {:.3g} and ends at {:.3g} rad/s, which the robot smooths",
+                                  begins, ends);
+    }
   }
 
   Command At(double t_s) const override {

@@ -1,0 +1,42 @@
+// Samples that come in now and then, made into an even motion a little behind them: straight from one to the
+// next, and at rest on the last. Knows nothing of where they come from.
+#pragma once
+
+#include <Eigen/Core>
+#include <deque>
+
+#include "tendril/core/clock.h"
+
+namespace tendril::tools {
+
+class SampleStream {
+ public:
+  /// `delay_ns`: how far behind the samples the motion is; at least the time between two of them, or it stops
+  /// at each.
+  explicit SampleStream(TimeNs delay_ns) : delay_ns_(delay_ns) {}
+
+  /// Values of one size throughout; `arrived_ns` must not fall. Nothing is wanted of the sample from
+  /// `arrived_ns + valid_for_ns` on.
+  void Add(TimeNs arrived_ns, const Eigen::VectorXd& value, TimeNs valid_for_ns);
+
+  struct Point {
+    Eigen::VectorXd value, rate;
+  };
+  /// Only after the first sample. `now_ns` must not fall: samples that are passed are forgotten.
+  Point At(TimeNs now_ns);
+  bool empty() const { return samples_.empty(); }
+  const Eigen::VectorXd& latest() const { return samples_.back().value; }
+  /// Whether the last sample is too old at this time, and the motion rests on it.
+  bool Expired(TimeNs now_ns) const;
+
+ private:
+  struct Sample {
+    TimeNs at_ns;
+    Eigen::VectorXd value;
+    TimeNs until_ns;
+  };
+  TimeNs delay_ns_;
+  std::deque<Sample> samples_;
+};
+
+}  // namespace tendril::tools
