@@ -97,7 +97,7 @@ struct Controller::Impl {
         take_up(robot, parameters.take_up, parameters.pretension_ramp_Nps, parameters.pretension_settle_s,
                 period_ns),
         kinematics(body, robot.limits.max_bending_rad),
-        trajectory(sections, parameters.trajectory, period_ns),
+        trajectory(sections, parameters.trajectory, robot.limits.max_bending_rad, period_ns),
         allocator(tendons, 2 * sections),
         estimator(robot, body, tables),
         guards(robot, parameters.guards, period_ns, body, tables),

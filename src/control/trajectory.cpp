@@ -44,10 +44,12 @@ BendingVector Trajectory::Window::Push(const BendingVector& value) noexcept {
   return oldest;
 }
 
-Trajectory::Trajectory(int sections, const TrajectoryParameters& limits, TimeNs period_ns)
+Trajectory::Trajectory(int sections, const TrajectoryParameters& limits, double max_bending_rad,
+                       TimeNs period_ns)
     : sections_(sections),
       period_s_(ToSeconds(period_ns)),
       max_rate_radps_(Checked(limits).max_rate_radps),
+      max_bending_rad_(max_bending_rad),
       position_(2 * sections,
                 WindowSamples(2 * limits.max_rate_radps / limits.max_acceleration_radps2, period_s_)),
       mean_(2 * sections,
@@ -82,7 +84,14 @@ Status Trajectory::Advance(const BendingVector& goal_rad, const BendingVector& g
     step *= max_rate_radps_ * period_s_ / largest_step;
     status = Status::kLimitedBendingRate;
   }
-  followed_ += step;
+  // A goal that moves outwards takes along what is still ahead of it. The averages stay where what they
+  // average does.
+  for (int k = 0; k < sections_; ++k) {
+    const double most = std::max(max_bending_rad_, followed_.segment<2>(2 * k).norm());
+    followed_.segment<2>(2 * k) += step.segment<2>(2 * k);
+    const double bend = followed_.segment<2>(2 * k).norm();
+    if (bend > most) followed_.segment<2>(2 * k) *= most / bend;
+  }
   Average();
   return status;
 }

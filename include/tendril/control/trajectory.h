@@ -17,13 +17,14 @@ class Trajectory {
  public:
   /// Window lengths follow from the limits: 2 v/a and 2 a/j. Throws std::invalid_argument when a limit is not
   /// positive.
-  Trajectory(int sections, const TrajectoryParameters& limits, TimeNs period_ns);
+  Trajectory(int sections, const TrajectoryParameters& limits, double max_bending_rad, TimeNs period_ns);
 
   /// At rest at `bending_rad`.
   void Reset(const BendingVector& bending_rad) noexcept;
 
   /// One period towards `goal_rad`, which itself moves with `goal_rate_radps`, closing in at `speed_radps`
-  /// beside that. Returns kLimitedBendingRate when the goal moves faster than max_rate_radps allows.
+  /// beside that. Returns kLimitedBendingRate when the goal moves faster than max_rate_radps allows. No
+  /// section is led beyond max_bending_rad, or further beyond than it was.
   Status Advance(const BendingVector& goal_rad, const BendingVector& goal_rate_radps,
                  double speed_radps) noexcept;
 
@@ -61,7 +62,7 @@ class Trajectory {
   void Average() noexcept;
 
   int sections_;
-  double period_s_, max_rate_radps_;
+  double period_s_, max_rate_radps_, max_bending_rad_;
   TimeNs delay_ns_;
   Window position_;   // over 2 v/a
   Window mean_;       // over 2 a/j
