@@ -1,39 +1,53 @@
-// `tendril follow`: streams a planned motion to a running daemon in real time, as an operator's program
-// would, and says how well it was followed. Knows nothing of the robot behind the daemon.
+// `tendril follow`: streams a motion to a running daemon in real time, as an operator's program would, each
+// target as far ahead as the daemon's smoothing delays, and says how well it was followed. Knows robot and
+// controller only as the daemon describes them.
 #include <fmt/format.h>
 
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <lcm/lcm-cpp.hpp>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <thread>
 
 #include "commands.h"
+#include "follow_motion.h"
 #include "lcm_options.h"
 #include "motion.h"
+#include "path.h"
+#include "sample_stream.h"
 #include "tendril/config/config.h"
+#include "tendril/control/controller.h"
 #include "tendril/io/client.h"
-#include "tendril_lcm/state_t.hpp"
+#include "tendril/io/connection.h"
+#include "tendril/io/wire.h"
 
 namespace tendril::tools {
 namespace {
 
 struct FollowOptions {
   LcmOptions lcm;
-  std::string motion, robot;
+  MotionRequest request;
+  std::string robot, config;
+  bool dry_run = false;
+  std::string from;       // stream: the prefix of its channels
+  double delay_s = 0.15;  // stream
 };
 
 volatile std::sig_atomic_t interrupted = 0;
 
 constexpr TimeNs kCommandPeriod_ns = 10 * kNsPerMs;
 // Long enough for a late scheduler, short enough that a dead stream stops the robot soon.
-constexpr TimeNs kValidFor_ns = 100 * kNsPerMs;
-constexpr TimeNs kSilence_ns = kNsPerS, kArmingAtMost_ns = 10 * kNsPerS;
+constexpr double kValidFor_s = 0.1;
+constexpr TimeNs kAnswer_ns = 3 * kNsPerS, kSilence_ns = kNsPerS, kArmingAtMost_ns = 10 * kNsPerS;
 // Further from the robot's reach than this, the motion was made for another robot.
 constexpr double kOutOfReach_m = 1e-3;
 // Closer than this to the motion's first target, the robot's reference counts as there.
 constexpr double kArrivedBending_rad = 1e-4;
+// Of the daemon's own speed: as fast the first samples are joined.
+constexpr double kJoinAt = 0.4;
 constexpr TimeNs kStillBefore_ns = 500 * kNsPerMs, kApproachAtMost_ns = 30 * kNsPerS;
 
 std::int64_t EpochUs() {
@@ -42,39 +56,209 @@ std::int64_t EpochUs() {
       .count();
 }
 
+TimeNs ToNs(double seconds) { return static_cast<TimeNs>(seconds * 1e9); }
+
+/// What a motion is planned for and with.
+struct Subject {
+  RobotParameters robot;
+  DaemonParameters daemon;
+
+  /// How far the reference comes after its goal.
+  double LeadS() const {
+    return ToSeconds(control::Controller(robot, daemon.controller, daemon.bus.cycle_ns).look_ahead_ns());
+  }
+};
+
+/// `file` in place of the robot that the daemon has; it must be of the same build.
+void TakeRobot(const std::string& file, Subject& subject) {
+  const RobotParameters own = config::LoadRobot(file);
+  const BodyParameters &a = own.body, &b = subject.robot.body;
+  bool same = a.sections.size() == b.sections.size() && std::abs(a.length_m() / b.length_m() - 1) < 1e-6;
+  for (std::size_t k = 0; same && k < a.sections.size(); ++k)
+    same = a.sections[k].units * a.sections[k].unit_length_m -
+               b.sections[k].units * b.sections[k].unit_length_m <
+           1e-9;
+  if (!same) {
+    throw std::runtime_error(
+        fmt::format("{} is not the daemon's robot: {} section{} and {:.1f} mm, the daemon's '{}' has {} and "
+                    "{:.1f} mm; name its "
+                    "file, or leave --robot out",
+                    file, a.sections.size(), a.sections.size() == 1 ? "" : "s", 1e3 * a.length_m(),
+                    subject.robot.name, b.sections.size(), 1e3 * b.length_m()));
+  }
+  subject.robot = own;
+}
+
+struct Errors {
+  double sum2 = 0, largest = 0;
+  int count = 0;
+  void Add(double error) {
+    sum2 += error * error;
+    largest = std::max(largest, error);
+    ++count;
+  }
+  std::string Text() const {
+    return fmt::format("rms {:.3f} mm, largest {:.3f} mm", count ? 1e3 * std::sqrt(sum2 / count) : 0.0,
+                       1e3 * largest);
+  }
+};
+
+/// A running daemon and its robot.
 class Follower {
  public:
   explicit Follower(const FollowOptions& options)
-      : options_(options),
-        motion_(MakeMotion(options.motion, config::LoadRobot(options.robot).body)),
-        client_(options.lcm.url, options.lcm.prefix) {
+      : options_(options), lcm_(io::OpenLcm(options.lcm.url)), client_(lcm_.get(), options.lcm.prefix) {
     client_.OnState([this](const tendril_lcm::state_t& s) {
       state_ = s;
       heard_ns_ = clock_.Now();
       ++states_;
     });
+    lcm_->subscribe(io::ChannelName(options.lcm.prefix, "RUN"), &Follower::TakeRun, this);
+    const TimeNs asked_ns = clock_.Now();
+    while (!Heard() && clock_.Now() - asked_ns < kAnswer_ns && !interrupted) client_.Handle(20);
+    if (!Heard()) {
+      throw std::runtime_error(fmt::format(
+          "no daemon answers on {} ({}_STATE, {}_RUN) within 3 s; is tendrild running, of this version "
+          "and with the same --lcm and --prefix?",
+          options_.lcm.url, options_.lcm.prefix, options_.lcm.prefix));
+    }
+    subject_.robot = config::ParseRobot(run_.robot_yaml, "the daemon's robot");
+    subject_.daemon = config::ParseDaemon(run_.daemon_yaml, "the daemon's file");
+    lead_s_ = subject_.LeadS();
+    if (subject_.daemon.controller.trajectory.look_ahead) extrapolates_s_ = lead_s_;
+    if (!options_.robot.empty()) TakeRobot(options_.robot, subject_);
   }
 
-  void Run() {
-    const TimeNs asked_ns = clock_.Now();
-    while (states_ == 0 && clock_.Now() - asked_ns < 2 * kNsPerS) client_.Handle(20);
-    if (states_ == 0) {
-      throw std::runtime_error(
-          fmt::format("no daemon answers on {} ({}_STATE) within 2 s; is tendrild running, with the same "
-                      "--lcm and --prefix?",
-                      options_.lcm.url, options_.lcm.prefix));
+  const Subject& subject() const { return subject_; }
+
+  void Follow(const Motion& motion) {
+    AwaitRunning();
+    fmt::print("{}\n", motion.description());
+    Approach(motion.Start());
+    Stream(motion);
+  }
+
+  /// Commands that somebody sends on channels of his own, as one even motion.
+  void FollowSamples() {
+    AwaitRunning();
+    TipSolver solver(subject_.robot, options_.request.nearest);
+    solver_ = &solver;
+    stream_.emplace(ToNs(options_.delay_s));
+    lcm_->subscribe(io::ChannelName(options_.from, "COMMAND_TIP"),
+                    &Follower::TakeSample<tendril_lcm::command_tip_t>, this);
+    lcm_->subscribe(io::ChannelName(options_.from, "COMMAND_BENDING"),
+                    &Follower::TakeSample<tendril_lcm::command_bending_t>, this);
+    fmt::print("waiting for {0}_COMMAND_TIP or {0}_COMMAND_BENDING on {1}\n", options_.from,
+               options_.lcm.url);
+    std::fflush(stdout);
+    while (stream_->empty()) {
+      client_.Handle(20);
+      CheckRunning();
     }
-    while (Arming() && clock_.Now() - asked_ns < kArmingAtMost_ns) client_.Handle(20);
-    CheckRunning();
-    fmt::print("{}\n", motion_->description());
-    Approach();
-    Stream();
+    Join();
+    fmt::print("there; following {:g} s behind the samples\n", options_.delay_s);
+    std::fflush(stdout);
+    TimeNs next_ns = clock_.Now();
+    while (!stream_->Expired(clock_.Now())) {
+      const SampleStream::Point at = stream_->At(clock_.Now());
+      Send(Bend(at.value, at.rate));
+      SleepToNext(next_ns);
+      CheckRunning();
+    }
+    fmt::print("{} samples followed; the last one expired: the robot rests on it\n", samples_);
   }
 
  private:
+  static Command Bend(const Eigen::VectorXd& bending_rad, const Eigen::VectorXd& rate_radps) {
+    Command target;
+    target.kind = CommandKind::kBending;
+    target.bending_rad = bending_rad;
+    target.bending_rate_radps = rate_radps;
+    return target;
+  }
+
+  // At the daemon's own speed towards the latest sample, until it is near enough to join in at that speed.
+  void Join() {
+    const double near_rad =
+        kJoinAt * subject_.daemon.controller.trajectory.default_speed_radps * std::min(options_.delay_s, 0.5);
+    const TimeNs start_ns = clock_.Now();
+    TimeNs next_ns = start_ns;
+    for (;;) {
+      const Eigen::VectorXd latest = stream_->latest();
+      Send(Bend(latest, Eigen::VectorXd::Zero(latest.size())));
+      SleepToNext(next_ns);
+      CheckRunning();
+      // What the daemon's smoothing has taken in already, and will put out.
+      const Eigen::Map<const Eigen::VectorXd> desired(state_.bending_desired_rad.data(), latest.size()),
+          rate(state_.bending_rate_desired_radps.data(), latest.size());
+      const Eigen::VectorXd from = desired + lead_s_ * rate;
+      if ((stream_->latest() - from).norm() <= near_rad) {
+        stream_.emplace(ToNs(options_.delay_s));
+        stream_->Add(clock_.Now() - 2 * ToNs(options_.delay_s), from, kApproachAtMost_ns);
+        return;
+      }
+      if (clock_.Now() - start_ns > kApproachAtMost_ns) {
+        throw std::runtime_error(
+            "the samples were not reached within 30 s: they move faster than the daemon's "
+            "default_speed_radps; the robot holds the last target");
+      }
+    }
+  }
+
+  bool Heard() const { return states_ > 0 && !run_.robot_yaml.empty(); }
   bool Arming() const {
     return !interrupted && (state_.mode == tendril_lcm::state_t::MODE_ARMED ||
                             state_.mode == tendril_lcm::state_t::MODE_PRETENSION);
+  }
+  void AwaitRunning() {
+    const TimeNs asked_ns = clock_.Now();
+    while (Arming() && clock_.Now() - asked_ns < kArmingAtMost_ns) client_.Handle(20);
+    CheckRunning();
+  }
+
+  void TakeRun(const lcm::ReceiveBuffer* buffer, const std::string&) {
+    tendril_lcm::run_t run;
+    if (io::Decode(buffer->data, static_cast<int>(buffer->data_size), run)) run_ = run;
+  }
+
+  // What is wrong with a sample is said outside of LCM's dispatch.
+  template <class Message>
+  void TakeSample(const lcm::ReceiveBuffer* buffer, const std::string& channel) {
+    Message message;
+    if (!io::Decode(buffer->data, static_cast<int>(buffer->data_size), message)) return;
+    Command command;
+    std::string wrong = io::FromMessage(message, command);
+    try {
+      if (wrong.empty() && last_sequence_ &&
+          static_cast<std::int32_t>(command.sequence - *last_sequence_) <= 0)
+        return;  // overtaken on its way, or twice
+      last_sequence_ = command.sequence;
+      if (wrong.empty()) AddSample(command);
+    } catch (const std::exception& e) {
+      wrong = e.what();
+    }
+    if (!wrong.empty()) wrong_sample_ = fmt::format("{}, sequence {}: {}", channel, message.sequence, wrong);
+  }
+  void AddSample(const Command& c) {
+    if (c.valid_for_ns <= 0)
+      throw std::runtime_error("valid_for_s is not positive; say how long a sample counts");
+    Eigen::VectorXd bending = c.bending_rad;
+    const Eigen::Index k2 = 2 * static_cast<Eigen::Index>(subject_.robot.body.sections.size());
+    if (c.kind == CommandKind::kTip) {
+      if (!c.tip_W_m.allFinite()) throw std::runtime_error("tip_W_m is not finite; send numbers");
+      bending = solver_->Solve(c.tip_W_m, "tip_W_m");
+    } else if (bending.size() != k2 || !bending.allFinite()) {
+      throw std::runtime_error(fmt::format("bending_rad needs {} finite numbers, two a section", k2));
+    }
+    for (Eigen::Index k = 0; k < k2; k += 2) {
+      if (bending.segment<2>(k).norm() > subject_.robot.limits.max_bending_rad * (1 + 1e-9)) {
+        throw std::runtime_error(fmt::format("section {} is bent by {:.3f} rad; accepted: up to {:g}",
+                                             k / 2 + 1, bending.segment<2>(k).norm(),
+                                             subject_.robot.limits.max_bending_rad));
+      }
+    }
+    stream_->Add(clock_.Now(), bending, c.valid_for_ns);
+    ++samples_;
   }
 
   void CheckRunning() {
@@ -83,6 +267,7 @@ class Follower {
       throw std::runtime_error(fmt::format("stopped by {}: the robot holds the last target",
                                            interrupted == SIGTERM ? "SIGTERM" : "Ctrl-C"));
     }
+    if (!wrong_sample_.empty()) throw std::runtime_error(wrong_sample_ + "; the robot holds the last target");
     if (clock_.Now() - heard_ns_ > kSilence_ns) {
       throw std::runtime_error(
           "the daemon fell silent for a second: look at its log; the robot holds the last target");
@@ -98,13 +283,14 @@ class Follower {
       throw std::runtime_error(
           fmt::format("the daemon's robot cannot reach this motion by {:.1f} mm: is {} its robot file? The "
                       "robot holds the last target",
-                      1e3 * state_.target_distance_m, options_.robot));
+                      1e3 * state_.target_distance_m, options_.robot.empty() ? "its own" : options_.robot));
     }
   }
 
   void Send(Command command) {
     command.sequence = io::SequenceFromTime();
-    command.valid_for_ns = kValidFor_ns;
+    // As long again as the daemon extrapolates, or it would cut its own look ahead short.
+    command.valid_for_ns = ToNs(kValidFor_s + extrapolates_s_);
     if (!client_.Send(command, EpochUs())) {
       throw std::runtime_error("LCM could not send on " + options_.lcm.url +
                                ": check the address and the route");
@@ -120,11 +306,11 @@ class Follower {
   }
 
   // To the first target, until the reference has rested there.
-  void Approach() {
+  void Approach(const Command& first) {
     const TimeNs start_ns = clock_.Now();
     TimeNs moving_ns = start_ns, next_ns = start_ns;
     while (clock_.Now() - moving_ns < kStillBefore_ns) {
-      Send(motion_->Start());
+      Send(first);
       SleepToNext(next_ns);
       CheckRunning();
       double gap = 0;
@@ -138,58 +324,179 @@ class Follower {
     }
   }
 
-  void Stream() {
-    const TimeNs start_ns = clock_.Now();
-    TimeNs next_ns = start_ns;
-    double sum2 = 0, largest = 0;
-    int count = 0, shown_s = -1;
-    for (double t_s = 0; t_s < motion_->duration_s(); t_s = ToSeconds(clock_.Now() - start_ns)) {
-      Send(motion_->At(t_s));
+  void Stream(const Motion& motion) {
+    const TimeNs start_ns = clock_.Now() + ToNs(lead_s_);
+    TimeNs next_ns = clock_.Now();
+    Errors of_reference, of_motion;
+    int shown_s = -1;
+    for (double t_s = -lead_s_; t_s < motion.duration_s(); t_s = ToSeconds(clock_.Now() - start_ns)) {
+      Send(motion.SentAhead(t_s, lead_s_, extrapolates_s_));
       SleepToNext(next_ns);
       CheckRunning();
       const Eigen::Map<const Eigen::Vector3d> estimate(state_.tip_estimate_W_m),
           desired(state_.tip_desired_W_m);
-      if (t_s >= motion_->judged_from_s() && t_s <= motion_->judged_until_s() && estimate.allFinite()) {
-        const double error = (estimate - desired).norm();
-        sum2 += error * error;
-        largest = std::max(largest, error);
-        ++count;
+      const double heard_s = ToSeconds(heard_ns_ - start_ns);
+      if (heard_s >= motion.judged_from_s() && heard_s <= motion.judged_until_s() && estimate.allFinite()) {
+        of_reference.Add((estimate - desired).norm());
+        of_motion.Add((estimate - motion.TipAt(heard_s)).norm());
       }
       if (static_cast<int>(t_s) > shown_s) {
         shown_s = static_cast<int>(t_s);
-        fmt::print(stderr, "{:3d} of {:.0f} s\n", shown_s, motion_->duration_s());
+        fmt::print(stderr, "{:3d} of {:.0f} s\n", shown_s, motion.duration_s());
       }
     }
-    fmt::print("followed; estimated tip less desired tip: rms {:.3f} mm, largest {:.3f} mm over {} samples\n",
-               count ? 1e3 * std::sqrt(sum2 / count) : 0.0, 1e3 * largest, count);
+    fmt::print("followed, sent {:.0f} ms ahead; over {} samples\n", 1e3 * lead_s_, of_motion.count);
+    fmt::print("estimated tip less the motion's: {}\n", of_motion.Text());
+    fmt::print("estimated tip less desired tip: {}\n", of_reference.Text());
   }
 
-  FollowOptions options_;
-  std::unique_ptr<Motion> motion_;
+  const FollowOptions& options_;
   MonotonicClock clock_;
+  std::unique_ptr<lcm::LCM> lcm_;
   io::Client client_;
+  Subject subject_;
+  double lead_s_ = 0, extrapolates_s_ = 0;
+  tendril_lcm::run_t run_{};
   tendril_lcm::state_t state_{};
   TimeNs heard_ns_ = 0;
   std::uint64_t states_ = 0;
+  TipSolver* solver_ = nullptr;
+  std::optional<SampleStream> stream_;
+  std::optional<std::uint32_t> last_sequence_;
+  std::string wrong_sample_;
+  std::uint64_t samples_ = 0;
 };
+
+// What would be done, from the daemon's file alone.
+void DryRun(const FollowOptions& options) {
+  Subject subject;
+  subject.daemon = config::LoadDaemon(options.config);
+  subject.robot = config::LoadRobot(options.robot.empty() ? subject.daemon.robot_file : options.robot);
+  const auto motion =
+      MakeRequestedMotion(options.request, subject.robot, subject.daemon.controller.trajectory);
+  fmt::print("{}\n{:.3f} s in all, each target {:.0f} ms ahead; nothing was sent\n", motion->description(),
+             motion->duration_s(), 1e3 * subject.LeadS());
+}
+
+void Run(const FollowOptions& options) {
+  if (options.dry_run == options.config.empty()) {
+    throw UsageError("--dry-run and --config belong together: a running daemon tells its own configuration");
+  }
+  const bool samples = options.request.kind == "stream";
+  if (options.dry_run) {
+    if (samples) throw UsageError("stream: nothing is known of it before it runs; leave --dry-run out");
+    DryRun(options);
+    return;
+  }
+  std::signal(SIGINT, [](int signal) { interrupted = signal; });
+  std::signal(SIGTERM, [](int signal) { interrupted = signal; });
+  Follower follower(options);
+  if (samples) {
+    follower.FollowSamples();
+    return;
+  }
+  const Subject& subject = follower.subject();
+  follower.Follow(*MakeRequestedMotion(options.request, subject.robot, subject.daemon.controller.trajectory));
+}
+
+using Options = std::shared_ptr<FollowOptions>;
+
+CLI::App* AddMotion(CLI::App& follow, const Options& o, const char* name, const char* description) {
+  CLI::App* sub = follow.add_subcommand(name, description)->fallthrough();
+  sub->footer("The options of `tendril follow` can be given here too.");
+  sub->callback([o, name] {
+    o->request.kind = name;
+    Run(*o);
+  });
+  return sub;
+}
+
+void AddTips(CLI::App& sub, const Options& o, const char* what) {
+  sub.add_option("--tip", o->request.tips, what)->allow_extra_args(false)->option_text("X,Y,Z [m] ...");
+}
+void AddNearest(CLI::App& sub, const Options& o) {
+  sub.add_flag("--nearest", o->request.nearest, "of points out of reach, the nearest that the tip can be at");
+}
+void AddPathLimits(CLI::App& sub, const Options& o) {
+  sub.add_option("--speed", o->request.speed_radps,
+                 "of a section's bend at most [rad/s]; 0: the daemon's default_speed_radps")
+      ->check(CLI::NonNegativeNumber);
+  sub.add_option("--acceleration", o->request.acceleration_radps2, "[rad/s^2]; 0: that speed in 0.25 s")
+      ->check(CLI::NonNegativeNumber);
+  sub.add_option("--jerk", o->request.jerk_radps3, "[rad/s^3]; 0: that acceleration in 0.1 s")
+      ->check(CLI::NonNegativeNumber);
+}
 
 }  // namespace
 
 void AddFollowCommand(CLI::App& app) {
-  auto options = std::make_shared<FollowOptions>();
-  CLI::App* command =
-      app.add_subcommand("follow", "Stream a planned motion to a running, armed daemon in real time");
-  command->add_option("motion", options->motion, "circle or planar, the motions of `tendril demo`")
-      ->required()
-      ->check(CLI::IsMember({"circle", "planar"}));
-  command->add_option("--robot", options->robot, "the daemon's robot file: the motion's size follows from it")
+  auto o = std::make_shared<FollowOptions>();
+  CLI::App* follow =
+      app.add_subcommand("follow", "Lead a running, armed daemon's robot through a motion in real time")
+          ->fallthrough(false);
+  follow->require_subcommand(1);
+  follow->add_option("--robot", o->robot,
+                     "a robot file that motions are planned with in place of the daemon's own");
+  follow->add_flag("--dry-run", o->dry_run, "plan and tell; needs --config, and no daemon");
+  follow->add_option("--config", o->config, "for --dry-run: the daemon's file");
+  AddLcmOptions(*follow, o->lcm);
+
+  AddMotion(*follow, o, "circle", "The paper's tip circle, as in `tendril demo`");
+  AddMotion(*follow, o, "planar", "The paper's bend in a plane");
+  AddMotion(*follow, o, "fast_circle", "The circle at a turn a second");
+  AddMotion(*follow, o, "square", "A square of the tip, at rest in its corners");
+  AddMotion(*follow, o, "spiral", "A spiral of the tip, outwards and back");
+
+  CLI::App* via = AddMotion(*follow, o, "via", "Through points without stopping, as fast as limits allow");
+  AddTips(*via, o, "a point for the tip; repeat");
+  via->add_option("--bend", o->request.bends, "a point as bends of all sections; repeat")
+      ->allow_extra_args(false)
+      ->option_text("U,V,... [rad] ...");
+  via->add_option("--points", o->request.points,
+                  "points as CSV: columns tip_x_m,tip_y_m,tip_z_m or us_1,vs_1,us_2,...");
+  AddNearest(*via, o);
+  AddPathLimits(*via, o);
+
+  CLI::App* line = AddMotion(*follow, o, "line", "Straight lines of the tip, at rest in each corner");
+  AddTips(*line, o, "a corner; repeat");
+  AddNearest(*line, o);
+  AddPathLimits(*line, o);
+
+  CLI::App* arc = AddMotion(*follow, o, "arc", "An arc of the tip: by three points, or around a centre");
+  AddTips(*arc, o, "three points in the order in which they are passed; with --centre: where it starts");
+  arc->add_option("--centre", o->request.centre, "of the arc")->option_text("X,Y,Z [m]");
+  arc->add_option("--normal", o->request.normal, "of its plane; right-handed")
+      ->option_text("X,Y,Z")
+      ->capture_default_str();
+  arc->add_option("--angle", o->request.angle_deg,
+                  "by which it turns [deg]; may be negative or more than 360")
+      ->check(CLI::Range(-36000.0, 36000.0));
+  AddNearest(*arc, o);
+  AddPathLimits(*arc, o);
+
+  CLI::App* csv = AddMotion(*follow, o, "csv", "Through the rows of a table at their times");
+  csv->add_option(
+         "file", o->request.points,
+         "CSV: columns t_s and tip_x_m,tip_y_m,tip_z_m or us_1,vs_1,us_2,...; the first row is the start")
       ->required();
-  AddLcmOptions(*command, options->lcm);
-  command->callback([options] {
-    std::signal(SIGINT, [](int signal) { interrupted = signal; });
-    std::signal(SIGTERM, [](int signal) { interrupted = signal; });
-    Follower(*options).Run();
-  });
+  csv->add_option("--stretch", o->request.stretch, "times are multiplied by this")
+      ->check(CLI::Range(0.01, 1000.0))
+      ->capture_default_str();
+  AddNearest(*csv, o);
+
+  CLI::App* stream =
+      AddMotion(*follow, o, "stream", "Samples that another program sends, joined to an even motion");
+  stream
+      ->add_option(
+          "--from", o->from,
+          "they come as command_tip_t on FROM_COMMAND_TIP or command_bending_t on FROM_COMMAND_BENDING")
+      ->required();
+  stream
+      ->add_option("--delay", o->delay_s,
+                   "how far behind [s]; at least the time between two samples, or the robot stops at each")
+      ->check(CLI::Range(0.001, 10.0))
+      ->capture_default_str();
+  AddNearest(*stream, o);
 }
 
 }  // namespace tendril::tools
