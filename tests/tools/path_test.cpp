@@ -232,6 +232,28 @@ TEST(Arc, OfTheTipAboutTheRobotsAxisIsMetEverywhere) {
   EXPECT_NEAR(turned, 2 * kPi, 1e-3);
 }
 
+TEST(Arc, OfManyTurnsIsAsExactAsOfOne) {
+  const RobotParameters robot = Robot();
+  const double theta = 0.8, l = robot.body.length_m();
+  const Vector3d from(l / theta * (1 - std::cos(theta)), 0, l / theta * std::sin(theta));
+  TipSolver solver(robot, false);
+  const PathLimits limits{2, 10, 100};
+  const Spline curve =
+      AlongTip(ArcAround({0, 0, from.z()}, {0, 0, 1}, from, -20 * kPi), "circle", solver, robot);
+  const auto motion = MakePathMotion("circle", {curve}, limits, robot);
+  ExpectWithin(*motion, limits);
+  for (double t = 0; t <= motion->judged_until_s(); t += 0.0123) {
+    EXPECT_NEAR(motion->TipAt(t).head<2>().norm(), from.x(), 1e-6);
+    EXPECT_NEAR(motion->TipAt(t).z(), from.z(), 1e-6);
+  }
+  // The least time that a straight way of this length would take: at full speed but for gathering and losing
+  // it.
+  const double least_s = 20 * kPi * theta / limits.rate_radps +
+                         limits.rate_radps / limits.acceleration_radps2 +
+                         limits.acceleration_radps2 / limits.jerk_radps3;
+  EXPECT_LT(motion->judged_until_s(), 1.02 * least_s);
+}
+
 TEST(Arc, OutOfReachIsNamedOrProjected) {
   const RobotParameters robot = Robot();
   TipSolver strict(robot, false), nearest(robot, true);

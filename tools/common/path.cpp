@@ -24,8 +24,8 @@ constexpr int kRounds = 15, kReach = 6;
 constexpr int kFewLooks = 4000, kMostLooks = 40000;
 // For what lies between two looks.
 constexpr double kMargin = 1.002;
-// Points of a tip path that are turned into bending.
-constexpr int kTipPoints = 241;
+// Points of each turn of a tip path that are turned into bending.
+constexpr int kTipPoints = 240;
 constexpr double kReachShare = 1e-3;  // of the robot's length; nearer counts as reached
 
 }  // namespace
@@ -363,9 +363,10 @@ TipPath ArcAround(const Vector3d& centre, const Vector3d& normal, const Vector3d
         "the arc's start lies {:.3g} mm off the plane through its centre; move one of them along the normal",
         1e3 * std::abs(axis.dot(out))));
   }
-  return [centre, axis, out, angle_rad](double u) -> Vector3d {
-    return centre + Eigen::AngleAxisd(angle_rad * u, axis) * out;
-  };
+  return {[centre, axis, out, angle_rad](double u) -> Vector3d {
+            return centre + Eigen::AngleAxisd(angle_rad * u, axis) * out;
+          },
+          std::max(1.0, std::abs(angle_rad) / (2 * M_PI))};
 }
 
 TipPath ArcThrough(const Vector3d& from, const Vector3d& through, const Vector3d& to) {
@@ -386,17 +387,18 @@ TipPath ArcThrough(const Vector3d& from, const Vector3d& through, const Vector3d
 
 TipPath LineTo(const Vector3d& from, const Vector3d& to) {
   if (!((to - from).norm() > 0)) throw PathError("the line's ends are the same point; move one of them");
-  return [from, to](double u) -> Vector3d { return from + u * (to - from); };
+  return {[from, to](double u) -> Vector3d { return from + u * (to - from); }};
 }
 
 Spline AlongTip(const TipPath& path, const std::string& name, TipSolver& solver,
                 const RobotParameters& robot) {
   MatrixXd bending;
-  VectorXd knots(kTipPoints);
-  for (int i = 0; i < kTipPoints; ++i) {
-    const double u = static_cast<double>(i) / (kTipPoints - 1);
+  const int steps = static_cast<int>(std::ceil(kTipPoints * path.turns));
+  VectorXd knots(steps + 1);
+  for (int i = 0; i <= steps; ++i) {
+    const double u = static_cast<double>(i) / steps;
     const VectorXd b = solver.Solve(path(u), fmt::format("{}, {:.0f} % of the way", name, 100 * u));
-    if (i == 0) bending.resize(kTipPoints, b.size());
+    if (i == 0) bending.resize(steps + 1, b.size());
     bending.row(i) = b.transpose();
     knots[i] = u;
   }

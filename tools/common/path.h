@@ -109,7 +109,11 @@ void RequireWithinBend(const Spline& curve, const RobotParameters& robot);
 Spline ThroughPoints(const Eigen::MatrixXd& bending_rad, const RobotParameters& robot);
 
 /// A path of the tip, for u from 0 to 1 evenly along it.
-using TipPath = std::function<Eigen::Vector3d(double u)>;
+struct TipPath {
+  std::function<Eigen::Vector3d(double u)> at;
+  double turns = 1;  // as long and bent as this many turns of a circle, at least 1
+  Eigen::Vector3d operator()(double u) const { return at(u); }
+};
 /// The circle's arc from the first point by the second to the third. Throws PathError when they lie on one
 /// line.
 TipPath ArcThrough(const Eigen::Vector3d& from, const Eigen::Vector3d& through, const Eigen::Vector3d& to);

@@ -74,10 +74,11 @@ void TakeRobot(const std::string& file, Subject& subject) {
   const RobotParameters own = config::LoadRobot(file);
   const BodyParameters &a = own.body, &b = subject.robot.body;
   bool same = a.sections.size() == b.sections.size() && std::abs(a.length_m() / b.length_m() - 1) < 1e-6;
+  const auto length_m = [](const SectionParameters& section) {
+    return section.units * section.unit_length_m;
+  };
   for (std::size_t k = 0; same && k < a.sections.size(); ++k)
-    same = a.sections[k].units * a.sections[k].unit_length_m -
-               b.sections[k].units * b.sections[k].unit_length_m <
-           1e-9;
+    same = std::abs(length_m(a.sections[k]) - length_m(b.sections[k])) < 1e-9;
   if (!same) {
     throw std::runtime_error(
         fmt::format("{} is not the daemon's robot: {} section{} and {:.1f} mm, the daemon's '{}' has {} and "
@@ -470,7 +471,7 @@ void AddFollowCommand(CLI::App& app) {
       ->capture_default_str();
   arc->add_option("--angle", o->request.angle_deg,
                   "by which it turns [deg]; may be negative or more than 360")
-      ->check(CLI::Range(-36000.0, 36000.0));
+      ->check(CLI::Range(-7200.0, 7200.0));
   AddNearest(*arc, o);
   AddPathLimits(*arc, o);
 
