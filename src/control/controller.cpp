@@ -154,9 +154,10 @@ struct Controller::Impl {
   void FollowTarget(const CycleInput& input, CycleOutput& output) noexcept;
   void TensionsForReference(CycleOutput& output) noexcept;
   void TensionsForEquilibrium(const CycleInput& input, CycleOutput& output) noexcept;
+  double LeastTension() const noexcept;
   void TensionsForMode(CycleOutput& output) noexcept;
   void TorquesForTensions(const CycleInput& input, CycleOutput& output) noexcept;
-  double Unsure(int tendon, double sliding) const noexcept;
+  double Unsure(int tendon, const DriveFeedForward::Result& wanted) const noexcept;
   double FedBack(int tendon, const CycleInput& input, const CycleOutput& output,
                  const DriveFeedForward::Result& wanted) noexcept;
 
@@ -213,6 +214,7 @@ struct Controller::Impl {
   UnitVector q, dq, ddq, unit_force_Nm;
   TendonVector arc_shortening_m;
   bool balanced = false;  // the equilibrium law had an answer in the last cycle
+  double rotor_N = 0;     // the most that a rotor's acceleration took of a tendon in the last cycle
   std::array<double, kMaxTendons> permille_left_over{};  // of torque, by rounding to what the bus carries
   bool joined = false;                                   // tension_N follows its source without the ramp
   bool engaged = false;  // homing or commissioning, and every drive has been enabled
@@ -240,7 +242,7 @@ void Controller::Step(const CycleInput& input, CycleOutput& output) noexcept {
   c.TensionsForEquilibrium(input, output);
   c.TensionsForMode(output);
   c.TorquesForTensions(input, output);
-  c.guards.Expect(output);
+  c.guards.Expect(output, c.arc_shortening_m);
 }
 
 // -----------------------------------------------------------------------------------------------------------
@@ -586,6 +588,13 @@ void Controller::Impl::TensionsForReference(CycleOutput& output) noexcept {
   if (controls_shape()) Report(output, allocated.status);
 }
 
+// A tendon at its least tension goes slack when the rotor's acceleration takes more of it than it has, or is
+// felt a little late; then the spool loses its hold and comes back with a blow. So the faster the robot is
+// led to and fro, the more every tendon keeps.
+double Controller::Impl::LeastTension() const noexcept {
+  return std::min(robot.limits.min_tension_N + rotor_N, 0.5 * robot.limits.max_tension_base_N);
+}
+
 // The shape that the robot really takes on in place of the arc. Without an answer the arc's tensions stay;
 // the tensions are led over at the ramp's rate from one to the other.
 void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutput& output) noexcept {
@@ -602,7 +611,8 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
                                       joined && source != CommandKind::kTension));
     shift_W_m = tip_feedback->shift_W_m();
   }
-  const Status status = equilibrium.Solve(output.reference, output.tension_desired_base_N, shift_W_m);
+  const Status status =
+      equilibrium.Solve(output.reference, output.tension_desired_base_N, LeastTension(), shift_W_m);
   const bool answered = status != Status::kEquilibriumNotFound;
   if (answered != balanced) joined = false;
   balanced = answered;
@@ -669,12 +679,12 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
   output.tension_desired_base_N = tension_N;
 }
 
-// Where the pulleys have not slid through since a reversal or the start, only the model's memory says what
-// friction is; a cell before them may differ by all that is open, and holding it to the memory would move the
-// base off.
-double Controller::Impl::Unsure(int j, double sliding) const noexcept {
+// Until the pulleys have slid through once, nobody knows what friction held them when the robot was armed; a
+// cell before them may differ by all that is open, and holding it to a guess would move the base off.
+double Controller::Impl::Unsure(int j, const DriveFeedForward::Result& wanted) const noexcept {
+  if (wanted.slid_through || !parameters.capstan_compensation) return 0;
   const double range_N = tables[j]->Pull(tension_N[j]) - tables[j]->Release(tension_N[j]);
-  return parameters.capstan_compensation ? 0.5 * (1 - std::abs(sliding)) * range_N : 0;
+  return 0.5 * (1 - std::abs(wanted.sliding)) * range_N;
 }
 
 // What the load cell's error adds, compared where the cell sits.
@@ -685,7 +695,7 @@ double Controller::Impl::FedBack(int j, const CycleInput& input, const CycleOutp
   return feedback[j].Step(input.drive[j], output.tension_measured_N[j],
                           {.cell_N = at_motor ? wanted.tension_motor_N : tension_N[j],
                            .motor_velocity_radps = wanted.motor_velocity_radps,
-                           .unsure_N = at_motor ? Unsure(j, wanted.sliding) : 0},
+                           .unsure_N = at_motor ? Unsure(j, wanted) : 0},
                           acts);
 }
 
@@ -700,6 +710,7 @@ double Controller::Impl::Bounded(int j, double torque_Nm, Status& status) noexce
 
 void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& output) noexcept {
   const bool moving = controls_shape() && source != CommandKind::kTension;
+  double most_rotor_N = 0;
   for (int j = 0; j < tendons; ++j) {
     Compensation::Result r;
     if (bare) {
@@ -710,6 +721,7 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
           feed_forward[j].Step(tension_N[j], output.displacement_desired_m[j], arc_shortening_m[j],
                                moving || supervisor.mode() == Mode::kPretension);
       r = wanted;
+      most_rotor_N = std::max(most_rotor_N, std::abs(wanted.rotor_N));
       if (!feedback.empty())
         r.torque_Nm = Bounded(j, wanted.torque_Nm + FedBack(j, input, output, wanted), r.status);
     } else {
@@ -720,6 +732,7 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
     output.torque_desired_Nm[j] = r.torque_Nm;
     Report(output, r.status);
   }
+  rotor_N = most_rotor_N;
   if (!output.torque_desired_Nm.allFinite()) {
     // Nothing may reach a drive that is not a number: release everything at once.
     output.torque_desired_Nm.setZero();
@@ -763,6 +776,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
     if (tip_feedback) tip_feedback->Remember(a);
     equilibrium.Remember(a);
     a.Value(balanced);
+    a.Value(rotor_N);
     for (int j = 0; j < tendons; ++j) a.Value(permille_left_over[j]);
   }
   estimator.Remember(a);

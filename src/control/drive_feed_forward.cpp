@@ -11,13 +11,16 @@ namespace {
 
 constexpr int kMaxIterations = 30;
 constexpr double kSolved_N = 1e-6;
-// At rest; slower than this a tendon's swinging (a dozen Hz) hears little of, and all friction is turned
-// within a period or two of it.
+// The most that friction turns by, of the change of tension that the commanded pull would make at a spool
+// held still; in slow motion and, beyond kSlow_mps, with the motion. All is turned within a period or two of
+// a tendon's swinging (a dozen Hz), which hears little of it.
+constexpr double kFrictionPerPull = 12;
 constexpr double kFrictionRate_Nps = 25;
 constexpr double kSlow_mps = 3e-4;
 // Losses of gear and motor change by no more in a cycle than this share of the drive's rated torque, 35 uNm
 // here: a sixth of what the motor's own dry friction holds.
 constexpr double kLossStep = 0.005;
+constexpr double kSlidThrough = 0.999;
 
 }  // namespace
 
@@ -57,6 +60,7 @@ void DriveFeedForward::Reset(double tension_base_N, double shortening_m) noexcep
   dahl_.Reset(pull_m / travel_m_);
   friction_N_ = MotorTension(tension_base_N, shortening_m, max_tension_motor_N_, true) - tension_base_N;
   loss_Nm_ = 0;
+  slid_through_ = false;
   still_ = true;
 }
 
@@ -110,11 +114,14 @@ double DriveFeedForward::MotorTension(double tension_base_N, double shortening_m
 DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double shortening_m, double arc_m,
                                                 bool moving) noexcept {
   Result r;
-  // The faster the tendon moves anyway, the faster the motor may be led by friction.
-  const double moved_m = moving && !still_ ? std::abs(shortening_m - shortening_m_) : 0;
+  // Across the fold friction follows what is commanded, so that it rests when that rests: a tendon that stops
+  // under high tension and stirs by a micrometre must not turn round. Nor may it go too fast for the tendon.
+  const double moved_m = still_ ? 0 : std::abs(shortening_m - shortening_m_);
+  const double pulled_N = stiffness_Npm_ * moved_m + std::abs(tension_base_N - tension_base_N_);
   const double fast = moved_m / (moved_m + kSlow_mps * period_s_);
-  const double most_N = still_ && !moving ? max_tension_motor_N_
-                                          : kFrictionRate_Nps * period_s_ + fast * stiffness_Npm_ * moved_m;
+  const double most_N = still_ ? max_tension_motor_N_
+                               : std::min(kFrictionPerPull * pulled_N,
+                                          kFrictionRate_Nps * period_s_ + fast * stiffness_Npm_ * moved_m);
   friction_N_ = MotorTension(tension_base_N, shortening_m, most_N, moving) - tension_base_N;
   r.tension_motor_N = std::max(0.0, tension_base_N + friction_N_);
   if (r.tension_motor_N > max_tension_motor_N_) {
@@ -141,9 +148,12 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   const bool fresh = still_ && !moving;
   still_ = !moving;
   shortening_m_ = shortening_m;
+  tension_base_N_ = tension_base_N;
   arc_m_ = arc_m;
   if (!moving) arc_rate_mps_ = 0;
 
+  slid_through_ = slid_through_ || std::abs(r.sliding) > kSlidThrough;
+  r.slid_through = slid_through_;
   r.motor_velocity_radps = rate_mps / travel_m_;
   r.load_torque_per_N = travel_m_ * std::pow(efficiency_, -gear);
   const double zeta_rate =
@@ -157,8 +167,9 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   const double most_Nm =
       std::max(loss_step_Nm_, turned_Nm * std::abs(r.motor_velocity_radps) * period_s_ / reversal_rad_);
   loss_Nm_ = fresh ? loss_Nm : loss_Nm_ + std::clamp(loss_Nm - loss_Nm_, -most_Nm, most_Nm);
-  r.torque_Nm = inertia_kgm2_ * acceleration_mps2 / travel_m_ + r.tension_motor_N * travel_m_ + loss_Nm_ +
-                viscous_Nms_ * r.motor_velocity_radps;
+  r.rotor_N = inertia_kgm2_ * acceleration_mps2 / (travel_m_ * travel_m_);
+  r.torque_Nm =
+      (r.rotor_N + r.tension_motor_N) * travel_m_ + loss_Nm_ + viscous_Nms_ * r.motor_velocity_radps;
   r.torque_Nm /= torque_scale_;  // the drive counts in current
   if (std::abs(r.torque_Nm) > max_torque_Nm_) {
     r.torque_Nm = std::copysign(max_torque_Nm_, r.torque_Nm);
@@ -172,10 +183,12 @@ void DriveFeedForward::Remember(StateArchive& a) noexcept {
   for (auto& g : gear_) a.Operators(g);
   a.Dahl(dahl_);
   a.Value(shortening_m_);
+  a.Value(tension_base_N_);
   a.Value(arc_m_);
   a.Value(arc_rate_mps_);
   a.Value(loss_Nm_);
   a.Value(friction_N_);
+  a.Value(slid_through_);
   a.Value(still_);
 }
 

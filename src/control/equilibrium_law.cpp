@@ -1,6 +1,7 @@
 // See the header. Knows the body through its forces and their derivatives only.
 #include "tendril/control/equilibrium_law.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "state_archive.h"
@@ -19,12 +20,13 @@ constexpr double kAccepted_rad = 2e-3;  // a last step longer than this has not 
 
 EquilibriumLaw::EquilibriumLaw(const model::Body& body, const LimitParameters& limits)
     : body_(body),
-      min_tension_N_(limits.min_tension_N),
+      robot_min_tension_N_(limits.min_tension_N),
       max_tension_N_(limits.max_tension_base_N),
       workspace_(body),
       allocator_(body.tendons(), 2 * body.sections()),
       q_(UnitVector::Zero(body.dof())),
       tension_N_(TendonVector::Constant(body.tendons(), limits.min_tension_N)),
+      min_tension_N_(limits.min_tension_N),
       arc_q_(q_),
       dq_(q_),
       ddq_(q_),
@@ -41,7 +43,8 @@ EquilibriumLaw::EquilibriumLaw(const model::Body& body, const LimitParameters& l
       factor_(body.dof()) {}
 
 Status EquilibriumLaw::Solve(const BendingReference& reference, const TendonVector& arc_tension_N,
-                             const Eigen::Vector3d& tip_shift_W_m) noexcept {
+                             double least_N, const Eigen::Vector3d& tip_shift_W_m) noexcept {
+  min_tension_N_ = std::clamp(least_N, robot_min_tension_N_, max_tension_N_);
   body_.SpreadBending(reference.position_rad, arc_q_);
   body_.SpreadBending(reference.velocity_radps, dq_);
   body_.SpreadBending(reference.acceleration_radps2, ddq_);

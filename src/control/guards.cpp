@@ -61,8 +61,8 @@ void Guards::Restart() noexcept {
   }
 }
 
-void Guards::Expect(const CycleOutput& output) noexcept {
-  desired_m_ = output.displacement_desired_m;
+void Guards::Expect(const CycleOutput& output, const TendonVector& reference_m) noexcept {
+  desired_m_ = reference_m;
   for (std::size_t j = 0; j < tendons_.size(); ++j) {
     auto& asked = tendons_[j].asked;
     std::copy_backward(asked.begin(), asked.end() - 1, asked.end());

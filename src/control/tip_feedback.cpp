@@ -59,8 +59,10 @@ Status TipFeedback::Step(const TrackerSample& sample, TimeNs now_ns, TimeNs ahea
   // robot.
   const double silent_s = static_cast<double>(silent_cycles_) * period_s_;
   if (silent_s < reading_every_s_) shift_W_m_ += rate_W_mps_ * period_s_;
-  if (const double far = shift_W_m_.norm(); far > max_shift_m_) shift_W_m_ *= max_shift_m_ / far;
-  return silent_s > max_age_s_ ? Status::kTrackerLost : Status::kOk;
+  const double far_m = shift_W_m_.norm();
+  if (far_m > max_shift_m_) shift_W_m_ *= max_shift_m_ / far_m;
+  if (silent_s > max_age_s_) return Status::kTrackerLost;
+  return far_m > max_shift_m_ ? Status::kLimitedTipCorrection : Status::kOk;
 }
 
 void TipFeedback::Remember(StateArchive& a) noexcept {

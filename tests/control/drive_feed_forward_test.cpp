@@ -132,6 +132,18 @@ TEST_F(DriveFeedForwardTest, UnderHighTensionTheFrictionIsLedAcrossAndThenRight)
   EXPECT_LT(worst_after_N, 0.01);
 }
 
+// Where a stretched tendon's path folds, the smallest way back would turn all friction by itself.
+TEST_F(DriveFeedForwardTest, ATendonThatStoppedIsNotTurnedRoundByAStir) {
+  DriveFeedForward f = Make();
+  f.Reset(5, 0);
+  DriveFeedForward::Result r;
+  for (int i = 0; i <= 1000; ++i) r = Step(f, 5, 2e-4 * (1 - std::cos(std::numbers::pi * i / 1000)));
+  ASSERT_EQ(r.sliding, 1);
+  const double pulled_N = r.tension_motor_N;
+  for (int i = 0; i < 3000; ++i) r = Step(f, 5, 4e-4 - 1e-7 * std::min(1., i / 100.));
+  EXPECT_GT(r.tension_motor_N, pulled_N - 0.05) << "of " << pulled_N - table->Release(5) << " N in all";
+}
+
 TEST_F(DriveFeedForwardTest, WithoutCapstanOnlyThePulleysAreFree) {
   DriveFeedForward f = Make(false);
   f.Reset(3, 0);

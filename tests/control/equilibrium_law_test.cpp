@@ -56,7 +56,9 @@ TEST(EquilibriumLaw, TheTrueEquilibriumHasItsTipOnTarget) {
         BendingVector us_vs(2);
         us_vs << bend * std::cos(plane), bend * std::sin(plane);
         const TendonVector arc_N = ArcTension(body, robot, us_vs);
-        ASSERT_EQ(law.Solve(At(us_vs), arc_N, Eigen::Vector3d::Zero()), Status::kOk) << name << " " << bend;
+        ASSERT_EQ(law.Solve(At(us_vs), arc_N, robot.limits.min_tension_N, Eigen::Vector3d::Zero()),
+                  Status::kOk)
+            << name << " " << bend;
         const auto truth = model::SolveStatics(body, law.tension_N(), Eigen::Vector3d::Zero());
         ASSERT_EQ(truth.result, model::StaticsResult::kConverged);
         EXPECT_LT((truth.q - law.q()).cwiseAbs().maxCoeff(), 1e-7) << name << " " << bend << " " << plane;
@@ -86,7 +88,7 @@ TEST(EquilibriumLaw, BringsTheEndOfEverySectionThere) {
   BendingVector us_vs(4);
   us_vs << 0.4, -0.2, -0.3, 0.5;
   const TendonVector arc_N = ArcTension(body, robot, us_vs);
-  ASSERT_EQ(law.Solve(At(us_vs), arc_N, Eigen::Vector3d::Zero()), Status::kOk);
+  ASSERT_EQ(law.Solve(At(us_vs), arc_N, robot.limits.min_tension_N, Eigen::Vector3d::Zero()), Status::kOk);
   const auto truth = model::SolveStatics(body, law.tension_N(), Eigen::Vector3d::Zero());
   const auto arc = model::SolveStatics(body, arc_N, Eigen::Vector3d::Zero());
   ASSERT_EQ(truth.result, model::StaticsResult::kConverged);
@@ -109,11 +111,29 @@ TEST(EquilibriumLaw, AShiftOfTheGoalMovesTheTip) {
   BendingVector us_vs(2);
   us_vs << 0.8, 0.3;
   const TendonVector arc_N = ArcTension(body, robot, us_vs);
-  ASSERT_EQ(law.Solve(At(us_vs), arc_N, Eigen::Vector3d::Zero()), Status::kOk);
+  ASSERT_EQ(law.Solve(At(us_vs), arc_N, robot.limits.min_tension_N, Eigen::Vector3d::Zero()), Status::kOk);
   const Eigen::Vector3d before = body.TipPose(law.q()).p_WA;
   const Eigen::Vector3d along = Eigen::Vector3d(-0.3, 0.8, 0).normalized();  // across the bending plane
-  ASSERT_EQ(law.Solve(At(us_vs), arc_N, 1e-3 * along), Status::kOk);
+  ASSERT_EQ(law.Solve(At(us_vs), arc_N, robot.limits.min_tension_N, 1e-3 * along), Status::kOk);
   EXPECT_NEAR((body.TipPose(law.q()).p_WA - before).dot(along), 1e-3, 2e-5);
+}
+
+// What a motion that is led fast keeps in every tendon does not move the tip.
+TEST(EquilibriumLaw, MoreTensionInEveryTendonLeavesTheTipWhereItIs) {
+  const RobotParameters robot = Rig("rig_60mm");
+  const model::Body body(robot.body);
+  EquilibriumLaw law(body, robot.limits);
+  BendingVector us_vs(2);
+  us_vs << 0.8, 0.3;
+  const TendonVector arc_N = ArcTension(body, robot, us_vs);
+  ASSERT_EQ(law.Solve(At(us_vs), arc_N, 0.3, Eigen::Vector3d::Zero()), Status::kOk);
+  const Eigen::Vector3d before = body.TipPose(law.q()).p_WA;
+  EXPECT_NEAR(law.tension_N().minCoeff(), 0.3, 1e-9);
+  ASSERT_EQ(law.Solve(At(us_vs), arc_N, 0.9, Eigen::Vector3d::Zero()), Status::kOk);
+  EXPECT_NEAR(law.tension_N().minCoeff(), 0.9, 1e-9);
+  EXPECT_LT((body.TipPose(law.q()).p_WA - before).norm(), 2e-5);
+  ASSERT_EQ(law.Solve(At(us_vs), arc_N, 0, Eigen::Vector3d::Zero()), Status::kOk);
+  EXPECT_NEAR(law.tension_N().minCoeff(), robot.limits.min_tension_N, 1e-9) << "never below the robot's own";
 }
 
 // A body that its own weight buckles has no stable upright shape that tensions could hold.
@@ -124,7 +144,8 @@ TEST(EquilibriumLaw, SaysWhenThereIsNoStableShape) {
   EquilibriumLaw law(body, robot.limits);
   const BendingVector us_vs = BendingVector::Zero(2);
   const TendonVector arc_N = TendonVector::Constant(3, robot.limits.min_tension_N);
-  EXPECT_EQ(law.Solve(At(us_vs), arc_N, Eigen::Vector3d::Zero()), Status::kEquilibriumNotFound);
+  EXPECT_EQ(law.Solve(At(us_vs), arc_N, robot.limits.min_tension_N, Eigen::Vector3d::Zero()),
+            Status::kEquilibriumNotFound);
 }
 
 ControllerParameters Equilibrium(bool feedback) {
@@ -145,7 +166,9 @@ TEST(EquilibriumLaw, OneOrTwoStepsACycleSuffice) {
     p << std::cos(w * t), std::sin(w * t);
     v << -w * std::sin(w * t), w * std::cos(w * t);
     a = -w * w * p;
-    ASSERT_EQ(law.Solve({p, v, a}, ArcTension(body, robot, p), Eigen::Vector3d::Zero()), Status::kOk);
+    ASSERT_EQ(
+        law.Solve({p, v, a}, ArcTension(body, robot, p), robot.limits.min_tension_N, Eigen::Vector3d::Zero()),
+        Status::kOk);
     if (i > 0) steps = std::max(steps, law.iterations());
   }
   EXPECT_LE(steps, 2) << "on a circle at 1 Hz";

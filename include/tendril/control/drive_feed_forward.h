@@ -29,7 +29,9 @@ class DriveFeedForward {
 
   struct Result : Compensation::Result {
     double motor_velocity_radps = 0;  // wanted
+    double rotor_N = 0;               // tension that accelerates the rotor
     double load_torque_per_N = 0;     // at the motor, per motor-side tension, in the present direction
+    bool slid_through = false;        // the pulleys, since Reset: their memory is that of the motion alone
   };
 
   /// One cycle. `arc_m` is the shortening of the reference's arcs, whose second derivative a'' is: that of d
@@ -54,10 +56,11 @@ class DriveFeedForward {
   model::StopOperators<4> pulleys_;
   std::vector<model::StopOperators<1>> gear_;
   model::DahlState dahl_;
-  double shortening_m_ = 0, arc_m_ = 0, arc_rate_mps_ = 0;  // of the last step
-  double friction_N_ = 0;                                   // motor tension less base tension
-  double loss_Nm_ = 0;                                      // torque of gear and motor friction
-  bool still_ = true;                                       // there is no last step to take rates from
+  double shortening_m_ = 0, tension_base_N_ = 0, arc_m_ = 0, arc_rate_mps_ = 0;  // of the last step
+  double friction_N_ = 0;  // motor tension less base tension
+  double loss_Nm_ = 0;     // torque of gear and motor friction
+  bool slid_through_ = false;
+  bool still_ = true;  // there is no last step to take rates from
 };
 
 }  // namespace tendril::control

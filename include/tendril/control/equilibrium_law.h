@@ -28,11 +28,11 @@ class EquilibriumLaw {
   /// `body` outlives this object. Allocates all it needs.
   EquilibriumLaw(const model::Body& body, const LimitParameters& limits);
 
-  /// One cycle. `tip_shift_W_m` moves the goal of the last section's end. The first call, and each after one
-  /// that failed, starts from the arc and `arc_tension_N`. kOk or kLimitedTensionMax: q() and tension_N() are
-  /// the answer; kEquilibriumNotFound: no stable shape within the bounded iterations, the caller uses its
-  /// own.
-  Status Solve(const BendingReference& reference, const TendonVector& arc_tension_N,
+  /// One cycle. `least_N` is the least tension now, at least the robot's own; `tip_shift_W_m` moves the goal
+  /// of the last section's end. The first call, and each after one that failed, starts from the arc and
+  /// `arc_tension_N`. kOk or kLimitedTensionMax: q() and tension_N() are the answer; kEquilibriumNotFound: no
+  /// stable shape within the bounded iterations, the caller uses its own.
+  Status Solve(const BendingReference& reference, const TendonVector& arc_tension_N, double least_N,
                const Eigen::Vector3d& tip_shift_W_m) noexcept;
 
   const UnitVector& q() const noexcept { return q_; }
@@ -52,7 +52,7 @@ class EquilibriumLaw {
   void Goals() noexcept;
 
   const model::Body& body_;
-  double min_tension_N_, max_tension_N_;
+  double robot_min_tension_N_, max_tension_N_;
   model::Body::Workspace workspace_;
   model::TensionAllocator allocator_;
   bool warm_ = false;
@@ -60,6 +60,7 @@ class EquilibriumLaw {
   TendonVector tension_N_;
 
   // Of one call only.
+  double min_tension_N_;
   int iterations_ = 0;
   Status status_ = Status::kOk;
   UnitVector arc_q_, dq_, ddq_, residual_;

@@ -36,8 +36,9 @@ class Guards {
   /// Whose rule Check found broken, from 1; 0: that of no single tendon.
   int tendon() const noexcept { return blamed_; }
 
-  /// End of the cycle: what the next ones are expected to show.
-  void Expect(const CycleOutput& output) noexcept;
+  /// End of the cycle: what the next ones are expected to show. `reference_m` is the displacement of the shape
+  /// that is wanted, which a correction of the goal by a tracker is no part of.
+  void Expect(const CycleOutput& output, const TendonVector& reference_m) noexcept;
   /// Forgets what was seen: the drives were handled by others, or displacement was zeroed.
   void Restart() noexcept;
 

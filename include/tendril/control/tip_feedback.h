@@ -18,7 +18,8 @@ class StateArchive;
 class TipFeedback {
  public:
   static constexpr double kMaxRate_mps = 0.02;
-  static constexpr double kMaxShare = 0.2;  // of the robot's length: more is no error of a model
+  // Of the robot's length: more is no error of a model, and kLimitedTipCorrection says that more was asked for.
+  static constexpr double kMaxShare = 0.2;
 
   TipFeedback(const TrackerParameters& tracker, double length_m, double period_s);
 
