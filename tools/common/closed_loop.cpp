@@ -91,7 +91,8 @@ const CycleRecord& ClosedLoop::Step() {
 
 // As from a tracker's own computer: a message that the controller has in its next cycle.
 void ClosedLoop::PublishTracker() {
-  const auto reading = rig_->TakeTrackerReading();
+  auto reading = rig_->TakeTrackerReading();
+  if (reading && tracker_way_) reading = tracker_way_(*reading);
   if (!reading) return;
   const auto message = TrackerMessage(*reading, reading->time_ns / kNsPerUs);
   if (static_cast<lcm::LCM*>(gateway_->lcm())->publish(tracker_channel_, &message) != 0) {

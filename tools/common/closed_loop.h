@@ -2,7 +2,10 @@
 // frames and messages as on a robot PC, deterministic, faster than real time.
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <optional>
+#include <utility>
 
 #include "tendril/can/memory_bus.h"
 #include "tendril/canopen/master.h"
@@ -69,6 +72,10 @@ class ClosedLoop {
   void ArmAndPretension();
   /// The same with the motors' brakes on, and lets them go: nothing has moved until this returns.
   void ArmBehindBrakes();
+  /// What becomes of a tracker's reading on its way to the controller; none: it is lost.
+  void OnTracker(std::function<std::optional<TrackerSample>(const TrackerSample&)> way) {
+    tracker_way_ = std::move(way);
+  }
   /// Disarms and waits for the safe stop to end.
   void DisarmAndWait();
 
@@ -90,6 +97,7 @@ class ClosedLoop {
   Command pending_;
   TrackerSample tracker_;
   std::string tracker_channel_;
+  std::function<std::optional<TrackerSample>(const TrackerSample&)> tracker_way_;
   CycleRecord record_;
   std::string last_event_;
   std::uint64_t cycle_count_ = 0;
