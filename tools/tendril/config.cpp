@@ -3,6 +3,7 @@
 #include "tendril/config/config.h"
 
 #include <fmt/core.h>
+#include <yaml-cpp/yaml.h>
 
 #include <memory>
 #include <numbers>
@@ -55,6 +56,28 @@ std::string FeedbackComment(const DaemonParameters& daemon, const RobotParameter
       margins.gain >= control::kMostGainMargin ? "above " : "", margins.gain, margins.phase_deg);
 }
 
+// Keys of the resolved file that the file itself does not have, with the values that stand in.
+void CollectLeftOut(const YAML::Node& resolved, const YAML::Node& given, const std::string& path,
+                    std::string& found) {
+  for (const auto& entry : resolved) {
+    const std::string key = entry.first.Scalar(), at = path.empty() ? key : path + "." + key;
+    const YAML::Node there = given.IsMap() ? given[key] : YAML::Node();
+    if (!there.IsDefined() || there.IsNull()) {
+      if (!found.empty()) found += ", ";
+      found += at;
+      if (entry.second.IsScalar()) found += ": " + entry.second.Scalar();
+    } else if (entry.second.IsMap()) {
+      CollectLeftOut(entry.second, there, at, found);
+    }
+  }
+}
+
+std::string LeftOutComment(const DaemonParameters& daemon, const std::string& path) {
+  std::string found;
+  CollectLeftOut(YAML::Load(config::ToYaml(daemon)), YAML::LoadFile(path), "", found);
+  return found.empty() ? "" : "# not in the file, so as usual: " + found + "\n";
+}
+
 void Check(const std::string& path) {
   if (config::KindOf(path) == "robot") {
     fmt::print("{}", config::ToYaml(sim::LoadRobot(path)));
@@ -74,7 +97,8 @@ void Check(const std::string& path) {
     throw config::ErrorAt(path, "bus.feedback_deadline_ns", problem);
   }
   const std::string feedback = FeedbackComment(daemon, robot, path);
-  fmt::print("{}# {}\n{}", config::ToYaml(daemon), budget.ToString(), feedback);  // still one YAML file
+  fmt::print("{}# {}\n{}{}", config::ToYaml(daemon), budget.ToString(), feedback,
+             LeftOutComment(daemon, path));  // still one YAML file
 }
 
 }  // namespace
