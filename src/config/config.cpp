@@ -245,6 +245,13 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
             "{} is not below the pretension of {}; accepted: below limits.min_tension_N, {} N; lower it",
             daemon.controller.guards.slack_tension_N, robot.name, robot.limits.min_tension_N));
   }
+  if (daemon.controller.take_up.pull_N > robot.limits.max_tension_motor_N) {
+    throw ErrorAt(
+        daemon_path, "controller.take_up.pull_N",
+        fmt::format(
+            "{} N is more than {} bears; accepted: limits.max_tension_motor_N, {} N, or less; lower it",
+            daemon.controller.take_up.pull_N, robot.name, robot.limits.max_tension_motor_N));
+  }
 }
 
 std::string KindOf(const std::string& path) {

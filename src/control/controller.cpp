@@ -33,6 +33,7 @@ using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 *
 constexpr double kReleasedTension_N = 1e-6;
 // While commissioning: without a pull asked for, the drives are disabled again after this.
 constexpr TimeNs kUnusedFor_ns = 2 * kNsPerS;
+constexpr double kStopRamp_s = 0.9;  // a daemon that is ended has this long for tensions to go down
 
 const RobotParameters& Checked(const RobotParameters& robot) {
   if (!robot.actuation) {
@@ -114,6 +115,7 @@ struct Controller::Impl {
     if (period_ns <= 0) throw std::invalid_argument("the control period must be positive");
     if (!(parameters.pretension_ramp_Nps > 0))
       throw std::invalid_argument("pretension_ramp_Nps must be positive");
+    ramp_Nps = parameters.pretension_ramp_Nps;
     for (int j = 0; j < tendons; ++j) {
       compensation.emplace_back(robot.actuation->tendons[j], robot.limits, parameters.capstan_compensation,
                                 tables[j]);
@@ -176,6 +178,7 @@ struct Controller::Impl {
     return supervisor.mode() == Mode::kRunning || supervisor.mode() == Mode::kHold;
   }
   Status NotReady(const CycleInput& input) const noexcept;
+  bool StillPulls(const CycleInput& input) const noexcept;
   double Bounded(int tendon, double torque_Nm, Status& status) noexcept;
   std::int16_t Rounded(int tendon, double permille) noexcept;
   /// Keeps the most severe status of the cycle.
@@ -220,6 +223,7 @@ struct Controller::Impl {
   bool engaged = false;  // homing or commissioning, and every drive has been enabled
   bool bare = false;     // tension_N is the pull of bare motors
   bool zeroed = false;   // displacement counts from pretension
+  double ramp_Nps = 0;   // of tensions that are led somewhere
   // Seen without power since the mode was entered: a drive that is still on when it is asked for anew goes
   // off first.
   std::array<bool, kMaxTendons> was_off{};
@@ -269,6 +273,8 @@ void Controller::Impl::Prepare(const CycleInput& input, CycleOutput& output) con
 void Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexcept {
   if (input.command.kind != CommandKind::kNone) {
     command_status = gate.Admit(input.command, supervisor.mode(), input.time_ns);
+    const bool clear = input.command.kind == CommandKind::kMode && input.command.mode == ModeRequest::kClear;
+    if (command_status == Status::kOk && clear && StillPulls(input)) command_status = Status::kClearTooEarly;
     ++(command_status == Status::kOk ? accepted : refused);
     if (command_status != Status::kOk) Report(output, command_status);
     if (command_status == Status::kOk && input.command.kind == CommandKind::kMode) {
@@ -279,6 +285,10 @@ void Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
           break;
         case ModeRequest::kDisarm:
           event = Event::kDisarm;
+          break;
+        case ModeRequest::kStop:
+          event = Event::kDisarm;
+          ramp_Nps = std::max(ramp_Nps, (tension_N.maxCoeff() - robot.limits.min_tension_N) / kStopRamp_s);
           break;
         case ModeRequest::kHold:
           event = Event::kHold;
@@ -302,6 +312,13 @@ void Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
   output.commands_accepted = accepted;
   output.commands_refused = refused;
   output.command_status = command_status;
+}
+
+// After a fault: tensions that are still led down.
+bool Controller::Impl::StillPulls(const CycleInput& input) const noexcept {
+  if (supervisor.mode() != Mode::kFault || tension_N.isZero(0)) return false;
+  return std::any_of(input.drive.begin(), input.drive.begin() + tendons,
+                     [](const DriveFeedback& d) { return d.state == DriveState::kEnabled; });
 }
 
 // Why a disconnected robot stays so, when it is not that its drives are still starting.
@@ -470,6 +487,7 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       gate.Drop();
       tension_N.setZero();
       joined = engaged = bare = zeroed = false;
+      ramp_Nps = parameters.pretension_ramp_Nps;
       for (int j = 0; j < tendons; ++j) was_off[j] = input.drive[j].state != DriveState::kEnabled;
       for (auto& k : compensation) k.Reset(0, 0);
       for (auto& k : feed_forward) k.Reset(0, 0);
@@ -626,7 +644,7 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
 
 // Moves tension_N towards a goal at the configured rate; true once there.
 bool Controller::Impl::RampTensions(const TendonVector& towards_N) noexcept {
-  const double step_N = parameters.pretension_ramp_Nps * period_s;
+  const double step_N = ramp_Nps * period_s;
   bool there = true;
   for (int j = 0; j < tendons; ++j) {
     const double gap_N = towards_N[j] - tension_N[j];
@@ -788,6 +806,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
   a.Value(engaged);
   a.Value(bare);
   a.Value(zeroed);
+  a.Value(ramp_Nps);
   for (int j = 0; j < tendons; ++j) a.Value(was_off[j]);
   a.Choice(source, CommandKind::kMode);
   a.Value(settled_since_ns);

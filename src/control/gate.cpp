@@ -9,6 +9,9 @@ namespace {
 
 constexpr TimeNs kSequenceHolds_ns = 3600 * kNsPerS;
 
+// Longest that a command may hold for which somebody must be there.
+constexpr TimeNs kUnwatched_ns = 5 * kNsPerS;
+
 // Numbers of io::SequenceFromTime count 10 us. One that is more than a minute behind was not overtaken on its
 // way: its sender's clock was set back, or it began anew.
 constexpr std::int32_t kOvertaken = 60 * 100'000;
@@ -52,6 +55,7 @@ bool ModeAllowed(const Admission& may, const Command& c) {
     case ModeRequest::kNotCommissioned:
       return may.start;
     case ModeRequest::kDisarm:
+    case ModeRequest::kStop:
       return true;
     case ModeRequest::kHold:
       return may.hold;
@@ -59,6 +63,14 @@ bool ModeAllowed(const Admission& may, const Command& c) {
       return may.clear;
   }
   return false;
+}
+
+// Motion or a pull that would go on after its sender is gone.
+bool GoesOnByItself(const Command& c, Mode mode) {
+  if (c.kind == CommandKind::kTip) return !c.tip_velocity_W_mps.isZero(0);
+  if (c.kind == CommandKind::kBending)
+    return c.bending_rate_radps.size() > 0 && !c.bending_rate_radps.isZero(0);
+  return c.kind == CommandKind::kTension && mode == Mode::kCommissioning;
 }
 
 // Targets further out than this multiple of the robot's length are mistakes of unit, not of aim.
@@ -123,19 +135,23 @@ Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns) noexcept {
   // order. What was refused for another reason still counts as seen.
   const bool fresh = any_ && now_ns - last_seen_ns_ < kSequenceHolds_ns;
   const auto ahead = static_cast<std::int32_t>(c.sequence - last_sequence_);
-  if (c.kind == CommandKind::kMode && c.mode == ModeRequest::kDisarm) {
+  if (c.kind == CommandKind::kMode && (c.mode == ModeRequest::kDisarm || c.mode == ModeRequest::kStop)) {
     // Late, overtaken or sent twice: a robot that was told to stop stops.
     if (!fresh || ahead > 0) last_sequence_ = c.sequence;
     any_ = true;
     last_seen_ns_ = now_ns;
     return Status::kOk;
   }
-  if (fresh && ahead <= 0 && ahead > -kOvertaken) return Status::kCommandOutOfOrder;
+  // Whoever asks a robot to hold may have a clock that is behind.
+  const bool hold = c.kind == CommandKind::kMode && c.mode == ModeRequest::kHold;
+  const bool overtaken = fresh && ahead <= 0 && ahead > -kOvertaken;
+  if (overtaken && !hold) return Status::kCommandOutOfOrder;
   any_ = true;
-  last_sequence_ = c.sequence;
+  if (!overtaken) last_sequence_ = c.sequence;
   last_seen_ns_ = now_ns;
   if (const Status s = CheckValues(c, mode); s != Status::kOk) return s;
   if (c.valid_for_ns <= 0 || now_ns - c.received_ns > c.valid_for_ns) return Status::kCommandStale;
+  if (GoesOnByItself(c, mode) && c.valid_for_ns > kUnwatched_ns) return Status::kCommandOutOfRange;
   if (!ModeAllowed(AdmissionIn(mode), c)) return Status::kCommandWrongMode;
   if (c.kind == CommandKind::kMode) {
     return c.mode == ModeRequest::kNotCommissioned ? Status::kNotCommissioned : Status::kOk;

@@ -19,12 +19,13 @@ std::string Number(double value) { return std::isnan(value) ? ".nan" : fmt::form
 }  // namespace
 
 std::string WiringHash(const RobotParameters& robot, const BusParameters& bus) {
-  std::string text;
+  std::string text = robot.name + "\n";
   for (const NodeParameters& n : bus.nodes) {
     text += fmt::format("{} {} {} {}\n", n.node_id, n.tendon, n.motor_reversed, n.encoder_reversed);
   }
   for (const SectionParameters& s : robot.body.sections) {
-    for (const TendonRoute& r : s.tendons) text += fmt::format("{:.9g}\n", r.angle_rad);
+    text += fmt::format("{} {:.9g}\n", s.units, s.unit_length_m);
+    for (const TendonRoute& r : s.tendons) text += fmt::format("{:.9g} {:.9g}\n", r.angle_rad, r.radius_m);
   }
   for (const TendonDriveParameters& t : robot.actuation->tendons) {
     text += fmt::format("{:.9g} {:.9g} {:.9g} {} {:.9g} {:.9g} {} {:.9g} {:.9g}\n",

@@ -10,12 +10,14 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <deque>
 #include <future>
 #include <optional>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include "tendril/canopen/master.h"
 #include "tendril/config/config.h"
@@ -46,6 +48,9 @@ constexpr TimeNs kDisarmWithin_ns = 1200 * kNsPerMs;
 constexpr TimeNs kStopWithin_ns = 1850 * kNsPerMs;
 
 constexpr int kLcmWait_ms = 1;
+// A thread of commands that stands still this long cannot hear a disarm either.
+constexpr TimeNs kUnattended_ns = kNsPerS;
+constexpr std::size_t kStopQueue = 16;
 // Of a black box between two looks at LCM: about a millisecond.
 constexpr int kBlackBoxCycles = 200;
 constexpr TimeNs kReportEvery_ns = kNsPerS;
@@ -107,6 +112,11 @@ class ServiceManager {
   TimeNs feed_every_ns_ = 0, fed_ns_ = 0;
   std::uint64_t last_tick_ = 0;
 };
+
+// What ends motion goes past everything that waits.
+bool Stops(const Command& c) {
+  return c.kind == CommandKind::kMode && (c.mode == ModeRequest::kDisarm || c.mode == ModeRequest::kHold);
+}
 
 // A cycle as the calling thread gets it.
 struct Published {
@@ -170,7 +180,10 @@ struct Daemon::State {
       black_box.emplace(*o.parameters.black_box, o.parameters.lcm, ShapeOf(o.robot), run,
                         io::EpochOffsetUs(clock), o.parameters.bus.cycle_ns, controller);
     }
-    gateway.OnCommand([this](const Command& c) { commands.TryPush(Judged(c)); });
+    gateway.OnCommand([this](const Command& c) {
+      const Command judged = Judged(c);
+      (Stops(judged) ? stops : commands).TryPush(judged);
+    });
     gateway.OnTracker([this](const TrackerSample& s) { tracker.TryPush(s); });
   }
 
@@ -221,14 +234,44 @@ struct Daemon::State {
       // The daemon's own command passes the gate like any other, so that the log explains the stop.
       disarm_pending = false;
       command.kind = CommandKind::kMode;
+      command.mode = ModeRequest::kStop;
+    } else if (LeftAlone(now_ns)) {
       command.mode = ModeRequest::kDisarm;
-      command.sequence = last_sequence + 1;
-      command.received_ns = now_ns;
-      command.valid_for_ns = kNsPerS;
-    } else if (commands.TryPop(command)) {
-      last_sequence = command.sequence;
+      canopen::BusEvent event{.time_ns = now_ns, .status = Status::kUnattended};
+      std::snprintf(event.text.data(), event.text.size(), "%s", StatusText(Status::kUnattended).data());
+      events.TryPush(event);
+    } else {
+      if (!stops.TryPop(command) && commands.TryPop(command)) DropOvertaken(command);
+      if (command.kind != CommandKind::kNone) last_sequence = command.sequence;
+      return command;
     }
+    command.kind = CommandKind::kMode;
+    command.sequence = last_sequence + 1;
+    command.received_ns = now_ns;
+    command.valid_for_ns = kNsPerS;
     return command;
+  }
+
+  // Of targets that wait one behind the other the last counts.
+  void DropOvertaken(Command& command) {
+    while (command.kind != CommandKind::kMode) {
+      const Command* next = commands.Peek();
+      if (next == nullptr || next->kind != command.kind) return;
+      commands.TryPop(command);
+      overtaken.fetch_add(1, std::memory_order_relaxed);
+    }
+  }
+
+  // Once for each time that the other thread stands still while drives are on.
+  bool LeftAlone(TimeNs now_ns) {
+    if (now_ns - served_ns.load(std::memory_order_relaxed) < kUnattended_ns) {
+      left_alone = false;
+      return false;
+    }
+    const CycleOutput& out = published.record.output;
+    const bool pulls =
+        out.drive_request == DriveRequest::kEnable && out.mode != Mode::kSafeStop && out.mode != Mode::kFault;
+    return pulls && !std::exchange(left_alone, true);
   }
 
   TrackerSample NextTrackerSample() {
@@ -292,7 +335,9 @@ struct Daemon::State {
   void Serve(const std::function<bool()>& stop) {
     TimeNs report_ns = 0;
     TimeNs statistics_ns = clock.Now() + kStatisticsEvery_ns;
+    bool stop_told = false;
     while (!finished.load(std::memory_order_acquire)) {
+      served_ns.store(clock.Now(), std::memory_order_relaxed);
       gateway.Handle(kLcmWait_ms);
       Publish();
       WriteBlackBox();
@@ -306,8 +351,9 @@ struct Daemon::State {
         statistics_ns = now_ns + kStatisticsEvery_ns;
         TellStatistics();
       }
-      if (!stop_requested.load(std::memory_order_relaxed) && stop()) {
-        stop_requested.store(true, std::memory_order_relaxed);
+      if (stop()) stop_requested.store(true, std::memory_order_relaxed);
+      if (!stop_told && stop_requested.load(std::memory_order_relaxed)) {
+        stop_told = true;
         service.Stopping();
         Event(Status::kOk, "daemon", "stopping: disarming");
       }
@@ -412,13 +458,14 @@ struct Daemon::State {
     gateway.PublishRun(run);
     PublishStatistics();
     ReportMisses();
-    ReportLosses("command(s) came faster than one a cycle", commands.dropped(), commands_lost);
+    ReportLosses("command(s) came faster than one a cycle",
+                 commands.dropped() + overtaken.load(std::memory_order_relaxed), commands_lost);
     ReportLosses("cycle record(s) could not be published in time", records.dropped(), records_lost);
     ReportLosses("bus event(s) came too fast",
                  events.dropped() + master_events_lost.load(std::memory_order_relaxed), events_lost);
     if (log && !log_failed && !log->error().empty()) {
       log_failed = true;
-      Event(Status::kOk, "log", log->error() + "; the log is incomplete, control goes on");
+      Event(Status::kDegraded, "log", log->error() + "; the log is incomplete, control goes on");
     }
     service.Tell(fmt::format("{}, {} {}; {} cycles, {} missed", ModeText(last_mode),
                              static_cast<int>(last_status), StatusText(last_status), wake_latency.count(),
@@ -440,7 +487,7 @@ struct Daemon::State {
 
   void ReportLosses(const char* what, std::uint64_t now, std::uint64_t& before) {
     if (now == before) return;
-    Event(Status::kOk, "daemon",
+    Event(Status::kDegraded, "daemon",
           fmt::format("{} {} and were dropped, {} since start", now - before, what, now));
     before = now;
   }
@@ -469,17 +516,18 @@ struct Daemon::State {
   io::RunInfo run;
   std::optional<BlackBox> black_box;
 
-  rt::Handoff<Command> commands{kCommandQueue};
+  rt::Handoff<Command> commands{kCommandQueue}, stops{kStopQueue};
   rt::Handoff<TrackerSample> tracker{kTrackerQueue};
   rt::Handoff<Published> records{kRecordQueue};
   rt::Handoff<canopen::BusEvent> events{kEventQueue};
   std::atomic<bool> stop_requested{false}, finished{false}, disarmed_in_time{true};
-  std::atomic<std::uint64_t> tick{0}, master_events_lost{0};
+  std::atomic<std::uint64_t> tick{0}, master_events_lost{0}, overtaken{0};
+  std::atomic<TimeNs> served_ns{0};
 
   // Of the real-time thread.
   Phase phase = Phase::kRunning;
   TimeNs stop_ns = 0;
-  bool disarm_pending = false;
+  bool disarm_pending = false, left_alone = false;
   std::uint32_t last_sequence = 0;
   rt::UsageMeter usage;
   Published published;
@@ -509,8 +557,11 @@ Daemon::~Daemon() = default;
 
 io::Gateway& Daemon::gateway() { return state_->gateway; }
 
+void Daemon::RequestStop() noexcept { state_->stop_requested.store(true, std::memory_order_relaxed); }
+
 void Daemon::Run(const std::function<bool()>& stop) {
   State& s = *state_;
+  s.served_ns.store(s.clock.Now(), std::memory_order_relaxed);
   std::promise<std::string> ready;
   std::thread realtime([&] { s.RealtimeThread(ready); });
   {
@@ -520,11 +571,11 @@ void Daemon::Run(const std::function<bool()>& stop) {
       if (s.options.parameters.realtime.required) {
         throw std::runtime_error("real-time rights are missing and realtime.required is true: " + problems);
       }
-      s.Event(Status::kOk, "realtime", problems);
+      s.Event(Status::kDegraded, "realtime", problems);
     }
     if (s.black_box) {
       const std::string problem = s.black_box->CheckFolder();
-      if (!problem.empty()) s.Event(Status::kOk, "black box", problem);
+      if (!problem.empty()) s.Event(Status::kDegraded, "black box", problem);
     }
     s.TellCommissioning();
     s.Serve(stop);
@@ -532,7 +583,7 @@ void Daemon::Run(const std::function<bool()>& stop) {
   s.Publish();
   while (s.black_box && s.black_box->full()) s.WriteBlackBox();
   if (!s.disarmed_in_time.load(std::memory_order_relaxed)) {
-    s.Event(Status::kOk, "daemon",
+    s.Event(Status::kDegraded, "daemon",
             "tensions were still ramping down when time was up: drives were disabled at once");
   }
   s.TellStatistics();

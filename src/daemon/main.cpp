@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <atomic>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
@@ -31,20 +32,25 @@ constexpr TimeNs kListenForSync_ns = 250 * kNsPerMs;
 // Where the configuration has none and the command line asks for one.
 constexpr double kBlackBoxSeconds = 10;
 
-volatile std::sig_atomic_t stop_signal = 0, hangups = 0;
+volatile std::sig_atomic_t hangups = 0;
+std::atomic<Daemon*> running = nullptr;
 
-void OnSignal(int signal) { stop_signal = signal; }
+// Straight to the control loop: a log that blocks must not keep the robot under tension.
+void OnSignal(int) {
+  if (Daemon* daemon = running.load()) daemon->RequestStop();
+}
 void OnHangup(int) { hangups = hangups + 1; }
 
 // Asked about once a millisecond.
-bool StopAsked() {
+bool RefuseHangups() {
   if (hangups > 0) {
     hangups = 0;
     spdlog::warn(
-        "SIGHUP refused: limits and guards of a robot under tension are not exchanged; disarm and restart the "
+        "SIGHUP refused: limits and guards of a robot under tension are not exchanged; disarm and restart "
+        "the "
         "daemon to read its files anew");
   }
-  return stop_signal != 0;
+  return false;
 }
 
 struct Arguments {
@@ -122,6 +128,10 @@ void Run(const Arguments& arguments) {
   Daemon daemon(options, port);
   LogSettings(options, arguments.config);
 
+  struct Running {
+    explicit Running(Daemon* daemon) { running = daemon; }
+    ~Running() { running = nullptr; }
+  } const known(&daemon);
   struct sigaction action {};
   action.sa_handler = OnSignal;
   sigaction(SIGINT, &action, nullptr);
@@ -129,7 +139,7 @@ void Run(const Arguments& arguments) {
   // With its terminal a daemon loses its operator; a service is only asked to read its files again.
   if (isatty(STDIN_FILENO) == 0) action.sa_handler = OnHangup;
   sigaction(SIGHUP, &action, nullptr);
-  daemon.Run(StopAsked);
+  daemon.Run(RefuseHangups);
 }
 
 int Main(int argc, char** argv) {
@@ -158,6 +168,8 @@ int Main(int argc, char** argv) {
     return app.exit(e) == 0 ? 0 : 2;
   }
   SetUpMessages();
+  // Whoever read the log may go away; the robot is still to be stopped in order.
+  std::signal(SIGPIPE, SIG_IGN);
   try {
     Run(arguments);
   } catch (const std::exception& e) {

@@ -255,6 +255,50 @@ TEST(Controller, TensionOverTheLimitIsAFault) {
 
 // Whenever it is taken, the state holds all that the next steps depend on. The motion passes through every
 // source of tensions: ramp, bending, moving tip, tensions, hold, fault and what follows a clear.
+TEST(Controller, ClearWaitsUntilTheFaultsTensionsAreDown) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  Command pull = loop.Make(CommandKind::kTension);
+  pull.tension_N = TendonVector::Constant(3, 3.0);
+  pull.valid_for_ns = 100 * kNsPerS;
+  loop.Step(pull);
+  loop.Run(4000);
+  loop.input.drive[1].state = DriveState::kFault;
+  loop.Step();
+  ASSERT_EQ(loop.output.mode, Mode::kFault);
+  const CycleOutput& early = loop.Step(loop.ModeCommand(ModeRequest::kClear));
+  EXPECT_EQ(early.command_status, Status::kClearTooEarly);
+  EXPECT_EQ(early.mode, Mode::kFault);
+  EXPECT_FALSE(early.clear_drive_faults);
+  EXPECT_GT(early.tension_desired_base_N.maxCoeff(), 2.0) << "still on its way down";
+  loop.Run(4000);
+  EXPECT_TRUE(loop.Step(loop.ModeCommand(ModeRequest::kClear)).clear_drive_faults);
+  EXPECT_EQ(loop.output.mode, Mode::kDisconnected);
+}
+
+TEST(Controller, BeingEndedTakesASecondAtMost) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  Command pull = loop.Make(CommandKind::kTension);
+  pull.tension_N = TendonVector::Constant(3, 6.0);
+  pull.valid_for_ns = 100 * kNsPerS;
+  loop.Step(pull);
+  loop.Run(4000);
+  ASSERT_NEAR(loop.output.tension_desired_base_N[0], 6.0, 1e-6);
+  loop.Step(loop.ModeCommand(ModeRequest::kStop));
+  EXPECT_EQ(loop.output.mode, Mode::kSafeStop);
+  double before_N = loop.output.tension_desired_base_N[0], largest_N = 0;
+  int cycles = 0;
+  for (; loop.output.mode == Mode::kSafeStop && cycles < 2000; ++cycles) {
+    const double now_N = loop.Step().tension_desired_base_N[0];
+    if (loop.output.mode == Mode::kSafeStop) largest_N = std::max(largest_N, std::abs(now_N - before_N));
+    before_N = now_N;
+  }
+  EXPECT_EQ(loop.output.mode, Mode::kConfigured);
+  EXPECT_LE(cycles, 950);
+  EXPECT_LT(largest_N, 0.01) << "led down, not dropped";
+}
+
 TEST(Controller, GoesOnFromASavedStateBitForBit) {
   IdealLoop loop;
   std::vector<std::pair<CycleInput, CycleOutput>> cycles;

@@ -105,6 +105,34 @@ TEST_F(GateTest, RefusesStaleAndUnorderedCommands) {
   EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfOrder) << "an older one";
 }
 
+// A stop from a sender whose clock is behind another's.
+TEST_F(GateTest, HoldIsNeverOutOfOrder) {
+  Command ahead = Tip(0, 0, 0.05);
+  ahead.sequence += 1000;
+  ASSERT_EQ(gate.Admit(ahead, Mode::kRunning, now), Status::kOk);
+  EXPECT_EQ(gate.Admit(ModeCommand(ModeRequest::kArm), Mode::kHold, now), Status::kCommandOutOfOrder);
+  EXPECT_EQ(gate.Admit(ModeCommand(ModeRequest::kHold), Mode::kRunning, now), Status::kOk);
+  EXPECT_EQ(gate.Admit(Tip(0, 0, 0.05), Mode::kRunning, now), Status::kCommandOutOfOrder)
+      << "the order stays";
+}
+
+TEST_F(GateTest, NothingMovesOnUnwatchedForLong) {
+  Command moving = Tip(0, 0, 0.05);
+  moving.tip_velocity_W_mps = {0.001, 0, 0};
+  moving.valid_for_ns = 6 * kNsPerS;
+  EXPECT_EQ(gate.Admit(moving, Mode::kRunning, now), Status::kCommandOutOfRange);
+  Command pull = Tip(0, 0, 0.05);
+  pull.kind = CommandKind::kTension;
+  pull.tension_N = TendonVector::Constant(3, 1.0);
+  pull.valid_for_ns = 6 * kNsPerS;
+  EXPECT_EQ(gate.Admit(pull, Mode::kCommissioning, now), Status::kCommandOutOfRange);
+  pull.sequence = ++sequence;
+  EXPECT_EQ(gate.Admit(pull, Mode::kRunning, now), Status::kOk) << "held, not moving on";
+  Command still = Tip(0, 0, 0.05);
+  still.valid_for_ns = 3600 * kNsPerS;
+  EXPECT_EQ(gate.Admit(still, Mode::kRunning, now), Status::kOk);
+}
+
 TEST_F(GateTest, SequenceMayWrap) {
   Command c = Tip(0, 0, 0.05);
   c.sequence = 0xFFFFFFFFu;

@@ -100,7 +100,12 @@ struct DaemonTest : testing::Test {
       const std::lock_guard lock(mutex);
       texts.push_back(e.source + ": " + e.text);
     });
-    thread = std::thread([this] { daemon->Run([this] { return stop.load(); }); });
+    thread = std::thread([this] {
+      daemon->Run([this] {
+        while (stands_still) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        return stop.load();
+      });
+    });
   }
 
   // Seconds from the request to the end of Run.
@@ -157,7 +162,7 @@ struct DaemonTest : testing::Test {
   EmulatedDrives drives{options.robot, options.parameters, clock};
   std::optional<Daemon> daemon;
   std::optional<io::Client> client;
-  std::atomic<bool> stop{false};
+  std::atomic<bool> stop{false}, stands_still{false};
   std::thread thread;
   std::mutex mutex;
   tendril_lcm::state_t state{};
@@ -212,7 +217,63 @@ TEST_F(DaemonTest, EndsInTimeEvenWhenTensionsRampDownLonger) {
   ASSERT_TRUE(Within20s([](const tendril_lcm::state_t& s) { return s.tension_desired_base_N[0] > 0.9; }));
   EXPECT_LT(Stop(), 2.0);
   for (int d = 0; d < 3; ++d) EXPECT_FALSE(drives.rack().enabled(d));
-  EXPECT_THAT(texts, Contains(HasSubstr("drives were disabled at once")));
+  EXPECT_THAT(texts, testing::Not(Contains(HasSubstr("drives were disabled at once")))) << "led down faster";
+  EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_CONFIGURED});
+}
+
+// The thread of commands, log and disk stands still (a pipe that nobody reads): it can hear no disarm, so the
+// loop disarms by itself; and a signal still ends it.
+TEST_F(DaemonTest, StopsByItselfWhenNobodyCouldStopIt) {
+  Start(options);
+  Arm();
+  stands_still = true;
+  for (int i = 0; i < 500 && drives.rack().enabled(0); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  for (int d = 0; d < 3; ++d) EXPECT_FALSE(drives.rack().enabled(d));
+  stands_still = false;
+  EXPECT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  EXPECT_TRUE(Within20s([&](const auto&) {
+    const std::lock_guard lock(mutex);
+    return std::any_of(texts.begin(), texts.end(),
+                       [](const std::string& t) { return t.find("stood still") != t.npos; });
+  }));
+}
+
+TEST_F(DaemonTest, ASignalStopsItWhateverItsOtherThreadDoes) {
+  Start(options);
+  Arm();
+  stands_still = true;
+  daemon->RequestStop();
+  for (int i = 0; i < 85 && drives.rack().enabled(0); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  for (int d = 0; d < 3; ++d)
+    EXPECT_FALSE(drives.rack().enabled(d)) << "before anybody could say it is left alone";
+  stands_still = false;
+  stop = true;
+}
+
+// Far more targets than cycles: a disarm does not wait behind them, and none of it is kept for later.
+TEST_F(DaemonTest, ADisarmGoesPastAFloodOfTargets) {
+  Start(options);
+  Arm();
+  std::atomic<bool> flood{true};
+  std::thread sender([&] {
+    io::Client other(daemon->gateway().lcm(), "TENDRIL");
+    Command c;
+    c.kind = CommandKind::kBending;
+    c.bending_rad = Eigen::Vector2d(0.1, 0);
+    c.valid_for_ns = kNsPerS;
+    for (std::uint32_t i = 1'000'000; flood; ++i) {
+      c.sequence = i;
+      other.Send(c, 0);
+      if (i % 20 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  });
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  Send(ModeRequest::kDisarm);
+  EXPECT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  flood = false;
+  sender.join();
 }
 
 // Nothing in a cycle waits for anybody or fetches a page, from boot to motion, through a fault and its

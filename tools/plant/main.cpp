@@ -39,6 +39,7 @@ void CatchSignals() {
   action.sa_handler = AskToStop;
   sigemptyset(&action.sa_mask);
   for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);  // whoever read its messages may go away
 }
 
 constexpr const char* kPrefix = "TENDRIL";

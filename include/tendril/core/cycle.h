@@ -24,7 +24,8 @@ enum class ModeRequest : std::uint8_t {
   kClear,
   kCommission,      // pull single motors gently, to find out how the robot is wired
   kHome,            // wind slack tendons in, to pretension
-  kNotCommissioned  // arm or home, of a robot that was never commissioned: what the daemon makes of it; refused
+  kNotCommissioned,  // arm or home, of a robot that was never commissioned: what the daemon makes of it; refused
+  kStop              // disarm with tensions down within a second: what the daemon makes of being ended
 };
 
 /// A command as it left the gateway. Unused values are empty or zero.

@@ -27,6 +27,7 @@ namespace tendril {
   X(CommandOutOfOrder, 205, "command refused: sequence number not newer than the last", "one sender at a time")     \
   X(CommandWrongSize, 206, "command refused: number of values does not fit the robot", "one pair per section, one tension per tendon") \
   X(NotCommissioned, 207, "command refused: this robot was never commissioned as its files are now", "run tendril commission --config FILE, or, for a simulation, say commissioning: not_required in the daemon's file") \
+  X(ClearTooEarly, 208, "clear refused: tensions of the fault are still on their way down", "send it again in a moment") \
   X(CommandExpired, 301, "command stream expired: holding the last target", "keep sending within valid_for_s")      \
   X(FeedbackMissing, 302, "a drive's TPDO is missing this cycle", "check the bus")                                  \
   X(Slack, 303, "a tendon is slack", "check pretension and the tendon's path")                                      \
@@ -44,6 +45,8 @@ namespace tendril {
   X(CommissioningOff, 315, "commissioning is not required: arms whatever is connected", "for simulated robots only; for a real one run tendril commission and say commissioning: required") \
   X(DriveHasFault, 316, "a drive was found in fault: nothing can be armed", "see its error in the log, mend that, then clear") \
   X(DriveAbsent, 317, "a drive does not answer or was not started: nothing can be armed", "see the log; check power and bus, then clear: it starts all drives again") \
+  X(Unattended, 318, "what takes commands, writes logs and publishes stood still for a second: disarmed", "see what blocks the daemon's terminal, pipe or disk, or takes its CPU; then arm") \
+  X(Degraded, 319, "something beside the control loop is not as it should be; control goes on", "see the event") \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \

@@ -32,6 +32,10 @@ class Daemon {
   /// realtime.required cannot be had.
   void Run(const std::function<bool()>& stop);
 
+  /// The same as `stop` returning true, but seen by the control loop itself, whatever the thread of Run waits
+  /// for. Safe in a signal handler.
+  void RequestStop() noexcept;
+
   /// The daemon's LCM connection; before Run, or from its calling thread.
   io::Gateway& gateway();
 

@@ -33,6 +33,9 @@ class Handoff {
     return false;
   }
 
+  /// What TryPop gives next; nullptr when it is empty. Of the thread that pops.
+  const T* Peek() noexcept { return queue_.peek(); }
+
   /// False when it was empty.
   bool TryPop(T& value) noexcept { return queue_.try_dequeue(value); }
 
