@@ -6,9 +6,11 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <deque>
 #include <memory>
 #include <optional>
+#include <thread>
 #include <vector>
 
 #include "tendril/can/socketcan_port.h"
@@ -59,14 +61,22 @@ class BusLoad : public ::testing::Test {
     master_->Start(clock_.Now());
   }
 
+  // After many frames the kernel leaves them to a thread of its own, which this one, never waiting, would
+  // keep out.
+  static void LetTheKernelDeliver() { std::this_thread::sleep_for(std::chrono::microseconds(1)); }
+
   /// One cycle; returns the bits that were on the wire.
   std::int64_t Step() {
     clock_.Advance(kNsPerMs);
     master_->BeginCycle(clock_.Now());
+    LetTheKernelDeliver();
     rack_->Poll(clock_.Now());
+    LetTheKernelDeliver();
     master_->Poll(clock_.Now());
     master_->EndCycle(clock_.Now(), request_, torques_);
+    LetTheKernelDeliver();
     rack_->Poll(clock_.Now());
+    LetTheKernelDeliver();
     std::array<can::StampedFrame, 256> got;
     std::int64_t bits = 0;
     const int n = listener_->Receive(got);
