@@ -47,11 +47,12 @@ def main():
         runs = trajectory["runs"]
         if "law" in runs[0]:
             runs = [r for r in runs if r["plant"] == runs[0]["plant"] and not r["fault"]]
+        laws = list(found.get("laws", []))  # each has its colour, whether or not another ended in a fault
         for i, run in enumerate(runs):
             tip = np.array([s[f"tip_{a}_m_{i + 1}"] for a in "xyz"])
             name = run.get("law") or pathlib.Path(run["controller"]).name + (
                 ", on its own plant" if run["role"] == "own_plant" else "")
-            colour = COLOURS[i % len(COLOURS)]
+            colour = COLOURS[(laws.index(run["law"]) if run.get("law") in laws else i) % len(COLOURS)]
             errors.plot(t, 1e3 * np.linalg.norm(tip - wanted, axis=0), color=colour,
                         label=f"{name}: rms {1e3 * run['tip_rms_error_m']:.2f} mm")
             path.plot(1e3 * tip[a], 1e3 * tip[b], color=colour, lw=1)
