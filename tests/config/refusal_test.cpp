@@ -416,6 +416,10 @@ TEST(RefusedPair, TendonsAndNodes) {
   slack.controller.guards.slack_tension_N = 0.3;
   EXPECT_THAT(ErrorOf([&] { CheckTogether(slack, robot, path); }),
               HasSubstr("below limits.min_tension_N, 0.3 N"));
+  DaemonParameters strong = daemon;
+  strong.controller.take_up.pull_N = 1.1 * robot.limits.max_tension_motor_N;
+  EXPECT_THAT(ErrorOf([&] { CheckTogether(strong, robot, path); }),
+              HasSubstr("accepted: limits.max_tension_motor_N"));
   EXPECT_THAT(ErrorOf([&] { CheckTogether(daemon, LoadRobot(ConfigPath("robots/qi2021_60mm.yaml")), path); }),
               StartsWith(path + ":5: robot: qi2021_60mm has no actuation"));
   EXPECT_THAT(ErrorOf([&] { CheckTogether(fewer, robot, "gone.yaml"); }),

@@ -253,16 +253,20 @@ TEST(Controller, TensionOverTheLimitIsAFault) {
   EXPECT_EQ(loop.output.status, Status::kTensionOverLimit);
 }
 
-// Whenever it is taken, the state holds all that the next steps depend on. The motion passes through every
-// source of tensions: ramp, bending, moving tip, tensions, hold, fault and what follows a clear.
-TEST(Controller, ClearWaitsUntilTheFaultsTensionsAreDown) {
-  IdealLoop loop;
+// Running with `tension_N` in every tendon.
+void RunWithTension(IdealLoop& loop, double tension_N) {
   loop.RunUntilRunning();
   Command pull = loop.Make(CommandKind::kTension);
-  pull.tension_N = TendonVector::Constant(3, 3.0);
+  pull.tension_N = TendonVector::Constant(3, tension_N);
   pull.valid_for_ns = 100 * kNsPerS;
   loop.Step(pull);
   loop.Run(4000);
+  ASSERT_NEAR(loop.output.tension_desired_base_N[0], tension_N, 1e-6);
+}
+
+TEST(Controller, ClearWaitsUntilTheFaultsTensionsAreDown) {
+  IdealLoop loop;
+  RunWithTension(loop, 3);
   loop.input.drive[1].state = DriveState::kFault;
   loop.Step();
   ASSERT_EQ(loop.output.mode, Mode::kFault);
@@ -278,13 +282,7 @@ TEST(Controller, ClearWaitsUntilTheFaultsTensionsAreDown) {
 
 TEST(Controller, BeingEndedTakesASecondAtMost) {
   IdealLoop loop;
-  loop.RunUntilRunning();
-  Command pull = loop.Make(CommandKind::kTension);
-  pull.tension_N = TendonVector::Constant(3, 6.0);
-  pull.valid_for_ns = 100 * kNsPerS;
-  loop.Step(pull);
-  loop.Run(4000);
-  ASSERT_NEAR(loop.output.tension_desired_base_N[0], 6.0, 1e-6);
+  RunWithTension(loop, 6);
   loop.Step(loop.ModeCommand(ModeRequest::kStop));
   EXPECT_EQ(loop.output.mode, Mode::kSafeStop);
   double before_N = loop.output.tension_desired_base_N[0], largest_N = 0;
@@ -299,6 +297,8 @@ TEST(Controller, BeingEndedTakesASecondAtMost) {
   EXPECT_LT(largest_N, 0.01) << "led down, not dropped";
 }
 
+// Whenever it is taken, the state holds all that the next steps depend on. The motion passes through every
+// source of tensions: ramp, bending, moving tip, tensions, hold, fault and what follows a clear.
 TEST(Controller, GoesOnFromASavedStateBitForBit) {
   IdealLoop loop;
   std::vector<std::pair<CycleInput, CycleOutput>> cycles;

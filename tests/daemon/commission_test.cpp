@@ -318,6 +318,12 @@ TEST_F(RecordTest, OnlyOfExactlyThisWiringCounts) {
   expect_other("gear");
   arm.robot.body.sections[0].tendons[0].angle_rad = 0.1;
   expect_other("hole");
+  arm.robot.body.sections[0].tendons[0].radius_m *= 1.5;
+  expect_other("radius");
+  arm.robot.body.sections[0].unit_length_m *= 1.5;
+  expect_other("length");
+  arm.robot.name = "another";
+  expect_other("robot");
   EXPECT_EQ(Problem(), "");
   arm.daemon.commissioning_required = false;
   std::filesystem::remove(RecordPath(arm.daemon));
