@@ -2,6 +2,7 @@
 #include "tendril/rt/cyclic.h"
 
 #include <fcntl.h>
+#include <link.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
@@ -19,7 +20,8 @@ namespace tendril::rt {
 namespace {
 
 constexpr std::size_t kPrefaultedStack = 256 * 1024;
-constexpr int kSubBinBits = 3;  // eight bins an octave
+constexpr std::uintptr_t kPage = 4096;  // at most as large as any page
+constexpr int kSubBinBits = 3;          // eight bins an octave
 constexpr std::uint64_t kSubBins = 1U << kSubBinBits;
 
 // A stack page touched for the first time inside a cycle is a page fault there.
@@ -27,6 +29,21 @@ constexpr std::uint64_t kSubBins = 1U << kSubBinBits;
   volatile unsigned char stack[kPrefaultedStack];
   for (std::size_t i = 0; i < kPrefaultedStack; i += 1024) stack[i] = 0;
   (void)stack[0];
+}
+
+// Code and constants of the program and its libraries. Without the right to lock they are not in memory
+// before they are first used, and a kernel that runs as a process (user-mode Linux) counts a fault for the
+// first touch of a locked page, too.
+[[gnu::no_sanitize("address", "thread")]] int TouchSegments(dl_phdr_info* object, std::size_t, void*) {
+  for (int i = 0; i < object->dlpi_phnum; ++i) {
+    const ElfW(Phdr)& segment = object->dlpi_phdr[i];
+    if (segment.p_type != PT_LOAD || (segment.p_flags & PF_R) == 0) continue;
+    const std::uintptr_t begin = object->dlpi_addr + segment.p_vaddr;
+    for (std::uintptr_t at = begin; at < begin + segment.p_memsz; at = (at | (kPage - 1)) + 1) {
+      (void)*reinterpret_cast<const volatile unsigned char*>(at);
+    }
+  }
+  return 0;
 }
 
 // While somebody keeps this file open with a zero in it, no CPU sleeps so deeply that waking takes time. Kept
@@ -79,6 +96,7 @@ std::string EnterRealtime(const RealtimeParameters& p) {
                "): raise the memlock limit ('ulimit -l unlimited', LimitMEMLOCK=infinity for a service)");
   }
   PrefaultStack();
+  dl_iterate_phdr(TouchSegments, nullptr);
   // Ordinary threads are woken up to 50 us late on purpose, to save wake-ups.
   prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL);
   if (p.priority > 0) {

@@ -12,7 +12,7 @@
 
 namespace tendril::rt {
 
-/// Locks the process's memory, prefaults the calling thread's stack, sets its priority and affinity, and with
+/// Locks the process's memory, prefaults the calling thread's stack and the program's code, sets its priority and affinity, and with
 /// a priority keeps CPUs from sleeping deeply until the process ends. Returns an empty text, or what could
 /// not be done and which limit to raise; whatever can be done is done.
 std::string EnterRealtime(const RealtimeParameters& parameters);

@@ -23,8 +23,13 @@ namespace tendril::rt {
 template <class T>
 class Handoff {
  public:
-  /// Room for at least `capacity` values.
-  explicit Handoff(std::size_t capacity) : queue_(capacity) {}
+  /// Room for at least `capacity` values; all of it has been written to, so that no push fetches a page.
+  explicit Handoff(std::size_t capacity) : queue_(capacity) {
+    while (queue_.try_enqueue(T{})) {
+    }
+    while (queue_.pop()) {
+    }
+  }
 
   /// False when it was full: the value is dropped and counted.
   bool TryPush(const T& value) noexcept {
