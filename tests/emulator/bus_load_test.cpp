@@ -14,50 +14,23 @@
 #include <vector>
 
 #include "tendril/can/socketcan_port.h"
-#include "tendril/canopen/master.h"
 #include "tendril/core/clock.h"
-#include "tendril/emulator/drive_rack.h"
+#include "three_drives.h"
 
 namespace tendril::emulator {
 namespace {
 
-constexpr int kDrives = 3;
 // Worst case of an 11-bit data frame with 0 to 8 bytes, from the frame's layout: 8 n + 47 bits and a stuff
 // bit for each four of the 34 + 8 n - 1 that are stuffed.
 constexpr std::array<int, 9> kBits = {55, 65, 75, 85, 95, 105, 115, 125, 135};
-
-BusParameters Bus() {
-  BusParameters bus;
-  bus.bitrate_bps = 1'000'000;
-  bus.cycle_ns = kNsPerMs;
-  bus.feedback_deadline_ns = 600'000;
-  bus.heartbeat_ms = 100;
-  bus.heartbeat_timeout_ms = 250;
-  bus.sdo_timeout_ms = 50;
-  bus.boot_timeout_ms = 3000;
-  bus.abort_connection_option = 2;
-  bus.max_load = 0.8;
-  bus.identity = {.vendor_id = 0xFB,
-                  .product_codes = {0x60500000},
-                  .min_revision = 0x01000000,
-                  .max_revision = 0x01FFFFFF};
-  for (int i = 1; i <= kDrives; ++i) bus.nodes.push_back({i, i});
-  return bus;
-}
 
 class BusLoad : public ::testing::Test {
  protected:
   void SetUp() override {
     if (if_nametoindex("vcan0") == 0) GTEST_SKIP() << "no vcan0 here: run under tools/vcan-run";
     for (auto* port : {&master_port_, &rack_port_, &listener_}) port->emplace("vcan0");
-    std::vector<EmulatedDriveParameters> drives;
-    std::vector<canopen::DriveSetup> setups;
-    for (int i = 1; i <= kDrives; ++i) {
-      drives.push_back({.node_id = i, .nominal_current_mA = 360, .torque_constant_uNmpA = 19600});
-      setups.push_back({i, 360, 720, 19600, 7056});
-    }
-    rack_ = std::make_unique<DriveRack>(drives, *rack_port_);
-    master_ = std::make_unique<canopen::Master>(Bus(), setups, *master_port_);
+    rack_ = std::make_unique<DriveRack>(Drives(), *rack_port_);
+    master_ = std::make_unique<canopen::Master>(Bus(), Setups(), *master_port_);
     master_->Start(clock_.Now());
   }
 

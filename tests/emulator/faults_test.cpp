@@ -12,57 +12,18 @@
 #include "tendril/can/memory_bus.h"
 #include "tendril/canopen/master.h"
 #include "tendril/emulator/drive_rack.h"
+#include "three_drives.h"
 
 namespace tendril::emulator {
 namespace {
 
 using canopen::BusEvent;
-using canopen::DriveSetup;
 using canopen::Master;
 using ::testing::AllOf;
 using ::testing::Each;
 using ::testing::HasSubstr;
 
-constexpr std::uint32_t kCurrent_mA = 360, kConstant_uNmpA = 19600, kRated_uNm = 7056;
 constexpr double kRated_Nm = 7.056e-3;
-constexpr int kDrives = 3;
-
-BusParameters Bus() {
-  BusParameters bus;
-  bus.bitrate_bps = 1'000'000;
-  bus.cycle_ns = kNsPerMs;
-  bus.feedback_deadline_ns = 600'000;
-  bus.heartbeat_ms = 100;
-  bus.heartbeat_timeout_ms = 250;
-  bus.sdo_timeout_ms = 50;
-  bus.boot_timeout_ms = 3000;
-  bus.abort_connection_option = 2;
-  bus.max_load = 0.8;
-  bus.identity = {.vendor_id = 0xFB,
-                  .product_codes = {0x60500000},
-                  .min_revision = 0x01000000,
-                  .max_revision = 0x01FFFFFF};
-  for (int i = 1; i <= kDrives; ++i) bus.nodes.push_back({i, i});
-  return bus;
-}
-
-std::vector<EmulatedDriveParameters> Drives() {
-  std::vector<EmulatedDriveParameters> drives(kDrives);
-  for (int i = 0; i < kDrives; ++i) {
-    drives[i].node_id = i + 1;
-    drives[i].nominal_current_mA = kCurrent_mA;
-    drives[i].torque_constant_uNmpA = kConstant_uNmpA;
-  }
-  return drives;
-}
-
-std::vector<DriveSetup> Setups() {
-  std::vector<DriveSetup> setups;
-  for (int i = 1; i <= kDrives; ++i) {
-    setups.push_back({i, kCurrent_mA, 2 * kCurrent_mA, kConstant_uNmpA, kRated_uNm});
-  }
-  return setups;
-}
 
 class Rig {
  public:
