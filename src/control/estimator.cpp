@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "state_archive.h"
+#include "tendon_side.h"
 #include "tendril/model/inverse.h"
 
 namespace tendril::control {
@@ -50,11 +50,11 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
       q_(UnitVector::Zero(body.dof())) {
   for (const auto& t : robot.actuation->tendons) {
     const double per_mV = t.load_cell.gain_VpN > 0 ? 1e-3 / t.load_cell.gain_VpN : 0;
-    tendons_.push_back({2 * std::numbers::pi / t.drive.encoder_counts_per_turn * t.SpoolTravelPerMotorRad(),
-                        t.drive.rated_torque_Nm, t.motor.torque_scale, per_mV, t.load_cell.offset_N,
-                        t.tendon.stiffness_Npm, t.SpoolTravelPerMotorRad(), t.gear.efficiency,
-                        t.motor.coulomb_friction_Nm, t.transmission.coulomb_N, SensorVariance(t),
-                        t.load_cell.place, 0, model::PulleyPresliding(t.transmission.presliding_m)});
+    tendons_.push_back({TravelPerCount(t), t.drive.rated_torque_Nm, t.motor.torque_scale, per_mV,
+                        t.load_cell.offset_N, t.tendon.stiffness_Npm, t.SpoolTravelPerMotorRad(),
+                        t.gear.efficiency, t.motor.coulomb_friction_Nm, t.transmission.coulomb_N,
+                        SensorVariance(t), t.load_cell.place, 0,
+                        model::PulleyPresliding(t.transmission.presliding_m)});
   }
 }
 
@@ -72,10 +72,7 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
   for (int j = 0; j < m; ++j) {
     Tendon& t = tendons_[j];
     const DriveFeedback& d = input.drive[j];
-    // Unsigned difference: the drive's position counter wraps.
-    const auto counts = static_cast<std::int32_t>(static_cast<std::uint32_t>(d.position_counts) -
-                                                  static_cast<std::uint32_t>(t.zero_counts));
-    const double pull_m = counts * t.travel_per_count_m;
+    const double pull_m = CountsMoved(d.position_counts, t.zero_counts) * t.travel_per_count_m;
     const double z = t.presliding.Commit(pull_m);
     const double torque_Nm = d.torque_permille * 1e-3 * t.rated_torque_Nm;
     const double cell_N = d.analog_mV * t.newton_per_mV - t.cell_offset_N;

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <numbers>
 
 #include "state_archive.h"
+#include "tendon_side.h"
 
 namespace tendril::control {
 namespace {
@@ -14,8 +14,6 @@ namespace {
 constexpr int kRail_mV = 9900;
 // Spool speed is averaged over this many cycles: an encoder's steps are not a speed.
 constexpr double kSpeedCycles = 20;
-// A real load cell's last digit never rests this long.
-constexpr std::int32_t kStuckCycles = 200;
 // Of max_torque_error_N, where not a digit of a drive's feedback changes.
 constexpr double kFrozenChange = 0.1;
 
@@ -36,16 +34,15 @@ Guards::Guards(const RobotParameters& robot, const GuardParameters& parameters, 
       desired_m_(TendonVector::Zero(body.tendons())) {
   for (const TendonDriveParameters& t : robot.actuation->tendons) {
     const double travel_m = t.SpoolTravelPerMotorRad();
-    tendons_.push_back(
-        {.travel_m = travel_m,
-         .travel_per_count_m = 2 * std::numbers::pi / t.drive.encoder_counts_per_turn * travel_m,
-         .stiffness_Npm = t.tendon.stiffness_Npm,
-         .efficiency = t.gear.efficiency,
-         .coulomb_Nm = t.motor.coulomb_friction_Nm,
-         .torque_scale = t.motor.torque_scale,
-         .inertia_kg = t.motor.rotor_inertia_kgm2 / (travel_m * travel_m),
-         .rated_Nm = t.drive.rated_torque_Nm,
-         .place = t.load_cell.place});
+    tendons_.push_back({.travel_m = travel_m,
+                        .travel_per_count_m = TravelPerCount(t),
+                        .stiffness_Npm = t.tendon.stiffness_Npm,
+                        .efficiency = t.gear.efficiency,
+                        .coulomb_Nm = t.motor.coulomb_friction_Nm,
+                        .torque_scale = t.motor.torque_scale,
+                        .inertia_kg = t.motor.rotor_inertia_kgm2 / (travel_m * travel_m),
+                        .rated_Nm = t.drive.rated_torque_Nm,
+                        .place = t.load_cell.place});
   }
 }
 
@@ -94,13 +91,13 @@ Status Guards::Check(const CycleInput& input, const CycleOutput& output,
       ++t.unheard;
       continue;  // an old value says nothing new; how old it may be is another guard's
     }
-    const bool judged = expected.powered && expected.trusted;
-    if (judged && output.tension_measured_N[static_cast<Eigen::Index>(j)] > max_tension_N_) {
+    // A cell that nobody has checked yet may be wrong, but what it shows beyond the limit is not waited out.
+    if (expected.powered && output.tension_measured_N[static_cast<Eigen::Index>(j)] > max_tension_N_) {
       keep(Status::kTensionOverLimit);
     }
     keep(CheckMotion(t, drive, expected.powered));
     keep(CheckTorque(t, drive, expected.powered));
-    keep(CheckCell(j, drive, output, judged));
+    keep(CheckCell(j, drive, output, expected.powered && expected.trusted));
     const bool slack = expected.tensioned &&
                        output.tension_measured_N[static_cast<Eigen::Index>(j)] < parameters_.slack_tension_N;
     if (Confirmed(t, kSlack, slack, slack_cycles_)) keep(Status::kTendonSlack);
@@ -127,10 +124,7 @@ Status Guards::CheckTime(const CycleInput& input, bool powered) noexcept {
 }
 
 Status Guards::CheckMotion(Tendon& t, const DriveFeedback& drive, bool powered) noexcept {
-  // Unsigned difference: the drive's position counter wraps.
-  const auto moved = static_cast<std::int32_t>(static_cast<std::uint32_t>(drive.position_counts) -
-                                               static_cast<std::uint32_t>(t.counts));
-  const double moved_m = t.seen ? moved * t.travel_per_count_m : 0;
+  const double moved_m = t.seen ? CountsMoved(drive.position_counts, t.counts) * t.travel_per_count_m : 0;
   const double cycles = t.unheard + 1.;
   t.seen = true;
   t.counts = drive.position_counts;
@@ -157,7 +151,7 @@ Status Guards::CheckTorque(Tendon& t, const DriveFeedback& drive, bool powered) 
     t.frozen_for = 1;
     t.asked_since = t.asked[0];
   } else {
-    t.frozen_for = std::min(t.frozen_for + 1, kStuckCycles);
+    t.frozen_for = std::min(t.frozen_for + 1, kRestingCycles);
   }
   // Between two values asked for there is every one on the way.
   const auto [least, most] = std::minmax_element(t.asked.begin(), t.asked.end());
@@ -167,7 +161,7 @@ Status Guards::CheckTorque(Tendon& t, const DriveFeedback& drive, bool powered) 
   // No torque of a drive is so still that not a digit of anything changes while another one is asked for.
   const double change_N = std::abs(t.asked[0] - t.asked_since) * newton_per_permille;
   const bool frozen =
-      t.frozen_for >= kStuckCycles && change_N > kFrozenChange * parameters_.max_torque_error_N;
+      t.frozen_for >= kRestingCycles && change_N > kFrozenChange * parameters_.max_torque_error_N;
   return powered && frozen ? Status::kDriveFrozen : Status::kOk;
 }
 
@@ -191,7 +185,7 @@ Status Guards::CheckCell(std::size_t j, const DriveFeedback& drive, const CycleO
     t.same_for = 1;
     t.least_torque_N = t.most_torque_N = torque_N;
   } else {
-    t.same_for = std::min(t.same_for + 1, kStuckCycles);
+    t.same_for = std::min(t.same_for + 1, kRestingCycles);
     t.least_torque_N = std::min(t.least_torque_N, torque_N);
     t.most_torque_N = std::max(t.most_torque_N, torque_N);
   }
@@ -202,7 +196,8 @@ Status Guards::CheckCell(std::size_t j, const DriveFeedback& drive, const CycleO
   const bool off =
       std::abs(static_cast<int>(drive.analog_mV)) >= kRail_mV || reading_N < -allowed_N || nothing;
   if (Confirmed(t, kDisconnected, off, parameters_.confirm_cycles)) return Status::kSensorDisconnected;
-  if (t.same_for >= kStuckCycles && t.most_torque_N - t.least_torque_N > parameters_.stuck_torque_change_N) {
+  if (t.same_for >= kRestingCycles &&
+      t.most_torque_N - t.least_torque_N > parameters_.stuck_torque_change_N) {
     return Status::kSensorStuck;
   }
   const bool beyond = shown_N < least_N - allowed_N || shown_N > most_N + allowed_N;

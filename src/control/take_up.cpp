@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <numbers>
 
 #include "state_archive.h"
+#include "tendon_side.h"
 
 namespace tendril::control {
 namespace {
@@ -22,21 +22,14 @@ constexpr double kStanding_m = 2e-5;
 constexpr double kNotTurned_m = 2e-4;
 // Of the motor's friction: what moves any motor that is free to, beside the tension on it.
 constexpr double kBreakaway = 1.4;
-// A live load cell's last digit never rests this long.
-constexpr std::int32_t kDeadCycles = 200;
 // Of the pretension: within it a tendon is at pretension. Friction holds a motor, so that nothing finer is
 // kept.
 constexpr double kBand = 0.3;
 
-std::int32_t Difference(std::int32_t a, std::int32_t b) noexcept {
-  // The drive's position counter wraps.
-  return static_cast<std::int32_t>(static_cast<std::uint32_t>(a) - static_cast<std::uint32_t>(b));
-}
-
 }  // namespace
 
 double TakeUp::Tendon::TravelM() const noexcept {
-  return Difference(counts, start_counts) * travel_per_count_m;
+  return CountsMoved(counts, start_counts) * travel_per_count_m;
 }
 
 TakeUp::TakeUp(const RobotParameters& robot, const TakeUpParameters& parameters, double ramp_Nps,
@@ -48,13 +41,11 @@ TakeUp::TakeUp(const RobotParameters& robot, const TakeUpParameters& parameters,
       settle_cycles_(static_cast<std::int32_t>(settle_s / period_s_) + 1),
       timeout_cycles_(static_cast<std::int32_t>(parameters.timeout_s / period_s_) + 1) {
   for (const TendonDriveParameters& t : robot.actuation->tendons) {
-    const double travel_m = t.SpoolTravelPerMotorRad();
-    tendons_.push_back(
-        {.travel_m = travel_m,
-         .travel_per_count_m = 2 * std::numbers::pi / t.drive.encoder_counts_per_turn * travel_m,
-         .friction_N = t.motor.coulomb_friction_Nm / travel_m,
-         .efficiency = t.gear.efficiency,
-         .cell = t.load_cell.place != LoadCellPlace::kNone});
+    tendons_.push_back({.travel_m = t.SpoolTravelPerMotorRad(),
+                        .travel_per_count_m = TravelPerCount(t),
+                        .friction_N = FrictionAtSpool(t),
+                        .efficiency = t.gear.efficiency,
+                        .cell = t.load_cell.place != LoadCellPlace::kNone});
   }
 }
 
@@ -75,7 +66,7 @@ Status TakeUp::Watch(const CycleInput& input) noexcept {
     Tendon& t = tendons_[j];
     const DriveFeedback& drive = input.drive[j];
     if (drive.age_cycles > 0) continue;
-    const double speed_mps = Difference(drive.position_counts, t.counts) * t.travel_per_count_m / period_s_;
+    const double speed_mps = CountsMoved(drive.position_counts, t.counts) * t.travel_per_count_m / period_s_;
     t.speed_mps += (speed_mps - t.speed_mps) / kSpeedCycles;
     t.counts = drive.position_counts;
     if (std::abs(t.TravelM()) > parameters_.max_travel_m && status == Status::kOk) {
@@ -141,16 +132,16 @@ Status TakeUp::Home(const CycleInput& input, const CycleOutput& output, TendonVe
 Status TakeUp::Judge(Tendon& t, const DriveFeedback& drive, double shown_N, double pull_N) noexcept {
   // Without a count nothing bounds the speed: no more torque than what must move it.
   const double breakaway_N = kBreakaway * t.friction_N + std::max(shown_N, pretension_N_) / t.efficiency;
-  const bool counted = std::abs(Difference(t.counts, t.start_counts)) > 1;
+  const bool counted = std::abs(CountsMoved(t.counts, t.start_counts)) > 1;
   if (!counted && pull_N > std::min(breakaway_N, 0.99 * parameters_.pull_N)) return Status::kTendonJammed;
 
   if (t.same_for == 0 || drive.analog_mV != t.cell_mV) {
     t.cell_mV = drive.analog_mV;
     t.same_for = 0;
   }
-  t.same_for = std::min(t.same_for + 1, kDeadCycles);
+  t.same_for = std::min(t.same_for + 1, kRestingCycles);
   const bool full = pull_N > 0.99 * parameters_.pull_N;
-  const double moved_m = std::abs(Difference(t.counts, t.standing_counts)) * t.travel_per_count_m;
+  const double moved_m = std::abs(CountsMoved(t.counts, t.standing_counts)) * t.travel_per_count_m;
   if (!full || moved_m > kStanding_m) {
     t.standing_for = 0;
     t.standing_counts = t.counts;
@@ -160,7 +151,7 @@ Status TakeUp::Judge(Tendon& t, const DriveFeedback& drive, double shown_N, doub
       return Status::kOk;
     }
     const bool turned = std::abs(t.TravelM()) > kNotTurned_m;
-    return turned || t.same_for >= kDeadCycles ? Status::kCellDead : Status::kTendonJammed;
+    return turned || t.same_for >= kRestingCycles ? Status::kCellDead : Status::kTendonJammed;
   }
   return Status::kOk;
 }

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "state_archive.h"
+#include "tendon_side.h"
 #include "tendril/model/body.h"
 
 namespace tendril::control {
@@ -271,8 +272,8 @@ TensionFeedback::TensionFeedback(const TendonDriveParameters& drive, const Limit
       velocity_share_(gains.velocity_filter_s > 0 ? 1 - std::exp(-period_s / gains.velocity_filter_s) : 1),
       damping_Nms_(gains.damping_Nms[static_cast<std::size_t>(tendon)]),
       travel_m_(drive.SpoolTravelPerMotorRad()),
-      rad_per_count_(2 * std::numbers::pi / drive.drive.encoder_counts_per_turn),
-      rest_band_N_(0.5 * drive.motor.coulomb_friction_Nm / travel_m_),
+      rad_per_count_(RadPerCount(drive)),
+      rest_band_N_(0.5 * FrictionAtSpool(drive)),
       most_N_(0.5 * limits.max_tension_base_N),
       torque_scale_(drive.motor.torque_scale) {}
 
@@ -297,9 +298,7 @@ double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, c
   for (int i = 0; i + 1 < kDelayCycles; ++i) wanted_[i] = wanted_[i + 1];
   wanted_[kDelayCycles - 1] = wanted;
 
-  // Unsigned difference: the drive's position counter wraps.
-  const auto moved = static_cast<std::int32_t>(static_cast<std::uint32_t>(feedback.position_counts) -
-                                               static_cast<std::uint32_t>(counts_));
+  const std::int32_t moved = CountsMoved(feedback.position_counts, counts_);
   counts_ = feedback.position_counts;
   const double off_N = then.cell_N - measured_N;
   const double sure_N = std::copysign(std::max(0.0, std::abs(off_N) - then.unsure_N), off_N);

@@ -339,6 +339,43 @@ TEST(SilentCommands, HoldTheRobotWhereItStopsUntilItIsArmedAgain) {
   for (const std::string& v : r.violations()) ADD_FAILURE() << v;
 }
 
+// Tendons of which nothing is known yet may not be pulled beyond the limit either.
+TEST(TensionLimit, EndsHomingWhenACellShowsMore) {
+  SafetyRig r(Rig());
+  ASSERT_TRUE(r.RunUntil(Mode::kConfigured, 10));
+  r.Step(r.Request(ModeRequest::kHome));
+  r.Run(0.2);
+  ASSERT_EQ(r.output().mode, Mode::kHoming) << StatusText(r.output().status);
+  FixCell(r, 2300);  // 11.5 N
+  r.Step();
+  r.Step();
+  EXPECT_EQ(r.output().mode, Mode::kFault);
+  EXPECT_EQ(r.output().status, Status::kTensionOverLimit);
+  r.Run(2);
+  EXPECT_EQ(r.output().drive_request, DriveRequest::kDisable);
+  for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+}
+
+// Motors eight times as strong as their file says: the pull of 2 N that was asked for would be 16 N. All pull
+// at once, so that the robot does not give way.
+TEST(TensionLimit, EndsCommissioningBeforeATensionIsTooHigh) {
+  SafetyOptions o = Rig();
+  for (TendonDriveParameters& t : o.plant.actuation->tendons) t.motor.torque_scale = 8;
+  SafetyRig r(o);
+  ASSERT_TRUE(r.RunUntil(Mode::kConfigured, 10));
+  r.Step(r.Request(ModeRequest::kCommission));
+  ASSERT_EQ(r.output().mode, Mode::kCommissioning);
+  for (int i = 0; i < 3000 && r.output().mode == Mode::kCommissioning; ++i) {
+    r.Step(i % 50 == 0 ? r.Tensions(Eigen::Vector3d(2, 2, 2)) : Command{});
+  }
+  EXPECT_EQ(r.output().mode, Mode::kFault);
+  EXPECT_EQ(r.output().status, Status::kTensionOverLimit) << StatusText(r.output().status);
+  EXPECT_GT(r.max_tension_N(), o.robot.limits.max_tension_motor_N) << "the pull was too strong";
+  r.Run(2);
+  EXPECT_EQ(r.output().drive_request, DriveRequest::kDisable);
+  for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+}
+
 TEST(ConfigurationMismatch, AnotherMotorIsNeverArmed) {
   SafetyOptions o = Rig();
   o.robot.actuation->tendons[1].drive.rated_torque_Nm *= 1.5;

@@ -19,7 +19,7 @@ class StateArchive;
 /// What may be expected of the robot in a cycle.
 struct Expectation {
   bool powered = false;    // drives hold the tendons: motion is judged
-  bool trusted = true;     // load cells are known to work: they are judged as well
+  bool trusted = true;     // load cells are known to work: they are judged by more than the limit of tension
   bool tensioned = false;  // pretension is reached and displacement zeroed: slack and shape are judged
   bool follows = false;    // the robot follows the reference of shape: so is the following error
 };
