@@ -99,6 +99,8 @@ void Check(const std::string& path) {
   const std::string feedback = FeedbackComment(daemon, robot, path);
   fmt::print("{}# {}\n{}{}", config::ToYaml(daemon), budget.ToString(), feedback,
              LeftOutComment(daemon, path));  // still one YAML file
+  for (const std::string& line : config::IdleGuards(daemon, robot, path))
+    fmt::print(stderr, "warning: {}\n", line);
 }
 
 }  // namespace
@@ -106,8 +108,10 @@ void Check(const std::string& path) {
 void AddConfigCommand(CLI::App& app) {
   CLI::App* group = app.add_subcommand("config", "Robot and daemon files");
   group->require_subcommand(1);
-  CLI::App* check = group->add_subcommand(
-      "check", "Validate a robot or daemon file and print it resolved; for a daemon, the bus budget too");
+  CLI::App* check = group->add_subcommand("check",
+                                          "Validate a robot or daemon file and print it resolved; for a "
+                                          "daemon, the bus budget too, and on stderr a "
+                                          "warning for each guard whose threshold cannot trip on its robot");
   auto file = std::make_shared<std::string>();
   check->add_option("FILE", *file, "robot file (config/robots/*.yaml) or daemon file (config/tendrild.yaml)")
       ->required();

@@ -1,0 +1,170 @@
+// Guards whose thresholds lie within their range and yet cannot trip on this robot: for each key the value
+// from which on that is so. Knows what the rules compare, not how.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "tendril/config/config.h"
+
+namespace tendril::config {
+namespace {
+
+// A drive's analog input ends there.
+constexpr double kInputEnd_V = 10;
+// Longer than this a robot is not to pull, or to wait for a motion, with nobody there.
+constexpr double kUnattended_s = 2, kSilence_s = 60;
+// A slack tendon that is found with less probability than this is not found.
+constexpr double kFound = 1e-3;
+
+struct Bound {
+  double value = INFINITY;  // from here on (or, for what must be large, up to here) the guard is idle
+  std::size_t tendon = 0;   // whose, from 1
+  void Take(double candidate, std::size_t at) {
+    if (candidate >= value) return;
+    value = candidate;
+    tendon = at;
+  }
+};
+
+struct Scale {
+  Bound way_m, unexplained_m, shown_N, torque_N;
+};
+
+// Of the tendon on which each is least.
+Scale ScaleOf(const RobotParameters& robot) {
+  Scale scale;
+  std::size_t at = 0;
+  double sections = 0;
+  for (const SectionParameters& section : robot.body.sections) {
+    ++sections;
+    for (const TendonRoute& route : section.tendons) {
+      const TendonDriveParameters& t = robot.actuation->tendons[at++];
+      const double own_m = route.radius_m * robot.limits.max_bending_rad;
+      scale.way_m.Take(own_m * sections, at);
+      // Two bends explain the displacements of m tendons but for this share of a single one's error.
+      scale.unexplained_m.Take(own_m * (1 - 2. / static_cast<double>(section.tendons.size())), at);
+      const double travel_m = t.SpoolTravelPerMotorRad();
+      const double friction_N = t.motor.coulomb_friction_Nm / travel_m;
+      const double most_N = std::min(t.drive.current_limit_A * t.motor.torque_constant_NmpA / travel_m,
+                                     robot.limits.max_tension_motor_N / t.gear.efficiency + friction_N);
+      scale.torque_N.Take(most_N + friction_N, at);
+      const bool cell = t.load_cell.place != LoadCellPlace::kNone;
+      scale.shown_N.Take(cell ? kInputEnd_V / t.load_cell.gain_VpN - t.load_cell.offset_N : most_N, at);
+    }
+  }
+  return scale;
+}
+
+// Of a slack tendon's reading to stay below the threshold for all of max_slack_s, on the noisiest cell.
+double SlackFound(const RobotParameters& robot, const GuardParameters& g, double cycle_s) {
+  double found = g.slack_tension_N > 0 ? 1 : 0;
+  for (const TendonDriveParameters& t : robot.actuation->tendons) {
+    if (t.load_cell.place == LoadCellPlace::kNone || t.load_cell.noise_N <= 0) continue;
+    const double below = 0.5 * std::erfc(-g.slack_tension_N / t.load_cell.noise_N / std::numbers::sqrt2);
+    found = std::min(found, std::pow(below, g.max_slack_s / cycle_s));
+  }
+  return found;
+}
+
+}  // namespace
+
+std::vector<std::string> IdleGuards(const DaemonParameters& daemon, const RobotParameters& robot,
+                                    const std::string& daemon_path) {
+  std::vector<std::string> lines;
+  const GuardParameters& g = daemon.controller.guards;
+  const TakeUpParameters& take_up = daemon.controller.take_up;
+  const GuardParameters usual;
+  const LimitParameters& limits = robot.limits;
+  const double cycle_s = ToSeconds(daemon.bus.cycle_ns);
+  const double heartbeat_cycles = 1e-3 * daemon.bus.heartbeat_timeout_ms / cycle_s;
+  const Scale scale = ScaleOf(robot);
+
+  const auto say = [&](const std::string& key, double value, const std::string& why,
+                       const std::string& remedy) {
+    const std::string text = fmt::format("{:g} cannot trip on {}: {}; {}", value, robot.name, why, remedy);
+    lines.emplace_back(ErrorAt(daemon_path, key, text).what());
+  };
+  // Idle from `bound` on; suggested is what is usual, or half of the bound where that is less.
+  const auto below = [&](const std::string& key, double value, double bound, double usual_value,
+                         const std::string& why, bool whole = false) {
+    if (value < bound) return;
+    double suggested = std::min(usual_value, 0.5 * bound);
+    if (whole) suggested = std::max(1., std::floor(suggested));
+    const double digit = std::pow(10, std::floor(std::log10(suggested)) - 1);
+    say(key, value, why,
+        fmt::format("set {:g} (below {:.4g})", digit * std::floor(suggested / digit + 1e-9), bound));
+  };
+  const std::string guards = "controller.guards.";
+  const auto of = [](const Bound& b) { return fmt::format("tendon {}", b.tendon); };
+
+  below(guards + "max_missing_cycles", g.max_missing_cycles, heartbeat_cycles, 5,
+        fmt::format(
+            "a drive is given up for its missing heartbeat after {:g} cycles (bus.heartbeat_timeout_ms)",
+            heartbeat_cycles),
+        true);
+  if (SlackFound(robot, g, cycle_s) < kFound) {
+    double noise_N = 0;
+    for (const TendonDriveParameters& t : robot.actuation->tendons)
+      noise_N = std::max(noise_N, t.load_cell.noise_N);
+    say(guards + "slack_tension_N", g.slack_tension_N,
+        fmt::format("the load cell's noise ({:g} N rms) shows a slack tendon above it again and again within "
+                    "max_slack_s",
+                    noise_N),
+        fmt::format("set {:.2g} or more, below limits.min_tension_N ({:g})",
+                    std::clamp(5 * noise_N, 0.1 * limits.min_tension_N, 0.5 * limits.min_tension_N),
+                    limits.min_tension_N));
+  }
+  below(guards + "tension_margin", g.tension_margin, scale.shown_N.value / limits.max_tension_motor_N - 1,
+        usual.tension_margin,
+        fmt::format("{} shows no more than {:.3g} N", of(scale.shown_N), scale.shown_N.value));
+  below(
+      guards + "confirm_cycles", g.confirm_cycles, scale.way_m.value / g.max_displacement_rate_mps / cycle_s,
+      usual.confirm_cycles,
+      fmt::format("at max_displacement_rate_mps {} is through all of its {:.3g} m before a rule is confirmed",
+                  of(scale.way_m), scale.way_m.value),
+      true);
+  below(guards + "tension_disagreement_N", g.tension_disagreement_N, limits.max_tension_motor_N,
+        usual.tension_disagreement_N,
+        "no tension within limits.max_tension_motor_N is so far from a dead cell's");
+  below(guards + "stuck_torque_change_N", g.stuck_torque_change_N, scale.torque_N.value,
+        usual.stuck_torque_change_N,
+        fmt::format("the torque of {} changes by no more than {:.3g} N", of(scale.torque_N),
+                    scale.torque_N.value));
+  below(guards + "max_displacement_jump_m", g.max_displacement_jump_m, scale.way_m.value,
+        usual.max_displacement_jump_m,
+        fmt::format("from straight to limits.max_bending_rad {} goes {:.3g} m", of(scale.way_m),
+                    scale.way_m.value));
+  below(guards + "max_displacement_rate_mps", g.max_displacement_rate_mps,
+        g.max_displacement_jump_m / cycle_s, usual.max_displacement_rate_mps,
+        "what is as fast trips max_displacement_jump_m in one cycle");
+  below(guards + "max_following_error_m", g.max_following_error_m, scale.way_m.value,
+        usual.max_following_error_m,
+        fmt::format("from straight to limits.max_bending_rad {} goes {:.3g} m", of(scale.way_m),
+                    scale.way_m.value));
+  below(guards + "max_bending_excess_rad", g.max_bending_excess_rad,
+        2 * std::numbers::pi - limits.max_bending_rad, usual.max_bending_excess_rad,
+        "a section would have to close to a circle");
+  below(guards + "max_estimator_residual_m", g.max_estimator_residual_m, scale.unexplained_m.value,
+        usual.max_estimator_residual_m,
+        fmt::format("{} wrong by all of its section's bend leaves {:.3g} m unexplained",
+                    of(scale.unexplained_m), scale.unexplained_m.value));
+  below(guards + "max_torque_error_N", g.max_torque_error_N, scale.torque_N.value, usual.max_torque_error_N,
+        fmt::format("the torque of {} is off by no more than {:.3g} N", of(scale.torque_N),
+                    scale.torque_N.value));
+  below(guards + "max_late_cycles", g.max_late_cycles, heartbeat_cycles, usual.max_late_cycles,
+        fmt::format("the drives disable themselves after {:g} cycles without the daemon "
+                    "(bus.heartbeat_timeout_ms)",
+                    heartbeat_cycles),
+        true);
+  below(guards + "max_stream_silence_s", g.max_stream_silence_s, kSilence_s, usual.max_stream_silence_s,
+        "a sender that was gone for a minute would lead the robot on unasked");
+  below("controller.take_up.max_travel_m", take_up.max_travel_m, take_up.max_speed_mps * take_up.timeout_s,
+        TakeUpParameters{}.max_travel_m, "homing ends by take_up.timeout_s before a tendon went so far");
+  below("bus.heartbeat_timeout_ms", daemon.bus.heartbeat_timeout_ms, 1e3 * kUnattended_s, 250,
+        "so long a drive pulls on after its daemon died; a hung daemon is ended after 2 s", true);
+  return lines;
+}
+
+}  // namespace tendril::config
