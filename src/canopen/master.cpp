@@ -126,6 +126,7 @@ struct Master::State {
 
   bool running = false;
   BusWatch watch;
+  bool went_off = false;           // what took the bus away last was bus-off, not its interface
   bool restart_heard = false;      // since WatchBus
   std::uint64_t bus_off_seen = 0;  // of the port's count
   FrameFaults faults;
@@ -151,6 +152,12 @@ const DriveFeedback& Master::feedback(int drive) const noexcept {
 }
 
 bool Master::bus_ok() const noexcept { return !state_->watch.down() && state_->port.up(); }
+bool Master::interface_down() const noexcept {
+  return !bus_ok() && !state_->went_off && !state_->port.bus_off();
+}
+std::uint32_t Master::serial(int drive) const noexcept {
+  return state_->nodes[static_cast<std::size_t>(drive)]->serial();
+}
 bool Master::TakeEvent(BusEvent* event) noexcept { return state_->events.Take(event); }
 const FrameFaults& Master::frame_faults() const noexcept { return state_->faults; }
 std::uint64_t Master::events_lost() const noexcept { return state_->events.lost(); }
@@ -416,7 +423,8 @@ void Master::State::WatchBus(TimeNs now_ns) noexcept {
       }
       break;
     case BusWatch::Order::kTellDown:
-      Report(now_ns, Status::kBusOff,
+      went_off = was_off;
+      Report(now_ns, was_off ? Status::kBusOff : Status::kInterfaceDown,
              was_off ? "the CAN interface went bus-off: every drive is lost"
                      : "the CAN interface went down: every drive is lost until it is up again");
       for (auto& node : nodes) node->OnBusDown(now_ns);
@@ -437,6 +445,7 @@ void Master::State::WatchBus(TimeNs now_ns) noexcept {
       Report(now_ns, port.up() ? Status::kOk : Status::kBusOff, text.data());
       break;
     case BusWatch::Order::kTellBack:
+      went_off = false;
       Report(now_ns, Status::kOk, "the CAN interface is back: booting the drives, which stay disarmed");
       for (auto& node : nodes) node->OnBusUp(now_ns);
       break;

@@ -25,6 +25,8 @@ class Node {
   /// SYNC is of use: NMT start was sent.
   bool started() const noexcept { return phase_ == Phase::kReady || (phase_ == Phase::kScript && started_); }
   bool ready() const noexcept { return phase_ == Phase::kReady; }
+  /// 0x1018:04; 0 until it was read once.
+  std::uint32_t serial() const noexcept { return serial_; }
   /// Ready, and the feedback TPDO of this cycle is in.
   bool answered() const noexcept { return ready() && feedback_.age_cycles == 0; }
   bool powered() const noexcept { return machine() == DriveMachine::kOperationEnabled; }

@@ -17,12 +17,16 @@ namespace tendril::config {
 
 /// `nominal` unless given; always written.
 template <class Io>
-void OptionalSwitch(Io& io, std::string_view key, bool& value, bool nominal) {
+void OptionalChoice(Io& io, std::string_view key, bool& value, bool nominal, const Choices<bool>& choices) {
   if constexpr (Io::kReading) {
     value = nominal;
     if (!io.Has(key)) return io.Allow(key);
   }
-  io.Choice(key, value, Choices<bool>{{"off", false}, {"on", true}});
+  io.Choice(key, value, choices);
+}
+template <class Io>
+void OptionalSwitch(Io& io, std::string_view key, bool& value, bool nominal) {
+  OptionalChoice(io, key, value, nominal, {{"off", false}, {"on", true}});
 }
 
 template <class Io>
@@ -202,16 +206,10 @@ void Describe(Io& io, BlackBoxParameters& p) {
 template <class Io>
 void Describe(Io& io, DaemonParameters& p) {
   io.Text("robot", p.robot_file, kPathRule);
-  if constexpr (Io::kReading) p.commissioning_required = true;
-  bool given = true;
-  if constexpr (Io::kReading) {
-    given = io.Has("commissioning");
-    if (!given) io.Allow("commissioning");
-  }
-  if (given) {
-    io.Choice("commissioning", p.commissioning_required,
-              Choices<bool>{{"required", true}, {"not_required", false}});
-  }
+  OptionalChoice(io, "commissioning", p.commissioning_required, true,
+                 {{"required", true}, {"not_required", false}});
+  OptionalChoice(io, "exchanged_drives", p.exchanged_drives_refused, true,
+                 {{"refuse", true}, {"warn", false}});
   io.Block("controller", p.controller);
   io.Block("bus", p.bus);
   io.Block("realtime", p.realtime);

@@ -304,6 +304,8 @@ void Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
           event = Event::kCommission;
           break;
         case ModeRequest::kNotCommissioned:
+        case ModeRequest::kNotAlone:
+        case ModeRequest::kDriveExchanged:
           break;  // the gate lets none through
       }
       if (supervisor.Handle(event)) EnterMode(supervisor.mode(), input);
@@ -327,6 +329,7 @@ Status Controller::Impl::NotReady(const CycleInput& input) const noexcept {
     const auto end = input.drive.begin() + tendons;
     return std::any_of(input.drive.begin(), end, [&](const DriveFeedback& d) { return d.state == state; });
   };
+  if (any(DriveState::kUnreachable)) return Status::kDriveAbsent;
   if (any(DriveState::kFault)) return Status::kDriveHasFault;
   return any(DriveState::kOffline) ? Status::kDriveAbsent : Status::kOk;
 }
@@ -343,17 +346,20 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
   const Mode mode = supervisor.mode();
   const bool enabling = mode == Mode::kArmed || (takes_up() && !engaged);
   const bool powered = mode != Mode::kDisconnected && mode != Mode::kConfigured && !enabling;
-  if (!input.bus_ok) fault(Status::kBusOff);
+  // Drives fall together with what connects them, which is to be named.
+  const bool down = input.drive[0].state == DriveState::kUnreachable;
+  if (!input.bus_ok) fault(down ? Status::kInterfaceDown : Status::kBusOff);
   for (int j = 0; j < tendons; ++j) {
     tendon = j + 1;
     const DriveFeedback& d = input.drive[j];
-    if (d.state == DriveState::kOffline || d.state == DriveState::kBooting) fault(Status::kDriveLost);
+    const bool answering = d.state != DriveState::kOffline && d.state != DriveState::kBooting &&
+                           d.state != DriveState::kUnreachable;
+    if (!answering) fault(Status::kDriveLost);
     if (d.state == DriveState::kFault) fault(Status::kDriveFault);
     // A drive that left operation enabled on its own while it should hold a tendon is a fault as well.
     if (powered && mode != Mode::kSafeStop && mode != Mode::kFault && d.state != DriveState::kEnabled) {
       fault(Status::kDriveFault);
     }
-    const bool answering = d.state != DriveState::kOffline && d.state != DriveState::kBooting;
     if (answering && d.age_cycles > 0) {
       ++missing;
       Report(output, Status::kFeedbackMissing);

@@ -54,6 +54,9 @@ bool ModeAllowed(const Admission& may, const Command& c) {
     case ModeRequest::kCommission:
     case ModeRequest::kNotCommissioned:
       return may.start;
+    case ModeRequest::kNotAlone:
+    case ModeRequest::kDriveExchanged:
+      return may.start || may.resume;
     case ModeRequest::kDisarm:
     case ModeRequest::kStop:
       return true;
@@ -63,6 +66,20 @@ bool ModeAllowed(const Admission& may, const Command& c) {
       return may.clear;
   }
   return false;
+}
+
+// What the daemon made of a request that only it can judge.
+Status RefusedByDaemon(ModeRequest request) {
+  switch (request) {
+    case ModeRequest::kNotCommissioned:
+      return Status::kNotCommissioned;
+    case ModeRequest::kNotAlone:
+      return Status::kNotAlone;
+    case ModeRequest::kDriveExchanged:
+      return Status::kDriveExchanged;
+    default:
+      return Status::kOk;
+  }
 }
 
 // Motion or a pull that would go on after its sender is gone.
@@ -153,9 +170,7 @@ Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns) noexcept {
   if (c.valid_for_ns <= 0 || now_ns - c.received_ns > c.valid_for_ns) return Status::kCommandStale;
   if (GoesOnByItself(c, mode) && c.valid_for_ns > kUnwatched_ns) return Status::kCommandOutOfRange;
   if (!ModeAllowed(AdmissionIn(mode), c)) return Status::kCommandWrongMode;
-  if (c.kind == CommandKind::kMode) {
-    return c.mode == ModeRequest::kNotCommissioned ? Status::kNotCommissioned : Status::kOk;
-  }
+  if (c.kind == CommandKind::kMode) return RefusedByDaemon(c.mode);
 
   const double since_s = ToSeconds(c.received_ns - target_.since_ns);
   const bool streamed = target_.kind == c.kind && since_s > 0 && since_s <= ToSeconds(target_.valid_for_ns);

@@ -127,13 +127,13 @@ void BlackBox::Begin() {
   log_->Snapshot(snapshot.next_cycle, snapshot.time_ns, {state_of(slot), state_bytes_});
 }
 
-std::string BlackBox::WriteSome(int cycles) {
-  if (!full()) return {};
+std::optional<BlackBox::Outcome> BlackBox::WriteSome(int cycles) {
+  if (!full()) return std::nullopt;
   std::string problem;
   try {
     if (!log_) Begin();
     for (int i = 0; i < cycles && next_ < count_; ++i) log_->Cycle(records_[next_++ % records_.size()]);
-    if (next_ < count_) return {};
+    if (next_ < count_) return std::nullopt;
     problem = log_->Close();
     if (problem.empty()) fs::rename(path_ + ".part", path_);
   } catch (const std::exception& e) {
@@ -143,14 +143,16 @@ std::string BlackBox::WriteSome(int cycles) {
   const std::size_t written = count_ - first_;
   phase_.store(Phase::kWritten, std::memory_order_release);
   if (problem.empty()) {
-    return fmt::format("{} cycles before fault {}: {}", written, cause_, path_);
+    return Outcome{Status::kOk, fmt::format("{} cycles before fault {}: {}", written, cause_, path_)};
   }
   std::error_code ignored;
   fs::remove(path_ + ".part", ignored);
-  return fmt::format(
-      "the cycles before fault {} could not be written and are lost: {}; check black_box.folder and the "
-      "space on its disk; control goes on",
-      cause_, problem);
+  return Outcome{
+      Status::kDegraded,
+      fmt::format(
+          "the cycles before fault {} could not be written and are lost: {} ({}); check that this user "
+          "may write to black_box.folder and the space on its disk; control goes on",
+          cause_, problem, path_)};
 }
 
 }  // namespace tendril::daemon

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
@@ -13,6 +14,8 @@ namespace tendril::daemon {
 namespace {
 
 constexpr const char* kWiringKey = "wiring: ";
+// The beginning of a tendon's line, as WriteRecord writes it.
+constexpr const char* kTendonLine = " - {tendon: %d, node_id: %d, serial: %u,";
 
 std::string Number(double value) { return std::isnan(value) ? ".nan" : fmt::format("{:.4g}", value); }
 
@@ -47,8 +50,9 @@ void WriteRecord(const std::string& path, const CommissioningRecord& record) {
       kWiringKey, record.wiring, record.at, record.by, record.software, Number(record.pull_N));
   for (const CommissionedTendon& t : record.tendons) {
     text += fmt::format(
-        "  - {{tendon: {}, node_id: {}, cell_zero_N: {}, cell_gain: {}, slack_m: {}, seen_angle_rad: {}}}\n",
-        t.tendon, t.node_id, Number(t.cell_zero_N), Number(t.cell_gain), Number(t.slack_m),
+        "  - {{tendon: {}, node_id: {}, serial: {}, cell_zero_N: {}, cell_gain: {}, slack_m: {}, "
+        "seen_angle_rad: {}}}\n",
+        t.tendon, t.node_id, t.serial, Number(t.cell_zero_N), Number(t.cell_gain), Number(t.slack_m),
         Number(t.seen_angle_rad));
   }
   // A file that is half written must not arm anything.
@@ -82,6 +86,27 @@ std::string CommissioningProblem(const RobotParameters& robot, const DaemonParam
       "{} was commissioned with other nodes, directions, motors or load cells than its files name now ({}); "
       "{}",
       robot.name, path, kRemedy);
+}
+
+std::string ExchangedDrives(const DaemonParameters& daemon, std::span<const std::uint32_t> serials) {
+  if (!daemon.commissioning_required) return {};
+  const std::string path = RecordPath(daemon);
+  std::ifstream file(path);
+  std::string found;
+  for (std::string line; std::getline(file, line);) {
+    CommissionedTendon t;
+    if (std::sscanf(line.c_str(), kTendonLine, &t.tendon, &t.node_id, &t.serial) != 3) continue;
+    if (t.serial == 0 || t.tendon < 1 || static_cast<std::size_t>(t.tendon) > serials.size()) continue;
+    const std::uint32_t now = serials[static_cast<std::size_t>(t.tendon) - 1];
+    if (now == t.serial) continue;
+    found += fmt::format("{}node {} (tendon {}) has serial {}, commissioned was {}",
+                         found.empty() ? "" : ", ", t.node_id, t.tendon, now, t.serial);
+  }
+  if (found.empty()) return {};
+  return fmt::format(
+      "{} ({}): a drive was exchanged; run `tendril commission --config FILE` again, or put it back "
+      "(exchanged_drives: warn in the daemon's file lets it arm)",
+      found, path);
 }
 
 }  // namespace tendril::daemon

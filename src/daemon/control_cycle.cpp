@@ -60,10 +60,12 @@ void ControlCycle::Run(const rt::CycleStart& start, const Command& command, cons
   input.bus_ok = master_.bus_ok();
   input.late = start.missed > 0;
   input.drives = master_.drives();
+  const bool unreachable = master_.interface_down();
   for (int i = 0; i < input.drives; ++i) {
     const auto j = static_cast<std::size_t>(i);
     DriveFeedback& drive = input.drive[j];
     drive = master_.feedback(i);
+    if (unreachable) drive.state = DriveState::kUnreachable;
     if (motor_reversed_[j]) drive.torque_permille = Turned(drive.torque_permille);
     if (encoder_reversed_[j]) drive.position_counts = Turned(drive.position_counts);
   }

@@ -6,15 +6,19 @@
 #include <syslog.h>
 #include <systemd/sd-daemon.h>
 #include <systemd/sd-journal.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <deque>
 #include <future>
+#include <map>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -26,6 +30,7 @@
 #include "tendril/daemon/black_box.h"
 #include "tendril/daemon/commissioning.h"
 #include "tendril/daemon/control_cycle.h"
+#include "tendril/daemon/refusals.h"
 #include "tendril/daemon/wiring.h"
 #include "tendril/io/log.h"
 #include "tendril/io/wire.h"
@@ -47,7 +52,7 @@ constexpr int kEventsPerCycle = 16;
 constexpr TimeNs kDisarmWithin_ns = 1200 * kNsPerMs;
 constexpr TimeNs kStopWithin_ns = 1850 * kNsPerMs;
 
-constexpr int kLcmWait_ms = 1;
+constexpr int kLcmWait_ms = 1, kListen_ms = 50;
 // A thread of commands that stands still this long cannot hear a disarm either.
 constexpr TimeNs kUnattended_ns = kNsPerS;
 constexpr std::size_t kStopQueue = 16;
@@ -56,6 +61,9 @@ constexpr int kBlackBoxCycles = 200;
 constexpr TimeNs kReportEvery_ns = kNsPerS;
 constexpr TimeNs kStatisticsEvery_ns = 60 * kNsPerS;
 constexpr std::size_t kMissesKept = 16;
+// Another daemon's run record comes once a second.
+constexpr TimeNs kOtherGone_ns = 3 * kNsPerS;
+constexpr TimeNs kDisarmAgain_ns = 100 * kNsPerMs;
 
 spdlog::level::level_enum LevelOf(Status status) {
   if (IsFault(status)) return spdlog::level::err;
@@ -113,6 +121,26 @@ class ServiceManager {
   std::uint64_t last_tick_ = 0;
 };
 
+// Which daemon this is, for the operator of another one.
+std::string Identity(const DaemonOptions& o) {
+  std::array<char, 256> host{};
+  if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '?';
+  return fmt::format("host {}, process {}, robot {}, bus {}", host.data(), getpid(), o.robot.name,
+                     o.parameters.bus.interface);
+}
+
+bool MayPull(Mode mode) {
+  switch (mode) {
+    case Mode::kDisconnected:
+    case Mode::kConfigured:
+    case Mode::kSafeStop:
+    case Mode::kFault:
+      return false;
+    default:
+      return true;
+  }
+}
+
 // What ends motion goes past everything that waits.
 bool Stops(const Command& c) {
   return c.kind == CommandKind::kMode && (c.mode == ModeRequest::kDisarm || c.mode == ModeRequest::kHold);
@@ -124,6 +152,7 @@ struct Published {
   can::CanCounters can;
   canopen::FrameFaults frame_faults;
   rt::ThreadUsage usage;  // sum so far
+  std::array<std::uint32_t, kMaxTendons> serials{};
 };
 
 // What took the time of a cycle that ended after the next one should have begun.
@@ -174,17 +203,24 @@ struct Daemon::State {
           return usage.Excuse([&] { return port.WaitUntil(deadline_ns); });
         }) {
     if (!o.log_path.empty()) log.emplace(gateway, o.log_path, clock);
-    run = {config::ToYaml(o.robot), config::ToYaml(o.parameters), std::string(Version()),
-           std::string(GitRevision()), EpochUs()};
+    run = {config::ToYaml(o.robot),
+           config::ToYaml(o.parameters),
+           std::string(Version()),
+           std::string(GitRevision()),
+           EpochUs(),
+           Identity(o)};
     if (o.parameters.black_box) {
       black_box.emplace(*o.parameters.black_box, o.parameters.lcm, ShapeOf(o.robot), run,
                         io::EpochOffsetUs(clock), o.parameters.bus.cycle_ns, controller);
     }
     gateway.OnCommand([this](const Command& c) {
+      heard_sequence = c.sequence;
       const Command judged = Judged(c);
       (Stops(judged) ? stops : commands).TryPush(judged);
     });
     gateway.OnTracker([this](const TrackerSample& s) { tracker.TryPush(s); });
+    gateway.OnRun([this](const io::RunInfo& r) { HeardRun(r); });
+    gateway.OnComplaint([](Status status, const std::string& text) { Tell(status, "gateway", text); });
   }
 
   // ---- real-time thread: everything from here to RealtimeThread's end ----
@@ -211,6 +247,8 @@ struct Daemon::State {
     published.can = port.counters();
     published.frame_faults = master.frame_faults();
     published.usage = usage.sum();  // up to the cycle before
+    for (int i = 0; i < master.drives(); ++i)
+      published.serials[static_cast<std::size_t>(i)] = master.serial(i);
     records.TryPush(published);
     if (black_box) black_box->Add(published.record, controller);
     ForwardEvents();
@@ -306,19 +344,74 @@ struct Daemon::State {
 
   // ---- calling thread: LCM, log, systemd ----
 
-  // What is to move the robot by its model needs a robot that is as its files say. The record may have been
-  // written since the daemon was started. The controller refuses what becomes of the command here, so that
-  // the log tells.
+  // What is to move the robot needs this daemon alone on its channels, and a robot that is as its files say;
+  // its record may have been written since the daemon was started. The controller refuses what becomes of the
+  // command here, so that the log tells.
   Command Judged(Command c) {
-    const bool moves =
-        c.kind == CommandKind::kMode && (c.mode == ModeRequest::kArm || c.mode == ModeRequest::kHome);
-    if (!moves || commissioned) return c;
-    const std::string problem = CommissioningProblem(options.robot, options.parameters);
-    commissioned = problem.empty();
-    if (commissioned) return c;
-    c.mode = ModeRequest::kNotCommissioned;
-    Event(Status::kNotCommissioned, "daemon", problem);
+    if (c.kind != CommandKind::kMode) return c;
+    const bool moves = c.mode == ModeRequest::kArm || c.mode == ModeRequest::kHome;
+    if ((moves || c.mode == ModeRequest::kCommission) && !other.empty())
+      return Refused(c, ModeRequest::kNotAlone, Status::kNotAlone, OtherText());
+    if (!moves) return c;
+    const DaemonParameters& p = options.parameters;
+    if (const std::string problem = CommissioningProblem(options.robot, p); !problem.empty())
+      return Refused(c, ModeRequest::kNotCommissioned, Status::kNotCommissioned, problem);
+    const std::string exchanged = ExchangedDrives(p, std::span(serials).first(setups.size()));
+    if (!exchanged.empty() && p.exchanged_drives_refused)
+      return Refused(c, ModeRequest::kDriveExchanged, Status::kDriveExchanged, exchanged);
+    if (!exchanged.empty()) Event(Status::kDegraded, "daemon", exchanged);
     return c;
+  }
+
+  Command Refused(Command c, ModeRequest becomes, Status cause, const std::string& why) {
+    c.mode = becomes;
+    why_refused[cause] = why;
+    return c;
+  }
+
+  // ---- another daemon that hears the same commands ----
+
+  void HeardRun(const io::RunInfo& r) {
+    if (r.daemon == run.daemon && r.start_utime == run.start_utime) return;  // our own, brought back
+    other = r.daemon.empty() ? "which does not say where it runs" : r.daemon;
+    other_heard_ns = clock.Now();
+  }
+
+  std::string OtherText() const {
+    const LcmParameters& lcm = options.parameters.lcm;
+    return fmt::format(
+        "another daemon ({}) answers on {}_* at {}: both would obey one command; stop one of them, or give "
+        "each an lcm.channel_prefix (or lcm.url) of its own",
+        other, lcm.channel_prefix, lcm.url);
+  }
+
+  void WatchOther(TimeNs now_ns) {
+    if (other.empty()) return;
+    if (now_ns - other_heard_ns > kOtherGone_ns) {
+      Event(Status::kOk, "daemon",
+            fmt::format("the other daemon ({}) fell silent: this one may be armed again", other));
+      other.clear();
+      other_told = false;
+      return;
+    }
+    if (!std::exchange(other_told, true))
+      Event(Status::kAnotherDaemon, "daemon", OtherText() + "; disarmed, and nothing is armed until then");
+    // Until it is seen to be disarmed: what was asked for before the other one was heard may still wait.
+    if (!MayPull(last_mode) || now_ns < disarm_again_ns) return;
+    disarm_again_ns = now_ns + kDisarmAgain_ns;
+    Command disarm;
+    disarm.kind = CommandKind::kMode;
+    disarm.mode = ModeRequest::kDisarm;
+    disarm.sequence = heard_sequence;  // moves the sequence of nobody's commands
+    disarm.received_ns = now_ns;
+    disarm.valid_for_ns = kNsPerS;
+    stops.TryPush(disarm);
+  }
+
+  void ListenForOthers(TimeNs listen_ns) {
+    for (const TimeNs end_ns = clock.Now() + listen_ns; clock.Now() < end_ns && other.empty();)
+      gateway.Handle(kListen_ms);
+    if (!other.empty()) throw std::runtime_error(OtherText());
   }
 
   void TellCommissioning() {
@@ -339,6 +432,7 @@ struct Daemon::State {
     while (!finished.load(std::memory_order_acquire)) {
       served_ns.store(clock.Now(), std::memory_order_relaxed);
       gateway.Handle(kLcmWait_ms);
+      WatchOther(clock.Now());
       Publish();
       WriteBlackBox();
       const TimeNs now_ns = clock.Now();
@@ -380,15 +474,22 @@ struct Daemon::State {
       const CycleOutput& out = next.record.output;
       if (out.mode != last_mode || (out.status != last_status && IsFault(out.status))) {
         const Status status = IsFault(out.status) ? out.status : Status::kOk;
+        const std::string what = fmt::format("{}{}", StatusText(out.status), WhoseFault(out));
         Event(status, "controller",
-              fmt::format("{} -> {}: {} {}{}", ModeText(last_mode), ModeText(out.mode),
-                          static_cast<int>(out.status), StatusText(out.status), WhoseFault(out)));
+              fmt::format("{} -> {}: {} {}", ModeText(last_mode), ModeText(out.mode),
+                          static_cast<int>(out.status), what));
+        if (IsFault(status)) statistics.last_fault = {EpochUs(), status, what};
       }
+      if (next.record.input.command.kind != CommandKind::kNone && out.command_status != Status::kOk)
+        refusals.Add(out.command_status, next.record.input.command, out.mode,
+                     why_refused[out.command_status]);
       last_mode = out.mode;
       last_status = out.status;
       last_timing = next.record.timing;
       last_usage = next.usage;
+      serials = next.serials;
     }
+    refusals.TellDue(clock.Now(), [this](Status s, const std::string& text) { Event(s, "gate", text); });
     canopen::BusEvent event;
     while (events.TryPop(event)) {
       Tell(event.status, "bus", event.text.data());
@@ -410,7 +511,13 @@ struct Daemon::State {
     statistics.drives.resize(static_cast<std::size_t>(r.input.drives));
     for (std::size_t i = 0; i < statistics.drives.size(); ++i) {
       DriveStatistics& drive = statistics.drives[i];
-      drive.age_cycles = r.input.drive[i].age_cycles;
+      const DriveFeedback& now = r.input.drive[i];
+      drive.node_id = setups[i].node_id;
+      drive.state = now.state;
+      drive.statusword = now.statusword;
+      drive.error_code = now.error_code;
+      drive.serial = next.serials[i];
+      drive.age_cycles = now.age_cycles;
       drive.worst_age_cycles = std::max(drive.worst_age_cycles, drive.age_cycles);
     }
     can = next.can;
@@ -431,6 +538,8 @@ struct Daemon::State {
     s.compute = compute.Statistics();
     s.round_trip = round_trip.Statistics();
     s.misses.assign(misses.begin(), misses.end());
+    s.messages_ignored = gateway.counters().undecodable;
+    s.publish_failed = gateway.counters().publish_failed;
     s.can_sent = can.sent;
     s.can_received = can.received;
     s.can_send_refused = can.send_refused;
@@ -449,8 +558,8 @@ struct Daemon::State {
 
   void WriteBlackBox() {
     if (!black_box) return;
-    const std::string text = black_box->WriteSome(kBlackBoxCycles);
-    if (!text.empty()) Event(Status::kOk, "black box", text);
+    if (const auto outcome = black_box->WriteSome(kBlackBoxCycles))
+      Event(outcome->status, "black box", outcome->text);
   }
 
   // Once a second: the run record, what was lost, how it goes.
@@ -463,6 +572,7 @@ struct Daemon::State {
     ReportLosses("cycle record(s) could not be published in time", records.dropped(), records_lost);
     ReportLosses("bus event(s) came too fast",
                  events.dropped() + master_events_lost.load(std::memory_order_relaxed), events_lost);
+    ReportLosses("LCM message(s) could not be sent", gateway.counters().publish_failed, sends_failed);
     if (log && !log_failed && !log->error().empty()) {
       log_failed = true;
       Event(Status::kDegraded, "log", log->error() + "; the log is incomplete, control goes on");
@@ -545,9 +655,15 @@ struct Daemon::State {
   CycleTiming last_timing;
   Mode last_mode = Mode::kDisconnected;
   Status last_status = Status::kOk;
-  std::uint64_t misses_told = 0, commands_lost = 0, records_lost = 0, events_lost = 0;
+  std::uint64_t misses_told = 0, commands_lost = 0, records_lost = 0, events_lost = 0, sends_failed = 0;
   bool log_failed = false;
-  bool commissioned = false;  // never taken back: what the record covers is loaded once
+  std::array<std::uint32_t, kMaxTendons> serials{};
+  Refusals refusals;
+  std::map<Status, std::string> why_refused;  // where the status alone does not tell
+  std::string other;                          // daemon on our channels; empty: none
+  bool other_told = false;
+  std::uint32_t heard_sequence = 0;
+  TimeNs other_heard_ns = 0, disarm_again_ns = 0;
 };
 
 Daemon::Daemon(const DaemonOptions& options, can::CanPort& port)
@@ -558,6 +674,8 @@ Daemon::~Daemon() = default;
 io::Gateway& Daemon::gateway() { return state_->gateway; }
 
 void Daemon::RequestStop() noexcept { state_->stop_requested.store(true, std::memory_order_relaxed); }
+
+void Daemon::RefuseOthers(TimeNs listen_ns) { state_->ListenForOthers(listen_ns); }
 
 void Daemon::Run(const std::function<bool()>& stop) {
   State& s = *state_;

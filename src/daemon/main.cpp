@@ -28,6 +28,8 @@ namespace {
 
 // Longer than the longest cycle worth running, so that another master's SYNC cannot be missed.
 constexpr TimeNs kListenForSync_ns = 250 * kNsPerMs;
+// A daemon tells once a second which one it is.
+constexpr TimeNs kListenForDaemons_ns = 1500 * kNsPerMs;
 
 // Where the configuration has none and the command line asks for one.
 constexpr double kBlackBoxSeconds = 10;
@@ -95,6 +97,7 @@ void LogSettings(const DaemonOptions& o, const std::string& config_path) {
   spdlog::info("LCM {}, channels {}_*; state every {}, cycle every {} cycle(s); log {}", p.lcm.url,
                p.lcm.channel_prefix, p.lcm.state_every_cycles, p.lcm.cycle_every_cycles,
                o.log_path.empty() ? "none" : o.log_path);
+  for (const std::string& line : config::IdleGuards(p, o.robot, config_path)) spdlog::warn("{}", line);
   if (p.black_box) {
     spdlog::info("black box: {:g} s before a fault into {}", p.black_box->seconds, p.black_box->folder);
   } else {
@@ -126,6 +129,7 @@ void Run(const Arguments& arguments) {
   const MonotonicClock clock;
   RefuseForeignSync(port, clock, interface, kListenForSync_ns);
   Daemon daemon(options, port);
+  daemon.RefuseOthers(kListenForDaemons_ns);
   LogSettings(options, arguments.config);
 
   struct Running {

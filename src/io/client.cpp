@@ -45,9 +45,11 @@ struct Client::State {
   StateSink state_sink;
   EventSink event_sink;
   StatisticsSink statistics_sink;
+  RunSink run_sink;
   tendril_lcm::state_t state{};
   tendril_lcm::event_t event{};
   tendril_lcm::statistics_t statistics{};
+  tendril_lcm::run_t run{};
 };
 
 Client::Client(const std::string& url, const std::string& channel_prefix)
@@ -74,6 +76,12 @@ void Client::OnStatistics(StatisticsSink sink) {
   const bool first = !state_->statistics_sink;
   state_->statistics_sink = std::move(sink);
   if (first) state_->Subscribe<&State::statistics, &State::statistics_sink>("STATISTICS");
+}
+
+void Client::OnRun(RunSink sink) {
+  const bool first = !state_->run_sink;
+  state_->run_sink = std::move(sink);
+  if (first) state_->Subscribe<&State::run, &State::run_sink>("RUN");
 }
 
 namespace {

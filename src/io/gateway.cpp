@@ -90,9 +90,10 @@ struct Gateway::State {
     if (complained && now_ns - complained_ns < kComplaintEvery_ns) return;
     complained = true;
     complained_ns = now_ns;
-    PublishEvent(now_ns, Status::kOk, "gateway",
-                 channel + ": message ignored: " + why + "; " + std::to_string(counters.undecodable) +
-                     " ignored since start");
+    const std::string text = channel + ": message ignored: " + why + "; " +
+                             std::to_string(counters.undecodable) + " ignored since start";
+    PublishEvent(now_ns, Status::kMessageIgnored, "gateway", text);
+    if (complaint_sink) complaint_sink(Status::kMessageIgnored, text);
   }
 
   template <class Message>
@@ -126,6 +127,12 @@ struct Gateway::State {
     if (tracker_sink) tracker_sink(sample);
   }
 
+  void Take(const char* /*channel*/, const tendril_lcm::run_t& message, TimeNs /*arrival_ns*/) {
+    RunInfo info;
+    FromMessage(message, info);
+    if (run_sink) run_sink(info);
+  }
+
   template <auto Message>
   static void Handler(const lcm_recv_buf_t* bytes, const char* channel, void* state) {
     auto* self = static_cast<State*>(state);
@@ -147,6 +154,8 @@ struct Gateway::State {
   std::unique_ptr<lcm::LCM> lcm;
   CommandSink command_sink;
   TrackerSink tracker_sink;
+  RunSink run_sink;
+  ComplaintSink complaint_sink;
   Tap tap;
   Counters counters;
   bool complained = false;
@@ -166,6 +175,7 @@ struct Gateway::State {
   tendril_lcm::command_tension_t tension{};
   tendril_lcm::command_mode_t mode{};
   tendril_lcm::tracker_t tracker{};
+  tendril_lcm::run_t run{};
 };
 
 Gateway::Gateway(const LcmParameters& lcm, const RobotShape& shape, const Clock& clock)
@@ -181,6 +191,11 @@ Gateway::~Gateway() = default;
 
 void Gateway::OnCommand(CommandSink sink) { state_->command_sink = std::move(sink); }
 void Gateway::OnTracker(TrackerSink sink) { state_->tracker_sink = std::move(sink); }
+void Gateway::OnRun(RunSink sink) {
+  if (!state_->run_sink) state_->Subscribe<&State::run>("RUN");
+  state_->run_sink = std::move(sink);
+}
+void Gateway::OnComplaint(ComplaintSink sink) { state_->complaint_sink = std::move(sink); }
 void Gateway::SetTap(Tap tap) { state_->tap = std::move(tap); }
 
 int Gateway::Handle(int timeout_ms) { return HandleWaiting(*state_->lcm, timeout_ms); }

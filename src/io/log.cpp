@@ -80,7 +80,7 @@ LogWriter::LogWriter(Gateway& gateway, const std::string& path, const Clock& clo
     state->Write(channel.data(), channel.size(), data, size);
   });
   // The gateway's own channels come through the tap; listening to them again would cost a copy a message.
-  const std::string others = "(?!" + gateway.channel_prefix() + "_(STATE|CYCLE|RUN|EVENT)$).*";
+  const std::string others = "(?!" + gateway.channel_prefix() + "_(STATE|CYCLE|RUN|EVENT|STATISTICS)$).*";
   s.subscription = lcm_subscribe(
       s.lcm, others.c_str(),
       [](const lcm_recv_buf_t* bytes, const char* channel, void* state) {
@@ -269,8 +269,9 @@ std::string StreamLog(const std::string& path, const std::function<void(const Ru
         reader.Damaged("on " + reader.channel() + " is not a run message of this version's lcm_types");
         break;
       }
-      run({run_message.robot_yaml, run_message.daemon_yaml, run_message.version, run_message.git_revision,
-           run_message.start_utime});
+      RunInfo info;
+      FromMessage(run_message, info);
+      run(info);
     } else if (snapshot && channel.ends_with("_SNAPSHOT")) {
       if (!Decode(data, size, snapshot_message)) {
         reader.Damaged("on " + reader.channel() + " is not a snapshot message of this version's lcm_types");

@@ -67,6 +67,9 @@ std::string TooMany(const char* what, int n, int most) {
          " are possible";
 }
 
+// Readers of YAML pass over it.
+const std::string kDaemonLine = "# daemon: ";
+
 std::int64_t EpochUs() {
   return std::chrono::duration_cast<std::chrono::microseconds>(
              std::chrono::system_clock::now().time_since_epoch())
@@ -358,6 +361,12 @@ void ToMessage(const LoopStatistics& s, std::int64_t utime, tendril_lcm::statist
     m.miss_cause.push_back(miss.cause);
   }
 
+  Number(m.messages_ignored, s.messages_ignored);
+  Number(m.publish_failed, s.publish_failed);
+  m.last_fault_utime = s.last_fault.utime;
+  Number(m.last_fault_status, s.last_fault.status);
+  m.last_fault_text = s.last_fault.text;
+
   Number(m.can_sent, s.can_sent);
   Number(m.can_received, s.can_received);
   Number(m.can_send_refused, s.can_send_refused);
@@ -368,9 +377,19 @@ void ToMessage(const LoopStatistics& s, std::int64_t utime, tendril_lcm::statist
   Number(m.can_foreign, s.can_foreign);
   m.bus_load = s.bus_load;
   m.num_drives = static_cast<std::int32_t>(s.drives.size());
+  m.drive_node_id.clear();
+  m.drive_state.clear();
+  m.drive_statusword.clear();
+  m.drive_error_code.clear();
+  m.drive_serial.clear();
   m.drive_age_cycles.clear();
   m.drive_worst_age_cycles.clear();
   for (const DriveStatistics& drive : s.drives) {
+    m.drive_node_id.push_back(drive.node_id);
+    m.drive_state.push_back(static_cast<std::int8_t>(drive.state));
+    m.drive_statusword.push_back(drive.statusword);
+    m.drive_error_code.push_back(drive.error_code);
+    m.drive_serial.push_back(drive.serial);
     m.drive_age_cycles.push_back(drive.age_cycles);
     m.drive_worst_age_cycles.push_back(drive.worst_age_cycles);
   }
@@ -390,7 +409,17 @@ void ToMessage(const RunInfo& run, const RobotShape& shape, std::int64_t utime, 
   m.version = run.version;
   m.git_revision = run.git_revision;
   m.robot_yaml = run.robot_yaml;
-  m.daemon_yaml = run.daemon_yaml;
+  m.daemon_yaml = run.daemon.empty() ? "" : kDaemonLine + run.daemon + "\n";
+  m.daemon_yaml += run.daemon_yaml;
+}
+
+void FromMessage(const tendril_lcm::run_t& m, RunInfo& run) {
+  run = {m.robot_yaml, m.daemon_yaml, m.version, m.git_revision, m.start_utime, {}};
+  if (!run.daemon_yaml.starts_with(kDaemonLine)) return;
+  const std::size_t begin = kDaemonLine.size(), end = run.daemon_yaml.find('\n');
+  if (end == std::string::npos) return;
+  run.daemon = run.daemon_yaml.substr(begin, end - begin);
+  run.daemon_yaml.erase(0, end + 1);
 }
 
 std::string FromMessage(const tendril_lcm::command_tip_t& m, Command& c) {

@@ -277,6 +277,11 @@ TEST_P(EveryKey, DamageIsFoundWhereItIs) {
     const std::string missing = MessageOf(file, WithLine(yaml, line.number, ""));
     static const std::set<std::string> kMayBeLeftOut{"tension_feedback", "tip_feedback", "look_ahead",
                                                      "max_torque_error_N"};
+    if (line.key == "exchanged_drives") {
+      // May be left out as well, and is strict then.
+      EXPECT_TRUE(ParseDaemon(WithLine(yaml, line.number, ""), "left out").exchanged_drives_refused);
+      continue;
+    }
     if (line.key == "commissioning") {
       EXPECT_EQ(missing, "(accepted)");
       EXPECT_TRUE(ParseDaemon(WithLine(yaml, line.number, ""), "left out").commissioning_required)

@@ -285,7 +285,7 @@ struct RecordTest : testing::Test {
                                          .by = "me",
                                          .software = "this",
                                          .pull_N = 2,
-                                         .tendons = {{1, 1, 0.01, 1, 0.002, 0}}});
+                                         .tendons = {{.node_id = 1, .tendon = 1, .serial = 4'100'200'300}}});
   }
   Arm arm;
   std::filesystem::path folder;
@@ -328,6 +328,30 @@ TEST_F(RecordTest, OnlyOfExactlyThisWiringCounts) {
   arm.daemon.commissioning_required = false;
   std::filesystem::remove(RecordPath(arm.daemon));
   EXPECT_EQ(Problem(), "") << "a simulation";
+}
+
+TEST_F(RecordTest, NamesTheDrivesThatWereExchanged) {
+  CommissionResult result;
+  for (int j = 1; j <= 3; ++j) {
+    DriveFinding f;
+    f.tendon = j;
+    f.node.node_id = 10 + j;
+    result.drives.push_back(f);
+  }
+  // That of node 13 was not told.
+  WriteRecord(RecordPath(arm.daemon),
+              tools::RecordOf(result, arm.robot, arm.daemon, {{11, 4'100'200'300}, {12, 5}}));
+  const auto exchanged = [&](std::vector<std::uint32_t> serials) {
+    return ExchangedDrives(arm.daemon, serials);
+  };
+  EXPECT_EQ(exchanged({4'100'200'300, 5, 6}), "");
+  EXPECT_EQ(exchanged({4'100'200'300, 5, 7}), "") << "nothing is known of the third";
+  EXPECT_THAT(exchanged({5, 4'100'200'300, 6}),
+              AllOf(HasSubstr("node 11 (tendon 1) has serial 5, commissioned was 4100200300"),
+                    HasSubstr("node 12 (tendon 2) has serial 4100200300, commissioned was 5"),
+                    HasSubstr("robot.yaml.commissioned"), HasSubstr("exchanged_drives: warn")));
+  arm.daemon.commissioning_required = false;
+  EXPECT_EQ(exchanged({1, 2, 3}), "") << "a simulation";
 }
 
 }  // namespace

@@ -97,6 +97,51 @@ TEST(ControlCycle, ASilentDriveMakesFeedbackOldNotTheCycleLong) {
   EXPECT_EQ(r.input.drive[2].age_cycles, 0);
 }
 
+// An adapter that is pulled is no bus-off, and its operator is to look for other things: from the cycle on in
+// which it is seen, through the latched fault, to the log and its replay.
+TEST(ControlCycle, AnInterfaceThatIsGoneIsToldFromBusOff) {
+  for (const bool down : {true, false}) {
+    SCOPED_TRACE(down);
+    Loop loop;
+    ASSERT_TRUE(loop.StepUntil(Mode::kConfigured));
+    loop.Step(loop.Mode(ModeRequest::kArm));
+    ASSERT_TRUE(loop.StepUntil(Mode::kRunning));
+    if (down) {
+      loop.drives.TakeDown(true);
+    } else {
+      loop.drives.bus().SetBusOff(true);
+    }
+    const Status expected = down ? Status::kInterfaceDown : Status::kBusOff;
+    ASSERT_TRUE(loop.StepUntil(Mode::kFault, 5));
+    EXPECT_EQ(loop.record.output.status, expected) << StatusText(loop.record.output.status);
+    for (int i = 0; i < 100; ++i) loop.Step();
+    EXPECT_EQ(loop.record.output.status, expected) << "latched";
+    EXPECT_EQ(loop.record.input.drive[0].state, down ? DriveState::kUnreachable : DriveState::kOffline);
+    canopen::BusEvent event;
+    std::string told;
+    while (loop.master.TakeEvent(&event)) {
+      if (event.status == expected) told = event.text.data();
+    }
+    EXPECT_NE(told.find(down ? "went down" : "bus-off"), std::string::npos) << told;
+
+    tendril_lcm::cycle_t message{};
+    io::ToMessage(loop.record, ShapeOf(loop.robot), 0, message);
+    CycleRecord back;
+    ASSERT_TRUE(io::FromMessage(message, back));
+    EXPECT_EQ(back.input.drive[0].state, loop.record.input.drive[0].state);
+    EXPECT_FALSE(back.input.bus_ok);
+
+    if (!down) continue;
+    loop.drives.TakeDown(false);
+    for (int i = 0; i < 3000; ++i) loop.Step();
+    EXPECT_EQ(loop.record.output.mode, Mode::kFault) << "nothing goes on by itself";
+    loop.Step(loop.Mode(ModeRequest::kClear));
+    ASSERT_TRUE(loop.StepUntil(Mode::kConfigured)) << StatusText(loop.record.output.status);
+    loop.Step(loop.Mode(ModeRequest::kArm));
+    EXPECT_TRUE(loop.StepUntil(Mode::kRunning));
+  }
+}
+
 // A bus on which something is always waiting but never the feedback, with a clock that stands still.
 TEST(ControlCycle, ABabblingBusCannotKeepItFromEnding) {
   Loop loop;

@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ringbuffer_sink.h>
+#include <spdlog/spdlog.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -11,6 +13,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
+#include <lcm/lcm-cpp.hpp>
 #include <mutex>
 #include <set>
 #include <thread>
@@ -19,7 +22,9 @@
 #include "tendril/daemon/commissioning.h"
 #include "tendril/io/client.h"
 #include "tendril/io/log.h"
+#include "tendril/io/wire.h"
 #include "tendril_lcm/event_t.hpp"
+#include "tendril_lcm/run_t.hpp"
 #include "tendril_lcm/state_t.hpp"
 #include "tendril_lcm/statistics_t.hpp"
 
@@ -82,6 +87,32 @@ class ServiceManager {
   int socket_;
   std::thread reader_;
   std::multiset<std::string> received_;
+};
+
+// What the daemon logs in this test, with its level.
+class LogLines {
+ public:
+  LogLines()
+      : sink_(std::make_shared<spdlog::sinks::ringbuffer_sink_mt>(10'000)),
+        before_(spdlog::default_logger()) {
+    spdlog::set_default_logger(std::make_shared<spdlog::logger>("test", sink_));
+  }
+  ~LogLines() { spdlog::set_default_logger(before_); }
+  LogLines(const LogLines&) = delete;
+  LogLines& operator=(const LogLines&) = delete;
+  /// Lines of a level, oldest first.
+  std::vector<std::string> At(spdlog::level::level_enum level) const {
+    std::vector<std::string> lines;
+    for (const auto& m : sink_->last_raw()) {
+      if (m.level == level) lines.emplace_back(m.payload.data(), m.payload.size());
+    }
+    return lines;
+  }
+  std::vector<std::string> Warnings() const { return At(spdlog::level::warn); }
+
+ private:
+  std::shared_ptr<spdlog::sinks::ringbuffer_sink_mt> sink_;
+  std::shared_ptr<spdlog::logger> before_;
 };
 
 struct DaemonTest : testing::Test {
@@ -151,12 +182,45 @@ struct DaemonTest : testing::Test {
     Send(c);
   }
 
+  // Of this test's wiring.
+  void Commissioned(const std::vector<CommissionedTendon>& tendons) {
+    WriteRecord(RecordPath(options.parameters), {.wiring = WiringHash(options.robot, options.parameters.bus),
+                                                 .at = {},
+                                                 .by = {},
+                                                 .software = {},
+                                                 .pull_N = 2,
+                                                 .tendons = tendons});
+  }
+
+  // What another daemon sends once a second.
+  void SendAsAnother() {
+    tendril_lcm::run_t run{};
+    io::ToMessage({.robot_yaml = "",
+                   .daemon_yaml = "",
+                   .version = "",
+                   .git_revision = "",
+                   .start_utime = 1,
+                   .daemon = "host elsewhere, process 77, robot other, bus can7"},
+                  {}, 1, run);
+    static_cast<lcm::LCM*>(daemon->gateway().lcm())->publish("TENDRIL_RUN", &run);
+  }
+
   void Arm() {
     ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
     Send(ModeRequest::kArm);
     ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_RUNNING));
   }
 
+  bool Warns(const std::string& a, const std::string& b = "") {
+    return Within20s([&](const auto&) {
+      const auto warnings = lines.Warnings();
+      return std::any_of(warnings.begin(), warnings.end(), [&](const std::string& line) {
+        return line.find(a) != line.npos && line.find(b) != line.npos;
+      });
+    });
+  }
+
+  LogLines lines;
   MonotonicClock clock;
   DaemonOptions options{Patient(), RigRobot(), ""};
   EmulatedDrives drives{options.robot, options.parameters, clock};
@@ -364,15 +428,180 @@ TEST_F(DaemonTest, ArmsOnlyWhatWasCommissioned) {
     EXPECT_THAT(texts, Contains(AllOf(HasSubstr("never commissioned"), HasSubstr("robot.yaml.commissioned"),
                                       HasSubstr("tendril commission"))));
   }
-  WriteRecord(RecordPath(options.parameters), {.wiring = WiringHash(options.robot, options.parameters.bus),
-                                               .at = {},
-                                               .by = {},
-                                               .software = {},
-                                               .pull_N = 2,
-                                               .tendons = {}});
+  Commissioned({});
   Arm();
   Stop();
   fs::remove_all(folder);
+}
+
+// Somebody put another drive in: it is configured and works, and is not what was commissioned.
+TEST_F(DaemonTest, ArmsOnlyTheDrivesThatWereCommissioned) {
+  const fs::path folder = fs::temp_directory_path() / ("tendril_exchanged_" + std::to_string(getpid()));
+  fs::create_directories(folder);
+  options.parameters.commissioning_required = true;
+  options.parameters.robot_file = folder / "robot.yaml";
+  const auto record = [](std::uint32_t second) {
+    return std::vector<CommissionedTendon>{{.node_id = 1, .tendon = 1, .serial = kFirstSerial},
+                                           {.node_id = 2, .tendon = 2, .serial = second},
+                                           {.node_id = 3, .tendon = 3, .serial = kFirstSerial + 2}};
+  };
+  Commissioned(record(55));
+  Start(options);
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  for (const ModeRequest request : {ModeRequest::kArm, ModeRequest::kHome}) {
+    Send(request);
+    EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
+      return s.command_sequence == sequence && s.command_status == static_cast<int>(Status::kDriveExchanged);
+    }));
+    EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_CONFIGURED});
+  }
+  EXPECT_TRUE(Warns("node 2 (tendon 2) has serial 7002, commissioned was 55", "tendril commission"));
+  // Its commissioning is found without a restart.
+  Commissioned(record(kFirstSerial + 1));
+  Arm();
+  Stop();
+  fs::remove_all(folder);
+}
+
+TEST_F(DaemonTest, ArmsAnExchangedDriveWithAWarningWhereThatIsConfigured) {
+  const fs::path folder = fs::temp_directory_path() / ("tendril_exchanged_" + std::to_string(getpid()));
+  fs::create_directories(folder);
+  options.parameters.commissioning_required = true;
+  options.parameters.exchanged_drives_refused = false;
+  options.parameters.robot_file = folder / "robot.yaml";
+  Commissioned({{.node_id = 3, .tendon = 3, .serial = 56}});
+  Start(options);
+  Arm();
+  EXPECT_TRUE(Warns("node 3 (tendon 3) has serial 7003, commissioned was 56"));
+  Stop();
+  fs::remove_all(folder);
+}
+
+// ---- another daemon on the same channels ----
+
+// The first message that another daemon sends is heard before anything is started.
+TEST_F(DaemonTest, RefusesToStartBesideAnother) {
+  daemon.emplace(options, drives.port());
+  EXPECT_NO_THROW(daemon->RefuseOthers(200 * kNsPerMs));
+  SendAsAnother();
+  try {
+    daemon->RefuseOthers(10 * kNsPerS);
+    ADD_FAILURE() << "not refused";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), AllOf(HasSubstr("another daemon (host elsewhere, process 77"),
+                                HasSubstr("TENDRIL_*"), HasSubstr("lcm.channel_prefix")));
+  }
+}
+
+TEST_F(DaemonTest, DisarmsWhenAnotherAppearsAndArmsNothingUntilItIsGone) {
+  Start(options);
+  Arm();
+  SendAsAnother();
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED)) << "a safe stop";
+  EXPECT_TRUE(Warns("another daemon (host elsewhere, process 77", "disarmed"));
+  for (const ModeRequest request : {ModeRequest::kArm, ModeRequest::kHome, ModeRequest::kCommission}) {
+    SendAsAnother();
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    Send(request);
+    EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
+      return s.command_sequence == sequence && s.command_status == static_cast<int>(Status::kNotAlone);
+    })) << State().command_status;
+    EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_CONFIGURED});
+  }
+  EXPECT_TRUE(Within20s([&](const auto&) {
+    const std::lock_guard lock(mutex);
+    return std::any_of(texts.begin(), texts.end(),
+                       [](const std::string& t) { return t.find("fell silent") != t.npos; });
+  }));
+  Arm();
+}
+
+// ---- what is logged, and as what ----
+
+TEST_F(DaemonTest, RefusedCommandsLeaveAWarningEachCauseWithItsCount) {
+  Start(options);
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  Command tip;
+  tip.kind = CommandKind::kTip;
+  tip.tip_W_m = {0, 0, 0.05};
+  Send(tip);
+  EXPECT_TRUE(Warns("tip 0 0 0.05 m (sequence 1) in mode configured: command refused in this mode"));
+  Arm();
+  Command bend;
+  bend.kind = CommandKind::kBending;
+  bend.bending_rad = Eigen::Vector2d(9, 0);
+  Send(bend);
+  EXPECT_TRUE(Warns("bend 9 0 rad", "out of range"));
+  bend.bending_rad[0] = std::nan("");
+  Send(bend);
+  EXPECT_TRUE(Warns("bend nan 0 rad", "not finite"));
+  bend.bending_rad[0] = 0;
+  bend.sequence = 1;
+  bend.valid_for_ns = kNsPerS;
+  client->Send(bend, 0);
+  EXPECT_TRUE(Warns("sequence number not newer"));
+  bend.sequence = ++sequence;
+  bend.valid_for_ns = 0;
+  client->Send(bend, 0);
+  EXPECT_TRUE(Warns("older than its validity"));
+}
+
+// A sender gone mad: a line a second, and every one of its commands is counted.
+TEST_F(DaemonTest, AFloodOfRefusedCommandsIsALineASecond) {
+  Start(options);
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  constexpr int kSent = 200;
+  const auto begin = std::chrono::steady_clock::now();
+  for (int i = 0; i < kSent; ++i) {
+    Send(ModeRequest::kHold);  // no other command overtakes it
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  EXPECT_TRUE(Warns("refused for this, 200 since start"));
+  const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  int told = 0;
+  for (const std::string& line : lines.Warnings()) told += line.find("hold (sequence") != line.npos;
+  EXPECT_LE(told, took_s + 2);
+}
+
+TEST_F(DaemonTest, MessagesThatNobodyUnderstandsLeaveAWarningAndAreCounted) {
+  Start(options);
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  static_cast<lcm::LCM*>(daemon->gateway().lcm())->publish("TENDRIL_COMMAND_TIP", "rubbish", 7);
+  EXPECT_TRUE(Warns("gateway: TENDRIL_COMMAND_TIP: message ignored", "1 ignored since start"));
+  EXPECT_TRUE(Within20s([&](const auto&) {
+    const std::lock_guard lock(mutex);
+    return !statistics.empty() && statistics.back().messages_ignored == 1;
+  }));
+}
+
+TEST_F(DaemonTest, FaultsAreErrorsLossesAreWarningsAndTheRestIsInformation) {
+  options.parameters.black_box = {.seconds = 1, .folder = "/proc/tendril_none"};
+  std::atomic<bool> silent{false};
+  drives.bus().SetFilter([&](can::CanFrame& f) { return !(silent.load() && f.id == 0x182); });
+  Start(options);
+  Arm();
+  silent = true;
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_FAULT));
+  EXPECT_TRUE(Warns("black box: the cycles before fault 406", "/proc/tendril_none"));
+  EXPECT_THAT(lines.Warnings(), Contains(AllOf(HasSubstr("faults will leave no black box"),
+                                               HasSubstr("/proc/tendril_none"), HasSubstr("--black-box"))));
+  EXPECT_THAT(lines.At(spdlog::level::err), Contains(HasSubstr("controller: running -> fault: 406")));
+  EXPECT_THAT(lines.At(spdlog::level::info), Contains(HasSubstr("controller: armed -> pretension")));
+  EXPECT_THAT(lines.Warnings(), Contains(HasSubstr("commissioning: not_required")));
+  // The same for whoever looks at the daemon later.
+  EXPECT_TRUE(Within20s([&](const auto&) {
+    const std::lock_guard lock(mutex);
+    return !statistics.empty() && statistics.back().last_fault_status == 406;
+  }));
+  const std::lock_guard lock(mutex);
+  const tendril_lcm::statistics_t& s = statistics.back();
+  EXPECT_THAT(s.last_fault_text, HasSubstr("(tendon 2, node 2)"));
+  EXPECT_GT(s.last_fault_utime, s.utime - 20'000'000);
+  EXPECT_LE(s.last_fault_utime, s.utime);
+  EXPECT_THAT(s.drive_node_id, testing::ElementsAre(1, 2, 3));
+  EXPECT_THAT(s.drive_serial, testing::ElementsAre(kFirstSerial, kFirstSerial + 1, kFirstSerial + 2));
+  EXPECT_THAT(s.drive_error_code, testing::ElementsAre(0, 0, 0));
+  EXPECT_EQ(s.publish_failed, 0);
 }
 
 // The drives' answers stop; what was before lies in the folder, whole and ending with the fault.

@@ -26,6 +26,9 @@ inline DaemonParameters RigDaemon() {
   return p;
 }
 
+/// Serial number of the first tendon's drive; the others follow.
+inline constexpr std::uint32_t kFirstSerial = 7001;
+
 class EmulatedDrives {
  public:
   EmulatedDrives(const RobotParameters& robot, const DaemonParameters& daemon, const Clock& clock)
@@ -38,21 +41,26 @@ class EmulatedDrives {
   emulator::DriveRack& rack() { return rack_; }
   /// The master's end; the drives answer whenever it is looked at.
   can::CanPort& port() { return port_; }
+  /// The master's interface is down or gone: nothing goes either way.
+  void TakeDown(bool down) { down_ = down; }
 
  private:
   class Port final : public can::CanPort {
    public:
     Port(can::CanPort& port, EmulatedDrives& drives) : port_(port), drives_(drives) {}
-    bool Send(const can::CanFrame& frame) noexcept override { return port_.Send(frame); }
+    bool Send(const can::CanFrame& frame) noexcept override { return !drives_.down_ && port_.Send(frame); }
     int Receive(std::span<can::StampedFrame> frames) noexcept override {
       drives_.rack_.Poll(drives_.clock_.Now());
-      return port_.Receive(frames);
+      const int received = port_.Receive(frames);
+      return drives_.down_ ? 0 : received;
     }
     bool WaitUntil(TimeNs deadline_ns) noexcept override {
       drives_.rack_.Poll(drives_.clock_.Now());
       return port_.WaitUntil(deadline_ns);
     }
-    bool up() const noexcept override { return port_.up(); }
+    bool up() const noexcept override { return !drives_.down_ && port_.up(); }
+    bool bus_off() const noexcept override { return !drives_.down_ && port_.bus_off(); }
+    void Restart() noexcept override { port_.Restart(); }
     const can::CanCounters& counters() const noexcept override { return port_.counters(); }
 
    private:
@@ -66,6 +74,7 @@ class EmulatedDrives {
     for (const canopen::DriveSetup& setup : DriveSetups(robot, daemon.bus)) {
       emulator::EmulatedDriveParameters d;
       d.node_id = setup.node_id;
+      d.serial = kFirstSerial + static_cast<std::uint32_t>(drives.size());
       d.nominal_current_mA = setup.nominal_current_mA;
       d.torque_constant_uNmpA = setup.torque_constant_uNmpA;
       drives.push_back(d);
@@ -76,6 +85,7 @@ class EmulatedDrives {
   const Clock& clock_;
   can::MemoryBus bus_;
   emulator::DriveRack rack_;
+  bool down_ = false;
   Port port_;
 };
 

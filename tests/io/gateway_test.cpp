@@ -125,6 +125,11 @@ TEST(GatewayOnThisMachine, ACommandAgesWhileItWaitsToBeHandled) {
 
 TEST_F(GatewayTest, ImpossibleSizesAndRubbishAreCountedAndReportedOnceASecond) {
   auto* lcm = static_cast<lcm::LCM*>(gateway.lcm());
+  std::vector<std::string> complaints;
+  gateway.OnComplaint([&](Status status, const std::string& text) {
+    EXPECT_EQ(status, Status::kMessageIgnored);
+    complaints.push_back(text);
+  });
   tendril_lcm::command_tension_t many{};
   many.num_tendons = 17;
   many.tension_base_N.assign(17, 1.0);
@@ -141,6 +146,27 @@ TEST_F(GatewayTest, ImpossibleSizesAndRubbishAreCountedAndReportedOnceASecond) {
   Settle();
   ASSERT_EQ(events.size(), 2U);
   EXPECT_THAT(events[1].text, HasSubstr("12 ignored since start"));
+  EXPECT_EQ(events[1].status, static_cast<int>(Status::kMessageIgnored));
+  ASSERT_EQ(complaints.size(), 2U) << "for the log";
+  EXPECT_EQ(complaints[1], events[1].text);
+}
+
+// Two daemons on the same channels find each other by these.
+TEST_F(GatewayTest, RunRecordsSayWhichDaemonTheyAreFromAndStayYaml) {
+  std::vector<RunInfo> heard;
+  gateway.OnRun([&](const RunInfo& r) { heard.push_back(r); });
+  gateway.PublishRun({"robot: 1\n", "bus: 2\n", "0.1.0", "abc", 42, "host a, process 3"});
+  gateway.PublishRun({"robot: 1\n", "bus: 2\n", "0.1.0", "abc", 43});
+  tendril_lcm::run_t message{};
+  ToMessage({"robot: 1\n", "bus: 2\n", "0.1.0", "abc", 42, "host a, process 3"}, kShape, 0, message);
+  EXPECT_EQ(message.daemon_yaml, "# daemon: host a, process 3\nbus: 2\n");
+  Settle();
+  ASSERT_EQ(heard.size(), 2U);
+  EXPECT_EQ(heard[0].daemon, "host a, process 3");
+  EXPECT_EQ(heard[0].daemon_yaml, "bus: 2\n");
+  EXPECT_EQ(heard[0].start_utime, 42);
+  EXPECT_EQ(heard[1].daemon, "");
+  EXPECT_EQ(heard[1].daemon_yaml, "bus: 2\n");
 }
 
 TEST_F(GatewayTest, TheStateTellsTheFateOfTheLastCommand) {

@@ -35,7 +35,8 @@ struct LogTest : testing::Test {
     Gateway gateway({"memq://", "TENDRIL", 1, 1}, kShape, clock);
     Client client(gateway.lcm(), "TENDRIL");
     LogWriter writer(gateway, path, clock);
-    gateway.PublishRun({"robot: 1\n", "daemon: 2\n", "0.1.0", "abc", 42});
+    gateway.PublishRun({"robot: 1\n", "daemon: 2\n", "0.1.0", "abc", 42, "host a, process 3"});
+    gateway.PublishStatistics({});
     RandomRecords random(kShape, 7);
     for (int i = 0; i < kCycles; ++i) {
       if (i % 10 == 0) {
@@ -50,7 +51,7 @@ struct LogTest : testing::Test {
       gateway.Handle(0);
       clock.Advance(kNsPerMs);
     }
-    EXPECT_EQ(writer.events(), 1U + 2 * kCycles + kCycles / 10);
+    EXPECT_EQ(writer.events(), 2U + 2 * kCycles + kCycles / 10);
     EXPECT_EQ(writer.error(), "");
   }
 
@@ -72,6 +73,7 @@ TEST_F(LogTest, CyclesAndRunComeBack) {
   EXPECT_EQ(log.run.version, "0.1.0");
   EXPECT_EQ(log.run.git_revision, "abc");
   EXPECT_EQ(log.run.start_utime, 42);
+  EXPECT_EQ(log.run.daemon, "host a, process 3");
   ASSERT_EQ(log.cycles.size(), static_cast<std::size_t>(kCycles));
   ExpectSamePrefix(log.cycles, records);
 }

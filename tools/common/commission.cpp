@@ -549,7 +549,7 @@ std::string PatchNodes(const std::string& text, const std::string& path,
 }
 
 daemon::CommissioningRecord RecordOf(const CommissionResult& result, const RobotParameters& robot,
-                                     const DaemonParameters& daemon) {
+                                     const DaemonParameters& daemon, const DriveSerials& serials) {
   daemon::CommissioningRecord record;
   record.wiring = daemon::WiringHash(robot, daemon.bus);
   record.at = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
@@ -562,8 +562,14 @@ daemon::CommissioningRecord RecordOf(const CommissionResult& result, const Robot
   record.software = fmt::format("{} ({})", Version(), GitRevision());
   record.pull_N = result.pull_N;
   for (const DriveFinding& f : result.drives) {
-    record.tendons.push_back(
-        {f.node.node_id, f.tendon, f.cell_zero_N, f.cell_gain, f.slack_m, f.seen_angle_rad});
+    const auto serial = serials.find(f.node.node_id);
+    record.tendons.push_back({.node_id = f.node.node_id,
+                              .tendon = f.tendon,
+                              .serial = serial == serials.end() ? 0 : serial->second,
+                              .cell_zero_N = f.cell_zero_N,
+                              .cell_gain = f.cell_gain,
+                              .slack_m = f.slack_m,
+                              .seen_angle_rad = f.seen_angle_rad});
   }
   return record;
 }

@@ -3,8 +3,10 @@
 // command line.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -79,7 +81,11 @@ std::vector<NodeParameters> FoundNodes(const CommissionResult& result);
 std::string PatchNodes(const std::string& text, const std::string& path,
                        const std::vector<NodeParameters>& nodes);
 
+/// Serial numbers of drives by node id.
+using DriveSerials = std::map<int, std::uint32_t>;
+
+/// What a result that passed leaves; drives without an entry in `serials` are recorded as not known.
 daemon::CommissioningRecord RecordOf(const CommissionResult& result, const RobotParameters& robot,
-                                     const DaemonParameters& daemon);
+                                     const DaemonParameters& daemon, const DriveSerials& serials);
 
 }  // namespace tendril::tools

@@ -28,6 +28,7 @@
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
 #include "tendril/io/wire.h"
+#include "tendril_lcm/statistics_t.hpp"
 
 namespace tendril::tools {
 namespace {
@@ -57,6 +58,10 @@ class LiveLink final : public CommissionLink {
       : where_(url + " with prefix " + prefix), lcm_(io::OpenLcm(url)), client_(lcm_.get(), prefix) {
     lcm_->subscribe(io::ChannelName(prefix, "CYCLE"), &LiveLink::TakeCycle, this)->setQueueCapacity(2000);
     lcm_->subscribe(io::ChannelName(prefix, "RUN"), &LiveLink::TakeRun, this);
+    client_.OnStatistics([this](const tendril_lcm::statistics_t& s) {
+      for (std::size_t i = 0; i < s.drive_node_id.size(); ++i)
+        serials_[s.drive_node_id[i]] = static_cast<std::uint32_t>(s.drive_serial[i]);
+    });
     const TimeNs end_ns = clock_.Now() + 3 * kNsPerS;
     while (clock_.Now() < end_ns && (cycles_ < 2 || run_.robot_yaml.empty())) io::HandleWaiting(*lcm_, 20);
     if (run_.robot_yaml.empty()) {
@@ -75,6 +80,8 @@ class LiveLink final : public CommissionLink {
   RobotParameters Robot() const { return config::ParseRobot(run_.robot_yaml, "the daemon's robot"); }
   DaemonParameters Daemon() const { return config::ParseDaemon(run_.daemon_yaml, "the daemon's file"); }
   Mode mode() const { return record_.output.mode; }
+  /// Of the drives by node, as told once a second.
+  const DriveSerials& serials() const { return serials_; }
 
   void Enter(int tendons) {
     if (mode() == Mode::kDisconnected) Await(Mode::kConfigured, 10);
@@ -187,6 +194,7 @@ class LiveLink final : public CommissionLink {
   tendril_lcm::cycle_t message_{};
   tendril_lcm::run_t run_{};
   CycleRecord record_;
+  DriveSerials serials_;
   TendonVector pull_N_;
   TimeNs heard_ns_ = 0, sent_ns_ = 0;
   std::uint64_t cycles_ = 0;
@@ -302,6 +310,7 @@ void RunCommission(const CommissionOptions& options) {
                                  options.seen_deg.size()));
   }
   CommissionResult result;
+  DriveSerials serials;
   {
     LiveLink link(options.lcm.empty() ? daemon.lcm.url : options.lcm,
                   options.prefix.empty() ? daemon.lcm.channel_prefix : options.prefix);
@@ -326,6 +335,7 @@ void RunCommission(const CommissionOptions& options) {
     };
     result = Commission(link, robot, daemon, ask,
                         [](const std::string& line) { fmt::print(stderr, "{}\n", line); });
+    serials = link.serials();
   }
   fmt::print("\n{}", CommissionTable(result));
   if (!result.passed()) {
@@ -336,7 +346,7 @@ void RunCommission(const CommissionOptions& options) {
                                    "the files where that does), and commission again");
   }
   const std::string path = daemon::RecordPath(daemon);
-  daemon::WriteRecord(path, RecordOf(result, robot, daemon));
+  daemon::WriteRecord(path, RecordOf(result, robot, daemon, serials));
   fmt::print("\ncommissioned: {}; `tendril home` takes up slack, `tendril send arm` arms\n", path);
 }
 

@@ -1,7 +1,10 @@
 // tendril status: what a daemon is doing, once or continuously, as a table or JSON.
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <csignal>
 #include <memory>
@@ -11,9 +14,13 @@
 
 #include "commands.h"
 #include "lcm_options.h"
+#include "tendril/canopen/emcy.h"
+#include "tendril/config/config.h"
 #include "tendril/core/clock.h"
 #include "tendril/io/client.h"
+#include "tendril/io/wire.h"
 #include "tendril_lcm/event_t.hpp"
+#include "tendril_lcm/run_t.hpp"
 #include "tendril_lcm/state_t.hpp"
 #include "tendril_lcm/statistics_t.hpp"
 
@@ -30,6 +37,42 @@ struct StatusOptions {
 };
 
 volatile std::sig_atomic_t interrupted = 0;
+
+/// Who answers: from the run record, which comes once a second.
+struct Subject {
+  std::string daemon, robot, bus;  // host and process; names
+};
+
+Subject SubjectOf(const tendril_lcm::run_t& message) {
+  io::RunInfo run;
+  io::FromMessage(message, run);
+  Subject subject;
+  subject.daemon = run.daemon;
+  try {
+    subject.robot = config::ParseRobot(run.robot_yaml, "the daemon's robot").name;
+    subject.bus = config::ParseDaemon(run.daemon_yaml, "the daemon's file").bus.interface;
+  } catch (const config::ConfigError&) {
+    // Another version's files: the daemon's own line has the names.
+  }
+  return subject;
+}
+
+std::string StateText(int state) {
+  constexpr std::array kTexts = {"offline",    "booting", "ready",      "enabled",
+                                 "quick stop", "fault",   "unreachable"};
+  return state >= 0 && state < static_cast<int>(kTexts.size()) ? kTexts[static_cast<std::size_t>(state)]
+                                                               : "?";
+}
+
+std::string ErrorText(int code) {
+  if (code == 0) return "none";
+  return fmt::format("0x{:04X} {}", code, canopen::FindEmcy(static_cast<std::uint16_t>(code)).text);
+}
+
+std::string TimeText(std::int64_t utime) {
+  return fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z", fmt::gmtime(static_cast<std::time_t>(utime / 1'000'000)),
+                     utime / 1000 % 1000);
+}
 
 nlohmann::json ToJson(const tendril_lcm::state_t& s) {
   return {{"utime", s.utime},
@@ -120,7 +163,23 @@ nlohmann::json ToJson(const tendril_lcm::statistics_t& s) {
     misses.push_back(
         {{"cycle", s.miss_cycle[i]}, {"skipped", s.miss_skipped[i]}, {"cause", s.miss_cause[i]}});
   }
+  nlohmann::json drives = nlohmann::json::array();
+  for (std::size_t i = 0; i < s.drive_node_id.size(); ++i) {
+    drives.push_back({{"node_id", s.drive_node_id[i]},
+                      {"serial", s.drive_serial[i]},
+                      {"state", StateText(s.drive_state[i])},
+                      {"statusword", s.drive_statusword[i]},
+                      {"error_code", s.drive_error_code[i]}});
+  }
+  nlohmann::json fault;
+  if (s.last_fault_utime != 0) {
+    fault = {{"utime", s.last_fault_utime}, {"status", s.last_fault_status}, {"text", s.last_fault_text}};
+  }
   return {{"utime", s.utime},
+          {"drives", drives},
+          {"last_fault", fault},
+          {"messages_ignored", s.messages_ignored},
+          {"publish_failed", s.publish_failed},
           {"cycles", s.cycles},
           {"deadline_misses", s.deadline_misses},
           {"wake_latency", latency(s.wake_latency_counts, s.wake_latency_ns)},
@@ -156,8 +215,17 @@ std::string Bars(const std::vector<std::int64_t>& counts) {
 
 std::string Table(const tendril_lcm::statistics_t& s) {
   std::string t =
-      fmt::format("\n{:<12}{:>11}{:>11}{:>11}{:>11}   {}\n", "time [us]", "median", "99 %", "99.9 %", "most",
-                  "cycles in bins below 1, 2, 4 us ... 1 s (digit d: 10^d or more)");
+      fmt::format("\n{:<12}{:>11}{:>13}{:>13}   {}\n", "drive", "node", "serial", "state", "error");
+  for (std::size_t i = 0; i < s.drive_node_id.size(); ++i) {
+    t += fmt::format("  {:<10}{:>11}{:>13}{:>13}   {}\n", i + 1, s.drive_node_id[i], s.drive_serial[i],
+                     StateText(s.drive_state[i]), ErrorText(s.drive_error_code[i]));
+  }
+  t += "last fault: ";
+  t += s.last_fault_utime == 0
+           ? "none since start\n"
+           : fmt::format("{}, {} {}\n", TimeText(s.last_fault_utime), s.last_fault_status, s.last_fault_text);
+  t += fmt::format("\n{:<12}{:>11}{:>11}{:>11}{:>11}   {}\n", "time [us]", "median", "99 %", "99.9 %", "most",
+                   "cycles in bins below 1, 2, 4 us ... 1 s (digit d: 10^d or more)");
   const auto row = [&t](const char* name, const std::int64_t(&at)[4],
                         const std::vector<std::int64_t>& counts) {
     t += fmt::format("{:<12}", name);
@@ -181,21 +249,30 @@ std::string Table(const tendril_lcm::statistics_t& s) {
   for (std::size_t i = 0; i < s.drive_age_cycles.size(); ++i) {
     t += fmt::format(" {} ({})", s.drive_age_cycles[i], s.drive_worst_age_cycles[i]);
   }
+  t += fmt::format("\nLCM: {} messages ignored, {} not sent", s.messages_ignored, s.publish_failed);
   t += fmt::format("\nthread: {} voluntary, {} involuntary switches, {} + {} page faults\n",
                    s.voluntary_switches, s.involuntary_switches, s.minor_faults, s.major_faults);
   return t;
 }
 
-void Show(const StatusOptions& o, const tendril_lcm::state_t& state,
+std::string Table(const Subject& s) {
+  return fmt::format("robot {} on {} ({})\n", s.robot.empty() ? "?" : s.robot, s.bus.empty() ? "?" : s.bus,
+                     s.daemon);
+}
+
+void Show(const StatusOptions& o, const std::optional<Subject>& subject, const tendril_lcm::state_t& state,
           const std::optional<tendril_lcm::statistics_t>& statistics, const std::string& footer) {
   if (o.json) {
     nlohmann::json all = ToJson(state);
+    if (subject) all["robot"] = subject->robot;
+    if (subject) all["bus"] = subject->bus;
+    if (subject) all["daemon"] = subject->daemon;
     if (statistics) all["statistics"] = ToJson(*statistics);
     fmt::print("{}\n", all.dump());
   } else {
     const bool redraw = o.watch && isatty(STDOUT_FILENO) != 0;
-    fmt::print("{}{}{}{}", redraw ? kClearScreen : "", Table(state), statistics ? Table(*statistics) : "",
-               footer);
+    fmt::print("{}{}{}{}{}", redraw ? kClearScreen : "", subject ? Table(*subject) : "", Table(state),
+               statistics ? Table(*statistics) : "", footer);
   }
   std::fflush(stdout);
 }
@@ -214,6 +291,12 @@ void Status(const StatusOptions& o) {
   });
   std::optional<tendril_lcm::statistics_t> statistics;
   client.OnStatistics([&](const tendril_lcm::statistics_t& s) { statistics = s; });
+  std::optional<Subject> subject;
+  std::int64_t started_utime = -1;
+  client.OnRun([&](const tendril_lcm::run_t& r) {
+    if (r.start_utime != started_utime) subject = SubjectOf(r);
+    started_utime = r.start_utime;
+  });
   client.OnEvent([&](const tendril_lcm::event_t& e) { last_event = e.source + ": " + e.text; });
 
   const auto wait = [&](TimeNs until_ns, bool first_only) {
@@ -227,7 +310,7 @@ void Status(const StatusOptions& o) {
                     o.lcm.url, o.lcm.prefix, kFirstWithin_s));
   }
   if (!o.watch) {
-    Show(o, state, statistics, "");
+    Show(o, subject, state, statistics, "");
     return;
   }
   std::signal(SIGINT, [](int) { interrupted = 1; });
@@ -236,7 +319,7 @@ void Status(const StatusOptions& o) {
     std::string footer = "\n";
     if (!last_event.empty()) footer += "last event: " + last_event + "\n";
     if (silent_s > 1) footer += fmt::format("no state for {:.0f} s: has the daemon stopped?\n", silent_s);
-    Show(o, state, statistics, footer);
+    Show(o, subject, state, statistics, footer);
     wait(clock.Now() + kRedrawEvery_ns, false);
   }
 }
@@ -247,7 +330,10 @@ void AddStatusCommand(CLI::App& app) {
   auto o = std::make_shared<StatusOptions>();
   CLI::App* status = app.add_subcommand("status", "Show what a running daemon is doing");
   AddLcmOptions(*status, o->lcm);
-  status->add_flag("--watch", o->watch, "keep showing, five times a second, until interrupted");
+  status->add_flag(
+      "--watch", o->watch,
+      "keep showing, five times a second, until interrupted; with robot, bus, drives (state, error, "
+      "serial), last fault and timing, which the daemon tells once a second");
   status->add_flag("--json", o->json, "one JSON object a line instead of a table");
   status->callback([o] { Status(*o); });
 }

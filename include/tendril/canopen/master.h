@@ -95,6 +95,10 @@ class Master {
   bool Shutdown(TimeNs now_ns) noexcept;
 
   bool bus_ok() const noexcept;
+  /// Why the bus is not ok: its interface is down or gone, rather than bus-off.
+  bool interface_down() const noexcept;
+  /// The drive's serial number (0x1018:04); 0 until it was read once.
+  std::uint32_t serial(int drive) const noexcept;
   /// Oldest event not yet taken; false when there is none. Events beyond the ring's capacity are counted, not
   /// kept.
   bool TakeEvent(BusEvent* event) noexcept;

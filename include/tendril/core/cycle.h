@@ -25,7 +25,9 @@ enum class ModeRequest : std::uint8_t {
   kCommission,      // pull single motors gently, to find out how the robot is wired
   kHome,            // wind slack tendons in, to pretension
   kNotCommissioned,  // arm or home, of a robot that was never commissioned: what the daemon makes of it; refused
-  kStop              // disarm with tensions down within a second: what the daemon makes of being ended
+  kStop,             // disarm with tensions down within a second: what the daemon makes of being ended
+  kNotAlone,         // what the daemon makes of arm, home and commission where another daemon hears them; refused
+  kDriveExchanged    // ... of arm and home where a drive is not the one that was commissioned; refused
 };
 
 /// A command as it left the gateway. Unused values are empty or zero.
@@ -45,7 +47,15 @@ struct Command {
 
 // ---- the drives, as the bus shows them -----------------------------------------------------------------------------
 
-enum class DriveState : std::uint8_t { kOffline, kBooting, kReady, kEnabled, kQuickStop, kFault };
+enum class DriveState : std::uint8_t {
+  kOffline,
+  kBooting,
+  kReady,
+  kEnabled,
+  kQuickStop,
+  kFault,
+  kUnreachable,  // its interface is down or gone; every drive of the bus is
+};
 enum class DriveRequest : std::uint8_t { kDisable, kEnable };
 
 /// Raw bus values of one drive. Signs: positive torque and position pull the tendon.
@@ -69,7 +79,7 @@ struct TrackerSample {
 struct CycleInput {
   std::uint64_t cycle = 0;
   TimeNs time_ns = 0;                   // start of the cycle on the deadline grid
-  bool bus_ok = true;                   // false: bus-off or interface down
+  bool bus_ok = true;                   // false: bus-off, or the interface is down (drives are kUnreachable)
   bool late = false;                    // the previous cycle missed its deadline
   int drives = 0;                       // number of valid entries below, in tendon order
   std::array<DriveFeedback, kMaxTendons> drive{};

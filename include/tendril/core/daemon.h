@@ -113,6 +113,7 @@ struct BlackBoxParameters {             // the last cycles, written out on every
 struct DaemonParameters {
   std::string robot_file;               // absolute, or relative to the daemon's file
   bool commissioning_required = true;   // false, for a simulation: arms a robot that was never commissioned
+  bool exchanged_drives_refused = true; // false: a drive with another serial number than recorded is only told
   ControllerParameters controller;
   BusParameters bus;
   RealtimeParameters realtime;

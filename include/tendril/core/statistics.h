@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tendril/core/clock.h"
+#include "tendril/core/cycle.h"
 
 namespace tendril {
 
@@ -31,8 +32,19 @@ struct MissedCycles {
 };
 
 struct DriveStatistics {
+  int node_id = 0;
+  DriveState state = DriveState::kOffline;
+  std::uint16_t statusword = 0, error_code = 0;  // as in DriveFeedback
+  std::uint32_t serial = 0;                      // 0x1018:04; 0: not read yet
   int age_cycles = 0;        // of its feedback; 0: arrived in the last cycle
   int worst_age_cycles = 0;  // since the last report
+};
+
+/// The last change to mode fault.
+struct LastFault {
+  std::int64_t utime = 0;  // [us since the epoch]; 0: none since start
+  Status status = Status::kOk;
+  std::string text;  // with tendon and node where one is to blame
 };
 
 /// All counts since start unless said otherwise.
@@ -44,6 +56,8 @@ struct LoopStatistics {
   std::vector<DriveStatistics> drives;
   std::uint64_t can_sent = 0, can_received = 0, can_send_refused = 0, can_receive_dropped = 0,
                 can_error_frames = 0, can_bus_off = 0, can_malformed = 0, can_foreign = 0;
+  LastFault last_fault;
+  std::uint64_t messages_ignored = 0, publish_failed = 0;  // LCM: not understood; not sent
   double bus_load = 0;  // of the bit rate, since the last report, worst-case stuffing
   // Of the real-time thread, within its cycles. What a cycle waits for on the bus is not counted.
   std::uint64_t voluntary_switches = 0;              // it waited for somebody: should be 0

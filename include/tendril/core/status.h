@@ -28,6 +28,8 @@ namespace tendril {
   X(CommandWrongSize, 206, "command refused: number of values does not fit the robot", "one pair per section, one tension per tendon") \
   X(NotCommissioned, 207, "command refused: this robot was never commissioned as its files are now", "run tendril commission --config FILE, or, for a simulation, say commissioning: not_required in the daemon's file") \
   X(ClearTooEarly, 208, "clear refused: tensions of the fault are still on their way down", "send it again in a moment") \
+  X(NotAlone, 209, "command refused: another daemon answers on the same LCM channels and would obey it as well", "stop one of the two, or give each an lcm.channel_prefix (or lcm.url) of its own") \
+  X(DriveExchanged, 210, "command refused: a drive is another one than at commissioning", "run tendril commission --config FILE again, or put the drive back; exchanged_drives: warn lets it arm") \
   X(CommandExpired, 301, "command stream expired: holding the last target", "keep sending within valid_for_s")      \
   X(FeedbackMissing, 302, "a drive's TPDO is missing this cycle", "check the bus")                                  \
   X(Slack, 303, "a tendon is slack", "check pretension and the tendon's path")                                      \
@@ -47,6 +49,8 @@ namespace tendril {
   X(DriveAbsent, 317, "a drive does not answer or was not started: nothing can be armed", "see the log; check power and bus, then clear: it starts all drives again") \
   X(Unattended, 318, "what takes commands, writes logs and publishes stood still for a second: disarmed", "see what blocks the daemon's terminal, pipe or disk, or takes its CPU; then arm") \
   X(Degraded, 319, "something beside the control loop is not as it should be; control goes on", "see the event") \
+  X(AnotherDaemon, 320, "another daemon answers on the same LCM channels: disarmed", "stop one of the two, or give each an lcm.channel_prefix (or lcm.url) of its own; then arm") \
+  X(MessageIgnored, 321, "a message could not be understood and was ignored", "compare the sender's lcm_types with the daemon's") \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \
@@ -71,7 +75,8 @@ namespace tendril {
   X(TendonBroken, 422, "fault: homing wound in controller.take_up.max_travel_m of a tendon and no tension came", "hook it in again, or raise the limit if it is that slack; then clear") \
   X(TendonJammed, 423, "fault: homing: a motor does not turn and its tendon has no tension", "find what holds gear or spool, check the encoder, or raise controller.take_up.pull_N; then clear") \
   X(CellDead, 424, "fault: homing: a motor winds in until it stands, and its load cell does not answer", "check its cable and amplifier, commission again; then clear") \
-  X(HomingTimedOut, 425, "fault: homing took longer than controller.take_up.timeout_s", "raise the limit, or find what keeps the tendons from becoming taut; then clear")
+  X(HomingTimedOut, 425, "fault: homing took longer than controller.take_up.timeout_s", "raise the limit, or find what keeps the tendons from becoming taut; then clear") \
+  X(InterfaceDown, 426, "fault: the CAN interface is down or gone", "plug its adapter in, bring it up (ip link set IFACE up), then clear")
 
 enum class Status : std::uint16_t {
 #define TENDRIL_STATUS_ENUM(name, number, text, remedy) k##name = number,

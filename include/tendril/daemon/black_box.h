@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,9 +33,14 @@ class BlackBox {
   /// Real-time thread, after each step of `controller`: no allocation, lock or system call.
   void Add(const CycleRecord& record, const control::Controller& controller) noexcept;
 
-  /// The other thread: writes a part of what a fault left, at most `cycles` of them. Empty while there is
-  /// nothing to tell; once a log is complete where it lies, or why there is none. Never throws for the disk.
-  std::string WriteSome(int cycles);
+  /// What became of a log: where it lies (kOk), or why there is none and what to do (kDegraded).
+  struct Outcome {
+    Status status = Status::kOk;
+    std::string text;
+  };
+  /// The other thread: writes a part of what a fault left, at most `cycles` of them. Nothing while there is
+  /// nothing to tell. Never throws for the disk.
+  std::optional<Outcome> WriteSome(int cycles);
   /// There is something for WriteSome to do.
   bool full() const noexcept { return phase_.load(std::memory_order_acquire) == Phase::kFull; }
 

@@ -2,6 +2,8 @@
 // written. Knows nothing of how it is found out.
 #pragma once
 
+#include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -20,6 +22,7 @@ std::string RecordPath(const DaemonParameters& daemon);
 /// What was found of one tendon; NaN: not measured.
 struct CommissionedTendon {
   int node_id = 0, tendon = 0;
+  std::uint32_t serial = 0;   // of the drive, 0x1018:04; 0: not known
   double cell_zero_N = 0;     // shown by a slack tendon
   double cell_gain = 0;       // of the file's
   double slack_m = 0;         // wound in until the tendon was taut
@@ -38,5 +41,10 @@ void WriteRecord(const std::string& path, const CommissioningRecord& record);
 
 /// Empty when there is a record of exactly this wiring, or none is required; else one line: what is missing.
 std::string CommissioningProblem(const RobotParameters& robot, const DaemonParameters& daemon);
+
+/// Empty when every drive has the serial number that the record has for its node, or no record is required;
+/// else one line: which has not. `serials` in tendon order, 0: not read yet. A record without serial numbers
+/// (of an earlier version) excludes nothing.
+std::string ExchangedDrives(const DaemonParameters& daemon, std::span<const std::uint32_t> serials);
 
 }  // namespace tendril::daemon

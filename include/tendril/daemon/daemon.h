@@ -7,6 +7,7 @@
 #include <string>
 
 #include "tendril/can/can_port.h"
+#include "tendril/core/clock.h"
 #include "tendril/core/daemon.h"
 #include "tendril/core/robot.h"
 #include "tendril/io/gateway.h"
@@ -25,6 +26,11 @@ class Daemon {
   /// daemon.
   Daemon(const DaemonOptions& options, can::CanPort& port);
   ~Daemon();
+
+  /// Listens for `listen_ns` before anything is sent; throws std::runtime_error when another daemon answers
+  /// on the same LCM channels. One that is heard later disarms this one, which arms nothing until it is
+  /// silent.
+  void RefuseOthers(TimeNs listen_ns);
 
   /// Runs until `stop` (asked about once a millisecond) returns true, then disarms, disables the drives and
   /// returns, within 2 s whatever the drives do. Tells systemd when it is ready, how it is, and, as long as

@@ -13,6 +13,7 @@ namespace tendril_lcm {
 class state_t;
 class event_t;
 class statistics_t;
+class run_t;
 }  // namespace tendril_lcm
 
 namespace tendril::io {
@@ -21,6 +22,7 @@ class Client {
  public:
   using StateSink = std::function<void(const tendril_lcm::state_t&)>;
   using EventSink = std::function<void(const tendril_lcm::event_t&)>;
+  using RunSink = std::function<void(const tendril_lcm::run_t&)>;
   using StatisticsSink = std::function<void(const tendril_lcm::statistics_t&)>;
 
   /// A connection of its own. Throws std::runtime_error with the remedy when it cannot be opened.
@@ -33,6 +35,7 @@ class Client {
   void OnState(StateSink sink);
   void OnEvent(EventSink sink);
   void OnStatistics(StatisticsSink sink);
+  void OnRun(RunSink sink);
 
   /// Publishes the command on its channel, kind kNone excepted. `utime` [us since the epoch] is when it was
   /// given, 0: the time of arrival counts. received_ns of the command is not sent. False when publishing

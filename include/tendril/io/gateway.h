@@ -22,12 +22,16 @@ struct RunInfo {
   std::string robot_yaml, daemon_yaml;  // resolved
   std::string version, git_revision;
   std::int64_t start_utime = 0;  // microseconds since the epoch
+  /// Which daemon this is: host, process, robot and bus in one line; empty: none, a run in one process.
+  std::string daemon = {};
 };
 
 class Gateway {
  public:
   using CommandSink = std::function<void(const Command&)>;
   using TrackerSink = std::function<void(const TrackerSample&)>;
+  using RunSink = std::function<void(const RunInfo&)>;
+  using ComplaintSink = std::function<void(Status, const std::string& text)>;
 
   /// Opens LCM. Throws std::runtime_error with the remedy when the URL does not work (for udpm: no multicast
   /// route).
@@ -37,6 +41,10 @@ class Gateway {
   /// Called in Handle; must not throw.
   void OnCommand(CommandSink sink);
   void OnTracker(TrackerSink sink);
+  /// Every run record on this gateway's channels, its own ones included where LCM brings them back.
+  void OnRun(RunSink sink);
+  /// What the gateway tells by an event of its own, at most once a second: messages that it ignored, and why.
+  void OnComplaint(ComplaintSink sink);
 
   /// Handles waiting messages for at most timeout_ms; returns how many.
   int Handle(int timeout_ms);

@@ -71,7 +71,9 @@ void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t 
 
 void ToMessage(const LoopStatistics& statistics, std::int64_t utime, tendril_lcm::statistics_t& message);
 
+/// RunInfo::daemon goes as a comment at the head of daemon_yaml, and comes back from there.
 void ToMessage(const RunInfo& run, const RobotShape& shape, std::int64_t utime, tendril_lcm::run_t& message);
+void FromMessage(const tendril_lcm::run_t& message, RunInfo& run);
 
 /// A command as it is meant, but for received_ns. Empty text, or why it cannot be represented (too many
 /// values, an unknown request). Values are not judged: that is the controller's gate.

@@ -1,0 +1,80 @@
+// Refused commands as lines for people; see the header.
+#include "tendril/daemon/refusals.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+namespace tendril::daemon {
+namespace {
+
+constexpr TimeNs kAgainAfter_ns = kNsPerS;
+
+template <class Vector>
+std::string Values(const char* what, const Vector& values, const char* unit) {
+  return fmt::format("{} {:.4g} {}", what, fmt::join(values.begin(), values.end(), " "), unit);
+}
+
+std::string_view RequestText(ModeRequest request) {
+  switch (request) {
+    case ModeRequest::kArm:
+      return "arm";
+    case ModeRequest::kDisarm:
+    case ModeRequest::kStop:
+      return "disarm";
+    case ModeRequest::kHold:
+      return "hold";
+    case ModeRequest::kClear:
+      return "clear";
+    case ModeRequest::kCommission:
+      return "commission";
+    case ModeRequest::kHome:
+      return "home";
+    case ModeRequest::kNotCommissioned:
+    case ModeRequest::kDriveExchanged:
+      return "arm or home";
+    case ModeRequest::kNotAlone:
+      return "arm, home or commission";
+  }
+  return "an unknown request";
+}
+
+}  // namespace
+
+std::string CommandText(const Command& c) {
+  switch (c.kind) {
+    case CommandKind::kNone:
+      return "nothing";
+    case CommandKind::kTip:
+      return Values("tip", c.tip_W_m, "m");
+    case CommandKind::kBending:
+      return Values("bend", c.bending_rad, "rad");
+    case CommandKind::kTension:
+      return Values("tension", c.tension_N, "N");
+    case CommandKind::kMode:
+      return std::string(RequestText(c.mode));
+  }
+  return "an unknown command";
+}
+
+void Refusals::Add(Status cause, const Command& command, Mode mode, const std::string& why) {
+  Cause& c = causes_[cause];
+  ++c.count;
+  c.command = command;
+  c.mode = mode;
+  c.why = why;
+}
+
+void Refusals::TellDue(TimeNs now_ns, const Tell& tell) {
+  for (auto& [cause, c] : causes_) {
+    if (c.count == c.told || now_ns < c.next_ns) continue;
+    const std::string_view remedy = c.why.empty() ? StatusRemedy(cause) : std::string_view();
+    tell(cause, fmt::format("{} (sequence {}) in mode {}: {}{}{}; {} refused for this, {} since start",
+                            CommandText(c.command), c.command.sequence, ModeText(c.mode),
+                            c.why.empty() ? StatusText(cause) : c.why, remedy.empty() ? "" : "; ", remedy,
+                            c.count - c.told, c.count));
+    c.told = c.count;
+    c.next_ns = now_ns + kAgainAfter_ns;
+  }
+}
+
+}  // namespace tendril::daemon
