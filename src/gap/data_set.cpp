@@ -27,7 +27,7 @@ constexpr std::size_t kMostList = std::size_t{4} << 20;
 /// One entry of runs.yaml as it is written.
 struct Listed {
   fs::path file;
-  std::string family = "unknown", repeat_of{};
+  std::string family = "unknown", repeat_of{}, before{};
   std::optional<LoadCellPlace> load_cell{};
 };
 
@@ -59,6 +59,7 @@ Listed ReadEntry(const YAML::Node& entry, const std::string& where, std::vector<
   listed.file = Text(entry, "file");
   if (const std::string family = Text(entry, "family"); !family.empty()) listed.family = family;
   if (const std::string name = Text(entry, "repeat_of"); !IsNoName(name)) listed.repeat_of = RunName(name);
+  if (const std::string name = Text(entry, "before"); !IsNoName(name)) listed.before = RunName(name);
   const std::string place = LowerCase(Text(entry, "load_cell"));
   if (place == "motor_side") listed.load_cell = LoadCellPlace::kMotorSide;
   if (place == "robot_side") listed.load_cell = LoadCellPlace::kRobotSide;
@@ -164,6 +165,7 @@ void AddRuns(DataSet& set, const std::vector<Listed>& list) {
       for (Run& run : ReadAny(listed.file, set.robot)) {
         if (listed.family != "unknown") run.family = listed.family;
         run.repeat_of = listed.repeat_of;
+        run.before = listed.before;
         SettleCell(run, listed.load_cell);
         set.runs.push_back(std::move(run));
       }
@@ -180,11 +182,31 @@ void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::stri
   for (std::size_t i = 0; i < from; ++i) taken.insert(runs[i].name);
   std::map<std::string, std::string> root;  // by what runs.yaml may call a run
   std::map<std::string, std::string> told;
+  const auto told_before = [&](const std::string& name) {
+    const auto run = std::find_if(runs.begin() + static_cast<std::ptrdiff_t>(from), runs.end(),
+                                  [&](const Run& r) { return r.name == name; });
+    return run->before;
+  };
   for (std::size_t i = from; i < runs.size(); ++i) {
     const std::string plain = runs[i].name;
     for (int n = 2; !taken.insert(runs[i].name).second; ++n) runs[i].name = fmt::format("{}#{}", plain, n);
     root.emplace(plain, runs[i].name);
     told.emplace(runs[i].name, runs[i].repeat_of);
+  }
+  for (std::size_t i = from; i < runs.size(); ++i) {
+    Run& run = runs[i];
+    if (run.before.empty()) continue;
+    const auto found = root.find(run.before);
+    if (found == root.end() || found->second == run.name || !told_before(found->second).empty()) {
+      notes.push_back(fmt::format(
+          "run {}: before: '{}' is {}; taken as a run that is compared with the model alone; accepted: "
+          "another run of runs.yaml, which has no 'before' of its own",
+          Printable(run.name), Printable(run.before),
+          found == root.end() ? "not there" : "no run from before"));
+      run.before.clear();
+    } else {
+      run.before = found->second;
+    }
   }
   std::map<std::string, std::string> stands_in;  // for an original that is missing
   for (std::size_t i = from; i < runs.size(); ++i) {
@@ -350,6 +372,65 @@ DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot
   return set;
 }
 
+bool IsBefore(const DataSet& set, const Run& run) {
+  return std::any_of(set.runs.begin(), set.runs.end(), [&](const Run& r) { return r.before == run.name; });
+}
+
+void CompareWithBefore(DataSet& set, DataSet before) {
+  const auto named = [](const DataSet& data, const std::string& name) -> const Run* {
+    const auto run =
+        std::find_if(data.runs.begin(), data.runs.end(), [&](const Run& r) { return r.name == name; });
+    return run == data.runs.end() ? nullptr : &*run;
+  };
+  const auto only_of_kind = [](const DataSet& data, const std::string& family) -> const Run* {
+    const Run* only = nullptr;
+    for (const Run& run : data.runs) {
+      if (run.family != family || !run.repeat_of.empty()) continue;
+      if (only != nullptr) return nullptr;
+      only = &run;
+    }
+    return only;
+  };
+  std::string alone;
+  std::map<std::string, std::string> partner;
+  for (const Run& run : set.runs) {
+    const Run* its = named(before, run.name);
+    if (its == nullptr && only_of_kind(set, run.family) != nullptr) its = only_of_kind(before, run.family);
+    if (its != nullptr) {
+      partner.emplace(run.name, its->name);
+    } else {
+      alone += (alone.empty() ? "" : ", ") + Printable(run.name);
+    }
+  }
+  if (partner.empty()) {
+    throw std::runtime_error(
+        fmt::format("no run has one from before to be compared with ({}); accepted: a run of the same name "
+                    "there, or the only one of the same kind ('family' in runs.yaml)",
+                    alone));
+  }
+  if (!alone.empty()) {
+    set.notes.push_back("left out, for there is no run of the same name or kind from before: " + alone);
+    std::erase_if(set.runs, [&](const Run& run) { return !partner.contains(run.name); });
+  }
+
+  std::set<std::string> taken;
+  for (const Run& run : set.runs) taken.insert(run.name);
+  std::map<std::string, std::string> called;  // what the earlier runs are called here
+  for (const Run& run : before.runs) {
+    std::string name = run.name + "@before";
+    while (!taken.insert(name).second) name += "'";
+    called.emplace(run.name, name);
+  }
+  for (Run& run : set.runs) run.before = called.at(partner.at(run.name));
+  for (Run& run : before.runs) {
+    run.name = called.at(run.name);
+    run.repeat_of.clear();
+    run.before.clear();
+    if (IsBefore(set, run)) set.runs.push_back(std::move(run));
+  }
+  for (const auto& note : before.notes) set.notes.push_back("before: " + note);
+}
+
 void WriteDataSet(const DataSet& set, const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
@@ -372,8 +453,9 @@ void WriteDataSet(const DataSet& set, const fs::path& folder) {
     WriteRun(run, folder / file);
     list << YAML::BeginMap << YAML::Key << "file" << YAML::Value << file << YAML::Key << "family"
          << YAML::Value << (run.family.empty() ? "unknown" : run.family) << YAML::Key << "repeat_of"
-         << YAML::Value << (run.repeat_of.empty() ? "none" : RunName(run.repeat_of) + ".csv") << YAML::Key
-         << "load_cell" << YAML::Value << std::string(PlaceText(run.load_cell)) << YAML::EndMap;
+         << YAML::Value << (run.repeat_of.empty() ? "none" : RunName(run.repeat_of) + ".csv");
+    if (!run.before.empty()) list << YAML::Key << "before" << YAML::Value << RunName(run.before) + ".csv";
+    list << YAML::Key << "load_cell" << YAML::Value << std::string(PlaceText(run.load_cell)) << YAML::EndMap;
   }
   list << YAML::EndSeq << YAML::EndMap;
   const auto write = [&](const char* name, const std::string& text) {

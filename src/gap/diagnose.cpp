@@ -24,14 +24,23 @@
 namespace tendril::gap {
 namespace {
 
+constexpr double kUseless = 0.5;  // share of the motion before that a model must not have missed
+
 std::string Percent(double share) { return fmt::format("{:.0f} %", 100 * share); }
 
 std::string NameOf(const Cause& cause) {
   return cause.where.empty() || cause.where == "all" ? cause.effect : cause.effect + " (" + cause.where + ")";
 }
 
+/// Its size; what only shapes it (a time constant, a direction) is in the report.
 std::string ValueOf(const Cause& cause) {
-  for (const auto& [name, value] : cause.parameters) return fmt::format("{} {:.4g}", name, value.value);
+  const sim::Effect* effect = sim::FindEffect(cause.effect);
+  for (const auto& [name, value] : cause.parameters) {
+    const bool shape = effect != nullptr &&
+                       std::any_of(effect->parameters.begin(), effect->parameters.end(),
+                                   [&](const sim::EffectParameter& p) { return p.name == name && p.shape; });
+    if (!shape) return fmt::format("{} {:.4g}", name, value.value);
+  }
   return "";
 }
 
@@ -49,7 +58,8 @@ std::string Sentence(const Diagnosis& d) {
     case Verdict::kNoGap:
       return "No gap beyond the noise floor and the materiality asked for.";
     case Verdict::kInsufficientData:
-      return "These logs are not enough to tell whether there is a gap." + next;
+      return first ? where + ", but these logs and this model are not enough to tell its cause." + next
+                   : "These logs are not enough to tell whether there is a gap." + next;
     case Verdict::kUnexplained: {
       const auto best = std::find_if(d.causes.begin(), d.causes.end(),
                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
@@ -96,7 +106,6 @@ sim::Cut CutOf(const Cause& cause, LoadCellPlace place) {
 /// Marks the first place with an excess; a sensor that is found wrong explains the excess at the cuts that
 /// read it.
 void MarkFirst(Diagnosis& d, LoadCellPlace place) {
-  if (d.verdict == Verdict::kNoGap || d.verdict == Verdict::kInsufficientData) return;
   std::optional<sim::Cut> cut;
   for (const auto& cause : d.accepted) {
     const sim::Cut its = CutOf(cause, place);
@@ -288,6 +297,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     }
   }
   const Evaluator& evaluator = *usable;
+  std::erase_if(set.runs, [&, all = set](const Run& run) { return IsBefore(all, run); });
   d.degradations.insert(d.degradations.end(), evaluator.degradations().begin(),
                         evaluator.degradations().end());
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
@@ -335,6 +345,17 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     d.verdict = Verdict::kInsufficientData;
   }
 
+  const bool distrusted = evaluator.wrong_before() > kUseless && !d.accepted.empty();
+  if (distrusted) {
+    d.verdict = Verdict::kInsufficientData;
+    d.accepted.clear();
+    d.degradations.push_back(fmt::format(
+        "the model was off by {} of the motion before the change already: causes are not told by it; "
+        "diagnose the runs from before by themselves, put what they show into the robot file "
+        "(gap apply), then compare",
+        Percent(evaluator.wrong_before())));
+  }
+
   const Residuals& before = evaluator.AtNominal();
   const Fit* shown = judgement.best;
   if (shown == nullptr && d.verdict == Verdict::kUnexplained && !search.fits.empty())
@@ -358,7 +379,8 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   progress("looking for the experiment that would tell more", 0);
   d.next = FindNextExperiment(evaluator, search, d, options.menu, threads);
   const LoadCellPlace place = evaluator.runs().front().signals.load_cell;
-  MarkFirst(d, place);
+  if (distrusted || (d.verdict != Verdict::kNoGap && d.verdict != Verdict::kInsufficientData))
+    MarkFirst(d, place);
   d.sentence = Sentence(d);
   return d;
 }

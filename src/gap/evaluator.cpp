@@ -560,6 +560,7 @@ Residuals Evaluator::At(const RobotParameters& robot, unsigned cuts, const std::
     for (std::size_t c = 0; c < channels_.size(); ++c) {
       auto& r = residuals[i][c];
       if (r.size() == 0 || variance_.empty()) continue;
+      if (!before_.empty()) r -= before_[i][c];
       const auto& variance = variance_[i][c];
       for (int w = 0; w < r.size(); ++w) {
         if (!std::isfinite(variance[w])) r[w] = 0;
@@ -577,8 +578,133 @@ Residuals Evaluator::At(const RobotParameters& robot, unsigned cuts, const std::
   return residuals;
 }
 
+double Evaluator::Spread(const Channel& channel) const {
+  double square = 0, signal_sum = 0, signals = 0;
+  for (const auto& run : runs_) {
+    const auto add = [&](const Eigen::MatrixXd& signal) {
+      for (int i = 0; i < signal.rows(); ++i) {
+        const double value = signal(i, channel.index);
+        if (!std::isfinite(value)) continue;
+        square += value * value, signal_sum += value, signals += 1;
+      }
+    };
+    if (channel.quantity == Quantity::kTension) add(run.cell_N);
+    if (channel.quantity == Quantity::kTipPosition) add(run.tip_m);
+    if (channel.quantity == Quantity::kTipDirection && !run.tip_R.empty()) {
+      Eigen::MatrixXd turns(static_cast<int>(run.tip_R.size()), 3);
+      for (int k = 0; k < turns.rows(); ++k) turns.row(k) = RotationVector(run.tip_R[k]);
+      add(turns);
+    }
+  }
+  return signals > 0 ? std::sqrt(std::max(0.0, square / signals - std::pow(signal_sum / signals, 2))) : 0;
+}
+
+// What the nominal robot leaves of a run less what it left of the same commands before: errors of the model
+// that were there before cancel, window by window, and the noise of both runs remains. A model that was off
+// by a tenth of the motion then is taken to be off by a tenth of the change now: that is in the noise.
+void Evaluator::TakeDifferences() {
+  std::map<std::string, std::size_t> by_name;
+  for (std::size_t i = 0; i < runs_.size(); ++i) by_name[runs_[i].name] = i;
+  std::vector<char> is_before(runs_.size(), 0);
+  std::map<std::pair<sim::Cut, Quantity>, std::pair<double, double>> wrong;  // squares: left before, measured
+  int compared = 0;
+  for (const auto& run : runs_) {
+    if (run.before.empty()) continue;
+    if (by_name.contains(run.before)) is_before[by_name[run.before]] = 1;
+    ++compared;
+  }
+  if (compared == 0) return;
+  before_.resize(runs_.size());
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    if (is_before[i]) continue;
+    const auto partner = by_name.find(runs_[i].before);
+    if (partner == by_name.end()) {
+      throw RunError(i, fmt::format("{}: {}", runs_[i].name,
+                                    runs_[i].before.empty() ? "no run from before, which others have"
+                                                            : "its run from before is left out"));
+    }
+    const std::size_t k = partner->second;
+    const double step = runs_[i].signals.step_s, its = runs_[k].signals.step_s;
+    if (runs_[i].signals.at_rest != runs_[k].signals.at_rest || std::abs(step - its) > 0.01 * step) {
+      throw RunError(
+          i, fmt::format("{}: a sample every {:.4g} s, and every {:.4g} s before; accepted: runs of the "
+                         "same commands, recorded alike",
+                         runs_[i].name, step, its));
+    }
+    before_[i].resize(channels_.size());
+    for (std::size_t c = 0; c < channels_.size(); ++c) {
+      auto &r = nominal_residuals_[i][c], &v = variance_[i][c];
+      const auto &r0 = nominal_residuals_[k][c], &v0 = variance_[k][c];
+      before_[i][c] = Eigen::VectorXd::Zero(r.size());
+      for (Eigen::Index w = 0; w < r.size(); ++w) {
+        v[w] = w < v0.size() ? v[w] + v0[w] : std::numeric_limits<double>::infinity();
+        if (!std::isfinite(v[w])) {
+          r[w] = 0;
+          continue;
+        }
+        before_[i][c][w] = r0[w];
+        r[w] -= r0[w];
+      }
+      white_[i][c] += white_[k][c];
+    }
+  }
+  for (std::size_t c = 0; c < channels_.size(); ++c) {
+    auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
+    double square = 0, count = 0;
+    for (std::size_t k = 0; k < runs_.size(); ++k) {
+      for (Eigen::Index w = 0; is_before[k] && w < nominal_residuals_[k][c].size(); ++w) {
+        if (!std::isfinite(variance_[k][c][w])) continue;
+        square += std::pow(nominal_residuals_[k][c][w], 2) - variance_[k][c][w];
+        count += 1;
+      }
+    }
+    left += count > 0 ? std::max(0.0, square / count) : 0;
+    measured += std::pow(Spread(channels_[c]), 2);
+  }
+  for (std::size_t c = 0; c < channels_.size(); ++c) {
+    const auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
+    if (!(measured > 0)) continue;
+    wrong_before_ = std::max(wrong_before_, std::sqrt(left / measured));
+    double change = 0, count = 0;
+    for (std::size_t i = 0; i < runs_.size(); ++i) {
+      for (Eigen::Index w = 0; !is_before[i] && w < nominal_residuals_[i][c].size(); ++w) {
+        if (!std::isfinite(variance_[i][c][w])) continue;
+        change += std::pow(nominal_residuals_[i][c][w], 2);
+        count += 1;
+      }
+    }
+    if (count == 0) continue;
+    const double square = left / measured * change / count;
+    channels_[c].distrust = std::sqrt(square);
+    for (std::size_t i = 0; i < runs_.size(); ++i) {
+      if (!is_before[i]) variance_[i][c].array() += square;
+    }
+  }
+  const auto keep = [&](auto& all) {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < is_before.size(); ++i) {
+      if (is_before[i]) continue;
+      if (kept != i) all[kept] = std::move(all[i]);
+      ++kept;
+    }
+    all.resize(kept);
+  };
+  keep(runs_);
+  keep(nominal_motion_);
+  keep(nominal_residuals_);
+  keep(variance_);
+  keep(white_);
+  keep(before_);
+  degradations_.push_back(
+      fmt::format("compared with runs of the same commands from before: the diagnosis is of what changed "
+                  "since; what the model "
+                  "got wrong then (up to {:.2g} % of what was measured) is taken off, and it is trusted no "
+                  "better about the change",
+                  100 * wrong_before_));
+}
+
 void Evaluator::FindFloors(const DataSet& set, const Options& options) {
-  const int runs = static_cast<int>(runs_.size());
+  int runs = static_cast<int>(runs_.size());
   const int channels = static_cast<int>(channels_.size());
 
   // White noise of one sample, from the measured signals themselves.
@@ -719,6 +845,9 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
     }
   }
 
+  TakeDifferences();
+  runs = static_cast<int>(runs_.size());
+
   // Identical repetitions: half the mean-square difference of their residuals.
   std::map<std::string, int> by_name;
   for (int i = 0; i < runs; ++i) by_name[runs_[i].name] = i;
@@ -758,25 +887,7 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
     }
     Channel& channel = channels_[c];
     channel.floor = std::sqrt(std::max(Median(variances), channel.white * channel.white));
-    double square = 0, signal_sum = 0, signals = 0;
-    for (const auto& run : runs_) {
-      const auto add = [&](const Eigen::MatrixXd& signal) {
-        for (int i = 0; i < signal.rows(); ++i) {
-          const double value = signal(i, channel.index);
-          if (!std::isfinite(value)) continue;
-          square += value * value, signal_sum += value, signals += 1;
-        }
-      };
-      if (channel.quantity == Quantity::kTension) add(run.cell_N);
-      if (channel.quantity == Quantity::kTipPosition) add(run.tip_m);
-      if (channel.quantity == Quantity::kTipDirection && !run.tip_R.empty()) {
-        Eigen::MatrixXd turns(static_cast<int>(run.tip_R.size()), 3);
-        for (int k = 0; k < turns.rows(); ++k) turns.row(k) = RotationVector(run.tip_R[k]);
-        add(turns);
-      }
-    }
-    const double spread =
-        signals > 0 ? std::sqrt(std::max(0.0, square / signals - std::pow(signal_sum / signals, 2))) : 0;
+    const double spread = Spread(channel);
     channel.delta = std::hypot(kFloorShare * channel.floor, kSignalShare * spread);
     if (channel.quantity == Quantity::kTension && options.delta_N > 0) channel.delta = options.delta_N;
     if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
@@ -857,6 +968,8 @@ Evaluator::Curve Evaluator::CurveOf(const RobotParameters& robot, int run_index,
     curve.simulated = Average(all.col(channel.index), width);
   }
   curve.measured = curve.simulated + residual;
+  // The model as the runs from before correct it.
+  if (!before_.empty()) curve.simulated += before_[run_index][channel_index];
   return curve;
 }
 

@@ -26,6 +26,7 @@ struct Channel {
   double white = 0;        // rms of one sample's white noise
   double floor = 0;        // rms floor of one sample: white noise, resolution, repetition
   double delta = 0;        // materiality
+  double distrust = 0;     // rms by which the model may misjudge a change, all alike through a run
 };
 
 /// Residuals, measured less simulated, averaged over windows: [run][channel][window]; a channel that was not
@@ -55,7 +56,8 @@ class Evaluator {
     double delta_N = 0, delta_m = 0;  // 0: derived from the floor
     std::uint64_t seed = 1;
   };
-  /// Prepares the runs and finds the floors. Throws RunError for a run that has to be left out, another
+  /// Prepares the runs and finds the floors. Runs from before a change (Run::before) are taken off those that
+  /// name them, and are none of runs(). Throws RunError for a run that has to be left out, another
   /// std::runtime_error when nothing can be compared.
   Evaluator(const DataSet& set, const Options& options);
 
@@ -68,6 +70,9 @@ class Evaluator {
   bool repeated() const { return repeated_; }
   /// Fitted to the nominal robot, where nobody knows it; what the runs hold is in the base's frame then.
   const std::optional<TrackerFrame>& frame() const { return frame_; }
+  /// Share of what was measured before a change that the model got wrong then, at the worst cut; 0 without
+  /// runs from before.
+  double wrong_before() const { return wrong_before_; }
   /// Windows over which what a model leaves unexplained stays alike.
   double Correlated(int run, int channel) const;
   sim::Replay::DrivenBy driven_by() const { return driven_by_; }
@@ -105,6 +110,9 @@ class Evaluator {
                                      const sim::BodyMotion& motion) const;
   void FindFrame();
   void FindFloors(const DataSet& set, const Options& options);
+  void TakeDifferences();
+  /// Standard deviation of what is measured on a channel, over all runs; 0 for torque.
+  double Spread(const Channel& channel) const;
   /// Mean ratio of what the same inputs at other times leave to what `channel`'s variances say; 0 when they
   /// never come back. `returns` counts them.
   double Unrepeated(int channel, int& returns) const;
@@ -115,9 +123,11 @@ class Evaluator {
   std::vector<Channel> channels_;
   unsigned available_ = 0;
   bool repeated_ = false, stood_in_ = false;
+  double wrong_before_ = 0;
   std::optional<TrackerFrame> frame_;
   sim::Replay::DrivenBy driven_by_ = sim::Replay::DrivenBy::kCell;
   Residuals nominal_residuals_, variance_;
+  Residuals before_;  // what the nominal robot leaves of the runs from before; empty without such
   std::vector<std::vector<double>> white_;
   std::vector<std::string> degradations_;
 };

@@ -221,6 +221,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   out.name = run.name;
   out.family = run.family;
   out.repeat_of = run.repeat_of;
+  out.before = run.before;
   const int rows = static_cast<int>(run.time_s.size());
   if (rows < LeastRows(run))
     throw std::runtime_error(

@@ -28,7 +28,7 @@ struct CellHole {
 /// One run on its grid, S samples, with what the sensors said. Of states at rest (signals.at_rest) every row
 /// is a sample, whenever it was; times other than signals.time_s then count rows, `step_s` apart.
 struct PreparedRun {
-  std::string name, family, repeat_of;
+  std::string name, family, repeat_of, before;
   sim::ReplaySignals signals;
   double start_s = 0;       // time of the first sample in the log
   std::vector<char> valid;  // S: false where samples were lost, and shortly after

@@ -67,8 +67,11 @@ Weights::Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover) : 
       const double m = evaluator.Correlated(static_cast<int>(i), static_cast<int>(c));
       const double systematic = m * (channels[c].delta * channels[c].delta + leftover[c] * leftover[c]);
       const double white = evaluator.WhiteVariance(static_cast<int>(i), static_cast<int>(c));
-      // What resolution leaves open stays alike as long.
-      for (auto& w : weight_[i][c]) w = 1 / (white + m * std::max(0.0, w - white) + systematic);
+      const double distrust = channels[c].distrust * channels[c].distrust;
+      const double misjudged = static_cast<double>(weight_[i][c].size()) * distrust;
+      // What resolution leaves open stays alike as long; a change is misjudged alike throughout.
+      for (auto& w : weight_[i][c])
+        w = 1 / (white + m * std::max(0.0, w - white - distrust) + systematic + misjudged);
     }
   }
 }

@@ -31,7 +31,8 @@ struct Folds {
 Folds MakeFolds(const std::vector<PreparedRun>& runs);
 
 /// Weights of the log score. Residuals within a correlation time count once against what is left unexplained:
-/// the weight of a window is 1 / (variance + m (delta^2 + leftover^2)), m the windows in a correlation time.
+/// the weight of a window is 1 / (variance + m (delta^2 + leftover^2) + n distrust^2), m the windows in a
+/// correlation time, n those of the run.
 class Weights {
  public:
   Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover);

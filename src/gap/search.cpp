@@ -135,7 +135,8 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     Model variant;
     std::vector<int> primary;
     std::vector<Column> columns;
-    bool summed = false;  // from those of its places
+    double step = kScreeningStep;  // of the primary's plainly visible deviation
+    bool summed = false;           // from those of its places
   };
   std::vector<Probe> probes;
   for (int i = 0; i < static_cast<int>(candidates.size()); ++i) {
@@ -146,7 +147,16 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     }
     const bool summed = c.effect->on_all && c.effect->on_one && !c.target &&
                         c.effect->scope == sim::Scope::kTendon && evaluator.nominal().body.tendons() > 0;
-    for (const auto& variant : Variants(c)) probes.push_back({i, variant, primary, {}, summed});
+    for (const auto& variant : Variants(c)) {
+      probes.push_back({i, variant, primary, {}, kScreeningStep, summed});
+      if (primary.size() != 1) continue;
+      // What acts otherwise where it is weak is tried there as well.
+      const auto& p = c.effect->parameters[primary[0]];
+      for (const double weak : p.starts) {
+        probes.push_back({i, variant, primary, {}, weak / ScaleOf(p), summed});
+        probes.back().variant.derivative_step = kOnsetDerivative;
+      }
+    }
   }
   std::vector<std::pair<int, int>> tasks;  // probe, index of its primary
   for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
@@ -162,7 +172,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     const unsigned cuts = evaluator.CutsOf(*candidates[probe.candidate].effect);
     try {
       probe.columns[tasks[t].second] = Sensitivity(
-          evaluator, probe.variant, k, kScreeningStep * ScaleOf(probe.variant.parameter(k)), nominal, cuts);
+          evaluator, probe.variant, k, probe.step * ScaleOf(probe.variant.parameter(k)), nominal, cuts);
     } catch (const std::exception&) {
       probe.columns[tasks[t].second] = nothing;
     }
@@ -224,7 +234,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     for (std::size_t k = 0; k < probe.primary.size(); ++k) probe.columns[k].resize(nominal.size());
     for (const auto& other : probes) {
       if (other.summed || candidates[other.candidate].effect != candidates[probe.candidate].effect ||
-          other.variant.values != probe.variant.values)
+          other.variant.values != probe.variant.values || other.step != probe.step)
         continue;
       for (std::size_t k = 0; k < probe.primary.size(); ++k) AddTo(probe.columns[k], other.columns[k]);
     }

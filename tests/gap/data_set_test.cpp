@@ -394,5 +394,49 @@ TEST_F(DataSetTest, AMinuteIsReadInAFractionOfASecond) {
   EXPECT_LT(took, 2);
 }
 
+const char* const kPlainTable =
+    "t_s,motor_position_rad_1,motor_position_rad_2,motor_position_rad_3\n0,0,0,0\n0.001,0,0,0\n";
+
+TEST_F(DataSetTest, RunsFromBeforeAreNamedInTheListAndComeBack) {
+  Write("old.csv", kPlainTable);
+  Write("new.csv", kPlainTable);
+  Write("lost.csv", kPlainTable);
+  Write("runs.yaml",
+        "runs:\n- {file: old.csv, family: circle}\n- {file: new.csv, family: circle, before: old.csv}\n"
+        "- {file: lost.csv, family: circle, before: gone.csv}\n");
+  const DataSet set = Load();
+  ASSERT_EQ(set.runs.size(), 3U);
+  EXPECT_EQ(set.runs[1].before, "old");
+  EXPECT_TRUE(IsBefore(set, set.runs[0]));
+  EXPECT_FALSE(IsBefore(set, set.runs[1]));
+  EXPECT_EQ(set.runs[2].before, "");
+  EXPECT_THAT(set.notes, Contains(HasSubstr("gone")));
+  WriteDataSet(set, folder_ / "again");
+  EXPECT_EQ(LoadDataSet(folder_ / "again", "").runs[1].before, "old");
+}
+
+TEST_F(DataSetTest, RunsBelongTogetherByNameOrAsTheOnlyOnesOfTheirKind) {
+  for (const char* file :
+       {"then/circle_1.csv", "then/triangle_1.csv", "now/circle_1.csv", "now/ramps.csv", "now/new.csv"})
+    Write(file, kPlainTable);
+  Write("then/runs.yaml", "[{file: circle_1.csv, family: circle}, {file: triangle_1.csv, family: triangle}]");
+  Write("now/runs.yaml",
+        "[{file: circle_1.csv, family: circle}, {file: ramps.csv, family: triangle}, {file: new.csv, family: "
+        "hold}]");
+  DataSet set = LoadDataSet(folder_ / "now", kRobot);
+  const DataSet then = LoadDataSet(folder_ / "then", kRobot);
+  CompareWithBefore(set, then);
+  ASSERT_EQ(set.runs.size(), 4U);  // a run of a kind that was not there before is left out
+  EXPECT_EQ(set.runs[0].before, "circle_1@before");
+  EXPECT_EQ(set.runs[1].before, "triangle_1@before");
+  EXPECT_TRUE(IsBefore(set, set.runs[2]));
+  EXPECT_TRUE(IsBefore(set, set.runs[3]));
+  EXPECT_THAT(set.notes, Contains(HasSubstr("new")));
+
+  DataSet other = LoadDataSet(folder_ / "now", kRobot);
+  std::erase_if(other.runs, [](const gap::Run& run) { return run.name != "new"; });
+  EXPECT_THROW(CompareWithBefore(other, then), std::runtime_error);
+}
+
 }  // namespace
 }  // namespace tendril::gap

@@ -91,13 +91,12 @@ Run Record(const RobotParameters& plant_robot, const std::string& family, double
 }
 
 /// Three families and a repetition, some 30 s in all.
-DataSet Recorded(const std::string& effect, double duration_s = 7) {
+DataSet Recorded(const std::vector<std::string>& effects, double duration_s = 7, std::uint64_t seed = 11) {
   DataSet set;
   set.name = "test";
   set.robot = Rig();
   RobotParameters plant = Rig();
-  if (!effect.empty()) plant.effects.push_back(sim::ParseEffect(effect, plant));
-  std::uint64_t seed = 11;
+  for (const auto& effect : effects) plant.effects.push_back(sim::ParseEffect(effect, plant));
   for (const char* family : {"circle", "triangle", "multisine"}) {
     set.runs.push_back(Record(plant, family, duration_s, seed++));
   }
@@ -105,6 +104,10 @@ DataSet Recorded(const std::string& effect, double duration_s = 7) {
   set.runs.back().name = "circle again";
   set.runs.back().repeat_of = "circle";
   return set;
+}
+
+DataSet Recorded(const std::string& effect, double duration_s = 7) {
+  return Recorded(effect.empty() ? std::vector<std::string>{} : std::vector{effect}, duration_s);
 }
 
 const gap::Cause* Named(const Diagnosis& d, const std::string& effect) {
@@ -121,10 +124,53 @@ sim::Cut First(const Diagnosis& d) {
   return sim::Cut::kClock;
 }
 
+// A wall that yields answers otherwise than one that stops: it is looked for on both scales, in every
+// direction.
+TEST(Diagnose, SoftWallIsFoundWhereItStands) {
+  const Diagnosis d = Diagnose(Recorded("contact stiffness_Npm=0.15 gap_m=0.014 angle_rad=-0.5"), {});
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  EXPECT_EQ(d.accepted[0].effect, "contact") << d.sentence;
+  EXPECT_NEAR(d.accepted[0].parameters.at("stiffness_Npm").value, 0.15, 0.03);
+  EXPECT_NEAR(d.accepted[0].parameters.at("gap_m").value, 0.014, 0.003);
+  EXPECT_NEAR(d.accepted[0].parameters.at("angle_rad").value, -0.5, 0.1);
+  EXPECT_NE(d.sentence.find("stiffness_Npm"), std::string::npos) << d.sentence;
+}
+
 TEST(Diagnose, NominalRigHasNoGap) {
   const Diagnosis d = Diagnose(Recorded(""), {});
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
   EXPECT_TRUE(d.accepted.empty());
+}
+
+// A robot whose numbers were wrong all along, and something hung on its tip since: against the model alone
+// both show, against the runs from before only what changed.
+TEST(Diagnose, RunsFromBeforeTakeOffWhatTheModelHadWrong) {
+  const std::vector<std::string> wrong{"bending_stiffness scale=0.85", "motor_coulomb scale=1.4"};
+  std::vector<std::string> since = wrong;
+  since.push_back("tip_payload mass_kg=0.003");
+  const DataSet earlier = Recorded(wrong, 4, 31);
+
+  DataSet same = Recorded(wrong, 4, 41);
+  CompareWithBefore(same, earlier);
+  ASSERT_EQ(same.runs.size(), 8U);
+  const Diagnosis unchanged = Diagnose(same, {});
+  EXPECT_EQ(unchanged.verdict, Verdict::kNoGap) << unchanged.sentence;
+  EXPECT_EQ(unchanged.runs.size(), 4U);
+
+  DataSet changed = Recorded(since, 4, 51);
+  CompareWithBefore(changed, earlier);
+  const Diagnosis d = Diagnose(changed, {});
+  ASSERT_FALSE(d.causes.empty());
+  EXPECT_EQ(d.causes[0].effect, "tip_payload") << d.sentence;
+  // A robot softer than its file bends further under a mass: the estimate may be off by as much, and says so.
+  const gap::Estimate mass = d.causes[0].parameters.at("mass_kg");
+  EXPECT_LT(mass.low, 0.003);
+  EXPECT_GT(mass.high, 0.003);
+  EXPECT_GT(mass.low, 0.001);
+  for (const auto& cause : d.accepted) {
+    EXPECT_NE(cause.effect, "bending_stiffness") << d.sentence;
+    EXPECT_NE(cause.effect, "motor_coulomb") << d.sentence;
+  }
 }
 
 struct Planted {

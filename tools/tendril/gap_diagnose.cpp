@@ -31,7 +31,7 @@ namespace {
 
 struct Options {
   std::string robot;
-  std::vector<std::string> logs;
+  std::vector<std::string> logs, before;
   std::string out = "out/gap", daemon;
   double delta_mm = 0;
   bool next = true;
@@ -130,7 +130,8 @@ void Run(Options options) {
   const std::filesystem::path folder = MakeOutputFolder(options.out);
   Progress progress;
   progress("reading the logs", 0);
-  const gap::DataSet set = gap::LoadLogs(options.logs, options.robot);
+  gap::DataSet set = gap::LoadLogs(options.logs, options.robot);
+  if (!options.before.empty()) gap::CompareWithBefore(set, gap::LoadLogs(options.before, options.robot));
   options.diagnose.progress = [&](const std::string& stage, double share) { progress(stage, share); };
   options.diagnose.delta_m = 1e-3 * options.delta_mm;
   if (options.next && set.robot.actuation)
@@ -160,6 +161,13 @@ void AddGapDiagnoseCommand(CLI::App& app) {
       ->add_option("logs", options->logs,
                    "data-set folders (robot.yaml, runs.yaml, CSV), CSV files or LCM logs, in any mixture")
       ->required();
+  command
+      ->add_option(
+          "--before", options->before,
+          "runs of the same commands from before the robot changed: what changed is diagnosed, and what the "
+          "model gets wrong in both is taken off; runs belong together by name, or by kind where there is "
+          "one")
+      ->allow_extra_args(false);
   command->add_option("--out", options->out, "folder for report.html and report.json")->capture_default_str();
   command
       ->add_option(

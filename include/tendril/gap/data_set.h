@@ -17,6 +17,9 @@ struct Run {
   std::string name;       // file name without its ending, or what the log is called
   std::string family;     // kind of excitation: triangle, circle, ... ; "unknown" when not told
   std::string repeat_of;  // name of the run of which it is an identical repetition, or empty
+  /// Name of the run of the same commands from before the robot changed, or empty: the diagnosis is then of
+  /// what changed, and what the model gets wrong in both cancels.
+  std::string before;
   LoadCellPlace load_cell = LoadCellPlace::kMotorSide;
   std::string sha256;      // of the file it came from, lower-case hex
   Eigen::VectorXd time_s;  // S, of the log's clock
@@ -44,6 +47,12 @@ struct DataSet {
 DataSet LoadDataSet(const std::filesystem::path& folder, const std::string& robot_path);
 /// Folders, CSV files and LCM logs in any mixture, as one set.
 DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path);
+
+/// Adds `before`'s runs, and pairs each of the set's with that of its name there, else the only one of its
+/// kind. std::runtime_error when no run has a partner; single ones that have none are left out with a note.
+void CompareWithBefore(DataSet& set, DataSet before);
+/// Another run is compared with this one.
+bool IsBefore(const DataSet& set, const Run& run);
 
 /// Canonical CSV (column names in README) of one run; as many digits as give the same number back, empty for
 /// NaN.
