@@ -562,10 +562,20 @@ struct Daemon::State {
       Event(outcome->status, "black box", outcome->text);
   }
 
+  // A drive that was exchanged is told when it is there, not only to whoever wants to arm.
+  void TellExchangedDrives() {
+    const auto known = std::span(serials).first(setups.size());
+    if (serials == serials_told || std::find(known.begin(), known.end(), 0U) != known.end()) return;
+    serials_told = serials;
+    const std::string exchanged = ExchangedDrives(options.parameters, known);
+    if (!exchanged.empty()) Event(Status::kDegraded, "daemon", exchanged);
+  }
+
   // Once a second: the run record, what was lost, how it goes.
   void Report() {
     gateway.PublishRun(run);
     PublishStatistics();
+    TellExchangedDrives();
     ReportMisses();
     ReportLosses("command(s) came faster than one a cycle",
                  commands.dropped() + overtaken.load(std::memory_order_relaxed), commands_lost);
@@ -657,7 +667,7 @@ struct Daemon::State {
   Status last_status = Status::kOk;
   std::uint64_t misses_told = 0, commands_lost = 0, records_lost = 0, events_lost = 0, sends_failed = 0;
   bool log_failed = false;
-  std::array<std::uint32_t, kMaxTendons> serials{};
+  std::array<std::uint32_t, kMaxTendons> serials{}, serials_told{};
   Refusals refusals;
   std::map<Status, std::string> why_refused;  // where the status alone does not tell
   std::string other;                          // daemon on our channels; empty: none

@@ -448,6 +448,8 @@ TEST_F(DaemonTest, ArmsOnlyTheDrivesThatWereCommissioned) {
   Commissioned(record(55));
   Start(options);
   ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  EXPECT_TRUE(Warns("daemon: node 2 (tendon 2) has serial 7002, commissioned was 55"))
+      << "before anybody asks";
   for (const ModeRequest request : {ModeRequest::kArm, ModeRequest::kHome}) {
     Send(request);
     EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
@@ -455,7 +457,7 @@ TEST_F(DaemonTest, ArmsOnlyTheDrivesThatWereCommissioned) {
     }));
     EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_CONFIGURED});
   }
-  EXPECT_TRUE(Warns("node 2 (tendon 2) has serial 7002, commissioned was 55", "tendril commission"));
+  EXPECT_TRUE(Warns("gate: arm or home", "node 2 (tendon 2) has serial 7002, commissioned was 55"));
   // Its commissioning is found without a restart.
   Commissioned(record(kFirstSerial + 1));
   Arm();
