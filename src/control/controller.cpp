@@ -33,6 +33,17 @@ using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 *
 constexpr double kReleasedTension_N = 1e-6;
 // While commissioning: without a pull asked for, the drives are disabled again after this.
 constexpr TimeNs kUnusedFor_ns = 2 * kNsPerS;
+// Slower than this a robot is led nowhere: a micrometre of tendon in ten seconds.
+constexpr double kRest_mps = 1e-7, kRest_Nps = 1e-3;
+constexpr double kHeldPermille = 0.8;
+// Of the motor's own friction, which alone holds a spool without tension; a file may take it for too much.
+constexpr double kPaidOut = 0.5;
+constexpr double kCellDoubt_N = 0.5;
+// A shape is held by no more than this share of the base's limit: what friction and the body's own swing add
+// to what was wanted must have room below it.
+constexpr double kLedShare = 0.9;
+// After a fault: a spool without its tendon is brought to rest in this time.
+constexpr double kBrake_s = 0.02;
 constexpr double kStopRamp_s = 0.9;  // a daemon that is ended has this long for tensions to go down
 
 const RobotParameters& Checked(const RobotParameters& robot) {
@@ -51,6 +62,11 @@ const RobotParameters& Checked(const RobotParameters& robot) {
                                 " units, " + std::to_string(kMaxTendons) + " tendons");
   }
   return robot;
+}
+
+LimitParameters LedLimits(LimitParameters limits) {
+  limits.max_tension_base_N = std::max(kLedShare * limits.max_tension_base_N, limits.min_tension_N);
+  return limits;
 }
 
 bool SameTransmission(const TransmissionParameters& a, const TransmissionParameters& b) {
@@ -102,7 +118,7 @@ struct Controller::Impl {
         allocator(tendons, 2 * sections),
         estimator(robot, body, tables),
         guards(robot, parameters.guards, period_ns, body, tables),
-        equilibrium(body, robot.limits),
+        equilibrium(body, LedLimits(robot.limits)),
         uses_equilibrium(parameters.law == ControlLaw::kEquilibrium),
         force_per_tension(2 * sections, tendons),
         tension_N(TendonVector::Zero(tendons)),
@@ -111,7 +127,10 @@ struct Controller::Impl {
         q(UnitVector::Zero(body.dof())),
         dq(q),
         ddq(q),
-        unit_force_Nm(q) {
+        unit_force_Nm(q),
+        led_N(tension_N),
+        led_m(tension_N),
+        shown_m(tension_N) {
     if (period_ns <= 0) throw std::invalid_argument("the control period must be positive");
     if (!(parameters.pretension_ramp_Nps > 0))
       throw std::invalid_argument("pretension_ramp_Nps must be positive");
@@ -179,8 +198,12 @@ struct Controller::Impl {
   }
   Status NotReady(const CycleInput& input) const noexcept;
   bool StillPulls(const CycleInput& input) const noexcept;
-  double Bounded(int tendon, double torque_Nm, Status& status) noexcept;
-  std::int16_t Rounded(int tendon, double permille) noexcept;
+  double Bounded(int tendon, double fed_back_Nm, double measured_N, const DriveFeedForward::Result& wanted,
+                 Status& status) noexcept;
+  bool Rests(const CycleOutput& output) noexcept;
+  std::int16_t Rounded(int tendon, double permille, std::int16_t sent) const noexcept;
+  bool LostTendon(int tendon, const CycleOutput& output) const noexcept;
+  double Brake(int tendon, const CycleOutput& output) const noexcept;
   /// Keeps the most severe status of the cycle.
   static void Report(CycleOutput& output, Status status) noexcept {
     if (static_cast<int>(status) > static_cast<int>(output.status)) output.status = status;
@@ -216,10 +239,15 @@ struct Controller::Impl {
   BendingVector goal_rad, goal_rate_radps;
   UnitVector q, dq, ddq, unit_force_Nm;
   TendonVector arc_shortening_m;
-  bool balanced = false;  // the equilibrium law had an answer in the last cycle
-  double rotor_N = 0;     // the most that a rotor's acceleration took of a tendon in the last cycle
+  bool balanced = false;      // the equilibrium law had an answer in the last cycle
+  bool at_limit = false;      // ... which had a tendon at its greatest tension
+  double rotor_N = 0;         // the most that a rotor's acceleration took of a tendon in the last cycle
+  bool rests = false;         // nothing is led anywhere in this cycle
+  TendonVector led_N, led_m;  // where the tendons were led in the last cycle
+  TendonVector shown_m;       // displacement, in the last cycle
   std::array<double, kMaxTendons> permille_left_over{};  // of torque, by rounding to what the bus carries
-  bool joined = false;                                   // tension_N follows its source without the ramp
+  std::array<std::int16_t, kMaxTendons> sent_permille{};
+  bool joined = false;   // tension_N follows its source without the ramp
   bool engaged = false;  // homing or commissioning, and every drive has been enabled
   bool bare = false;     // tension_N is the pull of bare motors
   bool zeroed = false;   // displacement counts from pretension
@@ -245,6 +273,7 @@ void Controller::Step(const CycleInput& input, CycleOutput& output) noexcept {
   c.TensionsForReference(output);
   c.TensionsForEquilibrium(input, output);
   c.TensionsForMode(output);
+  c.rests = c.Rests(output);
   c.TorquesForTensions(input, output);
   c.guards.Expect(output, c.arc_shortening_m);
 }
@@ -606,8 +635,9 @@ void Controller::Impl::TensionsForReference(CycleOutput& output) noexcept {
   body.InverseDynamics(q, dq, ddq, unit_force_Nm, workspace);
   body.ProjectForce(unit_force_Nm, output.generalised_force_Nm);
   model::SectionForcePerTension(body, r.position_rad, force_per_tension);
-  const auto allocated = allocator.Allocate(force_per_tension, output.generalised_force_Nm,
-                                            robot.limits.min_tension_N, robot.limits.max_tension_base_N);
+  const auto allocated =
+      allocator.Allocate(force_per_tension, output.generalised_force_Nm, robot.limits.min_tension_N,
+                         LedLimits(robot.limits).max_tension_base_N);
   output.tension_desired_base_N = allocated.tension_N;
   if (controls_shape()) Report(output, allocated.status);
 }
@@ -625,14 +655,15 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
   if (!uses_equilibrium) return;
   if (!controls_shape()) {
     equilibrium.Reset();
-    balanced = false;
+    balanced = at_limit = false;
     return;
   }
   Eigen::Vector3d shift_W_m = Eigen::Vector3d::Zero();
   if (tip_feedback) {
-    Report(output, tip_feedback->Step(input.tracker, input.time_ns, actuation_delay_ns,
-                                      output.reference_tip_W_m, equilibrium.tip_u(), equilibrium.tip_v(),
-                                      joined && source != CommandKind::kTension));
+    Report(output,
+           tip_feedback->Step(input.tracker, input.time_ns, actuation_delay_ns, output.reference_tip_W_m,
+                              output.tip_estimate_W_m, equilibrium.tip_u(), equilibrium.tip_v(),
+                              joined && source != CommandKind::kTension, at_limit));
     shift_W_m = tip_feedback->shift_W_m();
   }
   const Status status =
@@ -640,6 +671,7 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
   const bool answered = status != Status::kEquilibriumNotFound;
   if (answered != balanced) joined = false;
   balanced = answered;
+  at_limit = status == Status::kLimitedTensionMax;
   Report(output, status);
   if (!answered) return;
   output.tension_desired_base_N = equilibrium.tension_N();
@@ -719,16 +751,25 @@ double Controller::Impl::FedBack(int j, const CycleInput& input, const CycleOutp
   return feedback[j].Step(input.drive[j], output.tension_measured_N[j],
                           {.cell_N = at_motor ? wanted.tension_motor_N : tension_N[j],
                            .motor_velocity_radps = wanted.motor_velocity_radps,
-                           .unsure_N = at_motor ? Unsure(j, wanted) : 0},
+                           .unsure_N = at_motor ? Unsure(j, wanted) : 0,
+                           .rests = rests},
                           acts);
 }
 
-// Within the drive's current; the feedback learns what it lost.
-double Controller::Impl::Bounded(int j, double torque_Nm, Status& status) noexcept {
+// Within the drive's current, and no less than what leaves the tendon without a pull, unless the motion
+// itself pays out, or the cell shows more than its own error: a rope cannot be pushed, and a cell that shows
+// a little too much would otherwise unwind its spool. The feedback learns what it lost.
+double Controller::Impl::Bounded(int j, double fed_back_Nm, double measured_N,
+                                 const DriveFeedForward::Result& wanted, Status& status) noexcept {
+  const TendonDriveParameters& drive = robot.actuation->tendons[j];
   const double most_Nm = compensation[j].max_torque_Nm();
-  const double bounded_Nm = std::clamp(torque_Nm, -most_Nm, most_Nm);
+  const double unpulled_Nm = wanted.unloaded_Nm - kPaidOut * drive.motor.coulomb_friction_Nm;
+  const double sure_Nm = drive.SpoolTravelPerMotorRad() * std::max(0., measured_N - kCellDoubt_N);
+  const double least_Nm = std::max(-most_Nm, std::min(wanted.torque_Nm, unpulled_Nm) - sure_Nm);
+  const double torque_Nm = wanted.torque_Nm + fed_back_Nm;
+  const double bounded_Nm = std::clamp(torque_Nm, least_Nm, most_Nm);
   feedback[j].Limited(torque_Nm - bounded_Nm);
-  if (torque_Nm != bounded_Nm) status = Status::kLimitedTorque;
+  if (std::abs(bounded_Nm) == most_Nm && torque_Nm != bounded_Nm) status = Status::kLimitedTorque;
   return bounded_Nm;
 }
 
@@ -747,16 +788,19 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
       r = wanted;
       most_rotor_N = std::max(most_rotor_N, std::abs(wanted.rotor_N));
       if (!feedback.empty())
-        r.torque_Nm = Bounded(j, wanted.torque_Nm + FedBack(j, input, output, wanted), r.status);
+        r.torque_Nm =
+            Bounded(j, FedBack(j, input, output, wanted), output.tension_measured_N[j], wanted, r.status);
     } else {
       r = compensation[j].Step(tension_N[j], output.displacement_desired_m[j], moving);
     }
+    if (LostTendon(j, output)) r.torque_Nm = Brake(j, output);
     output.sliding_direction[j] = r.sliding;
     output.tension_desired_motor_N[j] = r.tension_motor_N;
     output.torque_desired_Nm[j] = r.torque_Nm;
     Report(output, r.status);
   }
   rotor_N = most_rotor_N;
+  shown_m = output.displacement_m;
   if (!output.torque_desired_Nm.allFinite()) {
     // Nothing may reach a drive that is not a number: release everything at once.
     output.torque_desired_Nm.setZero();
@@ -772,19 +816,50 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
   for (int j = 0; j < tendons; ++j) {
     const double permille =
         powered ? output.torque_desired_Nm[j] / robot.actuation->tendons[j].drive.rated_torque_Nm * 1000 : 0;
-    output.torque_target_permille[j] = Rounded(j, permille);
+    output.torque_target_permille[j] = Rounded(j, permille, sent_permille[j]);
+    const bool carried = uses_equilibrium && !rests && permille != 0;
+    const double left_over = permille + permille_left_over[j] - output.torque_target_permille[j];
+    permille_left_over[j] = carried ? std::clamp(left_over, -0.5, 0.5) : 0;
+    sent_permille[j] = output.torque_target_permille[j];
   }
 }
 
-// What rounding took from one cycle the next one gets: a step of the bus is 14 mN of tendon tension here, and
-// the mean over a few cycles is what moves the robot.
-std::int16_t Controller::Impl::Rounded(int tendon, double permille) noexcept {
+// After a fault the tensions are led down. A spool that runs without its tendon, though, would wind it in
+// with all its momentum, and a blow at the end beyond every limit: it is only brought to rest.
+bool Controller::Impl::LostTendon(int j, const CycleOutput& output) const noexcept {
+  return supervisor.mode() == Mode::kFault && zeroed && !bare &&
+         output.tension_measured_N[j] < parameters.guards.slack_tension_N;
+}
+
+double Controller::Impl::Brake(int j, const CycleOutput& output) const noexcept {
+  const TendonDriveParameters& drive = robot.actuation->tendons[j];
+  const double velocity_radps =
+      (output.displacement_m[j] - shown_m[j]) / period_s / drive.SpoolTravelPerMotorRad();
+  const double torque_Nm =
+      -drive.motor.rotor_inertia_kgm2 * velocity_radps / kBrake_s / drive.motor.torque_scale;
+  const double most_Nm = compensation[j].max_torque_Nm();
+  return std::clamp(torque_Nm, -most_Nm, most_Nm);
+}
+
+// Neither shape nor tensions are led anywhere, or so slowly that nobody sees it.
+bool Controller::Impl::Rests(const CycleOutput& output) noexcept {
+  const double moved_m = (output.displacement_desired_m - led_m).cwiseAbs().maxCoeff();
+  const double changed_N = (tension_N - led_N).cwiseAbs().maxCoeff();
+  led_m = output.displacement_desired_m;
+  led_N = tension_N;
+  return moved_m < kRest_mps * period_s && changed_N < kRest_Nps * period_s;
+}
+
+// What rounding took from one cycle the next one gets while the robot moves: a step of the bus is 14 mN of
+// tendon tension here, and the mean over a few cycles is what moves it. At rest that to and fro would shake
+// the robot through its own dry friction: there the target stands until it is off by more than rounding and
+// noise make it.
+std::int16_t Controller::Impl::Rounded(int tendon, double permille, std::int16_t sent) const noexcept {
   permille = std::clamp(permille, -32767., 32767.);
   if (!uses_equilibrium) return static_cast<std::int16_t>(std::lround(permille));
-  const double wanted = permille + permille_left_over[tendon];
-  const auto rounded = static_cast<std::int16_t>(std::lround(std::clamp(wanted, -32767., 32767.)));
-  permille_left_over[tendon] = permille == 0 ? 0 : std::clamp(wanted - rounded, -0.5, 0.5);
-  return rounded;
+  if (rests && permille != 0 && std::abs(permille - sent) < kHeldPermille) return sent;
+  return static_cast<std::int16_t>(
+      std::lround(std::clamp(permille + permille_left_over[tendon], -32767., 32767.)));
 }
 
 // Whatever outlives a cycle; a member that is missing here shows as a difference in replay.
@@ -800,12 +875,19 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
     if (tip_feedback) tip_feedback->Remember(a);
     equilibrium.Remember(a);
     a.Value(balanced);
+    a.Value(at_limit);
     a.Value(rotor_N);
-    for (int j = 0; j < tendons; ++j) a.Value(permille_left_over[j]);
+    for (int j = 0; j < tendons; ++j) {
+      a.Value(permille_left_over[j]);
+      a.Value(sent_permille[j]);
+    }
+    a.Vector(led_N, {tendons});
+    a.Vector(led_m, {tendons});
   }
   estimator.Remember(a);
   guards.Remember(a);
   a.Vector(tension_N, {tendons});
+  a.Vector(shown_m, {tendons});
   a.Vector(goal_rad, {2 * sections});
   a.Vector(goal_rate_radps, {2 * sections});
   a.Value(joined);

@@ -18,8 +18,8 @@ constexpr double kFrictionPerPull = 12;
 constexpr double kFrictionRate_Nps = 25;
 constexpr double kSlow_mps = 3e-4;
 // Losses of gear and motor change by no more in a cycle than this share of the drive's rated torque, 35 uNm
-// here: a sixth of what the motor's own dry friction holds.
-constexpr double kLossStep = 0.005;
+// here: a sixth of what the motor's own dry friction holds; in fast motion by so many times more.
+constexpr double kLossStep = 0.005, kFastestLoss = 7;
 constexpr double kSlidThrough = 0.999;
 
 }  // namespace
@@ -164,13 +164,14 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   // may do. The friction that leaves the pulleys moves the motor as well, through its pre-sliding in a few
   // cycles; that much more would be a blow.
   const double turned_Nm = 2 * coulomb_Nm_ + r.tension_motor_N * travel_m_ * (1 / efficiency_ - efficiency_);
-  const double most_Nm =
-      std::max(loss_step_Nm_, turned_Nm * std::abs(r.motor_velocity_radps) * period_s_ / reversal_rad_);
+  const double most_Nm = std::clamp(turned_Nm * std::abs(r.motor_velocity_radps) * period_s_ / reversal_rad_,
+                                    loss_step_Nm_, kFastestLoss * loss_step_Nm_);
   loss_Nm_ = fresh ? loss_Nm : loss_Nm_ + std::clamp(loss_Nm - loss_Nm_, -most_Nm, most_Nm);
   r.rotor_N = inertia_kgm2_ * acceleration_mps2 / (travel_m_ * travel_m_);
-  r.torque_Nm =
-      (r.rotor_N + r.tension_motor_N) * travel_m_ + loss_Nm_ + viscous_Nms_ * r.motor_velocity_radps;
+  r.unloaded_Nm = r.rotor_N * travel_m_ + viscous_Nms_ * r.motor_velocity_radps;
+  r.torque_Nm = r.unloaded_Nm + r.tension_motor_N * travel_m_ + loss_Nm_;
   r.torque_Nm /= torque_scale_;  // the drive counts in current
+  r.unloaded_Nm /= torque_scale_;
   if (std::abs(r.torque_Nm) > max_torque_Nm_) {
     r.torque_Nm = std::copysign(max_torque_Nm_, r.torque_Nm);
     r.status = Status::kLimitedTorque;

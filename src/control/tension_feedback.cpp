@@ -21,6 +21,12 @@ using Eigen::VectorXd;
 // Below this share of the wanted tension a tendon is as good as slack; then the integral is this much faster.
 constexpr double kSlackShare = 0.5, kSlackUrgency = 10;
 
+// Feedback sets in over this: what is wrong when a robot begins to be led is not to be mended with a blow.
+constexpr double kBegin_s = 0.3;
+
+// A motor that turned by no more than this for so long stands: noise of the cell need not reach its torque.
+constexpr std::int32_t kStoodCounts = 1, kStoodCycles = 100;
+
 // The body at a shape under the tensions that hold the arc there, linearised.
 struct LinearBody {
   MatrixXd mass, stiffness, shortening;  // shortening: M x 2N
@@ -279,7 +285,8 @@ TensionFeedback::TensionFeedback(const TendonDriveParameters& drive, const Limit
 
 void TensionFeedback::Reset() noexcept {
   wanted_.fill({});
-  error_N_ = integral_N_ = velocity_error_radps_ = limited_ = 0;
+  error_N_ = integral_N_ = velocity_error_radps_ = limited_ = held_Nm_ = begun_ = 0;
+  stood_cycles_ = 0;
   running_ = false;
 }
 
@@ -291,7 +298,7 @@ double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, c
   }
   if (!running_) {
     wanted_.fill(wanted);
-    counts_ = feedback.position_counts;
+    counts_ = stood_at_counts_ = feedback.position_counts;
     running_ = true;
   }
   const Wanted then = wanted_[0];
@@ -299,6 +306,12 @@ double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, c
   wanted_[kDelayCycles - 1] = wanted;
 
   const std::int32_t moved = CountsMoved(feedback.position_counts, counts_);
+  if (std::abs(CountsMoved(feedback.position_counts, stood_at_counts_)) > kStoodCounts) {
+    stood_at_counts_ = feedback.position_counts;
+    stood_cycles_ = 0;
+  } else {
+    stood_cycles_ = std::min(stood_cycles_ + 1, kStoodCycles);
+  }
   counts_ = feedback.position_counts;
   const double off_N = then.cell_N - measured_N;
   const double sure_N = std::copysign(std::max(0.0, std::abs(off_N) - then.unsure_N), off_N);
@@ -309,15 +322,17 @@ double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, c
   const bool slack = measured_N < kSlackShare * then.cell_N;
   // At rest dry friction holds any torque within it; an integral that grew against it would push the robot
   // off as soon as the motion turns, or let it hunt.
-  const bool rests = then.motor_velocity_radps == 0 && !slack && std::abs(error_N_) < rest_band_N_;
+  const bool rests = then.rests && !slack && std::abs(error_N_) < rest_band_N_;
+  if (rests && stood_cycles_ == kStoodCycles) return held_Nm_;
   if (!(limited_ * error_N_ > 0) && !rests) {
     // A tendon pulls only: slack, it closes no loop, the motor's own friction may hold it there, and every
     // bit of the error counts more.
     const double urgency = slack ? kSlackUrgency : 1;
     integral_N_ = std::clamp(integral_N_ + urgency * integral_ps_ * period_s_ * error_N_, -most_N_, most_N_);
   }
-  return (travel_m_ * (proportional_ * error_N_ + integral_N_) + damping_Nms_ * velocity_error_radps_) /
-         torque_scale_;
+  held_Nm_ = (travel_m_ * (proportional_ * error_N_ + integral_N_) + damping_Nms_ * velocity_error_radps_) /
+             torque_scale_;
+  return held_Nm_;
 }
 
 void TensionFeedback::Remember(StateArchive& a) noexcept {
@@ -325,9 +340,14 @@ void TensionFeedback::Remember(StateArchive& a) noexcept {
     a.Value(w.cell_N);
     a.Value(w.motor_velocity_radps);
     a.Value(w.unsure_N);
+    a.Value(w.rests);
   }
   for (double* v : {&error_N_, &integral_N_, &velocity_error_radps_, &limited_}) a.Value(*v);
   a.Value(counts_);
+  a.Value(stood_at_counts_);
+  a.Value(stood_cycles_);
+  a.Value(held_Nm_);
+  a.Value(begun_);
   a.Value(running_);
 }
 

@@ -10,6 +10,14 @@ namespace {
 
 // Slow beside the robot's own swinging, which tension feedback damps, and beside the tracker.
 constexpr double kFastest_s = 0.3;
+// A tracker's last digit never rests this long.
+constexpr double kStuck_s = 0.2;
+// The error is averaged over this before it is compared with the tracker's noise, of which little is left
+// then.
+constexpr double kErrorFilter_s = 0.1;
+// A tracker better than this, of the robot's length, does not make its dry friction smaller.
+constexpr double kLeastRestBand = 5e-4;
+constexpr double kRest_mps = 1e-5;
 
 }  // namespace
 
@@ -19,46 +27,85 @@ TipFeedback::TipFeedback(const TrackerParameters& tracker, double length_m, doub
       reading_every_s_(1 / tracker.rate_Hz),
       max_age_s_(2 * tracker.delay_s + std::max(0.1, 5 / tracker.rate_Hz)),
       max_shift_m_(kMaxShare * length_m),
+      max_disagreement_m_(kMaxDisagreement * length_m),
+      rest_band_m_(std::max(kLeastRestBand * length_m, tracker.position_noise_m)),
+      error_share_(1 - std::exp(-reading_every_s_ / kErrorFilter_s)),
+      most_same_(tracker.position_noise_m > 0
+                     ? std::max(3, static_cast<std::int32_t>(kStuck_s * tracker.rate_Hz))
+                     : 0),
       wanted_(static_cast<std::size_t>(std::ceil((max_age_s_ + 0.02) / period_s)) + 2,
-              Eigen::Vector3d::Zero()) {}
+              Eigen::Vector3d::Zero()),
+      estimate_(wanted_) {}
+
+// So many cycles ago, between two cycles in a straight line.
+Eigen::Vector3d TipFeedback::Before(const std::vector<Eigen::Vector3d>& ring, double cycles) const noexcept {
+  const auto size = static_cast<std::int32_t>(ring.size());
+  const int whole = static_cast<int>(cycles);
+  const auto at = [&](int back) { return ring[(next_ - back + 2 * size) % size]; };
+  return at(whole) + (cycles - whole) * (at(whole + 1) - at(whole));
+}
+
+// Millimetres for metres, another frame, a marker that was taken for another, or one that has not been seen
+// for long: the tendons tell all of these from a tip that is a little off.
+bool TipFeedback::Plausible(const TrackerSample& sample, double age_s) noexcept {
+  same_ = (sample.tip_W_m.array() == last_tip_W_m_.array()).all() ? same_ + 1 : 1;
+  same_ = std::min(same_, most_same_ + 1);
+  last_tip_W_m_ = sample.tip_W_m;
+  if (most_same_ > 0 && same_ > most_same_) return false;
+  const double back = std::min(age_s / period_s_, filled_ - 2.0);
+  return back < 0 || (sample.tip_W_m - Before(estimate_, back)).norm() <= max_disagreement_m_;
+}
 
 Status TipFeedback::Step(const TrackerSample& sample, TimeNs now_ns, TimeNs ahead_ns,
-                         const Eigen::Vector3d& wanted_W_m, const Eigen::Vector3d& u,
-                         const Eigen::Vector3d& v, bool acts) noexcept {
+                         const Eigen::Vector3d& wanted_W_m, const Eigen::Vector3d& estimate_W_m,
+                         const Eigen::Vector3d& u, const Eigen::Vector3d& v, bool acts,
+                         bool at_limit) noexcept {
   if (!acts) {
-    shift_W_m_.setZero();
-    rate_W_mps_.setZero();
-    filled_ = 0;
+    for (Eigen::Vector3d* x : {&shift_W_m_, &rate_W_mps_, &wanted_rate_W_mps_, &error_W_m_}) x->setZero();
+    filled_ = resting_cycles_ = 0;
     silent_cycles_ = 0;
+    asleep_ = false;
     return Status::kOk;
   }
   const auto size = static_cast<std::int32_t>(wanted_.size());
+  const bool rests = filled_ > 0 && (wanted_W_m - wanted_[next_]).norm() < kRest_mps * period_s_;
+  resting_cycles_ = rests ? std::min(resting_cycles_ + 1, size) : 0;
   next_ = (next_ + 1) % size;
   wanted_[next_] = wanted_W_m;
+  estimate_[next_] = estimate_W_m;
   filled_ = std::min(filled_ + 1, size);
   ++silent_cycles_;
   const double age_s = ToSeconds(now_ns - sample.time_ns);
-  const bool usable = sample.valid && sample.tip_W_m.allFinite() && age_s >= 0 && age_s <= max_age_s_ &&
-                      (last_ns_ == 0 || sample.time_ns > last_ns_);
-  if (usable) {
+  const bool fresh = sample.valid && sample.tip_W_m.allFinite() && age_s >= 0 && age_s <= max_age_s_ &&
+                     (last_ns_ == 0 || sample.time_ns > last_ns_);
+  if (fresh && Plausible(sample, age_s)) {
     silent_cycles_ = 0;
     last_ns_ = sample.time_ns;
-    rate_W_mps_.setZero();
+    wanted_rate_W_mps_.setZero();
     const double back = (age_s + ToSeconds(ahead_ns)) / period_s_;
-    const int whole = static_cast<int>(back);
-    if (whole + 1 < filled_) {  // else measured before anything was wanted
-      const auto before = [&](int cycles) { return wanted_[(next_ - cycles + 2 * size) % size]; };
-      const Eigen::Vector3d then = before(whole) + (back - whole) * (before(whole + 1) - before(whole));
-      const Eigen::Vector3d error = then - sample.tip_W_m;
-      rate_W_mps_ = (u * u.dot(error) + v * v.dot(error)) / time_constant_s_;
-      const double speed = rate_W_mps_.norm();
-      if (speed > kMaxRate_mps) rate_W_mps_ *= kMaxRate_mps / speed;
+    if (static_cast<int>(back) + 1 < filled_) {  // else measured before anything was wanted
+      const Eigen::Vector3d missing = Before(wanted_, back) - sample.tip_W_m;
+      const Eigen::Vector3d error = u * u.dot(missing) + v * v.dot(missing);
+      error_W_m_ += error_share_ * (error - error_W_m_);
+      if (resting_cycles_ <= back + 1) {
+        asleep_ = false;
+      } else {
+        asleep_ = error_W_m_.norm() < (asleep_ ? kWake : 1) * rest_band_m_;
+      }
+      if (!asleep_) wanted_rate_W_mps_ = error / time_constant_s_;
+      const double speed = wanted_rate_W_mps_.norm();
+      if (speed > kMaxRate_mps) wanted_rate_W_mps_ *= kMaxRate_mps / speed;
     }
   }
-  // Between readings the correction goes on evenly, a torque that jumped with each of them would shake the
-  // robot.
+  // Between readings the correction goes on evenly, and its rate changes evenly: a torque that jumped with
+  // each of them would shake the robot.
   const double silent_s = static_cast<double>(silent_cycles_) * period_s_;
-  if (silent_s < reading_every_s_) shift_W_m_ += rate_W_mps_ * period_s_;
+  if (silent_s >= reading_every_s_ || at_limit) wanted_rate_W_mps_.setZero();
+  const Eigen::Vector3d faster_W_mps = wanted_rate_W_mps_ - rate_W_mps_;
+  const double step_mps = kMaxAcceleration_mps2 * period_s_, change_mps = faster_W_mps.norm();
+  rate_W_mps_ +=
+      change_mps > step_mps ? Eigen::Vector3d(faster_W_mps * (step_mps / change_mps)) : faster_W_mps;
+  shift_W_m_ += rate_W_mps_ * period_s_;
   const double far_m = shift_W_m_.norm();
   if (far_m > max_shift_m_) shift_W_m_ *= max_shift_m_ / far_m;
   if (silent_s > max_age_s_) return Status::kTrackerLost;
@@ -67,12 +114,16 @@ Status TipFeedback::Step(const TrackerSample& sample, TimeNs now_ns, TimeNs ahea
 
 void TipFeedback::Remember(StateArchive& a) noexcept {
   for (Eigen::Vector3d& w : wanted_) a.Vector(w);
+  for (Eigen::Vector3d& e : estimate_) a.Vector(e);
   a.Value(next_);
   a.Value(filled_);
   a.Value(silent_cycles_);
   a.Value(last_ns_);
-  a.Vector(shift_W_m_);
-  a.Vector(rate_W_mps_);
+  a.Value(resting_cycles_);
+  a.Value(same_);
+  a.Value(asleep_);
+  for (Eigen::Vector3d* x : {&shift_W_m_, &rate_W_mps_, &wanted_rate_W_mps_, &error_W_m_, &last_tip_W_m_})
+    a.Vector(*x);
   const auto size = static_cast<std::int32_t>(wanted_.size());
   a.Require(next_ >= 0 && next_ < size && filled_ >= 0 && filled_ <= size);
 }

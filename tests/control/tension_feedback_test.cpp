@@ -113,7 +113,9 @@ class OneLoop : public testing::Test {
         gains(DesignTensionLoop(robot, 1e-3)),
         loop(robot.actuation->tendons[0], robot.limits, gains, 0, 1e-3) {}
   double Step(double wanted_N, double measured_N, bool acts = true, double velocity_radps = 1e-3) {
-    return loop.Step(still, measured_N, {.cell_N = wanted_N, .motor_velocity_radps = velocity_radps}, acts);
+    return loop.Step(
+        still, measured_N,
+        {.cell_N = wanted_N, .motor_velocity_radps = velocity_radps, .rests = velocity_radps == 0}, acts);
   }
   RobotParameters robot;
   TensionLoopGains gains;
@@ -136,10 +138,23 @@ TEST_F(OneLoop, IntegratesWhatRemainsAndForgetsItWhenOff) {
 // Dry friction would hold a motor at rest through half a newton here; an error within that stays as it is.
 TEST_F(OneLoop, DoesNotIntegrateAgainstFrictionAtRest) {
   double torque = 0;
-  for (int i = 0; i < 100; ++i) torque = Step(1.1, 1.0, true, 0);
-  for (int i = 0; i < 5000; ++i) ASSERT_NEAR(Step(1.1, 1.0, true, 0), torque, 1e-8);
+  for (int i = 0; i < 500; ++i) torque = Step(1.1, 1.0, true, 0);
+  for (int i = 0; i < 5000; ++i)
+    ASSERT_EQ(Step(1.1, i % 2 ? 1.0 : 1.01, true, 0), torque) << "nor passes noise on";
   for (int i = 0; i < 500; ++i) torque = Step(1.5, 1.0, true, 0);
   EXPECT_GT(Step(1.5, 1.0, true, 0), torque) << "more than friction is put right";
+}
+
+// What is wrong when a robot begins to be led is put right over a third of a second.
+TEST_F(OneLoop, SetsInWithoutABlow) {
+  double torque = 0, largest = 0;
+  for (int i = 0; i < 500; ++i) {
+    const double now = Step(2, 1);
+    largest = std::max(largest, std::abs(now - torque));
+    torque = now;
+  }
+  EXPECT_GT(torque, 4e-4);
+  EXPECT_LT(largest, 1e-5);
 }
 
 TEST_F(OneLoop, DoesNotWindUpAtALimitAndComesOffItAtOnce) {

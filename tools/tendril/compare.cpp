@@ -62,8 +62,10 @@ struct Tracking {
   std::string fault;  // of a run that did not reach its end
   Error tip, tension;
   std::uint64_t limited_cycles = 0;
-  // Worst excess of a limit: of what was asked for, and of what the plant's tendons then carried.
-  double tension_over_N = 0, true_tension_over_N = 0, bending_over_rad = 0, torque_over_permille = 0;
+  // Worst excess of a limit: of what was asked for; of what the plant's tendons then carried, and how it
+  // bent, within the motion and the two seconds that follow a fault.
+  double tension_over_N = 0, tension_under_N = 0, true_tension_over_N = 0, bending_over_rad = 0,
+         true_bending_over_rad = 0, torque_over_permille = 0;
   std::vector<double> time_s;
   std::vector<Eigen::Vector3d> wanted_m, tip_m;
 };
@@ -114,13 +116,21 @@ std::vector<std::string> NamesOf(const std::vector<PlantKind>& kinds) {
   return names;
 }
 
+constexpr double kAfterFault_s = 2;
+
 Tracking Track(ClosedLoopOptions options, const Motion& motion, bool faults_end_it) {
   Tracking result;
   options.daemon.lcm.state_every_cycles = 1000;
   options.daemon.lcm.cycle_every_cycles = 0;
   const RobotParameters& robot = options.controller_robot;
   ClosedLoop loop(options);
-  const auto check = [&](const CycleRecord& r) {
+  BendingVector bending_rad = BendingVector::Zero(2 * static_cast<Eigen::Index>(robot.body.sections.size()));
+  const auto most_bend = [](const BendingVector& us_vs) {
+    double most = 0;
+    for (Eigen::Index k = 0; k + 1 < us_vs.size(); k += 2) most = std::max(most, us_vs.segment<2>(k).norm());
+    return most;
+  };
+  const auto judge = [&](const CycleRecord& r) {
     if (stop) throw std::runtime_error("stopped by Ctrl-C");
     for (int j = 0; j < robot.body.tendons(); ++j) {
       const auto& drive = robot.actuation->tendons[static_cast<std::size_t>(j)];
@@ -131,16 +141,23 @@ Tracking Track(ClosedLoopOptions options, const Motion& motion, bool faults_end_
       result.tension_over_N = std::max(
           {result.tension_over_N, r.output.tension_desired_base_N[j] - robot.limits.max_tension_base_N,
            r.output.tension_desired_motor_N[j] - robot.limits.max_tension_motor_N});
+      if (r.output.mode == Mode::kRunning) {
+        const double under_N = robot.limits.min_tension_N - r.output.tension_desired_base_N[j];
+        result.tension_under_N = std::max(result.tension_under_N, under_N - 1e-9);
+      }
       const sim::TendonState& truth = loop.plant().tendon()[static_cast<std::size_t>(j)];
       result.true_tension_over_N =
           std::max({result.true_tension_over_N, truth.tension_base_N - robot.limits.max_tension_base_N,
                     truth.tension_motor_N - robot.limits.max_tension_motor_N});
     }
-    for (Eigen::Index k = 0; k + 1 < r.output.reference.position_rad.size(); k += 2) {
-      result.bending_over_rad =
-          std::max(result.bending_over_rad,
-                   r.output.reference.position_rad.segment<2>(k).norm() - robot.limits.max_bending_rad);
-    }
+    const double max_rad = robot.limits.max_bending_rad;
+    result.bending_over_rad =
+        std::max(result.bending_over_rad, most_bend(r.output.reference.position_rad) - max_rad);
+    loop.plant().body().SumBending(loop.plant().q(), bending_rad);
+    result.true_bending_over_rad = std::max(result.true_bending_over_rad, most_bend(bending_rad) - max_rad);
+  };
+  const auto check = [&](const CycleRecord& r) {
+    judge(r);
     if (r.output.mode == Mode::kFault) {
       const std::string why = fmt::format("{} at t = {:.2f} s ({})", StatusText(r.output.status),
                                           loop.now_s(), StatusRemedy(r.output.status));
@@ -173,6 +190,9 @@ Tracking Track(ClosedLoopOptions options, const Motion& motion, bool faults_end_
   } catch (const Fault& fault) {
     if (!faults_end_it) throw;
     result.fault = fault.what();
+    // A fault lets go of the robot; its tendons are judged until that is over.
+    const double end_s = loop.now_s() + kAfterFault_s;
+    while (loop.now_s() < end_s) judge(loop.Step());
   }
   return result;
 }
@@ -302,10 +322,15 @@ void RunLaws(const CompareOptions& options) {
         t.law = law.name;
         t.controller = file;
         t.plant = kind.name;
-        over = std::max({over, t.tension_over_N, t.bending_over_rad, t.torque_over_permille});
+        over =
+            std::max({over, t.tension_over_N, t.tension_under_N, t.bending_over_rad, t.torque_over_permille});
         if (t.true_tension_over_N > 0) {
           beyond.push_back(fmt::format("  {} with {} on {}: a tendon carried {:.2f} N more than its limit",
                                        name, law.name, kind.name, t.true_tension_over_N));
+        }
+        if (t.true_bending_over_rad > 0) {
+          beyond.push_back(fmt::format("  {} with {} on {}: the robot was bent {:.2f} rad beyond its limit",
+                                       name, law.name, kind.name, t.true_bending_over_rad));
         }
         if (t.fault.empty()) {
           row += fmt::format("{:>10.3f} /{:>7.3f}", 1e3 * t.tip.rms(), 1e3 * t.tip.largest);
@@ -318,8 +343,10 @@ void RunLaws(const CompareOptions& options) {
         described["law"] = t.law;
         described["fault"] = t.fault.empty() ? ordered_json(nullptr) : ordered_json(t.fault);
         described["limit_excess"] = {{"tension_N", t.tension_over_N},
+                                     {"tension_min_N", t.tension_under_N},
                                      {"true_tension_N", t.true_tension_over_N},
                                      {"bending_rad", t.bending_over_rad},
+                                     {"true_bending_rad", t.true_bending_over_rad},
                                      {"torque_permille", t.torque_over_permille}};
         entry["runs"].push_back(std::move(described));
         if (&kind == &plants.front()) nominal.push_back(std::move(t));
@@ -338,7 +365,10 @@ void RunLaws(const CompareOptions& options) {
                         "compare.json",
                         over)
           : "  no law asked for more than a limit of tension, bending or torque");
-  if (beyond.empty()) lines.emplace_back("  no tendon carried more than its limits");
+  if (beyond.empty())
+    lines.emplace_back(
+        "  no tendon carried more than its limits, no robot was bent beyond its own, up to two seconds after "
+        "a fault");
   for (const std::string& line : beyond) lines.push_back(line);
   Finish(options, out, json, lines);
 }

@@ -30,6 +30,7 @@ class DriveFeedForward {
   struct Result : Compensation::Result {
     double motor_velocity_radps = 0;  // wanted
     double rotor_N = 0;               // tension that accelerates the rotor
+    double unloaded_Nm = 0;           // of torque_Nm: what the rotor's motion takes, without any tension
     double load_torque_per_N = 0;     // at the motor, per motor-side tension, in the present direction
     bool slid_through = false;        // the pulleys, since Reset: their memory is that of the motion alone
   };

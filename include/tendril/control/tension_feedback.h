@@ -54,10 +54,12 @@ class TensionFeedback {
     double cell_N = 0;  // at the load cell
     double motor_velocity_radps = 0;
     double unsure_N = 0;  // of cell_N: an error up to this says nothing
+    bool rests = false;   // nothing is led anywhere
   };
 
   /// Torque to add [N·m]. `wanted` is what the torque now sent is meant for; it is compared with the cell two
-  /// cycles later, when it shows. `acts` false: not fed back, the integral rests at zero.
+  /// cycles later, when it shows. At rest, with the error within what dry friction holds and a motor that
+  /// stands, the torque stands as well. `acts` false: not fed back, the integral rests at zero.
   double Step(const DriveFeedback& feedback, double measured_N, const Wanted& wanted, bool acts) noexcept;
   /// What became of the torque: at a limit in the direction of `excess` (> 0 too much) the integral stands
   /// still until the error turns.
@@ -73,7 +75,9 @@ class TensionFeedback {
   double travel_m_, rad_per_count_, rest_band_N_, most_N_, torque_scale_;
   std::array<Wanted, kDelayCycles> wanted_{};
   double error_N_ = 0, integral_N_ = 0, velocity_error_radps_ = 0, limited_ = 0;
-  std::int32_t counts_ = 0;
+  std::int32_t counts_ = 0, stood_at_counts_ = 0, stood_cycles_ = 0;
+  double held_Nm_ = 0;  // put out last
+  double begun_ = 0;    // share that acts
   bool running_ = false;
 };
 
