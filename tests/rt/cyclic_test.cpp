@@ -157,23 +157,6 @@ TEST(EnterRealtime, ImpossibleSettingsAreNamedWithTheirRemedy) {
   }).join();
 }
 
-// Whatever belongs to the program has been touched before the first cycle, also where nothing may be locked.
-TEST(EnterRealtime, FirstUsesFetchNoPages) {
-  constexpr std::size_t kPages = 256, kPage = 4096;
-  static std::array<unsigned char, kPages * kPage> never_used;
-  std::thread([] {
-    RealtimeParameters p;
-    p.lock_memory = false;
-    EXPECT_EQ(EnterRealtime(p), "");
-    const volatile unsigned char* bytes = never_used.data();
-    unsigned sum = 0;
-    const std::uint64_t before = ReadThreadUsage().minor_faults;
-    for (std::size_t page = 0; page < kPages; ++page) sum += bytes[page * kPage];
-    EXPECT_EQ(ReadThreadUsage().minor_faults, before);
-    EXPECT_EQ(sum, 0U);
-  }).join();
-}
-
 TEST(EnterRealtime, NothingAskedNothingToComplainAbout) {
   std::thread([] {
     RealtimeParameters p;

@@ -6,8 +6,6 @@
 #include <array>
 #include <thread>
 
-#include "tendril/rt/usage.h"
-
 namespace tendril::rt {
 namespace {
 
@@ -47,16 +45,6 @@ TEST(Handoff, OrderIsKeptNothingIsTornAndDropsAreCounted) {
   EXPECT_FALSE(torn);
   EXPECT_EQ(received + handoff.dropped(), attempts);
   EXPECT_FALSE(handoff.TryPop(value));
-}
-
-// A queue's first round through its memory is in cycles that may fetch no page.
-TEST(Handoff, HasTouchedAllOfItsMemory) {
-  constexpr int kCapacity = 4096;  // 2 MB: more than what was used and given back before
-  Handoff<Value> handoff(kCapacity);
-  const std::uint64_t before = ReadThreadUsage().minor_faults;
-  for (int i = 0; i < kCapacity; ++i) handoff.TryPush({});
-  EXPECT_EQ(ReadThreadUsage().minor_faults, before);
-  EXPECT_EQ(handoff.dropped(), 0U);
 }
 
 TEST(Handoff, AFullQueueDropsTheNewest) {
