@@ -245,6 +245,12 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
             "{} is not below the pretension of {}; accepted: below limits.min_tension_N, {} N; lower it",
             daemon.controller.guards.slack_tension_N, robot.name, robot.limits.min_tension_N));
   }
+  if (daemon.controller.tip_feedback && !robot.actuation->tracker) {
+    throw ErrorAt(daemon_path, "controller.tip_feedback",
+                  fmt::format("on, but {} has no tracker; accepted: off, or a robot file with the block "
+                              "actuation.tracker; correct the one or the other",
+                              robot.name));
+  }
   if (daemon.controller.take_up.pull_N > robot.limits.max_tension_motor_N) {
     throw ErrorAt(
         daemon_path, "controller.take_up.pull_N",

@@ -29,6 +29,8 @@ void OptionalSwitch(Io& io, std::string_view key, bool& value, bool nominal) {
   OptionalChoice(io, key, value, nominal, {{"off", false}, {"on", true}});
 }
 
+inline constexpr double kMostSmoothing_s = 10;  // seconds of cycles are kept in memory
+
 template <class Io>
 void Describe(Io& io, TrajectoryParameters& p) {
   io.Number("default_speed_radps", p.default_speed_radps, {1e-4, 100});
@@ -36,6 +38,19 @@ void Describe(Io& io, TrajectoryParameters& p) {
   io.Number("max_acceleration_radps2", p.max_acceleration_radps2, {1e-2, 1e5});
   io.Number("max_jerk_radps3", p.max_jerk_radps3, {0.1, 1e8});
   OptionalSwitch(io, "look_ahead", p.look_ahead, true);
+  // The smoothing's windows are held in memory, and delay all motion by half their length.
+  const double gather_s = 2 * p.max_rate_radps / p.max_acceleration_radps2,
+               build_up_s = 2 * p.max_acceleration_radps2 / p.max_jerk_radps3;
+  io.Check(!(gather_s > kMostSmoothing_s), "max_acceleration_radps2",
+           fmt::format("{:g} takes {:g} s to the max_rate_radps of {:g} and back; accepted: {:g} or more, so "
+                       "that it is {:g} s at most; raise it, or lower max_rate_radps",
+                       p.max_acceleration_radps2, gather_s, p.max_rate_radps,
+                       2 * p.max_rate_radps / kMostSmoothing_s, kMostSmoothing_s));
+  io.Check(!(build_up_s > kMostSmoothing_s), "max_jerk_radps3",
+           fmt::format("{:g} takes {:g} s to the max_acceleration_radps2 of {:g} and back; accepted: {:g} or "
+                       "more, so that it is {:g} s at most; raise it, or lower max_acceleration_radps2",
+                       p.max_jerk_radps3, build_up_s, p.max_acceleration_radps2,
+                       2 * p.max_acceleration_radps2 / kMostSmoothing_s, kMostSmoothing_s));
   io.Check(p.default_speed_radps <= p.max_rate_radps, "default_speed_radps",
            fmt::format("{} is faster than max_rate_radps allows; accepted: up to {} rad/s; lower it",
                        p.default_speed_radps, p.max_rate_radps));

@@ -39,12 +39,10 @@ constexpr double kHeldPermille = 0.8;
 // Of the motor's own friction, which alone holds a spool without tension; a file may take it for too much.
 constexpr double kPaidOut = 0.5;
 constexpr double kCellDoubt_N = 0.5;
-// A shape is held by no more than this share of the base's limit: what friction and the body's own swing add
-// to what was wanted must have room below it.
-constexpr double kLedShare = 0.9;
 // After a fault: a spool without its tendon is brought to rest in this time.
 constexpr double kBrake_s = 0.02;
-constexpr double kStopRamp_s = 0.9;  // a daemon that is ended has this long for tensions to go down
+constexpr double kDisagrees_s = 0.5;  // tracker and tendons, before it is told
+constexpr double kStopRamp_s = 0.9;   // a daemon that is ended has this long for tensions to go down
 
 const RobotParameters& Checked(const RobotParameters& robot) {
   if (!robot.actuation) {
@@ -170,6 +168,7 @@ struct Controller::Impl {
   // ---- the stages, in flow order ----
 
   void Prepare(const CycleInput& input, CycleOutput& output) const noexcept;
+  void CompareWithTracker(const CycleInput& input, CycleOutput& output) noexcept;
   void Admit(const CycleInput& input, CycleOutput& output) noexcept;
   void Supervise(const CycleInput& input, CycleOutput& output) noexcept;
   void FollowTarget(const CycleInput& input, CycleOutput& output) noexcept;
@@ -257,6 +256,9 @@ struct Controller::Impl {
   std::array<bool, kMaxTendons> was_off{};
   CommandKind source = CommandKind::kNone;
   TimeNs settled_since_ns = 0;
+  std::int32_t disagreeing_readings = 0;  // of the tracker with the estimate, in a row
+  bool tracker_disagrees = false;
+  Eigen::Vector3d compared_tip_W_m{0, 0, 0};
   std::uint32_t accepted = 0, refused = 0, missing = 0;
   Status command_status = Status::kOk;
 };
@@ -267,6 +269,7 @@ void Controller::Step(const CycleInput& input, CycleOutput& output) noexcept {
   Impl& c = *impl_;
   c.Prepare(input, output);
   c.estimator.Step(input, output);
+  c.CompareWithTracker(input, output);
   c.Admit(input, output);
   c.Supervise(input, output);
   c.FollowTarget(input, output);
@@ -297,6 +300,29 @@ void Controller::Impl::Prepare(const CycleInput& input, CycleOutput& output) con
   output.tension_measured_N = none;
   output.tension_base_estimate_N = none;
   output.torque_measured_Nm = none;
+}
+
+// Where a tracker publishes, whatever is made of it: the estimate counts on tendons that hang where they
+// should and a zero that was the straight robot. Readings are late by the tracker's delay, in which the tip
+// goes on.
+void Controller::Impl::CompareWithTracker(const CycleInput& input, CycleOutput& output) noexcept {
+  const auto& tracker = robot.actuation->tracker;
+  if (!tracker || !zeroed || !controls_shape()) {
+    disagreeing_readings = 0;
+    return;
+  }
+  const TrackerSample& seen = input.tracker;
+  if (seen.valid && seen.tip_W_m.allFinite()) {
+    const double moved_m = (output.tip_estimate_W_m - compared_tip_W_m).norm();
+    const double late_m = moved_m * (1 + tracker->delay_s * tracker->rate_Hz);
+    const double allowed_m = TipFeedback::kMaxDisagreement * robot.body.length_m() + late_m;
+    const bool off = (seen.tip_W_m - output.tip_estimate_W_m).norm() > allowed_m;
+    compared_tip_W_m = output.tip_estimate_W_m;
+    const int most = 1 + static_cast<int>(kDisagrees_s * tracker->rate_Hz);
+    disagreeing_readings = off ? std::min(disagreeing_readings + 1, most) : 0;
+    tracker_disagrees = disagreeing_readings == most;
+  }
+  if (tracker_disagrees && disagreeing_readings > 0) Report(output, Status::kTrackerDisagrees);
 }
 
 void Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexcept {
@@ -897,6 +923,9 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
   a.Value(ramp_Nps);
   for (int j = 0; j < tendons; ++j) a.Value(was_off[j]);
   a.Choice(source, CommandKind::kMode);
+  a.Value(disagreeing_readings);
+  a.Value(tracker_disagrees);
+  a.Vector(compared_tip_W_m);
   a.Value(settled_since_ns);
   a.Value(accepted);
   a.Value(refused);

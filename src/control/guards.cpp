@@ -16,6 +16,8 @@ constexpr int kRail_mV = 9900;
 constexpr double kSpeedCycles = 20;
 // Of max_torque_error_N, where not a digit of a drive's feedback changes.
 constexpr double kFrozenChange = 0.1;
+// A taut cycle takes back so many slack ones.
+constexpr std::int32_t kTautCounts = 10;
 
 }  // namespace
 
@@ -26,6 +28,7 @@ Guards::Guards(const RobotParameters& robot, const GuardParameters& parameters, 
       tables_(tables),
       period_ns_(period_ns),
       max_tension_N_(robot.limits.max_tension_motor_N * (1 + parameters.tension_margin)),
+      max_base_N_(robot.limits.max_tension_base_N * (1 + parameters.tension_margin)),
       min_tension_N_(robot.limits.min_tension_N),
       max_bending_rad_(robot.limits.max_bending_rad + parameters.max_bending_excess_rad),
       slack_cycles_(static_cast<std::int32_t>(parameters.max_slack_s * 1e9 / static_cast<double>(period_ns)) +
@@ -92,7 +95,7 @@ Status Guards::Check(const CycleInput& input, const CycleOutput& output,
       continue;  // an old value says nothing new; how old it may be is another guard's
     }
     // A cell that nobody has checked yet may be wrong, but what it shows beyond the limit is not waited out.
-    if (expected.powered && output.tension_measured_N[static_cast<Eigen::Index>(j)] > max_tension_N_) {
+    if (expected.powered && OverTension(j, output.tension_measured_N[static_cast<Eigen::Index>(j)])) {
       keep(Status::kTensionOverLimit);
     }
     keep(CheckMotion(t, drive, expected.powered));
@@ -100,7 +103,10 @@ Status Guards::Check(const CycleInput& input, const CycleOutput& output,
     keep(CheckCell(j, drive, output, expected.powered && expected.trusted));
     const bool slack = expected.tensioned &&
                        output.tension_measured_N[static_cast<Eigen::Index>(j)] < parameters_.slack_tension_N;
-    if (Confirmed(t, kSlack, slack, slack_cycles_)) keep(Status::kTendonSlack);
+    // Noise shows a slack tendon taut for a cycle now and then: only what is taut for long starts anew.
+    std::int32_t& slack_for = t.broken_for[kSlack];
+    slack_for = slack ? std::min(slack_for + 1, slack_cycles_) : std::max(slack_for - kTautCounts, 0);
+    if (slack_for >= slack_cycles_) keep(Status::kTendonSlack);
   }
   tendon = 0;
   keep(CheckShape(output, expected));
@@ -203,6 +209,15 @@ Status Guards::CheckCell(std::size_t j, const DriveFeedback& drive, const CycleO
   const bool beyond = shown_N < least_N - allowed_N || shown_N > most_N + allowed_N;
   return Confirmed(t, kDisagrees, beyond, parameters_.confirm_cycles) ? Status::kSensorDisagrees
                                                                       : Status::kOk;
+}
+
+// Whatever the friction between: the least that the other side of the pulleys carries.
+bool Guards::OverTension(std::size_t j, double reading_N) const noexcept {
+  const double shown_N = std::max(reading_N, 0.);
+  const bool at_robot = tendons_[j].place == LoadCellPlace::kRobotSide;
+  const double motor_N = at_robot ? tables_[j]->BaseToMotor(shown_N, -1) : shown_N;
+  const double base_N = at_robot ? shown_N : tables_[j]->MotorToBase(shown_N, 1);
+  return motor_N > max_tension_N_ || base_N > max_base_N_;
 }
 
 // On the motor's side of the pulleys.

@@ -7,6 +7,8 @@
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "state_archive.h"
 #include "tendon_side.h"
@@ -76,16 +78,19 @@ MatrixXd Exponential(MatrixXd a) {
 // and of the controller filtered error, integral, filtered velocity, last angles.
 class LinearRig {
  public:
-  LinearRig(const RobotParameters& robot, double bend_rad, double period_s)
-      : robot_(robot), n_(2 * robot.body.units()), m_(robot.body.tendons()), period_s_(period_s) {
-    const model::Body body(robot.body);
-    body_ = Linearise(body, bend_rad, robot.limits.min_tension_N);
+  LinearRig(RobotParameters robot, double bend_rad, double period_s)
+      : robot_(std::move(robot)),
+        n_(2 * robot_.body.units()),
+        m_(robot_.body.tendons()),
+        period_s_(period_s) {
+    const model::Body body(robot_.body);
+    body_ = Linearise(body, bend_rad, robot_.limits.min_tension_N);
     const int n = n_, m = m_, states = 2 * n + 3 * m;
     MatrixXd a = MatrixXd::Zero(states + m, states + m);
     const Eigen::LLT<MatrixXd> mass(body_.mass);
     cell_ = MatrixXd::Zero(m, states);
     for (int j = 0; j < m; ++j) {
-      const auto& t = robot.actuation->tendons[j];
+      const auto& t = robot_.actuation->tendons[j];
       const double travel = t.SpoolTravelPerMotorRad(), k = t.tendon.stiffness_Npm, c = t.tendon.damping_Nspm;
       cell_.row(j).head(n) = -k * body_.shortening.row(j);
       cell_.row(j).segment(n, n) = -c * body_.shortening.row(j);
@@ -97,7 +102,7 @@ class LinearRig {
     a.block(n, 0, n, n) -= mass.solve(body_.stiffness);
     a.block(n, n, n, n) -= mass.solve(MatrixXd(body_.damping.asDiagonal()));
     for (int j = 0; j < m; ++j) {
-      const auto& t = robot.actuation->tendons[j];
+      const auto& t = robot_.actuation->tendons[j];
       const int angle = 2 * n + j, velocity = angle + m, torque = velocity + m;
       a(angle, velocity) = 1;
       a.row(velocity).head(states) = -t.SpoolTravelPerMotorRad() / t.motor.rotor_inertia_kgm2 * cell_.row(j);
@@ -199,16 +204,31 @@ class LinearRig {
   }
 
  private:
-  const RobotParameters& robot_;
+  RobotParameters robot_;
   int n_, m_;
   double period_s_;
   LinearBody body_;
   MatrixXd cell_, advance_, input_;
 };
 
-// Where a loop that bends robots lives; margins hold at both or not at all.
-std::array<LinearRig, 2> Rigs(const RobotParameters& robot, double period_s) {
-  return {LinearRig(robot, 0.0, period_s), LinearRig(robot, 0.5 * robot.limits.max_bending_rad, period_s)};
+// Where a loop that bends robots lives, from straight to its greatest bend; and tendons half and twice as
+// stiff as their file says, which no margin of the loop's gain stands for.
+struct Rigs {
+  std::vector<LinearRig> told, doubted;
+};
+
+Rigs RigsOf(const RobotParameters& robot, double period_s) {
+  Rigs rigs;
+  for (const double share : {0.0, 0.5, 1.0}) {
+    const double bend_rad = share * robot.limits.max_bending_rad;
+    rigs.told.emplace_back(robot, bend_rad, period_s);
+    for (const double stiffer : {0.5, 2.0}) {
+      RobotParameters other = robot;
+      for (auto& t : other.actuation->tendons) t.tendon.stiffness_Npm *= stiffer;
+      rigs.doubted.emplace_back(std::move(other), bend_rad, period_s);
+    }
+  }
+  return rigs;
 }
 
 TensionLoopGains GainsFor(const RobotParameters& robot, double bandwidth_radps, double softest_Npm) {
@@ -227,19 +247,24 @@ TensionLoopGains GainsFor(const RobotParameters& robot, double bandwidth_radps, 
   return g;
 }
 
-TensionLoopMargins Margins(const std::array<LinearRig, 2>& rigs, const TensionLoopGains& gains) {
+bool Stable(const std::vector<LinearRig>& rigs, const TensionLoopGains& gains, double gain) {
+  return std::all_of(rigs.begin(), rigs.end(), [&](const LinearRig& r) { return r.Stable(gains, gain); });
+}
+
+TensionLoopMargins Margins(const Rigs& rigs, const TensionLoopGains& gains) {
   TensionLoopMargins margins;
-  const auto stable = [&](double gain) { return rigs[0].Stable(gains, gain) && rigs[1].Stable(gains, gain); };
-  margins.stable = stable(1);
+  margins.stable = Stable(rigs.told, gains, 1) && Stable(rigs.doubted, gains, 1);
   if (!margins.stable) return margins;
   double low = 1, high = kMostGainMargin;
-  if (stable(kMostGainMargin)) low = kMostGainMargin;
+  if (Stable(rigs.told, gains, kMostGainMargin)) low = kMostGainMargin;
   for (int i = 0; i < 12 && low < kMostGainMargin; ++i) {
     const double middle = std::sqrt(low * high);
-    (stable(middle) ? low : high) = middle;
+    (Stable(rigs.told, gains, middle) ? low : high) = middle;
   }
   margins.gain = low;
-  margins.phase_deg = std::min(rigs[0].PhaseMargin_deg(gains), rigs[1].PhaseMargin_deg(gains));
+  margins.phase_deg = 180;
+  for (const LinearRig& r : rigs.told)
+    margins.phase_deg = std::min(margins.phase_deg, r.PhaseMargin_deg(gains));
   return margins;
 }
 
@@ -247,14 +272,16 @@ TensionLoopMargins Margins(const std::array<LinearRig, 2>& rigs, const TensionLo
 
 TensionLoopMargins CheckTensionLoop(const RobotParameters& robot, const TensionLoopGains& gains,
                                     double period_s) {
-  return Margins(Rigs(robot, period_s), gains);
+  return Margins(RigsOf(robot, period_s), gains);
 }
 
 TensionLoopGains DesignTensionLoop(const RobotParameters& robot, double period_s) {
-  const auto rigs = Rigs(robot, period_s);
-  const double softest_Npm = std::min(rigs[0].Softest(), rigs[1].Softest());
+  const Rigs rigs = RigsOf(robot, period_s);
+  double softest_Npm = std::numeric_limits<double>::infinity();
+  for (const LinearRig& r : rigs.told) softest_Npm = std::min(softest_Npm, r.Softest());
   const auto holds = [&](const TensionLoopGains& g) {
-    if (!rigs[0].Stable(g, kLeastGainMargin) || !rigs[1].Stable(g, kLeastGainMargin)) return false;
+    if (!Stable(rigs.told, g, kLeastGainMargin) || !Stable(rigs.doubted, g, kLeastDoubtedMargin))
+      return false;
     const TensionLoopMargins margins = Margins(rigs, g);
     return margins.stable && margins.gain >= kLeastGainMargin && margins.phase_deg >= kLeastPhaseMargin_deg;
   };

@@ -421,6 +421,13 @@ TEST(RefusedPair, TendonsAndNodes) {
   slack.controller.guards.slack_tension_N = 0.3;
   EXPECT_THAT(ErrorOf([&] { CheckTogether(slack, robot, path); }),
               HasSubstr("below limits.min_tension_N, 0.3 N"));
+  DaemonParameters blind = daemon;
+  blind.controller.tip_feedback = true;
+  RobotParameters unseen = robot;
+  EXPECT_NO_THROW(CheckTogether(blind, robot, path));
+  unseen.actuation->tracker.reset();
+  EXPECT_THAT(ErrorOf([&] { CheckTogether(blind, unseen, path); }),
+              HasSubstr("controller.tip_feedback: on, but rig_60mm has no tracker; accepted: off"));
   DaemonParameters strong = daemon;
   strong.controller.take_up.pull_N = 1.1 * robot.limits.max_tension_motor_N;
   EXPECT_THAT(ErrorOf([&] { CheckTogether(strong, robot, path); }),

@@ -88,11 +88,18 @@ TEST(TensionFeedback, DerivedGainsHoldTheirMarginsOnEveryRig) {
     EXPECT_TRUE(margins.stable) << name;
     EXPECT_GE(margins.gain, kLeastGainMargin) << name;
     EXPECT_GE(margins.phase_deg, kLeastPhaseMargin_deg) << name;
+    for (const double stiffer : {0.5, 2.0}) {
+      RobotParameters other = robot;
+      for (auto& t : other.actuation->tendons) t.tendon.stiffness_Npm *= stiffer;
+      EXPECT_TRUE(CheckTensionLoop(other, gains, 1e-3).stable)
+          << name << ", tendons as stiff times " << stiffer;
+    }
   }
 }
 
 TEST(TensionFeedback, ASimulationInFineStepsAgreesWithTheGainMargin) {
-  const RobotParameters robot = WithFineEncoders("rig_60mm");
+  RobotParameters robot = WithFineEncoders("rig_60mm");
+  robot.limits.max_bending_rad = 0.01;  // the simulation is of the straight robot
   const TensionLoopGains gains = DesignTensionLoop(robot, 1e-3);
   const TensionLoopMargins margins = CheckTensionLoop(robot, gains, 1e-3);
   ASSERT_LT(margins.gain, kMostGainMargin);

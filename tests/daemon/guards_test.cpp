@@ -339,6 +339,33 @@ TEST(SilentCommands, HoldTheRobotWhereItStopsUntilItIsArmedAgain) {
   for (const std::string& v : r.violations()) ADD_FAILURE() << v;
 }
 
+// A slack tendon's cell shows tension for a cycle now and then, by noise.
+TEST(Slack, ANoisyReadingDoesNotStartTheCountAnew) {
+  SafetyOptions o = Rig();
+  o.daemon.controller.guards.max_slack_s = 1;
+  SafetyRig r(o);
+  ASSERT_TRUE(r.Arm());
+  for (int i = 0; i < 1200 && r.output().mode == Mode::kRunning; ++i) {
+    FixCell(r, i % 100 == 99 ? 20 : 0);  // 0.1 N, above slack_tension_N
+    r.Step();
+  }
+  EXPECT_EQ(r.output().status, Status::kTendonSlack) << StatusText(r.output().status);
+}
+
+// The cell sits before the pulleys, whose friction takes a good fifth: what is left is still too much.
+TEST(TensionLimit, HoldsAtTheBaseAsWell) {
+  SafetyOptions o = Rig();
+  o.daemon.controller.guards.tension_margin = 0.02;
+  for (RobotParameters* robot : {&o.robot, &o.plant}) robot->limits.max_tension_base_N = 5;
+  SafetyRig r(o);
+  ASSERT_TRUE(r.Arm());
+  FixCell(r, 1600);  // 8 N of 10: more than 6 N at the base
+  r.Step();
+  r.Step();
+  EXPECT_EQ(r.output().mode, Mode::kFault);
+  EXPECT_EQ(r.output().status, Status::kTensionOverLimit) << StatusText(r.output().status);
+}
+
 // Tendons of which nothing is known yet may not be pulled beyond the limit either.
 TEST(TensionLimit, EndsHomingWhenACellShowsMore) {
   SafetyRig r(Rig());

@@ -70,6 +70,21 @@ TEST_F(FollowCommandTest, WrongUseIsTold) {
   ExpectRefused("via --bend 0,0 --bend 1,1 --speed 9", 2, {"--speed 9", "max_rate_radps = 8"});
   ExpectRefused("via --bend 0,0 --bend 1,1 --acceleration 900", 2, {"max_acceleration_radps2"});
   ExpectRefused("via --bend 0,0 --bend 1,1 --jerk 1e6", 2, {"max_jerk_radps3"});
+  const std::pair<const char*, const char*> numbers[] = {
+      {"via --bend 0,0 --bend 1,1 --speed nan", "--speed: nan is no number from 0 to 1000; leave it out"},
+      {"via --bend 0,0 --bend 1,1 --speed -1", "--speed: -1 is no number from 0 to 1000; leave it out"},
+      {"via --bend 0,0 --bend 1,1 --acceleration nan", "--acceleration: nan is no number from 0 to 1e+06;"},
+      {"via --bend 0,0 --bend 1,1 --jerk nan", "--jerk: nan is no number from 0 to 1e+09;"},
+      {"via --bend 0,0 --bend 1,1 --jerk inf", "--jerk: inf is no number from 0 to 1e+09;"},
+      {"csv table.csv --stretch nan", "--stretch: nan is no number from 0.01 to 1000;"},
+      {"arc --centre 0,0,0.05 --tip 0.02,0,0.05 --angle nan",
+       "--angle: nan is no number from -7200 to 7200;"},
+  };
+  for (const auto& [what, told] : numbers) {
+    EXPECT_EQ(Plan(what), 2) << what;
+    EXPECT_THAT(error_, testing::HasSubstr(told));
+  }
+  ExpectRefused("via --tip 1e308,0,0.05 --tip 0,0.01,0.059", 2, {"--tip 1e308", "1000 m"});
   ExpectRefused("line --tip 0,0,0.06", 2, {"two or more corners"});
   ExpectRefused("arc --tip 0,0,0.06", 2, {"three points"});
   ExpectRefused("arc --tip 0,0,0.06 --centre 0,0,0.05", 2, {"--angle"});
@@ -83,6 +98,9 @@ TEST_F(FollowCommandTest, WrongUseIsTold) {
 
 TEST_F(FollowCommandTest, WhatTheRobotCannotReachIsTold) {
   ExpectRefused("via --bend 3,0 --bend 0,0", 1, {"point 1", "section 1", "2.6"});
+  // What no tendon may pull is told before anything moves: a bend that cannot be held, a pace that cannot be
+  // led.
+  ExpectRefused("via --bend 0,0 --bend 2.5,0", 1, {"t = ", "limits.max_tension_base_N", "bend it less"});
   ExpectRefused("via --tip 0.01,0,0.0589 --tip 0,0.01,0.07", 1, {"point 2", "mm away", "--nearest"});
   ExpectRefused("via --bend 0.1,0 --bend 0.1,0", 1, {"points 1 and 2", "same"});
   ExpectRefused("line --tip 0.02,0,0.055 --tip 0,0.02,0.055", 1, {"line 1", "% of the way", "mm away"});

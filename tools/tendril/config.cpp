@@ -17,6 +17,8 @@
 namespace tendril::tools {
 namespace {
 
+constexpr double kLongDelay_s = 0.5;  // seven times that of the shipped files
+
 std::string Remedy(const canopen::BusBudget& budget) {
   std::string remedy = fmt::format("at most {} drives fit this cycle", budget.max_drives_at_this_cycle);
   if (budget.min_cycle_ns_for_these_drives > 0) {
@@ -99,6 +101,16 @@ void Check(const std::string& path) {
   const std::string feedback = FeedbackComment(daemon, robot, path);
   fmt::print("{}# {}\n{}{}", config::ToYaml(daemon), budget.ToString(), feedback,
              LeftOutComment(daemon, path));  // still one YAML file
+  const TrajectoryParameters& t = daemon.controller.trajectory;
+  const double delay_s =
+      t.max_rate_radps / t.max_acceleration_radps2 + t.max_acceleration_radps2 / t.max_jerk_radps3;
+  if (delay_s > kLongDelay_s) {
+    fmt::print(stderr,
+               "warning: controller.trajectory: these limits delay every motion by {:.2g} s (max_rate / "
+               "max_acceleration + max_acceleration / max_jerk); raise max_acceleration_radps2 or "
+               "max_jerk_radps3, or lower what stands above them\n",
+               delay_s);
+  }
   for (const std::string& line : config::IdleGuards(daemon, robot, path))
     fmt::print(stderr, "warning: {}\n", line);
 }

@@ -16,6 +16,7 @@
 #include "follow_motion.h"
 #include "lcm_options.h"
 #include "motion.h"
+#include "number_option.h"
 #include "path.h"
 #include "sample_stream.h"
 #include "tendril/config/config.h"
@@ -46,6 +47,7 @@ constexpr TimeNs kAnswer_ns = 3 * kNsPerS, kSilence_ns = kNsPerS, kArmingAtMost_
 constexpr double kOutOfReach_m = 1e-3;
 // Closer than this to the motion's first target, the robot's reference counts as there.
 constexpr double kArrivedBending_rad = 1e-4;
+constexpr std::int64_t kMostRefused = 20;
 // Of the daemon's own speed: as fast the first samples are joined.
 constexpr double kJoinAt = 0.4;
 constexpr TimeNs kStillBefore_ns = 500 * kNsPerMs, kApproachAtMost_ns = 30 * kNsPerS;
@@ -214,6 +216,8 @@ class Follower {
   void AwaitRunning() {
     const TimeNs asked_ns = clock_.Now();
     while (Arming() && clock_.Now() - asked_ns < kArmingAtMost_ns) client_.Handle(20);
+    accepted_ = state_.commands_accepted;
+    refused_ = state_.commands_refused;
     CheckRunning();
   }
 
@@ -279,6 +283,11 @@ class Follower {
                                            state_.mode == tendril_lcm::state_t::MODE_FAULT
                                                ? "clear it with `tendril send clear`, then arm"
                                                : "arm it first with `tendril send arm`"));
+    }
+    // Now and then one is overtaken by another or comes late; all of them do not.
+    if (state_.commands_accepted == accepted_ && state_.commands_refused > refused_ + kMostRefused) {
+      throw std::runtime_error(fmt::format("the daemon refuses these commands: {}; the robot has not moved",
+                                           state_.command_status_text));
     }
     if (state_.target_distance_m > kOutOfReach_m) {
       throw std::runtime_error(
@@ -346,6 +355,11 @@ class Follower {
         fmt::print(stderr, "{:3d} of {:.0f} s\n", shown_s, motion.duration_s());
       }
     }
+    if (of_motion.count == 0) {
+      throw std::runtime_error(
+          "the motion was over before the daemon told one state of it: see lcm.state_every_cycles in its "
+          "file");
+    }
     fmt::print("followed, sent {:.0f} ms ahead; over {} samples\n", 1e3 * lead_s_, of_motion.count);
     fmt::print("estimated tip less the motion's: {}\n", of_motion.Text());
     fmt::print("estimated tip less desired tip: {}\n", of_reference.Text());
@@ -366,6 +380,7 @@ class Follower {
   std::optional<std::uint32_t> last_sequence_;
   std::string wrong_sample_;
   std::uint64_t samples_ = 0;
+  std::int64_t accepted_ = 0, refused_ = 0;  // before the first command
 };
 
 // What would be done, from the daemon's file alone.
@@ -421,11 +436,11 @@ void AddNearest(CLI::App& sub, const Options& o) {
 void AddPathLimits(CLI::App& sub, const Options& o) {
   sub.add_option("--speed", o->request.speed_radps,
                  "of a section's bend at most [rad/s]; 0: the daemon's default_speed_radps")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NumberFrom(0, 1e3, "leave it out for the daemon's own"));
   sub.add_option("--acceleration", o->request.acceleration_radps2, "[rad/s^2]; 0: that speed in 0.25 s")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NumberFrom(0, 1e6, "leave it out for that speed in 0.25 s"));
   sub.add_option("--jerk", o->request.jerk_radps3, "[rad/s^3]; 0: that acceleration in 0.1 s")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NumberFrom(0, 1e9, "leave it out for that acceleration in 0.1 s"));
 }
 
 }  // namespace
@@ -471,7 +486,7 @@ void AddFollowCommand(CLI::App& app) {
       ->capture_default_str();
   arc->add_option("--angle", o->request.angle_deg,
                   "by which it turns [deg]; may be negative or more than 360")
-      ->check(CLI::Range(-7200.0, 7200.0));
+      ->check(NumberFrom(-7200, 7200, "give degrees"));
   AddNearest(*arc, o);
   AddPathLimits(*arc, o);
 
@@ -481,7 +496,7 @@ void AddFollowCommand(CLI::App& app) {
          "CSV: columns t_s and tip_x_m,tip_y_m,tip_z_m or us_1,vs_1,us_2,...; the first row is the start")
       ->required();
   csv->add_option("--stretch", o->request.stretch, "times are multiplied by this")
-      ->check(CLI::Range(0.01, 1000.0))
+      ->check(NumberFrom(0.01, 1000, "give 1 for the table's own times"))
       ->capture_default_str();
   AddNearest(*csv, o);
 
@@ -495,7 +510,7 @@ void AddFollowCommand(CLI::App& app) {
   stream
       ->add_option("--delay", o->delay_s,
                    "how far behind [s]; at least the time between two samples, or the robot stops at each")
-      ->check(CLI::Range(0.001, 10.0))
+      ->check(NumberFrom(0.001, 10, "give seconds"))
       ->capture_default_str();
   AddNearest(*stream, o);
 }

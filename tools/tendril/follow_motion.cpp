@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <fstream>
@@ -12,6 +13,7 @@
 #include "csv.h"
 #include "path.h"
 #include "path_motion.h"
+#include "tension_check.h"
 
 namespace tendril::tools {
 namespace {
@@ -24,6 +26,7 @@ using Eigen::VectorXd;
 // a tenth. The daemon's smoothing takes 0.0005 s^2 of the acceleration off a path; this leaves a milliradian
 // at 0.5 rad/s.
 constexpr double kGather_s = 0.25, kBuildUp_s = 0.1;
+constexpr double kFarthest_m = 1000;  // of any point; squares of more would overflow somewhere
 
 VectorXd Numbers(const std::string& text, const char* option, Eigen::Index count, const char* form) {
   std::vector<double> values;
@@ -54,7 +57,13 @@ VectorXd Numbers(const std::string& text, const char* option, Eigen::Index count
 }
 
 Vector3d Point(const std::string& text, const char* option, const char* form = "X,Y,Z [m]") {
-  return Numbers(text, option, 3, form);
+  const Vector3d point = Numbers(text, option, 3, form);
+  if (point.cwiseAbs().maxCoeff() > kFarthest_m) {
+    throw UsageError(
+        fmt::format("{} {}: farther than {:g} m; accepted: {} within that; are these millimetres?", option,
+                    text, kFarthest_m, form));
+  }
+  return point;
 }
 
 void RequireBend(const VectorXd& bending_rad, const RobotParameters& robot, const std::string& where) {
@@ -97,6 +106,10 @@ MatrixXd ReadPoints(const std::string& file, const RobotParameters& robot, bool 
     const std::string where = fmt::format("{}: line {}", file, rows.line());
     if (rows.has(0)) {
       const auto p = rows.optional(0);
+      if (std::max({std::abs(p[0]), std::abs(p[1]), std::abs(p[2])}) > kFarthest_m) {
+        throw rows.Error(
+            fmt::format("a point farther than {:g} m; accepted: metres within that", kFarthest_m));
+      }
       points.push_back(solver.Solve({p[0], p[1], p[2]}, where));
     } else {
       const auto b = rows.optional(1);
@@ -186,10 +199,8 @@ Spline Arc(const MotionRequest& r, const RobotParameters& robot) {
   return AlongTip(path, "arc", solver, robot);
 }
 
-}  // namespace
-
-std::unique_ptr<Motion> MakeRequestedMotion(const MotionRequest& r, const RobotParameters& robot,
-                                            const TrajectoryParameters& limits) {
+std::unique_ptr<Motion> Planned(const MotionRequest& r, const RobotParameters& robot,
+                                const TrajectoryParameters& limits) {
   if (r.kind == "csv") {
     VectorXd times;
     const MatrixXd bending = ReadPoints(r.points, robot, r.nearest, &times);
@@ -204,6 +215,15 @@ std::unique_ptr<Motion> MakeRequestedMotion(const MotionRequest& r, const RobotP
   if (r.kind == "line") return MakePathMotion(r.kind, Lines(r, robot), AlongPaths(r, limits), robot);
   if (r.kind == "arc") return MakePathMotion(r.kind, {Arc(r, robot)}, AlongPaths(r, limits), robot);
   return MakeMotion(r.kind, robot.body);
+}
+
+}  // namespace
+
+std::unique_ptr<Motion> MakeRequestedMotion(const MotionRequest& r, const RobotParameters& robot,
+                                            const TrajectoryParameters& limits) {
+  std::unique_ptr<Motion> motion = Planned(r, robot, limits);
+  RequireTensions(*motion, robot);
+  return motion;
 }
 
 }  // namespace tendril::tools

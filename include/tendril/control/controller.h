@@ -13,6 +13,10 @@
 
 namespace tendril::control {
 
+/// A shape is held by no more than this share of limits.max_tension_base_N: what friction and the body's own
+/// swing add to what was wanted must have room below it.
+inline constexpr double kLedShare = 0.9;
+
 class Controller {
  public:
   /// Builds tables and workspaces; throws std::invalid_argument when the robot cannot be controlled (no

@@ -86,6 +86,7 @@ class Guards {
                    bool powered) noexcept;
   Status CheckShape(const CycleOutput& output, const Expectation& expected) noexcept;
   double MotorTension(std::size_t j, const CycleOutput& output) const noexcept;
+  bool OverTension(std::size_t j, double reading_N) const noexcept;
   /// Counts; true once broken for as long as it must be.
   bool Confirmed(Tendon& tendon, Rule rule, bool broken, std::int32_t cycles) const noexcept;
 
@@ -93,7 +94,7 @@ class Guards {
   const model::Body& body_;
   const std::vector<std::shared_ptr<const model::CapstanTable>>& tables_;
   TimeNs period_ns_;
-  double max_tension_N_, min_tension_N_, max_bending_rad_;
+  double max_tension_N_, max_base_N_, min_tension_N_, max_bending_rad_;
   std::int32_t slack_cycles_;
   std::vector<Tendon> tendons_;
   UnitVector q_;  // of this cycle only

@@ -31,12 +31,16 @@ struct TensionLoopMargins {
 /// What every design has to leave: the gear alone changes the loop's gain by its efficiency and the inverse.
 inline constexpr double kLeastGainMargin = 2;
 inline constexpr double kLeastPhaseMargin_deg = 45;
+/// As far as all feedback may still grow where tendons are half or twice as stiff as their file says.
+inline constexpr double kLeastDoubtedMargin = 1.25;
 /// Gain margins are not told apart beyond this.
 inline constexpr double kMostGainMargin = 20;
 
-/// Margins on the rig linearised about the straight robot and a bent one: rotors, tendons as springs and
-/// dampers, every unit's bending, torque loops, the cycle that a command waits and the one it is held. Dry
-/// friction, which only damps, is left out. For programs and constructors, not for the tick.
+/// Margins on the rig linearised about the straight robot, one bent half as far as it may be and one bent all
+/// the way, the least of them; stable only when tendons half and twice as stiff leave it so too. Rotors,
+/// tendons as springs and dampers, every unit's bending, torque loops, the cycle that a command waits and the
+/// one it is held. Dry friction, which only damps, is left out. For programs and constructors, not for the
+/// tick.
 TensionLoopMargins CheckTensionLoop(const RobotParameters& robot, const TensionLoopGains& gains,
                                     double period_s);
 

@@ -40,7 +40,7 @@ namespace tendril {
   X(DriveWarning, 308, "a drive reports a warning", "see the drive's temperature and load")                         \
   X(CommandsSilent, 310, "the command stream stayed silent for guards.max_stream_silence_s: holding", "arm to go on; check the sender and LCM") \
   X(EquilibriumNotFound, 309, "controller.law: equilibrium found no stable shape: the paper's tensions are used", "less bending, or check stiffness, masses and gravity in the robot file") \
-  X(TrackerLost, 311, "no usable tracker reading for some time: tip feedback keeps its last correction", "check the tracker, its clock and its view of the tip") \
+  X(TrackerLost, 311, "no usable tracker reading for some time: tip feedback keeps its last correction", "check the tracker, its clock, frame and units, and its view of the tip") \
   X(FrameMalformed, 312, "received CAN frames had a wrong length or unknown contents and were ignored", "check that every node id is used once and that nothing else sends in the drives' names") \
   X(ForeignFrame, 313, "somebody else sends what only the CAN master may send", "stop the other master on this bus") \
   X(CommissioningEnded, 314, "commissioning: no pull was asked for any more: drives are disabled", "send commission again")   \
@@ -51,10 +51,11 @@ namespace tendril {
   X(Degraded, 319, "something beside the control loop is not as it should be; control goes on", "see the event") \
   X(AnotherDaemon, 320, "another daemon answers on the same LCM channels: disarmed", "stop one of the two, or give each an lcm.channel_prefix (or lcm.url) of its own; then arm") \
   X(MessageIgnored, 321, "a message could not be understood and was ignored", "compare the sender's lcm_types with the daemon's") \
+  X(TrackerDisagrees, 322, "tracker and tendons disagree on the tip by more than a tenth of the robot's length", "check the tracker's frame and units; else disarm, look whether the robot is straight and no tendon off its pulley, and arm") \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \
-  X(TensionOverLimit, 404, "fault: measured tension over limits.max_tension_motor_N", "find what blocks the tendon, then clear") \
+  X(TensionOverLimit, 404, "fault: measured tension over limits.max_tension_motor_N or, at the base, limits.max_tension_base_N", "find what blocks the tendon, then clear") \
   X(InternalNotFinite, 405, "fault: a computed value is not finite", "report with the log")                         \
   X(FeedbackStale, 406, "fault: feedback missing for longer than guards.max_missing_cycles", "check the bus, then clear") \
   X(BootFailed, 407, "fault: a drive could not be configured", "see the event for node, step and object")           \
