@@ -60,6 +60,8 @@ const char* Name(DriveState state) {
       return "quick-stop";
     case DriveState::kFault:
       return "fault";
+    case DriveState::kUnreachable:
+      return "unreachable";
   }
   return "?";
 }

@@ -53,9 +53,9 @@ TEST_F(TipFeedbackTest, TakesAwayAConstantErrorSlowlyAndOnlyInThePlane) {
 TEST_F(TipFeedbackTest, ALostTrackerFreezesTheCorrectionAndSaysSo) {
   for (int i = 0; i < 500; ++i) Step(i % 10 == 0 ? std::optional(0) : std::nullopt, {1e-3, 0, 0});
   Status status = Status::kOk;
-  for (int i = 0; i < 20; ++i) Step(std::nullopt, {});
+  for (int i = 0; i < 20; ++i) Step(std::nullopt, Eigen::Vector3d::Zero());
   const Eigen::Vector3d frozen = feedback.shift_W_m();
-  for (int i = 0; i < 1000; ++i) status = Step(std::nullopt, {});
+  for (int i = 0; i < 1000; ++i) status = Step(std::nullopt, Eigen::Vector3d::Zero());
   EXPECT_EQ(status, Status::kTrackerLost);
   EXPECT_EQ((feedback.shift_W_m() - frozen).norm(), 0);
   for (int i = 0; i < 20; ++i) status = Step(i % 10 == 0 ? std::optional(0) : std::nullopt, {1e-3, 0, 0});
