@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <set>
 
@@ -297,7 +298,14 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     }
   }
   const Evaluator& evaluator = *usable;
-  std::erase_if(set.runs, [&, all = set](const Run& run) { return IsBefore(all, run); });
+  std::map<std::string, std::string> before_sha256;
+  for (const Run& run : set.runs) before_sha256.emplace(run.before, "");
+  std::erase_if(set.runs, [&](const Run& run) {
+    const auto named = before_sha256.find(run.name);
+    if (named == before_sha256.end()) return false;
+    named->second = run.sha256;
+    return true;
+  });
   d.degradations.insert(d.degradations.end(), evaluator.degradations().begin(),
                         evaluator.degradations().end());
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
@@ -305,7 +313,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     const auto& prepared = evaluator.runs()[i];
     d.runs.push_back({run.name, run.family, run.repeat_of, run.sha256,
                       prepared.samples() * prepared.signals.step_s, 1 / prepared.signals.step_s,
-                      static_cast<int>(run.time_s.size())});
+                      static_cast<int>(run.time_s.size()), run.before, before_sha256[run.before]});
   }
   for (const auto& channel : evaluator.channels()) {
     if (channel.quantity == Channel::Quantity::kTension) d.delta_N = std::max(d.delta_N, channel.delta);

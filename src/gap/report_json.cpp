@@ -225,6 +225,8 @@ void Fields(A& a, typename A::template Ref<RunSummary> r) {
   a("duration_s", r.duration_s);
   a("rate_Hz", r.rate_Hz);
   a("samples", r.samples);
+  a("before", r.before);
+  a("before_sha256", r.before_sha256);
 }
 
 template <class A>

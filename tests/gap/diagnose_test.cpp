@@ -155,7 +155,8 @@ TEST(Diagnose, RunsFromBeforeTakeOffWhatTheModelHadWrong) {
   ASSERT_EQ(same.runs.size(), 8U);
   const Diagnosis unchanged = Diagnose(same, {});
   EXPECT_EQ(unchanged.verdict, Verdict::kNoGap) << unchanged.sentence;
-  EXPECT_EQ(unchanged.runs.size(), 4U);
+  ASSERT_EQ(unchanged.runs.size(), 4U);
+  EXPECT_EQ(unchanged.runs[0].before, "circle@before");
 
   DataSet changed = Recorded(since, 4, 51);
   CompareWithBefore(changed, earlier);

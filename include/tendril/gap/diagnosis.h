@@ -139,6 +139,7 @@ struct RunSummary {
   std::string name, family, repeat_of, sha256;
   double duration_s = 0, rate_Hz = 0;
   int samples = 0;
+  std::string before, before_sha256;  // what it was compared with; empty: the model alone
 };
 
 struct Diagnosis {

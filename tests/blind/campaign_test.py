@@ -1,0 +1,55 @@
+"""A small sealed campaign from the draw to the score: twelve short sets of the foreign plant, what is planted drawn from the
+system's randomness, each diagnosed by the program itself where it cannot read the answers. Prints the score's table.
+
+Twelve sets say little of any share; what is asked here holds unless something is broken."""
+import tests.blind.packages  # noqa: F401  (first)
+import concurrent.futures
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+SETS, FAMILIES = 12, 3
+ROOT = Path(__file__).resolve().parents[2]
+TENDRIL = sys.argv.pop()
+
+
+def shards(*words, after=()):
+    """The same command on every core, each its shard."""
+    count = os.cpu_count() or 1
+    def one(k):
+        return subprocess.run([sys.executable, "-B", "-m", "tests.blind.campaign", *map(str, words), "--shard",
+                               f"{k + 1}/{count}", *after], cwd=ROOT, capture_output=True, text=True)
+    with concurrent.futures.ThreadPoolExecutor(count) as pool:
+        for done in pool.map(one, range(count)):
+            if done.returncode:
+                raise AssertionError(done.stderr)
+
+
+class SmallCampaign(unittest.TestCase):
+    def test_answers_every_set_and_is_seldom_confidently_wrong(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            Path(scratch).chmod(0o755)
+            folder = Path(scratch) / "c"
+            shards("make", "--campaign", folder, "--sets", SETS, "--families", FAMILIES)
+            shards("diagnose", "--campaign", folder, "--sets", SETS, after=[
+                "--", TENDRIL, "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "--no-next", "--threads", "1", "{set}"])
+            scored = subprocess.run([sys.executable, "-B", "-m", "tests.blind.campaign", "score", str(folder), "--json",
+                                     str(folder / "score.json")], cwd=ROOT, capture_output=True, text=True)
+            print(scored.stdout)
+            self.assertEqual(scored.returncode, 0, scored.stderr)
+            numbers = json.loads((folder / "score.json").read_text())
+        self.assertEqual(numbers["refused"], [])
+        self.assertEqual(numbers["sets"], SETS)
+        self.assertEqual(numbers["diagnosis failed to answer"]["k"], 0)
+        self.assertLessEqual(numbers["false alarms on exact nulls"]["k"], 1)
+        self.assertLessEqual(numbers["confidently wrong (p >= 0.9)"]["k"], 2)
+        strong = numbers["top-1 cause at > 3 sigma, group-exact"]
+        self.assertGreaterEqual(strong["k"], (strong["n"] - 1) / 2)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
