@@ -25,9 +25,12 @@ class Handoff {
  public:
   /// Room for at least `capacity` values; all of it has been written to, so that no push fetches a page.
   explicit Handoff(std::size_t capacity) : queue_(capacity) {
-    while (queue_.try_enqueue(T{})) {
-    }
-    while (queue_.pop()) {
+    // A block leaves one place empty, another one in the next round.
+    for (int round = 0; round < 2; ++round) {
+      while (queue_.try_enqueue(T{})) {
+      }
+      while (queue_.pop()) {
+      }
     }
   }
 
