@@ -39,8 +39,8 @@ constexpr double kHeldPermille = 0.8;
 // Of the motor's own friction, which alone holds a spool without tension; a file may take it for too much.
 constexpr double kPaidOut = 0.5;
 constexpr double kCellDoubt_N = 0.5;
-// After a fault: a spool without its tendon is brought to rest in this time.
-constexpr double kBrake_s = 0.02;
+// A spool at this speed without a tendon's pull has lost it: more than any motion asks for.
+constexpr double kLost_mps = 0.01;
 constexpr double kDisagrees_s = 0.5;  // tracker and tendons, before it is told
 constexpr double kStopRamp_s = 0.9;   // a daemon that is ended has this long for tensions to go down
 
@@ -201,8 +201,7 @@ struct Controller::Impl {
                  Status& status) noexcept;
   bool Rests(const CycleOutput& output) noexcept;
   std::int16_t Rounded(int tendon, double permille, std::int16_t sent) const noexcept;
-  bool LostTendon(int tendon, const CycleOutput& output) const noexcept;
-  double Brake(int tendon, const CycleOutput& output) const noexcept;
+  bool LostTendon(int tendon, const CycleOutput& output) noexcept;
   /// Keeps the most severe status of the cycle.
   static void Report(CycleOutput& output, Status status) noexcept {
     if (static_cast<int>(status) > static_cast<int>(output.status)) output.status = status;
@@ -244,6 +243,7 @@ struct Controller::Impl {
   bool rests = false;         // nothing is led anywhere in this cycle
   TendonVector led_N, led_m;  // where the tendons were led in the last cycle
   TendonVector shown_m;       // displacement, in the last cycle
+  std::array<bool, kMaxTendons> lost{};                  // tendons, after a fault
   std::array<double, kMaxTendons> permille_left_over{};  // of torque, by rounding to what the bus carries
   std::array<std::int16_t, kMaxTendons> sent_permille{};
   bool joined = false;   // tension_N follows its source without the ramp
@@ -819,7 +819,7 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
     } else {
       r = compensation[j].Step(tension_N[j], output.displacement_desired_m[j], moving);
     }
-    if (LostTendon(j, output)) r.torque_Nm = Brake(j, output);
+    if (LostTendon(j, output)) r.torque_Nm = 0;
     output.sliding_direction[j] = r.sliding;
     output.tension_desired_motor_N[j] = r.tension_motor_N;
     output.torque_desired_Nm[j] = r.torque_Nm;
@@ -851,20 +851,14 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
 }
 
 // After a fault the tensions are led down. A spool that runs without its tendon, though, would wind it in
-// with all its momentum, and a blow at the end beyond every limit: it is only brought to rest.
-bool Controller::Impl::LostTendon(int j, const CycleOutput& output) const noexcept {
-  return supervisor.mode() == Mode::kFault && zeroed && !bare &&
-         output.tension_measured_N[j] < parameters.guards.slack_tension_N;
-}
-
-double Controller::Impl::Brake(int j, const CycleOutput& output) const noexcept {
-  const TendonDriveParameters& drive = robot.actuation->tendons[j];
-  const double velocity_radps =
-      (output.displacement_m[j] - shown_m[j]) / period_s / drive.SpoolTravelPerMotorRad();
-  const double torque_Nm =
-      -drive.motor.rotor_inertia_kgm2 * velocity_radps / kBrake_s / drive.motor.torque_scale;
-  const double most_Nm = compensation[j].max_torque_Nm();
-  return std::clamp(torque_Nm, -most_Nm, most_Nm);
+// with all its momentum, and a blow at the end beyond every limit: its motor is let go until the cell shows
+// a pull again. Either sensor may be what the fault is about, so both must say so, and neither is fed back.
+bool Controller::Impl::LostTendon(int j, const CycleOutput& output) noexcept {
+  const bool slack = supervisor.mode() == Mode::kFault && zeroed && !bare &&
+                     output.tension_measured_N[j] < parameters.guards.slack_tension_N;
+  const bool runs = std::abs(output.displacement_m[j] - shown_m[j]) > kLost_mps * period_s;
+  lost[j] = slack && (lost[j] || runs);
+  return lost[j];
 }
 
 // Neither shape nor tensions are led anywhere, or so slowly that nobody sees it.
@@ -914,6 +908,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
   guards.Remember(a);
   a.Vector(tension_N, {tendons});
   a.Vector(shown_m, {tendons});
+  for (int j = 0; j < tendons; ++j) a.Value(lost[j]);
   a.Vector(goal_rad, {2 * sections});
   a.Vector(goal_rate_radps, {2 * sections});
   a.Value(joined);

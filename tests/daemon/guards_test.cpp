@@ -486,5 +486,48 @@ TEST(Guards, EndMotionsThatThrowTheRobotAboutBeforeATensionIsTooHigh) {
   }
 }
 
+// What is done after a fault follows no single sensor, for it may be what the fault is about.
+TEST(AfterAFault, AWrongEncoderBesideASlackTendonMovesNothing) {
+  for (const double counts_per_cycle : {-375.0, -50.0, 375.0}) {
+    SafetyOptions o = Rig();
+    o.plant.effects.push_back({.name = "slack", .where = "tendon:2", .values = {{"m", 0.004}}});
+    SafetyRig r(o);
+    ASSERT_TRUE(r.Arm());
+    for (int i = 0; i < 2000; ++i)
+      r.Step(i % 10 == 0 ? r.Tensions(Eigen::Vector3d(1.3, 0.3, 1.3)) : Command{});
+    ASSERT_EQ(r.output().mode, Mode::kRunning);
+    MoveEncoder(r, 0, counts_per_cycle);
+    const double pulled_m = r.rig().plant().tendon()[1].spool_pull_m;
+    bool faulted = false;
+    for (int i = 0; i < 3000; ++i) {
+      r.Step();
+      faulted = faulted || r.output().mode == Mode::kFault;
+      if (faulted) {
+        ASSERT_LT(r.rig().plant().tendon()[1].tension_motor_N, 1.5) << counts_per_cycle;
+      }
+    }
+    EXPECT_TRUE(faulted);
+    EXPECT_NEAR(r.rig().plant().tendon()[1].spool_pull_m, pulled_m, 5e-3) << counts_per_cycle;
+    EXPECT_TRUE(r.violations().empty());
+  }
+}
+
+TEST(AfterAFault, ADeadCellLetsNoTautTendonGo) {
+  SafetyRig r(Rig());
+  ASSERT_TRUE(r.Arm());
+  for (int i = 0; i < 4000; ++i) r.Step(i % 10 == 0 ? r.Tensions(Eigen::Vector3d(0.3, 5, 0.3)) : Command{});
+  ASSERT_EQ(r.output().mode, Mode::kRunning);
+  FixCell(r, 0);
+  while (r.output().mode == Mode::kRunning) r.Step();
+  ASSERT_EQ(r.output().mode, Mode::kFault);
+  const double before_N = r.rig().plant().tendon()[1].tension_motor_N;
+  const int told = r.output().torque_target_permille[1];
+  for (int i = 0; i < 100; ++i) r.Step();
+  // A tenth of a second of the ramp.
+  const double ramp_N = 0.1 * r.options().daemon.controller.pretension_ramp_Nps;
+  EXPECT_GT(r.rig().plant().tendon()[1].tension_motor_N, before_N - 2 * ramp_N);
+  EXPECT_GT(r.output().torque_target_permille[1], told / 2);
+}
+
 }  // namespace
 }  // namespace tendril::daemon
