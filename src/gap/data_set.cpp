@@ -377,6 +377,18 @@ bool IsBefore(const DataSet& set, const Run& run) {
 }
 
 void CompareWithBefore(DataSet& set, DataSet before) {
+  if (const int was = before.robot.body.tendons(), is = set.robot.body.tendons(); was != is) {
+    throw std::runtime_error(fmt::format(
+        "the runs from before are of robot '{}' with {} tendons, these of '{}' with {}; accepted: "
+        "runs of the same robot",
+        before.robot.name, was, set.robot.name, is));
+  }
+  if (config::ToYaml(before.robot) != config::ToYaml(set.robot)) {
+    set.notes.push_back(
+        fmt::format("the runs from before have another robot file ('{}'); these runs' ('{}') is taken for "
+                    "both; give --robot to choose",
+                    before.robot.name, set.robot.name));
+  }
   const auto named = [](const DataSet& data, const std::string& name) -> const Run* {
     const auto run =
         std::find_if(data.runs.begin(), data.runs.end(), [&](const Run& r) { return r.name == name; });

@@ -25,8 +25,6 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kUseless = 0.5;  // share of the motion before that a model must not have missed
-
 std::string Percent(double share) { return fmt::format("{:.0f} %", 100 * share); }
 
 std::string NameOf(const Cause& cause) {
@@ -353,7 +351,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     d.verdict = Verdict::kInsufficientData;
   }
 
-  const bool distrusted = evaluator.wrong_before() > kUseless && !d.accepted.empty();
+  const bool distrusted = evaluator.useless() && d.verdict != Verdict::kNoGap;
   if (distrusted) {
     d.verdict = Verdict::kInsufficientData;
     d.accepted.clear();

@@ -665,6 +665,11 @@ void Evaluator::TakeDifferences() {
     const auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
     if (!(measured > 0)) continue;
     wrong_before_ = std::max(wrong_before_, std::sqrt(left / measured));
+  }
+  // Where and whether something changed is then told by the noise alone, and a cause by nothing.
+  for (std::size_t c = 0; !useless() && c < channels_.size(); ++c) {
+    const auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
+    if (!(measured > 0)) continue;
     double change = 0, count = 0;
     for (std::size_t i = 0; i < runs_.size(); ++i) {
       for (Eigen::Index w = 0; !is_before[i] && w < nominal_residuals_[i][c].size(); ++w) {
@@ -698,7 +703,7 @@ void Evaluator::TakeDifferences() {
   degradations_.push_back(
       fmt::format("compared with runs of the same commands from before: the diagnosis is of what changed "
                   "since; what the model "
-                  "got wrong then (up to {:.2g} % of what was measured) is taken off, and it is trusted no "
+                  "got wrong then (up to {:.0f} % of what was measured) is taken off, and it is trusted no "
                   "better about the change",
                   100 * wrong_before_));
 }

@@ -73,6 +73,8 @@ class Evaluator {
   /// Share of what was measured before a change that the model got wrong then, at the worst cut; 0 without
   /// runs from before.
   double wrong_before() const { return wrong_before_; }
+  /// It was so wrong before that nothing it says about the change is believed.
+  bool useless() const { return wrong_before_ > kUseless; }
   /// Windows over which what a model leaves unexplained stays alike.
   double Correlated(int run, int channel) const;
   sim::Replay::DrivenBy driven_by() const { return driven_by_; }
@@ -100,6 +102,8 @@ class Evaluator {
   Curve CurveOf(const RobotParameters& robot, int run, int channel) const;
 
  private:
+  static constexpr double kUseless = 0.5;  // share of the motion before
+
   struct Replayed;
   sim::ReplaySignals StoodIn(const RobotParameters& robot, const PreparedRun& run) const;
   Replayed ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,

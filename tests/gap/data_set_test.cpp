@@ -438,5 +438,19 @@ TEST_F(DataSetTest, RunsBelongTogetherByNameOrAsTheOnlyOnesOfTheirKind) {
   EXPECT_THROW(CompareWithBefore(other, then), std::runtime_error);
 }
 
+TEST_F(DataSetTest, RunsFromBeforeAreOfTheSameRobot) {
+  for (const char* file : {"then/hold.csv", "now/hold.csv"}) Write(file, kPlainTable);
+  DataSet set = LoadDataSet(folder_ / "now", kRobot);
+  DataSet then = LoadDataSet(folder_ / "then", kRobot);
+  then.robot.body.sections[0].tendons.resize(2);
+  EXPECT_THAT(
+      [&] { CompareWithBefore(set, then); },
+      testing::ThrowsMessage<std::runtime_error>(HasSubstr("with 2 tendons, these of 'rig_60mm' with 3")));
+  then = LoadDataSet(folder_ / "then", kRobot);
+  then.robot.body.sections[0].unit_mass_kg *= 2;
+  CompareWithBefore(set, then);
+  EXPECT_THAT(set.notes, Contains(HasSubstr("another robot file")));
+}
+
 }  // namespace
 }  // namespace tendril::gap

@@ -49,7 +49,8 @@ DataSet LoadDataSet(const std::filesystem::path& folder, const std::string& robo
 DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path);
 
 /// Adds `before`'s runs, and pairs each of the set's with that of its name there, else the only one of its
-/// kind. std::runtime_error when no run has a partner; single ones that have none are left out with a note.
+/// kind. std::runtime_error when no run has a partner, or the robot was one of other tendons; single runs that
+/// have none are left out with a note, and another robot file is noted: the set's own is taken for both.
 void CompareWithBefore(DataSet& set, DataSet before);
 /// Another run is compared with this one.
 bool IsBefore(const DataSet& set, const Run& run);
