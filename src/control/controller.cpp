@@ -39,7 +39,7 @@ constexpr double kHeldPermille = 0.8;
 // Of the motor's own friction, which alone holds a spool without tension; a file may take it for too much.
 constexpr double kPaidOut = 0.5;
 constexpr double kCellDoubt_N = 0.5;
-// A spool at this speed without a tendon's pull has lost it: more than any motion asks for.
+// A spool that goes at this speed while its cell shows no pull has lost its tendon.
 constexpr double kLost_mps = 0.01;
 constexpr double kDisagrees_s = 0.5;  // tracker and tendons, before it is told
 constexpr double kStopRamp_s = 0.9;   // a daemon that is ended has this long for tensions to go down

@@ -152,7 +152,8 @@ TEST_F(OneLoop, DoesNotIntegrateAgainstFrictionAtRest) {
   EXPECT_GT(Step(1.5, 1.0, true, 0), torque) << "more than friction is put right";
 }
 
-// What is wrong when a robot begins to be led is put right over a third of a second.
+// What is wrong when a robot begins to be led comes to the drive through the cell's low-pass and the
+// integral.
 TEST_F(OneLoop, SetsInWithoutABlow) {
   double torque = 0, largest = 0;
   for (int i = 0; i < 500; ++i) {

@@ -11,7 +11,7 @@
 
 #include "commands.h"
 #include "tendril/canopen/master.h"
-#include "tendril/control/tension_feedback.h"
+#include "tendril/control/tension_loop_design.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {

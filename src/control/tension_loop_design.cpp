@@ -1,0 +1,286 @@
+#include "tendril/control/tension_loop_design.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "tendril/model/body.h"
+
+namespace tendril::control {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// The body at a shape under the tensions that hold the arc there, linearised.
+struct LinearBody {
+  MatrixXd mass, stiffness, shortening;  // shortening: M x 2N
+  VectorXd damping;
+};
+
+LinearBody Linearise(const model::Body& body, double bend_rad, double min_tension_N) {
+  const int n = body.dof(), m = body.tendons();
+  VectorXd us_vs = VectorXd::Zero(2 * body.sections()), q(n), force(n);
+  for (int k = 0; k < body.sections(); ++k) us_vs[2 * k] = bend_rad;
+  body.SpreadBending(us_vs, q);
+  LinearBody linear{MatrixXd(n, n), MatrixXd(n, n), MatrixXd(m, n), VectorXd(n)};
+  body.TendonLengthJacobian(q, linear.shortening);
+  linear.shortening = -linear.shortening;
+  body.StaticForce(q, Eigen::Vector3d::Zero(), force);
+  const VectorXd tension =
+      (VectorXd(linear.shortening.transpose().completeOrthogonalDecomposition().solve(force)).array().max(0) +
+       min_tension_N)
+          .matrix();
+  model::Body::Workspace workspace(body);
+  body.MassMatrix(q, linear.mass, workspace);
+  body.TangentStiffness(q, tension, Eigen::Vector3d::Zero(), linear.stiffness);
+  int i = 0;
+  for (const SectionParameters& s : body.parameters().sections) {
+    for (int unit = 0; unit < s.units; ++unit, i += 2)
+      linear.damping.segment<2>(i).setConstant(s.bending_damping_Nms);
+  }
+  return linear;
+}
+
+MatrixXd Exponential(MatrixXd a) {
+  const double norm = a.cwiseAbs().rowwise().sum().maxCoeff();
+  const int halvings = std::max(0, static_cast<int>(std::ceil(std::log2(std::max(norm, 1e-300)))) + 4);
+  a /= std::pow(2.0, halvings);
+  const MatrixXd one = MatrixXd::Identity(a.rows(), a.cols());
+  MatrixXd sum = one, term = one;
+  for (int i = 1; i <= 10; ++i) {
+    term = term * a / i;
+    sum += term;
+  }
+  for (int i = 0; i < halvings; ++i) sum = sum * sum;
+  return sum;
+}
+
+// Rig and feedback as one linear map from cycle to cycle, x' = A x + B r, with r torques added at the drives
+// and u = C x the feedback's torques. Order of x: q, dq, motor angles, velocities, torques; then u sent last,
+// and of the controller filtered error, integral, filtered velocity, last angles.
+class LinearRig {
+ public:
+  LinearRig(RobotParameters robot, double bend_rad, double period_s)
+      : robot_(std::move(robot)),
+        n_(2 * robot_.body.units()),
+        m_(robot_.body.tendons()),
+        period_s_(period_s) {
+    const model::Body body(robot_.body);
+    body_ = Linearise(body, bend_rad, robot_.limits.min_tension_N);
+    const int n = n_, m = m_, states = 2 * n + 3 * m;
+    MatrixXd a = MatrixXd::Zero(states + m, states + m);
+    const Eigen::LLT<MatrixXd> mass(body_.mass);
+    cell_ = MatrixXd::Zero(m, states);
+    for (int j = 0; j < m; ++j) {
+      const auto& t = robot_.actuation->tendons[j];
+      const double travel = t.SpoolTravelPerMotorRad(), k = t.tendon.stiffness_Npm, c = t.tendon.damping_Nspm;
+      cell_.row(j).head(n) = -k * body_.shortening.row(j);
+      cell_.row(j).segment(n, n) = -c * body_.shortening.row(j);
+      cell_(j, 2 * n + j) = k * travel;
+      cell_(j, 2 * n + m + j) = c * travel;
+    }
+    a.block(0, n, n, n).setIdentity();
+    a.block(n, 0, n, states) = mass.solve(body_.shortening.transpose() * cell_);
+    a.block(n, 0, n, n) -= mass.solve(body_.stiffness);
+    a.block(n, n, n, n) -= mass.solve(MatrixXd(body_.damping.asDiagonal()));
+    for (int j = 0; j < m; ++j) {
+      const auto& t = robot_.actuation->tendons[j];
+      const int angle = 2 * n + j, velocity = angle + m, torque = velocity + m;
+      a(angle, velocity) = 1;
+      a.row(velocity).head(states) = -t.SpoolTravelPerMotorRad() / t.motor.rotor_inertia_kgm2 * cell_.row(j);
+      a(velocity, velocity) -= t.motor.viscous_friction_Nms / t.motor.rotor_inertia_kgm2;
+      a(velocity, torque) = 1 / t.motor.rotor_inertia_kgm2;
+      const double lag_s = std::max(t.motor.torque_lag_s, 1e-5);
+      a(torque, torque) = -1 / lag_s;
+      a(torque, states + j) = 1 / lag_s;
+    }
+    const MatrixXd advanced = Exponential(a * period_s);
+    advance_ = advanced.topLeftCorner(states, states);
+    input_ = advanced.topRightCorner(states, m);
+  }
+
+  /// Stiffness with which body and tendon answer one tendon's pull, the softest [N/m].
+  double Softest() const {
+    const MatrixXd compliance =
+        body_.shortening * body_.stiffness.ldlt().solve(MatrixXd(body_.shortening.transpose()));
+    double softest = std::numeric_limits<double>::infinity();
+    const double most = Eigen::SelfAdjointEigenSolver<MatrixXd>(compliance).eigenvalues().maxCoeff();
+    for (const auto& t : robot_.actuation->tendons)
+      softest = std::min(softest, 1 / (std::max(most, 0.0) + 1 / t.tendon.stiffness_Npm));
+    return softest;
+  }
+
+  struct Loop {
+    MatrixXd a, b, c;
+  };
+  Loop Close(const TensionLoopGains& g, double gain) const {
+    const int s = static_cast<int>(advance_.rows()), m = m_;
+    const int sent = s, error = s + m, integral = s + 2 * m, speed = s + 3 * m, last = s + 4 * m;
+    const int all = s + 5 * m;
+    // Controller at the sample: filtered values after this sample's measurement, as rows over x.
+    MatrixXd filtered = MatrixXd::Zero(m, all), sum = filtered, velocity = filtered;
+    const double cell_share = g.cell_filter_s > 0 ? 1 - std::exp(-period_s_ / g.cell_filter_s) : 1;
+    const double velocity_share =
+        g.velocity_filter_s > 0 ? 1 - std::exp(-period_s_ / g.velocity_filter_s) : 1;
+    MatrixXd u = filtered;
+    for (int j = 0; j < m; ++j) {
+      filtered(j, error + j) = 1 - cell_share;
+      filtered.row(j).head(s) -= cell_share * cell_.row(j);
+      sum.row(j) = g.integral_ps * period_s_ * filtered.row(j);
+      sum(j, integral + j) += 1;
+      velocity(j, speed + j) = 1 - velocity_share;
+      velocity(j, 2 * n_ + j) += velocity_share / period_s_;
+      velocity(j, last + j) -= velocity_share / period_s_;
+      const double travel = robot_.actuation->tendons[j].SpoolTravelPerMotorRad();
+      u.row(j) =
+          travel * (g.proportional * filtered.row(j) + sum.row(j)) - g.damping_Nms[j] * velocity.row(j);
+    }
+    Loop loop{MatrixXd::Zero(all, all), MatrixXd::Zero(all, m), u};
+    loop.a.topLeftCorner(s, s) = advance_;
+    loop.a.block(0, sent, s, m) = input_;
+    loop.a.block(sent, 0, m, all) = gain * u;
+    loop.b.block(sent, 0, m, m).setIdentity();
+    loop.a.block(error, 0, m, all) = filtered;
+    loop.a.block(integral, 0, m, all) = sum;
+    loop.a.block(speed, 0, m, all) = velocity;
+    for (int j = 0; j < m; ++j) loop.a(last + j, 2 * n_ + j) = 1;
+    return loop;
+  }
+
+  bool Stable(const TensionLoopGains& g, double gain) const {
+    const Eigen::EigenSolver<MatrixXd> modes(Close(g, gain).a, false);
+    return modes.eigenvalues().cwiseAbs().maxCoeff() < 1 - 1e-9;
+  }
+
+  /// Smallest distance of any drive's loop from -1 as a phase, where its gain is one.
+  double PhaseMargin_deg(const TensionLoopGains& g) const {
+    using Complex = std::complex<double>;
+    const Loop closed = Close(g, 1);
+    const int all = static_cast<int>(closed.a.rows());
+    double least = 180;
+    for (int j = 0; j < m_; ++j) {
+      // Loop j open, the others closed; diagonalised once, so that each frequency is a sum.
+      MatrixXd a = closed.a;
+      a.row(2 * n_ + 3 * m_ + j) -= closed.c.row(j);
+      const Eigen::EigenSolver<MatrixXd> modes(a);
+      const Eigen::MatrixXcd vectors = modes.eigenvectors();
+      const Eigen::VectorXcd in =
+          vectors.partialPivLu().solve(Eigen::VectorXcd(closed.b.col(j).cast<Complex>()));
+      const Eigen::VectorXcd out = (closed.c.row(j).cast<Complex>() * vectors).transpose();
+      std::optional<Complex> before;
+      constexpr int kPoints = 2000;
+      const double lowest = 0.01, highest = std::numbers::pi / period_s_;
+      for (int i = 0; i <= kPoints; ++i) {
+        const double w = lowest * std::pow(highest / lowest, static_cast<double>(i) / kPoints);
+        const Complex z = std::polar(1.0, w * period_s_);
+        Complex loop = 0;
+        for (int k = 0; k < all; ++k) loop -= out[k] * in[k] / (z - modes.eigenvalues()[k]);
+        if (before && (std::abs(*before) - 1) * (std::abs(loop) - 1) <= 0) {
+          const double angle = std::abs(std::arg(-loop));
+          least = std::min(least, angle * 180 / std::numbers::pi);
+        }
+        before = loop;
+      }
+    }
+    return least;
+  }
+
+ private:
+  RobotParameters robot_;
+  int n_, m_;
+  double period_s_;
+  LinearBody body_;
+  MatrixXd cell_, advance_, input_;
+};
+
+// Where a loop that bends robots lives, from straight to its greatest bend; and tendons half and twice as
+// stiff as their file says, which no margin of the loop's gain stands for.
+struct Rigs {
+  std::vector<LinearRig> told, doubted;
+};
+
+Rigs RigsOf(const RobotParameters& robot, double period_s) {
+  Rigs rigs;
+  for (const double share : {0.0, 0.5, 1.0}) {
+    const double bend_rad = share * robot.limits.max_bending_rad;
+    rigs.told.emplace_back(robot, bend_rad, period_s);
+    for (const double stiffer : {0.5, 2.0}) {
+      RobotParameters other = robot;
+      for (auto& t : other.actuation->tendons) t.tendon.stiffness_Npm *= stiffer;
+      rigs.doubted.emplace_back(std::move(other), bend_rad, period_s);
+    }
+  }
+  return rigs;
+}
+
+TensionLoopGains GainsFor(const RobotParameters& robot, double bandwidth_radps, double softest_Npm) {
+  TensionLoopGains g;
+  g.bandwidth_radps = bandwidth_radps;
+  double natural2 = 0;  // of rotor on body, without feedback
+  for (const auto& t : robot.actuation->tendons) {
+    const double travel = t.SpoolTravelPerMotorRad();
+    natural2 = std::max(natural2, softest_Npm * travel * travel / t.motor.rotor_inertia_kgm2);
+    g.damping_Nms.push_back(1.4 * bandwidth_radps * t.motor.rotor_inertia_kgm2);
+  }
+  g.proportional = std::max(0.0, bandwidth_radps * bandwidth_radps / natural2 - 1);
+  g.integral_ps = (1 + g.proportional) * bandwidth_radps / 4;
+  g.cell_filter_s = 1 / (4 * bandwidth_radps);
+  g.velocity_filter_s = 1 / (8 * bandwidth_radps);
+  return g;
+}
+
+bool Stable(const std::vector<LinearRig>& rigs, const TensionLoopGains& gains, double gain) {
+  return std::all_of(rigs.begin(), rigs.end(), [&](const LinearRig& r) { return r.Stable(gains, gain); });
+}
+
+TensionLoopMargins Margins(const Rigs& rigs, const TensionLoopGains& gains) {
+  TensionLoopMargins margins;
+  margins.stable = Stable(rigs.told, gains, 1) && Stable(rigs.doubted, gains, 1);
+  if (!margins.stable) return margins;
+  double low = 1, high = kMostGainMargin;
+  if (Stable(rigs.told, gains, kMostGainMargin)) low = kMostGainMargin;
+  for (int i = 0; i < 12 && low < kMostGainMargin; ++i) {
+    const double middle = std::sqrt(low * high);
+    (Stable(rigs.told, gains, middle) ? low : high) = middle;
+  }
+  margins.gain = low;
+  margins.phase_deg = 180;
+  for (const LinearRig& r : rigs.told)
+    margins.phase_deg = std::min(margins.phase_deg, r.PhaseMargin_deg(gains));
+  return margins;
+}
+
+}  // namespace
+
+TensionLoopMargins CheckTensionLoop(const RobotParameters& robot, const TensionLoopGains& gains,
+                                    double period_s) {
+  return Margins(RigsOf(robot, period_s), gains);
+}
+
+TensionLoopGains DesignTensionLoop(const RobotParameters& robot, double period_s) {
+  const Rigs rigs = RigsOf(robot, period_s);
+  double softest_Npm = std::numeric_limits<double>::infinity();
+  for (const LinearRig& r : rigs.told) softest_Npm = std::min(softest_Npm, r.Softest());
+  const auto holds = [&](const TensionLoopGains& g) {
+    if (!Stable(rigs.told, g, kLeastGainMargin) || !Stable(rigs.doubted, g, kLeastDoubtedMargin))
+      return false;
+    const TensionLoopMargins margins = Margins(rigs, g);
+    return margins.stable && margins.gain >= kLeastGainMargin && margins.phase_deg >= kLeastPhaseMargin_deg;
+  };
+  // From fast to slow in steps of a fifth: the first that holds. Some slow designs fail where faster ones do
+  // not (too little damping), so this is no bisection.
+  for (double bandwidth = 0.3 / period_s; bandwidth > 0.1; bandwidth /= 1.2) {
+    const TensionLoopGains g = GainsFor(robot, bandwidth, softest_Npm);
+    if (holds(g)) return g;
+  }
+  return GainsFor(robot, 0, softest_Npm);
+}
+
+}  // namespace tendril::control
