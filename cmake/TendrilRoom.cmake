@@ -21,23 +21,31 @@ function(tendril_room name)
   set_property(GLOBAL APPEND PROPERTY TENDRIL_ROOM_RULES "${name}:${ARG_ROOMS}")
 endfunction()
 
-# tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s]): a GoogleTest program whose cases ctest lists. With the
-# label vcan it is run as a whole, where a real vcan0 exists, for that may take the start of another kernel.
+# tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s] [SERIAL filter]): a GoogleTest program whose cases ctest
+# lists. Those of the filter hold the program to a time that it promises and have the machine to themselves. With the label
+# vcan it is run as a whole, where a real vcan0 exists, for that may take the start of another kernel.
 function(tendril_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LINK;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "" "TIMEOUT;SERIAL" "SOURCES;LINK;LABELS" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE tendril_options ${ARG_LINK} GTest::gtest_main GTest::gmock)
   target_compile_definitions(${name} PRIVATE TENDRIL_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
   # What is tested is as optimised as it is shipped; the tests themselves run once.
   target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
   if(vcan IN_LIST ARG_LABELS)
     tendril_vcan_test(${name} TIMEOUT ${ARG_TIMEOUT} COMMAND $<TARGET_FILE:${name}>)
     return()
   endif()
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES
+  set(shared)
+  if(ARG_SERIAL)
+    gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES TEST_FILTER ${ARG_SERIAL} TEST_LIST ${name}_serial
+      PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}" RUN_SERIAL TRUE)
+    set(shared TEST_FILTER -${ARG_SERIAL})
+  endif()
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES ${shared}
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
 endfunction()
 

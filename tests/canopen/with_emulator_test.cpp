@@ -3,44 +3,25 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "support/drives_on_bus.h"
 #include "tendril/can/memory_bus.h"
 #include "tendril/canopen/cia402.h"
 #include "tendril/canopen/master.h"
 #include "tendril/canopen/pdo.h"
 #include "tendril/canopen/wire.h"
-#include "tendril/emulator/drive_rack.h"
 
 namespace tendril::canopen {
 namespace {
 
-constexpr std::uint32_t kCurrent_mA = 360, kConstant_uNmpA = 19600, kRated_uNm = 7056;
-
-BusParameters MakeBus(int drives, TimeNs cycle_ns) {
-  BusParameters bus;
-  bus.bitrate_bps = 1'000'000;
-  bus.cycle_ns = cycle_ns;
-  bus.feedback_deadline_ns = cycle_ns * 3 / 5;
-  bus.heartbeat_ms = 100;
-  bus.heartbeat_timeout_ms = 250;
-  bus.sdo_timeout_ms = 50;
-  bus.boot_timeout_ms = 3000;
-  bus.abort_connection_option = 2;
-  bus.max_load = 0.8;
-  bus.identity = {.vendor_id = 0xFB,
-                  .product_codes = {0x60500000},
-                  .min_revision = 0x01000000,
-                  .max_revision = 0x01FFFFFF};
-  for (int i = 1; i <= drives; ++i) bus.nodes.push_back({i, i});
-  return bus;
-}
+using emulator::Bus;
 
 class WithEmulator {
  public:
   explicit WithEmulator(int drives, TimeNs cycle_ns = kNsPerMs)
       : bus(clock),
         cycle_ns_(cycle_ns),
-        rack(Emulated(drives), bus.AddPort()),
-        master(MakeBus(drives, cycle_ns), Setups(drives), bus.AddPort()),
+        rack(emulator::Drives(drives), bus.AddPort()),
+        master(Bus(drives, cycle_ns), emulator::Setups(drives), bus.AddPort()),
         torques(static_cast<std::size_t>(drives)) {
     master.Start(clock.Now());
   }
@@ -73,24 +54,6 @@ class WithEmulator {
     std::string log;
     for (const BusEvent& event : events) log += std::string(event.text.data()) + "\n";
     return log;
-  }
-
-  static std::vector<emulator::EmulatedDriveParameters> Emulated(int drives) {
-    std::vector<emulator::EmulatedDriveParameters> parameters;
-    for (int i = 1; i <= drives; ++i) {
-      emulator::EmulatedDriveParameters drive;
-      drive.node_id = i;
-      drive.nominal_current_mA = kCurrent_mA;
-      drive.torque_constant_uNmpA = kConstant_uNmpA;
-      parameters.push_back(drive);
-    }
-    return parameters;
-  }
-  static std::vector<DriveSetup> Setups(int drives) {
-    std::vector<DriveSetup> setups;
-    for (int i = 1; i <= drives; ++i)
-      setups.push_back({i, kCurrent_mA, 2 * kCurrent_mA, kConstant_uNmpA, kRated_uNm});
-    return setups;
   }
 
   SimulatedClock clock{kNsPerS};
@@ -128,7 +91,7 @@ TEST(WithEmulator, LoadOnTheBusIsTheBudgetsCyclicShareAndNeverMoreThanTheWhole) 
     const std::uint64_t before = rig.bus.totals().bits;
     for (TimeNs t = 0; t < kNsPerS; t += cycle_ns) rig.Step();
     const auto counted = static_cast<double>(rig.bus.totals().bits - before);
-    const BusBudget budget = ComputeBusBudget(MakeBus(drives, cycle_ns));
+    const BusBudget budget = ComputeBusBudget(Bus(drives, cycle_ns));
     // No SDO, for there is nothing to ask. Nothing happens to the statuswords here, so what is left beside
     // the cycle is heartbeats: 65 bits, 10 a second, from every drive and the master.
     EXPECT_DOUBLE_EQ(counted, budget.cyclic_bits_per_s + (drives + 1) * 650);
@@ -228,10 +191,10 @@ TEST(WithEmulator, OrderlyShutdownLeavesNoFaultBehind) {
 TEST(WithEmulator, WrongMotorIsRefused) {
   SimulatedClock clock{kNsPerS};
   can::MemoryBus bus(clock);
-  emulator::DriveRack rack(WithEmulator::Emulated(1), bus.AddPort());
-  auto setups = WithEmulator::Setups(1);
+  emulator::DriveRack rack(emulator::Drives(1), bus.AddPort());
+  auto setups = emulator::Setups(1);
   setups[0].rated_torque_uNm = 9000;
-  Master master(MakeBus(1, kNsPerMs), setups, bus.AddPort());
+  Master master(Bus(1, kNsPerMs), setups, bus.AddPort());
   master.Start(clock.Now());
   for (int i = 0; i < 1000; ++i) {
     clock.Advance(kNsPerMs);

@@ -150,6 +150,7 @@ struct DaemonTest : testing::Test {
   ~DaemonTest() override {
     stop = true;
     if (thread.joinable()) thread.join();
+    fs::remove_all(folder);
   }
 
   tendril_lcm::state_t State() {
@@ -180,6 +181,13 @@ struct DaemonTest : testing::Test {
     c.kind = CommandKind::kMode;
     c.mode = request;
     Send(c);
+  }
+
+  // Arming takes a record beside this test's own robot file; there is none yet.
+  void RequireCommissioning() {
+    fs::create_directories(folder);
+    options.parameters.commissioning_required = true;
+    options.parameters.robot_file = folder / "robot.yaml";
   }
 
   // Of this test's wiring.
@@ -233,6 +241,7 @@ struct DaemonTest : testing::Test {
   std::vector<std::string> texts;
   std::vector<tendril_lcm::statistics_t> statistics;
   std::uint32_t sequence = 0;
+  const fs::path folder = fs::temp_directory_path() / ("tendril_daemon_" + std::to_string(getpid()));
 };
 
 TEST_F(DaemonTest, FromStartToAnOrderlyEnd) {
@@ -409,11 +418,7 @@ TEST_F(DaemonTest, ARefusedCommandIsAnsweredAndChangesNothing) {
 // A robot file of a robot that nobody looked at: refused in one line with the remedy, armed as soon as its
 // record is there, without a restart.
 TEST_F(DaemonTest, ArmsOnlyWhatWasCommissioned) {
-  const fs::path folder =
-      fs::temp_directory_path() / ("tendril_not_commissioned_" + std::to_string(getpid()));
-  fs::create_directories(folder);
-  options.parameters.commissioning_required = true;
-  options.parameters.robot_file = folder / "robot.yaml";
+  RequireCommissioning();
   Start(options);
   ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
   for (const ModeRequest request : {ModeRequest::kArm, ModeRequest::kHome}) {
@@ -430,16 +435,11 @@ TEST_F(DaemonTest, ArmsOnlyWhatWasCommissioned) {
   }
   Commissioned({});
   Arm();
-  Stop();
-  fs::remove_all(folder);
 }
 
 // Somebody put another drive in: it is configured and works, and is not what was commissioned.
 TEST_F(DaemonTest, ArmsOnlyTheDrivesThatWereCommissioned) {
-  const fs::path folder = fs::temp_directory_path() / ("tendril_exchanged_" + std::to_string(getpid()));
-  fs::create_directories(folder);
-  options.parameters.commissioning_required = true;
-  options.parameters.robot_file = folder / "robot.yaml";
+  RequireCommissioning();
   const auto record = [](std::uint32_t second) {
     return std::vector<CommissionedTendon>{{.node_id = 1, .tendon = 1, .serial = kFirstSerial},
                                            {.node_id = 2, .tendon = 2, .serial = second},
@@ -461,22 +461,15 @@ TEST_F(DaemonTest, ArmsOnlyTheDrivesThatWereCommissioned) {
   // Its commissioning is found without a restart.
   Commissioned(record(kFirstSerial + 1));
   Arm();
-  Stop();
-  fs::remove_all(folder);
 }
 
 TEST_F(DaemonTest, ArmsAnExchangedDriveWithAWarningWhereThatIsConfigured) {
-  const fs::path folder = fs::temp_directory_path() / ("tendril_exchanged_" + std::to_string(getpid()));
-  fs::create_directories(folder);
-  options.parameters.commissioning_required = true;
+  RequireCommissioning();
   options.parameters.exchanged_drives_refused = false;
-  options.parameters.robot_file = folder / "robot.yaml";
   Commissioned({{.node_id = 3, .tendon = 3, .serial = 56}});
   Start(options);
   Arm();
   EXPECT_TRUE(Warns("node 3 (tendon 3) has serial 7003, commissioned was 56"));
-  Stop();
-  fs::remove_all(folder);
 }
 
 // ---- another daemon on the same channels ----
@@ -608,7 +601,6 @@ TEST_F(DaemonTest, FaultsAreErrorsLossesAreWarningsAndTheRestIsInformation) {
 
 // The drives' answers stop; what was before lies in the folder, whole and ending with the fault.
 TEST_F(DaemonTest, AFaultLeavesTheCyclesBeforeIt) {
-  const fs::path folder = fs::temp_directory_path() / ("tendril_black_box_" + std::to_string(getpid()));
   options.parameters.black_box = {.seconds = 1, .folder = (folder / "new").string()};
   std::atomic<bool> silent{false};
   drives.bus().SetFilter([&](can::CanFrame& f) { return !(silent.load() && f.id == 0x182); });
@@ -653,7 +645,6 @@ TEST_F(DaemonTest, AFaultLeavesTheCyclesBeforeIt) {
   EXPECT_EQ(cycles.back() - cycles.front() + 1, cycles.size()) << "no cycle is missing";
   EXPECT_EQ(last.output.mode, Mode::kFault) << "the cycle of the fault is the last";
   EXPECT_EQ(last.output.status, Status::kFeedbackStale);
-  fs::remove_all(folder);
 }
 
 TEST_F(DaemonTest, ABlackBoxThatCannotBeWrittenIsReportedAndTheDaemonGoesOn) {

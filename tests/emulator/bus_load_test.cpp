@@ -13,9 +13,9 @@
 #include <thread>
 #include <vector>
 
+#include "support/drives_on_bus.h"
 #include "tendril/can/socketcan_port.h"
 #include "tendril/core/clock.h"
-#include "three_drives.h"
 
 namespace tendril::emulator {
 namespace {

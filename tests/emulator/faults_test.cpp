@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "support/drives_on_bus.h"
 #include "tendril/can/memory_bus.h"
 #include "tendril/canopen/master.h"
 #include "tendril/emulator/drive_rack.h"
-#include "three_drives.h"
 
 namespace tendril::emulator {
 namespace {

@@ -1,5 +1,5 @@
-// Three drives and the bus that their master is told: the set-up of tests that only vary what goes between
-// them. Test use only.
+// Drives and the bus that their master is told: the set-up of tests that only vary what goes between them.
+// Test use only.
 #pragma once
 
 #include <cstdint>
@@ -13,11 +13,11 @@ namespace tendril::emulator {
 inline constexpr int kDrives = 3;
 inline constexpr std::uint32_t kCurrent_mA = 360, kConstant_uNmpA = 19600, kRated_uNm = 7056;
 
-inline BusParameters Bus() {
+inline BusParameters Bus(int drives = kDrives, TimeNs cycle_ns = kNsPerMs) {
   BusParameters bus;
   bus.bitrate_bps = 1'000'000;
-  bus.cycle_ns = kNsPerMs;
-  bus.feedback_deadline_ns = 600'000;
+  bus.cycle_ns = cycle_ns;
+  bus.feedback_deadline_ns = cycle_ns * 3 / 5;
   bus.heartbeat_ms = 100;
   bus.heartbeat_timeout_ms = 250;
   bus.sdo_timeout_ms = 50;
@@ -28,22 +28,22 @@ inline BusParameters Bus() {
                   .product_codes = {0x60500000},
                   .min_revision = 0x01000000,
                   .max_revision = 0x01FFFFFF};
-  for (int i = 1; i <= kDrives; ++i) bus.nodes.push_back({i, i});
+  for (int i = 1; i <= drives; ++i) bus.nodes.push_back({i, i});
   return bus;
 }
 
-inline std::vector<EmulatedDriveParameters> Drives() {
-  std::vector<EmulatedDriveParameters> drives;
-  for (int i = 1; i <= kDrives; ++i) {
-    drives.push_back(
+inline std::vector<EmulatedDriveParameters> Drives(int drives = kDrives) {
+  std::vector<EmulatedDriveParameters> emulated;
+  for (int i = 1; i <= drives; ++i) {
+    emulated.push_back(
         {.node_id = i, .nominal_current_mA = kCurrent_mA, .torque_constant_uNmpA = kConstant_uNmpA});
   }
-  return drives;
+  return emulated;
 }
 
-inline std::vector<canopen::DriveSetup> Setups() {
+inline std::vector<canopen::DriveSetup> Setups(int drives = kDrives) {
   std::vector<canopen::DriveSetup> setups;
-  for (int i = 1; i <= kDrives; ++i) {
+  for (int i = 1; i <= drives; ++i) {
     setups.push_back({i, kCurrent_mA, 2 * kCurrent_mA, kConstant_uNmpA, kRated_uNm});
   }
   return setups;
