@@ -21,11 +21,12 @@ function(tendril_room name)
   set_property(GLOBAL APPEND PROPERTY TENDRIL_ROOM_RULES "${name}:${ARG_ROOMS}")
 endfunction()
 
-# tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s] [SERIAL filter]): a GoogleTest program whose cases ctest
-# lists. Those of the filter hold the program to a time that it promises and have the machine to themselves. With the label
-# vcan it is run as a whole, where a real vcan0 exists, for that may take the start of another kernel.
+# tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s] [SERIAL filter] [WHOLE suites]): a GoogleTest program whose
+# cases ctest lists. Those of the filter SERIAL hold the program to a time that it promises and have the machine to
+# themselves; a suite in WHOLE makes once what its cases share and is one test. With the label vcan it is run as a whole,
+# where a real vcan0 exists, for that may take the start of another kernel.
 function(tendril_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT;SERIAL" "SOURCES;LINK;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "" "TIMEOUT;SERIAL" "SOURCES;LINK;LABELS;WHOLE" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -39,13 +40,19 @@ function(tendril_test name)
     tendril_vcan_test(${name} TIMEOUT ${ARG_TIMEOUT} COMMAND $<TARGET_FILE:${name}>)
     return()
   endif()
-  set(shared)
+  set(elsewhere)
   if(ARG_SERIAL)
     gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES TEST_FILTER ${ARG_SERIAL} TEST_LIST ${name}_serial
       PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}" RUN_SERIAL TRUE)
-    set(shared TEST_FILTER -${ARG_SERIAL})
+    list(APPEND elsewhere ${ARG_SERIAL})
   endif()
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES ${shared}
+  foreach(suite ${ARG_WHOLE})
+    add_test(NAME ${suite} COMMAND ${name} --gtest_filter=${suite}.*)
+    set_tests_properties(${suite} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+    list(APPEND elsewhere ${suite}.*)
+  endforeach()
+  list(JOIN elsewhere : elsewhere)
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES TEST_FILTER *-${elsewhere}
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
 endfunction()
 
