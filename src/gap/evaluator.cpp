@@ -1,4 +1,4 @@
-// Residuals at the cuts, and how much of them is not the model's fault.
+// Residuals at the cuts.
 #include "evaluator.h"
 
 #include <fmt/core.h>
@@ -13,7 +13,9 @@
 #include <optional>
 #include <stdexcept>
 
+#include "median.h"
 #include "parallel.h"
+#include "rotation.h"
 #include "tendril/model/body.h"
 
 namespace tendril::gap {
@@ -23,29 +25,8 @@ using Quantity = Channel::Quantity;
 
 constexpr double kWindow_s = 0.02;  // residuals are averaged over this: slower than the sensors' white noise
 constexpr double kBendingWindow_s = 0.15;  // over which the tracker corrects the simulated bending
-constexpr int kReadings = 4;               // alternative readings of the same log, see Prepare
-// Nobody cares about less than this share of the floor, nor of the signal: simulations of one model agree no
-// better.
-constexpr double kFloorShare = 0.2, kSignalShare = 1e-3;
-constexpr double kTransient = 4;  // times the white noise's variance, within one window
-constexpr double kResolutionWindow_s = 0.25;
 // What a model leaves unexplained stays alike over this time, or over so many states at rest.
 constexpr double kCorrelation_s = 1.0, kCorrelationStates = 5;
-// Motors all within this share of their range stand as before; with fewer such returns nothing is known of
-// how a robot repeats.
-constexpr double kReturnShare = 0.01;
-constexpr int kLeastReturns = 20;
-
-Eigen::Vector3d RotationVector(const Eigen::Matrix3d& R) {
-  const Eigen::AngleAxisd turn(R);
-  return turn.angle() * turn.axis();
-}
-
-Eigen::Matrix3d Rotation(const Eigen::Vector3d& vector) {
-  const double angle = vector.norm();
-  return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix()
-                   : Eigen::Matrix3d::Identity();
-}
 
 /// (u, v) of the bend that takes z to the frame's z axis; blind for twist.
 Eigen::Vector2d BendOf(const Eigen::Matrix3d& R) {
@@ -60,34 +41,6 @@ Eigen::Vector2d BendOfTip(const Eigen::Vector3d& p) {
   const double side = std::hypot(p.x(), p.y());
   const double bend = 2 * std::atan2(side, p.z());
   return side > 1e-12 ? Eigen::Vector2d(bend / side * p.head<2>()) : Eigen::Vector2d(0, 0);
-}
-
-/// rms of white noise on a smooth signal, from third differences (robust against the motion itself).
-double WhiteNoise(const Eigen::MatrixXd& signal, int column) {
-  std::vector<double> differences;
-  for (int i = 3; i < signal.rows(); ++i) {
-    const double d =
-        signal(i, column) - 3 * signal(i - 1, column) + 3 * signal(i - 2, column) - signal(i - 3, column);
-    if (std::isfinite(d)) differences.push_back(std::abs(d));
-  }
-  if (differences.size() < 50) return 0;
-  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
-  std::nth_element(differences.begin(), middle, differences.end());
-  // The median is no motion's; but of a coarsely rounded signal it is one of a few values, and the mean
-  // square of what is of its size says more.
-  const double most = 4 * *middle / 0.6745;
-  double square = 0, count = 0;
-  for (const double d : differences) {
-    if (d <= most) square += d * d, count += 1;
-  }
-  return std::sqrt(square / count / 20);
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 int Windows(int samples, int width) { return samples / width; }
@@ -108,18 +61,6 @@ Eigen::VectorXd Average(const Eigen::VectorXd& values, int width) {
   return mean;
 }
 
-int WindowSamples(const PreparedRun& run, const Channel& channel) {
-  if (channel.quantity == Quantity::kTorque) return 1;
-  return std::max(1, static_cast<int>(std::lround(kWindow_s / run.signals.step_s)));
-}
-
-/// The tracker's readings in the base's frame.
-void Turn(const TrackerFrame& frame, PreparedRun& run) {
-  for (Eigen::Index k = 0; k < run.tip_m.rows(); ++k)
-    run.tip_m.row(k) = (frame.turn.transpose() * (run.tip_m.row(k).transpose() - frame.offset_m)).transpose();
-  for (auto& R : run.tip_R) R = frame.turn.transpose() * R;
-}
-
 std::optional<EffectSetting> Setting(const RobotParameters& robot, std::string_view name) {
   for (const auto& effect : robot.effects) {
     if (effect.name == name) return effect;
@@ -129,25 +70,61 @@ std::optional<EffectSetting> Setting(const RobotParameters& robot, std::string_v
 
 }  // namespace
 
-struct Evaluator::Replayed {
-  Eigen::MatrixXd torque_Nm, from_torque_N, from_stretch_N;
-  sim::BodyMotion motion;
-};
+int WindowSamples(const PreparedRun& run, const Channel& channel) {
+  if (channel.quantity == Quantity::kTorque) return 1;
+  return std::max(1, static_cast<int>(std::lround(kWindow_s / run.signals.step_s)));
+}
+
+void TrackerFrame::ToBase(PreparedRun& run) const {
+  for (Eigen::Index k = 0; k < run.tip_m.rows(); ++k)
+    run.tip_m.row(k) = (turn.transpose() * (run.tip_m.row(k).transpose() - offset_m)).transpose();
+  for (auto& R : run.tip_R) R = turn.transpose() * R;
+}
 
 Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.robot) {
-  nominal_.effects = set.robot.effects;
   if (!nominal_.actuation) {
     throw std::runtime_error(fmt::format(
         "robot '{}' has no actuation; accepted: a robot file with motors, tendons and sensors; use the "
         "file that the robot was controlled with",
         nominal_.name));
   }
-  const int tendons = nominal_.body.tendons();
   runs_.resize(set.runs.size());
   ParallelFor(static_cast<int>(set.runs.size()), options.threads,
               [&](int i) { runs_[i] = Prepare(set.runs[i], nominal_, 0); });
 
-  // What all runs together can be compared on.
+  FindCuts();
+  if (has(kC3)) StandInForCells();
+  ListChannels();
+
+  nominal_motion_.resize(runs_.size());
+  nominal_residuals_.resize(runs_.size());
+  std::vector<std::string> trouble(runs_.size());
+  ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
+    try {
+      nominal_motion_[i] = sim::Replay(nominal_).Body(runs_[i].signals, driven_by_, 1);
+    } catch (const std::runtime_error& error) {
+      trouble[i] = error.what();
+      return;
+    }
+  });
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    if (!trouble[i].empty()) throw RunError(i, fmt::format("{}: {}", runs_[i].name, trouble[i]));
+  }
+  if (set.fit_frame && has_tracker()) FindFrame();
+  ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
+    nominal_motion_[i].shortening_m = MeasuredShortening(runs_[i], nominal_, nominal_motion_[i]);
+  });
+  if (std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return r.signals.at_rest; })) {
+    degradations_.push_back(fmt::format(
+        "rows are more than {} s apart: the body is taken as at rest at each row, friction as slid straight "
+        "from row to row; motion (C5), damping and delays are not seen",
+        kQuasiStatic_s));
+  }
+  FindFloors(set, options);
+}
+
+// What all runs together can be compared on, and what drives the replays.
+void Evaluator::FindCuts() {
   const auto every = [&](auto&& test) { return std::all_of(runs_.begin(), runs_.end(), test); };
   const auto any = [&](auto&& test) { return std::any_of(runs_.begin(), runs_.end(), test); };
   const bool motor = every([](const PreparedRun& r) { return r.signals.motor_angle_rad.cols() > 0; });
@@ -196,33 +173,36 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
         "displacement (C3) and "
         "cannot be told from tendon effects by place");
   }
+}
 
-  // Where a cell says nothing its tendon takes the tension that its torque makes.
-  if (cell) {
-    for (std::size_t i = 0; i < runs_.size(); ++i) {
-      PreparedRun& run = runs_[i];
-      for (const CellHole& hole : run.cell_holes) {
-        const bool whole = hole.to - hole.from == run.samples();
-        if (whole && !torque) {
-          throw RunError(i, fmt::format("{}: no tension of tendon {} and no torque to take it from", run.name,
-                                        hole.tendon + 1));
-        }
-        degradations_.push_back(
-            whole
-                ? fmt::format("{}: no load cell on tendon {}: its tension is taken from the motor's torque",
+// Where a cell says nothing its tendon takes the tension that its torque makes.
+void Evaluator::StandInForCells() {
+  const bool torque = has(kC2);
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    PreparedRun& run = runs_[i];
+    for (const CellHole& hole : run.cell_holes) {
+      const bool whole = hole.to - hole.from == run.samples();
+      if (whole && !torque) {
+        throw RunError(i, fmt::format("{}: no tension of tendon {} and no torque to take it from", run.name,
+                                      hole.tendon + 1));
+      }
+      degradations_.push_back(
+          whole ? fmt::format("{}: no load cell on tendon {}: its tension is taken from the motor's torque",
                               run.name, hole.tendon + 1)
                 : fmt::format("{}: the load cell on tendon {} says nothing for {:.2g} s from {:.4g} s on: {}",
                               run.name, hole.tendon + 1, (hole.to - hole.from) * run.signals.step_s,
                               hole.from * run.signals.step_s,
                               torque ? "its tension is taken from the motor's torque"
                                      : "bridged by a straight line"));
-      }
-      if (!torque) run.cell_holes.clear();
-      stood_in_ = stood_in_ || !run.cell_holes.empty();
-      run.signals = StoodIn(nominal_, run);
     }
+    if (!torque) run.cell_holes.clear();
+    stood_in_ = stood_in_ || !run.cell_holes.empty();
+    run.signals = StoodIn(nominal_, run);
   }
+}
 
+void Evaluator::ListChannels() {
+  const int tendons = nominal_.body.tendons();
   for (int j = 0; j < tendons; ++j) {
     if (has(kC1))
       channels_.push_back(
@@ -238,8 +218,9 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
       channels_.push_back(
           {sim::Cut::kTendon, Quantity::kTension, j, fmt::format("tension {} from stretch", j + 1), "N"});
   }
-  const bool turned = any([](const PreparedRun& r) { return !r.tip_R.empty(); });
-  if (tracker && !turned)
+  const bool turned =
+      std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return !r.tip_R.empty(); });
+  if (has_tracker() && !turned)
     degradations_.push_back("the tracker gives no orientation: shape from the tip's position alone");
   for (int i = 0; i < 3; ++i) {
     if (has(kBody))
@@ -251,32 +232,6 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
       channels_.push_back(
           {sim::Cut::kShape, Quantity::kTipDirection, i, fmt::format("tip rotation {}", "xyz"[i]), "rad"});
   }
-
-  nominal_motion_.resize(runs_.size());
-  nominal_residuals_.resize(runs_.size());
-  std::vector<std::string> trouble(runs_.size());
-  ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
-    try {
-      nominal_motion_[i] = sim::Replay(nominal_).Body(runs_[i].signals, driven_by_, 1);
-    } catch (const std::runtime_error& error) {
-      trouble[i] = error.what();
-      return;
-    }
-  });
-  for (std::size_t i = 0; i < runs_.size(); ++i) {
-    if (!trouble[i].empty()) throw RunError(i, fmt::format("{}: {}", runs_[i].name, trouble[i]));
-  }
-  if (set.fit_frame && tracker) FindFrame();
-  ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
-    nominal_motion_[i].shortening_m = MeasuredShortening(runs_[i], nominal_, nominal_motion_[i]);
-  });
-  if (any([](const PreparedRun& r) { return r.signals.at_rest; })) {
-    degradations_.push_back(fmt::format(
-        "rows are more than {} s apart: the body is taken as at rest at each row, friction as slid straight "
-        "from row to row; motion (C5), damping and delays are not seen",
-        kQuasiStatic_s));
-  }
-  FindFloors(set, options);
 }
 
 double Evaluator::Correlated(int run, int channel) const {
@@ -334,7 +289,7 @@ void Evaluator::FindFrame() {
     for (std::size_t k = 0; k < simulated.size(); ++k) weight[k] = 1 / std::max(1.0, distance[k] / usual);
   }
   frame_ = frame;
-  for (PreparedRun& run : runs_) Turn(frame, run);
+  for (PreparedRun& run : runs_) frame.ToBase(run);
   const Eigen::Vector3d turn = RotationVector(frame.turn);
   degradations_.push_back(
       fmt::format("the tracker's frame is not known: fitted to the nominal robot (rotation vector {:.4f}, "
@@ -344,47 +299,6 @@ void Evaluator::FindFrame() {
                   "looks like (a tilt without weight, an offset) cannot be told",
                   turn.x(), turn.y(), turn.z(), 1e3 * frame.offset_m.x(), 1e3 * frame.offset_m.y(),
                   1e3 * frame.offset_m.z()));
-}
-
-double Evaluator::Unrepeated(int channel, int& returns) const {
-  // States of all runs one after the other.
-  struct State {
-    int run, row;
-  };
-  std::vector<State> states;
-  double range = 0;
-  for (int j = 0; j < nominal_.body.tendons(); ++j) {
-    double least = INFINITY, most = -INFINITY;
-    for (const PreparedRun& run : runs_) {
-      if (!run.signals.at_rest) continue;
-      least = std::min(least, run.signals.motor_angle_rad.col(j).minCoeff());
-      most = std::max(most, run.signals.motor_angle_rad.col(j).maxCoeff());
-    }
-    range = std::max(range, most - least);
-  }
-  for (int i = 0; i < static_cast<int>(runs_.size()); ++i) {
-    if (!runs_[i].signals.at_rest) continue;
-    for (int w = 0; w < nominal_residuals_[i][channel].size(); ++w) {
-      if (std::isfinite(variance_[i][channel][w])) states.push_back({i, w});
-    }
-  }
-  double sum = 0;
-  returns = 0;
-  for (std::size_t b = 1; b < states.size(); ++b) {
-    const auto at = runs_[states[b].run].signals.motor_angle_rad.row(states[b].row);
-    for (std::size_t a = 0; a < b; ++a) {
-      // Not having moved is no return.
-      if (states[a].run == states[b].run && states[b].row - states[a].row < 3) continue;
-      const auto was = runs_[states[a].run].signals.motor_angle_rad.row(states[a].row);
-      if ((at - was).cwiseAbs().maxCoeff() > kReturnShare * range) continue;
-      const auto &ra = nominal_residuals_[states[a].run][channel],
-                 &rb = nominal_residuals_[states[b].run][channel];
-      const auto &va = variance_[states[a].run][channel], &vb = variance_[states[b].run][channel];
-      sum += std::pow(ra[states[a].row] - rb[states[b].row], 2) / (va[states[a].row] + vb[states[b].row]);
-      ++returns;
-    }
-  }
-  return returns > 0 ? sum / returns : 0;
 }
 
 double Evaluator::window_s(int run, int channel) const {
@@ -576,340 +490,6 @@ Residuals Evaluator::At(const RobotParameters& robot, unsigned cuts, const std::
     for (const int i : only) one(i);
   }
   return residuals;
-}
-
-double Evaluator::Spread(const Channel& channel) const {
-  double square = 0, signal_sum = 0, signals = 0;
-  for (const auto& run : runs_) {
-    const auto add = [&](const Eigen::MatrixXd& signal) {
-      for (int i = 0; i < signal.rows(); ++i) {
-        const double value = signal(i, channel.index);
-        if (!std::isfinite(value)) continue;
-        square += value * value, signal_sum += value, signals += 1;
-      }
-    };
-    if (channel.quantity == Quantity::kTension) add(run.cell_N);
-    if (channel.quantity == Quantity::kTipPosition) add(run.tip_m);
-    if (channel.quantity == Quantity::kTipDirection && !run.tip_R.empty()) {
-      Eigen::MatrixXd turns(static_cast<int>(run.tip_R.size()), 3);
-      for (int k = 0; k < turns.rows(); ++k) turns.row(k) = RotationVector(run.tip_R[k]);
-      add(turns);
-    }
-  }
-  return signals > 0 ? std::sqrt(std::max(0.0, square / signals - std::pow(signal_sum / signals, 2))) : 0;
-}
-
-// What the nominal robot leaves of a run less what it left of the same commands before: errors of the model
-// that were there before cancel, window by window, and the noise of both runs remains. A model that was off
-// by a tenth of the motion then is taken to be off by a tenth of the change now: that is in the noise.
-void Evaluator::TakeDifferences() {
-  std::map<std::string, std::size_t> by_name;
-  for (std::size_t i = 0; i < runs_.size(); ++i) by_name[runs_[i].name] = i;
-  std::vector<char> is_before(runs_.size(), 0);
-  std::map<std::pair<sim::Cut, Quantity>, std::pair<double, double>> wrong;  // squares: left before, measured
-  int compared = 0;
-  for (const auto& run : runs_) {
-    if (run.before.empty()) continue;
-    if (by_name.contains(run.before)) is_before[by_name[run.before]] = 1;
-    ++compared;
-  }
-  if (compared == 0) return;
-  before_.resize(runs_.size());
-  for (std::size_t i = 0; i < runs_.size(); ++i) {
-    if (is_before[i]) continue;
-    const auto partner = by_name.find(runs_[i].before);
-    if (partner == by_name.end()) {
-      throw RunError(i, fmt::format("{}: {}", runs_[i].name,
-                                    runs_[i].before.empty() ? "no run from before, which others have"
-                                                            : "its run from before is left out"));
-    }
-    const std::size_t k = partner->second;
-    const double step = runs_[i].signals.step_s, its = runs_[k].signals.step_s;
-    if (runs_[i].signals.at_rest != runs_[k].signals.at_rest || std::abs(step - its) > 0.01 * step) {
-      throw RunError(
-          i, fmt::format("{}: a sample every {:.4g} s, and every {:.4g} s before; accepted: runs of the "
-                         "same commands, recorded alike",
-                         runs_[i].name, step, its));
-    }
-    before_[i].resize(channels_.size());
-    for (std::size_t c = 0; c < channels_.size(); ++c) {
-      auto &r = nominal_residuals_[i][c], &v = variance_[i][c];
-      const auto &r0 = nominal_residuals_[k][c], &v0 = variance_[k][c];
-      before_[i][c] = Eigen::VectorXd::Zero(r.size());
-      for (Eigen::Index w = 0; w < r.size(); ++w) {
-        v[w] = w < v0.size() ? v[w] + v0[w] : std::numeric_limits<double>::infinity();
-        if (!std::isfinite(v[w])) {
-          r[w] = 0;
-          continue;
-        }
-        before_[i][c][w] = r0[w];
-        r[w] -= r0[w];
-      }
-      white_[i][c] += white_[k][c];
-    }
-  }
-  for (std::size_t c = 0; c < channels_.size(); ++c) {
-    auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
-    double square = 0, count = 0;
-    for (std::size_t k = 0; k < runs_.size(); ++k) {
-      for (Eigen::Index w = 0; is_before[k] && w < nominal_residuals_[k][c].size(); ++w) {
-        if (!std::isfinite(variance_[k][c][w])) continue;
-        square += std::pow(nominal_residuals_[k][c][w], 2) - variance_[k][c][w];
-        count += 1;
-      }
-    }
-    left += count > 0 ? std::max(0.0, square / count) : 0;
-    measured += std::pow(Spread(channels_[c]), 2);
-  }
-  for (std::size_t c = 0; c < channels_.size(); ++c) {
-    const auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
-    if (!(measured > 0)) continue;
-    wrong_before_ = std::max(wrong_before_, std::sqrt(left / measured));
-  }
-  // Where and whether something changed is then told by the noise alone, and a cause by nothing.
-  for (std::size_t c = 0; !useless() && c < channels_.size(); ++c) {
-    const auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
-    if (!(measured > 0)) continue;
-    double change = 0, count = 0;
-    for (std::size_t i = 0; i < runs_.size(); ++i) {
-      for (Eigen::Index w = 0; !is_before[i] && w < nominal_residuals_[i][c].size(); ++w) {
-        if (!std::isfinite(variance_[i][c][w])) continue;
-        change += std::pow(nominal_residuals_[i][c][w], 2);
-        count += 1;
-      }
-    }
-    if (count == 0) continue;
-    const double square = left / measured * change / count;
-    channels_[c].distrust = std::sqrt(square);
-    for (std::size_t i = 0; i < runs_.size(); ++i) {
-      if (!is_before[i]) variance_[i][c].array() += square;
-    }
-  }
-  const auto keep = [&](auto& all) {
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < is_before.size(); ++i) {
-      if (is_before[i]) continue;
-      if (kept != i) all[kept] = std::move(all[i]);
-      ++kept;
-    }
-    all.resize(kept);
-  };
-  keep(runs_);
-  keep(nominal_motion_);
-  keep(nominal_residuals_);
-  keep(variance_);
-  keep(white_);
-  keep(before_);
-  degradations_.push_back(
-      fmt::format("compared with runs of the same commands from before: the diagnosis is of what changed "
-                  "since; what the model "
-                  "got wrong then (up to {:.0f} % of what was measured) is taken off, and it is trusted no "
-                  "better about the change",
-                  100 * wrong_before_));
-}
-
-void Evaluator::FindFloors(const DataSet& set, const Options& options) {
-  int runs = static_cast<int>(runs_.size());
-  const int channels = static_cast<int>(channels_.size());
-
-  // White noise of one sample, from the measured signals themselves.
-  for (auto& channel : channels_) {
-    std::vector<double> noise;
-    for (const auto& run : runs_) {
-      if (run.signals.at_rest) continue;  // from one state to the next is no noise
-      switch (channel.quantity) {
-        case Quantity::kTorque:
-          noise.push_back(WhiteNoise(run.signals.torque_actual_Nm, channel.index));
-          break;
-        case Quantity::kTension:
-          noise.push_back(WhiteNoise(run.cell_N, channel.index));
-          break;
-        case Quantity::kTipPosition:
-          if (run.tip_m.rows() > 0) noise.push_back(WhiteNoise(run.tip_m, channel.index));
-          break;
-        case Quantity::kTipDirection: {
-          if (run.tip_R.empty()) break;
-          Eigen::MatrixXd turn(static_cast<int>(run.tip_R.size()), 3);
-          for (int k = 0; k < turn.rows(); ++k) {
-            // Against the first orientation, in the tip's own axes, where no turn is near pi.
-            turn.row(k) = RotationVector(run.tip_R[0].transpose() * run.tip_R[k]);
-          }
-          noise.push_back(WhiteNoise(turn, channel.index));
-          break;
-        }
-      }
-    }
-    const auto& p =
-        nominal_.actuation
-            ->tendons[channel.quantity == Quantity::kTorque || channel.quantity == Quantity::kTension
-                          ? channel.index
-                          : 0];
-    double least = 0;  // a sensor's resolution is a floor even where it shows no noise
-    if (channel.quantity == Quantity::kTorque) least = 1e-3 * p.drive.rated_torque_Nm / std::sqrt(12.0);
-    if (channel.quantity == Quantity::kTension && p.load_cell.gain_VpN > 0)
-      least = p.load_cell.resolution_V / p.load_cell.gain_VpN / std::sqrt(12.0);
-    const auto& tracker = nominal_.actuation->tracker;
-    if (channel.quantity == Quantity::kTipPosition)
-      least = std::max(1e-6, noise.empty() && tracker ? tracker->position_noise_m : 0);
-    if (channel.quantity == Quantity::kTipDirection)
-      least = std::max(1e-5, noise.empty() && tracker ? tracker->orientation_noise_rad : 0);
-    channel.white = std::max(least, Median(noise));
-  }
-
-  // The nominal residuals, and how they scatter over alternative readings of the same logs.
-  std::vector<Residuals> readings(kReadings, Residuals(runs));
-  Residuals within(runs);
-  ParallelFor(runs * (kReadings + 1), options.threads, [&](int task) {
-    const int i = task % runs, k = task / runs - 1;
-    if (k < 0) {
-      nominal_residuals_[i] =
-          ResidualsOf(ReplayRun(nominal_, runs_[i], kAllCuts, nullptr), runs_[i], kAllCuts, &within[i]);
-      return;
-    }
-    PreparedRun other = Prepare(set.runs[i], nominal_, options.seed * 1000004 + 4 * i + k);
-    if (frame_) Turn(*frame_, other);
-    other.cell_N = runs_[i].cell_N;
-    other.signals.torque_target_Nm = runs_[i].signals.torque_target_Nm;
-    // What stands in for a missing cell stands in here, too.
-    other.cell_holes = runs_[i].cell_holes;
-    for (const CellHole& hole : other.cell_holes) {
-      other.signals.tension_N.col(hole.tendon).segment(hole.from, hole.to - hole.from) =
-          runs_[i].signals.tension_N.col(hole.tendon).segment(hole.from, hole.to - hole.from);
-    }
-    readings[k][i] =
-        ResidualsOf(ReplayRun(nominal_, other, kC2 | kC3 | kBody, nullptr), other, kC2 | kC3 | kBody);
-  });
-
-  variance_.assign(runs, std::vector<Eigen::VectorXd>(channels));
-  white_.assign(runs, std::vector<double>(channels, 0.0));
-  for (int i = 0; i < runs; ++i) {
-    for (int c = 0; c < channels; ++c) {
-      auto& r = nominal_residuals_[i][c];
-      auto& variance = variance_[i][c];
-      const int windows = static_cast<int>(r.size());
-      variance.resize(windows);
-      if (windows == 0) continue;
-      const int width = WindowSamples(runs_[i], channels_[c]);
-      double samples_in = width;
-      if (channels_[c].cut == sim::Cut::kShape) {
-        // The tracker is slower than the grid.
-        const double duration = runs_[i].samples() * runs_[i].signals.step_s;
-        samples_in = std::clamp(runs_[i].tracker_s.size() / duration * width * runs_[i].signals.step_s, 1.0,
-                                static_cast<double>(width));
-      }
-      const double white = channels_[c].white * channels_[c].white / samples_in;
-      white_[i][c] = white;
-      // Spread over the readings, smoothed over neighbouring windows: four draws alone say little.
-      Eigen::VectorXd spread = Eigen::VectorXd::Zero(windows);
-      if (readings[0][i][c].size() == windows) {
-        Eigen::VectorXd scatter(windows);
-        for (int w = 0; w < windows; ++w) {
-          // The readings scatter about the truth as the best reading does: twice their distance from it, half
-          // of it each.
-          double square = 0;
-          for (int k = 0; k < kReadings; ++k) square += std::pow(readings[k][i][c][w] - r[w], 2);
-          scatter[w] = std::isfinite(square) ? square / kReadings : 0;
-        }
-        const int reach =
-            std::max(1, static_cast<int>(0.5 * kResolutionWindow_s / (width * runs_[i].signals.step_s)));
-        for (int w = 0; w < windows; ++w) {
-          const int a = std::max(0, w - reach), b = std::min(windows, w + reach + 1);
-          spread[w] = std::max(scatter.segment(a, b - a).mean(), 0.5 * scatter[w]);
-        }
-      }
-      // A residual that changes within a window by more than white noise does is a transient (a motor
-      // breaking loose, a tendon catching), and what the window's mean is depends on microseconds.
-      if (channels_[c].quantity == Quantity::kTension) {
-        // What scatters in half of the windows is noise: of the torque as well, where it is the input.
-        std::vector<double> scatters;
-        for (const double s : within[i][c]) {
-          if (std::isfinite(s)) scatters.push_back(s);
-        }
-        const double sample = std::max(channels_[c].white * channels_[c].white, Median(scatters));
-        for (int w = 0; w < windows; ++w) {
-          double most = 0;
-          for (int k = std::max(0, w - 1); k <= std::min(windows - 1, w + 1); ++k) {
-            if (std::isfinite(within[i][c][k])) most = std::max(most, within[i][c][k]);
-          }
-          spread[w] += std::max(0.0, most - kTransient * sample);
-        }
-      }
-      // What a target did between the samples of a slow log is open by as much as it changed over them.
-      if (channels_[c].quantity == Quantity::kTorque && runs_[i].signals.step_s >= kSlowLog_s) {
-        const auto target = runs_[i].signals.torque_target_Nm.col(channels_[c].index);
-        for (int w = 1; w + 1 < windows; ++w) {
-          const double most =
-              std::max(std::abs(target[w] - target[w - 1]), std::abs(target[w + 1] - target[w]));
-          spread[w] += most * most;
-        }
-      }
-      for (int w = 0; w < windows; ++w) {
-        variance[w] = std::isfinite(r[w]) ? white + spread[w] : std::numeric_limits<double>::infinity();
-        if (!std::isfinite(r[w])) r[w] = 0;
-      }
-    }
-  }
-
-  TakeDifferences();
-  runs = static_cast<int>(runs_.size());
-
-  // Identical repetitions: half the mean-square difference of their residuals.
-  std::map<std::string, int> by_name;
-  for (int i = 0; i < runs; ++i) by_name[runs_[i].name] = i;
-  int most_returns = 0;
-  for (int c = 0; c < channels; ++c) {
-    double ratio_sum = 0;
-    int count = 0;
-    for (int i = 0; i < runs; ++i) {
-      const auto original = by_name.find(runs_[i].repeat_of);
-      if (runs_[i].repeat_of.empty() || original == by_name.end() || original->second == i) continue;
-      repeated_ = true;
-      const auto& a = nominal_residuals_[i][c];
-      const auto& b = nominal_residuals_[original->second][c];
-      const auto& va = variance_[i][c];
-      const auto& vb = variance_[original->second][c];
-      for (int w = 0; w < std::min(a.size(), b.size()); ++w) {
-        if (!std::isfinite(va[w]) || !std::isfinite(vb[w])) continue;
-        ratio_sum += std::pow(a[w] - b[w], 2) / (va[w] + vb[w]);
-        ++count;
-      }
-    }
-    double scale = count > 20 ? std::max(1.0, ratio_sum / count) : 1;
-    if (!repeated_) {
-      int returns = 0;
-      const double ratio = Unrepeated(c, returns);
-      if (returns >= kLeastReturns) {
-        scale = std::max(1.0, ratio);
-        most_returns = std::max(most_returns, returns);
-      }
-    }
-    std::vector<double> variances;
-    for (int i = 0; i < runs; ++i) {
-      for (auto& v : variance_[i][c]) {
-        v *= scale;
-        if (std::isfinite(v)) variances.push_back(v);
-      }
-    }
-    Channel& channel = channels_[c];
-    channel.floor = std::sqrt(std::max(Median(variances), channel.white * channel.white));
-    const double spread = Spread(channel);
-    channel.delta = std::hypot(kFloorShare * channel.floor, kSignalShare * spread);
-    if (channel.quantity == Quantity::kTension && options.delta_N > 0) channel.delta = options.delta_N;
-    if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
-  }
-  if (most_returns > 0) {
-    degradations_.push_back(
-        fmt::format("no repeated runs: the noise floor is how much the residual differs between {} pairs of "
-                    "rows with the same "
-                    "motor positions within {:.0f} % of their range; what depends on the way there "
-                    "(friction) is in the floor",
-                    most_returns, 100 * kReturnShare));
-  } else if (!repeated_) {
-    degradations_.push_back(
-        "no repeated runs: the noise floor comes from high-frequency differences and the sensors' "
-        "resolution; what the "
-        "robot itself does not repeat is counted as gap");
-  }
 }
 
 unsigned Evaluator::CutsOf(const sim::Effect& effect) const {

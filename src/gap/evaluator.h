@@ -29,6 +29,9 @@ struct Channel {
   double distrust = 0;     // rms by which the model may misjudge a change, all alike through a run
 };
 
+/// Samples that one window of a channel averages.
+int WindowSamples(const PreparedRun& run, const Channel& channel);
+
 /// Residuals, measured less simulated, averaged over windows: [run][channel][window]; a channel that was not
 /// asked for is empty, a window without a measurement is 0 and has no weight.
 using Residuals = std::vector<std::vector<Eigen::VectorXd>>;
@@ -47,6 +50,9 @@ class RunError : public std::runtime_error {
 struct TrackerFrame {
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
   Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();
+
+  /// The tracker's readings of a run into the base's frame.
+  void ToBase(PreparedRun& run) const;
 };
 
 class Evaluator {
@@ -104,7 +110,10 @@ class Evaluator {
  private:
   static constexpr double kUseless = 0.5;  // share of the motion before
 
-  struct Replayed;
+  struct Replayed {
+    Eigen::MatrixXd torque_Nm, from_torque_N, from_stretch_N;
+    sim::BodyMotion motion;
+  };
   sim::ReplaySignals StoodIn(const RobotParameters& robot, const PreparedRun& run) const;
   Replayed ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,
                      const sim::BodyMotion* known_motion) const;
@@ -112,9 +121,17 @@ class Evaluator {
                                            std::vector<Eigen::VectorXd>* scatter = nullptr) const;
   Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
                                      const sim::BodyMotion& motion) const;
+  void FindCuts();
+  void StandInForCells();
+  void ListChannels();
   void FindFrame();
+
+  // In floors.cpp.
   void FindFloors(const DataSet& set, const Options& options);
+  void FindWhiteNoise();
+  void FindVariances(const DataSet& set, const Options& options);
   void TakeDifferences();
+  void ScaleByRepetition(const Options& options);
   /// Standard deviation of what is measured on a channel, over all runs; 0 for torque.
   double Spread(const Channel& channel) const;
   /// Mean ratio of what the same inputs at other times leave to what `channel`'s variances say; 0 when they

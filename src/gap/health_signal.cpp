@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "median.h"
+
 namespace tendril::gap {
 namespace {
 
@@ -13,13 +15,6 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 // More values than these say nothing more about steps and clocks.
 constexpr std::size_t kEnough = 4000;
 constexpr double kChange_s = 0.1;  // over which changes are looked at
-
-double Median(std::vector<double>& values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Number of samples, at least `least`, that make up the time over which changes are looked at.
 Eigen::Index Span(double step_s, Eigen::Index least) {
@@ -87,8 +82,7 @@ TimeSteps StepsOf(const Eigen::VectorXd& time_s) {
   TimeSteps s;
   std::vector<double> steps;
   for (Eigen::Index i = 1; i < time_s.size(); ++i) steps.push_back(time_s[i] - time_s[i - 1]);
-  std::vector<double> sorted = steps;
-  s.usual = Median(sorted);
+  s.usual = Median(steps);
   double sum = 0;
   int inside = 0;
   for (const double step : steps) {

@@ -12,6 +12,8 @@
 #include <random>
 #include <stdexcept>
 
+#include "median.h"
+
 namespace tendril::gap {
 namespace {
 
@@ -27,12 +29,6 @@ constexpr double kAtOnce_s = 0.01;  // and so may one that takes twice as long a
 constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
 constexpr double kBridged_s = 0.02;    // a hole that a straight line bridges
 constexpr double kAfterGap_s = 0.3;    // after lost samples friction memories are not known
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 /// Local polynomial of degree 4 through 2h+1 equally spaced points: weights that give value, first and second
 /// derivative (per sample) at the middle.
@@ -209,7 +205,7 @@ void MarkSliding(const Eigen::VectorXd& reading, const std::vector<char>& valid,
 double UsualStep(const Run& run) {
   std::vector<double> steps;
   for (Eigen::Index i = 1; i < run.time_s.size(); ++i) steps.push_back(run.time_s[i] - run.time_s[i - 1]);
-  return steps.empty() ? 0 : Median(std::move(steps));
+  return Median(std::move(steps));
 }
 
 }  // namespace

@@ -1,0 +1,455 @@
+// How much of the residuals is not the model's fault: noise, resolution, what a robot does not repeat, and
+// what the model had wrong before a change.
+#include <fmt/core.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <stdexcept>
+#include <utility>
+
+#include "evaluator.h"
+#include "median.h"
+#include "parallel.h"
+#include "rotation.h"
+
+namespace tendril::gap {
+namespace {
+
+using Quantity = Channel::Quantity;
+
+constexpr int kReadings = 4;  // alternative readings of the same log, see Prepare
+// Nobody cares about less than this share of the floor, nor of the signal: simulations of one model agree no
+// better.
+constexpr double kFloorShare = 0.2, kSignalShare = 1e-3;
+constexpr double kTransient = 4;  // times the white noise's variance, within one window
+constexpr double kResolutionWindow_s = 0.25;
+// Motors all within this share of their range stand as before; with fewer such returns nothing is known of
+// how a robot repeats.
+constexpr double kReturnShare = 0.01;
+constexpr int kLeastReturns = 20;
+
+/// rms of white noise on a smooth signal, from third differences (robust against the motion itself).
+double WhiteNoise(const Eigen::MatrixXd& signal, int column) {
+  std::vector<double> differences;
+  for (int i = 3; i < signal.rows(); ++i) {
+    const double d =
+        signal(i, column) - 3 * signal(i - 1, column) + 3 * signal(i - 2, column) - signal(i - 3, column);
+    if (std::isfinite(d)) differences.push_back(std::abs(d));
+  }
+  if (differences.size() < 50) return 0;
+  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
+  std::nth_element(differences.begin(), middle, differences.end());
+  // The median is no motion's; but of a coarsely rounded signal it is one of a few values, and the mean
+  // square of what is of its size says more.
+  const double most = 4 * *middle / 0.6745;
+  double square = 0, count = 0;
+  for (const double d : differences) {
+    if (d <= most) square += d * d, count += 1;
+  }
+  return std::sqrt(square / count / 20);
+}
+
+/// Samples of a channel in one of its windows; the tracker is slower than the grid.
+double SamplesIn(const PreparedRun& run, const Channel& channel) {
+  const double width = WindowSamples(run, channel);
+  if (channel.cut != sim::Cut::kShape) return width;
+  const double duration = run.samples() * run.signals.step_s;
+  return std::clamp(run.tracker_s.size() / duration * width * run.signals.step_s, 1.0, width);
+}
+
+/// Spread of a log's readings, from their mean square distance to the best one, smoothed over neighbouring
+/// windows: a few draws alone say little. The readings scatter about the truth as the best one does: twice
+/// their distance from it, half of it each.
+Eigen::VectorXd ReadingSpread(const Eigen::VectorXd& square, double window_s) {
+  const auto windows = static_cast<int>(square.size());
+  const Eigen::VectorXd scatter = square.array().isFinite().select(square, 0.0);
+  const int reach = std::max(1, static_cast<int>(0.5 * kResolutionWindow_s / window_s));
+  Eigen::VectorXd spread(windows);
+  for (int w = 0; w < windows; ++w) {
+    const int a = std::max(0, w - reach), b = std::min(windows, w + reach + 1);
+    spread[w] = std::max(scatter.segment(a, b - a).mean(), 0.5 * scatter[w]);
+  }
+  return spread;
+}
+
+/// A residual that changes within a window by more than white noise does is a transient (a motor breaking
+/// loose, a tendon catching), and what the window's mean is depends on microseconds. What scatters in half of
+/// the windows is noise: of the torque as well, where it is the input.
+Eigen::VectorXd Transients(const Eigen::VectorXd& within, double white) {
+  const auto windows = static_cast<int>(within.size());
+  std::vector<double> scatters;
+  for (const double s : within) {
+    if (std::isfinite(s)) scatters.push_back(s);
+  }
+  const double sample = std::max(white * white, Median(std::move(scatters)));
+  Eigen::VectorXd excess(windows);
+  for (int w = 0; w < windows; ++w) {
+    double most = 0;
+    for (int k = std::max(0, w - 1); k <= std::min(windows - 1, w + 1); ++k) {
+      if (std::isfinite(within[k])) most = std::max(most, within[k]);
+    }
+    excess[w] = std::max(0.0, most - kTransient * sample);
+  }
+  return excess;
+}
+
+/// What a target did between the samples of a slow log is open by as much as it changed over them.
+Eigen::VectorXd BetweenSamples(const Eigen::Ref<const Eigen::VectorXd>& target, int windows) {
+  Eigen::VectorXd square = Eigen::VectorXd::Zero(windows);
+  for (int w = 1; w + 1 < windows; ++w) {
+    const double most = std::max(std::abs(target[w] - target[w - 1]), std::abs(target[w + 1] - target[w]));
+    square[w] = most * most;
+  }
+  return square;
+}
+
+}  // namespace
+
+void Evaluator::FindFloors(const DataSet& set, const Options& options) {
+  FindWhiteNoise();
+  FindVariances(set, options);
+  TakeDifferences();
+  ScaleByRepetition(options);
+}
+
+// White noise of one sample, from the measured signals themselves; a sensor's resolution is a floor even
+// where it shows none.
+void Evaluator::FindWhiteNoise() {
+  for (auto& channel : channels_) {
+    std::vector<double> noise;
+    for (const auto& run : runs_) {
+      if (run.signals.at_rest) continue;  // from one state to the next is no noise
+      switch (channel.quantity) {
+        case Quantity::kTorque:
+          noise.push_back(WhiteNoise(run.signals.torque_actual_Nm, channel.index));
+          break;
+        case Quantity::kTension:
+          noise.push_back(WhiteNoise(run.cell_N, channel.index));
+          break;
+        case Quantity::kTipPosition:
+          if (run.tip_m.rows() > 0) noise.push_back(WhiteNoise(run.tip_m, channel.index));
+          break;
+        case Quantity::kTipDirection: {
+          if (run.tip_R.empty()) break;
+          Eigen::MatrixXd turn(static_cast<int>(run.tip_R.size()), 3);
+          for (int k = 0; k < turn.rows(); ++k) {
+            // Against the first orientation, in the tip's own axes, where no turn is near pi.
+            turn.row(k) = RotationVector(run.tip_R[0].transpose() * run.tip_R[k]);
+          }
+          noise.push_back(WhiteNoise(turn, channel.index));
+          break;
+        }
+      }
+    }
+    const auto& p =
+        nominal_.actuation
+            ->tendons[channel.quantity == Quantity::kTorque || channel.quantity == Quantity::kTension
+                          ? channel.index
+                          : 0];
+    double least = 0;  // a sensor's resolution is a floor even where it shows no noise
+    if (channel.quantity == Quantity::kTorque) least = 1e-3 * p.drive.rated_torque_Nm / std::sqrt(12.0);
+    if (channel.quantity == Quantity::kTension && p.load_cell.gain_VpN > 0)
+      least = p.load_cell.resolution_V / p.load_cell.gain_VpN / std::sqrt(12.0);
+    const auto& tracker = nominal_.actuation->tracker;
+    if (channel.quantity == Quantity::kTipPosition)
+      least = std::max(1e-6, noise.empty() && tracker ? tracker->position_noise_m : 0);
+    if (channel.quantity == Quantity::kTipDirection)
+      least = std::max(1e-5, noise.empty() && tracker ? tracker->orientation_noise_rad : 0);
+    channel.white = std::max(least, Median(noise));
+  }
+}
+
+// The nominal residuals, and how they scatter over alternative readings of the same logs.
+void Evaluator::FindVariances(const DataSet& set, const Options& options) {
+  const int runs = static_cast<int>(runs_.size()), channels = static_cast<int>(channels_.size());
+  std::vector<Residuals> readings(kReadings, Residuals(runs));
+  Residuals within(runs);
+  ParallelFor(runs * (kReadings + 1), options.threads, [&](int task) {
+    const int i = task % runs, k = task / runs - 1;
+    if (k < 0) {
+      nominal_residuals_[i] =
+          ResidualsOf(ReplayRun(nominal_, runs_[i], kAllCuts, nullptr), runs_[i], kAllCuts, &within[i]);
+      return;
+    }
+    PreparedRun other = Prepare(set.runs[i], nominal_, options.seed * 1000004 + 4 * i + k);
+    if (frame_) frame_->ToBase(other);
+    other.cell_N = runs_[i].cell_N;
+    other.signals.torque_target_Nm = runs_[i].signals.torque_target_Nm;
+    // What stands in for a missing cell stands in here, too.
+    other.cell_holes = runs_[i].cell_holes;
+    for (const CellHole& hole : other.cell_holes) {
+      other.signals.tension_N.col(hole.tendon).segment(hole.from, hole.to - hole.from) =
+          runs_[i].signals.tension_N.col(hole.tendon).segment(hole.from, hole.to - hole.from);
+    }
+    readings[k][i] =
+        ResidualsOf(ReplayRun(nominal_, other, kC2 | kC3 | kBody, nullptr), other, kC2 | kC3 | kBody);
+  });
+
+  variance_.assign(runs, std::vector<Eigen::VectorXd>(channels));
+  white_.assign(runs, std::vector<double>(channels, 0.0));
+  for (int i = 0; i < runs; ++i) {
+    for (int c = 0; c < channels; ++c) {
+      auto& r = nominal_residuals_[i][c];
+      auto& variance = variance_[i][c];
+      const int windows = static_cast<int>(r.size());
+      variance.resize(windows);
+      if (windows == 0) continue;
+      const Channel& channel = channels_[c];
+      const sim::ReplaySignals& signals = runs_[i].signals;
+      white_[i][c] = channel.white * channel.white / SamplesIn(runs_[i], channel);
+      Eigen::VectorXd spread = Eigen::VectorXd::Zero(windows);
+      if (readings[0][i][c].size() == windows) {
+        Eigen::VectorXd scatter = Eigen::VectorXd::Zero(windows);
+        for (const Residuals& reading : readings) scatter += (reading[i][c] - r).cwiseAbs2();
+        spread = ReadingSpread(scatter / kReadings, window_s(i, c));
+      }
+      if (channel.quantity == Quantity::kTension) spread += Transients(within[i][c], channel.white);
+      if (channel.quantity == Quantity::kTorque && signals.step_s >= kSlowLog_s)
+        spread += BetweenSamples(signals.torque_target_Nm.col(channel.index), windows);
+      for (int w = 0; w < windows; ++w) {
+        variance[w] =
+            std::isfinite(r[w]) ? white_[i][c] + spread[w] : std::numeric_limits<double>::infinity();
+        if (!std::isfinite(r[w])) r[w] = 0;
+      }
+    }
+  }
+}
+
+double Evaluator::Spread(const Channel& channel) const {
+  double square = 0, signal_sum = 0, signals = 0;
+  for (const auto& run : runs_) {
+    const auto add = [&](const Eigen::MatrixXd& signal) {
+      for (int i = 0; i < signal.rows(); ++i) {
+        const double value = signal(i, channel.index);
+        if (!std::isfinite(value)) continue;
+        square += value * value, signal_sum += value, signals += 1;
+      }
+    };
+    if (channel.quantity == Quantity::kTension) add(run.cell_N);
+    if (channel.quantity == Quantity::kTipPosition) add(run.tip_m);
+    if (channel.quantity == Quantity::kTipDirection && !run.tip_R.empty()) {
+      Eigen::MatrixXd turns(static_cast<int>(run.tip_R.size()), 3);
+      for (int k = 0; k < turns.rows(); ++k) turns.row(k) = RotationVector(run.tip_R[k]);
+      add(turns);
+    }
+  }
+  return signals > 0 ? std::sqrt(std::max(0.0, square / signals - std::pow(signal_sum / signals, 2))) : 0;
+}
+
+// What the nominal robot leaves of a run less what it left of the same commands before: errors of the model
+// that were there before cancel, window by window, and the noise of both runs remains. A model that was off
+// by a tenth of the motion then is taken to be off by a tenth of the change now: that is in the noise.
+void Evaluator::TakeDifferences() {
+  std::map<std::string, std::size_t> by_name;
+  for (std::size_t i = 0; i < runs_.size(); ++i) by_name[runs_[i].name] = i;
+  std::vector<char> is_before(runs_.size(), 0);
+  std::map<std::pair<sim::Cut, Quantity>, std::pair<double, double>> wrong;  // squares: left before, measured
+  int compared = 0;
+  for (const auto& run : runs_) {
+    if (run.before.empty()) continue;
+    if (by_name.contains(run.before)) is_before[by_name[run.before]] = 1;
+    ++compared;
+  }
+  if (compared == 0) return;
+  before_.resize(runs_.size());
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    if (is_before[i]) continue;
+    const auto partner = by_name.find(runs_[i].before);
+    if (partner == by_name.end()) {
+      throw RunError(i, fmt::format("{}: {}", runs_[i].name,
+                                    runs_[i].before.empty() ? "no run from before, which others have"
+                                                            : "its run from before is left out"));
+    }
+    const std::size_t k = partner->second;
+    const double step = runs_[i].signals.step_s, its = runs_[k].signals.step_s;
+    if (runs_[i].signals.at_rest != runs_[k].signals.at_rest || std::abs(step - its) > 0.01 * step) {
+      throw RunError(
+          i, fmt::format("{}: a sample every {:.4g} s, and every {:.4g} s before; accepted: runs of the "
+                         "same commands, recorded alike",
+                         runs_[i].name, step, its));
+    }
+    before_[i].resize(channels_.size());
+    for (std::size_t c = 0; c < channels_.size(); ++c) {
+      auto &r = nominal_residuals_[i][c], &v = variance_[i][c];
+      const auto &r0 = nominal_residuals_[k][c], &v0 = variance_[k][c];
+      before_[i][c] = Eigen::VectorXd::Zero(r.size());
+      for (Eigen::Index w = 0; w < r.size(); ++w) {
+        v[w] = w < v0.size() ? v[w] + v0[w] : std::numeric_limits<double>::infinity();
+        if (!std::isfinite(v[w])) {
+          r[w] = 0;
+          continue;
+        }
+        before_[i][c][w] = r0[w];
+        r[w] -= r0[w];
+      }
+      white_[i][c] += white_[k][c];
+    }
+  }
+  for (std::size_t c = 0; c < channels_.size(); ++c) {
+    auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
+    double square = 0, count = 0;
+    for (std::size_t k = 0; k < runs_.size(); ++k) {
+      for (Eigen::Index w = 0; is_before[k] && w < nominal_residuals_[k][c].size(); ++w) {
+        if (!std::isfinite(variance_[k][c][w])) continue;
+        square += std::pow(nominal_residuals_[k][c][w], 2) - variance_[k][c][w];
+        count += 1;
+      }
+    }
+    left += count > 0 ? std::max(0.0, square / count) : 0;
+    measured += std::pow(Spread(channels_[c]), 2);
+  }
+  for (std::size_t c = 0; c < channels_.size(); ++c) {
+    const auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
+    if (!(measured > 0)) continue;
+    wrong_before_ = std::max(wrong_before_, std::sqrt(left / measured));
+  }
+  // Where and whether something changed is then told by the noise alone, and a cause by nothing.
+  for (std::size_t c = 0; !useless() && c < channels_.size(); ++c) {
+    const auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
+    if (!(measured > 0)) continue;
+    double change = 0, count = 0;
+    for (std::size_t i = 0; i < runs_.size(); ++i) {
+      for (Eigen::Index w = 0; !is_before[i] && w < nominal_residuals_[i][c].size(); ++w) {
+        if (!std::isfinite(variance_[i][c][w])) continue;
+        change += std::pow(nominal_residuals_[i][c][w], 2);
+        count += 1;
+      }
+    }
+    if (count == 0) continue;
+    const double square = left / measured * change / count;
+    channels_[c].distrust = std::sqrt(square);
+    for (std::size_t i = 0; i < runs_.size(); ++i) {
+      if (!is_before[i]) variance_[i][c].array() += square;
+    }
+  }
+  const auto keep = [&](auto& all) {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < is_before.size(); ++i) {
+      if (is_before[i]) continue;
+      if (kept != i) all[kept] = std::move(all[i]);
+      ++kept;
+    }
+    all.resize(kept);
+  };
+  keep(runs_);
+  keep(nominal_motion_);
+  keep(nominal_residuals_);
+  keep(variance_);
+  keep(white_);
+  keep(before_);
+  degradations_.push_back(
+      fmt::format("compared with runs of the same commands from before: the diagnosis is of what changed "
+                  "since; what the model "
+                  "got wrong then (up to {:.0f} % of what was measured) is taken off, and it is trusted no "
+                  "better about the change",
+                  100 * wrong_before_));
+}
+
+double Evaluator::Unrepeated(int channel, int& returns) const {
+  // States of all runs one after the other.
+  struct State {
+    int run, row;
+  };
+  std::vector<State> states;
+  double range = 0;
+  for (int j = 0; j < nominal_.body.tendons(); ++j) {
+    double least = INFINITY, most = -INFINITY;
+    for (const PreparedRun& run : runs_) {
+      if (!run.signals.at_rest) continue;
+      least = std::min(least, run.signals.motor_angle_rad.col(j).minCoeff());
+      most = std::max(most, run.signals.motor_angle_rad.col(j).maxCoeff());
+    }
+    range = std::max(range, most - least);
+  }
+  for (int i = 0; i < static_cast<int>(runs_.size()); ++i) {
+    if (!runs_[i].signals.at_rest) continue;
+    for (int w = 0; w < nominal_residuals_[i][channel].size(); ++w) {
+      if (std::isfinite(variance_[i][channel][w])) states.push_back({i, w});
+    }
+  }
+  double sum = 0;
+  returns = 0;
+  for (std::size_t b = 1; b < states.size(); ++b) {
+    const auto at = runs_[states[b].run].signals.motor_angle_rad.row(states[b].row);
+    for (std::size_t a = 0; a < b; ++a) {
+      // Not having moved is no return.
+      if (states[a].run == states[b].run && states[b].row - states[a].row < 3) continue;
+      const auto was = runs_[states[a].run].signals.motor_angle_rad.row(states[a].row);
+      if ((at - was).cwiseAbs().maxCoeff() > kReturnShare * range) continue;
+      const auto &ra = nominal_residuals_[states[a].run][channel],
+                 &rb = nominal_residuals_[states[b].run][channel];
+      const auto &va = variance_[states[a].run][channel], &vb = variance_[states[b].run][channel];
+      sum += std::pow(ra[states[a].row] - rb[states[b].row], 2) / (va[states[a].row] + vb[states[b].row]);
+      ++returns;
+    }
+  }
+  return returns > 0 ? sum / returns : 0;
+}
+
+// How much more than noise and resolution identical runs differ, and what follows of each channel's floor and
+// materiality.
+void Evaluator::ScaleByRepetition(const Options& options) {
+  const int runs = static_cast<int>(runs_.size()), channels = static_cast<int>(channels_.size());
+  // Identical repetitions: half the mean-square difference of their residuals.
+  std::map<std::string, int> by_name;
+  for (int i = 0; i < runs; ++i) by_name[runs_[i].name] = i;
+  int most_returns = 0;
+  for (int c = 0; c < channels; ++c) {
+    double ratio_sum = 0;
+    int count = 0;
+    for (int i = 0; i < runs; ++i) {
+      const auto original = by_name.find(runs_[i].repeat_of);
+      if (runs_[i].repeat_of.empty() || original == by_name.end() || original->second == i) continue;
+      repeated_ = true;
+      const auto& a = nominal_residuals_[i][c];
+      const auto& b = nominal_residuals_[original->second][c];
+      const auto& va = variance_[i][c];
+      const auto& vb = variance_[original->second][c];
+      for (int w = 0; w < std::min(a.size(), b.size()); ++w) {
+        if (!std::isfinite(va[w]) || !std::isfinite(vb[w])) continue;
+        ratio_sum += std::pow(a[w] - b[w], 2) / (va[w] + vb[w]);
+        ++count;
+      }
+    }
+    double scale = count > 20 ? std::max(1.0, ratio_sum / count) : 1;
+    if (!repeated_) {
+      int returns = 0;
+      const double ratio = Unrepeated(c, returns);
+      if (returns >= kLeastReturns) {
+        scale = std::max(1.0, ratio);
+        most_returns = std::max(most_returns, returns);
+      }
+    }
+    std::vector<double> variances;
+    for (int i = 0; i < runs; ++i) {
+      for (auto& v : variance_[i][c]) {
+        v *= scale;
+        if (std::isfinite(v)) variances.push_back(v);
+      }
+    }
+    Channel& channel = channels_[c];
+    channel.floor = std::sqrt(std::max(Median(variances), channel.white * channel.white));
+    const double spread = Spread(channel);
+    channel.delta = std::hypot(kFloorShare * channel.floor, kSignalShare * spread);
+    if (channel.quantity == Quantity::kTension && options.delta_N > 0) channel.delta = options.delta_N;
+    if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
+  }
+  if (most_returns > 0) {
+    degradations_.push_back(
+        fmt::format("no repeated runs: the noise floor is how much the residual differs between {} pairs of "
+                    "rows with the same "
+                    "motor positions within {:.0f} % of their range; what depends on the way there "
+                    "(friction) is in the floor",
+                    most_returns, 100 * kReturnShare));
+  } else if (!repeated_) {
+    degradations_.push_back(
+        "no repeated runs: the noise floor comes from high-frequency differences and the sensors' "
+        "resolution; what the "
+        "robot itself does not repeat is counted as gap");
+  }
+}
+
+}  // namespace tendril::gap
