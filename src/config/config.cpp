@@ -34,6 +34,9 @@ constexpr std::string_view kAnyKeys =
 
 constexpr std::string_view kScenarioKeys = "a scenario file with faults";
 
+// Tensions of a fault that take longer to come down are not on their way down.
+constexpr double kLongestRamp_s = 30;
+
 enum class Kind { kRobot, kDaemon, kScenario, kUnknown };
 
 Kind KindOfMap(const YAML::Node& map) {
@@ -244,6 +247,16 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
         fmt::format(
             "{} is not below the pretension of {}; accepted: below limits.min_tension_N, {} N; lower it",
             daemon.controller.guards.slack_tension_N, robot.name, robot.limits.min_tension_N));
+  }
+  const double slowest_Nps = robot.limits.max_tension_base_N / kLongestRamp_s;
+  if (daemon.controller.pretension_ramp_Nps < slowest_Nps) {
+    throw ErrorAt(
+        daemon_path, "controller.pretension_ramp_Nps",
+        fmt::format("{:g} N/s would lead {} down from its {:g} N in {:.0f} s; accepted: {:.3g} N/s or "
+                    "more, which takes {:g} s; raise it",
+                    daemon.controller.pretension_ramp_Nps, robot.name, robot.limits.max_tension_base_N,
+                    robot.limits.max_tension_base_N / daemon.controller.pretension_ramp_Nps, slowest_Nps,
+                    kLongestRamp_s));
   }
   if (daemon.controller.tip_feedback && !robot.actuation->tracker) {
     throw ErrorAt(daemon_path, "controller.tip_feedback",

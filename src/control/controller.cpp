@@ -400,7 +400,10 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
   };
   const Mode mode = supervisor.mode();
   const bool enabling = mode == Mode::kArmed || (takes_up() && !engaged);
-  const bool powered = mode != Mode::kDisconnected && mode != Mode::kConfigured && !enabling;
+  // What leads no tension down has nothing left to guard: a safe stop before the drives were on.
+  const bool nothing = mode == Mode::kSafeStop && tension_N.isZero(0);
+  const bool powered = mode != Mode::kDisconnected && mode != Mode::kConfigured && mode != Mode::kFault &&
+                       !enabling && !nothing;
   // Drives fall together with what connects them, which is to be named.
   const bool down = input.drive[0].state == DriveState::kUnreachable;
   if (!input.bus_ok) fault(down ? Status::kInterfaceDown : Status::kBusOff);
@@ -412,9 +415,7 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
     if (!answering) fault(Status::kDriveLost);
     if (d.state == DriveState::kFault) fault(Status::kDriveFault);
     // A drive that left operation enabled on its own while it should hold a tendon is a fault as well.
-    if (powered && mode != Mode::kSafeStop && mode != Mode::kFault && d.state != DriveState::kEnabled) {
-      fault(Status::kDriveFault);
-    }
+    if (powered && d.state != DriveState::kEnabled) fault(Status::kDriveFault);
     if (answering && d.age_cycles > 0) {
       ++missing;
       Report(output, Status::kFeedbackMissing);
@@ -426,24 +427,26 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
     }
   }
   output.feedback_missing = missing;
-  const bool judged = powered && mode != Mode::kSafeStop && mode != Mode::kFault;
+  const bool stops_shape = mode == Mode::kSafeStop && zeroed;
   const Status broken = guards.Check(input, output,
-                                     {.powered = judged,
-                                      .trusted = !takes_up(),
-                                      .tensioned = controls_shape(),
+                                     {.powered = powered,
+                                      .trusted = !bare,
+                                      .tensioned = controls_shape() || (powered && stops_shape),
                                       .follows = controls_shape() && source != CommandKind::kTension});
   tendon = guards.tendon();
   fault(broken);
   return worst;
 }
 
-// Bare motors, from the moment in which all of them can pull.
+// Bare motors, from the moment in which all of them can pull until they are off.
 Status Controller::Impl::TakeTendonsUp(const CycleInput& input, CycleOutput& output) noexcept {
   Status status = Status::kOk;
   if (supervisor.mode() == Mode::kHoming) {
     status = take_up.Home(input, output, tension_N);
   } else {
     status = take_up.Watch(input);
+  }
+  if (supervisor.mode() == Mode::kCommissioning) {
     const bool asked = gate.target().kind == CommandKind::kTension;
     const TendonVector none = TendonVector::Zero(tendons);
     take_up.Lead(asked ? gate.target().tension_N : none, tension_N);
@@ -470,7 +473,7 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) n
   }
 
   Status state = health;
-  if (takes_up() && engaged && state == Status::kOk) state = TakeTendonsUp(input, output);
+  if (bare && state == Status::kOk && before != Mode::kFault) state = TakeTendonsUp(input, output);
   if (takes_up() && !engaged && enabled) {
     engaged = bare = true;
     guards.Restart();

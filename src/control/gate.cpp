@@ -52,8 +52,8 @@ bool ModeAllowed(const Admission& may, const Command& c) {
       return may.start || may.resume;
     case ModeRequest::kHome:
     case ModeRequest::kCommission:
-    case ModeRequest::kNotCommissioned:
       return may.start;
+    case ModeRequest::kNotCommissioned:
     case ModeRequest::kNotAlone:
     case ModeRequest::kDriveExchanged:
       return may.start || may.resume;

@@ -5,11 +5,14 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <ctime>
 #include <filesystem>
+#include <functional>
+#include <regex>
 #include <span>
 #include <stdexcept>
 #include <string_view>
@@ -43,6 +46,19 @@ std::string_view NameOf(Status status) {
 std::string TimeText(std::int64_t utime) {
   return fmt::format("{:%Y%m%dT%H%M%S}.{:03}Z", fmt::gmtime(static_cast<std::time_t>(utime / 1'000'000)),
                      utime / 1000 % 1000);
+}
+
+// Of the logs that a black box left in the folder, known by their names, the newest stay.
+void RemoveOldest(const fs::path& folder) {
+  static const std::regex name(R"(\d{8}T\d{6}\.\d{3}Z_4\d\d_\w+\.lcmlog)");
+  std::vector<fs::path> logs;
+  std::error_code error;
+  for (fs::directory_iterator i(folder, error), end; !error && i != end; i.increment(error)) {
+    if (std::regex_match(i->path().filename().string(), name)) logs.push_back(i->path());
+  }
+  if (logs.size() <= BlackBox::kLogsKept) return;
+  std::sort(logs.begin(), logs.end(), std::greater<>());  // by time
+  for (std::size_t i = BlackBox::kLogsKept; i < logs.size(); ++i) fs::remove(logs[i], error);
 }
 
 }  // namespace
@@ -135,7 +151,10 @@ std::optional<BlackBox::Outcome> BlackBox::WriteSome(int cycles) {
     for (int i = 0; i < cycles && next_ < count_; ++i) log_->Cycle(records_[next_++ % records_.size()]);
     if (next_ < count_) return std::nullopt;
     problem = log_->Close();
-    if (problem.empty()) fs::rename(path_ + ".part", path_);
+    if (problem.empty()) {
+      fs::rename(path_ + ".part", path_);
+      RemoveOldest(parameters_.folder);
+    }
   } catch (const std::exception& e) {
     problem = e.what();
   }

@@ -17,6 +17,18 @@ constexpr const char* kWiringKey = "wiring: ";
 // The beginning of a tendon's line, as WriteRecord writes it.
 constexpr const char* kTendonLine = " - {tendon: %d, node_id: %d, serial: %u,";
 
+// Drives of a record; none where there is no record.
+std::vector<CommissionedTendon> RecordedDrives(const DaemonParameters& daemon) {
+  std::vector<CommissionedTendon> drives;
+  if (!daemon.commissioning_required) return drives;
+  std::ifstream file(RecordPath(daemon));
+  for (std::string line; std::getline(file, line);) {
+    CommissionedTendon t;
+    if (std::sscanf(line.c_str(), kTendonLine, &t.tendon, &t.node_id, &t.serial) == 3) drives.push_back(t);
+  }
+  return drives;
+}
+
 std::string Number(double value) { return std::isnan(value) ? ".nan" : fmt::format("{:.4g}", value); }
 
 }  // namespace
@@ -72,9 +84,8 @@ void WriteRecord(const std::string& path, const CommissioningRecord& record) {
 std::string CommissioningProblem(const RobotParameters& robot, const DaemonParameters& daemon) {
   if (!daemon.commissioning_required) return {};
   constexpr const char* kRemedy =
-      "nothing arms it before `tendril commission --config FILE` has passed (for a simulation: "
-      "commissioning: "
-      "not_required in the daemon's file)";
+      "nothing arms it before `tendril commission --config FILE` has passed (a simulation: tendrild "
+      "--simulated)";
   const std::string path = RecordPath(daemon);
   std::ifstream file(path);
   if (!file) return fmt::format("{} was never commissioned: {} is not there; {}", robot.name, path, kRemedy);
@@ -89,13 +100,8 @@ std::string CommissioningProblem(const RobotParameters& robot, const DaemonParam
 }
 
 std::string ExchangedDrives(const DaemonParameters& daemon, std::span<const std::uint32_t> serials) {
-  if (!daemon.commissioning_required) return {};
-  const std::string path = RecordPath(daemon);
-  std::ifstream file(path);
   std::string found;
-  for (std::string line; std::getline(file, line);) {
-    CommissionedTendon t;
-    if (std::sscanf(line.c_str(), kTendonLine, &t.tendon, &t.node_id, &t.serial) != 3) continue;
+  for (const CommissionedTendon& t : RecordedDrives(daemon)) {
     if (t.serial == 0 || t.tendon < 1 || static_cast<std::size_t>(t.tendon) > serials.size()) continue;
     const std::uint32_t now = serials[static_cast<std::size_t>(t.tendon) - 1];
     if (now == t.serial) continue;
@@ -106,7 +112,20 @@ std::string ExchangedDrives(const DaemonParameters& daemon, std::span<const std:
   return fmt::format(
       "{} ({}): a drive was exchanged; run `tendril commission --config FILE` again, or put it back "
       "(exchanged_drives: warn in the daemon's file lets it arm)",
-      found, path);
+      found, RecordPath(daemon));
+}
+
+std::string UnnumberedDrives(const DaemonParameters& daemon) {
+  std::string found;
+  for (const CommissionedTendon& t : RecordedDrives(daemon)) {
+    if (t.serial == 0)
+      found += fmt::format("{}node {} (tendon {})", found.empty() ? "" : ", ", t.node_id, t.tendon);
+  }
+  if (found.empty()) return {};
+  return fmt::format(
+      "{} has no serial number in {}: nobody would notice another drive in its place; run `tendril "
+      "commission --config FILE` again (a drive whose object 0x1018:04 is 0 has none)",
+      found, RecordPath(daemon));
 }
 
 }  // namespace tendril::daemon

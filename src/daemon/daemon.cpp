@@ -12,14 +12,17 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <cstdio>
 #include <cstdlib>
 #include <deque>
 #include <future>
 #include <map>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <stdexcept>
+#include <stop_token>
 #include <thread>
 #include <utility>
 
@@ -95,30 +98,28 @@ void Tell(Status status, const char* source, const std::string& text) {
                   std::string(StatusRemedy(status)).c_str(), nullptr);
 }
 
-// systemd, where there is one; else nothing happens.
-class ServiceManager {
+// Feeds systemd's watchdog, where there is one, while the tick advances. On a thread of its own: the one that
+// serves may wait for a log or a disk, and then the loop needs time to lead the tensions down (318).
+class WatchdogFeeder {
  public:
-  ServiceManager() {
-    std::uint64_t watchdog_us = 0;
-    if (sd_watchdog_enabled(0, &watchdog_us) > 0)
-      feed_every_ns_ = static_cast<TimeNs>(watchdog_us) * kNsPerUs / 3;
+  explicit WatchdogFeeder(const std::atomic<std::uint64_t>& tick) {
+    std::uint64_t within_us = 0;
+    if (sd_watchdog_enabled(0, &within_us) <= 0) return;
+    thread_ =
+        std::jthread([&tick, every = std::chrono::microseconds(within_us / 4)](const std::stop_token& stop) {
+          std::mutex mutex;
+          std::unique_lock lock(mutex);
+          std::condition_variable_any ended;
+          std::uint64_t seen = 0;
+          while (!ended.wait_for(lock, stop, every, [&stop] { return stop.stop_requested(); })) {
+            const std::uint64_t now = tick.load(std::memory_order_relaxed);
+            if (now != std::exchange(seen, now)) sd_notify(0, "WATCHDOG=1");
+          }
+        });
   }
-  /// Ready with the first tick; then the watchdog is fed while ticks go on.
-  void Alive(std::uint64_t tick, TimeNs now_ns) {
-    if (tick == last_tick_) return;
-    if (last_tick_ == 0) sd_notify(0, "READY=1");
-    if (feed_every_ns_ > 0 && now_ns - fed_ns_ >= feed_every_ns_) {
-      fed_ns_ = now_ns;
-      sd_notify(0, "WATCHDOG=1");
-    }
-    last_tick_ = tick;
-  }
-  void Tell(const std::string& status) { sd_notify(0, ("STATUS=" + status).c_str()); }
-  void Stopping() { sd_notify(0, "STOPPING=1"); }
 
  private:
-  TimeNs feed_every_ns_ = 0, fed_ns_ = 0;
-  std::uint64_t last_tick_ = 0;
+  std::jthread thread_;
 };
 
 // Which daemon this is, for the operator of another one.
@@ -216,7 +217,8 @@ struct Daemon::State {
     gateway.OnCommand([this](const Command& c) {
       heard_sequence = c.sequence;
       const Command judged = Judged(c);
-      (Stops(judged) ? stops : commands).TryPush(judged);
+      const bool pushed = (Stops(judged) ? stops : commands).TryPush(judged);
+      if (!pushed && judged.mode == ModeRequest::kDisarm) disarm_waits.store(true, std::memory_order_relaxed);
     });
     gateway.OnTracker([this](const TrackerSample& s) { tracker.TryPush(s); });
     gateway.OnRun([this](const io::RunInfo& r) { HeardRun(r); });
@@ -273,6 +275,8 @@ struct Daemon::State {
       disarm_pending = false;
       command.kind = CommandKind::kMode;
       command.mode = ModeRequest::kStop;
+    } else if (disarm_waits.exchange(false, std::memory_order_relaxed)) {
+      command.mode = ModeRequest::kDisarm;
     } else if (LeftAlone(now_ns)) {
       command.mode = ModeRequest::kDisarm;
       canopen::BusEvent event{.time_ns = now_ns, .status = Status::kUnattended};
@@ -417,7 +421,7 @@ struct Daemon::State {
   void TellCommissioning() {
     if (!options.parameters.commissioning_required) {
       Event(Status::kCommissioningOff, "daemon",
-            "commissioning: not_required: arms whatever is connected; for simulated robots only");
+            "commissioning is not required: arms whatever is connected; for simulated robots only");
       return;
     }
     const std::string problem = CommissioningProblem(options.robot, options.parameters);
@@ -428,7 +432,7 @@ struct Daemon::State {
   void Serve(const std::function<bool()>& stop) {
     TimeNs report_ns = 0;
     TimeNs statistics_ns = clock.Now() + kStatisticsEvery_ns;
-    bool stop_told = false;
+    bool ready_told = false, stop_told = false;
     while (!finished.load(std::memory_order_acquire)) {
       served_ns.store(clock.Now(), std::memory_order_relaxed);
       gateway.Handle(kLcmWait_ms);
@@ -436,7 +440,10 @@ struct Daemon::State {
       Publish();
       WriteBlackBox();
       const TimeNs now_ns = clock.Now();
-      service.Alive(tick.load(std::memory_order_relaxed), now_ns);
+      if (!ready_told && tick.load(std::memory_order_relaxed) > 0) {
+        ready_told = true;
+        sd_notify(0, "READY=1");
+      }
       if (now_ns >= report_ns) {
         report_ns = now_ns + kReportEvery_ns;
         Report();
@@ -448,7 +455,7 @@ struct Daemon::State {
       if (stop()) stop_requested.store(true, std::memory_order_relaxed);
       if (!stop_told && stop_requested.load(std::memory_order_relaxed)) {
         stop_told = true;
-        service.Stopping();
+        sd_notify(0, "STOPPING=1");
         Event(Status::kOk, "daemon", "stopping: disarming");
       }
     }
@@ -562,13 +569,16 @@ struct Daemon::State {
       Event(outcome->status, "black box", outcome->text);
   }
 
-  // A drive that was exchanged is told when it is there, not only to whoever wants to arm.
+  // A drive that was exchanged, or could be unnoticed, is told when it is there, not only to whoever wants to
+  // arm.
   void TellExchangedDrives() {
     const auto known = std::span(serials).first(setups.size());
     if (serials == serials_told || std::find(known.begin(), known.end(), 0U) != known.end()) return;
     serials_told = serials;
-    const std::string exchanged = ExchangedDrives(options.parameters, known);
-    if (!exchanged.empty()) Event(Status::kDegraded, "daemon", exchanged);
+    for (const std::string& text :
+         {ExchangedDrives(options.parameters, known), UnnumberedDrives(options.parameters)}) {
+      if (!text.empty()) Event(Status::kDegraded, "daemon", text);
+    }
   }
 
   // Once a second: the run record, what was lost, how it goes.
@@ -578,7 +588,9 @@ struct Daemon::State {
     TellExchangedDrives();
     ReportMisses();
     ReportLosses("command(s) came faster than one a cycle",
-                 commands.dropped() + overtaken.load(std::memory_order_relaxed), commands_lost);
+                 commands.dropped() + stops.dropped() + overtaken.load(std::memory_order_relaxed),
+                 commands_lost);
+    ReportLosses("tracker reading(s) came faster than one a cycle", tracker.dropped(), readings_lost);
     ReportLosses("cycle record(s) could not be published in time", records.dropped(), records_lost);
     ReportLosses("bus event(s) came too fast",
                  events.dropped() + master_events_lost.load(std::memory_order_relaxed), events_lost);
@@ -587,9 +599,10 @@ struct Daemon::State {
       log_failed = true;
       Event(Status::kDegraded, "log", log->error() + "; the log is incomplete, control goes on");
     }
-    service.Tell(fmt::format("{}, {} {}; {} cycles, {} missed", ModeText(last_mode),
+    sd_notify(0, fmt::format("STATUS={}, {} {}; {} cycles, {} missed", ModeText(last_mode),
                              static_cast<int>(last_status), StatusText(last_status), wake_latency.count(),
-                             last_timing.deadline_misses));
+                             last_timing.deadline_misses)
+                     .c_str());
   }
 
   // A loop that falls behind must be seen in the log, too: what it looks like from there is drives that do
@@ -641,6 +654,7 @@ struct Daemon::State {
   rt::Handoff<Published> records{kRecordQueue};
   rt::Handoff<canopen::BusEvent> events{kEventQueue};
   std::atomic<bool> stop_requested{false}, finished{false}, disarmed_in_time{true};
+  std::atomic<bool> disarm_waits{false};  // one that found no room: it stops the robot all the same
   std::atomic<std::uint64_t> tick{0}, master_events_lost{0}, overtaken{0};
   std::atomic<TimeNs> served_ns{0};
 
@@ -653,7 +667,6 @@ struct Daemon::State {
   Published published;
 
   // Of the calling thread.
-  ServiceManager service;
   rt::Histogram wake_latency, round_trip, compute, total;
   LoopStatistics statistics;
   std::deque<MissedCycles> misses;
@@ -665,7 +678,8 @@ struct Daemon::State {
   CycleTiming last_timing;
   Mode last_mode = Mode::kDisconnected;
   Status last_status = Status::kOk;
-  std::uint64_t misses_told = 0, commands_lost = 0, records_lost = 0, events_lost = 0, sends_failed = 0;
+  std::uint64_t misses_told = 0, commands_lost = 0, readings_lost = 0, records_lost = 0, events_lost = 0,
+                sends_failed = 0;
   bool log_failed = false;
   std::array<std::uint32_t, kMaxTendons> serials{}, serials_told{};
   Refusals refusals;
@@ -690,6 +704,7 @@ void Daemon::RefuseOthers(TimeNs listen_ns) { state_->ListenForOthers(listen_ns)
 void Daemon::Run(const std::function<bool()>& stop) {
   State& s = *state_;
   s.served_ns.store(s.clock.Now(), std::memory_order_relaxed);
+  const WatchdogFeeder feeder(s.tick);
   std::promise<std::string> ready;
   std::thread realtime([&] { s.RealtimeThread(ready); });
   {

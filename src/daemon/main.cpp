@@ -5,15 +5,20 @@
 #include <spdlog/sinks/systemd_sink.h>
 #include <spdlog/spdlog.h>
 #include <sys/stat.h>
+#include <systemd/sd-daemon.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <atomic>
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <lcm/lcm-cpp.hpp>
 #include <stdexcept>
 #include <string>
+#include <system_error>
+#include <thread>
 
 #include "tendril/can/bus_guard.h"
 #include "tendril/can/socketcan_port.h"
@@ -22,6 +27,7 @@
 #include "tendril/core/version.h"
 #include "tendril/daemon/daemon.h"
 #include "tendril/daemon/foreign_sync.h"
+#include "tendril/io/connection.h"
 
 namespace tendril::daemon {
 namespace {
@@ -30,6 +36,7 @@ namespace {
 constexpr TimeNs kListenForSync_ns = 250 * kNsPerMs;
 // A daemon tells once a second which one it is.
 constexpr TimeNs kListenForDaemons_ns = 1500 * kNsPerMs;
+constexpr std::chrono::milliseconds kLookAgain{250};
 
 // Where the configuration has none and the command line asks for one.
 constexpr double kBlackBoxSeconds = 10;
@@ -57,7 +64,36 @@ bool RefuseHangups() {
 
 struct Arguments {
   std::string config, can, lcm, log, black_box;
+  bool simulated = false, wait = false;
 };
+
+// What is not there yet and may come: the interface, that it is up, a route for LCM.
+bool MayCome(const std::error_code& code) {
+  return code == std::errc::no_such_device || code == std::errc::network_down ||
+         code == std::errc::network_unreachable;
+}
+
+// A service that is started with its computer is there before its networks are: it waits for them, ready to
+// be stopped, and says for what.
+void WaitForNetworks(const std::string& interface, const std::string& lcm_url) {
+  std::string told;
+  for (;;) {
+    try {
+      can::SocketCanPort{interface};
+      io::OpenLcm(lcm_url);
+      return;
+    } catch (const std::system_error& e) {
+      if (!MayCome(e.code())) throw;
+      if (told != e.what()) {
+        told = e.what();
+        spdlog::warn("waiting: {}", told);
+        sd_notify(0, fmt::format("READY=1\nSTATUS=waiting: {}", told).c_str());
+      }
+    }
+    std::this_thread::sleep_for(kLookAgain);
+    sd_notify(0, "WATCHDOG=1");
+  }
+}
 
 DaemonOptions Load(const Arguments& arguments) {
   DaemonOptions options;
@@ -66,6 +102,7 @@ DaemonOptions Load(const Arguments& arguments) {
   config::CheckTogether(options.parameters, options.robot, arguments.config);
   if (!arguments.can.empty()) options.parameters.bus.interface = arguments.can;
   if (!arguments.lcm.empty()) options.parameters.lcm.url = arguments.lcm;
+  if (arguments.simulated) options.parameters.commissioning_required = false;
   options.log_path = arguments.log;
   if (!arguments.black_box.empty()) {
     auto& box = options.parameters.black_box;
@@ -124,6 +161,7 @@ void Run(const Arguments& arguments) {
   const DaemonOptions options = Load(arguments);
   const std::string& interface = options.parameters.bus.interface;
 
+  if (arguments.wait) WaitForNetworks(interface, options.parameters.lcm.url);
   const can::BusGuard guard("tendrild", interface);
   can::SocketCanPort port(interface);
   const MonotonicClock clock;
@@ -165,6 +203,11 @@ int Main(int argc, char** argv) {
   app.add_option("--black-box", arguments.black_box,
                  "folder for the cycles before a fault instead of the file's black_box.folder")
       ->option_text("FOLDER");
+  app.add_flag("--simulated", arguments.simulated,
+               "arm a robot that was never commissioned: for a simulation behind the bus only");
+  app.add_flag(
+      "--wait", arguments.wait,
+      "wait for the CAN interface and a route for LCM instead of ending without them: for a service");
   app.footer("Exit status: 0 stopped when told to, 1 could not run, 2 wrong use.");
   try {
     app.parse(argc, argv);

@@ -15,6 +15,7 @@
 #include <lcm/lcm-cpp.hpp>
 #include <stdexcept>
 #include <string_view>
+#include <system_error>
 
 #include "tendril/core/clock.h"
 
@@ -48,10 +49,11 @@ void RequireMulticastRoute(const std::string& url) {
   const int error = connect(fd, &any, sizeof(any)) == 0 ? 0 : errno;
   close(fd);
   if (error != 0) {
-    throw std::runtime_error(
-        "LCM address '" + url + "': no multicast route to " + address + " (" + std::strerror(error) +
-        "); add one: 'ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo' as root, or "
-        "do the same inside 'unshare --net' after 'ip link set lo up'");
+    throw std::system_error(
+        error, std::generic_category(),
+        "LCM address '" + url + "': no multicast route to " + address +
+            "; add one: 'ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo' as root, or "
+            "do the same inside 'unshare --net' after 'ip link set lo up'");
   }
 }
 

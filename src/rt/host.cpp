@@ -312,14 +312,14 @@ HostSetting TransmitQueue(const fs::path& root, const std::string& interface, in
     s.value = "there is no interface " + interface;
     return s;
   }
-  // SYNC, one torque a drive, a heartbeat and a request, twice.
+  // As kTransmitQueue, for so many drives as there are.
   const int least = 2 * (drives + 3);
   const bool good = least <= *length && *length <= kLongestQueue;
   s.verdict = *length < least ? Verdict::kBad : good ? Verdict::kGood : Verdict::kBetter;
   s.value = std::to_string(*length) + " frames on " + interface;
   if (!good) {
     s.remedy =
-        "ip link set " + interface + " txqueuelen " + std::to_string(std::max(least, 10)) +
+        "ip link set " + interface + " txqueuelen " + std::to_string(kTransmitQueue) +
         (*length < least ? " (frames of one cycle are refused)" : " (torques of long ago may wait in it)");
   }
   return s;

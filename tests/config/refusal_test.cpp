@@ -428,6 +428,11 @@ TEST(RefusedPair, TendonsAndNodes) {
   unseen.actuation->tracker.reset();
   EXPECT_THAT(ErrorOf([&] { CheckTogether(blind, unseen, path); }),
               HasSubstr("controller.tip_feedback: on, but rig_60mm has no tracker; accepted: off"));
+  DaemonParameters slow = daemon;
+  slow.controller.pretension_ramp_Nps = 0.001;
+  EXPECT_THAT(ErrorOf([&] { CheckTogether(slow, robot, path); }),
+              AllOf(HasSubstr("controller.pretension_ramp_Nps: 0.001 N/s would lead rig_60mm down"),
+                    HasSubstr("accepted: 0.267 N/s or more")));
   DaemonParameters strong = daemon;
   strong.controller.take_up.pull_N = 1.1 * robot.limits.max_tension_motor_N;
   EXPECT_THAT(ErrorOf([&] { CheckTogether(strong, robot, path); }),

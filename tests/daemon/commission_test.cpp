@@ -350,8 +350,12 @@ TEST_F(RecordTest, NamesTheDrivesThatWereExchanged) {
               AllOf(HasSubstr("node 11 (tendon 1) has serial 5, commissioned was 4100200300"),
                     HasSubstr("node 12 (tendon 2) has serial 4100200300, commissioned was 5"),
                     HasSubstr("robot.yaml.commissioned"), HasSubstr("exchanged_drives: warn")));
+  EXPECT_THAT(UnnumberedDrives(arm.daemon),
+              AllOf(HasSubstr("node 13 (tendon 3) has no serial number"), testing::Not(HasSubstr("node 12")),
+                    HasSubstr("tendril commission")));
   arm.daemon.commissioning_required = false;
   EXPECT_EQ(exchanged({1, 2, 3}), "") << "a simulation";
+  EXPECT_EQ(UnnumberedDrives(arm.daemon), "");
 }
 
 }  // namespace

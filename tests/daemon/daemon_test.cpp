@@ -65,6 +65,7 @@ class ServiceManager {
     reader_ = std::thread([this] {
       std::array<char, 1000> buffer;
       for (ssize_t n; (n = recv(socket_, buffer.data(), buffer.size(), 0)) > 0;) {
+        if (std::string_view(buffer.data(), static_cast<std::size_t>(n)) == "WATCHDOG=1") ++fed_;
         received_.emplace(buffer.data(), static_cast<std::size_t>(n));
       }
     });
@@ -74,6 +75,8 @@ class ServiceManager {
     close(socket_);
     fs::remove(path_);
   }
+  /// How often the watchdog was fed so far.
+  int fed() const { return fed_; }
   /// Everything received; ends the service.
   const std::multiset<std::string>& Received() {
     shutdown(socket_, SHUT_RDWR);
@@ -86,6 +89,7 @@ class ServiceManager {
   fs::path path_;
   int socket_;
   std::thread reader_;
+  std::atomic<int> fed_{0};
   std::multiset<std::string> received_;
 };
 
@@ -297,12 +301,15 @@ TEST_F(DaemonTest, EndsInTimeEvenWhenTensionsRampDownLonger) {
 // The thread of commands, log and disk stands still (a pipe that nobody reads): it can hear no disarm, so the
 // loop disarms by itself; and a signal still ends it.
 TEST_F(DaemonTest, StopsByItselfWhenNobodyCouldStopIt) {
+  ServiceManager systemd;
   Start(options);
   Arm();
   stands_still = true;
+  const int fed = systemd.fed();
   for (int i = 0; i < 500 && drives.rack().enabled(0); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   for (int d = 0; d < 3; ++d) EXPECT_FALSE(drives.rack().enabled(d));
+  EXPECT_GE(systemd.fed() - fed, 4) << "in more than a second, with a limit of 0.3 s: it is not cut off";
   stands_still = false;
   EXPECT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
   EXPECT_TRUE(Within20s([&](const auto&) {
@@ -310,6 +317,23 @@ TEST_F(DaemonTest, StopsByItselfWhenNobodyCouldStopIt) {
     return std::any_of(texts.begin(), texts.end(),
                        [](const std::string& t) { return t.find("stood still") != t.npos; });
   }));
+}
+
+TEST_F(DaemonTest, TheWatchdogIsNotFedWhileTheTickStands) {
+  ServiceManager systemd;
+  std::atomic<bool> frozen{false};
+  drives.bus().SetFilter([&](can::CanFrame&) {
+    while (frozen) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return true;
+  });
+  Start(options);
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  frozen = true;
+  const int fed = systemd.fed();
+  std::this_thread::sleep_for(std::chrono::milliseconds(600));
+  EXPECT_LE(systemd.fed() - fed, 1) << "the ticks until then may still have been to tell";
+  frozen = false;
+  EXPECT_TRUE(Within20s([&](const auto&) { return systemd.fed() > fed + 1; }));
 }
 
 TEST_F(DaemonTest, ASignalStopsItWhateverItsOtherThreadDoes) {
@@ -582,7 +606,7 @@ TEST_F(DaemonTest, FaultsAreErrorsLossesAreWarningsAndTheRestIsInformation) {
                                                HasSubstr("/proc/tendril_none"), HasSubstr("--black-box"))));
   EXPECT_THAT(lines.At(spdlog::level::err), Contains(HasSubstr("controller: running -> fault: 406")));
   EXPECT_THAT(lines.At(spdlog::level::info), Contains(HasSubstr("controller: armed -> pretension")));
-  EXPECT_THAT(lines.Warnings(), Contains(HasSubstr("commissioning: not_required")));
+  EXPECT_THAT(lines.Warnings(), Contains(HasSubstr("commissioning is not required")));
   // The same for whoever looks at the daemon later.
   EXPECT_TRUE(Within20s([&](const auto&) {
     const std::lock_guard lock(mutex);

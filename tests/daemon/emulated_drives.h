@@ -19,6 +19,7 @@ inline RobotParameters RigRobot() {
 inline DaemonParameters RigDaemon() {
   DaemonParameters p = config::LoadDaemon(std::string(TENDRIL_SOURCE_DIR) + "/config/tendrild.yaml");
   p.lcm.url = "memq://";
+  p.commissioning_required = false;
   p.realtime = {};
   p.black_box.reset();  // a test that wants one says where
   // There is no motor behind these drives: their feedback never changes, whatever torque is asked for.

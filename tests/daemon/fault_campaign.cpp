@@ -47,6 +47,7 @@ enum class Kind {
   kSilence,
   kTwoDrives,
   kHungDrive,
+  kInterfaceDown,
   kCount
 };
 const char* const kKindText[] = {"feedback lost",
@@ -78,11 +79,12 @@ const char* const kKindText[] = {"feedback lost",
                                  "bad commands",
                                  "commands stop",
                                  "two drives die",
-                                 "drive hangs"};
+                                 "drive hangs",
+                                 "interface down"};
 static_assert(std::size(kKindText) == static_cast<std::size_t>(Kind::kCount));
 
-enum class Moment { kArming, kRunning, kHold, kSafeStop, kCount };
-const char* const kMomentText[] = {"arming", "running", "hold", "safe stop"};
+enum class Moment { kArming, kRunning, kHold, kSafeStop, kHoming, kCommissioning };
+const char* const kMomentText[] = {"arming", "running", "hold", "safe stop", "homing", "commissioning"};
 enum class Path { kRest, kSlowCircle, kCircle, kBends, kTensions, kCount };
 const char* const kPathText[] = {"rest", "slow circle", "circle", "bends", "tensions"};
 
@@ -91,6 +93,7 @@ struct Scenario {
   Kind kind{};
   Moment moment{};
   Path path{};
+  bool equilibrium = false;  // the law, with tension feedback; else the paper's
   int node = 1;
   double at_s = 0;   // after running (or arming) began
   double for_s = 0;  // 0: to the end
@@ -104,11 +107,15 @@ Scenario Make(std::uint64_t seed) {
   Scenario s;
   s.seed = seed;
   s.kind = static_cast<Kind>(seed % static_cast<std::uint64_t>(Kind::kCount));  // all kinds alike often
-  s.moment = share() < 0.15   ? Moment::kArming
-             : share() < 0.75 ? Moment::kRunning
-             : share() < 0.5  ? Moment::kHold
-                              : Moment::kSafeStop;
+  const double when = share();
+  s.moment = when < 0.12   ? Moment::kArming
+             : when < 0.55 ? Moment::kRunning
+             : when < 0.65 ? Moment::kHold
+             : when < 0.80 ? Moment::kSafeStop
+             : when < 0.90 ? Moment::kHoming
+                           : Moment::kCommissioning;
   s.path = static_cast<Path>(one_of(static_cast<int>(Path::kCount)));
+  s.equilibrium = share() < 0.5;
   s.node = 1 + one_of(3);
   s.at_s = s.moment == Moment::kArming ? 0.15 * share() : 0.2 + 1.3 * share();
   s.for_s = share() < 0.3 ? 0 : 0.002 + 0.4 * share();
@@ -118,9 +125,10 @@ Scenario Make(std::uint64_t seed) {
 
 std::string Text(const Scenario& s) {
   char text[200];
-  std::snprintf(text, sizeof text, "%s, node %d, %s, %s, at %.3f s for %.3f s, size %.3f",
+  std::snprintf(text, sizeof text, "%s, node %d, %s, %s, %s law, at %.3f s for %.3f s, size %.3f",
                 kKindText[static_cast<int>(s.kind)], s.node, kMomentText[static_cast<int>(s.moment)],
-                kPathText[static_cast<int>(s.path)], s.at_s, s.for_s, s.size);
+                kPathText[static_cast<int>(s.path)], s.equilibrium ? "equilibrium" : "paper", s.at_s, s.for_s,
+                s.size);
   return text;
 }
 
@@ -128,7 +136,7 @@ struct Result {
   bool faulted = false, held = false, refused = false, recovered = false;
   Status status = Status::kOk;
   int reaction_cycles = -1;  // from the beginning of the fault
-  double max_tension_N = 0;
+  double max_tension_N = 0, max_base_N = 0;
   std::vector<std::string> violations;
 };
 
@@ -140,6 +148,7 @@ class Play {
   Result Run() {
     Drive();
     result_.max_tension_N = rig_.max_tension_N();
+    result_.max_base_N = rig_.max_base_N();
     result_.violations.insert(result_.violations.end(), rig_.violations().begin(), rig_.violations().end());
     return result_;
   }
@@ -153,6 +162,14 @@ class Play {
     o.seed = s.seed;
     o.daemon.controller.pretension_ramp_Nps = 5;
     o.daemon.controller.pretension_settle_s = 0.05;
+    if (s.equilibrium) {
+      o.daemon.controller.law = ControlLaw::kEquilibrium;
+      o.daemon.controller.tension_feedback = true;
+    }
+    if (s.moment == Moment::kHoming) {
+      o.plant.effects.push_back(
+          {.name = "slack", .where = "tendon:" + std::to_string(s.node), .values = {{"m", 0.003 * s.size}}});
+    }
     // The motor on this node is not what the file says, from the beginning.
     double& scale = o.plant.actuation->tendons[static_cast<std::size_t>(s.node - 1)].motor.torque_scale;
     if (s.kind == Kind::kStrongMotor) scale = 1 + s.size;
@@ -162,8 +179,15 @@ class Play {
 
   void Broken(const std::string& what) { result_.violations.push_back(what); }
 
+  bool BareMotors() const { return s_.moment == Moment::kHoming || s_.moment == Moment::kCommissioning; }
+
   // Target of the path, every tenth cycle.
   Command Target(double t_s) {
+    if (s_.moment == Moment::kCommissioning) {
+      TendonVector pull_N = TendonVector::Zero(3);
+      pull_N[s_.node - 1] = std::fmod(t_s, 0.8) < 0.6 ? 1.5 : -0.5;
+      return rig_.Tensions(pull_N);
+    }
     switch (s_.path) {
       case Path::kSlowCircle:
         return rig_.Circle(std::min(1.2, t_s), 0.5, t_s);
@@ -180,9 +204,11 @@ class Play {
 
   void Drive() {
     if (!rig_.RunUntil(Mode::kConfigured, 10)) return Broken("the drives were not configured");
-    rig_.Step(rig_.Request(ModeRequest::kArm));
+    rig_.Step(rig_.Request(s_.moment == Moment::kHoming          ? ModeRequest::kHome
+                           : s_.moment == Moment::kCommissioning ? ModeRequest::kCommission
+                                                                 : ModeRequest::kArm));
     double begin_s = rig_.now_s();
-    if (s_.moment != Moment::kArming) {
+    if (s_.moment != Moment::kArming && !BareMotors()) {
       if (!rig_.RunUntil(Mode::kRunning, 5)) {
         if (rig_.output().mode == Mode::kFault) return After();  // a motor that is not what it should be
         return Broken("not running after arm");
@@ -195,7 +221,8 @@ class Play {
       const double t_s = rig_.now_s() - begin_s;
       Command c;
       const bool running = rig_.output().mode == Mode::kRunning;
-      if (running && i % 10 == 0) c = Target(t_s);
+      const bool led = running || rig_.output().mode == Mode::kCommissioning;
+      if (led && i % 10 == 0) c = Target(t_s);
       // The mode in which it happens begins a little before.
       if (!mode_sent && t_s > s_.at_s - 0.1 && running) {
         mode_sent = true;
@@ -206,6 +233,7 @@ class Play {
       if (t_s >= s_.at_s && !begun) {
         begun = true;
         since_cycle_ = rig_.record().input.cycle;
+        begun_under_power_ = powered_for_ > 5;
         Begin();
       }
       if (begun && !active && !ended) {
@@ -214,9 +242,9 @@ class Play {
       }
       Cycle(c, active, i);
       Watch(begun);
+      Judge(begun, active);
     }
     if (!ended) End();
-    Judge();
     After();
   }
 
@@ -328,12 +356,18 @@ class Play {
         rig_.tampering.node = s_.node;
         rig_.tampering.counts_per_cycle = 100 * (s_.size - 0.5);
         return;
+      case Kind::kInterfaceDown:
+        rig_.TakeDown(true);
+        return;
       default:
         return;
     }
   }
 
-  void End() { rig_.tampering = {}; }
+  void End() {
+    rig_.tampering = {};
+    rig_.TakeDown(false);
+  }
 
   void Cycle(Command c, bool active, int i) {
     std::uint64_t skipped = 0;
@@ -398,53 +432,94 @@ class Play {
     last_mode_ = o.mode;
   }
 
-  // What must have been noticed, and how soon, where torque was on the tendons.
-  void Judge() {
+  // How many cycles of it, with torque on the tendons, must make a fault; nothing where that depends on more
+  // than the scenario says: then the rules of safety_rig.h judge by what the plant does. `at_once`: it
+  // happens in one cycle, and counts from there.
+  struct Bound {
+    int cycles = 0;
+    bool at_once = false;
+  };
+  std::optional<Bound> Within() const {
     const BusParameters& bus = rig_.options().daemon.bus;
     const GuardParameters& g = rig_.options().daemon.controller.guards;
-    const bool powered_all_along = s_.moment == Moment::kRunning || s_.moment == Moment::kHold;
-    if (!powered_all_along) return;
-    const double lasts_s = s_.for_s > 0 ? s_.for_s : 1;
-    const int timeout = static_cast<int>(bus.heartbeat_timeout_ms) + bus.heartbeat_ms;
-    std::optional<int> within;
     switch (s_.kind) {
       case Kind::kDropFeedback:
       case Kind::kDie:
       case Kind::kTwoDrives:
       case Kind::kFreeze:
-        if (lasts_s > (g.max_missing_cycles + 2) * 1e-3) within = g.max_missing_cycles + 2;
-        break;
+        return Bound{g.max_missing_cycles + 2};
+      case Kind::kDelayFeedback:
+        if (0.02 * s_.size > 1e-3 * (g.max_missing_cycles + 2)) return Bound{g.max_missing_cycles + 3};
+        return {};
+      case Kind::kDropAll:
+        if (s_.size * s_.size > 0.7) return Bound{250};
+        return {};
+      case Kind::kCorruptFeedback:
+        // Of the position's bits, those of half a millimetre and more make a third of the frame.
+        if (s_.size * s_.size > 0.5) return Bound{100};
+        return {};
       case Kind::kReboot:
       case Kind::kEmcy:
       case Kind::kBusOff:
-        within = 4;
-        break;
+      case Kind::kInterfaceDown:
+        return Bound{4, true};
       case Kind::kHeartbeat:
-        within = timeout + 5;
-        break;
+        return Bound{static_cast<int>(bus.heartbeat_timeout_ms) + bus.heartbeat_ms + 5};
       case Kind::kCellRail:
-        if (lasts_s > 0.03) within = g.confirm_cycles + 2;
-        break;
+        if (!BareMotors()) return Bound{g.confirm_cycles + 2};
+        return {};
       case Kind::kEncoderJump:
         // 0.5 mm are 385 counts.
-        if (std::abs(4000 * (s_.size - 0.5)) > 400) within = 3;
-        break;
+        if (std::abs(4000 * (s_.size - 0.5)) > 400) return Bound{3, true};
+        return {};
       case Kind::kStall:
-        if (s_.size * 600 > g.max_late_cycles + 1) within = static_cast<int>(s_.size * 600) + 1;
-        break;
+        if (s_.size * 600 > g.max_late_cycles + 1) return Bound{2, true};
+        return {};
+      case Kind::kJitter: {
+        // As many as are skipped in seven cycles, less what is forgotten in them.
+        const int skipped = static_cast<int>(s_.size * 6);
+        const double more = skipped - 1e-3 * g.max_late_cycles * 7;
+        if (skipped > 1) return Bound{static_cast<int>(7 * g.max_late_cycles / more) + 15};
+        return {};
+      }
       case Kind::kClockStep:
-        within = 1;
-        break;
+        return Bound{1, true};
       default:
-        break;
+        return {};
     }
-    if (!within) return;
-    if (!result_.faulted) {
-      Broken("not noticed");
-    } else if (result_.reaction_cycles > *within) {
-      Broken("noticed after " + std::to_string(result_.reaction_cycles) + " cycles, " +
-             std::to_string(*within) + " allowed");
+  }
+
+  // In every mode in which motors pull.
+  bool Powered() {
+    const Mode mode = rig_.output().mode;
+    const bool bare = mode == Mode::kHoming || mode == Mode::kCommissioning;
+    for (int d = 0; bare && d < 3; ++d) engaged_ = engaged_ || rig_.rig().drives().enabled(d);
+    engaged_ = engaged_ && bare;
+    return engaged_ || mode == Mode::kPretension || mode == Mode::kRunning || mode == Mode::kHold ||
+           mode == Mode::kSafeStop;
+  }
+
+  void Judge(bool begun, bool active) {
+    const bool powered = Powered();
+    powered_for_ = powered ? powered_for_ + 1 : 0;
+    const bool unharmed = s_.kind == Kind::kDuplicate || s_.kind == Kind::kBadCommand;
+    if (begun && unharmed && result_.faulted && !told_) {
+      told_ = true;
+      Broken("a fault of what harms nobody: " + std::string(StatusText(result_.status)));
     }
+    if (begun && s_.kind == Kind::kSilence && active && rig_.output().mode == Mode::kRunning) {
+      const GuardParameters& g = rig_.options().daemon.controller.guards;
+      const bool moving = s_.path == Path::kSlowCircle || s_.path == Path::kCircle;
+      // Valid for 0.1 s.
+      if (moving && ++exposed_ == static_cast<int>(1e3 * (0.1 + g.max_stream_silence_s)) + 5)
+        Broken("a silent stream is followed on");
+      return;
+    }
+    const std::optional<Bound> within = Within();
+    if (!begun || !within || result_.faulted || !powered) return;
+    if (within->at_once ? !begun_under_power_ : !active) return;
+    if (++exposed_ == within->cycles + 1)
+      Broken("not noticed within " + std::to_string(within->cycles) + " cycles under torque");
   }
 
   // Down, and back only on the operator's word.
@@ -479,12 +554,13 @@ class Play {
   Result result_;
   std::uint64_t since_cycle_ = 0;
   Mode last_mode_ = Mode::kDisconnected, mode_at_ = Mode::kDisconnected;
-  bool struck_ = false;
+  bool struck_ = false, engaged_ = false, begun_under_power_ = false, told_ = false;
+  int powered_for_ = 0, exposed_ = 0;  // cycles
 };
 
 struct Row {
   int scenarios = 0, tolerated = 0, held = 0, faulted = 0, recovered = 0, violations = 0, slowest = 0;
-  double max_tension_N = 0;
+  double max_tension_N = 0, max_base_N = 0;
   std::map<int, int> by_status;
 
   void Add(const Result& r) {
@@ -496,6 +572,7 @@ struct Row {
     violations += r.violations.empty() ? 0 : 1;
     slowest = std::max(slowest, r.reaction_cycles);
     max_tension_N = std::max(max_tension_N, r.max_tension_N);
+    max_base_N = std::max(max_base_N, r.max_base_N);
     if (r.faulted) ++by_status[static_cast<int>(r.status)];
   }
 };
@@ -504,13 +581,14 @@ void PrintRow(const char* name, const Row& r) {
   std::string statuses;
   for (const auto& [status, count] : r.by_status)
     statuses += std::to_string(status) + "x" + std::to_string(count) + " ";
-  std::printf("%-22s%7d%7d%7d%7d%9d%9.2f%10d%7d  %s\n", name, r.scenarios, r.tolerated, r.held, r.faulted,
-              r.slowest, r.max_tension_N, r.recovered, r.violations, statuses.c_str());
+  std::printf("%-22s%7d%7d%7d%7d%9d%9.2f%9.2f%10d%7d  %s\n", name, r.scenarios, r.tolerated, r.held,
+              r.faulted, r.slowest, r.max_tension_N, r.max_base_N, r.recovered, r.violations,
+              statuses.c_str());
 }
 
 void PrintTable(const std::vector<Row>& rows, const Row& all) {
-  std::printf("%-22s%7s%7s%7s%7s%9s%9s%10s%7s  %s\n", "fault", "runs", "went on", "held", "faults", "slowest",
-              "most N", "recovered", "broken", "faults by number");
+  std::printf("%-22s%7s%7s%7s%7s%9s%9s%9s%10s%7s  %s\n", "fault", "runs", "went on", "held", "faults",
+              "slowest", "motor N", "base N", "recovered", "broken", "faults by number");
   for (std::size_t k = 0; k < rows.size(); ++k) {
     if (rows[k].scenarios > 0) PrintRow(kKindText[k], rows[k]);
   }

@@ -264,6 +264,50 @@ TEST_P(GuardOnThePlant, BecomesItsFaultInTimeAndNoRuleIsBroken) {
 INSTANTIATE_TEST_SUITE_P(All, GuardOnThePlant, testing::ValuesIn(kGuards),
                          [](const auto& g) { return std::string(g.param.name); });
 
+// On the way down of a safe stop a robot is under tension as well: what can be found there is.
+class GuardInASafeStop : public testing::TestWithParam<Guard> {};
+
+TEST_P(GuardInASafeStop, BecomesItsFaultInTimeAndNoRuleIsBroken) {
+  const Guard& g = GetParam();
+  SafetyOptions o = Rig();
+  if (g.prepare != nullptr) g.prepare(o);
+  o.daemon.controller.pretension_ramp_Nps = 4;
+  SafetyRig r(o);
+  ASSERT_TRUE(r.Arm());
+  for (int i = 0; i < 2000; ++i) Go(r, Activity::kTension, i);
+  r.Step(r.Request(ModeRequest::kDisarm));
+  r.Run(0.1);
+  ASSERT_EQ(r.output().mode, Mode::kSafeStop) << StatusText(r.output().status);
+  g.provoke(r);
+  int reaction = 0;
+  while (r.output().mode == Mode::kSafeStop && reaction <= g.cycles) {
+    r.Step();
+    ++reaction;
+  }
+  ASSERT_EQ(r.output().mode, Mode::kFault) << "after " << reaction << " cycles";
+  EXPECT_EQ(r.output().status, g.status) << StatusText(r.output().status);
+  EXPECT_LE(reaction, g.cycles);
+  r.Run(2);
+  EXPECT_EQ(r.output().mode, Mode::kFault) << "latched";
+  EXPECT_EQ(r.output().drive_request, DriveRequest::kDisable);
+  for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+}
+
+std::vector<Guard> GuardsOfASafeStop() {
+  std::vector<Guard> found;
+  for (const Guard& g : kGuards) {
+    // Nothing is followed any more, and no slack lasts so long.
+    const bool elsewhere = g.status == Status::kFollowingError || g.status == Status::kTendonSlack;
+    if (g.provoke == nullptr || elsewhere) continue;
+    found.push_back(g);
+    // Less than there is, not more.
+    if (g.status == Status::kSensorDisagrees) found.back().provoke = [](SafetyRig& r) { FixCell(r, 200); };
+  }
+  return found;
+}
+INSTANTIATE_TEST_SUITE_P(All, GuardInASafeStop, testing::ValuesIn(GuardsOfASafeStop()),
+                         [](const auto& g) { return std::string(g.param.name); });
+
 struct BadCommand {
   const char* name;
   Command (*make)(SafetyRig&);
@@ -443,6 +487,28 @@ TEST(SafeStop, RampsDownAndDisablesFromEveryMotion) {
 }
 
 // Steady motions, and no guard has a word to say.
+// Bare motors are held to the speed of taking up until they are off.
+TEST(SafeStop, OfCommissioningLetsNoSpoolRun) {
+  SafetyRig r(Rig());
+  ASSERT_TRUE(r.RunUntil(Mode::kConfigured, 10));
+  r.Step(r.Request(ModeRequest::kCommission));
+  for (int i = 0; i < 3000; ++i) r.Step(i % 50 == 0 ? r.Tensions(Eigen::Vector3d(0, 2, 0)) : Command{});
+  ASSERT_EQ(r.output().mode, Mode::kCommissioning);
+  r.Step(r.Request(ModeRequest::kDisarm));
+  r.rig().Connect(1, {.tendon_off = true});
+  const double begin_m = r.rig().plant().tendon()[1].spool_pull_m;
+  double last_m = begin_m, fastest_mps = 0;
+  while (r.output().mode == Mode::kSafeStop) {
+    r.Step();
+    const double now_m = r.rig().plant().tendon()[1].spool_pull_m;
+    fastest_mps = std::max(fastest_mps, std::abs(now_m - last_m) / 1e-3);
+    last_m = now_m;
+  }
+  EXPECT_LT(fastest_mps, 1.5 * r.options().daemon.controller.take_up.max_speed_mps);
+  EXPECT_EQ(r.output().mode, Mode::kConfigured);
+  for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+}
+
 TEST(Guards, AreSilentOnGoodRuns) {
   for (const double omega : {0.5, 2.}) {
     SafetyRig r(Rig());

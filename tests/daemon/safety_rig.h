@@ -45,6 +45,16 @@ struct SafetyOptions {
 /// Beyond limits.max_tension_motor_N and guards.tension_margin of it: what a tension may rise within the
 /// cycles of a reaction, and the noise of its cell.
 inline constexpr double kTensionSlop_N = 0.3;
+/// The same at the base, and what the pulleys hide between it and a cell before them: 0.66 N behind motors that
+/// are eight times as strong as told.
+inline constexpr double kBaseSlop_N = 0.7;
+
+/// What sensors and drives may make believe, and for how many cycles in a row, before it must be a fault
+/// while drives pull: judged by the plant's own truth, whatever caused it. A cell may be off by the
+/// disagreement that is allowed and by what gear and motor friction leave open; an encoder by more than the
+/// following error, for what a tendon shows is the robot's error, too.
+inline constexpr double kCellOff_N = 6, kEncoderOff_m = 0.008, kTorqueOff_N = 1.5;
+inline constexpr int kUnnoticedCycles = 60;
 
 class SafetyRig {
  public:
@@ -53,7 +63,8 @@ class SafetyRig {
         bus_(clock_),
         faults_(bus_.AddPort(), o.seed),
         rig_(o.plant, faults_, {.seed = o.seed, .sensor_noise = o.noise}),
-        master_(o.daemon.bus, DriveSetups(o.robot, o.daemon.bus), bus_.AddPort()),
+        port_(bus_.AddPort()),
+        master_(o.daemon.bus, DriveSetups(o.robot, o.daemon.bus), port_),
         controller_(o.robot, o.daemon.controller, o.daemon.bus.cycle_ns),
         cycle_(controller_, master_, clock_, o.daemon.bus, [this](TimeNs) {
           if (answered_) return false;
@@ -77,8 +88,10 @@ class SafetyRig {
     answered_ = false;
     drift_counts_ += tampering.counts_per_cycle;
     const CycleOutput before = record_.output;
+    TrackerSample tip;
+    if (options_.daemon.controller.tip_feedback) tip = rig_.TakeTrackerReading().value_or(tip);
     cycle_.Run({.cycle = count_++, .grid_ns = clock_.Now(), .wake_latency_ns = 0, .missed = skipped}, command,
-               {}, record_);
+               tip, record_);
     canopen::BusEvent event;
     while (master_.TakeEvent(&event)) {
       last_event_ = event.text.data();
@@ -158,13 +171,35 @@ class SafetyRig {
   /// Rules that were broken, a line each; the first few.
   const std::vector<std::string>& violations() const { return violations_; }
   double max_tension_N() const { return max_tension_N_; }  // true, motor side
+  double max_base_N() const { return max_base_N_; }        // true, at the robot's base
   double max_tension_wanted_N() const { return max_wanted_N_; }
   /// Time from entering a fault to drives told to disable; negative: not yet.
   double fall_s() const { return fall_s_; }
 
   Tampering tampering;
+  /// The master's interface is down or gone: nothing goes either way.
+  void TakeDown(bool down) { port_.down = down; }
 
  private:
+  class Port final : public can::CanPort {
+   public:
+    explicit Port(can::CanPort& port) : port_(port) {}
+    bool Send(const can::CanFrame& frame) noexcept override { return !down && port_.Send(frame); }
+    int Receive(std::span<can::StampedFrame> frames) noexcept override {
+      const int received = port_.Receive(frames);
+      return down ? 0 : received;
+    }
+    bool WaitUntil(TimeNs deadline_ns) noexcept override { return port_.WaitUntil(deadline_ns); }
+    bool up() const noexcept override { return !down && port_.up(); }
+    bool bus_off() const noexcept override { return !down && port_.bus_off(); }
+    void Restart() noexcept override { port_.Restart(); }
+    const can::CanCounters& counters() const noexcept override { return port_.counters(); }
+    bool down = false;
+
+   private:
+    can::CanPort& port_;
+  };
+
   void Tamper(can::CanFrame& f) {
     if (tampering.node == 0 || f.error || f.id != 0x180u + static_cast<unsigned>(tampering.node) ||
         f.size < 8)
@@ -203,6 +238,48 @@ class SafetyRig {
     }
   }
 
+  void Believed(int& cycles, bool off, const char* what) {
+    cycles = off ? cycles + 1 : 0;
+    if (cycles == kUnnoticedCycles) Violated(std::string(what) + ", and nobody notices");
+  }
+
+  void JudgeWhatIsBelieved(const CycleOutput& before) {
+    const CycleOutput& o = record_.output;
+    const bool shape = o.mode == Mode::kRunning || o.mode == Mode::kHold;
+    const bool was_shape = before.mode == Mode::kRunning || before.mode == Mode::kHold;
+    const bool pulls = shape || o.mode == Mode::kPretension ||
+                       (o.mode == Mode::kSafeStop && (was_shape || shape_before_stop_));
+    shape_before_stop_ = o.mode == Mode::kSafeStop ? shape_before_stop_ || was_shape : false;
+    shape_for_ = shape ? shape_for_ + 1 : 0;
+    for (int j = 0; j < options_.robot.body.tendons(); ++j) {
+      const auto i = static_cast<std::size_t>(j);
+      const TendonDriveParameters& t = options_.robot.actuation->tendons[i];
+      const sim::TendonState& truth = rig_.plant().tendon()[i];
+      Belief& belief = belief_[i];
+      // What is shown in the cycle in which it is zeroed counts from before.
+      if (shape_for_ == 2) belief.zero_m = truth.spool_pull_m - o.displacement_m[j];
+      const double moved_m = truth.spool_pull_m - belief.zero_m;
+      Believed(belief.encoder, shape_for_ > 2 && std::abs(o.displacement_m[j] - moved_m) > kEncoderOff_m,
+               "an encoder is off");
+      const bool at_motor = t.load_cell.place == LoadCellPlace::kMotorSide;
+      const double tension_N = at_motor ? truth.tension_motor_N : truth.tension_base_N;
+      Believed(belief.cell, pulls && std::abs(o.tension_measured_N[j] - tension_N) > kCellOff_N,
+               "a load cell is off");
+      // Between what was asked for in the last cycles lies every torque on the way.
+      const double newton = t.drive.rated_torque_Nm / t.SpoolTravelPerMotorRad();
+      const auto [least, most] = std::minmax_element(belief.asked.begin(), belief.asked.end());
+      const auto off = [&](double share) {
+        return std::max({0., *least * 1e-3 - share, share - *most * 1e-3}) * newton > kTorqueOff_N;
+      };
+      const double torque = rig_.drives().torque_Nm(j) / t.drive.rated_torque_Nm;
+      Believed(belief.torque, pulls && off(torque), "a drive does not make the torque it was told");
+      Believed(belief.told, pulls && off(1e-3 * record_.input.drive[i].torque_permille),
+               "a drive tells another torque than it was told");
+      std::copy_backward(belief.asked.begin(), belief.asked.end() - 1, belief.asked.end());
+      belief.asked[0] = o.torque_target_permille[i];
+    }
+  }
+
   // The rules of every cycle, whatever happens.
   void Judge(const CycleOutput& before, const Command& command) {
     const CycleOutput& o = record_.output;
@@ -211,12 +288,20 @@ class SafetyRig {
     const double limit_N = limits.max_tension_motor_N;
     const double allowed_N =
         limit_N * (1 + options_.daemon.controller.guards.tension_margin) + kTensionSlop_N;
+    const double allowed_base_N =
+        limits.max_tension_base_N * (1 + options_.daemon.controller.guards.tension_margin) + kBaseSlop_N;
     const bool enabled = o.drive_request == DriveRequest::kEnable;
+    JudgeWhatIsBelieved(before);
     double wanted_N = 0;
     for (int j = 0; j < m; ++j) {
       const double true_N = rig_.plant().tendon()[static_cast<std::size_t>(j)].tension_motor_N;
       max_tension_N_ = std::max(max_tension_N_, true_N);
       if (!(true_N <= allowed_N)) Violated("tension of " + std::to_string(true_N) + " N in the tendon");
+      const double base_N = rig_.plant().tendon()[static_cast<std::size_t>(j)].tension_base_N;
+      max_base_N_ = std::max(max_base_N_, base_N);
+      if (!(base_N <= allowed_base_N)) Violated("tension of " + std::to_string(base_N) + " N at the base");
+      if (enabled && o.tension_desired_base_N[j] > limits.max_tension_base_N + 1e-9)
+        Violated("tension of " + std::to_string(o.tension_desired_base_N[j]) + " N commanded at the base");
       if (enabled) wanted_N = std::max(wanted_N, o.tension_desired_motor_N[j]);
       if (!std::isfinite(o.torque_desired_Nm[j]) || !std::isfinite(o.tension_desired_motor_N[j])) {
         Violated("an output that is not finite");
@@ -284,6 +369,7 @@ class SafetyRig {
   can::MemoryBus bus_;
   emulator::FaultInjector faults_;
   tools::VirtualRig rig_;
+  Port port_;
   canopen::Master master_;
   control::Controller controller_;
   ControlCycle cycle_;
@@ -292,10 +378,18 @@ class SafetyRig {
   std::uint32_t sequence_ = 0;
   bool answered_ = false;
   std::optional<can::CanFrame> hung_feedback_;
+  struct Belief {
+    double zero_m = 0;
+    int encoder = 0, cell = 0, torque = 0, told = 0;  // cycles in a row
+    std::array<int, 4> asked{};                       // [per mille], the last first
+  };
+  std::array<Belief, kMaxTendons> belief_{};
+  bool shape_before_stop_ = false;
+  int shape_for_ = 0;  // cycles
   double drift_counts_ = 0;
   std::string last_event_, events_;
   std::vector<std::string> violations_;
-  double max_tension_N_ = 0, max_wanted_N_ = 0, fault_since_s_ = -1, fall_s_ = -1;
+  double max_tension_N_ = 0, max_base_N_ = 0, max_wanted_N_ = 0, fault_since_s_ = -1, fall_s_ = -1;
 };
 
 }  // namespace tendril::daemon

@@ -21,7 +21,8 @@ at_terminal() {
 
 cp "$robot" "$work/robot.yaml"
 # A cycle of 4 ms: most of the time is waiting for things to settle.
-daemon_file robot.yaml 's/^commissioning: .*/commissioning: required/; s/^\( *cycle_ns:\) .*/\1 4000000/'
+simulated=
+daemon_file robot.yaml 's/^\( *cycle_ns:\) .*/\1 4000000/'
 # The arm itself. Nobody looks at its tip but the operator.
 python3 - "$work" <<'ARM' || give_up "the arm's file cannot be made"
 import re, sys
@@ -31,6 +32,9 @@ text, blind = re.subn(r"(?m)^  tracker:.*\n(?:    .*\n)+", "", text)
 assert exchanged == 1 and blind == 1
 open(sys.argv[1] + "/arm.yaml", "w").write(text + "\neffects:\n  - {effect: cell_offset, where: tendon:3, N: 0.4}\n")
 ARM
+
+sed 's/^commissioning: .*/commissioning: not_required/' "$work/tendrild.yaml" >"$work/not_required.yaml"
+refused "say commissioning: required there" "$bin/tendril" commission --config "$work/not_required.yaml" --lcm "$lcm"
 
 start_plant "$work/arm.yaml"
 start_daemon
@@ -60,6 +64,10 @@ sed -i.kept 's/serial: 3,/serial: 99,/' "$work/robot.yaml.commissioned"
 refused "another one than at commissioning" "$bin/tendril" home --lcm "$lcm"
 grep -q "warning.*node 3 (tendon 3) has serial 3, commissioned was 99" "$work/daemon.txt" || give_up "the log does not name the drive"
 mv "$work/robot.yaml.commissioned.kept" "$work/robot.yaml.commissioned"
+
+# Homing that its operator leaves does not go on. (From slack: the tendons were let go by the disarming.)
+timeout --preserve-status -s INT 0.7 "$bin/tendril" home --lcm "$lcm" >"$work/said.txt" 2>&1
+grep -q "stopped: told the daemon to disarm; it is in mode configured" "$work/said.txt" || give_up "Ctrl-C leaves it homing"
 
 # Without a restart.
 "$bin/tendril" home --lcm "$lcm" || give_up "the robot is not homed"

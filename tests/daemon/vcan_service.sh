@@ -29,6 +29,10 @@ assert (s['robot'], s['bus']) == ('rig_60mm', 'vcan0') and 'process $daemon' in 
 assert [(d['node_id'], d['serial'], d['state'], d['error_code']) for d in drives] == [(n, n, 'enabled', 0) for n in (1, 2, 3)]
 assert s['statistics']['last_fault'] is None" || give_up "the status does not name robot, bus and drives"
 
+"$bin/tendril" commission --config "$tree/config/tendrild.yaml" --lcm "$lcm" --yes >"$work/said.txt" 2>&1 &&
+  give_up "commissions a robot that is armed without"
+grep -q "the daemon runs with --simulated" "$work/said.txt" || give_up "commissioning is refused for another reason"
+
 # ---- an interface that goes down ----
 ip link set vcan0 down
 until_true 5 mode_is fault || give_up "an interface that is down is no fault"
@@ -62,7 +66,7 @@ rm -f "$work/log"
 mkfifo "$work/log"
 head -n 1 "$work/log" >"$work/first_line.txt" &
 reader=$!
-"$bin/tendrild" --config "$work/tendrild.yaml" 2>"$work/log" &
+"$bin/tendrild" --config "$work/tendrild.yaml" --simulated 2>"$work/log" &
 daemon=$!
 wait $reader
 grep -q tendrild "$work/first_line.txt" || give_up "the log's reader saw nothing"
@@ -78,7 +82,7 @@ plant_1=$!
 until_true 10 grep -q ready "$work/plant_1.txt" || give_up "the second plant does not start"
 start_daemon
 arm
-"$bin/tendrild" --config "$work/tendrild.yaml" --can vcan1 >"$work/second.txt" 2>&1 && give_up "a second daemon starts"
+"$bin/tendrild" --config "$work/tendrild.yaml" --simulated --can vcan1 >"$work/second.txt" 2>&1 && give_up "a second daemon starts"
 said "another daemon (host .*, process $daemon, robot rig_60mm, bus vcan0) answers on TENDRIL_\*" second ||
   give_up "the second daemon does not say why"
 mode_is running || give_up "the first one is disturbed"
@@ -90,7 +94,7 @@ stop $daemon daemon
 sed -i 's/^\( *heartbeat_timeout_ms:\) .*/\1 20000/' "$work/tendrild.yaml"
 start_daemon
 kill -STOP $daemon
-"$bin/tendrild" --config "$work/tendrild.yaml" --can vcan1 >"$work/second.txt" 2>&1 &
+"$bin/tendrild" --config "$work/tendrild.yaml" --simulated --can vcan1 >"$work/second.txt" 2>&1 &
 second=$!
 until_true 20 mode_is configured || give_up "the second does not start beside a frozen one"
 arm

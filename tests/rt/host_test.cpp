@@ -189,14 +189,32 @@ INSTANTIATE_TEST_SUITE_P(
                            {{"sys/class/net/can0/tx_queue_len", "4"}},
                            Verdict::kBad,
                            "4 frames",
-                           "txqueuelen 12"},
+                           "txqueuelen 38"},
                     Spoilt{"LongQueue",
                            "txqueuelen",
                            {{"sys/class/net/can0/tx_queue_len", "1000"}},
                            Verdict::kBetter,
                            "1000 frames",
-                           "txqueuelen 12"}),
+                           "txqueuelen 38"}),
     [](const auto& c) { return std::string(c.param.name); });
+
+// One number for every robot, wherever it is told.
+TEST(Host, TheQueueThatGuideAndPackageGiveIsGoodForEveryRobot) {
+  const auto told = [](const std::string& file, const std::string& before) {
+    std::ifstream in(TENDRIL_SOURCE_DIR "/" + file);
+    const std::string text{std::istreambuf_iterator<char>(in), {}};
+    const auto at = text.find(before);
+    return at == text.npos ? std::string() : std::to_string(std::atoi(text.c_str() + at + before.size()));
+  };
+  const std::string length = told("README.md", "txqueuelen ");
+  EXPECT_EQ(length, std::to_string(kTransmitQueue));
+  EXPECT_EQ(told("config/systemd/networkd/80-can0.link", "TransmitQueueLength="), length);
+  const Machine machine({{"sys/class/net/can0/tx_queue_len", length}});
+  for (int drives = 1; drives <= kMaxTendons; ++drives) {
+    const auto settings = ReadHost(machine.root.string(), Wanted(), "can0", drives);
+    EXPECT_EQ(settings.back().verdict, Verdict::kGood) << drives << " drives, " << settings.back().name;
+  }
+}
 
 TEST(Host, CapabilitiesStandForLimits) {
   const Machine machine({{"proc/self/limits", kLimits}, {"proc/self/status", "CapEff:\t000001ffffffffff"}});

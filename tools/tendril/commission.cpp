@@ -36,6 +36,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr TimeNs kValidFor_ns = kNsPerS, kRepeat_ns = 50 * kNsPerMs, kSilence_ns = kNsPerS;
+constexpr TimeNs kEnable_ns = 10 * kNsPerS, kAnswer_ns = 120 * kNsPerS;
 
 std::atomic<bool> stop = false;
 
@@ -93,20 +94,26 @@ class LiveLink final : public CommissionLink {
     Command command;
     command.kind = CommandKind::kMode;
     command.mode = ModeRequest::kCommission;
+    // From here on it may pull, whether we hear of it or not.
+    entered_ = true;
     Send(command);
     Await(Mode::kCommissioning, 2);
-    entered_ = true;
     Pull(TendonVector::Zero(tendons));
     const auto enabled = [this] {
       const CycleInput& in = record_.input;
       return std::all_of(in.drive.begin(), in.drive.begin() + in.drives,
                          [](const DriveFeedback& d) { return d.state == DriveState::kEnabled; });
     };
-    while (!enabled()) Next();
+    for (const TimeNs end_ns = clock_.Now() + kEnable_ns; !enabled();) {
+      Next();
+      if (clock_.Now() > end_ns)
+        throw std::runtime_error("the drives are not enabled within 10 s: look at the daemon's log");
+    }
     Pull(TendonVector::Zero(tendons));
   }
 
   void Pull(const TendonVector& pull_N) override {
+    pulls_ = true;
     pull_N_ = pull_N;
     Command command;
     command.kind = CommandKind::kTension;
@@ -121,11 +128,11 @@ class LiveLink final : public CommissionLink {
       if (stop) throw std::runtime_error("stopped");
       if (clock_.Now() - heard_ns_ > kSilence_ns)
         throw std::runtime_error("the daemon fell silent: look at its log");
-      if (entered_ && clock_.Now() - sent_ns_ > kRepeat_ns) Pull(pull_N_);
+      if (pulls_ && clock_.Now() - sent_ns_ > kRepeat_ns) Pull(pull_N_);
       // One at a time: a cycle is not passed over.
       if (lcm_->handleTimeout(20) < 0) throw std::runtime_error("LCM failed on " + where_);
     }
-    if (entered_ && mode() != Mode::kCommissioning) {
+    if (pulls_ && mode() != Mode::kCommissioning) {
       throw std::runtime_error(
           fmt::format("the daemon left commissioning for {}{}", ModeText(mode()), StatusOf()));
     }
@@ -161,7 +168,7 @@ class LiveLink final : public CommissionLink {
     try {
       const TimeNs end_ns = clock_.Now() + 3 * kNsPerS;
       TimeNs again_ns = 0;
-      while (clock_.Now() < end_ns && mode() != Mode::kConfigured && mode() != Mode::kFault) {
+      do {
         if (clock_.Now() >= again_ns) {
           Command command;
           command.kind = CommandKind::kMode;
@@ -170,7 +177,7 @@ class LiveLink final : public CommissionLink {
           again_ns = clock_.Now() + 200 * kNsPerMs;
         }
         io::HandleWaiting(*lcm_, 20);
-      }
+      } while (clock_.Now() < end_ns && mode() != Mode::kConfigured && mode() != Mode::kFault);
     } catch (const std::exception& e) {
       fmt::print(stderr, "disarm could not be sent, the daemon ends commissioning by itself: {}\n", e.what());
     }
@@ -199,7 +206,7 @@ class LiveLink final : public CommissionLink {
   TimeNs heard_ns_ = 0, sent_ns_ = 0;
   std::uint64_t cycles_ = 0;
   std::uint32_t sequence_ = 0;
-  bool entered_ = false;
+  bool entered_ = false, pulls_ = false;
 };
 
 bool LineWaits(int timeout_ms) {
@@ -224,7 +231,12 @@ std::optional<double> AskTerminal(int tendon, const std::function<void()>& keep_
       "Enter: cannot tell] ",
       tendon);
   std::fflush(stdout);
-  while (!LineWaits(0)) keep_going();
+  const MonotonicClock clock;
+  const TimeNs end_ns = clock.Now() + kAnswer_ns;
+  while (!LineWaits(0)) {
+    keep_going();
+    if (clock.Now() > end_ns) throw std::runtime_error("nobody answers: no motor pulls on unwatched");
+  }
   std::string line;
   std::getline(std::cin, line);
   char* end = nullptr;
@@ -304,6 +316,12 @@ void RunCommission(const CommissionOptions& options) {
   const DaemonParameters daemon = config::LoadDaemon(options.config);
   const RobotParameters robot = config::LoadRobot(daemon.robot_file);
   config::CheckTogether(daemon, robot, options.config);
+  // A record that nobody asks for would promise what is not kept.
+  if (!daemon.commissioning_required) {
+    throw std::runtime_error(options.config +
+                             " says commissioning: not_required, so that tendrild would arm without the "
+                             "record; say commissioning: required there, restart tendrild, and commission");
+  }
   const auto tendons = static_cast<std::size_t>(robot.body.tendons());
   if (!options.seen_deg.empty() && options.seen_deg.size() != tendons) {
     throw UsageError(fmt::format("--seen needs a direction for each of the {} tendons, {} given", tendons,
@@ -319,6 +337,10 @@ void RunCommission(const CommissionOptions& options) {
           options.config +
           " and its robot file are not what the daemon runs with (nodes, directions, motors or "
           "cells differ); restart tendrild, or name its file");
+    }
+    if (!link.Daemon().commissioning_required) {
+      throw std::runtime_error(
+          "the daemon runs with --simulated, so that it would arm without the record; restart it without");
     }
     fmt::print("pulls one motor at a time with at most {:g} N of tendon; keep the power switch in reach\n",
                daemon.controller.take_up.pull_N);

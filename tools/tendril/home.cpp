@@ -2,7 +2,9 @@
 // the robot: the daemon does the homing.
 #include <fmt/format.h>
 
+#include <atomic>
 #include <chrono>
+#include <csignal>
 #include <memory>
 #include <stdexcept>
 
@@ -21,29 +23,37 @@ struct HomeOptions {
   double timeout_s = 120;
 };
 
-void Home(const HomeOptions& o) {
-  io::Client client(o.lcm.url, o.lcm.prefix);
+std::atomic<bool> stop = false;
+
+// Sequence number of the request.
+std::uint32_t Request(io::Client& client, ModeRequest mode, const std::string& url) {
   Command command;
   command.kind = CommandKind::kMode;
-  command.mode = ModeRequest::kHome;
+  command.mode = mode;
   command.sequence = io::SequenceFromTime();
   command.valid_for_ns = kNsPerS;
+  const std::int64_t now_us = std::chrono::duration_cast<std::chrono::microseconds>(
+                                  std::chrono::system_clock::now().time_since_epoch())
+                                  .count();
+  if (!client.Send(command, now_us)) throw std::runtime_error("LCM could not send the command on " + url);
+  return command.sequence;
+}
+
+void Home(const HomeOptions& o) {
+  io::Client client(o.lcm.url, o.lcm.prefix);
+  std::uint32_t sequence = 0;
   bool heard = false, seen = false;
   tendril_lcm::state_t state{};
   std::string last_fault;
   client.OnState([&](const tendril_lcm::state_t& s) {
     heard = true;
-    seen = seen || s.command_sequence == command.sequence;
+    seen = seen || s.command_sequence == sequence;
     state = s;
   });
   client.OnEvent([&](const tendril_lcm::event_t& e) {
     if (e.source == "controller" && e.status != 0) last_fault = e.text;
   });
-  const std::int64_t now_us = std::chrono::duration_cast<std::chrono::microseconds>(
-                                  std::chrono::system_clock::now().time_since_epoch())
-                                  .count();
-  if (!client.Send(command, now_us))
-    throw std::runtime_error("LCM could not send the command on " + o.lcm.url);
+  sequence = Request(client, ModeRequest::kHome, o.lcm.url);
   const MonotonicClock clock;
   const TimeNs asked_ns = clock.Now(), end_ns = asked_ns + static_cast<TimeNs>(o.timeout_s * 1e9);
   while (!seen && clock.Now() < asked_ns + 2 * kNsPerS) client.Handle(20);
@@ -60,7 +70,17 @@ void Home(const HomeOptions& o) {
         fmt::format("{} ({}); {} (mode {})", state.command_status_text, state.command_status,
                     StatusRemedy(static_cast<Status>(state.command_status)), state.mode_text));
   }
-  while (state.mode == tendril_lcm::state_t::MODE_HOMING && clock.Now() < end_ns) client.Handle(20);
+  while (state.mode == tendril_lcm::state_t::MODE_HOMING && clock.Now() < end_ns && !stop) client.Handle(20);
+  if (state.mode == tendril_lcm::state_t::MODE_HOMING) {
+    // Motors do not wind on unwatched.
+    Request(client, ModeRequest::kDisarm, o.lcm.url);
+    for (const TimeNs until_ns = clock.Now() + 3 * kNsPerS;
+         state.mode != tendril_lcm::state_t::MODE_CONFIGURED && clock.Now() < until_ns;)
+      client.Handle(20);
+    throw std::runtime_error(
+        fmt::format("{}: told the daemon to disarm; it is in mode {}",
+                    stop ? "stopped" : fmt::format("not homed within {:g} s", o.timeout_s), state.mode_text));
+  }
   if (state.mode == tendril_lcm::state_t::MODE_FAULT) {
     // The event names the tendon; it comes with the state.
     for (int i = 0; i < 20 && last_fault.empty(); ++i) client.Handle(20);
@@ -68,8 +88,7 @@ void Home(const HomeOptions& o) {
                                          StatusRemedy(static_cast<Status>(state.status))));
   }
   if (state.mode != tendril_lcm::state_t::MODE_HOLD) {
-    throw std::runtime_error(
-        fmt::format("homing did not end within {:g} s or was ended: mode {}", o.timeout_s, state.mode_text));
+    throw std::runtime_error(fmt::format("homing was ended: mode {}", state.mode_text));
   }
   fmt::print("homed in {:.1f} s; tensions now", ToSeconds(clock.Now() - asked_ns));
   for (const double tension_N : state.tension_measured_N) fmt::print(" {:.2f}", tension_N);
@@ -87,7 +106,11 @@ void AddHomeCommand(CLI::App& app) {
   home->add_option("--timeout", o->timeout_s, "how long to wait for the end [s]")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 3600.0));
-  home->callback([o] { Home(*o); });
+  home->callback([o] {
+    std::signal(SIGINT, [](int) { stop = true; });
+    std::signal(SIGTERM, [](int) { stop = true; });
+    Home(*o);
+  });
 }
 
 }  // namespace tendril::tools

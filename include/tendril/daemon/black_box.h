@@ -22,6 +22,9 @@ namespace tendril::daemon {
 /// written nothing is recorded.
 class BlackBox {
  public:
+  /// So many logs stay in the folder; older ones are removed when one is written.
+  static constexpr std::size_t kLogsKept = 20;
+
   /// Takes all memory: parameters.seconds of cycles and a tenth more. `controller` has taken no step yet.
   BlackBox(const BlackBoxParameters& parameters, const LcmParameters& lcm, const io::RobotShape& shape,
            const io::RunInfo& run, std::int64_t epoch_offset_us, TimeNs period_ns,

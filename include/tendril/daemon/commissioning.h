@@ -43,8 +43,12 @@ void WriteRecord(const std::string& path, const CommissioningRecord& record);
 std::string CommissioningProblem(const RobotParameters& robot, const DaemonParameters& daemon);
 
 /// Empty when every drive has the serial number that the record has for its node, or no record is required;
-/// else one line: which has not. `serials` in tendon order, 0: not read yet. A record without serial numbers
-/// (of an earlier version) excludes nothing.
+/// else one line: which has not. `serials` in tendon order, 0: not read yet. A drive without a serial
+/// number in the record may be any; see UnnumberedDrives.
 std::string ExchangedDrives(const DaemonParameters& daemon, std::span<const std::uint32_t> serials);
+
+/// Empty when the record, where one is required and there, has a serial number for every drive; else one
+/// line: for which it has not.
+std::string UnnumberedDrives(const DaemonParameters& daemon);
 
 }  // namespace tendril::daemon

@@ -7,8 +7,14 @@
 #include <vector>
 
 #include "tendril/core/daemon.h"
+#include "tendril/core/limits.h"
 
 namespace tendril::rt {
+
+/// Room that a CAN interface's transmit queue needs for the frames of two cycles, and may have: SYNC, a
+/// torque a drive, a heartbeat and an SDO request, of as many drives as any robot has. Much more would keep
+/// torques of long ago.
+inline constexpr int kTransmitQueue = 2 * (kMaxTendons + 3);
 
 enum class Verdict {
   kGood,
