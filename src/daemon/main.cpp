@@ -73,6 +73,9 @@ bool MayCome(const std::error_code& code) {
          code == std::errc::network_unreachable;
 }
 
+// From the time on that it waits a service counts as started; until its cycle runs it is watched as well.
+void FeedWatchdog() { sd_notify(0, "WATCHDOG=1"); }
+
 // A service that is started with its computer is there before its networks are: it waits for them, ready to
 // be stopped, and says for what.
 void WaitForNetworks(const std::string& interface, const std::string& lcm_url) {
@@ -91,7 +94,7 @@ void WaitForNetworks(const std::string& interface, const std::string& lcm_url) {
       }
     }
     std::this_thread::sleep_for(kLookAgain);
-    sd_notify(0, "WATCHDOG=1");
+    FeedWatchdog();
   }
 }
 
@@ -167,7 +170,9 @@ void Run(const Arguments& arguments) {
   const MonotonicClock clock;
   RefuseForeignSync(port, clock, interface, kListenForSync_ns);
   Daemon daemon(options, port);
+  FeedWatchdog();
   daemon.RefuseOthers(kListenForDaemons_ns);
+  FeedWatchdog();
   LogSettings(options, arguments.config);
 
   struct Running {

@@ -23,7 +23,7 @@ daemon_file "$robot"
 start_plant
 start_daemon
 arm
-watch "assert s['statistics']['minor_faults'] <= 5 and s['statistics']['voluntary_switches'] == 0, s['statistics']
+watch "assert s['statistics']['minor_faults'] == 0 and s['statistics']['voluntary_switches'] == 0, s['statistics']
 drives = s['statistics']['drives']
 assert (s['robot'], s['bus']) == ('rig_60mm', 'vcan0') and 'process $daemon' in s['daemon'], s
 assert [(d['node_id'], d['serial'], d['state'], d['error_code']) for d in drives] == [(n, n, 'enabled', 0) for n in (1, 2, 3)]

@@ -83,6 +83,7 @@ class LiveDaemon {
     options.robot = robot;
     options.parameters = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml");
     auto& p = options.parameters;
+    p.commissioning_required = false;
     p.realtime = {};
     p.bus.heartbeat_timeout_ms = 5000;
     p.bus.sdo_timeout_ms = 2000;
