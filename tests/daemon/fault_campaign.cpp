@@ -120,6 +120,7 @@ Scenario Make(std::uint64_t seed) {
   s.at_s = s.moment == Moment::kArming ? 0.15 * share() : 0.2 + 1.3 * share();
   s.for_s = share() < 0.3 ? 0 : 0.002 + 0.4 * share();
   s.size = share();
+  if (s.kind == Kind::kSilence) s.for_s = 0;  // shorter silences are other kinds' motions
   return s;
 }
 

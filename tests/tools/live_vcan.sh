@@ -70,6 +70,10 @@ disarm() {
 
 # stop PROCESS NAME
 stop() {
+  local late
   kill -TERM "$1"
+  { sleep 15; kill -KILL "$1"; } &
+  late=$!
   wait "$1" || give_up "the $2 ends with exit status $?"
+  kill $late
 }
