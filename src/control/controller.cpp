@@ -243,7 +243,8 @@ struct Controller::Impl {
   bool rests = false;         // nothing is led anywhere in this cycle
   TendonVector led_N, led_m;  // where the tendons were led in the last cycle
   TendonVector shown_m;       // displacement, in the last cycle
-  std::array<bool, kMaxTendons> lost{};                  // tendons, after a fault
+  std::array<bool, kMaxTendons> lost{};                                 // tendons, after a fault
+  std::array<double, kMaxTendons> last_fed_back_Nm{}, fed_back_at_N{};  // last, and the tension wanted then
   std::array<double, kMaxTendons> permille_left_over{};  // of torque, by rounding to what the bus carries
   std::array<std::int16_t, kMaxTendons> sent_permille{};
   bool joined = false;   // tension_N follows its source without the ramp
@@ -556,6 +557,8 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       for (auto& k : compensation) k.Reset(0, 0);
       for (auto& k : feed_forward) k.Reset(0, 0);
       for (auto& k : feedback) k.Reset();
+      last_fed_back_Nm.fill(0);
+      fed_back_at_N.fill(0);
       equilibrium.Reset();
       break;
     case Mode::kPretension:
@@ -777,12 +780,23 @@ double Controller::Impl::FedBack(int j, const CycleInput& input, const CycleOutp
                                  const DriveFeedForward::Result& wanted) noexcept {
   const bool acts = controls_shape();
   const bool at_motor = robot.actuation->tendons[j].load_cell.place == LoadCellPlace::kMotorSide;
-  return feedback[j].Step(input.drive[j], output.tension_measured_N[j],
-                          {.cell_N = at_motor ? wanted.tension_motor_N : tension_N[j],
-                           .motor_velocity_radps = wanted.motor_velocity_radps,
-                           .unsure_N = at_motor ? Unsure(j, wanted) : 0,
-                           .rests = rests},
-                          acts);
+  const double fed_back = feedback[j].Step(input.drive[j], output.tension_measured_N[j],
+                                           {.cell_N = at_motor ? wanted.tension_motor_N : tension_N[j],
+                                            .motor_velocity_radps = wanted.motor_velocity_radps,
+                                            .unsure_N = at_motor ? Unsure(j, wanted) : 0,
+                                            .rests = rests},
+                                           acts);
+  if (acts) {
+    last_fed_back_Nm[j] = fed_back;
+    fed_back_at_N[j] = tension_N[j];
+    return fed_back;
+  }
+  // On the way down it goes with the tension: what was taken off a motor that is stronger than told would
+  // come back as a jerk. A fault may be the cell's own; then it adds no pull.
+  const Mode mode = supervisor.mode();
+  if ((mode != Mode::kSafeStop && mode != Mode::kFault) || !(fed_back_at_N[j] > 0)) return 0;
+  const double left_Nm = last_fed_back_Nm[j] * std::clamp(tension_N[j] / fed_back_at_N[j], 0., 1.);
+  return mode == Mode::kFault ? std::min(0., left_Nm) : left_Nm;
 }
 
 // Within the drive's current, and no less than what leaves the tendon without a pull, unless the motion
@@ -901,6 +915,8 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
     a.Value(at_limit);
     a.Value(rotor_N);
     for (int j = 0; j < tendons; ++j) {
+      a.Value(last_fed_back_Nm[j]);
+      a.Value(fed_back_at_N[j]);
       a.Value(permille_left_over[j]);
       a.Value(sent_permille[j]);
     }

@@ -578,6 +578,44 @@ TEST(AfterAFault, AWrongEncoderBesideASlackTendonMovesNothing) {
   }
 }
 
+// Load cells hold a motor that is half as strong again as told to what is wanted; the end of that, by a fault
+// or by the operator, is no jerk.
+TEST(AfterAFault, WhatTensionFeedbackTookOffDoesNotComeBackAtOnce) {
+  for (const bool fault : {true, false}) {
+    SCOPED_TRACE(fault);
+    SafetyOptions o = Rig();
+    o.daemon.controller.law = ControlLaw::kEquilibrium;
+    o.daemon.controller.tension_feedback = true;
+    o.plant.actuation->tendons[1].motor.torque_scale = 1.5;
+    o.daemon.controller.guards.tension_disagreement_N = 10;
+    SafetyRig r(o);
+    ASSERT_TRUE(r.Arm());
+    for (int i = 0; i < 6000; ++i) r.Step(i % 10 == 0 ? r.Tensions(Eigen::Vector3d(0.4, 6, 0.4)) : Command{});
+    ASSERT_EQ(r.output().mode, Mode::kRunning) << StatusText(r.output().status);
+    const double before_N = r.rig().plant().tendon()[1].tension_motor_N;
+    double highest_N = 0, last_N = before_N, drop_N = 0;
+    if (fault) {
+      FaultParameters f;
+      f.kind = FaultKind::kEmcy;
+      f.node = 1;
+      f.code = 0x7320;
+      r.Order(f);
+    } else {
+      r.Step(r.Request(ModeRequest::kDisarm));
+    }
+    while (r.now_s() < 20 && r.output().mode != Mode::kConfigured && r.rig().drives().enabled(1)) {
+      r.Step();
+      const double now_N = r.rig().plant().tendon()[1].tension_motor_N;
+      highest_N = std::max(highest_N, now_N);
+      if (r.output().drive_request == DriveRequest::kEnable) drop_N = std::max(drop_N, last_N - now_N);
+      last_N = now_N;
+    }
+    EXPECT_LT(highest_N, before_N + 0.3);
+    EXPECT_LT(drop_N, 0.1) << "in a cycle";
+    for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+  }
+}
+
 TEST(AfterAFault, ADeadCellLetsNoTautTendonGo) {
   SafetyRig r(Rig());
   ASSERT_TRUE(r.Arm());

@@ -45,9 +45,12 @@ struct SafetyOptions {
 /// Beyond limits.max_tension_motor_N and guards.tension_margin of it: what a tension may rise within the
 /// cycles of a reaction, and the noise of its cell.
 inline constexpr double kTensionSlop_N = 0.3;
-/// The same at the base, and what the pulleys hide between it and a cell before them: 0.66 N behind motors that
-/// are eight times as strong as told.
+/// The same at the base, and what the pulleys hide between it and a cell before them: 0.66 N behind motors
+/// that are eight times as strong as told.
 inline constexpr double kBaseSlop_N = 0.7;
+
+/// Above what a tendon carries, or should, when a stop begins: what swings still adds.
+inline constexpr double kRise_N = 1;
 
 /// What sensors and drives may make believe, and for how many cycles in a row, before it must be a fault
 /// while drives pull: judged by the plant's own truth, whatever caused it. A cell may be off by the
@@ -336,6 +339,14 @@ class SafetyRig {
         Violated("tension wanted falls faster than its ramp");
       }
     }
+    for (int j = 0; j < m; ++j) {
+      const double true_N = rig_.plant().tendon()[static_cast<std::size_t>(j)].tension_motor_N;
+      double& began_N = fall_began_N_[static_cast<std::size_t>(j)];
+      if (!falling || !was_falling) began_N = std::max(true_N, o.tension_desired_motor_N[j]);
+      if (falling && true_N > began_N + kRise_N)
+        Violated("tension rises from " + std::to_string(began_N) + " N to " + std::to_string(true_N) +
+                 " N on the way down");
+    }
     // Faults latch until clear; nothing moves on by itself.
     const bool asked = command.kind == CommandKind::kMode && o.command_status == Status::kOk;
     if (before.mode == Mode::kFault && o.mode != Mode::kFault &&
@@ -386,6 +397,7 @@ class SafetyRig {
   std::array<Belief, kMaxTendons> belief_{};
   bool shape_before_stop_ = false;
   int shape_for_ = 0;  // cycles
+  std::array<double, kMaxTendons> fall_began_N_{};
   double drift_counts_ = 0;
   std::string last_event_, events_;
   std::vector<std::string> violations_;
