@@ -25,6 +25,7 @@ TipFeedback::TipFeedback(const TrackerParameters& tracker, double length_m, doub
     : period_s_(period_s),
       time_constant_s_(std::max({kFastest_s, 10 / tracker.rate_Hz, 5 * tracker.delay_s})),
       reading_every_s_(1 / tracker.rate_Hz),
+      delay_s_(tracker.delay_s),
       max_age_s_(2 * tracker.delay_s + std::max(0.1, 5 / tracker.rate_Hz)),
       max_shift_m_(kMaxShare * length_m),
       max_disagreement_m_(kMaxDisagreement * length_m),
@@ -75,9 +76,9 @@ Status TipFeedback::Step(const TrackerSample& sample, TimeNs now_ns, TimeNs ahea
   estimate_[next_] = estimate_W_m;
   filled_ = std::min(filled_ + 1, size);
   ++silent_cycles_;
-  const double age_s = ToSeconds(now_ns - sample.time_ns);
-  const bool fresh = sample.valid && sample.tip_W_m.allFinite() && age_s >= 0 && age_s <= max_age_s_ &&
-                     (last_ns_ == 0 || sample.time_ns > last_ns_);
+  const double since_stamp_s = ToSeconds(now_ns - sample.time_ns), age_s = since_stamp_s + delay_s_;
+  const bool fresh = sample.valid && sample.tip_W_m.allFinite() && since_stamp_s >= 0 &&
+                     age_s <= max_age_s_ && (last_ns_ == 0 || sample.time_ns > last_ns_);
   if (fresh && Plausible(sample, age_s)) {
     silent_cycles_ = 0;
     last_ns_ = sample.time_ns;

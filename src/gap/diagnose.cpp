@@ -43,6 +43,35 @@ std::string ValueOf(const Cause& cause) {
   return "";
 }
 
+/// The last tendon of which any run has a number; 0: none.
+int TendonsSeen(const std::vector<Run>& runs) {
+  Eigen::Index most = 0;
+  for (const Run& run : runs) {
+    for (const auto* m :
+         {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N}) {
+      for (Eigen::Index j = most; j < m->cols(); ++j) {
+        if (m->col(j).array().isFinite().any()) most = j + 1;
+      }
+    }
+  }
+  return static_cast<int>(most);
+}
+
+/// Cuts that nothing was measured at: "C4, C5".
+std::string CutsNotSeen(const Diagnosis& d) {
+  std::set<sim::Cut> seen;
+  std::string names;
+  for (const auto& f : d.location) {
+    if (f.measured) seen.insert(f.cut);
+  }
+  for (const auto& f : d.location) {
+    if (!seen.insert(f.cut).second) continue;
+    names += names.empty() ? "" : ", ";
+    names += sim::CutName(f.cut);
+  }
+  return names;
+}
+
 std::string Sentence(const Diagnosis& d) {
   const CutFinding* first = nullptr;
   for (const auto& f : d.location) {
@@ -54,8 +83,11 @@ std::string Sentence(const Diagnosis& d) {
             : "The place of the gap is not clear";
   const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
   switch (d.verdict) {
-    case Verdict::kNoGap:
-      return "No gap beyond the noise floor and the materiality asked for.";
+    case Verdict::kNoGap: {
+      const std::string blind = CutsNotSeen(d);
+      return "No gap beyond the noise floor and the materiality asked for" +
+             (blind.empty() ? "." : "; of " + blind + " these logs tell nothing.");
+    }
     case Verdict::kInsufficientData:
       return first ? where + ", but these logs and this model are not enough to tell its cause." + next
                    : "These logs are not enough to tell whether there is a gap." + next;
@@ -276,6 +308,12 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   const int threads = options.threads > 0 ? options.threads : AllCores();
   Diagnosis d;
   DataSet set = given;
+  if (const int seen = TendonsSeen(set.runs), tendons = set.robot.body.tendons();
+      seen > 0 && seen < tendons) {
+    throw std::runtime_error(fmt::format(
+        "these runs are of {} tendons, robot '{}' has {}; accepted: the robot file that they were made with",
+        seen, set.robot.name, tendons));
+  }
   d.degradations = TakeOutImplausible(set);
   TakeOutShort(set, d);
   d.robot_name = set.robot.name;

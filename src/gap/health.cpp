@@ -562,17 +562,20 @@ class Checkup {
     if (!Fits(kMotor) || !Fits(kTip)) return;
     const auto shift = ClockShift(run_->time_s, Of(kMotor), Of(kTip));
     if (!shift) return;
-    Add(std::abs(shift->seconds) > std::max(0.015, 2 * StepsOf(run_->time_s).usual) ? Severity::kWarning
-                                                                                    : Severity::kInfo,
+    const double told_s =
+        set_.robot.actuation && set_.robot.actuation->tracker ? set_.robot.actuation->tracker->delay_s : 0;
+    const double unknown_s = shift->seconds - told_s;
+    Add(std::abs(unknown_s) > std::max(0.015, 2 * StepsOf(run_->time_s).usual) ? Severity::kWarning
+                                                                               : Severity::kInfo,
         "tracker clock", shift->seconds,
         fmt::format(
             "the tip follows the motors {:.1f} ms {} (correlation {:.3f}){}", 1e3 * std::abs(shift->seconds),
             shift->seconds < 0 ? "too early" : "later", shift->correlation,
-            std::abs(shift->seconds) > 0.015
-                ? "; more than the body's own lag, so that the clocks differ or the tracker is slow, which "
-                  "looks "
-                  "like damping; synchronise the clocks or give the tracker's delay_s in the robot file"
-                : ""));
+            unknown_s < -0.015  ? "; no robot does, so that the clocks differ; synchronise them"
+            : unknown_s > 0.015 ? "; more than the body's own lag, so that the clocks differ or the tracker "
+                                  "is slow, which looks like damping; synchronise the clocks or give the "
+                                  "tracker's delay_s in the robot file"
+                                : ""));
   }
 
   // ---- repetitions ----

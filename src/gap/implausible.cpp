@@ -7,11 +7,14 @@
 #include <cmath>
 #include <limits>
 
+#include "health_signal.h"
+
 namespace tendril::gap {
 namespace {
 
 constexpr double kRare = 0.02;     // share of a column's values up to which they are single mishaps
 constexpr double kBeyond = 3;      // times what the robot can
+constexpr double kCutOff = 0.003;  // share of a run at the flat end of a channel
 constexpr double kFrozen_s = 0.3;  // one value for so long ...
 constexpr double kMoved = 0.15;    // ... while the motor turns by this share of what it does in the run
 constexpr double kSlack_N = 0.15;  // a slack tendon's cell without noise may well keep its value
@@ -92,6 +95,20 @@ struct Finder {
                        run.time_s[to - 1] - run.time_s[0]);
   }
 
+  /// What a sensor shows at the end of its range is less than there was.
+  void CutOff(Eigen::MatrixXd& matrix, Eigen::Index j, const std::string& channel, const char* unit) {
+    for (const bool top : {true, false}) {
+      const Plateau end = FlatExtreme(matrix.col(j), top);
+      // A slack tendon's cell may well show nothing.
+      if (end.share < kCutOff || (&matrix == &run.tension_N && std::abs(end.value) < kSlack_N)) continue;
+      for (double& x : matrix.col(j)) {
+        if (x == end.value) x = kNothing;
+      }
+      Say(channel, fmt::format("is cut off at {:.4g} {} for {:.1f} % of the run: taken as missing there",
+                               end.value, unit, 100 * end.share));
+    }
+  }
+
   void FrozenCell(Eigen::Index j) {
     auto x = run.tension_N.col(j);
     Stretches([&](Eigen::Index i) { return std::isfinite(x[i]); },
@@ -145,8 +162,13 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
     for (Eigen::Index axis = 0; axis < run.tip_m.cols() && !set.fit_frame; ++axis)
       find.Beyond(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m", kBeyond * robot.body.length_m());
     if (run.motor_position_rad.rows() != run.time_s.size()) continue;
-    for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) find.FrozenCell(j);
+    for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
+      find.FrozenCell(j);
+      find.CutOff(run.tension_N, j, fmt::format("tension {}", j + 1), "N");
+    }
     if (run.tip_m.cols() == 3) find.FrozenTip();
+    for (Eigen::Index axis = 0; axis < run.tip_m.cols(); ++axis)
+      find.CutOff(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m");
   }
   return said;
 }

@@ -304,6 +304,8 @@ TEST_F(DiagnoseCommandTest, AClippedChannelIsSaid) {
   });
   ASSERT_EQ(Diagnose(), 0) << error_;
   EXPECT_THAT(Said(), ContainsRegex("tension 1: is cut off at 1.5 N for"));
+  EXPECT_EQ(report_["causes"][0]["effect"], "torque_constant") << report_["sentence"];
+  EXPECT_EQ(report_["verdict"], "attributed") << "what was cut off is no cause: " << report_["sentence"];
 }
 
 TEST_F(DiagnoseCommandTest, OneRunAloneIsDiagnosedWithLessToSay) {

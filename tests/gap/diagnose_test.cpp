@@ -411,6 +411,14 @@ TEST(Diagnose, RunsThatHardlyMoveAreNotEnough) {
   EXPECT_EQ(d.verdict, Verdict::kInsufficientData) << d.sentence;
 }
 
+TEST(Diagnose, RunsOfFewerTendonsAreAnotherRobots) {
+  DataSet set = Recorded("", 4);
+  set.robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml");
+  EXPECT_THAT([&] { Diagnose(set, {}); },
+              testing::ThrowsMessage<std::runtime_error>(
+                  testing::HasSubstr("these runs are of 3 tendons, robot 'four_tendon_90mm' has 4")));
+}
+
 TEST(Diagnose, LogsWithoutMotorPositionsAreRefused) {
   DataSet set = Recorded("", 2);
   set.runs[1].motor_position_rad.resize(0, 0);

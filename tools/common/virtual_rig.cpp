@@ -84,7 +84,7 @@ std::optional<TrackerSample> VirtualRig::TakeTrackerReading() {
       std::max(next_reading_ns_ + static_cast<TimeNs>(std::llround(1e9 / tracker->rate_Hz)), now_ns);
   const sim::TrackerReading reading = plant_.ReadTracker();
   return TrackerSample{.valid = true,
-                       .time_ns = *start_ns_ + now_ns - std::llround(tracker->delay_s * 1e9),
+                       .time_ns = *start_ns_ + now_ns,
                        .tip_W_m = reading.tip_W_m,
                        .orientation_WT = reading.orientation_WT};
 }

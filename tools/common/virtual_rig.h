@@ -50,7 +50,7 @@ class VirtualRig {
   void Connect(int drive, const Wiring& wiring) { wiring_[static_cast<std::size_t>(drive)] = wiring; }
 
   /// What the tracker shows, when its period has passed since the last reading taken; empty in between and
-  /// for a robot without a tracker. Its time is that of the measurement, on the clock of Poll.
+  /// for a robot without a tracker. Stamped now, on the clock of Poll; it was measured delay_s ago.
   std::optional<TrackerSample> TakeTrackerReading();
 
   const sim::Plant& plant() const { return plant_; }

@@ -11,6 +11,7 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -127,6 +128,9 @@ void Run(Options options) {
     const bool named = std::find(options.only.begin(), options.only.end(), effect.name) != options.only.end();
     if (!options.only.empty() && !named) options.diagnose.without.emplace_back(effect.name);
   }
+  const std::set<std::string> without(options.diagnose.without.begin(), options.diagnose.without.end());
+  if (without.size() == sim::Effects().size())
+    throw UsageError("--only, --without: no effect is left to look for; accepted: at least one");
   const std::filesystem::path folder = MakeOutputFolder(options.out);
   Progress progress;
   progress("reading the logs", 0);

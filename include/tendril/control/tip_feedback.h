@@ -13,13 +13,13 @@ namespace tendril::control {
 class StateArchive;
 
 /// d(shift)/dt = error / time_constant, at most kMaxRate_mps; the error is what was wanted when the tracker
-/// measured, less what it measured, within the plane in which the tip can be moved. The rate itself changes
-/// by at most kMaxAcceleration_mps2. Readings older than max_age_s are not used, nor those that cannot be
-/// true: farther than kMaxDisagreement of the robot's length from where the tendons say that the tip was, or
-/// the same to the last bit for long; without any usable one so long the shift stays as it is and
-/// kTrackerLost says so. Where the goal rests and the error is within the tracker's noise, the shift rests
-/// until the error is kWake times that: dry friction lets a tip stick, and an integral that pulled at it
-/// would hunt.
+/// measured (its stamp less its delay), less what it measured, within the plane in which the tip can be
+/// moved. The rate itself changes by at most kMaxAcceleration_mps2. Readings older than max_age_s are not
+/// used, nor those that cannot be true: farther than kMaxDisagreement of the robot's length from where the
+/// tendons say that the tip was, or the same to the last bit for long; without any usable one so long the
+/// shift stays as it is and kTrackerLost says so. Where the goal rests and the error is within the tracker's
+/// noise, the shift rests until the error is kWake times that: dry friction lets a tip stick, and an integral
+/// that pulled at it would hunt.
 class TipFeedback {
  public:
   static constexpr double kMaxRate_mps = 0.02, kMaxAcceleration_mps2 = 0.2;
@@ -46,8 +46,8 @@ class TipFeedback {
   bool Plausible(const TrackerSample& sample, double age_s) noexcept;
   Eigen::Vector3d Before(const std::vector<Eigen::Vector3d>& ring, double cycles) const noexcept;
 
-  double period_s_, time_constant_s_, reading_every_s_, max_age_s_, max_shift_m_, max_disagreement_m_,
-      rest_band_m_, error_share_;
+  double period_s_, time_constant_s_, reading_every_s_, delay_s_, max_age_s_, max_shift_m_,
+      max_disagreement_m_, rest_band_m_, error_share_;
   std::int32_t most_same_;                          // readings in a row; 0: any number
   std::vector<Eigen::Vector3d> wanted_, estimate_;  // of the last cycles, rings
   std::int32_t next_ = 0, filled_ = 0;

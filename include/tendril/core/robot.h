@@ -129,7 +129,7 @@ struct TrackerParameters {
   double rate_Hz = 0;
   double position_noise_m = 0;         // rms per axis
   double orientation_noise_rad = 0;    // rms per axis of the rotation vector
-  double delay_s = 0;
+  double delay_s = 0;                  // from the measurement to the time stamp of its reading
 };
 
 /// Everything between one drive and one tendon's entry into the robot.
