@@ -195,8 +195,10 @@ TEST_F(GateTest, WhileCommissioningOnlyGentlePullsOfEitherSignAreTaken) {
 }
 
 TEST_F(GateTest, ARobotThatWasNeverCommissionedIsRefusedAsSuch) {
-  EXPECT_EQ(gate.Admit(ModeCommand(ModeRequest::kNotCommissioned), Mode::kConfigured, now),
-            Status::kNotCommissioned);
+  // Arming is also what leads on from hold.
+  for (const Mode m : {Mode::kConfigured, Mode::kHold}) {
+    EXPECT_EQ(gate.Admit(ModeCommand(ModeRequest::kNotCommissioned), m, now), Status::kNotCommissioned);
+  }
 }
 
 TEST_F(GateTest, NothingMovesUnlessRunning) {

@@ -114,8 +114,12 @@ TEST(DaemonLoop, NeitherAllocatesNorLocksNorWrites) {
   const std::filesystem::path folder =
       std::filesystem::temp_directory_path() / ("tendril_loop_" + std::to_string(getpid()));
   DaemonOptions options{RigDaemon(), RigRobot(), ""};
+  // The machine may be busy with other tests.
   options.parameters.bus.heartbeat_timeout_ms = 5000;
+  options.parameters.bus.sdo_timeout_ms = 2000;
+  options.parameters.bus.boot_timeout_ms = 20000;
   options.parameters.controller.guards.max_late_cycles = 5000;
+  options.parameters.controller.guards.max_missing_cycles = 50;
   options.parameters.controller.pretension_ramp_Nps = 20;
   options.parameters.black_box = {.seconds = 1, .folder = folder};
   EmulatedDrives drives(options.robot, options.parameters, clock);

@@ -13,6 +13,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
 #include <lcm/lcm-cpp.hpp>
 #include <mutex>
 #include <set>
@@ -232,6 +233,25 @@ struct DaemonTest : testing::Test {
     });
   }
 
+  // Somebody who sends twenty commands a millisecond for as long as this lives.
+  class Flood {
+   public:
+    Flood(DaemonTest& test, const std::function<void(Command&)>& fill)
+        : thread_([&test, fill](const std::stop_token& stop) {
+            io::Client client(test.daemon->gateway().lcm(), "TENDRIL");
+            Command c;
+            c.valid_for_ns = kNsPerS;
+            fill(c);
+            for (c.sequence = 1'000'000; !stop.stop_requested(); ++c.sequence) {
+              client.Send(c, 0);
+              if (c.sequence % 20 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+            }
+          }) {}
+
+   private:
+    std::jthread thread_;
+  };
+
   LogLines lines;
   MonotonicClock clock;
   DaemonOptions options{Patient(), RigRobot(), ""};
@@ -353,24 +373,31 @@ TEST_F(DaemonTest, ASignalStopsItWhateverItsOtherThreadDoes) {
 TEST_F(DaemonTest, ADisarmGoesPastAFloodOfTargets) {
   Start(options);
   Arm();
-  std::atomic<bool> flood{true};
-  std::thread sender([&] {
-    io::Client other(daemon->gateway().lcm(), "TENDRIL");
-    Command c;
+  Flood flood(*this, [](Command& c) {
     c.kind = CommandKind::kBending;
     c.bending_rad = Eigen::Vector2d(0.1, 0);
-    c.valid_for_ns = kNsPerS;
-    for (std::uint32_t i = 1'000'000; flood; ++i) {
-      c.sequence = i;
-      other.Send(c, 0);
-      if (i % 20 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
   });
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
   Send(ModeRequest::kDisarm);
   EXPECT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
-  flood = false;
-  sender.join();
+}
+
+// The same channel and queue as the disarm's own, which is full of them.
+TEST_F(DaemonTest, ADisarmGoesPastAFloodOfHolds) {
+  Start(options);
+  Arm();
+  Flood flood(*this, [](Command& c) {
+    c.kind = CommandKind::kMode;
+    c.mode = ModeRequest::kHold;
+  });
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  int asked = 0;
+  EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
+    // LCM itself drops what comes too fast.
+    if (asked++ % 10 == 0) Send(ModeRequest::kDisarm);
+    return s.mode == tendril_lcm::state_t::MODE_CONFIGURED;
+  }));
+  EXPECT_TRUE(Warns("command(s) came faster than one a cycle"));
 }
 
 // Nothing in a cycle waits for anybody or fetches a page, from boot to motion, through a fault and its
