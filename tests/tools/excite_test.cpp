@@ -162,6 +162,31 @@ TEST(Experiments, SameSeedSameNumbers) {
   EXPECT_NE(a.tension_N, c.tension_N);
 }
 
+// A delay in the robot file is in the logs, as it is in the model that they are compared with.
+TEST(Experiments, ATrackersDelayShowsInTheTipAndNowhereElse) {
+  ExperimentOptions options = Nominal("rig_90mm.yaml", 3);
+  const Plan plan = OnePlan(Short("circle", 4));
+  const gap::Run prompt = RunSet(plan, options, nullptr, {}).data.runs.at(0);
+  constexpr int kLate = 30;  // rows of 1 ms
+  options.plant_robot.actuation->tracker->delay_s = 1e-3 * kLate;
+  const gap::Run late = RunSet(plan, options, nullptr, {}).data.runs.at(0);
+  EXPECT_EQ(prompt.motor_position_rad, late.motor_position_rad);
+  const auto off = [&](Eigen::Index earlier) {
+    double square = 0, count = 0;
+    for (Eigen::Index i = 1000; i < late.tip_m.rows(); ++i) {
+      if (!late.tip_m.row(i).allFinite()) continue;
+      const Eigen::Index then = i - earlier;
+      if (!prompt.tip_m.row(then).allFinite()) continue;
+      square += (late.tip_m.row(i) - prompt.tip_m.row(then)).squaredNorm() / 3;
+      ++count;
+    }
+    EXPECT_GT(count, 100);
+    return std::sqrt(square / count);
+  };
+  EXPECT_LT(off(kLate), 2 * 5e-5) << "the tracker's noise, twice";
+  EXPECT_GT(off(0), 5e-4);
+}
+
 // What is simulated can be had again, so that a set holds nothing but whole runs.
 TEST(Experiments, StopKeepsTheRunsThatAreWhole) {
   std::atomic<bool> stop = false;
