@@ -102,6 +102,11 @@ void Describe(Io& io, ControllerParameters& p) {
   io.Check(
       !p.tension_feedback || p.law == ControlLaw::kEquilibrium, "tension_feedback",
       "on without what it corrects; accepted: off, or law: equilibrium beside it; change one of the two");
+  OptionalSwitch(io, "shape_feedback", p.shape_feedback, false);
+  io.Check(
+      !p.shape_feedback || p.tension_feedback, "shape_feedback",
+      "on without the damping that it needs; accepted: off, or tension_feedback: on beside it; change one of "
+      "the two");
   OptionalSwitch(io, "tip_feedback", p.tip_feedback, false);
   io.Check(
       !p.tip_feedback || p.tension_feedback, "tip_feedback",

@@ -116,7 +116,9 @@ std::vector<std::string> IdleGuards(const DaemonParameters& daemon, const RobotP
                     std::clamp(5 * noise_N, 0.1 * limits.min_tension_N, 0.5 * limits.min_tension_N),
                     limits.min_tension_N));
   }
-  below(guards + "tension_margin", g.tension_margin, scale.shown_N.value / limits.max_tension_motor_N - 1,
+  // Without friction the base carries what a cell before the pulleys shows.
+  below(guards + "tension_margin", g.tension_margin,
+        scale.shown_N.value / std::min(limits.max_tension_motor_N, limits.max_tension_base_N) - 1,
         usual.tension_margin,
         fmt::format("{} shows no more than {:.3g} N", of(scale.shown_N), scale.shown_N.value));
   below(

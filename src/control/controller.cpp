@@ -11,12 +11,15 @@
 #include <vector>
 
 #include "state_archive.h"
+#include "tendon_side.h"
 #include "tendril/control/compensation.h"
 #include "tendril/control/drive_feed_forward.h"
 #include "tendril/control/equilibrium_law.h"
 #include "tendril/control/estimator.h"
 #include "tendril/control/gate.h"
 #include "tendril/control/guards.h"
+#include "tendril/control/reach.h"
+#include "tendril/control/shape_feedback.h"
 #include "tendril/control/supervisor.h"
 #include "tendril/control/take_up.h"
 #include "tendril/control/tension_feedback.h"
@@ -41,6 +44,11 @@ constexpr double kPaidOut = 0.5;
 constexpr double kCellDoubt_N = 0.5;
 // A spool that goes at this speed while its cell shows no pull has lost its tendon.
 constexpr double kLost_mps = 0.01;
+// Time constant of the feedback of shape, over that of the loops of tension below it; and of the motors' dry
+// friction what it leaves alone at rest.
+constexpr double kShapeFeedback = 10, kShapeRest = 0.1;
+// A robot that was led fast keeps its tendons' pull for a while: it may be led on, and it swings.
+constexpr double kRotorFades_Nps = 3;
 constexpr double kDisagrees_s = 0.5;  // tracker and tendons, before it is told
 constexpr double kStopRamp_s = 0.9;   // a daemon that is ended has this long for tensions to go down
 
@@ -113,6 +121,8 @@ struct Controller::Impl {
                 period_ns),
         kinematics(body, robot.limits.max_bending_rad),
         trajectory(sections, parameters.trajectory, robot.limits.max_bending_rad, period_ns),
+        reach(robot, body, LedLimits(robot.limits), trajectory.gather_s(),
+              parameters.law == ControlLaw::kEquilibrium),
         allocator(tendons, 2 * sections),
         estimator(robot, body, tables),
         guards(robot, parameters.guards, period_ns, body, tables),
@@ -151,7 +161,20 @@ struct Controller::Impl {
       }
       for (int j = 0; j < tendons; ++j)
         feedback.emplace_back(robot.actuation->tendons[j], robot.limits, gains, j, period_s);
+      if (parameters.shape_feedback) {
+        double friction_Nm = 0;  // of the motor that holds a section most
+        int j = 0;
+        for (const auto& section : robot.body.sections) {
+          for (const auto& route : section.tendons)
+            friction_Nm =
+                std::max(friction_Nm, route.radius_m * FrictionAtSpool(robot.actuation->tendons[j++]));
+        }
+        shape_feedback.emplace(body, kShapeFeedback / gains.bandwidth_radps, kShapeRest * friction_Nm,
+                               period_s);
+      }
     }
+    if (parameters.shape_feedback && !shape_feedback)
+      throw std::invalid_argument("controller.shape_feedback: on needs tension_feedback: on");
     if (parameters.tip_feedback) {
       if (!robot.actuation->tracker)
         throw std::invalid_argument("controller.tip_feedback: on needs actuation.tracker in the robot file");
@@ -221,11 +244,13 @@ struct Controller::Impl {
   Supervisor supervisor;
   model::InverseKinematics kinematics;
   Trajectory trajectory;
+  Reach reach;
   model::TensionAllocator allocator;
   std::vector<Compensation> compensation;
   Estimator estimator;
   Guards guards;
   EquilibriumLaw equilibrium;
+  std::optional<ShapeFeedback> shape_feedback;
   std::vector<DriveFeedForward> feed_forward;
   std::vector<TensionFeedback> feedback;  // a tendon; empty: off
   std::optional<TipFeedback> tip_feedback;
@@ -237,13 +262,14 @@ struct Controller::Impl {
   BendingVector goal_rad, goal_rate_radps;
   UnitVector q, dq, ddq, unit_force_Nm;
   TendonVector arc_shortening_m;
-  bool balanced = false;      // the equilibrium law had an answer in the last cycle
-  bool at_limit = false;      // ... which had a tendon at its greatest tension
-  double rotor_N = 0;         // the most that a rotor's acceleration took of a tendon in the last cycle
-  bool rests = false;         // nothing is led anywhere in this cycle
-  TendonVector led_N, led_m;  // where the tendons were led in the last cycle
-  TendonVector shown_m;       // displacement, in the last cycle
-  std::array<bool, kMaxTendons> lost{};                                 // tendons, after a fault
+  bool balanced = false;                 // the equilibrium law had an answer in the last cycle
+  bool at_limit = false;                 // ... which had a tendon at its greatest tension
+  double rotor_N = 0;                    // the most that a rotor's acceleration took of a tendon of late
+  bool switched = false;                 // tensions are commanded from this cycle on, or no more
+  bool rests = false;                    // nothing is led anywhere in this cycle
+  TendonVector led_N, led_m;             // where the tendons were led in the last cycle
+  TendonVector shown_m;                  // displacement, in the last cycle
+  std::array<bool, kMaxTendons> lost{};  // tendons, after a fault
   std::array<double, kMaxTendons> last_fed_back_Nm{}, fed_back_at_N{};  // last, and the tension wanted then
   std::array<double, kMaxTendons> permille_left_over{};  // of torque, by rounding to what the bus carries
   std::array<std::int16_t, kMaxTendons> sent_permille{};
@@ -560,6 +586,7 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       last_fed_back_Nm.fill(0);
       fed_back_at_N.fill(0);
       equilibrium.Reset();
+      if (shape_feedback) shape_feedback->Reset();
       break;
     case Mode::kPretension:
       guards.Restart();
@@ -600,7 +627,8 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
   output.target_tip_W_m.setConstant(std::numeric_limits<double>::quiet_NaN());
   const CommandKind before = source;
   if (supervisor.mode() == Mode::kRunning && target.kind != CommandKind::kNone) source = target.kind;
-  if (before == CommandKind::kTension && source != CommandKind::kTension && controls_shape()) {
+  switched = (before == CommandKind::kTension) != (source == CommandKind::kTension);
+  if (switched && source != CommandKind::kTension && controls_shape()) {
     trajectory.Reset(output.bending_estimate_rad);  // back from tension control: start where the robot is
     joined = false;
   }
@@ -636,6 +664,7 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
         Report(output, Status::kLimitedBending);
       }
     }
+    Report(output, reach.Limit(goal_rad));
     // How fast the goal itself moves; a goal that was replaced by a new command is a jump, not a motion.
     const bool continued =
         target.moving() && before == source && target.since_ns + period_s * 1e9 < input.time_ns;
@@ -644,7 +673,8 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
     } else if (!target.moving()) {
       goal_rate_radps.setZero();
     }
-    Report(output, trajectory.Advance(goal_rad, goal_rate_radps, target.speed_radps));
+    Report(output, trajectory.Advance(goal_rad, goal_rate_radps, target.speed_radps,
+                                      reach.Rate_radps(trajectory.followed(), target.moving())));
     if (target.moving() && input.time_ns - target.since_ns > target.valid_for_ns) {
       Report(output, Status::kCommandExpired);
     }
@@ -698,8 +728,19 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
                               joined && source != CommandKind::kTension, at_limit));
     shift_W_m = tip_feedback->shift_W_m();
   }
-  const Status status =
-      equilibrium.Solve(output.reference, output.tension_desired_base_N, LeastTension(), shift_W_m);
+  const BendingVector lacking_Nm =
+      shape_feedback ? shape_feedback->moment_Nm() : BendingVector::Zero(2 * sections);
+  if (source == CommandKind::kTension) {
+    // Friction follows the shape that the tensions make.
+    balanced = equilibrium.Follow(tension_N, lacking_Nm);
+    at_limit = false;
+    output.displacement_desired_m = led_m;
+    if (balanced) body.TendonShortening(equilibrium.q(), output.displacement_desired_m);
+    arc_shortening_m.setZero();
+    return;
+  }
+  const Status status = equilibrium.Solve(output.reference, output.tension_desired_base_N, LeastTension(),
+                                          shift_W_m, lacking_Nm);
   const bool answered = status != Status::kEquilibriumNotFound;
   if (answered != balanced) joined = false;
   balanced = answered;
@@ -708,6 +749,11 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
   if (!answered) return;
   output.tension_desired_base_N = equilibrium.tension_N();
   body.TendonShortening(equilibrium.q(), output.displacement_desired_m);
+  if (shape_feedback) {
+    Report(output, shape_feedback->Step(output.reference.position_rad, output.displacement_desired_m,
+                                        estimator.shortening_m(), force_per_tension,
+                                        equilibrium.SectionCompliance(), joined, at_limit));
+  }
   body.TendonForce(equilibrium.q(), equilibrium.tension_N(), unit_force_Nm);
   body.ProjectForce(unit_force_Nm, output.generalised_force_Nm);
 }
@@ -747,8 +793,11 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
       if (source == CommandKind::kTension) {
         const TendonVector wanted =
             gate.target().kind == CommandKind::kTension ? gate.target().tension_N : tension_N;
-        RampTensions(wanted.cwiseMax(robot.limits.min_tension_N));
-        if (wanted.minCoeff() < robot.limits.min_tension_N) Report(output, Status::kLimitedTensionMin);
+        const double least_N = robot.limits.min_tension_N,
+                     most_N = LedLimits(robot.limits).max_tension_base_N;
+        RampTensions(wanted.cwiseMax(least_N).cwiseMin(most_N));
+        if (wanted.minCoeff() < least_N) Report(output, Status::kLimitedTensionMin);
+        if (wanted.maxCoeff() > most_N) Report(output, Status::kLimitedTensionMax);
         joined = false;
       } else if (joined) {
         tension_N = output.tension_desired_base_N;
@@ -767,10 +816,10 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
   output.tension_desired_base_N = tension_N;
 }
 
-// Until the pulleys have slid through once, nobody knows what friction held them when the robot was armed; a
-// cell before them may differ by all that is open, and holding it to a guess would move the base off.
+// Until the pulleys have slid through, after arming or a reversal, nobody knows well what friction holds
+// them; a cell before them may differ by all that is open, and holding it to a guess would move the base off.
 double Controller::Impl::Unsure(int j, const DriveFeedForward::Result& wanted) const noexcept {
-  if (wanted.slid_through || !parameters.capstan_compensation) return 0;
+  if (!parameters.capstan_compensation) return 0;
   const double range_N = tables[j]->Pull(tension_N[j]) - tables[j]->Release(tension_N[j]);
   return 0.5 * (1 - std::abs(wanted.sliding)) * range_N;
 }
@@ -817,7 +866,7 @@ double Controller::Impl::Bounded(int j, double fed_back_Nm, double measured_N,
 }
 
 void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& output) noexcept {
-  const bool moving = controls_shape() && source != CommandKind::kTension;
+  const bool moving = controls_shape() && (uses_equilibrium ? !switched : source != CommandKind::kTension);
   double most_rotor_N = 0;
   for (int j = 0; j < tendons; ++j) {
     Compensation::Result r;
@@ -842,7 +891,7 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
     output.torque_desired_Nm[j] = r.torque_Nm;
     Report(output, r.status);
   }
-  rotor_N = most_rotor_N;
+  rotor_N = std::max(most_rotor_N, rotor_N - kRotorFades_Nps * period_s);
   shown_m = output.displacement_m;
   if (!output.torque_desired_Nm.allFinite()) {
     // Nothing may reach a drive that is not a number: release everything at once.
@@ -911,6 +960,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
     for (TensionFeedback& k : feedback) k.Remember(a);
     if (tip_feedback) tip_feedback->Remember(a);
     equilibrium.Remember(a);
+    if (shape_feedback) shape_feedback->Remember(a);
     a.Value(balanced);
     a.Value(at_limit);
     a.Value(rotor_N);

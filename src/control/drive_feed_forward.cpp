@@ -20,7 +20,6 @@ constexpr double kSlow_mps = 3e-4;
 // Losses of gear and motor change by no more in a cycle than this share of the drive's rated torque, 35 uNm
 // here: a sixth of what the motor's own dry friction holds; in fast motion by so many times more.
 constexpr double kLossStep = 0.005, kFastestLoss = 7;
-constexpr double kSlidThrough = 0.999;
 
 }  // namespace
 
@@ -60,7 +59,6 @@ void DriveFeedForward::Reset(double tension_base_N, double shortening_m) noexcep
   dahl_.Reset(pull_m / travel_m_);
   friction_N_ = MotorTension(tension_base_N, shortening_m, max_tension_motor_N_, true) - tension_base_N;
   loss_Nm_ = 0;
-  slid_through_ = false;
   still_ = true;
 }
 
@@ -152,8 +150,6 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   arc_m_ = arc_m;
   if (!moving) arc_rate_mps_ = 0;
 
-  slid_through_ = slid_through_ || std::abs(r.sliding) > kSlidThrough;
-  r.slid_through = slid_through_;
   r.motor_velocity_radps = rate_mps / travel_m_;
   r.load_torque_per_N = travel_m_ * std::pow(efficiency_, -gear);
   const double zeta_rate =
@@ -189,7 +185,6 @@ void DriveFeedForward::Remember(StateArchive& a) noexcept {
   a.Value(arc_rate_mps_);
   a.Value(loss_Nm_);
   a.Value(friction_N_);
-  a.Value(slid_through_);
   a.Value(still_);
 }
 

@@ -31,6 +31,8 @@ EquilibriumLaw::EquilibriumLaw(const model::Body& body, const LimitParameters& l
       dq_(q_),
       ddq_(q_),
       residual_(q_),
+      pulled_(q_),
+      lacking_Nm_(BendingVector::Zero(2 * body.sections())),
       pose_(body.units()),
       goal_W_m_(body.sections()),
       stiffness_(body.dof(), body.dof()),
@@ -43,7 +45,9 @@ EquilibriumLaw::EquilibriumLaw(const model::Body& body, const LimitParameters& l
       factor_(body.dof()) {}
 
 Status EquilibriumLaw::Solve(const BendingReference& reference, const TendonVector& arc_tension_N,
-                             double least_N, const Eigen::Vector3d& tip_shift_W_m) noexcept {
+                             double least_N, const Eigen::Vector3d& tip_shift_W_m,
+                             const BendingVector& lacking_Nm) noexcept {
+  lacking_Nm_ = lacking_Nm;
   min_tension_N_ = std::clamp(least_N, robot_min_tension_N_, max_tension_N_);
   body_.SpreadBending(reference.position_rad, arc_q_);
   body_.SpreadBending(reference.velocity_radps, dq_);
@@ -77,6 +81,7 @@ bool EquilibriumLaw::Step(double& size_rad) noexcept {
     return false;
   }
   body_.InverseDynamics(q_, dq_, ddq_, residual_, workspace_);
+  Add(lacking_Nm_, residual_);
   body_.TendonLengthJacobian(q_, lengths_);
   for (int j = 0; j < m; ++j) solved_.col(j) = -lengths_.row(j).transpose();
   solved_.col(m) = -residual_;
@@ -102,6 +107,49 @@ bool EquilibriumLaw::Step(double& size_rad) noexcept {
   tension_N_ += share * change_N;
   status_ = allocated.status;
   return true;
+}
+
+void EquilibriumLaw::Add(const BendingVector& section_Nm, UnitVector& unit_Nm) const noexcept {
+  for (int k = 0; k < body_.sections(); ++k) {
+    for (int i = body_.first_unit(k); i < body_.end_unit(k); ++i)
+      unit_Nm.segment<2>(2 * i) += section_Nm.segment<2>(2 * k);
+  }
+}
+
+BendingMatrix EquilibriumLaw::SectionCompliance() noexcept {
+  const int k2 = 2 * body_.sections();
+  BendingMatrix compliance(k2, k2);
+  BendingVector moment_Nm = BendingVector::Zero(k2), bend_rad(k2);
+  for (int i = 0; i < k2; ++i) {
+    moment_Nm[i] = 1;
+    pulled_.setZero();
+    Add(moment_Nm, pulled_);
+    factor_.solveInPlace(pulled_);
+    body_.SumBending(pulled_, bend_rad);
+    compliance.col(i) = bend_rad;
+    moment_Nm[i] = 0;
+  }
+  return compliance;
+}
+
+bool EquilibriumLaw::Follow(const TendonVector& tension_N, const BendingVector& lacking_Nm) noexcept {
+  if (!warm_) q_.setZero();
+  for (int i = 0; i < kMaxIterations; ++i) {
+    body_.TangentStiffness(q_, tension_N, Eigen::Vector3d::Zero(), stiffness_);
+    factor_.compute(stiffness_);
+    if (factor_.info() != Eigen::Success) return false;
+    body_.StaticForce(q_, Eigen::Vector3d::Zero(), residual_);
+    Add(lacking_Nm, residual_);
+    body_.TendonForce(q_, tension_N, pulled_);
+    residual_ -= pulled_;
+    factor_.solveInPlace(residual_);
+    const double size_rad = residual_.lpNorm<Eigen::Infinity>();
+    if (!std::isfinite(size_rad)) return false;
+    q_ -= (size_rad > kLongest_rad ? kLongest_rad / size_rad : 1) * residual_;
+    if (size_rad <= kSettled_rad) break;
+  }
+  tension_N_ = tension_N;
+  return warm_ = true;
 }
 
 // Rows W_k of the position Jacobian of each section's end, and what is missing to the goals along them.

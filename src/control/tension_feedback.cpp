@@ -62,12 +62,14 @@ double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, c
   }
   counts_ = feedback.position_counts;
   const double off_N = then.cell_N - measured_N;
-  const double sure_N = std::copysign(std::max(0.0, std::abs(off_N) - then.unsure_N), off_N);
+  // Whatever friction does, a tendon without a pull has too little.
+  const bool slack = measured_N < kSlackShare * then.cell_N;
+  const double unsure_N = slack ? 0 : then.unsure_N;
+  const double sure_N = std::copysign(std::max(0.0, std::abs(off_N) - unsure_N), off_N);
   error_N_ += cell_share_ * (sure_N - error_N_);
   const double velocity_radps = moved * rad_per_count_ / period_s_;
   velocity_error_radps_ +=
       velocity_share_ * (then.motor_velocity_radps - velocity_radps - velocity_error_radps_);
-  const bool slack = measured_N < kSlackShare * then.cell_N;
   // At rest dry friction holds any torque within it; an integral that grew against it would push the robot
   // off as soon as the motion turns, or let it hunt.
   const bool rests = then.rests && !slack && std::abs(error_N_) < rest_band_N_;

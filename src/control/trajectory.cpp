@@ -68,7 +68,7 @@ void Trajectory::Reset(const BendingVector& bending_rad) noexcept {
 }
 
 Status Trajectory::Advance(const BendingVector& goal_rad, const BendingVector& goal_rate_radps,
-                           double speed_radps) noexcept {
+                           double speed_radps, double most_radps) noexcept {
   // One factor for all sections, so that they arrive together and a move is straight in (us, vs).
   const BendingVector gap = goal_rad - (followed_ + goal_rate_radps * period_s_);
   double largest_gap = 0;
@@ -80,9 +80,11 @@ Status Trajectory::Advance(const BendingVector& goal_rad, const BendingVector& g
   double largest_step = 0;
   for (int k = 0; k < sections_; ++k) largest_step = std::max(largest_step, step.segment<2>(2 * k).norm());
   Status status = Status::kOk;
-  if (largest_step > max_rate_radps_ * period_s_ * (1 + 1e-12)) {
-    step *= max_rate_radps_ * period_s_ / largest_step;
-    status = Status::kLimitedBendingRate;
+  const bool slowed = most_radps < max_rate_radps_;
+  if (!slowed) most_radps = max_rate_radps_;
+  if (largest_step > most_radps * period_s_ * (1 + 1e-12)) {
+    step *= most_radps * period_s_ / largest_step;
+    status = slowed ? Status::kSlowedByTension : Status::kLimitedBendingRate;
   }
   // A goal that moves outwards takes along what is still ahead of it. The averages stay where what they
   // average does.

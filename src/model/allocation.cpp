@@ -258,16 +258,23 @@ TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen
 }
 
 void SectionForcePerTension(const Body& body, const BendingVector& us_vs, MatrixRef jacobian) noexcept {
-  UnitVector q(body.dof()), force(body.dof());
+  UnitVector q(body.dof());
   body.SpreadBending(us_vs, q);
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, 2 * kMaxUnits> length(body.tendons(),
                                                                                               body.dof());
   body.TendonLengthJacobian(q, length);
-  BendingVector section(2 * body.sections());
-  for (int j = 0; j < body.tendons(); ++j) {
-    force = -length.row(j).transpose();
-    body.ProjectForce(force, section);
-    jacobian.col(j) = section;
+  // As ProjectForce does with the force -dL_j/dq of a unit tension.
+  for (int k = 0; k < body.sections(); ++k) {
+    const int first = body.first_unit(k), units = body.end_unit(k) - first;
+    for (int j = 0; j < body.tendons(); ++j) {
+      double u = 0, v = 0;
+      for (int i = first; i < first + units; ++i) {
+        u -= length(j, 2 * i);
+        v -= length(j, 2 * i + 1);
+      }
+      jacobian(2 * k, j) = u / units;
+      jacobian(2 * k + 1, j) = v / units;
+    }
   }
 }
 

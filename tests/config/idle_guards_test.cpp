@@ -108,10 +108,12 @@ TEST(IdleGuards, WhatIsSuggestedCanTrip) {
 TEST(IdleGuards, AMarginBeyondWhatTheCellShows) {
   const DaemonParameters daemon = LoadDaemon(ConfigPath("tendrild.yaml"));
   RobotParameters robot = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
-  robot.actuation->tendons[1].load_cell.gain_VpN = 0.95;  // 10 V are 10.5 N, of 11 N that are a fault
+  robot.actuation->tendons[1].load_cell.gain_VpN = 1.1;  // 10 V are 9.09 N; 8.8 N at the base are a fault
+  EXPECT_THAT(IdleGuards(daemon, robot, ConfigPath("tendrild.yaml")), IsEmpty());
+  robot.actuation->tendons[1].load_cell.gain_VpN = 1.2;
   EXPECT_THAT(IdleGuards(daemon, robot, ConfigPath("tendrild.yaml")),
               ElementsAre(AllOf(HasSubstr("controller.guards.tension_margin: 0.1 cannot trip"),
-                                HasSubstr("tendon 2 shows no more than 10.5 N"))));
+                                HasSubstr("tendon 2 shows no more than 8.33 N"))));
 }
 
 }  // namespace

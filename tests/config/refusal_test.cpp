@@ -275,8 +275,8 @@ TEST_P(EveryKey, DamageIsFoundWhereItIs) {
     EXPECT_THAT(MessageOf(file, WithLine(yaml, line.number, twice)),
                 StartsWith("some.yaml:" + std::to_string(line.number + 1) + ": "));
     const std::string missing = MessageOf(file, WithLine(yaml, line.number, ""));
-    static const std::set<std::string> kMayBeLeftOut{"tension_feedback", "tip_feedback", "look_ahead",
-                                                     "max_torque_error_N"};
+    static const std::set<std::string> kMayBeLeftOut{"tension_feedback", "shape_feedback", "tip_feedback",
+                                                     "look_ahead", "max_torque_error_N"};
     if (line.key == "exchanged_drives") {
       // May be left out as well, and is strict then.
       EXPECT_TRUE(ParseDaemon(WithLine(yaml, line.number, ""), "left out").exchanged_drives_refused);
@@ -393,6 +393,43 @@ TEST_F(Scratch, RobotOfADaemonIsLookedForBesideIt) {
   std::filesystem::create_directory(dir_ / "robots");
   Write("robots/rig_60mm.yaml", ReadText(ConfigPath("robots/rig_60mm.yaml")));
   EXPECT_EQ(LoadDaemon(path).robot_file, (dir_ / "robots/rig_60mm.yaml").string());
+}
+
+// ---- what the controller's keys say of each other
+
+TEST(RefusedController, KeysThatDoNotGoTogether) {
+  const std::string path = ConfigPath("tendrild.yaml");
+  const std::string text = Edited(ReadText(path), "robot: robots/", "robot: " + ConfigPath("robots/"));
+  struct Wrong {
+    std::vector<std::pair<const char*, const char*>> edits;
+    const char* message;
+  };
+  const Wrong wrong[] = {
+      {{{"tension_feedback: off", "tension_feedback: on"}},
+       "controller.tension_feedback: on without what it corrects; accepted: off, or law: equilibrium"},
+      {{{"law: paper", "law: equilibrium"}, {"shape_feedback: off", "shape_feedback: on"}},
+       "controller.shape_feedback: on without the damping that it needs; accepted: off, or tension_feedback"},
+      {{{"law: paper", "law: equilibrium"}, {"tip_feedback: off", "tip_feedback: on"}},
+       "controller.tip_feedback: on without the damping that it needs; accepted: off, or tension_feedback"},
+      {{{"default_speed_radps: 0.5", "default_speed_radps: 9"}},
+       "controller.trajectory.default_speed_radps: 9 is faster than max_rate_radps allows; accepted: up to "
+       "8"},
+      {{{"max_acceleration_radps2: 160.0", "max_acceleration_radps2: 1.0"}},
+       "controller.trajectory.max_acceleration_radps2: 1 takes 16 s"},
+      {{{"max_jerk_radps3: 8000.0", "max_jerk_radps3: 10.0"}},
+       "controller.trajectory.max_jerk_radps3: 10 takes 32 s"},
+  };
+  for (const Wrong& w : wrong) {
+    std::string edited = text;
+    for (const auto& [from, to] : w.edits) edited = Edited(edited, from, to);
+    EXPECT_THAT(ErrorOf([&] { ParseDaemon(edited, "some.yaml"); }), HasSubstr(w.message));
+  }
+  std::string all =
+      Edited(Edited(text, "law: paper", "law: equilibrium"), "tension_feedback: off", "tension_feedback: on");
+  all = Edited(Edited(all, "shape_feedback: off", "shape_feedback: on"), "tip_feedback: off",
+               "tip_feedback: on");
+  const ControllerParameters c = ParseDaemon(all, "some.yaml").controller;
+  EXPECT_TRUE(c.tension_feedback && c.shape_feedback && c.tip_feedback);
 }
 
 // ---- two files that do not fit each other

@@ -168,6 +168,7 @@ TEST(Shipped, Daemon) {
             std::filesystem::path(ConfigPath("robots/rig_60mm.yaml")).lexically_normal());
   EXPECT_EQ(d.controller.law, ControlLaw::kPaper);
   EXPECT_FALSE(d.controller.tension_feedback);
+  EXPECT_FALSE(d.controller.shape_feedback);
   EXPECT_FALSE(d.controller.tip_feedback);
   EXPECT_TRUE(d.controller.trajectory.look_ahead);
   EXPECT_TRUE(d.controller.capstan_compensation);

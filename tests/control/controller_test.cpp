@@ -168,6 +168,78 @@ TEST(Controller, TensionCommandIsFollowedAtTheRampAndReturnsSmoothly) {
   EXPECT_NEAR(loop.output.tension_desired_base_N.minCoeff(), loop.robot.limits.min_tension_N, 1e-9);
 }
 
+// What tensions cannot hold is brought back before anything is led there, and no motion is led faster than
+// its rotors' share of tension allows; both are said.
+TEST(Controller, GoalsAndRatesAreWithinWhatTensionsGive) {
+  for (const ControlLaw law : {ControlLaw::kPaper, ControlLaw::kEquilibrium}) {
+    ControllerParameters parameters = kParameters;
+    parameters.law = law;
+    parameters.guards.max_slack_s = 60;
+    IdealLoop loop(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml"), parameters);
+    loop.RunUntilRunning();
+    Command far = loop.Bending(2.5, 0);
+    far.speed_radps = 8;
+    loop.Step(far);
+    int slowed = 0;
+    double fastest = 0, before = 0;
+    for (int i = 0; i < 8000; ++i) {
+      loop.Step();
+      slowed += loop.output.status == Status::kSlowedByTension;
+      const BendingReference& r = loop.output.reference;
+      fastest = std::max(fastest, r.velocity_radps.norm());
+      EXPECT_LE(r.position_rad[0], loop.output.target_bending_rad[0] + 1e-9);
+      EXPECT_GE(r.position_rad[0], before - 1e-9);
+      before = r.position_rad[0];
+    }
+    EXPECT_EQ(loop.output.mode, Mode::kRunning) << StatusText(loop.output.status);
+    EXPECT_EQ(loop.output.status, Status::kLimitedTensionMax);
+    EXPECT_GT(slowed, 50);
+    EXPECT_LT(loop.output.target_bending_rad[0], 2.2);
+    EXPECT_GT(loop.output.target_bending_rad[0], 1.6);
+    EXPECT_LT(loop.output.tension_desired_base_N.maxCoeff(), 8);
+    if (law == ControlLaw::kPaper) {
+      EXPECT_LT(fastest, 2);
+    } else {
+      EXPECT_GT(fastest, 5);
+    }
+  }
+}
+
+TEST(Controller, CommandedTensionsStopAtTheShareThatShapesHave) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  Command c = loop.Make(CommandKind::kTension);
+  c.tension_N = TendonVector::Constant(3, 8);
+  loop.Step(c);
+  loop.Run(5000);
+  EXPECT_NEAR(loop.output.tension_desired_base_N.maxCoeff(), kLedShare * 8, 1e-9);
+  EXPECT_EQ(loop.output.status, Status::kLimitedTensionMax);
+}
+
+// With or without feedback of the tip: a tracker that the tendons contradict is told after half a second.
+TEST(Controller, ATrackerThatDisagreesIsToldUnderEveryLaw) {
+  for (const ControlLaw law : {ControlLaw::kPaper, ControlLaw::kEquilibrium}) {
+    ControllerParameters parameters = kParameters;
+    parameters.law = law;
+    IdealLoop loop(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml"), parameters);
+    loop.RunUntilRunning();
+    const auto told = [&](double off_m, int cycles) {
+      int count = 0;
+      for (int i = 0; i < cycles; ++i) {
+        loop.input.tracker.valid = i % 10 == 0;
+        loop.input.tracker.time_ns = loop.input.time_ns + kNsPerMs;
+        loop.input.tracker.tip_W_m = loop.output.tip_estimate_W_m + Eigen::Vector3d(off_m, 0, 0);
+        count += loop.Step().status == Status::kTrackerDisagrees;
+      }
+      return count;
+    };
+    EXPECT_EQ(told(0.005, 1000), 0) << "a tenth of 60 mm is not reached";
+    EXPECT_EQ(told(0.007, 500), 0);
+    EXPECT_GT(told(0.007, 500), 450);
+    EXPECT_EQ(told(0, 500), 0);
+  }
+}
+
 TEST(Controller, NotANumberIsRefusedAndNothingMoves) {
   IdealLoop loop;
   loop.RunUntilRunning();

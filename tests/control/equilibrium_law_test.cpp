@@ -44,6 +44,11 @@ Eigen::Vector3d ArcTip(const model::Body& body, const BendingVector& bend) {
   return body.TipPose(q).p_WA;
 }
 
+Status Solve(EquilibriumLaw& law, const BendingReference& reference, const TendonVector& arc_N,
+             double least_N, const Eigen::Vector3d& shift_W_m = Eigen::Vector3d::Zero()) {
+  return law.Solve(reference, arc_N, least_N, shift_W_m, 0 * reference.position_rad);
+}
+
 // The body's real equilibrium at the law's tensions, followed from zero load by another solver, has its tip
 // where the arc's is, but for what stands at right angles to every motion of the tip.
 TEST(EquilibriumLaw, TheTrueEquilibriumHasItsTipOnTarget) {
@@ -56,8 +61,7 @@ TEST(EquilibriumLaw, TheTrueEquilibriumHasItsTipOnTarget) {
         BendingVector us_vs(2);
         us_vs << bend * std::cos(plane), bend * std::sin(plane);
         const TendonVector arc_N = ArcTension(body, robot, us_vs);
-        ASSERT_EQ(law.Solve(At(us_vs), arc_N, robot.limits.min_tension_N, Eigen::Vector3d::Zero()),
-                  Status::kOk)
+        ASSERT_EQ(Solve(law, At(us_vs), arc_N, robot.limits.min_tension_N), Status::kOk)
             << name << " " << bend;
         const auto truth = model::SolveStatics(body, law.tension_N(), Eigen::Vector3d::Zero());
         ASSERT_EQ(truth.result, model::StaticsResult::kConverged);
@@ -88,7 +92,7 @@ TEST(EquilibriumLaw, BringsTheEndOfEverySectionThere) {
   BendingVector us_vs(4);
   us_vs << 0.4, -0.2, -0.3, 0.5;
   const TendonVector arc_N = ArcTension(body, robot, us_vs);
-  ASSERT_EQ(law.Solve(At(us_vs), arc_N, robot.limits.min_tension_N, Eigen::Vector3d::Zero()), Status::kOk);
+  ASSERT_EQ(Solve(law, At(us_vs), arc_N, robot.limits.min_tension_N), Status::kOk);
   const auto truth = model::SolveStatics(body, law.tension_N(), Eigen::Vector3d::Zero());
   const auto arc = model::SolveStatics(body, arc_N, Eigen::Vector3d::Zero());
   ASSERT_EQ(truth.result, model::StaticsResult::kConverged);
@@ -111,10 +115,10 @@ TEST(EquilibriumLaw, AShiftOfTheGoalMovesTheTip) {
   BendingVector us_vs(2);
   us_vs << 0.8, 0.3;
   const TendonVector arc_N = ArcTension(body, robot, us_vs);
-  ASSERT_EQ(law.Solve(At(us_vs), arc_N, robot.limits.min_tension_N, Eigen::Vector3d::Zero()), Status::kOk);
+  ASSERT_EQ(Solve(law, At(us_vs), arc_N, robot.limits.min_tension_N), Status::kOk);
   const Eigen::Vector3d before = body.TipPose(law.q()).p_WA;
   const Eigen::Vector3d along = Eigen::Vector3d(-0.3, 0.8, 0).normalized();  // across the bending plane
-  ASSERT_EQ(law.Solve(At(us_vs), arc_N, robot.limits.min_tension_N, 1e-3 * along), Status::kOk);
+  ASSERT_EQ(Solve(law, At(us_vs), arc_N, robot.limits.min_tension_N, 1e-3 * along), Status::kOk);
   EXPECT_NEAR((body.TipPose(law.q()).p_WA - before).dot(along), 1e-3, 2e-5);
 }
 
@@ -126,14 +130,50 @@ TEST(EquilibriumLaw, MoreTensionInEveryTendonLeavesTheTipWhereItIs) {
   BendingVector us_vs(2);
   us_vs << 0.8, 0.3;
   const TendonVector arc_N = ArcTension(body, robot, us_vs);
-  ASSERT_EQ(law.Solve(At(us_vs), arc_N, 0.3, Eigen::Vector3d::Zero()), Status::kOk);
+  ASSERT_EQ(Solve(law, At(us_vs), arc_N, 0.3), Status::kOk);
   const Eigen::Vector3d before = body.TipPose(law.q()).p_WA;
   EXPECT_NEAR(law.tension_N().minCoeff(), 0.3, 1e-9);
-  ASSERT_EQ(law.Solve(At(us_vs), arc_N, 0.9, Eigen::Vector3d::Zero()), Status::kOk);
+  ASSERT_EQ(Solve(law, At(us_vs), arc_N, 0.9), Status::kOk);
   EXPECT_NEAR(law.tension_N().minCoeff(), 0.9, 1e-9);
   EXPECT_LT((body.TipPose(law.q()).p_WA - before).norm(), 2e-5);
-  ASSERT_EQ(law.Solve(At(us_vs), arc_N, 0, Eigen::Vector3d::Zero()), Status::kOk);
+  ASSERT_EQ(Solve(law, At(us_vs), arc_N, 0), Status::kOk);
   EXPECT_NEAR(law.tension_N().minCoeff(), robot.limits.min_tension_N, 1e-9) << "never below the robot's own";
+}
+
+// A moment that the model lacks, here that of a backbone a fifth stiffer: with it the tensions are those of
+// the stiffer robot.
+TEST(EquilibriumLaw, AMomentThatTheModelLacksMakesItTheOtherRobot) {
+  const RobotParameters robot = Rig("rig_60mm");
+  RobotParameters stiffer = robot;
+  stiffer.body.sections[0].youngs_modulus_Pa *= 1.2;
+  const model::Body body(robot.body), other(stiffer.body);
+  EquilibriumLaw law(body, robot.limits), true_law(other, robot.limits);
+  BendingVector us_vs(2);
+  us_vs << 0.8, 0.3;
+  const TendonVector arc_N = ArcTension(body, robot, us_vs);
+  ASSERT_EQ(Solve(true_law, At(us_vs), arc_N, 0.3), Status::kOk);
+  const BendingVector lacking_Nm = 0.2 * body.unit_stiffness_Nm(0) / body.units() * us_vs;
+  ASSERT_EQ(law.Solve(At(us_vs), arc_N, 0.3, Eigen::Vector3d::Zero(), lacking_Nm), Status::kOk);
+  EXPECT_LT((law.tension_N() - true_law.tension_N()).cwiseAbs().maxCoeff(), 0.01) << "of some 3 N";
+}
+
+// The shape that commanded tensions make, with the tensions led up as the controller does.
+TEST(EquilibriumLaw, FollowsCommandedTensions) {
+  for (const char* name : {"rig_60mm", "two_section"}) {
+    const RobotParameters robot = Rig(name);
+    const model::Body body(robot.body);
+    EquilibriumLaw law(body, robot.limits);
+    const BendingVector none = BendingVector::Zero(2 * body.sections());
+    TendonVector tension_N = TendonVector::Constant(body.tendons(), 0.3);
+    for (int i = 0; i < 1000; ++i) {
+      tension_N[1] += 0.002;
+      ASSERT_TRUE(law.Follow(tension_N, none));
+    }
+    const auto truth = model::SolveStatics(body, tension_N, Eigen::Vector3d::Zero());
+    ASSERT_EQ(truth.result, model::StaticsResult::kConverged);
+    EXPECT_LT((truth.q - law.q()).cwiseAbs().maxCoeff(), 1e-6) << name;
+    EXPECT_GT(truth.q.norm(), 0.1);
+  }
 }
 
 // A body that its own weight buckles has no stable upright shape that tensions could hold.
@@ -144,8 +184,7 @@ TEST(EquilibriumLaw, SaysWhenThereIsNoStableShape) {
   EquilibriumLaw law(body, robot.limits);
   const BendingVector us_vs = BendingVector::Zero(2);
   const TendonVector arc_N = TendonVector::Constant(3, robot.limits.min_tension_N);
-  EXPECT_EQ(law.Solve(At(us_vs), arc_N, robot.limits.min_tension_N, Eigen::Vector3d::Zero()),
-            Status::kEquilibriumNotFound);
+  EXPECT_EQ(Solve(law, At(us_vs), arc_N, robot.limits.min_tension_N), Status::kEquilibriumNotFound);
 }
 
 ControllerParameters Equilibrium(bool feedback) {
@@ -166,9 +205,7 @@ TEST(EquilibriumLaw, OneOrTwoStepsACycleSuffice) {
     p << std::cos(w * t), std::sin(w * t);
     v << -w * std::sin(w * t), w * std::cos(w * t);
     a = -w * w * p;
-    ASSERT_EQ(
-        law.Solve({p, v, a}, ArcTension(body, robot, p), robot.limits.min_tension_N, Eigen::Vector3d::Zero()),
-        Status::kOk);
+    ASSERT_EQ(Solve(law, {p, v, a}, ArcTension(body, robot, p), robot.limits.min_tension_N), Status::kOk);
     if (i > 0) steps = std::max(steps, law.iterations());
   }
   EXPECT_LE(steps, 2) << "on a circle at 1 Hz";

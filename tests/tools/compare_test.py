@@ -42,12 +42,12 @@ class Laws(unittest.TestCase):
 
     def test_no_limit_is_exceeded_where_laws_and_plants_are_at_odds_and_after_a_fault(self):
         with tempfile.TemporaryDirectory() as folder:
-            done = run("--trajectory", "fast_circle", "--on", "stiffness", "--on", "stretch", "--no-plots", "--json",
+            done = run("--trajectory", "fast_circle", "--on", "stiffness", "--on", "friction", "--no-plots", "--json",
                        "--out", folder)
         self.assertEqual(done.returncode, 0, done.stderr)
         runs = json.loads(done.stdout)["trajectories"][0]["runs"]
-        self.assertEqual(len(runs), 8)
-        self.assertIsNotNone(next(r for r in runs if r["law"] == "paper")["fault"])
+        self.assertEqual(len(runs), 10)
+        self.assertIsNotNone(next(r for r in runs if r["law"] == "equilibrium" and r["plant"] == "friction")["fault"])
         for r in runs:
             self.assertEqual(max(r["limit_excess"].values()), 0, (r["law"], r["limit_excess"]))
 

@@ -210,7 +210,7 @@ TEST(Experiments, AFaultEndsTheRunWithItsData) {
   ExperimentOptions options = Nominal("rig_90mm.yaml", 1);
   options.plant_robot.effects.push_back(
       sim::ParseEffect("cell_offset where=tendon:1 N=2", options.plant_robot));
-  options.controller_robot.limits.max_tension_motor_N = 6;
+  options.controller_robot.limits.max_tension_motor_N = 5.5;
   options.plant_robot.limits = options.controller_robot.limits;
   const ExperimentSet set = RunSet(OnePlan(Short("triangle", 8)), options, nullptr, {});
   EXPECT_NE(set.trouble.find("triangle"), std::string::npos);

@@ -102,6 +102,16 @@ TEST_F(FollowLive, WhatCannotBeFollowedMovesNothing) {
   EXPECT_EQ(Follow("circle --robot " TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"), 1);
   EXPECT_TRUE(OneLine());
   EXPECT_THAT(error_, HasSubstr("not the daemon's robot"));
+  // Another sender's clock is half a minute ahead: everything that follows comes too late.
+  Command early;
+  early.kind = CommandKind::kBending;
+  early.bending_rad = BendingVector::Zero(2);
+  early.sequence = io::SequenceFromTime() + 3'000'000;
+  early.valid_for_ns = kNsPerS;
+  client_->Send(early, 0);
+  EXPECT_EQ(Follow("via --bend 0.5,0 --bend 0,0.5"), 1);
+  EXPECT_TRUE(OneLine());
+  EXPECT_THAT(error_, HasSubstr("the daemon refuses these commands: command refused: sequence number"));
   Watch(nullptr);
   EXPECT_EQ(moved, 0);
 }

@@ -32,7 +32,7 @@ constexpr double kStep_s = 0.005;
 constexpr double kRestAfter_s = 0.3;
 // Of the robot's limits, what an experiment asks for: the rest is for overshoot and for a robot that differs
 // from its file.
-constexpr double kBaseShare = 0.75, kMotorShare = 0.9, kCommandShare = 0.95, kBendingShare = 0.95;
+constexpr double kBaseShare = 0.75, kMotorShare = 0.9, kCommandShare = 0.9, kBendingShare = 0.95;
 constexpr double kRateShare = 0.8;
 // Tension below which quick motions never let a tendon go, of the largest: a motor that pays out must not
 // overrun its tendon.

@@ -84,10 +84,15 @@ constexpr Law kLaws[] = {
        p.law = ControlLaw::kEquilibrium;
        p.tension_feedback = true;
      }},
-    {"tip", "law: equilibrium, tension_feedback: on, tip_feedback: on",
+    {"shape", "law: equilibrium, tension_feedback: on, shape_feedback: on",
      [](ControllerParameters& p) {
        p.law = ControlLaw::kEquilibrium;
-       p.tension_feedback = p.tip_feedback = true;
+       p.tension_feedback = p.shape_feedback = true;
+     }},
+    {"tip", "law: equilibrium, tension_feedback: on, shape_feedback: on, tip_feedback: on",
+     [](ControllerParameters& p) {
+       p.law = ControlLaw::kEquilibrium;
+       p.tension_feedback = p.shape_feedback = p.tip_feedback = true;
      }},
 };
 

@@ -32,7 +32,6 @@ class DriveFeedForward {
     double rotor_N = 0;               // tension that accelerates the rotor
     double unloaded_Nm = 0;           // of torque_Nm: what the rotor's motion takes, without any tension
     double load_torque_per_N = 0;     // at the motor, per motor-side tension, in the present direction
-    bool slid_through = false;        // the pulleys, since Reset: their memory is that of the motion alone
   };
 
   /// One cycle. `arc_m` is the shortening of the reference's arcs, whose second derivative a'' is: that of d
@@ -60,8 +59,7 @@ class DriveFeedForward {
   double shortening_m_ = 0, tension_base_N_ = 0, arc_m_ = 0, arc_rate_mps_ = 0;  // of the last step
   double friction_N_ = 0;  // motor tension less base tension
   double loss_Nm_ = 0;     // torque of gear and motor friction
-  bool slid_through_ = false;
-  bool still_ = true;  // there is no last step to take rates from
+  bool still_ = true;      // there is no last step to take rates from
 };
 
 }  // namespace tendril::control

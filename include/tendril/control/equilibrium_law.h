@@ -17,29 +17,35 @@ namespace tendril::control {
 class StateArchive;
 
 /// Unknown unit angles q and tensions T with
-///   balance(q, dq, ddq) = -sum_j T_j dL_j/dq                      (every unit's equation of motion),
+///   balance(q, dq, ddq) + m_k = -sum_j T_j dL_j/dq                (every unit's equation of motion),
 ///   W_k(q) (p_k(q) - p_k(arc)) = 0 for the end p_k of each section,   T_min <= T <= T_max,
 /// and least sum (T - T_min)^2. The two rows of W_k span the plane in which the section's own bending moves
 /// its end: a section with two bending freedoms cannot do more, and what is left over stands at right angles
 /// to them, so the end is the nearest that bending reaches. dq and ddq are the reference's, shared equally by
-/// a section's units.
+/// a section's units, m_k a bending moment along section k that the balance lacks.
 class EquilibriumLaw {
  public:
   /// `body` outlives this object. Allocates all it needs.
   EquilibriumLaw(const model::Body& body, const LimitParameters& limits);
 
   /// One cycle. `least_N` is the least tension now, at least the robot's own; `tip_shift_W_m` moves the goal
-  /// of the last section's end. The first call, and each after one that failed, starts from the arc and
-  /// `arc_tension_N`. kOk or kLimitedTensionMax: q() and tension_N() are the answer; kEquilibriumNotFound: no
-  /// stable shape within the bounded iterations, the caller uses its own.
+  /// of the last section's end, `lacking_Nm` is m_k. The first call, and each after one that failed, starts
+  /// from the arc and `arc_tension_N`. kOk or kLimitedTensionMax: q() and tension_N() are the answer;
+  /// kEquilibriumNotFound: no stable shape within the bounded iterations, the caller uses its own.
   Status Solve(const BendingReference& reference, const TendonVector& arc_tension_N, double least_N,
-               const Eigen::Vector3d& tip_shift_W_m) noexcept;
+               const Eigen::Vector3d& tip_shift_W_m, const BendingVector& lacking_Nm) noexcept;
+  /// Instead, while tensions are commanded: the resting shape that they make, from the last one. False where
+  /// there is none that is stable near it; the shape stays.
+  bool Follow(const TendonVector& tension_N, const BendingVector& lacking_Nm) noexcept;
 
   const UnitVector& q() const noexcept { return q_; }
   const TendonVector& tension_N() const noexcept { return tension_N_; }
   /// Unit vectors that span the plane in which the last section moves the tip, at the last Solve's shape.
   const Eigen::Vector3d& tip_u() const noexcept { return tip_u_; }
   const Eigen::Vector3d& tip_v() const noexcept { return tip_v_; }
+  /// 2K x 2K: by how much the sections bend for a moment along each, tensions as they are, at the last
+  /// Solve's shape [rad/(N·m)].
+  BendingMatrix SectionCompliance() noexcept;
   /// Newton steps of the last Solve.
   int iterations() const noexcept { return iterations_; }
 
@@ -49,6 +55,7 @@ class EquilibriumLaw {
 
  private:
   bool Step(double& size_rad) noexcept;
+  void Add(const BendingVector& section_Nm, UnitVector& unit_Nm) const noexcept;
   void Goals() noexcept;
 
   const model::Body& body_;
@@ -63,7 +70,8 @@ class EquilibriumLaw {
   double min_tension_N_;
   int iterations_ = 0;
   Status status_ = Status::kOk;
-  UnitVector arc_q_, dq_, ddq_, residual_;
+  UnitVector arc_q_, dq_, ddq_, residual_, pulled_;
+  BendingVector lacking_Nm_;
   std::vector<model::Pose> pose_;
   std::vector<Eigen::Vector3d> goal_W_m_;  // a section
   Eigen::Vector3d tip_u_{1, 0, 0}, tip_v_{0, 1, 0};

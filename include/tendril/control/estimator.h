@@ -33,6 +33,9 @@ class Estimator {
   /// with h half the tension between pulling and paying out. What the robot file has wrong is not in it.
   void Step(const CycleInput& input, CycleOutput& output) noexcept;
 
+  /// Of each tendon's path in the body, as of the last Step: displacement less stretch.
+  const TendonVector& shortening_m() const noexcept { return shortening_m_; }
+
   /// Declares the present encoder positions to be those of the straight robot at pretension.
   void ZeroDisplacement(const CycleInput& input) noexcept;
 
@@ -48,14 +51,14 @@ class Estimator {
     model::StopOperators<4> presliding;
   };
 
-  void EstimateBending(const TendonVector& shortening_m, const TendonVector& variance_m2,
-                       BendingMatrix& covariance_rad2) noexcept;
+  void EstimateBending(const TendonVector& variance_m2, BendingMatrix& covariance_rad2) noexcept;
 
   const model::Body& body_;
   const std::vector<std::shared_ptr<const model::CapstanTable>>& tables_;
   double min_tension_N_, max_bending_rad_;
   std::vector<Tendon> tendons_;
   BendingVector bending_rad_;
+  TendonVector shortening_m_;
   UnitVector q_;
 };
 

@@ -4,6 +4,7 @@
 // targets. Knows nothing of the robot.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "tendril/core/cycle.h"
@@ -23,10 +24,11 @@ class Trajectory {
   void Reset(const BendingVector& bending_rad) noexcept;
 
   /// One period towards `goal_rad`, which itself moves with `goal_rate_radps`, closing in at `speed_radps`
-  /// beside that. Returns kLimitedBendingRate when the goal moves faster than max_rate_radps allows. No
-  /// section is led beyond max_bending_rad, or further beyond than it was.
-  Status Advance(const BendingVector& goal_rad, const BendingVector& goal_rate_radps,
-                 double speed_radps) noexcept;
+  /// beside that, no faster than `most_radps` in all. Returns kLimitedBendingRate when the goal moves faster
+  /// than max_rate_radps allows, kSlowedByTension when it is `most_radps` that does not. No section is led
+  /// beyond max_bending_rad, or further beyond than it was.
+  Status Advance(const BendingVector& goal_rad, const BendingVector& goal_rate_radps, double speed_radps,
+                 double most_radps = HUGE_VAL) noexcept;
 
   /// Comes to rest within the limits from wherever it is.
   void AdvanceToRest() noexcept;
@@ -34,6 +36,8 @@ class Trajectory {
   const BendingReference& reference() const noexcept { return reference_; }
   /// The point the averages run towards.
   const BendingVector& followed() const noexcept { return followed_; }
+  /// A change of rate by v is made at an acceleration of v / gather_s().
+  double gather_s() const noexcept { return position_.samples() * period_s_; }
   TimeNs delay_ns() const noexcept { return delay_ns_; }
   /// Averaging takes this much times its second derivative from a smooth motion [s^2].
   double smoothing_s2() const noexcept;

@@ -54,6 +54,7 @@ enum class ControlLaw {
 struct ControllerParameters {
   ControlLaw law = ControlLaw::kPaper;
   bool tension_feedback = false;        // of the load cells; with the equilibrium law only
+  bool shape_feedback = false;          // of the tendons' displacement; with tension feedback only
   bool tip_feedback = false;            // of the tracker; with tension feedback only
   bool capstan_compensation = true;     // false replaces the Capstan map and its inverse by the identity, nothing else
   double pretension_ramp_Nps = 0;       // rate at which tensions rise to and fall from their targets on arm / disarm

@@ -20,6 +20,8 @@ namespace tendril {
   X(TargetUnreachable, 107, "tip target out of reach: going to the nearest reachable point", "see target_distance_m") \
   X(LimitedByDrive, 108, "torque limited by the drive itself (internal limit active)", "see object 0x3001 and the motor's temperature") \
   X(LimitedTipCorrection, 109, "correction by the tracker limited to a fifth of the robot's length", "check the tracker's frame; else find what differs: tendril gap diagnose") \
+  X(SlowedByTension, 110, "motion slowed: rotors as fast as that would take more tension than the limits leave", "command a slower motion or less bending; with law: paper, more limits.min_tension_N or law: equilibrium") \
+  X(LimitedShapeCorrection, 111, "correction by the tendons' displacement limited to half of what the robot's stiffness takes", "look for what holds or loads the robot; else find what differs: tendril gap diagnose") \
   X(CommandNotFinite, 201, "command refused: not finite", "send numbers only")                                      \
   X(CommandOutOfRange, 202, "command refused: out of range", "see the robot file's limits")                         \
   X(CommandStale, 203, "command refused: older than its validity", "check the sender's clock and rate")             \

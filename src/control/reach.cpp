@@ -1,0 +1,101 @@
+#include "tendril/control/reach.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace tendril::control {
+namespace {
+
+constexpr int kHalvings = 8;     // 1 / 256 of the bend that was asked for
+constexpr int kDirections = 12;  // of each section, to be sure of every one; more than there are tendons
+constexpr double kSure = 0.95;   // of what those directions leave
+
+}  // namespace
+
+Reach::Reach(const RobotParameters& robot, const model::Body& body, const LimitParameters& limits,
+             double gather_s, bool pulls_for_rotors)
+    : body_(body),
+      allocator_(body.tendons(), 2 * body.sections()),
+      min_tension_N_(limits.min_tension_N),
+      max_tension_N_(limits.max_tension_base_N),
+      most_room_N_(pulls_for_rotors ? HUGE_VAL : 0.5 * limits.min_tension_N),
+      q_(UnitVector::Zero(body.dof())),
+      unit_force_Nm_(q_),
+      force_Nm_(BendingVector::Zero(2 * body.sections())),
+      force_per_tension_(2 * body.sections(), body.tendons()) {
+  double heaviest_Nspr = 0;  // rotor, as tension an acceleration of bend
+  std::size_t j = 0;
+  for (const SectionParameters& section : robot.body.sections) {
+    for (const TendonRoute& route : section.tendons) {
+      const TendonDriveParameters& drive = robot.actuation->tendons[j++];
+      const double travel_m = drive.SpoolTravelPerMotorRad();
+      heaviest_Nspr =
+          std::max(heaviest_Nspr, drive.motor.rotor_inertia_kgm2 / (travel_m * travel_m) * route.radius_m);
+    }
+  }
+  rate_per_N_ = gather_s / heaviest_Nspr;
+  // Sections carry each other: each is straight or bent in one of the directions.
+  const int ways = kDirections + 1;
+  int combinations = 1;
+  for (int k = 0; k < body.sections(); ++k) combinations *= ways;
+  sure_rad_ = limits.max_bending_rad;
+  BendingVector bending_rad = BendingVector::Zero(2 * body.sections());
+  for (int c = 0; c < combinations; ++c) {
+    for (int k = 0, rest = c; k < body.sections(); ++k, rest /= ways) {
+      const double angle_rad = 2 * std::numbers::pi * (rest % ways) / kDirections;
+      bending_rad.segment<2>(2 * k) << std::cos(angle_rad), std::sin(angle_rad);
+      if (rest % ways == kDirections) bending_rad.segment<2>(2 * k).setZero();
+    }
+    double low = 0, high = sure_rad_;
+    if (Holds(high * bending_rad)) continue;
+    for (int i = 0; i < kHalvings; ++i) {
+      const double middle = (low + high) / 2;
+      (Holds(middle * bending_rad) ? low : high) = middle;
+    }
+    sure_rad_ = low;
+  }
+  sure_rad_ *= kSure;
+}
+
+bool Reach::Holds(const BendingVector& bending_rad) noexcept {
+  body_.SpreadBending(bending_rad, q_);
+  body_.StaticForce(q_, Eigen::Vector3d::Zero(), unit_force_Nm_);
+  body_.ProjectForce(unit_force_Nm_, force_Nm_);
+  model::SectionForcePerTension(body_, bending_rad, force_per_tension_);
+  return allocator_.Allocate(force_per_tension_, force_Nm_, min_tension_N_, max_tension_N_).status ==
+         Status::kOk;
+}
+
+double Reach::Rate_radps(const BendingVector& bending_rad, bool goal_moves) const noexcept {
+  double bend_rad = 0;
+  for (int k = 0; k < body_.sections(); ++k)
+    bend_rad = std::max(bend_rad, bending_rad.segment<2>(2 * k).norm());
+  const double free = sure_rad_ > 0 ? 1 - bend_rad / sure_rad_ : 0;
+  const double room_N = std::max(free, kLeastRoom) * kRotorShare * (max_tension_N_ - min_tension_N_);
+  return rate_per_N_ * (goal_moves ? room_N : std::min(room_N, most_room_N_));
+}
+
+Status Reach::Limit(BendingVector& bending_rad) noexcept {
+  double most_rad = 0;
+  for (int k = 0; k < body_.sections(); ++k)
+    most_rad = std::max(most_rad, bending_rad.segment<2>(2 * k).norm());
+  if (most_rad <= sure_rad_) return Status::kOk;
+  if (asked_rad_.size() > 0 && bending_rad == asked_rad_) {
+    bending_rad = given_rad_;
+    return Status::kLimitedTensionMax;
+  }
+  if (Holds(bending_rad)) return Status::kOk;
+  double low = std::min(1., sure_rad_ / most_rad), high = 1;
+  if (!(low > 0)) return Status::kOk;
+  for (int i = 0; i < kHalvings; ++i) {
+    const double middle = (low + high) / 2;
+    (Holds(middle * bending_rad) ? low : high) = middle;
+  }
+  asked_rad_ = bending_rad;
+  bending_rad *= low;
+  given_rad_ = bending_rad;
+  return Status::kLimitedTensionMax;
+}
+
+}  // namespace tendril::control
