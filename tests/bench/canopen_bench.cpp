@@ -56,7 +56,7 @@ void MasterCycle(benchmark::State& state) {
   std::vector<std::unique_ptr<test::FakeNode>> nodes;
   for (int id = 1; id <= drives; ++id) nodes.push_back(std::make_unique<test::FakeNode>(bus, id));
   ReplayPort port(bus.AddPort());
-  Master master(test::TestBus(drives, cycle_ns), test::TestDrives(drives), port);
+  Master master(TestBus(drives, cycle_ns), TestDrives(drives), port);
   const std::vector<std::int16_t> torques(static_cast<std::size_t>(drives), 123);
   DriveRequest request = DriveRequest::kDisable;
   const auto cycle = [&] {

@@ -8,6 +8,7 @@
 #include <set>
 #include <vector>
 
+#include "support/test_bus.h"
 #include "tendril/can/memory_bus.h"
 #include "tendril/canopen/cia402.h"
 #include "tendril/canopen/emcy.h"
@@ -203,32 +204,6 @@ class FakeNode {
   std::uint16_t told_statusword_ = 0xFFFF;
   TimeNs next_heartbeat_ns_ = 0, next_status_ns_ = 0;
 };
-
-inline BusParameters TestBus(int drives, TimeNs cycle_ns = kNsPerMs) {
-  BusParameters bus;
-  bus.interface = "memory";
-  bus.bitrate_bps = 1'000'000;
-  bus.cycle_ns = cycle_ns;
-  bus.feedback_deadline_ns = cycle_ns * 3 / 5;
-  bus.heartbeat_ms = 100;
-  bus.heartbeat_timeout_ms = 250;
-  bus.sdo_timeout_ms = 50;
-  bus.boot_timeout_ms = 3000;
-  bus.abort_connection_option = 2;
-  bus.max_load = 0.8;
-  bus.identity = {.vendor_id = 0xFB,
-                  .product_codes = {0x61500000, 0x60500000},
-                  .min_revision = 0x01000000,
-                  .max_revision = 0x01FFFFFF};
-  for (int i = 1; i <= drives; ++i) bus.nodes.push_back({i, i});
-  return bus;
-}
-
-inline std::vector<DriveSetup> TestDrives(int drives) {
-  std::vector<DriveSetup> setups;
-  for (int i = 1; i <= drives; ++i) setups.push_back({i, 360, 720, 19600, 7056});
-  return setups;
-}
 
 /// Master and fake nodes on one bus in simulated time.
 struct Rig {

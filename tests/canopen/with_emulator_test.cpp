@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "support/drives_on_bus.h"
+#include "support/test_rack.h"
 #include "tendril/can/memory_bus.h"
 #include "tendril/canopen/cia402.h"
 #include "tendril/canopen/master.h"
@@ -13,15 +13,13 @@
 namespace tendril::canopen {
 namespace {
 
-using emulator::Bus;
-
 class WithEmulator {
  public:
   explicit WithEmulator(int drives, TimeNs cycle_ns = kNsPerMs)
       : bus(clock),
         cycle_ns_(cycle_ns),
-        rack(emulator::Drives(drives), bus.AddPort()),
-        master(Bus(drives, cycle_ns), emulator::Setups(drives), bus.AddPort()),
+        rack(emulator::TestRack(drives), bus.AddPort()),
+        master(TestBus(drives, cycle_ns), TestDrives(drives), bus.AddPort()),
         torques(static_cast<std::size_t>(drives)) {
     master.Start(clock.Now());
   }
@@ -91,7 +89,7 @@ TEST(WithEmulator, LoadOnTheBusIsTheBudgetsCyclicShareAndNeverMoreThanTheWhole) 
     const std::uint64_t before = rig.bus.totals().bits;
     for (TimeNs t = 0; t < kNsPerS; t += cycle_ns) rig.Step();
     const auto counted = static_cast<double>(rig.bus.totals().bits - before);
-    const BusBudget budget = ComputeBusBudget(Bus(drives, cycle_ns));
+    const BusBudget budget = ComputeBusBudget(TestBus(drives, cycle_ns));
     // No SDO, for there is nothing to ask. Nothing happens to the statuswords here, so what is left beside
     // the cycle is heartbeats: 65 bits, 10 a second, from every drive and the master.
     EXPECT_DOUBLE_EQ(counted, budget.cyclic_bits_per_s + (drives + 1) * 650);
@@ -191,10 +189,10 @@ TEST(WithEmulator, OrderlyShutdownLeavesNoFaultBehind) {
 TEST(WithEmulator, WrongMotorIsRefused) {
   SimulatedClock clock{kNsPerS};
   can::MemoryBus bus(clock);
-  emulator::DriveRack rack(emulator::Drives(1), bus.AddPort());
-  auto setups = emulator::Setups(1);
+  emulator::DriveRack rack(emulator::TestRack(1), bus.AddPort());
+  auto setups = TestDrives(1);
   setups[0].rated_torque_uNm = 9000;
-  Master master(Bus(1, kNsPerMs), setups, bus.AddPort());
+  Master master(TestBus(1, kNsPerMs), setups, bus.AddPort());
   master.Start(clock.Now());
   for (int i = 0; i < 1000; ++i) {
     clock.Advance(kNsPerMs);

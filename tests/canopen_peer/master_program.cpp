@@ -11,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include "support/test_bus.h"
 #include "tendril/can/socketcan_port.h"
 #include "tendril/canopen/master.h"
 
@@ -22,28 +23,12 @@ constexpr TimeNs kCycle_ns = 10 * kNsPerMs;
 
 /// Times for peers written in Python, on a machine that may be busy.
 BusParameters Bus(int drives) {
-  BusParameters bus;
-  bus.bitrate_bps = 1'000'000;
-  bus.cycle_ns = kCycle_ns;
+  BusParameters bus = canopen::TestBus(drives, kCycle_ns);
   bus.feedback_deadline_ns = 8 * kNsPerMs;
-  bus.heartbeat_ms = 100;
   bus.heartbeat_timeout_ms = 1000;
   bus.sdo_timeout_ms = 500;
   bus.boot_timeout_ms = 20'000;
-  bus.abort_connection_option = 2;
-  bus.max_load = 0.8;
-  bus.identity = {.vendor_id = 0xFB,
-                  .product_codes = {0x60500000},
-                  .min_revision = 0x01000000,
-                  .max_revision = 0x01FFFFFF};
-  for (int i = 1; i <= drives; ++i) bus.nodes.push_back({i, i});
   return bus;
-}
-
-std::vector<canopen::DriveSetup> Setups(int drives) {
-  std::vector<canopen::DriveSetup> setups;
-  for (int i = 1; i <= drives; ++i) setups.push_back({i, 360, 720, 19600, 7056});
-  return setups;
 }
 
 const char* Name(DriveState state) {
@@ -70,7 +55,7 @@ class Program {
  public:
   Program(const std::string& interface, int drives)
       : port_(interface),
-        master_(Bus(drives), Setups(drives), port_),
+        master_(Bus(drives), canopen::TestDrives(drives), port_),
         torques_(static_cast<std::size_t>(drives)),
         shown_(static_cast<std::size_t>(drives), DriveState::kOffline) {}
 

@@ -13,12 +13,14 @@
 #include <thread>
 #include <vector>
 
-#include "support/drives_on_bus.h"
+#include "support/test_rack.h"
 #include "tendril/can/socketcan_port.h"
 #include "tendril/core/clock.h"
 
 namespace tendril::emulator {
 namespace {
+
+constexpr int kDrives = 3;
 
 // Worst case of an 11-bit data frame with 0 to 8 bytes, from the frame's layout: 8 n + 47 bits and a stuff
 // bit for each four of the 34 + 8 n - 1 that are stuffed.
@@ -29,8 +31,9 @@ class BusLoad : public ::testing::Test {
   void SetUp() override {
     if (if_nametoindex("vcan0") == 0) GTEST_SKIP() << "no vcan0 here: run under tools/vcan-run";
     for (auto* port : {&master_port_, &rack_port_, &listener_}) port->emplace("vcan0");
-    rack_ = std::make_unique<DriveRack>(Drives(), *rack_port_);
-    master_ = std::make_unique<canopen::Master>(Bus(), Setups(), *master_port_);
+    rack_ = std::make_unique<DriveRack>(TestRack(kDrives), *rack_port_);
+    master_ = std::make_unique<canopen::Master>(canopen::TestBus(kDrives), canopen::TestDrives(kDrives),
+                                                *master_port_);
     master_->Start(clock_.Now());
   }
 
@@ -95,7 +98,7 @@ class BusLoad : public ::testing::Test {
 // that the budget counts, SDO excepted. Over 2 s the count can be off by one heartbeat of each of the four
 // stations and one statusword of each drive, 485 bits of a million and a half; 0.1 % is three times that.
 TEST_F(BusLoad, CountedOnTheWireIsTheBudgetsFigure) {
-  const canopen::BusBudget budget = canopen::ComputeBusBudget(Bus());
+  const canopen::BusBudget budget = canopen::ComputeBusBudget(canopen::TestBus(kDrives));
   ASSERT_TRUE(StepUntil(DriveState::kReady));
   request_ = DriveRequest::kEnable;
   ASSERT_TRUE(StepUntil(DriveState::kEnabled));
@@ -111,7 +114,7 @@ TEST_F(BusLoad, CountedOnTheWireIsTheBudgetsFigure) {
   const double lively = Load(2000);
   EXPECT_EQ(sdo_bits_, 0);
   const double counted = lively + budget.sdo_bits_per_s;
-  const double figure = budget.load * Bus().bitrate_bps;
+  const double figure = budget.load * canopen::TestBus(kDrives).bitrate_bps;
   std::printf(
       "counted %.0f bit/s calm, %.0f bit/s lively; with room for SDO %.0f, budget %.0f (%.2f %% apart)\n",
       calm, lively, counted, figure, 100 * (counted / figure - 1));

@@ -9,13 +9,15 @@
 #include <string>
 #include <vector>
 
-#include "support/drives_on_bus.h"
+#include "support/test_rack.h"
 #include "tendril/can/memory_bus.h"
 #include "tendril/canopen/master.h"
 #include "tendril/emulator/drive_rack.h"
 
 namespace tendril::emulator {
 namespace {
+
+constexpr int kDrives = 3;
 
 using canopen::BusEvent;
 using canopen::Master;
@@ -30,8 +32,8 @@ class Rig {
   explicit Rig(std::uint64_t seed = 1)
       : bus(clock),
         faults(bus.AddPort(), seed),
-        rack(Drives(), faults),
-        master(Bus(), Setups(), bus.AddPort()) {
+        rack(TestRack(kDrives), faults),
+        master(canopen::TestBus(kDrives), canopen::TestDrives(kDrives), bus.AddPort()) {
     faults.Attach(rack);
     master.Start(clock.Now());
   }
