@@ -577,6 +577,10 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
     case Mode::kCommissioning:
       gate.Drop();
       tension_N.setZero();
+      // Friction settles on the straight robot while tensions rise; an earlier motion's path would be left in
+      // a jump when the robot runs.
+      trajectory.Reset(BendingVector::Zero(2 * sections));
+      rotor_N = 0;
       joined = engaged = bare = zeroed = false;
       ramp_Nps = parameters.pretension_ramp_Nps;
       for (int j = 0; j < tendons; ++j) was_off[j] = input.drive[j].state != DriveState::kEnabled;

@@ -310,6 +310,35 @@ TEST(Laws, NoCommandIsTooFastForTheTendons) {
   }
 }
 
+// Nothing of the motion before a disarm is left: armed again without homing, the robot stands as it did when
+// it was armed first.
+TEST(Laws, ArmedAgainTheRobotStandsStill) {
+  for (const int law : {0, 1, 2}) {
+    SCOPED_TRACE("law " + std::to_string(law));
+    ClosedLoopOptions options = Options("rig_60mm.yaml", law >= 2);
+    if (law == 0) options.daemon.controller.law = ControlLaw::kPaper;
+    ClosedLoop loop(options);
+    double most_N = 0, bend_rad = 0;
+    const auto see = [&](const CycleRecord& r) {
+      ASSERT_EQ(r.output.mode, Mode::kRunning) << static_cast<int>(r.output.status);
+      most_N = std::max(most_N, r.output.tension_desired_base_N.maxCoeff());
+      bend_rad = std::max(bend_rad, r.output.bending_estimate_rad.norm());
+    };
+    loop.ArmAndPretension();
+    StepFor(loop, 2, see);
+    const double first_N = most_N;
+    loop.Send(Bend(0.3, 0.15, 0.5));
+    StepFor(loop, 2, [](const CycleRecord&) {});
+    loop.DisarmAndWait();
+    StepFor(loop, 1, [](const CycleRecord&) {});
+    loop.ArmAndPretension();
+    most_N = bend_rad = 0;
+    StepFor(loop, 3, see);
+    EXPECT_LT(most_N, first_N + 0.1);
+    EXPECT_LT(bend_rad, 0.15) << "friction alone";
+  }
+}
+
 // Tensions that are commanded arrive at the base, though the cells sit before the pulleys.
 TEST(Laws, CommandedTensionsArriveAtTheBase) {
   for (const bool feedback : {false, true}) {
