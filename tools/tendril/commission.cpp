@@ -342,9 +342,12 @@ void RunCommission(const CommissionOptions& options) {
       throw std::runtime_error(
           "the daemon runs with --simulated, so that it would arm without the record; restart it without");
     }
+    if (!options.yes && isatty(STDIN_FILENO) == 0)
+      throw UsageError(
+          "there is no terminal to ask at before motors pull; accepted: --yes, to begin unasked");
     fmt::print("pulls one motor at a time with at most {:g} N of tendon; keep the power switch in reach\n",
                daemon.controller.take_up.pull_N);
-    if (!options.yes && isatty(STDIN_FILENO) != 0 && !MayBegin()) {
+    if (!options.yes && !MayBegin()) {
       throw std::runtime_error("left before anything was pulled");
     }
     link.Enter(robot.body.tendons());
@@ -393,7 +396,7 @@ void AddCommissionCommand(CLI::App& app) {
   command->add_flag(
       "--write", options->write,
       "change nodes and directions in FILE, and the cells' zeros in the robot file, to what was found");
-  command->add_flag("--yes", options->yes, "begin without asking");
+  command->add_flag("--yes", options->yes, "begin without asking; needed where no terminal is");
   command->callback([options] {
     std::signal(SIGINT, [](int) { stop = true; });
     std::signal(SIGTERM, [](int) { stop = true; });
