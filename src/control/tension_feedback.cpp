@@ -10,7 +10,7 @@ namespace tendril::control {
 namespace {
 
 // Below this share of the wanted tension a tendon is as good as slack; then the integral is this much faster.
-constexpr double kSlackShare = 0.5, kSlackUrgency = 20;
+constexpr double kSlackShare = 0.5, kSlackUrgency = 12;
 
 // A motor that turned by no more than this for so long stands: noise of the cell need not reach its torque.
 constexpr std::int32_t kStoodCounts = 1, kStoodCycles = 100;
