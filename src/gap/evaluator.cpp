@@ -13,6 +13,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "clocks.h"
 #include "median.h"
 #include "parallel.h"
 #include "rotation.h"
@@ -25,6 +26,10 @@ using Quantity = Channel::Quantity;
 
 constexpr double kWindow_s = 0.02;  // residuals are averaged over this: slower than the sensors' white noise
 constexpr double kBendingWindow_s = 0.15;  // over which the tracker corrects the simulated bending
+// A tracker's clock that is free: how far from where it was put before, in which steps, and Gauss-Newton's
+// then.
+constexpr double kMostLate_s = 0.08, kLateStep_s = 0.01;
+constexpr int kClockPasses = 2;
 // What a model leaves unexplained stays alike over this time, or over so many states at rest.
 constexpr double kCorrelation_s = 1.0, kCorrelationStates = 5;
 
@@ -66,6 +71,41 @@ std::optional<EffectSetting> Setting(const RobotParameters& robot, std::string_v
     if (effect.name == name) return effect;
   }
   return std::nullopt;
+}
+
+/// Measured less simulated tip with the readings `late_s` later than their stamps say.
+struct TipResidual {
+  Eigen::MatrixXd tip;   // S x 6, position and rotation vector; NaN where no reading is
+  double square_m2 = 0;  // sum over the positions
+  double later_s = 0;    // Gauss-Newton's step of late_s towards the least of it
+};
+
+TipResidual ResidualOfTip(const sim::BodyMotion& motion, const PreparedRun& run, double late_s) {
+  const int samples = run.samples(), rows = static_cast<int>(motion.tip_m.rows());
+  const double step_s = run.signals.step_s;
+  TipResidual out;
+  out.tip = Eigen::MatrixXd::Constant(samples, 6, NAN);
+  double slope = 0, curvature = 0;
+  for (int k = 0; k < run.tracker_s.size(); ++k) {
+    const double row = std::clamp((run.tracker_s[k] - late_s) / step_s, 0.0, rows - 1.0);
+    const int r0 = std::min(static_cast<int>(row), rows - 1), r1 = std::min(r0 + 1, rows - 1);
+    const double share = row - r0;
+    const int at = std::clamp(static_cast<int>(std::lround(run.tracker_s[k] / step_s)), 0, samples - 1);
+    const Eigen::RowVector3d moved_m = motion.tip_m.row(r1) - motion.tip_m.row(r0);
+    const Eigen::RowVector3d off_m = run.tip_m.row(k) - motion.tip_m.row(r0) - share * moved_m;
+    out.tip.row(at).head<3>() = off_m;
+    if (run.valid[static_cast<std::size_t>(at)]) {
+      out.square_m2 += off_m.squaredNorm();
+      slope += off_m.dot(moved_m) / step_s;
+      curvature += moved_m.squaredNorm() / (step_s * step_s);
+    }
+    if (run.tip_R.empty()) continue;
+    const Eigen::Vector3d turn =
+        motion.tip_rotation.row(r0) + share * (motion.tip_rotation.row(r1) - motion.tip_rotation.row(r0));
+    out.tip.row(at).tail<3>() = RotationVector(run.tip_R[k] * Rotation(turn).transpose());
+  }
+  if (curvature > 0) out.later_s = -slope / curvature;
+  return out;
 }
 
 }  // namespace
@@ -110,7 +150,15 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
   for (std::size_t i = 0; i < runs_.size(); ++i) {
     if (!trouble[i].empty()) throw RunError(i, fmt::format("{}: {}", runs_[i].name, trouble[i]));
   }
-  if (set.fit_frame && has_tracker()) FindFrame();
+  if (has_tracker()) {
+    const auto& tracker = nominal_.actuation->tracker;
+    TrackerClocks clocks = CompareClocks(runs_, nominal_motion_, tracker ? tracker->delay_s : 0);
+    tracker_late_s_ = std::move(clocks.late_s);
+    for (std::size_t i = 0; i < runs_.size(); ++i) runs_[i].MoveTracker(-tracker_late_s_[i]);
+    clocks_free_ = !clocks.note.empty();
+    if (clocks_free_) degradations_.push_back(std::move(clocks.note));
+    if (set.fit_frame) FindFrame();
+  }
   ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
     nominal_motion_[i].shortening_m = MeasuredShortening(runs_[i], nominal_, nominal_motion_[i]);
   });
@@ -305,6 +353,19 @@ double Evaluator::window_s(int run, int channel) const {
   return WindowSamples(runs_[run], channels_[channel]) * runs_[run].signals.step_s;
 }
 
+// Of the stamps of a tracker whose clock is free: what leaves the least squares between the tips.
+double Evaluator::TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const {
+  if (!clocks_free_ || !run.tracked() || run.signals.at_rest) return 0;
+  double late_s = 0, least_m2 = ResidualOfTip(motion, run, 0).square_m2;
+  for (double tried_s = -kMostLate_s; tried_s <= kMostLate_s; tried_s += kLateStep_s) {
+    const double square_m2 = ResidualOfTip(motion, run, tried_s).square_m2;
+    if (square_m2 < least_m2) least_m2 = square_m2, late_s = tried_s;
+  }
+  for (int pass = 0; pass < kClockPasses; ++pass)
+    late_s += std::clamp(ResidualOfTip(motion, run, late_s).later_s, -kLateStep_s, kLateStep_s);
+  return late_s;
+}
+
 // Shortening of the tendons in the body. The tracker's bend replaces the simulated one at low frequency; the
 // simulation keeps what is faster than the tracker's noise allows.
 Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
@@ -326,12 +387,15 @@ Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const Robo
   const double delay_s =
       folded.actuation->tracker && !run.signals.at_rest ? folded.actuation->tracker->delay_s : 0;
 
+  const double late_s = TrackerLate(motion, run);
+
   const int samples = run.samples();
   const double step_s = run.signals.step_s;
   // Both as reported: the tracker's delay is in the simulated pose as well.
   Eigen::MatrixXd difference(seen, 2);
   for (int k = 0; k < seen; ++k) {
-    const int at = std::clamp(static_cast<int>(std::lround(run.tracker_s[k] / step_s)), 0, samples - 1);
+    const int at =
+        std::clamp(static_cast<int>(std::lround((run.tracker_s[k] - late_s) / step_s)), 0, samples - 1);
     const Eigen::Vector3d tip = motion.tip_m.row(at).transpose();
     const Eigen::Vector3d measured_tip = run.tip_m.row(k).transpose();
     if (turned) {
@@ -359,7 +423,7 @@ Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const Robo
   Eigen::VectorXd q(2 * units), d(body.tendons());
   int at = 0;
   for (int i = 0; i < samples; ++i) {
-    const double seen_at = i * step_s + delay_s;
+    const double seen_at = i * step_s + delay_s + late_s;
     while (at + 2 < seen && run.tracker_s[at + 1] < seen_at) ++at;
     const double span = run.tracker_s[at + 1] - run.tracker_s[at];
     const double share = span > 0 ? std::clamp((seen_at - run.tracker_s[at]) / span, 0.0, 1.0) : 0;
@@ -417,23 +481,7 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
   const int samples = run.samples();
   Eigen::MatrixXd tip;
   if ((cuts & kBody) && has(kBody) && run.tracked()) {
-    const double stride_s = run.signals.step_s;
-    const int rows = static_cast<int>(replayed.motion.tip_m.rows());
-    tip = Eigen::MatrixXd::Constant(samples, 6, NAN);
-    for (int k = 0; k < run.tracker_s.size(); ++k) {
-      const double row = std::clamp(run.tracker_s[k] / stride_s, 0.0, rows - 1.0);
-      const int r0 = std::min(static_cast<int>(row), rows - 1), r1 = std::min(r0 + 1, rows - 1);
-      const double share = row - r0;
-      const int at =
-          std::clamp(static_cast<int>(std::lround(run.tracker_s[k] / run.signals.step_s)), 0, samples - 1);
-      tip.row(at).head<3>() = run.tip_m.row(k) - replayed.motion.tip_m.row(r0) -
-                              share * (replayed.motion.tip_m.row(r1) - replayed.motion.tip_m.row(r0));
-      if (run.tip_R.empty()) continue;
-      const Eigen::Vector3d turn =
-          replayed.motion.tip_rotation.row(r0) +
-          share * (replayed.motion.tip_rotation.row(r1) - replayed.motion.tip_rotation.row(r0));
-      tip.row(at).tail<3>() = RotationVector(run.tip_R[k] * Rotation(turn).transpose());
-    }
+    tip = ResidualOfTip(replayed.motion, run, TrackerLate(replayed.motion, run)).tip;
   }
   for (std::size_t c = 0; c < channels_.size(); ++c) {
     const Channel& channel = channels_[c];

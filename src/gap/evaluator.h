@@ -121,6 +121,7 @@ class Evaluator {
                                            std::vector<Eigen::VectorXd>* scatter = nullptr) const;
   Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
                                      const sim::BodyMotion& motion) const;
+  double TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const;
   void FindCuts();
   void StandInForCells();
   void ListChannels();
@@ -144,8 +145,10 @@ class Evaluator {
   std::vector<Channel> channels_;
   unsigned available_ = 0;
   bool repeated_ = false, stood_in_ = false;
+  bool clocks_free_ = false;  // the tracker's stamps are free to move with every robot that is tried
   double wrong_before_ = 0;
   std::optional<TrackerFrame> frame_;
+  std::vector<double> tracker_late_s_;  // [run] of the stamps, taken off; empty without a tracker
   sim::Replay::DrivenBy driven_by_ = sim::Replay::DrivenBy::kCell;
   Residuals nominal_residuals_, variance_;
   Residuals before_;  // what the nominal robot leaves of the runs from before; empty without such

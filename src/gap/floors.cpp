@@ -175,6 +175,7 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
       return;
     }
     PreparedRun other = Prepare(set.runs[i], nominal_, options.seed * 1000004 + 4 * i + k);
+    if (!tracker_late_s_.empty()) other.MoveTracker(-tracker_late_s_[i]);
     if (frame_) frame_->ToBase(other);
     other.cell_N = runs_[i].cell_N;
     other.signals.torque_target_Nm = runs_[i].signals.torque_target_Nm;

@@ -332,6 +332,10 @@ std::optional<Shift> ClockShift(const Eigen::VectorXd& time_s, const Eigen::Matr
   if (least > 0.3 || std::min(before, after) < 2 * least + 0.02 || std::abs(best) > kMost_s - kCoarse_s) {
     return std::nullopt;
   }
+  // Between the steps, where a parabola through the last three is least.
+  const double sooner = left(best - kFine_s), later = left(best + kFine_s);
+  const double bend = sooner - 2 * least + later;
+  if (bend > 0) best += std::clamp(0.5 * kFine_s * (sooner - later) / bend, -kFine_s, kFine_s);
   return Shift{best, std::sqrt(std::max(1 - least, 0.0))};
 }
 

@@ -210,6 +210,23 @@ double UsualStep(const Run& run) {
 
 }  // namespace
 
+void PreparedRun::MoveTracker(double by_s) {
+  if (by_s == 0) return;
+  const double end_s = (samples() - 1) * signals.step_s;
+  int kept = 0;
+  for (int k = 0; k < tracker_s.size(); ++k) {
+    const double moved_s = tracker_s[k] + by_s;
+    if (moved_s < 0 || moved_s > end_s) continue;
+    tracker_s[kept] = moved_s;
+    tip_m.row(kept) = tip_m.row(k);
+    if (!tip_R.empty()) tip_R[static_cast<std::size_t>(kept)] = tip_R[static_cast<std::size_t>(k)];
+    ++kept;
+  }
+  tracker_s.conservativeResize(kept);
+  tip_m.conservativeResize(kept, 3);
+  if (!tip_R.empty()) tip_R.resize(static_cast<std::size_t>(kept));
+}
+
 int LeastRows(const Run& run) { return UsualStep(run) > kQuasiStatic_s ? kLeastStates : kLeastRows; }
 
 PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t seed) {

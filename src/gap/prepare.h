@@ -49,6 +49,8 @@ struct PreparedRun {
 
   int samples() const { return static_cast<int>(valid.size()); }
   /// Positions enough to compare with.
+  /// Moves the tracker's readings on the drives' clock; what would leave the run is dropped.
+  void MoveTracker(double by_s);
   bool tracked() const { return tracker_s.size() > (signals.at_rest ? kLeastStates - 1 : 10); }
 };
 

@@ -294,6 +294,47 @@ TEST(Diagnose, ABumpedTrackerInOneRunIsAGapThatNothingExplains) {
   EXPECT_GT(d.leftover_sigma, 10);
 }
 
+/// The tracker's readings of a run stamped `late_ms` later.
+void StampLater(Run& run, int late_ms) {
+  for (Eigen::MatrixXd* m : {&run.tip_m, &run.tip_quaternion}) {
+    const Eigen::MatrixXd read = *m;
+    m->setConstant(std::nan(""));
+    for (Eigen::Index i = 0; i < read.rows(); ++i) {
+      if (i + late_ms >= 0 && i + late_ms < read.rows()) m->row(i + late_ms) = read.row(i);
+    }
+  }
+}
+
+// Started anew for each run, a tracker's computer tells another time each time: of some runs the tip moves
+// before the motors.
+TEST(Diagnose, ATrackerOnAClockOfItsOwnHidesNoCauseAndIsNone) {
+  const auto offset = [](DataSet set) {
+    const int late_ms[] = {35, -52, 8, -17};
+    for (std::size_t i = 0; i < set.runs.size(); ++i) StampLater(set.runs[i], late_ms[i]);
+    return set;
+  };
+  const auto look_for = Only({"bending_damping", "unit_mass", "tracker_offset", "backlash"});
+  const Diagnosis none = Diagnose(offset(Recorded("")), look_for);
+  EXPECT_EQ(none.verdict, Verdict::kNoGap) << none.sentence;
+  EXPECT_THAT(none.degradations,
+              testing::Contains(testing::HasSubstr("the tracker's clock is not the drives'")));
+  const Diagnosis damped = Diagnose(offset(Recorded("bending_damping scale=4")), look_for);
+  ASSERT_EQ(damped.verdict, Verdict::kAttributed) << damped.sentence;
+  EXPECT_EQ(damped.accepted[0].effect, "bending_damping");
+  EXPECT_NEAR(damped.accepted[0].parameters.at("scale").value, 4, 0.2);
+}
+
+// A delay that all runs share is a finding, not a clock's.
+TEST(Diagnose, ATrackersOwnDelayIsFound) {
+  DataSet set = Recorded("");
+  for (gap::Run& run : set.runs) StampLater(run, 30);
+  const Diagnosis d = Diagnose(set, Only({"bending_damping", "tracker_delay"}));
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  EXPECT_EQ(d.accepted[0].effect, "tracker_delay");
+  EXPECT_NEAR(d.accepted[0].parameters.at("s").value, 0.030, 0.001);
+  EXPECT_THAT(d.degradations, testing::Not(testing::Contains(testing::HasSubstr("clock"))));
+}
+
 TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
   DataSet set = Recorded("bending_stiffness scale=0.93");
   set.runs[0].tension_N.col(0).tail(5000).setConstant(3);

@@ -1,0 +1,93 @@
+// The tracker's clock against the drives'.
+#include "clocks.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "health_signal.h"
+#include "median.h"
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kBefore_s = 0.015;   // a tip this much ahead of its motors was stamped by another clock
+constexpr double kRepeated_s = 0.01;  // repetitions agree better
+constexpr double kSpread_s = 0.015;   // of runs that are off in time and else alike
+// Correlation of the tip's motion with the nominal robot's from which a shift between them is one of time;
+// friction and damping bend the motion and shift it by less than they bend it.
+constexpr double kAlike = 0.99, kTheSame = 0.995;
+constexpr double kUsualLag_s = 0.005;  // of a body after its motors
+
+/// Shifts of the measured tip against the nominal robot's and against the motors.
+struct Late {
+  std::optional<Shift> model, motors;
+};
+
+Late LateOf(const PreparedRun& run, const sim::BodyMotion& motion) {
+  if (!run.tracked() || run.signals.at_rest) return {};
+  const int samples = run.samples();
+  const Eigen::VectorXd time_s = Eigen::VectorXd::LinSpaced(samples, 0, (samples - 1) * run.signals.step_s);
+  Eigen::MatrixXd tip_m = Eigen::MatrixXd::Constant(samples, 3, NAN);
+  for (int k = 0; k < run.tracker_s.size(); ++k) {
+    const long at = std::lround(run.tracker_s[k] / run.signals.step_s);
+    tip_m.row(std::clamp<long>(at, 0, samples - 1)) = run.tip_m.row(k);
+  }
+  return {ClockShift(time_s, motion.tip_m, tip_m), ClockShift(time_s, run.signals.motor_angle_rad, tip_m)};
+}
+
+}  // namespace
+
+TrackerClocks CompareClocks(const std::vector<PreparedRun>& runs, const std::vector<sim::BodyMotion>& motions,
+                            double told_s) {
+  std::vector<Late> late;
+  for (std::size_t i = 0; i < runs.size(); ++i) late.push_back(LateOf(runs[i], motions[i]));
+  const auto alike = [&](std::size_t i, double correlation) {
+    return late[i].model && late[i].model->correlation > correlation;
+  };
+
+  int before = 0, unlike_original = 0;
+  std::vector<double> the_same_s;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    before += late[i].motors && late[i].motors->seconds < told_s - kBefore_s;
+    if (alike(i, kTheSame)) the_same_s.push_back(late[i].model->seconds);
+    if (!alike(i, kAlike)) continue;
+    for (std::size_t k = 0; k < runs.size(); ++k) {
+      unlike_original += runs[i].repeat_of == runs[k].name && alike(k, kAlike) &&
+                         std::abs(late[i].model->seconds - late[k].model->seconds) > kRepeated_s;
+    }
+  }
+  const auto spread = [](const std::vector<double>& x) {
+    const auto [least, most] = std::minmax_element(x.begin(), x.end());
+    return x.empty() ? 0.0 : *most - *least;
+  };
+  TrackerClocks found{std::vector<double>(runs.size(), 0.0), ""};
+  if (before == 0 && unlike_original == 0 && spread(the_same_s) < kSpread_s) return found;
+
+  // Where the model is too far off to tell, the motors do, to some milliseconds.
+  std::vector<double> lag_s{kUsualLag_s}, moved_s;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    if (alike(i, kAlike) && late[i].motors) lag_s.push_back(late[i].motors->seconds - late[i].model->seconds);
+  }
+  const double usual_lag_s = Median(lag_s);
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    if (!late[i].model && !late[i].motors) continue;
+    found.late_s[i] = alike(i, kAlike) || !late[i].motors ? late[i].model->seconds
+                                                          : late[i].motors->seconds - told_s - usual_lag_s;
+    moved_s.push_back(-found.late_s[i]);
+  }
+  const auto [least, most] = std::minmax_element(moved_s.begin(), moved_s.end());
+  found.note = fmt::format(
+      "the tracker's clock is not the drives' ({}): each run's readings were moved, by {:.1f} to {:.1f} ms, "
+      "and "
+      "are free to move with every cause; a delay of the tracker and what looks like one cannot be told",
+      before > 0 ? fmt::format("in {} of {} runs the tip moves before the motors", before, runs.size())
+      : unlike_original > 0 ? std::string("repetitions are late by other times than their originals")
+                            : std::string("runs are off by different times, and by nothing else"),
+      1e3 * *least, 1e3 * *most);
+  return found;
+}
+
+}  // namespace tendril::gap
