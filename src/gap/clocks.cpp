@@ -81,8 +81,7 @@ TrackerClocks CompareClocks(const std::vector<PreparedRun>& runs, const std::vec
   const auto [least, most] = std::minmax_element(moved_s.begin(), moved_s.end());
   found.note = fmt::format(
       "the tracker's clock is not the drives' ({}): each run's readings were moved, by {:.1f} to {:.1f} ms, "
-      "and "
-      "are free to move with every cause; a delay of the tracker and what looks like one cannot be told",
+      "and are free to move with every cause; a delay of the tracker and what looks like one cannot be told",
       before > 0 ? fmt::format("in {} of {} runs the tip moves before the motors", before, runs.size())
       : unlike_original > 0 ? std::string("repetitions are late by other times than their originals")
                             : std::string("runs are off by different times, and by nothing else"),

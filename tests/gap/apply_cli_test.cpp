@@ -189,9 +189,18 @@ TEST_F(ApplyCommandTest, AReportIsRefusedOnAnyOtherFileThanItsOwn) {
   Diagnosis old = d;
   old.robot_yaml.clear();
   WriteText(folder_ / "report.json", gap::ReportJson(old));
-  EXPECT_EQ(Apply("report.json --out new.yaml"), 1);
+  EXPECT_EQ(Apply("report.json --out newer.yaml"), 1);
   EXPECT_THAT(error_, HasSubstr("does not say with which robot file it was made"));
-  EXPECT_EQ(Apply("report.json --out new.yaml --anyway"), 0) << error_;
+  EXPECT_EQ(Apply("report.json --out new.yaml --anyway --overwrite"), 0) << error_;
+}
+
+TEST_F(ApplyCommandTest, AFileThatIsThereIsReplacedOnRequestOnly) {
+  WriteText(folder_ / "new.yaml", "somebody's work\n");
+  EXPECT_EQ(Apply("--effect 'tip_payload mass_kg=0.002' --out new.yaml"), 2);
+  EXPECT_THAT(error_, HasSubstr("new.yaml is there already"));
+  EXPECT_EQ(ReadText(folder_ / "new.yaml"), "somebody's work\n");
+  EXPECT_EQ(Apply("--effect 'tip_payload mass_kg=0.002' --out new.yaml --overwrite"), 0) << error_;
+  EXPECT_NE(ReadText(folder_ / "new.yaml"), "somebody's work\n");
 }
 
 TEST_F(ApplyCommandTest, ThroughALinkTheFileBehindItIsChanged) {
@@ -234,7 +243,7 @@ TEST_F(ApplyCommandTest, WhatExplainSuggestsCanBeApplied) {
     ASSERT_NE(at, std::string::npos) << name;
     const std::string setting =
         out_.substr(at + flag.size(), out_.find('"', at + flag.size()) - at - flag.size());
-    EXPECT_EQ(Apply(fmt::format("--effect '{}' --out new.yaml", setting)), 0) << setting << error_;
+    EXPECT_EQ(Apply(fmt::format("--effect '{}' --out new.yaml --overwrite", setting)), 0) << setting << error_;
   }
 }
 

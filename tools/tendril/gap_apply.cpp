@@ -27,7 +27,7 @@ namespace fs = std::filesystem;
 struct ApplyOptions {
   std::string robot, report, out;
   std::vector<std::string> effects;
-  bool force = false, anyway = false, in_place = false;
+  bool force = false, anyway = false, in_place = false, overwrite = false;
 };
 
 std::string ReadText(const std::string& path) {
@@ -118,6 +118,9 @@ void RunApply(const ApplyOptions& options) {
   if (!options.in_place && fs::equivalent(out, options.robot, none)) {
     throw UsageError("--out is the robot file itself; give another name, or --in-place");
   }
+  if (!options.in_place && !options.overwrite && fs::exists(out, none))
+    throw UsageError(
+        fmt::format("{} is there already; give another --out, or --overwrite to replace it", out));
   std::string text = ReadText(options.robot);
   // The mark that some editors put first belongs to no line.
   const std::string mark = text.starts_with("\xEF\xBB\xBF") ? text.substr(0, 3) : "";
@@ -193,6 +196,7 @@ void AddGapApplyCommand(CLI::App& app) {
                    "a further effect by hand, e.g. \"bending_stiffness scale=0.9\"")
       ->allow_extra_args(false);
   command->add_option("--out", options->out, "the new robot file");
+  command->add_flag("--overwrite", options->overwrite, "replace the file of --out");
   command->add_flag("--force", options->force, "although the verdict is not 'attributed'");
   command->add_flag("--anyway", options->anyway, "although the report was made with another robot file");
   command->add_flag("--in-place", options->in_place, "change the robot file itself");

@@ -187,10 +187,13 @@ void AddGapDiagnoseCommand(CLI::App& app) {
                    "of bootstraps and of alternative readings of the sensors")
       ->check(Seed())
       ->capture_default_str();
-  command->add_option("--only", options->only, "effects to look for and no others, by name")
+  command
+      ->add_option("--only", options->only, "effects to look for and no others, by name, with commas between")
       ->delimiter(',')
       ->allow_extra_args(false);
-  command->add_option("--without", options->diagnose.without, "effects to leave out of the library, by name")
+  command
+      ->add_option("--without", options->diagnose.without,
+                   "effects to leave out of the library, by name, with commas between")
       ->delimiter(',')
       ->allow_extra_args(false);
   command->add_option("--refits", options->diagnose.refits, "candidates refitted in full after the screening")
