@@ -142,6 +142,25 @@ TEST(PathTiming, NeverTurnsBackOnAStraightWayAndArrives) {
   }
 }
 
+// Rest, out to a point, back on the same way: at the turn the way stands still on the curve while its bend is
+// greatest. Least time within rate v and acceleration a: gather speed, cruise, turn round at -a, cruise,
+// stop.
+TEST(PathTiming, ThereAndBackTakesItsLeastTime) {
+  const PathLimits limits{2, 40, 2000};
+  for (const double way : {0.2, 1.0}) {
+    MatrixXd points(3, 2);
+    points << 0, 0, way, 0, 0, 0;
+    const PathTiming timing(ThroughPoints(points, Robot()), limits);
+    const double v = limits.rate_radps, a = limits.acceleration_radps2, least_s = 2 * (way / v + v / a);
+    EXPECT_GT(timing.bound_s(), least_s * 0.98) << way;
+    EXPECT_LT(timing.bound_s(), least_s * 1.02) << way;
+    EXPECT_LT(timing.duration_s(), least_s + 0.25) << way << " within jerk as well";
+  }
+  MatrixXd points(3, 2);
+  points << 0, 0, 1, 0, 0.5, 0;
+  EXPECT_LT(PathTiming(ThroughPoints(points, Robot()), limits).duration_s(), 1.2);
+}
+
 class Through : public testing::TestWithParam<const char*> {};
 
 TEST_P(Through, RandomPointsWithinEveryLimitAndWithoutStopping) {

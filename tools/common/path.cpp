@@ -129,7 +129,12 @@ struct PathTiming::Profile {
   template <class Holds>
   static double Largest(double most, Holds holds) {
     if (holds(most)) return most;
+    // First its order of magnitude: where the curve turns back only its bend bounds x, far below `most`.
     double good = 0, bad = most;
+    for (int i = 0; i < 45 && good == 0; ++i) {
+      const double lower = 1e-3 * bad;
+      (holds(lower) ? good : bad) = lower;
+    }
     for (int i = 0; i < 45; ++i) {
       const double middle = 0.5 * (good + bad);
       (holds(middle) ? good : bad) = middle;
@@ -157,7 +162,8 @@ struct PathTiming::Profile {
       const double twice = 2 * (s[i + 1] - s[i]);
       x[i] = Largest(x[i], [&](double at) {
         const auto [low, high] = Allowed(i, at, acceleration);
-        return low <= high && at + twice * low <= x[i + 1];
+        // Just past a turn both are far below zero, and x would have to be as well.
+        return low <= high && at + twice * low <= x[i + 1] && at + twice * high >= 0;
       });
     }
     for (std::size_t i = 0; i + 1 < n; ++i) {
