@@ -23,6 +23,7 @@
 #include "tendril/control/supervisor.h"
 #include "tendril/control/take_up.h"
 #include "tendril/control/tension_feedback.h"
+#include "tendril/control/tension_lead.h"
 #include "tendril/control/tip_feedback.h"
 #include "tendril/control/trajectory.h"
 #include "tendril/model/inverse.h"
@@ -123,6 +124,7 @@ struct Controller::Impl {
         trajectory(sections, parameters.trajectory, robot.limits.max_bending_rad, period_ns),
         reach(robot, body, LedLimits(robot.limits), trajectory.gather_s(),
               parameters.law == ControlLaw::kEquilibrium),
+        tension_lead(body, reach.UnpulledRate_radps(), trajectory.gather_s(), period_s),
         allocator(tendons, 2 * sections),
         estimator(robot, body, tables),
         guards(robot, parameters.guards, period_ns, body, tables),
@@ -245,6 +247,7 @@ struct Controller::Impl {
   model::InverseKinematics kinematics;
   Trajectory trajectory;
   Reach reach;
+  TensionLead tension_lead;
   model::TensionAllocator allocator;
   std::vector<Compensation> compensation;
   Estimator estimator;
@@ -266,6 +269,7 @@ struct Controller::Impl {
   bool at_limit = false;                 // ... which had a tendon at its greatest tension
   double rotor_N = 0;                    // the most that a rotor's acceleration took of a tendon of late
   bool switched = false;                 // tensions are commanded from this cycle on, or no more
+  bool waits = false;                    // the reference, for tensions on their way from commanded ones
   bool rests = false;                    // nothing is led anywhere in this cycle
   TendonVector led_N, led_m;             // where the tendons were led in the last cycle
   TendonVector shown_m;                  // displacement, in the last cycle
@@ -635,7 +639,9 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
   if (switched && source != CommandKind::kTension && controls_shape()) {
     trajectory.Reset(output.bending_estimate_rad);  // back from tension control: start where the robot is
     joined = false;
+    waits = true;
   }
+  if (joined || !controls_shape() || source == CommandKind::kTension) waits = false;
 
   if (!controls_shape() || target.kind == CommandKind::kNone || target.kind == CommandKind::kTension) {
     goal_rate_radps.setZero();
@@ -677,8 +683,14 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
     } else if (!target.moving()) {
       goal_rate_radps.setZero();
     }
-    Report(output, trajectory.Advance(goal_rad, goal_rate_radps, target.speed_radps,
-                                      reach.Rate_radps(trajectory.followed(), target.moving())));
+    // Tensions are still on their way to what holds this shape: a reference that went ahead of them would
+    // have nothing to follow it.
+    if (waits) {
+      trajectory.AdvanceToRest();
+    } else {
+      Report(output, trajectory.Advance(goal_rad, goal_rate_radps, target.speed_radps,
+                                        reach.Rate_radps(trajectory.followed(), target.moving())));
+    }
     if (target.moving() && input.time_ns - target.since_ns > target.valid_for_ns) {
       Report(output, Status::kCommandExpired);
     }
@@ -736,11 +748,13 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
       shape_feedback ? shape_feedback->moment_Nm() : BendingVector::Zero(2 * sections);
   if (source == CommandKind::kTension) {
     // Friction follows the shape that the tensions make.
+    const bool before = balanced;
     balanced = equilibrium.Follow(tension_N, lacking_Nm);
+    if (balanced != before) switched = true;
     at_limit = false;
     output.displacement_desired_m = led_m;
     if (balanced) body.TendonShortening(equilibrium.q(), output.displacement_desired_m);
-    arc_shortening_m.setZero();
+    arc_shortening_m = output.displacement_desired_m;
     return;
   }
   const Status status = equilibrium.Solve(output.reference, output.tension_desired_base_N, LeastTension(),
@@ -799,7 +813,13 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
             gate.target().kind == CommandKind::kTension ? gate.target().tension_N : tension_N;
         const double least_N = robot.limits.min_tension_N,
                      most_N = LedLimits(robot.limits).max_tension_base_N;
-        RampTensions(wanted.cwiseMax(least_N).cwiseMin(most_N));
+        const TendonVector goal_N = wanted.cwiseMax(least_N).cwiseMin(most_N);
+        if (uses_equilibrium) {
+          if (switched) tension_lead.Start(tension_N);
+          tension_N = tension_lead.Step(goal_N, ramp_Nps * period_s);
+        } else {
+          RampTensions(goal_N);
+        }
         if (wanted.minCoeff() < least_N) Report(output, Status::kLimitedTensionMin);
         if (wanted.maxCoeff() > most_N) Report(output, Status::kLimitedTensionMax);
         joined = false;
@@ -870,7 +890,7 @@ double Controller::Impl::Bounded(int j, double fed_back_Nm, double measured_N,
 }
 
 void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& output) noexcept {
-  const bool moving = controls_shape() && (uses_equilibrium ? !switched : source != CommandKind::kTension);
+  const bool moving = controls_shape() && !switched && (uses_equilibrium || source != CommandKind::kTension);
   double most_rotor_N = 0;
   for (int j = 0; j < tendons; ++j) {
     Compensation::Result r;
@@ -964,6 +984,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
     for (TensionFeedback& k : feedback) k.Remember(a);
     if (tip_feedback) tip_feedback->Remember(a);
     equilibrium.Remember(a);
+    tension_lead.Remember(a);
     if (shape_feedback) shape_feedback->Remember(a);
     a.Value(balanced);
     a.Value(at_limit);
@@ -985,6 +1006,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
   a.Vector(goal_rad, {2 * sections});
   a.Vector(goal_rate_radps, {2 * sections});
   a.Value(joined);
+  a.Value(waits);
   a.Value(engaged);
   a.Value(bare);
   a.Value(zeroed);

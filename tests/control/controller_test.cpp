@@ -159,8 +159,14 @@ TEST(Controller, TensionCommandIsFollowedAtTheRampAndReturnsSmoothly) {
     last = loop.output.tension_desired_base_N;
   }
   EXPECT_NEAR(last.minCoeff(), 1.0, 1e-12);
-  loop.Step(loop.Bending(0.2, 0));
+  Command bend = loop.Bending(0.2, 0);
+  bend.speed_radps = 0.5;
+  loop.Step(bend);
   for (int i = 0; i < 1000; ++i) {
+    // The motion waits for the tensions: 0.7 N at 2 N/s.
+    if (i < 340) {
+      EXPECT_EQ(loop.output.reference.velocity_radps.norm(), 0);
+    }
     EXPECT_LE((loop.output.tension_desired_base_N - last).cwiseAbs().maxCoeff(), 2.5e-3);
     last = loop.output.tension_desired_base_N;
     loop.Step();

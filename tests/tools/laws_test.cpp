@@ -356,6 +356,50 @@ TEST(Laws, CommandedTensionsArriveAtTheBase) {
   }
 }
 
+// However brisk they are commanded, with no friction left that would hold the motors; and a bend commanded
+// next starts from there without a blow.
+TEST(Laws, BriskTensionsAndABendAfterThemStayWithinLimits) {
+  for (const ControlLaw law : {ControlLaw::kPaper, ControlLaw::kEquilibrium}) {
+    ClosedLoopOptions options = Options("rig_60mm.yaml", false);
+    options.daemon.controller.law = law;
+    if (law == ControlLaw::kEquilibrium) options.daemon.controller.pretension_ramp_Nps = 100;
+    ClosedLoop loop(options);
+    loop.ArmAndPretension();
+    const double travel_m = options.plant_robot.actuation->tendons[0].SpoolTravelPerMotorRad();
+    double most_N = 0, jump_Nm = 0, overrun_m = 0;
+    TendonVector last_Nm = loop.record().output.torque_desired_Nm;
+    const auto watch = [&](const CycleRecord& record) {
+      EXPECT_LT(static_cast<int>(record.output.status), 400);
+      for (const auto& tendon : loop.plant().tendon()) {
+        most_N = std::max(most_N, tendon.tension_motor_N);
+        overrun_m = std::max(overrun_m, -tendon.spool_pull_m);
+      }
+      jump_Nm = std::max(jump_Nm, (record.output.torque_desired_Nm - last_Nm).cwiseAbs().maxCoeff());
+      last_Nm = record.output.torque_desired_Nm;
+    };
+    const bool brisk = law == ControlLaw::kEquilibrium;
+    for (int i = 0; i < (brisk ? 8 : 1); ++i) {
+      Command c;
+      c.kind = CommandKind::kTension;
+      c.tension_N = TendonVector::Constant(3, 0.5);
+      c.tension_N[i % 3] = 3;
+      loop.Send(c);
+      StepFor(loop, brisk ? 0.3 : 3, watch);
+    }
+    Command c;
+    c.kind = CommandKind::kBending;
+    c.bending_rad = BendingVector(Eigen::Vector2d(0.43, 1.12));
+    c.speed_radps = 3;
+    loop.Send(c);
+    StepFor(loop, 3, watch);
+    EXPECT_LT(most_N, options.plant_robot.limits.max_tension_motor_N - 2);
+    EXPECT_LT(overrun_m, 0.008) << overrun_m / travel_m << " rad of the motor; slack was paid out";
+    EXPECT_LT(jump_Nm, 3e-4);
+    EXPECT_EQ(loop.record().output.mode, Mode::kRunning);
+    EXPECT_LT((loop.record().output.reference.position_rad - c.bending_rad).norm(), 1e-3);
+  }
+}
+
 // A robot that is not as its file says, with no tracker to tell: the tendons' own way does.
 TEST(Laws, TheTendonsShowWhatTheFileHasWrong) {
   for (const std::vector<const char*>& effects : {std::vector<const char*>{"bending_stiffness scale=1.2"},

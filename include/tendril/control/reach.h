@@ -32,6 +32,8 @@ class Reach {
   /// for them at most T_min [rad/s]; that last only where the goal stands, for whoever sends a moving one has
   /// chosen how it gathers speed.
   double Rate_radps(const BendingVector& bending_rad, bool goal_moves) const noexcept;
+  /// The same where nothing is pulled for rotors: tensions that are commanded.
+  double UnpulledRate_radps() const noexcept { return rate_per_N_ * 0.5 * min_tension_N_; }
 
  private:
   bool Holds(const BendingVector& bending_rad) noexcept;
