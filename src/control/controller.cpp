@@ -277,11 +277,12 @@ struct Controller::Impl {
   std::array<double, kMaxTendons> last_fed_back_Nm{}, fed_back_at_N{};  // last, and the tension wanted then
   std::array<double, kMaxTendons> permille_left_over{};  // of torque, by rounding to what the bus carries
   std::array<std::int16_t, kMaxTendons> sent_permille{};
-  bool joined = false;   // tension_N follows its source without the ramp
-  bool engaged = false;  // homing or commissioning, and every drive has been enabled
-  bool bare = false;     // tension_N is the pull of bare motors
-  bool zeroed = false;   // displacement counts from pretension
-  double ramp_Nps = 0;   // of tensions that are led somewhere
+  bool joined = false;      // tension_N follows its source without the ramp
+  bool engaged = false;     // homing or commissioning, and every drive has been enabled
+  bool bare = false;        // tension_N is the pull of bare motors
+  bool zeroed = false;      // displacement counts from pretension
+  bool zero_known = false;  // ... did so before, and the encoders have counted on since
+  double ramp_Nps = 0;      // of tensions that are led somewhere
   // Seen without power since the mode was entered: a drive that is still on when it is asked for anew goes
   // off first.
   std::array<bool, kMaxTendons> was_off{};
@@ -443,7 +444,10 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
     const DriveFeedback& d = input.drive[j];
     const bool answering = d.state != DriveState::kOffline && d.state != DriveState::kBooting &&
                            d.state != DriveState::kUnreachable;
-    if (!answering) fault(Status::kDriveLost);
+    if (!answering) {
+      fault(Status::kDriveLost);
+      zero_known = false;
+    }
     if (d.state == DriveState::kFault) fault(Status::kDriveFault);
     // A drive that left operation enabled on its own while it should hold a tendon is a fault as well.
     if (powered && d.state != DriveState::kEnabled) fault(Status::kDriveFault);
@@ -585,6 +589,7 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       // a jump when the robot runs.
       trajectory.Reset(BendingVector::Zero(2 * sections));
       rotor_N = 0;
+      if (mode == Mode::kHoming || mode == Mode::kCommissioning) zero_known = false;
       joined = engaged = bare = zeroed = false;
       ramp_Nps = parameters.pretension_ramp_Nps;
       for (int j = 0; j < tendons; ++j) was_off[j] = input.drive[j].state != DriveState::kEnabled;
@@ -616,9 +621,11 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
   }
 }
 
-// The straight robot at pretension is where displacement counts from.
+// The straight robot at pretension is where displacement counts from. Armed again it is as bent as friction
+// left it: a zero that the encoders have counted on from is the better one.
 void Controller::Impl::BeginAtPretension(const CycleInput& input) noexcept {
-  estimator.ZeroDisplacement(input);
+  if (!zero_known) estimator.ZeroDisplacement(input);
+  zero_known = true;
   trajectory.Reset(BendingVector::Zero(2 * sections));
   if (bare) {
     guards.Restart();
@@ -769,7 +776,7 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
   body.TendonShortening(equilibrium.q(), output.displacement_desired_m);
   if (shape_feedback) {
     Report(output, shape_feedback->Step(output.reference.position_rad, output.displacement_desired_m,
-                                        estimator.shortening_m(), force_per_tension,
+                                        estimator.shortening_m(), estimator.weight(), force_per_tension,
                                         equilibrium.SectionCompliance(), joined, at_limit));
   }
   body.TendonForce(equilibrium.q(), equilibrium.tension_N(), unit_force_Nm);
@@ -1010,6 +1017,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
   a.Value(engaged);
   a.Value(bare);
   a.Value(zeroed);
+  a.Value(zero_known);
   a.Value(ramp_Nps);
   for (int j = 0; j < tendons; ++j) a.Value(was_off[j]);
   a.Choice(source, CommandKind::kMode);

@@ -15,6 +15,11 @@ using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 *
 // Of a value rounded to a grid.
 constexpr double RoundingVariance(double step) { return step * step / 12; }
 
+// Of a cell's noise and steps: less is no pull.
+constexpr double kNoPullDeviations = 4;
+// Of a tendon that is taut, for what it counts beside the straight robot.
+constexpr double kPriorDeviation_m = 1e-7;
+
 // Friction between pulling and paying out is as uncertain as it has not built up.
 double FrictionVariance(double pulling_N, double paying_out_N, double z) {
   const double half_N = (pulling_N - paying_out_N) / 2;
@@ -44,13 +49,21 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
       max_bending_rad_(robot.limits.max_bending_rad),
       bending_rad_(BendingVector::Zero(2 * body.sections())),
       shortening_m_(TendonVector::Zero(body.tendons())),
+      weight_(TendonVector::Ones(body.tendons())),
       q_(UnitVector::Zero(body.dof())) {
+  std::vector<double> levers_m;
+  for (const auto& section : robot.body.sections) {
+    for (const auto& route : section.tendons) levers_m.push_back(route.radius_m);
+  }
   for (const auto& t : robot.actuation->tendons) {
+    const double slack_N =
+        std::max(kSlack * min_tension_N_, kNoPullDeviations * std::sqrt(SensorVariance(t)));
+    const double range_m = levers_m[tendons_.size()] * max_bending_rad_;
     const double per_mV = t.load_cell.gain_VpN > 0 ? 1e-3 / t.load_cell.gain_VpN : 0;
     tendons_.push_back({TravelPerCount(t), t.drive.rated_torque_Nm, t.motor.torque_scale, per_mV,
                         t.load_cell.offset_N, t.tendon.stiffness_Npm, t.SpoolTravelPerMotorRad(),
                         t.gear.efficiency, t.motor.coulomb_friction_Nm, t.transmission.coulomb_N,
-                        SensorVariance(t), t.load_cell.place, 0,
+                        SensorVariance(t), t.load_cell.place, slack_N, range_m * range_m / 12, 0,
                         model::PulleyPresliding(t.transmission.presliding_m)});
   }
 }
@@ -112,6 +125,11 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
     shortening_m_[j] = pull_m - (motor_N - min_tension_N_) / t.stiffness_Npm;
     variance_m2[j] =
         2 * RoundingVariance(t.travel_per_count_m) + variance_N2 / (t.stiffness_Npm * t.stiffness_Npm);
+    const double over_N = std::max((kTaut - kSlack) * min_tension_N_, t.slack_N);
+    const double taut =
+        t.place == LoadCellPlace::kNone ? 1 : std::clamp((cell_N - t.slack_N) / over_N, 0., 1.);
+    weight_[j] = taut * taut;
+    variance_m2[j] += (1 - taut) * (1 - taut) * t.range_variance_m2;
   }
   EstimateBending(variance_m2, output.bending_covariance_rad2);
   body_.SpreadBending(bending_rad_, q_);
@@ -133,11 +151,20 @@ void Estimator::EstimateBending(const TendonVector& variance_m2, BendingMatrix& 
   model::SectionForcePerTension(body_, bending_rad_, force_per_tension);
   body_.SpreadBending(bending_rad_, q_);
   body_.TendonShortening(q_, modelled_m);
-  const BendingMatrix normal = force_per_tension * force_per_tension.transpose();
-  const ForceMatrix bending_per_shortening = normal.ldlt().solve(force_per_tension);
-  BendingVector best = bending_rad_ + bending_per_shortening * (shortening_m_ - modelled_m);
+  const ForceMatrix weighted = force_per_tension * weight_.asDiagonal();
+  BendingMatrix normal = weighted * force_per_tension.transpose();
+  // The straight robot counts as much as these variances are to each other: next to nothing beside a tendon.
+  const double straight_rad2 = max_bending_rad_ * max_bending_rad_ / 3;
+  const double prior_m2 = kPriorDeviation_m * kPriorDeviation_m / straight_rad2;
+  normal.diagonal().array() += prior_m2;
+  const auto factor = normal.ldlt();
+  const ForceMatrix bending_per_shortening = factor.solve(weighted);
+  const BendingMatrix bending_per_prior = factor.solve(BendingMatrix::Identity(k2, k2) * prior_m2);
+  BendingVector best =
+      bending_rad_ + bending_per_shortening * (shortening_m_ - modelled_m) - bending_per_prior * bending_rad_;
   const ForceMatrix scaled = bending_per_shortening * variance_m2.cwiseSqrt().asDiagonal();
   covariance_rad2 = scaled * scaled.transpose();
+  covariance_rad2 += straight_rad2 * bending_per_prior * bending_per_prior.transpose();
   if (!best.allFinite()) return;
   // Beyond what the robot may ever do the measurement is wrong; keep the direction, bound the size.
   for (int k = 0; k < body_.sections(); ++k) {

@@ -13,6 +13,7 @@ namespace {
 // Bent by more than this, an error counts as one that grows with the bend.
 constexpr double kBent_rad = 0.3;
 constexpr double kRest_radps = 1e-4;
+constexpr double kLeastShown = 1e-9;
 constexpr double kErrorFilter_s = 0.05;
 
 using Complex = std::complex<double>;
@@ -50,7 +51,7 @@ void ShapeFeedback::Reset() noexcept {
 }
 
 Status ShapeFeedback::Step(const BendingVector& bending_rad, const TendonVector& wanted_m,
-                           const TendonVector& shown_m,
+                           const TendonVector& shown_m, const TendonVector& weight,
                            const Eigen::Ref<const Eigen::MatrixXd>& force_per_tension,
                            const BendingMatrix& compliance, bool acts, bool at_limit) noexcept {
   const TendonVector missing_m = wanted_m_[0] - shown_m;
@@ -60,9 +61,11 @@ Status ShapeFeedback::Step(const BendingVector& bending_rad, const TendonVector&
   last_rad_ = bending_rad;
 
   // Force per tension is shortening per bend, transposed (virtual work).
-  const BendingMatrix normal = force_per_tension * force_per_tension.transpose();
-  const BendingVector error_rad =
-      normal.ldlt().solve(BendingVector(force_per_tension.lazyProduct(missing_m)));
+  BendingMatrix normal = force_per_tension * weight.asDiagonal() * force_per_tension.transpose();
+  // Where too few tendons are taut to tell, nothing is missing.
+  normal.diagonal().array() += kLeastShown * force_per_tension.squaredNorm();
+  const BendingVector error_rad = normal.ldlt().solve(
+      BendingVector(force_per_tension.lazyProduct(TendonVector(weight.cwiseProduct(missing_m)))));
   if (!acts || !error_rad.allFinite()) {
     error_rad_.setZero();
   } else {

@@ -64,6 +64,48 @@ TEST_P(EstimatorTest, SeesThroughOffsetBearingsAndAStrongMotor) {
   EXPECT_NEAR(output.tension_measured_N[0], shown_N, resolution_N);
 }
 
+// A tendon that hangs shows nothing; where the others do not tell either, the covariance says so.
+TEST(SlackTendon, DoesNotCount) {
+  const RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
+  const model::Body body(robot.body);
+  const auto& t = robot.actuation->tendons[0];
+  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
+      3, std::make_shared<const model::CapstanTable>(t.transmission, robot.limits.max_tension_motor_N));
+  const BendingVector bend_rad = Eigen::Vector2d(0.5, -0.2);
+  Eigen::VectorXd q(body.dof());
+  TendonVector shortening_m(3);
+  body.SpreadBending(bend_rad, q);
+  body.TendonShortening(q, shortening_m);
+  for (int hanging = 0; hanging < 3; ++hanging) {
+    Estimator estimator(robot, body, tables);
+    CycleInput input;
+    input.drives = 3;
+    CycleOutput output;
+    output.displacement_m = output.tension_measured_N = output.tension_base_estimate_N =
+        output.torque_measured_Nm = TendonVector::Zero(3);
+    estimator.ZeroDisplacement(input);
+    for (int j = 0; j < 3; ++j) {
+      const double tension_N = j < hanging ? 0 : 1.0, paid_out_m = j < hanging ? 1.5e-3 : 0;
+      const double pull_m =
+          shortening_m[j] - paid_out_m + (tension_N - robot.limits.min_tension_N) / t.tendon.stiffness_Npm;
+      auto& d = input.drive[static_cast<std::size_t>(j)];
+      d.position_counts = static_cast<std::int32_t>(std::lround(
+          pull_m / t.SpoolTravelPerMotorRad() / (2 * std::numbers::pi) * t.drive.encoder_counts_per_turn));
+      d.analog_mV = static_cast<std::int16_t>(std::lround(1000 * t.load_cell.gain_VpN * tension_N));
+    }
+    for (int i = 0; i < 5; ++i) estimator.Step(input, output);
+    const double error_rad = (output.bending_estimate_rad - bend_rad).norm();
+    const double deviation_rad = std::sqrt(output.bending_covariance_rad2.trace());
+    if (hanging < 2) {
+      EXPECT_LT(error_rad, 1e-3) << hanging;
+      EXPECT_LT(deviation_rad, 1e-3) << hanging;
+    } else {
+      EXPECT_GT(deviation_rad, error_rad) << "one tendon tells of one direction only";
+      EXPECT_GT(deviation_rad, 0.5);
+    }
+  }
+}
+
 // Sensors of a robot in a known shape under known tensions, each with its own noise and resolution.
 class NoisyRobot {
  public:

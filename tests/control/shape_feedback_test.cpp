@@ -42,8 +42,8 @@ class Section {
     for (int j = 0; j < 3; ++j) shown_m[j] += noise_m * normal_(random_);
     Eigen::MatrixXd per_tension(2, 3);
     model::SectionForcePerTension(body_, wanted, per_tension);
-    feedback_.Step(wanted, wanted_m, shown_m, per_tension, BendingMatrix::Identity(2, 2) / Stiffness(), acts,
-                   at_limit);
+    feedback_.Step(wanted, wanted_m, shown_m, TendonVector::Ones(shown_m.size()), per_tension,
+                   BendingMatrix::Identity(2, 2) / Stiffness(), acts, at_limit);
     return (wanted - bend_).norm();
   }
 

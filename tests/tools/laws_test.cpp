@@ -334,6 +334,11 @@ TEST(Laws, ArmedAgainTheRobotStandsStill) {
     StepFor(loop, 3, see);
     EXPECT_LT(most_N, first_N + 0.1);
     EXPECT_LT(bend_rad, 0.15) << "friction alone";
+    Eigen::Vector2d truth_rad = Eigen::Vector2d::Zero();
+    for (Eigen::Index i = 0; i < loop.plant().q().size(); i += 2)
+      truth_rad += loop.plant().q().segment<2>(i);
+    EXPECT_LT((loop.record().output.bending_estimate_rad - truth_rad).norm(), 0.002)
+        << "bent by " << truth_rad.norm() << " rad: it is no new zero";
   }
 }
 

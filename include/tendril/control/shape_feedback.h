@@ -30,13 +30,13 @@ class ShapeFeedback {
   ShapeFeedback(const model::Body& body, double time_constant_s, double friction_Nm, double period_s);
 
   /// One cycle. `bending_rad` is wanted, `wanted_m` the shortening that the torques now sent are meant for,
-  /// `shown_m` what drives and cells show; `force_per_tension` (2K x M) and `compliance` (2K x 2K, bend a
-  /// moment) are those at the wanted bend. `acts` false: what is known of the moment stays. `at_limit`:
-  /// tensions are, and the moment fades at tau's pace, for what they cannot give is not to be asked for.
-  /// kLimitedShapeCorrection: c or m is at its limit.
+  /// `shown_m` what drives and cells show, of which each tendon counts by its `weight`; `force_per_tension`
+  /// (2K x M) and `compliance` (2K x 2K, bend a moment) are those at the wanted bend. `acts` false: what is
+  /// known of the moment stays. `at_limit`: tensions are, and the moment fades at tau's pace, for what they
+  /// cannot give is not to be asked for. kLimitedShapeCorrection: c or m is at its limit.
   Status Step(const BendingVector& bending_rad, const TendonVector& wanted_m, const TendonVector& shown_m,
-              const Eigen::Ref<const Eigen::MatrixXd>& force_per_tension, const BendingMatrix& compliance,
-              bool acts, bool at_limit = false) noexcept;
+              const TendonVector& weight, const Eigen::Ref<const Eigen::MatrixXd>& force_per_tension,
+              const BendingMatrix& compliance, bool acts, bool at_limit = false) noexcept;
 
   /// Bending moment (us, vs) along each section that the model lacks [N·m].
   const BendingVector& moment_Nm() const noexcept { return moment_Nm_; }
