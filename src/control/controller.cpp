@@ -37,6 +37,8 @@ using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 *
 constexpr double kReleasedTension_N = 1e-6;
 // While commissioning: without a pull asked for, the drives are disabled again after this.
 constexpr TimeNs kUnusedFor_ns = 2 * kNsPerS;
+// Drives take some hundredths of a second to switch on; the master gives one up after 2 s, and tells more.
+constexpr TimeNs kEnableWithin_ns = 3 * kNsPerS;
 // Slower than this a robot is led nowhere: a micrometre of tendon in ten seconds.
 constexpr double kRest_mps = 1e-7, kRest_Nps = 1e-3;
 constexpr double kHeldPermille = 0.8;
@@ -107,6 +109,14 @@ std::vector<std::shared_ptr<const model::CapstanTable>> MakeTables(const RobotPa
 }  // namespace
 
 struct Controller::Impl {
+  // What a robot makes of a tip: the nearest that its arcs reach, brought back to what tensions hold.
+  struct NearestTip {
+    BendingVector bending_rad;
+    Eigen::Vector3d tip_W_m;
+    double distance_m;
+    Status reached, held;
+  };
+
   Impl(const RobotParameters& robot_in, const ControllerParameters& parameters_in, TimeNs period_ns)
       : robot(Checked(robot_in)),
         parameters(parameters_in),
@@ -194,8 +204,9 @@ struct Controller::Impl {
 
   void Prepare(const CycleInput& input, CycleOutput& output) const noexcept;
   void CompareWithTracker(const CycleInput& input, CycleOutput& output) noexcept;
-  void Admit(const CycleInput& input, CycleOutput& output) noexcept;
-  void Supervise(const CycleInput& input, CycleOutput& output) noexcept;
+  /// True when a command changed the mode.
+  bool Admit(const CycleInput& input, CycleOutput& output) noexcept;
+  void Supervise(const CycleInput& input, CycleOutput& output, bool entered) noexcept;
   void FollowTarget(const CycleInput& input, CycleOutput& output) noexcept;
   void TensionsForReference(CycleOutput& output) noexcept;
   void TensionsForEquilibrium(const CycleInput& input, CycleOutput& output) noexcept;
@@ -227,10 +238,15 @@ struct Controller::Impl {
   bool Rests(const CycleOutput& output) noexcept;
   std::int16_t Rounded(int tendon, double permille, std::int16_t sent) const noexcept;
   bool LostTendon(int tendon, const CycleOutput& output) noexcept;
-  /// Keeps the most severe status of the cycle.
+  /// Keeps what there is to say, and apart the most severe of it.
   static void Report(CycleOutput& output, Status status) noexcept {
     if (static_cast<int>(status) > static_cast<int>(output.status)) output.status = status;
+    for (Status& s : output.reported) {
+      if (s == Status::kOk) s = status;
+      if (s == status) return;
+    }
   }
+  NearestTip NearestTo(const Eigen::Vector3d& tip_W_m, const BendingVector& seed) noexcept;
 
   RobotParameters robot;
   ControllerParameters parameters;
@@ -287,7 +303,7 @@ struct Controller::Impl {
   // off first.
   std::array<bool, kMaxTendons> was_off{};
   CommandKind source = CommandKind::kNone;
-  TimeNs settled_since_ns = 0;
+  TimeNs settled_since_ns = 0;            // or since when drives are asked to switch on
   std::int32_t disagreeing_readings = 0;  // of the tracker with the estimate, in a row
   bool tracker_disagrees = false;
   Eigen::Vector3d compared_tip_W_m{0, 0, 0};
@@ -302,8 +318,8 @@ void Controller::Step(const CycleInput& input, CycleOutput& output) noexcept {
   c.Prepare(input, output);
   c.estimator.Step(input, output);
   c.CompareWithTracker(input, output);
-  c.Admit(input, output);
-  c.Supervise(input, output);
+  const bool entered = c.Admit(input, output);
+  c.Supervise(input, output, entered);
   c.FollowTarget(input, output);
   c.TensionsForReference(output);
   c.TensionsForEquilibrium(input, output);
@@ -357,9 +373,16 @@ void Controller::Impl::CompareWithTracker(const CycleInput& input, CycleOutput& 
   if (tracker_disagrees && disagreeing_readings > 0) Report(output, Status::kTrackerDisagrees);
 }
 
-void Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexcept {
+bool Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexcept {
+  bool entered = false;
   if (input.command.kind != CommandKind::kNone) {
-    command_status = gate.Admit(input.command, supervisor.mode(), input.time_ns);
+    double away_m = 0;
+    if (input.command.kind == CommandKind::kTip && input.command.tip_W_m.allFinite()) {
+      const NearestTip nearest = NearestTo(input.command.tip_W_m, goal_rad);
+      away_m = nearest.distance_m;
+      output.nearest_tip_W_m = nearest.tip_W_m;
+    }
+    command_status = gate.Admit(input.command, supervisor.mode(), input.time_ns, away_m);
     const bool clear = input.command.kind == CommandKind::kMode && input.command.mode == ModeRequest::kClear;
     if (command_status == Status::kOk && clear && StillPulls(input)) command_status = Status::kClearTooEarly;
     ++(command_status == Status::kOk ? accepted : refused);
@@ -395,12 +418,14 @@ void Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
         case ModeRequest::kDriveExchanged:
           break;  // the gate lets none through
       }
-      if (supervisor.Handle(event)) EnterMode(supervisor.mode(), input);
+      entered = supervisor.Handle(event);
+      if (entered) EnterMode(supervisor.mode(), input);
     }
   }
   output.commands_accepted = accepted;
   output.commands_refused = refused;
   output.command_status = command_status;
+  return entered;
 }
 
 // After a fault: tensions that are still led down.
@@ -432,6 +457,7 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
   };
   const Mode mode = supervisor.mode();
   const bool enabling = mode == Mode::kArmed || (takes_up() && !engaged);
+  const bool overdue = enabling && input.time_ns - settled_since_ns > kEnableWithin_ns;
   // What leads no tension down has nothing left to guard: a safe stop before the drives were on.
   const bool nothing = mode == Mode::kSafeStop && tension_N.isZero(0);
   const bool powered = mode != Mode::kDisconnected && mode != Mode::kConfigured && mode != Mode::kFault &&
@@ -449,6 +475,8 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
       zero_known = false;
     }
     if (d.state == DriveState::kFault) fault(Status::kDriveFault);
+    const bool on = was_off[j] && d.state == DriveState::kEnabled && d.age_cycles == 0;
+    if (overdue && !on) fault(Status::kEnableTimedOut);
     // A drive that left operation enabled on its own while it should hold a tendon is a fault as well.
     if (powered && d.state != DriveState::kEnabled) fault(Status::kDriveFault);
     if (answering && d.age_cycles > 0) {
@@ -495,7 +523,7 @@ bool Controller::Impl::Released() const noexcept {
          tension_N.minCoeff() >= -kReleasedTension_N;
 }
 
-void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) noexcept {
+void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output, bool entered) noexcept {
   if (input.late) Report(output, Status::kCycleLate);
   const Mode before = supervisor.mode();
   const Status health = input.drives == tendons ? CheckDrives(input, output) : Status::kDriveLost;
@@ -518,18 +546,20 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) n
 
   bool changed = false;
   if (state != Status::kOk) changed = supervisor.Handle(Event::kFault, state);
-  if (!changed && ready) changed = supervisor.Handle(Event::kDrivesReady);
-  if (!changed && enabled) changed = supervisor.Handle(Event::kDrivesEnabled);
-  if (!changed && before == Mode::kPretension && joined &&
+  // A mode that a command led to in this cycle is seen before it leads on; a fault waits for nothing.
+  const auto goes_on = [&] { return !changed && !entered; };
+  if (goes_on() && ready) changed = supervisor.Handle(Event::kDrivesReady);
+  if (goes_on() && enabled) changed = supervisor.Handle(Event::kDrivesEnabled);
+  if (goes_on() && before == Mode::kPretension && joined &&
       input.time_ns - settled_since_ns >= static_cast<TimeNs>(parameters.pretension_settle_s * 1e9)) {
     changed = supervisor.Handle(Event::kPretensioned);
   }
-  if (!changed && before == Mode::kHoming && engaged && take_up.homed()) {
+  if (goes_on() && before == Mode::kHoming && engaged && take_up.homed()) {
     changed = supervisor.Handle(Event::kHomed);
     if (changed) BeginAtPretension(input);
   }
-  if (!changed && before == Mode::kSafeStop && Released()) changed = supervisor.Handle(Event::kReleased);
-  if (!changed && before == Mode::kCommissioning && engaged) {
+  if (goes_on() && before == Mode::kSafeStop && Released()) changed = supervisor.Handle(Event::kReleased);
+  if (goes_on() && before == Mode::kCommissioning && engaged) {
     // Nobody asks for anything, or no more: motors do not pull on unwatched.
     const Target& pull = gate.target();
     const TimeNs until_ns = pull.kind == CommandKind::kTension ? pull.since_ns + pull.valid_for_ns
@@ -541,7 +571,7 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) n
   }
   // A sender that promised a motion and went silent does not come back unasked.
   const Target& target = gate.target();
-  if (!changed && before == Mode::kRunning && target.moving() &&
+  if (goes_on() && before == Mode::kRunning && target.moving() &&
       input.time_ns - target.since_ns - target.valid_for_ns >
           static_cast<TimeNs>(parameters.guards.max_stream_silence_s * 1e9)) {
     changed = supervisor.Handle(Event::kHold);
@@ -567,7 +597,8 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output) n
       Report(output, supervisor.cause());
       break;
     case Mode::kDisconnected:
-      Report(output, NotReady(input));
+      // In the cycle of a clear the drives have not heard of it yet.
+      if (!output.clear_drive_faults) Report(output, NotReady(input));
       output.drive_request = DriveRequest::kDisable;
       break;
     case Mode::kConfigured:
@@ -592,6 +623,7 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       if (mode == Mode::kHoming || mode == Mode::kCommissioning) zero_known = false;
       joined = engaged = bare = zeroed = false;
       ramp_Nps = parameters.pretension_ramp_Nps;
+      settled_since_ns = input.time_ns;
       for (int j = 0; j < tendons; ++j) was_off[j] = input.drive[j].state != DriveState::kEnabled;
       for (auto& k : compensation) k.Reset(0, 0);
       for (auto& k : feed_forward) k.Reset(0, 0);
@@ -635,6 +667,18 @@ void Controller::Impl::BeginAtPretension(const CycleInput& input) noexcept {
   zeroed = true;
 }
 
+Controller::Impl::NearestTip Controller::Impl::NearestTo(const Eigen::Vector3d& tip_W_m,
+                                                         const BendingVector& seed) noexcept {
+  const model::IkSolution ik = kinematics.Solve(tip_W_m, seed);
+  NearestTip nearest{ik.us_vs, ik.tip_W_m, ik.distance_m, ik.status, Status::kOk};
+  nearest.held = reach.Limit(nearest.bending_rad);
+  if (nearest.held != Status::kOk) {
+    nearest.tip_W_m = kinematics.Tip(nearest.bending_rad);
+    nearest.distance_m = (nearest.tip_W_m - tip_W_m).norm();
+  }
+  return nearest;
+}
+
 // Target -> bending goal (inverse kinematics for tip targets) -> jerk-limited reference. The goal is taken as
 // far ahead as the trajectory's averages delay, so a moving target is followed without lag.
 void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output) noexcept {
@@ -661,27 +705,28 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
     if (target.kind == CommandKind::kTip) {
       output.target_tip_W_m = target.TipAt(input.time_ns);
       const Eigen::Vector3d smoothed_W_m = smoothing_s2 * target.tip_acceleration_W_mps2;
-      const model::IkSolution ik = kinematics.Solve(target.TipAt(ahead_ns) - smoothed_W_m, goal_before);
-      goal_rad = ik.us_vs;
+      const NearestTip nearest = NearestTo(target.TipAt(ahead_ns) - smoothed_W_m, goal_before);
+      goal_rad = nearest.bending_rad;
       // What look-ahead and smoothing take a moving target off the reachable surface is not worth a word.
       const double own_m = smoothed_W_m.norm();
-      output.target_distance_m = std::max(0.0, ik.distance_m - own_m);
-      if (ik.status != Status::kTargetUnreachable || ik.distance_m > reach_tolerance_m + own_m)
-        Report(output, ik.status);
+      output.target_distance_m = std::max(0.0, nearest.distance_m - own_m);
+      if (nearest.reached != Status::kTargetUnreachable || nearest.distance_m > reach_tolerance_m + own_m)
+        Report(output, nearest.reached);
+      Report(output, nearest.held);
     } else {
       goal_rad = target.bending_rad;
       if (target.moving()) goal_rad += target.bending_rate_radps * target.ElapsedS(ahead_ns);
       if (target.bending_acceleration_radps2.size() == goal_rad.size())
         goal_rad -= smoothing_s2 * target.bending_acceleration_radps2;
-    }
-    for (int k = 0; k < sections; ++k) {
-      const double bend = goal_rad.segment<2>(2 * k).norm();
-      if (bend > robot.limits.max_bending_rad) {
-        goal_rad.segment<2>(2 * k) *= robot.limits.max_bending_rad / bend;
-        Report(output, Status::kLimitedBending);
+      for (int k = 0; k < sections; ++k) {
+        const double bend = goal_rad.segment<2>(2 * k).norm();
+        if (bend > robot.limits.max_bending_rad) {
+          goal_rad.segment<2>(2 * k) *= robot.limits.max_bending_rad / bend;
+          Report(output, Status::kLimitedBending);
+        }
       }
+      Report(output, reach.Limit(goal_rad));
     }
-    Report(output, reach.Limit(goal_rad));
     // How fast the goal itself moves; a goal that was replaced by a new command is a jump, not a motion.
     const bool continued =
         target.moving() && before == source && target.since_ns + period_s * 1e9 < input.time_ns;

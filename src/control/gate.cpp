@@ -90,9 +90,6 @@ bool GoesOnByItself(const Command& c, Mode mode) {
   return c.kind == CommandKind::kTension && mode == Mode::kCommissioning;
 }
 
-// Targets further out than this multiple of the robot's length are mistakes of unit, not of aim.
-constexpr double kReachMargin = 1.5;
-
 }  // namespace
 
 double Target::ElapsedS(TimeNs t_ns) const noexcept {
@@ -107,7 +104,7 @@ bool Target::moving() const noexcept {
 CommandGate::CommandGate(const RobotParameters& robot, double default_speed_radps, double bare_pull_N)
     : sections_(static_cast<int>(robot.body.sections.size())),
       tendons_(robot.body.tendons()),
-      reach_m_(kReachMargin * robot.body.length_m()),
+      out_of_reach_m_(kOutOfReach * robot.body.length_m()),
       max_bending_rad_(robot.limits.max_bending_rad),
       max_tension_N_(robot.limits.max_tension_base_N),
       default_speed_radps_(default_speed_radps),
@@ -119,7 +116,6 @@ Status CommandGate::CheckValues(const Command& c, Mode mode) const noexcept {
   switch (c.kind) {
     case CommandKind::kTip:
       if (!c.tip_W_m.allFinite() || !c.tip_velocity_W_mps.allFinite()) return Status::kCommandNotFinite;
-      if (c.tip_W_m.norm() > reach_m_) return Status::kCommandOutOfRange;
       return Status::kOk;
     case CommandKind::kBending:
       if (c.bending_rad.size() != 2 * sections_) return Status::kCommandWrongSize;
@@ -147,7 +143,7 @@ Status CommandGate::CheckValues(const Command& c, Mode mode) const noexcept {
   return Status::kCommandOutOfRange;
 }
 
-Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns) noexcept {
+Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns, double away_m) noexcept {
   // Serial-number arithmetic: a counter may wrap, and after a long silence nothing can be said about its
   // order. What was refused for another reason still counts as seen.
   const bool fresh = any_ && now_ns - last_seen_ns_ < kSequenceHolds_ns;
@@ -171,6 +167,7 @@ Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns) noexcept {
   if (GoesOnByItself(c, mode) && c.valid_for_ns > kUnwatched_ns) return Status::kCommandOutOfRange;
   if (!ModeAllowed(AdmissionIn(mode), c)) return Status::kCommandWrongMode;
   if (c.kind == CommandKind::kMode) return RefusedByDaemon(c.mode);
+  if (c.kind == CommandKind::kTip && !(away_m <= out_of_reach_m_)) return Status::kTargetOutOfReach;
 
   const double since_s = ToSeconds(c.received_ns - target_.since_ns);
   const bool streamed = target_.kind == c.kind && since_s > 0 && since_s <= ToSeconds(target_.valid_for_ns);

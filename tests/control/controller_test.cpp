@@ -2,8 +2,10 @@
 // same bits.
 #include "tendril/control/controller.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -102,9 +104,118 @@ TEST(Controller, ReachesTheTipAndEstimatesIt) {
 TEST(Controller, UnreachableTipGoesToTheNearestAndSaysHowFarOff) {
   IdealLoop loop;
   loop.RunUntilRunning();
-  loop.Step(loop.Tip({0, 0, 0.07}));
+  loop.Step(loop.Tip({0, 0, 0.065}));
   EXPECT_EQ(loop.output.status, Status::kTargetUnreachable);
-  EXPECT_NEAR(loop.output.target_distance_m, 0.01, 1e-9);
+  EXPECT_NEAR(loop.output.target_distance_m, 0.005, 1e-9);
+}
+
+// The base itself, a slip of a digit, millimetres, and a tip that arcs reach and tensions do not hold: a
+// motion to the point that happens to be nearest is not what was meant.
+TEST(Controller, ATipFarOutOfReachIsRefusedWithTheNearestPointAndMovesNothing) {
+  const double theta = 2.5, r = 0.06 / theta;
+  for (const Eigen::Vector3d& tip :
+       {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0, 0, 0.0661), Eigen::Vector3d(0.1, 0, 0.0589),
+        Eigen::Vector3d(10, 0, 58.9), Eigen::Vector3d(1e300, 0, 0),
+        Eigen::Vector3d(r * (1 - std::cos(theta)), 0, r * std::sin(theta))}) {
+    SCOPED_TRACE(tip.transpose());
+    IdealLoop loop;
+    loop.RunUntilRunning();
+    const CycleOutput answer = loop.Step(loop.Tip(tip));
+    EXPECT_EQ(answer.command_status, Status::kTargetOutOfReach);
+    loop.Run(500);
+    EXPECT_TRUE(loop.output.target_bending_rad.isZero(0));
+    EXPECT_TRUE(std::isnan(loop.output.target_tip_W_m.x()));
+    // What is named can be had.
+    loop.Step(loop.Tip(answer.nearest_tip_W_m));
+    EXPECT_EQ(loop.output.command_status, Status::kOk);
+    loop.Run(3000);
+    EXPECT_LT((loop.output.reference_tip_W_m - answer.nearest_tip_W_m).norm(), 5e-4);
+  }
+}
+
+// Beyond what tensions hold the distance is that from where the robot is really led to.
+TEST(Controller, HowFarOffATipIsCountsFromWhereTheRobotIsLed) {
+  IdealLoop loop;
+  loop.RunUntilRunning();
+  const double theta = 2.5, r = 0.06 / theta;
+  const Eigen::Vector3d arc(r * (1 - std::cos(theta)), 0, r * std::sin(theta));
+  const Eigen::Vector3d nearest = loop.Step(loop.Tip(arc)).nearest_tip_W_m;
+  loop.Step(loop.Tip(nearest + 0.004 * (arc - nearest).normalized()));
+  loop.Run(3000);
+  EXPECT_EQ(loop.output.command_status, Status::kOk);
+  EXPECT_NEAR(loop.output.target_distance_m,
+              (loop.output.target_tip_W_m - loop.output.reference_tip_W_m).norm(), 1e-5);
+  EXPECT_GT(loop.output.target_distance_m, 1e-3);
+}
+
+// A slack tendon, which is the more severe, does not hide that the tip is out of reach.
+TEST(Controller, TellsAllThatACycleHasToSay) {
+  ControllerParameters parameters = kParameters;
+  parameters.guards.slack_tension_N = 1;
+  IdealLoop loop(IdealLoop().robot, parameters);
+  loop.RunUntilRunning();
+  loop.Step(loop.Tip({0, 0, 0.065}));
+  loop.Run(10);
+  EXPECT_EQ(loop.output.status, Status::kSlack);
+  EXPECT_THAT(loop.output.reported, ::testing::IsSupersetOf({Status::kSlack, Status::kTargetUnreachable}));
+  EXPECT_EQ(std::count(loop.output.reported.begin(), loop.output.reported.end(), Status::kSlack), 1);
+}
+
+// As the table of modes says: whoever reads the log sees a disarm lead through a safe stop, from wherever it
+// comes, and a clear through disconnected.
+TEST(Controller, EveryModeThatACommandLeadsToIsSeen) {
+  ControllerParameters parameters = kParameters;
+  for (const ControlLaw law : {ControlLaw::kPaper, ControlLaw::kEquilibrium}) {
+    parameters.law = law;
+    parameters.tension_feedback = law == ControlLaw::kEquilibrium;
+    IdealLoop loop(IdealLoop().robot, parameters);
+    loop.Ready();
+    loop.Step(loop.ModeCommand(ModeRequest::kArm));
+    for (int i = 0; i < 2000 && loop.output.mode != Mode::kPretension; ++i) loop.Step();
+    loop.Run(20);
+    ASSERT_EQ(loop.output.mode, Mode::kPretension);
+    ASSERT_GT(loop.output.tension_desired_base_N.maxCoeff(), 0);
+    EXPECT_EQ(loop.Step(loop.ModeCommand(ModeRequest::kDisarm)).mode, Mode::kSafeStop);
+    EXPECT_EQ(loop.Step().mode, Mode::kConfigured) << "nothing pulled by more than pretension";
+    EXPECT_EQ(loop.output.drive_request, DriveRequest::kDisable);
+
+    loop.Run(10);
+    loop.Step(loop.ModeCommand(ModeRequest::kArm));
+    EXPECT_EQ(loop.Step(loop.ModeCommand(ModeRequest::kDisarm)).mode, Mode::kSafeStop);
+    for (int j = 0; j < 3; ++j) EXPECT_EQ(loop.output.torque_target_permille[j], 0);
+    EXPECT_EQ(loop.Step().mode, Mode::kConfigured) << "not even armed";
+
+    loop.input.drive[1].state = DriveState::kFault;
+    loop.Step();
+    ASSERT_EQ(loop.output.mode, Mode::kFault);
+    loop.Run(10);
+    // The drive hears of the clear after this cycle.
+    const CycleOutput cleared = loop.Step(loop.ModeCommand(ModeRequest::kClear));
+    EXPECT_EQ(cleared.mode, Mode::kDisconnected);
+    EXPECT_EQ(cleared.status, Status::kOk) << "that it is still in fault is nothing to tell";
+    EXPECT_EQ(loop.Step().status, Status::kDriveHasFault);
+    loop.input.drive[1].state = DriveState::kReady;
+    EXPECT_EQ(loop.Step().mode, Mode::kConfigured);
+  }
+}
+
+// Not for ever armed: a drive that does not switch on is named.
+TEST(Controller, ADriveThatDoesNotSwitchOnIsAFaultWithinThreeSeconds) {
+  for (const ModeRequest request : {ModeRequest::kArm, ModeRequest::kHome, ModeRequest::kCommission}) {
+    IdealLoop loop;
+    loop.Ready();
+    loop.obey = false;
+    loop.Step(loop.ModeCommand(request));
+    const Mode mode = loop.output.mode;
+    for (int j : {0, 2}) loop.input.drive[j].state = DriveState::kEnabled;
+    loop.Run(2990);
+    EXPECT_EQ(loop.output.mode, mode);
+    loop.Run(20);
+    EXPECT_EQ(loop.output.mode, Mode::kFault);
+    EXPECT_EQ(loop.output.status, Status::kEnableTimedOut) << StatusText(loop.output.status);
+    EXPECT_EQ(loop.output.drive_request, DriveRequest::kDisable);
+    for (int j = 0; j < 3; ++j) EXPECT_EQ(loop.output.torque_target_permille[j], 0);
+  }
 }
 
 TEST(Controller, TorqueNeverJumpsOnACircleWithReversals) {

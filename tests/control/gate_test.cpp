@@ -83,8 +83,11 @@ TEST_F(GateTest, RefusesWrongSizes) {
 }
 
 TEST_F(GateTest, RefusesWhatIsOutOfRange) {
-  EXPECT_EQ(gate.Admit(Tip(28.6479, 0, 49.6196), Mode::kRunning, now), Status::kCommandOutOfRange)
-      << "millimetres";
+  const double tenth_m = 0.006;  // of 60 mm
+  EXPECT_EQ(gate.Admit(Tip(0, 0, 0.0659), Mode::kRunning, now, 0.999 * tenth_m), Status::kOk);
+  for (double away_m : {1.001 * tenth_m, 57., kInf, kNan})
+    EXPECT_EQ(gate.Admit(Tip(0, 0, 0.07), Mode::kRunning, now, away_m), Status::kTargetOutOfReach);
+  EXPECT_EQ(gate.Admit(Tip(0, 0, 0.07), Mode::kConfigured, now, kInf), Status::kCommandWrongMode);
   Command c = Bending(2);
   c.bending_rad[0] = 1.01 * robot.limits.max_bending_rad;
   EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfRange);

@@ -136,7 +136,8 @@ TEST_P(AtOnceAfterDisarm, DrivesGoOffFirstAndThenOn) {
     r.Step(r.Request(ModeRequest::kCommission));
     r.Run(0.2);
     r.Step(r.Request(ModeRequest::kDisarm));
-    ASSERT_EQ(r.output().mode, Mode::kConfigured) << StatusText(r.output().status);
+    ASSERT_EQ(r.output().mode, Mode::kSafeStop);
+    ASSERT_EQ(r.Step().output.mode, Mode::kConfigured) << StatusText(r.output().status);
     ASSERT_EQ(r.record().input.drive[0].state, DriveState::kEnabled);
     r.Step(r.Request(GetParam()));
     if (GetParam() == ModeRequest::kCommission) {

@@ -10,6 +10,10 @@ namespace tendril::control {
 
 class StateArchive;
 
+/// Of the robot's length: who asks for a tip that much farther away than the robot can be led means another
+/// place.
+inline constexpr double kOutOfReach = 0.1;
+
 /// What is wanted right now, after the gate. A moving target moves on with its velocity until it expires.
 struct Target {
   CommandKind kind = CommandKind::kNone;  // kTip, kBending or kTension once there is one
@@ -36,8 +40,9 @@ class CommandGate {
   CommandGate(const RobotParameters& robot, double default_speed_radps, double bare_pull_N);
 
   /// Ok when the command may act in this mode, else why not. An accepted target replaces the current one.
-  /// A disarm is accepted however old it is and whatever came before it.
-  Status Admit(const Command& command, Mode mode, TimeNs now_ns) noexcept;
+  /// A disarm is accepted however old it is and whatever came before it. `away_m` is how far a commanded tip
+  /// is from the nearest point that the robot can be led to: up to kOutOfReach is admitted.
+  Status Admit(const Command& command, Mode mode, TimeNs now_ns, double away_m = 0) noexcept;
 
   const Target& target() const noexcept { return target_; }
   /// Forgets the target: nothing is wanted until the next command.
@@ -49,7 +54,7 @@ class CommandGate {
   Status CheckValues(const Command& command, Mode mode) const noexcept;
 
   int sections_, tendons_;
-  double reach_m_, max_bending_rad_, max_tension_N_, default_speed_radps_, bare_pull_N_;
+  double out_of_reach_m_, max_bending_rad_, max_tension_N_, default_speed_radps_, bare_pull_N_;
   bool any_ = false;
   std::uint32_t last_sequence_ = 0;
   TimeNs last_seen_ns_ = 0;

@@ -145,8 +145,11 @@ struct CycleOutput {
   std::uint32_t feedback_missing = 0;
   Status command_status = Status::kOk;  // why the last command was refused, or Ok
 
-  int blamed_tendon = 0;                // of the fault that began in this cycle, from 1; 0: none or not told.
-                                        // For people: it is in no message.
+  // The rest is for people and programs above; it is in no cycle message.
+
+  std::array<Status, 8> reported{};     // all that this cycle has to say, as it came up; the rest is kOk
+  Eigen::Vector3d nearest_tip_W_m{0, 0, 0};  // to the tip that was refused in this cycle as out of reach
+  int blamed_tendon = 0;                // of the fault that began in this cycle, from 1; 0: none or not told
 };
 
 /// Measured by the loop around the controller; not an input of it, so replay stays exact.

@@ -28,10 +28,11 @@ namespace tendril {
   X(CommandWrongMode, 204, "command refused in this mode", "arm from configured or hold, targets only while running, clear in fault or while disconnected") \
   X(CommandOutOfOrder, 205, "command refused: sequence number not newer than the last", "one sender at a time")     \
   X(CommandWrongSize, 206, "command refused: number of values does not fit the robot", "one pair per section, one tension per tendon") \
-  X(NotCommissioned, 207, "command refused: this robot was never commissioned as its files are now", "run tendril commission --config FILE, or, for a simulation, say commissioning: not_required in the daemon's file") \
+  X(NotCommissioned, 207, "command refused: this robot was never commissioned as its files are now", "run tendril commission --config FILE; for a simulation start tendrild with --simulated, or say commissioning: not_required in its file") \
   X(ClearTooEarly, 208, "clear refused: tensions of the fault are still on their way down", "send it again in a moment") \
   X(NotAlone, 209, "command refused: another daemon answers on the same LCM channels and would obey it as well", "stop one of the two, or give each an lcm.channel_prefix (or lcm.url) of its own") \
   X(DriveExchanged, 210, "command refused: a drive is another one than at commissioning", "run tendril commission --config FILE again, or put the drive back; exchanged_drives: warn lets it arm") \
+  X(TargetOutOfReach, 211, "command refused: the tip asked for is farther out of reach than a tenth of the robot's length", "ask for a point nearer to what the robot reaches") \
   X(CommandExpired, 301, "command stream expired: holding the last target", "keep sending within valid_for_s")      \
   X(FeedbackMissing, 302, "a drive's TPDO is missing this cycle", "check the bus")                                  \
   X(Slack, 303, "a tendon is slack", "check pretension and the tendon's path")                                      \
@@ -79,7 +80,8 @@ namespace tendril {
   X(TendonJammed, 423, "fault: homing: a motor does not turn and its tendon has no tension", "find what holds gear or spool, check the encoder, or raise controller.take_up.pull_N; then clear") \
   X(CellDead, 424, "fault: homing: a motor winds in until it stands, and its load cell does not answer", "check its cable and amplifier, commission again; then clear") \
   X(HomingTimedOut, 425, "fault: homing took longer than controller.take_up.timeout_s", "raise the limit, or find what keeps the tendons from becoming taut; then clear") \
-  X(InterfaceDown, 426, "fault: the CAN interface is down or gone", "plug its adapter in, bring it up (ip link set IFACE up), then clear")
+  X(InterfaceDown, 426, "fault: the CAN interface is down or gone", "plug its adapter in, bring it up (ip link set IFACE up), then clear") \
+  X(EnableTimedOut, 427, "fault: a drive was told to switch on, and is not on with its feedback within 3 s", "see its state, error and age of feedback (tendril status --watch), then clear")
 
 enum class Status : std::uint16_t {
 #define TENDRIL_STATUS_ENUM(name, number, text, remedy) k##name = number,
