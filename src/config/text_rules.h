@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "reader.h"
+#include "tendril/core/daemon.h"
 
 namespace tendril::config {
 
@@ -29,8 +30,7 @@ inline constexpr TextRule kPlaceRule{
 inline constexpr TextRule kInterfaceRule{
     [](std::string_view t) { return IsWord(t, 15); },
     "a network interface, 1 .. 15 letters, digits, '_', '-' or '.', e.g. can0"};
-inline constexpr TextRule kPrefixRule{[](std::string_view t) { return IsWord(t, 40); },
-                                      "1 .. 40 letters, digits, '_', '-' or '.'"};
+inline constexpr TextRule kPrefixRule{&IsChannelPrefix, kChannelPrefixRule};
 inline constexpr TextRule kPathRule{
     [](std::string_view t) {
       return !t.empty() && std::none_of(t.begin(), t.end(), [](unsigned char c) { return std::iscntrl(c); });

@@ -33,6 +33,7 @@
 #include "tendril/daemon/black_box.h"
 #include "tendril/daemon/commissioning.h"
 #include "tendril/daemon/control_cycle.h"
+#include "tendril/daemon/messages.h"
 #include "tendril/daemon/refusals.h"
 #include "tendril/daemon/wiring.h"
 #include "tendril/io/log.h"
@@ -83,19 +84,19 @@ double Us(TimeNs t_ns) { return static_cast<double>(t_ns) / static_cast<double>(
 
 // A line for people: under systemd with fields to search for (journalctl TENDRIL_STATUS=406), else as any
 // other message.
-void Tell(Status status, const char* source, const std::string& text) {
+void Write(const Message& m) {
   static const bool journal = std::getenv("JOURNAL_STREAM") != nullptr;
-  const spdlog::level::level_enum level = LevelOf(status);
+  const spdlog::level::level_enum level = LevelOf(m.status);
   if (!journal) {
-    spdlog::log(level, "{}: {}", source, text);
+    spdlog::default_logger()->log(m.at, {}, level, fmt::format("{}: {}", m.source, m.text));
     return;
   }
   const int priority = level == spdlog::level::err    ? LOG_ERR
                        : level == spdlog::level::warn ? LOG_WARNING
                                                       : LOG_INFO;
-  sd_journal_send("MESSAGE=%s: %s", source, text.c_str(), "PRIORITY=%i", priority, "TENDRIL_SOURCE=%s",
-                  source, "TENDRIL_STATUS=%i", static_cast<int>(status), "TENDRIL_REMEDY=%s",
-                  std::string(StatusRemedy(status)).c_str(), nullptr);
+  sd_journal_send("MESSAGE=%s: %s", m.source.c_str(), m.text.c_str(), "PRIORITY=%i", priority,
+                  "TENDRIL_SOURCE=%s", m.source.c_str(), "TENDRIL_STATUS=%i", static_cast<int>(m.status),
+                  "TENDRIL_REMEDY=%s", std::string(StatusRemedy(m.status)).c_str(), nullptr);
 }
 
 // Feeds systemd's watchdog, where there is one, while the tick advances. On a thread of its own: the one that
@@ -222,7 +223,8 @@ struct Daemon::State {
     });
     gateway.OnTracker([this](const TrackerSample& s) { tracker.TryPush(s); });
     gateway.OnRun([this](const io::RunInfo& r) { HeardRun(r); });
-    gateway.OnComplaint([](Status status, const std::string& text) { Tell(status, "gateway", text); });
+    gateway.OnComplaint(
+        [this](Status status, const std::string& text) { messages.Post(status, "gateway", text); });
   }
 
   // ---- real-time thread: everything from here to RealtimeThread's end ----
@@ -462,7 +464,7 @@ struct Daemon::State {
   }
 
   void Event(Status status, const std::string& source, const std::string& text) {
-    Tell(status, source.c_str(), text);
+    messages.Post(status, source, text);
     gateway.PublishEvent(clock.Now(), status, source, text);
   }
 
@@ -472,13 +474,25 @@ struct Daemon::State {
     return fmt::format(" (tendon {}, node {})", out.blamed_tendon, setups[j].node_id);
   }
 
+  // Empty where the status tells it all.
+  std::string WhyRefused(const Command& command, const CycleOutput& out) const {
+    if (out.command_status == Status::kTargetOutOfReach)
+      return OutOfReachText(command, out.nearest_tip_W_m, options.robot.body.length_m());
+    const auto known = why_refused.find(out.command_status);
+    return known == why_refused.end() ? "" : known->second;
+  }
+
   void Publish() {
     Published next;
     while (records.TryPop(next)) {
-      gateway.PublishState(next.record);
+      const CycleOutput& out = next.record.output;
+      const Command& command = next.record.input.command;
+      const bool refused = command.kind != CommandKind::kNone && out.command_status != Status::kOk;
+      const std::string why = refused ? WhyRefused(command, out) : "";
+      if (refused) refusals.Add(out.command_status, command, out.mode, why);
+      gateway.PublishState(next.record, why);
       gateway.PublishCycle(next.record);
       Count(next);
-      const CycleOutput& out = next.record.output;
       if (out.mode != last_mode || (out.status != last_status && IsFault(out.status))) {
         const Status status = IsFault(out.status) ? out.status : Status::kOk;
         const std::string what = fmt::format("{}{}", StatusText(out.status), WhoseFault(out));
@@ -487,9 +501,6 @@ struct Daemon::State {
                           static_cast<int>(out.status), what));
         if (IsFault(status)) statistics.last_fault = {EpochUs(), status, what};
       }
-      if (next.record.input.command.kind != CommandKind::kNone && out.command_status != Status::kOk)
-        refusals.Add(out.command_status, next.record.input.command, out.mode,
-                     why_refused[out.command_status]);
       last_mode = out.mode;
       last_status = out.status;
       last_timing = next.record.timing;
@@ -499,7 +510,7 @@ struct Daemon::State {
     refusals.TellDue(clock.Now(), [this](Status s, const std::string& text) { Event(s, "gate", text); });
     canopen::BusEvent event;
     while (events.TryPop(event)) {
-      Tell(event.status, "bus", event.text.data());
+      messages.Post(event.status, "bus", event.text.data());
       gateway.PublishEvent(event.time_ns, event.status, "bus", event.text.data());
     }
   }
@@ -637,6 +648,7 @@ struct Daemon::State {
     Event(Status::kOk, "timing", text);
   }
 
+  Messages messages{&Write};
   DaemonOptions options;
   MonotonicClock clock;
   can::CanPort& port;
@@ -698,6 +710,8 @@ Daemon::~Daemon() = default;
 io::Gateway& Daemon::gateway() { return state_->gateway; }
 
 void Daemon::RequestStop() noexcept { state_->stop_requested.store(true, std::memory_order_relaxed); }
+
+void Daemon::Tell(Status status, const std::string& text) { state_->messages.Post(status, "daemon", text); }
 
 void Daemon::RefuseOthers(TimeNs listen_ns) { state_->ListenForOthers(listen_ns); }
 

@@ -14,6 +14,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <iostream>
 #include <lcm/lcm-cpp.hpp>
 #include <stdexcept>
 #include <string>
@@ -23,6 +24,7 @@
 #include "tendril/can/bus_guard.h"
 #include "tendril/can/socketcan_port.h"
 #include "tendril/canopen/master.h"
+#include "tendril/config/command_line.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/daemon/daemon.h"
@@ -54,10 +56,11 @@ void OnHangup(int) { hangups = hangups + 1; }
 bool RefuseHangups() {
   if (hangups > 0) {
     hangups = 0;
-    spdlog::warn(
-        "SIGHUP refused: limits and guards of a robot under tension are not exchanged; disarm and restart "
-        "the "
-        "daemon to read its files anew");
+    if (Daemon* daemon = running.load()) {
+      daemon->Tell(Status::kDegraded,
+                   "SIGHUP refused: limits and guards of a robot under tension are not exchanged; disarm and "
+                   "restart the daemon to read its files anew");
+    }
   }
   return false;
 }
@@ -106,7 +109,8 @@ DaemonOptions Load(const Arguments& arguments) {
   if (!arguments.can.empty()) options.parameters.bus.interface = arguments.can;
   if (!arguments.lcm.empty()) options.parameters.lcm.url = arguments.lcm;
   if (arguments.simulated) options.parameters.commissioning_required = false;
-  options.log_path = arguments.log;
+  // Relative paths count from where the daemon was started, and the log tells where that was.
+  if (!arguments.log.empty()) options.log_path = std::filesystem::absolute(arguments.log).string();
   if (!arguments.black_box.empty()) {
     auto& box = options.parameters.black_box;
     if (!box) box.emplace().seconds = kBlackBoxSeconds;
@@ -137,7 +141,7 @@ void LogSettings(const DaemonOptions& o, const std::string& config_path) {
   spdlog::info("LCM {}, channels {}_*; state every {}, cycle every {} cycle(s); log {}", p.lcm.url,
                p.lcm.channel_prefix, p.lcm.state_every_cycles, p.lcm.cycle_every_cycles,
                o.log_path.empty() ? "none" : o.log_path);
-  for (const std::string& line : config::IdleGuards(p, o.robot, config_path)) spdlog::warn("{}", line);
+  for (const std::string& line : config::Warnings(p, o.robot, config_path)) spdlog::warn("{}", line);
   if (p.black_box) {
     spdlog::info("black box: {:g} s before a fault into {}", p.black_box->seconds, p.black_box->folder);
   } else {
@@ -194,7 +198,8 @@ int Main(int argc, char** argv) {
       "tendrild: controls a tendon-driven continuum robot over CANopen, commanded over LCM (tendril send, "
       "tendril "
       "status).\nStops on SIGINT or SIGTERM: ramps the tensions down, disables the drives and exits within 2 "
-      "s."};
+      "s.",
+      "tendrild"};
   app.set_version_flag("--version", fmt::format("tendrild {} ({})", Version(), GitRevision()));
   Arguments arguments;
   app.add_option("--config", arguments.config, "daemon file, for example config/tendrild.yaml")
@@ -214,6 +219,7 @@ int Main(int argc, char** argv) {
       "--wait", arguments.wait,
       "wait for the CAN interface and a route for LCM instead of ending without them: for a service");
   app.footer("Exit status: 0 stopped when told to, 1 could not run, 2 wrong use.");
+  config::SettleCommandLine(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -236,4 +242,9 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace tendril::daemon
 
-int main(int argc, char** argv) { return tendril::daemon::Main(argc, argv); }
+int main(int argc, char** argv) {
+  const int code = tendril::daemon::Main(argc, argv);
+  std::cout.flush();
+  // A thread that a log still holds up must find everything in its place to the last.
+  std::quick_exit(code);
+}

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "tendril/control/gate.h"
+
 namespace tendril::daemon {
 namespace {
 
@@ -54,6 +56,15 @@ std::string CommandText(const Command& c) {
       return std::string(RequestText(c.mode));
   }
   return "an unknown command";
+}
+
+std::string OutOfReachText(const Command& c, const Eigen::Vector3d& nearest_W_m, double length_m) {
+  return fmt::format(
+      "the tip asked for is {:.4g} mm out of reach: the nearest point that the robot can be led to is {:.4g} "
+      "m; "
+      "accepted: up to {:.3g} mm away (a tenth of the robot's length); ask for a nearer one",
+      1e3 * (c.tip_W_m - nearest_W_m).norm(), fmt::join(nearest_W_m.begin(), nearest_W_m.end(), " "),
+      1e3 * control::kOutOfReach * length_m);
 }
 
 void Refusals::Add(Status cause, const Command& command, Mode mode, const std::string& why) {

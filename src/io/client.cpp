@@ -31,6 +31,8 @@ struct Client::State {
         lcm->getUnderlyingLCM(), ChannelName(prefix, name).c_str(),
         [](const lcm_recv_buf_t* bytes, const char*, void* context) {
           auto* self = static_cast<State*>(context);
+          // LCM leaves an array as it was where the next message has none.
+          self->*Message = {};
           // What another version sends is none of our business.
           if (!Decode(bytes->data, static_cast<int>(bytes->data_size), self->*Message)) return;
           (self->*Sink)(self->*Message);

@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -18,12 +17,12 @@
 #include <system_error>
 
 #include "tendril/core/clock.h"
+#include "tendril/core/daemon.h"
 
 namespace tendril::io {
 namespace {
 
 constexpr std::string_view kUdpm = "udpm://";
-constexpr std::size_t kMaxPrefix = 40;
 constexpr int kMaxAtOnce = 10'000;
 
 // LCM itself only prints a hint and waits for its own packets; asking the kernel for a route beforehand is
@@ -86,11 +85,8 @@ std::unique_ptr<lcm::LCM> OpenLcm(const std::string& url) {
 }
 
 std::string ChannelName(const std::string& prefix, const std::string& name) {
-  const bool plain = std::all_of(prefix.begin(), prefix.end(), [](char c) {
-    return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_';
-  });
-  if (prefix.empty() || prefix.size() > kMaxPrefix || !plain) {
-    throw std::runtime_error("LCM channel prefix '" + prefix + "': use 1 to 40 letters, digits and '_'");
+  if (!IsChannelPrefix(prefix)) {
+    throw std::runtime_error("LCM channel prefix '" + prefix + "': use " + std::string(kChannelPrefixRule));
   }
   return prefix + "_" + name;
 }

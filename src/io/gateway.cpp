@@ -163,6 +163,7 @@ struct Gateway::State {
   bool any_state = false;
   Mode last_mode = Mode::kDisconnected;
   Status last_status = Status::kOk;
+  std::string why_refused;  // the last command
 
   // Reused, so that a cycle is published without allocating.
   std::vector<std::uint8_t> buffer;
@@ -207,8 +208,9 @@ void Gateway::PublishRun(const RunInfo& run) {
   s.Publish(s.run_channel, message);
 }
 
-void Gateway::PublishState(const CycleRecord& record) {
+void Gateway::PublishState(const CycleRecord& record, const std::string& why) {
   State& s = *state_;
+  if (record.input.command.kind != CommandKind::kNone) s.why_refused = why;
   const CycleOutput& out = record.output;
   const bool news = !s.any_state || record.input.command.kind != CommandKind::kNone ||
                     out.mode != s.last_mode || out.status != s.last_status;
@@ -218,6 +220,7 @@ void Gateway::PublishState(const CycleRecord& record) {
   const auto every = static_cast<std::uint64_t>(std::max(s.parameters.state_every_cycles, 1));
   if (!news && record.input.cycle % every != 0) return;
   ToMessage(record, s.shape, s.UtimeOf(record.input.time_ns), s.state);
+  if (!s.why_refused.empty()) s.state.command_status_text = s.why_refused;
   s.Publish(s.state_channel, s.state);
 }
 

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <span>
+#include <string_view>
 #include <vector>
 
 namespace tendril::io {
@@ -300,12 +302,21 @@ void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t 
   Number(m.status, out.status);
   m.status_text = StatusText(out.status);
   m.status_remedy = StatusRemedy(out.status);
+  m.reported.clear();
+  for (const Status s : out.reported)
+    if (s != Status::kOk) m.reported.push_back(static_cast<std::int16_t>(s));
+  std::sort(m.reported.begin(), m.reported.end(), std::greater<>());
+  Number(m.num_reported, m.reported.size());
 
   m.commands_accepted = out.commands_accepted;
   m.commands_refused = out.commands_refused;
   if (record.input.command.kind != CommandKind::kNone) m.command_sequence = record.input.command.sequence;
   Number(m.command_status, out.command_status);
   m.command_status_text = StatusText(out.command_status);
+  if (const std::string_view remedy = StatusRemedy(out.command_status); !remedy.empty()) {
+    m.command_status_text += "; ";
+    m.command_status_text += remedy;
+  }
 
   Fill(m.target_tip_W_m, out.target_tip_W_m);
   m.target_distance_m = out.target_distance_m;

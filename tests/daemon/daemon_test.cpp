@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/base_sink.h>
 #include <spdlog/sinks/ringbuffer_sink.h>
 #include <spdlog/spdlog.h>
 #include <sys/socket.h>
@@ -21,6 +22,7 @@
 
 #include "emulated_drives.h"
 #include "tendril/daemon/commissioning.h"
+#include "tendril/daemon/messages.h"
 #include "tendril/io/client.h"
 #include "tendril/io/log.h"
 #include "tendril/io/wire.h"
@@ -339,6 +341,48 @@ TEST_F(DaemonTest, StopsByItselfWhenNobodyCouldStopIt) {
   }));
 }
 
+// A log that takes nothing while `blocked`, and then gives it to another.
+class BlockedLog final : public spdlog::sinks::base_sink<std::mutex> {
+ public:
+  explicit BlockedLog(spdlog::sink_ptr next) : next_(std::move(next)) {}
+  std::atomic<bool> blocked{false};
+
+ private:
+  void sink_it_(const spdlog::details::log_msg& line) override {
+    while (blocked) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    next_->log(line);
+  }
+  void flush_() override {}
+  spdlog::sink_ptr next_;
+};
+
+// Whoever reads the log has stopped (a pipe that nobody reads): commands are heard and obeyed all the same,
+// and what was not to be written is counted once somebody reads on.
+TEST_F(DaemonTest, ALogThatTakesNothingMoreHoldsNobodyUp) {
+  const auto log = std::make_shared<BlockedLog>(spdlog::default_logger()->sinks().front());
+  spdlog::set_default_logger(std::make_shared<spdlog::logger>("blocked", log));
+  Start(options);
+  Arm();
+  log->blocked = true;
+  Send(ModeRequest::kHold);
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_HOLD));
+  for (std::size_t i = 0; i < Messages::kMost + 100; ++i) daemon->Tell(Status::kDegraded, "one of many");
+  std::this_thread::sleep_for(std::chrono::milliseconds(1300));
+  EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_HOLD}) << "not deaf, so it need not disarm";
+  Send(ModeRequest::kArm);
+  EXPECT_TRUE(Reaches(tendril_lcm::state_t::MODE_RUNNING));
+  Send(ModeRequest::kDisarm);
+  EXPECT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  EXPECT_LT(Stop(), 2.0);
+  {
+    const std::lock_guard lock(mutex);
+    EXPECT_THAT(texts, testing::Not(Contains(HasSubstr("stood still"))));
+  }
+  log->blocked = false;
+  EXPECT_TRUE(Warns("line(s) found no room while nothing took this log"));
+  EXPECT_THAT(lines.At(spdlog::level::info), Contains(HasSubstr("controller: armed -> pretension")));
+}
+
 TEST_F(DaemonTest, TheWatchdogIsNotFedWhileTheTickStands) {
   ServiceManager systemd;
   std::atomic<bool> frozen{false};
@@ -468,6 +512,27 @@ TEST_F(DaemonTest, ARefusedCommandIsAnsweredAndChangesNothing) {
 
 // A robot file of a robot that nobody looked at: refused in one line with the remedy, armed as soon as its
 // record is there, without a restart.
+// What the sender reads is what the log says: where the robot could go instead.
+TEST_F(DaemonTest, ATipOutOfReachIsAnsweredWithTheNearestPoint) {
+  Start(options);
+  Arm();
+  Command tip;
+  tip.kind = CommandKind::kTip;
+  tip.tip_W_m = {0, 0, 0.07};
+  Send(tip);
+  const std::string why =
+      "the tip asked for is 10 mm out of reach: the nearest point that the robot can be led to is 0 0 0.06 "
+      "m; "
+      "accepted: up to 6 mm away (a tenth of the robot's length); ask for a nearer one";
+  EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) { return s.command_status == 211; }));
+  EXPECT_EQ(State().command_status_text, why);
+  EXPECT_TRUE(Warns("tip 0 0 0.07 m (sequence 2) in mode running: " + why));
+  tip.tip_W_m = {0, 0, 0.06};
+  Send(tip);
+  EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) { return s.command_status == 0; }));
+  EXPECT_EQ(State().command_status_text, "ok");
+}
+
 TEST_F(DaemonTest, ArmsOnlyWhatWasCommissioned) {
   RequireCommissioning();
   Start(options);
@@ -475,7 +540,9 @@ TEST_F(DaemonTest, ArmsOnlyWhatWasCommissioned) {
   for (const ModeRequest request : {ModeRequest::kArm, ModeRequest::kHome}) {
     Send(request);
     EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
-      return s.command_sequence == sequence && s.command_status == static_cast<int>(Status::kNotCommissioned);
+      return s.command_sequence == sequence &&
+             s.command_status == static_cast<int>(Status::kNotCommissioned) &&
+             s.command_status_text.find("tendrild --simulated") != s.command_status_text.npos;
     }));
     EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_CONFIGURED});
   }

@@ -63,7 +63,7 @@ grep -A5 "^tendon  " "$work/said.txt"
 [ -s "$work/robot.yaml.commissioned" ] || give_up "there is no record"
 grep -q "{tendon: 3, node_id: 3, serial: 3," "$work/robot.yaml.commissioned" || give_up "the record has no serial numbers"
 sed -i.kept 's/serial: 3,/serial: 99,/' "$work/robot.yaml.commissioned"
-refused "another one than at commissioning" "$bin/tendril" home --lcm "$lcm"
+refused "node 3 (tendon 3) has serial 3, commissioned was 99" "$bin/tendril" home --lcm "$lcm"
 grep -q "warning.*node 3 (tendon 3) has serial 3, commissioned was 99" "$work/daemon.txt" || give_up "the log does not name the drive"
 mv "$work/robot.yaml.commissioned.kept" "$work/robot.yaml.commissioned"
 

@@ -16,12 +16,15 @@ $1"
 said() { grep -q "$1" "$work/${2:-daemon}.txt"; }
 arm_is_refused() {
   "$bin/tendril" send --lcm "$lcm" arm >"$work/said.txt" 2>&1 && give_up "armed although two daemons would obey"
-  grep -q "another daemon answers" "$work/said.txt" || give_up "arm is refused for another reason"
+  grep -q "another daemon (.*) answers on" "$work/said.txt" || give_up "arm is refused for another reason"
 }
 
 daemon_file "$robot"
 start_plant
-start_daemon
+cd "$work" || exit 1
+start_daemon --black-box boxes --log run.lcmlog
+said "log $work/run.lcmlog$" || give_up "where a relative log lies is not told"
+said "black box: 10 s before a fault into $work/boxes$" || give_up "where a relative black box lies is not told"
 arm
 watch "assert s['statistics']['minor_faults'] == 0 and s['statistics']['voluntary_switches'] == 0, s['statistics']
 drives = s['statistics']['drives']
@@ -41,6 +44,7 @@ assert s['statistics']['last_fault']['status'] == 426
 assert all(d['state'] == 'unreachable' for d in s['statistics']['drives'])" || give_up "it is not told from bus-off"
 said "error: .*426 fault: the CAN interface is down or gone" || give_up "the log does not say so"
 said "went bus-off" && give_up "it is called bus-off"
+until_true 10 ls "$work"/boxes/*_426_InterfaceDown.lcmlog || give_up "the black box is not where it was said"
 ip link set vcan0 up
 until_true 10 said "the CAN interface is back" || give_up "the interface that is back is not used"
 sleep 2

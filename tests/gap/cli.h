@@ -42,12 +42,12 @@ class CommandTest : public testing::Test {
   }
   void TearDown() override { fs::remove_all(folder_); }
 
-  /// Runs `tendril ARGUMENTS` in the test's folder, from which its relative paths count.
-  int Run(const std::string& arguments) {
+  /// Runs `tendril ARGUMENTS` (or another program) in the test's folder, from which its relative paths count.
+  int Run(const std::string& arguments, const std::string& program = TENDRIL_BINARY) {
     const fs::path out = folder_ / "stdout", error = folder_ / "stderr";
     const int status =
         std::system(fmt::format("cd {} && timeout 100 {} {} >{} 2>{} </dev/null", folder_.string(),
-                                TENDRIL_BINARY, arguments, out.string(), error.string())
+                                program, arguments, out.string(), error.string())
                         .c_str());
     out_ = ReadText(out);
     error_ = ReadText(error);

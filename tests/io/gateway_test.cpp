@@ -178,14 +178,32 @@ TEST_F(GatewayTest, TheStateTellsTheFateOfTheLastCommand) {
   gateway.PublishState(record);
   record.input.command = {};
   gateway.PublishState(record);
+  // Where more is known it stands until the next command; what a cycle has to say comes by its severity.
+  record.input.command.kind = CommandKind::kTip;
+  record.output.status = Status::kSlack;
+  record.output.reported = {Status::kTargetUnreachable, Status::kSlack, Status::kSlowedByTension};
+  gateway.PublishState(record, "because of the weather; wait");
+  record.input.command = {};
+  gateway.PublishState(record);
+  record.input.command.kind = CommandKind::kTip;
+  record.output.command_status = Status::kOk;
+  record.output.reported = {};
+  gateway.PublishState(record);
   Settle();
-  ASSERT_EQ(states.size(), 2U);
+  ASSERT_EQ(states.size(), 5U);
+  for (int i : {2, 3}) {
+    EXPECT_EQ(states[i].command_status_text, "because of the weather; wait");
+    EXPECT_THAT(states[i].reported, testing::ElementsAre(303, 110, 107));
+  }
+  EXPECT_EQ(states[4].command_status_text, "ok");
+  EXPECT_THAT(states[4].reported, testing::IsEmpty());
   EXPECT_EQ(states[0].command_sequence, 77);
   EXPECT_EQ(states[0].command_status, 204);
-  EXPECT_EQ(states[0].command_status_text, StatusText(Status::kCommandWrongMode));
+  EXPECT_EQ(states[0].command_status_text, std::string(StatusText(Status::kCommandWrongMode)) + "; " +
+                                               std::string(StatusRemedy(Status::kCommandWrongMode)));
   EXPECT_EQ(states[0].mode_text, "hold");
   EXPECT_EQ(states[1].command_sequence, 77);
-  EXPECT_EQ(gateway.counters().published, 2U);
+  EXPECT_EQ(gateway.counters().published, 5U);
 }
 
 TEST(GatewayRates, EveryNthStateAndEachWithNews) {

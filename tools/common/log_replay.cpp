@@ -174,6 +174,10 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
       [&](const io::StateSnapshot& s) { snapshot = s; });
   if (result.replayed > 0) return result;
   const std::string damaged = result.damage.empty() ? "" : " (" + result.damage + ")";
+  if (!first_seen && result.version.empty() && !damaged.empty()) {
+    throw std::runtime_error(path + ": no log that can be replayed" + damaged +
+                             "; give one of tendrild --log or tendril demo, or a black box");
+  }
   if (!first_seen) {
     throw std::runtime_error(path + ": holds no cycle records" + damaged +
                              "; set lcm.cycle_every_cycles to 1 to log them");

@@ -17,6 +17,7 @@
 #include "seed_option.h"
 #include "tendril/can/bus_guard.h"
 #include "tendril/can/socketcan_port.h"
+#include "tendril/config/command_line.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/emulator/faults.h"
@@ -201,7 +202,8 @@ int main(int argc, char** argv) {
       "tendril-plant: emulated drives and a simulated robot on a CAN interface, in real time.\n"
       "Stands in for the rig: any CANopen master finds EPOS4 drives, whose motors move the robot of the "
       "file.\n"
-      "Exit status: 0 stopped by Ctrl-C or SIGTERM, 1 the work failed, 2 wrong use."};
+      "Exit status: 0 stopped by Ctrl-C or SIGTERM, 1 the work failed, 2 wrong use.",
+      "tendril-plant"};
   app.set_version_flag("--version",
                        fmt::format("tendril-plant {} ({})", tendril::Version(), tendril::GitRevision()));
   app.add_option("--robot", options.robot,
@@ -227,6 +229,7 @@ int main(int argc, char** argv) {
   app.add_option("--seed", options.seed, "of the sensors' noise and of the faults' luck")
       ->check(tendril::tools::Seed())
       ->capture_default_str();
+  tendril::config::SettleCommandLine(app);
   try {
     app.parse(argc, argv);
     tendril::tools::Run(options);

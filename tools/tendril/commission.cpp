@@ -22,6 +22,7 @@
 
 #include "commands.h"
 #include "lcm_options.h"
+#include "number_option.h"
 #include "robot_patch.h"
 #include "tendril/config/config.h"
 #include "tendril/core/clock.h"
@@ -386,13 +387,15 @@ void AddCommissionCommand(CLI::App& app) {
       ->required()
       ->option_text("FILE");
   command->add_option("--lcm", options->lcm, "LCM address (default: the file's lcm.url)");
-  command->add_option("--prefix", options->prefix, "of channels (default: the file's lcm.channel_prefix)");
+  command->add_option("--prefix", options->prefix, "of channels (default: the file's lcm.channel_prefix)")
+      ->check(ChannelPrefix());
   command
       ->add_option(
           "--seen", options->seen_deg,
           "without a tracker: where the tip bends to under each tendon, in tendon order [deg from the base's "
           "+x towards +y]")
-      ->expected(1, kMaxTendons);
+      ->expected(1, kMaxTendons)
+      ->check(NumberFrom(-360, 360, "give degrees"));
   command->add_flag(
       "--write", options->write,
       "change nodes and directions in FILE, and the cells' zeros in the robot file, to what was found");

@@ -111,7 +111,7 @@ void Check(const std::string& path) {
                "max_jerk_radps3, or lower what stands above them\n",
                delay_s);
   }
-  for (const std::string& line : config::IdleGuards(daemon, robot, path))
+  for (const std::string& line : config::Warnings(daemon, robot, path))
     fmt::print(stderr, "warning: {}\n", line);
 }
 
@@ -123,7 +123,8 @@ void AddConfigCommand(CLI::App& app) {
   CLI::App* check = group->add_subcommand("check",
                                           "Validate a robot or daemon file and print it resolved; for a "
                                           "daemon, the bus budget too, and on stderr a "
-                                          "warning for each guard whose threshold cannot trip on its robot");
+                                          "warning for each value that is accepted and "
+                                          "makes no sense on its robot, such as a guard that cannot trip");
   auto file = std::make_shared<std::string>();
   check->add_option("FILE", *file, "robot file (config/robots/*.yaml) or daemon file (config/tendrild.yaml)")
       ->required();

@@ -13,6 +13,7 @@
 
 #include "commands.h"
 #include "lcm_options.h"
+#include "number_option.h"
 #include "tendril/config/config.h"
 #include "tendril/core/clock.h"
 #include "tendril/io/connection.h"
@@ -104,7 +105,7 @@ void AddFaultCommand(CLI::App& app) {
   AddLcmOptions(*fault, o->lcm);
   fault->add_option("--timeout", o->timeout_s, "how long to wait for the plant's answer [s]; 0: not at all")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 3600.0));
+      ->check(NumberFrom(0, 3600, "give seconds"));
   fault->add_option("fault", o->words, "a kind, then key=value")
       ->required()
       ->option_text("KIND KEY=VALUE ...");

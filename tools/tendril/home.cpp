@@ -10,6 +10,7 @@
 
 #include "commands.h"
 #include "lcm_options.h"
+#include "number_option.h"
 #include "tendril/core/status.h"
 #include "tendril/io/client.h"
 #include "tendril_lcm/event_t.hpp"
@@ -67,8 +68,7 @@ void Home(const HomeOptions& o) {
     throw std::runtime_error("the daemon is there but did not see the command within 2 s; try again");
   if (state.command_status != 0) {
     throw std::runtime_error(
-        fmt::format("{} ({}); {} (mode {})", state.command_status_text, state.command_status,
-                    StatusRemedy(static_cast<Status>(state.command_status)), state.mode_text));
+        fmt::format("{} ({}, mode {})", state.command_status_text, state.command_status, state.mode_text));
   }
   while (state.mode == tendril_lcm::state_t::MODE_HOMING && clock.Now() < end_ns && !stop) client.Handle(20);
   if (state.mode == tendril_lcm::state_t::MODE_HOMING) {
@@ -105,7 +105,7 @@ void AddHomeCommand(CLI::App& app) {
   AddLcmOptions(*home, o->lcm);
   home->add_option("--timeout", o->timeout_s, "how long to wait for the end [s]")
       ->capture_default_str()
-      ->check(CLI::Range(1.0, 3600.0));
+      ->check(NumberFrom(1, 3600, "give seconds"));
   home->callback([o] {
     std::signal(SIGINT, [](int) { stop = true; });
     std::signal(SIGTERM, [](int) { stop = true; });

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "commands.h"
+#include "tendril/config/command_line.h"
 #include "tendril/core/version.h"
 
 namespace {
@@ -26,18 +27,6 @@ int CheckOutput() {
   return 1;
 }
 
-// CLI11 asks for a subcommand where a wrong one was given: name the wrong word.
-void NameUnknownWord(const CLI::App& app) {
-  for (const CLI::App* at = &app; at != nullptr;) {
-    if (const auto rest = at->remaining(); !rest.empty()) {
-      Complain("tendril: '{}' is not known here\n", rest.front());
-      return;
-    }
-    const auto next = at->get_subcommands();
-    at = next.empty() ? nullptr : next.front();
-  }
-}
-
 // CLI11 takes -.5 for an option; -0.5 it knows as a number.
 std::vector<std::string> WithLeadingZeros(int argc, const char* const* argv) {
   std::vector<std::string> words(argv, argv + argc);
@@ -52,7 +41,7 @@ std::vector<std::string> WithLeadingZeros(int argc, const char* const* argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Tendril: run, simulate and compute tendon-driven continuum robots"};
+  CLI::App app{"Tendril: run, simulate and compute tendon-driven continuum robots", "tendril"};
   app.set_version_flag("--version",
                        fmt::format("tendril {} ({})", tendril::Version(), tendril::GitRevision()));
   app.require_subcommand(1);
@@ -77,13 +66,13 @@ int main(int argc, char** argv) {
   tendril::tools::AddRtCheckCommand(app);
   tendril::tools::AddSendCommand(app);
   tendril::tools::AddStatusCommand(app);
+  tendril::config::SettleCommandLine(app);
   try {
     const std::vector<std::string> words = WithLeadingZeros(argc, argv);
     std::vector<const char*> pointers;
     for (const std::string& word : words) pointers.push_back(word.c_str());
     app.parse(argc, pointers.data());
   } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() != 0) NameUnknownWord(app);
     return app.exit(e) == 0 ? CheckOutput() : 2;
   } catch (const tendril::tools::UsageError& e) {
     Complain("tendril: {}\n", e.what());

@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "commands.h"
+#include "number_option.h"
 #include "tendril/config/config.h"
 #include "tendril/model/simulate.h"
 #include "tendril/model/statics.h"
@@ -287,10 +288,10 @@ void AddModelCommand(CLI::App& app) {
       "CSV with one row u1,v1,..,du1,dv1,..: the initial state (default: straight, at rest)");
   simulate->add_option("--step", options->step_s, "output step [s]")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+      ->check(NumberFrom(1e-9, 1e9, "give seconds"));
   simulate->add_option("--rtol", options->rtol, "relative tolerance of the integrator")
       ->capture_default_str()
-      ->check(CLI::Range(1e-14, 0.1));
+      ->check(NumberFrom(1e-14, 0.1, "leave it out for the usual"));
 }
 
 }  // namespace tendril::tools

@@ -38,13 +38,17 @@ void Run(const Options& o) {
                ToSeconds(d.time_ns), d.field, d.bit, d.logged, d.replayed);
     throw std::runtime_error(o.log + ": this controller does not give what was logged");
   }
-  fmt::print("no bit differs\n");
+  std::string rest;
   if (r.unchecked > 0) {
-    throw std::runtime_error(
-        fmt::format("{}: cycles are missing after cycle {}; the {} after them could not be checked", o.log,
-                    r.last_cycle, r.unchecked));
+    rest = fmt::format("cycles are missing after cycle {}; the {} after them could not be checked",
+                       r.last_cycle, r.unchecked);
   }
-  if (!r.damage.empty()) throw std::runtime_error(o.log + ": " + r.damage);
+  if (!r.damage.empty()) rest += (rest.empty() ? "" : "; ") + r.damage + ": nothing is known of the rest";
+  if (!rest.empty()) {
+    throw std::runtime_error(
+        fmt::format("{}: not whole: no bit differs in {} cycles; {}", o.log, r.replayed, rest));
+  }
+  fmt::print("no bit differs\n");
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "commands.h"
+#include "number_option.h"
 #include "paths.h"
 #include "tendril/config/config.h"
 #include "tendril/rt/compare.h"
@@ -167,7 +168,7 @@ void AddRtCheckCommand(CLI::App& app) {
       ->option_text("FILE");
   sub->add_option("--seconds", options->seconds,
                   "how long to measure; an hour under load says more than ten seconds")
-      ->check(CLI::Range(0.1, 86400.0))
+      ->check(NumberFrom(0.1, 86400, "give seconds"))
       ->capture_default_str();
   sub->add_flag("--json", options->json, "one JSON object instead of a table");
   sub->add_option("--root", options->root,

@@ -9,6 +9,7 @@
 
 #include "commands.h"
 #include "lcm_options.h"
+#include "number_option.h"
 #include "tendril/core/cycle.h"
 #include "tendril/core/status.h"
 #include "tendril/io/client.h"
@@ -34,7 +35,8 @@ std::int64_t EpochUs() {
 // One line for people: where the robot is now, and which limit acts if one does.
 std::string Describe(const tendril_lcm::state_t& state) {
   std::string text = "accepted; mode " + state.mode_text;
-  if (state.status != 0) text += fmt::format("; {} {}", state.status, state.status_text);
+  for (const std::int16_t status : state.reported)
+    text += fmt::format("; {} {}", status, StatusText(static_cast<Status>(status)));
   if (state.target_distance_m > 0) {
     text += fmt::format(" ({:.2f} mm away from the point asked for)", 1e3 * state.target_distance_m);
   }
@@ -47,12 +49,15 @@ void Send(const SendOptions& o, Command command) {
   command.speed_radps = o.speed_radps;
 
   io::Client client(o.lcm.url, o.lcm.prefix);
-  bool heard = false, answered = false;
+  bool heard = false, answered = false, settled = false;
   tendril_lcm::state_t answer{};
   client.OnState([&](const tendril_lcm::state_t& state) {
     heard = true;
-    if (answered || state.command_sequence != command.sequence) return;
+    if (settled || state.command_sequence != command.sequence) return;
     answered = true;
+    // Drives that a clear starts again take a moment, in which nothing is to be said yet.
+    const bool clear = command.kind == CommandKind::kMode && command.mode == ModeRequest::kClear;
+    settled = !clear || state.command_status != 0 || state.mode != tendril_lcm::state_t::MODE_DISCONNECTED;
     answer = state;
   });
   if (!client.Send(command, EpochUs())) {
@@ -60,7 +65,7 @@ void Send(const SendOptions& o, Command command) {
   }
   const MonotonicClock clock;
   const TimeNs end_ns = clock.Now() + static_cast<TimeNs>(o.timeout_s * static_cast<double>(kNsPerS));
-  while (!answered && clock.Now() < end_ns) client.Handle(20);
+  while (!settled && clock.Now() < end_ns) client.Handle(20);
   if (o.timeout_s == 0) return;
   if (!heard) {
     throw std::runtime_error(
@@ -73,12 +78,14 @@ void Send(const SendOptions& o, Command command) {
         fmt::format("the daemon is there but did not see the command within {:g} s; try again", o.timeout_s));
   }
   if (answer.command_status != 0) {
-    const auto status = static_cast<Status>(answer.command_status);
-    const bool more = answer.status != 0 && answer.status != answer.command_status;
-    throw std::runtime_error(fmt::format(
-        "{} ({}); {} (mode {}{})", answer.command_status_text, answer.command_status, StatusRemedy(status),
-        answer.mode_text,
-        more ? fmt::format(": {} {}; {}", answer.status, answer.status_text, answer.status_remedy) : ""));
+    std::string more;
+    for (const std::int16_t number : answer.reported) {
+      const auto status = static_cast<Status>(number);
+      if (number != answer.command_status)
+        more += fmt::format(": {} {}; {}", number, StatusText(status), StatusRemedy(status));
+    }
+    throw std::runtime_error(fmt::format("{} ({}, mode {}{})", answer.command_status_text,
+                                         answer.command_status, answer.mode_text, more));
   }
   fmt::print("{}\n", Describe(answer));
 }
@@ -119,13 +126,13 @@ void AddSendCommand(CLI::App& app) {
   AddLcmOptions(*send, o->lcm);
   send->add_option("--speed", o->speed_radps,
                    "bending speed towards the target [rad/s]; 0: the daemon's default")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NumberFrom(0, 1e3, "leave it out for the daemon's own"));
   send->add_option("--valid-for", o->valid_for_s, "how old the command may get before it is refused [s]")
       ->capture_default_str()
-      ->check(CLI::Range(1e-3, 3600.0));
+      ->check(NumberFrom(1e-3, 3600, "give seconds"));
   send->add_option("--timeout", o->timeout_s, "how long to wait for the daemon's answer [s]; 0: not at all")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 3600.0));
+      ->check(NumberFrom(0, 3600, "give seconds"));
   send->require_subcommand(1);
   AddTarget(*send, o, "tip", "Move the tip to a point in the base frame", "X Y Z [m]", 3, 3,
             [](const std::vector<double>& v, Command& c) {

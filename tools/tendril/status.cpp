@@ -1,4 +1,6 @@
 // tendril status: what a daemon is doing, once or continuously, as a table or JSON.
+#include "tendril/core/status.h"
+
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <unistd.h>
@@ -81,6 +83,7 @@ nlohmann::json ToJson(const tendril_lcm::state_t& s) {
           {"status", s.status},
           {"status_text", s.status_text},
           {"status_remedy", s.status_remedy},
+          {"reported", s.reported},
           {"commands_accepted", s.commands_accepted},
           {"commands_refused", s.commands_refused},
           {"command_sequence", s.command_sequence},
@@ -113,8 +116,11 @@ std::string Cell(double value, double scale, int decimals) {
 
 std::string Table(const tendril_lcm::state_t& s) {
   std::string t = fmt::format("mode {} (cycle {})\n", s.mode_text, s.cycle);
-  t += fmt::format("status {} {}{}{}\n", s.status, s.status_text, s.status_remedy.empty() ? "" : "; ",
-                   s.status_remedy);
+  if (s.reported.empty()) t += fmt::format("status {} {}\n", s.status, s.status_text);
+  for (const std::int16_t number : s.reported) {
+    const auto status = static_cast<tendril::Status>(number);
+    t += fmt::format("status {} {}; {}\n", number, StatusText(status), StatusRemedy(status));
+  }
   t += fmt::format("commands {} accepted, {} refused{}\n\n", s.commands_accepted, s.commands_refused,
                    s.command_status == 0 ? "" : "; last: " + s.command_status_text);
   t += fmt::format("{:<12}{:>11}{:>11}{:>11}\n", "tip [mm]", "x", "y", "z");
@@ -122,6 +128,10 @@ std::string Table(const tendril_lcm::state_t& s) {
     t += fmt::format("{:<12}{}{}{}\n", name, Cell(p[0], 1e3, 2), Cell(p[1], 1e3, 2), Cell(p[2], 1e3, 2));
   };
   tip("  asked for", s.target_tip_W_m);
+  if (s.target_distance_m > 0) {
+    t.pop_back();
+    t += fmt::format("   {:.2f} mm out of reach\n", 1e3 * s.target_distance_m);
+  }
   tip("  desired", s.tip_desired_W_m);
   tip("  estimated", s.tip_estimate_W_m);
   t += fmt::format("\n{:<12}{:>11}{:>11}{:>11}{:>11}{:>11}{:>11}\n", "bend [deg]", "u desired", "v",

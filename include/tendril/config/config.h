@@ -42,14 +42,14 @@ std::string ToYaml(const DaemonParameters& daemon);
 void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
                    const std::string& daemon_path);
 
-/// A line for each guard of the daemon file whose threshold is accepted and yet cannot trip on this robot: file, line,
-/// key, value, why, and a value that can. max_slack_s is none of them: its range ends at a minute. Both files fit each
-/// other.
-std::vector<std::string> IdleGuards(const DaemonParameters& daemon, const RobotParameters& robot,
-                                    const std::string& daemon_path);
+/// A line for each value of the daemon file that is accepted and yet makes no sense on this robot (a guard
+/// that cannot trip there, or hardly; a ramp that is a jump): file, line, key, value, why, and a value that
+/// does. max_slack_s is none of them: its range ends at a minute. Both files fit each other.
+std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotParameters& robot,
+                                  const std::string& daemon_path);
 
-/// A refusal at `key` ("bus.nodes", "effects[2]") of the file, with the key's line when the file can still be read. `text`
-/// is what is wrong, the accepted range and the remedy, separated by "; ".
+/// A refusal at `key` ("bus.nodes", "effects[2]") of the file, with the key's line when the file can still be
+/// read. `text` is what is wrong, the accepted range and the remedy, separated by "; ".
 ConfigError ErrorAt(const std::string& path, std::string_view key, const std::string& text);
 
 /// "robot", "daemon" or "scenario", by the file's top-level keys. Throws ConfigError when it is none.

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "tendril/core/clock.h"
@@ -98,6 +99,10 @@ struct RealtimeParameters {
   bool lock_memory = true;
   bool required = false;                // true: refuse to start without the rights; false: warn
 };
+
+/// LCM's subscriptions take names for patterns, so that one rule holds wherever a prefix is told.
+bool IsChannelPrefix(std::string_view prefix) noexcept;
+inline constexpr std::string_view kChannelPrefixRule = "1 to 40 letters, digits and '_'";
 
 struct LcmParameters {
   std::string url;

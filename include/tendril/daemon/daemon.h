@@ -10,6 +10,7 @@
 #include "tendril/core/clock.h"
 #include "tendril/core/daemon.h"
 #include "tendril/core/robot.h"
+#include "tendril/core/status.h"
 #include "tendril/io/gateway.h"
 
 namespace tendril::daemon {
@@ -41,6 +42,9 @@ class Daemon {
   /// The same as `stop` returning true, but seen by the control loop itself, whatever the thread of Run waits
   /// for. Safe in a signal handler.
   void RequestStop() noexcept;
+
+  /// A line of the log, written when whoever reads it takes it; whoever calls this does not wait.
+  void Tell(Status status, const std::string& text);
 
   /// The daemon's LCM connection; before Run, or from its calling thread.
   io::Gateway& gateway();

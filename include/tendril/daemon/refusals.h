@@ -14,6 +14,9 @@ namespace tendril::daemon {
 /// What a command asked for, in a few words: "bend 0.3 0 rad".
 std::string CommandText(const Command& command);
 
+/// Why a tip was refused as out of reach, with the nearest point that a robot of that length can be led to.
+std::string OutOfReachText(const Command& command, const Eigen::Vector3d& nearest_W_m, double length_m);
+
 class Refusals {
  public:
   using Tell = std::function<void(Status cause, const std::string& text)>;

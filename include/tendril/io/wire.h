@@ -31,7 +31,7 @@ inline constexpr int kLeadingCounts<tendril_lcm::command_bending_t> = 2;
 template <>
 inline constexpr int kLeadingCounts<tendril_lcm::command_tension_t> = 1;
 template <>
-inline constexpr int kLeadingCounts<tendril_lcm::state_t> = 3;
+inline constexpr int kLeadingCounts<tendril_lcm::state_t> = 4;
 template <>
 inline constexpr int kLeadingCounts<tendril_lcm::cycle_t> = 6;
 template <>

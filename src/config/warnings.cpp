@@ -1,5 +1,5 @@
-// Guards whose thresholds lie within their range and yet cannot trip on this robot: for each key the value
-// from which on that is so. Knows what the rules compare, not how.
+// Values that lie within their range and yet make no sense on this robot: guards above all, for each the
+// threshold from which on it cannot trip. Knows what the rules compare, not how.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,6 +15,11 @@ namespace {
 constexpr double kInputEnd_V = 10;
 // Longer than this a robot is not to pull, or to wait for a motion, with nobody there.
 constexpr double kUnattended_s = 2, kSilence_s = 60;
+// Beyond this share of a threshold that cannot trip on a guard comes too late to be one.
+constexpr double kLate = 0.8;
+// Tensions that rise and fall faster from end to end are jerks; a state comes more often than one waits for
+// it.
+constexpr double kShortestRamp_s = 0.1, kRamp_s = 4, kState_s = 1;
 // A slack tendon that is found with less probability than this is not found.
 constexpr double kFound = 1e-3;
 
@@ -30,9 +35,10 @@ struct Bound {
 
 struct Scale {
   Bound way_m, unexplained_m, shown_N, torque_N;
+  Bound held_N{.value = 0};  // by friction and pretension, the most: what pulls by less moves nothing
 };
 
-// Of the tendon on which each is least.
+// Of the tendon on which each counts most.
 Scale ScaleOf(const RobotParameters& robot) {
   Scale scale;
   std::size_t at = 0;
@@ -50,6 +56,8 @@ Scale ScaleOf(const RobotParameters& robot) {
       const double most_N = std::min(t.drive.current_limit_A * t.motor.torque_constant_NmpA / travel_m,
                                      robot.limits.max_tension_motor_N / t.gear.efficiency + friction_N);
       scale.torque_N.Take(most_N + friction_N, at);
+      const double held_N = friction_N + robot.limits.min_tension_N / t.gear.efficiency;
+      if (held_N > scale.held_N.value) scale.held_N = {held_N, at};
       const bool cell = t.load_cell.place != LoadCellPlace::kNone;
       scale.shown_N.Take(cell ? kInputEnd_V / t.load_cell.gain_VpN - t.load_cell.offset_N : most_N, at);
     }
@@ -70,8 +78,8 @@ double SlackFound(const RobotParameters& robot, const GuardParameters& g, double
 
 }  // namespace
 
-std::vector<std::string> IdleGuards(const DaemonParameters& daemon, const RobotParameters& robot,
-                                    const std::string& daemon_path) {
+std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotParameters& robot,
+                                  const std::string& daemon_path) {
   std::vector<std::string> lines;
   const GuardParameters& g = daemon.controller.guards;
   const TakeUpParameters& take_up = daemon.controller.take_up;
@@ -81,20 +89,24 @@ std::vector<std::string> IdleGuards(const DaemonParameters& daemon, const RobotP
   const double heartbeat_cycles = 1e-3 * daemon.bus.heartbeat_timeout_ms / cycle_s;
   const Scale scale = ScaleOf(robot);
 
-  const auto say = [&](const std::string& key, double value, const std::string& why,
+  const auto say = [&](const std::string& key, double value, const std::string& what, const std::string& why,
                        const std::string& remedy) {
-    const std::string text = fmt::format("{:g} cannot trip on {}: {}; {}", value, robot.name, why, remedy);
+    const std::string text = fmt::format("{:g} {} {}: {}; {}", value, what, robot.name, why, remedy);
     lines.emplace_back(ErrorAt(daemon_path, key, text).what());
   };
-  // Idle from `bound` on; suggested is what is usual, or half of the bound where that is less.
+  // Idle from `bound` on, late from kLate of it; suggested is what is usual, or half of the bound where that
+  // is less.
   const auto below = [&](const std::string& key, double value, double bound, double usual_value,
                          const std::string& why, bool whole = false) {
-    if (value < bound) return;
+    if (value <= kLate * bound) return;
     double suggested = std::min(usual_value, 0.5 * bound);
     if (whole) suggested = std::max(1., std::floor(suggested));
     const double digit = std::pow(10, std::floor(std::log10(suggested)) - 1);
-    say(key, value, why,
-        fmt::format("set {:g} (below {:.4g})", digit * std::floor(suggested / digit + 1e-9), bound));
+    const std::string what = value < bound
+                                 ? fmt::format("is {:.0f} % of what cannot trip on", 100 * value / bound)
+                                 : "cannot trip on";
+    say(key, value, what, why,
+        fmt::format("set {:g} (below {:.4g})", digit * std::floor(suggested / digit + 1e-9), kLate * bound));
   };
   const std::string guards = "controller.guards.";
   const auto of = [](const Bound& b) { return fmt::format("tendon {}", b.tendon); };
@@ -108,7 +120,7 @@ std::vector<std::string> IdleGuards(const DaemonParameters& daemon, const RobotP
     double noise_N = 0;
     for (const TendonDriveParameters& t : robot.actuation->tendons)
       noise_N = std::max(noise_N, t.load_cell.noise_N);
-    say(guards + "slack_tension_N", g.slack_tension_N,
+    say(guards + "slack_tension_N", g.slack_tension_N, "cannot trip on",
         fmt::format("the load cell's noise ({:g} N rms) shows a slack tendon above it again and again within "
                     "max_slack_s",
                     noise_N),
@@ -166,6 +178,29 @@ std::vector<std::string> IdleGuards(const DaemonParameters& daemon, const RobotP
         TakeUpParameters{}.max_travel_m, "homing ends by take_up.timeout_s before a tendon went so far");
   below("bus.heartbeat_timeout_ms", daemon.bus.heartbeat_timeout_ms, 1e3 * kUnattended_s, 250,
         "so long a drive pulls on after its daemon died; a hung daemon is ended after 2 s", true);
+
+  const double fastest_Nps = limits.max_tension_base_N / kShortestRamp_s;
+  if (const double ramp_Nps = daemon.controller.pretension_ramp_Nps; ramp_Nps > fastest_Nps) {
+    say("controller.pretension_ramp_Nps", ramp_Nps, "N/s is a jerk on",
+        fmt::format("limits.max_tension_base_N is gone in {:.2g} s of a safe stop",
+                    limits.max_tension_base_N / ramp_Nps),
+        fmt::format("set {:.2g} (up to {:.4g})", limits.max_tension_base_N / kRamp_s, fastest_Nps));
+  }
+  if (take_up.pull_N <= scale.held_N.value) {
+    say("controller.take_up.pull_N", take_up.pull_N, "N winds nothing in on",
+        fmt::format("friction of its motor and pretension take {:.3g} N of {}", scale.held_N.value,
+                    of(scale.held_N)),
+        fmt::format("set {:.2g} (above {:.4g})",
+                    std::clamp(2 * scale.held_N.value,
+                               std::min(TakeUpParameters{}.pull_N, limits.max_tension_motor_N),
+                               limits.max_tension_motor_N),
+                    scale.held_N.value));
+  }
+  if (const double every_s = daemon.lcm.state_every_cycles * cycle_s; every_s > kState_s) {
+    say("lcm.state_every_cycles", daemon.lcm.state_every_cycles, "hides",
+        fmt::format("a state comes every {:.3g} s, and `tendril status` waits for 2 s", every_s),
+        fmt::format("set 1 (up to {:.0f})", kState_s / cycle_s));
+  }
   return lines;
 }
 

@@ -1,0 +1,120 @@
+// The commands around a daemon without one: wrong use of any program is one line that says what, where, what
+// would be accepted and where to read on; what cannot be replayed whole is not called whole.
+#include <fstream>
+#include <utility>
+#include <vector>
+
+#include "../gap/cli.h"
+
+namespace tendril {
+namespace {
+
+using testing::HasSubstr;
+
+class ServiceCommandTest : public CommandTest {
+ protected:
+  void ExpectWrongUse(const std::string& arguments, const std::string& says,
+                      const std::string& program = TENDRIL_BINARY) {
+    SCOPED_TRACE(program + " " + arguments);
+    EXPECT_EQ(Run(arguments, program), 2);
+    EXPECT_TRUE(OneLine());
+    EXPECT_THAT(error_, HasSubstr(says));
+    EXPECT_EQ(out_, "");
+  }
+};
+
+TEST_F(ServiceCommandTest, ANumberIsANumberWhereverItIsAskedFor) {
+  const std::pair<const char*, const char*> options[] = {
+      {"home --timeout", "1 to 3600"},
+      {"send arm --timeout", "0 to 3600"},
+      {"send arm --valid-for", "0.001 to 3600"},
+      {"send arm --speed", "0 to 1000"},
+      {"fault reboot node=1 --timeout", "0 to 3600"},
+      {"rt-check --seconds", "0.1 to 86400"},
+      {"commission --config x.yaml --seen 0 120", "-360 to 360"},
+      {"model simulate --robot x.yaml --step", "1e-09 to 1e+09"},
+      {"model simulate --robot x.yaml --rtol", "1e-14 to 0.1"}};
+  for (const auto& [option, range] : options) {
+    for (const char* wrong : {"nan", "inf", "-1e3", "1e300", "soon"})
+      ExpectWrongUse(fmt::format("{} {}", option, wrong),
+                     fmt::format("{} is no number from {}; ", wrong, range));
+  }
+  ExpectWrongUse("send --timeout nan arm", "; see tendril send arm --help");
+}
+
+// A variable that is not set must not pass for an option that was left out.
+TEST_F(ServiceCommandTest, AnEmptyValueIsRefusedByEveryProgram) {
+  const std::string empty = " is empty; accepted: a value; give one, or leave the option out; see ";
+  for (const char* option : {"--can", "--lcm", "--log", "--black-box", "--config"})
+    ExpectWrongUse(fmt::format("--config x.yaml {} ''", option),
+                   fmt::format("tendrild: {}:{}tendrild --help", option, empty), TENDRILD_BINARY);
+  for (const char* option : {"--can", "--lcm", "--robot", "--fault", "--scenario", "--extra-nodes"})
+    ExpectWrongUse(fmt::format("--robot x.yaml {} ''", option),
+                   fmt::format("tendril-plant: {}:{}tendril-plant --help", option, empty),
+                   TENDRIL_PLANT_BINARY);
+  for (const char* arguments :
+       {"send arm --lcm ''", "replay x.lcmlog --robot ''", "replay ''", "commission --config x.yaml --lcm ''",
+        "rt-check --config ''", "demo --out ''", "config check ''"})
+    ExpectWrongUse(arguments, empty + "tendril ");
+  ExpectWrongUse("status --prefix ''", "'' is no prefix");
+}
+
+TEST_F(ServiceCommandTest, WrongUseIsOneLineThatTellsWhereToReadOn) {
+  ExpectWrongUse("sned arm", "tendril: 'sned' is not known here; see tendril --help");
+  ExpectWrongUse("send amr", "tendril: 'amr' is not known here; see tendril send --help");
+  ExpectWrongUse("send tip 1 2", "see tendril send tip --help");
+  ExpectWrongUse("send arm --tiemout 3", "'--tiemout' is not known here; see tendril send arm --help");
+  ExpectWrongUse("", "--config is required; see tendrild --help", TENDRILD_BINARY);
+  ExpectWrongUse("--config x.yaml --simluated", "'--simluated' is not known here", TENDRILD_BINARY);
+  ExpectWrongUse("--seed x --robot y", "see tendril-plant --help", TENDRIL_PLANT_BINARY);
+}
+
+TEST_F(ServiceCommandTest, OneRuleForPrefixesHoldsInFilesAndOnCommandLines) {
+  const std::string shipped = ReadText(TENDRIL_SOURCE_DIR "/config/tendrild.yaml");
+  const std::string key = "channel_prefix: TENDRIL";
+  const auto at = shipped.find(key);
+  ASSERT_NE(at, shipped.npos);
+  const auto robot = shipped.find("robot: ");
+  fs::create_directories(folder_ / "robots");
+  fs::copy(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml", folder_ / "robots");
+  ASSERT_NE(robot, shipped.npos);
+  for (const char* prefix : {"A-B", "a.b", "R2_D2"}) {
+    SCOPED_TRACE(prefix);
+    std::string text = shipped;
+    WriteText(folder_ / "t.yaml", text.replace(at, key.size(), std::string("channel_prefix: ") + prefix));
+    const bool good = std::string_view(prefix) == "R2_D2";
+    EXPECT_EQ(Run("config check t.yaml"), good ? 0 : 1) << error_;
+    if (!good) {
+      EXPECT_THAT(error_, HasSubstr("accepted: 1 to 40 letters, digits and '_'"));
+      ExpectWrongUse(fmt::format("send arm --prefix {}", prefix),
+                     "accepted: 1 to 40 letters, digits and '_'");
+    }
+  }
+}
+
+TEST_F(ServiceCommandTest, AReplayClaimsNoMoreThanItRead) {
+  WriteText(folder_ / "notes.txt", std::string(500, 'x'));
+  EXPECT_EQ(Run("replay notes.txt"), 1);
+  EXPECT_TRUE(OneLine());
+  EXPECT_THAT(error_,
+              HasSubstr("notes.txt: no log that can be replayed (event 1 at byte 0 does not begin like"));
+  EXPECT_THAT(error_, HasSubstr("give one of tendrild --log or tendril demo, or a black box"));
+  WriteText(folder_ / "empty.lcmlog", "");
+  EXPECT_EQ(Run("replay empty.lcmlog"), 1);
+  EXPECT_THAT(error_, HasSubstr("no log that can be replayed (the file is empty)"));
+
+  ASSERT_EQ(Run("demo --no-plots --trajectory planar --out ."), 0) << error_;
+  ASSERT_EQ(Run("replay planar/run.lcmlog"), 0) << error_;
+  EXPECT_THAT(out_, HasSubstr("\nno bit differs\n"));
+  const fs::path log = folder_ / "planar/run.lcmlog";
+  fs::resize_file(log, fs::file_size(log) / 10);
+  EXPECT_EQ(Run("replay planar/run.lcmlog"), 1);
+  EXPECT_TRUE(OneLine());
+  EXPECT_THAT(out_, testing::Not(HasSubstr("no bit differs")));
+  EXPECT_THAT(error_,
+              testing::ContainsRegex("not whole: no bit differs in [0-9]+ cycles; event [0-9]+ at byte "
+                                     "[0-9]+ ends .*: nothing is known of the rest"));
+}
+
+}  // namespace
+}  // namespace tendril
