@@ -211,6 +211,7 @@ struct Controller::Impl {
   void TensionsForReference(CycleOutput& output) noexcept;
   void TensionsForEquilibrium(const CycleInput& input, CycleOutput& output) noexcept;
   double LeastTension() const noexcept;
+  double HeldByFriction() const noexcept;
   void TensionsForMode(CycleOutput& output) noexcept;
   void TorquesForTensions(const CycleInput& input, CycleOutput& output) noexcept;
   double Unsure(int tendon, const DriveFeedForward::Result& wanted) const noexcept;
@@ -779,6 +780,21 @@ double Controller::Impl::LeastTension() const noexcept {
   return std::min(robot.limits.min_tension_N + rotor_N, 0.5 * robot.limits.max_tension_base_N);
 }
 
+// Of a section's moment, what dry friction of a motor and of its pulleys holds at these tensions.
+double Controller::Impl::HeldByFriction() const noexcept {
+  double most_Nm = 0;
+  int j = 0;
+  for (const auto& section : robot.body.sections) {
+    for (const auto& route : section.tendons) {
+      const double pulleys_N = 0.5 * (tables[j]->Pull(tension_N[j]) - tables[j]->Release(tension_N[j]));
+      const double friction_N = FrictionAtSpool(robot.actuation->tendons[j]) + pulleys_N;
+      most_Nm = std::max(most_Nm, route.radius_m * friction_N);
+      ++j;
+    }
+  }
+  return most_Nm;
+}
+
 // The shape that the robot really takes on in place of the arc. Without an answer the arc's tensions stay;
 // the tensions are led over at the ramp's rate from one to the other.
 void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutput& output) noexcept {
@@ -822,7 +838,7 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
   if (shape_feedback) {
     Report(output, shape_feedback->Step(output.reference.position_rad, output.displacement_desired_m,
                                         estimator.shortening_m(), estimator.weight(), force_per_tension,
-                                        equilibrium.SectionCompliance(), joined, at_limit));
+                                        equilibrium.SectionCompliance(), HeldByFriction(), joined, at_limit));
   }
   body.TendonForce(equilibrium.q(), equilibrium.tension_N(), unit_force_Nm);
   body.ProjectForce(unit_force_Nm, output.generalised_force_Nm);

@@ -45,15 +45,17 @@ ShapeFeedback::ShapeFeedback(const model::Body& body, double time_constant_s, do
 
 void ShapeFeedback::Reset() noexcept {
   const BendingVector none = BendingVector::Zero(stiffness_Nm_.size());
-  last_rad_ = error_rad_ = share_ = offset_rad_ = moment_Nm_ = none;
+  last_rad_ = error_rad_ = share_ = offset_rad_ = moment_Nm_ = onset_Nm_ = none;
   for (TendonVector& w : wanted_m_) w.setZero();
+  way_Nm_ = largest_Nm_ = 0;
   asleep_ = false;
 }
 
 Status ShapeFeedback::Step(const BendingVector& bending_rad, const TendonVector& wanted_m,
                            const TendonVector& shown_m, const TendonVector& weight,
                            const Eigen::Ref<const Eigen::MatrixXd>& force_per_tension,
-                           const BendingMatrix& compliance, bool acts, bool at_limit) noexcept {
+                           const BendingMatrix& compliance, double hold_Nm, bool acts,
+                           bool at_limit) noexcept {
   const TendonVector missing_m = wanted_m_[0] - shown_m;
   for (int i = 0; i + 1 < kDelayCycles; ++i) wanted_m_[i] = wanted_m_[i + 1];
   wanted_m_[kDelayCycles - 1] = wanted_m;
@@ -79,7 +81,21 @@ Status ShapeFeedback::Step(const BendingVector& bending_rad, const TendonVector&
     offset_rad_ *= 1 - period_s_ / time_constant_s_;
     acts = false;
   }
-  asleep_ = rests && bends_Nm.norm() < (asleep_ ? kWake : 1) * friction_Nm_;
+  const double missing_Nm = bends_Nm.norm();
+  if (!rests) {
+    onset_Nm_ = moment_Nm_;
+    way_Nm_ = largest_Nm_ = 0;
+    asleep_ = false;
+  } else if (acts) {
+    largest_Nm_ = std::max(largest_Nm_, missing_Nm);
+    const bool spent = way_Nm_ > kRestWay * largest_Nm_, slept = asleep_;
+    const double band_Nm = spent ? std::max(friction_Nm_, largest_Nm_) : friction_Nm_;
+    asleep_ = missing_Nm <= (asleep_ ? kWake : 1) * band_Nm;
+    if (spent && slept && !asleep_) way_Nm_ = 0;
+    const BendingVector pushed_Nm = moment_Nm_ - onset_Nm_;
+    if (pushed_Nm.norm() > hold_Nm && pushed_Nm.dot(bends_Nm) > 0) acts = false;
+    if (acts && !asleep_) way_Nm_ += missing_Nm * period_s_ / time_constant_s_;
+  }
   for (int k = 0; k < static_cast<int>(stiffness_Nm_.size()) / 2; ++k) {
     const Complex b = At(bending_rad, k);
     if (acts && !asleep_) {
@@ -96,8 +112,10 @@ Status ShapeFeedback::Step(const BendingVector& bending_rad, const TendonVector&
 
 void ShapeFeedback::Remember(StateArchive& a) noexcept {
   for (TendonVector& w : wanted_m_) a.Vector(w, {w.size()});
-  for (BendingVector* v : {&last_rad_, &error_rad_, &share_, &offset_rad_, &moment_Nm_})
+  for (BendingVector* v : {&last_rad_, &error_rad_, &share_, &offset_rad_, &moment_Nm_, &onset_Nm_})
     a.Vector(*v, {v->size()});
+  a.Value(way_Nm_);
+  a.Value(largest_Nm_);
   a.Value(asleep_);
 }
 

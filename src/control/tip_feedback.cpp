@@ -18,6 +18,7 @@ constexpr double kErrorFilter_s = 0.1;
 // A tracker better than this, of the robot's length, does not make its dry friction smaller.
 constexpr double kLeastRestBand = 5e-4;
 constexpr double kRest_mps = 1e-5;
+constexpr std::int32_t kMostCycles = 1'000'000;
 
 }  // namespace
 
@@ -65,12 +66,13 @@ Status TipFeedback::Step(const TrackerSample& sample, TimeNs now_ns, TimeNs ahea
     for (Eigen::Vector3d* x : {&shift_W_m_, &rate_W_mps_, &wanted_rate_W_mps_, &error_W_m_}) x->setZero();
     filled_ = resting_cycles_ = 0;
     silent_cycles_ = 0;
+    way_m_ = largest_m_ = 0;
     asleep_ = false;
     return Status::kOk;
   }
   const auto size = static_cast<std::int32_t>(wanted_.size());
   const bool rests = filled_ > 0 && (wanted_W_m - wanted_[next_]).norm() < kRest_mps * period_s_;
-  resting_cycles_ = rests ? std::min(resting_cycles_ + 1, size) : 0;
+  resting_cycles_ = rests ? std::min(resting_cycles_ + 1, kMostCycles) : 0;
   next_ = (next_ + 1) % size;
   wanted_[next_] = wanted_W_m;
   estimate_[next_] = estimate_W_m;
@@ -90,8 +92,17 @@ Status TipFeedback::Step(const TrackerSample& sample, TimeNs now_ns, TimeNs ahea
       error_W_m_ += error_share_ * (error - error_W_m_);
       if (resting_cycles_ <= back + 1) {
         asleep_ = false;
+        way_m_ = largest_m_ = 0;
       } else {
-        asleep_ = error_W_m_.norm() < (asleep_ ? kWake : 1) * rest_band_m_;
+        const double error_m = error_W_m_.norm();
+        largest_m_ = std::max(largest_m_, error_m);
+        const bool spent = way_m_ > kRestWay * largest_m_;
+        const double band_m = spent ? std::max(rest_band_m_, largest_m_) : rest_band_m_;
+        const bool slept = asleep_;
+        // Not while it still comes to rest: an error that passes through zero is not gone.
+        const bool settled = (resting_cycles_ - back) * period_s_ > time_constant_s_;
+        asleep_ = settled && error_m <= (asleep_ ? kWake : 1) * band_m;
+        if (spent && slept && !asleep_) way_m_ = 0;
       }
       if (!asleep_) wanted_rate_W_mps_ = error / time_constant_s_;
       const double speed = wanted_rate_W_mps_.norm();
@@ -107,6 +118,7 @@ Status TipFeedback::Step(const TrackerSample& sample, TimeNs now_ns, TimeNs ahea
   rate_W_mps_ +=
       change_mps > step_mps ? Eigen::Vector3d(faster_W_mps * (step_mps / change_mps)) : faster_W_mps;
   shift_W_m_ += rate_W_mps_ * period_s_;
+  way_m_ += rate_W_mps_.norm() * period_s_;
   const double far_m = shift_W_m_.norm();
   if (far_m > max_shift_m_) shift_W_m_ *= max_shift_m_ / far_m;
   if (silent_s > max_age_s_) return Status::kTrackerLost;
@@ -122,6 +134,8 @@ void TipFeedback::Remember(StateArchive& a) noexcept {
   a.Value(last_ns_);
   a.Value(resting_cycles_);
   a.Value(same_);
+  a.Value(way_m_);
+  a.Value(largest_m_);
   a.Value(asleep_);
   for (Eigen::Vector3d* x : {&shift_W_m_, &rate_W_mps_, &wanted_rate_W_mps_, &error_W_m_, &last_tip_W_m_})
     a.Vector(*x);

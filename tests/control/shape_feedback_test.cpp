@@ -30,20 +30,23 @@ class Section {
 
   double Stiffness() const { return body_.unit_stiffness_Nm(0) / body_.units(); }
   ShapeFeedback& feedback() { return feedback_; }
+  double hold_Nm = HUGE_VAL, stick_rad = 0;
   BendingVector bend() const { return bend_; }
 
   /// One cycle; the noise is of the tendons' displacement. The bend's error.
   double Step(const BendingVector& wanted, double noise_m = 0, bool acts = true, bool at_limit = false) {
     const BendingVector m = feedback_.moment_Nm() / Stiffness();
     const std::complex<double> pulled = softer_ * std::complex<double>(wanted[0] + m[0], wanted[1] + m[1]);
-    bend_ = BendingVector(2);
-    bend_ << pulled.real(), pulled.imag();
+    // It sticks until it is pulled far enough, then overshoots.
+    const std::complex<double> off = pulled - std::complex<double>(bend_[0], bend_[1]);
+    if (std::abs(off) >= stick_rad)
+      bend_ += (stick_rad > 0 ? 1.8 : 1.0) * Eigen::Vector2d(off.real(), off.imag());
     TendonVector wanted_m = Shortening(wanted), shown_m = Shortening(bend_);
     for (int j = 0; j < 3; ++j) shown_m[j] += noise_m * normal_(random_);
     Eigen::MatrixXd per_tension(2, 3);
     model::SectionForcePerTension(body_, wanted, per_tension);
     feedback_.Step(wanted, wanted_m, shown_m, TendonVector::Ones(shown_m.size()), per_tension,
-                   BendingMatrix::Identity(2, 2) / Stiffness(), acts, at_limit);
+                   BendingMatrix::Identity(2, 2) / Stiffness(), hold_Nm, acts, at_limit);
     return (wanted - bend_).norm();
   }
 
@@ -60,7 +63,7 @@ class Section {
   model::Body body_;
   std::complex<double> softer_;
   ShapeFeedback feedback_;
-  BendingVector bend_;
+  BendingVector bend_ = BendingVector::Zero(2);
   std::mt19937 random_{1};
   std::normal_distribution<double> normal_;
 };
@@ -115,6 +118,28 @@ TEST(ShapeFeedback, HasABound) {
   EXPECT_GT(section.feedback().moment_Nm().norm(), 0.5 * section.Stiffness());
   section.feedback().Reset();
   EXPECT_EQ(section.feedback().moment_Nm().norm(), 0);
+}
+
+// What friction may hold is all that a robot at rest is pushed by: pushed by more, it would leap once it
+// moves.
+TEST(ShapeFeedback, PushesNoHarderThanFrictionHolds) {
+  Section section(0);
+  section.hold_Nm = 3e-3;
+  for (int i = 0; i < 20000; ++i) section.Step(Bend(0.4, 0));
+  EXPECT_LT(section.feedback().moment_Nm().norm(), section.hold_Nm * 1.01);
+  EXPECT_GT(section.feedback().moment_Nm().norm(), section.hold_Nm * 0.99);
+}
+
+// A robot that sticks and slips past where it is wanted is left alone after a few times.
+TEST(ShapeFeedback, DoesNotHunt) {
+  Section section(0.8);
+  section.stick_rad = 0.1;
+  for (int i = 0; i < 40000; ++i) section.Step(Bend(1, 0));
+  const BendingVector moment_Nm = section.feedback().moment_Nm();
+  double error = 0;
+  for (int i = 0; i < 20000; ++i) error = section.Step(Bend(1, 0));
+  EXPECT_EQ((section.feedback().moment_Nm() - moment_Nm).norm(), 0);
+  EXPECT_LT(error, 0.2);
 }
 
 // Where tensions are at their limit a correction that asks for more of them fades.

@@ -230,6 +230,27 @@ TEST(Laws, ARobotAtRestStands) {
   }
 }
 
+// Two integrals over one error, on sections that carry each other, come to an end as well.
+TEST(Laws, TwoSectionsAtRestStandUnderEveryFeedback) {
+  ClosedLoop loop(Options("two_section.yaml", true, true, true));
+  loop.ArmAndPretension();
+  Command c = Bend(0, 0);
+  c.speed_radps = 3;
+  for (const Eigen::Vector4d& bend_rad :
+       {Eigen::Vector4d(0.6, -0.5, -0.3, 0.2), Eigen::Vector4d(-0.2, 0.7, 0.3, 0.3)}) {
+    c.bending_rad = bend_rad;
+    loop.Send(c);
+    StepFor(loop, 2, [](const CycleRecord&) {});
+  }
+  StepFor(loop, 10, [](const CycleRecord&) {});
+  const Eigen::Vector3d start_W_m = loop.plant().TipPose().p_WA;
+  double farthest_m = 0;
+  StepFor(loop, 4, [&](const CycleRecord&) {
+    farthest_m = std::max(farthest_m, (loop.plant().TipPose().p_WA - start_W_m).norm());
+  });
+  EXPECT_LT(farthest_m, 2e-4) << "52 mm when it hunts";
+}
+
 // One load cell that shows too much: its tendon is not let go, for a rope cannot be pushed.
 TEST(Laws, ACellThatShowsTooMuchUnwindsNoSpool) {
   for (const bool tip : {false, true}) {
@@ -335,8 +356,7 @@ TEST(Laws, ArmedAgainTheRobotStandsStill) {
     EXPECT_LT(most_N, first_N + 0.1);
     EXPECT_LT(bend_rad, 0.15) << "friction alone";
     Eigen::Vector2d truth_rad = Eigen::Vector2d::Zero();
-    for (Eigen::Index i = 0; i < loop.plant().q().size(); i += 2)
-      truth_rad += loop.plant().q().segment<2>(i);
+    for (Eigen::Index i = 0; i < loop.plant().q().size(); i += 2) truth_rad += loop.plant().q().segment<2>(i);
     EXPECT_LT((loop.record().output.bending_estimate_rad - truth_rad).norm(), 0.002)
         << "bent by " << truth_rad.norm() << " rad: it is no new zero";
   }

@@ -19,7 +19,8 @@ class StateArchive;
 /// tendons say that the tip was, or the same to the last bit for long; without any usable one so long the
 /// shift stays as it is and kTrackerLost says so. Where the goal rests and the error is within the tracker's
 /// noise, the shift rests until the error is kWake times that: dry friction lets a tip stick, and an integral
-/// that pulled at it would hunt.
+/// that pulled at it would hunt; and it goes no longer a way there, to and fro, than kRestWay times the
+/// largest error.
 class TipFeedback {
  public:
   static constexpr double kMaxRate_mps = 0.02, kMaxAcceleration_mps2 = 0.2;
@@ -28,6 +29,7 @@ class TipFeedback {
   static constexpr double kMaxShare = 0.2;
   static constexpr double kMaxDisagreement = 0.1;
   static constexpr double kWake = 3;
+  static constexpr double kRestWay = 2;
 
   TipFeedback(const TrackerParameters& tracker, double length_m, double period_s);
 
@@ -54,6 +56,7 @@ class TipFeedback {
   std::int64_t silent_cycles_ = 0, last_ns_ = 0;
   std::int32_t resting_cycles_ = 0, same_ = 0;
   bool asleep_ = false;
+  double way_m_ = 0, largest_m_ = 0;  // since the goal rests: of the shift to and fro, and the error at most
   Eigen::Vector3d shift_W_m_{0, 0, 0}, rate_W_mps_{0, 0, 0}, wanted_rate_W_mps_{0, 0, 0};
   Eigen::Vector3d error_W_m_{0, 0, 0}, last_tip_W_m_{0, 0, 0};  // low-passed; of the last reading
 };
