@@ -285,6 +285,27 @@ TEST(Arc, OutOfReachIsNamedOrProjected) {
     EXPECT_NE(std::string(e.what()).find("--nearest"), std::string::npos);
   }
   EXPECT_NO_THROW(AlongTip(line, "line", nearest, robot));
+  EXPECT_GT(nearest.farthest_m(), 1e-3);
+  EXPECT_THROW(nearest.Solve({10, 0, 58}, "millimetres"), PathError);
+}
+
+TEST(Spline, ThatOvershootsIsRefusedWithItsPlace) {
+  const RobotParameters robot = Robot();
+  const double most = robot.limits.max_bending_rad;
+  MatrixXd b(4, 2);
+  b << 0, 0, 0, 0, most, 0, most, 0;
+  const auto refused = [&](const VectorXd& knots) {
+    try {
+      RequireWithinBend(Spline(knots, b), robot, "rows");
+    } catch (const PathError& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  EXPECT_NE(refused(VectorXd{{0, 1, 2, 3}}).find("between rows 3 and 4"), std::string::npos);
+  const std::string without_end = refused(VectorXd{{0, 1, 1 + 1e-13, 1e200}});
+  EXPECT_NE(without_end.find("without end between rows"), std::string::npos) << without_end;
+  EXPECT_EQ(without_end.find("inf"), std::string::npos);
 }
 
 TEST(Table, GoesThroughItsRowsAtTheirTimes) {

@@ -308,19 +308,29 @@ PathTiming::PathTiming(const Spline& curve, const PathLimits& limits) {
 
 // ---- points and tip paths ---------------------------------------------------------------------------------
 
-void RequireWithinBend(const Spline& curve, const RobotParameters& robot) {
+void RequireWithinBend(const Spline& curve, const RobotParameters& robot, const char* knots) {
   const double most = robot.limits.max_bending_rad;
-  double worst = 0;
+  double worst = 0, at = curve.begin();
   for (int i = 0; i <= 2000; ++i) {
-    const VectorXd b = curve.At(curve.begin() + (curve.end() - curve.begin()) * i / 2000).value;
-    for (Eigen::Index k = 0; k + 1 < b.size(); k += 2) worst = std::max(worst, b.segment<2>(k).norm());
+    const double s = curve.begin() + (curve.end() - curve.begin()) * i / 2000;
+    const VectorXd b = curve.At(s).value;
+    for (Eigen::Index k = 0; k + 1 < b.size(); k += 2) {
+      const double bend = b.segment<2>(k).norm();
+      if (bend <= worst) continue;  // not so if it is not a number
+      worst = std::isfinite(bend) ? bend : HUGE_VAL;
+      at = s;
+    }
   }
   if (worst > most * (1 + 1e-9)) {
-    throw PathError(
-        fmt::format("the path bends a section by {:.3f} rad on its way; accepted: up to "
-                    "limits.max_bending_rad = {:g} rad; "
-                    "give points that bend less or lie closer together",
-                    worst, most));
+    const auto& all = curve.knots();
+    const auto after = std::upper_bound(all.data() + 1, all.data() + all.size() - 1, at) - all.data();
+    const std::string where = knots ? fmt::format("between {} {} and {}", knots, after, after + 1)
+                                    : fmt::format("{:.0f} % of the way along",
+                                                  100 * (at - curve.begin()) / (curve.end() - curve.begin()));
+    throw PathError(fmt::format(
+        "the path bends a section {} {}; accepted: up to limits.max_bending_rad = {:g} rad; give points that "
+        "bend less or lie closer together",
+        std::isfinite(worst) ? fmt::format("by {:.3f} rad", worst) : "without end", where, most));
   }
 }
 
@@ -338,6 +348,14 @@ VectorXd TipSolver::Solve(const Vector3d& tip_W_m, const std::string& name) {
         "({:.6g}, {:.6g}, {:.6g}), {:.2f} mm away; give such points, or take the nearest with --nearest",
         name, tip_W_m.x(), tip_W_m.y(), tip_W_m.z(), near.x(), near.y(), near.z(), 1e3 * distance_m_));
   }
+  const double most_m = kNearestShare * robot_.body.length_m();
+  if (!(distance_m_ <= most_m)) {
+    throw PathError(fmt::format(
+        "{}: ({:.6g}, {:.6g}, {:.6g}) m is {:.4g} m from any point that the tip can be at; accepted with "
+        "--nearest: up to {:g} m; give metres, in the base frame",
+        name, tip_W_m.x(), tip_W_m.y(), tip_W_m.z(), distance_m_, most_m));
+  }
+  if (distance_m_ > kReachShare * robot_.body.length_m()) farthest_m_ = std::max(farthest_m_, distance_m_);
   last_ = found.us_vs;
   return last_;
 }
@@ -354,7 +372,7 @@ Spline ThroughPoints(const MatrixXd& bending_rad, const RobotParameters& robot) 
     knots[i] = knots[i - 1] + std::sqrt(distance);
   }
   Spline curve(knots, bending_rad);
-  RequireWithinBend(curve, robot);
+  RequireWithinBend(curve, robot, "points");
   return curve;
 }
 

@@ -85,24 +85,30 @@ class PathTiming {
 
 /// Bendings of tip points, each from the one before it. `names` says in errors which point is meant. Points
 /// that the robot cannot reach by more than a thousandth of its length are a PathError unless `nearest`: then
-/// the nearest reachable point is taken.
+/// the nearest reachable point is taken, up to kNearestShare of that length; farther off it is no point that
+/// somebody meant, but another unit.
 class TipSolver {
  public:
+  static constexpr double kNearestShare = 0.5;
+
   TipSolver(const RobotParameters& robot, bool nearest);
   Eigen::VectorXd Solve(const Eigen::Vector3d& tip_W_m, const std::string& name);
   /// How far the last point was from the nearest that can be reached [m].
   double distance_m() const { return distance_m_; }
+  /// Of all points so far the greatest such distance that counts as out of reach, else 0.
+  double farthest_m() const { return farthest_m_; }
 
  private:
   const RobotParameters& robot_;
   model::Body body_;
   bool nearest_;
-  double distance_m_ = 0;
+  double distance_m_ = 0, farthest_m_ = 0;
   BendingVector last_;
 };
 
-/// Throws PathError when the curve bends a section further than the robot may.
-void RequireWithinBend(const Spline& curve, const RobotParameters& robot);
+/// Throws PathError when the curve bends a section further than the robot may, and says where: between which
+/// of its knots, called `knots`, or without a name for them how far along.
+void RequireWithinBend(const Spline& curve, const RobotParameters& robot, const char* knots = nullptr);
 
 /// Smoothly through bendings (n x 2K), n >= 2, which must differ from one to the next. Throws PathError when
 /// the curve bends a section further than the robot may.

@@ -78,6 +78,13 @@ void RequireBend(const VectorXd& bending_rad, const RobotParameters& robot, cons
   }
 }
 
+void TellNearest(const TipSolver& solver) {
+  if (solver.farthest_m() > 0) {
+    fmt::print(stderr, "out of the tip's reach by up to {:.3g} mm: the nearest points are taken\n",
+               1e3 * solver.farthest_m());
+  }
+}
+
 /// Rows of a CSV as bendings; times too when `times` is given.
 MatrixXd ReadPoints(const std::string& file, const RobotParameters& robot, bool nearest, VectorXd* times) {
   std::ifstream in(file);
@@ -121,6 +128,7 @@ MatrixXd ReadPoints(const std::string& file, const RobotParameters& robot, bool 
     throw std::runtime_error(fmt::format("{}: {} row{}; accepted: two or more", file, points.size(),
                                          points.size() == 1 ? "" : "s"));
   }
+  TellNearest(solver);
   MatrixXd bending(static_cast<Eigen::Index>(points.size()), 2 * sections);
   for (std::size_t i = 0; i < points.size(); ++i)
     bending.row(static_cast<Eigen::Index>(i)) = points[i].transpose();
@@ -168,6 +176,7 @@ MatrixXd ViaPoints(const MotionRequest& r, const RobotParameters& robot) {
     }
     points.row(static_cast<Eigen::Index>(i)) = bending.transpose();
   }
+  TellNearest(solver);
   return points;
 }
 
@@ -179,6 +188,7 @@ std::vector<Spline> Lines(const MotionRequest& r, const RobotParameters& robot) 
     curves.push_back(AlongTip(LineTo(Point(r.tips[i], "--tip"), Point(r.tips[i + 1], "--tip")),
                               fmt::format("line {}", i + 1), solver, robot));
   }
+  TellNearest(solver);
   return curves;
 }
 
@@ -205,7 +215,7 @@ std::unique_ptr<Motion> Planned(const MotionRequest& r, const RobotParameters& r
     VectorXd times;
     const MatrixXd bending = ReadPoints(r.points, robot, r.nearest, &times);
     const Spline table(times * r.stretch, bending);
-    RequireWithinBend(table, robot);
+    RequireWithinBend(table, robot, "rows");
     return MakeTableMotion(r.points, table,
                            {limits.max_rate_radps, limits.max_acceleration_radps2, limits.max_jerk_radps3},
                            robot);
