@@ -3,6 +3,7 @@
 // typed in here.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -67,9 +68,12 @@ const Idle kKeys[] = {
      "heartbeat_timeout_ms: 1601", "heartbeat_timeout_ms: 2001"},
 };
 
+// Tests of this file run beside each other.
+std::string FileOfThisTest() { return "tendril_warnings_" + std::to_string(getpid()) + ".yaml"; }
+
 std::vector<std::string> WarnedOf(const std::string& text) {
   // The file is read again for the line of a key.
-  const std::string path = (std::filesystem::temp_directory_path() / "tendril_warnings.yaml").string();
+  const std::string path = (std::filesystem::temp_directory_path() / FileOfThisTest()).string();
   std::ofstream(path) << text;
   const auto lines = Warnings(ParseDaemon(text, path), LoadRobot(ConfigPath("robots/rig_60mm.yaml")), path);
   std::filesystem::remove(path);
@@ -84,7 +88,7 @@ TEST(Warnings, ShippedFilesHaveNone) {
 }
 
 auto Told(const std::string& edited, const char* line, const char* key, const char* what) {
-  const std::string place = "tendril_warnings.yaml:" + std::to_string(LineWith(edited, line)) + ": " + key;
+  const std::string place = FileOfThisTest() + ":" + std::to_string(LineWith(edited, line)) + ": " + key;
   const std::string value = std::string(line).substr(std::string(line).find(' ') + 1);
   return AllOf(HasSubstr(place), HasSubstr(what), HasSubstr(": " + value.substr(0, value.find(".0"))),
                HasSubstr("; set "));
