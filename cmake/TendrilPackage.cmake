@@ -44,6 +44,8 @@ enables it; a robot moves when somebody arms it.")
 # Needs file(1) and dpkg-shlibdeps; without them a package would claim to need nothing.
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA "${systemd}/postinst;${systemd}/prerm;${systemd}/postrm")
+# The unit waits for the loop-back interface's multicast route with ip(8).
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "iproute2")
 # A robot computer needs no plots.
-set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "systemd, udev, iproute2, python3, python3-matplotlib, python3-numpy")
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "systemd, udev, python3, python3-matplotlib, python3-numpy")
 include(CPack)

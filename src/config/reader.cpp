@@ -227,8 +227,9 @@ long long Reader::ToInteger(const Found& found, std::string_view key, Range rang
     std::string remedy = "correct the value";
     if (const auto other =
             GuessOtherUnit(UnitSuffix(key), static_cast<double>(value), range.min, range.max)) {
-      remedy = fmt::format("{} looks like {}: write {:.10g}", text, other->name,
-                           static_cast<double>(value) * other->factor);
+      const double whole = std::round(static_cast<double>(value) * other->factor);
+      if (Within(whole, range))
+        remedy = fmt::format("{} looks like {}: write {:.0f}", text, other->name, whole);
     }
     Fail(found.line, found.path,
          fmt::format("{} is out of range; accepted: {}; {}", Printable(text), accepted, remedy));

@@ -22,6 +22,14 @@ namespace {
 constexpr std::size_t kFileBuffer = std::size_t{1} << 20;
 // What a crash of the machine may cost.
 constexpr std::int64_t kFlushEvery_us = 1'000'000;
+// What a reader takes for damage is no event: any program may send what it likes, a channel without a name
+// too.
+constexpr std::uint64_t kMaxChannel = 1000;
+constexpr std::uint64_t kMaxData = std::uint64_t{1} << 28;  // LCM's largest message
+
+constexpr bool IsEvent(std::uint64_t channel_size, std::uint64_t data_size) {
+  return channel_size >= 1 && channel_size <= kMaxChannel && data_size <= kMaxData;
+}
 
 struct FileCloser {
   void operator()(std::FILE* file) const noexcept { std::fclose(file); }
@@ -37,6 +45,7 @@ struct LogWriter::State {
         lcm(static_cast<lcm::LCM*>(log_gateway.lcm())->getUnderlyingLCM()) {}
 
   void Write(const char* channel, std::size_t channel_size, const void* data, int size) {
+    if (!IsEvent(channel_size, static_cast<std::uint64_t>(size))) return;
     lcm_eventlog_event_t event{};
     event.timestamp = clock.Now() / kNsPerUs + epoch_offset_us;
     event.channellen = static_cast<std::int32_t>(channel_size);
@@ -201,9 +210,7 @@ class EventReader {
     if (Number32(header, 0) != kSync) return Damaged("does not begin like an event of an LCM log");
     const std::uint64_t channel_size = Number32(header, 20);
     const std::uint64_t data_size = Number32(header, 24);
-    if (channel_size < 1 || channel_size > kMaxChannel || data_size > kMaxData) {
-      return Damaged("claims an impossible length");
-    }
+    if (!IsEvent(channel_size, data_size)) return Damaged("claims an impossible length");
     if (channel_size + data_size > left - kHeader) return Damaged("ends before its data does");
     channel_.resize(channel_size);
     data_.resize(data_size);
@@ -225,8 +232,6 @@ class EventReader {
  private:
   static constexpr std::size_t kHeader = 28;
   static constexpr std::uint32_t kSync = 0xEDA1DA01;
-  static constexpr std::uint64_t kMaxChannel = 1000;
-  static constexpr std::uint64_t kMaxData = std::uint64_t{1} << 28;  // LCM's largest message
 
   template <class Bytes>
   bool Read(Bytes& bytes) {

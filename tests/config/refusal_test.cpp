@@ -154,6 +154,7 @@ const Case kCases[] = {
     {"NodeIdZero", kDaemon, "node_id: 1,", "node_id: 0,", "node_id: 0", "bus.nodes[1].node_id", {"1 .. 126"}},
     {"NodeIdOfTheMaster", kDaemon, "node_id: 3,", "node_id: 127,", "node_id: 127", "bus.nodes[3].node_id", {"1 .. 126"}},
     {"CycleInMilliseconds", kDaemon, "cycle_ns: 1000000", "cycle_ns: 1", "cycle_ns: 1", "bus.cycle_ns", {"looks like milliseconds: write 1000000"}},
+    {"HeartbeatInMicroseconds", kDaemon, "heartbeat_ms: 100 ", "heartbeat_ms: 65535 ", "heartbeat_ms: 65535", "bus.heartbeat_ms", {"5 .. 10000 ms", "looks like microseconds: write 66"}},
 
     // ---- rules between keys
     {"TwoTendons", kRig, "        - {angle_rad: 4.1887902047863905, radius_m: 0.004}", "", "tendons:", "body.sections[1].tendons",

@@ -163,7 +163,7 @@ TEST_F(SimulateCommandTest, WrongUseIsToldBeforeAnythingIsWritten) {
       {"--effect 'backlash'", "backlash without rad"},
       {"--effect 'backlash rad=0.1' --effect 'backlash rad=0.2'", "backlash on all twice"},
       {"--effect 'backlash sigma=3' --effect 'backlash sigma=1'", "backlash on all twice"},
-      {"--effect ''", "an effect without a name"},
+      {"--effect ''", "--effect: is empty"},
       {"--effect 'backlash sigma=0'", "sigma = '0'"},
       {"--effect 'backlash sigma=three'", "sigma = 'three'"},
       {"--effect 'backlash sigma=nan'", "sigma = 'nan'"},

@@ -8,6 +8,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <lcm/lcm-cpp.hpp>
 #include <vector>
 
 #include "random_record.h"
@@ -102,6 +103,24 @@ TEST_F(LogTest, OtherLcmToolsCanReadIt) {
   EXPECT_EQ(cycles, kCycles);
   EXPECT_EQ(runs, 1);
   EXPECT_EQ(last_us, (kCycles - 1) * 1000);
+}
+
+// Whoever shares the address may send on a channel without a name; LCM delivers it.
+TEST_F(LogTest, AMessageWithoutAChannelCostsNoneOfTheRest) {
+  SimulatedClock clock;
+  Gateway gateway({"memq://", "TENDRIL", 1, 1}, kShape, clock);
+  {
+    LogWriter writer(gateway, path, clock);
+    RandomRecords random(kShape, 7);
+    for (int i = 0; i < 3; ++i) {
+      ASSERT_EQ(static_cast<lcm::LCM*>(gateway.lcm())->publish("", "x", 1), 0);
+      gateway.Handle(0);
+      gateway.PublishCycle(random.Next());
+    }
+  }
+  const LogContents log = ReadLog(path);
+  EXPECT_EQ(log.cycles.size(), 3U);
+  EXPECT_EQ(log.damage, "");
 }
 
 TEST_F(LogTest, ATruncatedLogGivesWhatWasWholeAndSaysSo) {

@@ -328,6 +328,13 @@ void RunCommission(const CommissionOptions& options) {
     throw UsageError(fmt::format("--seen needs a direction for each of the {} tendons, {} given", tendons,
                                  options.seen_deg.size()));
   }
+  // Before motors pull for half a minute, not after.
+  const std::string path = daemon::RecordPath(daemon);
+  daemon::CheckMayWrite(path);
+  if (options.write) {
+    daemon::CheckMayWrite(options.config);
+    daemon::CheckMayWrite(daemon.robot_file);
+  }
   CommissionResult result;
   DriveSerials serials;
   {
@@ -371,7 +378,6 @@ void RunCommission(const CommissionOptions& options) {
                                  : "not commissioned: put right what is said above (or let --write change "
                                    "the files where that does), and commission again");
   }
-  const std::string path = daemon::RecordPath(daemon);
   daemon::WriteRecord(path, RecordOf(result, robot, daemon, serials));
   fmt::print("\ncommissioned: {}; `tendril home` takes up slack, `tendril send arm` arms\n", path);
 }

@@ -25,7 +25,7 @@ namespace tendril {
   X(CommandNotFinite, 201, "command refused: not finite", "send numbers only")                                      \
   X(CommandOutOfRange, 202, "command refused: out of range", "see the robot file's limits")                         \
   X(CommandStale, 203, "command refused: older than its validity", "check the sender's clock and rate")             \
-  X(CommandWrongMode, 204, "command refused in this mode", "arm from configured or hold, targets only while running, clear in fault or while disconnected") \
+  X(CommandWrongMode, 204, "command refused in this mode", "arm from configured or hold, home and commission from configured, targets while running, clear in fault; disconnected: wait for the drives, or clear when one failed to start") \
   X(CommandOutOfOrder, 205, "command refused: sequence number not newer than the last", "one sender at a time")     \
   X(CommandWrongSize, 206, "command refused: number of values does not fit the robot", "one pair per section, one tension per tendon") \
   X(NotCommissioned, 207, "command refused: this robot was never commissioned as its files are now", "run tendril commission --config FILE; for a simulation start tendrild with --simulated, or say commissioning: not_required in its file") \
