@@ -1,12 +1,10 @@
 """A small sealed campaign from the draw to the score: twelve short sets of the foreign plant, what is planted drawn from the
 system's randomness, each diagnosed by the program itself where it cannot read the answers. Prints the score's table.
 
-Twelve sets say little of any share, and nobody knows which they are: a bound is where a diagnosis that is right in nine
-of ten strong sets, and confidently wrong in one of twenty, would fail once in five thousand campaigns."""
+Twelve sets say little of any share; what is asked here holds unless something is broken."""
 import tests.blind.packages  # noqa: F401  (first)
 import concurrent.futures
 import json
-import math
 import os
 import subprocess
 import sys
@@ -21,14 +19,6 @@ if not os.environ.get("TENDRIL_CAMPAIGN"):
 SETS, FAMILIES = 12, 3
 ROOT = Path(__file__).resolve().parents[2]
 TENDRIL = sys.argv.pop()
-
-
-RIGHT, WRONG, SELDOM = 0.9, 0.05, 1 / 5000
-
-
-def at_least(k, n, p):
-    """Probability of k or more of n."""
-    return sum(math.comb(n, i) * p**i * (1 - p) ** (n - i) for i in range(k, n + 1))
 
 
 def shards(*words, after=()):
@@ -60,10 +50,9 @@ class SmallCampaign(unittest.TestCase):
         self.assertEqual(numbers["sets"], SETS)
         self.assertEqual(numbers["diagnosis failed to answer"]["k"], 0)
         self.assertLessEqual(numbers["false alarms on exact nulls"]["k"], 1)
-        wrong = numbers["confidently wrong (p >= 0.9)"]
-        self.assertGreater(at_least(wrong["k"], wrong["n"], WRONG), SELDOM, wrong)
+        self.assertLessEqual(numbers["confidently wrong (p >= 0.9)"]["k"], 2)
         strong = numbers["top-1 cause at > 3 sigma, group-exact"]
-        self.assertGreater(at_least(strong["n"] - strong["k"], strong["n"], 1 - RIGHT), SELDOM, strong)
+        self.assertGreaterEqual(strong["k"], (strong["n"] - 1) / 2)
 
 
 if __name__ == "__main__":
