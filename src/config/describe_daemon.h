@@ -211,7 +211,7 @@ void Describe(Io& io, RealtimeParameters& p) {
 
 template <class Io>
 void Describe(Io& io, LcmParameters& p) {
-  io.Text("url", p.url, kLcmUrlRule);
+  io.Text("url", p.url, kUrlRule);
   io.Text("channel_prefix", p.channel_prefix, kPrefixRule);
   io.Integer("state_every_cycles", p.state_every_cycles, {1, 100000});
   io.Integer("cycle_every_cycles", p.cycle_every_cycles, {0, 100000});

@@ -42,11 +42,6 @@ inline constexpr TextRule kFolderRule{[](std::string_view t) {
                                                             [](unsigned char c) { return std::iscntrl(c); });
                                       },
                                       "the absolute path of a folder, e.g. /var/lib/tendrild"};
-inline constexpr TextRule kLcmUrlRule{
-    [](std::string_view t) {
-      return (t.starts_with("udpm://") || t.starts_with("memq://") || t.starts_with("tcpq://")) &&
-             std::none_of(t.begin(), t.end(), [](unsigned char c) { return c <= ' ' || c == 127; });
-    },
-    "an LCM address, e.g. udpm://239.255.76.67:7667?ttl=0"};
+inline constexpr TextRule kUrlRule{&IsLcmUrl, kLcmUrlRule};
 
 }  // namespace tendril::config

@@ -196,6 +196,17 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
                                limits.max_tension_motor_N),
                     scale.held_N.value));
   }
+  const auto& tendons = robot.actuation->tendons;
+  const auto behind = std::find_if(tendons.begin(), tendons.end(), [](const TendonDriveParameters& t) {
+    return t.load_cell.place == LoadCellPlace::kRobotSide;
+  });
+  if (daemon.controller.shape_feedback && behind != tendons.end()) {
+    const std::string text = fmt::format(
+        "on, but the load cell of tendon {} of {} is on the robot's side: wide, fast goals have ended in a "
+        "fault (412) then; set off, lead the robot slower, or put the cells on the motor's side",
+        behind - tendons.begin() + 1, robot.name);
+    lines.emplace_back(ErrorAt(daemon_path, "controller.shape_feedback", text).what());
+  }
   if (const double every_s = daemon.lcm.state_every_cycles * cycle_s; every_s > kState_s) {
     say("lcm.state_every_cycles", daemon.lcm.state_every_cycles, "hides",
         fmt::format("a state comes every {:.3g} s, and `tendril status` waits for 2 s", every_s),

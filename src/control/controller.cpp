@@ -136,7 +136,7 @@ struct Controller::Impl {
               parameters.law == ControlLaw::kEquilibrium),
         tension_lead(body, reach.UnpulledRate_radps(), trajectory.gather_s(), period_s),
         allocator(tendons, 2 * sections),
-        estimator(robot, body, tables),
+        estimator(robot, body, tables, period_s),
         guards(robot, parameters.guards, period_ns, body, tables),
         equilibrium(body, LedLimits(robot.limits)),
         uses_equilibrium(parameters.law == ControlLaw::kEquilibrium),
@@ -300,6 +300,7 @@ struct Controller::Impl {
   bool zeroed = false;      // displacement counts from pretension
   bool zero_known = false;  // ... did so before, and the encoders have counted on since
   double ramp_Nps = 0;      // of tensions that are led somewhere
+  TimeNs stop_by_ns = 0;    // of a daemon that is ended: when tensions are to be down; 0: it is not
   // Seen without power since the mode was entered: a drive that is still on when it is asked for anew goes
   // off first.
   std::array<bool, kMaxTendons> was_off{};
@@ -399,7 +400,7 @@ bool Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
           break;
         case ModeRequest::kStop:
           event = Event::kDisarm;
-          ramp_Nps = std::max(ramp_Nps, (tension_N.maxCoeff() - robot.limits.min_tension_N) / kStopRamp_s);
+          if (stop_by_ns == 0) stop_by_ns = input.time_ns + static_cast<TimeNs>(kStopRamp_s * kNsPerS);
           break;
         case ModeRequest::kHold:
           event = Event::kHold;
@@ -423,6 +424,7 @@ bool Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
       if (entered) EnterMode(supervisor.mode(), input);
     }
   }
+  if (gate.Contended(input.time_ns)) Report(output, Status::kTwoSenders);
   output.commands_accepted = accepted;
   output.commands_refused = refused;
   output.command_status = command_status;
@@ -624,6 +626,7 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       if (mode == Mode::kHoming || mode == Mode::kCommissioning) zero_known = false;
       joined = engaged = bare = zeroed = false;
       ramp_Nps = parameters.pretension_ramp_Nps;
+      stop_by_ns = 0;
       settled_since_ns = input.time_ns;
       for (int j = 0; j < tendons; ++j) was_off[j] = input.drive[j].state != DriveState::kEnabled;
       for (auto& k : compensation) k.Reset(0, 0);
@@ -902,6 +905,11 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
       break;  // led by TakeTendonsUp
     case Mode::kSafeStop:
     case Mode::kFault:
+      // By the clock: cycles that were skipped are made up for.
+      if (stop_by_ns > 0) {
+        const double left_s = std::max(ToSeconds(stop_by_ns - output.time_ns), period_s);
+        ramp_Nps = std::max(ramp_Nps, (tension_N.maxCoeff() - robot.limits.min_tension_N) / left_s);
+      }
       RampTensions(tension_N.cwiseMin(robot.limits.min_tension_N).cwiseMax(0));
       break;
   }
@@ -1080,6 +1088,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
   a.Value(zeroed);
   a.Value(zero_known);
   a.Value(ramp_Nps);
+  a.Value(stop_by_ns);
   for (int j = 0; j < tendons; ++j) a.Value(was_off[j]);
   a.Choice(source, CommandKind::kMode);
   a.Value(disagreeing_readings);

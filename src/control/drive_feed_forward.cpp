@@ -59,6 +59,8 @@ void DriveFeedForward::Reset(double tension_base_N, double shortening_m) noexcep
   dahl_.Reset(pull_m / travel_m_);
   friction_N_ = MotorTension(tension_base_N, shortening_m, max_tension_motor_N_, true) - tension_base_N;
   loss_Nm_ = 0;
+  shortening_m_ = shortening_m;
+  tension_base_N_ = tension_base_N;
   still_ = true;
 }
 
@@ -114,12 +116,14 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   Result r;
   // Across the fold friction follows what is commanded, so that it rests when that rests: a tendon that stops
   // under high tension and stirs by a micrometre must not turn round. Nor may it go too fast for the tendon.
+  // Where it is held it is known. A robot that goes on from there may stand at such a fold as well: it turns
+  // round no faster than one that never stood.
   const double moved_m = still_ ? 0 : std::abs(shortening_m - shortening_m_);
   const double pulled_N = stiffness_Npm_ * moved_m + std::abs(tension_base_N - tension_base_N_);
   const double fast = moved_m / (moved_m + kSlow_mps * period_s_);
-  const double most_N = still_ ? max_tension_motor_N_
-                               : std::min(kFrictionPerPull * pulled_N,
-                                          kFrictionRate_Nps * period_s_ + fast * stiffness_Npm_ * moved_m);
+  const double most_N = moving ? std::min(kFrictionPerPull * pulled_N,
+                                          kFrictionRate_Nps * period_s_ + fast * stiffness_Npm_ * moved_m)
+                               : max_tension_motor_N_;
   friction_N_ = MotorTension(tension_base_N, shortening_m, most_N, moving) - tension_base_N;
   r.tension_motor_N = std::max(0.0, tension_base_N + friction_N_);
   if (r.tension_motor_N > max_tension_motor_N_) {

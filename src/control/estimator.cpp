@@ -19,6 +19,12 @@ constexpr double RoundingVariance(double step) { return step * step / 12; }
 constexpr double kNoPullDeviations = 4;
 // Of a tendon that is taut, for what it counts beside the straight robot.
 constexpr double kPriorDeviation_m = 1e-7;
+// A robot that nothing shows settles under the tensions that it has; faster it does not swing.
+constexpr double kSettles_s = 0.1;
+// A tendon that hung is taut again: the cell's noise alone shows a pull now and then.
+constexpr double kGrips_s = 0.02;
+// Sections that hang are no arcs: by this much a tendon's path may differ from theirs.
+constexpr double kNoArc_m = 2e-5;
 
 // Friction between pulling and paying out is as uncertain as it has not built up.
 double FrictionVariance(double pulling_N, double paying_out_N, double z) {
@@ -42,15 +48,28 @@ double SensorVariance(const TendonDriveParameters& t) {
 }  // namespace
 
 Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
-                     const std::vector<std::shared_ptr<const model::CapstanTable>>& tables)
+                     const std::vector<std::shared_ptr<const model::CapstanTable>>& tables, double period_s)
     : body_(body),
       tables_(tables),
       min_tension_N_(robot.limits.min_tension_N),
       max_bending_rad_(robot.limits.max_bending_rad),
+      straight_rad2_(max_bending_rad_ * max_bending_rad_ / 3),
+      kept_(std::exp(-period_s / kSettles_s)),
+      grips_(period_s / kGrips_s),
+      stiffness_Nm_(2 * body.sections()),
       bending_rad_(BendingVector::Zero(2 * body.sections())),
       shortening_m_(TendonVector::Zero(body.tendons())),
       weight_(TendonVector::Ones(body.tendons())),
-      q_(UnitVector::Zero(body.dof())) {
+      covariance_rad2_(BendingMatrix::Identity(2 * body.sections(), 2 * body.sections()) * straight_rad2_),
+      q_(UnitVector::Zero(body.dof())),
+      unit_force_Nm_(q_) {
+  for (int k = 0; k < body.sections(); ++k) {
+    double softness = 0;
+    for (int i = body.first_unit(k); i < body.end_unit(k); ++i) softness += 1 / body.unit_stiffness_Nm(i);
+    stiffness_Nm_.segment<2>(2 * k).setConstant(1 / softness);
+    const SectionParameters& section = robot.body.sections[static_cast<std::size_t>(k)];
+    curvature_mprad2_.push_back(section.unit_length_m / (12 * section.units));
+  }
   std::vector<double> levers_m;
   for (const auto& section : robot.body.sections) {
     for (const auto& route : section.tendons) levers_m.push_back(route.radius_m);
@@ -63,7 +82,7 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
     tendons_.push_back({TravelPerCount(t), t.drive.rated_torque_Nm, t.motor.torque_scale, per_mV,
                         t.load_cell.offset_N, t.tendon.stiffness_Npm, t.SpoolTravelPerMotorRad(),
                         t.gear.efficiency, t.motor.coulomb_friction_Nm, t.transmission.coulomb_N,
-                        SensorVariance(t), t.load_cell.place, slack_N, range_m * range_m / 12, 0,
+                        SensorVariance(t), t.load_cell.place, slack_N, range_m * range_m / 12, 1, 0,
                         model::PulleyPresliding(t.transmission.presliding_m)});
   }
 }
@@ -72,8 +91,10 @@ void Estimator::ZeroDisplacement(const CycleInput& input) noexcept {
   for (std::size_t j = 0; j < tendons_.size(); ++j) {
     tendons_[j].zero_counts = input.drive[j].position_counts;
     tendons_[j].presliding.Reset(0);
+    tendons_[j].taut = 1;
   }
   bending_rad_.setZero();
+  covariance_rad2_ = BendingMatrix::Identity(bending_rad_.size(), bending_rad_.size()) * straight_rad2_;
 }
 
 void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
@@ -126,12 +147,41 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
     variance_m2[j] =
         2 * RoundingVariance(t.travel_per_count_m) + variance_N2 / (t.stiffness_Npm * t.stiffness_Npm);
     const double over_N = std::max((kTaut - kSlack) * min_tension_N_, t.slack_N);
-    const double taut =
+    const double pulls =
         t.place == LoadCellPlace::kNone ? 1 : std::clamp((cell_N - t.slack_N) / over_N, 0., 1.);
-    weight_[j] = taut * taut;
-    variance_m2[j] += (1 - taut) * (1 - taut) * t.range_variance_m2;
+    t.taut = std::min(pulls, t.taut + grips_);
+    weight_[j] = t.taut * t.taut;
   }
-  EstimateBending(variance_m2, output.bending_covariance_rad2);
+  // Until a tendon hangs nothing but the tendons counts, all alike; the straight robot next to nothing.
+  const auto k2 = bending_rad_.size();
+  const BendingMatrix one = BendingMatrix::Identity(k2, k2);
+  const double count_m2 = kPriorDeviation_m * kPriorDeviation_m;
+  if (weight_.minCoeff() == 1) {
+    EstimateBending(weight_, variance_m2,
+                    {-bending_rad_, one * std::sqrt(straight_rad2_), one * (count_m2 / straight_rad2_)});
+  } else {
+    // What a shape that nobody knows makes of a path beyond the linear.
+    double unknown_m2 = 0;
+    for (int k = 0; k < body_.sections(); ++k) {
+      const double bent_m = curvature_mprad2_[static_cast<std::size_t>(k)] *
+                            covariance_rad2_.diagonal().segment<2>(2 * k).sum();
+      unknown_m2 += bent_m * bent_m / 2;
+    }
+    TendonVector counts(m);
+    for (int j = 0; j < m; ++j) {
+      const Tendon& t = tendons_[j];
+      variance_m2[j] += unknown_m2;
+      const double blind_m2 = t.range_variance_m2 * (1 - t.taut) * (1 - t.taut);
+      counts[j] = count_m2 * weight_[j] / (weight_[j] * (variance_m2[j] + kNoArc_m * kNoArc_m) + blind_m2);
+      if (weight_[j] > 0) variance_m2[j] += blind_m2 / weight_[j];
+    }
+    const double kept2 = kept_ * kept_;
+    const auto factor = BendingMatrix(kept2 * covariance_rad2_ + (1 - kept2) * straight_rad2_ * one).llt();
+    EstimateBending(
+        counts, variance_m2,
+        {Settling(output.tension_base_estimate_N), factor.matrixL(), factor.solve(one * count_m2)});
+  }
+  output.bending_covariance_rad2 = covariance_rad2_;
   body_.SpreadBending(bending_rad_, q_);
   const model::Pose tip = body_.TipPose(q_);
   output.bending_estimate_rad = bending_rad_;
@@ -139,9 +189,27 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
   output.orientation_estimate_WT = Eigen::Quaterniond(tip.R_WA);
 }
 
-// Least squares of the measured shortening against that of the arc shape. Its Jacobian by (us, vs) is the
-// transpose of the force per tension (virtual work).
-void Estimator::EstimateBending(const TendonVector& variance_m2, BendingMatrix& covariance_rad2) noexcept {
+// What a cycle of kSettles_s moves a robot that nothing shows, towards the shape that balances its tensions.
+BendingVector Estimator::Settling(const TendonVector& tension_base_N) noexcept {
+  const auto k2 = bending_rad_.size();
+  ForceMatrix force_per_tension(k2, tension_base_N.size());
+  BendingVector force_Nm(k2);
+  body_.SpreadBending(bending_rad_, q_);
+  body_.StaticForce(q_, Eigen::Vector3d::Zero(), unit_force_Nm_);
+  body_.ProjectForce(unit_force_Nm_, force_Nm);
+  model::SectionForcePerTension(body_, bending_rad_, force_per_tension);
+  force_Nm -= force_per_tension.lazyProduct(tension_base_N);
+  BendingVector towards_rad = -force_Nm.cwiseQuotient(stiffness_Nm_);
+  const double farthest_rad = towards_rad.lpNorm<Eigen::Infinity>();
+  if (!std::isfinite(farthest_rad)) return BendingVector::Zero(k2);
+  if (farthest_rad > max_bending_rad_) towards_rad *= max_bending_rad_ / farthest_rad;
+  return (1 - kept_) * towards_rad;
+}
+
+// Least squares of the measured shortening against that of the arc shape, and of the bend against what is
+// expected of it. Its Jacobian by (us, vs) is the transpose of the force per tension (virtual work).
+void Estimator::EstimateBending(const TendonVector& counts, const TendonVector& variance_m2,
+                                const Expected& expected) noexcept {
   const int k2 = 2 * body_.sections();
   const int m = static_cast<int>(tendons_.size());
   ForceMatrix force_per_tension(k2, m);
@@ -151,20 +219,18 @@ void Estimator::EstimateBending(const TendonVector& variance_m2, BendingMatrix& 
   model::SectionForcePerTension(body_, bending_rad_, force_per_tension);
   body_.SpreadBending(bending_rad_, q_);
   body_.TendonShortening(q_, modelled_m);
-  const ForceMatrix weighted = force_per_tension * weight_.asDiagonal();
+  const ForceMatrix weighted = force_per_tension * counts.asDiagonal();
   BendingMatrix normal = weighted * force_per_tension.transpose();
-  // The straight robot counts as much as these variances are to each other: next to nothing beside a tendon.
-  const double straight_rad2 = max_bending_rad_ * max_bending_rad_ / 3;
-  const double prior_m2 = kPriorDeviation_m * kPriorDeviation_m / straight_rad2;
-  normal.diagonal().array() += prior_m2;
+  normal += expected.count;
   const auto factor = normal.ldlt();
   const ForceMatrix bending_per_shortening = factor.solve(weighted);
-  const BendingMatrix bending_per_prior = factor.solve(BendingMatrix::Identity(k2, k2) * prior_m2);
-  BendingVector best =
-      bending_rad_ + bending_per_shortening * (shortening_m_ - modelled_m) - bending_per_prior * bending_rad_;
+  const BendingMatrix bending_per_expected = factor.solve(expected.count);
+  BendingVector best = bending_rad_ + bending_per_shortening * (shortening_m_ - modelled_m) +
+                       bending_per_expected * expected.step_rad;
   const ForceMatrix scaled = bending_per_shortening * variance_m2.cwiseSqrt().asDiagonal();
-  covariance_rad2 = scaled * scaled.transpose();
-  covariance_rad2 += straight_rad2 * bending_per_prior * bending_per_prior.transpose();
+  const BendingMatrix kept = bending_per_expected * expected.root_rad;
+  covariance_rad2_ = scaled * scaled.transpose();
+  covariance_rad2_ += kept * kept.transpose();
   if (!best.allFinite()) return;
   // Beyond what the robot may ever do the measurement is wrong; keep the direction, bound the size.
   for (int k = 0; k < body_.sections(); ++k) {
@@ -177,9 +243,15 @@ void Estimator::EstimateBending(const TendonVector& variance_m2, BendingMatrix& 
 void Estimator::Remember(StateArchive& a) noexcept {
   for (Tendon& t : tendons_) {
     a.Value(t.zero_counts);
+    a.Value(t.taut);
     a.Operators(t.presliding);
   }
   a.Vector(bending_rad_, {2 * body_.sections()});
+  for (int i = 0; i < bending_rad_.size(); ++i) {
+    BendingVector column = covariance_rad2_.col(i);
+    a.Vector(column, {2 * body_.sections()});
+    covariance_rad2_.col(i) = column;
+  }
 }
 
 }  // namespace tendril::control

@@ -1,6 +1,7 @@
 #include "tendril/control/gate.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "state_archive.h"
 
@@ -11,6 +12,11 @@ constexpr TimeNs kSequenceHolds_ns = 3600 * kNsPerS;
 
 // Longest that a command may hold for which somebody must be there.
 constexpr TimeNs kUnwatched_ns = 5 * kNsPerS;
+
+// A stream that stood longer, whatever the validity of its targets, has been given up.
+constexpr TimeNs kLeads_ns = kNsPerS;
+// As long two senders at once are told of after a target was refused, so that people see it.
+constexpr TimeNs kContended_ns = 3 * kNsPerS;
 
 // Numbers of io::SequenceFromTime count 10 us. One that is more than a minute behind was not overtaken on its
 // way: its sender's clock was set back, or it began anew.
@@ -90,6 +96,17 @@ bool GoesOnByItself(const Command& c, Mode mode) {
   return c.kind == CommandKind::kTension && mode == Mode::kCommissioning;
 }
 
+std::uint64_t NumberOf(const Command& c) { return (std::uint64_t{c.sender} << 32) | c.sequence; }
+
+// Whether a command is of the sender of an earlier number. Who counts on from there is: a sender may count in
+// all 64 bits.
+bool IsOf(const Command& c, std::uint64_t earlier) {
+  const auto ahead = static_cast<std::int64_t>(NumberOf(c) - earlier);
+  return c.sender == static_cast<std::uint32_t>(earlier >> 32) ||
+         (ahead > std::numeric_limits<std::int32_t>::min() &&
+          ahead < std::numeric_limits<std::int32_t>::max());
+}
+
 }  // namespace
 
 double Target::ElapsedS(TimeNs t_ns) const noexcept {
@@ -112,10 +129,13 @@ CommandGate::CommandGate(const RobotParameters& robot, double default_speed_radp
 
 Status CommandGate::CheckValues(const Command& c, Mode mode) const noexcept {
   if (!std::isfinite(c.speed_radps)) return Status::kCommandNotFinite;
-  if (c.speed_radps < 0) return Status::kCommandOutOfRange;
+  if (c.speed_radps < 0 || c.speed_radps > kMostSpeed_radps) return Status::kCommandOutOfRange;
   switch (c.kind) {
     case CommandKind::kTip:
       if (!c.tip_W_m.allFinite() || !c.tip_velocity_W_mps.allFinite()) return Status::kCommandNotFinite;
+      if (c.tip_W_m.cwiseAbs().maxCoeff() > kMostTip_m ||
+          c.tip_velocity_W_mps.cwiseAbs().maxCoeff() > kMostTipSpeed_mps)
+        return Status::kCommandOutOfRange;
       return Status::kOk;
     case CommandKind::kBending:
       if (c.bending_rad.size() != 2 * sections_) return Status::kCommandWrongSize;
@@ -123,6 +143,8 @@ Status CommandGate::CheckValues(const Command& c, Mode mode) const noexcept {
         return Status::kCommandWrongSize;
       }
       if (!c.bending_rad.allFinite() || !c.bending_rate_radps.allFinite()) return Status::kCommandNotFinite;
+      if (c.bending_rate_radps.size() > 0 && c.bending_rate_radps.cwiseAbs().maxCoeff() > kMostSpeed_radps)
+        return Status::kCommandOutOfRange;
       for (int k = 0; k < sections_; ++k) {
         if (c.bending_rad.segment<2>(2 * k).norm() > max_bending_rad_) return Status::kCommandOutOfRange;
       }
@@ -143,31 +165,64 @@ Status CommandGate::CheckValues(const Command& c, Mode mode) const noexcept {
   return Status::kCommandOutOfRange;
 }
 
+CommandGate::Seen& CommandGate::LastOf(const Command& c) noexcept {
+  Seen* longest = &seen_.front();
+  for (Seen& s : seen_) {
+    if (s.any && IsOf(c, s.number)) return s;
+    if (s.at_ns < longest->at_ns) longest = &s;
+  }
+  *longest = {};
+  return *longest;
+}
+
 Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns, double away_m) noexcept {
   // Serial-number arithmetic: a counter may wrap, and after a long silence nothing can be said about its
   // order. What was refused for another reason still counts as seen.
-  const bool fresh = any_ && now_ns - last_seen_ns_ < kSequenceHolds_ns;
-  const auto ahead = static_cast<std::int32_t>(c.sequence - last_sequence_);
+  Seen& last = LastOf(c);
+  const bool fresh = last.any && now_ns - last.at_ns < kSequenceHolds_ns;
+  const auto ahead = static_cast<std::int32_t>(c.sequence - static_cast<std::uint32_t>(last.number));
   if (c.kind == CommandKind::kMode && (c.mode == ModeRequest::kDisarm || c.mode == ModeRequest::kStop)) {
     // Late, overtaken or sent twice: a robot that was told to stop stops.
-    if (!fresh || ahead > 0) last_sequence_ = c.sequence;
-    any_ = true;
-    last_seen_ns_ = now_ns;
+    if (!fresh || ahead > 0) last.number = NumberOf(c);
+    last.any = true;
+    last.at_ns = now_ns;
     return Status::kOk;
+  }
+  if (c.kind != CommandKind::kMode && !IsOf(c, leader_) &&
+      (mode == Mode::kCommissioning || (mode == Mode::kRunning && now_ns < leads_until_ns_))) {
+    contended_until_ns_ = now_ns + kContended_ns;
+    return Status::kAnotherSender;
   }
   // Whoever asks a robot to hold may have a clock that is behind.
   const bool hold = c.kind == CommandKind::kMode && c.mode == ModeRequest::kHold;
   const bool overtaken = fresh && ahead <= 0 && ahead > -kOvertaken;
   if (overtaken && !hold) return Status::kCommandOutOfOrder;
-  any_ = true;
-  if (!overtaken) last_sequence_ = c.sequence;
-  last_seen_ns_ = now_ns;
+  last.any = true;
+  if (!overtaken) last.number = NumberOf(c);
+  last.at_ns = now_ns;
   if (const Status s = CheckValues(c, mode); s != Status::kOk) return s;
   if (c.valid_for_ns <= 0 || now_ns - c.received_ns > c.valid_for_ns) return Status::kCommandStale;
   if (GoesOnByItself(c, mode) && c.valid_for_ns > kUnwatched_ns) return Status::kCommandOutOfRange;
   if (!ModeAllowed(AdmissionIn(mode), c)) return Status::kCommandWrongMode;
-  if (c.kind == CommandKind::kMode) return RefusedByDaemon(c.mode);
+  if (c.kind == CommandKind::kMode) {
+    if (c.mode == ModeRequest::kCommission) leader_ = NumberOf(c);
+    return RefusedByDaemon(c.mode);
+  }
   if (c.kind == CommandKind::kTip && !(away_m <= out_of_reach_m_)) return Status::kTargetOutOfReach;
+
+  // Of two that begin at the same time each comes after the other, so the one before the last counts as well.
+  const bool same = IsOf(c, leader_);
+  const bool one_of_many =
+      target_.kind != CommandKind::kNone &&
+      (same ? c.received_ns <= expires_ns_ : IsOf(c, before_) && c.received_ns <= before_expires_ns_);
+  if (!same) {
+    before_ = leader_;
+    before_expires_ns_ = expires_ns_;
+  }
+  leader_ = NumberOf(c);
+  expires_ns_ = c.received_ns + c.valid_for_ns;
+  leads_until_ns_ =
+      one_of_many || GoesOnByItself(c, mode) ? std::min(expires_ns_, c.received_ns + kLeads_ns) : 0;
 
   const double since_s = ToSeconds(c.received_ns - target_.since_ns);
   const bool streamed = target_.kind == c.kind && since_s > 0 && since_s <= ToSeconds(target_.valid_for_ns);
@@ -193,9 +248,17 @@ Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns, double awa
 
 void CommandGate::Remember(StateArchive& a) noexcept {
   const Eigen::Index k2 = 2 * sections_, m = tendons_;
-  a.Value(any_);
-  a.Value(last_sequence_);
-  a.Value(last_seen_ns_);
+  for (Seen& s : seen_) {
+    a.Value(s.any);
+    a.Value(s.number);
+    a.Value(s.at_ns);
+  }
+  a.Value(leader_);
+  a.Value(expires_ns_);
+  a.Value(before_);
+  a.Value(before_expires_ns_);
+  a.Value(leads_until_ns_);
+  a.Value(contended_until_ns_);
   a.Choice(target_.kind, CommandKind::kMode);
   a.Value(target_.since_ns);
   a.Value(target_.valid_for_ns);

@@ -20,8 +20,7 @@ using Eigen::VectorXd;
 
 // The body at a shape under the tensions that hold the arc there, linearised.
 struct LinearBody {
-  MatrixXd mass, stiffness, shortening;  // shortening: M x 2N
-  VectorXd damping;
+  MatrixXd mass, damping, stiffness, shortening;  // shortening: M x 2N
 };
 
 LinearBody Linearise(const model::Body& body, double bend_rad, double min_tension_N) {
@@ -29,23 +28,52 @@ LinearBody Linearise(const model::Body& body, double bend_rad, double min_tensio
   VectorXd us_vs = VectorXd::Zero(2 * body.sections()), q(n), force(n);
   for (int k = 0; k < body.sections(); ++k) us_vs[2 * k] = bend_rad;
   body.SpreadBending(us_vs, q);
-  LinearBody linear{MatrixXd(n, n), MatrixXd(n, n), MatrixXd(m, n), VectorXd(n)};
+  LinearBody linear{MatrixXd(n, n), MatrixXd::Zero(n, n), MatrixXd(n, n), MatrixXd(m, n)};
   body.TendonLengthJacobian(q, linear.shortening);
   linear.shortening = -linear.shortening;
   body.StaticForce(q, Eigen::Vector3d::Zero(), force);
-  const VectorXd tension =
-      (VectorXd(linear.shortening.transpose().completeOrthogonalDecomposition().solve(force)).array().max(0) +
-       min_tension_N)
-          .matrix();
+  // All tendons alike bend nothing: of an arc they show two ways a section, and rounding shows more.
+  Eigen::CompleteOrthogonalDecomposition<MatrixXd> routes;
+  routes.setThreshold(1e-8);
+  routes.compute(linear.shortening.transpose());
+  const VectorXd tension = (VectorXd(routes.solve(force)).array().max(0) + min_tension_N).matrix();
   model::Body::Workspace workspace(body);
   body.MassMatrix(q, linear.mass, workspace);
   body.TangentStiffness(q, tension, Eigen::Vector3d::Zero(), linear.stiffness);
   int i = 0;
   for (const SectionParameters& s : body.parameters().sections) {
     for (int unit = 0; unit < s.units; ++unit, i += 2)
-      linear.damping.segment<2>(i).setConstant(s.bending_damping_Nms);
+      linear.damping.diagonal().segment<2>(i).setConstant(s.bending_damping_Nms);
   }
   return linear;
+}
+
+// Of many units only the ways to move that a loop through the tendons can meet: the slowest of the body
+// alone, what each tendon bends at rest, and what the inertia of that bends. Of the margins of 10 and 20 units
+// this takes nothing that shows in four digits.
+LinearBody Reduced(const LinearBody& full, int sections, double tendon_stiffness_Npm) {
+  constexpr int kModesPerSection = 8;
+  const auto n = full.mass.rows(), m = full.shortening.rows();
+  const auto slow = static_cast<Eigen::Index>(kModesPerSection) * sections;
+  if (n <= slow + 2 * m) return full;
+  MatrixXd ways(n, slow + 2 * m);
+  ways.leftCols(slow) = Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd>(full.stiffness, full.mass)
+                            .eigenvectors()
+                            .leftCols(slow);
+  const Eigen::LDLT<MatrixXd> held(full.stiffness +
+                                   tendon_stiffness_Npm * full.shortening.transpose() * full.shortening);
+  ways.middleCols(slow, m) = held.solve(full.shortening.transpose());
+  ways.rightCols(m) = held.solve(full.mass * ways.middleCols(slow, m));
+  // Orthonormal as the mass counts, without what is there twice.
+  const MatrixXd root = Eigen::LLT<MatrixXd>(full.mass).matrixU();
+  MatrixXd spanned = root * ways;
+  spanned.colwise().normalize();
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(spanned);
+  qr.setThreshold(1e-8);
+  const MatrixXd basis = root.triangularView<Eigen::Upper>().solve(
+      MatrixXd(qr.householderQ() * MatrixXd::Identity(n, qr.rank())));
+  return {basis.transpose() * full.mass * basis, basis.transpose() * full.damping * basis,
+          basis.transpose() * full.stiffness * basis, full.shortening * basis};
 }
 
 MatrixXd Exponential(MatrixXd a) {
@@ -68,12 +96,11 @@ MatrixXd Exponential(MatrixXd a) {
 class LinearRig {
  public:
   LinearRig(RobotParameters robot, double bend_rad, double period_s)
-      : robot_(std::move(robot)),
-        n_(2 * robot_.body.units()),
-        m_(robot_.body.tendons()),
-        period_s_(period_s) {
+      : robot_(std::move(robot)), m_(robot_.body.tendons()), period_s_(period_s) {
     const model::Body body(robot_.body);
-    body_ = Linearise(body, bend_rad, robot_.limits.min_tension_N);
+    body_ = Reduced(Linearise(body, bend_rad, robot_.limits.min_tension_N), body.sections(),
+                    robot_.actuation->tendons[0].tendon.stiffness_Npm);
+    n_ = static_cast<int>(body_.mass.rows());
     const int n = n_, m = m_, states = 2 * n + 3 * m;
     MatrixXd a = MatrixXd::Zero(states + m, states + m);
     const Eigen::LLT<MatrixXd> mass(body_.mass);
@@ -89,7 +116,7 @@ class LinearRig {
     a.block(0, n, n, n).setIdentity();
     a.block(n, 0, n, states) = mass.solve(body_.shortening.transpose() * cell_);
     a.block(n, 0, n, n) -= mass.solve(body_.stiffness);
-    a.block(n, n, n, n) -= mass.solve(MatrixXd(body_.damping.asDiagonal()));
+    a.block(n, n, n, n) -= mass.solve(body_.damping);
     for (int j = 0; j < m; ++j) {
       const auto& t = robot_.actuation->tendons[j];
       const int angle = 2 * n + j, velocity = angle + m, torque = velocity + m;
@@ -156,32 +183,33 @@ class LinearRig {
 
   bool Stable(const TensionLoopGains& g, double gain) const {
     const Eigen::EigenSolver<MatrixXd> modes(Close(g, gain).a, false);
-    return modes.eigenvalues().cwiseAbs().maxCoeff() < 1 - 1e-9;
+    return modes.info() == Eigen::Success && modes.eigenvalues().cwiseAbs().maxCoeff() < 1 - 1e-9;
   }
 
   /// Smallest distance of any drive's loop from -1 as a phase, where its gain is one.
   double PhaseMargin_deg(const TensionLoopGains& g) const {
     using Complex = std::complex<double>;
+    // The closed loop, diagonalised once, so that each frequency is a sum; with T what one drive's torque
+    // becomes through all loops, T / (1 + T) is what it becomes with its own cut.
     const Loop closed = Close(g, 1);
     const int all = static_cast<int>(closed.a.rows());
+    const Eigen::EigenSolver<MatrixXd> modes(closed.a);
+    if (modes.info() != Eigen::Success) return 0;
+    const Eigen::MatrixXcd vectors = modes.eigenvectors();
+    const Eigen::MatrixXcd in = vectors.partialPivLu().solve(Eigen::MatrixXcd(closed.b.cast<Complex>()));
+    const Eigen::MatrixXcd out = closed.c.cast<Complex>() * vectors;
     double least = 180;
     for (int j = 0; j < m_; ++j) {
-      // Loop j open, the others closed; diagonalised once, so that each frequency is a sum.
-      MatrixXd a = closed.a;
-      a.row(2 * n_ + 3 * m_ + j) -= closed.c.row(j);
-      const Eigen::EigenSolver<MatrixXd> modes(a);
-      const Eigen::MatrixXcd vectors = modes.eigenvectors();
-      const Eigen::VectorXcd in =
-          vectors.partialPivLu().solve(Eigen::VectorXcd(closed.b.col(j).cast<Complex>()));
-      const Eigen::VectorXcd out = (closed.c.row(j).cast<Complex>() * vectors).transpose();
+      const Eigen::VectorXcd share = out.row(j).transpose().cwiseProduct(in.col(j));
       std::optional<Complex> before;
       constexpr int kPoints = 2000;
       const double lowest = 0.01, highest = std::numbers::pi / period_s_;
       for (int i = 0; i <= kPoints; ++i) {
         const double w = lowest * std::pow(highest / lowest, static_cast<double>(i) / kPoints);
         const Complex z = std::polar(1.0, w * period_s_);
-        Complex loop = 0;
-        for (int k = 0; k < all; ++k) loop -= out[k] * in[k] / (z - modes.eigenvalues()[k]);
+        Complex through = 0;
+        for (int k = 0; k < all; ++k) through += share[k] / (z - modes.eigenvalues()[k]);
+        const Complex loop = -through / (1.0 + through);
         if (before && (std::abs(*before) - 1) * (std::abs(loop) - 1) <= 0) {
           const double angle = std::abs(std::arg(-loop));
           least = std::min(least, angle * 180 / std::numbers::pi);
@@ -194,7 +222,7 @@ class LinearRig {
 
  private:
   RobotParameters robot_;
-  int n_, m_;
+  int n_ = 0, m_;  // ways that the body moves, tendons
   double period_s_;
   LinearBody body_;
   MatrixXd cell_, advance_, input_;
@@ -268,16 +296,17 @@ TensionLoopGains DesignTensionLoop(const RobotParameters& robot, double period_s
   const Rigs rigs = RigsOf(robot, period_s);
   double softest_Npm = std::numeric_limits<double>::infinity();
   for (const LinearRig& r : rigs.told) softest_Npm = std::min(softest_Npm, r.Softest());
-  const auto holds = [&](const TensionLoopGains& g) {
+  const auto holds = [&](TensionLoopGains& g) {
     if (!Stable(rigs.told, g, kLeastGainMargin) || !Stable(rigs.doubted, g, kLeastDoubtedMargin))
       return false;
-    const TensionLoopMargins margins = Margins(rigs, g);
-    return margins.stable && margins.gain >= kLeastGainMargin && margins.phase_deg >= kLeastPhaseMargin_deg;
+    g.margins = Margins(rigs, g);
+    return g.margins.stable && g.margins.gain >= kLeastGainMargin &&
+           g.margins.phase_deg >= kLeastPhaseMargin_deg;
   };
   // From fast to slow in steps of a fifth: the first that holds. Some slow designs fail where faster ones do
   // not (too little damping), so this is no bisection.
   for (double bandwidth = 0.3 / period_s; bandwidth > 0.1; bandwidth /= 1.2) {
-    const TensionLoopGains g = GainsFor(robot, bandwidth, softest_Npm);
+    TensionLoopGains g = GainsFor(robot, bandwidth, softest_Npm);
     if (holds(g)) return g;
   }
   return GainsFor(robot, 0, softest_Npm);

@@ -216,12 +216,18 @@ struct Daemon::State {
                         io::EpochOffsetUs(clock), o.parameters.bus.cycle_ns, controller);
     }
     gateway.OnCommand([this](const Command& c) {
+      // Before the loop runs nobody takes them, and a target is of no use later; requests get their answer.
+      if (!ticks() && c.kind != CommandKind::kMode) return;
       heard_sequence = c.sequence;
       const Command judged = Judged(c);
       const bool pushed = (Stops(judged) ? stops : commands).TryPush(judged);
       if (!pushed && judged.mode == ModeRequest::kDisarm) disarm_waits.store(true, std::memory_order_relaxed);
     });
-    gateway.OnTracker([this](const TrackerSample& s) { tracker.TryPush(s); });
+    gateway.OnTracker([this](const TrackerSample& s) {
+      if (!ticks()) return;
+      ++readings_heard;
+      tracker.TryPush(s);
+    });
     gateway.OnRun([this](const io::RunInfo& r) { HeardRun(r); });
     gateway.OnComplaint(
         [this](Status status, const std::string& text) { messages.Post(status, "gateway", text); });
@@ -300,7 +306,7 @@ struct Daemon::State {
   void DropOvertaken(Command& command) {
     while (command.kind != CommandKind::kMode) {
       const Command* next = commands.Peek();
-      if (next == nullptr || next->kind != command.kind) return;
+      if (next == nullptr || next->kind != command.kind || next->sender != command.sender) return;
       commands.TryPop(command);
       overtaken.fetch_add(1, std::memory_order_relaxed);
     }
@@ -349,6 +355,8 @@ struct Daemon::State {
   }
 
   // ---- calling thread: LCM, log, systemd ----
+
+  bool ticks() const { return tick.load(std::memory_order_relaxed) > 0; }
 
   // What is to move the robot needs this daemon alone on its channels, and a robot that is as its files say;
   // its record may have been written since the daemon was started. The controller refuses what becomes of the
@@ -442,7 +450,7 @@ struct Daemon::State {
       Publish();
       WriteBlackBox();
       const TimeNs now_ns = clock.Now();
-      if (!ready_told && tick.load(std::memory_order_relaxed) > 0) {
+      if (!ready_told && ticks()) {
         ready_told = true;
         sd_notify(0, "READY=1");
       }
@@ -478,6 +486,7 @@ struct Daemon::State {
   std::string WhyRefused(const Command& command, const CycleOutput& out) const {
     if (out.command_status == Status::kTargetOutOfReach)
       return OutOfReachText(command, out.nearest_tip_W_m, options.robot.body.length_m());
+    if (out.command_status == Status::kAnotherSender) return AnotherSenderText(leader, out.mode);
     const auto known = why_refused.find(out.command_status);
     return known == why_refused.end() ? "" : known->second;
   }
@@ -488,6 +497,8 @@ struct Daemon::State {
       const CycleOutput& out = next.record.output;
       const Command& command = next.record.input.command;
       const bool refused = command.kind != CommandKind::kNone && out.command_status != Status::kOk;
+      const bool leads = command.kind != CommandKind::kMode || command.mode == ModeRequest::kCommission;
+      if (command.kind != CommandKind::kNone && !refused && leads) leader = command.sender;
       const std::string why = refused ? WhyRefused(command, out) : "";
       if (refused) refusals.Add(out.command_status, command, out.mode, why);
       gateway.PublishState(next.record, why);
@@ -601,7 +612,14 @@ struct Daemon::State {
     ReportLosses("command(s) came faster than one a cycle",
                  commands.dropped() + stops.dropped() + overtaken.load(std::memory_order_relaxed),
                  commands_lost);
-    ReportLosses("tracker reading(s) came faster than one a cycle", tracker.dropped(), readings_lost);
+    // More than cycles over a whole second, or only all at once after a halt of somebody's.
+    const std::uint64_t cycles = tick.load(std::memory_order_relaxed);
+    const bool steadily = readings_heard - readings_before > cycles - cycles_before;
+    readings_before = readings_heard;
+    cycles_before = cycles;
+    ReportLosses(steadily ? "tracker reading(s) came faster than one a cycle"
+                          : "tracker reading(s) came all at once, though fewer than cycles,",
+                 tracker.dropped(), readings_lost);
     ReportLosses("cycle record(s) could not be published in time", records.dropped(), records_lost);
     ReportLosses("bus event(s) came too fast",
                  events.dropped() + master_events_lost.load(std::memory_order_relaxed), events_lost);
@@ -692,12 +710,14 @@ struct Daemon::State {
   Status last_status = Status::kOk;
   std::uint64_t misses_told = 0, commands_lost = 0, readings_lost = 0, records_lost = 0, events_lost = 0,
                 sends_failed = 0;
+  std::uint64_t readings_heard = 0, readings_before = 0, cycles_before = 0;
   bool log_failed = false;
   std::array<std::uint32_t, kMaxTendons> serials{}, serials_told{};
   Refusals refusals;
   std::map<Status, std::string> why_refused;  // where the status alone does not tell
   std::string other;                          // daemon on our channels; empty: none
   bool other_told = false;
+  std::uint32_t leader = 0;  // sender of the last target that was accepted, or who commissions
   std::uint32_t heard_sequence = 0;
   TimeNs other_heard_ns = 0, disarm_again_ns = 0;
 };

@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <iostream>
 #include <lcm/lcm-cpp.hpp>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -30,6 +31,7 @@
 #include "tendril/daemon/daemon.h"
 #include "tendril/daemon/foreign_sync.h"
 #include "tendril/io/connection.h"
+#include "tendril/io/gateway.h"
 
 namespace tendril::daemon {
 namespace {
@@ -39,6 +41,7 @@ constexpr TimeNs kListenForSync_ns = 250 * kNsPerMs;
 // A daemon tells once a second which one it is.
 constexpr TimeNs kListenForDaemons_ns = 1500 * kNsPerMs;
 constexpr std::chrono::milliseconds kLookAgain{250};
+constexpr TimeNs kTellWaiting_ns = kNsPerS;
 
 // Where the configuration has none and the command line asks for one.
 constexpr double kBlackBoxSeconds = 10;
@@ -79,23 +82,43 @@ bool MayCome(const std::error_code& code) {
 // From the time on that it waits a service counts as started; until its cycle runs it is watched as well.
 void FeedWatchdog() { sd_notify(0, "WATCHDOG=1"); }
 
+// Why something that may come is not there; empty: it is.
+template <class Open>
+std::string Missing(const Open& open) {
+  try {
+    open();
+    return {};
+  } catch (const std::system_error& e) {
+    if (!MayCome(e.code())) throw;
+    return e.what();
+  }
+}
+
 // A service that is started with its computer is there before its networks are: it waits for them, ready to
-// be stopped, and says for what.
-void WaitForNetworks(const std::string& interface, const std::string& lcm_url) {
+// be stopped, and says for what, to its operators too where LCM is there.
+void WaitForNetworks(const std::string& interface, const LcmParameters& lcm) {
+  const MonotonicClock clock;
+  std::optional<io::Gateway> gateway;
   std::string told;
-  for (;;) {
-    try {
-      can::SocketCanPort{interface};
-      io::OpenLcm(lcm_url);
-      return;
-    } catch (const std::system_error& e) {
-      if (!MayCome(e.code())) throw;
-      if (told != e.what()) {
-        told = e.what();
-        spdlog::warn("waiting: {}", told);
-        sd_notify(0, fmt::format("READY=1\nSTATUS=waiting: {}", told).c_str());
-      }
+  for (TimeNs tell_ns = 0;;) {
+    std::string missing = Missing([&] { can::SocketCanPort{interface}; });
+    const std::string route = Missing([&] {
+      io::OpenLcm(lcm.url);
+      if (!gateway) gateway.emplace(lcm, io::RobotShape{}, clock);
+    });
+    if (missing.empty() && route.empty()) return;
+    missing += (missing.empty() || route.empty() ? "" : "; and ") + route;
+    if (told != missing) {
+      told = missing;
+      spdlog::warn("waiting: {}", told);
+      sd_notify(0, fmt::format("READY=1\nSTATUS=waiting: {}", told).c_str());
+      tell_ns = 0;
     }
+    if (gateway && clock.Now() >= tell_ns) {
+      tell_ns = clock.Now() + kTellWaiting_ns;
+      gateway->PublishEvent(clock.Now(), Status::kDegraded, "daemon", "waiting: " + told);
+    }
+    if (gateway) gateway->Handle(0);  // commands: nobody takes them yet
     std::this_thread::sleep_for(kLookAgain);
     FeedWatchdog();
   }
@@ -168,7 +191,7 @@ void Run(const Arguments& arguments) {
   const DaemonOptions options = Load(arguments);
   const std::string& interface = options.parameters.bus.interface;
 
-  if (arguments.wait) WaitForNetworks(interface, options.parameters.lcm.url);
+  if (arguments.wait) WaitForNetworks(interface, options.parameters.lcm);
   const can::BusGuard guard("tendrild", interface);
   can::SocketCanPort port(interface);
   const MonotonicClock clock;

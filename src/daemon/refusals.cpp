@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include "tendril/control/gate.h"
+#include "tendril/io/client.h"
 
 namespace tendril::daemon {
 namespace {
@@ -13,6 +14,7 @@ constexpr TimeNs kAgainAfter_ns = kNsPerS;
 
 template <class Vector>
 std::string Values(const char* what, const Vector& values, const char* unit) {
+  if (values.size() == 0) return fmt::format("{} without any value", what);
   return fmt::format("{} {:.4g} {}", what, fmt::join(values.begin(), values.end(), " "), unit);
 }
 
@@ -67,6 +69,16 @@ std::string OutOfReachText(const Command& c, const Eigen::Vector3d& nearest_W_m,
       1e3 * control::kOutOfReach * length_m);
 }
 
+std::string AnotherSenderText(std::uint32_t leader, Mode mode) {
+  if (mode == Mode::kCommissioning) {
+    return fmt::format("{} commissions the robot and measures; wait until that has ended, or disarm",
+                       io::SenderText(leader));
+  }
+  return fmt::format(
+      "{} leads the robot, and targets of others are refused while its own come; end one of the two",
+      io::SenderText(leader));
+}
+
 void Refusals::Add(Status cause, const Command& command, Mode mode, const std::string& why) {
   Cause& c = causes_[cause];
   ++c.count;
@@ -79,8 +91,9 @@ void Refusals::TellDue(TimeNs now_ns, const Tell& tell) {
   for (auto& [cause, c] : causes_) {
     if (c.count == c.told || now_ns < c.next_ns) continue;
     const std::string_view remedy = c.why.empty() ? StatusRemedy(cause) : std::string_view();
-    tell(cause, fmt::format("{} (sequence {}) in mode {}: {}{}{}; {} refused for this, {} since start",
-                            CommandText(c.command), c.command.sequence, ModeText(c.mode),
+    const std::string sender = c.command.sender == 0 ? "" : " of " + io::SenderText(c.command.sender);
+    tell(cause, fmt::format("{} (sequence {}{}) in mode {}: {}{}{}; {} refused for this, {} since start",
+                            CommandText(c.command), c.command.sequence, sender, ModeText(c.mode),
                             c.why.empty() ? StatusText(cause) : c.why, remedy.empty() ? "" : "; ", remedy,
                             c.count - c.told, c.count));
     c.told = c.count;

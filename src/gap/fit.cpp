@@ -163,16 +163,35 @@ namespace {
 class Cost final : public ceres::CostFunction {
  public:
   Cost(const Evaluator& evaluator, const Weights& weights, const Nuisances& nuisances, const Model& model,
-       unsigned cuts, const Residuals& shape)
+       unsigned cuts)
       : evaluator_(evaluator), weights_(weights), nuisances_(nuisances), model_(model), cuts_(cuts) {
-    int rows = 0;
-    for (const auto& run : shape) {
-      for (const auto& channel : run) rows += static_cast<int>(channel.size());
+    for (const auto& run : ResidualsOf(model_)) {
+      for (const auto& channel : run) data_rows_ += static_cast<int>(channel.size());
     }
-    data_rows_ = rows;
-    const int free = model.size() + static_cast<int>(nuisances.columns.size());
-    set_num_residuals(rows + free);
+    const int free = model_.size() + static_cast<int>(nuisances.columns.size());
+    set_num_residuals(data_rows_ + free);
     mutable_parameter_block_sizes()->push_back(free);
+  }
+
+  /// Simulated once a point: the solver asks for residuals first and for derivatives there later.
+  const Residuals& ResidualsOf(const Model& model) const {
+    if (linear_.IsOf(model)) return linear_.residuals;
+    if (!tried_.IsOf(model)) {
+      tried_.residuals = evaluator_.At(model.Robot(evaluator_.nominal()), cuts_);
+      tried_.values = model.values;
+    }
+    return tried_.residuals;
+  }
+
+  const std::vector<Column>& SensitivitiesOf(const Model& model) const {
+    if (linear_.IsOf(model)) return linear_.columns;
+    Point point{model.values, ResidualsOf(model), {}};
+    for (int k = 0; k < model.size(); ++k) {
+      point.columns.push_back(
+          Sensitivity(evaluator_, model, k, model.derivative_step * Scale(k), point.residuals, cuts_));
+    }
+    linear_ = std::move(point);
+    return linear_.columns;
   }
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
@@ -180,12 +199,7 @@ class Cost final : public ceres::CostFunction {
       const int n = model_.size(), extra = static_cast<int>(nuisances_.columns.size());
       Model model = model_;
       for (int k = 0; k < n; ++k) model.values[k] = parameters[0][k] * Scale(k);
-      // The solver asks for residuals first and for derivatives at the same point later.
-      if (last_values_.size() != model.values.size() || last_values_ != model.values) {
-        last_ = evaluator_.At(model.Robot(evaluator_.nominal()), cuts_);
-        last_values_ = model.values;
-      }
-      const Residuals& at = last_;
+      const Residuals& at = ResidualsOf(model);
       Eigen::Map<Eigen::VectorXd> out(residuals, num_residuals());
       Stack(at, at, 1, out.head(data_rows_));
       Eigen::VectorXd column(data_rows_);
@@ -200,15 +214,14 @@ class Cost final : public ceres::CostFunction {
       Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> J(
           jacobians[0], num_residuals(), n + extra);
       J.setZero();
+      const std::vector<Column>& sensitivities = SensitivitiesOf(model);
       for (int k = 0; k < n; ++k) {
-        const Column sensitivity =
-            Sensitivity(evaluator_, model, k, model.derivative_step * Scale(k), at, cuts_);
-        Stack(sensitivity, at, -Scale(k), column);
+        Stack(sensitivities[k], linear_.residuals, -Scale(k), column);
         J.col(k).head(data_rows_) = column;
         J(data_rows_ + k, k) = 1e-3;
       }
       for (int e = 0; e < extra; ++e) {
-        Stack(nuisances_.columns[e], at, -nuisances_.prior[e], column);
+        Stack(nuisances_.columns[e], linear_.residuals, -nuisances_.prior[e], column);
         J.col(n + e).head(data_rows_) = column;
         J(data_rows_ + n + e, n + e) = 1;
       }
@@ -247,8 +260,17 @@ class Cost final : public ceres::CostFunction {
   Model model_;
   unsigned cuts_;
   int data_rows_ = 0;
-  mutable Eigen::VectorXd last_values_;
-  mutable Residuals last_;
+
+  struct Point {
+    Eigen::VectorXd values;
+    Residuals residuals;
+    std::vector<Column> columns;
+
+    bool IsOf(const Model& model) const {
+      return values.size() == model.values.size() && !residuals.empty() && values == model.values;
+    }
+  };
+  mutable Point tried_, linear_;  // where residuals alone were asked for last, and where derivatives were
 };
 
 }  // namespace
@@ -304,13 +326,14 @@ double HeldOutScore(const Weights& weights, const Fit& fit, const Residuals& res
 Fit Fitter::Refit(const Model& start, int iterations) const {
   const unsigned cuts = CutsOf(start);
   const int n = start.size(), extra = static_cast<int>(nuisances_.columns.size());
-  const Residuals at_start = evaluator_.At(start.Robot(evaluator_.nominal()), cuts);
-  Cost* cost = new Cost(evaluator_, weights_, nuisances_, start, cuts, at_start);
   std::vector<double> x(n + extra, 0.0);
+  Model first = start;  // as the solver's variables give it back, to the last bit: that point is known then
   for (int k = 0; k < n; ++k) {
     const auto& p = start.parameter(k);
-    x[k] = std::clamp(start.values[k], p.lower, p.upper) / cost->Scale(k);
+    x[k] = std::clamp(start.values[k], p.lower, p.upper) / ScaleOf(p);
+    first.values[k] = x[k] * ScaleOf(p);
   }
+  Cost* cost = new Cost(evaluator_, weights_, nuisances_, first, cuts);  // the problem's
   ceres::Problem problem;
   problem.AddResidualBlock(cost, nullptr, x.data());
   for (int k = 0; k < n; ++k) {
@@ -325,6 +348,9 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
   options.max_num_consecutive_invalid_steps = 3;
+  // Between bounds each step would be searched along by gradients besides, at two simulations a trial or more:
+  // a third of all time for what the trust region does anyway.
+  options.max_num_line_search_step_size_iterations = 0;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
 
@@ -339,11 +365,8 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
         fit.model.values[k] < p.lower + 1e-3 * width || fit.model.values[k] > p.upper - 1e-3 * width;
     if (at_bound && std::abs(fit.model.values[k] - p.nominal) > 1e-3 * width) fit.bound_hit = true;
   }
-  const Residuals at = evaluator_.At(fit.model.Robot(evaluator_.nominal()), cuts);
-  for (int k = 0; k < n; ++k) {
-    fit.columns.push_back(
-        Sensitivity(evaluator_, fit.model, k, fit.model.derivative_step * cost->Scale(k), at, cuts));
-  }
+  fit.columns = cost->SensitivitiesOf(fit.model);
+  const Residuals at = cost->ResidualsOf(fit.model);
 
   // Folds: one Gauss-Newton step from the common optimum, on each fold's complement.
   std::vector<const Column*> columns;

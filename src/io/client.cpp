@@ -1,7 +1,11 @@
 // The other end of the gateway; see the header.
 #include "tendril/io/client.h"
 
+#include <unistd.h>
+
+#include <array>
 #include <chrono>
+#include <functional>
 #include <lcm/lcm-cpp.hpp>
 #include <utility>
 #include <vector>
@@ -10,6 +14,14 @@
 #include "tendril/io/wire.h"
 
 namespace tendril::io {
+namespace {
+
+// Of a process id, which Linux keeps below 2^22; the host's name above it tells computers apart. Without the
+// top bit sequence numbers stay positive.
+constexpr int kProcessBits = 22;
+constexpr std::uint32_t kNotNegative = 0x7fff'ffff;
+
+}  // namespace
 
 struct Client::State {
   State(std::unique_ptr<lcm::LCM> owned_lcm, void* shared, const std::string& channel_prefix)
@@ -92,7 +104,7 @@ template <class Message>
 Message WithHeader(const Command& command, std::int64_t utime) {
   Message m{};
   m.utime = utime;
-  m.sequence = command.sequence;
+  m.sequence = SequenceOf(command);
   m.valid_for_s = ToSeconds(command.valid_for_ns);
   return m;
 }
@@ -145,6 +157,27 @@ std::uint32_t SequenceFromTime() {
   using Tick = std::chrono::duration<std::int64_t, std::ratio<1, kPerSecond>>;
   return static_cast<std::uint32_t>(
       std::chrono::duration_cast<Tick>(std::chrono::system_clock::now().time_since_epoch()).count());
+}
+
+std::uint32_t SenderOfProcess() {
+  std::array<char, 256> host{};
+  if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '?';
+  const std::uint32_t on_host = static_cast<std::uint32_t>(std::hash<std::string>{}(host.data()))
+                                << kProcessBits;
+  return (on_host | static_cast<std::uint32_t>(getpid())) & kNotNegative;
+}
+
+std::int64_t SequenceOf(const Command& c) {
+  return static_cast<std::int64_t>((std::uint64_t{c.sender} << 32) | c.sequence);
+}
+
+std::uint32_t SenderOf(std::int64_t sequence) {
+  return static_cast<std::uint32_t>(static_cast<std::uint64_t>(sequence) >> 32);
+}
+
+std::string SenderText(std::uint32_t sender) {
+  if (sender == 0) return "a program that does not name itself";
+  return "process " + std::to_string(sender % (1U << kProcessBits));
 }
 
 }  // namespace tendril::io

@@ -10,6 +10,8 @@
 #include <string_view>
 #include <vector>
 
+#include "tendril/io/client.h"
+
 namespace tendril::io {
 namespace {
 
@@ -56,11 +58,16 @@ TimeNs ToNs(double seconds) {
   return static_cast<TimeNs>(std::clamp(seconds, -kLongS, kLongS) * static_cast<double>(kNsPerS));
 }
 
+void TakeSequence(std::int64_t as_sent, Command& c) {
+  Number(c.sequence, as_sent);
+  c.sender = SenderOf(as_sent);
+}
+
 template <class Message>
 void TakeHeader(const Message& m, CommandKind kind, Command& c) {
   c = Command{};
   c.kind = kind;
-  Number(c.sequence, m.sequence);
+  TakeSequence(m.sequence, c);
   c.valid_for_ns = ToNs(m.valid_for_s);
 }
 
@@ -140,7 +147,7 @@ void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t 
 
   Number(m.command_kind, c.kind);
   Number(m.command_mode_request, c.mode);
-  m.command_sequence = c.sequence;
+  m.command_sequence = SequenceOf(c);
   m.command_received_ns = c.received_ns;
   m.command_valid_for_ns = c.valid_for_ns;
   m.command_speed_radps = c.speed_radps;
@@ -227,7 +234,7 @@ bool FromMessage(const tendril_lcm::cycle_t& m, CycleRecord& record) noexcept {
 
   Number(c.kind, m.command_kind);
   Number(c.mode, m.command_mode_request);
-  Number(c.sequence, m.command_sequence);
+  TakeSequence(m.command_sequence, c);
   c.received_ns = m.command_received_ns;
   c.valid_for_ns = m.command_valid_for_ns;
   c.speed_radps = m.command_speed_radps;
@@ -310,7 +317,7 @@ void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t 
 
   m.commands_accepted = out.commands_accepted;
   m.commands_refused = out.commands_refused;
-  if (record.input.command.kind != CommandKind::kNone) m.command_sequence = record.input.command.sequence;
+  if (record.input.command.kind != CommandKind::kNone) m.command_sequence = SequenceOf(record.input.command);
   Number(m.command_status, out.command_status);
   m.command_status_text = StatusText(out.command_status);
   if (const std::string_view remedy = StatusRemedy(out.command_status); !remedy.empty()) {

@@ -184,6 +184,7 @@ struct Body::SpanSlopes {
 };
 
 struct Body::Workspace::Unit {
+  Stumpffs series;  // at theta^2
   Joint joint;
   Vec bias_v, bias_w;  // acceleration of B with the joint's and A's accelerations zero
   Vec f, n;            // force and moment at the origin of B: articulated bias, or what the joint carries
@@ -435,27 +436,37 @@ void Body::TendonTurns(ConstVectorRef q, MatrixRef turn_rad) const noexcept {
 }
 
 void Body::TendonLengthJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept {
+  TendonVector shortening(tendons());
+  TendonShortening(q, shortening, jacobian);
+}
+
+void Body::TendonShortening(ConstVectorRef q, VectorRef shortening_m,
+                            MatrixRef length_jacobian) const noexcept {
   const int m = tendons();
-  jacobian.setZero();
-  if (!twisted_.empty()) {
-    for (int i = 0; i < units_; ++i) {
-      for (int j = unit_[i].first_tendon; j < m; ++j) {
-        const SpanSlopes s = TwistedSlopes(i, j, q[2 * i], q[2 * i + 1]);
-        jacobian(j, 2 * i) = s.u;
-        jacobian(j, 2 * i + 1) = s.v;
-      }
-    }
-    return;
-  }
+  for (int j = 0; j < m; ++j) shortening_m[j] = 0;
   for (int i = 0; i < units_; ++i) {
     const double u = q[2 * i], v = q[2 * i + 1], l = unit_[i].length_m;
-    const Chord chord = ChordOf(u * u + v * v);
-    for (int j = unit_[i].first_tendon; j < m; ++j) {
+    const int first = unit_[i].first_tendon;
+    for (int j = 0; j < first; ++j) length_jacobian(j, 2 * i) = length_jacobian(j, 2 * i + 1) = 0;
+    if (!twisted_.empty()) {
+      for (int j = first; j < m; ++j) {
+        const SpanSlopes s = TwistedSlopes(i, j, u, v);
+        shortening_m[j] += s.shortening;
+        length_jacobian(j, 2 * i) = s.u;
+        length_jacobian(j, 2 * i + 1) = s.v;
+      }
+      continue;
+    }
+    const double y = 0.25 * (u * u + v * v);
+    const Stumpffs c = Stumpff(y);
+    const double lost = l * y * c[3], turned = 0.25 * (c[3] - c[2]);
+    for (int j = first; j < m; ++j) {
       const Tendon& t = tendons_[j];
-      const double rc = t.radius_m * t.cos_angle, rs = t.radius_m * t.sin_angle;
-      const double slope = (l - (u * rc + v * rs)) * chord.slope;
-      jacobian(j, 2 * i) = u * slope - rc * chord.k;
-      jacobian(j, 2 * i + 1) = v * slope - rs * chord.k;
+      const double rc = t.radius_m * t.cos_angle, rs = t.radius_m * t.sin_angle, in = u * rc + v * rs;
+      const double slope = (l - in) * turned;
+      shortening_m[j] += lost + in * c[1];
+      length_jacobian(j, 2 * i) = u * slope - rc * c[1];
+      length_jacobian(j, 2 * i + 1) = v * slope - rs * c[1];
     }
   }
 }
@@ -498,12 +509,14 @@ void Body::InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef d
   Workspace::Unit* const unit = workspace.units_.data();
   Mat r = kIdentity;
   Vec w = kZero, dw = kZero, a = -Vec(parameters_.gravity_W_mps2);
+  // The series of all units first: none waits for another's.
+  for (int i = 0; i < units_; ++i) unit[i].series = Stumpff(q[2 * i] * q[2 * i] + q[2 * i + 1] * q[2 * i + 1]);
   for (int i = 0; i < units_; ++i) {
     const UnitConstants& k = unit_[i];
     Joint& j = unit[i].joint;
     const double u = q[2 * i], v = q[2 * i + 1], du = dq[2 * i], dv = dq[2 * i + 1];
     const double ddu = ddq[2 * i], ddv = ddq[2 * i + 1];
-    const Stumpffs c = Stumpff(u * u + v * v);
+    const Stumpffs& c = unit[i].series;
     PlaceJoint(r, k.length_m, u, v, c, j);
     Vec linear, angular;
     RelativeBias(k.length_m, u, v, du, dv, c, linear, angular);

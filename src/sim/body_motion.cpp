@@ -57,8 +57,7 @@ BodyStepper::BodyStepper(const model::Body& body, const BodyLaws& laws)
 
 // Residual of the equations of motion at the iterate.
 void BodyStepper::Evaluate(const TensionSource& source) {
-  body_.TendonLengthJacobian(q_new_, jacobian_);
-  body_.TendonShortening(q_new_, shortening_);
+  body_.TendonShortening(q_new_, shortening_, jacobian_);
   for (int j = 0; j < m_; ++j) {
     double rate = 0;
     for (int i = 0; i < n_; ++i) rate -= jacobian_(j, i) * v_new_[i];

@@ -188,8 +188,7 @@ struct Plant::Impl final : OdeSystem {
   bool Derivative(double t, const double* y, double* derivative) noexcept override {
     const ConstVector bend(y, n), bend_rate(y + rate_at(), n);
     if (!bend.allFinite() || !bend_rate.allFinite()) return false;
-    body.TendonLengthJacobian(bend, length_jacobian);
-    body.TendonShortening(bend, shortening);
+    body.TendonShortening(bend, shortening, length_jacobian);
     shortening_rate.noalias() = -(length_jacobian * bend_rate);
     evaluated_q = bend;
     for (int j = 0; j < m; ++j) {
@@ -292,8 +291,7 @@ struct Plant::Impl final : OdeSystem {
     q = y.head(n);
     dq = y.segment(rate_at(), n);
     if ((q - evaluated_q).cwiseAbs().maxCoeff() > 1e-5) {
-      body.TendonLengthJacobian(q, length_jacobian);
-      body.TendonShortening(q, shortening);
+      body.TendonShortening(q, shortening, length_jacobian);
     } else {
       shortening.noalias() -= length_jacobian * (q - evaluated_q);
     }

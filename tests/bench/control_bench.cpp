@@ -12,11 +12,13 @@
 namespace tendril {
 namespace {
 
-void Step(benchmark::State& state, const char* file, ControlLaw law, bool feedback) {
+void Step(benchmark::State& state, const char* file, ControlLaw law, bool feedback,
+          bool shape_feedback = false) {
   const RobotParameters robot = config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file);
   DaemonParameters daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml");
   daemon.controller.law = law;
   daemon.controller.tension_feedback = feedback;
+  daemon.controller.shape_feedback = shape_feedback;
   // These drives stand still whatever is asked of them; what the guards would say of that is not measured.
   GuardParameters& guards = daemon.controller.guards;
   guards.max_torque_error_N = guards.stuck_torque_change_N = guards.tension_disagreement_N = 1000;
@@ -66,8 +68,10 @@ BENCHMARK_CAPTURE(Step, four_tendons, "four_tendon_90mm.yaml", kPaper, false);
 BENCHMARK_CAPTURE(Step, two_sections_six_tendons, "two_section.yaml", kPaper, false);
 BENCHMARK_CAPTURE(Step, three_tendons_equilibrium, "rig_60mm.yaml", kEquilibrium, false);
 BENCHMARK_CAPTURE(Step, three_tendons_equilibrium_fed_back, "rig_60mm.yaml", kEquilibrium, true);
+BENCHMARK_CAPTURE(Step, three_tendons_shape_feedback, "rig_60mm.yaml", kEquilibrium, true, true);
 BENCHMARK_CAPTURE(Step, four_tendons_equilibrium_fed_back, "four_tendon_90mm.yaml", kEquilibrium, true);
 BENCHMARK_CAPTURE(Step, two_sections_equilibrium_fed_back, "two_section.yaml", kEquilibrium, true);
+BENCHMARK_CAPTURE(Step, two_sections_shape_feedback, "two_section.yaml", kEquilibrium, true, true);
 
 }  // namespace
 }  // namespace tendril

@@ -55,14 +55,16 @@ def kinds_of(count, rng):
     return kinds
 
 
-def draw(kind, rng):
-    """What to plant: list of (name, where, sigma, sign)."""
+def draw(kind, rng, among=None):
+    """What to plant: list of (name, where, sigma, sign); what lists name only `among` these."""
     from tests.blind import effects
     groups = dict(single=("listed", "scale", "sensor"), parameter=("scale",), unlisted=("unlisted",), pair=("listed", "scale"),
                   weak=("listed", "scale"), no_tracker=("listed", "scale"))
     if kind not in groups:
         return []
     pool = [e for e in effects.LIST.values() if e.kind in groups[kind] and e.name != "free_chain"]
+    if among and kind != "unlisted":
+        pool = [e for e in pool if e.name in among]
     if kind == "no_tracker":
         pool = [e for e in pool if not e.name.startswith("tracker")]
 
@@ -84,10 +86,13 @@ def draw(kind, rng):
 def make(o):
     import random
     import yaml
-    from tests.blind import make as generator
+    from tests.blind import effects, make as generator
     folder, vault = Path(o.campaign), Path(o.vault or o.campaign.rstrip("/") + ".vault")
     if folder.resolve() == vault.resolve() or folder.resolve() in vault.resolve().parents:
         raise Wrong("--vault must lie outside the campaign, which the diagnosis reads")
+    strange = sorted(set(o.effects or ()) - set(effects.LIST))
+    if strange:
+        raise Wrong(f"--effects: no {', '.join(strange)}; accepted: {', '.join(effects.LIST)}")
     for d in (folder / "sets", folder / "seals", vault):
         d.mkdir(parents=True, exist_ok=True)
     vault.chmod(0o700)
@@ -105,7 +110,7 @@ def make(o):
         seed = rng.getrandbits(48)
         for _ in range(5):  # again where what was drawn cannot be made
             items, sizes = [], []
-            for effect, where, sigma, sign in draw(kind, rng):
+            for effect, where, sigma, sign in draw(kind, rng, o.effects):
                 amount, size, channel = generator.amount_for(robot, effect, where, sigma, seed, sign, cell)
                 items.append((effect, where, amount))
                 sizes.append(dict(wanted_sigma=sigma, sigma=size, channel=channel))
@@ -184,6 +189,7 @@ def diagnose_one(command, folder, prefix, timeout_s):
         return json.loads(report.read_text()) if report.exists() and code == 0 else None, facts
 
 
+IN_RECORD = ("verdict", "causes", "location", "accepted", "closed", "baselines")
 KEEP = ("verdict", "sentence", "location", "causes", "accepted", "closed", "leftover_sigma", "confusable", "baselines",
         "degradations", "provenance")
 
@@ -239,7 +245,9 @@ def refused(seal, answer_text, answer, record, data):
 class Case:
     """One scored set: truth beside diagnosis."""
 
-    def __init__(self, truth, record):
+    def __init__(self, truth, record, oracle=None):
+        self.opened, self.record, self.oracle = truth, record, oracle
+        self.followup = record["id"].endswith("_followup")
         self.truth, self.kind, self.id = truth["truth"], truth["set_kind"], truth["id"]
         self.sigma = max([s["sigma"] for s in truth["sizes"]], default=0.0)
         self.channel = truth["sizes"][0]["channel"] if truth["sizes"] else ""
@@ -251,6 +259,26 @@ class Case:
         self.p = {(c["effect"], c["where"]): c["p"] for c in self.causes}
         self.unknown = sum(c["p"] for c in self.causes if c["effect"] == "unknown") + (self.verdict == "unexplained")
         self.wanted = [(t["effect"], t["where"]) for t in self.truth]
+
+    def line(self):
+        """What a score is made of, for the record that outlives logs and vault: causes that nobody gave weight are left out."""
+        report = self.report and {k: self.report[k] for k in IN_RECORD if k in self.report}
+        if report:
+            group = self.top and self.top.get("group")
+            report["hypotheses"] = self.hypotheses
+            report["location"] = [f for f in report.get("location", []) if f.get("first")]
+            report["causes"] = [{k: c[k] for k in ("effect", "where", "p", "group") if k in c} for k, c in enumerate(self.causes)
+                                if k < 5 or c["p"] >= 0.001 or (group and c.get("group") == group)]
+            report["accepted"] = [{k: c[k] for k in ("effect", "where")} for c in report.get("accepted", [])]
+            closed = report.get("closed") or {}
+            report["closed"] = {k: {"value": closed[k].get("value")} for k in ("pooled", "ceiling") if closed.get(k)}
+        return dict(truth={k: self.opened[k] for k in ("id", "truth", "set_kind", "sizes", "robot", "load_cell")},
+                    record=dict({k: self.record[k] for k in ("id", "data_sha256", "program_sha256", "started_ns", "finished_ns")},
+                                report=report), oracle=self.oracle)
+
+    @property
+    def hypotheses(self):
+        return (self.report or {}).get("hypotheses", len(self.causes))
 
     @staticmethod
     def same(cause, wanted):
@@ -320,7 +348,7 @@ def half_point(cases):
     return (math.exp(-w[0] / w[1]) if w[1] > 0 else float("nan")), bins
 
 
-def table(cases, followups, refusals, oracles):
+def table(cases, followups, refusals):
     lines, numbers = [], {}
 
     def row(name, k, n, goal):
@@ -378,7 +406,7 @@ def table(cases, followups, refusals, oracles):
             lines.append(f"| {name}, median | {len(ratios)} sets | {ratios[len(ratios) // 2]:.3f} | {goal} |")
     # What closes nothing counts as nothing, not as missing.
     middle("gap closed over that of an oracle told the effect",
-           [(pooled(c.report) or 0) / o for c in known if c.id in oracles and (o := pooled(oracles[c.id])) and o > 0.05],
+           [(pooled(c.report) or 0) / o for c in known if (o := pooled(c.oracle)) and o > 0.05],
            ">= 0.97")
     middle("gap closed over what refitting every number closes",
            [pooled(c.report) / o for c in known if pooled(c.report) is not None and (o := pooled(c.report, "ceiling"))], "-")
@@ -387,7 +415,7 @@ def table(cases, followups, refusals, oracles):
     lines.append(f"| 50 % detection limit | {len(known)} sets | {half:.2f} sigma | <= 0.3 sigma |")
     row("follow-up resolves weak excitation", sum(c.group_hit() for c in followups), len(followups), ">= 90 %")
     row("diagnosis failed to answer", sum(c.report is None for c in cases), len(cases), "0")
-    hypotheses = max((len(c.causes) for c in cases), default=0)
+    hypotheses = max((c.hypotheses for c in cases), default=0)
     lines.append("\nBaselines on the same singles at > 3 sigma: " +
                  (f"chance 1 of {hypotheses} hypotheses = {100 / hypotheses:.1f} %" if hypotheses else "no answers"))
     chosen = [(c, {b["name"]: b for b in (c.report or {}).get("baselines", [])}) for c in strong]
@@ -416,54 +444,66 @@ def table(cases, followups, refusals, oracles):
     return lines, numbers
 
 
-def told(o, cases, sets):
-    """What the diagnosis closes when the effect is told, after the seals are open: reports by id."""
-    reports = {}
-    for c in cases:
-        if c.kind not in ("single", "parameter") or c.sigma <= 1 or not sets[c.id].exists():
-            continue
-        kept = sets[c.id].parent.parent / "oracle" / f"{c.id}.json"
-        if not kept.exists():
-            kept.parent.mkdir(exist_ok=True)
-            command = [o.oracle, "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "--no-next", "--only",
-                       c.wanted[0][0], "{set}"]
-            report, _ = diagnose_one(command, sets[c.id], [], 3600)
-            kept.write_text(json.dumps(report and {"closed": report["closed"]}) + "\n")
-        reports[c.id] = json.loads(kept.read_text())
-    return reports
+def told(program, case, data):
+    """What the diagnosis closes when the effect is told, after the seal is open: a report, kept beside the sets."""
+    if case.kind not in ("single", "parameter") or case.sigma <= 1 or not data.exists():
+        return None
+    kept = data.parent.parent / "oracle" / f"{case.id}.json"
+    if not kept.exists():
+        kept.parent.mkdir(exist_ok=True)
+        command = [program, "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "--no-next", "--only", case.wanted[0][0],
+                   "{set}"]
+        report, _ = diagnose_one(command, data, [], 3600)
+        write_once(kept, json.dumps(report and {"closed": report["closed"]}) + "\n")
+    return json.loads(kept.read_text())
+
+
+def opened(folder, vault, oracle):
+    """A campaign's cases and what is refused: (cases, [(name, why)])."""
+    cases, refusals = [], []
+    for seal_file in sorted((folder / "seals").glob("*.json")):
+        seal = json.loads(seal_file.read_text())
+        for name in (seal["id"], seal["id"] + "_followup"):
+            path = folder / "answers" / f"{name}.json"
+            if not path.exists():
+                if not name.endswith("_followup"):
+                    refusals.append((name, "not diagnosed"))
+                continue
+            text = (vault / f"{seal['id']}.json").read_text()
+            record, truth = json.loads(path.read_text()), json.loads(text)
+            why = refused(seal, text, truth, record, folder / "sets" / name)
+            if os.stat(path).st_mode & stat.S_IWUSR:
+                why = why or "the answer's file can be rewritten"
+            if why:
+                refusals.append((name, why))
+                continue
+            case = Case(truth, record)
+            if oracle and not case.followup:
+                case.oracle = told(oracle, case, (folder / "sets" / name).resolve())
+            cases.append(case)
+    return cases, refusals
 
 
 def score(o):
-    cases, followups, refusals, sets = [], [], [], {}
-    for campaign in o.campaigns:
-        folder = Path(campaign)
-        vault = Path(o.vault or campaign.rstrip("/") + ".vault")
-        for seal_file in sorted((folder / "seals").glob("*.json")):
-            seal = json.loads(seal_file.read_text())
-            for name in (seal["id"], seal["id"] + "_followup"):
-                path = folder / "answers" / f"{name}.json"
-                if not path.exists():
-                    if not name.endswith("_followup"):
-                        refusals.append((name, "not diagnosed"))
-                    continue
-                text = (vault / f"{seal['id']}.json").read_text()
-                record, truth = json.loads(path.read_text()), json.loads(text)
-                why = refused(seal, text, truth, record, folder / "sets" / name)
-                if os.stat(path).st_mode & stat.S_IWUSR:
-                    why = why or "the answer's file can be rewritten"
-                if why:
-                    refusals.append((name, why))
-                elif name.endswith("_followup"):
-                    followups.append(Case(truth, record))
-                else:
-                    cases.append(Case(truth, record))
-                    sets[seal["id"]] = (folder / "sets" / name).resolve()
-    oracles = told(o, cases, sets) if o.oracle else {}
-    lines, numbers = table(cases, followups, refusals, oracles)
-    print(f"{len(cases)} sealed sets, {len(refusals)} refused\n")
+    cases, refusals = [], []
+    for campaign in map(Path, o.campaigns):
+        if campaign.is_file():  # the record of one that was opened before
+            lines = [json.loads(line) for line in campaign.read_text().splitlines()]
+            cases += [Case(x["truth"], x["record"], x["oracle"]) for x in lines if "truth" in x]
+            refusals += [tuple(x["refused"]) for x in lines if "refused" in x]
+            continue
+        more = opened(campaign, Path(o.vault or f"{campaign}.vault"), o.oracle)
+        cases += more[0]
+        refusals += more[1]
+    if o.record:
+        write_once(Path(o.record), "".join(json.dumps(x, separators=(",", ":")) + "\n"
+                                           for x in [c.line() for c in cases] + [dict(refused=r) for r in refusals]))
+    sets = [c for c in cases if not c.followup]
+    lines, numbers = table(sets, [c for c in cases if c.followup], refusals)
+    print(f"{len(sets)} sealed sets, {len(refusals)} refused\n")
     print("\n".join(lines))
     if o.json:
-        Path(o.json).write_text(json.dumps(dict(numbers, sets=len(cases), refused=refusals), indent=1) + "\n")
+        Path(o.json).write_text(json.dumps(dict(numbers, sets=len(sets), refused=refusals), indent=1) + "\n")
 
 
 def main():
@@ -474,6 +514,8 @@ def main():
     m.add_argument("--vault", help="folder of the answers (default: CAMPAIGN.vault)")
     m.add_argument("--sets", type=int, required=True, help="of the whole campaign")
     m.add_argument("--families", type=int, default=5, choices=range(2, 8), help="kinds of excitation in a set")
+    m.add_argument("--effects", metavar="LIST", type=lambda text: text.split(","),
+                   help="draw those that the library has among these only, with commas between (default: all)")
     m.add_argument("--shard", default="1/1", help="i/n: this part of the sets")
     d = sub.add_parser("diagnose", help="run the diagnosis on what is sealed, once a set")
     d.add_argument("--campaign", required=True)
@@ -484,9 +526,10 @@ def main():
     d.add_argument("--timeout", type=float, default=3600, help="seconds for one set")
     d.add_argument("command", nargs="*", help="another command after --, with {robot}, {set}, {out}")
     s = sub.add_parser("score", help="open the seals and count")
-    s.add_argument("campaigns", nargs="+")
-    s.add_argument("--vault")
-    s.add_argument("--json")
+    s.add_argument("campaigns", nargs="+", help="folders, or records of campaigns opened before")
+    s.add_argument("--vault", help="folder of the answers (default: CAMPAIGN.vault)")
+    s.add_argument("--json", metavar="FILE", help="the table's numbers")
+    s.add_argument("--record", metavar="FILE", help="also what the score is made of, a line a set; written once")
     s.add_argument("--oracle", metavar="TENDRIL", help="also let this program fit the effect that it is told, on every single")
     o = a.parse_args()
     dict(make=make, diagnose=diagnose, score=score)[o.what](o)

@@ -78,6 +78,19 @@ class Seal(unittest.TestCase):
         self.assertIn("2 sealed sets, 0 refused", text)
         self.assertIn("| false alarms on exact nulls | 0 of 2 |", text)
 
+    def test_the_record_scores_as_the_campaign_does(self):
+        record = self.folder.parent / "c.jsonl"
+        text = run("score", self.folder, "--record", record)
+        self.assertEqual(len(record.read_text().splitlines()), 2)
+        self.assertEqual(run("score", record), text)
+        self.assertIn("4 sealed sets", run("score", record, self.folder))
+        with self.assertRaises(FileExistsError):
+            run("score", self.folder, "--record", record)
+
+    def test_effects_that_there_are_not_are_refused(self):
+        with self.assertRaisesRegex(campaign.Wrong, "no nothing; accepted: .*backlash"):
+            run("make", "--campaign", self.folder.parent / "d", "--sets", 1, "--effects", "backlash,nothing")
+
     def test_written_once(self):
         before = self.answer().read_bytes()
         run("diagnose", "--campaign", self.folder, "--", "/bin/true")

@@ -133,6 +133,14 @@ const Case kCases[] = {
     {"UnknownChoice", kRig, "law: cumulative", "law: euler", "law: euler", "actuation.transmission.pulleys[1].law",
      {"'euler'", "cumulative, local, classic"}},
     {"BadUrl", kDaemon, "udpm://239", "http://239", "http://", "lcm.url", {"udpm://239.255.76.67:7667?ttl=0"}},
+    {"UrlOfOneComputer", kDaemon, "udpm://239.255.76.67", "udpm://192.168.1.5", "udpm://", "lcm.url", {"a multicast address (224.0.0.0 to 239.255.255.255)"}},
+    {"UrlWithoutAddress", kDaemon, "udpm://239.255.76.67:7667", "udpm://", "udpm://", "lcm.url", {"a multicast address"}},
+    {"UrlWithoutPort", kDaemon, "76.67:7667", "76.67", "udpm://", "lcm.url", {"a port from 1 to 65535"}},
+    {"UrlWithPortZero", kDaemon, "76.67:7667", "76.67:0", "udpm://", "lcm.url", {"a port from 1 to 65535"}},
+    {"UrlWithFiveNumbers", kDaemon, "239.255.76.67", "239.255.76.67.1", "udpm://", "lcm.url", {"a multicast address"}},
+    {"UrlTtl", kDaemon, "ttl=0", "ttl=300", "ttl=300", "lcm.url", {"a ttl from 0 (this computer) to 255"}},
+    {"UrlTtlNegative", kDaemon, "ttl=0", "ttl=-1", "ttl=-1", "lcm.url", {"a ttl from 0"}},
+    {"UrlUnknownOption", kDaemon, "ttl=0", "tll=0", "tll=0", "lcm.url", {"?ttl=N"}},
     {"BadInterface", kDaemon, "interface: can0", "interface: /dev/can0", "/dev/can0", "bus.interface", {"can0"}},
 
     // ---- values

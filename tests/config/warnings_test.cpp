@@ -160,5 +160,19 @@ TEST(Warnings, AMarginBeyondWhatTheCellShows) {
                                 HasSubstr("tendon 2 shows no more than 8.33 N"))));
 }
 
+TEST(Warnings, ShapeFeedbackWithACellBehindThePulleys) {
+  DaemonParameters daemon = LoadDaemon(ConfigPath("tendrild.yaml"));
+  RobotParameters robot = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
+  daemon.controller.law = ControlLaw::kEquilibrium;
+  daemon.controller.tension_feedback = daemon.controller.shape_feedback = true;
+  EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild.yaml")), IsEmpty());
+  robot.actuation->tendons[1].load_cell.place = LoadCellPlace::kRobotSide;
+  EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild.yaml")),
+              ElementsAre(AllOf(HasSubstr("controller.shape_feedback: on, but the load cell of tendon 2"),
+                                HasSubstr("; set off"))));
+  daemon.controller.shape_feedback = false;
+  EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild.yaml")), IsEmpty());
+}
+
 }  // namespace
 }  // namespace tendril::config

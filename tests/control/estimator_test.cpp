@@ -14,6 +14,14 @@
 namespace tendril::control {
 namespace {
 
+/// What an estimator fills, for so many tendons.
+CycleOutput OutputOf(int tendons) {
+  CycleOutput output;
+  output.displacement_m = output.tension_measured_N = output.tension_base_estimate_N =
+      output.torque_measured_Nm = TendonVector::Zero(tendons);
+  return output;
+}
+
 class EstimatorTest : public testing::TestWithParam<LoadCellPlace> {
  protected:
   static constexpr double kBase_N = 3, kBearing_N = 0.2, kOffset_N = 0.07, kScale = 1.25;
@@ -35,7 +43,7 @@ TEST_P(EstimatorTest, SeesThroughOffsetBearingsAndAStrongMotor) {
   const auto& t = robot.actuation->tendons[0];
   const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
       3, std::make_shared<const model::CapstanTable>(t.transmission, robot.limits.max_tension_motor_N));
-  Estimator estimator(robot, body, tables);
+  Estimator estimator(robot, body, tables, 1e-3);
 
   // Pulled by far more than the pre-sliding, so friction is fully built up.
   const double motor_N = model::SolveCapstan(t.transmission.pulleys, kBase_N + kBearing_N);
@@ -43,9 +51,7 @@ TEST_P(EstimatorTest, SeesThroughOffsetBearingsAndAStrongMotor) {
   const double shaft_Nm = motor_N * t.SpoolTravelPerMotorRad() / t.gear.efficiency + 2e-4;
   CycleInput input;
   input.drives = 3;
-  CycleOutput output;
-  output.displacement_m = output.tension_measured_N = output.tension_base_estimate_N =
-      output.torque_measured_Nm = TendonVector::Zero(3);
+  CycleOutput output = OutputOf(3);
   estimator.ZeroDisplacement(input);
   for (int j = 0; j < 3; ++j) {
     auto& d = input.drive[static_cast<std::size_t>(j)];
@@ -77,12 +83,10 @@ TEST(SlackTendon, DoesNotCount) {
   body.SpreadBending(bend_rad, q);
   body.TendonShortening(q, shortening_m);
   for (int hanging = 0; hanging < 3; ++hanging) {
-    Estimator estimator(robot, body, tables);
+    Estimator estimator(robot, body, tables, 1e-3);
     CycleInput input;
     input.drives = 3;
-    CycleOutput output;
-    output.displacement_m = output.tension_measured_N = output.tension_base_estimate_N =
-        output.torque_measured_Nm = TendonVector::Zero(3);
+    CycleOutput output = OutputOf(3);
     estimator.ZeroDisplacement(input);
     for (int j = 0; j < 3; ++j) {
       const double tension_N = j < hanging ? 0 : 1.0, paid_out_m = j < hanging ? 1.5e-3 : 0;
@@ -104,6 +108,69 @@ TEST(SlackTendon, DoesNotCount) {
       EXPECT_GT(deviation_rad, 0.5);
     }
   }
+}
+
+// The base section of two hangs in its tendons, whose spools run on; those of the other one show what both
+// bend together. The estimate goes no faster than a robot does that nothing holds, says how little is known,
+// and agrees as soon as the tendons are taut again; a reading of a hanging tendon's cell that noise lifts now
+// and then changes nothing.
+TEST(SlackTendon, ASectionThatHangsIsWhereItWasAndLessAndLessSure) {
+  const RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/two_section.yaml");
+  const model::Body body(robot.body);
+  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
+      6, std::make_shared<const model::CapstanTable>(robot.actuation->tendons[0].transmission,
+                                                     robot.limits.max_tension_motor_N));
+  Estimator estimator(robot, body, tables, 1e-3);
+  const BendingVector bend_rad = Eigen::Vector4d(1.2, 0.4, -0.8, 0.3);
+  UnitVector q(body.dof());
+  TendonVector shortening_m(6);
+  body.SpreadBending(bend_rad, q);
+  body.TendonShortening(q, shortening_m);
+  CycleInput input;
+  input.drives = 6;
+  CycleOutput output = OutputOf(6);
+  estimator.ZeroDisplacement(input);
+  const auto step = [&](double base_N, double paid_out_m) {
+    for (int j = 0; j < 6; ++j) {
+      const auto& t = robot.actuation->tendons[static_cast<std::size_t>(j)];
+      const bool hangs = j < 3 && base_N < 0.1;
+      const double tension_N = j < 3 ? base_N : 1.0;
+      const double pull_m = shortening_m[j] - (hangs ? paid_out_m * (1 + 0.5 * j) : 0) +
+                            (tension_N - robot.limits.min_tension_N) / t.tendon.stiffness_Npm;
+      auto& d = input.drive[static_cast<std::size_t>(j)];
+      d.position_counts = static_cast<std::int32_t>(std::lround(
+          pull_m / t.SpoolTravelPerMotorRad() / (2 * std::numbers::pi) * t.drive.encoder_counts_per_turn));
+      d.analog_mV = static_cast<std::int16_t>(std::lround(1000 * t.load_cell.gain_VpN * tension_N));
+    }
+    estimator.Step(input, output);
+  };
+  const auto deviation_rad = [&] { return std::sqrt(output.bending_covariance_rad2.trace()); };
+  for (int i = 0; i < 10; ++i) step(1, 0);
+  ASSERT_LT((output.bending_estimate_rad - bend_rad).norm(), 1e-3);
+  ASSERT_LT(deviation_rad(), 2e-3);
+
+  BendingVector last_rad = output.bending_estimate_rad;
+  double sure_rad = deviation_rad(), farthest_rad = 0;
+  for (int i = 0; i < 500; ++i) {
+    const bool lifted = i % 100 == 99;
+    step(lifted ? 0.025 : 0, 1.5e-3 + 1e-5 * i);
+    farthest_rad = std::max(farthest_rad, (output.bending_estimate_rad - last_rad).norm());
+    last_rad = output.bending_estimate_rad;
+    if (i < 90) {
+      EXPECT_GT(deviation_rad(), sure_rad) << i;
+      sure_rad = deviation_rad();
+    }
+    const BendingVector error_rad = output.bending_estimate_rad - bend_rad;
+    const double normalised = error_rad.dot(output.bending_covariance_rad2.ldlt().solve(error_rad));
+    EXPECT_LT(i % 100 == 0 ? normalised : 0, 4 * 4) << i;
+    EXPECT_LT((error_rad.head<2>() + error_rad.tail<2>()).norm(), 0.05) << "both together are seen";
+  }
+  EXPECT_LT(farthest_rad, 0.05) << "a hundredth of its way in a cycle";
+  EXPECT_GT(deviation_rad(), 1);
+
+  for (int i = 0; i < 60; ++i) step(1, 0);
+  EXPECT_LT((output.bending_estimate_rad - bend_rad).norm(), 1e-3);
+  EXPECT_LT(deviation_rad(), 2e-3);
 }
 
 // Sensors of a robot in a known shape under known tensions, each with its own noise and resolution.
@@ -170,7 +237,7 @@ TEST_P(Covariance, IsThatOfManyNoisyDraws) {
       static_cast<std::size_t>(body.tendons()),
       std::make_shared<const model::CapstanTable>(robot.actuation->tendons[0].transmission,
                                                   robot.limits.max_tension_motor_N));
-  Estimator estimator(robot, body, tables);
+  Estimator estimator(robot, body, tables, 1e-3);
   NoisyRobot noisy(robot, *tables[0], 5);
   const int n = 2 * body.sections();
   BendingVector truth(n);
@@ -181,9 +248,7 @@ TEST_P(Covariance, IsThatOfManyNoisyDraws) {
   Eigen::MatrixXd drawn = Eigen::MatrixXd::Zero(n, n), said = drawn;
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
   CycleInput zero, bent;
-  CycleOutput output;
-  output.displacement_m = output.tension_measured_N = output.tension_base_estimate_N =
-      output.torque_measured_Nm = TendonVector::Zero(body.tendons());
+  CycleOutput output = OutputOf(body.tendons());
   for (int draw = 0; draw < kDraws; ++draw) {
     noisy.Draw(truth, zero, bent);
     estimator.ZeroDisplacement(zero);
@@ -219,13 +284,11 @@ TEST(CovarianceOf, FrictionThatHasNotBuiltUpIsUncertain) {
   const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
       3, std::make_shared<const model::CapstanTable>(robot.actuation->tendons[0].transmission,
                                                      robot.limits.max_tension_motor_N));
-  Estimator estimator(robot, body, tables);
+  Estimator estimator(robot, body, tables, 1e-3);
   CycleInput input;
   input.drives = 3;
   for (auto& d : input.drive) d.analog_mV = 800;
-  CycleOutput output;
-  output.displacement_m = output.tension_measured_N = output.tension_base_estimate_N =
-      output.torque_measured_Nm = TendonVector::Zero(3);
+  CycleOutput output = OutputOf(3);
   estimator.ZeroDisplacement(input);
   estimator.Step(input, output);
   const double at_reversal = output.bending_covariance_rad2.trace();

@@ -88,6 +88,19 @@ TEST_F(GateTest, RefusesWhatIsOutOfRange) {
   for (double away_m : {1.001 * tenth_m, 57., kInf, kNan})
     EXPECT_EQ(gate.Admit(Tip(0, 0, 0.07), Mode::kRunning, now, away_m), Status::kTargetOutOfReach);
   EXPECT_EQ(gate.Admit(Tip(0, 0, 0.07), Mode::kConfigured, now, kInf), Status::kCommandWrongMode);
+  // No robot moves so, and what is computed with it would be no number.
+  for (double wrong : {1.001e3, 1e9, 1e308}) {
+    Command c = Tip(0, 0, 0.05);
+    c.speed_radps = wrong;
+    EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfRange);
+    c = Tip(0, 0, 0.05);
+    c.tip_velocity_W_mps.z() = -wrong;
+    EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfRange);
+    EXPECT_EQ(gate.Admit(Tip(0, -wrong, 0.05), Mode::kRunning, now, kInf), Status::kCommandOutOfRange);
+    c = Bending(2);
+    c.bending_rate_radps = BendingVector{{0, -wrong}};
+    EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfRange);
+  }
   Command c = Bending(2);
   c.bending_rad[0] = 1.01 * robot.limits.max_bending_rad;
   EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kCommandOutOfRange);
@@ -171,6 +184,33 @@ TEST_F(GateTest, ASendersClockSetBackDoesNotLockItOut) {
   EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk);
 }
 
+// Numbers are each sender's own: a panel that counts its clicks beside a program that counts by the clock,
+// and whoever comes after either.
+TEST_F(GateTest, OrderIsEachSendersOwn) {
+  Command stream = Tip(0, 0, 0.05);
+  stream.sender = 1;
+  stream.sequence = 3'000'000'000u;
+  ASSERT_EQ(gate.Admit(stream, Mode::kRunning, now), Status::kOk);
+  Command click = ModeCommand(ModeRequest::kArm);
+  click.sender = 2;
+  click.sequence = 2'999'999'999u;
+  EXPECT_EQ(gate.Admit(click, Mode::kHold, now), Status::kOk) << "its clock is behind";
+  EXPECT_EQ(gate.Admit(click, Mode::kHold, now), Status::kCommandOutOfOrder) << "its own, twice";
+  EXPECT_EQ(gate.Admit(stream, Mode::kRunning, now), Status::kCommandOutOfOrder)
+      << "what others send in between changes nothing";
+  stream.sequence += 1;
+  EXPECT_EQ(gate.Admit(stream, Mode::kRunning, now), Status::kOk);
+  // As many others as there may be, each from 1 on; then who was heard of last is still known.
+  for (std::uint32_t sender = 3; sender < 30; ++sender) {
+    Command c = ModeCommand(ModeRequest::kHold);
+    c.sender = sender;
+    c.sequence = 1;
+    EXPECT_EQ(gate.Admit(c, Mode::kRunning, ++now), Status::kOk);
+    c.mode = ModeRequest::kArm;
+    EXPECT_EQ(gate.Admit(c, Mode::kHold, now), Status::kCommandOutOfOrder);
+  }
+}
+
 // However late, however often, whatever came before: who says stop is believed.
 TEST_F(GateTest, DisarmIsNeverTooOldAndNeverOutOfOrder) {
   ASSERT_EQ(gate.Admit(Tip(0, 0, 0.05), Mode::kRunning, now), Status::kOk);
@@ -195,6 +235,106 @@ TEST_F(GateTest, WhileCommissioningOnlyGentlePullsOfEitherSignAreTaken) {
   EXPECT_EQ(pull(2.01), Status::kCommandOutOfRange);
   EXPECT_EQ(pull(-2.01), Status::kCommandOutOfRange);
   EXPECT_EQ(pull(std::nan("")), Status::kCommandNotFinite);
+}
+
+TEST_F(GateTest, WhileCommissioningOnlyWhoCommissionsPulls) {
+  Command commission = ModeCommand(ModeRequest::kCommission);
+  commission.sender = 7;
+  ASSERT_EQ(gate.Admit(commission, Mode::kConfigured, now), Status::kOk);
+  now += 3 * kNsPerS;  // its operator reads, and nothing is pulled yet
+  const auto pull = [&](std::uint32_t sender) {
+    Command t = Tip(0, 0, 0.05);
+    t.kind = CommandKind::kTension;
+    t.tension_N = Eigen::Vector3d(0, 1, 0);
+    t.sender = sender;
+    return gate.Admit(t, Mode::kCommissioning, now);
+  };
+  for (const std::uint32_t other : {0, 8}) EXPECT_EQ(pull(other), Status::kAnotherSender) << other;
+  EXPECT_EQ(pull(7), Status::kOk);
+  now += 3 * kNsPerS;
+  EXPECT_EQ(pull(8), Status::kAnotherSender) << "however long it waits between two pulls";
+  EXPECT_EQ(pull(7), Status::kOk) << "and what was refused is not in the way";
+  EXPECT_TRUE(gate.Contended(now));
+}
+
+// ---- two senders at once ----
+
+// A target each 10 ms, of which each counts 100 ms, while another sends as well.
+TEST_F(GateTest, OneSenderLeadsAndAnothersTargetsAreRefusedUntilItsOwnHaveStopped) {
+  for (const bool moving : {false, true}) {
+    const auto target = [&](std::uint32_t sender) {
+      Command c = Tip(0, 0, 0.05);
+      c.sender = sender;
+      if (moving) c.tip_velocity_W_mps.x() = 1e-3;
+      return c;
+    };
+    int refused = 0;
+    for (int i = 0; i < 100; ++i, now += 10 * kNsPerMs) {
+      ASSERT_EQ(gate.Admit(target(1), Mode::kRunning, now), Status::kOk) << i;
+      if (i == 0) continue;  // from the second on it is known to be a stream
+      Command other = target(2);
+      other.sequence += 500'000;  // its clock is five seconds ahead
+      refused += gate.Admit(other, Mode::kRunning, now) == Status::kAnotherSender;
+      EXPECT_EQ(gate.target().tip_velocity_W_mps.x(), moving ? 1e-3 : 0);
+    }
+    EXPECT_EQ(refused, 99);
+    EXPECT_TRUE(gate.Contended(now));
+    now += 89 * kNsPerMs;
+    EXPECT_EQ(gate.Admit(target(2), Mode::kRunning, now), Status::kAnotherSender);
+    now += 2 * kNsPerMs;
+    EXPECT_EQ(gate.Admit(target(2), Mode::kRunning, now), Status::kOk) << "the leader's last one expired";
+    now += 4 * kNsPerS;
+    EXPECT_FALSE(gate.Contended(now));
+  }
+}
+
+TEST_F(GateTest, OfTwoThatBeginAtOnceOneLeads) {
+  int accepted[2] = {};
+  for (int i = 0; i < 100; ++i, now += 5 * kNsPerMs) {
+    Command c = Tip(0, 0, 0.05);
+    c.sender = 1 + i % 2;
+    accepted[i % 2] += gate.Admit(c, Mode::kRunning, now) == Status::kOk;
+  }
+  EXPECT_EQ(accepted[0], 50);
+  EXPECT_EQ(accepted[1], 1);
+}
+
+TEST_F(GateTest, AnybodyMayStopWhoeverLeads) {
+  for (const ModeRequest request : {ModeRequest::kHold, ModeRequest::kDisarm}) {
+    for (int i = 0; i < 3; ++i) {
+      Command c = Tip(0, 0, 0.05);
+      c.sender = 1;
+      ASSERT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk);
+    }
+    Command stop = ModeCommand(request);
+    stop.sender = 2;
+    EXPECT_EQ(gate.Admit(stop, Mode::kRunning, now), Status::kOk);
+  }
+}
+
+// Operators that give one command after the other, each by a program of its own.
+TEST_F(GateTest, SingleTargetsLeadNothing) {
+  for (std::uint32_t sender = 1; sender < 10; ++sender) {
+    Command c = Tip(0, 0, 0.05);
+    c.sender = sender;
+    c.valid_for_ns = kNsPerS;
+    EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk) << sender;
+    now += 10 * kNsPerMs;
+  }
+  EXPECT_FALSE(gate.Contended(now));
+}
+
+// Whoever does not know that the high half names a sender may count nanoseconds of the epoch.
+TEST_F(GateTest, WhoCountsOnInAllBitsIsOneSender) {
+  std::uint64_t number = 1'700'000'000'123'456'789;
+  for (int i = 0; i < 1000; ++i) {
+    Command c = Tip(0, 0, 0.05);
+    c.sequence = static_cast<std::uint32_t>(number);
+    c.sender = static_cast<std::uint32_t>(number >> 32);
+    ASSERT_EQ(gate.Admit(c, Mode::kRunning, now), Status::kOk) << i;
+    number += 10'000'000;
+    now += 10 * kNsPerMs;
+  }
 }
 
 TEST_F(GateTest, ARobotThatWasNeverCommissionedIsRefusedAsSuch) {

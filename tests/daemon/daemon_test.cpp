@@ -123,7 +123,7 @@ class LogLines {
 };
 
 struct DaemonTest : testing::Test {
-  void Start(const DaemonOptions& o) {
+  void Start(const DaemonOptions& o, const std::function<void()>& before = {}) {
     daemon.emplace(o, drives.port());
     client.emplace(daemon->gateway().lcm(), "TENDRIL");
     client->OnState([this](const tendril_lcm::state_t& s) {
@@ -138,6 +138,7 @@ struct DaemonTest : testing::Test {
       const std::lock_guard lock(mutex);
       texts.push_back(e.source + ": " + e.text);
     });
+    if (before) before();
     thread = std::thread([this] {
       daemon->Run([this] {
         while (stands_still) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -657,6 +658,73 @@ TEST_F(DaemonTest, RefusedCommandsLeaveAWarningEachCauseWithItsCount) {
   bend.valid_for_ns = 0;
   client->Send(bend, 0);
   EXPECT_TRUE(Warns("older than its validity"));
+}
+
+// A program in the middle of its motion, and another that sends targets as well.
+TEST_F(DaemonTest, OfTwoSendersOneLeadsAndStateAndLogTellOfBoth) {
+  Start(options);
+  Arm();
+  const auto bend = [&](std::uint32_t sender, double u_rad) {
+    Command c;
+    c.kind = CommandKind::kBending;
+    c.bending_rad = Eigen::Vector2d(u_rad, 0);
+    c.sender = sender;
+    c.sequence = ++sequence;
+    c.valid_for_ns = 5 * kNsPerS;
+    client->Send(c, 0);
+    return io::SequenceOf(c);
+  };
+  for (int i = 0; i < 3; ++i) {
+    const std::int64_t sent = bend(4711, 0.1);
+    ASSERT_TRUE(Within20s([&](const tendril_lcm::state_t& s) { return s.command_sequence == sent; }));
+  }
+  const std::int64_t sent = bend(4712, -0.1);
+  const std::string why =
+      "process 4711 leads the robot, and targets of others are refused while its own come; end one of the "
+      "two";
+  EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
+    return s.command_sequence == sent && s.command_status == static_cast<int>(Status::kAnotherSender) &&
+           s.command_status_text == why;
+  }));
+  EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
+    return s.cycle % 2 == 0 && s.status == static_cast<int>(Status::kTwoSenders);
+  }));
+  EXPECT_TRUE(Warns(fmt::format("gate: bend -0.1 0 rad (sequence {} of process 4712)", sequence), why));
+  EXPECT_GT(State().bending_target_rad[0], 0.09);
+}
+
+TEST_F(DaemonTest, ACommandWithoutValuesIsLoggedAsSuch) {
+  Start(options);
+  Arm();
+  Command bend;
+  bend.kind = CommandKind::kBending;
+  Send(bend);
+  EXPECT_TRUE(Warns("bend without any value (sequence 2)", "number of values does not fit the robot"));
+}
+
+// While the daemon makes sure that it is alone nobody takes readings or targets: that says nothing of their
+// rate.
+TEST_F(DaemonTest, WhatCameBeforeTheLoopRanWasNotTooFast) {
+  Start(options, [this] {
+    auto* lcm = static_cast<lcm::LCM*>(daemon->gateway().lcm());
+    tendril_lcm::tracker_t reading{};
+    Command bend;
+    bend.kind = CommandKind::kBending;
+    bend.bending_rad = Eigen::Vector2d(0.1, 0);
+    for (int i = 0; i < 30; ++i) {
+      for (int k = 0; k < 10; ++k) {
+        lcm->publish("TENDRIL_TRACKER", &reading);
+        Send(bend);
+      }
+      daemon->RefuseOthers(kNsPerMs);
+    }
+  });
+  ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
+  ASSERT_TRUE(Within20s([&](const auto&) {
+    const std::lock_guard lock(mutex);
+    return statistics.size() >= 3;
+  }));
+  EXPECT_THAT(lines.Warnings(), testing::Each(testing::Not(HasSubstr("were dropped"))));
 }
 
 // A sender gone mad: a line a second, and every one of its commands is counted.

@@ -20,8 +20,31 @@ arm_is_refused() {
 }
 
 daemon_file "$robot"
-start_plant
 cd "$work" || exit 1
+
+# ---- all at once, as a user pastes it ----
+"$bin/tendril-plant" --robot "$robot" --can vcan0 --lcm "$lcm" >"$work/plant.txt" 2>&1 &
+plant=$!
+"$bin/tendrild" --config "$work/tendrild.yaml" --simulated >"$work/daemon.txt" 2>&1 &
+daemon=$!
+"$bin/tendril" send --lcm "$lcm" arm >"$work/said.txt" 2>&1 || give_up "arm does not wait for daemon and drives"
+grep -qF "waiting for a daemon on $lcm (TENDRIL_STATE)" "$work/said.txt" ||
+  give_up "what arm waits for is not told"
+until_true 20 mode_is running || give_up "the robot is not pretensioned"
+disarm
+stop $daemon daemon
+
+# ---- an interface that is not there yet ----
+: >"$work/waits.txt"
+"$bin/tendrild" --config "$work/tendrild.yaml" --simulated --can vcan9 --wait >"$work/waits.txt" 2>&1 &
+daemon=$!
+until_true 10 said "waiting: CAN interface 'vcan9' does not exist" waits || give_up "it does not say what it waits for"
+"$bin/tendril" status --lcm "$lcm" >"$work/said.txt" 2>&1 && give_up "a daemon that waits has a state"
+grep -q "does not control anything yet, it is waiting: CAN interface 'vcan9' does not exist; .*ip link add" "$work/said.txt" ||
+  give_up "its operator does not hear what is missing"
+kill $daemon
+wait $daemon
+
 start_daemon --black-box boxes --log run.lcmlog
 said "log $work/run.lcmlog$" || give_up "where a relative log lies is not told"
 said "black box: 10 s before a fault into $work/boxes$" || give_up "where a relative black box lies is not told"
@@ -117,4 +140,4 @@ disarm
 stop $daemon daemon
 stop $plant_1 "second plant"
 stop $plant plant
-echo "vcan_service: interface down and up, log without reader, two daemons told and kept from moving"
+echo "vcan_service: all at once, waiting told, interface down and up, log without reader, two daemons told and kept from moving"

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <lcm/lcm-cpp.hpp>
@@ -71,6 +72,7 @@ TEST_F(GatewayTest, EachKindOfCommandArrivesAsItWasSent) {
   Command mode;
   mode.kind = CommandKind::kMode;
   mode.sequence = 0xFFFFFFFF;
+  mode.sender = SenderOfProcess();
   mode.valid_for_ns = kNsPerS;
   mode.mode = ModeRequest::kClear;
   for (const Command& c : {tip, tension, Bending(), mode}) ASSERT_TRUE(client.Send(c, 0));
@@ -85,6 +87,9 @@ TEST_F(GatewayTest, EachKindOfCommandArrivesAsItWasSent) {
   EXPECT_EQ(commands[2].valid_for_ns, kNsPerS / 4);
   EXPECT_EQ(commands[3].mode, ModeRequest::kClear);
   EXPECT_EQ(commands[3].sequence, 0xFFFFFFFFU);
+  EXPECT_EQ(commands[3].sender, mode.sender);
+  EXPECT_EQ(SenderText(mode.sender), "process " + std::to_string(getpid()));
+  EXPECT_GT(SequenceOf(mode), 0) << "a number that grows";
   for (const Command& c : commands) EXPECT_EQ(c.received_ns, clock.Now());
 }
 
@@ -173,6 +178,7 @@ TEST_F(GatewayTest, TheStateTellsTheFateOfTheLastCommand) {
   CycleRecord record = RandomRecords(kShape, 1).Next();
   record.input.command.kind = CommandKind::kTip;
   record.input.command.sequence = 77;
+  record.input.command.sender = 5;
   record.output.mode = Mode::kHold;
   record.output.command_status = Status::kCommandWrongMode;
   gateway.PublishState(record);
@@ -197,12 +203,13 @@ TEST_F(GatewayTest, TheStateTellsTheFateOfTheLastCommand) {
   }
   EXPECT_EQ(states[4].command_status_text, "ok");
   EXPECT_THAT(states[4].reported, testing::IsEmpty());
-  EXPECT_EQ(states[0].command_sequence, 77);
+  constexpr std::int64_t as_sent = (std::int64_t{5} << 32) + 77;
+  EXPECT_EQ(states[0].command_sequence, as_sent);
   EXPECT_EQ(states[0].command_status, 204);
   EXPECT_EQ(states[0].command_status_text, std::string(StatusText(Status::kCommandWrongMode)) + "; " +
                                                std::string(StatusRemedy(Status::kCommandWrongMode)));
   EXPECT_EQ(states[0].mode_text, "hold");
-  EXPECT_EQ(states[1].command_sequence, 77);
+  EXPECT_EQ(states[1].command_sequence, as_sent);
   EXPECT_EQ(gateway.counters().published, 5U);
 }
 

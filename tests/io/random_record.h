@@ -34,6 +34,7 @@ class RandomRecords {
     Command& c = in.command;
     c.kind = static_cast<CommandKind>(Below(5));
     c.sequence = Integer<std::uint32_t>();
+    c.sender = Integer<std::uint32_t>();
     c.received_ns = Integer<std::int64_t>();
     c.valid_for_ns = Integer<std::int64_t>();
     c.mode = static_cast<ModeRequest>(Below(4));

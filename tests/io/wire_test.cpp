@@ -58,6 +58,7 @@ void ExpectSameBits(const CycleRecord& a, const CycleRecord& b) {
   }
   SAME(input.command.kind);
   SAME(input.command.sequence);
+  SAME(input.command.sender);
   SAME(input.command.received_ns);
   SAME(input.command.valid_for_ns);
   SAME(input.command.mode);
@@ -223,6 +224,7 @@ TEST(Commands, ValuesAreNotJudgedButSizesAre) {
   ASSERT_EQ(FromMessage(m, c), "");
   EXPECT_EQ(c.kind, CommandKind::kBending);
   EXPECT_EQ(c.sequence, 7U);
+  EXPECT_EQ(c.sender, 1U);
   EXPECT_EQ(c.valid_for_ns, 500'000'000);
   ASSERT_EQ(c.bending_rad.size(), 3);
   EXPECT_TRUE(std::isnan(c.bending_rad[1]));

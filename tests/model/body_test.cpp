@@ -171,6 +171,17 @@ TEST_P(BodyProperties, ShorteningIsExactDownToTheLastBendThatMoves) {
   }
 }
 
+TEST_P(BodyProperties, ShorteningWithItsDerivativesIsTheSameAsWithout) {
+  for (int k = 0; k < 10; ++k) {
+    const VectorXd q = Shape(k);
+    VectorXd shortening(m), with_them(m);
+    MatrixXd jacobian(m, n);
+    body.TendonShortening(q, shortening);
+    body.TendonShortening(q, with_them, jacobian);
+    EXPECT_LT((with_them - shortening).cwiseAbs().maxCoeff(), 1e-17);
+  }
+}
+
 // From the holes' places in space alone.
 TEST_P(BodyProperties, TendonsRunStraightFromHoleToHole) {
   const BodyParameters& parameters = body.parameters();

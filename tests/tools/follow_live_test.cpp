@@ -102,18 +102,58 @@ TEST_F(FollowLive, WhatCannotBeFollowedMovesNothing) {
   EXPECT_EQ(Follow("circle --robot " TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"), 1);
   EXPECT_TRUE(OneLine());
   EXPECT_THAT(error_, HasSubstr("not the daemon's robot"));
-  // Another sender's clock is half a minute ahead: everything that follows comes too late.
+  // Another sender's clock is half a minute ahead: that is its own matter, and nothing it asks for moves the robot.
   Command early;
   early.kind = CommandKind::kBending;
   early.bending_rad = BendingVector::Zero(2);
   early.sequence = io::SequenceFromTime() + 3'000'000;
   early.valid_for_ns = kNsPerS;
   client_->Send(early, 0);
+  EXPECT_EQ(Follow("csv late.csv"), 1);
+  EXPECT_THAT(error_, HasSubstr("late.csv: line 4"));
+  EXPECT_EQ(moved, 0);
+  EXPECT_EQ(Follow("via --bend 0.1,0 --bend 0,0.1"), 0) << error_;
+  EXPECT_GT(moved, 0);
+  // One that stands still: refused in every mode but running, and told which it is.
+  EXPECT_EQ(Run("send --prefix " + prefix_ + " hold"), 0) << error_;
   EXPECT_EQ(Follow("via --bend 0.5,0 --bend 0,0.5"), 1);
   EXPECT_TRUE(OneLine());
-  EXPECT_THAT(error_, HasSubstr("the daemon refuses these commands: command refused: sequence number"));
+  EXPECT_THAT(error_, HasSubstr("the daemon is in mode hold"));
   Watch(nullptr);
-  EXPECT_EQ(moved, 0);
+}
+
+// The one that came first is followed to its end; the other ends at once and says whom it met.
+TEST_F(FollowLive, OfTwoAtOnceTheSecondIsToldSoAndMovesNothing) {
+  std::atomic<bool> told = false;
+  double least = 0;
+  Watch([&](const tendril_lcm::state_t& s) {
+    told = told || s.status == static_cast<int>(Status::kTwoSenders);
+    least = std::min(least, s.bending_target_rad[0]);
+  });
+  int code = -1;
+  std::thread first([&] {
+    code = std::system(
+        fmt::format("{} follow --prefix {} via --bend 0.1,0 --bend 0.5,0.3 --bend 0.2,0 --speed 0.2 "
+                    ">{}/first.txt 2>&1",
+                    TENDRIL_BINARY, prefix_, folder_.string())
+            .c_str());
+  });
+  for (int i = 0; i < 1000 && ReadText(folder_ / "first.txt").find("0 of") == std::string::npos; ++i)
+    std::this_thread::sleep_for(10ms);
+  EXPECT_EQ(Follow("via --bend -0.3,0 --bend -0.5,0"), 1);
+  EXPECT_TRUE(OneLine());
+  EXPECT_THAT(error_, HasSubstr("the daemon refuses these commands: process "));
+  EXPECT_THAT(error_,
+              HasSubstr(" leads the robot, and targets of others are refused while its own come; end one"));
+  EXPECT_EQ(Run("send --prefix " + prefix_ + " bending -0.3 0"), 1);
+  EXPECT_TRUE(OneLine());
+  EXPECT_THAT(error_, HasSubstr("leads the robot"));
+  first.join();
+  Watch(nullptr);
+  EXPECT_EQ(code, 0) << ReadText(folder_ / "first.txt");
+  EXPECT_TRUE(told);
+  EXPECT_GE(least, 0);
+  EXPECT_EQ(Run("send --prefix " + prefix_ + " bending 0 0"), 0) << error_;
 }
 
 TEST_F(FollowLive, JoinsSamplesAndEndsWhenTheyExpire) {

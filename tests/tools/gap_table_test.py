@@ -4,6 +4,7 @@ on where it stopped. Knows the forms of the program's answers, not how they come
 import csv
 import json
 import pathlib
+import shutil
 import stat
 import subprocess
 import tempfile
@@ -177,6 +178,22 @@ class GapTable(unittest.TestCase):
         # Another seed is another table.
         self.assertEqual(self.run_table(*options, "--seed", "7").returncode, 0)
         self.assertEqual(self.calls("gap diagnose"), 11)
+
+    def test_a_record_stands_for_the_folder(self):
+        record = self.folder / "record.jsonl"
+        few = ("--sigma", "3", "--nulls", "1", "--numbers", "0", "--pairs", "0", "--record", str(record))
+        self.assertEqual(self.run_table("--effects", "stiff", *few).returncode, 0)
+        shutil.rmtree(self.out)  # the computer is gone
+        self.assertEqual(self.run_table("--effects", "stiff,late", *few).returncode, 0)
+        self.assertEqual(self.calls("gap diagnose"), 3)
+        self.assertEqual([self.rows()[name]["outcome"] for name in ("stiff_3", "late_3", "null_01")],
+                         ["right", "in its group", "right"])
+        self.assertEqual(self.run_table("--effects", "stiff", *few).returncode, 0)
+        self.assertEqual(len(record.read_text().splitlines()), 3)  # what this run did not ask for stays
+        record.write_text("{}\n")
+        done = self.run_table("--effects", "stiff", *few)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("record.jsonl: not a record", done.stderr)
 
     def test_shards_make_one_table(self):
         options = ("--effects", "stiff,late", "--nulls", "3", "--numbers", "1", "--pairs", "0")

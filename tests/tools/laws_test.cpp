@@ -425,6 +425,36 @@ TEST(Laws, BriskTensionsAndABendAfterThemStayWithinLimits) {
   }
 }
 
+// Tensions that take over from a motion at high tension: there a stretched tendon's friction has three
+// solutions, and it must not go from one to another at once.
+TEST(Laws, TensionsTakeOverFromAMotionWithoutAJump) {
+  ClosedLoopOptions options = Options("rig_60mm.yaml", true, false, true);
+  for (RobotParameters* robot : {&options.controller_robot, &options.plant_robot}) {
+    for (auto& t : robot->actuation->tendons) t.load_cell.place = LoadCellPlace::kRobotSide;
+  }
+  ClosedLoop loop(options);
+  loop.ArmAndPretension();
+  double jump_Nm = 0;
+  TendonVector last_Nm = loop.record().output.torque_desired_Nm;
+  const auto watch = [&](const CycleRecord& r) {
+    ASSERT_EQ(r.output.mode, Mode::kRunning) << static_cast<int>(r.output.status);
+    jump_Nm = std::max(jump_Nm, (r.output.torque_desired_Nm - last_Nm).cwiseAbs().maxCoeff());
+    last_Nm = r.output.torque_desired_Nm;
+  };
+  for (const double after_s : {0.7, 0.764, 0.85}) {
+    loop.Send(Bend(-0.26, 0.22));
+    StepFor(loop, 2, watch);
+    loop.Send(Bend(-1.63, -0.41, 3.64));
+    StepFor(loop, after_s, watch);
+    Command c;
+    c.kind = CommandKind::kTension;
+    c.tension_N = Eigen::Vector3d(1, 2, 3);
+    loop.Send(c);
+    StepFor(loop, 1, watch);
+  }
+  EXPECT_LT(jump_Nm, 3e-4) << "0.96 mNm when friction turns at once";
+}
+
 // A robot that is not as its file says, with no tracker to tell: the tendons' own way does.
 TEST(Laws, TheTendonsShowWhatTheFileHasWrong) {
   for (const std::vector<const char*>& effects : {std::vector<const char*>{"bending_stiffness scale=1.2"},

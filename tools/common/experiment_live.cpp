@@ -116,7 +116,7 @@ class Operator {
     try {
       if (armed_) {
         Release();
-      } else if (mode() == Mode::kRunning) {
+      } else if (mode() == Mode::kRunning && !another_leads_) {
         Send(ModeRequest::kHold);
         Pass(0.1);
       }
@@ -190,6 +190,11 @@ class Operator {
     if (stop_ && *stop_) throw std::runtime_error("stopped");
     if (clock_.Now() - heard_ns_ > kSilence_ns)
       throw std::runtime_error("the daemon fell silent: look at its log");
+    if (another_leads_) {
+      throw std::runtime_error(fmt::format("the daemon refused a target: {} ({})",
+                                           StatusText(Status::kAnotherSender),
+                                           StatusRemedy(Status::kAnotherSender)));
+    }
   }
   void Check() const {
     CheckAlive();
@@ -212,6 +217,7 @@ class Operator {
   }
   void Send(Command command) {
     command.sequence = sequence_ = std::max(sequence_ + 1, io::SequenceFromTime());
+    command.sender = io::SenderOfProcess();
     if (command.valid_for_ns == 0) command.valid_for_ns = kValidFor_ns;
     if (!client_.Send(command, EpochUs()))
       throw std::runtime_error("LCM could not send on " + options_.lcm_url);
@@ -227,6 +233,8 @@ class Operator {
     if (!io::Decode(buffer->data, static_cast<int>(buffer->data_size), message_)) return;
     const std::uint64_t before = record_.input.cycle;
     if (!io::FromMessage(message_, record_)) return;
+    another_leads_ = another_leads_ || (record_.output.command_status == Status::kAnotherSender &&
+                                        record_.input.command.sender == io::SenderOfProcess());
     every_cycle_ = every_cycle_ || record_.input.cycle == before + 1;
     heard_ns_ = clock_.Now();
     if (sink_) sink_(record_);
@@ -249,6 +257,7 @@ class Operator {
   bool every_cycle_ = false;  // two that follow each other were heard
   std::uint32_t sequence_ = 0;
   bool armed_ = false;
+  bool another_leads_ = false;  // whose targets come while ours are refused
 };
 
 }  // namespace

@@ -160,6 +160,7 @@ class LiveLink final : public CommissionLink {
   }
   void Send(Command command) {
     command.sequence = sequence_ = std::max(sequence_ + 1, io::SequenceFromTime());
+    command.sender = io::SenderOfProcess();
     command.valid_for_ns = kValidFor_ns;
     if (!client_.Send(command, EpochUs())) throw std::runtime_error("LCM could not send on " + where_);
   }

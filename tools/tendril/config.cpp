@@ -3,21 +3,26 @@
 #include "tendril/config/config.h"
 
 #include <fmt/core.h>
+#include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <memory>
 #include <numbers>
 #include <string>
 
 #include "commands.h"
 #include "tendril/canopen/master.h"
+#include "tendril/control/controller.h"
+#include "tendril/control/reach.h"
 #include "tendril/control/tension_loop_design.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {
 namespace {
 
-constexpr double kLongDelay_s = 0.5;  // seven times that of the shipped files
+constexpr double kLongDelay_s = 0.5;   // seven times that of the shipped files
+constexpr double kHeldShare = 1. / 3;  // of the greatest bend; of two sections of 60 mm it is two fifths
 
 std::string Remedy(const canopen::BusBudget& budget) {
   std::string remedy = fmt::format("at most {} drives fit this cycle", budget.max_drives_at_this_cycle);
@@ -49,13 +54,32 @@ std::string FeedbackComment(const DaemonParameters& daemon, const RobotParameter
             "degrees; accepted: a shorter bus.cycle_ns, or off; change one of the two",
             daemon.bus.cycle_ns, control::kLeastGainMargin, control::kLeastPhaseMargin_deg));
   }
-  const control::TensionLoopMargins margins = control::CheckTensionLoop(robot, gains, period_s);
   return fmt::format(
       "# tension feedback: bandwidth {:.2f} Hz, proportional {:.3f}, integral {:.2f} 1/s; gain margin "
       "{}{:.1f}, phase "
       "margin {:.0f} degrees\n",
       gains.bandwidth_radps / (2 * std::numbers::pi), gains.proportional, gains.integral_ps,
-      margins.gain >= control::kMostGainMargin ? "above " : "", margins.gain, margins.phase_deg);
+      gains.margins.gain >= control::kMostGainMargin ? "above " : "", gains.margins.gain,
+      gains.margins.phase_deg);
+}
+
+// Bends that the tendons do not hold: nothing breaks, for goals are brought back, but nobody means it.
+std::string ReachWarning(const DaemonParameters& daemon, const RobotParameters& robot) {
+  const LimitParameters& limits = robot.limits;
+  LimitParameters led = limits;
+  led.max_tension_base_N = std::max(control::kLedShare * limits.max_tension_base_N, limits.min_tension_N);
+  const model::Body body(robot.body);
+  const double sure_rad = control::Reach(robot, body, led, 0, true).sure_rad();
+  if (sure_rad >= kHeldShare * limits.max_bending_rad) return "";
+  const char* bases = body.sections() > 1 ? "the base section carries all others, and " : "";
+  const std::string text = fmt::format(
+      "{:g} is far beyond what holds {}: {}{:g} of limits.max_tension_base_N ({:g} N) hold its {} {}; goals "
+      "beyond are brought back (status 103) and motions near them are slow (110); shorten or lighten what is "
+      "carried, thicken the backbone's base, or raise limits.max_tension_base_N",
+      limits.max_bending_rad, robot.name, bases, control::kLedShare, limits.max_tension_base_N,
+      body.sections() > 1 ? "sections" : "section",
+      sure_rad > 0 ? fmt::format("in every direction up to {:.2g} rad", sure_rad) : "not even straight");
+  return config::ErrorAt(daemon.robot_file, "limits.max_bending_rad", text).what();
 }
 
 // Keys of the resolved file that the file itself does not have, with the values that stand in.
@@ -111,6 +135,17 @@ void Check(const std::string& path) {
                "max_jerk_radps3, or lower what stands above them\n",
                delay_s);
   }
+  // This may not be the computer that it is for.
+  if (const long cpus = sysconf(_SC_NPROCESSORS_CONF); daemon.realtime.cpu >= cpus) {
+    const config::ConfigError at = config::ErrorAt(
+        path, "realtime.cpu",
+        fmt::format("{} is none of this computer's; accepted here: -1 (any), or 0 .. {}; correct it, unless "
+                    "the daemon runs on another one",
+                    daemon.realtime.cpu, cpus - 1));
+    fmt::print(stderr, "warning: {}\n", at.what());
+  }
+  if (const std::string line = ReachWarning(daemon, robot); !line.empty())
+    fmt::print(stderr, "warning: {}\n", line);
   for (const std::string& line : config::Warnings(daemon, robot, path))
     fmt::print(stderr, "warning: {}\n", line);
 }

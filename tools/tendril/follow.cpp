@@ -24,6 +24,7 @@
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
 #include "tendril/io/wire.h"
+#include "tendril_lcm/event_t.hpp"
 
 namespace tendril::tools {
 namespace {
@@ -42,6 +43,8 @@ volatile std::sig_atomic_t interrupted = 0;
 constexpr TimeNs kCommandPeriod_ns = 10 * kNsPerMs;
 // Long enough for a late scheduler, short enough that a dead stream stops the robot soon.
 constexpr double kValidFor_s = 0.1;
+// Its validity counts from a target's arrival.
+constexpr TimeNs kLetGo_ns = 20 * kNsPerMs;
 constexpr TimeNs kAnswer_ns = 3 * kNsPerS, kSilence_ns = kNsPerS, kArmingAtMost_ns = 10 * kNsPerS;
 // Further from the robot's reach than this, the motion was made for another robot.
 constexpr double kOutOfReach_m = 1e-3;
@@ -115,10 +118,17 @@ class Follower {
       state_ = s;
       heard_ns_ = clock_.Now();
       ++states_;
+      if (s.command_status == static_cast<std::int16_t>(Status::kAnotherSender) &&
+          io::SenderOf(s.command_sequence) == io::SenderOfProcess())
+        another_leads_ = s.command_status_text;
+    });
+    client_.OnEvent([this](const tendril_lcm::event_t& e) {
+      if (TellsThatItWaits(e.source, e.text)) waits_ = e.text;
     });
     lcm_->subscribe(io::ChannelName(options.lcm.prefix, "RUN"), &Follower::TakeRun, this);
     const TimeNs asked_ns = clock_.Now();
     while (!Heard() && clock_.Now() - asked_ns < kAnswer_ns && !interrupted) client_.Handle(20);
+    if (!Heard() && !waits_.empty()) throw std::runtime_error(NobodyAnswers(options_.lcm, 3, waits_));
     if (!Heard()) {
       throw std::runtime_error(fmt::format(
           "no daemon answers on {} ({}_STATE, {}_RUN) within 3 s; is tendrild running, of this version "
@@ -139,6 +149,7 @@ class Follower {
     fmt::print("{}\n", motion.description());
     Approach(motion.Start());
     Stream(motion);
+    LetGo();
   }
 
   /// Commands that somebody sends on channels of his own, as one even motion.
@@ -169,6 +180,7 @@ class Follower {
       CheckRunning();
     }
     fmt::print("{} samples followed; the last one expired: the robot rests on it\n", samples_);
+    LetGo();
   }
 
  private:
@@ -284,6 +296,10 @@ class Follower {
                                                ? "clear it with `tendril send clear`, then arm"
                                                : "arm it first with `tendril send arm`"));
     }
+    if (!another_leads_.empty()) {
+      throw std::runtime_error(fmt::format("the daemon refuses these commands: {} ({})", another_leads_,
+                                           static_cast<int>(Status::kAnotherSender)));
+    }
     // Now and then one is overtaken by another or comes late; all of them do not.
     if (state_.commands_accepted == accepted_ && state_.commands_refused > refused_ + kMostRefused) {
       throw std::runtime_error(fmt::format("the daemon refuses these commands: {}; the robot has not moved",
@@ -299,12 +315,21 @@ class Follower {
 
   void Send(Command command) {
     command.sequence = io::SequenceFromTime();
+    command.sender = io::SenderOfProcess();
     // As long again as the daemon extrapolates, or it would cut its own look ahead short.
     command.valid_for_ns = ToNs(kValidFor_s + extrapolates_s_);
+    leads_until_ns_ = clock_.Now() + command.valid_for_ns + kLetGo_ns;
     if (!client_.Send(command, EpochUs())) {
       throw std::runtime_error("LCM could not send on " + options_.lcm.url +
                                ": check the address and the route");
     }
+  }
+
+  // Until then the daemon takes targets from nobody else: who comes next in a script is not to be refused.
+  void LetGo() const {
+    std::fflush(stdout);
+    std::this_thread::sleep_for(
+        std::chrono::nanoseconds(std::max<TimeNs>(leads_until_ns_ - clock_.Now(), 0)));
   }
 
   // To the next point of the sending grid; points that a late scheduler passed over are left out, not made up
@@ -373,12 +398,14 @@ class Follower {
   double lead_s_ = 0, extrapolates_s_ = 0;
   tendril_lcm::run_t run_{};
   tendril_lcm::state_t state_{};
-  TimeNs heard_ns_ = 0;
+  TimeNs heard_ns_ = 0, leads_until_ns_ = 0;
   std::uint64_t states_ = 0;
   TipSolver* solver_ = nullptr;
   std::optional<SampleStream> stream_;
   std::optional<std::uint32_t> last_sequence_;
   std::string wrong_sample_;
+  std::string waits_;          // for what a daemon waits that does not control yet
+  std::string another_leads_;  // why our targets are refused; empty: they are not
   std::uint64_t samples_ = 0;
   std::int64_t accepted_ = 0, refused_ = 0;  // before the first command
 };

@@ -27,25 +27,26 @@ struct HomeOptions {
 std::atomic<bool> stop = false;
 
 // Sequence number of the request.
-std::uint32_t Request(io::Client& client, ModeRequest mode, const std::string& url) {
+std::int64_t Request(io::Client& client, ModeRequest mode, const std::string& url) {
   Command command;
   command.kind = CommandKind::kMode;
   command.mode = mode;
   command.sequence = io::SequenceFromTime();
+  command.sender = io::SenderOfProcess();
   command.valid_for_ns = kNsPerS;
   const std::int64_t now_us = std::chrono::duration_cast<std::chrono::microseconds>(
                                   std::chrono::system_clock::now().time_since_epoch())
                                   .count();
   if (!client.Send(command, now_us)) throw std::runtime_error("LCM could not send the command on " + url);
-  return command.sequence;
+  return io::SequenceOf(command);
 }
 
 void Home(const HomeOptions& o) {
   io::Client client(o.lcm.url, o.lcm.prefix);
-  std::uint32_t sequence = 0;
+  std::int64_t sequence = 0;
   bool heard = false, seen = false;
   tendril_lcm::state_t state{};
-  std::string last_fault;
+  std::string last_fault, waits;
   client.OnState([&](const tendril_lcm::state_t& s) {
     heard = true;
     seen = seen || s.command_sequence == sequence;
@@ -53,17 +54,13 @@ void Home(const HomeOptions& o) {
   });
   client.OnEvent([&](const tendril_lcm::event_t& e) {
     if (e.source == "controller" && e.status != 0) last_fault = e.text;
+    if (TellsThatItWaits(e.source, e.text)) waits = e.text;
   });
   sequence = Request(client, ModeRequest::kHome, o.lcm.url);
   const MonotonicClock clock;
   const TimeNs asked_ns = clock.Now(), end_ns = asked_ns + static_cast<TimeNs>(o.timeout_s * 1e9);
   while (!seen && clock.Now() < asked_ns + 2 * kNsPerS) client.Handle(20);
-  if (!heard) {
-    throw std::runtime_error(
-        fmt::format("no daemon answers on {} ({}_STATE) within 2 s; is tendrild running, with the "
-                    "same --lcm and --prefix?",
-                    o.lcm.url, o.lcm.prefix));
-  }
+  if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, 2, waits));
   if (!seen)
     throw std::runtime_error("the daemon is there but did not see the command within 2 s; try again");
   if (state.command_status != 0) {

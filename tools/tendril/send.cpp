@@ -2,6 +2,7 @@
 // daemon judges.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <memory>
 #include <stdexcept>
@@ -13,16 +14,21 @@
 #include "tendril/core/cycle.h"
 #include "tendril/core/status.h"
 #include "tendril/io/client.h"
+#include "tendril_lcm/event_t.hpp"
 #include "tendril_lcm/state_t.hpp"
 
 namespace tendril::tools {
 namespace {
 
+// A daemon that is started takes two seconds to be sure that it is alone, and its drives some more.
+constexpr double kTimeout_s = 2, kArmTimeout_s = 15;
+constexpr TimeNs kLeastForAnswer_ns = 500 * kNsPerMs;
+
 struct SendOptions {
   LcmOptions lcm;
   double speed_radps = 0;
   double valid_for_s = 1;
-  double timeout_s = 2;
+  double timeout_s = -1;  // not given
   std::vector<double> values;
 };
 
@@ -43,45 +49,95 @@ std::string Describe(const tendril_lcm::state_t& state) {
   return text;
 }
 
+TimeNs ToNs(double seconds) { return static_cast<TimeNs>(seconds * static_cast<double>(kNsPerS)); }
+
+bool Is(const Command& command, ModeRequest request) {
+  return command.kind == CommandKind::kMode && command.mode == request;
+}
+
+// What is waited for is told when it is not there at once.
+class Waiting {
+ public:
+  void For(const std::string& what) {
+    if (what == told_ || clock_.Now() < since_ns_ + kTellAfter_ns) return;
+    told_ = what;
+    fmt::print(stderr, "waiting for {}\n", what);
+  }
+
+ private:
+  static constexpr TimeNs kTellAfter_ns = 300 * kNsPerMs;
+  MonotonicClock clock_;
+  TimeNs since_ns_ = clock_.Now();
+  std::string told_;
+};
+
+// A robot whose daemon or drives are still starting is armed when they are ready. A drive in fault will not
+// be without its operator.
+void AwaitDrives(const SendOptions& o, io::Client& client, const tendril_lcm::state_t& latest,
+                 const std::string& waits, TimeNs end_ns) {
+  const MonotonicClock clock;
+  Waiting waiting;
+  while (clock.Now() < end_ns) {
+    client.Handle(20);
+    if (latest.utime == 0) {
+      waiting.For(fmt::format("a daemon on {} ({}_STATE){}{}", o.lcm.url, o.lcm.prefix,
+                              waits.empty() ? "" : ", which is ", waits));
+      continue;
+    }
+    if (latest.mode != tendril_lcm::state_t::MODE_DISCONNECTED ||
+        latest.status == static_cast<std::int16_t>(Status::kDriveHasFault))
+      return;
+    waiting.For(latest.status == 0 ? "the drives" : "the drives: " + latest.status_text);
+  }
+}
+
 void Send(const SendOptions& o, Command command) {
-  command.sequence = io::SequenceFromTime();
-  command.valid_for_ns = static_cast<TimeNs>(o.valid_for_s * static_cast<double>(kNsPerS));
+  command.sender = io::SenderOfProcess();
+  command.valid_for_ns = ToNs(o.valid_for_s);
   command.speed_radps = o.speed_radps;
 
+  const bool arm = Is(command, ModeRequest::kArm), clear = Is(command, ModeRequest::kClear);
+  const double timeout_s = o.timeout_s >= 0 ? o.timeout_s : arm ? kArmTimeout_s : kTimeout_s;
+
   io::Client client(o.lcm.url, o.lcm.prefix);
-  bool heard = false, answered = false, settled = false;
-  tendril_lcm::state_t answer{};
+  bool answered = false, settled = false;
+  tendril_lcm::state_t latest{}, answer{};
+  std::string waits;
   client.OnState([&](const tendril_lcm::state_t& state) {
-    heard = true;
-    if (settled || state.command_sequence != command.sequence) return;
+    latest = state;
+    if (settled || command.sequence == 0 || state.command_sequence != io::SequenceOf(command)) return;
     answered = true;
     // Drives that a clear starts again take a moment, in which nothing is to be said yet.
-    const bool clear = command.kind == CommandKind::kMode && command.mode == ModeRequest::kClear;
     settled = !clear || state.command_status != 0 || state.mode != tendril_lcm::state_t::MODE_DISCONNECTED;
     answer = state;
   });
+  client.OnEvent([&](const tendril_lcm::event_t& e) {
+    if (TellsThatItWaits(e.source, e.text)) waits = e.text;
+  });
+  const MonotonicClock clock;
+  TimeNs end_ns = clock.Now() + ToNs(timeout_s);
+  if (arm && timeout_s > 0) {
+    AwaitDrives(o, client, latest, waits, end_ns);
+    if (latest.utime == 0) throw std::runtime_error(NobodyAnswers(o.lcm, timeout_s, waits));
+    end_ns = std::max(end_ns, clock.Now() + kLeastForAnswer_ns);
+  }
+  command.sequence = io::SequenceFromTime();
   if (!client.Send(command, EpochUs())) {
     throw std::runtime_error("LCM could not send the command on " + o.lcm.url);
   }
-  const MonotonicClock clock;
-  const TimeNs end_ns = clock.Now() + static_cast<TimeNs>(o.timeout_s * static_cast<double>(kNsPerS));
   while (!settled && clock.Now() < end_ns) client.Handle(20);
-  if (o.timeout_s == 0) return;
-  if (!heard) {
-    throw std::runtime_error(
-        fmt::format("no daemon answers on {} ({}_STATE) within {:g} s; is tendrild running, with the same "
-                    "--lcm and --prefix?",
-                    o.lcm.url, o.lcm.prefix, o.timeout_s));
-  }
+  if (timeout_s == 0) return;
+  if (latest.utime == 0) throw std::runtime_error(NobodyAnswers(o.lcm, timeout_s, waits));
   if (!answered) {
     throw std::runtime_error(
-        fmt::format("the daemon is there but did not see the command within {:g} s; try again", o.timeout_s));
+        fmt::format("the daemon is there but did not see the command within {:g} s; try again", timeout_s));
   }
   if (answer.command_status != 0) {
     std::string more;
     for (const std::int16_t number : answer.reported) {
       const auto status = static_cast<Status>(number);
-      if (number != answer.command_status)
+      // That there are two senders is what a target was refused for.
+      if (number != answer.command_status && status != Status::kTwoSenders)
         more += fmt::format(": {} {}; {}", number, StatusText(status), StatusRemedy(status));
     }
     throw std::runtime_error(fmt::format("{} ({}, mode {}{})", answer.command_status_text,
@@ -126,12 +182,15 @@ void AddSendCommand(CLI::App& app) {
   AddLcmOptions(*send, o->lcm);
   send->add_option("--speed", o->speed_radps,
                    "bending speed towards the target [rad/s]; 0: the daemon's default")
-      ->check(NumberFrom(0, 1e3, "leave it out for the daemon's own"));
+      ->check(NumberFrom(0, kMostSpeed_radps, "leave it out for the daemon's own"));
   send->add_option("--valid-for", o->valid_for_s, "how old the command may get before it is refused [s]")
       ->capture_default_str()
       ->check(NumberFrom(1e-3, 3600, "give seconds"));
-  send->add_option("--timeout", o->timeout_s, "how long to wait for the daemon's answer [s]; 0: not at all")
-      ->capture_default_str()
+  send->add_option(
+          "--timeout", o->timeout_s,
+          fmt::format("how long to wait for the daemon's answer [s] ({:g} unless given); arm: for the "
+                      "daemon and its drives to be ready, too ({:g}); 0: not at all",
+                      kTimeout_s, kArmTimeout_s))
       ->check(NumberFrom(0, 3600, "give seconds"));
   send->require_subcommand(1);
   AddTarget(*send, o, "tip", "Move the tip to a point in the base frame", "X Y Z [m]", 3, 3,

@@ -293,7 +293,7 @@ void Status(const StatusOptions& o) {
   bool heard = false;
   TimeNs heard_ns = clock.Now();
   tendril_lcm::state_t state{};
-  std::string last_event;
+  std::string last_event, waits;
   client.OnState([&](const tendril_lcm::state_t& s) {
     heard = true;
     heard_ns = clock.Now();
@@ -307,18 +307,16 @@ void Status(const StatusOptions& o) {
     if (r.start_utime != started_utime) subject = SubjectOf(r);
     started_utime = r.start_utime;
   });
-  client.OnEvent([&](const tendril_lcm::event_t& e) { last_event = e.source + ": " + e.text; });
+  client.OnEvent([&](const tendril_lcm::event_t& e) {
+    last_event = e.source + ": " + e.text;
+    if (TellsThatItWaits(e.source, e.text)) waits = e.text;
+  });
 
   const auto wait = [&](TimeNs until_ns, bool first_only) {
     while (interrupted == 0 && clock.Now() < until_ns && !(first_only && heard)) client.Handle(20);
   };
   wait(clock.Now() + static_cast<TimeNs>(kFirstWithin_s * 1e9), true);
-  if (!heard) {
-    throw std::runtime_error(
-        fmt::format("no daemon answers on {} ({}_STATE) within {:g} s; is tendrild running, with the same "
-                    "--lcm and --prefix?",
-                    o.lcm.url, o.lcm.prefix, kFirstWithin_s));
-  }
+  if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, kFirstWithin_s, waits));
   if (!o.watch) {
     Show(o, subject, state, statistics, "");
     return;

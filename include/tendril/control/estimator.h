@@ -23,7 +23,7 @@ class Estimator {
 
   /// `tables` has one entry a tendon and, like `body`, outlives the estimator.
   Estimator(const RobotParameters& robot, const model::Body& body,
-            const std::vector<std::shared_ptr<const model::CapstanTable>>& tables);
+            const std::vector<std::shared_ptr<const model::CapstanTable>>& tables, double period_s);
 
   /// Fills the estimate part of `output` from the drives' raw values.
   ///
@@ -36,8 +36,10 @@ class Estimator {
   ///
   /// A tendon whose cell shows no pull hangs, and shows nothing of the shape: as its tension goes from
   /// kTaut to kSlack of the least tension, or to the cell's noise, its weight goes to zero and its variance
-  /// to that of anywhere in its range. What no tendon shows is taken to be straight, give or take all that a
-  /// section bends.
+  /// beyond that of anywhere in its range; taut again it counts as before a few cycles later. While one
+  /// hangs, each tendon counts by its variance beside what is expected: last cycle's bend, gone on towards
+  /// the shape that balances the tensions (stiffness, weight, the other section's tendons), as sure as last
+  /// cycle's covariance was and a little less, until it may be anywhere that a section bends.
   void Step(const CycleInput& input, CycleOutput& output) noexcept;
 
   /// Of each tendon's path in the body, as of the last Step: displacement less stretch.
@@ -57,19 +59,33 @@ class Estimator {
     double sensor_variance_N2;  // of the load cell; without one, of the torque as tension before losses
     LoadCellPlace place;
     double slack_N, range_variance_m2;
+    double taut;  // from 0, a tendon that hangs, to 1
     std::int32_t zero_counts = 0;
     model::StopOperators<4> presliding;
   };
 
-  void EstimateBending(const TendonVector& variance_m2, BendingMatrix& covariance_rad2) noexcept;
+  // Of this cycle's bend, before the tendons are asked: how far from last cycle's, a root of the covariance,
+  // and what that counts beside the tendons.
+  struct Expected {
+    BendingVector step_rad;
+    BendingMatrix root_rad, count;
+  };
+
+  BendingVector Settling(const TendonVector& tension_base_N) noexcept;
+  void EstimateBending(const TendonVector& counts, const TendonVector& variance_m2,
+                       const Expected& expected) noexcept;
 
   const model::Body& body_;
   const std::vector<std::shared_ptr<const model::CapstanTable>>& tables_;
-  double min_tension_N_, max_bending_rad_;
+  double min_tension_N_, max_bending_rad_, straight_rad2_;
+  double kept_, grips_;                   // of what is expected, and of a tendon's grip, in a cycle
+  BendingVector stiffness_Nm_;            // both entries of a section alike
+  std::vector<double> curvature_mprad2_;  // a bend b of a section makes paths b^2 / 2 of this shorter
   std::vector<Tendon> tendons_;
   BendingVector bending_rad_;
   TendonVector shortening_m_, weight_;
-  UnitVector q_;
+  BendingMatrix covariance_rad2_;
+  UnitVector q_, unit_force_Nm_;
 };
 
 }  // namespace tendril::control

@@ -3,6 +3,10 @@
 // reached.
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <limits>
+
 #include "tendril/core/cycle.h"
 #include "tendril/core/robot.h"
 
@@ -42,7 +46,14 @@ class CommandGate {
   /// Ok when the command may act in this mode, else why not. An accepted target replaces the current one.
   /// A disarm is accepted however old it is and whatever came before it. `away_m` is how far a commanded tip
   /// is from the nearest point that the robot can be led to: up to kOutOfReach is admitted.
+  /// A sender of moving targets, or of one target after the other, leads until the last of them has expired
+  /// (after a second at most), and one that commissions until that ends: another's targets are refused
+  /// meanwhile. Single targets lead nothing, and anybody may ask for a mode. Sequence numbers are each
+  /// sender's own.
   Status Admit(const Command& command, Mode mode, TimeNs now_ns, double away_m = 0) noexcept;
+
+  /// Whether a target was refused lately for being another sender's than those that lead.
+  bool Contended(TimeNs now_ns) const noexcept { return now_ns < contended_until_ns_; }
 
   const Target& target() const noexcept { return target_; }
   /// Forgets the target: nothing is wanted until the next command.
@@ -51,13 +62,25 @@ class CommandGate {
   void Remember(StateArchive& archive) noexcept;
 
  private:
+  // What came last from one sender.
+  struct Seen {
+    bool any = false;
+    std::uint64_t number = 0;
+    TimeNs at_ns = std::numeric_limits<TimeNs>::min();
+  };
+
   Status CheckValues(const Command& command, Mode mode) const noexcept;
+  /// Of this command's sender; of one that is new in place of whom nothing was heard from for longest.
+  Seen& LastOf(const Command& command) noexcept;
 
   int sections_, tendons_;
   double out_of_reach_m_, max_bending_rad_, max_tension_N_, default_speed_radps_, bare_pull_N_;
-  bool any_ = false;
-  std::uint32_t last_sequence_ = 0;
-  TimeNs last_seen_ns_ = 0;
+  std::array<Seen, 8> seen_;  // more than who operates one robot at a time
+  // Sender and sequence of the last target, or of the request to commission, and of the last of another
+  // sender before; and how long these targets are valid.
+  std::uint64_t leader_ = 0, before_ = 0;
+  TimeNs expires_ns_ = 0, before_expires_ns_ = 0;
+  TimeNs leads_until_ns_ = 0, contended_until_ns_ = 0;
   Target target_;
 };
 

@@ -32,6 +32,8 @@ class Reach {
   /// for them at most T_min [rad/s]; that last only where the goal stands, for whoever sends a moving one has
   /// chosen how it gathers speed.
   double Rate_radps(const BendingVector& bending_rad, bool goal_moves) const noexcept;
+  /// S: bent by no more than this, sections are held in every direction; 0 where not even straight.
+  double sure_rad() const noexcept { return sure_rad_; }
   /// The same where nothing is pulled for rotors: tensions that are commanded.
   double UnpulledRate_radps() const noexcept { return rate_per_N_ * 0.5 * min_tension_N_; }
 
@@ -42,7 +44,7 @@ class Reach {
   model::TensionAllocator allocator_;
   double min_tension_N_, max_tension_N_;
   double rate_per_N_ = 0, most_room_N_;
-  double sure_rad_ = 0;                  // bent by no more than this, sections are held in every direction
+  double sure_rad_ = 0;
   BendingVector asked_rad_, given_rad_;  // of the last call that had to look for it
   UnitVector q_, unit_force_Nm_;
   BendingVector force_Nm_;

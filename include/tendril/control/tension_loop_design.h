@@ -8,6 +8,12 @@
 
 namespace tendril::control {
 
+struct TensionLoopMargins {
+  double gain = 0;       // all feedback may grow by this factor before something oscillates
+  double phase_deg = 0;  // smallest over the drives, each loop cut at its torque with the others closed
+  bool stable = false;
+};
+
 /// u = travel (k_p e + k_i integral e) + k_v (w_wanted - w), e the tension error behind a low-pass and w the
 /// motor's velocity from its encoder behind another.
 struct TensionLoopGains {
@@ -16,12 +22,7 @@ struct TensionLoopGains {
   double integral_ps = 0;      // k_i
   double cell_filter_s = 0, velocity_filter_s = 0;
   std::vector<double> damping_Nms;  // k_v, a tendon
-};
-
-struct TensionLoopMargins {
-  double gain = 0;       // all feedback may grow by this factor before something oscillates
-  double phase_deg = 0;  // smallest over the drives, each loop cut at its torque with the others closed
-  bool stable = false;
+  TensionLoopMargins margins;       // that DesignTensionLoop found for them
 };
 
 /// What every design has to leave: the gear alone changes the loop's gain by its efficiency and the inverse.

@@ -34,6 +34,7 @@ enum class ModeRequest : std::uint8_t {
 struct Command {
   CommandKind kind = CommandKind::kNone;
   std::uint32_t sequence = 0;           // of the sender, must increase
+  std::uint32_t sender = 0;             // a number that is this sender's alone; 0: it has none
   TimeNs received_ns = 0;               // controller's clock, when it arrived at the gateway
   TimeNs valid_for_ns = 0;              // a target is refused when older; a moving one stops when it expires
   ModeRequest mode = ModeRequest::kHold;

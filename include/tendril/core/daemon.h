@@ -104,6 +104,12 @@ struct RealtimeParameters {
 bool IsChannelPrefix(std::string_view prefix) noexcept;
 inline constexpr std::string_view kChannelPrefixRule = "1 to 40 letters, digits and '_'";
 
+/// udpm://ADDRESS:PORT with a multicast address, as LCM understands it; or one of its other kinds, unchecked.
+bool IsLcmUrl(std::string_view url) noexcept;
+inline constexpr std::string_view kLcmUrlRule =
+    "udpm://ADDRESS:PORT?ttl=N with a multicast address (224.0.0.0 to 239.255.255.255), a port from 1 to 65535 "
+    "and a ttl from 0 (this computer) to 255, e.g. udpm://239.255.76.67:7667?ttl=0; or memq://, tcpq://";
+
 struct LcmParameters {
   std::string url;
   std::string channel_prefix;           // channels are PREFIX_STATE, PREFIX_CYCLE, ...

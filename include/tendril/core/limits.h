@@ -10,6 +10,9 @@ inline constexpr int kMaxSections = 4;
 inline constexpr int kMaxTendons = 16;   // over all sections
 inline constexpr int kMaxUnits = 64;     // over all sections
 
+/// What no command may ask for, far beyond any robot: whoever does means something else.
+inline constexpr double kMostSpeed_radps = 1e3, kMostTip_m = 100, kMostTipSpeed_mps = 100;
+
 /// One value a tendon, in tendon order 1..M over the sections; storage inside the object.
 using TendonVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxTendons, 1>;
 /// (us_1, vs_1, ..., us_K, vs_K) of the sections [rad].

@@ -23,16 +23,17 @@ namespace tendril {
   X(SlowedByTension, 110, "motion slowed: rotors as fast as that would take more tension than the limits leave", "command a slower motion or less bending; with law: paper, more limits.min_tension_N or law: equilibrium") \
   X(LimitedShapeCorrection, 111, "correction by the tendons' displacement limited to half of what the robot's stiffness takes", "look for what holds or loads the robot; else find what differs: tendril gap diagnose") \
   X(CommandNotFinite, 201, "command refused: not finite", "send numbers only")                                      \
-  X(CommandOutOfRange, 202, "command refused: out of range", "see the robot file's limits")                         \
-  X(CommandStale, 203, "command refused: older than its validity", "check the sender's clock and rate")             \
+  X(CommandOutOfRange, 202, "command refused: out of range", "see the robot file's limits; of no robot: more than 1000 rad/s, 100 m or 100 m/s")                 \
+  X(CommandStale, 203, "command refused: older than its validity", "send it again, with a longer valid_for_s where it may have to wait; of a stream: see what holds up its sender, the network or the daemon") \
   X(CommandWrongMode, 204, "command refused in this mode", "arm from configured or hold, home and commission from configured, targets while running, clear in fault; disconnected: wait for the drives, or clear when one failed to start") \
-  X(CommandOutOfOrder, 205, "command refused: sequence number not newer than the last", "one sender at a time")     \
+  X(CommandOutOfOrder, 205, "command refused: sequence number not newer than this sender's last", "count on from the last, or by the clock as Tendril's programs do; two programs need two numbers of their own") \
   X(CommandWrongSize, 206, "command refused: number of values does not fit the robot", "one pair per section, one tension per tendon") \
   X(NotCommissioned, 207, "command refused: this robot was never commissioned as its files are now", "run tendril commission --config FILE; for a simulation start tendrild with --simulated, or say commissioning: not_required in its file") \
   X(ClearTooEarly, 208, "clear refused: tensions of the fault are still on their way down", "send it again in a moment") \
   X(NotAlone, 209, "command refused: another daemon answers on the same LCM channels and would obey it as well", "stop one of the two, or give each an lcm.channel_prefix (or lcm.url) of its own") \
   X(DriveExchanged, 210, "command refused: a drive is another one than at commissioning", "run tendril commission --config FILE again, or put the drive back; exchanged_drives: warn lets it arm") \
   X(TargetOutOfReach, 211, "command refused: the tip asked for is farther out of reach than a tenth of the robot's length", "ask for a point nearer to what the robot reaches") \
+  X(AnotherSender, 212, "command refused: another program's targets lead this robot", "end one of the two; these count once the other's targets have stopped, or its commissioning has ended") \
   X(CommandExpired, 301, "command stream expired: holding the last target", "keep sending within valid_for_s")      \
   X(FeedbackMissing, 302, "a drive's TPDO is missing this cycle", "check the bus")                                  \
   X(Slack, 303, "a tendon is slack", "check pretension and the tendon's path")                                      \
@@ -55,6 +56,7 @@ namespace tendril {
   X(AnotherDaemon, 320, "another daemon answers on the same LCM channels: disarmed", "stop one of the two, or give each an lcm.channel_prefix (or lcm.url) of its own; then arm") \
   X(MessageIgnored, 321, "a message could not be understood and was ignored", "compare the sender's lcm_types with the daemon's") \
   X(TrackerDisagrees, 322, "tracker and tendons disagree on the tip by more than a tenth of the robot's length", "check the tracker's frame and units; else disarm, look whether the robot is straight and no tendon off its pulley, and arm") \
+  X(TwoSenders, 323, "two programs send targets: one leads, the other's are refused", "end one of the two; the log names them") \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \

@@ -17,6 +17,9 @@ std::string CommandText(const Command& command);
 /// Why a tip was refused as out of reach, with the nearest point that a robot of that length can be led to.
 std::string OutOfReachText(const Command& command, const Eigen::Vector3d& nearest_W_m, double length_m);
 
+/// Why a target was refused whose sender is not the one that leads.
+std::string AnotherSenderText(std::uint32_t leader, Mode mode);
+
 class Refusals {
  public:
   using Tell = std::function<void(Status cause, const std::string& text)>;

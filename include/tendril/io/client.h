@@ -55,4 +55,13 @@ class Client {
 /// only.
 std::uint32_t SequenceFromTime();
 
+/// Command::sender of whoever sends from this process: its number, and above that something of the host's
+/// name.
+std::uint32_t SenderOfProcess();
+/// The sequence number that a message carries for a command: above its own that of its sender.
+std::int64_t SequenceOf(const Command& command);
+std::uint32_t SenderOf(std::int64_t sequence);
+/// For people: "process 4711".
+std::string SenderText(std::uint32_t sender);
+
 }  // namespace tendril::io

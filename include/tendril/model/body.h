@@ -89,6 +89,8 @@ class Body {
   void TendonShortening(ConstVectorRef q, VectorRef shortening_m) const noexcept;
   /// M x 2N, dL_j/dq [m/rad].
   void TendonLengthJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept;
+  /// Both at once, for little more than one of them.
+  void TendonShortening(ConstVectorRef q, VectorRef shortening_m, MatrixRef length_jacobian) const noexcept;
   /// M x N: straight length of each tendon within each unit of the straight robot, less that at q [m]; a
   /// row's sum is the tendon's shortening. 0 beyond its end.
   void SpanShortening(ConstVectorRef q, MatrixRef shortening_m) const noexcept;
