@@ -108,6 +108,13 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
     say(key, value, what, why,
         fmt::format("set {:g} (below {:.4g})", digit * std::floor(suggested / digit + 1e-9), kLate * bound));
   };
+  if (!daemon.lcm.url.starts_with("udpm://")) {
+    lines.emplace_back(
+        ErrorAt(daemon_path, "lcm.url",
+                "'" + daemon.lcm.url +
+                    "' reaches nobody outside of the daemon's own process; set udpm://ADDRESS:PORT?ttl=N")
+            .what());
+  }
   const std::string guards = "controller.guards.";
   const auto of = [](const Bound& b) { return fmt::format("tendon {}", b.tendon); };
 

@@ -24,4 +24,18 @@ std::string_view StatusRemedy(Status status) noexcept {
   return "";
 }
 
+bool ExplainsMode(Status status) noexcept {
+  switch (status) {
+    case Status::kCommandsSilent:
+    case Status::kCommissioningEnded:
+    case Status::kDriveHasFault:
+    case Status::kDriveAbsent:
+    case Status::kUnattended:
+    case Status::kAnotherDaemon:
+      return true;
+    default:
+      return IsFault(status);
+  }
+}
+
 }  // namespace tendril

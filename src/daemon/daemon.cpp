@@ -482,6 +482,13 @@ struct Daemon::State {
     return fmt::format(" (tendon {}, node {})", out.blamed_tendon, setups[j].node_id);
   }
 
+  // Of a change of mode; Ok where a command or the drives' progress led there.
+  static Status CauseOf(const CycleOutput& out) {
+    if (IsFault(out.status)) return out.status;
+    const auto cause = std::find_if(out.reported.begin(), out.reported.end(), ExplainsMode);
+    return cause == out.reported.end() ? Status::kOk : *cause;
+  }
+
   // Empty where the status tells it all.
   std::string WhyRefused(const Command& command, const CycleOutput& out) const {
     if (out.command_status == Status::kTargetOutOfReach)
@@ -505,11 +512,11 @@ struct Daemon::State {
       gateway.PublishCycle(next.record);
       Count(next);
       if (out.mode != last_mode || (out.status != last_status && IsFault(out.status))) {
-        const Status status = IsFault(out.status) ? out.status : Status::kOk;
-        const std::string what = fmt::format("{}{}", StatusText(out.status), WhoseFault(out));
+        const Status cause = CauseOf(out), status = IsFault(cause) ? cause : Status::kOk;
+        const std::string what = fmt::format("{}{}", StatusText(cause), WhoseFault(out));
         Event(status, "controller",
               fmt::format("{} -> {}: {} {}", ModeText(last_mode), ModeText(out.mode),
-                          static_cast<int>(out.status), what));
+                          static_cast<int>(cause), what));
         if (IsFault(status)) statistics.last_fault = {EpochUs(), status, what};
       }
       last_mode = out.mode;

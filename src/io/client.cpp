@@ -21,6 +21,12 @@ namespace {
 constexpr int kProcessBits = 22;
 constexpr std::uint32_t kNotNegative = 0x7fff'ffff;
 
+std::uint32_t ThisHost() {
+  std::array<char, 256> host{};
+  if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '?';
+  return (static_cast<std::uint32_t>(std::hash<std::string>{}(host.data())) << kProcessBits) & kNotNegative;
+}
+
 }  // namespace
 
 struct Client::State {
@@ -31,13 +37,15 @@ struct Client::State {
         tip_channel(ChannelName(prefix, "COMMAND_TIP")),
         bending_channel(ChannelName(prefix, "COMMAND_BENDING")),
         tension_channel(ChannelName(prefix, "COMMAND_TENSION")),
-        mode_channel(ChannelName(prefix, "COMMAND_MODE")) {}
+        mode_channel(ChannelName(prefix, "COMMAND_MODE")) {
+    Subscribe<&State::event, &State::TakeEvent>("EVENT");
+  }
 
   ~State() {
     for (lcm_subscription_t* s : subscriptions) lcm_unsubscribe(lcm->getUnderlyingLCM(), s);
   }
 
-  template <auto Message, auto Sink>
+  template <auto Message, auto Take>
   void Subscribe(const std::string& name) {
     subscriptions.push_back(lcm_subscribe(
         lcm->getUnderlyingLCM(), ChannelName(prefix, name).c_str(),
@@ -47,9 +55,17 @@ struct Client::State {
           self->*Message = {};
           // What another version sends is none of our business.
           if (!Decode(bytes->data, static_cast<int>(bytes->data_size), self->*Message)) return;
-          (self->*Sink)(self->*Message);
+          (self->*Take)();
         },
         this));
+  }
+
+  void TakeState() { state_sink(state); }
+  void TakeStatistics() { statistics_sink(statistics); }
+  void TakeRun() { run_sink(run); }
+  void TakeEvent() {
+    if (event.source == "daemon" && event.text.starts_with("waiting: ")) waits = event.text;
+    if (event_sink) event_sink(event);
   }
 
   std::unique_ptr<lcm::LCM> owned;
@@ -64,6 +80,7 @@ struct Client::State {
   tendril_lcm::event_t event{};
   tendril_lcm::statistics_t statistics{};
   tendril_lcm::run_t run{};
+  std::string waits;
 };
 
 Client::Client(const std::string& url, const std::string& channel_prefix)
@@ -77,25 +94,25 @@ Client::~Client() = default;
 void Client::OnState(StateSink sink) {
   const bool first = !state_->state_sink;
   state_->state_sink = std::move(sink);
-  if (first) state_->Subscribe<&State::state, &State::state_sink>("STATE");
+  if (first) state_->Subscribe<&State::state, &State::TakeState>("STATE");
 }
 
 void Client::OnEvent(EventSink sink) {
-  const bool first = !state_->event_sink;
   state_->event_sink = std::move(sink);
-  if (first) state_->Subscribe<&State::event, &State::event_sink>("EVENT");
 }
+
+const std::string& Client::waits() const noexcept { return state_->waits; }
 
 void Client::OnStatistics(StatisticsSink sink) {
   const bool first = !state_->statistics_sink;
   state_->statistics_sink = std::move(sink);
-  if (first) state_->Subscribe<&State::statistics, &State::statistics_sink>("STATISTICS");
+  if (first) state_->Subscribe<&State::statistics, &State::TakeStatistics>("STATISTICS");
 }
 
 void Client::OnRun(RunSink sink) {
   const bool first = !state_->run_sink;
   state_->run_sink = std::move(sink);
-  if (first) state_->Subscribe<&State::run, &State::run_sink>("RUN");
+  if (first) state_->Subscribe<&State::run, &State::TakeRun>("RUN");
 }
 
 namespace {
@@ -160,11 +177,7 @@ std::uint32_t SequenceFromTime() {
 }
 
 std::uint32_t SenderOfProcess() {
-  std::array<char, 256> host{};
-  if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '?';
-  const std::uint32_t on_host = static_cast<std::uint32_t>(std::hash<std::string>{}(host.data()))
-                                << kProcessBits;
-  return (on_host | static_cast<std::uint32_t>(getpid())) & kNotNegative;
+  return ThisHost() | static_cast<std::uint32_t>(getpid());
 }
 
 std::int64_t SequenceOf(const Command& c) {
@@ -177,7 +190,16 @@ std::uint32_t SenderOf(std::int64_t sequence) {
 
 std::string SenderText(std::uint32_t sender) {
   if (sender == 0) return "a program that does not name itself";
-  return "process " + std::to_string(sender % (1U << kProcessBits));
+  const std::uint32_t process = sender % (1U << kProcessBits);
+  if (process != 0 && sender - process == ThisHost()) return "process " + std::to_string(process);
+  return "sender " + std::to_string(sender);
+}
+
+Status ReasonForMode(const tendril_lcm::state_t& state) {
+  for (const std::int16_t number : state.reported) {
+    if (ExplainsMode(static_cast<Status>(number))) return static_cast<Status>(number);
+  }
+  return Status::kOk;
 }
 
 }  // namespace tendril::io

@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -28,18 +27,11 @@ constexpr int kMaxAtOnce = 10'000;
 // LCM itself only prints a hint and waits for its own packets; asking the kernel for a route beforehand is
 // immediate.
 void RequireMulticastRoute(const std::string& url) {
-  std::string address = "239.255.76.67";
-  std::string target = url.substr(kUdpm.size());
-  target = target.substr(0, target.find('?'));
-  if (const std::string host = target.substr(0, target.find(':')); !host.empty()) address = host;
+  const std::string address = url.substr(kUdpm.size(), url.find(':', kUdpm.size()) - kUdpm.size());
   sockaddr_in to{};
   to.sin_family = AF_INET;
   to.sin_port = htons(7667);
-  if (inet_pton(AF_INET, address.c_str(), &to.sin_addr) != 1 || !IN_MULTICAST(ntohl(to.sin_addr.s_addr))) {
-    throw std::runtime_error("LCM address '" + url + "': " + address +
-                             " is not a multicast address; use 224.0.0.0 to 239.255.255.255, for example "
-                             "udpm://239.255.76.67:7667?ttl=0");
-  }
+  inet_pton(AF_INET, address.c_str(), &to.sin_addr);
   const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (fd < 0) throw std::runtime_error("LCM address '" + url + "': no socket: " + std::strerror(errno));
   sockaddr any{};
@@ -64,14 +56,10 @@ std::unique_ptr<lcm::LCM> OpenLcm(const std::string& url) {
     const char* variable = std::getenv("LCM_DEFAULT_URL");
     address = variable != nullptr && *variable != '\0' ? variable : "udpm://239.255.76.67:7667?ttl=0";
   }
-  // LCM would print a line of its own about an unknown kind.
-  constexpr std::array<std::string_view, 5> kKinds = {kUdpm, "mpudpm://", "memq://", "tcpq://", "file://"};
-  if (std::none_of(kKinds.begin(), kKinds.end(),
-                   [&](std::string_view k) { return address.starts_with(k); })) {
-    throw std::runtime_error(
-        "LCM address '" + address +
-        "' cannot be opened: it must begin with udpm://, mpudpm://, memq://, tcpq:// or file://; "
-        "use for example udpm://239.255.76.67:7667?ttl=0");
+  // LCM would print a line of its own about what it does not know, or ignore it.
+  if (!IsLcmUrl(address)) {
+    throw std::runtime_error("LCM address '" + address + "' cannot be opened; accepted: " +
+                             std::string(kLcmUrlRule) + "; correct it");
   }
   if (address.starts_with(kUdpm)) RequireMulticastRoute(address);
   auto lcm = std::make_unique<lcm::LCM>(address);

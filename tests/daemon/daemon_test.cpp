@@ -680,7 +680,7 @@ TEST_F(DaemonTest, OfTwoSendersOneLeadsAndStateAndLogTellOfBoth) {
   }
   const std::int64_t sent = bend(4712, -0.1);
   const std::string why =
-      "process 4711 leads the robot, and targets of others are refused while its own come; end one of the "
+      "sender 4711 leads the robot, and targets of others are refused while its own come; end one of the "
       "two";
   EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
     return s.command_sequence == sent && s.command_status == static_cast<int>(Status::kAnotherSender) &&
@@ -689,8 +689,18 @@ TEST_F(DaemonTest, OfTwoSendersOneLeadsAndStateAndLogTellOfBoth) {
   EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
     return s.cycle % 2 == 0 && s.status == static_cast<int>(Status::kTwoSenders);
   }));
-  EXPECT_TRUE(Warns(fmt::format("gate: bend -0.1 0 rad (sequence {} of process 4712)", sequence), why));
+  EXPECT_TRUE(Warns(fmt::format("gate: bend -0.1 0 rad (sequence {} of sender 4712)", sequence), why));
   EXPECT_GT(State().bending_target_rad[0], 0.09);
+  // What is told meanwhile is not why the robot stops.
+  Command disarm;
+  disarm.kind = CommandKind::kMode;
+  disarm.mode = ModeRequest::kDisarm;
+  disarm.sequence = ++sequence;
+  client->Send(disarm, 0);
+  EXPECT_TRUE(Within20s([](const tendril_lcm::state_t& s) {
+    return s.mode == tendril_lcm::state_t::MODE_CONFIGURED && s.status == static_cast<int>(Status::kTwoSenders);
+  }));
+  EXPECT_THAT(lines.At(spdlog::level::info), Contains("controller: running -> safe stop: 0 ok"));
 }
 
 TEST_F(DaemonTest, ACommandWithoutValuesIsLoggedAsSuch) {

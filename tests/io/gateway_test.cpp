@@ -55,6 +55,28 @@ Command Bending() {
   return c;
 }
 
+TEST_F(GatewayTest, WhatADaemonWaitsForIsRemembered) {
+  gateway.PublishEvent(1, Status::kDegraded, "bus", "waiting: for a drive");
+  Settle();
+  EXPECT_EQ(client.waits(), "");
+  gateway.PublishEvent(1, Status::kDegraded, "daemon", "waiting: no can0");
+  gateway.PublishEvent(1, Status::kDegraded, "daemon", "something else");
+  Settle();
+  EXPECT_EQ(client.waits(), "waiting: no can0");
+  EXPECT_EQ(events.size(), 3u);
+}
+
+TEST_F(GatewayTest, OfWhatAStateReportsTheReasonForItsModeIsTold) {
+  tendril_lcm::state_t state;
+  EXPECT_EQ(ReasonForMode(state), Status::kOk);
+  state.reported = {323, 304};
+  EXPECT_EQ(ReasonForMode(state), Status::kOk);
+  state.reported = {323, 310, 304};
+  EXPECT_EQ(ReasonForMode(state), Status::kCommandsSilent);
+  state.reported = {404, 310};
+  EXPECT_EQ(ReasonForMode(state), Status::kTensionOverLimit);
+}
+
 TEST_F(GatewayTest, HandleOfNothingReturnsAtOnce) { EXPECT_EQ(gateway.Handle(0), 0); }
 
 TEST_F(GatewayTest, EachKindOfCommandArrivesAsItWasSent) {
@@ -89,6 +111,7 @@ TEST_F(GatewayTest, EachKindOfCommandArrivesAsItWasSent) {
   EXPECT_EQ(commands[3].sequence, 0xFFFFFFFFU);
   EXPECT_EQ(commands[3].sender, mode.sender);
   EXPECT_EQ(SenderText(mode.sender), "process " + std::to_string(getpid()));
+  EXPECT_EQ(SenderText(121), "sender 121");
   EXPECT_GT(SequenceOf(mode), 0) << "a number that grows";
   for (const Command& c : commands) EXPECT_EQ(c.received_ns, clock.Now());
 }
@@ -241,8 +264,10 @@ std::string WhyNot(const LcmParameters& parameters) {
 
 TEST(GatewayOpening, ErrorsNameTheAddressAndTheRemedy) {
   EXPECT_THAT(WhyNot({"udpm://10.0.0.1:7667", "TENDRIL", 1, 1}),
-              HasSubstr("10.0.0.1 is not a multicast address"));
+              AllOf(HasSubstr("'udpm://10.0.0.1:7667' cannot be opened"), HasSubstr("a multicast address")));
   EXPECT_THAT(WhyNot({"nothing://", "TENDRIL", 1, 1}), HasSubstr("'nothing://' cannot be opened"));
+  EXPECT_THAT(WhyNot({"udpm://239.255.76.67:7667?tll=1", "TENDRIL", 1, 1}),
+              HasSubstr("accepted: udpm://ADDRESS:PORT?ttl=N"));
   EXPECT_THAT(WhyNot({"memq://", "A.*", 1, 1}), HasSubstr("channel prefix 'A.*'"));
 }
 

@@ -118,7 +118,11 @@ TEST_F(FollowLive, WhatCannotBeFollowedMovesNothing) {
   EXPECT_EQ(Run("send --prefix " + prefix_ + " hold"), 0) << error_;
   EXPECT_EQ(Follow("via --bend 0.5,0 --bend 0,0.5"), 1);
   EXPECT_TRUE(OneLine());
-  EXPECT_THAT(error_, HasSubstr("the daemon is in mode hold"));
+  EXPECT_THAT(error_, HasSubstr("the daemon is in mode hold: arm it first"));
+  EXPECT_EQ(Run("send --prefix " + prefix_ + " arm"), 0) << error_;
+  EXPECT_THAT(out_, HasSubstr("accepted; mode running"));
+  EXPECT_EQ(Run("send --prefix " + prefix_ + " arm"), 0) << error_;
+  EXPECT_THAT(out_, HasSubstr("armed already; mode running"));
   Watch(nullptr);
 }
 

@@ -12,6 +12,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "no_daemon.h"
 #include "tendril/config/config.h"
 #include "tendril/core/clock.h"
 #include "tendril/io/client.h"
@@ -46,8 +47,7 @@ class Operator {
     while (clock_.Now() < end_ns && !(every_cycle_ && !run_.robot_yaml.empty())) io::HandleWaiting(*lcm_, 20);
     const std::string where = options.lcm_url + " with prefix " + options.channel_prefix;
     if (run_.robot_yaml.empty()) {
-      throw std::runtime_error("no daemon answers on " + where +
-                               " within 3 s; is tendrild running, with the same --lcm and --prefix?");
+      throw std::runtime_error(NobodyAnswers(options.lcm_url, options.channel_prefix, 3, client_));
     }
     if (!every_cycle_) {
       throw std::runtime_error("the daemon on " + where +

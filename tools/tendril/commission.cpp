@@ -22,6 +22,7 @@
 
 #include "commands.h"
 #include "lcm_options.h"
+#include "no_daemon.h"
 #include "number_option.h"
 #include "robot_patch.h"
 #include "tendril/config/config.h"
@@ -67,8 +68,7 @@ class LiveLink final : public CommissionLink {
     const TimeNs end_ns = clock_.Now() + 3 * kNsPerS;
     while (clock_.Now() < end_ns && (cycles_ < 2 || run_.robot_yaml.empty())) io::HandleWaiting(*lcm_, 20);
     if (run_.robot_yaml.empty()) {
-      throw std::runtime_error("no daemon answers on " + where_ +
-                               " within 3 s; is tendrild running, with the same --lcm and --prefix?");
+      throw std::runtime_error(NobodyAnswers(url, prefix, 3, client_));
     }
     if (cycles_ < 2) {
       throw std::runtime_error("the daemon on " + where_ +
@@ -393,7 +393,8 @@ void AddCommissionCommand(CLI::App& app) {
   command->add_option("--config", options->config, "the file that the daemon runs with")
       ->required()
       ->option_text("FILE");
-  command->add_option("--lcm", options->lcm, "LCM address (default: the file's lcm.url)");
+  command->add_option("--lcm", options->lcm, "LCM address (default: the file's lcm.url)")
+      ->check(LcmUrl());
   command->add_option("--prefix", options->prefix, "of channels (default: the file's lcm.channel_prefix)")
       ->check(ChannelPrefix());
   command

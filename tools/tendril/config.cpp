@@ -3,13 +3,15 @@
 #include "tendril/config/config.h"
 
 #include <fmt/core.h>
-#include <unistd.h>
+#include <fmt/ranges.h>
+#include <sched.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <memory>
 #include <numbers>
 #include <string>
+#include <vector>
 
 #include "commands.h"
 #include "tendril/canopen/master.h"
@@ -136,12 +138,18 @@ void Check(const std::string& path) {
                delay_s);
   }
   // This may not be the computer that it is for.
-  if (const long cpus = sysconf(_SC_NPROCESSORS_CONF); daemon.realtime.cpu >= cpus) {
+  cpu_set_t cpus;
+  if (const int cpu = daemon.realtime.cpu;
+      cpu >= 0 && sched_getaffinity(0, sizeof(cpus), &cpus) == 0 && !CPU_ISSET_S(cpu, sizeof(cpus), &cpus)) {
+    std::vector<int> mine;
+    for (int i = 0; i < CPU_SETSIZE; ++i) {
+      if (CPU_ISSET_S(i, sizeof(cpus), &cpus)) mine.push_back(i);
+    }
     const config::ConfigError at = config::ErrorAt(
         path, "realtime.cpu",
-        fmt::format("{} is none of this computer's; accepted here: -1 (any), or 0 .. {}; correct it, unless "
-                    "the daemon runs on another one",
-                    daemon.realtime.cpu, cpus - 1));
+        fmt::format("{} is none that programs may use here; accepted here: -1 (any), or {}; correct it, "
+                    "unless the daemon runs on another computer",
+                    cpu, fmt::join(mine, ", ")));
     fmt::print(stderr, "warning: {}\n", at.what());
   }
   if (const std::string line = ReachWarning(daemon, robot); !line.empty())

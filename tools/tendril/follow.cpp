@@ -122,13 +122,11 @@ class Follower {
           io::SenderOf(s.command_sequence) == io::SenderOfProcess())
         another_leads_ = s.command_status_text;
     });
-    client_.OnEvent([this](const tendril_lcm::event_t& e) {
-      if (TellsThatItWaits(e.source, e.text)) waits_ = e.text;
-    });
     lcm_->subscribe(io::ChannelName(options.lcm.prefix, "RUN"), &Follower::TakeRun, this);
     const TimeNs asked_ns = clock_.Now();
     while (!Heard() && clock_.Now() - asked_ns < kAnswer_ns && !interrupted) client_.Handle(20);
-    if (!Heard() && !waits_.empty()) throw std::runtime_error(NobodyAnswers(options_.lcm, 3, waits_));
+    if (!Heard() && !client_.waits().empty())
+      throw std::runtime_error(NobodyAnswers(options_.lcm, 3, client_));
     if (!Heard()) {
       throw std::runtime_error(fmt::format(
           "no daemon answers on {} ({}_STATE, {}_RUN) within 3 s; is tendrild running, of this version "
@@ -290,8 +288,9 @@ class Follower {
           "the daemon fell silent for a second: look at its log; the robot holds the last target");
     }
     if (state_.mode != tendril_lcm::state_t::MODE_RUNNING) {
-      throw std::runtime_error(fmt::format("the daemon is in mode {}{}: {}", state_.mode_text,
-                                           state_.status ? " (" + state_.status_text + ")" : std::string(),
+      const Status reason = io::ReasonForMode(state_);
+      const std::string why = reason == Status::kOk ? "" : fmt::format(" ({})", StatusText(reason));
+      throw std::runtime_error(fmt::format("the daemon is in mode {}{}: {}", state_.mode_text, why,
                                            state_.mode == tendril_lcm::state_t::MODE_FAULT
                                                ? "clear it with `tendril send clear`, then arm"
                                                : "arm it first with `tendril send arm`"));
@@ -404,7 +403,6 @@ class Follower {
   std::optional<SampleStream> stream_;
   std::optional<std::uint32_t> last_sequence_;
   std::string wrong_sample_;
-  std::string waits_;          // for what a daemon waits that does not control yet
   std::string another_leads_;  // why our targets are refused; empty: they are not
   std::uint64_t samples_ = 0;
   std::int64_t accepted_ = 0, refused_ = 0;  // before the first command

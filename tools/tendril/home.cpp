@@ -46,7 +46,7 @@ void Home(const HomeOptions& o) {
   std::int64_t sequence = 0;
   bool heard = false, seen = false;
   tendril_lcm::state_t state{};
-  std::string last_fault, waits;
+  std::string last_fault;
   client.OnState([&](const tendril_lcm::state_t& s) {
     heard = true;
     seen = seen || s.command_sequence == sequence;
@@ -54,13 +54,12 @@ void Home(const HomeOptions& o) {
   });
   client.OnEvent([&](const tendril_lcm::event_t& e) {
     if (e.source == "controller" && e.status != 0) last_fault = e.text;
-    if (TellsThatItWaits(e.source, e.text)) waits = e.text;
   });
   sequence = Request(client, ModeRequest::kHome, o.lcm.url);
   const MonotonicClock clock;
   const TimeNs asked_ns = clock.Now(), end_ns = asked_ns + static_cast<TimeNs>(o.timeout_s * 1e9);
   while (!seen && clock.Now() < asked_ns + 2 * kNsPerS) client.Handle(20);
-  if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, 2, waits));
+  if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, 2, client));
   if (!seen)
     throw std::runtime_error("the daemon is there but did not see the command within 2 s; try again");
   if (state.command_status != 0) {

@@ -14,7 +14,6 @@
 #include "tendril/core/cycle.h"
 #include "tendril/core/status.h"
 #include "tendril/io/client.h"
-#include "tendril_lcm/event_t.hpp"
 #include "tendril_lcm/state_t.hpp"
 
 namespace tendril::tools {
@@ -41,8 +40,11 @@ std::int64_t EpochUs() {
 // One line for people: where the robot is now, and which limit acts if one does.
 std::string Describe(const tendril_lcm::state_t& state) {
   std::string text = "accepted; mode " + state.mode_text;
-  for (const std::int16_t status : state.reported)
-    text += fmt::format("; {} {}", status, StatusText(static_cast<Status>(status)));
+  for (const std::int16_t number : state.reported) {
+    const auto status = static_cast<Status>(number);
+    // That another's targets are refused is no answer to this command.
+    if (status != Status::kTwoSenders) text += fmt::format("; {} {}", number, StatusText(status));
+  }
   if (state.target_distance_m > 0) {
     text += fmt::format(" ({:.2f} mm away from the point asked for)", 1e3 * state.target_distance_m);
   }
@@ -55,40 +57,59 @@ bool Is(const Command& command, ModeRequest request) {
   return command.kind == CommandKind::kMode && command.mode == request;
 }
 
-// What is waited for is told when it is not there at once.
+// What is waited for is told when it is not there soon.
 class Waiting {
  public:
-  void For(const std::string& what) {
-    if (what == told_ || clock_.Now() < since_ns_ + kTellAfter_ns) return;
+  void For(const std::string& what, TimeNs tell_after_ns) {
+    if (what == told_ || clock_.Now() < since_ns_ + tell_after_ns) return;
     told_ = what;
     fmt::print(stderr, "waiting for {}\n", what);
   }
 
  private:
-  static constexpr TimeNs kTellAfter_ns = 300 * kNsPerMs;
   MonotonicClock clock_;
   TimeNs since_ns_ = clock_.Now();
   std::string told_;
 };
 
 // A robot whose daemon or drives are still starting is armed when they are ready. A drive in fault will not
-// be without its operator.
+// be without its operator. Throws when they are not ready in time.
 void AwaitDrives(const SendOptions& o, io::Client& client, const tendril_lcm::state_t& latest,
-                 const std::string& waits, TimeNs end_ns) {
+                 double timeout_s) {
+  // A daemon that waits itself tells so once a second.
+  constexpr TimeNs kTellAfter_ns = 300 * kNsPerMs, kTellNobodyAfter_ns = 1500 * kNsPerMs;
   const MonotonicClock clock;
+  const TimeNs end_ns = clock.Now() + ToNs(timeout_s);
   Waiting waiting;
+  Status reason = Status::kOk;
   while (clock.Now() < end_ns) {
     client.Handle(20);
     if (latest.utime == 0) {
       waiting.For(fmt::format("a daemon on {} ({}_STATE){}{}", o.lcm.url, o.lcm.prefix,
-                              waits.empty() ? "" : ", which is ", waits));
+                              client.waits().empty() ? "" : ", which is ", client.waits()),
+                  client.waits().empty() ? kTellNobodyAfter_ns : 0);
       continue;
     }
-    if (latest.mode != tendril_lcm::state_t::MODE_DISCONNECTED ||
-        latest.status == static_cast<std::int16_t>(Status::kDriveHasFault))
-      return;
-    waiting.For(latest.status == 0 ? "the drives" : "the drives: " + latest.status_text);
+    reason = io::ReasonForMode(latest);
+    if (latest.mode != tendril_lcm::state_t::MODE_DISCONNECTED || reason == Status::kDriveHasFault) return;
+    waiting.For(reason == Status::kOk ? "the drives" : fmt::format("the drives: {}", StatusText(reason)),
+                kTellAfter_ns);
   }
+  if (latest.utime == 0) throw std::runtime_error(NobodyAnswers(o.lcm, timeout_s, client));
+  throw std::runtime_error(
+      reason == Status::kOk
+          ? fmt::format("the drives did not start within {:g} s; see the daemon's log, or wait longer "
+                        "(--timeout)",
+                        timeout_s)
+          : fmt::format("the drives did not start within {:g} s: {} ({}); {}", timeout_s, StatusText(reason),
+                        static_cast<int>(reason), StatusRemedy(reason)));
+}
+
+// An arm that comes when it is done already, or about to be, is as good as the first.
+bool ArmedAlready(const tendril_lcm::state_t& s) {
+  return s.command_status == static_cast<std::int16_t>(Status::kCommandWrongMode) &&
+         (s.mode == tendril_lcm::state_t::MODE_ARMED || s.mode == tendril_lcm::state_t::MODE_PRETENSION ||
+          s.mode == tendril_lcm::state_t::MODE_RUNNING);
 }
 
 void Send(const SendOptions& o, Command command) {
@@ -102,7 +123,6 @@ void Send(const SendOptions& o, Command command) {
   io::Client client(o.lcm.url, o.lcm.prefix);
   bool answered = false, settled = false;
   tendril_lcm::state_t latest{}, answer{};
-  std::string waits;
   client.OnState([&](const tendril_lcm::state_t& state) {
     latest = state;
     if (settled || command.sequence == 0 || state.command_sequence != io::SequenceOf(command)) return;
@@ -111,14 +131,10 @@ void Send(const SendOptions& o, Command command) {
     settled = !clear || state.command_status != 0 || state.mode != tendril_lcm::state_t::MODE_DISCONNECTED;
     answer = state;
   });
-  client.OnEvent([&](const tendril_lcm::event_t& e) {
-    if (TellsThatItWaits(e.source, e.text)) waits = e.text;
-  });
   const MonotonicClock clock;
   TimeNs end_ns = clock.Now() + ToNs(timeout_s);
   if (arm && timeout_s > 0) {
-    AwaitDrives(o, client, latest, waits, end_ns);
-    if (latest.utime == 0) throw std::runtime_error(NobodyAnswers(o.lcm, timeout_s, waits));
+    AwaitDrives(o, client, latest, timeout_s);
     end_ns = std::max(end_ns, clock.Now() + kLeastForAnswer_ns);
   }
   command.sequence = io::SequenceFromTime();
@@ -127,10 +143,14 @@ void Send(const SendOptions& o, Command command) {
   }
   while (!settled && clock.Now() < end_ns) client.Handle(20);
   if (timeout_s == 0) return;
-  if (latest.utime == 0) throw std::runtime_error(NobodyAnswers(o.lcm, timeout_s, waits));
+  if (latest.utime == 0) throw std::runtime_error(NobodyAnswers(o.lcm, timeout_s, client));
   if (!answered) {
     throw std::runtime_error(
         fmt::format("the daemon is there but did not see the command within {:g} s; try again", timeout_s));
+  }
+  if (arm && ArmedAlready(answer)) {
+    fmt::print("armed already; mode {}\n", answer.mode_text);
+    return;
   }
   if (answer.command_status != 0) {
     std::string more;

@@ -293,7 +293,7 @@ void Status(const StatusOptions& o) {
   bool heard = false;
   TimeNs heard_ns = clock.Now();
   tendril_lcm::state_t state{};
-  std::string last_event, waits;
+  std::string last_event;
   client.OnState([&](const tendril_lcm::state_t& s) {
     heard = true;
     heard_ns = clock.Now();
@@ -309,14 +309,13 @@ void Status(const StatusOptions& o) {
   });
   client.OnEvent([&](const tendril_lcm::event_t& e) {
     last_event = e.source + ": " + e.text;
-    if (TellsThatItWaits(e.source, e.text)) waits = e.text;
   });
 
   const auto wait = [&](TimeNs until_ns, bool first_only) {
     while (interrupted == 0 && clock.Now() < until_ns && !(first_only && heard)) client.Handle(20);
   };
   wait(clock.Now() + static_cast<TimeNs>(kFirstWithin_s * 1e9), true);
-  if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, kFirstWithin_s, waits));
+  if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, kFirstWithin_s, client));
   if (!o.watch) {
     Show(o, subject, state, statistics, "");
     return;

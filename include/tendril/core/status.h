@@ -96,6 +96,10 @@ std::string_view StatusText(Status status) noexcept;
 /// What to do about it; empty where nothing is needed.
 std::string_view StatusRemedy(Status status) noexcept;
 
+/// Whether it tells why a robot is in its mode, where no command led there: faults, and what keeps it from being
+/// armed or ended its motion.
+bool ExplainsMode(Status status) noexcept;
+
 inline bool IsFault(Status status) noexcept { return static_cast<std::uint16_t>(status) >= 400; }
 
 }  // namespace tendril

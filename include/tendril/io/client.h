@@ -37,6 +37,10 @@ class Client {
   void OnStatistics(StatisticsSink sink);
   void OnRun(RunSink sink);
 
+  /// "waiting: ...": what a daemon whose networks are not there yet tells once a second in place of states.
+  /// Empty until it was heard in Handle.
+  const std::string& waits() const noexcept;
+
   /// Publishes the command on its channel, kind kNone excepted. `utime` [us since the epoch] is when it was
   /// given, 0: the time of arrival counts. received_ns of the command is not sent. False when publishing
   /// failed.
@@ -61,7 +65,10 @@ std::uint32_t SenderOfProcess();
 /// The sequence number that a message carries for a command: above its own that of its sender.
 std::int64_t SequenceOf(const Command& command);
 std::uint32_t SenderOf(std::int64_t sequence);
-/// For people: "process 4711".
+/// For people: "process 4711"; of what is no program of Tendril's on this host "sender 121".
 std::string SenderText(std::uint32_t sender);
+
+/// Why the robot is in its mode, of all that a state reports; Ok where nothing but commands led there.
+Status ReasonForMode(const tendril_lcm::state_t& state);
 
 }  // namespace tendril::io

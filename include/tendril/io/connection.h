@@ -10,8 +10,8 @@ class LCM;
 
 namespace tendril::io {
 
-/// Opens an LCM connection (udpm://ADDRESS:PORT?ttl=N, memq://, file://PATH, ...; empty: LCM's default).
-/// Throws std::runtime_error with the remedy when that does not work; for udpm without a multicast route at
+/// Opens an LCM connection: kLcmUrlRule says which addresses there are; empty: LCM_DEFAULT_URL, or this
+/// computer alone. Throws std::runtime_error with the remedy when that does not work; for udpm without a multicast route at
 /// once.
 std::unique_ptr<lcm::LCM> OpenLcm(const std::string& url);
 
