@@ -39,6 +39,8 @@ constexpr double kReleasedTension_N = 1e-6;
 constexpr TimeNs kUnusedFor_ns = 2 * kNsPerS;
 // Drives take some hundredths of a second to switch on; the master gives one up after 2 s, and tells more.
 constexpr TimeNs kEnableWithin_ns = 3 * kNsPerS;
+// As long may a tendon take to show its least tension after that was commanded and should have settled.
+constexpr TimeNs kTautWithin_ns = 2 * kNsPerS;
 // Slower than this a robot is led nowhere: a micrometre of tendon in ten seconds.
 constexpr double kRest_mps = 1e-7, kRest_Nps = 1e-3;
 constexpr double kHeldPermille = 0.8;
@@ -234,6 +236,7 @@ struct Controller::Impl {
   }
   Status NotReady(const CycleInput& input) const noexcept;
   bool StillPulls(const CycleInput& input) const noexcept;
+  int HangingTendon(const CycleOutput& output) const noexcept;
   double Bounded(int tendon, double fed_back_Nm, double measured_N, const DriveFeedForward::Result& wanted,
                  Status& status) noexcept;
   bool Rests(const CycleOutput& output) noexcept;
@@ -431,6 +434,14 @@ bool Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
   return entered;
 }
 
+// The first tendon whose tension is measured and is none, from 1; 0: none.
+int Controller::Impl::HangingTendon(const CycleOutput& output) const noexcept {
+  for (int j = 0; j < tendons; ++j) {
+    if (output.tension_measured_N[j] < parameters.guards.slack_tension_N) return j + 1;
+  }
+  return 0;
+}
+
 // After a fault: tensions that are still led down.
 bool Controller::Impl::StillPulls(const CycleInput& input) const noexcept {
   if (supervisor.mode() != Mode::kFault || tension_N.isZero(0)) return false;
@@ -553,9 +564,18 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output, b
   const auto goes_on = [&] { return !changed && !entered; };
   if (goes_on() && ready) changed = supervisor.Handle(Event::kDrivesReady);
   if (goes_on() && enabled) changed = supervisor.Handle(Event::kDrivesEnabled);
-  if (goes_on() && before == Mode::kPretension && joined &&
-      input.time_ns - settled_since_ns >= static_cast<TimeNs>(parameters.pretension_settle_s * 1e9)) {
-    changed = supervisor.Handle(Event::kPretensioned);
+  const TimeNs over_settled_ns =
+      input.time_ns - settled_since_ns - static_cast<TimeNs>(parameters.pretension_settle_s * 1e9);
+  if (goes_on() && before == Mode::kPretension && joined && over_settled_ns >= 0) {
+    // Nothing is led on a zero of tendons that hang: after power was lost under tension the least tension does
+    // not turn the motors that would take them up.
+    const int hangs = HangingTendon(output);
+    if (hangs == 0) {
+      changed = supervisor.Handle(Event::kPretensioned);
+    } else if (over_settled_ns >= kTautWithin_ns) {
+      changed = supervisor.Handle(Event::kFault, Status::kTendonSlack);
+      output.blamed_tendon = hangs;
+    }
   }
   if (goes_on() && before == Mode::kHoming && engaged && take_up.homed()) {
     changed = supervisor.Handle(Event::kHomed);

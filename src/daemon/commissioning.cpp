@@ -3,30 +3,53 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cinttypes>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <stdexcept>
+#include <vector>
 
 namespace tendril::daemon {
 namespace {
 
 constexpr const char* kWiringKey = "wiring: ";
 // The beginning of a tendon's line, as WriteRecord writes it.
-constexpr const char* kTendonLine = " - {tendon: %d, node_id: %d, serial: %u,";
+constexpr const char* kTendonLine = " - {tendon: %d, node_id: %d, serial: %" SCNd64 ",";
 
-// Drives of a record; none where there is no record.
+// Drives of a record; none where there is no record. A number that no drive has is left out.
 std::vector<CommissionedTendon> RecordedDrives(const DaemonParameters& daemon) {
   std::vector<CommissionedTendon> drives;
   if (!daemon.commissioning_required) return drives;
   std::ifstream file(RecordPath(daemon));
   for (std::string line; std::getline(file, line);) {
     CommissionedTendon t;
-    if (std::sscanf(line.c_str(), kTendonLine, &t.tendon, &t.node_id, &t.serial) == 3) drives.push_back(t);
+    std::int64_t serial = 0;
+    if (std::sscanf(line.c_str(), kTendonLine, &t.tendon, &t.node_id, &serial) != 3) continue;
+    if (serial < 0 || serial > std::numeric_limits<std::uint32_t>::max()) continue;
+    t.serial = static_cast<std::uint32_t>(serial);
+    drives.push_back(t);
   }
   return drives;
+}
+
+// What is wrong with the drives of a record whose wiring fits; empty: each tendon is there once, at its node.
+std::string Damage(const DaemonParameters& daemon) {
+  const std::vector<CommissionedTendon> drives = RecordedDrives(daemon);
+  for (const NodeParameters& n : daemon.bus.nodes) {
+    const auto of_tendon = [&](const CommissionedTendon& t) { return t.tendon == n.tendon; };
+    const auto found = std::find_if(drives.begin(), drives.end(), of_tendon);
+    if (found == drives.end()) return fmt::format("tendon {} is not there", n.tendon);
+    if (std::count_if(drives.begin(), drives.end(), of_tendon) > 1)
+      return fmt::format("tendon {} is there more than once", n.tendon);
+    if (found->node_id != n.node_id)
+      return fmt::format("tendon {} has node {}, not {}", n.tendon, found->node_id, n.node_id);
+  }
+  return {};
 }
 
 std::string Number(double value) { return std::isnan(value) ? ".nan" : fmt::format("{:.4g}", value); }
@@ -98,9 +121,15 @@ std::string CommissioningProblem(const RobotParameters& robot, const DaemonParam
   std::ifstream file(path);
   if (!file) return fmt::format("{} was never commissioned: {} is not there; {}", robot.name, path, kRemedy);
   const std::string wanted = kWiringKey + WiringHash(robot, daemon.bus);
+  bool names_wiring = false;
   for (std::string line; std::getline(file, line);) {
-    if (line == wanted) return {};
+    names_wiring = names_wiring || line.starts_with(kWiringKey);
+    if (line != wanted) continue;
+    const std::string damage = Damage(daemon);
+    if (damage.empty()) return {};
+    return fmt::format("{} is damaged: {}; {}", path, damage, kRemedy);
   }
+  if (!names_wiring) return fmt::format("{} is damaged: it names no wiring; {}", path, kRemedy);
   return fmt::format(
       "{} was commissioned with other nodes, directions, motors or load cells than its files name now ({}); "
       "{}",

@@ -493,6 +493,10 @@ struct Daemon::State {
   std::string WhyRefused(const Command& command, const CycleOutput& out) const {
     if (out.command_status == Status::kTargetOutOfReach)
       return OutOfReachText(command, out.nearest_tip_W_m, options.robot.body.length_m());
+    // While it commissions, tensions are pulls, with limits of their own.
+    if (out.command_status == Status::kCommandOutOfRange && out.mode != Mode::kCommissioning)
+      return OutOfRangeText(command, options.robot);
+    if (out.command_status == Status::kCommandWrongSize) return WrongSizeText(command, options.robot);
     if (out.command_status == Status::kAnotherSender) return AnotherSenderText(leader, out.mode);
     const auto known = why_refused.find(out.command_status);
     return known == why_refused.end() ? "" : known->second;

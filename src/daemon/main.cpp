@@ -46,11 +46,12 @@ constexpr TimeNs kTellWaiting_ns = kNsPerS;
 // Where the configuration has none and the command line asks for one.
 constexpr double kBlackBoxSeconds = 10;
 
-volatile std::sig_atomic_t hangups = 0;
+volatile std::sig_atomic_t hangups = 0, stops = 0;
 std::atomic<Daemon*> running = nullptr;
 
 // Straight to the control loop: a log that blocks must not keep the robot under tension.
 void OnSignal(int) {
+  stops = 1;
   if (Daemon* daemon = running.load()) daemon->RequestStop();
 }
 void OnHangup(int) { hangups = hangups + 1; }
@@ -66,6 +67,15 @@ bool RefuseHangups() {
     }
   }
   return false;
+}
+
+// Before anything is controlled: true when there is nothing left to wait for, because it is to stop.
+bool StopsBeforeItRuns() {
+  if (hangups > 0) {
+    hangups = 0;
+    spdlog::warn("daemon: SIGHUP refused: restart the daemon to read its files anew");
+  }
+  return stops != 0;
 }
 
 struct Arguments {
@@ -119,6 +129,7 @@ void WaitForNetworks(const std::string& interface, const LcmParameters& lcm) {
       gateway->PublishEvent(clock.Now(), Status::kDegraded, "daemon", "waiting: " + told);
     }
     if (gateway) gateway->Handle(0);  // commands: nobody takes them yet
+    if (StopsBeforeItRuns()) return;
     std::this_thread::sleep_for(kLookAgain);
     FeedWatchdog();
   }
@@ -187,25 +198,24 @@ void SetUpMessages() {
   if (!UnderJournal()) spdlog::set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$: %v");
 }
 
-void Run(const Arguments& arguments) {
-  const DaemonOptions options = Load(arguments);
-  const std::string& interface = options.parameters.bus.interface;
+// What a log of that name holds may be how an earlier run ended.
+void KeepEarlierLog(const std::string& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error) || std::filesystem::file_size(path, error) == 0) return;
+  for (int k = 1;; ++k) {
+    const std::string kept = fmt::format("{}.{}", path, k);
+    if (std::filesystem::exists(kept, error)) continue;
+    std::filesystem::rename(path, kept, error);
+    if (error) {
+      throw std::runtime_error(fmt::format("--log {}: is there already and cannot be renamed ({}); name another file",
+                                           path, error.message()));
+    }
+    spdlog::info("daemon: {} was there already: it is {} now", path, kept);
+    return;
+  }
+}
 
-  if (arguments.wait) WaitForNetworks(interface, options.parameters.lcm);
-  const can::BusGuard guard("tendrild", interface);
-  can::SocketCanPort port(interface);
-  const MonotonicClock clock;
-  RefuseForeignSync(port, clock, interface, kListenForSync_ns);
-  Daemon daemon(options, port);
-  FeedWatchdog();
-  daemon.RefuseOthers(kListenForDaemons_ns);
-  FeedWatchdog();
-  LogSettings(options, arguments.config);
-
-  struct Running {
-    explicit Running(Daemon* daemon) { running = daemon; }
-    ~Running() { running = nullptr; }
-  } const known(&daemon);
+void HandleSignals() {
   struct sigaction action {};
   action.sa_handler = OnSignal;
   sigaction(SIGINT, &action, nullptr);
@@ -213,6 +223,32 @@ void Run(const Arguments& arguments) {
   // With its terminal a daemon loses its operator; a service is only asked to read its files again.
   if (isatty(STDIN_FILENO) == 0) action.sa_handler = OnHangup;
   sigaction(SIGHUP, &action, nullptr);
+}
+
+void Run(const Arguments& arguments) {
+  const DaemonOptions options = Load(arguments);
+  const std::string& interface = options.parameters.bus.interface;
+
+  HandleSignals();
+  if (arguments.wait) WaitForNetworks(interface, options.parameters.lcm);
+  if (StopsBeforeItRuns()) return spdlog::info("daemon: stopped before it controlled anything");
+  const can::BusGuard guard("tendrild", interface);
+  can::SocketCanPort port(interface);
+  const MonotonicClock clock;
+  RefuseForeignSync(port, clock, interface, kListenForSync_ns);
+  KeepEarlierLog(options.log_path);
+  Daemon daemon(options, port);
+  FeedWatchdog();
+  daemon.RefuseOthers(kListenForDaemons_ns);
+  FeedWatchdog();
+  if (StopsBeforeItRuns()) return spdlog::info("daemon: stopped before it controlled anything");
+  LogSettings(options, arguments.config);
+
+  struct Running {
+    explicit Running(Daemon* daemon) { running = daemon; }
+    ~Running() { running = nullptr; }
+  } const known(&daemon);
+  if (stops != 0) daemon.RequestStop();  // came in between
   daemon.Run(RefuseHangups);
 }
 
@@ -231,7 +267,7 @@ int Main(int argc, char** argv) {
   app.add_option("--can", arguments.can, "CAN interface instead of the file's bus.interface")
       ->option_text("IFACE");
   app.add_option("--lcm", arguments.lcm, "LCM address instead of the file's lcm.url")->option_text("URL");
-  app.add_option("--log", arguments.log, "write an LCM log of everything (replay, gap diagnosis)")
+  app.add_option("--log", arguments.log, "write an LCM log of everything (replay, gap diagnosis); an earlier one becomes FILE.1, FILE.2 ...")
       ->option_text("FILE");
   app.add_option("--black-box", arguments.black_box,
                  "folder for the cycles before a fault instead of the file's black_box.folder")

@@ -69,6 +69,50 @@ std::string OutOfReachText(const Command& c, const Eigen::Vector3d& nearest_W_m,
       1e3 * control::kOutOfReach * length_m);
 }
 
+std::string OutOfRangeText(const Command& c, const RobotParameters& robot) {
+  const LimitParameters& limits = robot.limits;
+  if (c.speed_radps < 0 || c.speed_radps > kMostSpeed_radps) {
+    return fmt::format("the speed is {:g} rad/s; accepted: 0 (the daemon's own) to {:g}; correct it",
+                       c.speed_radps, kMostSpeed_radps);
+  }
+  if (c.kind == CommandKind::kBending) {
+    for (Eigen::Index k = 0; k + 1 < c.bending_rad.size(); k += 2) {
+      if (const double bend = c.bending_rad.segment<2>(k).norm(); bend > limits.max_bending_rad) {
+        return fmt::format(
+            "section {} would be bent by {:.4g} rad; accepted: up to {:g} (limits.max_bending_rad); bend it "
+            "less",
+            k / 2 + 1, bend, limits.max_bending_rad);
+      }
+    }
+  }
+  if (c.kind == CommandKind::kTension) {
+    for (Eigen::Index j = 0; j < c.tension_N.size(); ++j) {
+      if (c.tension_N[j] < 0 || c.tension_N[j] > limits.max_tension_base_N) {
+        return fmt::format(
+            "tendon {} would have {:.4g} N; accepted: 0 to {:g} (limits.max_tension_base_N); correct it", j + 1,
+            c.tension_N[j], limits.max_tension_base_N);
+      }
+    }
+  }
+  return {};
+}
+
+std::string WrongSizeText(const Command& c, const RobotParameters& robot) {
+  if (c.kind == CommandKind::kTension) {
+    return fmt::format("{} tension(s) given; accepted: {}, one a tendon; give all", c.tension_N.size(),
+                       robot.body.tendons());
+  }
+  if (c.kind == CommandKind::kBending) {
+    const std::size_t wanted = 2 * robot.body.sections.size();
+    if (c.bending_rad.size() != static_cast<Eigen::Index>(wanted))
+      return fmt::format("{} bend value(s) given; accepted: {}, u and v of each section; give all",
+                         c.bending_rad.size(), wanted);
+    return fmt::format("{} rate(s) given; accepted: none, or {}, as many as bends; give all",
+                       c.bending_rate_radps.size(), wanted);
+  }
+  return {};
+}
+
 std::string AnotherSenderText(std::uint32_t leader, Mode mode) {
   if (mode == Mode::kCommissioning) {
     return fmt::format("{} commissions the robot and measures; wait until that has ended, or disarm",

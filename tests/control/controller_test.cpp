@@ -149,12 +149,34 @@ TEST(Controller, HowFarOffATipIsCountsFromWhereTheRobotIsLed) {
   EXPECT_GT(loop.output.target_distance_m, 1e-3);
 }
 
+// After power was lost under tension the least tension may not turn the motors: nothing is led with tendons
+// that hang, on a zero that means nothing.
+TEST(Controller, PretensionDoesNotEndWithATendonThatHangs) {
+  IdealLoop loop;
+  loop.hangs = 2;
+  loop.Ready();
+  loop.Step(loop.ModeCommand(ModeRequest::kArm));
+  for (int i = 0; i < 5000 && loop.output.mode != Mode::kFault; ++i) {
+    loop.Step();
+    ASSERT_NE(loop.output.mode, Mode::kRunning);
+  }
+  EXPECT_EQ(loop.output.mode, Mode::kFault);
+  EXPECT_EQ(loop.output.status, Status::kTendonSlack);
+  EXPECT_EQ(loop.output.blamed_tendon, 2);
+  // 0.3 N at 2 N/s, 0.1 s to settle, 2 s to become taut.
+  EXPECT_NEAR(ToSeconds(loop.input.time_ns), 2.25, 0.1);
+  loop.hangs = 0;
+  loop.Run(1000);
+  loop.Step(loop.ModeCommand(ModeRequest::kClear));
+  loop.Run(10);
+  loop.RunUntilRunning();
+}
+
 // A slack tendon, which is the more severe, does not hide that the tip is out of reach.
 TEST(Controller, TellsAllThatACycleHasToSay) {
-  ControllerParameters parameters = kParameters;
-  parameters.guards.slack_tension_N = 1;
-  IdealLoop loop(IdealLoop().robot, parameters);
+  IdealLoop loop;
   loop.RunUntilRunning();
+  loop.hangs = 2;
   loop.Step(loop.Tip({0, 0, 0.065}));
   loop.Run(10);
   EXPECT_EQ(loop.output.status, Status::kSlack);

@@ -337,6 +337,22 @@ TEST_F(GateTest, WhoCountsOnInAllBitsIsOneSender) {
   }
 }
 
+// Its targets have ended with the mode that they counted in.
+TEST_F(GateTest, NobodyLeadsAfterTheTargetWasDropped) {
+  Command stream = Bending(2);
+  stream.sender = 1;
+  stream.bending_rate_radps = Eigen::Vector2d(0.1, 0);
+  stream.received_ns = now;
+  ASSERT_EQ(gate.Admit(stream, Mode::kRunning, now), Status::kOk);
+  Command other = Bending(2);
+  other.sender = 2;
+  other.received_ns = now;
+  EXPECT_EQ(gate.Admit(other, Mode::kRunning, now), Status::kAnotherSender);
+  gate.Drop();
+  ++other.sequence;
+  EXPECT_EQ(gate.Admit(other, Mode::kRunning, now), Status::kOk);
+}
+
 TEST_F(GateTest, ARobotThatWasNeverCommissionedIsRefusedAsSuch) {
   // Arming is also what leads on from hold.
   for (const Mode m : {Mode::kConfigured, Mode::kHold}) {

@@ -51,6 +51,7 @@ class IdealLoop {
       f.position_counts = static_cast<std::int32_t>(std::lround(turns * d.drive.encoder_counts_per_turn));
       f.analog_mV = static_cast<std::int16_t>(
           std::lround(output.tension_desired_motor_N[j] * d.load_cell.gain_VpN * 1000));
+      if (j + 1 == hangs) f.analog_mV = 0;
       f.torque_permille = output.torque_target_permille[j];
       if (obey && output.drive_request == DriveRequest::kEnable && f.state == DriveState::kReady) {
         f.state = DriveState::kEnabled;
@@ -107,6 +108,7 @@ class IdealLoop {
   Controller controller;
   CycleInput input;
   CycleOutput output;
+  int hangs = 0;  // tendon whose cell shows no tension
   std::uint32_t sequence = 0;
   bool obey = true;
 };

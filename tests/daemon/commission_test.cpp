@@ -8,6 +8,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 #include <numbers>
 
 #include "closed_loop.h"
@@ -285,7 +286,9 @@ struct RecordTest : testing::Test {
                                          .by = "me",
                                          .software = "this",
                                          .pull_N = 2,
-                                         .tendons = {{.node_id = 1, .tendon = 1, .serial = 4'100'200'300}}});
+                                         .tendons = {{.node_id = 1, .tendon = 1, .serial = 4'100'200'300},
+                                                     {.node_id = 2, .tendon = 2, .serial = 2},
+                                                     {.node_id = 3, .tendon = 3, .serial = 3}}});
   }
   Arm arm;
   std::filesystem::path folder;
@@ -328,6 +331,31 @@ TEST_F(RecordTest, OnlyOfExactlyThisWiringCounts) {
   arm.daemon.commissioning_required = false;
   std::filesystem::remove(RecordPath(arm.daemon));
   EXPECT_EQ(Problem(), "") << "a simulation";
+}
+
+// Whatever a record does not tell nobody would watch.
+TEST_F(RecordTest, ADamagedOneArmsNothing) {
+  Write();
+  const std::string path = RecordPath(arm.daemon);
+  std::stringstream read;
+  read << std::ifstream(path).rdbuf();
+  const std::string whole = read.str();
+  const auto expect_damaged = [&](const std::string& text, const char* how) {
+    std::ofstream(path) << text;
+    EXPECT_THAT(Problem(), AllOf(HasSubstr("robot.yaml.commissioned is damaged: "), HasSubstr(how),
+                                 HasSubstr("tendril commission")));
+  };
+  expect_damaged("", "it names no wiring");
+  expect_damaged(whole.substr(0, whole.find("  - {tendon: 2")), "tendon 2 is not there");
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string text = whole;
+    return text.replace(text.find(from), from.size(), to);
+  };
+  expect_damaged(with("tendon: 3", "tendon: 2"), "tendon 2 is there more than once");
+  expect_damaged(with("node_id: 3", "node_id: 1"), "tendon 3 has node 1, not 3");
+  expect_damaged(with("serial: 3,", "serial: -1,"), "tendon 3 is not there");
+  std::ofstream(path) << whole;
+  EXPECT_EQ(Problem(), "");
 }
 
 TEST_F(RecordTest, NamesTheDrivesThatWereExchanged) {

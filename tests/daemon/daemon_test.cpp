@@ -552,7 +552,7 @@ TEST_F(DaemonTest, ArmsOnlyWhatWasCommissioned) {
     EXPECT_THAT(texts, Contains(AllOf(HasSubstr("never commissioned"), HasSubstr("robot.yaml.commissioned"),
                                       HasSubstr("tendril commission"))));
   }
-  Commissioned({});
+  Commissioned({{.node_id = 1, .tendon = 1}, {.node_id = 2, .tendon = 2}, {.node_id = 3, .tendon = 3}});
   Arm();
 }
 
@@ -585,7 +585,9 @@ TEST_F(DaemonTest, ArmsOnlyTheDrivesThatWereCommissioned) {
 TEST_F(DaemonTest, ArmsAnExchangedDriveWithAWarningWhereThatIsConfigured) {
   RequireCommissioning();
   options.parameters.exchanged_drives_refused = false;
-  Commissioned({{.node_id = 3, .tendon = 3, .serial = 56}});
+  Commissioned({{.node_id = 1, .tendon = 1, .serial = kFirstSerial},
+                {.node_id = 2, .tendon = 2, .serial = kFirstSerial + 1},
+                {.node_id = 3, .tendon = 3, .serial = 56}});
   Start(options);
   Arm();
   EXPECT_TRUE(Warns("node 3 (tendon 3) has serial 7003, commissioned was 56"));
@@ -645,7 +647,15 @@ TEST_F(DaemonTest, RefusedCommandsLeaveAWarningEachCauseWithItsCount) {
   bend.kind = CommandKind::kBending;
   bend.bending_rad = Eigen::Vector2d(9, 0);
   Send(bend);
-  EXPECT_TRUE(Warns("bend 9 0 rad", "out of range"));
+  EXPECT_TRUE(Warns("bend 9 0 rad", "section 1 would be bent by 9 rad; accepted: up to "));
+  Command pull;
+  pull.kind = CommandKind::kTension;
+  pull.tension_N = Eigen::Vector3d(1, 1, 99);
+  Send(pull);
+  EXPECT_TRUE(Warns("tension 1 1 99 N", "tendon 3 would have 99 N; accepted: 0 to "));
+  pull.tension_N = Eigen::Vector2d(1, 1);
+  Send(pull);
+  EXPECT_TRUE(Warns("tension 1 1 N", "2 tension(s) given; accepted: 3, one a tendon"));
   bend.bending_rad[0] = std::nan("");
   Send(bend);
   EXPECT_TRUE(Warns("bend nan 0 rad", "not finite"));
@@ -709,7 +719,7 @@ TEST_F(DaemonTest, ACommandWithoutValuesIsLoggedAsSuch) {
   Command bend;
   bend.kind = CommandKind::kBending;
   Send(bend);
-  EXPECT_TRUE(Warns("bend without any value (sequence 2)", "number of values does not fit the robot"));
+  EXPECT_TRUE(Warns("bend without any value (sequence 2)", "0 bend value(s) given; accepted: 2, u and v of each section"));
 }
 
 // While the daemon makes sure that it is alone nobody takes readings or targets: that says nothing of their

@@ -42,11 +42,16 @@ until_true 10 said "waiting: CAN interface 'vcan9' does not exist" waits || give
 "$bin/tendril" status --lcm "$lcm" >"$work/said.txt" 2>&1 && give_up "a daemon that waits has a state"
 grep -q "does not control anything yet, it is waiting: CAN interface 'vcan9' does not exist; .*ip link add" "$work/said.txt" ||
   give_up "its operator does not hear what is missing"
+kill -HUP $daemon
+until_true 10 said "SIGHUP refused" waits || give_up "a daemon that waits does not refuse SIGHUP"
 kill $daemon
-wait $daemon
+wait $daemon || give_up "a daemon that waits does not stop in order"
+said "stopped before it controlled anything" waits || give_up "that it stopped is not told"
 
+echo precious >"$work/run.lcmlog"
 start_daemon --black-box boxes --log run.lcmlog
 said "log $work/run.lcmlog$" || give_up "where a relative log lies is not told"
+grep -q precious "$work/run.lcmlog.1" || give_up "an earlier log is not kept"
 said "black box: 10 s before a fault into $work/boxes$" || give_up "where a relative black box lies is not told"
 arm
 watch "assert s['statistics']['minor_faults'] == 0 and s['statistics']['voluntary_switches'] == 0, s['statistics']

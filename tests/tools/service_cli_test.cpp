@@ -40,6 +40,7 @@ TEST_F(ServiceCommandTest, ANumberIsANumberWhereverItIsAskedFor) {
                      fmt::format("{} is no number from {}; ", wrong, range));
   }
   ExpectWrongUse("send --timeout nan arm", "; see tendril send arm --help");
+  ExpectWrongUse("send tip 0.01 nan 0.05", "nan is no number from -1e+06 to 1e+06; ");
 }
 
 // A variable that is not set must not pass for an option that was left out.

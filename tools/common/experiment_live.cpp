@@ -63,8 +63,8 @@ class Operator {
     if (options_.arm) {
       if (mode() == Mode::kRunning || mode() == Mode::kHold) Release();
       Await(Mode::kConfigured, 10, "the drives to be ready");
-      Send(ModeRequest::kArm);
       armed_ = true;
+      Send(ModeRequest::kArm);
       Await(Mode::kRunning, 20, "arming and pretension");
     } else {
       Check();
@@ -167,9 +167,16 @@ class Operator {
 
   void Await(Mode wanted, double timeout_s, const char* what) {
     const TimeNs end_ns = clock_.Now() + static_cast<TimeNs>(timeout_s * 1e9);
+    const std::uint32_t refused = record_.output.commands_refused;
     while (mode() != wanted) {
       HandleUntil(clock_.Now() + 20 * kNsPerMs);
       CheckAlive();
+      if (const CycleOutput& o = record_.output;
+          armed_ && o.commands_refused > refused && o.command_status != Status::kOk) {
+        throw std::runtime_error(fmt::format("the daemon does not arm: {} ({}); {}",
+                                             StatusText(o.command_status), static_cast<int>(o.command_status),
+                                             StatusRemedy(o.command_status)));
+      }
       if (mode() == Mode::kFault || clock_.Now() > end_ns) {
         throw std::runtime_error(fmt::format("gave up waiting for {}: mode {}, {} ({})", what,
                                              ModeText(mode()), StatusText(record_.output.status),

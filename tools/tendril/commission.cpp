@@ -126,12 +126,12 @@ class LiveLink final : public CommissionLink {
   const CycleRecord& Next() override {
     const std::uint64_t before = record_.input.cycle;
     while (record_.input.cycle == before) {
-      if (stop) throw std::runtime_error("stopped");
+      if (stop) throw std::runtime_error("stopped: told the daemon to disarm; nothing was written");
       if (clock_.Now() - heard_ns_ > kSilence_ns)
         throw std::runtime_error("the daemon fell silent: look at its log");
       if (pulls_ && clock_.Now() - sent_ns_ > kRepeat_ns) Pull(pull_N_);
       // One at a time: a cycle is not passed over.
-      if (lcm_->handleTimeout(20) < 0) throw std::runtime_error("LCM failed on " + where_);
+      if (lcm_->handleTimeout(20) < 0 && errno != EINTR) throw std::runtime_error("LCM failed on " + where_);
     }
     if (pulls_ && mode() != Mode::kCommissioning) {
       throw std::runtime_error(
@@ -346,6 +346,13 @@ void RunCommission(const CommissionOptions& options) {
           options.config +
           " and its robot file are not what the daemon runs with (nodes, directions, motors or "
           "cells differ); restart tendrild, or name its file");
+    }
+    if (const double own_N = link.Daemon().controller.take_up.pull_N;
+        own_N < daemon.controller.take_up.pull_N) {
+      throw std::runtime_error(fmt::format(
+          "{}: controller.take_up.pull_N: {:g} is more than the {:g} that the daemon runs with and pulls at "
+          "most; restart tendrild, or name its file",
+          options.config, daemon.controller.take_up.pull_N, own_N));
     }
     if (!link.Daemon().commissioning_required) {
       throw std::runtime_error(

@@ -21,6 +21,8 @@ namespace {
 
 // A daemon that is started takes two seconds to be sure that it is alone, and its drives some more.
 constexpr double kTimeout_s = 2, kArmTimeout_s = 15;
+// Of any value of a target: what is more means no robot, in whatever unit.
+constexpr double kMostValue = 1e6;
 constexpr TimeNs kLeastForAnswer_ns = 500 * kNsPerMs;
 
 struct SendOptions {
@@ -175,7 +177,8 @@ void AddTarget(CLI::App& send, const std::shared_ptr<SendOptions>& o, const char
                const char* description, const char* values, int least, int most,
                void (*fill)(const std::vector<double>&, Command&)) {
   CLI::App* sub = send.add_subcommand(name, description)->fallthrough();
-  sub->add_option("values", o->values, values)->required()->expected(least, most)->option_text(values);
+  sub->add_option("values", o->values, values)->required()->expected(least, most)->option_text(values)->check(
+      NumberFrom(-kMostValue, kMostValue, "the daemon says what the robot can do"));
   sub->callback([o, fill] {
     Command command;
     fill(o->values, command);

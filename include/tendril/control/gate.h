@@ -56,8 +56,11 @@ class CommandGate {
   bool Contended(TimeNs now_ns) const noexcept { return now_ns < contended_until_ns_; }
 
   const Target& target() const noexcept { return target_; }
-  /// Forgets the target: nothing is wanted until the next command.
-  void Drop() noexcept { target_.kind = CommandKind::kNone; }
+  /// Forgets the target: nothing is wanted until the next command, and nobody leads.
+  void Drop() noexcept {
+    target_.kind = CommandKind::kNone;
+    leads_until_ns_ = 0;
+  }
 
   void Remember(StateArchive& archive) noexcept;
 

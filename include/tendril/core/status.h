@@ -36,7 +36,7 @@ namespace tendril {
   X(AnotherSender, 212, "command refused: another program's targets lead this robot", "end one of the two; these count once the other's targets have stopped, or its commissioning has ended") \
   X(CommandExpired, 301, "command stream expired: holding the last target", "keep sending within valid_for_s")      \
   X(FeedbackMissing, 302, "a drive's TPDO is missing this cycle", "check the bus")                                  \
-  X(Slack, 303, "a tendon is slack", "check pretension and the tendon's path")                                      \
+  X(Slack, 303, "a tendon is slack", "check pretension and the tendon's path; tendril home takes up what hangs")                                      \
   X(CycleLate, 304, "cycle finished late", "check the load of this machine and the rights to real-time scheduling")                                                  \
   X(SolverFallback, 305, "a bounded solver stopped early: last good solution used", "report with the log")          \
   X(FrameNotSent, 306, "a CAN frame could not be sent: the interface's queue is full", "check the bus load and that a node acknowledges") \
@@ -65,13 +65,13 @@ namespace tendril {
   X(FeedbackStale, 406, "fault: feedback missing for longer than guards.max_missing_cycles", "check the bus, then clear") \
   X(BootFailed, 407, "fault: a drive could not be configured", "see the event for node, step and object")           \
   X(ConfigurationMismatch, 408, "fault: a drive does not match the configuration", "see the event for node and object") \
-  X(TendonSlack, 409, "fault: a tendon was slack for longer than guards.max_slack_s", "check pretension and the tendon's path, then clear") \
+  X(TendonSlack, 409, "fault: a tendon was slack for longer than guards.max_slack_s, or when pretension should have ended", "look at the tendon's path, then clear; what hangs, as after power was lost under tension, is taken up by tendril home") \
   X(SensorDisconnected, 410, "fault: a load cell shows what no tendon can pull", "check its cable and supply, then clear") \
   X(SensorStuck, 411, "fault: a load cell keeps one value while the torque changes by guards.stuck_torque_change_N", "check its cable and amplifier, then clear") \
   X(SensorDisagrees, 412, "fault: load cell and motor torque disagree by more than guards.tension_disagreement_N", "check gain and offset of the cell, then what blocks the tendon; then clear") \
   X(DisplacementJump, 413, "fault: a tendon moved by more than guards.max_displacement_jump_m in one cycle", "check the encoder and its cable, then clear") \
   X(DisplacementRate, 414, "fault: a spool turned faster than guards.max_displacement_rate_mps", "check the tendon (has it torn?), then clear") \
-  X(FollowingError, 415, "fault: a tendon is off its reference by more than guards.max_following_error_m", "find what holds the robot, then clear") \
+  X(FollowingError, 415, "fault: a tendon is off its reference by more than guards.max_following_error_m", "find what holds the robot, then clear; where tendons hang, tendril home") \
   X(BendingOverLimit, 416, "fault: the robot is bent beyond limits.max_bending_rad by more than guards.max_bending_excess_rad", "find what bends it, then clear") \
   X(EstimatorDiverged, 417, "fault: no shape explains the tendons' displacements within guards.max_estimator_residual_m", "check the encoders and the tendons' paths, then clear and pretension anew") \
   X(CyclesLate, 418, "fault: more cycles than guards.max_late_cycles were skipped", "check the load of this machine with tendril rt-check, then clear") \

@@ -8,9 +8,13 @@
 #include <string>
 
 #include "tendril/core/cycle.h"
+#include "tendril/core/robot.h"
 
 namespace tendril::daemon {
 
+/// Which value is out of range, or how many are missing, and what is accepted; empty where the status tells it.
+std::string OutOfRangeText(const Command& command, const RobotParameters& robot);
+std::string WrongSizeText(const Command& command, const RobotParameters& robot);
 /// What a command asked for, in a few words: "bend 0.3 0 rad".
 std::string CommandText(const Command& command);
 
