@@ -302,6 +302,7 @@ struct Controller::Impl {
   bool bare = false;        // tension_N is the pull of bare motors
   bool zeroed = false;      // displacement counts from pretension
   bool zero_known = false;  // ... did so before, and the encoders have counted on since
+  bool let_go = false;      // since then a drive was lost or in fault: its tendon may hang
   double ramp_Nps = 0;      // of tensions that are led somewhere
   TimeNs stop_by_ns = 0;    // of a daemon that is ended: when tensions are to be down; 0: it is not
   // Seen without power since the mode was entered: a drive that is still on when it is asked for anew goes
@@ -486,9 +487,13 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
                            d.state != DriveState::kUnreachable;
     if (!answering) {
       fault(Status::kDriveLost);
+      let_go = let_go || zero_known;
       zero_known = false;
     }
-    if (d.state == DriveState::kFault) fault(Status::kDriveFault);
+    if (d.state == DriveState::kFault) {
+      fault(Status::kDriveFault);
+      let_go = true;
+    }
     const bool on = was_off[j] && d.state == DriveState::kEnabled && d.age_cycles == 0;
     if (overdue && !on) fault(Status::kEnableTimedOut);
     // A drive that left operation enabled on its own while it should hold a tendon is a fault as well.
@@ -567,9 +572,9 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output, b
   const TimeNs over_settled_ns =
       input.time_ns - settled_since_ns - static_cast<TimeNs>(parameters.pretension_settle_s * 1e9);
   if (goes_on() && before == Mode::kPretension && joined && over_settled_ns >= 0) {
-    // Nothing is led on a zero of tendons that hang: after power was lost under tension the least tension does
-    // not turn the motors that would take them up.
-    const int hangs = HangingTendon(output);
+    // Nothing is led on a zero of tendons that hang: the least tension does not turn the motors that would take
+    // up what fell off when a drive let go under tension. What friction alone leaves to a released robot is less.
+    const int hangs = let_go ? HangingTendon(output) : 0;
     if (hangs == 0) {
       changed = supervisor.Handle(Event::kPretensioned);
     } else if (over_settled_ns >= kTautWithin_ns) {
@@ -682,6 +687,7 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
 void Controller::Impl::BeginAtPretension(const CycleInput& input) noexcept {
   if (!zero_known) estimator.ZeroDisplacement(input);
   zero_known = true;
+  let_go = false;
   trajectory.Reset(BendingVector::Zero(2 * sections));
   if (bare) {
     guards.Restart();
@@ -1107,6 +1113,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
   a.Value(bare);
   a.Value(zeroed);
   a.Value(zero_known);
+  a.Value(let_go);
   a.Value(ramp_Nps);
   a.Value(stop_by_ns);
   for (int j = 0; j < tendons; ++j) a.Value(was_off[j]);

@@ -228,13 +228,16 @@ class Parser {
     const char* line_begin = at_;
     const std::size_t row = table_.lines.size();
     std::size_t cells = 0;
-    bool more = true;
+    bool more = true, trailing = false;
     std::string_view last;
     try {
       for (; more; ++cells) {
         if (cells >= columns) {
           const std::string_view rest = Cell(more);
-          if (rest.empty() && !more) break;  // a delimiter at the end
+          if (rest.empty() && !more && trailing_.value_or(true)) {  // a delimiter at the end, if of every line
+            trailing = true;
+            break;
+          }
           while (at_ != end_ && !IsLineEnd(*at_)) ++at_;
           cells = columns + 1;
           break;
@@ -271,6 +274,7 @@ class Parser {
                           ? "; where commas separate cells, numbers with a decimal comma stand in quotes"
                           : ""));
     }
+    if (!trailing_) trailing_ = trailing;
     last_size_ = last.size();
     table_.lines.push_back(line_);
     EndLine();
@@ -298,6 +302,7 @@ class Parser {
   const std::string& name_;
   TableFormat format_;
   bool comma_too_ = false;
+  std::optional<bool> trailing_;  // whether lines end with a delimiter, as the first one does
   int line_ = 1;
   std::size_t last_size_ = 0;  // of the last cell of the row before, as written
   std::vector<CellKind> kinds_;

@@ -5,6 +5,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <map>
 #include <optional>
@@ -296,6 +297,21 @@ std::string NameOf(const fs::path& path) {
   return normal.has_filename() ? normal.filename().string() : normal.parent_path().filename().string();
 }
 
+// The robot of a folder's own file where it is not the one that the runs are compared with: other name or
+// size. Numbers may differ, for a nominal file is often an edited one.
+std::string AnotherRobot(const std::string& file, const RobotParameters& robot) {
+  constexpr double kSameLength = 0.05;
+  try {
+    const RobotParameters its = sim::LoadRobot(file);
+    const double its_m = its.body.length_m(), length_m = robot.body.length_m();
+    if (its.name == robot.name && std::abs(its_m - length_m) < kSameLength * length_m) return {};
+    return fmt::format("robot '{}', {:.4g} m long, not '{}', {:.4g} m long", its.name, its_m, robot.name,
+                       length_m);
+  } catch (const std::exception&) {
+    return {};  // it is not used
+  }
+}
+
 }  // namespace
 
 DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path) {
@@ -311,10 +327,13 @@ DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot
   DataSet set;
   std::string robot_from = robot_path;
   std::optional<std::string> other;
+  std::vector<std::string> beside;  // robot files of folders whose robot is named apart
   const auto offer = [&](const fs::path& file) {
     std::error_code ignored;
-    if (!robot_path.empty() || !fs::exists(file, ignored)) return;
-    if (robot_from.empty()) {
+    if (!fs::exists(file, ignored)) return;
+    if (!robot_path.empty()) {
+      beside.push_back(file.string());
+    } else if (robot_from.empty()) {
       robot_from = file.string();
     } else if (ReadBytes(robot_from) != ReadBytes(file)) {
       other = file.string();
@@ -355,6 +374,12 @@ DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot
     set.notes.push_back(
         fmt::format("{} is another robot than {}, which is taken for all runs; give --robot to choose",
                     *other, robot_from));
+  }
+
+  for (const std::string& file : beside) {
+    if (const std::string whose = AnotherRobot(file, set.robot); !whose.empty())
+      set.notes.push_back(fmt::format("{} is of {}; is {} the file of the robot that was measured?", file, whose,
+                                      robot_path));
   }
 
   set.name = NameOf(paths.front());

@@ -129,8 +129,20 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
         nominal_.name));
   }
   runs_.resize(set.runs.size());
-  ParallelFor(static_cast<int>(set.runs.size()), options.threads,
-              [&](int i) { runs_[i] = Prepare(set.runs[i], nominal_, 0); });
+  std::vector<std::string> trouble(runs_.size());
+  const auto leave_out_the_first = [&] {
+    for (std::size_t i = 0; i < trouble.size(); ++i) {
+      if (!trouble[i].empty()) throw RunError(i, trouble[i]);
+    }
+  };
+  ParallelFor(static_cast<int>(set.runs.size()), options.threads, [&](int i) {
+    try {
+      runs_[i] = Prepare(set.runs[i], nominal_, 0);
+    } catch (const std::runtime_error& error) {
+      trouble[i] = error.what();
+    }
+  });
+  leave_out_the_first();
 
   FindCuts();
   if (has(kC3)) StandInForCells();
@@ -138,18 +150,14 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
 
   nominal_motion_.resize(runs_.size());
   nominal_residuals_.resize(runs_.size());
-  std::vector<std::string> trouble(runs_.size());
   ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
     try {
       nominal_motion_[i] = sim::Replay(nominal_).Body(runs_[i].signals, driven_by_, 1);
     } catch (const std::runtime_error& error) {
-      trouble[i] = error.what();
-      return;
+      trouble[i] = fmt::format("{}: {}", runs_[i].name, error.what());
     }
   });
-  for (std::size_t i = 0; i < runs_.size(); ++i) {
-    if (!trouble[i].empty()) throw RunError(i, fmt::format("{}: {}", runs_[i].name, trouble[i]));
-  }
+  leave_out_the_first();
   if (has_tracker()) {
     const auto& tracker = nominal_.actuation->tracker;
     TrackerClocks clocks = CompareClocks(runs_, nominal_motion_, tracker ? tracker->delay_s : 0);

@@ -18,6 +18,8 @@ namespace {
 using Severity = HealthFinding::Severity;
 using Matrix = Eigen::MatrixXd;
 
+// What a robot that is straight now and then reaches at least, of its length.
+constexpr double kNearest = 0.8;
 constexpr double kRest_s = 0.5;  // that a run begins with
 constexpr double kPi = std::numbers::pi;
 
@@ -422,6 +424,12 @@ class Checkup {
           fmt::format("is up to {:.4g} m from the base, the robot is {:.4g} m long; a frame with another "
                       "origin or the "
                       "file of another robot looks like a gap; transform the tracker's frame to the base",
+                      far, length_m));
+    } else if (far < kNearest * length_m) {
+      Add(Severity::kWarning, kTip.name, far,
+          fmt::format("is never more than {:.4g} m from the base, the robot is {:.4g} m long; the file of a "
+                      "longer robot looks like a gap; give the file of the robot that was measured, unless it "
+                      "was strongly bent all the time",
                       far, length_m));
     }
   }

@@ -27,6 +27,7 @@ constexpr double kSlidingCounts =
 constexpr double kSlow_s = 0.05;    // a motor that takes longer from count to count may be at rest
 constexpr double kAtOnce_s = 0.01;  // and so may one that takes twice as long as before, and longer than this
 constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
+constexpr double kMostlyPause = 10;    // times as long as its rows account for
 constexpr double kBridged_s = 0.02;    // a hole that a straight line bridges
 constexpr double kAfterGap_s = 0.3;    // after lost samples friction memories are not known
 
@@ -254,10 +255,17 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   if (refine == 1 && step_s > 0.4e-3 && step_s < 6e-3) out.signals.command_delay_s = step_s;
   const int samples =
       at_rest ? rows : static_cast<int>(std::llround((run.time_s[rows - 1] - out.start_s) / step_s)) + 1;
-  if (samples > 50'000'000) {
-    throw std::runtime_error(
-        fmt::format("{}: {:.3g} s at a step of {:.3g} s are too many samples; cut the run", run.name,
-                    run.time_s[rows - 1] - out.start_s, step_s));
+  // A straight line across a pause tells nothing, however long it is.
+  if (!at_rest && samples > kMostlyPause * rows * refine) {
+    int at = 1;
+    for (int i = 1; i < rows; ++i) {
+      if (run.time_s[i] - run.time_s[i - 1] > run.time_s[at] - run.time_s[at - 1]) at = i;
+    }
+    throw std::runtime_error(fmt::format(
+        "{}: its {} rows of {:.3g} s each span {:.4g} s, with a jump of {:.4g} s to {:.10g} s: a pause or a "
+        "wrong time stamp; cut the run there",
+        run.name, rows, sampled_s, run.time_s[rows - 1] - out.start_s, run.time_s[at] - run.time_s[at - 1],
+        run.time_s[at]));
   }
 
   // Rows onto the grid.

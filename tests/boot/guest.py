@@ -351,6 +351,7 @@ def killed_the_drives_fall_back_by_themselves():
 
 
 def frozen_it_is_ended_by_the_watchdog():
+    run("tendril", "home")  # its drives have let go: tendons may hang
     start_running_bent()
     journal, pid, began = Journal(), unit("MainPID"), time.monotonic()
     run("systemctl", "kill", "--signal=STOP", "--kill-whom=main", "tendrild.service")

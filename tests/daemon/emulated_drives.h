@@ -36,16 +36,7 @@ class EmulatedDrives {
       : clock_(clock),
         bus_(clock),
         rack_(Drives(robot, daemon), bus_.AddPort()),
-        port_(bus_.AddPort(), *this) {
-    // Load cells that show the least tension: nothing is led with tendons that hang.
-    for (int i = 0; i < rack_.drives(); ++i) {
-      const auto& cell = robot.actuation->tendons[static_cast<std::size_t>(i)].load_cell;
-      emulator::DriveSensors sensors;
-      sensors.analog_mV.fill(
-          static_cast<std::int16_t>(1000 * cell.gain_VpN * (robot.limits.min_tension_N + cell.offset_N)));
-      rack_.SetSensors(i, sensors);
-    }
-  }
+        port_(bus_.AddPort(), *this) {}
 
   can::MemoryBus& bus() { return bus_; }
   emulator::DriveRack& rack() { return rack_; }

@@ -438,6 +438,26 @@ TEST_F(DataSetTest, RunsBelongTogetherByNameOrAsTheOnlyOnesOfTheirKind) {
   EXPECT_THROW(CompareWithBefore(other, then), std::runtime_error);
 }
 
+// A folder says whose runs it holds; --robot may name another file of that robot, not another robot.
+TEST_F(DataSetTest, ARobotFileThatIsNotTheFoldersRobotIsTold) {
+  Write("a.csv", "t_s,motor_position_rad_1\n0,0\n0.001,0\n0.002,0\n");
+  std::stringstream text;
+  text << std::ifstream(kRobot).rdbuf();
+  std::string other = text.str();
+  Write("robot.yaml", other);
+  EXPECT_THAT(Load().notes, Not(Contains(HasSubstr("was measured?"))));
+  Write("robot.yaml", other.replace(other.find("rig_60mm"), 8, "sibling1"));
+  EXPECT_THAT(Load().notes,
+              Contains(testing::AllOf(HasSubstr("robot.yaml is of robot 'sibling1', 0.06 m long, not 'rig_60mm'"),
+                                      HasSubstr("the file of the robot that was measured?"))));
+}
+
+// A cell too many in one line, such as an unquoted decimal comma, shifts what stands behind it.
+TEST_F(DataSetTest, ADelimiterAtTheEndCountsOnlyWhereEveryLineHasOne) {
+  EXPECT_THAT(Refusal("t_s,motor_position_rad_1\n0,1\n0.001,2,\n0.002,3\n"), HasSubstr("too many"));
+  EXPECT_EQ(LoadTable("t_s,motor_position_rad_1\n0,1,\n0.001,2,\n0.002,3,\n").time_s.size(), 3);
+}
+
 TEST_F(DataSetTest, RunsFromBeforeAreOfTheSameRobot) {
   for (const char* file : {"then/hold.csv", "now/hold.csv"}) Write(file, kPlainTable);
   DataSet set = LoadDataSet(folder_ / "now", kRobot);

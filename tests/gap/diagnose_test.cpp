@@ -369,6 +369,18 @@ TEST(Diagnose, ColumnsOfAnotherUnitAreLeftOutAndTheRestIsDiagnosed) {
   EXPECT_NE(d.degradations.front().find("tension 2 reaches"), std::string::npos) << d.degradations.front();
 }
 
+// An hour between two rows is no motion: the run would be simulated through it.
+TEST(Diagnose, ARunWithAPauseOfAnHourIsLeftOut) {
+  DataSet set = Recorded("bending_stiffness scale=0.93");
+  Eigen::VectorXd& time_s = set.runs[1].time_s;
+  time_s[time_s.size() - 1] += 3600;
+  const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "cell_gain"}));
+  ASSERT_NE(Named(d, "bending_stiffness"), nullptr) << d.sentence;
+  const std::string& told = d.degradations.front();
+  EXPECT_NE(told.find("left out: " + set.runs[1].name), std::string::npos) << told;
+  EXPECT_NE(told.find("with a jump of 3600 s to "), std::string::npos) << told;
+}
+
 TEST(Diagnose, OneRunIsJudgedOnItsQuartersAndSaysSo) {
   DataSet set = Recorded("bending_stiffness scale=0.93");
   set.runs.resize(1);
