@@ -572,8 +572,9 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output, b
   const TimeNs over_settled_ns =
       input.time_ns - settled_since_ns - static_cast<TimeNs>(parameters.pretension_settle_s * 1e9);
   if (goes_on() && before == Mode::kPretension && joined && over_settled_ns >= 0) {
-    // Nothing is led on a zero of tendons that hang: the least tension does not turn the motors that would take
-    // up what fell off when a drive let go under tension. What friction alone leaves to a released robot is less.
+    // Nothing is led on a zero of tendons that hang: the least tension does not turn the motors that would
+    // take up what fell off when a drive let go under tension. What friction alone leaves to a released robot
+    // is less.
     const int hangs = let_go ? HangingTendon(output) : 0;
     if (hangs == 0) {
       changed = supervisor.Handle(Event::kPretensioned);

@@ -10,9 +10,6 @@ namespace {
 
 constexpr TimeNs kSequenceHolds_ns = 3600 * kNsPerS;
 
-// Longest that a command may hold for which somebody must be there.
-constexpr TimeNs kUnwatched_ns = 5 * kNsPerS;
-
 // A stream that stood longer, whatever the validity of its targets, has been given up.
 constexpr TimeNs kLeads_ns = kNsPerS;
 // As long two senders at once are told of after a target was refused, so that people see it.

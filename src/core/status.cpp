@@ -30,8 +30,6 @@ bool ExplainsMode(Status status) noexcept {
     case Status::kCommissioningEnded:
     case Status::kDriveHasFault:
     case Status::kDriveAbsent:
-    case Status::kUnattended:
-    case Status::kAnotherDaemon:
       return true;
     default:
       return IsFault(status);

@@ -207,8 +207,9 @@ void KeepEarlierLog(const std::string& path) {
     if (std::filesystem::exists(kept, error)) continue;
     std::filesystem::rename(path, kept, error);
     if (error) {
-      throw std::runtime_error(fmt::format("--log {}: is there already and cannot be renamed ({}); name another file",
-                                           path, error.message()));
+      throw std::runtime_error(
+          fmt::format("--log {}: is there already and cannot be renamed ({}); name another file", path,
+                      error.message()));
     }
     spdlog::info("daemon: {} was there already: it is {} now", path, kept);
     return;
@@ -267,7 +268,9 @@ int Main(int argc, char** argv) {
   app.add_option("--can", arguments.can, "CAN interface instead of the file's bus.interface")
       ->option_text("IFACE");
   app.add_option("--lcm", arguments.lcm, "LCM address instead of the file's lcm.url")->option_text("URL");
-  app.add_option("--log", arguments.log, "write an LCM log of everything (replay, gap diagnosis); an earlier one becomes FILE.1, FILE.2 ...")
+  app.add_option("--log", arguments.log,
+                 "write an LCM log of everything (replay, gap diagnosis); an earlier one becomes FILE.1, "
+                 "FILE.2 ...")
       ->option_text("FILE");
   app.add_option("--black-box", arguments.black_box,
                  "folder for the cycles before a fault instead of the file's black_box.folder")

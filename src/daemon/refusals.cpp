@@ -89,10 +89,15 @@ std::string OutOfRangeText(const Command& c, const RobotParameters& robot) {
     for (Eigen::Index j = 0; j < c.tension_N.size(); ++j) {
       if (c.tension_N[j] < 0 || c.tension_N[j] > limits.max_tension_base_N) {
         return fmt::format(
-            "tendon {} would have {:.4g} N; accepted: 0 to {:g} (limits.max_tension_base_N); correct it", j + 1,
-            c.tension_N[j], limits.max_tension_base_N);
+            "tendon {} would have {:.4g} N; accepted: 0 to {:g} (limits.max_tension_base_N); correct it",
+            j + 1, c.tension_N[j], limits.max_tension_base_N);
       }
     }
+  }
+  if (c.kind != CommandKind::kTension && c.valid_for_ns > control::kUnwatched_ns) {
+    return fmt::format(
+        "a moving target would hold for {:g} s; accepted: up to {:g}; send the next before that",
+        ToSeconds(c.valid_for_ns), ToSeconds(control::kUnwatched_ns));
   }
   return {};
 }

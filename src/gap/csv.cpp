@@ -234,7 +234,8 @@ class Parser {
       for (; more; ++cells) {
         if (cells >= columns) {
           const std::string_view rest = Cell(more);
-          if (rest.empty() && !more && trailing_.value_or(true)) {  // a delimiter at the end, if of every line
+          // A delimiter at the end, where every line has one.
+          if (rest.empty() && !more && trailing_.value_or(true)) {
             trailing = true;
             break;
           }

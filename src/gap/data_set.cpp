@@ -377,9 +377,10 @@ DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot
   }
 
   for (const std::string& file : beside) {
-    if (const std::string whose = AnotherRobot(file, set.robot); !whose.empty())
-      set.notes.push_back(fmt::format("{} is of {}; is {} the file of the robot that was measured?", file, whose,
-                                      robot_path));
+    const std::string whose = AnotherRobot(file, set.robot);
+    if (whose.empty()) continue;
+    set.notes.push_back(
+        fmt::format("{} is of {}; is {} the file of the robot that was measured?", file, whose, robot_path));
   }
 
   set.name = NameOf(paths.front());

@@ -253,10 +253,9 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   out.signals.load_cell = run.load_cell;
   // Logged every cycle, a target acts one row after it was sent.
   if (refine == 1 && step_s > 0.4e-3 && step_s < 6e-3) out.signals.command_delay_s = step_s;
-  const int samples =
-      at_rest ? rows : static_cast<int>(std::llround((run.time_s[rows - 1] - out.start_s) / step_s)) + 1;
+  const double steps = at_rest ? rows - 1 : std::round((run.time_s[rows - 1] - out.start_s) / step_s);
   // A straight line across a pause tells nothing, however long it is.
-  if (!at_rest && samples > kMostlyPause * rows * refine) {
+  if (!at_rest && steps >= kMostlyPause * rows * refine) {
     int at = 1;
     for (int i = 1; i < rows; ++i) {
       if (run.time_s[i] - run.time_s[i - 1] > run.time_s[at] - run.time_s[at - 1]) at = i;
@@ -267,6 +266,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
         run.name, rows, sampled_s, run.time_s[rows - 1] - out.start_s, run.time_s[at] - run.time_s[at - 1],
         run.time_s[at]));
   }
+  const int samples = static_cast<int>(steps) + 1;
 
   // Rows onto the grid.
   std::vector<int> at(rows);

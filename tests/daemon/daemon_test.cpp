@@ -656,6 +656,14 @@ TEST_F(DaemonTest, RefusedCommandsLeaveAWarningEachCauseWithItsCount) {
   pull.tension_N = Eigen::Vector2d(1, 1);
   Send(pull);
   EXPECT_TRUE(Warns("tension 1 1 N", "2 tension(s) given; accepted: 3, one a tendon"));
+  Command moving;
+  moving.kind = CommandKind::kBending;
+  moving.bending_rad = Eigen::Vector2d(0.2, 0);
+  moving.bending_rate_radps = Eigen::Vector2d(0.1, 0);
+  moving.sequence = ++sequence;
+  moving.valid_for_ns = 60 * kNsPerS;
+  client->Send(moving, 0);
+  EXPECT_TRUE(Warns("bend 0.2 0 rad", "a moving target would hold for 60 s; accepted: up to 5;"));
   bend.bending_rad[0] = std::nan("");
   Send(bend);
   EXPECT_TRUE(Warns("bend nan 0 rad", "not finite"));
@@ -719,7 +727,8 @@ TEST_F(DaemonTest, ACommandWithoutValuesIsLoggedAsSuch) {
   Command bend;
   bend.kind = CommandKind::kBending;
   Send(bend);
-  EXPECT_TRUE(Warns("bend without any value (sequence 2)", "0 bend value(s) given; accepted: 2, u and v of each section"));
+  EXPECT_TRUE(Warns("bend without any value (sequence 2)",
+                    "0 bend value(s) given; accepted: 2, u and v of each section"));
 }
 
 // While the daemon makes sure that it is alone nobody takes readings or targets: that says nothing of their

@@ -41,6 +41,15 @@ start_plant "$work/arm.yaml"
 start_daemon
 refused "tendril commission" "$bin/tendril" send --lcm "$lcm" arm
 refused "tendril commission" "$bin/tendril" home --lcm "$lcm"
+refused "the daemon does not arm: .*never commissioned.* (207); run tendril commission" \
+  "$bin/tendril" excite --live --arm --set quick --out "$work/excited" --lcm "$lcm"
+sed 's/pull_N: 2.0/pull_N: 3.0/' "$work/tendrild.yaml" >"$work/harder.yaml"
+refused "pull_N: 3 is more than the 2 that the daemon runs with" \
+  "$bin/tendril" commission --config "$work/harder.yaml" --lcm "$lcm" --yes
+timeout --preserve-status -s INT 4 "$bin/tendril" commission --config "$work/tendrild.yaml" --lcm "$lcm" --yes \
+  >"$work/said.txt" 2>&1
+grep -q "stopped: told the daemon to disarm; nothing was written" "$work/said.txt" || give_up "Ctrl-C is called something else"
+mode_is configured || give_up "commissioning was stopped, and the robot is not disarmed"
 grep -q "robot.yaml.commissioned is not there" "$work/daemon.txt" || give_up "the daemon's log does not tell why"
 refused "each of the 3 tendons" commission --seen 0 120
 refused "left before anything was pulled" at_terminal "Ctrl-C to leave it=^C"

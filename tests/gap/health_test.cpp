@@ -201,6 +201,8 @@ TEST(Health, WrongUnitsAreTakenForWhatTheyAre) {
   Only([](gap::Run& run) { run.tip_m *= 1000; }, "tip position", "these are millimetres");
   Only([](gap::Run& run) { run.tip_m.col(2).array() -= 0.06; }, "tip position", "displacement");
   Only([](gap::Run& run) { run.tip_m.col(0).array() += 0.04; }, "tip position", "is up to");
+  // Those of a robot two thirds as long.
+  Only([](gap::Run& run) { run.tip_m /= 1.5; }, "tip position", "the file of a longer robot looks like a gap");
   Only([](gap::Run& run) { run.tension_N *= 1000; }, "tension", "millinewtons");
   Only([](gap::Run& run) { run.tension_N *= 102; }, "tension", "grams");
   Only(

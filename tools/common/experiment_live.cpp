@@ -64,6 +64,7 @@ class Operator {
       if (mode() == Mode::kRunning || mode() == Mode::kHold) Release();
       Await(Mode::kConfigured, 10, "the drives to be ready");
       armed_ = true;
+      refused_ = Status::kOk;
       Send(ModeRequest::kArm);
       Await(Mode::kRunning, 20, "arming and pretension");
     } else {
@@ -167,15 +168,12 @@ class Operator {
 
   void Await(Mode wanted, double timeout_s, const char* what) {
     const TimeNs end_ns = clock_.Now() + static_cast<TimeNs>(timeout_s * 1e9);
-    const std::uint32_t refused = record_.output.commands_refused;
     while (mode() != wanted) {
       HandleUntil(clock_.Now() + 20 * kNsPerMs);
       CheckAlive();
-      if (const CycleOutput& o = record_.output;
-          armed_ && o.commands_refused > refused && o.command_status != Status::kOk) {
-        throw std::runtime_error(fmt::format("the daemon does not arm: {} ({}); {}",
-                                             StatusText(o.command_status), static_cast<int>(o.command_status),
-                                             StatusRemedy(o.command_status)));
+      if (armed_ && refused_ != Status::kOk) {
+        throw std::runtime_error(fmt::format("the daemon does not arm: {} ({}); {}", StatusText(refused_),
+                                             static_cast<int>(refused_), StatusRemedy(refused_)));
       }
       if (mode() == Mode::kFault || clock_.Now() > end_ns) {
         throw std::runtime_error(fmt::format("gave up waiting for {}: mode {}, {} ({})", what,
@@ -240,8 +238,11 @@ class Operator {
     if (!io::Decode(buffer->data, static_cast<int>(buffer->data_size), message_)) return;
     const std::uint64_t before = record_.input.cycle;
     if (!io::FromMessage(message_, record_)) return;
-    another_leads_ = another_leads_ || (record_.output.command_status == Status::kAnotherSender &&
-                                        record_.input.command.sender == io::SenderOfProcess());
+    if (record_.input.command.kind != CommandKind::kNone &&
+        record_.input.command.sender == io::SenderOfProcess()) {
+      refused_ = record_.output.command_status;
+      another_leads_ = another_leads_ || refused_ == Status::kAnotherSender;
+    }
     every_cycle_ = every_cycle_ || record_.input.cycle == before + 1;
     heard_ns_ = clock_.Now();
     if (sink_) sink_(record_);
@@ -264,7 +265,8 @@ class Operator {
   bool every_cycle_ = false;  // two that follow each other were heard
   std::uint32_t sequence_ = 0;
   bool armed_ = false;
-  bool another_leads_ = false;  // whose targets come while ours are refused
+  Status refused_ = Status::kOk;  // why our own last command was
+  bool another_leads_ = false;    // whose targets come while ours are refused
 };
 
 }  // namespace

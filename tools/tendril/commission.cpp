@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -126,7 +127,10 @@ class LiveLink final : public CommissionLink {
   const CycleRecord& Next() override {
     const std::uint64_t before = record_.input.cycle;
     while (record_.input.cycle == before) {
-      if (stop) throw std::runtime_error("stopped: told the daemon to disarm; nothing was written");
+      if (stop) {
+        throw std::runtime_error(entered_ ? "stopped: told the daemon to disarm; nothing was written"
+                                          : "stopped before anything was pulled");
+      }
       if (clock_.Now() - heard_ns_ > kSilence_ns)
         throw std::runtime_error("the daemon fell silent: look at its log");
       if (pulls_ && clock_.Now() - sent_ns_ > kRepeat_ns) Pull(pull_N_);

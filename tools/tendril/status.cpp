@@ -307,9 +307,7 @@ void Status(const StatusOptions& o) {
     if (r.start_utime != started_utime) subject = SubjectOf(r);
     started_utime = r.start_utime;
   });
-  client.OnEvent([&](const tendril_lcm::event_t& e) {
-    last_event = e.source + ": " + e.text;
-  });
+  client.OnEvent([&](const tendril_lcm::event_t& e) { last_event = e.source + ": " + e.text; });
 
   const auto wait = [&](TimeNs until_ns, bool first_only) {
     while (interrupted == 0 && clock.Now() < until_ns && !(first_only && heard)) client.Handle(20);

@@ -18,6 +18,9 @@ class StateArchive;
 /// place.
 inline constexpr double kOutOfReach = 0.1;
 
+/// Longest that a moving target or a pull may hold: somebody must be there.
+inline constexpr TimeNs kUnwatched_ns = 5 * kNsPerS;
+
 /// What is wanted right now, after the gate. A moving target moves on with its velocity until it expires.
 struct Target {
   CommandKind kind = CommandKind::kNone;  // kTip, kBending or kTension once there is one

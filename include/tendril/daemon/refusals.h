@@ -12,14 +12,17 @@
 
 namespace tendril::daemon {
 
-/// Which value is out of range, or how many are missing, and what is accepted; empty where the status tells it.
-std::string OutOfRangeText(const Command& command, const RobotParameters& robot);
-std::string WrongSizeText(const Command& command, const RobotParameters& robot);
 /// What a command asked for, in a few words: "bend 0.3 0 rad".
 std::string CommandText(const Command& command);
 
 /// Why a tip was refused as out of reach, with the nearest point that a robot of that length can be led to.
 std::string OutOfReachText(const Command& command, const Eigen::Vector3d& nearest_W_m, double length_m);
+
+/// Which value of a target is out of range, and what is accepted; empty where the status tells it.
+std::string OutOfRangeText(const Command& command, const RobotParameters& robot);
+
+/// How many values there are, and how many the robot takes; empty for a tip.
+std::string WrongSizeText(const Command& command, const RobotParameters& robot);
 
 /// Why a target was refused whose sender is not the one that leads.
 std::string AnotherSenderText(std::uint32_t leader, Mode mode);

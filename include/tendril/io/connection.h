@@ -11,8 +11,8 @@ class LCM;
 namespace tendril::io {
 
 /// Opens an LCM connection: kLcmUrlRule says which addresses there are; empty: LCM_DEFAULT_URL, or this
-/// computer alone. Throws std::runtime_error with the remedy when that does not work; for udpm without a multicast route at
-/// once.
+/// computer alone. Throws std::runtime_error with the remedy when that does not work; for udpm without a
+/// multicast route at once.
 std::unique_ptr<lcm::LCM> OpenLcm(const std::string& url);
 
 /// PREFIX_NAME. Throws std::runtime_error when the prefix is empty, longer than 40 characters or has others
