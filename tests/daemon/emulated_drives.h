@@ -44,6 +44,16 @@ class EmulatedDrives {
   can::CanPort& port() { return port_; }
   /// The master's interface is down or gone: nothing goes either way.
   void TakeDown(bool down) { down_ = down; }
+  /// Load cells show the least tension from now on; until then, with no tendons there, nothing.
+  void ShowTension(const RobotParameters& robot) {
+    for (int i = 0; i < rack_.drives(); ++i) {
+      const auto& cell = robot.actuation->tendons[static_cast<std::size_t>(i)].load_cell;
+      emulator::DriveSensors sensors;
+      sensors.analog_mV.fill(
+          static_cast<std::int16_t>(1000 * cell.gain_VpN * (robot.limits.min_tension_N + cell.offset_N)));
+      rack_.SetSensors(i, sensors);
+    }
+  }
 
  private:
   class Port final : public can::CanPort {
