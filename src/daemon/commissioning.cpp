@@ -14,6 +14,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "tendril/config/whole_file.h"
+
 namespace tendril::daemon {
 namespace {
 
@@ -99,17 +101,7 @@ void WriteRecord(const std::string& path, const CommissioningRecord& record) {
         Number(t.seen_angle_rad));
   }
   // A file that is half written must not arm anything.
-  const std::string temporary = path + ".new";
-  std::ofstream file(temporary);
-  file << text;
-  file.close();
-  std::error_code error;
-  if (file) std::filesystem::rename(temporary, path, error);
-  if (!file || error) {
-    std::error_code ignored;
-    std::filesystem::remove(temporary, ignored);
-    throw std::runtime_error(path + " cannot be written; run as a user who may write beside the robot file");
-  }
+  config::WriteWhole(path, text);
 }
 
 std::string CommissioningProblem(const RobotParameters& robot, const DaemonParameters& daemon) {

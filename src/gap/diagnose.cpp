@@ -17,6 +17,7 @@
 #include "implausible.h"
 #include "judge.h"
 #include "locate.h"
+#include "mistakes.h"
 #include "parallel.h"
 #include "search.h"
 #include "tendril/config/config.h"
@@ -106,9 +107,13 @@ std::string Sentence(const Diagnosis& d) {
       for (const auto& c : d.accepted) {
         causes += causes.empty() ? "" : ", and ";
         std::string names;
+        double group = 0;
         for (const auto& rival : d.causes) {
-          if (c.group != 0 && rival.group == c.group) names += (names.empty() ? "" : " or ") + NameOf(rival);
+          if (c.group == 0 || rival.group != c.group) continue;
+          names += (names.empty() ? "" : " or ") + NameOf(rival);
+          group += rival.p;
         }
+        if (!names.empty() && group < 0.5) names += " or another";
         if (d.verdict == Verdict::kAmbiguousGroup && !names.empty()) {
           causes += fmt::format("one of {}, which these runs cannot tell apart", names);
           grouped = true;
@@ -426,6 +431,16 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   if (distrusted || (d.verdict != Verdict::kNoGap && d.verdict != Verdict::kInsufficientData))
     MarkFirst(d, place);
   d.sentence = Sentence(d);
+  if (d.verdict != Verdict::kNoGap) {
+    if (const std::string with = FindMistake(set, evaluator, threads); !with.empty()) {
+      d.sentence += fmt::format(" But check the measurement first: with {} most of this gap goes.", with);
+      d.degradations.insert(
+          d.degradations.begin(),
+          fmt::format("a mistake in the measurement? with {} most of the gap goes; put it right in the data "
+                      "set or the robot file and diagnose again",
+                      with));
+    }
+  }
   return d;
 }
 

@@ -66,6 +66,13 @@ Eigen::VectorXd Average(const Eigen::VectorXd& values, int width) {
   return mean;
 }
 
+/// Takes out of tendon j's samples what holes say nothing of.
+void TakeOut(const std::vector<Hole>& holes, int j, Eigen::VectorXd& samples) {
+  for (const Hole& hole : holes) {
+    if (hole.tendon == j) samples.segment(hole.from, hole.size()).setConstant(NAN);
+  }
+}
+
 std::optional<EffectSetting> Setting(const RobotParameters& robot, std::string_view name) {
   for (const auto& effect : robot.effects) {
     if (effect.name == name) return effect;
@@ -94,7 +101,7 @@ TipResidual ResidualOfTip(const sim::BodyMotion& motion, const PreparedRun& run,
     const Eigen::RowVector3d moved_m = motion.tip_m.row(r1) - motion.tip_m.row(r0);
     const Eigen::RowVector3d off_m = run.tip_m.row(k) - motion.tip_m.row(r0) - share * moved_m;
     out.tip.row(at).head<3>() = off_m;
-    if (run.valid[static_cast<std::size_t>(at)]) {
+    if (run.driven[static_cast<std::size_t>(at)]) {
       out.square_m2 += off_m.squaredNorm();
       slope += off_m.dot(moved_m) / step_s;
       curvature += moved_m.squaredNorm() / (step_s * step_s);
@@ -146,6 +153,7 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
 
   FindCuts();
   if (has(kC3)) StandInForCells();
+  TakeOutHoles();
   ListChannels();
 
   nominal_motion_.resize(runs_.size());
@@ -185,13 +193,14 @@ void Evaluator::FindCuts() {
   const auto any = [&](auto&& test) { return std::any_of(runs_.begin(), runs_.end(), test); };
   const bool motor = every([](const PreparedRun& r) { return r.signals.motor_angle_rad.cols() > 0; });
   const auto torque_of = [](const PreparedRun& r) {
-    return r.signals.torque_actual_Nm.cols() > 0 && r.signals.torque_actual_Nm.allFinite();
+    return r.signals.torque_actual_Nm.cols() > 0 && r.Known(r.torque_holes) > 0;
   };
   const auto target_of = [](const PreparedRun& r) {
-    return r.signals.torque_target_Nm.cols() > 0 && r.signals.torque_target_Nm.allFinite();
+    return r.signals.torque_target_Nm.cols() > 0 && r.Known(r.target_holes) > 0;
   };
   const auto cell_of = [](const PreparedRun& r) {
-    return r.signals.load_cell != LoadCellPlace::kNone && r.signals.tension_N.cols() > 0;
+    return r.signals.load_cell != LoadCellPlace::kNone && r.signals.tension_N.cols() > 0 &&
+           r.Known(r.cell_holes) > 0;
   };
   const bool torque = every(torque_of), target = every(target_of), cell = every(cell_of);
   const bool tracker = any([](const PreparedRun& r) { return r.tracked(); });
@@ -201,11 +210,9 @@ void Evaluator::FindCuts() {
         "run; without "
         "them neither friction's direction nor the tendons' stretch is known");
   }
-  available_ = (torque && target ? kC1 : 0u) | (torque && cell ? kC2 : 0u) | (cell ? kC3 : 0u) |
+  available_ = (torque && target ? kC1 : 0u) | (torque ? kC2 : 0u) | (cell ? kC3 : 0u) |
                (tracker ? kBody : 0u);
-  driven_by_ = cell     ? sim::Replay::DrivenBy::kCell
-               : torque ? sim::Replay::DrivenBy::kTorque
-                        : sim::Replay::DrivenBy::kMotor;
+  driven_by_ = cell ? sim::Replay::DrivenBy::kCell : sim::Replay::DrivenBy::kMotor;
   if (available_ == 0) {
     throw std::runtime_error(
         "nothing to compare: the logs have neither torque targets and actual torques, nor tensions, nor a "
@@ -215,12 +222,13 @@ void Evaluator::FindCuts() {
   if (!target || !torque)
     degradations_.push_back("no target or actual torque: the drives' current loop (C1) is not seen");
   if (!cell) {
-    degradations_.push_back(torque ? "no load cell: tensions are taken from the motors' torque, so "
-                                     "drivetrain, pulleys and body (C2 to C5) "
-                                     "cannot be told apart by place, only by cause"
-                                   : "no load cell and no torque: the body is driven by motor positions "
-                                     "alone; tensions are not known, so "
-                                     "drive and friction effects are not seen");
+    degradations_.push_back(
+        torque
+            ? "no load cell: what pulls on the body is taken from the motors and the tendons' stretch, and "
+              "compared with torque; drivetrain, tendons and body (C2 to C5) cannot be told apart by place, "
+              "only by cause"
+            : "no load cell and no torque: the body is driven by motor positions alone; tensions are not "
+              "known, so drive and friction effects are not seen");
   }
   if (cell && !torque) degradations_.push_back("no actual torque: motors and gears (C2) are not seen");
   if (!tracker) {
@@ -231,29 +239,73 @@ void Evaluator::FindCuts() {
   }
 }
 
-// Where a cell says nothing its tendon takes the tension that its torque makes.
+// Where a cell says nothing, what pulls on the body is the tendon's stretch between motor and body.
 void Evaluator::StandInForCells() {
-  const bool torque = has(kC2);
   for (std::size_t i = 0; i < runs_.size(); ++i) {
     PreparedRun& run = runs_[i];
-    for (const CellHole& hole : run.cell_holes) {
-      const bool whole = hole.to - hole.from == run.samples();
-      if (whole && !torque) {
-        throw RunError(i, fmt::format("{}: no tension of tendon {} and no torque to take it from", run.name,
-                                      hole.tendon + 1));
+    if (run.cell_holes.empty()) continue;
+    auto& no_cell = run.signals.no_cell;
+    no_cell.setZero(run.samples(), nominal_.body.tendons());
+    for (int j = 0; j < nominal_.body.tendons(); ++j) {
+      int lost = 0;
+      for (const Hole& hole : run.cell_holes) {
+        if (hole.tendon != j) continue;
+        lost += hole.size();
+        no_cell.col(j).segment(hole.from, hole.size()).setOnes();
       }
+      if (lost == 0) continue;
+      for (const Hole& hole : run.motor_holes) {
+        if (hole.tendon != j) continue;
+        if (lost == run.samples() && hole.size() == run.samples()) {
+          throw RunError(
+              i, fmt::format("{}: neither tension nor motor position of tendon {}", run.name, j + 1));
+        }
+        for (int k = hole.from; k < hole.to; ++k) {
+          if (no_cell(k, j) != 0) run.driven[static_cast<std::size_t>(k)] = 0;
+        }
+      }
+      const char* instead = "what pulls on the body is taken from the motor and the tendon's stretch";
       degradations_.push_back(
-          whole ? fmt::format("{}: no load cell on tendon {}: its tension is taken from the motor's torque",
-                              run.name, hole.tendon + 1)
-                : fmt::format("{}: the load cell on tendon {} says nothing for {:.2g} s from {:.4g} s on: {}",
-                              run.name, hole.tendon + 1, (hole.to - hole.from) * run.signals.step_s,
-                              hole.from * run.signals.step_s,
-                              torque ? "its tension is taken from the motor's torque"
-                                     : "bridged by a straight line"));
+          lost == run.samples()
+              ? fmt::format("{}: no load cell on tendon {}: {}", run.name, j + 1, instead)
+              : fmt::format("{}: the load cell on tendon {} says nothing for {:.3g} s: {} there", run.name,
+                            j + 1, lost * run.signals.step_s, instead));
     }
-    if (!torque) run.cell_holes.clear();
-    stood_in_ = stood_in_ || !run.cell_holes.empty();
-    run.signals = StoodIn(nominal_, run);
+  }
+}
+
+// Where other sensors of a tendon say nothing, of which the other tendons' cuts know nothing.
+void Evaluator::TakeOutHoles() {
+  const auto tell = [&](const PreparedRun& run, const std::vector<Hole>& holes, const char* what,
+                        const char* lost) {
+    for (int j = 0; j < nominal_.body.tendons(); ++j) {
+      int samples = 0;
+      for (const Hole& hole : holes) samples += hole.tendon == j ? hole.size() : 0;
+      if (samples == 0) continue;
+      const bool whole = samples == run.samples();
+      degradations_.push_back(
+          fmt::format("{}: no {} of tendon {}{}: {}{}", run.name, what, j + 1,
+                      whole ? "" : fmt::format(" for {:.3g} s", samples * run.signals.step_s), lost,
+                      whole ? "" : " there"));
+    }
+  };
+  for (PreparedRun& run : runs_) {
+    for (const Hole& hole : run.motor_holes) {
+      if (driven_by_ == sim::Replay::DrivenBy::kMotor)
+        std::fill(run.driven.begin() + hole.from, run.driven.begin() + hole.to, char{0});
+    }
+    if (!run.forgotten.empty()) {
+      int samples = 0;
+      for (std::size_t i = 0; i < run.valid.size(); ++i) samples += run.valid[i] != 0 && run.driven[i] == 0;
+      degradations_.push_back(
+          fmt::format("{}: after lost rows friction's state is not known until the tendons have slid and the "
+                      "body has followed: of {:.3g} s nothing is told of tendons and body",
+                      run.name, samples * run.signals.step_s));
+    }
+    if (has(kC1)) tell(run, run.target_holes, "target torque", "its drive (C1) is not seen");
+    if (has(kC1) || has(kC2))
+      tell(run, run.torque_holes, "actual torque", "its drive and drivetrain (C1, C2) are not seen");
+    tell(run, run.motor_holes, "motor position", "its drivetrain and tendon (C2, C3) are not seen");
   }
 }
 
@@ -265,9 +317,10 @@ void Evaluator::ListChannels() {
           {sim::Cut::kCurrentLoop, Quantity::kTorque, j, fmt::format("torque {}", j + 1), "N·m"});
   }
   for (int j = 0; j < tendons; ++j) {
+    const char* what = has(kC3) ? "tension {} from torque" : "tension {} from torque, against stretch";
     if (has(kC2))
-      channels_.push_back(
-          {sim::Cut::kDrivetrain, Quantity::kTension, j, fmt::format("tension {} from torque", j + 1), "N"});
+      channels_.push_back({sim::Cut::kDrivetrain, Quantity::kTension, j,
+                           fmt::format(fmt::runtime(what), j + 1), "N"});
   }
   for (int j = 0; j < tendons; ++j) {
     if (has(kC3))
@@ -444,24 +497,6 @@ Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const Robo
   return shortening;
 }
 
-// With the tensions that torque makes where cells say nothing: by the laws of this robot, not of the nominal
-// one, or what changes torque into tension would be an error of the body.
-sim::ReplaySignals Evaluator::StoodIn(const RobotParameters& robot, const PreparedRun& run) const {
-  sim::ReplaySignals signals = run.signals;
-  if (run.cell_holes.empty()) return signals;
-  const auto fill = [&](auto&& with) {
-    for (const CellHole& hole : run.cell_holes)
-      signals.tension_N.col(hole.tendon).segment(hole.from, hole.to - hole.from) = with(hole);
-  };
-  fill([&](const CellHole& hole) { return Eigen::VectorXd::Zero(hole.to - hole.from).eval(); });
-  const Eigen::MatrixXd still = Eigen::MatrixXd::Zero(run.samples(), signals.tension_N.cols());
-  const Eigen::MatrixXd made = sim::Replay(robot).CellFromTorque(signals, still);
-  fill([&](const CellHole& hole) {
-    return made.col(hole.tendon).segment(hole.from, hole.to - hole.from).eval();
-  });
-  return signals;
-}
-
 Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,
                                          const sim::BodyMotion* known_motion) const {
   const sim::Replay replay(robot);
@@ -471,13 +506,15 @@ Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const Pre
                        Setting(robot, "tracker_offset");
   const bool simulate = (cuts & kBody) != 0 || known_motion == nullptr;
   if (simulate) {
-    out.motion = replay.Body(run.cell_holes.empty() ? run.signals : StoodIn(robot, run), driven_by_, 1);
+    out.motion = replay.Body(run.signals, driven_by_, 1);
     if ((cuts & (kC2 | kC3)) || tracker) out.motion.shortening_m = MeasuredShortening(run, robot, out.motion);
   }
   const Eigen::MatrixXd& shortening = simulate ? out.motion.shortening_m : known_motion->shortening_m;
   if ((cuts & kC1) && has(kC1)) out.torque_Nm = replay.ActualTorque(run.signals);
   if ((cuts & kC2) && has(kC2)) out.from_torque_N = replay.CellFromTorque(run.signals, shortening);
-  if ((cuts & kC3) && has(kC3)) out.from_stretch_N = replay.CellFromStretch(run.signals, shortening);
+  // Without cells it is torque against stretch.
+  if (((cuts & kC3) && has(kC3)) || ((cuts & kC2) && has(kC2) && !has(kC3)))
+    out.from_stretch_N = replay.CellFromStretch(run.signals, shortening);
   return out;
 }
 
@@ -497,20 +534,27 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
     const auto j = channel.index;
     if (channel.cut == sim::Cut::kCurrentLoop && replayed.torque_Nm.cols() > 0) {
       all = run.signals.torque_actual_Nm.col(j) - replayed.torque_Nm.col(j);
+      TakeOut(run.target_holes, j, all);
+      TakeOut(run.torque_holes, j, all);
     } else if (channel.cut == sim::Cut::kDrivetrain && replayed.from_torque_N.cols() > 0) {
-      all = run.cell_N.col(j) - replayed.from_torque_N.col(j);
+      all = (has(kC3) ? run.cell_N.col(j) : replayed.from_stretch_N.col(j)) - replayed.from_torque_N.col(j);
       for (int i = 0; i < samples; ++i) {
         if (!run.sliding(i, j)) all[i] = std::nan("");
       }
     } else if (channel.cut == sim::Cut::kTendon && replayed.from_stretch_N.cols() > 0) {
       all = run.cell_N.col(j) - replayed.from_stretch_N.col(j);
+      TakeOut(run.motor_holes, j, all);
+      TakeOut(run.forgotten, j, all);
     } else if (channel.cut == sim::Cut::kShape && tip.rows() > 0) {
       all = tip.col(channel.quantity == Quantity::kTipPosition ? j : 3 + j);
     } else {
       continue;
     }
+    // The tendons' stretch needs the body's shape, which a tracker shows too slowly.
+    const bool body = channel.cut == sim::Cut::kShape || channel.cut == sim::Cut::kTendon;
+    const std::vector<char>& valid = body ? run.driven : run.valid;
     for (int i = 0; i < samples; ++i) {
-      if (!run.valid[i]) all[i] = NAN;
+      if (!valid[static_cast<std::size_t>(i)]) all[i] = NAN;
     }
     const int width = WindowSamples(run, channel);
     residuals[c] = Average(all, width);
@@ -552,19 +596,20 @@ unsigned Evaluator::CutsOf(const sim::Effect& effect) const {
   const bool pulleys =
       std::any_of(nominal_.actuation->tendons.begin(), nominal_.actuation->tendons.end(),
                   [](const TendonDriveParameters& p) { return !p.transmission.pulleys.empty(); });
-  const std::string_view named = effect.name;
-  if (!pulleys && (named.starts_with("capstan_") || named == "wrap_angle")) return 0;
-  // Motors go where they were seen to go, whatever turns them.
-  if (driven_by_ == sim::Replay::DrivenBy::kMotor && effect.stage == sim::Stage::kDrive)
-    return has(kC1) ? unsigned{kC1} : 0U;
-  if (driven_by_ != sim::Replay::DrivenBy::kCell) {
-    return effect.cut == sim::Cut::kCurrentLoop ? unsigned{kC1} : unsigned{kAllCuts};
-  }
   const std::string_view name = effect.name;
+  if (!pulleys && (name.starts_with("capstan_") || name == "wrap_angle")) return 0;
+  // Motors go where they were seen to go, whatever turns them.
+  if (effect.stage == sim::Stage::kDrive) {
+    const bool loop = effect.cut == sim::Cut::kCurrentLoop || effect.cut == sim::Cut::kClock;
+    return available_ & (loop ? kC1 : kC2);
+  }
+  // Where there is no cell, what the tendon does is felt by the body.
+  const bool no_cell = std::any_of(runs_.begin(), runs_.end(),
+                                   [](const PreparedRun& r) { return r.signals.no_cell.size() > 0; });
+  if (no_cell || driven_by_ == sim::Replay::DrivenBy::kMotor) return kAllCuts;
   switch (effect.stage) {
     case sim::Stage::kDrive:
-      if (effect.cut == sim::Cut::kCurrentLoop || effect.cut == sim::Cut::kClock) return kC1;
-      return stood_in_ ? kC2 | kC3 | kBody : kC2;
+      break;
     case sim::Stage::kTransmission:
       if (runs_[0].signals.load_cell == LoadCellPlace::kMotorSide &&
           (name == "tendon_stiffness" || name == "tendon_creep" || name == "slack"))

@@ -61,6 +61,7 @@ class Evaluator {
     int threads = 1;
     double delta_N = 0, delta_m = 0;  // 0: derived from the floor
     std::uint64_t seed = 1;
+    int readings = 4;  // alternative ones of the same log, see Prepare; without, their spread is no noise
   };
   /// Prepares the runs and finds the floors. Runs from before a change (Run::before) are taken off those that
   /// name them, and are none of runs(). Throws RunError for a run that has to be left out, another
@@ -83,7 +84,6 @@ class Evaluator {
   bool useless() const { return wrong_before_ > kUseless; }
   /// Windows over which what a model leaves unexplained stays alike.
   double Correlated(int run, int channel) const;
-  sim::Replay::DrivenBy driven_by() const { return driven_by_; }
   const std::vector<std::string>& degradations() const { return degradations_; }
 
   /// Residuals of one robot in the cuts asked for; runs in `only`, or all when empty. Throws
@@ -114,7 +114,6 @@ class Evaluator {
     Eigen::MatrixXd torque_Nm, from_torque_N, from_stretch_N;
     sim::BodyMotion motion;
   };
-  sim::ReplaySignals StoodIn(const RobotParameters& robot, const PreparedRun& run) const;
   Replayed ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,
                      const sim::BodyMotion* known_motion) const;
   std::vector<Eigen::VectorXd> ResidualsOf(const Replayed& replayed, const PreparedRun& run, unsigned cuts,
@@ -124,6 +123,7 @@ class Evaluator {
   double TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const;
   void FindCuts();
   void StandInForCells();
+  void TakeOutHoles();
   void ListChannels();
   void FindFrame();
 
@@ -144,7 +144,7 @@ class Evaluator {
   std::vector<sim::BodyMotion> nominal_motion_;
   std::vector<Channel> channels_;
   unsigned available_ = 0;
-  bool repeated_ = false, stood_in_ = false;
+  bool repeated_ = false;
   bool clocks_free_ = false;  // the tracker's stamps are free to move with every robot that is tried
   double wrong_before_ = 0;
   std::optional<TrackerFrame> frame_;

@@ -20,7 +20,6 @@ namespace {
 
 using Quantity = Channel::Quantity;
 
-constexpr int kReadings = 4;  // alternative readings of the same log, see Prepare
 // Nobody cares about less than this share of the floor, nor of the signal: simulations of one model agree no
 // better.
 constexpr double kFloorShare = 0.2, kSignalShare = 1e-3;
@@ -165,9 +164,9 @@ void Evaluator::FindWhiteNoise() {
 // The nominal residuals, and how they scatter over alternative readings of the same logs.
 void Evaluator::FindVariances(const DataSet& set, const Options& options) {
   const int runs = static_cast<int>(runs_.size()), channels = static_cast<int>(channels_.size());
-  std::vector<Residuals> readings(kReadings, Residuals(runs));
+  std::vector<Residuals> readings(static_cast<std::size_t>(options.readings), Residuals(runs));
   Residuals within(runs);
-  ParallelFor(runs * (kReadings + 1), options.threads, [&](int task) {
+  ParallelFor(runs * (options.readings + 1), options.threads, [&](int task) {
     const int i = task % runs, k = task / runs - 1;
     if (k < 0) {
       nominal_residuals_[i] =
@@ -179,12 +178,8 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
     if (frame_) frame_->ToBase(other);
     other.cell_N = runs_[i].cell_N;
     other.signals.torque_target_Nm = runs_[i].signals.torque_target_Nm;
-    // What stands in for a missing cell stands in here, too.
-    other.cell_holes = runs_[i].cell_holes;
-    for (const CellHole& hole : other.cell_holes) {
-      other.signals.tension_N.col(hole.tendon).segment(hole.from, hole.to - hole.from) =
-          runs_[i].signals.tension_N.col(hole.tendon).segment(hole.from, hole.to - hole.from);
-    }
+    other.signals.no_cell = runs_[i].signals.no_cell;
+    other.driven = runs_[i].driven;
     readings[k][i] =
         ResidualsOf(ReplayRun(nominal_, other, kC2 | kC3 | kBody, nullptr), other, kC2 | kC3 | kBody);
   });
@@ -202,10 +197,10 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
       const sim::ReplaySignals& signals = runs_[i].signals;
       white_[i][c] = channel.white * channel.white / SamplesIn(runs_[i], channel);
       Eigen::VectorXd spread = Eigen::VectorXd::Zero(windows);
-      if (readings[0][i][c].size() == windows) {
+      if (!readings.empty() && readings[0][i][c].size() == windows) {
         Eigen::VectorXd scatter = Eigen::VectorXd::Zero(windows);
         for (const Residuals& reading : readings) scatter += (reading[i][c] - r).cwiseAbs2();
-        spread = ReadingSpread(scatter / kReadings, window_s(i, c));
+        spread = ReadingSpread(scatter / options.readings, window_s(i, c));
       }
       if (channel.quantity == Quantity::kTension) spread += Transients(within[i][c], channel.white);
       if (channel.quantity == Quantity::kTorque && signals.step_s >= kSlowLog_s)

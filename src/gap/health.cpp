@@ -103,7 +103,7 @@ class Checkup {
       families.insert(run.family);
       repeats = repeats || !run.repeat_of.empty();
       tip = tip || run.tip_m.cols() > 0 || run.bending_rad.cols() > 0 || run.tip_quaternion.cols() > 0;
-      tension = tension || run.tension_N.cols() > 0;
+      tension = tension || run.tension_N.array().isFinite().any();
       torque = torque || run.torque_actual_Nm.cols() > 0;
       motor = motor || run.motor_position_rad.cols() > 0;
       run_ = &run;
@@ -391,11 +391,12 @@ class Checkup {
             ? fmt::format("are these {}? convert them (tendril gap import has a column map for it)",
                           best->first)
             : "check the column and the robot file";
+    const bool motor = kind.matrix == &Run::motor_position_rad;
+    const char* so = reached > most && !motor ? "what this robot cannot reach is left out of the diagnosis"
+                                              : "wrong units make every number of the diagnosis wrong";
     Add(Severity::kError, kind.name, reached,
-        fmt::format("reaches {:.4g} {} where this robot has up to {:.4g}; wrong units make every number of "
-                    "the diagnosis "
-                    "wrong; {}",
-                    reached, kind.unit, most, hint));
+        fmt::format("reaches {:.4g} {} where this robot has up to {:.4g}; {}; {}", reached, kind.unit, most,
+                    so, hint));
   }
 
   void TipUnits() {

@@ -131,8 +131,10 @@ Plateau FlatExtreme(const Signal& x, bool top) {
   std::vector<Eigen::Index> stretches;  // at the extreme, without a break
   Eigen::Index moving = 0, still = 0, beside = 0;
   double before = kNone, next = kNone;  // the value nearest to the extreme, and how often it is there
+  double first = kNone;
   for (const double v : x) {
     if (!std::isfinite(v)) continue;
+    if (!std::isfinite(first)) first = v;
     if (v != value) {
       if (std::isfinite(before)) ++(v == before ? still : moving);
       if (!(top ? v <= next : v >= next)) next = v, beside = 0;
@@ -153,8 +155,9 @@ Plateau FlatExtreme(const Signal& x, bool top) {
   for (const Eigen::Index stretch : stretches) {
     if (static_cast<double>(stretch) >= chance) flat += stretch;
   }
-  // A coarse signal that turns round gently is at its last two values for about as long.
-  if (flat < 5 * beside) return {};
+  // A coarse signal that turns round gently is at its last two values for about as long, and one that comes
+  // back to rest stays where it began.
+  if (flat < 5 * beside || std::abs(first - value) <= 2 * std::abs(next - value)) return {};
   return {value, static_cast<double>(flat) / static_cast<double>(range.count)};
 }
 

@@ -17,6 +17,7 @@ constexpr double kBeyond = 3;      // times what the robot can
 constexpr double kCutOff = 0.003;  // share of a run at the flat end of a channel
 constexpr double kFrozen_s = 0.3;  // one value for so long ...
 constexpr double kMoved = 0.15;    // ... while the motor turns by this share of what it does in the run
+constexpr double kHeld = 0.15;     // of the largest tension: more than a motor's friction holds
 constexpr double kSlack_N = 0.15;  // a slack tendon's cell without noise may well keep its value
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
@@ -122,6 +123,19 @@ struct Finder {
               });
   }
 
+  /// A motor that stays within its count while its tendon's tension changes by more than friction holds.
+  void DeadEncoder(Eigen::Index j, const RobotParameters& robot) {
+    if (j >= run.tension_N.cols() || run.tension_N.rows() != run.time_s.size()) return;
+    auto x = run.motor_position_rad.col(j);
+    const Range range = RangeOf(x), load = RangeOf(run.tension_N.col(j));
+    if (range.count < 2 || range.width() > 0 || load.width() < kHeld * robot.limits.max_tension_motor_N)
+      return;
+    Say(fmt::format("motor position {}", j + 1),
+        fmt::format("stays at {:.4g} rad while its tension changes by {:.3g} N: left out", range.least,
+                    load.width()));
+    x.setConstant(kNothing);
+  }
+
   void FrozenTip() {
     auto& x = run.tip_m;
     Stretches([&](Eigen::Index i) { return x.row(i).allFinite(); },
@@ -166,6 +180,9 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
       find.FrozenCell(j);
       find.CutOff(run.tension_N, j, fmt::format("tension {}", j + 1), "N");
     }
+    for (Eigen::Index j = 0; j < run.torque_actual_Nm.cols(); ++j)
+      find.CutOff(run.torque_actual_Nm, j, fmt::format("actual torque {}", j + 1), "N m");
+    for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j) find.DeadEncoder(j, robot);
     if (run.tip_m.cols() == 3) find.FrozenTip();
     for (Eigen::Index axis = 0; axis < run.tip_m.cols(); ++axis)
       find.CutOff(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m");

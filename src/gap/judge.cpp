@@ -91,9 +91,18 @@ double Cosine(const Weights& weights, const Residuals& nominal, const Residuals&
   return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
 }
 
-/// Largest rms change that a model makes in a channel, in that channel's materialities.
+/// Largest rms change that a model makes in a channel, in materialities: of a tip's axes in the largest of
+/// them, since nobody cares about the axis along which this tip hardly moves more than about the others.
 double Material(const Evaluator& evaluator, const Residuals& residuals) {
   const Residuals& nominal = evaluator.AtNominal();
+  const auto materiality = [&](const Channel& channel) {
+    double delta = channel.delta;
+    for (const Channel& other : evaluator.channels()) {
+      if (channel.cut == sim::Cut::kShape && other.quantity == channel.quantity)
+        delta = std::max(delta, other.delta);
+    }
+    return delta;
+  };
   double most = 0;
   for (int c = 0; c < static_cast<int>(evaluator.channels().size()); ++c) {
     const Channel& channel = evaluator.channels()[c];
@@ -108,7 +117,7 @@ double Material(const Evaluator& evaluator, const Residuals& residuals) {
         if (changed) square += weight * std::pow(nominal[i][c][w] - residuals[i][c][w], 2);
       }
     }
-    if (total > 0) most = std::max(most, std::sqrt(square / total) / channel.delta);
+    if (total > 0) most = std::max(most, std::sqrt(square / total) / materiality(channel));
   }
   return most;
 }

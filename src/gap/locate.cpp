@@ -236,7 +236,7 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
     location.push_back(f);
   };
   if (!evaluator.has(kC1)) missing(sim::Cut::kCurrentLoop, "needs target and actual torque");
-  if (!evaluator.has(kC2)) missing(sim::Cut::kDrivetrain, "needs actual torque and load cells");
+  if (!evaluator.has(kC2)) missing(sim::Cut::kDrivetrain, "needs actual torque");
   if (!evaluator.has(kC3)) missing(sim::Cut::kTendon, "needs load cells");
   if (evaluator.has(kBody) && states) missing(sim::Cut::kMotion, "needs rows closer than 0.2 s");
   if (!evaluator.has(kBody)) {

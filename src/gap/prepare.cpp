@@ -29,7 +29,11 @@ constexpr double kAtOnce_s = 0.01;  // and so may one that takes twice as long a
 constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
 constexpr double kMostlyPause = 10;    // times as long as its rows account for
 constexpr double kBridged_s = 0.02;    // a hole that a straight line bridges
-constexpr double kAfterGap_s = 0.3;    // after lost samples friction memories are not known
+constexpr double kOwnSteps = 2.5;      // and so many steps of a sensor that is slower than the log
+// After lost samples: nothing is told for the first; friction's memory is lost with more than the second, but
+// where the motor stood still for the third on both sides; the body has come to where its tendons pull it
+// after the last.
+constexpr double kAfterGap_s = 0.3, kForgets_s = 0.1, kStoodStill_s = 0.1, kBodySettles_s = 0.6;
 
 /// Local polynomial of degree 4 through 2h+1 equally spaced points: weights that give value, first and second
 /// derivative (per sample) at the middle.
@@ -170,8 +174,8 @@ Eigen::VectorXd Denoised(const Eigen::VectorXd& signal, double noise) {
 /// Where a motor has moved on in one direction by kSlidingCounts since it turned or rested, and is on its way
 /// from one count to the next, which it reaches soon: at rest, and where samples were lost, its friction may
 /// be anything.
-void MarkSliding(const Eigen::VectorXd& reading, const std::vector<char>& valid, double count, double step_s,
-                 double sampled_s, Eigen::Ref<Eigen::Matrix<char, -1, 1>> out) {
+void MarkSliding(const Eigen::VectorXd& reading, const Eigen::Matrix<char, -1, 1>& valid, double count,
+                 double step_s, double sampled_s, Eigen::Ref<Eigen::Matrix<char, -1, 1>> out) {
   const int samples = static_cast<int>(reading.size());
   const int soon = std::max(2, static_cast<int>(std::lround(kSlow_s / step_s)));
   const int at_once = std::max(1, static_cast<int>(std::lround(kAtOnce_s / step_s)));
@@ -203,10 +207,86 @@ void MarkSliding(const Eigen::VectorXd& reading, const std::vector<char>& valid,
   }
 }
 
+/// What is not known after samples [from, to) were lost, though they are there again: which way friction in
+/// pulleys holds, until their tendon has slid over all of its presliding and back, and with it the tensions
+/// on the body.
+void Forget(const RobotParameters& robot, int from, int to, PreparedRun& out) {
+  constexpr double kStill_rad = 0.008;  // 2.5 counts of a coarse encoder
+  constexpr double kSurely = 2.2;       // where the body stays a tendon slides by half of what its spool does
+  const int samples = out.samples();
+  const auto after = [&](double time_s) {
+    return static_cast<int>(std::lround(time_s / out.signals.step_s));
+  };
+  int known = to;
+  for (int j = 0; j < out.signals.motor_angle_rad.cols(); ++j) {
+    const auto motor_rad = out.signals.motor_angle_rad.col(j);
+    const int a = std::max(0, from - after(kStoodStill_s)), b = std::min(samples, to + after(kStoodStill_s));
+    const auto about = motor_rad.segment(a, b - a);
+    if (about.maxCoeff() - about.minCoeff() < kStill_rad) continue;
+    double way_rad = 0;
+    if (robot.actuation) {
+      const auto& tendon = robot.actuation->tendons[static_cast<std::size_t>(j)];
+      const double travel_m = tendon.SpoolTravelPerMotorRad();
+      if (travel_m > 0) way_rad = kSurely * 2 * tendon.transmission.presliding_m / travel_m;
+    }
+    // What it slides while the body is not yet back counts for nothing.
+    int slid = std::min(samples, to + after(kBodySettles_s));
+    for (double least = 1e300, most = -1e300; slid < samples && !(most - least > way_rad); ++slid) {
+      least = std::min(least, motor_rad[slid]);
+      most = std::max(most, motor_rad[slid]);
+    }
+    if (slid > to) out.forgotten.push_back({j, to, slid});
+    known = std::max(known, slid);
+  }
+  if (known == to) return;
+  for (int i = to; i < std::min(samples, known + after(kBodySettles_s)); ++i)
+    out.driven[static_cast<std::size_t>(i)] = 0;
+}
+
 double UsualStep(const Run& run) {
   std::vector<double> steps;
   for (Eigen::Index i = 1; i < run.time_s.size(); ++i) steps.push_back(run.time_s[i] - run.time_s[i - 1]);
   return Median(std::move(steps));
+}
+
+/// Step of the grid that the stamps lie on. One step alone is as coarse as a stamp is written (a date in
+/// seconds leaves 1e-7 s), which adds up over a run; the mean of all that are no gaps is not.
+double GridStep(const Run& run, double usual_s) {
+  double sum_s = 0, count = 0;
+  for (Eigen::Index i = 1; i < run.time_s.size(); ++i) {
+    const double step_s = run.time_s[i] - run.time_s[i - 1];
+    if (std::abs(step_s - usual_s) > 0.5 * usual_s) continue;
+    sum_s += step_s;
+    count += 1;
+  }
+  return count > 0 ? sum_s / count : usual_s;
+}
+
+/// Where column j says nothing for longer than a straight line bridges; a sensor that is slower than the log
+/// is there as long as it keeps its own step. `at`: grid sample of each row.
+void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int samples, double step_s, int j,
+               std::vector<Hole>& holes) {
+  std::vector<double> steps;
+  std::vector<int> there;
+  for (int i = 0; i < values.rows(); ++i) {
+    if (!std::isfinite(values(i, j))) continue;
+    if (!there.empty()) steps.push_back(i - there.back());
+    there.push_back(i);
+  }
+  const double own_rows = steps.empty() ? 1 : Median(std::move(steps));
+  const auto beyond = [&](int samples_without) {
+    const double without_s = samples_without * step_s;
+    return without_s > kBridged_s && (own_rows < 2 || without_s > kOwnSteps * own_rows * step_s);
+  };
+  int last = -1;  // row with a reading
+  for (const int i : there) {
+    const int from = last < 0 ? 0 : at[last] + 1;
+    // Rows that are missing whole are nobody's hole.
+    if (i - last > 1 && beyond(at[i] - from)) holes.push_back({j, from, at[i]});
+    last = i;
+  }
+  const int from = last < 0 ? 0 : at[last] + 1;
+  if (beyond(samples - from)) holes.push_back({j, from, samples});
 }
 
 }  // namespace
@@ -241,8 +321,9 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
     throw std::runtime_error(
         fmt::format("{}: {} samples; accepted: at least {}", run.name, rows, LeastRows(run)));
 
-  const double sampled_s = UsualStep(run);
-  const bool at_rest = sampled_s > kQuasiStatic_s;
+  const double usual_s = UsualStep(run);
+  const bool at_rest = usual_s > kQuasiStatic_s;
+  const double sampled_s = at_rest ? usual_s : GridStep(run, usual_s);
   out.signals.at_rest = at_rest;
   if (at_rest) out.signals.time_s = run.time_s.array() - run.time_s[0];
   const int refine =
@@ -281,14 +362,18 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   out.jitter_s = std::sqrt(square / rows);
   out.valid.assign(samples, 1);
   const int memory = static_cast<int>(kAfterGap_s / step_s);
+  std::vector<std::pair<int, int>> lost;  // samples
   for (int i = 1; i < rows; ++i) {
     const int between = at[i] - at[i - 1];
     if (between > refine) out.lost += between / refine - 1;
     // A few lost samples are bridged; a longer hole loses the friction memories.
     if (between > 5 * refine && between * step_s > kBridged_s) {
+      if (between * step_s > kForgets_s) lost.emplace_back(at[i - 1] + 1, at[i]);
       for (int k = at[i - 1] + 1; k < std::min(samples, at[i] + memory); ++k) out.valid[k] = 0;
     }
   }
+
+  out.driven = out.valid;
 
   const auto on_grid = [&](const Eigen::MatrixXd& values) {
     Eigen::MatrixXd grid(samples, values.cols());
@@ -318,21 +403,22 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       for (int i = 0; i < samples; ++i) {
         if (!out.valid[i]) out.cell_N(i, j) = NAN;
       }
-      const auto hole = [&](int from, int to) {
-        out.cell_holes.push_back({j, from, to});
-        out.cell_N.col(j).segment(from, to - from).setConstant(NAN);
-      };
-      int last = -1;  // row with a reading
-      for (int i = 0; i < rows; ++i) {
-        if (!std::isfinite(run.tension_N(i, j))) continue;
-        const int from = last < 0 ? 0 : at[last] + 1;
-        if (i - last > 1 && (at[i] - from) * step_s > kBridged_s) hole(from, at[i]);
-        last = i;
-      }
-      const int from = last < 0 ? 0 : at[last] + 1;
-      if ((samples - from) * step_s > kBridged_s) hole(from, samples);
+      FindHoles(run.tension_N, at, samples, step_s, j, out.cell_holes);
+    }
+    for (const Hole& hole : out.cell_holes) {
+      out.cell_N.col(hole.tendon).segment(hole.from, hole.size()).setConstant(NAN);
+      if (hole.size() == samples) s.tension_N.col(hole.tendon).setZero();
     }
   }
+  const auto known = [&](const Eigen::MatrixXd& values, Eigen::MatrixXd& grid, std::vector<Hole>& holes) {
+    if (values.cols() != tendons) return;
+    for (int j = 0; j < tendons; ++j) {
+      FindHoles(values, at, samples, step_s, j, holes);
+      if (!grid.col(j).allFinite()) grid.col(j).setZero();
+    }
+  };
+  known(run.torque_target_Nm, s.torque_target_Nm, out.target_holes);
+  known(run.torque_actual_Nm, s.torque_actual_Nm, out.torque_holes);
   if (seed != 0 && robot.actuation) {
     for (int j = 0; j < tendons; ++j) {
       const auto& p = robot.actuation->tendons[j];
@@ -363,7 +449,17 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   }
 
   if (run.motor_position_rad.cols() == tendons) {
-    const Eigen::MatrixXd reading = on_grid(run.motor_position_rad);
+    Eigen::MatrixXd reading = on_grid(run.motor_position_rad);
+    known(run.motor_position_rad, reading, out.motor_holes);
+    for (const Hole& hole : out.motor_holes) {
+      s.no_motor.resize(static_cast<std::size_t>(tendons), 0);
+      if (hole.size() == samples) s.no_motor[static_cast<std::size_t>(hole.tendon)] = 1;
+    }
+    Eigen::Matrix<char, -1, -1> both(samples, tendons);  // torque and motor
+    for (int i = 0; i < samples; ++i) both.row(i).setConstant(out.valid[static_cast<std::size_t>(i)]);
+    for (const auto* holes : {&out.torque_holes, &out.motor_holes}) {
+      for (const Hole& hole : *holes) both.col(hole.tendon).segment(hole.from, hole.size()).setZero();
+    }
     out.sliding.setZero(samples, tendons);
     s.motor_angle_rad.resize(samples, tendons);
     s.motor_velocity_radps.resize(samples, tendons);
@@ -389,7 +485,8 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
         s.motor_acceleration_radps2.col(j).setZero();
         continue;
       }
-      MarkSliding(reading.col(j), out.valid, count > 0 ? count : 3e-3, step_s, sampled_s, out.sliding.col(j));
+      MarkSliding(reading.col(j), both.col(j), count > 0 ? count : 3e-3, step_s, sampled_s,
+                  out.sliding.col(j));
       const int h = local.half;
       Eigen::VectorXd padded(samples + 2 * h);
       padded << Eigen::VectorXd::Constant(h, angle[0]), angle,
@@ -401,6 +498,10 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
         s.motor_acceleration_radps2(i, j) = (local.second * window).value() / (step_s * step_s);
       }
     }
+  }
+
+  for (const auto& [from, to] : lost) {
+    if (!at_rest) Forget(robot, from, to, out);
   }
 
   // Tracker.

@@ -20,9 +20,11 @@ constexpr double kQuasiStatic_s = 0.2;
 /// A run of fewer rows is left out.
 constexpr int kLeastRows = 20, kLeastStates = 5;
 
-/// Samples [from, to) in which a tendon's load cell says nothing, longer than what a line bridges.
-struct CellHole {
+/// Samples [from, to) in which a tendon's sensor says nothing, longer than what a line bridges.
+struct Hole {
   int tendon = 0, from = 0, to = 0;
+
+  int size() const { return to - from; }
 };
 
 /// One run on its grid, S samples, with what the sensors said. Of states at rest (signals.at_rest) every row
@@ -33,7 +35,12 @@ struct PreparedRun {
   double start_s = 0;       // time of the first sample in the log
   std::vector<char> valid;  // S: false where samples were lost, and shortly after
   Eigen::MatrixXd cell_N;   // S x M as read, NaN where nothing was
-  std::vector<CellHole> cell_holes;
+  std::vector<Hole> cell_holes;
+  /// Where a straight line stands for target torque, actual torque or encoder (0 where nothing ever was), and
+  /// what needs them cannot be told.
+  std::vector<Hole> target_holes, torque_holes, motor_holes;
+  std::vector<Hole> forgotten;  // where friction's memory is lost: after lost samples, until the motor slides
+  std::vector<char> driven;     // S: valid, and what moves the body is known
   /// S x M: the motor is known to slide in one direction. Around reversals and at rest an encoder cannot tell
   /// how far friction in motor and gear has turned round, so what torque says of tension is worth nothing
   /// there.
@@ -48,6 +55,12 @@ struct PreparedRun {
   std::vector<std::string> notes;
 
   int samples() const { return static_cast<int>(valid.size()); }
+  /// Tendons that these holes leave something of.
+  int Known(const std::vector<Hole>& holes) const {
+    int whole = 0;
+    for (const Hole& hole : holes) whole += hole.size() == samples();
+    return static_cast<int>(signals.motor_angle_rad.cols()) - whole;
+  }
   /// Positions enough to compare with.
   /// Moves the tracker's readings on the drives' clock; what would leave the run is dropped.
   void MoveTracker(double by_s);

@@ -2,14 +2,12 @@
 // nothing of what the numbers mean; the script in the page draws them.
 #include <fmt/format.h>
 
-#include <cerrno>
-#include <cstring>
-#include <fstream>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
 #include "report_page_files.h"
+#include "tendril/config/whole_file.h"
 #include "tendril/gap/report.h"
 
 namespace tendril::gap {
@@ -90,13 +88,6 @@ std::string Fill(std::string_view form, const std::vector<std::pair<std::string_
   }
 }
 
-void WriteText(const std::filesystem::path& file, const std::string& text) {
-  std::ofstream out(file, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) throw std::runtime_error(fmt::format("cannot write {}: {}", file.string(), std::strerror(errno)));
-}
-
 // `d` as read from `json`, so that both have the same, valid letters.
 std::string Page(const Diagnosis& d, const std::string& json) {
   const std::string title =
@@ -125,8 +116,8 @@ void WriteReport(const Diagnosis& diagnosis, const std::filesystem::path& folder
         fmt::format("cannot make the folder {} for the report: {}", folder.string(), error.message()));
   }
   const std::string json = ReportJson(diagnosis);
-  WriteText(folder / "report.json", json);
-  WriteText(folder / "report.html", Page(ParseReport(json), json));
+  config::WriteWhole(folder / "report.json", json);
+  config::WriteWhole(folder / "report.html", Page(ParseReport(json), json));
 }
 
 }  // namespace tendril::gap

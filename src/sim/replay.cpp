@@ -303,6 +303,8 @@ struct Replay::Impl {
   // ---- body ----
   BodyMotion Body(const ReplaySignals& s, DrivenBy driven_by, int stride) const;
   std::unique_ptr<TensionSource> Source(const ReplaySignals& s, DrivenBy driven_by) const;
+  /// Of one kind for all tendons.
+  std::unique_ptr<TensionSource> SourceOfAll(const ReplaySignals& s, DrivenBy driven_by) const;
   static bool BeginsInMotion(const ReplaySignals& s);
   MatrixXd Shortening(const ReplaySignals& s, const MatrixXd& q) const;
   /// `late`: the tracker's delay in samples.
@@ -336,6 +338,7 @@ class Grid {
     sample_ = std::clamp<Index>(static_cast<Index>(before), 0, last_);
     if (sample_ == last_) fraction_ = 0;
   }
+  Index sample() const noexcept { return sample_; }
   double Of(const double* x) const noexcept {
     return fraction_ > 0 ? x[sample_] + fraction_ * (x[sample_ + 1] - x[sample_]) : x[sample_];
   }
@@ -384,10 +387,12 @@ class PulleyTension final : public TensionSource {
   struct Signals {
     MatrixXd spool_m, spool_rate_mps, middle_N, half_N;
   };
-  PulleyTension(Signals signals, const std::vector<double>& presliding_m, Grid grid)
+  PulleyTension(Signals signals, const std::vector<double>& presliding_m, const std::vector<char>& no_motor,
+                Grid grid)
       : signals_(std::move(signals)), grid_(std::move(grid)) {
-    for (const double presliding : presliding_m) {
-      pulley_.push_back({model::PulleyPresliding(presliding), 1e-3 * presliding});
+    for (std::size_t j = 0; j < presliding_m.size(); ++j) {
+      pulley_.push_back({model::PulleyPresliding(presliding_m[j]), 1e-3 * presliding_m[j]});
+      if (j < no_motor.size() && no_motor[j] != 0) pulley_.back().of_body = 1;
     }
   }
   void MoveTo(double time_s) noexcept override {
@@ -417,7 +422,7 @@ class PulleyTension final : public TensionSource {
       const double slope =
           (memory->Peek(way.x + p.small_m) - memory->Peek(way.x - p.small_m)) / (2 * p.small_m);
       const double value = p.middle_N - memory->Peek(way.x) * p.half_N;
-      tension[j] = value > 0 ? Tension{value, 0.5 * p.half_N * slope, 0} : Tension{};
+      tension[j] = value > 0 ? Tension{value, p.of_body * p.half_N * slope, 0} : Tension{};
     }
   }
   void Commit(const double* shortening_m, const double* rate_mps) noexcept override {
@@ -427,7 +432,7 @@ class PulleyTension final : public TensionSource {
       if (way.turned) p.memory.Commit(way.turn);
       p.memory.Commit(way.x);
       p.slide_m = way.x;
-      p.slide_rate_mps = 0.5 * (p.spool_rate_mps + rate_mps[j]);
+      p.slide_rate_mps = p.Slid(p.spool_rate_mps, rate_mps[j]);
     }
     committed_s_ = time_s_;
   }
@@ -436,12 +441,14 @@ class PulleyTension final : public TensionSource {
   struct Pulley {
     model::StopOperators<4> memory;
     double small_m = 0;
+    double of_body = 0.5;  // of the body's shortening in the slide
+    double Slid(double spool, double body) const noexcept { return 0.5 * spool + of_body * body; }
     double slide_m = 0, slide_rate_mps = 0;                            // committed
     double spool_m = 0, spool_rate_mps = 0, middle_N = 0, half_N = 0;  // now
   };
   Way WayOf(const Pulley& p, double shortening_m, double rate_mps) const noexcept {
-    return WayTo(p.slide_m, p.slide_rate_mps, 0.5 * (p.spool_m + shortening_m),
-                 0.5 * (p.spool_rate_mps + rate_mps), time_s_ - committed_s_);
+    return WayTo(p.slide_m, p.slide_rate_mps, p.Slid(p.spool_m, shortening_m),
+                 p.Slid(p.spool_rate_mps, rate_mps), time_s_ - committed_s_);
   }
 
   Signals signals_;
@@ -500,9 +507,58 @@ class SpringTension final : public TensionSource {
   double time_s_ = 0;
 };
 
+/// Base tensions from load cells, and from springs where there is no cell.
+class MixedTension final : public TensionSource {
+ public:
+  using Where = Eigen::Matrix<char, Eigen::Dynamic, Eigen::Dynamic>;
+  MixedTension(std::unique_ptr<TensionSource> cells, std::unique_ptr<TensionSource> springs, Where no_cell,
+               Grid grid)
+      : cells_(std::move(cells)),
+        springs_(std::move(springs)),
+        no_cell_(std::move(no_cell)),
+        grid_(std::move(grid)),
+        of_springs_(At(no_cell_.cols())) {}
+  void MoveTo(double time_s) noexcept override {
+    grid_.MoveTo(time_s);
+    cells_->MoveTo(time_s);
+    springs_->MoveTo(time_s);
+  }
+  void Evaluate(const double* shortening_m, const double* rate_mps,
+                Tension* tension) const noexcept override {
+    cells_->Evaluate(shortening_m, rate_mps, tension);
+    const auto now = no_cell_.row(grid_.sample());
+    if ((now.array() == 0).all()) return;
+    springs_->Evaluate(shortening_m, rate_mps, of_springs_.data());
+    for (Index j = 0; j < now.cols(); ++j) {
+      if (now[j] != 0) tension[j] = of_springs_[At(j)];
+    }
+  }
+  void Commit(const double* shortening_m, const double* rate_mps) noexcept override {
+    cells_->Commit(shortening_m, rate_mps);
+    springs_->Commit(shortening_m, rate_mps);
+  }
+
+ private:
+  static std::size_t At(Index j) { return static_cast<std::size_t>(j); }
+  std::unique_ptr<TensionSource> cells_, springs_;
+  Where no_cell_;
+  Grid grid_;
+  mutable std::vector<Tension> of_springs_;
+};
+
 }  // namespace
 
 std::unique_ptr<TensionSource> Replay::Impl::Source(const ReplaySignals& s, DrivenBy driven_by) const {
+  if (driven_by != DrivenBy::kCell || s.no_cell.size() == 0) return SourceOfAll(s, driven_by);
+  if (s.no_cell.rows() != s.tension_N.rows() || s.no_cell.cols() != m) {
+    throw std::invalid_argument(fmt::format("replay: no_cell is {} x {}; accepted: {} x {}", s.no_cell.rows(),
+                                            s.no_cell.cols(), s.tension_N.rows(), m));
+  }
+  return std::make_unique<MixedTension>(SourceOfAll(s, DrivenBy::kCell), SourceOfAll(s, DrivenBy::kMotor),
+                                        s.no_cell, Grid(s, TimesOf(s, s.tension_N.rows())));
+}
+
+std::unique_ptr<TensionSource> Replay::Impl::SourceOfAll(const ReplaySignals& s, DrivenBy driven_by) const {
   const VectorXd time =
       TimesOf(s, driven_by == DrivenBy::kCell ? s.tension_N.rows() : s.motor_angle_rad.rows());
   const Grid grid(s, time);
@@ -546,8 +602,19 @@ std::unique_ptr<TensionSource> Replay::Impl::Source(const ReplaySignals& s, Driv
       signals.middle_N(i, j) = map.middle_N;
       signals.half_N(i, j) = map.half_N;
     }
+    // What a spool took up that nobody saw is what the body gave and what the tendon stretched by.
+    if (At(j) < s.no_motor.size() && s.no_motor[At(j)] != 0) {
+      VectorXd rate(samples);
+      signals.spool_m.col(j) = tension.col(j) / line.stiffness_Npm();
+      if (s.at_rest) {
+        rate.setZero();
+      } else {
+        Differentiate(signals.spool_m.col(j), Step(s), rate);
+      }
+      signals.spool_rate_mps.col(j) = rate;
+    }
   }
-  return std::make_unique<PulleyTension>(std::move(signals), presliding, grid);
+  return std::make_unique<PulleyTension>(std::move(signals), presliding, s.no_motor, grid);
 }
 
 BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int stride) const {

@@ -336,7 +336,7 @@ TEST_F(DiagnoseCommandTest, WithoutATrackerTheBodyIsNotSeen) {
 TEST_F(DiagnoseCommandTest, WithoutAnyLoadCellPlacesCannotBeTold) {
   Edit([](Table& table) { Drop(table, "tension_N"); });
   ASSERT_EQ(Diagnose(), 0) << error_;
-  EXPECT_THAT(Said(), HasSubstr("no load cell: tensions are taken from the motors' torque"));
+  EXPECT_THAT(Said(), HasSubstr("no load cell: what pulls on the body is taken from the motors"));
   EXPECT_EQ(report_["causes"][0]["effect"], "torque_constant") << report_["sentence"];
 }
 
@@ -355,12 +355,13 @@ TEST_F(DiagnoseCommandTest, AChannelWithoutAnyNumberIsSaid) {
   EXPECT_THAT(Said(), HasSubstr("no load cell on tendon 3"));
 }
 
-TEST_F(DiagnoseCommandTest, WithoutALoadCellOnOneTendonItsTensionIsFromTorque) {
+TEST_F(DiagnoseCommandTest, WithoutALoadCellOnOneTendonItsStretchSaysWhatPulls) {
   Edit([](Table& table) {
     for (auto& row : table.rows) row[table.Column("tension_N_3")].clear();
   });
   ASSERT_TRUE(Found());
-  EXPECT_THAT(Said(), HasSubstr("no load cell on tendon 3: its tension is taken from the motor's torque"));
+  EXPECT_THAT(Said(), HasSubstr("no load cell on tendon 3: what pulls on the body is taken from the motor and "
+                                "the tendon's stretch"));
 }
 
 TEST_F(DiagnoseCommandTest, SlowLogsAreDiagnosedAndSaid) {

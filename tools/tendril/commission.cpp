@@ -27,6 +27,7 @@
 #include "number_option.h"
 #include "robot_patch.h"
 #include "tendril/config/config.h"
+#include "tendril/config/whole_file.h"
 #include "tendril/core/clock.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
@@ -259,20 +260,6 @@ std::string ReadText(const std::string& path) {
   return text.str();
 }
 
-void Replace(const std::string& path, const std::string& text) {
-  const std::string temporary = path + ".new";
-  std::ofstream file(temporary, std::ios::binary);
-  file << text;
-  file.close();
-  std::error_code error;
-  if (file) fs::rename(temporary, path, error);
-  if (!file || error) {
-    std::error_code none;
-    fs::remove(temporary, none);
-    throw std::runtime_error("cannot write " + path + "; run as a user who may");
-  }
-}
-
 // What --write does: nodes and directions into the daemon's file, cells' zeros into the robot's.
 void WriteFindings(const CommissionResult& result, const std::string& config_path,
                    const std::string& robot_path) {
@@ -299,13 +286,13 @@ void WriteFindings(const CommissionResult& result, const std::string& config_pat
   if (!same) {
     const std::string text = ReadText(config_path), patched = PatchNodes(text, config_path, nodes);
     config::ParseDaemon(patched, config_path);
-    Replace(config_path, patched);
+    config::WriteWhole(config_path, patched);
     fmt::print("\n{}\n{}", config_path, DiffLines(text, patched));
   }
   if (!zeros.empty()) {
     const std::string text = ReadText(robot_path);
     const RobotPatch patch = PatchRobot(text, robot_path, zeros, {});
-    Replace(robot_path, patch.text);
+    config::WriteWhole(robot_path, patch.text);
     fmt::print("\n{}\n{}", robot_path, DiffLines(text, patch.text));
   }
   if (same && zeros.empty()) {

@@ -1,7 +1,6 @@
 // `tendril gap apply`: what a diagnosis found, worked into a new robot file. Knows nothing of how it was
 // found.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -14,6 +13,7 @@
 #include "effect_name.h"
 #include "robot_patch.h"
 #include "tendril/config/config.h"
+#include "tendril/config/whole_file.h"
 #include "tendril/core/version.h"
 #include "tendril/gap/diagnosis.h"
 #include "tendril/gap/report.h"
@@ -90,22 +90,6 @@ std::string Misfit(const gap::Diagnosis& d, const ApplyOptions& options, const R
                      difference->key, difference->left, difference->right, options.robot);
 }
 
-/// As one file that is there whole or not at all, with the old one's permissions; a link stays one.
-void WriteText(const std::string& text, const std::string& out) {
-  std::error_code error, ignored;
-  const fs::path target = fs::exists(out, ignored) ? fs::canonical(out) : fs::path(out);
-  const fs::path temporary = fmt::format("{}.new-{}", target.string(), getpid());
-  std::ofstream file(temporary, std::ios::binary);
-  file << text;
-  file.close();
-  if (fs::exists(target, ignored)) fs::permissions(temporary, fs::status(target).permissions(), ignored);
-  if (file) fs::rename(temporary, target, error);
-  if (!file || error) {
-    fs::remove(temporary, ignored);
-    throw std::runtime_error("cannot write " + out + "; choose another place with --out");
-  }
-}
-
 void RunApply(const ApplyOptions& options) {
   if (options.report.empty() && options.effects.empty()) {
     throw UsageError("nothing to apply: give the report.json of `tendril gap diagnose`, or --effect");
@@ -147,7 +131,7 @@ void RunApply(const ApplyOptions& options) {
             "; name the file that was diagnosed, or diagnose this one; --anyway applies it "
             "nevertheless");
       }
-      fmt::print(stderr, "warning: {}; applied nevertheless\n", misfit);
+      fmt::print(stderr, "warning: {}\n", misfit);
     }
     for (const gap::Cause& cause : d.accepted) {
       EffectSetting setting{.name = cause.effect, .where = cause.where, .values = {}};
@@ -175,7 +159,7 @@ void RunApply(const ApplyOptions& options) {
   const RobotPatch patch = PatchRobot(text, options.robot, effects, heading);
   fmt::print("{}", DiffLines(text, patch.text));
 
-  WriteText(mark + patch.text, out);
+  config::WriteWhole(out, mark + patch.text);
   std::size_t laws = 0;
   for (const EffectSetting& e : effects) laws += sim::FindEffect(e.name)->edit == nullptr;
   fmt::print(

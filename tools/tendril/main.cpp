@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <string>
@@ -41,6 +42,8 @@ std::vector<std::string> WithLeadingZeros(int argc, const char* const* argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  // A file that may not grow further is an error of whoever writes it, as a full disk is.
+  std::signal(SIGXFSZ, SIG_IGN);
   CLI::App app{"Tendril: run, simulate and compute tendon-driven continuum robots", "tendril"};
   app.set_version_flag("--version",
                        fmt::format("tendril {} ({})", tendril::Version(), tendril::GitRevision()));

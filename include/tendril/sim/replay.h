@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <vector>
 
 #include "tendril/core/robot.h"
 #include "tendril/model/body.h"
@@ -29,9 +30,14 @@ struct ReplaySignals {
   Eigen::MatrixXd motor_velocity_radps;
   Eigen::MatrixXd motor_acceleration_radps2;
   Eigen::MatrixXd tension_N;  // load cell, as read with the gain and offset of the robot before its effects
+  /// S x M, or empty: where no cell says what pulls on the body, and the tendon's stretch between motor and
+  /// body does.
+  Eigen::Matrix<char, Eigen::Dynamic, Eigen::Dynamic> no_cell;
   /// Total bending (us, vs) per section that a tracker shows, S x 2K, smooth; the tendons' shortening is
   /// corrected to it (across gaps by the difference on their sides).
   Eigen::MatrixXd bending_rad;
+  /// M, or empty: motors of which nothing is known; their pulleys slide with the body.
+  std::vector<char> no_motor;
   /// From the stamp of a target to the moment it acts; a target stamped when sent acts at the next SYNC, one
   /// bus cycle later.
   double command_delay_s = 1e-3;
