@@ -2,11 +2,11 @@
 #include "tendril/config/whole_file.h"
 
 #include <fmt/core.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <random>
 #include <stdexcept>
 #include <system_error>
 
@@ -16,7 +16,7 @@ void WriteWhole(const std::filesystem::path& file, const std::string& text) {
   namespace fs = std::filesystem;
   std::error_code error, ignored;
   const fs::path target = fs::exists(file, ignored) ? fs::canonical(file, ignored) : file;
-  const fs::path temporary = fmt::format("{}.new-{}", target.string(), getpid());
+  const fs::path temporary = fmt::format("{}.new-{:x}", target.string(), std::random_device{}());
   errno = 0;
   std::ofstream out(temporary, std::ios::binary);
   out << text;

@@ -1,0 +1,82 @@
+// Files that are there whole or not at all.
+#include "tendril/config/whole_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+
+namespace tendril::config {
+namespace {
+
+namespace fs = std::filesystem;
+
+class WholeFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() /
+              (std::string("tendril_") + testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  static std::string Read(const fs::path& path) {
+    std::ifstream in(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  }
+  std::ptrdiff_t Files() const {
+    return std::distance(fs::directory_iterator(folder_), fs::directory_iterator());
+  }
+  fs::path folder_;
+};
+
+TEST_F(WholeFile, ReplacesTheOldOneAndKeepsItsPermissionsAndLinks) {
+  const fs::path file = folder_ / "file", link = folder_ / "link";
+  WriteWhole(file, "one");
+  fs::permissions(file, fs::perms::owner_read | fs::perms::owner_write);
+  fs::create_symlink("file", link);
+  WriteWhole(link, "two");
+  EXPECT_EQ(Read(file), "two");
+  EXPECT_TRUE(fs::is_symlink(link));
+  EXPECT_EQ(fs::status(file).permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  EXPECT_EQ(Files(), 2);
+}
+
+TEST_F(WholeFile, LeavesTheOldOneWhereTheNewOneDoesNotFit) {
+  const fs::path file = folder_ / "file";
+  WriteWhole(file, "old");
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit small = before;
+  small.rlim_cur = 1000;
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+  std::string told;
+  try {
+    WriteWhole(file, std::string(100000, 'x'));
+  } catch (const std::runtime_error& e) {
+    told = e.what();
+  }
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_THAT(told, testing::StartsWith("cannot write " + file.string() + ": File too large"));
+  EXPECT_EQ(Read(file), "old");
+  EXPECT_EQ(Files(), 1) << "what was begun is removed";
+}
+
+TEST_F(WholeFile, SaysWhyItCannot) {
+  try {
+    WriteWhole(folder_ / "nowhere" / "file", "text");
+    FAIL();
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), testing::HasSubstr("nowhere/file: No such file or directory"));
+  }
+}
+
+}  // namespace
+}  // namespace tendril::config
