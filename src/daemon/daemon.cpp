@@ -204,7 +204,6 @@ struct Daemon::State {
         cycle(controller, master, clock, o.parameters.bus, [this](TimeNs deadline_ns) {
           return usage.Excuse([&] { return port.WaitUntil(deadline_ns); });
         }) {
-    if (!o.log_path.empty()) log.emplace(gateway, o.log_path, clock);
     run = {config::ToYaml(o.robot),
            config::ToYaml(o.parameters),
            std::string(Version()),
@@ -748,6 +747,7 @@ void Daemon::RefuseOthers(TimeNs listen_ns) { state_->ListenForOthers(listen_ns)
 
 void Daemon::Run(const std::function<bool()>& stop) {
   State& s = *state_;
+  if (!s.options.log_path.empty()) s.log.emplace(s.gateway, s.options.log_path, s.clock);
   s.served_ns.store(s.clock.Now(), std::memory_order_relaxed);
   const WatchdogFeeder feeder(s.tick);
   std::promise<std::string> ready;

@@ -237,12 +237,13 @@ void Run(const Arguments& arguments) {
   can::SocketCanPort port(interface);
   const MonotonicClock clock;
   RefuseForeignSync(port, clock, interface, kListenForSync_ns);
-  KeepEarlierLog(options.log_path);
   Daemon daemon(options, port);
   FeedWatchdog();
   daemon.RefuseOthers(kListenForDaemons_ns);
   FeedWatchdog();
   if (StopsBeforeItRuns()) return spdlog::info("daemon: stopped before it controlled anything");
+  // Not before it is known that no other daemon is writing it.
+  KeepEarlierLog(options.log_path);
   LogSettings(options, arguments.config);
 
   struct Running {

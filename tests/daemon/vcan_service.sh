@@ -114,7 +114,9 @@ plant_1=$!
 until_true 10 grep -q ready "$work/plant_1.txt" || give_up "the second plant does not start"
 start_daemon
 arm
-"$bin/tendrild" --config "$work/tendrild.yaml" --simulated --can vcan1 >"$work/second.txt" 2>&1 && give_up "a second daemon starts"
+"$bin/tendrild" --config "$work/tendrild.yaml" --simulated --can vcan1 --log run.lcmlog >"$work/second.txt" 2>&1 &&
+  give_up "a second daemon starts"
+[ -e "$work/run.lcmlog.2" ] && give_up "a second daemon puts the first one's log aside"
 said "another daemon (host .*, process $daemon, robot rig_60mm, bus vcan0) answers on TENDRIL_\*" second ||
   give_up "the second daemon does not say why"
 mode_is running || give_up "the first one is disturbed"
