@@ -10,6 +10,7 @@ namespace tendril {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 class ServiceCommandTest : public CommandTest {
  protected:
@@ -68,6 +69,13 @@ TEST_F(ServiceCommandTest, WrongUseIsOneLineThatTellsWhereToReadOn) {
   ExpectWrongUse("", "--config is required; see tendrild --help", TENDRILD_BINARY);
   ExpectWrongUse("--config x.yaml --simluated", "'--simluated' is not known here", TENDRILD_BINARY);
   ExpectWrongUse("--seed x --robot y", "see tendril-plant --help", TENDRIL_PLANT_BINARY);
+}
+
+TEST_F(ServiceCommandTest, WhatAShortMeasurementCannotJudgeIsSaid) {
+  Run("rt-check --seconds 0.3");
+  EXPECT_THAT(out_, HasSubstr("cycles say nothing of one in a thousand, which was not judged; measure for "
+                              "--seconds 4 or more"));
+  EXPECT_THAT(out_ + error_, Not(HasSubstr("one wake-up in a thousand is late")));
 }
 
 TEST_F(ServiceCommandTest, OneRuleForPrefixesHoldsInFilesAndOnCommandLines) {
