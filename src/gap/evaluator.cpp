@@ -152,8 +152,8 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
   leave_out_the_first();
 
   FindCuts();
-  if (has(kC3)) StandInForCells();
-  TakeOutHoles();
+  StandInForCells();
+  TellHoles();
   ListChannels();
 
   nominal_motion_.resize(runs_.size());
@@ -193,16 +193,19 @@ void Evaluator::FindCuts() {
   const auto any = [&](auto&& test) { return std::any_of(runs_.begin(), runs_.end(), test); };
   const bool motor = every([](const PreparedRun& r) { return r.signals.motor_angle_rad.cols() > 0; });
   const auto torque_of = [](const PreparedRun& r) {
-    return r.signals.torque_actual_Nm.cols() > 0 && r.Known(r.torque_holes) > 0;
+    return r.Leave(r.torque_holes, r.signals.torque_actual_Nm.cols());
   };
   const auto target_of = [](const PreparedRun& r) {
-    return r.signals.torque_target_Nm.cols() > 0 && r.Known(r.target_holes) > 0;
+    return r.Leave(r.target_holes, r.signals.torque_target_Nm.cols());
   };
   const auto cell_of = [](const PreparedRun& r) {
-    return r.signals.load_cell != LoadCellPlace::kNone && r.signals.tension_N.cols() > 0 &&
-           r.Known(r.cell_holes) > 0;
+    return r.signals.load_cell != LoadCellPlace::kNone && r.signals.tension_N.cols() > 0;
   };
-  const bool torque = every(torque_of), target = every(target_of), cell = every(cell_of);
+  // A run whose cells all failed is diagnosed beside the others by its tendons' stretch.
+  const bool cell = every(cell_of) && any([](const PreparedRun& r) {
+                      return r.Leave(r.cell_holes, r.signals.tension_N.cols());
+                    });
+  const bool torque = every(torque_of), target = every(target_of);
   const bool tracker = any([](const PreparedRun& r) { return r.tracked(); });
   if (!motor) {
     throw std::runtime_error(
@@ -239,73 +242,70 @@ void Evaluator::FindCuts() {
   }
 }
 
-// Where a cell says nothing, what pulls on the body is the tendon's stretch between motor and body.
+// Where a cell says nothing, what pulls on the body is the tendon's stretch between motor and body; where the
+// motor says nothing either, nobody knows.
 void Evaluator::StandInForCells() {
   for (std::size_t i = 0; i < runs_.size(); ++i) {
     PreparedRun& run = runs_[i];
-    if (run.cell_holes.empty()) continue;
+    const bool by_cell = driven_by_ == sim::Replay::DrivenBy::kCell;
     auto& no_cell = run.signals.no_cell;
-    no_cell.setZero(run.samples(), nominal_.body.tendons());
-    for (int j = 0; j < nominal_.body.tendons(); ++j) {
-      int lost = 0;
-      for (const Hole& hole : run.cell_holes) {
-        if (hole.tendon != j) continue;
-        lost += hole.size();
-        no_cell.col(j).segment(hole.from, hole.size()).setOnes();
+    if (by_cell && !run.cell_holes.empty()) {
+      no_cell.setZero(run.samples(), nominal_.body.tendons());
+      for (const Hole& hole : run.cell_holes)
+        no_cell.col(hole.tendon).segment(hole.from, hole.size()).setOnes();
+    }
+    for (const Hole& hole : run.motor_holes) {
+      const bool no_other = !by_cell || run.Without(run.cell_holes, hole.tendon) == run.samples();
+      if (no_other && hole.size() == run.samples()) {
+        throw RunError(
+            i, fmt::format("{}: neither tension nor motor position of tendon {}", run.name, hole.tendon + 1));
       }
-      if (lost == 0) continue;
-      for (const Hole& hole : run.motor_holes) {
-        if (hole.tendon != j) continue;
-        if (lost == run.samples() && hole.size() == run.samples()) {
-          throw RunError(
-              i, fmt::format("{}: neither tension nor motor position of tendon {}", run.name, j + 1));
-        }
-        for (int k = hole.from; k < hole.to; ++k) {
-          if (no_cell(k, j) != 0) run.driven[static_cast<std::size_t>(k)] = 0;
-        }
-      }
-      const char* instead = "what pulls on the body is taken from the motor and the tendon's stretch";
-      degradations_.push_back(
-          lost == run.samples()
-              ? fmt::format("{}: no load cell on tendon {}: {}", run.name, j + 1, instead)
-              : fmt::format("{}: the load cell on tendon {} says nothing for {:.3g} s: {} there", run.name,
-                            j + 1, lost * run.signals.step_s, instead));
     }
   }
 }
 
-// Where other sensors of a tendon say nothing, of which the other tendons' cuts know nothing.
-void Evaluator::TakeOutHoles() {
-  const auto tell = [&](const PreparedRun& run, const std::vector<Hole>& holes, const char* what,
-                        const char* lost) {
+// What of single sensors is not there, one sentence a sensor with all its runs.
+void Evaluator::TellHoles() {
+  const auto tell = [&](std::vector<Hole> PreparedRun::* holes, const char* what, const char* so) {
     for (int j = 0; j < nominal_.body.tendons(); ++j) {
-      int samples = 0;
-      for (const Hole& hole : holes) samples += hole.tendon == j ? hole.size() : 0;
-      if (samples == 0) continue;
-      const bool whole = samples == run.samples();
+      std::string names;
+      double lost_s = 0, all_s = 0;
+      for (const PreparedRun& run : runs_) {
+        const int samples = run.Without(run.*holes, j);
+        if (samples == 0) continue;
+        lost_s += samples * run.signals.step_s;
+        all_s += run.samples() * run.signals.step_s;
+        names += (names.empty() ? "" : ", ") + run.name;
+      }
+      if (names.empty()) continue;
       degradations_.push_back(
-          fmt::format("{}: no {} of tendon {}{}: {}{}", run.name, what, j + 1,
-                      whole ? "" : fmt::format(" for {:.3g} s", samples * run.signals.step_s), lost,
-                      whole ? "" : " there"));
+          lost_s < all_s
+              ? fmt::format("the {} of tendon {} says nothing for {:.3g} of {:.3g} s: {} there ({})", what,
+                            j + 1, lost_s, all_s, so, names)
+              : fmt::format("no {} of tendon {}, or one that comes more than {:.0f} ms apart: {} ({})", what,
+                            j + 1, 1e3 * kBridged_s, so, names));
     }
   };
-  for (PreparedRun& run : runs_) {
-    for (const Hole& hole : run.motor_holes) {
-      if (driven_by_ == sim::Replay::DrivenBy::kMotor)
-        std::fill(run.driven.begin() + hole.from, run.driven.begin() + hole.to, char{0});
-    }
-    if (!run.forgotten.empty()) {
-      int samples = 0;
-      for (std::size_t i = 0; i < run.valid.size(); ++i) samples += run.valid[i] != 0 && run.driven[i] == 0;
-      degradations_.push_back(
-          fmt::format("{}: after lost rows friction's state is not known until the tendons have slid and the "
-                      "body has followed: of {:.3g} s nothing is told of tendons and body",
-                      run.name, samples * run.signals.step_s));
-    }
-    if (has(kC1)) tell(run, run.target_holes, "target torque", "its drive (C1) is not seen");
-    if (has(kC1) || has(kC2))
-      tell(run, run.torque_holes, "actual torque", "its drive and drivetrain (C1, C2) are not seen");
-    tell(run, run.motor_holes, "motor position", "its drivetrain and tendon (C2, C3) are not seen");
+  if (driven_by_ == sim::Replay::DrivenBy::kCell) {
+    tell(&PreparedRun::cell_holes, "load cell",
+         "what pulls on the body is taken from the motor and the tendon's stretch");
+  }
+  if (has(kC1)) tell(&PreparedRun::target_holes, "target torque", "its drive (C1) is not seen");
+  if (has(kC1) || has(kC2))
+    tell(&PreparedRun::torque_holes, "actual torque", "its drive and drivetrain (C1, C2) are not seen");
+  tell(&PreparedRun::motor_holes, "motor position", "its drivetrain and tendon (C2, C3) are not seen");
+  std::string names;
+  double forgotten_s = 0;
+  for (const PreparedRun& run : runs_) {
+    if (run.forgotten == 0) continue;
+    forgotten_s += run.forgotten * run.signals.step_s;
+    names += (names.empty() ? "" : ", ") + run.name;
+  }
+  if (!names.empty()) {
+    degradations_.push_back(
+        fmt::format("after lost samples friction's state is not known until the tendons have slid and the "
+                    "body has followed: of {:.3g} s nothing is told of tendons and body ({})",
+                    forgotten_s, names));
   }
 }
 
@@ -544,14 +544,16 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
     } else if (channel.cut == sim::Cut::kTendon && replayed.from_stretch_N.cols() > 0) {
       all = run.cell_N.col(j) - replayed.from_stretch_N.col(j);
       TakeOut(run.motor_holes, j, all);
-      TakeOut(run.forgotten, j, all);
     } else if (channel.cut == sim::Cut::kShape && tip.rows() > 0) {
       all = tip.col(channel.quantity == Quantity::kTipPosition ? j : 3 + j);
     } else {
       continue;
     }
-    // The tendons' stretch needs the body's shape, which a tracker shows too slowly.
-    const bool body = channel.cut == sim::Cut::kShape || channel.cut == sim::Cut::kTendon;
+    // The tendons' stretch, and pulleys before a cell, need the body's shape, which a tracker shows too
+    // slowly.
+    const bool beyond = !has(kC3) || run.signals.load_cell == LoadCellPlace::kRobotSide;
+    const bool body = channel.cut == sim::Cut::kShape || channel.cut == sim::Cut::kTendon ||
+                      (channel.cut == sim::Cut::kDrivetrain && beyond);
     const std::vector<char>& valid = body ? run.driven : run.valid;
     for (int i = 0; i < samples; ++i) {
       if (!valid[static_cast<std::size_t>(i)]) all[i] = NAN;

@@ -123,7 +123,7 @@ class Evaluator {
   double TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const;
   void FindCuts();
   void StandInForCells();
-  void TakeOutHoles();
+  void TellHoles();
   void ListChannels();
   void FindFrame();
 

@@ -123,10 +123,11 @@ void Evaluator::FindWhiteNoise() {
       if (run.signals.at_rest) continue;  // from one state to the next is no noise
       switch (channel.quantity) {
         case Quantity::kTorque:
-          noise.push_back(WhiteNoise(run.signals.torque_actual_Nm, channel.index));
+          if (const double n = WhiteNoise(run.signals.torque_actual_Nm, channel.index); n > 0)
+            noise.push_back(n);
           break;
         case Quantity::kTension:
-          noise.push_back(WhiteNoise(run.cell_N, channel.index));
+          if (const double n = WhiteNoise(run.cell_N, channel.index); n > 0) noise.push_back(n);
           break;
         case Quantity::kTipPosition:
           if (run.tip_m.rows() > 0) noise.push_back(WhiteNoise(run.tip_m, channel.index));

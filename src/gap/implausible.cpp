@@ -110,6 +110,37 @@ struct Finder {
     }
   }
 
+  /// A torque that stays at an end while more is asked for and the tension goes on: the reading's end, not
+  /// the motor's, which is the robot's own and to be seen.
+  void TorqueCutOff(Eigen::Index j, const RobotParameters& robot) {
+    auto x = run.torque_actual_Nm.col(j);
+    const bool beside = j < run.torque_target_Nm.cols() && j < run.tension_N.cols();
+    if (!beside) return;
+    for (const bool top : {true, false}) {
+      const Plateau end = FlatExtreme(x, top);
+      if (end.share < kCutOff) continue;
+      Eigen::Index flat = 0, asked = 0;
+      std::vector<double> tension_N;
+      for (Eigen::Index i = 0; i < x.size(); ++i) {
+        if (x[i] != end.value) continue;
+        const double more = (run.torque_target_Nm(i, j) - end.value) * (top ? 1 : -1);
+        ++flat;
+        asked += more > 0.02 * std::abs(end.value);
+        if (std::isfinite(run.tension_N(i, j))) tension_N.push_back(run.tension_N(i, j));
+      }
+      if (2 * asked < flat || tension_N.size() < 20) continue;
+      const double width_N = Quantile(tension_N, 0.98) - Quantile(tension_N, 0.02);
+      if (width_N < kHeld * robot.limits.max_tension_motor_N) continue;
+      for (double& value : x) {
+        if (value == end.value) value = kNothing;
+      }
+      Say(fmt::format("actual torque {}", j + 1),
+          fmt::format("is cut off at {:.4g} N m for {:.1f} % of the run while its tension goes on: taken as "
+                      "missing there",
+                      end.value, 100 * end.share));
+    }
+  }
+
   void FrozenCell(Eigen::Index j) {
     auto x = run.tension_N.col(j);
     Stretches([&](Eigen::Index i) { return std::isfinite(x[i]); },
@@ -127,12 +158,18 @@ struct Finder {
   void DeadEncoder(Eigen::Index j, const RobotParameters& robot) {
     if (j >= run.tension_N.cols() || run.tension_N.rows() != run.time_s.size()) return;
     auto x = run.motor_position_rad.col(j);
-    const Range range = RangeOf(x), load = RangeOf(run.tension_N.col(j));
-    if (range.count < 2 || range.width() > 0 || load.width() < kHeld * robot.limits.max_tension_motor_N)
-      return;
+    const Range range = RangeOf(x);
+    if (range.count < 2 || range.width() > 0) return;
+    std::vector<double> load_N;
+    for (const double tension_N : run.tension_N.col(j)) {
+      if (std::isfinite(tension_N)) load_N.push_back(tension_N);
+    }
+    if (load_N.size() < 20) return;
+    const double width_N = Quantile(load_N, 0.98) - Quantile(load_N, 0.02);
+    if (width_N < kHeld * robot.limits.max_tension_motor_N) return;
     Say(fmt::format("motor position {}", j + 1),
         fmt::format("stays at {:.4g} rad while its tension changes by {:.3g} N: left out", range.least,
-                    load.width()));
+                    width_N));
     x.setConstant(kNothing);
   }
 
@@ -181,7 +218,7 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
       find.CutOff(run.tension_N, j, fmt::format("tension {}", j + 1), "N");
     }
     for (Eigen::Index j = 0; j < run.torque_actual_Nm.cols(); ++j)
-      find.CutOff(run.torque_actual_Nm, j, fmt::format("actual torque {}", j + 1), "N m");
+      find.TorqueCutOff(j, robot);
     for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j) find.DeadEncoder(j, robot);
     if (run.tip_m.cols() == 3) find.FrozenTip();
     for (Eigen::Index axis = 0; axis < run.tip_m.cols(); ++axis)

@@ -10,7 +10,6 @@
 #include <limits>
 #include <map>
 #include <numbers>
-#include <numeric>
 #include <set>
 #include <utility>
 #include <vector>
@@ -41,16 +40,17 @@ void Exchange(Eigen::MatrixXd& values, Eigen::Index a, Eigen::Index b) {
 
 /// The tracker's frame turned about the base's axis, positions and orientations.
 void Turn(Run& run, const Eigen::AngleAxisd& by) {
+  if (run.tip_m.cols() != 3) return;
   const Eigen::Matrix3d R = by.toRotationMatrix();
   run.tip_m = (run.tip_m * R.transpose()).eval();
-  for (Eigen::Index i = 0; i < run.tip_quaternion.rows(); ++i) {
+  for (Eigen::Index i = 0; i < run.tip_quaternion.rows() && run.tip_quaternion.cols() == 4; ++i) {
     const Eigen::Vector4d w = run.tip_quaternion.row(i).transpose();
     const Eigen::Quaterniond q = Eigen::Quaterniond(by) * Eigen::Quaterniond(w[0], w[1], w[2], w[3]);
     run.tip_quaternion.row(i) << q.w(), q.x(), q.y(), q.z();
   }
 }
 
-std::vector<Mistake> AllMistakes(const DataSet& set, bool tracked) {
+std::vector<Mistake> AllMistakes(const DataSet& set, bool cells, bool tracked) {
   std::vector<Mistake> all;
   const int tendons = set.robot.body.tendons();
   for (int j = 0; j < tendons; ++j) {
@@ -65,9 +65,6 @@ std::vector<Mistake> AllMistakes(const DataSet& set, bool tracked) {
                      }});
     }
   }
-  const bool cells = std::all_of(set.runs.begin(), set.runs.end(), [](const Run& run) {
-    return run.load_cell != LoadCellPlace::kNone && run.tension_N.cols() > 0;
-  });
   if (cells) {
     const bool motors = set.runs.front().load_cell == LoadCellPlace::kMotorSide;
     all.push_back({fmt::format("the load cells on the {} side (load_cell in runs.yaml)",
@@ -129,16 +126,16 @@ DataSet SomeRuns(const DataSet& set) {
   for (const Run& run : set.runs) runs.push_back(&run);
   std::stable_sort(runs.begin(), runs.end(),
                    [](const Run* a, const Run* b) { return a->time_s.size() < b->time_s.size(); });
-  DataSet some = set;
-  some.runs.clear();
   std::set<std::string> families;
-  for (const bool another : {false, true}) {
-    for (const Run* run : runs) {
-      if (some.runs.size() >= kRuns) break;
-      if (families.insert(run->family).second == another) continue;
-      some.runs.push_back(*run);
-      some.runs.back().repeat_of.clear();
-    }
+  std::stable_partition(runs.begin(), runs.end(),
+                        [&](const Run* run) { return families.insert(run->family).second; });
+  DataSet some;
+  some.name = set.name;
+  some.robot = set.robot;
+  some.fit_frame = set.fit_frame;
+  for (std::size_t i = 0; i < std::min(kRuns, runs.size()); ++i) {
+    some.runs.push_back(*runs[i]);
+    some.runs.back().repeat_of.clear();
   }
   return some;
 }
@@ -161,18 +158,18 @@ std::string FindMistake(const DataSet& set, const Evaluator& evaluator, int thre
     for (Run& run : tried.runs) undo(run);
     try {
       return Misfit(Evaluator(tried, {.threads = 1, .readings = 0}), floors);
-    } catch (const std::runtime_error&) {
+    } catch (const std::exception&) {
       return std::numeric_limits<double>::infinity();
     }
   };
-  const std::vector<Mistake> mistakes = AllMistakes(set, evaluator.has_tracker());
+  const std::vector<Mistake> mistakes = AllMistakes(set, evaluator.has(kC3), evaluator.has_tracker());
   std::vector<double> left(mistakes.size() + 1);
   ParallelFor(static_cast<int>(left.size()), threads, [&](int i) {
     left[static_cast<std::size_t>(i)] =
         i == 0 ? misfit([](Run&) {}) : misfit(mistakes[static_cast<std::size_t>(i) - 1].undo);
   });
   const auto best = std::min_element(left.begin() + 1, left.end());
-  if (best == left.end() || !(*best * kTakenAway < left.front())) return "";
+  if (best == left.end() || !std::isfinite(left.front()) || !(*best * kTakenAway < left.front())) return "";
   return mistakes[static_cast<std::size_t>(best - left.begin()) - 1].with;
 }
 

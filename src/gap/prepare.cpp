@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <stdexcept>
 
@@ -28,7 +29,6 @@ constexpr double kSlow_s = 0.05;    // a motor that takes longer from count to c
 constexpr double kAtOnce_s = 0.01;  // and so may one that takes twice as long as before, and longer than this
 constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
 constexpr double kMostlyPause = 10;    // times as long as its rows account for
-constexpr double kBridged_s = 0.02;    // a hole that a straight line bridges
 constexpr double kOwnSteps = 2.5;      // and so many steps of a sensor that is slower than the log
 // After lost samples: nothing is told for the first; friction's memory is lost with more than the second, but
 // where the motor stood still for the third on both sides; the body has come to where its tendons pull it
@@ -207,11 +207,12 @@ void MarkSliding(const Eigen::VectorXd& reading, const Eigen::Matrix<char, -1, 1
   }
 }
 
-/// What is not known after samples [from, to) were lost, though they are there again: which way friction in
-/// pulleys holds, until their tendon has slid over all of its presliding and back, and with it the tensions
-/// on the body.
-void Forget(const RobotParameters& robot, int from, int to, PreparedRun& out) {
+/// What is not known after samples [from, to) of a tendon were lost, or of all (tendon -1), though they are
+/// there again: which way friction in pulleys holds, until their tendon has slid over all of its presliding
+/// and back, and with it the tensions on the body.
+void Forget(const RobotParameters& robot, int tendon, int from, int to, PreparedRun& out) {
   constexpr double kStill_rad = 0.008;  // 2.5 counts of a coarse encoder
+  constexpr double kStillFor_s = 2;     // longer, a motor may well have gone and come back
   constexpr double kSurely = 2.2;       // where the body stays a tendon slides by half of what its spool does
   const int samples = out.samples();
   const auto after = [&](double time_s) {
@@ -219,28 +220,53 @@ void Forget(const RobotParameters& robot, int from, int to, PreparedRun& out) {
   };
   int known = to;
   for (int j = 0; j < out.signals.motor_angle_rad.cols(); ++j) {
+    if (tendon >= 0 && j != tendon) continue;
     const auto motor_rad = out.signals.motor_angle_rad.col(j);
     const int a = std::max(0, from - after(kStoodStill_s)), b = std::min(samples, to + after(kStoodStill_s));
     const auto about = motor_rad.segment(a, b - a);
-    if (about.maxCoeff() - about.minCoeff() < kStill_rad) continue;
+    const bool still = about.maxCoeff() - about.minCoeff() < kStill_rad;
+    if (still && to - from < after(kStillFor_s)) continue;
     double way_rad = 0;
     if (robot.actuation) {
-      const auto& tendon = robot.actuation->tendons[static_cast<std::size_t>(j)];
-      const double travel_m = tendon.SpoolTravelPerMotorRad();
-      if (travel_m > 0) way_rad = kSurely * 2 * tendon.transmission.presliding_m / travel_m;
+      const auto& drive = robot.actuation->tendons[static_cast<std::size_t>(j)];
+      const double travel_m = drive.SpoolTravelPerMotorRad();
+      if (travel_m > 0) way_rad = kSurely * 2 * drive.transmission.presliding_m / travel_m;
     }
     // What it slides while the body is not yet back counts for nothing.
     int slid = std::min(samples, to + after(kBodySettles_s));
-    for (double least = 1e300, most = -1e300; slid < samples && !(most - least > way_rad); ++slid) {
+    for (double least = 1e300, most = -1e300; slid < samples && !(most - least >= way_rad); ++slid) {
       least = std::min(least, motor_rad[slid]);
       most = std::max(most, motor_rad[slid]);
     }
-    if (slid > to) out.forgotten.push_back({j, to, slid});
     known = std::max(known, slid);
   }
   if (known == to) return;
-  for (int i = to; i < std::min(samples, known + after(kBodySettles_s)); ++i)
-    out.driven[static_cast<std::size_t>(i)] = 0;
+  for (int i = to; i < std::min(samples, known + after(kBodySettles_s)); ++i) {
+    char& driven = out.driven[static_cast<std::size_t>(i)];
+    out.forgotten += driven != 0 && out.valid[static_cast<std::size_t>(i)] != 0;
+    driven = 0;
+  }
+}
+
+/// Rows in which nothing was recorded are rows that are missing.
+std::optional<Run> WithoutEmptyRows(const Run& run) {
+  const Eigen::Index rows = run.time_s.size();
+  std::vector<int> kept;
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    bool any = false;
+    for (const auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
+                               &run.tension_N, &run.tip_m, &run.tip_quaternion, &run.bending_rad})
+      any = any || (values->rows() == rows && values->row(i).array().isFinite().any());
+    if (any) kept.push_back(static_cast<int>(i));
+  }
+  if (kept.empty() || static_cast<Eigen::Index>(kept.size()) == rows) return std::nullopt;
+  Run out = run;
+  out.time_s = run.time_s(kept).eval();
+  for (auto* values : {&out.torque_target_Nm, &out.torque_actual_Nm, &out.motor_position_rad, &out.tension_N,
+                       &out.tip_m, &out.tip_quaternion, &out.bending_rad}) {
+    if (values->rows() == rows) *values = (*values)(kept, Eigen::all).eval();
+  }
+  return out;
 }
 
 double UsualStep(const Run& run) {
@@ -262,31 +288,37 @@ double GridStep(const Run& run, double usual_s) {
   return count > 0 ? sum_s / count : usual_s;
 }
 
-/// Where column j says nothing for longer than a straight line bridges; a sensor that is slower than the log
-/// is there as long as it keeps its own step. `at`: grid sample of each row.
-void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int samples, double step_s, int j,
-               std::vector<Hole>& holes) {
-  std::vector<double> steps;
+/// Where column j says nothing for longer than a straight line bridges: everywhere for a sensor that is never
+/// faster, or hardly ever there. `at`: grid sample of each row.
+void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int samples, double step_s,
+               bool at_rest, int j, std::vector<Hole>& holes) {
+  constexpr std::size_t kHardlyEver = 5;  // readings
+  std::vector<double> steps_s;
   std::vector<int> there;
   for (int i = 0; i < values.rows(); ++i) {
     if (!std::isfinite(values(i, j))) continue;
-    if (!there.empty()) steps.push_back(i - there.back());
+    if (!there.empty() && i - there.back() > 1) steps_s.push_back((at[i] - at[there.back()]) * step_s);
+    if (!there.empty() && i - there.back() == 1) steps_s.push_back(0);  // as fast as the log
     there.push_back(i);
   }
-  const double own_rows = steps.empty() ? 1 : Median(std::move(steps));
-  const auto beyond = [&](int samples_without) {
-    const double without_s = samples_without * step_s;
-    return without_s > kBridged_s && (own_rows < 2 || without_s > kOwnSteps * own_rows * step_s);
-  };
+  if (there.size() < kHardlyEver) {
+    holes.push_back({j, 0, samples});
+    return;
+  }
+  const double own_s = at_rest ? 0 : Median(std::move(steps_s));
+  if (own_s > kBridged_s + 1e-9) {
+    holes.push_back({j, 0, samples});
+    return;
+  }
+  const double bridged_s = std::max(kBridged_s, kOwnSteps * own_s);
   int last = -1;  // row with a reading
   for (const int i : there) {
     const int from = last < 0 ? 0 : at[last] + 1;
     // Rows that are missing whole are nobody's hole.
-    if (i - last > 1 && beyond(at[i] - from)) holes.push_back({j, from, at[i]});
+    if (i - last > 1 && (at[i] - from) * step_s > bridged_s) holes.push_back({j, from, at[i]});
     last = i;
   }
-  const int from = last < 0 ? 0 : at[last] + 1;
-  if (beyond(samples - from)) holes.push_back({j, from, samples});
+  if ((samples - at[last] - 1) * step_s > bridged_s) holes.push_back({j, at[last] + 1, samples});
 }
 
 }  // namespace
@@ -311,6 +343,7 @@ void PreparedRun::MoveTracker(double by_s) {
 int LeastRows(const Run& run) { return UsualStep(run) > kQuasiStatic_s ? kLeastStates : kLeastRows; }
 
 PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t seed) {
+  if (const auto less = WithoutEmptyRows(run)) return Prepare(*less, robot, seed);
   PreparedRun out;
   out.name = run.name;
   out.family = run.family;
@@ -403,7 +436,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       for (int i = 0; i < samples; ++i) {
         if (!out.valid[i]) out.cell_N(i, j) = NAN;
       }
-      FindHoles(run.tension_N, at, samples, step_s, j, out.cell_holes);
+      FindHoles(run.tension_N, at, samples, step_s, at_rest, j, out.cell_holes);
     }
     for (const Hole& hole : out.cell_holes) {
       out.cell_N.col(hole.tendon).segment(hole.from, hole.size()).setConstant(NAN);
@@ -413,7 +446,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   const auto known = [&](const Eigen::MatrixXd& values, Eigen::MatrixXd& grid, std::vector<Hole>& holes) {
     if (values.cols() != tendons) return;
     for (int j = 0; j < tendons; ++j) {
-      FindHoles(values, at, samples, step_s, j, holes);
+      FindHoles(values, at, samples, step_s, at_rest, j, holes);
       if (!grid.col(j).allFinite()) grid.col(j).setZero();
     }
   };
@@ -476,7 +509,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       if (count > 0 && at_rest) {
         // Anywhere within its count.
         for (int i = 0; i < samples && seed != 0; ++i) angle[i] += (anywhere(random) - 0.5) * count;
-      } else if (count > 0 && Quantised(angle, count)) {
+      } else if (count > 0 && Quantised(refine == 1 ? run.motor_position_rad.col(j).eval() : angle, count)) {
         angle = InsideCounts(angle, count, step_s, seed != 0 ? &random : nullptr);
       }
       if (at_rest) {
@@ -501,11 +534,17 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   }
 
   for (const auto& [from, to] : lost) {
-    if (!at_rest) Forget(robot, from, to, out);
+    if (!at_rest) Forget(robot, -1, from, to, out);
+  }
+  // Pulleys slide with a motor of which nothing is known for a while.
+  for (const Hole& hole : out.motor_holes) {
+    if (at_rest || hole.size() == samples) continue;
+    std::fill(out.driven.begin() + hole.from, out.driven.begin() + hole.to, char{0});
+    Forget(robot, hole.tendon, hole.from, hole.to, out);
   }
 
   // Tracker.
-  if (run.tip_m.cols() == 3) {
+  if (run.tip_m.cols() == 3 && run.tip_m.rows() == rows) {
     const bool turned = run.tip_quaternion.cols() == 4;
     std::vector<int> seen;
     for (int i = 0; i < rows; ++i) {

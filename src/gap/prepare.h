@@ -1,5 +1,5 @@
 // A measured run made fit for replay: one uniform grid, lost samples bridged and marked, encoder counts
-// turned into a smooth angle with its derivatives. Knows no model.
+// turned into a smooth angle with its derivatives. Simulates nothing.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,6 +17,8 @@ namespace tendril::gap {
 constexpr double kSlowLog_s = 0.005;
 /// Rows further apart than this are states at rest, not a motion.
 constexpr double kQuasiStatic_s = 0.2;
+/// A hole that a straight line bridges.
+constexpr double kBridged_s = 0.02;
 /// A run of fewer rows is left out.
 constexpr int kLeastRows = 20, kLeastStates = 5;
 
@@ -36,11 +38,11 @@ struct PreparedRun {
   std::vector<char> valid;  // S: false where samples were lost, and shortly after
   Eigen::MatrixXd cell_N;   // S x M as read, NaN where nothing was
   std::vector<Hole> cell_holes;
-  /// Where a straight line stands for target torque, actual torque or encoder (0 where nothing ever was), and
-  /// what needs them cannot be told.
+  /// Where a straight line stands for target torque, actual torque or encoder (0 where nothing ever was),
+  /// and what needs them cannot be told.
   std::vector<Hole> target_holes, torque_holes, motor_holes;
-  std::vector<Hole> forgotten;  // where friction's memory is lost: after lost samples, until the motor slides
-  std::vector<char> driven;     // S: valid, and what moves the body is known
+  std::vector<char> driven;  // S: valid, and what moves tendons and body is known
+  int forgotten = 0;  // samples that are not driven since friction's state is not known after lost ones
   /// S x M: the motor is known to slide in one direction. Around reversals and at rest an encoder cannot tell
   /// how far friction in motor and gear has turned round, so what torque says of tension is worth nothing
   /// there.
@@ -55,11 +57,18 @@ struct PreparedRun {
   std::vector<std::string> notes;
 
   int samples() const { return static_cast<int>(valid.size()); }
-  /// Tendons that these holes leave something of.
-  int Known(const std::vector<Hole>& holes) const {
-    int whole = 0;
-    for (const Hole& hole : holes) whole += hole.size() == samples();
-    return static_cast<int>(signals.motor_angle_rad.cols()) - whole;
+  /// Samples of tendon j that lie in these holes.
+  int Without(const std::vector<Hole>& holes, int j) const {
+    int sum = 0;
+    for (const Hole& hole : holes) sum += hole.tendon == j ? hole.size() : 0;
+    return sum;
+  }
+  /// True when the holes leave something of at least one of so many tendons.
+  bool Leave(const std::vector<Hole>& holes, Eigen::Index tendons) const {
+    for (int j = 0; j < tendons; ++j) {
+      if (Without(holes, j) < samples()) return true;
+    }
+    return false;
   }
   /// Positions enough to compare with.
   /// Moves the tracker's readings on the drives' clock; what would leave the run is dropped.

@@ -554,6 +554,10 @@ std::unique_ptr<TensionSource> Replay::Impl::Source(const ReplaySignals& s, Driv
     throw std::invalid_argument(fmt::format("replay: no_cell is {} x {}; accepted: {} x {}", s.no_cell.rows(),
                                             s.no_cell.cols(), s.tension_N.rows(), m));
   }
+  if (s.motor_angle_rad.rows() != s.tension_N.rows()) {
+    throw std::invalid_argument(fmt::format("replay: {} samples of tension, {} of motor angle",
+                                            s.tension_N.rows(), s.motor_angle_rad.rows()));
+  }
   return std::make_unique<MixedTension>(SourceOfAll(s, DrivenBy::kCell), SourceOfAll(s, DrivenBy::kMotor),
                                         s.no_cell, Grid(s, TimesOf(s, s.tension_N.rows())));
 }
@@ -605,7 +609,7 @@ std::unique_ptr<TensionSource> Replay::Impl::SourceOfAll(const ReplaySignals& s,
     // What a spool took up that nobody saw is what the body gave and what the tendon stretched by.
     if (At(j) < s.no_motor.size() && s.no_motor[At(j)] != 0) {
       VectorXd rate(samples);
-      signals.spool_m.col(j) = tension.col(j) / line.stiffness_Npm();
+      signals.spool_m.col(j) = (tension.col(j).array() - tension(0, j)) / line.stiffness_Npm();
       if (s.at_rest) {
         rate.setZero();
       } else {

@@ -352,7 +352,7 @@ TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
                        [&](const std::string& line) { return line.find(words) != std::string::npos; });
   };
   EXPECT_TRUE(said("circle: tension 1 keeps 3 N from 2 s"));
-  EXPECT_TRUE(said("the load cell on tendon 1 says nothing for 5"));
+  EXPECT_TRUE(said("the load cell of tendon 1 says nothing for 5"));
   EXPECT_TRUE(said("triangle: tension 2 has 1 value up to 9999 N"));
   EXPECT_TRUE(said("triangle: actual torque 2 has 1 value up to 7 N m"));
   EXPECT_TRUE(said("multisine: tip y has 1 value up to 5 m"));
@@ -418,12 +418,47 @@ INSTANTIATE_TEST_SUITE_P(
                     Lost{"a_cell", [](Run& run) { run.tension_N.col(1).setConstant(std::nan("")); }},
                     Lost{"every_cell", [](Run& run) { run.tension_N.setConstant(std::nan("")); }},
                     Lost{"an_encoder", [](Run& run) { run.motor_position_rad.col(1).setZero(); }},
+                    Lost{"an_encoder_for_a_second",
+                         [](Run& run) {
+                           run.motor_position_rad.col(1).segment(3000, 1000).setConstant(std::nan(""));
+                         }},
+                    Lost{"what_was_in_rows",
+                         [](Run& run) {
+                           for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm,
+                                                &run.motor_position_rad, &run.tension_N, &run.tip_m,
+                                                &run.tip_quaternion})
+                             values->middleRows(2300, 700).setConstant(std::nan(""));
+                         }},
+                    Lost{"most_readings_of_a_cell",
+                         [](Run& run) {
+                           for (Eigen::Index i = 0; i < run.tension_N.rows(); ++i) {
+                             if (i % 40 != 0) run.tension_N(i, 1) = std::nan("");
+                           }
+                         }},
                     Lost{"a_torque",
                          [](Run& run) {
                            auto torque = run.torque_actual_Nm.col(0);
                            torque = torque.cwiseMin(0.5 * torque.maxCoeff()).eval();
                          }}),
     [](const auto& lost) { return lost.param.name; });
+
+// Cells that all failed in one run are no reason to do without those of the others.
+TEST(Diagnose, ARunWithoutCellsLeavesTheOthersTheirs) {
+  DataSet set = Recorded("cell_gain where=tendon:2 scale=0.9");
+  set.runs[1].tension_N.setConstant(std::nan(""));
+  const Diagnosis d = Diagnose(set, Only({"cell_gain", "cell_offset", "tendon_stiffness"}));
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  EXPECT_EQ(d.accepted[0].effect, "cell_gain") << d.sentence;
+  EXPECT_NEAR(d.accepted[0].parameters.at("scale").value, 0.9, 0.01);
+}
+
+// A motor that can no more is no reading that was cut off.
+TEST(Diagnose, ATorqueThatSaturatesIsSeen) {
+  const Diagnosis d = Diagnose(Recorded("torque_saturation where=tendon:1 deficit_Nm=0.0065"),
+                               Only({"torque_saturation", "torque_loop_lag", "torque_constant"}));
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  EXPECT_EQ(d.accepted[0].effect, "torque_saturation") << d.sentence;
+}
 
 // Stamps of a date are coarse, and their steps add up.
 TEST(Diagnose, TimesSinceAnEpochAreNoGap) {
@@ -461,6 +496,13 @@ TEST(Diagnose, MistakesOfMeasurementAreNamed) {
     EXPECT_NE(d.sentence.find(std::string("with ") + made.told), std::string::npos) << d.sentence;
     EXPECT_NE(d.degradations.front().find(made.told), std::string::npos) << d.degradations.front();
   }
+  // Not even where one run has no tracker.
+  DataSet untracked = right;
+  for (gap::Run& run : untracked.runs) run.motor_position_rad.col(1) *= -1;
+  untracked.runs[0].tip_m.resize(0, 0);
+  untracked.runs[0].tip_quaternion.resize(0, 0);
+  const std::string told = Diagnose(untracked, Only({"unit_mass"})).sentence;
+  EXPECT_NE(told.find("the sign of motor position 2 turned round"), std::string::npos) << told;
   // An effect is no mistake, however large.
   const Diagnosis d = Diagnose(Recorded("bending_stiffness scale=0.5", 4), Only({"bending_stiffness"}));
   EXPECT_EQ(d.sentence.find("check the measurement"), std::string::npos) << d.sentence;

@@ -36,7 +36,8 @@ struct ReplaySignals {
   /// Total bending (us, vs) per section that a tracker shows, S x 2K, smooth; the tendons' shortening is
   /// corrected to it (across gaps by the difference on their sides).
   Eigen::MatrixXd bending_rad;
-  /// M, or empty: motors of which nothing is known; their pulleys slide with the body.
+  /// M, or empty: motors of which nothing is known. A body that is pulled by load cells before the pulleys
+  /// has these slide by what the body and the tendon's stretch take; nothing else goes without a motor.
   std::vector<char> no_motor;
   /// From the stamp of a target to the moment it acts; a target stamped when sent acts at the next SYNC, one
   /// bus cycle later.
@@ -77,8 +78,8 @@ class Replay {
 
   enum class DrivenBy {
     kCell,    // C4, C5: tensions as read by the load cells
-    kTorque,  // no cell: tensions that C2 makes of torque and motor motion
-    kMotor,   // motor angles through the tendons' stiffness (no cell, no torque)
+    kTorque,  // tensions that C2 makes of torque and motor motion
+    kMotor,   // motor angles through the tendons' stiffness
   };
   /// Motion of the body in time; throws std::runtime_error when it cannot be integrated. Where pulleys lie
   /// between the tension that is known and the base, they slide by (s + d) / 2 with s measured and d of this
