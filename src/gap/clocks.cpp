@@ -32,8 +32,8 @@ Late LateOf(const PreparedRun& run, const sim::BodyMotion& motion) {
   const Eigen::VectorXd time_s = Eigen::VectorXd::LinSpaced(samples, 0, (samples - 1) * run.signals.step_s);
   Eigen::MatrixXd tip_m = Eigen::MatrixXd::Constant(samples, 3, NAN);
   for (int k = 0; k < run.tracker_s.size(); ++k) {
-    const long at = std::lround(run.tracker_s[k] / run.signals.step_s);
-    tip_m.row(std::clamp<long>(at, 0, samples - 1)) = run.tip_m.row(k);
+    const long at = std::clamp<long>(std::lround(run.tracker_s[k] / run.signals.step_s), 0, samples - 1);
+    if (run.driven[static_cast<std::size_t>(at)] != 0) tip_m.row(at) = run.tip_m.row(k);
   }
   return {ClockShift(time_s, motion.tip_m, tip_m), ClockShift(time_s, run.signals.motor_angle_rad, tip_m)};
 }

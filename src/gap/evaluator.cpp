@@ -363,6 +363,7 @@ void Evaluator::FindFrame() {
     for (int k = 0; k < run.tracker_s.size(); ++k) {
       const int at =
           std::clamp(static_cast<int>(std::lround(run.tracker_s[k] / run.signals.step_s)), 0, last);
+      if (run.driven[static_cast<std::size_t>(at)] == 0) continue;
       simulated.emplace_back(nominal_motion_[i].tip_m.row(at).transpose());
       measured.emplace_back(run.tip_m.row(k).transpose());
     }

@@ -225,7 +225,13 @@ double Evaluator::Spread(const Channel& channel) const {
         square += value * value, signal_sum += value, signals += 1;
       }
     };
-    if (channel.quantity == Quantity::kTension) add(run.cell_N);
+    if (channel.quantity == Quantity::kTension && has(kC3)) add(run.cell_N);
+    // Without cells, of what torque makes: roughly, which is all that it is used for.
+    if (channel.quantity == Quantity::kTension && !has(kC3)) {
+      const double travel_m =
+          nominal_.actuation->tendons[static_cast<std::size_t>(channel.index)].SpoolTravelPerMotorRad();
+      if (travel_m > 0) add(run.signals.torque_actual_Nm / travel_m);
+    }
     if (channel.quantity == Quantity::kTipPosition) add(run.tip_m);
     if (channel.quantity == Quantity::kTipDirection && !run.tip_R.empty()) {
       Eigen::MatrixXd turns(static_cast<int>(run.tip_R.size()), 3);

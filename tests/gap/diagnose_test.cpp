@@ -202,6 +202,22 @@ TEST(Diagnose, RunsFromBeforeThatTheModelMissesTellNoCause) {
               testing::Contains(testing::HasSubstr("of the motion before the change already")));
 }
 
+// Nor does it take a model for right of which only torque and motors tell.
+TEST(Diagnose, RunsFromBeforeWithoutCellsAndTrackerAreNotBelievedToBeRight) {
+  const std::vector<std::string> wrong{"torque_constant scale=0.85"};
+  DataSet earlier = Recorded(wrong, 4, 31), same = Recorded(wrong, 4, 41);
+  for (DataSet* set : {&earlier, &same}) {
+    for (gap::Run& run : set->runs) {
+      for (auto* values : {&run.tension_N, &run.tip_m, &run.tip_quaternion}) values->resize(0, 0);
+    }
+  }
+  CompareWithBefore(same, earlier);
+  const Diagnosis d = Diagnose(same, Only({"torque_constant", "motor_coulomb"}));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("got wrong then (up to ")));
+  EXPECT_THAT(d.degradations, testing::Not(testing::Contains(testing::HasSubstr("(up to 0 %"))));
+}
+
 struct Planted {
   const char* name;
   const char* effect;
