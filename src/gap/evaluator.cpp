@@ -192,20 +192,19 @@ void Evaluator::FindCuts() {
   const auto every = [&](auto&& test) { return std::all_of(runs_.begin(), runs_.end(), test); };
   const auto any = [&](auto&& test) { return std::any_of(runs_.begin(), runs_.end(), test); };
   const bool motor = every([](const PreparedRun& r) { return r.signals.motor_angle_rad.cols() > 0; });
-  const auto torque_of = [](const PreparedRun& r) {
-    return r.Leave(r.torque_holes, r.signals.torque_actual_Nm.cols());
-  };
-  const auto target_of = [](const PreparedRun& r) {
-    return r.Leave(r.target_holes, r.signals.torque_target_Nm.cols());
-  };
+  // A run that has the columns, but nothing in them, is diagnosed beside the others by what it has.
+  const bool torque =
+      every([](const PreparedRun& r) { return r.signals.torque_actual_Nm.cols() > 0; }) &&
+      any([](const PreparedRun& r) { return r.Leave(r.torque_holes, r.signals.torque_actual_Nm.cols()); });
+  const bool target =
+      every([](const PreparedRun& r) { return r.signals.torque_target_Nm.cols() > 0; }) &&
+      any([](const PreparedRun& r) { return r.Leave(r.target_holes, r.signals.torque_target_Nm.cols()); });
   const auto cell_of = [](const PreparedRun& r) {
     return r.signals.load_cell != LoadCellPlace::kNone && r.signals.tension_N.cols() > 0;
   };
-  // A run whose cells all failed is diagnosed beside the others by its tendons' stretch.
   const bool cell = every(cell_of) && any([](const PreparedRun& r) {
                       return r.Leave(r.cell_holes, r.signals.tension_N.cols());
                     });
-  const bool torque = every(torque_of), target = every(target_of);
   const bool tracker = any([](const PreparedRun& r) { return r.tracked(); });
   if (!motor) {
     throw std::runtime_error(

@@ -468,6 +468,17 @@ TEST(Diagnose, ARunWithoutCellsLeavesTheOthersTheirs) {
   EXPECT_NEAR(d.accepted[0].parameters.at("scale").value, 0.9, 0.01);
 }
 
+TEST(Diagnose, ARunWithoutTorqueLeavesTheOthersTheirs) {
+  DataSet set = Recorded("torque_constant scale=0.9");
+  set.runs[1].torque_actual_Nm *= 1e3;  // another unit
+  const Diagnosis d = Diagnose(set, Only({"torque_constant", "motor_coulomb", "tendon_stiffness"}));
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  EXPECT_EQ(d.accepted[0].effect, "torque_constant") << d.sentence;
+  EXPECT_NEAR(d.accepted[0].parameters.at("scale").value, 0.9, 0.01);
+  EXPECT_THAT(d.degradations, testing::Contains(testing::AllOf(testing::HasSubstr("no actual torque of tendon 1"),
+                                                               testing::HasSubstr("(triangle)"))));
+}
+
 // A motor that can no more is no reading that was cut off.
 TEST(Diagnose, ATorqueThatSaturatesIsSeen) {
   const Diagnosis d = Diagnose(Recorded("torque_saturation where=tendon:1 deficit_Nm=0.0065"),
