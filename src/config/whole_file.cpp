@@ -11,38 +11,71 @@
 #include <system_error>
 
 namespace tendril::config {
+namespace {
 
-void WriteWhole(const std::filesystem::path& file, const std::string& text) {
-  namespace fs = std::filesystem;
-  std::error_code error, ignored;
-  fs::path target = file;
-  if (fs::exists(file, ignored)) {
-    // A device or a pipe takes the text and stays what it is.
-    if (!fs::is_regular_file(file, ignored)) {
-      std::ofstream out(file, std::ios::binary);
-      out << text;
-      out.close();
-      if (!out) throw std::runtime_error(fmt::format("cannot write {}: no regular file", file.string()));
-      return;
-    }
-    target = fs::canonical(file, error);
-    if (error) throw std::runtime_error(fmt::format("cannot write {}: {}", file.string(), error.message()));
-  }
-  const fs::path temporary = fmt::format("{}.new-{:x}", target.string(), std::random_device{}());
+namespace fs = std::filesystem;
+
+[[noreturn]] void Refuse(const fs::path& file, const std::string& reason) {
+  throw std::runtime_error(
+      fmt::format("cannot write {}: {}; name a place with room where you may write, or run as a user who may",
+                  file.string(), reason));
+}
+
+std::string Reason() { return std::strerror(errno != 0 ? errno : EIO); }
+
+/// What a name stands for: of a link to a file, that file.
+fs::path Target(const fs::path& file) {
+  std::error_code error;
+  if (!fs::exists(file, error)) return file;
+  const fs::path target = fs::canonical(file, error);
+  if (error) Refuse(file, error.message());
+  return target;
+}
+
+fs::path Beside(const fs::path& target) {
+  return fmt::format("{}.new-{:x}", target.string(), std::random_device{}());
+}
+
+/// A device or a pipe takes the text and stays what it is.
+bool TakesText(const fs::path& target) {
+  std::error_code none;
+  return fs::exists(target, none) && !fs::is_regular_file(target, none);
+}
+
+void Write(const fs::path& file, const fs::path& place, const std::string& text) {
   errno = 0;
-  std::ofstream out(temporary, std::ios::binary);
+  std::ofstream out(place, std::ios::binary);
   out << text;
   out.close();
-  std::string reason = out ? "" : std::strerror(errno != 0 ? errno : EIO);
-  if (reason.empty()) {
-    if (fs::exists(target, ignored))
-      fs::permissions(temporary, fs::status(target, ignored).permissions(), ignored);
-    fs::rename(temporary, target, error);
-    if (error) reason = error.message();
-  }
-  if (reason.empty()) return;
-  fs::remove(temporary, ignored);
-  throw std::runtime_error(fmt::format("cannot write {}: {}", file.string(), reason));
+  if (out) return;
+  const std::string reason = Reason();
+  std::error_code none;
+  if (!TakesText(place)) fs::remove(place, none);
+  Refuse(file, reason);
+}
+
+}  // namespace
+
+void WriteWhole(const fs::path& file, const std::string& text) {
+  const fs::path target = Target(file);
+  if (TakesText(target)) return Write(file, target, text);
+  const fs::path temporary = Beside(target);
+  Write(file, temporary, text);
+  std::error_code error, none;
+  if (fs::exists(target, none)) fs::permissions(temporary, fs::status(target, none).permissions(), none);
+  fs::rename(temporary, target, error);
+  if (!error) return;
+  fs::remove(temporary, none);
+  Refuse(file, error.message());
+}
+
+void CheckMayWrite(const fs::path& file) {
+  const fs::path target = Target(file);
+  if (TakesText(target)) return;
+  const fs::path temporary = Beside(target);
+  Write(file, temporary, "");
+  std::error_code none;
+  fs::remove(temporary, none);
 }
 
 }  // namespace tendril::config

@@ -49,8 +49,8 @@ LinearBody Linearise(const model::Body& body, double bend_rad, double min_tensio
 }
 
 // Of many units only the ways to move that a loop through the tendons can meet: the slowest of the body
-// alone, what each tendon bends at rest, and what the inertia of that bends. Of the margins of 10 and 20 units
-// this takes nothing that shows in four digits.
+// alone, what each tendon bends at rest, and what the inertia of that bends. Of the margins of 10 and 20
+// units this takes nothing that shows in four digits.
 LinearBody Reduced(const LinearBody& full, int sections, double tendon_stiffness_Npm) {
   constexpr int kModesPerSection = 8;
   const auto n = full.mass.rows(), m = full.shortening.rows();

@@ -80,14 +80,6 @@ std::string WiringHash(const RobotParameters& robot, const BusParameters& bus) {
 
 std::string RecordPath(const DaemonParameters& daemon) { return daemon.robot_file + ".commissioned"; }
 
-void CheckMayWrite(const std::string& path) {
-  const std::string temporary = path + ".new";
-  const bool may = static_cast<bool>(std::ofstream(temporary));
-  std::error_code ignored;
-  std::filesystem::remove(temporary, ignored);
-  if (!may) throw std::runtime_error(path + " cannot be written; run as a user who may write beside it");
-}
-
 void WriteRecord(const std::string& path, const CommissioningRecord& record) {
   std::string text = fmt::format(
       "# Written by `tendril commission`; tendrild arms this robot only while `wiring` fits its files.\n"

@@ -518,8 +518,8 @@ struct Daemon::State {
         const Status cause = CauseOf(out), status = IsFault(cause) ? cause : Status::kOk;
         const std::string what = fmt::format("{}{}", StatusText(cause), WhoseFault(out));
         Event(status, "controller",
-              fmt::format("{} -> {}: {} {}", ModeText(last_mode), ModeText(out.mode),
-                          static_cast<int>(cause), what));
+              fmt::format("{} -> {}: {} {}", ModeText(last_mode), ModeText(out.mode), static_cast<int>(cause),
+                          what));
         if (IsFault(status)) statistics.last_fault = {EpochUs(), status, what};
       }
       last_mode = out.mode;

@@ -207,9 +207,8 @@ void KeepEarlierLog(const std::string& path) {
     if (std::filesystem::exists(kept, error)) continue;
     std::filesystem::rename(path, kept, error);
     if (error) {
-      throw std::runtime_error(
-          fmt::format("--log {}: is there already and cannot be renamed ({}); name another file", path,
-                      error.message()));
+      throw std::runtime_error(fmt::format(
+          "--log {}: is there already and cannot be renamed ({}); name another file", path, error.message()));
     }
     spdlog::info("daemon: {} was there already: it is {} now", path, kept);
     return;

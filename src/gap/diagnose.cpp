@@ -425,13 +425,14 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   if (d.accepted.size() == 2) AddOrders(evaluator, search, options.seed, d);
   if (shown != nullptr) d.profiles = ProfilesOf(evaluator, folds, search, *shown, threads);
   AddDetails(evaluator, shown ? &shown->model : nullptr, after, options.seed, d);
-  progress("looking for the experiment that would tell more", 0);
+  if (!options.menu.families.empty()) progress("looking for the experiment that would tell more", 0);
   d.next = FindNextExperiment(evaluator, search, d, options.menu, threads);
   const LoadCellPlace place = evaluator.runs().front().signals.load_cell;
   if (distrusted || (d.verdict != Verdict::kNoGap && d.verdict != Verdict::kInsufficientData))
     MarkFirst(d, place);
   d.sentence = Sentence(d);
   if (d.verdict != Verdict::kNoGap) {
+    progress("looking for mistakes of measurement", 0);
     if (const std::string with = FindMistake(set, evaluator, threads); !with.empty()) {
       d.sentence += fmt::format(" But check the measurement first: with {} most of this gap goes.", with);
       d.degradations.insert(

@@ -212,8 +212,8 @@ void Evaluator::FindCuts() {
         "run; without "
         "them neither friction's direction nor the tendons' stretch is known");
   }
-  available_ = (torque && target ? kC1 : 0u) | (torque ? kC2 : 0u) | (cell ? kC3 : 0u) |
-               (tracker ? kBody : 0u);
+  available_ =
+      (torque && target ? kC1 : 0u) | (torque ? kC2 : 0u) | (cell ? kC3 : 0u) | (tracker ? kBody : 0u);
   driven_by_ = cell ? sim::Replay::DrivenBy::kCell : sim::Replay::DrivenBy::kMotor;
   if (available_ == 0) {
     throw std::runtime_error(
@@ -265,7 +265,7 @@ void Evaluator::StandInForCells() {
 
 // What of single sensors is not there, one sentence a sensor with all its runs.
 void Evaluator::TellHoles() {
-  const auto tell = [&](std::vector<Hole> PreparedRun::* holes, const char* what, const char* so) {
+  const auto tell = [&](std::vector<Hole> PreparedRun::*holes, const char* what, const char* so) {
     for (int j = 0; j < nominal_.body.tendons(); ++j) {
       std::string names;
       double lost_s = 0, all_s = 0;
@@ -318,8 +318,8 @@ void Evaluator::ListChannels() {
   for (int j = 0; j < tendons; ++j) {
     const char* what = has(kC3) ? "tension {} from torque" : "tension {} from torque, against stretch";
     if (has(kC2))
-      channels_.push_back({sim::Cut::kDrivetrain, Quantity::kTension, j,
-                           fmt::format(fmt::runtime(what), j + 1), "N"});
+      channels_.push_back(
+          {sim::Cut::kDrivetrain, Quantity::kTension, j, fmt::format(fmt::runtime(what), j + 1), "N"});
   }
   for (int j = 0; j < tendons; ++j) {
     if (has(kC3))

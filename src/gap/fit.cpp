@@ -348,8 +348,8 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
   options.max_num_consecutive_invalid_steps = 3;
-  // Between bounds each step would be searched along by gradients besides, at two simulations a trial or more:
-  // a third of all time for what the trust region does anyway.
+  // Between bounds each step would be searched along by gradients besides, at two simulations a trial or
+  // more: a third of all time for what the trust region does anyway.
   options.max_num_line_search_step_size_iterations = 0;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);

@@ -428,10 +428,11 @@ class Checkup {
                       far, length_m));
     } else if (far < kNearest * length_m) {
       Add(Severity::kWarning, kTip.name, far,
-          fmt::format("is never more than {:.4g} m from the base, the robot is {:.4g} m long; the file of a "
-                      "longer robot looks like a gap; give the file of the robot that was measured, unless it "
-                      "was strongly bent all the time",
-                      far, length_m));
+          fmt::format(
+              "is never more than {:.4g} m from the base, the robot is {:.4g} m long; the file of a "
+              "longer robot looks like a gap; give the file of the robot that was measured, unless it "
+              "was strongly bent all the time",
+              far, length_m));
     }
   }
 

@@ -18,8 +18,25 @@ constexpr double kCutOff = 0.003;  // share of a run at the flat end of a channe
 constexpr double kFrozen_s = 0.3;  // one value for so long ...
 constexpr double kMoved = 0.15;    // ... while the motor turns by this share of what it does in the run
 constexpr double kHeld = 0.15;     // of the largest tension: more than a motor's friction holds
+constexpr double kFollows = 0.25;  // of what a torque gives without friction
 constexpr double kSlack_N = 0.15;  // a slack tendon's cell without noise may well keep its value
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
+
+/// Range of what is there but for the rarest; 0 of hardly anything.
+double UsualWidth(std::vector<double> values) {
+  std::erase_if(values, [](double x) { return !std::isfinite(x); });
+  return values.size() < 20 ? 0 : Quantile(values, 0.98) - Quantile(values, 0.02);
+}
+
+/// Of the straight line through y over x in the least squares; 0 of hardly anything.
+double Slope(const std::vector<double>& x, const std::vector<double>& y) {
+  const auto n = static_cast<Eigen::Index>(x.size());
+  if (n < 2) return 0;
+  const Eigen::ArrayXd dx = Eigen::Map<const Eigen::ArrayXd>(x.data(), n);
+  const Eigen::ArrayXd dy = Eigen::Map<const Eigen::ArrayXd>(y.data(), n);
+  const double square = (dx - dx.mean()).square().sum();
+  return square > 0 ? ((dx - dx.mean()) * (dy - dy.mean())).sum() / square : 0;
+}
 
 struct Finder {
   Run& run;
@@ -110,27 +127,33 @@ struct Finder {
     }
   }
 
-  /// A torque that stays at an end while more is asked for and the tension goes on: the reading's end, not
-  /// the motor's, which is the robot's own and to be seen.
+  /// A torque that stays at an end while more is asked for and the tension follows what is asked: the
+  /// reading's end, not the motor's, which is the robot's own and to be seen.
   void TorqueCutOff(Eigen::Index j, const RobotParameters& robot) {
     auto x = run.torque_actual_Nm.col(j);
-    const bool beside = j < run.torque_target_Nm.cols() && j < run.tension_N.cols();
-    if (!beside) return;
+    const Eigen::Index known =
+        robot.actuation ? static_cast<Eigen::Index>(robot.actuation->tendons.size()) : 0;
+    if (j >= std::min({known, run.torque_target_Nm.cols(), run.tension_N.cols()})) return;
+    const double travel_m = robot.actuation->tendons[static_cast<std::size_t>(j)].SpoolTravelPerMotorRad();
     for (const bool top : {true, false}) {
       const Plateau end = FlatExtreme(x, top);
       if (end.share < kCutOff) continue;
       Eigen::Index flat = 0, asked = 0;
-      std::vector<double> tension_N;
+      std::vector<double> target_Nm, tension_N;
       for (Eigen::Index i = 0; i < x.size(); ++i) {
         if (x[i] != end.value) continue;
         const double more = (run.torque_target_Nm(i, j) - end.value) * (top ? 1 : -1);
         ++flat;
         asked += more > 0.02 * std::abs(end.value);
-        if (std::isfinite(run.tension_N(i, j))) tension_N.push_back(run.tension_N(i, j));
+        if (!std::isfinite(more + run.tension_N(i, j))) continue;
+        target_Nm.push_back(run.torque_target_Nm(i, j));
+        tension_N.push_back(run.tension_N(i, j));
       }
-      if (2 * asked < flat || tension_N.size() < 20) continue;
-      const double width_N = Quantile(tension_N, 0.98) - Quantile(tension_N, 0.02);
-      if (width_N < kHeld * robot.limits.max_tension_motor_N) continue;
+      // Other tendons change it as well.
+      const double follows = Slope(target_Nm, tension_N) * travel_m;
+      if (2 * asked < flat || UsualWidth(std::move(tension_N)) < kHeld * robot.limits.max_tension_motor_N ||
+          follows < kFollows)
+        continue;
       for (double& value : x) {
         if (value == end.value) value = kNothing;
       }
@@ -160,12 +183,8 @@ struct Finder {
     auto x = run.motor_position_rad.col(j);
     const Range range = RangeOf(x);
     if (range.count < 2 || range.width() > 0) return;
-    std::vector<double> load_N;
-    for (const double tension_N : run.tension_N.col(j)) {
-      if (std::isfinite(tension_N)) load_N.push_back(tension_N);
-    }
-    if (load_N.size() < 20) return;
-    const double width_N = Quantile(load_N, 0.98) - Quantile(load_N, 0.02);
+    const auto load_N = run.tension_N.col(j);
+    const double width_N = UsualWidth({load_N.begin(), load_N.end()});
     if (width_N < kHeld * robot.limits.max_tension_motor_N) return;
     Say(fmt::format("motor position {}", j + 1),
         fmt::format("stays at {:.4g} rad while its tension changes by {:.3g} N: left out", range.least,
@@ -217,8 +236,7 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
       find.FrozenCell(j);
       find.CutOff(run.tension_N, j, fmt::format("tension {}", j + 1), "N");
     }
-    for (Eigen::Index j = 0; j < run.torque_actual_Nm.cols(); ++j)
-      find.TorqueCutOff(j, robot);
+    for (Eigen::Index j = 0; j < run.torque_actual_Nm.cols(); ++j) find.TorqueCutOff(j, robot);
     for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j) find.DeadEncoder(j, robot);
     if (run.tip_m.cols() == 3) find.FrozenTip();
     for (Eigen::Index axis = 0; axis < run.tip_m.cols(); ++axis)

@@ -57,12 +57,12 @@ std::vector<Mistake> AllMistakes(const DataSet& set, bool cells, bool tracked) {
     all.push_back({fmt::format("the sign of motor position {} turned round", j + 1),
                    [j](Run& run) { Negate(run.motor_position_rad, j); }});
     for (int k = j + 1; k < tendons; ++k) {
-      all.push_back({fmt::format("tendons {} and {} exchanged in all columns", j + 1, k + 1),
-                     [j, k](Run& run) {
-                       for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm,
-                                            &run.motor_position_rad, &run.tension_N})
-                         Exchange(*values, j, k);
-                     }});
+      all.push_back(
+          {fmt::format("tendons {} and {} exchanged in all columns", j + 1, k + 1), [j, k](Run& run) {
+             for (auto* values :
+                  {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N})
+               Exchange(*values, j, k);
+           }});
     }
   }
   if (cells) {
@@ -76,8 +76,8 @@ std::vector<Mistake> AllMistakes(const DataSet& set, bool cells, bool tracked) {
   }
   if (!tracked || set.fit_frame) return all;
   for (int a = 0; a < 3; ++a) {
-    all.push_back({fmt::format("the sign of tip {} turned round", kAxes[a]),
-                   [a](Run& run) { Negate(run.tip_m, a); }});
+    all.push_back(
+        {fmt::format("the sign of tip {} turned round", kAxes[a]), [a](Run& run) { Negate(run.tip_m, a); }});
     for (int b = a + 1; b < 3; ++b) {
       all.push_back({fmt::format("tip {} and {} exchanged", kAxes[a], kAxes[b]),
                      [a, b](Run& run) { Exchange(run.tip_m, a, b); }});

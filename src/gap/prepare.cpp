@@ -570,7 +570,6 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       out.tip_R.push_back(orientation.toRotationMatrix());
     }
   }
-  if (out.lost > 0) out.notes.push_back(fmt::format("{} samples lost", out.lost));
   return out;
 }
 

@@ -54,7 +54,6 @@ struct PreparedRun {
   // Of the time stamps.
   double jitter_s = 0;  // rms against the grid
   int lost = 0;         // grid points without a sample
-  std::vector<std::string> notes;
 
   int samples() const { return static_cast<int>(valid.size()); }
   /// Samples of tendon j that lie in these holes.
@@ -70,9 +69,9 @@ struct PreparedRun {
     }
     return false;
   }
-  /// Positions enough to compare with.
   /// Moves the tracker's readings on the drives' clock; what would leave the run is dropped.
   void MoveTracker(double by_s);
+  /// Positions enough to compare with.
   bool tracked() const { return tracker_s.size() > (signals.at_rest ? kLeastStates - 1 : 10); }
 };
 

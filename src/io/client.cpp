@@ -97,9 +97,7 @@ void Client::OnState(StateSink sink) {
   if (first) state_->Subscribe<&State::state, &State::TakeState>("STATE");
 }
 
-void Client::OnEvent(EventSink sink) {
-  state_->event_sink = std::move(sink);
-}
+void Client::OnEvent(EventSink sink) { state_->event_sink = std::move(sink); }
 
 const std::string& Client::waits() const noexcept { return state_->waits; }
 
@@ -176,9 +174,7 @@ std::uint32_t SequenceFromTime() {
       std::chrono::duration_cast<Tick>(std::chrono::system_clock::now().time_since_epoch()).count());
 }
 
-std::uint32_t SenderOfProcess() {
-  return ThisHost() | static_cast<std::uint32_t>(getpid());
-}
+std::uint32_t SenderOfProcess() { return ThisHost() | static_cast<std::uint32_t>(getpid()); }
 
 std::int64_t SequenceOf(const Command& c) {
   return static_cast<std::int64_t>((std::uint64_t{c.sender} << 32) | c.sequence);

@@ -58,8 +58,8 @@ std::unique_ptr<lcm::LCM> OpenLcm(const std::string& url) {
   }
   // LCM would print a line of its own about what it does not know, or ignore it.
   if (!IsLcmUrl(address)) {
-    throw std::runtime_error("LCM address '" + address + "' cannot be opened; accepted: " +
-                             std::string(kLcmUrlRule) + "; correct it");
+    throw std::runtime_error("LCM address '" + address +
+                             "' cannot be opened; accepted: " + std::string(kLcmUrlRule) + "; correct it");
   }
   if (address.starts_with(kUdpm)) RequireMulticastRoute(address);
   auto lcm = std::make_unique<lcm::LCM>(address);

@@ -510,7 +510,8 @@ void Body::InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef d
   Mat r = kIdentity;
   Vec w = kZero, dw = kZero, a = -Vec(parameters_.gravity_W_mps2);
   // The series of all units first: none waits for another's.
-  for (int i = 0; i < units_; ++i) unit[i].series = Stumpff(q[2 * i] * q[2 * i] + q[2 * i + 1] * q[2 * i + 1]);
+  for (int i = 0; i < units_; ++i)
+    unit[i].series = Stumpff(q[2 * i] * q[2 * i] + q[2 * i + 1] * q[2 * i + 1]);
   for (int i = 0; i < units_; ++i) {
     const UnitConstants& k = unit_[i];
     Joint& j = unit[i].joint;

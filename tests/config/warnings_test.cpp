@@ -152,8 +152,9 @@ TEST(Warnings, AnAddressThatNobodyElseHears) {
   DaemonParameters daemon = LoadDaemon(ConfigPath("tendrild.yaml"));
   const RobotParameters robot = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
   daemon.lcm.url = "memq://";
-  EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild.yaml")),
-              ElementsAre(AllOf(HasSubstr("lcm.url: 'memq://' reaches nobody outside"), HasSubstr("; set udpm://"))));
+  EXPECT_THAT(
+      Warnings(daemon, robot, ConfigPath("tendrild.yaml")),
+      ElementsAre(AllOf(HasSubstr("lcm.url: 'memq://' reaches nobody outside"), HasSubstr("; set udpm://"))));
 }
 
 // A load cell so coarse that its input ends below the limit.

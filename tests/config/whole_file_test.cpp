@@ -70,12 +70,35 @@ TEST_F(WholeFile, LeavesTheOldOneWhereTheNewOneDoesNotFit) {
 }
 
 TEST_F(WholeFile, SaysWhyItCannot) {
-  try {
-    WriteWhole(folder_ / "nowhere" / "file", "text");
-    FAIL();
-  } catch (const std::runtime_error& e) {
-    EXPECT_THAT(e.what(), testing::HasSubstr("nowhere/file: No such file or directory"));
-  }
+  const auto told = [](auto&& write) -> std::string {
+    try {
+      write();
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+    return "";
+  };
+  const fs::path nowhere = folder_ / "nowhere" / "file";
+  for (const std::string& line :
+       {told([&] { WriteWhole(nowhere, "text"); }), told([&] { CheckMayWrite(nowhere); })})
+    EXPECT_THAT(line, testing::HasSubstr("nowhere/file: No such file or directory; name a place with room"));
+  EXPECT_THAT(told([&] { WriteWhole(folder_, "text"); }), testing::HasSubstr("Is a directory"));
+  EXPECT_TRUE(fs::is_directory(folder_));
+}
+
+TEST_F(WholeFile, ACheckLeavesWhatIsThere) {
+  const fs::path file = folder_ / "file";
+  CheckMayWrite(file);
+  EXPECT_EQ(Files(), 0);
+  WriteWhole(file, "one");
+  CheckMayWrite(file);
+  EXPECT_EQ(Read(file), "one");
+  EXPECT_EQ(Files(), 1);
+}
+
+TEST_F(WholeFile, WhatIsNoFileStaysWhatItIs) {
+  WriteWhole("/dev/null", "text");
+  EXPECT_TRUE(fs::is_character_file("/dev/null"));
 }
 
 }  // namespace

@@ -8,8 +8,8 @@
 
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 #include <numbers>
+#include <sstream>
 
 #include "closed_loop.h"
 #include "tendril/config/config.h"

@@ -716,7 +716,8 @@ TEST_F(DaemonTest, OfTwoSendersOneLeadsAndStateAndLogTellOfBoth) {
   disarm.sequence = ++sequence;
   client->Send(disarm, 0);
   EXPECT_TRUE(Within20s([](const tendril_lcm::state_t& s) {
-    return s.mode == tendril_lcm::state_t::MODE_CONFIGURED && s.status == static_cast<int>(Status::kTwoSenders);
+    return s.mode == tendril_lcm::state_t::MODE_CONFIGURED &&
+           s.status == static_cast<int>(Status::kTwoSenders);
   }));
   EXPECT_THAT(lines.At(spdlog::level::info), Contains("controller: running -> safe stop: 0 ok"));
 }

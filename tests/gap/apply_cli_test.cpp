@@ -76,6 +76,7 @@ TEST_F(ApplyCommandTest, OnlyWhatIsEstablishedIsApplied) {
     Report(verdict, {Cause("bending_stiffness", "all", "scale", {0.92, 0.91, 0.93})});
     EXPECT_EQ(Apply("report.json --out new.yaml"), 1);
     EXPECT_THAT(error_, HasSubstr("the verdict is " + gap::VerdictName(verdict)));
+    EXPECT_EQ(verdict == Verdict::kNoGap, error_.find("nothing to apply") != std::string::npos) << error_;
     EXPECT_TRUE(OneLine());
     EXPECT_FALSE(fs::exists(folder_ / "new.yaml"));
   }
@@ -243,7 +244,8 @@ TEST_F(ApplyCommandTest, WhatExplainSuggestsCanBeApplied) {
     ASSERT_NE(at, std::string::npos) << name;
     const std::string setting =
         out_.substr(at + flag.size(), out_.find('"', at + flag.size()) - at - flag.size());
-    EXPECT_EQ(Apply(fmt::format("--effect '{}' --out new.yaml --overwrite", setting)), 0) << setting << error_;
+    EXPECT_EQ(Apply(fmt::format("--effect '{}' --out new.yaml --overwrite", setting)), 0)
+        << setting << error_;
   }
 }
 

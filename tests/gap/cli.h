@@ -46,8 +46,8 @@ class CommandTest : public testing::Test {
   int Run(const std::string& arguments, const std::string& program = TENDRIL_BINARY) {
     const fs::path out = folder_ / "stdout", error = folder_ / "stderr";
     const int status =
-        std::system(fmt::format("cd {} && timeout 100 {} {} >{} 2>{} </dev/null", folder_.string(),
-                                program, arguments, out.string(), error.string())
+        std::system(fmt::format("cd {} && timeout 100 {} {} >{} 2>{} </dev/null", folder_.string(), program,
+                                arguments, out.string(), error.string())
                         .c_str());
     out_ = ReadText(out);
     error_ = ReadText(error);

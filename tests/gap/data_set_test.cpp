@@ -447,9 +447,9 @@ TEST_F(DataSetTest, ARobotFileThatIsNotTheFoldersRobotIsTold) {
   Write("robot.yaml", other);
   EXPECT_THAT(Load().notes, Not(Contains(HasSubstr("was measured?"))));
   Write("robot.yaml", other.replace(other.find("rig_60mm"), 8, "sibling1"));
-  EXPECT_THAT(Load().notes,
-              Contains(testing::AllOf(HasSubstr("robot.yaml is of robot 'sibling1', 0.06 m long, not 'rig_60mm'"),
-                                      HasSubstr("the file of the robot that was measured?"))));
+  EXPECT_THAT(Load().notes, Contains(testing::AllOf(
+                                HasSubstr("robot.yaml is of robot 'sibling1', 0.06 m long, not 'rig_60mm'"),
+                                HasSubstr("the file of the robot that was measured?"))));
 }
 
 // A cell too many in one line, such as an unquoted decimal comma, shifts what stands behind it.

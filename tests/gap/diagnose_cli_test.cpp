@@ -360,8 +360,9 @@ TEST_F(DiagnoseCommandTest, WithoutALoadCellOnOneTendonItsStretchSaysWhatPulls) 
     for (auto& row : table.rows) row[table.Column("tension_N_3")].clear();
   });
   ASSERT_TRUE(Found());
-  EXPECT_THAT(Said(), ContainsRegex("no load cell of tendon 3, or one that .*: what pulls on the body is taken from "
-                                    "the motor and the tendon's stretch"));
+  EXPECT_THAT(Said(),
+              ContainsRegex("no load cell of tendon 3, or one that .*: what pulls on the body is taken from "
+                            "the motor and the tendon's stretch"));
 }
 
 TEST_F(DiagnoseCommandTest, SlowLogsAreDiagnosedAndSaid) {

@@ -2,8 +2,8 @@
 // sensors show them.
 #include "tendril/gap/diagnose.h"
 
-#include <gmock/gmock.h>
 #include <fmt/core.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -440,9 +440,9 @@ INSTANTIATE_TEST_SUITE_P(
                          }},
                     Lost{"what_was_in_rows",
                          [](Run& run) {
-                           for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm,
-                                                &run.motor_position_rad, &run.tension_N, &run.tip_m,
-                                                &run.tip_quaternion})
+                           for (auto* values :
+                                {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
+                                 &run.tension_N, &run.tip_m, &run.tip_quaternion})
                              values->middleRows(2300, 700).setConstant(std::nan(""));
                          }},
                     Lost{"most_readings_of_a_cell",
@@ -475,14 +475,39 @@ TEST(Diagnose, ARunWithoutTorqueLeavesTheOthersTheirs) {
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "torque_constant") << d.sentence;
   EXPECT_NEAR(d.accepted[0].parameters.at("scale").value, 0.9, 0.01);
-  EXPECT_THAT(d.degradations, testing::Contains(testing::AllOf(testing::HasSubstr("no actual torque of tendon 1"),
-                                                               testing::HasSubstr("(triangle)"))));
+  EXPECT_THAT(d.degradations,
+              testing::Contains(testing::AllOf(testing::HasSubstr("no actual torque of tendon 1"),
+                                               testing::HasSubstr("(triangle)"))));
 }
 
-// A motor that can no more is no reading that was cut off.
+// Rows in which nothing was recorded are no failure of each sensor.
+TEST(Diagnose, EmptyRowsAreLostRows) {
+  DataSet set = Recorded("");
+  for (gap::Run& run : set.runs) {
+    for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
+                         &run.tension_N, &run.tip_m, &run.tip_quaternion})
+      values->middleRows(3000, 400).setConstant(std::nan(""));
+  }
+  const Diagnosis d = Diagnose(set, Only({"motor_coulomb", "bending_stiffness"}));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("after lost samples")));
+  EXPECT_THAT(d.degradations, testing::Each(testing::Not(testing::HasSubstr("says nothing"))));
+}
+
+// A motor that can no more is no reading that was cut off, however exactly it stays where it is.
 TEST(Diagnose, ATorqueThatSaturatesIsSeen) {
-  const Diagnosis d = Diagnose(Recorded("torque_saturation where=tendon:1 deficit_Nm=0.0065"),
-                               Only({"torque_saturation", "torque_loop_lag", "torque_constant"}));
+  RobotParameters plant = Rig();
+  for (auto& tendon : plant.actuation->tendons) tendon.drive.actual_torque_noise_permille = 0;
+  plant.effects.push_back(sim::ParseEffect("torque_saturation where=tendon:1 deficit_Nm=0.0065", plant));
+  DataSet set = Recorded("");
+  for (gap::Run& run : set.runs) {
+    const std::string name = run.name, repeat_of = run.repeat_of;
+    run = Record(plant, run.family, 7, 11);
+    run.name = name;
+    run.repeat_of = repeat_of;
+  }
+  const Diagnosis d =
+      Diagnose(set, Only({"torque_saturation", "torque_loop_lag", "torque_constant", "motor_coulomb"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "torque_saturation") << d.sentence;
 }
@@ -505,7 +530,8 @@ TEST(Diagnose, MistakesOfMeasurementAreNamed) {
     const char* told;
   };
   const Made mistakes[] = {
-      {[](gap::Run& run) { run.motor_position_rad.col(1) *= -1; }, "the sign of motor position 2 turned round"},
+      {[](gap::Run& run) { run.motor_position_rad.col(1) *= -1; },
+       "the sign of motor position 2 turned round"},
       {[](gap::Run& run) {
          for (auto* values :
               {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N})
@@ -514,7 +540,8 @@ TEST(Diagnose, MistakesOfMeasurementAreNamed) {
        "tendons 1 and 3 exchanged in all columns"},
       {[](gap::Run& run) { run.tip_m.col(0) *= -1; }, "the sign of tip x turned round"},
       {[](gap::Run& run) { run.tip_m.col(0).swap(run.tip_m.col(1)); }, "tip x and y exchanged"},
-      {[](gap::Run& run) { run.load_cell = LoadCellPlace::kRobotSide; }, "the load cells on the motors' side"},
+      {[](gap::Run& run) { run.load_cell = LoadCellPlace::kRobotSide; },
+       "the load cells on the motors' side"},
   };
   for (const Made& made : mistakes) {
     DataSet set = right;
@@ -535,8 +562,8 @@ TEST(Diagnose, MistakesOfMeasurementAreNamed) {
   EXPECT_EQ(d.sentence.find("check the measurement"), std::string::npos) << d.sentence;
 }
 
-// An hour between two rows is no motion: the run would be simulated through it. Nor are 30,000 years, the number
-// of whose samples no integer holds.
+// An hour between two rows is no motion: the run would be simulated through it. Nor are 30,000 years, the
+// number of whose samples no integer holds.
 TEST(Diagnose, RunsWithAPauseAreLeftOut) {
   DataSet set = Recorded("bending_stiffness scale=0.93");
   for (const auto& [run, pause_s] : {std::pair(1, 3600.0), std::pair(2, 1e12)}) {
@@ -548,7 +575,8 @@ TEST(Diagnose, RunsWithAPauseAreLeftOut) {
   ASSERT_GE(d.degradations.size(), 2u);
   for (const auto& [line, pause] : {std::pair(0, "3600"), std::pair(1, "1e+12")}) {
     const std::string& told = d.degradations[static_cast<std::size_t>(line)];
-    EXPECT_NE(told.find("left out: " + set.runs[static_cast<std::size_t>(line) + 1].name), std::string::npos) << told;
+    EXPECT_NE(told.find("left out: " + set.runs[static_cast<std::size_t>(line) + 1].name), std::string::npos)
+        << told;
     EXPECT_NE(told.find(fmt::format("with a jump of {} s to ", pause)), std::string::npos) << told;
   }
 }

@@ -27,7 +27,8 @@ std::vector<double> Arguments() {
   std::vector<double> xs{0,         1e-300,
                          1e-18,     1e-9,
                          1e-6,      1e-3,
-                         kPi * kPi, std::nextafter(0.25, 0), 0.25, std::nextafter(1.25, 0),
+                         kPi * kPi, std::nextafter(0.25, 0),
+                         0.25,      std::nextafter(1.25, 0),
                          1.25,      std::nextafter(10.0, 0),
                          10,        4 * kPi * kPi};
   for (double theta = 0.01; theta < 6.5; theta += 0.0137) xs.push_back(theta * theta);

@@ -102,7 +102,8 @@ TEST_F(FollowLive, WhatCannotBeFollowedMovesNothing) {
   EXPECT_EQ(Follow("circle --robot " TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"), 1);
   EXPECT_TRUE(OneLine());
   EXPECT_THAT(error_, HasSubstr("not the daemon's robot"));
-  // Another sender's clock is half a minute ahead: that is its own matter, and nothing it asks for moves the robot.
+  // Another sender's clock is half a minute ahead: that is its own matter, and nothing it asks for moves the
+  // robot.
   Command early;
   early.kind = CommandKind::kBending;
   early.bending_rad = BendingVector::Zero(2);

@@ -322,10 +322,10 @@ void RunCommission(const CommissionOptions& options) {
   }
   // Before motors pull for half a minute, not after.
   const std::string path = daemon::RecordPath(daemon);
-  daemon::CheckMayWrite(path);
+  config::CheckMayWrite(path);
   if (options.write) {
-    daemon::CheckMayWrite(options.config);
-    daemon::CheckMayWrite(daemon.robot_file);
+    config::CheckMayWrite(options.config);
+    config::CheckMayWrite(daemon.robot_file);
   }
   CommissionResult result;
   DriveSerials serials;
@@ -391,8 +391,7 @@ void AddCommissionCommand(CLI::App& app) {
   command->add_option("--config", options->config, "the file that the daemon runs with")
       ->required()
       ->option_text("FILE");
-  command->add_option("--lcm", options->lcm, "LCM address (default: the file's lcm.url)")
-      ->check(LcmUrl());
+  command->add_option("--lcm", options->lcm, "LCM address (default: the file's lcm.url)")->check(LcmUrl());
   command->add_option("--prefix", options->prefix, "of channels (default: the file's lcm.channel_prefix)")
       ->check(ChannelPrefix());
   command

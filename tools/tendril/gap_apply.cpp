@@ -115,6 +115,8 @@ void RunApply(const ApplyOptions& options) {
   std::vector<std::string> heading;
   if (!options.report.empty()) {
     const gap::Diagnosis d = gap::ReadReport(options.report);
+    if (d.verdict == gap::Verdict::kNoGap)
+      throw std::runtime_error(options.report + ": the verdict is no_gap: there is nothing to apply");
     if (d.verdict != gap::Verdict::kAttributed && !options.force) {
       throw std::runtime_error(
           fmt::format("{}: the verdict is {}, so no cause is established; run the next experiment that the "

@@ -21,8 +21,8 @@ namespace tendril::tools {
 namespace {
 
 // A cycle's bus and computing time are budgeted to the cycle; what the wake-up may take of it is this.
-constexpr double kTypicalShare = 0.05;  // 99.9 % of the cycles
-constexpr double kWorstShare = 0.20;    // every one
+constexpr double kTypicalShare = 0.05;        // 99.9 % of the cycles
+constexpr double kWorstShare = 0.20;          // every one
 constexpr std::uint64_t kLeastCycles = 2000;  // that say anything of one in a thousand
 
 struct Options {

@@ -177,8 +177,11 @@ void AddTarget(CLI::App& send, const std::shared_ptr<SendOptions>& o, const char
                const char* description, const char* values, int least, int most,
                void (*fill)(const std::vector<double>&, Command&)) {
   CLI::App* sub = send.add_subcommand(name, description)->fallthrough();
-  sub->add_option("values", o->values, values)->required()->expected(least, most)->option_text(values)->check(
-      NumberFrom(-kMostValue, kMostValue, "give metres, radians or newtons"));
+  sub->add_option("values", o->values, values)
+      ->required()
+      ->expected(least, most)
+      ->option_text(values)
+      ->check(NumberFrom(-kMostValue, kMostValue, "give metres, radians or newtons"));
   sub->callback([o, fill] {
     Command command;
     fill(o->values, command);

@@ -37,8 +37,6 @@ struct CommissioningRecord {
 };
 
 /// Throws std::runtime_error with the remedy when the file cannot be written.
-/// Throws std::runtime_error when `path` could not be written later, as WriteRecord does.
-void CheckMayWrite(const std::string& path);
 void WriteRecord(const std::string& path, const CommissioningRecord& record);
 
 /// Empty when there is a record of exactly this wiring, or none is required; else one line: what is missing.

@@ -1,7 +1,7 @@
 // Effect: the exponent of the pulleys' friction law differs.
-#include "common.h"
-
 #include <algorithm>
+
+#include "common.h"
 
 namespace tendril::sim {
 

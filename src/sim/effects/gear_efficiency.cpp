@@ -1,7 +1,7 @@
 // Effect: the gear loses more or less than its data sheet says.
-#include "common.h"
-
 #include <algorithm>
+
+#include "common.h"
 
 namespace tendril::sim {
 

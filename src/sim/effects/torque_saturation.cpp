@@ -1,7 +1,7 @@
 // Effect: the drive's torque is cut off below its own limit.
-#include "common.h"
-
 #include <algorithm>
+
+#include "common.h"
 
 namespace tendril::sim {
 

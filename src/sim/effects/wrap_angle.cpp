@@ -1,7 +1,7 @@
 // Effect: the tendon bends round more, or less, than drawn.
-#include "common.h"
-
 #include <algorithm>
+
+#include "common.h"
 
 namespace tendril::sim {
 
