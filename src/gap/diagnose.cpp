@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
 
+#include "alike.h"
 #include "baselines.h"
 #include "closure.h"
 #include "details.h"
@@ -304,6 +306,33 @@ void TakeOutShort(DataSet& set, Diagnosis& d) {
   }
 }
 
+/// Takes out what was measured otherwise than the rest; true when there was such.
+bool LeaveOutOdd(DataSet& set, const Evaluator& evaluator, int threads, Diagnosis& d) {
+  const std::vector<FrozenMotor> frozen = FindFrozenMotors(set, evaluator);
+  for (const FrozenMotor& motor : frozen) {
+    Run& run = set.runs[motor.run];
+    auto x = run.motor_position_rad.col(motor.tendon);
+    d.degradations.push_back(
+        fmt::format("{}: motor position {} keeps {:.4g} rad from {:.4g} s to {:.4g} s while its tension "
+                    "changes by {:.3g} N, "
+                    "which that of a motor that stands would not: taken as missing there",
+                    run.name, motor.tendon + 1, x[motor.from], run.time_s[motor.from] - run.time_s[0],
+                    run.time_s[motor.to - 1] - run.time_s[0], motor.tension_N));
+    x.segment(motor.from, motor.to - motor.from).setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
+  const std::vector<OddRun> odd = FindOddRuns(set, evaluator, threads);
+  for (auto one = odd.rbegin(); one != odd.rend(); ++one) {
+    const auto run = set.runs.begin() + static_cast<std::ptrdiff_t>(one->run);
+    d.degradations.insert(
+        d.degradations.begin(),
+        fmt::format("left out: {}: with {} most of its gap goes, which the other runs do not have; put it "
+                    "right in its file and diagnose again",
+                    run->name, one->with));
+    set.runs.erase(run);
+  }
+  return !frozen.empty() || !odd.empty();
+}
+
 }  // namespace
 
 Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
@@ -319,7 +348,10 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         "these runs are of {} tendons, robot '{}' has {}; accepted: the robot file that they were made with",
         seen, set.robot.name, tendons));
   }
-  d.degradations = TakeOutImplausible(set);
+  d.degradations = TakeOutOtherTime(set);
+  const auto taken_out = TakeOutImplausible(set);
+  d.degradations.insert(d.degradations.end(), taken_out.begin(), taken_out.end());
+  FillMissing(set);
   TakeOutShort(set, d);
   d.robot_name = set.robot.name;
   d.robot_yaml = config::ToYaml(set.robot);
@@ -337,6 +369,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
       d.degradations.push_back(fmt::format("left out: {}", error.what()));
       set.runs.erase(set.runs.begin() + static_cast<std::ptrdiff_t>(error.run));
     }
+    if (usable && LeaveOutOdd(set, *usable, threads, d)) usable.reset();
   }
   const Evaluator& evaluator = *usable;
   std::map<std::string, std::string> before_sha256;

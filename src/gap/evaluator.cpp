@@ -208,9 +208,8 @@ void Evaluator::FindCuts() {
   const bool tracker = any([](const PreparedRun& r) { return r.tracked(); });
   if (!motor) {
     throw std::runtime_error(
-        "no motor positions in (some of) the logs; accepted: motor_position_rad of every tendon in every "
-        "run; without "
-        "them neither friction's direction nor the tendons' stretch is known");
+        "no motor positions in the logs; accepted: motor_position_rad of every tendon; without them neither "
+        "friction's direction nor the tendons' stretch is known");
   }
   available_ =
       (torque && target ? kC1 : 0u) | (torque ? kC2 : 0u) | (cell ? kC3 : 0u) | (tracker ? kBody : 0u);
@@ -266,6 +265,7 @@ void Evaluator::StandInForCells() {
 // What of single sensors is not there, one sentence a sensor with all its runs.
 void Evaluator::TellHoles() {
   const auto tell = [&](std::vector<Hole> PreparedRun::*holes, const char* what, const char* so) {
+    std::map<std::string, std::string> tendons;  // by how it goes on
     for (int j = 0; j < nominal_.body.tendons(); ++j) {
       std::string names;
       double lost_s = 0, all_s = 0;
@@ -277,12 +277,16 @@ void Evaluator::TellHoles() {
         names += (names.empty() ? "" : ", ") + run.name;
       }
       if (names.empty()) continue;
-      degradations_.push_back(
-          lost_s < all_s
-              ? fmt::format("the {} of tendon {} says nothing for {:.3g} of {:.3g} s: {} there ({})", what,
-                            j + 1, lost_s, all_s, so, names)
-              : fmt::format("no {} of tendon {}, or one that comes more than {:.0f} ms apart: {} ({})", what,
-                            j + 1, 1e3 * kBridged_s, so, names));
+      std::string& those =
+          tendons[lost_s < all_s ? fmt::format(" says nothing for {:.3g} of {:.3g} s: {} there ({})", lost_s,
+                                               all_s, so, names)
+                                 : fmt::format(" says nothing, or comes more than {:.0f} ms apart: {} ({})",
+                                               1e3 * kBridged_s, so, names)];
+      those += fmt::format("{}{}", those.empty() ? "" : ", ", j + 1);
+    }
+    for (const auto& [text, those] : tendons) {
+      const bool one = those.find(',') == those.npos;
+      degradations_.push_back(fmt::format("the {} of tendon{} {}{}", what, one ? "" : "s", those, text));
     }
   };
   if (driven_by_ == sim::Replay::DrivenBy::kCell) {
@@ -294,6 +298,12 @@ void Evaluator::TellHoles() {
     tell(&PreparedRun::torque_holes, "actual torque", "its drive and drivetrain (C1, C2) are not seen");
   tell(&PreparedRun::motor_holes, "motor position", "its drivetrain and tendon (C2, C3) are not seen");
   std::string names;
+  for (const PreparedRun& run : runs_) {
+    if (has_tracker() && !run.tracked()) names += (names.empty() ? "" : ", ") + run.name;
+  }
+  if (!names.empty())
+    degradations_.push_back("no tracker: shape and motion (C4, C5) are not seen there (" + names + ")");
+  names.clear();
   double forgotten_s = 0;
   for (const PreparedRun& run : runs_) {
     if (run.forgotten == 0) continue;
@@ -609,16 +619,17 @@ unsigned Evaluator::CutsOf(const sim::Effect& effect) const {
   const bool no_cell = std::any_of(runs_.begin(), runs_.end(),
                                    [](const PreparedRun& r) { return r.signals.no_cell.size() > 0; });
   if (no_cell || driven_by_ == sim::Replay::DrivenBy::kMotor) return kAllCuts;
+  const bool motor_side = std::all_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) {
+    return r.signals.load_cell == LoadCellPlace::kMotorSide;
+  });
   switch (effect.stage) {
     case sim::Stage::kDrive:
       break;
     case sim::Stage::kTransmission:
-      if (runs_[0].signals.load_cell == LoadCellPlace::kMotorSide &&
-          (name == "tendon_stiffness" || name == "tendon_creep" || name == "slack"))
-        return kC3;
+      if (motor_side && (name == "tendon_stiffness" || name == "tendon_creep" || name == "slack")) return kC3;
       return kC2 | kC3 | kBody;
     case sim::Stage::kBody:
-      return runs_[0].signals.load_cell == LoadCellPlace::kMotorSide ? kC3 | kBody : kC2 | kC3 | kBody;
+      return motor_side ? kC3 | kBody : kC2 | kC3 | kBody;
     case sim::Stage::kSensor:
       return kC2 | kC3 | kBody;
   }

@@ -70,6 +70,11 @@ double Quantile(std::vector<double> values, double q) {
   return *at;
 }
 
+double UsualWidth(std::vector<double> values) {
+  std::erase_if(values, [](double x) { return !std::isfinite(x); });
+  return values.size() < 20 ? 0 : Quantile(values, 0.98) - Quantile(values, 0.02);
+}
+
 std::vector<Eigen::Index> FiniteRows(const Signal& x) {
   std::vector<Eigen::Index> rows;
   for (Eigen::Index i = 0; i < x.size(); ++i) {

@@ -23,6 +23,8 @@ Range RangeOf(const Signal& x);
 /// Largest magnitude of what is there; 0 for nothing.
 double Largest(const Eigen::MatrixXd& x);
 double Quantile(std::vector<double> values, double q);
+/// Range of what is there but for the rarest; 0 of hardly anything.
+double UsualWidth(std::vector<double> values);
 std::vector<Eigen::Index> FiniteRows(const Signal& x);
 
 /// Steps of increasing times.

@@ -22,12 +22,6 @@ constexpr double kFollows = 0.25;  // of what a torque gives without friction
 constexpr double kSlack_N = 0.15;  // a slack tendon's cell without noise may well keep its value
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
-/// Range of what is there but for the rarest; 0 of hardly anything.
-double UsualWidth(std::vector<double> values) {
-  std::erase_if(values, [](double x) { return !std::isfinite(x); });
-  return values.size() < 20 ? 0 : Quantile(values, 0.98) - Quantile(values, 0.02);
-}
-
 /// Of the straight line through y over x in the least squares; 0 of hardly anything.
 double Slope(const std::vector<double>& x, const std::vector<double>& y) {
   const auto n = static_cast<Eigen::Index>(x.size());
@@ -177,21 +171,6 @@ struct Finder {
               });
   }
 
-  /// A motor that stays within its count while its tendon's tension changes by more than friction holds.
-  void DeadEncoder(Eigen::Index j, const RobotParameters& robot) {
-    if (j >= run.tension_N.cols() || run.tension_N.rows() != run.time_s.size()) return;
-    auto x = run.motor_position_rad.col(j);
-    const Range range = RangeOf(x);
-    if (range.count < 2 || range.width() > 0) return;
-    const auto load_N = run.tension_N.col(j);
-    const double width_N = UsualWidth({load_N.begin(), load_N.end()});
-    if (width_N < kHeld * robot.limits.max_tension_motor_N) return;
-    Say(fmt::format("motor position {}", j + 1),
-        fmt::format("stays at {:.4g} rad while its tension changes by {:.3g} N: left out", range.least,
-                    width_N));
-    x.setConstant(kNothing);
-  }
-
   void FrozenTip() {
     auto& x = run.tip_m;
     Stretches([&](Eigen::Index i) { return x.row(i).allFinite(); },
@@ -237,7 +216,6 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
       find.CutOff(run.tension_N, j, fmt::format("tension {}", j + 1), "N");
     }
     for (Eigen::Index j = 0; j < run.torque_actual_Nm.cols(); ++j) find.TorqueCutOff(j, robot);
-    for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j) find.DeadEncoder(j, robot);
     if (run.tip_m.cols() == 3) find.FrozenTip();
     for (Eigen::Index axis = 0; axis < run.tip_m.cols(); ++axis)
       find.CutOff(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m");

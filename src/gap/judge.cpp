@@ -33,9 +33,10 @@ constexpr double kParameterCost = 1.5, kBoundCost = 1.5;  // temperatures a para
 constexpr double kSame = 3.0;
 constexpr double kSameCosine = 0.95;
 constexpr double kClear = 0.8;  // share of its group's probability that a cause named alone has
-// A second cause: log score it brings, materialities by which it moves some channel, least share of the gap
-// there and in all, or share in some channel of its own.
-constexpr double kPairGain = 12.0;
+// A second cause: log score it brings (less where with it nothing is left to explain, as is not without),
+// materialities by which it moves some channel, least share of the gap there and in all, or share in some
+// channel of its own.
+constexpr double kPairGain = 12.0, kPairExplains = 3.0;
 constexpr double kPairDeltas = 2.0;
 constexpr double kPairShare = 0.01;
 constexpr double kOwnShare = 0.25;
@@ -205,9 +206,16 @@ class Case {
     return p;
   }
 
+  bool LeavesSomething(const Fit& fit) const {
+    const auto left = Locate(evaluator_, Completed(fit.held_out, nominal_), kLeftDiscoveries);
+    return std::any_of(left.begin(), left.end(),
+                       [](const CutFinding& f) { return f.excess && f.cut != sim::Cut::kClock; });
+  }
+
   bool HasSecond() const {
     if (single_ == nullptr || pair_ == nullptr) return false;
-    if (pair_->held_out_score - single_->held_out_score <= kPairGain) return false;
+    const double brings = pair_->held_out_score - single_->held_out_score;
+    if (brings <= kPairExplains || (brings <= kPairGain && LeavesSomething(*pair_))) return false;
     const ChannelScore one = ScoreChannels(evaluator_, single_->held_out, nominal_);
     const ChannelScore both = ScoreChannels(evaluator_, pair_->held_out, nominal_);
     double in_one = 0, own = 0, gap_in_all = 0, more_in_all = 0;

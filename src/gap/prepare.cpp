@@ -269,12 +269,6 @@ std::optional<Run> WithoutEmptyRows(const Run& run) {
   return out;
 }
 
-double UsualStep(const Run& run) {
-  std::vector<double> steps;
-  for (Eigen::Index i = 1; i < run.time_s.size(); ++i) steps.push_back(run.time_s[i] - run.time_s[i - 1]);
-  return Median(std::move(steps));
-}
-
 /// Step of the grid that the stamps lie on. One step alone is as coarse as a stamp is written (a date in
 /// seconds leaves 1e-7 s), which adds up over a run; the mean of all that are no gaps is not.
 double GridStep(const Run& run, double usual_s) {
@@ -338,6 +332,12 @@ void PreparedRun::MoveTracker(double by_s) {
   tracker_s.conservativeResize(kept);
   tip_m.conservativeResize(kept, 3);
   if (!tip_R.empty()) tip_R.resize(static_cast<std::size_t>(kept));
+}
+
+double UsualStep(const Run& run) {
+  std::vector<double> steps;
+  for (Eigen::Index i = 1; i < run.time_s.size(); ++i) steps.push_back(run.time_s[i] - run.time_s[i - 1]);
+  return Median(std::move(steps));
 }
 
 int LeastRows(const Run& run) { return UsualStep(run) > kQuasiStatic_s ? kLeastStates : kLeastRows; }

@@ -75,6 +75,9 @@ struct PreparedRun {
   bool tracked() const { return tracker_s.size() > (signals.at_rest ? kLeastStates - 1 : 10); }
 };
 
+/// Median time from row to row.
+double UsualStep(const Run& run);
+
 /// Rows that Prepare needs: kLeastRows, of a log of states at rest kLeastStates.
 int LeastRows(const Run& run);
 

@@ -189,6 +189,14 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
     const std::string family = d.next.family.empty() ? "" : ": " + paint(kBold, Clean(d.next.family));
     out += fmt::format("\nNext{}\n{}", family, d.next.reason.empty() ? "" : Wrapped(d.next.reason, 2));
   }
+  if (!d.degradations.empty()) {
+    constexpr std::size_t kTold = 5;
+    out += "\nLimits of these logs\n";
+    for (std::size_t i = 0; i < std::min(kTold, d.degradations.size()); ++i)
+      out += Wrapped(Clean(d.degradations[i]), 2);
+    if (d.degradations.size() > kTold)
+      out += fmt::format("  and {} more in the report\n", d.degradations.size() - kTold);
+  }
   const auto troubles = std::count_if(d.health.begin(), d.health.end(), [](const HealthFinding& h) {
     return h.severity != HealthFinding::Severity::kInfo;
   });

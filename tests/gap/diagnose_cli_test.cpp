@@ -352,7 +352,7 @@ TEST_F(DiagnoseCommandTest, AChannelWithoutAnyNumberIsSaid) {
   });
   ASSERT_TRUE(Found());
   EXPECT_THAT(Said(), HasSubstr("tension 3: holds no value at all"));
-  EXPECT_THAT(Said(), HasSubstr("no load cell of tendon 3"));
+  EXPECT_THAT(Said(), HasSubstr("the load cell of tendon 3 says nothing"));
 }
 
 TEST_F(DiagnoseCommandTest, WithoutALoadCellOnOneTendonItsStretchSaysWhatPulls) {
@@ -361,8 +361,9 @@ TEST_F(DiagnoseCommandTest, WithoutALoadCellOnOneTendonItsStretchSaysWhatPulls) 
   });
   ASSERT_TRUE(Found());
   EXPECT_THAT(Said(),
-              ContainsRegex("no load cell of tendon 3, or one that .*: what pulls on the body is taken from "
-                            "the motor and the tendon's stretch"));
+              ContainsRegex(
+                  "the load cell of tendon 3 says nothing, or comes .*: what pulls on the body is taken from "
+                  "the motor and the tendon's stretch"));
 }
 
 TEST_F(DiagnoseCommandTest, SlowLogsAreDiagnosedAndSaid) {

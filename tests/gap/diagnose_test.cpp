@@ -475,9 +475,9 @@ TEST(Diagnose, ARunWithoutTorqueLeavesTheOthersTheirs) {
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "torque_constant") << d.sentence;
   EXPECT_NEAR(d.accepted[0].parameters.at("scale").value, 0.9, 0.01);
-  EXPECT_THAT(d.degradations,
-              testing::Contains(testing::AllOf(testing::HasSubstr("no actual torque of tendon 1"),
-                                               testing::HasSubstr("(triangle)"))));
+  EXPECT_THAT(d.degradations, testing::Contains(testing::AllOf(
+                                  testing::HasSubstr("the actual torque of tendons 1, 2, 3 says nothing"),
+                                  testing::HasSubstr("(triangle)"))));
 }
 
 // Rows in which nothing was recorded are no failure of each sensor.
@@ -537,7 +537,7 @@ TEST(Diagnose, MistakesOfMeasurementAreNamed) {
               {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N})
            values->col(0).swap(values->col(2));
        },
-       "tendons 1 and 3 exchanged in all columns"},
+       "all columns of tendons 1 and 3 exchanged"},
       {[](gap::Run& run) { run.tip_m.col(0) *= -1; }, "the sign of tip x turned round"},
       {[](gap::Run& run) { run.tip_m.col(0).swap(run.tip_m.col(1)); }, "tip x and y exchanged"},
       {[](gap::Run& run) { run.load_cell = LoadCellPlace::kRobotSide; },
@@ -560,6 +560,115 @@ TEST(Diagnose, MistakesOfMeasurementAreNamed) {
   // An effect is no mistake, however large.
   const Diagnosis d = Diagnose(Recorded("bending_stiffness scale=0.5", 4), Only({"bending_stiffness"}));
   EXPECT_EQ(d.sentence.find("check the measurement"), std::string::npos) << d.sentence;
+}
+
+// So does a filter's or an amplifier's delay.
+TEST(Diagnose, SlowCellsAreNamed) {
+  DataSet set = Recorded("", 4);
+  for (gap::Run& run : set.runs) {
+    for (Eigen::Index i = 1; i < run.tension_N.rows(); ++i)
+      run.tension_N.row(i) =
+          run.tension_N.row(i - 1) + (run.tension_N.row(i) - run.tension_N.row(i - 1)) / 50;
+  }
+  const std::string filtered = Diagnose(set, Only({"unit_mass"})).sentence;
+  EXPECT_THAT(filtered,
+              testing::ContainsRegex("with a low-pass filter of (4.|5.) ms taken off the load cells"));
+  set = Recorded("", 4);
+  for (gap::Run& run : set.runs) {
+    const Eigen::Index rows = run.tension_N.rows();
+    run.tension_N.bottomRows(rows - 50) = run.tension_N.topRows(rows - 50).eval();
+  }
+  const std::string late = Diagnose(set, Only({"unit_mass"})).sentence;
+  EXPECT_THAT(late, testing::ContainsRegex("with the load cells' readings taken (4.|5.) ms earlier"));
+}
+
+// One run that was measured otherwise than the others is no gap of the robot's: it is left out and said.
+TEST(Diagnose, ARunMeasuredOtherwiseIsLeftOut) {
+  const DataSet right = Recorded("", 4);
+  struct Made {
+    std::function<void(gap::Run&)> what;
+    const char* told;
+  };
+  const Made mistakes[] = {
+      {[](gap::Run& run) { run.time_s *= 1e3; }, "its time is in milliseconds"},
+      {[](gap::Run& run) { run.motor_position_rad.col(1) *= -1; }, "the sign of motor position 2"},
+      {[](gap::Run& run) { run.motor_position_rad *= 180 / std::numbers::pi; }, "taken as degrees"},
+      {[](gap::Run& run) { run.tension_N.col(0).swap(run.tension_N.col(1)); },
+       "load cells 1 and 2 exchanged"},
+      {[](gap::Run& run) { run.tip_m.col(0) *= -1; }, "the sign of tip x"},
+      {[](gap::Run& run) { run.tension_N.col(2).array() += 0.15; }, "the zero of load cell 3 moved by -0.1"},
+  };
+  for (const std::size_t at : {1u, 3u}) {  // alone of its kind, and a repetition, which makes the floor
+    for (const Made& made : mistakes) {
+      DataSet set = right;
+      made.what(set.runs[at]);
+      const Diagnosis d = Diagnose(set, Only({"cell_offset", "bending_stiffness"}));
+      EXPECT_EQ(d.verdict, Verdict::kNoGap) << made.told << ": " << d.sentence;
+      EXPECT_EQ(d.runs.size(), right.runs.size() - 1) << made.told;
+      EXPECT_THAT(d.degradations, testing::Contains(testing::AllOf(testing::HasSubstr("left out"),
+                                                                   testing::HasSubstr(right.runs[at].name),
+                                                                   testing::HasSubstr(made.told))));
+    }
+  }
+  // What touches something in one run alone was measured right.
+  DataSet touched = right;
+  RobotParameters plant = Rig();
+  plant.effects.push_back(sim::ParseEffect("contact stiffness_Npm=40 gap_m=0.004 angle_rad=-0.5", plant));
+  const gap::Run bumped = Record(plant, "triangle", 4, 12);
+  touched.runs[1] = bumped;
+  const Diagnosis d = Diagnose(touched, Only({"contact", "bending_stiffness"}));
+  EXPECT_EQ(d.runs.size(), right.runs.size()) << d.degradations.front();
+  EXPECT_NE(d.verdict, Verdict::kNoGap) << d.sentence;
+}
+
+TEST(Diagnose, AnEncoderThatFreezesHalfWayIsTakenOutThere) {
+  DataSet set = Recorded("");
+  gap::Run& run = set.runs[2];
+  auto motor = run.motor_position_rad.col(1);
+  motor.tail(3500).setConstant(motor[3500]);
+  const Diagnosis d = Diagnose(set, Only({"tendon_stiffness", "bending_stiffness", "presliding"}));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_EQ(d.runs.size(), set.runs.size());
+  EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("motor position 2 keeps")));
+}
+
+// A row of states that were waited for, a second apart, beside motions is no motion in milliseconds.
+TEST(Diagnose, StatesBesideMotionsStay) {
+  DataSet set = Recorded("");
+  gap::Run& run = set.runs[1];
+  std::vector<int> rows;
+  for (int i = 0; i < 7000; i += 100) rows.push_back(i);
+  for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N,
+                       &run.tip_m, &run.tip_quaternion})
+    *values = (*values)(rows, Eigen::all).eval();
+  run.time_s = Eigen::VectorXd::LinSpaced(70, 0, 69);
+  EXPECT_EQ(Diagnose(set, Only({"bending_stiffness"})).runs.size(), set.runs.size());
+}
+
+// Declared without load cell, or without motor positions where there are cells, a run leaves the others
+// theirs.
+TEST(Diagnose, ColumnsThatARunLacksLeaveTheOthersTheirs) {
+  DataSet set = Recorded("cell_gain where=tendon:2 scale=0.9");
+  set.runs[1].load_cell = LoadCellPlace::kNone;
+  set.runs[1].tension_N.resize(0, 0);
+  set.runs[2].motor_position_rad.resize(0, 0);
+  const Diagnosis d = Diagnose(set, Only({"cell_gain", "cell_offset", "tendon_stiffness"}));
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  EXPECT_EQ(d.accepted[0].effect, "cell_gain") << d.sentence;
+  EXPECT_NEAR(d.accepted[0].parameters.at("scale").value, 0.9, 0.01);
+  EXPECT_EQ(d.runs.size(), set.runs.size());
+}
+
+// Little data leaves little to gain by a second cause; that nothing is left with it tells enough.
+TEST(Diagnose, TwoCausesInTwoShortRuns) {
+  DataSet set =
+      Recorded(std::vector<std::string>{"bending_stiffness scale=0.95", "motor_coulomb scale=1.2"}, 5);
+  set.runs.resize(3);
+  set.runs.erase(set.runs.begin() + 1);
+  const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "motor_coulomb", "cell_gain", "unit_mass"}));
+  ASSERT_EQ(d.accepted.size(), 2u) << d.sentence;
+  for (const char* effect : {"bending_stiffness", "motor_coulomb"})
+    EXPECT_NE(Named(d, effect), nullptr) << effect;
 }
 
 // An hour between two rows is no motion: the run would be simulated through it. Nor are 30,000 years, the
@@ -674,7 +783,7 @@ TEST(Diagnose, RunsOfFewerTendonsAreAnotherRobots) {
 
 TEST(Diagnose, LogsWithoutMotorPositionsAreRefused) {
   DataSet set = Recorded("", 2);
-  set.runs[1].motor_position_rad.resize(0, 0);
+  for (gap::Run& run : set.runs) run.motor_position_rad.resize(0, 0);
   try {
     Diagnose(set, {});
     FAIL() << "accepted";

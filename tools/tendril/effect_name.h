@@ -34,13 +34,21 @@ inline std::size_t Distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
+/// Of a name to an effect's, or to its first words, which people write as well.
+inline std::size_t Unlike(std::string_view name, std::string_view effect) {
+  std::size_t least = Distance(name, effect);
+  for (std::size_t at = effect.find('_'); at != effect.npos; at = effect.find('_', at + 1))
+    least = std::min(least, Distance(name, effect.substr(0, at)));
+  return least;
+}
+
 /// Throws UsageError with the name that is most like it.
 inline const sim::Effect& EffectNamed(const std::string& name) {
   if (const sim::Effect* effect = sim::FindEffect(name)) return *effect;
   const auto effects = sim::Effects();
   const sim::Effect& nearest =
       *std::min_element(effects.begin(), effects.end(), [&](const sim::Effect& a, const sim::Effect& b) {
-        return Distance(name, a.name) < Distance(name, b.name);
+        return Unlike(name, a.name) < Unlike(name, b.name);
       });
   throw UsageError(fmt::format("there is no effect '{}'; did you mean {}? 'tendril gap explain' lists all {}",
                                name, nearest.name, effects.size()));
