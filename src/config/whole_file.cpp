@@ -71,7 +71,13 @@ void WriteWhole(const fs::path& file, const std::string& text) {
 
 void CheckMayWrite(const fs::path& file) {
   const fs::path target = Target(file);
-  if (TakesText(target)) return;
+  if (TakesText(target)) {
+    std::error_code none;
+    if (fs::is_fifo(target, none)) return;  // without a reader it would wait
+    errno = 0;
+    if (!std::ofstream(target, std::ios::app)) Refuse(file, Reason());
+    return;
+  }
   const fs::path temporary = Beside(target);
   Write(file, temporary, "");
   std::error_code none;

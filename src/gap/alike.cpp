@@ -8,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "median.h"
 #include "prepare.h"
 
 namespace tendril::gap {
@@ -35,54 +36,69 @@ bool Smooth(const Run& run) {
 
 }  // namespace
 
+void LeaveOut(DataSet& set, std::size_t run) {
+  const std::string name = set.runs[run].name;
+  const std::string root = set.runs[run].repeat_of;
+  set.runs.erase(set.runs.begin() + static_cast<std::ptrdiff_t>(run));
+  if (!root.empty()) return;
+  std::string heir;
+  for (Run& other : set.runs) {
+    if (other.repeat_of != name) continue;
+    other.repeat_of = heir;
+    if (heir.empty()) heir = other.name;
+  }
+}
+
 std::vector<std::string> TakeOutOtherTime(DataSet& set) {
   struct Unit {
     double seconds;
     const char* name;
   };
   constexpr Unit kUnits[] = {{1e-3, "milliseconds"}, {1e-6, "microseconds"}, {1e-9, "nanoseconds"}};
-  constexpr double kLike = 0.3;  // steps of one controller differ by less
+  constexpr double kLike = 0.3;   // steps of one controller differ by less
+  constexpr double kLeast_s = 1;  // that a run takes
+  std::vector<double> usual_s;
+  for (const Run& run : set.runs) {
+    if (const double step_s = UsualStep(run); step_s <= kQuasiStatic_s) usual_s.push_back(step_s);
+  }
+  const double fast_s = Median(std::move(usual_s));
   std::vector<std::string> said;
-  double fastest_s = std::numeric_limits<double>::infinity();
-  for (const Run& run : set.runs) fastest_s = std::min(fastest_s, UsualStep(run));
-  std::erase_if(set.runs, [&](const Run& run) {
+  for (std::size_t i = set.runs.size(); i-- > 0 && fast_s > 0;) {
+    const Run& run = set.runs[i];
     const double step_s = UsualStep(run);
-    if (!(step_s > kQuasiStatic_s) || !(fastest_s > 0)) return false;
-    for (const Unit& unit : kUnits) {
-      if (std::abs(step_s * unit.seconds / fastest_s - 1) > kLike || !Smooth(run)) continue;
-      said.push_back(
-          fmt::format("{}: left out: a row every {:.4g} s, in other runs every {:.4g} s, and motors that go "
-                      "smoothly from row to row: its time is in {}; write it in seconds",
-                      run.name, step_s, fastest_s, unit.name));
-      return true;
-    }
-    return false;
-  });
+    if (step_s <= kQuasiStatic_s || fast_s * static_cast<double>(run.time_s.size()) < kLeast_s ||
+        !Smooth(run))
+      continue;
+    const auto unit = std::find_if(std::begin(kUnits), std::end(kUnits), [&](const Unit& u) {
+      return std::abs(step_s * u.seconds / fast_s - 1) <= kLike;
+    });
+    if (unit == std::end(kUnits)) continue;
+    said.push_back(
+        fmt::format("left out: {}: a row every {:.4g} s, in other runs every {:.4g} s, and motors that go "
+                    "smoothly from row to row: its time is in {}; write it in seconds",
+                    run.name, step_s, fast_s, unit->name));
+    LeaveOut(set, i);
+  }
   return said;
 }
 
 void FillMissing(DataSet& set) {
-  const auto no_cell = [](const Run& run) { return run.load_cell == LoadCellPlace::kNone; };
-  const auto with_cell = std::find_if(set.runs.begin(), set.runs.end(), [&](const Run& run) {
-    return !no_cell(run) && run.tension_N.cols() > 0;
-  });
-  const bool any_cell = with_cell != set.runs.end();
-  const LoadCellPlace place = any_cell ? with_cell->load_cell : LoadCellPlace::kNone;
+  const Eigen::Index tendons = set.robot.body.tendons();
+  const auto has = [&](const Run& run, Eigen::MatrixXd Run::*values) {
+    const bool none = values == &Run::tension_N && run.load_cell == LoadCellPlace::kNone;
+    return !none && (run.*values).cols() == tendons && (run.*values).rows() == run.time_s.size();
+  };
   for (Eigen::MatrixXd Run::*values :
        {&Run::torque_target_Nm, &Run::torque_actual_Nm, &Run::motor_position_rad, &Run::tension_N}) {
-    const bool tensions = values == &Run::tension_N;
-    if (tensions && !any_cell) continue;
-    Eigen::Index columns = 0;
-    for (const Run& run : set.runs) {
-      if (!tensions || !no_cell(run)) columns = std::max(columns, (run.*values).cols());
-    }
+    const auto first =
+        std::find_if(set.runs.begin(), set.runs.end(), [&](const Run& run) { return has(run, values); });
+    if (first == set.runs.end()) continue;
+    const LoadCellPlace place = first->load_cell;
     for (Run& run : set.runs) {
-      if ((run.*values).cols() > 0 && !(tensions && no_cell(run))) continue;
-      (run.*values).setConstant(run.time_s.size(), columns, std::numeric_limits<double>::quiet_NaN());
+      if (has(run, values)) continue;
+      (run.*values).setConstant(run.time_s.size(), tendons, std::numeric_limits<double>::quiet_NaN());
+      if (values == &Run::tension_N) run.load_cell = place;
     }
-  }
-  for (Run& run : set.runs) {
-    if (any_cell && no_cell(run)) run.load_cell = place;
   }
 }
 

@@ -1,6 +1,7 @@
 // Runs of one set made comparable before they are prepared. Knows nothing of models.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -8,11 +9,15 @@
 
 namespace tendril::gap {
 
+/// Takes a run out; what repeated it repeats the first of its repetitions now.
+void LeaveOut(DataSet& set, std::size_t run);
+
 /// Takes out runs whose time is in another unit than the others'; a line for each.
 std::vector<std::string> TakeOutOtherTime(DataSet& set);
 
-/// Gives every run the columns of drives and cells that any of them has, without values, so that what one run
-/// lacks leaves the others theirs. A run declared without load cell has none, whatever its columns hold.
+/// Gives every run the columns of drives and cells that any of them has for all of the robot's tendons,
+/// without values, so that what one run lacks leaves the others theirs. A run declared without load cell has
+/// none, whatever its columns hold.
 void FillMissing(DataSet& set);
 
 }  // namespace tendril::gap

@@ -25,19 +25,32 @@ struct Condition {
   Eigen::VectorXd (*of)(const PreparedRun& run, int tendon);
 };
 
-Eigen::VectorXd Column(const Eigen::MatrixXd& matrix, int j) {
-  return j < matrix.cols() ? Eigen::VectorXd(matrix.col(j)) : Eigen::VectorXd();
+/// Of tendon j, with nothing where its sensor says nothing.
+Eigen::VectorXd Column(const PreparedRun& run, const Eigen::MatrixXd& matrix, const std::vector<Hole>& holes,
+                       int j) {
+  if (j >= matrix.cols()) return {};
+  Eigen::VectorXd column = matrix.col(j);
+  run.TakeOut(holes, j, column);
+  return column;
 }
 
-Eigen::VectorXd Speed(const PreparedRun& run, int j) { return Column(run.signals.motor_velocity_radps, j); }
-Eigen::VectorXd Tension(const PreparedRun& run, int j) { return Column(run.signals.tension_N, j); }
-Eigen::VectorXd Angle(const PreparedRun& run, int j) { return Column(run.signals.motor_angle_rad, j); }
+Eigen::VectorXd Speed(const PreparedRun& run, int j) {
+  return Column(run, run.signals.motor_velocity_radps, run.motor_holes, j);
+}
+Eigen::VectorXd Tension(const PreparedRun& run, int j) {
+  return Column(run, run.signals.tension_N, run.cell_holes, j);
+}
+Eigen::VectorXd Angle(const PreparedRun& run, int j) {
+  return Column(run, run.signals.motor_angle_rad, run.motor_holes, j);
+}
 Eigen::VectorXd Time(const PreparedRun& run, int) {
   return Eigen::VectorXd::LinSpaced(run.samples(), 0, (run.samples() - 1) * run.signals.step_s);
 }
 Eigen::VectorXd Total(const PreparedRun& run, int) {
-  return run.signals.tension_N.cols() > 0 ? Eigen::VectorXd(run.signals.tension_N.rowwise().sum())
-                                          : Eigen::VectorXd();
+  if (run.signals.tension_N.cols() == 0) return {};
+  Eigen::VectorXd sum = Tension(run, 0);
+  for (int j = 1; j < run.signals.tension_N.cols(); ++j) sum += Tension(run, j);
+  return sum;
 }
 Eigen::VectorXd BendX(const PreparedRun& run, int) {
   if (run.tip_m.rows() < 2) return {};

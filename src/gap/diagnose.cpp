@@ -10,16 +10,19 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <tuple>
+#include <utility>
 
 #include "alike.h"
 #include "baselines.h"
 #include "closure.h"
 #include "details.h"
 #include "evaluator.h"
+#include "frozen_motors.h"
 #include "implausible.h"
 #include "judge.h"
 #include "locate.h"
-#include "mistakes.h"
+#include "measured_wrong.h"
 #include "parallel.h"
 #include "search.h"
 #include "tendril/config/config.h"
@@ -286,14 +289,15 @@ std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, 
 void TakeOutShort(DataSet& set, Diagnosis& d) {
   std::string names;
   int count = 0;
-  std::erase_if(set.runs, [&](const Run& run) {
-    const int least = LeastRows(run);
-    const bool left_out = run.time_s.size() < least;
-    if (left_out) {
-      if (++count <= 5) names += fmt::format("{}{} ({})", count > 1 ? ", " : "", run.name, run.time_s.size());
+  for (std::size_t i = 0; i < set.runs.size();) {
+    const Run& run = set.runs[i];
+    if (run.time_s.size() >= LeastRows(run)) {
+      ++i;
+      continue;
     }
-    return left_out;
-  });
+    if (++count <= 5) names += fmt::format("{}{} ({})", count > 1 ? ", " : "", run.name, run.time_s.size());
+    LeaveOut(set, i);
+  }
   if (set.runs.empty()) {
     throw std::runtime_error(fmt::format(
         "no run is long enough: {} rows; accepted: at least {}, of states at rest (rows more than {} s "
@@ -301,37 +305,72 @@ void TakeOutShort(DataSet& set, Diagnosis& d) {
         names, kLeastRows, kQuasiStatic_s, kLeastStates));
   }
   if (count > 0) {
-    d.degradations.push_back(fmt::format("{} runs are too short and left out (rows): {}{}", count, names,
-                                         count > 5 ? ", ..." : ""));
+    d.degradations.push_back(
+        fmt::format("left out: {} too short (rows): {}{}", count, names, count > 5 ? ", ..." : ""));
   }
 }
 
-/// Takes out what was measured otherwise than the rest; true when there was such.
-bool LeaveOutOdd(DataSet& set, const Evaluator& evaluator, int threads, Diagnosis& d) {
-  const std::vector<FrozenMotor> frozen = FindFrozenMotors(set, evaluator);
-  for (const FrozenMotor& motor : frozen) {
-    Run& run = set.runs[motor.run];
-    auto x = run.motor_position_rad.col(motor.tendon);
-    d.degradations.push_back(
-        fmt::format("{}: motor position {} keeps {:.4g} rad from {:.4g} s to {:.4g} s while its tension "
-                    "changes by {:.3g} N, "
-                    "which that of a motor that stands would not: taken as missing there",
-                    run.name, motor.tendon + 1, x[motor.from], run.time_s[motor.from] - run.time_s[0],
-                    run.time_s[motor.to - 1] - run.time_s[0], motor.tension_N));
-    x.segment(motor.from, motor.to - motor.from).setConstant(std::numeric_limits<double>::quiet_NaN());
+/// What was measured wrong, as the runs show beside each other and beside the model.
+class Measuring {
+ public:
+  Measuring(DataSet& set, Diagnosis& d, const DiagnoseOptions& options, int threads)
+      : set_(set), d_(d), options_(options), threads_(threads) {}
+
+  /// The runs that can be compared, with the set and its degradations to fit. Throws std::runtime_error where
+  /// nothing can be.
+  Evaluator Settled() {
+    for (;;) {
+      try {
+        Evaluator evaluator(set_, {threads_, options_.delta_N, options_.delta_m, options_.seed});
+        if (!TakeOutFrozen(evaluator) && !LeaveOutOdd(evaluator)) return evaluator;
+      } catch (const RunError& error) {
+        if (set_.runs.size() == 1) throw;
+        d_.degradations.push_back(fmt::format("left out: {}", error.what()));
+        LeaveOut(set_, error.run);
+      } catch (const std::runtime_error&) {
+        // Nothing of what the odd ones leave can be compared.
+        if (!with_odd_) throw;
+        std::tie(set_, d_.degradations) = *std::exchange(with_odd_, std::nullopt);
+      }
+    }
   }
-  const std::vector<OddRun> odd = FindOddRuns(set, evaluator, threads);
-  for (auto one = odd.rbegin(); one != odd.rend(); ++one) {
-    const auto run = set.runs.begin() + static_cast<std::ptrdiff_t>(one->run);
-    d.degradations.insert(
-        d.degradations.begin(),
-        fmt::format("left out: {}: with {} most of its gap goes, which the other runs do not have; put it "
-                    "right in its file and diagnose again",
-                    run->name, one->with));
-    set.runs.erase(run);
+
+ private:
+  bool TakeOutFrozen(const Evaluator& evaluator) {
+    const std::vector<FrozenMotor> frozen = FindFrozenMotors(set_, evaluator);
+    for (const FrozenMotor& motor : frozen) {
+      Run& run = set_.runs[motor.run];
+      auto x = run.motor_position_rad.col(motor.tendon);
+      d_.degradations.push_back(fmt::format(
+          "{}: motor position {} keeps {:.4g} rad from {:.4g} s to {:.4g} s while its tension changes by "
+          "{:.3g} N: an encoder that stopped, taken as missing there",
+          run.name, motor.tendon + 1, x[motor.from], run.time_s[motor.from] - run.time_s[0],
+          run.time_s[motor.to - 1] - run.time_s[0], motor.tension_N));
+      x.segment(motor.from, motor.to - motor.from).setConstant(std::numeric_limits<double>::quiet_NaN());
+    }
+    return !frozen.empty();
   }
-  return !frozen.empty() || !odd.empty();
-}
+
+  bool LeaveOutOdd(const Evaluator& evaluator) {
+    const std::vector<OddRun> odd = FindOddRuns(set_, evaluator, cleared_, threads_);
+    if (!odd.empty() && !with_odd_) with_odd_.emplace(set_, d_.degradations);
+    for (auto one = odd.rbegin(); one != odd.rend(); ++one) {
+      d_.degradations.push_back(
+          fmt::format("left out: {}: with {} most of its gap goes, which the other runs do not have; put it "
+                      "right in its file and diagnose again",
+                      set_.runs[one->run].name, one->with));
+      LeaveOut(set_, one->run);
+    }
+    return !odd.empty();
+  }
+
+  DataSet& set_;
+  Diagnosis& d_;
+  const DiagnoseOptions& options_;
+  int threads_;
+  std::set<std::string> cleared_;
+  std::optional<std::pair<DataSet, std::vector<std::string>>> with_odd_;
+};
 
 }  // namespace
 
@@ -348,11 +387,13 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         "these runs are of {} tendons, robot '{}' has {}; accepted: the robot file that they were made with",
         seen, set.robot.name, tendons));
   }
-  d.degradations = TakeOutOtherTime(set);
-  const auto taken_out = TakeOutImplausible(set);
-  d.degradations.insert(d.degradations.end(), taken_out.begin(), taken_out.end());
-  FillMissing(set);
   TakeOutShort(set, d);
+  const auto said = [&](const std::vector<std::string>& lines) {
+    d.degradations.insert(d.degradations.end(), lines.begin(), lines.end());
+  };
+  said(TakeOutOtherTime(set));
+  FillMissing(set);
+  said(TakeOutImplausible(set));
   d.robot_name = set.robot.name;
   d.robot_yaml = config::ToYaml(set.robot);
   d.seed = options.seed;
@@ -360,18 +401,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   d.revision = GitRevision();
 
   progress("aligning the logs and finding the noise floor", 0);
-  std::optional<Evaluator> usable;
-  while (!usable) {
-    try {
-      usable.emplace(set, Evaluator::Options{threads, options.delta_N, options.delta_m, options.seed});
-    } catch (const RunError& error) {
-      if (set.runs.size() == 1) throw;
-      d.degradations.push_back(fmt::format("left out: {}", error.what()));
-      set.runs.erase(set.runs.begin() + static_cast<std::ptrdiff_t>(error.run));
-    }
-    if (usable && LeaveOutOdd(set, *usable, threads, d)) usable.reset();
-  }
-  const Evaluator& evaluator = *usable;
+  const Evaluator evaluator = Measuring(set, d, options, threads).Settled();
   std::map<std::string, std::string> before_sha256;
   for (const Run& run : set.runs) before_sha256.emplace(run.before, "");
   std::erase_if(set.runs, [&](const Run& run) {
@@ -380,8 +410,9 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     named->second = run.sha256;
     return true;
   });
-  d.degradations.insert(d.degradations.end(), evaluator.degradations().begin(),
-                        evaluator.degradations().end());
+  said(evaluator.degradations());
+  std::stable_partition(d.degradations.begin(), d.degradations.end(),
+                        [](const std::string& line) { return line.starts_with("left out: "); });
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     const auto& run = set.runs[i];
     const auto& prepared = evaluator.runs()[i];

@@ -66,13 +66,6 @@ Eigen::VectorXd Average(const Eigen::VectorXd& values, int width) {
   return mean;
 }
 
-/// Takes out of tendon j's samples what holes say nothing of.
-void TakeOut(const std::vector<Hole>& holes, int j, Eigen::VectorXd& samples) {
-  for (const Hole& hole : holes) {
-    if (hole.tendon == j) samples.segment(hole.from, hole.size()).setConstant(NAN);
-  }
-}
-
 std::optional<EffectSetting> Setting(const RobotParameters& robot, std::string_view name) {
   for (const auto& effect : robot.effects) {
     if (effect.name == name) return effect;
@@ -225,9 +218,12 @@ void Evaluator::FindCuts() {
   if (!cell) {
     degradations_.push_back(
         torque
-            ? "no load cell: what pulls on the body is taken from the motors and the tendons' stretch, and "
-              "compared with torque; drivetrain, tendons and body (C2 to C5) cannot be told apart by place, "
-              "only by cause"
+            ? fmt::format(
+                  "no load cell: what pulls on the body is taken from the motors and the tendons' stretch{}; "
+                  "drivetrain, tendons and body (C2 to C5) cannot be told apart by place, only by cause",
+                  every([](const PreparedRun& r) { return r.signals.at_rest; })
+                      ? ""
+                      : ", and compared with torque")
             : "no load cell and no torque: the body is driven by motor positions alone; tensions are not "
               "known, so drive and friction effects are not seen");
   }
@@ -544,8 +540,8 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
     const auto j = channel.index;
     if (channel.cut == sim::Cut::kCurrentLoop && replayed.torque_Nm.cols() > 0) {
       all = run.signals.torque_actual_Nm.col(j) - replayed.torque_Nm.col(j);
-      TakeOut(run.target_holes, j, all);
-      TakeOut(run.torque_holes, j, all);
+      run.TakeOut(run.target_holes, j, all);
+      run.TakeOut(run.torque_holes, j, all);
     } else if (channel.cut == sim::Cut::kDrivetrain && replayed.from_torque_N.cols() > 0) {
       all = (has(kC3) ? run.cell_N.col(j) : replayed.from_stretch_N.col(j)) - replayed.from_torque_N.col(j);
       for (int i = 0; i < samples; ++i) {
@@ -553,7 +549,7 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
       }
     } else if (channel.cut == sim::Cut::kTendon && replayed.from_stretch_N.cols() > 0) {
       all = run.cell_N.col(j) - replayed.from_stretch_N.col(j);
-      TakeOut(run.motor_holes, j, all);
+      run.TakeOut(run.motor_holes, j, all);
     } else if (channel.cut == sim::Cut::kShape && tip.rows() > 0) {
       all = tip.col(channel.quantity == Quantity::kTipPosition ? j : 3 + j);
     } else {

@@ -31,11 +31,10 @@ constexpr double kReturnShare = 0.01;
 constexpr int kLeastReturns = 20;
 
 /// rms of white noise on a smooth signal, from third differences (robust against the motion itself).
-double WhiteNoise(const Eigen::MatrixXd& signal, int column) {
+double WhiteNoise(const Eigen::Ref<const Eigen::VectorXd>& signal) {
   std::vector<double> differences;
-  for (int i = 3; i < signal.rows(); ++i) {
-    const double d =
-        signal(i, column) - 3 * signal(i - 1, column) + 3 * signal(i - 2, column) - signal(i - 3, column);
+  for (Eigen::Index i = 3; i < signal.size(); ++i) {
+    const double d = signal[i] - 3 * signal[i - 1] + 3 * signal[i - 2] - signal[i - 3];
     if (std::isfinite(d)) differences.push_back(std::abs(d));
   }
   if (differences.size() < 50) return 0;
@@ -122,15 +121,17 @@ void Evaluator::FindWhiteNoise() {
     for (const auto& run : runs_) {
       if (run.signals.at_rest) continue;  // from one state to the next is no noise
       switch (channel.quantity) {
-        case Quantity::kTorque:
-          if (const double n = WhiteNoise(run.signals.torque_actual_Nm, channel.index); n > 0)
-            noise.push_back(n);
+        case Quantity::kTorque: {
+          Eigen::VectorXd torque_Nm = run.signals.torque_actual_Nm.col(channel.index);
+          run.TakeOut(run.torque_holes, channel.index, torque_Nm);
+          if (const double n = WhiteNoise(torque_Nm); n > 0) noise.push_back(n);
           break;
+        }
         case Quantity::kTension:
-          if (const double n = WhiteNoise(run.cell_N, channel.index); n > 0) noise.push_back(n);
+          if (const double n = WhiteNoise(run.cell_N.col(channel.index)); n > 0) noise.push_back(n);
           break;
         case Quantity::kTipPosition:
-          if (run.tip_m.rows() > 0) noise.push_back(WhiteNoise(run.tip_m, channel.index));
+          if (run.tip_m.rows() > 0) noise.push_back(WhiteNoise(run.tip_m.col(channel.index)));
           break;
         case Quantity::kTipDirection: {
           if (run.tip_R.empty()) break;
@@ -139,7 +140,7 @@ void Evaluator::FindWhiteNoise() {
             // Against the first orientation, in the tip's own axes, where no turn is near pi.
             turn.row(k) = RotationVector(run.tip_R[0].transpose() * run.tip_R[k]);
           }
-          noise.push_back(WhiteNoise(turn, channel.index));
+          noise.push_back(WhiteNoise(turn.col(channel.index)));
           break;
         }
       }
@@ -370,7 +371,10 @@ double Evaluator::Unrepeated(int channel, int& returns) const {
   for (int i = 0; i < static_cast<int>(runs_.size()); ++i) {
     if (!runs_[i].signals.at_rest) continue;
     for (int w = 0; w < nominal_residuals_[i][channel].size(); ++w) {
-      if (std::isfinite(variance_[i][channel][w])) states.push_back({i, w});
+      const auto unseen = [&](const Hole& hole) { return hole.from <= w && w < hole.to; };
+      const auto& holes = runs_[i].motor_holes;
+      if (std::isfinite(variance_[i][channel][w]) && std::none_of(holes.begin(), holes.end(), unseen))
+        states.push_back({i, w});
     }
   }
   double sum = 0;

@@ -262,10 +262,12 @@ class Checkup {
         const Plateau p = FlatExtreme(m.col(c), top);
         if (p.share < 0.003) continue;
         Add(p.share > 0.1 ? Severity::kError : Severity::kWarning, ChannelOf(kind, c), p.share,
-            fmt::format("is cut off at {:.6g} {} for {:.1f} % of the run; there it tells nothing of the "
-                        "robot; choose "
-                        "a larger range of the sensor or a smaller motion",
-                        p.value, kind.unit, 100 * p.share));
+            fmt::format(
+                "is cut off at {:.6g} {} for {:.1f} % of the run{}; choose a larger range of the sensor "
+                "or a smaller motion",
+                p.value, kind.unit, 100 * p.share,
+                kind.matrix == &Run::torque_actual_Nm ? ": the end of the reading, or of what the drive can"
+                                                      : "; there it tells nothing of the robot"));
       }
     }
   }

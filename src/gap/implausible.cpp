@@ -17,7 +17,7 @@ constexpr double kBeyond = 3;      // times what the robot can
 constexpr double kCutOff = 0.003;  // share of a run at the flat end of a channel
 constexpr double kFrozen_s = 0.3;  // one value for so long ...
 constexpr double kMoved = 0.15;    // ... while the motor turns by this share of what it does in the run
-constexpr double kHeld = 0.15;     // of the largest tension: more than a motor's friction holds
+constexpr double kGoesOn = 0.05;   // of the largest tension
 constexpr double kFollows = 0.25;  // of what a torque gives without friction
 constexpr double kSlack_N = 0.15;  // a slack tendon's cell without noise may well keep its value
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
@@ -145,7 +145,7 @@ struct Finder {
       }
       // Other tendons change it as well.
       const double follows = Slope(target_Nm, tension_N) * travel_m;
-      if (2 * asked < flat || UsualWidth(std::move(tension_N)) < kHeld * robot.limits.max_tension_motor_N ||
+      if (2 * asked < flat || UsualWidth(std::move(tension_N)) < kGoesOn * robot.limits.max_tension_motor_N ||
           follows < kFollows)
         continue;
       for (double& value : x) {

@@ -215,7 +215,8 @@ class Case {
   bool HasSecond() const {
     if (single_ == nullptr || pair_ == nullptr) return false;
     const double brings = pair_->held_out_score - single_->held_out_score;
-    if (brings <= kPairExplains || (brings <= kPairGain && LeavesSomething(*pair_))) return false;
+    const bool explains = LeavesSomething(*single_) && !LeavesSomething(*pair_);
+    if (brings <= (explains ? kPairExplains : kPairGain)) return false;
     const ChannelScore one = ScoreChannels(evaluator_, single_->held_out, nominal_);
     const ChannelScore both = ScoreChannels(evaluator_, pair_->held_out, nominal_);
     double in_one = 0, own = 0, gap_in_all = 0, more_in_all = 0;

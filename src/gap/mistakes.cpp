@@ -1,4 +1,4 @@
-// One list of mistakes, one measure of how much of the gap each leaves.
+// One function a mistake.
 #include "mistakes.h"
 
 #include <fmt/core.h>
@@ -6,33 +6,16 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <map>
 #include <numbers>
-#include <set>
 #include <utility>
-#include <vector>
 
-#include "health_signal.h"
-#include "median.h"
-#include "parallel.h"
+#include "prepare.h"
 
 namespace tendril::gap {
 namespace {
 
-constexpr double kLarge = 8;      // floors, or times what other runs leave: effects are rarely larger
-constexpr double kTakenAway = 4;  // times smaller is a gap whose reason was this mistake
-constexpr std::size_t kRuns = 3;  // that each is tried on
 constexpr const char* kAxes = "xyz";
-
-using Undo = std::function<void(Run&)>;
-
-struct Mistake {
-  std::string with;  // what would make it right
-  Undo undo;
-  std::vector<Mistake> finer{};  // of other sizes about this one's
-};
 
 void Negate(Eigen::MatrixXd& values, Eigen::Index column) {
   if (column < values.cols()) values.col(column) *= -1;
@@ -54,34 +37,71 @@ void Turn(Run& run, const Eigen::AngleAxisd& by) {
   }
 }
 
+/// Readings of one cell: rows, times and values of those that are there.
+struct Readings {
+  std::vector<Eigen::Index> row;
+  std::vector<double> time_s, value;
+
+  Readings(const Run& run, Eigen::Index tendon) {
+    for (Eigen::Index i = 0; i < run.tension_N.rows(); ++i) {
+      if (!std::isfinite(run.tension_N(i, tendon))) continue;
+      row.push_back(i);
+      time_s.push_back(run.time_s[i]);
+      value.push_back(run.tension_N(i, tendon));
+    }
+  }
+  std::size_t size() const { return row.size(); }
+};
+
 /// The cells' readings, each as it came so much later.
 void Advance(Run& run, double late_s) {
-  const Eigen::Index rows = run.time_s.size();
-  const auto by = static_cast<Eigen::Index>(std::lround(late_s / UsualStep(run)));
-  if (by < 1 || by >= rows || run.tension_N.rows() != rows) return;
-  run.tension_N.topRows(rows - by) = run.tension_N.bottomRows(rows - by).eval();
-  run.tension_N.bottomRows(by).setConstant(std::numeric_limits<double>::quiet_NaN());
-}
-
-/// The cells' readings before a first-order low-pass filter: its slopes are told from +-kSlope_s.
-void Unfilter(Run& run, double time_constant_s) {
-  constexpr double kSlope_s = 0.005;
-  const Eigen::Index rows = run.time_s.size();
-  const auto half = std::max<Eigen::Index>(1, std::lround(kSlope_s / UsualStep(run)));
-  if (rows <= 2 * half || run.tension_N.rows() != rows) return;
-  const Eigen::MatrixXd read = run.tension_N;
-  for (Eigen::Index i = 0; i < rows; ++i) {
-    const Eigen::Index a = std::clamp<Eigen::Index>(i - half, 0, rows - 1 - 2 * half);
-    const Eigen::ArrayXd t =
-        run.time_s.segment(a, 2 * half + 1).array() - run.time_s.segment(a, 2 * half + 1).mean();
-    const Eigen::RowVectorXd slope =
-        (read.middleRows(a, 2 * half + 1).array().colwise() * t).colwise().sum() / t.square().sum();
-    run.tension_N.row(i) = read.row(i) + time_constant_s * slope;
+  for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
+    const Readings read(run, j);
+    std::size_t next = 0;
+    for (std::size_t i = 0; i < read.size(); ++i) {
+      const double at_s = read.time_s[i] + late_s;
+      while (next < read.size() && read.time_s[next] < at_s) ++next;
+      double& value = run.tension_N(read.row[i], j);
+      if (next == 0 || next == read.size()) {
+        value = std::numeric_limits<double>::quiet_NaN();
+        continue;
+      }
+      const double share = (at_s - read.time_s[next - 1]) / (read.time_s[next] - read.time_s[next - 1]);
+      value = read.value[next - 1] + share * (read.value[next] - read.value[next - 1]);
+    }
   }
 }
 
-/// What may go wrong in recording one run as well as all of them.
-std::vector<Mistake> MistakesOfReading(const DataSet& set, bool cells, bool tracked) {
+/// The cells' readings before a first-order low-pass filter; slopes are those of straight lines.
+void Unfilter(Run& run, double time_constant_s) {
+  constexpr double kLine_s = 0.01;
+  for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
+    const Readings read(run, j);
+    const std::size_t n = read.size();
+    if (n < 3) continue;
+    const double step_s = (read.time_s[n - 1] - read.time_s[0]) / static_cast<double>(n - 1);
+    const auto points =
+        static_cast<std::size_t>(std::clamp(std::round(kLine_s / step_s) + 1, 3.0, static_cast<double>(n)));
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t from = std::min(i - std::min(i, points / 2), n - points);
+      const auto count = static_cast<Eigen::Index>(points);
+      const Eigen::Map<const Eigen::ArrayXd> t(&read.time_s[from], count), y(&read.value[from], count);
+      const Eigen::ArrayXd off_s = t - t.mean();
+      run.tension_N(read.row[i], j) += time_constant_s * (off_s * y).sum() / off_s.square().sum();
+    }
+  }
+}
+
+}  // namespace
+
+Mistake MovedZero(int tendon, double zero_N) {
+  return {fmt::format("the zero of load cell {} moved by {:.2g} N", tendon + 1, -zero_N),
+          [tendon, zero_N](Run& run) {
+            if (tendon < run.tension_N.cols()) run.tension_N.col(tendon).array() -= zero_N;
+          }};
+}
+
+std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   std::vector<Mistake> all;
   const int tendons = set.robot.body.tendons();
   for (int j = 0; j < tendons; ++j) {
@@ -96,7 +116,7 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, bool cells, bool trac
       exchanged("all columns of tendons",
                 {&Run::torque_target_Nm, &Run::torque_actual_Nm, &Run::motor_position_rad, &Run::tension_N});
       exchanged("the motor positions", {&Run::motor_position_rad});
-      if (cells) exchanged("the load cells", {&Run::tension_N});
+      if (measured.cells) exchanged("the load cells", {&Run::tension_N});
     }
   }
   const auto motors_in = [&](const char* unit, double rad) {
@@ -116,17 +136,20 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, bool cells, bool trac
       all.push_back(std::move(mistake));
     }
   };
-  if (cells) {
+  // Slower logs show no such delay.
+  const bool fast = std::any_of(set.runs.begin(), set.runs.end(),
+                                [](const Run& run) { return UsualStep(run) <= kBridged_s; });
+  if (measured.cells && fast) {
     of_all_sizes([](double ms) {
-      return Mistake{fmt::format("the load cells' readings taken {:.2g} ms earlier", ms),
+      return Mistake{fmt::format("the load cells' readings taken {:.0f} ms earlier", ms),
                      [ms](Run& run) { Advance(run, 1e-3 * ms); }};
     });
     of_all_sizes([](double ms) {
-      return Mistake{fmt::format("a low-pass filter of {:.2g} ms taken off the load cells' readings", ms),
+      return Mistake{fmt::format("a low-pass filter of {:.0f} ms taken off the load cells' readings", ms),
                      [ms](Run& run) { Unfilter(run, 1e-3 * ms); }};
     });
   }
-  if (!tracked || set.fit_frame) return all;
+  if (!measured.tracker || set.fit_frame) return all;
   for (int a = 0; a < 3; ++a) {
     all.push_back(
         {fmt::format("the sign of tip {} turned round", kAxes[a]), [a](Run& run) { Negate(run.tip_m, a); }});
@@ -144,10 +167,9 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, bool cells, bool trac
   return all;
 }
 
-/// And in what is said of all of them.
-std::vector<Mistake> AllMistakes(const DataSet& set, bool cells, bool tracked) {
-  std::vector<Mistake> all = MistakesOfReading(set, cells, tracked);
-  if (cells) {
+std::vector<Mistake> AllMistakes(const DataSet& set, Measured measured) {
+  std::vector<Mistake> all = MistakesOfReading(set, measured);
+  if (measured.cells) {
     const bool motors = set.runs.front().load_cell == LoadCellPlace::kMotorSide;
     all.push_back({fmt::format("the load cells on the {} side (load_cell in runs.yaml)",
                                motors ? "robot's" : "motors'"),
@@ -157,276 +179,6 @@ std::vector<Mistake> AllMistakes(const DataSet& set, bool cells, bool tracked) {
                    }});
   }
   return all;
-}
-
-using Kind = std::pair<sim::Cut, Channel::Quantity>;
-
-struct Squares {
-  double sum = 0, count = 0;
-  double rms() const { return std::sqrt(sum / count); }
-};
-
-/// What the nominal robot leaves of one run, by kinds of channels that it has.
-std::map<Kind, Squares> LeftOf(const Evaluator& evaluator, std::size_t run) {
-  std::map<Kind, Squares> left;
-  for (std::size_t c = 0; c < evaluator.channels().size(); ++c) {
-    Squares& squares = left[{evaluator.channels()[c].cut, evaluator.channels()[c].quantity}];
-    const auto& variance = evaluator.Variance()[run][c];
-    for (Eigen::Index w = 0; w < variance.size(); ++w) {
-      if (!std::isfinite(variance[w])) continue;
-      squares.sum += std::pow(evaluator.AtNominal()[run][c][w], 2);
-      squares.count += 1;
-    }
-  }
-  std::erase_if(left, [](const auto& of_kind) { return !(of_kind.second.sum > 0); });
-  return left;
-}
-
-/// Mean over the kinds of channels of what the nominal robot leaves of all runs, in floors.
-double Misfit(const Evaluator& evaluator, const std::map<Kind, double>& floors) {
-  std::map<Kind, Squares> left;
-  for (std::size_t i = 0; i < evaluator.runs().size(); ++i) {
-    for (const auto& [kind, squares] : LeftOf(evaluator, i)) {
-      left[kind].sum += squares.sum;
-      left[kind].count += squares.count;
-    }
-  }
-  double total = 0;
-  int kinds = 0;
-  for (const auto& [kind, floor] : floors) {
-    const auto found = left.find(kind);
-    if (found == left.end() || !(floor > 0)) continue;
-    // What noise leaves anyway is not to be told from nothing.
-    total += std::hypot(1.0, found->second.rms() / floor);
-    ++kinds;
-  }
-  return kinds > 0 ? total / kinds : std::numeric_limits<double>::infinity();
-}
-
-/// The largest of what the nominal robot leaves of one run, over what is usual.
-double Worst(const std::map<Kind, Squares>& left, const std::map<Kind, double>& usual) {
-  double worst = 0;
-  for (const auto& [kind, squares] : left) {
-    const auto found = usual.find(kind);
-    if (found != usual.end()) worst = std::max(worst, squares.rms() / found->second);
-  }
-  return worst;
-}
-
-/// Words of the mistake that, once undone, leaves least, if that is little of what is left without; `left`
-/// says how much is.
-std::string WhatMakesItRight(const std::vector<Mistake>& mistakes,
-                             const std::function<double(const Undo&)>& left, int threads) {
-  constexpr std::size_t kRefined = 3;
-  using Tried = std::pair<double, const Mistake*>;
-  const auto try_all = [&](const std::vector<const Mistake*>& some) {
-    std::vector<Tried> tried(some.size());
-    ParallelFor(static_cast<int>(some.size()), threads, [&](int m) {
-      const Mistake* mistake = some[static_cast<std::size_t>(m)];
-      tried[static_cast<std::size_t>(m)] = {left(mistake->undo), mistake};
-    });
-    std::stable_sort(tried.begin(), tried.end(),
-                     [](const Tried& a, const Tried& b) { return a.first < b.first; });
-    return tried;
-  };
-  const double as_it_is = left({});
-  std::vector<const Mistake*> some;
-  for (const Mistake& mistake : mistakes) some.push_back(&mistake);
-  const std::vector<Tried> coarse = try_all(some);
-  some.clear();
-  for (std::size_t k = 0; k < std::min(kRefined, coarse.size()); ++k) {
-    for (const Mistake& finer : coarse[k].second->finer) some.push_back(&finer);
-  }
-  std::vector<Tried> best = try_all(some);
-  if (best.empty() || (!coarse.empty() && coarse.front().first <= best.front().first)) best = coarse;
-  if (best.empty() || !std::isfinite(as_it_is) || !(best.front().first * kTakenAway < as_it_is)) return "";
-  return best.front().second->with;
-}
-
-bool Compared(const DataSet& set) {
-  return std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); });
-}
-
-/// The set without its runs.
-DataSet Bare(const DataSet& set) {
-  DataSet bare;
-  bare.name = set.name;
-  bare.robot = set.robot;
-  bare.fit_frame = set.fit_frame;
-  return bare;
-}
-
-void Add(const Run& run, DataSet& to) {
-  to.runs.push_back(run);
-  to.runs.back().repeat_of.clear();
-}
-
-/// Some runs of different kinds, the shortest first.
-DataSet SomeRuns(const DataSet& set) {
-  std::vector<const Run*> runs;
-  for (const Run& run : set.runs) runs.push_back(&run);
-  std::stable_sort(runs.begin(), runs.end(),
-                   [](const Run* a, const Run* b) { return a->time_s.size() < b->time_s.size(); });
-  std::set<std::string> families;
-  std::stable_partition(runs.begin(), runs.end(),
-                        [&](const Run* run) { return families.insert(run->family).second; });
-  DataSet some = Bare(set);
-  for (std::size_t i = 0; i < std::min(kRuns, runs.size()); ++i) Add(*runs[i], some);
-  return some;
-}
-
-/// A load cell that was set to zero otherwise than before the other runs: by what it shows more than torque,
-/// or stretch, says.
-void AddMovedZeros(const Evaluator& evaluator, std::size_t run, std::vector<Mistake>& all) {
-  const sim::Cut by = evaluator.has(kC2) ? sim::Cut::kDrivetrain : sim::Cut::kTendon;
-  for (std::size_t c = 0; c < evaluator.channels().size() && evaluator.has(kC3); ++c) {
-    const Channel& channel = evaluator.channels()[c];
-    if (channel.cut != by) continue;
-    double sum_N = 0, count = 0;
-    const auto& variance = evaluator.Variance()[run][c];
-    for (Eigen::Index w = 0; w < variance.size(); ++w) {
-      if (std::isfinite(variance[w])) sum_N += evaluator.AtNominal()[run][c][w], count += 1;
-    }
-    if (count == 0) continue;
-    const double zero_N = sum_N / count;
-    all.push_back({fmt::format("the zero of load cell {} moved by {:.2g} N", channel.index + 1, -zero_N),
-                   [j = channel.index, zero_N](Run& moved) {
-                     if (j < moved.tension_N.cols()) moved.tension_N.col(j).array() -= zero_N;
-                   }});
-  }
-}
-
-}  // namespace
-
-std::string FindMistake(const DataSet& set, const Evaluator& evaluator, int threads) {
-  if (Compared(set)) return "";
-  std::map<Kind, std::vector<double>> of_kind;
-  for (const Channel& channel : evaluator.channels())
-    of_kind[{channel.cut, channel.quantity}].push_back(channel.floor);
-  std::map<Kind, double> floors;
-  for (auto& [kind, all] : of_kind) floors[kind] = Median(std::move(all));
-  if (Misfit(evaluator, floors) < kLarge) return "";
-
-  const DataSet some = SomeRuns(set);
-  const auto misfit = [&](const Undo& undo) {
-    DataSet tried = some;
-    for (Run& run : tried.runs) {
-      if (undo) undo(run);
-    }
-    try {
-      return Misfit(Evaluator(tried, {.threads = 1, .readings = 0}), floors);
-    } catch (const std::exception&) {
-      return std::numeric_limits<double>::infinity();
-    }
-  };
-  return WhatMakesItRight(AllMistakes(set, evaluator.has(kC3), evaluator.has_tracker()), misfit, threads);
-}
-
-std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& evaluator) {
-  constexpr double kFrozen_s = 0.3;
-  constexpr double kHeld = 0.15;  // of the largest tension: more than a motor's friction holds
-  const auto is_stretch = [](const Channel& channel) { return channel.cut == sim::Cut::kTendon; };
-  std::vector<FrozenMotor> frozen;
-  std::vector<std::size_t> run_of;  // by the evaluator's, which keeps none of those from before
-  for (std::size_t i = 0; i < set.runs.size(); ++i) {
-    if (!IsBefore(set, set.runs[i])) run_of.push_back(i);
-  }
-  for (std::size_t i = 0; i < run_of.size() && evaluator.has(kC3); ++i) {
-    const Run& run = set.runs[run_of[i]];
-    for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j) {
-      const auto x = run.motor_position_rad.col(j);
-      for (Eigen::Index from = 0, to = 1; from < x.size(); from = to++) {
-        while (to < x.size() && x[to] == x[from]) ++to;
-        if (run.time_s[to - 1] - run.time_s[from] < kFrozen_s) continue;
-        const auto tension_N = run.tension_N.col(j).segment(from, to - from);
-        const double width_N = UsualWidth({tension_N.begin(), tension_N.end()});
-        if (width_N >= kHeld * set.robot.limits.max_tension_motor_N)
-          frozen.push_back({i, j, from, to, width_N});
-      }
-    }
-  }
-  if (frozen.empty()) return frozen;
-
-  // What stretch leaves of tension where no motor stands so, of each tendon and of all.
-  const auto residuals = [&](std::size_t i, std::size_t c, double from_s, double to_s, Squares& squares) {
-    const auto& variance = evaluator.Variance()[i][c];
-    const double window_s = evaluator.window_s(static_cast<int>(i), static_cast<int>(c));
-    for (Eigen::Index w = 0; w < variance.size(); ++w) {
-      const double at_s = (static_cast<double>(w) + 0.5) * window_s;
-      if (!std::isfinite(variance[w]) || at_s < from_s || at_s > to_s) continue;
-      squares.sum += std::pow(evaluator.AtNominal()[i][c][w], 2);
-      squares.count += 1;
-    }
-  };
-  const auto span_s = [&](const FrozenMotor& f) {
-    const Run& run = set.runs[run_of[f.run]];
-    return std::pair(run.time_s[f.from] - run.time_s[0], run.time_s[f.to - 1] - run.time_s[0]);
-  };
-  std::map<Eigen::Index, Squares> moving;  // by tendon
-  for (std::size_t c = 0; c < evaluator.channels().size(); ++c) {
-    const Channel& channel = evaluator.channels()[c];
-    if (!is_stretch(channel)) continue;
-    Squares all, still;
-    for (std::size_t i = 0; i < run_of.size(); ++i) residuals(i, c, 0, 1e300, all);
-    for (const FrozenMotor& f : frozen) {
-      if (f.tendon != channel.index) continue;
-      const auto [from_s, to_s] = span_s(f);
-      residuals(f.run, c, from_s, to_s, still);
-    }
-    moving[channel.index] = {all.sum - still.sum, all.count - still.count};
-  }
-  Squares usual;
-  for (const auto& [tendon, squares] : moving) usual.sum += squares.sum, usual.count += squares.count;
-  std::erase_if(frozen, [&](const FrozenMotor& f) {
-    Squares its;
-    const auto [from_s, to_s] = span_s(f);
-    for (std::size_t c = 0; c < evaluator.channels().size(); ++c) {
-      if (is_stretch(evaluator.channels()[c]) && evaluator.channels()[c].index == f.tendon)
-        residuals(f.run, c, from_s, to_s, its);
-    }
-    const Squares& own = moving[f.tendon];
-    const double least = std::max(usual.count > 0 ? usual.rms() : 0, own.count > 0 ? own.rms() : 0);
-    return !(its.count > 0 && its.rms() > kLarge * least);
-  });
-  for (FrozenMotor& f : frozen) f.run = run_of[f.run];
-  return frozen;
-}
-
-std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator, int threads) {
-  if (Compared(set) || set.runs.size() < 2) return {};
-  std::vector<std::map<Kind, Squares>> left;
-  std::map<Kind, std::vector<double>> of_kind;
-  for (std::size_t i = 0; i < set.runs.size(); ++i) {
-    left.push_back(LeftOf(evaluator, i));
-    for (const auto& [kind, squares] : left.back()) of_kind[kind].push_back(squares.rms());
-  }
-  std::map<Kind, double> usual;  // of two runs the better one's
-  for (auto& [kind, all] : of_kind) {
-    const auto middle = all.begin() + static_cast<std::ptrdiff_t>((all.size() - 1) / 2);
-    std::nth_element(all.begin(), middle, all.end());
-    if (all.size() > 1) usual[kind] = *middle;
-  }
-  const std::vector<Mistake> mistakes = MistakesOfReading(set, evaluator.has(kC3), evaluator.has_tracker());
-  std::vector<OddRun> odd;
-  for (std::size_t i = 0; i < set.runs.size(); ++i) {
-    if (Worst(left[i], usual) < kLarge) continue;
-    DataSet alone = Bare(set);
-    Add(set.runs[i], alone);
-    const auto worst = [&](const Undo& undo) {
-      DataSet tried = alone;
-      if (undo) undo(tried.runs.front());
-      try {
-        return Worst(LeftOf(Evaluator(tried, {.threads = 1, .readings = 0}), 0), usual);
-      } catch (const std::exception&) {
-        return std::numeric_limits<double>::infinity();
-      }
-    };
-    std::vector<Mistake> its = mistakes;
-    AddMovedZeros(evaluator, i, its);
-    if (const std::string with = WhatMakesItRight(its, worst, threads); !with.empty())
-      odd.push_back({i, with});
-  }
-  return odd;
 }
 
 }  // namespace tendril::gap

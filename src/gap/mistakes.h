@@ -1,35 +1,34 @@
 // Mistakes in how a robot was measured that look like a gap larger than any effect makes: a sign, an order, a
-// side, a unit, a delay. Each is undone to see whether the gap goes. Knows nothing of effects.
+// side, a unit, a delay. Knows how each is undone, nothing of what it does to a gap.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
-#include "evaluator.h"
 #include "tendril/gap/data_set.h"
 
 namespace tendril::gap {
 
-/// What was most probably measured or declared wrong in all runs, as words that follow "with"; empty when
-/// undoing none of them takes away most of a gap, or the gap is no larger than effects are. `evaluator` is of
-/// `set`.
-std::string FindMistake(const DataSet& set, const Evaluator& evaluator, int threads);
+using Undo = std::function<void(Run&)>;
 
-/// Rows [from, to) of a run in which a motor position keeps one value though the motor turned: its tension
-/// changes, and not as the tendon's stretch says of a motor that stands.
-struct FrozenMotor {
-  std::size_t run = 0;
-  Eigen::Index tendon = 0, from = 0, to = 0;
-  double tension_N = 0;  // by which it changes
+struct Mistake {
+  std::string with;  // what would make it right, as words that follow "with"
+  Undo undo;
+  std::vector<Mistake> finer{};  // of other sizes about this one's
 };
-std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& evaluator);
 
-/// One run that was measured otherwise than the others.
-struct OddRun {
-  std::size_t run = 0;  // of the set
-  std::string with;     // words that follow "with", as above
+/// What of these runs' sensors it can have been made with.
+struct Measured {
+  bool cells = false, tracker = false;
 };
-/// Runs that the model fits far worse than it does the others, and as well once one mistake is undone.
-std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator, int threads);
+
+/// What may go wrong in recording one run as well as all of them.
+std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured);
+/// And in what is said of all of them.
+std::vector<Mistake> AllMistakes(const DataSet& set, Measured measured);
+
+/// A load cell whose zero is off by so much.
+Mistake MovedZero(int tendon, double zero_N);
 
 }  // namespace tendril::gap

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -61,6 +62,12 @@ struct PreparedRun {
     int sum = 0;
     for (const Hole& hole : holes) sum += hole.tendon == j ? hole.size() : 0;
     return sum;
+  }
+  /// Makes NaN of tendon j's samples in these holes.
+  void TakeOut(const std::vector<Hole>& holes, int j, Eigen::VectorXd& samples) const {
+    for (const Hole& hole : holes) {
+      if (hole.tendon == j) samples.segment(hole.from, hole.size()).setConstant(NAN);
+    }
   }
   /// True when the holes leave something of at least one of so many tendons.
   bool Leave(const std::vector<Hole>& holes, Eigen::Index tendons) const {

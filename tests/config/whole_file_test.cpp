@@ -83,6 +83,7 @@ TEST_F(WholeFile, SaysWhyItCannot) {
        {told([&] { WriteWhole(nowhere, "text"); }), told([&] { CheckMayWrite(nowhere); })})
     EXPECT_THAT(line, testing::HasSubstr("nowhere/file: No such file or directory; name a place with room"));
   EXPECT_THAT(told([&] { WriteWhole(folder_, "text"); }), testing::HasSubstr("Is a directory"));
+  EXPECT_THAT(told([&] { CheckMayWrite(folder_); }), testing::HasSubstr("Is a directory"));
   EXPECT_TRUE(fs::is_directory(folder_));
 }
 

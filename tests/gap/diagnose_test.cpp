@@ -202,6 +202,19 @@ TEST(Diagnose, RunsFromBeforeThatTheModelMissesTellNoCause) {
               testing::Contains(testing::HasSubstr("of the motion before the change already")));
 }
 
+// Where both have an encoder that is dead, their difference says nothing of it.
+TEST(Diagnose, ADeadEncoderBeforeAndNowIsTakenOut) {
+  DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
+  for (DataSet* set : {&earlier, &now}) {
+    for (gap::Run& run : set->runs) run.motor_position_rad.col(1).setZero();
+  }
+  CompareWithBefore(now, earlier);
+  const Diagnosis d = Diagnose(now, Only({"tendon_stiffness", "unit_mass"}));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("motor position 2 keeps 0 rad")));
+  EXPECT_THAT(d.degradations, testing::Not(testing::Contains(testing::HasSubstr("causes are not told"))));
+}
+
 // Nor does it take a model for right of which only torque and motors tell.
 TEST(Diagnose, RunsFromBeforeWithoutCellsAndTrackerAreNotBelievedToBeRight) {
   const std::vector<std::string> wrong{"torque_constant scale=0.85"};
@@ -580,6 +593,47 @@ TEST(Diagnose, SlowCellsAreNamed) {
   }
   const std::string late = Diagnose(set, Only({"unit_mass"})).sentence;
   EXPECT_THAT(late, testing::ContainsRegex("with the load cells' readings taken (4.|5.) ms earlier"));
+  // Cells that are slower than the log were not filtered.
+  set = Recorded("cell_gain where=tendon:2 scale=0.8", 4);
+  for (gap::Run& run : set.runs) {
+    for (Eigen::Index i = 0; i < run.tension_N.rows(); ++i) {
+      if (i % 10 != 0) run.tension_N.row(i).setConstant(std::nan(""));
+    }
+  }
+  const Diagnosis d = Diagnose(set, Only({"cell_gain", "tendon_stiffness"}));
+  EXPECT_EQ(d.sentence.find("check the measurement"), std::string::npos) << d.sentence;
+  EXPECT_EQ(d.runs.size(), set.runs.size());
+}
+
+// A mistake in all runs that one of them shows most is no reason to do without that one.
+TEST(Diagnose, AMistakeInAllRunsLeavesOutNone) {
+  DataSet set = Recorded("", 4);
+  set.runs = {Record(Rig(), "rest", 4, 21), Record(Rig(), "rest", 4, 22), set.runs[2]};
+  set.runs[1].name = "rest again";
+  for (gap::Run& run : set.runs) run.motor_position_rad.col(1) *= -1;
+  const Diagnosis d = Diagnose(set, Only({"unit_mass", "bending_stiffness"}));
+  EXPECT_EQ(d.runs.size(), 3u) << d.degradations.front();
+  EXPECT_THAT(d.sentence, testing::HasSubstr("with the sign of motor position 2 turned round"));
+  // Nor are all left out where each has its own.
+  set = Recorded("", 4);
+  set.runs.resize(2);
+  set.runs[0].tip_m.col(0) *= -1;
+  set.runs[1].motor_position_rad.col(1) *= -1;
+  EXPECT_EQ(Diagnose(set, Only({"unit_mass", "bending_stiffness"})).runs.size(), 2u);
+}
+
+// What repeated the one that is left out repeats the first of its repetitions.
+TEST(Diagnose, RepetitionsOfARunThatIsLeftOutStayRepetitions) {
+  DataSet set = Recorded("", 4);
+  set.runs.push_back(Record(Rig(), "circle", 4, 23));
+  set.runs.back().name = "circle once more";
+  set.runs.back().repeat_of = "circle";
+  set.runs[0].motor_position_rad.col(1) *= -1;
+  const Diagnosis d = Diagnose(set, Only({"unit_mass", "bending_stiffness"}));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  ASSERT_EQ(d.runs.size(), 4u);
+  EXPECT_EQ(d.runs[2].repeat_of, "");
+  EXPECT_EQ(d.runs[3].repeat_of, "circle again");
 }
 
 // One run that was measured otherwise than the others is no gap of the robot's: it is left out and said.
@@ -637,11 +691,11 @@ TEST(Diagnose, StatesBesideMotionsStay) {
   DataSet set = Recorded("");
   gap::Run& run = set.runs[1];
   std::vector<int> rows;
-  for (int i = 0; i < 7000; i += 100) rows.push_back(i);
+  for (int i = 0; i < 7000; i += 20) rows.push_back(i);
   for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N,
                        &run.tip_m, &run.tip_quaternion})
     *values = (*values)(rows, Eigen::all).eval();
-  run.time_s = Eigen::VectorXd::LinSpaced(70, 0, 69);
+  run.time_s = Eigen::VectorXd::LinSpaced(350, 0, 349);
   EXPECT_EQ(Diagnose(set, Only({"bending_stiffness"})).runs.size(), set.runs.size());
 }
 

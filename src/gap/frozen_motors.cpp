@@ -1,0 +1,120 @@
+// What stands, and whether the residual between tension and stretch believes it.
+#include "frozen_motors.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "health_signal.h"
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kFrozen_s = 0.3;
+constexpr double kHeld = 0.15;  // of the largest tension: more than a motor's friction holds
+constexpr double kLarge = 8;    // times what stretch leaves of tension elsewhere
+
+struct Squares {
+  double sum = 0, count = 0;
+  void Add(double square) { sum += square, count += 1; }
+  double rms() const { return count > 0 ? std::sqrt(sum / count) : 0; }
+};
+
+/// Stretches of one motor at one value.
+void AddStanding(const DataSet& set, std::size_t at, Eigen::Index tendon,
+                 std::vector<FrozenMotor>& standing) {
+  const Run& run = set.runs[at];
+  const auto x = run.motor_position_rad.col(tendon);
+  const double next_s = kBridged_s + UsualStep(run);  // longer, and it may have gone and come back
+  FrozenMotor now{at, tendon, 0, 0};
+  const auto end = [&] {
+    if (now.to == 0 || run.time_s[now.to - 1] - run.time_s[now.from] < kFrozen_s) return;
+    const auto tension_N = run.tension_N.col(tendon).segment(now.from, now.to - now.from);
+    now.tension_N = UsualWidth({tension_N.begin(), tension_N.end()});
+    standing.push_back(now);
+  };
+  for (Eigen::Index row = 0; row < x.size(); ++row) {
+    if (!std::isfinite(x[row])) continue;
+    const bool goes_on =
+        now.to > 0 && x[row] == x[now.from] && run.time_s[row] - run.time_s[now.to - 1] < next_s;
+    if (!goes_on) {
+      end();
+      now.from = row;
+    }
+    now.to = row + 1;
+  }
+  end();
+}
+
+}  // namespace
+
+std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& evaluator) {
+  if (!evaluator.has(kC3)) return {};
+  std::vector<FrozenMotor> standing;
+  for (std::size_t i = 0; i < set.runs.size(); ++i) {
+    const Run& run = set.runs[i];
+    for (Eigen::Index j = 0; j < std::min(run.motor_position_rad.cols(), run.tension_N.cols()); ++j)
+      AddStanding(set, i, j, standing);
+  }
+  const auto loaded = [&](const FrozenMotor& f) {
+    return f.tension_N >= kHeld * set.robot.limits.max_tension_motor_N;
+  };
+  if (std::none_of(standing.begin(), standing.end(), loaded)) return {};
+  if (std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); })) {
+    std::erase_if(standing, [&](const FrozenMotor& f) {
+      return !loaded(f) || f.to - f.from < set.runs[f.run].motor_position_rad.rows();
+    });
+    return standing;
+  }
+
+  // What stretch leaves of a tendon's tension in each, and where its motor does not stand so.
+  std::vector<Squares> still(standing.size());
+  std::map<Eigen::Index, Squares> moving;
+  std::map<Eigen::Index, double> floor;
+  Squares usual;
+  for (std::size_t c = 0; c < evaluator.channels().size(); ++c) {
+    const Channel& channel = evaluator.channels()[c];
+    if (channel.cut != sim::Cut::kTendon) continue;
+    floor[channel.index] = channel.white;
+    for (std::size_t i = 0; i < set.runs.size(); ++i) {
+      const Eigen::VectorXd& time_s = set.runs[i].time_s;
+      const PreparedRun& run = evaluator.runs()[i];
+      const double window_s = evaluator.window_s(static_cast<int>(i), static_cast<int>(c));
+      const auto& variance = evaluator.Variance()[i][c];
+      for (Eigen::Index w = 0; w < variance.size(); ++w) {
+        if (!std::isfinite(variance[w])) continue;
+        // Of states at rest a window is a row.
+        const double at_s = run.signals.at_rest ? run.start_s + run.signals.time_s[w]
+                                                : run.start_s + (static_cast<double>(w) + 0.5) * window_s;
+        const double about_s = run.signals.at_rest ? 1e-9 : window_s;
+        const auto in = std::find_if(standing.begin(), standing.end(), [&](const FrozenMotor& f) {
+          return f.run == i && f.tendon == channel.index && at_s > time_s[f.from] - about_s &&
+                 at_s < time_s[f.to - 1] + about_s;
+        });
+        const double square = std::pow(evaluator.AtNominal()[i][c][w], 2);
+        if (in != standing.end()) {
+          still[static_cast<std::size_t>(in - standing.begin())].Add(square);
+        } else {
+          moving[channel.index].Add(square);
+          usual.Add(square);
+        }
+      }
+    }
+  }
+  const auto wrong = [&](std::size_t k) {
+    const Eigen::Index tendon = standing[k].tendon;
+    return still[k].rms() > kLarge * std::max({usual.rms(), moving[tendon].rms(), floor[tendon]});
+  };
+  std::set<Eigen::Index> known;  // tendons of which one is frozen for certain
+  for (std::size_t k = 0; k < standing.size(); ++k) {
+    if (loaded(standing[k]) && wrong(k)) known.insert(standing[k].tendon);
+  }
+  std::vector<FrozenMotor> frozen;
+  for (std::size_t k = 0; k < standing.size(); ++k) {
+    if (known.contains(standing[k].tendon) && wrong(k)) frozen.push_back(standing[k]);
+  }
+  return frozen;
+}
+
+}  // namespace tendril::gap

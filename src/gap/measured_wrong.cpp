@@ -1,0 +1,262 @@
+// Each mistake is undone on a few runs, to see what the nominal robot leaves of them then.
+#include "measured_wrong.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "median.h"
+#include "mistakes.h"
+#include "parallel.h"
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kLarge = 8;      // floors, or times what other runs leave: effects are rarely larger
+constexpr double kTakenAway = 4;  // times smaller is a gap whose reason was this mistake
+constexpr double kLess = 0.5;     // of what could be compared before: a sensor was lost with the mistake
+constexpr std::size_t kRuns = 3;  // that each is tried on
+constexpr double kTried_s = 12;   // of each
+
+using Kind = std::pair<sim::Cut, Channel::Quantity>;
+
+struct Squares {
+  double sum = 0, count = 0;
+  double rms() const { return count > 0 ? std::sqrt(sum / count) : 0; }
+};
+
+/// What the nominal robot leaves of runs, by kinds of channels that they have.
+using Left = std::map<Kind, Squares>;
+
+void AddLeft(const Evaluator& evaluator, std::size_t run, Left& left) {
+  for (std::size_t c = 0; c < evaluator.channels().size(); ++c) {
+    const auto& variance = evaluator.Variance()[run][c];
+    for (Eigen::Index w = 0; w < variance.size(); ++w) {
+      if (!std::isfinite(variance[w])) continue;
+      Squares& squares = left[{evaluator.channels()[c].cut, evaluator.channels()[c].quantity}];
+      squares.sum += std::pow(evaluator.AtNominal()[run][c][w], 2);
+      squares.count += 1;
+    }
+  }
+}
+
+/// Runs by themselves.
+DataSet Apart(const DataSet& set, const std::vector<const Run*>& runs) {
+  DataSet apart;
+  apart.name = set.name;
+  apart.robot = set.robot;
+  apart.fit_frame = set.fit_frame;
+  for (const Run* from : runs) {
+    apart.runs.push_back(*from);
+    Run& run = apart.runs.back();
+    run.repeat_of.clear();
+    if (UsualStep(run) > kQuasiStatic_s) continue;
+    Eigen::Index rows = run.time_s.size();
+    while (rows > 1 && run.time_s[rows - 1] - run.time_s[0] > kTried_s) --rows;
+    run.time_s.conservativeResize(rows);
+    for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
+                         &run.tension_N, &run.tip_m, &run.tip_quaternion, &run.bending_rad}) {
+      if (values->rows() > rows) values->conservativeResize(rows, Eigen::NoChange);
+    }
+  }
+  return apart;
+}
+
+/// What is left with a mistake undone; nothing where the runs cannot be simulated then.
+std::optional<Left> LeftWith(DataSet apart, const Undo& undo, const Evaluator& whole) {
+  for (Run& run : apart.runs) {
+    if (undo) undo(run);
+  }
+  try {
+    const Evaluator evaluator(apart, {.threads = 1, .readings = 0});
+    Left left;
+    for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddLeft(evaluator, i, left);
+    // Without cells torque is compared with another thing.
+    if (whole.has(kC3) && !evaluator.has(kC3))
+      left.erase({sim::Cut::kDrivetrain, Channel::Quantity::kTension});
+    return left;
+  } catch (const std::exception&) {
+    return std::nullopt;
+  }
+}
+
+/// True where as much can be compared as before.
+bool AsMuch(const std::optional<Left>& left, const Left& before) {
+  return left && std::all_of(before.begin(), before.end(), [&](const auto& of_kind) {
+           const auto found = left->find(of_kind.first);
+           return found != left->end() && found->second.count >= kLess * of_kind.second.count;
+         });
+}
+
+/// Mean over the kinds of channels, in floors.
+double Misfit(const Left& left, const std::map<Kind, double>& floors) {
+  double total = 0;
+  int kinds = 0;
+  for (const auto& [kind, squares] : left) {
+    const auto floor = floors.find(kind);
+    if (floor == floors.end() || !(floor->second > 0)) continue;
+    // What noise leaves anyway is not to be told from nothing.
+    total += std::hypot(1.0, squares.rms() / floor->second);
+    ++kinds;
+  }
+  return kinds > 0 ? total / kinds : 0;
+}
+
+/// The largest of them, over what is usual.
+double Worst(const Left& left, const std::map<Kind, double>& usual) {
+  double worst = 0;
+  for (const auto& [kind, squares] : left) {
+    const auto found = usual.find(kind);
+    if (found != usual.end() && found->second > 0) worst = std::max(worst, squares.rms() / found->second);
+  }
+  return worst;
+}
+
+/// The mistake that, once undone, leaves least, and how much that is.
+struct Found {
+  const Mistake* mistake = nullptr;
+  double left = std::numeric_limits<double>::infinity();
+};
+Found LeavesLeast(const std::vector<Mistake>& mistakes, const std::function<double(const Undo&)>& left,
+                  int threads) {
+  constexpr std::size_t kRefined = 3;
+  const auto try_all = [&](const std::vector<const Mistake*>& some) {
+    std::vector<Found> tried(some.size());
+    ParallelFor(static_cast<int>(some.size()), threads, [&](int m) {
+      const Mistake* mistake = some[static_cast<std::size_t>(m)];
+      tried[static_cast<std::size_t>(m)] = {mistake, left(mistake->undo)};
+    });
+    std::stable_sort(tried.begin(), tried.end(),
+                     [](const Found& a, const Found& b) { return a.left < b.left; });
+    return tried;
+  };
+  std::vector<const Mistake*> some;
+  for (const Mistake& mistake : mistakes) some.push_back(&mistake);
+  const std::vector<Found> coarse = try_all(some);
+  some.clear();
+  for (std::size_t k = 0; k < std::min(kRefined, coarse.size()); ++k) {
+    for (const Mistake& finer : coarse[k].mistake->finer) some.push_back(&finer);
+  }
+  const std::vector<Found> fine = try_all(some);
+  Found best;
+  for (const auto* tried : {&coarse, &fine}) {
+    if (!tried->empty() && tried->front().left < best.left) best = tried->front();
+  }
+  return best;
+}
+
+bool Compared(const DataSet& set) {
+  return std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); });
+}
+
+Measured MeasuredOf(const Evaluator& evaluator) { return {evaluator.has(kC3), evaluator.has_tracker()}; }
+
+/// Some runs of different kinds but one: those with all sensors first, then the shortest.
+std::vector<const Run*> SomeRuns(const DataSet& set, const Run* but) {
+  const auto lacks = [](const Run* run) {
+    return !run->tension_N.array().isFinite().any() + !run->tip_m.array().isFinite().any();
+  };
+  std::vector<const Run*> runs;
+  for (const Run& run : set.runs) {
+    if (&run != but) runs.push_back(&run);
+  }
+  std::stable_sort(runs.begin(), runs.end(), [&](const Run* a, const Run* b) {
+    return std::pair(lacks(a), a->time_s.size()) < std::pair(lacks(b), b->time_s.size());
+  });
+  std::set<std::string> families;
+  std::stable_partition(runs.begin(), runs.end(),
+                        [&](const Run* run) { return families.insert(run->family).second; });
+  runs.resize(std::min(kRuns, runs.size()));
+  return runs;
+}
+
+/// A load cell that was set to zero otherwise than before the other runs: by what it shows more than torque,
+/// or without it stretch, says.
+void AddMovedZeros(const Evaluator& evaluator, std::size_t run, std::vector<Mistake>& all) {
+  std::map<int, double> zero_N;  // by tendon
+  for (const sim::Cut by : {sim::Cut::kDrivetrain, sim::Cut::kTendon}) {
+    for (std::size_t c = 0; c < evaluator.channels().size() && evaluator.has(kC3); ++c) {
+      const Channel& channel = evaluator.channels()[c];
+      if (channel.cut != by || zero_N.contains(channel.index)) continue;
+      double sum_N = 0, count = 0;
+      const auto& variance = evaluator.Variance()[run][c];
+      for (Eigen::Index w = 0; w < variance.size(); ++w) {
+        if (std::isfinite(variance[w])) sum_N += evaluator.AtNominal()[run][c][w], count += 1;
+      }
+      if (count > 0) zero_N[channel.index] = sum_N / count;
+    }
+  }
+  for (const auto& [tendon, by_N] : zero_N) all.push_back(MovedZero(tendon, by_N));
+}
+
+}  // namespace
+
+std::string FindMistake(const DataSet& set, const Evaluator& evaluator, int threads) {
+  if (Compared(set)) return "";
+  std::map<Kind, std::vector<double>> of_kind;
+  for (const Channel& channel : evaluator.channels())
+    of_kind[{channel.cut, channel.quantity}].push_back(channel.floor);
+  std::map<Kind, double> floors;
+  for (auto& [kind, all] : of_kind) floors[kind] = Median(std::move(all));
+  Left all;
+  for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddLeft(evaluator, i, all);
+  if (Misfit(all, floors) < kLarge) return "";
+
+  const DataSet some = Apart(set, SomeRuns(set, nullptr));
+  const std::optional<Left> as_they_are = LeftWith(some, {}, evaluator);
+  if (!as_they_are) return "";
+  const auto misfit = [&](const Undo& undo) {
+    const std::optional<Left> left = LeftWith(some, undo, evaluator);
+    return AsMuch(left, *as_they_are) ? Misfit(*left, floors) : std::numeric_limits<double>::infinity();
+  };
+  const std::vector<Mistake> mistakes = AllMistakes(set, MeasuredOf(evaluator));
+  const Found found = LeavesLeast(mistakes, misfit, threads);
+  return kTakenAway * found.left < Misfit(*as_they_are, floors) ? found.mistake->with : "";
+}
+
+std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
+                                std::set<std::string>& cleared, int threads) {
+  if (Compared(set) || set.runs.size() < 2) return {};
+  std::vector<Left> left(set.runs.size());
+  std::map<Kind, std::vector<double>> of_kind;
+  for (std::size_t i = 0; i < set.runs.size(); ++i) {
+    AddLeft(evaluator, i, left[i]);
+    for (const auto& [kind, squares] : left[i]) of_kind[kind].push_back(squares.rms());
+  }
+  std::map<Kind, double> usual;  // of two runs the better one's
+  for (auto& [kind, all] : of_kind) {
+    const auto middle = all.begin() + static_cast<std::ptrdiff_t>((all.size() - 1) / 2);
+    std::nth_element(all.begin(), middle, all.end());
+    if (all.size() > 1) usual[kind] = *middle;
+  }
+  const std::vector<Mistake> of_reading = MistakesOfReading(set, MeasuredOf(evaluator));
+  std::vector<OddRun> odd;
+  for (std::size_t i = 0; i < set.runs.size(); ++i) {
+    const Run& run = set.runs[i];
+    if (Worst(left[i], usual) < kLarge || !cleared.insert(run.name).second) continue;
+    const DataSet alone = Apart(set, {&run});
+    const std::optional<Left> as_it_is = LeftWith(alone, {}, evaluator);
+    if (!as_it_is || Worst(*as_it_is, usual) < kLarge) continue;
+    const auto worst = [&](const Undo& undo) {
+      const std::optional<Left> its = LeftWith(alone, undo, evaluator);
+      return AsMuch(its, *as_it_is) ? Worst(*its, usual) : std::numeric_limits<double>::infinity();
+    };
+    std::vector<Mistake> mistakes = of_reading;
+    AddMovedZeros(evaluator, i, mistakes);
+    const Found found = LeavesLeast(mistakes, worst, threads);
+    if (found.left > kLarge / 2 || kTakenAway * found.left > Worst(*as_it_is, usual)) continue;
+    // The others are right as they are: else it is a mistake in all runs that shows in this one most.
+    const DataSet others = Apart(set, SomeRuns(set, &run));
+    const std::optional<Left> before = LeftWith(others, {}, evaluator);
+    const std::optional<Left> after = LeftWith(others, found.mistake->undo, evaluator);
+    const bool worse = before && (!AsMuch(after, *before) || Worst(*after, usual) > kLarge / 2);
+    if (worse) odd.push_back({i, found.mistake->with});
+  }
+  if (2 * odd.size() > set.runs.size()) return {};
+  return odd;
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,31 @@
+// Which mistake in measuring explains a gap: of all runs, or of one run beside the others. Knows of effects
+// only that they are smaller.
+#pragma once
+
+#include <cstddef>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "evaluator.h"
+#include "tendril/gap/data_set.h"
+
+namespace tendril::gap {
+
+/// What was most probably measured or declared wrong in all runs, as words that follow "with"; empty when
+/// undoing none of the mistakes takes away most of a gap, or the gap is no larger than effects are.
+/// `evaluator` is of `set`.
+std::string FindMistake(const DataSet& set, const Evaluator& evaluator, int threads);
+
+/// One run that was measured otherwise than the others.
+struct OddRun {
+  std::size_t run = 0;  // of the set
+  std::string with;     // words that follow "with", as above
+};
+/// Runs that the model misses by far more than it does the others, and by far less once a mistake is undone
+/// that the others were not made with. `cleared` has the names of those that need not be looked at again.
+/// Never more than half of the runs.
+std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
+                                std::set<std::string>& cleared, int threads);
+
+}  // namespace tendril::gap
