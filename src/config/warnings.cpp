@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <numbers>
 
 #include "tendril/config/config.h"
@@ -35,7 +36,8 @@ struct Bound {
 
 struct Scale {
   Bound way_m, unexplained_m, shown_N, torque_N;
-  Bound held_N{.value = 0};  // by friction and pretension, the most: what pulls by less moves nothing
+  Bound torque_noise_N{.value = 0};  // of the reported torque, the most that is usual
+  Bound held_N{.value = 0};          // by friction and pretension, the most: what pulls by less moves nothing
 };
 
 // Of the tendon on which each counts most.
@@ -56,6 +58,9 @@ Scale ScaleOf(const RobotParameters& robot) {
       const double most_N = std::min(t.drive.current_limit_A * t.motor.torque_constant_NmpA / travel_m,
                                      robot.limits.max_tension_motor_N / t.gear.efficiency + friction_N);
       scale.torque_N.Take(most_N + friction_N, at);
+      const double per_mille_N = 1e-3 * t.drive.rated_torque_Nm / travel_m;
+      const double noise_N = per_mille_N * (1 + 3 * t.drive.actual_torque_noise_permille);
+      if (noise_N > scale.torque_noise_N.value) scale.torque_noise_N = {noise_N, at};
       const double held_N = friction_N + robot.limits.min_tension_N / t.gear.efficiency;
       if (held_N > scale.held_N.value) scale.held_N = {held_N, at};
       const bool cell = t.load_cell.place != LoadCellPlace::kNone;
@@ -202,6 +207,66 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
                                std::min(TakeUpParameters{}.pull_N, limits.max_tension_motor_N),
                                limits.max_tension_motor_N),
                     scale.held_N.value));
+  }
+  if (take_up.max_speed_mps > g.max_displacement_rate_mps) {
+    say("controller.take_up.max_speed_mps", take_up.max_speed_mps, "m/s trips a guard of",
+        fmt::format("homing would wind faster than controller.guards.max_displacement_rate_mps ({:g})",
+                    g.max_displacement_rate_mps),
+        fmt::format("set {:g} (up to {:g})",
+                    std::min(TakeUpParameters{}.max_speed_mps, 0.5 * g.max_displacement_rate_mps),
+                    g.max_displacement_rate_mps));
+  }
+  if (g.max_torque_error_N < scale.torque_noise_N.value) {
+    say(guards + "max_torque_error_N", g.max_torque_error_N, "N trips on noise on",
+        fmt::format(
+            "the reported torque of {} scatters by up to {:.3g} N (steps of one per mille, and its noise)",
+            of(scale.torque_noise_N), scale.torque_noise_N.value),
+        fmt::format("set {:g} (above {:.3g})",
+                    std::max(usual.max_torque_error_N, 2 * scale.torque_noise_N.value),
+                    scale.torque_noise_N.value));
+  }
+  const auto say_robot = [&](const std::string& key, double value, const std::string& why,
+                             const std::string& remedy) {
+    lines.emplace_back(
+        ErrorAt(daemon.robot_file, key, fmt::format("{:g}: {}; {}", value, why, remedy)).what());
+  };
+  if (limits.max_tension_motor_N < limits.max_tension_base_N) {
+    say_robot(
+        "limits.max_tension_motor_N", limits.max_tension_motor_N,
+        fmt::format("friction takes some of it on the way to the base, so that limits.max_tension_base_N "
+                    "({:g}) is never reached",
+                    limits.max_tension_base_N),
+        fmt::format("set {:g} or more, or a lower limit of the base", limits.max_tension_base_N));
+  }
+  for (const TendonDriveParameters& t : robot.actuation->tendons) {
+    constexpr double kMostOfRated = 5;
+    const double step_N = t.load_cell.resolution_V / t.load_cell.gain_VpN;
+    if (t.load_cell.place != LoadCellPlace::kNone && step_N > limits.min_tension_N) {
+      say_robot("actuation.load_cell.resolution_V", t.load_cell.resolution_V,
+                fmt::format("one step of the cell is {:.3g} N, more than limits.min_tension_N ({:g})", step_N,
+                            limits.min_tension_N),
+                "give the analog input's step, or another gain_VpN");
+      break;
+    }
+    if (const double most_Nm = t.motor.torque_constant_NmpA * t.drive.current_limit_A;
+        most_Nm > kMostOfRated * t.drive.rated_torque_Nm) {
+      say_robot(
+          "actuation.drive.current_limit_A", t.drive.current_limit_A,
+          fmt::format("that is {:.3g} times the motor's rated torque", most_Nm / t.drive.rated_torque_Nm),
+          fmt::format("set {:.2g} or less, or correct rated_torque_Nm",
+                      kMostOfRated * t.drive.rated_torque_Nm / t.motor.torque_constant_NmpA));
+      break;
+    }
+  }
+  if (const std::size_t at = daemon.lcm.url.find("ttl="); at != std::string::npos) {
+    if (const int ttl = std::atoi(daemon.lcm.url.c_str() + at + 4); ttl > 1) {
+      lines.emplace_back(
+          ErrorAt(daemon_path, "lcm.url",
+                  fmt::format("ttl={}: commands to {} cross routers; set ttl=0 (this computer) or "
+                              "ttl=1 (its network)",
+                              ttl, robot.name))
+              .what());
+    }
   }
   const auto& tendons = robot.actuation->tendons;
   const auto behind = std::find_if(tendons.begin(), tendons.end(), [](const TendonDriveParameters& t) {

@@ -126,6 +126,7 @@ CommandGate::CommandGate(const RobotParameters& robot, double default_speed_radp
 
 Status CommandGate::CheckValues(const Command& c, Mode mode) const noexcept {
   if (!std::isfinite(c.speed_radps)) return Status::kCommandNotFinite;
+  if (c.valid_for_ns <= 0 || c.valid_for_ns > kLongestValid_ns) return Status::kCommandOutOfRange;
   if (c.speed_radps < 0 || c.speed_radps > kMostSpeed_radps) return Status::kCommandOutOfRange;
   switch (c.kind) {
     case CommandKind::kTip:
@@ -198,7 +199,7 @@ Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns, double awa
   if (!overtaken) last.number = NumberOf(c);
   last.at_ns = now_ns;
   if (const Status s = CheckValues(c, mode); s != Status::kOk) return s;
-  if (c.valid_for_ns <= 0 || now_ns - c.received_ns > c.valid_for_ns) return Status::kCommandStale;
+  if (now_ns - c.received_ns > c.valid_for_ns) return Status::kCommandStale;
   if (GoesOnByItself(c, mode) && c.valid_for_ns > kUnwatched_ns) return Status::kCommandOutOfRange;
   if (!ModeAllowed(AdmissionIn(mode), c)) return Status::kCommandWrongMode;
   if (c.kind == CommandKind::kMode) {

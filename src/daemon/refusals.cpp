@@ -75,6 +75,10 @@ std::string OutOfRangeText(const Command& c, const RobotParameters& robot) {
     return fmt::format("the speed is {:g} rad/s; accepted: 0 (the daemon's own) to {:g}; correct it",
                        c.speed_radps, kMostSpeed_radps);
   }
+  if (c.valid_for_ns <= 0 || c.valid_for_ns > control::kLongestValid_ns) {
+    return fmt::format("valid_for_s is {:g} or no number; accepted: above 0, up to {:g}; correct it",
+                       ToSeconds(c.valid_for_ns), ToSeconds(control::kLongestValid_ns));
+  }
   if (c.kind == CommandKind::kBending) {
     for (Eigen::Index k = 0; k + 1 < c.bending_rad.size(); k += 2) {
       if (const double bend = c.bending_rad.segment<2>(k).norm(); bend > limits.max_bending_rad) {

@@ -2,6 +2,7 @@
 #include "tendril/io/log.h"
 
 #include <lcm/eventlog.h>
+#include <sys/stat.h>
 
 #include <array>
 #include <cerrno>
@@ -57,7 +58,15 @@ struct LogWriter::State {
     if (event.timestamp - flushed_us >= kFlushEvery_us) {
       flushed_us = event.timestamp;
       if (std::fflush(log->f) != 0) Failed();
+      if (error.empty() && !IsThere()) error = "log " + path + " was deleted or moved while it was written";
     }
+  }
+
+  bool IsThere() const {
+    struct stat named {
+    }, written{};
+    return stat(path.c_str(), &named) == 0 && fstat(fileno(log->f), &written) == 0 &&
+           named.st_dev == written.st_dev && named.st_ino == written.st_ino;
   }
 
   void Failed() {

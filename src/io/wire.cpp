@@ -51,7 +51,7 @@ void Number(To& to, From from) {
   to = static_cast<To>(from);
 }
 
-// A validity that no integer can hold becomes one that the gate refuses (not a number) or that never ends.
+// A validity that no integer can hold becomes one that the gate refuses.
 TimeNs ToNs(double seconds) {
   if (std::isnan(seconds)) return 0;
   constexpr double kLongS = 1e9;

@@ -116,6 +116,11 @@ const Idle kOthers[] = {
      "pretension_ramp_Nps: 81.0", " N/s is a jerk on rig_60mm: "},
     {"controller.take_up.pull_N", "pull_N: 2.0", "pull_N: 0.9", "pull_N: 0.8",
      " N winds nothing in on rig_60mm: friction of its motor and pretension take 0.8"},
+    {"controller.take_up.max_speed_mps", "max_speed_mps: 0.005", "max_speed_mps: 0.2", "max_speed_mps: 0.21",
+     " m/s trips a guard of rig_60mm: homing would wind faster than"},
+    {"controller.guards.max_torque_error_N", "max_torque_error_N: 1.0", "max_torque_error_N: 0.1",
+     "max_torque_error_N: 0.01",
+     " N trips on noise on rig_60mm: the reported torque of tendon 1 scatters by"},
     {"lcm.state_every_cycles", "state_every_cycles: 1 ", "state_every_cycles: 1000 ",
      "state_every_cycles: 1001 ", " hides rig_60mm: a state comes every 1 s"},
 };
@@ -155,6 +160,33 @@ TEST(Warnings, AnAddressThatNobodyElseHears) {
   EXPECT_THAT(
       Warnings(daemon, robot, ConfigPath("tendrild.yaml")),
       ElementsAre(AllOf(HasSubstr("lcm.url: 'memq://' reaches nobody outside"), HasSubstr("; set udpm://"))));
+}
+
+TEST(Warnings, CommandsThatCrossRouters) {
+  DaemonParameters daemon = LoadDaemon(ConfigPath("tendrild.yaml"));
+  const RobotParameters robot = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
+  daemon.lcm.url = "udpm://239.255.76.67:7667?ttl=1";
+  EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild.yaml")), IsEmpty());
+  daemon.lcm.url = "udpm://239.255.76.67:7667?ttl=99";
+  EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild.yaml")),
+              ElementsAre(AllOf(HasSubstr("lcm.url: ttl=99: commands"), HasSubstr("; set ttl=0"))));
+}
+
+TEST(Warnings, RobotsThatNobodyMeans) {
+  const DaemonParameters daemon = LoadDaemon(ConfigPath("tendrild.yaml"));
+  const RobotParameters usual = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
+  const auto told = [&](auto&& change) {
+    RobotParameters robot = usual;
+    change(robot);
+    return Warnings(daemon, robot, ConfigPath("tendrild.yaml"));
+  };
+  EXPECT_THAT(
+      told([](RobotParameters& r) { r.limits.max_tension_motor_N = 7; }),
+      ElementsAre(AllOf(HasSubstr("rig_60mm.yaml"), HasSubstr("limits.max_tension_motor_N: 7: friction"))));
+  EXPECT_THAT(told([](RobotParameters& r) { r.actuation->tendons[1].load_cell.resolution_V = 1; }),
+              ElementsAre(AllOf(HasSubstr("resolution_V: 1: one step"), HasSubstr("limits.min_tension_N"))));
+  EXPECT_THAT(told([](RobotParameters& r) { r.actuation->tendons[2].drive.current_limit_A = 100; }),
+              ElementsAre(AllOf(HasSubstr("current_limit_A: 100: that is"), HasSubstr("rated torque; set"))));
 }
 
 // A load cell so coarse that its input ends below the limit.

@@ -21,6 +21,7 @@
 #include <thread>
 
 #include "emulated_drives.h"
+#include "tendril/control/gate.h"
 #include "tendril/daemon/commissioning.h"
 #include "tendril/daemon/messages.h"
 #include "tendril/io/client.h"
@@ -673,9 +674,13 @@ TEST_F(DaemonTest, RefusedCommandsLeaveAWarningEachCauseWithItsCount) {
   client->Send(bend, 0);
   EXPECT_TRUE(Warns("sequence number not newer"));
   bend.sequence = ++sequence;
-  bend.valid_for_ns = 0;
-  client->Send(bend, 0);
-  EXPECT_TRUE(Warns("older than its validity"));
+  for (const TimeNs no_validity : {TimeNs{0}, -kNsPerS, 2 * control::kLongestValid_ns}) {
+    bend.sequence = ++sequence;
+    bend.valid_for_ns = no_validity;
+    client->Send(bend, 0);
+    EXPECT_TRUE(Warns(fmt::format("valid_for_s is {:g} or no number; accepted: above 0, up to 3600",
+                                  ToSeconds(no_validity))));
+  }
 }
 
 // A program in the middle of its motion, and another that sends targets as well.

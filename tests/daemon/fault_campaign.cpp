@@ -1,10 +1,9 @@
 // fault_campaign: random faults at random moments of random motions, in simulated time, each scenario given
 // by its seed alone. The rules of safety_rig.h hold in every cycle, faults are noticed in time where they
 // must be, and nothing comes back by itself. Prints outcomes by kind; exit status 1 when a rule was broken.
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
-#include <cstdlib>
-#include <cstring>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -12,6 +11,7 @@
 #include <thread>
 
 #include "safety_rig.h"
+#include "tendril/core/version.h"
 
 namespace tendril::daemon {
 namespace {
@@ -582,13 +582,13 @@ void PrintRow(const char* name, const Row& r) {
   std::string statuses;
   for (const auto& [status, count] : r.by_status)
     statuses += std::to_string(status) + "x" + std::to_string(count) + " ";
-  std::printf("%-22s%7d%7d%7d%7d%9d%9.2f%9.2f%10d%7d  %s\n", name, r.scenarios, r.tolerated, r.held,
+  std::printf("%-22s%7d%8d%7d%7d%9d%9.2f%9.2f%10d%7d  %s\n", name, r.scenarios, r.tolerated, r.held,
               r.faulted, r.slowest, r.max_tension_N, r.max_base_N, r.recovered, r.violations,
               statuses.c_str());
 }
 
 void PrintTable(const std::vector<Row>& rows, const Row& all) {
-  std::printf("%-22s%7s%7s%7s%7s%9s%9s%9s%10s%7s  %s\n", "fault", "runs", "went on", "held", "faults",
+  std::printf("%-22s%7s%8s%7s%7s%9s%9s%9s%10s%7s  %s\n", "fault", "runs", "went on", "held", "faults",
               "slowest", "motor N", "base N", "recovered", "broken", "faults by number");
   for (std::size_t k = 0; k < rows.size(); ++k) {
     if (rows[k].scenarios > 0) PrintRow(kKindText[k], rows[k]);
@@ -597,47 +597,40 @@ void PrintTable(const std::vector<Row>& rows, const Row& all) {
   std::fflush(stdout);
 }
 
-int Usage() {
-  std::fprintf(
-      stderr,
-      "fault_campaign [--scenarios N] [--first SEED] [--jobs N] [--every N] [--seed SEED] [--config FOLDER]\n"
-      "  --jobs N plays so many at a time (default: a CPU each); the outcome does not depend on it\n"
-      "  --every N prints the table so far after every N scenarios (default 100)\n"
-      "  --seed S runs scenario S alone and tells what happened; exit status 1 when a rule was broken\n");
-  return 2;
-}
-
 struct Orders {
   std::uint64_t first = 1;
-  int scenarios = 1000, jobs = static_cast<int>(std::thread::hardware_concurrency()), every = 100;
+  int scenarios = 1000, jobs = std::max(1, static_cast<int>(std::thread::hardware_concurrency())),
+      every = 100;
   bool one = false;
   std::string config = std::string(TENDRIL_SOURCE_DIR) + "/config";
 };
 
-bool Read(int argc, char** argv, Orders& o) {
-  for (int i = 1; i < argc; i += 2) {
-    if (i + 1 >= argc) return false;
-    const char* value = argv[i + 1];
-    if (std::strcmp(argv[i], "--scenarios") == 0) {
-      o.scenarios = std::atoi(value);
-    } else if (std::strcmp(argv[i], "--first") == 0) {
-      o.first = std::strtoull(value, nullptr, 10);
-    } else if (std::strcmp(argv[i], "--jobs") == 0) {
-      o.jobs = std::atoi(value);
-    } else if (std::strcmp(argv[i], "--every") == 0) {
-      o.every = std::atoi(value);
-    } else if (std::strcmp(argv[i], "--seed") == 0) {
-      o.first = std::strtoull(value, nullptr, 10);
-      o.scenarios = 1;
-      o.one = true;
-    } else if (std::strcmp(argv[i], "--config") == 0) {
-      o.config = value;
-    } else {
-      return false;
-    }
-  }
-  o.jobs = std::clamp(o.jobs, 1, std::max(1, o.scenarios));
-  return o.scenarios >= 1 && o.every >= 1;
+void AddOptions(CLI::App& app, Orders& o) {
+  const auto count = [](int most) { return CLI::Range(1, most); };
+  app.add_option("--scenarios", o.scenarios, "how many are played")
+      ->check(count(100'000'000))
+      ->capture_default_str();
+  CLI::Option* first =
+      app.add_option("--first", o.first, "seed of the first; the next have the next")->capture_default_str();
+  app.add_option("--jobs", o.jobs,
+                 "how many at a time; the outcome does not depend on it (default: a CPU each)")
+      ->check(count(1000));
+  app.add_option("--every", o.every, "prints the table so far after so many")
+      ->check(count(100'000'000))
+      ->capture_default_str();
+  app.add_option_function<std::uint64_t>(
+         "--seed",
+         [&o](std::uint64_t seed) {
+           o.first = seed;
+           o.scenarios = 1;
+           o.one = true;
+         },
+         "plays this one alone and tells what happened")
+      ->excludes(first);
+  app.add_option("--config", o.config, "folder of the configuration")
+      ->check(CLI::ExistingDirectory)
+      ->capture_default_str();
+  app.set_version_flag("--version", "fault_campaign " + std::string(Version()));
 }
 
 Result PlayOne(const Scenario& s, const Orders& o) {
@@ -652,7 +645,22 @@ Result PlayOne(const Scenario& s, const Orders& o) {
 
 int Main(int argc, char** argv) {
   Orders o;
-  if (!Read(argc, argv, o)) return Usage();
+  CLI::App app(
+      "Random faults at random moments of random motions, in simulated time; exit status 1 when a rule of "
+      "safety was "
+      "broken, 2 for wrong use");
+  AddOptions(app, o);
+  try {
+    app.parse(argc, argv);
+    // What is wrong with the files is no rule that a scenario breaks.
+    Play(Make(o.first), o.config, false);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "fault_campaign: %s\n", e.what());
+    return 2;
+  }
+  o.jobs = std::min(o.jobs, o.scenarios);
   if (o.one) std::printf("%s\n", Text(Make(o.first)).c_str());
 
   std::mutex mutex;  // of all that follows, up to the threads
@@ -691,7 +699,7 @@ int Main(int argc, char** argv) {
   for (std::thread& t : threads) t.join();
 
   PrintTable(rows, all);
-  if (all.violations > 0) std::printf("again: fault_campaign --seed SEED\n");
+  if (all.violations > 0) std::printf("again: fault_campaign --config %s --seed SEED\n", o.config.c_str());
   return all.violations > 0 ? 1 : 0;
 }
 

@@ -38,6 +38,11 @@ sed 's/^commissioning: .*/commissioning: not_required/' "$work/tendrild.yaml" >"
 refused "say commissioning: required there" "$bin/tendril" commission --config "$work/not_required.yaml" --lcm "$lcm"
 
 start_plant "$work/arm.yaml"
+sed -i 's/cycle_every_cycles: 1 /cycle_every_cycles: 20 /' "$work/tendrild.yaml"
+start_daemon
+refused "publishes one of 20 cycles; .*set lcm.cycle_every_cycles to 1" commission
+stop $daemon daemon
+sed -i 's/cycle_every_cycles: 20 /cycle_every_cycles: 1 /' "$work/tendrild.yaml"
 start_daemon
 refused "tendril commission" "$bin/tendril" send --lcm "$lcm" arm
 refused "tendril commission" "$bin/tendril" home --lcm "$lcm"

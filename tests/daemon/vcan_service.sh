@@ -30,7 +30,7 @@ daemon=$!
 "$bin/tendril" send --lcm "$lcm" arm >"$work/said.txt" 2>&1 || give_up "arm does not wait for daemon and drives"
 grep -qF "waiting for a daemon on $lcm (TENDRIL_STATE)" "$work/said.txt" ||
   give_up "what arm waits for is not told"
-until_true 20 mode_is running || give_up "the robot is not pretensioned"
+mode_is running || give_up "arm is done before targets are taken"
 disarm
 stop $daemon daemon
 
@@ -79,6 +79,8 @@ sleep 2
 mode_is fault || give_up "the fault does not stay until it is cleared"
 "$bin/tendril" send --lcm "$lcm" clear || give_up "the fault cannot be cleared"
 until_true 20 mode_is configured || give_up "the drives are not ready after clear"
+rm run.lcmlog
+until_true 5 said "run.lcmlog was deleted or moved while it was written; the log is incomplete" || give_up "a log that is gone is not told"
 stop $daemon daemon
 
 # ---- nothing can be sent ----

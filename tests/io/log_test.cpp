@@ -123,6 +123,24 @@ TEST_F(LogTest, AMessageWithoutAChannelCostsNoneOfTheRest) {
   EXPECT_EQ(log.damage, "");
 }
 
+// Whoever tidies up is told, and not at the end alone.
+TEST_F(LogTest, ALogThatIsDeletedIsTold) {
+  SimulatedClock clock;
+  Gateway gateway({"memq://", "TENDRIL", 1, 1}, kShape, clock);
+  LogWriter writer(gateway, path, clock);
+  RandomRecords random(kShape, 7);
+  const auto a_second_later = [&] {
+    clock.Advance(1100 * kNsPerMs);
+    gateway.PublishCycle(random.Next());
+  };
+  a_second_later();
+  a_second_later();
+  EXPECT_EQ(writer.error(), "");
+  fs::remove(path);
+  a_second_later();
+  EXPECT_THAT(writer.error(), HasSubstr(path.string() + " was deleted or moved while it was written"));
+}
+
 TEST_F(LogTest, ATruncatedLogGivesWhatWasWholeAndSaysSo) {
   Write();
   const auto size = fs::file_size(path);

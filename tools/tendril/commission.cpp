@@ -72,9 +72,13 @@ class LiveLink final : public CommissionLink {
     if (run_.robot_yaml.empty()) {
       throw std::runtime_error(NobodyAnswers(url, prefix, 3, client_));
     }
-    if (cycles_ < 2) {
-      throw std::runtime_error("the daemon on " + where_ +
-                               " publishes no cycles; set lcm.cycle_every_cycles to 1 in its file");
+    // The tracker's readings would fall between those that are published.
+    if (const int every = Daemon().lcm.cycle_every_cycles; every != 1 || cycles_ < 2) {
+      throw std::runtime_error(
+          fmt::format("the daemon on {} publishes {}; commissioning reads every cycle: set "
+                      "lcm.cycle_every_cycles to 1 in its "
+                      "file and start it again",
+                      where_, every > 1 ? fmt::format("one of {} cycles", every) : std::string("no cycles")));
     }
   }
   ~LiveLink() override { Disarm(); }

@@ -58,10 +58,14 @@ void Home(const HomeOptions& o) {
   sequence = Request(client, ModeRequest::kHome, o.lcm.url);
   const MonotonicClock clock;
   const TimeNs asked_ns = clock.Now(), end_ns = asked_ns + static_cast<TimeNs>(o.timeout_s * 1e9);
-  while (!seen && clock.Now() < asked_ns + 2 * kNsPerS) client.Handle(20);
-  if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, 2, client));
-  if (!seen)
-    throw std::runtime_error("the daemon is there but did not see the command within 2 s; try again");
+  const double answer_s = std::min(2.0, o.timeout_s);
+  const TimeNs answer_ns = static_cast<TimeNs>(answer_s * static_cast<double>(kNsPerS));
+  while (!seen && clock.Now() < asked_ns + answer_ns) client.Handle(20);
+  if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, answer_s, client));
+  if (!seen) {
+    throw std::runtime_error(
+        fmt::format("the daemon is there but did not see the command within {:g} s; try again", answer_s));
+  }
   if (state.command_status != 0) {
     throw std::runtime_error(
         fmt::format("{} ({}, mode {})", state.command_status_text, state.command_status, state.mode_text));

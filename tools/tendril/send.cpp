@@ -165,7 +165,19 @@ void Send(const SendOptions& o, Command command) {
     throw std::runtime_error(fmt::format("{} ({}, mode {}{})", answer.command_status_text,
                                          answer.command_status, answer.mode_text, more));
   }
-  fmt::print("{}\n", Describe(answer));
+  // Targets are taken once pretension is reached.
+  const auto on_its_way = [&] {
+    return latest.mode == tendril_lcm::state_t::MODE_ARMED ||
+           latest.mode == tendril_lcm::state_t::MODE_PRETENSION;
+  };
+  while (arm && on_its_way() && clock.Now() < end_ns) client.Handle(20);
+  if (arm && latest.mode == tendril_lcm::state_t::MODE_FAULT) {
+    const Status reason = io::ReasonForMode(latest);
+    throw std::runtime_error(fmt::format("armed, but then in fault: {} ({}); {}", StatusText(reason),
+                                         static_cast<int>(reason), StatusRemedy(reason)));
+  }
+  fmt::print("{}{}\n", Describe(arm ? latest : answer),
+             arm && on_its_way() ? "; targets are taken from running on" : "");
 }
 
 template <class Vector>

@@ -20,6 +20,8 @@ inline constexpr double kOutOfReach = 0.1;
 
 /// Longest that a moving target or a pull may hold: somebody must be there.
 inline constexpr TimeNs kUnwatched_ns = 5 * kNsPerS;
+/// Longest that anything may be valid.
+inline constexpr TimeNs kLongestValid_ns = 3600 * kNsPerS;
 
 /// What is wanted right now, after the gate. A moving target moves on with its velocity until it expires.
 struct Target {
