@@ -198,8 +198,10 @@ Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns, double awa
   last.any = true;
   if (!overtaken) last.number = NumberOf(c);
   last.at_ns = now_ns;
-  if (const Status s = CheckValues(c, mode); s != Status::kOk) return s;
-  if (now_ns - c.received_ns > c.valid_for_ns) return Status::kCommandStale;
+  // Nor does a hold depend on numbers that it does not use.
+  if (const Status s = hold ? Status::kOk : CheckValues(c, mode); s != Status::kOk) return s;
+  const TimeNs valid_for_ns = hold && c.valid_for_ns <= 0 ? kLongestValid_ns : c.valid_for_ns;
+  if (now_ns - c.received_ns > valid_for_ns) return Status::kCommandStale;
   if (GoesOnByItself(c, mode) && c.valid_for_ns > kUnwatched_ns) return Status::kCommandOutOfRange;
   if (!ModeAllowed(AdmissionIn(mode), c)) return Status::kCommandWrongMode;
   if (c.kind == CommandKind::kMode) {

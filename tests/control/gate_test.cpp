@@ -132,6 +132,22 @@ TEST_F(GateTest, HoldIsNeverOutOfOrder) {
       << "the order stays";
 }
 
+// A validity of nothing, without end or that is no number (0 by then); what holds needs none.
+TEST_F(GateTest, AValidityThatIsNoneIsOutOfRange) {
+  for (const TimeNs none : {TimeNs{0}, -kNsPerS, kLongestValid_ns + 1}) {
+    for (Command c : {Tip(0, 0, 0.05), ModeCommand(ModeRequest::kArm), ModeCommand(ModeRequest::kHold),
+                      ModeCommand(ModeRequest::kDisarm)}) {
+      c.valid_for_ns = none;
+      const bool stops =
+          c.kind == CommandKind::kMode && (c.mode == ModeRequest::kHold || c.mode == ModeRequest::kDisarm);
+      EXPECT_EQ(gate.Admit(c, Mode::kRunning, now), stops ? Status::kOk : Status::kCommandOutOfRange) << none;
+    }
+  }
+  Command hold = ModeCommand(ModeRequest::kHold);
+  hold.speed_radps = std::nan("");
+  EXPECT_EQ(gate.Admit(hold, Mode::kRunning, now), Status::kOk);
+}
+
 TEST_F(GateTest, NothingMovesOnUnwatchedForLong) {
   Command moving = Tip(0, 0, 0.05);
   moving.tip_velocity_W_mps = {0.001, 0, 0};
