@@ -59,7 +59,7 @@ Scale ScaleOf(const RobotParameters& robot) {
                                      robot.limits.max_tension_motor_N / t.gear.efficiency + friction_N);
       scale.torque_N.Take(most_N + friction_N, at);
       const double per_mille_N = 1e-3 * t.drive.rated_torque_Nm / travel_m;
-      const double noise_N = per_mille_N * (1 + 3 * t.drive.actual_torque_noise_permille);
+      const double noise_N = per_mille_N * (1 + 0.5 * t.drive.actual_torque_noise_permille);
       if (noise_N > scale.torque_noise_N.value) scale.torque_noise_N = {noise_N, at};
       const double held_N = friction_N + robot.limits.min_tension_N / t.gear.efficiency;
       if (held_N > scale.held_N.value) scale.held_N = {held_N, at};
@@ -218,9 +218,9 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
   }
   if (g.max_torque_error_N < scale.torque_noise_N.value) {
     say(guards + "max_torque_error_N", g.max_torque_error_N, "N trips on noise on",
-        fmt::format(
-            "the reported torque of {} scatters by up to {:.3g} N (steps of one per mille, and its noise)",
-            of(scale.torque_noise_N), scale.torque_noise_N.value),
+        fmt::format("the reported torque of {} stays off by up to {:.3g} N (its step of one per mille, and "
+                    "its noise)",
+                    of(scale.torque_noise_N), scale.torque_noise_N.value),
         fmt::format("set {:g} (above {:.3g})",
                     std::max(usual.max_torque_error_N, 2 * scale.torque_noise_N.value),
                     scale.torque_noise_N.value));
@@ -238,25 +238,32 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
                     limits.max_tension_base_N),
         fmt::format("set {:g} or more, or a lower limit of the base", limits.max_tension_base_N));
   }
-  for (const TendonDriveParameters& t : robot.actuation->tendons) {
-    constexpr double kMostOfRated = 5;
-    const double step_N = t.load_cell.resolution_V / t.load_cell.gain_VpN;
-    if (t.load_cell.place != LoadCellPlace::kNone && step_N > limits.min_tension_N) {
-      say_robot("actuation.load_cell.resolution_V", t.load_cell.resolution_V,
-                fmt::format("one step of the cell is {:.3g} N, more than limits.min_tension_N ({:g})", step_N,
-                            limits.min_tension_N),
-                "give the analog input's step, or another gain_VpN");
-      break;
-    }
-    if (const double most_Nm = t.motor.torque_constant_NmpA * t.drive.current_limit_A;
-        most_Nm > kMostOfRated * t.drive.rated_torque_Nm) {
-      say_robot(
-          "actuation.drive.current_limit_A", t.drive.current_limit_A,
-          fmt::format("that is {:.3g} times the motor's rated torque", most_Nm / t.drive.rated_torque_Nm),
-          fmt::format("set {:.2g} or less, or correct rated_torque_Nm",
-                      kMostOfRated * t.drive.rated_torque_Nm / t.motor.torque_constant_NmpA));
-      break;
-    }
+  const auto& drives = robot.actuation->tendons;
+  const auto step_N = [](const TendonDriveParameters& t) {
+    return t.load_cell.place == LoadCellPlace::kNone ? 0 : t.load_cell.resolution_V / t.load_cell.gain_VpN;
+  };
+  const auto coarse = std::find_if(drives.begin(), drives.end(), [&](const TendonDriveParameters& t) {
+    return step_N(t) > limits.min_tension_N;
+  });
+  if (coarse != drives.end()) {
+    say_robot("actuation.load_cell.resolution_V", coarse->load_cell.resolution_V,
+              fmt::format("one step of the cell is {:.3g} N, more than limits.min_tension_N ({:g})",
+                          step_N(*coarse), limits.min_tension_N),
+              "give the analog input's step, or another gain_VpN");
+  }
+  constexpr double kMostOfRated = 5;
+  const auto most_A = [](const TendonDriveParameters& t) {
+    return kMostOfRated * t.drive.rated_torque_Nm / t.motor.torque_constant_NmpA;
+  };
+  const auto strong = std::find_if(drives.begin(), drives.end(), [&](const TendonDriveParameters& t) {
+    return t.drive.current_limit_A > most_A(t);
+  });
+  if (strong != drives.end()) {
+    say_robot(
+        "actuation.drive.current_limit_A", strong->drive.current_limit_A,
+        fmt::format("that is {:.3g} times the motor's rated torque",
+                    kMostOfRated * strong->drive.current_limit_A / most_A(*strong)),
+        fmt::format("set {:g} or less, or correct rated_torque_Nm", std::floor(100 * most_A(*strong)) / 100));
   }
   if (const std::size_t at = daemon.lcm.url.find("ttl="); at != std::string::npos) {
     if (const int ttl = std::atoi(daemon.lcm.url.c_str() + at + 4); ttl > 1) {

@@ -636,7 +636,7 @@ struct Daemon::State {
     ReportLosses("LCM message(s) could not be sent", gateway.counters().publish_failed, sends_failed);
     if (log && !log_failed && !log->error().empty()) {
       log_failed = true;
-      Event(Status::kDegraded, "log", log->error() + "; the log is incomplete, control goes on");
+      Event(Status::kDegraded, "log", log->error() + "; control goes on");
     }
     sd_notify(0, fmt::format("STATUS={}, {} {}; {} cycles, {} missed", ModeText(last_mode),
                              static_cast<int>(last_status), StatusText(last_status), wake_latency.count(),

@@ -8,7 +8,6 @@
 #include <limits>
 #include <vector>
 
-#include "median.h"
 #include "prepare.h"
 
 namespace tendril::gap {
@@ -59,25 +58,27 @@ std::vector<std::string> TakeOutOtherTime(DataSet& set) {
   constexpr double kLeast_s = 1;  // that a run takes
   std::vector<double> usual_s;
   for (const Run& run : set.runs) {
-    if (const double step_s = UsualStep(run); step_s <= kQuasiStatic_s) usual_s.push_back(step_s);
+    if (const double step_s = UsualStep(run); step_s > 0 && step_s <= kQuasiStatic_s)
+      usual_s.push_back(step_s);
   }
-  const double fast_s = Median(std::move(usual_s));
   std::vector<std::string> said;
-  for (std::size_t i = set.runs.size(); i-- > 0 && fast_s > 0;) {
+  for (std::size_t i = set.runs.size(); i-- > 0;) {
     const Run& run = set.runs[i];
     const double step_s = UsualStep(run);
-    if (step_s <= kQuasiStatic_s || fast_s * static_cast<double>(run.time_s.size()) < kLeast_s ||
-        !Smooth(run))
-      continue;
-    const auto unit = std::find_if(std::begin(kUnits), std::end(kUnits), [&](const Unit& u) {
-      return std::abs(step_s * u.seconds / fast_s - 1) <= kLike;
-    });
-    if (unit == std::end(kUnits)) continue;
-    said.push_back(
-        fmt::format("left out: {}: a row every {:.4g} s, in other runs every {:.4g} s, and motors that go "
-                    "smoothly from row to row: its time is in {}; write it in seconds",
-                    run.name, step_s, fast_s, unit->name));
-    LeaveOut(set, i);
+    if (step_s <= kQuasiStatic_s || !Smooth(run)) continue;
+    for (const Unit& unit : kUnits) {
+      const auto like = std::find_if(usual_s.begin(), usual_s.end(), [&](double other_s) {
+        return std::abs(step_s * unit.seconds / other_s - 1) <= kLike &&
+               other_s * static_cast<double>(run.time_s.size()) >= kLeast_s;
+      });
+      if (like == usual_s.end()) continue;
+      said.push_back(
+          fmt::format("left out: {}: a row every {:.4g} s, in other runs every {:.4g} s, and motors that go "
+                      "smoothly from row to row: its time is in {}; write it in seconds",
+                      run.name, step_s, *like, unit.name));
+      LeaveOut(set, i);
+      break;
+    }
   }
   return said;
 }

@@ -314,7 +314,7 @@ void TakeOutShort(DataSet& set, Diagnosis& d) {
 class Measuring {
  public:
   Measuring(DataSet& set, Diagnosis& d, const DiagnoseOptions& options, int threads)
-      : set_(set), d_(d), options_(options), threads_(threads) {}
+      : set_(set), d_(d), options_(options), threads_(threads), runs_(set.runs.size()) {}
 
   /// The runs that can be compared, with the set and its degradations to fit. Throws std::runtime_error where
   /// nothing can be.
@@ -341,11 +341,14 @@ class Measuring {
     for (const FrozenMotor& motor : frozen) {
       Run& run = set_.runs[motor.run];
       auto x = run.motor_position_rad.col(motor.tendon);
-      d_.degradations.push_back(fmt::format(
-          "{}: motor position {} keeps {:.4g} rad from {:.4g} s to {:.4g} s while its tension changes by "
-          "{:.3g} N: an encoder that stopped, taken as missing there",
-          run.name, motor.tendon + 1, x[motor.from], run.time_s[motor.from] - run.time_s[0],
-          run.time_s[motor.to - 1] - run.time_s[0], motor.tension_N));
+      d_.degradations.push_back(
+          fmt::format("{}: motor position {} keeps {:.4g} rad from {:.4g} s to {:.4g} s while its tension "
+                      "changes ({:.3g} N) "
+                      "or is another than a motor that stands there would leave: an encoder that stopped, "
+                      "taken as missing "
+                      "there",
+                      run.name, motor.tendon + 1, x[motor.from], run.time_s[motor.from] - run.time_s[0],
+                      run.time_s[motor.to - 1] - run.time_s[0], motor.tension_N));
       x.segment(motor.from, motor.to - motor.from).setConstant(std::numeric_limits<double>::quiet_NaN());
     }
     return !frozen.empty();
@@ -353,7 +356,10 @@ class Measuring {
 
   bool LeaveOutOdd(const Evaluator& evaluator) {
     const std::vector<OddRun> odd = FindOddRuns(set_, evaluator, cleared_, threads_);
-    if (!odd.empty() && !with_odd_) with_odd_.emplace(set_, d_.degradations);
+    // Of most of the runs the others are odd.
+    if (odd.empty() || 2 * (left_out_ + odd.size()) > runs_) return false;
+    left_out_ += odd.size();
+    with_odd_.emplace(set_, d_.degradations);
     for (auto one = odd.rbegin(); one != odd.rend(); ++one) {
       d_.degradations.push_back(
           fmt::format("left out: {}: with {} most of its gap goes, which the other runs do not have; put it "
@@ -361,13 +367,14 @@ class Measuring {
                       set_.runs[one->run].name, one->with));
       LeaveOut(set_, one->run);
     }
-    return !odd.empty();
+    return true;
   }
 
   DataSet& set_;
   Diagnosis& d_;
   const DiagnoseOptions& options_;
   int threads_;
+  std::size_t runs_, left_out_ = 0;  // at first, and since for what the others show
   std::set<std::string> cleared_;
   std::optional<std::pair<DataSet, std::vector<std::string>>> with_odd_;
 };

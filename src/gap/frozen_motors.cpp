@@ -12,7 +12,7 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kFrozen_s = 0.3;
-constexpr double kHeld = 0.15;  // of the largest tension: more than a motor's friction holds
+constexpr double kHeld = 0.15;  // of the largest tension: less is not worth a look
 constexpr double kLarge = 8;    // times what stretch leaves of tension elsewhere
 
 struct Squares {
@@ -47,6 +47,25 @@ void AddStanding(const DataSet& set, std::size_t at, Eigen::Index tendon,
   end();
 }
 
+/// By how much a tension may change while friction in motor and gear holds the motor.
+double Held_N(const DataSet& set, const FrozenMotor& f) {
+  const Run& run = set.runs[f.run];
+  const auto tension_N = run.tension_N.col(f.tendon).segment(f.from, f.to - f.from);
+  double held_N = kHeld * set.robot.limits.max_tension_motor_N;
+  if (!set.robot.actuation) return held_N;
+  const TendonDriveParameters& drive = set.robot.actuation->tendons[static_cast<std::size_t>(f.tendon)];
+  const double travel_m = drive.SpoolTravelPerMotorRad(), efficiency = drive.gear.efficiency;
+  if (!(travel_m > 0) || !(efficiency > 0)) return held_N;
+  const double most_N = Largest(tension_N);
+  return std::max(held_N,
+                  2 * drive.motor.coulomb_friction_Nm / travel_m + (1 / efficiency - efficiency) * most_N);
+}
+
+bool Throughout(const DataSet& set, const FrozenMotor& f) {
+  const std::vector<Eigen::Index> rows = FiniteRows(set.runs[f.run].motor_position_rad.col(f.tendon));
+  return f.from == rows.front() && f.to == rows.back() + 1;
+}
+
 }  // namespace
 
 std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& evaluator) {
@@ -57,14 +76,10 @@ std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& e
     for (Eigen::Index j = 0; j < std::min(run.motor_position_rad.cols(), run.tension_N.cols()); ++j)
       AddStanding(set, i, j, standing);
   }
-  const auto loaded = [&](const FrozenMotor& f) {
-    return f.tension_N >= kHeld * set.robot.limits.max_tension_motor_N;
-  };
+  const auto loaded = [&](const FrozenMotor& f) { return f.tension_N >= Held_N(set, f); };
   if (std::none_of(standing.begin(), standing.end(), loaded)) return {};
   if (std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); })) {
-    std::erase_if(standing, [&](const FrozenMotor& f) {
-      return !loaded(f) || f.to - f.from < set.runs[f.run].motor_position_rad.rows();
-    });
+    std::erase_if(standing, [&](const FrozenMotor& f) { return !loaded(f) || !Throughout(set, f); });
     return standing;
   }
 

@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "health_signal.h"
 #include "median.h"
 #include "mistakes.h"
 #include "parallel.h"
@@ -43,6 +44,24 @@ void AddLeft(const Evaluator& evaluator, std::size_t run, Left& left) {
   }
 }
 
+/// First row and number of rows of the kTried_s in which the motors go farthest.
+std::pair<Eigen::Index, Eigen::Index> Liveliest(const Run& run) {
+  constexpr double kHop_s = 2;
+  const Eigen::VectorXd& t = run.time_s;
+  std::pair<Eigen::Index, Eigen::Index> best{0, t.size()};
+  double farthest = -1;
+  for (double from_s = t[0]; from_s == t[0] || from_s + kTried_s < t[t.size() - 1] + kHop_s;
+       from_s += kHop_s) {
+    const auto row = [&](double at_s) { return std::lower_bound(t.begin(), t.end(), at_s) - t.begin(); };
+    const Eigen::Index first = row(from_s), end = row(from_s + kTried_s);
+    double way = 0;
+    for (Eigen::Index j = 0; j < run.motor_position_rad.cols() && end > first; ++j)
+      way += RangeOf(run.motor_position_rad.col(j).segment(first, end - first)).width();
+    if (way > farthest) farthest = way, best = {first, end - first};
+  }
+  return best;
+}
+
 /// Runs by themselves.
 DataSet Apart(const DataSet& set, const std::vector<const Run*>& runs) {
   DataSet apart;
@@ -54,12 +73,12 @@ DataSet Apart(const DataSet& set, const std::vector<const Run*>& runs) {
     Run& run = apart.runs.back();
     run.repeat_of.clear();
     if (UsualStep(run) > kQuasiStatic_s) continue;
-    Eigen::Index rows = run.time_s.size();
-    while (rows > 1 && run.time_s[rows - 1] - run.time_s[0] > kTried_s) --rows;
-    run.time_s.conservativeResize(rows);
+    const auto [first, rows] = Liveliest(run);
+    const Eigen::Index all = run.time_s.size();
+    run.time_s = run.time_s.segment(first, rows).eval();
     for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
                          &run.tension_N, &run.tip_m, &run.tip_quaternion, &run.bending_rad}) {
-      if (values->rows() > rows) values->conservativeResize(rows, Eigen::NoChange);
+      if (values->rows() == all) *values = values->middleRows(first, rows).eval();
     }
   }
   return apart;
@@ -113,6 +132,16 @@ double Worst(const Left& left, const std::map<Kind, double>& usual) {
     if (found != usual.end() && found->second > 0) worst = std::max(worst, squares.rms() / found->second);
   }
   return worst;
+}
+
+/// True where some kind is large that was not, or less so.
+bool Worse(const Left& after, const Left& before, const std::map<Kind, double>& usual) {
+  return std::any_of(after.begin(), after.end(), [&](const auto& of_kind) {
+    const auto found = usual.find(of_kind.first);
+    const auto was = before.find(of_kind.first);
+    const double least_rms = was == before.end() ? 0 : was->second.rms();
+    return found != usual.end() && of_kind.second.rms() > std::max(kLarge / 2 * found->second, least_rms);
+  });
 }
 
 /// The mistake that, once undone, leaves least, and how much that is.
@@ -252,10 +281,9 @@ std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
     const DataSet others = Apart(set, SomeRuns(set, &run));
     const std::optional<Left> before = LeftWith(others, {}, evaluator);
     const std::optional<Left> after = LeftWith(others, found.mistake->undo, evaluator);
-    const bool worse = before && (!AsMuch(after, *before) || Worst(*after, usual) > kLarge / 2);
-    if (worse) odd.push_back({i, found.mistake->with});
+    if (before && (!AsMuch(after, *before) || Worse(*after, *before, usual)))
+      odd.push_back({i, found.mistake->with});
   }
-  if (2 * odd.size() > set.runs.size()) return {};
   return odd;
 }
 

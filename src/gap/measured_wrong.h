@@ -24,7 +24,6 @@ struct OddRun {
 };
 /// Runs that the model misses by far more than it does the others, and by far less once a mistake is undone
 /// that the others were not made with. `cleared` has the names of those that need not be looked at again.
-/// Never more than half of the runs.
 std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
                                 std::set<std::string>& cleared, int threads);
 

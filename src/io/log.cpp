@@ -58,19 +58,23 @@ struct LogWriter::State {
     if (event.timestamp - flushed_us >= kFlushEvery_us) {
       flushed_us = event.timestamp;
       if (std::fflush(log->f) != 0) Failed();
-      if (error.empty() && !IsThere()) error = "log " + path + " was deleted or moved while it was written";
+      if (error.empty() && !IsThere())
+        error =
+            "log " + path + " is not there any more: it was deleted, or moved and is written where it is now";
     }
   }
 
   bool IsThere() const {
     struct stat named {
     }, written{};
-    return stat(path.c_str(), &named) == 0 && fstat(fileno(log->f), &written) == 0 &&
-           named.st_dev == written.st_dev && named.st_ino == written.st_ino;
+    if (stat(path.c_str(), &named) != 0) return errno != ENOENT;
+    return fstat(fileno(log->f), &written) != 0 ||
+           (named.st_dev == written.st_dev && named.st_ino == written.st_ino);
   }
 
   void Failed() {
-    if (error.empty()) error = "cannot write log " + path + ": " + std::strerror(errno);
+    if (error.empty())
+      error = "cannot write log " + path + ": " + std::strerror(errno) + "; it is incomplete";
   }
 
   Gateway& gateway;

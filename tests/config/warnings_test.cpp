@@ -118,9 +118,9 @@ const Idle kOthers[] = {
      " N winds nothing in on rig_60mm: friction of its motor and pretension take 0.8"},
     {"controller.take_up.max_speed_mps", "max_speed_mps: 0.005", "max_speed_mps: 0.2", "max_speed_mps: 0.21",
      " m/s trips a guard of rig_60mm: homing would wind faster than"},
-    {"controller.guards.max_torque_error_N", "max_torque_error_N: 1.0", "max_torque_error_N: 0.1",
+    {"controller.guards.max_torque_error_N", "max_torque_error_N: 1.0", "max_torque_error_N: 0.02",
      "max_torque_error_N: 0.01",
-     " N trips on noise on rig_60mm: the reported torque of tendon 1 scatters by"},
+     " N trips on noise on rig_60mm: the reported torque of tendon 1 stays off by"},
     {"lcm.state_every_cycles", "state_every_cycles: 1 ", "state_every_cycles: 1000 ",
      "state_every_cycles: 1001 ", " hides rig_60mm: a state comes every 1 s"},
 };

@@ -697,6 +697,16 @@ TEST(Diagnose, StatesBesideMotionsStay) {
     *values = (*values)(rows, Eigen::all).eval();
   run.time_s = Eigen::VectorXd::LinSpaced(350, 0, 349);
   EXPECT_EQ(Diagnose(set, Only({"bending_stiffness"})).runs.size(), set.runs.size());
+  // Nor are many, waited for one after the other wherever they are.
+  set = Recorded("");
+  gap::Run& many = set.runs[1];
+  rows.clear();
+  for (int i = 0; i < 1010; ++i) rows.push_back(i * 3571 % 7000);
+  for (auto* values : {&many.torque_target_Nm, &many.torque_actual_Nm, &many.motor_position_rad,
+                       &many.tension_N, &many.tip_m, &many.tip_quaternion})
+    *values = (*values)(rows, Eigen::all).eval();
+  many.time_s = Eigen::VectorXd::LinSpaced(1010, 0, 1009);
+  EXPECT_EQ(Diagnose(set, Only({"bending_stiffness"})).runs.size(), set.runs.size());
 }
 
 // Declared without load cell, or without motor positions where there are cells, a run leaves the others

@@ -138,7 +138,7 @@ TEST_F(LogTest, ALogThatIsDeletedIsTold) {
   EXPECT_EQ(writer.error(), "");
   fs::remove(path);
   a_second_later();
-  EXPECT_THAT(writer.error(), HasSubstr(path.string() + " was deleted or moved while it was written"));
+  EXPECT_THAT(writer.error(), HasSubstr(path.string() + " is not there any more: it was deleted"));
 }
 
 TEST_F(LogTest, ATruncatedLogGivesWhatWasWholeAndSaysSo) {

@@ -150,11 +150,8 @@ void Send(const SendOptions& o, Command command) {
     throw std::runtime_error(
         fmt::format("the daemon is there but did not see the command within {:g} s; try again", timeout_s));
   }
-  if (arm && ArmedAlready(answer)) {
-    fmt::print("armed already; mode {}\n", answer.mode_text);
-    return;
-  }
-  if (answer.command_status != 0) {
+  const bool already = arm && ArmedAlready(answer);
+  if (answer.command_status != 0 && !already) {
     std::string more;
     for (const std::int16_t number : answer.reported) {
       const auto status = static_cast<Status>(number);
@@ -171,13 +168,20 @@ void Send(const SendOptions& o, Command command) {
            latest.mode == tendril_lcm::state_t::MODE_PRETENSION;
   };
   while (arm && on_its_way() && clock.Now() < end_ns) client.Handle(20);
-  if (arm && latest.mode == tendril_lcm::state_t::MODE_FAULT) {
+  if (arm && latest.mode != tendril_lcm::state_t::MODE_RUNNING) {
     const Status reason = io::ReasonForMode(latest);
-    throw std::runtime_error(fmt::format("armed, but then in fault: {} ({}); {}", StatusText(reason),
-                                         static_cast<int>(reason), StatusRemedy(reason)));
+    throw std::runtime_error(
+        fmt::format("armed, but {} mode {}: {}",
+                    on_its_way() ? fmt::format("after {:g} s still in", timeout_s) : "then", latest.mode_text,
+                    reason == Status::kOk ? std::string("see the daemon's log; send arm again")
+                                          : fmt::format("{} ({}); {}", StatusText(reason),
+                                                        static_cast<int>(reason), StatusRemedy(reason))));
   }
-  fmt::print("{}{}\n", Describe(arm ? latest : answer),
-             arm && on_its_way() ? "; targets are taken from running on" : "");
+  if (already) {
+    fmt::print("armed already; mode {}\n", latest.mode_text);
+  } else {
+    fmt::print("{}\n", Describe(arm ? latest : answer));
+  }
 }
 
 template <class Vector>
