@@ -27,6 +27,7 @@
 #include "search.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
+#include "told_parameters.h"
 
 namespace tendril::gap {
 namespace {
@@ -39,14 +40,8 @@ std::string NameOf(const Cause& cause) {
 
 /// Its size; what only shapes it (a time constant, a direction) is in the report.
 std::string ValueOf(const Cause& cause) {
-  const sim::Effect* effect = sim::FindEffect(cause.effect);
-  for (const auto& [name, value] : cause.parameters) {
-    const bool shape = effect != nullptr &&
-                       std::any_of(effect->parameters.begin(), effect->parameters.end(),
-                                   [&](const sim::EffectParameter& p) { return p.name == name && p.shape; });
-    if (!shape) return fmt::format("{} {:.4g}", name, value.value);
-  }
-  return "";
+  const auto told = ToldParameters(cause);
+  return told.empty() ? "" : fmt::format("{} {:.4g}", told.front().first, told.front().second.value);
 }
 
 /// The last tendon of which any run has a number; 0: none.
@@ -153,17 +148,20 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
     if (!cut || its < *cut) cut = its;
   }
   CutFinding* chosen = nullptr;
+  // What cells and encoders say of each other is no place of the tracker's.
+  const bool tracker = cut == sim::Cut::kSensors &&
+                       std::all_of(d.accepted.begin(), d.accepted.end(),
+                                   [](const Cause& cause) { return cause.effect.starts_with("tracker_"); });
   const auto better = [&](CutFinding& f) {
     return chosen == nullptr || f.excess_sigma > chosen->excess_sigma;
   };
   if (cut) {
     for (auto& f : d.location) {
-      if (f.cut == *cut && f.measured && better(f)) chosen = &f;
+      if (f.cut == *cut && f.measured && !tracker && better(f)) chosen = &f;
     }
     // A cause on one tendon marks that tendon.
     for (auto& f : d.location) {
-      if (f.cut == *cut && f.measured && !d.accepted.empty() && f.where == d.accepted.front().where)
-        chosen = &f;
+      if (f.cut == *cut && f.measured && !tracker && f.where == d.accepted.front().where) chosen = &f;
     }
     if (chosen == nullptr && *cut == sim::Cut::kSensors) {
       CutFinding f;
@@ -322,7 +320,9 @@ class Measuring {
     for (;;) {
       try {
         Evaluator evaluator(set_, {threads_, options_.delta_N, options_.delta_m, options_.seed});
-        if (!TakeOutFrozen(evaluator) && !LeaveOutOdd(evaluator)) return evaluator;
+        if (TakeOutFrozen(evaluator) || LeaveOutOdd(evaluator)) continue;
+        TellMissed();
+        return evaluator;
       } catch (const RunError& error) {
         if (set_.runs.size() == 1) throw;
         d_.degradations.push_back(fmt::format("left out: {}", error.what()));
@@ -336,6 +336,17 @@ class Measuring {
   }
 
  private:
+  void TellMissed() {
+    for (const Run& run : set_.runs) {
+      if (const auto missed = missed_.find(run.name); missed != missed_.end()) {
+        d_.degradations.push_back(
+            fmt::format("{}: the model misses it by {:.2g} times more than the other runs, and no mistake of "
+                        "measurement that is known would explain that: what was different then?",
+                        run.name, missed->second));
+      }
+    }
+  }
+
   bool TakeOutFrozen(const Evaluator& evaluator) {
     const std::vector<FrozenMotor> frozen = FindFrozenMotors(set_, evaluator);
     for (const FrozenMotor& motor : frozen) {
@@ -355,7 +366,7 @@ class Measuring {
   }
 
   bool LeaveOutOdd(const Evaluator& evaluator) {
-    const std::vector<OddRun> odd = FindOddRuns(set_, evaluator, cleared_, threads_);
+    const std::vector<OddRun> odd = FindOddRuns(set_, evaluator, missed_, threads_);
     // Of most of the runs the others are odd.
     if (odd.empty() || 2 * (left_out_ + odd.size()) > runs_) return false;
     left_out_ += odd.size();
@@ -374,8 +385,8 @@ class Measuring {
   Diagnosis& d_;
   const DiagnoseOptions& options_;
   int threads_;
-  std::size_t runs_, left_out_ = 0;  // at first, and since for what the others show
-  std::set<std::string> cleared_;
+  std::size_t runs_, left_out_ = 0;       // at first, and since for what the others show
+  std::map<std::string, double> missed_;  // as FindOddRuns says
   std::optional<std::pair<DataSet, std::vector<std::string>>> with_odd_;
 };
 
@@ -446,7 +457,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   };
   const SearchResult search = Search(evaluator, folds, search_options);
   progress("judging", 0);
-  Judgement judgement = Judge(evaluator, search, d.location);
+  Judgement judgement = Judge(evaluator, search, d.location, options.seed);
   d.verdict = judgement.verdict;
   d.causes = judgement.causes;
   d.accepted = judgement.accepted;

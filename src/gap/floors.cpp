@@ -29,6 +29,8 @@ constexpr double kResolutionWindow_s = 0.25;
 // how a robot repeats.
 constexpr double kReturnShare = 0.01;
 constexpr int kLeastReturns = 20;
+// Repetitions that differ by more, in times of the sensors' noise, may well be of another robot.
+constexpr double kOtherRobot = 5;
 
 /// rms of white noise on a smooth signal, from third differences (robust against the motion itself).
 double WhiteNoise(const Eigen::Ref<const Eigen::VectorXd>& signal) {
@@ -404,6 +406,8 @@ void Evaluator::ScaleByRepetition(const Options& options) {
   std::map<std::string, int> by_name;
   for (int i = 0; i < runs; ++i) by_name[runs_[i].name] = i;
   int most_returns = 0;
+  double worst_scale = 1;
+  std::string worst_channel;
   for (int c = 0; c < channels; ++c) {
     double ratio_sum = 0;
     int count = 0;
@@ -422,6 +426,7 @@ void Evaluator::ScaleByRepetition(const Options& options) {
       }
     }
     double scale = count > 20 ? std::max(1.0, ratio_sum / count) : 1;
+    if (scale > worst_scale) worst_scale = scale, worst_channel = channels_[static_cast<std::size_t>(c)].name;
     if (!repeated_) {
       int returns = 0;
       const double ratio = Unrepeated(c, returns);
@@ -443,6 +448,13 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     channel.delta = std::hypot(kFloorShare * channel.floor, kSignalShare * spread);
     if (channel.quantity == Quantity::kTension && options.delta_N > 0) channel.delta = options.delta_N;
     if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
+  }
+  if (worst_scale > kOtherRobot * kOtherRobot) {
+    degradations_.push_back(fmt::format(
+        "repetitions differ by {:.2g} times what the sensors' noise leaves ({}): that is the floor, and "
+        "smaller gaps are not seen; if anything was changed between them, they are no repetitions "
+        "(repeat_of: none in runs.yaml)",
+        std::sqrt(worst_scale), worst_channel));
   }
   if (most_returns > 0) {
     degradations_.push_back(

@@ -580,14 +580,15 @@ class Checkup {
     Add(std::abs(unknown_s) > std::max(0.015, 2 * StepsOf(run_->time_s).usual) ? Severity::kWarning
                                                                                : Severity::kInfo,
         "tracker clock", shift->seconds,
-        fmt::format(
-            "the tip follows the motors {:.1f} ms {} (correlation {:.3f}){}", 1e3 * std::abs(shift->seconds),
-            shift->seconds < 0 ? "too early" : "later", shift->correlation,
-            unknown_s < -0.015  ? "; no robot does, so that the clocks differ; synchronise them"
-            : unknown_s > 0.015 ? "; more than the body's own lag, so that the clocks differ or the tracker "
-                                  "is slow, which looks like damping; synchronise the clocks or give the "
-                                  "tracker's delay_s in the robot file"
-                                : ""));
+        fmt::format("the tip follows the motors {:.1f} ms {} (correlation {:.3f}){}",
+                    1e3 * std::abs(shift->seconds), shift->seconds < 0 ? "too early" : "later",
+                    shift->correlation,
+                    unknown_s < -0.015 ? "; no robot does, so that the clocks differ; synchronise them"
+                    : unknown_s > 0.015
+                        ? "; more than the body's own lag usually is: a robot that is softer, heavier or "
+                          "damped more than its file says, or clocks that differ, or a slow tracker; "
+                          "synchronise the clocks, or give the tracker's delay_s in the robot file"
+                        : ""));
   }
 
   // ---- repetitions ----

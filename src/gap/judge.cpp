@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "closure.h"
 #include "locate.h"
 
 namespace tendril::gap {
@@ -28,6 +29,8 @@ constexpr double kGapSteepness = 6.0;
 constexpr double kUnknownFloor = 0.3;
 constexpr double kUnknownShare = 0.25;
 constexpr double kUnknownSteepness = 4.0;
+// From this leftover on [sigma] a cause has to close something; else it is unknown with so much probability.
+constexpr double kLeftover = 1.0, kUnproven = 0.9;
 constexpr double kParameterCost = 1.5, kBoundCost = 1.5;  // temperatures a parameter, and for a bound
 // Two causes are not told apart within so many temperatures and with marks so alike.
 constexpr double kSame = 3.0;
@@ -132,8 +135,10 @@ double Sure(double gain, double at) { return 1 / (1 + std::exp(at - gain)); }
 /// One case as it is judged, from is there a gap to the verdict.
 class Case {
  public:
-  Case(const Evaluator& evaluator, const SearchResult& search, const std::vector<CutFinding>& location)
-      : evaluator_(evaluator),
+  Case(const Evaluator& evaluator, const SearchResult& search, const std::vector<CutFinding>& location,
+       std::uint64_t seed)
+      : seed_(seed),
+        evaluator_(evaluator),
         search_(search),
         location_(location),
         nominal_(evaluator.AtNominal()),
@@ -206,16 +211,19 @@ class Case {
     return p;
   }
 
-  bool LeavesSomething(const Fit& fit) const {
-    const auto left = Locate(evaluator_, Completed(fit.held_out, nominal_), kLeftDiscoveries);
-    return std::any_of(left.begin(), left.end(),
-                       [](const CutFinding& f) { return f.excess && f.cut != sim::Cut::kClock; });
+  /// The largest excess beyond the floor.
+  double LeavesSigma(const Fit& fit) const {
+    double most = 0;
+    for (const auto& f : Locate(evaluator_, Completed(fit.held_out, nominal_), kLeftDiscoveries)) {
+      if (f.excess && f.cut != sim::Cut::kClock) most = std::max(most, f.excess_sigma);
+    }
+    return most;
   }
 
   bool HasSecond() const {
     if (single_ == nullptr || pair_ == nullptr) return false;
     const double brings = pair_->held_out_score - single_->held_out_score;
-    const bool explains = LeavesSomething(*single_) && !LeavesSomething(*pair_);
+    const bool explains = LeavesSigma(*single_) > kLeftover && LeavesSigma(*pair_) == 0;
     if (brings <= (explains ? kPairExplains : kPairGain)) return false;
     const ChannelScore one = ScoreChannels(evaluator_, single_->held_out, nominal_);
     const ChannelScore both = ScoreChannels(evaluator_, pair_->held_out, nominal_);
@@ -247,7 +255,11 @@ class Case {
       judgement_.leftover_sigma = std::max(judgement_.leftover_sigma, f.excess_sigma);
       unknown = std::max(unknown, f.excess_sigma / std::hypot(kUnknownFloor, kUnknownShare * was));
     }
-    return Saturating(unknown, kUnknownSteepness);
+    const double p = Saturating(unknown, kUnknownSteepness);
+    if (judgement_.leftover_sigma < kLeftover) return p;
+    // What leaves a gap, and closes nothing for sure of what it was not fitted to, is hardly its cause.
+    const auto closed = PooledClosure(evaluator_, nominal_, Completed(best_->held_out, nominal_), seed_);
+    return closed && closed->low <= 0 ? std::max(p, kUnproven) : p;
   }
 
   /// All candidates, refitted or only screened, sharing the probability `p`.
@@ -399,6 +411,7 @@ class Case {
     }
   }
 
+  const std::uint64_t seed_;
   const Evaluator& evaluator_;
   const SearchResult& search_;
   const std::vector<CutFinding>& location_;
@@ -418,8 +431,8 @@ class Case {
 }  // namespace
 
 Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
-                const std::vector<CutFinding>& location) {
-  return Case(evaluator, search, location).Judged();
+                const std::vector<CutFinding>& location, std::uint64_t seed) {
+  return Case(evaluator, search, location, seed).Judged();
 }
 
 }  // namespace tendril::gap

@@ -2,6 +2,7 @@
 // nothing of how scores were found.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "evaluator.h"
@@ -18,7 +19,8 @@ struct Judgement {
   const Fit* best = nullptr;  // of the accepted model; null: none accepted
   double leftover_sigma = 0;
 };
+/// `seed` is of the bootstrap over blocks.
 Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
-                const std::vector<CutFinding>& location);
+                const std::vector<CutFinding>& location, std::uint64_t seed);
 
 }  // namespace tendril::gap

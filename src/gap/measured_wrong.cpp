@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "health_signal.h"
@@ -247,7 +248,7 @@ std::string FindMistake(const DataSet& set, const Evaluator& evaluator, int thre
 }
 
 std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
-                                std::set<std::string>& cleared, int threads) {
+                                std::map<std::string, double>& missed, int threads) {
   if (Compared(set) || set.runs.size() < 2) return {};
   std::vector<Left> left(set.runs.size());
   std::map<Kind, std::vector<double>> of_kind;
@@ -265,7 +266,8 @@ std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
   std::vector<OddRun> odd;
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     const Run& run = set.runs[i];
-    if (Worst(left[i], usual) < kLarge || !cleared.insert(run.name).second) continue;
+    const double by = Worst(left[i], usual);
+    if (by < kLarge || !missed.emplace(run.name, by).second) continue;
     const DataSet alone = Apart(set, {&run});
     const std::optional<Left> as_it_is = LeftWith(alone, {}, evaluator);
     if (!as_it_is || Worst(*as_it_is, usual) < kLarge) continue;

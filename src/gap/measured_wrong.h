@@ -3,7 +3,7 @@
 #pragma once
 
 #include <cstddef>
-#include <set>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -23,8 +23,9 @@ struct OddRun {
   std::string with;     // words that follow "with", as above
 };
 /// Runs that the model misses by far more than it does the others, and by far less once a mistake is undone
-/// that the others were not made with. `cleared` has the names of those that need not be looked at again.
+/// that the others were not made with. `missed` has the names of those that were looked at already, and
+/// by how many times more than usual they are missed.
 std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
-                                std::set<std::string>& cleared, int threads);
+                                std::map<std::string, double>& missed, int threads);
 
 }  // namespace tendril::gap

@@ -127,6 +127,13 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   motors_in("turns", 2 * std::numbers::pi);
   if (const int counts = set.robot.actuation->tendons.front().drive.encoder_counts_per_turn; counts > 0)
     motors_in("encoder counts", 2 * std::numbers::pi / counts);
+  const auto tensions_in = [&](const char* unit, double newtons) {
+    if (!measured.cells) return;
+    all.push_back(
+        {fmt::format("the tensions taken as {}", unit), [newtons](Run& run) { run.tension_N *= newtons; }});
+  };
+  tensions_in("pounds-force", 4.4482216);
+  tensions_in("kilograms-force", 9.80665);
   // In steps of a half, and about each in steps of a twentieth.
   const auto of_all_sizes = [&](auto&& of_size) {
     for (double ms = 5; ms < 150; ms *= 1.5) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tendril/gap/report.h"
+#include "told_parameters.h"
 
 namespace tendril::gap {
 namespace {
@@ -116,7 +117,7 @@ std::string CauseLine(const Cause& c, const Paint& paint, bool accepted) {
                                              : c.effect;
   if (!c.where.empty() && c.where != "all") name += " " + c.where;
   std::string parameters;
-  for (const auto& [key, e] : c.parameters) {
+  for (const auto& [key, e] : ToldParameters(c)) {
     parameters += fmt::format("{}{} {:.4g} [{:.4g}, {:.4g}]", parameters.empty() ? "" : ", ", key, e.value,
                               e.low, e.high);
   }
@@ -168,8 +169,12 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
   }
 
   if (d.closed) {
-    out += fmt::format("\nClosed {} of the gap on {} held back (95 %: {:.0f} to {:.0f} %)\n",
-                       Percent(d.closed->value), d.held_out_by, 100 * d.closed->low, 100 * d.closed->high);
+    const auto bound = [](double share) {
+      return share < -1 ? std::string("below -100") : fmt::format("{:.0f}", 100 * share + 0.0);
+    };
+    out += fmt::format("\nClosed {} of the gap on {} held back (95 %: {} to {} %)\n",
+                       Percent(std::abs(d.closed->value) < 5e-3 ? 0 : d.closed->value), d.held_out_by,
+                       bound(d.closed->low), bound(d.closed->high));
     // The channels with the largest gap, for their size in units.
     std::vector<const Closure*> rows;
     for (const Closure& c : d.closures) {

@@ -675,6 +675,27 @@ TEST(Diagnose, ARunMeasuredOtherwiseIsLeftOut) {
   EXPECT_NE(d.verdict, Verdict::kNoGap) << d.sentence;
 }
 
+// A cause that one run shows and the others contradict closes nothing; a changed robot is no repetition.
+TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
+  RobotParameters plant = Rig();
+  plant.effects.push_back(sim::ParseEffect("slack where=tendon:1 m=0.001", plant));
+  DataSet set = Recorded("", 4);
+  set.runs[2] = Record(plant, "multisine", 4, 13);
+  const Diagnosis mixed = Diagnose(set, Only({"tendon_stiffness", "slack", "encoder_offset"}));
+  EXPECT_NE(mixed.verdict, Verdict::kAttributed) << mixed.sentence;
+  EXPECT_THAT(mixed.degradations, testing::Contains(testing::HasSubstr("multisine: the model misses it by")));
+
+  plant = Rig();
+  plant.effects.push_back(sim::ParseEffect("bending_stiffness scale=0.8", plant));
+  set = Recorded("", 4);
+  set.runs[3] = Record(plant, "circle", 4, 14);
+  set.runs[3].name = "circle again";
+  set.runs[3].repeat_of = "circle";
+  const Diagnosis repeated = Diagnose(set, Only({"unit_mass"}));
+  EXPECT_THAT(repeated.degradations,
+              testing::Contains(testing::HasSubstr("if anything was changed between them")));
+}
+
 TEST(Diagnose, AnEncoderThatFreezesHalfWayIsTakenOutThere) {
   DataSet set = Recorded("");
   gap::Run& run = set.runs[2];

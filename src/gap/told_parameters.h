@@ -1,0 +1,32 @@
+// In which order a cause's parameters are told: what differs most first. Knows nothing of how.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "hypothesis.h"
+#include "tendril/gap/diagnosis.h"
+#include "tendril/sim/effects.h"
+
+namespace tendril::gap {
+
+/// A cause's parameters by how far they are from nominal, in plainly visible deviations; what only shapes an
+/// effect (a time constant, a direction) comes last.
+inline std::vector<std::pair<std::string, Estimate>> ToldParameters(const Cause& cause) {
+  const sim::Effect* effect = sim::FindEffect(cause.effect);
+  const auto rank = [&](const std::pair<std::string, Estimate>& told) {
+    if (effect == nullptr) return std::pair(true, 0.0);
+    const auto p = std::find_if(effect->parameters.begin(), effect->parameters.end(),
+                                [&](const sim::EffectParameter& q) { return q.name == told.first; });
+    if (p == effect->parameters.end()) return std::pair(true, 0.0);
+    return std::pair(p->shape, -std::abs(told.second.value - p->nominal) / ScaleOf(*p));
+  };
+  std::vector<std::pair<std::string, Estimate>> told(cause.parameters.begin(), cause.parameters.end());
+  std::stable_sort(told.begin(), told.end(), [&](const auto& a, const auto& b) { return rank(a) < rank(b); });
+  return told;
+}
+
+}  // namespace tendril::gap
