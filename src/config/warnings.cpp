@@ -238,14 +238,14 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
                     limits.max_tension_base_N),
         fmt::format("set {:g} or more, or a lower limit of the base", limits.max_tension_base_N));
   }
-  const auto& drives = robot.actuation->tendons;
+  const auto& tendons = robot.actuation->tendons;
   const auto step_N = [](const TendonDriveParameters& t) {
     return t.load_cell.place == LoadCellPlace::kNone ? 0 : t.load_cell.resolution_V / t.load_cell.gain_VpN;
   };
-  const auto coarse = std::find_if(drives.begin(), drives.end(), [&](const TendonDriveParameters& t) {
+  const auto coarse = std::find_if(tendons.begin(), tendons.end(), [&](const TendonDriveParameters& t) {
     return step_N(t) > limits.min_tension_N;
   });
-  if (coarse != drives.end()) {
+  if (coarse != tendons.end()) {
     say_robot("actuation.load_cell.resolution_V", coarse->load_cell.resolution_V,
               fmt::format("one step of the cell is {:.3g} N, more than limits.min_tension_N ({:g})",
                           step_N(*coarse), limits.min_tension_N),
@@ -255,10 +255,10 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
   const auto most_A = [](const TendonDriveParameters& t) {
     return kMostOfRated * t.drive.rated_torque_Nm / t.motor.torque_constant_NmpA;
   };
-  const auto strong = std::find_if(drives.begin(), drives.end(), [&](const TendonDriveParameters& t) {
+  const auto strong = std::find_if(tendons.begin(), tendons.end(), [&](const TendonDriveParameters& t) {
     return t.drive.current_limit_A > most_A(t);
   });
-  if (strong != drives.end()) {
+  if (strong != tendons.end()) {
     say_robot(
         "actuation.drive.current_limit_A", strong->drive.current_limit_A,
         fmt::format("that is {:.3g} times the motor's rated torque",
@@ -275,7 +275,6 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
               .what());
     }
   }
-  const auto& tendons = robot.actuation->tendons;
   const auto behind = std::find_if(tendons.begin(), tendons.end(), [](const TendonDriveParameters& t) {
     return t.load_cell.place == LoadCellPlace::kRobotSide;
   });

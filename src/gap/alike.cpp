@@ -8,7 +8,9 @@
 #include <limits>
 #include <vector>
 
+#include "health_signal.h"
 #include "prepare.h"
+#include "squares.h"
 
 namespace tendril::gap {
 namespace {
@@ -16,24 +18,26 @@ namespace {
 /// Motors go smoothly from row to row: a motion, as states that were waited for are not.
 bool Smooth(const Run& run) {
   constexpr double kSmooth = 0.03;  // rms step of a motor, of what it does in all
-  const Eigen::MatrixXd& x = run.motor_position_rad;
-  double widest = 0, largest = 0;
-  for (Eigen::Index j = 0; j < x.cols(); ++j) {
-    double least = INFINITY, most = -INFINITY, square = 0, count = 0, last = NAN;
-    for (const double v : x.col(j)) {
+  double widest = 0, farthest = 0;
+  for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j) {
+    Squares steps;
+    double last = NAN;
+    for (const double v : run.motor_position_rad.col(j)) {
       if (!std::isfinite(v)) continue;
-      least = std::min(least, v), most = std::max(most, v);
-      if (std::isfinite(last)) square += (v - last) * (v - last), count += 1;
+      if (std::isfinite(last)) steps.Add(v - last);
       last = v;
     }
-    if (count == 0) continue;
-    widest = std::max(widest, most - least);
-    largest = std::max(largest, std::sqrt(square / count));
+    widest = std::max(widest, RangeOf(run.motor_position_rad.col(j)).width());
+    farthest = std::max(farthest, steps.rms());
   }
-  return widest > 0 && largest < kSmooth * widest;
+  return widest > 0 && farthest < kSmooth * widest;
 }
 
 }  // namespace
+
+bool Compared(const DataSet& set) {
+  return std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); });
+}
 
 void LeaveOut(DataSet& set, std::size_t run) {
   const std::string name = set.runs[run].name;

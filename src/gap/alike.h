@@ -9,6 +9,9 @@
 
 namespace tendril::gap {
 
+/// Some runs are compared with others from before the robot changed.
+bool Compared(const DataSet& set);
+
 /// Takes a run out; what repeated it repeats the first of its repetitions now.
 void LeaveOut(DataSet& set, std::size_t run);
 

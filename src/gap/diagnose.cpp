@@ -319,6 +319,7 @@ class Measuring {
   Evaluator Settled() {
     for (;;) {
       try {
+        if (options_.progress) options_.progress("comparing the runs with the model and with each other", 0);
         Evaluator evaluator(set_, {threads_, options_.delta_N, options_.delta_m, options_.seed});
         if (TakeOutFrozen(evaluator) || LeaveOutOdd(evaluator)) continue;
         TellMissed();
@@ -339,10 +340,9 @@ class Measuring {
   void TellMissed() {
     for (const Run& run : set_.runs) {
       if (const auto missed = missed_.find(run.name); missed != missed_.end()) {
-        d_.degradations.push_back(
-            fmt::format("{}: the model misses it by {:.2g} times more than the other runs, and no mistake of "
-                        "measurement that is known would explain that: what was different then?",
-                        run.name, missed->second));
+        d_.degradations.push_back(fmt::format(
+            "{}: the model misses it by {:.2g} times more than the other runs: what was different then?",
+            run.name, missed->second));
       }
     }
   }
@@ -352,14 +352,12 @@ class Measuring {
     for (const FrozenMotor& motor : frozen) {
       Run& run = set_.runs[motor.run];
       auto x = run.motor_position_rad.col(motor.tendon);
-      d_.degradations.push_back(
-          fmt::format("{}: motor position {} keeps {:.4g} rad from {:.4g} s to {:.4g} s while its tension "
-                      "changes ({:.3g} N) "
-                      "or is another than a motor that stands there would leave: an encoder that stopped, "
-                      "taken as missing "
-                      "there",
-                      run.name, motor.tendon + 1, x[motor.from], run.time_s[motor.from] - run.time_s[0],
-                      run.time_s[motor.to - 1] - run.time_s[0], motor.tension_N));
+      d_.degradations.push_back(fmt::format(
+          "{}: motor position {} keeps {:.4g} rad from {:.4g} s to {:.4g} s while its tension changes "
+          "({:.3g} N) or is another than a motor that stands there would leave: an encoder that "
+          "stopped, taken as missing there",
+          run.name, motor.tendon + 1, x[motor.from], run.time_s[motor.from] - run.time_s[0],
+          run.time_s[motor.to - 1] - run.time_s[0], motor.tension_N));
       x.segment(motor.from, motor.to - motor.from).setConstant(std::numeric_limits<double>::quiet_NaN());
     }
     return !frozen.empty();
@@ -513,6 +511,12 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   if (distrusted || (d.verdict != Verdict::kNoGap && d.verdict != Verdict::kInsufficientData))
     MarkFirst(d, place);
   d.sentence = Sentence(d);
+  if (evaluator.repetitions_differ() > 0) {
+    d.sentence += fmt::format(
+        " But repetitions differ by {:.2g} times the noise: if the robot was changed between them, they are "
+        "no floor.",
+        evaluator.repetitions_differ());
+  }
   if (d.verdict != Verdict::kNoGap) {
     progress("looking for mistakes of measurement", 0);
     if (const std::string with = FindMistake(set, evaluator, threads); !with.empty()) {

@@ -75,6 +75,9 @@ class Evaluator {
   bool has(unsigned cut) const { return (available_ & cut) != 0; }
   bool has_tracker() const { return has(kBody); }
   bool repeated() const { return repeated_; }
+  /// Repetitions differ by so many times what the sensors' noise leaves (rms, of the worst channel), where
+  /// that is more than robots do; else 0. The floor follows them, so what differs between them is no gap.
+  double repetitions_differ() const { return repetitions_differ_; }
   /// Fitted to the nominal robot, where nobody knows it; what the runs hold is in the base's frame then.
   const std::optional<TrackerFrame>& frame() const { return frame_; }
   /// Share of what was measured before a change that the model got wrong then, at the worst cut; 0 without
@@ -146,7 +149,7 @@ class Evaluator {
   unsigned available_ = 0;
   bool repeated_ = false;
   bool clocks_free_ = false;  // the tracker's stamps are free to move with every robot that is tried
-  double wrong_before_ = 0;
+  double wrong_before_ = 0, repetitions_differ_ = 0;
   std::optional<TrackerFrame> frame_;
   std::vector<double> tracker_late_s_;  // [run] of the stamps, taken off; empty without a tracker
   sim::Replay::DrivenBy driven_by_ = sim::Replay::DrivenBy::kCell;

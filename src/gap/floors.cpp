@@ -450,11 +450,12 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
   }
   if (worst_scale > kOtherRobot * kOtherRobot) {
+    repetitions_differ_ = std::sqrt(worst_scale);
     degradations_.push_back(fmt::format(
         "repetitions differ by {:.2g} times what the sensors' noise leaves ({}): that is the floor, and "
         "smaller gaps are not seen; if anything was changed between them, they are no repetitions "
         "(repeat_of: none in runs.yaml)",
-        std::sqrt(worst_scale), worst_channel));
+        repetitions_differ_, worst_channel));
   }
   if (most_returns > 0) {
     degradations_.push_back(

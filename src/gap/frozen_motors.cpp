@@ -5,8 +5,11 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <utility>
 
+#include "alike.h"
 #include "health_signal.h"
+#include "squares.h"
 
 namespace tendril::gap {
 namespace {
@@ -14,12 +17,6 @@ namespace {
 constexpr double kFrozen_s = 0.3;
 constexpr double kHeld = 0.15;  // of the largest tension: less is not worth a look
 constexpr double kLarge = 8;    // times what stretch leaves of tension elsewhere
-
-struct Squares {
-  double sum = 0, count = 0;
-  void Add(double square) { sum += square, count += 1; }
-  double rms() const { return count > 0 ? std::sqrt(sum / count) : 0; }
-};
 
 /// Stretches of one motor at one value.
 void AddStanding(const DataSet& set, std::size_t at, Eigen::Index tendon,
@@ -78,12 +75,15 @@ std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& e
   }
   const auto loaded = [&](const FrozenMotor& f) { return f.tension_N >= Held_N(set, f); };
   if (std::none_of(standing.begin(), standing.end(), loaded)) return {};
-  if (std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); })) {
+  if (Compared(set)) {
     std::erase_if(standing, [&](const FrozenMotor& f) { return !loaded(f) || !Throughout(set, f); });
     return standing;
   }
 
   // What stretch leaves of a tendon's tension in each, and where its motor does not stand so.
+  std::map<std::pair<std::size_t, Eigen::Index>, std::vector<std::size_t>> of_motor;  // by run and tendon
+  for (std::size_t k = 0; k < standing.size(); ++k)
+    of_motor[{standing[k].run, standing[k].tendon}].push_back(k);
   std::vector<Squares> still(standing.size());
   std::map<Eigen::Index, Squares> moving;
   std::map<Eigen::Index, double> floor;
@@ -96,6 +96,7 @@ std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& e
       const Eigen::VectorXd& time_s = set.runs[i].time_s;
       const PreparedRun& run = evaluator.runs()[i];
       const double window_s = evaluator.window_s(static_cast<int>(i), static_cast<int>(c));
+      const std::vector<std::size_t>& its = of_motor[{i, channel.index}];
       const auto& variance = evaluator.Variance()[i][c];
       for (Eigen::Index w = 0; w < variance.size(); ++w) {
         if (!std::isfinite(variance[w])) continue;
@@ -103,16 +104,15 @@ std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& e
         const double at_s = run.signals.at_rest ? run.start_s + run.signals.time_s[w]
                                                 : run.start_s + (static_cast<double>(w) + 0.5) * window_s;
         const double about_s = run.signals.at_rest ? 1e-9 : window_s;
-        const auto in = std::find_if(standing.begin(), standing.end(), [&](const FrozenMotor& f) {
-          return f.run == i && f.tendon == channel.index && at_s > time_s[f.from] - about_s &&
-                 at_s < time_s[f.to - 1] + about_s;
+        const auto in = std::find_if(its.begin(), its.end(), [&](std::size_t k) {
+          return at_s > time_s[standing[k].from] - about_s && at_s < time_s[standing[k].to - 1] + about_s;
         });
-        const double square = std::pow(evaluator.AtNominal()[i][c][w], 2);
-        if (in != standing.end()) {
-          still[static_cast<std::size_t>(in - standing.begin())].Add(square);
+        const double left_N = evaluator.AtNominal()[i][c][w];
+        if (in != its.end()) {
+          still[*in].Add(left_N);
         } else {
-          moving[channel.index].Add(square);
-          usual.Add(square);
+          moving[channel.index].Add(left_N);
+          usual.Add(left_N);
         }
       }
     }

@@ -90,16 +90,10 @@ struct Finder {
 
   /// Share of its way in the run that motor j goes within rows [from, to).
   double Moved(Eigen::Index j, Eigen::Index from, Eigen::Index to) const {
-    const auto width = [](const auto& x) {
-      double least = 1e300, most = -1e300;
-      for (const double v : x) {
-        if (std::isfinite(v)) least = std::min(least, v), most = std::max(most, v);
-      }
-      return most > least ? most - least : 0.0;
-    };
     if (j >= run.motor_position_rad.cols()) return 0;
-    const double all = width(run.motor_position_rad.col(j));
-    return all > 0 ? width(run.motor_position_rad.col(j).segment(from, to - from)) / all : 0;
+    const auto x = run.motor_position_rad.col(j);
+    const double all = RangeOf(x).width();
+    return all > 0 ? RangeOf(x.segment(from, to - from)).width() / all : 0;
   }
 
   std::string Span(Eigen::Index from, Eigen::Index to) const {

@@ -36,9 +36,9 @@ constexpr double kParameterCost = 1.5, kBoundCost = 1.5;  // temperatures a para
 constexpr double kSame = 3.0;
 constexpr double kSameCosine = 0.95;
 constexpr double kClear = 0.8;  // share of its group's probability that a cause named alone has
-// A second cause: log score it brings (less where with it nothing is left to explain, as is not without),
-// materialities by which it moves some channel, least share of the gap there and in all, or share in some
-// channel of its own.
+// A second cause: log score it brings, and what is enough where the first leaves a gap and both together
+// leave none; materialities by which it moves some channel, least share of the gap there and in all, or share
+// in some channel of its own.
 constexpr double kPairGain = 12.0, kPairExplains = 3.0;
 constexpr double kPairDeltas = 2.0;
 constexpr double kPairShare = 0.01;

@@ -5,14 +5,17 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <utility>
 
+#include "alike.h"
 #include "health_signal.h"
 #include "median.h"
 #include "mistakes.h"
 #include "parallel.h"
+#include "squares.h"
 
 namespace tendril::gap {
 namespace {
@@ -25,11 +28,6 @@ constexpr double kTried_s = 12;   // of each
 
 using Kind = std::pair<sim::Cut, Channel::Quantity>;
 
-struct Squares {
-  double sum = 0, count = 0;
-  double rms() const { return count > 0 ? std::sqrt(sum / count) : 0; }
-};
-
 /// What the nominal robot leaves of runs, by kinds of channels that they have.
 using Left = std::map<Kind, Squares>;
 
@@ -38,29 +36,33 @@ void AddLeft(const Evaluator& evaluator, std::size_t run, Left& left) {
     const auto& variance = evaluator.Variance()[run][c];
     for (Eigen::Index w = 0; w < variance.size(); ++w) {
       if (!std::isfinite(variance[w])) continue;
-      Squares& squares = left[{evaluator.channels()[c].cut, evaluator.channels()[c].quantity}];
-      squares.sum += std::pow(evaluator.AtNominal()[run][c][w], 2);
-      squares.count += 1;
+      left[{evaluator.channels()[c].cut, evaluator.channels()[c].quantity}].Add(
+          evaluator.AtNominal()[run][c][w]);
     }
   }
 }
 
-/// First row and number of rows of the kTried_s in which the motors go farthest.
-std::pair<Eigen::Index, Eigen::Index> Liveliest(const Run& run) {
+/// The kTried_s in which the motors go farthest.
+Run Liveliest(const Run& run) {
   constexpr double kHop_s = 2;
   const Eigen::VectorXd& t = run.time_s;
-  std::pair<Eigen::Index, Eigen::Index> best{0, t.size()};
+  const double end_s = t[t.size() - 1];
+  if (UsualStep(run) > kQuasiStatic_s || end_s - t[0] <= kTried_s) return run;
+  const auto row = [&](double at_s) {
+    return static_cast<int>(std::lower_bound(t.begin(), t.end(), at_s) - t.begin());
+  };
+  int first = 0, last = 0;
   double farthest = -1;
-  for (double from_s = t[0]; from_s == t[0] || from_s + kTried_s < t[t.size() - 1] + kHop_s;
-       from_s += kHop_s) {
-    const auto row = [&](double at_s) { return std::lower_bound(t.begin(), t.end(), at_s) - t.begin(); };
-    const Eigen::Index first = row(from_s), end = row(from_s + kTried_s);
+  for (double from_s = t[0]; from_s + kTried_s < end_s + kHop_s; from_s += kHop_s) {
+    const int a = row(from_s), b = row(from_s + kTried_s);
     double way = 0;
-    for (Eigen::Index j = 0; j < run.motor_position_rad.cols() && end > first; ++j)
-      way += RangeOf(run.motor_position_rad.col(j).segment(first, end - first)).width();
-    if (way > farthest) farthest = way, best = {first, end - first};
+    for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j)
+      way += RangeOf(run.motor_position_rad.col(j).segment(a, b - a)).width();
+    if (way > farthest) farthest = way, first = a, last = b;
   }
-  return best;
+  std::vector<int> rows(static_cast<std::size_t>(last - first));
+  std::iota(rows.begin(), rows.end(), first);
+  return OfRows(run, rows);
 }
 
 /// Runs by themselves.
@@ -69,18 +71,9 @@ DataSet Apart(const DataSet& set, const std::vector<const Run*>& runs) {
   apart.name = set.name;
   apart.robot = set.robot;
   apart.fit_frame = set.fit_frame;
-  for (const Run* from : runs) {
-    apart.runs.push_back(*from);
-    Run& run = apart.runs.back();
-    run.repeat_of.clear();
-    if (UsualStep(run) > kQuasiStatic_s) continue;
-    const auto [first, rows] = Liveliest(run);
-    const Eigen::Index all = run.time_s.size();
-    run.time_s = run.time_s.segment(first, rows).eval();
-    for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
-                         &run.tension_N, &run.tip_m, &run.tip_quaternion, &run.bending_rad}) {
-      if (values->rows() == all) *values = values->middleRows(first, rows).eval();
-    }
+  for (const Run* run : runs) {
+    apart.runs.push_back(Liveliest(*run));
+    apart.runs.back().repeat_of.clear();
   }
   return apart;
 }
@@ -176,10 +169,6 @@ Found LeavesLeast(const std::vector<Mistake>& mistakes, const std::function<doub
     if (!tried->empty() && tried->front().left < best.left) best = tried->front();
   }
   return best;
-}
-
-bool Compared(const DataSet& set) {
-  return std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); });
 }
 
 Measured MeasuredOf(const Evaluator& evaluator) { return {evaluator.has(kC3), evaluator.has_tracker()}; }

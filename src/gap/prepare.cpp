@@ -260,13 +260,7 @@ std::optional<Run> WithoutEmptyRows(const Run& run) {
     if (any) kept.push_back(static_cast<int>(i));
   }
   if (kept.empty() || static_cast<Eigen::Index>(kept.size()) == rows) return std::nullopt;
-  Run out = run;
-  out.time_s = run.time_s(kept).eval();
-  for (auto* values : {&out.torque_target_Nm, &out.torque_actual_Nm, &out.motor_position_rad, &out.tension_N,
-                       &out.tip_m, &out.tip_quaternion, &out.bending_rad}) {
-    if (values->rows() == rows) *values = (*values)(kept, Eigen::all).eval();
-  }
-  return out;
+  return OfRows(run, kept);
 }
 
 /// Step of the grid that the stamps lie on. One step alone is as coarse as a stamp is written (a date in
@@ -332,6 +326,16 @@ void PreparedRun::MoveTracker(double by_s) {
   tracker_s.conservativeResize(kept);
   tip_m.conservativeResize(kept, 3);
   if (!tip_R.empty()) tip_R.resize(static_cast<std::size_t>(kept));
+}
+
+Run OfRows(const Run& run, const std::vector<int>& rows) {
+  Run out = run;
+  out.time_s = run.time_s(rows);
+  for (auto* values : {&out.torque_target_Nm, &out.torque_actual_Nm, &out.motor_position_rad, &out.tension_N,
+                       &out.tip_m, &out.tip_quaternion, &out.bending_rad}) {
+    if (values->rows() == run.time_s.size()) *values = (*values)(rows, Eigen::all).eval();
+  }
+  return out;
 }
 
 double UsualStep(const Run& run) {

@@ -82,6 +82,9 @@ struct PreparedRun {
   bool tracked() const { return tracker_s.size() > (signals.at_rest ? kLeastStates - 1 : 10); }
 };
 
+/// A run of these rows alone.
+Run OfRows(const Run& run, const std::vector<int>& rows);
+
 /// Median time from row to row.
 double UsualStep(const Run& run);
 

@@ -647,8 +647,7 @@ int Main(int argc, char** argv) {
   Orders o;
   CLI::App app(
       "Random faults at random moments of random motions, in simulated time; exit status 1 when a rule of "
-      "safety was "
-      "broken, 2 for wrong use");
+      "safety was broken, 2 for wrong use");
   AddOptions(app, o);
   try {
     app.parse(argc, argv);

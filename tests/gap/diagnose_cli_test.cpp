@@ -432,6 +432,7 @@ TEST_F(DiagnoseCommandTest, WrongUseIsTold) {
   } cases[] = {
       {"--without gremlins", "--without: there is no effect 'gremlins'"},
       {"--only BACKLASH", "did you mean backlash?"},
+      {"--only bendng", "did you mean bending_"},
       {"--seed -1", "leave out the sign"},
       {"--threads -1", "--threads"},
       {"--refits 0", "--refits"},

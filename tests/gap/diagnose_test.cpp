@@ -364,6 +364,14 @@ TEST(Diagnose, ATrackersOwnDelayIsFound) {
   EXPECT_EQ(d.accepted[0].effect, "tracker_delay");
   EXPECT_NEAR(d.accepted[0].parameters.at("s").value, 0.030, 0.001);
   EXPECT_THAT(d.degradations, testing::Not(testing::Contains(testing::HasSubstr("clock"))));
+  EXPECT_THAT(d.sentence, testing::HasSubstr("The gap lies at C6 (tracker)"));
+}
+
+// Of several parameters the one that differs is told.
+TEST(Diagnose, ATurnedTrackerIsToldByItsAngle) {
+  const Diagnosis d = Diagnose(Recorded("tracker_rotation z_rad=0.2", 4), Only({"tracker_rotation"}));
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  EXPECT_THAT(d.sentence, testing::HasSubstr("tracker_rotation, z_rad 0.2"));
 }
 
 TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
@@ -535,14 +543,15 @@ TEST(Diagnose, TimesSinceAnEpochAreNoGap) {
     EXPECT_FALSE(finding.cut == sim::Cut::kClock && finding.excess) << finding.rms;
 }
 
+struct MadeMistake {
+  std::function<void(gap::Run&)> what;
+  const char* told;
+};
+
 // A sign, an order or a side that is wrong makes a gap larger than effects do: undone, it goes.
 TEST(Diagnose, MistakesOfMeasurementAreNamed) {
   const DataSet right = Recorded("", 4);
-  struct Made {
-    std::function<void(gap::Run&)> what;
-    const char* told;
-  };
-  const Made mistakes[] = {
+  const MadeMistake mistakes[] = {
       {[](gap::Run& run) { run.motor_position_rad.col(1) *= -1; },
        "the sign of motor position 2 turned round"},
       {[](gap::Run& run) {
@@ -556,7 +565,7 @@ TEST(Diagnose, MistakesOfMeasurementAreNamed) {
       {[](gap::Run& run) { run.load_cell = LoadCellPlace::kRobotSide; },
        "the load cells on the motors' side"},
   };
-  for (const Made& made : mistakes) {
+  for (const MadeMistake& made : mistakes) {
     DataSet set = right;
     for (gap::Run& run : set.runs) made.what(run);
     const Diagnosis d = Diagnose(set, Only({"unit_mass"}));
@@ -616,10 +625,11 @@ TEST(Diagnose, AMistakeInAllRunsLeavesOutNone) {
   EXPECT_THAT(d.sentence, testing::HasSubstr("with the sign of motor position 2 turned round"));
   // Nor are all left out where each has its own.
   set = Recorded("", 4);
-  set.runs.resize(2);
+  set.runs.resize(3);
   set.runs[0].tip_m.col(0) *= -1;
   set.runs[1].motor_position_rad.col(1) *= -1;
-  EXPECT_EQ(Diagnose(set, Only({"unit_mass", "bending_stiffness"})).runs.size(), 2u);
+  set.runs[2].torque_actual_Nm.col(1) *= -1;
+  EXPECT_EQ(Diagnose(set, Only({"unit_mass", "bending_stiffness"})).runs.size(), 3u);
 }
 
 // What repeated the one that is left out repeats the first of its repetitions.
@@ -639,11 +649,7 @@ TEST(Diagnose, RepetitionsOfARunThatIsLeftOutStayRepetitions) {
 // One run that was measured otherwise than the others is no gap of the robot's: it is left out and said.
 TEST(Diagnose, ARunMeasuredOtherwiseIsLeftOut) {
   const DataSet right = Recorded("", 4);
-  struct Made {
-    std::function<void(gap::Run&)> what;
-    const char* told;
-  };
-  const Made mistakes[] = {
+  const MadeMistake mistakes[] = {
       {[](gap::Run& run) { run.time_s *= 1e3; }, "its time is in milliseconds"},
       {[](gap::Run& run) { run.motor_position_rad.col(1) *= -1; }, "the sign of motor position 2"},
       {[](gap::Run& run) { run.motor_position_rad *= 180 / std::numbers::pi; }, "taken as degrees"},
@@ -653,7 +659,7 @@ TEST(Diagnose, ARunMeasuredOtherwiseIsLeftOut) {
       {[](gap::Run& run) { run.tension_N.col(2).array() += 0.15; }, "the zero of load cell 3 moved by -0.1"},
   };
   for (const std::size_t at : {1u, 3u}) {  // alone of its kind, and a repetition, which makes the floor
-    for (const Made& made : mistakes) {
+    for (const MadeMistake& made : mistakes) {
       DataSet set = right;
       made.what(set.runs[at]);
       const Diagnosis d = Diagnose(set, Only({"cell_offset", "bending_stiffness"}));
@@ -678,7 +684,7 @@ TEST(Diagnose, ARunMeasuredOtherwiseIsLeftOut) {
 // A cause that one run shows and the others contradict closes nothing; a changed robot is no repetition.
 TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   RobotParameters plant = Rig();
-  plant.effects.push_back(sim::ParseEffect("slack where=tendon:1 m=0.001", plant));
+  plant.effects.push_back(sim::ParseEffect("slack where=tendon:1 m=0.002", plant));
   DataSet set = Recorded("", 4);
   set.runs[2] = Record(plant, "multisine", 4, 13);
   const Diagnosis mixed = Diagnose(set, Only({"tendon_stiffness", "slack", "encoder_offset"}));
@@ -694,6 +700,7 @@ TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   const Diagnosis repeated = Diagnose(set, Only({"unit_mass"}));
   EXPECT_THAT(repeated.degradations,
               testing::Contains(testing::HasSubstr("if anything was changed between them")));
+  EXPECT_THAT(repeated.sentence, testing::HasSubstr("But repetitions differ by"));
 }
 
 TEST(Diagnose, AnEncoderThatFreezesHalfWayIsTakenOutThere) {
@@ -718,15 +725,18 @@ TEST(Diagnose, StatesBesideMotionsStay) {
     *values = (*values)(rows, Eigen::all).eval();
   run.time_s = Eigen::VectorXd::LinSpaced(350, 0, 349);
   EXPECT_EQ(Diagnose(set, Only({"bending_stiffness"})).runs.size(), set.runs.size());
-  // Nor are many, waited for one after the other wherever they are.
+  // Nor are many, waited for one after the other wherever they are, beside slower logs.
   set = Recorded("");
-  gap::Run& many = set.runs[1];
-  rows.clear();
-  for (int i = 0; i < 1010; ++i) rows.push_back(i * 3571 % 7000);
-  for (auto* values : {&many.torque_target_Nm, &many.torque_actual_Nm, &many.motor_position_rad,
-                       &many.tension_N, &many.tip_m, &many.tip_quaternion})
-    *values = (*values)(rows, Eigen::all).eval();
-  many.time_s = Eigen::VectorXd::LinSpaced(1010, 0, 1009);
+  for (std::size_t i = 0; i < set.runs.size(); ++i) {
+    gap::Run& slow = set.runs[i];
+    rows.clear();
+    for (int row = 0; row < 7000; row += i == 1 ? 64 : 10) rows.push_back(i == 1 ? row * 3571 % 7000 : row);
+    for (auto* values : {&slow.torque_target_Nm, &slow.torque_actual_Nm, &slow.motor_position_rad,
+                         &slow.tension_N, &slow.tip_m, &slow.tip_quaternion})
+      *values = (*values)(rows, Eigen::all).eval();
+    const auto size = static_cast<Eigen::Index>(rows.size());
+    slow.time_s = Eigen::VectorXd::LinSpaced(size, 0, static_cast<double>(size - 1) * (i == 1 ? 10 : 0.01));
+  }
   EXPECT_EQ(Diagnose(set, Only({"bending_stiffness"})).runs.size(), set.runs.size());
 }
 

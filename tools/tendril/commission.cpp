@@ -76,8 +76,7 @@ class LiveLink final : public CommissionLink {
     if (const int every = Daemon().lcm.cycle_every_cycles; every != 1 || cycles_ < 2) {
       throw std::runtime_error(
           fmt::format("the daemon on {} publishes {}; commissioning reads every cycle: set "
-                      "lcm.cycle_every_cycles to 1 in its "
-                      "file and start it again",
+                      "lcm.cycle_every_cycles to 1 in its file and start it again",
                       where_, every > 1 ? fmt::format("one of {} cycles", every) : std::string("no cycles")));
     }
   }
