@@ -378,14 +378,20 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     for (const int k : chosen) starts.push_back(start_of(result.screened[k]));
     result.fits = refit(starts, weights, kIterations, 0.65, 0.82);
   }
+  const auto explained = [&](const Fit& fit) {
+    return options.explained && options.explained(Completed(fit.held_out, nominal));
+  };
   // With what the best really leaves, once more from there.
   if (!result.fits.empty()) {
     leftover = Leftover(evaluator, result.fits.front().residuals);
     const Weights weights(evaluator, leftover);
+    // Where that is a gap, what is still on its way may be the cause: a large one takes more steps.
+    const bool far = !explained(result.fits.front());
+    const auto on = std::stable_partition(
+        result.fits.begin(), result.fits.end(),
+        [&, rank = 0](const Fit& fit) mutable { return rank++ < kPolished || (far && !fit.bound_hit); });
     std::vector<Model> starts;
-    for (const auto& fit : result.fits) {
-      if (static_cast<int>(starts.size()) < kPolished) starts.push_back(fit.model);
-    }
+    for (auto fit = result.fits.begin(); fit != on; ++fit) starts.push_back(fit->model);
     std::vector<Fit> polished = refit(starts, weights, kPolish, 0.82, 0.9);
     for (std::size_t k = starts.size(); k < result.fits.size(); ++k) {
       Fit& rest = result.fits[k];
@@ -402,8 +408,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
   result.leftover = leftover;
 
   // ---- pairs: add a second, then try others in the place of the first ----
-  if (!result.fits.empty() &&
-      !(options.explained && options.explained(Completed(result.fits.front().held_out, nominal)))) {
+  if (!result.fits.empty() && !explained(result.fits.front())) {
     const Weights weights(evaluator, leftover);
     const auto partners = [&](const Fit& first, int count) {
       std::vector<std::pair<double, int>> gains(result.screened.size());
