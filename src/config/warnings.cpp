@@ -23,6 +23,10 @@ constexpr double kLate = 0.8;
 constexpr double kShortestRamp_s = 0.1, kRamp_s = 4, kState_s = 1;
 // A slack tendon that is found with less probability than this is not found.
 constexpr double kFound = 1e-3;
+// Of the tension between the limits, at the speed of a move that names none.
+constexpr double kDampingShare = 0.5;
+// Deviations of noise that come once in an hour of cycles.
+constexpr double kSurely = 5;
 
 struct Bound {
   double value = INFINITY;  // from here on (or, for what must be large, up to here) the guard is idle
@@ -202,11 +206,16 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
     say("controller.take_up.pull_N", take_up.pull_N, "N winds nothing in on",
         fmt::format("friction of its motor and pretension take {:.3g} N of {}", scale.held_N.value,
                     of(scale.held_N)),
-        fmt::format("set {:.2g} (above {:.4g})",
-                    std::clamp(2 * scale.held_N.value,
-                               std::min(TakeUpParameters{}.pull_N, limits.max_tension_motor_N),
-                               limits.max_tension_motor_N),
-                    scale.held_N.value));
+        scale.held_N.value < limits.max_tension_motor_N
+            ? fmt::format("set {:.2g} (above {:.4g})",
+                          std::clamp(2 * scale.held_N.value,
+                                     std::min(TakeUpParameters{}.pull_N, limits.max_tension_motor_N),
+                                     limits.max_tension_motor_N),
+                          scale.held_N.value)
+            : fmt::format(
+                  "limits.max_tension_motor_N ({:g}) allows no pull that does: correct gear.efficiency, "
+                  "motor.coulomb_friction_Nm or limits.min_tension_N of the robot file",
+                  limits.max_tension_motor_N));
   }
   if (take_up.max_speed_mps > g.max_displacement_rate_mps) {
     say("controller.take_up.max_speed_mps", take_up.max_speed_mps, "m/s trips a guard of",
@@ -238,6 +247,24 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
                     limits.max_tension_base_N),
         fmt::format("set {:g} or more, or a lower limit of the base", limits.max_tension_base_N));
   }
+  // What damping takes of a tendon at the usual speed is missing for everything else.
+  const double speed_radps = daemon.controller.trajectory.default_speed_radps;
+  const double room_N = limits.max_tension_base_N - limits.min_tension_N;
+  for (std::size_t k = 0; k < robot.body.sections.size(); ++k) {
+    const SectionParameters& s = robot.body.sections[k];
+    double lever_m = INFINITY;
+    for (const TendonRoute& route : s.tendons) lever_m = std::min(lever_m, route.radius_m);
+    const double per_damping_N = speed_radps / (s.units * lever_m);
+    const double damping_N = s.bending_damping_Nms * per_damping_N;
+    if (damping_N <= kDampingShare * room_N) continue;
+    say_robot(
+        fmt::format("body.sections[{}].bending_damping_Nms", k + 1), s.bending_damping_Nms,
+        fmt::format("at controller.trajectory.default_speed_radps ({:g}) it takes {:.3g} N of a tendon, "
+                    "of {:g} N between the limits",
+                    speed_radps, damping_N, room_N),
+        fmt::format("set {:.2g} or less, or a slower default_speed_radps",
+                    0.9 * kDampingShare * room_N / per_damping_N));
+  }
   const auto& tendons = robot.actuation->tendons;
   const auto step_N = [](const TendonDriveParameters& t) {
     return t.load_cell.place == LoadCellPlace::kNone ? 0 : t.load_cell.resolution_V / t.load_cell.gain_VpN;
@@ -250,6 +277,24 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
               fmt::format("one step of the cell is {:.3g} N, more than limits.min_tension_N ({:g})",
                           step_N(*coarse), limits.min_tension_N),
               "give the analog input's step, or another gain_VpN");
+  }
+  // One reading over the limit is a fault: noise must not make it.
+  const double limit_N = std::min(limits.max_tension_motor_N, limits.max_tension_base_N);
+  const double over_N = limit_N * (1 + g.tension_margin);
+  double noise_N = 0;
+  for (const TendonDriveParameters& t : tendons)
+    noise_N = std::max(noise_N, t.load_cell.place == LoadCellPlace::kNone ? 0 : t.load_cell.noise_N);
+  if (kSurely * noise_N > over_N - limit_N) {
+    const bool never = kSurely * noise_N > over_N - limits.min_tension_N;
+    say_robot(
+        "actuation.load_cell.noise_N", noise_N,
+        fmt::format("single readings pass {:.3g} N (the limit and controller.guards.tension_margin){}, a "
+                    "fault (404)",
+                    over_N,
+                    never ? " at pretension already, so that the robot does not stay armed"
+                          : " under tensions within the limits"),
+        fmt::format("give the cell's rms noise, {:.2g} or less, or take a better cell",
+                    0.9 * (over_N - limit_N) / kSurely));
   }
   constexpr double kMostOfRated = 5;
   const auto most_A = [](const TendonDriveParameters& t) {
@@ -284,6 +329,14 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
         "fault (412) then; set off, lead the robot slower, or put the cells on the motor's side",
         behind - tendons.begin() + 1, robot.name);
     lines.emplace_back(ErrorAt(daemon_path, "controller.shape_feedback", text).what());
+  }
+  if (daemon.controller.tension_feedback && robot.body.sections.size() > 1) {
+    const std::string text = fmt::format(
+        "on, but {} has {} sections: so soft a robot rests farther from its goal with feedback than without "
+        "as "
+        "long as it is as its file says; set off (with shape_feedback and tip_feedback), or compare the two",
+        robot.name, robot.body.sections.size());
+    lines.emplace_back(ErrorAt(daemon_path, "controller.tension_feedback", text).what());
   }
   if (const double every_s = daemon.lcm.state_every_cycles * cycle_s; every_s > kState_s) {
     say("lcm.state_every_cycles", daemon.lcm.state_every_cycles, "hides",

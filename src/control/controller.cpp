@@ -858,7 +858,11 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
   const Status status = equilibrium.Solve(output.reference, output.tension_desired_base_N, LeastTension(),
                                           shift_W_m, lacking_Nm);
   const bool answered = status != Status::kEquilibriumNotFound;
-  if (answered != balanced) joined = false;
+  // The path of the tendons is another one from here on, which is no motion.
+  if (answered != balanced) {
+    joined = false;
+    switched = true;
+  }
   balanced = answered;
   at_limit = status == Status::kLimitedTensionMax;
   Report(output, status);

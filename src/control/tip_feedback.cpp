@@ -122,7 +122,8 @@ Status TipFeedback::Step(const TrackerSample& sample, TimeNs now_ns, TimeNs ahea
   const double far_m = shift_W_m_.norm();
   if (far_m > max_shift_m_) shift_W_m_ *= max_shift_m_ / far_m;
   if (silent_s > max_age_s_) return Status::kTrackerLost;
-  return far_m > max_shift_m_ ? Status::kLimitedTipCorrection : Status::kOk;
+  if (far_m > max_shift_m_) return Status::kLimitedTipCorrection;
+  return asleep_ && error_W_m_.norm() > kWake * rest_band_m_ ? Status::kTipErrorLeft : Status::kOk;
 }
 
 void TipFeedback::Remember(StateArchive& a) noexcept {

@@ -93,20 +93,36 @@ class BoundedLeastNorm {
 
   /// The exact solution on the active set that Solve found: x at its bounds, the free ones of least norm.
   /// Where the set turns out to be wrong by a hair (a tension within the regularisation of a bound) it is
-  /// corrected.
+  /// corrected: free ones beyond a bound stay at it, then one that would lessen the miss by leaving its bound
+  /// is freed.
   TendonVector Polish() noexcept {
     TendonVector x = OnActiveSet();
-    for (int attempt = 0; attempt < a_.cols(); ++attempt) {
+    for (int attempt = 0; attempt < 2 * a_.cols(); ++attempt) {
       bool moved = false;
       for (int j = 0; j < a_.cols(); ++j) {
         if (set_[j] != Bound::kFree || (x[j] >= 0 && x[j] <= range_)) continue;
         set_[j] = x[j] < 0 ? Bound::kLower : Bound::kUpper;
         moved = true;
       }
-      if (!moved) break;
+      if (!moved && !FreeOne(x)) break;
       x = OnActiveSet();
     }
     return x.cwiseMax(0.0).cwiseMin(range_);
+  }
+
+  /// Of the tensions held at a bound, frees the one that lessens what is missed most; false: none does.
+  bool FreeOne(const TendonVector& x) noexcept {
+    const ForceVector missing = b_ - a_ * x;
+    double most = 1e-12 * (b_.norm() + x.norm());
+    int freed = -1;
+    for (int j = 0; j < a_.cols(); ++j) {
+      const double gain = (set_[j] == Bound::kLower ? 1 : -1) * a_.col(j).dot(missing);
+      if (set_[j] == Bound::kFree || gain <= most) continue;
+      most = gain;
+      freed = j;
+    }
+    if (freed >= 0) set_[freed] = Bound::kFree;
+    return freed >= 0;
   }
 
   void Classify(const TendonVector& pull) noexcept {

@@ -21,6 +21,7 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 struct Idle {
   const char* key;   // as in the message
@@ -183,6 +184,20 @@ TEST(Warnings, RobotsThatNobodyMeans) {
   EXPECT_THAT(
       told([](RobotParameters& r) { r.limits.max_tension_motor_N = 7; }),
       ElementsAre(AllOf(HasSubstr("rig_60mm.yaml"), HasSubstr("limits.max_tension_motor_N: 7: friction"))));
+  EXPECT_THAT(told([](RobotParameters& r) {
+                for (TendonDriveParameters& t : r.actuation->tendons) t.gear.efficiency = 0.01;
+              }),
+              Contains(AllOf(HasSubstr("take_up.pull_N: 2 N winds"), HasSubstr("allows no pull"),
+                             Not(HasSubstr("; set")))));
+  EXPECT_THAT(told([](RobotParameters& r) { r.body.sections[0].bending_damping_Nms = 0.12; }), IsEmpty());
+  EXPECT_THAT(told([](RobotParameters& r) { r.body.sections[0].bending_damping_Nms = 0.2; }),
+              ElementsAre(AllOf(HasSubstr("sections[1].bending_damping_Nms: 0.2: at"),
+                                HasSubstr("takes 6.25 N"), HasSubstr("; set 0.11"))));
+  EXPECT_THAT(told([](RobotParameters& r) { r.actuation->tendons[1].load_cell.noise_N = 5; }),
+              Contains(AllOf(HasSubstr("noise_N: 5: single readings"), HasSubstr("does not stay armed"))));
+  EXPECT_THAT(
+      told([](RobotParameters& r) { r.actuation->tendons[1].load_cell.noise_N = 0.3; }),
+      Contains(AllOf(HasSubstr("noise_N: 0.3: single readings"), HasSubstr("under tensions within"))));
   EXPECT_THAT(told([](RobotParameters& r) { r.actuation->tendons[1].load_cell.resolution_V = 1; }),
               ElementsAre(AllOf(HasSubstr("resolution_V: 1: one step"), HasSubstr("limits.min_tension_N"))));
   EXPECT_THAT(told([](RobotParameters& r) { r.actuation->tendons[2].drive.current_limit_A = 100; }),
@@ -199,6 +214,17 @@ TEST(Warnings, AMarginBeyondWhatTheCellShows) {
   EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild.yaml")),
               ElementsAre(AllOf(HasSubstr("controller.guards.tension_margin: 0.1 cannot trip"),
                                 HasSubstr("tendon 2 shows no more than 8.33 N"))));
+}
+
+TEST(Warnings, FeedbackOnSectionsThatDoNotNeedIt) {
+  DaemonParameters daemon = LoadDaemon(ConfigPath("tendrild_two_section.yaml"));
+  const RobotParameters robot = LoadRobot(ConfigPath("robots/two_section.yaml"));
+  daemon.controller.law = ControlLaw::kEquilibrium;
+  EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild_two_section.yaml")), IsEmpty());
+  daemon.controller.tension_feedback = true;
+  EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild_two_section.yaml")),
+              ElementsAre(AllOf(HasSubstr("controller.tension_feedback: on, but two_section has 2 sections"),
+                                HasSubstr("; set off"))));
 }
 
 TEST(Warnings, ShapeFeedbackWithACellBehindThePulleys) {

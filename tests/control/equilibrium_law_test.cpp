@@ -270,5 +270,21 @@ TEST(EquilibriumLaw, RoundingLosesNothingInTheMeanOfAMotionAndStandsAtRest) {
   for (int j = 0; j < 3; ++j) EXPECT_NEAR(told[j], wanted_permille(j), 0.8);
 }
 
+// Its weight bends the units while the tip stays: that path of the tendons begins with no motion.
+TEST(EquilibriumLaw, ARobotMountedSidewaysIsArmedWithoutABlow) {
+  RobotParameters robot = Rig("rig_90mm");
+  robot.body.gravity_W_mps2 = {9.81, 0, 0};
+  IdealLoop loop(robot, Equilibrium(false));
+  loop.RunUntilRunning();
+  TendonVector last_Nm = loop.output.torque_desired_Nm, last_N = loop.output.tension_desired_base_N;
+  for (int i = 0; i < 1000; ++i) {
+    loop.Step();
+    EXPECT_LT((loop.output.torque_desired_Nm - last_Nm).cwiseAbs().maxCoeff(), 1e-5) << i;
+    EXPECT_LE((loop.output.tension_desired_base_N - last_N).cwiseAbs().maxCoeff(), 2e-3 + 1e-12) << i;
+    last_Nm = loop.output.torque_desired_Nm;
+    last_N = loop.output.tension_desired_base_N;
+  }
+}
+
 }  // namespace
 }  // namespace tendril::control

@@ -144,7 +144,7 @@ TEST_F(TipFeedbackTest, AReadingThatNeverChangesIsNoReading) {
     return status;
   };
   EXPECT_EQ(run(5e-5), Status::kTrackerLost);
-  EXPECT_EQ(run(0), Status::kOk) << "a tracker without noise may show the same";
+  EXPECT_EQ(run(0), Status::kTipErrorLeft) << "a tracker without noise may show the same; the tip is stuck";
 }
 
 // Dry friction holds the tip a little off; pulling at it until it slips would never end.
@@ -168,6 +168,38 @@ TEST_F(TipFeedbackTest, RestsWithinTheNoiseUntilTheTipIsOffAgain) {
   EXPECT_EQ(run(4e-5), 0);
   EXPECT_EQ(run(1e-4), 0) << "woken at three times the noise only";
   EXPECT_GT(run(3e-4), 1e-4);
+}
+
+// A tip that sticks and then leaps too far, as with friction compensated that is not there, would be hunted
+// for ever.
+TEST_F(TipFeedbackTest, ATipThatLeapsIsNotHuntedForAndItsErrorIsTold) {
+  TipFeedback fresh{
+      {.rate_Hz = 100, .position_noise_m = 5e-5, .orientation_noise_rad = 0, .delay_s = 0}, 0.06, 1e-3};
+  Eigen::Vector3d goal(0.03, 0.01, 0.045), stuck_m(3e-3, 0, 0);
+  Status status = Status::kOk;
+  int leaps = 0;
+  const auto run = [&](int cycles) {
+    for (int i = 0; i < cycles; ++i) {
+      now_ns += kNsPerMs;
+      const Eigen::Vector3d pull_m = fresh.shift_W_m() - stuck_m;
+      if (pull_m.norm() > 6e-3) stuck_m += 2 * pull_m, ++leaps;
+      TrackerSample sample{.valid = i % 10 == 0, .time_ns = now_ns, .tip_W_m = goal + stuck_m};
+      sample.tip_W_m.z() += 1e-6 * (i % 7);
+      status = fresh.Step(sample, now_ns, kAhead_ns, goal, goal + stuck_m, Eigen::Vector3d::UnitX(),
+                          Eigen::Vector3d::UnitY(), true);
+    }
+  };
+  run(20'000);
+  EXPECT_EQ(status, Status::kTipErrorLeft);
+  const int by_then = leaps;
+  const Eigen::Vector3d left_m = fresh.shift_W_m();
+  run(10'000);
+  EXPECT_GT(by_then, 0);
+  EXPECT_EQ(leaps, by_then);
+  EXPECT_EQ(fresh.shift_W_m(), left_m);
+  goal.y() += 1e-3;  // another goal is tried for anew
+  run(1);
+  EXPECT_EQ(status, Status::kOk);
 }
 
 }  // namespace

@@ -175,6 +175,7 @@ TEST_F(SimulateCommandTest, WrongUseIsToldBeforeAnythingIsWritten) {
       {"--effect 'stribeck sigma=3 vary=speed_radps'", "accepted: torque_Nm"},
       {"--effect 'backlash vary=rad rad=0.1'", "vary without sigma"},
       {"--seed -3", "leave out the sign"},
+      {"--seed 99999999999999999999", "is no seed"},
       {"--repeats 21", "--repeats"},
       {"--jobs 0", "--jobs"},
       {"--noise some", "--noise"},

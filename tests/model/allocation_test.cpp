@@ -280,5 +280,18 @@ TEST(Allocation, EqualBoundsAndNonsenseAreAnsweredNotCrashed) {
   EXPECT_THROW(TensionAllocator(kMaxTendons + 1, 2), std::invalid_argument);
 }
 
+// Within the allocation's regularisation of a bound a force is no less within reach.
+TEST(Allocation, ATensionAHairFromItsBoundIsReached) {
+  const MatrixXd a = StraightJacobian(1, 3);
+  for (double hair_N = 1e-12; hair_N < 1e-4; hair_N *= 1.3) {
+    for (const VectorXd& t :
+         {VectorXd(Eigen::Vector3d(2.4, 0.3 + hair_N, 0.3)), VectorXd(Eigen::Vector3d(8, 8 - hair_N, 0.3))}) {
+      const auto result = TensionAllocator(3, 2).Allocate(a, a * t, 0.3, 8);
+      EXPECT_EQ(result.status, Status::kOk) << hair_N;
+      EXPECT_LT((result.tension_N - t).cwiseAbs().maxCoeff(), 1e-9) << hair_N;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace tendril::model

@@ -54,6 +54,16 @@ class Laws(unittest.TestCase):
     def test_samples_have_a_tip_for_every_law(self):
         self.assertEqual(len(self.columns), 4 + 3 * len(self.runs))
 
+    def test_a_robot_that_cannot_go_there_is_told(self):
+        rig = pathlib.Path(__file__).parents[2] / "config" / "robots" / "rig_60mm.yaml"
+        with tempfile.TemporaryDirectory() as folder:
+            weak = pathlib.Path(folder) / "weak.yaml"
+            weak.write_text(rig.read_text().replace("max_tension_base_N: 8.0", "max_tension_base_N: 4.0"))
+            done = run("--robot", str(weak), "--plant", str(weak), "--trajectory", "circle", "--no-plots", "--out",
+                       folder)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("not led as it should be in 100 % of its cycles: command refused", done.stdout)
+
     def test_wrong_use_is_told(self):
         for args in (("--robot", "a.yaml"), ("--plant", "b.yaml"), ("--law", "best"), ("--on", "moon"),
                      ("--robot", "a.yaml", "--plant", "b.yaml", "--law", "paper"), ("--seed", "-1")):

@@ -64,10 +64,19 @@ TEST_F(FollowCommandTest, PointsComeFromAFileToo) {
   EXPECT_EQ(Plan("via --points points.csv"), 0) << error_;
 }
 
+TEST_F(FollowCommandTest, TheSlowestMotionNeedsNoMoreTensionThanRest) {
+  EXPECT_EQ(Plan("via --bend 0.5,0 --bend 0,0.5 --speed 0.001"), 0) << error_;
+}
+
 TEST_F(FollowCommandTest, WrongUseIsTold) {
   ExpectRefused("via", 2, {"--tip", "--bend", "--points"});
   ExpectRefused("via --bend 0,0", 2, {"one point"});
   ExpectRefused("via --bend 0,0 --tip 0,0,0.06", 2, {"one of the three"});
+  ExpectRefused("via --bend nan,0", 2, {"'nan' is not a number"});
+  ExpectRefused("via --bend 0.5", 2, {"1 numbers", "accepted: 2"});
+  ExpectRefused("via --bend 3,0", 1, {"point 1", "2.6"});
+  ExpectRefused("line --tip nan,0,0", 2, {"'nan'"});
+  ExpectRefused("arc --centre 0,0,0.05 --tip 0.02,0,0.05 --angle 0", 2, {"--angle 0 is no arc"});
   ExpectRefused("via --bend 0,x --bend 1,1", 2, {"'x' is not a number"});
   ExpectRefused("via --bend 0,nan --bend 1,1", 2, {"'nan'"});
   ExpectRefused("via --bend 0,0,1 --bend 1,1", 2, {"3 numbers", "accepted: 2"});
@@ -130,6 +139,9 @@ TEST_F(FollowCommandTest, ABadTableIsToldByItsLine) {
   ExpectRefused(Csv(""), 1, {"empty input", "t_s"});
   ExpectRefused(Csv("t_s,us_1,vs_1\n0,0,0\n"), 1, {"1 row", "two or more"});
   ExpectRefused("csv nowhere.csv", 1, {"nowhere.csv"});
+  ExpectRefused(Csv(std::string("t_s,us_1,vs_1\n0,0,0\n1,0\0x,0\n", 28)), 1,
+                {"line 3: a NUL byte", "give a CSV"});
+  ExpectRefused("csv /", 1, {"/: cannot be read", "not a folder"});
 }
 
 }  // namespace

@@ -1,8 +1,10 @@
-// What a --seed may be: CLI11 takes -3 for an unsigned number.
+// What a --seed may be: CLI11 takes -3 for an unsigned number, and the largest for one that is larger still.
 // Knows the command line only.
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <charconv>
+#include <cstdint>
 #include <string>
 
 namespace tendril::tools {
@@ -10,8 +12,13 @@ namespace tendril::tools {
 inline CLI::Validator Seed() {
   return CLI::Validator(
       [](std::string& text) -> std::string {
-        const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
-        return digits ? "" : "'" + text + "' is no seed; accepted: a whole number from 0; leave out the sign";
+        std::uint64_t seed = 0;
+        const char* last = text.data() + text.size();
+        const auto [end, error] = std::from_chars(text.data(), last, seed);
+        if (error == std::errc() && end == last) return "";
+        return "'" + text +
+               "' is no seed; accepted: a whole number from 0 to 18446744073709551615; leave out " +
+               "the sign";
       },
       "");
 }

@@ -9,6 +9,7 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -61,7 +62,8 @@ struct Tracking {
   std::string law;
   std::string fault;  // of a run that did not reach its end
   Error tip, tension;
-  std::uint64_t limited_cycles = 0;
+  std::uint64_t cycles = 0, limited_cycles = 0;
+  std::map<Status, std::uint64_t> held_back;  // cycles by why it was not led where it should be
   // Worst excess of a limit: of what was asked for; of what the plant's tendons then carried, and how it
   // bent, within the motion and the two seconds that follow a fault.
   double tension_over_N = 0, tension_under_N = 0, true_tension_over_N = 0, bending_over_rad = 0,
@@ -122,6 +124,10 @@ std::vector<std::string> NamesOf(const std::vector<PlantKind>& kinds) {
 }
 
 constexpr double kAfterFault_s = 2;
+constexpr double kMuchHeldBack = 0.1;  // of the cycles: more is told
+
+// The codes of output that is limited and of commands that are refused.
+bool HoldsBack(Status status) { return static_cast<int>(status) >= 100 && static_cast<int>(status) < 300; }
 
 Tracking Track(ClosedLoopOptions options, const Motion& motion, bool faults_end_it) {
   Tracking result;
@@ -184,7 +190,11 @@ Tracking Track(ClosedLoopOptions options, const Motion& motion, bool faults_end_
             result.tension.Add(loop.plant().tendon()[j].tension_base_N -
                                r.output.tension_desired_base_N[static_cast<Eigen::Index>(j)]);
           }
+          ++result.cycles;
           if (r.output.status != Status::kOk) ++result.limited_cycles;
+          if (const Status why = HoldsBack(r.output.status) ? r.output.status : r.output.command_status;
+              HoldsBack(why))
+            ++result.held_back[why];
           if (r.input.cycle % sample_every == 0) {
             result.time_s.push_back(target_s);
             result.wanted_m.push_back(wanted);
@@ -219,7 +229,21 @@ Tracking Track(const std::string& controller_file, const std::string& plant_file
   }
 }
 
+// Of a robot that does not go where it is led its error says nothing: why it does not.
+std::string HeldBack(const Tracking& t) {
+  const auto most = std::max_element(t.held_back.begin(), t.held_back.end(),
+                                     [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (most == t.held_back.end()) return "";
+  const double share = static_cast<double>(most->second) / static_cast<double>(t.cycles);
+  if (share < kMuchHeldBack) return "";
+  return fmt::format("not led as it should be in {:.0f} % of its cycles: {} ({}); {}", 100 * share,
+                     StatusText(most->first), static_cast<int>(most->first), StatusRemedy(most->first));
+}
+
 ordered_json Describe(const Tracking& t, const char* role) {
+  ordered_json held_back = ordered_json::object();
+  for (const auto& [status, cycles] : t.held_back)
+    held_back[std::to_string(static_cast<int>(status))] = cycles;
   return {{"role", role},
           {"controller", t.controller},
           {"plant", t.plant},
@@ -227,7 +251,9 @@ ordered_json Describe(const Tracking& t, const char* role) {
           {"tip_max_error_m", t.tip.largest},
           {"base_tension_rms_error_N", t.tension.rms()},
           {"base_tension_max_error_N", t.tension.largest},
-          {"limited_cycles", t.limited_cycles}};
+          {"cycles", t.cycles},
+          {"limited_cycles", t.limited_cycles},
+          {"held_back", held_back}};
 }
 
 void WriteSamples(const fs::path& file, const std::vector<Tracking>& runs) {
@@ -299,7 +325,7 @@ void RunLaws(const CompareOptions& options) {
   std::string head = fmt::format("  {:<26}", "");
   for (const PlantKind& kind : plants) head += fmt::format("{:>19}", kind.name);
   double over = 0;
-  std::vector<std::string> faults, beyond;
+  std::vector<std::string> faults, held, beyond;
   for (const std::string& name : motions) {
     const std::string file = ConfigFile(name == "planar" ? "robots/rig_90mm.yaml" : "robots/rig_60mm.yaml");
     const RobotParameters robot = sim::LoadRobot(file);
@@ -329,6 +355,8 @@ void RunLaws(const CompareOptions& options) {
         t.plant = kind.name;
         over =
             std::max({over, t.tension_over_N, t.tension_under_N, t.bending_over_rad, t.torque_over_permille});
+        if (const std::string why = HeldBack(t); !why.empty() && t.fault.empty())
+          held.push_back(fmt::format("  {} with {} on {}: {}", name, law.name, kind.name, why));
         if (t.true_tension_over_N > 0) {
           beyond.push_back(fmt::format("  {} with {} on {}: a tendon carried {:.2f} N more than its limit",
                                        name, law.name, kind.name, t.true_tension_over_N));
@@ -364,6 +392,7 @@ void RunLaws(const CompareOptions& options) {
   }
   lines.emplace_back("");
   for (const std::string& fault : faults) lines.push_back(fault);
+  for (const std::string& line : held) lines.push_back(line);
   lines.push_back(
       over > 0
           ? fmt::format("  a law asked for more than a limit of tension, bending or torque (by {:.3g}); see "
@@ -409,6 +438,7 @@ void RunCompare(const CompareOptions& options) {
       lines.push_back(fmt::format("  {:<44}{:>8.3f} mm{:>8.3f} mm{:>11.3f} N{:>11.3f} N", what,
                                   1e3 * t.tip.rms(), 1e3 * t.tip.largest, t.tension.rms(),
                                   t.tension.largest));
+      if (const std::string why = HeldBack(t); !why.empty()) lines.push_back("    " + why);
     }
     if (runs.size() > 2) {
       const double floor = runs[0].tip.mean_square(), before = runs[1].tip.mean_square();

@@ -18,12 +18,14 @@
 #include "tendril/control/controller.h"
 #include "tendril/control/reach.h"
 #include "tendril/control/tension_loop_design.h"
+#include "tendril/control/tip_feedback.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {
 namespace {
 
 constexpr double kLongDelay_s = 0.5;   // seven times that of the shipped files
+constexpr double kSlowTip_s = 2;       // to be waited for threefold
 constexpr double kHeldShare = 1. / 3;  // of the greatest bend; of two sections of 60 mm it is two fifths
 
 std::string Remedy(const canopen::BusBudget& budget) {
@@ -82,6 +84,24 @@ std::string ReachWarning(const DaemonParameters& daemon, const RobotParameters& 
       body.sections() > 1 ? "sections" : "section",
       sure_rad > 0 ? fmt::format("in every direction up to {:.2g} rad", sure_rad) : "not even straight");
   return config::ErrorAt(daemon.robot_file, "limits.max_bending_rad", text).what();
+}
+
+// A tip that takes long to come to its goal is taken for one that hunts.
+std::string TipWarning(const DaemonParameters& daemon, const RobotParameters& robot,
+                       const std::string& path) {
+  if (!daemon.controller.tip_feedback || !robot.actuation->tracker) return "";
+  const TrackerParameters& tracker = *robot.actuation->tracker;
+  const double period_s = ToSeconds(daemon.bus.cycle_ns);
+  const double slow_s = control::TipFeedback(tracker, robot.body.length_m(), period_s).time_constant_s();
+  if (slow_s <= kSlowTip_s) return "";
+  const std::string text = fmt::format(
+      "on, but with tracker.rate_Hz {:g} and delay_s {:g} of {} it corrects with a time constant of {:.2g} "
+      "s: for "
+      "{:.2g} s after every move the tip still wanders; take a tracker of {:g} Hz or more that is no later "
+      "than "
+      "{:g} s, or set off",
+      tracker.rate_Hz, tracker.delay_s, robot.name, slow_s, 3 * slow_s, 10 / kSlowTip_s, kSlowTip_s / 5);
+  return config::ErrorAt(path, "controller.tip_feedback", text).what();
 }
 
 // Keys of the resolved file that the file itself does not have, with the values that stand in.
@@ -153,6 +173,8 @@ void Check(const std::string& path) {
     fmt::print(stderr, "warning: {}\n", at.what());
   }
   if (const std::string line = ReachWarning(daemon, robot); !line.empty())
+    fmt::print(stderr, "warning: {}\n", line);
+  if (const std::string line = TipWarning(daemon, robot, path); !line.empty())
     fmt::print(stderr, "warning: {}\n", line);
   for (const std::string& line : config::Warnings(daemon, robot, path))
     fmt::print(stderr, "warning: {}\n", line);

@@ -49,11 +49,10 @@ class CsvReader {
     values_[0].resize(required.size());
     std::string header;
     do {
-      if (!std::getline(in_, header)) {
+      if (!Line(header)) {
         throw std::runtime_error(
             fmt::format("{}: empty input: expected a CSV header with the columns {}", name_, Join(required)));
       }
-      ++line_;
       if (line_ == 1 && header.starts_with("\xEF\xBB\xBF")) header.erase(0, 3);
     } while (Trim(header).empty());
 
@@ -104,8 +103,7 @@ class CsvReader {
   bool Next() {
     std::string text;
     do {
-      if (!std::getline(in_, text)) return false;
-      ++line_;
+      if (!Line(text)) return false;
     } while (Trim(text).empty());
     const std::vector<std::string_view> cells = Split(text);
     if (cells.size() != slot_.size()) {
@@ -135,6 +133,20 @@ class CsvReader {
     bool used = false;
     std::size_t group = 0, index = 0;
   };
+
+  /// The next line as it is; false at the end of the input.
+  bool Line(std::string& text) {
+    if (!std::getline(in_, text)) {
+      // A folder opens like a file.
+      if (in_.bad())
+        throw std::runtime_error(fmt::format("{}: cannot be read; name a file, not a folder", name_));
+      return false;
+    }
+    ++line_;
+    // A message would end there.
+    if (text.find('\0') != std::string::npos) throw Error("a NUL byte; accepted: text; give a CSV file");
+    return true;
+  }
 
   static std::string_view Trim(std::string_view s) {
     constexpr std::string_view kBlank = " \t\r\n";

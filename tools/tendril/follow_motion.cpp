@@ -161,7 +161,6 @@ MatrixXd ViaPoints(const MotionRequest& r, const RobotParameters& robot) {
     throw UsageError("via: give its points by --tip, by --bend or by --points, one of the three");
   if (!r.points.empty()) return ReadPoints(r.points, robot, r.nearest, nullptr);
   const std::size_t count = r.tips.size() + r.bends.size();
-  if (count < 2) throw UsageError("via: one point is no path; give two or more, or use tendril send");
   const Eigen::Index k2 = 2 * static_cast<Eigen::Index>(robot.body.sections.size());
   MatrixXd points(static_cast<Eigen::Index>(count), k2);
   TipSolver solver(robot, r.nearest);
@@ -176,11 +175,14 @@ MatrixXd ViaPoints(const MotionRequest& r, const RobotParameters& robot) {
     }
     points.row(static_cast<Eigen::Index>(i)) = bending.transpose();
   }
+  // Only now: a value that is wrong is told first.
+  if (count < 2) throw UsageError("via: one point is no path; give two or more, or use tendril send");
   TellNearest(solver);
   return points;
 }
 
 std::vector<Spline> Lines(const MotionRequest& r, const RobotParameters& robot) {
+  for (const std::string& tip : r.tips) Point(tip, "--tip");  // a value that is wrong is told first
   if (r.tips.size() < 2) throw UsageError("line: give two or more corners by --tip X,Y,Z");
   std::vector<Spline> curves;
   TipSolver solver(robot, r.nearest);
@@ -195,17 +197,18 @@ std::vector<Spline> Lines(const MotionRequest& r, const RobotParameters& robot) 
 Spline Arc(const MotionRequest& r, const RobotParameters& robot) {
   TipSolver solver(robot, r.nearest);
   if (r.centre.empty()) {
-    if (r.tips.size() != 3 || r.angle_deg != 0) {
+    if (r.tips.size() != 3 || r.angle_deg) {
       throw UsageError("arc: give three points by --tip, or one with --centre and --angle");
     }
     return AlongTip(
         ArcThrough(Point(r.tips[0], "--tip"), Point(r.tips[1], "--tip"), Point(r.tips[2], "--tip")), "arc",
         solver, robot);
   }
-  if (r.tips.size() != 1 || r.angle_deg == 0)
+  if (r.tips.size() != 1 || !r.angle_deg)
     throw UsageError("arc: with --centre go one --tip, where it starts, and --angle");
+  if (*r.angle_deg == 0) throw UsageError("arc: --angle 0 is no arc; give by how many degrees it turns");
   const TipPath path = ArcAround(Point(r.centre, "--centre"), Point(r.normal, "--normal", "X,Y,Z"),
-                                 Point(r.tips[0], "--tip"), r.angle_deg * std::numbers::pi / 180);
+                                 Point(r.tips[0], "--tip"), *r.angle_deg * std::numbers::pi / 180);
   return AlongTip(path, "arc", solver, robot);
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,7 +19,7 @@ struct MotionRequest {
   std::vector<std::string> bends;        // via: "U,V,..." [rad], two a section
   std::string points;                    // via: a CSV of points; csv: one with times
   std::string centre, normal = "0,0,1";  // arc around a centre
-  double angle_deg = 0;                  // the same; 0: the arc goes through three points
+  std::optional<double> angle_deg;       // the same; none: the arc goes through three points
   bool nearest = false;                  // out of reach: the nearest point that the robot reaches
   double stretch = 1;                    // csv: of its times
   double speed_radps = 0, acceleration_radps2 = 0,

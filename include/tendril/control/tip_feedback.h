@@ -42,6 +42,7 @@ class TipFeedback {
 
   const Eigen::Vector3d& shift_W_m() const noexcept { return shift_W_m_; }
   double max_age_s() const noexcept { return max_age_s_; }
+  double time_constant_s() const noexcept { return time_constant_s_; }
   void Remember(StateArchive& archive) noexcept;
 
  private:

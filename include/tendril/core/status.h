@@ -20,7 +20,7 @@ namespace tendril {
   X(TargetUnreachable, 107, "tip target out of reach: going to the nearest reachable point", "see target_distance_m") \
   X(LimitedByDrive, 108, "torque limited by the drive itself (internal limit active)", "see object 0x3001 and the motor's temperature") \
   X(LimitedTipCorrection, 109, "correction by the tracker limited to a fifth of the robot's length", "check the tracker's frame; else find what differs: tendril gap diagnose") \
-  X(SlowedByTension, 110, "motion slowed: rotors as fast as that would take more tension than the limits leave", "command a slower motion or less bending; with law: paper, more limits.min_tension_N or law: equilibrium") \
+  X(SlowedByTension, 110, "motion slowed: rotors as fast as that would take more tension than the limits leave", "command a slower motion or less bending; with law: paper, try law: equilibrium, which pulls for its rotors") \
   X(LimitedShapeCorrection, 111, "correction by the tendons' displacement limited to half of what the robot's stiffness takes", "look for what holds or loads the robot; else find what differs: tendril gap diagnose") \
   X(CommandNotFinite, 201, "command refused: not finite", "send numbers only")                                      \
   X(CommandOutOfRange, 202, "command refused: out of range", "see the robot file's limits; of no robot: more than 1000 rad/s, 100 m or 100 m/s")                 \
@@ -57,6 +57,7 @@ namespace tendril {
   X(MessageIgnored, 321, "a message could not be understood and was ignored", "compare the sender's lcm_types with the daemon's") \
   X(TrackerDisagrees, 322, "tracker and tendons disagree on the tip by more than a tenth of the robot's length", "check the tracker's frame and units; else disarm, look whether the robot is straight and no tendon off its pulley, and arm") \
   X(TwoSenders, 323, "two programs send targets: one leads, the other's are refused", "end one of the two; the log names them") \
+  X(TipErrorLeft, 324, "the tip rests off its goal: tip feedback went to and fro without getting it there, and stopped", "send another target; where it comes again, less friction than pulleys and gears have, or more play, is in the robot file: tendril gap diagnose") \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \
