@@ -262,8 +262,9 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
         fmt::format("at controller.trajectory.default_speed_radps ({:g}) it takes {:.3g} N of a tendon, "
                     "of {:g} N between the limits",
                     speed_radps, damping_N, room_N),
-        fmt::format("set {:.2g} or less, or a slower default_speed_radps",
-                    0.9 * kDampingShare * room_N / per_damping_N));
+        fmt::format("set {:.2g} or less, or controller.trajectory.default_speed_radps {:.2g} or less",
+                    0.9 * kDampingShare * room_N / per_damping_N,
+                    0.9 * kDampingShare * room_N / damping_N * speed_radps));
   }
   const auto& tendons = robot.actuation->tendons;
   const auto step_N = [](const TendonDriveParameters& t) {
@@ -281,20 +282,27 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
   // One reading over the limit is a fault: noise must not make it.
   const double limit_N = std::min(limits.max_tension_motor_N, limits.max_tension_base_N);
   const double over_N = limit_N * (1 + g.tension_margin);
-  double noise_N = 0;
-  for (const TendonDriveParameters& t : tendons)
-    noise_N = std::max(noise_N, t.load_cell.place == LoadCellPlace::kNone ? 0 : t.load_cell.noise_N);
-  if (kSurely * noise_N > over_N - limit_N) {
-    const bool never = kSurely * noise_N > over_N - limits.min_tension_N;
+  const auto noise_N = [](const TendonDriveParameters& t) {
+    return t.load_cell.place == LoadCellPlace::kNone ? 0 : t.load_cell.noise_N;
+  };
+  const auto noisy = std::max_element(tendons.begin(), tendons.end(),
+                                      [&](const TendonDriveParameters& a, const TendonDriveParameters& b) {
+                                        return noise_N(a) < noise_N(b);
+                                      });
+  if (const double most_N = kSurely * noise_N(*noisy); most_N > over_N - limit_N) {
+    const bool never = most_N > over_N - limits.min_tension_N;
+    const double margin = 1.1 * most_N / limit_N;
     say_robot(
-        "actuation.load_cell.noise_N", noise_N,
-        fmt::format("single readings pass {:.3g} N (the limit and controller.guards.tension_margin){}, a "
-                    "fault (404)",
-                    over_N,
+        "actuation.load_cell.noise_N", noise_N(*noisy),
+        fmt::format("single readings of tendon {} pass {:.3g} N (the limit and "
+                    "controller.guards.tension_margin){}, a fault (404)",
+                    noisy - tendons.begin() + 1, over_N,
                     never ? " at pretension already, so that the robot does not stay armed"
                           : " under tensions within the limits"),
-        fmt::format("give the cell's rms noise, {:.2g} or less, or take a better cell",
-                    0.9 * (over_N - limit_N) / kSurely));
+        margin <= 1
+            ? fmt::format("give the cell's rms noise, a tension_margin of {:.2g} or more, or a better cell",
+                          margin)
+            : std::string("give the cell's rms noise, or take a better cell"));
   }
   constexpr double kMostOfRated = 5;
   const auto most_A = [](const TendonDriveParameters& t) {
@@ -332,9 +340,9 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
   }
   if (daemon.controller.tension_feedback && robot.body.sections.size() > 1) {
     const std::string text = fmt::format(
-        "on, but {} has {} sections: so soft a robot rests farther from its goal with feedback than without "
-        "as "
-        "long as it is as its file says; set off (with shape_feedback and tip_feedback), or compare the two",
+        "on, but {} has {} sections: as long as it is as its file says, feedback may leave a soft robot "
+        "farther from its goal than none does; compare the two, or set off (with shape_feedback and "
+        "tip_feedback)",
         robot.name, robot.body.sections.size());
     lines.emplace_back(ErrorAt(daemon_path, "controller.tension_feedback", text).what());
   }

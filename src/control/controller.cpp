@@ -285,10 +285,12 @@ struct Controller::Impl {
   BendingVector goal_rad, goal_rate_radps;
   UnitVector q, dq, ddq, unit_force_Nm;
   TendonVector arc_shortening_m;
-  bool balanced = false;                 // the equilibrium law had an answer in the last cycle
-  bool at_limit = false;                 // ... which had a tendon at its greatest tension
-  double rotor_N = 0;                    // the most that a rotor's acceleration took of a tendon of late
-  bool switched = false;                 // tensions are commanded from this cycle on, or no more
+  bool balanced = false;  // the equilibrium law had an answer in the last cycle
+  bool at_limit = false;  // ... which had a tendon at its greatest tension
+  double rotor_N = 0;     // the most that a rotor's acceleration took of a tendon of late
+  // The tendons' path is another one from this cycle on: tensions are commanded or no more, or the
+  // equilibrium law has an answer or none.
+  bool switched = false;
   bool waits = false;                    // the reference, for tensions on their way from commanded ones
   bool rests = false;                    // nothing is led anywhere in this cycle
   TendonVector led_N, led_m;             // where the tendons were led in the last cycle

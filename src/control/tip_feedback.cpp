@@ -18,6 +18,7 @@ constexpr double kErrorFilter_s = 0.1;
 // A tracker better than this, of the robot's length, does not make its dry friction smaller.
 constexpr double kLeastRestBand = 5e-4;
 constexpr double kRest_mps = 1e-5;
+constexpr double kAtBound = 0.999;
 constexpr std::int32_t kMostCycles = 1'000'000;
 
 }  // namespace
@@ -122,8 +123,10 @@ Status TipFeedback::Step(const TrackerSample& sample, TimeNs now_ns, TimeNs ahea
   const double far_m = shift_W_m_.norm();
   if (far_m > max_shift_m_) shift_W_m_ *= max_shift_m_ / far_m;
   if (silent_s > max_age_s_) return Status::kTrackerLost;
-  if (far_m > max_shift_m_) return Status::kLimitedTipCorrection;
-  return asleep_ && error_W_m_.norm() > kWake * rest_band_m_ ? Status::kTipErrorLeft : Status::kOk;
+  const bool left = asleep_ && error_W_m_.norm() > kWake * rest_band_m_;
+  // What stopped at its bound was stopped by it.
+  if (far_m > max_shift_m_ || (left && far_m > kAtBound * max_shift_m_)) return Status::kLimitedTipCorrection;
+  return left ? Status::kTipErrorLeft : Status::kOk;
 }
 
 void TipFeedback::Remember(StateArchive& a) noexcept {

@@ -319,8 +319,8 @@ class Measuring {
   Evaluator Settled() {
     for (;;) {
       try {
-        if (options_.progress) options_.progress("comparing the runs with the model and with each other", 0);
         Evaluator evaluator(set_, {threads_, options_.delta_N, options_.delta_m, options_.seed});
+        if (options_.progress) options_.progress("comparing the runs with the model and with each other", 0);
         if (TakeOutFrozen(evaluator) || LeaveOutOdd(evaluator)) continue;
         TellMissed();
         return evaluator;

@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <set>
 
@@ -387,9 +388,9 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     const Weights weights(evaluator, leftover);
     // Where that is a gap, what is still on its way may be the cause: a large one takes more steps.
     const bool far = !explained(result.fits.front());
-    const auto on = std::stable_partition(
-        result.fits.begin(), result.fits.end(),
-        [&, rank = 0](const Fit& fit) mutable { return rank++ < kPolished || (far && !fit.bound_hit); });
+    const auto others = result.fits.begin() + std::min<std::ptrdiff_t>(kPolished, std::ssize(result.fits));
+    const auto on = std::stable_partition(others, result.fits.end(),
+                                          [far](const Fit& fit) { return far && !fit.bound_hit; });
     std::vector<Model> starts;
     for (auto fit = result.fits.begin(); fit != on; ++fit) starts.push_back(fit->model);
     std::vector<Fit> polished = refit(starts, weights, kPolish, 0.82, 0.9);

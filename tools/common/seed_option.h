@@ -16,9 +16,9 @@ inline CLI::Validator Seed() {
         const char* last = text.data() + text.size();
         const auto [end, error] = std::from_chars(text.data(), last, seed);
         if (error == std::errc() && end == last) return "";
-        return "'" + text +
-               "' is no seed; accepted: a whole number from 0 to 18446744073709551615; leave out " +
-               "the sign";
+        const bool has_sign = text.starts_with('-') || text.starts_with('+');
+        return "'" + text + "' is no seed; accepted: a whole number from 0 to 18446744073709551615; " +
+               (has_sign ? "leave out the sign" : "give one of these");
       },
       "");
 }

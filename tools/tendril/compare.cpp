@@ -192,9 +192,9 @@ Tracking Track(ClosedLoopOptions options, const Motion& motion, bool faults_end_
           }
           ++result.cycles;
           if (r.output.status != Status::kOk) ++result.limited_cycles;
-          if (const Status why = HoldsBack(r.output.status) ? r.output.status : r.output.command_status;
-              HoldsBack(why))
-            ++result.held_back[why];
+          Status why = r.output.command_status;
+          for (const Status s : r.output.reported) why = HoldsBack(s) && !HoldsBack(why) ? s : why;
+          if (HoldsBack(why)) ++result.held_back[why];
           if (r.input.cycle % sample_every == 0) {
             result.time_s.push_back(target_s);
             result.wanted_m.push_back(wanted);

@@ -95,11 +95,9 @@ std::string TipWarning(const DaemonParameters& daemon, const RobotParameters& ro
   const double slow_s = control::TipFeedback(tracker, robot.body.length_m(), period_s).time_constant_s();
   if (slow_s <= kSlowTip_s) return "";
   const std::string text = fmt::format(
-      "on, but with tracker.rate_Hz {:g} and delay_s {:g} of {} it corrects with a time constant of {:.2g} "
-      "s: for "
-      "{:.2g} s after every move the tip still wanders; take a tracker of {:g} Hz or more that is no later "
-      "than "
-      "{:g} s, or set off",
+      "on, but with tracker.rate_Hz {:g} and delay_s {:g} of {} it corrects with a time constant of {:.3g} "
+      "s: for {:.3g} s after every move the tip still wanders; take a tracker of {:g} Hz or more that is no "
+      "later than {:g} s, or set off",
       tracker.rate_Hz, tracker.delay_s, robot.name, slow_s, 3 * slow_s, 10 / kSlowTip_s, kSlowTip_s / 5);
   return config::ErrorAt(path, "controller.tip_feedback", text).what();
 }

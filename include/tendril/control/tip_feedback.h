@@ -20,7 +20,7 @@ class StateArchive;
 /// shift stays as it is and kTrackerLost says so. Where the goal rests and the error is within the tracker's
 /// noise, the shift rests until the error is kWake times that: dry friction lets a tip stick, and an integral
 /// that pulled at it would hunt; and it goes no longer a way there, to and fro, than kRestWay times the
-/// largest error.
+/// largest error: more than kWake times the noise that is left then is kTipErrorLeft.
 class TipFeedback {
  public:
   static constexpr double kMaxRate_mps = 0.02, kMaxAcceleration_mps2 = 0.2;

@@ -57,7 +57,7 @@ namespace tendril {
   X(MessageIgnored, 321, "a message could not be understood and was ignored", "compare the sender's lcm_types with the daemon's") \
   X(TrackerDisagrees, 322, "tracker and tendons disagree on the tip by more than a tenth of the robot's length", "check the tracker's frame and units; else disarm, look whether the robot is straight and no tendon off its pulley, and arm") \
   X(TwoSenders, 323, "two programs send targets: one leads, the other's are refused", "end one of the two; the log names them") \
-  X(TipErrorLeft, 324, "the tip rests off its goal: tip feedback went to and fro without getting it there, and stopped", "send another target; where it comes again, less friction than pulleys and gears have, or more play, is in the robot file: tendril gap diagnose") \
+  X(TipErrorLeft, 324, "the tip rests off its goal: tip feedback went twice the error's way without getting it there, and stopped", "look for what holds the robot, and send another target; where it comes again, the robot file has more friction than pulleys and gears have, or less play: tendril gap diagnose") \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \
