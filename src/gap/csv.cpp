@@ -265,6 +265,11 @@ class Parser {
       Drop(row, "has no end and may be cut short");
       return;
     }
+    if (cells < columns && std::all_of(at_, end_, IsLineEnd)) {
+      at_ = end_;
+      Drop(row, "is cut short");
+      return;
+    }
     if (cells != columns) {
       at_ = line_begin;
       throw TableError(

@@ -185,7 +185,12 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
     for (auto& f : d.location) {
       if (!f.excess || (body && f.cut == sim::Cut::kTendon)) continue;
       // Lost samples are the gap only where nothing else is.
-      if (chosen == nullptr || chosen->cut == sim::Cut::kClock) chosen = &f;
+      if (chosen == nullptr || chosen->cut == sim::Cut::kClock || (f.cut == chosen->cut && better(f)))
+        chosen = &f;
+    }
+    for (auto& f : d.location) {
+      if (cut && chosen && f.excess && f.cut == chosen->cut && f.where == d.accepted.front().where)
+        chosen = &f;
     }
   }
   if (chosen != nullptr) chosen->first = true;

@@ -681,6 +681,17 @@ TEST(Diagnose, ARunMeasuredOtherwiseIsLeftOut) {
   EXPECT_NE(d.verdict, Verdict::kNoGap) << d.sentence;
 }
 
+// Where cells are missing the cut of the cause is not measured: the place is still that of its tendon.
+TEST(Diagnose, WithoutCellsTheGapLiesAtTheTendonThatHasIt) {
+  DataSet set = Recorded("backlash where=tendon:3 rad=0.15", 5);
+  for (gap::Run& run : set.runs) {
+    run.load_cell = LoadCellPlace::kNone;
+    run.tension_N.resize(0, 0);
+  }
+  const Diagnosis d = Diagnose(set, Only({"backlash", "tendon_stiffness", "encoder_offset"}));
+  EXPECT_THAT(d.sentence, testing::HasSubstr("C2 (tension, tendon:3); its cause is backlash (tendon:3)"));
+}
+
 // A cause that one run shows and the others contradict closes nothing; a changed robot is no repetition.
 TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   RobotParameters plant = Rig();

@@ -164,6 +164,10 @@ TEST_F(ImportCommandTest, WhatTheTableLacksIsSaidAllOfIt) {
   EXPECT_THAT(error_, HasSubstr("tension: no run has tensions"));
   EXPECT_THAT(error_, HasSubstr("columns of the table that the map does not use: note"));
 
+  const std::string ended = Write("ended.csv", rows + "1,2,58\n\n");
+  ASSERT_EQ(Run(fmt::format("--robot {} --map {} {} --out {}e", kRobot, map, ended, out)), 0) << error_;
+  EXPECT_THAT(error_, HasSubstr("ended.csv:102: the last line is cut short; dropped"));
+
   std::string many = "--robot " + kRobot + " --map " + map + " --out " + out + "2";
   for (int i = 0; i < 40; ++i) many += fmt::format(" {}", Write(fmt::format("t{}.csv", i), rows));
   ASSERT_EQ(Run(many), 0) << error_;

@@ -54,6 +54,16 @@ class Laws(unittest.TestCase):
     def test_samples_have_a_tip_for_every_law(self):
         self.assertEqual(len(self.columns), 4 + 3 * len(self.runs))
 
+    def test_the_plants_own_file_closes_all(self):
+        rig = pathlib.Path(__file__).parents[2] / "config" / "robots" / "rig_60mm.yaml"
+        with tempfile.TemporaryDirectory() as folder:
+            heavy = pathlib.Path(folder) / "heavy.yaml"
+            heavy.write_text(rig.read_text().replace("unit_mass_kg: 0.0025", "unit_mass_kg: 0.0045"))
+            done = run("--robot", str(rig), "--robot", str(heavy), "--plant", str(heavy), "--trajectory", "circle",
+                       "--no-plots", "--json", "--out", folder)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertAlmostEqual(json.loads(done.stdout)["trajectories"][0]["closed_fraction"][0], 1, 6)
+
     def test_a_robot_that_cannot_go_there_is_told(self):
         rig = pathlib.Path(__file__).parents[2] / "config" / "robots" / "rig_60mm.yaml"
         with tempfile.TemporaryDirectory() as folder:

@@ -420,9 +420,9 @@ void RunCompare(const CompareOptions& options) {
   std::vector<std::string> lines;
   for (const std::string& name : names) {
     const auto motion = MakeMotion(name, nominal.body);
-    // What the control law leaves by itself, on a plant that is as the first file says; then everyone on the
+    // What the control law leaves by itself, knowing all that the plant's file says; then everyone on the
     // plant.
-    std::vector<Tracking> runs{Track(options.robots.front(), options.robots.front(), *motion, options.seed)};
+    std::vector<Tracking> runs{Track(options.plant, options.plant, *motion, options.seed)};
     for (const std::string& robot : options.robots)
       runs.push_back(Track(robot, options.plant, *motion, options.seed));
 
