@@ -18,6 +18,7 @@ constexpr double kErrorFilter_s = 0.1;
 // A tracker better than this, of the robot's length, does not make its dry friction smaller.
 constexpr double kLeastRestBand = 5e-4;
 constexpr double kRest_mps = 1e-5;
+// A shift that sleeps at its bound is cut back to it, to the last digits; that one is at the bound as well.
 constexpr double kAtBound = 0.999;
 constexpr std::int32_t kMostCycles = 1'000'000;
 

@@ -152,16 +152,16 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
   const bool tracker = cut == sim::Cut::kSensors &&
                        std::all_of(d.accepted.begin(), d.accepted.end(),
                                    [](const Cause& cause) { return cause.effect.starts_with("tracker_"); });
-  const auto better = [&](CutFinding& f) {
-    return chosen == nullptr || f.excess_sigma > chosen->excess_sigma;
+  // A cause on one tendon marks that tendon, else the largest excess.
+  const auto better = [&](const CutFinding& f) {
+    const auto rank = [&](const CutFinding& x) {
+      return std::pair(cut && x.where == d.accepted.front().where, x.excess_sigma);
+    };
+    return chosen == nullptr || rank(f) > rank(*chosen);
   };
   if (cut) {
     for (auto& f : d.location) {
       if (f.cut == *cut && f.measured && !tracker && better(f)) chosen = &f;
-    }
-    // A cause on one tendon marks that tendon.
-    for (auto& f : d.location) {
-      if (f.cut == *cut && f.measured && !tracker && f.where == d.accepted.front().where) chosen = &f;
     }
     if (chosen == nullptr && *cut == sim::Cut::kSensors) {
       CutFinding f;
@@ -186,10 +186,6 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
       if (!f.excess || (body && f.cut == sim::Cut::kTendon)) continue;
       // Lost samples are the gap only where nothing else is.
       if (chosen == nullptr || chosen->cut == sim::Cut::kClock || (f.cut == chosen->cut && better(f)))
-        chosen = &f;
-    }
-    for (auto& f : d.location) {
-      if (cut && chosen && f.excess && f.cut == chosen->cut && f.where == d.accepted.front().where)
         chosen = &f;
     }
   }

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "health_signal.h"
+#include "implausible.h"
 #include "prepare.h"
 
 namespace tendril::gap {
@@ -365,16 +366,13 @@ class Checkup {
                {"milliamperes", 1e-3 * t.motor.torque_constant_NmpA},
                {"per mille of rated torque", 1e-3 * rated_Nm}});
     }
-    double radius_m = 0;
-    for (const auto& section : robot_.body.sections) {
-      for (const auto& route : section.tendons) radius_m = std::max(radius_m, route.radius_m);
+    const double most_rad = MostMotorWay_rad(robot_);
+    if (!(most_rad > 0) || t.drive.encoder_counts_per_turn <= 0) return;
+    Matrix position_rad = Of(kMotor);
+    for (auto motor : position_rad.colwise()) {
+      for (const Eigen::Index i : LonePositions(motor, robot_)) motor[i] = std::nan("");
     }
-    const double travel = t.SpoolTravelPerMotorRad();
-    if (!(travel > 0) || t.drive.encoder_counts_per_turn <= 0) return;
-    // What bends every section from one limit to the other.
-    const double most_rad =
-        2 * limits.max_bending_rad * radius_m * static_cast<double>(robot_.body.sections.size()) / travel;
-    UnitsBy(kMotor, Range::Of(Of(kMotor)).width(), most_rad, 1e-4 * most_rad,
+    UnitsBy(kMotor, Range::Of(position_rad).width(), most_rad, 1e-4 * most_rad,
             {{"degrees", kPi / 180}, {"encoder counts", 2 * kPi / t.drive.encoder_counts_per_turn}});
   }
 

@@ -83,6 +83,26 @@ std::vector<Eigen::Index> FiniteRows(const Signal& x) {
   return rows;
 }
 
+std::vector<Eigen::Index> LoneValues(const Signal& x, double least) {
+  constexpr double kByFar = 10, kNearlyAll = 0.95, kRare = 0.02;
+  const std::vector<Eigen::Index> rows = FiniteRows(x);
+  if (rows.size() < 20 || !(least > 0)) return {};
+  std::vector<double> out, window;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    window.clear();
+    for (std::size_t k = i < 2 ? 0 : i - 2; k < std::min(i + 3, rows.size()); ++k)
+      window.push_back(x[rows[k]]);
+    out.push_back(std::abs(x[rows[i]] - Quantile(window, 0.5)));
+  }
+  const double most = std::max(least, kByFar * Quantile(out, kNearlyAll));
+  std::vector<Eigen::Index> alone;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (out[i] > most) alone.push_back(rows[i]);
+  }
+  if (static_cast<double>(alone.size()) > kRare * static_cast<double>(rows.size())) alone.clear();
+  return alone;
+}
+
 TimeSteps StepsOf(const Eigen::VectorXd& time_s) {
   TimeSteps s;
   std::vector<double> steps;

@@ -8,18 +8,21 @@
 #include <limits>
 
 #include "health_signal.h"
+#include "prepare.h"
 
 namespace tendril::gap {
 namespace {
 
-constexpr double kRare = 0.02;     // share of a column's values up to which they are single mishaps
-constexpr double kBeyond = 3;      // times what the robot can
-constexpr double kCutOff = 0.003;  // share of a run at the flat end of a channel
-constexpr double kFrozen_s = 0.3;  // one value for so long ...
-constexpr double kMoved = 0.15;    // ... while the motor turns by this share of what it does in the run
-constexpr double kGoesOn = 0.05;   // of the largest tension
-constexpr double kFollows = 0.25;  // of what a torque gives without friction
-constexpr double kSlack_N = 0.15;  // a slack tendon's cell without noise may well keep its value
+constexpr double kRare = 0.02;          // share of a column's values up to which they are single mishaps
+constexpr double kBeyond = 3;           // times what the robot can
+constexpr double kCutOff = 0.003;       // share of a run at the flat end of a channel
+constexpr double kFrozen_s = 0.3;       // one value for so long ...
+constexpr double kMoved = 0.15;         // ... while the motor turns by this share of what it does in the run
+constexpr double kGoesOn = 0.05;        // of the largest tension
+constexpr double kFollows = 0.25;       // of what a torque gives without friction
+constexpr double kSlack_N = 0.15;       // a slack tendon's cell without noise may well keep its value
+constexpr double kLonePosition = 0.05;  // of what a motor usually does in the run
+constexpr double kLoneWay = 0.01;       // of its way from one limit to the other
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
 /// Of the straight line through y over x in the least squares; 0 of hardly anything.
@@ -67,6 +70,21 @@ struct Finder {
               "reaches {:.4g} {} and lies beyond what this robot can in {:.0f} % of its values: left out",
               worst, unit, 100.0 * static_cast<double>(beyond) / static_cast<double>(there)));
     }
+  }
+
+  void LoneMotorPositions(Eigen::Index j, const RobotParameters& robot) {
+    auto x = run.motor_position_rad.col(j);
+    const std::vector<Eigen::Index> rows = LonePositions(x, robot);
+    if (rows.empty()) return;
+    double worst = 0;
+    for (const Eigen::Index i : rows) {
+      if (std::abs(x[i]) > std::abs(worst)) worst = x[i];
+      x[i] = kNothing;
+    }
+    Say(fmt::format("motor position {}", j + 1),
+        fmt::format("leaps to {:.4g} rad and back{}, first at {:.4g} s: taken as missing there", worst,
+                    rows.size() == 1 ? "" : fmt::format(" and {} times more", rows.size() - 1),
+                    run.time_s[rows.front()] - run.time_s[0]));
   }
 
   /// Calls with rows [from, to) of stretches in which `same(i)` says that row i repeats the reading before.
@@ -183,6 +201,23 @@ struct Finder {
 
 }  // namespace
 
+double MostMotorWay_rad(const RobotParameters& robot) {
+  if (!robot.actuation) return 0;
+  double radius_m = 0;
+  for (const auto& section : robot.body.sections) {
+    for (const auto& route : section.tendons) radius_m = std::max(radius_m, route.radius_m);
+  }
+  const double travel_m = robot.actuation->tendons.front().SpoolTravelPerMotorRad();
+  const auto sections = static_cast<double>(robot.body.sections.size());
+  return travel_m > 0 ? 2 * robot.limits.max_bending_rad * radius_m * sections / travel_m : 0;
+}
+
+std::vector<Eigen::Index> LonePositions(const Eigen::Ref<const Eigen::VectorXd>& position_rad,
+                                        const RobotParameters& robot) {
+  const double usual_rad = UsualWidth({position_rad.begin(), position_rad.end()});
+  return LoneValues(position_rad, std::max(kLonePosition * usual_rad, kLoneWay * MostMotorWay_rad(robot)));
+}
+
 std::vector<std::string> TakeOutImplausible(DataSet& set) {
   std::vector<std::string> said;
   const RobotParameters& robot = set.robot;
@@ -205,6 +240,9 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
     for (Eigen::Index axis = 0; axis < run.tip_m.cols() && !set.fit_frame; ++axis)
       find.Beyond(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m", kBeyond * robot.body.length_m());
     if (run.motor_position_rad.rows() != run.time_s.size()) continue;
+    // Between states at rest a motor may have been anywhere.
+    for (Eigen::Index j = 0; j < run.motor_position_rad.cols() && UsualStep(run) <= kQuasiStatic_s; ++j)
+      find.LoneMotorPositions(j, robot);
     for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
       find.FrozenCell(j);
       find.CutOff(run.tension_N, j, fmt::format("tension {}", j + 1), "N");

@@ -202,5 +202,26 @@ TEST_F(TipFeedbackTest, ATipThatLeapsIsNotHuntedForAndItsErrorIsTold) {
   EXPECT_EQ(status, Status::kOk);
 }
 
+// It was the bound that stopped the correction, not that nothing came of it: also when it sleeps there.
+TEST_F(TipFeedbackTest, ATipHeldFartherOffThanTheBoundIsToldAsThat) {
+  TipFeedback fresh{
+      {.rate_Hz = 100, .position_noise_m = 5e-5, .orientation_noise_rad = 0, .delay_s = 0}, 0.06, 1e-3};
+  const Eigen::Vector3d goal(0.03, 0.01, 0.045), held_m(9e-3, -4e-3, 0);
+  Status status = Status::kOk;
+  int limited = 0;
+  for (int i = 0; i < 60'000; ++i) {
+    now_ns += kNsPerMs;
+    TrackerSample sample{.valid = i % 10 == 0, .time_ns = now_ns, .tip_W_m = goal + held_m};
+    sample.tip_W_m.z() += 1e-6 * (i % 7);
+    status = fresh.Step(sample, now_ns, kAhead_ns, goal, goal + held_m, Eigen::Vector3d::UnitX(),
+                        Eigen::Vector3d::UnitY(), true);
+    EXPECT_NE(status, Status::kTipErrorLeft) << "cycle " << i;
+    limited += status == Status::kLimitedTipCorrection;
+  }
+  EXPECT_EQ(status, Status::kLimitedTipCorrection);
+  EXPECT_GT(limited, 40'000);
+  EXPECT_NEAR(fresh.shift_W_m().norm(), TipFeedback::kMaxShare * 0.06, 1e-5);
+}
+
 }  // namespace
 }  // namespace tendril::control

@@ -380,6 +380,9 @@ TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
   set.runs[1].tension_N(2500, 1) = 9999;
   set.runs[1].torque_actual_Nm(3000, 1) = 7;
   set.runs[2].tip_m(3000, 1) = 5;
+  set.runs[0].motor_position_rad(1500, 2) = 1e9;
+  set.runs[1].motor_position_rad(1000, 0) = 300;
+  set.runs[1].motor_position_rad(1800, 0) = -300;
   const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "tip_payload", "cell_gain", "cell_offset"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "bending_stiffness");
@@ -393,6 +396,22 @@ TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
   EXPECT_TRUE(said("triangle: tension 2 has 1 value up to 9999 N"));
   EXPECT_TRUE(said("triangle: actual torque 2 has 1 value up to 7 N m"));
   EXPECT_TRUE(said("multisine: tip y has 1 value up to 5 m"));
+  EXPECT_TRUE(said("circle: motor position 3 leaps to 1e+09 rad and back, first at 1.5 s: taken as missing"));
+  EXPECT_TRUE(said("triangle: motor position 1 leaps to 300 rad and back and 1 times more, first at 1 s: "));
+  EXPECT_FALSE(said("degrees") || said("encoder counts"));
+  EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("check the measurement")));
+}
+
+// What turns round within few samples, or waits and then steps, is no mishap.
+TEST(Diagnose, QuickMotionsOfAMotorAreNoLonePositions) {
+  DataSet set = Recorded("", 4);
+  const auto steps = [](Eigen::Index i) { return static_cast<double>(i / 700 % 2); };
+  for (Eigen::Index i = 0; i < set.runs[0].time_s.size(); ++i) {
+    set.runs[0].motor_position_rad(i, 0) = 5 * std::sin(2 * std::numbers::pi * static_cast<double>(i) / 6.3);
+    set.runs[1].motor_position_rad(i, 0) = steps(i);
+  }
+  for (const std::string& line : Diagnose(set, Only({"bending_stiffness"})).degradations)
+    EXPECT_THAT(line, testing::Not(testing::HasSubstr("leaps")));
 }
 
 TEST(Diagnose, ColumnsOfAnotherUnitAreLeftOutAndTheRestIsDiagnosed) {

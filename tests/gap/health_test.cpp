@@ -18,6 +18,7 @@ namespace {
 
 using Severity = HealthFinding::Severity;
 using testing::HasSubstr;
+using testing::Not;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr int kRows = 8000;
@@ -232,6 +233,9 @@ TEST(Health, WrongUnitsAreTakenForWhatTheyAre) {
   const auto counts =
       Complaints([](DataSet& set) { set.runs[2].motor_position_rad *= 2048 / (2 * std::numbers::pi); });
   EXPECT_THAT(Shown(counts), HasSubstr("are these encoder counts"));
+  // One bad count is no unit.
+  const auto once = Complaints([](DataSet& set) { set.runs[2].motor_position_rad(1000, 0) = 1e5; });
+  EXPECT_THAT(Shown(once), Not(HasSubstr("are these")));
 }
 
 TEST(Health, TendonsInAnotherOrderOrWithAnotherSign) {
