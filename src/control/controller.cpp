@@ -213,6 +213,7 @@ struct Controller::Impl {
   void TensionsForReference(CycleOutput& output) noexcept;
   void TensionsForEquilibrium(const CycleInput& input, CycleOutput& output) noexcept;
   double LeastTension() const noexcept;
+  TendonVector MostTension() const noexcept;
   double HeldByFriction() const noexcept;
   void TensionsForMode(CycleOutput& output) noexcept;
   void TorquesForTensions(const CycleInput& input, CycleOutput& output) noexcept;
@@ -812,6 +813,15 @@ double Controller::Impl::LeastTension() const noexcept {
   return std::min(robot.limits.min_tension_N + rotor_N, 0.5 * robot.limits.max_tension_base_N);
 }
 
+// A tension that ran into its bound would stop the robot at once; the rotors, which cannot, would snatch the
+// tendons, and dry friction keep what they pulled. So each comes up to its bound as a motion comes to rest.
+TendonVector Controller::Impl::MostTension() const noexcept {
+  const double bound_N = LedLimits(robot.limits).max_tension_base_N;
+  if (!joined) return TendonVector::Constant(tendons, bound_N);
+  const double share = 1 - std::exp(-period_s / trajectory.gather_s());
+  return (tension_N.array() + share * (bound_N - tension_N.array()).max(0.0)).matrix();
+}
+
 // Of a section's moment, what dry friction of a motor and of its pulleys holds at these tensions.
 double Controller::Impl::HeldByFriction() const noexcept {
   double most_Nm = 0;
@@ -858,7 +868,7 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
     return;
   }
   const Status status = equilibrium.Solve(output.reference, output.tension_desired_base_N, LeastTension(),
-                                          shift_W_m, lacking_Nm);
+                                          MostTension(), shift_W_m, lacking_Nm);
   const bool answered = status != Status::kEquilibriumNotFound;
   // The path of the tendons is another one from here on, which is no motion.
   if (answered != balanced) {

@@ -27,6 +27,7 @@ EquilibriumLaw::EquilibriumLaw(const model::Body& body, const LimitParameters& l
       q_(UnitVector::Zero(body.dof())),
       tension_N_(TendonVector::Constant(body.tendons(), limits.min_tension_N)),
       min_tension_N_(limits.min_tension_N),
+      most_tension_N_(tension_N_),
       arc_q_(q_),
       dq_(q_),
       ddq_(q_),
@@ -45,9 +46,10 @@ EquilibriumLaw::EquilibriumLaw(const model::Body& body, const LimitParameters& l
       factor_(body.dof()) {}
 
 Status EquilibriumLaw::Solve(const BendingReference& reference, const TendonVector& arc_tension_N,
-                             double least_N, const Eigen::Vector3d& tip_shift_W_m,
+                             double least_N, const TendonVector& most_N, const Eigen::Vector3d& tip_shift_W_m,
                              const BendingVector& lacking_Nm) noexcept {
   lacking_Nm_ = lacking_Nm;
+  most_tension_N_ = most_N.cwiseMin(max_tension_N_);
   min_tension_N_ = std::clamp(least_N, robot_min_tension_N_, max_tension_N_);
   body_.SpreadBending(reference.position_rad, arc_q_);
   body_.SpreadBending(reference.velocity_radps, dq_);
@@ -93,7 +95,7 @@ bool EquilibriumLaw::Step(double& size_rad) noexcept {
   const auto slope = goal_per_tension_.leftCols(m);
   const BendingVector wanted =
       goal_gap_ - goal_per_tension_.col(m) + BendingVector(slope.lazyProduct(tension_N_));
-  const auto allocated = allocator_.Allocate(slope, wanted, min_tension_N_, max_tension_N_);
+  const auto allocated = allocator_.Allocate(slope, wanted, min_tension_N_, most_tension_N_);
   const TendonVector change_N = allocated.tension_N - tension_N_;
   UnitVector step = solved_.col(m);
   step.noalias() += solved_.leftCols(m).lazyProduct(change_N);

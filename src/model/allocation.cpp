@@ -37,7 +37,7 @@ using BoundSet = std::array<Bound, kMaxTendons>;
 /// norm.
 class BoundedLeastNorm {
  public:
-  BoundedLeastNorm(const ForceTensionMatrix& a, const ForceVector& b, double range)
+  BoundedLeastNorm(const ForceTensionMatrix& a, const ForceVector& b, const TendonVector& range)
       : a_(a), b_(b), range_(range) {}
 
   struct Solution {
@@ -70,7 +70,7 @@ class BoundedLeastNorm {
       ForceMatrix hessian = ForceMatrix::Identity(b_.size(), b_.size()) * kRegularisation;
       TendonVector x(a_.cols());
       for (int j = 0; j < a_.cols(); ++j) {
-        x[j] = iteration == 1 ? pull[j] : std::clamp(pull[j], 0.0, range_);
+        x[j] = iteration == 1 ? pull[j] : std::clamp(pull[j], 0.0, range_[j]);
         if (set_[j] == Bound::kFree) hessian.noalias() += a_.col(j) * a_.col(j).transpose();
       }
       const ForceVector gradient = a_ * x + kRegularisation * y - b_;
@@ -100,7 +100,7 @@ class BoundedLeastNorm {
     for (int attempt = 0; attempt < 2 * a_.cols(); ++attempt) {
       bool moved = false;
       for (int j = 0; j < a_.cols(); ++j) {
-        if (set_[j] != Bound::kFree || (x[j] >= 0 && x[j] <= range_)) continue;
+        if (set_[j] != Bound::kFree || (x[j] >= 0 && x[j] <= range_[j])) continue;
         set_[j] = x[j] < 0 ? Bound::kLower : Bound::kUpper;
         moved = true;
       }
@@ -127,7 +127,7 @@ class BoundedLeastNorm {
 
   void Classify(const TendonVector& pull) noexcept {
     for (int j = 0; j < a_.cols(); ++j) {
-      set_[j] = pull[j] <= 0 ? Bound::kLower : pull[j] >= range_ ? Bound::kUpper : Bound::kFree;
+      set_[j] = pull[j] <= 0 ? Bound::kLower : pull[j] >= range_[j] ? Bound::kUpper : Bound::kFree;
     }
   }
 
@@ -140,7 +140,7 @@ class BoundedLeastNorm {
     const auto derivative = [&](double t) {
       double sum = constant + linear * t;
       for (int j = 0; j < pull.size(); ++j)
-        sum += step_pull[j] * std::clamp(pull[j] + t * step_pull[j], 0.0, range_);
+        sum += step_pull[j] * std::clamp(pull[j] + t * step_pull[j], 0.0, range_[j]);
       return sum;
     };
     if (derivative(1) <= 0) return 1;
@@ -148,7 +148,7 @@ class BoundedLeastNorm {
     int count = 0;
     kinks[count++] = 0;
     for (int j = 0; j < pull.size(); ++j) {
-      for (const double bound : {0.0, range_}) {
+      for (const double bound : {0.0, range_[j]}) {
         const double t = (bound - pull[j]) / step_pull[j];
         if (t > 0 && t < 1) kinks[count++] = t;
       }
@@ -176,8 +176,8 @@ class BoundedLeastNorm {
         index[count] = j;
         free.col(count++) = a_.col(j);
       } else if (set_[j] == Bound::kUpper) {
-        x[j] = range_;
-        rest -= range_ * a_.col(j);
+        x[j] = range_[j];
+        rest -= range_[j] * a_.col(j);
       }
     }
     if (count == 0) return x;
@@ -207,7 +207,7 @@ class BoundedLeastNorm {
 
   const ForceTensionMatrix& a_;
   const ForceVector& b_;
-  double range_;
+  const TendonVector& range_;
   BoundSet set_{};
   TendonVector near_;  // the solution up to the regularisation
 };
@@ -228,14 +228,21 @@ TensionAllocator::TensionAllocator(int tendons, int forces) : tendons_(tendons),
 TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen::MatrixXd>& jacobian,
                                                     ConstVectorRef force_Nm, double min_tension_N,
                                                     double max_tension_N) const noexcept {
+  return Allocate(jacobian, force_Nm, min_tension_N,
+                  TendonVector(TendonVector::Constant(tendons_, max_tension_N)));
+}
+
+TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen::MatrixXd>& jacobian,
+                                                    ConstVectorRef force_Nm, double min_tension_N,
+                                                    const TendonVector& max_tension_N) const noexcept {
   assert(jacobian.rows() == forces_ && jacobian.cols() == tendons_ && force_Nm.size() == forces_);
   Result result;
   result.tension_N = TendonVector::Constant(tendons_, min_tension_N);
-  const double range_N = std::max(0.0, max_tension_N - min_tension_N);
+  const TendonVector range_N = (max_tension_N.array() - min_tension_N).max(0.0).matrix();
   double scale = 0;
   for (int j = 0; j < tendons_; ++j) scale = std::max(scale, jacobian.col(j).norm());
   if (!(scale > 0) || !jacobian.allFinite() || !force_Nm.allFinite() || !std::isfinite(min_tension_N) ||
-      std::isnan(max_tension_N)) {
+      max_tension_N.array().isNaN().any()) {
     result.residual_Nm = force_Nm.norm();
     result.status = Status::kSolverFallback;
     return result;
@@ -266,8 +273,9 @@ TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen
     if (!found->converged) result.status = Status::kSolverFallback;
   }
   result.tension_N += found->x;
+  const double most_range_N = range_N.maxCoeff();
   result.residual_Nm = scale * (b - a * found->x).norm();
-  if (result.residual_Nm > 1e-10 * (force_Nm.norm() + scale * (range_N < 1e6 ? range_N : 1.0))) {
+  if (result.residual_Nm > 1e-10 * (force_Nm.norm() + scale * (most_range_N < 1e6 ? most_range_N : 1.0))) {
     result.status = Status::kLimitedTensionMax;
   }
   return result;

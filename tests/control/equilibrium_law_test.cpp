@@ -46,7 +46,8 @@ Eigen::Vector3d ArcTip(const model::Body& body, const BendingVector& bend) {
 
 Status Solve(EquilibriumLaw& law, const BendingReference& reference, const TendonVector& arc_N,
              double least_N, const Eigen::Vector3d& shift_W_m = Eigen::Vector3d::Zero()) {
-  return law.Solve(reference, arc_N, least_N, shift_W_m, 0 * reference.position_rad);
+  const TendonVector most_N = TendonVector::Constant(arc_N.size(), 1e3);
+  return law.Solve(reference, arc_N, least_N, most_N, shift_W_m, 0 * reference.position_rad);
 }
 
 // The body's real equilibrium at the law's tensions, followed from zero load by another solver, has its tip
@@ -153,7 +154,9 @@ TEST(EquilibriumLaw, AMomentThatTheModelLacksMakesItTheOtherRobot) {
   const TendonVector arc_N = ArcTension(body, robot, us_vs);
   ASSERT_EQ(Solve(true_law, At(us_vs), arc_N, 0.3), Status::kOk);
   const BendingVector lacking_Nm = 0.2 * body.unit_stiffness_Nm(0) / body.units() * us_vs;
-  ASSERT_EQ(law.Solve(At(us_vs), arc_N, 0.3, Eigen::Vector3d::Zero(), lacking_Nm), Status::kOk);
+  ASSERT_EQ(law.Solve(At(us_vs), arc_N, 0.3, TendonVector::Constant(arc_N.size(), 8), Eigen::Vector3d::Zero(),
+                      lacking_Nm),
+            Status::kOk);
   EXPECT_LT((law.tension_N() - true_law.tension_N()).cwiseAbs().maxCoeff(), 0.01) << "of some 3 N";
 }
 

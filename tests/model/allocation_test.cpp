@@ -43,9 +43,9 @@ struct Reference {
 
 /// Every way of putting each tendon at its lower bound, upper bound or in between; the best admissible one
 /// wins.
-Reference BruteForce(const MatrixXd& a, const VectorXd& force, double low, double high) {
+Reference BruteForce(const MatrixXd& a, const VectorXd& force, double low, const VectorXd& high) {
   const int m = static_cast<int>(a.cols());
-  const double scale = a.norm() * std::max(1.0, high);
+  const double scale = a.norm() * std::max(1.0, high.maxCoeff());
   Reference best{VectorXd(), 1e300};
   double best_norm = 1e300;
   std::vector<int> state(m, 0);
@@ -54,7 +54,7 @@ Reference BruteForce(const MatrixXd& a, const VectorXd& force, double low, doubl
     VectorXd x = VectorXd::Constant(m, low);
     for (int j = 0; j < m; ++j) {
       if (state[j] == 2) free.push_back(j);
-      if (state[j] == 1) x[j] = high;
+      if (state[j] == 1) x[j] = high[j];
     }
     if (!free.empty()) {
       MatrixXd columns(a.rows(), free.size());
@@ -66,7 +66,7 @@ Reference BruteForce(const MatrixXd& a, const VectorXd& force, double low, doubl
       const VectorXd solved = svd.solve(force - a * x);  // of least norm above the lower bound
       for (std::size_t i = 0; i < free.size(); ++i) x[free[i]] += solved[i];
     }
-    if (x.minCoeff() >= low - 1e-10 && x.maxCoeff() <= high + 1e-10) {
+    if (x.minCoeff() >= low - 1e-10 && (x - high).maxCoeff() <= 1e-10) {
       const double residual = (a * x - force).norm();
       const double norm = (x.array() - low).matrix().norm();
       const bool nearer = residual < best.residual_Nm - 1e-12 * scale;
@@ -80,6 +80,9 @@ Reference BruteForce(const MatrixXd& a, const VectorXd& force, double low, doubl
     while (j < m && ++state[j] == 3) state[j++] = 0;
     if (j == m) return best;
   }
+}
+Reference BruteForce(const MatrixXd& a, const VectorXd& force, double low, double high) {
+  return BruteForce(a, force, low, VectorXd::Constant(a.cols(), high));
 }
 
 TEST(Allocation, AgreesWithBruteForceOverAllActiveSets) {
@@ -113,6 +116,28 @@ TEST(Allocation, AgreesWithBruteForceOverAllActiveSets) {
   }
   EXPECT_GT(feasible, 60);
   EXPECT_GT(infeasible, 30);
+}
+
+TEST(Allocation, AGreatestTensionForEachTendonAgreesWithBruteForce) {
+  std::mt19937 random(12);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  int limited = 0;
+  for (int repeat = 0; repeat < 300; ++repeat) {
+    const int tendons = 3 + repeat % 3;
+    MatrixXd a(2, tendons);
+    for (double& v : a.reshaped()) v = kHoleRadius_m * (2 * uniform(random) - 1);
+    VectorXd most_N(tendons), t(tendons);
+    for (double& v : most_N) v = 0.3 + 8 * uniform(random) * (uniform(random) < 0.8);  // some have no room
+    for (double& v : t) v = 0.3 + 8 * uniform(random);
+    const VectorXd force = a * t;
+    const auto result = TensionAllocator(tendons, 2).Allocate(a, force, 0.3, TendonVector(most_N));
+    const Reference expected = BruteForce(a, force, 0.3, most_N);
+    limited += result.status == Status::kLimitedTensionMax;
+    EXPECT_NEAR(result.residual_Nm, expected.residual_Nm, 1e-13) << "case " << repeat;
+    EXPECT_LT((result.tension_N - expected.tension_N).cwiseAbs().maxCoeff(), 1e-8) << "case " << repeat;
+  }
+  EXPECT_GT(limited, 50);
+  EXPECT_LT(limited, 250);
 }
 
 TEST(Allocation, CoupledSectionsAgreeWithBruteForce) {

@@ -13,6 +13,7 @@
 #include "closed_loop.h"
 #include "motion_run.h"
 #include "tendril/config/config.h"
+#include "tendril/control/controller.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {
@@ -326,6 +327,48 @@ TEST(Laws, NoCommandIsTooFastForTheTendons) {
         EXPECT_GT(limited, 1000) << "not led where no tension holds it";
       }
     }
+  }
+}
+
+// Friction that the file does not know makes shape and tip feedback ask for ever more. The tensions come up
+// to their bound evenly: rotors that had to stop at once pulled 0.5 N beyond the motors' limit, and the
+// friction kept that.
+TEST(Laws, FrictionThatNobodyKnowsBreaksNoLimit) {
+  for (const bool tip_feedback : {false, true}) {
+    SCOPED_TRACE(tip_feedback);
+    ClosedLoopOptions options = Options("rig_60mm.yaml", true, tip_feedback, true);
+    for (const char* effect : {"capstan_alpha scale=2", "motor_coulomb scale=2"})
+      options.plant_robot.effects.push_back(sim::ParseEffect(effect, options.plant_robot));
+    options.daemon.controller.trajectory.look_ahead = true;
+    const LimitParameters& limits = options.controller_robot.limits;
+    const double bound_N = control::kLedShare * limits.max_tension_base_N;
+    const auto motion = MakeMotion("spiral", options.controller_robot.body);
+    ClosedLoop loop(options);
+    loop.ArmAndPretension();
+    ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
+    double base_N = 0, motor_N = 0, wanted_N = 0;
+    std::optional<TendonVector> last_N;
+    StreamMotion(
+        loop, *motion,
+        [&](const CycleRecord& r, double t_s) {
+          ASSERT_EQ(r.output.mode, Mode::kRunning) << t_s;
+          for (const auto& t : loop.plant().tendon()) {
+            base_N = std::max(base_N, t.tension_base_N);
+            motor_N = std::max(motor_N, t.tension_motor_N);
+          }
+          const TendonVector& now_N = r.output.tension_desired_base_N;
+          wanted_N = std::max(wanted_N, now_N.maxCoeff());
+          for (int j = 0; last_N && j < now_N.size(); ++j) {
+            const double room_N = bound_N - (*last_N)[j];
+            if (room_N > 2) continue;
+            EXPECT_LT(now_N[j] - (*last_N)[j], 0.011 * room_N + 1e-9) << t_s;
+          }
+          last_N = now_N;
+        },
+        loop.sender_lead_s());
+    EXPECT_GT(wanted_N, bound_N - 0.1) << "it is asked for as much as may be";
+    EXPECT_LT(base_N, limits.max_tension_base_N);
+    EXPECT_LT(motor_N, limits.max_tension_motor_N);
   }
 }
 

@@ -28,12 +28,14 @@ class EquilibriumLaw {
   /// `body` outlives this object. Allocates all it needs.
   EquilibriumLaw(const model::Body& body, const LimitParameters& limits);
 
-  /// One cycle. `least_N` is the least tension now, at least the robot's own; `tip_shift_W_m` moves the goal
-  /// of the last section's end, `lacking_Nm` is m_k. The first call, and each after one that failed, starts
-  /// from the arc and `arc_tension_N`. kOk or kLimitedTensionMax: q() and tension_N() are the answer;
+  /// One cycle. `least_N` is the least tension now, at least the robot's own, `most_N` each tendon's greatest,
+  /// at most the robot's own; the least counts where they cross. `tip_shift_W_m` moves the goal of the last
+  /// section's end, `lacking_Nm` is m_k. The first call, and each after one that failed, starts from the arc
+  /// and `arc_tension_N`. kOk or kLimitedTensionMax: q() and tension_N() are the answer;
   /// kEquilibriumNotFound: no stable shape within the bounded iterations, the caller uses its own.
   Status Solve(const BendingReference& reference, const TendonVector& arc_tension_N, double least_N,
-               const Eigen::Vector3d& tip_shift_W_m, const BendingVector& lacking_Nm) noexcept;
+               const TendonVector& most_N, const Eigen::Vector3d& tip_shift_W_m,
+               const BendingVector& lacking_Nm) noexcept;
   /// Instead, while tensions are commanded: the resting shape that they make, from the last one. False where
   /// there is none that is stable near it; the shape stays.
   bool Follow(const TendonVector& tension_N, const BendingVector& lacking_Nm) noexcept;
@@ -68,6 +70,7 @@ class EquilibriumLaw {
 
   // Of one call only.
   double min_tension_N_;
+  TendonVector most_tension_N_;
   int iterations_ = 0;
   Status status_ = Status::kOk;
   UnitVector arc_q_, dq_, ddq_, residual_, pulled_;

@@ -60,6 +60,9 @@ class TensionAllocator {
   /// force = jacobian * T; jacobian is (2K x M), for example -dL/d(us, vs) transposed.
   Result Allocate(const Eigen::Ref<const Eigen::MatrixXd>& jacobian, ConstVectorRef force_Nm,
                   double min_tension_N, double max_tension_N) const noexcept;
+  /// The same with a greatest tension for each tendon.
+  Result Allocate(const Eigen::Ref<const Eigen::MatrixXd>& jacobian, ConstVectorRef force_Nm,
+                  double min_tension_N, const TendonVector& max_tension_N) const noexcept;
 
  private:
   int tendons_, forces_;
