@@ -312,6 +312,22 @@ std::string AnotherRobot(const std::string& file, const RobotParameters& robot) 
   }
 }
 
+// A run that is there twice would pass for one that repeats itself without any noise.
+void RefuseTwice(const std::vector<std::string>& paths) {
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    for (std::size_t k = 0; k < paths.size(); ++k) {
+      std::error_code ignored;
+      if (k < i && fs::equivalent(paths[k], paths[i], ignored))
+        throw std::runtime_error(paths[i] + ": named twice; name each folder and file once");
+      if (!fs::is_directory(paths[i], ignored) &&
+          fs::equivalent(fs::absolute(paths[i], ignored).parent_path(), paths[k], ignored)) {
+        throw std::runtime_error(
+            fmt::format("{}: lies in {}, which is named as well; name either", paths[i], paths[k]));
+      }
+    }
+  }
+}
+
 }  // namespace
 
 DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path) {
@@ -324,6 +340,7 @@ DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path) {
 
 DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path) {
   if (paths.empty()) throw std::runtime_error("no run is named; name a folder, a CSV file or an LCM log");
+  RefuseTwice(paths);
   DataSet set;
   std::string robot_from = robot_path;
   std::optional<std::string> other;

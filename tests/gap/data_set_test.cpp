@@ -311,6 +311,25 @@ TEST_F(DataSetTest, WhatCannotBeLoadedSaysWhy) {
   }
 }
 
+TEST_F(DataSetTest, WhatIsNamedTwiceIsRefused) {
+  Write("a.csv", "t_s,motor_position_rad_1\n0,0\n0.001,0\n0.002,0\n");
+  Write("b.csv", "t_s,motor_position_rad_1\n0,1\n0.001,1\n0.002,1\n");
+  const std::string folder = folder_.string(), a = (folder_ / "a.csv").string();
+  const auto refused = [](const std::vector<std::string>& paths) -> std::string {
+    try {
+      gap::LoadLogs(paths, kRobot);
+      return "";
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+  };
+  EXPECT_THAT(refused({folder, folder + "/."}), HasSubstr("named twice"));
+  EXPECT_THAT(refused({a, (folder_ / "b.csv").string(), a}), HasSubstr("a.csv: named twice"));
+  EXPECT_THAT(refused({folder, a}), HasSubstr("which is named as well"));
+  EXPECT_THAT(refused({a, folder}), HasSubstr("which is named as well"));
+  EXPECT_EQ(refused({a, (folder_ / "b.csv").string()}), "");
+}
+
 TEST_F(DataSetTest, ALoadCellIsWhereTheRunSaysOrTheRobot) {
   EXPECT_EQ(LoadTable("t_s,tension_N_1\n0,1\n1,1\n").load_cell, LoadCellPlace::kMotorSide);
   EXPECT_EQ(LoadTable("t_s,torque_actual_Nm_1\n0,1\n1,1\n").load_cell, LoadCellPlace::kNone);

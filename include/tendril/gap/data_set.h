@@ -45,7 +45,7 @@ struct DataSet {
 /// run that cannot be read is left out with a note; std::runtime_error when nothing is left or the folder is
 /// none.
 DataSet LoadDataSet(const std::filesystem::path& folder, const std::string& robot_path);
-/// Folders, CSV files and LCM logs in any mixture, as one set.
+/// Folders, CSV files and LCM logs in any mixture, as one set; what is named twice is std::runtime_error.
 DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path);
 
 /// Adds `before`'s runs, and pairs each of the set's with that of its name there, else the only one of its
