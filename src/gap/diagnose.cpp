@@ -488,8 +488,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
 
   const Residuals& before = evaluator.AtNominal();
   const Fit* shown = judgement.best;
-  if (shown == nullptr && d.verdict == Verdict::kUnexplained && !search.fits.empty())
-    shown = &search.fits.front();
+  if (shown == nullptr && d.verdict == Verdict::kUnexplained) shown = judgement.nearest;
   Residuals after = before;
   if (shown != nullptr) {
     after = Completed(shown->held_out, before);

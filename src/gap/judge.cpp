@@ -36,10 +36,10 @@ constexpr double kParameterCost = 1.5, kBoundCost = 1.5;  // temperatures a para
 constexpr double kSame = 3.0;
 constexpr double kSameCosine = 0.95;
 constexpr double kClear = 0.8;  // share of its group's probability that a cause named alone has
-// A second cause: log score it brings, and what is enough where the first leaves a gap and both together
-// leave none; materialities by which it moves some channel, least share of the gap there and in all, or share
-// in some channel of its own.
-constexpr double kPairGain = 12.0, kPairExplains = 3.0;
+// A second cause: log score that is enough where the first leaves a gap and both together leave none
+// (otherwise kPairGain and more); materialities by which it moves some channel, least share of the gap there
+// and in all, or share in some channel of its own.
+constexpr double kPairExplains = 3.0;
 constexpr double kPairDeltas = 2.0;
 constexpr double kPairShare = 0.01;
 constexpr double kOwnShare = 0.25;
@@ -150,13 +150,22 @@ class Case {
     for (const Fit& fit : search.fits) {
       if (single_ == nullptr || Gain(fit) - Cost(fit) > Gain(*single_) - Cost(*single_)) single_ = &fit;
     }
-    if (!search.pairs.empty()) pair_ = &search.pairs.front();
+    if (!search.pairs.empty()) {
+      pair_temperature_ = kTemperature;
+      if (single_ != nullptr) {
+        const double brings = search.pairs.front().held_out_score - single_->held_out_score;
+        pair_temperature_ += kRelativeTemperature * std::max(0.0, brings);
+      }
+      for (const Fit& fit : search.pairs) {
+        if (pair_ == nullptr || PairScore(fit) > PairScore(*pair_)) pair_ = &fit;
+      }
+    }
   }
 
   Judgement Judged() {
     const double p_gap = GapProbability();
     two_ = HasSecond();
-    best_ = two_ ? pair_ : single_;
+    judgement_.nearest = best_ = two_ ? pair_ : single_;
     const double p_unknown = p_gap * UnknownProbability();
     ListSingles(p_gap - p_unknown);
     if (two_) {
@@ -181,9 +190,12 @@ class Case {
   double Gain(const Fit& fit) const { return fit.held_out_score - search_.base_score; }
   /// Every further parameter is another way to take up what a simpler cause has nearly explained; a law at
   /// its bound has turned into something else.
-  double Cost(const Fit& fit) const {
-    return temperature_ * (kParameterCost * (fit.model.size() - 1) + (fit.bound_hit ? kBoundCost : 0.0));
+  double Cost(const Fit& fit) const { return temperature_ * Burden(fit); }
+  static double Burden(const Fit& fit) {
+    return kParameterCost * (fit.model.size() - 1) + (fit.bound_hit ? kBoundCost : 0.0);
   }
+  /// Among pairs: what they have in common is not in question, and takes no part in their temperature.
+  double PairScore(const Fit& fit) const { return fit.held_out_score - pair_temperature_ * Burden(fit); }
   double InFloors(int channel, double square) const {
     return square / std::pow(evaluator_.channels()[channel].floor, 2);
   }
@@ -224,7 +236,12 @@ class Case {
     if (single_ == nullptr || pair_ == nullptr) return false;
     const double brings = pair_->held_out_score - single_->held_out_score;
     const bool explains = LeavesSigma(*single_) > kLeftover && LeavesSigma(*pair_) == 0;
-    if (brings <= (explains ? kPairExplains : kPairGain)) return false;
+    // Where the first leaves nothing at any place, only the score speaks for a second; it has to bring what
+    // tells two causes apart.
+    const bool hidden = LeavesSigma(*single_) == 0;
+    const double unexpected = hidden ? std::max(kPairGain, kSame * temperature_) : kPairGain;
+    const double enough = explains ? kPairExplains : unexpected;
+    if (brings <= enough) return false;
     const ChannelScore one = ScoreChannels(evaluator_, single_->held_out, nominal_);
     const ChannelScore both = ScoreChannels(evaluator_, pair_->held_out, nominal_);
     double in_one = 0, own = 0, gap_in_all = 0, more_in_all = 0;
@@ -245,12 +262,15 @@ class Case {
   /// Given a gap, that its cause is not among the candidates: from what the best of them leaves.
   double UnknownProbability() {
     if (best_ == nullptr) return 1;
+    const std::vector<double> changed = ChangedByEach();
     double unknown = 0;  // largest leftover over what may be left
     for (const auto& f : Locate(evaluator_, Completed(best_->held_out, nominal_), kLeftDiscoveries)) {
       if (!f.excess || f.cut == sim::Cut::kClock || f.cut == sim::Cut::kSensors) continue;
       double was = 0;
-      for (const auto& g : location_) {
-        if (g.cut == f.cut && g.where == f.where && g.quantity == f.quantity) was = g.excess_sigma;
+      for (std::size_t k = 0; k < location_.size(); ++k) {
+        const auto& g = location_[k];
+        if (g.cut == f.cut && g.where == f.where && g.quantity == f.quantity)
+          was = std::max(g.excess_sigma, changed[k]);
       }
       judgement_.leftover_sigma = std::max(judgement_.leftover_sigma, f.excess_sigma);
       unknown = std::max(unknown, f.excess_sigma / std::hypot(kUnknownFloor, kUnknownShare * was));
@@ -260,6 +280,42 @@ class Case {
     // What leaves a gap, and closes nothing for sure of what it was not fitted to, is hardly its cause.
     const auto closed = PooledClosure(evaluator_, nominal_, Completed(best_->held_out, nominal_), seed_);
     return closed && closed->low <= 0 ? std::max(p, kUnproven) : p;
+  }
+
+  /// What the two of a pair change at each place of `location_`, each beside the other, in floors and as if
+  /// independent: two laws that work against each other each leave their share, of more than the gap. 0 of a
+  /// single, whose change is the gap where it is right.
+  std::vector<double> ChangedByEach() const {
+    std::vector<double> changed(location_.size(), 0.0);
+    if (!two_) return changed;
+    const Model& both = best_->model;
+    unsigned cuts = 0;
+    for (const Candidate& part : both.parts) cuts |= evaluator_.CutsOf(*part.effect);
+    const auto at = [&](const Model& model) {
+      return Completed(evaluator_.At(model.Robot(evaluator_.nominal()), cuts), nominal_);
+    };
+    for (int part = 0; part < 2; ++part) {
+      Model other = Model::Of(both.parts[1 - part]);
+      other.values = both.values.segment(both.offset(1 - part), other.size());
+      Residuals change;
+      try {
+        change = at(both);
+        const Residuals without = at(other);
+        for (std::size_t i = 0; i < change.size(); ++i) {
+          for (std::size_t c = 0; c < change[i].size(); ++c) change[i][c] -= without[i][c];
+        }
+      } catch (const std::exception&) {
+        continue;  // what one alone cannot be simulated with says nothing
+      }
+      for (const auto& g : Locate(evaluator_, change, kLeftDiscoveries)) {
+        for (std::size_t k = 0; k < location_.size(); ++k) {
+          const auto& f = location_[k];
+          if (g.cut == f.cut && g.where == f.where && g.quantity == f.quantity && g.floor > 0)
+            changed[k] = std::hypot(changed[k], g.rms / g.floor);
+        }
+      }
+    }
+    return changed;
   }
 
   /// All candidates, refitted or only screened, sharing the probability `p`.
@@ -302,11 +358,8 @@ class Case {
   /// Both members of a pair are causes: the probability of each is that of all pairs with it, and what could
   /// stand in its place beside the same partner makes a group with it.
   void SharePairs(double p) {
-    // What the pairs have in common is not in question.
-    const double temperature =
-        kTemperature + kRelativeTemperature * (pair_->held_out_score - single_->held_out_score);
     const auto weight = [&](const Fit& fit) {
-      return std::exp((fit.held_out_score - pair_->held_out_score) / temperature);
+      return std::exp((PairScore(fit) - PairScore(*pair_)) / pair_temperature_);
     };
     double sum = 0;
     for (const Fit& fit : search_.pairs) sum += weight(fit);
@@ -334,9 +387,9 @@ class Case {
         const auto& parts = fit.model.parts;
         if (!(parts[0] == partner) && !(parts[1] == partner)) continue;
         const Candidate& other = parts[0] == partner ? parts[1] : parts[0];
-        const double behind = pair_->held_out_score - fit.held_out_score;
+        const double behind = PairScore(*pair_) - PairScore(fit);
         const auto rival = entry_of(other);
-        if (other == member || behind >= kSame * temperature || rival == scored_.end()) continue;
+        if (other == member || behind >= kSame * pair_temperature_ || rival == scored_.end()) continue;
         mine->cause.group = rival->cause.group = part + 1;
         const double cosine = Cosine(weights_, nominal_, pair_->residuals, fit.residuals);
         judgement_.confusable.push_back({member.Name(), other.Name(), cosine, behind, true});
@@ -419,7 +472,7 @@ class Case {
   const Weights weights_;
   const ChannelScore before_;
   const double base_gain_;  // of the constants that every model may move, over the nominal robot
-  double temperature_ = 0;
+  double temperature_ = 0, pair_temperature_ = 0;
   const Fit* single_ = nullptr;
   const Fit* pair_ = nullptr;
   const Fit* best_ = nullptr;

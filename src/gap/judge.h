@@ -16,7 +16,8 @@ struct Judgement {
   std::vector<Cause> causes;
   std::vector<Cause> accepted;
   std::vector<Confusion> confusable;
-  const Fit* best = nullptr;  // of the accepted model; null: none accepted
+  const Fit* best = nullptr;     // of the accepted model; null: none accepted
+  const Fit* nearest = nullptr;  // what leaves leftover_sigma, accepted or not
   double leftover_sigma = 0;
 };
 /// `seed` is of the bootstrap over blocks.

@@ -409,9 +409,13 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
   result.leftover = leftover;
 
   // ---- pairs: add a second, then try others in the place of the first ----
-  if (!result.fits.empty() && !explained(result.fits.front())) {
+  if (!result.fits.empty()) {
     const Weights weights(evaluator, leftover);
-    const auto partners = [&](const Fit& first, int count) {
+    const auto sort_pairs = [&] {
+      std::stable_sort(result.pairs.begin(), result.pairs.end(),
+                       [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
+    };
+    const auto partners = [&](const Fit& first, int count, double least) {
       std::vector<std::pair<double, int>> gains(result.screened.size());
       ParallelFor(static_cast<int>(result.screened.size()), options.threads, [&](int k) {
         const Screened& s = result.screened[k];
@@ -445,7 +449,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       std::vector<Model> starts;
       std::map<const sim::Effect*, int> seen;
       for (const auto& [gain, k] : gains) {
-        if (static_cast<int>(starts.size()) >= count || gain < 1) break;
+        if (static_cast<int>(starts.size()) >= count || gain < least) break;
         const Screened& s = result.screened[k];
         if (seen[s.candidate.effect]++ >= 1) continue;
         Model both = first.model.With(s.candidate);
@@ -461,9 +465,11 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       }
       return starts;
     };
-    std::vector<Model> starts = partners(result.fits[0], kPairStarts);
-    if (result.fits.size() > 1) {
-      for (const auto& other : partners(result.fits[1], 2)) starts.push_back(other);
+    // Where nothing is left at any one place, what is spread thinly over many of them still has a score.
+    const bool left = !explained(result.fits.front());
+    std::vector<Model> starts = partners(result.fits[0], kPairStarts, left ? 1 : kPairGain);
+    if (result.fits.size() > 1 && (left || !starts.empty())) {
+      for (const auto& other : partners(result.fits[1], 2, 1)) starts.push_back(other);
     }
     result.pairs = refit(starts, weights, kPairIterations, 0.9, 0.95);
     if (!result.pairs.empty()) {
@@ -475,11 +481,32 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       second.values = best.values.tail(best.parts[1].size());
       const std::vector<Fit> alone = refit({second}, weights, kIterations, 0.95, 0.97);
       if (!alone.empty()) {
-        std::vector<Fit> swapped = refit(partners(alone[0], 3), weights, kPairIterations, 0.97, 1.0);
+        std::vector<Fit> swapped = refit(partners(alone[0], 3, 1), weights, kPairIterations, 0.97, 0.98);
         for (auto& fit : swapped) result.pairs.push_back(std::move(fit));
       }
-      std::stable_sort(result.pairs.begin(), result.pairs.end(),
-                       [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
+      sort_pairs();
+      // Beside each partner one place of an effect was tried, by a score of first order that places share:
+      // the best two once more, each of them everywhere if it was at one place and at one if everywhere.
+      std::vector<Model> elsewhere;
+      for (int part = 0; part < 2; ++part) {
+        const Model& both = result.pairs[0].model;
+        const Candidate& here = both.parts[part];
+        const auto moves = [&](const Screened& s) {
+          return s.candidate.effect == here.effect &&
+                 s.candidate.target.has_value() != here.target.has_value();
+        };
+        const auto other = std::find_if(result.screened.begin(), result.screened.end(), moves);
+        if (other == result.screened.end()) continue;
+        Model moved = both;
+        moved.parts[part] = other->candidate;
+        const bool known = std::any_of(result.pairs.begin(), result.pairs.end(), [&](const Fit& fit) {
+          return std::is_permutation(moved.parts.begin(), moved.parts.end(), fit.model.parts.begin());
+        });
+        if (!known) elsewhere.push_back(moved);
+      }
+      for (Fit& fit : refit(elsewhere, weights, kPairIterations, 0.98, 1.0))
+        result.pairs.push_back(std::move(fit));
+      sort_pairs();
       // The same two, found from either.
       const auto same = [](const Fit& a, const Fit& b) {
         return a.model.parts[0] == b.model.parts[1] && a.model.parts[1] == b.model.parts[0];

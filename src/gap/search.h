@@ -14,6 +14,9 @@
 
 namespace tendril::gap {
 
+/// Log score that a second cause has to bring, as a rule.
+constexpr double kPairGain = 12.0;
+
 /// One candidate as the screening sees it.
 struct Screened {
   Candidate candidate;
@@ -29,7 +32,8 @@ struct SearchOptions {
   int refits = 8;
   std::vector<std::string> without;
   std::function<void(double)> progress;
-  /// True when these residuals have nothing left to explain: then no second cause is looked for.
+  /// True when these residuals leave nothing at any place: then only second causes are tried that promise
+  /// kPairGain, of what is spread thinly over many.
   std::function<bool(const Residuals&)> explained;
 };
 
@@ -37,7 +41,7 @@ struct SearchResult {
   std::vector<Screened> screened;  // by falling gain
   std::vector<Fit> fits;           // single candidates, by falling held-out score
   std::vector<Fit> pairs;          // the same
-  std::vector<Fit> members;        // of the best pair, each by itself
+  std::vector<Fit> members;        // of the pair of the best score, each by itself
   double base_score = 0;           // held-out log score of the nominal model, nuisances free
   Residuals everything;            // held-out residuals of all numbers of the nominal file refitted (linear)
   std::vector<std::pair<Candidate, double>> everything_moved;  // by which, in plainly visible deviations

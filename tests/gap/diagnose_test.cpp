@@ -402,6 +402,24 @@ TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
   EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("check the measurement")));
 }
 
+// Beside a delay nothing is left at any one place; that the body swings less is spread over all of them,
+// below the noise everywhere, and told all the same.
+TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
+  const gap::DiagnoseOptions only = Only({"command_delay", "bending_damping", "unit_mass", "tip_payload"});
+  const std::vector<std::string> both = {"command_delay s=0.0015", "bending_damping scale=1.08"};
+  const Diagnosis d = Diagnose(Recorded(both), only);
+  for (const auto& finding : d.location)
+    EXPECT_TRUE(!finding.excess || finding.cut == sim::Cut::kCurrentLoop) << finding.excess_sigma;
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  ASSERT_EQ(d.accepted.size(), 2u) << d.sentence;
+  ASSERT_TRUE(Named(d, "bending_damping") && Named(d, "command_delay"));
+  EXPECT_NEAR(Named(d, "bending_damping")->parameters.at("scale").value, 1.08, 0.03);
+  EXPECT_NEAR(Named(d, "command_delay")->parameters.at("s").value, 0.0015, 1e-4);
+  // One alone stays one.
+  const Diagnosis one = Diagnose(Recorded("command_delay s=0.0015"), only);
+  EXPECT_EQ(one.accepted.size(), 1u) << one.sentence;
+}
+
 // What turns round within few samples, or waits and then steps, is no mishap.
 TEST(Diagnose, QuickMotionsOfAMotorAreNoLonePositions) {
   DataSet set = Recorded("", 4);
