@@ -29,6 +29,10 @@ constexpr double kGapSteepness = 6.0;
 constexpr double kUnknownFloor = 0.3;
 constexpr double kUnknownShare = 0.25;
 constexpr double kUnknownSteepness = 4.0;
+// Share of the gap's rms, over all channels, that may stay open: right causes left up to 0.35 of it on open
+// sets, wrong ones and one of two 0.84 and more, even where no place alone had anything beyond its noise
+// left.
+constexpr double kUnknownOpen = 0.7;
 // From this leftover on [sigma] a cause has to close something; else it is unknown with so much probability.
 constexpr double kLeftover = 1.0, kUnproven = 0.9;
 constexpr double kParameterCost = 1.5, kBoundCost = 1.5;  // temperatures a parameter, and for a bound
@@ -275,11 +279,12 @@ class Case {
       judgement_.leftover_sigma = std::max(judgement_.leftover_sigma, f.excess_sigma);
       unknown = std::max(unknown, f.excess_sigma / std::hypot(kUnknownFloor, kUnknownShare * was));
     }
-    const double p = Saturating(unknown, kUnknownSteepness);
-    if (judgement_.leftover_sigma < kLeftover) return p;
-    // What leaves a gap, and closes nothing for sure of what it was not fitted to, is hardly its cause.
     const auto closed = PooledClosure(evaluator_, nominal_, Completed(best_->held_out, nominal_), seed_);
-    return closed && closed->low <= 0 ? std::max(p, kUnproven) : p;
+    if (closed) unknown = std::max(unknown, std::sqrt(std::max(0.0, 1 - closed->value)) / kUnknownOpen);
+    const double p = Saturating(unknown, kUnknownSteepness);
+    // What leaves a gap, and closes nothing for sure of what it was not fitted to, is hardly its cause.
+    const bool unproven = closed && closed->low <= 0 && judgement_.leftover_sigma >= kLeftover;
+    return unproven ? std::max(p, kUnproven) : p;
   }
 
   /// What the two of a pair change at each place of `location_`, each beside the other, in floors and as if

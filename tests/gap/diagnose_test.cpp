@@ -415,6 +415,12 @@ TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
   ASSERT_TRUE(Named(d, "bending_damping") && Named(d, "command_delay"));
   EXPECT_NEAR(Named(d, "bending_damping")->parameters.at("scale").value, 1.08, 0.03);
   EXPECT_NEAR(Named(d, "command_delay")->parameters.at("s").value, 0.0015, 1e-4);
+  // Where the second is no candidate, most of the gap stays open though no place shows it.
+  const Diagnosis half = Diagnose(Recorded(both), Only({"command_delay", "unit_mass", "tip_payload"}));
+  EXPECT_EQ(half.leftover_sigma, 0) << half.sentence;
+  ASSERT_TRUE(half.closed.has_value());
+  EXPECT_LT(half.closed->value, 0.4);
+  EXPECT_EQ(half.verdict, Verdict::kUnexplained) << half.sentence;
   // One alone stays one.
   const Diagnosis one = Diagnose(Recorded("command_delay s=0.0015"), only);
   EXPECT_EQ(one.accepted.size(), 1u) << one.sentence;
