@@ -68,6 +68,12 @@ def extra_coulomb(p, faults, which, a, rng):
         p["t"][j, T["dc_extra"]] = a * p["t"][j, T["coulomb"]]
 
 
+def stiffer_tendon(p, faults, which, a, rng):
+    for j in which:
+        p["t"][j, T["k"]] *= 1 + a
+        p["t"][j, T["e0"]] /= 1 + a  # displacement stays zero at pretension
+
+
 scaled("torque_constant", "tendon", "C2", 0.05, -0.3, 0.3, tendon_column("kt", True), on_one=True)
 scaled("gear_efficiency", "tendon", "C2", -0.05, -0.25, 0.15, tendon_column("eff", True), on_one=True)
 add("motor_coulomb", "scale", "tendon", "C2", 0.5, -0.7, 3.0, extra_coulomb, scale, "the change as four Maxwell-slip elements",
@@ -76,7 +82,7 @@ scaled("motor_viscous", "tendon", "C2", 3.0, 0, 40.0, tendon_column("viscous", T
 scaled("capstan_alpha", "tendon", "C4", 0.2, -0.5, 0.6, pulley("alpha"), on_one=True)
 scaled("capstan_n", "tendon", "C4", 0.08, -0.2, 0.3, pulley("exponent"), on_one=True)
 scaled("presliding", "tendon", "C4", 0.6, -0.7, 4.0, tendon_column("presliding", True))
-scaled("tendon_stiffness", "tendon", "C3", -0.2, -0.6, 0.8, tendon_column("k", True), on_one=True)
+scaled("tendon_stiffness", "tendon", "C3", -0.2, -0.6, 0.8, stiffer_tendon, on_one=True)
 scaled("bending_stiffness", "robot", "C4", -0.1, -0.3, 0.4, unit_column("kb"))
 scaled("unit_stiffness", "unit", "C4", -0.15, -0.5, 0.8, unit_column("kb"), on_one=True, on_all=False)
 scaled("bending_damping", "robot", "C5", 0.5, -0.8, 4.0, unit_column("c"), families=["multisine", "steps"])
