@@ -116,9 +116,13 @@ def make(o):
                 sizes.append(dict(wanted_sigma=sigma, sigma=size, channel=channel))
             others = ["cocontraction", "circle", "steps", "multisine", "ladder", "hold"]
             families = ["triangle"] + rng.sample(others, o.families - 1)
+            nuisance = 0.0
+            if kind == "nuisance_null":
+                nuisance, size = generator.small_nuisance(robot, seed, cell)
+                sizes.append(dict(wanted_sigma=0.0, sigma=size, channel="any"))
             common = dict(robot_name=robot_name, items=items, seed=seed, load_cell=cell, tracker=kind != "no_tracker",
                           colour=rng.choice([0, 0, 0.5, 0.9]), lost=rng.choice([0, 0, 0, 0.03]),
-                          jitter=rng.choice([3e-6, 3e-6, 2e-5]), nuisance=0.2 if kind == "nuisance_null" else 0.0)
+                          jitter=rng.choice([3e-6, 3e-6, 2e-5]), nuisance=nuisance)
             try:
                 extra = {}
                 if kind == "weak":
@@ -221,6 +225,9 @@ def diagnose(o):
 
 
 # ---------------------------------------------------------------- score
+SEEN = 0.3  # sigma from which half of all effects shall be seen
+
+
 def wilson(k, n, z=1.959964):
     if n == 0:
         return float("nan"), 0.0, 1.0
@@ -380,15 +387,21 @@ def table(cases, followups, refusals):
     row("or only that of what it turns into where it changes little",
         sum(not c.confident_wrong() or c.top["effect"] == c.truth[0].get("near") for c in unl), len(unl), "-")
     row("confidently wrong (p >= 0.9)", sum(c.confident_wrong() for c in cases), len(cases), "<= 1 %")
-    bins = {}
-    for c in cases:
-        if c.top and c.kind in ("single", "parameter", "null", "nuisance_null", "no_tracker"):
-            hit = c.top["effect"] == "no_gap" if not c.wanted else c.same(c.top, c.wanted[0])
+    judged = [c for c in cases if c.top and c.kind in ("single", "parameter", "null", "nuisance_null", "no_tracker")]
+
+    def reliability(name, none_below):
+        """Of the top cause: sets by tenths of p. An effect below `none_below` sigma counts as none."""
+        bins = {}
+        for c in judged:
+            none = not c.wanted or c.sigma < none_below
+            hit = (none and c.top["effect"] == "no_gap") or (bool(c.wanted) and c.same(c.top, c.wanted[0]))
             bins.setdefault(min(9, int(c.top["p"] * 10)), []).append((c.top["p"], hit))
-    total = sum(len(v) for v in bins.values())
-    ece = sum(abs(sum(p for p, _ in v) - sum(h for _, h in v)) for v in bins.values()) / total if total else float("nan")
-    numbers["calibration error"] = dict(value=ece, n=total)
-    lines.append(f"| calibration error of the top cause | {total} sets | {ece:.3f} | <= 0.05 |")
+        ece = sum(abs(sum(p for p, _ in v) - sum(h for _, h in v)) for v in bins.values()) / len(judged) if judged else float("nan")
+        numbers[name] = dict(value=ece, n=len(judged))
+        lines.append(f"| {name} of the top cause | {len(judged)} sets | {ece:.3f} | <= 0.05 |")
+        return bins
+    reliability("calibration error", 0)
+    bins = reliability(f"calibration error with effects below {SEEN:g} sigma as none,", SEEN)
     pairs = [c for c in cases if c.kind == "pair"]
 
     def both(c):

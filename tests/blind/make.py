@@ -120,6 +120,21 @@ def size_of(robot, name, where, amount, seed, short, load_cell):
     return total[best] if np.isfinite(total[best]) else np.inf, best, total
 
 
+def small_nuisance(robot, seed, load_cell, most_sigma=0.1, most=0.2):
+    """(nuisance, sigma): off by a fifth, or by so much less that no channel changes by more than most_sigma floors."""
+    targets, reference, floor = short_runs(robot, ["triangle", "steps"], load_cell)
+    nuisance = most
+    for _ in range(6):
+        p, _, _ = planted(robot, [], seed, nuisance)
+        total = pooled([(outputs(robot, p, {}, t, load_cell, 8, seed=(1, k)), r)
+                        for k, (t, r) in enumerate(zip(targets, reference))], floor)
+        size = max(total.values())
+        if size <= most_sigma:
+            break
+        nuisance *= 0.9 * most_sigma / size
+    return nuisance, size
+
+
 _short = {}
 
 
