@@ -29,6 +29,7 @@ constexpr double kResolutionWindow_s = 0.25;
 // how a robot repeats.
 constexpr double kReturnShare = 0.01;
 constexpr int kLeastReturns = 20;
+constexpr int kLeastWindows = 20;  // of two repetitions, to know how a channel repeats
 // Repetitions that differ by more, in times of the sensors' noise, may well be of another robot.
 constexpr double kOtherRobot = 5;
 
@@ -408,9 +409,14 @@ void Evaluator::ScaleByRepetition(const Options& options) {
   int most_returns = 0;
   double worst_scale = 1;
   std::string worst_channel;
+  struct Repeated {
+    double ratio = 0, square = 0;  // of half a squared difference to what noise makes of it, and itself
+    int windows = 0;
+    bool known() const { return windows > kLeastWindows; }
+  };
+  std::vector<Repeated> repeats(static_cast<std::size_t>(channels));
   for (int c = 0; c < channels; ++c) {
-    double ratio_sum = 0;
-    int count = 0;
+    Repeated& repeated = repeats[static_cast<std::size_t>(c)];
     for (int i = 0; i < runs; ++i) {
       const auto original = by_name.find(runs_[i].repeat_of);
       if (runs_[i].repeat_of.empty() || original == by_name.end() || original->second == i) continue;
@@ -421,11 +427,36 @@ void Evaluator::ScaleByRepetition(const Options& options) {
       const auto& vb = variance_[original->second][c];
       for (int w = 0; w < std::min(a.size(), b.size()); ++w) {
         if (!std::isfinite(va[w]) || !std::isfinite(vb[w])) continue;
-        ratio_sum += std::pow(a[w] - b[w], 2) / (va[w] + vb[w]);
-        ++count;
+        repeated.ratio += std::pow(a[w] - b[w], 2) / (va[w] + vb[w]);
+        repeated.square += 0.5 * std::pow(a[w] - b[w], 2);
+        ++repeated.windows;
       }
     }
-    double scale = count > 20 ? std::max(1.0, ratio_sum / count) : 1;
+    if (repeated.windows > 0) {
+      repeated.ratio /= repeated.windows;
+      repeated.square /= repeated.windows;
+    }
+  }
+  // A motor that stood in the runs that were repeated, and moves in others, repeats as the others of its kind
+  // do at best.
+  const auto others = [&](int c) {
+    Repeated sum;
+    for (int o = 0; o < channels; ++o) {
+      const Repeated& other = repeats[static_cast<std::size_t>(o)];
+      if (channels_[o].cut != channels_[c].cut || channels_[o].quantity != channels_[c].quantity) continue;
+      if (!other.known()) continue;
+      sum.ratio += other.ratio * other.windows;
+      sum.square += other.square * other.windows;
+      sum.windows += other.windows;
+    }
+    if (sum.windows > 0) sum.ratio /= sum.windows, sum.square /= sum.windows;
+    return sum;
+  };
+  for (int c = 0; c < channels; ++c) {
+    const Repeated& own = repeats[static_cast<std::size_t>(c)];
+    const Repeated from = own.known() ? own : others(c);
+    double scale = from.known() ? std::max(1.0, from.ratio) : 1;
+    const double least = own.known() || !from.known() ? 0 : from.square;
     if (scale > worst_scale) worst_scale = scale, worst_channel = channels_[static_cast<std::size_t>(c)].name;
     if (!repeated_) {
       int returns = 0;
@@ -438,7 +469,7 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     std::vector<double> variances;
     for (int i = 0; i < runs; ++i) {
       for (auto& v : variance_[i][c]) {
-        v *= scale;
+        v = std::max(scale * v, least);
         if (std::isfinite(v)) variances.push_back(v);
       }
     }

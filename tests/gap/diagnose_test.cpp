@@ -402,6 +402,30 @@ TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
   EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("check the measurement")));
 }
 
+// What no two runs have in common is known from those that were repeated; of a motor that stood in them only
+// from the others.
+TEST(Diagnose, AMotorThatStoodInTheRepeatedRunsRepeatsAsTheOthersDo) {
+  DataSet set = Recorded("");
+  for (std::size_t i = 0; i < set.runs.size(); ++i) {
+    gap::Run& run = set.runs[i];
+    for (Eigen::Index j = 0; j < 3; ++j) {
+      const double phase = 5.0 * static_cast<double>(i) + 2.0 * static_cast<double>(j);
+      const Eigen::ArrayXd angle = 2 * std::numbers::pi * 1.3 * run.time_s.array() + phase;
+      run.tension_N.col(j) += 0.04 * angle.sin().matrix();
+    }
+    if (i == 0 || i == 3) run.motor_position_rad.col(2).setConstant(run.motor_position_rad(0, 2));
+  }
+  const Diagnosis d = Diagnose(set, Only({"gear_efficiency", "cell_gain"}));
+  int places = 0;
+  for (const auto& finding : d.location) {
+    if (finding.cut != sim::Cut::kDrivetrain) continue;
+    EXPECT_TRUE(finding.measured) << finding.where;
+    EXPECT_FALSE(finding.excess) << finding.where << ", " << finding.excess_sigma << " sigma";
+    ++places;
+  }
+  EXPECT_EQ(places, 3);
+}
+
 // Beside a delay nothing is left at any one place; that the body swings less is spread over all of them,
 // below the noise everywhere, and told all the same.
 TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
