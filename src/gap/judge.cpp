@@ -30,9 +30,9 @@ constexpr double kGapSteepness = 6.0;
 constexpr double kUnknownFloor = 0.3;
 constexpr double kUnknownShare = 0.33;
 constexpr double kUnknownSteepness = 4.0;
-// Share of the gap's rms, over all channels, that may stay open: right causes left up to 0.35 of it on open
-// sets, wrong ones and one of two 0.84 and more, even where no place alone had anything beyond its noise
-// left.
+// Share of the gap's rms, over all channels, that may stay open, even where no place alone had anything
+// beyond its noise left: right causes left up to 0.35 of it on open sets, effects without a law up to 0.84,
+// and one of two causes that no place shows more than 0.77.
 constexpr double kUnknownOpen = 0.7;
 // From this leftover on [sigma] a cause has to close something; else it is unknown with so much probability.
 constexpr double kLeftover = 1.0, kUnproven = 0.9;
