@@ -25,10 +25,9 @@ constexpr double kGapDeltas = 2.5;
 constexpr double kClearGain = 25.0;
 constexpr double kGapSteepness = 6.0;
 // Unknown: sigma that may remain beyond the floor, share of the gap that a right cause with a slightly
-// different law may leave (up to 0.31 on open sets, while what no law describes left 0.35 and more),
-// steepness.
+// different law may leave, steepness.
 constexpr double kUnknownFloor = 0.3;
-constexpr double kUnknownShare = 0.33;
+constexpr double kUnknownShare = 0.25;
 constexpr double kUnknownSteepness = 4.0;
 // Share of the gap's rms, over all channels, that may stay open, even where no place alone had anything
 // beyond its noise left: right causes left up to 0.35 of it on open sets, effects without a law up to 0.84,
@@ -264,26 +263,22 @@ class Case {
     return own > kPairDeltas || (in_one > kPairDeltas && more_in_all > kPairShare * gap_in_all);
   }
 
-  /// Stamps and what two cuts have in common are told of by others.
-  static bool Counts(const CutFinding& f) { return f.cut != sim::Cut::kClock && f.cut != sim::Cut::kSensors; }
-
   /// Given a gap, that its cause is not among the candidates: from what the best of them leaves.
   double UnknownProbability() {
     if (best_ == nullptr) return 1;
     const std::vector<double> changed = ChangedByEach();
-    // Over all places together: a law that differs a little where it acts leaves as much at places that
-    // hardly had a gap, and that is no other cause.
-    double gap = 0, left = 0;
-    for (std::size_t k = 0; k < location_.size(); ++k) {
-      if (Counts(location_[k]))
-        gap = std::hypot(gap, std::max(location_[k].excess ? location_[k].excess_sigma : 0.0, changed[k]));
-    }
+    double unknown = 0;  // largest leftover over what may be left
     for (const auto& f : Locate(evaluator_, Completed(best_->held_out, nominal_), kLeftDiscoveries)) {
-      if (!f.excess || !Counts(f)) continue;
+      if (!f.excess || f.cut == sim::Cut::kClock || f.cut == sim::Cut::kSensors) continue;
+      double was = 0;
+      for (std::size_t k = 0; k < location_.size(); ++k) {
+        const auto& g = location_[k];
+        if (g.cut == f.cut && g.where == f.where && g.quantity == f.quantity)
+          was = std::max(g.excess_sigma, changed[k]);
+      }
       judgement_.leftover_sigma = std::max(judgement_.leftover_sigma, f.excess_sigma);
-      left = std::hypot(left, f.excess_sigma);
+      unknown = std::max(unknown, f.excess_sigma / std::hypot(kUnknownFloor, kUnknownShare * was));
     }
-    double unknown = left / std::hypot(kUnknownFloor, kUnknownShare * gap);
     const auto closed = PooledClosure(evaluator_, nominal_, Completed(best_->held_out, nominal_), seed_);
     if (closed) unknown = std::max(unknown, std::sqrt(std::max(0.0, 1 - closed->value)) / kUnknownOpen);
     const double p = Saturating(unknown, kUnknownSteepness);
