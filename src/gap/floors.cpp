@@ -437,8 +437,8 @@ void Evaluator::ScaleByRepetition(const Options& options) {
       repeated.square /= repeated.windows;
     }
   }
-  // A motor that stood in the runs that were repeated, and moves in others, repeats as the others of its kind
-  // do at best.
+  // A motor that stood in the runs that were repeated, and moves in others, is taken to repeat no better than
+  // the others of its kind.
   const auto others = [&](int c) {
     Repeated sum;
     for (int o = 0; o < channels; ++o) {

@@ -45,6 +45,20 @@ class Effects(unittest.TestCase):
         self.assertGreater(amount, 0)
         self.assertAlmostEqual(np.log(size / 3.0), 0, delta=0.06)
 
+    def test_a_stiffer_tendon_is_no_tauter_at_pretension(self):
+        for amount in (-0.5, 1.0):
+            p, faults, _ = make.planted(ROBOT, [("tendon_stiffness", "all", amount)], 1)
+            got = make.outputs(ROBOT, p, faults, short("hold", 0.3), "motor_side", 5)
+            self.assertLess(np.abs(got["tension"][-1] - 0.3).max(), 1e-3)
+
+    def test_micro_constants_of_a_nuisance_null_change_little(self):
+        short_robot = yaml.safe_load((make.ROOT / "config" / "robots" / "rig_60mm.yaml").read_text())
+        for robot in (ROBOT, short_robot):
+            nuisance, size = make.small_nuisance(robot, 2, "motor_side")
+            self.assertTrue(0 < nuisance <= 0.2)
+            self.assertLessEqual(size, 0.1)
+            self.assertAlmostEqual(size, make.nuisance_size(robot, 2, "motor_side", nuisance))
+
     def test_a_set_does_not_tell(self):
         with tempfile.TemporaryDirectory() as folder:
             out, truth = Path(folder) / "set", Path(folder) / "truth.json"
