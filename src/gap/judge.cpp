@@ -24,15 +24,18 @@ constexpr double kGapGain = 7.0;
 constexpr double kGapDeltas = 2.5;
 constexpr double kClearGain = 25.0;
 constexpr double kGapSteepness = 6.0;
-// Unknown: sigma that may remain beyond the floor, share of the gap that a right cause with a slightly
-// different law may leave, steepness.
+// Unknown: sigma that may remain beyond the floor at a place, shares of that place's gap and of the largest
+// gap of all that a right cause with a slightly different law may leave there, steepness. A law that is a
+// little off shows at places that hardly had a gap too (up to a tenth of the largest).
 constexpr double kUnknownFloor = 0.3;
-constexpr double kUnknownShare = 0.25;
+constexpr double kUnknownShare = 0.35;
+constexpr double kUnknownOfLargest = 0.12;
 constexpr double kUnknownSteepness = 4.0;
 // Share of the gap's rms, over all channels, that may stay open, even where no place alone had anything
 // beyond its noise left: right causes left up to 0.35 of it on open sets, effects without a law up to 0.84,
-// and one of two causes that no place shows more than 0.77.
-constexpr double kUnknownOpen = 0.7;
+// and one of two causes that no place shows more than 0.77. A number of the robot file has the right law
+// where it is the cause, and left up to 0.28; what only turns into it, 0.2 to 0.5.
+constexpr double kUnknownOpen = 0.7, kUnknownOpenNumber = 0.4;
 // From this leftover on [sigma] a cause has to close something; else it is unknown with so much probability.
 constexpr double kLeftover = 1.0, kUnproven = 0.9;
 constexpr double kParameterCost = 1.5, kBoundCost = 1.5;  // temperatures a parameter, and for a bound
@@ -217,7 +220,9 @@ class Case {
         in_deltas = std::max(in_deltas, f.excess_sigma * f.floor / f.delta);
     }
     double p = Saturating(in_deltas, kGapSteepness);
-    if (single_ != nullptr) {
+    // The log score takes windows for independent. Where runs differ from their repetitions by so much more
+    // than the sensors' noise, what makes them differ lasts longer than one, and only the excess counts.
+    if (single_ != nullptr && evaluator_.repetitions_differ() == 0) {
       const double gain = Gain(*single_) - Cost(*single_);
       const double material = Material(evaluator_, single_->residuals);
       p = std::max(p, Sure(gain, kClearGain) * Saturating(material, kGapSteepness));
@@ -267,6 +272,11 @@ class Case {
   double UnknownProbability() {
     if (best_ == nullptr) return 1;
     const std::vector<double> changed = ChangedByEach();
+    double largest = 0;
+    for (const auto& g : location_) {
+      if (g.excess && g.cut != sim::Cut::kClock && g.cut != sim::Cut::kSensors)
+        largest = std::max(largest, g.excess_sigma);
+    }
     double unknown = 0;  // largest leftover over what may be left
     for (const auto& f : Locate(evaluator_, Completed(best_->held_out, nominal_), kLeftDiscoveries)) {
       if (!f.excess || f.cut == sim::Cut::kClock || f.cut == sim::Cut::kSensors) continue;
@@ -277,10 +287,17 @@ class Case {
           was = std::max(g.excess_sigma, changed[k]);
       }
       judgement_.leftover_sigma = std::max(judgement_.leftover_sigma, f.excess_sigma);
-      unknown = std::max(unknown, f.excess_sigma / std::hypot(kUnknownFloor, kUnknownShare * was));
+      const double allowed = std::hypot(kUnknownFloor, kUnknownShare * was, kUnknownOfLargest * largest);
+      unknown = std::max(unknown, f.excess_sigma / allowed);
     }
     const auto closed = PooledClosure(evaluator_, nominal_, Completed(best_->held_out, nominal_), seed_);
-    if (closed) unknown = std::max(unknown, std::sqrt(std::max(0.0, 1 - closed->value)) / kUnknownOpen);
+    if (closed) {
+      const auto& parts = best_->model.parts;
+      const bool numbers = std::all_of(parts.begin(), parts.end(),
+                                       [](const Candidate& part) { return part.effect->edit != nullptr; });
+      const double open = std::sqrt(std::max(0.0, 1 - closed->value));
+      unknown = std::max(unknown, open / (numbers ? kUnknownOpenNumber : kUnknownOpen));
+    }
     const double p = Saturating(unknown, kUnknownSteepness);
     // What leaves a gap, and closes nothing for sure of what it was not fitted to, is hardly its cause.
     const bool unproven = closed && closed->low <= 0 && judgement_.leftover_sigma >= kLeftover;

@@ -426,6 +426,24 @@ TEST(Diagnose, AMotorThatStoodInTheRepeatedRunsRepeatsAsTheOthersDo) {
   EXPECT_EQ(places, 3);
 }
 
+// A push on the tip that is another one in each run makes all windows of that run err together: they are no
+// independent witnesses for the mean of the pushes, which is less than two like runs differ by.
+TEST(Diagnose, WhatDiffersFromRunToRunIsNoGap) {
+  DataSet set = Recorded("");
+  const double push_N[] = {0.02, 0.01, 0.03, -0.005};
+  for (std::size_t i = 0; i < set.runs.size(); ++i) {
+    RobotParameters pushed = Rig();
+    pushed.effects.push_back(sim::ParseEffect(fmt::format("tip_force x_N={}", push_N[i]), pushed));
+    gap::Run run = Record(pushed, set.runs[i].family, 7, 40 + i);
+    run.name = set.runs[i].name;
+    run.repeat_of = set.runs[i].repeat_of;
+    set.runs[i] = std::move(run);
+  }
+  const Diagnosis d = Diagnose(set, Only({"tip_force", "bending_stiffness"}));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_THAT(d.sentence, testing::HasSubstr("repetitions differ by"));
+}
+
 // Beside a delay nothing is left at any one place; that the body swings less is spread over all of them,
 // below the noise everywhere, and told all the same.
 TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
