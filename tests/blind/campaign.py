@@ -1,6 +1,8 @@
 # Sealed campaigns: sets with something unknown planted, a diagnosis that never sees the answers, and the score.
 # make and score know the plant; diagnose knows folders, hashes and a command, nothing else.
 import argparse
+import contextlib
+import fcntl
 import hashlib
 import json
 import os
@@ -37,10 +39,29 @@ def shard_ids(count, shard):
 
 
 def write_once(path, text):
-    """A file that cannot be written a second time."""
-    fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o444)
-    with os.fdopen(fd, "w") as file:
+    """A file that is whole or not there, and cannot be written a second time."""
+    path = Path(path)
+    with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=f".{path.name}.") as file:
         file.write(text)
+        file.flush()
+        os.fchmod(file.fileno(), 0o444)
+        os.link(file.name, path)
+
+
+@contextlib.contextmanager
+def mine(path):
+    """Whether nobody else is at what this file stands for; until the block or the process ends, nobody comes to be."""
+    with open(path, "w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            print(f"{path.name.split('.')[1]}: another process is at it, left to that", flush=True)
+            yield False
+            return
+        try:
+            yield True
+        finally:
+            path.unlink(missing_ok=True)  # who waits with the file that is gone finds the work done
 
 
 # ---------------------------------------------------------------- make
@@ -85,65 +106,70 @@ def draw(kind, rng, among=None):
 
 def make(o):
     import random
-    import yaml
-    from tests.blind import effects, make as generator
+    from tests.blind import effects
     folder, vault = Path(o.campaign), Path(o.vault or o.campaign.rstrip("/") + ".vault")
     if folder.resolve() == vault.resolve() or folder.resolve() in vault.resolve().parents:
         raise Wrong("--vault must lie outside the campaign, which the diagnosis reads")
     strange = sorted(set(o.effects or ()) - set(effects.LIST))
     if strange:
         raise Wrong(f"--effects: no {', '.join(strange)}; accepted: {', '.join(effects.LIST)}")
+    ids = shard_ids(o.sets, o.shard)
     for d in (folder / "sets", folder / "seals", vault):
         d.mkdir(parents=True, exist_ok=True)
     vault.chmod(0o700)
     rng = random.SystemRandom()
-    ids = shard_ids(o.sets, o.shard)
     for k, kind in zip(ids, kinds_of(len(ids), rng)):
         name = f"{k:04d}"
-        if (folder / "seals" / f"{name}.json").exists():
-            continue
-        for leftover in (folder / "sets" / name, folder / "sets" / f"{name}_followup"):
-            shutil.rmtree(leftover, ignore_errors=True)
-        robot_name = rng.choice(["rig_90mm"] * 4 + ["rig_60mm"])
-        robot = yaml.safe_load((ROOT / "config" / "robots" / f"{robot_name}.yaml").read_text())
-        cell = rng.choice(["motor_side"] * 4 + ["robot_side"])
-        seed = rng.getrandbits(48)
-        for _ in range(5):  # again where what was drawn cannot be made
-            items, sizes = [], []
-            for effect, where, sigma, sign in draw(kind, rng, o.effects):
-                amount, size, channel = generator.amount_for(robot, effect, where, sigma, seed, sign, cell)
-                items.append((effect, where, amount))
-                sizes.append(dict(wanted_sigma=sigma, sigma=size, channel=channel))
-            others = ["cocontraction", "circle", "steps", "multisine", "ladder", "hold"]
-            families = ["triangle"] + rng.sample(others, o.families - 1)
-            nuisance = 0.0
-            if kind == "nuisance_null":
-                nuisance, size = generator.small_nuisance(robot, seed, cell)
-                sizes.append(dict(wanted_sigma=0.0, sigma=size, channel="any"))
-            common = dict(robot_name=robot_name, items=items, seed=seed, load_cell=cell, tracker=kind != "no_tracker",
-                          colour=rng.choice([0, 0, 0.5, 0.9]), lost=rng.choice([0, 0, 0, 0.03]),
-                          jitter=rng.choice([3e-6, 3e-6, 2e-5]), nuisance=nuisance)
-            try:
-                extra = {}
-                if kind == "weak":
-                    answer = generator.make_set(folder / "sets" / name, None, families=["weak", "weak"], **common)
-                    extra = generator.make_set(folder / "sets" / f"{name}_followup", None, families=families, **common)
-                    extra = dict(followup_sha256=extra["sha256_of_data"])
-                else:
-                    answer = generator.make_set(folder / "sets" / name, None, families=families, **common)
-                break
-            except RuntimeError:
-                shutil.rmtree(folder / "sets" / name, ignore_errors=True)
-        else:
-            raise RuntimeError(f"set {name}: five draws could not be simulated")
-        answer.update(extra, id=name, set_kind=kind, sizes=sizes, nonce=secrets.token_hex(32))
-        text = json.dumps(answer, indent=1) + "\n"
-        path = vault / f"{name}.json"
-        path.unlink(missing_ok=True)
-        write_once(path, text)
-        seal = dict(id=name, answer_sha256=sha(text.encode()), data_sha256=answer["sha256_of_data"], sealed_ns=now(), **extra)
-        write_once(folder / "seals" / f"{name}.json", json.dumps(seal) + "\n")
-        print(f"set {name} sealed {seal['answer_sha256'][:16]}", flush=True)
+        with mine(folder / "seals" / f".{name}.lock") as free:
+            if free and not (folder / "seals" / f"{name}.json").exists():
+                make_one(o, folder, vault, name, kind, rng)
+
+
+def make_one(o, folder, vault, name, kind, rng):
+    import yaml
+    from tests.blind import make as generator
+    for leftover in (folder / "sets" / name, folder / "sets" / f"{name}_followup"):
+        shutil.rmtree(leftover, ignore_errors=True)
+    robot_name = rng.choice(["rig_90mm"] * 4 + ["rig_60mm"])
+    robot = yaml.safe_load((ROOT / "config" / "robots" / f"{robot_name}.yaml").read_text())
+    cell = rng.choice(["motor_side"] * 4 + ["robot_side"])
+    seed = rng.getrandbits(48)
+    for _ in range(5):  # again where what was drawn cannot be made
+        items, sizes = [], []
+        for effect, where, sigma, sign in draw(kind, rng, o.effects):
+            amount, size, channel = generator.amount_for(robot, effect, where, sigma, seed, sign, cell)
+            items.append((effect, where, amount))
+            sizes.append(dict(wanted_sigma=sigma, sigma=size, channel=channel))
+        others = ["cocontraction", "circle", "steps", "multisine", "ladder", "hold"]
+        families = ["triangle"] + rng.sample(others, o.families - 1)
+        nuisance = 0.0
+        if kind == "nuisance_null":
+            nuisance, size = generator.small_nuisance(robot, seed, cell)
+            sizes.append(dict(wanted_sigma=0.0, sigma=size, channel="any"))
+        common = dict(robot_name=robot_name, items=items, seed=seed, load_cell=cell, tracker=kind != "no_tracker",
+                      colour=rng.choice([0, 0, 0.5, 0.9]), lost=rng.choice([0, 0, 0, 0.03]),
+                      jitter=rng.choice([3e-6, 3e-6, 2e-5]), nuisance=nuisance)
+        try:
+            extra = {}
+            if kind == "weak":
+                answer = generator.make_set(folder / "sets" / name, None, families=["weak", "weak"], **common)
+                extra = generator.make_set(folder / "sets" / f"{name}_followup", None, families=families, **common)
+                extra = dict(followup_sha256=extra["sha256_of_data"])
+            else:
+                answer = generator.make_set(folder / "sets" / name, None, families=families, **common)
+            break
+        except RuntimeError:
+            shutil.rmtree(folder / "sets" / name, ignore_errors=True)
+    else:
+        raise RuntimeError(f"set {name}: five draws could not be simulated")
+    answer.update(extra, id=name, set_kind=kind, sizes=sizes, nonce=secrets.token_hex(32))
+    text = json.dumps(answer, indent=1) + "\n"
+    path = vault / f"{name}.json"
+    path.unlink(missing_ok=True)
+    write_once(path, text)
+    seal = dict(id=name, answer_sha256=sha(text.encode()), data_sha256=answer["sha256_of_data"], sealed_ns=now(), **extra)
+    write_once(folder / "seals" / f"{name}.json", json.dumps(seal) + "\n")
+    print(f"set {name} sealed {seal['answer_sha256'][:16]}", flush=True)
 
 
 # ---------------------------------------------------------------- diagnose
@@ -156,9 +182,10 @@ def digest(folder):
 
 def confined(vault):
     """Prefix of a command that makes the vault unreadable to it; checked, not assumed."""
-    probe = next(iter(sorted(vault.glob("*.json"))), None) if vault and vault.exists() else None
-    if vault is None or not vault.exists():
-        return []  # it is not on this machine
+    probe = next(iter(sorted(vault.glob("*.json"))), None) if vault.exists() else None
+    if not vault.exists():
+        print(f"{vault} is not on this machine: nothing to hide (else name it by --vault)", flush=True)
+        return []
     prefixes = [["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]] if os.geteuid() == 0 else []
     hide = 'mount -t tmpfs none "$0" && exec "$@"'
     prefixes.append(["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", hide, str(vault)])
@@ -180,7 +207,8 @@ def diagnose_one(command, folder, prefix, timeout_s):
         (work / "out").mkdir()
         for path in [work, *work.rglob("*")]:
             path.chmod(0o777 if path.is_dir() else 0o644)
-        words = [w.format(robot=work / "set" / "robot.yaml", set=work / "set", out=work / "out") for w in command]
+        words = [w.replace("{robot}", str(work / "set" / "robot.yaml")).replace("{set}", str(work / "set"))
+                 .replace("{out}", str(work / "out")) for w in command]
         begin = now()
         try:
             done = subprocess.run([*prefix, *words], cwd=work, capture_output=True, text=True, timeout=timeout_s,
@@ -188,9 +216,14 @@ def diagnose_one(command, folder, prefix, timeout_s):
             code, error = done.returncode, done.stderr[-2000:]
         except subprocess.TimeoutExpired:
             code, error = -1, f"more than {timeout_s} s"
-        report = work / "out" / "report.json"
-        facts = dict(started_ns=begin, finished_ns=now(), exit_code=code, error=error)
-        return json.loads(report.read_text()) if report.exists() and code == 0 else None, facts
+        report = None
+        if code == 0:
+            try:
+                report = json.loads((work / "out" / "report.json").read_text())
+                report["verdict"], [(c["effect"], c["where"], c["p"]) for c in report["causes"]], report["location"]
+            except (OSError, ValueError, KeyError, TypeError) as wrong:
+                report, error = None, f"report.json: {type(wrong).__name__}: {wrong}"
+        return report, dict(started_ns=begin, finished_ns=now(), exit_code=code, error=error)
 
 
 IN_RECORD = ("verdict", "causes", "location", "accepted", "closed", "baselines")
@@ -206,20 +239,25 @@ def diagnose(o):
     program = shutil.which(command[0])
     if not program:
         raise Wrong(f"{command[0]}: no such program; give --tendril or the command after --")
+    if not any((folder / "seals").glob("*.json")):
+        raise Wrong(f"--campaign {folder}: no sealed sets in its folder seals; gap_blind make writes them")
     (folder / "answers").mkdir(exist_ok=True)
+    program_sha256 = sha(Path(program).read_bytes())
     for k in shard_ids(o.sets or 100000, o.shard):
-        seal_file = folder / "seals" / f"{k:04d}.json"
-        if not seal_file.exists():
+        if not (folder / "seals" / f"{k:04d}.json").exists():
             continue
         for name in (f"{k:04d}", f"{k:04d}_followup"):
             data, out = folder / "sets" / name, folder / "answers" / f"{name}.json"
             if not data.exists() or out.exists():
                 continue
-            before = digest(data)
-            report, facts = diagnose_one(command, data, prefix, o.timeout)
-            answer = dict(id=name, data_sha256=before, program_sha256=sha(Path(program).read_bytes()),
-                          report=report and {key: report[key] for key in KEEP if key in report}, **facts)
-            write_once(out, json.dumps(answer) + "\n")
+            with mine(folder / "answers" / f".{name}.lock") as free:
+                if not free or out.exists():
+                    continue
+                before = digest(data)
+                report, facts = diagnose_one(command, data, prefix, o.timeout)
+                answer = dict(id=name, data_sha256=before, program_sha256=program_sha256,
+                              report=report and {key: report[key] for key in KEEP if key in report}, **facts)
+                write_once(out, json.dumps(answer) + "\n")
             print(f"{name}: {report['verdict'] if report else 'failed: ' + facts['error'].strip()[-200:]}, "
                   f"{(facts['finished_ns'] - facts['started_ns']) / 1e9:.1f} s", flush=True)
 
@@ -482,8 +520,15 @@ def opened(folder, vault, oracle):
                 if not name.endswith("_followup"):
                     refusals.append((name, "not diagnosed"))
                 continue
-            text = (vault / f"{seal['id']}.json").read_text()
-            record, truth = json.loads(path.read_text()), json.loads(text)
+            try:
+                text = (vault / f"{seal['id']}.json").read_text()
+                record, truth = json.loads(path.read_text()), json.loads(text)
+            except FileNotFoundError:
+                refusals.append((name, f"{vault} does not hold its answer (--vault)"))
+                continue
+            except ValueError as wrong:
+                refusals.append((name, f"answer or truth is not JSON: {wrong}"))
+                continue
             why = refused(seal, text, truth, record, folder / "sets" / name)
             if os.stat(path).st_mode & stat.S_IWUSR:
                 why = why or "the answer's file can be rewritten"
@@ -497,15 +542,35 @@ def opened(folder, vault, oracle):
     return cases, refusals
 
 
-def score(o):
+def recorded(path):
+    """The same of the record of a campaign that was opened before."""
     cases, refusals = [], []
+    for number, line in enumerate(path.read_text().splitlines(), 1):
+        try:
+            x = json.loads(line)
+            if "truth" in x:
+                cases.append(Case(x["truth"], x["record"], x["oracle"]))
+            else:
+                refusals.append(tuple(x["refused"]))
+        except (ValueError, KeyError, TypeError) as wrong:
+            raise Wrong(f"{path}:{number}: not a line of a record: {type(wrong).__name__}: {wrong}")
+    return cases, refusals
+
+
+def score(o):
+    cases, refusals, counted = [], [], set()
     for campaign in map(Path, o.campaigns):
-        if campaign.is_file():  # the record of one that was opened before
-            lines = [json.loads(line) for line in campaign.read_text().splitlines()]
-            cases += [Case(x["truth"], x["record"], x["oracle"]) for x in lines if "truth" in x]
-            refusals += [tuple(x["refused"]) for x in lines if "refused" in x]
-            continue
-        more = opened(campaign, Path(o.vault or f"{campaign}.vault"), o.oracle)
+        if campaign.is_file():
+            more = recorded(campaign)
+        elif any((campaign / "seals").glob("*.json")):
+            more = opened(campaign, Path(o.vault or f"{campaign}.vault"), o.oracle)
+        else:
+            raise Wrong(f"{campaign}: neither a campaign with sealed sets nor the record of one (--record)")
+        for case in more[0]:
+            same = case.record["id"], case.record["data_sha256"]
+            if same in counted:
+                raise Wrong(f"{campaign}: set {case.record['id']} is in what was named before, too; name each campaign once")
+            counted.add(same)
         cases += more[0]
         refusals += more[1]
     if o.record:
@@ -519,13 +584,23 @@ def score(o):
         Path(o.json).write_text(json.dumps(dict(numbers, sets=len(sets), refused=refusals), indent=1) + "\n")
 
 
+def at_least(least, kind):
+    def number(text):
+        value = kind(text)
+        if not least <= value < 1e9:
+            raise argparse.ArgumentTypeError(f"{text}: accepted are {least} and more")
+        return value
+    number.__name__ = kind.__name__
+    return number
+
+
 def main():
     a = argparse.ArgumentParser(prog="gap_blind", description="Sealed test of tendril gap diagnose on a foreign plant's data.")
     sub = a.add_subparsers(dest="what", required=True)
     m = sub.add_parser("make", help="draw, simulate and seal")
     m.add_argument("--campaign", required=True, help="folder of sets, seals and answers")
     m.add_argument("--vault", help="folder of the answers (default: CAMPAIGN.vault)")
-    m.add_argument("--sets", type=int, required=True, help="of the whole campaign")
+    m.add_argument("--sets", type=at_least(1, int), required=True, help="of the whole campaign")
     m.add_argument("--families", type=int, default=5, choices=range(2, 8), help="kinds of excitation in a set")
     m.add_argument("--effects", metavar="LIST", type=lambda text: text.split(","),
                    help="draw those that the library has among these only, with commas between (default: all)")
@@ -533,10 +608,10 @@ def main():
     d = sub.add_parser("diagnose", help="run the diagnosis on what is sealed, once a set")
     d.add_argument("--campaign", required=True)
     d.add_argument("--vault", help="what the diagnosis must not read (default: CAMPAIGN.vault)")
-    d.add_argument("--sets", type=int)
-    d.add_argument("--shard", default="1/1")
-    d.add_argument("--tendril", default="tendril")
-    d.add_argument("--timeout", type=float, default=3600, help="seconds for one set")
+    d.add_argument("--sets", type=at_least(1, int), help="only the first so many (default: all that are sealed)")
+    d.add_argument("--shard", default="1/1", help="i/n: this part of the sets")
+    d.add_argument("--tendril", default="tendril", help="the program (default: the one in PATH)")
+    d.add_argument("--timeout", type=at_least(1, float), default=3600, help="seconds for one set")
     d.add_argument("command", nargs="*", help="another command after --, with {robot}, {set}, {out}")
     s = sub.add_parser("score", help="open the seals and count")
     s.add_argument("campaigns", nargs="+", help="folders, or records of campaigns opened before")
@@ -558,3 +633,10 @@ if __name__ == "__main__":
     except (RuntimeError, OSError, KeyError, ValueError) as error:
         print(f"gap_blind: {error}", file=sys.stderr)
         sys.exit(1)
+    except ModuleNotFoundError as missing:
+        print(f"gap_blind: no Python package {missing.name}: install those of tests/blind/requirements.txt into a virtual "
+              "environment and name its Python, PYTHON=VENV/bin/python tools/gap_blind ...", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("gap_blind: stopped; what is done stays, and the same command goes on", file=sys.stderr)
+        sys.exit(130)

@@ -83,9 +83,45 @@ class Seal(unittest.TestCase):
         text = run("score", self.folder, "--record", record)
         self.assertEqual(len(record.read_text().splitlines()), 2)
         self.assertEqual(run("score", record), text)
-        self.assertIn("4 sealed sets", run("score", record, self.folder))
+        with self.assertRaisesRegex(campaign.Wrong, "set 0000 is in what was named before"):
+            run("score", record, self.folder)
         with self.assertRaises(FileExistsError):
             run("score", self.folder, "--record", record)
+
+    def test_damaged_and_missing_input_is_named(self):
+        bad = self.folder.parent / "bad.jsonl"
+        bad.write_text('{"refused": ["0001", "why"]}\n{"truth": 1}\n')
+        with self.assertRaisesRegex(campaign.Wrong, "bad.jsonl:2: not a line of a record"):
+            run("score", bad)
+        for words in (["score", self.folder.parent / "nowhere"], ["diagnose", "--campaign", self.folder.parent, "--", "/bin/true"]):
+            with self.assertRaisesRegex(campaign.Wrong, "sealed sets"):
+                run(*words)
+        text = run("score", self.folder, "--vault", self.folder.parent / "nowhere")
+        self.assertIn("0 sealed sets, 2 refused", text)
+        self.assertIn("does not hold its answer", text)
+        for words in (["make", "--campaign", "x", "--sets", "0"], ["diagnose", "--campaign", "x", "--timeout", "nan"]):
+            with self.assertRaises(SystemExit), contextlib.redirect_stderr(io.StringIO()) as said:
+                run(*words)
+            self.assertIn("and more", said.getvalue())
+
+    def test_a_program_that_writes_no_report_fails_to_answer(self):
+        for report in ("", "{}", "[1]", '{"verdict": "no_gap", "causes": [{}], "location": []}'):
+            write = f"import sys; open(sys.argv[1] + '/report.json', 'w').write({report!r})"
+            got, facts = campaign.diagnose_one(["/usr/bin/python3", "-c", write, "{out}"], self.folder / "sets" / "0000", [], 60)
+            self.assertIsNone(got)
+            self.assertIn("report.json", facts["error"])
+
+    def test_two_at_one_set_do_it_once(self):
+        lock = self.folder / "seals" / ".0007.lock"
+        with campaign.mine(lock) as first:
+            self.assertTrue(first)
+            text = io.StringIO()
+            with contextlib.redirect_stdout(text), campaign.mine(lock) as second:
+                self.assertFalse(second)
+            self.assertIn("0007: another process", text.getvalue())
+        with campaign.mine(lock) as again:
+            self.assertTrue(again)
+        self.assertFalse(lock.exists())
 
     def test_effects_that_there_are_not_are_refused(self):
         with self.assertRaisesRegex(campaign.Wrong, "no nothing; accepted: .*backlash"):
