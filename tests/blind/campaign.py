@@ -377,7 +377,7 @@ def half_point(cases):
             bins.append((a, b, sum(inside), len(inside)))
     hits = sum(d for _, d in points)
     if len(points) < 8 or hits in (0, len(points)):
-        return float("nan"), bins
+        return float("nan"), bins, None
     w = [0.0, 1.0]
     for _ in range(50):
         g, h = [-1e-3 * w[0], -1e-3 * w[1]], [[1e-3, 0], [0, 1e-3]]
@@ -390,7 +390,7 @@ def half_point(cases):
                     h[a][b] += p * (1 - p) * xa * xb
         det = h[0][0] * h[1][1] - h[0][1] * h[1][0]
         w = [w[0] + (g[0] * h[1][1] - g[1] * h[0][1]) / det, w[1] + (g[1] * h[0][0] - g[0] * h[1][0]) / det]
-    return (math.exp(-w[0] / w[1]) if w[1] > 0 else float("nan")), bins
+    return (math.exp(-w[0] / w[1]) if w[1] > 0 else float("nan")), bins, w
 
 
 def table(cases, followups, refusals):
@@ -437,6 +437,8 @@ def table(cases, followups, refusals):
         ece = sum(abs(sum(p for p, _ in v) - sum(h for _, h in v)) for v in bins.values()) / len(judged) if judged else float("nan")
         numbers[name] = dict(value=ece, n=len(judged))
         lines.append(f"| {name} of the top cause | {len(judged)} sets | {ece:.3f} | <= 0.05 |")
+        numbers[f"reliability, none below {none_below:g} sigma"] = [
+            [sum(p for p, _ in v) / len(v), sum(h for _, h in v), len(v)] for _, v in sorted(bins.items())]
         return bins
     reliability("calibration error", 0)
     bins = reliability(f"calibration error with effects below {SEEN:g} sigma as none,", SEEN)
@@ -461,8 +463,9 @@ def table(cases, followups, refusals):
            ">= 0.97")
     middle("gap closed over what refitting every number closes",
            [pooled(c.report) / o for c in known if pooled(c.report) is not None and (o := pooled(c.report, "ceiling"))], "-")
-    half, curve = half_point([c for c in known if c.kind != "no_tracker"])
+    half, curve, logistic = half_point([c for c in known if c.kind != "no_tracker"])
     numbers["half detection sigma"] = half
+    numbers["detection"] = dict(logistic=logistic, found=curve)
     lines.append(f"| 50 % detection limit | {len(known)} sets | {half:.2f} sigma | <= 0.3 sigma |")
     row("follow-up resolves weak excitation", sum(c.group_hit() for c in followups), len(followups), ">= 90 %")
     row("diagnosis failed to answer", sum(c.report is None for c in cases), len(cases), "0")
@@ -493,6 +496,43 @@ def table(cases, followups, refusals):
     lines.append("Refused: " + ("; ".join(f"{i}: {why}" for i, why in refusals) or "none"))
     numbers["confusion"] = [[a, b, ids] for (a, b), ids in sorted(confusion.items())]
     return lines, numbers
+
+
+def picture(numbers, path):
+    """Reliability diagram and detection curve."""
+    import math
+    from matplotlib.figure import Figure
+    figure = Figure(figsize=(10, 4.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    blue, orange = "#1f77b4", "#d95f02"
+
+    def shares(axes, points, colour, label):
+        """(x, k, n): share k / n with its Wilson interval; the marker's area grows with n."""
+        for k, (x, hits, n) in enumerate(points):
+            share, low, high = wilson(hits, n)
+            axes.plot([x, x], [low, high], color=colour, lw=1.2, alpha=0.6)
+            axes.scatter([x], [share], s=10 + 1.5 * n, color=colour, alpha=0.8, label=label if k == 0 else None, zorder=3)
+
+    left.plot([0, 1], [0, 1], color="0.7", lw=1, label="what it says is what is so")
+    shares(left, numbers["reliability, none below 0 sigma"], blue, "every planted effect counts")
+    shares(left, [(p + 0.012, k, n) for p, k, n in numbers[f"reliability, none below {SEEN:g} sigma"]], orange,
+           f"below {SEEN:g} sigma counted as none")
+    left.set(xlabel="probability of the first line of the answer", ylabel="share that was right", xlim=(-0.02, 1.04), ylim=(-0.02, 1.04),
+             title="How sure, and how often right")
+    left.legend(loc="upper left", fontsize=8)
+    detection = numbers["detection"]
+    shares(right, [(math.sqrt(a * min(b, 2 * a)), k, n) for a, b, k, n in detection["found"]], blue, "sets, with 95 % intervals")
+    if detection["logistic"]:
+        a, b = detection["logistic"]
+        x = [10 ** (-1 + 2.5 * i / 200) for i in range(201)]
+        right.plot(x, [1 / (1 + math.exp(-a - b * math.log(v))) for v in x], color=orange, lw=1.5,
+                   label=f"half are seen from {numbers['half detection sigma']:.2f} sigma")
+    right.set(xscale="log", xlabel="size of the planted effect [sigma]", ylim=(-0.02, 1.04),
+              ylabel="share in which a gap is found", title="How small a cause is seen")
+    right.legend(loc="lower right", fontsize=8)
+    for axes in (left, right):
+        axes.grid(alpha=0.25)
+    figure.savefig(path, dpi=110)
 
 
 def told(program, case, data):
@@ -580,6 +620,8 @@ def score(o):
     lines, numbers = table(sets, [c for c in cases if c.followup], refusals)
     print(f"{len(sets)} sealed sets, {len(refusals)} refused\n")
     print("\n".join(lines))
+    if o.picture:
+        picture(numbers, o.picture)
     if o.json:
         Path(o.json).write_text(json.dumps(dict(numbers, sets=len(sets), refused=refusals), indent=1) + "\n")
 
@@ -617,6 +659,7 @@ def main():
     s.add_argument("campaigns", nargs="+", help="folders, or records of campaigns opened before")
     s.add_argument("--vault", help="folder of the answers (default: CAMPAIGN.vault)")
     s.add_argument("--json", metavar="FILE", help="the table's numbers")
+    s.add_argument("--picture", metavar="FILE", help="reliability diagram and detection curve (.png, .svg or .pdf)")
     s.add_argument("--record", metavar="FILE", help="also what the score is made of, a line a set; written once")
     s.add_argument("--oracle", metavar="TENDRIL", help="also let this program fit the effect that it is told, on every single")
     o = a.parse_args()
@@ -634,8 +677,9 @@ if __name__ == "__main__":
         print(f"gap_blind: {error}", file=sys.stderr)
         sys.exit(1)
     except ModuleNotFoundError as missing:
-        print(f"gap_blind: no Python package {missing.name}: install those of tests/blind/requirements.txt into a virtual "
-              "environment and name its Python, PYTHON=VENV/bin/python tools/gap_blind ...", file=sys.stderr)
+        which = "matplotlib (python3-matplotlib)" if missing.name == "matplotlib" else "those of tests/blind/requirements.txt"
+        print(f"gap_blind: no Python package {missing.name}: install {which} and name the Python that has them, "
+              "PYTHON=.../bin/python tools/gap_blind ...", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         print("gap_blind: stopped; what is done stays, and the same command goes on", file=sys.stderr)

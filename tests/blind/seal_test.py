@@ -7,6 +7,7 @@ import argparse
 import contextlib
 import io
 import json
+import subprocess
 import sys
 import tempfile
 import unittest
@@ -110,6 +111,16 @@ class Seal(unittest.TestCase):
             got, facts = campaign.diagnose_one(["/usr/bin/python3", "-c", write, "{out}"], self.folder / "sets" / "0000", [], 60)
             self.assertIsNone(got)
             self.assertIn("report.json", facts["error"])
+
+    def test_score_draws_its_picture(self):
+        picture = self.folder.parent / "score.png"
+        record = campaign.ROOT / "tests" / "blind" / "records" / "c5.jsonl"
+        done = subprocess.run(["/usr/bin/python3", "-B", "-m", "tests.blind.campaign", "score", record, "--picture", picture],
+                              cwd=campaign.ROOT, capture_output=True, text=True)
+        if "no Python package matplotlib" in done.stderr:
+            self.skipTest(done.stderr)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertTrue(picture.read_bytes().startswith(b"\x89PNG"))
 
     def test_two_at_one_set_do_it_once(self):
         lock = self.folder / "seals" / ".0007.lock"
