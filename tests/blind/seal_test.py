@@ -14,7 +14,9 @@ import unittest
 from pathlib import Path
 from unittest import mock
 
-from tests.blind import campaign
+import numpy as np
+
+from tests.blind import campaign, score, seal
 
 SPY = """
 import json, pathlib, sys
@@ -71,8 +73,8 @@ class Seal(unittest.TestCase):
         report = json.loads(self.answer().read_text())["report"]
         self.assertNotIn(str(self.vault) + "/", report["sentence"])
         self.assertTrue({"robot.yaml", "runs.yaml"} < set(report["degradations"]))
-        seal = json.loads((self.folder / "seals" / "0000.json").read_text())
-        self.assertEqual(set(seal), {"id", "answer_sha256", "data_sha256", "sealed_ns"})
+        sealed = json.loads((self.folder / "seals" / "0000.json").read_text())
+        self.assertEqual(set(sealed), {"id", "answer_sha256", "data_sha256", "sealed_ns"})
 
     def test_score_of_two_nulls(self):
         text = run("score", self.folder)
@@ -86,20 +88,41 @@ class Seal(unittest.TestCase):
         self.assertEqual(run("score", record), text)
         with self.assertRaisesRegex(campaign.Wrong, "set 0000 is in what was named before"):
             run("score", record, self.folder)
-        with self.assertRaises(FileExistsError):
+        with self.assertRaisesRegex(campaign.Wrong, "is there already"):
             run("score", self.folder, "--record", record)
+        # The seals go with it: what is changed in it is refused.
+        lines = [json.loads(line) for line in record.read_text().splitlines()]
+        for change, why in ((dict(opened=lines[1]["opened"].replace('"null"', '"null" ')), "not the sealed one"),
+                            (dict(record=dict(lines[1]["record"], started_ns=0)), "older than the seal")):
+            changed = self.folder.parent / "changed.jsonl"
+            changed.write_text(json.dumps(lines[0]) + "\n" + json.dumps({**lines[1], **change}) + "\n")
+            text = run("score", changed)
+            self.assertIn("1 sealed sets, 1 refused", text)
+            self.assertIn(why, text)
+        for report in (dict(verdict="banana"), dict(causes=[dict(effect="no_gap", where="", p=7)]), dict(location=None)):
+            bad = json.loads(json.dumps(lines[1]))
+            bad["record"]["report"].update(report)
+            changed.write_text(json.dumps(bad) + "\n")
+            with self.assertRaisesRegex(campaign.Wrong, "changed.jsonl:1: not a line of a record"):
+                run("score", changed)
 
     def test_damaged_and_missing_input_is_named(self):
         bad = self.folder.parent / "bad.jsonl"
         bad.write_text('{"refused": ["0001", "why"]}\n{"truth": 1}\n')
         with self.assertRaisesRegex(campaign.Wrong, "bad.jsonl:2: not a line of a record"):
             run("score", bad)
+        with self.assertRaisesRegex(campaign.Wrong, "--effects cell_gain: too few for sets of kind parameter"):
+            run("make", "--campaign", self.folder.parent / "d", "--sets", 1, "--effects", "cell_gain")
+        self.assertFalse((self.folder.parent / "d").exists())
         for words in (["score", self.folder.parent / "nowhere"], ["diagnose", "--campaign", self.folder.parent, "--", "/bin/true"]):
             with self.assertRaisesRegex(campaign.Wrong, "sealed sets"):
                 run(*words)
-        text = run("score", self.folder, "--vault", self.folder.parent / "nowhere")
-        self.assertIn("0 sealed sets, 2 refused", text)
-        self.assertIn("does not hold its answer", text)
+        elsewhere = self.folder.parent / "elsewhere"
+        elsewhere.mkdir()
+        for vault, why in (("nowhere", "no such folder; make put the answers into"), ("elsewhere", "answers are in .*c.vault")):
+            for words in (["score", self.folder], ["diagnose", "--campaign", self.folder]):
+                with self.assertRaisesRegex(campaign.Wrong, why):
+                    run(*words, "--vault", self.folder.parent / vault)
         for words in (["make", "--campaign", "x", "--sets", "0"], ["diagnose", "--campaign", "x", "--timeout", "nan"]):
             with self.assertRaises(SystemExit), contextlib.redirect_stderr(io.StringIO()) as said:
                 run(*words)
@@ -108,9 +131,51 @@ class Seal(unittest.TestCase):
     def test_a_program_that_writes_no_report_fails_to_answer(self):
         for report in ("", "{}", "[1]", '{"verdict": "no_gap", "causes": [{}], "location": []}'):
             write = f"import sys; open(sys.argv[1] + '/report.json', 'w').write({report!r})"
-            got, facts = campaign.diagnose_one(["/usr/bin/python3", "-c", write, "{out}"], self.folder / "sets" / "0000", [], 60)
+            got, facts = seal.diagnose_one(["/usr/bin/python3", "-c", write, "{out}"], self.folder / "sets" / "0000", [], 60)
             self.assertIsNone(got)
             self.assertIn("report.json", facts["error"])
+
+    def case(self, kind, wanted, verdict, causes, accepted=(), sigma=5.0, name="0001"):
+        cause = lambda e, p, group=0: dict(effect=e, where="all", p=p, group=group)
+        truth = dict(id=name.split("_")[0], robot="r", load_cell="motor_side", set_kind=kind,
+                     truth=[dict(effect=e, where="all", cut="C3") for e in wanted], sizes=[dict(sigma=sigma, channel="tip")] * len(wanted))
+        report = dict(verdict=verdict, causes=[cause(*c) for c in causes], location=[], accepted=[cause(e, 1) for e in accepted])
+        return score.Case(truth, dict(id=name, data_sha256="d", program_sha256="p", started_ns=1, report=report))
+
+    def test_what_counts_as_confidently_wrong(self):
+        right = self.case("single", ["backlash"], "attributed", [("backlash", 0.95)], ["backlash"])
+        wrong = self.case("single", ["slack"], "attributed", [("backlash", 0.95)], ["backlash"])
+        beside = self.case("unlisted", ["gusts"], "ambiguous_group", [("backlash", 0.95), ("slack", 0.5, 2)], ["backlash", "slack"])
+        group = self.case("single", ["slack"], "ambiguous_group", [("backlash", 0.91, 1), ("slack", 0.09, 1)], ["backlash"])
+        second = self.case("single", ["slack"], "attributed", [("slack", 0.99), ("backlash", 0.98)], ["slack", "backlash"])
+        unsure = self.case("single", ["slack"], "attributed", [("backlash", 0.8)], ["backlash"])
+        refusal = self.case("single", ["slack"], "unexplained", [("unknown", 0.95), ("backlash", 0.05)])
+        self.assertEqual([c.confident_wrong() for c in (right, wrong, beside, group, second, unsure, refusal)],
+                         [False, True, True, False, False, False, False])
+        self.assertEqual([c.confident_besides() for c in (right, wrong, second, unsure, refusal)], [False, True, True, False, False])
+
+    def test_calibration_counts_every_kind(self):
+        small = self.case("single", ["slack"], "attributed", [("slack", 0.9)], ["slack"], sigma=0.2)
+        unlisted = self.case("unlisted", ["gusts"], "unexplained", [("unknown", 0.9)])
+        pair = self.case("pair", ["slack", "backlash"], "attributed", [("backlash", 0.9)], ["backlash", "slack"])
+        null = self.case("null", [], "no_gap", [("no_gap", 0.9)])
+        _, numbers = score.table([small, unlisted, pair, null], [], [])
+        self.assertEqual(numbers["reliability, none below 0 sigma"], [[0.9, 4, 4]])
+        self.assertEqual(numbers["reliability, none below 0.3 sigma"], [[0.9, 3, 4]])
+
+    def test_a_followup_counts_where_the_first_had_not_shown_it(self):
+        weak = lambda name, hit, follow: self.case("weak", ["slack"], "attributed", [("slack" if hit else "backlash", 0.8)],
+                                                   name=name + "_followup" * follow)
+        _, numbers = score.table([weak("0001", True, False), weak("0002", False, False)],
+                                 [weak("0001", True, True), weak("0002", True, True)], [])
+        figure = numbers["follow-up finds the cause that weak excitation had not shown"]
+        self.assertEqual((figure["k"], figure["n"]), (1, 1))
+
+    def test_half_point_and_its_interval(self):
+        cases = [self.case("single", ["slack"], "attributed" if k % 40 >= 20 - k // 40 else "no_gap", [("slack", 0.8)], sigma=s)
+                 for k, s in enumerate(np.tile(np.geomspace(0.05, 2, 40), 4))]
+        half, (low, high), _, _ = score.half_point(cases)
+        self.assertTrue(low < half < high and 0.2 < half < 0.4 and high / low < 1.6, (low, half, high))
 
     def test_score_draws_its_picture(self):
         picture = self.folder.parent / "score.png"
@@ -124,13 +189,13 @@ class Seal(unittest.TestCase):
 
     def test_two_at_one_set_do_it_once(self):
         lock = self.folder / "seals" / ".0007.lock"
-        with campaign.mine(lock) as first:
+        with seal.mine(lock) as first:
             self.assertTrue(first)
             text = io.StringIO()
-            with contextlib.redirect_stdout(text), campaign.mine(lock) as second:
+            with contextlib.redirect_stdout(text), seal.mine(lock) as second:
                 self.assertFalse(second)
             self.assertIn("0007: another process", text.getvalue())
-        with campaign.mine(lock) as again:
+        with seal.mine(lock) as again:
             self.assertTrue(again)
         self.assertFalse(lock.exists())
 
@@ -143,24 +208,24 @@ class Seal(unittest.TestCase):
         run("diagnose", "--campaign", self.folder, "--", "/bin/true")
         self.assertEqual(self.answer().read_bytes(), before)
         with self.assertRaises(FileExistsError):
-            campaign.write_once(self.answer(), "{}")
+            seal.write_once(self.answer(), "{}")
 
     def tampered(self, change):
-        seal = json.loads((self.folder / "seals" / "0001.json").read_text())
+        sealed = json.loads((self.folder / "seals" / "0001.json").read_text())
         text = (self.vault / "0001.json").read_text()
         record = json.loads(self.answer("0001").read_text())
-        text = change(seal, record) or text
-        return campaign.refused(seal, text, json.loads(text), record, self.folder / "sets" / "0001")
+        text = change(sealed, record) or text
+        return score.refused(sealed, text, record, self.folder / "sets" / "0001")
 
     def test_tampering_is_refused(self):
-        self.assertIsNone(self.tampered(lambda seal, record: None))
-        self.assertIn("older", self.tampered(lambda seal, record: record.update(started_ns=seal["sealed_ns"] - 1)))
-        self.assertIn("data", self.tampered(lambda seal, record: record.update(data_sha256="0")))
-        self.assertIn("sealed one", self.tampered(lambda seal, record: '{"truth": []}'))
+        self.assertIsNone(self.tampered(lambda sealed, record: None))
+        self.assertIn("older", self.tampered(lambda sealed, record: record.update(started_ns=sealed["sealed_ns"] - 1)))
+        self.assertIn("data", self.tampered(lambda sealed, record: record.update(data_sha256="0")))
+        self.assertIn("sealed one", self.tampered(lambda sealed, record: '{"truth": []}'))
 
     def test_wilson(self):
         # 8 of 10: the textbook's 0.490 to 0.943
-        p, low, high = campaign.wilson(8, 10)
+        p, low, high = score.wilson(8, 10)
         self.assertAlmostEqual(low, 0.4902, places=3)
         self.assertAlmostEqual(high, 0.9433, places=3)
 

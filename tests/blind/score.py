@@ -1,0 +1,467 @@
+# The score of sealed campaigns: opens the seals, checks hashes and order, and counts. Knows nothing of plants.
+import json
+import math
+import os
+import random
+import stat
+from pathlib import Path
+
+from tests.blind.seal import Wrong, diagnose_one, digest, sha, vault_of, write_once
+
+SEEN = 0.3  # sigma from which half of all effects shall be seen
+CONFIDENT = 0.9
+VERDICTS = ("no_gap", "attributed", "ambiguous_group", "unexplained", "insufficient_data")
+IN_RECORD = ("verdict", "causes", "location", "accepted", "closed", "baselines")
+
+
+def need(holds, what):
+    if not holds:
+        raise ValueError(what)
+
+
+def checked(truth, record):
+    """ValueError that says what is wrong with a set's truth or with what was answered."""
+    text, numbers = (lambda v: isinstance(v, str)), (lambda v: isinstance(v, (int, float)) and math.isfinite(v))
+    all_of = lambda v, holds: isinstance(v, list) and all(isinstance(x, dict) and holds(x) for x in v)
+    need(isinstance(truth, dict) and isinstance(record, dict), "truth or record is no object")
+    need(text(truth.get("id")) and text(truth.get("robot")) and text(truth.get("load_cell")), "truth without id, robot or load_cell")
+    need(text(truth.get("set_kind")), "truth without set_kind")
+    need(all_of(truth.get("truth"), lambda t: text(t.get("effect")) and text(t.get("where")) and text(t.get("cut"))), "truth's effects")
+    need(bool(truth["truth"]) == (truth["set_kind"] not in ("null", "nuisance_null")), "effects do not go with set_kind")
+    need(all_of(truth.get("sizes"), lambda x: numbers(x.get("sigma")) and x["sigma"] >= 0), "truth's sizes")
+    need(text(record.get("id")) and text(record.get("data_sha256")) and text(record.get("program_sha256")), "record without id or hashes")
+    need(isinstance(record.get("started_ns"), int), "record without time")
+    report = record.get("report")
+    if report is None:
+        return
+    cause = lambda c: text(c.get("effect")) and text(c.get("where"))
+    need(isinstance(report, dict) and report.get("verdict") in VERDICTS, f"verdict; accepted are {', '.join(VERDICTS)}")
+    need(all_of(report.get("causes"), lambda c: cause(c) and numbers(c.get("p")) and 0 <= c["p"] <= 1), "causes")
+    need(all_of(report.get("location", []), lambda f: text(f.get("cut"))), "location")
+    need(all_of(report.get("accepted", []), cause) and all_of(report.get("baselines", []), lambda b: cause(b) and text(b.get("name"))),
+         "accepted or baselines")
+    closed = report.get("closed") or {}
+    need(isinstance(closed, dict) and all(isinstance(closed.get(k) or {}, dict) for k in ("pooled", "ceiling")), "closed")
+
+
+def wilson(k, n, z=1.959964):
+    if n == 0:
+        return float("nan"), 0.0, 1.0
+    p = k / n
+    c = (p + z * z / (2 * n)) / (1 + z * z / n)
+    h = z / (1 + z * z / n) * (p * (1 - p) / n + z * z / (4 * n * n)) ** 0.5
+    return p, max(0.0, c - h), min(1.0, c + h)
+
+
+def refused(seal, answer_text, record, data=None):
+    """Why a record does not count, or None."""
+    if sha(answer_text.encode()) != seal["answer_sha256"]:
+        return "the opened answer is not the sealed one"
+    wanted = seal["followup_sha256"] if record["id"].endswith("_followup") else seal["data_sha256"]
+    if record["data_sha256"] != wanted or (data is not None and data.exists() and digest(data) != wanted):
+        return "the data are not the sealed ones"
+    if record["started_ns"] < seal["sealed_ns"]:
+        return "the diagnosis is older than the seal"
+    return None
+
+
+class Case:
+    """One scored set: truth beside diagnosis."""
+
+    def __init__(self, truth, record, oracle=None, sealed=None):
+        """sealed: the opened text and its seal, where they are known (ValueError where something is amiss)."""
+        checked(truth, record)
+        need(oracle is None or isinstance(oracle, dict), "oracle")
+        self.opened, self.record, self.oracle, self.sealed = truth, record, oracle, sealed
+        self.followup = record["id"].endswith("_followup")
+        self.truth, self.kind, self.id = truth["truth"], truth["set_kind"], truth["id"]
+        self.sigma = max([s["sigma"] for s in truth["sizes"]], default=0.0)
+        self.channel = truth["sizes"][0]["channel"] if truth["sizes"] else ""
+        self.robot, self.cell = truth["robot"], truth["load_cell"]
+        self.report = record["report"]
+        r = self.report or {}
+        self.verdict = r.get("verdict", "failed")
+        self.causes = r.get("causes", [])
+        self.p = {(c["effect"], c["where"]): c["p"] for c in self.causes}
+        self.unknown = sum(c["p"] for c in self.causes if c["effect"] == "unknown") + (self.verdict == "unexplained")
+        self.wanted = [(t["effect"], t["where"]) for t in self.truth]
+
+    def line(self):
+        """What a score is made of, for the record that outlives logs and vault: causes that nobody gave weight are left out."""
+        report = self.report and {k: self.report[k] for k in IN_RECORD if k in self.report}
+        if report:
+            group = self.top and self.top.get("group")
+            report["location"] = [f for f in report.get("location", []) if f.get("first")]
+            report["causes"] = [{k: c[k] for k in ("effect", "where", "p", "group") if k in c} for k, c in enumerate(self.causes)
+                                if k < 5 or c["p"] >= 0.001 or c["effect"] in ("unknown", "no_gap") or
+                                (group and c.get("group") == group)]
+            report["accepted"] = [{k: c[k] for k in ("effect", "where")} for c in report.get("accepted", [])]
+            closed = report.get("closed") or {}
+            report["closed"] = {k: {"value": closed[k].get("value")} for k in ("pooled", "ceiling") if closed.get(k)}
+        kept = ("id", "data_sha256", "program_sha256", "started_ns", "finished_ns", "confined")
+        line = dict(record=dict({k: self.record[k] for k in kept if k in self.record}, report=report), oracle=self.oracle)
+        if self.sealed:
+            return dict(opened=self.sealed[0], seal=self.sealed[1], **line)
+        return dict(truth={k: self.opened[k] for k in ("id", "truth", "set_kind", "sizes", "robot", "load_cell")}, **line)
+
+    @property
+    def top(self):
+        return self.causes[0] if self.causes else None
+
+    @staticmethod
+    def same(cause, wanted):
+        # one value for all is the same as the robot's, its sections' or all units'
+        norm = lambda w: "all" if w in ("", "all", "section:1") else w
+        return cause["effect"] == wanted[0] and norm(cause["where"]) == norm(wanted[1])
+
+    def group_hit(self):
+        """The top cause is the true one, or stands in one group with it and the verdict says that it is a group."""
+        if not self.top or not self.wanted:
+            return False
+        if self.same(self.top, self.wanted[0]):
+            return True
+        g = self.top.get("group", 0)
+        return self.verdict == "ambiguous_group" and g > 0 and any(
+            c.get("group") == g and self.same(c, self.wanted[0]) for c in self.causes)
+
+    def alarm(self):
+        """A gap is claimed. A diagnosis that failed to answer has a row of its own."""
+        return self.verdict not in ("no_gap", "insufficient_data", "failed")
+
+    def names_causes(self):
+        return self.verdict in ("attributed", "ambiguous_group")
+
+    def confident_wrong(self):
+        """The first line is a cause that was not planted, and the answer is sure of it (or of its group)."""
+        if not self.names_causes() or self.top["effect"] in ("no_gap", "unknown"):
+            return False
+        return self.top["p"] >= CONFIDENT and not self.group_hit() and not any(self.same(self.top, w) for w in self.wanted)
+
+    def confident_besides(self):
+        """Any accepted cause that was not planted, and the answer is sure of it."""
+        accepted = (self.report or {}).get("accepted", [])
+        return self.names_causes() and any(
+            c["p"] >= CONFIDENT and any(self.same(c, (a["effect"], a["where"])) for a in accepted)
+            and not any(self.same(c, w) for w in self.wanted) for c in self.causes)
+
+    def first_cut(self):
+        return next((f["cut"] for f in self.report["location"] if f.get("first")), None) if self.report else None
+
+
+def auroc(positive, negative):
+    if not positive or not negative:
+        return float("nan")
+    wins = sum((a > b) + 0.5 * (a == b) for a in positive for b in negative)
+    return wins / (len(positive) * len(negative))
+
+
+def logistic(points):
+    """(a, b) of share = 1 / (1 + exp(-a - b log sigma)), by Newton's method; None where the points do not tell."""
+    hits = sum(d for _, d in points)
+    if len(points) < 8 or hits in (0, len(points)):
+        return None
+    w = [0.0, 1.0]
+    for _ in range(30):
+        g, h = [-1e-3 * w[0], -1e-3 * w[1]], [[1e-3, 0], [0, 1e-3]]
+        for x, d in points:
+            p = 1 / (1 + math.exp(-max(-30, min(30, w[0] + w[1] * x))))
+            for a, xa in enumerate((1, x)):
+                g[a] += (d - p) * xa
+                for b, xb in enumerate((1, x)):
+                    h[a][b] += p * (1 - p) * xa * xb
+        det = h[0][0] * h[1][1] - h[0][1] * h[1][0]
+        w = [w[0] + (g[0] * h[1][1] - g[1] * h[0][1]) / det, w[1] + (g[1] * h[0][0] - g[0] * h[1][0]) / det]
+    return w if w[1] > 0 and abs(w[0] / w[1]) < 20 else None
+
+
+def half_point(cases):
+    """sigma of 50 % detection by a logistic curve over log sigma, its 95 % interval from resampled sets, the curve, and
+    found and of by bins of sigma."""
+    points = [(math.log(max(c.sigma, 1e-3)), c.alarm()) for c in cases]
+    edges = [0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8, 1e9]
+    bins = []
+    for a, b in zip(edges, edges[1:]):
+        inside = [c.alarm() for c in cases if a <= c.sigma < b]
+        if inside:
+            bins.append((a, b, sum(inside), len(inside)))
+    w = logistic(points)
+    if w is None:
+        return math.nan, (0.0, math.inf), None, bins
+    draw = random.Random(4711)
+    fits = [logistic(draw.choices(points, k=len(points))) for _ in range(200)]
+    halves = sorted(math.exp(-f[0] / f[1]) if f else math.inf for f in fits)
+    return math.exp(-w[0] / w[1]), (halves[5], halves[194]), w, bins
+
+
+def table(cases, followups, refusals):
+    lines, numbers = [], {}
+
+    def row(name, k, n, goal):
+        p, low, high = wilson(k, n)
+        numbers[name] = dict(k=k, n=n, value=p, ci=[low, high], goal=goal)
+        shown = f"{100 * p:5.1f} % [{100 * low:5.1f}, {100 * high:5.1f}]" if n else "no such sets"
+        lines.append(f"| {name} | {k} of {n} | {shown} | {goal} |")
+
+    known = [c for c in cases if c.kind in ("single", "parameter", "no_tracker")]
+    strong = [c for c in known if c.sigma > 3]
+    lines.append("| figure | count | value, Wilson 95 % | goal |\n|---|---|---|---|")
+    row("top-1 cause at > 3 sigma, group-exact", sum(c.group_hit() for c in strong), len(strong), ">= 95 %")
+    row("the same, effect's name alone", sum(bool(c.top) and (c.group_hit() or c.top["effect"] == c.wanted[0][0])
+                                            for c in strong), len(strong), "-")
+    located = [c for c in strong if c.kind != "no_tracker" and c.cell == "motor_side"]
+    row("correct first cut at > 3 sigma (motor-side cell)", sum(c.first_cut() == c.truth[0]["cut"] for c in located),
+        len(located), ">= 97 %")
+    nulls = [c for c in cases if c.kind == "null"]
+    row("false alarms on exact nulls", sum(c.alarm() for c in nulls), len(nulls), "0 of 60")
+    nn = [c for c in cases if c.kind == "nuisance_null"]
+    row("false alarms on nuisance nulls", sum(c.alarm() for c in nn), len(nn), "-")
+    foreign = [c.unknown for c in cases if c.kind == "unlisted" and c.sigma > 1 and c.report]
+    own = [c.unknown for c in known if c.sigma > 1 and c.report]
+    area = auroc(foreign, own)
+    numbers["unknown AUROC"] = dict(value=area, n=[len(foreign), len(own)])
+    lines.append(f"| unknown mechanism rejected, AUROC at > 1 sigma | {len(foreign)} against {len(own)} | {area:.3f} | >= 0.95 |")
+    unl = [c for c in cases if c.kind == "unlisted" and c.sigma > 1]
+    row("unlisted at > 1 sigma never given a confident name", sum(not c.confident_wrong() for c in unl), len(unl), "-")
+    row("or only that of what it turns into where it changes little",
+        sum(not c.confident_wrong() or c.top["effect"] == c.truth[0].get("near") for c in unl), len(unl), "-")
+    answered = cases + followups
+    row("confidently wrong (p >= 0.9)", sum(c.confident_wrong() for c in answered), len(answered), "<= 1 %")
+    row("any accepted cause that was not planted, at p >= 0.9", sum(c.confident_besides() for c in answered), len(answered), "-")
+    judged = [c for c in cases if c.top and c.kind != "weak"]
+
+    def reliability(name, none_below):
+        """Of the first line: sets by tenths of p. An effect below `none_below` sigma counts as none; of one that the library
+        does not have `unknown` is right, of a pair either."""
+        bins = {}
+        for c in judged:
+            if not c.wanted or c.sigma < none_below:
+                hit = c.top["effect"] == "no_gap"
+            elif c.kind == "unlisted":
+                hit = c.top["effect"] == "unknown"
+            else:
+                hit = any(c.same(c.top, w) for w in c.wanted)
+            bins.setdefault(min(9, int(c.top["p"] * 10)), []).append((c.top["p"], hit))
+        ece = sum(abs(sum(p for p, _ in v) - sum(h for _, h in v)) for v in bins.values()) / len(judged) if judged else float("nan")
+        numbers[name] = dict(value=ece, n=len(judged))
+        lines.append(f"| {name} | {len(judged)} sets | {ece:.3f} | {'<= 0.05' if none_below == 0 else '-'} |")
+        numbers[f"reliability, none below {none_below:g} sigma"] = [
+            [sum(p for p, _ in v) / len(v), sum(h for _, h in v), len(v)] for _, v in sorted(bins.items())]
+        return bins
+    bins = reliability("calibration error of the first line, all but weak excitation", 0)
+    bins_seen = reliability(f"the same, effects below {SEEN:g} sigma counted as none", SEEN)
+    pairs = [c for c in cases if c.kind == "pair"]
+
+    def both(c):
+        named = (c.report or {}).get("accepted") or c.causes[:2]
+        return all(any(c.same(a, w) for a in named) for w in c.wanted)
+    row("both of a pair", sum(both(c) for c in pairs), len(pairs), ">= 80 %")
+
+    def pooled(report, key="pooled"):
+        return (((report or {}).get("closed") or {}).get(key) or {}).get("value")
+
+    def middle(name, ratios, goal):
+        ratios = sorted(ratios)
+        if ratios:
+            numbers[name] = dict(median=ratios[len(ratios) // 2], n=len(ratios))
+            lines.append(f"| {name}, median | {len(ratios)} sets | {ratios[len(ratios) // 2]:.3f} | {goal} |")
+    # What closes nothing counts as nothing, not as missing.
+    middle("gap closed over that of an oracle told the effect",
+           [(pooled(c.report) or 0) / o for c in known if (o := pooled(c.oracle)) and o > 0.05],
+           ">= 0.97")
+    middle("gap closed over what refitting every number closes",
+           [(pooled(c.report) or 0) / o for c in known if (o := pooled(c.report, "ceiling") or 0) > 0.05], "-")
+    seen = [c for c in known if c.kind != "no_tracker"]
+    half, (low, high), curve, found = half_point(seen)
+    numbers["half detection sigma"], numbers["half detection interval"] = half, [low, high]
+    numbers["detection"] = dict(logistic=curve, found=found)
+    lines.append(f"| 50 % detection limit | {len(seen)} sets | {half:.2f} sigma [{low:.2f}, {high:.2f}] | <= 0.3 sigma |")
+    shown = {c.id for c in cases if c.kind == "weak" and c.group_hit()}
+    unresolved = [c for c in followups if c.id not in shown]
+    row("follow-up finds the cause that weak excitation had not shown", sum(c.group_hit() for c in unresolved),
+        len(unresolved), ">= 90 %")
+    row("diagnosis failed to answer", sum(c.report is None for c in answered), len(answered), "0")
+    names = {c["effect"] for case in cases for c in case.causes} - {"no_gap", "unknown"}
+    lines.append("\nBaselines on the same singles at > 3 sigma: chance " +
+                 (f"at most 1 of the {len(names)} effects that appear in the answers, {100 / len(names):.1f} %" if names else "unknown"))
+    chosen = [(c, {b["name"]: b for b in (c.report or {}).get("baselines", [])}) for c in strong]
+    for b in sorted({name for _, by_name in chosen for name in by_name}):
+        hit = [c.same(by_name[b], c.wanted[0]) for c, by_name in chosen if b in by_name]
+        row(f"baseline {b}, names the true cause", sum(hit), len(hit), "-")
+    for which, shown in (("every planted effect counts", bins), (f"effects below {SEEN:g} sigma counted as none", bins_seen)):
+        lines.append(f"\nReliability of the first line, {which}: p, share right, sets")
+        for b in sorted(shown):
+            v = shown[b]
+            lines.append(f"  {sum(p for p, _ in v) / len(v):.2f}  {sum(h for _, h in v) / len(v):.2f}  {len(v)}")
+    lines.append("\nDetection: sigma from, to, found, of")
+    lines += [f"  {a:g} {b:g}  {k} of {n}" for a, b, k, n in found]
+    lines.append("\nConfusion at > 3 sigma (truth -> top cause: sets)")
+    confusion = {}
+    for c in strong:
+        got = f"{c.top['effect']} {c.top['where']}".strip() if c.top else c.verdict
+        if not c.group_hit():
+            key = (" ".join(c.wanted[0]), f"{got} [{c.verdict}]")
+            confusion.setdefault(key, []).append(f"{c.id} ({c.sigma:.1f} sigma)")
+    lines += [f"  {a} -> {b}: {', '.join(ids)}" for (a, b), ids in sorted(confusion.items())] or ["  none"]
+    alarms = [f"{c.id} {c.kind} -> {c.top['effect'] if c.top else ''} [{c.verdict}]" for c in nulls + nn
+              if c.alarm()]
+    lines.append("\nAlarms on nulls: " + (", ".join(alarms) or "none"))
+    wrong = [f"{c.record['id']} {'+'.join(w for w, _ in c.wanted) or c.kind} ({c.sigma:.1f} sigma) -> {c.top['effect']} "
+             f"{c.top['p']:.3f}" for c in answered if c.confident_wrong()]
+    lines.append("Confidently wrong: " + (", ".join(wrong) or "none"))
+    builds = {}
+    for c in answered:
+        builds.setdefault(c.record["program_sha256"][:12], []).append(c)
+    lines.append("Programs: " + ", ".join(f"{b} ({len(v)} answers)" for b, v in sorted(builds.items())))
+    lines.append("Refused: " + ("; ".join(f"{i}: {why}" for i, why in refusals) or "none"))
+    numbers["confusion"] = [[a, b, ids] for (a, b), ids in sorted(confusion.items())]
+    return lines, numbers
+
+
+def picture(numbers, path):
+    """Reliability diagram and detection curve."""
+    from matplotlib.figure import Figure
+    figure = Figure(figsize=(10, 4.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    blue, orange = "#1f77b4", "#d95f02"
+
+    def shares(axes, points, colour, label):
+        """(x, k, n): share k / n with its Wilson interval; the marker's area grows with n."""
+        for k, (x, hits, n) in enumerate(points):
+            share, low, high = wilson(hits, n)
+            axes.plot([x, x], [low, high], color=colour, lw=1.2, alpha=0.6)
+            axes.scatter([x], [share], s=10 + 1.5 * n, color=colour, alpha=0.8, label=label if k == 0 else None, zorder=3)
+
+    left.plot([0, 1], [0, 1], color="0.7", lw=1, label="what it says is what is so")
+    shares(left, numbers["reliability, none below 0 sigma"], blue, "every planted effect counts")
+    shares(left, [(p + 0.012, k, n) for p, k, n in numbers[f"reliability, none below {SEEN:g} sigma"]], orange,
+           f"below {SEEN:g} sigma counted as none")
+    left.set(xlabel="probability of the first line of the answer", ylabel="share that was right", xlim=(-0.02, 1.04), ylim=(-0.02, 1.04),
+             title="How sure, and how often right")
+    left.legend(loc="upper left", fontsize=8)
+    detection = numbers["detection"]
+    shares(right, [(math.sqrt(a * min(b, 2 * a)), k, n) for a, b, k, n in detection["found"]], blue, "sets, with 95 % intervals")
+    if detection["logistic"]:
+        a, b = detection["logistic"]
+        x = [10 ** (-1 + 2.5 * i / 200) for i in range(201)]
+        right.plot(x, [1 / (1 + math.exp(-a - b * math.log(v))) for v in x], color=orange, lw=1.5,
+                   label=f"half are seen from {numbers['half detection sigma']:.2f} sigma")
+    right.set(xscale="log", xlabel="size of the planted effect [sigma]", ylim=(-0.02, 1.04),
+              ylabel="share in which a gap is found", title="How small a cause is seen")
+    right.legend(loc="lower right", fontsize=8)
+    for axes in (left, right):
+        axes.grid(alpha=0.25)
+    figure.savefig(path, dpi=110)
+
+
+def told(program, case, data):
+    """What the diagnosis closes when the effect is told, after the seal is open: a report, kept beside the sets."""
+    if case.kind not in ("single", "parameter") or case.sigma <= 1 or not data.exists():
+        return None
+    kept = data.parent.parent / "oracle" / f"{case.id}.json"
+    if not kept.exists():
+        kept.parent.mkdir(exist_ok=True)
+        command = [program, "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "--no-next", "--only", case.wanted[0][0],
+                   "{set}"]
+        report, _ = diagnose_one(command, data, [], 3600)
+        write_once(kept, json.dumps(report and {"closed": report["closed"]}) + "\n")
+    return json.loads(kept.read_text())
+
+
+def opened(folder, vault, oracle):
+    """A campaign's cases and what is refused: (cases, [(name, why)])."""
+    cases, refusals = [], []
+    for seal_file in sorted((folder / "seals").glob("*.json")):
+        name = seal_file.stem
+        try:
+            seal = json.loads(seal_file.read_text())
+            need(isinstance(seal, dict) and seal.get("id") == name, "not its seal")
+            text = (vault / f"{name}.json").read_text()
+            truth = json.loads(text)
+            for which in [name] + [f"{name}_followup"] * ("followup_sha256" in seal):
+                path = folder / "answers" / f"{which}.json"
+                if not path.exists():
+                    refusals.append((which, "not diagnosed"))
+                    continue
+                try:
+                    record = json.loads(path.read_text())
+                    case = Case(truth, record, sealed=(text, seal))
+                    need(record["id"] == which, "another set's answer")
+                except (ValueError, OSError) as wrong:
+                    refusals.append((which, f"its answer: {wrong}"))
+                    continue
+                why = refused(seal, text, record, folder / "sets" / which)
+                if os.stat(path).st_mode & stat.S_IWUSR:
+                    why = why or "the answer's file can be rewritten"
+                if why:
+                    refusals.append((which, why))
+                    continue
+                if oracle and not case.followup:
+                    case.oracle = told(oracle, case, (folder / "sets" / which).resolve())
+                cases.append(case)
+        except FileNotFoundError as wrong:
+            refusals.append((name, f"{wrong.filename} is not there (--vault)"))
+        except (ValueError, KeyError, OSError) as wrong:
+            refusals.append((name, f"its seal or sealed answer: {type(wrong).__name__}: {wrong}"))
+    return cases, refusals
+
+
+def recorded(path):
+    """The same of the record of a campaign that was opened before."""
+    cases, refusals = [], []
+    try:
+        lines = path.read_text().splitlines()
+    except (OSError, ValueError) as wrong:
+        raise Wrong(f"{path}: {wrong}")
+    for number, line in enumerate(lines, 1):
+        try:
+            x = json.loads(line)
+            need(isinstance(x, dict), "no object")
+            if "refused" in x:
+                need(isinstance(x["refused"], list) and len(x["refused"]) == 2, "refused takes a set and a reason")
+                refusals.append(tuple(map(str, x["refused"])))
+                continue
+            truth = json.loads(x["opened"]) if "opened" in x else x["truth"]
+            case = Case(truth, x["record"], x["oracle"], (x["opened"], x["seal"]) if "opened" in x else None)
+            why = refused(x["seal"], x["opened"], x["record"]) if case.sealed else None
+            if why:
+                refusals.append((x["record"]["id"], why))
+            else:
+                cases.append(case)
+        except (ValueError, KeyError, TypeError, AttributeError) as wrong:
+            raise Wrong(f"{path}:{number}: not a line of a record: {type(wrong).__name__}: {wrong}")
+    if not cases and not refusals:
+        raise Wrong(f"{path}: neither a campaign with sealed sets nor the record of one (it is empty)")
+    return cases, refusals
+
+
+def score(o):
+    cases, refusals, counted = [], [], set()
+    if o.record and Path(o.record).exists():
+        raise Wrong(f"--record {o.record}: is there already, and written once; give another name")
+    for campaign in map(Path, o.campaigns):
+        if campaign.is_file():
+            more = recorded(campaign)
+        elif any((campaign / "seals").glob("*.json")):
+            more = opened(campaign, vault_of(campaign, o.vault), o.oracle)
+        else:
+            raise Wrong(f"{campaign}: neither a campaign with sealed sets nor the record of one (--record)")
+        for case in more[0]:
+            same = case.record["id"], case.record["data_sha256"]
+            if same in counted:
+                raise Wrong(f"{campaign}: set {case.record['id']} is in what was named before, too; name each campaign once")
+            counted.add(same)
+        cases += more[0]
+        refusals += more[1]
+    sets = [c for c in cases if not c.followup]
+    lines, numbers = table(sets, [c for c in cases if c.followup], refusals)
+    print(f"{len(sets)} sealed sets, {len(refusals)} refused\n")
+    print("\n".join(lines))
+    if o.record:
+        write_once(Path(o.record), "".join(json.dumps(x, separators=(",", ":")) + "\n"
+                                           for x in [c.line() for c in cases] + [dict(refused=r) for r in refusals]))
+    if o.json:
+        finite = lambda v: ({k: finite(x) for k, x in v.items()} if isinstance(v, dict) else [finite(x) for x in v]
+                            if isinstance(v, (list, tuple)) else None if isinstance(v, float) and not math.isfinite(v) else v)
+        Path(o.json).write_text(json.dumps(finite(dict(numbers, sets=len(sets), refused=refusals)), indent=1) + "\n")
+    if o.picture:
+        picture(numbers, o.picture)
