@@ -2,7 +2,7 @@
 # Knows nothing of motors or bodies.
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, CubicSpline
+from scipy.interpolate import CubicSpline
 
 GRID = 320
 LOG_HIGH = np.log(60.0)

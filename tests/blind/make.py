@@ -1,7 +1,6 @@
 # Writes a data set of the foreign rig with something planted in it, and the truth apart from it.
 # Run as: python -m tests.blind.make --effect NAME[:where] --sigma S --seed N --out DIR --truth FILE
 import argparse
-import copy
 import json
 import sys
 import time

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from tests.blind import lagrange_plant as lp
-from tests.blind.lagrange_plant import G, T, U, cap, clip, dahl
+from tests.blind.lagrange_plant import T, U, cap, clip, dahl
 
 JOINTS = 6        # small joints a unit
 STEP_S = 5e-5
@@ -15,7 +15,7 @@ STEP_S = 5e-5
 def model_xml(p, tied=True, joints=JOINTS, step=STEP_S):
     n, m = len(p["u"]), len(p["t"])
     g = p["g"][:3]
-    rows = [f'<mujoco><compiler angle="radian" inertiafromgeom="false"/>',
+    rows = ['<mujoco><compiler angle="radian" inertiafromgeom="false"/>',
             f'<option timestep="{step}" gravity="{g[0]} {g[1]} {g[2]}" integrator="implicitfast" solver="Newton" '
             f'iterations="30" tolerance="1e-12" jacobian="dense"><flag contact="disable" warmstart="enable"/></option>',
             "<worldbody>"]

@@ -2,7 +2,7 @@
 # Knows the nominal robot only, never what was planted.
 import numpy as np
 
-from tests.blind import capstan, lagrange_plant as lp
+from tests.blind import lagrange_plant as lp
 
 PERIOD_S = 1e-3
 STILL_S = 0.5

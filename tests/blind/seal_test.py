@@ -3,7 +3,6 @@
 The diagnosis is a stand-in that looks for answers and says "no gap"; the sets are nulls, so the score is known.
 """
 import tests.blind.packages  # noqa: F401  (first)
-import argparse
 import contextlib
 import io
 import json
