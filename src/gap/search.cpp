@@ -151,10 +151,10 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     for (const auto& variant : Variants(c)) {
       probes.push_back({i, variant, primary, {}, kScreeningStep, summed});
       if (primary.size() != 1) continue;
-      // What acts otherwise where it is weak is tried there as well.
+      // What acts otherwise where it is weak, or far off, is tried there as well.
       const auto& p = c.effect->parameters[primary[0]];
-      for (const double weak : p.starts) {
-        probes.push_back({i, variant, primary, {}, weak / ScaleOf(p), summed});
+      for (const double start : p.starts) {
+        probes.push_back({i, variant, primary, {}, start / ScaleOf(p), summed});
         probes.back().variant.derivative_step = kOnsetDerivative;
       }
     }
@@ -486,23 +486,28 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       }
       sort_pairs();
       // Beside each partner one place of an effect was tried, by a score of first order that places share:
-      // the best two once more, each of them everywhere if it was at one place and at one if everywhere.
+      // the best two once more, each of them everywhere if it was at one place and at one if everywhere, and
+      // at the units beside its own.
       std::vector<Model> elsewhere;
-      for (int part = 0; part < 2; ++part) {
+      const auto try_at = [&](int part, const auto& moves) {
         const Model& both = result.pairs[0].model;
-        const Candidate& here = both.parts[part];
-        const auto moves = [&](const Screened& s) {
-          return s.candidate.effect == here.effect &&
-                 s.candidate.target.has_value() != here.target.has_value();
-        };
-        const auto other = std::find_if(result.screened.begin(), result.screened.end(), moves);
-        if (other == result.screened.end()) continue;
+        const auto other = std::find_if(result.screened.begin(), result.screened.end(), [&](const auto& s) {
+          return s.candidate.effect == both.parts[part].effect && moves(s.candidate.target);
+        });
+        if (other == result.screened.end()) return;
         Model moved = both;
         moved.parts[part] = other->candidate;
         const bool known = std::any_of(result.pairs.begin(), result.pairs.end(), [&](const Fit& fit) {
           return std::is_permutation(moved.parts.begin(), moved.parts.end(), fit.model.parts.begin());
         });
         if (!known) elsewhere.push_back(moved);
+      };
+      for (int part = 0; part < 2; ++part) {
+        const Candidate& here = result.pairs[0].model.parts[part];
+        try_at(part, [&](sim::Target target) { return target.has_value() != here.target.has_value(); });
+        if (!here.target || here.effect->scope != sim::Scope::kUnit) continue;
+        for (const int beside : {*here.target - 1, *here.target + 1})
+          try_at(part, [&](sim::Target target) { return target == beside; });
       }
       for (Fit& fit : refit(elsewhere, weights, kPairIterations, 0.98, 1.0))
         result.pairs.push_back(std::move(fit));

@@ -139,6 +139,15 @@ TEST(Diagnose, SoftWallIsFoundWhereItStands) {
   EXPECT_NE(d.sentence.find("stiffness_Npm"), std::string::npos) << d.sentence;
 }
 
+// A zero so far off that the model's tendon is slack: from there no small step tells how far.
+TEST(Diagnose, AZeroFarOffIsFoundThoughTheModelsTendonIsSlack) {
+  const Diagnosis d = Diagnose(Recorded("encoder_offset where=tendon:2 rad=-0.43"), {});
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  EXPECT_EQ(d.accepted[0].effect, "encoder_offset") << d.sentence;
+  EXPECT_EQ(d.accepted[0].where, "tendon:2");
+  EXPECT_NEAR(d.accepted[0].parameters.at("rad").value, -0.43, 0.02);
+}
+
 TEST(Diagnose, NominalRigHasNoGap) {
   const Diagnosis d = Diagnose(Recorded(""), {});
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;

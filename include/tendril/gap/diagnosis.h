@@ -40,7 +40,8 @@ struct CutFinding {
   std::string note;
 };
 
-/// One hypothesis with its probability.
+/// One hypothesis with its probability. None is certain: no_gap has at most 0.8 (0.6 where runs repeat
+/// badly), since what is too small for the data is a gap too, and causes 0.97 together.
 struct Cause {
   std::string effect;  // registry name, "no_gap" or "unknown"
   std::string where;   // "all", "tendon:2", ...; empty for no_gap and unknown

@@ -43,7 +43,8 @@ struct EffectParameter {
   double typical = 0;           // a plainly visible deviation from nominal: scale of steps and starts
   /// A shape parameter (a time constant, a yield) means nothing while the effect's others are nominal; then
   /// `nominal` is its usual value and `starts` are where a search begins. Of a size, `starts` are smaller
-  /// deviations at which the robot answers otherwise than at `typical`: a soft wall yields, a hard one stops.
+  /// or larger deviations at which the robot answers otherwise than at `typical`: a soft wall yields, a hard
+  /// one stops.
   bool shape = false;
   std::vector<double> starts{};
 };
