@@ -34,7 +34,7 @@ Estimate WithInterval(double value, std::vector<double> draws) {
 }  // namespace
 
 std::vector<Closure> Closures(const Evaluator& evaluator, const Residuals& before, const Residuals& after,
-                              std::uint64_t seed) {
+                              const std::vector<char>& with_gap, std::uint64_t seed) {
   const int runs = static_cast<int>(before.size());
   std::vector<ChannelScore> b(runs), a(runs);
   std::vector<Closure> closures;
@@ -53,7 +53,7 @@ std::vector<Closure> Closures(const Evaluator& evaluator, const Residuals& befor
     closure.before_rms = std::sqrt(all_before.square[c]);
     closure.after_rms = std::sqrt(all_after.square[c]);
     closure.floor_rms = std::sqrt(all_before.noise[c]);
-    if (all_before.Excess(c, kNoiseSlack) > channel.delta) {
+    if (with_gap[c] && all_before.Excess(c, kNoiseSlack) > channel.delta) {
       const double value = 1 - std::max(0.0, all_after.square[c] - all_before.noise[c]) /
                                    (all_before.square[c] - all_before.noise[c]);
       Resampler resampler{std::mt19937_64(seed + c)};
@@ -74,8 +74,8 @@ std::vector<Closure> Closures(const Evaluator& evaluator, const Residuals& befor
 }
 
 std::optional<Estimate> PooledClosure(const Evaluator& evaluator, const Residuals& before,
-                                      const Residuals& after, std::uint64_t seed,
-                                      const std::vector<int>& only) {
+                                      const Residuals& after, const std::vector<char>& with_gap,
+                                      std::uint64_t seed, const std::vector<int>& only) {
   std::vector<int> chosen = only;
   if (chosen.empty()) {
     chosen.resize(before.size());
@@ -91,7 +91,7 @@ std::optional<Estimate> PooledClosure(const Evaluator& evaluator, const Residual
     const ChannelScore b = ScoreChannels(evaluator, before, before, {chosen[i]}),
                        a = ScoreChannels(evaluator, after, before, {chosen[i]});
     for (int c = 0; c < count; ++c) {
-      if (all.Excess(c, kNoiseSlack) <= evaluator.channels()[c].delta) continue;
+      if (!with_gap[c] || all.Excess(c, kNoiseSlack) <= evaluator.channels()[c].delta) continue;
       any = true;
       const double scale = std::pow(evaluator.channels()[c].floor, -2);
       over[i] += scale * (a.square[c] - b.noise[c]);
@@ -112,7 +112,8 @@ std::optional<Estimate> PooledClosure(const Evaluator& evaluator, const Residual
 }
 
 std::vector<FamilyClosure> ClosuresByFamily(const Evaluator& evaluator, const Residuals& before,
-                                            const Residuals& after, std::uint64_t seed) {
+                                            const Residuals& after, const std::vector<char>& with_gap,
+                                            std::uint64_t seed) {
   std::vector<FamilyClosure> families;
   std::vector<std::vector<int>> members;
   for (int i = 0; i < static_cast<int>(evaluator.runs().size()); ++i) {
@@ -140,7 +141,7 @@ std::vector<FamilyClosure> ClosuresByFamily(const Evaluator& evaluator, const Re
     family.before_m = std::sqrt(was);
     family.after_m = std::sqrt(is);
     family.floor_m = std::sqrt(noise);
-    family.closed = PooledClosure(evaluator, before, after, seed, members[f]);
+    family.closed = PooledClosure(evaluator, before, after, with_gap, seed, members[f]);
   }
   return families;
 }

@@ -11,15 +11,16 @@
 namespace tendril::gap {
 
 /// Fraction of the excess mean square that is gone on held-out runs, by channel and pooled, with a bootstrap
-/// over runs.
+/// over runs. Of the channels `with_gap` (ChannelsWithGap) alone; none where those have none beyond delta.
 std::vector<Closure> Closures(const Evaluator& evaluator, const Residuals& before, const Residuals& after,
-                              std::uint64_t seed);
+                              const std::vector<char>& with_gap, std::uint64_t seed);
 /// Of the runs in `only`, or of all when it is empty.
 std::optional<Estimate> PooledClosure(const Evaluator& evaluator, const Residuals& before,
-                                      const Residuals& after, std::uint64_t seed,
-                                      const std::vector<int>& only = {});
+                                      const Residuals& after, const std::vector<char>& with_gap,
+                                      std::uint64_t seed, const std::vector<int>& only = {});
 /// By family, in the order in which they come first.
 std::vector<FamilyClosure> ClosuresByFamily(const Evaluator& evaluator, const Residuals& before,
-                                            const Residuals& after, std::uint64_t seed);
+                                            const Residuals& after, const std::vector<char>& with_gap,
+                                            std::uint64_t seed);
 
 }  // namespace tendril::gap

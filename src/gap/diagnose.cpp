@@ -236,8 +236,9 @@ void AddOrders(const Evaluator& evaluator, const SearchResult& search, std::uint
       if (fit.model.parts.front().effect->name != d.accepted[one].effect ||
           fit.model.parts.front().where != d.accepted[one].where)
         continue;
-      const auto alone = PooledClosure(evaluator, evaluator.AtNominal(),
-                                       Completed(fit.held_out, evaluator.AtNominal()), seed);
+      const auto alone =
+          PooledClosure(evaluator, evaluator.AtNominal(), Completed(fit.held_out, evaluator.AtNominal()),
+                        ChannelsWithGap(evaluator, d.location), seed);
       if (!alone || !d.closed) continue;
       d.order_effects.emplace_back(name + " alone", alone->value);
       d.order_effects.emplace_back(other + " after " + name, d.closed->value - alone->value);
@@ -489,15 +490,16 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   const Residuals& before = evaluator.AtNominal();
   const Fit* shown = judgement.best;
   if (shown == nullptr && d.verdict == Verdict::kUnexplained) shown = judgement.nearest;
+  const std::vector<char> with_gap = ChannelsWithGap(evaluator, d.location);
   Residuals after = before;
   if (shown != nullptr) {
     after = Completed(shown->held_out, before);
-    d.closed = PooledClosure(evaluator, before, after, options.seed);
+    d.closed = PooledClosure(evaluator, before, after, with_gap, options.seed);
   }
-  d.closures = Closures(evaluator, before, after, options.seed);
-  d.families = ClosuresByFamily(evaluator, before, after, options.seed);
+  d.closures = Closures(evaluator, before, after, with_gap, options.seed);
+  d.families = ClosuresByFamily(evaluator, before, after, with_gap, options.seed);
   if (!search.everything.empty() && d.verdict != Verdict::kNoGap) {
-    d.closed_ceiling = PooledClosure(evaluator, before, search.everything, options.seed);
+    d.closed_ceiling = PooledClosure(evaluator, before, search.everything, with_gap, options.seed);
     const ChannelScore everything = ScoreChannels(evaluator, search.everything, before);
     for (std::size_t c = 0; c < d.closures.size(); ++c)
       d.closures[c].ceiling_rms = std::sqrt(everything.square[static_cast<int>(c)]);

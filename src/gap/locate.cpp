@@ -58,6 +58,26 @@ struct Part {
   bool fast = false;  // of a tip channel: faster than kMotionWindow_s; else slower
 };
 
+std::string PlaceOf(const Channel& channel, const Evaluator& evaluator) {
+  const bool tip = channel.cut == sim::Cut::kShape;
+  return tip ? fmt::format("section:{}", evaluator.nominal().body.sections.size())
+             : fmt::format("tendon:{}", channel.index + 1);
+}
+
+std::string_view NameOf(Quantity quantity) {
+  switch (quantity) {
+    case Quantity::kTorque:
+      return "torque";
+    case Quantity::kTension:
+      return "tension";
+    case Quantity::kTipPosition:
+      return "tip position";
+    case Quantity::kTipDirection:
+      return "tip direction";
+  }
+  return "";
+}
+
 /// Slow part of a residual: mean over a window about each sample.
 Eigen::VectorXd Slow(const Eigen::VectorXd& r, const Eigen::VectorXd& variance, int half) {
   Eigen::VectorXd slow(r.size());
@@ -151,7 +171,6 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
                                double false_discoveries) {
   const auto& channels = evaluator.channels();
   std::vector<Part> parts;
-  const auto tip = fmt::format("section:{}", evaluator.nominal().body.sections.size());
   std::vector<int> position, direction;
   for (int c = 0; c < static_cast<int>(channels.size()); ++c) {
     const auto& channel = channels[c];
@@ -162,8 +181,8 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
     } else {
       Part part;
       part.finding.cut = channel.cut;
-      part.finding.where = fmt::format("tendon:{}", channel.index + 1);
-      part.finding.quantity = channel.quantity == Quantity::kTorque ? "torque" : "tension";
+      part.finding.where = PlaceOf(channel, evaluator);
+      part.finding.quantity = NameOf(channel.quantity);
       part.finding.unit = channel.unit;
       part.channels = {c};
       parts.push_back(part);
@@ -177,9 +196,10 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
       if (list->empty()) continue;
       Part part;
       part.finding.cut = fast ? sim::Cut::kMotion : sim::Cut::kShape;
-      part.finding.where = tip;
-      part.finding.quantity = list == &position ? "tip position" : "tip direction";
-      part.finding.unit = list == &position ? "m" : "rad";
+      const Channel& axis = channels[list->front()];
+      part.finding.where = PlaceOf(axis, evaluator);
+      part.finding.quantity = NameOf(axis.quantity);
+      part.finding.unit = axis.unit;
       part.channels = *list;
       part.fast = fast;
       parts.push_back(part);
@@ -289,6 +309,21 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
   std::stable_sort(location.begin(), location.end(),
                    [](const CutFinding& a, const CutFinding& b) { return a.cut < b.cut; });
   return location;
+}
+
+std::vector<char> ChannelsWithGap(const Evaluator& evaluator, const std::vector<CutFinding>& location) {
+  std::vector<char> with_gap;
+  for (const Channel& channel : evaluator.channels()) {
+    with_gap.push_back(std::any_of(location.begin(), location.end(), [&](const CutFinding& f) {
+      const bool cut =
+          f.cut == channel.cut || (f.cut == sim::Cut::kMotion && channel.cut == sim::Cut::kShape);
+      return f.excess && cut && f.quantity == NameOf(channel.quantity) &&
+             f.where == PlaceOf(channel, evaluator);
+    }));
+  }
+  if (std::find(with_gap.begin(), with_gap.end(), 1) == with_gap.end())
+    std::fill(with_gap.begin(), with_gap.end(), 1);
+  return with_gap;
 }
 
 }  // namespace tendril::gap

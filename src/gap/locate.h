@@ -18,4 +18,8 @@ constexpr double kGapDiscoveries = 0.01, kLeftDiscoveries = 0.05;
 std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals,
                                double false_discoveries);
 
+/// Channels of the places in `location` that have a gap, by index: what else exceeds its floor may be runs
+/// that scatter more than those that were repeated. All channels where no place has one.
+std::vector<char> ChannelsWithGap(const Evaluator& evaluator, const std::vector<CutFinding>& location);
+
 }  // namespace tendril::gap

@@ -151,6 +151,9 @@ TEST(Diagnose, AZeroFarOffIsFoundThoughTheModelsTendonIsSlack) {
 TEST(Diagnose, NominalRigHasNoGap) {
   const Diagnosis d = Diagnose(Recorded(""), {});
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  ASSERT_TRUE(Named(d, "no_gap"));  // what is too small for the data is a gap too
+  EXPECT_GT(Named(d, "no_gap")->p, 0.5);
+  EXPECT_LT(Named(d, "no_gap")->p, 0.7 + 1e-12);
   EXPECT_TRUE(d.accepted.empty());
 }
 
@@ -466,12 +469,19 @@ TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
   ASSERT_TRUE(Named(d, "bending_damping") && Named(d, "command_delay"));
   EXPECT_NEAR(Named(d, "bending_damping")->parameters.at("scale").value, 1.08, 0.03);
   EXPECT_NEAR(Named(d, "command_delay")->parameters.at("s").value, 0.0015, 1e-4);
-  // Where the second is no candidate, most of the gap stays open though no place shows it.
-  const Diagnosis half = Diagnose(Recorded(both), Only({"command_delay", "unit_mass", "tip_payload"}));
+  // Where the second is no candidate, what no place shows is not held against the first;
+  const auto without = Only({"command_delay", "unit_mass", "tip_payload"});
+  const Diagnosis half = Diagnose(Recorded(both), without);
   EXPECT_EQ(half.leftover_sigma, 0) << half.sentence;
   ASSERT_TRUE(half.closed.has_value());
-  EXPECT_LT(half.closed->value, 0.4);
-  EXPECT_EQ(half.verdict, Verdict::kUnexplained) << half.sentence;
+  EXPECT_GT(half.closed->value, 0.95);
+  EXPECT_EQ(half.verdict, Verdict::kAttributed) << half.sentence;
+  EXPECT_EQ(half.accepted.size(), 1u) << half.sentence;
+  // what a place shows is.
+  const Diagnosis plain = Diagnose(Recorded({both[0], "bending_damping scale=2"}), without);
+  ASSERT_TRUE(plain.closed.has_value());
+  EXPECT_LT(plain.closed->value, 0.4);
+  EXPECT_EQ(plain.verdict, Verdict::kUnexplained) << plain.sentence;
   // One alone stays one.
   const Diagnosis one = Diagnose(Recorded("command_delay s=0.0015"), only);
   EXPECT_EQ(one.accepted.size(), 1u) << one.sentence;

@@ -40,7 +40,7 @@ struct CutFinding {
   std::string note;
 };
 
-/// One hypothesis with its probability. None is certain: no_gap has at most 0.8 (0.6 where runs repeat
+/// One hypothesis with its probability. None is certain: no_gap has at most 0.7 (0.6 where runs repeat
 /// badly), since what is too small for the data is a gap too, and causes 0.97 together.
 struct Cause {
   std::string effect;  // registry name, "no_gap" or "unknown"

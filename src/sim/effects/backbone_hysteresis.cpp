@@ -16,8 +16,10 @@ namespace {
 /// gains energy.
 class HysteresisLaw final : public BodyLaw {
  public:
-  HysteresisLaw(UnitRange units, double moment_Nm, double yield_rad)
-      : units_(units), moment_Nm_(moment_Nm), yield_rad_(yield_rad), memory_(units.end - units.first) {
+  HysteresisLaw(UnitRange units, double moment_Nm, double yield_rad, double spread)
+      : units_(units), moment_Nm_(moment_Nm), memory_(units.end - units.first) {
+    for (int k = 0; k < kElements; ++k)
+      yield_rad_[static_cast<std::size_t>(k)] = yield_rad * std::pow((k + 1.0) / kElements, spread);
     for (Memory& memory : memory_) memory.fill({0, 0});
     committed_.assign(memory_.size(), {0, 0});
   }
@@ -73,7 +75,7 @@ class HysteresisLaw final : public BodyLaw {
     bool slips;
   };
 
-  double Yield(int k) const { return yield_rad_ * (k + 1) / kElements; }
+  double Yield(int k) const { return yield_rad_[static_cast<std::size_t>(k)]; }
 
   Slip Peek(int unit, int k, model::ConstVectorRef q) const {
     const std::size_t at = static_cast<std::size_t>(unit - units_.first);
@@ -87,7 +89,8 @@ class HysteresisLaw final : public BodyLaw {
   }
 
   UnitRange units_;
-  double moment_Nm_, yield_rad_;
+  double moment_Nm_;
+  std::array<double, kElements> yield_rad_;
   std::vector<Memory> memory_;
   std::vector<Pair> committed_;  // bend at which the memory was moved last
 };
@@ -103,20 +106,23 @@ Effect BackboneHysteresis() {
       .cut_robot_side = Cut::kShape,
       .on_all = true,
       .on_one = true,
-      .parameters = {{.name = "moment_Nm", .nominal = 0, .lower = 0, .upper = 0.02, .typical = 1e-3},
-                     {.name = "yield_rad",
-                      .nominal = 0.05,
-                      .lower = 0.005,
-                      .upper = 0.5,
-                      .typical = 0.02,
-                      .shape = true,
-                      .starts = {0.03, 0.1}}},
+      .parameters =
+          {{.name = "moment_Nm", .nominal = 0, .lower = 0, .upper = 0.02, .typical = 1e-3},
+           {.name = "yield_rad",
+            .nominal = 0.05,
+            .lower = 0.005,
+            .upper = 0.5,
+            .typical = 0.02,
+            .shape = true,
+            .starts = {0.03, 0.1}},
+           {.name = "spread", .nominal = 1, .lower = 0.3, .upper = 4, .typical = 0.5, .shape = true}},
       .summary = "bending the backbone costs a moment that depends on the way, not on the speed",
       .physics =
           "Each unit resists its change of bend with a moment that builds up over yield_rad and stays at "
           "moment_Nm, against the motion in the plane of (u, v), the same in every direction (four springs "
           "in "
-          "parallel, each slipping at its own bend). Strands rubbing on each other, sleeves, glue, and "
+          "parallel, each slipping at its own bend, evenly spaced at a spread of 1, more of them early at a "
+          "larger one). Strands rubbing on each other, sleeves, glue, and "
           "phase changes of NiTi do this. Everything lost is heat; without motion it holds the shape.",
       .signature =
           "Shape against tension draws a loop whose height does not depend on speed nor on the level of "
@@ -130,7 +136,7 @@ Effect BackboneHysteresis() {
       .add =
           [](PlantLaws& laws, const RobotParameters& robot, Target target, std::span<const double> v) {
             if (v[0] == 0) return;
-            laws.body.Add(std::make_unique<HysteresisLaw>(UnitsOf(robot, target), v[0], v[1]));
+            laws.body.Add(std::make_unique<HysteresisLaw>(UnitsOf(robot, target), v[0], v[1], v[2]));
           },
   };
 }
