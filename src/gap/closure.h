@@ -11,7 +11,7 @@
 namespace tendril::gap {
 
 /// Fraction of the excess mean square that is gone on held-out runs, by channel and pooled, with a bootstrap
-/// over runs. Of the channels `with_gap` (ChannelsWithGap) alone; none where those have none beyond delta.
+/// over runs. Only channels in `with_gap` (ChannelsWithGap) whose excess passes delta count.
 std::vector<Closure> Closures(const Evaluator& evaluator, const Residuals& before, const Residuals& after,
                               const std::vector<char>& with_gap, std::uint64_t seed);
 /// Of the runs in `only`, or of all when it is empty.

@@ -95,10 +95,12 @@ std::string Sentence(const Diagnosis& d) {
     case Verdict::kUnexplained: {
       const auto best = std::find_if(d.causes.begin(), d.causes.end(),
                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
-      return fmt::format(
-          "{}, and no effect of the library explains it: {:.2g} sigma beyond the floor remain with the best "
-          "of them ({}).{}",
-          where, d.leftover_sigma, best == d.causes.end() ? "none" : NameOf(*best), next);
+      // Where no place has anything left for sure, what all of them leave together decided.
+      const std::string remains = d.leftover_sigma == 0 && d.closed
+                                      ? fmt::format("{} of it remain", Percent(1 - d.closed->value))
+                                      : fmt::format("{:.2g} sigma beyond the floor remain", d.leftover_sigma);
+      return fmt::format("{}, and no effect of the library explains it: {} with the best of them ({}).{}",
+                         where, remains, best == d.causes.end() ? "none" : NameOf(*best), next);
     }
     case Verdict::kAttributed:
     case Verdict::kAmbiguousGroup: {

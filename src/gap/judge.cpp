@@ -41,8 +41,8 @@ constexpr double kUnknownSteepness = 4.0;
 // law (a hysteresis 0.32), and hardly anything where it has the file's with another number (0.28 in logs of
 // 50 Hz); effects without a law left 0.33 and more, but for those too small to be told from a number.
 constexpr double kUnknownOpen = 0.36, kUnknownOpenNumber = 0.31;
-// That something else has the very effect of a cause that explains everything; and the same where the gap is
-// so small that noise would hide what it does otherwise, down to a half at this log score.
+// That something else has the very effect of a cause that explains everything; more where the gap is so small
+// that noise would hide how the two differ: kMimic, halved at a log score of kMimicGain.
 constexpr double kLapse = 0.03, kMimic = 0.1, kMimicGain = 50;
 // From this leftover on [sigma] a cause has to close something; else it is unknown with so much probability.
 constexpr double kLeftover = 1.0, kUnproven = 0.9;
@@ -59,7 +59,7 @@ constexpr double kPairExplains = 3.0;
 constexpr double kPairDeltas = 2.0;
 constexpr double kPairShare = 0.01;
 constexpr double kOwnShare = 0.25;
-constexpr double kOfLeft = 0.5;
+constexpr double kPairOfLeft = 0.5;
 constexpr std::size_t kListed = 12;  // causes in the report
 
 Cause CauseOf(const Fit& fit, int part) {
@@ -277,7 +277,7 @@ class Case {
       const double more = one.square[c] - both.square[c];
       gap_in_all += InFloors(c, gap);
       more_in_all += InFloors(c, more);
-      if (more <= kPairShare * gap || more <= kOfLeft * std::pow(one.Excess(c), 2)) continue;
+      if (more <= kPairShare * gap || more <= kPairOfLeft * std::pow(one.Excess(c), 2)) continue;
       const double in_deltas = std::sqrt(more) / evaluator_.channels()[c].delta;
       in_one = std::max(in_one, in_deltas);
       // Where the first cause does little, the second may be nearly all there is.

@@ -379,9 +379,9 @@ Diagnosis ExampleDiagnosis(Verdict verdict) {
           "the robot "
           "misses itself when a run is repeated (0.31 mm at the tip, 0.03 N in the tendons).";
       m.Chain(Cut::kSensors, 0);
-      m.Suspect("no_gap", "", 0.978, "", {}, 0);
-      m.Others(0.006);
-      m.Suspect("unknown", "", 0.004, "", {}, 0);
+      m.Suspect("no_gap", "", 0.69, "", {}, 0);
+      m.Others(0.25);
+      m.Suspect("unknown", "", 0.06, "", {}, 0);
       for (int j = 1; j <= kTendons; ++j) {
         m.Close(fmt::format("tension {}", j), "N", Cut::kDrivetrain, 0.0315 + 0.0004 * j, 0, 0.031, false);
       }

@@ -60,7 +60,7 @@ struct Closure {
   std::string unit;
   sim::Cut cut{};
   double before_rms = 0, after_rms = 0, floor_rms = 0;
-  std::optional<Estimate> closed;       // empty: before is at the floor
+  std::optional<Estimate> closed;       // empty: its place has no gap for sure
   std::optional<double> ceiling_rms{};  // what is left when everything is refitted at once
 };
 
@@ -70,7 +70,7 @@ struct FamilyClosure {
   std::string family;
   int runs = 0;
   double before_m = 0, after_m = 0, floor_m = 0;  // rms
-  std::optional<Estimate> closed;                 // pooled over all channels; empty: before is at the floor
+  std::optional<Estimate> closed;                 // pooled as Diagnosis::closed; empty: no gap here
 };
 
 /// Two causes and how alike their marks are: cosine of their sensitivities with nuisances and calibration
@@ -149,7 +149,7 @@ struct Diagnosis {
   std::vector<CutFinding> location;  // in chain order
   std::vector<Cause> causes;         // by falling p; with no_gap and unknown
   std::vector<Cause> accepted;       // what the model needs: empty, one, or the members of a pair
-  std::optional<Estimate> closed;    // pooled, on held-out trajectories
+  std::optional<Estimate> closed;    // on held-out runs, pooled over the channels that have a gap for sure
   std::vector<Closure> closures;
   std::vector<FamilyClosure> families;
   std::optional<Estimate> closed_ceiling;  // what refitting everything at once closes, as an upper mark

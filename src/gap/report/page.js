@@ -444,7 +444,7 @@ const closing = s => {
       }
       return height;
     });
-    card.append(el('p', {class: 'note'}, 'Mean square of the residual over all channels: 0 % is the noise floor, 100 % the nominal simulation.'));
+    card.append(el('p', {class: 'note'}, 'Mean square of the residual over the channels that have a gap: 0 % is the noise floor, 100 % the nominal simulation.'));
     if (report.order_effects.length) {
       card.append(el('h3', {}, 'Each cause by itself, and after the other'));
       chart(card, 'Closed by each cause in both orders', (svg, width) => {
@@ -510,7 +510,7 @@ const closing = s => {
           if (c.value !== null && withAfter) group.append('text').attr('class', 'tiny bold').attr('x', x.bandwidth() / 2).attr('y', y(Math.max(c.before || 0, c.after || 0, c.ceiling || 0) * s0.factor) - 5).attr('text-anchor', 'middle').text(c.value < 0 ? `${percent(-c.value)} worse` : `${percent(c.value)} closed`);
           group.append('rect').attr('x', -6).attr('width', x.bandwidth() + 12).attr('height', h).attr('fill', 'transparent');
           tipped(group, () => [`${c.channel} (${c.cut} ${title(c.cut)})`, `before ${show(c.before, c.unit)}, after ${show(c.after, c.unit)}, floor ${show(c.floor, c.unit)}`,
-            withCeiling ? `ceiling ${show(c.ceiling, c.unit)}` : '', c.value === null ? 'before is at the floor: nothing to close' : `closed ${percent(c.value)} (${range(c.ci)})`].filter(Boolean).join('\n'));
+            withCeiling ? `ceiling ${show(c.ceiling, c.unit)}` : '', c.value === null ? 'no gap here for sure: not counted' : `closed ${percent(c.value)} (${range(c.ci)})`].filter(Boolean).join('\n'));
         });
         left += full + 16;
       }

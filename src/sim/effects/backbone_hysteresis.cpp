@@ -10,7 +10,7 @@ namespace tendril::sim {
 namespace {
 
 /// Maxwell slip in the plane of (u, v), alike in every direction. Each unit has four springs e_k of which
-/// each slips when |e_k| reaches its yield y_k = k/4 of the whole yield:
+/// each slips when |e_k| reaches its yield y_k = (k/4)^spread yield_rad:
 ///   e_k follows q and is brought back to the circle |e_k| = y_k,   moment = -(M / 4) sum_k e_k / y_k,
 /// of size M once all slip. Bringing back along the radius is the plastic flow that loses the most: no cycle
 /// gains energy.
