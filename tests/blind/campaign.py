@@ -152,6 +152,7 @@ def diagnose(o):
         raise Wrong(f"{command[0]}: no such program; give --tendril or the command after --")
     if not any((folder / "seals").glob("*.json")):
         raise Wrong(f"--campaign {folder}: no sealed sets in its folder seals; gap_blind make writes them")
+    command[0] = str(Path(program).absolute())  # it runs elsewhere
     (folder / "answers").mkdir(exist_ok=True)
     program_sha256 = sha(Path(program).read_bytes())
     for k in shard_ids(o.sets or 100000, o.shard):
