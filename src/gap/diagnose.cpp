@@ -231,16 +231,16 @@ std::vector<std::string> Unseen(const Evaluator& evaluator, const SearchResult& 
 }
 
 /// What each of two causes closes by itself, and on top of the other.
-void AddOrders(const Evaluator& evaluator, const SearchResult& search, std::uint64_t seed, Diagnosis& d) {
+void AddOrders(const Evaluator& evaluator, const SearchResult& search, const std::vector<char>& with_gap,
+               std::uint64_t seed, Diagnosis& d) {
   for (int one = 0; one < 2; ++one) {
     const std::string name = NameOf(d.accepted[one]), other = NameOf(d.accepted[1 - one]);
     for (const Fit& fit : search.members) {
       if (fit.model.parts.front().effect->name != d.accepted[one].effect ||
           fit.model.parts.front().where != d.accepted[one].where)
         continue;
-      const auto alone =
-          PooledClosure(evaluator, evaluator.AtNominal(), Completed(fit.held_out, evaluator.AtNominal()),
-                        ChannelsWithGap(evaluator, d.location), seed);
+      const auto alone = PooledClosure(evaluator, evaluator.AtNominal(),
+                                       Completed(fit.held_out, evaluator.AtNominal()), with_gap, seed);
       if (!alone || !d.closed) continue;
       d.order_effects.emplace_back(name + " alone", alone->value);
       d.order_effects.emplace_back(other + " after " + name, d.closed->value - alone->value);
@@ -506,7 +506,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     for (std::size_t c = 0; c < d.closures.size(); ++c)
       d.closures[c].ceiling_rms = std::sqrt(everything.square[static_cast<int>(c)]);
   }
-  if (d.accepted.size() == 2) AddOrders(evaluator, search, options.seed, d);
+  if (d.accepted.size() == 2) AddOrders(evaluator, search, with_gap, options.seed, d);
   if (shown != nullptr) d.profiles = ProfilesOf(evaluator, folds, search, *shown, threads);
   AddDetails(evaluator, shown ? &shown->model : nullptr, after, options.seed, d);
   if (!options.menu.families.empty()) progress("looking for the experiment that would tell more", 0);
