@@ -287,6 +287,22 @@ std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, 
   return profiles;
 }
 
+/// The floor as it is with the best single cause, where that is higher than with the nominal robot.
+bool WidenByCause(Evaluator& evaluator, const DataSet& set, const SearchResult& search,
+                  const Evaluator::Options& options) {
+  // What is compared with runs from before has the noise of both.
+  const bool compared =
+      std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); });
+  if (search.fits.empty() || compared) return false;
+  DataSet with_cause = set;
+  with_cause.robot = search.fits.front().model.Robot(evaluator.nominal());
+  try {
+    return evaluator.Widen(Evaluator(with_cause, options));
+  } catch (const std::runtime_error&) {
+    return false;  // a robot that cannot follow these runs has no floor
+  }
+}
+
 /// A run that is too short tells nothing by itself, and must not keep the others from being diagnosed.
 void TakeOutShort(DataSet& set, Diagnosis& d) {
   std::string names;
@@ -421,7 +437,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   d.revision = GitRevision();
 
   progress("aligning the logs and finding the noise floor", 0);
-  const Evaluator evaluator = Measuring(set, d, options, threads).Settled();
+  Evaluator evaluator = Measuring(set, d, options, threads).Settled();
   std::map<std::string, std::string> before_sha256;
   for (const Run& run : set.runs) before_sha256.emplace(run.before, "");
   std::erase_if(set.runs, [&](const Run& run) {
@@ -457,7 +473,13 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     }
     return true;
   };
-  const SearchResult search = Search(evaluator, folds, search_options);
+  SearchResult search = Search(evaluator, folds, search_options);
+  if (WidenByCause(evaluator, set, search, {threads, options.delta_N, options.delta_m, options.seed})) {
+    d.degradations.push_back(
+        "with the best cause the body carries the cells' noise further than the nominal one would: that much "
+        "is taken for noise too");
+    search = Search(evaluator, folds, search_options);
+  }
   progress("judging", 0);
   Judgement judgement = Judge(evaluator, search, d.location, options.seed);
   d.verdict = judgement.verdict;

@@ -98,6 +98,11 @@ class Evaluator {
   /// without a measurement.
   const Residuals& Variance() const { return variance_; }
 
+  /// Takes the variance from another evaluation of the same runs, with another robot, where that is larger: a
+  /// body with less damping or mass carries the cells' noise further. Floors and materialities of channels
+  /// stay, so that sigmas mean the same. True, and only then anything changes, when that is plainly more.
+  bool Widen(const Evaluator& other);
+
   /// Part of a window's variance that is white noise; the rest changes slowly.
   double WhiteVariance(int run, int channel) const { return white_[run][channel]; }
 

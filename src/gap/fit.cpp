@@ -273,6 +273,17 @@ class Cost final : public ceres::CostFunction {
   mutable Point tried_, linear_;  // where residuals alone were asked for last, and where derivatives were
 };
 
+/// Of estimates without each fold (a jackknife): it says more than the noise, since the folds differ by what
+/// the model lacks.
+Eigen::MatrixXd Scatter(const std::vector<Eigen::VectorXd>& estimates) {
+  const auto n = estimates.front().size(), folds = static_cast<Eigen::Index>(estimates.size());
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
+  for (const auto& x : estimates) mean += x / static_cast<double>(folds);
+  Eigen::MatrixXd scatter = Eigen::MatrixXd::Zero(n, n);
+  for (const auto& x : estimates) scatter += (x - mean) * (x - mean).transpose();
+  return scatter * (static_cast<double>(folds) - 1) / static_cast<double>(folds);
+}
+
 }  // namespace
 
 Nuisances Nuisances::Beside(const Model& model) const {
@@ -426,21 +437,47 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
   }
   fit.score = LogScore(weights_, fit.residuals, rest);
   fit.held_out_score = HeldOutScore(weights_, fit, rest);
-  // Scatter of the estimate over the folds (a jackknife) says more than the noise: the folds differ by what
-  // the model lacks.
-  Eigen::MatrixXd scatter = Eigen::MatrixXd::Zero(n, n);
-  Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
-  for (const auto& x_f : without) mean += x_f.head(n) / folds_.count;
-  for (const auto& x_f : without) scatter += (x_f.head(n) - mean) * (x_f.head(n) - mean).transpose();
-  scatter *= (folds_.count - 1.0) / folds_.count;
+  std::vector<Eigen::VectorXd> estimates;
+  for (const auto& x_f : without) estimates.push_back(x_f.head(n));
+  fit.scatter = Scatter(estimates);
   const Eigen::MatrixXd inverse = (A + regular).ldlt().solve(Eigen::MatrixXd::Identity(n + extra, n + extra));
-  fit.covariance = inverse.topLeftCorner(n, n) + scatter;
+  fit.covariance = inverse.topLeftCorner(n, n) + fit.scatter;
   // A model that misjudged the motion before misjudges a change by as much in all runs alike.
   for (int k = 0; k < n; ++k) {
     const double change = fit.model.values[k] - start.parameter(k).nominal;
     fit.covariance(k, k) += std::pow(evaluator_.wrong_before() * change, 2);
   }
   return fit;
+}
+
+void Fitter::HoldOutByRefits(Fit& fit, int iterations) const {
+  const Residuals& rest = evaluator_.AtNominal();
+  std::vector<Eigen::VectorXd> estimates;
+  Residuals held_out = fit.held_out;
+  for (int f = 0; f < folds_.count; ++f) {
+    if (f == fit.only_fold) {
+      estimates.push_back(fit.model.values);
+      continue;
+    }
+    const Weights others = weights_.Without(folds_, f);
+    const Fit without = Fitter(evaluator_, folds_, others, nuisances_).Refit(fit.model, iterations);
+    estimates.push_back(without.model.values);
+    for (int i = 0; i < static_cast<int>(held_out.size()); ++i) {
+      for (int c = 0; c < static_cast<int>(held_out[i].size()); ++c) {
+        auto& r = held_out[i][c];
+        const Eigen::VectorXd& predicted = Pick(without.residuals, rest, i, c);
+        const int windows = static_cast<int>(r.size());
+        for (int w = 0; w < windows; ++w) {
+          if (folds_.Of(i, w, windows) == f) r[w] = predicted[w];
+        }
+      }
+    }
+  }
+  fit.held_out = std::move(held_out);
+  fit.held_out_score = HeldOutScore(weights_, fit, rest);
+  fit.covariance -= fit.scatter;
+  fit.scatter = Scatter(estimates);
+  fit.covariance += fit.scatter;
 }
 
 }  // namespace tendril::gap

@@ -54,6 +54,7 @@ struct Fit {
   Residuals residuals;                   // of the channels it can change, nuisances taken out
   Residuals held_out;                    // the same when each fold is predicted by a fit to the others
   Eigen::MatrixXd covariance;            // of model.values, scaled by what is left
+  Eigen::MatrixXd scatter;               // part of it: of the estimates without each fold
   std::vector<Column> columns;           // at the optimum, by parameter
   double score = 0, held_out_score = 0;  // log scores over all channels
 };
@@ -69,6 +70,10 @@ class Fitter {
   /// Refits all of a model's parameters within their bounds, from its values, by at most `iterations` steps.
   /// Throws std::runtime_error when the start cannot be simulated.
   Fit Refit(const Model& start, int iterations) const;
+  /// Predicts each fold by a refit to the others, of at most `iterations` steps from the common optimum,
+  /// where Refit takes one linear step: what acts otherwise a little further on is not held out by a straight
+  /// line. Throws std::runtime_error when one of them cannot be simulated.
+  void HoldOutByRefits(Fit& fit, int iterations) const;
   /// Log score lost when parameter k is held at `value` and everything else follows by a linear step.
   /// Throws std::runtime_error when that cannot be simulated.
   double Lost(const Fit& fit, int k, double value) const;

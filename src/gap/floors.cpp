@@ -355,6 +355,31 @@ void Evaluator::TakeDifferences() {
                   100 * wrong_before_));
 }
 
+bool Evaluator::Widen(const Evaluator& other) {
+  constexpr double kPlainly = 1.5;  // times the variance, by the median
+  const bool alike = other.runs_.size() == runs_.size() && other.channels_.size() == channels_.size();
+  if (!alike) return false;
+  Residuals wider = variance_;
+  bool plainly = false;
+  for (std::size_t c = 0; c < channels_.size(); ++c) {
+    std::vector<double> was, is;
+    for (std::size_t i = 0; i < runs_.size(); ++i) {
+      const auto& theirs = other.variance_[i][c];
+      if (theirs.size() != wider[i][c].size()) return false;
+      for (int w = 0; w < theirs.size(); ++w) {
+        double& v = wider[i][c][w];
+        if (!std::isfinite(v) || !std::isfinite(theirs[w])) continue;
+        was.push_back(v);
+        v = std::max(v, theirs[w]);
+        is.push_back(v);
+      }
+    }
+    plainly = plainly || Median(std::move(is)) > kPlainly * Median(std::move(was));
+  }
+  if (plainly) variance_ = std::move(wider);
+  return plainly;
+}
+
 double Evaluator::Unrepeated(int channel, int& returns) const {
   // States of all runs one after the other.
   struct State {

@@ -41,7 +41,10 @@ constexpr double kUnknownSteepness = 4.0;
 // more (bending_damping, cogging that hardly made a gap), a hysteresis 0.30, backlash 0.24, the others up to
 // 0.2, and torque_constant in logs of 50 Hz 0.28; of those with an effect without a law five left 0 to 0.28
 // and looked like a cause, the others with a gap 0.33 and more.
+// Where no place has a gap for sure, all channels that exceed their noise count, scatter among them, and more
+// may stay open.
 constexpr double kUnknownOpen = 0.36, kUnknownOpenNumber = 0.31;
+constexpr double kUnknownOpenScatter = 0.7, kUnknownOpenScatterNumber = 0.4;
 // That something else has the very effect of a cause that explains everything; more where the gap is so small
 // that noise would hide how the two differ: kMimic, halved at a log score of kMimicGain.
 constexpr double kLapse = 0.03, kMimic = 0.1, kMimicGain = 50;
@@ -185,7 +188,9 @@ class Case {
     const double p_gap = WithUnseen(GapProbability());
     two_ = HasSecond();
     judgement_.nearest = best_ = two_ ? pair_ : single_;
-    const double mimic = best_ == nullptr ? 0 : kMimic / (1 + std::max(0.0, Gain(*best_)) / kMimicGain);
+    // All that the best explains, what the constants that every model may move take up included.
+    const double explains = best_ == nullptr ? 0 : Gain(*best_) + std::max(0.0, base_gain_);
+    const double mimic = best_ == nullptr ? 0 : kMimic / (1 + std::max(0.0, explains) / kMimicGain);
     const double p_unknown = p_gap * (kLapse + mimic + (1 - 2 * kLapse - mimic) * UnknownProbability());
     ListSingles(p_gap - p_unknown);
     if (two_) {
@@ -315,10 +320,15 @@ class Case {
       const auto& parts = best_->model.parts;
       const bool numbers = std::all_of(parts.begin(), parts.end(),
                                        [](const Candidate& part) { return part.effect->edit != nullptr; });
-      // Of a small gap little is certain; half of the doubt is for the cause.
-      const double closes = 0.5 * (closed->value + closed->high);
+      // Of a small gap little is certain; half of the doubt is for the cause. All of it where runs do not
+      // repeat and no place has anything left: what their scatter makes of the fraction is not the cause's
+      // fault.
+      const bool scatter = evaluator_.repetitions_differ() > 0 && judgement_.leftover_sigma == 0;
+      const double closes = scatter ? closed->high : 0.5 * (closed->value + closed->high);
       const double open = std::sqrt(std::max(0.0, 1 - closes));
-      unknown = std::max(unknown, open / (numbers ? kUnknownOpenNumber : kUnknownOpen));
+      const double may_stay = largest > 0 ? (numbers ? kUnknownOpenNumber : kUnknownOpen)
+                                          : (numbers ? kUnknownOpenScatterNumber : kUnknownOpenScatter);
+      unknown = std::max(unknown, open / may_stay);
     }
     const double p = Saturating(unknown, kUnknownSteepness);
     // What leaves a gap, and closes nothing for sure of what it was not fitted to, is hardly its cause.
@@ -386,14 +396,18 @@ class Case {
     }
     for (const auto& s : scored_) sum += std::exp((s.gain - top) / temperature_);
     double gap = 0;
-    for (int c = 0; c < before_.square.size(); ++c) gap += InFloors(c, std::pow(before_.Excess(c), 2));
+    for (int c = 0; c < before_.square.size(); ++c) {
+      if (with_gap_[c]) gap += InFloors(c, std::pow(before_.Excess(c), 2));
+    }
     for (auto& s : scored_) {
       s.cause.p = p * std::exp((s.gain - top) / temperature_) / sum;
       s.cause.screening_gain = s.screened_only ? s.gain : 0;
       if (s.fit == nullptr || gap <= 0) continue;
       const ChannelScore with = ScoreChannels(evaluator_, s.fit->held_out, nominal_);
       double left = 0;
-      for (int c = 0; c < with.square.size(); ++c) left += InFloors(c, with.square[c] - before_.noise[c]);
+      for (int c = 0; c < with.square.size(); ++c) {
+        if (with_gap_[c]) left += InFloors(c, with.square[c] - before_.noise[c]);
+      }
       s.cause.held_out_gain = 1 - left / gap;
     }
     Sort();

@@ -76,6 +76,19 @@ Weights::Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover) : 
   }
 }
 
+Weights Weights::Without(const Folds& folds, int fold) const {
+  Weights others = *this;
+  for (std::size_t i = 0; i < weight_.size(); ++i) {
+    for (auto& weights : others.weight_[i]) {
+      const int windows = static_cast<int>(weights.size());
+      for (int w = 0; w < windows; ++w) {
+        if (folds.Of(static_cast<int>(i), w, windows) == fold) weights[w] = 0;
+      }
+    }
+  }
+  return others;
+}
+
 double LogScore(const Weights& weights, const Residuals& part, const Residuals& rest) {
   double sum = 0;
   for (int i = 0; i < static_cast<int>(rest.size()); ++i) {

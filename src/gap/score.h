@@ -38,6 +38,8 @@ class Weights {
   Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover);
   const Eigen::VectorXd& operator()(int run, int channel) const { return weight_[run][channel]; }
   const Eigen::VectorXd& leftover() const { return leftover_; }
+  /// The same with nothing in the windows of a fold.
+  Weights Without(const Folds& folds, int fold) const;
 
  private:
   Residuals weight_;

@@ -28,8 +28,14 @@ constexpr double kNuisancePrior =
 constexpr double kFrameTurn_rad = 0.1, kFrameShift_m = 0.02;
 constexpr int kIterations = 3, kPolish = 6, kPairIterations = 3;
 constexpr int kPolished = 3;
+// Share of what a fit brings that a straight line may lose on the folds held out; where it loses more, so
+// many of the best are refitted without each fold, by so many steps.
+constexpr double kFoldLoss = 0.05;
+constexpr int kHeldOutAgain = 2, kFoldIterations = 3;
 constexpr int kPlacesOfOneEffect = 2;  // of the candidates that are refitted
 constexpr int kPairStarts = 4;
+constexpr double kLeastStart = 0.1, kMostStart = 2;  // of a second, in plainly visible deviations
+constexpr int kPolishedPairs = 3;
 constexpr double kNoiseSlack = 1.2;  // the noise is known within some tens of per cent
 
 /// Every combination of the shape parameters' starts.
@@ -50,10 +56,13 @@ std::vector<Model> Variants(const Candidate& candidate) {
   return variants;
 }
 
-bool IsZero(const Column& column) {
+/// A change of the parameter by `change` moves no channel: what remains is rounding.
+bool IsSilent(const Evaluator& evaluator, const Column& column, double change) {
+  constexpr double kRounding = 1e-6;  // of a floor
   for (const auto& run : column) {
-    for (const auto& channel : run) {
-      if (channel.size() > 0 && channel.cwiseAbs().maxCoeff() > 0) return false;
+    for (std::size_t c = 0; c < run.size(); ++c) {
+      const double most = kRounding * evaluator.channels()[c].floor;
+      if (run[c].size() > 0 && run[c].cwiseAbs().maxCoeff() * std::abs(change) > most) return false;
     }
   }
   return true;
@@ -182,8 +191,10 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
   // A limit, a contact, a dead zone: nothing happens before it is reached. Probed from where something does.
   std::vector<int> silent;
   for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
-    if (!probes[p].summed && probes[p].primary.size() == 1 && IsZero(probes[p].columns[0]))
-      silent.push_back(p);
+    const Probe& probe = probes[p];
+    if (probe.summed || probe.primary.size() != 1) continue;
+    const double change = probe.step * ScaleOf(probe.variant.parameter(probe.primary[0]));
+    if (IsSilent(evaluator, probe.columns[0], change)) silent.push_back(p);
   }
   for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
     const auto its_place = [&](int other) {
@@ -200,18 +211,19 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     const int k = probe.primary[0];
     const auto& p = probe.variant.parameter(k);
     const unsigned cuts = evaluator.CutsOf(*candidates[probe.candidate].effect);
-    const double way = kFarStep * (p.upper - probe.variant.values[k]);
+    const double way = kFarStep * ((probe.step < 0 ? p.lower : p.upper) - probe.variant.values[k]);
     const auto column = [&](double from, double step) {
       Model at = probe.variant;
       at.values[k] += from * way;
       return Sensitivity(evaluator, at, k, step * way, nominal, cuts);
     };
+    const auto is_silent = [&](double step) { return IsSilent(evaluator, column(0, step), step * way); };
     try {
-      if (IsZero(column(0, 1))) return;
+      if (is_silent(1)) return;
       double quiet = 0, loud = 1;
       for (int half = 0; half < kOnsetHalvings; ++half) {
         const double middle = 0.5 * (quiet + loud);
-        (IsZero(column(0, middle)) ? quiet : loud) = middle;
+        (is_silent(middle) ? quiet : loud) = middle;
       }
       for (const double step : kOnsetSteps) {
         if (quiet + step > 1) continue;
@@ -350,6 +362,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     }
     return start;
   };
+  const auto by_held_out = [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; };
   const auto refit = [&](const std::vector<Model>& starts, const Weights& weights, int iterations,
                          double from, double to) {
     std::vector<Fit> fits(starts.size());
@@ -369,9 +382,28 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     for (std::size_t k = 0; k < fits.size(); ++k) {
       if (good[k]) kept.push_back(std::move(fits[k]));
     }
-    std::stable_sort(kept.begin(), kept.end(),
-                     [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
+    std::stable_sort(kept.begin(), kept.end(), by_held_out);
     return kept;
+  };
+  const auto hold_out_again = [&](std::vector<Fit>& fits, const Weights& weights) {
+    if (fits.empty()) return;
+    std::vector<Fit*> again;
+    for (Fit& fit : fits) {
+      const bool may_win = fit.score > fits.front().held_out_score || &fit == &fits.front();
+      const double loss = fit.score - fit.held_out_score;
+      if (may_win && loss > std::max(kPairGain, kFoldLoss * (fit.score - result.base_score)) &&
+          std::ssize(again) < kHeldOutAgain)
+        again.push_back(&fit);
+    }
+    ParallelFor(static_cast<int>(again.size()), options.threads, [&](int k) {
+      const Nuisances beside = result.nuisances.Beside(again[k]->model);
+      try {
+        Fitter(evaluator, folds, weights, beside).HoldOutByRefits(*again[k], kFoldIterations);
+      } catch (const std::exception&) {
+        // Without a fold it cannot be simulated: the straight line stays.
+      }
+    });
+    std::stable_sort(fits.begin(), fits.end(), by_held_out);
   };
   {
     const Weights weights(evaluator, leftover);
@@ -401,22 +433,20 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       polished.push_back(std::move(rest));
     }
     result.fits = std::move(polished);
-    std::stable_sort(result.fits.begin(), result.fits.end(),
-                     [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
+    std::stable_sort(result.fits.begin(), result.fits.end(), by_held_out);
     result.screened = screen(weights);
     result.base_score = base(weights);
+    hold_out_again(result.fits, weights);
   }
   result.leftover = leftover;
 
   // ---- pairs: add a second, then try others in the place of the first ----
   if (!result.fits.empty()) {
     const Weights weights(evaluator, leftover);
-    const auto sort_pairs = [&] {
-      std::stable_sort(result.pairs.begin(), result.pairs.end(),
-                       [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
-    };
+    const auto sort_pairs = [&] { std::stable_sort(result.pairs.begin(), result.pairs.end(), by_held_out); };
     const auto partners = [&](const Fit& first, int count, double least) {
       std::vector<std::pair<double, int>> gains(result.screened.size());
+      std::vector<Eigen::VectorXd> together(result.screened.size());  // to first order: its own, the first's
       ParallelFor(static_cast<int>(result.screened.size()), options.threads, [&](int k) {
         const Screened& s = result.screened[k];
         gains[k] = {-1e300, k};
@@ -442,6 +472,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
         const LinearFit fit = SolveLinear(Accumulate(columns, first.residuals, nominal, weights, folds),
                                           b.prior, b.lower, b.upper, own);
         gains[k].first = fit.held_out_score;
+        together[static_cast<std::size_t>(k)] = fit.value;
         result.screened[k].linear.by_fold = fit.by_fold;
       });
       std::stable_sort(gains.begin(), gains.end(),
@@ -456,11 +487,23 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
         both.derivative_step = std::min(both.derivative_step, s.start.derivative_step);
         const int offset = first.model.size();
         for (int i = 0; i < s.candidate.size(); ++i) both.values[offset + i] = s.start.values[i];
-        for (const int i : s.primary) {
-          const auto& p = s.start.parameter(i);
-          // A step in the direction in which the first one's leftover points.
-          both.values[offset + i] = std::clamp(s.start.values[i] + 0.2 * ScaleOf(p), p.lower, p.upper);
+        const Eigen::VectorXd& step = together[static_cast<std::size_t>(k)];
+        const auto inside = [](const sim::EffectParameter& p, double value) {
+          return std::clamp(value, kFarStep * p.lower + (1 - kFarStep) * p.nominal,
+                            kFarStep * p.upper + (1 - kFarStep) * p.nominal);
+        };
+        const int own = static_cast<int>(s.primary.size());
+        for (int i = 0; i < own; ++i) {
+          const auto& p = s.start.parameter(s.primary[i]);
+          // Not where the effect is gone, there its shape means nothing, nor far beyond where the line was
+          // laid.
+          const double size =
+              std::clamp(std::abs(step[i]), kLeastStart * ScaleOf(p), kMostStart * ScaleOf(p));
+          both.values[offset + s.primary[i]] =
+              inside(p, s.start.values[s.primary[i]] + std::copysign(size, step[i]));
         }
+        for (int i = 0; i < offset; ++i)
+          both.values[i] = inside(first.model.parameter(i), first.model.values[i] + step[own + i]);
         starts.push_back(both);
       }
       return starts;
@@ -523,6 +566,19 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
         if (!known) distinct.push_back(std::move(fit));
       }
       result.pairs = std::move(distinct);
+      // What is still on its way takes more steps, where a gap is left.
+      if (left) {
+        std::vector<Model> on;
+        const auto count = std::min<std::ptrdiff_t>(kPolishedPairs, std::ssize(result.pairs));
+        for (std::ptrdiff_t k = 0; k < count; ++k)
+          on.push_back(result.pairs[static_cast<std::size_t>(k)].model);
+        std::vector<Fit> polished = refit(on, weights, kPolish, 1.0, 1.0);
+        polished.insert(polished.end(), std::make_move_iterator(result.pairs.begin() + count),
+                        std::make_move_iterator(result.pairs.end()));
+        result.pairs = std::move(polished);
+        sort_pairs();
+      }
+      hold_out_again(result.pairs, weights);
       // Each of the best two by itself.
       std::vector<Model> missing;
       for (const Candidate& part : result.pairs[0].model.parts) {

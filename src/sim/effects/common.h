@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <utility>
+#include <vector>
 
 #include "../laws.h"
 #include "tendril/sim/effects.h"
@@ -9,8 +11,13 @@
 namespace tendril::sim {
 
 /// A factor on a number of the robot file.
-inline EffectParameter Scale(double lower, double upper, double typical) {
-  return {.name = "scale", .nominal = 1, .lower = lower, .upper = upper, .typical = typical};
+inline EffectParameter Scale(double lower, double upper, double typical, std::vector<double> starts = {}) {
+  return {.name = "scale",
+          .nominal = 1,
+          .lower = lower,
+          .upper = upper,
+          .typical = typical,
+          .starts = std::move(starts)};
 }
 
 /// change(item) for the target's item, or for all of them.
