@@ -163,7 +163,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       // What acts otherwise where it is weak, or far off, is tried there as well.
       const auto& p = c.effect->parameters[primary[0]];
       for (const double start : p.starts) {
-        probes.push_back({i, variant, primary, {}, start / ScaleOf(p), summed});
+        probes.push_back({i, variant, primary, {}, (start - p.nominal) / ScaleOf(p), summed});
         probes.back().variant.derivative_step = kOnsetDerivative;
       }
     }

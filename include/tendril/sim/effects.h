@@ -42,9 +42,9 @@ struct EffectParameter {
   double lower = 0, upper = 0;  // physical bounds
   double typical = 0;           // a plainly visible deviation from nominal: scale of steps and starts
   /// A shape parameter (a time constant, a yield) means nothing while the effect's others are nominal; then
-  /// `nominal` is its usual value and `starts` are where a search begins. Of a size, `starts` are smaller
-  /// or larger deviations at which the robot answers otherwise than at `typical`: a soft wall yields, a hard
-  /// one stops.
+  /// `nominal` is its usual value and `starts` are where a search begins. Of a size, `starts` are values,
+  /// nearer or farther than `typical`, at which the robot answers otherwise: a soft wall yields, a hard one
+  /// stops.
   bool shape = false;
   std::vector<double> starts{};
 };

@@ -13,7 +13,7 @@ Effect BendingDamping() {
       .on_all = true,
       .on_one = true,
       // What hardly damped rings on is no straight line from what does not: tried from far off as well.
-      .parameters = {Scale(0.05, 10, 0.5, {-0.7, 3})},
+      .parameters = {Scale(0.05, 10, 0.5, {0.3, 4})},
       .summary = "the viscous damping of bending differs by a factor",
       .physics =
           "Every unit of the section resists with scale x c (du/dt, dv/dt). The coefficient cannot be read "

@@ -13,7 +13,7 @@ Effect UnitMass() {
       .on_all = true,
       .on_one = true,
       // What swings at another frequency is soon out of step: tried from far off as well.
-      .parameters = {Scale(0.2, 3, 0.3, {-0.35, 0.8})},
+      .parameters = {Scale(0.2, 3, 0.3, {0.65, 1.8})},
       .summary = "mass and inertia of the disks differ by a factor",
       .physics =
           "Mass and both moments of inertia of every disk of the section are scale x nominal: the weight of "
