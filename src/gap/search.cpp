@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -34,7 +35,7 @@ constexpr double kFoldLoss = 0.05;
 constexpr int kHeldOutAgain = 2, kFoldIterations = 3;
 constexpr int kPlacesOfOneEffect = 2;  // of the candidates that are refitted
 constexpr int kPairStarts = 4;
-constexpr double kLeastStart = 0.1, kMostStart = 2;  // of a second, in plainly visible deviations
+constexpr double kLeastStart = 0.1, kNearStart = 0.2, kMostStart = 2;  // of a second, in the same
 constexpr int kPolishedPairs = 3;
 constexpr double kNoiseSlack = 1.2;  // the noise is known within some tens of per cent
 
@@ -444,6 +445,15 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
   if (!result.fits.empty()) {
     const Weights weights(evaluator, leftover);
     const auto sort_pairs = [&] { std::stable_sort(result.pairs.begin(), result.pairs.end(), by_held_out); };
+    const auto score_at = [&](const Model& model) {
+      unsigned cuts = 0;
+      for (const Candidate& part : model.parts) cuts |= evaluator.CutsOf(*part.effect);
+      try {
+        return LogScore(weights, evaluator.At(model.Robot(evaluator.nominal()), cuts), nominal);
+      } catch (const std::exception&) {
+        return -std::numeric_limits<double>::infinity();
+      }
+    };
     const auto partners = [&](const Fit& first, int count, double least) {
       std::vector<std::pair<double, int>> gains(result.screened.size());
       std::vector<Eigen::VectorXd> together(result.screened.size());  // to first order: its own, the first's
@@ -493,17 +503,19 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
                             kFarStep * p.upper + (1 - kFarStep) * p.nominal);
         };
         const int own = static_cast<int>(s.primary.size());
+        Model near = both;  // what a line laid far from here says may be far off: a little of the second then
         for (int i = 0; i < own; ++i) {
+          const int at = offset + s.primary[i];
           const auto& p = s.start.parameter(s.primary[i]);
-          // Not where the effect is gone, there its shape means nothing, nor far beyond where the line was
-          // laid.
+          // Not where the effect is gone: there its shape means nothing.
           const double size =
               std::clamp(std::abs(step[i]), kLeastStart * ScaleOf(p), kMostStart * ScaleOf(p));
-          both.values[offset + s.primary[i]] =
-              inside(p, s.start.values[s.primary[i]] + std::copysign(size, step[i]));
+          both.values[at] = inside(p, s.start.values[s.primary[i]] + std::copysign(size, step[i]));
+          near.values[at] = inside(p, s.start.values[s.primary[i]] + kNearStart * ScaleOf(p));
         }
         for (int i = 0; i < offset; ++i)
           both.values[i] = inside(first.model.parameter(i), first.model.values[i] + step[own + i]);
+        if (score_at(near) > score_at(both)) both = std::move(near);
         starts.push_back(both);
       }
       return starts;
