@@ -287,20 +287,26 @@ std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, 
   return profiles;
 }
 
-/// The floor as it is with the best single cause, where that is higher than with the nominal robot.
-bool WidenByCause(Evaluator& evaluator, const DataSet& set, const SearchResult& search,
-                  const Evaluator::Options& options) {
+/// The runs with the floor as it is with the best single cause, where that is plainly higher than with the
+/// nominal robot. Nothing where no cause is found, or where its misfit could pass for noise: without
+/// repetitions the floor follows what a robot leaves.
+std::optional<Evaluator> WidenedByCause(const Evaluator& evaluator, const DataSet& set,
+                                        const SearchResult& search, const Evaluator::Options& options) {
   // What is compared with runs from before has the noise of both.
   const bool compared =
       std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); });
-  if (search.fits.empty() || compared) return false;
+  if (search.fits.empty() || compared || !evaluator.repeated()) return std::nullopt;
+  const Fit& best = search.fits.front();
+  if (best.bound_hit || best.held_out_score - search.base_score < kPairGain) return std::nullopt;
   DataSet with_cause = set;
-  with_cause.robot = search.fits.front().model.Robot(evaluator.nominal());
   try {
-    return evaluator.Widen(Evaluator(with_cause, options));
-  } catch (const std::runtime_error&) {
-    return false;  // a robot that cannot follow these runs has no floor
+    with_cause.robot = best.model.Robot(evaluator.nominal());
+    std::optional<Evaluator> wide = evaluator;
+    if (wide->Widen(Evaluator(with_cause, options))) return wide;
+  } catch (const std::exception&) {
+    // A robot that cannot follow these runs has no floor.
   }
+  return std::nullopt;
 }
 
 /// A run that is too short tells nothing by itself, and must not keep the others from being diagnosed.
@@ -465,20 +471,33 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   const Folds folds = MakeFolds(evaluator.runs());
   d.held_out_families = folds.names;
   d.held_out_by = folds.by;
+  std::string stage = "searching for the cause";
   SearchOptions search_options{threads, options.refits, options.without, {}, {}};
-  search_options.progress = [&](double fraction) { progress("searching for the cause", fraction); };
-  search_options.explained = [&](const Residuals& residuals) {
-    for (const auto& f : Locate(evaluator, residuals, kLeftDiscoveries)) {
-      if (f.excess && f.cut != sim::Cut::kClock && f.excess_sigma > 0.15) return false;
-    }
-    return true;
+  search_options.progress = [&](double fraction) { progress(stage, fraction); };
+  const auto search_in = [&](const Evaluator& those) {
+    search_options.explained = [&](const Residuals& residuals) {
+      for (const auto& f : Locate(those, residuals, kLeftDiscoveries)) {
+        if (f.excess && f.cut != sim::Cut::kClock && f.excess_sigma > 0.15) return false;
+      }
+      return true;
+    };
+    return Search(those, folds, search_options);
   };
-  SearchResult search = Search(evaluator, folds, search_options);
-  if (WidenByCause(evaluator, set, search, {threads, options.delta_N, options.delta_m, options.seed})) {
-    d.degradations.push_back(
-        "with the best cause the body carries the cells' noise further than the nominal one would: that much "
-        "is taken for noise too");
-    search = Search(evaluator, folds, search_options);
+  SearchResult search = search_in(evaluator);
+  std::optional<Candidate> widened_by;
+  if (auto wide =
+          WidenedByCause(evaluator, set, search, {threads, options.delta_N, options.delta_m, options.seed})) {
+    stage = "searching again with the floor at the cause";
+    SearchResult again = search_in(*wide);
+    // Only the cause that makes the noise may be excused by it, and not where that leaves no gap to close.
+    const bool same = !again.fits.empty() &&
+                      again.fits.front().model.parts.front() == search.fits.front().model.parts.front();
+    if (same && PooledClosure(*wide, wide->AtNominal(), wide->AtNominal(), ChannelsWithGap(*wide, d.location),
+                              options.seed)) {
+      widened_by = again.fits.front().model.parts.front();
+      evaluator = std::move(*wide);
+      search = std::move(again);
+    }
   }
   progress("judging", 0);
   Judgement judgement = Judge(evaluator, search, d.location, options.seed);
@@ -487,6 +506,12 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   d.accepted = judgement.accepted;
   d.confusable = judgement.confusable;
   d.leftover_sigma = judgement.leftover_sigma;
+  if (widened_by && d.verdict != Verdict::kNoGap) {
+    d.degradations.push_back(
+        fmt::format("{} carries the sensors' noise further than the nominal robot would: that much is taken "
+                    "for noise too",
+                    widened_by->Name()));
+  }
   d.baselines = Baselines(evaluator, search);
 
   // What these runs could not have shown however wrong it was.

@@ -98,12 +98,12 @@ class Evaluator {
   /// without a measurement.
   const Residuals& Variance() const { return variance_; }
 
-  /// Takes the variance from another evaluation of the same runs, with another robot, where that is larger: a
-  /// body with less damping or mass carries the cells' noise further. Floors and materialities of channels
-  /// stay, so that sigmas mean the same. True, and only then anything changes, when that is plainly more.
+  /// Takes the variance of channels from another evaluation of the same runs, with another robot, where that
+  /// is plainly larger: a body with less damping or mass carries the sensors' noise further. Floors and
+  /// materialities of channels stay, so that sigmas mean the same. True when any channel changed.
   bool Widen(const Evaluator& other);
 
-  /// Part of a window's variance that is white noise; the rest changes slowly.
+  /// Part of a window's variance that is white noise; the rest is taken to change slowly.
   double WhiteVariance(int run, int channel) const { return white_[run][channel]; }
 
   /// What an effect can change, given these logs.

@@ -1,4 +1,5 @@
-// Normal equations, bounded refits by Ceres, folds by one Gauss-Newton step from the common optimum.
+// Normal equations, bounded refits by Ceres, folds by one Gauss-Newton step from the common
+// optimum, or by refits.
 #include "fit.h"
 
 #include <ceres/ceres.h>

@@ -357,27 +357,28 @@ void Evaluator::TakeDifferences() {
 
 bool Evaluator::Widen(const Evaluator& other) {
   constexpr double kPlainly = 1.5;  // times the variance, by the median
-  const bool alike = other.runs_.size() == runs_.size() && other.channels_.size() == channels_.size();
-  if (!alike) return false;
-  Residuals wider = variance_;
-  bool plainly = false;
+  if (other.runs_.size() != runs_.size() || other.channels_.size() != channels_.size()) return false;
+  bool any = false;
   for (std::size_t c = 0; c < channels_.size(); ++c) {
+    std::vector<Eigen::VectorXd> wider(runs_.size());
     std::vector<double> was, is;
     for (std::size_t i = 0; i < runs_.size(); ++i) {
+      wider[i] = variance_[i][c];
       const auto& theirs = other.variance_[i][c];
-      if (theirs.size() != wider[i][c].size()) return false;
+      if (theirs.size() != wider[i].size()) return any;
       for (int w = 0; w < theirs.size(); ++w) {
-        double& v = wider[i][c][w];
+        double& v = wider[i][w];
         if (!std::isfinite(v) || !std::isfinite(theirs[w])) continue;
         was.push_back(v);
         v = std::max(v, theirs[w]);
         is.push_back(v);
       }
     }
-    plainly = plainly || Median(std::move(is)) > kPlainly * Median(std::move(was));
+    if (Median(std::move(is)) <= kPlainly * Median(std::move(was))) continue;
+    for (std::size_t i = 0; i < runs_.size(); ++i) variance_[i][c] = std::move(wider[i]);
+    any = true;
   }
-  if (plainly) variance_ = std::move(wider);
-  return plainly;
+  return any;
 }
 
 double Evaluator::Unrepeated(int channel, int& returns) const {

@@ -323,7 +323,10 @@ class Case {
       // Of a small gap little is certain; half of the doubt is for the cause. All of it where runs do not
       // repeat and no place has anything left: what their scatter makes of the fraction is not the cause's
       // fault.
-      const bool scatter = evaluator_.repetitions_differ() > 0 && judgement_.leftover_sigma == 0;
+      const auto independent = std::count_if(evaluator_.runs().begin(), evaluator_.runs().end(),
+                                             [](const PreparedRun& run) { return run.repeat_of.empty(); });
+      const bool scatter = evaluator_.repetitions_differ() > 0 && judgement_.leftover_sigma == 0 &&
+                           independent >= 4 && closed->low > 0;
       const double closes = scatter ? closed->high : 0.5 * (closed->value + closed->high);
       const double open = std::sqrt(std::max(0.0, 1 - closes));
       const double may_stay = largest > 0 ? (numbers ? kUnknownOpenNumber : kUnknownOpen)

@@ -35,7 +35,8 @@ constexpr double kFoldLoss = 0.05;
 constexpr int kHeldOutAgain = 2, kFoldIterations = 3;
 constexpr int kPlacesOfOneEffect = 2;  // of the candidates that are refitted
 constexpr int kPairStarts = 4;
-constexpr double kLeastStart = 0.1, kNearStart = 0.2, kMostStart = 2;  // of a second, in the same
+constexpr double kLeastStart = 0.1, kNearStart = 0.2,
+                 kMostStart = 2;  // of a second, in plainly visible deviations
 constexpr int kPolishedPairs = 3;
 constexpr double kNoiseSlack = 1.2;  // the noise is known within some tens of per cent
 
@@ -212,14 +213,21 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     const int k = probe.primary[0];
     const auto& p = probe.variant.parameter(k);
     const unsigned cuts = evaluator.CutsOf(*candidates[probe.candidate].effect);
-    const double way = kFarStep * ((probe.step < 0 ? p.lower : p.upper) - probe.variant.values[k]);
-    const auto column = [&](double from, double step) {
-      Model at = probe.variant;
-      at.values[k] += from * way;
-      return Sensitivity(evaluator, at, k, step * way, nominal, cuts);
-    };
-    const auto is_silent = [&](double step) { return IsSilent(evaluator, column(0, step), step * way); };
-    try {
+    const auto try_towards = [&](double bound) {
+      const double way = kFarStep * (bound - probe.variant.values[k]);
+      const auto column = [&](double from, double step) {
+        Model at = probe.variant;
+        at.values[k] += from * way;
+        return Sensitivity(evaluator, at, k, step * way, nominal, cuts);
+      };
+      // What cannot be simulated is not silent.
+      const auto is_silent = [&](double step) {
+        try {
+          return IsSilent(evaluator, column(0, step), step * way);
+        } catch (const std::exception&) {
+          return false;
+        }
+      };
       if (is_silent(1)) return;
       double quiet = 0, loud = 1;
       for (int half = 0; half < kOnsetHalvings; ++half) {
@@ -228,14 +236,20 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       }
       for (const double step : kOnsetSteps) {
         if (quiet + step > 1) continue;
-        woken[i].push_back(probe);
-        woken[i].back().variant.values[k] += quiet * way;
-        woken[i].back().variant.derivative_step = kOnsetDerivative;
-        woken[i].back().columns[0] = column(quiet, step);
+        try {
+          Probe there = probe;
+          there.variant.values[k] += quiet * way;
+          there.variant.derivative_step = kOnsetDerivative;
+          there.columns[0] = column(quiet, step);
+          woken[i].push_back(std::move(there));
+        } catch (const std::exception&) {
+          // What cannot be simulated explains nothing.
+        }
       }
-    } catch (const std::exception&) {
-      // What cannot be simulated explains nothing.
-    }
+    };
+    try_towards(probe.step < 0 ? p.lower : p.upper);
+    const bool other_way = probe.step > 0 && p.starts.empty() && p.lower < p.nominal;
+    if (woken[i].empty() && other_way) try_towards(p.lower);
   });
   for (std::size_t i = 0; i < silent.size(); ++i) {
     if (woken[i].empty()) continue;
@@ -364,8 +378,14 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     return start;
   };
   const auto by_held_out = [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; };
+  const auto rescored = [&](Fit fit, const Weights& weights) {
+    fit.score = LogScore(weights, fit.residuals, nominal);
+    fit.held_out_score = HeldOutScore(weights, fit, nominal);
+    return fit;
+  };
+  // Of starts that cannot be simulated, what `unless` has of them stays.
   const auto refit = [&](const std::vector<Model>& starts, const Weights& weights, int iterations,
-                         double from, double to) {
+                         double from, double to, const std::vector<Fit>* unless = nullptr) {
     std::vector<Fit> fits(starts.size());
     std::vector<char> good(starts.size(), 0);
     done = 0;
@@ -381,30 +401,38 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
     });
     std::vector<Fit> kept;
     for (std::size_t k = 0; k < fits.size(); ++k) {
-      if (good[k]) kept.push_back(std::move(fits[k]));
+      if (good[k]) {
+        kept.push_back(std::move(fits[k]));
+      } else if (unless != nullptr) {
+        kept.push_back(rescored((*unless)[k], weights));
+      }
     }
     std::stable_sort(kept.begin(), kept.end(), by_held_out);
     return kept;
   };
-  const auto hold_out_again = [&](std::vector<Fit>& fits, const Weights& weights) {
-    if (fits.empty()) return;
-    std::vector<Fit*> again;
+  // The best are held out by refits where a straight line loses much for one of them, or `anyway`: what is
+  // compared has to be held out alike. True when it was done.
+  const auto hold_out_again = [&](std::vector<Fit>& fits, const Weights& weights, bool anyway) {
+    std::vector<Fit*> best;
+    bool any = anyway;
     for (Fit& fit : fits) {
       const bool may_win = fit.score > fits.front().held_out_score || &fit == &fits.front();
+      if (!may_win || std::ssize(best) >= kHeldOutAgain) continue;
+      best.push_back(&fit);
       const double loss = fit.score - fit.held_out_score;
-      if (may_win && loss > std::max(kPairGain, kFoldLoss * (fit.score - result.base_score)) &&
-          std::ssize(again) < kHeldOutAgain)
-        again.push_back(&fit);
+      any = any || loss > std::max(kPairGain, kFoldLoss * (fit.score - result.base_score));
     }
-    ParallelFor(static_cast<int>(again.size()), options.threads, [&](int k) {
-      const Nuisances beside = result.nuisances.Beside(again[k]->model);
+    if (!any) return false;
+    ParallelFor(static_cast<int>(best.size()), options.threads, [&](int k) {
+      const Nuisances beside = result.nuisances.Beside(best[k]->model);
       try {
-        Fitter(evaluator, folds, weights, beside).HoldOutByRefits(*again[k], kFoldIterations);
+        Fitter(evaluator, folds, weights, beside).HoldOutByRefits(*best[k], kFoldIterations);
       } catch (const std::exception&) {
         // Without a fold it cannot be simulated: the straight line stays.
       }
     });
     std::stable_sort(fits.begin(), fits.end(), by_held_out);
+    return true;
   };
   {
     const Weights weights(evaluator, leftover);
@@ -415,6 +443,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
   const auto explained = [&](const Fit& fit) {
     return options.explained && options.explained(Completed(fit.held_out, nominal));
   };
+  bool singles_again = false;  // held out by refits
   // With what the best really leaves, once more from there.
   if (!result.fits.empty()) {
     leftover = Leftover(evaluator, result.fits.front().residuals);
@@ -426,18 +455,14 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
                                           [far](const Fit& fit) { return far && !fit.bound_hit; });
     std::vector<Model> starts;
     for (auto fit = result.fits.begin(); fit != on; ++fit) starts.push_back(fit->model);
-    std::vector<Fit> polished = refit(starts, weights, kPolish, 0.82, 0.9);
-    for (std::size_t k = starts.size(); k < result.fits.size(); ++k) {
-      Fit& rest = result.fits[k];
-      rest.score = LogScore(weights, rest.residuals, nominal);
-      rest.held_out_score = HeldOutScore(weights, rest, nominal);
-      polished.push_back(std::move(rest));
-    }
+    std::vector<Fit> polished = refit(starts, weights, kPolish, 0.82, 0.9, &result.fits);
+    for (std::size_t k = starts.size(); k < result.fits.size(); ++k)
+      polished.push_back(rescored(std::move(result.fits[k]), weights));
     result.fits = std::move(polished);
     std::stable_sort(result.fits.begin(), result.fits.end(), by_held_out);
     result.screened = screen(weights);
     result.base_score = base(weights);
-    hold_out_again(result.fits, weights);
+    singles_again = hold_out_again(result.fits, weights, false);
   }
   result.leftover = leftover;
 
@@ -445,11 +470,19 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
   if (!result.fits.empty()) {
     const Weights weights(evaluator, leftover);
     const auto sort_pairs = [&] { std::stable_sort(result.pairs.begin(), result.pairs.end(), by_held_out); };
-    const auto score_at = [&](const Model& model) {
+    const auto at_model = [&](const Model& model) {
       unsigned cuts = 0;
       for (const Candidate& part : model.parts) cuts |= evaluator.CutsOf(*part.effect);
+      return Completed(evaluator.At(model.Robot(evaluator.nominal()), cuts), nominal);
+    };
+    // Less what the first fit's nuisances and last step took out of it.
+    const auto score_at = [&](const Model& model, const Residuals& taken_out) {
       try {
-        return LogScore(weights, evaluator.At(model.Robot(evaluator.nominal()), cuts), nominal);
+        Residuals r = at_model(model);
+        for (std::size_t i = 0; i < r.size(); ++i) {
+          for (std::size_t c = 0; c < r[i].size(); ++c) r[i][c] -= taken_out[i][c];
+        }
+        return LogScore(weights, r, nominal);
       } catch (const std::exception&) {
         return -std::numeric_limits<double>::infinity();
       }
@@ -488,6 +521,16 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
       std::stable_sort(gains.begin(), gains.end(),
                        [](const auto& a, const auto& b) { return a.first > b.first; });
       std::vector<Model> starts;
+      Residuals taken_out;
+      try {
+        taken_out = at_model(first.model);
+      } catch (const std::exception&) {
+        return starts;
+      }
+      const Residuals left_by_first = Completed(first.residuals, nominal);
+      for (std::size_t i = 0; i < taken_out.size(); ++i) {
+        for (std::size_t c = 0; c < taken_out[i].size(); ++c) taken_out[i][c] -= left_by_first[i][c];
+      }
       std::map<const sim::Effect*, int> seen;
       for (const auto& [gain, k] : gains) {
         if (static_cast<int>(starts.size()) >= count || gain < least) break;
@@ -515,7 +558,7 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
         }
         for (int i = 0; i < offset; ++i)
           both.values[i] = inside(first.model.parameter(i), first.model.values[i] + step[own + i]);
-        if (score_at(near) > score_at(both)) both = std::move(near);
+        if (score_at(near, taken_out) > score_at(both, taken_out)) both = std::move(near);
         starts.push_back(both);
       }
       return starts;
@@ -584,13 +627,14 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
         const auto count = std::min<std::ptrdiff_t>(kPolishedPairs, std::ssize(result.pairs));
         for (std::ptrdiff_t k = 0; k < count; ++k)
           on.push_back(result.pairs[static_cast<std::size_t>(k)].model);
-        std::vector<Fit> polished = refit(on, weights, kPolish, 1.0, 1.0);
+        std::vector<Fit> polished = refit(on, weights, kPolish, 1.0, 1.0, &result.pairs);
         polished.insert(polished.end(), std::make_move_iterator(result.pairs.begin() + count),
                         std::make_move_iterator(result.pairs.end()));
         result.pairs = std::move(polished);
         sort_pairs();
       }
-      hold_out_again(result.pairs, weights);
+      const bool pairs_again = hold_out_again(result.pairs, weights, singles_again);
+      if (pairs_again && !singles_again) hold_out_again(result.fits, weights, true);
       // Each of the best two by itself.
       std::vector<Model> missing;
       for (const Candidate& part : result.pairs[0].model.parts) {
