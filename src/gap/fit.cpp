@@ -331,8 +331,9 @@ double Fitter::Lost(const Fit& fit, int k, double value) const {
   return fit.score - score;
 }
 
-double HeldOutScore(const Weights& weights, const Fit& fit, const Residuals& rest) {
-  return LogScore(weights, fit.held_out, rest) - (fit.only_fold >= 0 ? kOnlyFoldCost : 0);
+void Fit::Rescore(const Weights& weights, const Residuals& rest) {
+  score = LogScore(weights, residuals, rest);
+  held_out_score = LogScore(weights, held_out, rest) - (only_fold >= 0 ? kOnlyFoldCost : 0);
 }
 
 Fit Fitter::Refit(const Model& start, int iterations) const {
@@ -436,8 +437,7 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
     const auto& p = start.parameter(k);
     fit.model.values[k] = std::clamp(fit.model.values[k] + all[k], p.lower, p.upper);
   }
-  fit.score = LogScore(weights_, fit.residuals, rest);
-  fit.held_out_score = HeldOutScore(weights_, fit, rest);
+  fit.Rescore(weights_, rest);
   std::vector<Eigen::VectorXd> estimates;
   for (const auto& x_f : without) estimates.push_back(x_f.head(n));
   fit.scatter = Scatter(estimates);
@@ -475,7 +475,7 @@ void Fitter::HoldOutByRefits(Fit& fit, int iterations) const {
     }
   }
   fit.held_out = std::move(held_out);
-  fit.held_out_score = HeldOutScore(weights_, fit, rest);
+  fit.Rescore(weights_, rest);
   fit.covariance -= fit.scatter;
   fit.scatter = Scatter(estimates);
   fit.covariance += fit.scatter;

@@ -57,10 +57,10 @@ struct Fit {
   Eigen::MatrixXd scatter;               // part of it: of the estimates without each fold
   std::vector<Column> columns;           // at the optimum, by parameter
   double score = 0, held_out_score = 0;  // log scores over all channels
-};
 
-/// Log score of what the fit predicts of held-out data, under weights that may be newer than the fit's.
-double HeldOutScore(const Weights& weights, const Fit& fit, const Residuals& rest);
+  /// Scores again under weights that are newer than the fit; `rest` as for LogScore.
+  void Rescore(const Weights& weights, const Residuals& rest);
+};
 
 class Fitter {
  public:

@@ -1,0 +1,226 @@
+// Two causes at once: what adds most to the best, what else could stand in its place, where.
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <map>
+
+#include "parallel.h"
+#include "searching.h"
+
+namespace tendril::gap {
+namespace {
+
+constexpr int kIterations = 3;
+constexpr int kPartners = 4, kPartnersOfNext = 2, kPartnersOfSecond = 3;
+constexpr int kPolishedPairs = 3;
+// Where a second begins, in plainly visible deviations: near where it does nothing, or where the line for
+// both puts it, within these.
+constexpr double kNearStart = 0.2, kLeastStart = 0.1, kMostStart = 2;
+
+/// Subtracts `part` from `from`, channel by channel.
+void Take(const Residuals& part, Residuals& from) {
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    for (std::size_t c = 0; c < from[i].size(); ++c) from[i][c] -= part[i][c];
+  }
+}
+
+void Sort(std::vector<Fit>& fits) {
+  std::stable_sort(fits.begin(), fits.end(),
+                   [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
+}
+
+void Append(std::vector<Fit> more, std::vector<Fit>& fits) {
+  fits.insert(fits.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
+  Sort(fits);
+}
+
+/// The part of a pair by itself, with the values that it has in it.
+Model Alone(const Model& both, int part) {
+  Model one = Model::Of(both.parts[part]);
+  one.derivative_step = both.derivative_step;
+  one.values = both.values.segment(both.offset(part), one.size());
+  return one;
+}
+
+}  // namespace
+
+Residuals Searching::AtModel(const Model& model) const {
+  unsigned cuts = 0;
+  for (const Candidate& part : model.parts) cuts |= evaluator_.CutsOf(*part.effect);
+  return Completed(evaluator_.At(model.Robot(evaluator_.nominal()), cuts), nominal_);
+}
+
+/// What each candidate adds to `first`, to first order and with the first's parameters free, most first.
+std::vector<Searching::Promise> Searching::Promises(const Fit& first, const Weights& weights) {
+  std::vector<Promise> promises(result_.screened.size());
+  ParallelFor(static_cast<int>(result_.screened.size()), options_.threads, [&](int k) {
+    const Screened& s = result_.screened[k];
+    promises[k].candidate = k;
+    if (s.candidate.effect == first.model.parts[0].effect &&
+        (!s.candidate.target || !first.model.parts[0].target ||
+         s.candidate.target == first.model.parts[0].target))
+      return;
+    std::vector<const Column*> columns;
+    for (const auto& column : s.columns) columns.push_back(&column);
+    const int own = static_cast<int>(columns.size());
+    for (const auto& column : first.columns) columns.push_back(&column);
+    Bounds b = BoundsOf(s.start, s.primary, {}, Eigen::VectorXd(0));
+    const int n = static_cast<int>(columns.size());
+    b.prior.conservativeResize(n);
+    b.lower.conservativeResize(n);
+    b.upper.conservativeResize(n);
+    for (int i = own; i < n; ++i) {
+      const auto& p = first.model.parameter(i - own);
+      b.prior[i] = 30 * ScaleOf(p);
+      b.lower[i] = p.lower - first.model.values[i - own];
+      b.upper[i] = p.upper - first.model.values[i - own];
+    }
+    const LinearFit fit = SolveLinear(Accumulate(columns, first.residuals, nominal_, weights, folds_),
+                                      b.prior, b.lower, b.upper, own);
+    promises[k].gain = fit.held_out_score;
+    promises[k].step = fit.value;
+    result_.screened[k].linear.by_fold = fit.by_fold;
+  });
+  std::stable_sort(promises.begin(), promises.end(),
+                   [](const Promise& a, const Promise& b) { return a.gain > b.gain; });
+  return promises;
+}
+
+/// Starts of pairs of `first` and each of the `count` that promise most beside it, at least `least`.
+std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights, int count, double least) {
+  const std::vector<Promise> promises = Promises(first, weights);
+  std::vector<Model> starts;
+  Residuals taken_out;
+  try {
+    taken_out = AtModel(first.model);
+  } catch (const std::exception&) {
+    return starts;
+  }
+  Take(Completed(first.residuals, nominal_), taken_out);
+  const auto score_at = [&](const Model& model) {
+    try {
+      Residuals r = AtModel(model);
+      Take(taken_out, r);
+      return LogScore(weights, r, nominal_);
+    } catch (const std::exception&) {
+      return -std::numeric_limits<double>::infinity();
+    }
+  };
+  std::map<const sim::Effect*, int> seen;
+  for (const Promise& promise : promises) {
+    if (static_cast<int>(starts.size()) >= count || promise.gain < least) break;
+    const Screened& s = result_.screened[promise.candidate];
+    if (seen[s.candidate.effect]++ >= 1) continue;
+    Model both = first.model.With(s.candidate);
+    both.derivative_step = std::min(both.derivative_step, s.start.derivative_step);
+    const int offset = first.model.size();
+    for (int i = 0; i < s.candidate.size(); ++i) both.values[offset + i] = s.start.values[i];
+    const Eigen::VectorXd& step = promise.step;
+    const int own = static_cast<int>(s.primary.size());
+    Model near = both;  // what a line laid far from here says may be far off: a little of the second then
+    for (int i = 0; i < own; ++i) {
+      const int at = offset + s.primary[i];
+      const auto& p = s.start.parameter(s.primary[i]);
+      // Not where the effect is gone: there its shape means nothing.
+      const double size = std::clamp(std::abs(step[i]), kLeastStart * ScaleOf(p), kMostStart * ScaleOf(p));
+      both.values[at] = Inside(p, s.start.values[s.primary[i]] + std::copysign(size, step[i]));
+      near.values[at] = Inside(p, s.start.values[s.primary[i]] + kNearStart * ScaleOf(p));
+    }
+    for (int i = 0; i < offset; ++i)
+      both.values[i] = Inside(first.model.parameter(i), first.model.values[i] + step[own + i]);
+    if (score_at(near) > score_at(both)) both = std::move(near);
+    starts.push_back(both);
+  }
+  return starts;
+}
+
+/// Beside each partner one place of an effect was tried, by a score of first order that places share: the
+/// best two once more, each of them everywhere if it was at one place and at one if everywhere, and at the
+/// units beside its own.
+std::vector<Model> Searching::Elsewhere() const {
+  std::vector<Model> elsewhere;
+  const auto try_at = [&](int part, const auto& moves) {
+    const Model& both = result_.pairs[0].model;
+    const auto other = std::find_if(result_.screened.begin(), result_.screened.end(), [&](const auto& s) {
+      return s.candidate.effect == both.parts[part].effect && moves(s.candidate.target);
+    });
+    if (other == result_.screened.end()) return;
+    Model moved = both;
+    moved.parts[part] = other->candidate;
+    const bool known = std::any_of(result_.pairs.begin(), result_.pairs.end(), [&](const Fit& fit) {
+      return std::is_permutation(moved.parts.begin(), moved.parts.end(), fit.model.parts.begin());
+    });
+    if (!known) elsewhere.push_back(moved);
+  };
+  for (int part = 0; part < 2; ++part) {
+    const Candidate& here = result_.pairs[0].model.parts[part];
+    try_at(part, [&](sim::Target target) { return target.has_value() != here.target.has_value(); });
+    if (!here.target || here.effect->scope != sim::Scope::kUnit) continue;
+    for (const int beside : {*here.target - 1, *here.target + 1})
+      try_at(part, [&](sim::Target target) { return target == beside; });
+  }
+  return elsewhere;
+}
+
+/// The same two, found from either, count once.
+void Searching::KeepDistinct() {
+  const auto same = [](const Fit& a, const Fit& b) {
+    return a.model.parts[0] == b.model.parts[1] && a.model.parts[1] == b.model.parts[0];
+  };
+  std::vector<Fit> distinct;
+  for (Fit& fit : result_.pairs) {
+    const bool known =
+        std::any_of(distinct.begin(), distinct.end(), [&](const Fit& other) { return same(other, fit); });
+    if (!known) distinct.push_back(std::move(fit));
+  }
+  result_.pairs = std::move(distinct);
+}
+
+/// Each of the best two by itself.
+void Searching::AddMembers(const Weights& weights) {
+  std::vector<Model> missing;
+  const Model& both = result_.pairs[0].model;
+  for (int part = 0; part < 2; ++part) {
+    const auto known = std::find_if(result_.fits.begin(), result_.fits.end(), [&](const Fit& fit) {
+      return fit.model.parts.front() == both.parts[part];
+    });
+    if (known != result_.fits.end()) {
+      result_.members.push_back(*known);
+    } else {
+      missing.push_back(Alone(both, part));
+    }
+  }
+  for (Fit& fit : Refit(missing, weights, kIterations, {})) result_.members.push_back(std::move(fit));
+}
+
+void Searching::FindPairs() {
+  const Weights weights(evaluator_, leftover_);
+  // Where nothing is left at any one place, what is spread thinly over many of them still has a score.
+  const bool left = !Explained(result_.fits.front());
+  std::vector<Model> starts = Partners(result_.fits[0], weights, kPartners, left ? 1 : kPairGain);
+  if (result_.fits.size() > 1 && (left || !starts.empty())) {
+    for (const auto& other : Partners(result_.fits[1], weights, kPartnersOfNext, 1)) starts.push_back(other);
+  }
+  result_.pairs = Refit(starts, weights, kIterations, {0.9, 0.95});
+  if (result_.pairs.empty()) return;
+  // The second may be the real first: keep it and look for another partner.
+  const std::vector<Fit> second =
+      Refit({Alone(result_.pairs[0].model, 1)}, weights, kIterations, {0.95, 0.97});
+  if (!second.empty()) {
+    const std::vector<Model> swapped = Partners(second[0], weights, kPartnersOfSecond, 1);
+    Append(Refit(swapped, weights, kIterations, {0.97, 0.98}), result_.pairs);
+  }
+  Append(Refit(Elsewhere(), weights, kIterations, {0.98, 1}), result_.pairs);
+  KeepDistinct();
+  // What is still on its way takes more steps, where a gap is left.
+  if (left) {
+    const auto count = std::min<std::ptrdiff_t>(kPolishedPairs, std::ssize(result_.pairs));
+    result_.pairs = Polished(std::move(result_.pairs), count, weights, {});
+  }
+  const bool again = HoldOutAgain(result_.pairs, weights, singles_again_);
+  if (again && !singles_again_) HoldOutAgain(result_.fits, weights, true);
+  AddMembers(weights);
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,217 @@
+// Sensitivities about every start, onsets of what does nothing at first, sums over places.
+#include "probes.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <utility>
+
+#include "parallel.h"
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kScreeningStep = 0.5;  // of a parameter's plainly visible deviation
+// Where an effect begins to act is found to a share of 2^-kOnsetHalvings of the way to the bound, and it is
+// tried in steps of these shares from there.
+constexpr int kOnsetHalvings = 6;
+constexpr double kOnsetDerivative = 0.0125;  // plainly visible deviations
+constexpr double kOnsetSteps[] = {0.02, 0.1, 0.4};
+
+/// Every combination of the shape parameters' starts.
+std::vector<Model> Variants(const Candidate& candidate) {
+  std::vector<Model> variants{Model::Of(candidate)};
+  for (int k = 0; k < candidate.size(); ++k) {
+    const auto& p = candidate.effect->parameters[k];
+    if (!p.shape || p.starts.empty()) continue;
+    std::vector<Model> more;
+    for (const auto& variant : variants) {
+      for (const double start : p.starts) {
+        more.push_back(variant);
+        more.back().values[k] = start;
+      }
+    }
+    variants = std::move(more);
+  }
+  return variants;
+}
+
+/// A change of the parameter by `change` moves no channel: what remains is rounding.
+bool IsSilent(const Evaluator& evaluator, const Column& column, double change) {
+  constexpr double kRounding = 1e-6;  // of a floor
+  for (const auto& run : column) {
+    for (std::size_t c = 0; c < run.size(); ++c) {
+      const double most = kRounding * evaluator.channels()[c].floor;
+      if (run[c].size() > 0 && run[c].cwiseAbs().maxCoeff() * std::abs(change) > most) return false;
+    }
+  }
+  return true;
+}
+
+void AddTo(Column& sum, const Column& column) {
+  for (std::size_t i = 0; i < sum.size(); ++i) {
+    if (sum[i].empty()) sum[i].resize(column[i].size());
+    for (std::size_t c = 0; c < column[i].size(); ++c) {
+      if (column[i][c].size() == 0) continue;
+      if (sum[i][c].size() == 0) {
+        sum[i][c] = column[i][c];
+      } else {
+        sum[i][c] += column[i][c];
+      }
+    }
+  }
+}
+
+/// Every candidate about every start, without columns.
+std::vector<Probe> Starts(const Evaluator& evaluator, const std::vector<Candidate>& candidates) {
+  std::vector<Probe> probes;
+  for (const Candidate& c : candidates) {
+    std::vector<int> primary;
+    for (int k = 0; k < c.size(); ++k) {
+      if (!c.effect->parameters[k].shape) primary.push_back(k);
+    }
+    const bool summed = c.effect->on_all && c.effect->on_one && !c.target &&
+                        c.effect->scope == sim::Scope::kTendon && evaluator.nominal().body.tendons() > 0;
+    for (const auto& variant : Variants(c)) {
+      probes.push_back({c, variant, primary, {}, kScreeningStep, summed});
+      if (primary.size() != 1) continue;
+      // What acts otherwise where it is weak, or far off, is tried there as well.
+      const auto& p = c.effect->parameters[primary[0]];
+      for (const double start : p.starts) {
+        probes.push_back({c, variant, primary, {}, (start - p.nominal) / ScaleOf(p), summed});
+        probes.back().variant.derivative_step = kOnsetDerivative;
+      }
+    }
+  }
+  for (Probe& probe : probes) probe.columns.resize(probe.primary.size());
+  return probes;
+}
+
+Column Nothing(const Evaluator& evaluator) {
+  return Column(evaluator.runs().size(), std::vector<Eigen::VectorXd>(evaluator.channels().size()));
+}
+
+void Differentiate(const Evaluator& evaluator, std::vector<Probe>& probes, int threads,
+                   const std::function<void(double)>& progress) {
+  std::vector<std::pair<int, int>> tasks;  // probe, index of its primary
+  for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
+    if (probes[p].summed) continue;
+    for (int k = 0; k < static_cast<int>(probes[p].primary.size()); ++k) tasks.emplace_back(p, k);
+  }
+  std::atomic<int> done{0};
+  ParallelFor(static_cast<int>(tasks.size()), threads, [&](int t) {
+    Probe& probe = probes[tasks[t].first];
+    const int k = probe.primary[tasks[t].second];
+    const unsigned cuts = evaluator.CutsOf(*probe.candidate.effect);
+    try {
+      probe.columns[tasks[t].second] =
+          Sensitivity(evaluator, probe.variant, k, probe.step * ScaleOf(probe.variant.parameter(k)),
+                      evaluator.AtNominal(), cuts);
+    } catch (const std::exception&) {
+      probe.columns[tasks[t].second] = Nothing(evaluator);
+    }
+    progress(++done / static_cast<double>(tasks.size()));
+  });
+}
+
+/// The same from where the effect begins to act, on the way to the bound that its step points to, else to the
+/// other; empty when nothing happens on it.
+std::vector<Probe> FromItsOnset(const Evaluator& evaluator, const Probe& probe) {
+  std::vector<Probe> woken;
+  const int k = probe.primary[0];
+  const auto& p = probe.variant.parameter(k);
+  const unsigned cuts = evaluator.CutsOf(*probe.candidate.effect);
+  const auto try_towards = [&](double bound) {
+    const double way = kFarStep * (bound - probe.variant.values[k]);
+    const auto column = [&](double from, double step) {
+      Model at = probe.variant;
+      at.values[k] += from * way;
+      return Sensitivity(evaluator, at, k, step * way, evaluator.AtNominal(), cuts);
+    };
+    // What cannot be simulated is not silent.
+    const auto is_silent = [&](double step) {
+      try {
+        return IsSilent(evaluator, column(0, step), step * way);
+      } catch (const std::exception&) {
+        return false;
+      }
+    };
+    if (is_silent(1)) return;
+    double quiet = 0, loud = 1;
+    for (int half = 0; half < kOnsetHalvings; ++half) {
+      const double middle = 0.5 * (quiet + loud);
+      (is_silent(middle) ? quiet : loud) = middle;
+    }
+    for (const double step : kOnsetSteps) {
+      if (quiet + step > 1) continue;
+      try {
+        Probe there = probe;
+        there.variant.values[k] += quiet * way;
+        there.variant.derivative_step = kOnsetDerivative;
+        there.columns[0] = column(quiet, step);
+        woken.push_back(std::move(there));
+      } catch (const std::exception&) {
+        // What cannot be simulated explains nothing.
+      }
+    }
+  };
+  try_towards(probe.step < 0 ? p.lower : p.upper);
+  const bool other_way = probe.step > 0 && p.starts.empty() && p.lower < p.nominal;
+  if (woken.empty() && other_way) try_towards(p.lower);
+  return woken;
+}
+
+/// A limit, a contact, a dead zone: nothing happens before it is reached. Probed from where something does.
+void Wake(const Evaluator& evaluator, std::vector<Probe>& probes, int threads) {
+  std::vector<int> silent;
+  for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
+    const Probe& probe = probes[p];
+    if (probe.summed || probe.primary.size() != 1) continue;
+    const double change = probe.step * ScaleOf(probe.variant.parameter(probe.primary[0]));
+    if (IsSilent(evaluator, probe.columns[0], change)) silent.push_back(p);
+  }
+  for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
+    const auto its_place = [&](int other) {
+      return probes[other].candidate.effect == probes[p].candidate.effect;
+    };
+    if (!probes[p].summed || std::none_of(silent.begin(), silent.end(), its_place)) continue;
+    probes[p].summed = false;  // places that begin to act at different values do not add up
+    probes[p].columns[0] = Nothing(evaluator);
+    silent.push_back(p);
+  }
+  std::vector<std::vector<Probe>> woken(silent.size());
+  ParallelFor(static_cast<int>(silent.size()), threads,
+              [&](int i) { woken[i] = FromItsOnset(evaluator, probes[silent[i]]); });
+  for (std::size_t i = 0; i < silent.size(); ++i) {
+    if (woken[i].empty()) continue;
+    probes[silent[i]] = std::move(woken[i].front());
+    for (std::size_t v = 1; v < woken[i].size(); ++v) probes.push_back(std::move(woken[i][v]));
+  }
+}
+
+/// An effect on all tendons is, to first order, the sum of those on each.
+void SumPlaces(std::vector<Probe>& probes, std::size_t runs) {
+  for (auto& probe : probes) {
+    if (!probe.summed) continue;
+    for (std::size_t k = 0; k < probe.primary.size(); ++k) probe.columns[k].resize(runs);
+    for (const auto& other : probes) {
+      if (other.summed || other.candidate.effect != probe.candidate.effect ||
+          other.variant.values != probe.variant.values || other.step != probe.step)
+        continue;
+      for (std::size_t k = 0; k < probe.primary.size(); ++k) AddTo(probe.columns[k], other.columns[k]);
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<Probe> MakeProbes(const Evaluator& evaluator, const std::vector<Candidate>& candidates,
+                              int threads, const std::function<void(double)>& progress) {
+  std::vector<Probe> probes = Starts(evaluator, candidates);
+  Differentiate(evaluator, probes, threads, progress);
+  Wake(evaluator, probes, threads);
+  SumPlaces(probes, evaluator.runs().size());
+  return probes;
+}
+
+}  // namespace tendril::gap
