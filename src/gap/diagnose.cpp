@@ -475,13 +475,14 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   SearchOptions search_options{threads, options.refits, options.without, {}, {}};
   search_options.progress = [&](double fraction) { progress(stage, fraction); };
   const auto search_in = [&](const Evaluator& those) {
-    search_options.explained = [&](const Residuals& residuals) {
+    SearchOptions its_options = search_options;
+    its_options.explained = [&](const Residuals& residuals) {
       for (const auto& f : Locate(those, residuals, kLeftDiscoveries)) {
         if (f.excess && f.cut != sim::Cut::kClock && f.excess_sigma > 0.15) return false;
       }
       return true;
     };
-    return Search(those, folds, search_options);
+    return Search(those, folds, its_options);
   };
   SearchResult search = search_in(evaluator);
   std::optional<Candidate> widened_by;

@@ -1,5 +1,5 @@
-// Normal equations, bounded refits by Ceres, folds by one Gauss-Newton step from the common
-// optimum, or by refits.
+// Normal equations, bounded refits by Ceres, folds by one Gauss-Newton step from the common optimum or by
+// refits.
 #include "fit.h"
 
 #include <ceres/ceres.h>
@@ -151,9 +151,9 @@ Column Sensitivity(const Evaluator& evaluator, const Model& model, int k, double
   return column;
 }
 
-unsigned Fitter::CutsOf(const Model& model) const {
+unsigned CutsOf(const Evaluator& evaluator, const Model& model) {
   unsigned cuts = 0;
-  for (const auto& part : model.parts) cuts |= evaluator_.CutsOf(*part.effect);
+  for (const Candidate& part : model.parts) cuts |= evaluator.CutsOf(*part.effect);
   return cuts;
 }
 
@@ -304,7 +304,7 @@ Nuisances Nuisances::Beside(const Model& model) const {
 double Fitter::Lost(const Fit& fit, int k, double value) const {
   Model held = fit.model;
   held.values[k] = value;
-  const Residuals at = evaluator_.At(held.Robot(evaluator_.nominal()), CutsOf(held));
+  const Residuals at = evaluator_.At(held.Robot(evaluator_.nominal()), CutsOf(evaluator_, held));
   std::vector<const Column*> columns;
   for (const auto& column : nuisances_.columns) columns.push_back(&column);
   std::vector<double> prior(nuisances_.prior.begin(), nuisances_.prior.end()), lower, upper;
@@ -337,7 +337,7 @@ void Fit::Rescore(const Weights& weights, const Residuals& rest) {
 }
 
 Fit Fitter::Refit(const Model& start, int iterations) const {
-  const unsigned cuts = CutsOf(start);
+  const unsigned cuts = CutsOf(evaluator_, start);
   const int n = start.size(), extra = static_cast<int>(nuisances_.columns.size());
   std::vector<double> x(n + extra, 0.0);
   Model first = start;  // as the solver's variables give it back, to the last bit: that point is known then

@@ -62,6 +62,9 @@ struct Fit {
   void Rescore(const Weights& weights, const Residuals& rest);
 };
 
+/// What a model's effects can change together, given these logs.
+unsigned CutsOf(const Evaluator& evaluator, const Model& model);
+
 class Fitter {
  public:
   Fitter(const Evaluator& evaluator, const Folds& folds, const Weights& weights, const Nuisances& nuisances)
@@ -77,7 +80,6 @@ class Fitter {
   /// Log score lost when parameter k is held at `value` and everything else follows by a linear step.
   /// Throws std::runtime_error when that cannot be simulated.
   double Lost(const Fit& fit, int k, double value) const;
-  unsigned CutsOf(const Model& model) const;
 
  private:
   const Evaluator& evaluator_;

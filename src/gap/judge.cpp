@@ -346,8 +346,7 @@ class Case {
     std::vector<double> changed(location_.size(), 0.0);
     if (!two_) return changed;
     const Model& both = best_->model;
-    unsigned cuts = 0;
-    for (const Candidate& part : both.parts) cuts |= evaluator_.CutsOf(*part.effect);
+    const unsigned cuts = CutsOf(evaluator_, both);
     const auto at = [&](const Model& model) {
       return Completed(evaluator_.At(model.Robot(evaluator_.nominal()), cuts), nominal_);
     };

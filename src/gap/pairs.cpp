@@ -25,14 +25,9 @@ void Take(const Residuals& part, Residuals& from) {
   }
 }
 
-void Sort(std::vector<Fit>& fits) {
-  std::stable_sort(fits.begin(), fits.end(),
-                   [](const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; });
-}
-
 void Append(std::vector<Fit> more, std::vector<Fit>& fits) {
   fits.insert(fits.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
-  Sort(fits);
+  std::stable_sort(fits.begin(), fits.end(), ByHeldOut);
 }
 
 /// The part of a pair by itself, with the values that it has in it.
@@ -46,8 +41,7 @@ Model Alone(const Model& both, int part) {
 }  // namespace
 
 Residuals Searching::AtModel(const Model& model) const {
-  unsigned cuts = 0;
-  for (const Candidate& part : model.parts) cuts |= evaluator_.CutsOf(*part.effect);
+  const unsigned cuts = CutsOf(evaluator_, model);
   return Completed(evaluator_.At(model.Robot(evaluator_.nominal()), cuts), nominal_);
 }
 

@@ -114,8 +114,8 @@ void Differentiate(const Evaluator& evaluator, std::vector<Probe>& probes, int t
   });
 }
 
-/// The same from where the effect begins to act, on the way to the bound that its step points to, else to the
-/// other; empty when nothing happens on it.
+/// The same from where the effect begins to act, on the way to the bound that its step points to, or, where
+/// no start lies there, to the other; empty when nothing happens.
 std::vector<Probe> FromItsOnset(const Evaluator& evaluator, const Probe& probe) {
   std::vector<Probe> woken;
   const int k = probe.primary[0];

@@ -27,8 +27,6 @@ constexpr int kHeldOutAgain = 2, kFoldIterations = 3;
 constexpr int kPlacesOfOneEffect = 2;  // of the candidates that are refitted
 constexpr double kNoiseSlack = 1.2;    // the noise is known within some tens of per cent
 
-bool ByHeldOut(const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; }
-
 Residuals Subtract(const Residuals& from, const std::vector<const Column*>& columns,
                    const Eigen::VectorXd& values) {
   Residuals r = from;

@@ -18,6 +18,9 @@ Bounds BoundsOf(const Model& model, const std::vector<int>& which,
 /// A value that is not quite at a bound of its parameter.
 double Inside(const sim::EffectParameter& parameter, double value);
 
+/// By falling held-out score.
+inline bool ByHeldOut(const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; }
+
 class Searching {
  public:
   Searching(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options)
@@ -42,7 +45,7 @@ class Searching {
   void RefitBest();
   void RefitEverything();
   bool Explained(const Fit& fit) const;
-  /// By falling held-out score. Of starts that cannot be simulated, what `unless` has of them stays.
+  /// Sorted so. Of starts that cannot be simulated, what `unless` has of them stays.
   std::vector<Fit> Refit(const std::vector<Model>& starts, const Weights& weights, int iterations, Span span,
                          const std::vector<Fit>* unless = nullptr) const;
   /// The first `count` of `fits` refitted once more from where they are.
@@ -54,7 +57,7 @@ class Searching {
 
   // In pairs.cpp: add a second, then try others in the place of the first.
   void FindPairs();
-  Residuals AtModel(const Model& model) const;
+  Residuals AtModel(const Model& model) const;  // of all channels, nuisances at nominal
   struct Promise {
     double gain = -1e300;  // held-out log score
     int candidate = 0;     // of result_.screened

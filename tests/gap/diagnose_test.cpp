@@ -152,9 +152,7 @@ gap::DiagnoseOptions Only(const std::vector<std::string>& effects) {
 
 // A zero so far off that the model's tendon is slack: from there no small step tells how far.
 TEST(Diagnose, AZeroFarOffIsFoundThoughTheModelsTendonIsSlack) {
-  const Diagnosis d = Diagnose(Recorded("encoder_offset where=tendon:2 rad=-0.43"),
-                               Only({"encoder_offset", "slack", "backlash", "tendon_stiffness",
-                                     "tendon_creep", "precurvature", "hole_radius"}));
+  const Diagnosis d = Diagnose(Recorded("encoder_offset where=tendon:2 rad=-0.43"), {});
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "encoder_offset") << d.sentence;
   EXPECT_EQ(d.accepted[0].where, "tendon:2");
@@ -274,6 +272,7 @@ TEST(Diagnose, ABodyThatRingsCarriesTheNoiseOfItsCellsAndIsNotBlamedForIt) {
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   ASSERT_EQ(d.accepted.size(), 1u) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "bending_damping") << d.sentence;
+  EXPECT_EQ(d.leftover_sigma, 0) << d.sentence;
   // Noise in what drives a replay makes its damping look larger, by more than the interval says: 0.24 here.
   EXPECT_NEAR(d.accepted[0].parameters.at("scale").value, 0.2, 0.05);
   EXPECT_THAT(d.degradations,
