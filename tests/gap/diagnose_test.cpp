@@ -313,7 +313,6 @@ INSTANTIATE_TEST_SUITE_P(
     Effects, DiagnosePlanted,
     testing::Values(
         Planted{"Stiffness", "bending_stiffness scale=0.93", "scale", 0.93, 0.005, sim::Cut::kShape},
-        Planted{"LighterDisks", "unit_mass scale=0.6", "scale", 0.6, 0.02, sim::Cut::kShape},
         Planted{"TorqueConstant", "torque_constant scale=0.88", "scale", 0.88, 0.01, sim::Cut::kDrivetrain},
         Planted{"CellGain", "cell_gain where=tendon:2 scale=1.06", "scale", 1.06, 0.006, sim::Cut::kSensors},
         Planted{"TendonStiffness", "tendon_stiffness scale=0.8", "scale", 0.8, 0.03, sim::Cut::kTendon}),
