@@ -15,6 +15,7 @@
 
 #include "alike.h"
 #include "baselines.h"
+#include "carried_noise.h"
 #include "closure.h"
 #include "details.h"
 #include "evaluator.h"
@@ -73,7 +74,8 @@ std::string CutsNotSeen(const Diagnosis& d) {
   return names;
 }
 
-std::string Sentence(const Diagnosis& d) {
+/// `hiding`: the two that would explain the gap by hiding each other, and where; else empty.
+std::string Sentence(const Diagnosis& d, const std::string& hiding) {
   const CutFinding* first = nullptr;
   for (const auto& f : d.location) {
     if (f.first) first = &f;
@@ -93,6 +95,8 @@ std::string Sentence(const Diagnosis& d) {
       return first ? where + ", but these logs and this model are not enough to tell its cause." + next
                    : "These logs are not enough to tell whether there is a gap." + next;
     case Verdict::kUnexplained: {
+      if (!hiding.empty())
+        return fmt::format("{}, and no effect of the library explains it: {}.{}", where, hiding, next);
       const auto best = std::find_if(d.causes.begin(), d.causes.end(),
                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
       // Where no place has anything left for sure, what all of them leave together decided.
@@ -287,28 +291,6 @@ std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, 
   return profiles;
 }
 
-/// The runs with the floor as it is with the best single cause, where that is plainly higher than with the
-/// nominal robot. Nothing where no cause is found, or where its misfit could pass for noise: without
-/// repetitions the floor follows what a robot leaves.
-std::optional<Evaluator> WidenedByCause(const Evaluator& evaluator, const DataSet& set,
-                                        const SearchResult& search, const Evaluator::Options& options) {
-  // What is compared with runs from before has the noise of both.
-  const bool compared =
-      std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); });
-  if (search.fits.empty() || compared || !evaluator.repeated()) return std::nullopt;
-  const Fit& best = search.fits.front();
-  if (best.bound_hit || best.held_out_score - search.base_score < kPairGain) return std::nullopt;
-  DataSet with_cause = set;
-  try {
-    with_cause.robot = best.model.Robot(evaluator.nominal());
-    std::optional<Evaluator> wide = evaluator;
-    if (wide->Widen(Evaluator(with_cause, options))) return wide;
-  } catch (const std::exception&) {
-    // A robot that cannot follow these runs has no floor.
-  }
-  return std::nullopt;
-}
-
 /// A run that is too short tells nothing by itself, and must not keep the others from being diagnosed.
 void TakeOutShort(DataSet& set, Diagnosis& d) {
   std::string names;
@@ -486,8 +468,8 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   };
   SearchResult search = search_in(evaluator);
   std::optional<Candidate> widened_by;
-  if (auto wide =
-          WidenedByCause(evaluator, set, search, {threads, options.delta_N, options.delta_m, options.seed})) {
+  const Evaluator::Options evaluation{threads, options.delta_N, options.delta_m, options.seed};
+  if (auto wide = WidenedByCause(evaluator, set, search, evaluation)) {
     stage = "searching again with the floor at the cause";
     SearchResult again = search_in(*wide);
     // Only the cause that makes the noise may be excused by it, and not where that leaves no gap to close.
@@ -501,6 +483,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     }
   }
   progress("judging", 0);
+  TakeOffQuiet(evaluator, set, evaluation, search);
   Judgement judgement = Judge(evaluator, search, d.location, options.seed);
   d.verdict = judgement.verdict;
   d.causes = judgement.causes;
@@ -562,7 +545,15 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   const LoadCellPlace place = evaluator.runs().front().signals.load_cell;
   if (distrusted || (d.verdict != Verdict::kNoGap && d.verdict != Verdict::kInsufficientData))
     MarkFirst(d, place);
-  d.sentence = Sentence(d);
+  std::string hiding;
+  if (judgement.hidden_at) {
+    const auto& parts = judgement.nearest->model.parts;
+    hiding = fmt::format(
+        "{} and {} would, if they hid each other at {}, where there is no gap; one effect that is not listed "
+        "is likelier",
+        parts[0].Name(), parts[1].Name(), sim::CutName(*judgement.hidden_at));
+  }
+  d.sentence = Sentence(d, hiding);
   if (evaluator.repetitions_differ() > 0) {
     d.sentence += fmt::format(
         " But repetitions differ by {:.2g} times the noise: if the robot was changed between them, they are "

@@ -97,6 +97,9 @@ class Evaluator {
   /// Variance that noise, resolution and repetition leave in each window [run][channel][window]; infinite
   /// without a measurement.
   const Residuals& Variance() const { return variance_; }
+  /// Part of it that the nominal robot makes of the noise of what drives it, as other readings of the same
+  /// logs show.
+  const Residuals& Carried() const { return carried_; }
 
   /// Takes the variance of channels from another evaluation of the same runs, with another robot, where that
   /// is plainly larger: a body with less damping or mass carries the sensors' noise further. Floors and
@@ -158,7 +161,7 @@ class Evaluator {
   std::optional<TrackerFrame> frame_;
   std::vector<double> tracker_late_s_;  // [run] of the stamps, taken off; empty without a tracker
   sim::Replay::DrivenBy driven_by_ = sim::Replay::DrivenBy::kCell;
-  Residuals nominal_residuals_, variance_;
+  Residuals nominal_residuals_, variance_, carried_;
   Residuals before_;  // what the nominal robot leaves of the runs from before; empty without such
   std::vector<std::vector<double>> white_;
   std::vector<std::string> degradations_;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "evaluator.h"
@@ -57,6 +58,7 @@ struct Fit {
   Eigen::MatrixXd scatter;               // part of it: of the estimates without each fold
   std::vector<Column> columns;           // at the optimum, by parameter
   double score = 0, held_out_score = 0;  // log scores over all channels
+  std::optional<double> quiet;           // taken off both: what less noise brings, see TakeOffQuiet
 
   /// Scores again under weights that are newer than the fit; `rest` as for LogScore.
   void Rescore(const Weights& weights, const Residuals& rest);
@@ -64,6 +66,9 @@ struct Fit {
 
 /// What a model's effects can change together, given these logs.
 unsigned CutsOf(const Evaluator& evaluator, const Model& model);
+
+/// By falling held-out score.
+inline bool ByHeldOut(const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; }
 
 class Fitter {
  public:

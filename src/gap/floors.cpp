@@ -190,6 +190,7 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
   });
 
   variance_.assign(runs, std::vector<Eigen::VectorXd>(channels));
+  carried_ = variance_;
   white_.assign(runs, std::vector<double>(channels, 0.0));
   for (int i = 0; i < runs; ++i) {
     for (int c = 0; c < channels; ++c) {
@@ -207,6 +208,7 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
         for (const Residuals& reading : readings) scatter += (reading[i][c] - r).cwiseAbs2();
         spread = ReadingSpread(scatter / options.readings, window_s(i, c));
       }
+      carried_[i][c] = spread;
       if (channel.quantity == Quantity::kTension) spread += Transients(within[i][c], channel.white);
       if (channel.quantity == Quantity::kTorque && signals.step_s >= kSlowLog_s)
         spread += BetweenSamples(signals.torque_target_Nm.col(channel.index), windows);
@@ -345,6 +347,7 @@ void Evaluator::TakeDifferences() {
   keep(nominal_motion_);
   keep(nominal_residuals_);
   keep(variance_);
+  keep(carried_);
   keep(white_);
   keep(before_);
   degradations_.push_back(
@@ -498,6 +501,7 @@ void Evaluator::ScaleByRepetition(const Options& options) {
         v = std::max(scale * v, least);
         if (std::isfinite(v)) variances.push_back(v);
       }
+      carried_[i][c] *= scale;
     }
     Channel& channel = channels_[c];
     channel.floor = std::sqrt(std::max(Median(variances), channel.white * channel.white));

@@ -2,6 +2,7 @@
 #include "judge.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "closure.h"
@@ -64,6 +65,10 @@ constexpr double kPairDeltas = 2.0;
 constexpr double kPairShare = 0.01;
 constexpr double kOwnShare = 0.25;
 constexpr double kPairOfLeft = 0.5;
+// Two causes that hide each other: floors by which each alone would change a place without a gap, share of it
+// that both together change, probability then that neither is the cause. Sizes that were drawn apart cancel
+// so well by a small chance; an unlisted effect that lies between what the two do makes them do it.
+constexpr double kHides = 1.0, kHidden = 0.25, kUnknownHidden = 0.6;
 constexpr std::size_t kListed = 12;  // causes in the report
 
 Cause CauseOf(const Fit& fit, int part) {
@@ -145,6 +150,13 @@ double Material(const Evaluator& evaluator, const Residuals& residuals) {
     if (total > 0) most = std::max(most, std::sqrt(square / total) / materiality(channel));
   }
   return most;
+}
+
+Residuals Difference(Residuals of, const Residuals& and_these) {
+  for (std::size_t i = 0; i < of.size(); ++i) {
+    for (std::size_t c = 0; c < of[i].size(); ++c) of[i][c] -= and_these[i][c];
+  }
+  return of;
 }
 
 /// From 0 to 1, a half at x = 1.
@@ -295,7 +307,7 @@ class Case {
   /// Given a gap, that its cause is not among the candidates: from what the best of them leaves.
   double UnknownProbability() {
     if (best_ == nullptr) return 1;
-    const std::vector<double> changed = ChangedByEach();
+    const std::array<std::vector<double>, 2> changed = ChangedByEach();
     double largest = 0;
     for (const auto& g : location_) {
       if (g.excess && g.cut != sim::Cut::kClock && g.cut != sim::Cut::kSensors)
@@ -308,7 +320,7 @@ class Case {
       for (std::size_t k = 0; k < location_.size(); ++k) {
         const auto& g = location_[k];
         if (g.cut == f.cut && g.where == f.where && g.quantity == f.quantity)
-          was = std::max(g.excess_sigma, changed[k]);
+          was = std::max(g.excess_sigma, std::hypot(changed[0][k], changed[1][k]));
       }
       judgement_.leftover_sigma = std::max(judgement_.leftover_sigma, f.excess_sigma);
       const double allowed = std::hypot(kUnknownFloor, kUnknownShare * was, kUnknownOfLargest * largest);
@@ -333,17 +345,33 @@ class Case {
                                           : (numbers ? kUnknownOpenScatterNumber : kUnknownOpenScatter);
       unknown = std::max(unknown, open / may_stay);
     }
-    const double p = Saturating(unknown, kUnknownSteepness);
+    double p = Saturating(unknown, kUnknownSteepness);
+    if (p < kUnknownHidden) judgement_.hidden_at = HiddenAt(changed);
+    if (judgement_.hidden_at) p = kUnknownHidden;
     // What leaves a gap, and closes nothing for sure of what it was not fitted to, is hardly its cause.
     const bool unproven = closed && closed->low <= 0 && judgement_.leftover_sigma >= kLeftover;
     return unproven ? std::max(p, kUnproven) : p;
   }
 
-  /// What the two of a pair change at each place of `location_`, each beside the other, in floors and as if
-  /// independent: two laws that work against each other each leave their share, of more than the gap. 0 of a
-  /// single, whose change is the gap where it is right.
-  std::vector<double> ChangedByEach() const {
+  /// rms that a change of the residuals makes at each place of `location_`, in floors.
+  std::vector<double> InFloorsByPlace(const Residuals& change) const {
     std::vector<double> changed(location_.size(), 0.0);
+    for (const auto& g : Locate(evaluator_, change, kLeftDiscoveries)) {
+      for (std::size_t k = 0; k < location_.size(); ++k) {
+        const auto& f = location_[k];
+        if (g.cut == f.cut && g.where == f.where && g.quantity == f.quantity && g.floor > 0)
+          changed[k] = g.rms / g.floor;
+      }
+    }
+    return changed;
+  }
+
+  /// What the two of a pair change at each place of `location_`, each beside the other, in floors: two laws
+  /// that work against each other each leave their share, of more than the gap. 0 of a single, whose change
+  /// is the gap where it is right.
+  std::array<std::vector<double>, 2> ChangedByEach() const {
+    const std::vector<double> nothing(location_.size(), 0.0);
+    std::array<std::vector<double>, 2> changed{nothing, nothing};
     if (!two_) return changed;
     const Model& both = best_->model;
     const unsigned cuts = CutsOf(evaluator_, both);
@@ -353,25 +381,27 @@ class Case {
     for (int part = 0; part < 2; ++part) {
       Model other = Model::Of(both.parts[1 - part]);
       other.values = both.values.segment(both.offset(1 - part), other.size());
-      Residuals change;
       try {
-        change = at(both);
-        const Residuals without = at(other);
-        for (std::size_t i = 0; i < change.size(); ++i) {
-          for (std::size_t c = 0; c < change[i].size(); ++c) change[i][c] -= without[i][c];
-        }
+        changed[part] = InFloorsByPlace(Difference(at(both), at(other)));
       } catch (const std::exception&) {
-        continue;  // what one alone cannot be simulated with says nothing
-      }
-      for (const auto& g : Locate(evaluator_, change, kLeftDiscoveries)) {
-        for (std::size_t k = 0; k < location_.size(); ++k) {
-          const auto& f = location_[k];
-          if (g.cut == f.cut && g.where == f.where && g.quantity == f.quantity && g.floor > 0)
-            changed[k] = std::hypot(changed[k], g.rms / g.floor);
-        }
+        // What one alone cannot be simulated with says nothing.
       }
     }
     return changed;
+  }
+
+  /// The first cut without a gap at which the two of a pair hide each other.
+  std::optional<sim::Cut> HiddenAt(const std::array<std::vector<double>, 2>& changed) const {
+    if (!two_) return std::nullopt;
+    const std::vector<double> together =
+        InFloorsByPlace(Difference(Completed(best_->residuals, nominal_), nominal_));
+    for (std::size_t k = 0; k < location_.size(); ++k) {
+      const double least = std::min(changed[0][k], changed[1][k]);
+      if (!location_[k].excess && location_[k].cut != sim::Cut::kSensors && least > kHides &&
+          together[k] < kHidden * least)
+        return location_[k].cut;
+    }
+    return std::nullopt;
   }
 
   /// All candidates, refitted or only screened, sharing the probability `p`.

@@ -14,6 +14,7 @@ namespace {
 constexpr int kIterations = 3;
 constexpr int kPartners = 4, kPartnersOfNext = 2, kPartnersOfSecond = 3;
 constexpr int kPolishedPairs = 3;
+constexpr double kFurther = 0.5;  // log score by which another start of the same cause has to do better
 // Where a second begins, in plainly visible deviations: near where it does nothing, or where the line for
 // both puts it, within these.
 constexpr double kNearStart = 0.2, kLeastStart = 0.1, kMostStart = 2;
@@ -171,21 +172,24 @@ void Searching::KeepDistinct() {
   result_.pairs = std::move(distinct);
 }
 
-/// Each of the best two by itself.
-void Searching::AddMembers(const Weights& weights) {
-  std::vector<Model> missing;
+/// Each of the best two by itself, from where it stands beside the other: it may have come further there than
+/// alone, and what a pair has to beat is the best that one can do.
+void Searching::AddMembers(const Weights& weights, bool held_out_again) {
   const Model& both = result_.pairs[0].model;
-  for (int part = 0; part < 2; ++part) {
-    const auto known = std::find_if(result_.fits.begin(), result_.fits.end(), [&](const Fit& fit) {
-      return fit.model.parts.front() == both.parts[part];
+  bool further = false;
+  for (Fit& fit : Refit({Alone(both, 0), Alone(both, 1)}, weights, kIterations, {})) {
+    const auto known = std::find_if(result_.fits.begin(), result_.fits.end(), [&](const Fit& other) {
+      return other.model.parts.front() == fit.model.parts.front();
     });
-    if (known != result_.fits.end()) {
-      result_.members.push_back(*known);
-    } else {
-      missing.push_back(Alone(both, part));
+    if (known != result_.fits.end() && fit.score > known->score + kFurther) {
+      *known = fit;
+      further = true;
     }
+    result_.members.push_back(known != result_.fits.end() ? *known : std::move(fit));
   }
-  for (Fit& fit : Refit(missing, weights, kIterations, {})) result_.members.push_back(std::move(fit));
+  if (!further) return;
+  std::stable_sort(result_.fits.begin(), result_.fits.end(), ByHeldOut);
+  HoldOutAgain(result_.fits, weights, held_out_again);
 }
 
 void Searching::FindPairs() {
@@ -214,7 +218,7 @@ void Searching::FindPairs() {
   }
   const bool again = HoldOutAgain(result_.pairs, weights, singles_again_);
   if (again && !singles_again_) HoldOutAgain(result_.fits, weights, true);
-  AddMembers(weights);
+  AddMembers(weights, again || singles_again_);
 }
 
 }  // namespace tendril::gap

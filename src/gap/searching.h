@@ -18,9 +18,6 @@ Bounds BoundsOf(const Model& model, const std::vector<int>& which,
 /// A value that is not quite at a bound of its parameter.
 double Inside(const sim::EffectParameter& parameter, double value);
 
-/// By falling held-out score.
-inline bool ByHeldOut(const Fit& a, const Fit& b) { return a.held_out_score > b.held_out_score; }
-
 class Searching {
  public:
   Searching(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options)
@@ -67,7 +64,7 @@ class Searching {
   std::vector<Model> Partners(const Fit& first, const Weights& weights, int count, double least);
   std::vector<Model> Elsewhere() const;
   void KeepDistinct();
-  void AddMembers(const Weights& weights);
+  void AddMembers(const Weights& weights, bool held_out_again);
 
   const Evaluator& evaluator_;
   const Folds& folds_;

@@ -11,7 +11,9 @@ Effect CellOffset() {
       .cut = Cut::kSensors,
       .cut_robot_side = Cut::kSensors,
       .on_one = true,
-      .parameters = {{.name = "N", .nominal = 0, .lower = -2, .upper = 2, .typical = 0.05}},
+      // Near a slack tendon a small step says little of a large one.
+      .parameters =
+          {{.name = "N", .nominal = 0, .lower = -2, .upper = 2, .typical = 0.05, .starts = {-0.2, 0.2}}},
       .summary = "the load cell's zero is off",
       .physics =
           "Reading = gain x tension + N: an amplifier's offset, a cell mounted under stress, a tare "

@@ -21,11 +21,13 @@ Effect TipForce() {
           "has no inertia, and its moment about each unit changes with the shape.",
       .signature =
           "An offset of the tip towards one fixed side that is smaller where the robot is stiff (high "
-          "tension) and does not turn when the base is rolled; frequencies stay as they are.",
+          "tension) and does not turn when the base is rolled; frequencies stay as they are. Along the "
+          "backbone a pull hardly does more than stiffen it, a push soften it.",
       .experiment =
           "Bends in every direction at two co-contractions; take off whatever hangs at the tip and repeat "
           "one of them.",
-      .confusable = {"precurvature", "base_tilt", "tip_payload", "tracker_offset"},
+      .confusable = {"precurvature", "base_tilt", "tip_payload", "tracker_offset", "bending_stiffness",
+                     "unit_stiffness"},
       .edit =
           [](RobotParameters& robot, Target, std::span<const double> v) {
             robot.body.tip_force_W_N += Eigen::Vector3d(v[0], v[1], v[2]);

@@ -1,0 +1,74 @@
+// Floors and scores as the noise that a cause carries makes them.
+#include "carried_noise.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+namespace tendril::gap {
+namespace {
+
+constexpr int kQuietTried = 6;  // of each list, until the first is one of them
+
+/// What is compared with runs from before has the noise of both.
+bool Compared(const DataSet& set) {
+  return std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); });
+}
+
+/// Log score that the missing noise alone is expected to bring.
+double Quiet(const Evaluator& nominal, const Evaluator& other, const Weights& weights) {
+  double sum = 0;
+  for (int c = 0; c < static_cast<int>(nominal.channels().size()); ++c) {
+    double channel = 0;
+    for (int i = 0; i < static_cast<int>(nominal.runs().size()); ++i) {
+      const auto &was = nominal.Carried()[i][c], &is = other.Carried()[i][c];
+      if (was.size() != is.size()) continue;
+      channel += 0.5 * (weights(i, c).array() * (was - is).array()).sum();
+    }
+    sum += std::max(0.0, channel);
+  }
+  return sum;
+}
+
+}  // namespace
+
+std::optional<Evaluator> WidenedByCause(const Evaluator& evaluator, const DataSet& set,
+                                        const SearchResult& search, const Evaluator::Options& options) {
+  if (search.fits.empty() || Compared(set) || !evaluator.repeated()) return std::nullopt;
+  const Fit& best = search.fits.front();
+  if (best.bound_hit || best.held_out_score - search.base_score < kPairGain) return std::nullopt;
+  DataSet with_cause = set;
+  try {
+    with_cause.robot = best.model.Robot(evaluator.nominal());
+    std::optional<Evaluator> wide = evaluator;
+    if (wide->Widen(Evaluator(with_cause, options))) return wide;
+  } catch (const std::exception&) {
+    // A robot that cannot follow these runs has no floor.
+  }
+  return std::nullopt;
+}
+
+void TakeOffQuiet(const Evaluator& evaluator, const DataSet& set, const Evaluator::Options& options,
+                  SearchResult& search) {
+  if (Compared(set)) return;
+  const Weights weights(evaluator, search.leftover);
+  for (std::vector<Fit>* fits : {&search.fits, &search.pairs}) {
+    for (int tried = 0; tried < kQuietTried && !fits->empty() && !fits->front().quiet; ++tried) {
+      Fit& best = fits->front();
+      best.quiet = 0;
+      try {
+        DataSet with_cause = set;
+        with_cause.robot = best.model.Robot(evaluator.nominal());
+        best.quiet = Quiet(evaluator, Evaluator(with_cause, options), weights);
+      } catch (const std::exception&) {
+        // A robot that cannot follow other readings of these runs is not known to be quiet.
+      }
+      best.score -= *best.quiet;
+      best.held_out_score -= *best.quiet;
+      std::stable_sort(fits->begin(), fits->end(), ByHeldOut);
+    }
+  }
+}
+
+}  // namespace tendril::gap
