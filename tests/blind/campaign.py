@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 
 from tests.blind import score
-from tests.blind.seal import Wrong, confined, diagnose_one, digest, mine, now, sha, shard_ids, vault_of, write_once
+from tests.blind.seal import (LEDGER, NotRun, Wrong, confined, diagnose_one, digest, enter, entered, mine, now, sha, shard_ids,
+                              vault_of, write_once)
 
 ROOT = Path(__file__).resolve().parents[2]
 KINDS = dict(single=0.38, parameter=0.15, null=0.2, nuisance_null=0.05, unlisted=0.08, pair=0.08, weak=0.03, no_tracker=0.03)
@@ -26,14 +27,16 @@ def kinds_of(count, rng):
     return kinds
 
 
-def draw(kind, rng, among=None):
-    """What to plant: list of (name, where, sigma, sign); what lists name only `among` these."""
+def draw(kind, rng, among=None, chain=True):
+    """What to plant: list of (name, where, sigma, sign); what lists name only `among` these; the untied chain with `chain`."""
     from tests.blind import effects
     groups = dict(single=("listed", "scale", "sensor"), parameter=("scale",), unlisted=("unlisted",), pair=("listed", "scale"),
                   weak=("listed", "scale"), no_tracker=("listed", "scale"))
     if kind not in groups:
         return []
-    pool = [e for e in effects.LIST.values() if e.kind in groups[kind] and e.name != "free_chain"]
+    pool = [e for e in effects.LIST.values() if e.kind in groups[kind]]
+    if not chain:
+        pool = [e for e in pool if e.name != "free_chain"]
     if among and kind != "unlisted":
         pool = [e for e in pool if e.name in among]
     if kind == "no_tracker":
@@ -72,7 +75,7 @@ def make(o):
     ids = shard_ids(o.sets, o.shard)
     rng = random.SystemRandom()
     for kind in KINDS:
-        draw(kind, rng, o.effects)  # refused before anything is made
+        draw(kind, rng, o.effects, o.mujoco > 0)  # refused before anything is made
     for d in (folder / "sets", folder / "seals", vault):
         d.mkdir(parents=True, exist_ok=True)
     vault.chmod(0o700)
@@ -102,19 +105,23 @@ def make_one(o, folder, vault, name, kind, rng):
     seed = rng.getrandbits(48)
     for _ in range(5):  # again where what was drawn cannot be made
         items, sizes = [], []
-        for effect, where, sigma, sign in draw(kind, rng, o.effects):
+        for effect, where, sigma, sign in draw(kind, rng, o.effects, o.mujoco > 0):
             amount, size, channel = generator.amount_for(robot, effect, where, sigma, seed, sign, cell)
             items.append((effect, where, amount))
             sizes.append(dict(wanted_sigma=sigma, sigma=size, channel=channel))
         others = ["cocontraction", "circle", "steps", "multisine", "ladder", "hold"]
         families = ["triangle"] + rng.sample(others, o.families - 1)
+        # Some of what both plants can do is done by the other one, the untied chain always.
+        names = {effect for effect, _, _ in items}
+        either = kind != "nuisance_null" and all(n in generator.MUJOCO or effects.LIST[n].cut == "C6" for n in names)
+        plant = "mujoco" if "free_chain" in names or (either and rng.random() < o.mujoco) else "lagrange"
         nuisance = 0.0
         if kind == "nuisance_null":
             nuisance, size = generator.small_nuisance(robot, seed, cell)
             sizes.append(dict(wanted_sigma=0.0, sigma=size, channel="any"))
         common = dict(robot_name=robot_name, items=items, seed=seed, load_cell=cell, tracker=like != "no_tracker",
                       colour=rng.choice([0, 0, 0.5, 0.9]), lost=rng.choice([0, 0, 0, 0.03]),
-                      jitter=rng.choice([3e-6, 3e-6, 2e-5]), nuisance=nuisance)
+                      jitter=rng.choice([3e-6, 3e-6, 2e-5]), nuisance=nuisance, plant=plant)
         try:
             extra = {}
             if kind == "weak":
@@ -144,34 +151,67 @@ KEEP = ("verdict", "sentence", "location", "causes", "accepted", "closed", "left
 
 
 def diagnose(o):
+    """Whether all that was looked at has an answer that can be counted."""
     folder = Path(o.campaign)
-    prefix = confined(vault_of(folder, o.vault))
+    if not any((folder / "seals").glob("*.json")):
+        raise Wrong(f"--campaign {folder}: no sealed sets in its folder seals; gap_blind make writes them")
+    vault = vault_of(folder, o.vault)
     command = o.command or [str(o.tendril), "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "--no-next", "{set}"]
     program = shutil.which(command[0])
     if not program:
         raise Wrong(f"{command[0]}: no such program; give --tendril or the command after --")
-    if not any((folder / "seals").glob("*.json")):
-        raise Wrong(f"--campaign {folder}: no sealed sets in its folder seals; gap_blind make writes them")
+    with contextlib.suppress(PermissionError):
+        folder.chmod(0o700)  # the order and times of seals say something of what was planted
+    prefix, how = confined(vault, folder)
     command[0] = str(Path(program).absolute())  # it runs elsewhere
     (folder / "answers").mkdir(exist_ok=True)
+    entered(vault / LEDGER)  # a damaged one is told before anything is spent
     program_sha256 = sha(Path(program).read_bytes())
+    good = True
     for k in shard_ids(o.sets or 100000, o.shard):
         if not (folder / "seals" / f"{k:04d}.json").exists():
             continue
         for name in (f"{k:04d}", f"{k:04d}_followup"):
-            data, out = folder / "sets" / name, folder / "answers" / f"{name}.json"
-            if not data.exists() or out.exists():
+            if not (folder / "sets" / name).exists() or (folder / "answers" / f"{name}.json").exists():
                 continue
             with mine(folder / "answers" / f".{name}.lock") as free:
-                if not free or out.exists():
+                if not free or (folder / "answers" / f"{name}.json").exists():
                     continue
-                before = digest(data)
-                report, facts = diagnose_one(command, data, prefix, o.timeout)
-                answer = dict(id=name, data_sha256=before, program_sha256=program_sha256, confined=bool(prefix),
-                              report=report and {key: report[key] for key in KEEP if key in report}, **facts)
-                write_once(out, json.dumps(answer) + "\n")
-            print(f"{name}: {report['verdict'] if report else 'failed: ' + facts['error'].strip()[-200:]}, "
-                  f"{(facts['finished_ns'] - facts['started_ns']) / 1e9:.1f} s", flush=True)
+                try:
+                    good &= answer_one(folder, vault, name, command, dict(program_sha256=program_sha256, confined=bool(prefix), vault=how),
+                                       prefix, o.timeout)
+                except (NotRun, OSError, ValueError, KeyError) as wrong:  # of this set alone; nothing is answered
+                    print(f"{name}: not answered: {wrong}", flush=True)
+                    good = False
+    return good
+
+
+def answer_one(folder, vault, name, command, facts, prefix, timeout_s):
+    seal = json.loads((folder / "seals" / f"{name[:4]}.json").read_text())
+    data, before = folder / "sets" / name, digest(folder / "sets" / name)
+    if before != seal["followup_sha256" if name.endswith("_followup") else "data_sha256"]:
+        raise NotRun("its data are not the sealed ones")
+    report, run = diagnose_one(command, data, prefix, timeout_s)
+    if report:
+        try:
+            score.check_report(report)
+        except (ValueError, TypeError, KeyError) as wrong:
+            report, run["error"] = None, f"report.json: {wrong}"
+    answer = dict(id=name, data_sha256=before, **facts, report=report and {key: report[key] for key in KEEP if key in report}, **run)
+    text = json.dumps(answer) + "\n"
+    write_once(folder / "answers" / f"{name}.json", text)
+    if vault.is_dir():
+        enter(vault / LEDGER, name, text)
+    print(f"{name}: {report['verdict'] if report else 'failed: ' + run['error'].strip()[-200:]}, "
+          f"{(run['finished_ns'] - run['started_ns']) / 1e9:.1f} s", flush=True)
+    return report is not None
+
+
+def share(text):
+    value = float(text)
+    if not 0 <= value <= 1:
+        raise argparse.ArgumentTypeError(f"{text}: accepted are 0 to 1")
+    return value
 
 
 def at_least(least, kind):
@@ -194,6 +234,8 @@ def main():
     m.add_argument("--families", type=int, default=5, choices=range(2, 8), help="kinds of excitation in a set")
     m.add_argument("--effects", metavar="LIST", type=lambda text: text.split(","),
                    help="draw those that the library has among these only, with commas between (default: all)")
+    m.add_argument("--mujoco", metavar="SHARE", type=share, default=0.25,
+                   help="of the sets that both plants can do, so many are MuJoCo's (default: 0.25; 0: none, the untied chain neither)")
     m.add_argument("--shard", default="1/1", help="i/n: this part of the sets")
     d = sub.add_parser("diagnose", help="run the diagnosis on what is sealed, once a set")
     d.add_argument("--campaign", required=True)
@@ -211,8 +253,7 @@ def main():
     s.add_argument("--record", metavar="FILE", help="also what the score is made of, a line a set; written once")
     s.add_argument("--oracle", metavar="TENDRIL", help="also let this program fit the effect that it is told, on every single")
     o = a.parse_args()
-    dict(make=make, diagnose=diagnose, score=score.score)[o.what](o)
-    return 0
+    return 1 if dict(make=make, diagnose=diagnose, score=score.score)[o.what](o) is False else 0
 
 
 if __name__ == "__main__":

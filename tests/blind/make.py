@@ -119,6 +119,15 @@ def size_of(robot, name, where, amount, seed, short, load_cell):
     return total[best] if np.isfinite(total[best]) else np.inf, best, total
 
 
+def size_of_chain(robot, families, load_cell):
+    """sigma of MuJoCo's untied chain against its tied one, and the channel."""
+    targets, _, floor = short_runs(robot, families, load_cell)
+    plants = [planted(robot, items, 0)[0] for items in ([("free_chain", "all", 1.0)], [])]
+    total = pooled([[outputs(robot, p, {}, t, load_cell, 8, plant="mujoco") for p in plants] for t in targets], floor)
+    best = max(total, key=total.get)
+    return total[best], best
+
+
 def small_nuisance(robot, seed, load_cell, most_sigma=0.1, most=0.2):
     """(nuisance, sigma): off by a fifth, or by so much less that no channel changes by more than most_sigma floors."""
     nuisance, size = most, nuisance_size(robot, seed, load_cell, most)
@@ -158,6 +167,8 @@ def short_runs(robot, families, load_cell):
 def amount_for(robot, name, where, sigma, seed, sign, load_cell="motor_side"):
     """The amount whose rms change in the most affected channel is sigma floors, on short runs that show it."""
     e = effects.LIST[name]
+    if name == "free_chain":  # untied or not: there is but one amount, and one plant
+        return (e.typical, *size_of_chain(robot, e.families[:1], load_cell))
     short = short_runs(robot, e.families, load_cell)
     bound = e.high if sign > 0 else -e.low
     if bound <= 0:

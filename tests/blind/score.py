@@ -3,10 +3,11 @@ import json
 import math
 import os
 import random
+import shutil
 import stat
 from pathlib import Path
 
-from tests.blind.seal import Wrong, diagnose_one, digest, sha, vault_of, write_once
+from tests.blind.seal import LEDGER, Wrong, diagnose_one, digest, entered, sha, vault_of, write_once
 
 SEEN = 0.3  # sigma from which half of all effects shall be seen
 CONFIDENT = 0.9
@@ -31,12 +32,18 @@ def checked(truth, record):
     need(all_of(truth.get("sizes"), lambda x: numbers(x.get("sigma")) and x["sigma"] >= 0), "truth's sizes")
     need(text(record.get("id")) and text(record.get("data_sha256")) and text(record.get("program_sha256")), "record without id or hashes")
     need(isinstance(record.get("started_ns"), int), "record without time")
-    report = record.get("report")
-    if report is None:
-        return
+    if record.get("report") is not None:
+        check_report(record["report"])
+
+
+def check_report(report):
+    """ValueError that says what is wrong with a diagnosis's report."""
+    text, numbers = (lambda v: isinstance(v, str)), (lambda v: isinstance(v, (int, float)) and math.isfinite(v))
+    all_of = lambda v, holds: isinstance(v, list) and all(isinstance(x, dict) and holds(x) for x in v)
     cause = lambda c: text(c.get("effect")) and text(c.get("where"))
     need(isinstance(report, dict) and report.get("verdict") in VERDICTS, f"verdict; accepted are {', '.join(VERDICTS)}")
     need(all_of(report.get("causes"), lambda c: cause(c) and numbers(c.get("p")) and 0 <= c["p"] <= 1), "causes")
+    need(bool(report["causes"]) or report["verdict"] not in ("attributed", "ambiguous_group"), "causes, of which there is none")
     need(all_of(report.get("location", []), lambda f: text(f.get("cut"))), "location")
     need(all_of(report.get("accepted", []), cause) and all_of(report.get("baselines", []), lambda b: cause(b) and text(b.get("name"))),
          "accepted or baselines")
@@ -98,7 +105,7 @@ class Case:
             report["accepted"] = [{k: c[k] for k in ("effect", "where")} for c in report.get("accepted", [])]
             closed = report.get("closed") or {}
             report["closed"] = {k: {"value": closed[k].get("value")} for k in ("pooled", "ceiling") if closed.get(k)}
-        kept = ("id", "data_sha256", "program_sha256", "started_ns", "finished_ns", "confined")
+        kept = ("id", "data_sha256", "program_sha256", "started_ns", "finished_ns", "confined", "vault")
         line = dict(record=dict({k: self.record[k] for k in kept if k in self.record}, report=report), oracle=self.oracle)
         if self.sealed:
             return dict(opened=self.sealed[0], seal=self.sealed[1], **line)
@@ -312,6 +319,11 @@ def table(cases, followups, refusals):
     for c in answered:
         builds.setdefault(c.record["program_sha256"][:12], []).append(c)
     lines.append("Programs: " + ", ".join(f"{b} ({len(v)} answers)" for b, v in sorted(builds.items())))
+    kept = {}
+    for c in answered:
+        how = c.record.get("vault") or {True: "confined", False: "not confined"}.get(c.record.get("confined"), "not known")
+        kept[how] = kept.get(how, 0) + 1
+    lines.append("Vault: " + ", ".join(f"{how} ({n} answers)" for how, n in sorted(kept.items())))
     lines.append("Refused: " + ("; ".join(f"{i}: {why}" for i, why in refusals) or "none"))
     numbers["confusion"] = [[a, b, ids] for (a, b), ids in sorted(confusion.items())]
     return lines, numbers
@@ -362,15 +374,24 @@ def told(program, case, data):
         kept.parent.mkdir(exist_ok=True)
         command = [program, "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "--no-next", "--only", case.wanted[0][0],
                    "{set}"]
-        report, _ = diagnose_one(command, data, [], 3600)
-        write_once(kept, json.dumps(report and {"closed": report["closed"]}) + "\n")
+        report, facts = diagnose_one(command, data, [], 3600)
+        if report is None:
+            print(f"oracle, {case.id}: {facts['error'].strip()[-200:]}", flush=True)
+            return None
+        write_once(kept, json.dumps({"closed": report["closed"]}) + "\n")
     return json.loads(kept.read_text())
 
 
 def opened(folder, vault, oracle):
     """A campaign's cases and what is refused: (cases, [(name, why)])."""
     cases, refusals = [], []
-    for seal_file in sorted((folder / "seals").glob("*.json")):
+    if not vault.is_dir():
+        raise Wrong(f"{vault}: the answers of {folder} are not there; name their folder with --vault")
+    seals = sorted((folder / "seals").glob("*.json"))
+    gone = {p.stem for p in vault.glob("*.json")} - {p.stem for p in seals}
+    refusals += [(name, "its seal is gone") for name in sorted(gone)]
+    answers = entered(vault / LEDGER)
+    for seal_file in seals:
         name = seal_file.stem
         try:
             seal = json.loads(seal_file.read_text())
@@ -383,7 +404,8 @@ def opened(folder, vault, oracle):
                     refusals.append((which, "not diagnosed"))
                     continue
                 try:
-                    record = json.loads(path.read_text())
+                    answer = path.read_text()
+                    record = json.loads(answer)
                     case = Case(truth, record, sealed=(text, seal))
                     need(record["id"] == which, "another set's answer")
                 except (ValueError, OSError) as wrong:
@@ -392,6 +414,12 @@ def opened(folder, vault, oracle):
                 why = refused(seal, text, record, folder / "sets" / which)
                 if os.stat(path).st_mode & stat.S_IWUSR:
                     why = why or "the answer's file can be rewritten"
+                if answers is not None:
+                    written = answers.get(which, [])
+                    if len(written) > 1:
+                        why = why or f"answered {len(written)} times"
+                    elif written != [sha(answer.encode())]:
+                        why = why or "not the answer that was given"
                 if why:
                     refusals.append((which, why))
                     continue
@@ -438,8 +466,15 @@ def score(o):
     cases, refusals, counted = [], [], set()
     if o.record and Path(o.record).exists():
         raise Wrong(f"--record {o.record}: is there already, and written once; give another name")
+    if o.oracle and not shutil.which(o.oracle):
+        raise Wrong(f"--oracle {o.oracle}: no such program")
+    for output in (o.json, o.record, o.picture):
+        if output and not Path(output).absolute().parent.is_dir():
+            raise Wrong(f"{output}: no folder {Path(output).absolute().parent}")
     for campaign in map(Path, o.campaigns):
         if campaign.is_file():
+            if o.oracle:
+                raise Wrong(f"--oracle needs the sets, which {campaign} has not: name the campaign's folder")
             more = recorded(campaign)
         elif any((campaign / "seals").glob("*.json")):
             more = opened(campaign, vault_of(campaign, o.vault), o.oracle)

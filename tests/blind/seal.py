@@ -6,14 +6,24 @@ import hashlib
 import json
 import os
 import shutil
+import signal
+import stat
 import subprocess
 import tempfile
 import time
 from pathlib import Path
 
 
+LEDGER = "answers.ledger"  # in the vault: what was answered, in order
+MOST_BYTES = 200_000_000  # of a report
+
+
 class Wrong(Exception):
     pass
+
+
+class NotRun(Exception):
+    """The machine's fault, not the command's: nothing is answered."""
 
 
 def sha(data):
@@ -26,7 +36,8 @@ def now():
 
 def shard_ids(count, shard):
     part, _, whole = shard.partition("/")
-    if not (part.isdigit() and whole.isdigit() and 1 <= int(part) <= int(whole)):
+    number = lambda t: t.isascii() and t.isdecimal()
+    if not (number(part) and number(whole) and 1 <= int(part) <= int(whole)):
         raise Wrong(f"--shard {shard}: write i/n with 1 <= i <= n, such as 2/8")
     return [k for k in range(count) if k % int(whole) == int(part) - 1]
 
@@ -64,23 +75,56 @@ def digest(folder):
     return h.hexdigest()
 
 
-def confined(vault):
-    """Prefix of a command that makes the vault unreadable to it; checked, not assumed. A vault that is not on this machine
-    needs none; root's rights are dropped all the same."""
-    drop = [["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]] if os.geteuid() == 0 else []
-    hide = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", 'mount -t tmpfs none "$0" && exec "$@"', str(vault)]
+def enter(ledger, name, text):
+    """Writes down that `name` was answered so; what was answered again, or changed since, shows beside it."""
+    with open(ledger, "a+") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        file.seek(0)
+        lines = file.read().splitlines()
+        entry = dict(name=name, sha256=sha(text.encode()), before=sha(lines[-1].encode()) if lines else "")
+        file.write(json.dumps(entry) + "\n")
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def entered(ledger):
+    """{name: [sha256 of each answer]}; None without a ledger. ValueError where a line was changed or taken out."""
+    if not ledger.exists():
+        return None
+    answers, before = {}, ""
+    for line in ledger.read_text().splitlines():
+        entry = json.loads(line)
+        if entry["before"] != before:
+            raise ValueError(f"{ledger}: the line of {entry['name']} does not follow the one above it")
+        before = sha(line.encode())
+        answers.setdefault(entry["name"], []).append(entry["sha256"])
+    return answers
+
+
+def confined(vault, campaign):
+    """(prefix of a command that makes the vault unreadable to it, how); checked, not assumed. A vault that is not on this
+    machine needs none; root's rights are dropped all the same."""
     there = vault.exists()
+    files = sorted(map(str, vault.iterdir())) if there else []
     if not there:
         print(f"{vault} is not on this machine: nothing to hide", flush=True)
-    probe = next(iter(sorted(vault.glob("*.json"))), None) if there else None
-    for prefix in drop + ([hide] if there else [[]]):
-        try:
-            works = subprocess.run([*prefix, "true"], capture_output=True).returncode == 0
-        except FileNotFoundError:
-            continue
-        if works and (probe is None or subprocess.run([*prefix, "cat", str(probe)], capture_output=True).returncode != 0):
-            return prefix
-    raise Wrong(f"the diagnosis could read {vault}: move it to another machine or user, or run as root with setpriv")
+    if os.geteuid() == 0:
+        prefix, how = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--no-new-privs"], "other user"
+    elif there:
+        # What may mount may also unmount: its rights go once both folders are covered.
+        prefix, how = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c",
+                       'mount -t tmpfs none "$0" && mount -t tmpfs none "$1" && shift && '
+                       'exec setpriv --bounding-set=-all --inh-caps=-all --no-new-privs "$@"', str(vault), str(campaign)], "covered"
+    else:
+        prefix, how = [], "same user"
+    spy = 'umount "$0" 2>/dev/null; for f; do cat "$f" >/dev/null 2>&1 && exit 1; done; exit 0'
+    try:
+        works = subprocess.run([*prefix, "sh", "-c", spy, str(vault), *files], capture_output=True).returncode == 0
+    except FileNotFoundError:
+        works = False
+    if not works:
+        raise Wrong(f"the diagnosis could read {vault}: move it to another machine or user, or run as root with setpriv")
+    return prefix, how if there else f"{how}, no vault here"
 
 
 def vault_of(folder, named):
@@ -96,29 +140,58 @@ def vault_of(folder, named):
     return Path(named)
 
 
+def run_once(words, work, timeout_s):
+    """(exit code, end of stderr); what it has started ends with it."""
+    error = work / "stderr"
+    with open(error, "wb") as err:
+        done = subprocess.Popen(words, cwd=work, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=err, start_new_session=True,
+                                env={"PATH": os.environ["PATH"], "HOME": str(work)})
+        try:
+            code = done.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            code = None
+        finally:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(done.pid, signal.SIGKILL)
+            done.wait()
+    with open(error, "rb") as err:
+        err.seek(max(0, error.stat().st_size - 2000))
+        text = err.read().decode(errors="replace")
+    return (124, f"more than {timeout_s} s") if code is None else (code, text)
+
+
 def diagnose_one(command, folder, prefix, timeout_s):
-    """Runs the command on a copy of the set, under names that tell nothing. (report or None, facts)"""
-    with tempfile.TemporaryDirectory(prefix="set_") as work:
+    """Runs the command on a copy of the set, under names that tell nothing. (report or None, facts). NotRun where the
+    machine kept it from running to its end."""
+    with tempfile.TemporaryDirectory(prefix="set_", ignore_cleanup_errors=True) as work:
         work = Path(work)
-        shutil.copytree(folder, work / "set", copy_function=shutil.copyfile)
+        try:
+            shutil.copytree(folder, work / "set", copy_function=shutil.copyfile)
+        except (OSError, shutil.Error) as wrong:
+            raise NotRun(f"cannot copy the set: {wrong}")
         (work / "out").mkdir()
         for path in [work, *work.rglob("*")]:
             path.chmod(0o777 if path.is_dir() else 0o644)
             os.utime(path, (0, 0))  # when it was written tells how long it took to make
+        if subprocess.run([*prefix, "test", "-w", str(work / "out")], capture_output=True).returncode != 0:
+            raise NotRun(f"the command, as another user, cannot write into {work}: set TMPDIR to a folder that everybody may enter")
         words = [w.replace("{robot}", str(work / "set" / "robot.yaml")).replace("{set}", str(work / "set"))
                  .replace("{out}", str(work / "out")) for w in command]
         begin = now()
-        try:
-            done = subprocess.run([*prefix, *words], cwd=work, capture_output=True, text=True, errors="replace", timeout=timeout_s,
-                                  env={"PATH": os.environ["PATH"], "HOME": str(work)})
-            code, error = done.returncode, done.stderr[-2000:]
-        except subprocess.TimeoutExpired:
-            code, error = -1, f"more than {timeout_s} s"
+        code, error = run_once([*prefix, *words], work, timeout_s)
+        finished = now()
+        if -code in (signal.SIGHUP, signal.SIGINT, signal.SIGKILL, signal.SIGTERM):  # crashes are the command's own
+            raise NotRun(f"stopped from outside ({signal.Signals(-code).name})")
+        if code != 0 and "No space left on device" in error:
+            raise NotRun(error.strip()[-200:])
         report = None
         if code == 0:
+            path = work / "out" / "report.json"
             try:
-                report = json.loads((work / "out" / "report.json").read_text())
+                if not stat.S_ISREG(path.stat().st_mode) or path.stat().st_size > MOST_BYTES:
+                    raise ValueError("no plain file of a sensible size")
+                report = json.loads(path.read_text())
                 report["verdict"], [(c["effect"], c["where"], c["p"]) for c in report["causes"]], report["location"]
-            except (OSError, ValueError, KeyError, TypeError) as wrong:
+            except (OSError, ValueError, KeyError, TypeError, RecursionError) as wrong:
                 report, error = None, f"report.json: {type(wrong).__name__}: {wrong}"
-        return report, dict(started_ns=begin, finished_ns=now(), exit_code=code, error=error)
+        return report, dict(started_ns=begin, finished_ns=finished, exit_code=code, error=error)

@@ -6,9 +6,12 @@ import tests.blind.packages  # noqa: F401  (first)
 import contextlib
 import io
 import json
+import os
+import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 from pathlib import Path
 from unittest import mock
@@ -128,11 +131,89 @@ class Seal(unittest.TestCase):
             self.assertIn("and more", said.getvalue())
 
     def test_a_program_that_writes_no_report_fails_to_answer(self):
-        for report in ("", "{}", "[1]", '{"verdict": "no_gap", "causes": [{}], "location": []}'):
+        for report in ("", "{}", "[1]", '{"verdict": "no_gap", "causes": [{}], "location": []}', "[" * 100000):
             write = f"import sys; open(sys.argv[1] + '/report.json', 'w').write({report!r})"
             got, facts = seal.diagnose_one(["/usr/bin/python3", "-c", write, "{out}"], self.folder / "sets" / "0000", [], 60)
             self.assertIsNone(got)
             self.assertIn("report.json", facts["error"])
+
+    def test_a_command_that_hangs_is_ended_with_all_it_started(self):
+        data = self.folder / "sets" / "0000"
+        mark = Path(self.scratch.name) / "mark"
+        for words, why in (("sleep 60 & echo $! > $1; wait", "more than 1 s"), ('mkfifo "$0/report.json"', "no plain file")):
+            got, facts = seal.diagnose_one(["/bin/sh", "-c", words, "{out}", str(mark)], data, [], 1)
+            self.assertIsNone(got)
+            self.assertIn(why, facts["error"])
+        with self.assertRaises(ProcessLookupError):
+            for _ in range(50):  # it is gone once its parent's parent has seen it
+                os.kill(int(mark.read_text()), 0)
+                time.sleep(0.1)
+                if "State:\tZ" in Path(f"/proc/{int(mark.read_text())}/status").read_text():
+                    raise ProcessLookupError
+
+    def test_what_the_machine_stops_is_not_answered(self):
+        with self.assertRaisesRegex(seal.NotRun, "stopped from outside .SIGKILL"):
+            seal.diagnose_one(["/bin/sh", "-c", "kill -9 $$"], self.folder / "sets" / "0000", [], 60)
+        got, facts = seal.diagnose_one(["/bin/sh", "-c", "kill -SEGV $$"], self.folder / "sets" / "0000", [], 60)
+        self.assertEqual((got, facts["exit_code"]), (None, -11))  # its own fault
+
+    @contextlib.contextmanager
+    def copied(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            folder, vault = Path(scratch) / "c", Path(scratch) / "v"
+            shutil.copytree(self.folder, folder)
+            shutil.copytree(self.vault, vault)
+            (folder / "vault").unlink()
+            (folder / "vault").write_text(f"{vault}\n")
+            yield folder, vault
+
+    def test_answers_given_twice_rewritten_or_without_a_seal_do_not_count(self):
+        for change, why in (
+                (lambda folder, vault, answer: answer.write_text(answer.read_text().replace("no_gap", "unexplained", 1)), "not the answer that was given"),
+                (lambda folder, vault, answer: run("diagnose", "--campaign", folder, "--", "/bin/true") if answer.unlink() is None else 0, "answered 2 times"),
+                (lambda folder, vault, answer: (folder / "seals" / "0000.json").unlink(), "its seal is gone")):
+            with self.copied() as (folder, vault):
+                answer = folder / "answers" / "0000.json"
+                mode = answer.stat().st_mode
+                answer.chmod(0o644)
+                change(folder, vault, answer)
+                if answer.exists():
+                    answer.chmod(mode)
+                text = run("score", folder)
+                self.assertIn("1 sealed sets, 1 refused", text)
+                self.assertIn(f"0000: {why}", text)
+        with self.copied() as (folder, vault):
+            ledger = vault / seal.LEDGER
+            ledger.write_text(ledger.read_text().splitlines(True)[-1])
+            with self.assertRaisesRegex(ValueError, "does not follow"):
+                run("score", folder)
+
+    def test_changed_data_and_reports_that_say_nothing_are_not_taken(self):
+        with self.copied() as (folder, vault):
+            (folder / "answers" / "0000.json").unlink()
+            (folder / "sets" / "0000" / "runs.yaml").write_text("[]")
+            self.assertIn("not answered: its data are not the sealed ones", run("diagnose", "--campaign", folder, "--", "/bin/true"))
+            self.assertFalse((folder / "answers" / "0000.json").exists())
+        with self.copied() as (folder, vault):
+            (folder / "answers" / "0000.json").unlink()
+            (vault / seal.LEDGER).unlink()
+            report = '{"verdict": "attributed", "causes": [], "location": []}'
+            text = run("diagnose", "--campaign", folder, "--", "/bin/sh", "-c", f"echo '{report}' > $0/report.json", "{out}")
+            self.assertIn("0000: failed: report.json: causes", text)
+
+    def test_an_oracle_that_is_not_there_is_refused_first(self):
+        with self.assertRaisesRegex(campaign.Wrong, "no such program"):
+            run("score", self.folder, "--oracle", "/nope")
+        with self.assertRaisesRegex(campaign.Wrong, "needs the sets"):
+            run("score", campaign.ROOT / "tests" / "blind" / "records" / "c5.jsonl", "--oracle", "/bin/true")
+
+    def test_who_is_not_root_cannot_uncover_the_answers(self):
+        if os.geteuid() == 0 or subprocess.run(["unshare", "--user", "--map-root-user", "true"]).returncode:
+            self.skipTest("as root another user's rights do it; else user namespaces are needed")
+        prefix, how = seal.confined(self.vault, self.folder)
+        self.assertEqual(how, "covered")
+        spy = f"umount {self.vault}; unshare --user --map-root-user --mount umount {self.vault}; cat {self.vault}/0000.json"
+        self.assertNotEqual(subprocess.run([*prefix, "sh", "-c", spy], capture_output=True).returncode, 0)
 
     def case(self, kind, wanted, verdict, causes, accepted=(), sigma=5.0, name="0001"):
         cause = lambda e, p, group=0: dict(effect=e, where="all", p=p, group=group)
