@@ -94,7 +94,7 @@ def make(o):
 
 def make_one(o, folder, vault, name, kind, rng):
     import yaml
-    from tests.blind import make as generator
+    from tests.blind import effects, make as generator
     for leftover in (folder / "sets" / name, folder / "sets" / f"{name}_followup"):
         shutil.rmtree(leftover, ignore_errors=True)
     robot_name = rng.choice(["rig_90mm"] * 4 + ["rig_60mm"])
