@@ -114,6 +114,21 @@ DataSet Recorded(const std::string& effect, double duration_s = 7) {
   return Recorded(effect.empty() ? std::vector<std::string>{} : std::vector{effect}, duration_s);
 }
 
+/// With the load cells between pulleys and robot; the last run repeats the first.
+DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<std::string>& families,
+                            double duration_s, std::uint64_t seed) {
+  DataSet set;
+  set.robot = Rig();
+  for (auto& tendon : set.robot.actuation->tendons) tendon.load_cell.place = LoadCellPlace::kRobotSide;
+  RobotParameters plant = set.robot;
+  plant.effects.push_back(sim::ParseEffect(effect, plant));
+  for (const auto& family : families) set.runs.push_back(Record(plant, family, duration_s, seed++));
+  for (auto& run : set.runs) run.load_cell = LoadCellPlace::kRobotSide;
+  set.runs.back().name = families.front() + " again";
+  set.runs.back().repeat_of = families.front();
+  return set;
+}
+
 const gap::Cause* Named(const Diagnosis& d, const std::string& effect) {
   for (const auto& cause : d.causes) {
     if (cause.effect == effect) return &cause;
@@ -257,17 +272,8 @@ TEST(Diagnose, RunsFromBeforeWithoutCellsAndTrackerAreNotBelievedToBeRight) {
 // A body with little damping carries the noise of the cells that drive its replay on into shape and stretch:
 // with the cause in the model the floor is higher than with the nominal robot, and nothing is left.
 TEST(Diagnose, ABodyThatRingsCarriesTheNoiseOfItsCellsAndIsNotBlamedForIt) {
-  DataSet set;
-  set.robot = Rig();
-  for (auto& tendon : set.robot.actuation->tendons) tendon.load_cell.place = LoadCellPlace::kRobotSide;
-  RobotParameters plant = set.robot;
-  plant.effects.push_back(sim::ParseEffect("bending_damping scale=0.2", plant));
-  std::uint64_t seed = 5;
-  for (const char* family : {"circle", "triangle", "multisine", "circle"})
-    set.runs.push_back(Record(plant, family, 7, seed++));
-  for (auto& run : set.runs) run.load_cell = LoadCellPlace::kRobotSide;
-  set.runs.back().name = "circle again";
-  set.runs.back().repeat_of = "circle";
+  const DataSet set =
+      RecordedAtRobotSide("bending_damping scale=0.2", {"circle", "triangle", "multisine", "circle"}, 7, 5);
   const Diagnosis d = Diagnose(
       set, Only({"bending_damping", "bending_stiffness", "unit_mass", "tendon_stiffness", "presliding"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
@@ -283,15 +289,7 @@ TEST(Diagnose, ABodyThatRingsCarriesTheNoiseOfItsCellsAndIsNotBlamedForIt) {
 // Noise of the cells shakes the body that a replay drives by them; one that is damped more than the real one
 // stays calmer and fits better, which explains nothing. Gentle runs hardly contradict it.
 TEST(Diagnose, ACalmerBodyIsNoSecondCause) {
-  DataSet set;
-  set.robot = Rig();
-  for (auto& tendon : set.robot.actuation->tendons) tendon.load_cell.place = LoadCellPlace::kRobotSide;
-  RobotParameters plant = set.robot;
-  plant.effects.push_back(sim::ParseEffect("slack where=tendon:3 m=3.3e-5", plant));
-  for (const std::uint64_t seed : {21, 22}) set.runs.push_back(Record(plant, "gentle", 24, seed));
-  for (auto& run : set.runs) run.load_cell = LoadCellPlace::kRobotSide;
-  set.runs.back().name = "gentle again";
-  set.runs.back().repeat_of = "gentle";
+  const DataSet set = RecordedAtRobotSide("slack where=tendon:3 m=3.3e-5", {"gentle", "gentle"}, 24, 21);
   const Diagnosis d = Diagnose(set, Only({"slack", "bending_damping"}));
   ASSERT_EQ(d.accepted.size(), 1u) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "slack") << d.sentence;
