@@ -22,7 +22,7 @@ class Wrong(Exception):
     pass
 
 
-class NotRun(Exception):
+class NotRun(RuntimeError):
     """The machine's fault, not the command's: nothing is answered."""
 
 
@@ -92,12 +92,16 @@ def entered(ledger):
     if not ledger.exists():
         return None
     answers, before = {}, ""
-    for line in ledger.read_text().splitlines():
-        entry = json.loads(line)
-        if entry["before"] != before:
-            raise ValueError(f"{ledger}: the line of {entry['name']} does not follow the one above it")
+    for number, line in enumerate(ledger.read_text().splitlines(), 1):
+        try:
+            entry = json.loads(line)
+            name, given, follows = entry["name"], entry["sha256"], entry["before"]
+        except (ValueError, KeyError, TypeError):
+            raise ValueError(f"{ledger}:{number}: not a line of a ledger of answers: {line[:60]}")
+        if follows != before:
+            raise ValueError(f"{ledger}:{number}: the line of {name} does not follow the one above it")
         before = sha(line.encode())
-        answers.setdefault(entry["name"], []).append(entry["sha256"])
+        answers.setdefault(name, []).append(given)
     return answers
 
 
@@ -142,8 +146,7 @@ def vault_of(folder, named):
 
 def run_once(words, work, timeout_s):
     """(exit code, end of stderr); what it has started ends with it."""
-    error = work / "stderr"
-    with open(error, "wb") as err:
+    with tempfile.TemporaryFile() as err:  # without a name, so that the command cannot put something else in its place
         done = subprocess.Popen(words, cwd=work, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=err, start_new_session=True,
                                 env={"PATH": os.environ["PATH"], "HOME": str(work)})
         try:
@@ -154,8 +157,7 @@ def run_once(words, work, timeout_s):
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(done.pid, signal.SIGKILL)
             done.wait()
-    with open(error, "rb") as err:
-        err.seek(max(0, error.stat().st_size - 2000))
+        err.seek(max(0, err.seek(0, os.SEEK_END) - 2000))
         text = err.read().decode(errors="replace")
     return (124, f"more than {timeout_s} s") if code is None else (code, text)
 
@@ -188,7 +190,7 @@ def diagnose_one(command, folder, prefix, timeout_s):
         if code == 0:
             path = work / "out" / "report.json"
             try:
-                if not stat.S_ISREG(path.stat().st_mode) or path.stat().st_size > MOST_BYTES:
+                if not stat.S_ISREG(path.lstat().st_mode) or path.lstat().st_size > MOST_BYTES:
                     raise ValueError("no plain file of a sensible size")
                 report = json.loads(path.read_text())
                 report["verdict"], [(c["effect"], c["where"], c["p"]) for c in report["causes"]], report["location"]

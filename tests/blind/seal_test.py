@@ -140,7 +140,8 @@ class Seal(unittest.TestCase):
     def test_a_command_that_hangs_is_ended_with_all_it_started(self):
         data = self.folder / "sets" / "0000"
         mark = Path(self.scratch.name) / "mark"
-        for words, why in (("sleep 60 & echo $! > $1; wait", "more than 1 s"), ('mkfifo "$0/report.json"', "no plain file")):
+        for words, why in (("sleep 60 & echo $! > $1; wait", "more than 1 s"), ('mkfifo "$0/report.json"', "no plain file"),
+                           ('ln -s /etc/hostname "$0/report.json"; rm -f stderr; mkfifo stderr', "no plain file")):
             got, facts = seal.diagnose_one(["/bin/sh", "-c", words, "{out}", str(mark)], data, [], 1)
             self.assertIsNone(got)
             self.assertIn(why, facts["error"])
@@ -187,6 +188,16 @@ class Seal(unittest.TestCase):
             ledger.write_text(ledger.read_text().splitlines(True)[-1])
             with self.assertRaisesRegex(ValueError, "does not follow"):
                 run("score", folder)
+            ledger.write_text('{"name": "0000", ')
+            with self.assertRaisesRegex(ValueError, "answers.ledger:1: not a line of a ledger"):
+                run("score", folder)
+
+    def test_an_oracle_that_fails_is_tried_again(self):
+        case, data = self.case("single", ["slack"], "no_gap", [("no_gap", 0.7)]), self.folder / "sets" / "0000"
+        for _ in range(2):
+            with contextlib.redirect_stdout(io.StringIO()) as said:
+                self.assertIsNone(score.told("/bin/false", case, data))
+            self.assertIn("oracle, 0001", said.getvalue())
 
     def test_changed_data_and_reports_that_say_nothing_are_not_taken(self):
         with self.copied() as (folder, vault):
