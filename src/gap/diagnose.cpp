@@ -15,10 +15,10 @@
 
 #include "alike.h"
 #include "baselines.h"
-#include "carried_noise.h"
 #include "closure.h"
 #include "details.h"
 #include "evaluator.h"
+#include "floor_at_cause.h"
 #include "frozen_motors.h"
 #include "implausible.h"
 #include "judge.h"
@@ -444,18 +444,24 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
                       prepared.samples() * prepared.signals.step_s, 1 / prepared.signals.step_s,
                       static_cast<int>(run.time_s.size()), run.before, before_sha256[run.before]});
   }
-  for (const auto& channel : evaluator.channels()) {
-    if (channel.quantity == Channel::Quantity::kTension) d.delta_N = std::max(d.delta_N, channel.delta);
-    if (channel.quantity == Channel::Quantity::kTipPosition) d.delta_m = std::max(d.delta_m, channel.delta);
-  }
-  d.location = Locate(evaluator, evaluator.AtNominal(), kGapDiscoveries);
+  const auto locate = [&] {
+    d.delta_N = d.delta_m = 0;
+    for (const auto& channel : evaluator.channels()) {
+      if (channel.quantity == Channel::Quantity::kTension) d.delta_N = std::max(d.delta_N, channel.delta);
+      if (channel.quantity == Channel::Quantity::kTipPosition) d.delta_m = std::max(d.delta_m, channel.delta);
+    }
+    d.location = Locate(evaluator, evaluator.AtNominal(), kGapDiscoveries);
+  };
+  locate();
 
   const Folds folds = MakeFolds(evaluator.runs());
   d.held_out_families = folds.names;
   d.held_out_by = folds.by;
-  std::string stage = "searching for the cause";
-  SearchOptions search_options{threads, options.refits, options.without, {}, {}};
-  search_options.progress = [&](double fraction) { progress(stage, fraction); };
+  std::string stage = "trying every effect a little";
+  const auto in_stage = [&](double fraction) { progress(stage, fraction); };
+  const std::vector<Probe> probes = MakeProbes(evaluator, options.without, threads, in_stage);
+  stage = "searching for the cause";
+  SearchOptions search_options{threads, options.refits, in_stage, {}};
   const auto search_in = [&](const Evaluator& those) {
     SearchOptions its_options = search_options;
     its_options.explained = [&](const Residuals& residuals) {
@@ -464,22 +470,42 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
       }
       return true;
     };
-    return Search(those, folds, its_options);
+    return Search(those, folds, its_options, probes);
   };
   SearchResult search = search_in(evaluator);
-  std::optional<Candidate> widened_by;
   const Evaluator::Options evaluation{threads, options.delta_N, options.delta_m, options.seed};
-  if (auto wide = WidenedByCause(evaluator, set, search, evaluation)) {
-    stage = "searching again with the floor at the cause";
-    SearchResult again = search_in(*wide);
-    // Only the cause that makes the noise may be excused by it, and not where that leaves no gap to close.
+  // Only the cause that makes the floor what it is may be excused by it, or profit from it.
+  const auto search_again = [&](const Evaluator& those) -> std::optional<SearchResult> {
+    SearchResult again = search_in(those);
     const bool same = !again.fits.empty() &&
                       again.fits.front().model.parts.front() == search.fits.front().model.parts.front();
-    if (same && PooledClosure(*wide, wide->AtNominal(), wide->AtNominal(), ChannelsWithGap(*wide, d.location),
-                              options.seed)) {
-      widened_by = again.fits.front().model.parts.front();
+    return same ? std::optional(std::move(again)) : std::nullopt;
+  };
+  if (auto narrow = NarrowedByCause(evaluator, set, search, evaluation)) {
+    stage = "searching again with repetitions at the cause";
+    if (auto again = search_again(*narrow)) {
+      const double differed = evaluator.repetitions_differ();
+      for (const auto& line : evaluator.degradations()) std::erase(d.degradations, line);
+      evaluator = std::move(*narrow);
+      search = std::move(*again);
+      locate();
+      d.degradations.push_back(
+          fmt::format("repetitions differ by {:.2g} times what the sensors' noise leaves, most of it as {} "
+                      "makes them differ: what is left is the floor",
+                      differed, search.fits.front().model.parts.front().Name()));
+      said(evaluator.degradations());
+    }
+  }
+  std::optional<Candidate> widened_by;
+  if (auto wide = WidenedByCause(evaluator, set, search, evaluation)) {
+    stage = "searching again with the floor at the cause";
+    auto again = search_again(*wide);
+    // Not where that leaves no gap to close.
+    if (again && PooledClosure(*wide, wide->AtNominal(), wide->AtNominal(),
+                               ChannelsWithGap(*wide, d.location), options.seed)) {
+      widened_by = again->fits.front().model.parts.front();
       evaluator = std::move(*wide);
-      search = std::move(again);
+      search = std::move(*again);
     }
   }
   progress("judging", 0);

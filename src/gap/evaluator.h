@@ -16,6 +16,10 @@
 
 namespace tendril::gap {
 
+/// Residuals, measured less simulated, averaged over windows: [run][channel][window]; a channel that was not
+/// asked for is empty, a window without a measurement is 0 and has no weight.
+using Residuals = std::vector<std::vector<Eigen::VectorXd>>;
+
 /// One measured quantity behind one cut.
 struct Channel {
   enum class Quantity { kTorque, kTension, kTipPosition, kTipDirection };
@@ -31,10 +35,6 @@ struct Channel {
 
 /// Samples that one window of a channel averages.
 int WindowSamples(const PreparedRun& run, const Channel& channel);
-
-/// Residuals, measured less simulated, averaged over windows: [run][channel][window]; a channel that was not
-/// asked for is empty, a window without a measurement is 0 and has no weight.
-using Residuals = std::vector<std::vector<Eigen::VectorXd>>;
 
 /// Which replays an evaluation needs.
 enum CutBits : unsigned { kC1 = 1, kC2 = 2, kC3 = 4, kBody = 8, kAllCuts = 15 };
@@ -62,6 +62,9 @@ class Evaluator {
     double delta_N = 0, delta_m = 0;  // 0: derived from the floor
     std::uint64_t seed = 1;
     int readings = 4;  // alternative ones of the same log, see Prepare; without, their spread is no noise
+    // Residuals of the same runs with another robot, whose repetitions tell how runs repeat; without, those
+    // of the nominal robot do.
+    const Residuals* repeated = nullptr;
   };
   /// Prepares the runs and finds the floors. Runs from before a change (Run::before) are taken off those that
   /// name them, and are none of runs(). Throws RunError for a run that has to be left out, another

@@ -120,14 +120,12 @@ LinearFit SolveLinear(const Normal& normal, const Eigen::VectorXd& prior, const 
   LinearFit fit;
   fit.value = Bounded(A + regular, b, lower, upper);
   fit.score = fit.value.dot(b) - 0.5 * fit.value.dot(A * fit.value);
-  fit.by_fold.resize(normal.A.size());
   const int only = OnlyFold(normal, own);
   for (std::size_t f = 0; f < normal.A.size(); ++f) {
     const bool predicted = static_cast<int>(f) != only;
     const Eigen::VectorXd x =
         predicted ? Bounded(A - normal.A[f] + regular, b - normal.b[f], lower, upper) : fit.value;
-    fit.by_fold[f] = x.dot(normal.b[f]) - 0.5 * x.dot(normal.A[f] * x) - (predicted ? 0 : kOnlyFoldCost);
-    fit.held_out_score += fit.by_fold[f];
+    fit.held_out_score += x.dot(normal.b[f]) - 0.5 * x.dot(normal.A[f] * x) - (predicted ? 0 : kOnlyFoldCost);
   }
   return fit;
 }

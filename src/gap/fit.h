@@ -27,10 +27,9 @@ Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& pa
                   const Weights& weights, const Folds& folds);
 
 struct LinearFit {
-  Eigen::VectorXd value;        // change of the parameters
-  double score = 0;             // log score gained by it on the data it was fitted to
-  double held_out_score = 0;    // gained on folds that were left out
-  std::vector<double> by_fold;  // the latter, fold by fold
+  Eigen::VectorXd value;      // change of the parameters
+  double score = 0;           // log score gained by it on the data it was fitted to
+  double held_out_score = 0;  // gained on folds that were left out
 };
 /// Least squares with a Gaussian prior of standard deviation prior[k] about zero for each parameter, within
 /// bounds of the change. A fold without which one of the first `own` parameters is not determined cannot be

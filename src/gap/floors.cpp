@@ -443,6 +443,7 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     int windows = 0;
     bool known() const { return windows > kLeastWindows; }
   };
+  const Residuals& residuals = options.repeated != nullptr ? *options.repeated : nominal_residuals_;
   std::vector<Repeated> repeats(static_cast<std::size_t>(channels));
   for (int c = 0; c < channels; ++c) {
     Repeated& repeated = repeats[static_cast<std::size_t>(c)];
@@ -450,8 +451,8 @@ void Evaluator::ScaleByRepetition(const Options& options) {
       const auto original = by_name.find(runs_[i].repeat_of);
       if (runs_[i].repeat_of.empty() || original == by_name.end() || original->second == i) continue;
       repeated_ = true;
-      const auto& a = nominal_residuals_[i][c];
-      const auto& b = nominal_residuals_[original->second][c];
+      const auto& a = residuals[i][c];
+      const auto& b = residuals[original->second][c];
       const auto& va = variance_[i][c];
       const auto& vb = variance_[original->second][c];
       for (int w = 0; w < std::min(a.size(), b.size()); ++w) {

@@ -14,6 +14,7 @@ namespace {
 constexpr int kIterations = 3;
 constexpr int kPartners = 4, kPartnersOfNext = 2, kPartnersOfSecond = 3;
 constexpr int kPolishedPairs = 3;
+constexpr int kAlike = 3;         // of what looks like a member, to be tried in its place
 constexpr double kFurther = 0.5;  // log score by which another start of the same cause has to do better
 // Where a second begins, in plainly visible deviations: near where it does nothing, or where the line for
 // both puts it, within these.
@@ -46,21 +47,18 @@ Residuals Searching::AtModel(const Model& model) const {
   return Completed(evaluator_.At(model.Robot(evaluator_.nominal()), cuts), nominal_);
 }
 
-/// What each candidate adds to `first`, to first order and with the first's parameters free, most first.
-std::vector<Searching::Promise> Searching::Promises(const Fit& first, const Weights& weights) {
-  std::vector<Promise> promises(result_.screened.size());
-  ParallelFor(static_cast<int>(result_.screened.size()), options_.threads, [&](int k) {
-    const Screened& s = result_.screened[k];
-    promises[k].candidate = k;
-    if (s.candidate.effect == first.model.parts[0].effect &&
-        (!s.candidate.target || !first.model.parts[0].target ||
-         s.candidate.target == first.model.parts[0].target))
-      return;
+/// What each candidate adds to `first`, to first order and with the first's parameters free where it has
+/// columns, most first. What a first that is off loses by being held out is lost without a second too.
+std::vector<Searching::Promise> Searching::Promises(const Fit& first, const Weights& weights) const {
+  const auto line_with = [&](const Screened* second) {
     std::vector<const Column*> columns;
-    for (const auto& column : s.columns) columns.push_back(&column);
+    Bounds b{Eigen::VectorXd(0), Eigen::VectorXd(0), Eigen::VectorXd(0)};
+    if (second != nullptr) {
+      for (const auto& column : second->columns) columns.push_back(&column);
+      b = BoundsOf(second->start, second->primary, {}, Eigen::VectorXd(0));
+    }
     const int own = static_cast<int>(columns.size());
     for (const auto& column : first.columns) columns.push_back(&column);
-    Bounds b = BoundsOf(s.start, s.primary, {}, Eigen::VectorXd(0));
     const int n = static_cast<int>(columns.size());
     b.prior.conservativeResize(n);
     b.lower.conservativeResize(n);
@@ -71,19 +69,31 @@ std::vector<Searching::Promise> Searching::Promises(const Fit& first, const Weig
       b.lower[i] = p.lower - first.model.values[i - own];
       b.upper[i] = p.upper - first.model.values[i - own];
     }
-    const LinearFit fit = SolveLinear(Accumulate(columns, first.residuals, nominal_, weights, folds_),
-                                      b.prior, b.lower, b.upper, own);
-    promises[k].gain = fit.held_out_score;
+    return SolveLinear(Accumulate(columns, first.residuals, nominal_, weights, folds_), b.prior, b.lower,
+                       b.upper, own);
+  };
+  const double alone = first.columns.empty() ? 0 : line_with(nullptr).held_out_score;
+  std::vector<Promise> promises(result_.screened.size());
+  ParallelFor(static_cast<int>(result_.screened.size()), options_.threads, [&](int k) {
+    const Screened& s = result_.screened[k];
+    promises[k].candidate = k;
+    if (s.candidate.effect == first.model.parts[0].effect &&
+        (!s.candidate.target || !first.model.parts[0].target ||
+         s.candidate.target == first.model.parts[0].target))
+      return;
+    const LinearFit fit = line_with(&s);
+    promises[k].gain = fit.held_out_score - alone;
     promises[k].step = fit.value;
-    result_.screened[k].linear.by_fold = fit.by_fold;
   });
   std::stable_sort(promises.begin(), promises.end(),
                    [](const Promise& a, const Promise& b) { return a.gain > b.gain; });
   return promises;
 }
 
-/// Starts of pairs of `first` and each of the `count` that promise most beside it, at least `least`.
-std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights, int count, double least) {
+/// Starts of pairs of `first` and each of the `count` that promise most beside it, at least `least`; with
+/// `like`, of those that are said to look like it.
+std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights, int count, double least,
+                                       const sim::Effect* like) const {
   const std::vector<Promise> promises = Promises(first, weights);
   std::vector<Model> starts;
   Residuals taken_out;
@@ -106,6 +116,7 @@ std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights,
   for (const Promise& promise : promises) {
     if (static_cast<int>(starts.size()) >= count || promise.gain < least) break;
     const Screened& s = result_.screened[promise.candidate];
+    if (like != nullptr && !LookAlike(*like, *s.candidate.effect)) continue;
     if (seen[s.candidate.effect]++ >= 1) continue;
     Model both = first.model.With(s.candidate);
     both.derivative_step = std::min(both.derivative_step, s.start.derivative_step);
@@ -122,12 +133,18 @@ std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights,
       both.values[at] = Inside(p, s.start.values[s.primary[i]] + std::copysign(size, step[i]));
       near.values[at] = Inside(p, s.start.values[s.primary[i]] + kNearStart * ScaleOf(p));
     }
-    for (int i = 0; i < offset; ++i)
+    for (int i = 0; i < static_cast<int>(first.columns.size()); ++i)
       both.values[i] = Inside(first.model.parameter(i), first.model.values[i] + step[own + i]);
     if (score_at(near) > score_at(both)) both = std::move(near);
     starts.push_back(both);
   }
   return starts;
+}
+
+bool Searching::Tried(const Model& both) const {
+  return std::any_of(result_.pairs.begin(), result_.pairs.end(), [&](const Fit& fit) {
+    return std::is_permutation(both.parts.begin(), both.parts.end(), fit.model.parts.begin());
+  });
 }
 
 /// Beside each partner one place of an effect was tried, by a score of first order that places share: the
@@ -143,10 +160,7 @@ std::vector<Model> Searching::Elsewhere() const {
     if (other == result_.screened.end()) return;
     Model moved = both;
     moved.parts[part] = other->candidate;
-    const bool known = std::any_of(result_.pairs.begin(), result_.pairs.end(), [&](const Fit& fit) {
-      return std::is_permutation(moved.parts.begin(), moved.parts.end(), fit.model.parts.begin());
-    });
-    if (!known) elsewhere.push_back(moved);
+    if (!Tried(moved)) elsewhere.push_back(moved);
   };
   for (int part = 0; part < 2; ++part) {
     const Candidate& here = result_.pairs[0].model.parts[part];
@@ -158,10 +172,33 @@ std::vector<Model> Searching::Elsewhere() const {
   return elsewhere;
 }
 
-/// The same two, found from either, count once.
+/// The best two with what is said to look like either in its place, beside the other as it stands there: to
+/// first order it may promise less than others, and be the cause.
+std::vector<Model> Searching::Alike(const Weights& weights) const {
+  const Fit& both = result_.pairs[0];
+  std::vector<Model> alike;
+  try {
+    Residuals taken_out = AtModel(both.model);
+    Take(Completed(both.residuals, nominal_), taken_out);
+    for (int part = 0; part < 2; ++part) {
+      Fit beside;
+      beside.model = Alone(both.model, 1 - part);
+      beside.residuals = AtModel(beside.model);
+      Take(taken_out, beside.residuals);
+      for (Model& start : Partners(beside, weights, kAlike, 1, both.model.parts[part].effect)) {
+        if (!Tried(start)) alike.push_back(std::move(start));
+      }
+    }
+  } catch (const std::exception&) {
+    // One of them cannot be simulated alone: nothing stands in the other's place beside it.
+  }
+  return alike;
+}
+
+/// The same two, found from either or from other starts, count once.
 void Searching::KeepDistinct() {
   const auto same = [](const Fit& a, const Fit& b) {
-    return a.model.parts[0] == b.model.parts[1] && a.model.parts[1] == b.model.parts[0];
+    return std::is_permutation(a.model.parts.begin(), a.model.parts.end(), b.model.parts.begin());
   };
   std::vector<Fit> distinct;
   for (Fit& fit : result_.pairs) {
@@ -177,7 +214,7 @@ void Searching::KeepDistinct() {
 void Searching::AddMembers(const Weights& weights, bool held_out_again) {
   const Model& both = result_.pairs[0].model;
   bool further = false;
-  for (Fit& fit : Refit({Alone(both, 0), Alone(both, 1)}, weights, kIterations, {})) {
+  for (Fit& fit : Refit({Alone(both, 0), Alone(both, 1)}, weights, kIterations, {0.98, 1})) {
     const auto known = std::find_if(result_.fits.begin(), result_.fits.end(), [&](const Fit& other) {
       return other.model.parts.front() == fit.model.parts.front();
     });
@@ -200,24 +237,26 @@ void Searching::FindPairs() {
   if (result_.fits.size() > 1 && (left || !starts.empty())) {
     for (const auto& other : Partners(result_.fits[1], weights, kPartnersOfNext, 1)) starts.push_back(other);
   }
-  result_.pairs = Refit(starts, weights, kIterations, {0.9, 0.95});
+  result_.pairs = Refit(starts, weights, kIterations, {0.75, 0.81});
   if (result_.pairs.empty()) return;
   // The second may be the real first: keep it and look for another partner.
   const std::vector<Fit> second =
-      Refit({Alone(result_.pairs[0].model, 1)}, weights, kIterations, {0.95, 0.97});
+      Refit({Alone(result_.pairs[0].model, 1)}, weights, kIterations, {0.81, 0.83});
   if (!second.empty()) {
     const std::vector<Model> swapped = Partners(second[0], weights, kPartnersOfSecond, 1);
-    Append(Refit(swapped, weights, kIterations, {0.97, 0.98}), result_.pairs);
+    Append(Refit(swapped, weights, kIterations, {0.83, 0.87}), result_.pairs);
   }
-  Append(Refit(Elsewhere(), weights, kIterations, {0.98, 1}), result_.pairs);
+  Append(Refit(Elsewhere(), weights, kIterations, {0.87, 0.89}), result_.pairs);
   KeepDistinct();
-  // What is still on its way takes more steps, where a gap is left.
   if (left) {
+    Append(Refit(Alike(weights), weights, kIterations, {0.89, 0.92}), result_.pairs);
+    // What is still on its way takes more steps, where a gap is left.
     const auto count = std::min<std::ptrdiff_t>(kPolishedPairs, std::ssize(result_.pairs));
-    result_.pairs = Polished(std::move(result_.pairs), count, weights, {});
+    result_.pairs = Polished(std::move(result_.pairs), count, weights, {0.92, 0.95});
   }
   const bool again = HoldOutAgain(result_.pairs, weights, singles_again_);
   if (again && !singles_again_) HoldOutAgain(result_.fits, weights, true);
+  Progress(0.98);
   AddMembers(weights, again || singles_again_);
 }
 

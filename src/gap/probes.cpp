@@ -205,8 +205,13 @@ void SumPlaces(std::vector<Probe>& probes, std::size_t runs) {
 
 }  // namespace
 
-std::vector<Probe> MakeProbes(const Evaluator& evaluator, const std::vector<Candidate>& candidates,
+std::vector<Probe> MakeProbes(const Evaluator& evaluator, const std::vector<std::string>& without,
                               int threads, const std::function<void(double)>& progress) {
+  std::vector<Candidate> candidates =
+      AllCandidates(evaluator.nominal(), evaluator.has(kC3), evaluator.has_tracker());
+  std::erase_if(candidates, [&](const Candidate& candidate) {
+    return std::find(without.begin(), without.end(), candidate.effect->name) != without.end();
+  });
   std::vector<Probe> probes = Starts(evaluator, candidates);
   Differentiate(evaluator, probes, threads, progress);
   Wake(evaluator, probes, threads);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "evaluator.h"
@@ -25,9 +26,9 @@ struct Probe {
   bool summed = false;          // from those of its places
 };
 
-/// About every start of every candidate; what cannot be simulated has columns of zero. `progress`: from 0
-/// to 1.
-std::vector<Probe> MakeProbes(const Evaluator& evaluator, const std::vector<Candidate>& candidates,
+/// About every start of every effect that these runs may show, at each of its places, but for those of the
+/// names `without`; what cannot be simulated has columns of zero. `progress`: from 0 to 1.
+std::vector<Probe> MakeProbes(const Evaluator& evaluator, const std::vector<std::string>& without,
                               int threads, const std::function<void(double)>& progress);
 
 }  // namespace tendril::gap

@@ -25,6 +25,7 @@ constexpr int kIterations = 3, kPolish = 6, kPolished = 3;
 constexpr double kFoldLoss = 0.05;
 constexpr int kHeldOutAgain = 2, kFoldIterations = 3;
 constexpr int kPlacesOfOneEffect = 2;  // of the candidates that are refitted
+constexpr int kAlike = 4;              // of those that look like the best, refitted as well
 constexpr double kNoiseSlack = 1.2;    // the noise is known within some tens of per cent
 
 Residuals Subtract(const Residuals& from, const std::vector<const Column*>& columns,
@@ -81,6 +82,26 @@ Bounds BoundsOf(const Model& model, const std::vector<int>& which,
 double Inside(const sim::EffectParameter& p, double value) {
   return std::clamp(value, kFarStep * p.lower + (1 - kFarStep) * p.nominal,
                     kFarStep * p.upper + (1 - kFarStep) * p.nominal);
+}
+
+bool LookAlike(const sim::Effect& a, const sim::Effect& b) {
+  const auto names = [](const sim::Effect& one, const sim::Effect& other) {
+    return std::find(one.confusable.begin(), one.confusable.end(), other.name) != one.confusable.end();
+  };
+  return names(a, b) || names(b, a);
+}
+
+Searching::Searching(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options,
+                     const std::vector<Probe>& probes)
+    : evaluator_(evaluator),
+      folds_(folds),
+      options_(options),
+      nominal_(evaluator.AtNominal()),
+      probes_(probes) {
+  for (const Probe& probe : probes) {
+    if (std::find(candidates_.begin(), candidates_.end(), probe.candidate) == candidates_.end())
+      candidates_.push_back(probe.candidate);
+  }
 }
 
 void Searching::FindNuisances() {
@@ -252,9 +273,22 @@ void Searching::RefitBest() {
     const Weights weights(evaluator_, leftover_);
     std::vector<Model> starts;
     for (const int k : chosen) starts.push_back(StartOf(result_.screened[k]));
-    result_.fits = Refit(starts, weights, kIterations, {0.65, 0.82});
+    result_.fits = Refit(starts, weights, kIterations, {0.1, 0.5});
   }
   if (result_.fits.empty()) return;
+  {
+    // What is said to look like the best may be behind others to first order, and be the cause.
+    const Weights weights(evaluator_, leftover_);
+    const sim::Effect& best = *result_.fits.front().model.parts.front().effect;
+    std::vector<Model> starts;
+    for (const Screened& s : result_.screened) {
+      if (s.gain <= 0 || std::ssize(starts) >= kAlike) break;
+      if (places[s.candidate.effect]++ == 0 && LookAlike(best, *s.candidate.effect))
+        starts.push_back(StartOf(s));
+    }
+    for (Fit& fit : Refit(starts, weights, kIterations, {0.5, 0.6})) result_.fits.push_back(std::move(fit));
+    std::stable_sort(result_.fits.begin(), result_.fits.end(), ByHeldOut);
+  }
   // With what the best really leaves, once more from there.
   leftover_ = Leftover(evaluator_, result_.fits.front().residuals);
   const Weights weights(evaluator_, leftover_);
@@ -264,7 +298,7 @@ void Searching::RefitBest() {
   const auto on = std::stable_partition(others, result_.fits.end(),
                                         [far](const Fit& fit) { return far && !fit.bound_hit; });
   const std::ptrdiff_t count = on - result_.fits.begin();
-  result_.fits = Polished(std::move(result_.fits), count, weights, {0.82, 0.9});
+  result_.fits = Polished(std::move(result_.fits), count, weights, {0.6, 0.75});
   result_.screened = Screen(weights);
   result_.base_score = BaseScore(weights);
   singles_again_ = HoldOutAgain(result_.fits, weights, false);
@@ -322,15 +356,8 @@ void Searching::RefitEverything() {
 }
 
 SearchResult Searching::Result() {
-  for (const auto& c : AllCandidates(evaluator_.nominal(), evaluator_.has(kC3), evaluator_.has_tracker())) {
-    const auto& without = options_.without;
-    if (std::find(without.begin(), without.end(), c.effect->name) == without.end()) candidates_.push_back(c);
-  }
-  probes_ = MakeProbes(evaluator_, candidates_, options_.threads,
-                       [&](double fraction) { Progress(0.6 * fraction); });
   FindNuisances();
   ScreenAll();
-  Progress(0.65);
   RefitBest();
   result_.leftover = leftover_;
   if (!result_.fits.empty()) FindPairs();
@@ -338,8 +365,9 @@ SearchResult Searching::Result() {
   return std::move(result_);
 }
 
-SearchResult Search(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options) {
-  return Searching(evaluator, folds, options).Result();
+SearchResult Search(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options,
+                    const std::vector<Probe>& probes) {
+  return Searching(evaluator, folds, options, probes).Result();
 }
 
 }  // namespace tendril::gap

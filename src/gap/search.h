@@ -10,6 +10,7 @@
 #include "evaluator.h"
 #include "fit.h"
 #include "hypothesis.h"
+#include "probes.h"
 #include "score.h"
 
 namespace tendril::gap {
@@ -30,7 +31,6 @@ struct Screened {
 struct SearchOptions {
   int threads = 1;
   int refits = 8;
-  std::vector<std::string> without;
   std::function<void(double)> progress;
   /// True when these residuals leave nothing at any place: then only second causes are tried that promise
   /// kPairGain, of what is spread thinly over many.
@@ -49,6 +49,9 @@ struct SearchResult {
   Nuisances nuisances;
 };
 
-SearchResult Search(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options);
+/// Among the candidates of `probes`, of an evaluator of the same runs: how a robot answers does not depend on
+/// the floors.
+SearchResult Search(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options,
+                    const std::vector<Probe>& probes);
 
 }  // namespace tendril::gap

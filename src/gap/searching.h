@@ -18,10 +18,13 @@ Bounds BoundsOf(const Model& model, const std::vector<int>& which,
 /// A value that is not quite at a bound of its parameter.
 double Inside(const sim::EffectParameter& parameter, double value);
 
+/// One of them is said to be taken for the other.
+bool LookAlike(const sim::Effect& a, const sim::Effect& b);
+
 class Searching {
  public:
-  Searching(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options)
-      : evaluator_(evaluator), folds_(folds), options_(options), nominal_(evaluator.AtNominal()) {}
+  Searching(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options,
+            const std::vector<Probe>& probes);
 
   SearchResult Result();
 
@@ -60,9 +63,12 @@ class Searching {
     int candidate = 0;     // of result_.screened
     Eigen::VectorXd step;  // of its own parameters, then of the first's
   };
-  std::vector<Promise> Promises(const Fit& first, const Weights& weights);
-  std::vector<Model> Partners(const Fit& first, const Weights& weights, int count, double least);
+  std::vector<Promise> Promises(const Fit& first, const Weights& weights) const;
+  std::vector<Model> Partners(const Fit& first, const Weights& weights, int count, double least,
+                              const sim::Effect* like = nullptr) const;
+  bool Tried(const Model& both) const;
   std::vector<Model> Elsewhere() const;
+  std::vector<Model> Alike(const Weights& weights) const;
   void KeepDistinct();
   void AddMembers(const Weights& weights, bool held_out_again);
 
@@ -70,10 +76,10 @@ class Searching {
   const Folds& folds_;
   const SearchOptions& options_;
   const Residuals& nominal_;
-  std::vector<Candidate> candidates_;
-  std::vector<Probe> probes_;
-  Eigen::VectorXd leftover_;    // per channel: what the best leaves beyond the noise
-  bool singles_again_ = false;  // held out by refits
+  const std::vector<Probe>& probes_;
+  std::vector<Candidate> candidates_;  // of the probes, each once
+  Eigen::VectorXd leftover_;           // per channel: what the best leaves beyond the noise
+  bool singles_again_ = false;         // held out by refits
   SearchResult result_;
 };
 

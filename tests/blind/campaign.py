@@ -1,5 +1,5 @@
 # Sealed campaigns: sets with something unknown planted, a diagnosis that never sees the answers, and the score.
-# make knows the plant, score.py what was planted; diagnose knows folders, hashes and a command, nothing else.
+# make and again know the plant, score.py what was planted; diagnose knows folders, hashes and a command, nothing else.
 import argparse
 import contextlib
 import json
@@ -14,6 +14,7 @@ from tests.blind.seal import (LEDGER, NotRun, Wrong, confined, diagnose_one, dig
 
 ROOT = Path(__file__).resolve().parents[2]
 KINDS = dict(single=0.38, parameter=0.15, null=0.2, nuisance_null=0.05, unlisted=0.08, pair=0.08, weak=0.03, no_tracker=0.03)
+JITTERS_S = (3e-6, 2e-5)  # drawn from, and not written down before c13
 
 
 def kinds_of(count, rng):
@@ -121,13 +122,13 @@ def make_one(o, folder, vault, name, kind, rng):
             sizes.append(dict(wanted_sigma=0.0, sigma=size, channel="any"))
         common = dict(robot_name=robot_name, items=items, seed=seed, load_cell=cell, tracker=like != "no_tracker",
                       colour=rng.choice([0, 0, 0.5, 0.9]), lost=rng.choice([0, 0, 0, 0.03]),
-                      jitter=rng.choice([3e-6, 3e-6, 2e-5]), nuisance=nuisance, plant=plant)
+                      jitter=rng.choice([JITTERS_S[0], *JITTERS_S]), nuisance=nuisance, plant=plant)
         try:
             extra = {}
             if kind == "weak":
                 answer = generator.make_set(folder / "sets" / name, None, families=["weak", "weak"], **common)
                 extra = generator.make_set(folder / "sets" / f"{name}_followup", None, families=families, **common)
-                extra = dict(followup_sha256=extra["sha256_of_data"])
+                extra = dict(followup_sha256=extra["sha256_of_data"], followup_families=families)
             else:
                 answer = generator.make_set(folder / "sets" / name, None,
                                             families=["weak", "weak"] if like == "weak" else families, **common)
@@ -141,9 +142,51 @@ def make_one(o, folder, vault, name, kind, rng):
     path = vault / f"{name}.json"
     path.unlink(missing_ok=True)
     write_once(path, text)
+    extra.pop("followup_families", None)
     seal = dict(id=name, answer_sha256=sha(text.encode()), data_sha256=answer["sha256_of_data"], sealed_ns=now(), **extra)
     write_once(folder / "seals" / f"{name}.json", json.dumps(seal) + "\n")
     print(f"set {name} sealed {seal['answer_sha256'][:16]}", flush=True)
+
+
+def again(o):
+    """Opened sets of a record once more, from what was drawn: for whoever wants to see what was missed. False where the data
+    are not the same to the last bit."""
+    cases = [case for record in o.records for case in score.recorded(Path(record))[0]]
+    opened = {case.id: case.opened for case in cases if case.sealed}
+    missing = [name for name in o.set if name not in opened]
+    if missing:
+        raise Wrong(f"--set {missing[0]}: " + (f"these records hold {', '.join(sorted(opened))}" if opened else
+                                               "these records hold no seeds (c9 is the first that does)"))
+    same = True
+    for name in o.set:
+        same &= make_again(Path(o.out), name, opened[name])
+    return same
+
+
+def make_again(out, name, answer):
+    from tests.blind import make as generator
+    sets = {name: (answer["families"], answer["sha256_of_data"])}
+    if "followup_families" in answer:
+        sets[f"{name}_followup"] = answer["followup_families"], answer["followup_sha256"]
+    items = [(t["effect"], t["where"], t["amount"]) for t in answer["truth"]]
+    same = True
+    for folder, (families, wanted) in sets.items():
+        if (out / folder).exists():
+            raise Wrong(f"--out {out}: there is a {folder} in it already; take another folder or move it")
+        for jitter in [answer["jitter_s"]] if "jitter_s" in answer else JITTERS_S:
+            shutil.rmtree(out / folder, ignore_errors=True)
+            made = generator.make_set(
+                out / folder, None, answer["robot"], items, answer["seed"], families, load_cell=answer["load_cell"],
+                tracker=answer["tracker"], colour=answer["colour"], lost=answer["lost"], jitter=jitter, strength=answer["strength"],
+                scatter_Nm=answer["scatter_Nm"], plant=answer["plant"], nuisance=answer["nuisance"])
+            if made["sha256_of_data"] == wanted:
+                break
+        whole = made["sha256_of_data"] == wanted
+        planted = ", ".join(f"{t['effect']} {t['where']} {s['sigma']:.3g} sigma" for t, s in zip(answer["truth"], answer["sizes"]))
+        print(f"{out / folder}: {planted or 'nothing planted'}; " + ("the same data" if whole else
+              "not the same to the last bit (another processor or other packages, or made by an earlier plant)"), flush=True)
+        same &= whole
+    return same
 
 
 KEEP = ("verdict", "sentence", "location", "causes", "accepted", "closed", "leftover_sigma", "confusable", "baselines",
@@ -245,6 +288,10 @@ def main():
     d.add_argument("--tendril", default="tendril", help="the program (default: the one in PATH)")
     d.add_argument("--timeout", type=at_least(1, float), default=3600, help="seconds for one set")
     d.add_argument("command", nargs="*", help="another command after --, with {robot}, {set}, {out}")
+    g = sub.add_parser("again", help="make opened sets of a record once more, to look at what was missed")
+    g.add_argument("records", nargs="+", help="files that score --record wrote")
+    g.add_argument("--set", action="append", required=True, metavar="ID", help="which, such as 0076; may be given several times")
+    g.add_argument("--out", required=True, metavar="DIR", help="folder for them; each becomes DIR/ID")
     s = sub.add_parser("score", help="open the seals and count")
     s.add_argument("campaigns", nargs="+", help="folders, or records of campaigns opened before")
     s.add_argument("--vault", help="folder of the answers (default: CAMPAIGN.vault)")
@@ -253,7 +300,7 @@ def main():
     s.add_argument("--record", metavar="FILE", help="also what the score is made of, a line a set; written once")
     s.add_argument("--oracle", metavar="TENDRIL", help="also let this program fit the effect that it is told, on every single")
     o = a.parse_args()
-    return 1 if dict(make=make, diagnose=diagnose, score=score.score)[o.what](o) is False else 0
+    return 1 if dict(make=make, diagnose=diagnose, again=again, score=score.score)[o.what](o) is False else 0
 
 
 if __name__ == "__main__":

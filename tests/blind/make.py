@@ -223,7 +223,8 @@ def make_set(out, truth_path, robot_name, items, seed, families, repeats=1, load
             runs.append((name, family, None if r == 0 else first, rows))
     sensors.write_set(out, robot_file, runs, load_cell)
     answer = dict(seed=seed, robot=robot_name, plant=plant, truth=truth, load_cell=load_cell, tracker=tracker, families=list(families),
-                  colour=colour, lost=lost, scatter_Nm=scatter_Nm, nuisance=nuisance, strength=strength, sha256_of_data=sensors.digest(out), **(extra_truth or {}))
+                  colour=colour, lost=lost, jitter_s=jitter, scatter_Nm=scatter_Nm, nuisance=nuisance, strength=strength,
+                  sha256_of_data=sensors.digest(out), **(extra_truth or {}))
     if truth_path:
         Path(truth_path).parent.mkdir(parents=True, exist_ok=True)
         Path(truth_path).write_text(json.dumps(answer, indent=1) + "\n")

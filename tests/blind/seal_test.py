@@ -108,6 +108,17 @@ class Seal(unittest.TestCase):
             with self.assertRaisesRegex(campaign.Wrong, "changed.jsonl:1: not a line of a record"):
                 run("score", changed)
 
+    def test_a_set_of_a_record_is_made_again_to_the_last_bit(self):
+        record, out = self.folder.parent / "to_make.jsonl", self.folder.parent / "again"
+        run("score", self.folder, "--record", record)
+        self.assertIn("0001: nothing planted; the same data", run("again", record, "--set", "0001", "--out", out))
+        self.assertEqual(seal.digest(out / "0001"), seal.digest(self.folder / "sets" / "0001"))
+        for name, why in (("0001", "there is a 0001 in it already"), ("0007", "--set 0007: these records hold 0000, 0001")):
+            with self.assertRaisesRegex(campaign.Wrong, why):
+                run("again", record, "--set", name, "--out", out)
+        with self.assertRaisesRegex(campaign.Wrong, "hold no seeds"):
+            run("again", campaign.ROOT / "tests/blind/records/c2.jsonl", "--set", "0001", "--out", out)
+
     def test_damaged_and_missing_input_is_named(self):
         bad = self.folder.parent / "bad.jsonl"
         bad.write_text('{"refused": ["0001", "why"]}\n{"truth": 1}\n')

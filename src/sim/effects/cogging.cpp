@@ -30,7 +30,7 @@ Effect Cogging() {
       .cut = Cut::kDrivetrain,
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
-      .parameters = {{.name = "amplitude_Nm", .nominal = 0, .lower = 0, .upper = 0.0005, .typical = 0.0001},
+      .parameters = {{.name = "amplitude_Nm", .nominal = 0, .lower = 0, .upper = 0.002, .typical = 0.0001},
                      {.name = "periods_per_turn",
                       .nominal = 12,
                       .lower = 1,

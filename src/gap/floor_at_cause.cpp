@@ -1,15 +1,17 @@
-// Floors and scores as the noise that a cause carries makes them.
-#include "carried_noise.h"
+// Floors and scores as a cause makes them.
+#include "floor_at_cause.h"
 
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 namespace tendril::gap {
 namespace {
 
-constexpr int kQuietTried = 6;  // of each list, until the first is one of them
+constexpr double kPlainlyLess = 0.5;  // of what repetitions differ by
+constexpr int kQuietTried = 6;        // of each list, until the first is one of them
 
 /// What is compared with runs from before has the noise of both.
 bool Compared(const DataSet& set) {
@@ -31,20 +33,45 @@ double Quiet(const Evaluator& nominal, const Evaluator& other, const Weights& we
   return sum;
 }
 
+/// The best single cause, where the floor may be taken at it.
+const Fit* Cause(const DataSet& set, const SearchResult& search) {
+  if (search.fits.empty() || Compared(set)) return nullptr;
+  const Fit& best = search.fits.front();
+  const bool found = !best.bound_hit && best.held_out_score - search.base_score >= kPairGain;
+  return found ? &best : nullptr;
+}
+
 }  // namespace
 
 std::optional<Evaluator> WidenedByCause(const Evaluator& evaluator, const DataSet& set,
                                         const SearchResult& search, const Evaluator::Options& options) {
-  if (search.fits.empty() || Compared(set) || !evaluator.repeated()) return std::nullopt;
-  const Fit& best = search.fits.front();
-  if (best.bound_hit || best.held_out_score - search.base_score < kPairGain) return std::nullopt;
+  const Fit* best = Cause(set, search);
+  if (best == nullptr || !evaluator.repeated()) return std::nullopt;
   DataSet with_cause = set;
   try {
-    with_cause.robot = best.model.Robot(evaluator.nominal());
+    with_cause.robot = best->model.Robot(evaluator.nominal());
     std::optional<Evaluator> wide = evaluator;
     if (wide->Widen(Evaluator(with_cause, options))) return wide;
   } catch (const std::exception&) {
     // A robot that cannot follow these runs has no floor.
+  }
+  return std::nullopt;
+}
+
+std::optional<Evaluator> NarrowedByCause(const Evaluator& evaluator, const DataSet& set,
+                                         const SearchResult& search, const Evaluator::Options& options) {
+  const Fit* best = Cause(set, search);
+  if (best == nullptr || evaluator.repetitions_differ() == 0) return std::nullopt;
+  DataSet with_cause = set;
+  try {
+    with_cause.robot = best->model.Robot(evaluator.nominal());
+    const Evaluator at_cause(with_cause, options);
+    Evaluator::Options at = options;
+    at.repeated = &at_cause.AtNominal();
+    std::optional<Evaluator> narrow(std::in_place, set, at);
+    if (narrow->repetitions_differ() < kPlainlyLess * evaluator.repetitions_differ()) return narrow;
+  } catch (const std::exception&) {
+    // A robot that cannot follow these runs says nothing of how they repeat.
   }
   return std::nullopt;
 }
@@ -54,7 +81,7 @@ void TakeOffQuiet(const Evaluator& evaluator, const DataSet& set, const Evaluato
   if (Compared(set)) return;
   const Weights weights(evaluator, search.leftover);
   for (std::vector<Fit>* fits : {&search.fits, &search.pairs}) {
-    for (int tried = 0; tried < kQuietTried && !fits->empty() && !fits->front().quiet; ++tried) {
+    while (!fits->empty() && !fits->front().quiet) {
       Fit& best = fits->front();
       best.quiet = 0;
       try {
