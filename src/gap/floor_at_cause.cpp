@@ -11,7 +11,6 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kPlainlyLess = 0.5;  // of what repetitions differ by
-constexpr int kQuietTried = 6;        // of each list, until the first is one of them
 
 /// What is compared with runs from before has the noise of both.
 bool Compared(const DataSet& set) {
