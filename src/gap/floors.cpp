@@ -131,6 +131,7 @@ void Evaluator::FindWhiteNoise() {
           break;
         }
         case Quantity::kTension:
+          if (run.cell_N.cols() == 0) break;
           if (const double n = WhiteNoise(run.cell_N.col(channel.index)); n > 0) noise.push_back(n);
           break;
         case Quantity::kTipPosition:

@@ -331,8 +331,11 @@ void Searching::RefitEverything() {
     Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
     for (std::size_t f = 0; f < normal.A.size(); ++f) A += normal.A[f], b += normal.b[f];
     const Eigen::VectorXd moved = A.ldlt().solve(b);
-    for (int k = 0; k < n; ++k)
-      result_.everything_moved[static_cast<std::size_t>(k)].second = 3 * moved[k] / sd[k];
+    // The nuisances beside them are no numbers of the file.
+    for (std::size_t k = 0; k < result_.everything_moved.size(); ++k) {
+      const auto at = static_cast<Eigen::Index>(k);
+      result_.everything_moved[k].second = 3 * moved[at] / sd[at];
+    }
     std::vector<Eigen::VectorXd> x;
     for (std::size_t f = 0; f < normal.A.size(); ++f)
       x.push_back((A - normal.A[f]).ldlt().solve(b - normal.b[f]));
