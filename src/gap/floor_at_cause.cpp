@@ -7,15 +7,12 @@
 #include <utility>
 #include <vector>
 
+#include "alike.h"
+
 namespace tendril::gap {
 namespace {
 
 constexpr double kPlainlyLess = 0.5;  // of what repetitions differ by
-
-/// What is compared with runs from before has the noise of both.
-bool Compared(const DataSet& set) {
-  return std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); });
-}
 
 /// Log score that the missing noise alone is expected to bring.
 double Quiet(const Evaluator& nominal, const Evaluator& other, const Weights& weights) {
@@ -32,7 +29,8 @@ double Quiet(const Evaluator& nominal, const Evaluator& other, const Weights& we
   return sum;
 }
 
-/// The best single cause, where the floor may be taken at it.
+/// The best single cause, where the floor may be taken at it: what is compared with runs from before has the
+/// noise of both.
 const Fit* Cause(const DataSet& set, const SearchResult& search) {
   if (search.fits.empty() || Compared(set)) return nullptr;
   const Fit& best = search.fits.front();

@@ -128,7 +128,8 @@ def make_one(o, folder, vault, name, kind, rng):
             if kind == "weak":
                 answer = generator.make_set(folder / "sets" / name, None, families=["weak", "weak"], **common)
                 extra = generator.make_set(folder / "sets" / f"{name}_followup", None, families=families, **common)
-                extra = dict(followup_sha256=extra["sha256_of_data"], followup_families=families)
+                extra = dict(followup_sha256=extra["sha256_of_data"])
+                answer["followup_families"] = families
             else:
                 answer = generator.make_set(folder / "sets" / name, None,
                                             families=["weak", "weak"] if like == "weak" else families, **common)
@@ -142,7 +143,6 @@ def make_one(o, folder, vault, name, kind, rng):
     path = vault / f"{name}.json"
     path.unlink(missing_ok=True)
     write_once(path, text)
-    extra.pop("followup_families", None)
     seal = dict(id=name, answer_sha256=sha(text.encode()), data_sha256=answer["sha256_of_data"], sealed_ns=now(), **extra)
     write_once(folder / "seals" / f"{name}.json", json.dumps(seal) + "\n")
     print(f"set {name} sealed {seal['answer_sha256'][:16]}", flush=True)
@@ -152,7 +152,10 @@ def again(o):
     """Opened sets of a record once more, from what was drawn: for whoever wants to see what was missed. False where the data
     are not the same to the last bit."""
     cases = [case for record in o.records for case in score.recorded(Path(record))[0]]
-    opened = {case.id: case.opened for case in cases if case.sealed}
+    opened = {}
+    for case in cases:
+        if case.sealed and opened.setdefault(case.id, case.opened) != case.opened and case.id in o.set:
+            raise Wrong(f"--set {case.id}: two of these records hold another set of that name; name one of them alone")
     missing = [name for name in o.set if name not in opened]
     if missing:
         raise Wrong(f"--set {missing[0]}: " + (f"these records hold {', '.join(sorted(opened))}" if opened else
@@ -168,6 +171,8 @@ def make_again(out, name, answer):
     sets = {name: (answer["families"], answer["sha256_of_data"])}
     if "followup_families" in answer:
         sets[f"{name}_followup"] = answer["followup_families"], answer["followup_sha256"]
+    elif answer["set_kind"] == "weak":
+        print(f"{name}: the motions of its follow-up were not written down before c13, it is not made", flush=True)
     items = [(t["effect"], t["where"], t["amount"]) for t in answer["truth"]]
     same = True
     for folder, (families, wanted) in sets.items():

@@ -10,16 +10,13 @@ import numpy as np
 import yaml
 
 from tests.blind import effects, lagrange_plant as lp, programs, sensors
+from tests.blind.seal import Wrong
 
 ROOT = Path(__file__).resolve().parents[2]
 SCATTER_NM = 3e-6  # 1.5 % of the motors' Coulomb friction, below 2 Hz: what makes identical runs differ
 # rms of one sample with the nominal sensors: the cell's noise and step, the tracker, one count of the encoder, the torque
 SENSORS = dict(tension=np.hypot(5e-3, 5e-3 / np.sqrt(12)), motor=2 * np.pi / 2048 / np.sqrt(12), tip=5e-5, turn=5e-4,
              actual=7.056e-6 * np.hypot(0.3, 1 / np.sqrt(12)))
-
-
-class Wrong(Exception):
-    pass
 
 
 def where_indices(effect, where, p):

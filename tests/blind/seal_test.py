@@ -116,6 +116,8 @@ class Seal(unittest.TestCase):
         for name, why in (("0001", "there is a 0001 in it already"), ("0007", "--set 0007: these records hold 0000, 0001")):
             with self.assertRaisesRegex(campaign.Wrong, why):
                 run("again", record, "--set", name, "--out", out)
+        with self.assertRaisesRegex(campaign.Wrong, "--set 0001: two of these records hold another set"):
+            run("again", record, campaign.ROOT / "tests/blind/records/c13.jsonl", "--set", "0001", "--out", out)
         with self.assertRaisesRegex(campaign.Wrong, "hold no seeds"):
             run("again", campaign.ROOT / "tests/blind/records/c2.jsonl", "--set", "0001", "--out", out)
 
