@@ -52,7 +52,7 @@ def main():
                 out = mujoco_plant.simulate(lp.nominal(robot), targets)
             else:
                 out = lp.simulate(lp.nominal(robot), targets, sub=o.sub)
-            ours = sensors.ideal(robot, out, targets, {})
+            ours = sensors.ideal(out, targets, {})
             d = make.difference(ours, theirs)
             worst = max(worst, max(d.values()))
             print(f"{name:9s} {family:14s} {len(targets) / 1000:7.1f}   {'':24s}{d['tension']:7.3f}{d['motor']:7.3f}"

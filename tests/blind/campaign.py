@@ -235,7 +235,7 @@ def diagnose(o):
 
 
 def answer_one(folder, vault, name, command, facts, prefix, timeout_s):
-    seal = json.loads((folder / "seals" / f"{name[:4]}.json").read_text())
+    seal = json.loads((folder / "seals" / f"{name.removesuffix('_followup')}.json").read_text())
     data, before = folder / "sets" / name, digest(folder / "sets" / name)
     if before != seal["followup_sha256" if name.endswith("_followup") else "data_sha256"]:
         raise NotRun("its data are not the sealed ones")

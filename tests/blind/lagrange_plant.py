@@ -12,10 +12,9 @@ from tests.blind import capstan
 TENDON = ("k c e0 r_spool growth ratio eff J coulomb coulomb_angle coulomb_micro viscous lag delay limit kt "
           "gear_y1 gear_y2 presliding low_N dc_extra stribeck_Nm stribeck_w cogging_Nm cogging_n cogging_phase "
           "backlash pulley_N creep1 creep_t1 creep2 creep_t2 slack thermal thermal_tau cross ripple ripple_n "
-          "fixture_m ecc ecc_n play_kind stiffening route_mu sag fade fade_tau lugre_pulley").split()
+          "fixture_m ecc ecc_n stiffening route_mu sag").split()
 UNIT = ("l m Ixx Izz kb c u0 v0 twist hyst hyst_y soft soft_theta visc visc_tau").split()
-ROBOT = ("gx gy gz fx fy fz tilt_x tilt_y base_c axial wall_x wall_y wall_z wall_n wall_k route_y twist_k "
-         "gust gust_hz tip_cx tip_cz wobble").split()
+ROBOT = "gx gy gz fx fy fz base_c axial wall_x wall_y wall_z wall_n wall_k route_y twist_k".split()
 T = {name: i for i, name in enumerate(TENDON)}
 U = {name: i for i, name in enumerate(UNIT)}
 G = {name: i for i, name in enumerate(ROBOT)}
@@ -390,7 +389,7 @@ def dahl(z, x, x0, length):
     return -1 + (1 + z) * math.exp(d / length)
 
 
-# State vector: u v du dv (4N), theta omega torque (3M), creep1 creep2 heat fade (4M), base tilt rotation (2), viscoelastic u v (2N)
+# State vector: u v du dv (4N), theta omega torque (3M), creep1 creep2 heat (3M), base tilt rotation (2), viscoelastic u v (2N)
 @njit(cache=True, error_model="numpy")
 def rates(P, y, x0, mem, target, force, W, L, dL, Q, T_unit, gh, first, y_dot, obs, commit):
     """y_dot; obs rows: motor-side tension, base tension, spool displacement s, body displacement d. mem: memories at
@@ -417,9 +416,9 @@ def rates(P, y, x0, mem, target, force, W, L, dL, Q, T_unit, gh, first, y_dot, o
         twists[i] = P.u[i, U_twist]
     if g[G_twist_k] != 0.0:  # disks turn under the tendons' skew pull: proportional to u v difference of tensions
         for i in range(n):
-            twists[i] += g[G_twist_k] * (q[i] * dq[n + i] * 0.0 + q[i] * obs[1, 1 % m] - q[n + i] * obs[1, 0])
-    tx = g[G_tilt_x] + y[o + 4 * m]
-    ty = g[G_tilt_y] + y[o + 4 * m + 1]
+            twists[i] += g[G_twist_k] * (q[i] * obs[1, 1 % m] - q[n + i] * obs[1, 0])
+    tx = y[o + 3 * m]
+    ty = y[o + 3 * m + 1]
     chain(P, q, tx, ty, lengths, twists, pos, rot, pl, Rl, JL, dpu, dpv)
     straight(P, pl, Rl, JL, dpu, dpv, L, dL)
     for a in range(nd):
@@ -594,7 +593,7 @@ def rates(P, y, x0, mem, target, force, W, L, dL, Q, T_unit, gh, first, y_dot, o
         for i in range(n):
             Q[i] -= T_unit[i, j] * dL[i, j, 0]
             Q[n + i] -= T_unit[i, j] * dL[i, j, 1]
-    vo = o + 4 * m + 2
+    vo = o + 3 * m + 2
     for i in range(n):
         b = P.u[i]
         ku = b[U_kb]
@@ -626,8 +625,8 @@ def rates(P, y, x0, mem, target, force, W, L, dL, Q, T_unit, gh, first, y_dot, o
     fz = g[G_fz] + force[2]
     body_dynamics(P, q, dq, Q, lengths, twists, tx, ty, fx, fy, fz, W, gh, first, y_dot[nd:2 * nd])
     if g[G_base_c] > 0.0:  # the base leans with the moment of the first unit, within 20 ms
-        y_dot[o + 4 * m] = (-g[G_base_c] * P.u[0, U_kb] * q[n] - y[o + 4 * m]) / 0.02
-        y_dot[o + 4 * m + 1] = (g[G_base_c] * P.u[0, U_kb] * q[0] - y[o + 4 * m + 1]) / 0.02
+        y_dot[o + 3 * m] = (-g[G_base_c] * P.u[0, U_kb] * q[n] - y[o + 3 * m]) / 0.02
+        y_dot[o + 3 * m + 1] = (g[G_base_c] * P.u[0, U_kb] * q[0] - y[o + 3 * m + 1]) / 0.02
     for k in range(nd):
         y_dot[k] = dq[k]
 
@@ -744,7 +743,7 @@ def nominal(robot):
                gear_y1=a["gear"]["presliding_yields_rad"][0], gear_y2=a["gear"]["presliding_yields_rad"][1],
                presliding=a["transmission"]["presliding_m"], low_N=a["transmission"]["low_tension_N"],
                stribeck_w=8.0, cogging_n=12.0, creep_t1=3.0, creep_t2=25.0, thermal_tau=20.0, ripple_n=7.0,
-               ecc_n=1.0, fade_tau=10.0)
+               ecc_n=1.0)
     for key, value in per.items():
         t[:, T[key]] = value
     u = np.zeros((n, len(UNIT)))
@@ -782,7 +781,7 @@ def build(p):
     return Plant(p["t"].copy(), p["u"].copy(), p["g"].copy(), x, y, rest, np.array(val), np.array(axis))
 
 
-def simulate(p, targets_Nm, force=None, sub=10, dt_row=1e-3, angle0=None):
+def simulate(p, targets_Nm, force=None, sub=10, dt_row=1e-3):
     """Rows at 1 kHz of the plant under torque targets (S x M); from straight and at rest at pretension. force: S x
     (3 + M), a force at the tip and a torque at each motor's shaft."""
     P = build(p)
@@ -790,7 +789,7 @@ def simulate(p, targets_Nm, force=None, sub=10, dt_row=1e-3, angle0=None):
     S = len(targets_Nm)
     if force is None:
         force = np.zeros((S, 3 + m))
-    y = np.zeros(4 * n + 7 * m + 2 + 2 * n)
+    y = np.zeros(4 * n + 6 * m + 2 + 2 * n)
     hold = np.full(m, 0.3) * P.t[:, T["r_spool"]] / P.t[:, T["ratio"]]
     y[4 * n + 2 * m:4 * n + 3 * m] = hold
     x0 = np.zeros((m, 4))

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from tests.blind import effects, lagrange_plant as lp, programs, sensors
-from tests.blind.seal import Wrong
+from tests.blind.seal import Wrong, digest
 
 ROOT = Path(__file__).resolve().parents[2]
 SCATTER_NM = 3e-6  # 1.5 % of the motors' Coulomb friction, below 2 Hz: what makes identical runs differ
@@ -81,7 +81,7 @@ def outputs(robot, p, faults, targets, load_cell, sub=10, scatter_Nm=0.0, seed=(
         o = mujoco_plant.simulate(p, targets, force[:, 3:], tied=not p.get("free_chain"))
     else:
         o = lp.simulate(p, targets, force, sub=sub)
-    return sensors.ideal(robot, o, targets, faults, load_cell)
+    return sensors.ideal(o, targets, faults, load_cell)
 
 
 def difference(a, b, floor=None):
@@ -172,10 +172,14 @@ def amount_for(robot, name, where, sigma, seed, sign, load_cell="motor_side"):
         sign, bound = -sign, e.low * -1 if sign > 0 else e.high
     hi, lo = np.log(bound), np.log(bound) - 18
     x = np.log(min(abs(e.typical), bound))
-    size = 0.0
+    nearest = np.inf
     for _ in range(12):
-        size, channel, _ = size_of(robot, name, where, sign * np.exp(x), seed, short, load_cell)
-        if abs(np.log(max(size, 1e-9) / sigma)) < 0.05:
+        amount = sign * float(np.exp(x))
+        size, channel, _ = size_of(robot, name, where, amount, seed, short, load_cell)
+        off = abs(np.log(max(size, 1e-9) / sigma))
+        if off < nearest:
+            nearest, found = off, (amount, size, channel)
+        if off < 0.05:
             break
         if size > sigma:
             hi = min(hi, x)
@@ -185,7 +189,7 @@ def amount_for(robot, name, where, sigma, seed, sign, load_cell="motor_side"):
             break                       # not even the bound makes it so large
         step = x + np.clip(np.log(sigma / max(size, 1e-6)), -3, 3)
         x = step if lo < step < hi else 0.5 * (lo + hi) if hi - lo < 6 else (np.log(bound) if step >= hi else x - 3)
-    return sign * float(np.exp(x)), size, channel
+    return found
 
 
 def make_set(out, truth_path, robot_name, items, seed, families, repeats=1, load_cell="motor_side", tracker=True,
@@ -221,7 +225,7 @@ def make_set(out, truth_path, robot_name, items, seed, families, repeats=1, load
     sensors.write_set(out, robot_file, runs, load_cell)
     answer = dict(seed=seed, robot=robot_name, plant=plant, truth=truth, load_cell=load_cell, tracker=tracker, families=list(families),
                   colour=colour, lost=lost, jitter_s=jitter, scatter_Nm=scatter_Nm, nuisance=nuisance, strength=strength,
-                  sha256_of_data=sensors.digest(out), **(extra_truth or {}))
+                  sha256_of_data=digest(out), **(extra_truth or {}))
     if truth_path:
         Path(truth_path).parent.mkdir(parents=True, exist_ok=True)
         Path(truth_path).write_text(json.dumps(answer, indent=1) + "\n")

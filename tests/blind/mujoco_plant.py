@@ -1,4 +1,4 @@
-# The rig in MuJoCo: each unit a chain of small joints tied to equal angles (or left free), spatial tendons through the
+# The rig in MuJoCo: each unit a chain of hinges tied to equal bends (or left free), spatial tendons through the
 # disks' holes, motors as joints, MuJoCo's integrator. Pulley, gear and friction laws act as forces between its steps.
 import math
 
@@ -8,8 +8,23 @@ from numba import njit
 from tests.blind import lagrange_plant as lp
 from tests.blind.lagrange_plant import T, U, cap, clip, dahl
 
-JOINTS = 6        # small joints a unit
+JOINTS = 6        # a unit and direction of bend
 STEP_S = 5e-5
+LINK = 1 / 16  # inertia of what is between two hinges, in discs; lighter links make the ties soft
+
+
+def chain(joints):
+    """Hinges of a unit from base to end: name, share of the unit's bend, place along its length. Hinges about x lie between
+    those about y, whose first and last have half a share: the rotations' order cancels up to the bend's cube over
+    joints squared. Each kind is spaced so that the unit's end lies on the arc up to the fourth power of the bend: the mean
+    square of the direction's deviation from the chord is the arc's."""
+    out = []
+    for name, shares in (("u", [0.5] + [1.0] * (joints - 1) + [0.5]), ("v", [1.0] * joints)):
+        shares = np.array(shares) / joints
+        turned = np.cumsum(shares)[:-1] - 0.5
+        spacing = 1 / 6 / (len(turned) / 4 - np.sum(turned ** 2))
+        out += [(f"{name}{k}", share, 0.5 + (k - len(turned) / 2) * spacing) for k, share in enumerate(shares)]
+    return sorted(out, key=lambda hinge: hinge[2])
 
 
 def model_xml(p, tied=True, joints=JOINTS, step=STEP_S):
@@ -28,30 +43,30 @@ def model_xml(p, tied=True, joints=JOINTS, step=STEP_S):
         rows.append(f'<site name="s0_{j}" pos="{x:.12g} {y:.12g} 0"/>')
     depth = 0
     offset = 0.0
-    # Joints of equal angle, spaced so that the unit's end lies on the arc up to the fourth power of the bend: the mean
-    # square of the direction's deviation from the chord is the arc's.
-    K = joints
-    spread = sum((k - K / 2) ** 2 for k in range(1, K))
-    spacing = K * K / 6 / ((K - 1) * K * K / 4 - spread)
-    first = (1 - (K - 1) * spacing) / 2
+    hinges = chain(joints)
+    last = 1 - hinges[-1][2]
+    link = LINK * p["u"][:, U["Ixx"]].min()
     for i in range(n):
         u = p["u"][i]
         l = u[U["l"]]
-        for k in range(joints):
-            offset += first * l if k == 0 else spacing * l
-            rows.append(f'<body name="b{i}_{k}" pos="0 0 {offset:.12g}">')
+        before = 0.0
+        for h, (name, share, place) in enumerate(hinges):
+            offset += (place - before) * l
+            before = place
+            rows.append(f'<body name="b{i}_{h}" pos="0 0 {offset:.12g}">')
             depth += 1
             offset = 0.0
-            # two hinges in one order twist by uv/2; the next joint's opposite order takes it back
-            for name, axis in (("u", "0 1 0"), ("v", "-1 0 0"))[::1 if k % 2 == 0 else -1]:
-                rest = u[U[name + "0"]] / joints
-                rows.append(f'<joint name="{name}{i}_{k}" type="hinge" axis="{axis}" stiffness="{u[U["kb"]] * joints:.12g}" '
-                            f'damping="{u[U["c"]] * joints:.12g}" springref="{rest:.12g}"/>')
-            if k < joints - 1:
-                rows.append('<inertial pos="0 0 0" mass="1e-7" diaginertia="1e-9 1e-9 1e-9"/>')
-        end = first * l
-        rows.append(f'<inertial pos="0 0 {end:.12g}" mass="{u[U["m"]]:.12g}" diaginertia="{u[U["Ixx"]]:.9g} '
-                    f'{u[U["Ixx"]]:.9g} {u[U["Izz"]]:.9g}"/>')
+            axis = "0 1 0" if name[0] == "u" else "-1 0 0"
+            rows.append(f'<joint name="{name}_{i}" type="hinge" axis="{axis}" stiffness="{u[U["kb"]] / share:.12g}" '
+                        f'damping="{u[U["c"]] / share:.12g}" springref="{u[U[name[0] + "0"]] * share:.12g}"/>')
+            if h < len(hinges) - 1:
+                rows.append(f'<inertial pos="0 0 0" mass="1e-7" diaginertia="{link:.9g} {link:.9g} {1e-3 * link:.9g}"/>')
+        end = last * l
+        # the discs at both ends of a unit are lighter by half of its links
+        links = 0.5 * (len(hinges) - 1) * (1 if i == n - 1 else 2)
+        bending = u[U["Ixx"]] - links * link
+        rows.append(f'<inertial pos="0 0 {end:.12g}" mass="{u[U["m"]] - links * 1e-7:.12g}" '
+                    f'diaginertia="{bending:.9g} {bending:.9g} {min(u[U["Izz"]], 2 * bending):.9g}"/>')
         for j in range(m):
             x = p["hole_r"][i + 1, j] * math.cos(p["hole_a"][i + 1, j])
             y = p["hole_r"][i + 1, j] * math.sin(p["hole_a"][i + 1, j])
@@ -68,9 +83,10 @@ def model_xml(p, tied=True, joints=JOINTS, step=STEP_S):
     if tied:
         rows.append("<equality>")
         for i in range(n):
-            for k in range(1, joints):
-                for name in "uv":
-                    rows.append(f'<joint joint1="{name}{i}_{k}" joint2="{name}{i}_0" polycoef="0 1 0 0 0" '
+            for name, share, _ in hinges:
+                first = name[0] + "1"
+                if name != first:
+                    rows.append(f'<joint joint1="{name}_{i}" joint2="{first}_{i}" polycoef="0 {share * joints:.12g} 0 0 0" '
                                 f'solref="{2 * step} 1" solimp="0.9999 0.9999 0.001"/>')
         rows.append("</equality>")
     rows.append("</mujoco>")
@@ -119,7 +135,8 @@ def simulate(p, targets_Nm, disturb_Nm=None, tied=True, joints=JOINTS, step=STEP
     mujoco.mj_forward(model, data)
     rest = data.ten_length.copy()
     tip = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tip")
-    uv = np.array([[model.joint(f"{c}{i}_{k}").qposadr[0] for k in range(joints)] for c in "uv" for i in range(n)])
+    hinges = [[(model.joint(f"{name}_{i}").qposadr[0], share) for name, share, _ in chain(joints) if name[0] == c]
+              for c in "uv" for i in range(n)]
     tq = np.full(m, 0.3) * P.t[:, T["r_spool"]] / P.t[:, T["ratio"]]
     hold = tq.copy()
     mem, x0, obs, effort = np.zeros((m, 7)), np.zeros((m, 2)), np.zeros((2, m)), np.zeros(m)
@@ -139,9 +156,10 @@ def simulate(p, targets_Nm, disturb_Nm=None, tied=True, joints=JOINTS, step=STEP
                 out["tension_motor"][r], out["tension_base"][r] = obs[0], obs[1]
                 out["tip"][r] = data.site_xpos[tip]
                 out["rotation"][r] = data.site_xmat[tip].reshape(3, 3)
-                angles = data.qpos[uv]
-                out["q"][r] = angles.sum(1)
-                out["spread"][r] = np.ptp(angles, axis=1).max()
+                for k, of in enumerate(hinges):
+                    out["q"][r, k] = sum(data.qpos[at] for at, _ in of)
+                    bends = [data.qpos[at] / share for at, share in of]
+                    out["spread"][r] = max(out["spread"][r], max(bends) - min(bends))
             data.ctrl[:] = -obs[1]
             data.qfrc_applied[:m] = effort if disturb_Nm is None else effort + disturb_Nm[r]
             mujoco.mj_step2(model, data)

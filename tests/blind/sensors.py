@@ -1,6 +1,5 @@
 # What the rig's sensors make of the plant's signals: noise, steps of quantisation, clocks; and the files of a data set.
 # Knows nothing of what was planted beyond the sensors' own faults, which it is handed.
-import hashlib
 import shutil
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from tests.blind import lagrange_plant as lp
 
 NOMINAL = dict(cell_gain=1.0, cell_offset_N=0.0, cell_drift_Nps=0.0, cell_cross=0.0, cell_tau_s=0.0,
                encoder_offset_rad=0.0, tracker_rotation_rad=(0.0, 0.0, 0.0), tracker_offset_m=(0.0, 0.0, 0.0),
-               tracker_delay_s=0.0, magnetic=0.0, jitter_s=3e-6, lost=0.0, colour=0.0, late_s=0.0)
+               tracker_delay_s=0.0, magnetic=0.0, jitter_s=3e-6, lost=0.0, colour=0.0)
 
 
 def rotation(v):
@@ -39,7 +38,7 @@ def noise(rng, shape, colour):
     return lfilter([np.sqrt(1 - colour ** 2)], [1, -colour], w, axis=0)
 
 
-def ideal(robot, out, targets, faults, load_cell="motor_side"):
+def ideal(out, targets, faults, load_cell="motor_side"):
     """What perfect sensors with the given faults would show: dict of S x ... arrays."""
     f = dict(NOMINAL, **faults)
     S, m = targets.shape
@@ -123,11 +122,3 @@ def write_set(folder, robot_file, runs, load_cell):
         file.write("runs:\n")
         for name, family, repeat, _ in runs:
             file.write(f"  - {{file: {name}, family: {family}, repeat_of: {repeat or 'none'}, load_cell: {load_cell}}}\n")
-
-
-def digest(folder):
-    """One hash over the names and contents of all files of a folder."""
-    h = hashlib.sha256()
-    for path in sorted(Path(folder).iterdir()):
-        h.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
-    return h.hexdigest()
