@@ -490,7 +490,7 @@ void WriteDataSet(const DataSet& set, const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw std::runtime_error("cannot make folder " + folder.string() + ": " + error.message());
-  std::map<std::string, std::string> file_of;
+  std::set<std::string> written;
   YAML::Emitter list;
   list << YAML::BeginMap;
   if (set.fit_frame) list << YAML::Key << "tracker_frame" << YAML::Value << "fit";
@@ -501,9 +501,9 @@ void WriteDataSet(const DataSet& set, const fs::path& folder) {
           fmt::format("a run is called '{}'; accepted: a file name without folder", run.name));
     }
     const std::string file = RunName(run.name) + ".csv";
-    if (!file_of.emplace(run.name, file).second) {
+    if (!written.insert(file).second) {
       throw std::runtime_error(
-          fmt::format("two runs are called '{}'; each needs a name of its own", run.name));
+          fmt::format("two runs would be written to '{}'; each needs a name of its own", file));
     }
     WriteRun(run, folder / file);
     list << YAML::BeginMap << YAML::Key << "file" << YAML::Value << file << YAML::Key << "family"

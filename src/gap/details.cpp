@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "parallel.h"
@@ -114,8 +115,8 @@ ConditionMap MapOf(const Evaluator& evaluator, int channel, const Condition& con
   std::vector<std::vector<std::pair<int, double>>> bins(kBins);
   std::vector<double> sum_after(kBins, 0);
   for (const auto& p : points) {
-    const int b = static_cast<int>((p.x - low) / (high - low) * kBins);
-    if (b < 0 || b >= kBins) continue;
+    if (p.x < low || p.x >= high) continue;
+    const int b = std::min(kBins - 1, static_cast<int>((p.x - low) / (high - low) * kBins));
     bins[b].emplace_back(p.block, p.before);
     sum_after[b] += p.after;
   }
@@ -176,8 +177,9 @@ std::vector<int> Shown(const Evaluator& evaluator) {
 /// The run in which a channel's residual is largest.
 int WorstRun(const Evaluator& evaluator, int channel) {
   int worst = 0;
-  double most = -1;
+  double most = -std::numeric_limits<double>::infinity();
   for (int i = 0; i < static_cast<int>(evaluator.runs().size()); ++i) {
+    if (evaluator.AtNominal()[i][channel].size() == 0) continue;  // 0 over 0 is not less than what runs show
     const ChannelScore score = ScoreChannels(evaluator, evaluator.AtNominal(), evaluator.AtNominal(), {i});
     const double over = score.square[channel] - score.noise[channel];
     if (over > most) most = over, worst = i;
@@ -192,11 +194,10 @@ std::vector<double> ToVector(const Eigen::VectorXd& v) { return {v.data(), v.dat
 void AddDetails(const Evaluator& evaluator, const Model* model, const Residuals& after, std::uint64_t seed,
                 Diagnosis& d) {
   const std::vector<int> shown = Shown(evaluator);
-  const RobotParameters with = model ? model->Robot(evaluator.nominal()) : evaluator.nominal();
   for (const int c : shown) {
     const Channel& channel = evaluator.channels()[c];
     const int i = WorstRun(evaluator, c);
-    const Evaluator::Curve before = evaluator.CurveOf(evaluator.nominal(), i, c);
+    const Evaluator::Curve before = evaluator.NominalCurve(i, c);
     Overlay overlay;
     overlay.run = evaluator.runs()[i].name;
     overlay.channel = channel.name;
@@ -316,11 +317,9 @@ NextExperiment FindNextExperiment(const Evaluator& evaluator, const SearchResult
       Residuals zero = there.AtNominal();
       for (auto& r : zero[0]) r.setZero();
       const int n = static_cast<int>(pointers.size());
-      Eigen::VectorXd prior(n);
-      for (int p = 0; p < n; ++p) prior[p] = 30 * ScaleOf(b.model.parameter(p));
-      const Eigen::VectorXd wide = Eigen::VectorXd::Constant(n, 1e300);
-      const LinearFit taken =
-          SolveLinear(Accumulate(pointers, difference, zero, weights, folds), prior, -wide, wide);
+      Bounds bounds;
+      for (int p = 0; p < n; ++p) bounds.Add(b.model.parameter(p), b.model.values[p]);
+      const LinearFit taken = SolveLinear(Accumulate(pointers, difference, zero, weights, folds), bounds);
       for (int p = 0; p < n; ++p) {
         for (std::size_t c = 0; c < difference[0].size(); ++c) {
           if (columns[p][0][c].size() > 0) difference[0][c] -= taken.value[p] * columns[p][0][c];

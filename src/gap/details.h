@@ -11,7 +11,8 @@
 
 namespace tendril::gap {
 
-/// `model` null: only before.
+/// Overlays, maps and correlations of the worst channels into d; `after` are the residuals held out. With
+/// `model` null there is only before.
 void AddDetails(const Evaluator& evaluator, const Model* model, const Residuals& after, std::uint64_t seed,
                 Diagnosis& d);
 

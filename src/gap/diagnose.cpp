@@ -319,13 +319,20 @@ void TakeOutShort(DataSet& set, Diagnosis& d) {
 /// What was measured wrong, as the runs show beside each other and beside the model.
 class Measuring {
  public:
-  Measuring(DataSet& set, Diagnosis& d, const DiagnoseOptions& options, int threads)
-      : set_(set), d_(d), options_(options), threads_(threads), runs_(set.runs.size()) {}
+  /// `compared`: what was given compares runs with earlier ones.
+  Measuring(DataSet& set, Diagnosis& d, const DiagnoseOptions& options, int threads, bool compared)
+      : set_(set), d_(d), options_(options), threads_(threads), compared_(compared), runs_(set.runs.size()) {}
 
   /// The runs that can be compared, with the set and its degradations to fit. Throws std::runtime_error where
   /// nothing can be.
   Evaluator Settled() {
     for (;;) {
+      if (compared_ && !Compared(set_)) {
+        throw std::runtime_error(fmt::format(
+            "no run is left that can be compared with one from before{}; accepted: runs of the same commands "
+            "from before and after, recorded alike",
+            d_.degradations.empty() ? "" : " (" + d_.degradations.back() + ")"));
+      }
       try {
         Evaluator evaluator(set_, {threads_, options_.delta_N, options_.delta_m, options_.seed});
         if (options_.progress) options_.progress("comparing the runs with the model and with each other", 0);
@@ -391,6 +398,7 @@ class Measuring {
   Diagnosis& d_;
   const DiagnoseOptions& options_;
   int threads_;
+  bool compared_;
   std::size_t runs_, left_out_ = 0;       // at first, and since for what the others show
   std::map<std::string, double> missed_;  // as FindOddRuns says
   std::optional<std::pair<DataSet, std::vector<std::string>>> with_odd_;
@@ -425,7 +433,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   d.revision = GitRevision();
 
   progress("aligning the logs and finding the noise floor", 0);
-  Evaluator evaluator = Measuring(set, d, options, threads).Settled();
+  Evaluator evaluator = Measuring(set, d, options, threads, Compared(given)).Settled();
   std::map<std::string, std::string> before_sha256;
   for (const Run& run : set.runs) before_sha256.emplace(run.before, "");
   std::erase_if(set.runs, [&](const Run& run) {

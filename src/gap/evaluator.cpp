@@ -7,9 +7,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
-#include <numbers>
 #include <optional>
 #include <stdexcept>
 
@@ -137,7 +135,7 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
   };
   ParallelFor(static_cast<int>(set.runs.size()), options.threads, [&](int i) {
     try {
-      runs_[i] = Prepare(set.runs[i], nominal_, 0);
+      runs_[i] = Prepare(set.runs[i], nominal_);
     } catch (const std::runtime_error& error) {
       trouble[i] = error.what();
     }
@@ -581,7 +579,7 @@ Residuals Evaluator::At(const RobotParameters& robot, unsigned cuts, const std::
     residuals[i] = ResidualsOf(replayed, runs_[i], cuts);
     for (std::size_t c = 0; c < channels_.size(); ++c) {
       auto& r = residuals[i][c];
-      if (r.size() == 0 || variance_.empty()) continue;
+      if (r.size() == 0) continue;
       if (!before_.empty()) r -= before_[i][c];
       const auto& variance = variance_[i][c];
       for (int w = 0; w < r.size(); ++w) {
@@ -632,14 +630,14 @@ unsigned Evaluator::CutsOf(const sim::Effect& effect) const {
   return kAllCuts;
 }
 
-Evaluator::Curve Evaluator::CurveOf(const RobotParameters& robot, int run_index, int channel_index) const {
+Evaluator::Curve Evaluator::NominalCurve(int run_index, int channel_index) const {
   const PreparedRun& run = runs_[run_index];
   const Channel& channel = channels_[channel_index];
   const unsigned cut = channel.cut == sim::Cut::kCurrentLoop  ? kC1
                        : channel.cut == sim::Cut::kDrivetrain ? kC2
                        : channel.cut == sim::Cut::kTendon     ? kC3
                                                               : kBody;
-  const Replayed replayed = ReplayRun(robot, run, cut | kBody, &nominal_motion_[run_index]);
+  const Replayed replayed = ReplayRun(nominal_, run, cut | kBody, &nominal_motion_[run_index]);
   const Eigen::VectorXd residual = ResidualsOf(replayed, run, cut)[channel_index];
   const int width = WindowSamples(run, channel);
   Curve curve;

@@ -115,11 +115,11 @@ class Evaluator {
   /// What an effect can change, given these logs.
   unsigned CutsOf(const sim::Effect& effect) const;
 
-  /// Simulated values on the grid for pictures (S x 1 of the channel), with the measured ones.
+  /// What the nominal robot makes of a run and what was measured, by window of the channel, for pictures.
   struct Curve {
     Eigen::VectorXd time_s, measured, simulated;
   };
-  Curve CurveOf(const RobotParameters& robot, int run, int channel) const;
+  Curve NominalCurve(int run, int channel) const;
 
  private:
   static constexpr double kUseless = 0.5;  // share of the motion before

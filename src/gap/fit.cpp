@@ -7,7 +7,6 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <stdexcept>
 
 namespace tendril::gap {
@@ -47,6 +46,14 @@ Eigen::VectorXd Bounded(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, cons
   return x;
 }
 
+// How far a parameter may go, in plainly visible deviations: next to free.
+constexpr double kPriorScales = 30;
+
+void Append(Eigen::VectorXd& x, double value) {
+  x.conservativeResize(x.size() + 1);
+  x[x.size() - 1] = value;
+}
+
 // What a gap that one fold alone can show has to bring beyond what any parameter takes up by chance, and the
 // share of what is known of a parameter that the other folds must have for it to be held out.
 constexpr double kOnlyFoldCost = 8, kElsewhere = 0.02;
@@ -71,12 +78,10 @@ Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& pa
   Normal normal;
   normal.A.assign(folds.count, Eigen::MatrixXd::Zero(n, n));
   normal.b.assign(folds.count, Eigen::VectorXd::Zero(n));
-  normal.c.assign(folds.count, 0);
   const auto add = [&](int fold, int run, int channel, int from, int count) {
     const auto& r = Pick(part, rest, run, channel);
     const auto w = weights(run, channel).segment(from, count).array();
     const auto rs = r.segment(from, count).array();
-    normal.c[fold] += (w * rs.square()).sum();
     for (int a = 0; a < n; ++a) {
       const auto& ja = (*columns[a])[run];
       if (ja.empty() || ja[channel].size() == 0) continue;
@@ -110,21 +115,33 @@ Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& pa
   return normal;
 }
 
-LinearFit SolveLinear(const Normal& normal, const Eigen::VectorXd& prior, const Eigen::VectorXd& lower,
-                      const Eigen::VectorXd& upper, int own) {
+void Bounds::Add(const sim::EffectParameter& parameter, double value) {
+  Append(prior, kPriorScales * ScaleOf(parameter));
+  Append(lower, parameter.lower - value);
+  Append(upper, parameter.upper - value);
+}
+
+void Bounds::AddNuisance(double deviation) {
+  Append(prior, deviation);
+  Append(lower, -3 * deviation);
+  Append(upper, 3 * deviation);
+}
+
+LinearFit SolveLinear(const Normal& normal, const Bounds& bounds, int own) {
   const int n = normal.size();
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
-  const Eigen::MatrixXd regular = prior.array().square().inverse().matrix().asDiagonal();
+  const Eigen::MatrixXd regular = bounds.prior.array().square().inverse().matrix().asDiagonal();
   for (std::size_t f = 0; f < normal.A.size(); ++f) A += normal.A[f], b += normal.b[f];
   LinearFit fit;
-  fit.value = Bounded(A + regular, b, lower, upper);
+  fit.value = Bounded(A + regular, b, bounds.lower, bounds.upper);
   fit.score = fit.value.dot(b) - 0.5 * fit.value.dot(A * fit.value);
   const int only = OnlyFold(normal, own);
   for (std::size_t f = 0; f < normal.A.size(); ++f) {
     const bool predicted = static_cast<int>(f) != only;
     const Eigen::VectorXd x =
-        predicted ? Bounded(A - normal.A[f] + regular, b - normal.b[f], lower, upper) : fit.value;
+        predicted ? Bounded(A - normal.A[f] + regular, b - normal.b[f], bounds.lower, bounds.upper)
+                  : fit.value;
     fit.held_out_score += x.dot(normal.b[f]) - 0.5 * x.dot(normal.A[f] * x) - (predicted ? 0 : kOnlyFoldCost);
   }
   return fit;
@@ -304,28 +321,17 @@ double Fitter::Lost(const Fit& fit, int k, double value) const {
   held.values[k] = value;
   const Residuals at = evaluator_.At(held.Robot(evaluator_.nominal()), CutsOf(evaluator_, held));
   std::vector<const Column*> columns;
+  Bounds bounds;
   for (const auto& column : nuisances_.columns) columns.push_back(&column);
-  std::vector<double> prior(nuisances_.prior.begin(), nuisances_.prior.end()), lower, upper;
-  for (const double p : prior) lower.push_back(-3 * p), upper.push_back(3 * p);
+  for (const double deviation : nuisances_.prior) bounds.AddNuisance(deviation);
   for (int o = 0; o < held.size(); ++o) {
     if (o == k) continue;
-    const auto& p = held.parameter(o);
     columns.push_back(&fit.columns[o]);
-    prior.push_back(30 * ScaleOf(p));
-    lower.push_back(p.lower - held.values[o]);
-    upper.push_back(p.upper - held.values[o]);
+    bounds.Add(held.parameter(o), held.values[o]);
   }
   const Residuals& rest = evaluator_.AtNominal();
   double score = LogScore(weights_, at, rest);
-  if (!columns.empty()) {
-    const auto vector = [](const std::vector<double>& v) {
-      return Eigen::VectorXd(
-          Eigen::Map<const Eigen::VectorXd>(v.data(), static_cast<Eigen::Index>(v.size())));
-    };
-    score += SolveLinear(Accumulate(columns, at, rest, weights_, folds_), vector(prior), vector(lower),
-                         vector(upper))
-                 .score;
-  }
+  if (!columns.empty()) score += SolveLinear(Accumulate(columns, at, rest, weights_, folds_), bounds).score;
   return fit.score - score;
 }
 
@@ -386,27 +392,18 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
   // Nuisances act on channels outside these cuts as well; there the nominal residuals count.
   const Residuals& rest = evaluator_.AtNominal();
   const Normal normal = Accumulate(columns, at, rest, weights_, folds_);
-  Eigen::VectorXd prior(n + extra), lower(n + extra), upper(n + extra);
+  Bounds bounds;
+  for (int k = 0; k < n; ++k) bounds.Add(start.parameter(k), fit.model.values[k]);
+  for (const double deviation : nuisances_.prior) bounds.AddNuisance(deviation);
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n + extra, n + extra);
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n + extra);
-  for (int k = 0; k < n; ++k) {
-    const auto& p = start.parameter(k);
-    prior[k] = 30 * ScaleOf(p);
-    lower[k] = p.lower - fit.model.values[k];
-    upper[k] = p.upper - fit.model.values[k];
-  }
-  for (int e = 0; e < extra; ++e) {
-    prior[n + e] = nuisances_.prior[e];
-    lower[n + e] = -3 * nuisances_.prior[e];
-    upper[n + e] = 3 * nuisances_.prior[e];
-  }
   for (std::size_t f = 0; f < normal.A.size(); ++f) A += normal.A[f], b += normal.b[f];
-  const Eigen::MatrixXd regular = prior.array().square().inverse().matrix().asDiagonal();
+  const Eigen::MatrixXd regular = bounds.prior.array().square().inverse().matrix().asDiagonal();
   // The model's own parameters are at their optimum; only the nuisances move with all data.
   const auto leave_out = [&](int fold) {
     const Eigen::MatrixXd Af = fold < 0 ? A : Eigen::MatrixXd(A - normal.A[fold]);
     const Eigen::VectorXd bf = fold < 0 ? b : Eigen::VectorXd(b - normal.b[fold]);
-    return Bounded(Af + regular, bf, lower, upper);
+    return Bounded(Af + regular, bf, bounds.lower, bounds.upper);
   };
   const Eigen::VectorXd all = leave_out(-1);
   fit.only_fold = OnlyFold(normal, n);

@@ -20,7 +20,6 @@ using Column = Residuals;
 struct Normal {
   std::vector<Eigen::MatrixXd> A;  // sum of w j j^T
   std::vector<Eigen::VectorXd> b;  // sum of w j r
-  std::vector<double> c;           // sum of w r^2
   int size() const { return static_cast<int>(A[0].rows()); }
 };
 Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& part, const Residuals& rest,
@@ -31,11 +30,19 @@ struct LinearFit {
   double score = 0;           // log score gained by it on the data it was fitted to
   double held_out_score = 0;  // gained on folds that were left out
 };
-/// Least squares with a Gaussian prior of standard deviation prior[k] about zero for each parameter, within
-/// bounds of the change. A fold without which one of the first `own` parameters is not determined cannot be
-/// predicted from the others: it is scored with what all data say, less a fixed cost.
-LinearFit SolveLinear(const Normal& normal, const Eigen::VectorXd& prior, const Eigen::VectorXd& lower,
-                      const Eigen::VectorXd& upper, int own = 0);
+/// Changes of parameters: standard deviations of a Gaussian prior about zero, and bounds.
+struct Bounds {
+  Eigen::VectorXd prior, lower, upper;
+
+  /// Of a parameter that stands at `value`, within its own bounds.
+  void Add(const sim::EffectParameter& parameter, double value);
+  /// Of a constant that has none: three deviations.
+  void AddNuisance(double deviation);
+};
+
+/// Least squares within prior and bounds. A fold without which one of the first `own` parameters is not
+/// determined cannot be predicted from the others: it is scored with what all data say, less a fixed cost.
+LinearFit SolveLinear(const Normal& normal, const Bounds& bounds, int own = 0);
 
 /// Constants that every model may change: columns with their prior standard deviations.
 struct Nuisances {

@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "evaluator.h"
@@ -135,7 +136,8 @@ void Evaluator::FindWhiteNoise() {
           if (const double n = WhiteNoise(run.cell_N.col(channel.index)); n > 0) noise.push_back(n);
           break;
         case Quantity::kTipPosition:
-          if (run.tip_m.rows() > 0) noise.push_back(WhiteNoise(run.tip_m.col(channel.index)));
+          if (run.tip_m.rows() == 0) break;
+          if (const double n = WhiteNoise(run.tip_m.col(channel.index)); n > 0) noise.push_back(n);
           break;
         case Quantity::kTipDirection: {
           if (run.tip_R.empty()) break;
@@ -144,7 +146,7 @@ void Evaluator::FindWhiteNoise() {
             // Against the first orientation, in the tip's own axes, where no turn is near pi.
             turn.row(k) = RotationVector(run.tip_R[0].transpose() * run.tip_R[k]);
           }
-          noise.push_back(WhiteNoise(turn.col(channel.index)));
+          if (const double n = WhiteNoise(turn.col(channel.index)); n > 0) noise.push_back(n);
           break;
         }
       }
@@ -172,8 +174,7 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
   const int runs = static_cast<int>(runs_.size()), channels = static_cast<int>(channels_.size());
   std::vector<Residuals> readings(static_cast<std::size_t>(options.readings), Residuals(runs));
   Residuals within(runs);
-  ParallelFor(runs * (options.readings + 1), options.threads, [&](int task) {
-    const int i = task % runs, k = task / runs - 1;
+  const auto read = [&](int i, int k) {
     if (k < 0) {
       nominal_residuals_[i] =
           ResidualsOf(ReplayRun(nominal_, runs_[i], kAllCuts, nullptr), runs_[i], kAllCuts, &within[i]);
@@ -188,7 +189,24 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
     other.driven = runs_[i].driven;
     readings[k][i] =
         ResidualsOf(ReplayRun(nominal_, other, kC2 | kC3 | kBody, nullptr), other, kC2 | kC3 | kBody);
+  };
+  const int tasks = runs * (options.readings + 1);
+  std::vector<std::string> trouble(static_cast<std::size_t>(tasks));
+  ParallelFor(tasks, options.threads, [&](int task) {
+    try {
+      read(task % runs, task / runs - 1);
+    } catch (const std::runtime_error& error) {
+      trouble[static_cast<std::size_t>(task)] = error.what();
+    }
   });
+  for (int task = 0; task < tasks; ++task) {
+    const std::string& what = trouble[static_cast<std::size_t>(task)];
+    if (what.empty()) continue;
+    const int i = task % runs;
+    throw RunError(static_cast<std::size_t>(i),
+                   fmt::format("{}: {}{}", runs_[i].name,
+                               task < runs ? "" : "read otherwise, within the sensors' resolution: ", what));
+  }
 
   variance_.assign(runs, std::vector<Eigen::VectorXd>(channels));
   carried_ = variance_;

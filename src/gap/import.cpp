@@ -12,6 +12,7 @@
 
 #include "csv.h"
 #include "import_map.h"
+#include "rotation.h"
 #include "sources.h"
 
 namespace tendril::gap {
@@ -246,12 +247,9 @@ class Importer {
         R = Eigen::Quaterniond(R).normalized().toRotationMatrix();
         return true;
       }
-      case OrientationKind::kRotationVector: {
-        const Eigen::Vector3d v = x.transpose();
-        R = v.norm() > 0 ? Eigen::AngleAxisd(v.norm(), v.normalized()).toRotationMatrix()
-                         : Eigen::Matrix3d::Identity();
+      case OrientationKind::kRotationVector:
+        R = gap::Rotation(Eigen::Vector3d(x.transpose()));
         return true;
-      }
       case OrientationKind::kEuler: {
         R.setIdentity();
         for (int i = 0; i < 3; ++i) {
@@ -299,9 +297,10 @@ class Importer {
   /// Offset and turn that make the first rows the straight robot at rest.
   void FindRest(const std::vector<double>& time) {
     if (!map_.from_rest || time.empty()) return;
+    const auto first = std::find_if(time.begin(), time.end(), [](double t) { return std::isfinite(t); });
     std::vector<int> rows;
-    for (std::size_t i = 0; i < time.size() && !(time[i] - time[0] > kRest_s); ++i)
-      rows.push_back(static_cast<int>(i));
+    for (auto t = first; t != time.end() && !(*t - *first > kRest_s); ++t)
+      rows.push_back(static_cast<int>(t - time.begin()));
     if (!map_.tip.empty()) {
       const Eigen::MatrixXd tip = Fill(map_.tip, rows) * map_.R_base_table.transpose();
       Eigen::Vector3d sum = Eigen::Vector3d::Zero();

@@ -11,6 +11,8 @@
 #include <numbers>
 #include <set>
 
+#include "rotation.h"
+
 namespace tendril::gap {
 namespace {
 
@@ -421,11 +423,7 @@ class Reader {
                    "each of x, y, z once, and an even number of exchanges and minus signs");
       }
     }
-    const Eigen::Vector3d turn = block.Vector("rotation_rad");
-    const double angle = turn.norm();
-    map_.R_base_table = (angle > 0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix()
-                                   : Eigen::Matrix3d::Identity()) *
-                        axes;
+    map_.R_base_table = Rotation(block.Vector("rotation_rad")) * axes;
     map_.offset_m = block.Vector("offset_m");
     enum class Origin { kGiven, kRest, kFit };
     const Origin origin = block.Choice<Origin>(

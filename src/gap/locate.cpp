@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
+#include "median.h"
 #include "score.h"
 
 namespace tendril::gap {
@@ -38,15 +40,10 @@ double LargestBlock(std::vector<double> blocks) {
   constexpr double kTrust = 3;
   const std::size_t n = blocks.size();
   if (n < 8) return 1;
-  const auto median_of = [](std::vector<double>& x) {
-    const auto middle = x.begin() + static_cast<std::ptrdiff_t>(x.size() / 2);
-    std::nth_element(x.begin(), middle, x.end());
-    return *middle;
-  };
   const double largest = *std::max_element(blocks.begin(), blocks.end());
-  const double median = median_of(blocks);
+  const double median = Median(blocks);
   for (double& b : blocks) b = std::abs(b - median);
-  const double scatter = 1.4826 * median_of(blocks);
+  const double scatter = 1.4826 * Median(std::move(blocks));
   if (scatter <= 0) return largest > median ? 0 : 1;
   const double sigmas = (largest - median) / (kTrust * scatter);
   return std::min(1.0, static_cast<double>(n) * 0.5 * std::erfc(sigmas / std::sqrt(2.0)));

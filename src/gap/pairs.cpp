@@ -52,25 +52,17 @@ Residuals Searching::AtModel(const Model& model) const {
 std::vector<Searching::Promise> Searching::Promises(const Fit& first, const Weights& weights) const {
   const auto line_with = [&](const Screened* second) {
     std::vector<const Column*> columns;
-    Bounds b{Eigen::VectorXd(0), Eigen::VectorXd(0), Eigen::VectorXd(0)};
+    Bounds bounds;
     if (second != nullptr) {
       for (const auto& column : second->columns) columns.push_back(&column);
-      b = BoundsOf(second->start, second->primary, {}, Eigen::VectorXd(0));
+      for (const int k : second->primary) bounds.Add(second->start.parameter(k), second->start.values[k]);
     }
     const int own = static_cast<int>(columns.size());
-    for (const auto& column : first.columns) columns.push_back(&column);
-    const int n = static_cast<int>(columns.size());
-    b.prior.conservativeResize(n);
-    b.lower.conservativeResize(n);
-    b.upper.conservativeResize(n);
-    for (int i = own; i < n; ++i) {
-      const auto& p = first.model.parameter(i - own);
-      b.prior[i] = 30 * ScaleOf(p);
-      b.lower[i] = p.lower - first.model.values[i - own];
-      b.upper[i] = p.upper - first.model.values[i - own];
+    for (std::size_t k = 0; k < first.columns.size(); ++k) {
+      columns.push_back(&first.columns[k]);
+      bounds.Add(first.model.parameter(static_cast<int>(k)), first.model.values[static_cast<int>(k)]);
     }
-    return SolveLinear(Accumulate(columns, first.residuals, nominal_, weights, folds_), b.prior, b.lower,
-                       b.upper, own);
+    return SolveLinear(Accumulate(columns, first.residuals, nominal_, weights, folds_), bounds, own);
   };
   const double alone = first.columns.empty() ? 0 : line_with(nullptr).held_out_score;
   std::vector<Promise> promises(result_.screened.size());

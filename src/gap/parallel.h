@@ -14,10 +14,12 @@ namespace tendril::gap {
 inline int AllCores() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
 
 /// Calls work(i) for i = 0..count-1 on `threads` threads; each call writes only its own results, so the
-/// outcome does not depend on the order. The first exception is thrown again after all threads have ended.
+/// outcome does not depend on the order. Of those that throw, the exception of the lowest i is thrown
+/// again after all threads have ended: all below it have been called.
 inline void ParallelFor(int count, int threads, const std::function<void(int)>& work) {
   std::atomic<int> next{0};
   std::exception_ptr failure;
+  int failed = count;
   std::mutex guard;
   const auto run = [&] {
     for (int i = next++; i < count; i = next++) {
@@ -25,7 +27,7 @@ inline void ParallelFor(int count, int threads, const std::function<void(int)>& 
         work(i);
       } catch (...) {
         const std::lock_guard lock(guard);
-        if (!failure) failure = std::current_exception();
+        if (i < failed) failed = i, failure = std::current_exception();
         next = count;
       }
     }

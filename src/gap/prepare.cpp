@@ -110,7 +110,7 @@ Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, doubl
     const double left = !end && std::abs(steps) == 1 ? middle + 0.5 * count * steps : std::nan("");
     const double from_s = step_s * (dwell - 0.5), to_s = step_s * (end ? i - 1 : i - 0.5);
     const bool rests = to_s - from_s > 2.5 * kSettle_s;
-    const bool turns = !std::isnan(entered) && (end || left == entered);
+    const bool turns = !std::isnan(entered) && (end || std::abs(left - entered) < 0.5 * count);
     // Before it rests a motor may swing back within the cell, unseen, and turn its friction round.
     double deepest = middle;
     double rest = middle + (random != nullptr && dwell > 0 ? (anywhere(*random) - 0.5) * count : 0);
@@ -346,7 +346,7 @@ double UsualStep(const Run& run) {
 
 int LeastRows(const Run& run) { return UsualStep(run) > kQuasiStatic_s ? kLeastStates : kLeastRows; }
 
-PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t seed) {
+PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<std::uint64_t> seed) {
   if (const auto less = WithoutEmptyRows(run)) return Prepare(*less, robot, seed);
   PreparedRun out;
   out.name = run.name;
@@ -429,7 +429,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   };
   auto& s = out.signals;
   const int tendons = robot.body.tendons();
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random(seed.value_or(0));
   std::normal_distribution<double> normal;
   if (run.torque_target_Nm.cols() == tendons) s.torque_target_Nm = on_grid(run.torque_target_Nm);
   if (run.torque_actual_Nm.cols() == tendons) s.torque_actual_Nm = on_grid(run.torque_actual_Nm);
@@ -456,7 +456,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
   };
   known(run.torque_target_Nm, s.torque_target_Nm, out.target_holes);
   known(run.torque_actual_Nm, s.torque_actual_Nm, out.torque_holes);
-  if (seed != 0 && robot.actuation) {
+  if (seed && robot.actuation) {
     for (int j = 0; j < tendons; ++j) {
       const auto& p = robot.actuation->tendons[j];
       const double permille = 1e-3 * p.drive.rated_torque_Nm;
@@ -473,8 +473,8 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       const auto& p = robot.actuation->tendons[j].load_cell;
       const double step_N = p.gain_VpN > 0 ? p.resolution_V / p.gain_VpN : 0;
       const double noise = std::hypot(p.noise_N, step_N / std::sqrt(12.0));
-      s.tension_N.col(j) = Denoised(s.tension_N.col(j), seed == 0 ? noise : std::sqrt(2.0) * noise);
-      if (seed == 0) continue;
+      s.tension_N.col(j) = Denoised(s.tension_N.col(j), seed ? std::sqrt(2.0) * noise : noise);
+      if (!seed) continue;
       // What a tension did between two samples is open by as much as its slope changes over them: when a
       // slack tendon catches, most of the blow may fall between.
       std::uniform_real_distribution<double> part(-0.5, 0.5);
@@ -504,7 +504,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
     // How far speed and acceleration depend on the window is part of what the encoder leaves open.
     std::uniform_real_distribution<double> anywhere(0, 1);
     constexpr std::array<double, 4> kOtherWidths{0.6, 0.8, 1.25, 1.6};
-    const double half_s = kDerivativeHalf_s * (seed == 0 ? 1 : kOtherWidths[seed % kOtherWidths.size()]);
+    const double half_s = kDerivativeHalf_s * (seed ? kOtherWidths[*seed % kOtherWidths.size()] : 1);
     const LocalPolynomial local(std::max(2, static_cast<int>(std::lround(half_s / step_s))));
     for (int j = 0; j < tendons; ++j) {
       Eigen::VectorXd angle = reading.col(j);
@@ -512,9 +512,9 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       const double count = counts > 0 ? 2 * std::numbers::pi / counts : 0;
       if (count > 0 && at_rest) {
         // Anywhere within its count.
-        for (int i = 0; i < samples && seed != 0; ++i) angle[i] += (anywhere(random) - 0.5) * count;
+        for (int i = 0; i < samples && seed; ++i) angle[i] += (anywhere(random) - 0.5) * count;
       } else if (count > 0 && Quantised(refine == 1 ? run.motor_position_rad.col(j).eval() : angle, count)) {
-        angle = InsideCounts(angle, count, step_s, seed != 0 ? &random : nullptr);
+        angle = InsideCounts(angle, count, step_s, seed ? &random : nullptr);
       }
       if (at_rest) {
         s.motor_angle_rad.col(j) = angle;
@@ -566,7 +566,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t 
       if (!turned) continue;
       const Eigen::Vector4d w = run.tip_quaternion.row(i).transpose().normalized();
       Eigen::Quaterniond orientation(w[0], w[1], w[2], w[3]);
-      if (seed != 0 && robot.actuation && robot.actuation->tracker) {
+      if (seed && robot.actuation && robot.actuation->tracker) {
         const double rms = 0.5 * robot.actuation->tracker->orientation_noise_rad;
         const Eigen::Quaterniond turn(1, rms * normal(random), rms * normal(random), rms * normal(random));
         orientation = (orientation * turn).normalized();

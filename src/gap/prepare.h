@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -91,9 +92,9 @@ double UsualStep(const Run& run);
 /// Rows that Prepare needs: kLeastRows, of a log of states at rest kLeastStates.
 int LeastRows(const Run& run);
 
-/// What encoder, cells and tracker cannot resolve, drawn anew: prepared with seed 0 the most likely reading
-/// is taken, with any other a reading that would have been recorded the same. The spread of a simulation over
-/// such readings is how much the sensors' resolution leaves open.
-PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::uint64_t seed);
+/// What encoder, cells and tracker cannot resolve, drawn anew: prepared without a seed the most likely
+/// reading is taken, with one a reading that would have been recorded the same. The spread of a simulation
+/// over such readings is how much the sensors' resolution leaves open.
+PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<std::uint64_t> seed = {});
 
 }  // namespace tendril::gap

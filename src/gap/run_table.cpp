@@ -9,9 +9,9 @@
 #include <cstdio>
 #include <limits>
 #include <map>
-#include <set>
 
 #include "csv.h"
+#include "median.h"
 #include "sources.h"
 
 namespace tendril::gap {
@@ -143,10 +143,7 @@ void NoteGaps(Run& run) {
   for (Eigen::Index i = 0; i + 1 < rows; ++i) {
     steps[static_cast<std::size_t>(i)] = run.time_s[i + 1] - run.time_s[i];
   }
-  std::vector<double> sorted = steps;
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  const double usual = *middle;
+  const double usual = Median(steps);
   int gaps = 0;
   double longest = 0, where = 0, lost = 0;
   for (std::size_t i = 0; i < steps.size(); ++i) {

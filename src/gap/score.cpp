@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 
 namespace tendril::gap {
 namespace {
@@ -59,7 +58,7 @@ Folds MakeFolds(const std::vector<PreparedRun>& runs) {
   return folds;
 }
 
-Weights::Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover) : leftover_(leftover) {
+Weights::Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover) {
   const auto& channels = evaluator.channels();
   weight_ = evaluator.Variance();
   for (std::size_t i = 0; i < weight_.size(); ++i) {

@@ -37,13 +37,11 @@ class Weights {
  public:
   Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover);
   const Eigen::VectorXd& operator()(int run, int channel) const { return weight_[run][channel]; }
-  const Eigen::VectorXd& leftover() const { return leftover_; }
   /// The same with nothing in the windows of a fold.
   Weights Without(const Folds& folds, int fold) const;
 
  private:
   Residuals weight_;
-  Eigen::VectorXd leftover_;
 };
 
 /// -1/2 sum of w r^2 over the channels that `part` has; where it has none, those of `rest` count.

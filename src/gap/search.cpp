@@ -24,9 +24,9 @@ constexpr int kIterations = 3, kPolish = 6, kPolished = 3;
 // many of the best are refitted without each fold, by so many steps.
 constexpr double kFoldLoss = 0.05;
 constexpr int kHeldOutAgain = 2, kFoldIterations = 3;
-constexpr int kPlacesOfOneEffect = 2;  // of the candidates that are refitted
-constexpr int kAlike = 4;              // of those that look like the best, refitted as well
-constexpr double kNoiseSlack = 1.2;    // the noise is known within some tens of per cent
+constexpr int kPlacesOfOneEffect = 2;   // of the candidates that are refitted
+constexpr int kAlike = 4;               // of those that look like the best, refitted as well
+constexpr double kLeftoverSlack = 1.2;  // the noise is known within some tens of per cent
 
 Residuals Subtract(const Residuals& from, const std::vector<const Column*>& columns,
                    const Eigen::VectorXd& values) {
@@ -45,7 +45,7 @@ Residuals Subtract(const Residuals& from, const std::vector<const Column*>& colu
 Eigen::VectorXd Leftover(const Evaluator& evaluator, const Residuals& part) {
   const ChannelScore score = ScoreChannels(evaluator, part, evaluator.AtNominal());
   Eigen::VectorXd leftover(score.square.size());
-  for (int c = 0; c < leftover.size(); ++c) leftover[c] = score.Excess(c, kNoiseSlack);
+  for (int c = 0; c < leftover.size(); ++c) leftover[c] = score.Excess(c, kLeftoverSlack);
   return leftover;
 }
 
@@ -60,24 +60,6 @@ Model StartOf(const Screened& s) {
 }
 
 }  // namespace
-
-Bounds BoundsOf(const Model& model, const std::vector<int>& which,
-                const std::vector<const Column*>& nuisances, const Eigen::VectorXd& nuisance_prior) {
-  const int n = static_cast<int>(which.size()), extra = static_cast<int>(nuisances.size());
-  Bounds b{Eigen::VectorXd(n + extra), Eigen::VectorXd(n + extra), Eigen::VectorXd(n + extra)};
-  for (int k = 0; k < n; ++k) {
-    const auto& p = model.parameter(which[k]);
-    b.prior[k] = 30 * ScaleOf(p);
-    b.lower[k] = p.lower - model.values[which[k]];
-    b.upper[k] = p.upper - model.values[which[k]];
-  }
-  for (int e = 0; e < extra; ++e) {
-    b.prior[n + e] = nuisance_prior[e];
-    b.lower[n + e] = -3 * nuisance_prior[e];
-    b.upper[n + e] = 3 * nuisance_prior[e];
-  }
-  return b;
-}
 
 double Inside(const sim::EffectParameter& p, double value) {
   return std::clamp(value, kFarStep * p.lower + (1 - kFarStep) * p.nominal,
@@ -131,19 +113,17 @@ std::vector<Screened> Searching::Screen(const Weights& weights) const {
     s.candidate = probe.candidate;
     s.start = probe.variant;
     s.primary = probe.primary;
-    std::vector<const Column*> columns, extra;
+    std::vector<const Column*> columns;
+    Bounds bounds;
     for (const auto& column : probe.columns) columns.push_back(&column);
-    Eigen::VectorXd prior(0);
+    for (const int k : s.primary) bounds.Add(s.start.parameter(k), s.start.values[k]);
     for (std::size_t e = 0; e < result_.nuisances.candidates.size(); ++e) {
       if (result_.nuisances.candidates[e].effect == s.candidate.effect) continue;
-      extra.push_back(&result_.nuisances.columns[e]);
-      prior.conservativeResize(prior.size() + 1);
-      prior[prior.size() - 1] = result_.nuisances.prior[static_cast<int>(e)];
+      columns.push_back(&result_.nuisances.columns[e]);
+      bounds.AddNuisance(result_.nuisances.prior[static_cast<int>(e)]);
     }
-    const Bounds bounds = BoundsOf(s.start, s.primary, extra, prior);
-    columns.insert(columns.end(), extra.begin(), extra.end());
-    s.linear = SolveLinear(Accumulate(columns, nominal_, nominal_, weights, folds_), bounds.prior,
-                           bounds.lower, bounds.upper, static_cast<int>(s.primary.size()));
+    s.linear = SolveLinear(Accumulate(columns, nominal_, nominal_, weights, folds_), bounds,
+                           static_cast<int>(s.primary.size()));
     s.gain = s.linear.held_out_score;
   });
   for (std::size_t p = 0; p < probes_.size(); ++p) {
@@ -162,11 +142,11 @@ std::vector<Screened> Searching::Screen(const Weights& weights) const {
 /// Held-out log score of the nominal model with its nuisances free.
 double Searching::BaseScore(const Weights& weights) const {
   std::vector<const Column*> columns;
+  Bounds bounds;
   for (const auto& column : result_.nuisances.columns) columns.push_back(&column);
+  for (const double prior : result_.nuisances.prior) bounds.AddNuisance(prior);
   if (columns.empty()) return LogScore(weights, nominal_, nominal_);
-  const Bounds bounds = BoundsOf(Model{}, {}, columns, result_.nuisances.prior);
-  const LinearFit fit = SolveLinear(Accumulate(columns, nominal_, nominal_, weights, folds_), bounds.prior,
-                                    bounds.lower, bounds.upper);
+  const LinearFit fit = SolveLinear(Accumulate(columns, nominal_, nominal_, weights, folds_), bounds);
   return LogScore(weights, nominal_, nominal_) + fit.held_out_score;
 }
 

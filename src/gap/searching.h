@@ -8,13 +8,6 @@
 
 namespace tendril::gap {
 
-/// Prior and bounds of changes of a model's parameters `which`, nuisances behind them.
-struct Bounds {
-  Eigen::VectorXd prior, lower, upper;
-};
-Bounds BoundsOf(const Model& model, const std::vector<int>& which,
-                const std::vector<const Column*>& nuisances, const Eigen::VectorXd& nuisance_prior);
-
 /// A value that is not quite at a bound of its parameter.
 double Inside(const sim::EffectParameter& parameter, double value);
 

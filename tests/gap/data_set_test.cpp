@@ -398,6 +398,18 @@ TEST_F(DataSetTest, NoBytesCrashTheReader) {
   EXPECT_GT(loaded, 60);  // else the damage tested nothing but refusals
 }
 
+TEST_F(DataSetTest, TwoRunsOfOneFileAreNotWritten) {
+  DataSet set;
+  set.robot = config::LoadRobot(kRobot);
+  for (const char* name : {"circle", "circle.csv"}) set.runs.push_back(FullRun(name, 100));
+  try {
+    WriteDataSet(set, folder_);
+    FAIL();
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("two runs would be written to 'circle.csv'"));
+  }
+}
+
 // 60 s at 1 kHz. The bound leaves room for slow machines and sanitizers; the figure is printed.
 TEST_F(DataSetTest, AMinuteIsReadInAFractionOfASecond) {
   DataSet set;

@@ -242,6 +242,28 @@ TEST(Diagnose, RunsFromBeforeThatTheModelMissesTellNoCause) {
               testing::Contains(testing::HasSubstr("of the motion before the change already")));
 }
 
+// What was recorded otherwise than before cannot be compared, and the runs from before alone are no answer.
+TEST(Diagnose, WithoutARunToCompareTheRunsFromBeforeAreNotDiagnosedInstead) {
+  DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
+  for (gap::Run& run : now.runs) {
+    const auto every_third = [](const Eigen::MatrixXd& all) {
+      return Eigen::MatrixXd(all(Eigen::seq(0, Eigen::last, 3), Eigen::all));
+    };
+    run.time_s = every_third(run.time_s);
+    for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
+                         &run.tension_N, &run.tip_m, &run.tip_quaternion})
+      *values = every_third(*values);
+  }
+  CompareWithBefore(now, earlier);
+  try {
+    const Diagnosis d = Diagnose(now, Only({"tendon_stiffness"}));
+    FAIL() << d.sentence;
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("no run is left that can be compared with one from before"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("a sample every 0.003 s, and every 0.001 s before"));
+  }
+}
+
 // Where both have an encoder that is dead, their difference says nothing of it.
 TEST(Diagnose, ADeadEncoderBeforeAndNowIsTakenOut) {
   DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);

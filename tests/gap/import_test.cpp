@@ -160,6 +160,13 @@ TEST_F(ImportTest, TheFirstRowsMayShowTheStraightRobot) {
   EXPECT_NEAR(2 * std::acos(run.tip_quaternion(2, 0)), kPi / 6, 1e-9);
 }
 
+TEST_F(ImportTest, ATimeThatIsMissingAtFirstDoesNotMakeAllRowsRest) {
+  const DataSet set = Import("time: {column: t}\ncolumns: {tip: {names: [x, y, z]}}\nframe: {origin: rest}\n",
+                             "t,x,y,z\n,5,-1,2\n0,5,-1,2\n0.1,5,-1,2\n0.7,5.01,-1,1.99\n0.8,5.02,-1,1.99\n");
+  const Eigen::MatrixXd& tip = set.runs.at(0).tip_m;
+  EXPECT_TRUE(tip.row(tip.rows() - 1).isApprox(Eigen::RowVector3d(0.02, 0, 0.05), 1e-9)) << tip;
+}
+
 TEST_F(ImportTest, BendingMayBeAngleAndPlane) {
   const DataSet set =
       Import("time: {rate_Hz: 1}\ncolumns: {bending: {kind: angle_and_plane, unit: deg, names: [t, p]}}\n",

@@ -29,6 +29,7 @@ struct DiagnoseOptions {
   int refits = 8;                    // candidates refitted in full after screening
   std::vector<std::string> without;  // effects taken out of the library
   ExperimentMenu menu;
+  /// Called by several threads, several at once.
   std::function<void(const std::string& stage, double fraction)> progress;
 };
 

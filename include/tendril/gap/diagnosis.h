@@ -50,7 +50,7 @@ struct Cause {
   std::map<std::string, Estimate> parameters;
   bool bound_hit = false;
   double held_out_gain = 0;   // share of the excess mean square on held-out families that it removes
-  double screening_gain = 0;  // log score that the linear screening saw; 0 where it was refitted
+  double screening_gain = 0;  // held-out log score that the linear screening saw; 0 where it was refitted
   std::string note;
 };
 
@@ -78,8 +78,7 @@ struct FamilyClosure {
 struct Confusion {
   std::string a, b;  // "effect where"
   double cosine = 0;
-  double profile_gap =
-      0;  // least change of held-out score between the two after refitting, in units of decision
+  double profile_gap = 0;  // held-out log score that b is behind a, both refitted
   bool confirmed = false;  // by the profile too
 };
 

@@ -753,7 +753,7 @@ const rivals = s => {
           c.append('rect').attr('class', 'heat').attr('width', cell - 2).attr('height', cell - 2).attr('rx', 4).attr('opacity', Math.max(0, (v - .3) / .7) * .75);
           if (pair.confirmed) c.append('rect').attr('width', cell - 4).attr('height', cell - 4).attr('x', 1).attr('y', 1).attr('rx', 4).attr('fill', 'none').attr('stroke', 'var(--bad)').attr('stroke-width', 2.2);
           c.append('text').attr('class', 'tiny').attr('x', cell / 2 - 1).attr('y', cell / 2 + 3).attr('text-anchor', 'middle').text(cell >= 34 ? (pair.cosine || 0).toFixed(2).replace('-', '−').replace('0.', '.') : '');
-          tipped(c, () => `${label(a)} and ${label(b)}\nlikeness ${digits(pair.cosine, 3)} (1: the same mark)\nscore lost when one stands for the other: ${digits(pair.profile_gap, 2)} decision units\n${pair.confirmed ? 'cannot be told apart by these runs' : 'can be told apart'}`);
+          tipped(c, () => `${label(a)} and ${label(b)}\nlikeness ${digits(pair.cosine, 3)} (1: the same mark)\nscore lost when one stands for the other: ${digits(pair.profile_gap, 2)} of log score\n${pair.confirmed ? 'cannot be told apart by these runs' : 'can be told apart'}`);
         });
       });
       return head + names.length * cell + 6;
