@@ -198,6 +198,20 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
   if (chosen != nullptr) chosen->first = true;
 }
 
+/// All of `cause` is in the best single, or in the best pair where that is plainly better.
+bool Finds(const SearchResult& search, const Model& cause) {
+  const auto in = [&](const Fit& fit) {
+    const auto& found = fit.model.parts;
+    return std::all_of(cause.parts.begin(), cause.parts.end(), [&](const Candidate& part) {
+      return std::find(found.begin(), found.end(), part) != found.end();
+    });
+  };
+  if (search.fits.empty()) return false;
+  const Fit& single = search.fits.front();
+  return in(single) || (!search.pairs.empty() && in(search.pairs.front()) &&
+                        search.pairs.front().held_out_score >= single.held_out_score + kPairGain);
+}
+
 std::size_t SearchedEffects(const SearchResult& search) {
   std::set<const sim::Effect*> effects;
   for (const auto& s : search.screened) effects.insert(s.candidate.effect);
@@ -483,31 +497,38 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   SearchResult search = search_in(evaluator);
   const Evaluator::Options evaluation{threads, options.delta_N, options.delta_m, options.seed};
   // Only the cause that makes the floor what it is may be excused by it, or profit from it.
-  const auto search_again = [&](const Evaluator& those) -> std::optional<SearchResult> {
+  const auto search_again = [&](const Evaluator& those, const Model& cause) -> std::optional<SearchResult> {
     SearchResult again = search_in(those);
-    const bool same = !again.fits.empty() &&
-                      again.fits.front().model.parts.front() == search.fits.front().model.parts.front();
-    return same ? std::optional(std::move(again)) : std::nullopt;
+    return Finds(again, cause) ? std::optional(std::move(again)) : std::nullopt;
   };
-  if (auto narrow = NarrowedByCause(evaluator, set, search, evaluation)) {
+  if (evaluator.repetitions_differ() > 0 && !Compared(set)) {
+    stage = "searching for what repetitions differ by";
+    auto narrow = NarrowedByCause(evaluator, set, MayNotRepeat(search), evaluation);
+    if (!narrow) {
+      // Their difference hides small causes, and even large ones that make it.
+      const Evaluator repeated = AsThoughRepeated(set, evaluation);
+      narrow = NarrowedByCause(evaluator, set, MayNotRepeat(search_in(repeated)), evaluation);
+    }
     stage = "searching again with repetitions at the cause";
-    if (auto again = search_again(*narrow)) {
+    std::optional<SearchResult> again;
+    if (narrow) again = search_again(narrow->evaluator, narrow->cause);
+    if (again) {
       const double differed = evaluator.repetitions_differ();
       for (const auto& line : evaluator.degradations()) std::erase(d.degradations, line);
-      evaluator = std::move(*narrow);
+      evaluator = std::move(narrow->evaluator);
       search = std::move(*again);
       locate();
       d.degradations.push_back(
           fmt::format("repetitions differ by {:.2g} times what the sensors' noise leaves, most of it as {} "
                       "makes them differ: what is left is the floor",
-                      differed, search.fits.front().model.parts.front().Name()));
+                      differed, narrow->cause.Name()));
       said(evaluator.degradations());
     }
   }
   std::optional<Candidate> widened_by;
   if (auto wide = WidenedByCause(evaluator, set, search, evaluation)) {
     stage = "searching again with the floor at the cause";
-    auto again = search_again(*wide);
+    auto again = search_again(*wide, search.fits.front().model);
     // Not where that leaves no gap to close.
     if (again && PooledClosure(*wide, wide->AtNominal(), wide->AtNominal(),
                                ChannelsWithGap(*wide, d.location), options.seed)) {

@@ -62,9 +62,11 @@ class Evaluator {
     double delta_N = 0, delta_m = 0;  // 0: derived from the floor
     std::uint64_t seed = 1;
     int readings = 4;  // alternative ones of the same log, see Prepare; without, their spread is no noise
-    // Residuals of the same runs with another robot, whose repetitions tell how runs repeat; without, those
-    // of the nominal robot do.
-    const Residuals* repeated = nullptr;
+    // How runs repeat is told by what the nominal robot leaves of them; or they are taken to repeat as well
+    // as the sensors' noise lets them; or as they do with a cause in the robot, whose variances count where
+    // they are larger.
+    bool repeats = false;
+    const Evaluator* with_cause = nullptr;
   };
   /// Prepares the runs and finds the floors. Runs from before a change (Run::before) are taken off those that
   /// name them, and are none of runs(). Throws RunError for a run that has to be left out, another
@@ -81,6 +83,8 @@ class Evaluator {
   /// Repetitions differ by so many times what the sensors' noise leaves (rms, of the worst channel), where
   /// that is more than robots do; else 0. The floor follows them, so what differs between them is no gap.
   double repetitions_differ() const { return repetitions_differ_; }
+  /// That channel.
+  int differs_most() const { return differs_most_; }
   /// Fitted to the nominal robot, where nobody knows it; what the runs hold is in the base's frame then.
   const std::optional<TrackerFrame>& frame() const { return frame_; }
   /// Share of what was measured before a change that the model got wrong then, at the worst cut; 0 without
@@ -161,6 +165,7 @@ class Evaluator {
   bool repeated_ = false;
   bool clocks_free_ = false;  // the tracker's stamps are free to move with every robot that is tried
   double wrong_before_ = 0, repetitions_differ_ = 0;
+  int differs_most_ = 0;
   std::optional<TrackerFrame> frame_;
   std::vector<double> tracker_late_s_;  // [run] of the stamps, taken off; empty without a tracker
   sim::Replay::DrivenBy driven_by_ = sim::Replay::DrivenBy::kCell;

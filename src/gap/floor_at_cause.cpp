@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <stdexcept>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -13,6 +15,8 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kPlainlyLess = 0.5;  // of what repetitions differ by
+// Of the best singles and of the best pairs, to be tried for making repetitions differ.
+constexpr std::size_t kMayNotRepeat = 4;
 
 /// Log score that the missing noise alone is expected to bring.
 double Quiet(const Evaluator& nominal, const Evaluator& other, const Weights& weights) {
@@ -27,6 +31,19 @@ double Quiet(const Evaluator& nominal, const Evaluator& other, const Weights& we
     sum += std::max(0.0, channel);
   }
   return sum;
+}
+
+/// The runs that were repeated, and their repetitions.
+DataSet Repeated(const DataSet& set) {
+  std::set<std::string> names;
+  for (const Run& run : set.runs) {
+    if (run.repeat_of.empty()) continue;
+    names.insert(run.repeat_of);
+    names.insert(run.name);
+  }
+  DataSet repeated = set;
+  std::erase_if(repeated.runs, [&](const Run& run) { return !names.contains(run.name); });
+  return repeated;
 }
 
 /// The best single cause, where the floor may be taken at it: what is compared with runs from before has the
@@ -55,22 +72,53 @@ std::optional<Evaluator> WidenedByCause(const Evaluator& evaluator, const DataSe
   return std::nullopt;
 }
 
-std::optional<Evaluator> NarrowedByCause(const Evaluator& evaluator, const DataSet& set,
-                                         const SearchResult& search, const Evaluator::Options& options) {
-  const Fit* best = Cause(set, search);
-  if (best == nullptr || evaluator.repetitions_differ() == 0) return std::nullopt;
-  DataSet with_cause = set;
-  try {
-    with_cause.robot = best->model.Robot(evaluator.nominal());
-    const Evaluator at_cause(with_cause, options);
-    Evaluator::Options at = options;
-    at.repeated = &at_cause.AtNominal();
-    std::optional<Evaluator> narrow(std::in_place, set, at);
-    if (narrow->repetitions_differ() < kPlainlyLess * evaluator.repetitions_differ()) return narrow;
-  } catch (const std::exception&) {
-    // A robot that cannot follow these runs says nothing of how they repeat.
+Evaluator AsThoughRepeated(const DataSet& set, const Evaluator::Options& options) {
+  Evaluator::Options at = options;
+  at.repeats = true;
+  return {set, at};
+}
+
+std::vector<Model> MayNotRepeat(const SearchResult& search) {
+  std::vector<Model> causes;
+  const auto add = [&](const Fit& fit) {
+    if (!fit.bound_hit && fit.held_out_score - search.base_score >= kPairGain) causes.push_back(fit.model);
+  };
+  for (const std::vector<Fit>* fits : {&search.fits, &search.pairs}) {
+    for (std::size_t k = 0; k < std::min(kMayNotRepeat, fits->size()); ++k) add((*fits)[k]);
   }
-  return std::nullopt;
+  return causes;
+}
+
+std::optional<Narrowed> NarrowedByCause(const Evaluator& evaluator, const DataSet& set,
+                                        const std::vector<Model>& causes, const Evaluator::Options& options) {
+  const DataSet repeated = Repeated(set);
+  const auto at = static_cast<std::size_t>(evaluator.differs_most());
+  double least = kPlainlyLess * evaluator.channels()[at].floor;
+  const Model* best = nullptr;
+  const auto with = [&](const Model& cause, const DataSet& runs) {
+    DataSet with_cause = runs;
+    with_cause.robot = cause.Robot(evaluator.nominal());
+    return Evaluator(with_cause, options);
+  };
+  for (const Model& cause : causes) {
+    try {
+      const Evaluator there = with(cause, repeated);
+      const double floor = there.channels().at(at).floor;
+      if (floor < least && there.repetitions_differ() < kPlainlyLess * evaluator.repetitions_differ())
+        least = floor, best = &cause;
+    } catch (const std::exception&) {
+      // A robot that cannot follow these runs says nothing of how they repeat.
+    }
+  }
+  if (best == nullptr) return std::nullopt;
+  try {
+    const Evaluator there = with(*best, set);
+    Evaluator::Options as_there = options;
+    as_there.with_cause = &there;
+    return Narrowed{Evaluator(set, as_there), *best};
+  } catch (const std::exception&) {
+    return std::nullopt;
+  }
 }
 
 void TakeOffQuiet(const Evaluator& evaluator, const DataSet& set, const Evaluator::Options& options,

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "evaluator.h"
 #include "search.h"
@@ -17,11 +18,23 @@ namespace tendril::gap {
 std::optional<Evaluator> WidenedByCause(const Evaluator& evaluator, const DataSet& set,
                                         const SearchResult& search, const Evaluator::Options& options);
 
-/// The runs with the floor that repetitions leave with the best single cause, where they differ by much and
-/// by plainly less with it: a motor that cogs, and stops elsewhere each time, does not repeat, and how it
-/// does not is no noise. Nothing where no cause is found.
-std::optional<Evaluator> NarrowedByCause(const Evaluator& evaluator, const DataSet& set,
-                                         const SearchResult& search, const Evaluator::Options& options);
+/// The runs as though they repeated as well as the sensors' noise lets them: what makes repetitions differ is
+/// looked for in these.
+Evaluator AsThoughRepeated(const DataSet& set, const Evaluator::Options& options);
+
+/// What of these may make repetitions differ: the best singles and pairs.
+std::vector<Model> MayNotRepeat(const SearchResult& search);
+
+/// The runs with the floor that they have with one of `causes`, and which.
+struct Narrowed {
+  Evaluator evaluator;
+  Model cause;
+};
+/// Where repetitions differ by much, and by plainly less with a cause, the one that leaves the lowest floor:
+/// a motor that cogs, and stops elsewhere each time, does not repeat, and how it does not is no noise. The
+/// floor is then that of the robot with the cause: repetitions, and what it makes of the sensors' noise.
+std::optional<Narrowed> NarrowedByCause(const Evaluator& evaluator, const DataSet& set,
+                                        const std::vector<Model>& causes, const Evaluator::Options& options);
 
 /// Takes off the scores of the best single causes, and of the best pairs, what they gain by carrying less
 /// noise than the nominal robot does: half the weight of the variance that is missing. Cells between pulleys

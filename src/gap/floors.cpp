@@ -456,13 +456,11 @@ void Evaluator::ScaleByRepetition(const Options& options) {
   for (int i = 0; i < runs; ++i) by_name[runs_[i].name] = i;
   int most_returns = 0;
   double worst_scale = 1;
-  std::string worst_channel;
   struct Repeated {
     double ratio = 0, square = 0;  // of half a squared difference to what noise makes of it, and itself
     int windows = 0;
     bool known() const { return windows > kLeastWindows; }
   };
-  const Residuals& residuals = options.repeated != nullptr ? *options.repeated : nominal_residuals_;
   std::vector<Repeated> repeats(static_cast<std::size_t>(channels));
   for (int c = 0; c < channels; ++c) {
     Repeated& repeated = repeats[static_cast<std::size_t>(c)];
@@ -470,8 +468,8 @@ void Evaluator::ScaleByRepetition(const Options& options) {
       const auto original = by_name.find(runs_[i].repeat_of);
       if (runs_[i].repeat_of.empty() || original == by_name.end() || original->second == i) continue;
       repeated_ = true;
-      const auto& a = residuals[i][c];
-      const auto& b = residuals[original->second][c];
+      const auto& a = nominal_residuals_[i][c];
+      const auto& b = nominal_residuals_[original->second][c];
       const auto& va = variance_[i][c];
       const auto& vb = variance_[original->second][c];
       for (int w = 0; w < std::min(a.size(), b.size()); ++w) {
@@ -501,12 +499,14 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     if (sum.windows > 0) sum.ratio /= sum.windows, sum.square /= sum.windows;
     return sum;
   };
+  const Evaluator* other = options.with_cause;
+  if (options.repeats || other != nullptr) repeats.assign(repeats.size(), {});
   for (int c = 0; c < channels; ++c) {
     const Repeated& own = repeats[static_cast<std::size_t>(c)];
     const Repeated from = own.known() ? own : others(c);
     double scale = from.known() ? std::max(1.0, from.ratio) : 1;
     const double least = own.known() || !from.known() ? 0 : from.square;
-    if (scale > worst_scale) worst_scale = scale, worst_channel = channels_[static_cast<std::size_t>(c)].name;
+    if (scale > worst_scale) worst_scale = scale, differs_most_ = c;
     if (!repeated_) {
       int returns = 0;
       const double ratio = Unrepeated(c, returns);
@@ -517,9 +517,14 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     }
     std::vector<double> variances;
     for (int i = 0; i < runs; ++i) {
-      for (auto& v : variance_[i][c]) {
+      auto& variance = variance_[i][c];
+      for (Eigen::Index w = 0; w < variance.size(); ++w) {
+        double& v = variance[w];
         v = std::max(scale * v, least);
-        if (std::isfinite(v)) variances.push_back(v);
+        if (!std::isfinite(v)) continue;
+        if (other != nullptr && std::isfinite(other->variance_.at(i)[c][w]))
+          v = std::max(v, other->variance_[i][c][w]);
+        variances.push_back(v);
       }
       carried_[i][c] *= scale;
     }
@@ -530,13 +535,16 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     if (channel.quantity == Quantity::kTension && options.delta_N > 0) channel.delta = options.delta_N;
     if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
   }
-  if (worst_scale > kOtherRobot * kOtherRobot) {
-    repetitions_differ_ = std::sqrt(worst_scale);
+  if (other != nullptr) differs_most_ = other->differs_most_;
+  repetitions_differ_ = other != nullptr                          ? other->repetitions_differ_
+                        : worst_scale > kOtherRobot * kOtherRobot ? std::sqrt(worst_scale)
+                                                                  : 0;
+  if (repetitions_differ_ > 0) {
     degradations_.push_back(fmt::format(
         "repetitions differ by {:.2g} times what the sensors' noise leaves ({}): that is the floor, and "
         "smaller gaps are not seen; if anything was changed between them, they are no repetitions "
         "(repeat_of: none in runs.yaml)",
-        repetitions_differ_, worst_channel));
+        repetitions_differ_, channels_[static_cast<std::size_t>(differs_most_)].name));
   }
   if (most_returns > 0) {
     degradations_.push_back(

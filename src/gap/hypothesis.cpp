@@ -46,6 +46,12 @@ Model Model::With(const Candidate& candidate) const {
   return model;
 }
 
+std::string Model::Name() const {
+  std::string name;
+  for (const auto& part : parts) name += (name.empty() ? "" : " and ") + part.Name();
+  return name;
+}
+
 const sim::EffectParameter& Model::parameter(int k) const {
   for (const auto& part : parts) {
     if (k < part.size()) return part.effect->parameters[k];

@@ -38,6 +38,8 @@ struct Model {
   static Model Of(const Candidate& candidate);   // at nominal
   Model With(const Candidate& candidate) const;  // and this one at nominal
   int size() const { return static_cast<int>(values.size()); }
+  /// Of its parts: "backlash tendon:2 and torsion".
+  std::string Name() const;
   const sim::EffectParameter& parameter(int k) const;
   /// First value of part i in `values`.
   int offset(int part) const;

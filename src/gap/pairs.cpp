@@ -14,8 +14,9 @@ namespace {
 constexpr int kIterations = 3;
 constexpr int kPartners = 4, kPartnersOfNext = 2, kPartnersOfSecond = 3;
 constexpr int kPolishedPairs = 3;
-constexpr int kAlike = 3;         // of what looks like a member, to be tried in its place
-constexpr double kFurther = 0.5;  // log score by which another start of the same cause has to do better
+constexpr std::size_t kTogether = 2;  // of other singles, to be tried beside the best as they stand
+constexpr int kAlike = 3;             // of what looks like a member, to be tried in its place
+constexpr double kFurther = 0.5;      // log score by which another start of the same cause has to do better
 // Where a second begins, in plainly visible deviations: near where it does nothing, or where the line for
 // both puts it, within these.
 constexpr double kNearStart = 0.2, kLeastStart = 0.1, kMostStart = 2;
@@ -133,6 +134,33 @@ std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights,
   return starts;
 }
 
+/// The best single with the `count` others that leave least beside it, each where it stands by itself: what
+/// is no straight line from nothing, such as a wall, has come further alone than a line would put it.
+std::vector<Model> Searching::Together(const Weights& weights, std::size_t count) const {
+  const Fit& first = result_.fits[0];
+  std::vector<std::pair<double, Model>> tried;
+  for (const Fit& other : result_.fits) {
+    const Candidate &a = first.model.parts[0], &b = other.model.parts[0];
+    if (a.effect == b.effect || LookAlike(*a.effect, *b.effect)) continue;
+    if (other.score - result_.base_score < kPairGain) continue;
+    Model both = first.model.With(b);
+    both.values.tail(other.model.size()) = other.model.values;
+    both.derivative_step = std::min(both.derivative_step, other.model.derivative_step);
+    try {
+      const double score = LogScore(weights, AtModel(both), nominal_);
+      if (score > LogScore(weights, first.residuals, nominal_) + kFurther)
+        tried.emplace_back(score, std::move(both));
+    } catch (const std::exception&) {
+      // The two together cannot be simulated.
+    }
+  }
+  std::stable_sort(tried.begin(), tried.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<Model> best;
+  for (std::size_t k = 0; k < std::min(count, tried.size()); ++k) best.push_back(std::move(tried[k].second));
+  return best;
+}
+
 bool Searching::Tried(const Model& both) const {
   return std::any_of(result_.pairs.begin(), result_.pairs.end(), [&](const Fit& fit) {
     return std::is_permutation(both.parts.begin(), both.parts.end(), fit.model.parts.begin());
@@ -229,6 +257,9 @@ void Searching::FindPairs() {
   if (result_.fits.size() > 1 && (left || !starts.empty())) {
     for (const auto& other : Partners(result_.fits[1], weights, kPartnersOfNext, 1)) starts.push_back(other);
   }
+  if (left) {
+    for (Model& both : Together(weights, kTogether)) starts.push_back(std::move(both));
+  }
   result_.pairs = Refit(starts, weights, kIterations, {0.75, 0.81});
   if (result_.pairs.empty()) return;
   // The second may be the real first: keep it and look for another partner.
@@ -243,7 +274,15 @@ void Searching::FindPairs() {
   if (left) {
     Append(Refit(Alike(weights), weights, kIterations, {0.89, 0.92}), result_.pairs);
     // What is still on its way takes more steps, where a gap is left.
-    const auto count = std::min<std::ptrdiff_t>(kPolishedPairs, std::ssize(result_.pairs));
+    // Also what explains more than the best where nothing is held out: by a line from where it stands now, a
+    // fold left out may seem to cost too much.
+    const double best = result_.pairs.front().score;
+    const auto others =
+        result_.pairs.begin() + std::min<std::ptrdiff_t>(kPolishedPairs, std::ssize(result_.pairs));
+    const auto on = std::stable_partition(others, result_.pairs.end(), [&](const Fit& fit) {
+      return fit.score > best + kPairGain && !fit.bound_hit;
+    });
+    const std::ptrdiff_t count = on - result_.pairs.begin();
     result_.pairs = Polished(std::move(result_.pairs), count, weights, {0.92, 0.95});
   }
   const bool again = HoldOutAgain(result_.pairs, weights, singles_again_);

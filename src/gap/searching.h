@@ -59,6 +59,7 @@ class Searching {
   std::vector<Promise> Promises(const Fit& first, const Weights& weights) const;
   std::vector<Model> Partners(const Fit& first, const Weights& weights, int count, double least,
                               const sim::Effect* like = nullptr) const;
+  std::vector<Model> Together(const Weights& weights, std::size_t count) const;
   bool Tried(const Model& both) const;
   std::vector<Model> Elsewhere() const;
   std::vector<Model> Alike(const Weights& weights) const;

@@ -1022,6 +1022,40 @@ TEST(Diagnose, WhatTheCauseMakesDifferIsNoFloor) {
   EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("as cogging tendon:2 makes them differ")));
 }
 
+// Somebody leans on the robot in one of two runs: what no effect of the library makes differ may hide one that
+// it has not.
+TEST(Diagnose, WhatMakesRunsDifferMayBeUnlisted) {
+  DataSet set = Recorded("");
+  RobotParameters pushed = Rig();
+  pushed.effects.push_back(sim::ParseEffect("tip_force x_N=0.01", pushed));
+  gap::Run again = Record(pushed, "circle", 7, 40);
+  again.name = set.runs.back().name;
+  again.repeat_of = "circle";
+  set.runs.back() = std::move(again);
+  const Diagnosis d = Diagnose(set, Only({"backlash", "bending_stiffness", "motor_coulomb"}));
+  ASSERT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_THAT(d.sentence, testing::HasSubstr("repetitions differ by"));
+  const double unknown = Named(d, "unknown")->p;
+  EXPECT_GE(unknown, 0.15);
+  for (const char* effect : {"backlash", "bending_stiffness", "motor_coulomb"}) {
+    if (Named(d, effect) != nullptr) EXPECT_LE(Named(d, effect)->p, unknown + 1e-9) << effect;
+  }
+}
+
+// A wall is found by itself from nearby; beside a cause whose own line would put it elsewhere, from there too.
+TEST(Diagnose, AWallIsFoundBesideALargerCause) {
+  const Diagnosis d = Diagnose(
+      Recorded({"contact stiffness_Npm=3000 gap_m=0.01 angle_rad=-2.64", "motor_coulomb scale=1.1"}),
+      Only({"contact", "motor_coulomb", "stribeck", "bending_damping", "unit_mass"}));
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  ASSERT_EQ(d.accepted.size(), 2u) << d.sentence;
+  for (const char* effect : {"contact", "motor_coulomb"}) {
+    EXPECT_TRUE(std::any_of(d.accepted.begin(), d.accepted.end(),
+                            [&](const gap::Cause& cause) { return cause.effect == effect; }))
+        << d.sentence;
+  }
+}
+
 // An hour between two rows is no motion: the run would be simulated through it. Nor are 30,000 years, the
 // number of whose samples no integer holds.
 TEST(Diagnose, RunsWithAPauseAreLeftOut) {

@@ -40,8 +40,8 @@ Effect Cogging() {
                       .starts = {1, 2, 4, 6, 8, 10, 12, 14, 18, 24}},
                      {.name = "phase_rad",
                       .nominal = 0,
-                      .lower = -3.2,
-                      .upper = 3.2,
+                      .lower = -6.3,  // a turn more than there is: no search ends at a seam
+                      .upper = 6.3,
                       .typical = 0,
                       .shape = true,
                       .starts = {-1.6, 0, 1.6, 3.1}}},

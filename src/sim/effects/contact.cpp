@@ -83,7 +83,7 @@ Effect Contact() {
       .cut = Cut::kShape,
       .cut_robot_side = Cut::kShape,
       .parameters =
-          {{.name = "stiffness_Npm", .nominal = 0, .lower = 0, .upper = 5000, .typical = 100, .starts = {1}},
+          {{.name = "stiffness_Npm", .nominal = 0, .lower = 0, .upper = 20000, .typical = 100, .starts = {1}},
            {.name = "gap_m",
             .nominal = 0.01,
             .lower = 0.001,
@@ -93,8 +93,8 @@ Effect Contact() {
             .starts = {0.004, 0.01, 0.02}},
            {.name = "angle_rad",
             .nominal = 0,
-            .lower = -std::numbers::pi,
-            .upper = std::numbers::pi,
+            .lower = -2 * std::numbers::pi,  // a turn more than there is: no search ends at a seam
+            .upper = 2 * std::numbers::pi,
             .typical = 0.3,
             .shape = true,
             .starts = {0, 1.05, 2.1, 3.14, -2.1, -1.05}}},
