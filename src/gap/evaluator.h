@@ -151,6 +151,7 @@ class Evaluator {
   void FindVariances(const DataSet& set, const Options& options);
   void TakeDifferences();
   void ScaleByRepetition(const Options& options);
+  bool AlikeIn(const Evaluator& other) const;  // in runs, channels and windows
   /// Standard deviation of what is measured on a channel, over all runs; 0 for torque.
   double Spread(const Channel& channel) const;
   /// Mean ratio of what the same inputs at other times leave to what `channel`'s variances say; 0 when they

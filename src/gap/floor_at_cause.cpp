@@ -103,7 +103,9 @@ std::optional<Narrowed> NarrowedByCause(const Evaluator& evaluator, const DataSe
   for (const Model& cause : causes) {
     try {
       const Evaluator there = with(cause, repeated);
-      const double floor = there.channels().at(at).floor;
+      const Channel& channel = there.channels().at(at);
+      if (channel.name != evaluator.channels()[at].name) continue;
+      const double floor = channel.floor;
       if (floor < least && there.repetitions_differ() < kPlainlyLess * evaluator.repetitions_differ())
         least = floor, best = &cause;
     } catch (const std::exception&) {

@@ -377,9 +377,19 @@ void Evaluator::TakeDifferences() {
                   100 * wrong_before_));
 }
 
+bool Evaluator::AlikeIn(const Evaluator& other) const {
+  if (other.variance_.size() != variance_.size() || other.channels_.size() != channels_.size()) return false;
+  for (std::size_t i = 0; i < variance_.size(); ++i) {
+    for (std::size_t c = 0; c < channels_.size(); ++c) {
+      if (other.variance_[i][c].size() != variance_[i][c].size()) return false;
+    }
+  }
+  return true;
+}
+
 bool Evaluator::Widen(const Evaluator& other) {
   constexpr double kPlainly = 1.5;  // times the variance, by the median
-  if (other.runs_.size() != runs_.size() || other.channels_.size() != channels_.size()) return false;
+  if (!AlikeIn(other)) return false;
   bool any = false;
   for (std::size_t c = 0; c < channels_.size(); ++c) {
     std::vector<Eigen::VectorXd> wider(runs_.size());
@@ -387,7 +397,6 @@ bool Evaluator::Widen(const Evaluator& other) {
     for (std::size_t i = 0; i < runs_.size(); ++i) {
       wider[i] = variance_[i][c];
       const auto& theirs = other.variance_[i][c];
-      if (theirs.size() != wider[i].size()) return any;
       for (int w = 0; w < theirs.size(); ++w) {
         double& v = wider[i][w];
         if (!std::isfinite(v) || !std::isfinite(theirs[w])) continue;
@@ -500,6 +509,8 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     return sum;
   };
   const Evaluator* other = options.with_cause;
+  if (other != nullptr && !AlikeIn(*other))
+    throw std::invalid_argument("with a cause, other places are measured");
   if (options.repeats || other != nullptr) repeats.assign(repeats.size(), {});
   for (int c = 0; c < channels; ++c) {
     const Repeated& own = repeats[static_cast<std::size_t>(c)];
@@ -522,7 +533,7 @@ void Evaluator::ScaleByRepetition(const Options& options) {
         double& v = variance[w];
         v = std::max(scale * v, least);
         if (!std::isfinite(v)) continue;
-        if (other != nullptr && std::isfinite(other->variance_.at(i)[c][w]))
+        if (other != nullptr && std::isfinite(other->variance_[i][c][w]))
           v = std::max(v, other->variance_[i][c][w]);
         variances.push_back(v);
       }
