@@ -3,14 +3,17 @@
 import argparse
 import contextlib
 import json
+import platform
 import secrets
 import shutil
+import signal
 import sys
+from importlib import metadata
 from pathlib import Path
 
 from tests.blind import score
-from tests.blind.seal import (LEDGER, NotRun, Wrong, confined, diagnose_one, digest, enter, entered, mine, now, sha, shard_ids,
-                              vault_of, write_once)
+from tests.blind.seal import (LEDGER, NotRun, Wrong, confined, diagnose_one, digest, enter, entered, mine, now, parts_of, sha,
+                              shard_ids, vault_of, write_once)
 
 ROOT = Path(__file__).resolve().parents[2]
 KINDS = dict(single=0.38, parameter=0.15, null=0.2, nuisance_null=0.05, unlisted=0.08, pair=0.08, weak=0.03, no_tracker=0.03)
@@ -82,8 +85,13 @@ def make(o):
     vault.chmod(0o700)
     with contextlib.suppress(FileExistsError):
         write_once(note, f"{vault.resolve()}\n")
+    part, whole = map(int, o.shard.split("/"))
+    for other in parts_of(vault):
+        if other[1:] != (whole, o.sets):
+            raise Wrong(f"--shard {o.shard} of --sets {o.sets}: this campaign was begun as {other[1]} parts of {other[2]} sets; "
+                        "the composition holds for these, so take them or another folder")
     # Drawn once: what is interrupted goes on with the kinds that were left, not with new ones.
-    kinds = vault / f"{o.shard.replace('/', '_of_')}_of_{o.sets}.kinds"
+    kinds = vault / f"{part}_of_{whole}_of_{o.sets}.kinds"
     with contextlib.suppress(FileExistsError):
         write_once(kinds, json.dumps(kinds_of(len(ids), rng)))
     for k, kind in zip(ids, json.loads(kinds.read_text())):
@@ -138,7 +146,7 @@ def make_one(o, folder, vault, name, kind, rng):
             shutil.rmtree(folder / "sets" / name, ignore_errors=True)
     else:
         raise RuntimeError(f"set {name}: five draws could not be simulated")
-    answer.update(extra, id=name, set_kind=kind, sizes=sizes, nonce=secrets.token_hex(32))
+    answer.update(extra, id=name, set_kind=kind, sizes=sizes, nonce=secrets.token_hex(32), made_by=maker())
     text = json.dumps(answer, indent=1) + "\n"
     path = vault / f"{name}.json"
     path.unlink(missing_ok=True)
@@ -146,6 +154,19 @@ def make_one(o, folder, vault, name, kind, rng):
     seal = dict(id=name, answer_sha256=sha(text.encode()), data_sha256=answer["sha256_of_data"], sealed_ns=now(), **extra)
     write_once(folder / "seals" / f"{name}.json", json.dumps(seal) + "\n")
     print(f"set {name} sealed {seal['answer_sha256'][:16]}", flush=True)
+
+
+def maker():
+    """What the last bits of the data depend on."""
+    versions = {}
+    for package in ("numpy", "numba", "scipy", "mujoco"):
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            versions[package] = metadata.version(package)
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return dict(versions, processor=line.partition(":")[2].strip())
+    return dict(versions, processor=platform.machine())
 
 
 def again(o):
@@ -158,7 +179,8 @@ def again(o):
             raise Wrong(f"--set {case.id}: two of these records hold another set of that name; name one of them alone")
     missing = [name for name in o.set if name not in opened]
     if missing:
-        raise Wrong(f"--set {missing[0]}: " + (f"these records hold {', '.join(sorted(opened))}" if opened else
+        near = sorted(opened, key=lambda name: (abs(int(name) - int(missing[0])), name) if missing[0].isdecimal() else name)[:3]
+        raise Wrong(f"--set {missing[0]}: " + (f"these records hold {len(opened)} sets, {', '.join(near)} the nearest" if opened else
                                                "these records hold no seeds (c9 is the first that does)"))
     same = True
     for name in o.set:
@@ -301,7 +323,7 @@ def main():
     s.add_argument("campaigns", nargs="+", help="folders, or records of campaigns opened before")
     s.add_argument("--vault", help="folder of the answers (default: CAMPAIGN.vault)")
     s.add_argument("--json", metavar="FILE", help="the table's numbers")
-    s.add_argument("--picture", metavar="FILE", help="reliability diagram and detection curve (.png, .svg or .pdf)")
+    s.add_argument("--picture", metavar="FILE", help="reliability diagram, detection curve and confusion matrix (.png, .svg or .pdf)")
     s.add_argument("--record", metavar="FILE", help="also what the score is made of, a line a set; written once")
     s.add_argument("--oracle", metavar="TENDRIL", help="also let this program fit the effect that it is told, on every single")
     o = a.parse_args()
@@ -309,11 +331,15 @@ def main():
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what is running ends with it, as with Ctrl-C
     try:
         sys.exit(main())
     except Wrong as error:
         print(f"gap_blind: {error}", file=sys.stderr)
         sys.exit(2)
+    except PermissionError as error:
+        print(f"gap_blind: {error.filename}: may not be read or written; change its rights or name another folder", file=sys.stderr)
+        sys.exit(1)
     except (RuntimeError, OSError, KeyError, ValueError) as error:
         print(f"gap_blind: {error}", file=sys.stderr)
         sys.exit(1)

@@ -691,9 +691,14 @@ def run(P, targets, start_torque, force, sub, dt_row, y, x0, mem):
         for s in range(steps):
             t = (r + s / steps) * dt_row
             for j in range(m):
-                # the target sent at row k acts from row k + 1 on, later still by the planted delay
-                k = int(math.floor((t - P.t[j, T_delay]) / dt_row + 1e-6)) - 1
+                # The target sent at row k acts from row k + 1 on, later still by the planted delay; over a step it is the mean
+                # of what acts in it, so that a delay of a part of a step is one.
+                ago = (t - P.t[j, T_delay]) / dt_row + 1e-9
+                k = int(math.floor(ago)) - 1
                 w = start_torque[j] if k < 0 else targets[k, j]
+                into = ago - math.floor(ago) + 1 / steps - 1  # beyond the next row's beginning, in rows
+                if P.t[j, T_delay] > 0 and into > 1e-6:
+                    w += into * steps * ((start_torque[j] if k < -1 else targets[min(k + 1, S - 1), j]) - w)
                 tgt[j] = clip(w, P.t[j, T_limit])
             f = force[r]
             # Rosenbrock of order 2 (damping of the bending implicit, all else explicit); k1 is left by the last step

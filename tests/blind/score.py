@@ -5,11 +5,14 @@ import os
 import random
 import shutil
 import stat
+import statistics
 from pathlib import Path
 
-from tests.blind.seal import LEDGER, NotRun, Wrong, diagnose_one, digest, entered, sha, vault_of, write_once
+from tests.blind.seal import (LEDGER, NotRun, Wrong, diagnose_one, digest, entered, parts_of, sha, shard_ids, vault_of,
+                              write_once)
 
 SEEN = 0.3  # sigma from which half of all effects shall be seen
+UNSEEN = 0.03  # sigma, a third of the least that is drawn: the short runs that tell sizes missed the effect
 CONFIDENT = 0.9
 VERDICTS = ("no_gap", "attributed", "ambiguous_group", "unexplained", "insufficient_data")
 IN_RECORD = ("verdict", "causes", "location", "accepted", "closed", "baselines")
@@ -32,6 +35,7 @@ def checked(truth, record):
     need(all_of(truth.get("sizes"), lambda x: numbers(x.get("sigma")) and x["sigma"] >= 0), "truth's sizes")
     need(text(record.get("id")) and text(record.get("data_sha256")) and text(record.get("program_sha256")), "record without id or hashes")
     need(isinstance(record.get("started_ns"), int), "record without time")
+    need(text(record.get("vault", "")), "record's vault")
     if record.get("report") is not None:
         check_report(record["report"])
 
@@ -48,7 +52,13 @@ def check_report(report):
     need(all_of(report.get("accepted", []), cause) and all_of(report.get("baselines", []), lambda b: cause(b) and text(b.get("name"))),
          "accepted or baselines")
     closed = report.get("closed") or {}
-    need(isinstance(closed, dict) and all(isinstance(closed.get(k) or {}, dict) for k in ("pooled", "ceiling")), "closed")
+    check_closed(closed)
+
+
+def check_closed(closed):
+    share = lambda v: v is None or (isinstance(v, dict) and (v.get("value") is None or
+                                                            (isinstance(v["value"], (int, float)) and math.isfinite(v["value"]))))
+    need(isinstance(closed, dict) and all(share(closed.get(k)) for k in ("pooled", "ceiling")), "closed")
 
 
 def wilson(k, n, z=1.959964):
@@ -79,6 +89,7 @@ class Case:
         """sealed: the opened text and its seal, where they are known (ValueError where something is amiss)."""
         checked(truth, record)
         need(oracle is None or isinstance(oracle, dict), "oracle")
+        check_closed((oracle or {}).get("closed") or {})
         self.opened, self.record, self.oracle, self.sealed = truth, record, oracle, sealed
         self.followup = record["id"].endswith("_followup")
         self.truth, self.kind, self.id = truth["truth"], truth["set_kind"], truth["id"]
@@ -105,6 +116,8 @@ class Case:
             report["accepted"] = [{k: c[k] for k in ("effect", "where")} for c in report.get("accepted", [])]
             closed = report.get("closed") or {}
             report["closed"] = {k: {"value": closed[k].get("value")} for k in ("pooled", "ceiling") if closed.get(k)}
+            made = self.report.get("provenance") or {}
+            report["build"] = [made[k] for k in ("version", "revision") if k in made] or self.report.get("build", [])
         kept = ("id", "data_sha256", "program_sha256", "started_ns", "finished_ns", "confined", "vault")
         line = dict(record=dict({k: self.record[k] for k in kept if k in self.record}, report=report), oracle=self.oracle)
         if self.sealed:
@@ -162,6 +175,13 @@ def auroc(positive, negative):
     return wins / (len(positive) * len(negative))
 
 
+def resampled(figure, *groups, times=400):
+    """[low, high] of 95 % of a figure over groups of sets, each drawn again from itself."""
+    draw = random.Random(4711)
+    values = sorted(v for _ in range(times) if math.isfinite(v := figure(*[draw.choices(g, k=len(g)) for g in groups])))
+    return [values[int(0.025 * len(values))], values[int(0.975 * len(values))]] if values else [math.nan, math.nan]
+
+
 def logistic(points):
     """(a, b) of share = 1 / (1 + exp(-a - b log sigma)), by Newton's method; None where the points do not tell."""
     hits = sum(d for _, d in points)
@@ -183,8 +203,8 @@ def logistic(points):
 
 def half_point(cases):
     """sigma of 50 % detection by a logistic curve over log sigma, its 95 % interval from resampled sets, the curve, and
-    found and of by bins of sigma."""
-    points = [(math.log(max(c.sigma, 1e-3)), c.alarm()) for c in cases]
+    found and of by bins of sigma. Sets whose size the short runs do not show take no part."""
+    points = [(math.log(c.sigma), c.alarm()) for c in cases if c.sigma >= UNSEEN]
     edges = [0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8, 1e9]
     bins = []
     for a, b in zip(edges, edges[1:]):
@@ -220,13 +240,19 @@ def table(cases, followups, refusals):
         len(located), ">= 97 %")
     nulls = [c for c in cases if c.kind == "null"]
     row("false alarms on exact nulls", sum(c.alarm() for c in nulls), len(nulls), "0 of 60")
+    plants = sorted({c.opened.get("plant", "lagrange") for c in nulls})
+    for plant in plants if len(plants) > 1 else ():
+        of_plant = [c for c in nulls if c.opened.get("plant", "lagrange") == plant]
+        row(f"those of the plant {plant}", sum(c.alarm() for c in of_plant), len(of_plant), "-")
     nn = [c for c in cases if c.kind == "nuisance_null"]
     row("false alarms on nuisance nulls", sum(c.alarm() for c in nn), len(nn), "-")
     foreign = [c.unknown for c in cases if c.kind == "unlisted" and c.sigma > 1 and c.report]
     own = [c.unknown for c in known if c.sigma > 1 and c.report]
     area = auroc(foreign, own)
-    numbers["unknown AUROC"] = dict(value=area, n=[len(foreign), len(own)])
-    lines.append(f"| unknown mechanism rejected, AUROC at > 1 sigma | {len(foreign)} against {len(own)} | {area:.3f} | >= 0.95 |")
+    span = resampled(auroc, foreign, own)
+    numbers["unknown AUROC"] = dict(value=area, n=[len(foreign), len(own)], ci=span)
+    lines.append(f"| unknown mechanism rejected, AUROC at > 1 sigma | {len(foreign)} against {len(own)} | "
+                 f"{area:.3f} [{span[0]:.3f}, {span[1]:.3f}] | >= 0.95 |")
     unl = [c for c in cases if c.kind == "unlisted" and c.sigma > 1]
     row("unlisted at > 1 sigma never given a confident name", sum(not c.confident_wrong() for c in unl), len(unl), "-")
     row("or only that of what it turns into where it changes little",
@@ -239,7 +265,7 @@ def table(cases, followups, refusals):
     def reliability(name, none_below):
         """Of the first line: sets by tenths of p. An effect below `none_below` sigma counts as none; of one that the library
         does not have `unknown` is right, of a pair either."""
-        bins = {}
+        pairs = []
         for c in judged:
             if not c.wanted or c.sigma < none_below:
                 hit = c.top["effect"] == "no_gap"
@@ -247,10 +273,21 @@ def table(cases, followups, refusals):
                 hit = c.top["effect"] == "unknown"
             else:
                 hit = any(c.same(c.top, w) for w in c.wanted)
-            bins.setdefault(min(9, int(c.top["p"] * 10)), []).append((c.top["p"], hit))
-        ece = sum(abs(sum(p for p, _ in v) - sum(h for _, h in v)) for v in bins.values()) / len(judged) if judged else float("nan")
-        numbers[name] = dict(value=ece, n=len(judged))
-        lines.append(f"| {name} | {len(judged)} sets | {ece:.3f} | {'<= 0.05' if none_below == 0 else '-'} |")
+            pairs.append((c.top["p"], hit))
+
+        def by_tenths(of):
+            bins = {}
+            for p, hit in of:
+                bins.setdefault(min(9, int(p * 10)), []).append((p, hit))
+            return bins
+
+        def error(of):
+            off = sum(abs(sum(p for p, _ in v) - sum(h for _, h in v)) for v in by_tenths(of).values())
+            return off / len(of) if of else math.nan
+        bins, ece, span = by_tenths(pairs), error(pairs), resampled(error, pairs)
+        numbers[name] = dict(value=ece, n=len(judged), ci=span)
+        lines.append(f"| {name} | {len(judged)} sets | {ece:.3f} [{span[0]:.3f}, {span[1]:.3f}] | "
+                     f"{'<= 0.05' if none_below == 0 else '-'} |")
         numbers[f"reliability, none below {none_below:g} sigma"] = [
             [sum(p for p, _ in v) / len(v), sum(h for _, h in v), len(v)] for _, v in sorted(bins.items())]
         return bins
@@ -266,22 +303,30 @@ def table(cases, followups, refusals):
     def pooled(report, key="pooled"):
         return (((report or {}).get("closed") or {}).get(key) or {}).get("value")
 
-    def middle(name, ratios, goal):
-        ratios = sorted(ratios)
+    def middle(name, asked, most, goal):
+        """Median over the sets in which there is something to close; what the answer closes nothing of counts as nothing."""
+        ratios = [(pooled(c.report) or 0) / o for c in asked if (o := most(c) or 0) > 0.05]
         if ratios:
-            numbers[name] = dict(median=ratios[len(ratios) // 2], n=len(ratios))
-            lines.append(f"| {name}, median | {len(ratios)} sets | {ratios[len(ratios) // 2]:.3f} | {goal} |")
-    # What closes nothing counts as nothing, not as missing.
-    middle("gap closed over that of an oracle told the effect",
-           [(pooled(c.report) or 0) / o for c in known if (o := pooled(c.oracle)) and o > 0.05],
-           ">= 0.97")
-    middle("gap closed over what refitting every number closes",
-           [(pooled(c.report) or 0) / o for c in known if (o := pooled(c.report, "ceiling") or 0) > 0.05], "-")
+            mid, span = statistics.median(ratios), resampled(statistics.median, ratios)
+            numbers[name] = dict(median=mid, n=len(ratios), asked=len(asked), ci=span)
+            lines.append(f"| {name}, median | {len(ratios)} of {len(asked)} sets | {mid:.3f} [{span[0]:.3f}, {span[1]:.3f}] | {goal} |")
+    middle("gap closed over that of an oracle told the effect", [c for c in known if c.oracle], lambda c: pooled(c.oracle), ">= 0.97")
+    middle("gap closed over what refitting every number closes", known,
+           lambda c: pooled(c.report, "ceiling"), "-")
     seen = [c for c in known if c.kind != "no_tracker"]
     half, (low, high), curve, found = half_point(seen)
     numbers["half detection sigma"], numbers["half detection interval"] = half, [low, high]
     numbers["detection"] = dict(logistic=curve, found=found)
-    lines.append(f"| 50 % detection limit | {len(seen)} sets | {half:.2f} sigma [{low:.2f}, {high:.2f}] | <= 0.3 sigma |")
+    unseen = [c for c in seen if c.sigma < UNSEEN]
+    lines.append(f"| 50 % detection limit{f', without {len(unseen)} whose size the short runs do not show' if unseen else ''} | "
+                 f"{len(seen) - len(unseen)} sets | {half:.2f} sigma [{low:.2f}, {high:.2f}] | <= 0.3 sigma |")
+    reached = sorted(s["sigma"] / s["wanted_sigma"] for c in cases if c.kind != "nuisance_null" for s in c.opened["sizes"]
+                     if s.get("wanted_sigma"))
+    if reached:
+        at = lambda share: reached[min(len(reached) - 1, int(share * len(reached)))]
+        numbers["reached over drawn"] = [at(0), at(0.1), at(0.5), at(0.9), at(1)]
+        lines.append(f"| size reached over size drawn (bounds, and what cannot be made so large): least, tenth, middle, ninetieth, most | "
+                     f"{len(reached)} effects | {', '.join(f'{v:.2f}' for v in numbers['reached over drawn'])} | - |")
     shown = {c.id for c in cases if c.kind == "weak" and c.group_hit()}
     unresolved = [c for c in followups if c.id not in shown]
     row("follow-up finds the cause that weak excitation had not shown", sum(c.group_hit() for c in unresolved),
@@ -302,13 +347,28 @@ def table(cases, followups, refusals):
     lines.append("\nDetection: sigma from, to, found, of")
     lines += [f"  {a:g} {b:g}  {k} of {n}" for a, b, k, n in found]
     lines.append("\nConfusion at > 3 sigma (truth -> top cause: sets)")
-    confusion = {}
+    confusion, matrix = {}, {}
+    for c in cases:
+        if c.kind != "pair" and (c.kind in ("null", "nuisance_null") or c.sigma > 1):
+            planted = "nothing" if not c.wanted else "none of the library's" if c.kind == "unlisted" else c.wanted[0][0]
+            named = ("diagnosis failed" if not c.report else "no gap" if not c.alarm() else "unexplained" if not c.names_causes()
+                     else c.wanted[0][0] if c.group_hit() else c.top["effect"])
+            row_of = matrix.setdefault(planted, {})
+            row_of[named] = row_of.get(named, 0) + 1
+    numbers["confusion matrix, > 1 sigma"] = {a: dict(sorted(b.items())) for a, b in sorted(matrix.items())}
     for c in strong:
         got = f"{c.top['effect']} {c.top['where']}".strip() if c.top else c.verdict
         if not c.group_hit():
             key = (" ".join(c.wanted[0]), f"{got} [{c.verdict}]")
             confusion.setdefault(key, []).append(f"{c.id} ({c.sigma:.1f} sigma)")
     lines += [f"  {a} -> {b}: {', '.join(ids)}" for (a, b), ids in sorted(confusion.items())] or ["  none"]
+    lines.append(f"\nNot found, all above {SEEN:g} sigma: what was planted (largest) -> verdict, first line")
+    for c in answered:
+        found = (both(c) if c.kind == "pair" else c.verdict == "unexplained" if c.kind == "unlisted" else c.group_hit())
+        if c.wanted and c.sigma > SEEN and not found:
+            first = f"{c.top['effect']} {c.top['where']} {c.top['p']:.2f}".replace("  ", " ") if c.top else "-"
+            lines.append(f"  {c.record['id']} {c.kind}: {' + '.join(' '.join(w) for w in c.wanted)} ({c.sigma:.2g} sigma) -> "
+                         f"{c.verdict}, {first}")
     alarms = [f"{c.id} {c.kind} -> {c.top['effect'] if c.top else ''} [{c.verdict}]" for c in nulls + nn
               if c.alarm()]
     lines.append("\nAlarms on nulls: " + (", ".join(alarms) or "none"))
@@ -317,7 +377,9 @@ def table(cases, followups, refusals):
     lines.append("Confidently wrong: " + (", ".join(wrong) or "none"))
     builds = {}
     for c in answered:
-        builds.setdefault(c.record["program_sha256"][:12], []).append(c)
+        made = (c.report or {}).get("provenance") or {}
+        build = [made[k] for k in ("version", "revision") if k in made] or (c.report or {}).get("build") or []
+        builds.setdefault(" ".join([c.record["program_sha256"][:12], *map(str, build)]), []).append(c)
     lines.append("Programs: " + ", ".join(f"{b} ({len(v)} answers)" for b, v in sorted(builds.items())))
     kept = {}
     for c in answered:
@@ -330,10 +392,17 @@ def table(cases, followups, refusals):
 
 
 def picture(numbers, path):
-    """Reliability diagram and detection curve."""
+    """Reliability diagram, detection curve and confusion matrix."""
     from matplotlib.figure import Figure
-    figure = Figure(figsize=(10, 4.4), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    matrix = numbers["confusion matrix, > 1 sigma"]
+    besides = ("no gap", "unexplained", "diagnosis failed")
+    named = sorted({n for row in matrix.values() for n in row} - {*besides}) + [n for n in besides if any(n in r for r in matrix.values())]
+    planted = [n for n in named if n in matrix] + [n for n in matrix if n not in named]
+    tall = 0.2 * len(planted) + 2
+    figure = Figure(figsize=(max(10, 0.2 * len(named) + 3), 4.4 + tall), layout="constrained")
+    top, bottom = figure.subfigures(2, 1, height_ratios=[4.4, tall])
+    left, right = top.subplots(1, 2)
+    below = bottom.subplots()
     blue, orange = "#1f77b4", "#d95f02"
 
     def shares(axes, points, colour, label):
@@ -362,6 +431,16 @@ def picture(numbers, path):
     right.legend(loc="lower right", fontsize=8)
     for axes in (left, right):
         axes.grid(alpha=0.25)
+    for y, truth in enumerate(planted):
+        for n, count in matrix[truth].items():
+            right_so = n == truth or (truth, n) in (("nothing", "no gap"), ("none of the library's", "unexplained"))
+            below.text(named.index(n), y, count, ha="center", va="center", fontsize=7, color="white",
+                       bbox=dict(boxstyle="square,pad=0.25", color=blue if right_so else orange, lw=0))
+    below.set(xlim=(-0.5, len(named) - 0.5), ylim=(len(planted) - 0.5, -0.5), xticks=range(len(named)), yticks=range(len(planted)),
+              title="What was planted (rows; one cause above 1 sigma, or nothing) and what was answered: sets")
+    below.set_xticklabels(named, rotation=90, fontsize=7)
+    below.set_yticklabels(planted, fontsize=7)
+    below.grid(alpha=0.25)
     figure.savefig(path, dpi=110)
 
 
@@ -387,14 +466,21 @@ def told(program, case, data):
 
 
 def opened(folder, vault, oracle):
-    """A campaign's cases and what is refused: (cases, [(name, why)])."""
+    """A campaign's cases, what is refused, and its parts: (cases, [(name, why)], [(part, of how many, sets of the whole)])."""
     cases, refusals = [], []
     if not vault.is_dir():
         raise Wrong(f"{vault}: the answers of {folder} are not there; name their folder with --vault")
     seals = sorted((folder / "seals").glob("*.json"))
-    gone = {p.stem for p in vault.glob("*.json")} - {p.stem for p in seals}
-    refusals += [(name, "its seal is gone") for name in sorted(gone)]
+    sealed = {p.stem for p in seals}
     answers = entered(vault / LEDGER)
+    parts = parts_of(vault)
+    drawn = {f"{k:04d}" for part, whole, count in parts for k in shard_ids(count, f"{part}/{whole}")}
+    gone = ({p.stem for p in vault.glob("*.json")} | {name.removesuffix("_followup") for name in answers or ()}) - sealed
+    refusals += [(name, "its seal is gone") for name in sorted(gone)]
+    refusals += [(name, "drawn, not made") for name in sorted(drawn - sealed - gone)]
+    if answers is None:
+        print(f"{vault / LEDGER}: not there, so that nobody knows whether a set was answered twice (nor is it where the vault was "
+              "away from the diagnosis)")
     for seal_file in seals:
         name = seal_file.stem
         try:
@@ -412,7 +498,7 @@ def opened(folder, vault, oracle):
                     record = json.loads(answer)
                     case = Case(truth, record, sealed=(text, seal))
                     need(record["id"] == which, "another set's answer")
-                except (ValueError, OSError) as wrong:
+                except (ValueError, OSError, KeyError, TypeError, OverflowError, RecursionError) as wrong:
                     refusals.append((which, f"its answer: {wrong}"))
                     continue
                 why = refused(seal, text, record, folder / "sets" / which)
@@ -432,14 +518,14 @@ def opened(folder, vault, oracle):
                 cases.append(case)
         except FileNotFoundError as wrong:
             refusals.append((name, f"{wrong.filename} is not there (--vault)"))
-        except (ValueError, KeyError, OSError) as wrong:
+        except (ValueError, KeyError, OSError, TypeError, OverflowError, RecursionError) as wrong:
             refusals.append((name, f"its seal or sealed answer: {type(wrong).__name__}: {wrong}"))
-    return cases, refusals
+    return cases, refusals, parts
 
 
 def recorded(path):
     """The same of the record of a campaign that was opened before."""
-    cases, refusals = [], []
+    cases, refusals, parts, head = [], [], [], None
     try:
         lines = path.read_text().splitlines()
     except (OSError, ValueError) as wrong:
@@ -448,6 +534,9 @@ def recorded(path):
         try:
             x = json.loads(line)
             need(isinstance(x, dict), "no object")
+            if number == 1 and "lines" in x:
+                head, parts = x, [tuple(part) for part in x["parts"]]
+                continue
             if "refused" in x:
                 need(isinstance(x["refused"], list) and len(x["refused"]) == 2, "refused takes a set and a reason")
                 refusals.append(tuple(map(str, x["refused"])))
@@ -459,15 +548,22 @@ def recorded(path):
                 refusals.append((x["record"]["id"], why))
             else:
                 cases.append(case)
-        except (ValueError, KeyError, TypeError, AttributeError) as wrong:
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as wrong:
             raise Wrong(f"{path}:{number}: not a line of a record: {type(wrong).__name__}: {wrong}")
     if not cases and not refusals:
         raise Wrong(f"{path}: neither a campaign with sealed sets nor the record of one (it is empty)")
-    return cases, refusals
+    if head and (len(lines) - 1 != head["lines"] or sha("\n".join(lines[1:]).encode()) != head["sha256"]):
+        raise Wrong(f"{path}: its first line is of other lines ({head['lines']}, there are {len(lines) - 1}): take the record as it was written")
+    return cases, refusals, parts
+
+
+def head_of(lines, parts):
+    """First line of a record: what shows that none of the others was lost or changed by accident."""
+    return json.dumps(dict(lines=len(lines), sha256=sha("\n".join(lines).encode()), parts=parts), separators=(",", ":"))
 
 
 def score(o):
-    cases, refusals, counted = [], [], set()
+    cases, refusals, parts, counted = [], [], [], set()
     if o.record and Path(o.record).exists():
         raise Wrong(f"--record {o.record}: is there already, and written once; give another name")
     if o.oracle and not shutil.which(o.oracle):
@@ -475,6 +571,10 @@ def score(o):
     for output in (o.json, o.record, o.picture):
         if output and not Path(output).absolute().parent.is_dir():
             raise Wrong(f"{output}: no folder {Path(output).absolute().parent}")
+        if output and Path(output).is_dir():
+            raise Wrong(f"{output}: a folder; name a file in it")
+    if o.picture and Path(o.picture).suffix not in (".png", ".svg", ".pdf"):
+        raise Wrong(f"--picture {o.picture}: accepted are names in .png, .svg and .pdf")
     for campaign in map(Path, o.campaigns):
         if campaign.is_file():
             if o.oracle:
@@ -487,17 +587,25 @@ def score(o):
         for case in more[0]:
             same = case.record["id"], case.record["data_sha256"]
             if same in counted:
-                raise Wrong(f"{campaign}: set {case.record['id']} is in what was named before, too; name each campaign once")
+                raise Wrong(f"{campaign}: set {case.record['id']} is in it or in what was named before already; each counts once")
             counted.add(same)
         cases += more[0]
         refusals += more[1]
+        parts += more[2]
     sets = [c for c in cases if not c.followup]
     lines, numbers = table(sets, [c for c in cases if c.followup], refusals)
-    print(f"{len(sets)} sealed sets, {len(refusals)} refused\n")
+    bare = sorted(c.id for c in sets if not c.sealed)
+    print(f"{len(sets)} sealed sets, {len(refusals)} refused")
+    if bare:
+        print(f"Of {len(bare)} the record holds no seal, so that none was checked: {', '.join(bare[:8])}{' ...' if len(bare) > 8 else ''}")
+    for whole, count in sorted({part[1:] for part in parts}):
+        there = sorted(part[0] for part in parts if part[1:] == (whole, count))
+        print(f"Parts of {count} sets: {', '.join(map(str, there))} of {whole}")
+    print()
     print("\n".join(lines))
     if o.record:
-        write_once(Path(o.record), "".join(json.dumps(x, separators=(",", ":")) + "\n"
-                                           for x in [c.line() for c in cases] + [dict(refused=r) for r in refusals]))
+        written = [json.dumps(x, separators=(",", ":")) for x in [c.line() for c in cases] + [dict(refused=r) for r in refusals]]
+        write_once(Path(o.record), "\n".join([head_of(written, sorted(parts)), *written]) + "\n")
     if o.json:
         finite = lambda v: ({k: finite(x) for k, x in v.items()} if isinstance(v, dict) else [finite(x) for x in v]
                             if isinstance(v, (list, tuple)) else None if isinstance(v, float) and not math.isfinite(v) else v)

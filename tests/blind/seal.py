@@ -16,6 +16,7 @@ from pathlib import Path
 
 LEDGER = "answers.ledger"  # in the vault: what was answered, in order
 MOST_BYTES = 200_000_000  # of a report
+OTHER_USER = 65534  # as whom root lets the command run: nobody
 
 
 class Wrong(Exception):
@@ -40,6 +41,11 @@ def shard_ids(count, shard):
     if not (number(part) and number(whole) and 1 <= int(part) <= int(whole)):
         raise Wrong(f"--shard {shard}: write i/n with 1 <= i <= n, such as 2/8")
     return [k for k in range(count) if k % int(whole) == int(part) - 1]
+
+
+def parts_of(vault):
+    """(part, of how many, sets of the whole) of every part that a maker has begun."""
+    return sorted(tuple(map(int, path.stem.split("_of_"))) for path in vault.glob("*_of_*_of_*.kinds"))
 
 
 def write_once(path, text):
@@ -108,12 +114,13 @@ def entered(ledger):
 def confined(vault, campaign):
     """(prefix of a command that makes the vault unreadable to it, how); checked, not assumed. A vault that is not on this
     machine needs none; root's rights are dropped all the same."""
+    vault, campaign = vault.resolve(), campaign.resolve()  # the command runs in a folder of its own
     there = vault.exists()
     files = sorted(map(str, vault.iterdir())) if there else []
     if not there:
         print(f"{vault} is not on this machine: nothing to hide", flush=True)
     if os.geteuid() == 0:
-        prefix, how = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--no-new-privs"], "other user"
+        prefix, how = ["setpriv", f"--reuid={OTHER_USER}", f"--regid={OTHER_USER}", "--clear-groups", "--no-new-privs"], "other user"
     elif there:
         # What may mount may also unmount: its rights go once both folders are covered.
         prefix, how = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c",
@@ -123,7 +130,7 @@ def confined(vault, campaign):
         prefix, how = [], "same user"
     spy = 'umount "$0" 2>/dev/null; for f; do cat "$f" >/dev/null 2>&1 && exit 1; done; exit 0'
     try:
-        works = subprocess.run([*prefix, "sh", "-c", spy, str(vault), *files], capture_output=True).returncode == 0
+        works = subprocess.run([*prefix, "sh", "-c", spy, str(vault), *files], cwd="/", capture_output=True).returncode == 0
     except FileNotFoundError:
         works = False
     if not works:
@@ -173,9 +180,11 @@ def diagnose_one(command, folder, prefix, timeout_s):
             raise NotRun(f"cannot copy the set: {wrong}")
         (work / "out").mkdir()
         for path in [work, *work.rglob("*")]:
-            path.chmod(0o777 if path.is_dir() else 0o644)
+            if prefix and os.geteuid() == 0:
+                os.chown(path, OTHER_USER, OTHER_USER)
+            path.chmod(0o700 if path.is_dir() else 0o600)
             os.utime(path, (0, 0))  # when it was written tells how long it took to make
-        if subprocess.run([*prefix, "test", "-w", str(work / "out")], capture_output=True).returncode != 0:
+        if subprocess.run([*prefix, "test", "-w", str(work / "out")], cwd=work, capture_output=True).returncode != 0:
             raise NotRun(f"the command, as another user, cannot write into {work}: set TMPDIR to a folder that everybody may enter")
         words = [w.replace("{robot}", str(work / "set" / "robot.yaml")).replace("{set}", str(work / "set"))
                  .replace("{out}", str(work / "out")) for w in command]

@@ -86,14 +86,21 @@ class Seal(unittest.TestCase):
     def test_the_record_scores_as_the_campaign_does(self):
         record = self.folder.parent / "c.jsonl"
         text = run("score", self.folder, "--record", record)
-        self.assertEqual(len(record.read_text().splitlines()), 2)
+        self.assertEqual(len(record.read_text().splitlines()), 3)
         self.assertEqual(run("score", record), text)
-        with self.assertRaisesRegex(campaign.Wrong, "set 0000 is in what was named before"):
+        self.assertIn("Parts of 2 sets: 1, 2 of 2", text)
+        with self.assertRaisesRegex(campaign.Wrong, "set 0000 is in it or in what was named before"):
             run("score", record, self.folder)
         with self.assertRaisesRegex(campaign.Wrong, "is there already"):
             run("score", self.folder, "--record", record)
         # The seals go with it: what is changed in it is refused.
-        lines = [json.loads(line) for line in record.read_text().splitlines()]
+        head, *texts = record.read_text().splitlines()
+        lost = self.folder.parent / "lost.jsonl"
+        for kept in (texts[:1], texts[::-1], [texts[0], texts[1].replace('"no_gap"', '"unexplained"', 1)]):
+            lost.write_text("\n".join([head, *kept]) + "\n")
+            with self.assertRaisesRegex(campaign.Wrong, "its first line is of other lines"):
+                run("score", lost)
+        lines = [json.loads(line) for line in texts]
         for change, why in ((dict(opened=lines[1]["opened"].replace('"null"', '"null" ')), "not the sealed one"),
                             (dict(record=dict(lines[1]["record"], started_ns=0)), "older than the seal")):
             changed = self.folder.parent / "changed.jsonl"
@@ -113,7 +120,7 @@ class Seal(unittest.TestCase):
         run("score", self.folder, "--record", record)
         self.assertIn("0001: nothing planted; the same data", run("again", record, "--set", "0001", "--out", out))
         self.assertEqual(seal.digest(out / "0001"), seal.digest(self.folder / "sets" / "0001"))
-        for name, why in (("0001", "there is a 0001 in it already"), ("0007", "--set 0007: these records hold 0000, 0001")):
+        for name, why in (("0001", "there is a 0001 in it already"), ("0007", "--set 0007: these records hold 2 sets, 0001, 0000 the nearest")):
             with self.assertRaisesRegex(campaign.Wrong, why):
                 run("again", record, "--set", name, "--out", out)
         with self.assertRaisesRegex(campaign.Wrong, "--set 0001: two of these records hold another set"):
@@ -204,6 +211,54 @@ class Seal(unittest.TestCase):
             ledger.write_text('{"name": "0000", ')
             with self.assertRaisesRegex(ValueError, "answers.ledger:1: not a line of a ledger"):
                 run("score", folder)
+            ledger.unlink()
+            self.assertIn("nobody knows whether a set was answered twice", run("score", folder))
+
+    def test_a_set_that_is_taken_out_whole_is_missed(self):
+        for also in ((), ("1_of_2_of_2.kinds",), (seal.LEDGER,)):  # either tells that it was there
+            with self.copied() as (folder, vault):
+                for path in (folder / "seals" / "0000.json", folder / "answers" / "0000.json", vault / "0000.json"):
+                    path.unlink()
+                shutil.rmtree(folder / "sets" / "0000")
+                for name in also:
+                    (vault / name).unlink()
+                text = run("score", folder)
+                self.assertIn("1 sealed sets, 1 refused", text)
+                self.assertRegex(text, "Refused: 0000: (its seal is gone|drawn, not made)")
+
+    def test_damaged_numbers_are_refused_and_told(self):
+        for path, change in (("seals/0000.json", lambda x: x.update(sealed_ns="x")), ("answers/0000.json", lambda x: x.update(vault={})),
+                             ("answers/0000.json", lambda x: x["report"]["causes"][0].update(p=10 ** 400))):
+            with self.copied() as (folder, vault):
+                x = json.loads((folder / path).read_text())
+                change(x)
+                (folder / path).unlink()
+                (folder / path).write_text(json.dumps(x))
+                self.assertIn("1 sealed sets, 1 refused", run("score", folder))
+        with self.assertRaisesRegex(ValueError, "closed"):
+            score.check_closed(dict(pooled=dict(value="all")))
+
+    def test_parts_of_another_whole_are_refused(self):
+        for sets, shard in ((2, "1/3"), (4, "1/2"), (4, "01/4")):
+            with self.assertRaisesRegex(campaign.Wrong, "begun as 2 parts of 2 sets"):
+                run("make", "--campaign", self.folder, "--sets", sets, "--shard", shard)
+
+    def test_what_is_terminated_ends_what_it_runs_and_answers_nothing(self):
+        with self.copied() as (folder, vault):
+            (folder / "answers" / "0000.json").unlink()
+            program = subprocess.Popen([sys.executable, "-B", "-m", "tests.blind.campaign", "diagnose", "--campaign", folder, "--sets", "1",
+                                        "--", "/bin/sleep", "61.7"], cwd=campaign.ROOT,
+                                       stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+            working = lambda: subprocess.run(["pgrep", "-f", "^/bin/sleep 61.7$"], capture_output=True, text=True).stdout.split()
+            for _ in range(200):
+                if working():
+                    break
+                time.sleep(0.1)
+            self.assertTrue(working())
+            program.terminate()
+            self.assertIn("stopped; what is done stays", program.communicate()[0])
+            self.assertEqual((program.returncode, working()), (130, []))
+            self.assertFalse((folder / "answers" / "0000.json").exists())
 
     def test_an_oracle_that_fails_is_tried_again(self):
         case, data = self.case("single", ["slack"], "no_gap", [("no_gap", 0.7)]), self.folder / "sets" / "0000"
@@ -238,6 +293,24 @@ class Seal(unittest.TestCase):
         self.assertEqual(how, "covered")
         spy = f"umount {self.vault}; unshare --user --map-root-user --mount umount {self.vault}; cat {self.vault}/0000.json"
         self.assertNotEqual(subprocess.run([*prefix, "sh", "-c", spy], capture_output=True).returncode, 0)
+
+    def test_who_is_not_root_may_name_a_campaign_from_where_he_is(self):
+        other = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.geteuid() == 0 else []
+        if subprocess.run([*other, "unshare", "--user", "--map-root-user", "--mount", "/usr/bin/python3", "-c", "import yaml"],
+                          cwd=campaign.ROOT, capture_output=True).returncode:
+            self.skipTest("needs user namespaces, and a project that everybody may read")
+        with self.copied() as (folder, vault):
+            (folder / "answers" / "0000.json").unlink()
+            (vault / seal.LEDGER).unlink()
+            for path in (folder.parent, *folder.parent.rglob("*")):
+                if other:
+                    os.chown(path, 65534, 65534)
+            report = json.dumps(dict(verdict="no_gap", location=[], causes=[dict(effect="no_gap", where="", p=0.7)]))
+            done = subprocess.run([*other, "/usr/bin/python3", "-B", "-m", "tests.blind.campaign", "diagnose", "--campaign", "c", "--sets", "1",
+                                   "--", "/bin/sh", "-c", f"echo '{report}' > {{out}}/report.json"], cwd=folder.parent,
+                                  env=dict(os.environ, PYTHONPATH=str(campaign.ROOT)), capture_output=True, text=True)
+            self.assertEqual((done.returncode, done.stderr), (0, ""), done.stdout)
+            self.assertEqual(json.loads((folder / "answers" / "0000.json").read_text())["vault"], "covered")
 
     def case(self, kind, wanted, verdict, causes, accepted=(), sigma=5.0, name="0001"):
         cause = lambda e, p, group=0: dict(effect=e, where="all", p=p, group=group)

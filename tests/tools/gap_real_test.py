@@ -27,6 +27,9 @@ with tempfile.TemporaryDirectory() as out:
     check("--data" in absent.stderr, f"no remedy: {absent.stderr}")
     wrong = gap_real("--sets", "opencr_v5", "--out", out)
     check(wrong.returncode == 2 and "opencr_v4" in wrong.stderr, f"wrong set: {wrong}")
+    for words, why in ((["--sets", ","], "names none"), (["--refits", "0"], "1 and more"), (["--out", __file__], "is a file")):
+        wrong = gap_real("--out", out, *words)
+        check(wrong.returncode == 2 and why in wrong.stderr, f"{words}: {wrong}")
 
     data = pathlib.Path(os.environ.get("TENDRIL_REAL_DATA", ROOT / ".." / "shared" / "real"))
     if not (data / "opencr_tdcr").is_dir():
