@@ -179,8 +179,7 @@ def again(o):
             raise Wrong(f"--set {case.id}: two of these records hold another set of that name; name one of them alone")
     missing = [name for name in o.set if name not in opened]
     if missing:
-        near = sorted(opened, key=lambda name: (abs(int(name) - int(missing[0])), name) if missing[0].isdecimal() else name)[:3]
-        raise Wrong(f"--set {missing[0]}: " + (f"these records hold {len(opened)} sets, {', '.join(near)} the nearest" if opened else
+        raise Wrong(f"--set {missing[0]}: " + (f"these records hold {len(opened)} sets, {min(opened)} to {max(opened)}" if opened else
                                                "these records hold no seeds (c9 is the first that does)"))
     same = True
     for name in o.set:

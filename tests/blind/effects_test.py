@@ -45,6 +45,16 @@ class Effects(unittest.TestCase):
         self.assertGreater(amount, 0)
         self.assertAlmostEqual(np.log(size / 3.0), 0, delta=0.06)
 
+    def test_a_delay_of_a_part_of_a_step_is_one(self):
+        targets = short("multisine", 1.0)
+        changes = []
+        for s in (0.0, 2.5e-5, 5e-5, 1e-4):  # a step is 0.2 ms
+            p, faults, _ = make.planted(ROBOT, [("command_delay", "all", s)], 1)
+            changes.append(make.outputs(ROBOT, p, faults, targets, "motor_side", 5)["actual"])
+        moved = [np.sqrt(np.mean((c - changes[0]) ** 2)) for c in changes[1:]]
+        self.assertGreater(moved[0], 0)
+        np.testing.assert_allclose(np.divide(moved, moved[0]), [1, 2, 4], rtol=0.05)
+
     def test_a_stiffer_tendon_is_no_tauter_at_pretension(self):
         for amount in (-0.5, 1.0):
             p, faults, _ = make.planted(ROBOT, [("tendon_stiffness", "all", amount)], 1)

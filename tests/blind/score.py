@@ -116,8 +116,7 @@ class Case:
             report["accepted"] = [{k: c[k] for k in ("effect", "where")} for c in report.get("accepted", [])]
             closed = report.get("closed") or {}
             report["closed"] = {k: {"value": closed[k].get("value")} for k in ("pooled", "ceiling") if closed.get(k)}
-            made = self.report.get("provenance") or {}
-            report["build"] = [made[k] for k in ("version", "revision") if k in made] or self.report.get("build", [])
+            report["build"] = self.build
         kept = ("id", "data_sha256", "program_sha256", "started_ns", "finished_ns", "confined", "vault")
         line = dict(record=dict({k: self.record[k] for k in kept if k in self.record}, report=report), oracle=self.oracle)
         if self.sealed:
@@ -163,6 +162,13 @@ class Case:
         return self.names_causes() and any(
             c["p"] >= CONFIDENT and any(self.same(c, (a["effect"], a["where"])) for a in accepted)
             and not any(self.same(c, w) for w in self.wanted) for c in self.causes)
+
+    @property
+    def build(self):
+        """Version and revision, as far as the report (or what a record kept of it) says them."""
+        report = self.report or {}
+        made = report.get("provenance") or {}
+        return [made[k] for k in ("version", "revision") if k in made] or report.get("build", [])
 
     def first_cut(self):
         return next((f["cut"] for f in self.report["location"] if f.get("first")), None) if self.report else None
@@ -377,9 +383,7 @@ def table(cases, followups, refusals):
     lines.append("Confidently wrong: " + (", ".join(wrong) or "none"))
     builds = {}
     for c in answered:
-        made = (c.report or {}).get("provenance") or {}
-        build = [made[k] for k in ("version", "revision") if k in made] or (c.report or {}).get("build") or []
-        builds.setdefault(" ".join([c.record["program_sha256"][:12], *map(str, build)]), []).append(c)
+        builds.setdefault(" ".join([c.record["program_sha256"][:12], *map(str, c.build)]), []).append(c)
     lines.append("Programs: " + ", ".join(f"{b} ({len(v)} answers)" for b, v in sorted(builds.items())))
     kept = {}
     for c in answered:

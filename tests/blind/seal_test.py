@@ -120,7 +120,7 @@ class Seal(unittest.TestCase):
         run("score", self.folder, "--record", record)
         self.assertIn("0001: nothing planted; the same data", run("again", record, "--set", "0001", "--out", out))
         self.assertEqual(seal.digest(out / "0001"), seal.digest(self.folder / "sets" / "0001"))
-        for name, why in (("0001", "there is a 0001 in it already"), ("0007", "--set 0007: these records hold 2 sets, 0001, 0000 the nearest")):
+        for name, why in (("0001", "there is a 0001 in it already"), ("0007", "--set 0007: these records hold 2 sets, 0000 to 0001")):
             with self.assertRaisesRegex(campaign.Wrong, why):
                 run("again", record, "--set", name, "--out", out)
         with self.assertRaisesRegex(campaign.Wrong, "--set 0001: two of these records hold another set"):
@@ -353,6 +353,27 @@ class Seal(unittest.TestCase):
                                  [weak("0001", True, True), weak("0002", True, True)], [])
         figure = numbers["follow-up finds the cause that weak excitation had not shown"]
         self.assertEqual((figure["k"], figure["n"]), (1, 1))
+
+    def test_confusion_counts_what_is_right_too_and_every_miss_is_named(self):
+        cases = [self.case("single", ["slack"], "attributed", [("slack", 0.9)], ["slack"], name="0001"),
+                 self.case("single", ["slack"], "ambiguous_group", [("backlash", 0.6, 1), ("slack", 0.4, 1)], ["backlash"], name="0002"),
+                 self.case("single", ["slack"], "attributed", [("backlash", 0.9)], ["backlash"], name="0003"),
+                 self.case("single", ["slack"], "no_gap", [("no_gap", 0.7)], sigma=0.4, name="0004"),  # small: named, not in the matrix
+                 self.case("single", ["slack"], "no_gap", [("no_gap", 0.7)], sigma=0.2, name="0005"),
+                 self.case("unlisted", ["gusts"], "unexplained", [("unknown", 0.9)], name="0006"),
+                 self.case("pair", ["slack", "backlash"], "attributed", [("slack", 0.9)], ["slack"], name="0007"),
+                 self.case("null", [], "no_gap", [("no_gap", 0.7)], name="0008")]
+        lines, numbers = score.table(cases, [], [])
+        self.assertEqual(numbers["confusion matrix, > 1 sigma"], {"slack": {"slack": 2, "backlash": 1}, "nothing": {"no gap": 1},
+                                                                  "none of the library's": {"unexplained": 1}})
+        missed = lines[[k for k, line in enumerate(lines) if line.startswith("\nNot found")][0] + 1:]
+        self.assertEqual([line.split()[0] for line in missed if line.startswith("  000")], ["0003", "0004", "0007"])
+
+    def test_sizes_that_the_short_runs_do_not_show_bend_no_curve(self):
+        cases = [self.case("single", ["slack"], "attributed" if s > 0.3 else "no_gap", [("slack", 0.8)], sigma=s)
+                 for s in np.geomspace(0.05, 2, 40)]
+        unseen = self.case("single", ["slack"], "attributed", [("slack", 0.8)], sigma=0.0)
+        self.assertEqual(score.half_point(cases + [unseen])[0], score.half_point(cases)[0])
 
     def test_half_point_and_its_interval(self):
         cases = [self.case("single", ["slack"], "attributed" if k % 40 >= 20 - k // 40 else "no_gap", [("slack", 0.8)], sigma=s)
