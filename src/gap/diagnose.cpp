@@ -501,10 +501,10 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     SearchResult again = search_in(those);
     return Finds(again, cause) ? std::optional(std::move(again)) : std::nullopt;
   };
-  if (evaluator.repetitions_differ() > 0 && !Compared(set)) {
+  if (MayHide(evaluator) && !Compared(set)) {
     stage = "searching for what repetitions differ by";
     auto narrow = NarrowedByCause(evaluator, set, MayNotRepeat(search), evaluation);
-    if (!narrow) {
+    if (!narrow && evaluator.repetitions_differ() > 0) {
       // Their difference hides small causes, and even large ones that make it.
       const Evaluator repeated = AsThoughRepeated(set, evaluation);
       narrow = NarrowedByCause(evaluator, set, MayNotRepeat(search_in(repeated)), evaluation);
@@ -513,7 +513,6 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     std::optional<SearchResult> again;
     if (narrow) again = search_again(narrow->evaluator, narrow->cause);
     if (again) {
-      const double differed = evaluator.repetitions_differ();
       for (const auto& line : evaluator.degradations()) std::erase(d.degradations, line);
       evaluator = std::move(narrow->evaluator);
       search = std::move(*again);
@@ -521,7 +520,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
       d.degradations.push_back(
           fmt::format("repetitions differ by {:.2g} times what the sensors' noise leaves, most of it as {} "
                       "makes them differ: what is left is the floor",
-                      differed, narrow->cause.Name()));
+                      narrow->differed, narrow->cause.Name()));
       said(evaluator.degradations());
     }
   }

@@ -442,11 +442,11 @@ Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const Robo
   Eigen::Matrix3d tracker_R = Eigen::Matrix3d::Identity();
   Eigen::Vector3d tracker_p(0, 0, 0);
   if (const auto s = Setting(robot, "tracker_rotation")) {
-    const auto v = sim::ValuesOf(*s);
+    const auto v = sim::ValuesOf(*s, robot);
     tracker_R = Rotation({v[0], v[1], v[2]});
   }
   if (const auto s = Setting(robot, "tracker_offset")) {
-    const auto v = sim::ValuesOf(*s);
+    const auto v = sim::ValuesOf(*s, robot);
     tracker_p = {v[0], v[1], v[2]};
   }
   const double delay_s =

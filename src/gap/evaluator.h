@@ -83,8 +83,9 @@ class Evaluator {
   /// Repetitions differ by so many times what the sensors' noise leaves (rms, of the worst channel), where
   /// that is more than robots do; else 0. The floor follows them, so what differs between them is no gap.
   double repetitions_differ() const { return repetitions_differ_; }
-  /// That channel.
-  int differs_most() const { return differs_most_; }
+  /// The same of each channel, however little it is; 1 where it repeats as well as the sensors' noise lets
+  /// it.
+  const Eigen::VectorXd& repetitions_by() const { return repetitions_by_; }
   /// Fitted to the nominal robot, where nobody knows it; what the runs hold is in the base's frame then.
   const std::optional<TrackerFrame>& frame() const { return frame_; }
   /// Share of what was measured before a change that the model got wrong then, at the worst cut; 0 without
@@ -166,7 +167,7 @@ class Evaluator {
   bool repeated_ = false;
   bool clocks_free_ = false;  // the tracker's stamps are free to move with every robot that is tried
   double wrong_before_ = 0, repetitions_differ_ = 0;
-  int differs_most_ = 0;
+  Eigen::VectorXd repetitions_by_;
   std::optional<TrackerFrame> frame_;
   std::vector<double> tracker_late_s_;  // [run] of the stamps, taken off; empty without a tracker
   sim::Replay::DrivenBy driven_by_ = sim::Replay::DrivenBy::kCell;

@@ -15,6 +15,7 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kPlainlyLess = 0.5;  // of what repetitions differ by
+constexpr double kMayHide = 2;        // times the sensors' noise: what differs by less hides little
 // Of the best singles and of the best pairs, to be tried for making repetitions differ.
 constexpr std::size_t kMayNotRepeat = 4;
 
@@ -55,6 +56,11 @@ const Fit* Cause(const DataSet& set, const SearchResult& search) {
   return found ? &best : nullptr;
 }
 
+bool SameChannels(const Evaluator& a, const Evaluator& b) {
+  return std::equal(a.channels().begin(), a.channels().end(), b.channels().begin(), b.channels().end(),
+                    [](const Channel& one, const Channel& other) { return one.name == other.name; });
+}
+
 }  // namespace
 
 std::optional<Evaluator> WidenedByCause(const Evaluator& evaluator, const DataSet& set,
@@ -78,6 +84,10 @@ Evaluator AsThoughRepeated(const DataSet& set, const Evaluator::Options& options
   return {set, at};
 }
 
+bool MayHide(const Evaluator& evaluator) {
+  return evaluator.repetitions_by().size() > 0 && evaluator.repetitions_by().maxCoeff() > kMayHide;
+}
+
 std::vector<Model> MayNotRepeat(const SearchResult& search) {
   std::vector<Model> causes;
   const auto add = [&](const Fit& fit) {
@@ -92,9 +102,11 @@ std::vector<Model> MayNotRepeat(const SearchResult& search) {
 std::optional<Narrowed> NarrowedByCause(const Evaluator& evaluator, const DataSet& set,
                                         const std::vector<Model>& causes, const Evaluator::Options& options) {
   const DataSet repeated = Repeated(set);
-  const auto at = static_cast<std::size_t>(evaluator.differs_most());
-  double least = kPlainlyLess * evaluator.channels()[at].floor;
+  const Eigen::VectorXd& by = evaluator.repetitions_by();
+  double least =
+      0;  // sum over the channels that do not repeat of log floors, less those of the nominal robot
   const Model* best = nullptr;
+  double differed = 0;
   const auto with = [&](const Model& cause, const DataSet& runs) {
     DataSet with_cause = runs;
     with_cause.robot = cause.Robot(evaluator.nominal());
@@ -103,11 +115,17 @@ std::optional<Narrowed> NarrowedByCause(const Evaluator& evaluator, const DataSe
   for (const Model& cause : causes) {
     try {
       const Evaluator there = with(cause, repeated);
-      const Channel& channel = there.channels().at(at);
-      if (channel.name != evaluator.channels()[at].name) continue;
-      const double floor = channel.floor;
-      if (floor < least && there.repetitions_differ() < kPlainlyLess * evaluator.repetitions_differ())
-        least = floor, best = &cause;
+      if (!SameChannels(there, evaluator)) continue;
+      double sum = 0;
+      double most = 0;  // of the channels that repeat plainly better with it
+      for (int c = 0; c < by.size(); ++c) {
+        if (by[c] <= kMayHide) continue;
+        const double share = there.channels()[c].floor / evaluator.channels()[c].floor;
+        sum += std::log(share);
+        if (share < kPlainlyLess && there.repetitions_by()[c] < kPlainlyLess * by[c])
+          most = std::max(most, by[c]);
+      }
+      if (most > 0 && sum < least) least = sum, best = &cause, differed = most;
     } catch (const std::exception&) {
       // A robot that cannot follow these runs says nothing of how they repeat.
     }
@@ -117,7 +135,7 @@ std::optional<Narrowed> NarrowedByCause(const Evaluator& evaluator, const DataSe
     const Evaluator there = with(*best, set);
     Evaluator::Options as_there = options;
     as_there.with_cause = &there;
-    return Narrowed{Evaluator(set, as_there), *best};
+    return Narrowed{Evaluator(set, as_there), *best, differed};
   } catch (const std::exception&) {
     return std::nullopt;
   }

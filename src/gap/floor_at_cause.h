@@ -22,6 +22,9 @@ std::optional<Evaluator> WidenedByCause(const Evaluator& evaluator, const DataSe
 /// looked for in these.
 Evaluator AsThoughRepeated(const DataSet& set, const Evaluator::Options& options);
 
+/// Repetitions differ by as much as may hide a cause.
+bool MayHide(const Evaluator& evaluator);
+
 /// What of these may make repetitions differ: the best singles and pairs.
 std::vector<Model> MayNotRepeat(const SearchResult& search);
 
@@ -29,10 +32,12 @@ std::vector<Model> MayNotRepeat(const SearchResult& search);
 struct Narrowed {
   Evaluator evaluator;
   Model cause;
+  double differed;  // times the sensors' noise, of the worst channel that repeats plainly better with it
 };
-/// Where repetitions differ by much, and by plainly less with a cause, the one that leaves the lowest floor:
-/// a motor that cogs, and stops elsewhere each time, does not repeat, and how it does not is no noise. The
-/// floor is then that of the robot with the cause: repetitions, and what it makes of the sensors' noise.
+/// Where repetitions differ, and at some place by plainly less with a cause, the one that leaves the lowest
+/// floors: a motor that cogs, and stops elsewhere each time, does not repeat, and how it does not is no
+/// noise. The floor is then that of the robot with the cause: repetitions, and what it makes of the sensors'
+/// noise.
 std::optional<Narrowed> NarrowedByCause(const Evaluator& evaluator, const DataSet& set,
                                         const std::vector<Model>& causes, const Evaluator::Options& options);
 

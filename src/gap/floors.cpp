@@ -464,13 +464,13 @@ void Evaluator::ScaleByRepetition(const Options& options) {
   std::map<std::string, int> by_name;
   for (int i = 0; i < runs; ++i) by_name[runs_[i].name] = i;
   int most_returns = 0;
-  double worst_scale = 1;
   struct Repeated {
     double ratio = 0, square = 0;  // of half a squared difference to what noise makes of it, and itself
     int windows = 0;
     bool known() const { return windows > kLeastWindows; }
   };
   std::vector<Repeated> repeats(static_cast<std::size_t>(channels));
+  repetitions_by_ = Eigen::VectorXd::Ones(channels);
   for (int c = 0; c < channels; ++c) {
     Repeated& repeated = repeats[static_cast<std::size_t>(c)];
     for (int i = 0; i < runs; ++i) {
@@ -517,7 +517,7 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     const Repeated from = own.known() ? own : others(c);
     double scale = from.known() ? std::max(1.0, from.ratio) : 1;
     const double least = own.known() || !from.known() ? 0 : from.square;
-    if (scale > worst_scale) worst_scale = scale, differs_most_ = c;
+    repetitions_by_[c] = std::sqrt(scale);
     if (!repeated_) {
       int returns = 0;
       const double ratio = Unrepeated(c, returns);
@@ -546,16 +546,16 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     if (channel.quantity == Quantity::kTension && options.delta_N > 0) channel.delta = options.delta_N;
     if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
   }
-  if (other != nullptr) differs_most_ = other->differs_most_;
-  repetitions_differ_ = other != nullptr                          ? other->repetitions_differ_
-                        : worst_scale > kOtherRobot * kOtherRobot ? std::sqrt(worst_scale)
-                                                                  : 0;
+  if (other != nullptr) repetitions_by_ = other->repetitions_by_;
+  int differs_most = 0;
+  const double most = channels > 0 ? repetitions_by_.maxCoeff(&differs_most) : 1;
+  repetitions_differ_ = most > kOtherRobot ? most : 0;
   if (repetitions_differ_ > 0) {
     degradations_.push_back(fmt::format(
         "repetitions differ by {:.2g} times what the sensors' noise leaves ({}): that is the floor, and "
         "smaller gaps are not seen; if anything was changed between them, they are no repetitions "
         "(repeat_of: none in runs.yaml)",
-        repetitions_differ_, channels_[static_cast<std::size_t>(differs_most_)].name));
+        repetitions_differ_, channels_[static_cast<std::size_t>(differs_most)].name));
   }
   if (most_returns > 0) {
     degradations_.push_back(

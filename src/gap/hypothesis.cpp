@@ -19,7 +19,8 @@ std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cel
     const bool of_cell = effect.name.starts_with("cell_"), of_tracker = effect.name.starts_with("tracker_");
     if ((of_cell && !load_cell) || (of_tracker && !tracker)) continue;
     const auto add = [&](sim::Target target) {
-      candidates.push_back({&effect, target, sim::TargetText(effect, target)});
+      candidates.push_back(
+          {&effect, target, sim::TargetText(effect, target), sim::ParametersOf(effect, target, robot)});
     };
     if (effect.on_all) add(std::nullopt);
     if (!effect.on_one) continue;
@@ -41,7 +42,7 @@ Model Model::With(const Candidate& candidate) const {
   model.parts.push_back(candidate);
   model.values.conservativeResize(values.size() + candidate.size());
   for (int k = 0; k < candidate.size(); ++k) {
-    model.values[values.size() + k] = candidate.effect->parameters[k].nominal;
+    model.values[values.size() + k] = candidate.parameters[k].nominal;
   }
   return model;
 }
@@ -54,10 +55,10 @@ std::string Model::Name() const {
 
 const sim::EffectParameter& Model::parameter(int k) const {
   for (const auto& part : parts) {
-    if (k < part.size()) return part.effect->parameters[k];
+    if (k < part.size()) return part.parameters[k];
     k -= part.size();
   }
-  return parts.back().effect->parameters.back();
+  return parts.back().parameters.back();
 }
 
 int Model::offset(int part) const {
@@ -71,7 +72,7 @@ RobotParameters Model::Robot(const RobotParameters& base) const {
   int k = 0;
   for (const auto& part : parts) {
     EffectSetting setting{std::string(part.effect->name), part.where, {}};
-    for (const auto& p : part.effect->parameters) {
+    for (const auto& p : part.parameters) {
       setting.values.emplace_back(p.name, std::clamp(values[k++], p.lower, p.upper));
     }
     robot.effects.push_back(setting);

@@ -16,8 +16,9 @@ struct Candidate {
   const sim::Effect* effect = nullptr;
   sim::Target target;
   std::string where;
+  std::vector<sim::EffectParameter> parameters{};  // at this place of the robot: sim::ParametersOf
 
-  int size() const { return static_cast<int>(effect->parameters.size()); }
+  int size() const { return static_cast<int>(parameters.size()); }
   std::string Name() const { return std::string(effect->name) + (where == "all" ? "" : " " + where); }
   bool operator==(const Candidate& other) const { return effect == other.effect && target == other.target; }
 };

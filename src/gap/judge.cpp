@@ -89,7 +89,7 @@ Cause CauseOf(const Fit& fit, int part) {
     cause.note = "one kind of experiment alone shows it; there it is judged on what it was fitted to";
   const int offset = fit.model.offset(part);
   for (int k = 0; k < candidate.size(); ++k) {
-    const auto& p = candidate.effect->parameters[k];
+    const auto& p = candidate.parameters[k];
     const double value = fit.model.values[offset + k];
     const double half = 1.96 * std::sqrt(std::max(0.0, fit.covariance(offset + k, offset + k)));
     cause.parameters[std::string(p.name)] = {value, std::max(p.lower, value - half),

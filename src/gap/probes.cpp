@@ -18,12 +18,21 @@ constexpr int kOnsetHalvings = 6;
 constexpr double kOnsetDerivative = 0.0125;  // plainly visible deviations
 constexpr double kOnsetSteps[] = {0.02, 0.1, 0.4};
 
-/// Every combination of the shape parameters' starts.
+/// Of a candidate's parameters, the one that each place has of its own, or -1.
+int EachOf(const Candidate& candidate) {
+  if (candidate.target) return -1;
+  for (int k = 0; k < candidate.size(); ++k) {
+    if (!candidate.parameters[k].each.empty()) return k;
+  }
+  return -1;
+}
+
+/// Every combination of the shape parameters' starts; what each place has of its own stays nominal.
 std::vector<Model> Variants(const Candidate& candidate) {
   std::vector<Model> variants{Model::Of(candidate)};
   for (int k = 0; k < candidate.size(); ++k) {
-    const auto& p = candidate.effect->parameters[k];
-    if (!p.shape || p.starts.empty()) continue;
+    const auto& p = candidate.parameters[k];
+    if (!p.shape || p.starts.empty() || k == EachOf(candidate)) continue;
     std::vector<Model> more;
     for (const auto& variant : variants) {
       for (const double start : p.starts) {
@@ -68,17 +77,17 @@ std::vector<Probe> Starts(const Evaluator& evaluator, const std::vector<Candidat
   for (const Candidate& c : candidates) {
     std::vector<int> primary;
     for (int k = 0; k < c.size(); ++k) {
-      if (!c.effect->parameters[k].shape) primary.push_back(k);
+      if (!c.parameters[k].shape) primary.push_back(k);
     }
     const bool summed = c.effect->on_all && c.effect->on_one && !c.target &&
                         c.effect->scope == sim::Scope::kTendon && evaluator.nominal().body.tendons() > 0;
     for (const auto& variant : Variants(c)) {
-      probes.push_back({c, variant, primary, {}, kScreeningStep, summed});
+      probes.push_back({c, variant, primary, {}, kScreeningStep, summed, EachOf(c)});
       if (primary.size() != 1) continue;
       // What acts otherwise where it is weak, or far off, is tried there as well.
-      const auto& p = c.effect->parameters[primary[0]];
+      const auto& p = c.parameters[primary[0]];
       for (const double start : p.starts) {
-        probes.push_back({c, variant, primary, {}, (start - p.nominal) / ScaleOf(p), summed});
+        probes.push_back({c, variant, primary, {}, (start - p.nominal) / ScaleOf(p), summed, EachOf(c)});
         probes.back().variant.derivative_step = kOnsetDerivative;
       }
     }
@@ -174,7 +183,8 @@ void Wake(const Evaluator& evaluator, std::vector<Probe>& probes, int threads) {
     const auto its_place = [&](int other) {
       return probes[other].candidate.effect == probes[p].candidate.effect;
     };
-    if (!probes[p].summed || std::none_of(silent.begin(), silent.end(), its_place)) continue;
+    if (!probes[p].summed || probes[p].each >= 0) continue;
+    if (std::none_of(silent.begin(), silent.end(), its_place)) continue;
     probes[p].summed = false;  // places that begin to act at different values do not add up
     probes[p].columns[0] = Nothing(evaluator);
     silent.push_back(p);
@@ -194,6 +204,7 @@ void SumPlaces(std::vector<Probe>& probes, std::size_t runs) {
   for (auto& probe : probes) {
     if (!probe.summed) continue;
     for (std::size_t k = 0; k < probe.primary.size(); ++k) probe.columns[k].resize(runs);
+    if (probe.each >= 0) continue;
     for (const auto& other : probes) {
       if (other.summed || other.candidate.effect != probe.candidate.effect ||
           other.variant.values != probe.variant.values || other.step != probe.step)
@@ -204,6 +215,38 @@ void SumPlaces(std::vector<Probe>& probes, std::size_t runs) {
 }
 
 }  // namespace
+
+Probe WithEach(Probe probe, const std::vector<Probe>& probes, const std::vector<double>& gains) {
+  const int shared = static_cast<int>(probe.candidate.effect->parameters.size());
+  const auto is_at = [&](const Probe& other, int place) {
+    if (other.candidate.effect != probe.candidate.effect || other.candidate.target != place ||
+        other.step != probe.step)
+      return false;
+    for (int k = 0; k < shared; ++k) {
+      if (k != probe.each && other.variant.values[k] != probe.variant.values[k]) return false;
+    }
+    return true;
+  };
+  double& first = probe.variant.values[probe.each];
+  for (int place = 0; place <= probe.variant.size() - shared; ++place) {
+    const Probe* best = nullptr;
+    double most = 0;
+    for (std::size_t p = 0; p < probes.size(); ++p) {
+      if (is_at(probes[p], place) && (best == nullptr || gains[p] > most)) best = &probes[p], most = gains[p];
+    }
+    if (best == nullptr) continue;
+    const double own = best->variant.values[probe.each];
+    if (place == 0) {
+      first = own;
+    } else {
+      probe.variant.values[shared + place - 1] = own - first;
+    }
+    for (std::size_t k = 0; k < probe.columns.size(); ++k) {
+      AddTo(probe.columns[k], best->columns[k]);
+    }
+  }
+  return probe;
+}
 
 std::vector<Probe> MakeProbes(const Evaluator& evaluator, const std::vector<std::string>& without,
                               int threads, const std::function<void(double)>& progress) {

@@ -24,7 +24,14 @@ struct Probe {
   std::vector<Column> columns;  // d simulated / d value, a secant over `step`
   double step = 0;              // of the primary's plainly visible deviation
   bool summed = false;          // from those of its places
+  /// Of the variant's values, the one that each place has of its own, or -1: which start does best at which
+  /// place the data say, so the columns are laid by the search (see WithEach).
+  int each = -1;
 };
+
+/// `probe` with each place at that start of its own which does best there by the `gains` of all `probes`; the
+/// columns are the sum of theirs. Nothing where a place has none.
+Probe WithEach(Probe probe, const std::vector<Probe>& probes, const std::vector<double>& gains);
 
 /// About every start of every effect that these runs may show, at each of its places, but for those of the
 /// names `without`; what cannot be simulated has columns of zero. `progress`: from 0 to 1.

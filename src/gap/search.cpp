@@ -98,7 +98,7 @@ void Searching::FindNuisances() {
       result_.nuisances.prior.conservativeResize(static_cast<int>(result_.nuisances.columns.size()));
       result_.nuisances.prior[static_cast<int>(result_.nuisances.columns.size()) - 1] =
           frame ? (turn ? kFrameTurn_rad : kFrameShift_m)
-                : kNuisancePrior * ScaleOf(c.effect->parameters[probe.primary[k]]);
+                : kNuisancePrior * ScaleOf(c.parameters[probe.primary[k]]);
     }
   }
 }
@@ -107,9 +107,7 @@ std::vector<Screened> Searching::Screen(const Weights& weights) const {
   std::vector<Screened> best(candidates_.size());
   std::vector<char> found(candidates_.size(), 0);
   std::vector<Screened> all(probes_.size());
-  ParallelFor(static_cast<int>(probes_.size()), options_.threads, [&](int p) {
-    const Probe& probe = probes_[p];
-    Screened& s = all[p];
+  const auto screen = [&](const Probe& probe, Screened& s) {
     s.candidate = probe.candidate;
     s.start = probe.variant;
     s.primary = probe.primary;
@@ -125,6 +123,18 @@ std::vector<Screened> Searching::Screen(const Weights& weights) const {
     s.linear = SolveLinear(Accumulate(columns, nominal_, nominal_, weights, folds_), bounds,
                            static_cast<int>(s.primary.size()));
     s.gain = s.linear.held_out_score;
+  };
+  const int count = static_cast<int>(probes_.size());
+  ParallelFor(count, options_.threads, [&](int p) {
+    if (probes_[p].each < 0) screen(probes_[p], all[p]);
+  });
+  std::vector<double> gains;
+  for (const Screened& s : all) gains.push_back(s.gain);
+  ParallelFor(count, options_.threads, [&](int p) {
+    if (probes_[p].each < 0) return;
+    Probe whole = WithEach(probes_[p], probes_, gains);
+    screen(whole, all[p]);
+    all[p].columns = std::move(whole.columns);
   });
   for (std::size_t p = 0; p < probes_.size(); ++p) {
     const auto c =
@@ -132,7 +142,7 @@ std::vector<Screened> Searching::Screen(const Weights& weights) const {
     if (found[c] && all[p].gain <= best[c].gain) continue;
     found[c] = 1;
     best[c] = std::move(all[p]);
-    best[c].columns = probes_[p].columns;
+    if (probes_[p].each < 0) best[c].columns = probes_[p].columns;
   }
   std::stable_sort(best.begin(), best.end(),
                    [](const Screened& a, const Screened& b) { return a.gain > b.gain; });

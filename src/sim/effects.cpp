@@ -68,8 +68,8 @@ const Effect& Known(std::string_view name) {
               "correct the name");
 }
 
-void CheckValue(const Effect& effect, std::string_view name, double value) {
-  const auto& all = effect.parameters;
+void CheckValue(const Effect& effect, const std::vector<EffectParameter>& all, std::string_view name,
+                double value) {
   const auto p = std::find_if(all.begin(), all.end(), [&](const auto& q) { return q.name == name; });
   if (p == all.end()) {
     std::vector<std::string_view> names;
@@ -95,13 +95,14 @@ Resolved Resolve(const EffectSetting& setting, const RobotParameters& robot) {
     throw Wrong(fmt::format("{}: robot '{}' has no actuation", effect.name, robot.name),
                 "effects of the body", "use a robot file with an 'actuation' section");
   }
+  const std::vector<EffectParameter> parameters = ParametersOf(effect, target, robot);
   std::vector<std::string_view> primary, given;
-  for (const EffectParameter& p : effect.parameters) {
+  for (const EffectParameter& p : parameters) {
     if (!p.shape) primary.push_back(p.name);
   }
   bool any = false;
   for (const auto& [name, value] : setting.values) {
-    CheckValue(effect, name, value);
+    CheckValue(effect, parameters, name, value);
     if (std::find(given.begin(), given.end(), name) != given.end()) {
       throw Wrong(fmt::format("{}.{} twice", effect.name, name), "each parameter once", "remove one");
     }
@@ -159,6 +160,23 @@ const Effect* FindEffect(std::string_view name) {
     if (effect.name == name) return &effect;
   }
   return nullptr;
+}
+
+std::vector<EffectParameter> ParametersOf(const Effect& effect, Target target, const RobotParameters& robot) {
+  std::vector<EffectParameter> all = effect.parameters;
+  if (target) return all;
+  for (const EffectParameter& p : effect.parameters) {
+    if (p.each.empty()) continue;
+    for (int i = 2; i <= CountOf(effect.scope, robot); ++i) {
+      all.push_back({.name = fmt::format(fmt::runtime(p.each), i),
+                     .nominal = 0,
+                     .lower = p.lower,
+                     .upper = p.upper,
+                     .typical = p.typical,
+                     .shape = true});
+    }
+  }
+  return all;
 }
 
 Target ParseTarget(const Effect& effect, std::string_view where, const RobotParameters& robot) {
@@ -221,9 +239,10 @@ RobotParameters LoadRobot(const std::string& path) {
   return robot;
 }
 
-std::vector<double> ValuesOf(const EffectSetting& setting) {
+std::vector<double> ValuesOf(const EffectSetting& setting, const RobotParameters& robot) {
+  const Effect& effect = Known(setting.name);
   std::vector<double> values;
-  for (const EffectParameter& p : Known(setting.name).parameters) {
+  for (const EffectParameter& p : ParametersOf(effect, ParseTarget(effect, setting.where, robot), robot)) {
     const auto is_it = [&](const auto& value) { return value.first == p.name; };
     const auto at = std::find_if(setting.values.begin(), setting.values.end(), is_it);
     values.push_back(at == setting.values.end() ? p.nominal : at->second);
@@ -240,7 +259,7 @@ RobotParameters FoldEffects(const RobotParameters& robot) {
   for (const Effect& effect : Effects()) {
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (all[i].effect == &effect && effect.edit)
-        effect.edit(folded, all[i].target, ValuesOf(robot.effects[i]));
+        effect.edit(folded, all[i].target, ValuesOf(robot.effects[i], robot));
     }
   }
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -254,7 +273,7 @@ PlantLaws PlantLaws::Of(const RobotParameters& robot) {
   const std::vector<Resolved> all = ResolveAll(robot);
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (all[i].effect->add) {
-      all[i].effect->add(laws, robot, all[i].target, ValuesOf(robot.effects[i]));
+      all[i].effect->add(laws, robot, all[i].target, ValuesOf(robot.effects[i], robot));
     }
   }
   return laws;

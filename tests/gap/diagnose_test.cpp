@@ -1033,6 +1033,21 @@ TEST(Diagnose, WhatTheCauseMakesDifferIsNoFloor) {
   EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("as cogging tendon:2 makes them differ")));
 }
 
+// Nobody mounts motors with their detents in line.
+TEST(Diagnose, DetentsOfAllMotorsAreFoundEachWithItsPhase) {
+  const Diagnosis d =
+      Diagnose(Recorded("cogging amplitude_Nm=1.5e-4 phase_rad=0.5 phase_2_rad=1.9 phase_3_rad=-2"),
+               Only({"cogging", "stribeck", "motor_coulomb", "gear_efficiency", "torque_constant"}));
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  ASSERT_EQ(d.accepted.size(), 1u) << d.sentence;
+  EXPECT_EQ(d.accepted[0].effect, "cogging") << d.sentence;
+  EXPECT_EQ(d.accepted[0].where, "all") << d.sentence;
+  const auto value = [&](const char* name) { return d.accepted[0].parameters.at(name).value; };
+  EXPECT_NEAR(value("amplitude_Nm"), 1.5e-4, 0.1e-4);
+  EXPECT_NEAR(std::remainder(value("phase_2_rad") - 1.9, 2 * std::numbers::pi), 0, 0.15);
+  EXPECT_NEAR(std::remainder(value("phase_3_rad") + 2, 2 * std::numbers::pi), 0, 0.15);
+}
+
 // Somebody leans on the robot in one of two runs: what no effect of the library makes differ may hide one
 // that it has not.
 TEST(Diagnose, WhatMakesRunsDifferMayBeUnlisted) {

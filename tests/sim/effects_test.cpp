@@ -360,6 +360,25 @@ TEST_F(EffectsTest, TypicalValuesBreakTheDocumentedLinkInTheDocumentedDirection)
   }
 }
 
+// One setting of all motors, each with its phase, is as many settings of one motor.
+TEST_F(EffectsTest, EveryMotorMayHaveAPhaseOfItsOwn) {
+  const auto set = [](const char* text) { return ParseEffect(text, *robot); };
+  const Record all =
+      rigged->Of({set("cogging amplitude_Nm=1e-4 phase_rad=0.5 phase_2_rad=1 phase_3_rad=-2")});
+  const Record each = rigged->Of({set("cogging where=tendon:1 amplitude_Nm=1e-4 phase_rad=0.5"),
+                                  set("cogging where=tendon:2 amplitude_Nm=1e-4 phase_rad=1.5"),
+                                  set("cogging where=tendon:3 amplitude_Nm=1e-4 phase_rad=-1.5")});
+  EXPECT_EQ(all.state, each.state);
+  const Record alike = rigged->Of({set("cogging amplitude_Nm=1e-4 phase_rad=0.5")});
+  EXPECT_NE(all.state, alike.state);
+  try {
+    set("cogging where=tendon:2 amplitude_Nm=1e-4 phase_2_rad=1");
+    FAIL() << "accepted";
+  } catch (const std::invalid_argument& e) {
+    EXPECT_THAT(e.what(), testing::HasSubstr("cogging has no parameter 'phase_2_rad'"));
+  }
+}
+
 TEST_F(EffectsTest, OneTendonAloneIsMeantAlone) {
   for (const Effect& effect : Effects()) {
     const std::optional<Link> broken = LinkOf(effect);
@@ -613,7 +632,7 @@ TEST(EffectRegistry, TextSettingAndFileAreOne) {
       text.append(" ").append(p.name).append("=").append(number);
     }
     const EffectSetting setting = ParseEffect(text, robot);
-    EXPECT_EQ(ValuesOf(setting), values);
+    EXPECT_EQ(ValuesOf(setting, robot), values);
     EXPECT_EQ(ParseTarget(effect, setting.where, robot), target);
     robot.effects.push_back(setting);
   }

@@ -60,7 +60,8 @@ Json ToJson(const Effect& e, const RobotParameters* robot) {
                           {"lower", p.lower},
                           {"upper", p.upper},
                           {"typical", p.typical},
-                          {"shape", p.shape}});
+                          {"shape", p.shape},
+                          {"each", p.each}});
   }
   Json json{{"effect", e.name},
             {"stage", kStages[static_cast<int>(e.stage)]},
@@ -122,6 +123,10 @@ void PrintOne(const Effect& e) {
   for (const sim::EffectParameter& p : e.parameters) {
     fmt::print("  {:<14} {:>10.4g} {:>11.4g} {:>11.4g}  {:.3g}{}{}\n", p.name, p.nominal, p.lower, p.upper,
                p.typical, UnitOf(p).empty() ? "" : " " + UnitOf(p), p.shape ? "  (shape of the law)" : "");
+    if (!p.each.empty()) {
+      fmt::print("  {:<14} where=all: what {}s 2, 3, ... have of it beyond the first\n",
+                 fmt::format(fmt::runtime(p.each), 2) + ", ...", kScopes[static_cast<int>(e.scope)]);
+    }
   }
   const auto paragraph = [](const char* title, std::string_view text) {
     fmt::print("\n{}\n{}", title, gap::Wrapped(text, 2));

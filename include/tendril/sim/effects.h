@@ -37,7 +37,7 @@ std::string_view CutName(Cut cut);
 enum class Scope { kRobot, kTendon, kUnit, kSection };
 
 struct EffectParameter {
-  std::string_view name;        // "scale", "mass_kg": SI, the unit at its end
+  std::string name;             // "scale", "mass_kg": SI, the unit at its end
   double nominal = 0;           // value without the effect: 1 for a scale, else 0
   double lower = 0, upper = 0;  // physical bounds
   double typical = 0;           // a plainly visible deviation from nominal: scale of steps and starts
@@ -47,6 +47,9 @@ struct EffectParameter {
   /// stops.
   bool shape = false;
   std::vector<double> starts{};
+  /// Where one effect is on all tendons (units), and each has this number as it happens, as motors their
+  /// phase: the name of what number {} from the second on has beyond the first, "phase_{}_rad".
+  std::string each{};
 };
 
 /// Which tendon, unit or section, counted from 0; all of them when empty.
@@ -81,6 +84,9 @@ struct Effect {
 std::span<const Effect> Effects();
 /// nullptr when there is none of this name.
 const Effect* FindEffect(std::string_view name);
+/// The effect's parameters at a place of this robot: effect.parameters, and behind them, where it is on all,
+/// those that each tendon (unit) has of its own.
+std::vector<EffectParameter> ParametersOf(const Effect& effect, Target target, const RobotParameters& robot);
 
 /// What is wrong with one of robot.effects.
 class EffectError : public std::invalid_argument {
@@ -107,8 +113,8 @@ EffectSetting ParseEffect(std::string_view text, const RobotParameters& robot);
 void CheckEffects(const RobotParameters& robot);
 /// config::LoadRobot with CheckEffects; config::ConfigError names the line of the entry that is wrong.
 RobotParameters LoadRobot(const std::string& path);
-/// All of an effect's parameters in the registry's order: those the setting names, the others nominal.
-std::vector<double> ValuesOf(const EffectSetting& setting);
+/// All of an effect's parameters in the order of ParametersOf: those the setting names, the others nominal.
+std::vector<double> ValuesOf(const EffectSetting& setting, const RobotParameters& robot);
 
 /// The robot with every effect that is a parameter worked into its numbers; `effects` keeps only laws.
 RobotParameters FoldEffects(const RobotParameters& robot);

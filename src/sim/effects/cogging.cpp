@@ -44,12 +44,13 @@ Effect Cogging() {
                       .upper = 6.3,
                       .typical = 0,
                       .shape = true,
-                      .starts = {-1.6, 0, 1.6, 3.1}}},
+                      .starts = {-1.6, 0, 1.6, 3.1},
+                      .each = "phase_{}_rad"}},
       .summary = "a torque that repeats with the motor's angle pulls it into detents",
       .physics =
           "Magnets and teeth (or an eccentric gear wheel on the motor shaft) add amplitude_Nm x "
           "sin(periods_per_turn x angle + phase_rad) against the shaft. It does no work over a period; "
-          "current does not show it.",
+          "current does not show it. Motors are mounted as they come: of all, each has its phase.",
       .signature =
           "The difference between torque and tension is a wave over the motor angle, equal in both "
           "directions and at every speed and load.",
@@ -59,8 +60,11 @@ Effect Cogging() {
       .confusable = {"stribeck", "motor_coulomb"},
       .add =
           [](PlantLaws& laws, const RobotParameters&, Target target, std::span<const double> v) {
+            std::size_t motor = 2;  // v[2]: the first's phase; behind it, what each further one has beyond it
             ForTarget(laws.tendon, target, [&](TendonLaws& tendon) {
-              tendon.shaft.push_back(std::make_shared<Ripple>(v[0], v[1], v[2]));
+              const double beyond_rad = motor == 2 ? 0 : v[motor];
+              tendon.shaft.push_back(std::make_shared<Ripple>(v[0], v[1], v[2] + beyond_rad));
+              ++motor;
             });
           },
   };
