@@ -231,6 +231,16 @@ TEST_F(ApplyCommandTest, AMarkOfByteOrderIsNoObstacleAndStays) {
   }
 }
 
+TEST_F(ApplyCommandTest, ExplainNamesWhatEveryMotorHasOfItsOwn) {
+  ASSERT_EQ(Run("gap explain cogging"), 0);
+  EXPECT_THAT(out_, testing::HasSubstr("phase_2_rad, ... where=all: what tendons 2, 3, ... have of it"));
+  ASSERT_EQ(Run("gap explain cogging --json"), 0);
+  EXPECT_EQ(json::parse(out_)["parameters"][2]["each"], "phase_{}_rad") << out_;
+  EXPECT_EQ(Apply("--effect 'cogging amplitude_Nm=1e-4 phase_2_rad=0.5 phase_4_rad=1' --out new.yaml"), 2);
+  EXPECT_THAT(error_, testing::HasSubstr("cogging has no parameter 'phase_4_rad'"));
+  EXPECT_EQ(Apply("--effect 'cogging amplitude_Nm=1e-4 phase_2_rad=0.5' --out new.yaml"), 0) << error_;
+}
+
 // What `explain` says can be tried, can be tried: every effect it knows, at what it calls plainly visible.
 TEST_F(ApplyCommandTest, WhatExplainSuggestsCanBeApplied) {
   ASSERT_EQ(Run("gap explain --json"), 0);

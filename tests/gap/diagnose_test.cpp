@@ -1014,23 +1014,38 @@ TEST(Diagnose, WhatLooksLikeTheBestIsFittedAsWell) {
   }
 }
 
-// In detents a motor stops elsewhere each time, and what holds it there differs: as the cause says, and no
-// scatter.
-TEST(Diagnose, WhatTheCauseMakesDifferIsNoFloor) {
-  const char* cogging = "cogging where=tendon:2 amplitude_Nm=4e-4 phase_rad=0.5";
-  DataSet set = Recorded(cogging);
+/// Recorded, the run that repeats another with a force at the tip besides.
+DataSet PushedAgain(const std::string& effect, const std::string& force_N) {
+  DataSet set = Recorded(effect);
   RobotParameters pushed = Rig();
-  for (const char* effect : {cogging, "tip_force x_N=0.001"})
-    pushed.effects.push_back(sim::ParseEffect(effect, pushed));
+  for (const std::string& text : {effect, "tip_force x_N=" + force_N})
+    pushed.effects.push_back(sim::ParseEffect(text, pushed));
   gap::Run again = Record(pushed, "circle", 7, 40);
   again.name = set.runs.back().name;
   again.repeat_of = "circle";
   set.runs.back() = std::move(again);
+  return set;
+}
+
+// In detents a motor stops elsewhere each time, and what holds it there differs: as the cause says, and no
+// scatter.
+TEST(Diagnose, WhatTheCauseMakesDifferIsNoFloor) {
+  const DataSet set = PushedAgain("cogging where=tendon:2 amplitude_Nm=4e-4 phase_rad=0.5", "0.001");
   const Diagnosis d = Diagnose(set, Only({"cogging", "stribeck", "motor_coulomb", "gear_efficiency"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "cogging") << d.sentence;
   EXPECT_EQ(d.accepted[0].where, "tendon:2") << d.sentence;
   EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("as cogging tendon:2 makes them differ")));
+}
+
+// So too where they differ by less than robots do that were changed between them.
+TEST(Diagnose, WhatTheCauseMakesDifferALittleIsNoFloor) {
+  const DataSet set = PushedAgain("cogging where=tendon:2 amplitude_Nm=5e-5 phase_rad=0.5", "0.0003");
+  const Diagnosis d = Diagnose(set, Only({"cogging", "stribeck", "motor_coulomb", "gear_efficiency"}));
+  ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  EXPECT_EQ(d.accepted[0].effect, "cogging") << d.sentence;
+  EXPECT_THAT(d.degradations, testing::Contains(testing::ContainsRegex(
+                                  "differ by [2-4]\\..* as cogging tendon:2 makes them differ")));
 }
 
 // Nobody mounts motors with their detents in line.

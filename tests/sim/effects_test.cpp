@@ -369,6 +369,9 @@ TEST_F(EffectsTest, EveryMotorMayHaveAPhaseOfItsOwn) {
                                   set("cogging where=tendon:2 amplitude_Nm=1e-4 phase_rad=1.5"),
                                   set("cogging where=tendon:3 amplitude_Nm=1e-4 phase_rad=-1.5")});
   EXPECT_EQ(all.state, each.state);
+  RobotParameters with = *robot;
+  with.effects = {set("cogging amplitude_Nm=1e-4 phase_3_rad=-2")};
+  EXPECT_EQ(config::ParseRobot(config::ToYaml(with), "again").effects, with.effects);
   const Record alike = rigged->Of({set("cogging amplitude_Nm=1e-4 phase_rad=0.5")});
   EXPECT_NE(all.state, alike.state);
   try {

@@ -359,9 +359,9 @@ std::vector<std::string> Comments(const std::string& text) {
   return comments;
 }
 
-EffectSetting Typical(const sim::Effect& effect, const std::string& where) {
+EffectSetting Typical(const sim::Effect& effect, const std::string& where, const RobotParameters& robot) {
   EffectSetting setting{.name = std::string(effect.name), .where = where, .values = {}};
-  for (const auto& p : effect.parameters) {
+  for (const auto& p : sim::ParametersOf(effect, sim::ParseTarget(effect, where, robot), robot)) {
     setting.values.emplace_back(p.name, p.shape ? p.nominal : p.nominal + p.typical);
   }
   return setting;
@@ -388,7 +388,7 @@ TEST(Patch, EveryEffectOnEveryPlaceReadsBackAsFolded) {
           continue;  // a section that this robot has not
         }
         SCOPED_TRACE(std::string(file) + " " + std::string(effect.name) + " " + where);
-        wanted.effects = {Typical(effect, where)};
+        wanted.effects = {Typical(effect, where, robot)};
         const RobotPatch patch = PatchRobot(text, file, wanted.effects, {"why"});
         EXPECT_LE(RobotDifference(patch.robot, wanted), 1e-9);
         EXPECT_GT(RobotDifference(patch.robot, robot), 1e-9) << "nothing was changed";
