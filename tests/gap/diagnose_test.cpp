@@ -862,17 +862,17 @@ TEST(Diagnose, ARunMeasuredOtherwiseIsLeftOut) {
       {[](gap::Run& run) { run.tip_m.col(0) *= -1; }, "the sign of tip x"},
       {[](gap::Run& run) { run.tension_N.col(2).array() += 0.15; }, "the zero of load cell 3 moved by -0.1"},
   };
-  std::size_t at = 1;
-  for (const MadeMistake& made : mistakes) {
-    DataSet set = right;
-    made.what(set.runs[at]);
-    const Diagnosis d = Diagnose(set, Only({"cell_offset", "bending_stiffness"}));
-    EXPECT_EQ(d.verdict, Verdict::kNoGap) << made.told << ": " << d.sentence;
-    EXPECT_EQ(d.runs.size(), right.runs.size() - 1) << made.told;
-    EXPECT_THAT(d.degradations, testing::Contains(testing::AllOf(testing::HasSubstr("left out"),
-                                                                 testing::HasSubstr(right.runs[at].name),
-                                                                 testing::HasSubstr(made.told))));
-    at = at == 1 ? 3 : 1;  // by turns alone of its kind, and a repetition, which makes the floor
+  for (const std::size_t at : {1u, 3u}) {  // alone of its kind, and a repetition, which makes the floor
+    for (const MadeMistake& made : mistakes) {
+      DataSet set = right;
+      made.what(set.runs[at]);
+      const Diagnosis d = Diagnose(set, Only({"cell_offset", "bending_stiffness"}));
+      EXPECT_EQ(d.verdict, Verdict::kNoGap) << made.told << ": " << d.sentence;
+      EXPECT_EQ(d.runs.size(), right.runs.size() - 1) << made.told;
+      EXPECT_THAT(d.degradations, testing::Contains(testing::AllOf(testing::HasSubstr("left out"),
+                                                                   testing::HasSubstr(right.runs[at].name),
+                                                                   testing::HasSubstr(made.told))));
+    }
   }
   // What touches something in one run alone was measured right.
   DataSet touched = right;
