@@ -297,19 +297,6 @@ void Evaluator::TellHoles() {
   }
   if (!names.empty())
     degradations_.push_back("no tracker: shape and motion (C4, C5) are not seen there (" + names + ")");
-  names.clear();
-  double forgotten_s = 0;
-  for (const PreparedRun& run : runs_) {
-    if (run.forgotten == 0) continue;
-    forgotten_s += run.forgotten * run.signals.step_s;
-    names += (names.empty() ? "" : ", ") + run.name;
-  }
-  if (!names.empty()) {
-    degradations_.push_back(
-        fmt::format("after lost samples friction's state is not known until the tendons have slid and the "
-                    "body has followed: of {:.3g} s nothing is told of tendons and body ({})",
-                    forgotten_s, names));
-  }
 }
 
 void Evaluator::ListChannels() {

@@ -150,6 +150,7 @@ class Evaluator {
   void FindFloors(const DataSet& set, const Options& options);
   void FindWhiteNoise();
   void FindVariances(const DataSet& set, const Options& options);
+  void Forget(int threads);
   void TakeDifferences();
   void ScaleByRepetition(const Options& options);
   bool AlikeIn(const Evaluator& other) const;  // in runs, channels and windows

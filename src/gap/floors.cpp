@@ -108,11 +108,63 @@ Eigen::VectorXd BetweenSamples(const Eigen::Ref<const Eigen::VectorXd>& target, 
   return square;
 }
 
+/// The run as if the spool of tendon j had gone further and come back by when the body has settled, whenever
+/// it moved unseen: friction in its pulleys then holds against the way back.
+PreparedRun SlidOtherwise(PreparedRun run, const RobotParameters& robot, int j, int way) {
+  constexpr double kSurely = 2.2;  // from one way to the other takes twice the presliding
+  const auto& drive = robot.actuation->tendons[static_cast<std::size_t>(j)];
+  // Where the body stays a tendon slides by half of what its spool does.
+  const double far_rad = way * kSurely * 2 * drive.transmission.presliding_m / drive.SpoolTravelPerMotorRad();
+  const double step_s = run.signals.step_s;
+  for (const Hole& hole : run.moved_unseen) {
+    if (hole.tendon >= 0 && hole.tendon != j) continue;
+    const int settled =
+        std::min(run.samples(), hole.to + static_cast<int>(std::lround(kBodySettles_s / step_s)));
+    const double half = 0.5 * (settled - hole.from), speed_radps = far_rad / (half * step_s);
+    for (int i = hole.from; i < settled; ++i) {
+      const double gone = (i + 0.5 - hole.from) / half;
+      run.signals.motor_angle_rad(i, j) += far_rad * std::min(gone, 2 - gone);
+      run.signals.motor_velocity_radps(i, j) += gone < 1 ? speed_radps : -speed_radps;
+    }
+  }
+  return run;
+}
+
+/// The run as if what it did unseen had been done in the first half of the hole, or in the second: the body
+/// swings otherwise after.
+PreparedRun MovedOtherwise(PreparedRun run, bool early) {
+  auto& s = run.signals;
+  for (const Hole& hole : run.moved_unseen) {
+    const int before = std::max(0, hole.from - 1), after = std::min(run.samples() - 1, hole.to);
+    const int first = std::max(0, hole.tendon);
+    const int last = hole.tendon < 0 ? static_cast<int>(s.motor_angle_rad.cols()) : hole.tendon + 1;
+    for (int j = first; j < last; ++j) {
+      const double speed_radps =
+          2 * (s.motor_angle_rad(after, j) - s.motor_angle_rad(before, j)) / ((after - before) * s.step_s);
+      for (int i = hole.from; i < hole.to; ++i) {
+        const double done = static_cast<double>(i - before) / (after - before);
+        const double share = early ? std::min(1.0, 2 * done) : std::max(0.0, 2 * done - 1);
+        const auto move = [&](Eigen::MatrixXd& signal) {
+          if (signal.cols() > j)
+            signal(i, j) = signal(before, j) + share * (signal(after, j) - signal(before, j));
+        };
+        move(s.motor_angle_rad);
+        s.motor_velocity_radps(i, j) = share > 0 && share < 1 ? speed_radps : 0;
+        if (hole.tendon >= 0) continue;
+        move(s.torque_actual_Nm);
+        move(s.tension_N);
+      }
+    }
+  }
+  return run;
+}
+
 }  // namespace
 
 void Evaluator::FindFloors(const DataSet& set, const Options& options) {
   FindWhiteNoise();
   FindVariances(set, options);
+  Forget(options.threads);
   TakeDifferences();
   ScaleByRepetition(options);
 }
@@ -237,6 +289,82 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
         if (!std::isfinite(r[w])) r[w] = 0;
       }
     }
+  }
+}
+
+// After lost samples the body swings from where nobody knows, and friction may hold either way until its
+// tendon has slid over its presliding and back; until then it moves the body, which slides the other tendons.
+// How long all that lasts depends on the motion, so it is tried: every other way in which the run may have
+// gone on unseen. What that changes plainly tells nothing of the robot.
+void Evaluator::Forget(int threads) {
+  constexpr double kPlainly = 0.5;  // of the noise
+  const int runs = static_cast<int>(runs_.size()), tendons = nominal_.body.tendons();
+  struct Otherwise {
+    int run, tendon, way;  // tendon M: what moved
+    std::vector<Eigen::VectorXd> residuals;
+    std::string trouble;
+  };
+  std::vector<Otherwise> tried;
+  for (int i = 0; i < runs; ++i) {
+    const auto& holes = runs_[i].moved_unseen;
+    for (int j = 0; j <= tendons && !holes.empty(); ++j) {
+      const bool known =
+          j < tendons &&
+          (nominal_.actuation->tendons[static_cast<std::size_t>(j)].SpoolTravelPerMotorRad() <= 0 ||
+           std::all_of(holes.begin(), holes.end(),
+                       [&](const Hole& hole) { return hole.tendon >= 0 && hole.tendon != j; }));
+      if (known) continue;
+      for (const int way : {-1, 1}) tried.push_back({i, j, way, {}, {}});
+    }
+  }
+  ParallelFor(static_cast<int>(tried.size()), threads, [&](int k) {
+    Otherwise& other = tried[static_cast<std::size_t>(k)];
+    const PreparedRun& run = runs_[other.run];
+    try {
+      const PreparedRun moved = other.tendon < tendons ? SlidOtherwise(run, nominal_, other.tendon, other.way)
+                                                       : MovedOtherwise(run, other.way < 0);
+      other.residuals =
+          ResidualsOf(ReplayRun(nominal_, moved, kC2 | kC3 | kBody, nullptr), moved, kC2 | kC3 | kBody);
+    } catch (const std::runtime_error& error) {
+      other.trouble = error.what();
+    }
+  });
+  double forgotten_s = 0;
+  std::string names;
+  for (int i = 0; i < runs; ++i) {
+    double longest_s = 0;
+    for (std::size_t c = 0; c < channels_.size(); ++c) {
+      auto &r = nominal_residuals_[i][c], &variance = variance_[i][c];
+      Eigen::MatrixXd open = Eigen::MatrixXd::Zero(r.size(), tendons + 1);
+      for (const Otherwise& other : tried) {
+        if (other.run != i) continue;
+        if (!other.trouble.empty()) {
+          throw RunError(static_cast<std::size_t>(i),
+                         fmt::format("{}: moved otherwise while nothing was recorded: {}", runs_[i].name,
+                                     other.trouble));
+        }
+        if (other.residuals[c].size() != r.size()) continue;
+        open.col(other.tendon) = open.col(other.tendon).cwiseMax((other.residuals[c] - r).cwiseAbs());
+      }
+      int windows = 0;
+      for (int w = 0; w < r.size(); ++w) {
+        if (!std::isfinite(variance[w]) || !(open.row(w).sum() > kPlainly * std::sqrt(variance[w]))) continue;
+        variance[w] = std::numeric_limits<double>::infinity();
+        r[w] = 0;
+        ++windows;
+      }
+      longest_s = std::max(longest_s, windows * window_s(i, static_cast<int>(c)));
+    }
+    if (longest_s == 0) continue;
+    forgotten_s += longest_s;
+    names += (names.empty() ? "" : ", ") + runs_[i].name;
+  }
+  if (!names.empty()) {
+    degradations_.push_back(fmt::format(
+        "after lost samples the body swings from an unknown place, and friction in pulleys may hold "
+        "either way until the tendons have slid: up to {:.3g} s are not compared where that "
+        "changes them ({})",
+        forgotten_s, names));
   }
 }
 

@@ -31,9 +31,8 @@ constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's re
 constexpr double kMostlyPause = 10;    // times as long as its rows account for
 constexpr double kOwnSteps = 2.5;      // and so many steps of a sensor that is slower than the log
 // After lost samples: nothing is told for the first; friction's memory is lost with more than the second, but
-// where the motor stood still for the third on both sides; the body has come to where its tendons pull it
-// after the last.
-constexpr double kAfterGap_s = 0.3, kForgets_s = 0.1, kStoodStill_s = 0.1, kBodySettles_s = 0.6;
+// where the motor stood still for the third on both sides.
+constexpr double kAfterGap_s = 0.3, kForgets_s = 0.1, kStoodStill_s = 0.1;
 
 /// Local polynomial of degree 4 through 2h+1 equally spaced points: weights that give value, first and second
 /// derivative (per sample) at the middle.
@@ -207,45 +206,27 @@ void MarkSliding(const Eigen::VectorXd& reading, const Eigen::Matrix<char, -1, 1
   }
 }
 
-/// What is not known after samples [from, to) of a tendon were lost, or of all (tendon -1), though they are
-/// there again: which way friction in pulleys holds, until their tendon has slid over all of its presliding
-/// and back, and with it the tensions on the body.
-void Forget(const RobotParameters& robot, int tendon, int from, int to, PreparedRun& out) {
+/// After samples [from, to) of a tendon were lost, or of all (tendon -1), though they are there again: where
+/// the body is, and which way friction holds in pulleys, is not known if anything moved.
+void Forget(int tendon, int from, int to, PreparedRun& out) {
   constexpr double kStill_rad = 0.008;  // 2.5 counts of a coarse encoder
   constexpr double kStillFor_s = 2;     // longer, a motor may well have gone and come back
-  constexpr double kSurely = 2.2;       // where the body stays a tendon slides by half of what its spool does
   const int samples = out.samples();
   const auto after = [&](double time_s) {
     return static_cast<int>(std::lround(time_s / out.signals.step_s));
   };
-  int known = to;
-  for (int j = 0; j < out.signals.motor_angle_rad.cols(); ++j) {
-    if (tendon >= 0 && j != tendon) continue;
-    const auto motor_rad = out.signals.motor_angle_rad.col(j);
-    const int a = std::max(0, from - after(kStoodStill_s)), b = std::min(samples, to + after(kStoodStill_s));
-    const auto about = motor_rad.segment(a, b - a);
-    const bool still = about.maxCoeff() - about.minCoeff() < kStill_rad;
-    if (still && to - from < after(kStillFor_s)) continue;
-    double way_rad = 0;
-    if (robot.actuation) {
-      const auto& drive = robot.actuation->tendons[static_cast<std::size_t>(j)];
-      const double travel_m = drive.SpoolTravelPerMotorRad();
-      if (travel_m > 0) way_rad = kSurely * 2 * drive.transmission.presliding_m / travel_m;
-    }
-    // What it slides while the body is not yet back counts for nothing.
-    int slid = std::min(samples, to + after(kBodySettles_s));
-    for (double least = 1e300, most = -1e300; slid < samples && !(most - least >= way_rad); ++slid) {
-      least = std::min(least, motor_rad[slid]);
-      most = std::max(most, motor_rad[slid]);
-    }
-    known = std::max(known, slid);
+  const int tendons = static_cast<int>(out.signals.motor_angle_rad.cols());
+  const int first = std::max(0, tendon), last = tendon < 0 ? tendons : tendon + 1;
+  const int a = std::max(0, from - after(kStoodStill_s)), b = std::min(samples, to + after(kStoodStill_s));
+  bool moved = to - from >= after(kStillFor_s);
+  for (int j = first; j < last; ++j) {
+    const auto about = out.signals.motor_angle_rad.col(j).segment(a, b - a);
+    moved = moved || about.maxCoeff() - about.minCoeff() >= kStill_rad;
   }
-  if (known == to) return;
-  for (int i = to; i < std::min(samples, known + after(kBodySettles_s)); ++i) {
-    char& driven = out.driven[static_cast<std::size_t>(i)];
-    out.forgotten += driven != 0 && out.valid[static_cast<std::size_t>(i)] != 0;
-    driven = 0;
-  }
+  if (!moved) return;
+  out.moved_unseen.push_back({tendon, from, to});
+  std::fill(out.driven.begin() + to, out.driven.begin() + std::min(samples, to + after(kBodySettles_s)),
+            char{0});
 }
 
 /// Rows in which nothing was recorded are rows that are missing.
@@ -538,13 +519,13 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   }
 
   for (const auto& [from, to] : lost) {
-    if (!at_rest) Forget(robot, -1, from, to, out);
+    if (!at_rest) Forget(-1, from, to, out);
   }
   // Pulleys slide with a motor of which nothing is known for a while.
   for (const Hole& hole : out.motor_holes) {
     if (at_rest || hole.size() == samples) continue;
     std::fill(out.driven.begin() + hole.from, out.driven.begin() + hole.to, char{0});
-    Forget(robot, hole.tendon, hole.from, hole.to, out);
+    Forget(hole.tendon, hole.from, hole.to, out);
   }
 
   // Tracker.

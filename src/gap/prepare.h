@@ -21,6 +21,8 @@ constexpr double kSlowLog_s = 0.005;
 constexpr double kQuasiStatic_s = 0.2;
 /// A hole that a straight line bridges.
 constexpr double kBridged_s = 0.02;
+/// The body has about come to where its tendons pull it.
+constexpr double kBodySettles_s = 0.6;
 /// A run of fewer rows is left out.
 constexpr int kLeastRows = 20, kLeastStates = 5;
 
@@ -44,7 +46,8 @@ struct PreparedRun {
   /// and what needs them cannot be told.
   std::vector<Hole> target_holes, torque_holes, motor_holes;
   std::vector<char> driven;  // S: valid, and what moves tendons and body is known
-  int forgotten = 0;  // samples that are not driven since friction's state is not known after lost ones
+  /// Holes of a motor, or of all that was recorded (tendon -1), in which it turned.
+  std::vector<Hole> moved_unseen;
   /// S x M: the motor is known to slide in one direction. Around reversals and at rest an encoder cannot tell
   /// how far friction in motor and gear has turned round, so what torque says of tension is worth nothing
   /// there.

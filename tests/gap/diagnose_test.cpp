@@ -121,7 +121,7 @@ DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<std::st
   set.robot = Rig();
   for (auto& tendon : set.robot.actuation->tendons) tendon.load_cell.place = LoadCellPlace::kRobotSide;
   RobotParameters plant = set.robot;
-  plant.effects.push_back(sim::ParseEffect(effect, plant));
+  if (!effect.empty()) plant.effects.push_back(sim::ParseEffect(effect, plant));
   for (const auto& family : families) set.runs.push_back(Record(plant, family, duration_s, seed++));
   for (auto& run : set.runs) run.load_cell = LoadCellPlace::kRobotSide;
   set.runs.back().name = families.front() + " again";
@@ -616,9 +616,9 @@ struct Lost {
   std::function<void(Run&)> what;
 };
 
-/// Rows out of every run, of 0.7 s at a third of it.
-void LoseRows(Run& run) {
-  const Eigen::Index rows = run.time_s.size(), from = rows / 3, lost = 700, kept = rows - lost;
+/// Rows out of a run: so many, from one on.
+void Lose(Run& run, Eigen::Index lost, Eigen::Index from) {
+  const Eigen::Index rows = run.time_s.size(), kept = rows - lost;
   const auto without = [&](auto& values) {
     if (values.rows() != rows) return;
     values.middleRows(from, kept - from) = values.bottomRows(kept - from).eval();
@@ -631,13 +631,16 @@ void LoseRows(Run& run) {
   run.time_s.conservativeResize(kept);
 }
 
+/// Rows out of every run, of 0.7 s at a third of it.
+void LoseRows(Run& run) { Lose(run, 700, run.time_s.size() / 3); }
+
 class DiagnoseWithLess : public testing::TestWithParam<Lost> {};
 
 TEST_P(DiagnoseWithLess, SeesNoGapWhereNoneIsAndOneWhereOneIs) {
   const gap::DiagnoseOptions only =
       Only({"unit_mass", "tip_payload", "bending_stiffness", "gear_presliding", "presliding", "cell_offset"});
   for (const char* effect : {"", "unit_mass scale=1.3"}) {
-    DataSet set = Recorded(effect);
+    DataSet set = Recorded(effect, 4.5);
     for (gap::Run& run : set.runs) GetParam().what(run);
     const Diagnosis d = Diagnose(set, only);
     if (*effect == 0) {
@@ -703,6 +706,28 @@ TEST(Diagnose, ARunWithoutTorqueLeavesTheOthersTheirs) {
   EXPECT_THAT(d.degradations, testing::Contains(testing::AllOf(
                                   testing::HasSubstr("the actual torque of tendons 1, 2, 3 says nothing"),
                                   testing::HasSubstr("(triangle)"))));
+}
+
+// What friction holds after a hole moves the body until every tendon has slid, and with it the others: no
+// gap.
+TEST(Diagnose, LostRowsAloneAreNoGap) {
+  const std::vector<std::string> families{"circle", "triangle", "multisine", "circle"};
+  for (const std::uint64_t seed : {11, 51}) {
+    const DataSet before_pulleys = Recorded(std::vector<std::string>{}, 4.5, seed);
+    DataSet no_cells = before_pulleys;
+    for (gap::Run& run : no_cells.runs) run.tension_N.setConstant(std::nan(""));
+    const DataSet behind_pulleys = RecordedAtRobotSide("", families, 4.5, seed);
+    for (const DataSet& whole : {before_pulleys, behind_pulleys, no_cells}) {
+      DataSet set = whole;
+      for (gap::Run& run : set.runs) {
+        Lose(run, 450, run.time_s.size() / 3);
+        Lose(run, 150, 3000);
+      }
+      const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "presliding"}));
+      EXPECT_EQ(d.verdict, Verdict::kNoGap) << "seed " << seed << ": " << d.sentence;
+      EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("after lost samples")));
+    }
+  }
 }
 
 // Rows in which nothing was recorded are no failure of each sensor.
