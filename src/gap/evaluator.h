@@ -145,12 +145,12 @@ class Evaluator {
   void TellHoles();
   void ListChannels();
   void FindFrame();
+  void Forget(int threads);  // in unseen.cpp
 
   // In floors.cpp.
   void FindFloors(const DataSet& set, const Options& options);
   void FindWhiteNoise();
   void FindVariances(const DataSet& set, const Options& options);
-  void Forget(int threads);
   void TakeDifferences();
   void ScaleByRepetition(const Options& options);
   bool AlikeIn(const Evaluator& other) const;  // in runs, channels and windows

@@ -90,6 +90,15 @@ bool Quantised(const Eigen::VectorXd& angle, double count) {
   return moved > 0 && whole > 0.98 * moved;
 }
 
+/// Whole counts between readings as well, where a straight line bridges what was lost (`read`: samples with a
+/// reading).
+void CountThroughHoles(Eigen::Ref<Eigen::VectorXd> angle, const std::vector<char>& read, double count) {
+  for (Eigen::Index i = 1; i < angle.size(); ++i) {
+    if (read[static_cast<std::size_t>(i)]) continue;
+    angle[i] = angle[i - 1] + count * std::round((angle[i] - angle[i - 1]) / count);
+  }
+}
+
 /// Angle inside the counts: through the cell's border where the count changes by one, through the reading
 /// itself where the motor is faster than that. Where it rests or turns round within a cell nobody knows how
 /// far it went in: half way, or with `random` anywhere.
@@ -369,13 +378,11 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
 
   // Rows onto the grid.
   std::vector<int> at(rows);
-  std::vector<char> hit(samples, 0);
   double square = 0;
   for (int i = 0; i < rows; ++i) {
     const double exact = at_rest ? i : (run.time_s[i] - out.start_s) / step_s;
     at[i] = std::clamp(static_cast<int>(std::llround(exact)), 0, samples - 1);
     square += std::pow((exact - at[i]) * step_s, 2);
-    hit[at[i]] = 1;
   }
   out.jitter_s = std::sqrt(square / rows);
   out.valid.assign(samples, 1);
@@ -495,6 +502,10 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
         // Anywhere within its count.
         for (int i = 0; i < samples && seed; ++i) angle[i] += (anywhere(random) - 0.5) * count;
       } else if (count > 0 && Quantised(refine == 1 ? run.motor_position_rad.col(j).eval() : angle, count)) {
+        std::vector<char> read(static_cast<std::size_t>(samples), refine != 1);
+        for (int i = 0; i < rows; ++i)
+          read[static_cast<std::size_t>(at[i])] = std::isfinite(run.motor_position_rad(i, j));
+        CountThroughHoles(angle, read, count);
         angle = InsideCounts(angle, count, step_s, seed ? &random : nullptr);
       }
       if (at_rest) {

@@ -13,7 +13,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-SETS, FAMILIES = 12, 3
+SETS, FAMILIES = 12, 2
 EFFECTS = ("torque_constant motor_coulomb capstan_alpha tendon_stiffness backlash bending_stiffness precurvature tip_payload "
            "base_tilt cell_gain").split()
 FREE = "presliding motor_presliding gear_presliding".split()  # what nobody knows, and is not drawn

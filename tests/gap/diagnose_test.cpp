@@ -718,14 +718,18 @@ TEST(Diagnose, LostRowsAloneAreNoGap) {
     for (gap::Run& run : no_cells.runs) run.tension_N.setConstant(std::nan(""));
     const DataSet behind_pulleys = RecordedAtRobotSide("", families, 4.5, seed);
     for (const DataSet& whole : {before_pulleys, behind_pulleys, no_cells}) {
-      DataSet set = whole;
-      for (gap::Run& run : set.runs) {
-        Lose(run, 450, run.time_s.size() / 3);
-        Lose(run, 150, 3000);
+      for (const bool from_rest : {false, true}) {
+        DataSet set = whole;
+        for (gap::Run& run : set.runs) {
+          if (from_rest) Lose(run, 400, 350);
+          if (!from_rest) Lose(run, 450, run.time_s.size() / 3);
+          if (!from_rest) Lose(run, 150, 3000);
+        }
+        const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "presliding"}));
+        EXPECT_EQ(d.verdict, Verdict::kNoGap)
+            << "seed " << seed << (from_rest ? ", from rest: " : ": ") << d.sentence;
+        EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("after lost samples")));
       }
-      const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "presliding"}));
-      EXPECT_EQ(d.verdict, Verdict::kNoGap) << "seed " << seed << ": " << d.sentence;
-      EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("after lost samples")));
     }
   }
 }

@@ -1,0 +1,171 @@
+// What lost samples leave open of the rest of a run.
+#include <fmt/core.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "evaluator.h"
+#include "parallel.h"
+
+namespace tendril::gap {
+namespace {
+
+/// The run as if the spool of tendon j had gone further and come back by when the body has settled, whenever
+/// it moved unseen: friction in its pulleys then holds against the way back.
+PreparedRun SlidOtherwise(PreparedRun run, const RobotParameters& robot, int j, int way) {
+  constexpr double kSurely = 2.2;  // from one way to the other takes twice the presliding
+  const auto& drive = robot.actuation->tendons[static_cast<std::size_t>(j)];
+  // Where the body stays a tendon slides by half of what its spool does.
+  const double far_rad = way * kSurely * 2 * drive.transmission.presliding_m / drive.SpoolTravelPerMotorRad();
+  const double step_s = run.signals.step_s;
+  for (const Hole& hole : run.moved_unseen) {
+    if (hole.tendon >= 0 && hole.tendon != j) continue;
+    const int settled =
+        std::min(run.samples(), hole.to + static_cast<int>(std::lround(kBodySettles_s / step_s)));
+    const double half = 0.5 * (settled - hole.from), speed_radps = far_rad / (half * step_s);
+    for (int i = hole.from; i < settled; ++i) {
+      const double gone = (i + 0.5 - hole.from) / half;
+      run.signals.motor_angle_rad(i, j) += far_rad * std::min(gone, 2 - gone);
+      run.signals.motor_velocity_radps(i, j) += gone < 1 ? speed_radps : -speed_radps;
+    }
+  }
+  return run;
+}
+
+/// How a run may have gone on unseen, other than straight on.
+enum class Unseen { kFirstHalf, kSecondHalf, kAsBefore, kAsAfter };
+
+/// Signal x at sample i of a hole between `before` and `after`: moved in one half of it, or as it went before
+/// or after, mirrored at that end and tilted to meet the other.
+double Otherwise(const Eigen::Ref<const Eigen::VectorXd>& x, int i, int before, int after, Unseen unseen) {
+  const auto last = static_cast<int>(x.size()) - 1;
+  const double done = static_cast<double>(i - before) / (after - before);
+  const auto as_before = [&](int k) { return 2 * x[before] - x[std::max(0, 2 * before - k)]; };
+  const auto as_after = [&](int k) { return 2 * x[after] - x[std::min(last, 2 * after - k)]; };
+  switch (unseen) {
+    case Unseen::kFirstHalf:
+      return x[before] + std::min(1.0, 2 * done) * (x[after] - x[before]);
+    case Unseen::kSecondHalf:
+      return x[before] + std::max(0.0, 2 * done - 1) * (x[after] - x[before]);
+    case Unseen::kAsBefore:
+      return as_before(i) + done * (x[after] - as_before(after));
+    case Unseen::kAsAfter:
+      return as_after(i) + (1 - done) * (x[before] - as_after(before));
+  }
+  return x[i];
+}
+
+/// The run with every hole gone through otherwise: the body swings otherwise after.
+PreparedRun MovedOtherwise(const PreparedRun& read, Unseen unseen) {
+  PreparedRun run = read;
+  const sim::ReplaySignals& was = read.signals;
+  for (const Hole& hole : run.moved_unseen) {
+    const int before = std::max(0, hole.from - 1), after = std::min(run.samples() - 1, hole.to);
+    const int first = std::max(0, hole.tendon);
+    const int last = hole.tendon < 0 ? static_cast<int>(was.motor_angle_rad.cols()) : hole.tendon + 1;
+    const auto move = [&](const Eigen::MatrixXd& signal, Eigen::MatrixXd& moved, int j) {
+      if (signal.cols() <= j) return;
+      const double least = signal.col(j).minCoeff(), most = signal.col(j).maxCoeff();  // of what it ever was
+      for (int i = hole.from; i < hole.to; ++i)
+        moved(i, j) = std::clamp(Otherwise(signal.col(j), i, before, after, unseen), least, most);
+    };
+    for (int j = first; j < last; ++j) {
+      move(was.motor_angle_rad, run.signals.motor_angle_rad, j);
+      for (int i = hole.from; i < hole.to; ++i) {
+        const int next = std::min(i + 1, after);
+        run.signals.motor_velocity_radps(i, j) =
+            (run.signals.motor_angle_rad(next, j) - run.signals.motor_angle_rad(i, j)) / was.step_s;
+      }
+      if (hole.tendon >= 0) continue;
+      move(was.torque_actual_Nm, run.signals.torque_actual_Nm, j);
+      move(was.tension_N, run.signals.tension_N, j);
+    }
+  }
+  return run;
+}
+
+}  // namespace
+
+// After lost samples the body swings from where nobody knows, and friction may hold either way until its
+// tendon has slid over its presliding and back; until then it moves the body, which slides the other tendons.
+// How long all that lasts depends on the motion, so it is tried: every other way in which the run may have
+// gone on unseen. What that changes plainly tells nothing of the robot.
+void Evaluator::Forget(int threads) {
+  constexpr double kPlainly = 0.5;  // of the noise
+  const int runs = static_cast<int>(runs_.size()), tendons = nominal_.body.tendons();
+  struct Trial {
+    int run, tendon;  // tendon M: the body
+    int way;
+    std::vector<Eigen::VectorXd> residuals;
+    std::string trouble;
+  };
+  std::vector<Trial> tried;
+  for (int i = 0; i < runs; ++i) {
+    const auto& holes = runs_[i].moved_unseen;
+    if (holes.empty()) continue;
+    for (int j = 0; j < tendons; ++j) {
+      const auto slid = [&](const Hole& hole) { return hole.tendon < 0 || hole.tendon == j; };
+      if (std::none_of(holes.begin(), holes.end(), slid)) continue;
+      if (nominal_.actuation->tendons[static_cast<std::size_t>(j)].SpoolTravelPerMotorRad() <= 0) continue;
+      for (const int way : {-1, 1}) tried.push_back({i, j, way, {}, {}});
+    }
+    for (const Unseen way : {Unseen::kFirstHalf, Unseen::kSecondHalf, Unseen::kAsBefore, Unseen::kAsAfter})
+      tried.push_back({i, tendons, static_cast<int>(way), {}, {}});
+  }
+  ParallelFor(static_cast<int>(tried.size()), threads, [&](int k) {
+    Trial& other = tried[static_cast<std::size_t>(k)];
+    const PreparedRun& run = runs_[other.run];
+    try {
+      const PreparedRun moved = other.tendon < tendons ? SlidOtherwise(run, nominal_, other.tendon, other.way)
+                                                       : MovedOtherwise(run, static_cast<Unseen>(other.way));
+      other.residuals =
+          ResidualsOf(ReplayRun(nominal_, moved, kC2 | kC3 | kBody, nullptr), moved, kC2 | kC3 | kBody);
+    } catch (const std::runtime_error& error) {
+      other.trouble = error.what();
+    }
+  });
+  double forgotten_s = 0;
+  std::string names;
+  for (int i = 0; i < runs; ++i) {
+    double longest_s = 0;
+    for (std::size_t c = 0; c < channels_.size(); ++c) {
+      auto &r = nominal_residuals_[i][c], &variance = variance_[i][c];
+      Eigen::MatrixXd open = Eigen::MatrixXd::Zero(r.size(), tendons + 1);
+      for (const Trial& other : tried) {
+        if (other.run != i) continue;
+        if (!other.trouble.empty()) {
+          throw RunError(static_cast<std::size_t>(i),
+                         fmt::format("{}: moved otherwise while nothing was recorded: {}", runs_[i].name,
+                                     other.trouble));
+        }
+        if (other.residuals[c].size() != r.size()) continue;
+        open.col(other.tendon) = open.col(other.tendon).cwiseMax((other.residuals[c] - r).cwiseAbs());
+      }
+      int windows = 0;
+      for (int w = 0; w < r.size(); ++w) {
+        if (!std::isfinite(variance[w]) || !(open.row(w).sum() > kPlainly * std::sqrt(variance[w]))) continue;
+        variance[w] = std::numeric_limits<double>::infinity();
+        r[w] = 0;
+        ++windows;
+      }
+      longest_s = std::max(longest_s, windows * window_s(i, static_cast<int>(c)));
+    }
+    if (longest_s == 0) continue;
+    forgotten_s += longest_s;
+    names += (names.empty() ? "" : ", ") + runs_[i].name;
+  }
+  if (!names.empty()) {
+    degradations_.push_back(fmt::format(
+        "after lost samples the body swings from an unknown place, and friction in pulleys may hold "
+        "either way until the tendons have slid: up to {:.3g} s are not compared where that "
+        "changes them ({})",
+        forgotten_s, names));
+  }
+}
+
+}  // namespace tendril::gap
