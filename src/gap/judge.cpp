@@ -23,6 +23,8 @@ constexpr double kRelativeTemperature = 0.005;
 // of one robot differ by brings 20 and moves less); log score with which one materiality is enough;
 // steepness.
 constexpr double kGapGain = 9.0;
+// More where all runs are of one kind of motion: what is held out of it is too like what is fitted.
+constexpr double kOneKind = 3.0;
 constexpr double kGapDeltas = 2.5;
 constexpr double kClearGain = 25.0;
 constexpr double kGapSteepness = 6.0;
@@ -266,10 +268,17 @@ class Case {
       const double gain = Gain(*single_) - Cost(*single_);
       const double material = Material(evaluator_, single_->residuals);
       p = std::max(p, Sure(gain, kClearGain) * Saturating(material, kGapSteepness));
+      const double enough = kGapGain + (OneKindOfMotion() ? kOneKind : 0);
       if (!single_->bound_hit)
-        p = std::max(p, Sure(gain, kGapGain) * Saturating(material / kGapDeltas, kGapSteepness));
+        p = std::max(p, Sure(gain, enough) * Saturating(material / kGapDeltas, kGapSteepness));
     }
     return p;
+  }
+
+  bool OneKindOfMotion() const {
+    const auto& runs = evaluator_.runs();
+    return std::all_of(runs.begin(), runs.end(),
+                       [&](const PreparedRun& run) { return run.family == runs.front().family; });
   }
 
   /// Below one half: the data show no gap, which is not that there is none. Order and one half stay.
