@@ -145,7 +145,8 @@ class Evaluator {
   void TellHoles();
   void ListChannels();
   void FindFrame();
-  void Forget(int threads);  // in unseen.cpp
+  /// Takes out what depends on how the runs went where nothing was recorded. In unseen.cpp.
+  void Forget(int threads);
 
   // In floors.cpp.
   void FindFloors(const DataSet& set, const Options& options);

@@ -217,7 +217,7 @@ void MarkSliding(const Eigen::VectorXd& reading, const Eigen::Matrix<char, -1, 1
 
 /// After samples [from, to) of a tendon were lost, or of all (tendon -1), though they are there again: where
 /// the body is, and which way friction holds in pulleys, is not known if anything moved.
-void Forget(int tendon, int from, int to, PreparedRun& out) {
+void MarkMoved(int tendon, int from, int to, PreparedRun& out) {
   constexpr double kStill_rad = 0.008;  // 2.5 counts of a coarse encoder
   constexpr double kStillFor_s = 2;     // longer, a motor may well have gone and come back
   const int samples = out.samples();
@@ -502,10 +502,12 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
         // Anywhere within its count.
         for (int i = 0; i < samples && seed; ++i) angle[i] += (anywhere(random) - 0.5) * count;
       } else if (count > 0 && Quantised(refine == 1 ? run.motor_position_rad.col(j).eval() : angle, count)) {
-        std::vector<char> read(static_cast<std::size_t>(samples), refine != 1);
-        for (int i = 0; i < rows; ++i)
-          read[static_cast<std::size_t>(at[i])] = std::isfinite(run.motor_position_rad(i, j));
-        CountThroughHoles(angle, read, count);
+        if (refine == 1) {
+          std::vector<char> read(static_cast<std::size_t>(samples), 0);
+          for (int i = 0; i < rows; ++i)
+            read[static_cast<std::size_t>(at[i])] = std::isfinite(run.motor_position_rad(i, j));
+          CountThroughHoles(angle, read, count);
+        }
         angle = InsideCounts(angle, count, step_s, seed ? &random : nullptr);
       }
       if (at_rest) {
@@ -530,13 +532,13 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   }
 
   for (const auto& [from, to] : lost) {
-    if (!at_rest) Forget(-1, from, to, out);
+    if (!at_rest) MarkMoved(-1, from, to, out);
   }
   // Pulleys slide with a motor of which nothing is known for a while.
   for (const Hole& hole : out.motor_holes) {
     if (at_rest || hole.size() == samples) continue;
     std::fill(out.driven.begin() + hole.from, out.driven.begin() + hole.to, char{0});
-    Forget(hole.tendon, hole.from, hole.to, out);
+    MarkMoved(hole.tendon, hole.from, hole.to, out);
   }
 
   // Tracker.

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -99,34 +100,34 @@ void Evaluator::Forget(int threads) {
   constexpr double kPlainly = 0.5;  // of the noise
   const int runs = static_cast<int>(runs_.size()), tendons = nominal_.body.tendons();
   struct Trial {
-    int run, tendon;  // tendon M: the body
-    int way;
-    std::vector<Eigen::VectorXd> residuals;
-    std::string trouble;
+    int run, what;  // tendon, or M: the whole motion
+    std::function<PreparedRun()> otherwise;
+    std::vector<Eigen::VectorXd> residuals{};
+    std::string trouble{};
   };
   std::vector<Trial> tried;
   for (int i = 0; i < runs; ++i) {
-    const auto& holes = runs_[i].moved_unseen;
+    const PreparedRun& run = runs_[i];
+    const auto& holes = run.moved_unseen;
     if (holes.empty()) continue;
     for (int j = 0; j < tendons; ++j) {
       const auto slid = [&](const Hole& hole) { return hole.tendon < 0 || hole.tendon == j; };
       if (std::none_of(holes.begin(), holes.end(), slid)) continue;
       if (nominal_.actuation->tendons[static_cast<std::size_t>(j)].SpoolTravelPerMotorRad() <= 0) continue;
-      for (const int way : {-1, 1}) tried.push_back({i, j, way, {}, {}});
+      for (const int way : {-1, 1})
+        tried.push_back({i, j, [&run, this, j, way] { return SlidOtherwise(run, nominal_, j, way); }});
     }
-    for (const Unseen way : {Unseen::kFirstHalf, Unseen::kSecondHalf, Unseen::kAsBefore, Unseen::kAsAfter})
-      tried.push_back({i, tendons, static_cast<int>(way), {}, {}});
+    for (const Unseen unseen : {Unseen::kFirstHalf, Unseen::kSecondHalf, Unseen::kAsBefore, Unseen::kAsAfter})
+      tried.push_back({i, tendons, [&run, unseen] { return MovedOtherwise(run, unseen); }});
   }
   ParallelFor(static_cast<int>(tried.size()), threads, [&](int k) {
-    Trial& other = tried[static_cast<std::size_t>(k)];
-    const PreparedRun& run = runs_[other.run];
+    Trial& trial = tried[static_cast<std::size_t>(k)];
     try {
-      const PreparedRun moved = other.tendon < tendons ? SlidOtherwise(run, nominal_, other.tendon, other.way)
-                                                       : MovedOtherwise(run, static_cast<Unseen>(other.way));
-      other.residuals =
+      const PreparedRun moved = trial.otherwise();
+      trial.residuals =
           ResidualsOf(ReplayRun(nominal_, moved, kC2 | kC3 | kBody, nullptr), moved, kC2 | kC3 | kBody);
     } catch (const std::runtime_error& error) {
-      other.trouble = error.what();
+      trial.trouble = error.what();
     }
   });
   double forgotten_s = 0;
@@ -136,15 +137,15 @@ void Evaluator::Forget(int threads) {
     for (std::size_t c = 0; c < channels_.size(); ++c) {
       auto &r = nominal_residuals_[i][c], &variance = variance_[i][c];
       Eigen::MatrixXd open = Eigen::MatrixXd::Zero(r.size(), tendons + 1);
-      for (const Trial& other : tried) {
-        if (other.run != i) continue;
-        if (!other.trouble.empty()) {
+      for (const Trial& trial : tried) {
+        if (trial.run != i) continue;
+        if (!trial.trouble.empty()) {
           throw RunError(static_cast<std::size_t>(i),
                          fmt::format("{}: moved otherwise while nothing was recorded: {}", runs_[i].name,
-                                     other.trouble));
+                                     trial.trouble));
         }
-        if (other.residuals[c].size() != r.size()) continue;
-        open.col(other.tendon) = open.col(other.tendon).cwiseMax((other.residuals[c] - r).cwiseAbs());
+        if (trial.residuals[c].size() != r.size()) continue;
+        open.col(trial.what) = open.col(trial.what).cwiseMax((trial.residuals[c] - r).cwiseAbs());
       }
       int windows = 0;
       for (int w = 0; w < r.size(); ++w) {
