@@ -13,9 +13,7 @@
 #include "squares.h"
 
 namespace tendril::gap {
-namespace {
 
-/// Motors go smoothly from row to row: a motion, as states that were waited for are not.
 bool Smooth(const Run& run) {
   constexpr double kSmooth = 0.03;  // rms step of a motor, of what it does in all
   double widest = 0, farthest = 0;
@@ -32,8 +30,6 @@ bool Smooth(const Run& run) {
   }
   return widest > 0 && farthest < kSmooth * widest;
 }
-
-}  // namespace
 
 bool Compared(const DataSet& set) {
   return std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) { return !run.before.empty(); });
@@ -53,11 +49,6 @@ void LeaveOut(DataSet& set, std::size_t run) {
 }
 
 std::vector<std::string> TakeOutOtherTime(DataSet& set) {
-  struct Unit {
-    double seconds;
-    const char* name;
-  };
-  constexpr Unit kUnits[] = {{1e-3, "milliseconds"}, {1e-6, "microseconds"}, {1e-9, "nanoseconds"}};
   constexpr double kLike = 0.3;   // steps of one controller differ by less
   constexpr double kLeast_s = 1;  // that a run takes
   std::vector<double> usual_s;
@@ -70,7 +61,7 @@ std::vector<std::string> TakeOutOtherTime(DataSet& set) {
     const Run& run = set.runs[i];
     const double step_s = UsualStep(run);
     if (step_s <= kQuasiStatic_s || !Smooth(run)) continue;
-    for (const Unit& unit : kUnits) {
+    for (const TimeUnit& unit : kTimeUnits) {
       const auto like = std::find_if(usual_s.begin(), usual_s.end(), [&](double other_s) {
         return std::abs(step_s * unit.seconds / other_s - 1) <= kLike &&
                other_s * static_cast<double>(run.time_s.size()) >= kLeast_s;

@@ -15,6 +15,17 @@ bool Compared(const DataSet& set);
 /// Takes a run out; what repeated it repeats the first of its repetitions now.
 void LeaveOut(DataSet& set, std::size_t run);
 
+/// Units that time may be in by mistake.
+struct TimeUnit {
+  double seconds;
+  const char* name;
+};
+inline constexpr TimeUnit kTimeUnits[] = {
+    {1e-3, "milliseconds"}, {1e-6, "microseconds"}, {1e-9, "nanoseconds"}};
+
+/// Motors go smoothly from row to row: a motion, as states that were waited for are not.
+bool Smooth(const Run& run);
+
 /// Takes out runs whose time is in another unit than the others'; a line for each.
 std::vector<std::string> TakeOutOtherTime(DataSet& set);
 

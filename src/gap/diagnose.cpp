@@ -139,6 +139,24 @@ std::string Sentence(const Diagnosis& d, const std::string& hiding) {
   return "";
 }
 
+/// What a gap that nothing explains is first of all, where few of the runs have it: `missed` by so many times
+/// more than the others.
+std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& missed) {
+  const bool told = d.verdict == Verdict::kAttributed || d.verdict == Verdict::kAmbiguousGroup;
+  if (told || d.verdict == Verdict::kNoGap || missed.empty() || 4 * missed.size() > d.runs.size()) return "";
+  std::string names;
+  double most = 0;
+  for (const auto& [name, by] : missed) {
+    names += (names.empty() ? "" : ", ") + name;
+    most = std::max(most, by);
+  }
+  const bool one = missed.size() == 1;
+  return fmt::format(
+      " It lies in {} above all, missed by {}{:.0f} times more than the other {} runs: what was different "
+      "then? Diagnose again without {}.",
+      names, one ? "" : "up to ", most, d.runs.size() - missed.size(), one ? "it" : "them");
+}
+
 /// The cut that a cause belongs to, with this load cell.
 sim::Cut CutOf(const Cause& cause, LoadCellPlace place) {
   const sim::Effect* effect = sim::FindEffect(cause.effect);
@@ -337,6 +355,9 @@ class Measuring {
   Measuring(DataSet& set, Diagnosis& d, const DiagnoseOptions& options, int threads, bool compared)
       : set_(set), d_(d), options_(options), threads_(threads), compared_(compared), runs_(set.runs.size()) {}
 
+  /// Runs that are missed by far more than the others, for no reason that is known, and by how many times.
+  const std::map<std::string, double>& missed() const { return missed_; }
+
   /// The runs that can be compared, with the set and its degradations to fit. Throws std::runtime_error where
   /// nothing can be.
   Evaluator Settled() {
@@ -367,10 +388,14 @@ class Measuring {
 
  private:
   void TellMissed() {
+    std::erase_if(missed_, [this](const auto& missed) {
+      return std::none_of(set_.runs.begin(), set_.runs.end(),
+                          [&](const Run& run) { return run.name == missed.first; });
+    });
     for (const Run& run : set_.runs) {
       if (const auto missed = missed_.find(run.name); missed != missed_.end()) {
         d_.degradations.push_back(fmt::format(
-            "{}: the model misses it by {:.2g} times more than the other runs: what was different then?",
+            "{}: the model misses it by {:.0f} times more than the other runs: what was different then?",
             run.name, missed->second));
       }
     }
@@ -440,14 +465,16 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   said(TakeOutOtherTime(set));
   FillMissing(set);
   said(TakeOutImplausible(set));
+  progress("aligning the logs and finding the noise floor", 0);
+  RefuseOtherTime(set);
   d.robot_name = set.robot.name;
   d.robot_yaml = config::ToYaml(set.robot);
   d.seed = options.seed;
   d.version = Version();
   d.revision = GitRevision();
 
-  progress("aligning the logs and finding the noise floor", 0);
-  Evaluator evaluator = Measuring(set, d, options, threads, Compared(given)).Settled();
+  Measuring measuring(set, d, options, threads, Compared(given));
+  Evaluator evaluator = measuring.Settled();
   std::map<std::string, std::string> before_sha256;
   for (const Run& run : set.runs) before_sha256.emplace(run.before, "");
   std::erase_if(set.runs, [&](const Run& run) {
@@ -614,6 +641,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         "no floor.",
         evaluator.repetitions_differ());
   }
+  d.sentence += InFewRuns(d, measuring.missed());
   if (d.verdict != Verdict::kNoGap) {
     progress("looking for mistakes of measurement", 0);
     if (const std::string with = FindMistake(set, evaluator, threads); !with.empty()) {

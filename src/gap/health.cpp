@@ -536,19 +536,29 @@ class Checkup {
   // ---- order and sign ----
 
   // Two signals of the same tendon rise and fall together, whatever lies between them. When each of some
-  // signals goes with another tendon's by far better than with its own, columns are exchanged.
+  // signals goes with another tendon's by far better than with its own, columns are exchanged; where that
+  // other one goes with its own, what ties the two may as well be the motion.
   void Pairing(const Kind& from, const Kind& to) {
     if (!Fits(from) || !Fits(to)) return;
     const Eigen::Index n = std::min(Of(from).cols(), Of(to).cols());
     const Matrix c = ChangeCorrelation(run_->time_s, Of(from).leftCols(n), Of(to).leftCols(n));
-    for (Eigen::Index j = 0; j < n; ++j) {
-      if (!std::isfinite(c(j, j))) continue;
-      Eigen::Index best = j, back = j;
+    constexpr double kSurely = 0.95;
+    const auto followed = [&](Eigen::Index j) {
+      Eigen::Index best = j;
       for (Eigen::Index i = 0; i < n; ++i) {
         if (c(i, j) > c(best, j)) best = i;
+      }
+      return best;
+    };
+    for (Eigen::Index j = 0; j < n; ++j) {
+      if (!std::isfinite(c(j, j))) continue;
+      const Eigen::Index best = followed(j);
+      Eigen::Index back = j;
+      for (Eigen::Index i = 0; i < n; ++i) {
         if (c(j, i) > c(j, back)) back = i;
       }
-      if (best != j && back != j && c(best, j) > 0.7 && c(best, j) - c(j, j) > 0.4) {
+      const bool others = followed(best) == best && std::isfinite(c(best, best));
+      if (best != j && back != j && c(best, j) > (others ? kSurely : 0.7) && c(best, j) - c(j, j) > 0.4) {
         Add(Severity::kError, ChannelOf(to, j), c(j, j),
             fmt::format(
                 "follows the {} of tendon {} (correlation {:.2f}), not of its own ({:.2f}); the columns are "

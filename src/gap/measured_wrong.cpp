@@ -1,6 +1,8 @@
 // Each mistake is undone on a few runs, to see what the nominal robot leaves of them then.
 #include "measured_wrong.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,6 +10,7 @@
 #include <numeric>
 #include <optional>
 #include <set>
+#include <stdexcept>
 #include <utility>
 
 #include "alike.h"
@@ -78,22 +81,26 @@ DataSet Apart(const DataSet& set, const std::vector<const Run*>& runs) {
   return apart;
 }
 
-/// What is left with a mistake undone; nothing where the runs cannot be simulated then.
-std::optional<Left> LeftWith(DataSet apart, const Undo& undo, const Evaluator& whole) {
-  for (Run& run : apart.runs) {
-    if (undo) undo(run);
-  }
+/// What is left of runs; nothing where they cannot be simulated. `with_cells`: of load cells, or not at all.
+std::optional<Left> LeftOf(const DataSet& apart, bool with_cells) {
   try {
     const Evaluator evaluator(apart, {.threads = 1, .readings = 0});
     Left left;
     for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddLeft(evaluator, i, left);
     // Without cells torque is compared with another thing.
-    if (whole.has(kC3) && !evaluator.has(kC3))
-      left.erase({sim::Cut::kDrivetrain, Channel::Quantity::kTension});
+    if (with_cells && !evaluator.has(kC3)) left.erase({sim::Cut::kDrivetrain, Channel::Quantity::kTension});
     return left;
   } catch (const std::exception&) {
     return std::nullopt;
   }
+}
+
+/// The same with a mistake undone.
+std::optional<Left> LeftWith(DataSet apart, const Undo& undo, const Evaluator& whole) {
+  for (Run& run : apart.runs) {
+    if (undo) undo(run);
+  }
+  return LeftOf(apart, whole.has(kC3));
 }
 
 /// True where as much can be compared as before.
@@ -192,6 +199,28 @@ std::vector<const Run*> SomeRuns(const DataSet& set, const Run* but) {
   return runs;
 }
 
+/// As many states as tell enough, spread over a run.
+Run SomeStates(const Run& run) {
+  constexpr int kStates = 100;
+  const auto rows = static_cast<int>(run.time_s.size());
+  std::vector<int> some;
+  for (int i = 0; i < rows; i += std::max(1, rows / kStates)) some.push_back(i);
+  return OfRows(run, some);
+}
+
+/// How many times smaller `after` is in the kind of channels that falls most; 0 where another rises.
+double Smaller(const Left& after, const Left& before) {
+  constexpr double kRises = 2;
+  double most = 0;
+  for (const auto& [kind, squares] : before) {
+    const auto found = after.find(kind);
+    if (found == after.end() || !(found->second.rms() > 0)) continue;
+    if (found->second.rms() > kRises * squares.rms()) return 0;
+    most = std::max(most, squares.rms() / found->second.rms());
+  }
+  return most;
+}
+
 /// A load cell that was set to zero otherwise than before the other runs: by what it shows more than torque,
 /// or without it stretch, says.
 void AddMovedZeros(const Evaluator& evaluator, std::size_t run, std::vector<Mistake>& all) {
@@ -212,6 +241,33 @@ void AddMovedZeros(const Evaluator& evaluator, std::size_t run, std::vector<Mist
 }
 
 }  // namespace
+
+void RefuseOtherTime(const DataSet& set) {
+  if (Compared(set)) return;
+  DataSet motions = set;
+  std::erase_if(motions.runs, [](const Run& run) { return !Smooth(run); });
+  constexpr double kFastest_s = 2e-5;  // of a log's rows
+  const auto slow = [](const Run& run) { return UsualStep(run) > kQuasiStatic_s; };
+  const auto motion = [&](const Run& run) { return UsualStep(run) > kFastest_s && !slow(run); };
+  if (motions.runs.empty() || !std::all_of(set.runs.begin(), set.runs.end(), slow)) return;
+  const std::vector<const Run*> some = SomeRuns(motions, nullptr);
+  DataSet states = Apart(motions, some);
+  for (Run& run : states.runs) run = SomeStates(run);
+  const std::optional<Left> at_rest = LeftOf(states, false);
+  if (!at_rest) return;
+  for (const TimeUnit& unit : kTimeUnits) {
+    DataSet in_time = motions;
+    for (Run& run : in_time.runs) run.time_s *= unit.seconds;
+    if (!std::all_of(in_time.runs.begin(), in_time.runs.end(), motion)) continue;
+    const std::optional<Left> left = LeftOf(Apart(in_time, SomeRuns(in_time, nullptr)), false);
+    if (!left || Smaller(*left, *at_rest) < kLarge) continue;
+    throw std::runtime_error(fmt::format(
+        "the time of these runs is in {}, by all signs: a row every {:.4g} s ({}), motors that go smoothly "
+        "from row to row, and up to {:.2g} times less left by the robot file once it is taken so; accepted: "
+        "seconds; divide t_s by {:.0f} in every run",
+        unit.name, UsualStep(*some.front()), some.front()->name, Smaller(*left, *at_rest), 1 / unit.seconds));
+  }
+}
 
 std::string FindMistake(const DataSet& set, const Evaluator& evaluator, int threads) {
   if (Compared(set)) return "";

@@ -12,6 +12,11 @@
 
 namespace tendril::gap {
 
+/// Throws std::runtime_error where the time of all runs is in another unit than seconds: rows too far apart
+/// for a motion, motors that go smoothly from row to row, and hardly anything left by the nominal robot,
+/// beside what it leaves of states at rest, once time is taken in that unit.
+void RefuseOtherTime(const DataSet& set);
+
 /// What was most probably measured or declared wrong in all runs, as words that follow "with"; empty when
 /// undoing none of the mistakes takes away most of a gap, or the gap is no larger than effects are.
 /// `evaluator` is of `set`.

@@ -531,6 +531,11 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
     }
   }
 
+  // A log that begins on the way says as little of what was before.
+  constexpr double kTurned_rad = 0.02;
+  if (!at_rest && s.motor_angle_rad.cols() > 0 &&
+      s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad)
+    MarkMoved(-1, 0, std::min(samples, memory), out);
   for (const auto& [from, to] : lost) {
     if (!at_rest) MarkMoved(-1, from, to, out);
   }

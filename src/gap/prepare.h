@@ -46,7 +46,8 @@ struct PreparedRun {
   /// and what needs them cannot be told.
   std::vector<Hole> target_holes, torque_holes, motor_holes;
   std::vector<char> driven;  // S: valid, and what moves tendons and body is known
-  /// Holes of a motor, or of all that was recorded (tendon -1), in which it turned.
+  /// Holes of a motor, or of all that was recorded (tendon -1), in which it turned; the first moments of a
+  /// run that begins on the way.
   std::vector<Hole> moved_unseen;
   /// S x M: the motor is known to slide in one direction. Around reversals and at rest an encoder cannot tell
   /// how far friction in motor and gear has turned round, so what torque says of tension is worth nothing

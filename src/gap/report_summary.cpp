@@ -102,8 +102,11 @@ std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
                                        Pad(fmt::format("{} -> {}", text.from, text.to), 30));
   if (!worst) return head + paint(kDim, listed ? "cannot be told from these logs" : "not measured") + "\n";
   if (!worst->excess) return head + paint(kGreen, "at the noise floor") + "\n";
+  // Stamps that are there may be exact where others are lost.
   const std::string state =
-      fmt::format("{:6.3g} sigma  {} rms", worst->excess_sigma, Value(worst->rms, worst->unit));
+      worst->excess_sigma > 0
+          ? fmt::format("{:6.3g} sigma  {} rms", worst->excess_sigma, Value(worst->rms, worst->unit))
+          : Clean(worst->note);
   const std::string mark = first ? "  <- starts here" : "";
   const int rest = kWidth - Width(head) - Width(state) - Width(mark) - 2;
   std::string line = head + paint(first ? kRed : kYellow, state);

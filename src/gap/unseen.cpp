@@ -1,4 +1,4 @@
-// What lost samples leave open of the rest of a run.
+// What lost samples, and what was before the first, leave open of the rest of a run.
 #include <fmt/core.h>
 
 #include <Eigen/Core>
@@ -92,10 +92,11 @@ PreparedRun MovedOtherwise(const PreparedRun& read, Unseen unseen) {
 
 }  // namespace
 
-// After lost samples the body swings from where nobody knows, and friction may hold either way until its
-// tendon has slid over its presliding and back; until then it moves the body, which slides the other tendons.
-// How long all that lasts depends on the motion, so it is tried: every other way in which the run may have
-// gone on unseen. What that changes plainly tells nothing of the robot.
+// After lost samples, and where a run begins on the way, the body swings from where nobody knows, and
+// friction may hold either way until its tendon has slid over its presliding and back; until then it moves
+// the body, which slides the other tendons. How long all that lasts depends on the motion, so it is tried:
+// every other way in which the run may have gone on unseen. What that changes plainly tells nothing of the
+// robot.
 void Evaluator::Forget(int threads) {
   constexpr double kPlainly = 0.5;  // of the noise
   const int runs = static_cast<int>(runs_.size()), tendons = nominal_.body.tendons();
@@ -162,9 +163,9 @@ void Evaluator::Forget(int threads) {
   }
   if (!names.empty()) {
     degradations_.push_back(fmt::format(
-        "after lost samples the body swings from an unknown place, and friction in pulleys may hold "
-        "either way until the tendons have slid: up to {:.3g} s are not compared where that "
-        "changes them ({})",
+        "after lost samples, and where a run begins on the way, the body swings from an unknown place, and "
+        "friction in pulleys may hold either way until the tendons have slid: up to {:.3g} s are not "
+        "compared where that changes them ({})",
         forgotten_s, names));
   }
 }

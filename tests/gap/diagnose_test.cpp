@@ -708,26 +708,29 @@ TEST(Diagnose, ARunWithoutTorqueLeavesTheOthersTheirs) {
                                   testing::HasSubstr("(triangle)"))));
 }
 
-// After a hole the body swings, and friction moves it until every tendon has slid; a motor that set out from
-// rest in one has gone straight on: no gap.
+// After a hole, and where a run begins on the way, the body swings, and friction moves it until every tendon
+// has slid; a motor that set out from rest in a hole has gone straight on: no gap.
 TEST(Diagnose, LostRowsAloneAreNoGap) {
   const std::vector<std::string> families{"circle", "triangle", "multisine", "circle"};
+  const std::vector<std::function<void(gap::Run&)>> losses{
+      [](gap::Run& run) {
+        Lose(run, 450, run.time_s.size() / 3);
+        Lose(run, 150, 3000);
+      },
+      [](gap::Run& run) { Lose(run, 400, 350); },
+      [](gap::Run& run) { Lose(run, 1000, 0); },
+  };
   for (const std::uint64_t seed : {11, 51}) {
     const DataSet before_pulleys = Recorded(std::vector<std::string>{}, 4.5, seed);
     DataSet no_cells = before_pulleys;
     for (gap::Run& run : no_cells.runs) run.tension_N.setConstant(std::nan(""));
     const DataSet behind_pulleys = RecordedAtRobotSide("", families, 4.5, seed);
     for (const DataSet& whole : {before_pulleys, behind_pulleys, no_cells}) {
-      for (const bool from_rest : {false, true}) {
+      for (std::size_t k = 0; k < losses.size(); ++k) {
         DataSet set = whole;
-        for (gap::Run& run : set.runs) {
-          if (from_rest) Lose(run, 400, 350);
-          if (!from_rest) Lose(run, 450, run.time_s.size() / 3);
-          if (!from_rest) Lose(run, 150, 3000);
-        }
+        for (gap::Run& run : set.runs) losses[k](run);
         const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "presliding"}));
-        EXPECT_EQ(d.verdict, Verdict::kNoGap)
-            << "seed " << seed << (from_rest ? ", from rest: " : ": ") << d.sentence;
+        EXPECT_EQ(d.verdict, Verdict::kNoGap) << "seed " << seed << ", loss " << k << ": " << d.sentence;
         EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("after lost samples")));
       }
     }
@@ -948,6 +951,14 @@ TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   EXPECT_NE(mixed.verdict, Verdict::kAttributed) << mixed.sentence;
   EXPECT_THAT(mixed.degradations, testing::Contains(testing::HasSubstr("multisine: the model misses it by")));
 
+  // Where few of the runs have it, the sentence says so.
+  plant = Rig();
+  plant.effects.push_back(sim::ParseEffect("base_tilt x_rad=0.2", plant));
+  set.runs[2] = Record(plant, "multisine", 4, 13);
+  const Diagnosis tilted = Diagnose(set, Only({"tendon_stiffness", "encoder_offset"}));
+  EXPECT_EQ(tilted.verdict, Verdict::kUnexplained) << tilted.sentence;
+  EXPECT_THAT(tilted.sentence, testing::HasSubstr("It lies in multisine above all, missed by"));
+
   plant = Rig();
   plant.effects.push_back(sim::ParseEffect("bending_stiffness scale=0.8", plant));
   set = Recorded("", 4);
@@ -969,6 +980,21 @@ TEST(Diagnose, AnEncoderThatFreezesHalfWayIsTakenOutThere) {
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
   EXPECT_EQ(d.runs.size(), set.runs.size());
   EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("motor position 2 keeps")));
+}
+
+// Before minutes are spent on a cause of it, with a gap or without.
+TEST(Diagnose, TimeOfAllRunsInMillisecondsIsRefused) {
+  for (const char* effect : {"", "bending_stiffness scale=0.5", "torque_constant scale=0.8"}) {
+    DataSet set = Recorded(effect);
+    for (gap::Run& run : set.runs) run.time_s *= 1e3;
+    try {
+      Diagnose(set, Only({"bending_stiffness"}));
+      FAIL() << "accepted: " << effect;
+    } catch (const std::runtime_error& error) {
+      EXPECT_THAT(error.what(), testing::HasSubstr("is in milliseconds")) << effect;
+      EXPECT_THAT(error.what(), testing::HasSubstr("divide t_s by 1000")) << effect;
+    }
+  }
 }
 
 // A row of states that were waited for, a second apart, beside motions is no motion in milliseconds.

@@ -253,6 +253,19 @@ TEST(Health, TendonsInAnotherOrderOrWithAnotherSign) {
       1, [](gap::Run& run) { run.tension_N.col(1).array() -= 1.2; }, "a tendon cannot push");
 }
 
+// A tendon may go with another by its motion, which is no exchange where that one goes with its own; twice
+// the same column is one.
+TEST(Health, ATendonThatGoesWithAnotherIsNotExchanged) {
+  const auto tied = Complaints([](DataSet& set) {
+    gap::Run& run = set.runs[2];
+    run.tension_N.col(0) = 0.5 * run.tension_N.col(0) + run.tension_N.col(1);
+  });
+  EXPECT_THAT(Shown(tied), Not(HasSubstr("exchange them")));
+  const auto twice =
+      Complaints([](DataSet& set) { set.runs[2].tension_N.col(0) = set.runs[2].tension_N.col(1); });
+  EXPECT_THAT(Shown(twice), HasSubstr("follows the motor position of tendon 2"));
+}
+
 TEST(Health, TheEncodersStepTellsAnotherRobot) {
   All(
       3,

@@ -611,6 +611,15 @@ TEST(Summary, SaysWhereWhatHowFarAndWhatNext) {
   EXPECT_THAT(text, Not(HasSubstr("Report:")));
 }
 
+// Stamps that are exact, but for those that are lost.
+TEST(Summary, SaysWhatTheClocksLack) {
+  Diagnosis d = ExampleDiagnosis(Verdict::kNoGap);
+  d.location[0].excess = true;
+  d.location[0].excess_sigma = 0;
+  d.location[0].note = "392 of 9001 samples lost";
+  EXPECT_THAT(Summary(d), testing::ContainsRegex("C0 clocks .*392 of 9001 samples lost"));
+}
+
 TEST(Wrapped, KeepsEveryWord) {
   const std::string text = Wrapped("one two\tthree\nfour \xc3\xa4\xc3\xb6\xc3\xbc", 4);
   EXPECT_EQ(text, "    one two three four äöü\n");

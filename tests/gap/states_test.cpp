@@ -47,8 +47,8 @@ Eigen::MatrixXd Wanted(const RobotParameters& robot, const std::string& family, 
   return angle;
 }
 
-/// What motors and tracker show of a robot, the tracker in a frame of its own.
-DataSet States(const RobotParameters& plant, const Eigen::Isometry3d& frame) {
+/// What motors and tracker show of a robot, the tracker in a frame of its own; so many states a run.
+DataSet States(const RobotParameters& plant, const Eigen::Isometry3d& frame, int each = 31) {
   constexpr double kNoise_m = 1e-4;
   DataSet set;
   set.robot = Bare();
@@ -63,7 +63,7 @@ DataSet States(const RobotParameters& plant, const Eigen::Isometry3d& frame) {
       run.name = std::string(family) + std::to_string(++number);
       run.family = family;
       run.load_cell = LoadCellPlace::kNone;
-      run.motor_position_rad = Wanted(set.robot, family, 31, way);
+      run.motor_position_rad = Wanted(set.robot, family, each, way);
       const Eigen::Index states = run.motor_position_rad.rows();
       run.time_s = Eigen::VectorXd::LinSpaced(states, 0, kApart_s * static_cast<double>(states - 1));
       sim::ReplaySignals s;
@@ -162,6 +162,20 @@ TEST(States, ACauseIsFoundThroughAnUnknownFrame) {
 TEST(States, AWrongFrameAloneIsNoGap) {
   const Diagnosis d = gap::Diagnose(States(Bare(), Frame()), Quick());
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+}
+
+// So close together that motors seem to go smoothly, with a gap: no motion in milliseconds.
+TEST(States, ManyOfThemAreStates) {
+  RobotParameters plant = Bare();
+  plant.effects.push_back(sim::ParseEffect("hole_radius where=all scale=0.9", plant));
+  DataSet set = States(plant, Frame(), 120);
+  set.runs.erase(set.runs.begin() + 1, set.runs.end() - 1);
+  gap::DiagnoseOptions options = Quick();
+  options.menu.families.clear();
+  for (const auto& effect : sim::Effects()) {
+    if (effect.name != "hole_radius") options.without.emplace_back(effect.name);
+  }
+  EXPECT_EQ(gap::Diagnose(set, options).runs.size(), set.runs.size());
 }
 
 TEST(States, ShortRunsAreLeftOutAndSaid) {
