@@ -94,8 +94,8 @@ Run Record(const RobotParameters& plant_robot, const std::string& family, double
   return run;
 }
 
-/// Three families and a repetition, some 30 s in all.
-DataSet Recorded(const std::vector<std::string>& effects, double duration_s = 7, std::uint64_t seed = 11) {
+/// Three families and a repetition, 20 s in all.
+DataSet Recorded(const std::vector<std::string>& effects, double duration_s = 5, std::uint64_t seed = 11) {
   DataSet set;
   set.name = "test";
   set.robot = Rig();
@@ -110,7 +110,7 @@ DataSet Recorded(const std::vector<std::string>& effects, double duration_s = 7,
   return set;
 }
 
-DataSet Recorded(const std::string& effect, double duration_s = 7) {
+DataSet Recorded(const std::string& effect, double duration_s = 5) {
   return Recorded(effect.empty() ? std::vector<std::string>{} : std::vector{effect}, duration_s);
 }
 
@@ -487,7 +487,7 @@ TEST(Diagnose, ATurnedTrackerIsToldByItsAngle) {
 }
 
 TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
-  DataSet set = Recorded("bending_stiffness scale=0.93");
+  DataSet set = Recorded("bending_stiffness scale=0.93", 7);
   set.runs[0].tension_N.col(0).tail(5000).setConstant(3);
   set.runs[1].tension_N(2500, 1) = 9999;
   set.runs[1].torque_actual_Nm(3000, 1) = 7;
@@ -975,7 +975,7 @@ TEST(Diagnose, AnEncoderThatFreezesHalfWayIsTakenOutThere) {
   DataSet set = Recorded("");
   gap::Run& run = set.runs[2];
   auto motor = run.motor_position_rad.col(1);
-  motor.tail(3500).setConstant(motor[3500]);
+  motor.tail(motor.size() / 2).setConstant(motor[motor.size() / 2]);
   const Diagnosis d = Diagnose(set, Only({"tendon_stiffness", "bending_stiffness", "presliding"}));
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
   EXPECT_EQ(d.runs.size(), set.runs.size());
@@ -999,7 +999,7 @@ TEST(Diagnose, TimeOfAllRunsInMillisecondsIsRefused) {
 
 // A row of states that were waited for, a second apart, beside motions is no motion in milliseconds.
 TEST(Diagnose, StatesBesideMotionsStay) {
-  DataSet set = Recorded("");
+  DataSet set = Recorded("", 7);
   gap::Run& run = set.runs[1];
   std::vector<int> rows;
   for (int i = 0; i < 7000; i += 20) rows.push_back(i);
@@ -1009,7 +1009,7 @@ TEST(Diagnose, StatesBesideMotionsStay) {
   run.time_s = Eigen::VectorXd::LinSpaced(350, 0, 349);
   EXPECT_EQ(Diagnose(set, Only({"bending_stiffness"})).runs.size(), set.runs.size());
   // Nor are many, waited for one after the other wherever they are, beside slower logs.
-  set = Recorded("");
+  set = Recorded("", 7);
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     gap::Run& slow = set.runs[i];
     rows.clear();
@@ -1084,7 +1084,7 @@ TEST(Diagnose, WhatLooksLikeTheBestIsFittedAsWell) {
 
 /// Recorded, the run that repeats another with a force at the tip besides.
 DataSet PushedAgain(const std::string& effect, const std::string& force_N) {
-  DataSet set = Recorded(effect);
+  DataSet set = Recorded(effect, 7);
   RobotParameters pushed = Rig();
   for (const std::string& text : {effect, "tip_force x_N=" + force_N})
     pushed.effects.push_back(sim::ParseEffect(text, pushed));
@@ -1134,7 +1134,7 @@ TEST(Diagnose, DetentsOfAllMotorsAreFoundEachWithItsPhase) {
 // Somebody leans on the robot in one of two runs: what no effect of the library makes differ may hide one
 // that it has not.
 TEST(Diagnose, WhatMakesRunsDifferMayBeUnlisted) {
-  DataSet set = Recorded("");
+  DataSet set = Recorded("", 7);
   RobotParameters pushed = Rig();
   pushed.effects.push_back(sim::ParseEffect("tip_force x_N=0.01", pushed));
   gap::Run again = Record(pushed, "circle", 7, 40);
