@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import json
+import os
 import platform
 import secrets
 import shutil
@@ -12,8 +13,8 @@ from importlib import metadata
 from pathlib import Path
 
 from tests.blind import score
-from tests.blind.seal import (LEDGER, NotRun, Wrong, confined, diagnose_one, digest, enter, entered, mine, now, parts_of, sha,
-                              shard_ids, vault_of, write_once)
+from tests.blind.seal import (HEAD, LEDGER, WRONG_USE, NotRun, Wrong, confined, diagnose_one, digest, end_of, enter, entered, listed,
+                              may_be_vault, mine, now, parts_of, seal_of, seal_sha, sha, shard_ids, vault_of, write_once)
 
 ROOT = Path(__file__).resolve().parents[2]
 KINDS = dict(single=0.38, parameter=0.15, null=0.2, nuisance_null=0.05, unlisted=0.08, pair=0.08, weak=0.03, no_tracker=0.03)
@@ -68,14 +69,10 @@ def make(o):
     import random
     from tests.blind import effects
     folder, vault = Path(o.campaign), Path(o.vault or o.campaign.rstrip("/") + ".vault")
-    if folder.resolve() == vault.resolve() or folder.resolve() in vault.resolve().parents:
-        raise Wrong("--vault must lie outside the campaign, which the diagnosis reads")
+    may_be_vault(vault, folder)
     strange = sorted(set(o.effects or ()) - set(effects.LIST))
     if strange:
         raise Wrong(f"--effects: no {', '.join(strange)}; accepted: {', '.join(effects.LIST)}")
-    note = folder / "vault"
-    if note.exists() and Path(note.read_text().strip()) != vault.resolve():
-        raise Wrong(f"--vault {vault}: this campaign's answers are in {note.read_text().strip()}")
     ids = shard_ids(o.sets, o.shard)
     rng = random.SystemRandom()
     for kind in KINDS:
@@ -84,17 +81,27 @@ def make(o):
         d.mkdir(parents=True, exist_ok=True)
     vault.chmod(0o700)
     with contextlib.suppress(FileExistsError):
-        write_once(note, f"{vault.resolve()}\n")
+        write_once(folder / "vault", f"{vault.resolve()}\n")
     part, whole = map(int, o.shard.split("/"))
     for other in parts_of(vault):
         if other[1:] != (whole, o.sets):
             raise Wrong(f"--shard {o.shard} of --sets {o.sets}: this campaign was begun as {other[1]} parts of {other[2]} sets; "
                         "the composition holds for these, so take them or another folder")
     # Drawn once: what is interrupted goes on with the kinds that were left, not with new ones.
-    kinds = vault / f"{part}_of_{whole}_of_{o.sets}.kinds"
+    path = vault / f"{part}_of_{whole}_of_{o.sets}.kinds"
     with contextlib.suppress(FileExistsError):
-        write_once(kinds, json.dumps(kinds_of(len(ids), rng)))
-    for k, kind in zip(ids, json.loads(kinds.read_text())):
+        write_once(path, json.dumps(kinds_of(len(ids), rng)))
+    try:
+        kinds = json.loads(path.read_text())
+        if len(kinds) != len(ids) or not set(kinds) <= set(KINDS):
+            raise ValueError
+    except (ValueError, TypeError, RecursionError):
+        raise Wrong(f"{path}: not the kinds of {len(ids)} sets that make wrote; put it back from a copy")
+    if not ids:
+        print(f"--shard {o.shard}: of {o.sets} sets none is in this part", flush=True)
+    elif all((folder / "seals" / f"{k:04d}.json").exists() for k in ids):
+        print(f"nothing to make: all {len(ids)} sets of this part are sealed", flush=True)
+    for k, kind in zip(ids, kinds):
         name = f"{k:04d}"
         with mine(folder / "seals" / f".{name}.lock") as free:
             if free and not (folder / "seals" / f"{name}.json").exists():
@@ -170,8 +177,8 @@ def maker():
 
 
 def again(o):
-    """Opened sets of a record once more, from what was drawn: for whoever wants to see what was missed. False where the data
-    are not the same to the last bit."""
+    """Opened sets of a record once more, from what was drawn: for whoever wants to see what was missed. 1 where the data are not
+    the same to the last bit."""
     cases = [case for record in o.records for case in score.recorded(Path(record))[0]]
     opened = {}
     for case in cases:
@@ -184,7 +191,7 @@ def again(o):
     same = True
     for name in o.set:
         same &= make_again(Path(o.out), name, opened[name])
-    return same
+    return 0 if same else 1
 
 
 def make_again(out, name, answer):
@@ -220,47 +227,97 @@ KEEP = ("verdict", "sentence", "location", "causes", "accepted", "closed", "left
 
 
 def diagnose(o):
-    """Whether all that was looked at has an answer that can be counted."""
+    """0 where all that was looked at has an answer that can be counted, 1 where that went wrong now, 3 where it had before."""
     folder = Path(o.campaign)
     if not any((folder / "seals").glob("*.json")):
         raise Wrong(f"--campaign {folder}: no sealed sets in its folder seals; gap_blind make writes them")
     vault = vault_of(folder, o.vault)
     command = o.command or [str(o.tendril), "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "--no-next", "{set}"]
+    for place, what in (("{set}", "where the data are"), ("{out}", "where to leave report.json")):
+        if not any(place in word for word in command[1:]):
+            raise Wrong(f"the command after -- does not say {place}, by which it learns {what}; write {place} into it")
     program = shutil.which(command[0])
     if not program:
         raise Wrong(f"{command[0]}: no such program; give --tendril or the command after --")
+    ledger, head = vault / LEDGER, folder / HEAD
+    if entered(ledger, head) is None and head.exists() and vault.is_dir():  # told before anything is spent, as a damaged one is
+        raise Wrong(f"{ledger} is gone, in which {head} knows of lines; put it back as diagnose left it")
     with contextlib.suppress(PermissionError):
         folder.chmod(0o700)  # the order and times of seals say something of what was planted
     prefix, how = confined(vault, folder)
     command[0] = str(Path(program).absolute())  # it runs elsewhere
     (folder / "answers").mkdir(exist_ok=True)
-    entered(vault / LEDGER)  # a damaged one is told before anything is spent
-    program_sha256 = sha(Path(program).read_bytes())
-    good = True
+    facts = dict(program_sha256=sha(Path(program).read_bytes()), confined=bool(prefix), vault=how)
+    good, there, begun, failed, gone = True, 0, False, [], []
     for k in shard_ids(o.sets or 100000, o.shard):
         if not (folder / "seals" / f"{k:04d}.json").exists():
             continue
-        for name in (f"{k:04d}", f"{k:04d}_followup"):
-            if not (folder / "sets" / name).exists() or (folder / "answers" / f"{name}.json").exists():
+        there += 1
+        try:
+            seal = seal_of(folder, f"{k:04d}")
+        except ValueError as wrong:
+            print(f"{k:04d}: not answered: {wrong}", flush=True)
+            good = False
+            continue
+        for name in [f"{k:04d}"] + [f"{k:04d}_followup"] * ("followup_sha256" in seal):
+            answer = folder / "answers" / f"{name}.json"
+            if answer.exists():
+                failed += [name] * (not says_something(answer))
                 continue
+            if not (folder / "sets" / name).exists():
+                gone.append(name)
+                continue
+            begun = True
             with mine(folder / "answers" / f".{name}.lock") as free:
-                if not free or (folder / "answers" / f"{name}.json").exists():
+                if not free or answer.exists():
                     continue
                 try:
-                    good &= answer_one(folder, vault, name, command, dict(program_sha256=program_sha256, confined=bool(prefix), vault=how),
-                                       prefix, o.timeout)
+                    good &= answer_one(folder, vault, name, seal, command, facts, prefix, o.timeout)
                 except (NotRun, OSError, ValueError, KeyError) as wrong:  # of this set alone; nothing is answered
                     print(f"{name}: not answered: {wrong}", flush=True)
                     good = False
-    return good
+    if failed:
+        print(f"{len(failed)} failed to answer before: {listed(failed)}; they are not done again, and count as failed", flush=True)
+    if gone:
+        print(f"the data of {len(gone)} are gone: {listed(gone)}; put them back into {folder / 'sets'} to have them answered", flush=True)
+    if not there:
+        print(f"--shard {o.shard}: no sealed set is in this part", flush=True)
+    elif good and not (begun or failed or gone):
+        print("nothing to diagnose: every sealed set of this part is answered", flush=True)
+    if ledger.exists():
+        print(f"ledger of answers: {end_of(ledger)}; note it elsewhere: score says it again", flush=True)
+    return 1 if not good else 3 if failed or gone else 0
 
 
-def answer_one(folder, vault, name, command, facts, prefix, timeout_s):
-    seal = json.loads((folder / "seals" / f"{name.removesuffix('_followup')}.json").read_text())
+def says_something(answer):
+    """Whether an answer that was given holds a report."""
+    try:
+        return json.loads(answer.read_text())["report"] is not None
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return False
+
+
+def answer_one(folder, vault, name, seal, command, facts, prefix, timeout_s):
     data, before = folder / "sets" / name, digest(folder / "sets" / name)
     if before != seal["followup_sha256" if name.endswith("_followup") else "data_sha256"]:
         raise NotRun("its data are not the sealed ones")
-    report, run = diagnose_one(command, data, prefix, timeout_s)
+    facts = dict(facts, seal_sha256=seal_sha(seal))
+
+    def note(**what):
+        if vault.is_dir():
+            enter(vault / LEDGER, folder / HEAD, name, **what, seal_sha256=facts["seal_sha256"])
+    # Before it runs, so that nobody looks at what it finds and begins anew without a trace.
+    note(begun_ns=now(), program_sha256=facts["program_sha256"])
+    try:
+        report, run = diagnose_one(command, data, prefix, timeout_s)
+    except NotRun as wrong:
+        note(not_answered=str(wrong))
+        raise
+    if run["exit_code"] in WRONG_USE:
+        said = (run["error"].strip().splitlines() or ["it said nothing"])[-1]
+        note(not_answered=f"exit code {run['exit_code']}: {said}")
+        raise Wrong(f"set {name}: the command was not run as it should be, exit code {run['exit_code']}: {said}; nothing was answered, "
+                    "only that it was begun is written down; mend the command (one that fails at a set has to exit with 1)")
     if report:
         try:
             score.check_report(report)
@@ -269,9 +326,9 @@ def answer_one(folder, vault, name, command, facts, prefix, timeout_s):
     answer = dict(id=name, data_sha256=before, **facts, report=report and {key: report[key] for key in KEEP if key in report}, **run)
     text = json.dumps(answer) + "\n"
     write_once(folder / "answers" / f"{name}.json", text)
-    if vault.is_dir():
-        enter(vault / LEDGER, name, text)
-    print(f"{name}: {report['verdict'] if report else 'failed: ' + run['error'].strip()[-200:]}, "
+    note(sha256=sha(text.encode()))
+    failed = run["error"].strip()[-200:] or f"exit code {run['exit_code']}"
+    print(f"{name}: {report['verdict'] if report else 'failed: ' + failed}, "
           f"{(run['finished_ns'] - run['started_ns']) / 1e9:.1f} s", flush=True)
     return report is not None
 
@@ -293,46 +350,65 @@ def at_least(least, kind):
     return number
 
 
+CODES = dict(  # exit codes, for --help
+    make="0 every set of the part is sealed or another process is at it; 1 a set could not be made",
+    diagnose="0 every sealed set of the part is answered, or another process is at it; 1 a set failed to answer or could not be "
+             "answered; 3 none did so now, but sets failed before or their data are gone",
+    again="0 the same data; 1 not to the last bit",
+    score="0 counted, whatever came out; 1 a file could not be read or written; 141 what it printed to was closed")
+
+
 def main():
     a = argparse.ArgumentParser(prog="gap_blind", description="Sealed test of tendril gap diagnose on a foreign plant's data.")
     sub = a.add_subparsers(dest="what", required=True)
-    m = sub.add_parser("make", help="draw, simulate and seal")
+
+    def parser(name, does):
+        return sub.add_parser(name, help=does, description=does[0].upper() + does[1:] + ".",
+                              epilog=f"Exit codes: {CODES[name]}; 2 wrong use or damaged input; 130 stopped by hand.")
+    m = parser("make", "draw, simulate and seal")
     m.add_argument("--campaign", required=True, help="folder of sets, seals and answers")
-    m.add_argument("--vault", help="folder of the answers (default: CAMPAIGN.vault)")
+    m.add_argument("--vault", help="folder of the opened truth, new or empty at first (default: CAMPAIGN.vault)")
     m.add_argument("--sets", type=at_least(1, int), required=True, help="of the whole campaign")
-    m.add_argument("--families", type=int, default=5, choices=range(2, 8), help="kinds of excitation in a set")
+    m.add_argument("--families", type=int, default=5, choices=range(2, 8), help="kinds of excitation in a set (default: 5)")
     m.add_argument("--effects", metavar="LIST", type=lambda text: text.split(","),
                    help="draw those that the library has among these only, with commas between (default: all)")
     m.add_argument("--mujoco", metavar="SHARE", type=share, default=0.25,
                    help="of the sets that both plants can do, so many are MuJoCo's (default: 0.25; 0: none, the untied chain neither)")
-    m.add_argument("--shard", default="1/1", help="i/n: this part of the sets")
-    d = sub.add_parser("diagnose", help="run the diagnosis on what is sealed, once a set")
-    d.add_argument("--campaign", required=True)
-    d.add_argument("--vault", help="what the diagnosis must not read (default: CAMPAIGN.vault)")
+    m.add_argument("--shard", default="1/1", help="i/n: this part of the sets (default: 1/1, all)")
+    d = parser("diagnose", "run the diagnosis on what is sealed, once a set")
+    d.add_argument("--campaign", required=True, help="folder that make filled; answers go into its folder answers")
+    d.add_argument("--vault", help="what the diagnosis must not read (default: where make put it)")
     d.add_argument("--sets", type=at_least(1, int), help="only the first so many (default: all that are sealed)")
-    d.add_argument("--shard", default="1/1", help="i/n: this part of the sets")
+    d.add_argument("--shard", default="1/1", help="i/n: this part of the sets (default: 1/1, all)")
     d.add_argument("--tendril", default="tendril", help="the program (default: the one in PATH)")
-    d.add_argument("--timeout", type=at_least(1, float), default=3600, help="seconds for one set")
-    d.add_argument("command", nargs="*", help="another command after --, with {robot}, {set}, {out}")
-    g = sub.add_parser("again", help="make opened sets of a record once more, to look at what was missed")
+    d.add_argument("--timeout", type=at_least(1, float), default=3600, metavar="SECONDS",
+                   help="for one set, 1 and more; what takes longer has failed to answer (default: 3600)")
+    d.add_argument("command", nargs="*", help="another command after --, with {set} and {out} in it, and {robot} where it needs that; "
+                                              "exit codes 2, 126 and 127 mean that it was called wrongly, and stop all")
+    g = parser("again", "make opened sets of a record once more, to look at what was missed")
     g.add_argument("records", nargs="+", help="files that score --record wrote")
     g.add_argument("--set", action="append", required=True, metavar="ID", help="which, such as 0076; may be given several times")
     g.add_argument("--out", required=True, metavar="DIR", help="folder for them; each becomes DIR/ID")
-    s = sub.add_parser("score", help="open the seals and count")
-    s.add_argument("campaigns", nargs="+", help="folders, or records of campaigns opened before")
-    s.add_argument("--vault", help="folder of the answers (default: CAMPAIGN.vault)")
+    s = parser("score", "open the seals and count")
+    s.add_argument("campaigns", nargs="+", help="folders, or records of campaigns opened before; all are counted together")
+    s.add_argument("--vault", help="folder of the opened truth (default: where make put it)")
     s.add_argument("--json", metavar="FILE", help="the table's numbers")
     s.add_argument("--picture", metavar="FILE", help="reliability diagram, detection curve and confusion matrix (.png, .svg or .pdf)")
     s.add_argument("--record", metavar="FILE", help="also what the score is made of, a line a set; written once")
     s.add_argument("--oracle", metavar="TENDRIL", help="also let this program fit the effect that it is told, on every single")
     o = a.parse_args()
-    return 1 if dict(make=make, diagnose=diagnose, again=again, score=score.score)[o.what](o) is False else 0
+    return dict(make=make, diagnose=diagnose, again=again, score=score.score)[o.what](o) or 0
 
 
 if __name__ == "__main__":
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # what is running ends with it, as with Ctrl-C
     try:
-        sys.exit(main())
+        code = main()
+        sys.stdout.flush()
+        sys.exit(code)
+    except BrokenPipeError:  # whoever read it, such as head, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(141)
     except Wrong as error:
         print(f"gap_blind: {error}", file=sys.stderr)
         sys.exit(2)
@@ -343,9 +419,11 @@ if __name__ == "__main__":
         print(f"gap_blind: {error}", file=sys.stderr)
         sys.exit(1)
     except ModuleNotFoundError as missing:
-        which = "matplotlib (python3-matplotlib)" if missing.name == "matplotlib" else "those of tests/blind/requirements.txt"
-        print(f"gap_blind: no Python package {missing.name}: install {which} and name the Python that has them, "
-              "PYTHON=.../bin/python tools/gap_blind ...", file=sys.stderr)
+        picture = (missing.name or "").startswith("matplotlib")
+        which, python = (("it (Debian: python3-matplotlib)", "/usr/bin/python3") if picture else
+                         ("those of tests/blind/requirements.txt", ".../bin/python"))
+        print(f"gap_blind: no Python package {missing.name}: install {which} and name the Python that has {'it' if picture else 'them'}, "
+              f"PYTHON={python} tools/gap_blind ...", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         print("gap_blind: stopped; what is done stays, and the same command goes on", file=sys.stderr)

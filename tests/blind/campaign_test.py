@@ -34,7 +34,7 @@ class SmallCampaign(unittest.TestCase):
             Path(scratch).chmod(0o755)
             folder = Path(scratch) / "c"
             shards("make", "--campaign", folder, "--sets", SETS, "--families", FAMILIES, "--effects", ",".join(EFFECTS),
-                   "--mujoco", "0.1")
+                   "--mujoco", "0.05")
             shards("diagnose", "--campaign", folder, "--sets", SETS, after=[
                 "--", TENDRIL, "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "--no-next", "--threads", "1",
                 "--refits", "3", "--only", ",".join(EFFECTS + FREE), "{set}"])

@@ -6,10 +6,11 @@ import random
 import shutil
 import stat
 import statistics
+import sys
 from pathlib import Path
 
-from tests.blind.seal import (LEDGER, NotRun, Wrong, diagnose_one, digest, entered, parts_of, sha, shard_ids, vault_of,
-                              write_once)
+from tests.blind.seal import (HEAD, LEDGER, NotRun, Wrong, diagnose_one, digest, end_of, entered, listed, parts_of, seal_of,
+                              seal_sha, sha, shard_ids, vault_of, write_once)
 
 SEEN = 0.3  # sigma from which half of all effects shall be seen
 UNSEEN = 0.03  # sigma, a third of the least that is drawn: the short runs that tell sizes missed the effect
@@ -35,7 +36,7 @@ def checked(truth, record):
     need(all_of(truth.get("sizes"), lambda x: numbers(x.get("sigma")) and x["sigma"] >= 0), "truth's sizes")
     need(text(record.get("id")) and text(record.get("data_sha256")) and text(record.get("program_sha256")), "record without id or hashes")
     need(isinstance(record.get("started_ns"), int), "record without time")
-    need(text(record.get("vault", "")), "record's vault")
+    need(text(record.get("vault", "")) and text(record.get("seal_sha256", "")), "record's vault or seal_sha256")
     if record.get("report") is not None:
         check_report(record["report"])
 
@@ -74,6 +75,8 @@ def refused(seal, answer_text, record, data=None):
     """Why a record does not count, or None."""
     if sha(answer_text.encode()) != seal["answer_sha256"]:
         return "the opened answer is not the sealed one"
+    if record.get("seal_sha256", seal_sha(seal)) != seal_sha(seal):  # answers up to c15 do not name it
+        return "its seal is not the one it was diagnosed under"
     wanted = seal["followup_sha256"] if record["id"].endswith("_followup") else seal["data_sha256"]
     if record["data_sha256"] != wanted or (data is not None and data.exists() and digest(data) != wanted):
         return "the data are not the sealed ones"
@@ -117,7 +120,7 @@ class Case:
             closed = report.get("closed") or {}
             report["closed"] = {k: {"value": closed[k].get("value")} for k in ("pooled", "ceiling") if closed.get(k)}
             report["build"] = self.build
-        kept = ("id", "data_sha256", "program_sha256", "started_ns", "finished_ns", "confined", "vault")
+        kept = ("id", "data_sha256", "program_sha256", "seal_sha256", "started_ns", "finished_ns", "confined", "vault")
         line = dict(record=dict({k: self.record[k] for k in kept if k in self.record}, report=report), oracle=self.oracle)
         if self.sealed:
             return dict(opened=self.sealed[0], seal=self.sealed[1], **line)
@@ -358,7 +361,7 @@ def table(cases, followups, refusals):
         if c.kind != "pair" and (c.kind in ("null", "nuisance_null") or c.sigma > 1):
             planted = "nothing" if not c.wanted else "none of the library's" if c.kind == "unlisted" else c.wanted[0][0]
             named = ("diagnosis failed" if not c.report else "no gap" if not c.alarm() else "unexplained" if not c.names_causes()
-                     else c.wanted[0][0] if c.group_hit() else c.top["effect"])
+                     else c.wanted[0][0] if c.group_hit() else "no gap or a cause" if c.top["effect"] == "no_gap" else c.top["effect"])
             row_of = matrix.setdefault(planted, {})
             row_of[named] = row_of.get(named, 0) + 1
     numbers["confusion matrix, > 1 sigma"] = {a: dict(sorted(b.items())) for a, b in sorted(matrix.items())}
@@ -399,7 +402,7 @@ def picture(numbers, path):
     """Reliability diagram, detection curve and confusion matrix."""
     from matplotlib.figure import Figure
     matrix = numbers["confusion matrix, > 1 sigma"]
-    besides = ("no gap", "unexplained", "diagnosis failed")
+    besides = ("no gap", "no gap or a cause", "unexplained", "diagnosis failed")
     named = sorted({n for row in matrix.values() for n in row} - {*besides}) + [n for n in besides if any(n in r for r in matrix.values())]
     planted = [n for n in named if n in matrix] + [n for n in matrix if n not in named]
     tall = 0.2 * len(planted) + 2
@@ -463,39 +466,54 @@ def told(program, case, data):
         except NotRun as wrong:
             report, trouble = None, wrong
         if report is None:  # not kept: the next time it is tried again
-            print(f"oracle, {case.id}: {trouble}", flush=True)
+            print(f"oracle, {case.id}: {trouble}", file=sys.stderr, flush=True)
             return None
         write_once(kept, json.dumps({"closed": report["closed"]}) + "\n")
     return json.loads(kept.read_text())
 
 
 def opened(folder, vault, oracle):
-    """A campaign's cases, what is refused, and its parts: (cases, [(name, why)], [(part, of how many, sets of the whole)])."""
-    cases, refusals = [], []
+    """A campaign's cases, what is refused, its parts, and what else is to be said of it: (cases, [(name, why)],
+    [(part, of how many, sets of the whole)], [note])."""
+    cases, refusals, notes = [], [], []
     if not vault.is_dir():
         raise Wrong(f"{vault}: the answers of {folder} are not there; name their folder with --vault")
-    seals = sorted((folder / "seals").glob("*.json"))
-    sealed = {p.stem for p in seals}
-    answers = entered(vault / LEDGER)
+    sealed = sorted(p.stem for p in (folder / "seals").glob("*.json"))
+    entries = entered(vault / LEDGER, folder / HEAD)
+    given, begun, seals = {}, {}, {}  # by name: hashes of answers, how often it was begun, hashes of its seal
+    for entry in entries or ():
+        name = entry["name"]
+        given.setdefault(name, []).extend(filter(None, [entry["sha256"]]))
+        begun[name] = begun.get(name, 0) + ("begun_ns" in entry)
+        seals.setdefault(name, set()).update(filter(None, [entry["seal_sha256"]]))
     parts = parts_of(vault)
     drawn = {f"{k:04d}" for part, whole, count in parts for k in shard_ids(count, f"{part}/{whole}")}
-    gone = ({p.stem for p in vault.glob("*.json")} | {name.removesuffix("_followup") for name in answers or ()}) - sealed
+    gone = ({p.stem for p in vault.glob("*.json")} | {name.removesuffix("_followup") for name in given}) - set(sealed)
     refusals += [(name, "its seal is gone") for name in sorted(gone)]
-    refusals += [(name, "drawn, not made") for name in sorted(drawn - sealed - gone)]
-    if answers is None:
-        print(f"{vault / LEDGER}: not there, so that nobody knows whether a set was answered twice (nor is it where the vault was "
-              "away from the diagnosis)")
-    for seal_file in seals:
-        name = seal_file.stem
+    refusals += [(name, "drawn, not made") for name in sorted(drawn - set(sealed) - gone)]
+    if entries is None:
+        notes.append("its ledger of answers is " + ("gone" if (folder / HEAD).exists() else "not there (nor is it where the vault was away "
+                     "from the diagnosis)") + ", so that nobody knows whether a set was answered twice")
+    else:
+        notes.append(f"ledger of answers: {end_of(vault / LEDGER)}")
+    dataless, unlisted, unbound = [], [], 0
+    for name in sealed:
         try:
-            seal = json.loads(seal_file.read_text())
-            need(isinstance(seal, dict) and seal.get("id") == name, "not its seal")
+            seal = seal_of(folder, name)
+        except ValueError as wrong:
+            refusals.append((name, str(wrong)))
+            continue
+        try:
             text = (vault / f"{name}.json").read_text()
             truth = json.loads(text)
             for which in [name] + [f"{name}_followup"] * ("followup_sha256" in seal):
-                path = folder / "answers" / f"{which}.json"
+                path, data = folder / "answers" / f"{which}.json", folder / "sets" / which
+                if not data.exists():
+                    dataless.append(which)
                 if not path.exists():
-                    refusals.append((which, "not diagnosed"))
+                    times = begun.get(which, 0)
+                    refusals.append((which, f"begun {times} times, not answered" if times > 1 else "begun, not answered" if times else
+                                     "not diagnosed"))
                     continue
                 try:
                     answer = path.read_text()
@@ -505,31 +523,48 @@ def opened(folder, vault, oracle):
                 except (ValueError, OSError, KeyError, TypeError, OverflowError, RecursionError) as wrong:
                     refusals.append((which, f"its answer: {wrong}"))
                     continue
-                why = refused(seal, text, record, folder / "sets" / which)
+                why = refused(seal, text, record, data)
                 if os.stat(path).st_mode & stat.S_IWUSR:
                     why = why or "the answer's file can be rewritten"
-                if answers is not None:
-                    written = answers.get(which, [])
+                if entries is not None:
+                    written = given.get(which, [])
                     if len(written) > 1:
                         why = why or f"answered {len(written)} times"
+                    elif not written:
+                        unlisted.append(which)
+                        why = why or "not in the ledger of answers"
                     elif written != [sha(answer.encode())]:
                         why = why or "not the answer that was given"
+                    if seals.get(which, set()) - {seal_sha(seal)}:
+                        why = why or "its seal is not the one it was diagnosed under"
                 if why:
                     refusals.append((which, why))
                     continue
+                unbound += "seal_sha256" not in record
                 if oracle and not case.followup:
-                    case.oracle = told(oracle, case, (folder / "sets" / which).resolve())
+                    case.oracle = told(oracle, case, data.resolve())
                 cases.append(case)
         except FileNotFoundError as wrong:
-            refusals.append((name, f"{wrong.filename} is not there (--vault)"))
+            refusals.append((name, f"{Path(wrong.filename).name} is not in the vault (--vault)"))
         except (ValueError, KeyError, OSError, TypeError, OverflowError, RecursionError) as wrong:
-            refusals.append((name, f"its seal or sealed answer: {type(wrong).__name__}: {wrong}"))
-    return cases, refusals, parts
+            refusals.append((name, f"{name}.json in the vault, or its data: {type(wrong).__name__}: "
+                                   f"{getattr(wrong, 'strerror', None) or wrong}; put them back from a copy"))
+    twice = [f"{name} ({times} times)" for name, times in sorted(begun.items()) if times > 1]
+    if twice:
+        notes.append(f"begun more than once, as what was stopped may be: {listed(twice)}")
+    if unbound:
+        notes.append(f"{unbound} answers not bound to their seals: they do not say under which they were given (up to c15 none does)")
+    if dataless:
+        notes.append(f"the data of {len(dataless)} are gone, and were not compared with the seals: {listed(dataless)}")
+    if gone or unlisted:
+        notes.append(f"{len(gone)} in the vault or its ledger without a seal here, {len(unlisted)} answers not in the ledger: where two "
+                     "vaults were copied into one, take them apart and name both campaigns, score CAMPAIGN1 CAMPAIGN2")
+    return cases, refusals, parts, notes
 
 
 def recorded(path):
     """The same of the record of a campaign that was opened before."""
-    cases, refusals, parts, head = [], [], [], None
+    cases, refusals, parts, notes, head = [], [], [], [], None
     try:
         lines = path.read_text().splitlines()
     except (OSError, ValueError) as wrong:
@@ -540,10 +575,14 @@ def recorded(path):
             need(isinstance(x, dict), "no object")
             if number == 1 and "lines" in x:
                 head, parts = x, [tuple(part) for part in x["parts"]]
+                need(isinstance(x["sha256"], str) and all(len(p) == 3 and all(isinstance(n, int) for n in p) for p in parts), "first line")
                 continue
             if "refused" in x:
                 need(isinstance(x["refused"], list) and len(x["refused"]) == 2, "refused takes a set and a reason")
                 refusals.append(tuple(map(str, x["refused"])))
+                continue
+            if "note" in x:
+                notes.append(str(x["note"]))
                 continue
             truth = json.loads(x["opened"]) if "opened" in x else x["truth"]
             case = Case(truth, x["record"], x["oracle"], (x["opened"], x["seal"]) if "opened" in x else None)
@@ -553,12 +592,14 @@ def recorded(path):
             else:
                 cases.append(case)
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as wrong:
-            raise Wrong(f"{path}:{number}: not a line of a record: {type(wrong).__name__}: {wrong}")
+            raise Wrong(f"{path}:{number}: not a line of a record: {type(wrong).__name__}: {wrong}; "
+                        "take the record as score --record wrote it")
     if not cases and not refusals:
         raise Wrong(f"{path}: neither a campaign with sealed sets nor the record of one (it is empty)")
     if head and (len(lines) - 1 != head["lines"] or sha("\n".join(lines[1:]).encode()) != head["sha256"]):
-        raise Wrong(f"{path}: its first line is of other lines ({head['lines']}, there are {len(lines) - 1}): take the record as it was written")
-    return cases, refusals, parts
+        raise Wrong(f"{path}: its first line is of other lines ({head['lines']}, there are {len(lines) - 1}): "
+                    "take the record as score --record wrote it")
+    return cases, refusals, parts, notes
 
 
 def head_of(lines, parts):
@@ -567,7 +608,7 @@ def head_of(lines, parts):
 
 
 def score(o):
-    cases, refusals, parts, counted = [], [], [], set()
+    cases, refusals, parts, notes, counted = [], [], [], [], set()
     if o.record and Path(o.record).exists():
         raise Wrong(f"--record {o.record}: is there already, and written once; give another name")
     if o.oracle and not shutil.which(o.oracle):
@@ -579,6 +620,8 @@ def score(o):
             raise Wrong(f"{output}: a folder; name a file in it")
     if o.picture and Path(o.picture).suffix not in (".png", ".svg", ".pdf"):
         raise Wrong(f"--picture {o.picture}: accepted are names in .png, .svg and .pdf")
+    if o.picture:
+        import matplotlib.figure  # noqa: F401  (where it is missing, that is told before anything is written)
     for campaign in map(Path, o.campaigns):
         if campaign.is_file():
             if o.oracle:
@@ -596,23 +639,29 @@ def score(o):
         cases += more[0]
         refusals += more[1]
         parts += more[2]
+        notes += [(campaign, note) for note in more[3]]
     sets = [c for c in cases if not c.followup]
     lines, numbers = table(sets, [c for c in cases if c.followup], refusals)
-    bare = sorted(c.id for c in sets if not c.sealed)
-    print(f"{len(sets)} sealed sets, {len(refusals)} refused")
-    if bare:
-        print(f"Of {len(bare)} the record holds no seal, so that none was checked: {', '.join(bare[:8])}{' ...' if len(bare) > 8 else ''}")
-    for whole, count in sorted({part[1:] for part in parts}):
-        there = sorted(part[0] for part in parts if part[1:] == (whole, count))
-        print(f"Parts of {count} sets: {', '.join(map(str, there))} of {whole}")
-    print()
-    print("\n".join(lines))
-    if o.record:
-        written = [json.dumps(x, separators=(",", ":")) for x in [c.line() for c in cases] + [dict(refused=r) for r in refusals]]
-        write_once(Path(o.record), "\n".join([head_of(written, sorted(parts)), *written]) + "\n")
+    # What is to last comes before what is printed, which nobody may be there to read.
     if o.json:
         finite = lambda v: ({k: finite(x) for k, x in v.items()} if isinstance(v, dict) else [finite(x) for x in v]
                             if isinstance(v, (list, tuple)) else None if isinstance(v, float) and not math.isfinite(v) else v)
-        Path(o.json).write_text(json.dumps(finite(dict(numbers, sets=len(sets), refused=refusals)), indent=1) + "\n")
+        Path(o.json).write_text(json.dumps(finite(dict(numbers, sets=len(sets), refused=refusals, notes=[n for _, n in notes])), indent=1)
+                                + "\n")
     if o.picture:
         picture(numbers, o.picture)
+    if o.record:
+        written = [json.dumps(x, separators=(",", ":")) for x in [c.line() for c in cases] + [dict(refused=r) for r in refusals] +
+                   [dict(note=n) for _, n in notes]]
+        write_once(Path(o.record), "\n".join([head_of(written, sorted(parts)), *written]) + "\n")
+    bare = sorted(c.id for c in sets if not c.sealed)
+    print(f"{len(sets)} sealed sets, {len(refusals)} refused")
+    if bare:
+        print(f"Of {len(bare)} the record holds no seal, so that none was checked: {listed(bare)}")
+    for whole, count in sorted({part[1:] for part in parts}):
+        there = sorted(part[0] for part in parts if part[1:] == (whole, count))
+        print(f"Parts of {count} sets: {', '.join(map(str, there))} of {whole}")
+    for campaign, note in notes:
+        print(f"{campaign}: {note}")
+    print()
+    print("\n".join(lines))

@@ -5,6 +5,7 @@ import fcntl
 import hashlib
 import json
 import os
+import re
 import shutil
 import signal
 import stat
@@ -14,7 +15,9 @@ import time
 from pathlib import Path
 
 
-LEDGER = "answers.ledger"  # in the vault: what was answered, in order
+LEDGER = "answers.ledger"  # in the vault: what was begun and answered, in order
+HEAD = "ledger.head"  # in the campaign: how far the ledger had come, so that lines taken off its end show
+WRONG_USE = (2, 126, 127)  # exit codes of a command that was called wrongly, may not be run or is not there
 MOST_BYTES = 200_000_000  # of a report
 OTHER_USER = 65534  # as whom root lets the command run: nobody
 
@@ -45,7 +48,8 @@ def shard_ids(count, shard):
 
 def parts_of(vault):
     """(part, of how many, sets of the whole) of every part that a maker has begun."""
-    return sorted(tuple(map(int, path.stem.split("_of_"))) for path in vault.glob("*_of_*_of_*.kinds"))
+    return sorted(tuple(map(int, path.stem.split("_of_"))) for path in vault.glob("*_of_*_of_*.kinds")
+                  if re.fullmatch(r"\d+_of_\d+_of_\d+", path.stem))
 
 
 def write_once(path, text):
@@ -81,34 +85,91 @@ def digest(folder):
     return h.hexdigest()
 
 
-def enter(ledger, name, text):
-    """Writes down that `name` was answered so; what was answered again, or changed since, shows beside it."""
-    with open(ledger, "a+") as file:
+def listed(names):
+    """The first of many names."""
+    return ", ".join(names[:8]) + (" ..." if len(names) > 8 else "")
+
+
+def seal_of(folder, name):
+    """A set's seal. ValueError where its file is none."""
+    path = folder / "seals" / f"{name}.json"
+    try:
+        seal = json.loads(path.read_text())
+        hashes = [seal["answer_sha256"], seal["data_sha256"], seal.get("followup_sha256", "")]
+        if seal["id"] != name or not all(isinstance(h, str) for h in hashes) or not isinstance(seal["sealed_ns"], int):
+            raise ValueError("other fields")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as wrong:
+        raise ValueError(f"seals/{path.name} is no seal that make wrote ({type(wrong).__name__}: {wrong}); put it back from a copy")
+    return seal
+
+
+def seal_sha(seal):
+    """SHA-256 of a seal's file as make writes it, also of a seal that only a record holds."""
+    return sha((json.dumps(seal) + "\n").encode())
+
+
+def enter(ledger, head, name, **what):
+    """Writes down what became of `name`: begun, answered or not. What was done again, changed or taken out since shows by it."""
+    with open(ledger, "ab+", buffering=0) as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         file.seek(0)
-        lines = file.read().splitlines()
-        entry = dict(name=name, sha256=sha(text.encode()), before=sha(lines[-1].encode()) if lines else "")
-        file.write(json.dumps(entry) + "\n")
-        file.flush()
+        lines = file.read().decode(errors="replace").splitlines()
+        not_cut(lines, ledger, head)
+        lines.append(json.dumps(dict(name=name, **what, before=sha(lines[-1].encode()) if lines else "")))
+        end, line = file.tell(), (lines[-1] + "\n").encode()
+        if file.write(line) < len(line):
+            file.truncate(end)
+            raise OSError(f"no space left for a line of {ledger}")
         os.fsync(file.fileno())
+        new = head.with_name(f"{head.name}.new")
+        new.write_text(json.dumps(dict(lines=len(lines), sha256=sha(lines[-1].encode()))) + "\n")
+        os.replace(new, head)
 
 
-def entered(ledger):
-    """{name: [sha256 of each answer]}; None without a ledger. ValueError where a line was changed or taken out."""
+def not_cut(lines, ledger, head):
+    """Wrong where lines are missing at the ledger's end. One more than the head knows of is what an interruption leaves."""
+    if not head.exists():
+        if sum('"seal_sha256"' in line for line in lines) > 1:  # up to c15 there was none
+            raise Wrong(f"{head} is gone, which says how many lines {ledger} has; put it back as diagnose left it")
+        return
+    try:
+        known = json.loads(head.read_text())
+        count, last = int(known["lines"]), known["sha256"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise Wrong(f"{head} says no longer how many lines {ledger} has; put it back as diagnose left it")
+    if not 1 <= count <= len(lines) or sha(lines[count - 1].encode()) != last:
+        raise Wrong(f"{ledger}: {len(lines)} lines, not the {count} that {head} knows of; put it back as diagnose left it, or, where two "
+                    "vaults were copied into one, take them apart and name both campaigns: score CAMPAIGN1 CAMPAIGN2")
+
+
+def end_of(ledger):
+    """Length and last line's hash of a ledger: whoever notes them elsewhere sees whether any line was taken off since."""
+    lines = ledger.read_text(errors="replace").splitlines()
+    return f"{len(lines)} lines, the last {sha(lines[-1].encode())[:16]}" if lines else "empty"
+
+
+def entered(ledger, head):
+    """Lines of the ledger; None without one. Wrong where a line was changed or taken out."""
     if not ledger.exists():
         return None
-    answers, before = {}, ""
-    for number, line in enumerate(ledger.read_text().splitlines(), 1):
-        try:
-            entry = json.loads(line)
-            name, given, follows = entry["name"], entry["sha256"], entry["before"]
-        except (ValueError, KeyError, TypeError):
-            raise ValueError(f"{ledger}:{number}: not a line of a ledger of answers: {line[:60]}")
-        if follows != before:
-            raise ValueError(f"{ledger}:{number}: the line of {name} does not follow the one above it")
-        before = sha(line.encode())
-        answers.setdefault(name, []).append(given)
-    return answers
+    entries, before, remedy = [], "", "; put the ledger back as diagnose left it"
+    texts = ("name", "before", "sha256", "seal_sha256")
+    with open(ledger, errors="replace") as file:
+        fcntl.flock(file, fcntl.LOCK_SH)  # nobody writes to it and to the head meanwhile
+        lines = file.read().splitlines()
+        for number, line in enumerate(lines, 1):
+            try:
+                entry = dict.fromkeys(texts[2:], "") | json.loads(line)
+                if not all(isinstance(entry[key], str) for key in texts):
+                    raise ValueError
+            except (ValueError, KeyError, TypeError, RecursionError):
+                raise Wrong(f"{ledger}:{number}: not a line of a ledger of answers: {line[:60]}{remedy}")
+            if entry["before"] != before:
+                raise Wrong(f"{ledger}:{number}: the line of {entry['name']} does not follow the one above it{remedy}")
+            before = sha(line.encode())
+            entries.append(entry)
+        not_cut(lines, ledger, head)
+    return entries
 
 
 def confined(vault, campaign):
@@ -136,6 +197,24 @@ def confined(vault, campaign):
     if not works:
         raise Wrong(f"the diagnosis could read {vault}: move it to another machine or user, or run as root with setpriv")
     return prefix, how if there else f"{how}, no vault here"
+
+
+def may_be_vault(vault, folder):
+    """Wrong where make would take a folder that is somebody else's."""
+    inside = vault.resolve()
+    if folder.resolve() == inside or folder.resolve() in inside.parents:
+        raise Wrong(f"--vault {vault} must lie outside the campaign, which the diagnosis reads; name a new folder beside it")
+    if inside in folder.resolve().parents:
+        raise Wrong(f"--vault {vault} contains the campaign {folder}, and would be closed to all others; name a new folder beside it")
+    if vault.exists() and not vault.is_dir():
+        raise Wrong(f"--vault {vault} is no folder; name a new one")
+    # In this order: who makes another part at the same time notes the vault before it is filled.
+    filled, note = vault.exists() and any(vault.iterdir()), folder / "vault"
+    noted = note.read_text().strip() if note.exists() else None
+    if noted and Path(noted) != inside:
+        raise Wrong(f"--vault {vault}: this campaign's answers are in {noted}; name that with --vault")
+    if filled and not noted:
+        raise Wrong(f"--vault {vault} is not empty, and not this campaign's; name a new or an empty folder")
 
 
 def vault_of(folder, named):

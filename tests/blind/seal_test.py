@@ -35,11 +35,19 @@ pathlib.Path(sys.argv[2], "report.json").write_text(json.dumps(report))
 """
 
 
-def run(*words):
+TRUE = ["/bin/true", "{set}", "{out}"]
+
+
+def ran(*words):
+    """(exit code, what was printed)"""
     out = io.StringIO()
     with mock.patch.object(sys, "argv", ["gap_blind", *map(str, words)]), contextlib.redirect_stdout(out):
-        campaign.main()
-    return out.getvalue()
+        code = campaign.main()
+    return code, out.getvalue()
+
+
+def run(*words):
+    return ran(*words)[1]
 
 
 class Seal(unittest.TestCase):
@@ -86,8 +94,8 @@ class Seal(unittest.TestCase):
     def test_the_record_scores_as_the_campaign_does(self):
         record = self.folder.parent / "c.jsonl"
         text = run("score", self.folder, "--record", record)
-        self.assertEqual(len(record.read_text().splitlines()), 3)
-        self.assertEqual(run("score", record), text)
+        self.assertEqual(len(record.read_text().splitlines()), 4)
+        self.assertEqual(run("score", record), text.replace(f"{self.folder}:", f"{record}:"))
         self.assertIn("Parts of 2 sets: 1, 2 of 2", text)
         with self.assertRaisesRegex(campaign.Wrong, "set 0000 is in it or in what was named before"):
             run("score", record, self.folder)
@@ -101,7 +109,9 @@ class Seal(unittest.TestCase):
             with self.assertRaisesRegex(campaign.Wrong, "its first line is of other lines"):
                 run("score", lost)
         lines = [json.loads(line) for line in texts]
-        for change, why in ((dict(opened=lines[1]["opened"].replace('"null"', '"null" ')), "not the sealed one"),
+        forged = lines[1]["opened"].replace('"null"', '"null" ')
+        for change, why in ((dict(opened=forged), "not the sealed one"),
+                            (dict(opened=forged, seal=dict(lines[1]["seal"], answer_sha256=seal.sha(forged.encode()))), "diagnosed under"),
                             (dict(record=dict(lines[1]["record"], started_ns=0)), "older than the seal")):
             changed = self.folder.parent / "changed.jsonl"
             changed.write_text(json.dumps(lines[0]) + "\n" + json.dumps({**lines[1], **change}) + "\n")
@@ -136,7 +146,7 @@ class Seal(unittest.TestCase):
         with self.assertRaisesRegex(campaign.Wrong, "--effects cell_gain: too few for sets of kind parameter"):
             run("make", "--campaign", self.folder.parent / "d", "--sets", 1, "--effects", "cell_gain")
         self.assertFalse((self.folder.parent / "d").exists())
-        for words in (["score", self.folder.parent / "nowhere"], ["diagnose", "--campaign", self.folder.parent, "--", "/bin/true"]):
+        for words in (["score", self.folder.parent / "nowhere"], ["diagnose", "--campaign", self.folder.parent, "--", *TRUE]):
             with self.assertRaisesRegex(campaign.Wrong, "sealed sets"):
                 run(*words)
         elsewhere = self.folder.parent / "elsewhere"
@@ -191,7 +201,7 @@ class Seal(unittest.TestCase):
     def test_answers_given_twice_rewritten_or_without_a_seal_do_not_count(self):
         for change, why in (
                 (lambda folder, vault, answer: answer.write_text(answer.read_text().replace("no_gap", "unexplained", 1)), "not the answer that was given"),
-                (lambda folder, vault, answer: run("diagnose", "--campaign", folder, "--", "/bin/true") if answer.unlink() is None else 0, "answered 2 times"),
+                (lambda folder, vault, answer: run("diagnose", "--campaign", folder, "--", *TRUE) if answer.unlink() is None else 0, "answered 2 times"),
                 (lambda folder, vault, answer: (folder / "seals" / "0000.json").unlink(), "its seal is gone")):
             with self.copied() as (folder, vault):
                 answer = folder / "answers" / "0000.json"
@@ -206,13 +216,244 @@ class Seal(unittest.TestCase):
         with self.copied() as (folder, vault):
             ledger = vault / seal.LEDGER
             ledger.write_text(ledger.read_text().splitlines(True)[-1])
-            with self.assertRaisesRegex(ValueError, "does not follow"):
+            with self.assertRaisesRegex(campaign.Wrong, "answers.ledger:1: the line of .* does not follow .*put the ledger back"):
                 run("score", folder)
             ledger.write_text('{"name": "0000", ')
-            with self.assertRaisesRegex(ValueError, "answers.ledger:1: not a line of a ledger"):
+            with self.assertRaisesRegex(campaign.Wrong, "answers.ledger:1: not a line of a ledger.*put the ledger back"):
                 run("score", folder)
             ledger.unlink()
             self.assertIn("nobody knows whether a set was answered twice", run("score", folder))
+
+    def rewrite(self, path, text):
+        path.unlink()
+        seal.write_once(path, text)
+
+    def test_a_truth_that_was_replaced_with_its_seal_does_not_count(self):
+        for also_answer in (False, True):
+            with self.copied() as (folder, vault):
+                text = (vault / "0000.json").read_text().replace('"null"', '"null" ')
+                self.rewrite(vault / "0000.json", text)
+                forged = dict(json.loads((folder / "seals" / "0000.json").read_text()), answer_sha256=seal.sha(text.encode()))
+                self.rewrite(folder / "seals" / "0000.json", json.dumps(forged) + "\n")
+                if also_answer:
+                    answer = folder / "answers" / "0000.json"
+                    self.rewrite(answer, json.dumps(dict(json.loads(answer.read_text()), seal_sha256=seal.seal_sha(forged))) + "\n")
+                text = run("score", folder)
+                self.assertIn("1 sealed sets, 1 refused", text)
+                self.assertIn("0000: not the answer that was given" if also_answer else
+                              "0000: its seal is not the one it was diagnosed under", text)
+        # A seal that was replaced after an attempt, before the answer.
+        with self.copied() as (folder, vault):
+            seal.enter(vault / seal.LEDGER, folder / seal.HEAD, "0001", begun_ns=1, seal_sha256="another")
+            self.assertIn("0001: its seal is not the one it was diagnosed under", run("score", folder))
+
+    def of_earlier_times(self, folder, vault):
+        """The campaign as it was diagnosed up to c15: no begun lines, no hash of a seal, no head."""
+        (vault / seal.LEDGER).unlink()
+        for path in sorted((folder / "answers").iterdir()):
+            answer = json.loads(path.read_text())
+            answer.pop("seal_sha256")
+            self.rewrite(path, json.dumps(answer) + "\n")
+            (folder / seal.HEAD).unlink(missing_ok=True)
+            seal.enter(vault / seal.LEDGER, folder / seal.HEAD, path.stem, sha256=seal.sha(path.read_bytes()))
+        (folder / seal.HEAD).unlink()
+
+    def test_answers_of_earlier_campaigns_count_and_are_said_not_to_be_bound(self):
+        with self.copied() as (folder, vault):
+            self.of_earlier_times(folder, vault)
+            text = run("score", folder, "--record", folder / "r.jsonl")
+            self.assertIn("2 sealed sets, 0 refused", text)
+            self.assertIn("2 answers not bound to their seals", text)
+            self.assertIn("2 answers not bound to their seals", run("score", folder / "r.jsonl"))
+        self.assertNotIn("not bound", run("score", self.folder))
+
+    def test_lines_taken_off_the_end_of_the_ledger_show(self):
+        with self.copied() as (folder, vault):
+            ledger, lines = vault / seal.LEDGER, (vault / seal.LEDGER).read_text().splitlines(True)
+            self.assertEqual([set(json.loads(line)) - {"name", "before", "seal_sha256"} for line in lines],
+                             [{"begun_ns", "program_sha256"}, {"sha256"}] * 2)
+            name = json.loads(lines[-1])["name"]
+            (folder / "answers" / f"{name}.json").unlink()
+            for kept in (3, 2, 0):
+                ledger.write_text("".join(lines[:kept]))
+                for words in (["score", folder], ["diagnose", "--campaign", folder, "--", *TRUE]):
+                    with self.assertRaisesRegex(campaign.Wrong, f"{kept} lines, not the 4 that .*ledger.head knows of; put it back"):
+                        run(*words)
+            ledger.write_text("".join(lines))
+            (folder / seal.HEAD).unlink()
+            with self.assertRaisesRegex(campaign.Wrong, "ledger.head is gone"):
+                run("diagnose", "--campaign", folder, "--", *TRUE)
+        with self.copied() as (folder, vault):  # one line more than the head knows of: stopped between the two
+            before = (folder / seal.HEAD).read_text()
+            seal.enter(vault / seal.LEDGER, folder / seal.HEAD, "0001", begun_ns=1)
+            (folder / seal.HEAD).write_text(before)
+            self.assertIn("2 sealed sets, 0 refused", run("score", folder))
+
+    def test_a_ledger_that_is_being_written_to_is_not_taken_for_a_cut_one(self):
+        with self.copied() as (folder, vault):
+            write = ("import sys; from pathlib import Path; from tests.blind import seal\n"
+                     "for k in range(300): seal.enter(Path(sys.argv[1]), Path(sys.argv[2]), str(k), begun_ns=k, seal_sha256='')")
+            ledger, head = vault / seal.LEDGER, folder / seal.HEAD
+            with subprocess.Popen([sys.executable, "-B", "-c", write, ledger, head], cwd=campaign.ROOT) as writer:
+                while writer.poll() is None:
+                    seal.entered(ledger, head)
+            self.assertEqual((writer.returncode, len(seal.entered(ledger, head))), (0, 304))
+
+    def test_a_ledger_that_is_gone_is_said_by_the_record_too(self):
+        with self.copied() as (folder, vault):
+            (vault / seal.LEDGER).unlink()
+            with self.assertRaisesRegex(campaign.Wrong, "answers.ledger is gone"):
+                run("diagnose", "--campaign", folder, "--", *TRUE)
+            for text in (run("score", folder, "--record", folder / "r.jsonl"), run("score", folder / "r.jsonl")):
+                self.assertIn("its ledger of answers is gone, so that nobody knows whether a set was answered twice", text)
+            self.assertNotIn(str(folder), (folder / "r.jsonl").read_text())
+
+    def test_what_was_begun_and_not_answered_is_written_down(self):
+        with self.copied() as (folder, vault):
+            (folder / "answers" / "0000.json").unlink()
+            ledger = vault / seal.LEDGER
+            ledger.unlink()
+            (folder / seal.HEAD).unlink()
+            killed = ["/bin/sh", "-c", "kill -9 $$", "{set}", "{out}"]
+            for times in ("begun", "begun 2 times"):
+                self.assertEqual(ran("diagnose", "--campaign", folder, "--", *killed)[0], 1)
+                self.assertIn(f"0000: {times}, not answered", run("score", folder))
+            self.assertIn("stopped from outside (SIGKILL)", json.loads(ledger.read_text().splitlines()[1])["not_answered"])
+            run("diagnose", "--campaign", folder, "--", *TRUE)
+            self.assertIn("begun more than once, as what was stopped may be: 0000 (3 times)", run("score", folder))
+
+    def test_a_command_that_is_wrong_spends_no_set(self):
+        with self.copied() as (folder, vault):
+            (folder / "answers" / "0000.json").unlink()
+            (folder / "answers" / "0001.json").unlink()
+            lines = (vault / seal.LEDGER).read_text().splitlines()
+            for words, missing in ((["/bin/true", "{set}"], "{out}"), (["/bin/true", "--out={out}"], "{set}")):
+                with self.assertRaisesRegex(campaign.Wrong, f"does not say {missing}"):
+                    run("diagnose", "--campaign", folder, "--", *words)
+            self.assertEqual((vault / seal.LEDGER).read_text().splitlines(), lines)
+            for code in (2, 126, 127):
+                with self.assertRaisesRegex(campaign.Wrong, f"set 0000: .* exit code {code}: no such flag; nothing was answered"):
+                    run("diagnose", "--campaign", folder, "--", "/bin/sh", "-c",
+                        f"echo beginning >&2; echo no such flag >&2; exit {code}", "{set}", "{out}")
+            self.assertEqual(list((folder / "answers").iterdir()), [])
+            lines = [json.loads(line) for line in (vault / seal.LEDGER).read_text().splitlines()[len(lines):]]
+            self.assertEqual([line.get("not_answered") for line in lines],
+                             [None, "exit code 2: no such flag", None, "exit code 126: no such flag", None, "exit code 127: no such flag"])
+            text = run("score", folder)
+            self.assertIn("0000: begun 4 times, not answered; 0001: begun, not answered", text)
+
+    def test_a_folder_that_is_no_vault_is_left_alone(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            base = Path(scratch)
+            base.chmod(0o755)
+            for name in ("full", "empty"):
+                (base / name).mkdir(mode=0o755)
+            (base / "full" / "letter").write_text("dear")
+            for vault, why in ((base, "contains the campaign"), (base / "full", "is not empty"),
+                               (base / "new" / "v", "outside the campaign"), (base / "full" / "letter", "is no folder"),
+                               (self.vault, "not empty, and not this campaign's")):
+                with self.assertRaisesRegex(campaign.Wrong, why):
+                    run("make", "--campaign", base / "new", "--sets", 1, "--vault", vault)
+            self.assertEqual({p.name for p in base.iterdir()}, {"full", "empty"})
+            self.assertEqual([p.stat().st_mode & 0o777 for p in (base, base / "full")], [0o755] * 2)
+
+    def test_failures_of_before_and_data_that_are_gone_are_said(self):
+        with self.copied() as (folder, vault):
+            code, text = ran("diagnose", "--campaign", folder, "--", *TRUE)
+            self.assertEqual(code, 0)
+            self.assertIn("nothing to diagnose: every sealed set of this part is answered", text)
+            shutil.rmtree(folder / "sets" / "0000")
+            self.assertIn("the data of 1 are gone, and were not compared with the seals: 0000", run("score", folder))
+            (folder / "answers" / "0000.json").unlink()
+            code, text = ran("diagnose", "--campaign", folder, "--", *TRUE)
+            self.assertEqual(code, 3)
+            self.assertIn("the data of 1 are gone: 0000; put them back", text)
+            (folder / "answers" / "0001.json").unlink()
+            for wanted in (1, 3):
+                code, text = ran("diagnose", "--campaign", folder, "--", *TRUE)
+                self.assertEqual(code, wanted)
+            self.assertIn("1 failed to answer before: 0001;", text)
+
+    def test_two_vaults_in_one_are_told_apart(self):
+        both = "score CAMPAIGN1 CAMPAIGN2"
+        with self.copied() as (folder, vault):
+            other = vault.parent / "other.ledger"
+            seal.enter(other, vault.parent / "other.head", "0002", begun_ns=1)
+            (vault / seal.LEDGER).write_text(other.read_text())
+            with self.assertRaisesRegex(campaign.Wrong, both):
+                run("score", folder)
+        with self.copied() as (folder, vault):  # where no head tells
+            self.of_earlier_times(folder, vault)
+            (vault / seal.LEDGER).unlink()
+            seal.enter(vault / seal.LEDGER, vault.parent / "other.head", "0002", sha256="0")
+            text = run("score", folder)
+            self.assertIn("0000: not in the ledger of answers", text)
+            self.assertIn(both, text)
+        with self.copied() as (folder, vault):
+            shutil.copy(vault / "0000.json", vault / "0002.json")
+            self.assertIn(both, run("score", folder))
+
+    def test_a_picture_that_cannot_be_drawn_is_told_first(self):
+        record, numbers = self.folder.parent / "unseen.jsonl", self.folder.parent / "unseen.json"
+        with mock.patch.dict(sys.modules, {"matplotlib": None, "matplotlib.figure": None}), self.assertRaises(ModuleNotFoundError):
+            run("score", self.folder, "--picture", self.folder.parent / "x.png", "--record", record, "--json", numbers)
+        self.assertFalse(record.exists() or numbers.exists())
+
+    def test_a_part_with_nothing_in_it_says_so(self):
+        with self.copied() as (folder, vault):
+            self.assertIn("--shard 3/3: no sealed set is in this part",
+                          run("diagnose", "--campaign", folder, "--shard", "3/3", "--", *TRUE))
+        words = ["make", "--campaign", self.folder, "--sets", 2, "--shard", "1/2"]
+        self.assertIn("nothing to make: all 1 sets of this part are sealed", run(*words))
+        self.assertIn("--shard 3/3: of 2 sets none is in this part",
+                      run("make", "--campaign", self.folder.parent / "few", "--sets", 2, "--shard", "3/3"))
+
+    def test_who_stops_reading_has_the_record_all_the_same(self):
+        record = self.folder.parent / "head.jsonl"
+        reading, writing = os.pipe()
+        os.close(reading)
+        done = subprocess.run([sys.executable, "-B", "-m", "tests.blind.campaign", "score", self.folder, "--record", record],
+                              cwd=campaign.ROOT, stdout=writing, stderr=subprocess.PIPE, text=True)
+        os.close(writing)
+        self.assertEqual((done.returncode, done.stderr), (141, ""))
+        self.assertIn("2 sealed sets, 0 refused", run("score", record))
+
+    def test_files_that_are_garbage_are_named_with_what_to_do(self):
+        with self.copied() as (folder, vault):
+            self.rewrite(folder / "seals" / "0000.json", "garbage")
+            (folder / "answers" / "0000.json").unlink()
+            code, text = ran("diagnose", "--campaign", folder, "--", *TRUE)
+            self.assertEqual(code, 1)
+            for text in (text, run("score", folder)):
+                self.assertRegex(text, "seals/0000.json is no seal that make wrote .*put it back")
+        with self.copied() as (folder, vault):
+            self.rewrite(vault / "0000.json", "garbage")
+            self.assertRegex(run("score", folder), "0000.json in the vault, or its data: .*; put them back")
+        with self.copied() as (folder, vault):
+            for garbage in ("[]", "{}", '{"lines": "x", "sha256": ""}', "[" * 100000):
+                (folder / seal.HEAD).write_text(garbage)
+                with self.assertRaisesRegex(campaign.Wrong, "ledger.head says no longer .*put it back"):
+                    run("score", folder)
+            for garbage in ("[1]", '{"name": [], "before": ""}', '{"name": "0000", "before": "", "seal_sha256": []}', "[" * 100000):
+                (vault / seal.LEDGER).write_text(garbage + "\n")
+                with self.assertRaisesRegex(campaign.Wrong, "answers.ledger:1: not a line of a ledger .*put the ledger back"):
+                    run("score", folder)
+            self.rewrite(vault / "1_of_2_of_2.kinds", '["nul')
+            with self.assertRaisesRegex(campaign.Wrong, "1_of_2_of_2.kinds: not the kinds .*put it back"):
+                run("make", "--campaign", folder, "--vault", vault, "--sets", 2, "--shard", "1/2")
+        bad = self.folder.parent / "bad_head.jsonl"
+        for head in ('{"lines": 1, "parts": []}', '{"lines": 1, "sha256": "", "parts": [[1]]}', '{"lines": 1, "sha256": "", "parts": 1}'):
+            bad.write_text(head + '\n{"refused": ["0001", "why"]}\n')
+            with self.assertRaisesRegex(campaign.Wrong, "bad_head.jsonl:1: not a line of a record.*take the record as score"):
+                run("score", bad)
+
+    def test_help_tells_units_and_exit_codes(self):
+        for what, says in (("make", "Exit codes: 0 every set"), ("diagnose", "3 none did so now"), ("diagnose", "(default: 3600)"),
+                           ("again", "1 not to the last bit"), ("score", "141")):
+            with mock.patch.object(sys, "argv", ["gap_blind", what, "--help"]), contextlib.redirect_stdout(io.StringIO()) as said, \
+                    self.assertRaises(SystemExit):
+                campaign.main()
+            self.assertIn(says, " ".join(said.getvalue().split()))
 
     def test_a_set_that_is_taken_out_whole_is_missed(self):
         for also in ((), ("1_of_2_of_2.kinds",), (seal.LEDGER,)):  # either tells that it was there
@@ -247,7 +488,7 @@ class Seal(unittest.TestCase):
         with self.copied() as (folder, vault):
             (folder / "answers" / "0000.json").unlink()
             program = subprocess.Popen([sys.executable, "-B", "-m", "tests.blind.campaign", "diagnose", "--campaign", folder, "--sets", "1",
-                                        "--", "/bin/sleep", "61.7"], cwd=campaign.ROOT,
+                                        "--", "/bin/sh", "-c", "exec /bin/sleep 61.7", "{set}", "{out}"], cwd=campaign.ROOT,
                                        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
             def working():
                 found = []
@@ -269,7 +510,7 @@ class Seal(unittest.TestCase):
     def test_an_oracle_that_fails_is_tried_again(self):
         case, data = self.case("single", ["slack"], "no_gap", [("no_gap", 0.7)]), self.folder / "sets" / "0000"
         for _ in range(2):
-            with contextlib.redirect_stdout(io.StringIO()) as said:
+            with contextlib.redirect_stderr(io.StringIO()) as said:
                 self.assertIsNone(score.told("/bin/false", case, data))
             self.assertIn("oracle, 0001", said.getvalue())
 
@@ -277,13 +518,12 @@ class Seal(unittest.TestCase):
         with self.copied() as (folder, vault):
             (folder / "answers" / "0000.json").unlink()
             (folder / "sets" / "0000" / "runs.yaml").write_text("[]")
-            self.assertIn("not answered: its data are not the sealed ones", run("diagnose", "--campaign", folder, "--", "/bin/true"))
+            self.assertIn("not answered: its data are not the sealed ones", run("diagnose", "--campaign", folder, "--", *TRUE))
             self.assertFalse((folder / "answers" / "0000.json").exists())
         with self.copied() as (folder, vault):
             (folder / "answers" / "0000.json").unlink()
-            (vault / seal.LEDGER).unlink()
             report = '{"verdict": "attributed", "causes": [], "location": []}'
-            text = run("diagnose", "--campaign", folder, "--", "/bin/sh", "-c", f"echo '{report}' > $0/report.json", "{out}")
+            text = run("diagnose", "--campaign", folder, "--", "/bin/sh", "-c", f"echo '{report}' > $0/report.json", "{out}", "{set}")
             self.assertIn("0000: failed: report.json: causes", text)
 
     def test_an_oracle_that_is_not_there_is_refused_first(self):
@@ -307,13 +547,12 @@ class Seal(unittest.TestCase):
             self.skipTest("needs user namespaces, and a project that everybody may read")
         with self.copied() as (folder, vault):
             (folder / "answers" / "0000.json").unlink()
-            (vault / seal.LEDGER).unlink()
             for path in (folder.parent, *folder.parent.rglob("*")):
                 if other:
                     os.chown(path, 65534, 65534)
             report = json.dumps(dict(verdict="no_gap", location=[], causes=[dict(effect="no_gap", where="", p=0.7)]))
             done = subprocess.run([*other, "/usr/bin/python3", "-B", "-m", "tests.blind.campaign", "diagnose", "--campaign", "c", "--sets", "1",
-                                   "--", "/bin/sh", "-c", f"echo '{report}' > {{out}}/report.json"], cwd=folder.parent,
+                                   "--", "/bin/sh", "-c", f"test -d {{set}} && echo '{report}' > {{out}}/report.json"], cwd=folder.parent,
                                   env=dict(os.environ, PYTHONPATH=str(campaign.ROOT)), capture_output=True, text=True)
             self.assertEqual((done.returncode, done.stderr), (0, ""), done.stdout)
             self.assertEqual(json.loads((folder / "answers" / "0000.json").read_text())["vault"], "covered")
@@ -362,9 +601,10 @@ class Seal(unittest.TestCase):
                  self.case("single", ["slack"], "no_gap", [("no_gap", 0.7)], sigma=0.2, name="0005"),
                  self.case("unlisted", ["gusts"], "unexplained", [("unknown", 0.9)], name="0006"),
                  self.case("pair", ["slack", "backlash"], "attributed", [("slack", 0.9)], ["slack"], name="0007"),
-                 self.case("null", [], "no_gap", [("no_gap", 0.7)], name="0008")]
+                 self.case("null", [], "no_gap", [("no_gap", 0.7)], name="0008"),
+                 self.case("null", [], "ambiguous_group", [("no_gap", 0.6, 1), ("slack", 0.4, 1)], name="0009")]
         lines, numbers = score.table(cases, [], [])
-        self.assertEqual(numbers["confusion matrix, > 1 sigma"], {"slack": {"slack": 2, "backlash": 1}, "nothing": {"no gap": 1},
+        self.assertEqual(numbers["confusion matrix, > 1 sigma"], {"slack": {"slack": 2, "backlash": 1}, "nothing": {"no gap": 1, "no gap or a cause": 1},
                                                                   "none of the library's": {"unexplained": 1}})
         missed = lines[[k for k, line in enumerate(lines) if line.startswith("\nNot found")][0] + 1:]
         self.assertEqual([line.split()[0] for line in missed if line.startswith("  000")], ["0003", "0004", "0007"])
@@ -409,7 +649,7 @@ class Seal(unittest.TestCase):
 
     def test_written_once(self):
         before = self.answer().read_bytes()
-        run("diagnose", "--campaign", self.folder, "--", "/bin/true")
+        run("diagnose", "--campaign", self.folder, "--", *TRUE)
         self.assertEqual(self.answer().read_bytes(), before)
         with self.assertRaises(FileExistsError):
             seal.write_once(self.answer(), "{}")

@@ -228,11 +228,16 @@ class GapTable(unittest.TestCase):
         for arguments, says in ((("--effects", "gremlins"), "no effect 'gremlins'"), (("--sigma", "0"), "expected sizes"),
                                 (("--sigma", "a"), "expected sizes"), (("--shard", "4/3"), "expected a part"),
                                 (("--jobs", "0"), "1 or more"), (("--robot", "gone.yaml"), "gone.yaml: no such file"),
-                                (("--tendril", "gone"), "no tendril program found"), (("--nulls", "-1"), "0 to 1000")):
+                                (("--tendril", "gone"), "no tendril program found"), (("--nulls", "-1"), "0 to 1000"),
+                                (("--effects", "none", "--nulls", "0", "--numbers", "0", "--pairs", "0"), "no cases: "),
+                                (("--only-table",), "--only-table: none of the ")):
             done = self.run_table(*arguments)
             self.assertEqual(done.returncode, 2, arguments)
             self.assertIn(says, done.stderr)
             self.assertNotIn("Traceback", done.stderr)
+            self.assertFalse(self.out.exists())
+        done = self.run_table("--effects", "stiff", "--sigma", "3", "--nulls", "1", "--numbers", "0", "--pairs", "0", "--shard", "3/3")
+        self.assertEqual((done.returncode, done.stdout), (0, "--shard 3/3: of 2 cases none is in this part\n"))
 
     def test_stopped_by_hand_it_leaves_a_table(self):
         self.tendril.write_text(FAKE.replace("import json, pathlib, sys", "import json, pathlib, sys, time\nif sys.argv[2] == 'diagnose' and '_10' in sys.argv[5]: time.sleep(60)"))
