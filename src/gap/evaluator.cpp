@@ -7,6 +7,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <stdexcept>
@@ -15,6 +16,7 @@
 #include "median.h"
 #include "parallel.h"
 #include "rotation.h"
+#include "squares.h"
 #include "tendril/model/body.h"
 
 namespace tendril::gap {
@@ -143,6 +145,7 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
   leave_out_the_first();
 
   FindCuts();
+  FindCommandsARow();
   StandInForCells();
   TellHoles();
   ListChannels();
@@ -232,6 +235,52 @@ void Evaluator::FindCuts() {
         "displacement (C3) and "
         "cannot be told from tendon effects by place");
   }
+}
+
+// A controller's target acts a cycle after it was sent. A log that keeps every n-th row of it looks as though
+// motors obeyed at once, or before: the actual torque tells how many were sent from row to row.
+void Evaluator::FindCommandsARow() {
+  constexpr double kFastest_s = 0.9e-3;  // of controllers
+  constexpr double kPlainly = 0.8;       // of what one target a row leaves
+  double step_s = std::numeric_limits<double>::infinity();
+  for (const PreparedRun& run : runs_) step_s = std::min(step_s, run.signals.step_s);
+  const sim::ReplaySignals& first = runs_.front().signals;
+  if (!has(kC1) || first.at_rest || first.command_delay_s < first.step_s || step_s < 2 * kFastest_s) return;
+  const auto take = [&](int commands) {
+    for (PreparedRun& run : runs_) {
+      run.signals.commands_a_sample = commands;
+      run.signals.command_delay_s = run.signals.step_s / commands;
+    }
+  };
+  const sim::Replay replay(nominal_);
+  const auto left = [&](int commands) {
+    take(commands);
+    Squares squares;
+    for (const PreparedRun& run : runs_) {
+      const Eigen::MatrixXd off = replay.ActualTorque(run.signals) - run.signals.torque_actual_Nm;
+      for (Eigen::Index j = 0; j < off.cols(); ++j) {
+        Eigen::VectorXd of_tendon = off.col(j);
+        run.TakeOut(run.torque_holes, static_cast<int>(j), of_tendon);
+        run.TakeOut(run.target_holes, static_cast<int>(j), of_tendon);
+        for (Eigen::Index i = 0; i < of_tendon.size(); ++i) {
+          if (run.valid[static_cast<std::size_t>(i)] && std::isfinite(of_tendon[i]))
+            squares.Add(of_tendon[i]);
+        }
+      }
+    }
+    return squares.rms();
+  };
+  int commands = 1;
+  double least = kPlainly * left(1);
+  for (int n = 2; step_s / n >= kFastest_s; ++n) {
+    if (const double rms = left(n); rms < least) commands = n, least = rms;
+  }
+  take(commands);
+  if (commands == 1) return;
+  degradations_.push_back(fmt::format(
+      "by what the actual torque follows, a row, every {:.3g} ms, is one of {} targets that were sent: those "
+      "between are taken as straight, and a delay of less than a row is not told",
+      1e3 * step_s, commands));
 }
 
 // Where a cell says nothing, what pulls on the body is the tendon's stretch between motor and body; where the

@@ -141,6 +141,8 @@ class Evaluator {
                                      const sim::BodyMotion& motion) const;
   double TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const;
   void FindCuts();
+  /// Of logs that are slower than controllers: whether a row is every target that was sent, or every n-th.
+  void FindCommandsARow();
   void StandInForCells();
   void TellHoles();
   void ListChannels();

@@ -108,6 +108,14 @@ Eigen::VectorXd BetweenSamples(const Eigen::Ref<const Eigen::VectorXd>& target, 
   return square;
 }
 
+/// What it did between samples, of which it is known that it went about straight, by how much it bends there.
+Eigen::VectorXd OffStraight(const Eigen::Ref<const Eigen::VectorXd>& target, int windows) {
+  Eigen::VectorXd square = Eigen::VectorXd::Zero(windows);
+  for (int w = 1; w + 1 < windows; ++w)
+    square[w] = 0.25 * std::pow(target[w - 1] - 2 * target[w] + target[w + 1], 2);
+  return square;
+}
+
 }  // namespace
 
 void Evaluator::FindFloors(const DataSet& set, const Options& options) {
@@ -232,6 +240,8 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
       if (channel.quantity == Quantity::kTension) spread += Transients(within[i][c], channel.white);
       if (channel.quantity == Quantity::kTorque && signals.step_s >= kSlowLog_s)
         spread += BetweenSamples(signals.torque_target_Nm.col(channel.index), windows);
+      else if (channel.quantity == Quantity::kTorque && signals.commands_a_sample > 1)
+        spread += OffStraight(signals.torque_target_Nm.col(channel.index), windows);
       for (int w = 0; w < windows; ++w) {
         variance[w] =
             std::isfinite(r[w]) ? white_[i][c] + spread[w] : std::numeric_limits<double>::infinity();

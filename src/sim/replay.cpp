@@ -212,6 +212,9 @@ struct Replay::Impl {
     const double step = Step(s);
     const MatrixXd target = Needed(s.torque_target_Nm, s.torque_target_Nm.rows(), "target torque");
     const VectorXd time = TimesOf(s, target.rows());
+    if (s.commands_a_sample < 1)
+      throw std::invalid_argument(
+          fmt::format("replay: {} commands a sample: accepted >= 1", s.commands_a_sample));
     MatrixXd actual(target.rows(), m);
     for (int j = 0; j < m; ++j) {
       Drivetrain d = drive[At(j)];
@@ -219,10 +222,12 @@ struct Replay::Impl {
       for (Index i = 0; i < target.rows(); ++i) {
         const double now = time[i];
         // A thousandth of a step of round-off: a SYNC that falls on a sample acts before it.
-        for (; sent <= i; ++sent) {
-          const double acts = time[sent] + s.command_delay_s;
+        for (; sent <= i * s.commands_a_sample; ++sent) {
+          const Index row = sent / s.commands_a_sample, next = std::min(row + 1, i);
+          const double share = static_cast<double>(sent % s.commands_a_sample) / s.commands_a_sample;
+          const double acts = time[row] + share * (time[next] - time[row]) + s.command_delay_s;
           if (acts > now + 1e-3 * step) break;
-          d.SetTorque(std::min(acts, now), target(sent, j));
+          d.SetTorque(std::min(acts, now), target(row, j) + share * (target(next, j) - target(row, j)));
         }
         actual(i, j) = d.Torque(now);
       }

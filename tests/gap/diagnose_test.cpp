@@ -737,6 +737,23 @@ TEST(Diagnose, LostRowsAloneAreNoGap) {
   }
 }
 
+// A log that keeps every n-th row of its controller's, whose motors seem to obey at once.
+TEST(Diagnose, EveryNthRowIsNoGap) {
+  for (const int n : {2, 3, 5}) {
+    DataSet set = Recorded("");
+    for (gap::Run& run : set.runs) {
+      const auto rows = Eigen::seq(n / 2, run.time_s.size() - 1, n);
+      run.time_s = run.time_s(rows).eval();
+      for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
+                           &run.tension_N, &run.tip_m, &run.tip_quaternion})
+        *values = (*values)(rows, Eigen::all).eval();
+    }
+    const Diagnosis d = Diagnose(set, Only({"command_delay", "bending_stiffness"}));
+    EXPECT_EQ(d.verdict, Verdict::kNoGap) << n << ": " << d.sentence;
+    EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("targets that were sent")));
+  }
+}
+
 // A little friction is seen by two kinds of motion, and taken for chance by one: the same data, named
 // otherwise.
 TEST(Diagnose, OneKindOfMotionHasToShowMoreOfAGap) {

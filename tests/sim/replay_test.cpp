@@ -272,6 +272,25 @@ TEST(ReplayInput, GapsAreBridged) {
   EXPECT_TRUE(replay.CellFromTorque(r.signals, r.shortening_m).allFinite());
 }
 
+// Every third row of a log holds what the motors obeyed, where targets went straight between: on ramps.
+TEST(ReplayInput, TargetsBetweenTheSamplesAreStraight) {
+  const Replay replay(Rig());
+  ReplaySignals every, third;
+  every.step_s = 1e-3;
+  third.step_s = 3e-3;
+  third.commands_a_sample = 3;
+  every.torque_target_Nm.resize(601, 3);
+  for (int i = 0; i < 601; ++i) every.torque_target_Nm.row(i).setConstant(1e-5 * (i < 300 ? i : 600 - i));
+  const auto rows = Eigen::seq(0, 600, 3);
+  third.torque_target_Nm = every.torque_target_Nm(rows, Eigen::all);
+  const Eigen::MatrixXd whole = replay.ActualTorque(every);
+  EXPECT_LT(Rms(replay.ActualTorque(third) - whole(rows, Eigen::all)), 1e-3 * kPermille_Nm);
+  third.commands_a_sample = 0;
+  EXPECT_THROW(replay.ActualTorque(third), std::invalid_argument);
+  third.commands_a_sample = 1;
+  EXPECT_GT(Rms(replay.ActualTorque(third) - whole(rows, Eigen::all)), kPermille_Nm);
+}
+
 // Signals that no robot gives, on robots that nobody built: the fit of a diagnosis passes by such places.
 TEST(ReplayInput, WildSignalsOnWildRobotsGiveFiniteMotionOrAReason) {
   std::mt19937 random(7);

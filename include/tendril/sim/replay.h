@@ -42,6 +42,9 @@ struct ReplaySignals {
   /// From the stamp of a target to the moment it acts; a target stamped when sent acts at the next SYNC, one
   /// bus cycle later.
   double command_delay_s = 1e-3;
+  /// Targets that were sent from one sample to the next, the sample's own among them; those between went
+  /// straight.
+  int commands_a_sample = 1;
 };
 
 /// Motion of the body, every `stride` grid samples: R = (S - 1) / stride + 1 rows.
