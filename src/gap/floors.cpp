@@ -167,8 +167,10 @@ void Evaluator::FindWhiteNoise() {
                           : 0];
     double least = 0;  // a sensor's resolution is a floor even where it shows no noise
     if (channel.quantity == Quantity::kTorque) least = 1e-3 * p.drive.rated_torque_Nm / std::sqrt(12.0);
-    if (channel.quantity == Quantity::kTension && p.load_cell.gain_VpN > 0)
-      least = p.load_cell.resolution_V / p.load_cell.gain_VpN / std::sqrt(12.0);
+    for (const auto& run : runs_) {
+      if (channel.quantity == Quantity::kTension && !run.cell_step_N.empty())
+        least = std::max(least, run.cell_step_N[static_cast<std::size_t>(channel.index)] / std::sqrt(12.0));
+    }
     const auto& tracker = nominal_.actuation->tracker;
     if (channel.quantity == Quantity::kTipPosition)
       least = std::max(1e-6, noise.empty() && tracker ? tracker->position_noise_m : 0);

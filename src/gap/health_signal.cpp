@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "median.h"
 
@@ -184,6 +185,23 @@ Plateau FlatExtreme(const Signal& x, bool top) {
   // back to rest stays where it began.
   if (flat < 5 * beside || std::abs(first - value) <= 2 * std::abs(next - value)) return {};
   return {value, static_cast<double>(flat) / static_cast<double>(range.count)};
+}
+
+double DecimalStep(const Signal& x) {
+  constexpr std::size_t kDifferent = 12;
+  for (double places = 0; places <= 6; ++places) {
+    const double step = std::pow(10, -places);
+    std::set<double> different;
+    bool multiples = true;
+    for (Eigen::Index i = 0; i < x.size() && multiples; ++i) {
+      if (!std::isfinite(x[i])) continue;
+      const double whole = std::round(x[i] / step);
+      multiples = std::abs(x[i] / step - whole) < 1e-6;
+      if (different.size() < kDifferent) different.insert(whole);
+    }
+    if (multiples) return different.size() < kDifferent ? 0 : step;
+  }
+  return 0;
 }
 
 double Quantum(const Signal& x) {

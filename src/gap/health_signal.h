@@ -54,6 +54,10 @@ Plateau FlatExtreme(const Signal& x, bool top);
 /// Step of which all values are multiples; 0 when there is none.
 double Quantum(const Signal& x);
 
+/// Largest power of ten of which all values are multiples, as a table of few decimal places leaves them; 0
+/// where there is none, or few different values.
+double DecimalStep(const Signal& x);
+
 /// Turning points between which the signal moves by more than 5 % of its range.
 int Reversals(const Signal& x);
 

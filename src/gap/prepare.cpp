@@ -13,6 +13,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "health_signal.h"
 #include "median.h"
 
 namespace tendril::gap {
@@ -444,23 +445,29 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   };
   known(run.torque_target_Nm, s.torque_target_Nm, out.target_holes);
   known(run.torque_actual_Nm, s.torque_actual_Nm, out.torque_holes);
+  out.cell_step_N.assign(static_cast<std::size_t>(s.tension_N.cols()), 0);
+  for (int j = 0; j < s.tension_N.cols() && robot.actuation; ++j) {
+    const auto& p = robot.actuation->tendons[j].load_cell;
+    const double own_N = p.gain_VpN > 0 ? p.resolution_V / p.gain_VpN : 0;
+    out.cell_step_N[static_cast<std::size_t>(j)] = std::max(own_N, DecimalStep(run.tension_N.col(j)));
+  }
   if (seed && robot.actuation) {
     for (int j = 0; j < tendons; ++j) {
       const auto& p = robot.actuation->tendons[j];
       const double permille = 1e-3 * p.drive.rated_torque_Nm;
       const double torque = permille * std::hypot(p.drive.actual_torque_noise_permille, std::sqrt(1.0 / 12));
       for (int i = 0; i < s.torque_actual_Nm.rows(); ++i) s.torque_actual_Nm(i, j) += torque * normal(random);
-      const double cell = std::hypot(
-          p.load_cell.noise_N,
-          p.load_cell.gain_VpN > 0 ? p.load_cell.resolution_V / p.load_cell.gain_VpN / std::sqrt(12.0) : 0);
+      if (j >= s.tension_N.cols()) continue;
+      const double cell =
+          std::hypot(p.load_cell.noise_N, out.cell_step_N[static_cast<std::size_t>(j)] / std::sqrt(12.0));
       for (int i = 0; i < s.tension_N.rows(); ++i) s.tension_N(i, j) += cell * normal(random);
     }
   }
   if (robot.actuation && !at_rest) {
     for (int j = 0; j < s.tension_N.cols(); ++j) {
       const auto& p = robot.actuation->tendons[j].load_cell;
-      const double step_N = p.gain_VpN > 0 ? p.resolution_V / p.gain_VpN : 0;
-      const double noise = std::hypot(p.noise_N, step_N / std::sqrt(12.0));
+      const double noise =
+          std::hypot(p.noise_N, out.cell_step_N[static_cast<std::size_t>(j)] / std::sqrt(12.0));
       s.tension_N.col(j) = Denoised(s.tension_N.col(j), seed ? std::sqrt(2.0) * noise : noise);
       if (!seed) continue;
       // What a tension did between two samples is open by as much as its slope changes over them: when a
@@ -497,7 +504,9 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
     for (int j = 0; j < tendons; ++j) {
       Eigen::VectorXd angle = reading.col(j);
       const int counts = robot.actuation ? robot.actuation->tendons[j].drive.encoder_counts_per_turn : 0;
-      const double count = counts > 0 ? 2 * std::numbers::pi / counts : 0;
+      const double count =
+          counts > 0 ? std::max(2 * std::numbers::pi / counts, DecimalStep(run.motor_position_rad.col(j)))
+                     : 0;
       if (count > 0 && at_rest) {
         // Anywhere within its count.
         for (int i = 0; i < samples && seed; ++i) angle[i] += (anywhere(random) - 0.5) * count;

@@ -42,6 +42,7 @@ struct PreparedRun {
   std::vector<char> valid;  // S: false where samples were lost, and shortly after
   Eigen::MatrixXd cell_N;   // S x M as read, NaN where nothing was
   std::vector<Hole> cell_holes;
+  std::vector<double> cell_step_N;  // M: its resolution, or that of a table with fewer places
   /// Where a straight line stands for target torque, actual torque or encoder (0 where nothing ever was),
   /// and what needs them cannot be told.
   std::vector<Hole> target_holes, torque_holes, motor_holes;

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <limits>
 #include <map>
+#include <utility>
 
 #include "csv.h"
 #include "median.h"
@@ -102,22 +103,56 @@ class Columns {
   std::map<std::string, std::size_t> index_;
 };
 
+/// Rows [begin, end) of the longest part of a table whose clock restarted: it goes back, and on from there
+/// for long without coming to where it was.
+std::pair<std::size_t, std::size_t> LongestOfOneClock(const std::vector<double>& t,
+                                                      const std::vector<int>& lines, Run& run) {
+  constexpr std::size_t kLong = 50;
+  std::pair<std::size_t, std::size_t> longest{0, 0};
+  std::size_t begin = 0, restarts = 0;
+  int first_line = 0;
+  const auto part_ends = [&](std::size_t end) {
+    if (end - begin > longest.second - longest.first) longest = {begin, end};
+    begin = end;
+  };
+  for (std::size_t i = 2; i + kLong <= t.size(); ++i) {
+    // A single row that jumps ahead is followed by what goes back, too.
+    const double before = std::min(t[i - 2], t[i - 1]);
+    bool restarted = t[i] < before && t[i + kLong - 1] < before;
+    for (std::size_t k = i + 1; k < i + kLong && restarted; ++k) restarted = t[k] > t[k - 1];
+    if (!restarted) continue;
+    if (restarts++ == 0) first_line = lines[i];
+    part_ends(i);
+  }
+  part_ends(t.size());
+  if (restarts > 0) {
+    run.notes.push_back(fmt::format(
+        "the clock restarts {} time{}, first in line {}: the longest part is read, {} of {} rows; split the "
+        "file "
+        "there to have the others",
+        restarts, restarts == 1 ? "" : "s", first_line, longest.second - longest.first, t.size()));
+  }
+  return longest;
+}
+
 }  // namespace
 
-// A single row that jumps ahead of the two after it is the wrong one, not they.
+// What follows a clock that restarted is another run. A single row that jumps ahead of the two after it is
+// the wrong one, not they.
 std::vector<int> RowsInTime(const std::vector<double>& t, const std::vector<int>& lines, Run& run) {
+  const auto [begin, end] = LongestOfOneClock(t, lines, run);
   std::vector<int> rows;
   rows.reserve(t.size());
   const auto later = [&](std::size_t i, std::size_t than) { return t[i] > t[than]; };
   std::size_t without = 0, back = 0;
   int first_back = 0;
-  for (std::size_t i = 0; i < t.size(); ++i) {
+  for (std::size_t i = begin; i < end; ++i) {
     if (!std::isfinite(t[i])) {
       ++without;
       continue;
     }
     const auto last = rows.empty() ? t.size() : static_cast<std::size_t>(rows.back());
-    const bool jumped = i + 2 < t.size() && !later(i + 1, i) && !later(i + 2, i) && later(i + 2, i + 1) &&
+    const bool jumped = i + 2 < end && !later(i + 1, i) && !later(i + 2, i) && later(i + 2, i + 1) &&
                         (rows.empty() || later(i + 1, last));
     if (jumped || (!rows.empty() && !later(i, last))) {
       if (back++ == 0) first_back = lines[i];

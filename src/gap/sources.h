@@ -28,8 +28,8 @@ LoadCellPlace CellPlace(const RobotParameters& robot);
 /// File name without the endings .csv and .lcmlog.
 std::string RunName(const std::filesystem::path& file);
 
-/// Rows whose time is there and greater than that of the row before; notes what is dropped. `lines` are where
-/// the rows stand in the file.
+/// Rows whose time is there and greater than that of the row before, of the longest part where the clock
+/// restarts; notes what is dropped. `lines` are where the rows stand in the file.
 std::vector<int> RowsInTime(const std::vector<double>& time_s, const std::vector<int>& lines, Run& run);
 
 /// Notes holes in the time grid: steps of more than 1.5 times the usual one.

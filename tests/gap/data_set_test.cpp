@@ -217,6 +217,17 @@ TEST_F(DataSetTest, RowsThatGoBackInTimeAreDroppedGapsAreKeptAndBothAreSaid) {
   EXPECT_THAT(run.notes, Contains(HasSubstr("5 rows missing")));
 }
 
+TEST_F(DataSetTest, OfAClockThatRestartsTheLongestPartIsRead) {
+  std::string text = "t_s,tension_N_1\n";
+  for (int i = 0; i < 300; ++i) text += fmt::format("{},{}\n", 0.001 * (i < 100 ? i : i - 97), i);
+  const gap::Run run = LoadTable(text);
+  ASSERT_EQ(run.time_s.size(), 200);
+  EXPECT_EQ(run.tension_N(0, 0), 100);
+  EXPECT_EQ(run.time_s[0], 0.003);
+  EXPECT_THAT(run.notes,
+              Contains(HasSubstr("the clock restarts 1 time, first in line 102: the longest part")));
+}
+
 TEST_F(DataSetTest, OneTimeThatJumpsAheadDoesNotCostTheRowsAfterIt) {
   const gap::Run run = LoadTable("t_s,tension_N_1\n0,0\n1,1\n1e9,2\n3,3\n4,4\n5,5\n");
   EXPECT_TRUE(SameBits(run.time_s, (Eigen::VectorXd(5) << 0, 1, 3, 4, 5).finished()));

@@ -737,6 +737,17 @@ TEST(Diagnose, LostRowsAloneAreNoGap) {
   }
 }
 
+// A table of two decimal places, which are fewer than cells and encoders have.
+TEST(Diagnose, FewDecimalPlacesAreNoGap) {
+  DataSet set = Recorded("");
+  for (gap::Run& run : set.runs) {
+    for (auto* values : {&run.tension_N, &run.motor_position_rad})
+      *values = ((*values * 100).array().round() / 100).matrix().eval();
+  }
+  const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "tendon_stiffness", "pulley_coulomb"}));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+}
+
 // A log that keeps every n-th row of its controller's, whose motors seem to obey at once.
 TEST(Diagnose, EveryNthRowIsNoGap) {
   for (const int n : {2, 3, 5}) {
