@@ -85,7 +85,7 @@ std::vector<Eigen::Index> FiniteRows(const Signal& x) {
 }
 
 std::vector<Eigen::Index> LoneValues(const Signal& x, double least) {
-  constexpr double kByFar = 10, kNearlyAll = 0.95, kRare = 0.02;
+  constexpr double kByFar = 10, kNearlyAll = 0.95, kRare = 0.04;
   const std::vector<Eigen::Index> rows = FiniteRows(x);
   if (rows.size() < 20 || !(least > 0)) return {};
   std::vector<double> out, window;

@@ -22,6 +22,7 @@ constexpr double kGoesOn = 0.05;        // of the largest tension
 constexpr double kFollows = 0.25;       // of what a torque gives without friction
 constexpr double kSlack_N = 0.15;       // a slack tendon's cell without noise may well keep its value
 constexpr double kLonePosition = 0.05;  // of what a motor usually does in the run
+constexpr double kLoneTension = 0.1;    // of what a tension usually does in the run
 constexpr double kLoneWay = 0.01;       // of its way from one limit to the other
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
@@ -83,6 +84,20 @@ struct Finder {
     }
     Say(fmt::format("motor position {}", j + 1),
         fmt::format("leaps to {:.4g} rad and back{}, first at {:.4g} s: taken as missing there", worst,
+                    rows.size() == 1 ? "" : fmt::format(" and {} times more", rows.size() - 1),
+                    run.time_s[rows.front()] - run.time_s[0]));
+  }
+
+  /// A cell that shows something else for a single row, such as a code for no reading.
+  void LoneTensions(Eigen::Index j) {
+    auto x = run.tension_N.col(j);
+    const std::vector<Eigen::Index> rows =
+        LoneValues(x, std::max(kLoneTension * UsualWidth({x.begin(), x.end()}), kSlack_N));
+    if (rows.empty()) return;
+    const double first_N = x[rows.front()];
+    for (const Eigen::Index i : rows) x[i] = kNothing;
+    Say(fmt::format("tension {}", j + 1),
+        fmt::format("leaps to {:.4g} N and back{}, first at {:.4g} s: taken as missing there", first_N,
                     rows.size() == 1 ? "" : fmt::format(" and {} times more", rows.size() - 1),
                     run.time_s[rows.front()] - run.time_s[0]));
   }
@@ -244,6 +259,7 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
     for (Eigen::Index j = 0; j < run.motor_position_rad.cols() && UsualStep(run) <= kQuasiStatic_s; ++j)
       find.LoneMotorPositions(j, robot);
     for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
+      if (UsualStep(run) <= kQuasiStatic_s) find.LoneTensions(j);
       find.FrozenCell(j);
       find.CutOff(run.tension_N, j, fmt::format("tension {}", j + 1), "N");
     }

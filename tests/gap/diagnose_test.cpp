@@ -492,6 +492,7 @@ TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
   set.runs[1].tension_N(2500, 1) = 9999;
   set.runs[1].torque_actual_Nm(3000, 1) = 7;
   set.runs[2].tip_m(3000, 1) = 5;
+  for (int i = 100; i < 7000; i += 50) set.runs[2].tension_N(i, 2) = i % 100 ? 0 : -1;
   set.runs[0].motor_position_rad(1500, 2) = 1e9;
   set.runs[1].motor_position_rad(1000, 0) = 300;
   set.runs[1].motor_position_rad(1800, 0) = -300;
@@ -508,6 +509,7 @@ TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
   EXPECT_TRUE(said("triangle: tension 2 has 1 value up to 9999 N"));
   EXPECT_TRUE(said("triangle: actual torque 2 has 1 value up to 7 N m"));
   EXPECT_TRUE(said("multisine: tip y has 1 value up to 5 m"));
+  EXPECT_TRUE(said("multisine: tension 3 leaps to -1 N and back and "));
   EXPECT_TRUE(said("circle: motor position 3 leaps to 1e+09 rad and back, first at 1.5 s: taken as missing"));
   EXPECT_TRUE(said("triangle: motor position 1 leaps to 300 rad and back and 1 times more, first at 1 s: "));
   EXPECT_FALSE(said("degrees") || said("encoder counts"));
