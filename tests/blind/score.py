@@ -9,8 +9,8 @@ import statistics
 import sys
 from pathlib import Path
 
-from tests.blind.seal import (HEAD, LEDGER, NotRun, Wrong, diagnose_one, digest, end_of, entered, listed, parts_of, seal_of,
-                              seal_sha, sha, shard_ids, vault_of, write_once)
+from tests.blind.seal import (HEAD, LEDGER, OPENED, NotRun, Wrong, diagnose_one, digest, end_of, enter, entered, listed, now,
+                              parts_of, seal_of, seal_sha, sha, shard_ids, vault_of, write_once)
 
 SEEN = 0.3  # sigma from which half of all effects shall be seen
 UNSEEN = 0.03  # sigma, a third of the least that is drawn: the short runs that tell sizes missed the effect
@@ -481,8 +481,13 @@ def opened(folder, vault, oracle):
     sealed = sorted(p.stem for p in (folder / "seals").glob("*.json"))
     entries = entered(vault / LEDGER, folder / HEAD)
     given, begun, seals = {}, {}, {}  # by name: hashes of answers, how often it was begun, hashes of its seal
+    was_opened, late = False, []
     for entry in entries or ():
         name = entry["name"]
+        if name == OPENED:
+            was_opened = True
+            continue
+        late += [name] * (was_opened and entry["sha256"] != "")
         given.setdefault(name, []).extend(filter(None, [entry["sha256"]]))
         begun[name] = begun.get(name, 0) + ("begun_ns" in entry)
         seals.setdefault(name, set()).update(filter(None, [entry["seal_sha256"]]))
@@ -495,7 +500,10 @@ def opened(folder, vault, oracle):
         notes.append("its ledger of answers is " + ("gone" if (folder / HEAD).exists() else "not there (nor is it where the vault was away "
                      "from the diagnosis)") + ", so that nobody knows whether a set was answered twice")
     else:
+        enter(vault / LEDGER, folder / HEAD, OPENED, opened_ns=now())  # before any is: what is answered from now on shows
         notes.append(f"ledger of answers: {end_of(vault / LEDGER)}")
+    if late:
+        notes.append(f"{len(late)} answered after seals had been opened: {listed(late)}")
     dataless, unlisted, unbound = [], [], 0
     for name in sealed:
         try:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 
 LEDGER = "answers.ledger"  # in the vault: what was begun and answered, in order
+OPENED = "score"  # name of its lines that say when seals were opened
 HEAD = "ledger.head"  # in the campaign: how far the ledger had come, so that lines taken off its end show
 WRONG_USE = (2, 126, 127)  # exit codes of a command that was called wrongly, may not be run or is not there
 MOST_BYTES = 200_000_000  # of a report

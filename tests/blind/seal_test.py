@@ -270,14 +270,15 @@ class Seal(unittest.TestCase):
     def test_lines_taken_off_the_end_of_the_ledger_show(self):
         with self.copied() as (folder, vault):
             ledger, lines = vault / seal.LEDGER, (vault / seal.LEDGER).read_text().splitlines(True)
-            self.assertEqual([set(json.loads(line)) - {"name", "before", "seal_sha256"} for line in lines],
+            self.assertEqual([set(json.loads(line)) - {"name", "before", "seal_sha256"} for line in lines[:4]],
                              [{"begun_ns", "program_sha256"}, {"sha256"}] * 2)
-            name = json.loads(lines[-1])["name"]
+            self.assertTrue(all("opened_ns" in json.loads(line) for line in lines[4:]))  # by the tests before this one
+            name = json.loads(lines[3])["name"]
             (folder / "answers" / f"{name}.json").unlink()
             for kept in (3, 2, 0):
                 ledger.write_text("".join(lines[:kept]))
                 for words in (["score", folder], ["diagnose", "--campaign", folder, "--", *TRUE]):
-                    with self.assertRaisesRegex(campaign.Wrong, f"{kept} lines, not the 4 that .*ledger.head knows of; put it back"):
+                    with self.assertRaisesRegex(campaign.Wrong, f"{kept} lines, not the {len(lines)} that .*ledger.head knows of; put it back"):
                         run(*words)
             ledger.write_text("".join(lines))
             (folder / seal.HEAD).unlink()
@@ -320,7 +321,9 @@ class Seal(unittest.TestCase):
                 self.assertIn(f"0000: {times}, not answered", run("score", folder))
             self.assertIn("stopped from outside (SIGKILL)", json.loads(ledger.read_text().splitlines()[1])["not_answered"])
             run("diagnose", "--campaign", folder, "--", *TRUE)
-            self.assertIn("begun more than once, as what was stopped may be: 0000 (3 times)", run("score", folder))
+            text = run("score", folder)
+            self.assertIn("begun more than once, as what was stopped may be: 0000 (3 times)", text)
+            self.assertIn("1 answered after seals had been opened: 0000", text)
 
     def test_a_command_that_is_wrong_spends_no_set(self):
         with self.copied() as (folder, vault):
