@@ -13,9 +13,10 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kRare = 0.02;          // share of a column's values up to which they are single mishaps
-constexpr double kBeyond = 3;           // times what the robot can
-constexpr double kCutOff = 0.003;       // share of a run at the flat end of a channel
+constexpr double kRare = 0.02;     // share of a column's values up to which they are single mishaps
+constexpr double kBeyond = 3;      // times what the robot can
+constexpr double kCutOff = 0.003;  // share of a run at the flat end of a channel
+constexpr double kAround_s = 0.6 * kBridged_s;
 constexpr double kFrozen_s = 0.3;       // one value for so long ...
 constexpr double kMoved = 0.15;         // ... while the motor turns by this share of what it does in the run
 constexpr double kGoesOn = 0.05;        // of the largest tension
@@ -134,15 +135,25 @@ struct Finder {
                        run.time_s[to - 1] - run.time_s[0]);
   }
 
+  /// Also shortly before and after, so that no straight line stands for what was beyond.
+  void TakeOutAround(Eigen::Ref<Eigen::VectorXd> x, const std::vector<double>& at_s) {
+    for (Eigen::Index i = 0; i < x.size(); ++i) {
+      const auto next = std::lower_bound(at_s.begin(), at_s.end(), run.time_s[i] - kAround_s);
+      if (next != at_s.end() && *next <= run.time_s[i] + kAround_s) x[i] = kNothing;
+    }
+  }
+
   /// What a sensor shows at the end of its range is less than there was.
   void CutOff(Eigen::MatrixXd& matrix, Eigen::Index j, const std::string& channel, const char* unit) {
     for (const bool top : {true, false}) {
       const Plateau end = FlatExtreme(matrix.col(j), top);
       // A slack tendon's cell may well show nothing.
       if (end.share < kCutOff || (&matrix == &run.tension_N && std::abs(end.value) < kSlack_N)) continue;
-      for (double& x : matrix.col(j)) {
-        if (x == end.value) x = kNothing;
+      std::vector<double> at_s;
+      for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+        if (matrix(i, j) == end.value) at_s.push_back(run.time_s[i]);
       }
+      TakeOutAround(matrix.col(j), at_s);
       Say(channel, fmt::format("is cut off at {:.4g} {} for {:.1f} % of the run: taken as missing there",
                                end.value, unit, 100 * end.share));
     }
@@ -194,7 +205,7 @@ struct Finder {
                 Say(fmt::format("tension {}", j + 1),
                     fmt::format("keeps {:.4g} N {} while the motor turns: taken as missing there", x[from],
                                 Span(from, to)));
-                x.segment(from, to - from).setConstant(kNothing);
+                TakeOutAround(x, {run.time_s.begin() + from, run.time_s.begin() + to});
               });
   }
 

@@ -40,6 +40,7 @@ Eigen::Vector3d Wanted(const std::string& family, double t) {
   for (int j = 0; j < 3; ++j) {
     const double phase = 2 * std::numbers::pi * j / 3;
     if (family == "circle") wanted[j] += begin * 3.5 * (1 + std::sin(1.6 * s - phase));
+    if (family == "sway") wanted[j] += begin * 2.2 * (1 + std::sin(20 * s - phase));
     if (family == "gentle") wanted[j] += begin * 0.15 * (1 + std::sin(1.6 * s - phase));
     if (family == "triangle") {
       const double part = std::fmod(s / 3 + j / 3.0, 1.0);
@@ -736,6 +737,19 @@ TEST(Diagnose, LostRowsAloneAreNoGap) {
         EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("after lost samples")));
       }
     }
+  }
+}
+
+// The end of a cell's range is no gap: what was beyond is the tendon's stretch, not a straight line.
+TEST(Diagnose, ACellThatIsCutOffIsNoGap) {
+  DataSet whole = Recorded("", 4);
+  whole.runs.push_back(Record(Rig(), "sway", 4, 31));
+  for (const double most_N : {2.5, 4.0}) {
+    DataSet set = whole;
+    for (gap::Run& run : set.runs) run.tension_N.col(0) = run.tension_N.col(0).cwiseMin(most_N).eval();
+    const Diagnosis d = Diagnose(set, Only({"bending_damping", "cell_gain"}));
+    EXPECT_EQ(d.verdict, Verdict::kNoGap) << most_N << ": " << d.sentence;
+    EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("is cut off at")));
   }
 }
 
