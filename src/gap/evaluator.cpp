@@ -243,27 +243,32 @@ void Evaluator::FindCommandsARow() {
   constexpr double kFastest_s = 0.9e-3;  // of controllers
   constexpr double kPlainly = 0.8;       // of what one target a row leaves
   double step_s = std::numeric_limits<double>::infinity();
-  for (const PreparedRun& run : runs_) step_s = std::min(step_s, run.signals.step_s);
-  const sim::ReplaySignals& first = runs_.front().signals;
-  if (!has(kC1) || first.at_rest || first.command_delay_s < first.step_s || step_s < 2 * kFastest_s) return;
+  std::vector<PreparedRun*> in_doubt;
+  for (PreparedRun& run : runs_) {
+    // Of still slower logs a row is no cycle's in any case.
+    if (run.signals.at_rest || run.signals.command_delay_s < run.signals.step_s) continue;
+    in_doubt.push_back(&run);
+    step_s = std::min(step_s, run.signals.step_s);
+  }
+  if (!has(kC1) || in_doubt.empty() || step_s < 2 * kFastest_s) return;
   const auto take = [&](int commands) {
-    for (PreparedRun& run : runs_) {
-      run.signals.commands_a_sample = commands;
-      run.signals.command_delay_s = run.signals.step_s / commands;
+    for (PreparedRun* run : in_doubt) {
+      run->signals.commands_a_sample = commands;
+      run->signals.command_delay_s = run->signals.step_s / commands;
     }
   };
   const sim::Replay replay(nominal_);
   const auto left = [&](int commands) {
     take(commands);
     Squares squares;
-    for (const PreparedRun& run : runs_) {
-      const Eigen::MatrixXd off = replay.ActualTorque(run.signals) - run.signals.torque_actual_Nm;
+    for (const PreparedRun* run : in_doubt) {
+      const Eigen::MatrixXd off = replay.ActualTorque(run->signals) - run->signals.torque_actual_Nm;
       for (Eigen::Index j = 0; j < off.cols(); ++j) {
         Eigen::VectorXd of_tendon = off.col(j);
-        run.TakeOut(run.torque_holes, static_cast<int>(j), of_tendon);
-        run.TakeOut(run.target_holes, static_cast<int>(j), of_tendon);
+        run->TakeOut(run->torque_holes, static_cast<int>(j), of_tendon);
+        run->TakeOut(run->target_holes, static_cast<int>(j), of_tendon);
         for (Eigen::Index i = 0; i < of_tendon.size(); ++i) {
-          if (run.valid[static_cast<std::size_t>(i)] && std::isfinite(of_tendon[i]))
+          if (run->valid[static_cast<std::size_t>(i)] && std::isfinite(of_tendon[i]))
             squares.Add(of_tendon[i]);
         }
       }
