@@ -139,22 +139,23 @@ std::string Sentence(const Diagnosis& d, const std::string& hiding) {
   return "";
 }
 
-/// What a gap that nothing explains is first of all, where few of the runs have it: `missed` by so many times
-/// more than the others.
+/// What is to be asked first of a gap that nothing explains, where few of the runs have it: `missed` by so
+/// many times more than the others.
 std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& missed) {
-  const bool told = d.verdict == Verdict::kAttributed || d.verdict == Verdict::kAmbiguousGroup;
-  if (told || d.verdict == Verdict::kNoGap || missed.empty() || 4 * missed.size() > d.runs.size()) return "";
   std::string names;
+  std::size_t few = 0;
   double most = 0;
-  for (const auto& [name, by] : missed) {
-    names += (names.empty() ? "" : ", ") + name;
-    most = std::max(most, by);
+  for (const auto& run : d.runs) {
+    const auto found = missed.find(run.name);
+    if (found == missed.end()) continue;
+    names += (few++ ? ", " : "") + run.name;
+    most = std::max(most, found->second);
   }
-  const bool one = missed.size() == 1;
+  if (d.verdict != Verdict::kUnexplained || few == 0 || 4 * few > d.runs.size()) return "";
   return fmt::format(
       " It lies in {} above all, missed by {}{:.0f} times more than the other {} runs: what was different "
       "then? Diagnose again without {}.",
-      names, one ? "" : "up to ", most, d.runs.size() - missed.size(), one ? "it" : "them");
+      names, few == 1 ? "" : "up to ", most, d.runs.size() - few, few == 1 ? "it" : "them");
 }
 
 /// The cut that a cause belongs to, with this load cell.
@@ -355,7 +356,8 @@ class Measuring {
   Measuring(DataSet& set, Diagnosis& d, const DiagnoseOptions& options, int threads, bool compared)
       : set_(set), d_(d), options_(options), threads_(threads), compared_(compared), runs_(set.runs.size()) {}
 
-  /// Runs that are missed by far more than the others, for no reason that is known, and by how many times.
+  /// Runs that are missed by far more than the others, those that were left out among them, and by how many
+  /// times.
   const std::map<std::string, double>& missed() const { return missed_; }
 
   /// The runs that can be compared, with the set and its degradations to fit. Throws std::runtime_error where
@@ -388,10 +390,6 @@ class Measuring {
 
  private:
   void TellMissed() {
-    std::erase_if(missed_, [this](const auto& missed) {
-      return std::none_of(set_.runs.begin(), set_.runs.end(),
-                          [&](const Run& run) { return run.name == missed.first; });
-    });
     for (const Run& run : set_.runs) {
       if (const auto missed = missed_.find(run.name); missed != missed_.end()) {
         d_.degradations.push_back(fmt::format(

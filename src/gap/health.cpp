@@ -557,8 +557,9 @@ class Checkup {
       for (Eigen::Index i = 0; i < n; ++i) {
         if (c(j, i) > c(j, back)) back = i;
       }
-      const bool others = followed(best) == best && std::isfinite(c(best, best));
-      if (best != j && back != j && c(best, j) > (others ? kSurely : 0.7) && c(best, j) - c(j, j) > 0.4) {
+      const bool has_its_own = followed(best) == best && std::isfinite(c(best, best));
+      if (best != j && back != j && c(best, j) > (has_its_own ? kSurely : 0.7) &&
+          c(best, j) - c(j, j) > 0.4) {
         Add(Severity::kError, ChannelOf(to, j), c(j, j),
             fmt::format(
                 "follows the {} of tendon {} (correlation {:.2f}), not of its own ({:.2f}); the columns are "

@@ -189,7 +189,7 @@ Plateau FlatExtreme(const Signal& x, bool top) {
 
 double DecimalStep(const Signal& x) {
   constexpr std::size_t kDifferent = 12;
-  for (double places = 0; places <= 6; ++places) {
+  for (int places = 0; places <= 6; ++places) {
     const double step = std::pow(10, -places);
     std::set<double> different;
     bool multiples = true;

@@ -16,8 +16,8 @@ namespace {
 constexpr double kRare = 0.02;     // share of a column's values up to which they are single mishaps
 constexpr double kBeyond = 3;      // times what the robot can
 constexpr double kCutOff = 0.003;  // share of a run at the flat end of a channel
-constexpr double kAround_s = 0.6 * kBridged_s;
-constexpr double kFrozen_s = 0.3;       // one value for so long ...
+constexpr double kAround_s = 0.6 * kBridged_s;  // to either side: more in all than what is bridged
+constexpr double kFrozen_s = 0.3;               // one value for so long ...
 constexpr double kMoved = 0.15;         // ... while the motor turns by this share of what it does in the run
 constexpr double kGoesOn = 0.05;        // of the largest tension
 constexpr double kFollows = 0.25;       // of what a torque gives without friction

@@ -12,9 +12,9 @@
 
 namespace tendril::gap {
 
-/// Throws std::runtime_error where the time of all runs is in another unit than seconds: rows too far apart
-/// for a motion, motors that go smoothly from row to row, and hardly anything left by the nominal robot,
-/// beside what it leaves of states at rest, once time is taken in that unit.
+/// Throws std::runtime_error where the time of all runs is in another unit than seconds: rows are too far
+/// apart for a motion, motors go smoothly from row to row all the same, and the nominal robot leaves far less
+/// of the runs once their time is taken in that unit than of states at rest.
 void RefuseOtherTime(const DataSet& set);
 
 /// What was most probably measured or declared wrong in all runs, as words that follow "with"; empty when

@@ -127,9 +127,8 @@ std::pair<std::size_t, std::size_t> LongestOfOneClock(const std::vector<double>&
   part_ends(t.size());
   if (restarts > 0) {
     run.notes.push_back(fmt::format(
-        "the clock restarts {} time{}, first in line {}: the longest part is read, {} of {} rows; split the "
-        "file "
-        "there to have the others",
+        "the clock restarts {} time{}, first in line {}: the longest part is read, {} of {} rows; split "
+        "the file there to have the others",
         restarts, restarts == 1 ? "" : "s", first_line, longest.second - longest.first, t.size()));
   }
   return longest;
