@@ -360,6 +360,9 @@ class Measuring {
   /// times.
   const std::map<std::string, double>& missed() const { return missed_; }
 
+  /// Runs that were left out for a mistake in them alone, as sentences.
+  const std::string& odd() const { return odd_; }
+
   /// The runs that can be compared, with the set and its degradations to fit. Throws std::runtime_error where
   /// nothing can be.
   Evaluator Settled() {
@@ -384,6 +387,7 @@ class Measuring {
         // Nothing of what the odd ones leave can be compared.
         if (!with_odd_) throw;
         std::tie(set_, d_.degradations) = *std::exchange(with_odd_, std::nullopt);
+        odd_.clear();
       }
     }
   }
@@ -422,6 +426,8 @@ class Measuring {
     left_out_ += odd.size();
     with_odd_.emplace(set_, d_.degradations);
     for (auto one = odd.rbegin(); one != odd.rend(); ++one) {
+      odd_ += fmt::format(" {} was left out: with {} most of its gap goes, which the others do not have.",
+                          set_.runs[one->run].name, one->with);
       d_.degradations.push_back(
           fmt::format("left out: {}: with {} most of its gap goes, which the other runs do not have; put it "
                       "right in its file and diagnose again",
@@ -438,6 +444,7 @@ class Measuring {
   bool compared_;
   std::size_t runs_, left_out_ = 0;       // at first, and since for what the others show
   std::map<std::string, double> missed_;  // as FindOddRuns says
+  std::string odd_;
   std::optional<std::pair<DataSet, std::vector<std::string>>> with_odd_;
 };
 
@@ -639,10 +646,11 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         "no floor.",
         evaluator.repetitions_differ());
   }
-  d.sentence += InFewRuns(d, measuring.missed());
+  d.sentence += InFewRuns(d, measuring.missed()) + measuring.odd();
   if (d.verdict != Verdict::kNoGap) {
     progress("looking for mistakes of measurement", 0);
-    if (const std::string with = FindMistake(set, evaluator, threads); !with.empty()) {
+    if (const std::string with = FindMistake(set, evaluator, d.verdict != Verdict::kUnexplained, threads);
+        !with.empty()) {
       d.sentence += fmt::format(" But check the measurement first: with {} most of this gap goes.", with);
       d.degradations.insert(
           d.degradations.begin(),

@@ -56,6 +56,7 @@ class Checkup {
     for (const Run& run : set_.runs) {
       run_ = &run;
       if (run.time_s.size() < 2) continue;
+      for (const std::string& warning : run.warnings) Add(Severity::kWarning, run.name, "file", 0, warning);
       for (const std::string& note : run.notes) Add(Severity::kInfo, run.name, "file", 0, note);
       Sampling();
       for (const Kind& kind : kKinds) {

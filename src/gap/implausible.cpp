@@ -6,6 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <set>
 
 #include "health_signal.h"
 #include "prepare.h"
@@ -72,6 +76,28 @@ struct Finder {
               "reaches {:.4g} {} and lies beyond what this robot can in {:.0f} % of its values: left out",
               worst, unit, 100.0 * static_cast<double>(beyond) / static_cast<double>(there)));
     }
+  }
+
+  /// Of an encoder of one turn: no motor goes most of a turn from one row to the next and back later on.
+  void Unwrap(Eigen::Index j) {
+    constexpr double kTurn_rad = 2 * std::numbers::pi;
+    auto x = run.motor_position_rad.col(j);
+    if (RangeOf(x).width() > 1.001 * kTurn_rad) return;
+    int jumps = 0;
+    double turns = 0, before = kNothing;
+    for (double& value : x) {
+      if (!std::isfinite(value)) continue;
+      const double jump = value - before;
+      before = value;
+      if (std::abs(jump) > 0.75 * kTurn_rad) turns -= std::copysign(1, jump), ++jumps;
+      value += turns * kTurn_rad;
+    }
+    if (jumps == 0) return;
+    Say(fmt::format("motor position {}", j + 1),
+        fmt::format(
+            "jumps by a turn {}, as an encoder of one turn does: taken as going on, from within half a "
+            "turn of its zero",
+            jumps == 1 ? "once" : fmt::format("{} times", jumps)));
   }
 
   void LoneMotorPositions(Eigen::Index j, const RobotParameters& robot) {
@@ -159,41 +185,48 @@ struct Finder {
     }
   }
 
-  /// A torque that stays at an end while more is asked for and the tension follows what is asked: the
-  /// reading's end, not the motor's, which is the robot's own and to be seen.
-  void TorqueCutOff(Eigen::Index j, const RobotParameters& robot) {
-    auto x = run.torque_actual_Nm.col(j);
+  /// The torque at which the reading of motor j ends in this run, upwards or downwards: it stays there while
+  /// more is asked for and the tension follows what is asked. The motor's own end is the robot's, and to be
+  /// seen.
+  std::optional<double> ReadingEnds(Eigen::Index j, bool top, const RobotParameters& robot) const {
+    const auto x = run.torque_actual_Nm.col(j);
     const Eigen::Index known =
         robot.actuation ? static_cast<Eigen::Index>(robot.actuation->tendons.size()) : 0;
-    if (j >= std::min({known, run.torque_target_Nm.cols(), run.tension_N.cols()})) return;
+    if (j >= std::min({known, run.torque_target_Nm.cols(), run.tension_N.cols()})) return {};
     const double travel_m = robot.actuation->tendons[static_cast<std::size_t>(j)].SpoolTravelPerMotorRad();
-    for (const bool top : {true, false}) {
-      const Plateau end = FlatExtreme(x, top);
-      if (end.share < kCutOff) continue;
-      Eigen::Index flat = 0, asked = 0;
-      std::vector<double> target_Nm, tension_N;
-      for (Eigen::Index i = 0; i < x.size(); ++i) {
-        if (x[i] != end.value) continue;
-        const double more = (run.torque_target_Nm(i, j) - end.value) * (top ? 1 : -1);
-        ++flat;
-        asked += more > 0.02 * std::abs(end.value);
-        if (!std::isfinite(more + run.tension_N(i, j))) continue;
-        target_Nm.push_back(run.torque_target_Nm(i, j));
-        tension_N.push_back(run.tension_N(i, j));
-      }
-      // Other tendons change it as well.
-      const double follows = Slope(target_Nm, tension_N) * travel_m;
-      if (2 * asked < flat || UsualWidth(std::move(tension_N)) < kGoesOn * robot.limits.max_tension_motor_N ||
-          follows < kFollows)
-        continue;
-      for (double& value : x) {
-        if (value == end.value) value = kNothing;
-      }
-      Say(fmt::format("actual torque {}", j + 1),
-          fmt::format("is cut off at {:.4g} N m for {:.1f} % of the run while its tension goes on: taken as "
-                      "missing there",
-                      end.value, 100 * end.share));
+    const Plateau end = FlatExtreme(x, top);
+    if (end.share < kCutOff) return {};
+    Eigen::Index flat = 0, asked = 0;
+    std::vector<double> target_Nm, tension_N;
+    for (Eigen::Index i = 0; i < x.size(); ++i) {
+      if (x[i] != end.value) continue;
+      const double more = (run.torque_target_Nm(i, j) - end.value) * (top ? 1 : -1);
+      ++flat;
+      asked += more > 0.02 * std::abs(end.value);
+      if (!std::isfinite(more + run.tension_N(i, j))) continue;
+      target_Nm.push_back(run.torque_target_Nm(i, j));
+      tension_N.push_back(run.tension_N(i, j));
     }
+    // Other tendons change it as well.
+    const double follows = Slope(target_Nm, tension_N) * travel_m;
+    if (2 * asked < flat || UsualWidth(std::move(tension_N)) < kGoesOn * robot.limits.max_tension_motor_N ||
+        follows < kFollows)
+      return {};
+    return end.value;
+  }
+
+  /// Takes out what lies at an end of the reading, which any run may have shown.
+  void TorqueCutOff(Eigen::Index j, bool top, const std::set<double>& ends_Nm) {
+    auto x = run.torque_actual_Nm.col(j);
+    const Plateau end = FlatExtreme(x, top);
+    if (end.share <= 0 || !ends_Nm.contains(end.value)) return;
+    for (double& value : x) {
+      if (value == end.value) value = kNothing;
+    }
+    Say(fmt::format("actual torque {}", j + 1),
+        fmt::format("is cut off at {:.4g} N m for {:.2g} % of the run where its tension goes on: taken as "
+                    "missing there",
+                    end.value, 100 * end.share));
   }
 
   void FrozenCell(Eigen::Index j) {
@@ -224,6 +257,23 @@ struct Finder {
               });
   }
 };
+
+/// A drive's reading ends at the same torque in every run, be its tension seen to go on there or not.
+void TakeOutTorquesCutOff(DataSet& set, std::vector<std::string>& said) {
+  for (const bool top : {true, false}) {
+    std::map<Eigen::Index, std::set<double>> ends_Nm;  // by tendon
+    const auto each = [&](auto&& call) {
+      for (Run& run : set.runs) {
+        if (run.torque_actual_Nm.rows() != run.time_s.size()) continue;
+        for (Eigen::Index j = 0; j < run.torque_actual_Nm.cols(); ++j) call(Finder{run, said}, j);
+      }
+    };
+    each([&](const Finder& find, Eigen::Index j) {
+      if (const auto end_Nm = find.ReadingEnds(j, top, set.robot)) ends_Nm[j].insert(*end_Nm);
+    });
+    each([&](Finder find, Eigen::Index j) { find.TorqueCutOff(j, top, ends_Nm[j]); });
+  }
+}
 
 }  // namespace
 
@@ -267,18 +317,20 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
       find.Beyond(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m", kBeyond * robot.body.length_m());
     if (run.motor_position_rad.rows() != run.time_s.size()) continue;
     // Between states at rest a motor may have been anywhere.
-    for (Eigen::Index j = 0; j < run.motor_position_rad.cols() && UsualStep(run) <= kQuasiStatic_s; ++j)
+    for (Eigen::Index j = 0; j < run.motor_position_rad.cols() && UsualStep(run) <= kQuasiStatic_s; ++j) {
+      find.Unwrap(j);
       find.LoneMotorPositions(j, robot);
+    }
     for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
       if (UsualStep(run) <= kQuasiStatic_s) find.LoneTensions(j);
       find.FrozenCell(j);
       find.CutOff(run.tension_N, j, fmt::format("tension {}", j + 1), "N");
     }
-    for (Eigen::Index j = 0; j < run.torque_actual_Nm.cols(); ++j) find.TorqueCutOff(j, robot);
     if (run.tip_m.cols() == 3) find.FrozenTip();
     for (Eigen::Index axis = 0; axis < run.tip_m.cols(); ++axis)
       find.CutOff(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m");
   }
+  TakeOutTorquesCutOff(set, said);
   return said;
 }
 

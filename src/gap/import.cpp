@@ -188,11 +188,11 @@ class Importer {
     run.load_cell = map_.tension.empty() ? LoadCellPlace::kNone : map_.load_cell.value_or(CellPlace(robot_));
     if (!map_.tension.empty() && run.load_cell == LoadCellPlace::kNone)
       run.load_cell = LoadCellPlace::kMotorSide;
-    const std::vector<double> here(time.begin() + static_cast<std::ptrdiff_t>(begin),
-                                   time.begin() + static_cast<std::ptrdiff_t>(end));
+    std::vector<double> here(time.begin() + static_cast<std::ptrdiff_t>(begin),
+                             time.begin() + static_cast<std::ptrdiff_t>(end));
     const std::vector<int> lines(table_.lines.begin() + static_cast<std::ptrdiff_t>(begin),
                                  table_.lines.begin() + static_cast<std::ptrdiff_t>(end));
-    std::vector<int> rows = RowsInTime(here, lines, run);
+    std::vector<int> rows = RowsInTime(here, lines, SameNumbers(table_, begin), run);
     run.time_s.resize(static_cast<Eigen::Index>(rows.size()));
     for (std::size_t i = 0; i < rows.size(); ++i) {
       run.time_s[static_cast<Eigen::Index>(i)] =
@@ -291,7 +291,7 @@ class Importer {
       run.tip_quaternion.row(i) << q.w(), q.x(), q.y(), q.z();
     }
     if (bad > 0)
-      run.notes.push_back(fmt::format("{} orientations that are no rotations taken as missing", bad));
+      run.warnings.push_back(fmt::format("{} orientations that are no rotations taken as missing", bad));
   }
 
   /// Offset and turn that make the first rows the straight robot at rest.

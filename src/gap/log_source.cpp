@@ -118,7 +118,7 @@ class LogRun {
       kept.push_back(i);
     }
     if (const std::size_t lost = last_ - first_ - kept.size(); lost > 0) {
-      run_.notes.push_back(fmt::format("{} cycles whose time does not increase dropped", lost));
+      run_.warnings.push_back(fmt::format("{} cycles whose time does not increase dropped", lost));
     }
     return kept;
   }
@@ -247,7 +247,7 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParame
       run.family = "unknown";
       run.sha256 = sha256;
       run.load_cell = CellPlace(robot);
-      if (!log.damage.empty()) run.notes.push_back("the log is damaged and ends early: " + log.damage);
+      if (!log.damage.empty()) run.warnings.push_back("the log is damaged and ends early: " + log.damage);
       runs.push_back(std::move(run));
     }
     first = last;

@@ -34,14 +34,19 @@ using Kind = std::pair<sim::Cut, Channel::Quantity>;
 /// What the nominal robot leaves of runs, by kinds of channels that they have.
 using Left = std::map<Kind, Squares>;
 
+/// Calls with each residual of a run's channel.
+template <class Call>
+void EachOf(const Evaluator& evaluator, std::size_t run, std::size_t channel, Call&& call) {
+  const auto& variance = evaluator.Variance()[run][channel];
+  for (Eigen::Index w = 0; w < variance.size(); ++w) {
+    if (std::isfinite(variance[w])) call(evaluator.AtNominal()[run][channel][w]);
+  }
+}
+
 void AddLeft(const Evaluator& evaluator, std::size_t run, Left& left) {
   for (std::size_t c = 0; c < evaluator.channels().size(); ++c) {
-    const auto& variance = evaluator.Variance()[run][c];
-    for (Eigen::Index w = 0; w < variance.size(); ++w) {
-      if (!std::isfinite(variance[w])) continue;
-      left[{evaluator.channels()[c].cut, evaluator.channels()[c].quantity}].Add(
-          evaluator.AtNominal()[run][c][w]);
-    }
+    const Channel& channel = evaluator.channels()[c];
+    EachOf(evaluator, run, c, [&](double residual) { left[{channel.cut, channel.quantity}].Add(residual); });
   }
 }
 
@@ -178,7 +183,34 @@ Found LeavesLeast(const std::vector<Mistake>& mistakes, const std::function<doub
   return best;
 }
 
-Measured MeasuredOf(const Evaluator& evaluator) { return {evaluator.has(kC3), evaluator.has_tracker()}; }
+/// Tendon whose load cell disagrees far more than any other's with torque (without it, with stretch, which
+/// what another cell did to the body spoils too) in runs [from, to); -1: none does.
+int OddCell(const Evaluator& evaluator, std::size_t from, std::size_t to) {
+  constexpr double kFar = 2;
+  const sim::Cut cut = evaluator.has(kC2) ? sim::Cut::kDrivetrain : sim::Cut::kTendon;
+  std::map<int, double> by_tendon;  // floors
+  for (std::size_t c = 0; c < evaluator.channels().size() && evaluator.has(kC3); ++c) {
+    const Channel& channel = evaluator.channels()[c];
+    if (channel.cut != cut) continue;
+    Squares squares;
+    for (std::size_t i = from; i < to; ++i)
+      EachOf(evaluator, i, c, [&](double residual) { squares.Add(residual); });
+    if (squares.count > 0 && channel.floor > 0) by_tendon[channel.index] = squares.rms() / channel.floor;
+  }
+  int odd = -1;
+  double most = 0, second = 0;
+  for (const auto& [tendon, floors] : by_tendon) {
+    if (floors > most)
+      second = std::exchange(most, floors), odd = tendon;
+    else
+      second = std::max(second, floors);
+  }
+  return most > kFar * second ? odd : -1;
+}
+
+Measured MeasuredOf(const Evaluator& evaluator, std::size_t from, std::size_t to) {
+  return {evaluator.has(kC3), evaluator.has_tracker(), OddCell(evaluator, from, to)};
+}
 
 /// Some runs of different kinds but one: those with all sensors first, then the shortest.
 std::vector<const Run*> SomeRuns(const DataSet& set, const Run* but) {
@@ -230,10 +262,7 @@ void AddMovedZeros(const Evaluator& evaluator, std::size_t run, std::vector<Mist
       const Channel& channel = evaluator.channels()[c];
       if (channel.cut != by || zero_N.contains(channel.index)) continue;
       double sum_N = 0, count = 0;
-      const auto& variance = evaluator.Variance()[run][c];
-      for (Eigen::Index w = 0; w < variance.size(); ++w) {
-        if (std::isfinite(variance[w])) sum_N += evaluator.AtNominal()[run][c][w], count += 1;
-      }
+      EachOf(evaluator, run, c, [&](double residual) { sum_N += residual, count += 1; });
       if (count > 0) zero_N[channel.index] = sum_N / count;
     }
   }
@@ -269,7 +298,7 @@ void RefuseOtherTime(const DataSet& set) {
   }
 }
 
-std::string FindMistake(const DataSet& set, const Evaluator& evaluator, int threads) {
+std::string FindMistake(const DataSet& set, const Evaluator& evaluator, bool explained, int threads) {
   if (Compared(set)) return "";
   std::map<Kind, std::vector<double>> of_kind;
   for (const Channel& channel : evaluator.channels())
@@ -278,18 +307,22 @@ std::string FindMistake(const DataSet& set, const Evaluator& evaluator, int thre
   for (auto& [kind, all] : of_kind) floors[kind] = Median(std::move(all));
   Left all;
   for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddLeft(evaluator, i, all);
-  if (Misfit(all, floors) < kLarge) return "";
+  const auto misfit_of = [&](const Left& left) {
+    return explained ? Misfit(left, floors) : Worst(left, floors);
+  };
+  if (misfit_of(all) < (explained ? kLarge : kTakenAway)) return "";
 
   const DataSet some = Apart(set, SomeRuns(set, nullptr));
   const std::optional<Left> as_they_are = LeftWith(some, {}, evaluator);
   if (!as_they_are) return "";
   const auto misfit = [&](const Undo& undo) {
     const std::optional<Left> left = LeftWith(some, undo, evaluator);
-    return AsMuch(left, *as_they_are) ? Misfit(*left, floors) : std::numeric_limits<double>::infinity();
+    const bool other = !AsMuch(left, *as_they_are) || (!explained && Worse(*left, *as_they_are, floors));
+    return other ? std::numeric_limits<double>::infinity() : misfit_of(*left);
   };
-  const std::vector<Mistake> mistakes = AllMistakes(set, MeasuredOf(evaluator));
+  const std::vector<Mistake> mistakes = AllMistakes(set, MeasuredOf(evaluator, 0, evaluator.runs().size()));
   const Found found = LeavesLeast(mistakes, misfit, threads);
-  return kTakenAway * found.left < Misfit(*as_they_are, floors) ? found.mistake->with : "";
+  return kTakenAway * found.left < misfit_of(*as_they_are) ? found.mistake->with : "";
 }
 
 std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
@@ -307,7 +340,6 @@ std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
     std::nth_element(all.begin(), middle, all.end());
     if (all.size() > 1) usual[kind] = *middle;
   }
-  const std::vector<Mistake> of_reading = MistakesOfReading(set, MeasuredOf(evaluator));
   std::vector<OddRun> odd;
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     const Run& run = set.runs[i];
@@ -320,7 +352,7 @@ std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
       const std::optional<Left> its = LeftWith(alone, undo, evaluator);
       return AsMuch(its, *as_it_is) ? Worst(*its, usual) : std::numeric_limits<double>::infinity();
     };
-    std::vector<Mistake> mistakes = of_reading;
+    std::vector<Mistake> mistakes = MistakesOfReading(set, MeasuredOf(evaluator, i, i + 1));
     AddMovedZeros(evaluator, i, mistakes);
     const Found found = LeavesLeast(mistakes, worst, threads);
     if (found.left > kLarge / 2 || kTakenAway * found.left > Worst(*as_it_is, usual)) continue;

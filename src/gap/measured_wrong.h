@@ -18,9 +18,9 @@ namespace tendril::gap {
 void RefuseOtherTime(const DataSet& set);
 
 /// What was most probably measured or declared wrong in all runs, as words that follow "with"; empty when
-/// undoing none of the mistakes takes away most of a gap, or the gap is no larger than effects are.
-/// `evaluator` is of `set`.
-std::string FindMistake(const DataSet& set, const Evaluator& evaluator, int threads);
+/// undoing none of the mistakes takes away most of a gap, or the gap is no larger than effects are. Of a gap
+/// that no effect explains the largest place counts, else all of them. `evaluator` is of `set`.
+std::string FindMistake(const DataSet& set, const Evaluator& evaluator, bool explained, int threads);
 
 /// One run that was measured otherwise than the others.
 struct OddRun {

@@ -53,9 +53,20 @@ struct Readings {
   std::size_t size() const { return row.size(); }
 };
 
+/// Whose readings: one tendon's, or all.
+struct Cells {
+  int one = -1;
+
+  bool has(Eigen::Index tendon) const { return one < 0 || one == tendon; }
+  std::string name() const {
+    return one < 0 ? "the load cells' readings" : fmt::format("the readings of load cell {}", one + 1);
+  }
+};
+
 /// The cells' readings, each as it came so much later.
-void Advance(Run& run, double late_s) {
+void Advance(Run& run, Cells cells, double late_s) {
   for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
+    if (!cells.has(j)) continue;
     const Readings read(run, j);
     std::size_t next = 0;
     for (std::size_t i = 0; i < read.size(); ++i) {
@@ -73,9 +84,10 @@ void Advance(Run& run, double late_s) {
 }
 
 /// The cells' readings before a first-order low-pass filter; slopes are those of straight lines.
-void Unfilter(Run& run, double time_constant_s) {
+void Unfilter(Run& run, Cells cells, double time_constant_s) {
   constexpr double kLine_s = 0.01;
   for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
+    if (!cells.has(j)) continue;
     const Readings read(run, j);
     const std::size_t n = read.size();
     if (n < 3) continue;
@@ -146,17 +158,27 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   // Slower logs show no such delay.
   const bool fast = std::any_of(set.runs.begin(), set.runs.end(),
                                 [](const Run& run) { return UsualStep(run) <= kBridged_s; });
-  if (measured.cells && fast) {
-    of_all_sizes([](double ms) {
-      return Mistake{fmt::format("the load cells' readings taken {:.0f} ms earlier", ms),
-                     [ms](Run& run) { Advance(run, 1e-3 * ms); }};
+  const auto late = [&](Cells cells) {
+    of_all_sizes([cells](double ms) {
+      return Mistake{fmt::format("{} taken {:.0f} ms earlier", cells.name(), ms),
+                     [=](Run& run) { Advance(run, cells, 1e-3 * ms); }};
     });
-    of_all_sizes([](double ms) {
-      return Mistake{fmt::format("a low-pass filter of {:.0f} ms taken off the load cells' readings", ms),
-                     [ms](Run& run) { Unfilter(run, 1e-3 * ms); }};
+    of_all_sizes([cells](double ms) {
+      return Mistake{fmt::format("a low-pass filter of {:.0f} ms taken off {}", ms, cells.name()),
+                     [=](Run& run) { Unfilter(run, cells, 1e-3 * ms); }};
     });
-  }
-  if (!measured.tracker || set.fit_frame) return all;
+  };
+  if (measured.cells && fast) late({});
+  if (measured.odd_cell >= 0 && fast) late({measured.odd_cell});
+  if (!measured.tracker) return all;
+  all.push_back({"the tip's quaternions taken as x, y, z, w", [](Run& run) {
+                   if (run.tip_quaternion.cols() == 4)
+                     run.tip_quaternion = run.tip_quaternion(Eigen::all, {3, 0, 1, 2}).eval();
+                 }});
+  all.push_back({"the tip's orientations taken as the base's in the tip's frame", [](Run& run) {
+                   if (run.tip_quaternion.cols() == 4) run.tip_quaternion.rightCols(3) *= -1;
+                 }});
+  if (set.fit_frame) return all;
   for (int a = 0; a < 3; ++a) {
     all.push_back(
         {fmt::format("the sign of tip {} turned round", kAxes[a]), [a](Run& run) { Negate(run.tip_m, a); }});

@@ -21,6 +21,7 @@ struct Mistake {
 /// What of these runs' sensors it can have been made with.
 struct Measured {
   bool cells = false, tracker = false;
+  int odd_cell = -1;  // tendon whose load cell disagrees far more than the others'; -1: none
 };
 
 /// What may go wrong in recording one run as well as all of them.

@@ -76,7 +76,7 @@ void Normalise(Run& run) {
     }
   }
   if (bad > 0) {
-    run.notes.push_back(fmt::format(
+    run.warnings.push_back(fmt::format(
         "{} orientations (tip_qw, tip_qx, tip_qy, tip_qz) whose norm is not 1 taken as missing", bad));
   }
 }
@@ -126,7 +126,7 @@ std::pair<std::size_t, std::size_t> LongestOfOneClock(const std::vector<double>&
   }
   part_ends(t.size());
   if (restarts > 0) {
-    run.notes.push_back(fmt::format(
+    run.warnings.push_back(fmt::format(
         "the clock restarts {} time{}, first in line {}: the longest part is read, {} of {} rows; split "
         "the file there to have the others",
         restarts, restarts == 1 ? "" : "s", first_line, longest.second - longest.first, t.size()));
@@ -134,11 +134,56 @@ std::pair<std::size_t, std::size_t> LongestOfOneClock(const std::vector<double>&
   return longest;
 }
 
+/// Several rows a stamp: their clock is coarser than they are. Each lies as far on as its place among those
+/// of its stamp, which the first stamp may have fewer of than others.
+void SpreadStamps(std::vector<double>& t, const SameRow& same, Run& run) {
+  constexpr double kMany = 0.2;     // of the rows: fewer are rows recorded twice
+  constexpr double kPause = 1.5;    // usual ticks
+  std::vector<std::size_t> begins;  // of rows with one stamp
+  bool others = false;
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    if (i == 0 || t[i] != t[i - 1])
+      begins.push_back(i);
+    else
+      others = others || !same(i, i - 1);
+  }
+  const std::size_t stamps = begins.size(), shared = t.size() - stamps;
+  if (!others || stamps < 3 || static_cast<double>(shared) < kMany * static_cast<double>(t.size())) return;
+  begins.push_back(t.size());
+  const std::vector<double> stamp = t;
+  std::vector<double> ticks_s, steps_s;
+  for (std::size_t k = 1; k + 1 < stamps; ++k) {
+    const double tick_s = stamp[begins[k + 1]] - stamp[begins[k]];
+    if (!(tick_s > 0)) continue;
+    ticks_s.push_back(tick_s);
+    steps_s.push_back(tick_s / static_cast<double>(begins[k + 1] - begins[k]));
+  }
+  if (ticks_s.empty()) return;
+  const double usual_s = Median(std::move(ticks_s)), step_s = Median(std::move(steps_s));
+  for (std::size_t k = 0; k < stamps; ++k) {
+    const std::size_t begin = begins[k], count = begins[k + 1] - begin;
+    const bool last = k + 1 == stamps;
+    const double tick_s = last ? 0 : stamp[begins[k + 1]] - stamp[begin];
+    const bool whole = k > 0 && tick_s > 0 && tick_s < kPause * usual_s;
+    const double each_s = whole ? tick_s / static_cast<double>(count) : step_s;
+    const double from_s = k == 0 && tick_s > 0 && tick_s < kPause * usual_s
+                              ? stamp[begins[1]] - static_cast<double>(count) * step_s
+                              : stamp[begin];
+    for (std::size_t i = 0; i < count; ++i) t[begin + i] = from_s + static_cast<double>(i) * each_s;
+  }
+  run.warnings.push_back(fmt::format(
+      "{} of {} rows have the stamp of the row before, of a clock that ticks every {:.3g} s: spread evenly "
+      "between the ticks; fast effects (delay, damping) are blurred; stamp rows where they are taken",
+      shared, t.size(), usual_s));
+}
+
 }  // namespace
 
 // What follows a clock that restarted is another run. A single row that jumps ahead of the two after it is
 // the wrong one, not they.
-std::vector<int> RowsInTime(const std::vector<double>& t, const std::vector<int>& lines, Run& run) {
+std::vector<int> RowsInTime(std::vector<double>& t, const std::vector<int>& lines, const SameRow& same,
+                            Run& run) {
+  SpreadStamps(t, same, run);
   const auto [begin, end] = LongestOfOneClock(t, lines, run);
   std::vector<int> rows;
   rows.reserve(t.size());
@@ -159,9 +204,9 @@ std::vector<int> RowsInTime(const std::vector<double>& t, const std::vector<int>
     }
     rows.push_back(static_cast<int>(i));
   }
-  if (without > 0) run.notes.push_back(fmt::format("{} rows without a time dropped", without));
+  if (without > 0) run.warnings.push_back(fmt::format("{} rows without a time dropped", without));
   if (back > 0) {
-    run.notes.push_back(
+    run.warnings.push_back(
         fmt::format("{} rows whose time does not increase dropped, the first in line {}; if the clock "
                     "restarted there, split "
                     "the file",
@@ -208,6 +253,16 @@ LoadCellPlace CellPlace(const RobotParameters& robot) {
 std::string RunName(const std::filesystem::path& file) {
   const std::string ending = LowerCase(file.extension().string());
   return ending == ".csv" || ending == ".lcmlog" ? file.stem().string() : file.filename().string();
+}
+
+SameRow SameNumbers(const Table& table, std::size_t from) {
+  return [&table, from](std::size_t a, std::size_t b) {
+    return std::all_of(table.numbers.begin(), table.numbers.end(), [&](const std::vector<double>& column) {
+      if (column.empty()) return true;
+      const double x = column[from + a], y = column[from + b];
+      return x == y || (std::isnan(x) && std::isnan(y));
+    });
+  };
 }
 
 Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot) {
@@ -271,8 +326,8 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
   });
   run.notes.insert(run.notes.end(), table.notes.begin(), table.notes.end());
 
-  const std::vector<double>& time = table.numbers[static_cast<std::size_t>(time_column)];
-  const std::vector<int> rows = RowsInTime(time, table.lines, run);
+  std::vector<double> time = table.numbers[static_cast<std::size_t>(time_column)];
+  const std::vector<int> rows = RowsInTime(time, table.lines, SameNumbers(table, 0), run);
   if (rows.size() < 2) {
     throw TableError(
         fmt::format("{}: {} usable rows; accepted: at least 2 with increasing t_s; record the run again",

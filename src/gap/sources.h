@@ -1,11 +1,14 @@
 // Where runs come from, one function a kind of file. Knows nothing of folders and lists of runs.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "csv.h"
 #include "tendril/core/robot.h"
 #include "tendril/gap/data_set.h"
 
@@ -28,9 +31,16 @@ LoadCellPlace CellPlace(const RobotParameters& robot);
 /// File name without the endings .csv and .lcmlog.
 std::string RunName(const std::filesystem::path& file);
 
+/// Whether two rows hold the same numbers.
+using SameRow = std::function<bool(std::size_t, std::size_t)>;
+/// Of a table's rows from `from` on.
+SameRow SameNumbers(const Table& table, std::size_t from);
+
 /// Rows whose time is there and greater than that of the row before, of the longest part where the clock
-/// restarts; notes what is dropped. `lines` are where the rows stand in the file.
-std::vector<int> RowsInTime(const std::vector<double>& time_s, const std::vector<int>& lines, Run& run);
+/// restarts; warns of what is dropped. Rows that share the stamp of a coarse clock are spread evenly to its
+/// next tick in `time_s`. `lines` are where the rows stand in the file.
+std::vector<int> RowsInTime(std::vector<double>& time_s, const std::vector<int>& lines, const SameRow& same,
+                            Run& run);
 
 /// Notes holes in the time grid: steps of more than 1.5 times the usual one.
 void NoteGaps(Run& run);

@@ -118,6 +118,7 @@ TEST_F(DataSetTest, WhatIsWrittenComesBackBitForBit) {
     EXPECT_EQ(a.repeat_of, b.repeat_of);
     EXPECT_EQ(a.load_cell, b.load_cell);
     EXPECT_THAT(b.notes, IsEmpty());
+    EXPECT_THAT(b.warnings, IsEmpty());
     EXPECT_TRUE(SameBits(a.time_s, b.time_s));
     EXPECT_TRUE(SameBits(a.torque_target_Nm, b.torque_target_Nm));
     EXPECT_TRUE(SameBits(a.torque_actual_Nm, b.torque_actual_Nm));
@@ -198,7 +199,7 @@ TEST_F(DataSetTest, QuaternionsOfAnotherNormAreNoRotation) {
   EXPECT_TRUE(run.tip_quaternion.row(1).array().isNaN().all());
   EXPECT_TRUE(run.tip_quaternion.row(2).array().isNaN().all());
   EXPECT_NEAR(run.tip_quaternion.row(3).norm(), 1, 1e-15);
-  EXPECT_THAT(run.notes, Contains(HasSubstr("2 orientations")));
+  EXPECT_THAT(run.warnings, Contains(HasSubstr("2 orientations")));
 }
 
 TEST_F(DataSetTest, RowsThatGoBackInTimeAreDroppedGapsAreKeptAndBothAreSaid) {
@@ -211,9 +212,9 @@ TEST_F(DataSetTest, RowsThatGoBackInTimeAreDroppedGapsAreKeptAndBothAreSaid) {
   const gap::Run run = LoadTable(text);
   ASSERT_EQ(run.time_s.size(), 95);
   EXPECT_EQ(run.tension_N.col(0).minCoeff(), 0);  // none of the marked rows is left
-  EXPECT_THAT(run.notes,
+  EXPECT_THAT(run.warnings,
               Contains(HasSubstr("2 rows whose time does not increase dropped, the first in line 23")));
-  EXPECT_THAT(run.notes, Contains(HasSubstr("1 rows without a time")));
+  EXPECT_THAT(run.warnings, Contains(HasSubstr("1 rows without a time")));
   EXPECT_THAT(run.notes, Contains(HasSubstr("5 rows missing")));
 }
 
@@ -224,8 +225,34 @@ TEST_F(DataSetTest, OfAClockThatRestartsTheLongestPartIsRead) {
   ASSERT_EQ(run.time_s.size(), 200);
   EXPECT_EQ(run.tension_N(0, 0), 100);
   EXPECT_EQ(run.time_s[0], 0.003);
-  EXPECT_THAT(run.notes,
+  EXPECT_THAT(run.warnings,
               Contains(HasSubstr("the clock restarts 1 time, first in line 102: the longest part")));
+}
+
+TEST_F(DataSetTest, RowsOfACoarseClockAreSpreadBetweenItsTicks) {
+  for (const double early_s : {0.0, 0.005}) {  // cut short, rounded
+    std::string text = "t_s,tension_N_1\n";
+    for (int i = 0; i < 300; ++i) {
+      if (i >= 100 && i < 140) continue;
+      text += fmt::format("{:.2f},{}\n", 0.01 * std::floor((0.001 * i + early_s) / 0.01 + 1e-6), i);
+    }
+    const gap::Run run = LoadTable(text);
+    ASSERT_EQ(run.time_s.size(), 260);
+    for (Eigen::Index i = 0; i < 260; ++i) {
+      const double late_s = run.time_s[i] - 0.001 * run.tension_N(i, 0);
+      EXPECT_NEAR(late_s, early_s, early_s > 0 && i >= 90 ? 0.0051 : 1e-9) << i;
+      EXPECT_TRUE(i == 0 || run.time_s[i] > run.time_s[i - 1]) << i;
+    }
+    EXPECT_THAT(run.warnings, Contains(HasSubstr("of a clock that ticks every 0.01 s: spread evenly")));
+  }
+}
+
+TEST_F(DataSetTest, RowsRecordedTwiceAreDropped) {
+  std::string text = "t_s,tension_N_1\n";
+  for (int i = 0; i < 200; ++i) text += fmt::format("{},{}\n", 0.001 * (i / 2), i / 2);
+  const gap::Run run = LoadTable(text);
+  EXPECT_EQ(run.time_s.size(), 100);
+  EXPECT_THAT(run.warnings, Contains(HasSubstr("100 rows whose time does not increase dropped")));
 }
 
 TEST_F(DataSetTest, OneTimeThatJumpsAheadDoesNotCostTheRowsAfterIt) {

@@ -101,6 +101,7 @@ TEST_F(LogTest, CountsPermilleAndMillivoltsBecomeWhatTheRobotDid) {
   const gap::Run run = Load(kRobot);
   EXPECT_EQ(run.name, "bend");
   EXPECT_THAT(run.notes, IsEmpty());
+  EXPECT_THAT(run.warnings, IsEmpty());
   EXPECT_EQ(run.load_cell, LoadCellPlace::kMotorSide);
   // From half a second before the end of pretension on, until the tensions are let go.
   const auto rows = static_cast<std::size_t>(run.time_s.size());
@@ -161,7 +162,7 @@ TEST_F(LogTest, ALogCarriesItsRobotAndADamagedOneItsBeginning) {
   const gap::Run run = Load();
   EXPECT_LT(run.time_s.size(), whole);
   EXPECT_GT(run.time_s.size(), whole / 20);
-  EXPECT_THAT(run.notes, Contains(HasSubstr("damaged and ends early")));
+  EXPECT_THAT(run.warnings, Contains(HasSubstr("damaged and ends early")));
 }
 
 // Damage anywhere: what is read is in order, what cannot be read says so. Meant for sanitizers.

@@ -26,10 +26,11 @@ struct Run {
   // A target is the one sent at its row's time, which acts a cycle later; everything else is the sensors'
   // value then.
   Eigen::MatrixXd torque_target_Nm, torque_actual_Nm, motor_position_rad, tension_N;  // S x M
-  Eigen::MatrixXd tip_m;           // S x 3 in the tracker's frame
-  Eigen::MatrixXd tip_quaternion;  // S x 4: w, x, y, z
-  Eigen::MatrixXd bending_rad;     // S x 2K: (us, vs) a section, where a log has it
-  std::vector<std::string> notes;  // what was lost or repaired on reading, one line each
+  Eigen::MatrixXd tip_m;              // S x 3 in the tracker's frame
+  Eigen::MatrixXd tip_quaternion;     // S x 4: w, x, y, z
+  Eigen::MatrixXd bending_rad;        // S x 2K: (us, vs) a section, where a log has it
+  std::vector<std::string> notes;     // what a reader may want to know of the file, one line each
+  std::vector<std::string> warnings;  // what was lost or mended on reading, one line each
 };
 
 struct DataSet {
@@ -49,8 +50,8 @@ DataSet LoadDataSet(const std::filesystem::path& folder, const std::string& robo
 DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path);
 
 /// Adds `before`'s runs, and pairs each of the set's with that of its name there, else the only one of its
-/// kind. std::runtime_error when no run has a partner, or the robot was one of other tendons; single runs that
-/// have none are left out with a note, and another robot file is noted: the set's own is taken for both.
+/// kind. std::runtime_error when no run has a partner, or the robot was one of other tendons; single runs
+/// that have none are left out with a note, and another robot file is noted: the set's own is taken for both.
 void CompareWithBefore(DataSet& set, DataSet before);
 /// Another run is compared with this one.
 bool IsBefore(const DataSet& set, const Run& run);
