@@ -30,7 +30,7 @@
 namespace tendril::tools {
 namespace {
 
-struct Options {
+struct DiagnoseCommand {
   std::string robot;
   std::vector<std::string> logs, before;
   std::string out = "out/gap", daemon;
@@ -112,7 +112,7 @@ CLI::Validator Positive() {
       "NUMBER > 0");
 }
 
-void Run(Options options) {
+void Run(DiagnoseCommand options) {
   const auto check = [](const char* option, const std::vector<std::string>& names) {
     for (const std::string& name : names) {
       try {
@@ -156,7 +156,7 @@ void Run(Options options) {
 }  // namespace
 
 void AddGapDiagnoseCommand(CLI::App& app) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DiagnoseCommand>();
   CLI::App* command = GapCommand(app).add_subcommand(
       "diagnose", "Where the gap lies, which effect causes it, how far it shrinks with it in the model");
   command->add_option("--robot", options->robot, "nominal robot file, the one the controller used")

@@ -22,7 +22,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 using sim::Effect;
 
-struct Options {
+struct ExplainOptions {
   std::string effect, robot;
   bool json = false;
 };
@@ -153,7 +153,7 @@ const Effect& Find(const std::string& name) {
   return EffectNamed(name);
 }
 
-void Run(const Options& options) {
+void Run(const ExplainOptions& options) {
   if (!options.robot.empty() && !options.json) {
     throw UsageError("--robot goes with --json: it adds the places that an effect may have on that robot");
   }
@@ -178,7 +178,7 @@ void Run(const Options& options) {
 }  // namespace
 
 void AddGapExplainCommand(CLI::App& app) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ExplainOptions>();
   CLI::App* command = GapCommand(app).add_subcommand(
       "explain",
       "An effect's physics, its mark in the data, what looks like it and what shows it; without one: all");
