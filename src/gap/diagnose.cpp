@@ -615,6 +615,10 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     after = Completed(shown->held_out, before);
     d.closed = PooledClosure(evaluator, before, after, with_gap, options.seed);
   }
+  // What is nowhere for sure, and what nothing closes any of, may be none.
+  if (d.verdict == Verdict::kUnexplained && d.closed && d.closed->value <= 0 &&
+      std::none_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.excess; }))
+    d.verdict = Verdict::kInsufficientData;
   d.closures = Closures(evaluator, before, after, with_gap, options.seed);
   d.families = ClosuresByFamily(evaluator, before, after, with_gap, options.seed);
   if (!search.everything.empty() && d.verdict != Verdict::kNoGap) {

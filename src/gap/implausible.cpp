@@ -78,21 +78,25 @@ struct Finder {
     }
   }
 
-  /// Of an encoder of one turn: no motor goes most of a turn from one row to the next and back later on.
+  /// Of an encoder of one turn: no motor goes most of a turn from one row to the next. It begins where it is
+  /// nearest to zero, as a robot at rest does.
   void Unwrap(Eigen::Index j) {
     constexpr double kTurn_rad = 2 * std::numbers::pi;
     auto x = run.motor_position_rad.col(j);
     if (RangeOf(x).width() > 1.001 * kTurn_rad) return;
     int jumps = 0;
-    double turns = 0, before = kNothing;
-    for (double& value : x) {
+    double turns = kNothing, before = kNothing;
+    Eigen::VectorXd whole = x;
+    for (double& value : whole) {
       if (!std::isfinite(value)) continue;
+      if (std::isnan(turns)) turns = -std::round(value / kTurn_rad);
       const double jump = value - before;
       before = value;
       if (std::abs(jump) > 0.75 * kTurn_rad) turns -= std::copysign(1, jump), ++jumps;
       value += turns * kTurn_rad;
     }
     if (jumps == 0) return;
+    x = whole;
     Say(fmt::format("motor position {}", j + 1),
         fmt::format(
             "jumps by a turn {}, as an encoder of one turn does: taken as going on, from within half a "

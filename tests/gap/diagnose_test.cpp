@@ -682,8 +682,9 @@ INSTANTIATE_TEST_SUITE_P(
              }},
         Lost{"turns_of_encoders",
              [](Run& run) {
-               for (double& x : run.motor_position_rad.reshaped())
-                 x = std::remainder(x, 2 * std::numbers::pi);
+               constexpr double kTurn_rad = 2 * std::numbers::pi;
+               for (double& x : run.motor_position_rad.col(0)) x = std::remainder(x, kTurn_rad);
+               for (double& x : run.motor_position_rad.col(1)) x -= kTurn_rad * std::floor(x / kTurn_rad);
              }},
         // In one kind of motion no tension is seen to go on there.
         Lost{"large_torques",
@@ -1032,6 +1033,20 @@ TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   EXPECT_THAT(repeated.degradations,
               testing::Contains(testing::HasSubstr("if anything was changed between them")));
   EXPECT_THAT(repeated.sentence, testing::HasSubstr("But repetitions differ by"));
+}
+
+// What is at no place for sure, and what nothing closes any of, is not called a gap.
+TEST(Diagnose, WhatShowsNowhereAndClosesNothingIsTooLittleData) {
+  RobotParameters plant = Rig();
+  plant.effects.push_back(sim::ParseEffect("command_delay s=0.0008", plant));
+  DataSet set;
+  set.robot = Rig();
+  set.runs = {Record(plant, "triangle", 3, 7), Record(plant, "triangle", 3, 8)};
+  set.runs[1].name = "again";
+  set.runs[1].repeat_of = "triangle";
+  const Diagnosis d = Diagnose(set, Only({"command_delay", "bending_stiffness"}));
+  EXPECT_EQ(d.verdict, Verdict::kInsufficientData) << d.sentence;
+  EXPECT_THAT(d.sentence, testing::HasSubstr("not enough to tell whether there is a gap"));
 }
 
 TEST(Diagnose, AnEncoderThatFreezesHalfWayIsTakenOutThere) {
