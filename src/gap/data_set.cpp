@@ -2,6 +2,7 @@
 #include "tendril/gap/data_set.h"
 
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -159,11 +160,44 @@ void SettleCell(Run& run, std::optional<LoadCellPlace> told) {
   }
 }
 
+/// The robot that the tables of a folder were recorded with.
+std::optional<RobotParameters> RecordedWith(const fs::path& folder) {
+  std::error_code ignored;
+  if (!fs::exists(folder / "robot.yaml", ignored)) return std::nullopt;
+  try {
+    return sim::LoadRobot((folder / "robot.yaml").string());
+  } catch (const std::exception&) {
+    return std::nullopt;
+  }
+}
+
+/// Newtons in a table are volts by the load cells of the robot that it was recorded with; these cells' volts
+/// mean others. Returns the tendons of which they do.
+std::set<int> TakeCells(Run& run, const RobotParameters& recorded, const RobotParameters& robot) {
+  std::set<int> tendons;
+  if (!recorded.actuation || !robot.actuation) return tendons;
+  const std::size_t known = std::min(recorded.actuation->tendons.size(), robot.actuation->tendons.size());
+  for (Eigen::Index j = 0; j < std::min(run.tension_N.cols(), static_cast<Eigen::Index>(known)); ++j) {
+    const auto& was = recorded.actuation->tendons[static_cast<std::size_t>(j)].load_cell;
+    const auto& is = robot.actuation->tendons[static_cast<std::size_t>(j)].load_cell;
+    const bool both = was.place != LoadCellPlace::kNone && is.place != LoadCellPlace::kNone;
+    if (!both || !(was.gain_VpN > 0) || !(is.gain_VpN > 0)) continue;
+    if (was.gain_VpN == is.gain_VpN && was.offset_N == is.offset_N) continue;
+    auto tension_N = run.tension_N.col(j).array();
+    tension_N = (tension_N + was.offset_N) * (was.gain_VpN / is.gain_VpN) - is.offset_N;
+    tendons.insert(static_cast<int>(j) + 1);
+  }
+  return tendons;
+}
+
 /// Reads the files of a list into the set; what cannot be read becomes a note.
-void AddRuns(DataSet& set, const std::vector<Listed>& list) {
+void AddRuns(DataSet& set, const fs::path& folder, const std::vector<Listed>& list) {
+  const std::optional<RobotParameters> recorded = RecordedWith(folder);
+  std::set<int> other_cells;
   for (const Listed& listed : list) {
     try {
       for (Run& run : ReadAny(listed.file, set.robot)) {
+        if (recorded && !IsLcmLog(listed.file)) other_cells.merge(TakeCells(run, *recorded, set.robot));
         if (listed.family != "unknown") run.family = listed.family;
         run.repeat_of = listed.repeat_of;
         run.before = listed.before;
@@ -173,6 +207,12 @@ void AddRuns(DataSet& set, const std::vector<Listed>& list) {
     } catch (const std::exception& e) {
       set.notes.push_back(fmt::format("left out: {}", e.what()));
     }
+  }
+  if (!other_cells.empty()) {
+    set.notes.push_back(fmt::format(
+        "the load cells of tendons {} have another gain or zero than in {}, which the tensions were recorded "
+        "with: taken by the gain and zero of this robot file",
+        fmt::join(other_cells, ", "), (folder / "robot.yaml").string()));
   }
 }
 
@@ -279,7 +319,7 @@ void AddFolder(DataSet& set, const fs::path& folder) {
       if (logs ? IsLcmLog(file) : HasEnding(file, ".csv")) list.push_back({.file = file});
     }
   }
-  AddRuns(set, list);
+  AddRuns(set, folder, list);
   SettleNames(set.runs, from, set.notes);
 }
 
@@ -407,7 +447,7 @@ DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot
       AddFolder(set, path);
     } else {
       const std::size_t from = set.runs.size();
-      AddRuns(set, {{.file = path}});
+      AddRuns(set, fs::path(path).parent_path(), {{.file = path}});
       SettleNames(set.runs, from, set.notes);
     }
   }

@@ -59,6 +59,13 @@ class DataSetTest : public testing::Test {
     return "";
   }
 
+  /// A folder with a robot file of its own and one run.
+  DataSet WithRobot() const {
+    fs::copy_file(kRobot, folder_ / "robot.yaml", fs::copy_options::overwrite_existing);
+    Write("a.csv", "t_s,tension_N_1,tension_N_2\n0,1,2\n0.001,3,4\n");
+    return Load();
+  }
+
   fs::path folder_;
 };
 
@@ -191,6 +198,21 @@ TEST_F(DataSetTest, APoseThatLacksAColumnIsNotUsed) {
   const gap::Run run = LoadTable("t_s,tension_N_1,tip_x_m,tip_y_m\n0,1,3,1\n1,1,3,1\n");
   EXPECT_EQ(run.tip_m.cols(), 0);
   EXPECT_THAT(run.notes, Contains(HasSubstr("tip_z_m")));
+}
+
+// A patched robot file finds no gap in the logs that showed what was patched.
+TEST_F(DataSetTest, TensionsAreTakenByTheCellsOfTheRobotFile) {
+  RobotParameters robot = WithRobot().robot;
+  const double gain_VpN = robot.actuation->tendons[1].load_cell.gain_VpN;
+  robot.actuation->tendons[1].load_cell.gain_VpN = 1.25 * gain_VpN;
+  robot.actuation->tendons[1].load_cell.offset_N = 0.5;
+  Write("other/robot.yaml", config::ToYaml(robot));
+  const DataSet set = LoadDataSet(folder_, (folder_ / "other" / "robot.yaml").string());
+  EXPECT_DOUBLE_EQ(set.runs.at(0).tension_N(1, 0), 3);
+  EXPECT_DOUBLE_EQ(set.runs.at(0).tension_N(1, 1), 4 / 1.25 - 0.5);
+  EXPECT_THAT(set.notes,
+              Contains(HasSubstr("the load cells of tendons 2 have another gain or zero than in")));
+  EXPECT_DOUBLE_EQ(Load().runs.at(0).tension_N(1, 1), 4);
 }
 
 TEST_F(DataSetTest, QuaternionsOfAnotherNormAreNoRotation) {
