@@ -25,6 +25,7 @@ namespace {
 
 constexpr double kLarge = 8;      // floors, or times what other runs leave: effects are rarely larger
 constexpr double kTakenAway = 4;  // times smaller is a gap whose reason was this mistake
+constexpr double kHelps = 1.5;    // times smaller at least, where a run shows most of it
 constexpr double kLess = 0.5;     // of what could be compared before: a sensor was lost with the mistake
 constexpr std::size_t kRuns = 3;  // that each is tried on
 constexpr double kTried_s = 12;   // of each
@@ -312,10 +313,27 @@ std::string FindMistake(const DataSet& set, const Evaluator& evaluator, bool exp
   };
   if (misfit_of(all) < (explained ? kLarge : kTakenAway)) return "";
 
-  const DataSet some = Apart(set, SomeRuns(set, nullptr));
+  const std::vector<const Run*> runs = SomeRuns(set, nullptr);
+  const DataSet some = Apart(set, runs);
   const std::optional<Left> as_they_are = LeftWith(some, {}, evaluator);
   if (!as_they_are) return "";
+  // Most are plainly none by the run that is missed most.
+  DataSet first;
+  std::optional<Left> first_as_it_is;
+  for (const Run* run : runs) {
+    DataSet alone = Apart(set, {run});
+    std::optional<Left> left = LeftWith(alone, {}, evaluator);
+    if (!left || (first_as_it_is && misfit_of(*left) <= misfit_of(*first_as_it_is))) continue;
+    first = std::move(alone);
+    first_as_it_is = std::move(left);
+  }
+  if (!first_as_it_is) return "";
+  const auto may_be = [&](const Undo& undo) {
+    const std::optional<Left> left = LeftWith(first, undo, evaluator);
+    return AsMuch(left, *first_as_it_is) && kHelps * misfit_of(*left) < misfit_of(*first_as_it_is);
+  };
   const auto misfit = [&](const Undo& undo) {
+    if (!may_be(undo)) return std::numeric_limits<double>::infinity();
     const std::optional<Left> left = LeftWith(some, undo, evaluator);
     const bool other = !AsMuch(left, *as_they_are) || (!explained && Worse(*left, *as_they_are, floors));
     return other ? std::numeric_limits<double>::infinity() : misfit_of(*left);
