@@ -160,7 +160,8 @@ void SettleCell(Run& run, std::optional<LoadCellPlace> told) {
   }
 }
 
-/// The robot that the tables of a folder were recorded with.
+/// The robot that the tables of a folder were recorded with; none where no file says so, or none that can be
+/// read.
 std::optional<RobotParameters> RecordedWith(const fs::path& folder) {
   std::error_code ignored;
   if (!fs::exists(folder / "robot.yaml", ignored)) return std::nullopt;
@@ -210,8 +211,10 @@ void AddRuns(DataSet& set, const fs::path& folder, const std::vector<Listed>& li
   }
   if (!other_cells.empty()) {
     set.notes.push_back(fmt::format(
-        "the load cells of tendons {} have another gain or zero than in {}, which the tensions were recorded "
-        "with: taken by the gain and zero of this robot file",
+        "the load cells (tendons {}) have another gain or zero than in {}, which the tensions were recorded "
+        "with: taken by the gain and zero of the robot file named; if they were recorded with that one, put "
+        "it "
+        "in the folder",
         fmt::join(other_cells, ", "), (folder / "robot.yaml").string()));
   }
 }
@@ -339,17 +342,14 @@ std::string NameOf(const fs::path& path) {
 
 // The robot of a folder's own file where it is not the one that the runs are compared with: other name or
 // size. Numbers may differ, for a nominal file is often an edited one.
-std::string AnotherRobot(const std::string& file, const RobotParameters& robot) {
+std::string AnotherRobot(const fs::path& folder, const RobotParameters& robot) {
   constexpr double kSameLength = 0.05;
-  try {
-    const RobotParameters its = sim::LoadRobot(file);
-    const double its_m = its.body.length_m(), length_m = robot.body.length_m();
-    if (its.name == robot.name && std::abs(its_m - length_m) < kSameLength * length_m) return {};
-    return fmt::format("robot '{}', {:.4g} m long, not '{}', {:.4g} m long", its.name, its_m, robot.name,
-                       length_m);
-  } catch (const std::exception&) {
-    return {};  // it is not used
-  }
+  const std::optional<RobotParameters> its = RecordedWith(folder);
+  if (!its) return {};
+  const double its_m = its->body.length_m(), length_m = robot.body.length_m();
+  if (its->name == robot.name && std::abs(its_m - length_m) < kSameLength * length_m) return {};
+  return fmt::format("robot '{}', {:.4g} m long, not '{}', {:.4g} m long", its->name, its_m, robot.name,
+                     length_m);
 }
 
 // A run that is there twice would pass for one that repeats itself without any noise.
@@ -434,7 +434,7 @@ DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot
   }
 
   for (const std::string& file : beside) {
-    const std::string whose = AnotherRobot(file, set.robot);
+    const std::string whose = AnotherRobot(fs::path(file).parent_path(), set.robot);
     if (whose.empty()) continue;
     set.notes.push_back(
         fmt::format("{} is of {}; is {} the file of the robot that was measured?", file, whose, robot_path));

@@ -80,9 +80,15 @@ std::string Sentence(const Diagnosis& d, const std::string& hiding) {
   for (const auto& f : d.location) {
     if (f.first) first = &f;
   }
+  const CutFinding* off = nullptr;  // most of what is uncertain
+  for (const auto& f : d.location) {
+    if (f.uncertain() && (off == nullptr || f.excess_sigma > off->excess_sigma)) off = &f;
+  }
   const std::string where =
       first ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
                           first->where == "all" ? "" : ", " + first->where)
+      : off ? fmt::format("{} ({}) is {:.2g} sigma off, in too few seconds to be sure",
+                          sim::CutName(off->cut), off->quantity, off->excess_sigma)
             : "The place of the gap is not clear";
   const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
   switch (d.verdict) {
@@ -93,6 +99,7 @@ std::string Sentence(const Diagnosis& d, const std::string& hiding) {
     }
     case Verdict::kInsufficientData:
       return first ? where + ", but these logs and this model are not enough to tell its cause." + next
+             : off ? where + " whether that is a gap." + next
                    : "These logs are not enough to tell whether there is a gap." + next;
     case Verdict::kUnexplained: {
       if (!hiding.empty())
@@ -591,9 +598,10 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     for (const auto& name : unseen) names += (names.empty() ? "" : ", ") + name;
     d.degradations.push_back("too weakly excited to be seen even when plainly wrong: " + names);
   }
-  if (d.verdict == Verdict::kNoGap && 2 * unseen.size() > SearchedEffects(search)) {
+  const bool far_off =
+      std::any_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.uncertain(); });
+  if (d.verdict == Verdict::kNoGap && (far_off || 2 * unseen.size() > SearchedEffects(search)))
     d.verdict = Verdict::kInsufficientData;
-  }
 
   const bool distrusted = evaluator.useless() && d.verdict != Verdict::kNoGap;
   if (distrusted) {
@@ -655,7 +663,8 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     progress("looking for mistakes of measurement", 0);
     if (const std::string with = FindMistake(set, evaluator, d.verdict != Verdict::kUnexplained, threads);
         !with.empty()) {
-      d.sentence += fmt::format(" But check the measurement first: with {} most of this gap goes.", with);
+      d.sentence =
+          fmt::format("Check the measurement first: with {} most of this gap goes. {}", with, d.sentence);
       d.degradations.insert(
           d.degradations.begin(),
           fmt::format("a mistake in the measurement? with {} most of the gap goes; put it right in the data "

@@ -78,30 +78,38 @@ struct Finder {
     }
   }
 
-  /// Of an encoder of one turn: no motor goes most of a turn from one row to the next. It begins where it is
-  /// nearest to zero, as a robot at rest does.
+  /// Of an encoder of one turn: from one row to the next, soon after, a motor goes a whole turn but for what
+  /// it goes in other rows. It begins where it is nearest to zero, as a robot at rest does.
   void Unwrap(Eigen::Index j) {
-    constexpr double kTurn_rad = 2 * std::numbers::pi;
-    auto x = run.motor_position_rad.col(j);
+    constexpr double kTurn_rad = 2 * std::numbers::pi, kMost_rad = 0.25 * kTurn_rad;
+    const auto x = run.motor_position_rad.col(j);
     if (RangeOf(x).width() > 1.001 * kTurn_rad) return;
-    int jumps = 0;
-    double turns = kNothing, before = kNothing;
-    Eigen::VectorXd whole = x;
-    for (double& value : whole) {
-      if (!std::isfinite(value)) continue;
-      if (std::isnan(turns)) turns = -std::round(value / kTurn_rad);
-      const double jump = value - before;
-      before = value;
-      if (std::abs(jump) > 0.75 * kTurn_rad) turns -= std::copysign(1, jump), ++jumps;
-      value += turns * kTurn_rad;
+    std::vector<std::pair<Eigen::Index, double>> jumps;  // row, turns to be added from there on
+    Eigen::Index last = -1;
+    double farthest_rad = 0, missing_rad = 0;  // in one row elsewhere; of a whole turn at a jump
+    for (Eigen::Index i = 0; i < x.size(); ++i) {
+      if (!std::isfinite(x[i])) continue;
+      const double step_rad = last < 0 ? 0 : x[i] - x[last];
+      if (std::abs(step_rad) <= kTurn_rad - kMost_rad) {
+        farthest_rad = std::max(farthest_rad, std::abs(step_rad));
+      } else {
+        if (run.time_s[i] - run.time_s[last] > kBridged_s) return;
+        missing_rad = std::max(missing_rad, kTurn_rad - std::abs(step_rad));
+        jumps.emplace_back(i, step_rad > 0 ? -1 : 1);
+      }
+      last = i;
     }
-    if (jumps == 0) return;
-    x = whole;
+    if (jumps.empty() || missing_rad > 2 * farthest_rad) return;
+    auto motor = run.motor_position_rad.col(j);
+    const auto first = std::find_if(motor.begin(), motor.end(), [](double v) { return std::isfinite(v); });
+    const double turns = -std::round(*first / kTurn_rad);
+    for (const auto& [row, turn] : jumps) motor.tail(motor.size() - row).array() += turn * kTurn_rad;
+    motor.array() += turns * kTurn_rad;
     Say(fmt::format("motor position {}", j + 1),
         fmt::format(
             "jumps by a turn {}, as an encoder of one turn does: taken as going on, from within half a "
             "turn of its zero",
-            jumps == 1 ? "once" : fmt::format("{} times", jumps)));
+            jumps.size() == 1 ? "once" : fmt::format("{} times", jumps.size())));
   }
 
   void LoneMotorPositions(Eigen::Index j, const RobotParameters& robot) {

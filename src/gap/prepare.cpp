@@ -228,7 +228,7 @@ void MarkMoved(int tendon, int from, int to, PreparedRun& out) {
   const int tendons = static_cast<int>(out.signals.motor_angle_rad.cols());
   const int first = std::max(0, tendon), last = tendon < 0 ? tendons : tendon + 1;
   const int a = std::max(0, from - after(kStoodStill_s)), b = std::min(samples, to + after(kStoodStill_s));
-  bool moved = (tendon < 0 && from == 0) || to - from >= after(kStillFor_s);  // or before the first sample
+  bool moved = to - from >= after(kStillFor_s);
   for (int j = first; j < last; ++j) {
     const auto about = out.signals.motor_angle_rad.col(j).segment(a, b - a);
     moved = moved || about.maxCoeff() - about.minCoeff() >= kStill_rad;

@@ -101,6 +101,9 @@ std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
   const std::string head = fmt::format("  {} {} {} ", sim::CutName(cut), Pad(text.title, 13),
                                        Pad(fmt::format("{} -> {}", text.from, text.to), 30));
   if (!worst) return head + paint(kDim, listed ? "cannot be told from these logs" : "not measured") + "\n";
+  if (worst->uncertain())
+    return head + paint(kYellow, fmt::format("{:6.3g} sigma  in too few seconds", worst->excess_sigma)) +
+           "\n";
   if (!worst->excess) return head + paint(kGreen, "at the noise floor") + "\n";
   // Stamps that are there may be exact where others are lost.
   const std::string state =

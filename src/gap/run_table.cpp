@@ -134,8 +134,9 @@ std::pair<std::size_t, std::size_t> LongestOfOneClock(const std::vector<double>&
   return longest;
 }
 
-/// Several rows a stamp: their clock is coarser than they are. Each lies as far on as its place among those
-/// of its stamp, which the first stamp may have fewer of than others.
+/// Several rows a stamp: their clock is coarser than they are. They lie evenly from its tick to the next;
+/// after the beginning and after a pause, when some of a tick's may be missing, up to the next; before the
+/// end and before a pause on from their own.
 void SpreadStamps(std::vector<double>& t, const SameRow& same, Run& run) {
   constexpr double kMany = 0.2;     // of the rows: fewer are rows recorded twice
   constexpr double kPause = 1.5;    // usual ticks
@@ -160,15 +161,21 @@ void SpreadStamps(std::vector<double>& t, const SameRow& same, Run& run) {
   }
   if (ticks_s.empty()) return;
   const double usual_s = Median(std::move(ticks_s)), step_s = Median(std::move(steps_s));
+  const auto goes_on = [&](std::size_t k) {  // from stamp k - 1 to stamp k
+    const double tick_s = k > 0 && k < stamps ? stamp[begins[k]] - stamp[begins[k - 1]] : 0;
+    return tick_s > 0 && tick_s < kPause * usual_s;
+  };
   for (std::size_t k = 0; k < stamps; ++k) {
     const std::size_t begin = begins[k], count = begins[k + 1] - begin;
-    const bool last = k + 1 == stamps;
-    const double tick_s = last ? 0 : stamp[begins[k + 1]] - stamp[begin];
-    const bool whole = k > 0 && tick_s > 0 && tick_s < kPause * usual_s;
-    const double each_s = whole ? tick_s / static_cast<double>(count) : step_s;
-    const double from_s = k == 0 && tick_s > 0 && tick_s < kPause * usual_s
-                              ? stamp[begins[1]] - static_cast<double>(count) * step_s
-                              : stamp[begin];
+    const auto rows = static_cast<double>(count);
+    double from_s = stamp[begin], each_s = step_s;
+    if (goes_on(k + 1)) {
+      const double next_s = stamp[begins[k + 1]];
+      if (goes_on(k))
+        each_s = (next_s - from_s) / rows;
+      else
+        from_s = next_s - rows * step_s;
+    }
     for (std::size_t i = 0; i < count; ++i) t[begin + i] = from_s + static_cast<double>(i) * each_s;
   }
   run.warnings.push_back(fmt::format(

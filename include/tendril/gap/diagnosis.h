@@ -38,6 +38,11 @@ struct CutFinding {
   bool excess = false;      // passes delta with false discoveries controlled
   bool first = false;       // the first in the chain: here lies the gap
   std::string note;
+
+  /// Far beyond noise and materiality, in too few seconds to be no chance.
+  bool uncertain() const {
+    return measured && !excess && cut != sim::Cut::kClock && excess_sigma > 3 && rms > 2 * delta;
+  }
 };
 
 /// One hypothesis with its probability. None is certain: no_gap has at most 0.7 (0.6 where runs repeat

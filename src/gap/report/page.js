@@ -236,7 +236,7 @@ const facts = () => {
     fact('Where', `${capital(title(strongest[0].cut))} (${strongest[0].cut})`, `${digits(strongest[0].excess_sigma, 2)} times the noise floor`);
   } else {
     const judged = new Set(measuredCuts.map(l => l.cut)).size;
-    fact('Where', 'Not settled', judged ? `${judged} of ${report.chain.length} places could be judged; none exceeds its floor` : 'no place in the chain could be judged');
+    fact('Where', 'Not settled', judged ? `${judged} of ${report.chain.length} places could be judged; none exceeds its floor for sure` : 'no place in the chain could be judged');
   }
 
   const causes = report.accepted;
