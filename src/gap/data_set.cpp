@@ -56,8 +56,24 @@ std::string Text(const YAML::Node& entry, const char* key) {
   return node && node.IsScalar() ? std::string(Trimmed(node.Scalar())) : std::string();
 }
 
+/// Keys that mean nothing here, a typing error perhaps.
+void NoteUnknown(const YAML::Node& map, std::initializer_list<std::string_view> known,
+                 const std::string& where, std::vector<std::string>& notes) {
+  std::string unknown;
+  for (const auto& pair : map) {
+    const std::string key = pair.first.IsScalar() ? pair.first.Scalar() : "?";
+    if (std::find(known.begin(), known.end(), key) == known.end())
+      unknown += (unknown.empty() ? "" : ", ") + Printable(key);
+  }
+  if (!unknown.empty()) {
+    notes.push_back(
+        fmt::format("{}: not known and not used: {}; accepted: {}", where, unknown, fmt::join(known, ", ")));
+  }
+}
+
 Listed ReadEntry(const YAML::Node& entry, const std::string& where, std::vector<std::string>& notes) {
   Listed listed;
+  NoteUnknown(entry, {"file", "family", "repeat_of", "before", "load_cell"}, where, notes);
   listed.file = Text(entry, "file");
   if (const std::string family = Text(entry, "family"); !family.empty()) listed.family = family;
   if (const std::string name = Text(entry, "repeat_of"); !IsNoName(name)) listed.repeat_of = RunName(name);
@@ -91,7 +107,11 @@ std::vector<Listed> ReadList(const fs::path& file, DataSet& set) {
                         file.string(), list["tracker_frame"].Mark().line + 1, Printable(frame)));
       }
     }
-    if (list.IsMap() && list["runs"]) list.reset(list["runs"]);
+    if (list.IsMap() && list["runs"]) {
+      NoteUnknown(list, {"runs", "tracker_frame"}, file.string(), notes);
+      list.reset(list["runs"]);
+      if (list.IsNull()) list = YAML::Node(YAML::NodeType::Sequence);
+    }
   } catch (const YAML::Exception& e) {
     throw std::runtime_error(fmt::format("{}:{}: not YAML ({})", file.string(), e.mark.line + 1, e.msg));
   }
@@ -116,6 +136,9 @@ std::vector<Listed> ReadList(const fs::path& file, DataSet& set) {
     }
     runs.push_back(std::move(listed));
   }
+  if (list.size() == 0)
+    notes.push_back(file.string() +
+                    ": its list is empty; every CSV file is taken as a run of unknown family");
   return runs;
 }
 
@@ -197,7 +220,21 @@ void AddRuns(DataSet& set, const fs::path& folder, const std::vector<Listed>& li
   std::set<int> other_cells;
   for (const Listed& listed : list) {
     try {
-      for (Run& run : ReadAny(listed.file, set.robot)) {
+      std::vector<Run> runs = ReadAny(listed.file, set.robot);
+      // What is there twice would pass for a robot that repeats itself without any noise. A few rows may well
+      // be the same.
+      constexpr Eigen::Index kMany = 20;
+      const auto same = std::find_if(set.runs.begin(), set.runs.end(), [&](const Run& run) {
+        return run.time_s.size() >= kMany && run.sha256 == runs.front().sha256;
+      });
+      if (same != set.runs.end()) {
+        set.notes.push_back(
+            fmt::format("left out: {}: holds the very same bytes as run {}; a repetition is "
+                        "a recording of its own",
+                        listed.file.string(), Printable(same->name)));
+        continue;
+      }
+      for (Run& run : runs) {
         if (recorded && !IsLcmLog(listed.file)) other_cells.merge(TakeCells(run, *recorded, set.robot));
         if (listed.family != "unknown") run.family = listed.family;
         run.repeat_of = listed.repeat_of;

@@ -24,6 +24,7 @@
 #include "judge.h"
 #include "locate.h"
 #include "measured_wrong.h"
+#include "own_readings.h"
 #include "parallel.h"
 #include "search.h"
 #include "tendril/config/config.h"
@@ -33,7 +34,12 @@
 namespace tendril::gap {
 namespace {
 
-std::string Percent(double share) { return fmt::format("{:.0f} %", 100 * share); }
+// A cause that leaves more is not all that there is.
+constexpr double kMuchLeft_sigma = 1;
+
+std::string Percent(double share) {
+  return share < 1 && share > 0.995 ? "more than 99 %" : fmt::format("{:.0f} %", 100 * share);
+}
 
 std::string NameOf(const Cause& cause) {
   return cause.where.empty() || cause.where == "all" ? cause.effect : cause.effect + " (" + cause.where + ")";
@@ -85,11 +91,16 @@ std::string Sentence(const Diagnosis& d, const std::string& hiding) {
     if (f.uncertain() && (off == nullptr || f.excess_sigma > off->excess_sigma)) off = &f;
   }
   const std::string where =
-      first ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
-                          first->where == "all" ? "" : ", " + first->where)
-      : off ? fmt::format("{} ({}) is {:.2g} sigma off, in too few seconds to be sure",
-                          sim::CutName(off->cut), off->quantity, off->excess_sigma)
-            : "The place of the gap is not clear";
+      first && first->cut == sim::Cut::kDrivetrain && CutsNotSeen(d).find("C3") != std::string::npos
+          ? fmt::format(
+                "The gap lies at C2 or beyond (C2 to C5 cannot be told apart by place without load "
+                "cells; {}, {})",
+                first->quantity, first->where)
+      : first ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
+                            first->where == "all" ? "" : ", " + first->where)
+      : off   ? fmt::format("{} ({}) is {:.2g} sigma off, in too few seconds to be sure",
+                            sim::CutName(off->cut), off->quantity, off->excess_sigma)
+              : "The place of the gap is not clear";
   const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
   switch (d.verdict) {
     case Verdict::kNoGap: {
@@ -140,14 +151,19 @@ std::string Sentence(const Diagnosis& d, const std::string& hiding) {
               ? fmt::format(" With it in the model {} of the gap closes on {} that it was not fitted to.",
                             Percent(d.closed->value), d.held_out_by)
               : " It is too small beside the noise floor to say how much of the gap closes with it.";
-      return fmt::format("{}; its cause is {}.{}{}", where, causes, closed, next);
+      const std::string left =
+          d.leftover_sigma < kMuchLeft_sigma
+              ? ""
+              : fmt::format(" Up to {:.2g} sigma beyond the floor remain: it is not all that there is.",
+                            d.leftover_sigma);
+      return fmt::format("{}; its cause is {}.{}{}{}", where, causes, closed, left, next);
     }
   }
   return "";
 }
 
-/// What is to be asked first of a gap that nothing explains, where few of the runs have it: `missed` by so
-/// many times more than the others.
+/// What is to be asked first of a gap that nothing explains, where less than half of the runs have it:
+/// `missed` by so many times more than the others.
 std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& missed) {
   std::string names;
   std::size_t few = 0;
@@ -158,7 +174,7 @@ std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& m
     names += (few++ ? ", " : "") + run.name;
     most = std::max(most, found->second);
   }
-  if (d.verdict != Verdict::kUnexplained || few == 0 || 4 * few > d.runs.size()) return "";
+  if (d.verdict != Verdict::kUnexplained || few == 0 || 2 * few >= d.runs.size()) return "";
   return fmt::format(
       " It lies in {} above all, missed by {}{:.0f} times more than the other {} runs: what was different "
       "then? Diagnose again without {}.",
@@ -476,6 +492,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   };
   said(TakeOutOtherTime(set));
   FillMissing(set);
+  said(KeepOwnReadings(set));
   said(TakeOutImplausible(set));
   progress("aligning the logs and finding the noise floor", 0);
   RefuseOtherTime(set);
@@ -643,6 +660,15 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   const LoadCellPlace place = evaluator.runs().front().signals.load_cell;
   if (distrusted || (d.verdict != Verdict::kNoGap && d.verdict != Verdict::kInsufficientData))
     MarkFirst(d, place);
+  std::string mistake;
+  if (d.verdict != Verdict::kNoGap || evaluator.repetitions_differ() > 0) {
+    progress("looking for mistakes of measurement", 0);
+    const bool explained = d.verdict != Verdict::kUnexplained && d.verdict != Verdict::kNoGap &&
+                           d.leftover_sigma < kMuchLeft_sigma;
+    mistake = FindMistake(set, evaluator, explained, threads);
+  }
+  const bool hides = d.verdict == Verdict::kNoGap && !mistake.empty();  // in what repetitions differ by
+  if (hides) d.verdict = Verdict::kInsufficientData;
   std::string hiding;
   if (judgement.hidden_at) {
     const auto& parts = judgement.nearest->model.parts;
@@ -659,18 +685,15 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         evaluator.repetitions_differ());
   }
   d.sentence += InFewRuns(d, measuring.missed()) + measuring.odd();
-  if (d.verdict != Verdict::kNoGap) {
-    progress("looking for mistakes of measurement", 0);
-    if (const std::string with = FindMistake(set, evaluator, d.verdict != Verdict::kUnexplained, threads);
-        !with.empty()) {
-      d.sentence =
-          fmt::format("Check the measurement first: with {} most of this gap goes. {}", with, d.sentence);
-      d.degradations.insert(
-          d.degradations.begin(),
-          fmt::format("a mistake in the measurement? with {} most of the gap goes; put it right in the data "
-                      "set or the robot file and diagnose again",
-                      with));
-    }
+  if (!mistake.empty()) {
+    d.sentence = fmt::format("Check the measurement first: with {} most of {} goes. {}", mistake,
+                             hides ? "what repetitions differ by" : "this gap", d.sentence);
+    d.degradations.insert(
+        d.degradations.begin(),
+        fmt::format(
+            "a mistake in the measurement? with {} most of {} goes; put it right in the data set or the "
+            "robot file and diagnose again",
+            mistake, hides ? "what repetitions differ by" : "the gap"));
   }
   return d;
 }

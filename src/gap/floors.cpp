@@ -31,8 +31,30 @@ constexpr double kResolutionWindow_s = 0.25;
 constexpr double kReturnShare = 0.01;
 constexpr int kLeastReturns = 20;
 constexpr int kLeastWindows = 20;  // of two repetitions, to know how a channel repeats
+// What was asked of motors differs by more, in rms of its range, where it was another motion.
+constexpr double kOtherCommands = 0.25;
 // Repetitions that differ by more, in times of the sensors' noise, may well be of another robot.
 constexpr double kOtherRobot = 5;
+
+/// rms by which what was asked of two runs' motors differs, of its range: torques, or without them how the
+/// motors moved. 0 where hardly anything was.
+double AskedOtherwise(const PreparedRun& run, const PreparedRun& before) {
+  constexpr double kStill_rad = 0.05;
+  const auto target = &sim::ReplaySignals::torque_target_Nm;
+  const bool torques = (run.signals.*target).size() > 0 && (before.signals.*target).size() > 0;
+  const auto asked = torques ? target : &sim::ReplaySignals::motor_angle_rad;
+  const Eigen::MatrixXd &is = run.signals.*asked, &was = before.signals.*asked;
+  const Eigen::Index rows = std::min(is.rows(), was.rows());
+  if (rows == 0 || is.cols() != was.cols()) return 0;
+  double square = 0, range = 0;
+  for (Eigen::Index j = 0; j < is.cols(); ++j) {
+    const Eigen::VectorXd off = is.col(j).head(rows) - was.col(j).head(rows);
+    square = std::max(square, (off.array() - off.mean()).square().mean());
+    for (const auto* angle : {&is, &was})
+      range = std::max(range, angle->col(j).maxCoeff() - angle->col(j).minCoeff());
+  }
+  return range > (torques ? 0 : kStill_rad) ? std::sqrt(square) / range : 0;
+}
 
 /// rms of white noise on a smooth signal, from third differences (robust against the motion itself).
 double WhiteNoise(const Eigen::Ref<const Eigen::VectorXd>& signal) {
@@ -54,9 +76,19 @@ double WhiteNoise(const Eigen::Ref<const Eigen::VectorXd>& signal) {
   return std::sqrt(square / count / 20);
 }
 
-/// Samples of a channel in one of its windows; the tracker is slower than the grid.
+/// Of a cell that is slower than the log, about the samples at which it was read: a straight line between
+/// them has no noise.
+Eigen::VectorXd OwnReadings(const PreparedRun& run, int tendon) {
+  const auto [first, every] = run.cell_grid[static_cast<std::size_t>(tendon)];
+  const Eigen::Index readings = (run.cell_N.rows() - first + every - 1) / every;
+  return run.cell_N.col(tendon)(Eigen::seqN(first, readings, every));
+}
+
+/// Samples of a channel in one of its windows; tracker, and cells at times, are slower than the grid.
 double SamplesIn(const PreparedRun& run, const Channel& channel) {
   const double width = WindowSamples(run, channel);
+  if (channel.quantity == Channel::Quantity::kTension && run.cell_N.cols() > channel.index)
+    return std::max(1.0, width / run.cell_grid[static_cast<std::size_t>(channel.index)].every);
   if (channel.cut != sim::Cut::kShape) return width;
   const double duration = run.samples() * run.signals.step_s;
   return std::clamp(run.tracker_s.size() / duration * width * run.signals.step_s, 1.0, width);
@@ -142,7 +174,7 @@ void Evaluator::FindWhiteNoise() {
         }
         case Quantity::kTension:
           if (run.cell_N.cols() == 0) break;
-          if (const double n = WhiteNoise(run.cell_N.col(channel.index)); n > 0) noise.push_back(n);
+          if (const double n = WhiteNoise(OwnReadings(run, channel.index)); n > 0) noise.push_back(n);
           break;
         case Quantity::kTipPosition:
           if (run.tip_m.rows() == 0) break;
@@ -311,6 +343,12 @@ void Evaluator::TakeDifferences() {
           i, fmt::format("{}: a sample every {:.4g} s, and every {:.4g} s before; accepted: runs of the "
                          "same commands, recorded alike",
                          runs_[i].name, step, its));
+    }
+    if (const double other = AskedOtherwise(runs_[i], runs_[k]); other > kOtherCommands) {
+      throw RunError(i,
+                     fmt::format("{}: its motors were told otherwise than before (by {:.0f} % of the range, "
+                                 "rms); accepted: runs of the same commands",
+                                 runs_[i].name, 100 * other));
     }
     before_[i].resize(channels_.size());
     for (std::size_t c = 0; c < channels_.size(); ++c) {

@@ -617,11 +617,11 @@ class Checkup {
       if (!std::isfinite(rms)) continue;
       const bool poor = rms > 0.1 * range && range > 0 && rms > 3 * Scatter(Of(kind).col(0));
       Add(poor ? Severity::kWarning : Severity::kInfo, kind.name, rms,
-          fmt::format("differs from {} by {:.3g} {} rms{}", original->name, rms, kind.unit,
-                      poor ? "; that is no repetition, and as a noise floor it hides every gap; check that "
-                             "commands and "
-                             "beginning were the same"
-                           : ", the floor below which nothing can be told"));
+          fmt::format(
+              "differs from {} by {:.3g} {} rms{}", original->name, rms, kind.unit,
+              poor ? "; that is no repetition, whose differences from the model may pass for noise; check "
+                     "that commands and beginning were the same (repeat_of in runs.yaml)"
+                   : ", the floor below which nothing can be told"));
     }
   }
 

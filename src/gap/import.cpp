@@ -74,8 +74,12 @@ class Importer {
       while (end < rows && !Ends(end, time)) ++end;
       Run run = MakeRun(begin, end, time);
       if (run.time_s.size() < 2) {
-        notes.push_back(fmt::format("left out: {}:{}: run {} has {} usable rows; accepted: at least 2", file_,
-                                    table_.lines[begin], run.name, run.time_s.size()));
+        std::string why;
+        for (const std::string& warning : run.warnings) why += " (" + warning + ")";
+        notes.push_back(
+            fmt::format("{}:{}: run {} left out: it has {} usable row{} of {}{}; accepted: at least 2", file_,
+                        table_.lines[begin], run.name, run.time_s.size(), run.time_s.size() == 1 ? "" : "s",
+                        end - begin, why));
       } else {
         run.sha256 = sha256;
         NoteGaps(run);

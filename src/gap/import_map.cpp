@@ -169,10 +169,45 @@ class Reader {
     Columns(top.Sub("columns"));
     Frame(top.Sub("frame"));
     top.Close();
+    RefuseTwice(top);
+    if (!map_.tension.empty() && map_.load_cell == LoadCellPlace::kNone) {
+      top.Fail("runs", "load_cell is none, and columns.tension names load cells",
+               "motor_side or robot_side, or no columns.tension");
+    }
     return std::move(map_);
   }
 
  private:
+  /// One column is one sensor's; of a motor that winds one tendon in and another one out it may be both's.
+  void RefuseTwice(Block& top) const {
+    std::map<std::string, std::string> used;  // channel by column
+    const auto use = [&](const std::string& channel, const std::string& column, bool shared) {
+      if (column.empty()) return;
+      const auto [at, first] = used.emplace(column, channel);
+      if (!first && !(shared && at->second == channel)) {
+        top.Fail("columns",
+                 fmt::format("'{}' stands for {}", Printable(column),
+                             at->second == channel ? "two numbers of " + channel
+                                                   : fmt::format("{} and {}", at->second, channel)),
+                 "a column of its own for each");
+      }
+    };
+    use("time", map_.time_column, false);
+    use("time.index", map_.index_column, false);
+    const std::pair<const char*, const std::vector<MappedColumn>*> groups[] = {
+        {"torque_target", &map_.torque_target},
+        {"torque_actual", &map_.torque_actual},
+        {"motor_position", &map_.motor_position},
+        {"tension", &map_.tension},
+        {"tip", &map_.tip},
+        {"orientation", &map_.orientation},
+        {"bending", &map_.bending}};
+    for (const auto& [channel, columns] : groups) {
+      const bool a_tendon = columns != &map_.tip && columns != &map_.orientation && columns != &map_.bending;
+      for (const MappedColumn& column : *columns) use(channel, column.name, a_tendon);
+    }
+  }
+
   void Format(Block block) {
     map_.format.delimiter = block.Choice<char>(
         "delimiter", {{"auto", '\0'}, {"comma", ','}, {"semicolon", ';'}, {"tab", '\t'}, {"space", ' '}},

@@ -102,10 +102,8 @@ std::optional<Left> LeftOf(const DataSet& apart, bool with_cells) {
 }
 
 /// The same with a mistake undone.
-std::optional<Left> LeftWith(DataSet apart, const Undo& undo, const Evaluator& whole) {
-  for (Run& run : apart.runs) {
-    if (undo) undo(run);
-  }
+std::optional<Left> LeftWith(DataSet apart, const Mistake* mistake, const Evaluator& whole) {
+  if (mistake != nullptr) mistake->Undo(apart);
   return LeftOf(apart, whole.has(kC3));
 }
 
@@ -156,14 +154,14 @@ struct Found {
   const Mistake* mistake = nullptr;
   double left = std::numeric_limits<double>::infinity();
 };
-Found LeavesLeast(const std::vector<Mistake>& mistakes, const std::function<double(const Undo&)>& left,
+Found LeavesLeast(const std::vector<Mistake>& mistakes, const std::function<double(const Mistake*)>& left,
                   int threads) {
   constexpr std::size_t kRefined = 3;
   const auto try_all = [&](const std::vector<const Mistake*>& some) {
     std::vector<Found> tried(some.size());
     ParallelFor(static_cast<int>(some.size()), threads, [&](int m) {
       const Mistake* mistake = some[static_cast<std::size_t>(m)];
-      tried[static_cast<std::size_t>(m)] = {mistake, left(mistake->undo)};
+      tried[static_cast<std::size_t>(m)] = {mistake, left(mistake)};
     });
     std::stable_sort(tried.begin(), tried.end(),
                      [](const Found& a, const Found& b) { return a.left < b.left; });
@@ -302,8 +300,13 @@ void RefuseOtherTime(const DataSet& set) {
 std::string FindMistake(const DataSet& set, const Evaluator& evaluator, bool explained, int threads) {
   if (Compared(set)) return "";
   std::map<Kind, std::vector<double>> of_kind;
-  for (const Channel& channel : evaluator.channels())
-    of_kind[{channel.cut, channel.quantity}].push_back(channel.floor);
+  // Where repetitions differ by far more than noise, a mistake may be what makes them.
+  const bool scatter = evaluator.repetitions_differ() > 0;
+  for (std::size_t c = 0; c < evaluator.channels().size(); ++c) {
+    const Channel& channel = evaluator.channels()[c];
+    const double by = scatter ? evaluator.repetitions_by()[static_cast<Eigen::Index>(c)] : 1;
+    of_kind[{channel.cut, channel.quantity}].push_back(channel.floor / by);
+  }
   std::map<Kind, double> floors;
   for (auto& [kind, all] : of_kind) floors[kind] = Median(std::move(all));
   Left all;
@@ -315,26 +318,26 @@ std::string FindMistake(const DataSet& set, const Evaluator& evaluator, bool exp
 
   const std::vector<const Run*> runs = SomeRuns(set, nullptr);
   const DataSet some = Apart(set, runs);
-  const std::optional<Left> as_they_are = LeftWith(some, {}, evaluator);
+  const std::optional<Left> as_they_are = LeftWith(some, nullptr, evaluator);
   if (!as_they_are) return "";
   // Most are plainly none by the run that is missed most.
   DataSet first;
   std::optional<Left> first_as_it_is;
   for (const Run* run : runs) {
     DataSet alone = Apart(set, {run});
-    std::optional<Left> left = LeftWith(alone, {}, evaluator);
+    std::optional<Left> left = LeftWith(alone, nullptr, evaluator);
     if (!left || (first_as_it_is && misfit_of(*left) <= misfit_of(*first_as_it_is))) continue;
     first = std::move(alone);
     first_as_it_is = std::move(left);
   }
   if (!first_as_it_is) return "";
-  const auto may_be = [&](const Undo& undo) {
-    const std::optional<Left> left = LeftWith(first, undo, evaluator);
+  const auto may_be = [&](const Mistake* mistake) {
+    const std::optional<Left> left = LeftWith(first, mistake, evaluator);
     return AsMuch(left, *first_as_it_is) && kHelps * misfit_of(*left) < misfit_of(*first_as_it_is);
   };
-  const auto misfit = [&](const Undo& undo) {
-    if (!may_be(undo)) return std::numeric_limits<double>::infinity();
-    const std::optional<Left> left = LeftWith(some, undo, evaluator);
+  const auto misfit = [&](const Mistake* mistake) {
+    if (!may_be(mistake)) return std::numeric_limits<double>::infinity();
+    const std::optional<Left> left = LeftWith(some, mistake, evaluator);
     const bool other = !AsMuch(left, *as_they_are) || (!explained && Worse(*left, *as_they_are, floors));
     return other ? std::numeric_limits<double>::infinity() : misfit_of(*left);
   };
@@ -364,10 +367,10 @@ std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
     const double by = Worst(left[i], usual);
     if (by < kLarge || !missed.emplace(run.name, by).second) continue;
     const DataSet alone = Apart(set, {&run});
-    const std::optional<Left> as_it_is = LeftWith(alone, {}, evaluator);
+    const std::optional<Left> as_it_is = LeftWith(alone, nullptr, evaluator);
     if (!as_it_is || Worst(*as_it_is, usual) < kLarge) continue;
-    const auto worst = [&](const Undo& undo) {
-      const std::optional<Left> its = LeftWith(alone, undo, evaluator);
+    const auto worst = [&](const Mistake* mistake) {
+      const std::optional<Left> its = LeftWith(alone, mistake, evaluator);
       return AsMuch(its, *as_it_is) ? Worst(*its, usual) : std::numeric_limits<double>::infinity();
     };
     std::vector<Mistake> mistakes = MistakesOfReading(set, MeasuredOf(evaluator, i, i + 1));
@@ -376,8 +379,8 @@ std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
     if (found.left > kLarge / 2 || kTakenAway * found.left > Worst(*as_it_is, usual)) continue;
     // The others are right as they are: else it is a mistake in all runs that shows in this one most.
     const DataSet others = Apart(set, SomeRuns(set, &run));
-    const std::optional<Left> before = LeftWith(others, {}, evaluator);
-    const std::optional<Left> after = LeftWith(others, found.mistake->undo, evaluator);
+    const std::optional<Left> before = LeftWith(others, nullptr, evaluator);
+    const std::optional<Left> after = LeftWith(others, found.mistake, evaluator);
     if (before && (!AsMuch(after, *before) || Worse(*after, *before, usual)))
       odd.push_back({i, found.mistake->with});
   }

@@ -135,6 +135,13 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
     all.push_back({fmt::format("the motor positions taken as {}", unit),
                    [rad](Run& run) { run.motor_position_rad *= rad; }});
   };
+  all.push_back({"the motor positions counted from where each run begins", [](Run& run) {
+                   for (auto motor : run.motor_position_rad.colwise()) {
+                     const auto first =
+                         std::find_if(motor.begin(), motor.end(), [](double x) { return std::isfinite(x); });
+                     if (first != motor.end()) motor.array() -= double{*first};
+                   }
+                 }});
   motors_in("degrees", std::numbers::pi / 180);
   motors_in("turns", 2 * std::numbers::pi);
   if (const int counts = set.robot.actuation->tendons.front().drive.encoder_counts_per_turn; counts > 0)
@@ -147,6 +154,21 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   tensions_in("pounds-force", 4.4482216);
   tensions_in("kilograms-force", 9.80665);
   // In steps of a half, and about each in steps of a twentieth.
+  if (measured.tracker && !set.fit_frame) {
+    const auto scaled = [](double percent) {
+      return Mistake{fmt::format("the tip's distances taken {:.2g} % {}", std::abs(percent),
+                                 percent < 0 ? "smaller" : "larger"),
+                     [percent](Run& run) { run.tip_m *= 1 + 0.01 * percent; }};
+    };
+    for (const double sign : {-1, 1}) {
+      for (double percent = 1; percent < 12; percent *= 1.5) {
+        Mistake mistake = scaled(sign * percent);
+        for (double finer = percent / 1.2; finer < 1.25 * percent; finer *= 1.1)
+          mistake.finer.push_back(scaled(sign * finer));
+        all.push_back(std::move(mistake));
+      }
+    }
+  }
   const auto of_all_sizes = [&](auto&& of_size) {
     for (double ms = 5; ms < 150; ms *= 1.5) {
       Mistake mistake = of_size(ms);
@@ -198,6 +220,18 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
 
 std::vector<Mistake> AllMistakes(const DataSet& set, Measured measured) {
   std::vector<Mistake> all = MistakesOfReading(set, measured);
+  const Eigen::Vector3d told = set.robot.body.gravity_W_mps2;
+  for (int a = 0; a < 3; ++a) {
+    for (const int sign : {1, -1}) {
+      const Eigen::Vector3d gravity = sign * told.norm() * Eigen::Vector3d::Unit(a);
+      if ((gravity - told).norm() <= 0.01 * told.norm()) continue;
+      all.push_back({fmt::format("gravity along {}{} of the base (gravity_W_mps2 in the robot file)",
+                                 sign < 0 ? "-" : "+", kAxes[a]),
+                     {},
+                     {},
+                     [gravity](RobotParameters& robot) { robot.body.gravity_W_mps2 = gravity; }});
+    }
+  }
   if (measured.cells) {
     const bool motors = set.runs.front().load_cell == LoadCellPlace::kMotorSide;
     all.push_back({fmt::format("the load cells on the {} side (load_cell in runs.yaml)",

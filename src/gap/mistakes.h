@@ -10,12 +10,18 @@
 
 namespace tendril::gap {
 
-using Undo = std::function<void(Run&)>;
-
 struct Mistake {
   std::string with;  // what would make it right, as words that follow "with"
-  Undo undo;
+  std::function<void(Run&)> in_run;
   std::vector<Mistake> finer{};  // of other sizes about this one's
+  std::function<void(RobotParameters&)> in_file{};
+
+  void Undo(DataSet& set) const {
+    for (Run& run : set.runs) {
+      if (in_run) in_run(run);
+    }
+    if (in_file) in_file(set.robot);
+  }
 };
 
 /// What of these runs' sensors it can have been made with.

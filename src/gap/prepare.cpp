@@ -267,6 +267,18 @@ double GridStep(const Run& run, double usual_s) {
   return count > 0 ? sum_s / count : usual_s;
 }
 
+/// Rows from one of its values to the next, usually.
+int RowsApart(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  std::vector<double> apart;
+  Eigen::Index last = -1;
+  for (Eigen::Index i = 0; i < values.size(); ++i) {
+    if (!std::isfinite(values[i])) continue;
+    if (last >= 0) apart.push_back(static_cast<double>(i - last));
+    last = i;
+  }
+  return std::max(1, static_cast<int>(Median(std::move(apart))));
+}
+
 /// Where column j says nothing for longer than a straight line bridges: everywhere for a sensor that is never
 /// faster, or hardly ever there. `at`: grid sample of each row.
 void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int samples, double step_s,
@@ -445,6 +457,15 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   };
   known(run.torque_target_Nm, s.torque_target_Nm, out.target_holes);
   known(run.torque_actual_Nm, s.torque_actual_Nm, out.torque_holes);
+  for (int j = 0; j < s.tension_N.cols(); ++j) {
+    OwnGrid& grid = out.cell_grid.emplace_back();
+    const int apart = RowsApart(run.tension_N.col(j));
+    if (apart == 1) continue;
+    grid.every = apart * refine;
+    int row = 0;
+    while (row + 1 < rows && !std::isfinite(run.tension_N(row, j))) ++row;
+    grid.first = at[static_cast<std::size_t>(row)] % grid.every;
+  }
   out.cell_step_N.assign(static_cast<std::size_t>(s.tension_N.cols()), 0);
   for (int j = 0; j < s.tension_N.cols() && robot.actuation; ++j) {
     const auto& p = robot.actuation->tendons[j].load_cell;
@@ -474,9 +495,13 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
       // slack tendon catches, most of the blow may fall between.
       std::uniform_real_distribution<double> part(-0.5, 0.5);
       const Eigen::VectorXd read = s.tension_N.col(j);
-      for (int i = 1; i + 1 < samples; ++i) {
-        s.tension_N(i, j) += part(random) * (read[i - 1] - 2 * read[i] + read[i + 1]);
-      }
+      const auto [first, every] = out.cell_grid[static_cast<std::size_t>(j)];
+      Interpolator by;  // what the readings are moved by
+      by.Add(0, 0);
+      for (int i = first + every; i + every < samples; i += every)
+        by.Add(i, part(random) * (read[i - every] - 2 * read[i] + read[i + every]));
+      by.Add(samples - 1, 0);
+      for (int i = 1; i + 1 < samples; ++i) s.tension_N(i, j) += by(i);
     }
   }
 

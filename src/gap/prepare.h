@@ -33,6 +33,11 @@ struct Hole {
   int size() const { return to - from; }
 };
 
+/// The samples first, first + every, ... about at which a sensor was read.
+struct OwnGrid {
+  int first = 0, every = 1;
+};
+
 /// One run on its grid, S samples, with what the sensors said. Of states at rest (signals.at_rest) every row
 /// is a sample, whenever it was; times other than signals.time_s then count rows, `step_s` apart.
 struct PreparedRun {
@@ -43,6 +48,7 @@ struct PreparedRun {
   Eigen::MatrixXd cell_N;   // S x M as read, NaN where nothing was
   std::vector<Hole> cell_holes;
   std::vector<double> cell_step_N;  // M: its resolution, or that of a table with fewer places
+  std::vector<OwnGrid> cell_grid;   // M: where it is slower than the log
   /// Where a straight line stands for target torque, actual torque or encoder (0 where nothing ever was),
   /// and what needs them cannot be told.
   std::vector<Hole> target_holes, torque_holes, motor_holes;

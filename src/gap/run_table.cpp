@@ -336,9 +336,11 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
   std::vector<double> time = table.numbers[static_cast<std::size_t>(time_column)];
   const std::vector<int> rows = RowsInTime(time, table.lines, SameNumbers(table, 0), run);
   if (rows.size() < 2) {
+    std::string why;
+    for (const std::string& warning : run.warnings) why += " (" + warning + ")";
     throw TableError(
-        fmt::format("{}: {} usable rows; accepted: at least 2 with increasing t_s; record the run again",
-                    name, rows.size()));
+        fmt::format("{}: {} usable row{}{}; accepted: at least 2 with increasing t_s; record the run again",
+                    name, rows.size(), rows.size() == 1 ? "" : "s", why));
   }
   const auto count = static_cast<Eigen::Index>(rows.size());
   const bool all = rows.size() == time.size();

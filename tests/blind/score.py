@@ -602,6 +602,9 @@ def recorded(path):
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as wrong:
             raise Wrong(f"{path}:{number}: not a line of a record: {type(wrong).__name__}: {wrong}; "
                         "take the record as score --record wrote it")
+    if lines and not head:
+        notes.append(f"{path}: without the first line that tells how many follow (records of before it was written have none): that "
+                     "lines were lost or changed would not be seen")
     if not cases and not refusals:
         raise Wrong(f"{path}: neither a campaign with sealed sets nor the record of one (it is empty)")
     if head and (len(lines) - 1 != head["lines"] or sha("\n".join(lines[1:]).encode()) != head["sha256"]):

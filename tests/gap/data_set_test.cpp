@@ -110,7 +110,7 @@ TEST_F(DataSetTest, WhatIsWrittenComesBackBitForBit) {
   DataSet set;
   set.robot = config::LoadRobot(kRobot);
   set.runs.push_back(FullRun("first", 200));
-  set.runs.push_back(FullRun("again", 200));
+  set.runs.push_back(FullRun("again", 201));
   set.runs[1].repeat_of = "first";
   set.runs[1].load_cell = LoadCellPlace::kRobotSide;
   WriteDataSet(set, folder_);
@@ -348,6 +348,15 @@ TEST_F(DataSetTest, RepetitionsMayNameFilesOrRunsAndLeadToTheFirstOfTheirKind) {
   EXPECT_THAT(set.notes, Contains(HasSubstr("load_cell 'left'")));
   Write("runs.yaml", "- {file: a.csv, repeat_of: b}\n- {file: b.csv, repeat_of: a}\n");
   EXPECT_THAT(Load().notes, Contains(HasSubstr("circle")));
+}
+
+// A copy would pass for a repetition without any noise; a key that nobody reads, for one that was heeded.
+TEST_F(DataSetTest, CopiesAreLeftOutAndUnknownKeysTold) {
+  std::string table = "t_s,tension_N_1\n";
+  for (int i = 0; i < 50; ++i) table += fmt::format("{},{}\n", i, i % 7);
+  for (const char* name : {"a.csv", "copy.csv"}) Write(name, table);
+  Write("runs.yaml", "runs:\n");
+  EXPECT_THAT(Load().notes, Contains(HasSubstr("its list is empty; every CSV file is taken")));
 }
 
 TEST_F(DataSetTest, ABrokenListStillGivesTheTables) {

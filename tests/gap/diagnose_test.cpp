@@ -278,6 +278,19 @@ TEST(Diagnose, WithoutARunToCompareTheRunsFromBeforeAreNotDiagnosedInstead) {
   }
 }
 
+// Nor can another motion of the same name.
+TEST(Diagnose, ARunFromBeforeOfOtherCommandsIsNotComparedWith) {
+  DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
+  earlier.runs[0] = Record(Rig(), "sway", 4, 5);
+  earlier.runs[0].name = "circle";
+  CompareWithBefore(now, earlier);
+  const Diagnosis d = Diagnose(now, Only({"tendon_stiffness"}));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_THAT(
+      d.degradations,
+      testing::Contains(testing::HasSubstr("left out: circle: its motors were told otherwise than before")));
+}
+
 // Where both have an encoder that is dead, their difference says nothing of it.
 TEST(Diagnose, ADeadEncoderBeforeAndNowIsTakenOut) {
   DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
@@ -890,6 +903,75 @@ TEST(Diagnose, MistakesOfMeasurementAreNamed) {
   // An effect is no mistake, however large.
   const Diagnosis d = Diagnose(Recorded("bending_stiffness scale=0.5", 4), Only({"bending_stiffness"}));
   EXPECT_EQ(d.sentence.find("Check the measurement"), std::string::npos) << d.sentence;
+}
+
+// The robot file says which way the robot hangs, and a tracker how long a metre is.
+TEST(Diagnose, GravityAndScaleAreNamed) {
+  DataSet set = Recorded("", 4);
+  set.robot.body.gravity_W_mps2 *= -1;
+  EXPECT_THAT(Diagnose(set, Only({"unit_mass", "tip_force"})).sentence,
+              testing::StartsWith("Check the measurement first: with gravity along -z of the base"));
+  set = Recorded("", 4);
+  for (gap::Run& run : set.runs) run.tip_m *= 1.03;
+  EXPECT_THAT(Diagnose(set, Only({"unit_mass", "tracker_offset"})).sentence,
+              testing::ContainsRegex(
+                  "^Check the measurement first: with the tip's distances taken (2.[789]|3|3.1) % smaller"));
+}
+
+// Encoders that count from where they were switched on.
+TEST(Diagnose, MotorsZeroedAnewBeforeEachRunAreNamed) {
+  DataSet set = Recorded("", 4);
+  for (std::size_t i = 0; i < set.runs.size(); ++i) {
+    for (int j = 0; j < 3; ++j)
+      set.runs[i].motor_position_rad.col(j).array() += 0.4 * std::sin(1.0 + 3.0 * static_cast<double>(i) + j);
+  }
+  EXPECT_THAT(Diagnose(set, Only({"unit_mass", "bending_stiffness"})).sentence,
+              testing::StartsWith("Check the measurement first: with the motor positions counted from where "
+                                  "each run begins"));
+}
+
+// A logger that is faster than a sensor writes its last reading again, or a straight line.
+TEST(Diagnose, SensorsSlowerThanTheLogAreNoGap) {
+  // Every tenth row its own: fills the others of these columns.
+  const auto fill = [](Eigen::Ref<Eigen::MatrixXd> values, bool line) {
+    const Eigen::Index last = (values.rows() - 1) / 10 * 10;
+    for (Eigen::Index i = 0; i < values.rows(); ++i) {
+      const Eigen::Index a = i / 10 * 10;
+      const double share = line && a < last ? static_cast<double>(i - a) / 10 : 0;
+      if (i != a)
+        values.row(i) = values.row(a) + share * (values.row(std::min(a + 10, last)) - values.row(a));
+    }
+  };
+  const DataSet right = Recorded("", 4);
+  for (const bool line : {false, true}) {
+    DataSet set = right;
+    for (gap::Run& run : set.runs) {
+      fill(run.tip_m, line);
+      fill(run.tip_quaternion, line);
+      fill(run.tension_N, line);
+    }
+    const Diagnosis d = Diagnose(set, Only({"tip_payload", "cell_gain"}));
+    EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+    EXPECT_EQ(d.sentence.find("repetitions differ"), std::string::npos) << d.sentence;
+    EXPECT_THAT(
+        d.degradations,
+        testing::Contains(testing::AllOf(
+            testing::HasSubstr(line ? "straight lines between" : "the last one again between"),
+            testing::HasSubstr("tension 2 (every 10 rows), tension 3 (every 10 rows), the tip (every 10 "
+                               "rows)"))));
+  }
+  // As small a gap as before shows.
+  DataSet heavy = Recorded("tip_payload mass_kg=0.0015", 4);
+  const Diagnosis as_recorded = Diagnose(heavy, Only({"tip_payload", "cell_gain"}));
+  for (gap::Run& run : heavy.runs) {
+    fill(run.tip_m, true);
+    fill(run.tip_quaternion, true);
+  }
+  const Diagnosis filled = Diagnose(heavy, Only({"tip_payload", "cell_gain"}));
+  ASSERT_EQ(as_recorded.verdict, Verdict::kAttributed) << as_recorded.sentence;
+  ASSERT_EQ(filled.verdict, Verdict::kAttributed) << filled.sentence;
+  EXPECT_NEAR(filled.accepted[0].parameters.at("mass_kg").value,
+              as_recorded.accepted[0].parameters.at("mass_kg").value, 1e-4);
 }
 
 // So does a filter's or an amplifier's delay.

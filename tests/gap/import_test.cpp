@@ -65,11 +65,11 @@ TEST_F(ImportTest, UnitsSignsScalesAndOrderOfTendonsAreThoseOfTheMap) {
       "time: {column: ms, unit: ms}\n"
       "columns:\n"
       "  torque_target: {names: [c1, c2, c3], unit: A}\n"
-      "  torque_actual: {names: [c3, c1, null], unit: mA, sign: [1, -1, 1]}\n"
+      "  torque_actual: {names: [a1, a2, null], unit: mA, sign: [1, -1, 1]}\n"
       "  motor_position: {names: [d1, d2, d3], unit: mm}\n"
       "  tension: {names: [f1, f2, f3], unit: V, offset: [0.1, 0, 0], scale: 2}\n",
-      "ms,c1,c2,c3,d1,d2,d3,f1,f2,f3,more\n1000,0.1,0.2,-0.3,1,2,-4,0.5,0.25,0,7\n1010,,0.2,-0.3,1,2,-4,0.5,"
-      "0.25,0,7\n");
+      "ms,c1,c2,c3,d1,d2,d3,f1,f2,f3,more,a1,a2\n1000,0.1,0.2,-0.3,1,2,-4,0.5,0.25,0,7,-0.3,0.1\n"
+      "1010,,0.2,-0.3,1,2,-4,0.5,0.25,0,7,-0.3,0.1\n");
   const gap::Run& run = set.runs.at(0);
   EXPECT_EQ(run.name, "table");
   EXPECT_EQ(run.family, "unknown");
@@ -101,6 +101,26 @@ TEST_F(ImportTest, AnglesOfMotorSpoolTurnsAndCountsAgree) {
     EXPECT_NEAR(set.runs.at(0).motor_position_rad(2, 1), wanted, 1e-9) << unit;
     EXPECT_NEAR(set.runs.at(0).time_s[2], 0.2, 1e-12);
   }
+}
+
+// One sensor's numbers are not two channels', and tensions are of some load cell.
+TEST_F(ImportTest, OneColumnIsOneSensors) {
+  const auto refusal = [&](const std::string& map) -> std::string {
+    try {
+      Import("time: {column: t}\n" + map, "t,a,b,c,d\n0,1,2,3,4\n1,2,3,4,5\n");
+    } catch (const std::exception& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(refusal("columns: {tip: {names: [a, a, b]}}\n"),
+              HasSubstr("'a' stands for two numbers of tip"));
+  EXPECT_THAT(refusal("columns: {torque_actual: {names: [a, b, c]}, tension: {names: [d, null, a]}}\n"),
+              HasSubstr("'a' stands for torque_actual and tension"));
+  EXPECT_THAT(refusal("columns: {tension: {names: [t, b, c]}}\n"),
+              HasSubstr("'t' stands for time and tension"));
+  EXPECT_THAT(refusal("runs: {load_cell: none}\ncolumns: {tension: {names: [a, b, c]}}\n"),
+              HasSubstr("load_cell is none, and columns.tension names load cells"));
 }
 
 // The same pose in every way to write an orientation.
@@ -204,7 +224,7 @@ TEST_F(ImportTest, LabelsSplitATableIntoRunsFamiliesAndRepetitions) {
   EXPECT_EQ(set.runs[3].name, "table_odd");
   EXPECT_EQ(set.runs[4].name, "table_odd_2");  // after the hole
   EXPECT_EQ(set.runs[4].repeat_of, "table_odd");
-  EXPECT_THAT(set.notes, Contains(HasSubstr("table_lonely has 1 usable rows")));
+  EXPECT_THAT(set.notes, Contains(HasSubstr("table_lonely left out: it has 1 usable row of")));
   // And it is a data set like any other.
   WriteDataSet(set, folder_ / "set");
   const DataSet back = LoadDataSet(folder_ / "set", "");

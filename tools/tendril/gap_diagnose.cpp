@@ -112,26 +112,7 @@ CLI::Validator Positive() {
       "NUMBER > 0");
 }
 
-void Run(DiagnoseCommand options) {
-  const auto check = [](const char* option, const std::vector<std::string>& names) {
-    for (const std::string& name : names) {
-      try {
-        EffectNamed(name);
-      } catch (const UsageError& e) {
-        throw UsageError(fmt::format("{}: {}", option, e.what()));
-      }
-    }
-  };
-  check("--without", options.diagnose.without);
-  check("--only", options.only);
-  for (const sim::Effect& effect : sim::Effects()) {
-    const bool named = std::find(options.only.begin(), options.only.end(), effect.name) != options.only.end();
-    if (!options.only.empty() && !named) options.diagnose.without.emplace_back(effect.name);
-  }
-  const std::set<std::string> without(options.diagnose.without.begin(), options.diagnose.without.end());
-  if (without.size() == sim::Effects().size())
-    throw UsageError("--only, --without: no effect is left to look for; accepted: at least one");
-  const std::filesystem::path folder = MakeOutputFolder(options.out);
+void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) {
   Progress progress;
   progress("reading the logs", 0);
   gap::DataSet set = gap::LoadLogs(options.logs, options.robot);
@@ -151,6 +132,36 @@ void Run(DiagnoseCommand options) {
   gap::WriteReport(diagnosis, folder);
   progress.Finish();
   fmt::print("{}", gap::Summary(diagnosis, folder / "report.html", isatty(STDOUT_FILENO) != 0));
+}
+
+void Run(DiagnoseCommand options) {
+  const auto check = [](const char* option, const std::vector<std::string>& names) {
+    for (const std::string& name : names) {
+      try {
+        EffectNamed(name);
+      } catch (const UsageError& e) {
+        throw UsageError(fmt::format("{}: {}", option, e.what()));
+      }
+    }
+  };
+  check("--without", options.diagnose.without);
+  check("--only", options.only);
+  for (const sim::Effect& effect : sim::Effects()) {
+    const bool named = std::find(options.only.begin(), options.only.end(), effect.name) != options.only.end();
+    if (!options.only.empty() && !named) options.diagnose.without.emplace_back(effect.name);
+  }
+  const std::set<std::string> without(options.diagnose.without.begin(), options.diagnose.without.end());
+  if (without.size() == sim::Effects().size())
+    throw UsageError("--only, --without: no effect is left to look for; accepted: at least one");
+  const bool there = std::filesystem::exists(options.out);
+  const std::filesystem::path folder = MakeOutputFolder(options.out);
+  try {
+    DiagnoseInto(folder, std::move(options));
+  } catch (...) {
+    std::error_code ignored;  // of what holds something as well
+    if (!there) std::filesystem::remove(folder, ignored);
+    throw;
+  }
 }
 
 }  // namespace

@@ -262,6 +262,14 @@ void RunImport(const ImportOptions& options) {
   fmt::print("{}, {}, {}\n", Counted(rows, "row"), Counted(families.size(), "family", "families"),
              Counted(repeats, "repetition"));
   PrintFindings(gap::CheckHealth(set));
+  const auto left_out = std::count_if(set.notes.begin(), set.notes.end(),
+                                      [](const std::string& note) { return note.starts_with("left out: "); });
+  // Somebody who calls this from a script would go on with less than was meant.
+  if (left_out > 0) {
+    throw std::runtime_error(fmt::format("{} of {} left out (above); the others were written",
+                                         left_out == 1 ? "one" : std::to_string(left_out),
+                                         Counted(options.tables.size(), "table")));
+  }
 }
 
 }  // namespace

@@ -1,0 +1,193 @@
+// Which rows are a sensor's own, by how regularly news comes.
+#include "own_readings.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <map>
+
+#include "health_signal.h"
+#include "median.h"
+#include "prepare.h"
+
+namespace tendril::gap {
+namespace {
+
+using Rows = std::vector<Eigen::Index>;
+
+constexpr std::size_t kLeastReadings = 30;
+constexpr double kMostApart_s = 0.1;  // own readings; what stays longer may well be at rest
+constexpr double kRegular = 0.7;      // share of the readings that come as usual, but for a row
+constexpr double kAtOnce = 0.15;      // share of them that may be followed by another in the next row
+
+/// Rows from one own reading to the next, and the rows of the readings.
+struct Own {
+  int every = 1;
+  Rows rows;
+};
+
+/// The usual one of these distances in rows; 1 where they are not regular.
+int Usual(const std::vector<double>& distances) {
+  if (distances.size() < kLeastReadings) return 1;
+  const double usual = Median(distances);
+  const auto share = [&](auto&& which) {
+    return static_cast<double>(std::count_if(distances.begin(), distances.end(), which)) /
+           static_cast<double>(distances.size());
+  };
+  const bool regular = share([&](double d) { return std::abs(d - usual) <= 1; }) >= kRegular;
+  return usual >= 2 && regular && share([](double d) { return d == 1; }) <= kAtOnce
+             ? static_cast<int>(std::lround(usual))
+             : 1;
+}
+
+/// A reading that is written again until the next one comes. `there`: rows with a value, in order.
+Own Held(const Run& run, const Eigen::MatrixXd& values, const Rows& there) {
+  std::vector<std::size_t> begins;  // of equal values, as places in `there`
+  for (std::size_t i = 0; i < there.size(); ++i) {
+    if (i == 0 || values.row(there[i]) != values.row(there[i - 1])) begins.push_back(i);
+  }
+  std::vector<double> distances, news;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 1; k < begins.size(); ++k) {
+    const double step =
+        (values.row(there[begins[k]]) - values.row(there[begins[k - 1]])).cwiseAbs().maxCoeff();
+    news.push_back(step);
+    least = std::min(least, step);
+    if (run.time_s[there[begins[k]]] - run.time_s[there[begins[k - 1]]] <= kMostApart_s)
+      distances.push_back(static_cast<double>(begins[k] - begins[k - 1]));
+  }
+  Own own{Usual(distances), {}};
+  // A slow change of a coarsely rounded signal comes in steps of one size.
+  if (own.every == 1 || Median(std::move(news)) < 2 * least) return {};
+  begins.push_back(there.size());
+  for (std::size_t k = 0; k + 1 < begins.size(); ++k) {
+    for (std::size_t i = begins[k]; i < begins[k + 1]; i += static_cast<std::size_t>(own.every)) {
+      const bool as_usual = i == begins[k] || i + static_cast<std::size_t>(own.every) <= begins[k + 1];
+      if (as_usual) own.rows.push_back(there[i]);
+    }
+  }
+  return own;
+}
+
+/// By how much a value is off the straight line between its neighbours, of each column; NaN beside a pause
+/// and where it stays.
+Eigen::MatrixXd Bends(const Run& run, const Eigen::MatrixXd& values, const Rows& there) {
+  const double usual_s = UsualStep(run);
+  const auto rows = static_cast<Eigen::Index>(there.size());
+  Eigen::MatrixXd bends = Eigen::MatrixXd::Constant(rows, values.cols(), std::nan(""));
+  for (Eigen::Index i = 1; i + 1 < rows; ++i) {
+    const Eigen::Index a = there[static_cast<std::size_t>(i - 1)], b = there[static_cast<std::size_t>(i)],
+                       c = there[static_cast<std::size_t>(i + 1)];
+    const double span_s = run.time_s[c] - run.time_s[a];
+    if (span_s > 3 * usual_s || values.row(b) == values.row(a)) continue;
+    const double share = (run.time_s[b] - run.time_s[a]) / span_s;
+    bends.row(i) = (values.row(b) - values.row(a) - share * (values.row(c) - values.row(a))).cwiseAbs();
+  }
+  return bends;
+}
+
+/// Straight lines from reading to reading: rows at which they bend.
+Own Interpolated(const Run& run, const Eigen::MatrixXd& values, const Rows& there) {
+  constexpr double kRounded = 4;         // medians: what rounding alone bends a line by at most
+  constexpr double kExact = 1e-13;       // of the largest value: nothing
+  constexpr double kSingle = 1e-6;       // of the largest value: single-precision numbers
+  constexpr double kPlain = 2;           // times what rounding can
+  constexpr double kMostBent = 2.0 / 3;  // of the rows: a reading may have been taken between two
+  const Eigen::MatrixXd bends = Bends(run, values, there);
+  std::vector<double> bend(there.size(), 0.0);  // of the most bent column, of what rounding can
+  double seen = 0;
+  for (Eigen::Index c = 0; c < values.cols(); ++c) {
+    std::vector<double> all;
+    for (const double x : bends.col(c)) {
+      if (std::isfinite(x)) all.push_back(x);
+    }
+    seen = static_cast<double>(all.size());
+    const double usual = Median(std::move(all)), largest = Largest(values.col(c));
+    // What scatters about a line is no line.
+    if (usual > std::max(DecimalStep(values.col(c)), kSingle * largest)) return {};
+    const double rounding = std::max({kRounded * usual, kExact * largest, 1e-300});
+    for (std::size_t i = 0; i < bend.size(); ++i) {
+      const double x = bends(static_cast<Eigen::Index>(i), c);
+      if (std::isfinite(x)) bend[i] = std::max(bend[i], x / rounding);
+    }
+  }
+  const auto bent = std::count_if(bend.begin(), bend.end(), [](double x) { return x > 1; });
+  if (static_cast<double>(bent) > kMostBent * seen) return {};
+  Own own;
+  std::vector<std::size_t> knots;
+  std::vector<double> distances, of_knots;
+  for (std::size_t i = 1; i + 1 < there.size(); ++i) {
+    if (bend[i] <= 1 || bend[i] < bend[i - 1] || bend[i] <= bend[i + 1]) continue;
+    if (!knots.empty() && run.time_s[there[i]] - run.time_s[there[knots.back()]] <= kMostApart_s)
+      distances.push_back(static_cast<double>(i - knots.back()));
+    knots.push_back(i);
+    of_knots.push_back(bend[i]);
+  }
+  own.every = Usual(distances);
+  if (own.every == 1 || Median(std::move(of_knots)) < kPlain) return {};
+  for (const std::size_t i : knots) own.rows.push_back(there[i]);
+  return own;
+}
+
+/// Keeps the own rows alone of these matrices. Rows from one to the next; 1 where all are.
+template <class Find>
+int Keep(Run& run, const Eigen::MatrixXd& by, std::initializer_list<Eigen::Ref<Eigen::MatrixXd>> of,
+         Find&& find) {
+  Rows there;
+  for (Eigen::Index i = 0; i < by.rows(); ++i) {
+    if (by.row(i).allFinite()) there.push_back(i);
+  }
+  const Own own = find(run, by, there);
+  if (own.every == 1) return 1;
+  std::vector<char> keep(static_cast<std::size_t>(by.rows()), 0);
+  for (const Eigen::Index i : own.rows) keep[static_cast<std::size_t>(i)] = 1;
+  for (Eigen::Ref<Eigen::MatrixXd> values : of) {
+    for (Eigen::Index i = 0; i < values.rows(); ++i) {
+      if (!keep[static_cast<std::size_t>(i)])
+        values.row(i).setConstant(std::numeric_limits<double>::quiet_NaN());
+    }
+  }
+  return own.every;
+}
+
+}  // namespace
+
+std::vector<std::string> KeepOwnReadings(DataSet& set) {
+  std::vector<std::string> said;
+  const auto look = [&](const char* between, auto&& find) {
+    std::map<std::string, int> every;  // by sensor, the most
+    for (Run& run : set.runs) {
+      if (run.time_s.size() < kLeastRows || UsualStep(run) > kQuasiStatic_s) continue;
+      const auto note = [&](const std::string& sensor, int rows) {
+        if (rows > 1) every[sensor] = std::max(every[sensor], rows);
+      };
+      const Eigen::Index rows = run.time_s.size();
+      if (run.tip_m.cols() == 3 && run.tip_m.rows() == rows) {
+        if (run.tip_quaternion.rows() == rows)
+          note("the tip", Keep(run, run.tip_m, {run.tip_m, run.tip_quaternion}, find));
+        else
+          note("the tip", Keep(run, run.tip_m, {run.tip_m}, find));
+      }
+      for (Eigen::Index j = 0; j < run.tension_N.cols() && run.tension_N.rows() == rows; ++j) {
+        note(fmt::format("tension {}", j + 1), Keep(run, run.tension_N.col(j), {run.tension_N.col(j)}, find));
+      }
+    }
+    std::string names;
+    for (const auto& [sensor, rows] : every)
+      names += fmt::format("{}{} (every {} rows)", names.empty() ? "" : ", ", sensor, rows);
+    if (!names.empty()) {
+      said.push_back(
+          fmt::format("slower than the log, which has {} between their readings: {}; their own "
+                      "readings alone are used",
+                      between, names));
+    }
+  };
+  look("the last one again", Held);
+  look("straight lines", Interpolated);
+  return said;
+}
+
+}  // namespace tendril::gap
