@@ -45,10 +45,20 @@ std::string NameOf(const Cause& cause) {
   return cause.where.empty() || cause.where == "all" ? cause.effect : cause.effect + " (" + cause.where + ")";
 }
 
-/// Its size; what only shapes it (a time constant, a direction) is in the report.
-std::string ValueOf(const Cause& cause) {
+/// Its size, and that of the same law in the robot file; what only shapes it (a time constant, a direction)
+/// is in the report.
+std::string ValueOf(const Cause& cause, const RobotParameters& robot) {
   const auto told = ToldParameters(cause);
-  return told.empty() ? "" : fmt::format("{} {:.4g}", told.front().first, told.front().second.value);
+  if (told.empty()) return "";
+  const auto& [name, estimate] = told.front();
+  std::string value = fmt::format("{} {:.4g}", name, estimate.value);
+  const sim::Effect* effect = sim::FindEffect(cause.effect);
+  const EffectSetting* law = sim::LawOf(robot, *effect, sim::ParseTarget(*effect, cause.where, robot));
+  for (std::size_t k = 0; law != nullptr && k < law->values.size(); ++k) {
+    if (law->values[k].first == name)
+      value += fmt::format(" where the robot file has {:.4g}", law->values[k].second);
+  }
+  return value;
 }
 
 /// The last tendon of which any run has a number; 0: none.
@@ -80,8 +90,9 @@ std::string CutsNotSeen(const Diagnosis& d) {
   return names;
 }
 
-/// `hiding`: the two that would explain the gap by hiding each other, and where; else empty.
-std::string Sentence(const Diagnosis& d, const std::string& hiding) {
+/// `robot`: the nominal one. `hiding`: the two that would explain the gap by hiding each other, and where;
+/// else empty.
+std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std::string& hiding) {
   const CutFinding* first = nullptr;
   for (const auto& f : d.location) {
     if (f.first) first = &f;
@@ -142,7 +153,7 @@ std::string Sentence(const Diagnosis& d, const std::string& hiding) {
           causes += fmt::format("one of {}, which these runs cannot tell apart", names);
           grouped = true;
         } else {
-          causes += fmt::format("{}, {} (p = {:.2f})", NameOf(c), ValueOf(c), c.p);
+          causes += fmt::format("{}, {} (p = {:.2f})", NameOf(c), ValueOf(c, robot), c.p);
         }
       }
       if (d.verdict == Verdict::kAmbiguousGroup && !grouped) causes += ", or another";
@@ -480,6 +491,8 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   const int threads = options.threads > 0 ? options.threads : AllCores();
   Diagnosis d;
   DataSet set = given;
+  // What its list of effects changes of the file's numbers is in them: changed once more, it is listed twice.
+  set.robot = sim::FoldEffects(given.robot);
   if (const int seen = TendonsSeen(set.runs), tendons = set.robot.body.tendons();
       seen > 0 && seen < tendons) {
     throw std::runtime_error(fmt::format(
@@ -497,7 +510,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   progress("aligning the logs and finding the noise floor", 0);
   RefuseOtherTime(set);
   d.robot_name = set.robot.name;
-  d.robot_yaml = config::ToYaml(set.robot);
+  d.robot_yaml = config::ToYaml(given.robot);
   d.seed = options.seed;
   d.version = Version();
   d.revision = GitRevision();
@@ -677,7 +690,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         "is likelier",
         parts[0].Name(), parts[1].Name(), sim::CutName(*judgement.hidden_at));
   }
-  d.sentence = Sentence(d, hiding);
+  d.sentence = Sentence(d, set.robot, hiding);
   if (evaluator.repetitions_differ() > 0) {
     d.sentence += fmt::format(
         " But repetitions differ by {:.2g} times the noise: if the robot was changed between them, they are "

@@ -380,7 +380,9 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
     const double width = p.upper - p.lower;
     const bool at_bound =
         fit.model.values[k] < p.lower + 1e-3 * width || fit.model.values[k] > p.upper - 1e-3 * width;
-    if (at_bound && std::abs(fit.model.values[k] - p.nominal) > 1e-3 * width) fit.bound_hit = true;
+    // A law of the robot file that is gone is at no bound.
+    const bool gone = !p.shape && std::abs(fit.model.values[k] - start.nothing(k)) <= 1e-3 * width;
+    if (at_bound && !gone && std::abs(fit.model.values[k] - p.nominal) > 1e-3 * width) fit.bound_hit = true;
   }
   fit.columns = cost->SensitivitiesOf(fit.model);
   const Residuals at = cost->ResidualsOf(fit.model);

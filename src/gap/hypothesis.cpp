@@ -21,6 +21,15 @@ std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cel
     const auto add = [&](sim::Target target) {
       candidates.push_back(
           {&effect, target, sim::TargetText(effect, target), sim::ParametersOf(effect, target, robot)});
+      // A law that the file has may be there with more, with less, or gone: sought about what the file says.
+      const EffectSetting* law = sim::LawOf(robot, effect, target);
+      if (law == nullptr) return;
+      const std::vector<double> values = sim::ValuesOf(*law, robot);
+      for (std::size_t k = 0; k < values.size(); ++k) {
+        sim::EffectParameter& parameter = candidates.back().parameters[k];
+        parameter.nominal = values[k];
+        if (parameter.shape) parameter.starts.clear();
+      }
     };
     if (effect.on_all) add(std::nullopt);
     if (!effect.on_one) continue;
@@ -61,6 +70,21 @@ const sim::EffectParameter& Model::parameter(int k) const {
   return parts.back().parameters.back();
 }
 
+double Model::nothing(int k) const {
+  const std::string& name = parameter(k).name;
+  for (const auto& part : parts) {
+    if (k >= part.size()) {
+      k -= part.size();
+      continue;
+    }
+    for (const auto& p : part.effect->parameters) {
+      if (p.name == name) return p.nominal;
+    }
+    break;
+  }
+  return 0;  // what number i has beyond the first
+}
+
 int Model::offset(int part) const {
   int offset = 0;
   for (int i = 0; i < part; ++i) offset += parts[i].size();
@@ -75,7 +99,7 @@ RobotParameters Model::Robot(const RobotParameters& base) const {
     for (const auto& p : part.parameters) {
       setting.values.emplace_back(p.name, std::clamp(values[k++], p.lower, p.upper));
     }
-    robot.effects.push_back(setting);
+    sim::SetLaw(robot, setting);
   }
   return robot;
 }

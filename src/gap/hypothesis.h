@@ -42,9 +42,11 @@ struct Model {
   /// Of its parts: "backlash tendon:2 and torsion".
   std::string Name() const;
   const sim::EffectParameter& parameter(int k) const;
+  /// Its value without the effect: that of the registry, whatever law the robot file has.
+  double nothing(int k) const;
   /// First value of part i in `values`.
   int offset(int part) const;
-  /// `base` with these effects added.
+  /// `base` with these effects; a law that it has there already is as the model says.
   RobotParameters Robot(const RobotParameters& base) const;
 };
 

@@ -96,6 +96,7 @@ Own Interpolated(const Run& run, const Eigen::MatrixXd& values, const Rows& ther
   constexpr double kSingle = 1e-6;       // of the largest value: single-precision numbers
   constexpr double kPlain = 2;           // times what rounding can
   constexpr double kMostBent = 2.0 / 3;  // of the rows: a reading may have been taken between two
+  constexpr double kRowsAKnot = 2.2;     // that are bent: a smooth curve bends in many rows at once
   const Eigen::MatrixXd bends = Bends(run, values, there);
   std::vector<double> bend(there.size(), 0.0);  // of the most bent column, of what rounding can
   double seen = 0;
@@ -127,7 +128,9 @@ Own Interpolated(const Run& run, const Eigen::MatrixXd& values, const Rows& ther
     of_knots.push_back(bend[i]);
   }
   own.every = Usual(distances);
-  if (own.every == 1 || Median(std::move(of_knots)) < kPlain) return {};
+  if (own.every == 1 || Median(std::move(of_knots)) < kPlain ||
+      static_cast<double>(bent) > kRowsAKnot * static_cast<double>(knots.size()))
+    return {};
   for (const std::size_t i : knots) own.rows.push_back(there[i]);
   return own;
 }

@@ -250,6 +250,23 @@ std::vector<double> ValuesOf(const EffectSetting& setting, const RobotParameters
   return values;
 }
 
+const EffectSetting* LawOf(const RobotParameters& robot, const Effect& effect, Target target) {
+  for (const EffectSetting& setting : robot.effects) {
+    if (!effect.edit && setting.name == effect.name && ParseTarget(effect, setting.where, robot) == target)
+      return &setting;
+  }
+  return nullptr;
+}
+
+void SetLaw(RobotParameters& robot, const EffectSetting& setting) {
+  const Effect& effect = Known(setting.name);
+  const EffectSetting* there = LawOf(robot, effect, ParseTarget(effect, setting.where, robot));
+  if (there == nullptr)
+    robot.effects.push_back(setting);
+  else
+    robot.effects[static_cast<std::size_t>(there - robot.effects.data())].values = setting.values;
+}
+
 // In chain order, whatever the file's: what two effects on one number make of it does not depend on how
 // somebody sorted his list.
 RobotParameters FoldEffects(const RobotParameters& robot) {

@@ -154,6 +154,21 @@ TEST_F(ApplyCommandTest, InPlaceChangesTheFileItself) {
   EXPECT_EQ(robot.actuation->tendons[1].motor.torque_scale, 1);
 }
 
+// A law that the file lists is not listed twice; one elsewhere stays.
+TEST_F(ApplyCommandTest, ALawThatTheFileHasIsWrittenAnew) {
+  ASSERT_EQ(Apply("--effect 'backlash where=tendon:2 rad=0.1' --effect 'backlash where=tendon:3 rad=0.05' "
+                  "--effect 'tendon_creep where=tendon:1 fraction=0.1' --in-place"),
+            0)
+      << error_;
+  ASSERT_EQ(Apply("--effect 'backlash where=tendon:2 rad=0.02' --in-place"), 0) << error_;
+  const RobotParameters robot = sim::LoadRobot(folder_ / "rig.yaml");
+  ASSERT_EQ(robot.effects.size(), 3U);
+  EXPECT_EQ(robot.effects[0].where, "tendon:2");
+  EXPECT_EQ(robot.effects[0].values.at(0).second, 0.02);
+  EXPECT_EQ(robot.effects[1].values.at(0).second, 0.05);
+  EXPECT_EQ(robot.effects[2].name, "tendon_creep");
+}
+
 // What a report found counts from the file that it was made with.
 TEST_F(ApplyCommandTest, AReportIsRefusedOnAnyOtherFileThanItsOwn) {
   const Diagnosis d =

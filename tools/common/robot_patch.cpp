@@ -13,6 +13,7 @@
 #include <map>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 
 #include "tendril/config/config.h"
 #include "tendril/sim/effects.h"
@@ -394,18 +395,33 @@ void CarryTendons(Editor& editor, const RobotParameters& before, const RobotPara
   editor.Append(actuation, lines);
 }
 
-void CarryLaws(Editor& editor, const std::vector<EffectSetting>& laws) {
+const EffectSetting* ThereAlready(const RobotParameters& robot, const EffectSetting& law) {
+  const sim::Effect* effect = sim::FindEffect(law.name);
+  return sim::LawOf(robot, *effect, sim::ParseTarget(*effect, law.where, robot));
+}
+
+/// `original`: the robot that the file says; a law that it has at that place already is written anew there.
+void CarryLaws(Editor& editor, const RobotParameters& original, const std::vector<EffectSetting>& laws) {
   if (laws.empty()) return;
   std::vector<std::string> lines;
+  const auto written = [](const EffectSetting& law) {
+    std::string line = fmt::format("  - {{effect: {}, where: \"{}\"", law.name, law.where);
+    for (const auto& [name, value] : law.values) line += fmt::format(", {}: {}", name, value);
+    return line + "}";
+  };
+  std::map<std::size_t, const EffectSetting*> anew;  // by place in the file's list
+  for (const EffectSetting& law : laws) {
+    if (const EffectSetting* there = ThereAlready(original, law))
+      anew[static_cast<std::size_t>(there - original.effects.data())] = &law;
+  }
   const YAML::Node old = editor.At({"effects"});
   if (old.IsDefined()) {
     editor.Remove(editor.root(), "effects");
-    for (const auto& entry : old) lines.push_back("  - " + Flow(entry));
+    for (std::size_t i = 0; i < old.size(); ++i)
+      lines.push_back(anew.contains(i) ? written(*anew[i]) : "  - " + Flow(old[i]));
   }
   for (const EffectSetting& law : laws) {
-    std::string line = fmt::format("  - {{effect: {}, where: \"{}\"", law.name, law.where);
-    for (const auto& [name, value] : law.values) line += fmt::format(", {}: {}", name, value);
-    lines.push_back(line + "}");
+    if (ThereAlready(original, law) == nullptr) lines.push_back(written(law));
   }
   lines.insert(lines.begin(), "effects:");
   if (!old.IsDefined()) lines.insert(lines.begin(), "");
@@ -495,21 +511,23 @@ std::optional<KeyDifference> FirstDifference(const RobotParameters& left, const 
 RobotPatch PatchRobot(const std::string& text, const std::string& path,
                       const std::vector<EffectSetting>& effects, const std::vector<std::string>& heading) {
   const RobotParameters original = config::ParseRobot(text, path);
-  RobotParameters wanted = original;
-  wanted.effects.insert(wanted.effects.end(), effects.begin(), effects.end());
-  sim::CheckEffects(wanted);
-
   // What the file already lists stays listed; only what is new is worked in.
   RobotParameters before = original;
   before.effects.clear();
   RobotParameters after = before;
   after.effects = effects;
   after = sim::FoldEffects(after);
+  RobotParameters wanted = sim::FoldEffects(original);
+  const std::vector<EffectSetting> laws = std::exchange(wanted.effects, effects);
+  wanted = sim::FoldEffects(wanted);
+  for (const EffectSetting& law : laws) {
+    if (ThereAlready(wanted, law) == nullptr) wanted.effects.push_back(law);
+  }
 
   Editor editor(text, path);
   CarryOthers(editor, before, after);
   CarryTendons(editor, before, after);
-  CarryLaws(editor, after.effects);
+  CarryLaws(editor, original, after.effects);
   RobotPatch patch{.text = editor.Text(heading), .robot = {}};
   patch.robot = config::ParseRobot(patch.text, path + " with the effects");
   if (const double difference = RobotDifference(patch.robot, wanted); !(difference <= kSame)) {

@@ -116,6 +116,11 @@ RobotParameters LoadRobot(const std::string& path);
 /// All of an effect's parameters in the order of ParametersOf: those the setting names, the others nominal.
 std::vector<double> ValuesOf(const EffectSetting& setting, const RobotParameters& robot);
 
+/// The robot's own setting of a law there, if it has one; of an effect that is a parameter there is none.
+const EffectSetting* LawOf(const RobotParameters& robot, const Effect& effect, Target target);
+/// The robot with a law more, or otherwise where it has that law at that place already.
+void SetLaw(RobotParameters& robot, const EffectSetting& setting);
+
 /// The robot with every effect that is a parameter worked into its numbers; `effects` keeps only laws.
 RobotParameters FoldEffects(const RobotParameters& robot);
 
