@@ -101,17 +101,20 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
   for (const auto& f : d.location) {
     if (f.uncertain() && (off == nullptr || f.excess_sigma > off->excess_sigma)) off = &f;
   }
+  const bool nowhere =
+      std::none_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.excess; });
   const std::string where =
       first && first->cut == sim::Cut::kDrivetrain && CutsNotSeen(d).find("C3") != std::string::npos
           ? fmt::format(
                 "The gap lies at C2 or beyond (C2 to C5 cannot be told apart by place without load "
                 "cells; {}, {})",
                 first->quantity, first->where)
-      : first ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
+      : first   ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
                             first->where == "all" ? "" : ", " + first->where)
-      : off   ? fmt::format("{} ({}) is {:.2g} sigma off, in too few seconds to be sure",
-                            sim::CutName(off->cut), off->quantity, off->excess_sigma)
-              : "The place of the gap is not clear";
+      : off     ? fmt::format("{} ({}) is {:.2g} sigma off, in too few seconds to be sure",
+                              sim::CutName(off->cut), off->quantity, off->excess_sigma)
+      : nowhere ? "All places together are beyond the noise floor, though none of them is for sure"
+                : "The place of the gap is not clear";
   const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
   switch (d.verdict) {
     case Verdict::kNoGap: {
@@ -263,6 +266,21 @@ bool Finds(const SearchResult& search, const Model& cause) {
   const Fit& single = search.fits.front();
   return in(single) || (!search.pairs.empty() && in(search.pairs.front()) &&
                         search.pairs.front().held_out_score >= single.held_out_score + kPairGain);
+}
+
+/// A mistake of measurement is likelier than each of these.
+void Doubt(std::vector<Cause>& causes) {
+  constexpr double kLeft = 0.3;  // of their probabilities
+  double taken = 0;
+  for (Cause& cause : causes) {
+    if (sim::FindEffect(cause.effect) == nullptr) continue;
+    taken += (1 - kLeft) * cause.p;
+    cause.p *= kLeft;
+  }
+  for (Cause& cause : causes) {
+    if (cause.effect == "unknown") cause.p += taken;
+  }
+  std::stable_sort(causes.begin(), causes.end(), [](const Cause& a, const Cause& b) { return a.p > b.p; });
 }
 
 std::size_t SearchedEffects(const SearchResult& search) {
@@ -673,14 +691,21 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   const LoadCellPlace place = evaluator.runs().front().signals.load_cell;
   if (distrusted || (d.verdict != Verdict::kNoGap && d.verdict != Verdict::kInsufficientData))
     MarkFirst(d, place);
-  std::string mistake;
+  FoundMistake mistake;
   if (d.verdict != Verdict::kNoGap || evaluator.repetitions_differ() > 0) {
     progress("looking for mistakes of measurement", 0);
     const bool explained = d.verdict != Verdict::kUnexplained && d.verdict != Verdict::kNoGap &&
                            d.leftover_sigma < kMuchLeft_sigma;
     mistake = FindMistake(set, evaluator, explained, threads);
   }
-  const bool hides = d.verdict == Verdict::kNoGap && !mistake.empty();  // in what repetitions differ by
+  // A cause that leaves much, where a mistake takes away most, is hardly one.
+  if (!mistake.with.empty() && !d.accepted.empty() && d.leftover_sigma >= kMuchLeft_sigma &&
+      mistake.left < std::hypot(1, d.leftover_sigma)) {
+    d.verdict = Verdict::kInsufficientData;
+    d.accepted.clear();
+    Doubt(d.causes);
+  }
+  const bool hides = d.verdict == Verdict::kNoGap && !mistake.with.empty();  // in what repetitions differ by
   if (hides) d.verdict = Verdict::kInsufficientData;
   std::string hiding;
   if (judgement.hidden_at) {
@@ -698,15 +723,15 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         evaluator.repetitions_differ());
   }
   d.sentence += InFewRuns(d, measuring.missed()) + measuring.odd();
-  if (!mistake.empty()) {
-    d.sentence = fmt::format("Check the measurement first: with {} most of {} goes. {}", mistake,
+  if (!mistake.with.empty()) {
+    d.sentence = fmt::format("Check the measurement first: with {} most of {} goes. {}", mistake.with,
                              hides ? "what repetitions differ by" : "this gap", d.sentence);
     d.degradations.insert(
         d.degradations.begin(),
         fmt::format(
             "a mistake in the measurement? with {} most of {} goes; put it right in the data set or the "
             "robot file and diagnose again",
-            mistake, hides ? "what repetitions differ by" : "the gap"));
+            mistake.with, hides ? "what repetitions differ by" : "the gap"));
   }
   return d;
 }

@@ -76,19 +76,19 @@ double WhiteNoise(const Eigen::Ref<const Eigen::VectorXd>& signal) {
   return std::sqrt(square / count / 20);
 }
 
-/// Of a cell that is slower than the log, about the samples at which it was read: a straight line between
-/// them has no noise.
+/// Of a cell that is slower than the log: a straight line between readings has no noise.
 Eigen::VectorXd OwnReadings(const PreparedRun& run, int tendon) {
-  const auto [first, every] = run.cell_grid[static_cast<std::size_t>(tendon)];
-  const Eigen::Index readings = (run.cell_N.rows() - first + every - 1) / every;
-  return run.cell_N.col(tendon)(Eigen::seqN(first, readings, every));
+  const std::vector<int>& read = run.cell_read[static_cast<std::size_t>(tendon)];
+  return read.empty() ? run.cell_N.col(tendon).eval() : run.cell_N.col(tendon)(read).eval();
 }
 
 /// Samples of a channel in one of its windows; tracker, and cells at times, are slower than the grid.
 double SamplesIn(const PreparedRun& run, const Channel& channel) {
   const double width = WindowSamples(run, channel);
-  if (channel.quantity == Channel::Quantity::kTension && run.cell_N.cols() > channel.index)
-    return std::max(1.0, width / run.cell_grid[static_cast<std::size_t>(channel.index)].every);
+  if (channel.quantity == Channel::Quantity::kTension && run.cell_N.cols() > channel.index) {
+    const auto read = static_cast<double>(run.cell_read[static_cast<std::size_t>(channel.index)].size());
+    return read > 0 ? std::clamp(read / run.samples() * width, 1.0, width) : width;
+  }
   if (channel.cut != sim::Cut::kShape) return width;
   const double duration = run.samples() * run.signals.step_s;
   return std::clamp(run.tracker_s.size() / duration * width * run.signals.step_s, 1.0, width);
@@ -270,6 +270,10 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
         for (const Residuals& reading : readings) scatter += (reading[i][c] - r).cwiseAbs2();
         spread = ReadingSpread(scatter / options.readings, window_s(i, c));
       }
+      // What is rounded stays off by the same as long as nothing moves.
+      if (channel.quantity == Quantity::kTipPosition) spread.array() += std::pow(runs_[i].tip_step_m, 2) / 12;
+      if (channel.quantity == Quantity::kTipDirection)
+        spread.array() += std::pow(runs_[i].tip_step_rad, 2) / 12;
       carried_[i][c] = spread;
       if (channel.quantity == Quantity::kTension) spread += Transients(within[i][c], channel.white);
       if (channel.quantity == Quantity::kTorque && signals.step_s >= kSlowLog_s)

@@ -187,6 +187,16 @@ Plateau FlatExtreme(const Signal& x, bool top) {
   return {value, static_cast<double>(flat) / static_cast<double>(range.count)};
 }
 
+bool Slips(const std::vector<double>& distances) {
+  constexpr double kLeast = 2, kShare = 1e-3;  // rows in all, and of the values
+  const double usual = Median(distances);
+  double slipped = 0;  // but for what is lost
+  for (const double d : distances) {
+    if (std::abs(d - usual) <= 1) slipped += d - usual;
+  }
+  return std::abs(slipped) >= std::max(kLeast, kShare * static_cast<double>(distances.size()));
+}
+
 double DecimalStep(const Signal& x) {
   constexpr std::size_t kDifferent = 12;
   for (int places = 0; places <= 6; ++places) {

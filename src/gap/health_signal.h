@@ -42,6 +42,10 @@ TimeSteps StepsOf(const Eigen::VectorXd& time_s);
 /// Share of values that are missing from the regular grid which the given rows suggest.
 double LostOfOwnGrid(const std::vector<Eigen::Index>& rows);
 
+/// True where values that come every so many rows slip against them: their rate is one of their own, and how
+/// long a value waited for its row is open. `distances`: rows from value to value.
+bool Slips(const std::vector<double>& distances);
+
 /// Rms of the noise, from second differences of neighbours (their median, so that motion does not count).
 double Scatter(const Signal& x);
 

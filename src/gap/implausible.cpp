@@ -23,13 +23,15 @@ constexpr double kBeyond = 3;      // times what the robot can
 constexpr double kCutOff = 0.003;  // share of a run at the flat end of a channel
 constexpr double kAround_s = 0.6 * kBridged_s;  // to either side: more in all than what is bridged
 constexpr double kFrozen_s = 0.3;               // one value for so long ...
-constexpr double kMoved = 0.15;         // ... while the motor turns by this share of what it does in the run
-constexpr double kGoesOn = 0.05;        // of the largest tension
-constexpr double kFollows = 0.25;       // of what a torque gives without friction
-constexpr double kSlack_N = 0.15;       // a slack tendon's cell without noise may well keep its value
-constexpr double kLonePosition = 0.05;  // of what a motor usually does in the run
-constexpr double kLoneTension = 0.1;    // of what a tension usually does in the run
-constexpr double kLoneWay = 0.01;       // of its way from one limit to the other
+constexpr double kMoved = 0.15;  // ... while the motor turns by this share of what it does in the run
+constexpr double kLoneWithin_s = 0.0025;  // from a lone tension to those beside it
+constexpr double kCoarse = 0.01;          // of a channel's range: a table's steps
+constexpr double kGoesOn = 0.05;          // of the largest tension
+constexpr double kFollows = 0.25;         // of what a torque gives without friction
+constexpr double kSlack_N = 0.15;         // a slack tendon's cell without noise may well keep its value
+constexpr double kLonePosition = 0.05;    // of what a motor usually does in the run
+constexpr double kLoneTension = 0.1;      // of what a tension usually does in the run
+constexpr double kLoneWay = 0.01;         // of its way from one limit to the other
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
 /// Of the straight line through y over x in the least squares; 0 of hardly anything.
@@ -144,7 +146,7 @@ struct Finder {
   void LoneTensions(Eigen::Index j) {
     auto x = run.tension_N.col(j);
     // Between readings that are further apart a tension may well have gone and come back.
-    if (OwnStep_s(run.time_s, x) >= kSlowLog_s) return;
+    if (OwnStep_s(run.time_s, x) > kLoneWithin_s) return;
     const std::vector<Eigen::Index> rows =
         LoneValues(x, std::max(kLoneTension * UsualWidth({x.begin(), x.end()}), kSlack_N));
     if (rows.empty()) return;
@@ -354,8 +356,11 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
       find.CutOff(run.tension_N, j, fmt::format("tension {}", j + 1), "N");
     }
     if (run.tip_m.cols() == 3) find.FrozenTip();
-    for (Eigen::Index axis = 0; axis < run.tip_m.cols(); ++axis)
-      find.CutOff(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m");
+    for (Eigen::Index axis = 0; axis < run.tip_m.cols(); ++axis) {
+      // A coarse table stays at one value wherever nothing moves.
+      if (DecimalStep(run.tip_m.col(axis)) < kCoarse * RangeOf(run.tip_m.col(axis)).width())
+        find.CutOff(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m");
+    }
   }
   TakeOutTorquesCutOff(set, said);
   return said;

@@ -23,8 +23,10 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kLarge = 8;      // floors, or times what other runs leave: effects are rarely larger
-constexpr double kTakenAway = 4;  // times smaller is a gap whose reason was this mistake
+constexpr double kLarge = 8;       // floors, or times what other runs leave: effects are rarely larger
+constexpr double kTakenAway = 4;   // times smaller is a gap whose reason was this mistake
+constexpr double kSmallest = 0.5;  // floors beyond the noise, of a small gap whose reason may be one
+constexpr double kSmallTakenAway = 3;
 constexpr double kHelps = 1.5;    // times smaller at least, where a run shows most of it
 constexpr double kLess = 0.5;     // of what could be compared before: a sensor was lost with the mistake
 constexpr std::size_t kRuns = 3;  // that each is tried on
@@ -127,6 +129,19 @@ double Misfit(const Left& left, const std::map<Kind, double>& floors) {
     ++kinds;
   }
   return kinds > 0 ? total / kinds : 0;
+}
+
+/// The largest of them beyond the noise, in floors.
+double Beyond(const Left& left, const std::map<Kind, Squares>& noise, const std::map<Kind, double>& floors) {
+  double most = 0;
+  for (const auto& [kind, squares] : left) {
+    const auto found = noise.find(kind);
+    const auto floor = floors.find(kind);
+    if (found == noise.end() || floor == floors.end() || !(floor->second > 0)) continue;
+    const double beyond = std::pow(squares.rms(), 2) - std::pow(found->second.rms(), 2);
+    most = std::max(most, std::sqrt(std::max(0.0, beyond)) / floor->second);
+  }
+  return most;
 }
 
 /// The largest of them, over what is usual.
@@ -297,29 +312,37 @@ void RefuseOtherTime(const DataSet& set) {
   }
 }
 
-std::string FindMistake(const DataSet& set, const Evaluator& evaluator, bool explained, int threads) {
-  if (Compared(set)) return "";
+FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool explained, int threads) {
+  if (Compared(set)) return {};
   std::map<Kind, std::vector<double>> of_kind;
+  std::map<Kind, Squares> noise;
   // Where repetitions differ by far more than noise, a mistake may be what makes them.
   const bool scatter = evaluator.repetitions_differ() > 0;
   for (std::size_t c = 0; c < evaluator.channels().size(); ++c) {
     const Channel& channel = evaluator.channels()[c];
     const double by = scatter ? evaluator.repetitions_by()[static_cast<Eigen::Index>(c)] : 1;
     of_kind[{channel.cut, channel.quantity}].push_back(channel.floor / by);
+    for (const auto& run : evaluator.Variance()) {
+      for (const double variance : run[c]) {
+        if (std::isfinite(variance)) noise[{channel.cut, channel.quantity}].Add(std::sqrt(variance) / by);
+      }
+    }
   }
   std::map<Kind, double> floors;
   for (auto& [kind, all] : of_kind) floors[kind] = Median(std::move(all));
   Left all;
   for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddLeft(evaluator, i, all);
+  // Of a small gap that nothing explains, what is beyond the noise: noise itself would hide that it goes.
+  const bool small = !explained && Worst(all, floors) < kTakenAway;
   const auto misfit_of = [&](const Left& left) {
-    return explained ? Misfit(left, floors) : Worst(left, floors);
+    return explained ? Misfit(left, floors) : small ? Beyond(left, noise, floors) : Worst(left, floors);
   };
-  if (misfit_of(all) < (explained ? kLarge : kTakenAway)) return "";
+  if (misfit_of(all) < (explained ? kLarge : small ? kSmallest : kTakenAway)) return {};
 
   const std::vector<const Run*> runs = SomeRuns(set, nullptr);
   const DataSet some = Apart(set, runs);
   const std::optional<Left> as_they_are = LeftWith(some, nullptr, evaluator);
-  if (!as_they_are) return "";
+  if (!as_they_are) return {};
   // Most are plainly none by the run that is missed most.
   DataSet first;
   std::optional<Left> first_as_it_is;
@@ -330,7 +353,7 @@ std::string FindMistake(const DataSet& set, const Evaluator& evaluator, bool exp
     first = std::move(alone);
     first_as_it_is = std::move(left);
   }
-  if (!first_as_it_is) return "";
+  if (!first_as_it_is) return {};
   const auto may_be = [&](const Mistake* mistake) {
     const std::optional<Left> left = LeftWith(first, mistake, evaluator);
     return AsMuch(left, *first_as_it_is) && kHelps * misfit_of(*left) < misfit_of(*first_as_it_is);
@@ -343,7 +366,9 @@ std::string FindMistake(const DataSet& set, const Evaluator& evaluator, bool exp
   };
   const std::vector<Mistake> mistakes = AllMistakes(set, MeasuredOf(evaluator, 0, evaluator.runs().size()));
   const Found found = LeavesLeast(mistakes, misfit, threads);
-  return kTakenAway * found.left < misfit_of(*as_they_are) ? found.mistake->with : "";
+  if (!((small ? kSmallTakenAway : kTakenAway) * found.left < misfit_of(*as_they_are))) return {};
+  const std::optional<Left> left = LeftWith(some, found.mistake, evaluator);
+  return {found.mistake->with, left ? Worst(*left, floors) : std::numeric_limits<double>::infinity()};
 }
 
 std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,

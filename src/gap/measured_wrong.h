@@ -17,10 +17,14 @@ namespace tendril::gap {
 /// of the runs once their time is taken in that unit than of states at rest.
 void RefuseOtherTime(const DataSet& set);
 
-/// What was most probably measured or declared wrong in all runs, as words that follow "with"; empty when
-/// undoing none of the mistakes takes away most of a gap, or the gap is no larger than effects are. Of a gap
-/// that no effect explains the largest place counts, else all of them. `evaluator` is of `set`.
-std::string FindMistake(const DataSet& set, const Evaluator& evaluator, bool explained, int threads);
+/// What was most probably measured or declared wrong in all runs.
+struct FoundMistake {
+  std::string with;  // words that follow "with"; empty: nothing
+  double left = 0;   // what the nominal robot leaves without it at the worst place, in floors
+};
+/// Nothing when undoing none of the mistakes takes away most of a gap, or the gap is no larger than effects
+/// are. Of a gap that no effect explains the largest place counts, else all of them. `evaluator` is of `set`.
+FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool explained, int threads);
 
 /// One run that was measured otherwise than the others.
 struct OddRun {

@@ -170,7 +170,7 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
     }
   }
   const auto of_all_sizes = [&](auto&& of_size) {
-    for (double ms = 5; ms < 150; ms *= 1.5) {
+    for (double ms = 1; ms < 150; ms *= 1.5) {
       Mistake mistake = of_size(ms);
       for (double finer_ms = ms / 1.25; finer_ms < 1.26 * ms; finer_ms *= 1.05)
         mistake.finer.push_back(of_size(finer_ms));

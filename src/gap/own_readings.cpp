@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <limits>
 #include <map>
+#include <utility>
 
 #include "health_signal.h"
 #include "median.h"
@@ -27,6 +28,7 @@ constexpr double kAtOnce = 0.15;      // share of them that may be followed by a
 struct Own {
   int every = 1;
   Rows rows;
+  double late_s = 0;  // from a reading to its row, on average
 };
 
 /// The usual one of these distances in rows; 1 where they are not regular.
@@ -62,6 +64,8 @@ Own Held(const Run& run, const Eigen::MatrixXd& values, const Rows& there) {
   Own own{Usual(distances), {}};
   // A slow change of a coarsely rounded signal comes in steps of one size.
   if (own.every == 1 || Median(std::move(news)) < 2 * least) return {};
+  // At a rate of its own a reading waits half a row for the next row, as often longer as shorter.
+  if (Slips(distances)) own.late_s = 0.5 * UsualStep(run);
   begins.push_back(there.size());
   for (std::size_t k = 0; k + 1 < begins.size(); ++k) {
     for (std::size_t i = begins[k]; i < begins[k + 1]; i += static_cast<std::size_t>(own.every)) {
@@ -131,8 +135,27 @@ Own Interpolated(const Run& run, const Eigen::MatrixXd& values, const Rows& ther
   if (own.every == 1 || Median(std::move(of_knots)) < kPlain ||
       static_cast<double>(bent) > kRowsAKnot * static_cast<double>(knots.size()))
     return {};
-  for (const std::size_t i : knots) own.rows.push_back(there[i]);
+  // Between readings in line with each other nothing bends: to leave them out would favour those that are
+  // not.
+  const auto between = [&](std::size_t from, std::size_t to) {
+    const auto readings = static_cast<std::size_t>(
+        std::lround(static_cast<double>(to - from) / static_cast<double>(own.every)));
+    for (std::size_t k = 0; k < readings; ++k) own.rows.push_back(there[from + k * (to - from) / readings]);
+  };
+  std::size_t last = 0;
+  for (const std::size_t knot : knots) between(std::exchange(last, knot), knot);
+  between(last, there.size());
   return own;
+}
+
+/// What the readings' straight lines say at their rows, the readings being as much earlier as they were late.
+void Advance(const Eigen::VectorXd& time_s, const Own& own, Eigen::Ref<Eigen::MatrixXd> values) {
+  if (own.late_s == 0) return;
+  for (std::size_t k = 0; k + 1 < own.rows.size(); ++k) {
+    const Eigen::Index a = own.rows[k], b = own.rows[k + 1];
+    const double apart_s = time_s[b] - time_s[a];
+    if (apart_s <= kMostApart_s) values.row(a) += own.late_s / apart_s * (values.row(b) - values.row(a));
+  }
 }
 
 /// Keeps the own rows alone of these matrices. Rows from one to the next; 1 where all are.
@@ -152,6 +175,7 @@ int Keep(Run& run, const Eigen::MatrixXd& by, std::initializer_list<Eigen::Ref<E
       if (!keep[static_cast<std::size_t>(i)])
         values.row(i).setConstant(std::numeric_limits<double>::quiet_NaN());
     }
+    Advance(run.time_s, own, values);
   }
   return own.every;
 }

@@ -29,6 +29,7 @@ constexpr double kSlidingCounts =
 constexpr double kSlow_s = 0.05;    // a motor that takes longer from count to count may be at rest
 constexpr double kAtOnce_s = 0.01;  // and so may one that takes twice as long as before, and longer than this
 constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
+constexpr double kCoarseTurn = 2e-3;   // of a quaternion's numbers: more than what trackers are noisy by
 constexpr double kMostlyPause = 10;    // times as long as its rows account for
 constexpr double kOwnSteps = 2.5;      // and so many steps of a sensor that is slower than the log
 // After lost samples: nothing is told for the first; friction's memory is lost with more than the second, but
@@ -267,6 +268,29 @@ double GridStep(const Run& run, double usual_s) {
   return count > 0 ? sum_s / count : usual_s;
 }
 
+/// Where within its step a rounded reading may have been: the same as long as the reading stays.
+class WithinSteps {
+ public:
+  WithinSteps(double step, std::mt19937_64& random) : part_(-0.5 * step, 0.5 * step), random_(random) {}
+  double At(double reading) {
+    if (reading != last_) off_ = part_(random_);
+    last_ = reading;
+    return off_;
+  }
+
+ private:
+  std::uniform_real_distribution<double> part_;
+  std::mt19937_64& random_;
+  double last_ = NAN, off_ = 0;
+};
+
+/// At which part of its row it was is open.
+bool OfItsOwnRate(const std::vector<int>& read) {
+  std::vector<double> apart;
+  for (std::size_t k = 1; k < read.size(); ++k) apart.push_back(read[k] - read[k - 1]);
+  return Slips(apart);
+}
+
 /// Rows from one of its values to the next, usually.
 int RowsApart(const Eigen::Ref<const Eigen::VectorXd>& values) {
   std::vector<double> apart;
@@ -458,13 +482,11 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   known(run.torque_target_Nm, s.torque_target_Nm, out.target_holes);
   known(run.torque_actual_Nm, s.torque_actual_Nm, out.torque_holes);
   for (int j = 0; j < s.tension_N.cols(); ++j) {
-    OwnGrid& grid = out.cell_grid.emplace_back();
-    const int apart = RowsApart(run.tension_N.col(j));
-    if (apart == 1) continue;
-    grid.every = apart * refine;
-    int row = 0;
-    while (row + 1 < rows && !std::isfinite(run.tension_N(row, j))) ++row;
-    grid.first = at[static_cast<std::size_t>(row)] % grid.every;
+    std::vector<int>& read = out.cell_read.emplace_back();
+    if (RowsApart(run.tension_N.col(j)) == 1) continue;
+    for (int i = 0; i < rows; ++i) {
+      if (std::isfinite(run.tension_N(i, j))) read.push_back(at[static_cast<std::size_t>(i)]);
+    }
   }
   out.cell_step_N.assign(static_cast<std::size_t>(s.tension_N.cols()), 0);
   for (int j = 0; j < s.tension_N.cols() && robot.actuation; ++j) {
@@ -479,8 +501,18 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
       const double torque = permille * std::hypot(p.drive.actual_torque_noise_permille, std::sqrt(1.0 / 12));
       for (int i = 0; i < s.torque_actual_Nm.rows(); ++i) s.torque_actual_Nm(i, j) += torque * normal(random);
       if (j >= s.tension_N.cols()) continue;
-      const double cell =
-          std::hypot(p.load_cell.noise_N, out.cell_step_N[static_cast<std::size_t>(j)] / std::sqrt(12.0));
+      const double cell_step_N = out.cell_step_N[static_cast<std::size_t>(j)];
+      const double own_N = p.load_cell.gain_VpN > 0 ? p.load_cell.resolution_V / p.load_cell.gain_VpN : 0;
+      if (cell_step_N > 1.5 * std::max(own_N, p.load_cell.noise_N)) {
+        // Of a coarse table: what is off by a part of a step stays so until the reading changes.
+        WithinSteps within(cell_step_N, random);
+        for (int i = 0; i < s.tension_N.rows(); ++i) {
+          const double off_N = within.At(s.tension_N(i, j));
+          s.tension_N(i, j) += off_N + p.load_cell.noise_N * normal(random);
+        }
+        continue;
+      }
+      const double cell = std::hypot(p.load_cell.noise_N, cell_step_N / std::sqrt(12.0));
       for (int i = 0; i < s.tension_N.rows(); ++i) s.tension_N(i, j) += cell * normal(random);
     }
   }
@@ -495,12 +527,19 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
       // slack tendon catches, most of the blow may fall between.
       std::uniform_real_distribution<double> part(-0.5, 0.5);
       const Eigen::VectorXd read = s.tension_N.col(j);
-      const auto [first, every] = out.cell_grid[static_cast<std::size_t>(j)];
+      const std::vector<int>& at_read = out.cell_read[static_cast<std::size_t>(j)];
+      const auto count = at_read.empty() ? samples : static_cast<int>(at_read.size());
+      const auto sample = [&](int k) { return at_read.empty() ? k : at_read[static_cast<std::size_t>(k)]; };
+      const bool own_rate = OfItsOwnRate(at_read);
       Interpolator by;  // what the readings are moved by
-      by.Add(0, 0);
-      for (int i = first + every; i + every < samples; i += every)
-        by.Add(i, part(random) * (read[i - every] - 2 * read[i] + read[i + every]));
-      by.Add(samples - 1, 0);
+      by.Add(-1, 0);
+      for (int k = 1; k + 1 < count; ++k) {
+        const int a = sample(k - 1), b = sample(k), c = sample(k + 1);
+        double moved = part(random) * (read[a] - 2 * read[b] + read[c]);
+        if (own_rate) moved += part(random) * refine * (read[c] - read[a]) / (c - a);
+        by.Add(b, moved);
+      }
+      by.Add(samples, 0);
       for (int i = 1; i + 1 < samples; ++i) s.tension_N(i, j) += by(i);
     }
   }
@@ -583,6 +622,10 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   // Tracker.
   if (run.tip_m.cols() == 3 && run.tip_m.rows() == rows) {
     const bool turned = run.tip_quaternion.cols() == 4;
+    const double turn_step = run.tip_quaternion_step;
+    for (const auto axis : run.tip_m.colwise()) out.tip_step_m = std::max(out.tip_step_m, DecimalStep(axis));
+    out.tip_step_rad = 2 * turn_step;
+    std::vector<WithinSteps> within(4, WithinSteps(turn_step, random));
     std::vector<int> seen;
     for (int i = 0; i < rows; ++i) {
       const bool position = run.tip_m.row(i).allFinite();
@@ -599,6 +642,11 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
       if (!turned) continue;
       const Eigen::Vector4d w = run.tip_quaternion.row(i).transpose().normalized();
       Eigen::Quaterniond orientation(w[0], w[1], w[2], w[3]);
+      if (seed && turn_step > kCoarseTurn) {
+        for (int k4 = 0; k4 < 4; ++k4)
+          orientation.coeffs()[k4] += within[static_cast<std::size_t>(k4)].At(w[k4]);
+        orientation.normalize();
+      }
       if (seed && robot.actuation && robot.actuation->tracker) {
         const double rms = 0.5 * robot.actuation->tracker->orientation_noise_rad;
         const Eigen::Quaterniond turn(1, rms * normal(random), rms * normal(random), rms * normal(random));

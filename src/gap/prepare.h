@@ -33,11 +33,6 @@ struct Hole {
   int size() const { return to - from; }
 };
 
-/// The samples first, first + every, ... about at which a sensor was read.
-struct OwnGrid {
-  int first = 0, every = 1;
-};
-
 /// One run on its grid, S samples, with what the sensors said. Of states at rest (signals.at_rest) every row
 /// is a sample, whenever it was; times other than signals.time_s then count rows, `step_s` apart.
 struct PreparedRun {
@@ -48,7 +43,8 @@ struct PreparedRun {
   Eigen::MatrixXd cell_N;   // S x M as read, NaN where nothing was
   std::vector<Hole> cell_holes;
   std::vector<double> cell_step_N;  // M: its resolution, or that of a table with fewer places
-  std::vector<OwnGrid> cell_grid;   // M: where it is slower than the log
+  std::vector<std::vector<int>>
+      cell_read;  // M: at which samples, where it is slower than the log; else empty
   /// Where a straight line stands for target torque, actual torque or encoder (0 where nothing ever was),
   /// and what needs them cannot be told.
   std::vector<Hole> target_holes, torque_holes, motor_holes;
@@ -61,9 +57,10 @@ struct PreparedRun {
   /// there.
   Eigen::Matrix<char, Eigen::Dynamic, Eigen::Dynamic> sliding;
   // Tracker: P samples at their own times.
-  Eigen::VectorXd tracker_s;           // since start_s
-  Eigen::MatrixXd tip_m;               // P x 3
-  std::vector<Eigen::Matrix3d> tip_R;  // P, empty without orientation
+  Eigen::VectorXd tracker_s;                // since start_s
+  Eigen::MatrixXd tip_m;                    // P x 3
+  std::vector<Eigen::Matrix3d> tip_R;       // P, empty without orientation
+  double tip_step_m = 0, tip_step_rad = 0;  // of a table with few places
   // Of the time stamps.
   double jitter_s = 0;  // rms against the grid
   int lost = 0;         // grid points without a sample

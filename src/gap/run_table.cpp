@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "csv.h"
+#include "health_signal.h"
 #include "median.h"
 #include "sources.h"
 
@@ -63,6 +64,8 @@ std::string Listed(const std::vector<std::string>& names) {
 // Quaternions of unit norm; what is no rotation is no value.
 void Normalise(Run& run) {
   if (run.tip_quaternion.cols() == 0) return;
+  for (const auto number : run.tip_quaternion.colwise())
+    run.tip_quaternion_step = std::max(run.tip_quaternion_step, DecimalStep(number));
   int bad = 0;
   for (Eigen::Index i = 0; i < run.tip_quaternion.rows(); ++i) {
     const double norm = run.tip_quaternion.row(i).norm();

@@ -28,6 +28,7 @@ struct Run {
   Eigen::MatrixXd torque_target_Nm, torque_actual_Nm, motor_position_rad, tension_N;  // S x M
   Eigen::MatrixXd tip_m;              // S x 3 in the tracker's frame
   Eigen::MatrixXd tip_quaternion;     // S x 4: w, x, y, z
+  double tip_quaternion_step = 0;     // of its numbers, in a table of few places; 0: of many
   Eigen::MatrixXd bending_rad;        // S x 2K: (us, vs) a section, where a log has it
   std::vector<std::string> notes;     // what a reader may want to know of the file, one line each
   std::vector<std::string> warnings;  // what was lost or mended on reading, one line each
