@@ -69,6 +69,7 @@ class Checkup {
       }
       Saturated();
       Steps();
+      Smoothed();
       Units();
       Signs();
       Rest();
@@ -331,6 +332,34 @@ class Checkup {
           return t.load_cell.gain_VpN > 0 ? t.load_cell.resolution_V / t.load_cell.gain_VpN : 0;
         },
         "actuation.load_cell.gain_VpN or resolution_V");
+  }
+
+  // A sensor is as noisy as its data sheet says; less has been taken out of its readings, and what was fast
+  // with it.
+  void Smoothed() {
+    constexpr double kLess = 0.1, kSteps = 0.3;
+    if (!robot_.actuation || StepsOf(run_->time_s).usual > kQuasiStatic_s) return;
+    const auto check = [&](const Kind& kind, Eigen::Index column, double noise) {
+      const auto x = Of(kind).col(column);
+      if (!(noise > 0) || RangeOf(x).count < 100 || RangeOf(x).width() <= 0 || Quantum(x) > kSteps * noise)
+        return;
+      const double scatter = Scatter(x);
+      if (scatter > kLess * noise) return;
+      Add(Severity::kWarning, ChannelOf(kind, column), scatter,
+          fmt::format(
+              "scatters by {:.2g} {} from value to value, by the robot file's sensor {:.2g}: filtered, "
+              "averaged, interpolated or written again on the way; what was fast may be missing, which "
+              "looks like a gap; log what the sensor says when it says it",
+              scatter, kind.unit, noise));
+    };
+    if (Fits(kTension)) {
+      for (Eigen::Index j = 0; j < std::min(Of(kTension).cols(), Tendons()); ++j) {
+        const auto& cell = robot_.actuation->tendons[static_cast<std::size_t>(j)].load_cell;
+        const double step_N = cell.gain_VpN > 0 ? cell.resolution_V / cell.gain_VpN : 0;
+        check(kTension, j, std::hypot(cell.noise_N, step_N / std::sqrt(12.0)));
+      }
+    }
+    if (Fits(kTip) && robot_.actuation->tracker) check(kTip, 0, robot_.actuation->tracker->position_noise_m);
   }
 
   // ---- units ----

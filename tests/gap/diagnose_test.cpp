@@ -991,6 +991,52 @@ TEST(Diagnose, SensorsSlowerThanTheLogAreNoGap) {
               as_recorded.accepted[0].parameters.at("mass_kg").value, 1e-4);
 }
 
+// A cell that is read three times in ten rows slips against the log: its readings wait for their rows.
+TEST(Diagnose, CellsOfARateOfTheirOwnAreNoGap) {
+  DataSet set = Recorded("", 4);
+  for (gap::Run& run : set.runs) {
+    const Eigen::MatrixXd all = run.tension_N;
+    for (Eigen::Index i = 0; i < all.rows(); ++i) {
+      const auto reading = static_cast<Eigen::Index>(std::floor(static_cast<double>(i) * 0.3));
+      // Of the row that is nearest to when it was read, and there from the row after that on.
+      run.tension_N.row(i) = all.row(std::min(all.rows() - 1, (10 * reading + 1) / 3));
+    }
+  }
+  const Diagnosis d = Diagnose(set, Only({"tip_payload", "cell_offset"}));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("tension 1 (every 3 rows)")));
+}
+
+// A table of few places keeps what it rounds for as long as nothing moves.
+TEST(Diagnose, CoarseTablesAreNoGap) {
+  const auto round = [](Eigen::MatrixXd& values, double step) {
+    for (double& x : values.reshaped()) x = step * std::round(x / step);
+  };
+  DataSet set = Recorded("", 4);
+  for (gap::Run& run : set.runs) {
+    round(run.tension_N, 0.1);
+    round(run.tip_m, 1e-3);
+    round(run.tip_quaternion, 0.01);
+    run.tip_quaternion_step = 0.01;
+  }
+  const Diagnosis d = Diagnose(set, Only({"tip_payload", "cell_offset"}));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_THAT(d.degradations, testing::Not(testing::Contains(testing::HasSubstr("cut off"))));
+}
+
+// A bus cycle is enough for a gap, though a small one.
+TEST(Diagnose, CellsACycleLateAreNamed) {
+  DataSet set = Recorded("", 4);
+  for (gap::Run& run : set.runs) {
+    const Eigen::Index rows = run.tension_N.rows();
+    run.tension_N.bottomRows(rows - 2) = run.tension_N.topRows(rows - 2).eval();
+  }
+  const Diagnosis d = Diagnose(set, Only({"tip_payload", "cell_offset"}));
+  EXPECT_THAT(d.sentence,
+              testing::ContainsRegex(
+                  "^Check the measurement first: with the load cells' readings taken [123] ms earlier"));
+}
+
 // So does a filter's or an amplifier's delay.
 TEST(Diagnose, SlowCellsAreNamed) {
   DataSet set = Recorded("", 4);

@@ -298,6 +298,19 @@ TEST(Health, ATrackerWhoseClockIsBehindIsSeenToTheMillisecond) {
   EXPECT_NEAR(early.value, -0.025, 0.001);
 }
 
+TEST(Health, ACellThatWasFilteredIsSmootherThanItsSensor) {
+  const HealthFinding smooth = Only(
+      [](gap::Run& run) {
+        for (int pass = 0; pass < 3; ++pass) {
+          const Eigen::VectorXd raw = run.tension_N.col(1);
+          for (Eigen::Index i = 10; i + 10 < raw.size(); ++i)
+            run.tension_N(i, 1) = raw.segment(i - 10, 21).mean();
+        }
+      },
+      "tension 2", "by the robot file's sensor 0.0052: filtered");
+  EXPECT_LT(smooth.value, 5e-4);
+}
+
 TEST(Health, ARepetitionThatIsNone) {
   const auto found = Complaints([](DataSet& set) {
     set.runs[2] = GoodRun("gentle", "triangle", 3, -0.8);
