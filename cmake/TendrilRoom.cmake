@@ -40,7 +40,7 @@ function(tendril_test name)
   target_compile_options(${name} PRIVATE ${options})
   # Every test reads the same large headers, for nearly half of the time that compiling the tests takes.
   if(NOT TARGET tendril_test_headers)
-    file(WRITE ${PROJECT_BINARY_DIR}/test_headers.cpp "int main() {}\n")
+    file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/test_headers.cpp CONTENT "int main() {}\n")
     add_executable(tendril_test_headers ${PROJECT_BINARY_DIR}/test_headers.cpp)
     target_link_libraries(tendril_test_headers PRIVATE tendril_options Eigen3::Eigen GTest::gtest_main GTest::gmock)
     target_compile_options(tendril_test_headers PRIVATE ${options})

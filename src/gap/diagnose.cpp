@@ -52,11 +52,10 @@ std::string ValueOf(const Cause& cause, const RobotParameters& robot) {
   if (told.empty()) return "";
   const auto& [name, estimate] = told.front();
   std::string value = fmt::format("{} {:.4g}", name, estimate.value);
-  const sim::Effect* effect = sim::FindEffect(cause.effect);
-  const EffectSetting* law = sim::LawOf(robot, *effect, sim::ParseTarget(*effect, cause.where, robot));
-  for (std::size_t k = 0; law != nullptr && k < law->values.size(); ++k) {
-    if (law->values[k].first == name)
-      value += fmt::format(" where the robot file has {:.4g}", law->values[k].second);
+  const auto law = sim::FindLaw(robot, {cause.effect, cause.where, {}});
+  if (!law) return value;
+  for (const auto& [its_name, its_value] : robot.effects[*law].values) {
+    if (its_name == name) value += fmt::format(" where the robot file has {:.4g}", its_value);
   }
   return value;
 }
@@ -73,6 +72,12 @@ int TendonsSeen(const std::vector<Run>& runs) {
     }
   }
   return static_cast<int>(most);
+}
+
+/// Something was measured at this cut.
+bool Seen(const Diagnosis& d, sim::Cut cut) {
+  return std::any_of(d.location.begin(), d.location.end(),
+                     [&](const CutFinding& f) { return f.cut == cut && f.measured; });
 }
 
 /// Cuts that nothing was measured at: "C4, C5".
@@ -104,7 +109,7 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
   const bool nowhere =
       std::none_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.excess; });
   const std::string where =
-      first && first->cut == sim::Cut::kDrivetrain && CutsNotSeen(d).find("C3") != std::string::npos
+      first && first->cut == sim::Cut::kDrivetrain && !Seen(d, sim::Cut::kTendon)
           ? fmt::format(
                 "The gap lies at C2 or beyond (C2 to C5 cannot be told apart by place without load "
                 "cells; {}, {})",

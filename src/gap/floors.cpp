@@ -37,7 +37,7 @@ constexpr double kOtherCommands = 0.25;
 constexpr double kOtherRobot = 5;
 
 /// rms by which what was asked of two runs' motors differs, of its range: torques, or without them how the
-/// motors moved. 0 where hardly anything was.
+/// motors moved; another zero is no other motion. 0 where hardly anything was.
 double AskedOtherwise(const PreparedRun& run, const PreparedRun& before) {
   constexpr double kStill_rad = 0.05;
   const auto target = &sim::ReplaySignals::torque_target_Nm;
@@ -50,8 +50,8 @@ double AskedOtherwise(const PreparedRun& run, const PreparedRun& before) {
   for (Eigen::Index j = 0; j < is.cols(); ++j) {
     const Eigen::VectorXd off = is.col(j).head(rows) - was.col(j).head(rows);
     square = std::max(square, (off.array() - off.mean()).square().mean());
-    for (const auto* angle : {&is, &was})
-      range = std::max(range, angle->col(j).maxCoeff() - angle->col(j).minCoeff());
+    for (const auto* one : {&is, &was})
+      range = std::max(range, one->col(j).maxCoeff() - one->col(j).minCoeff());
   }
   return range > (torques ? 0 : kStill_rad) ? std::sqrt(square) / range : 0;
 }

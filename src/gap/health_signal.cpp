@@ -84,6 +84,13 @@ std::vector<Eigen::Index> FiniteRows(const Signal& x) {
   return rows;
 }
 
+std::vector<double> RowsApart(const Signal& x) {
+  const std::vector<Eigen::Index> rows = FiniteRows(x);
+  std::vector<double> apart;
+  for (std::size_t i = 1; i < rows.size(); ++i) apart.push_back(static_cast<double>(rows[i] - rows[i - 1]));
+  return apart;
+}
+
 std::vector<Eigen::Index> LoneValues(const Signal& x, double least) {
   constexpr double kByFar = 10, kNearlyAll = 0.95, kRare = 0.04;
   const std::vector<Eigen::Index> rows = FiniteRows(x);

@@ -26,6 +26,8 @@ double Quantile(std::vector<double> values, double q);
 /// Range of what is there but for the rarest; 0 of hardly anything.
 double UsualWidth(std::vector<double> values);
 std::vector<Eigen::Index> FiniteRows(const Signal& x);
+/// Rows from each value to the next.
+std::vector<double> RowsApart(const Signal& x);
 /// Rows of single values that stand out of the two before and the two after, by `least` or more and by far
 /// more than nearly all others do: mishaps of a sensor whose signal is smooth. None where they are not rare.
 std::vector<Eigen::Index> LoneValues(const Signal& x, double least);

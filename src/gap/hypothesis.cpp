@@ -22,9 +22,9 @@ std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cel
       candidates.push_back(
           {&effect, target, sim::TargetText(effect, target), sim::ParametersOf(effect, target, robot)});
       // A law that the file has may be there with more, with less, or gone: sought about what the file says.
-      const EffectSetting* law = sim::LawOf(robot, effect, target);
-      if (law == nullptr) return;
-      const std::vector<double> values = sim::ValuesOf(*law, robot);
+      const auto law = sim::FindLaw(robot, effect, target);
+      if (!law) return;
+      const std::vector<double> values = sim::ValuesOf(robot.effects[*law], robot);
       for (std::size_t k = 0; k < values.size(); ++k) {
         sim::EffectParameter& parameter = candidates.back().parameters[k];
         parameter.nominal = values[k];

@@ -44,18 +44,6 @@ double Slope(const std::vector<double>& x, const std::vector<double>& y) {
   return square > 0 ? ((dx - dx.mean()) * (dy - dy.mean())).sum() / square : 0;
 }
 
-/// Time from one value to the next, usually.
-double OwnStep_s(const Eigen::VectorXd& time_s, const Eigen::Ref<const Eigen::VectorXd>& x) {
-  std::vector<double> steps_s;
-  Eigen::Index last = -1;
-  for (Eigen::Index i = 0; i < x.size(); ++i) {
-    if (!std::isfinite(x[i])) continue;
-    if (last >= 0) steps_s.push_back(time_s[i] - time_s[last]);
-    last = i;
-  }
-  return Median(std::move(steps_s));
-}
-
 struct Finder {
   Run& run;
   std::vector<std::string>& said;
@@ -146,7 +134,7 @@ struct Finder {
   void LoneTensions(Eigen::Index j) {
     auto x = run.tension_N.col(j);
     // Between readings that are further apart a tension may well have gone and come back.
-    if (OwnStep_s(run.time_s, x) > kLoneWithin_s) return;
+    if (Median(RowsApart(x)) * UsualStep(run) > kLoneWithin_s) return;
     const std::vector<Eigen::Index> rows =
         LoneValues(x, std::max(kLoneTension * UsualWidth({x.begin(), x.end()}), kSlack_N));
     if (rows.empty()) return;

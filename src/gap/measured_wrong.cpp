@@ -23,14 +23,14 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kLarge = 8;       // floors, or times what other runs leave: effects are rarely larger
-constexpr double kTakenAway = 4;   // times smaller is a gap whose reason was this mistake
-constexpr double kSmallest = 0.5;  // floors beyond the noise, of a small gap whose reason may be one
-constexpr double kSmallTakenAway = 3;
-constexpr double kHelps = 1.5;    // times smaller at least, where a run shows most of it
-constexpr double kLess = 0.5;     // of what could be compared before: a sensor was lost with the mistake
-constexpr std::size_t kRuns = 3;  // that each is tried on
-constexpr double kTried_s = 12;   // of each
+constexpr double kLarge = 8;           // floors, or times what other runs leave: effects are rarely larger
+constexpr double kTakenAway = 4;       // times smaller is a gap whose reason was this mistake
+constexpr double kSmallest = 0.5;      // floors beyond the noise, of a small gap whose reason may be one
+constexpr double kSmallTakenAway = 3;  // times smaller is that, whose noise hides more
+constexpr double kHelps = 1.5;         // times smaller at least, where a run shows most of it
+constexpr double kLess = 0.5;          // of what could be compared before: a sensor was lost with the mistake
+constexpr std::size_t kRuns = 3;       // that each is tried on
+constexpr double kTried_s = 12;        // of each
 
 using Kind = std::pair<sim::Cut, Channel::Quantity>;
 

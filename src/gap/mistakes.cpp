@@ -153,7 +153,6 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   };
   tensions_in("pounds-force", 4.4482216);
   tensions_in("kilograms-force", 9.80665);
-  // In steps of a half, and about each in steps of a twentieth.
   if (measured.tracker && !set.fit_frame) {
     const auto scaled = [](double percent) {
       return Mistake{fmt::format("the tip's distances taken {:.2g} % {}", std::abs(percent),
@@ -169,6 +168,7 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
       }
     }
   }
+  // In steps of a half, and about each in steps of a twentieth.
   const auto of_all_sizes = [&](auto&& of_size) {
     for (double ms = 1; ms < 150; ms *= 1.5) {
       Mistake mistake = of_size(ms);
@@ -225,11 +225,9 @@ std::vector<Mistake> AllMistakes(const DataSet& set, Measured measured) {
     for (const int sign : {1, -1}) {
       const Eigen::Vector3d gravity = sign * told.norm() * Eigen::Vector3d::Unit(a);
       if ((gravity - told).norm() <= 0.01 * told.norm()) continue;
-      all.push_back({fmt::format("gravity along {}{} of the base (gravity_W_mps2 in the robot file)",
-                                 sign < 0 ? "-" : "+", kAxes[a]),
-                     {},
-                     {},
-                     [gravity](RobotParameters& robot) { robot.body.gravity_W_mps2 = gravity; }});
+      all.push_back({.with = fmt::format("gravity along {}{} of the base (gravity_W_mps2 in the robot file)",
+                                         sign < 0 ? "-" : "+", kAxes[a]),
+                     .in_file = [gravity](RobotParameters& robot) { robot.body.gravity_W_mps2 = gravity; }});
     }
   }
   if (measured.cells) {

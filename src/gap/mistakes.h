@@ -11,9 +11,9 @@
 namespace tendril::gap {
 
 struct Mistake {
-  std::string with;  // what would make it right, as words that follow "with"
-  std::function<void(Run&)> in_run;
-  std::vector<Mistake> finer{};  // of other sizes about this one's
+  std::string with;                    // what would make it right, as words that follow "with"
+  std::function<void(Run&)> in_run{};  // how it is undone in each run, and in the robot file
+  std::vector<Mistake> finer{};        // of other sizes about this one's
   std::function<void(RobotParameters&)> in_file{};
 
   void Undo(DataSet& set) const {

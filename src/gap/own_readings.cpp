@@ -5,7 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
+#include <initializer_list>
 #include <limits>
 #include <map>
 #include <utility>
@@ -95,21 +95,19 @@ Eigen::MatrixXd Bends(const Run& run, const Eigen::MatrixXd& values, const Rows&
 
 /// Straight lines from reading to reading: rows at which they bend.
 Own Interpolated(const Run& run, const Eigen::MatrixXd& values, const Rows& there) {
-  constexpr double kRounded = 4;         // medians: what rounding alone bends a line by at most
-  constexpr double kExact = 1e-13;       // of the largest value: nothing
-  constexpr double kSingle = 1e-6;       // of the largest value: single-precision numbers
-  constexpr double kPlain = 2;           // times what rounding can
-  constexpr double kMostBent = 2.0 / 3;  // of the rows: a reading may have been taken between two
-  constexpr double kRowsAKnot = 2.2;     // that are bent: a smooth curve bends in many rows at once
+  constexpr double kRounded = 4;    // medians: what rounding alone bends a line by at most
+  constexpr double kExact = 1e-13;  // of the largest value: nothing
+  constexpr double kSingle = 1e-6;  // of the largest value: single-precision numbers
+  constexpr double kPlain = 2;      // times what rounding can
+  constexpr double kRowsAKnot =
+      2.2;  // that are bent, two for one that was taken between rows: a smooth curve bends in many
   const Eigen::MatrixXd bends = Bends(run, values, there);
   std::vector<double> bend(there.size(), 0.0);  // of the most bent column, of what rounding can
-  double seen = 0;
   for (Eigen::Index c = 0; c < values.cols(); ++c) {
     std::vector<double> all;
     for (const double x : bends.col(c)) {
       if (std::isfinite(x)) all.push_back(x);
     }
-    seen = static_cast<double>(all.size());
     const double usual = Median(std::move(all)), largest = Largest(values.col(c));
     // What scatters about a line is no line.
     if (usual > std::max(DecimalStep(values.col(c)), kSingle * largest)) return {};
@@ -120,7 +118,6 @@ Own Interpolated(const Run& run, const Eigen::MatrixXd& values, const Rows& ther
     }
   }
   const auto bent = std::count_if(bend.begin(), bend.end(), [](double x) { return x > 1; });
-  if (static_cast<double>(bent) > kMostBent * seen) return {};
   Own own;
   std::vector<std::size_t> knots;
   std::vector<double> distances, of_knots;
@@ -139,7 +136,7 @@ Own Interpolated(const Run& run, const Eigen::MatrixXd& values, const Rows& ther
   // not.
   const auto between = [&](std::size_t from, std::size_t to) {
     const auto readings = static_cast<std::size_t>(
-        std::lround(static_cast<double>(to - from) / static_cast<double>(own.every)));
+        std::max(1L, std::lround(static_cast<double>(to - from) / static_cast<double>(own.every))));
     for (std::size_t k = 0; k < readings; ++k) own.rows.push_back(there[from + k * (to - from) / readings]);
   };
   std::size_t last = 0;

@@ -29,6 +29,7 @@ constexpr double kSlidingCounts =
 constexpr double kSlow_s = 0.05;    // a motor that takes longer from count to count may be at rest
 constexpr double kAtOnce_s = 0.01;  // and so may one that takes twice as long as before, and longer than this
 constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
+constexpr double kCoarse = 1.5;        // times a cell's own resolution and noise: a table's steps
 constexpr double kCoarseTurn = 2e-3;   // of a quaternion's numbers: more than what trackers are noisy by
 constexpr double kMostlyPause = 10;    // times as long as its rows account for
 constexpr double kOwnSteps = 2.5;      // and so many steps of a sensor that is slower than the log
@@ -284,25 +285,6 @@ class WithinSteps {
   double last_ = NAN, off_ = 0;
 };
 
-/// At which part of its row it was is open.
-bool OfItsOwnRate(const std::vector<int>& read) {
-  std::vector<double> apart;
-  for (std::size_t k = 1; k < read.size(); ++k) apart.push_back(read[k] - read[k - 1]);
-  return Slips(apart);
-}
-
-/// Rows from one of its values to the next, usually.
-int RowsApart(const Eigen::Ref<const Eigen::VectorXd>& values) {
-  std::vector<double> apart;
-  Eigen::Index last = -1;
-  for (Eigen::Index i = 0; i < values.size(); ++i) {
-    if (!std::isfinite(values[i])) continue;
-    if (last >= 0) apart.push_back(static_cast<double>(i - last));
-    last = i;
-  }
-  return std::max(1, static_cast<int>(Median(std::move(apart))));
-}
-
 /// Where column j says nothing for longer than a straight line bridges: everywhere for a sensor that is never
 /// faster, or hardly ever there. `at`: grid sample of each row.
 void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int samples, double step_s,
@@ -483,16 +465,18 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   known(run.torque_actual_Nm, s.torque_actual_Nm, out.torque_holes);
   for (int j = 0; j < s.tension_N.cols(); ++j) {
     std::vector<int>& read = out.cell_read.emplace_back();
-    if (RowsApart(run.tension_N.col(j)) == 1) continue;
+    if (Median(RowsApart(run.tension_N.col(j))) <= 1) continue;
     for (int i = 0; i < rows; ++i) {
       if (std::isfinite(run.tension_N(i, j))) read.push_back(at[static_cast<std::size_t>(i)]);
     }
   }
+  const auto own_step_N = [](const LoadCellParameters& cell) {
+    return cell.gain_VpN > 0 ? cell.resolution_V / cell.gain_VpN : 0;
+  };
   out.cell_step_N.assign(static_cast<std::size_t>(s.tension_N.cols()), 0);
   for (int j = 0; j < s.tension_N.cols() && robot.actuation; ++j) {
-    const auto& p = robot.actuation->tendons[j].load_cell;
-    const double own_N = p.gain_VpN > 0 ? p.resolution_V / p.gain_VpN : 0;
-    out.cell_step_N[static_cast<std::size_t>(j)] = std::max(own_N, DecimalStep(run.tension_N.col(j)));
+    out.cell_step_N[static_cast<std::size_t>(j)] =
+        std::max(own_step_N(robot.actuation->tendons[j].load_cell), DecimalStep(run.tension_N.col(j)));
   }
   if (seed && robot.actuation) {
     for (int j = 0; j < tendons; ++j) {
@@ -502,8 +486,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
       for (int i = 0; i < s.torque_actual_Nm.rows(); ++i) s.torque_actual_Nm(i, j) += torque * normal(random);
       if (j >= s.tension_N.cols()) continue;
       const double cell_step_N = out.cell_step_N[static_cast<std::size_t>(j)];
-      const double own_N = p.load_cell.gain_VpN > 0 ? p.load_cell.resolution_V / p.load_cell.gain_VpN : 0;
-      if (cell_step_N > 1.5 * std::max(own_N, p.load_cell.noise_N)) {
+      if (cell_step_N > kCoarse * std::max(own_step_N(p.load_cell), p.load_cell.noise_N)) {
         // Of a coarse table: what is off by a part of a step stays so until the reading changes.
         WithinSteps within(cell_step_N, random);
         for (int i = 0; i < s.tension_N.rows(); ++i) {
@@ -530,13 +513,14 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
       const std::vector<int>& at_read = out.cell_read[static_cast<std::size_t>(j)];
       const auto count = at_read.empty() ? samples : static_cast<int>(at_read.size());
       const auto sample = [&](int k) { return at_read.empty() ? k : at_read[static_cast<std::size_t>(k)]; };
-      const bool own_rate = OfItsOwnRate(at_read);
+      // At which part of its row a reading was taken is open too, where they slip.
+      const bool slips = Slips(RowsApart(run.tension_N.col(j)));
       Interpolator by;  // what the readings are moved by
       by.Add(-1, 0);
       for (int k = 1; k + 1 < count; ++k) {
         const int a = sample(k - 1), b = sample(k), c = sample(k + 1);
         double moved = part(random) * (read[a] - 2 * read[b] + read[c]);
-        if (own_rate) moved += part(random) * refine * (read[c] - read[a]) / (c - a);
+        if (slips) moved += part(random) * refine * (read[c] - read[a]) / (c - a);
         by.Add(b, moved);
       }
       by.Add(samples, 0);
@@ -640,13 +624,11 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
       out.tracker_s[k] = at_rest ? i * step_s : run.time_s[i] - out.start_s;
       out.tip_m.row(k) = run.tip_m.row(i);
       if (!turned) continue;
-      const Eigen::Vector4d w = run.tip_quaternion.row(i).transpose().normalized();
+      Eigen::Vector4d w = run.tip_quaternion.row(i).transpose();
+      for (int n = 0; n < 4 && seed && turn_step > kCoarseTurn; ++n)
+        w[n] += within[static_cast<std::size_t>(n)].At(w[n]);
+      w.normalize();
       Eigen::Quaterniond orientation(w[0], w[1], w[2], w[3]);
-      if (seed && turn_step > kCoarseTurn) {
-        for (int k4 = 0; k4 < 4; ++k4)
-          orientation.coeffs()[k4] += within[static_cast<std::size_t>(k4)].At(w[k4]);
-        orientation.normalize();
-      }
       if (seed && robot.actuation && robot.actuation->tracker) {
         const double rms = 0.5 * robot.actuation->tracker->orientation_noise_rad;
         const Eigen::Quaterniond turn(1, rms * normal(random), rms * normal(random), rms * normal(random));

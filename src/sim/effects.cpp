@@ -250,21 +250,24 @@ std::vector<double> ValuesOf(const EffectSetting& setting, const RobotParameters
   return values;
 }
 
-const EffectSetting* LawOf(const RobotParameters& robot, const Effect& effect, Target target) {
-  for (const EffectSetting& setting : robot.effects) {
-    if (!effect.edit && setting.name == effect.name && ParseTarget(effect, setting.where, robot) == target)
-      return &setting;
+std::optional<std::size_t> FindLaw(const RobotParameters& robot, const Effect& effect, Target target) {
+  for (std::size_t i = 0; i < robot.effects.size() && !effect.edit; ++i) {
+    const EffectSetting& setting = robot.effects[i];
+    if (setting.name == effect.name && ParseTarget(effect, setting.where, robot) == target) return i;
   }
-  return nullptr;
+  return std::nullopt;
+}
+
+std::optional<std::size_t> FindLaw(const RobotParameters& robot, const EffectSetting& setting) {
+  const Effect& effect = Known(setting.name);
+  return FindLaw(robot, effect, ParseTarget(effect, setting.where, robot));
 }
 
 void SetLaw(RobotParameters& robot, const EffectSetting& setting) {
-  const Effect& effect = Known(setting.name);
-  const EffectSetting* there = LawOf(robot, effect, ParseTarget(effect, setting.where, robot));
-  if (there == nullptr)
-    robot.effects.push_back(setting);
+  if (const auto there = FindLaw(robot, setting))
+    robot.effects[*there].values = setting.values;
   else
-    robot.effects[static_cast<std::size_t>(there - robot.effects.data())].values = setting.values;
+    robot.effects.push_back(setting);
 }
 
 // In chain order, whatever the file's: what two effects on one number make of it does not depend on how

@@ -108,6 +108,8 @@ class Seal(unittest.TestCase):
             lost.write_text("\n".join([head, *kept]) + "\n")
             with self.assertRaisesRegex(campaign.Wrong, "its first line is of other lines"):
                 run("score", lost)
+        lost.write_text("\n".join(texts[:1]) + "\n")  # without the first line nothing shows it, which is said
+        self.assertIn("without the first line that tells how many follow", run("score", lost))
         lines = [json.loads(line) for line in texts]
         forged = lines[1]["opened"].replace('"null"', '"null" ')
         for change, why in ((dict(opened=forged), "not the sealed one"),

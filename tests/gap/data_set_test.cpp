@@ -350,6 +350,22 @@ TEST_F(DataSetTest, RepetitionsMayNameFilesOrRunsAndLeadToTheFirstOfTheirKind) {
   EXPECT_THAT(Load().notes, Contains(HasSubstr("circle")));
 }
 
+// What a table of few places rounds is known before quaternions are made to be of norm 1.
+TEST_F(DataSetTest, TheStepOfACoarseOrientationIsThatOfItsTable) {
+  const auto step = [&](double to) {
+    std::string table = "t_s,tip_qw,tip_qx,tip_qy,tip_qz\n";
+    for (int i = 0; i < 100; ++i) {
+      const double half = 0.005 * i;
+      table += fmt::format("{},{},{},0,0\n", i, to * std::round(std::cos(half) / to),
+                           to * std::round(std::sin(half) / to));
+    }
+    return LoadTable(table).tip_quaternion_step;
+  };
+  EXPECT_DOUBLE_EQ(step(0.01), 0.01);
+  EXPECT_DOUBLE_EQ(step(0.001), 0.001);
+  EXPECT_EQ(step(1e-9), 0);
+}
+
 // A copy would pass for a repetition without any noise; a key that nobody reads, for one that was heeded.
 TEST_F(DataSetTest, CopiesAreLeftOutAndUnknownKeysTold) {
   std::string table = "t_s,tension_N_1\n";

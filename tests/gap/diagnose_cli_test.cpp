@@ -308,6 +308,19 @@ TEST_F(DiagnoseCommandTest, AClippedChannelIsSaid) {
   EXPECT_EQ(report_["verdict"], "attributed") << "what was cut off is no cause: " << report_["sentence"];
 }
 
+TEST_F(DiagnoseCommandTest, AFolderForAReportThatThereIsNotIsNotLeftBehind) {
+  fs::create_directory(folder_ / "empty");
+  const auto refused = [&](const std::string& out) {
+    return Run("gap diagnose --robot set/robot.yaml empty --out " + out);
+  };
+  EXPECT_EQ(refused("new"), 1);
+  EXPECT_THAT(error_, HasSubstr("no run that can be used"));
+  EXPECT_FALSE(fs::exists(folder_ / "new"));
+  fs::create_directory(folder_ / "there");
+  EXPECT_EQ(refused("there"), 1);
+  EXPECT_TRUE(fs::exists(folder_ / "there")) << "somebody else's";
+}
+
 TEST_F(DiagnoseCommandTest, OneRunAloneIsDiagnosedWithLessToSay) {
   for (const char* name : {"01_circle", "02_circle", "04_multisine"})
     fs::remove(folder_ / "set" / (std::string(name) + ".csv"));

@@ -175,6 +175,21 @@ TEST_F(ImportCommandTest, WhatTheTableLacksIsSaidAllOfIt) {
   EXPECT_LE(std::count(error_.begin(), error_.end(), '\n'), 25) << error_;
 }
 
+// A script that goes on would go on with less than was meant.
+TEST_F(ImportCommandTest, ATableThatIsLeftOutIsAnError) {
+  const std::string map =
+      Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z], unit: mm}}\n");
+  std::string rows = "x,y,z\n";
+  for (int i = 0; i < 100; ++i) rows += fmt::format("{},0,58\n", i % 7);
+  const std::string good = Write("good.csv", rows), bad = Write("bad.csv", "x,y\n1,2\n");
+  EXPECT_EQ(
+      Run(fmt::format("--robot {} --map {} {} {} --out {}/out", kRobot, map, good, bad, folder_.string())),
+      1);
+  EXPECT_THAT(error_, HasSubstr("one of 2 tables left out (above); the others were written"));
+  EXPECT_THAT(error_, HasSubstr("bad.csv:1: no column 'z'"));
+  EXPECT_EQ(LoadDataSet(folder_ / "out", "").runs.size(), 1u);
+}
+
 TEST_F(ImportCommandTest, TablesWithoutRowsAreNamedWithTheReason) {
   const std::string map = Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z]}}\n");
   const std::string table = Write("head.csv", "x,y,z\n");

@@ -395,11 +395,6 @@ void CarryTendons(Editor& editor, const RobotParameters& before, const RobotPara
   editor.Append(actuation, lines);
 }
 
-const EffectSetting* ThereAlready(const RobotParameters& robot, const EffectSetting& law) {
-  const sim::Effect* effect = sim::FindEffect(law.name);
-  return sim::LawOf(robot, *effect, sim::ParseTarget(*effect, law.where, robot));
-}
-
 /// `original`: the robot that the file says; a law that it has at that place already is written anew there.
 void CarryLaws(Editor& editor, const RobotParameters& original, const std::vector<EffectSetting>& laws) {
   if (laws.empty()) return;
@@ -411,8 +406,7 @@ void CarryLaws(Editor& editor, const RobotParameters& original, const std::vecto
   };
   std::map<std::size_t, const EffectSetting*> anew;  // by place in the file's list
   for (const EffectSetting& law : laws) {
-    if (const EffectSetting* there = ThereAlready(original, law))
-      anew[static_cast<std::size_t>(there - original.effects.data())] = &law;
+    if (const auto there = sim::FindLaw(original, law)) anew[*there] = &law;
   }
   const YAML::Node old = editor.At({"effects"});
   if (old.IsDefined()) {
@@ -421,7 +415,7 @@ void CarryLaws(Editor& editor, const RobotParameters& original, const std::vecto
       lines.push_back(anew.contains(i) ? written(*anew[i]) : "  - " + Flow(old[i]));
   }
   for (const EffectSetting& law : laws) {
-    if (ThereAlready(original, law) == nullptr) lines.push_back(written(law));
+    if (!sim::FindLaw(original, law)) lines.push_back(written(law));
   }
   lines.insert(lines.begin(), "effects:");
   if (!old.IsDefined()) lines.insert(lines.begin(), "");
@@ -520,9 +514,7 @@ RobotPatch PatchRobot(const std::string& text, const std::string& path,
   RobotParameters wanted = sim::FoldEffects(original);
   const std::vector<EffectSetting> laws = std::exchange(wanted.effects, effects);
   wanted = sim::FoldEffects(wanted);
-  for (const EffectSetting& law : laws) {
-    if (ThereAlready(wanted, law) == nullptr) wanted.effects.push_back(law);
-  }
+  for (const EffectSetting& law : std::exchange(wanted.effects, laws)) sim::SetLaw(wanted, law);
 
   Editor editor(text, path);
   CarryOthers(editor, before, after);

@@ -116,8 +116,10 @@ RobotParameters LoadRobot(const std::string& path);
 /// All of an effect's parameters in the order of ParametersOf: those the setting names, the others nominal.
 std::vector<double> ValuesOf(const EffectSetting& setting, const RobotParameters& robot);
 
-/// The robot's own setting of a law there, if it has one; of an effect that is a parameter there is none.
-const EffectSetting* LawOf(const RobotParameters& robot, const Effect& effect, Target target);
+/// Where in robot.effects a law is set for this target, if it is; an effect that is a parameter is no law.
+std::optional<std::size_t> FindLaw(const RobotParameters& robot, const Effect& effect, Target target);
+/// The same of a setting's effect and target.
+std::optional<std::size_t> FindLaw(const RobotParameters& robot, const EffectSetting& setting);
 /// The robot with a law more, or otherwise where it has that law at that place already.
 void SetLaw(RobotParameters& robot, const EffectSetting& setting);
 
