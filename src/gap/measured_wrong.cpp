@@ -187,7 +187,9 @@ Found LeavesLeast(const std::vector<Mistake>& mistakes, const std::function<doub
   const std::vector<Found> coarse = try_all(some);
   some.clear();
   for (std::size_t k = 0; k < std::min(kRefined, coarse.size()); ++k) {
-    for (const Mistake& finer : coarse[k].mistake->finer) some.push_back(&finer);
+    for (const Mistake& finer : coarse[k].mistake->finer) {
+      if (std::isfinite(coarse[k].left)) some.push_back(&finer);
+    }
   }
   const std::vector<Found> fine = try_all(some);
   Found best;
@@ -362,13 +364,18 @@ FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool ex
     if (!may_be(mistake)) return std::numeric_limits<double>::infinity();
     const std::optional<Left> left = LeftWith(some, mistake, evaluator);
     const bool other = !AsMuch(left, *as_they_are) || (!explained && Worse(*left, *as_they_are, floors));
-    return other ? std::numeric_limits<double>::infinity() : misfit_of(*left);
+    // Where the worst place is at its noise the others tell sizes apart.
+    constexpr double kOthers = 0.1;
+    return other ? std::numeric_limits<double>::infinity()
+                 : misfit_of(*left) + kOthers * Misfit(*left, floors);
   };
   const std::vector<Mistake> mistakes = AllMistakes(set, MeasuredOf(evaluator, 0, evaluator.runs().size()));
   const Found found = LeavesLeast(mistakes, misfit, threads);
-  if (!((small ? kSmallTakenAway : kTakenAway) * found.left < misfit_of(*as_they_are))) return {};
+  if (!std::isfinite(found.left)) return {};
   const std::optional<Left> left = LeftWith(some, found.mistake, evaluator);
-  return {found.mistake->with, left ? Worst(*left, floors) : std::numeric_limits<double>::infinity()};
+  const double smaller = small ? kSmallTakenAway : kTakenAway;
+  if (!left || !(smaller * misfit_of(*left) < misfit_of(*as_they_are))) return {};
+  return {found.mistake->with, Worst(*left, floors)};
 }
 
 std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,

@@ -153,39 +153,33 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   };
   tensions_in("pounds-force", 4.4482216);
   tensions_in("kilograms-force", 9.80665);
-  if (measured.tracker && !set.fit_frame) {
-    const auto scaled = [](double percent) {
-      return Mistake{fmt::format("the tip's distances taken {:.2g} % {}", std::abs(percent),
-                                 percent < 0 ? "smaller" : "larger"),
-                     [percent](Run& run) { run.tip_m *= 1 + 0.01 * percent; }};
-    };
-    for (const double sign : {-1, 1}) {
-      for (double percent = 1; percent < 12; percent *= 1.5) {
-        Mistake mistake = scaled(sign * percent);
-        for (double finer = percent / 1.2; finer < 1.25 * percent; finer *= 1.1)
-          mistake.finer.push_back(scaled(sign * finer));
-        all.push_back(std::move(mistake));
-      }
-    }
-  }
-  // In steps of a half, and about each in steps of a twentieth.
-  const auto of_all_sizes = [&](auto&& of_size) {
-    for (double ms = 1; ms < 150; ms *= 1.5) {
-      Mistake mistake = of_size(ms);
-      for (double finer_ms = ms / 1.25; finer_ms < 1.26 * ms; finer_ms *= 1.05)
-        mistake.finer.push_back(of_size(finer_ms));
+  // A half of such a mistake goes with a size that is half as large again: tried so far apart, and about
+  // those that help in steps of a twelfth.
+  const auto of_all_sizes = [&](double least, double most, auto&& of_size) {
+    for (double size = least; size < most; size *= 2.25) {
+      Mistake mistake = of_size(size);
+      for (double finer = size / 1.5; finer < 1.51 * size; finer *= 1.084)
+        mistake.finer.push_back(of_size(finer));
       all.push_back(std::move(mistake));
     }
   };
+  for (const int sign : {-1, 1}) {
+    if (!measured.tracker || set.fit_frame) break;
+    of_all_sizes(1, 12, [sign](double percent) {
+      return Mistake{
+          fmt::format("the tip's distances taken {:.2g} % {}", percent, sign < 0 ? "smaller" : "larger"),
+          [=](Run& run) { run.tip_m *= 1 + 0.01 * sign * percent; }};
+    });
+  }
   // Slower logs show no such delay.
   const bool fast = std::any_of(set.runs.begin(), set.runs.end(),
                                 [](const Run& run) { return UsualStep(run) <= kBridged_s; });
   const auto late = [&](Cells cells) {
-    of_all_sizes([cells](double ms) {
+    of_all_sizes(1, 150, [cells](double ms) {
       return Mistake{fmt::format("{} taken {:.0f} ms earlier", cells.name(), ms),
                      [=](Run& run) { Advance(run, cells, 1e-3 * ms); }};
     });
-    of_all_sizes([cells](double ms) {
+    of_all_sizes(1, 150, [cells](double ms) {
       return Mistake{fmt::format("a low-pass filter of {:.0f} ms taken off {}", ms, cells.name()),
                      [=](Run& run) { Unfilter(run, cells, 1e-3 * ms); }};
     });
