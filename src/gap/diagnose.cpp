@@ -181,6 +181,25 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
   return "";
 }
 
+/// What stands before everything else: the numbers of the robot file that the runs point to, or why the
+/// likeliest cause is not established.
+std::string First(const Diagnosis& d) {
+  if (!d.suspected.empty()) {
+    std::string numbers;
+    for (const SuspectNumber& number : d.suspected) {
+      numbers += numbers.empty() ? "with " : ", or with ";
+      numbers += fmt::format("{} {:.4g} where the file has {:.4g}", number.key, number.value, number.in_file);
+    }
+    const auto& closed = d.suspected.front().closed;
+    return fmt::format("Check the robot file first: {} {} of this gap goes, more than with any cause. ", numbers,
+                       closed ? Percent(closed->value) : "most");
+  }
+  const auto likeliest = std::find_if(d.causes.begin(), d.causes.end(),
+                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
+  if (d.doubt.empty() || likeliest == d.causes.end()) return "";
+  return fmt::format("No cause is established: the likeliest is {}, but {}. ", NameOf(*likeliest), d.doubt);
+}
+
 /// What is to be asked first of a gap that nothing explains, where less than half of the runs have it:
 /// `missed` by so many times more than the others.
 std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& missed) {
@@ -630,12 +649,21 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   }
   progress("judging", 0);
   TakeOffQuiet(evaluator, set, evaluation, search);
-  Judgement judgement = Judge(evaluator, search, d.location, options.seed);
+  const auto fit_numbers = [&]() -> std::vector<NumberFit> {
+    if (Compared(set)) return {};  // what is wrong in the file was so before
+    constexpr int kRefined = 6;
+    stage = "trying the numbers of the robot file";
+    const Weights weights(evaluator, search.leftover);
+    return FitNumbers(evaluator, weights, search.nuisances, folds, kRefined, threads, in_stage);
+  };
+  Judgement judgement = Judge(evaluator, search, d.location, options.seed, fit_numbers);
   d.verdict = judgement.verdict;
   d.causes = judgement.causes;
   d.accepted = judgement.accepted;
   d.confusable = judgement.confusable;
   d.leftover_sigma = judgement.leftover_sigma;
+  d.suspected = judgement.suspected;
+  d.doubt = judgement.doubt;
   if (widened_by && d.verdict != Verdict::kNoGap) {
     d.degradations.push_back(
         fmt::format("{} carries the sensors' noise further than the nominal robot would: that much is taken "
@@ -720,7 +748,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         "is likelier",
         parts[0].Name(), parts[1].Name(), sim::CutName(*judgement.hidden_at));
   }
-  d.sentence = Sentence(d, set.robot, hiding);
+  d.sentence = First(d) + Sentence(d, set.robot, hiding);
   if (evaluator.repetitions_differ() > 0) {
     d.sentence += fmt::format(
         " But repetitions differ by {:.2g} times the noise: if the robot was changed between them, they are "

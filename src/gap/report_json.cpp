@@ -198,6 +198,14 @@ void Fields(A& a, typename A::template Ref<Profile> p) {
 }
 
 template <class A>
+void Fields(A& a, typename A::template Ref<SuspectNumber> n) {
+  a("key", n.key);
+  a("in_file", n.in_file);
+  a("value", n.value);
+  a("closed", n.closed);
+}
+
+template <class A>
 void Fields(A& a, typename A::template Ref<NextExperiment> n) {
   a("family", n.family);
   a("reason", n.reason);
@@ -238,6 +246,8 @@ void Fields(A& a, typename A::template Ref<Diagnosis> d) {
   // "closed" gathers several members: see WriteClosed and ReadClosed.
   a("order_effects", d.order_effects);
   a("leftover_sigma", d.leftover_sigma);
+  a("suspected", d.suspected);
+  a("doubt", d.doubt);
   a("confusable", d.confusable);
   a("baselines", d.baselines);
   a("condition_maps", d.maps);

@@ -26,7 +26,6 @@ constexpr double kFoldLoss = 0.05;
 constexpr int kHeldOutAgain = 2, kFoldIterations = 3;
 constexpr int kPlacesOfOneEffect = 2;   // of the candidates that are refitted
 constexpr int kAlike = 4;               // of those that look like the best, refitted as well
-constexpr double kLeftoverSlack = 1.2;  // the noise is known within some tens of per cent
 
 Residuals Subtract(const Residuals& from, const std::vector<const Column*>& columns,
                    const Eigen::VectorXd& values) {
@@ -40,13 +39,6 @@ Residuals Subtract(const Residuals& from, const std::vector<const Column*>& colu
     }
   }
   return r;
-}
-
-Eigen::VectorXd Leftover(const Evaluator& evaluator, const Residuals& part) {
-  const ChannelScore score = ScoreChannels(evaluator, part, evaluator.AtNominal());
-  Eigen::VectorXd leftover(score.square.size());
-  for (int c = 0; c < leftover.size(); ++c) leftover[c] = score.Excess(c, kLeftoverSlack);
-  return leftover;
 }
 
 /// Where to refit from: the screening's linear solution.
