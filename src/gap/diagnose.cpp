@@ -27,38 +27,12 @@
 #include "own_readings.h"
 #include "parallel.h"
 #include "search.h"
+#include "sentence.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
-#include "told_parameters.h"
 
 namespace tendril::gap {
 namespace {
-
-// A cause that leaves more is not all that there is.
-constexpr double kMuchLeft_sigma = 1;
-
-std::string Percent(double share) {
-  return share < 1 && share > 0.995 ? "more than 99 %" : fmt::format("{:.0f} %", 100 * share);
-}
-
-std::string NameOf(const Cause& cause) {
-  return cause.where.empty() || cause.where == "all" ? cause.effect : cause.effect + " (" + cause.where + ")";
-}
-
-/// Its size, and that of the same law in the robot file; what only shapes it (a time constant, a direction)
-/// is in the report.
-std::string ValueOf(const Cause& cause, const RobotParameters& robot) {
-  const auto told = ToldParameters(cause);
-  if (told.empty()) return "";
-  const auto& [name, estimate] = told.front();
-  std::string value = fmt::format("{} {:.4g}", name, estimate.value);
-  const auto law = sim::FindLaw(robot, {cause.effect, cause.where, {}});
-  if (!law) return value;
-  for (const auto& [its_name, its_value] : robot.effects[*law].values) {
-    if (its_name == name) value += fmt::format(" where the robot file has {:.4g}", its_value);
-  }
-  return value;
-}
 
 /// The last tendon of which any run has a number; 0: none.
 int TendonsSeen(const std::vector<Run>& runs) {
@@ -72,151 +46,6 @@ int TendonsSeen(const std::vector<Run>& runs) {
     }
   }
   return static_cast<int>(most);
-}
-
-/// Something was measured at this cut.
-bool Seen(const Diagnosis& d, sim::Cut cut) {
-  return std::any_of(d.location.begin(), d.location.end(),
-                     [&](const CutFinding& f) { return f.cut == cut && f.measured; });
-}
-
-/// Cuts that nothing was measured at: "C4, C5".
-std::string CutsNotSeen(const Diagnosis& d) {
-  std::set<sim::Cut> seen;
-  std::string names;
-  for (const auto& f : d.location) {
-    if (f.measured) seen.insert(f.cut);
-  }
-  for (const auto& f : d.location) {
-    if (!seen.insert(f.cut).second) continue;
-    names += names.empty() ? "" : ", ";
-    names += sim::CutName(f.cut);
-  }
-  return names;
-}
-
-/// `robot`: the nominal one. `hiding`: the two that would explain the gap by hiding each other, and where;
-/// else empty.
-std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std::string& hiding) {
-  const CutFinding* first = nullptr;
-  for (const auto& f : d.location) {
-    if (f.first) first = &f;
-  }
-  const CutFinding* off = nullptr;  // most of what is uncertain
-  for (const auto& f : d.location) {
-    if (f.uncertain() && (off == nullptr || f.excess_sigma > off->excess_sigma)) off = &f;
-  }
-  const bool nowhere =
-      std::none_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.excess; });
-  const std::string where =
-      first && first->cut == sim::Cut::kDrivetrain && !Seen(d, sim::Cut::kTendon)
-          ? fmt::format(
-                "The gap lies at C2 or beyond (C2 to C5 cannot be told apart by place without load "
-                "cells; {}, {})",
-                first->quantity, first->where)
-      : first   ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
-                            first->where == "all" ? "" : ", " + first->where)
-      : off     ? fmt::format("{} ({}) is {:.2g} sigma off, in too few seconds to be sure",
-                              sim::CutName(off->cut), off->quantity, off->excess_sigma)
-      : nowhere ? "All places together are beyond the noise floor, though none of them is for sure"
-                : "The place of the gap is not clear";
-  const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
-  switch (d.verdict) {
-    case Verdict::kNoGap: {
-      const std::string blind = CutsNotSeen(d);
-      return "No gap beyond the noise floor and the materiality asked for" +
-             (blind.empty() ? "." : "; of " + blind + " these logs tell nothing.");
-    }
-    case Verdict::kInsufficientData:
-      return first ? where + ", but these logs and this model are not enough to tell its cause." + next
-             : off ? where + " whether that is a gap." + next
-                   : "These logs are not enough to tell whether there is a gap." + next;
-    case Verdict::kUnexplained: {
-      if (!hiding.empty())
-        return fmt::format("{}, and no effect of the library explains it: {}.{}", where, hiding, next);
-      const auto best = std::find_if(d.causes.begin(), d.causes.end(),
-                                     [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
-      // Where no place has anything left for sure, what all of them leave together decided.
-      const std::string remains = d.leftover_sigma == 0 && d.closed
-                                      ? fmt::format("{} of it remain", Percent(1 - d.closed->value))
-                                      : fmt::format("{:.2g} sigma beyond the floor remain", d.leftover_sigma);
-      return fmt::format("{}, and no effect of the library explains it: {} with the best of them ({}).{}",
-                         where, remains, best == d.causes.end() ? "none" : NameOf(*best), next);
-    }
-    case Verdict::kAttributed:
-    case Verdict::kAmbiguousGroup: {
-      std::string causes;
-      bool grouped = false;
-      for (const auto& c : d.accepted) {
-        causes += causes.empty() ? "" : ", and ";
-        std::string names;
-        double group = 0;
-        for (const auto& rival : d.causes) {
-          if (c.group == 0 || rival.group != c.group) continue;
-          names += (names.empty() ? "" : " or ") + NameOf(rival);
-          group += rival.p;
-        }
-        if (!names.empty() && group < 0.5) names += " or another";
-        if (d.verdict == Verdict::kAmbiguousGroup && !names.empty()) {
-          causes += fmt::format("one of {}, which these runs cannot tell apart", names);
-          grouped = true;
-        } else {
-          causes += fmt::format("{}, {} (p = {:.2f})", NameOf(c), ValueOf(c, robot), c.p);
-        }
-      }
-      if (d.verdict == Verdict::kAmbiguousGroup && !grouped) causes += ", or another";
-      const std::string closed =
-          d.closed && d.closed->low > 0
-              ? fmt::format(" With it in the model {} of the gap closes on {} that it was not fitted to.",
-                            Percent(d.closed->value), d.held_out_by)
-              : " It is too small beside the noise floor to say how much of the gap closes with it.";
-      const std::string left =
-          d.leftover_sigma < kMuchLeft_sigma
-              ? ""
-              : fmt::format(" Up to {:.2g} sigma beyond the floor remain: it is not all that there is.",
-                            d.leftover_sigma);
-      return fmt::format("{}; its cause is {}.{}{}{}", where, causes, closed, left, next);
-    }
-  }
-  return "";
-}
-
-/// What stands before everything else: the numbers of the robot file that the runs point to, or why the
-/// likeliest cause is not established.
-std::string First(const Diagnosis& d) {
-  if (!d.suspected.empty()) {
-    std::string numbers;
-    for (const SuspectNumber& number : d.suspected) {
-      numbers += numbers.empty() ? "with " : ", or with ";
-      numbers += fmt::format("{} {:.4g} where the file has {:.4g}", number.key, number.value, number.in_file);
-    }
-    const auto& closed = d.suspected.front().closed;
-    return fmt::format("Check the robot file first: {} {} of this gap goes, more than with any cause. ", numbers,
-                       closed ? Percent(closed->value) : "most");
-  }
-  const auto likeliest = std::find_if(d.causes.begin(), d.causes.end(),
-                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
-  if (d.doubt.empty() || likeliest == d.causes.end()) return "";
-  return fmt::format("No cause is established: the likeliest is {}, but {}. ", NameOf(*likeliest), d.doubt);
-}
-
-/// What is to be asked first of a gap that nothing explains, where less than half of the runs have it:
-/// `missed` by so many times more than the others.
-std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& missed) {
-  std::string names;
-  std::size_t few = 0;
-  double most = 0;
-  for (const auto& run : d.runs) {
-    const auto found = missed.find(run.name);
-    if (found == missed.end()) continue;
-    names += (few++ ? ", " : "") + run.name;
-    most = std::max(most, found->second);
-  }
-  if (d.verdict != Verdict::kUnexplained || few == 0 || 2 * few >= d.runs.size()) return "";
-  return fmt::format(
-      " It lies in {} above all, missed by {}{:.0f} times more than the other {} runs: what was different "
-      "then? Diagnose again without {}.",
-      names, few == 1 ? "" : "up to ", most, d.runs.size() - few, few == 1 ? "it" : "them");
 }
 
 /// The cut that a cause belongs to, with this load cell.
