@@ -189,20 +189,20 @@ Point Refined(const std::function<double(double)>& score, Point best, double ste
   return best;
 }
 
-/// Follows the score from no change in the direction that helps, in doubling steps, until it falls; then
-/// halves the bracket about the best. `start`: at no change.
-Point Followed(const std::function<double(double)>& score, const Point& start, double first_step,
-               double most, int halvings) {
+/// The best of a ladder of doubling steps in both directions, refined. The first steps are all taken, since a number
+/// that is far off may do worse before it does better; later ones as long as each is better than the last.
+Point Followed(const std::function<double(double)>& score, const Point& start, double first_step, double most,
+               int halvings) {
+  constexpr double kAnyway = 1;  // a factor of e, or a radian
   Point best = start;
   for (const int sign : {1, -1}) {
-    Point side = start;
-    for (double change = sign * first_step; std::abs(change) <= most; change *= 2) {
-      const Point next{change, score(change)};
-      if (next.score <= side.score) break;
-      side = next;
+    double last = start.score;
+    for (double step = first_step; step <= most; step *= 2) {
+      const Point next{sign * step, score(sign * step)};
+      if (step > kAnyway && next.score <= last) break;
+      last = next.score;
+      if (next.score > best.score) best = next;
     }
-    if (side.score > best.score) best = side;
-    if (best.change != 0) break;  // one direction helps
   }
   return best.change == 0 ? best : Refined(score, best, std::abs(best.change) / 2, halvings);
 }
@@ -240,8 +240,8 @@ std::vector<FileNumber> FileNumbers(const RobotParameters& robot) {
 std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Weights& weights,
                                   const Nuisances& nuisances, const Folds& folds, int count, int threads,
                                   const std::function<void(double)>& progress) {
-  // From a sixth to three orders of magnitude, a slip of milli for one; angles up to half a turn.
-  constexpr double kFirstStep = 0.18, kMost = 7, kFirstStep_rad = 0.1, kMost_rad = std::numbers::pi;
+  // From a fifth to three orders of magnitude, a slip of milli for one; angles up to half a turn.
+  constexpr double kFirstStep = 0.2, kMost = 7, kFirstStep_rad = 0.1, kMost_rad = std::numbers::pi;
   constexpr int kCoarse = 2, kFine = 6;
   const Scored scored(evaluator, weights, nuisances, folds);
   const std::vector<FileNumber> numbers = FileNumbers(evaluator.nominal());

@@ -210,7 +210,7 @@ class Case {
     if (p_gap < 0.5 && evaluator_.repetitions_differ() > 0) unknown = std::max(unknown, kUnlistedInScatter);
     judgement_.doubt = p_gap < 0.5 ? "" : Doubt();
     if (!judgement_.doubt.empty()) unknown = std::max(unknown, 0.5);
-    if (p_gap >= 0.5 && LeavesSomething()) unknown = std::max(unknown, Suspect(fit_numbers()));
+    if (p_gap >= 0.5 && MayBeANumber()) unknown = std::max(unknown, Suspect(fit_numbers()));
     const double p_unknown = p_gap * unknown;
     ListSingles(p_gap - p_unknown);
     if (two_) {
@@ -392,9 +392,9 @@ class Case {
            closed_->high >= 1 - kMayStay;
   }
 
-  /// The best leaves something of the gap for sure, or is not established.
-  bool LeavesSomething() const {
-    return best_ == nullptr || !judgement_.doubt.empty() || judgement_.leftover_sigma > 0 ||
+  /// The best leaves something of the gap for sure, is not established, or takes two causes.
+  bool MayBeANumber() const {
+    return best_ == nullptr || two_ || !judgement_.doubt.empty() || judgement_.leftover_sigma > 0 ||
            (closed_ && closed_->high < 1);
   }
 
@@ -412,7 +412,10 @@ class Case {
     const double nominal = score(nominal_);
     const double temperature =
         kTemperature + kRelativeTemperature * std::max(0.0, numbers.front().score - nominal);
-    const double ahead = numbers.front().score - (best_ == nullptr ? nominal : score(best_->residuals));
+    // What takes several parameters to say as much is less likely.
+    const double best =
+        best_ == nullptr ? nominal : score(best_->residuals) - temperature * Burden(*best_);
+    const double ahead = numbers.front().score - best;
     if (ahead < kSame * temperature) return 0;
     for (const NumberFit& fit : numbers) {
       if (numbers.front().score - fit.score > kSame * temperature) break;

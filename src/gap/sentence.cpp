@@ -94,6 +94,7 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
              : off ? where + " whether that is a gap." + next
                    : "These logs are not enough to tell whether there is a gap." + next;
     case Verdict::kUnexplained: {
+      if (!d.suspected.empty()) return where + ".";
       if (!hiding.empty())
         return fmt::format("{}, and no effect of the library explains it: {}.{}", where, hiding, next);
       const auto best = std::find_if(d.causes.begin(), d.causes.end(),

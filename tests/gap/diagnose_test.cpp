@@ -935,6 +935,82 @@ TEST(Diagnose, GravityAndScaleAreNamed) {
                   "^Check the measurement first: with the tip's distances taken (2.[789]|3|3.1) % smaller"));
 }
 
+/// A number of the robot file, `factor` times what it is.
+struct WrongNumber {
+  const char* key;
+  double factor;
+  void (*change)(RobotParameters& robot, double factor);
+  std::vector<std::string> effects;  // of the library that come near to it
+};
+
+class DiagnoseWrongFile : public testing::TestWithParam<WrongNumber> {};
+
+// A number that is wrong by more than its effect reaches, or that no effect stands for, is said first with the value
+// that the runs point to; no cause is likelier than not.
+TEST_P(DiagnoseWrongFile, TheNumberIsSaidFirst) {
+  DataSet set = Recorded("", 3);
+  GetParam().change(set.robot, GetParam().factor);
+  const Diagnosis d = Diagnose(set, Only(GetParam().effects));
+  EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
+  EXPECT_THAT(d.sentence, testing::StartsWith("Check the robot file first: with "));
+  for (const auto& cause : d.causes) {
+    if (cause.effect != "unknown") {
+      EXPECT_LE(cause.p, 0.5) << cause.effect;
+    }
+  }
+  const auto named = std::find_if(d.suspected.begin(), d.suspected.end(),
+                                  [](const auto& number) { return number.key == GetParam().key; });
+  ASSERT_NE(named, d.suspected.end()) << d.sentence;
+  EXPECT_NEAR(named->value / (named->in_file / GetParam().factor), 1, 0.01) << d.sentence;
+  ASSERT_TRUE(named->closed);
+  EXPECT_GT(named->closed->value, 0.99);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Numbers, DiagnoseWrongFile,
+    testing::Values(WrongNumber{"body.sections.tendons.radius_m", 1.5,
+                                [](RobotParameters& robot, double factor) {
+                                  for (auto& tendon : robot.body.sections[0].tendons) tendon.radius_m *= factor;
+                                },
+                                {"hole_radius", "tendon_stiffness", "bending_stiffness", "unit_stiffness"}},
+                    WrongNumber{"actuation.gear.ratio", 16.0 / 19,
+                                [](RobotParameters& robot, double factor) {
+                                  for (auto& tendon : robot.actuation->tendons) tendon.gear.ratio *= factor;
+                                },
+                                {"torque_constant", "tendon_stiffness", "gear_efficiency"}},
+                    // A diameter taken for the radius.
+                    WrongNumber{"actuation.spool.radius_m", 2,
+                                [](RobotParameters& robot, double factor) {
+                                  for (auto& tendon : robot.actuation->tendons) tendon.spool.radius_m *= factor;
+                                },
+                                {"torque_constant", "spool_growth", "tendon_stiffness"}},
+                    WrongNumber{"body.sections.core_radius_m", 0.5,
+                                [](RobotParameters& robot, double factor) {
+                                  robot.body.sections[0].core_radius_m *= factor;
+                                },
+                                {"bending_stiffness", "tip_force", "tracker_offset"}},
+                    WrongNumber{"body.gravity_W_mps2", 1.5,
+                                [](RobotParameters& robot, double factor) {
+                                  robot.body.gravity_W_mps2 *= factor;
+                                },
+                                {"tip_force", "unit_stiffness", "base_tilt"}}),
+    [](const auto& about) {
+      std::string name = about.param.key;
+      for (char& c : name) c = std::isalnum(static_cast<unsigned char>(c)) ? c : '_';
+      return name;
+    });
+
+// What the best of the library leaves nine tenths open of is no cause, however far the others are behind.
+TEST(Diagnose, WhatLeavesMuchIsNotEstablished) {
+  DataSet set = Recorded(std::vector<std::string>{"routing_friction mu=0.2", "backlash where=all rad=0.3"}, 4);
+  const Diagnosis d = Diagnose(set, Only({"routing_friction"}));
+  EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
+  EXPECT_THAT(d.sentence, testing::StartsWith("No cause is established: the likeliest is routing_friction, but "));
+  EXPECT_FALSE(d.doubt.empty());
+  ASSERT_NE(Named(d, "routing_friction"), nullptr);
+  EXPECT_LE(Named(d, "routing_friction")->p, 0.5);
+}
+
 // Encoders that count from where they were switched on.
 TEST(Diagnose, MotorsZeroedAnewBeforeEachRunAreNamed) {
   DataSet set = Recorded("", 3);
