@@ -284,9 +284,9 @@ class Case {
   }
 
   /// The largest excess beyond the floor.
-  double LeavesSigma(const Fit& fit) const {
+  double LeavesSigma(const Residuals& with) const {
     double most = 0;
-    for (const auto& f : Locate(evaluator_, Completed(fit.held_out, nominal_), kLeftDiscoveries)) {
+    for (const auto& f : Locate(evaluator_, Completed(with, nominal_), kLeftDiscoveries)) {
       if (f.excess && f.cut != sim::Cut::kClock) most = std::max(most, f.excess_sigma);
     }
     return most;
@@ -295,10 +295,10 @@ class Case {
   bool HasSecond() const {
     if (single_ == nullptr || pair_ == nullptr) return false;
     const double brings = pair_->held_out_score - single_->held_out_score;
-    const bool explains = LeavesSigma(*single_) > kLeftover && LeavesSigma(*pair_) == 0;
+    const bool explains = LeavesSigma(single_->held_out) > kLeftover && LeavesSigma(pair_->held_out) == 0;
     // Where the first leaves nothing at any place, only the score speaks for a second; it has to bring what
     // tells two causes apart.
-    const bool hidden = LeavesSigma(*single_) == 0;
+    const bool hidden = LeavesSigma(single_->held_out) == 0;
     const double unexpected = hidden ? std::max(kPairGain, kSame * temperature_) : kPairGain;
     const double enough = explains ? kPairExplains : unexpected;
     if (brings <= enough) return false;
@@ -410,8 +410,10 @@ class Case {
     std::stable_sort(numbers.begin(), numbers.end(),
                      [](const NumberFit& a, const NumberFit& b) { return a.score > b.score; });
     const double nominal = score(nominal_);
-    const double temperature =
-        kTemperature + kRelativeTemperature * std::max(0.0, numbers.front().score - nominal);
+    // A number that leaves nothing where the best cause leaves a gap shows that the model has no discrepancy here.
+    const bool exact = judgement_.leftover_sigma > 0 && LeavesSigma(numbers.front().residuals) == 0;
+    const double relative = exact ? 0 : kRelativeTemperature;
+    const double temperature = kTemperature + relative * std::max(0.0, numbers.front().score - nominal);
     // What takes several parameters to say as much is less likely.
     const double best =
         best_ == nullptr ? nominal : score(best_->residuals) - temperature * Burden(*best_);
