@@ -77,7 +77,26 @@ void AddBody(const RobotParameters& robot, std::vector<FileNumber>& all) {
   }
 }
 
+/// The runs' angles were made with the file's counts. As though they were right, the spool winds otherwise by each
+/// radian, and torques, inertia and angles are those of a motor behind a gear of that ratio.
+void RecountMotor(TendonDriveParameters& drive, double change) {
+  const double turned = std::exp(change);  // angle in the runs over the motor's own
+  drive.spool.radius_m /= turned;
+  drive.motor.torque_scale /= turned;
+  drive.motor.coulomb_friction_Nm /= turned;
+  drive.motor.coulomb_damping_Nms /= turned;
+  drive.motor.viscous_friction_Nms /= turned * turned;
+  drive.motor.rotor_inertia_kgm2 /= turned * turned;
+  drive.motor.coulomb_angle_rad *= turned;
+  for (double& yield : drive.gear.presliding_yields_rad) yield *= turned;
+}
+
 void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
+  const int counts = robot.actuation->tendons.front().drive.encoder_counts_per_turn;
+  all.push_back({"actuation.drive.encoder_counts_per_turn", static_cast<double>(counts), false,
+                 [](RobotParameters& changed, double change) {
+                   for (TendonDriveParameters& drive : changed.actuation->tendons) RecountMotor(drive, change);
+                 }});
   const auto part = [&](const char* key, auto TendonDriveParameters::*member, auto number) {
     AddFactor(robot, fmt::format("actuation.{}", key), number,
               [member](RobotParameters& r, const auto& call) {

@@ -1000,7 +1000,17 @@ INSTANTIATE_TEST_SUITE_P(
       return name;
     });
 
-// What the best of the library leaves nine tenths open of is no cause, however far the others are behind.
+// Angles that were made from counts with another number of them a turn.
+TEST(Diagnose, OtherCountsPerTurnAreSaidFirst) {
+  DataSet set = Recorded("", 3);
+  for (gap::Run& run : set.runs) run.motor_position_rad *= 0.5;  // 1024 of the encoder where the file has 2048
+  const Diagnosis d = Diagnose(set, Only({"torque_constant", "tendon_stiffness", "hole_radius"}));
+  EXPECT_THAT(d.sentence,
+              testing::ContainsRegex("^Check the robot file first: with "
+                                     "actuation.drive.encoder_counts_per_turn 102[3-5] where the file has 2048"));
+}
+
+// A cause that leaves more than a tenth of the gap is not established, however far the others are behind.
 TEST(Diagnose, WhatLeavesMuchIsNotEstablished) {
   DataSet set = Recorded(std::vector<std::string>{"routing_friction mu=0.2", "backlash where=all rad=0.3"}, 4);
   const Diagnosis d = Diagnose(set, Only({"routing_friction"}));
