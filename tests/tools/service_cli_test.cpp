@@ -62,13 +62,47 @@ TEST_F(ServiceCommandTest, AnEmptyValueIsRefusedByEveryProgram) {
 }
 
 TEST_F(ServiceCommandTest, WrongUseIsOneLineThatTellsWhereToReadOn) {
-  ExpectWrongUse("sned arm", "tendril: 'sned' is not known here; see tendril --help");
-  ExpectWrongUse("send amr", "tendril: 'amr' is not known here; see tendril send --help");
+  ExpectWrongUse("sned arm", "tendril: 'sned' is not known here (did you mean send?); commands: capstan, ");
+  ExpectWrongUse(
+      "send amr",
+      "tendril: 'amr' is not known here (did you mean arm?); commands: tip, bending, tension, arm, hold, "
+      "disarm, clear; see tendril send --help");
   ExpectWrongUse("send tip 1 2", "see tendril send tip --help");
-  ExpectWrongUse("send arm --tiemout 3", "'--tiemout' is not known here; see tendril send arm --help");
+  ExpectWrongUse("send arm --tiemout 3",
+                 "'--tiemout' is not known here (did you mean --timeout?); see tendril send arm --help");
   ExpectWrongUse("", "--config is required; see tendrild --help", TENDRILD_BINARY);
-  ExpectWrongUse("--config x.yaml --simluated", "'--simluated' is not known here", TENDRILD_BINARY);
+  ExpectWrongUse("--config x.yaml --simluated", "'--simluated' is not known here (did you mean --simulated?)",
+                 TENDRILD_BINARY);
   ExpectWrongUse("--seed x --robot y", "see tendril-plant --help", TENDRIL_PLANT_BINARY);
+}
+
+TEST_F(ServiceCommandTest, CommandsAreListedAndSuggestedAtEveryLevel) {
+  ExpectWrongUse("", "tendril: a command is needed; commands: capstan, commission, ");
+  ExpectWrongUse("gap", "tendril: a command is needed; commands: apply, diagnose, ");
+  ExpectWrongUse("demoo", "(did you mean demo?)");
+  ExpectWrongUse("gap diagnoze", "(did you mean diagnose?); commands: apply, diagnose, ");
+  ExpectWrongUse("config chek", "(did you mean check?)");
+  ExpectWrongUse("model simul", "(did you mean simulate?)");
+  ExpectWrongUse("xyzzy", "'xyzzy' is not known here; commands: capstan, ");
+  for (const char* help : {"help", "help gap", "gap help", "help gap diagnose"}) {
+    SCOPED_TRACE(help);
+    EXPECT_EQ(Run(help), 0) << error_;
+    const bool diagnose = std::string_view(help).ends_with("diagnose");
+    EXPECT_THAT(out_, HasSubstr(diagnose ? "--robot" : "Subcommands:"));
+  }
+}
+
+TEST_F(ServiceCommandTest, SendSaysWhichValuesItTakesAndAsksAfterMillimetres) {
+  for (const char* values : {"", "0 0", "0 0 0.05 1"})
+    ExpectWrongUse(fmt::format("send tip {}", values), "accepted: 3, X Y Z in metres");
+  ExpectWrongUse("send bending 1", "U V of each section in radians");
+  ExpectWrongUse("send tip 0 0 60", "60 m is no robot's reach; millimetres? That would be 0 0 0.06 m");
+  EXPECT_EQ(Run("send tip 0 0 9 --timeout 0"), 0) << error_ << ": nine metres may be a robot's";
+}
+
+TEST_F(ServiceCommandTest, CapstanNamesTheWrongValueBeforeAMissingOne) {
+  ExpectWrongUse("capstan --alpha -1", "--alpha: -1 is no number from 0 to 100; ");
+  ExpectWrongUse("capstan --alpha 0.2", "--wrap is required");
 }
 
 TEST_F(ServiceCommandTest, WhatAShortMeasurementCannotJudgeIsSaid) {

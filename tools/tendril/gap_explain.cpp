@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "commands.h"
@@ -145,12 +147,61 @@ void PrintOne(const Effect& e) {
   fmt::print("\nTry it\n  tendril gap simulate --effect \"{}{}{}\" ...\n", e.name, where, values);
 }
 
-const Effect& Find(const std::string& name) {
+const Effect* Find(const std::string& name) {
   std::string wanted = name;
   std::replace_if(
       wanted.begin(), wanted.end(), [](char c) { return c == ' ' || c == '-'; }, '_');
-  if (const Effect* effect = sim::FindEffect(wanted)) return *effect;
-  return EffectNamed(name);
+  for (char& c : wanted) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return sim::FindEffect(wanted);
+}
+
+/// Small letters, and blanks for what joins the words of a name.
+std::string Plain(std::string_view text) {
+  std::string plain(text);
+  for (char& c : plain)
+    c = c == '_' || c == '-' ? ' ' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return plain;
+}
+
+/// What an effect has to do with a word, the nearest first.
+enum class Relation { kName, kSummary, kLaw, kLooksLike, kNone };
+constexpr const char* kRelations[] = {"named so", "said of it", "in its law or its mark in the data",
+                                      "looks like one that is named so"};
+
+Relation RelationOf(const Effect& e, const std::string& topic) {
+  const auto in = [&](std::string_view text) { return Plain(text).find(topic) != std::string::npos; };
+  if (in(e.name)) return Relation::kName;
+  if (in(e.summary)) return Relation::kSummary;
+  if (in(e.physics) || in(e.signature) || in(e.experiment)) return Relation::kLaw;
+  const auto& alike = e.confusable;
+  return std::any_of(alike.begin(), alike.end(), in) ? Relation::kLooksLike : Relation::kNone;
+}
+
+/// Every effect that has to do with the word, the nearest first. Throws UsageError with a likely name when
+/// none has.
+std::vector<const Effect*> About(const std::string& word) {
+  if (const Effect* named = Find(word)) return {named};
+  const std::string topic = Plain(word);
+  std::vector<const Effect*> hits;
+  for (const Effect& e : sim::Effects())
+    if (RelationOf(e, topic) != Relation::kNone) hits.push_back(&e);
+  std::stable_sort(hits.begin(), hits.end(), [&](const Effect* a, const Effect* b) {
+    return RelationOf(*a, topic) < RelationOf(*b, topic);
+  });
+  if (hits.empty()) EffectNamed(word);  // throws
+  return hits;
+}
+
+void PrintTopic(const std::string& word, const std::vector<const Effect*>& hits) {
+  fmt::print("{} effects have to do with '{}'\n", hits.size(), word);
+  Relation last = Relation::kNone;
+  for (const Effect* e : hits) {
+    const Relation relation = RelationOf(*e, Plain(word));
+    if (relation != last) fmt::print("\n{}\n", kRelations[static_cast<int>(relation)]);
+    last = relation;
+    fmt::print("  {:<20} {}  {}\n", e->name, sim::CutName(e->cut), e->summary);
+  }
+  fmt::print("\ntendril gap explain EFFECT tells more of one.\n");
 }
 
 void Run(const ExplainOptions& options) {
@@ -163,7 +214,9 @@ void Run(const ExplainOptions& options) {
     const RobotParameters* on = robot ? &*robot : nullptr;
     Json json = Json::array();
     if (!options.effect.empty()) {
-      json = ToJson(Find(options.effect), on);
+      const auto hits = About(options.effect);
+      for (const Effect* e : hits) json.push_back(ToJson(*e, on));
+      if (hits.size() == 1) json = Json(json.front());
     } else {
       for (const Effect& e : sim::Effects()) json.push_back(ToJson(e, on));
     }
@@ -171,7 +224,12 @@ void Run(const ExplainOptions& options) {
   } else if (options.effect.empty()) {
     PrintTable();
   } else {
-    PrintOne(Find(options.effect));
+    const auto hits = About(options.effect);
+    if (hits.size() == 1) {
+      PrintOne(*hits.front());
+    } else {
+      PrintTopic(options.effect, hits);
+    }
   }
 }
 
@@ -182,7 +240,8 @@ void AddGapExplainCommand(CLI::App& app) {
   CLI::App* command = GapCommand(app).add_subcommand(
       "explain",
       "An effect's physics, its mark in the data, what looks like it and what shows it; without one: all");
-  command->add_option("effect", options->effect, "name of the effect, such as backlash");
+  command->add_option("effect", options->effect,
+                      "name of the effect, such as backlash, or a word to look for, such as friction");
   command->add_flag("--json", options->json, "for programs");
   command->add_option("--robot", options->robot,
                       "with --json: a robot file, for the places and the cut on that robot");
