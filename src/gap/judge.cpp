@@ -209,15 +209,17 @@ class Case {
     double unknown = kLapse + mimic + (1 - 2 * kLapse - mimic) * UnknownProbability();
     if (p_gap < 0.5 && evaluator_.repetitions_differ() > 0) unknown = std::max(unknown, kUnlistedInScatter);
     judgement_.doubt = p_gap < 0.5 ? "" : Doubt();
-    if (!judgement_.doubt.empty()) unknown = std::max(unknown, 0.5);
+    const bool doubted = !judgement_.doubt.empty();
+    if (doubted && !MayBeEnough()) unknown = std::max(unknown, 0.5);
     if (p_gap >= 0.5 && MayBeANumber()) unknown = std::max(unknown, Suspect(fit_numbers()));
-    const double p_unknown = p_gap * unknown;
+    double p_unknown = p_gap * unknown;
     ListSingles(p_gap - p_unknown);
     if (two_) {
       SharePairs(p_gap - p_unknown);
     } else if (single_ != nullptr) {
       GroupSingles();
     }
+    if (doubted) p_unknown = p_gap - Halved() * (p_gap - p_unknown);
     Conclude(p_gap, p_unknown);
     return judgement_;
   }
@@ -384,6 +386,14 @@ class Case {
     const sim::EffectParameter& p = best_->model.parameter(best_->bound);
     return fmt::format("its {} is at {:.4g}, the bound of what is searched ({:.4g} to {:.4g})", p.name,
                        best_->model.values[best_->bound], p.lower, p.upper);
+  }
+
+  /// Takes the causes' probabilities down by the factor at which none is likelier than not. Returns the factor.
+  double Halved() {
+    double first = 0.5;
+    for (const Scored& s : scored_) first = std::max(first, s.cause.p);
+    for (Scored& s : scored_) s.cause.p *= 0.5 / first;
+    return 0.5 / first;
   }
 
   /// The doubt may be of the data alone: they do not tell whether enough closes.
