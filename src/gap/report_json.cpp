@@ -15,6 +15,7 @@
 #include <type_traits>
 
 #include "tendril/gap/report.h"
+#include "tendril/gap/words.h"
 
 namespace tendril::gap {
 namespace {
@@ -246,6 +247,7 @@ void Fields(A& a, typename A::template Ref<Diagnosis> d) {
   a("profiles", d.profiles);
   a("input_correlations", d.input_correlations);
   a("next_experiment", d.next);
+  a("next_commands", d.next_commands);
   a("data_health", d.health);
   a("degradations", d.degradations);
 }
@@ -327,6 +329,7 @@ Json ToJson(const Cause& v) {
     const ParameterText text = TextOf(name);
     j["parameters"][name]["word"] = text.word;
     j["parameters"][name]["unit"] = text.unit;
+    j["parameters"][name]["text"] = ParameterWords(name, estimate, true);
   }
   const sim::Effect* effect = sim::FindEffect(v.effect);
   j["about"] = effect ? std::string(effect->summary) : std::string();
@@ -514,6 +517,16 @@ Json Chain() {
   return chain;
 }
 
+/// In which units values are shown, for the page.
+Json Units() {
+  Json units = Json::object();
+  for (const auto& [unit, choices] : ShownUnits()) {
+    for (const ShownUnit& shown : choices)
+      units[std::string(unit)].push_back({ToJson(shown.below), shown.factor, std::string(shown.unit)});
+  }
+  return units;
+}
+
 // ---- condensing -------------------------------------------------------------------------------------------
 
 constexpr std::size_t kPointsInAll = 24000, kMostPoints = 1200, kFewestPoints = 200;
@@ -620,6 +633,7 @@ std::string ReportJson(const Diagnosis& diagnosis) {
   Fields(w, d);
   j["closed"] = WriteClosed(d);
   j["chain"] = Chain();
+  j["shown_units"] = Units();
   Json provenance = Json::object();
   Writer p(provenance);
   ProvenanceFields(p, d);
