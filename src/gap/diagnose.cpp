@@ -241,7 +241,8 @@ void TakeOutShort(DataSet& set, Diagnosis& d) {
       ++i;
       continue;
     }
-    if (++count <= kNamed) names += fmt::format("{}{} ({})", count > 1 ? ", " : "", run.name, run.time_s.size());
+    if (++count <= kNamed)
+      names += fmt::format("{}{} ({})", count > 1 ? ", " : "", run.name, run.time_s.size());
     d.degradations.push_back(fmt::format("left out: {}: too short ({} rows; accepted: at least {})", run.name,
                                          run.time_s.size(), LeastRows(run)));
     LeaveOut(set, i);

@@ -295,9 +295,7 @@ Json ToJson(const std::pair<std::string, double>& v) {
 }
 
 template <class T>
-Json ToJson(const T& v)
-  requires std::is_class_v<T>
-{
+Json ToJson(const T& v) requires std::is_class_v<T> {
   Json j = Json::object();
   Writer w(j);
   Fields(w, v);
@@ -433,9 +431,7 @@ void FromJson(const Json& j, const std::string& at, std::pair<std::string, doubl
 }
 
 template <class T>
-void FromJson(const Json& j, const std::string& at, T& v)
-  requires std::is_class_v<T>
-{
+void FromJson(const Json& j, const std::string& at, T& v) requires std::is_class_v<T> {
   Reader r(j, at);
   Fields(r, v);
 }

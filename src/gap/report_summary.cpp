@@ -88,8 +88,8 @@ std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
                                        Pad(fmt::format("{} -> {}", text.from, text.to), 30));
   if (!worst) return head + paint(kDim, listed ? "cannot be told from these logs" : "not measured") + "\n";
   if (worst->uncertain())
-    return head + paint(kYellow, fmt::format("{:>6} sigma  in too few seconds", Sigmas(worst->excess_sigma))) +
-           "\n";
+    return head +
+           paint(kYellow, fmt::format("{:>6} sigma  in too few seconds", Sigmas(worst->excess_sigma))) + "\n";
   if (!worst->excess) return head + paint(kGreen, "at the noise floor") + "\n";
   // Stamps that are there may be exact where others are lost.
   const std::string state =

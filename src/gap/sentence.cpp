@@ -1,5 +1,5 @@
-// The first sentence of a diagnosis: where, why, how far it closes, what to do next. Knows nothing of how they
-// were found.
+// The first sentence of a diagnosis: where, why, how far it closes, what to do next. Knows nothing of how
+// they were found.
 #include "sentence.h"
 
 #include <fmt/core.h>
@@ -76,10 +76,10 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
                 "The gap lies at C2 or beyond (C2 to C5 cannot be told apart by place without load "
                 "cells; {}, {})",
                 first->quantity, first->where)
-      : first   ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
+      : first ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
                             first->where == "all" ? "" : ", " + first->where)
-      : off     ? fmt::format("{} ({}) is {} sigma off, in too few seconds to be sure",
-                              sim::CutName(off->cut), off->quantity, Sigmas(off->excess_sigma))
+      : off   ? fmt::format("{} ({}) is {} sigma off, in too few seconds to be sure", sim::CutName(off->cut),
+                            off->quantity, Sigmas(off->excess_sigma))
       : nowhere ? "All places together are beyond the noise floor, though none of them is for sure"
                 : "The place of the gap is not clear";
   const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
@@ -99,9 +99,10 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
       const auto best = std::find_if(d.causes.begin(), d.causes.end(),
                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
       // Where no place has anything left for sure, what all of them leave together decided.
-      const std::string remains = d.leftover_sigma == 0 && d.closed
-                                      ? fmt::format("{} of it remain", Percent(1 - d.closed->value))
-                                      : fmt::format("{} sigma beyond the floor remain", Sigmas(d.leftover_sigma));
+      const std::string remains =
+          d.leftover_sigma == 0 && d.closed
+              ? fmt::format("{} of it remain", Percent(1 - d.closed->value))
+              : fmt::format("{} sigma beyond the floor remain", Sigmas(d.leftover_sigma));
       return fmt::format("{}, and no effect of the library explains it: {} with the best of them ({}).{}",
                          where, remains, best == d.causes.end() ? "none" : NameOf(*best), next);
     }
@@ -160,7 +161,8 @@ std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& m
       names, few == 1 ? "" : "up to ", most, d.runs.size() - few, few == 1 ? "it" : "them");
 }
 
-std::string WithLeftOut(const std::string& sentence, const std::vector<std::string>& notes, std::size_t used) {
+std::string WithLeftOut(const std::string& sentence, const std::vector<std::string>& notes,
+                        std::size_t used) {
   constexpr std::string_view kMark = "left out: ";
   constexpr std::size_t kNames = 3, kReasons = 3;
   std::vector<std::pair<std::string, std::vector<std::string>>> by_reason;

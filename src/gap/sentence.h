@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "tendril/gap/diagnosis.h"
 #include "tendril/core/robot.h"
+#include "tendril/gap/diagnosis.h"
 
 namespace tendril::gap {
 
@@ -24,8 +24,8 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
 /// `missed` by so many times more than the others.
 std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& missed);
 
-/// The sentence with what it is not based on said first: "With 2 of 7 runs left out (a, b: too short), the gap
-/// lies ...". `notes` are lines of which those count that say "left out: NAME: reason".
+/// The sentence with what it is not based on said first: "With 2 of 7 runs left out (a, b: too short), the
+/// gap lies ...". `notes` are lines of which those count that say "left out: NAME: reason".
 std::string WithLeftOut(const std::string& sentence, const std::vector<std::string>& notes, std::size_t used);
 
 }  // namespace tendril::gap

@@ -1132,8 +1132,8 @@ TEST(Diagnose, ARunMeasuredOtherwiseIsLeftOut) {
                                                                  testing::HasSubstr(right.runs[at].name),
                                                                  testing::HasSubstr(made.told))));
     if (&made != &mistakes[0]) {
-      EXPECT_THAT(d.sentence, testing::StartsWith(fmt::format("With 1 of {} runs left out ({}: with ", right.runs.size(),
-                                                   right.runs[at].name)));
+      EXPECT_THAT(d.sentence, testing::StartsWith(fmt::format("With 1 of {} runs left out ({}: with ",
+                                                              right.runs.size(), right.runs[at].name)));
     }
   }
   // What touches something in one run alone was measured right.

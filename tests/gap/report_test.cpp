@@ -250,10 +250,9 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
   const Json flat = original.flatten();
   for (const auto& [pointer, value] : flat.items()) {
     // Made from other fields or from the registry, not read.
-    if (std::regex_search(pointer,
-                          std::regex("^/(chain|format|verdict|shown_units)|"
-                                     "/(about|tendon|section|cut|severity|word|text)$|/"
-                                     "scale/unit$|^/profiles/0/unit$")))
+    if (std::regex_search(pointer, std::regex("^/(chain|format|verdict|shown_units)|"
+                                              "/(about|tendon|section|cut|severity|word|text)$|/"
+                                              "scale/unit$|^/profiles/0/unit$")))
       continue;
     Json other = original;
     Json& leaf = other[Json::json_pointer(pointer)];
@@ -273,7 +272,8 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
     // Words are made of the number beside them.
     for (Json* j : {&other, &back}) {
       for (const auto& [at, text] : flat.items()) {
-        if (at.ends_with("/text") && at.find("/parameters/") != std::string::npos) (*j)[Json::json_pointer(at)] = "";
+        if (at.ends_with("/text") && at.find("/parameters/") != std::string::npos)
+          (*j)[Json::json_pointer(at)] = "";
       }
     }
     // A renamed channel takes its key with it, a renamed place its number.
@@ -412,9 +412,16 @@ TEST(ReadReport, SaysWhatIsWrongWithAFile) {
 // ---- words ------------------------------------------------------------------------------------------------
 
 TEST(Words, AShareIsRoundedOneWay) {
-  for (const auto& [share, text] : std::initializer_list<std::pair<double, const char*>>{
-           {0, "0 %"}, {0.004, "<1 %"}, {0.006, "1 %"}, {0.99, "99 %"}, {0.994, "99 %"}, {0.996, ">99 %"},
-           {1, "100 %"}, {-0.001, "0 %"}, {-0.42, "-42 %"}, {NAN, "-"}})
+  for (const auto& [share, text] : std::initializer_list<std::pair<double, const char*>>{{0, "0 %"},
+                                                                                         {0.004, "<1 %"},
+                                                                                         {0.006, "1 %"},
+                                                                                         {0.99, "99 %"},
+                                                                                         {0.994, "99 %"},
+                                                                                         {0.996, ">99 %"},
+                                                                                         {1, "100 %"},
+                                                                                         {-0.001, "0 %"},
+                                                                                         {-0.42, "-42 %"},
+                                                                                         {NAN, "-"}})
     EXPECT_EQ(Percent(share), text) << share;
 }
 
@@ -456,8 +463,9 @@ TEST(Words, RunsLeftOutAreInTheFirstSentence) {
                         4),
             "With 3 of 7 runs left out (a, b: too short; cannot read set/04.csv), the gap lies at C4 (tip "
             "position).");
-  EXPECT_EQ(WithLeftOut("C2 (torque) is off.", {"left out: a: its motors were told otherwise; accepted: alike"}, 1),
-            "With 1 of 2 runs left out (a: its motors were told otherwise), C2 (torque) is off.");
+  EXPECT_EQ(
+      WithLeftOut("C2 (torque) is off.", {"left out: a: its motors were told otherwise; accepted: alike"}, 1),
+      "With 1 of 2 runs left out (a: its motors were told otherwise), C2 (torque) is off.");
   std::vector<std::string> many;
   for (int i = 0; i < 30; ++i) many.push_back(fmt::format("left out: run_{}: reason {}", i, i % 5));
   EXPECT_LT(WithLeftOut("No gap.", many, 1).size(), 160u);
@@ -545,7 +553,8 @@ Drawn Draw(const std::string& page, const fs::path& folder) {
   // Time of its own: what the page does after it was loaded is done before it is read.
   const std::string command = fmt::format(
       "HOME='{0}' timeout 200 '{1}' --headless --no-sandbox --disable-gpu --user-data-dir='{0}/profile' "
-      "--enable-logging=stderr --virtual-time-budget=20000 --window-size=1280,900 --dump-dom 'file://{0}/page.html' 2>'{0}/log' "
+      "--enable-logging=stderr --virtual-time-budget=20000 --window-size=1280,900 --dump-dom "
+      "'file://{0}/page.html' 2>'{0}/log' "
       ">'{0}/dom'",
       folder.string(), Chromium());
   const int status = std::system(command.c_str());
@@ -684,8 +693,9 @@ TEST(ReportPage, GivesItsFiguresAsFilesAndKeepsItsWordsInside) {
   // As markup, and with the sign that a page has for it.
   words = std::regex_replace(std::regex_replace(words, std::regex("<"), "&lt;"), std::regex(">"), "&gt;");
   words = std::regex_replace(words, std::regex("-"), "−");
-  EXPECT_THAT(std::regex_replace(std::regex_replace(drawn.root, std::regex("&lt;"), "<"), std::regex("<"), "&lt;"),
-              HasSubstr(words));
+  EXPECT_THAT(
+      std::regex_replace(std::regex_replace(drawn.root, std::regex("&lt;"), "<"), std::regex("<"), "&lt;"),
+      HasSubstr(words));
   EXPECT_THAT(drawn.root, Not(HasSubstr("data-problems")));
   EXPECT_EQ(drawn.console, "");
 }
@@ -736,7 +746,8 @@ TEST(Summary, SaysWhereWhatHowFarAndWhatNext) {
 
 TEST(Summary, GivesTheCommandsToRunNextWhole) {
   Diagnosis d = ExampleDiagnosis(Verdict::kAttributed);
-  d.next_commands = {"tendril gap apply --robot a.yaml " + std::string(120, 'x') + "/report.json --out b.yaml"};
+  d.next_commands = {"tendril gap apply --robot a.yaml " + std::string(120, 'x') +
+                     "/report.json --out b.yaml"};
   EXPECT_THAT(Summary(d), HasSubstr("\nTo run next\n  " + d.next_commands[0] + "\n"));
   d.next_commands.clear();
   EXPECT_THAT(Summary(d), Not(HasSubstr("To run next")));

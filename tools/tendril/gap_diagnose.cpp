@@ -102,8 +102,8 @@ std::string CommandLine() {
   return line;
 }
 
-/// What to run now: the cause into a robot file, the experiment on the robot that tells rivals apart. `plan` is
-/// where the experiment lies.
+/// What to run now: the cause into a robot file, the experiment on the robot that tells rivals apart. `plan`
+/// is where the experiment lies.
 std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string& robot,
                                       const std::filesystem::path& folder,
                                       const std::filesystem::path& plan) {
@@ -114,8 +114,8 @@ std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string
                                    Quoted((folder / "better.yaml").string())));
   }
   if (!d.next.yaml.empty()) {
-    commands.push_back(fmt::format("tendril excite --live --plan {} --robot {} --out {}", Quoted(plan.string()),
-                                   Quoted(robot), Quoted((folder / "next").string())));
+    commands.push_back(fmt::format("tendril excite --live --plan {} --robot {} --out {}",
+                                   Quoted(plan.string()), Quoted(robot), Quoted((folder / "next").string())));
   }
   return commands;
 }

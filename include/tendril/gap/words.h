@@ -1,5 +1,5 @@
-// Numbers as people read them: one unit and one rounding for a value, whether it stands in the sentence, on the
-// terminal or on the page. Knows nothing of where they stand.
+// Numbers as people read them: one unit and one rounding for a value, whether it stands in the sentence, on
+// the terminal or on the page. Knows nothing of where they stand.
 #pragma once
 
 #include <map>
@@ -29,8 +29,8 @@ std::string Sigmas(double value);
 /// A share in whole percent: "98 %"; ">99 %" and "<1 %" where rounding would say all or nothing.
 std::string Percent(double share);
 
-/// A parameter's name and value, "mass 2.04 g", "scale × 1.84", "2.83°": in the unit that its name ends with, to
-/// two digits of its interval and at most four of its own. `with_interval` adds " [1.98, 2.10]".
+/// A parameter's name and value, "mass 2.04 g", "scale × 1.84", "2.83°": in the unit that its name ends with,
+/// to two digits of its interval and at most four of its own. `with_interval` adds " [1.98, 2.10]".
 std::string ParameterWords(std::string_view parameter, const Estimate& estimate, bool with_interval);
 
 /// `value` of the same parameter as ParameterWords writes it, without its name.
