@@ -107,13 +107,13 @@ const keepInside = svg => {
 
 // ---- figures as files --------------------------------------------------------------------------------------
 
-const save = (blob, name) => {
-  const link = el('a', {href: URL.createObjectURL(blob), download: name});
+const save = (address, name) => {
+  const link = el('a', {href: address, download: name});
   document.body.append(link);
   link.click();
   link.remove();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 };
+const asData = (type, text) => `data:${type};charset=utf-8,${encodeURIComponent(text)}`;
 const kLooks = ['fill', 'fill-opacity', 'stroke', 'stroke-width', 'stroke-dasharray', 'stroke-linejoin', 'opacity', 'display', 'font-size', 'font-family', 'font-weight', 'text-anchor', 'vector-effect'];
 // With its looks in itself, title and legend above: for paper, so light whatever the screen is.
 const standalone = (host, label) => {
@@ -154,10 +154,10 @@ const standalone = (host, label) => {
 };
 const savePng = async (figure, name) => {
   const image = new Image(), finer = 3, canvas = el('canvas', {width: figure.width * finer, height: figure.height * finer});
-  image.src = 'data:image/svg+xml;charset=utf-8,' + encodeURIComponent(figure.text);
+  image.src = asData('image/svg+xml', figure.text);
   await image.decode();
   canvas.getContext('2d').drawImage(image, 0, 0, canvas.width, canvas.height);
-  canvas.toBlob(blob => save(blob, name), 'image/png');
+  save(canvas.toDataURL(), name);
 };
 const csvText = rows => rows.map(row => row.map(v => {
   const text = v === null || v === undefined ? '' : String(v);
@@ -167,8 +167,8 @@ const fileButtons = (host, label, rows) => {
   const name = kind => `${[report.provenance.robot_name, label].join(' ').toLowerCase().replace(/[^a-z0-9]+/g, '_').slice(0, 80)}.${kind}`;
   const button = (kind, make) => el('button', {type: 'button', 'aria-label': `${label}: save as ${kind}`, on: {click: make}}, kind);
   return el('div', {class: 'files'}, button('PNG', () => savePng(standalone(host, label), name('png'))),
-    button('SVG', () => save(new Blob([standalone(host, label).text], {type: 'image/svg+xml'}), name('svg'))),
-    button('CSV', () => save(new Blob([csvText(rows())], {type: 'text/csv'}), name('csv'))));
+    button('SVG', () => save(asData('image/svg+xml', standalone(host, label).text), name('svg'))),
+    button('CSV', () => save(asData('text/csv', csvText(rows())), name('csv'))));
 };
 
 const charts = [];
