@@ -30,6 +30,7 @@
 #include "sentence.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
+#include "tendril/gap/words.h"
 
 namespace tendril::gap {
 namespace {
@@ -231,6 +232,7 @@ std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, 
 
 /// A run that is too short tells nothing by itself, and must not keep the others from being diagnosed.
 void TakeOutShort(DataSet& set, Diagnosis& d) {
+  constexpr int kNamed = 5;
   std::string names;
   int count = 0;
   for (std::size_t i = 0; i < set.runs.size();) {
@@ -239,7 +241,10 @@ void TakeOutShort(DataSet& set, Diagnosis& d) {
       ++i;
       continue;
     }
-    if (++count <= 5) names += fmt::format("{}{} ({})", count > 1 ? ", " : "", run.name, run.time_s.size());
+    if (++count <= kNamed)
+      names += fmt::format("{}{} ({})", count > 1 ? ", " : "", run.name, run.time_s.size());
+    d.degradations.push_back(fmt::format("left out: {}: too short ({} rows; accepted: at least {})", run.name,
+                                         run.time_s.size(), LeastRows(run)));
     LeaveOut(set, i);
   }
   if (set.runs.empty()) {
@@ -247,10 +252,6 @@ void TakeOutShort(DataSet& set, Diagnosis& d) {
         "no run is long enough: {} rows; accepted: at least {}, of states at rest (rows more than {} s "
         "apart) {}; record longer runs",
         names, kLeastRows, kQuasiStatic_s, kLeastStates));
-  }
-  if (count > 0) {
-    d.degradations.push_back(
-        fmt::format("left out: {} too short (rows): {}{}", count, names, count > 5 ? ", ..." : ""));
   }
 }
 
@@ -264,9 +265,6 @@ class Measuring {
   /// Runs that are missed by far more than the others, those that were left out among them, and by how many
   /// times.
   const std::map<std::string, double>& missed() const { return missed_; }
-
-  /// Runs that were left out for a mistake in them alone, as sentences.
-  const std::string& odd() const { return odd_; }
 
   /// The runs that can be compared, with the set and its degradations to fit. Throws std::runtime_error where
   /// nothing can be.
@@ -292,7 +290,6 @@ class Measuring {
         // Nothing of what the odd ones leave can be compared.
         if (!with_odd_) throw;
         std::tie(set_, d_.degradations) = *std::exchange(with_odd_, std::nullopt);
-        odd_.clear();
       }
     }
   }
@@ -331,8 +328,6 @@ class Measuring {
     left_out_ += odd.size();
     with_odd_.emplace(set_, d_.degradations);
     for (auto one = odd.rbegin(); one != odd.rend(); ++one) {
-      odd_ += fmt::format(" {} was left out: with {} most of its gap goes, which the others do not have.",
-                          set_.runs[one->run].name, one->with);
       d_.degradations.push_back(
           fmt::format("left out: {}: with {} most of its gap goes, which the other runs do not have; put it "
                       "right in its file and diagnose again",
@@ -349,7 +344,6 @@ class Measuring {
   bool compared_;
   std::size_t runs_, left_out_ = 0;       // at first, and since for what the others show
   std::map<std::string, double> missed_;  // as FindOddRuns says
-  std::string odd_;
   std::optional<std::pair<DataSet, std::vector<std::string>>> with_odd_;
 };
 
@@ -584,7 +578,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         "no floor.",
         evaluator.repetitions_differ());
   }
-  d.sentence += InFewRuns(d, measuring.missed()) + measuring.odd();
+  d.sentence += InFewRuns(d, measuring.missed());
   if (!mistake.with.empty()) {
     d.sentence = fmt::format("Check the measurement first: with {} most of {} goes. {}", mistake.with,
                              hides ? "what repetitions differ by" : "this gap", d.sentence);
@@ -595,6 +589,9 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
             "robot file and diagnose again",
             mistake.with, hides ? "what repetitions differ by" : "the gap"));
   }
+  std::vector<std::string> notes = given.notes;
+  notes.insert(notes.end(), d.degradations.begin(), d.degradations.end());
+  d.sentence = WithLeftOut(d.sentence, notes, d.runs.size());
   return d;
 }
 

@@ -15,6 +15,7 @@
 #include <type_traits>
 
 #include "tendril/gap/report.h"
+#include "tendril/gap/words.h"
 
 namespace tendril::gap {
 namespace {
@@ -256,6 +257,7 @@ void Fields(A& a, typename A::template Ref<Diagnosis> d) {
   a("profiles", d.profiles);
   a("input_correlations", d.input_correlations);
   a("next_experiment", d.next);
+  a("next_commands", d.next_commands);
   a("data_health", d.health);
   a("degradations", d.degradations);
 }
@@ -303,9 +305,7 @@ Json ToJson(const std::pair<std::string, double>& v) {
 }
 
 template <class T>
-Json ToJson(const T& v)
-  requires std::is_class_v<T>
-{
+Json ToJson(const T& v) requires std::is_class_v<T> {
   Json j = Json::object();
   Writer w(j);
   Fields(w, v);
@@ -337,6 +337,7 @@ Json ToJson(const Cause& v) {
     const ParameterText text = TextOf(name);
     j["parameters"][name]["word"] = text.word;
     j["parameters"][name]["unit"] = text.unit;
+    j["parameters"][name]["text"] = ParameterWords(name, estimate, true);
   }
   const sim::Effect* effect = sim::FindEffect(v.effect);
   j["about"] = effect ? std::string(effect->summary) : std::string();
@@ -440,9 +441,7 @@ void FromJson(const Json& j, const std::string& at, std::pair<std::string, doubl
 }
 
 template <class T>
-void FromJson(const Json& j, const std::string& at, T& v)
-  requires std::is_class_v<T>
-{
+void FromJson(const Json& j, const std::string& at, T& v) requires std::is_class_v<T> {
   Reader r(j, at);
   Fields(r, v);
 }
@@ -522,6 +521,16 @@ Json Chain() {
     chain.push_back({{"cut", ToJson(cut)}, {"title", text.title}, {"from", text.from}, {"to", text.to}});
   }
   return chain;
+}
+
+/// In which units values are shown, for the page.
+Json Units() {
+  Json units = Json::object();
+  for (const auto& [unit, choices] : ShownUnits()) {
+    for (const ShownUnit& shown : choices)
+      units[std::string(unit)].push_back({ToJson(shown.below), shown.factor, std::string(shown.unit)});
+  }
+  return units;
 }
 
 // ---- condensing -------------------------------------------------------------------------------------------
@@ -630,6 +639,7 @@ std::string ReportJson(const Diagnosis& diagnosis) {
   Fields(w, d);
   j["closed"] = WriteClosed(d);
   j["chain"] = Chain();
+  j["shown_units"] = Units();
   Json provenance = Json::object();
   Writer p(provenance);
   ProvenanceFields(p, d);

@@ -1,19 +1,19 @@
-// The first sentence of a diagnosis: where, why, how far it closes, what to do next. Knows nothing of how they
-// were found.
+// The first sentence of a diagnosis: where, why, how far it closes, what to do next. Knows nothing of how
+// they were found.
 #include "sentence.h"
 
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cctype>
 #include <set>
+#include <string_view>
+#include <utility>
 
+#include "tendril/gap/words.h"
 #include "told_parameters.h"
 
 namespace tendril::gap {
-
-std::string Percent(double share) {
-  return share < 1 && share > 0.995 ? "more than 99 %" : fmt::format("{:.0f} %", 100 * share);
-}
 
 std::string NameOf(const Cause& cause) {
   return cause.where.empty() || cause.where == "all" ? cause.effect : cause.effect + " (" + cause.where + ")";
@@ -27,11 +27,11 @@ std::string ValueOf(const Cause& cause, const RobotParameters& robot) {
   const auto told = ToldParameters(cause);
   if (told.empty()) return "";
   const auto& [name, estimate] = told.front();
-  std::string value = fmt::format("{} {:.4g}", name, estimate.value);
+  std::string value = ParameterWords(name, estimate, false);
   const auto law = sim::FindLaw(robot, {cause.effect, cause.where, {}});
   if (!law) return value;
   for (const auto& [its_name, its_value] : robot.effects[*law].values) {
-    if (its_name == name) value += fmt::format(" where the robot file has {:.4g}", its_value);
+    if (its_name == name) value += " where the robot file has " + ParameterValue(name, estimate, its_value);
   }
   return value;
 }
@@ -76,10 +76,10 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
                 "The gap lies at C2 or beyond (C2 to C5 cannot be told apart by place without load "
                 "cells; {}, {})",
                 first->quantity, first->where)
-      : first   ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
+      : first ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
                             first->where == "all" ? "" : ", " + first->where)
-      : off     ? fmt::format("{} ({}) is {:.2g} sigma off, in too few seconds to be sure",
-                              sim::CutName(off->cut), off->quantity, off->excess_sigma)
+      : off   ? fmt::format("{} ({}) is {} sigma off, in too few seconds to be sure", sim::CutName(off->cut),
+                            off->quantity, Sigmas(off->excess_sigma))
       : nowhere ? "All places together are beyond the noise floor, though none of them is for sure"
                 : "The place of the gap is not clear";
   const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
@@ -100,9 +100,10 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
       const auto best = std::find_if(d.causes.begin(), d.causes.end(),
                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
       // Where no place has anything left for sure, what all of them leave together decided.
-      const std::string remains = d.leftover_sigma == 0 && d.closed
-                                      ? fmt::format("{} of it remain", Percent(1 - d.closed->value))
-                                      : fmt::format("{:.2g} sigma beyond the floor remain", d.leftover_sigma);
+      const std::string remains =
+          d.leftover_sigma == 0 && d.closed
+              ? fmt::format("{} of it remain", Percent(1 - d.closed->value))
+              : fmt::format("{} sigma beyond the floor remain", Sigmas(d.leftover_sigma));
       return fmt::format("{}, and no effect of the library explains it: {} with the best of them ({}).{}",
                          where, remains, best == d.causes.end() ? "none" : NameOf(*best), next);
     }
@@ -124,7 +125,7 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
           causes += fmt::format("one of {}, which these runs cannot tell apart", names);
           grouped = true;
         } else {
-          causes += fmt::format("{}, {} (p = {:.2f})", NameOf(c), ValueOf(c, robot), c.p);
+          causes += fmt::format("{}, {} ({} likely)", NameOf(c), ValueOf(c, robot), Percent(c.p));
         }
       }
       if (d.verdict == Verdict::kAmbiguousGroup && !grouped) causes += ", or another";
@@ -136,8 +137,8 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
       const std::string left =
           d.leftover_sigma < kMuchLeft_sigma
               ? ""
-              : fmt::format(" Up to {:.2g} sigma beyond the floor remain: it is not all that there is.",
-                            d.leftover_sigma);
+              : fmt::format(" Up to {} sigma beyond the floor remain: it is not all that there is.",
+                            Sigmas(d.leftover_sigma));
       return fmt::format("{}; its cause is {}.{}{}{}", where, causes, closed, left, next);
     }
   }
@@ -176,6 +177,43 @@ std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& m
       " It lies in {} above all, missed by {}{:.0f} times more than the other {} runs: what was different "
       "then? Diagnose again without {}.",
       names, few == 1 ? "" : "up to ", most, d.runs.size() - few, few == 1 ? "it" : "them");
+}
+
+std::string WithLeftOut(const std::string& sentence, const std::vector<std::string>& notes,
+                        std::size_t used) {
+  constexpr std::string_view kMark = "left out: ";
+  constexpr std::size_t kNames = 3, kReasons = 3;
+  std::vector<std::pair<std::string, std::vector<std::string>>> by_reason;
+  std::size_t left_out = 0;
+  for (const std::string& note : notes) {
+    if (!note.starts_with(kMark)) continue;
+    ++left_out;
+    std::string name, reason = note.substr(kMark.size());
+    if (const std::size_t colon = reason.find(": "); reason.find(' ') > colon) {
+      name = reason.substr(0, colon);
+      reason.erase(0, colon + 2);
+    }
+    reason.erase(std::min(reason.size(), reason.find_first_of(";:(")));  // the rest is in the list of limits
+    while (reason.ends_with(' ')) reason.pop_back();
+    const auto found = std::find_if(by_reason.begin(), by_reason.end(),
+                                    [&](const auto& its) { return its.first == reason; });
+    auto& names = found != by_reason.end() ? found->second : by_reason.emplace_back(reason, 0).second;
+    if (!name.empty()) names.push_back(name);
+  }
+  if (left_out == 0) return sentence;
+  std::string reasons;
+  for (std::size_t i = 0; i < std::min(kReasons, by_reason.size()); ++i) {
+    const auto& [reason, names] = by_reason[i];
+    reasons += i > 0 ? "; " : "";
+    for (std::size_t k = 0; k < std::min(kNames, names.size()); ++k) reasons += (k ? ", " : "") + names[k];
+    reasons += (names.size() > kNames ? ", ..." : "") + std::string(names.empty() ? "" : ": ") + reason;
+  }
+  if (by_reason.size() > kReasons) reasons += "; ...";
+  std::string rest = sentence;
+  // "C2 ..." keeps its capital.
+  if (rest.size() > 1 && std::islower(static_cast<unsigned char>(rest[1])))
+    rest[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(rest[0])));
+  return fmt::format("With {} of {} runs left out ({}), {}", left_out, left_out + used, reasons, rest);
 }
 
 }  // namespace tendril::gap

@@ -3,17 +3,15 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
-#include "tendril/gap/diagnosis.h"
 #include "tendril/core/robot.h"
+#include "tendril/gap/diagnosis.h"
 
 namespace tendril::gap {
 
 // A cause that leaves more is not all that there is.
 constexpr double kMuchLeft_sigma = 1;
-
-/// A share as people read it: "98 %".
-std::string Percent(double share);
 
 /// "routing_friction (tendon:2)".
 std::string NameOf(const Cause& cause);
@@ -29,5 +27,9 @@ std::string First(const Diagnosis& d);
 /// What is to be asked first of a gap that nothing explains, where less than half of the runs have it:
 /// `missed` by so many times more than the others.
 std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& missed);
+
+/// The sentence with what it is not based on said first: "With 2 of 7 runs left out (a, b: too short), the
+/// gap lies ...". `notes` are lines of which those count that say "left out: NAME: reason".
+std::string WithLeftOut(const std::string& sentence, const std::vector<std::string>& notes, std::size_t used);
 
 }  // namespace tendril::gap

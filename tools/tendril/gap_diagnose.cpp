@@ -22,6 +22,7 @@
 #include "output.h"
 #include "progress.h"
 #include "seed_option.h"
+#include "tendril/config/whole_file.h"
 #include "tendril/gap/diagnose.h"
 #include "tendril/gap/health.h"
 #include "tendril/gap/report.h"
@@ -80,25 +81,43 @@ void Warn(const std::vector<gap::HealthFinding>& health) {
   }
 }
 
+/// A word as a shell takes it for one.
+std::string Quoted(const std::string& word) {
+  const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
+    return std::isalnum(c) ||
+           std::string_view("_@%+=:,./-").find(static_cast<char>(c)) != std::string_view::npos;
+  });
+  if (plain) return word;
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
 /// The whole command as it was given, to be pasted into a shell.
 std::string CommandLine() {
   std::ifstream in("/proc/self/cmdline", std::ios::binary);
   std::string line = "tendril", word;
   std::getline(in, word, '\0');  // the program, wherever it is
-  while (std::getline(in, word, '\0')) {
-    const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
-      return std::isalnum(c) ||
-             std::string_view("_@%+=:,./-").find(static_cast<char>(c)) != std::string_view::npos;
-    });
-    if (plain) {
-      line += " " + word;
-      continue;
-    }
-    line += " '";
-    for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    line += "'";
-  }
+  while (std::getline(in, word, '\0')) line += " " + Quoted(word);
   return line;
+}
+
+/// What to run now: the cause into a robot file, the experiment on the robot that tells rivals apart. `plan`
+/// is where the experiment lies.
+std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string& robot,
+                                      const std::filesystem::path& folder,
+                                      const std::filesystem::path& plan) {
+  std::vector<std::string> commands;
+  if (d.verdict == gap::Verdict::kAttributed && !d.accepted.empty()) {
+    commands.push_back(fmt::format("tendril gap apply --robot {} {} --out {}", Quoted(robot),
+                                   Quoted((folder / "report.json").string()),
+                                   Quoted((folder / "better.yaml").string())));
+  }
+  if (!d.next.yaml.empty()) {
+    commands.push_back(fmt::format("tendril excite --live --plan {} --robot {} --out {}",
+                                   Quoted(plan.string()), Quoted(robot), Quoted((folder / "next").string())));
+  }
+  return commands;
 }
 
 /// For differences that matter: CLI11's own check would print the largest number there is in full.
@@ -129,6 +148,11 @@ void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) 
   diagnosis.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   diagnosis.health = std::move(health);
   diagnosis.command = CommandLine();
+  const std::filesystem::path plan = folder / "next.yaml";
+  std::error_code none;  // of an earlier report
+  std::filesystem::remove(plan, none);
+  if (!diagnosis.next.yaml.empty()) config::WriteWhole(plan, diagnosis.next.yaml);
+  diagnosis.next_commands = NextCommands(diagnosis, options.robot, folder, plan);
   gap::WriteReport(diagnosis, folder);
   progress.Finish();
   fmt::print("{}", gap::Summary(diagnosis, folder / "report.html", isatty(STDOUT_FILENO) != 0));
@@ -183,7 +207,10 @@ void AddGapDiagnoseCommand(CLI::App& app) {
           "model gets wrong in both is taken off; runs belong together by name, or by kind where there is "
           "one")
       ->allow_extra_args(false);
-  command->add_option("--out", options->out, "folder for report.html and report.json")->capture_default_str();
+  command
+      ->add_option("--out", options->out,
+                   "folder for report.html, report.json and next.yaml, the next experiment")
+      ->capture_default_str();
   command
       ->add_option(
           "--delta-N", options->diagnose.delta_N,

@@ -177,6 +177,7 @@ struct Diagnosis {
   std::vector<Profile> profiles;
   std::vector<std::pair<std::string, double>> input_correlations;  // of what is left with the inputs
   NextExperiment next;
+  std::vector<std::string> next_commands;  // to run now, each a whole `tendril ...` line for a shell
   std::vector<HealthFinding> health;
   std::vector<std::string> degradations;  // what these logs lack and what can therefore not be said
 
