@@ -1513,6 +1513,53 @@ TEST(Diagnose, RunsOfFewerTendonsAreAnotherRobots) {
                   testing::HasSubstr("these runs are of 3 tendons, robot 'four_tendon_90mm' has 4")));
 }
 
+RobotParameters ShortRig() {
+  return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
+}
+
+// A frame that is turned and moved, or not known, changes nothing; nor does a run that hardly moves.
+TEST(Diagnose, ATipPathBeyondTheRobotsReachIsTheVerdict) {
+  for (const bool moved : {false, true}) {
+    DataSet set = Recorded("", 4);
+    set.robot = ShortRig();
+    set.runs.push_back(Record(Rig(), "gentle", 4, 5));
+    const Eigen::Matrix3d turn =
+        Eigen::AngleAxisd(2.1, Eigen::Vector3d(1, -2, 0.5).normalized()).toRotationMatrix();
+    for (gap::Run& run : set.runs) {
+      if (moved) run.tip_m = (run.tip_m * turn.transpose()).rowwise() + Eigen::RowVector3d(0.1, 0, -0.2);
+    }
+    set.fit_frame = moved;
+    const Diagnosis d = Diagnose(set, {});
+    EXPECT_EQ(d.verdict, Verdict::kUnexplained);
+    EXPECT_THAT(d.sentence, testing::StartsWith("No pose of robot 'rig_60mm' explains"));
+    EXPECT_TRUE(d.accepted.empty());
+    for (const gap::Cause& cause : d.causes) {
+      if (cause.effect != "unknown") EXPECT_LE(cause.p, 0.5) << cause.effect;
+    }
+  }
+}
+
+// Numbers that are wrong within their bounds leave poses that explain the path.
+TEST(Diagnose, WrongNumbersAreWithinTheRobotsReach) {
+  for (const char* effect : {"unit_length scale=1.2", "tracker_offset x_m=0.02 y_m=0 z_m=0.03",
+                             "tracker_rotation x_rad=0.4 y_rad=0 z_rad=0", "base_tilt x_rad=0.8 y_rad=0",
+                             "precurvature u_rad=0.1 v_rad=0", "tip_payload mass_kg=0.02"}) {
+    const std::string name = std::string(effect).substr(0, std::string(effect).find(' '));
+    const Diagnosis d = Diagnose(Recorded(effect, 4), Only({name}));
+    EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("No pose"))) << effect;
+    ASSERT_EQ(d.accepted.size(), 1u) << effect << ": " << d.sentence;
+    EXPECT_EQ(d.accepted[0].effect, name);
+  }
+}
+
+// One run that another scale makes impossible is odd; the others move as far and are possible.
+TEST(Diagnose, OneImpossibleTipPathIsNotTheRobots) {
+  DataSet set = Recorded("bending_stiffness scale=0.9", 4);
+  set.runs[1].tip_m *= 1.6;
+  const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "unit_length"}));
+  EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("No pose")));
+}
+
 TEST(Diagnose, LogsWithoutMotorPositionsAreRefused) {
   DataSet set = Recorded("", 2);
   for (gap::Run& run : set.runs) run.motor_position_rad.resize(0, 0);
