@@ -620,6 +620,46 @@ TEST(Diagnose, QuickMotionsOfAMotorAreNoLonePositions) {
   }
 }
 
+/// Motor 1 of the first run 0.4 rad off its way in one row; `pulls`: with what its tendon's spring makes of
+/// it. Of the first run's rows every so many are kept.
+DataSet WithOvershoot(int every, bool pulls) {
+  DataSet set = Recorded("", 4);
+  Run& run = set.runs[0];
+  std::vector<Eigen::Index> rows;
+  for (Eigen::Index i = 0; i < run.time_s.size(); i += every) rows.push_back(i);
+  run.time_s = run.time_s(rows).eval();
+  for (Eigen::MatrixXd* m : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
+                             &run.tension_N, &run.tip_m, &run.tip_quaternion}) {
+    *m = (*m)(rows, Eigen::all).eval();
+  }
+  const auto& tendon = set.robot.actuation->tendons[0];
+  const Eigen::Index row = run.time_s.size() / 2;
+  run.motor_position_rad(row, 0) += 0.4;
+  const double spring_N = tendon.tendon.stiffness_Npm * tendon.SpoolTravelPerMotorRad() * 0.4;
+  if (pulls) run.tension_N(row, 0) += 0.8 * spring_N;
+  return set;
+}
+
+std::string SaidOf(const DataSet& set) {
+  std::string text;
+  for (const std::string& line : Diagnose(set, Only({"bending_stiffness"})).degradations) text += line + "\n";
+  return text;
+}
+
+// A motion that the file's motor can make is none; one that it cannot make is one where the tendon goes with
+// it, and then the file is wrong; what nothing goes with is the encoder's mishap.
+TEST(Diagnose, AnOvershootIsKeptWhereAMotorCanHaveMadeIt) {
+  const std::string slow = SaidOf(WithOvershoot(10, false));  // 0.4 rad in 10 ms: 3.3 mN m of 7
+  EXPECT_THAT(slow, testing::Not(testing::HasSubstr("motor position 1")));
+  const std::string quick = SaidOf(WithOvershoot(1, true));
+  EXPECT_THAT(quick, testing::HasSubstr("kept; the file's motor is too weak for this log"));
+  EXPECT_THAT(quick, testing::HasSubstr("actuation.motor.rotor_inertia_kgm2"));
+  EXPECT_THAT(quick, testing::Not(testing::HasSubstr("leaps")));
+  const std::string alone = SaidOf(WithOvershoot(1, false));
+  EXPECT_THAT(alone, testing::ContainsRegex("motor position 1 leaps to [^\n]*: taken as missing there"));
+  EXPECT_THAT(alone, testing::Not(testing::HasSubstr("too weak")));
+}
+
 TEST(Diagnose, ColumnsOfAnotherUnitAreLeftOutAndTheRestIsDiagnosed) {
   DataSet set = Recorded("bending_stiffness scale=0.93");
   for (gap::Run& run : set.runs) run.tension_N.col(1) *= 1000 / 9.81;
