@@ -14,6 +14,7 @@
 #include <stdexcept>
 
 #include "csv.h"
+#include "same_robot.h"
 #include "sources.h"
 #include "tendril/config/config.h"
 #include "tendril/sim/effects.h"
@@ -157,10 +158,10 @@ bool HasEnding(const fs::path& file, std::string_view ending) {
   return LowerCase(file.extension().string()) == ending;
 }
 
-std::vector<Run> ReadAny(const fs::path& file, const RobotParameters& robot) {
-  if (IsLcmLog(file)) return ReadRunLog(file, robot);
+std::vector<Run> ReadAny(const fs::path& file, const RobotOfSet& robot, std::vector<std::string>& notes) {
+  if (IsLcmLog(file)) return ReadRunLog(file, robot, notes);
   std::vector<Run> one;
-  one.push_back(ReadRunTable(file, robot));
+  one.push_back(ReadRunTable(file, robot.robot()));
   return one;
 }
 
@@ -215,12 +216,12 @@ std::set<int> TakeCells(Run& run, const RobotParameters& recorded, const RobotPa
 }
 
 /// Reads the files of a list into the set; what cannot be read becomes a note.
-void AddRuns(DataSet& set, const fs::path& folder, const std::vector<Listed>& list) {
+void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, const std::vector<Listed>& list) {
   const std::optional<RobotParameters> recorded = RecordedWith(folder);
   std::set<int> other_cells;
   for (const Listed& listed : list) {
     try {
-      std::vector<Run> runs = ReadAny(listed.file, set.robot);
+      std::vector<Run> runs = ReadAny(listed.file, robot, set.notes);
       // What is there twice would pass for a robot that repeats itself without any noise. A few rows may well
       // be the same.
       constexpr Eigen::Index kMany = 20;
@@ -242,6 +243,8 @@ void AddRuns(DataSet& set, const fs::path& folder, const std::vector<Listed>& li
         SettleCell(run, listed.load_cell);
         set.runs.push_back(std::move(run));
       }
+    } catch (const OtherRobotError&) {
+      throw;
     } catch (const std::exception& e) {
       set.notes.push_back(fmt::format("left out: {}", e.what()));
     }
@@ -323,7 +326,7 @@ void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::stri
   }
 }
 
-void AddFolder(DataSet& set, const fs::path& folder) {
+void AddFolder(DataSet& set, const RobotOfSet& robot, const fs::path& folder) {
   const std::size_t from = set.runs.size();
   const fs::path list_file = folder / "runs.yaml";
   const std::vector<fs::path> files = FilesIn(folder);
@@ -359,7 +362,7 @@ void AddFolder(DataSet& set, const fs::path& folder) {
       if (logs ? IsLcmLog(file) : HasEnding(file, ".csv")) list.push_back({.file = file});
     }
   }
-  AddRuns(set, folder, list);
+  AddRuns(set, robot, folder, list);
   SettleNames(set.runs, from, set.notes);
 }
 
@@ -375,18 +378,6 @@ void AddFolder(DataSet& set, const fs::path& folder) {
 std::string NameOf(const fs::path& path) {
   const fs::path normal = fs::absolute(path).lexically_normal();
   return normal.has_filename() ? normal.filename().string() : normal.parent_path().filename().string();
-}
-
-// The robot of a folder's own file where it is not the one that the runs are compared with: other name or
-// size. Numbers may differ, for a nominal file is often an edited one.
-std::string AnotherRobot(const fs::path& folder, const RobotParameters& robot) {
-  constexpr double kSameLength = 0.05;
-  const std::optional<RobotParameters> its = RecordedWith(folder);
-  if (!its) return {};
-  const double its_m = its->body.length_m(), length_m = robot.body.length_m();
-  if (its->name == robot.name && std::abs(its_m - length_m) < kSameLength * length_m) return {};
-  return fmt::format("robot '{}', {:.4g} m long, not '{}', {:.4g} m long", its->name, its_m, robot.name,
-                     length_m);
 }
 
 // A run that is there twice would pass for one that repeats itself without any noise.
@@ -407,30 +398,30 @@ void RefuseTwice(const std::vector<std::string>& paths) {
 
 }  // namespace
 
-DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path) {
+DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path, OtherRobot other_robot) {
   if (std::error_code error; !fs::is_directory(folder, error)) {
     throw std::runtime_error(folder.string() +
                              ": no such folder; name a folder with robot.yaml, runs.yaml and CSV files");
   }
-  return LoadLogs({folder.string()}, robot_path);
+  return LoadLogs({folder.string()}, robot_path, other_robot);
 }
 
-DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path) {
+DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path,
+                 OtherRobot other_robot) {
   if (paths.empty()) throw std::runtime_error("no run is named; name a folder, a CSV file or an LCM log");
   RefuseTwice(paths);
   DataSet set;
   std::string robot_from = robot_path;
   std::optional<std::string> other;
-  std::vector<std::string> beside;  // robot files of folders whose robot is named apart
+  std::set<std::string> beside;  // robot files of folders, but for the one that is taken
   const auto offer = [&](const fs::path& file) {
     std::error_code ignored;
     if (!fs::exists(file, ignored)) return;
-    if (!robot_path.empty()) {
-      beside.push_back(file.string());
-    } else if (robot_from.empty()) {
+    if (robot_from.empty()) {
       robot_from = file.string();
-    } else if (ReadBytes(robot_from) != ReadBytes(file)) {
-      other = file.string();
+    } else if (!fs::equivalent(robot_from, file, ignored)) {
+      beside.insert(file.string());
+      if (robot_path.empty() && ReadBytes(robot_from) != ReadBytes(file)) other = file.string();
     }
   };
   for (const std::string& path : paths) {
@@ -470,21 +461,21 @@ DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot
                     *other, robot_from));
   }
 
+  const RobotOfSet robot(set.robot, robot_from.empty() ? "the robot of the first log" : robot_from,
+                         other_robot);
   for (const std::string& file : beside) {
-    const std::string whose = AnotherRobot(fs::path(file).parent_path(), set.robot);
-    if (whose.empty()) continue;
-    set.notes.push_back(
-        fmt::format("{} is of {}; is {} the file of the robot that was measured?", file, whose, robot_path));
+    if (const auto recorded = RecordedWith(fs::path(file).parent_path()))
+      robot.Check(*recorded, file, set.notes);
   }
 
   set.name = NameOf(paths.front());
   for (const std::string& path : paths) {
     std::error_code error;
     if (fs::is_directory(path, error)) {
-      AddFolder(set, path);
+      AddFolder(set, robot, path);
     } else {
       const std::size_t from = set.runs.size();
-      AddRuns(set, fs::path(path).parent_path(), {{.file = path}});
+      AddRuns(set, robot, fs::path(path).parent_path(), {{.file = path}});
       SettleNames(set.runs, from, set.notes);
     }
   }

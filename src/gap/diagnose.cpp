@@ -26,6 +26,7 @@
 #include "measured_wrong.h"
 #include "own_readings.h"
 #include "parallel.h"
+#include "reach.h"
 #include "search.h"
 #include "sentence.h"
 #include "tendril/config/config.h"
@@ -135,6 +136,27 @@ void Doubt(std::vector<Cause>& causes) {
     if (cause.effect == "unknown") cause.p += taken;
   }
   std::stable_sort(causes.begin(), causes.end(), [](const Cause& a, const Cause& b) { return a.p > b.p; });
+}
+
+/// The diagnosis ends where no pose of the robot explains the tip's path: what would fit best is no cause.
+void NameNoCause(Diagnosis& d, const PathBeyondReach& path, const RobotParameters& robot) {
+  constexpr double kSure = 0.97;  // the most that causes have
+  d.verdict = Verdict::kUnexplained;
+  Cause unknown, none;
+  unknown.effect = "unknown";
+  unknown.p = kSure;
+  none.effect = "no_gap";
+  none.p = 1 - kSure;
+  d.causes = {unknown, none};
+  d.sentence = fmt::format(
+      "No pose of robot '{}' explains the recorded tip path, so that no cause is named: in run {} the tip "
+      "goes {:.3g} mm from where it is at rest, for which a backbone has to be at least {:.3g} mm long, and "
+      "the file's is {:.3g} mm (body.sections: units, unit_length_m). At rest the tip is {:.3g} mm from the "
+      "tracker's origin. Check that the robot file is that of the robot that was measured, that the point "
+      "tracked is the centre of the last disk, and the tracker's scale; then diagnose again.",
+      robot.name, path.run, 1e3 * path.moved_m, 1e3 * path.needed_m, 1e3 * robot.body.length_m(),
+      1e3 * path.at_rest_m);
+  d.next.reason = "the file of the robot that was measured, with these runs";
 }
 
 std::size_t SearchedEffects(const SearchResult& search) {
@@ -409,6 +431,14 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     d.location = Locate(evaluator, evaluator.AtNominal(), kGapDiscoveries);
   };
   locate();
+  // Of what changed since earlier runs, what the file has wrong is no part.
+  const auto beyond = Compared(set) ? std::nullopt : FindPathBeyondReach(set);
+  if (beyond) {
+    NameNoCause(d, *beyond, set.robot);
+    MarkFirst(d, evaluator.runs().front().signals.load_cell);
+    AddDetails(evaluator, nullptr, evaluator.AtNominal(), options.seed, d);
+    return d;
+  }
 
   const Folds folds = MakeFolds(evaluator.runs());
   d.held_out_families = folds.names;

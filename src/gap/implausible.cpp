@@ -12,6 +12,7 @@
 #include <set>
 
 #include "health_signal.h"
+#include "leap.h"
 #include "median.h"
 #include "prepare.h"
 
@@ -115,9 +116,16 @@ struct Finder {
             jumps.size() == 1 ? "once" : fmt::format("{} times", jumps.size())));
   }
 
+  /// What no motor can do is a mishap of the encoder; what only the file's cannot says so of the file.
   void LoneMotorPositions(Eigen::Index j, const RobotParameters& robot) {
     auto x = run.motor_position_rad.col(j);
-    const std::vector<Eigen::Index> rows = LonePositions(x, robot);
+    std::vector<Eigen::Index> rows;
+    MotorLeap beyond;
+    for (const MotorLeap& leap : MotorLeaps(run, j, robot, LonePositions(x, robot))) {
+      if (leap.is == MotorLeap::Is::kMishap) rows.insert(rows.end(), leap.rows.begin(), leap.rows.end());
+      if (leap.is == MotorLeap::Is::kBeyondFile && leap.needed_Nm > beyond.needed_Nm) beyond = leap;
+    }
+    if (beyond.needed_Nm > 0) SayTooWeak(j, beyond);
     if (rows.empty()) return;
     double worst = 0;
     for (const Eigen::Index i : rows) {
@@ -130,13 +138,25 @@ struct Finder {
                     run.time_s[rows.front()] - run.time_s[0]));
   }
 
+  void SayTooWeak(Eigen::Index j, const MotorLeap& leap) {
+    const std::string tendon =
+        leap.tension_N == 0 ? "" : fmt::format(" and its tension goes with it by {:.3g} N", leap.tension_N);
+    Say(fmt::format("motor position {}", j + 1),
+        fmt::format("goes {:.3g} rad off its way and back at {:.4g} s{}: kept; the file's motor is too weak "
+                    "for this log: with its inertia (actuation.motor.rotor_inertia_kgm2) this takes at least "
+                    "{:.3g} N m, and it has {:.3g} N m (actuation.drive.current_limit_A x "
+                    "actuation.motor.torque_constant_NmpA); check these numbers",
+                    leap.off_rad, run.time_s[leap.farthest] - run.time_s[0], tendon, leap.needed_Nm,
+                    leap.file_Nm));
+  }
+
   /// A cell that shows something else for a single row, such as a code for no reading.
-  void LoneTensions(Eigen::Index j) {
+  void LoneTensions(Eigen::Index j, const RobotParameters& robot) {
     auto x = run.tension_N.col(j);
     // Between readings that are further apart a tension may well have gone and come back.
     if (Median(RowsApart(x)) * UsualStep(run) > kLoneWithin_s) return;
-    const std::vector<Eigen::Index> rows =
-        LoneValues(x, std::max(kLoneTension * UsualWidth({x.begin(), x.end()}), kSlack_N));
+    const std::vector<Eigen::Index> rows = TensionsAlone(
+        run, j, robot, LoneValues(x, std::max(kLoneTension * UsualWidth({x.begin(), x.end()}), kSlack_N)));
     if (rows.empty()) return;
     const double first_N = x[rows.front()];
     for (const Eigen::Index i : rows) x[i] = kNothing;
@@ -339,7 +359,7 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
       find.LoneMotorPositions(j, robot);
     }
     for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
-      if (UsualStep(run) <= kQuasiStatic_s) find.LoneTensions(j);
+      if (UsualStep(run) <= kQuasiStatic_s) find.LoneTensions(j, robot);
       find.FrozenCell(j);
       find.CutOff(run.tension_N, j, fmt::format("tension {}", j + 1), "N");
     }

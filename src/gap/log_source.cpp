@@ -208,7 +208,9 @@ std::string RobotYamlOfLog(const std::filesystem::path& file) {
   return io::ReadLog(file.string()).run.robot_yaml;
 }
 
-std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParameters& robot) {
+std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotOfSet& of_set,
+                            std::vector<std::string>& notes) {
+  const RobotParameters& robot = of_set.robot();
   const std::string name = file.string();
   if (!robot.actuation) {
     throw std::runtime_error(
@@ -217,6 +219,7 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParame
         "rig_60mm.yaml");
   }
   const io::LogContents log = io::ReadLog(name);
+  of_set.Check(log.run.robot_yaml, name, notes);
   if (log.cycles.empty()) {
     throw std::runtime_error(name + ": no cycle in this log" +
                              (log.damage.empty() ? "" : " (" + log.damage + ")") +

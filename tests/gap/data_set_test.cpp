@@ -554,17 +554,76 @@ TEST_F(DataSetTest, RunsBelongTogetherByNameOrAsTheOnlyOnesOfTheirKind) {
 }
 
 // A folder says whose runs it holds; --robot may name another file of that robot, not another robot.
-TEST_F(DataSetTest, ARobotFileThatIsNotTheFoldersRobotIsTold) {
-  Write("a.csv", "t_s,motor_position_rad_1\n0,0\n0.001,0\n0.002,0\n");
-  std::stringstream text;
-  text << std::ifstream(kRobot).rdbuf();
-  std::string other = text.str();
-  Write("robot.yaml", other);
-  EXPECT_THAT(Load().notes, Not(Contains(HasSubstr("was measured?"))));
-  Write("robot.yaml", other.replace(other.find("rig_60mm"), 8, "sibling1"));
-  EXPECT_THAT(Load().notes, Contains(testing::AllOf(
-                                HasSubstr("robot.yaml is of robot 'sibling1', 0.06 m long, not 'rig_60mm'"),
-                                HasSubstr("the file of the robot that was measured?"))));
+class OtherRobotTest : public DataSetTest {
+ protected:
+  /// Loads a run of this robot with the rig's own file.
+  DataSet LoadRunOf(const RobotParameters& recorded, OtherRobot other = OtherRobot::kRefused) {
+    Write("a.csv", "t_s,motor_position_rad_1\n0,0\n0.001,0\n0.002,0\n");
+    Write("robot.yaml", config::ToYaml(recorded));
+    return LoadDataSet(folder_, kRobot, other);
+  }
+  std::string RefusalOf(const RobotParameters& recorded) {
+    try {
+      LoadRunOf(recorded);
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+    return "";
+  }
+
+  RobotParameters rig_ = config::LoadRobot(kRobot);
+};
+
+TEST_F(OtherRobotTest, IsRefusedWithEveryEntryThatDiffers) {
+  const std::string longer =
+      RefusalOf(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"));
+  EXPECT_THAT(longer, HasSubstr("robot.yaml: these runs are of another robot than " + kRobot));
+  EXPECT_THAT(longer, HasSubstr("name is rig_90mm there, rig_60mm in the file"));
+  EXPECT_THAT(longer, HasSubstr("body.sections[0] is 0.09 m there, 0.06 m in the file"));
+  EXPECT_THAT(longer, HasSubstr("--same-robot"));
+  EXPECT_EQ(longer.find('\n'), longer.npos);
+  EXPECT_THAT(RefusalOf(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml")),
+              HasSubstr("number of body.sections[0].tendons is 4 there, 3 in the file"));
+  EXPECT_THAT(RefusalOf(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/two_section.yaml")),
+              HasSubstr("number of body.sections is 2 there, 1 in the file"));
+  RobotParameters one = rig_;
+  one.actuation->tendons[1].drive.encoder_counts_per_turn = 4096;
+  EXPECT_THAT(RefusalOf(one),
+              HasSubstr("encoder_counts_per_turn (tendon 2) is 4096 there, 2048 in the file"));
+  one = rig_;
+  one.name = "sibling";
+  EXPECT_THAT(RefusalOf(one), HasSubstr("name is sibling there, rig_60mm in the file"));
+}
+
+// Whatever `gap apply` may write into a file, and a finer model of the same backbone, is no other robot.
+TEST_F(OtherRobotTest, ACorrectedFileIsAccepted) {
+  EXPECT_THAT(LoadRunOf(rig_).notes, IsEmpty());
+  RobotParameters other = rig_;
+  other.body.sections[0].youngs_modulus_Pa *= 3;
+  other.body.sections[0].unit_mass_kg *= 0.3;
+  other.body.sections[0].tendons[0].radius_m *= 1.5;
+  other.body.sections[0].units *= 2;
+  other.body.sections[0].unit_length_m /= 2;
+  other.actuation->tendons[0].motor.coulomb_friction_Nm *= 5;
+  EXPECT_THAT(LoadRunOf(other).notes, IsEmpty());
+  other = rig_;
+  for (const double scale : {0.8, 1.2}) {
+    other.effects = {{.name = "unit_length", .where = "all", .values = {{"scale", scale}}}};
+    EXPECT_THAT(LoadRunOf(other).notes, Contains(HasSubstr("length"))) << scale;
+  }
+}
+
+TEST_F(OtherRobotTest, NumbersOfGearSpoolAndDriveAreNoted) {
+  for (auto& tendon : rig_.actuation->tendons) tendon.gear.ratio = 16;
+  EXPECT_THAT(LoadRunOf(rig_).notes,
+              Contains(HasSubstr("actuation.gear.ratio (tendon 1) is 16 there, 19 in the file")));
+}
+
+TEST_F(OtherRobotTest, IsNotedWhereTheUserSaysThatItIsTheSame) {
+  rig_.name = "sibling";
+  const DataSet set = LoadRunOf(rig_, OtherRobot::kNoted);
+  EXPECT_EQ(set.runs.size(), 1U);
+  EXPECT_THAT(set.notes, Contains(HasSubstr("name is sibling there, rig_60mm in the file")));
 }
 
 // A cell too many in one line, such as an unquoted decimal comma, shifts what stands behind it.

@@ -620,6 +620,46 @@ TEST(Diagnose, QuickMotionsOfAMotorAreNoLonePositions) {
   }
 }
 
+/// Motor 1 of the first run 0.4 rad off its way in one row; `pulls`: with what its tendon's spring makes of
+/// it. Of the first run's rows every so many are kept.
+DataSet WithOvershoot(int every, bool pulls) {
+  DataSet set = Recorded("", 4);
+  Run& run = set.runs[0];
+  std::vector<Eigen::Index> rows;
+  for (Eigen::Index i = 0; i < run.time_s.size(); i += every) rows.push_back(i);
+  run.time_s = run.time_s(rows).eval();
+  for (Eigen::MatrixXd* m : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
+                             &run.tension_N, &run.tip_m, &run.tip_quaternion}) {
+    *m = (*m)(rows, Eigen::all).eval();
+  }
+  const auto& tendon = set.robot.actuation->tendons[0];
+  const Eigen::Index row = run.time_s.size() / 2;
+  run.motor_position_rad(row, 0) += 0.4;
+  const double spring_N = tendon.tendon.stiffness_Npm * tendon.SpoolTravelPerMotorRad() * 0.4;
+  if (pulls) run.tension_N(row, 0) += 0.8 * spring_N;
+  return set;
+}
+
+std::string SaidOf(const DataSet& set) {
+  std::string text;
+  for (const std::string& line : Diagnose(set, Only({"bending_stiffness"})).degradations) text += line + "\n";
+  return text;
+}
+
+// A motion that the file's motor can make is none; one that it cannot make is one where the tendon goes with
+// it, and then the file is wrong; what nothing goes with is the encoder's mishap.
+TEST(Diagnose, AnOvershootIsKeptWhereAMotorCanHaveMadeIt) {
+  const std::string slow = SaidOf(WithOvershoot(10, false));  // 0.4 rad in 10 ms: 3.3 mN m of 7
+  EXPECT_THAT(slow, testing::Not(testing::HasSubstr("motor position 1")));
+  const std::string quick = SaidOf(WithOvershoot(1, true));
+  EXPECT_THAT(quick, testing::HasSubstr("kept; the file's motor is too weak for this log"));
+  EXPECT_THAT(quick, testing::HasSubstr("actuation.motor.rotor_inertia_kgm2"));
+  EXPECT_THAT(quick, testing::Not(testing::HasSubstr("leaps")));
+  const std::string alone = SaidOf(WithOvershoot(1, false));
+  EXPECT_THAT(alone, testing::ContainsRegex("motor position 1 leaps to [^\n]*: taken as missing there"));
+  EXPECT_THAT(alone, testing::Not(testing::HasSubstr("too weak")));
+}
+
 TEST(Diagnose, ColumnsOfAnotherUnitAreLeftOutAndTheRestIsDiagnosed) {
   DataSet set = Recorded("bending_stiffness scale=0.93");
   for (gap::Run& run : set.runs) run.tension_N.col(1) *= 1000 / 9.81;
@@ -1598,6 +1638,53 @@ TEST(Diagnose, RunsOfFewerTendonsAreAnotherRobots) {
   EXPECT_THAT([&] { Diagnose(set, {}); },
               testing::ThrowsMessage<std::runtime_error>(
                   testing::HasSubstr("these runs are of 3 tendons, robot 'four_tendon_90mm' has 4")));
+}
+
+RobotParameters ShortRig() {
+  return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
+}
+
+// A frame that is turned and moved, or not known, changes nothing; nor does a run that hardly moves.
+TEST(Diagnose, ATipPathBeyondTheRobotsReachIsTheVerdict) {
+  for (const bool moved : {false, true}) {
+    DataSet set = Recorded("", 4);
+    set.robot = ShortRig();
+    set.runs.push_back(Record(Rig(), "gentle", 4, 5));
+    const Eigen::Matrix3d turn =
+        Eigen::AngleAxisd(2.1, Eigen::Vector3d(1, -2, 0.5).normalized()).toRotationMatrix();
+    for (gap::Run& run : set.runs) {
+      if (moved) run.tip_m = (run.tip_m * turn.transpose()).rowwise() + Eigen::RowVector3d(0.1, 0, -0.2);
+    }
+    set.fit_frame = moved;
+    const Diagnosis d = Diagnose(set, {});
+    EXPECT_EQ(d.verdict, Verdict::kUnexplained);
+    EXPECT_THAT(d.sentence, testing::StartsWith("No pose of robot 'rig_60mm' explains"));
+    EXPECT_TRUE(d.accepted.empty());
+    for (const gap::Cause& cause : d.causes) {
+      if (cause.effect != "unknown") EXPECT_LE(cause.p, 0.5) << cause.effect;
+    }
+  }
+}
+
+// Numbers that are wrong within their bounds leave poses that explain the path.
+TEST(Diagnose, WrongNumbersAreWithinTheRobotsReach) {
+  for (const char* effect : {"unit_length scale=1.2", "tracker_offset x_m=0.02 y_m=0 z_m=0.03",
+                             "tracker_rotation x_rad=0.4 y_rad=0 z_rad=0", "base_tilt x_rad=0.8 y_rad=0",
+                             "precurvature u_rad=0.1 v_rad=0", "tip_payload mass_kg=0.02"}) {
+    const std::string name = std::string(effect).substr(0, std::string(effect).find(' '));
+    const Diagnosis d = Diagnose(Recorded(effect, 4), Only({name}));
+    EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("No pose"))) << effect;
+    ASSERT_EQ(d.accepted.size(), 1u) << effect << ": " << d.sentence;
+    EXPECT_EQ(d.accepted[0].effect, name);
+  }
+}
+
+// One run that another scale makes impossible is odd; the others move as far and are possible.
+TEST(Diagnose, OneImpossibleTipPathIsNotTheRobots) {
+  DataSet set = Recorded("bending_stiffness scale=0.9", 4);
+  set.runs[1].tip_m *= 1.6;
+  const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "unit_length"}));
+  EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("No pose")));
 }
 
 TEST(Diagnose, LogsWithoutMotorPositionsAreRefused) {

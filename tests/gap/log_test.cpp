@@ -196,14 +196,31 @@ TEST_F(LogTest, NoBytesCrashTheReader) {
   EXPECT_GT(loaded, 5);
 }
 
+// A log carries the file of the robot that it was recorded with.
 TEST_F(LogTest, ARobotThatIsNotTheLogsIsRefused) {
   Record(log_.string(), true, true);
-  try {
-    Load(TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml");
-    FAIL() << "a robot with four tendons read a log of three drives";
-  } catch (const std::runtime_error& e) {
-    EXPECT_THAT(e.what(), HasSubstr("the log is of 3 drives"));
-  }
+  const auto refusal = [&](const char* robot) -> std::string {
+    try {
+      Load(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + robot);
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(refusal("four_tendon_90mm.yaml"),
+              HasSubstr("number of body.sections[0].tendons is 3 there, 4 in the file"));
+  const std::string longer = refusal("rig_90mm.yaml");
+  EXPECT_THAT(longer, HasSubstr("run.lcmlog: these runs are of another robot than"));
+  EXPECT_THAT(longer, HasSubstr("name is rig_60mm there, rig_90mm in the file"));
+  EXPECT_EQ(longer.find('\n'), longer.npos);
+  // The other runs of a set do not make it right.
+  fs::create_directories(folder_ / "set");
+  fs::copy_file(kRobot, folder_ / "set/robot.yaml");
+  std::ofstream(folder_ / "set/a.csv") << "t_s,motor_position_rad_1\n0,0\n0.001,0\n0.002,0\n";
+  Record(log_.string(), true, true, TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml");
+  EXPECT_THROW(LoadLogs({(folder_ / "set").string(), (folder_ / "bend").string()}, kRobot),
+               std::runtime_error);
+  EXPECT_EQ(LoadLogs({(folder_ / "bend").string()}, kRobot, OtherRobot::kNoted).runs.size(), 1U);
 }
 
 }  // namespace

@@ -36,7 +36,7 @@ struct DiagnoseCommand {
   std::vector<std::string> logs, before;
   std::string out = "out/gap", daemon;
   double delta_mm = 0;
-  bool next = true;
+  bool next = true, same_robot = false;
   std::vector<std::string> only;
   gap::DiagnoseOptions diagnose;
 };
@@ -134,8 +134,10 @@ CLI::Validator Positive() {
 void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) {
   Progress progress;
   progress("reading the logs", 0);
-  gap::DataSet set = gap::LoadLogs(options.logs, options.robot);
-  if (!options.before.empty()) gap::CompareWithBefore(set, gap::LoadLogs(options.before, options.robot));
+  const auto other = options.same_robot ? gap::OtherRobot::kNoted : gap::OtherRobot::kRefused;
+  gap::DataSet set = gap::LoadLogs(options.logs, options.robot, other);
+  if (!options.before.empty())
+    gap::CompareWithBefore(set, gap::LoadLogs(options.before, options.robot, other));
   options.diagnose.progress = [&](const std::string& stage, double share) { progress(stage, share); };
   options.diagnose.delta_m = 1e-3 * options.delta_mm;
   if (options.next && set.robot.actuation)
@@ -243,6 +245,9 @@ void AddGapDiagnoseCommand(CLI::App& app) {
   command->add_option("--daemon", options->daemon,
                       "daemon file whose controller would run the next experiment (default: that of "
                       "tendrild.yaml, built in)");
+  command->add_flag("--same-robot", options->same_robot,
+                    "the runs are of the robot of --robot although their own robot file names another "
+                    "(name, length, tendons or encoder counts that were wrong in one of them)");
   command->add_flag("!--no-next", options->next, "do not look for the next experiment");
   command->callback([options] { Run(*options); });
 }
