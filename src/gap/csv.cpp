@@ -350,7 +350,7 @@ class Parser {
           fmt::format("{}:{}: column {}: '{}' is not a number; accepted: a number such as -0.0125, or an "
                       "empty cell for no "
                       "value; correct the cell or remove the line{}",
-                      name_, line_, Printable(table_.names[column]), Printable(cell), Hint(cell)));
+                      name_, line_, Printable(table_.names[column]), Printable(cell), Hint(cell, column)));
     }
     if (std::isinf(*value)) {
       ++infinite_[column];
@@ -360,10 +360,10 @@ class Parser {
   }
 
   /// What would read a cell that is no number. The first lines may hold something else than numbers.
-  std::string Hint(std::string_view cell) {
+  std::string Hint(std::string_view cell, std::size_t column) {
     const char* line_end = std::find_if(at_, end_, IsLineEnd);
-    const std::string hint =
-        HintForCell(cell, {row_begin_, static_cast<std::size_t>(line_end - row_begin_)}, format_);
+    const std::string hint = HintForCell(
+        cell, table_.names[column], {row_begin_, static_cast<std::size_t>(line_end - row_begin_)}, format_);
     constexpr int kMost = 5;
     const char* line = row_begin_;
     for (int passed = 1; hint.empty() && table_.lines.empty() && passed <= kMost; ++passed) {

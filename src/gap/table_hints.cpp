@@ -109,9 +109,12 @@ std::string OptionForNames(std::string_view text, const TableFormat& format,
   return {};
 }
 
-std::string HintForCell(std::string_view cell, std::string_view line, const TableFormat& format) {
-  if (ParseIso8601(cell)) return "; if it is the time, say time: {column: ..., unit: iso8601} in a map";
-  if (ParseClock(cell)) return "; if it is the time, say time: {column: ..., unit: clock} in a map";
+std::string HintForCell(std::string_view cell, std::string_view column, std::string_view line,
+                        const TableFormat& format) {
+  if (const bool iso = ParseIso8601(cell).has_value(); iso || ParseClock(cell)) {
+    return fmt::format("; if it is the time, say time: {{column: '{}', unit: {}}} in a map",
+                       Printable(column), iso ? "iso8601" : "clock");
+  }
   const std::string_view said = Trimmed(line);
   if (!said.empty() && kCommentMarks.find(said.front()) != kCommentMarks.npos &&
       format.comment.find(said.front()) == format.comment.npos) {

@@ -16,8 +16,10 @@ std::string OptionForNames(std::string_view text, const TableFormat& format,
                            const std::vector<std::string>& wanted);
 
 /// Of a cell that is no number: "; " and what it is with the remedy (a time, grouped thousands, a decimal
-/// comma), or empty. `line` is the cell's whole line.
-std::string HintForCell(std::string_view cell, std::string_view line, const TableFormat& format);
+/// comma), or empty. `column` is its name and `line` its
+/// whole line.
+std::string HintForCell(std::string_view cell, std::string_view column, std::string_view line,
+                        const TableFormat& format);
 
 /// The character that separates the cells of a line (comma, semicolon, tab or space), for one without any
 /// ','.
