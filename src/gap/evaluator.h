@@ -22,10 +22,10 @@ using Residuals = std::vector<std::vector<Eigen::VectorXd>>;
 
 /// One measured quantity behind one cut.
 struct Channel {
-  enum class Quantity { kTorque, kTension, kTipPosition, kTipDirection };
+  enum class Quantity { kTorque, kTension, kTipPosition, kTipDirection, kBending };
   sim::Cut cut{};  // kShape stands for C4 and C5, which differ by time scale only
   Quantity quantity{};
-  int index = 0;           // tendon, or axis
+  int index = 0;           // tendon, axis, or column of (us, vs) a section
   std::string name, unit;  // "tension 1 from torque", "N"
   double white = 0;        // rms of one sample's white noise
   double floor = 0;        // rms floor of one sample: white noise, resolution, repetition
@@ -79,7 +79,11 @@ class Evaluator {
   double window_s(int run, int channel) const;
   bool has(unsigned cut) const { return (available_ & cut) != 0; }
   bool has_tracker() const { return has(kBody); }
+  /// Load cells drive the body, whether or not their readings can be compared.
+  bool has_cells() const { return driven_by_ == sim::Replay::DrivenBy::kCell; }
   bool repeated() const { return repeated_; }
+  /// Some run has the tip's position.
+  bool has_position() const;
   /// Repetitions differ by so many times what the sensors' noise leaves (rms, of the worst channel), where
   /// that is more than robots do; else 0. The floor follows them, so what differs between them is no gap.
   double repetitions_differ() const { return repetitions_differ_; }
@@ -140,7 +144,8 @@ class Evaluator {
   Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
                                      const sim::BodyMotion& motion) const;
   double TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const;
-  void FindCuts();
+  void FindCuts(const DataSet& set);
+  void TellWithoutMotors();
   /// Of logs that are slower than controllers: whether a row is every target that was sent, or every n-th.
   void FindCommandsARow();
   void StandInForCells();

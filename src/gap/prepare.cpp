@@ -232,6 +232,9 @@ void MarkMoved(int tendon, int from, int to, PreparedRun& out) {
   const int a = std::max(0, from - after(kStoodStill_s)), b = std::min(samples, to + after(kStoodStill_s));
   bool moved = to - from >= after(kStillFor_s);
   for (int j = first; j < last; ++j) {
+    // What is not known may have moved.
+    moved =
+        moved || (out.signals.no_motor.size() > 0 && out.signals.no_motor[static_cast<std::size_t>(j)] != 0);
     const auto about = out.signals.motor_angle_rad.col(j).segment(a, b - a);
     moved = moved || about.maxCoeff() - about.minCoeff() >= kStill_rad;
   }
@@ -318,6 +321,58 @@ void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int sa
   if ((samples - at[last] - 1) * step_s > bridged_s) holes.push_back({j, at[last] + 1, samples});
 }
 
+/// What shows the shape, of the rows at samples `at`. A bend says nothing that a tip's pose does not say, and
+/// of the same sensor.
+void ReadTracker(const Run& run, const RobotParameters& robot, const std::vector<int>& at,
+                 std::optional<std::uint64_t> seed, std::mt19937_64& random, PreparedRun& out) {
+  const auto rows = static_cast<int>(run.time_s.size());
+  const auto measured = [&](const Eigen::MatrixXd& values, Eigen::Index columns) {
+    return values.cols() == columns && values.rows() == rows && values.array().isFinite().any();
+  };
+  const auto sections = static_cast<Eigen::Index>(robot.body.sections.size());
+  const bool placed = measured(run.tip_m, 3), turned = measured(run.tip_quaternion, 4);
+  const bool bent = !placed && !turned && measured(run.bending_rad, 2 * sections);
+  if (!placed && !turned && !bent) return;
+  const double turn_step = run.tip_quaternion_step;
+  if (placed) {
+    for (const auto axis : run.tip_m.colwise()) out.tip_step_m = std::max(out.tip_step_m, DecimalStep(axis));
+  }
+  if (bent) {
+    for (const auto bend : run.bending_rad.colwise())
+      out.bending_step_rad = std::max(out.bending_step_rad, DecimalStep(bend));
+  }
+  out.tip_step_rad = 2 * turn_step;
+  std::vector<WithinSteps> within(4, WithinSteps(turn_step, random));
+  std::vector<int> seen;
+  for (int i = 0; i < rows; ++i) {
+    const bool whole =
+        (!placed || run.tip_m.row(i).allFinite()) && (!bent || run.bending_rad.row(i).allFinite()) &&
+        (!turned || (run.tip_quaternion.row(i).allFinite() && run.tip_quaternion.row(i).norm() > 0.5));
+    if (whole && out.valid[static_cast<std::size_t>(at[static_cast<std::size_t>(i)])]) seen.push_back(i);
+  }
+  out.tracker_s.resize(static_cast<Eigen::Index>(seen.size()));
+  if (placed) out.tip_m = run.tip_m(seen, Eigen::all);
+  if (bent) out.bending_rad = run.bending_rad(seen, Eigen::all);
+  for (std::size_t k = 0; k < seen.size(); ++k) {
+    const int i = seen[k];
+    out.tracker_s[static_cast<Eigen::Index>(k)] =
+        out.signals.at_rest ? i * out.signals.step_s : run.time_s[i] - out.start_s;
+    if (!turned) continue;
+    Eigen::Vector4d w = run.tip_quaternion.row(i).transpose();
+    for (int n = 0; n < 4 && seed && turn_step > kCoarseTurn; ++n)
+      w[n] += within[static_cast<std::size_t>(n)].At(w[n]);
+    w.normalize();
+    Eigen::Quaterniond orientation(w[0], w[1], w[2], w[3]);
+    if (seed && robot.actuation && robot.actuation->tracker) {
+      std::normal_distribution<double> normal;
+      const double rms = 0.5 * robot.actuation->tracker->orientation_noise_rad;
+      const Eigen::Quaterniond turn(1, rms * normal(random), rms * normal(random), rms * normal(random));
+      orientation = (orientation * turn).normalized();
+    }
+    out.tip_R.push_back(orientation.toRotationMatrix());
+  }
+}
+
 }  // namespace
 
 void PreparedRun::MoveTracker(double by_s) {
@@ -328,12 +383,16 @@ void PreparedRun::MoveTracker(double by_s) {
     const double moved_s = tracker_s[k] + by_s;
     if (moved_s < 0 || moved_s > end_s) continue;
     tracker_s[kept] = moved_s;
-    tip_m.row(kept) = tip_m.row(k);
+    for (Eigen::MatrixXd* readings : {&tip_m, &bending_rad}) {
+      if (readings->rows() > 0) readings->row(kept) = readings->row(k).eval();
+    }
     if (!tip_R.empty()) tip_R[static_cast<std::size_t>(kept)] = tip_R[static_cast<std::size_t>(k)];
     ++kept;
   }
   tracker_s.conservativeResize(kept);
-  tip_m.conservativeResize(kept, 3);
+  for (Eigen::MatrixXd* readings : {&tip_m, &bending_rad}) {
+    if (readings->rows() > 0) readings->conservativeResize(kept, readings->cols());
+  }
   if (!tip_R.empty()) tip_R.resize(static_cast<std::size_t>(kept));
 }
 
@@ -528,7 +587,14 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
     }
   }
 
-  if (run.motor_position_rad.cols() == tendons) {
+  const bool with_motors = run.motor_position_rad.cols() == tendons;
+  if (!with_motors) {
+    for (int j = 0; j < tendons; ++j) out.motor_holes.push_back({j, 0, samples});
+    s.no_motor.assign(static_cast<std::size_t>(tendons), 1);
+    out.sliding.setZero(samples, tendons);
+    for (auto* motion : {&s.motor_angle_rad, &s.motor_velocity_radps, &s.motor_acceleration_radps2})
+      motion->setZero(samples, tendons);
+  } else {
     Eigen::MatrixXd reading = on_grid(run.motor_position_rad);
     known(run.motor_position_rad, reading, out.motor_holes);
     for (const Hole& hole : out.motor_holes) {
@@ -603,40 +669,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
     MarkMoved(hole.tendon, hole.from, hole.to, out);
   }
 
-  // Tracker.
-  if (run.tip_m.cols() == 3 && run.tip_m.rows() == rows) {
-    const bool turned = run.tip_quaternion.cols() == 4;
-    const double turn_step = run.tip_quaternion_step;
-    for (const auto axis : run.tip_m.colwise()) out.tip_step_m = std::max(out.tip_step_m, DecimalStep(axis));
-    out.tip_step_rad = 2 * turn_step;
-    std::vector<WithinSteps> within(4, WithinSteps(turn_step, random));
-    std::vector<int> seen;
-    for (int i = 0; i < rows; ++i) {
-      const bool position = run.tip_m.row(i).allFinite();
-      const bool orientation =
-          !turned || (run.tip_quaternion.row(i).allFinite() && run.tip_quaternion.row(i).norm() > 0.5);
-      if (position && orientation && out.valid[at[i]]) seen.push_back(i);
-    }
-    out.tracker_s.resize(static_cast<int>(seen.size()));
-    out.tip_m.resize(static_cast<int>(seen.size()), 3);
-    for (int k = 0; k < static_cast<int>(seen.size()); ++k) {
-      const int i = seen[k];
-      out.tracker_s[k] = at_rest ? i * step_s : run.time_s[i] - out.start_s;
-      out.tip_m.row(k) = run.tip_m.row(i);
-      if (!turned) continue;
-      Eigen::Vector4d w = run.tip_quaternion.row(i).transpose();
-      for (int n = 0; n < 4 && seed && turn_step > kCoarseTurn; ++n)
-        w[n] += within[static_cast<std::size_t>(n)].At(w[n]);
-      w.normalize();
-      Eigen::Quaterniond orientation(w[0], w[1], w[2], w[3]);
-      if (seed && robot.actuation && robot.actuation->tracker) {
-        const double rms = 0.5 * robot.actuation->tracker->orientation_noise_rad;
-        const Eigen::Quaterniond turn(1, rms * normal(random), rms * normal(random), rms * normal(random));
-        orientation = (orientation * turn).normalized();
-      }
-      out.tip_R.push_back(orientation.toRotationMatrix());
-    }
-  }
+  ReadTracker(run, robot, at, seed, random, out);
   return out;
 }
 

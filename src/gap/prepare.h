@@ -56,11 +56,12 @@ struct PreparedRun {
   /// how far friction in motor and gear has turned round, so what torque says of tension is worth nothing
   /// there.
   Eigen::Matrix<char, Eigen::Dynamic, Eigen::Dynamic> sliding;
-  // Tracker: P samples at their own times.
-  Eigen::VectorXd tracker_s;                // since start_s
-  Eigen::MatrixXd tip_m;                    // P x 3
-  std::vector<Eigen::Matrix3d> tip_R;       // P, empty without orientation
-  double tip_step_m = 0, tip_step_rad = 0;  // of a table with few places
+  // Tracker: P samples at their own times, of what it shows.
+  Eigen::VectorXd tracker_s;           // since start_s
+  Eigen::MatrixXd tip_m;               // P x 3, empty without position
+  std::vector<Eigen::Matrix3d> tip_R;  // P, empty without orientation
+  Eigen::MatrixXd bending_rad;         // P x 2K, (us, vs) a section; empty beside a position or orientation
+  double tip_step_m = 0, tip_step_rad = 0, bending_step_rad = 0;  // of a table with few places
   // Of the time stamps.
   double jitter_s = 0;  // rms against the grid
   int lost = 0;         // grid points without a sample
@@ -87,7 +88,9 @@ struct PreparedRun {
   }
   /// Moves the tracker's readings on the drives' clock; what would leave the run is dropped.
   void MoveTracker(double by_s);
-  /// Positions enough to compare with.
+  /// Where the motor of no tendon is known.
+  bool without_motors() const { return !Leave(motor_holes, signals.motor_angle_rad.cols()); }
+  /// Readings enough to compare with.
   bool tracked() const { return tracker_s.size() > (signals.at_rest ? kLeastStates - 1 : 10); }
 };
 

@@ -740,6 +740,9 @@ void Replay::Impl::Track(const MatrixXd& q, double late, int stride, BodyMotion&
   motion.q.resize(rows, n);
   motion.tip_m.resize(rows, 3);
   motion.tip_rotation.resize(rows, 3);
+  motion.bending_rad.resize(rows, 2 * body.sections());
+  // A bend lies against the section's own base: of a turned frame only the turn about z is seen.
+  const Eigen::Rotation2Dd plane(turn.z());
   VectorXd shape(n);
   for (Index k = 0; k < rows; ++k) {
     const Index i = k * stride;
@@ -752,6 +755,11 @@ void Replay::Impl::Track(const MatrixXd& q, double late, int stride, BodyMotion&
     motion.tip_m.row(k) = (r * pose.p_WA + laws.sensor.tracker_offset_m).transpose();
     const Eigen::AngleAxisd rotation(Eigen::Matrix3d(r * pose.R_WA));
     motion.tip_rotation.row(k) = (rotation.angle() * rotation.axis()).transpose();
+    for (int section = 0; section < body.sections(); ++section) {
+      Eigen::Vector2d bend(0, 0);
+      for (int u = body.first_unit(section); u < body.end_unit(section); ++u) bend += shape.segment<2>(2 * u);
+      motion.bending_rad.row(k).segment<2>(2 * section) = (plane * bend).transpose();
+    }
   }
 }
 

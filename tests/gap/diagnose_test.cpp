@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -748,6 +749,93 @@ INSTANTIATE_TEST_SUITE_P(
         Lost{"large_torques",
              [](Run& run) { run.torque_actual_Nm = run.torque_actual_Nm.cwiseMin(1.8e-3).eval(); }}),
     [](const auto& lost) { return lost.param.name; });
+
+/// Load cells and shape alone.
+void WithoutMotors(Run& run) {
+  for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad})
+    values->resize(0, 0);
+}
+
+/// The bend of the only section in place of the tip's pose: how far its axis leans, and towards where.
+void BendForPose(Run& run) {
+  const Eigen::Index rows = run.time_s.size();
+  run.bending_rad.setConstant(rows, 2, std::nan(""));
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const Eigen::Vector4d q = run.tip_quaternion.row(i);
+    if (!q.allFinite()) continue;
+    const Eigen::Vector3d z = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix().col(2);
+    const double side = z.head<2>().norm();
+    run.bending_rad.row(i) = (side > 0 ? std::atan2(side, z.z()) / side : 0) * z.head<2>().transpose();
+  }
+  run.tip_m.resize(0, 0);
+  run.tip_quaternion.resize(0, 0);
+}
+
+struct Shown {
+  const char* name;
+  void (*what)(Run&);
+  std::vector<const char*> planted;
+};
+
+class DiagnoseTensionAgainstShape : public testing::TestWithParam<Shown> {};
+
+// Of tensions and shape alone the body is compared (C4, C5), and no more is claimed.
+TEST_P(DiagnoseTensionAgainstShape, NamesWhatTheBodyHasAndSaysWhatIsNotSeen) {
+  const gap::DiagnoseOptions only =
+      Only({"bending_stiffness", "tip_payload", "torque_constant", "tendon_stiffness", "cell_drift"});
+  for (const char* planted : GetParam().planted) {
+    SCOPED_TRACE(planted);
+    DataSet set = Recorded(planted, 4.5);
+    for (gap::Run& run : set.runs) {
+      WithoutMotors(run);
+      GetParam().what(run);
+    }
+    const Diagnosis d = Diagnose(set, only);
+    for (const auto& finding : d.location) {
+      const bool body = finding.cut == sim::Cut::kShape || finding.cut == sim::Cut::kMotion;
+      EXPECT_EQ(finding.measured, body || finding.cut == sim::Cut::kClock) << sim::CutName(finding.cut);
+    }
+    EXPECT_THAT(
+        d.degradations,
+        testing::Contains(testing::HasSubstr(
+            "can be compared: C0, C4, C5; not C1 (no target torque and no actual torque), C2 (no actual "
+            "torque and no motor position), C3 (no motor position), C6 (no actual torque and no motor "
+            "position)")));
+    EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("no motor positions: motors, gears")));
+    if (*planted == 0) {
+      EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+      continue;
+    }
+    ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+    const EffectSetting truth = sim::ParseEffect(planted, Rig());
+    EXPECT_EQ(d.accepted[0].effect, truth.name) << d.sentence;
+    EXPECT_EQ(First(d), sim::Cut::kShape) << d.sentence;
+    const auto& [parameter, value] = truth.values.front();
+    EXPECT_NEAR(d.accepted[0].parameters.at(parameter).value, value, 0.05 * value) << d.sentence;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Of, DiagnoseTensionAgainstShape,
+                         testing::Values(Shown{"pose", [](Run&) {}, {"", "tip_payload mass_kg=0.004"}},
+                                         Shown{"orientation",
+                                               [](Run& run) { run.tip_m.resize(0, 0); },
+                                               {"bending_stiffness scale=0.8"}},
+                                         Shown{"bending", BendForPose, {"", "bending_stiffness scale=0.8"}}),
+                         [](const auto& shown) { return shown.param.name; });
+
+TEST(Diagnose, ShapeThatNothingIsKnownToPullOnIsRefused) {
+  DataSet set = Recorded("", 1);
+  for (gap::Run& run : set.runs) {
+    WithoutMotors(run);
+    run.tension_N.resize(0, 0);
+  }
+  try {
+    Diagnose(set, {});
+    FAIL() << "accepted";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), testing::HasSubstr("C4 (no tension or motor position of every tendon)"));
+  }
+}
 
 // Cells that all failed in one run are no reason to do without those of the others.
 TEST(Diagnose, ARunWithoutCellsLeavesTheOthersTheirs) {

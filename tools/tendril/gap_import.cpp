@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <map>
@@ -20,6 +21,7 @@
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/daemon/wiring.h"
+#include "tendril/gap/cuts.h"
 #include "tendril/gap/health.h"
 #include "tendril/gap/import.h"
 #include "tendril/io/gateway.h"
@@ -262,6 +264,9 @@ void RunImport(const ImportOptions& options) {
   fmt::print("{}, {}, {}\n", Counted(rows, "row"), Counted(families.size(), "family", "families"),
              Counted(repeats, "repetition"));
   PrintFindings(gap::CheckHealth(set));
+  const std::vector<gap::CutOfSet> cuts = gap::CutsOf(set);
+  fmt::print("{}\n", gap::CutsLine(cuts));
+  std::fflush(stdout);
   const auto left_out = std::count_if(set.notes.begin(), set.notes.end(),
                                       [](const std::string& note) { return note.starts_with("left out: "); });
   // Somebody who calls this from a script would go on with less than was meant.
@@ -269,6 +274,12 @@ void RunImport(const ImportOptions& options) {
     throw std::runtime_error(fmt::format("{} of {} left out (above); the others were written",
                                          left_out == 1 ? "one" : std::to_string(left_out),
                                          Counted(options.tables.size(), "table")));
+  }
+  if (!gap::AnyCut(cuts)) {
+    throw std::runtime_error(
+        "nothing of these runs can be compared; accepted: load cells or motor positions of every tendon, and "
+        "a "
+        "second channel to compare with (torque, tension, or the body's shape); map more columns");
   }
 }
 
