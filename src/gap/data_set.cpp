@@ -32,6 +32,7 @@ struct Listed {
   fs::path file;
   std::string family = "unknown", repeat_of{}, before{};
   std::optional<LoadCellPlace> load_cell{};
+  bool zero_at_rest = false;
 };
 
 std::string_view PlaceText(LoadCellPlace place) {
@@ -74,7 +75,7 @@ void NoteUnknown(const YAML::Node& map, std::initializer_list<std::string_view> 
 
 Listed ReadEntry(const YAML::Node& entry, const std::string& where, std::vector<std::string>& notes) {
   Listed listed;
-  NoteUnknown(entry, {"file", "family", "repeat_of", "before", "load_cell"}, where, notes);
+  NoteUnknown(entry, {"file", "family", "repeat_of", "before", "load_cell", "motor_zero"}, where, notes);
   listed.file = Text(entry, "file");
   if (const std::string family = Text(entry, "family"); !family.empty()) listed.family = family;
   if (const std::string name = Text(entry, "repeat_of"); !IsNoName(name)) listed.repeat_of = RunName(name);
@@ -88,6 +89,14 @@ Listed ReadEntry(const YAML::Node& entry, const std::string& where, std::vector<
         fmt::format("{}: load_cell '{}' is not known; accepted: motor_side, robot_side, none; the robot "
                     "file's is taken",
                     where, Printable(place)));
+  }
+  const std::string zero = LowerCase(Text(entry, "motor_zero"));
+  listed.zero_at_rest = zero == "at_rest";
+  if (!zero.empty() && zero != "at_rest" && zero != "at_pretension") {
+    notes.push_back(
+        fmt::format("{}: motor_zero '{}' is not known; accepted: at_pretension, at_rest; at_pretension is "
+                    "taken",
+                    where, Printable(zero)));
   }
   return listed;
 }
@@ -240,6 +249,7 @@ void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, cons
         if (listed.family != "unknown") run.family = listed.family;
         run.repeat_of = listed.repeat_of;
         run.before = listed.before;
+        run.zero_at_rest = run.zero_at_rest || listed.zero_at_rest;
         SettleCell(run, listed.load_cell);
         set.runs.push_back(std::move(run));
       }
@@ -380,6 +390,63 @@ std::string NameOf(const fs::path& path) {
   return normal.has_filename() ? normal.filename().string() : normal.parent_path().filename().string();
 }
 
+bool HoldsRuns(const fs::path& folder) {
+  const std::vector<fs::path> files = FilesIn(folder);
+  return std::any_of(files.begin(), files.end(), [](const fs::path& file) {
+    return file.filename() == "runs.yaml" || HasEnding(file, ".csv") || IsLcmLog(file);
+  });
+}
+
+/// The robot of a folder by its robot.yaml, or by what its first log was made with.
+std::optional<RobotParameters> RobotOf(const fs::path& folder) {
+  if (auto robot = RecordedWith(folder)) return robot;
+  for (const fs::path& file : FilesIn(folder)) {
+    if (!IsLcmLog(file)) continue;
+    try {
+      return config::ParseRobot(RobotYamlOfLog(file), file.string());
+    } catch (const std::exception&) {
+      return std::nullopt;
+    }
+  }
+  return std::nullopt;
+}
+
+/// For a folder without runs, as the demo leaves it: its subfolders that hold some, of the robot named, or of
+/// one robot. Those of others are noted.
+std::vector<std::string> RunFolders(const std::string& path, const std::string& robot_path,
+                                    std::vector<std::string>& notes) {
+  std::error_code error;
+  if (!fs::is_directory(path, error) || HoldsRuns(path)) return {path};
+  std::vector<fs::path> folders;
+  for (const auto& entry : fs::directory_iterator(path, error)) {
+    if (entry.is_directory(error) && HoldsRuns(entry.path())) folders.push_back(entry.path());
+  }
+  std::sort(folders.begin(), folders.end());
+  std::vector<std::string> taken;
+  std::string others;
+  std::optional<RobotParameters> robot;
+  if (!robot_path.empty()) robot = sim::LoadRobot(robot_path);
+  for (const fs::path& folder : folders) {
+    const std::optional<RobotParameters> its = RobotOf(folder);
+    if (its && !robot) robot = its;
+    if (!its || its->name == robot->name) {
+      taken.push_back(folder.string());
+      continue;
+    }
+    others += fmt::format("{}{} is of robot '{}'", others.empty() ? "" : ", ", folder.filename().string(),
+                          its->name);
+  }
+  if (others.empty()) return folders.empty() ? std::vector<std::string>{path} : taken;
+  if (taken.empty() || robot_path.empty()) {
+    throw std::runtime_error(fmt::format(
+        "{}: {}, {} '{}'; give the robot file (--robot) of those to be diagnosed, or their folder alone",
+        path, others, robot_path.empty() ? "others of" : "the robot named is", robot->name));
+  }
+  notes.push_back(fmt::format("{}: {}, not '{}', and is left out; diagnose it with its own --robot", path,
+                              others, robot->name));
+  return taken;
+}
+
 // A run that is there twice would pass for one that repeats itself without any noise.
 void RefuseTwice(const std::vector<std::string>& paths) {
   for (std::size_t i = 0; i < paths.size(); ++i) {
@@ -406,11 +473,15 @@ DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path, Other
   return LoadLogs({folder.string()}, robot_path, other_robot);
 }
 
-DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path,
+DataSet LoadLogs(const std::vector<std::string>& named, const std::string& robot_path,
                  OtherRobot other_robot) {
-  if (paths.empty()) throw std::runtime_error("no run is named; name a folder, a CSV file or an LCM log");
-  RefuseTwice(paths);
+  if (named.empty()) throw std::runtime_error("no run is named; name a folder, a CSV file or an LCM log");
   DataSet set;
+  std::vector<std::string> paths;
+  for (const std::string& path : named) {
+    for (std::string& folder : RunFolders(path, robot_path, set.notes)) paths.push_back(std::move(folder));
+  }
+  RefuseTwice(paths);
   std::string robot_from = robot_path;
   std::optional<std::string> other;
   std::set<std::string> beside;  // robot files of folders, but for the one that is taken
@@ -468,7 +539,7 @@ DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot
       robot.Check(*recorded, file, set.notes);
   }
 
-  set.name = NameOf(paths.front());
+  set.name = NameOf(named.front());
   for (const std::string& path : paths) {
     std::error_code error;
     if (fs::is_directory(path, error)) {
@@ -578,7 +649,9 @@ void WriteDataSet(const DataSet& set, const fs::path& folder) {
          << YAML::Value << (run.family.empty() ? "unknown" : run.family) << YAML::Key << "repeat_of"
          << YAML::Value << (run.repeat_of.empty() ? "none" : RunName(run.repeat_of) + ".csv");
     if (!run.before.empty()) list << YAML::Key << "before" << YAML::Value << RunName(run.before) + ".csv";
-    list << YAML::Key << "load_cell" << YAML::Value << std::string(PlaceText(run.load_cell)) << YAML::EndMap;
+    list << YAML::Key << "load_cell" << YAML::Value << std::string(PlaceText(run.load_cell));
+    if (run.zero_at_rest) list << YAML::Key << "motor_zero" << YAML::Value << "at_rest";
+    list << YAML::EndMap;
   }
   list << YAML::EndSeq << YAML::EndMap;
   const auto write = [&](const char* name, const std::string& text) {

@@ -125,6 +125,16 @@ Eigen::Index ColumnOfTip(const Channel& channel) {
   return first + channel.index;
 }
 
+/// Tensions from torque (S x M) are worth nothing where the motor does not slide: NaN there.
+Eigen::MatrixXd WhileSliding(Eigen::MatrixXd tension_N, const PreparedRun& run) {
+  for (Eigen::Index i = 0; i < tension_N.rows(); ++i) {
+    for (Eigen::Index j = 0; j < tension_N.cols(); ++j) {
+      if (run.sliding(i, j) == 0) tension_N(i, j) = std::nan("");
+    }
+  }
+  return tension_N;
+}
+
 }  // namespace
 
 int WindowSamples(const PreparedRun& run, const Channel& channel) {
@@ -164,6 +174,14 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
   FindCuts(set);
   FindCommandsARow();
   StandInForCells();
+  zeros_from_rest_ =
+      std::all_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return r.rest_samples > 0; });
+  if (zeros_from_rest_) {
+    degradations_.push_back(fmt::format(
+        "motor positions count from where the robot rested after arming, as friction left it: their zero is "
+        "taken from the {}, so that encoder_offset and slack cannot be seen",
+        has(kC3) ? "load cells there" : "torques"));
+  }
   TellHoles();
   ListChannels();
 
@@ -630,8 +648,37 @@ Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const Pre
   if ((cuts & kC2) && has(kC2)) out.from_torque_N = replay.CellFromTorque(run.signals, shortening);
   // Without cells it is torque against stretch.
   if (((cuts & kC3) && has(kC3)) || ((cuts & kC2) && has(kC2) && !has(kC3)))
-    out.from_stretch_N = replay.CellFromStretch(run.signals, shortening);
+    out.from_stretch_N = FromStretch(replay, robot, run, shortening,
+                                     has(kC3) ? run.cell_N : WhileSliding(out.from_torque_N, run));
   return out;
+}
+
+// At rest the cells say where the zero is to within a count of the encoder, without cells the pretension does
+// to within itself; within that it is the least squares of what the whole run leaves.
+Eigen::MatrixXd Evaluator::FromStretch(const sim::Replay& replay, const RobotParameters& robot,
+                                       const PreparedRun& run, const Eigen::MatrixXd& shortening,
+                                       const Eigen::MatrixXd& reading_N) const {
+  if (run.rest_samples == 0) return replay.CellFromStretch(run.signals, shortening);
+  Eigen::VectorXd zero_rad = replay.ZeroAtRest(run.signals, shortening, run.rest_samples, run.rest_N);
+  const Eigen::MatrixXd stretch_N = replay.CellFromStretch(run.signals, shortening, zero_rad);
+  const RobotParameters folded = sim::FoldEffects(robot);
+  for (Eigen::Index j = 0; j < std::min(stretch_N.cols(), reading_N.cols()); ++j) {
+    Eigen::VectorXd left_N = reading_N.col(j) - stretch_N.col(j);
+    run.TakeOut(run.motor_holes, static_cast<int>(j), left_N);
+    double off_N = 0, count = 0;
+    for (Eigen::Index i = 0; i < left_N.size(); ++i) {
+      // A slack tendon shows no zero.
+      if (!run.driven[static_cast<std::size_t>(i)] || !(stretch_N(i, j) > 0) || std::isnan(left_N[i]))
+        continue;
+      off_N += left_N[i];
+      count += 1;
+    }
+    if (count == 0) continue;
+    const auto& tendon = folded.actuation->tendons[static_cast<std::size_t>(j)];
+    const double off_rad = off_N / count / (tendon.tendon.stiffness_Npm * tendon.SpoolTravelPerMotorRad());
+    zero_rad[j] -= std::clamp(off_rad, -run.zero_open_rad[j], run.zero_open_rad[j]);
+  }
+  return replay.CellFromStretch(run.signals, shortening, zero_rad);
 }
 
 std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, const PreparedRun& run,

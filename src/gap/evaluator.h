@@ -92,6 +92,8 @@ class Evaluator {
   const Eigen::VectorXd& repetitions_by() const { return repetitions_by_; }
   /// Fitted to the nominal robot, where nobody knows it; what the runs hold is in the base's frame then.
   const std::optional<TrackerFrame>& frame() const { return frame_; }
+  /// The zero of every motor is found from its run: what moves it cannot be seen.
+  bool zeros_from_rest() const { return zeros_from_rest_; }
   /// Share of what was measured before a change that the model got wrong then, at the worst cut; 0 without
   /// runs from before.
   double wrong_before() const { return wrong_before_; }
@@ -143,6 +145,10 @@ class Evaluator {
                                            std::vector<Eigen::VectorXd>* scatter = nullptr) const;
   Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
                                      const sim::BodyMotion& motion) const;
+  /// The cells' readings from the tendons' stretch (S x M). Motors that count from where they rested do so
+  /// from the zero that this robot and `reading_N` (S x M; NaN: nothing) give them.
+  Eigen::MatrixXd FromStretch(const sim::Replay& replay, const RobotParameters& robot, const PreparedRun& run,
+                              const Eigen::MatrixXd& shortening, const Eigen::MatrixXd& reading_N) const;
   double TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const;
   void FindCuts(const DataSet& set);
   void TellWithoutMotors();
@@ -174,6 +180,7 @@ class Evaluator {
   std::vector<Channel> channels_;
   unsigned available_ = 0;
   bool repeated_ = false;
+  bool zeros_from_rest_ = false;
   bool clocks_free_ = false;  // the tracker's stamps are free to move with every robot that is tried
   double wrong_before_ = 0, repetitions_differ_ = 0;
   Eigen::VectorXd repetitions_by_;

@@ -8,9 +8,11 @@
 #include <fstream>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 #include "csv.h"
 #include "sources.h"
+#include "tendril/config/config.h"
 #include "tendril/io/log.h"
 
 namespace tendril::gap {
@@ -30,9 +32,30 @@ bool Measured(const CycleRecord& record) {
 }
 
 /// The counter wraps: its difference counts.
+std::int32_t Difference(std::int32_t now, std::int32_t before) {
+  return static_cast<std::int32_t>(static_cast<std::uint32_t>(now) - static_cast<std::uint32_t>(before));
+}
 std::int32_t CountsSince(const CycleRecord& zero, const CycleRecord& now, std::size_t drive) {
-  return static_cast<std::int32_t>(static_cast<std::uint32_t>(now.input.drive[drive].position_counts) -
-                                   static_cast<std::uint32_t>(zero.input.drive[drive].position_counts));
+  return Difference(now.input.drive[drive].position_counts, zero.input.drive[drive].position_counts);
+}
+
+/// Counts of each drive where the controller has its zero, by the displacement that it shows in a cycle. It
+/// keeps the zero of the first arming, and a log may begin later.
+std::vector<std::int32_t> ZeroCounts(const CycleRecord& cycle, const RobotParameters& controllers) {
+  std::vector<std::int32_t> zero;
+  constexpr double kMost = std::numeric_limits<std::int32_t>::max();
+  const TendonVector& displacement_m = cycle.output.displacement_m;
+  for (const auto& tendon : controllers.actuation->tendons) {
+    const std::size_t d = zero.size();
+    const auto row = static_cast<Eigen::Index>(d);
+    const double count_m =
+        2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn * tendon.SpoolTravelPerMotorRad();
+    const double moved = row < displacement_m.size() ? displacement_m[row] / count_m : 0;
+    const bool known = std::abs(moved) < kMost;
+    zero.push_back(Difference(cycle.input.drive[d].position_counts,
+                              known ? static_cast<std::int32_t>(std::lround(moved)) : 0));
+  }
+  return zero;
 }
 
 /// First cycle of the rest before `running`: tensioned already, no motor more than three counts from where it
@@ -79,10 +102,14 @@ bool Follows(const CycleRecord& before, const CycleRecord& now) {
 
 class LogRun {
  public:
-  /// Positions count from cycle `zero`.
-  LogRun(const std::vector<CycleRecord>& cycles, std::size_t zero, std::size_t last,
-         const RobotParameters& robot)
-      : cycles_(cycles), zero_(zero), first_(BeginOfRest(cycles, zero)), last_(last), robot_(robot) {}
+  /// Of the cycles from `running` to `last`, and the rest before them; `controllers`: the robot that the log
+  /// was made with.
+  LogRun(const std::vector<CycleRecord>& cycles, std::size_t running, std::size_t last,
+         const RobotParameters& robot, const RobotParameters& controllers)
+      : cycles_(cycles), first_(BeginOfRest(cycles, running)), last_(last), robot_(robot) {
+    // The first cycle still shows the zero before.
+    zero_counts_ = ZeroCounts(cycles[std::min(running + 1, last - 1)], controllers);
+  }
 
   /// A run of less than two rows when the log is damaged.
   Run Make() {
@@ -100,7 +127,7 @@ class LogRun {
     for (Eigen::Index i = 0; i < rows; ++i) {
       const std::size_t at = kept[static_cast<std::size_t>(i)];
       run_.time_s[i] = ToSeconds(cycles_[at].input.time_ns - start_ns);
-      for (int j = 0; j < static_cast<int>(tendons); ++j) FillDrive(i, at, j, cycles_[zero_]);
+      for (int j = 0; j < static_cast<int>(tendons); ++j) FillDrive(i, at, j);
     }
     FillTracker(kept);
     NoteLost(kept);
@@ -123,7 +150,7 @@ class LogRun {
     return kept;
   }
 
-  void FillDrive(Eigen::Index row, std::size_t at, int j, const CycleRecord& zero) {
+  void FillDrive(Eigen::Index row, std::size_t at, int j) {
     const auto& tendon = robot_.actuation->tendons[static_cast<std::size_t>(j)];
     const auto d = static_cast<std::size_t>(j);
     const DriveFeedback& drive = cycles_[at].input.drive[d];
@@ -131,8 +158,7 @@ class LogRun {
     run_.torque_target_Nm(row, j) = cycles_[at].output.torque_target_permille[d] * rated_Nm;
     const bool fresh = drive.age_cycles == 0;
     if (!fresh) ++stale_;
-    // Zero is where the controller puts it, at the end of pretension.
-    const std::int32_t counts = CountsSince(zero, cycles_[at], d);
+    const std::int32_t counts = Difference(drive.position_counts, zero_counts_[d]);
     run_.motor_position_rad(row, j) =
         fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn : kNone;
     run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNone;
@@ -189,15 +215,30 @@ class LogRun {
   }
 
   const std::vector<CycleRecord>& cycles_;
-  std::size_t zero_, first_, last_;
+  std::size_t first_, last_;
   const RobotParameters& robot_;
+  std::vector<std::int32_t> zero_counts_;
   int stale_ = 0;
   Run run_;
 };
 
+/// The robot that the controller believed in; none where the log does not say, or not in words of today.
+std::optional<RobotParameters> ControllersRobot(const io::RunInfo& run, int tendons) {
+  if (run.robot_yaml.empty()) return std::nullopt;
+  try {
+    RobotParameters robot = config::ParseRobot(run.robot_yaml, "robot of the log");
+    if (robot.actuation && std::ssize(robot.actuation->tendons) == tendons) return robot;
+  } catch (const std::exception&) {
+    // Counts then mean what they mean to the robot named.
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
+// One whose first bytes are damaged is a log by its name.
 bool IsLcmLog(const std::filesystem::path& file) {
+  if (file.extension() == ".lcmlog") return true;
   std::ifstream in(file, std::ios::binary);
   std::array<char, 4> sync{};
   in.read(sync.data(), sync.size());
@@ -222,7 +263,7 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotOfSet&
   of_set.Check(log.run.robot_yaml, name, notes);
   if (log.cycles.empty()) {
     throw std::runtime_error(name + ": no cycle in this log" +
-                             (log.damage.empty() ? "" : " (" + log.damage + ")") +
+                             (log.damage.empty() ? "" : " (damaged: " + log.damage + ")") +
                              "; accepted: a log with the channel ..._CYCLE; set lcm.cycle_every_cycles to 1");
   }
   const int tendons = static_cast<int>(robot.actuation->tendons.size());
@@ -233,6 +274,7 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotOfSet&
                     name, drives, robot.name, tendons));
   }
   const std::string sha256 = Sha256(ReadBytes(file));
+  const std::optional<RobotParameters> controllers = ControllersRobot(log.run, tendons);
   std::vector<Run> runs;
   for (std::size_t first = 0; first < log.cycles.size();) {
     if (!Measured(log.cycles[first])) {
@@ -241,7 +283,8 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotOfSet&
     }
     std::size_t last = first;
     while (last < log.cycles.size() && Measured(log.cycles[last])) ++last;
-    if (Run run = LogRun(log.cycles, first, last, robot).Make(); run.time_s.size() >= 2) {
+    if (Run run = LogRun(log.cycles, first, last, robot, controllers ? *controllers : robot).Make();
+        run.time_s.size() >= 2) {
       run.name = RunName(file);
       // A log is called run.lcmlog; what it was is what its folder is called.
       if (run.name == "run" && std::filesystem::absolute(file).parent_path().has_filename()) {
@@ -250,7 +293,8 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotOfSet&
       run.family = "unknown";
       run.sha256 = sha256;
       run.load_cell = CellPlace(robot);
-      if (!log.damage.empty()) run.warnings.push_back("the log is damaged and ends early: " + log.damage);
+      run.zero_at_rest = true;
+      if (!log.damage.empty()) run.warnings.push_back("the log is damaged: " + log.damage);
       runs.push_back(std::move(run));
     }
     first = last;

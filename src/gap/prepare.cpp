@@ -104,13 +104,14 @@ void CountThroughHoles(Eigen::Ref<Eigen::VectorXd> angle, const std::vector<char
 
 /// Angle inside the counts: through the cell's border where the count changes by one, through the reading
 /// itself where the motor is faster than that. Where it rests or turns round within a cell nobody knows how
-/// far it went in: half way, or with `random` anywhere.
-Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, double step_s,
+/// far it went in: half way, or with `random` anywhere. It begins at the middle of its cell when `in_middle`.
+Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, double step_s, bool in_middle,
                              std::mt19937_64* random) {
   const int n = static_cast<int>(reading.size());
   Interpolator path;
   std::uniform_real_distribution<double> anywhere(0, 1);
-  path.Add(0, reading[0]);
+  const double begin = in_middle || random == nullptr ? 0 : (anywhere(*random) - 0.5) * count;
+  path.Add(0, reading[0] + begin);
   int dwell = 0;         // first sample of the present count
   double entered = NAN;  // border by which its cell was entered; NaN: jumped in, or there from the beginning
   for (int i = 1; i <= n; ++i) {
@@ -124,7 +125,7 @@ Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, doubl
     const bool turns = !std::isnan(entered) && (end || std::abs(left - entered) < 0.5 * count);
     // Before it rests a motor may swing back within the cell, unseen, and turn its friction round.
     double deepest = middle;
-    double rest = middle + (random != nullptr && dwell > 0 ? (anywhere(*random) - 0.5) * count : 0);
+    double rest = middle + (dwell == 0 ? begin : random != nullptr ? (anywhere(*random) - 0.5) * count : 0);
     if (!std::isnan(entered)) {
       const double inwards = entered < middle ? count : -count;
       deepest = entered + inwards * (random != nullptr ? anywhere(*random) : 0.5);
@@ -242,6 +243,47 @@ void MarkMoved(int tendon, int from, int to, PreparedRun& out) {
   out.moved_unseen.push_back({tendon, from, to});
   std::fill(out.driven.begin() + from, out.driven.begin() + std::min(samples, to + after(kBodySettles_s)),
             char{0});
+}
+
+/// Of motors that count from where they rested: where that was, as far as cells and counts (S x M) tell.
+void FindRest(const RobotParameters& robot, const Eigen::MatrixXd& reading, PreparedRun& out) {
+  constexpr double kRest_s = 0.5;     // runs begin with this
+  constexpr double kStillCounts = 3;  // that a tendon creeps while friction settles
+  constexpr double kSigmas = 3;
+  const auto tendons = reading.cols();
+  const auto count_of = [&](Eigen::Index j) {
+    const int counts = robot.actuation->tendons[static_cast<std::size_t>(j)].drive.encoder_counts_per_turn;
+    return counts > 0 ? 2 * std::numbers::pi / counts : 0;
+  };
+  const auto still = [&](int i) {
+    for (Eigen::Index j = 0; j < tendons; ++j) {
+      if (!(std::abs(reading(i, j) - reading(0, j)) <= kStillCounts * count_of(j))) return false;
+    }
+    return true;
+  };
+  const int longest =
+      out.signals.at_rest ? 1 : std::min(out.samples(), 1 + static_cast<int>(kRest_s / out.signals.step_s));
+  out.rest_samples = 1;
+  while (out.rest_samples < longest && still(out.rest_samples)) ++out.rest_samples;
+  out.rest_N.setConstant(tendons, std::nan(""));
+  out.zero_open_rad.setZero(tendons);
+  for (Eigen::Index j = 0; j < tendons; ++j) {
+    const auto& p = robot.actuation->tendons[static_cast<std::size_t>(j)];
+    const double N_per_rad = p.tendon.stiffness_Npm * p.SpoolTravelPerMotorRad();
+    double sum_N = 0, count = 0;
+    for (int i = 0; i < (j < out.cell_N.cols() ? out.rest_samples : 0); ++i) {
+      if (std::isfinite(out.cell_N(i, j))) sum_N += out.cell_N(i, j), count += 1;
+    }
+    out.zero_open_rad[j] = 0.5 * count_of(j);
+    if (count > 0) {
+      out.rest_N[j] = sum_N / count;
+      const double noise_N =
+          std::hypot(p.load_cell.noise_N, out.cell_step_N[static_cast<std::size_t>(j)] / std::sqrt(12.0));
+      out.zero_open_rad[j] += kSigmas * noise_N / std::sqrt(count) / N_per_rad;
+    } else {
+      out.zero_open_rad[j] += robot.limits.min_tension_N / N_per_rad;
+    }
+  }
 }
 
 /// Rows in which nothing was recorded are rows that are missing.
@@ -597,6 +639,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   } else {
     Eigen::MatrixXd reading = on_grid(run.motor_position_rad);
     known(run.motor_position_rad, reading, out.motor_holes);
+    if (run.zero_at_rest && robot.actuation) FindRest(robot, reading, out);
     for (const Hole& hole : out.motor_holes) {
       s.no_motor.resize(static_cast<std::size_t>(tendons), 0);
       if (hole.size() == samples) s.no_motor[static_cast<std::size_t>(hole.tendon)] = 1;
@@ -631,7 +674,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
             read[static_cast<std::size_t>(at[i])] = std::isfinite(run.motor_position_rad(i, j));
           CountThroughHoles(angle, read, count);
         }
-        angle = InsideCounts(angle, count, step_s, seed ? &random : nullptr);
+        angle = InsideCounts(angle, count, step_s, !run.zero_at_rest, seed ? &random : nullptr);
       }
       if (at_rest) {
         s.motor_angle_rad.col(j) = angle;

@@ -49,6 +49,12 @@ struct PreparedRun {
   /// and what needs them cannot be told.
   std::vector<Hole> target_holes, torque_holes, motor_holes;
   std::vector<char> driven;  // S: valid, and what moves tendons and body is known
+  /// Of a run whose motors count from where they rested (Run::zero_at_rest), else 0 and empty: the first
+  /// samples at rest, what the cells read there in the mean (M; NaN: nothing), and how far from the zero that
+  /// follows the true one may be (M): half a count, and what the cell's noise or, without it, the least
+  /// tension makes.
+  int rest_samples = 0;
+  Eigen::VectorXd rest_N, zero_open_rad;
   /// Holes of a motor, or of all that was recorded (tendon -1), in which it turned; the first moments of a
   /// run that begins on the way.
   std::vector<Hole> moved_unseen;

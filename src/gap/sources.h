@@ -18,7 +18,7 @@ namespace tendril::gap {
 /// A canonical CSV. Throws std::runtime_error, one line naming file, line and column.
 Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot);
 
-/// True for the first bytes of an LCM event log.
+/// True for the first bytes of an LCM event log, or the ending .lcmlog.
 bool IsLcmLog(const std::filesystem::path& file);
 /// An LCM log: one run a stretch between arming and disarming. Throws std::runtime_error when it holds none,
 /// OtherRobotError when it was recorded with another robot. `notes`: of the robot that it was recorded with.

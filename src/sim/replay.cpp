@@ -272,9 +272,11 @@ struct Replay::Impl {
     return Readings(FromTorque(s, robot_side ? &d : nullptr), TimesOf(s, s.motor_angle_rad.rows()));
   }
 
-  MatrixXd CellFromStretch(const ReplaySignals& s, const MatrixXd& shortening) const {
+  MatrixXd CellFromStretch(const ReplaySignals& s, const MatrixXd& shortening,
+                           const VectorXd& zero_rad) const {
     const double step = Step(s);
-    const Motors motors = MotorsOf(s);
+    Motors motors = MotorsOf(s);
+    if (zero_rad.size() > 0) motors.angle.rowwise() -= zero_rad.transpose();
     const Index samples = motors.angle.rows();
     const MatrixXd d = Needed(shortening, samples, "shortening");
     MatrixXd tension(samples, m);
@@ -294,6 +296,36 @@ struct Replay::Impl {
       }
     }
     return Readings(std::move(tension), time);
+  }
+
+  // A reading rises with the angle, in a straight line while the tendon is taut.
+  VectorXd ZeroAtRest(const ReplaySignals& s, const MatrixXd& shortening, Index rest,
+                      const VectorXd& reading) const {
+    constexpr double kFirst_rad = 0.1, kMost_rad = 1e5, kExact_rad = 1e-9;
+    const Motors motors = MotorsOf(s);
+    const Index samples = motors.angle.rows();
+    const MatrixXd d = Needed(shortening, samples, "shortening");
+    rest = std::clamp<Index>(rest, 1, samples);
+    VectorXd zero = VectorXd::Zero(m);
+    for (int j = 0; j < m; ++j) {
+      const double angle = motors.angle.col(j).head(rest).mean(), shortened = d.col(j).head(rest).mean();
+      const auto reads = [&](double zero_rad) {
+        const DrivetrainMotion motion{angle - zero_rad, 0, shortened, 0};
+        double tension = drive[At(j)].TensionFromStretch(0, motion);
+        if (s.load_cell == LoadCellPlace::kRobotSide) tension = drive[At(j)].BaseTension(0, motion, tension);
+        return Read(j, tension, 0);
+      };
+      double loose = kFirst_rad, tight = -kFirst_rad;  // angles taken off: one reads less, one more
+      while (reads(loose) > reading[j] && loose < kMost_rad) loose *= 2;
+      while (reads(tight) < reading[j] && tight > -kMost_rad) tight *= 2;
+      if (!(reads(loose) < reading[j] && reads(tight) > reading[j])) continue;
+      while (loose - tight > kExact_rad) {
+        const double middle = 0.5 * (loose + tight);
+        (reads(middle) > reading[j] ? tight : loose) = middle;
+      }
+      zero[j] = 0.5 * (loose + tight);
+    }
+    return zero;
   }
 
   MatrixXd Readings(MatrixXd tension, const VectorXd& time) const {
@@ -772,8 +804,13 @@ MatrixXd Replay::ActualTorque(const ReplaySignals& signals) const { return impl_
 MatrixXd Replay::CellFromTorque(const ReplaySignals& signals, const MatrixXd& shortening_m) const {
   return impl_->CellFromTorque(signals, shortening_m);
 }
-MatrixXd Replay::CellFromStretch(const ReplaySignals& signals, const MatrixXd& shortening_m) const {
-  return impl_->CellFromStretch(signals, shortening_m);
+MatrixXd Replay::CellFromStretch(const ReplaySignals& signals, const MatrixXd& shortening_m,
+                                 const VectorXd& zero_rad) const {
+  return impl_->CellFromStretch(signals, shortening_m, zero_rad);
+}
+VectorXd Replay::ZeroAtRest(const ReplaySignals& signals, const MatrixXd& shortening_m, int samples,
+                            const VectorXd& reading_N) const {
+  return impl_->ZeroAtRest(signals, shortening_m, samples, reading_N);
 }
 BodyMotion Replay::Body(const ReplaySignals& signals, DrivenBy driven_by, int stride) const {
   return impl_->Body(signals, driven_by, stride);

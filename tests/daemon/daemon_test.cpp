@@ -875,7 +875,7 @@ TEST_F(DaemonTest, AFaultLeavesTheCyclesBeforeIt) {
   CycleRecord last;
   const std::string damage = io::StreamLog(
       files[0].string(), [&](const io::RunInfo& r) { run = r; },
-      [&](const CycleRecord& r) {
+      [&](const CycleRecord& r, std::uint64_t) {
         cycles.push_back(r.input.cycle);
         last = r;
       },

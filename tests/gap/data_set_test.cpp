@@ -113,6 +113,7 @@ TEST_F(DataSetTest, WhatIsWrittenComesBackBitForBit) {
   set.runs.push_back(FullRun("again", 201));
   set.runs[1].repeat_of = "first";
   set.runs[1].load_cell = LoadCellPlace::kRobotSide;
+  set.runs[1].zero_at_rest = true;
   WriteDataSet(set, folder_);
   const DataSet back = LoadDataSet(folder_, "");
   EXPECT_EQ(config::ToYaml(back.robot), config::ToYaml(set.robot));
@@ -124,6 +125,7 @@ TEST_F(DataSetTest, WhatIsWrittenComesBackBitForBit) {
     EXPECT_EQ(a.family, b.family);
     EXPECT_EQ(a.repeat_of, b.repeat_of);
     EXPECT_EQ(a.load_cell, b.load_cell);
+    EXPECT_EQ(a.zero_at_rest, b.zero_at_rest);
     EXPECT_THAT(b.notes, IsEmpty());
     EXPECT_THAT(b.warnings, IsEmpty());
     EXPECT_TRUE(SameBits(a.time_s, b.time_s));
@@ -627,6 +629,31 @@ TEST_F(OtherRobotTest, IsNotedWhereTheUserSaysThatItIsTheSame) {
 }
 
 // A cell too many in one line, such as an unquoted decimal comma, shifts what stands behind it.
+// As `tendril demo` leaves it: subfolders with the runs, of one robot or of several.
+TEST_F(DataSetTest, AFolderOfFoldersStandsForThoseOfTheRobot) {
+  const std::string other = TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml";
+  const std::string table = "t_s,tension_N_1\n0,1\n0.001,3\n";
+  Write("circle/a.csv", table);
+  Write("planar/b.csv", table);
+  fs::create_directories(folder_ / "empty");
+  EXPECT_THAT(Load().runs, testing::SizeIs(2)) << "no folder says that it is of another robot";
+  fs::copy_file(kRobot, folder_ / "circle/robot.yaml");
+  fs::copy_file(other, folder_ / "planar/robot.yaml");
+  const DataSet set = Load();
+  ASSERT_THAT(set.runs, testing::SizeIs(1));
+  EXPECT_EQ(set.runs[0].name, "a");
+  EXPECT_THAT(set.notes,
+              Contains(HasSubstr("planar is of robot 'rig_90mm', not 'rig_60mm', and is left out")));
+  try {
+    LoadDataSet(folder_, TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml");
+    FAIL() << "neither is its";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(),
+                HasSubstr("circle is of robot 'rig_60mm', planar is of robot 'rig_90mm', the robot named "
+                          "is 'four_tendon_90mm'; give the robot file"));
+  }
+}
+
 TEST_F(DataSetTest, ADelimiterAtTheEndCountsOnlyWhereEveryLineHasOne) {
   EXPECT_THAT(Refusal("t_s,motor_position_rad_1\n0,1\n0.001,2,\n0.002,3\n"), HasSubstr("too many"));
   EXPECT_EQ(LoadTable("t_s,motor_position_rad_1\n0,1,\n0.001,2,\n0.002,3,\n").time_s.size(), 3);

@@ -162,7 +162,40 @@ TEST_F(LogTest, ALogCarriesItsRobotAndADamagedOneItsBeginning) {
   const gap::Run run = Load();
   EXPECT_LT(run.time_s.size(), whole);
   EXPECT_GT(run.time_s.size(), whole / 20);
-  EXPECT_THAT(run.warnings, Contains(HasSubstr("damaged and ends early")));
+  EXPECT_THAT(run.warnings, Contains(HasSubstr("the log is damaged: the event at byte ")));
+}
+
+TEST_F(LogTest, WhatLiesBehindDamageIsUsed) {
+  Record(log_.string(), true, true);
+  const gap::Run whole = Load();
+  std::ifstream in(log_, std::ios::binary);
+  std::string bytes((std::istreambuf_iterator<char>(in)), {});
+  in.close();
+  // The first event, of which the robot would be known, and a stretch while it moves.
+  bytes.replace(0, 100, 100, '\0');
+  bytes.erase(bytes.size() / 2, 20000);
+  std::ofstream(log_, std::ios::binary | std::ios::trunc) << bytes;
+  const gap::Run run = Load(kRobot);
+  EXPECT_LT(run.time_s.size(), whole.time_s.size());
+  EXPECT_GT(run.time_s.size(), whole.time_s.size() - 30);
+  EXPECT_EQ(run.time_s.tail(1)[0], whole.time_s.tail(1)[0]);
+  EXPECT_EQ(run.motor_position_rad.bottomRows(100), whole.motor_position_rad.bottomRows(100));
+  EXPECT_THAT(run.warnings, Contains(HasSubstr("is not followed by another; ")));
+  EXPECT_THAT(run.notes, Contains(HasSubstr("cycles are missing from the log")));
+}
+
+// A logger that was started while the robot moved: positions count from where the controller has its zero.
+TEST_F(LogTest, TheZeroIsTheControllersWhereverTheLogBegins) {
+  Record(log_.string(), true, true);
+  const gap::Run whole = Load();
+  std::ifstream in(log_, std::ios::binary);
+  std::string bytes((std::istreambuf_iterator<char>(in)), {});
+  in.close();
+  bytes.erase(0, bytes.find("\xED\xA1\xDA\x01", bytes.size() / 2));
+  std::ofstream(log_, std::ios::binary | std::ios::trunc) << bytes;
+  const gap::Run run = Load(kRobot);
+  EXPECT_GT(run.motor_position_rad.row(0).cwiseAbs().maxCoeff(), 0.1);
+  EXPECT_EQ(run.motor_position_rad.bottomRows(100), whole.motor_position_rad.bottomRows(100));
 }
 
 // Damage anywhere: what is read is in order, what cannot be read says so. Meant for sanitizers.

@@ -144,7 +144,7 @@ TEST_F(ServiceCommandTest, AReplayClaimsNoMoreThanItRead) {
   EXPECT_THAT(error_, HasSubstr("give one of tendrild --log or tendril demo, or a black box"));
   WriteText(folder_ / "empty.lcmlog", "");
   EXPECT_EQ(Run("replay empty.lcmlog"), 1);
-  EXPECT_THAT(error_, HasSubstr("no log that can be replayed (the file is empty)"));
+  EXPECT_THAT(error_, HasSubstr("no log that can be replayed (damaged: the file is empty)"));
 
   ASSERT_EQ(Run("demo --no-plots --trajectory planar --out ."), 0) << error_;
   ASSERT_EQ(Run("replay planar/run.lcmlog"), 0) << error_;
@@ -155,8 +155,38 @@ TEST_F(ServiceCommandTest, AReplayClaimsNoMoreThanItRead) {
   EXPECT_TRUE(OneLine());
   EXPECT_THAT(out_, testing::Not(HasSubstr("no bit differs")));
   EXPECT_THAT(error_,
-              testing::ContainsRegex("not whole: no bit differs in [0-9]+ cycles; event [0-9]+ at byte "
-                                     "[0-9]+ ends .*: nothing is known of the rest"));
+              testing::ContainsRegex("not whole: no bit differs in [0-9]+ cycles; damaged: the event at byte "
+                                     "[0-9]+ ends .*, to the end; [0-9]+ events over [0-9.]+ s are read"));
+}
+
+// Damage is named by its place and not taken for another controller.
+TEST_F(ServiceCommandTest, ReplayNamesDamage) {
+  ASSERT_EQ(Run("demo --no-plots --trajectory planar --out ."), 0) << error_;
+  const fs::path log = folder_ / "planar/run.lcmlog";
+  const std::string whole = ReadText(log);
+  const auto replay = [&](const std::string& bytes) {
+    WriteText(log, bytes);
+    EXPECT_EQ(Run("replay planar/run.lcmlog"), 1);
+    EXPECT_TRUE(OneLine());
+    EXPECT_THAT(error_, testing::Not(HasSubstr("does not give what was logged")));
+  };
+  const std::size_t middle = whole.size() / 2;
+  std::string bytes = whole;
+  replay(bytes.replace(middle, 5000, 5000, '\0'));
+  EXPECT_THAT(error_,
+              testing::ContainsRegex("no bit differs in [0-9]+ cycles; cycles are missing; the [0-9]+ after "
+                                     "them could not be checked; damaged: the event at byte [0-9]+ is not "
+                                     "followed by another; [0-9]+ bytes are left out, zeros from byte"));
+  bytes = whole;
+  replay(bytes.erase(middle, 5000));
+  EXPECT_THAT(error_, HasSubstr("is not followed by another"));
+  // Outputs of one cycle alone: its event is whole.
+  bytes = whole;
+  const std::size_t cycle = bytes.find("TENDRIL_CYCLE", middle);
+  replay(bytes.replace(cycle + 600, 16, 16, '\x55'));
+  EXPECT_THAT(error_,
+              testing::ContainsRegex("one cycle differs and the [0-9]+ after it are the same to the last "
+                                     "bit, as when its event, at byte [0-9]+, is damaged"));
 }
 
 }  // namespace

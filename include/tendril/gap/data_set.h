@@ -21,6 +21,9 @@ struct Run {
   /// what changed, and what the model gets wrong in both cancels.
   std::string before;
   LoadCellPlace load_cell = LoadCellPlace::kMotorSide;
+  /// Motor positions count from the pose in which the robot rested when its controller set them to zero, as
+  /// friction had left it, and that to whole counts; else from the straight robot at its least tension.
+  bool zero_at_rest = false;
   std::string sha256;      // of the file it came from, lower-case hex
   Eigen::VectorXd time_s;  // S, of the log's clock
   // A target is the one sent at its row's time, which acts a cycle later; everything else is the sensors'
@@ -52,7 +55,8 @@ enum class OtherRobot { kRefused, kNoted };
 /// none, or its runs are refused as another robot's.
 DataSet LoadDataSet(const std::filesystem::path& folder, const std::string& robot_path,
                     OtherRobot other_robot = OtherRobot::kRefused);
-/// Folders, CSV files and LCM logs in any mixture, as one set; what is named twice is std::runtime_error.
+/// Folders, CSV files and LCM logs in any mixture, as one set; what is named twice is std::runtime_error. A
+/// folder without runs stands for its subfolders of the robot at `robot_path`; runs of another are noted.
 DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path,
                  OtherRobot other_robot = OtherRobot::kRefused);
 

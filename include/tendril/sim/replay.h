@@ -78,8 +78,16 @@ class Replay {
   /// are part of it and `shortening_m` is needed.
   Eigen::MatrixXd CellFromTorque(const ReplaySignals& signals, const Eigen::MatrixXd& shortening_m) const;
 
-  /// C3: load cell reading from motor angle and shortening.
-  Eigen::MatrixXd CellFromStretch(const ReplaySignals& signals, const Eigen::MatrixXd& shortening_m) const;
+  /// C3: load cell reading from motor angle and shortening. `zero_rad` (M, or empty for zeros) is taken off
+  /// the motor angles first.
+  Eigen::MatrixXd CellFromStretch(const ReplaySignals& signals, const Eigen::MatrixXd& shortening_m,
+                                  const Eigen::VectorXd& zero_rad = {}) const;
+
+  /// Motor angles (M) of the pose from which every simulation starts, for a log whose angles count from
+  /// another one: with them taken off, the tendons' stretch gives `reading_N` (M) in the mean of the first
+  /// `samples`, over which the robot rests. 0 for a tendon without a reading (NaN) or below its cell's zero.
+  Eigen::VectorXd ZeroAtRest(const ReplaySignals& signals, const Eigen::MatrixXd& shortening_m, int samples,
+                             const Eigen::VectorXd& reading_N) const;
 
   enum class DrivenBy {
     kCell,    // C4, C5: tensions as read by the load cells
