@@ -15,6 +15,7 @@
 #include "median.h"
 #include "parallel.h"
 #include "rotation.h"
+#include "same_commands.h"
 
 namespace tendril::gap {
 namespace {
@@ -31,34 +32,8 @@ constexpr double kResolutionWindow_s = 0.25;
 constexpr double kReturnShare = 0.01;
 constexpr int kLeastReturns = 20;
 constexpr int kLeastWindows = 20;  // of two repetitions, to know how a channel repeats
-// What was asked of motors differs by more, in rms of its range, where it was another motion.
-constexpr double kOtherCommands = 0.25;
 // Repetitions that differ by more, in times of the sensors' noise, may well be of another robot.
 constexpr double kOtherRobot = 5;
-
-/// rms by which what was asked of two runs' motors differs, of its range: torques, or without them how the
-/// motors moved; another zero is no other motion. 0 where hardly anything was.
-double AskedOtherwise(const PreparedRun& run, const PreparedRun& before) {
-  constexpr double kStill_rad = 0.05;
-  const auto target = &sim::ReplaySignals::torque_target_Nm;
-  const bool torques = (run.signals.*target).size() > 0 && (before.signals.*target).size() > 0;
-  // Without motors, how the tendons were pulled.
-  const bool motors = !run.without_motors() && !before.without_motors();
-  const auto asked = torques  ? target
-                     : motors ? &sim::ReplaySignals::motor_angle_rad
-                              : &sim::ReplaySignals::tension_N;
-  const Eigen::MatrixXd &is = run.signals.*asked, &was = before.signals.*asked;
-  const Eigen::Index rows = std::min(is.rows(), was.rows());
-  if (rows == 0 || is.cols() != was.cols()) return 0;
-  double square = 0, range = 0;
-  for (Eigen::Index j = 0; j < is.cols(); ++j) {
-    const Eigen::VectorXd off = is.col(j).head(rows) - was.col(j).head(rows);
-    square = std::max(square, (off.array() - off.mean()).square().mean());
-    for (const auto* one : {&is, &was})
-      range = std::max(range, one->col(j).maxCoeff() - one->col(j).minCoeff());
-  }
-  return range > (torques || !motors ? 0 : kStill_rad) ? std::sqrt(square) / range : 0;
-}
 
 /// rms of white noise on a smooth signal, from third differences (robust against the motion itself).
 double WhiteNoise(const Eigen::Ref<const Eigen::VectorXd>& signal) {
@@ -336,6 +311,7 @@ void Evaluator::TakeDifferences() {
   std::vector<char> is_before(runs_.size(), 0);
   std::map<std::pair<sim::Cut, Quantity>, std::pair<double, double>> wrong;  // squares: left before, measured
   int compared = 0;
+  CommandsCompared least_alike;
   for (const auto& run : runs_) {
     if (run.before.empty()) continue;
     if (by_name.contains(run.before)) is_before[by_name[run.before]] = 1;
@@ -359,12 +335,15 @@ void Evaluator::TakeDifferences() {
                          "same commands, recorded alike",
                          runs_[i].name, step, its));
     }
-    if (const double other = AskedOtherwise(runs_[i], runs_[k]); other > kOtherCommands) {
-      throw RunError(i,
-                     fmt::format("{}: its motors were told otherwise than before (by {:.0f} % of the range, "
-                                 "rms); accepted: runs of the same commands",
-                                 runs_[i].name, 100 * other));
+    const CommandsCompared commands = CompareCommands(runs_[i], runs_[k]);
+    if (!commands.same()) {
+      throw RunError(i, fmt::format("{}: not of the same commands as before: {}; accepted: up to {:.0f} % of "
+                                    "what unrelated motions differ by, in one of them; send the same commands, "
+                                    "or diagnose it without --before",
+                                    runs_[i].name, commands.Text(true), 100 * CommandsCompared::kSame));
     }
+    if (!commands.by.empty() && (least_alike.by.empty() || commands.by[0].share > least_alike.by[0].share))
+      least_alike = commands;
     before_[i].resize(channels_.size());
     for (std::size_t c = 0; c < channels_.size(); ++c) {
       auto &r = nominal_residuals_[i][c], &v = variance_[i][c];
@@ -436,10 +415,11 @@ void Evaluator::TakeDifferences() {
   keep(white_);
   keep(before_);
   degradations_.push_back(
-      fmt::format("compared with runs of the same commands from before: the diagnosis is of what changed "
-                  "since; what the model "
-                  "got wrong then (up to {:.0f} % of what was measured) is taken off, and it is trusted no "
-                  "better about the change",
+      fmt::format("compared with runs of the same commands from before ({}): the diagnosis is of what changed "
+                  "since; what the model got wrong then (up to {:.0f} % of what was measured) is taken off, "
+                  "and it is trusted no better about the change",
+                  least_alike.by.empty() ? "by their names alone: nothing that both recorded moves"
+                                         : least_alike.Text(false) + " at most",
                   100 * wrong_before_));
 }
 

@@ -287,9 +287,47 @@ TEST(Diagnose, ARunFromBeforeOfOtherCommandsIsNotComparedWith) {
   CompareWithBefore(now, earlier);
   const Diagnosis d = Diagnose(now, Only({"tendon_stiffness"}));
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
-  EXPECT_THAT(
-      d.degradations,
-      testing::Contains(testing::HasSubstr("left out: circle: its motors were told otherwise than before")));
+  EXPECT_THAT(d.degradations,
+              testing::Contains(testing::HasSubstr(
+                  "left out: circle: not of the same commands as before: torque targets differ by ")));
+}
+
+// Where no targets were recorded, what was tells of the commands: another place is another motion, though it
+// goes alike there; another zero of the encoders alone is none, as the other signals say.
+TEST(Diagnose, WithoutTargetsWhatWasRecordedTellsOfTheCommands) {
+  DataSet earlier = Recorded("", 4);
+  const DataSet now = Recorded(std::vector<std::string>{}, 4, 41);
+  const auto compared = [&](double motors_rad, double cells_N, double tip_m) {
+    DataSet set = now, before = earlier;
+    before.runs[0].motor_position_rad.array() += motors_rad;
+    before.runs[0].tension_N.array() += cells_N;
+    before.runs[0].tip_m.array() += tip_m;
+    for (DataSet* one : {&set, &before}) {
+      for (gap::Run& run : one->runs) {
+        run.torque_target_Nm.resize(0, 0);
+        run.torque_actual_Nm.resize(0, 0);
+      }
+    }
+    CompareWithBefore(set, before);
+    return Diagnose(set, Only({"tendon_stiffness", "tip_payload"})).degradations;
+  };
+  EXPECT_THAT(compared(40, 12, 0.1),
+              testing::Contains(testing::ContainsRegex("left out: circle: not of the same commands as before: "
+                                                       ".*motor positions by 40 rad rms.*tensions by")));
+  const std::vector<std::string> same = compared(0, 0, 0);
+  EXPECT_THAT(same, testing::Not(testing::Contains(testing::HasSubstr("left out: "))));
+  EXPECT_THAT(same, testing::Contains(testing::ContainsRegex("same commands from before \\(.* differ by")));
+  EXPECT_THAT(compared(40, 0, 0), testing::Not(testing::Contains(testing::HasSubstr("same commands as bef"))));
+}
+
+// Columns that only one of the runs has are no targets of zero.
+TEST(Diagnose, TargetsThatTheRunFromBeforeLacksAreNotCompared) {
+  DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
+  earlier.runs[0].torque_target_Nm.resize(0, 0);
+  CompareWithBefore(now, earlier);
+  const Diagnosis d = Diagnose(now, Only({"tendon_stiffness"}));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_THAT(d.degradations, testing::Not(testing::Contains(testing::HasSubstr("left out: "))));
 }
 
 // Where both have an encoder that is dead, their difference says nothing of it.
