@@ -225,7 +225,7 @@ class Importer {
     const auto first = std::find_if(ns.begin(), ns.end(), [](const auto& t) { return t.has_value(); });
     std::vector<double> time(ns.size(), kNone);
     for (std::size_t i = 0; i < ns.size(); ++i) {
-      if (ns[i]) time[i] = 1e-9 * static_cast<double>(*ns[i] - **first);
+      if (ns[i]) time[i] = static_cast<double>(*ns[i] - **first) / 1e9;
     }
     return time;
   }

@@ -3,7 +3,7 @@
 #include "time_text.h"
 
 #include <algorithm>
-#include <chrono>
+#include <array>
 #include <cstdlib>
 
 namespace tendril::gap {
@@ -13,6 +13,17 @@ constexpr std::int64_t kSecond_ns = 1'000'000'000, kMinute_ns = 60 * kSecond_ns,
                        kDay_ns = 24 * kHour_ns;
 
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
+
+/// Of the Gregorian calendar; nothing for a day that is not in it.
+std::optional<std::int64_t> DaysSince1970(std::int64_t year, std::int64_t month, std::int64_t day) {
+  static constexpr std::array<int, 13> kBefore{0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334, 365};
+  if (month < 1 || month > 12 || day < 1) return {};
+  const auto m = static_cast<std::size_t>(month - 1);
+  const bool leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+  if (day > kBefore[m + 1] - kBefore[m] + (leap && month == 2)) return {};
+  const auto years_end = [](std::int64_t y) { return 365 * y + y / 4 - y / 100 + y / 400; };  // since year 1
+  return years_end(year - 1) - years_end(1969) + kBefore[m] + (leap && month > 2) + day - 1;
+}
 
 /// Takes fields off the front of a text; `ok` becomes false with the first that is not there.
 struct Fields {
@@ -54,16 +65,14 @@ struct Fields {
 
 std::optional<Moment> ParseIso8601(std::string_view text) {
   Fields f{text};
-  const auto year = static_cast<int>(f.Digits(4, 4, 9999));
+  const std::int64_t year = f.Digits(4, 4, 9999);
   f.Expect('-');
-  const auto month = static_cast<unsigned>(f.Digits(2, 2, 12));
+  const std::int64_t month = f.Digits(2, 2, 12);
   f.Expect('-');
-  const auto day = static_cast<unsigned>(f.Digits(2, 2, 31));
-  const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(month),
-                                         std::chrono::day(day)};
-  if (!f.ok || !date.ok() || !(f.Skip('T') || f.Skip('t') || f.Skip(' '))) return {};
-  const std::chrono::sys_days days(date);
-  Moment moment{days.time_since_epoch().count() * kDay_ns, false};
+  const std::int64_t day = f.Digits(2, 2, 31);
+  const auto days = f.ok ? DaysSince1970(year, month, day) : std::nullopt;
+  if (!days || !(f.Skip('T') || f.Skip('t') || f.Skip(' '))) return {};
+  Moment moment{*days * kDay_ns, false};
   moment.ns += f.Digits(2, 2, 23) * kHour_ns;
   f.Expect(':');
   moment.ns += f.Digits(2, 2, 59) * kMinute_ns;

@@ -147,6 +147,11 @@ TEST_F(TableFormsTest, TimesMayBeDates) {
   // Clocks are put forward between the first row and the second; the offsets say so.
   ExpectRows(map, table("2024-03-31T01:59:59.990+01:00", "2024-03-31T03:00:00+02:00",
                         "2024-03-31T03:00:00.01+0200"));
+  // Leap days are days; 1900 had none, 2000 had one.
+  EXPECT_EQ(Import(map, table("2000-02-28 00:00", "2000-03-01 00:00", "2001-03-01 00:00")).time_s,
+            86400 * Eigen::Vector3d(0, 2, 367));
+  EXPECT_EQ(Import(map, table("1900-02-28 00:00", "1900-03-01 00:00", "1970-01-01 00:00")).time_s,
+            86400 * Eigen::Vector3d(0, 1, 25509));
   ExpectRows(map, table("2024-02-29T12:00:00-05", "2024-02-29T17:00:00.01Z", "2024-02-29T12:00:00.02-05"));
   ExpectRows(map, table("\"2024-05-01 12:00:00,000\"", "\"2024-05-01 12:00:00,010\"",
                         "\"2024-05-01 "
