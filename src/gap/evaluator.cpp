@@ -527,14 +527,14 @@ void Evaluator::FindFrame() {
   frame_ = frame;
   for (PreparedRun& run : runs_) frame.ToBase(run);
   const Eigen::Vector3d turn = RotationVector(frame.turn);
-  degradations_.push_back(
-      fmt::format("the tracker's frame is not known: fitted to the nominal robot (rotation vector {:.4f}, "
-                  "{:.4f}, {:.4f} rad, "
-                  "offset {:.2f}, {:.2f}, {:.2f} mm) and free within 0.3 rad and 60 mm beside every cause; "
-                  "what a wrong frame "
-                  "looks like (a tilt without weight, an offset) cannot be told",
-                  turn.x(), turn.y(), turn.z(), 1e3 * frame.offset_m.x(), 1e3 * frame.offset_m.y(),
-                  1e3 * frame.offset_m.z()));
+  degradations_.push_back(fmt::format(
+      "the tracker's frame is not known: fitted to the nominal robot (rotation vector {:.4f}, "
+      "{:.4f}, {:.4f} rad, "
+      "offset {:.2f}, {:.2f}, {:.2f} mm) and free within {:.2g} rad and {:.3g} mm beside every cause; "
+      "what a wrong frame "
+      "looks like (a tilt without weight, an offset) cannot be told",
+      turn.x(), turn.y(), turn.z(), 1e3 * frame.offset_m.x(), 1e3 * frame.offset_m.y(),
+      1e3 * frame.offset_m.z(), 3 * TrackerFrame::kTurn_rad, 3e3 * TrackerFrame::Shift_m(nominal_)));
 }
 
 double Evaluator::window_s(int run, int channel) const {

@@ -51,6 +51,11 @@ struct TrackerFrame {
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
   Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();
 
+  /// Standard deviations of its error where it is fitted to the nominal robot: a shift is a part of the
+  /// length.
+  static constexpr double kTurn_rad = 0.1;
+  static double Shift_m(const RobotParameters& robot) { return 2.0 / 9 * robot.body.length_m(); }
+
   /// The tracker's readings of a run into the base's frame.
   void ToBase(PreparedRun& run) const;
 };

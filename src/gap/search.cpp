@@ -17,8 +17,6 @@ namespace {
 // Plainly visible deviations: constants nobody knows move freely by little, and by no more than three of
 // these.
 constexpr double kNuisancePrior = 0.05;
-// The same of a tracker's frame that nobody knows, about the one fitted to the nominal robot.
-constexpr double kFrameTurn_rad = 0.1, kFrameShift_m = 0.02;
 constexpr int kIterations = 3, kPolish = 6, kPolished = 3;
 // Share of what a fit brings that a straight line may lose on the folds held out; where it loses more, so
 // many of the best are refitted without each fold, by so many steps.
@@ -89,7 +87,7 @@ void Searching::FindNuisances() {
       result_.nuisances.columns.push_back(probe.columns[k]);
       result_.nuisances.prior.conservativeResize(static_cast<int>(result_.nuisances.columns.size()));
       result_.nuisances.prior[static_cast<int>(result_.nuisances.columns.size()) - 1] =
-          frame ? (turn ? kFrameTurn_rad : kFrameShift_m)
+          frame ? (turn ? TrackerFrame::kTurn_rad : TrackerFrame::Shift_m(evaluator_.nominal()))
                 : kNuisancePrior * ScaleOf(c.parameters[probe.primary[k]]);
     }
   }

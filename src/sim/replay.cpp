@@ -342,7 +342,7 @@ struct Replay::Impl {
   std::unique_ptr<TensionSource> Source(const ReplaySignals& s, DrivenBy driven_by) const;
   /// Of one kind for all tendons.
   std::unique_ptr<TensionSource> SourceOfAll(const ReplaySignals& s, DrivenBy driven_by) const;
-  static bool BeginsInMotion(const ReplaySignals& s);
+  bool BeginsInMotion(const ReplaySignals& s) const;
   MatrixXd Shortening(const ReplaySignals& s, const MatrixXd& q) const;
   /// `late`: the tracker's delay in samples.
   void Track(const MatrixXd& q, double late, int stride, BodyMotion& motion) const;
@@ -665,7 +665,8 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
   const Index samples = driven_by == DrivenBy::kCell ? s.tension_N.rows() : s.motor_angle_rad.rows();
   const int parts = std::max(1, static_cast<int>(std::ceil(step / kLongestStep_s)));
 
-  BodyStepper stepper(body, laws.body);
+  constexpr double kNear = 1.0 / 16;  // of a tension's range
+  BodyStepper stepper(body, laws.body, kNear * robot.limits.max_tension_base_N);
   MatrixXd q(n, samples), tension(m, samples);
   const VectorXd time = TimesOf(s, samples);
   if (!(!s.at_rest && BeginsInMotion(s) ? stepper.LetGo(*source, 0) : stepper.Settle(*source, 0))) {
@@ -703,9 +704,12 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
 
 // Every simulation begins straight; where that is no equilibrium (tilted, bent by itself, loaded aside) the
 // robot falls into it at once, and motors and cells show it. A log that begins later begins at rest.
-bool Replay::Impl::BeginsInMotion(const ReplaySignals& s) {
+bool Replay::Impl::BeginsInMotion(const ReplaySignals& s) const {
+  // Angles and tension are those of the reference rig: parts of a motor's travel and of the largest tension.
   constexpr double kLook_s = 0.3, kMean_s = 0.004, kAngle_rad = 0.02, kTurned_rad = 0.2, kTension_N = 0.04,
                    kNoise = 6;
+  const double travel = OverReference(Yardstick::kMotorTravel, robot).bound;
+  const double pull = OverReference(Yardstick::kTension, robot).bound;
   const auto moves = [&](const MatrixXd& signal, double least) {
     const auto mean = std::max<Index>(1, std::lround(kMean_s / s.step_s));
     const Index windows = std::min(signal.rows(), static_cast<Index>(kLook_s / s.step_s)) / mean;
@@ -721,9 +725,9 @@ bool Replay::Impl::BeginsInMotion(const ReplaySignals& s) {
     return false;
   };
   // A log that begins on the way is none of these: its motors have turned already.
-  if (s.motor_angle_rad.size() > 0 && s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad)
+  if (s.motor_angle_rad.size() > 0 && s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad * travel)
     return false;
-  return moves(s.motor_angle_rad, kAngle_rad) || moves(s.tension_N, kTension_N);
+  return moves(s.motor_angle_rad, kAngle_rad * travel) || moves(s.tension_N, kTension_N * pull);
 }
 
 // Where bending is measured, the shape is turned by the difference, spread evenly over the section's units;

@@ -304,7 +304,9 @@ TEST_F(ApplyCommandTest, ExplainKnowsThePlacesOfARobot) {
           << e["effect"];
     }
   }
-  EXPECT_EQ(Run("gap explain backlash --robot rig.yaml"), 2);
+  ASSERT_EQ(Run("gap explain backlash --robot rig.yaml"), 0) << error_;
+  EXPECT_THAT(out_, HasSubstr("On rig_90mm; in proportion to"));
+  EXPECT_EQ(Run("gap explain --robot rig.yaml"), 2);
   EXPECT_EQ(Run("gap explain --json --robot gone.yaml"), 1);
   EXPECT_EQ(Run("gap explain gremlins"), 2);
   EXPECT_EQ(Run("gap explain BACKLASH"), 0) << "as people write it";

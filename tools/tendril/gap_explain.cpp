@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -47,6 +48,14 @@ std::vector<std::string> Places(const Effect& e, const RobotParameters& robot) {
   return places;
 }
 
+/// On all of it, or where it is on one, on the first; without a robot, those of the reference rig.
+std::vector<sim::EffectParameter> ParametersOn(const Effect& e, const RobotParameters* robot) {
+  if (robot == nullptr) return e.parameters;
+  auto parameters = sim::ParametersOf(e, e.on_all ? sim::Target{} : sim::Target{0}, *robot);
+  parameters.resize(e.parameters.size());
+  return parameters;
+}
+
 std::string WhereTexts(const Effect& e) {
   if (e.scope == sim::Scope::kRobot) return "all";
   const std::string one = fmt::format("{}:NUMBER", kScopes[static_cast<int>(e.scope)]);
@@ -55,13 +64,14 @@ std::string WhereTexts(const Effect& e) {
 
 Json ToJson(const Effect& e, const RobotParameters* robot) {
   Json parameters = Json::array();
-  for (const sim::EffectParameter& p : e.parameters) {
+  for (const sim::EffectParameter& p : ParametersOn(e, robot)) {
     parameters.push_back({{"name", p.name},
                           {"unit", UnitOf(p)},
                           {"nominal", p.nominal},
                           {"lower", p.lower},
                           {"upper", p.upper},
                           {"typical", p.typical},
+                          {"in_proportion_to", sim::TextOf(p.of)},
                           {"shape", p.shape},
                           {"each", p.each}});
   }
@@ -108,7 +118,24 @@ void PrintTable() {
   fmt::print("\ntendril gap explain EFFECT tells more of one.\n");
 }
 
-void PrintOne(const Effect& e) {
+/// What the numbers above are in proportion to, once each.
+void PrintYardsticks(const std::vector<sim::EffectParameter>& parameters, const RobotParameters* robot) {
+  std::string named;
+  std::set<sim::Yardstick> seen{sim::Yardstick::kNone};
+  for (const sim::EffectParameter& p : parameters) {
+    if (seen.insert(p.of).second) named += fmt::format("{}{}", named.empty() ? "" : "; ", sim::TextOf(p.of));
+  }
+  if (named.empty()) return;
+  fmt::print("\n{}",
+             gap::Wrapped(robot ? fmt::format("On {}; in proportion to: {}.", robot->name, named)
+                                : fmt::format("On the rig of 90 mm; of another robot (--robot FILE) in "
+                                              "proportion to: {}.",
+                                              named),
+                          2));
+}
+
+void PrintOne(const Effect& e, const RobotParameters* robot) {
+  const auto parameters = ParametersOn(e, robot);
   const gap::CutText& cut = gap::TextOf(e.cut);
   fmt::print("{}: {}\n\n", e.name, e.summary);
   fmt::print("  part of        {}\n", kStages[static_cast<int>(e.stage)]);
@@ -122,7 +149,7 @@ void PrintOne(const Effect& e) {
   if (e.nuisance)
     fmt::print("  nuisance       nobody can know it beforehand: not accused while it is immaterial\n");
   fmt::print("\n  parameter         nominal        from          to  plainly visible\n");
-  for (const sim::EffectParameter& p : e.parameters) {
+  for (const sim::EffectParameter& p : parameters) {
     fmt::print("  {:<14} {:>10.4g} {:>11.4g} {:>11.4g}  {:.3g}{}{}\n", p.name, p.nominal, p.lower, p.upper,
                p.typical, UnitOf(p).empty() ? "" : " " + UnitOf(p), p.shape ? "  (shape of the law)" : "");
     if (!p.each.empty()) {
@@ -130,6 +157,7 @@ void PrintOne(const Effect& e) {
                  fmt::format(fmt::runtime(p.each), 2) + ", ...", kScopes[static_cast<int>(e.scope)]);
     }
   }
+  PrintYardsticks(parameters, robot);
   const auto paragraph = [](const char* title, std::string_view text) {
     fmt::print("\n{}\n{}", title, gap::Wrapped(text, 2));
   };
@@ -138,7 +166,7 @@ void PrintOne(const Effect& e) {
   paragraph("What shows it", e.experiment);
   if (!e.confusable.empty()) paragraph("Looks like", fmt::format("{}", fmt::join(e.confusable, ", ")));
   std::string values;
-  for (const sim::EffectParameter& p : e.parameters) {
+  for (const sim::EffectParameter& p : parameters) {
     values += fmt::format(
         " {}={:.4g}", p.name,
         p.shape || p.nominal == 0 ? std::min(p.upper, p.nominal + p.typical) : p.nominal + p.typical);
@@ -205,13 +233,13 @@ void PrintTopic(const std::string& word, const std::vector<const Effect*>& hits)
 }
 
 void Run(const ExplainOptions& options) {
-  if (!options.robot.empty() && !options.json) {
-    throw UsageError("--robot goes with --json: it adds the places that an effect may have on that robot");
+  if (!options.robot.empty() && !options.json && options.effect.empty()) {
+    throw UsageError("--robot goes with an effect, whose bounds on that robot it shows, or with --json");
   }
+  std::optional<RobotParameters> robot;
+  if (!options.robot.empty()) robot = sim::LoadRobot(options.robot);
+  const RobotParameters* on = robot ? &*robot : nullptr;
   if (options.json) {
-    std::optional<RobotParameters> robot;
-    if (!options.robot.empty()) robot = sim::LoadRobot(options.robot);
-    const RobotParameters* on = robot ? &*robot : nullptr;
     Json json = Json::array();
     if (!options.effect.empty()) {
       const auto hits = About(options.effect);
@@ -226,7 +254,7 @@ void Run(const ExplainOptions& options) {
   } else {
     const auto hits = About(options.effect);
     if (hits.size() == 1) {
-      PrintOne(*hits.front());
+      PrintOne(*hits.front(), on);
     } else {
       PrintTopic(options.effect, hits);
     }
@@ -243,8 +271,9 @@ void AddGapExplainCommand(CLI::App& app) {
   command->add_option("effect", options->effect,
                       "name of the effect, such as backlash, or a word to look for, such as friction");
   command->add_flag("--json", options->json, "for programs");
-  command->add_option("--robot", options->robot,
-                      "with --json: a robot file, for the places and the cut on that robot");
+  command->add_option(
+      "--robot", options->robot,
+      "a robot file: bounds and sizes on that robot, with --json also its places and the cut");
   command->callback([options] { Run(*options); });
 }
 
