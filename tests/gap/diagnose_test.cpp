@@ -1787,7 +1787,9 @@ TEST(Diagnose, ATipPathBeyondTheRobotsReachIsTheVerdict) {
     EXPECT_THAT(d.sentence, testing::StartsWith("No pose of robot 'rig_60mm' explains"));
     EXPECT_TRUE(d.accepted.empty());
     for (const gap::Cause& cause : d.causes) {
-      if (cause.effect != "unknown") EXPECT_LE(cause.p, 0.5) << cause.effect;
+      if (cause.effect != "unknown") {
+        EXPECT_LE(cause.p, 0.5) << cause.effect;
+      }
     }
   }
 }
