@@ -12,6 +12,7 @@
 #include "csv.h"
 #include "sources.h"
 #include "tendril/io/log.h"
+#include "tendril/model/pull_cone.h"
 
 namespace tendril::gap {
 namespace {
@@ -82,7 +83,12 @@ class LogRun {
   /// Positions count from cycle `zero`.
   LogRun(const std::vector<CycleRecord>& cycles, std::size_t zero, std::size_t last,
          const RobotParameters& robot)
-      : cycles_(cycles), zero_(zero), first_(BeginOfRest(cycles, zero)), last_(last), robot_(robot) {}
+      : cycles_(cycles),
+        zero_(zero),
+        first_(BeginOfRest(cycles, zero)),
+        last_(last),
+        robot_(robot),
+        pretension_m_(model::PretensionShortening(model::Body(robot.body), robot.limits.min_tension_N)) {}
 
   /// A run of less than two rows when the log is damaged.
   Run Make() {
@@ -134,7 +140,9 @@ class LogRun {
     // Zero is where the controller puts it, at the end of pretension.
     const std::int32_t counts = CountsSince(zero, cycles_[at], d);
     run_.motor_position_rad(row, j) =
-        fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn : kNone;
+        fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn +
+                    pretension_m_[j] / tendon.SpoolTravelPerMotorRad()
+              : kNone;
     run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNone;
     if (run_.tension_N.cols() > 0) {
       const bool cell = tendon.load_cell.place != LoadCellPlace::kNone && tendon.load_cell.gain_VpN > 0;
@@ -191,6 +199,7 @@ class LogRun {
   const std::vector<CycleRecord>& cycles_;
   std::size_t zero_, first_, last_;
   const RobotParameters& robot_;
+  TendonVector pretension_m_;  // where the controller has its zero
   int stale_ = 0;
   Run run_;
 };
