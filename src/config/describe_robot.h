@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <set>
 #include <string>
 #include <string_view>
@@ -18,19 +17,6 @@
 #include "text_rules.h"
 
 namespace tendril::config {
-
-/// Widest angle without a tendon, going round the section [rad]; the tendons can bend every way if it is
-/// below pi.
-inline double WidestGap(const std::vector<TendonRoute>& tendons) {
-  constexpr double kTurn = 2 * std::numbers::pi;
-  std::vector<double> angles;
-  for (const TendonRoute& t : tendons)
-    angles.push_back(t.angle_rad - kTurn * std::floor(t.angle_rad / kTurn));
-  std::sort(angles.begin(), angles.end());
-  double widest = angles.front() + kTurn - angles.back();
-  for (std::size_t i = 1; i < angles.size(); ++i) widest = std::max(widest, angles[i] - angles[i - 1]);
-  return widest;
-}
 
 template <class Io>
 void Describe(Io& io, TendonRoute& p) {
@@ -73,7 +59,7 @@ void Describe(Io& io, SectionParameters& p) {
   io.Number("youngs_modulus_Pa", p.youngs_modulus_Pa, {1e6, 1e12});
   io.Number("core_radius_m", p.core_radius_m, {1e-5, 0.05});
   io.Number("bending_damping_Nms", p.bending_damping_Nms, {0, 1000});
-  io.List("tendons", p.tendons, {3, kMaxTendons});
+  io.List("tendons", p.tendons, {1, kMaxTendons});
   if constexpr (Io::kReading) {
     for (std::size_t j = 0; j < p.tendons.size(); ++j) {
       const double hole_m = p.tendons[j].radius_m;
@@ -88,15 +74,6 @@ void Describe(Io& io, SectionParameters& p) {
               "{} is too small for the hole of tendon {} at {} m; accepted: above {} m; correct one of the "
               "two",
               disk_diameter_m, j + 1, hole_m, 2 * hole_m));
-    }
-    if (!p.tendons.empty()) {
-      const double gap_deg = WidestGap(p.tendons) * 180 / std::numbers::pi;
-      io.Check(
-          gap_deg < 180 - 1e-6, "tendons",
-          fmt::format(
-              "cannot bend the section every way: no tendon within {:.4g} degrees; accepted: gaps below 180 "
-              "degrees (3.1416 rad) all round; spread the angles",
-              gap_deg));
     }
   }
 }

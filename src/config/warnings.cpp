@@ -44,6 +44,16 @@ struct Scale {
   Bound held_N{.value = 0};          // by friction and pretension, the most: what pulls by less moves nothing
 };
 
+// Bends that the section's tendons show: one where all of them lie on a line through its axis, else two.
+double Explained(const SectionParameters& section) {
+  const double first_rad = section.tendons.front().angle_rad;
+  const bool line =
+      std::all_of(section.tendons.begin(), section.tendons.end(), [&](const TendonRoute& route) {
+        return std::abs(std::sin(route.angle_rad - first_rad)) < 0.01;  // as exact as holes are drilled
+      });
+  return line ? 1 : 2;
+}
+
 // Of the tendon on which each counts most.
 Scale ScaleOf(const RobotParameters& robot) {
   Scale scale;
@@ -55,8 +65,11 @@ Scale ScaleOf(const RobotParameters& robot) {
       const TendonDriveParameters& t = robot.actuation->tendons[at++];
       const double own_m = route.radius_m * robot.limits.max_bending_rad;
       scale.way_m.Take(own_m * sections, at);
-      // Two bends explain the displacements of m tendons but for this share of a single one's error.
-      scale.unexplained_m.Take(own_m * (1 - 2. / static_cast<double>(section.tendons.size())), at);
+      // Two bends explain the displacements of m tendons but for this share of a single one's error; that of
+      // tendons on one line is explained by one bend. As many tendons as bends leave nothing at any
+      // threshold.
+      const double share = 1 - Explained(section) / static_cast<double>(section.tendons.size());
+      if (share > 0) scale.unexplained_m.Take(own_m * share, at);
       const double travel_m = t.SpoolTravelPerMotorRad();
       const double friction_N = t.motor.coulomb_friction_Nm / travel_m;
       const double most_N = std::min(t.drive.current_limit_A * t.motor.torque_constant_NmpA / travel_m,

@@ -677,7 +677,7 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       tension_N.setZero();
       // Friction settles on the straight robot while tensions rise; an earlier motion's path would be left in
       // a jump when the robot runs.
-      trajectory.Reset(BendingVector::Zero(2 * sections));
+      trajectory.Reset(estimator.pretension_rad());
       rotor_N = 0;
       if (mode == Mode::kHoming || mode == Mode::kCommissioning) zero_known = false;
       joined = engaged = bare = zeroed = false;
@@ -685,7 +685,11 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       stop_by_ns = 0;
       settled_since_ns = input.time_ns;
       for (int j = 0; j < tendons; ++j) was_off[j] = input.drive[j].state != DriveState::kEnabled;
-      for (auto& k : compensation) k.Reset(0, 0);
+      for (int j = 0; j < tendons; ++j) {
+        compensation[j].Reset(0, 0);
+        // Pretension alone winds in what bends a robot that is not pulled every way.
+        if (estimator.pretension_m()[j] != 0) compensation[j].Step(0, estimator.pretension_m()[j], true);
+      }
       for (auto& k : feed_forward) k.Reset(0, 0);
       for (auto& k : feedback) k.Reset();
       last_fed_back_Nm.fill(0);
@@ -713,13 +717,13 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
   }
 }
 
-// The straight robot at pretension is where displacement counts from. Armed again it is as bent as friction
+// The robot at pretension is where displacement counts from. Armed again it is as bent as friction
 // left it: a zero that the encoders have counted on from is the better one.
 void Controller::Impl::BeginAtPretension(const CycleInput& input) noexcept {
   if (!zero_known) estimator.ZeroDisplacement(input);
   zero_known = true;
   let_go = false;
-  trajectory.Reset(BendingVector::Zero(2 * sections));
+  trajectory.Reset(estimator.pretension_rad());
   if (bare) {
     guards.Restart();
     tension_N.setConstant(robot.limits.min_tension_N);
@@ -830,7 +834,8 @@ void Controller::Impl::TensionsForReference(CycleOutput& output) noexcept {
       allocator.Allocate(force_per_tension, output.generalised_force_Nm, robot.limits.min_tension_N,
                          LedLimits(robot.limits).max_tension_base_N);
   output.tension_desired_base_N = allocated.tension_N;
-  if (controls_shape()) Report(output, allocated.status);
+  // Where the backbone alone brings a robot back, tendons that have let go are nothing to be told of.
+  if (controls_shape() && allocated.bound != Status::kLimitedTensionMin) Report(output, allocated.bound);
 }
 
 // A tendon at its least tension goes slack when the rotor's acceleration takes more of it than it has, or is
@@ -908,8 +913,8 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
     switched = true;
   }
   balanced = answered;
-  at_limit = status == Status::kLimitedTensionMax;
-  Report(output, status);
+  at_limit = status == Status::kLimitedTensionMax || status == Status::kLimitedTensionMin;
+  if (status != Status::kLimitedTensionMin) Report(output, status);
   if (!answered) return;
   output.tension_desired_base_N = equilibrium.tension_N();
   body.TendonShortening(equilibrium.q(), output.displacement_desired_m);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "state_archive.h"
+#include "tendril/model/pull_cone.h"
 
 namespace tendril::control {
 namespace {
@@ -43,7 +44,10 @@ EquilibriumLaw::EquilibriumLaw(const model::Body& body, const LimitParameters& l
       goal_rows_(2 * body.sections(), body.dof()),
       goal_per_tension_(2 * body.sections(), body.tendons() + 1),
       goal_gap_(BendingVector::Zero(2 * body.sections())),
-      factor_(body.dof()) {}
+      factor_(body.dof()) {
+  for (int k = 0; k < body.sections(); ++k)
+    on_line_.push_back(model::PullConeOf(body.parameters(), k).on_line());
+}
 
 Status EquilibriumLaw::Solve(const BendingReference& reference, const TendonVector& arc_tension_N,
                              double least_N, const TendonVector& most_N, const Eigen::Vector3d& tip_shift_W_m,
@@ -92,6 +96,7 @@ bool EquilibriumLaw::Step(double& size_rad) noexcept {
 
   Goals();
   goal_per_tension_.noalias() = goal_rows_.lazyProduct(solved_);
+  KeepPulledWays();
   const auto slope = goal_per_tension_.leftCols(m);
   const BendingVector wanted =
       goal_gap_ - goal_per_tension_.col(m) + BendingVector(slope.lazyProduct(tension_N_));
@@ -107,7 +112,7 @@ bool EquilibriumLaw::Step(double& size_rad) noexcept {
   const double share = size_rad > kLongest_rad ? kLongest_rad / size_rad : 1;
   q_ += share * step;
   tension_N_ += share * change_N;
-  status_ = allocated.status;
+  status_ = allocated.bound;
   return true;
 }
 
@@ -185,6 +190,30 @@ void EquilibriumLaw::Goals() noexcept {
     const Eigen::Vector3d gap = goal_W_m_[k] - end_W_m;
     goal_gap_[2 * k] = u.dot(gap);
     goal_gap_[2 * k + 1] = v.dot(gap);
+  }
+}
+
+// Of the plane in which a section moves its end, tendons on a line move it one way; of what is across, sag or
+// load, nearly nothing would be mended by pulling both ways at once.
+void EquilibriumLaw::KeepPulledWays() noexcept {
+  int tendon = 0;
+  for (int k = 0; k < body_.sections(); ++k) {
+    const auto own =
+        static_cast<int>(body_.parameters().sections[static_cast<std::size_t>(k)].tendons.size());
+    const auto slope = goal_per_tension_.block(2 * k, tendon, 2, own);
+    tendon += own;
+    if (!on_line_[static_cast<std::size_t>(k)]) continue;
+    const Eigen::Matrix2d moved = slope.lazyProduct(slope.transpose());
+    const double angle_rad = 0.5 * std::atan2(2 * moved(0, 1), moved(0, 0) - moved(1, 1));
+    const Eigen::Vector2d along(std::cos(angle_rad), std::sin(angle_rad));
+    for (Eigen::Index j = 0; j < goal_per_tension_.cols(); ++j) {
+      auto goal = goal_per_tension_.col(j).segment<2>(2 * k);
+      goal = Eigen::Vector2d(along * along.dot(goal));
+    }
+    goal_gap_.segment<2>(2 * k) = Eigen::Vector2d(along * along.dot(goal_gap_.segment<2>(2 * k)));
+    if (k + 1 < body_.sections()) continue;
+    tip_u_ = along[0] * tip_u_ + along[1] * tip_v_;
+    tip_v_.setZero();
   }
 }
 

@@ -6,6 +6,7 @@
 #include "state_archive.h"
 #include "tendon_side.h"
 #include "tendril/model/inverse.h"
+#include "tendril/model/pull_cone.h"
 
 namespace tendril::control {
 namespace {
@@ -57,12 +58,16 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
       kept_(std::exp(-period_s / kSettles_s)),
       grips_(period_s / kGrips_s),
       stiffness_Nm_(2 * body.sections()),
-      bending_rad_(BendingVector::Zero(2 * body.sections())),
+      pulls_every_way_(model::PullsEveryWay(robot.body)),
+      pretension_rad_(BendingVector::Zero(2 * body.sections())),
+      bending_rad_(pretension_rad_),
+      pretension_m_(model::PretensionShortening(body, min_tension_N_)),
       shortening_m_(TendonVector::Zero(body.tendons())),
       weight_(TendonVector::Ones(body.tendons())),
       covariance_rad2_(BendingMatrix::Identity(2 * body.sections(), 2 * body.sections()) * straight_rad2_),
       q_(UnitVector::Zero(body.dof())),
       unit_force_Nm_(q_) {
+  if (!pulls_every_way_) body.SumBending(model::RestShape(body, min_tension_N_), pretension_rad_);
   for (int k = 0; k < body.sections(); ++k) {
     double softness = 0;
     for (int i = body.first_unit(k); i < body.end_unit(k); ++i) softness += 1 / body.unit_stiffness_Nm(i);
@@ -89,11 +94,14 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
 
 void Estimator::ZeroDisplacement(const CycleInput& input) noexcept {
   for (std::size_t j = 0; j < tendons_.size(); ++j) {
-    tendons_[j].zero_counts = input.drive[j].position_counts;
+    const auto shown =
+        std::lround(pretension_m_[static_cast<Eigen::Index>(j)] / tendons_[j].travel_per_count_m);
+    tendons_[j].zero_counts = static_cast<std::int32_t>(
+        static_cast<std::uint32_t>(input.drive[j].position_counts) - static_cast<std::uint32_t>(shown));
     tendons_[j].presliding.Reset(0);
     tendons_[j].taut = 1;
   }
-  bending_rad_.setZero();
+  bending_rad_ = pretension_rad_;
   covariance_rad2_ = BendingMatrix::Identity(bending_rad_.size(), bending_rad_.size()) * straight_rad2_;
 }
 
@@ -157,8 +165,10 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
   const BendingMatrix one = BendingMatrix::Identity(k2, k2);
   const double count_m2 = kPriorDeviation_m * kPriorDeviation_m;
   if (weight_.minCoeff() == 1) {
+    const BendingVector expected_rad =
+        pulls_every_way_ ? BendingVector(-bending_rad_) : Settling(output.tension_base_estimate_N);
     EstimateBending(weight_, variance_m2,
-                    {-bending_rad_, one * std::sqrt(straight_rad2_), one * (count_m2 / straight_rad2_)});
+                    {expected_rad, one * std::sqrt(straight_rad2_), one * (count_m2 / straight_rad2_)});
   } else {
     // What a shape that nobody knows makes of a path beyond the linear.
     double unknown_m2 = 0;

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
+
+#include "tendril/model/pull_cone.h"
 
 namespace tendril::control {
 namespace {
@@ -35,14 +38,24 @@ Reach::Reach(const RobotParameters& robot, const model::Body& body, const LimitP
     }
   }
   rate_per_N_ = gather_s / heaviest_Nspr;
+  sure_rad_ = limits.max_bending_rad;
+  if (model::PullsEveryWay(robot.body)) {
+    FindSure();
+  } else {
+    nearest_.emplace(body, min_tension_N_, max_tension_N_);
+    FindSureOfPulled();
+  }
+  sure_rad_ *= kSure;
+}
+
+void Reach::FindSure() {
   // Sections carry each other: each is straight or bent in one of the directions.
   const int ways = kDirections + 1;
   int combinations = 1;
-  for (int k = 0; k < body.sections(); ++k) combinations *= ways;
-  sure_rad_ = limits.max_bending_rad;
-  BendingVector bending_rad = BendingVector::Zero(2 * body.sections());
+  for (int k = 0; k < body_.sections(); ++k) combinations *= ways;
+  BendingVector bending_rad = BendingVector::Zero(2 * body_.sections());
   for (int c = 0; c < combinations; ++c) {
-    for (int k = 0, rest = c; k < body.sections(); ++k, rest /= ways) {
+    for (int k = 0, rest = c; k < body_.sections(); ++k, rest /= ways) {
       const double angle_rad = 2 * std::numbers::pi * (rest % ways) / kDirections;
       bending_rad.segment<2>(2 * k) << std::cos(angle_rad), std::sin(angle_rad);
       if (rest % ways == kDirections) bending_rad.segment<2>(2 * k).setZero();
@@ -55,7 +68,35 @@ Reach::Reach(const RobotParameters& robot, const model::Body& body, const LimitP
     }
     sure_rad_ = low;
   }
-  sure_rad_ *= kSure;
+}
+
+void Reach::FindSureOfPulled() {
+  std::vector<std::vector<Eigen::Vector2d>> ways;  // of each section, the last one straight
+  std::size_t combinations = 1;
+  for (int k = 0; k < body_.sections(); ++k) {
+    const model::PullCone cone = model::PullConeOf(body_.parameters(), k);
+    const bool ends_only = cone.kind == model::PullCone::Kind::kLine;
+    std::vector<Eigen::Vector2d>& own = ways.emplace_back();
+    for (int i = 0; i <= kDirections; i += ends_only ? kDirections : 1) {
+      const double angle_rad = cone.from_rad + cone.width_rad * i / kDirections;
+      own.emplace_back(std::cos(angle_rad), std::sin(angle_rad));
+    }
+    own.emplace_back(0, 0);
+    combinations *= own.size();
+  }
+  const double most_rad = sure_rad_;
+  for (std::size_t c = 0; c < combinations; ++c) {
+    BendingVector asked_rad(2 * body_.sections());
+    std::size_t rest = c;
+    for (int k = 0; k < body_.sections(); rest /= ways[k].size(), ++k)
+      asked_rad.segment<2>(2 * k) = most_rad * ways[k][rest % ways[k].size()];
+    BendingVector held_rad = asked_rad;
+    if (nearest_->Bring(held_rad) != Status::kLimitedTensionMax) continue;
+    for (int k = 0; k < body_.sections(); ++k) {
+      const double along_rad = asked_rad.segment<2>(2 * k).dot(held_rad.segment<2>(2 * k)) / most_rad;
+      if (!asked_rad.segment<2>(2 * k).isZero(0)) sure_rad_ = std::clamp(along_rad, 0.0, sure_rad_);
+    }
+  }
 }
 
 bool Reach::Holds(const BendingVector& bending_rad) noexcept {
@@ -77,6 +118,7 @@ double Reach::Rate_radps(const BendingVector& bending_rad, bool goal_moves) cons
 }
 
 Status Reach::Limit(BendingVector& bending_rad) noexcept {
+  if (nearest_) return nearest_->Bring(bending_rad);
   double most_rad = 0;
   for (int k = 0; k < body_.sections(); ++k)
     most_rad = std::max(most_rad, bending_rad.segment<2>(2 * k).norm());

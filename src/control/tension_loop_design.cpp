@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tendril/model/body.h"
+#include "tendril/model/pull_cone.h"
 
 namespace tendril::control {
 namespace {
@@ -26,7 +27,11 @@ struct LinearBody {
 LinearBody Linearise(const model::Body& body, double bend_rad, double min_tension_N) {
   const int n = body.dof(), m = body.tendons();
   VectorXd us_vs = VectorXd::Zero(2 * body.sections()), q(n), force(n);
-  for (int k = 0; k < body.sections(); ++k) us_vs[2 * k] = bend_rad;
+  for (int k = 0; k < body.sections(); ++k) {
+    const model::PullCone cone = model::PullConeOf(body.parameters(), k);
+    const double angle_rad = cone.kind == model::PullCone::Kind::kPlane ? 0 : cone.from_rad;
+    us_vs.segment<2>(2 * k) << bend_rad * std::cos(angle_rad), bend_rad * std::sin(angle_rad);
+  }
   body.SpreadBending(us_vs, q);
   LinearBody linear{MatrixXd(n, n), MatrixXd::Zero(n, n), MatrixXd(n, n), MatrixXd(m, n)};
   body.TendonLengthJacobian(q, linear.shortening);

@@ -32,6 +32,7 @@
 #include "tendril/daemon/foreign_sync.h"
 #include "tendril/io/connection.h"
 #include "tendril/io/gateway.h"
+#include "tendril/model/held_directions.h"
 
 namespace tendril::daemon {
 namespace {
@@ -176,6 +177,8 @@ void LogSettings(const DaemonOptions& o, const std::string& config_path) {
                p.lcm.channel_prefix, p.lcm.state_every_cycles, p.lcm.cycle_every_cycles,
                o.log_path.empty() ? "none" : o.log_path);
   for (const std::string& line : config::Warnings(p, o.robot, config_path)) spdlog::warn("{}", line);
+  if (const std::string held = model::HeldDirections(o.robot.body); !held.empty())
+    spdlog::info("{}: {}; goals elsewhere go to the nearest that is held (112)", o.robot.name, held);
   if (p.black_box) {
     spdlog::info("black box: {:g} s before a fault into {}", p.black_box->seconds, p.black_box->folder);
   } else {

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -224,6 +225,17 @@ std::set<int> TakeCells(Run& run, const RobotParameters& recorded, const RobotPa
   return tendons;
 }
 
+/// A tendon of the recorded robot that no column of a table is of was not measured, but it is there.
+void NameTendons(Run& run, int tendons) {
+  for (Eigen::MatrixXd* m :
+       {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N}) {
+    const Eigen::Index named = m->cols();
+    if (named == 0 || named >= tendons) continue;
+    m->conservativeResize(Eigen::NoChange, tendons);
+    m->rightCols(tendons - named).setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
+}
+
 /// Reads the files of a list into the set; what cannot be read becomes a note.
 void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, const std::vector<Listed>& list) {
   const std::optional<RobotParameters> recorded = RecordedWith(folder);
@@ -245,6 +257,7 @@ void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, cons
         continue;
       }
       for (Run& run : runs) {
+        if (recorded && !IsLcmLog(listed.file)) NameTendons(run, recorded->body.tendons());
         if (recorded && !IsLcmLog(listed.file)) other_cells.merge(TakeCells(run, *recorded, set.robot));
         if (listed.family != "unknown") run.family = listed.family;
         run.repeat_of = listed.repeat_of;

@@ -36,18 +36,25 @@
 namespace tendril::gap {
 namespace {
 
-/// The last tendon of which any run has a number; 0: none.
-int TendonsSeen(const std::vector<Run>& runs) {
+/// Tendons of the robot that the run was recorded of, as its source names them, measured or not; 0: it names
+/// none.
+int TendonsOf(const Run& run) {
   Eigen::Index most = 0;
-  for (const Run& run : runs) {
-    for (const auto* m :
-         {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N}) {
-      for (Eigen::Index j = most; j < m->cols(); ++j) {
-        if (m->col(j).array().isFinite().any()) most = j + 1;
-      }
-    }
-  }
+  for (const auto* m :
+       {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N})
+    most = std::max(most, m->cols());
   return static_cast<int>(most);
+}
+
+/// Throws where a run is of another number of tendons than the robot.
+void RequireTendons(const DataSet& set) {
+  for (const Run& run : set.runs) {
+    const int its = TendonsOf(run), tendons = set.robot.body.tendons();
+    if (its == 0 || its == tendons) continue;
+    throw std::runtime_error(fmt::format(
+        "these runs are of {} tendon{}, robot '{}' has {}; accepted: the robot file that they were made with",
+        its, its == 1 ? "" : "s", set.robot.name, tendons));
+  }
 }
 
 /// The cut that a cause belongs to, with this load cell.
@@ -380,12 +387,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   DataSet set = given;
   // What its list of effects changes of the file's numbers is in them: changed once more, it is listed twice.
   set.robot = sim::FoldEffects(given.robot);
-  if (const int seen = TendonsSeen(set.runs), tendons = set.robot.body.tendons();
-      seen > 0 && seen < tendons) {
-    throw std::runtime_error(fmt::format(
-        "these runs are of {} tendons, robot '{}' has {}; accepted: the robot file that they were made with",
-        seen, set.robot.name, tendons));
-  }
+  RequireTendons(set);
   TakeOutShort(set, d);
   const auto said = [&](const std::vector<std::string>& lines) {
     d.degradations.insert(d.degradations.end(), lines.begin(), lines.end());

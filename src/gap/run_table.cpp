@@ -16,6 +16,7 @@
 #include "median.h"
 #include "sources.h"
 #include "table_hints.h"
+#include "tendril/core/limits.h"
 
 namespace tendril::gap {
 namespace {
@@ -109,6 +110,18 @@ class Columns {
   std::vector<std::string> lower_;
   std::map<std::string, std::size_t> index_;
 };
+
+/// The highest number of a tendon in canonical names; 0: none.
+int TendonsNamed(const Columns& columns, const std::string& where) {
+  int most = 0;
+  for (const Block& block : Blocks(kMaxTendons, 0)) {
+    if (block.whole) continue;
+    for (int j = 0; j < static_cast<int>(block.names.size()); ++j) {
+      if (columns.Find(block.names[static_cast<std::size_t>(j)], where) >= 0) most = std::max(most, j + 1);
+    }
+  }
+  return most;
+}
 
 /// Rows [begin, end) of the longest part of a table whose clock restarted: it goes back, and on from there
 /// for long without coming to where it was.
@@ -288,7 +301,8 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
   run.sha256 = Sha256(bytes);
 
   const int tendons = robot.body.tendons();
-  const auto blocks = Blocks(tendons, static_cast<int>(robot.body.sections.size()));
+  std::vector<Block> blocks;
+  int named = 0;  // tendons
   int time_column = -1;
   std::vector<std::vector<int>> columns;  // by block; -1: missing
   const std::string name = file.string();
@@ -307,6 +321,8 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
                     " in a map of tendril gap import"));
     }
     kinds[static_cast<std::size_t>(time_column)] = CellKind::kNumber;
+    named = TendonsNamed(in_file, where);
+    blocks = Blocks(std::max(tendons, named), static_cast<int>(robot.body.sections.size()));
     for (const Block& block : blocks) {
       std::vector<int> found;
       std::vector<std::string> missing;
@@ -378,6 +394,9 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
         copy(table.numbers[static_cast<std::size_t>(columns[b][c])], column);
       }
     }
+    // What no column is named after this table does not say to exist.
+    const bool a_tendon = !blocks[b].whole && blocks[b].matrix != &Run::bending_rad;
+    if (a_tendon && named < matrix.cols()) matrix.conservativeResize(Eigen::NoChange, named);
   }
   Normalise(run);
   NoteGaps(run);

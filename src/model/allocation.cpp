@@ -212,6 +212,18 @@ class BoundedLeastNorm {
   TendonVector near_;  // the solution up to the regularisation
 };
 
+/// Of a solution x the bound at which a tension would lessen the miss by going on; `gain` is by how much, for
+/// each.
+Status BoundThatHolds(const TendonVector& gain, const TendonVector& x, const TendonVector& range,
+                      double least_gain) {
+  Status bound = Status::kOk;
+  for (int j = 0; j < x.size(); ++j) {
+    if (x[j] >= range[j] && gain[j] > least_gain) return Status::kLimitedTensionMax;
+    if (x[j] <= 0 && gain[j] < -least_gain) bound = Status::kLimitedTensionMin;
+  }
+  return bound;
+}
+
 }  // namespace
 
 TensionAllocator::TensionAllocator(int tendons, int forces) : tendons_(tendons), forces_(forces) {
@@ -244,18 +256,22 @@ TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen
   if (!(scale > 0) || !jacobian.allFinite() || !force_Nm.allFinite() || !std::isfinite(min_tension_N) ||
       max_tension_N.array().isNaN().any()) {
     result.residual_Nm = force_Nm.norm();
-    result.status = Status::kSolverFallback;
+    result.status = result.bound = Status::kSolverFallback;
     return result;
   }
   const ForceTensionMatrix a = jacobian / scale;
   const ForceVector b = force_Nm / scale - a * result.tension_N;
   std::optional<BoundedLeastNorm::Solution> found;
-  if (!WellConditioned(a)) {
+  bool every_force = true;  // could be made, were there no bounds
+  if (tendons_ < forces_) {
+    every_force = false;
+  } else if (!WellConditioned(a)) {
     // Equations combined so that they are orthonormal have the same solutions, however badly conditioned they
     // were.
     const Eigen::HouseholderQR<TensionForceMatrix> factor(a.transpose());
     const auto upper = factor.matrixQR().topRows(forces_).triangularView<Eigen::Upper>();
-    if (tendons_ >= forces_ && factor.matrixQR().diagonal().cwiseAbs().minCoeff() > 1e-10) {
+    every_force = factor.matrixQR().diagonal().cwiseAbs().minCoeff() > 1e-10;
+    if (every_force) {
       TensionForceMatrix thin(tendons_, forces_);
       thin.setIdentity();
       thin.applyOnTheLeft(factor.householderQ());
@@ -274,10 +290,12 @@ TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen
   }
   result.tension_N += found->x;
   const double most_range_N = range_N.maxCoeff();
-  result.residual_Nm = scale * (b - a * found->x).norm();
-  if (result.residual_Nm > 1e-10 * (force_Nm.norm() + scale * (most_range_N < 1e6 ? most_range_N : 1.0))) {
-    result.status = Status::kLimitedTensionMax;
-  }
+  const ForceVector missing = b - a * found->x;
+  const double exact_Nm = 1e-10 * (force_Nm.norm() + scale * (most_range_N < 1e6 ? most_range_N : 1.0));
+  result.residual_Nm = scale * missing.norm();
+  if (result.residual_Nm > exact_Nm) result.status = Status::kLimitedTensionMax;
+  result.bound = every_force ? result.status
+                             : BoundThatHolds(a.transpose() * missing, found->x, range_N, exact_Nm / scale);
   return result;
 }
 

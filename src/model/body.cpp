@@ -221,7 +221,7 @@ Body::Body(const BodyParameters& parameters) : parameters_(parameters) {
     Require(Positive(s.youngs_modulus_Pa), where + "youngs_modulus_Pa must be positive");
     Require(Positive(s.core_radius_m), where + "core_radius_m must be positive");
     Require(NotNegative(s.bending_damping_Nms), where + "bending_damping_Nms must not be negative");
-    Require(s.tendons.size() >= 3, where + "needs at least 3 tendons");
+    Require(!s.tendons.empty(), where + "needs at least 1 tendon");
     const int first_tendon = tendons();
     for (const TendonRoute& t : s.tendons) {
       Require(std::isfinite(t.angle_rad), where + "tendon angle must be finite");

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 #include <string>
+#include <vector>
 
 #include "tendril/config/config.h"
 
@@ -85,6 +86,65 @@ TEST(Reach, LeavesAloneWhatCannotBeHeldAtAll) {
   bend << 1, 0;
   EXPECT_EQ(reach.Limit(bend), Status::kOk);
   EXPECT_EQ(bend[0], 1);
+}
+
+RobotParameters WithTendons(const std::vector<double>& angles_rad) {
+  RobotParameters robot = Rig("rig_60mm");
+  robot.body.sections[0].tendons.clear();
+  for (const double angle : angles_rad) robot.body.sections[0].tendons.push_back({angle, 0.004});
+  robot.actuation->tendons.resize(angles_rad.size());
+  return robot;
+}
+
+// What tendons do not pull is brought to the nearest that they do: in the plane of a pair, on one side of a
+// single one, and no straighter than the least tension leaves it.
+TEST(Reach, OfFewTendonsIsTheNearestThatTheyHold) {
+  const double pi = std::numbers::pi;
+  struct Case {
+    std::vector<double> tendons_rad;
+    Eigen::Vector2d asked, given;
+    Status status;
+  };
+  for (const Case& c : {Case{{0, pi}, {1.2, 0}, {1.2, 0}, Status::kOk},
+                        Case{{0, pi}, {-1.2, 0.7}, {-1.2, 0}, Status::kLimitedDirection},
+                        Case{{0, pi}, {0, 0}, {0, 0}, Status::kOk},
+                        Case{{pi / 2, -pi / 2}, {0.5, 1}, {0, 1}, Status::kLimitedDirection},
+                        Case{{0}, {1.2, 0}, {1.2, 0}, Status::kOk},
+                        Case{{0}, {-1.2, 0.3}, {0.069, 0}, Status::kLimitedDirection},
+                        Case{{0, pi / 2}, {0.9, 0.8}, {0.9, 0.8}, Status::kOk}}) {
+    const RobotParameters robot = WithTendons(c.tendons_rad);
+    const model::Body body(robot.body);
+    Reach reach(robot, body, robot.limits, 0.1, true);
+    EXPECT_GT(reach.sure_rad(), 1.3);
+    BendingVector bend = c.asked;
+    EXPECT_EQ(reach.Limit(bend), c.status) << c.asked.transpose();
+    EXPECT_LT((bend - c.given).norm(), 3e-3) << c.asked.transpose() << " -> " << bend.transpose();
+    BendingVector again = bend;
+    EXPECT_EQ(reach.Limit(again), Status::kOk) << "what was given is held";
+    EXPECT_LT((again - bend).norm(), 1e-8);
+  }
+  const RobotParameters pair = WithTendons({0, pi});
+  const model::Body body(pair.body);
+  Reach reach(pair, body, pair.limits, 0.1, true);
+  BendingVector far(2);
+  far << 2.6, 0;
+  EXPECT_EQ(reach.Limit(far), Status::kLimitedTensionMax);
+  EXPECT_NEAR(MostTension(body, far, pair.limits.min_tension_N), pair.limits.max_tension_base_N, 0.02);
+  EXPECT_NEAR(reach.sure_rad(), 0.95 * far[0], 1e-6);
+}
+
+// A pair that lies level sags across its plane, and is held as it sags.
+TEST(Reach, OfAPairMountedSidewaysSags) {
+  RobotParameters robot = WithTendons({0, std::numbers::pi});
+  robot.body.gravity_W_mps2 = {0, -9.81, 0};
+  const model::Body body(robot.body);
+  Reach reach(robot, body, robot.limits, 0.1, true);
+  BendingVector bend(2);
+  bend << 1, 0;
+  EXPECT_EQ(reach.Limit(bend), Status::kLimitedDirection);
+  EXPECT_NEAR(bend[0], 1, 0.05);
+  EXPECT_LT(bend[1], -0.05);
+  EXPECT_LT(MostTension(body, bend, robot.limits.min_tension_N), robot.limits.max_tension_base_N);
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ struct Figures {
 };
 
 Figures Follow(const ClosedLoopOptions& options, const char* name) {
-  const auto motion = MakeMotion(name, options.controller_robot.body);
+  const auto motion = MakeMotion(name, options.controller_robot);
   ClosedLoop loop(options);
   loop.ArmAndPretension();
   ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
@@ -111,7 +111,7 @@ TEST(Laws, ACircleASecondNeedsNoFeedback) {
 TEST(Laws, ALostAnOldAndAJumpingTracker) {
   ClosedLoopOptions options = Options("rig_60mm.yaml", true, true);
   options.plant_robot.body.tip_payload_kg += 0.002;
-  const auto motion = MakeMotion("circle", options.controller_robot.body);
+  const auto motion = MakeMotion("circle", options.controller_robot);
   const Eigen::Vector3d goal = motion->TipAt(0);
   ClosedLoop loop(options);
   double late_s = 0, jump_m = 0;
@@ -342,7 +342,7 @@ TEST(Laws, FrictionThatNobodyKnowsBreaksNoLimit) {
     options.daemon.controller.trajectory.look_ahead = true;
     const LimitParameters& limits = options.controller_robot.limits;
     const double bound_N = control::kLedShare * limits.max_tension_base_N;
-    const auto motion = MakeMotion("spiral", options.controller_robot.body);
+    const auto motion = MakeMotion("spiral", options.controller_robot);
     ClosedLoop loop(options);
     loop.ArmAndPretension();
     ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
@@ -521,7 +521,7 @@ TEST(Laws, AfterAFaultNoTendonIsSnatched) {
   for (const char* effect : {"bending_stiffness scale=1.2", "tendon_stiffness scale=0.5"}) {
     options.plant_robot.effects.assign(1, sim::ParseEffect(effect, options.plant_robot));
     ClosedLoop loop(options);
-    const auto motion = MakeMotion("fast_circle", options.controller_robot.body);
+    const auto motion = MakeMotion("fast_circle", options.controller_robot);
     loop.ArmAndPretension();
     ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
     double after_s = 0, base_N = 0;

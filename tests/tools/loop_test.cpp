@@ -33,7 +33,7 @@ ClosedLoopOptions Options(const char* robot, bool equilibrium, bool look_ahead, 
 /// The circle of the tip at so many turns a second, as fast_circle but slower or faster.
 class Turning final : public Motion {
  public:
-  Turning(const RobotParameters& robot, double turns_per_s) : fast_(MakeMotion("fast_circle", robot.body)) {
+  Turning(const RobotParameters& robot, double turns_per_s) : fast_(MakeMotion("fast_circle", robot)) {
     scale_ = turns_per_s;
     name_ = "turning";
     duration_s_ = fast_->duration_s() / scale_;
@@ -165,7 +165,7 @@ TEST(Estimate, AgreesWithThePlantAsWellAsItsCovarianceSays) {
     int count = 0;
     for (const std::uint64_t seed : {1, 2}) {
       const ClosedLoopOptions options = Options(c.robot, true, true, seed);
-      const auto motion = MakeMotion(c.motion, options.controller_robot.body);
+      const auto motion = MakeMotion(c.motion, options.controller_robot);
       ClosedLoop loop(options);
       BendingVector truth(2);
       Follow(loop, *motion, {0, 0}, [&](const CycleRecord& r, double) {

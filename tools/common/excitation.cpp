@@ -17,7 +17,9 @@
 #include "tendril/control/compensation.h"
 #include "tendril/model/body.h"
 #include "tendril/model/capstan.h"
+#include "tendril/model/held_directions.h"
 #include "tendril/model/inverse.h"
+#include "tendril/model/pull_cone.h"
 
 namespace tendril::tools {
 namespace {
@@ -86,6 +88,7 @@ class Reach {
         rest_(VectorXd::Zero(body_.dof())),
         q_(rest_),
         unit_force_(rest_) {
+    for (int k = 0; k < sections_; ++k) cones_.push_back(model::PullConeOf(robot.body, k));
     std::vector<TransmissionParameters> transmissions;
     for (const auto& t : robot.actuation->tendons) transmissions.push_back(t.transmission);
     const auto tables = model::MakeCapstanTables(transmissions, robot.limits.max_tension_motor_N);
@@ -101,11 +104,14 @@ class Reach {
   double least_N() const { return robot_.limits.min_tension_N; }
 
   /// Bending that turns the whole robot by 1 rad in the plane at `beta_rad`: spread over the sections by
-  /// length (pattern 0), or all in section `pattern`.
+  /// length (pattern 0), or all in section `pattern`. Where a section's tendons do not pull it every way,
+  /// what of that is in the directions that they do, the plane counted from the first of these.
   VectorXd Direction(double beta_rad, int pattern = 0) const {
     VectorXd b = VectorXd::Zero(2 * sections_);
-    const Eigen::Vector2d plane(std::cos(beta_rad), std::sin(beta_rad));
     for (int k = 0; k < sections_; ++k) {
+      const model::PullCone& cone = cones_[static_cast<std::size_t>(k)];
+      const double at_rad = beta_rad + cone.from_rad;
+      const Eigen::Vector2d plane = cone.Nearest({std::cos(at_rad), std::sin(at_rad)});
       const auto& s = robot_.body.sections[static_cast<std::size_t>(k)];
       const double share = pattern == 0       ? s.units * s.unit_length_m / robot_.body.length_m()
                            : pattern == k + 1 ? 1.0
@@ -114,16 +120,40 @@ class Reach {
     }
     return b;
   }
+  /// Rows of bends in every direction, into those that tendons pull: along a line, or about the middle of a
+  /// wedge.
+  void IntoPulled(MatrixXd& rows) const {
+    for (int k = 0; k < sections_; ++k) {
+      const model::PullCone& cone = cones_[static_cast<std::size_t>(k)];
+      if (cone.kind == model::PullCone::Kind::kPlane) continue;
+      auto own = rows.middleCols(2 * k, 2);
+      if (cone.kind != model::PullCone::Kind::kLine) {
+        const double middle_rad = cone.from_rad + 0.5 * cone.width_rad;
+        const Eigen::RowVector2d middle(std::cos(middle_rad), std::sin(middle_rad));
+        own = (0.5 * own).rowwise() + 0.5 * own.rowwise().norm().maxCoeff() * middle;
+      }
+      for (Eigen::Index i = 0; i < own.rows(); ++i)
+        own.row(i) = cone.Nearest(own.row(i).transpose()).transpose();
+    }
+  }
+  /// Tendons pull towards the bend, but for a thousandth of an arc's length at its tip.
+  bool Pulled(const VectorXd& bending_rad) const {
+    for (int k = 0; k < sections_; ++k) {
+      const Eigen::Vector2d bend = bending_rad.segment<2>(2 * k);
+      if ((cones_[static_cast<std::size_t>(k)].Nearest(bend) - bend).norm() > 2e-3) return false;
+    }
+    return true;
+  }
   /// Ways to spread a bend over the sections.
   int patterns() const { return sections_ == 1 ? 1 : sections_ + 1; }
 
-  /// Tensions at the base that hold a bend at rest with none below `level_N`; empty when there are none
-  /// within the robot's limit.
+  /// Tensions at the base that hold a bend at rest with none below `level_N`, or come nearest to it where
+  /// tendons do not pull every way; empty when there are none within the robot's limit.
   VectorXd Tensions(const VectorXd& bending_rad, double level_N) {
     body_.SpreadBending(bending_rad, q_);
     body_.InverseDynamics(q_, rest_, rest_, unit_force_, workspace_);
     const auto r = Allocate(bending_rad, level_N);
-    if (r.status != Status::kOk) return {};
+    if (r.bound != Status::kOk && r.bound != Status::kLimitedTensionMin) return {};
     return r.tension_N;
   }
 
@@ -250,6 +280,7 @@ class Reach {
   VectorXd rest_, q_, unit_force_;
   std::vector<std::shared_ptr<const model::CapstanTable>> tables_;
   std::vector<control::Compensation> law_;
+  std::vector<model::PullCone> cones_;
 };
 
 // ---- paths ----
@@ -458,6 +489,7 @@ Path Multisine(Reach& reach, const Asked& asked) {
       for (int i = 0; i < n; ++i) m(i, c) += size * std::sin(2 * kPi * f * i * kStep_s + phase);
     }
   }
+  reach.IntoPulled(m);
   // As large as amplitude, rate, acceleration and tensions allow.
   double bend = 0, rate = 0, acceleration = 0;
   for (int i = 0; i < n; ++i) {
@@ -586,6 +618,10 @@ MatrixXd Own(Reach& reach, const PlannedRun& run, const RobotParameters& robot,
                       w.t_s, w.value.size(), key, columns));
     }
     const VectorXd to = Eigen::Map<const VectorXd>(w.value.data(), columns);
+    if (!tension && !reach.Pulled(to)) {
+      throw std::invalid_argument(fmt::format("{}: the bend at t_s = {} is none that is held: {}; change it",
+                                              run.family, w.t_s, model::HeldDirections(robot.body)));
+    }
     if (!tension && !reach.Allowed(to, reach.least_N(), false)) {
       throw std::invalid_argument(
           fmt::format("{}: the bend at t_s = {} needs more than {:.0f} % of the robot's bending or tension "

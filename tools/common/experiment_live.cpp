@@ -14,13 +14,25 @@
 
 #include "no_daemon.h"
 #include "tendril/config/config.h"
+#include "tendril/control/nearest_held.h"
 #include "tendril/core/clock.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
 #include "tendril/io/wire.h"
+#include "tendril/model/pull_cone.h"
 
 namespace tendril::tools {
 namespace {
+
+// Held at the least tension: straight, or where tendons do not pull every way what the controller takes for
+// it.
+BendingVector RestBend(const RobotParameters& robot) {
+  BendingVector rest_rad = BendingVector::Zero(2 * static_cast<int>(robot.body.sections.size()));
+  if (model::PullsEveryWay(robot.body)) return rest_rad;
+  const model::Body body(robot.body);
+  control::NearestHeld(body, robot.limits.min_tension_N, robot.limits.max_tension_base_N).Bring(rest_rad);
+  return rest_rad;
+}
 
 constexpr TimeNs kValidFor_ns = 100 * kNsPerMs, kSilence_ns = kNsPerS;
 constexpr double kRestBetween_s = 1.0, kHomeRate_radps = 0.5;
@@ -59,7 +71,8 @@ class Operator {
   DaemonParameters Daemon() const { return config::ParseDaemon(run_.daemon_yaml, "the daemon's file"); }
 
   /// To a robot at rest at pretension.
-  void Begin(const Program& program) {
+  /// `rest_rad`: the bend at the least tension.
+  void Begin(const Program& program, const BendingVector& rest_rad) {
     if (options_.arm) {
       if (mode() == Mode::kRunning || mode() == Mode::kHold) Release();
       Await(Mode::kConfigured, 10, "the drives to be ready");
@@ -69,7 +82,7 @@ class Operator {
       Await(Mode::kRunning, 20, "arming and pretension");
     } else {
       Check();
-      GoHome(program);
+      GoHome(program, rest_rad);
     }
     Pass(kRestBetween_s);
   }
@@ -126,19 +139,19 @@ class Operator {
     }
   }
 
-  /// Straight at the least tension, until it rests there.
-  void GoHome(const Program& program) {
+  /// To the bend at the least tension, until it rests there.
+  void GoHome(const Program& program, const BendingVector& rest_rad) {
     Command home;
     home.kind = CommandKind::kBending;
-    home.bending_rad = BendingVector::Zero(record_.output.bending_estimate_rad.size());
+    home.bending_rad = rest_rad;
     home.speed_radps = std::min(kHomeRate_radps, program.speed_radps);
     const TimeNs end_ns = clock_.Now() + 30 * kNsPerS;
     do {
       Send(home);
       Pass(0.05);
       Check();
-      if (clock_.Now() > end_ns) throw std::runtime_error("the robot did not come straight within 30 s");
-    } while (record_.output.reference.position_rad.norm() > 1e-4);
+      if (clock_.Now() > end_ns) throw std::runtime_error("the robot did not come to rest within 30 s");
+    } while ((record_.output.reference.position_rad - rest_rad).norm() > 1e-4);
   }
 
   /// Where each motor's angle counts from: the end of pretension, where the controller has its zero.
@@ -297,6 +310,7 @@ ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std
                     controller.pretension_ramp_Nps, kBriskTension_Nps)
               : "");
   const std::vector<NamedRun> names = NameRuns(plan);
+  const BendingVector rest_rad = RestBend(nominal);
   ExperimentSet set;
   set.data.name = plan.name;
   set.data.robot = nominal;
@@ -305,7 +319,7 @@ ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std
     Experiment result;
     std::optional<RunRecorder> recorder;
     try {
-      robot.Begin(program);
+      robot.Begin(program, rest_rad);
       recorder.emplace(nominal, robot.ZeroAngles(nominal));
       robot.Record(program, *recorder, result, [&](double share) { progress(i, share, nullptr); });
     } catch (const std::exception& e) {

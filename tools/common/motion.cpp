@@ -6,6 +6,9 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "tendril/model/held_directions.h"
+#include "tendril/model/pull_cone.h"
+
 namespace tendril::tools {
 namespace {
 
@@ -180,22 +183,26 @@ class Spiral final : public OnArcs {
 
 class PlanarBend final : public Motion {
  public:
-  explicit PlanarBend(const BodyParameters& body) : body_(body), model_(body) {
+  explicit PlanarBend(const RobotParameters& robot)
+      : model_(robot.body),
+        per_rad_(Spread(robot.body, 1, 0)),
+        start_rad_(BendingVector::Zero(per_rad_.size())) {
     name_ = "planar";
     description_ = "bend in the xz plane from straight to 1.6 rad at 0.26 rad/s, and rest";
-    bend_s_ = kEnd_rad / kRate_radps + kLead_s;
+    if (!model::PullsEveryWay(robot.body)) TurnIntoHeld(robot);
+    bend_s_ = way_rad_ / kRate_radps + kLead_s;
     judged_from_s_ = 0;
     judged_until_s_ = bend_s_ + kRest_s;
     duration_s_ = judged_until_s_;
   }
 
   Command At(double t) const override {
-    const Lead at = RestToRest(t, kEnd_rad / kRate_radps, kLead_s);
+    const Lead at = RestToRest(t, way_rad_ / kRate_radps, kLead_s);
     const double bend = kRate_radps * at.distance, rate = kRate_radps * at.speed;
     Command target;
     target.kind = CommandKind::kBending;
-    target.bending_rad = Spread(body_, bend, 0);
-    target.bending_rate_radps = Spread(body_, rate, 0);
+    target.bending_rad = start_rad_ + bend * per_rad_;
+    target.bending_rate_radps = rate * per_rad_;
     return target;
   }
   Eigen::Vector3d TipAt(double t) const override {
@@ -206,10 +213,37 @@ class PlanarBend final : public Motion {
 
  private:
   static constexpr double kEnd_rad = 1.6, kRate_radps = 0.26, kRest_s = 1, kLead_s = 0.5;
-  BodyParameters body_;
+
+  // Each section to its share of the end, towards the first direction that its tendons hold.
+  void TurnIntoHeld(const RobotParameters& robot) {
+    model_.SumBending(model::RestShape(model_, robot.limits.min_tension_N), start_rad_);
+    BendingVector end_rad = kEnd_rad * per_rad_;
+    for (int k = 0; k < model_.sections(); ++k) {
+      const model::PullCone cone = model::PullConeOf(robot.body, k);
+      if (cone.kind == model::PullCone::Kind::kPlane) continue;
+      const double bend = end_rad.segment<2>(2 * k).norm();
+      end_rad.segment<2>(2 * k) << bend * std::cos(cone.from_rad), bend * std::sin(cone.from_rad);
+    }
+    way_rad_ = 0;
+    for (int k = 0; k < model_.sections(); ++k) way_rad_ += (end_rad - start_rad_).segment<2>(2 * k).norm();
+    per_rad_ = (end_rad - start_rad_) / way_rad_;
+    description_ = "bend to 1.6 rad at 0.26 rad/s, and rest: " + model::HeldDirections(robot.body);
+  }
+
   model::Body model_;
-  double bend_s_;
+  BendingVector per_rad_, start_rad_;  // of the whole robot's bend, and where it is at first
+  double way_rad_ = kEnd_rad, bend_s_;
 };
+
+// Motions that bend every way.
+std::unique_ptr<Motion> MakeRound(const std::string& name, const BodyParameters& body) {
+  if (name == "circle") return MakeCircle(body);
+  if (name == "fast_circle") return std::make_unique<Circle>(body, "fast_circle", 2 * kPi, 5);
+  if (name == "square") return std::make_unique<Square>(body);
+  if (name == "spiral") return std::make_unique<Spiral>(body);
+  throw std::invalid_argument("no motion is called '" + name +
+                              "'; there are circle, planar, fast_circle, square and spiral");
+}
 
 }  // namespace
 
@@ -230,18 +264,18 @@ Command Motion::SentAhead(double t_s, double ahead_s, double extrapolates_s) con
 std::unique_ptr<Motion> MakeCircle(const BodyParameters& body) {
   return std::make_unique<Circle>(body, "circle", kPi / 6, 1);
 }
-std::unique_ptr<Motion> MakePlanarBend(const BodyParameters& body) {
-  return std::make_unique<PlanarBend>(body);
+std::unique_ptr<Motion> MakePlanarBend(const RobotParameters& robot) {
+  return std::make_unique<PlanarBend>(robot);
 }
 
-std::unique_ptr<Motion> MakeMotion(const std::string& name, const BodyParameters& body) {
-  if (name == "circle") return MakeCircle(body);
-  if (name == "planar") return MakePlanarBend(body);
-  if (name == "fast_circle") return std::make_unique<Circle>(body, "fast_circle", 2 * kPi, 5);
-  if (name == "square") return std::make_unique<Square>(body);
-  if (name == "spiral") return std::make_unique<Spiral>(body);
-  throw std::invalid_argument("no motion is called '" + name +
-                              "'; there are circle, planar, fast_circle, square and spiral");
+std::unique_ptr<Motion> MakeMotion(const std::string& name, const RobotParameters& robot) {
+  if (name == "planar") return MakePlanarBend(robot);
+  std::unique_ptr<Motion> motion = MakeRound(name, robot.body);
+  if (const std::string held = model::HeldDirections(robot.body); !held.empty()) {
+    throw std::invalid_argument("the motion '" + name + "' bends every way, and of robot '" + robot.name +
+                                "' " + held + "; accepted: planar");
+  }
+  return motion;
 }
 
 }  // namespace tendril::tools

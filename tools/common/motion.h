@@ -46,12 +46,14 @@ class Motion {
 std::unique_ptr<Motion> MakeCircle(const BodyParameters& body);
 
 /// The planar bend of section 5.1: from straight to 1.6 rad in the xz plane at 0.26 rad/s, and a
-/// second's rest.
-std::unique_ptr<Motion> MakePlanarBend(const BodyParameters& body);
+/// second's rest. Sections whose tendons do not pull them every way bend towards their first held direction,
+/// from where they rest under the least tension.
+std::unique_ptr<Motion> MakePlanarBend(const RobotParameters& robot);
 
 /// "circle", "planar", "fast_circle" (the same circle, five turns of a second), "square" (the circle's
 /// inscribed one, at rest in its corners) or "spiral" (turning, outwards and back, z with it); throws
-/// std::invalid_argument naming the choices.
-std::unique_ptr<Motion> MakeMotion(const std::string& name, const BodyParameters& body);
+/// std::invalid_argument naming the choices, or why a robot whose tendons do not pull every way bends planar
+/// only.
+std::unique_ptr<Motion> MakeMotion(const std::string& name, const RobotParameters& robot);
 
 }  // namespace tendril::tools

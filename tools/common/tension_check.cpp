@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "tendril/control/controller.h"
+#include "tendril/control/reach.h"
 #include "tendril/model/capstan.h"
+#include "tendril/model/held_directions.h"
 #include "tendril/model/inverse.h"
 
 namespace tendril::tools {
@@ -23,6 +25,11 @@ struct Instant {
   TendonVector shortening_mps, shortening_mps2;
 };
 
+LimitParameters Led(LimitParameters limits) {
+  limits.max_tension_base_N = std::max(control::kLedShare * limits.max_tension_base_N, limits.min_tension_N);
+  return limits;
+}
+
 class Check {
  public:
   explicit Check(const RobotParameters& robot)
@@ -30,6 +37,7 @@ class Check {
         body_(robot.body),
         workspace_(body_),
         allocator_(body_.tendons(), 2 * body_.sections()),
+        reach_(robot, body_, Led(robot.limits), 0, true),
         q_(UnitVector::Zero(body_.dof())),
         dq_(q_),
         ddq_(q_),
@@ -70,7 +78,9 @@ class Check {
     model::SectionForcePerTension(body_, at.bending_rad, per_tension_);
     const double most_N = control::kLedShare * limits.max_tension_base_N;
     const auto allocated = allocator_.Allocate(per_tension_, wanted_Nm_, limits.min_tension_N, most_N);
-    if (allocated.status != Status::kOk) {
+    BendingVector held_rad = at.bending_rad;
+    if (reach_.Limit(held_rad) == Status::kLimitedDirection) return model::HeldDirections(robot_.body);
+    if (allocated.bound == Status::kLimitedTensionMax) {
       return fmt::format("a tendon needs more than {:.3g} N at the base ({:g} of limits.max_tension_base_N)",
                          most_N, control::kLedShare);
     }
@@ -108,6 +118,7 @@ class Check {
   model::Body body_;
   model::Body::Workspace workspace_;
   model::TensionAllocator allocator_;
+  control::Reach reach_;
   std::vector<model::CapstanTable> tables_;
   UnitVector q_, dq_, ddq_, force_Nm_;
   BendingVector wanted_Nm_;

@@ -332,7 +332,7 @@ void RunLaws(const CompareOptions& options) {
   for (const std::string& name : motions) {
     const std::string file = ConfigFile(name == "planar" ? "robots/rig_90mm.yaml" : "robots/rig_60mm.yaml");
     const RobotParameters robot = sim::LoadRobot(file);
-    const auto motion = MakeMotion(name, robot.body);
+    const auto motion = MakeMotion(name, robot);
     ordered_json entry = {{"trajectory", name},
                           {"description", motion->description()},
                           {"robot", file},
@@ -421,7 +421,7 @@ void RunCompare(const CompareOptions& options) {
                        {"trajectories", ordered_json::array()}};
   std::vector<std::string> lines;
   for (const std::string& name : names) {
-    const auto motion = MakeMotion(name, nominal.body);
+    const auto motion = MakeMotion(name, nominal);
     // What the control law leaves by itself, knowing all that the plant's file says; then everyone on the
     // plant.
     std::vector<Tracking> runs{Track(options.plant, options.plant, *motion, options.seed)};

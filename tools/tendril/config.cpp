@@ -19,6 +19,8 @@
 #include "tendril/control/reach.h"
 #include "tendril/control/tension_loop_design.h"
 #include "tendril/control/tip_feedback.h"
+#include "tendril/model/held_directions.h"
+#include "tendril/model/pull_cone.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {
@@ -73,6 +75,7 @@ std::string ReachWarning(const DaemonParameters& daemon, const RobotParameters& 
   LimitParameters led = limits;
   led.max_tension_base_N = std::max(control::kLedShare * limits.max_tension_base_N, limits.min_tension_N);
   const model::Body body(robot.body);
+  const bool every_way = model::PullsEveryWay(robot.body);
   const double sure_rad = control::Reach(robot, body, led, 0, true).sure_rad();
   if (sure_rad >= kHeldShare * limits.max_bending_rad) return "";
   const char* bases = body.sections() > 1 ? "the base section carries all others, and " : "";
@@ -82,7 +85,9 @@ std::string ReachWarning(const DaemonParameters& daemon, const RobotParameters& 
       "carried, thicken the backbone's base, or raise limits.max_tension_base_N",
       limits.max_bending_rad, robot.name, bases, control::kLedShare, limits.max_tension_base_N,
       body.sections() > 1 ? "sections" : "section",
-      sure_rad > 0 ? fmt::format("in every direction up to {:.2g} rad", sure_rad) : "not even straight");
+      sure_rad > 0 ? fmt::format("{} up to {:.2g} rad",
+                                 every_way ? "in every direction" : "where its tendons pull it", sure_rad)
+                   : "not even straight");
   return config::ErrorAt(daemon.robot_file, "limits.max_bending_rad", text).what();
 }
 
@@ -124,9 +129,20 @@ std::string LeftOutComment(const DaemonParameters& daemon, const std::string& pa
   return found.empty() ? "" : "# not in the file, so as usual: " + found + "\n";
 }
 
+// As a comment, what a robot cannot be asked for.
+std::string DirectionsComment(const RobotParameters& robot) {
+  const std::string held = model::HeldDirections(robot.body);
+  return held.empty() ? ""
+                      : fmt::format(
+                            "# directions of {}: {}; a bend or tip elsewhere is brought to the nearest that "
+                            "is held (status 112)\n",
+                            robot.name, held);
+}
+
 void Check(const std::string& path) {
   if (config::KindOf(path) == "robot") {
-    fmt::print("{}", config::ToYaml(sim::LoadRobot(path)));
+    const RobotParameters robot = sim::LoadRobot(path);
+    fmt::print("{}{}", config::ToYaml(robot), DirectionsComment(robot));
     return;
   }
   const DaemonParameters daemon = config::LoadDaemon(path);
@@ -143,7 +159,7 @@ void Check(const std::string& path) {
     throw config::ErrorAt(path, "bus.feedback_deadline_ns", problem);
   }
   const std::string feedback = FeedbackComment(daemon, robot, path);
-  fmt::print("{}# {}\n{}{}", config::ToYaml(daemon), budget.ToString(), feedback,
+  fmt::print("{}# {}\n{}{}{}", config::ToYaml(daemon), budget.ToString(), feedback, DirectionsComment(robot),
              LeftOutComment(daemon, path));  // still one YAML file
   const TrajectoryParameters& t = daemon.controller.trajectory;
   const double delay_s =

@@ -27,6 +27,7 @@
 #include "seed_option.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
+#include "tendril/model/held_directions.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {
@@ -254,7 +255,7 @@ ordered_json RunMotion(const std::string& name, const DemoOptions& options, cons
   loop_options.daemon.controller.capstan_compensation = options.compensation == "on";
   loop_options.daemon.robot_file = robot_file;
   loop_options.daemon.lcm.state_every_cycles = 10;
-  const auto motion = MakeMotion(name, loop_options.controller_robot.body);
+  const auto motion = MakeMotion(name, loop_options.controller_robot);
   const int tendons = loop_options.controller_robot.body.tendons();
   const double min_tension_N = loop_options.controller_robot.limits.min_tension_N;
 
@@ -403,6 +404,14 @@ void RunDemo(const DemoOptions& options) {
   std::vector<std::string> names;
   if (options.trajectory == "all") {
     names = {"circle", "planar"};
+    // Of one robot for both, only what it can do.
+    if (!options.robot.empty()) {
+      const RobotParameters robot = sim::LoadRobot(options.robot);
+      if (const std::string held = model::HeldDirections(robot.body); !held.empty()) {
+        fmt::print(stderr, "tendril demo: no circle, for of robot '{}' {}: planar only\n", robot.name, held);
+        names = {"planar"};
+      }
+    }
   } else {
     names = {options.trajectory};
   }

@@ -227,7 +227,7 @@ std::unique_ptr<Motion> Planned(const MotionRequest& r, const RobotParameters& r
     return MakePathMotion(r.kind, {ThroughPoints(ViaPoints(r, robot), robot)}, AlongPaths(r, limits), robot);
   if (r.kind == "line") return MakePathMotion(r.kind, Lines(r, robot), AlongPaths(r, limits), robot);
   if (r.kind == "arc") return MakePathMotion(r.kind, {Arc(r, robot)}, AlongPaths(r, limits), robot);
-  return MakeMotion(r.kind, robot.body);
+  return MakeMotion(r.kind, robot);
 }
 
 }  // namespace

@@ -105,7 +105,7 @@ Run Follow(Study& study, const RobotParameters& robot, const std::string& motion
                             .plant = {},
                             .log_path = ""};
   options.daemon.controller.capstan_compensation = compensation;
-  const auto motion = MakeMotion(motion_name, robot.body);
+  const auto motion = MakeMotion(motion_name, robot);
   ClosedLoop loop(options);
   const auto guard = [&](const CycleRecord& r) {
     if (r.output.mode == Mode::kFault) {

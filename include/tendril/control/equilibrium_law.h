@@ -21,17 +21,19 @@ class StateArchive;
 ///   W_k(q) (p_k(q) - p_k(arc)) = 0 for the end p_k of each section,   T_min <= T <= T_max,
 /// and least sum (T - T_min)^2. The two rows of W_k span the plane in which the section's own bending moves
 /// its end: a section with two bending freedoms cannot do more, and what is left over stands at right angles
-/// to them, so the end is the nearest that bending reaches. dq and ddq are the reference's, shared equally by
-/// a section's units, m_k a bending moment along section k that the balance lacks.
+/// to them, so the end is the nearest that bending reaches; of a section whose tendons lie on a line, W_k is
+/// the one way in which they move its end. dq and ddq are the reference's, shared equally by a section's
+/// units, m_k a bending moment along section k that the balance lacks.
 class EquilibriumLaw {
  public:
   /// `body` outlives this object. Allocates all it needs.
   EquilibriumLaw(const model::Body& body, const LimitParameters& limits);
 
-  /// One cycle. `least_N` is the least tension now, at least the robot's own, `most_N` each tendon's greatest,
-  /// at most the robot's own; the least counts where they cross. `tip_shift_W_m` moves the goal of the last
-  /// section's end, `lacking_Nm` is m_k. The first call, and each after one that failed, starts from the arc
-  /// and `arc_tension_N`. kOk or kLimitedTensionMax: q() and tension_N() are the answer;
+  /// One cycle. `least_N` is the least tension now, at least the robot's own, `most_N` each tendon's
+  /// greatest, at most the robot's own; the least counts where they cross. `tip_shift_W_m` moves the goal of
+  /// the last section's end, `lacking_Nm` is m_k. The first call, and each after one that failed, starts from
+  /// the arc and `arc_tension_N`. kOk, kLimitedTensionMax or, where tendons do not pull every way,
+  /// kLimitedTensionMin, for they would have to push: q() and tension_N() are the answer.
   /// kEquilibriumNotFound: no stable shape within the bounded iterations, the caller uses its own.
   Status Solve(const BendingReference& reference, const TendonVector& arc_tension_N, double least_N,
                const TendonVector& most_N, const Eigen::Vector3d& tip_shift_W_m,
@@ -42,7 +44,8 @@ class EquilibriumLaw {
 
   const UnitVector& q() const noexcept { return q_; }
   const TendonVector& tension_N() const noexcept { return tension_N_; }
-  /// Unit vectors that span the plane in which the last section moves the tip, at the last Solve's shape.
+  /// Unit vectors that span the plane in which the last section moves the tip, at the last Solve's shape; of
+  /// tendons that pull along a line only, the second is zero.
   const Eigen::Vector3d& tip_u() const noexcept { return tip_u_; }
   const Eigen::Vector3d& tip_v() const noexcept { return tip_v_; }
   /// 2K x 2K: by how much the sections bend for a moment along each, tensions as they are, at the last
@@ -59,9 +62,11 @@ class EquilibriumLaw {
   bool Step(double& size_rad) noexcept;
   void Add(const BendingVector& section_Nm, UnitVector& unit_Nm) const noexcept;
   void Goals() noexcept;
+  void KeepPulledWays() noexcept;
 
   const model::Body& body_;
   double robot_min_tension_N_, max_tension_N_;
+  std::vector<bool> on_line_;  // a section's own tendons
   model::Body::Workspace workspace_;
   model::TensionAllocator allocator_;
   bool warm_ = false;

@@ -34,6 +34,9 @@ class Estimator {
   /// friction lies between sensor and motor side, the part of it that has not built up, (1 - z^2) h^2 / 3
   /// with h half the tension between pulling and paying out. What the robot file has wrong is not in it.
   ///
+  /// Directions of bend that no tendon's path shows are those of the balance, see below, as unsure as
+  /// anywhere.
+  ///
   /// A tendon whose cell shows no pull hangs, and shows nothing of the shape: as its tension goes from
   /// kTaut to kSlack of the least tension, or to the cell's noise, its weight goes to zero and its variance
   /// beyond that of anywhere in its range; taut again it counts as before a few cycles later. While one
@@ -47,7 +50,12 @@ class Estimator {
   /// From 0, a tendon that hangs, to 1.
   const TendonVector& weight() const noexcept { return weight_; }
 
-  /// Declares the present encoder positions to be those of the straight robot at pretension.
+  /// Shape of the robot at pretension: straight, or where tendons do not pull every way as they bend it then.
+  const BendingVector& pretension_rad() const noexcept { return pretension_rad_; }
+  /// Displacement of each tendon there.
+  const TendonVector& pretension_m() const noexcept { return pretension_m_; }
+
+  /// Declares the present encoder positions to be those of the robot at pretension.
   void ZeroDisplacement(const CycleInput& input) noexcept;
 
   void Remember(StateArchive& archive) noexcept;
@@ -82,8 +90,9 @@ class Estimator {
   BendingVector stiffness_Nm_;            // both entries of a section alike
   std::vector<double> curvature_mprad2_;  // a bend b of a section makes paths b^2 / 2 of this shorter
   std::vector<Tendon> tendons_;
-  BendingVector bending_rad_;
-  TendonVector shortening_m_, weight_;
+  bool pulls_every_way_;
+  BendingVector pretension_rad_, bending_rad_;
+  TendonVector pretension_m_, shortening_m_, weight_;
   BendingMatrix covariance_rad2_;
   UnitVector q_, unit_force_Nm_;
 };

@@ -3,6 +3,9 @@
 // its rotors, and snatches its tendons. Knows nothing of how motions are made.
 #pragma once
 
+#include <optional>
+
+#include "tendril/control/nearest_held.h"
 #include "tendril/core/limits.h"
 #include "tendril/core/robot.h"
 #include "tendril/core/status.h"
@@ -22,7 +25,8 @@ class Reach {
         bool pulls_for_rotors);
 
   /// kOk where the arcs of `bending_rad` can be held at rest; else kLimitedTensionMax, and `bending_rad` is
-  /// scaled down to where they can. A robot that cannot even be held straight is left alone.
+  /// scaled down to where they can. A robot that cannot even be held straight is left alone. Where tendons do
+  /// not pull every way `bending_rad` is brought as NearestHeld says.
   Status Limit(BendingVector& bending_rad) noexcept;
   /// With b the greatest bend of a section and S the one that is held whatever its direction, rates of bend
   /// up to
@@ -32,16 +36,20 @@ class Reach {
   /// for them at most T_min [rad/s]; that last only where the goal stands, for whoever sends a moving one has
   /// chosen how it gathers speed.
   double Rate_radps(const BendingVector& bending_rad, bool goal_moves) const noexcept;
-  /// S: bent by no more than this, sections are held in every direction; 0 where not even straight.
+  /// S: bent by no more than this, sections are held in every direction, or every one into which their
+  /// tendons pull; 0 where not even straight.
   double sure_rad() const noexcept { return sure_rad_; }
   /// The same where nothing is pulled for rotors: tensions that are commanded.
   double UnpulledRate_radps() const noexcept { return rate_per_N_ * 0.5 * min_tension_N_; }
 
  private:
   bool Holds(const BendingVector& bending_rad) noexcept;
+  void FindSure();
+  void FindSureOfPulled();
 
   const model::Body& body_;
   model::TensionAllocator allocator_;
+  std::optional<NearestHeld> nearest_;  // where tendons do not pull every way
   double min_tension_N_, max_tension_N_;
   double rate_per_N_ = 0, most_room_N_;
   double sure_rad_ = 0;

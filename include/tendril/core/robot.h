@@ -26,7 +26,7 @@ struct SectionParameters {
   double youngs_modulus_Pa = 0;
   double core_radius_m = 0;            // backbone core; I = pi r^4 / 4
   double bending_damping_Nms = 0;      // N·m per rad/s, on (du, dv) of each unit
-  std::vector<TendonRoute> tendons;    // at least 3
+  std::vector<TendonRoute> tendons;    // at least 1
 
   /// Bending stiffness of one unit, EI / l [N·m/rad].
   double UnitStiffness() const;

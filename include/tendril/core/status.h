@@ -22,6 +22,7 @@ namespace tendril {
   X(LimitedTipCorrection, 109, "correction by the tracker limited to a fifth of the robot's length", "check the tracker's frame; else find what differs: tendril gap diagnose") \
   X(SlowedByTension, 110, "motion slowed: rotors as fast as that would take more tension than the limits leave", "command a slower motion or less bending; with law: paper, try law: equilibrium, which pulls for its rotors") \
   X(LimitedShapeCorrection, 111, "correction by the tendons' displacement limited to half of what the robot's stiffness takes", "look for what holds or loads the robot; else find what differs: tendril gap diagnose") \
+  X(LimitedDirection, 112, "bend brought to the nearest that the robot's tendons hold: they do not pull every way", "ask for a bend in a direction that tendril config check names for this robot") \
   X(CommandNotFinite, 201, "command refused: not finite", "send numbers only")                                      \
   X(CommandOutOfRange, 202, "command refused: out of range", "see the robot file's limits; of no robot: more than 1000 rad/s, 100 m or 100 m/s")                 \
   X(CommandStale, 203, "command refused: older than its validity", "send it again, with a longer valid_for_s where it may have to wait; of a stream: see what holds up its sender, the network or the daemon") \

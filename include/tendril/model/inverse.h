@@ -54,6 +54,10 @@ class TensionAllocator {
     TendonVector tension_N;
     double residual_Nm = 0;       // norm of the force not produced
     Status status = Status::kOk;  // kLimitedTensionMax: force not reachable; kSolverFallback: not finite
+    /// The bound that keeps the force from being reached or come nearer: kLimitedTensionMax, or
+    /// kLimitedTensionMin where tendons would have to push; kOk where none does, for the force is reached, or
+    /// what is left of it no tension makes. Where every force could be made it is `status`.
+    Status bound = Status::kOk;
     int iterations = 0;
   };
 

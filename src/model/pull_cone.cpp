@@ -1,0 +1,100 @@
+#include "tendril/model/pull_cone.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "tendril/model/statics.h"
+
+namespace tendril::model {
+namespace {
+
+constexpr double kTurn = 2 * std::numbers::pi, kHalfTurn = std::numbers::pi;
+constexpr double kAlike_rad = 0.01;
+// As far as rounding goes a gap is half a turn, and the tendons beside it hold nothing across it.
+constexpr double kOpposite_rad = 1e-6 * kHalfTurn / 180;
+
+double Wrapped(double angle_rad) { return angle_rad - kTurn * std::floor(angle_rad / kTurn); }
+
+Eigen::Vector2d Along(double angle_rad) { return {std::cos(angle_rad), std::sin(angle_rad)}; }
+
+}  // namespace
+
+Eigen::Vector2d PullCone::Nearest(const Eigen::Vector2d& bend_rad) const noexcept {
+  const Eigen::Vector2d first = Along(from_rad), last = Along(from_rad + width_rad);
+  switch (kind) {
+    case Kind::kPlane:
+      return bend_rad;
+    case Kind::kLine:
+      return first * first.dot(bend_rad);
+    case Kind::kHalfPlane: {
+      const Eigen::Vector2d inwards(-first.y(), first.x());
+      return bend_rad - inwards * std::min(0.0, inwards.dot(bend_rad));
+    }
+    case Kind::kRay:
+    case Kind::kWedge:
+      break;
+  }
+  const double at_rad = Wrapped(std::atan2(bend_rad.y(), bend_rad.x()) - from_rad);
+  if (kind == Kind::kWedge && at_rad <= width_rad) return bend_rad;
+  const Eigen::Vector2d on_first = first * std::max(0.0, first.dot(bend_rad)),
+                        on_last = last * std::max(0.0, last.dot(bend_rad));
+  return on_first.norm() >= on_last.norm() ? on_first : on_last;
+}
+
+PullCone PullConeOf(const BodyParameters& body, int section) {
+  double middle_m = 0;  // arc length
+  for (int k = 0; k <= section; ++k) {
+    const SectionParameters& s = body.sections[static_cast<std::size_t>(k)];
+    middle_m += (k < section ? 1 : 0.5) * s.units * s.unit_length_m;
+  }
+  std::vector<double> angles;
+  for (const TendonRoute& t : body.sections[static_cast<std::size_t>(section)].tendons)
+    angles.push_back(Wrapped(t.angle_rad + body.twist_rad_per_m * middle_m));
+  std::sort(angles.begin(), angles.end());
+  // The cone begins behind the widest gap.
+  double widest = angles.front() + kTurn - angles.back();
+  PullCone cone{.from_rad = angles.front()};
+  for (std::size_t i = 1; i < angles.size(); ++i) {
+    if (angles[i] - angles[i - 1] <= widest) continue;
+    widest = angles[i] - angles[i - 1];
+    cone.from_rad = angles[i];
+  }
+  cone.width_rad = kTurn - widest;
+  const bool at_ends = std::all_of(angles.begin(), angles.end(), [&](double angle) {
+    const double at = Wrapped(angle - cone.from_rad + kAlike_rad) - kAlike_rad;
+    return std::min(std::abs(at), std::abs(at - cone.width_rad)) <= kAlike_rad;
+  });
+  if (widest < kHalfTurn - (at_ends ? kAlike_rad : kOpposite_rad)) {
+    cone = {PullCone::Kind::kPlane, 0, kTurn};
+  } else if (widest <= kHalfTurn + kAlike_rad) {
+    cone.kind = at_ends ? PullCone::Kind::kLine : PullCone::Kind::kHalfPlane;
+    cone.width_rad = kHalfTurn;
+  } else {
+    cone.kind = cone.width_rad <= kAlike_rad ? PullCone::Kind::kRay : PullCone::Kind::kWedge;
+  }
+  return cone;
+}
+
+bool PullsEveryWay(const BodyParameters& body) {
+  for (int k = 0; k < static_cast<int>(body.sections.size()); ++k) {
+    if (PullConeOf(body, k).kind != PullCone::Kind::kPlane) return false;
+  }
+  return true;
+}
+
+Eigen::VectorXd RestShape(const Body& body, double tension_N) {
+  const Eigen::VectorXd tension = Eigen::VectorXd::Constant(body.tendons(), tension_N);
+  const Equilibrium rest = SolveStatics(body, tension, Eigen::Vector3d::Zero());
+  if (rest.result != StaticsResult::kConverged) return Eigen::VectorXd::Zero(body.dof());
+  return rest.q;
+}
+
+TendonVector PretensionShortening(const Body& body, double min_tension_N) {
+  TendonVector shortening_m = TendonVector::Zero(body.tendons());
+  if (!PullsEveryWay(body.parameters())) body.TendonShortening(RestShape(body, min_tension_N), shortening_m);
+  return shortening_m;
+}
+
+}  // namespace tendril::model
