@@ -560,6 +560,8 @@ TEST(CyclesMissed, AreToldWithADriveLostMeanwhile) {
   for (const std::uint64_t skipped : {0, 1}) {
     SafetyRig r(Rig());
     ASSERT_TRUE(r.RunUntil(Mode::kConfigured, 10));
+    for (int i = 0; i < 500; ++i) r.Step({}, skipped);
+    ASSERT_EQ(r.output().mode, Mode::kConfigured) << "no fault without torque";
     r.Order({.kind = FaultKind::kDie, .node = 2});
     for (int i = 0; i < 3000 && r.output().mode != Mode::kFault; ++i) r.Step({}, skipped);
     ASSERT_EQ(r.output().mode, Mode::kFault);

@@ -193,8 +193,8 @@ std::string Plain(std::string_view text) {
 
 /// What an effect has to do with a word, the nearest first.
 enum class Relation { kName, kSummary, kLaw, kLooksLike, kNone };
-constexpr const char* kRelations[] = {"named so", "said of it", "in its law or its mark in the data",
-                                      "looks like one that is named so"};
+constexpr const char* kRelations[] = {"by name", "by summary", "by law or mark in the data",
+                                      "easily confused with one of that name"};
 
 Relation RelationOf(const Effect& e, const std::string& topic) {
   const auto in = [&](std::string_view text) { return Plain(text).find(topic) != std::string::npos; };
