@@ -605,10 +605,10 @@ const fire = (target, type, x, y) => target.dispatchEvent(
 const count = selector => document.querySelectorAll(selector).length;
 const said = [];
 let before = count('#cause .bar');
-document.querySelector('#cause button').click();
+document.querySelector('#cause button:not([aria-label])').click();
 said.push(count('#cause .bar') > before ? 'all causes' : '');
 before = count('#conditions svg');
-document.querySelector('#conditions button').click();
+document.querySelector('#conditions button:not([aria-label])').click();
 said.push(count('#conditions svg') > before ? 'all maps' : '');
 const brush = () => document.querySelector('#runs .brush .overlay');
 const box = brush().getBoundingClientRect();
