@@ -61,7 +61,7 @@ void Record(const Case& c, const std::string& effect, const fs::path& log) {
                                    .log_path = log.string()};
   options.daemon.controller.law = c.law;
   tools::ClosedLoop loop(options);
-  const auto motion = tools::MakeMotion(c.motion, nominal.body);
+  const auto motion = tools::MakeMotion(c.motion, nominal);
   c.home ? Home(loop) : loop.ArmAndPretension();
   const auto nothing = [](const CycleRecord&, double) {};
   tools::ApproachStart(loop, *motion, nothing);
