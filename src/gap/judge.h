@@ -20,6 +20,7 @@ struct Judgement {
   const Fit* best = nullptr;     // of the accepted model; null: none accepted
   const Fit* nearest = nullptr;  // what leaves leftover_sigma, accepted or not
   double leftover_sigma = 0;
+  bool unrepeated = false;            // no place has a gap, but the robot does not repeat
   std::optional<sim::Cut> hidden_at;  // where the best two would hide each other, and no gap is
 };
 /// `seed` is of the bootstrap over blocks.
