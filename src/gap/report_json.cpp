@@ -305,10 +305,6 @@ Json ToJson(HealthFinding::Severity v) { return kSeverities.at(static_cast<std::
 Json ToJson(const Estimate& v) {
   return {{"value", ToJson(v.value)}, {"ci", {ToJson(v.low), ToJson(v.high)}}};
 }
-template <class T>
-Json ToJson(const std::optional<T>& v) {
-  return v ? ToJson(*v) : Json(nullptr);
-}
 Json ToJson(const std::map<std::string, Estimate>& v) {
   Json j = Json::object();
   for (const auto& [name, estimate] : v) j[name] = ToJson(estimate);
@@ -368,6 +364,10 @@ Json ToJson(const Profile& v) {
   return j;
 }
 
+template <class T>
+Json ToJson(const std::optional<T>& v) {
+  return v ? ToJson(*v) : Json(nullptr);
+}
 template <class T>
 Json ToJson(const std::vector<T>& v) {
   Json j = Json::array();
@@ -440,11 +440,6 @@ void FromJson(const Json& j, const std::string& at, Estimate& v) {
   FromJson(ci[0], Below(at, "ci[0]"), v.low);
   FromJson(ci[1], Below(at, "ci[1]"), v.high);
 }
-template <class T>
-void FromJson(const Json& j, const std::string& at, std::optional<T>& v) {
-  v.reset();
-  if (!j.is_null()) FromJson(j, at, v.emplace());
-}
 void FromJson(const Json& j, const std::string& at, std::map<std::string, Estimate>& v) {
   if (!j.is_object()) Wrong(at, "an object");
   for (const auto& [key, value] : j.items()) FromJson(value, Below(at, key), v[key]);
@@ -466,6 +461,11 @@ void FromJson(const Json& j, const std::string& at, CutFinding& v) {
   Fields(r, v);
 }
 
+template <class T>
+void FromJson(const Json& j, const std::string& at, std::optional<T>& v) {
+  v.reset();
+  if (!j.is_null()) FromJson(j, at, v.emplace());
+}
 template <class T>
 void FromJson(const Json& j, const std::string& at, std::vector<T>& v) {
   if (!j.is_array()) Wrong(at, "a list");
