@@ -14,7 +14,6 @@
 #include "evaluator.h"
 #include "median.h"
 #include "parallel.h"
-#include "repeatability.h"
 #include "rotation.h"
 #include "same_commands.h"
 
@@ -32,6 +31,7 @@ constexpr double kResolutionWindow_s = 0.25;
 // how a robot repeats.
 constexpr double kReturnShare = 0.01;
 constexpr int kLeastReturns = 20;
+constexpr int kLeastWindows = 20;  // of two repetitions, to know how a channel repeats
 // Repetitions that differ by more, in times of the sensors' noise, may well be of another robot.
 constexpr double kOtherRobot = 5;
 
@@ -511,13 +511,38 @@ double Evaluator::Unrepeated(int channel, int& returns) const {
 void Evaluator::ScaleByRepetition(const Options& options) {
   const int runs = static_cast<int>(runs_.size()), channels = static_cast<int>(channels_.size());
   // Identical repetitions: half the mean-square difference of their residuals.
+  std::map<std::string, int> by_name;
+  for (int i = 0; i < runs; ++i) by_name[runs_[i].name] = i;
   int most_returns = 0;
-  repeated_ = !RepeatedRuns(*this).empty();
-  std::vector<Repeated> repeats;
-  for (int c = 0; c < channels; ++c) repeats.push_back(RepeatedIn(*this, c));
+  struct Repeated {
+    double ratio = 0, square = 0;  // of half a squared difference to what noise makes of it, and itself
+    int windows = 0;
+    bool known() const { return windows > kLeastWindows; }
+  };
+  std::vector<Repeated> repeats(static_cast<std::size_t>(channels));
   repetitions_by_ = Eigen::VectorXd::Ones(channels);
-  if (!options.repeats && options.with_cause == nullptr)
-    repeatability_ = FindRepeatability(*this, {options.seed, options.delta_N, options.delta_m});
+  for (int c = 0; c < channels; ++c) {
+    Repeated& repeated = repeats[static_cast<std::size_t>(c)];
+    for (int i = 0; i < runs; ++i) {
+      const auto original = by_name.find(runs_[i].repeat_of);
+      if (runs_[i].repeat_of.empty() || original == by_name.end() || original->second == i) continue;
+      repeated_ = true;
+      const auto& a = nominal_residuals_[i][c];
+      const auto& b = nominal_residuals_[original->second][c];
+      const auto& va = variance_[i][c];
+      const auto& vb = variance_[original->second][c];
+      for (int w = 0; w < std::min(a.size(), b.size()); ++w) {
+        if (!std::isfinite(va[w]) || !std::isfinite(vb[w])) continue;
+        repeated.ratio += std::pow(a[w] - b[w], 2) / (va[w] + vb[w]);
+        repeated.square += 0.5 * std::pow(a[w] - b[w], 2);
+        ++repeated.windows;
+      }
+    }
+    if (repeated.windows > 0) {
+      repeated.ratio /= repeated.windows;
+      repeated.square /= repeated.windows;
+    }
+  }
   // A motor that stood in the runs that were repeated, and moves in others, is taken to repeat no better than
   // the others of its kind.
   const auto others = [&](int c) {
@@ -571,7 +596,7 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     if (channel.quantity == Quantity::kTension && options.delta_N > 0) channel.delta = options.delta_N;
     if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
   }
-  if (other != nullptr) repetitions_by_ = other->repetitions_by_, repeatability_ = other->repeatability_;
+  if (other != nullptr) repetitions_by_ = other->repetitions_by_;
   int differs_most = 0;
   const double most = channels > 0 ? repetitions_by_.maxCoeff(&differs_most) : 1;
   repetitions_differ_ = most > kOtherRobot ? most : 0;

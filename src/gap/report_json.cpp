@@ -216,20 +216,6 @@ void Fields(A& a, typename A::template Ref<NextExperiment> n) {
 }
 
 template <class A>
-void Fields(A& a, typename A::template Ref<Repeatability> r) {
-  a("cut", r.cut);
-  a("where", r.where);
-  a("quantity", r.quantity);
-  a("unit", r.unit);
-  a("rms", r.rms);
-  a("floor", r.floor);
-  a("sigma", r.sigma);
-  a("depends_on", r.depends_on);
-  a("p_value", r.p_value);
-  a("law", r.law);
-}
-
-template <class A>
 void Fields(A& a, typename A::template Ref<HealthFinding> h) {
   a("severity", h.severity);
   a("run", h.run);
@@ -652,7 +638,6 @@ std::string ReportJson(const Diagnosis& diagnosis) {
   Writer w(j);
   Fields(w, d);
   j["closed"] = WriteClosed(d);
-  j["repeatability"] = ToJson(d.repeatability);
   j["chain"] = Chain();
   j["shown_units"] = Units();
   Json provenance = Json::object();
@@ -679,8 +664,6 @@ Diagnosis ParseReport(const std::string& text) {
   }
   Fields(r, d);
   ReadClosed(Member(j, "", "closed"), d);
-  // Older reports do not have it.
-  if (j.contains("repeatability")) FromJson(j["repeatability"], "repeatability", d.repeatability);
   Reader p(Member(j, "", "provenance"), "provenance");
   ProvenanceFields(p, d);
   return d;

@@ -54,11 +54,10 @@ Eigen::Vector3d Wanted(const std::string& family, double t) {
   return wanted;
 }
 
-/// Torque taken off a motor's shaft beside what its plant has, of its state and the time.
-using Rub = std::function<double(int j, const sim::TendonState& state, double time_s)>;
-
-/// One run of a plant as the rig's sensors show it, at 1 kHz, the tracker at 100 Hz.
-Run Record(sim::Plant& plant, const std::string& family, double duration_s, const Rub& rub = nullptr) {
+/// One run as the rig's sensors show it, at 1 kHz, the tracker at 100 Hz.
+Run Record(const RobotParameters& plant_robot, const std::string& family, double duration_s,
+           std::uint64_t seed) {
+  sim::Plant plant(plant_robot, {.seed = seed});
   const RobotParameters nominal = Rig();
   const auto& p = nominal.actuation->tendons[0];
   const int samples = static_cast<int>(duration_s * 1000);
@@ -72,13 +71,13 @@ Run Record(sim::Plant& plant, const std::string& family, double duration_s, cons
   }
   run.tip_m.setConstant(samples, 3, std::nan(""));
   run.tip_quaternion.setConstant(samples, 4, std::nan(""));
-  Eigen::Vector3d sent = Wanted(family, 0) * kTorquePerN, rubbed = Eigen::Vector3d::Zero();
+  Eigen::Vector3d sent = Wanted(family, 0) * kTorquePerN;
   for (int i = 0; i < samples; ++i) {
     const auto sensors = plant.ReadSensors();
     const Eigen::Vector3d target = Wanted(family, 1e-3 * i) * kTorquePerN;
     for (int j = 0; j < 3; ++j) {
       run.torque_target_Nm(i, j) = target[j];
-      run.torque_actual_Nm(i, j) = sensors[j].torque_Nm + rubbed[j];
+      run.torque_actual_Nm(i, j) = sensors[j].torque_Nm;
       run.motor_position_rad(i, j) =
           2 * std::numbers::pi / p.drive.encoder_counts_per_turn * sensors[j].encoder_counts;
       run.tension_N(i, j) = sensors[j].load_cell_V / p.load_cell.gain_VpN;
@@ -90,18 +89,11 @@ Run Record(sim::Plant& plant, const std::string& family, double duration_s, cons
       run.tip_quaternion.row(i) << o.w(), o.x(), o.y(), o.z();
     }
     // A target acts at the SYNC after the cycle in which it was sent.
-    for (int j = 0; rub && j < 3; ++j) rubbed[j] = rub(j, plant.tendon()[j], 1e-3 * i);
-    plant.SetTorque(sent - rubbed);
+    plant.SetTorque(sent);
     sent = target;
     plant.Advance(kNsPerMs);
   }
   return run;
-}
-
-Run Record(const RobotParameters& plant_robot, const std::string& family, double duration_s,
-           std::uint64_t seed) {
-  sim::Plant plant(plant_robot, {.seed = seed});
-  return Record(plant, family, duration_s);
 }
 
 /// Three families and a repetition, 20 s in all.
@@ -605,7 +597,7 @@ TEST(Diagnose, AMotorThatStoodInTheRepeatedRunsRepeatsAsTheOthersDo) {
 
 // A push on the tip that is another one in each run makes all windows of that run err together: they are no
 // independent witnesses for the mean of the pushes, which is less than two like runs differ by.
-TEST(Diagnose, WhatDiffersFromRunToRunIsNoCause) {
+TEST(Diagnose, WhatDiffersFromRunToRunIsNoGap) {
   DataSet set = Recorded("");
   const double push_N[] = {0.02, 0.01, 0.03, -0.005};
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
@@ -617,8 +609,8 @@ TEST(Diagnose, WhatDiffersFromRunToRunIsNoCause) {
     set.runs[i] = std::move(run);
   }
   const Diagnosis d = Diagnose(set, Only({"tip_force", "bending_stiffness"}));
-  EXPECT_EQ(d.verdict, Verdict::kInsufficientData) << d.sentence;
-  EXPECT_THAT(d.sentence, testing::HasSubstr("does not repeat at C4"));
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_THAT(d.sentence, testing::HasSubstr("repetitions differ by"));
 }
 
 // Beside a delay nothing is left at any one place; that the body swings less is spread over all of them,
@@ -1447,7 +1439,7 @@ TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   const Diagnosis repeated = Diagnose(set, Only({"unit_mass"}));
   EXPECT_THAT(repeated.degradations,
               testing::Contains(testing::HasSubstr("if anything was changed between them")));
-  EXPECT_THAT(repeated.sentence, testing::HasSubstr("obot does not repeat at C4"));
+  EXPECT_THAT(repeated.sentence, testing::HasSubstr("But repetitions differ by"));
 }
 
 // What is at no place for sure, and what nothing closes any of, is not called a gap.
@@ -1624,78 +1616,6 @@ TEST(Diagnose, WhatTheCauseMakesDifferALittleIsNoFloor) {
                                   "differ by [2-4]\\..* as cogging tendon:2 makes them differ")));
 }
 
-/// Of the nominal rig, whose motors are pushed by `scatter_Nm` rms otherwise in every run, and whose second
-/// motor has so much more friction at three angles a turn; the first kind of motion twice.
-DataSet Rubbed(double scatter_Nm, double peaks_Nm, std::uint64_t seed) {
-  DataSet set;
-  set.robot = Rig();
-  for (const char* family : {"triangle", "circle", "triangle"}) {
-    const double phase = 1.7 * static_cast<double>(seed++);
-    const Rub rub = [&](int j, const sim::TendonState& state, double t) {
-      const double begun = std::clamp(t - 0.5, 0.0, 1.0);
-      const double push = std::sin(3.1 * t + phase + j) + std::sin(7.3 * t + 2 * phase - j);
-      const double peak = j == 1 ? std::exp(4 * (std::cos(3 * state.motor_angle_rad + 0.4) - 1)) : 0;
-      return scatter_Nm * begun * push + peaks_Nm * peak * std::tanh(state.motor_velocity_radps / 2);
-    };
-    sim::Plant plant(Rig(), {.seed = seed});
-    set.runs.push_back(Record(plant, family, 9, rub));
-  }
-  set.runs[2].name = "triangle again";
-  set.runs[2].repeat_of = "triangle";
-  return set;
-}
-
-// Friction that peaks at angles makes runs differ that come there at other times: the floor that this gives
-// hides it, and what it follows names it.
-TEST(Diagnose, FrictionThatPeaksAtAnglesDoesNotRepeat) {
-  const Diagnosis d = Diagnose(Rubbed(5e-6, 1e-4, 3), Only({"motor_coulomb", "bending_stiffness"}));
-  ASSERT_TRUE(d.repeatability) << d.sentence;
-  EXPECT_EQ(d.repeatability->cut, sim::Cut::kDrivetrain);
-  EXPECT_EQ(d.repeatability->where, "tendon:2");
-  EXPECT_EQ(d.repeatability->depends_on, "the angle of motor 2, 3 times a turn");
-  EXPECT_TRUE(d.repeatability->law);
-  EXPECT_LE(d.repeatability->p_value, 0.01);
-  EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
-  EXPECT_THAT(d.sentence, testing::HasSubstr("does not repeat at C2 (tension, tendon:2)"));
-  EXPECT_THAT(d.sentence, testing::HasSubstr("depends on the angle of motor 2, 3 times a turn"));
-  EXPECT_LE(Named(d, "no_gap")->p, 0.5);
-}
-
-// Friction of no run is exactly that of the next; that alone is no finding.
-TEST(Diagnose, ScatterOfFrictionIsNoGap) {
-  for (const std::uint64_t seed : {5, 15, 25}) {
-    const Diagnosis d = Diagnose(Rubbed(5e-6, 0, seed), Only({"motor_coulomb", "bending_stiffness"}));
-    EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
-    EXPECT_FALSE(d.repeatability) << d.sentence;
-  }
-}
-
-/// A run after two seconds of co-contraction that nobody recorded, and a rest: friction of motors, gears and
-/// pulleys begins elsewhere.
-Run RecordAfterStirring(const std::string& family, double duration_s, std::uint64_t seed) {
-  sim::Plant plant(Rig(), {.seed = seed});
-  for (int i = 0; i < 3000; ++i) {
-    const double more_N = i < 2000 ? 0.2 * std::sin(std::numbers::pi * 1e-3 * i) : 0;
-    plant.SetTorque((Wanted(family, 0).array() + more_N).matrix() * kTorquePerN);
-    plant.Advance(kNsPerMs);
-  }
-  return Record(plant, family, duration_s);
-}
-
-// Nor does it matter from which side friction holds where a run begins.
-TEST(Diagnose, AnotherWayToTheStartRepeats) {
-  for (const std::uint64_t seed : {3, 13, 23}) {
-    DataSet set = Recorded(std::vector<std::string>{}, 5, seed);
-    gap::Run again = RecordAfterStirring("circle", 5, seed + 5);
-    again.name = "circle again";
-    again.repeat_of = "circle";
-    set.runs.back() = std::move(again);
-    const Diagnosis d = Diagnose(set, Only({"motor_coulomb", "bending_stiffness", "presliding"}));
-    EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
-    EXPECT_FALSE(d.repeatability) << d.sentence;
-  }
-}
-
 // Nobody mounts motors with their detents in line.
 TEST(Diagnose, DetentsOfAllMotorsAreFoundEachWithItsPhase) {
   const Diagnosis d =
@@ -1721,18 +1641,9 @@ TEST(Diagnose, WhatMakesRunsDifferMayBeUnlisted) {
   again.name = set.runs.back().name;
   again.repeat_of = "circle";
   set.runs.back() = std::move(again);
-  const gap::DiagnoseOptions few = Only({"backlash", "bending_stiffness", "motor_coulomb"});
-  const Diagnosis d = Diagnose(set, few);
-  ASSERT_EQ(d.verdict, Verdict::kInsufficientData) << d.sentence;
-  EXPECT_THAT(d.sentence, testing::StartsWith("The robot does not repeat at C4"));
-  ASSERT_TRUE(d.repeatability);
-  EXPECT_GT(d.repeatability->sigma, 5);
-  EXPECT_FALSE(d.repeatability->law) << d.repeatability->depends_on;
-  EXPECT_LE(Named(d, "no_gap")->p, 0.5 + 1e-12);
-  // Nobody cares about as much.
-  gap::DiagnoseOptions coarse = few;
-  coarse.delta_N = 2, coarse.delta_m = 0.05;
-  EXPECT_EQ(Diagnose(set, coarse).verdict, Verdict::kNoGap);
+  const Diagnosis d = Diagnose(set, Only({"backlash", "bending_stiffness", "motor_coulomb"}));
+  ASSERT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  EXPECT_THAT(d.sentence, testing::HasSubstr("repetitions differ by"));
   const double unknown = Named(d, "unknown")->p;
   EXPECT_GE(unknown, 0.15);
   for (const char* effect : {"backlash", "bending_stiffness", "motor_coulomb"}) {

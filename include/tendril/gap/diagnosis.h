@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "tendril/gap/repeatability.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::gap {
@@ -179,7 +178,6 @@ struct Diagnosis {
   std::vector<std::pair<std::string, double>> input_correlations;  // of what is left with the inputs
   NextExperiment next;
   std::vector<std::string> next_commands;  // to run now, each a whole `tendril ...` line for a shell
-  std::optional<Repeatability> repeatability;  // empty: runs repeat as well as robots do, or none is repeated
   std::vector<HealthFinding> health;
   std::vector<std::string> degradations;  // what these logs lack and what can therefore not be said
 
