@@ -189,7 +189,8 @@ std::string WithLeftOut(const std::string& sentence, const std::vector<std::stri
     if (!note.starts_with(kMark)) continue;
     ++left_out;
     std::string name, reason = note.substr(kMark.size());
-    if (const std::size_t colon = reason.find(": "); reason.find(' ') > colon) {
+    // A run's name, which may hold spaces; a summary of several runs has its unit in brackets there.
+    if (const std::size_t colon = reason.find(": "); colon < reason.find('(')) {
       name = reason.substr(0, colon);
       reason.erase(0, colon + 2);
     }

@@ -1796,7 +1796,7 @@ TEST(Diagnose, ATipPathBeyondTheRobotsReachIsTheVerdict) {
 
 // Numbers that are wrong within their bounds leave poses that explain the path.
 TEST(Diagnose, WrongNumbersAreWithinTheRobotsReach) {
-  for (const char* effect : {"unit_length scale=1.2", "tracker_offset x_m=0.02 y_m=0 z_m=0.03",
+  for (const char* effect : {"unit_length scale=1.15", "tracker_offset x_m=0.02 y_m=0 z_m=0.03",
                              "tracker_rotation x_rad=0.4 y_rad=0 z_rad=0", "base_tilt x_rad=0.8 y_rad=0",
                              "precurvature u_rad=0.1 v_rad=0", "tip_payload mass_kg=0.02"}) {
     const std::string name = std::string(effect).substr(0, std::string(effect).find(' '));
@@ -1815,9 +1815,13 @@ TEST(Diagnose, OneImpossibleTipPathIsNotTheRobots) {
   EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("No pose")));
 }
 
-TEST(Diagnose, LogsWithoutMotorPositionsAreRefused) {
+TEST(Diagnose, LogsWithoutMotorPositionsAndCellsAreRefused) {
   DataSet set = Recorded("", 2);
-  for (gap::Run& run : set.runs) run.motor_position_rad.resize(0, 0);
+  for (gap::Run& run : set.runs) {
+    run.motor_position_rad.resize(0, 0);
+    run.tension_N.resize(0, 0);
+    run.load_cell = LoadCellPlace::kNone;
+  }
   try {
     Diagnose(set, {});
     FAIL() << "accepted";
