@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "health_signal.h"
@@ -22,6 +23,7 @@ constexpr double kRest_s = 0.5;  // that a run begins with
 // Readings of which the median is taken: two of five may be mishaps. It scatters by 0.54 of one reading.
 constexpr std::size_t kBlock = 5;
 constexpr double kBlockScatter = 0.54;
+constexpr std::size_t kMostPoints = 1000;  // more of a path hardly say more
 // Of normal noise on three axes one in a million is farther out than so many standard deviations.
 constexpr double kNoise = 5.5;
 // A robot at pretension may sag or be set by this angle; an arc of it is 1 - angle^2 / 24 as far from end to
@@ -86,8 +88,11 @@ std::optional<Path> PathOf(const Run& run, const RobotParameters& robot) {
 
   Path path;
   path.rest_m = MedianOf(read, 0, std::max(resting, kBlock));
-  path.noise_m = kNoise * noise_m * kBlockScatter * std::sqrt(2.0);  // of the tip then and at rest
-  for (std::size_t i = 0; i + kBlock <= read.size(); i += kBlock) {
+  // Of the tip then and at rest: a median scatters by sqrt(pi / 2) times the mean.
+  const double rest_scatter = std::sqrt(std::numbers::pi / 2 / static_cast<double>(resting));
+  path.noise_m = kNoise * noise_m * std::hypot(kBlockScatter, rest_scatter);
+  const std::size_t step = std::max(kBlock, read.size() / kMostPoints);
+  for (std::size_t i = 0; i + kBlock <= read.size(); i += step) {
     path.moved_m.emplace_back(MedianOf(read, i, i + kBlock) - path.rest_m);
     path.farthest_m = std::max(path.farthest_m, path.moved_m.back().norm());
   }
@@ -97,7 +102,7 @@ std::optional<Path> PathOf(const Run& run, const RobotParameters& robot) {
 /// True where no base is right for a backbone of this length: then the convex hull of d / b, b the least that
 /// -d.e may be, comes nearer than 1 to the origin (Gilbert's algorithm for its nearest point).
 bool Impossible(const Path& path, double length_m) {
-  constexpr int kMostSteps = 500;  // what is not settled by then is taken as possible
+  constexpr int kMostSteps = 20'000;  // what is not settled by then is taken as possible
   const double short_m = length_m * kRestBend_rad * kRestBend_rad / 24;
   Points hull;
   for (const Eigen::Vector3d& d : path.moved_m) {
