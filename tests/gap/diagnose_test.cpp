@@ -659,10 +659,12 @@ TEST(Diagnose, QuickMotionsOfAMotorAreNoLonePositions) {
   }
 }
 
-/// Motor 1 of the first run 0.4 rad off its way in one row; `pulls`: with what its tendon's spring makes of
-/// it. Of the first run's rows every so many are kept.
+/// A run in which motor 1 is 0.4 rad off its way in one row; `pulls`: with what its tendon's spring makes of
+/// it. Every so many of its rows are kept.
 DataSet WithOvershoot(int every, bool pulls) {
-  DataSet set = Recorded("", 4);
+  DataSet set;
+  set.robot = Rig();
+  set.runs.push_back(Record(Rig(), "circle", 3, 7));
   Run& run = set.runs[0];
   std::vector<Eigen::Index> rows;
   for (Eigen::Index i = 0; i < run.time_s.size(); i += every) rows.push_back(i);
@@ -1787,9 +1789,8 @@ TEST(Diagnose, ATipPathBeyondTheRobotsReachIsTheVerdict) {
     EXPECT_THAT(d.sentence, testing::StartsWith("No pose of robot 'rig_60mm' explains"));
     EXPECT_TRUE(d.accepted.empty());
     for (const gap::Cause& cause : d.causes) {
-      if (cause.effect != "unknown") {
-        EXPECT_LE(cause.p, 0.5) << cause.effect;
-      }
+      if (cause.effect == "unknown") continue;
+      EXPECT_LE(cause.p, 0.5) << cause.effect;
     }
   }
 }
