@@ -20,7 +20,7 @@ constexpr std::size_t kFileBuffer = std::size_t{1} << 20;
 constexpr std::size_t kHeader = 28, kChunk = std::size_t{1} << 16;
 constexpr std::array<std::uint8_t, 4> kSync{0xED, 0xA1, 0xDA, 0x01};
 constexpr std::size_t kPlacesNamed = 4;
-constexpr std::uint64_t kZerosNamed = 64;  // fewer in a row are ordinary numbers
+constexpr std::uint64_t kZerosNamed = 512;  // a disk's sector; messages hold shorter stretches themselves
 
 std::uint64_t Number(std::span<const std::uint8_t> bytes, std::size_t at, std::size_t size) {
   std::uint64_t number = 0;

@@ -168,11 +168,12 @@ void Damage(const fs::path& path, Change change) {
   std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
 }
 
-/// What is read are records as they were written, in order, and all but `lost` at the most.
+/// What is read are records as they were written, in order, and all but `lost` at the most: what is lost may
+/// be of other channels.
 void ExpectAllBut(std::size_t lost, const std::vector<CycleRecord>& read,
                   const std::vector<CycleRecord>& written) {
   EXPECT_GE(read.size() + lost, written.size());
-  EXPECT_LT(read.size(), written.size());
+  EXPECT_LE(read.size(), written.size());
   for (const CycleRecord& record : read) ExpectSameBits(record, written.at(record.input.cycle));
   for (std::size_t i = 1; i < read.size(); ++i) EXPECT_LT(read[i - 1].input.cycle, read[i].input.cycle);
 }

@@ -146,6 +146,10 @@ TEST_F(ServiceCommandTest, ReplayNamesDamage) {
   bytes = whole;
   replay(bytes.erase(middle, 5000));
   EXPECT_THAT(error_, HasSubstr("is not followed by another"));
+  bytes = whole;
+  replay(bytes.replace(0, 100, 100, '\0'));
+  EXPECT_THAT(error_, HasSubstr("the robot is not known (damaged: the event at byte 0 does not begin"));
+  EXPECT_THAT(error_, HasSubstr("give --robot and --config"));
   // Outputs of one cycle alone: its event is whole.
   bytes = whole;
   const std::size_t cycle = bytes.find("TENDRIL_CYCLE", middle);

@@ -124,6 +124,7 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
   std::optional<std::uint64_t> next;  // the cycle whose state the controller has
   std::optional<std::uint64_t> first_seen;
   bool differs_again = false;  // behind the first difference
+  bool robot_unknown = false;
 
   result.damage = io::StreamLog(
       path,
@@ -138,12 +139,8 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
         if (result.difference && differs_again) return;
         const bool resumes = snapshot && snapshot->next_cycle == cycle;
         if (next != cycle && (resumes || (cycle == 0 && !controller))) {
-          if (run.robot_yaml.empty() && !(robot && parameters)) {
-            throw std::runtime_error(
-                path +
-                ": no run record before the first cycle, so the robot is not known; give "
-                "--robot and --config");
-          }
+          robot_unknown = run.robot_yaml.empty() && !(robot && parameters);
+          if (robot_unknown) return;
           if (resumes && (robot || parameters)) {
             throw std::runtime_error(
                 path +
@@ -186,6 +183,10 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
       [&](const io::StateSnapshot& s) { snapshot = s; });
   if (result.replayed > 0) return result;
   const std::string damaged = result.damage.empty() ? "" : " (damaged: " + result.damage + ")";
+  if (robot_unknown) {
+    throw std::runtime_error(path + ": no run record before the first cycle, so the robot is not known" +
+                             damaged + "; give --robot and --config");
+  }
   if (!first_seen && result.version.empty() && !damaged.empty()) {
     throw std::runtime_error(path + ": no log that can be replayed" + damaged +
                              "; give one of tendrild --log or tendril demo, or a black box");
