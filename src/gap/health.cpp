@@ -51,12 +51,15 @@ class Checkup {
   explicit Checkup(const DataSet& set) : set_(set), robot_(set.robot) {}
 
   std::vector<HealthFinding> All() {
+    // What was lost on reading comes before advice on what to record.
     for (const std::string& note : set_.notes) Add(Severity::kWarning, "", "files", 0, note);
+    for (const Run& run : set_.runs) {
+      for (const std::string& warning : run.warnings) Add(Severity::kWarning, run.name, "file", 0, warning);
+    }
     WholeSet();
     for (const Run& run : set_.runs) {
       run_ = &run;
       if (run.time_s.size() < 2) continue;
-      for (const std::string& warning : run.warnings) Add(Severity::kWarning, run.name, "file", 0, warning);
       for (const std::string& note : run.notes) Add(Severity::kInfo, run.name, "file", 0, note);
       Sampling();
       for (const Kind& kind : kKinds) {
