@@ -79,8 +79,9 @@ std::vector<Probe> Starts(const Evaluator& evaluator, const std::vector<Candidat
     for (int k = 0; k < c.size(); ++k) {
       if (!c.parameters[k].shape) primary.push_back(k);
     }
+    // Of the only tendon there is no candidate beside that of all.
     const bool summed = c.effect->on_all && c.effect->on_one && !c.target &&
-                        c.effect->scope == sim::Scope::kTendon && evaluator.nominal().body.tendons() > 0;
+                        c.effect->scope == sim::Scope::kTendon && evaluator.nominal().body.tendons() > 1;
     for (const auto& variant : Variants(c)) {
       probes.push_back({c, variant, primary, {}, kScreeningStep, summed, EachOf(c)});
       if (primary.size() != 1) continue;
