@@ -257,7 +257,6 @@ void Fields(A& a, typename A::template Ref<Diagnosis> d) {
   a("profiles", d.profiles);
   a("input_correlations", d.input_correlations);
   a("next_experiment", d.next);
-  a("next_commands", d.next_commands);
   a("data_health", d.health);
   a("degradations", d.degradations);
 }
@@ -637,6 +636,7 @@ std::string ReportJson(const Diagnosis& diagnosis) {
   Json j{{"format", kFormat}};
   Writer w(j);
   Fields(w, d);
+  j["next_commands"] = ToJson(d.next_commands);
   j["closed"] = WriteClosed(d);
   j["chain"] = Chain();
   j["shown_units"] = Units();
@@ -663,6 +663,8 @@ Diagnosis ParseReport(const std::string& text) {
     throw std::runtime_error(fmt::format("has format {}, this program reads {}", format, kFormat));
   }
   Fields(r, d);
+  // Reports of earlier versions have none.
+  if (j.contains("next_commands")) FromJson(j.at("next_commands"), "next_commands", d.next_commands);
   ReadClosed(Member(j, "", "closed"), d);
   Reader p(Member(j, "", "provenance"), "provenance");
   ProvenanceFields(p, d);

@@ -216,6 +216,13 @@ TEST(ReportJson, AlwaysSaysHowLikelyNoGapAndUnknownAre) {
   EXPECT_EQ(j["closed"]["pooled"], nullptr);
 }
 
+TEST(ReportJson, ReportsOfEarlierVersionsAreRead) {
+  Json old = Parsed(ExampleDiagnosis(Verdict::kAttributed));
+  old.erase("next_commands");
+  old.erase("shown_units");
+  EXPECT_TRUE(ParseReport(old.dump()).next_commands.empty());
+}
+
 TEST(ReportJson, ComesBackAsItWas) {
   for (const Diagnosis& d : All()) {
     const std::string once = ReportJson(d);
@@ -605,10 +612,10 @@ const fire = (target, type, x, y) => target.dispatchEvent(
 const count = selector => document.querySelectorAll(selector).length;
 const said = [];
 let before = count('#cause .bar');
-document.querySelector('#cause button:not([aria-label])').click();
+document.querySelector('#cause .controls button').click();
 said.push(count('#cause .bar') > before ? 'all causes' : '');
 before = count('#conditions svg');
-document.querySelector('#conditions button:not([aria-label])').click();
+document.querySelector('#conditions .controls button').click();
 said.push(count('#conditions svg') > before ? 'all maps' : '');
 const brush = () => document.querySelector('#runs .brush .overlay');
 const box = brush().getBoundingClientRect();
