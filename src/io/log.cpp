@@ -202,8 +202,9 @@ class CycleCheck {
         flag(m.bus_ok) && flag(m.late) && flag(m.tracker_valid) && flag(m.clear_drive_faults) &&
         flag(m.drive_request) && up_to(m.mode, static_cast<int>(Mode::kCommissioning)) &&
         up_to(m.command_kind, tendril_lcm::cycle_t::COMMAND_MODE) &&
-        every(m.drive_state, [&](auto s) { return up_to(s, tendril_lcm::cycle_t::DRIVE_UNREACHABLE); }) &&
-        every(m.drive_statusword, [&](auto word) { return up_to(word, 0xFFFF); }) && m.time_ns != 0 &&
+        every(m.drive_state, [&](auto s) { return up_to(s, tendril_lcm::cycle_t::DRIVE_ID_TWICE); }) &&
+        every(m.drive_statusword, [&](auto word) { return up_to(word, 0xFFFF); }) &&
+        (m.time_ns != 0 || !every(m.drive_state, [](auto s) { return s == 0; })) &&
         !(q[0] == 0 && q[1] == 0 && q[2] == 0 && q[3] == 0);
     return good && ClocksAgree(m);
   }

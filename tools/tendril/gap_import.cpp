@@ -102,6 +102,7 @@ class CycleLog {
     record.input.time_ns = time_ns;
     record.input.drives = robot_.body.tendons();
     record.output.mode = mode;
+    record.output.displacement_m = TendonVector::Zero(record.input.drives);
     for (int j = 0; j < record.input.drives; ++j) FillDrive(run, row, j, mode, record);
     if (mode == Mode::kRunning) FillTracker(run, row, time_ns, record.input.tracker);
     gateway_.PublishCycle(record);
@@ -120,6 +121,8 @@ class CycleLog {
     drive.age_cycles = std::isfinite(position + torque + tension) ? 0 : 1;
     const double per_turn = tendon.drive.encoder_counts_per_turn / (2 * std::numbers::pi);
     drive.position_counts = Whole<std::int32_t>(position * per_turn);
+    // By which a reader of the log knows where positions count from.
+    if (std::isfinite(position)) record.output.displacement_m[j] = position * tendon.SpoolTravelPerMotorRad();
     drive.torque_permille = Whole<std::int16_t>(1e3 * torque / tendon.drive.rated_torque_Nm);
     drive.analog_mV =
         Whole<std::int16_t>(1e3 * tendon.load_cell.gain_VpN * (tension + tendon.load_cell.offset_N));
