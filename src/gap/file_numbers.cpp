@@ -8,12 +8,34 @@
 #include <cmath>
 #include <numbers>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "parallel.h"
 
 namespace tendril::gap {
 namespace {
+
+/// By the end of the key, the effect that is the same number.
+constexpr std::pair<std::string_view, std::string_view> kEffects[] = {
+    {"unit_length_m", "unit_length"},
+    {"youngs_modulus_Pa", "bending_stiffness"},
+    {"bending_damping_Nms", "bending_damping"},
+    {"unit_mass_kg", "unit_mass"},
+    {"tendons.radius_m", "hole_radius"},
+    {") radius_m", "hole_radius"},
+    {") angle_rad", "hole_angle"},
+    {"torque_constant_NmpA", "torque_constant"},
+    {"coulomb_friction_Nm", "motor_coulomb"},
+    {"coulomb_angle_rad", "motor_presliding"},
+    {"viscous_friction_Nms", "motor_viscous"},
+    {"gear.efficiency", "gear_efficiency"},
+    {"stiffness_Npm", "tendon_stiffness"},
+    {"gain_VpN", "cell_gain"},
+    {"presliding_m", "presliding"},
+    {"alpha", "capstan_alpha"},
+    {"exponent", "capstan_n"},
+};
 
 /// A number that every `Part` of the robot has; `each(robot, call)` calls with each of them.
 template <class Part, class Each>
@@ -253,6 +275,11 @@ std::vector<FileNumber> FileNumbers(const RobotParameters& robot) {
   std::vector<FileNumber> all;
   AddBody(robot, all);
   if (robot.actuation) AddActuation(robot, all);
+  for (FileNumber& number : all) {
+    for (const auto& [key, effect] : kEffects) {
+      if (number.key.ends_with(key)) number.effect = effect;
+    }
+  }
   return all;
 }
 

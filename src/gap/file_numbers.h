@@ -17,6 +17,8 @@ struct FileNumber {
   bool angle = false;  // changes by addition [rad]; else by a factor
   /// Changes it in a robot: by a factor exp(change), of an angle by change [rad].
   std::function<void(RobotParameters&, double change)> apply{};
+  /// The effect of the library that is this number, which its own search has within its bounds; empty: none.
+  std::string effect{};
 
   double ValueAt(double change) const;
 };

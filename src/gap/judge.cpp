@@ -408,10 +408,22 @@ class Case {
            (closed_ && closed_->high < 1);
   }
 
+  /// The library's own search has had this number at this value.
+  bool Searched(const NumberFit& fit) const {
+    const auto its = std::find_if(
+        search_.screened.begin(), search_.screened.end(),
+        [&](const Screened& s) { return s.candidate.effect->name == fit.number.effect; });
+    if (its == search_.screened.end()) return false;
+    const sim::EffectParameter& p = its->candidate.parameters.front();
+    const double by = fit.number.angle ? fit.value - fit.number.in_file : fit.value / fit.number.in_file;
+    return p.lower < by && by < p.upper;
+  }
+
   /// Numbers of the file that explain the runs better than the best cause, by so much as tells two causes
   /// apart where no more is taken for the model's discrepancy than the best number leaves. Returns the
   /// probability that it is one of them.
   double Suspect(std::vector<NumberFit> numbers) {
+    std::erase_if(numbers, [&](const NumberFit& fit) { return Searched(fit); });
     if (numbers.empty()) return 0;
     const Eigen::VectorXd left = Leftover(evaluator_, numbers.front().residuals).cwiseMin(search_.leftover);
     const Weights weights(evaluator_, left);

@@ -371,8 +371,11 @@ TEST_F(DiagnoseCommandTest, WithoutAnyLoadCellPlacesCannotBeTold) {
   EXPECT_EQ(report_["causes"][0]["effect"], "torque_constant") << report_["sentence"];
 }
 
-TEST_F(DiagnoseCommandTest, WithoutMotorPositionsThereIsNothingToGoBy) {
-  Edit([](Table& table) { Drop(table, "motor_position"); });
+TEST_F(DiagnoseCommandTest, WithoutMotorPositionsAndTensionsThereIsNothingToGoBy) {
+  Edit([](Table& table) {
+    Drop(table, "motor_position");
+    Drop(table, "tension_N");
+  });
   EXPECT_TRUE(Refused());
   EXPECT_THAT(error_, HasSubstr("motor_position_rad"));
 }

@@ -140,7 +140,7 @@ TEST_F(ServiceCommandTest, AReplayClaimsNoMoreThanItRead) {
   EXPECT_EQ(Run("replay notes.txt"), 1);
   EXPECT_TRUE(OneLine());
   EXPECT_THAT(error_,
-              HasSubstr("notes.txt: no log that can be replayed (event 1 at byte 0 does not begin like"));
+              HasSubstr("notes.txt: no log that can be replayed (damaged: the event at byte 0 does not begin like"));
   EXPECT_THAT(error_, HasSubstr("give one of tendrild --log or tendril demo, or a black box"));
   WriteText(folder_ / "empty.lcmlog", "");
   EXPECT_EQ(Run("replay empty.lcmlog"), 1);

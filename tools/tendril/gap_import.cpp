@@ -161,9 +161,8 @@ void WriteLog(const gap::DataSet& set, const std::string& path) {
   });
   if (elsewhere) {
     fmt::print(stderr,
-               "tendril: {}: in a log motors count from where a run begins; a folder (--out) keeps positions "
-               "that begin "
-               "elsewhere\n",
+               "tendril: {}: of a log the zero of motors is taken from the rest that a run begins with; a folder "
+               "(--out) keeps positions that begin elsewhere\n",
                path);
   }
   CycleLog log(set.robot, path);
