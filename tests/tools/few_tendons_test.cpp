@@ -256,8 +256,8 @@ TEST_F(FewTendonsPrograms, ModelTakesThem) {
     const char* says;
   };
   for (const Case& c :
-       {Case{"model statics --robot one.yaml", "T1\n2\n", 0, "tip_x"},
-        Case{"model statics --robot pair.yaml", "T1,T2\n2,0.5\n", 0, "tip_x"},
+       {Case{"model statics --robot one.yaml", "T1\n2\n", 0, "x,y,z"},
+        Case{"model statics --robot pair.yaml", "T1,T2\n2,0.5\n", 0, "x,y,z"},
         Case{"model inverse --robot one.yaml", "us1,vs1\n1,0\n", 0, "T1"},
         Case{"model inverse --robot pair.yaml", "us1,vs1\n-1,0\n", 0, "T2"},
         Case{"model inverse --robot pair.yaml --shape equilibrium", "us1,vs1\n-1,0\n", 0, "T2"},
