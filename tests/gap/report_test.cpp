@@ -471,8 +471,8 @@ TEST(Words, RunsLeftOutAreInTheFirstSentence) {
                          "left out: b: too short (13 rows; accepted: at least 50)",
                          "left out: cannot read set/04.csv: no such file"},
                         4),
-            "With 3 of 7 runs left out (a, b: too short; cannot read set/04.csv), the gap lies at C4 (tip "
-            "position).");
+            "With 3 of 7 runs left out (a, b: too short; cannot read set/04.csv: no such file), the gap lies at C4 "
+            "(tip position).");
   EXPECT_EQ(
       WithLeftOut("C2 (torque) is off.", {"left out: a: its motors were told otherwise; accepted: alike"}, 1),
       "With 1 of 2 runs left out (a: its motors were told otherwise), C2 (torque) is off.");
