@@ -620,7 +620,7 @@ TEST(Diagnose, QuickMotionsOfAMotorAreNoLonePositions) {
   }
 }
 
-/// A run in which motor 1 is 0.4 rad off its way in one row; `pulls`: with what its tendon's spring makes of
+/// A run in which motor 1 is 0.7 rad off its way in one row; `pulls`: with what its tendon's spring makes of
 /// it. Every so many of its rows are kept.
 DataSet WithOvershoot(int every, bool pulls) {
   DataSet set;
@@ -636,8 +636,8 @@ DataSet WithOvershoot(int every, bool pulls) {
   }
   const auto& tendon = set.robot.actuation->tendons[0];
   const Eigen::Index row = run.time_s.size() / 2;
-  run.motor_position_rad(row, 0) += 0.4;
-  const double spring_N = tendon.tendon.stiffness_Npm * tendon.SpoolTravelPerMotorRad() * 0.4;
+  run.motor_position_rad(row, 0) += 0.7;
+  const double spring_N = tendon.tendon.stiffness_Npm * tendon.SpoolTravelPerMotorRad() * 0.7;
   if (pulls) run.tension_N(row, 0) += 0.8 * spring_N;
   return set;
 }
@@ -651,7 +651,7 @@ std::string SaidOf(const DataSet& set) {
 // A motion that the file's motor can make is none; one that it cannot make is one where the tendon goes with
 // it, and then the file is wrong; what nothing goes with is the encoder's mishap.
 TEST(Diagnose, AnOvershootIsKeptWhereAMotorCanHaveMadeIt) {
-  const std::string slow = SaidOf(WithOvershoot(10, false));  // 0.4 rad in 10 ms: 3.3 mN m of 7
+  const std::string slow = SaidOf(WithOvershoot(10, false));  // in 10 ms: 5.7 mN m of 7
   EXPECT_THAT(slow, testing::Not(testing::HasSubstr("motor position 1")));
   const std::string quick = SaidOf(WithOvershoot(1, true));
   EXPECT_THAT(quick, testing::HasSubstr("kept; the file's motor is too weak for this log"));
