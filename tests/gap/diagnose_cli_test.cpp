@@ -289,22 +289,6 @@ TEST_F(DiagnoseCommandTest, TheFileOfAnotherRobotIsRefused) {
   EXPECT_THAT(error_, HasSubstr("tendrild.yaml"));
 }
 
-// Where only the data say whose they are, that is the verdict, and nothing is named.
-TEST_F(DiagnoseCommandTest, ATipPathThatTheRobotIsTooShortForIsTheVerdict) {
-  for (const char* more : {"", "--same-robot"}) {
-    if (*more == '\0') fs::rename(folder_ / "set/robot.yaml", folder_ / "rig.yaml");
-    ASSERT_EQ(Diagnose(more, TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml"), 0) << error_;
-    EXPECT_EQ(report_["verdict"], "unexplained");
-    EXPECT_THAT(report_["sentence"].get<std::string>(),
-                testing::StartsWith("No pose of robot 'rig_60mm' explains the recorded tip path"));
-    for (const json& cause : report_["causes"]) {
-      if (cause["effect"] == "unknown") continue;
-      EXPECT_LE(cause["p"].get<double>(), 0.5) << cause["effect"];
-    }
-    if (*more == '\0') fs::rename(folder_ / "rig.yaml", folder_ / "set/robot.yaml");
-  }
-}
-
 TEST_F(DiagnoseCommandTest, AConstantChannelIsSaid) {
   Edit([](Table& table) {
     for (auto& row : table.rows) row[table.Column("tension_N_3")] = "0.3";
