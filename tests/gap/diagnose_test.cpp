@@ -1801,7 +1801,7 @@ TEST(Diagnose, ATipPathBeyondTheRobotsReachIsTheVerdict) {
 TEST(Diagnose, WrongNumbersAreWithinTheRobotsReach) {
   for (const char* effect : {"unit_length scale=1.15", "tracker_offset x_m=0.02 y_m=0 z_m=0.03",
                              "tracker_rotation x_rad=0.4 y_rad=0 z_rad=0", "base_tilt x_rad=0.8 y_rad=0",
-                             "precurvature u_rad=0.1 v_rad=0", "tip_payload mass_kg=0.02"}) {
+                             "precurvature u_rad=0.1 v_rad=0", "tip_payload mass_kg=0.003"}) {
     const std::string name = std::string(effect).substr(0, std::string(effect).find(' '));
     const Diagnosis d = Diagnose(Recorded(effect, 4), Only({name}));
     EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("No pose"))) << effect;
