@@ -77,7 +77,9 @@ gap::Diagnosis Diagnosed(const Case& c, const std::string& effect = "") {
   gap::DataSet set =
       gap::LoadLogs({folder.string()}, TENDRIL_SOURCE_DIR "/config/robots/" + c.robot + ".yaml");
   fs::remove_all(folder);
-  return gap::Diagnose(set, {.threads = 1});
+  gap::DiagnoseOptions options;
+  options.threads = 1;
+  return gap::Diagnose(set, options);
 }
 
 std::string Text(const gap::Diagnosis& d) {
