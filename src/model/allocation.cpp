@@ -202,7 +202,14 @@ class BoundedLeastNorm {
     Eigen::CompleteOrthogonalDecomposition<ForceTensionMatrix> factor;
     factor.setThreshold(1e-9);
     factor.compute(a);
-    return factor.solve(b);
+    if (factor.rank() == a.cols()) return factor.solve(b);
+    // Tendons that all pull alike, or against each other: Eigen's solve takes memory here.
+    const Eigen::SelfAdjointEigenSolver<ForceMatrix> ways(a * a.transpose());
+    ForceVector along = ways.eigenvectors().transpose() * b;
+    const Eigen::Index none = a.rows() - factor.rank();  // the least ones come first
+    along.head(none).setZero();
+    along.tail(factor.rank()).array() /= ways.eigenvalues().tail(factor.rank()).array();
+    return a.transpose() * (ways.eigenvectors() * along);
   }
 
   const ForceTensionMatrix& a_;
