@@ -88,7 +88,7 @@ class LogRun {
         first_(BeginOfRest(cycles, zero)),
         last_(last),
         robot_(robot),
-        pretension_m_(model::PretensionShortening(model::Body(robot.body), robot.limits.min_tension_N)) {}
+        zero_m_(ZeroOfController()) {}
 
   /// A run of less than two rows when the log is damaged.
   Run Make() {
@@ -116,6 +116,22 @@ class LogRun {
   }
 
  private:
+  // The robot at the end of pretension counts as straight; where tendons do not pull every way, as what the
+  // controller takes it for from the next cycle on.
+  TendonVector ZeroOfController() const {
+    const int tendons = robot_.body.tendons();
+    TendonVector zero_m = TendonVector::Zero(tendons);
+    if (model::PullsEveryWay(robot_.body) || zero_ + 1 >= last_) return zero_m;
+    const CycleRecord& next = cycles_[zero_ + 1];
+    for (int j = 0; j < std::min<int>(tendons, static_cast<int>(next.output.displacement_m.size())); ++j) {
+      const auto& t = robot_.actuation->tendons[static_cast<std::size_t>(j)];
+      const double moved_rad = CountsSince(cycles_[zero_], next, static_cast<std::size_t>(j)) * 2 *
+                               std::numbers::pi / t.drive.encoder_counts_per_turn;
+      zero_m[j] = next.output.displacement_m[j] - moved_rad * t.SpoolTravelPerMotorRad();
+    }
+    return zero_m;
+  }
+
   // A damaged or joined log may repeat cycles.
   std::vector<std::size_t> KeptCycles() {
     std::vector<std::size_t> kept;
@@ -141,7 +157,7 @@ class LogRun {
     const std::int32_t counts = CountsSince(zero, cycles_[at], d);
     run_.motor_position_rad(row, j) =
         fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn +
-                    pretension_m_[j] / tendon.SpoolTravelPerMotorRad()
+                    zero_m_[j] / tendon.SpoolTravelPerMotorRad()
               : kNone;
     run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNone;
     if (run_.tension_N.cols() > 0) {
@@ -199,7 +215,7 @@ class LogRun {
   const std::vector<CycleRecord>& cycles_;
   std::size_t zero_, first_, last_;
   const RobotParameters& robot_;
-  TendonVector pretension_m_;  // where the controller has its zero
+  TendonVector zero_m_;  // displacement that the controller gives cycle `zero`
   int stale_ = 0;
   Run run_;
 };
