@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws what `tendril demo` recorded: reads DIR/samples.csv and DIR/summary.json, writes DIR/*.png.
+"""Draws what `tendril demo` recorded: reads DIR/samples.csv and DIR/summary.json, writes DIR/*.png, *.svg and *.pdf.
 Knows the columns of the samples and nothing of how they came about."""
 import argparse
 import json
@@ -9,9 +9,15 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-# One colour a role in every picture: what was wanted is black, what happened blue, what the controller believes orange.
-WANTED, TRUE, BELIEVED, IDEAL = "#000000", "#0072B2", "#E69F00", "#009E73"
-TENDONS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#7F3C8D", "#666666"]
+FORMATS = ("png", "svg", "pdf")
+UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}  # the same run gives the same files
+# One look a role in every picture. A reference is wide and pale and lies below; the truth is thin and whole; what the
+# controller measures or estimates is dotted and lies above, so that the truth shows through it.
+TRUE, BELIEVED, IDEAL = "#0072B2", "#D55E00", "#009E73"
+REFERENCE_LINE = dict(color="#b9b9b9", linewidth=4, solid_capstyle="butt", zorder=2)
+IDEAL_LINE = dict(color="#93d3bd", linewidth=4, solid_capstyle="butt", zorder=2)
+TRUE_LINE = dict(color=TRUE, linewidth=1.3, zorder=4)
+BELIEVED_LINE = dict(color=BELIEVED, linewidth=1.3, linestyle=(0, (1.2, 2.2)), zorder=5)
 
 
 class Failure(Exception):
@@ -59,6 +65,9 @@ class Run:
         moves = np.nonzero(np.abs(np.diff(self.tip("target"), axis=1)).sum(axis=0) > 0)[0]
         # Until the target moves the robot is only brought to the beginning of the motion.
         self.start = self.t[moves[0]] if len(moves) else self.t[0]
+        self.disks = 0
+        while f"disk_x_m_{self.disks + 1}" in self.columns:
+            self.disks += 1
         self.moving = (self.t >= self.start) & (self.t <= (self.t[moves[-1]] if len(moves) else self.t[-1]))
 
     def __getitem__(self, name):
@@ -70,6 +79,30 @@ class Run:
         """3 rows (x, y, z in metres) of target, true or estimate."""
         import numpy as np
         return np.array([self[f"tip_{what}_{a}_m"] for a in "xyz"])
+
+    def backbone(self, row):
+        """3 rows (x, y, z in metres) of the backbone at one sample, from base to tip: arcs through the disks, the first
+        tangent to z, each other to the one before."""
+        import numpy as np
+        points, start, tangent = [np.zeros(3)], np.zeros(3), np.array([0.0, 0.0, 1.0])
+        for disk in self.disk_positions(row).T:
+            chord = disk - start
+            length = np.linalg.norm(chord)
+            half = np.arccos(np.clip(tangent @ chord / length, -1, 1))  # half the arc's bend
+            across = chord / length - tangent * np.cos(half)
+            across /= np.linalg.norm(across) or 1
+            arc = length / np.sinc(half / np.pi)
+            for part in np.linspace(0, 1, 9)[1:]:
+                turn = part * half
+                points.append(start + part * arc * np.sinc(turn / np.pi) * (tangent * np.cos(turn) + across * np.sin(turn)))
+            start = start + chord
+            tangent = tangent * np.cos(2 * half) + across * np.sin(2 * half)
+        return np.array(points).T
+
+    def disk_positions(self, row):
+        """3 rows (x, y, z in metres) of the disks at one sample, from base to tip."""
+        import numpy as np
+        return np.array([[self[f"disk_{a}_m_{i}"][row] for i in range(1, self.disks + 1)] for a in "xyz"])
 
     def figure(self, key):
         """A number of the summary, NaN when it has none."""
@@ -84,90 +117,167 @@ class Run:
         return "with friction compensation" if self.summary.get("compensation") else "without friction compensation"
 
 
-def new_figure(width, height, rows, columns=1, sharex=True, **margins):
+def new_figure(title, row_height, rows, columns=1):
+    """A figure of panels one above the other; sizes in inches, so that title and legend have the same room in each."""
     from matplotlib.figure import Figure
+    width, top, bottom, left = 9.0, 0.78, 0.55, 0.95
+    height = top + bottom + row_height * rows
     figure = Figure(figsize=(width, height), dpi=100)
-    axes = figure.subplots(rows, columns, squeeze=False, sharex="col" if sharex else False)
-    figure.subplots_adjust(**{**dict(left=0.09, right=0.98, top=0.9, bottom=0.09, hspace=0.12, wspace=0.22), **margins})
+    axes = figure.subplots(rows, columns, squeeze=False, sharex="col", sharey="col" if columns > 1 else False)
+    figure.subplots_adjust(left=left / width, right=1 - 0.12 / width, top=1 - top / height, bottom=bottom / height,
+                           hspace=0.16, wspace=0.26)
     for a in axes.flat:
-        a.grid(True, color="#dddddd", linewidth=0.6)
+        a.grid(True, color="#e2e2e2", linewidth=0.6)
         a.set_axisbelow(True)
         for side in ("top", "right"):
             a.spines[side].set_visible(False)
+    figure.suptitle(title, x=left / width, ha="left", y=1 - 0.1 / height, va="top")
     return figure, axes
 
 
+def legend(figure, axes):
+    """One line between title and panels, beside no curve."""
+    found = {}
+    for a in axes.flat:
+        for handle, label in zip(*a.get_legend_handles_labels()):
+            found.setdefault(label, handle)
+    figure.legend(found.values(), found.keys(), ncol=len(found), loc="upper left", frameon=False, fontsize=9,
+                  bbox_to_anchor=(figure.subplotpars.left - 0.012, 1 - 0.36 / figure.get_figheight()),
+                  columnspacing=1.4, handlelength=1.8)
+
+
 def shade_approach(axes, run):
-    """Greys the time before the motion; the first panel says so."""
-    for i, a in enumerate(axes.flat):
-        a.axvspan(run.t[0], run.start, color="#f0f0f0", zorder=0, label="approach" if i == 0 else None)
+    """Greys the time before the motion; the legend says so."""
+    for a in axes.flat:
+        a.axvspan(run.t[0], run.start, color="#f3f3f3", zorder=0, label="approach")
         a.set_xlim(run.t[0], run.t[-1])
+
+
+def least_range(a, least):
+    """Noise is not to look like motion."""
+    low, high = a.get_ylim()
+    if high - low < least:
+        a.set_ylim((low + high) / 2 - least / 2, (low + high) / 2 + least / 2)
+
+
+def draw_robot(a, run):
+    """The whole robot before the motion and at its quarters. Returns its points, 3 rows [mm], and its tips by quarter."""
+    import numpy as np
+    moving = np.nonzero(run.moving)[0]
+    if not run.disks or not len(moving):
+        return np.zeros((3, 1)), {}
+    bend = sum(np.hypot(run[f"us_true_rad{s}"][0], run[f"vs_true_rad{s}"][0]) for s in run.sections)
+    rest = dict(color="#cfcfcf", linewidth=7, zorder=3, label="robot before the motion")
+    if bend < 0.02:
+        rest["label"] += ", straight"
+    quarter = dict(color="#4d4d4d", linewidth=2, zorder=5, label="robot at each quarter of the motion")
+    shapes, tips = [1e3 * run.backbone(0)], {}
+    a.plot(*shapes[0], solid_capstyle="round", **rest)
+    for f, name in ((0, "0"), (0.25, "¼"), (0.5, "½"), (0.75, "¾"), (1, "1")):
+        row = moving[round(f * (len(moving) - 1))]
+        shape, disks = 1e3 * run.backbone(row), 1e3 * run.disk_positions(row)
+        if f == 1 and np.linalg.norm(shape[:, -1] - shapes[1][:, -1]) < 0.1 * np.linalg.norm(shapes[0][:, -1]):
+            break  # it ends where it began
+        a.plot(*shape, **quarter)
+        a.plot(*disks, color=quarter["color"], linestyle="none", marker="o", markersize=4, zorder=5)
+        quarter["label"] = None
+        shapes.append(shape)
+        tips[name] = shape[:, -1]
+    return np.hstack(shapes), tips
+
+
+def name_quarters(a, tips, curves):
+    """The quarter beside each tip, on the side that is farthest from all curves (3 rows) as one sees them."""
+    import numpy as np
+    from mpl_toolkits.mplot3d import proj3d
+
+    def seen(points):
+        return np.array(proj3d.proj_transform(*points, a.get_proj())[:2]).T
+
+    on_paper = a.transData.transform(seen(curves))
+    turns = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    offsets = 14 * np.array([np.cos(turns), np.sin(turns)]).T  # points
+    for name, tip in tips.items():
+        at = seen(tip[:, None])[0]
+        places = a.transData.transform(at) + offsets * a.figure.dpi / 72
+        clear = np.linalg.norm(places[:, None] - on_paper[None], axis=2).min(axis=1)
+        a.annotate(name, at, xytext=offsets[clear.argmax()], textcoords="offset points", ha="center", va="center")
 
 
 def tip_path(run):
     import numpy as np
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MultipleLocator
     from mpl_toolkits.mplot3d import Axes3D  # noqa: F401  registers the projection
-    figure = Figure(figsize=(7.2, 6.2), dpi=100)
-    a = figure.add_subplot(projection="3d")
-    figure.subplots_adjust(left=0, right=0.95, bottom=0.02, top=0.92)
+    figure = Figure(figsize=(7.6, 6.6), dpi=100)
+    a = figure.add_subplot(projection="3d", computed_zorder=False)
+    figure.subplots_adjust(left=0.0, right=0.95, bottom=0.04, top=0.88)
     target, true = run.tip("target") * 1e3, run.tip("true") * 1e3
-    before = run.t <= run.start
-    a.plot(*true[:, before], color=TRUE, alpha=0.35, linewidth=1.2, label="tip, approach")
-    a.plot(*target[:, run.moving], color=WANTED, linestyle=(0, (4, 2)), linewidth=1.8, label="wanted")
-    a.plot(*true[:, run.moving], color=TRUE, linewidth=1.4, label="tip")
-    a.scatter([0], [0], [0], color="#666666", marker="s", s=30, label="base")
-    everything = np.hstack([target[:, run.moving], true, [[0], [0], [0]]])
+    robot, tips = draw_robot(a, run)
+    a.plot(*true[:, run.t <= run.start], color=TRUE, linewidth=1.2, linestyle=":", label="tip, approach", zorder=6)
+    a.plot(*target[:, run.moving], **{**REFERENCE_LINE, "zorder": 4}, label="tip, reference")
+    a.plot(*true[:, run.moving], **{**TRUE_LINE, "zorder": 6}, label="tip, true")
+    a.scatter([0], [0], [0], color="#222222", marker="s", s=36, label="base", zorder=7, depthshade=False)
+    everything = np.hstack([target[:, run.moving], true, robot])
     low, high = np.nanmin(everything, axis=1), np.nanmax(everything, axis=1)
-    span = np.maximum(high - low, 0.4 * (high - low).max())  # a plane motion keeps some depth
-    middle = (high + low) / 2
-    for axis, m, s, set_limits in zip("xyz", middle, span, (a.set_xlim, a.set_ylim, a.set_zlim)):
+    largest = (high - low).max()
+    span = np.maximum(high - low, 0.4 * largest)  # a plane motion keeps some depth
+    # One step on all axes, about a fifth of the longest: labels of the short ones stay apart too.
+    decade = 10 ** math.floor(math.log10(largest / 5)) if largest > 0 else 1
+    step = decade * next(s for s in (1, 2, 2.5, 5, 10) if s * decade >= largest / 5)
+    for axis, m, s, set_limits in zip("xyz", (high + low) / 2, span, (a.set_xlim, a.set_ylim, a.set_zlim)):
         set_limits(m - 0.55 * s, m + 0.55 * s)
-        getattr(a, f"set_{axis}label")(f"{axis} [mm]")
-    a.set_box_aspect(span, zoom=0.88)
+        getattr(a, f"set_{axis}label")(f"{axis} [mm]", labelpad=8)
+        getattr(a, f"{axis}axis").set_major_locator(MultipleLocator(step))
+        a.tick_params(axis=axis, pad=3)
+    a.set_box_aspect(span, zoom=0.9)
     a.view_init(elev=24, azim=-58)
-    a.legend(loc="upper left", frameon=False)
-    figure.suptitle(f"{run.name()}: the tip keeps {run.figure('tip_rms_error_m') * 1e3:.2f} mm (rms) "
-                    f"from the path wanted,\n{run.friction_model()}")
+    name_quarters(a, tips, everything[:, np.isfinite(everything).all(axis=0)])
+    figure.legend(*a.get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(0.03, 0.95), ncol=2, frameon=False,
+                  fontsize=9)
+    figure.suptitle(f"{run.name()}: tip error {run.figure('tip_rms_error_m') * 1e3:.2f} mm rms, {run.friction_model()}",
+                    x=0.04, ha="left", y=0.985, va="top")
     return figure
 
 
 def tip_axes(run):
     import numpy as np
-    figure, axes = new_figure(9, 7.6, 4)
+    figure, axes = new_figure(f"{run.name()}, tip by axis: error {run.figure('tip_rms_error_m') * 1e3:.2f} mm rms, "
+                              f"{run.figure('tip_max_error_m') * 1e3:.2f} mm at most", 1.5, 5)
     target, true, believed = (run.tip(w) * 1e3 for w in ("target", "true", "estimate"))
     for i, name in enumerate("xyz"):
         a = axes[i, 0]
-        a.plot(run.t, target[i], color=WANTED, linestyle="--", linewidth=1.6, label="wanted", zorder=4)
-        a.plot(run.t, true[i], color=TRUE, label="tip")
-        a.plot(run.t, believed[i], color=BELIEVED, linewidth=1, label="controller's estimate")
+        a.plot(run.t, target[i], **REFERENCE_LINE, label="reference")
+        a.plot(run.t, true[i], **TRUE_LINE, label="true")
+        a.plot(run.t, believed[i], **BELIEVED_LINE, label="controller's estimate")
         a.set_ylabel(f"{name} [mm]")
-        low, high = a.get_ylim()
-        if high - low < 2:  # noise is not to look like motion
-            a.set_ylim((low + high) / 2 - 1, (low + high) / 2 + 1)
-    a = axes[3, 0]
-    error = np.linalg.norm(true - target, axis=0)
-    a.plot(run.t, error, color=TRUE, label="tip")
-    a.plot(run.t, np.linalg.norm(believed - target, axis=0), color=BELIEVED, linewidth=1, label="estimate")
-    if run.moving.any():
-        a.set_ylim(0, 1.25 * np.nanmax(error[run.moving]) or 1)
-    a.set_ylabel("distance to\nwanted [mm]")
-    a.set_xlabel("time [s]")
+        least_range(a, 2)
+    for a, one, other, color, what in ((axes[3, 0], true, target, TRUE, "true less\nreference [mm]"),
+                                       (axes[4, 0], believed, true, BELIEVED, "estimate less\ntrue [mm]")):
+        error = np.linalg.norm(one - other, axis=0)
+        a.plot(run.t, error, color=color)
+        if run.moving.any():
+            a.set_ylim(0, 1.25 * np.nanmax(error[run.moving]) or 1)
+        a.set_ylabel(what)
+    axes[-1, 0].set_xlabel("time [s]")
     shade_approach(axes, run)
-    axes[0, 0].legend(ncol=4, loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
-    figure.suptitle(f"{run.name()}, tip by axis: error {run.figure('tip_rms_error_m') * 1e3:.2f} mm rms, "
-                    f"{run.figure('tip_max_error_m') * 1e3:.2f} mm at most", x=0.09, ha="left")
+    figure.align_ylabels(axes[:, 0])
+    legend(figure, axes)
     return figure
 
 
 def bending(run):
     import numpy as np
     n = len(run.sections)
-    figure, axes = new_figure(9, 3 + 2.6 * n, 2 * n, top=0.86 if n == 1 else 0.92)
+    errors = [1e3 * np.hypot(run[f"us_true_rad{s}"] - run[f"us_desired_rad{s}"],
+                             run[f"vs_true_rad{s}"] - run[f"vs_desired_rad{s}"]) for s in run.sections]
+    worst = max(float(np.nanmax(e[run.moving])) for e in errors) if run.moving.any() else 0.0
+    figure, axes = new_figure(f"{run.name()}: bending follows within {worst:.0f} mrad", 1.6, 3 * n)
     for k, suffix in enumerate(run.sections):
         which = "" if n == 1 else f"section {k + 1}: "
-        for what, color, style, label in (("desired", WANTED, "--", "desired"), ("true", TRUE, "-", "true"),
-                                          ("estimate", BELIEVED, "-", "estimated")):
+        angle_axes, plane_axes, error_axes = axes[3 * k:3 * k + 3, 0]
+        for what, look, label in (("desired", REFERENCE_LINE, "reference"), ("true", TRUE_LINE, "true"),
+                                  ("estimate", BELIEVED_LINE, "controller's estimate")):
             u, v = run[f"us_{what}_rad{suffix}"], run[f"vs_{what}_rad{suffix}"]
             angle = np.hypot(u, v)
             plane = np.arctan2(v, u)
@@ -175,102 +285,86 @@ def bending(run):
             # Continuous where it is defined, and within one turn of zero at the beginning of the motion.
             plane[bent] = np.unwrap(plane[bent])
             plane[~bent] = np.nan
-            order = 5 if what == "desired" else 3
-            axes[2 * k, 0].plot(run.t, angle, color=color, linestyle=style, label=label, zorder=order,
-                                linewidth=1.6 if what == "desired" else 1.2)
-            axes[2 * k + 1, 0].plot(run.t, plane, color=color, linestyle=style, zorder=order,
-                                    linewidth=1.6 if what == "desired" else 1.2)
-        axes[2 * k, 0].set_ylabel(f"{which}bending\nangle [rad]")
-        axes[2 * k + 1, 0].set_ylabel(f"{which}bending-\nplane angle [rad]")
-        low, high = axes[2 * k + 1, 0].get_ylim()
-        if high - low < 0.5:
-            axes[2 * k + 1, 0].set_ylim((low + high) / 2 - 0.25, (low + high) / 2 + 0.25)
+            angle_axes.plot(run.t, angle, **look, label=label)
+            plane_axes.plot(run.t, plane, **look)
+        error_axes.plot(run.t, errors[k], **TRUE_LINE)
+        error_axes.set_ylim(bottom=0)
+        angle_axes.set_ylabel(f"{which}bending\nangle [rad]")
+        plane_axes.set_ylabel(f"{which}bending-\nplane angle [rad]")
+        error_axes.set_ylabel(f"{which}true less\nreference [mrad]")
+        least_range(plane_axes, 0.5)
     axes[-1, 0].set_xlabel("time [s]")
     shade_approach(axes, run)
-    axes[0, 0].legend(ncol=4, loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
-    worst = 0.0
-    for s in run.sections:
-        u = run[f"us_true_rad{s}"] - run[f"us_desired_rad{s}"]
-        v = run[f"vs_true_rad{s}"] - run[f"vs_desired_rad{s}"]
-        worst = max(worst, float(np.nanmax(np.hypot(u, v)[run.moving])) if run.moving.any() else 0.0)
-    figure.suptitle(f"{run.name()}: bending follows within {worst * 1e3:.0f} mrad", x=0.09, ha="left")
+    figure.align_ylabels(axes[:, 0])
+    legend(figure, axes)
     return figure
 
 
 def displacements(run):
     import numpy as np
-    figure, axes = new_figure(9, 6, 2, left=0.105)
-    worst = 0.0
+    stretch = [np.abs(run[f"displacement_m_{j}"] - run[f"displacement_true_m_{j}"])[run.moving]
+               for j in range(1, run.tendons + 1)]
+    worst = 1e3 * max((float(np.nanmax(s)) for s in stretch if s.size), default=0.0)
+    figure, axes = new_figure(f"{run.name()}: tendons stretch, motor and robot differ by up to {worst:.2f} mm", 1.6,
+                              run.tendons, 2)
     for j in range(run.tendons):
         wanted, measured, true = (run[f"displacement_{w}m_{j + 1}"] * 1e3 for w in ("desired_", "", "true_"))
-        color = TENDONS[j % len(TENDONS)]
-        axes[0, 0].plot(run.t, wanted, color=color, linestyle="--", linewidth=1.6)
-        axes[0, 0].plot(run.t, measured, color=color, label=f"tendon {j + 1}")
-        axes[1, 0].plot(run.t, measured - wanted, color=color)
-        axes[1, 0].plot(run.t, true - wanted, color=color, linestyle=":", linewidth=1.4)
-        worst = max(worst, float(np.nanmax(np.abs(measured - true)[run.moving])) if run.moving.any() else 0.0)
-    axes[0, 0].set_ylabel("tendon displacement [mm]\n(dashed: desired)")
-    axes[1, 0].set_ylabel("less desired [mm]\n(dotted: in the robot)")
-    axes[1, 0].set_xlabel("time [s]")
+        axes[j, 0].plot(run.t, wanted, **REFERENCE_LINE, label="reference")
+        axes[j, 0].plot(run.t, true, **TRUE_LINE, label="true, in the robot")
+        axes[j, 0].plot(run.t, measured, **BELIEVED_LINE, label="measured at the motor")
+        axes[j, 1].axhline(0, color="#888888", linewidth=0.8)
+        axes[j, 1].plot(run.t, true - wanted, **TRUE_LINE)
+        axes[j, 1].plot(run.t, measured - wanted, **BELIEVED_LINE)
+        axes[j, 0].set_ylabel(f"tendon {j + 1}\ndisplacement [mm]")
+        axes[j, 1].set_ylabel("less reference [mm]")
+    for a in axes[-1]:
+        a.set_xlabel("time [s]")
     shade_approach(axes, run)
-    axes[0, 0].legend(ncol=run.tendons + 1, loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
-    figure.suptitle(f"{run.name()}: tendons stretch, motor and robot differ by up to {worst:.2f} mm", x=0.09, ha="left")
+    figure.align_ylabels(axes)
+    legend(figure, axes)
     return figure
 
 
 def tensions(run):
     import numpy as np
-    figure, axes = new_figure(9, 1.6 + 2.1 * run.tendons, run.tendons, top=1 - 0.8 / (1.6 + 2.1 * run.tendons),
-                              bottom=0.5 / (1.6 + 2.1 * run.tendons))
+    figure, axes = new_figure(f"{run.name()}, tensions {run.friction_model()}: base error "
+                              f"{run.figure('base_tension_error_rms_N'):.3f} N rms", 2.1, run.tendons)
     for j in range(run.tendons):
         a, n = axes[j, 0], j + 1
-        a.plot(run.t, run[f"tension_measured_N_{n}"], color=BELIEVED, linewidth=2.6, alpha=0.6, label="load cell (motor side)")
-        a.plot(run.t, run[f"tension_desired_motor_N_{n}"], color=WANTED, linestyle="--", linewidth=1.1,
-               label="commanded, motor side")
-        a.plot(run.t, run[f"tension_desired_base_N_{n}"], color=IDEAL, linestyle="--", linewidth=1.8,
-               label="ideal, robot base", zorder=5)
-        a.plot(run.t, run[f"tension_base_true_N_{n}"], color=TRUE, linewidth=1.2, label="true, robot base")
+        a.plot(run.t, run[f"tension_desired_motor_N_{n}"], **REFERENCE_LINE, label="reference, motor side")
+        a.plot(run.t, run[f"tension_measured_N_{n}"], color=BELIEVED, linewidth=1.1, zorder=3,
+               label="load cell, motor side")
+        a.plot(run.t, run[f"tension_desired_base_N_{n}"], **IDEAL_LINE, label="reference, robot base")
+        a.plot(run.t, run[f"tension_base_true_N_{n}"], **TRUE_LINE, label="true, robot base")
         a.set_ylabel(f"tendon {n}\ntension [N]")
         a.set_ylim(bottom=min(0, float(np.nanmin(run[f"tension_measured_N_{n}"]))))
     axes[-1, 0].set_xlabel("time [s]")
     shade_approach(axes, run)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, ncol=5, loc="upper left", bbox_to_anchor=(0.08, 1 - 0.32 / (1.6 + 2.1 * run.tendons)),
-                  frameon=False, fontsize=9, columnspacing=1.2, handlelength=1.6)
-    figure.suptitle(f"{run.name()}, tensions {run.friction_model()}: the base misses its ideal by "
-                    f"{run.figure('base_tension_error_rms_N'):.3f} N rms", x=0.09, ha="left",
-                    y=1 - 0.06 / (1.6 + 2.1 * run.tendons), va="top")
+    legend(figure, axes)
     return figure
 
 
 def friction_loss(run):
-    figure, axes = new_figure(10, 4.6, 1, 2, sharex=False, bottom=0.13, top=0.84, left=0.085)
-    over_time, over_tension = axes[0]
+    figure, axes = new_figure(f"{run.name()}: guide pulleys take {run.figure('friction_loss_mean_N'):.2f} N in the mean, "
+                              f"{run.figure('friction_loss_max_N'):.2f} N at most", 1.7, run.tendons, 2)
     for j in range(run.tendons):
-        base, motor = run[f"tension_base_true_N_{j + 1}"], run[f"tension_motor_true_N_{j + 1}"]
-        color = TENDONS[j % len(TENDONS)]
-        over_time.plot(run.t, motor - base, color=color, label=f"tendon {j + 1}")
-        expected = run[f"tension_desired_motor_N_{j + 1}"] - run[f"tension_desired_base_N_{j + 1}"]
-        over_time.plot(run.t, expected, color=color, linestyle="--", linewidth=1)
-        over_tension.plot(base[run.moving], (motor - base)[run.moving], color=color, linewidth=1.1)
-    over_time.axvspan(run.t[0], run.start, color="#f0f0f0", zorder=0, label="approach")
-    over_time.set_xlim(run.t[0], run.t[-1])
-    over_time.set_xlabel("time [s]")
-    over_time.set_ylabel("motor side less robot side [N]\n(dashed: compensated)")
-    over_tension.set_xlabel("tension at the robot's base [N]")
-    over_tension.set_ylabel("motor side less robot side [N]")
-    for a in (over_time, over_tension):
-        a.axhline(0, color="#888888", linewidth=0.8)
-    low, high = over_tension.get_ylim()
-    over_tension.text(0.03, 0.95, "pulled: the motor must do more", transform=over_tension.transAxes, va="top",
-                      color="#555555")
-    if low < 0 < high:
-        over_tension.text(0.03, 0.05, "released: friction holds for the motor", transform=over_tension.transAxes,
-                          color="#555555")
-    over_time.legend(ncol=run.tendons + 1, loc="lower left", bbox_to_anchor=(0, 1), frameon=False, fontsize=9)
-    figure.suptitle(f"{run.name()}: guide pulleys take {run.figure('friction_loss_mean_N'):.2f} N in the mean, "
-                    f"{run.figure('friction_loss_max_N'):.2f} N at most, and change sign with the direction",
-                    x=0.085, ha="left")
+        over_time, over_tension = axes[j]
+        base, ideal = run[f"tension_base_true_N_{j + 1}"], run[f"tension_desired_base_N_{j + 1}"]
+        loss = run[f"tension_motor_true_N_{j + 1}"] - base
+        expected = run[f"tension_desired_motor_N_{j + 1}"] - ideal
+        over_time.plot(run.t, expected, **REFERENCE_LINE, label="compensated")
+        over_time.plot(run.t, loss, **TRUE_LINE, label="true")
+        over_tension.plot(ideal[run.moving], expected[run.moving], **REFERENCE_LINE)
+        over_tension.plot(base[run.moving], loss[run.moving], **TRUE_LINE)
+        over_time.set_ylabel(f"tendon {j + 1}, motor\nless base [N]")
+        over_tension.set_ylabel("motor less base [N]")
+        for a in (over_time, over_tension):
+            a.axhline(0, color="#888888", linewidth=0.8)
+    shade_approach(axes[:, :1], run)
+    axes[-1, 0].set_xlabel("time [s]  (above 0: pulled in; below: paid out)")
+    axes[-1, 1].set_xlabel("tension at the robot's base [N], motion only")
+    figure.align_ylabels(axes)
+    legend(figure, axes)
     return figure
 
 
@@ -289,15 +383,17 @@ def main():
         raise Failure("no matplotlib for this Python: sudo apt-get install python3-matplotlib") from None
     matplotlib.use("Agg")
     matplotlib.rcParams.update({"font.size": 10, "axes.titlesize": 11, "figure.titlesize": 12, "lines.linewidth": 1.3,
-                                "path.simplify_threshold": 0.5})
+                                "path.simplify_threshold": 0.5, "svg.hashsalt": "tendril", "pdf.fonttype": 42})
     for folder in folders:
         run = Run(folder)
         for name, draw in PICTURES.items():
-            target = folder / f"{name}.png"
-            try:
-                draw(run).savefig(target)
-            except OSError as e:
-                raise Failure(f"cannot write {target}: {e.strerror}") from e
+            figure = draw(run)
+            for kind in FORMATS:
+                target = folder / f"{name}.{kind}"
+                try:
+                    figure.savefig(target, metadata=UNDATED.get(kind))
+                except OSError as e:
+                    raise Failure(f"cannot write {target}: {e.strerror}") from e
 
 
 if __name__ == "__main__":

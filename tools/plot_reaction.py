@@ -1,6 +1,8 @@
 #!/usr/bin/python3
 """plot_reaction.py CSV PNG: tip and tension after the daemon was killed, for both reactions of the drives (object
-0x6007). The table comes from the test Reaction with TENDRIL_REACTION_CSV set; knows its columns only."""
+0x6007); an SVG and a PDF are written beside the PNG. The table comes from the test Reaction with TENDRIL_REACTION_CSV
+set; knows its columns only."""
+import pathlib
 import sys
 
 import matplotlib
@@ -28,10 +30,11 @@ def main():
         for plot in (tip, tension):
             plot.grid(alpha=0.3)
     axes[0][0].set_ylabel("tip x [mm]")
-    axes[0][0].legend(title="object 0x6007")
     axes[1][0].set_ylabel("highest tension [N]")
-    figure.tight_layout()
-    figure.savefig(sys.argv[2], dpi=110)
+    figure.tight_layout(rect=(0, 0, 1, 0.93))
+    figure.legend(*axes[0][0].get_legend_handles_labels(), title="object 0x6007", loc="upper center", ncol=2, frameon=False)
+    for kind, undated in ((".png", None), (".svg", {"Date": None}), (".pdf", {"CreationDate": None})):
+        figure.savefig(pathlib.Path(sys.argv[2]).with_suffix(kind), dpi=110, metadata=undated)
     return 0
 
 

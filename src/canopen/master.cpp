@@ -262,7 +262,8 @@ void Master::State::ReportRefused(TimeNs now_ns, const char* format, ...) noexce
 void Master::State::SendSync(TimeNs now_ns) noexcept {
   const bool wanted =
       std::any_of(nodes.begin(), nodes.end(), [](const auto& node) { return node->started(); });
-  if (wanted && !watch.down()) Send(SyncFrame(), now_ns);
+  if (!wanted || watch.down() || !Send(SyncFrame(), now_ns)) return;
+  for (auto& node : nodes) node->OnSync();
 }
 
 void Master::State::SendHeartbeat(TimeNs now_ns) noexcept {
@@ -325,7 +326,14 @@ void Master::State::Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept
   if (frame.error || frame.remote) return;  // WatchBus sees to the bus's own state
   if (!running) return;
   Node* node = node_of_id[static_cast<std::size_t>(CobNode(frame.id))];
-  if (const char* what = MastersOwn(frame.id, node != nullptr)) return Foreign(frame, what, now_ns);
+  if (const char* what = MastersOwn(frame.id, node != nullptr)) {
+    // Drives answer whoever asks.
+    if (frame.id == kSyncCobId) {
+      for (auto& any : nodes) any->OnSync();
+    }
+    if (node != nullptr && CobFunction(frame.id) == kSdoRequestBase) node->OnForeignSdoRequest(frame);
+    return Foreign(frame, what, now_ns);
+  }
   if (node == nullptr) return;
   const char* what = "";
   int bytes = 8;

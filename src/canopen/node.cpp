@@ -20,6 +20,10 @@ constexpr TimeNs kDisable_ns = 500 * kNsPerMs;  // from a request to disabled; t
 constexpr TimeNs kFaultReset_ns = 1000 * kNsPerMs;
 constexpr TimeNs kStopAgain_ns = 200 * kNsPerMs;      // NMT stop is not answered, and may get lost
 constexpr TimeNs kStatusRefresh_ns = 200 * kNsPerMs;  // a lost statusword TPDO is made up for after this
+// A drive that restarted answers no SYNC. Three answers, for the fault injector may hold back one or two.
+constexpr int kAnswersAfterBootUp = 3, kSyncsAfterBootUp = 5;
+// Requests in a row answered twice alike: a frame received twice is a rare accident, eight in a row are none.
+constexpr int kAnsweredTwice = 8;
 constexpr std::uint16_t kNeverHeard = std::numeric_limits<std::uint16_t>::max();
 
 using ValueText = std::array<char, 24>;
@@ -38,6 +42,15 @@ int WidthOf(ObjectAddress address) noexcept {
   return entry == nullptr ? 4 : TypeBytes(entry->type);
 }
 
+/// Objects that say what a device is, rather than how it is set up.
+bool IsIdentity(ObjectAddress address) noexcept {
+  return address.index == 0x1000 || address.index == 0x1018 || address.index == 0x6502;
+}
+
+DriveState MismatchOf(ObjectAddress address) noexcept {
+  return IsIdentity(address) ? DriveState::kOtherDevice : DriveState::kMisconfigured;
+}
+
 bool IsCobId(ObjectAddress address) noexcept {
   return address.sub == 1 && ((address.index >= 0x1400 && address.index < 0x1600) ||
                               (address.index >= 0x1800 && address.index < 0x1A00));
@@ -54,11 +67,15 @@ Node::Node(const BusParameters& bus, const DriveSetup& drive, EventRing& events)
     : id_(drive.node_id),
       script_(MakeBootScript(bus, drive)),
       product_codes_(bus.identity.product_codes),
+      cycle_ns_(bus.cycle_ns),
       sdo_timeout_ns_(bus.sdo_timeout_ms * kNsPerMs),
       boot_timeout_ns_(bus.boot_timeout_ms * kNsPerMs),
       heartbeat_timeout_ns_(bus.heartbeat_ms > 0 ? bus.heartbeat_timeout_ms * kNsPerMs : 0),
       events_(events),
-      sdo_(drive.node_id) {
+      sdo_(drive.node_id),
+      // An answer later than the heartbeat's time-out is one of a lost drive; the last SYNC's may always be
+      // due.
+      answers_(std::max(2, static_cast<int>(std::max(heartbeat_timeout_ns_, sdo_timeout_ns_) / cycle_ns_))) {
   feedback_.age_cycles = kNeverHeard;
   FindObject({0x1000, 0});  // the table comes into being here, not in a cycle
 }
@@ -89,6 +106,7 @@ void Node::Boot(TimeNs now_ns, bool reset_fault) noexcept {
   boot_deadline_ns_ = now_ns + boot_timeout_ns_;
   probe_ns_ = now_ns + std::min(kBootUpWait_ns, boot_timeout_ns_ / 2);
   started_ = heartbeat_watched_ = latched_ = may_enable_ = holds_ = walking_ = released_ = false;
+  after_boot_up_ = 0;
   reset_ = Reset::kNone;
   feedback_.age_cycles = kNeverHeard;
   feedback_.statusword = 0;
@@ -100,6 +118,8 @@ void Node::BeginScript(TimeNs now_ns) noexcept {
   phase_ = Phase::kScript;
   at_ = 0;
   started_ = heartbeat_watched_ = false;
+  after_boot_up_ = 0;
+  answers_.Restart();
   sdo_.Reset();
   UpdateState();
   BeginAction(now_ns);
@@ -177,6 +197,41 @@ void Node::OnSdo(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   const bool was_busy = sdo_.busy();
   sdo_.OnFrame(frame);
   if (was_busy && !sdo_.busy()) OnTransferEnd(now_ns);
+  CheckReplies(frame, now_ns);
+}
+
+/// Two servers on one node id: a second reply to one request.
+void Node::CheckReplies(const can::CanFrame& frame, TimeNs now_ns) noexcept {
+  using Surplus = ReplyWatch::Surplus;
+  const Surplus surplus = replies_.OnReply(frame);
+  const bool in_use = phase_ == Phase::kScript || phase_ == Phase::kReady;
+  if (!in_use || surplus == Surplus::kNone) return;
+  const ObjectAddress address = DecodeSdoResponse(frame).address;
+  const auto [first, second] = replies_.values();
+  if (surplus == Surplus::kDifferent && address == ObjectAddress{0x1018, 4}) {
+    Report(now_ns, Status::kNodeIdShared, "two drives have this node id: serial numbers %u and %u", first,
+           second);
+  } else if (surplus == Surplus::kDifferent) {
+    Report(now_ns, Status::kNodeIdShared,
+           "two drives have this node id: %04X:%02X was answered 0x%X and 0x%X", address.index, address.sub,
+           first, second);
+  } else if (replies_.in_a_row() >= kAnsweredTwice) {
+    Report(now_ns, Status::kNodeIdShared,
+           "two drives have this node id (or the bus repeats its frames): %d SDO requests in a row were "
+           "answered twice alike",
+           replies_.in_a_row());
+  } else {
+    return;
+  }
+  FailTwice(now_ns);
+}
+
+/// The event was told already. Both obey the torque of one: where they were started, both are taken off.
+void Node::FailTwice(TimeNs now_ns) noexcept {
+  const bool was_started = started();
+  Fail(DriveState::kIdTwice);
+  stops_ = was_started;
+  stop_again_ns_ = now_ns;
 }
 
 void Node::OnTransferEnd(TimeNs now_ns) noexcept {
@@ -210,7 +265,7 @@ void Node::OnTransferEnd(TimeNs now_ns) noexcept {
     if (ended == Transfer::kStatusword) return;
     Report(now_ns, Status::kConfigurationMismatch, "%s: %04X:%02X has %d bytes, expected %d", action().step,
            entry->index, entry->sub, static_cast<int>(sdo_.data().size()), width);
-    Fail(Status::kConfigurationMismatch, now_ns);
+    Fail(MismatchOf(sdo_.address()));
     return;
   }
   // Servers that name no size send four bytes; the object's width counts.
@@ -272,7 +327,8 @@ void Node::OnTransferFailed(TimeNs now_ns) noexcept {
     Report(now_ns, Status::kBootFailed, "%s: %s: abort %08X %s", action().step, what.data(),
            sdo_.abort_code(), AbortText(sdo_.abort_code()));
   }
-  Fail(Status::kBootFailed, now_ns);
+  // Who refuses is there.
+  Fail(timed_out ? DriveState::kOffline : MismatchOf(address));
 }
 
 void Node::OnRead(std::int64_t value, TimeNs now_ns) noexcept {
@@ -334,7 +390,7 @@ void Node::OnRead(std::int64_t value, TimeNs now_ns) noexcept {
   if (matches) {
     NextAction(now_ns);
   } else {
-    Fail(Status::kConfigurationMismatch, now_ns);
+    Fail(MismatchOf(a.address));
   }
 }
 
@@ -348,18 +404,18 @@ void Node::OnReadBack(std::int64_t value, TimeNs now_ns) noexcept {
   }
   Report(now_ns, Status::kConfigurationMismatch, "%s: %04X:%02X reads %s after %s was written", action().step,
          address.index, address.sub, TextOf(address, value).data(), TextOf(address, written_).data());
-  Fail(Status::kConfigurationMismatch, now_ns);
+  Fail(DriveState::kMisconfigured);
 }
 
-/// The event was told already.
-void Node::Fail(Status status, TimeNs) noexcept {
+/// The event was told already. `state`: why it cannot be used.
+void Node::Fail(DriveState state) noexcept {
   sdo_.Reset();
   transfer_ = Transfer::kNone;
   nmt_waits_ = false;
   phase_ = Phase::kFailed;
-  started_ = heartbeat_watched_ = false;
-  // A wrong drive is a fault, an absent one is offline.
-  feedback_.state = status == Status::kConfigurationMismatch ? DriveState::kFault : DriveState::kOffline;
+  started_ = heartbeat_watched_ = stops_ = false;
+  after_boot_up_ = 0;
+  feedback_.state = state;
 }
 
 /// The event was told already.
@@ -369,6 +425,7 @@ void Node::Lose(TimeNs) noexcept {
   nmt_waits_ = false;
   phase_ = Phase::kLost;
   started_ = heartbeat_watched_ = may_enable_ = holds_ = walking_ = stops_ = false;
+  after_boot_up_ = 0;
   reset_ = Reset::kNone;
   UpdateState();
 }
@@ -425,7 +482,9 @@ void Node::BeginCycle(TimeNs now_ns) noexcept {
 
   // A drive without a heartbeat gets no more torque frames; should it live on with the last one, this takes
   // it off.
-  if (phase_ == Phase::kLost && stops_ && now_ns >= stop_again_ns_) {
+  const bool given_up = phase_ == Phase::kLost || phase_ == Phase::kFailed;
+  if (given_up && stops_ && now_ns >= stop_again_ns_) {
+    after_boot_up_ = 0;
     stop_again_ns_ = now_ns + kStopAgain_ns;
     QueueNmt(NmtCommand::kStop);
   }
@@ -435,6 +494,9 @@ void Node::BeginCycle(TimeNs now_ns) noexcept {
   const bool booting = phase_ == Phase::kWaitBootUp || phase_ == Phase::kScript;
   if (booting && now_ns >= boot_deadline_ns_) {
     const int limit_ms = static_cast<int>(boot_timeout_ns_ / kNsPerMs);
+    // A drive that goes on answering and never shows what was written did not take it.
+    const bool refuses =
+        phase_ == Phase::kScript && action().kind == BootAction::Kind::kConfirm && tries_ == 1;
     if (phase_ == Phase::kWaitBootUp) {
       Report(now_ns, Status::kBootFailed,
              "boot-up: no message and no answer to read 1000:00 in %d ms: check power, wiring, node id, bit "
@@ -447,7 +509,7 @@ void Node::BeginCycle(TimeNs now_ns) noexcept {
       Report(now_ns, Status::kBootFailed, "%s: %04X:%02X not settled when bus.boot_timeout_ms = %d was over",
              action().step, action().address.index, action().address.sub, limit_ms);
     }
-    Fail(Status::kBootFailed, now_ns);
+    Fail(refuses ? MismatchOf(action().address) : DriveState::kOffline);
     return;
   }
   if (heartbeat_watched_ && now_ns >= heartbeat_deadline_ns_) {
@@ -491,6 +553,17 @@ bool Node::OnFeedback(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   if (!started()) return true;  // not mapped yet
   PdoValues values{};
   if (!Decode(kTpdoFeedback, frame, values)) return false;
+  if (after_boot_up_ > 0) {
+    OnAnswerAfterBootUp(now_ns);
+    return true;
+  }
+  if (answers_.OnAnswer(frame.data)) {
+    Report(now_ns, Status::kNodeIdShared,
+           "two drives have this node id: each SYNC is answered by two TPDO 0x%03X",
+           TpdoCobId(kTpdoFeedback.number, id_));
+    FailTwice(now_ns);
+    return true;
+  }
   feedback_.position_counts = static_cast<std::int32_t>(values[Slot(kTpdoFeedback, 0x6064, 0)]);
   feedback_.torque_permille = static_cast<std::int16_t>(values[Slot(kTpdoFeedback, 0x6077, 0)]);
   feedback_.analog_mV = static_cast<std::int16_t>(values[Slot(kTpdoFeedback, 0x3160, 1)]);
@@ -499,8 +572,19 @@ bool Node::OnFeedback(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   return true;
 }
 
+/// A drive that has just restarted is not operational: another one with its node id is.
+void Node::OnAnswerAfterBootUp(TimeNs now_ns) noexcept {
+  if (after_boot_up_ > 1) {
+    --after_boot_up_;
+    return;
+  }
+  Report(now_ns, Status::kNodeIdShared,
+         "two drives have this node id: one goes on answering SYNC after the other's boot-up message");
+  FailTwice(now_ns);
+}
+
 bool Node::OnStatus(const can::CanFrame& frame, TimeNs now_ns) noexcept {
-  if (!started()) return true;
+  if (!started() || phase_ == Phase::kLost) return true;
   PdoValues values{};
   if (!Decode(kTpdoStatus, frame, values)) return false;
   OnStatusword(static_cast<std::uint16_t>(values[Slot(kTpdoStatus, 0x6041, 0)]), now_ns);
@@ -572,6 +656,8 @@ void Node::OnHeartbeat(NmtState state, TimeNs now_ns) noexcept {
         if (!nmt_waits_) BeginScript(now_ns);
         return;
       case Phase::kScript:
+        // Before the first request: the same restart again, or a second drive's, which its answers will show.
+        if (at_ == 0 && sdo_.pending() != nullptr) return;
         Report(now_ns, Status::kDriveLost, "%s: restarted during its boot: beginning again", action().step);
         BeginScript(now_ns);
         return;
@@ -585,10 +671,15 @@ void Node::OnHeartbeat(NmtState state, TimeNs now_ns) noexcept {
         Report(now_ns, Status::kDriveLost,
                "unexpected boot-up: the drive restarted (power, watchdog or NMT reset)");
         Lose(now_ns);
+        // Should it be a second drive with this id, the first one lives on with its last torque.
+        stops_ = true;
+        stop_again_ns_ = now_ns + kSyncsAfterBootUp * cycle_ns_;
+        after_boot_up_ = kAnswersAfterBootUp;
         return;
     }
   }
-  if (started() && state != NmtState::kOperational && now_ns >= started_ns_ + kNmtGrace_ns) {
+  if (started() && phase_ != Phase::kLost && state != NmtState::kOperational &&
+      now_ns >= started_ns_ + kNmtGrace_ns) {
     // NMT commands are not answered: one that got lost is sent again until the boot's deadline.
     if (phase_ == Phase::kScript && action().kind == BootAction::Kind::kStart) {
       QueueNmt(NmtCommand::kStart);
@@ -641,6 +732,7 @@ const can::CanFrame* Node::pending() const noexcept { return nmt_waits_ ? &nmt_f
 
 void Node::PendingSent(TimeNs now_ns) noexcept {
   if (!nmt_waits_) {
+    replies_.OnRequest(*sdo_.pending());
     sdo_.FrameSent(now_ns);
     return;
   }

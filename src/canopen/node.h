@@ -5,8 +5,10 @@
 #include <array>
 #include <vector>
 
+#include "answer_watch.h"
 #include "boot_script.h"
 #include "event_ring.h"
+#include "reply_watch.h"
 #include "tendril/can/can_port.h"
 #include "tendril/canopen/cia402.h"
 #include "tendril/canopen/emcy.h"
@@ -22,8 +24,10 @@ class Node {
 
   int id() const noexcept { return id_; }
   const DriveFeedback& feedback() const noexcept { return feedback_; }
-  /// SYNC is of use: NMT start was sent.
-  bool started() const noexcept { return phase_ == Phase::kReady || (phase_ == Phase::kScript && started_); }
+  /// SYNC is of use: NMT start was sent, or a restarted drive shows by its answer that it is not alone.
+  bool started() const noexcept {
+    return phase_ == Phase::kReady || (phase_ == Phase::kScript && started_) || after_boot_up_ > 0;
+  }
   bool ready() const noexcept { return phase_ == Phase::kReady; }
   /// 0x1018:04; 0 until it was read once.
   std::uint32_t serial() const noexcept { return serial_; }
@@ -46,6 +50,8 @@ class Node {
 
   /// A new cycle begins: ages the feedback, notices time-outs.
   void BeginCycle(TimeNs now_ns) noexcept;
+  /// A SYNC is on the bus, by whomever: started drives answer it.
+  void OnSync() noexcept { answers_.OnSync(); }
 
   // ---- frames in --------------------------------------------------------------------------------
 
@@ -53,6 +59,8 @@ class Node {
   bool OnFeedback(const can::CanFrame& frame, TimeNs now_ns) noexcept;
   bool OnStatus(const can::CanFrame& frame, TimeNs now_ns) noexcept;
   void OnSdo(const can::CanFrame& frame, TimeNs now_ns) noexcept;
+  /// Somebody else's SDO request to this drive.
+  void OnForeignSdoRequest(const can::CanFrame& frame) noexcept { replies_.OnRequest(frame); }
   void OnEmcy(const EmcyMessage& emcy, TimeNs now_ns) noexcept;
   void OnHeartbeat(NmtState state, TimeNs now_ns) noexcept;
 
@@ -93,7 +101,10 @@ class Node {
   void CheckProgress(TimeNs now_ns) noexcept;
   void Latch(TimeNs now_ns) noexcept;
   void UpdateState() noexcept;
-  void Fail(Status status, TimeNs now_ns) noexcept;
+  void Fail(DriveState state) noexcept;
+  void CheckReplies(const can::CanFrame& frame, TimeNs now_ns) noexcept;
+  void FailTwice(TimeNs now_ns) noexcept;
+  void OnAnswerAfterBootUp(TimeNs now_ns) noexcept;
   void Lose(TimeNs now_ns) noexcept;
   /// One event, its text led by "node N: ".
   [[gnu::format(printf, 4, 5)]] void Report(TimeNs now_ns, Status status, const char* format, ...) noexcept;
@@ -101,7 +112,7 @@ class Node {
   const int id_;
   const std::vector<BootAction> script_;
   const std::vector<std::uint32_t> product_codes_;
-  const TimeNs sdo_timeout_ns_, boot_timeout_ns_, heartbeat_timeout_ns_;
+  const TimeNs cycle_ns_, sdo_timeout_ns_, boot_timeout_ns_, heartbeat_timeout_ns_;
   EventRing& events_;
 
   Phase phase_ = Phase::kIdle;
@@ -130,6 +141,9 @@ class Node {
   bool off_first_ = false;   // told to disable, and not seen disabled yet
   bool walking_ = false;     // on the way to operation enabled
   bool stops_ = false;       // lost, and stopped by NMT again and again
+  AnswerWatch answers_;
+  ReplyWatch replies_;
+  int after_boot_up_ = 0;  // answers still to be seen of a drive said to have restarted; 0: none is watched
   TimeNs walk_deadline_ns_ = 0, stop_again_ns_ = 0, disable_deadline_ns_ = 0, refresh_ns_ = 0;
   Reset reset_ = Reset::kNone;
   bool rebooted_for_reset_ = false;

@@ -58,7 +58,7 @@ void Describe(Io& io, SectionParameters& p) {
   }
   io.Number("youngs_modulus_Pa", p.youngs_modulus_Pa, {1e6, 1e12});
   io.Number("core_radius_m", p.core_radius_m, {1e-5, 0.05});
-  io.Number("bending_damping_Nms", p.bending_damping_Nms, {0, 10});
+  io.Number("bending_damping_Nms", p.bending_damping_Nms, {0, 1000});
   io.List("tendons", p.tendons, {1, kMaxTendons});
   if constexpr (Io::kReading) {
     for (std::size_t j = 0; j < p.tendons.size(); ++j) {
@@ -119,13 +119,13 @@ void DescribeVector(Io& io, std::string_view key, Eigen::Vector3d& value, Range 
 /// Keys of the body that a robot like its drawing does without.
 template <class Io>
 void DescribeDeviations(Io& io, BodyParameters& p) {
-  OptionalNumber(io, "tip_payload_kg", p.tip_payload_kg, 0, {0, 10});
-  OptionalNumber(io, "twist_rad_per_m", p.twist_rad_per_m, 0, {-50, 50});
+  OptionalNumber(io, "tip_payload_kg", p.tip_payload_kg, 0, {0, 1000});
+  OptionalNumber(io, "twist_rad_per_m", p.twist_rad_per_m, 0, {-1000, 1000});
   if constexpr (Io::kReading) {
     p.tip_force_W_N.setZero();
     p.unit_deviations.clear();
     for (const char* key : {"tip_force_W_N", "unit_deviations"}) io.Allow(key);
-    if (io.Has("tip_force_W_N")) DescribeVector(io, "tip_force_W_N", p.tip_force_W_N, {-1000, 1000});
+    if (io.Has("tip_force_W_N")) DescribeVector(io, "tip_force_W_N", p.tip_force_W_N, {-100000, 100000});
     if (io.Has("unit_deviations")) io.List("unit_deviations", p.unit_deviations, {0, kMaxUnits});
     std::set<int> seen;
     for (const UnitDeviation& d : p.unit_deviations) {
@@ -137,7 +137,7 @@ void DescribeDeviations(Io& io, BodyParameters& p) {
     std::sort(p.unit_deviations.begin(), p.unit_deviations.end(),
               [](const UnitDeviation& a, const UnitDeviation& b) { return a.unit < b.unit; });
   } else {
-    if (!p.tip_force_W_N.isZero(0)) DescribeVector(io, "tip_force_W_N", p.tip_force_W_N, {-1000, 1000});
+    if (!p.tip_force_W_N.isZero(0)) DescribeVector(io, "tip_force_W_N", p.tip_force_W_N, {-100000, 100000});
     if (!p.unit_deviations.empty()) io.List("unit_deviations", p.unit_deviations, {0, kMaxUnits});
   }
 }
@@ -245,7 +245,7 @@ void Describe(Io& io, TransmissionParameters& p) {
   io.List("pulleys", p.pulleys, {0, 16});
   io.Number("presliding_m", p.presliding_m, {1e-9, 0.1});
   io.Number("low_tension_N", p.low_tension_N, {1e-6, 100});
-  NumberOr(io, "coulomb_N", p.coulomb_N, 0, {0, 100});
+  NumberOr(io, "coulomb_N", p.coulomb_N, 0, {0, 10000});
 }
 
 template <class Io>
@@ -265,7 +265,7 @@ void Describe(Io& io, LoadCellParameters& p) {
   number("gain_VpN", p.gain_VpN, {1e-6, 1000});
   number("resolution_V", p.resolution_V, {1e-6, 10});
   number("noise_N", p.noise_N, {0, 100});
-  NumberOr(io, "offset_N", p.offset_N, 0, {-100, 100});
+  NumberOr(io, "offset_N", p.offset_N, 0, {-10000, 10000});
 }
 
 template <class Io>

@@ -237,6 +237,8 @@ struct Controller::Impl {
     return supervisor.mode() == Mode::kRunning || supervisor.mode() == Mode::kHold;
   }
   Status NotReady(const CycleInput& input) const noexcept;
+  void ReportNotReady(const CycleInput& input, CycleOutput& output) const noexcept;
+  void ReportFault(const CycleInput& input, CycleOutput& output) const noexcept;
   bool StillPulls(const CycleInput& input) const noexcept;
   int HangingTendon(const CycleOutput& output) const noexcept;
   double Bounded(int tendon, double fed_back_Nm, double measured_N, const DriveFeedForward::Result& wanted,
@@ -454,15 +456,35 @@ bool Controller::Impl::StillPulls(const CycleInput& input) const noexcept {
                      [](const DriveFeedback& d) { return d.state == DriveState::kEnabled; });
 }
 
-// Why a disconnected robot stays so, when it is not that its drives are still starting.
+// Why a disconnected robot stays so, when it is not that its drives are still starting. What is wrong with a
+// drive that answers is said before what may be missing.
 Status Controller::Impl::NotReady(const CycleInput& input) const noexcept {
-  const auto any = [&](DriveState state) {
-    const auto end = input.drive.begin() + tendons;
-    return std::any_of(input.drive.begin(), end, [&](const DriveFeedback& d) { return d.state == state; });
-  };
-  if (any(DriveState::kUnreachable)) return Status::kDriveAbsent;
-  if (any(DriveState::kFault)) return Status::kDriveHasFault;
-  return any(DriveState::kOffline) ? Status::kDriveAbsent : Status::kOk;
+  const auto end = input.drive.begin() + tendons;
+  for (const DriveState state : {DriveState::kUnreachable, DriveState::kIdTwice, DriveState::kOtherDevice,
+                                 DriveState::kMisconfigured, DriveState::kFault, DriveState::kOffline}) {
+    const auto is = [state](const DriveFeedback& d) { return d.state == state; };
+    if (std::any_of(input.drive.begin(), end, is)) return WhyNotReady(state);
+  }
+  return Status::kOk;
+}
+
+// A loop that misses its own cycles keeps drives from answering in time, so that this is said with it.
+void Controller::Impl::ReportNotReady(const CycleInput& input, CycleOutput& output) const noexcept {
+  const Status why = NotReady(input);
+  if (why == Status::kDriveAbsent && guards.behind()) Report(output, Status::kCyclesMissed);
+  Report(output, why);
+}
+
+// The latched cause, and what explains that a drive seems lost.
+void Controller::Impl::ReportFault(const CycleInput& input, CycleOutput& output) const noexcept {
+  const Status cause = supervisor.cause();
+  Report(output, cause);
+  // A second drive with its id shows a moment after it made the first seem to restart.
+  if (cause == Status::kDriveLost && NotReady(input) == Status::kNodeIdTwice)
+    Report(output, Status::kNodeIdTwice);
+  const bool of_drives =
+      cause == Status::kDriveLost || cause == Status::kDriveFault || cause == Status::kFeedbackStale;
+  if (of_drives && guards.behind()) Report(output, Status::kCyclesMissed);
 }
 
 // Health of bus and drives; a fault only where it means one in this mode.
@@ -487,8 +509,12 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
   for (int j = 0; j < tendons; ++j) {
     tendon = j + 1;
     const DriveFeedback& d = input.drive[j];
+    const bool mismatch = d.state == DriveState::kOtherDevice || d.state == DriveState::kMisconfigured;
     const bool answering = d.state != DriveState::kOffline && d.state != DriveState::kBooting &&
-                           d.state != DriveState::kUnreachable;
+                           d.state != DriveState::kUnreachable && d.state != DriveState::kIdTwice &&
+                           !mismatch;
+    if (d.state == DriveState::kIdTwice) fault(Status::kNodeIdShared);
+    if (mismatch) fault(Status::kConfigurationMismatch);
     if (!answering) {
       fault(Status::kDriveLost);
       let_go = let_go || zero_known;
@@ -627,11 +653,11 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output, b
       // Tensions ramp down on the drives that still can; then everything is disabled and stays so.
       if (Released()) tension_N.setZero();
       output.drive_request = tension_N.isZero(0) ? DriveRequest::kDisable : DriveRequest::kEnable;
-      Report(output, supervisor.cause());
+      ReportFault(input, output);
       break;
     case Mode::kDisconnected:
       // In the cycle of a clear the drives have not heard of it yet.
-      if (!output.clear_drive_faults) Report(output, NotReady(input));
+      if (!output.clear_drive_faults) ReportNotReady(input, output);
       output.drive_request = DriveRequest::kDisable;
       break;
     case Mode::kConfigured:

@@ -124,6 +124,10 @@ CommandGate::CommandGate(const RobotParameters& robot, double default_speed_radp
       default_speed_radps_(default_speed_radps),
       bare_pull_N_(bare_pull_N) {}
 
+bool CommandGate::AcceptedIn(Mode mode, const Command& c) noexcept {
+  return ModeAllowed(AdmissionIn(mode), c);
+}
+
 Status CommandGate::CheckValues(const Command& c, Mode mode) const noexcept {
   if (!std::isfinite(c.speed_radps)) return Status::kCommandNotFinite;
   if (c.valid_for_ns <= 0 || c.valid_for_ns > kLongestValid_ns) return Status::kCommandOutOfRange;

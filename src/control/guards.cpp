@@ -122,10 +122,12 @@ Status Guards::CheckTime(const CycleInput& input, bool powered) noexcept {
   if (!known) return Status::kOk;
   const double period_s = ToSeconds(period_ns_);
   late_ = std::max(0., late_ - parameters_.max_late_cycles * period_s);
+  behind_ = behind_ && late_ > 0;
   if (step_ns <= 0 || step_ns % period_ns_ != 0) return powered ? Status::kTimeStepped : Status::kOk;
   late_ += static_cast<double>(step_ns / period_ns_ - 1);
   if (late_ <= parameters_.max_late_cycles) return Status::kOk;
   late_ = parameters_.max_late_cycles;
+  behind_ = true;
   return powered ? Status::kCyclesLate : Status::kOk;
 }
 
@@ -290,6 +292,7 @@ void Guards::Remember(StateArchive& a) noexcept {
   a.Value(timed_);
   a.Value(last_time_ns_);
   a.Value(late_);
+  a.Value(behind_);
   a.Value(blamed_);
 }
 

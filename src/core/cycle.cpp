@@ -18,4 +18,26 @@ std::string_view ModeText(Mode mode) noexcept {
   return "unknown";
 }
 
+Status WhyNotReady(DriveState state) noexcept {
+  switch (state) {
+    case DriveState::kOffline:
+    case DriveState::kUnreachable:
+      return Status::kDriveAbsent;
+    case DriveState::kFault:
+      return Status::kDriveHasFault;
+    case DriveState::kOtherDevice:
+      return Status::kOtherDevice;
+    case DriveState::kMisconfigured:
+      return Status::kDriveMisconfigured;
+    case DriveState::kIdTwice:
+      return Status::kNodeIdTwice;
+    case DriveState::kBooting:
+    case DriveState::kReady:
+    case DriveState::kEnabled:
+    case DriveState::kQuickStop:
+      break;
+  }
+  return Status::kOk;
+}
+
 }  // namespace tendril

@@ -30,6 +30,10 @@ bool ExplainsMode(Status status) noexcept {
     case Status::kCommissioningEnded:
     case Status::kDriveHasFault:
     case Status::kDriveAbsent:
+    case Status::kOtherDevice:
+    case Status::kDriveMisconfigured:
+    case Status::kNodeIdTwice:
+    case Status::kCyclesMissed:
       return true;
     default:
       return IsFault(status);

@@ -481,6 +481,25 @@ struct Daemon::State {
     return fmt::format(" (tendon {}, node {})", out.blamed_tendon, setups[j].node_id);
   }
 
+  // Before a fault of the drives, where the daemon's own cycles are the likelier reason.
+  std::string MissedFirst(const CycleOutput& out) const {
+    const auto end = out.reported.end();
+    if (std::find(out.reported.begin(), end, Status::kCyclesMissed) == end) return {};
+    return fmt::format("{} of the daemon's own cycles were missed, see to that first (tendril rt-check): ",
+                       last_timing.deadline_misses);
+  }
+
+  // What the bus said of the drive for which `out` is not ready; empty where it said nothing.
+  std::string WhyNotReadyText(const CycleRecord& r) const {
+    for (std::size_t i = 0; i < static_cast<std::size_t>(r.input.drives); ++i) {
+      const auto said = last_of_drive.find(setups[i].node_id);
+      if (r.output.status == WhyNotReady(r.input.drive[i].state) && r.output.status != Status::kOk &&
+          said != last_of_drive.end())
+        return said->second;
+    }
+    return {};
+  }
+
   // Of a change of mode; Ok where a command or the drives' progress led there.
   static Status CauseOf(const CycleOutput& out) {
     if (IsFault(out.status)) return out.status;
@@ -495,6 +514,7 @@ struct Daemon::State {
     // While it commissions, tensions are pulls, with limits of their own.
     if (out.command_status == Status::kCommandOutOfRange && out.mode != Mode::kCommissioning)
       return OutOfRangeText(command, options.robot);
+    if (out.command_status == Status::kCommandWrongMode) return WrongModeText(out.mode);
     if (out.command_status == Status::kCommandWrongSize) return WrongSizeText(command, options.robot);
     if (out.command_status == Status::kAnotherSender) return AnotherSenderText(leader, out.mode);
     const auto known = why_refused.find(out.command_status);
@@ -511,12 +531,12 @@ struct Daemon::State {
       if (command.kind != CommandKind::kNone && !refused && leads) leader = command.sender;
       const std::string why = refused ? WhyRefused(command, out) : "";
       if (refused) refusals.Add(out.command_status, command, out.mode, why);
-      gateway.PublishState(next.record, why);
+      gateway.PublishState(next.record, why, WhyNotReadyText(next.record));
       gateway.PublishCycle(next.record);
       Count(next);
       if (out.mode != last_mode || (out.status != last_status && IsFault(out.status))) {
         const Status cause = CauseOf(out), status = IsFault(cause) ? cause : Status::kOk;
-        const std::string what = fmt::format("{}{}", StatusText(cause), WhoseFault(out));
+        const std::string what = fmt::format("{}{}{}", MissedFirst(out), StatusText(cause), WhoseFault(out));
         Event(status, "controller",
               fmt::format("{} -> {}: {} {}", ModeText(last_mode), ModeText(out.mode), static_cast<int>(cause),
                           what));
@@ -531,6 +551,8 @@ struct Daemon::State {
     refusals.TellDue(clock.Now(), [this](Status s, const std::string& text) { Event(s, "gate", text); });
     canopen::BusEvent event;
     while (events.TryPop(event)) {
+      if (IsFault(event.status) && event.node_id != 0) last_of_drive[event.node_id] = event.text.data();
+      if (event.status == Status::kOk) last_of_drive.erase(event.node_id);
       messages.Post(event.status, "bus", event.text.data());
       gateway.PublishEvent(event.time_ns, event.status, "bus", event.text.data());
     }
@@ -725,6 +747,7 @@ struct Daemon::State {
   std::array<std::uint32_t, kMaxTendons> serials{}, serials_told{};
   Refusals refusals;
   std::map<Status, std::string> why_refused;  // where the status alone does not tell
+  std::map<int, std::string> last_of_drive;   // what the bus last said was wrong, by node id
   std::string other;                          // daemon on our channels; empty: none
   bool other_told = false;
   std::uint32_t leader = 0;  // sender of the last target that was accepted, or who commissions

@@ -4,7 +4,11 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <string_view>
+#include <vector>
+
 #include "tendril/control/gate.h"
+#include "tendril/core/tip_unit.h"
 #include "tendril/io/client.h"
 
 namespace tendril::daemon {
@@ -64,9 +68,9 @@ std::string OutOfReachText(const Command& c, const Eigen::Vector3d& nearest_W_m,
   return fmt::format(
       "the tip asked for is {:.4g} mm out of reach: the nearest point that the robot can be led to is {:.4g} "
       "m; "
-      "accepted: up to {:.3g} mm away (a tenth of the robot's length); ask for a nearer one",
+      "accepted: up to {:.3g} mm away (a tenth of the robot's length); ask for a nearer one{}",
       1e3 * (c.tip_W_m - nearest_W_m).norm(), fmt::join(nearest_W_m.begin(), nearest_W_m.end(), " "),
-      1e3 * control::kOutOfReach * length_m);
+      1e3 * control::kOutOfReach * length_m, AskMillimetres(c.tip_W_m, length_m));
 }
 
 std::string OutOfRangeText(const Command& c, const RobotParameters& robot) {
@@ -78,6 +82,10 @@ std::string OutOfRangeText(const Command& c, const RobotParameters& robot) {
   if (c.valid_for_ns <= 0 || c.valid_for_ns > control::kLongestValid_ns) {
     return fmt::format("valid_for_s is {:g} or no number; accepted: above 0, up to {:g}; correct it",
                        ToSeconds(c.valid_for_ns), ToSeconds(control::kLongestValid_ns));
+  }
+  if (c.kind == CommandKind::kTip && c.tip_W_m.cwiseAbs().maxCoeff() > kMostTip_m) {
+    return fmt::format("the tip asked for is {:.4g} m from the base; accepted: up to {:g} m{}; give metres",
+                       c.tip_W_m.norm(), kMostTip_m, AskMillimetres(c.tip_W_m, robot.body.length_m()));
   }
   if (c.kind == CommandKind::kBending) {
     for (Eigen::Index k = 0; k + 1 < c.bending_rad.size(); k += 2) {
@@ -104,6 +112,23 @@ std::string OutOfRangeText(const Command& c, const RobotParameters& robot) {
         ToSeconds(c.valid_for_ns), ToSeconds(control::kUnwatched_ns));
   }
   return {};
+}
+
+std::string WrongModeText(Mode mode) {
+  std::vector<std::string_view> accepted;
+  const auto ask = [&](std::string_view name, CommandKind kind, ModeRequest request = {}) {
+    Command c;
+    c.kind = kind;
+    c.mode = request;
+    if (control::CommandGate::AcceptedIn(mode, c)) accepted.push_back(name);
+  };
+  for (const ModeRequest request : {ModeRequest::kArm, ModeRequest::kHome, ModeRequest::kCommission,
+                                    ModeRequest::kHold, ModeRequest::kClear, ModeRequest::kDisarm})
+    ask(RequestText(request), CommandKind::kMode, request);
+  ask("tip", CommandKind::kTip);
+  ask("bending", CommandKind::kBending);
+  ask("tension", CommandKind::kTension);
+  return fmt::format("{}; accepted: {}", StatusText(Status::kCommandWrongMode), fmt::join(accepted, ", "));
 }
 
 std::string WrongSizeText(const Command& c, const RobotParameters& robot) {

@@ -27,7 +27,7 @@ struct Late {
 };
 
 Late LateOf(const PreparedRun& run, const sim::BodyMotion& motion) {
-  if (!run.tracked() || run.signals.at_rest) return {};
+  if (!run.tracked() || run.tip_m.rows() == 0 || run.signals.at_rest) return {};
   const int samples = run.samples();
   const Eigen::VectorXd time_s = Eigen::VectorXd::LinSpaced(samples, 0, (samples - 1) * run.signals.step_s);
   Eigen::MatrixXd tip_m = Eigen::MatrixXd::Constant(samples, 3, NAN);

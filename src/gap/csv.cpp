@@ -16,6 +16,9 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <utility>
+
+#include "table_hints.h"
 
 namespace tendril::gap {
 namespace {
@@ -31,11 +34,13 @@ bool IsLineEnd(char c) { return c == '\n' || c == '\r'; }
 
 // True for the words that programs write where there is no value.
 bool MeansNone(std::string_view cell) {
+  static constexpr std::array<std::string_view, 24> kWords{
+      "nan", "-nan", "+nan", "na",      "n/a",      "null",      "none",     "-",
+      "--",  "---",  "nil",  "missing", "nan(ind)", "-nan(ind)", "<na>",     "#n/a",
+      "#na", "n.a.", "nat",  "1.#qnan", "1.#ind",   "-1.#ind",   "-1.#qnan", "undefined"};
   if (cell.empty()) return true;
-  const std::string low = LowerCase(cell.substr(0, 8));
-  if (cell.size() > 4) return low == "-nan" || low == "missing" || low == "nan(ind)" || low == "-nan(ind";
-  return low == "nan" || low == "-nan" || low == "+nan" || low == "na" || low == "n/a" || low == "null" ||
-         low == "none" || low == "-";
+  if (cell.size() > 9) return false;
+  return std::find(kWords.begin(), kWords.end(), LowerCase(cell)) != kWords.end();
 }
 
 std::optional<double> Number(std::string_view cell) {
@@ -57,8 +62,10 @@ class Parser {
 
   Table Parse(const ChooseCells& choose) {
     SkipMark();
-    ReadNames();
-    kinds_ = choose(table_.names);
+    SkipLines();
+    const int names_line = ReadNames();
+    kinds_ = choose(table_.names, names_line);
+    SkipUnits();
     table_.numbers.resize(table_.names.size());
     table_.texts.resize(table_.names.size());
     Reserve();
@@ -85,9 +92,68 @@ class Parser {
   void SkipMark() {
     const auto left = static_cast<std::size_t>(end_ - at_);
     if (left >= 2 && (std::memcmp(at_, "\xFF\xFE", 2) == 0 || std::memcmp(at_, "\xFE\xFF", 2) == 0)) {
-      throw TableError(name_ + ":1: the text is UTF-16; accepted: ASCII or UTF-8; save it as UTF-8");
+      RefuseUtf16();
+    }
+    // Without a mark: every other byte of what is ASCII is zero.
+    if (left >= 4 && ((at_[0] == 0 && at_[2] == 0) || (at_[1] == 0 && at_[3] == 0))) RefuseUtf16();
+    if (left >= 4 && std::memcmp(at_, "PK\x03\x04", 4) == 0) {
+      throw TableError(name_ + ":1: a zip file, as workbooks are (.xlsx); accepted: text; export it as CSV");
     }
     if (left >= 3 && std::memcmp(at_, "\xEF\xBB\xBF", 3) == 0) at_ += 3;
+  }
+
+  [[noreturn]] void RefuseUtf16() const {
+    throw TableError(name_ + ":1: the text is UTF-16; accepted: ASCII or UTF-8; save it as UTF-8");
+  }
+
+  void PassLine() {
+    at_ = std::find_if(at_, end_, IsLineEnd);
+    EndLine();
+  }
+
+  void SkipLines() {
+    for (int i = 0; i < format_.skip_lines; ++i) {
+      if (at_ == end_) {
+        throw TableError(
+            fmt::format("{}:{}: the file ends within the {} lines that table.skip_lines passes; "
+                        "accepted: the lines before the names; correct the map",
+                        name_, line_, format_.skip_lines));
+      }
+      PassLine();
+    }
+  }
+
+  /// Lines of units; one that reads as a row is one, and would be lost.
+  void SkipUnits() {
+    for (int i = 0; i < format_.unit_rows && at_ != end_; ++i) {
+      while (at_ != end_ && SkipEmptyLine(false)) {
+      }
+      if (HoldsNumbers(at_)) {
+        throw TableError(
+            fmt::format("{}:{}: a row of numbers, which table.unit_rows: {} would pass; accepted: "
+                        "unit_rows: {} for this table; correct the map",
+                        name_, line_, format_.unit_rows, i));
+      }
+      PassLine();
+    }
+  }
+
+  /// Whether a line has a number in some column that is read as one, and in all of them a number or nothing.
+  bool HoldsNumbers(const char* line) {
+    const char* at = std::exchange(at_, line);
+    bool more = true, any = false, all = true;
+    std::size_t c = 0;
+    for (; more && c < table_.names.size(); ++c) {
+      const std::string_view cell = Cell(more);
+      if (kinds_[c] != CellKind::kNumber || MeansNone(cell)) continue;
+      std::string with_point(cell);
+      if (format_.decimal == ',' || comma_too_) std::replace(with_point.begin(), with_point.end(), ',', '.');
+      const bool number = Number(with_point).has_value();
+      any = any || number;
+      all = all && number;
+    }
+    at_ = at;
+    return any && all && c == table_.names.size();
   }
 
   void EndLine() {
@@ -96,27 +162,98 @@ class Parser {
     ++line_;
   }
 
+  bool IsMark(char c) const { return format_.comment.find(c) != format_.comment.npos; }
+
   // Passes a line with nothing on it, or a remark.
-  bool SkipEmptyLine() {
+  bool SkipEmptyLine(bool remarks = true) {
     const char* p = at_;
     while (p != end_ && IsSpace(*p)) ++p;
-    if (p != end_ && !IsLineEnd(*p) && *p != '#') return false;
+    if (p != end_ && !IsLineEnd(*p) && !(remarks && IsMark(*p))) return false;
     while (p != end_ && !IsLineEnd(*p)) ++p;
     at_ = p;
     EndLine();
     return true;
   }
 
-  void ReadNames() {
-    while (at_ != end_ && SkipEmptyLine()) {
+  /// Returns the line of the names.
+  int ReadNames() {
+    const char* remark = nullptr;
+    int remark_line = 0;
+    while (at_ != end_) {
+      const char* line = at_;
+      const int number = line_;
+      if (!SkipEmptyLine()) break;
+      const std::string_view said = Trimmed({line, static_cast<std::size_t>(at_ - line)});
+      const bool says = std::any_of(said.begin(), said.end(), [&](char c) { return !IsMark(c) && c != ' '; });
+      if (says) remark = line, remark_line = number;
+    }
+    const bool by_place = format_.header == Header::kNone;
+    const char* row = at_;
+    const int row_line = line_;
+    if (format_.header == Header::kRemark) {
+      if (remark == nullptr) {
+        throw TableError(
+            fmt::format("{}:{}: no remark before the first row; accepted: with table.header: comment, a line "
+                        "of names that "
+                        "begins with one of '{}' (table.comment); correct the map",
+                        name_, row_line, Printable(format_.comment)));
+      }
+      at_ = remark;
+      line_ = remark_line;
+      while (at_ != row && (IsSpace(*at_) || IsMark(*at_))) ++at_;
     }
     if (at_ == end_) {
       throw TableError(name_ +
                        ":1: the file is empty; accepted: a line of column names, then one row a sample");
     }
+    const int names_line = line_;
     const char* line_end = std::find_if(at_, end_, IsLineEnd);
-    if (format_.delimiter == 0) format_.delimiter = FindDelimiter({at_, line_end});
+    if (format_.delimiter == 0) {
+      format_.delimiter = FindDelimiter({at_, static_cast<std::size_t>(line_end - at_)}, format_.comment);
+    }
     if (format_.decimal == 0) format_.decimal = '.', comma_too_ = format_.delimiter != ',';
+    SplitNames();
+    if (by_place) {
+      for (std::size_t c = 0; c < table_.names.size(); ++c) table_.names[c] = std::to_string(c + 1);
+      at_ = row;
+      line_ = row_line;
+      return names_line;
+    }
+    // Some programs end each line with a delimiter.
+    while (table_.names.size() > 1 && table_.names.back().empty()) table_.names.pop_back();
+    const bool any_name = std::any_of(table_.names.begin(), table_.names.end(), [](const std::string& n) {
+      return !n.empty() && !MeansNone(n) && !Number(n);
+    });
+    if (!any_name) {
+      const bool in_remark = remark != nullptr && CellsOf(remark) == table_.names.size();
+      throw TableError(fmt::format(
+          "{}:{}: the first line holds no column names; accepted: names such as t_s, tension_N_1; add them, "
+          "or {}",
+          name_, names_line,
+          in_remark
+              ? fmt::format("if the remark in line {} holds them, say table: {{header: comment}} in a map of "
+                            "tendril gap import",
+                            remark_line)
+              : "say table: {header: none} in a map of tendril gap import and call the columns 1, 2, ..."));
+    }
+    if (format_.header == Header::kRemark) {
+      at_ = row;
+      line_ = row_line;
+    }
+    return names_line;
+  }
+
+  /// How many cells a remark has behind its mark.
+  std::size_t CellsOf(const char* remark) {
+    const char* at = std::exchange(at_, remark);
+    while (at_ != end_ && (IsSpace(*at_) || IsMark(*at_))) ++at_;
+    std::size_t cells = 0;
+    for (bool more = true; more; ++cells) Cell(more);
+    at_ = at;
+    return cells;
+  }
+
+  void SplitNames() {
     bool more = true;
     while (more) {
       table_.names.emplace_back(Trimmed(Cell(more)));
@@ -126,32 +263,16 @@ class Parser {
       }
     }
     EndLine();
-    // Some programs end each line with a delimiter.
-    while (table_.names.size() > 1 && table_.names.back().empty()) table_.names.pop_back();
-    const bool any_name = std::any_of(table_.names.begin(), table_.names.end(), [](const std::string& n) {
-      return !n.empty() && !MeansNone(n) && !Number(n);
-    });
-    if (!any_name) {
-      throw TableError(fmt::format(
-          "{}:{}: the first line holds no column names; accepted: names such as t_s, tension_N_1; add them",
-          name_, line_ - 1));
-    }
-  }
-
-  static char FindDelimiter(std::string_view line) {
-    for (const char c : {';', '\t', ','}) {
-      if (line.find(c) != line.npos) return c;
-    }
-    return Trimmed(line).find(' ') != std::string_view::npos ? ' ' : ',';
   }
 
   // The text of the next cell of this line, without quotes; at_ is then behind its delimiter (more) or at the
   // line's end.
   std::string_view Cell(bool& more) {
     const char d = format_.delimiter;
+    const auto is_delimiter = [d](char c) { return d == ' ' ? IsSpace(c) : c == d; };
     while (at_ != end_ && IsSpace(*at_) && *at_ != d) ++at_;
     if (d == ' ') {
-      while (at_ != end_ && *at_ == ' ') ++at_;
+      while (at_ != end_ && IsSpace(*at_)) ++at_;
     }
     const char* first = at_;
     const char* last = nullptr;
@@ -159,14 +280,14 @@ class Parser {
       first = ++at_;
       while (at_ != end_ && *at_ != '"' && !IsLineEnd(*at_)) ++at_;
       last = at_;
-      while (at_ != end_ && *at_ != d && !IsLineEnd(*at_)) ++at_;
+      while (at_ != end_ && !is_delimiter(*at_) && !IsLineEnd(*at_)) ++at_;
     } else {
-      while (at_ != end_ && *at_ != d && !IsLineEnd(*at_)) ++at_;
+      while (at_ != end_ && !is_delimiter(*at_) && !IsLineEnd(*at_)) ++at_;
       last = at_;
       while (last != first && IsSpace(last[-1])) --last;
     }
     if (d == ' ') {
-      while (at_ != end_ && *at_ == ' ') ++at_;
+      while (at_ != end_ && IsSpace(*at_)) ++at_;
       more = at_ != end_ && !IsLineEnd(*at_);
     } else {
       more = at_ != end_ && *at_ == d;
@@ -181,15 +302,31 @@ class Parser {
     if (format_.decimal != '.') return false;
     const auto [p, error] = std::from_chars(at_, end_, value);
     if (error != std::errc{} || p == at_ || !std::isfinite(value)) return false;
-    if (p == end_ || IsLineEnd(*p)) {
-      at_ = p;
-      more = false;
-      return true;
-    }
-    if (*p != d || d == ' ') return false;
-    at_ = p + 1;
-    more = true;
+    const bool ends = p == end_ || IsLineEnd(*p);
+    if (!ends && (*p != d || d == ' ')) return false;
+    if (comma_too_ && point_line_ == 0) NotePoint({at_, static_cast<std::size_t>(p - at_)});
+    at_ = ends ? p : p + 1;
+    more = !ends;
     return true;
+  }
+
+  // Where the decimal mark is not given, one kind of it is taken; the other one would mark thousands.
+  void NotePoint(std::string_view cell) {
+    if (cell.find('.') == cell.npos) return;
+    point_line_ = line_;
+    RefuseBothMarks(cell, "comma", comma_line_);
+  }
+  void NoteComma(std::string_view cell) {
+    comma_line_ = line_;
+    RefuseBothMarks(cell, "point", point_line_);
+  }
+  void RefuseBothMarks(std::string_view cell, const char* other, int its_line) const {
+    if (its_line == 0) return;
+    throw TableError(fmt::format(
+        "{}:{}: '{}', but a decimal {} in line {}; accepted: one decimal mark, without marks between "
+        "thousands; "
+        "say table: {{decimal: point}} or {{decimal: comma}} in a map of tendril gap import, or export again",
+        name_, line_, Printable(cell), other, its_line));
   }
 
   double NumberOf(std::string_view cell, std::size_t column) {
@@ -198,23 +335,22 @@ class Parser {
       return kNone;
     }
     std::optional<double> value;
-    if (format_.decimal == '.') value = Number(cell);
-    if (!value && (format_.decimal == ',' || comma_too_) && std::count(cell.begin(), cell.end(), ',') == 1) {
+    // A point beside a decimal comma would mark thousands.
+    if (format_.decimal == '.' || cell.find('.') == cell.npos) value = Number(cell);
+    if (value && comma_too_ && point_line_ == 0) NotePoint(cell);
+    if (!value && (format_.decimal == ',' || comma_too_) && std::count(cell.begin(), cell.end(), ',') == 1 &&
+        cell.find('.') == cell.npos) {
       std::string with_point(cell);
       std::replace(with_point.begin(), with_point.end(), ',', '.');
       value = Number(with_point);
-    } else if (!value && format_.decimal == ',') {
-      value = Number(cell);  // a whole number has neither
+      if (value && comma_too_ && comma_line_ == 0) NoteComma(cell);
     }
     if (!value) {
-      throw TableError(fmt::format(
-          "{}:{}: column {}: '{}' is not a number; accepted: a number such as -0.0125, or an "
-          "empty cell for no "
-          "value; correct the cell or remove the line{}",
-          name_, line_, Printable(table_.names[column]), Printable(cell),
-          std::count(cell.begin(), cell.end(), ',') == 1
-              ? "; if its comma is a decimal one, say table: {decimal: comma} in a map of tendril gap import"
-              : ""));
+      throw TableError(
+          fmt::format("{}:{}: column {}: '{}' is not a number; accepted: a number such as -0.0125, or an "
+                      "empty cell for no "
+                      "value; correct the cell or remove the line{}",
+                      name_, line_, Printable(table_.names[column]), Printable(cell), Hint(cell, column)));
     }
     if (std::isinf(*value)) {
       ++infinite_[column];
@@ -223,9 +359,32 @@ class Parser {
     return *value;
   }
 
+  /// What would read a cell that is no number. The first lines may hold something else than numbers.
+  std::string Hint(std::string_view cell, std::size_t column) {
+    const char* line_end = std::find_if(at_, end_, IsLineEnd);
+    const std::string hint = HintForCell(
+        cell, table_.names[column], {row_begin_, static_cast<std::size_t>(line_end - row_begin_)}, format_);
+    constexpr int kMost = 5;
+    const char* line = row_begin_;
+    for (int passed = 1; hint.empty() && table_.lines.empty() && passed <= kMost; ++passed) {
+      line = std::find_if(line, end_, IsLineEnd);
+      line += line != end_ && *line == '\r';
+      line += line != end_ && *line == '\n';
+      if (line == end_) break;
+      if (!HoldsNumbers(line)) continue;
+      if (format_.header == Header::kNone)
+        return fmt::format(
+            "; if the lines before line {} are no rows, say table: {{skip_lines: {}}} in the map",
+            line_ + passed, line_ + passed - 1);
+      return fmt::format("; if it is a unit or another line of names, say table: {{unit_rows: {}}} in a map",
+                         format_.unit_rows + passed);
+    }
+    return hint;
+  }
+
   void ReadRow() {
     const std::size_t columns = table_.names.size();
-    const char* line_begin = at_;
+    const char* line_begin = row_begin_ = at_;
     const std::size_t row = table_.lines.size();
     std::size_t cells = 0;
     bool more = true, trailing = false;
@@ -272,18 +431,28 @@ class Parser {
     }
     if (cells != columns) {
       at_ = line_begin;
-      throw TableError(
-          fmt::format("{}:{}: {} cells in a table of {} columns; accepted: one cell a column (empty "
-                      "for no value); correct the line or remove it{}",
-                      name_, line_, cells < columns ? std::to_string(cells) : "too many", columns,
-                      format_.decimal == ',' && format_.delimiter == ','
-                          ? "; where commas separate cells, numbers with a decimal comma stand in quotes"
-                          : ""));
+      throw TableError(fmt::format(
+          "{}:{}: {} cells in a table of {} columns; accepted: one cell a column (empty "
+          "for no value); correct the line or remove it{}",
+          name_, line_, cells < columns ? std::to_string(cells) : "too many", columns, HintForCount()));
     }
     if (!trailing_) trailing_ = trailing;
     last_size_ = last.size();
     table_.lines.push_back(line_);
     EndLine();
+  }
+
+  std::string HintForCount() const {
+    if (format_.decimal == ',' && format_.delimiter == ',')
+      return "; where commas separate cells, numbers with a decimal comma stand in quotes";
+    if (format_.delimiter == ' ' && table_.lines.empty() && format_.header != Header::kNone) {
+      return fmt::format(
+          "; if names hold spaces, say table: {{header: none, skip_lines: {}}} in a map and call the columns "
+          "1, "
+          "2, ...",
+          line_ - 1);
+    }
+    return {};
   }
 
   void Drop(std::size_t rows, const char* what) {
@@ -308,6 +477,8 @@ class Parser {
   const std::string& name_;
   TableFormat format_;
   bool comma_too_ = false;
+  int point_line_ = 0, comma_line_ = 0;  // of the first decimal mark of either kind, where either would do
+  const char* row_begin_ = nullptr;
   std::optional<bool> trailing_;  // whether lines end with a delimiter, as the first one does
   int line_ = 1;
   std::size_t last_size_ = 0;  // of the last cell of the row before, as written
@@ -375,6 +546,18 @@ std::string Sha256(std::string_view bytes) {
   std::string hex;
   for (unsigned i = 0; i < size; ++i) hex += fmt::format("{:02x}", digest[i]);
   return hex;
+}
+
+std::string Twice(const std::vector<std::string>& names, std::string_view name) {
+  std::vector<std::string> places;
+  for (std::size_t c = 0; c < names.size(); ++c) {
+    if (names[c] == name) places.push_back(std::to_string(c + 1));
+  }
+  if (places.size() < 2) return {};
+  std::string text = "columns " + places.front();
+  for (std::size_t i = 1; i < places.size(); ++i)
+    text += (i + 1 == places.size() ? " and " : ", ") + places[i];
+  return text;
 }
 
 std::string_view Trimmed(std::string_view text) {

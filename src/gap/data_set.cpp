@@ -15,6 +15,7 @@
 #include <stdexcept>
 
 #include "csv.h"
+#include "same_robot.h"
 #include "sources.h"
 #include "tendril/config/config.h"
 #include "tendril/sim/effects.h"
@@ -32,6 +33,7 @@ struct Listed {
   fs::path file;
   std::string family = "unknown", repeat_of{}, before{};
   std::optional<LoadCellPlace> load_cell{};
+  bool zero_at_rest = false;
 };
 
 std::string_view PlaceText(LoadCellPlace place) {
@@ -74,7 +76,7 @@ void NoteUnknown(const YAML::Node& map, std::initializer_list<std::string_view> 
 
 Listed ReadEntry(const YAML::Node& entry, const std::string& where, std::vector<std::string>& notes) {
   Listed listed;
-  NoteUnknown(entry, {"file", "family", "repeat_of", "before", "load_cell"}, where, notes);
+  NoteUnknown(entry, {"file", "family", "repeat_of", "before", "load_cell", "motor_zero"}, where, notes);
   listed.file = Text(entry, "file");
   if (const std::string family = Text(entry, "family"); !family.empty()) listed.family = family;
   if (const std::string name = Text(entry, "repeat_of"); !IsNoName(name)) listed.repeat_of = RunName(name);
@@ -88,6 +90,14 @@ Listed ReadEntry(const YAML::Node& entry, const std::string& where, std::vector<
         fmt::format("{}: load_cell '{}' is not known; accepted: motor_side, robot_side, none; the robot "
                     "file's is taken",
                     where, Printable(place)));
+  }
+  const std::string zero = LowerCase(Text(entry, "motor_zero"));
+  listed.zero_at_rest = zero == "at_rest";
+  if (!zero.empty() && zero != "at_rest" && zero != "at_pretension") {
+    notes.push_back(
+        fmt::format("{}: motor_zero '{}' is not known; accepted: at_pretension, at_rest; at_pretension is "
+                    "taken",
+                    where, Printable(zero)));
   }
   return listed;
 }
@@ -158,10 +168,10 @@ bool HasEnding(const fs::path& file, std::string_view ending) {
   return LowerCase(file.extension().string()) == ending;
 }
 
-std::vector<Run> ReadAny(const fs::path& file, const RobotParameters& robot) {
-  if (IsLcmLog(file)) return ReadRunLog(file, robot);
+std::vector<Run> ReadAny(const fs::path& file, const RobotOfSet& robot, std::vector<std::string>& notes) {
+  if (IsLcmLog(file)) return ReadRunLog(file, robot, notes);
   std::vector<Run> one;
-  one.push_back(ReadRunTable(file, robot));
+  one.push_back(ReadRunTable(file, robot.robot()));
   return one;
 }
 
@@ -227,12 +237,12 @@ void NameTendons(Run& run, int tendons) {
 }
 
 /// Reads the files of a list into the set; what cannot be read becomes a note.
-void AddRuns(DataSet& set, const fs::path& folder, const std::vector<Listed>& list) {
+void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, const std::vector<Listed>& list) {
   const std::optional<RobotParameters> recorded = RecordedWith(folder);
   std::set<int> other_cells;
   for (const Listed& listed : list) {
     try {
-      std::vector<Run> runs = ReadAny(listed.file, set.robot);
+      std::vector<Run> runs = ReadAny(listed.file, robot, set.notes);
       // What is there twice would pass for a robot that repeats itself without any noise. A few rows may well
       // be the same.
       constexpr Eigen::Index kMany = 20;
@@ -252,9 +262,12 @@ void AddRuns(DataSet& set, const fs::path& folder, const std::vector<Listed>& li
         if (listed.family != "unknown") run.family = listed.family;
         run.repeat_of = listed.repeat_of;
         run.before = listed.before;
+        run.zero_at_rest = run.zero_at_rest || listed.zero_at_rest;
         SettleCell(run, listed.load_cell);
         set.runs.push_back(std::move(run));
       }
+    } catch (const OtherRobotError&) {
+      throw;
     } catch (const std::exception& e) {
       set.notes.push_back(fmt::format("left out: {}", e.what()));
     }
@@ -336,7 +349,7 @@ void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::stri
   }
 }
 
-void AddFolder(DataSet& set, const fs::path& folder) {
+void AddFolder(DataSet& set, const RobotOfSet& robot, const fs::path& folder) {
   const std::size_t from = set.runs.size();
   const fs::path list_file = folder / "runs.yaml";
   const std::vector<fs::path> files = FilesIn(folder);
@@ -372,7 +385,7 @@ void AddFolder(DataSet& set, const fs::path& folder) {
       if (logs ? IsLcmLog(file) : HasEnding(file, ".csv")) list.push_back({.file = file});
     }
   }
-  AddRuns(set, folder, list);
+  AddRuns(set, robot, folder, list);
   SettleNames(set.runs, from, set.notes);
 }
 
@@ -390,16 +403,61 @@ std::string NameOf(const fs::path& path) {
   return normal.has_filename() ? normal.filename().string() : normal.parent_path().filename().string();
 }
 
-// The robot of a folder's own file where it is not the one that the runs are compared with: other name or
-// size. Numbers may differ, for a nominal file is often an edited one.
-std::string AnotherRobot(const fs::path& folder, const RobotParameters& robot) {
-  constexpr double kSameLength = 0.05;
-  const std::optional<RobotParameters> its = RecordedWith(folder);
-  if (!its) return {};
-  const double its_m = its->body.length_m(), length_m = robot.body.length_m();
-  if (its->name == robot.name && std::abs(its_m - length_m) < kSameLength * length_m) return {};
-  return fmt::format("robot '{}', {:.4g} m long, not '{}', {:.4g} m long", its->name, its_m, robot.name,
-                     length_m);
+bool HoldsRuns(const fs::path& folder) {
+  const std::vector<fs::path> files = FilesIn(folder);
+  return std::any_of(files.begin(), files.end(), [](const fs::path& file) {
+    return file.filename() == "runs.yaml" || HasEnding(file, ".csv") || IsLcmLog(file);
+  });
+}
+
+/// The robot of a folder by its robot.yaml, or by what its first log was made with.
+std::optional<RobotParameters> RobotOf(const fs::path& folder) {
+  if (auto robot = RecordedWith(folder)) return robot;
+  for (const fs::path& file : FilesIn(folder)) {
+    if (!IsLcmLog(file)) continue;
+    try {
+      return config::ParseRobot(RobotYamlOfLog(file), file.string());
+    } catch (const std::exception&) {
+      return std::nullopt;
+    }
+  }
+  return std::nullopt;
+}
+
+/// For a folder without runs, as the demo leaves it: its subfolders that hold some, of the robot named, or of
+/// one robot. Those of others are noted.
+std::vector<std::string> RunFolders(const std::string& path, const std::string& robot_path,
+                                    std::vector<std::string>& notes) {
+  std::error_code error;
+  if (!fs::is_directory(path, error) || HoldsRuns(path)) return {path};
+  std::vector<fs::path> folders;
+  for (const auto& entry : fs::directory_iterator(path, error)) {
+    if (entry.is_directory(error) && HoldsRuns(entry.path())) folders.push_back(entry.path());
+  }
+  std::sort(folders.begin(), folders.end());
+  std::vector<std::string> taken;
+  std::string others;
+  std::optional<RobotParameters> robot;
+  if (!robot_path.empty()) robot = sim::LoadRobot(robot_path);
+  for (const fs::path& folder : folders) {
+    const std::optional<RobotParameters> its = RobotOf(folder);
+    if (its && !robot) robot = its;
+    if (!its || its->name == robot->name) {
+      taken.push_back(folder.string());
+      continue;
+    }
+    others += fmt::format("{}{} is of robot '{}'", others.empty() ? "" : ", ", folder.filename().string(),
+                          its->name);
+  }
+  if (others.empty()) return folders.empty() ? std::vector<std::string>{path} : taken;
+  if (taken.empty() || robot_path.empty()) {
+    throw std::runtime_error(fmt::format(
+        "{}: {}, {} '{}'; give the robot file (--robot) of those to be diagnosed, or their folder alone",
+        path, others, robot_path.empty() ? "others of" : "the robot named is", robot->name));
+  }
+  notes.push_back(fmt::format("{}: {}, not '{}', and is left out; diagnose it with its own --robot", path,
+                              others, robot->name));
+  return taken;
 }
 
 // A run that is there twice would pass for one that repeats itself without any noise.
@@ -420,30 +478,34 @@ void RefuseTwice(const std::vector<std::string>& paths) {
 
 }  // namespace
 
-DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path) {
+DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path, OtherRobot other_robot) {
   if (std::error_code error; !fs::is_directory(folder, error)) {
     throw std::runtime_error(folder.string() +
                              ": no such folder; name a folder with robot.yaml, runs.yaml and CSV files");
   }
-  return LoadLogs({folder.string()}, robot_path);
+  return LoadLogs({folder.string()}, robot_path, other_robot);
 }
 
-DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path) {
-  if (paths.empty()) throw std::runtime_error("no run is named; name a folder, a CSV file or an LCM log");
-  RefuseTwice(paths);
+DataSet LoadLogs(const std::vector<std::string>& named, const std::string& robot_path,
+                 OtherRobot other_robot) {
+  if (named.empty()) throw std::runtime_error("no run is named; name a folder, a CSV file or an LCM log");
   DataSet set;
+  std::vector<std::string> paths;
+  for (const std::string& path : named) {
+    for (std::string& folder : RunFolders(path, robot_path, set.notes)) paths.push_back(std::move(folder));
+  }
+  RefuseTwice(paths);
   std::string robot_from = robot_path;
   std::optional<std::string> other;
-  std::vector<std::string> beside;  // robot files of folders whose robot is named apart
+  std::set<std::string> beside;  // robot files of folders, but for the one that is taken
   const auto offer = [&](const fs::path& file) {
     std::error_code ignored;
     if (!fs::exists(file, ignored)) return;
-    if (!robot_path.empty()) {
-      beside.push_back(file.string());
-    } else if (robot_from.empty()) {
+    if (robot_from.empty()) {
       robot_from = file.string();
-    } else if (ReadBytes(robot_from) != ReadBytes(file)) {
-      other = file.string();
+    } else if (!fs::equivalent(robot_from, file, ignored)) {
+      beside.insert(file.string());
+      if (robot_path.empty() && ReadBytes(robot_from) != ReadBytes(file)) other = file.string();
     }
   };
   for (const std::string& path : paths) {
@@ -483,21 +545,21 @@ DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot
                     *other, robot_from));
   }
 
+  const RobotOfSet robot(set.robot, robot_from.empty() ? "the robot of the first log" : robot_from,
+                         other_robot);
   for (const std::string& file : beside) {
-    const std::string whose = AnotherRobot(fs::path(file).parent_path(), set.robot);
-    if (whose.empty()) continue;
-    set.notes.push_back(
-        fmt::format("{} is of {}; is {} the file of the robot that was measured?", file, whose, robot_path));
+    if (const auto recorded = RecordedWith(fs::path(file).parent_path()))
+      robot.Check(*recorded, file, set.notes);
   }
 
-  set.name = NameOf(paths.front());
+  set.name = NameOf(named.front());
   for (const std::string& path : paths) {
     std::error_code error;
     if (fs::is_directory(path, error)) {
-      AddFolder(set, path);
+      AddFolder(set, robot, path);
     } else {
       const std::size_t from = set.runs.size();
-      AddRuns(set, fs::path(path).parent_path(), {{.file = path}});
+      AddRuns(set, robot, fs::path(path).parent_path(), {{.file = path}});
       SettleNames(set.runs, from, set.notes);
     }
   }
@@ -600,7 +662,9 @@ void WriteDataSet(const DataSet& set, const fs::path& folder) {
          << YAML::Value << (run.family.empty() ? "unknown" : run.family) << YAML::Key << "repeat_of"
          << YAML::Value << (run.repeat_of.empty() ? "none" : RunName(run.repeat_of) + ".csv");
     if (!run.before.empty()) list << YAML::Key << "before" << YAML::Value << RunName(run.before) + ".csv";
-    list << YAML::Key << "load_cell" << YAML::Value << std::string(PlaceText(run.load_cell)) << YAML::EndMap;
+    list << YAML::Key << "load_cell" << YAML::Value << std::string(PlaceText(run.load_cell));
+    if (run.zero_at_rest) list << YAML::Key << "motor_zero" << YAML::Value << "at_rest";
+    list << YAML::EndMap;
   }
   list << YAML::EndSeq << YAML::EndMap;
   const auto write = [&](const char* name, const std::string& text) {

@@ -165,7 +165,8 @@ std::vector<int> Shown(const Evaluator& evaluator) {
     int best = -1;
     for (int c = 0; c < static_cast<int>(evaluator.channels().size()); ++c) {
       const Channel& channel = evaluator.channels()[c];
-      if (channel.cut != cut || channel.quantity == Quantity::kTipDirection) continue;
+      const bool beside = channel.quantity == Quantity::kTipDirection && evaluator.has_position();
+      if (channel.cut != cut || beside) continue;
       if (best < 0 || score.Excess(c) / channel.floor > score.Excess(best) / evaluator.channels()[best].floor)
         best = c;
     }
@@ -215,8 +216,7 @@ void AddDetails(const Evaluator& evaluator, const Model* model, const Residuals&
       overlay.against_unit = "rad";
       overlay.x =
           ToVector(OnWindows(evaluator.runs()[i].signals.motor_angle_rad.col(channel.index), windows));
-    } else if (channel.quantity == Quantity::kTipPosition &&
-               evaluator.runs()[i].signals.motor_angle_rad.cols() > 0) {
+    } else if (channel.quantity == Quantity::kTipPosition && !evaluator.runs()[i].without_motors()) {
       overlay.against = "motor angle 1";
       overlay.against_unit = "rad";
       overlay.x = ToVector(OnWindows(evaluator.runs()[i].signals.motor_angle_rad.col(0), windows));
@@ -257,7 +257,7 @@ void AddDetails(const Evaluator& evaluator, const Model* model, const Residuals&
   }
 
   // Growth of the tip's residual since it was last right: the residual's change over a time.
-  if (evaluator.has_tracker()) {
+  if (evaluator.has_position()) {
     for (const double horizon : {0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0}) {
       double square = 0, noise = 0;
       int count = 0;

@@ -26,39 +26,15 @@
 #include "measured_wrong.h"
 #include "own_readings.h"
 #include "parallel.h"
+#include "reach.h"
 #include "search.h"
+#include "sentence.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
-#include "told_parameters.h"
+#include "tendril/gap/words.h"
 
 namespace tendril::gap {
 namespace {
-
-// A cause that leaves more is not all that there is.
-constexpr double kMuchLeft_sigma = 1;
-
-std::string Percent(double share) {
-  return share < 1 && share > 0.995 ? "more than 99 %" : fmt::format("{:.0f} %", 100 * share);
-}
-
-std::string NameOf(const Cause& cause) {
-  return cause.where.empty() || cause.where == "all" ? cause.effect : cause.effect + " (" + cause.where + ")";
-}
-
-/// Its size, and that of the same law in the robot file; what only shapes it (a time constant, a direction)
-/// is in the report.
-std::string ValueOf(const Cause& cause, const RobotParameters& robot) {
-  const auto told = ToldParameters(cause);
-  if (told.empty()) return "";
-  const auto& [name, estimate] = told.front();
-  std::string value = fmt::format("{} {:.4g}", name, estimate.value);
-  const auto law = sim::FindLaw(robot, {cause.effect, cause.where, {}});
-  if (!law) return value;
-  for (const auto& [its_name, its_value] : robot.effects[*law].values) {
-    if (its_name == name) value += fmt::format(" where the robot file has {:.4g}", its_value);
-  }
-  return value;
-}
 
 /// Tendons of the robot that the run was recorded of, as its source names them, measured or not; 0: it names
 /// none.
@@ -79,132 +55,6 @@ void RequireTendons(const DataSet& set) {
         "these runs are of {} tendon{}, robot '{}' has {}; accepted: the robot file that they were made with",
         its, its == 1 ? "" : "s", set.robot.name, tendons));
   }
-}
-
-/// Something was measured at this cut.
-bool Seen(const Diagnosis& d, sim::Cut cut) {
-  return std::any_of(d.location.begin(), d.location.end(),
-                     [&](const CutFinding& f) { return f.cut == cut && f.measured; });
-}
-
-/// Cuts that nothing was measured at: "C4, C5".
-std::string CutsNotSeen(const Diagnosis& d) {
-  std::set<sim::Cut> seen;
-  std::string names;
-  for (const auto& f : d.location) {
-    if (f.measured) seen.insert(f.cut);
-  }
-  for (const auto& f : d.location) {
-    if (!seen.insert(f.cut).second) continue;
-    names += names.empty() ? "" : ", ";
-    names += sim::CutName(f.cut);
-  }
-  return names;
-}
-
-/// `robot`: the nominal one. `hiding`: the two that would explain the gap by hiding each other, and where;
-/// else empty.
-std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std::string& hiding) {
-  const CutFinding* first = nullptr;
-  for (const auto& f : d.location) {
-    if (f.first) first = &f;
-  }
-  const CutFinding* off = nullptr;  // most of what is uncertain
-  for (const auto& f : d.location) {
-    if (f.uncertain() && (off == nullptr || f.excess_sigma > off->excess_sigma)) off = &f;
-  }
-  const bool nowhere =
-      std::none_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.excess; });
-  const std::string where =
-      first && first->cut == sim::Cut::kDrivetrain && !Seen(d, sim::Cut::kTendon)
-          ? fmt::format(
-                "The gap lies at C2 or beyond (C2 to C5 cannot be told apart by place without load "
-                "cells; {}, {})",
-                first->quantity, first->where)
-      : first   ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
-                            first->where == "all" ? "" : ", " + first->where)
-      : off     ? fmt::format("{} ({}) is {:.2g} sigma off, in too few seconds to be sure",
-                              sim::CutName(off->cut), off->quantity, off->excess_sigma)
-      : nowhere ? "All places together are beyond the noise floor, though none of them is for sure"
-                : "The place of the gap is not clear";
-  const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
-  switch (d.verdict) {
-    case Verdict::kNoGap: {
-      const std::string blind = CutsNotSeen(d);
-      return "No gap beyond the noise floor and the materiality asked for" +
-             (blind.empty() ? "." : "; of " + blind + " these logs tell nothing.");
-    }
-    case Verdict::kInsufficientData:
-      return first ? where + ", but these logs and this model are not enough to tell its cause." + next
-             : off ? where + " whether that is a gap." + next
-                   : "These logs are not enough to tell whether there is a gap." + next;
-    case Verdict::kUnexplained: {
-      if (!hiding.empty())
-        return fmt::format("{}, and no effect of the library explains it: {}.{}", where, hiding, next);
-      const auto best = std::find_if(d.causes.begin(), d.causes.end(),
-                                     [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
-      // Where no place has anything left for sure, what all of them leave together decided.
-      const std::string remains = d.leftover_sigma == 0 && d.closed
-                                      ? fmt::format("{} of it remain", Percent(1 - d.closed->value))
-                                      : fmt::format("{:.2g} sigma beyond the floor remain", d.leftover_sigma);
-      return fmt::format("{}, and no effect of the library explains it: {} with the best of them ({}).{}",
-                         where, remains, best == d.causes.end() ? "none" : NameOf(*best), next);
-    }
-    case Verdict::kAttributed:
-    case Verdict::kAmbiguousGroup: {
-      std::string causes;
-      bool grouped = false;
-      for (const auto& c : d.accepted) {
-        causes += causes.empty() ? "" : ", and ";
-        std::string names;
-        double group = 0;
-        for (const auto& rival : d.causes) {
-          if (c.group == 0 || rival.group != c.group) continue;
-          names += (names.empty() ? "" : " or ") + NameOf(rival);
-          group += rival.p;
-        }
-        if (!names.empty() && group < 0.5) names += " or another";
-        if (d.verdict == Verdict::kAmbiguousGroup && !names.empty()) {
-          causes += fmt::format("one of {}, which these runs cannot tell apart", names);
-          grouped = true;
-        } else {
-          causes += fmt::format("{}, {} (p = {:.2f})", NameOf(c), ValueOf(c, robot), c.p);
-        }
-      }
-      if (d.verdict == Verdict::kAmbiguousGroup && !grouped) causes += ", or another";
-      const std::string closed =
-          d.closed && d.closed->low > 0
-              ? fmt::format(" With it in the model {} of the gap closes on {} that it was not fitted to.",
-                            Percent(d.closed->value), d.held_out_by)
-              : " It is too small beside the noise floor to say how much of the gap closes with it.";
-      const std::string left =
-          d.leftover_sigma < kMuchLeft_sigma
-              ? ""
-              : fmt::format(" Up to {:.2g} sigma beyond the floor remain: it is not all that there is.",
-                            d.leftover_sigma);
-      return fmt::format("{}; its cause is {}.{}{}{}", where, causes, closed, left, next);
-    }
-  }
-  return "";
-}
-
-/// What is to be asked first of a gap that nothing explains, where less than half of the runs have it:
-/// `missed` by so many times more than the others.
-std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& missed) {
-  std::string names;
-  std::size_t few = 0;
-  double most = 0;
-  for (const auto& run : d.runs) {
-    const auto found = missed.find(run.name);
-    if (found == missed.end()) continue;
-    names += (few++ ? ", " : "") + run.name;
-    most = std::max(most, found->second);
-  }
-  if (d.verdict != Verdict::kUnexplained || few == 0 || 2 * few >= d.runs.size()) return "";
-  return fmt::format(
-      " It lies in {} above all, missed by {}{:.0f} times more than the other {} runs: what was different "
-      "then? Diagnose again without {}.",
-      names, few == 1 ? "" : "up to ", most, d.runs.size() - few, few == 1 ? "it" : "them");
 }
 
 /// The cut that a cause belongs to, with this load cell.
@@ -293,6 +143,27 @@ void Doubt(std::vector<Cause>& causes) {
     if (cause.effect == "unknown") cause.p += taken;
   }
   std::stable_sort(causes.begin(), causes.end(), [](const Cause& a, const Cause& b) { return a.p > b.p; });
+}
+
+/// The diagnosis ends where no pose of the robot explains the tip's path: what would fit best is no cause.
+void NameNoCause(Diagnosis& d, const PathBeyondReach& path, const RobotParameters& robot) {
+  constexpr double kSure = 0.97;  // the most that causes have
+  d.verdict = Verdict::kUnexplained;
+  Cause unknown, none;
+  unknown.effect = "unknown";
+  unknown.p = kSure;
+  none.effect = "no_gap";
+  none.p = 1 - kSure;
+  d.causes = {unknown, none};
+  d.sentence = fmt::format(
+      "No pose of robot '{}' explains the recorded tip path, so that no cause is named: in run {} the tip "
+      "goes {:.3g} mm from where it is at rest, for which a backbone has to be at least {:.3g} mm long, and "
+      "the file's is {:.3g} mm (body.sections: units, unit_length_m). At rest the tip is {:.3g} mm from the "
+      "tracker's origin. Check that the robot file is that of the robot that was measured, that the point "
+      "tracked is the centre of the last disk, and the tracker's scale; then diagnose again.",
+      robot.name, path.run, 1e3 * path.moved_m, 1e3 * path.needed_m, 1e3 * robot.body.length_m(),
+      1e3 * path.at_rest_m);
+  d.next.reason = "the file of the robot that was measured, with these runs";
 }
 
 std::size_t SearchedEffects(const SearchResult& search) {
@@ -390,6 +261,7 @@ std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, 
 
 /// A run that is too short tells nothing by itself, and must not keep the others from being diagnosed.
 void TakeOutShort(DataSet& set, Diagnosis& d) {
+  constexpr int kNamed = 5;
   std::string names;
   int count = 0;
   for (std::size_t i = 0; i < set.runs.size();) {
@@ -398,7 +270,10 @@ void TakeOutShort(DataSet& set, Diagnosis& d) {
       ++i;
       continue;
     }
-    if (++count <= 5) names += fmt::format("{}{} ({})", count > 1 ? ", " : "", run.name, run.time_s.size());
+    if (++count <= kNamed)
+      names += fmt::format("{}{} ({})", count > 1 ? ", " : "", run.name, run.time_s.size());
+    d.degradations.push_back(fmt::format("left out: {}: too short ({} rows; accepted: at least {})", run.name,
+                                         run.time_s.size(), LeastRows(run)));
     LeaveOut(set, i);
   }
   if (set.runs.empty()) {
@@ -406,10 +281,6 @@ void TakeOutShort(DataSet& set, Diagnosis& d) {
         "no run is long enough: {} rows; accepted: at least {}, of states at rest (rows more than {} s "
         "apart) {}; record longer runs",
         names, kLeastRows, kQuasiStatic_s, kLeastStates));
-  }
-  if (count > 0) {
-    d.degradations.push_back(
-        fmt::format("left out: {} too short (rows): {}{}", count, names, count > 5 ? ", ..." : ""));
   }
 }
 
@@ -423,9 +294,6 @@ class Measuring {
   /// Runs that are missed by far more than the others, those that were left out among them, and by how many
   /// times.
   const std::map<std::string, double>& missed() const { return missed_; }
-
-  /// Runs that were left out for a mistake in them alone, as sentences.
-  const std::string& odd() const { return odd_; }
 
   /// The runs that can be compared, with the set and its degradations to fit. Throws std::runtime_error where
   /// nothing can be.
@@ -451,7 +319,6 @@ class Measuring {
         // Nothing of what the odd ones leave can be compared.
         if (!with_odd_) throw;
         std::tie(set_, d_.degradations) = *std::exchange(with_odd_, std::nullopt);
-        odd_.clear();
       }
     }
   }
@@ -490,8 +357,6 @@ class Measuring {
     left_out_ += odd.size();
     with_odd_.emplace(set_, d_.degradations);
     for (auto one = odd.rbegin(); one != odd.rend(); ++one) {
-      odd_ += fmt::format(" {} was left out: with {} most of its gap goes, which the others do not have.",
-                          set_.runs[one->run].name, one->with);
       d_.degradations.push_back(
           fmt::format("left out: {}: with {} most of its gap goes, which the other runs do not have; put it "
                       "right in its file and diagnose again",
@@ -508,7 +373,6 @@ class Measuring {
   bool compared_;
   std::size_t runs_, left_out_ = 0;       // at first, and since for what the others show
   std::map<std::string, double> missed_;  // as FindOddRuns says
-  std::string odd_;
   std::optional<std::pair<DataSet, std::vector<std::string>>> with_odd_;
 };
 
@@ -569,6 +433,14 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     d.location = Locate(evaluator, evaluator.AtNominal(), kGapDiscoveries);
   };
   locate();
+  // Of what changed since earlier runs, what the file has wrong is no part.
+  const auto beyond = Compared(set) ? std::nullopt : FindPathBeyondReach(set);
+  if (beyond) {
+    NameNoCause(d, *beyond, set.robot);
+    MarkFirst(d, evaluator.runs().front().signals.load_cell);
+    AddDetails(evaluator, nullptr, evaluator.AtNominal(), options.seed, d);
+    return d;
+  }
 
   const Folds folds = MakeFolds(evaluator.runs());
   d.held_out_families = folds.names;
@@ -632,12 +504,21 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   }
   progress("judging", 0);
   TakeOffQuiet(evaluator, set, evaluation, search);
-  Judgement judgement = Judge(evaluator, search, d.location, options.seed);
+  const auto fit_numbers = [&]() -> std::vector<NumberFit> {
+    if (Compared(set)) return {};  // what is wrong in the file was so before
+    constexpr int kRefined = 6;
+    stage = "trying the numbers of the robot file";
+    const Weights weights(evaluator, search.leftover);
+    return FitNumbers(evaluator, weights, search.nuisances, folds, kRefined, threads, in_stage);
+  };
+  Judgement judgement = Judge(evaluator, search, d.location, options.seed, fit_numbers);
   d.verdict = judgement.verdict;
   d.causes = judgement.causes;
   d.accepted = judgement.accepted;
   d.confusable = judgement.confusable;
   d.leftover_sigma = judgement.leftover_sigma;
+  d.suspected = judgement.suspected;
+  d.doubt = judgement.doubt;
   if (widened_by && d.verdict != Verdict::kNoGap) {
     d.degradations.push_back(
         fmt::format("{} carries the sensors' noise further than the nominal robot would: that much is taken "
@@ -722,14 +603,14 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         "is likelier",
         parts[0].Name(), parts[1].Name(), sim::CutName(*judgement.hidden_at));
   }
-  d.sentence = Sentence(d, set.robot, hiding);
+  d.sentence = First(d) + Sentence(d, set.robot, hiding);
   if (evaluator.repetitions_differ() > 0) {
     d.sentence += fmt::format(
         " But repetitions differ by {:.2g} times the noise: if the robot was changed between them, they are "
         "no floor.",
         evaluator.repetitions_differ());
   }
-  d.sentence += InFewRuns(d, measuring.missed()) + measuring.odd();
+  d.sentence += InFewRuns(d, measuring.missed());
   if (!mistake.with.empty()) {
     d.sentence = fmt::format("Check the measurement first: with {} most of {} goes. {}", mistake.with,
                              hides ? "what repetitions differ by" : "this gap", d.sentence);
@@ -740,6 +621,9 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
             "robot file and diagnose again",
             mistake.with, hides ? "what repetitions differ by" : "the gap"));
   }
+  std::vector<std::string> notes = given.notes;
+  notes.insert(notes.end(), d.degradations.begin(), d.degradations.end());
+  d.sentence = WithLeftOut(d.sentence, notes, d.runs.size());
   return d;
 }
 

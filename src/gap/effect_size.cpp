@@ -16,6 +16,7 @@ using Quantity = Channel::Quantity;
 std::string PlaceOf(const Channel& channel) {
   if (channel.quantity == Quantity::kTipPosition) return "tip position";
   if (channel.quantity == Quantity::kTipDirection) return "tip direction";
+  if (channel.quantity == Quantity::kBending) return "bending";
   return channel.name;
 }
 

@@ -17,6 +17,7 @@
 #include "parallel.h"
 #include "rotation.h"
 #include "squares.h"
+#include "tendril/gap/cuts.h"
 #include "tendril/model/body.h"
 
 namespace tendril::gap {
@@ -75,7 +76,7 @@ std::optional<EffectSetting> Setting(const RobotParameters& robot, std::string_v
 
 /// Measured less simulated tip with the readings `late_s` later than their stamps say.
 struct TipResidual {
-  Eigen::MatrixXd tip;   // S x 6, position and rotation vector; NaN where no reading is
+  Eigen::MatrixXd tip;   // S x (6 + 2K): position, rotation vector, (us, vs) a section; NaN without a reading
   double square_m2 = 0;  // sum over the positions
   double later_s = 0;    // Gauss-Newton's step of late_s towards the least of it
 };
@@ -84,17 +85,25 @@ TipResidual ResidualOfTip(const sim::BodyMotion& motion, const PreparedRun& run,
   const int samples = run.samples(), rows = static_cast<int>(motion.tip_m.rows());
   const double step_s = run.signals.step_s;
   TipResidual out;
-  out.tip = Eigen::MatrixXd::Constant(samples, 6, NAN);
+  const Eigen::Index bends = motion.bending_rad.cols();
+  out.tip = Eigen::MatrixXd::Constant(samples, 6 + bends, NAN);
   double slope = 0, curvature = 0;
   for (int k = 0; k < run.tracker_s.size(); ++k) {
     const double row = std::clamp((run.tracker_s[k] - late_s) / step_s, 0.0, rows - 1.0);
     const int r0 = std::min(static_cast<int>(row), rows - 1), r1 = std::min(r0 + 1, rows - 1);
     const double share = row - r0;
     const int at = std::clamp(static_cast<int>(std::lround(run.tracker_s[k] / step_s)), 0, samples - 1);
+    if (run.bending_rad.rows() > 0) {
+      out.tip.row(at).tail(bends) = run.bending_rad.row(k) - (1 - share) * motion.bending_rad.row(r0) -
+                                    share * motion.bending_rad.row(r1);
+    }
     const Eigen::RowVector3d moved_m = motion.tip_m.row(r1) - motion.tip_m.row(r0);
-    const Eigen::RowVector3d off_m = run.tip_m.row(k) - motion.tip_m.row(r0) - share * moved_m;
+    const bool placed = run.tip_m.rows() > 0;
+    const Eigen::RowVector3d off_m =
+        placed ? Eigen::RowVector3d(run.tip_m.row(k) - motion.tip_m.row(r0) - share * moved_m)
+               : Eigen::RowVector3d::Constant(NAN);
     out.tip.row(at).head<3>() = off_m;
-    if (run.driven[static_cast<std::size_t>(at)]) {
+    if (placed && run.driven[static_cast<std::size_t>(at)]) {
       out.square_m2 += off_m.squaredNorm();
       slope += off_m.dot(moved_m) / step_s;
       curvature += moved_m.squaredNorm() / (step_s * step_s);
@@ -102,10 +111,28 @@ TipResidual ResidualOfTip(const sim::BodyMotion& motion, const PreparedRun& run,
     if (run.tip_R.empty()) continue;
     const Eigen::Vector3d turn =
         motion.tip_rotation.row(r0) + share * (motion.tip_rotation.row(r1) - motion.tip_rotation.row(r0));
-    out.tip.row(at).tail<3>() = RotationVector(run.tip_R[k] * Rotation(turn).transpose());
+    out.tip.row(at).segment<3>(3) = RotationVector(run.tip_R[k] * Rotation(turn).transpose());
   }
   if (curvature > 0) out.later_s = -slope / curvature;
   return out;
+}
+
+/// Of TipResidual::tip.
+Eigen::Index ColumnOfTip(const Channel& channel) {
+  const int first = channel.quantity == Quantity::kTipPosition    ? 0
+                    : channel.quantity == Quantity::kTipDirection ? 3
+                                                                  : 6;
+  return first + channel.index;
+}
+
+/// Tensions from torque (S x M) are worth nothing where the motor does not slide: NaN there.
+Eigen::MatrixXd WhileSliding(Eigen::MatrixXd tension_N, const PreparedRun& run) {
+  for (Eigen::Index i = 0; i < tension_N.rows(); ++i) {
+    for (Eigen::Index j = 0; j < tension_N.cols(); ++j) {
+      if (run.sliding(i, j) == 0) tension_N(i, j) = std::nan("");
+    }
+  }
+  return tension_N;
 }
 
 }  // namespace
@@ -144,9 +171,17 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
   });
   leave_out_the_first();
 
-  FindCuts();
+  FindCuts(set);
   FindCommandsARow();
   StandInForCells();
+  zeros_from_rest_ =
+      std::all_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return r.rest_samples > 0; });
+  if (zeros_from_rest_) {
+    degradations_.push_back(fmt::format(
+        "motor positions count from where the robot rested after arming, as friction left it: their zero is "
+        "taken from the {}, so that encoder_offset and slack cannot be seen",
+        has(kC3) ? "load cells there" : "torques"));
+  }
   TellHoles();
   ListChannels();
 
@@ -182,10 +217,10 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
 }
 
 // What all runs together can be compared on, and what drives the replays.
-void Evaluator::FindCuts() {
+void Evaluator::FindCuts(const DataSet& set) {
   const auto every = [&](auto&& test) { return std::all_of(runs_.begin(), runs_.end(), test); };
   const auto any = [&](auto&& test) { return std::any_of(runs_.begin(), runs_.end(), test); };
-  const bool motor = every([](const PreparedRun& r) { return r.signals.motor_angle_rad.cols() > 0; });
+  const bool motor = any([](const PreparedRun& r) { return !r.without_motors(); });
   // A run that has the columns, but nothing in them, is diagnosed beside the others by what it has.
   const bool torque =
       every([](const PreparedRun& r) { return r.signals.torque_actual_Nm.cols() > 0; }) &&
@@ -200,20 +235,20 @@ void Evaluator::FindCuts() {
                       return r.Leave(r.cell_holes, r.signals.tension_N.cols());
                     });
   const bool tracker = any([](const PreparedRun& r) { return r.tracked(); });
-  if (!motor) {
-    throw std::runtime_error(
-        "no motor positions in the logs; accepted: motor_position_rad of every tendon; without them neither "
-        "friction's direction nor the tendons' stretch is known");
-  }
-  available_ =
-      (torque && target ? kC1 : 0u) | (torque ? kC2 : 0u) | (cell ? kC3 : 0u) | (tracker ? kBody : 0u);
+  available_ = (torque && target ? kC1 : 0u) | (torque && motor ? kC2 : 0u) | (cell && motor ? kC3 : 0u) |
+               (tracker ? kBody : 0u);
   driven_by_ = cell ? sim::Replay::DrivenBy::kCell : sim::Replay::DrivenBy::kMotor;
-  if (available_ == 0) {
+  // Whatever is compared, the body is simulated beside it.
+  const std::vector<CutOfSet> cuts = gap::CutsOf(set);
+  if (available_ == 0 || !(cell || motor)) {
     throw std::runtime_error(
-        "nothing to compare: the logs have neither torque targets and actual torques, nor tensions, nor a "
-        "tip pose; "
-        "accepted: at least one of them beside the motor positions");
+        "nothing to compare: these runs lack channels: " + CutsLine(cuts) +
+        "; accepted: load cells or motor positions of every tendon, and a second channel to "
+        "compare with (torque, tension, or the body's shape)");
   }
+  if (std::any_of(cuts.begin(), cuts.end(), [](const CutOfSet& c) { return !c.allowed(); }))
+    degradations_.push_back(CutsLine(cuts));
+  if (!motor) TellWithoutMotors();
   if (!target || !torque)
     degradations_.push_back("no target or actual torque: the drives' current loop (C1) is not seen");
   if (!cell) {
@@ -235,6 +270,20 @@ void Evaluator::FindCuts() {
         "displacement (C3) and "
         "cannot be told from tendon effects by place");
   }
+}
+
+// Load cells drive the body by themselves; what lies before them is not seen.
+void Evaluator::TellWithoutMotors() {
+  const bool before_pulleys = std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) {
+    return r.signals.load_cell == LoadCellPlace::kMotorSide;
+  });
+  degradations_.push_back(fmt::format(
+      "no motor positions: motors, gears and the tendons' stretch (C2, C3) are not seen{}",
+      before_pulleys
+          ? ", and a tendon is taken to slide over its pulleys by what the body's shape takes up and "
+            "what the tendon stretches by: which way friction holds is known where the shape moves, and "
+            "a slide without a bend (all tendons pulled alike) only by the stretch"
+          : ""));
 }
 
 // A controller's target acts a cycle after it was sent. A log that keeps every n-th row of it looks as though
@@ -303,8 +352,12 @@ void Evaluator::StandInForCells() {
     for (const Hole& hole : run.motor_holes) {
       const bool no_other = !by_cell || run.Without(run.cell_holes, hole.tendon) == run.samples();
       if (no_other && hole.size() == run.samples()) {
+        const bool tension = run.signals.tension_N.cols() > 0 && !by_cell;
         throw RunError(
-            i, fmt::format("{}: neither tension nor motor position of tendon {}", run.name, hole.tendon + 1));
+            i,
+            fmt::format("{}: {} of tendon {}{}", run.name,
+                        tension ? "no motor position" : "neither tension nor motor position", hole.tendon + 1,
+                        tension ? ", while other runs have no load cells to drive the body by" : ""));
       }
     }
   }
@@ -344,7 +397,10 @@ void Evaluator::TellHoles() {
   if (has(kC1)) tell(&PreparedRun::target_holes, "target torque", "its drive (C1) is not seen");
   if (has(kC1) || has(kC2))
     tell(&PreparedRun::torque_holes, "actual torque", "its drive and drivetrain (C1, C2) are not seen");
-  tell(&PreparedRun::motor_holes, "motor position", "its drivetrain and tendon (C2, C3) are not seen");
+  const bool motors =
+      std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return !r.without_motors(); });
+  if (motors)
+    tell(&PreparedRun::motor_holes, "motor position", "its drivetrain and tendon (C2, C3) are not seen");
   std::string names;
   for (const PreparedRun& run : runs_) {
     if (has_tracker() && !run.tracked()) names += (names.empty() ? "" : ", ") + run.name;
@@ -373,18 +429,39 @@ void Evaluator::ListChannels() {
   }
   const bool turned =
       std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return !r.tip_R.empty(); });
-  if (has_tracker() && !turned)
+  const bool placed =
+      std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return r.tip_m.rows() > 0; });
+  const bool bent =
+      std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return r.bending_rad.rows() > 0; });
+  if (placed && !turned)
     degradations_.push_back("the tracker gives no orientation: shape from the tip's position alone");
+  if (turned && !placed)
+    degradations_.push_back("the tracker gives no position: shape from the tip's orientation alone");
+  if (bent && !placed && !turned) {
+    degradations_.push_back(
+        "no pose of the tip: shape from the bend of each section; lengths and what shifts the tip without "
+        "bending "
+        "the body are not seen");
+  }
   for (int i = 0; i < 3; ++i) {
-    if (has(kBody))
+    if (placed)
       channels_.push_back(
           {sim::Cut::kShape, Quantity::kTipPosition, i, fmt::format("tip {}", "xyz"[i]), "m"});
   }
   for (int i = 0; i < 3; ++i) {
-    if (has(kBody) && turned)
+    if (turned)
       channels_.push_back(
           {sim::Cut::kShape, Quantity::kTipDirection, i, fmt::format("tip rotation {}", "xyz"[i]), "rad"});
   }
+  for (int k = 0; bent && k < 2 * static_cast<int>(nominal_.body.sections.size()); ++k) {
+    channels_.push_back({sim::Cut::kShape, Quantity::kBending, k,
+                         fmt::format("bending {}_{}", k % 2 == 0 ? "us" : "vs", k / 2 + 1), "rad"});
+  }
+}
+
+bool Evaluator::has_position() const {
+  return std::any_of(channels_.begin(), channels_.end(),
+                     [](const Channel& c) { return c.quantity == Quantity::kTipPosition; });
 }
 
 double Evaluator::Correlated(int run, int channel) const {
@@ -399,10 +476,15 @@ void Evaluator::FindFrame() {
   constexpr int kPasses = 20;
   constexpr double kLeastSpread =
       0.02;  // of the tips across, of their spread along: else a turn is not known
+  if (!has_position()) {
+    throw std::runtime_error(
+        "tracker_frame: fit: no tip positions in these runs; accepted: tip positions, or a frame that is "
+        "given");
+  }
   std::vector<Eigen::Vector3d> simulated, measured;
   for (std::size_t i = 0; i < runs_.size(); ++i) {
     const PreparedRun& run = runs_[i];
-    if (!run.tracked()) continue;
+    if (!run.tracked() || run.tip_m.rows() == 0) continue;
     const int last = static_cast<int>(nominal_motion_[i].tip_m.rows()) - 1;
     for (int k = 0; k < run.tracker_s.size(); ++k) {
       const int at =
@@ -445,14 +527,14 @@ void Evaluator::FindFrame() {
   frame_ = frame;
   for (PreparedRun& run : runs_) frame.ToBase(run);
   const Eigen::Vector3d turn = RotationVector(frame.turn);
-  degradations_.push_back(
-      fmt::format("the tracker's frame is not known: fitted to the nominal robot (rotation vector {:.4f}, "
-                  "{:.4f}, {:.4f} rad, "
-                  "offset {:.2f}, {:.2f}, {:.2f} mm) and free within 0.3 rad and 60 mm beside every cause; "
-                  "what a wrong frame "
-                  "looks like (a tilt without weight, an offset) cannot be told",
-                  turn.x(), turn.y(), turn.z(), 1e3 * frame.offset_m.x(), 1e3 * frame.offset_m.y(),
-                  1e3 * frame.offset_m.z()));
+  degradations_.push_back(fmt::format(
+      "the tracker's frame is not known: fitted to the nominal robot (rotation vector {:.4f}, "
+      "{:.4f}, {:.4f} rad, "
+      "offset {:.2f}, {:.2f}, {:.2f} mm) and free within {:.2g} rad and {:.3g} mm beside every cause; "
+      "what a wrong frame "
+      "looks like (a tilt without weight, an offset) cannot be told",
+      turn.x(), turn.y(), turn.z(), 1e3 * frame.offset_m.x(), 1e3 * frame.offset_m.y(),
+      1e3 * frame.offset_m.z(), 3 * TrackerFrame::kTurn_rad, 3e3 * TrackerFrame::Shift_m(nominal_)));
 }
 
 double Evaluator::window_s(int run, int channel) const {
@@ -461,7 +543,7 @@ double Evaluator::window_s(int run, int channel) const {
 
 // Of the stamps of a tracker whose clock is free: what leaves the least squares between the tips.
 double Evaluator::TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const {
-  if (!clocks_free_ || !run.tracked() || run.signals.at_rest) return 0;
+  if (!clocks_free_ || !run.tracked() || run.tip_m.rows() == 0 || run.signals.at_rest) return 0;
   double late_s = 0, least_m2 = ResidualOfTip(motion, run, 0).square_m2;
   for (double tried_s = -kMostLate_s; tried_s <= kMostLate_s; tried_s += kLateStep_s) {
     const double square_m2 = ResidualOfTip(motion, run, tried_s).square_m2;
@@ -476,9 +558,9 @@ double Evaluator::TrackerLate(const sim::BodyMotion& motion, const PreparedRun& 
 // simulation keeps what is faster than the tracker's noise allows.
 Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
                                               const sim::BodyMotion& motion) const {
-  const bool turned = !run.tip_R.empty();
+  const bool turned = !run.tip_R.empty(), bent = run.bending_rad.rows() > 0;
   const int seen = static_cast<int>(run.tracker_s.size());
-  if (!run.tracked() || (!turned && nominal_.body.sections.size() > 1)) return motion.shortening_m;
+  if (!run.tracked() || (!turned && !bent && nominal_.body.sections.size() > 1)) return motion.shortening_m;
   const RobotParameters folded = sim::FoldEffects(robot);
   Eigen::Matrix3d tracker_R = Eigen::Matrix3d::Identity();
   Eigen::Vector3d tracker_p(0, 0, 0);
@@ -498,25 +580,28 @@ Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const Robo
   const int samples = run.samples();
   const double step_s = run.signals.step_s;
   // Both as reported: the tracker's delay is in the simulated pose as well.
-  Eigen::MatrixXd difference(seen, 2);
+  const Eigen::Index parts = bent ? run.bending_rad.cols() / 2 : 1;  // that are bent by themselves
+  Eigen::MatrixXd difference(seen, 2 * parts);
   for (int k = 0; k < seen; ++k) {
     const int at =
         std::clamp(static_cast<int>(std::lround((run.tracker_s[k] - late_s) / step_s)), 0, samples - 1);
     const Eigen::Vector3d tip = motion.tip_m.row(at).transpose();
-    const Eigen::Vector3d measured_tip = run.tip_m.row(k).transpose();
-    if (turned) {
+    if (bent) {
+      difference.row(k) = run.bending_rad.row(k) - motion.bending_rad.row(at);
+    } else if (turned) {
       const Eigen::Matrix3d simulated = Rotation(motion.tip_rotation.row(at).transpose());
       difference.row(k) =
           BendOf(tracker_R.transpose() * run.tip_R[k]) - BendOf(tracker_R.transpose() * simulated);
     } else {
+      const Eigen::Vector3d measured_tip = run.tip_m.row(k).transpose();
       difference.row(k) = BendOfTip(tracker_R.transpose() * (measured_tip - tracker_p)) -
                           BendOfTip(tracker_R.transpose() * (tip - tracker_p));
     }
   }
   // Mean over a window, then linear onto the grid.
-  Eigen::MatrixXd smooth(seen, 2);
+  Eigen::MatrixXd smooth(seen, 2 * parts);
   int low = 0, high = 0;
-  Eigen::RowVector2d sum(0, 0);
+  Eigen::RowVectorXd sum = Eigen::RowVectorXd::Zero(2 * parts);
   for (int k = 0; k < seen; ++k) {
     while (high < seen && run.tracker_s[high] <= run.tracker_s[k] + 0.5 * kBendingWindow_s)
       sum += difference.row(high++);
@@ -533,9 +618,13 @@ Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const Robo
     while (at + 2 < seen && run.tracker_s[at + 1] < seen_at) ++at;
     const double span = run.tracker_s[at + 1] - run.tracker_s[at];
     const double share = span > 0 ? std::clamp((seen_at - run.tracker_s[at]) / span, 0.0, 1.0) : 0;
-    const Eigen::RowVector2d delta = (smooth.row(at) + share * (smooth.row(at + 1) - smooth.row(at))) / units;
+    const Eigen::RowVectorXd delta = smooth.row(at) + share * (smooth.row(at + 1) - smooth.row(at));
     q = motion.q.row(i).transpose();
-    for (int u = 0; u < units; ++u) q.segment<2>(2 * u) += delta.transpose();
+    for (int part = 0; part < parts; ++part) {
+      const int first = bent ? body.first_unit(part) : 0, end = bent ? body.end_unit(part) : units;
+      for (int u = first; u < end; ++u)
+        q.segment<2>(2 * u) += delta.segment<2>(2 * part).transpose() / (end - first);
+    }
     body.TendonShortening(q, d);
     shortening.row(i) = d.transpose();
   }
@@ -559,8 +648,37 @@ Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const Pre
   if ((cuts & kC2) && has(kC2)) out.from_torque_N = replay.CellFromTorque(run.signals, shortening);
   // Without cells it is torque against stretch.
   if (((cuts & kC3) && has(kC3)) || ((cuts & kC2) && has(kC2) && !has(kC3)))
-    out.from_stretch_N = replay.CellFromStretch(run.signals, shortening);
+    out.from_stretch_N = FromStretch(replay, robot, run, shortening,
+                                     has(kC3) ? run.cell_N : WhileSliding(out.from_torque_N, run));
   return out;
+}
+
+// At rest the cells say where the zero is to within a count of the encoder, without cells the pretension does
+// to within itself; within that it is the least squares of what the whole run leaves.
+Eigen::MatrixXd Evaluator::FromStretch(const sim::Replay& replay, const RobotParameters& robot,
+                                       const PreparedRun& run, const Eigen::MatrixXd& shortening,
+                                       const Eigen::MatrixXd& reading_N) const {
+  if (run.rest_samples == 0) return replay.CellFromStretch(run.signals, shortening);
+  Eigen::VectorXd zero_rad = replay.ZeroAtRest(run.signals, shortening, run.rest_samples, run.rest_N);
+  const Eigen::MatrixXd stretch_N = replay.CellFromStretch(run.signals, shortening, zero_rad);
+  const RobotParameters folded = sim::FoldEffects(robot);
+  for (Eigen::Index j = 0; j < std::min(stretch_N.cols(), reading_N.cols()); ++j) {
+    Eigen::VectorXd left_N = reading_N.col(j) - stretch_N.col(j);
+    run.TakeOut(run.motor_holes, static_cast<int>(j), left_N);
+    double off_N = 0, count = 0;
+    for (Eigen::Index i = 0; i < left_N.size(); ++i) {
+      // A slack tendon shows no zero.
+      if (!run.driven[static_cast<std::size_t>(i)] || !(stretch_N(i, j) > 0) || std::isnan(left_N[i]))
+        continue;
+      off_N += left_N[i];
+      count += 1;
+    }
+    if (count == 0) continue;
+    const auto& tendon = folded.actuation->tendons[static_cast<std::size_t>(j)];
+    const double off_rad = off_N / count / (tendon.tendon.stiffness_Npm * tendon.SpoolTravelPerMotorRad());
+    zero_rad[j] -= std::clamp(off_rad, -run.zero_open_rad[j], run.zero_open_rad[j]);
+  }
+  return replay.CellFromStretch(run.signals, shortening, zero_rad);
 }
 
 std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, const PreparedRun& run,
@@ -590,7 +708,7 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
       all = run.cell_N.col(j) - replayed.from_stretch_N.col(j);
       run.TakeOut(run.motor_holes, j, all);
     } else if (channel.cut == sim::Cut::kShape && tip.rows() > 0) {
-      all = tip.col(channel.quantity == Quantity::kTipPosition ? j : 3 + j);
+      all = tip.col(ColumnOfTip(channel));
     } else {
       continue;
     }
@@ -661,7 +779,8 @@ unsigned Evaluator::CutsOf(const sim::Effect& effect) const {
     case sim::Stage::kDrive:
       break;
     case sim::Stage::kTransmission:
-      if (motor_side && (name == "tendon_stiffness" || name == "tendon_creep" || name == "slack")) return kC3;
+      if (motor_side && (name == "tendon_stiffness" || name == "tendon_creep" || name == "slack"))
+        return available_ & kC3;
       return kC2 | kC3 | kBody;
     case sim::Stage::kBody:
       return motor_side ? kC3 | kBody : kC2 | kC3 | kBody;
@@ -691,9 +810,11 @@ Evaluator::Curve Evaluator::NominalCurve(int run_index, int channel_index) const
     const int rows = static_cast<int>(replayed.motion.tip_m.rows());
     for (int w = 0; w < windows; ++w) {
       const int k = std::clamp(static_cast<int>(std::lround(curve.time_s[w] / stride_s)), 0, rows - 1);
-      curve.simulated[w] = channel.quantity == Quantity::kTipPosition
-                               ? replayed.motion.tip_m(k, channel.index)
-                               : replayed.motion.tip_rotation(k, channel.index);
+      const Eigen::MatrixXd& shape = channel.quantity == Quantity::kTipPosition ? replayed.motion.tip_m
+                                     : channel.quantity == Quantity::kTipDirection
+                                         ? replayed.motion.tip_rotation
+                                         : replayed.motion.bending_rad;
+      curve.simulated[w] = shape(k, channel.index);
     }
   } else {
     const Eigen::MatrixXd& all = cut == kC1   ? replayed.torque_Nm

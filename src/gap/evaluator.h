@@ -22,10 +22,10 @@ using Residuals = std::vector<std::vector<Eigen::VectorXd>>;
 
 /// One measured quantity behind one cut.
 struct Channel {
-  enum class Quantity { kTorque, kTension, kTipPosition, kTipDirection };
+  enum class Quantity { kTorque, kTension, kTipPosition, kTipDirection, kBending };
   sim::Cut cut{};  // kShape stands for C4 and C5, which differ by time scale only
   Quantity quantity{};
-  int index = 0;           // tendon, or axis
+  int index = 0;           // tendon, axis, or column of (us, vs) a section
   std::string name, unit;  // "tension 1 from torque", "N"
   double white = 0;        // rms of one sample's white noise
   double floor = 0;        // rms floor of one sample: white noise, resolution, repetition
@@ -50,6 +50,11 @@ class RunError : public std::runtime_error {
 struct TrackerFrame {
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
   Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();
+
+  /// Standard deviations of its error where it is fitted to the nominal robot: a shift is a part of the
+  /// length.
+  static constexpr double kTurn_rad = 0.1;
+  static double Shift_m(const RobotParameters& robot) { return 2.0 / 9 * robot.body.length_m(); }
 
   /// The tracker's readings of a run into the base's frame.
   void ToBase(PreparedRun& run) const;
@@ -79,7 +84,11 @@ class Evaluator {
   double window_s(int run, int channel) const;
   bool has(unsigned cut) const { return (available_ & cut) != 0; }
   bool has_tracker() const { return has(kBody); }
+  /// Load cells drive the body, whether or not their readings can be compared.
+  bool has_cells() const { return driven_by_ == sim::Replay::DrivenBy::kCell; }
   bool repeated() const { return repeated_; }
+  /// Some run has the tip's position.
+  bool has_position() const;
   /// Repetitions differ by so many times what the sensors' noise leaves (rms, of the worst channel), where
   /// that is more than robots do; else 0. The floor follows them, so what differs between them is no gap.
   double repetitions_differ() const { return repetitions_differ_; }
@@ -88,6 +97,8 @@ class Evaluator {
   const Eigen::VectorXd& repetitions_by() const { return repetitions_by_; }
   /// Fitted to the nominal robot, where nobody knows it; what the runs hold is in the base's frame then.
   const std::optional<TrackerFrame>& frame() const { return frame_; }
+  /// The zero of every motor is found from its run: what moves it cannot be seen.
+  bool zeros_from_rest() const { return zeros_from_rest_; }
   /// Share of what was measured before a change that the model got wrong then, at the worst cut; 0 without
   /// runs from before.
   double wrong_before() const { return wrong_before_; }
@@ -139,8 +150,13 @@ class Evaluator {
                                            std::vector<Eigen::VectorXd>* scatter = nullptr) const;
   Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
                                      const sim::BodyMotion& motion) const;
+  /// The cells' readings from the tendons' stretch (S x M). Motors that count from where they rested do so
+  /// from the zero that this robot and `reading_N` (S x M; NaN: nothing) give them.
+  Eigen::MatrixXd FromStretch(const sim::Replay& replay, const RobotParameters& robot, const PreparedRun& run,
+                              const Eigen::MatrixXd& shortening, const Eigen::MatrixXd& reading_N) const;
   double TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const;
-  void FindCuts();
+  void FindCuts(const DataSet& set);
+  void TellWithoutMotors();
   /// Of logs that are slower than controllers: whether a row is every target that was sent, or every n-th.
   void FindCommandsARow();
   void StandInForCells();
@@ -169,6 +185,7 @@ class Evaluator {
   std::vector<Channel> channels_;
   unsigned available_ = 0;
   bool repeated_ = false;
+  bool zeros_from_rest_ = false;
   bool clocks_free_ = false;  // the tracker's stamps are free to move with every robot that is tried
   double wrong_before_ = 0, repetitions_differ_ = 0;
   Eigen::VectorXd repetitions_by_;

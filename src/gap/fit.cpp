@@ -382,7 +382,12 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
         fit.model.values[k] < p.lower + 1e-3 * width || fit.model.values[k] > p.upper - 1e-3 * width;
     // A law of the robot file that is gone is at no bound.
     const bool gone = !p.shape && std::abs(fit.model.values[k] - start.nothing(k)) <= 1e-3 * width;
-    if (at_bound && !gone && std::abs(fit.model.values[k] - p.nominal) > 1e-3 * width) fit.bound_hit = true;
+    if (at_bound && !gone && std::abs(fit.model.values[k] - p.nominal) > 1e-3 * width) {
+      fit.bound_hit = true;
+      // A factor of zero leaves nothing of a number: there is no less of it.
+      const bool nothing_left = p.nominal == 1 && p.lower == 0 && fit.model.values[k] < 1e-3 * width;
+      if (!p.shape && !nothing_left) fit.bound = k;
+    }
   }
   fit.columns = cost->SensitivitiesOf(fit.model);
   const Residuals at = cost->ResidualsOf(fit.model);

@@ -57,6 +57,7 @@ struct Nuisances {
 struct Fit {
   Model model;
   bool bound_hit = false;
+  int bound = -1;                        // of its sizes, one at a bound beyond which there is more of it
   int only_fold = -1;                    // the one that alone determines a parameter, and is not held out
   Residuals residuals;                   // of the channels it can change, nuisances taken out
   Residuals held_out;                    // the same when each fold is predicted by a fit to the others

@@ -15,6 +15,7 @@
 #include "median.h"
 #include "parallel.h"
 #include "rotation.h"
+#include "same_commands.h"
 
 namespace tendril::gap {
 namespace {
@@ -31,30 +32,8 @@ constexpr double kResolutionWindow_s = 0.25;
 constexpr double kReturnShare = 0.01;
 constexpr int kLeastReturns = 20;
 constexpr int kLeastWindows = 20;  // of two repetitions, to know how a channel repeats
-// What was asked of motors differs by more, in rms of its range, where it was another motion.
-constexpr double kOtherCommands = 0.25;
 // Repetitions that differ by more, in times of the sensors' noise, may well be of another robot.
 constexpr double kOtherRobot = 5;
-
-/// rms by which what was asked of two runs' motors differs, of its range: torques, or without them how the
-/// motors moved; another zero is no other motion. 0 where hardly anything was.
-double AskedOtherwise(const PreparedRun& run, const PreparedRun& before) {
-  constexpr double kStill_rad = 0.05;
-  const auto target = &sim::ReplaySignals::torque_target_Nm;
-  const bool torques = (run.signals.*target).size() > 0 && (before.signals.*target).size() > 0;
-  const auto asked = torques ? target : &sim::ReplaySignals::motor_angle_rad;
-  const Eigen::MatrixXd &is = run.signals.*asked, &was = before.signals.*asked;
-  const Eigen::Index rows = std::min(is.rows(), was.rows());
-  if (rows == 0 || is.cols() != was.cols()) return 0;
-  double square = 0, range = 0;
-  for (Eigen::Index j = 0; j < is.cols(); ++j) {
-    const Eigen::VectorXd off = is.col(j).head(rows) - was.col(j).head(rows);
-    square = std::max(square, (off.array() - off.mean()).square().mean());
-    for (const auto* one : {&is, &was})
-      range = std::max(range, one->col(j).maxCoeff() - one->col(j).minCoeff());
-  }
-  return range > (torques ? 0 : kStill_rad) ? std::sqrt(square) / range : 0;
-}
 
 /// rms of white noise on a smooth signal, from third differences (robust against the motion itself).
 double WhiteNoise(const Eigen::Ref<const Eigen::VectorXd>& signal) {
@@ -190,6 +169,10 @@ void Evaluator::FindWhiteNoise() {
           if (const double n = WhiteNoise(turn.col(channel.index)); n > 0) noise.push_back(n);
           break;
         }
+        case Quantity::kBending:
+          if (run.bending_rad.rows() == 0) break;
+          if (const double n = WhiteNoise(run.bending_rad.col(channel.index)); n > 0) noise.push_back(n);
+          break;
       }
     }
     const auto& p =
@@ -206,7 +189,7 @@ void Evaluator::FindWhiteNoise() {
     const auto& tracker = nominal_.actuation->tracker;
     if (channel.quantity == Quantity::kTipPosition)
       least = std::max(1e-6, noise.empty() && tracker ? tracker->position_noise_m : 0);
-    if (channel.quantity == Quantity::kTipDirection)
+    if (channel.quantity == Quantity::kTipDirection || channel.quantity == Quantity::kBending)
       least = std::max(1e-5, noise.empty() && tracker ? tracker->orientation_noise_rad : 0);
     channel.white = std::max(least, Median(noise));
   }
@@ -274,6 +257,8 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
       if (channel.quantity == Quantity::kTipPosition) spread.array() += std::pow(runs_[i].tip_step_m, 2) / 12;
       if (channel.quantity == Quantity::kTipDirection)
         spread.array() += std::pow(runs_[i].tip_step_rad, 2) / 12;
+      if (channel.quantity == Quantity::kBending)
+        spread.array() += std::pow(runs_[i].bending_step_rad, 2) / 12;
       carried_[i][c] = spread;
       if (channel.quantity == Quantity::kTension) spread += Transients(within[i][c], channel.white);
       if (channel.quantity == Quantity::kTorque && signals.step_s >= kSlowLog_s)
@@ -307,6 +292,7 @@ double Evaluator::Spread(const Channel& channel) const {
       if (travel_m > 0) add(run.signals.torque_actual_Nm / travel_m);
     }
     if (channel.quantity == Quantity::kTipPosition) add(run.tip_m);
+    if (channel.quantity == Quantity::kBending) add(run.bending_rad);
     if (channel.quantity == Quantity::kTipDirection && !run.tip_R.empty()) {
       Eigen::MatrixXd turns(static_cast<int>(run.tip_R.size()), 3);
       for (int k = 0; k < turns.rows(); ++k) turns.row(k) = RotationVector(run.tip_R[k]);
@@ -325,6 +311,7 @@ void Evaluator::TakeDifferences() {
   std::vector<char> is_before(runs_.size(), 0);
   std::map<std::pair<sim::Cut, Quantity>, std::pair<double, double>> wrong;  // squares: left before, measured
   int compared = 0;
+  CommandsCompared least_alike;
   for (const auto& run : runs_) {
     if (run.before.empty()) continue;
     if (by_name.contains(run.before)) is_before[by_name[run.before]] = 1;
@@ -348,12 +335,15 @@ void Evaluator::TakeDifferences() {
                          "same commands, recorded alike",
                          runs_[i].name, step, its));
     }
-    if (const double other = AskedOtherwise(runs_[i], runs_[k]); other > kOtherCommands) {
-      throw RunError(i,
-                     fmt::format("{}: its motors were told otherwise than before (by {:.0f} % of the range, "
-                                 "rms); accepted: runs of the same commands",
-                                 runs_[i].name, 100 * other));
+    const CommandsCompared commands = CompareCommands(runs_[i], runs_[k]);
+    if (!commands.same()) {
+      throw RunError(i, fmt::format("{}: not of the same commands as before: {}; accepted: up to {:.0f} % of "
+                                    "what unrelated motions differ by, in one of them; send the same commands, "
+                                    "or diagnose it without --before",
+                                    runs_[i].name, commands.Text(true), 100 * CommandsCompared::kSame));
     }
+    if (!commands.by.empty() && (least_alike.by.empty() || commands.by[0].share > least_alike.by[0].share))
+      least_alike = commands;
     before_[i].resize(channels_.size());
     for (std::size_t c = 0; c < channels_.size(); ++c) {
       auto &r = nominal_residuals_[i][c], &v = variance_[i][c];
@@ -425,10 +415,11 @@ void Evaluator::TakeDifferences() {
   keep(white_);
   keep(before_);
   degradations_.push_back(
-      fmt::format("compared with runs of the same commands from before: the diagnosis is of what changed "
-                  "since; what the model "
-                  "got wrong then (up to {:.0f} % of what was measured) is taken off, and it is trusted no "
-                  "better about the change",
+      fmt::format("compared with runs of the same commands from before ({}): the diagnosis is of what changed "
+                  "since; what the model got wrong then (up to {:.0f} % of what was measured) is taken off, "
+                  "and it is trusted no better about the change",
+                  least_alike.by.empty() ? "by their names alone: nothing that both recorded moves"
+                                         : least_alike.Text(false) + " at most",
                   100 * wrong_before_));
 }
 
@@ -473,13 +464,17 @@ double Evaluator::Unrepeated(int channel, int& returns) const {
     int run, row;
   };
   std::vector<State> states;
+  // Where motors are nowhere known, by how the tendons are pulled.
+  const bool motors =
+      std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return !r.without_motors(); });
+  const auto by = motors ? &sim::ReplaySignals::motor_angle_rad : &sim::ReplaySignals::tension_N;
   double range = 0;
   for (int j = 0; j < nominal_.body.tendons(); ++j) {
     double least = INFINITY, most = -INFINITY;
     for (const PreparedRun& run : runs_) {
       if (!run.signals.at_rest) continue;
-      least = std::min(least, run.signals.motor_angle_rad.col(j).minCoeff());
-      most = std::max(most, run.signals.motor_angle_rad.col(j).maxCoeff());
+      least = std::min(least, (run.signals.*by).col(j).minCoeff());
+      most = std::max(most, (run.signals.*by).col(j).maxCoeff());
     }
     range = std::max(range, most - least);
   }
@@ -487,7 +482,7 @@ double Evaluator::Unrepeated(int channel, int& returns) const {
     if (!runs_[i].signals.at_rest) continue;
     for (int w = 0; w < nominal_residuals_[i][channel].size(); ++w) {
       const auto unseen = [&](const Hole& hole) { return hole.from <= w && w < hole.to; };
-      const auto& holes = runs_[i].motor_holes;
+      const auto& holes = motors ? runs_[i].motor_holes : runs_[i].cell_holes;
       if (std::isfinite(variance_[i][channel][w]) && std::none_of(holes.begin(), holes.end(), unseen))
         states.push_back({i, w});
     }
@@ -495,11 +490,11 @@ double Evaluator::Unrepeated(int channel, int& returns) const {
   double sum = 0;
   returns = 0;
   for (std::size_t b = 1; b < states.size(); ++b) {
-    const auto at = runs_[states[b].run].signals.motor_angle_rad.row(states[b].row);
+    const auto at = (runs_[states[b].run].signals.*by).row(states[b].row);
     for (std::size_t a = 0; a < b; ++a) {
       // Not having moved is no return.
       if (states[a].run == states[b].run && states[b].row - states[a].row < 3) continue;
-      const auto was = runs_[states[a].run].signals.motor_angle_rad.row(states[a].row);
+      const auto was = (runs_[states[a].run].signals.*by).row(states[a].row);
       if ((at - was).cwiseAbs().maxCoeff() > kReturnShare * range) continue;
       const auto &ra = nominal_residuals_[states[a].run][channel],
                  &rb = nominal_residuals_[states[b].run][channel];

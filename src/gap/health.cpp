@@ -51,12 +51,15 @@ class Checkup {
   explicit Checkup(const DataSet& set) : set_(set), robot_(set.robot) {}
 
   std::vector<HealthFinding> All() {
+    // What was lost on reading comes before advice on what to record.
     for (const std::string& note : set_.notes) Add(Severity::kWarning, "", "files", 0, note);
+    for (const Run& run : set_.runs) {
+      for (const std::string& warning : run.warnings) Add(Severity::kWarning, run.name, "file", 0, warning);
+    }
     WholeSet();
     for (const Run& run : set_.runs) {
       run_ = &run;
       if (run.time_s.size() < 2) continue;
-      for (const std::string& warning : run.warnings) Add(Severity::kWarning, run.name, "file", 0, warning);
       for (const std::string& note : run.notes) Add(Severity::kInfo, run.name, "file", 0, note);
       Sampling();
       for (const Kind& kind : kKinds) {
@@ -618,14 +621,18 @@ class Checkup {
     const double told_s =
         set_.robot.actuation && set_.robot.actuation->tracker ? set_.robot.actuation->tracker->delay_s : 0;
     const double unknown_s = shift->seconds - told_s;
-    Add(std::abs(unknown_s) > std::max(0.015, 2 * StepsOf(run_->time_s).usual) ? Severity::kWarning
-                                                                               : Severity::kInfo,
-        "tracker clock", shift->seconds,
+    // A damped body follows its tensions by about its damping over its stiffness, which grows with its size.
+    double own_s = 0;
+    for (const SectionParameters& s : set_.robot.body.sections)
+      own_s = std::max(own_s, s.bending_damping_Nms / s.UnitStiffness());
+    const double most_s = std::max(0.015, 3 * own_s), resolved_s = 2 * StepsOf(run_->time_s).usual;
+    const bool odd = unknown_s < -std::max(0.015, resolved_s) || unknown_s > std::max(most_s, resolved_s);
+    Add(odd ? Severity::kWarning : Severity::kInfo, "tracker clock", shift->seconds,
         fmt::format("the tip follows the motors {:.1f} ms {} (correlation {:.3f}){}",
                     1e3 * std::abs(shift->seconds), shift->seconds < 0 ? "too early" : "later",
                     shift->correlation,
                     unknown_s < -0.015 ? "; no robot does, so that the clocks differ; synchronise them"
-                    : unknown_s > 0.015
+                    : unknown_s > most_s
                         ? "; more than the body's own lag usually is: a robot that is softer, heavier or "
                           "damped more than its file says, or clocks that differ, or a slow tracker; "
                           "synchronise the clocks, or give the tracker's delay_s in the robot file"

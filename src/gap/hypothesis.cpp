@@ -28,6 +28,8 @@ std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cel
       for (std::size_t k = 0; k < values.size(); ++k) {
         sim::EffectParameter& parameter = candidates.back().parameters[k];
         parameter.nominal = values[k];
+        parameter.lower = std::min(parameter.lower, values[k]);
+        parameter.upper = std::max(parameter.upper, values[k]);
         if (parameter.shape) parameter.starts.clear();
       }
     };

@@ -12,6 +12,7 @@
 #include <set>
 
 #include "health_signal.h"
+#include "leap.h"
 #include "median.h"
 #include "prepare.h"
 
@@ -28,7 +29,7 @@ constexpr double kLoneWithin_s = 0.0025;  // from a lone tension to those beside
 constexpr double kCoarse = 0.01;          // of a channel's range: a table's steps
 constexpr double kGoesOn = 0.05;          // of the largest tension
 constexpr double kFollows = 0.25;         // of what a torque gives without friction
-constexpr double kSlack_N = 0.15;         // a slack tendon's cell without noise may well keep its value
+constexpr double kSlack = 0.5;            // of the pretension: below, a cell without noise may keep its value
 constexpr double kLonePosition = 0.05;    // of what a motor usually does in the run
 constexpr double kLoneTension = 0.1;      // of what a tension usually does in the run
 constexpr double kLoneWay = 0.01;         // of its way from one limit to the other
@@ -47,6 +48,7 @@ double Slope(const std::vector<double>& x, const std::vector<double>& y) {
 struct Finder {
   Run& run;
   std::vector<std::string>& said;
+  double slack_N;
 
   void Say(const std::string& channel, const std::string& text) {
     said.push_back(fmt::format("{}: {} {}", run.name, channel, text));
@@ -115,9 +117,16 @@ struct Finder {
             jumps.size() == 1 ? "once" : fmt::format("{} times", jumps.size())));
   }
 
+  /// What no motor can do is a mishap of the encoder; what only the file's cannot says so of the file.
   void LoneMotorPositions(Eigen::Index j, const RobotParameters& robot) {
     auto x = run.motor_position_rad.col(j);
-    const std::vector<Eigen::Index> rows = LonePositions(x, robot);
+    std::vector<Eigen::Index> rows;
+    MotorLeap beyond;
+    for (const MotorLeap& leap : MotorLeaps(run, j, robot, LonePositions(x, robot))) {
+      if (leap.is == MotorLeap::Is::kMishap) rows.insert(rows.end(), leap.rows.begin(), leap.rows.end());
+      if (leap.is == MotorLeap::Is::kBeyondFile && leap.needed_Nm > beyond.needed_Nm) beyond = leap;
+    }
+    if (beyond.needed_Nm > 0) SayTooWeak(j, beyond);
     if (rows.empty()) return;
     double worst = 0;
     for (const Eigen::Index i : rows) {
@@ -130,13 +139,25 @@ struct Finder {
                     run.time_s[rows.front()] - run.time_s[0]));
   }
 
+  void SayTooWeak(Eigen::Index j, const MotorLeap& leap) {
+    const std::string tendon =
+        leap.tension_N == 0 ? "" : fmt::format(" and its tension goes with it by {:.3g} N", leap.tension_N);
+    Say(fmt::format("motor position {}", j + 1),
+        fmt::format("goes {:.3g} rad off its way and back at {:.4g} s{}: kept; the file's motor is too weak "
+                    "for this log: with its inertia (actuation.motor.rotor_inertia_kgm2) this takes at least "
+                    "{:.3g} N m, and it has {:.3g} N m (actuation.drive.current_limit_A x "
+                    "actuation.motor.torque_constant_NmpA); check these numbers",
+                    leap.off_rad, run.time_s[leap.farthest] - run.time_s[0], tendon, leap.needed_Nm,
+                    leap.file_Nm));
+  }
+
   /// A cell that shows something else for a single row, such as a code for no reading.
-  void LoneTensions(Eigen::Index j) {
+  void LoneTensions(Eigen::Index j, const RobotParameters& robot) {
     auto x = run.tension_N.col(j);
     // Between readings that are further apart a tension may well have gone and come back.
     if (Median(RowsApart(x)) * UsualStep(run) > kLoneWithin_s) return;
-    const std::vector<Eigen::Index> rows =
-        LoneValues(x, std::max(kLoneTension * UsualWidth({x.begin(), x.end()}), kSlack_N));
+    const std::vector<Eigen::Index> rows = TensionsAlone(
+        run, j, robot, LoneValues(x, std::max(kLoneTension * UsualWidth({x.begin(), x.end()}), slack_N)));
     if (rows.empty()) return;
     const double first_N = x[rows.front()];
     for (const Eigen::Index i : rows) x[i] = kNothing;
@@ -191,7 +212,7 @@ struct Finder {
     for (const bool top : {true, false}) {
       const Plateau end = FlatExtreme(matrix.col(j), top);
       // A slack tendon's cell may well show nothing.
-      if (end.share < kCutOff || (&matrix == &run.tension_N && std::abs(end.value) < kSlack_N)) continue;
+      if (end.share < kCutOff || (&matrix == &run.tension_N && std::abs(end.value) < slack_N)) continue;
       std::vector<double> at_s;
       for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
         if (matrix(i, j) == end.value) at_s.push_back(run.time_s[i]);
@@ -251,7 +272,7 @@ struct Finder {
     Stretches([&](Eigen::Index i) { return std::isfinite(x[i]); },
               [&](Eigen::Index i, Eigen::Index before) { return x[i] == x[before]; },
               [&](Eigen::Index from, Eigen::Index to) {
-                if (std::abs(x[from]) < kSlack_N || Moved(j, from, to) < kMoved) return;
+                if (std::abs(x[from]) < slack_N || Moved(j, from, to) < kMoved) return;
                 Say(fmt::format("tension {}", j + 1),
                     fmt::format("keeps {:.4g} N {} while the motor turns: taken as missing there", x[from],
                                 Span(from, to)));
@@ -277,12 +298,13 @@ struct Finder {
 
 /// A drive's reading ends at the same torque in every run, be its tension seen to go on there or not.
 void TakeOutTorquesCutOff(DataSet& set, std::vector<std::string>& said) {
+  const double slack_N = kSlack * set.robot.limits.min_tension_N;
   for (const bool top : {true, false}) {
     std::map<Eigen::Index, std::set<double>> ends_Nm;  // by tendon
     const auto each = [&](auto&& call) {
       for (Run& run : set.runs) {
         if (run.torque_actual_Nm.rows() != run.time_s.size()) continue;
-        for (Eigen::Index j = 0; j < run.torque_actual_Nm.cols(); ++j) call(Finder{run, said}, j);
+        for (Eigen::Index j = 0; j < run.torque_actual_Nm.cols(); ++j) call(Finder{run, said, slack_N}, j);
       }
     };
     each([&](const Finder& find, Eigen::Index j) {
@@ -316,7 +338,7 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
   const RobotParameters& robot = set.robot;
   for (Run& run : set.runs) {
     if (run.time_s.size() < 2) continue;
-    Finder find{run, said};
+    Finder find{run, said, kSlack * robot.limits.min_tension_N};
     if (robot.actuation) {
       const auto tendons = static_cast<Eigen::Index>(robot.actuation->tendons.size());
       for (Eigen::Index j = 0; j < tendons; ++j) {
@@ -339,7 +361,7 @@ std::vector<std::string> TakeOutImplausible(DataSet& set) {
       find.LoneMotorPositions(j, robot);
     }
     for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
-      if (UsualStep(run) <= kQuasiStatic_s) find.LoneTensions(j);
+      if (UsualStep(run) <= kQuasiStatic_s) find.LoneTensions(j, robot);
       find.FrozenCell(j);
       find.CutOff(run.tension_N, j, fmt::format("tension {}", j + 1), "N");
     }

@@ -5,15 +5,19 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "csv.h"
 #include "import_map.h"
 #include "rotation.h"
 #include "sources.h"
+#include "table_hints.h"
+#include "time_text.h"
 
 namespace tendril::gap {
 namespace {
@@ -54,7 +58,10 @@ class Importer {
         bytes_(ReadBytes(file)) {}
 
   std::vector<Run> Read(std::vector<std::string>& notes) {
-    table_ = ParseTable(bytes_, file_, map_.format, [&](const auto& names) { return Choose(names); });
+    table_ = ParseTable(bytes_, file_, map_.format, [&](const auto& names, int line) {
+      names_line_ = line;
+      return Choose(names);
+    });
     notes_.insert(notes_.end(), table_.notes.begin(), table_.notes.end());
     const std::size_t rows = table_.lines.size();
     if (rows == 0) {
@@ -96,12 +103,18 @@ class Importer {
  private:
   // ---- columns ----
 
+  std::array<const std::vector<MappedColumn>*, 7> Groups() const {
+    return {&map_.torque_target, &map_.torque_actual, &map_.motor_position, &map_.tension,
+            &map_.tip,           &map_.orientation,   &map_.bending};
+  }
+
   std::vector<CellKind> Choose(const std::vector<std::string>& names) {
     std::vector<CellKind> kinds(names.size(), CellKind::kIgnored);
     const auto want = [&](const std::string& name, CellKind kind) {
       if (name.empty()) return;
       const auto found = std::find(names.begin(), names.end(), name);
       if (found == names.end()) ThrowUnknown(name, names);
+      if (const std::string places = Twice(names, name); !places.empty()) ThrowTwice(name, places);
       const auto c = static_cast<std::size_t>(found - names.begin());
       if (kinds[c] != CellKind::kIgnored && kinds[c] != kind) {
         throw TableError(
@@ -112,11 +125,10 @@ class Importer {
       kinds[c] = kind;
       column_[name] = c;
     };
-    want(map_.time_column, CellKind::kNumber);
+    want(map_.time_column, map_.time_kind == TimeKind::kNumber ? CellKind::kNumber : CellKind::kText);
     want(map_.index_column, CellKind::kNumber);
     for (const auto* text : {&map_.by, &map_.family, &map_.repeats}) want(text->column, CellKind::kText);
-    for (const auto* group : {&map_.torque_target, &map_.torque_actual, &map_.motor_position, &map_.tension,
-                              &map_.tip, &map_.orientation, &map_.bending}) {
+    for (const auto* group : Groups()) {
       for (const MappedColumn& column : *group) want(column.name, CellKind::kNumber);
     }
     std::string ignored;
@@ -135,20 +147,43 @@ class Importer {
     });
     std::string all;
     for (const std::string& n : names) all += (all.empty() ? "" : ", ") + n;
-    throw TableError(
-        fmt::format("{}:1: no column '{}', which the map {} names{}; there are: {}; correct the map", file_,
-                    Printable(name), map_path_,
-                    Unlike(name, *nearest) < 0.4 ? "; did you mean '" + Printable(*nearest) + "'?" : "",
-                    Printable(all, 300)));
+    const std::string option = OptionForNames(bytes_, map_.format, MappedNames());
+    throw TableError(fmt::format(
+        "{}:{}: no column '{}', which the map {} names{}; there are: {}; {}", file_, names_line_,
+        Printable(name), map_path_,
+        option.empty() && Unlike(name, *nearest) < 0.4 ? "; did you mean '" + Printable(*nearest) + "'?" : "",
+        Printable(all, 300),
+        option.empty() ? "correct the map" : "the names stand elsewhere: say " + option + " in the map"));
+  }
+
+  /// All columns that the map names.
+  std::vector<std::string> MappedNames() const {
+    std::vector<std::string> names{map_.time_column, map_.index_column, map_.by.column, map_.family.column,
+                                   map_.repeats.column};
+    for (const auto* group : Groups()) {
+      for (const MappedColumn& column : *group) names.push_back(column.name);
+    }
+    std::erase(names, "");
+    return names;
+  }
+
+  [[noreturn]] void ThrowTwice(const std::string& name, const std::string& places) const {
+    throw TableError(fmt::format(
+        "{}:{}: {} are both called '{}', which the map {} names; accepted: a name of its own for each; "
+        "rename "
+        "one, or say table: {{header: none, skip_lines: {}}} in the map and call all columns 1, 2, ...",
+        file_, names_line_, places, Printable(name), map_path_, names_line_ + map_.format.unit_rows));
   }
 
   const std::vector<double>& Numbers(const std::string& name) const {
     return table_.numbers[column_.at(name)];
   }
 
-  std::vector<double> Times(std::size_t rows) const {
+  std::vector<double> Times(std::size_t rows) {
     std::vector<double> time(rows);
-    if (!map_.time_column.empty()) {
+    if (!map_.time_column.empty() && map_.time_kind != TimeKind::kNumber) {
+      time = WrittenTimes();
+    } else if (!map_.time_column.empty()) {
       time = Numbers(map_.time_column);
       for (double& t : time) t *= map_.time_factor;
     } else if (!map_.index_column.empty()) {
@@ -158,6 +193,48 @@ class Importer {
       for (std::size_t i = 0; i < rows; ++i) time[i] = static_cast<double>(i) / map_.rate_Hz;
     }
     return time;
+  }
+
+  /// Of texts, in seconds since the first; NaN where a cell is empty.
+  std::vector<double> WrittenTimes() {
+    const std::vector<std::string>& texts = table_.texts[column_.at(map_.time_column)];
+    std::vector<std::optional<std::int64_t>> ns(texts.size());
+    std::optional<bool> with_offset;
+    for (std::size_t i = 0; i < texts.size(); ++i) {
+      if (texts[i].empty()) continue;
+      if (map_.time_kind == TimeKind::kClock) {
+        ns[i] = ParseClock(texts[i]);
+      } else if (const auto moment = ParseIso8601(texts[i])) {
+        if (with_offset.value_or(moment->with_offset) != moment->with_offset)
+          ThrowTime(i, texts[i], "an offset from UTC (Z, +02:00) in every time or in none");
+        with_offset = moment->with_offset;
+        ns[i] = moment->ns;
+      }
+      if (!ns[i])
+        ThrowTime(i, texts[i],
+                  map_.time_kind == TimeKind::kClock
+                      ? "HH:MM:SS with or without a fraction, such as 23:59:59.990"
+                      : "such as 2024-05-01T12:00:00.010Z, with T or a space, with or without an offset");
+    }
+    if (map_.time_kind == TimeKind::kClock) {
+      if (const int row = PassMidnights(ns); row >= 0)
+        notes_.push_back(fmt::format("the clock of '{}' passes midnight in line {}",
+                                     Printable(map_.time_column),
+                                     table_.lines[static_cast<std::size_t>(row)]));
+    }
+    const auto first = std::find_if(ns.begin(), ns.end(), [](const auto& t) { return t.has_value(); });
+    std::vector<double> time(ns.size(), kNone);
+    for (std::size_t i = 0; i < ns.size(); ++i) {
+      if (ns[i]) time[i] = static_cast<double>(*ns[i] - **first) / 1e9;
+    }
+    return time;
+  }
+
+  [[noreturn]] void ThrowTime(std::size_t row, const std::string& text, const char* accepted) const {
+    throw TableError(fmt::format(
+        "{}:{}: column {}: '{}' is no time; accepted: {}; correct the cell, or time.unit "
+        "of the map {}",
+        file_, table_.lines[row], Printable(map_.time_column), Printable(text), accepted, map_path_));
   }
 
   /// Of every row; empty when the map does not tell.
@@ -361,6 +438,7 @@ class Importer {
   const std::string& map_path_;
   const RobotParameters& robot_;
   std::string file_, name_, bytes_;
+  int names_line_ = 0;
   Table table_;
   std::map<std::string, std::size_t> column_;
   std::vector<std::string> by_, family_, repeats_, keys_, notes_;

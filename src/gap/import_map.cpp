@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -62,6 +63,11 @@ class Block {
   double Number(const char* key, double otherwise, double least, double most) {
     if (!Has(key)) return otherwise;
     return NumberOf(node_[key], key, least, most);
+  }
+  int Whole(const char* key, int otherwise, int least, int most) {
+    const double number = Number(key, otherwise, least, most);
+    if (number != std::floor(number)) Fail(key, fmt::format("{} is not whole", number), "a whole number");
+    return static_cast<int>(number);
   }
   template <class Value>
   Value Choice(const char* key, const std::map<std::string, Value>& choices, const std::string& otherwise) {
@@ -214,12 +220,45 @@ class Reader {
         "auto");
     map_.format.decimal =
         block.Choice<char>("decimal", {{"auto", '\0'}, {"point", '.'}, {"comma", ','}}, "auto");
+    map_.format.header = block.Choice<Header>(
+        "header", {{"first", Header::kFirstLine}, {"comment", Header::kRemark}, {"none", Header::kNone}},
+        "first");
+    map_.format.skip_lines = block.Whole("skip_lines", 0, 0, 1000000);
+    map_.format.unit_rows = block.Whole("unit_rows", 0, 0, 100);
+    if (map_.format.header == Header::kNone && map_.format.unit_rows > 0)
+      block.Fail("unit_rows", "is there without names", "skip_lines beside header: none");
+    Comment(block);
     block.Close();
+  }
+
+  void Comment(Block& block) {
+    const std::string marks = block.Text("comment", map_.format.comment);
+    map_.format.comment = marks == "none" ? "" : marks;
+    const bool fit = std::all_of(marks.begin(), marks.end(), [&](char c) {
+      return std::ispunct(static_cast<unsigned char>(c)) && c != '"' && c != '-' && c != '+' && c != '.' &&
+             c != ',' && c != map_.format.delimiter;
+    });
+    if (marks != "none" && (marks.empty() || marks.size() > 8 || !fit)) {
+      block.Fail(
+          "comment", fmt::format("'{}' begins no remark", Printable(marks)),
+          "none, or characters with which remarks begin, such as '#' or '#%;', other than the delimiter");
+    }
+    if (marks == "none" && map_.format.header == Header::kRemark)
+      block.Fail("comment", "is none, and header: comment takes the names from a remark", "such as '#'");
   }
 
   void Time(Block block) {
     map_.time_column = block.Text("column", "");
-    map_.time_factor = block.Choice("unit", kTimes, "s");
+    static const std::map<std::string, TimeKind> kWritten{{"iso8601", TimeKind::kIso8601},
+                                                          {"clock", TimeKind::kClock}};
+    const std::string unit = block.Text("unit", "s");
+    if (const auto written = kWritten.find(unit); written != kWritten.end()) {
+      map_.time_kind = written->second;
+    } else if (const auto factor = kTimes.find(unit); factor != kTimes.end()) {
+      map_.time_factor = factor->second;
+    } else {
+      block.Fail("unit", "'" + Printable(unit) + "' is not known", Names(kTimes) + ", " + Names(kWritten));
+    }
     map_.rate_Hz = block.Number("rate_Hz", 0, 1e-3, 1e6);
     map_.index_column = block.Text("index", "");
     if (map_.time_column.empty() == (map_.rate_Hz == 0)) {

@@ -27,14 +27,18 @@ struct MappedText {
   std::string as = "$&";
 };
 
+/// How a time column writes its times.
+enum class TimeKind { kNumber, kIso8601, kClock };
+
 enum class OrientationKind { kNone, kQuaternion, kMatrix, kEuler, kRotationVector };
 
 struct ImportMap {
   TableFormat format;
 
   std::string time_column, index_column;
-  double time_factor = 1;
-  double rate_Hz = 0;  // where there is no time column
+  TimeKind time_kind = TimeKind::kNumber;
+  double time_factor = 1;  // of numbers
+  double rate_Hz = 0;      // where there is no time column
 
   MappedText by, family, repeats;  // empty column and constant: not told
   double longest_gap_s = 0;        // a hole beyond begins a new run; 0: none does

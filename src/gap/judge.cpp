@@ -1,6 +1,8 @@
 // Which cause, how sure.
 #include "judge.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -36,22 +38,13 @@ constexpr double kUnseen = 0.3, kUnseenInScatter = 0.4;
 // would be taken at it. Of fourteen opened sets without a gap in such scatter nine had one, three of them
 // gusts and a fixture with play.
 constexpr double kUnlistedInScatter = 0.5;
-// Unknown: sigma that may remain beyond the floor at a place, shares of that place's gap and of the largest
-// gap of all that a right cause with a slightly different law may leave there, steepness. A law that is a
-// little off shows at places that hardly had a gap too (up to a tenth of the largest).
-constexpr double kUnknownFloor = 0.3;
-constexpr double kUnknownShare = 0.35;
-constexpr double kUnknownOfLargest = 0.12;
+// Share of a gap's mean square that a right cause may leave, since its law differs a little from the real one: of
+// all places together, and at each place of the largest gap. What leaves more is not established.
+constexpr double kMayStay = 0.1;
+// Floors that may remain at a place whatever the gap was: noise is known within so much, and the most that
+// anything established leaves.
+constexpr double kUnknownFloor = 0.3, kMostLeft_sigma = 5;
 constexpr double kUnknownSteepness = 4.0;
-// Share of the gap's rms, over the channels that have one, that may stay open even where no place alone had
-// anything beyond its noise left. The two kinds overlap: of 32 open sets with a right cause two left 0.6 and
-// more (bending_damping, cogging that hardly made a gap), a hysteresis 0.30, backlash 0.24, the others up to
-// 0.2, and torque_constant in logs of 50 Hz 0.28; of those with an effect without a law five left 0 to 0.28
-// and looked like a cause, the others with a gap 0.33 and more.
-// Where no place has a gap for sure, all channels that exceed their noise count, scatter among them, and more
-// may stay open.
-constexpr double kUnknownOpen = 0.36, kUnknownOpenNumber = 0.31;
-constexpr double kUnknownOpenScatter = 0.7, kUnknownOpenScatterNumber = 0.4;
 // Where no place has anything left and all of the gap may be closed, so far as its runs tell: at most this.
 // Of six opened sets in which that was called unexplained, all had a cause of the library.
 constexpr double kUnknownAllClosed = 0.3;
@@ -206,7 +199,7 @@ class Case {
     }
   }
 
-  Judgement Judged() {
+  Judgement Judged(const std::function<std::vector<NumberFit>()>& fit_numbers) {
     const double p_gap = WithUnseen(GapProbability());
     two_ = HasSecond();
     judgement_.nearest = best_ = two_ ? pair_ : single_;
@@ -215,13 +208,18 @@ class Case {
     const double mimic = best_ == nullptr ? 0 : kMimic / (1 + std::max(0.0, explains) / kMimicGain);
     double unknown = kLapse + mimic + (1 - 2 * kLapse - mimic) * UnknownProbability();
     if (p_gap < 0.5 && evaluator_.repetitions_differ() > 0) unknown = std::max(unknown, kUnlistedInScatter);
-    const double p_unknown = p_gap * unknown;
+    judgement_.doubt = p_gap < 0.5 ? "" : Doubt();
+    const bool doubted = !judgement_.doubt.empty();
+    if (doubted && !MayBeEnough()) unknown = std::max(unknown, 0.5);
+    if (p_gap >= 0.5 && MayBeANumber()) unknown = std::max(unknown, Suspect(fit_numbers()));
+    double p_unknown = p_gap * unknown;
     ListSingles(p_gap - p_unknown);
     if (two_) {
       SharePairs(p_gap - p_unknown);
     } else if (single_ != nullptr) {
       GroupSingles();
     }
+    if (doubted) p_unknown = p_gap - Halved() * (p_gap - p_unknown);
     Conclude(p_gap, p_unknown);
     return judgement_;
   }
@@ -288,9 +286,9 @@ class Case {
   }
 
   /// The largest excess beyond the floor.
-  double LeavesSigma(const Fit& fit) const {
+  double LeavesSigma(const Residuals& with) const {
     double most = 0;
-    for (const auto& f : Locate(evaluator_, Completed(fit.held_out, nominal_), kLeftDiscoveries)) {
+    for (const auto& f : Locate(evaluator_, Completed(with, nominal_), kLeftDiscoveries)) {
       if (f.excess && f.cut != sim::Cut::kClock) most = std::max(most, f.excess_sigma);
     }
     return most;
@@ -299,10 +297,10 @@ class Case {
   bool HasSecond() const {
     if (single_ == nullptr || pair_ == nullptr) return false;
     const double brings = pair_->held_out_score - single_->held_out_score;
-    const bool explains = LeavesSigma(*single_) > kLeftover && LeavesSigma(*pair_) == 0;
+    const bool explains = LeavesSigma(single_->held_out) > kLeftover && LeavesSigma(pair_->held_out) == 0;
     // Where the first leaves nothing at any place, only the score speaks for a second; it has to bring what
     // tells two causes apart.
-    const bool hidden = LeavesSigma(*single_) == 0;
+    const bool hidden = LeavesSigma(single_->held_out) == 0;
     const double unexpected = hidden ? std::max(kPairGain, kSame * temperature_) : kPairGain;
     const double enough = explains ? kPairExplains : unexpected;
     if (brings <= enough) return false;
@@ -343,15 +341,11 @@ class Case {
           was = std::max(g.excess_sigma, std::hypot(changed[0][k], changed[1][k]));
       }
       judgement_.leftover_sigma = std::max(judgement_.leftover_sigma, f.excess_sigma);
-      const double allowed = std::hypot(kUnknownFloor, kUnknownShare * was, kUnknownOfLargest * largest);
+      const double allowed = std::hypot(kUnknownFloor, std::sqrt(kMayStay) * std::max(was, largest));
       unknown = std::max(unknown, f.excess_sigma / allowed);
     }
-    const auto closed =
-        PooledClosure(evaluator_, nominal_, Completed(best_->held_out, nominal_), with_gap_, seed_);
+    const auto& closed = closed_ = Closed(best_->held_out);
     if (closed) {
-      const auto& parts = best_->model.parts;
-      const bool numbers = std::all_of(parts.begin(), parts.end(),
-                                       [](const Candidate& part) { return part.effect->edit != nullptr; });
       // Of a small gap little is certain; half of the doubt is for the cause. All of it where runs do not
       // repeat and no place has anything left: what their scatter makes of the fraction is not the cause's
       // fault.
@@ -360,10 +354,7 @@ class Case {
       const bool scatter = evaluator_.repetitions_differ() > 0 && judgement_.leftover_sigma == 0 &&
                            independent >= 4 && closed->low > 0;
       const double closes = scatter ? closed->high : 0.5 * (closed->value + closed->high);
-      const double open = std::sqrt(std::max(0.0, 1 - closes));
-      const double may_stay = largest > 0 ? (numbers ? kUnknownOpenNumber : kUnknownOpen)
-                                          : (numbers ? kUnknownOpenScatterNumber : kUnknownOpenScatter);
-      unknown = std::max(unknown, open / may_stay);
+      unknown = std::max(unknown, std::sqrt(std::max(0.0, 1 - closes) / kMayStay));
     }
     double p = Saturating(unknown, kUnknownSteepness);
     if (judgement_.leftover_sigma == 0 && closed && closed->high >= 1) p = std::min(p, kUnknownAllClosed);
@@ -372,6 +363,91 @@ class Case {
     // What leaves a gap, and closes nothing for sure of what it was not fitted to, is hardly its cause.
     const bool unproven = closed && closed->low <= 0 && judgement_.leftover_sigma >= kLeftover;
     return unproven ? std::max(p, kUnproven) : p;
+  }
+
+  std::optional<Estimate> Closed(const Residuals& with) const {
+    return PooledClosure(evaluator_, nominal_, Completed(with, nominal_), with_gap_, seed_);
+  }
+
+  /// Why the best is not established however far it is ahead, as a clause; empty where it is.
+  std::string Doubt() const {
+    if (best_ == nullptr) return "";
+    if (judgement_.leftover_sigma > kMostLeft_sigma) {
+      return fmt::format("{:.2g} noise floors remain with it, more than the {:.2g} that a law which differs a "
+                         "little leaves",
+                         judgement_.leftover_sigma, kMostLeft_sigma);
+    }
+    if (closed_ && closed_->value < 1 - kMayStay) {
+      return fmt::format("it closes {:.0f} % (95 %: {:.0f} to {:.0f}) of the gap on held-out data, of the {:.0f} "
+                         "% that a cause has to",
+                         100 * closed_->value, 100 * closed_->low, 100 * closed_->high, 100 * (1 - kMayStay));
+    }
+    if (best_->bound < 0) return "";
+    const sim::EffectParameter& p = best_->model.parameter(best_->bound);
+    return fmt::format("its {} is at {:.4g}, the bound of what is searched ({:.4g} to {:.4g})", p.name,
+                       best_->model.values[best_->bound], p.lower, p.upper);
+  }
+
+  /// Takes the causes' probabilities down by the factor at which none is likelier than not. Returns the factor.
+  double Halved() {
+    double first = 0.5;
+    for (const Scored& s : scored_) first = std::max(first, s.cause.p);
+    for (Scored& s : scored_) s.cause.p *= 0.5 / first;
+    return 0.5 / first;
+  }
+
+  /// The doubt may be of the data alone: they do not tell whether enough closes.
+  bool MayBeEnough() const {
+    return judgement_.leftover_sigma <= kMostLeft_sigma && best_->bound < 0 && closed_ &&
+           closed_->high >= 1 - kMayStay;
+  }
+
+  /// The best leaves something of the gap for sure, is not established, or takes two causes.
+  bool MayBeANumber() const {
+    return best_ == nullptr || two_ || !judgement_.doubt.empty() || judgement_.leftover_sigma > 0 ||
+           (closed_ && closed_->high < 1);
+  }
+
+  /// The library's own search has had this number at this value.
+  bool Searched(const NumberFit& fit) const {
+    const auto its = std::find_if(
+        search_.screened.begin(), search_.screened.end(),
+        [&](const Screened& s) { return s.candidate.effect->name == fit.number.effect; });
+    if (its == search_.screened.end()) return false;
+    const sim::EffectParameter& p = its->candidate.parameters.front();
+    const double by = fit.number.angle ? fit.value - fit.number.in_file : fit.value / fit.number.in_file;
+    return p.lower < by && by < p.upper;
+  }
+
+  /// Numbers of the file that explain the runs better than the best cause, by so much as tells two causes
+  /// apart where no more is taken for the model's discrepancy than the best number leaves. Returns the
+  /// probability that it is one of them.
+  double Suspect(std::vector<NumberFit> numbers) {
+    std::erase_if(numbers, [&](const NumberFit& fit) { return Searched(fit); });
+    if (numbers.empty()) return 0;
+    const Eigen::VectorXd left = Leftover(evaluator_, numbers.front().residuals).cwiseMin(search_.leftover);
+    const Weights weights(evaluator_, left);
+    const auto score = [&](const Residuals& residuals) { return LogScore(weights, residuals, nominal_); };
+    for (NumberFit& fit : numbers) fit.score = score(fit.residuals);
+    std::stable_sort(numbers.begin(), numbers.end(),
+                     [](const NumberFit& a, const NumberFit& b) { return a.score > b.score; });
+    const double nominal = score(nominal_);
+    // A number that leaves nothing where the best cause leaves a gap shows that the model has no discrepancy here.
+    const bool exact = judgement_.leftover_sigma > 0 && LeavesSigma(numbers.front().residuals) == 0;
+    const double relative = exact ? 0 : kRelativeTemperature;
+    const double temperature = kTemperature + relative * std::max(0.0, numbers.front().score - nominal);
+    // What takes several parameters to say as much is less likely.
+    const double best =
+        best_ == nullptr ? nominal : score(best_->residuals) - temperature * Burden(*best_);
+    const double ahead = numbers.front().score - best;
+    if (ahead < kSame * temperature) return 0;
+    for (const NumberFit& fit : numbers) {
+      if (numbers.front().score - fit.score > kSame * temperature) break;
+      const auto closed = Closed(fit.residuals);
+      if (closed && closed->value < 0.5) continue;  // most of the gap has another reason
+      judgement_.suspected.push_back({fit.number.key, fit.number.in_file, fit.value, closed});
+    }
+    return judgement_.suspected.empty() ? 0 : Sure(ahead / temperature, 0);
   }
 
   /// rms that a change of the residuals makes at each place of `location_`, in floors.
@@ -556,7 +632,9 @@ class Case {
       j.verdict = Verdict::kNoGap;
     } else if (p_unknown > 0.5 * p_gap) {
       j.verdict = Verdict::kUnexplained;
-    } else if (divided || first <= 0.5 * (p_gap - p_unknown)) {
+    } else if (!j.doubt.empty() && !MayBeEnough()) {
+      j.verdict = Verdict::kUnexplained;
+    } else if (!j.doubt.empty() || divided || first <= 0.5 * (p_gap - p_unknown)) {
       j.verdict = Verdict::kAmbiguousGroup;
     } else {
       j.verdict = Verdict::kAttributed;
@@ -588,6 +666,7 @@ class Case {
   const Fit* single_ = nullptr;
   const Fit* pair_ = nullptr;
   const Fit* best_ = nullptr;
+  std::optional<Estimate> closed_;  // by the best, on held-out data
   bool two_ = false;
   std::vector<Scored> scored_;
   Judgement judgement_;
@@ -596,8 +675,9 @@ class Case {
 }  // namespace
 
 Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
-                const std::vector<CutFinding>& location, std::uint64_t seed) {
-  return Case(evaluator, search, location, seed).Judged();
+                const std::vector<CutFinding>& location, std::uint64_t seed,
+                const std::function<std::vector<NumberFit>()>& fit_numbers) {
+  return Case(evaluator, search, location, seed).Judged(fit_numbers);
 }
 
 }  // namespace tendril::gap

@@ -3,10 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <string>
 #include <optional>
 #include <vector>
 
 #include "evaluator.h"
+#include "file_numbers.h"
 #include "search.h"
 #include "tendril/gap/diagnosis.h"
 
@@ -20,10 +23,14 @@ struct Judgement {
   const Fit* best = nullptr;     // of the accepted model; null: none accepted
   const Fit* nearest = nullptr;  // what leaves leftover_sigma, accepted or not
   double leftover_sigma = 0;
+  std::vector<SuspectNumber> suspected;
+  std::string doubt;                  // as Diagnosis::doubt
   std::optional<sim::Cut> hidden_at;  // where the best two would hide each other, and no gap is
 };
-/// `seed` is of the bootstrap over blocks.
+/// `seed` is of the bootstrap over blocks. `fit_numbers` fits the numbers of the robot file, and is called
+/// only where the causes leave something of a gap.
 Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
-                const std::vector<CutFinding>& location, std::uint64_t seed);
+                const std::vector<CutFinding>& location, std::uint64_t seed,
+                const std::function<std::vector<NumberFit>()>& fit_numbers);
 
 }  // namespace tendril::gap

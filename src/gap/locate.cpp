@@ -56,6 +56,7 @@ struct Part {
 };
 
 std::string PlaceOf(const Channel& channel, const Evaluator& evaluator) {
+  if (channel.quantity == Quantity::kBending) return fmt::format("section:{}", channel.index / 2 + 1);
   const bool tip = channel.cut == sim::Cut::kShape;
   return tip ? fmt::format("section:{}", evaluator.nominal().body.sections.size())
              : fmt::format("tendon:{}", channel.index + 1);
@@ -71,6 +72,8 @@ std::string_view NameOf(Quantity quantity) {
       return "tip position";
     case Quantity::kTipDirection:
       return "tip direction";
+    case Quantity::kBending:
+      return "bending";
   }
   return "";
 }
@@ -168,13 +171,16 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
                                double false_discoveries) {
   const auto& channels = evaluator.channels();
   std::vector<Part> parts;
-  std::vector<int> position, direction;
+  std::vector<std::vector<int>> shapes(2 +
+                                       evaluator.nominal().body.sections.size());  // channels of one place
   for (int c = 0; c < static_cast<int>(channels.size()); ++c) {
     const auto& channel = channels[c];
     if (channel.quantity == Quantity::kTipPosition) {
-      position.push_back(c);
+      shapes[0].push_back(c);
     } else if (channel.quantity == Quantity::kTipDirection) {
-      direction.push_back(c);
+      shapes[1].push_back(c);
+    } else if (channel.quantity == Quantity::kBending) {
+      shapes[2 + static_cast<std::size_t>(channel.index) / 2].push_back(c);
     } else {
       Part part;
       part.finding.cut = channel.cut;
@@ -189,15 +195,15 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
                                   [](const PreparedRun& run) { return run.signals.at_rest; });
   for (const bool fast : {false, true}) {
     if (fast && states) continue;
-    for (const auto* list : {&position, &direction}) {
-      if (list->empty()) continue;
+    for (const std::vector<int>& list : shapes) {
+      if (list.empty()) continue;
       Part part;
       part.finding.cut = fast ? sim::Cut::kMotion : sim::Cut::kShape;
-      const Channel& axis = channels[list->front()];
+      const Channel& axis = channels[list.front()];
       part.finding.where = PlaceOf(axis, evaluator);
       part.finding.quantity = NameOf(axis.quantity);
       part.finding.unit = axis.unit;
-      part.channels = *list;
+      part.channels = list;
       part.fast = fast;
       parts.push_back(part);
     }
@@ -253,8 +259,8 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
     location.push_back(f);
   };
   if (!evaluator.has(kC1)) missing(sim::Cut::kCurrentLoop, "needs target and actual torque");
-  if (!evaluator.has(kC2)) missing(sim::Cut::kDrivetrain, "needs actual torque");
-  if (!evaluator.has(kC3)) missing(sim::Cut::kTendon, "needs load cells");
+  if (!evaluator.has(kC2)) missing(sim::Cut::kDrivetrain, "needs actual torque and motor positions");
+  if (!evaluator.has(kC3)) missing(sim::Cut::kTendon, "needs load cells and motor positions");
   if (evaluator.has(kBody) && states) missing(sim::Cut::kMotion, "needs rows closer than 0.2 s");
   if (!evaluator.has(kBody)) {
     missing(sim::Cut::kShape, "needs a tracker");

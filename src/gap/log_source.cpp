@@ -8,11 +8,12 @@
 #include <fstream>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 #include "csv.h"
 #include "sources.h"
+#include "tendril/config/config.h"
 #include "tendril/io/log.h"
-#include "tendril/model/pull_cone.h"
 
 namespace tendril::gap {
 namespace {
@@ -31,9 +32,30 @@ bool Measured(const CycleRecord& record) {
 }
 
 /// The counter wraps: its difference counts.
+std::int32_t Difference(std::int32_t now, std::int32_t before) {
+  return static_cast<std::int32_t>(static_cast<std::uint32_t>(now) - static_cast<std::uint32_t>(before));
+}
 std::int32_t CountsSince(const CycleRecord& zero, const CycleRecord& now, std::size_t drive) {
-  return static_cast<std::int32_t>(static_cast<std::uint32_t>(now.input.drive[drive].position_counts) -
-                                   static_cast<std::uint32_t>(zero.input.drive[drive].position_counts));
+  return Difference(now.input.drive[drive].position_counts, zero.input.drive[drive].position_counts);
+}
+
+/// Counts of each drive where the controller has its zero, by the displacement that it shows in a cycle. It
+/// keeps the zero of the first arming, and a log may begin later.
+std::vector<std::int32_t> ZeroCounts(const CycleRecord& cycle, const RobotParameters& controllers) {
+  std::vector<std::int32_t> zero;
+  constexpr double kMost = std::numeric_limits<std::int32_t>::max();
+  const TendonVector& displacement_m = cycle.output.displacement_m;
+  for (const auto& tendon : controllers.actuation->tendons) {
+    const std::size_t d = zero.size();
+    const auto row = static_cast<Eigen::Index>(d);
+    const double count_m =
+        2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn * tendon.SpoolTravelPerMotorRad();
+    const double moved = row < displacement_m.size() ? displacement_m[row] / count_m : 0;
+    const bool known = std::abs(moved) < kMost;
+    zero.push_back(Difference(cycle.input.drive[d].position_counts,
+                              known ? static_cast<std::int32_t>(std::lround(moved)) : 0));
+  }
+  return zero;
 }
 
 /// First cycle of the rest before `running`: tensioned already, no motor more than three counts from where it
@@ -80,15 +102,17 @@ bool Follows(const CycleRecord& before, const CycleRecord& now) {
 
 class LogRun {
  public:
-  /// Positions count from cycle `zero`.
-  LogRun(const std::vector<CycleRecord>& cycles, std::size_t zero, std::size_t last,
-         const RobotParameters& robot)
+  /// Of the cycles from `running` to `last`, and the rest before them; `controllers`: the robot that the log
+  /// was made with.
+  LogRun(const std::vector<CycleRecord>& cycles, std::size_t running, std::size_t last,
+         const RobotParameters& robot, const RobotParameters& controllers)
       : cycles_(cycles),
-        zero_(zero),
-        first_(BeginOfRest(cycles, zero)),
+        first_(BeginOfRest(cycles, running)),
         last_(last),
-        robot_(robot),
-        zero_m_(ZeroOfController()) {}
+        robot_(robot) {
+    // The first cycle still shows the zero before.
+    zero_counts_ = ZeroCounts(cycles[std::min(running + 1, last - 1)], controllers);
+  }
 
   /// A run of less than two rows when the log is damaged.
   Run Make() {
@@ -106,7 +130,7 @@ class LogRun {
     for (Eigen::Index i = 0; i < rows; ++i) {
       const std::size_t at = kept[static_cast<std::size_t>(i)];
       run_.time_s[i] = ToSeconds(cycles_[at].input.time_ns - start_ns);
-      for (int j = 0; j < static_cast<int>(tendons); ++j) FillDrive(i, at, j, cycles_[zero_]);
+      for (int j = 0; j < static_cast<int>(tendons); ++j) FillDrive(i, at, j);
     }
     FillTracker(kept);
     NoteLost(kept);
@@ -116,22 +140,6 @@ class LogRun {
   }
 
  private:
-  // The robot at the end of pretension counts as straight; where tendons do not pull every way, as what the
-  // controller takes it for from the next cycle on.
-  TendonVector ZeroOfController() const {
-    const int tendons = robot_.body.tendons();
-    TendonVector zero_m = TendonVector::Zero(tendons);
-    if (model::PullsEveryWay(robot_.body) || zero_ + 1 >= last_) return zero_m;
-    const CycleRecord& next = cycles_[zero_ + 1];
-    for (int j = 0; j < std::min<int>(tendons, static_cast<int>(next.output.displacement_m.size())); ++j) {
-      const auto& t = robot_.actuation->tendons[static_cast<std::size_t>(j)];
-      const double moved_rad = CountsSince(cycles_[zero_], next, static_cast<std::size_t>(j)) * 2 *
-                               std::numbers::pi / t.drive.encoder_counts_per_turn;
-      zero_m[j] = next.output.displacement_m[j] - moved_rad * t.SpoolTravelPerMotorRad();
-    }
-    return zero_m;
-  }
-
   // A damaged or joined log may repeat cycles.
   std::vector<std::size_t> KeptCycles() {
     std::vector<std::size_t> kept;
@@ -145,7 +153,7 @@ class LogRun {
     return kept;
   }
 
-  void FillDrive(Eigen::Index row, std::size_t at, int j, const CycleRecord& zero) {
+  void FillDrive(Eigen::Index row, std::size_t at, int j) {
     const auto& tendon = robot_.actuation->tendons[static_cast<std::size_t>(j)];
     const auto d = static_cast<std::size_t>(j);
     const DriveFeedback& drive = cycles_[at].input.drive[d];
@@ -153,12 +161,9 @@ class LogRun {
     run_.torque_target_Nm(row, j) = cycles_[at].output.torque_target_permille[d] * rated_Nm;
     const bool fresh = drive.age_cycles == 0;
     if (!fresh) ++stale_;
-    // Zero is where the controller puts it, at the end of pretension.
-    const std::int32_t counts = CountsSince(zero, cycles_[at], d);
+    const std::int32_t counts = Difference(drive.position_counts, zero_counts_[d]);
     run_.motor_position_rad(row, j) =
-        fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn +
-                    zero_m_[j] / tendon.SpoolTravelPerMotorRad()
-              : kNone;
+        fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn : kNone;
     run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNone;
     if (run_.tension_N.cols() > 0) {
       const bool cell = tendon.load_cell.place != LoadCellPlace::kNone && tendon.load_cell.gain_VpN > 0;
@@ -213,16 +218,30 @@ class LogRun {
   }
 
   const std::vector<CycleRecord>& cycles_;
-  std::size_t zero_, first_, last_;
+  std::size_t first_, last_;
   const RobotParameters& robot_;
-  TendonVector zero_m_;  // displacement that the controller gives cycle `zero`
+  std::vector<std::int32_t> zero_counts_;
   int stale_ = 0;
   Run run_;
 };
 
+/// The robot that the controller believed in; none where the log does not say, or not in words of today.
+std::optional<RobotParameters> ControllersRobot(const io::RunInfo& run, int tendons) {
+  if (run.robot_yaml.empty()) return std::nullopt;
+  try {
+    RobotParameters robot = config::ParseRobot(run.robot_yaml, "robot of the log");
+    if (robot.actuation && std::ssize(robot.actuation->tendons) == tendons) return robot;
+  } catch (const std::exception&) {
+    // Counts then mean what they mean to the robot named.
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
+// One whose first bytes are damaged is a log by its name.
 bool IsLcmLog(const std::filesystem::path& file) {
+  if (file.extension() == ".lcmlog") return true;
   std::ifstream in(file, std::ios::binary);
   std::array<char, 4> sync{};
   in.read(sync.data(), sync.size());
@@ -233,7 +252,9 @@ std::string RobotYamlOfLog(const std::filesystem::path& file) {
   return io::ReadLog(file.string()).run.robot_yaml;
 }
 
-std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParameters& robot) {
+std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotOfSet& of_set,
+                            std::vector<std::string>& notes) {
+  const RobotParameters& robot = of_set.robot();
   const std::string name = file.string();
   if (!robot.actuation) {
     throw std::runtime_error(
@@ -242,9 +263,10 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParame
         "rig_60mm.yaml");
   }
   const io::LogContents log = io::ReadLog(name);
+  of_set.Check(log.run.robot_yaml, name, notes);
   if (log.cycles.empty()) {
     throw std::runtime_error(name + ": no cycle in this log" +
-                             (log.damage.empty() ? "" : " (" + log.damage + ")") +
+                             (log.damage.empty() ? "" : " (damaged: " + log.damage + ")") +
                              "; accepted: a log with the channel ..._CYCLE; set lcm.cycle_every_cycles to 1");
   }
   const int tendons = static_cast<int>(robot.actuation->tendons.size());
@@ -255,6 +277,7 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParame
                     name, drives, robot.name, tendons));
   }
   const std::string sha256 = Sha256(ReadBytes(file));
+  const std::optional<RobotParameters> controllers = ControllersRobot(log.run, tendons);
   std::vector<Run> runs;
   for (std::size_t first = 0; first < log.cycles.size();) {
     if (!Measured(log.cycles[first])) {
@@ -263,7 +286,8 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParame
     }
     std::size_t last = first;
     while (last < log.cycles.size() && Measured(log.cycles[last])) ++last;
-    if (Run run = LogRun(log.cycles, first, last, robot).Make(); run.time_s.size() >= 2) {
+    if (Run run = LogRun(log.cycles, first, last, robot, controllers ? *controllers : robot).Make();
+        run.time_s.size() >= 2) {
       run.name = RunName(file);
       // A log is called run.lcmlog; what it was is what its folder is called.
       if (run.name == "run" && std::filesystem::absolute(file).parent_path().has_filename()) {
@@ -272,7 +296,8 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParame
       run.family = "unknown";
       run.sha256 = sha256;
       run.load_cell = CellPlace(robot);
-      if (!log.damage.empty()) run.warnings.push_back("the log is damaged and ends early: " + log.damage);
+      run.zero_at_rest = true;
+      if (!log.damage.empty()) run.warnings.push_back("the log is damaged: " + log.damage);
       runs.push_back(std::move(run));
     }
     first = last;

@@ -63,12 +63,16 @@ Run Liveliest(const Run& run) {
     return static_cast<int>(std::lower_bound(t.begin(), t.end(), at_s) - t.begin());
   };
   int first = 0, last = 0;
+  const bool motors = run.motor_position_rad.array().isFinite().any();
   double farthest = -1;
   for (double from_s = t[0]; from_s + kTried_s < end_s + kHop_s; from_s += kHop_s) {
     const int a = row(from_s), b = row(from_s + kTried_s);
     double way = 0;
     for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j)
       way += RangeOf(run.motor_position_rad.col(j).segment(a, b - a)).width();
+    // Without motors a run is as lively as its tendons are pulled.
+    for (Eigen::Index j = 0; j < run.tension_N.cols() && !motors; ++j)
+      way += RangeOf(run.tension_N.col(j).segment(a, b - a)).width();
     if (way > farthest) farthest = way, first = a, last = b;
   }
   std::vector<int> rows(static_cast<std::size_t>(last - first));
@@ -96,7 +100,8 @@ std::optional<Left> LeftOf(const DataSet& apart, bool with_cells) {
     Left left;
     for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddLeft(evaluator, i, left);
     // Without cells torque is compared with another thing.
-    if (with_cells && !evaluator.has(kC3)) left.erase({sim::Cut::kDrivetrain, Channel::Quantity::kTension});
+    if (with_cells && !evaluator.has_cells())
+      left.erase({sim::Cut::kDrivetrain, Channel::Quantity::kTension});
     return left;
   } catch (const std::exception&) {
     return std::nullopt;
@@ -106,7 +111,7 @@ std::optional<Left> LeftOf(const DataSet& apart, bool with_cells) {
 /// The same with a mistake undone.
 std::optional<Left> LeftWith(DataSet apart, const Mistake* mistake, const Evaluator& whole) {
   if (mistake != nullptr) mistake->Undo(apart);
-  return LeftOf(apart, whole.has(kC3));
+  return LeftOf(apart, whole.has_cells());
 }
 
 /// True where as much can be compared as before.
@@ -225,7 +230,7 @@ int OddCell(const Evaluator& evaluator, std::size_t from, std::size_t to) {
 }
 
 Measured MeasuredOf(const Evaluator& evaluator, std::size_t from, std::size_t to) {
-  return {evaluator.has(kC3), evaluator.has_tracker(), OddCell(evaluator, from, to)};
+  return {evaluator.has_cells(), evaluator.has_tracker(), OddCell(evaluator, from, to)};
 }
 
 /// Some runs of different kinds but one: those with all sensors first, then the shortest.

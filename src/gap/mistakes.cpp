@@ -27,14 +27,32 @@ void Exchange(Eigen::MatrixXd& values, Eigen::Index a, Eigen::Index b) {
 
 /// The tracker's frame turned about the base's axis, positions and orientations.
 void Turn(Run& run, const Eigen::AngleAxisd& by) {
-  if (run.tip_m.cols() != 3) return;
   const Eigen::Matrix3d R = by.toRotationMatrix();
-  run.tip_m = (run.tip_m * R.transpose()).eval();
+  if (run.tip_m.cols() == 3) run.tip_m = (run.tip_m * R.transpose()).eval();
   for (Eigen::Index i = 0; i < run.tip_quaternion.rows() && run.tip_quaternion.cols() == 4; ++i) {
     const Eigen::Vector4d w = run.tip_quaternion.row(i).transpose();
     const Eigen::Quaterniond q = Eigen::Quaterniond(by) * Eigen::Quaterniond(w[0], w[1], w[2], w[3]);
     run.tip_quaternion.row(i) << q.w(), q.x(), q.y(), q.z();
   }
+}
+
+/// Mistakes in the bend of sections, (us, vs) each.
+void OfBends(std::size_t sections, std::vector<Mistake>& all) {
+  const auto of = [&](const std::string& with, void (*undo)(Eigen::MatrixXd&, Eigen::Index)) {
+    for (std::size_t k = 0; k < sections; ++k) {
+      const auto column = static_cast<Eigen::Index>(2 * k);
+      all.push_back({fmt::format(fmt::runtime(with), k + 1),
+                     [undo, column](Run& run) { undo(run.bending_rad, column); }});
+    }
+  };
+  of("the sign of us_{} turned round", Negate);
+  of("the sign of vs_{0} turned round", [](Eigen::MatrixXd& bend, Eigen::Index k) { Negate(bend, k + 1); });
+  of("us_{0} and vs_{0} exchanged", [](Eigen::MatrixXd& bend, Eigen::Index k) { Exchange(bend, k, k + 1); });
+  of("the bend of section {} turned by 180 degrees", [](Eigen::MatrixXd& bend, Eigen::Index k) {
+    Negate(bend, k);
+    Negate(bend, k + 1);
+  });
+  all.push_back({"the bends taken as degrees", [](Run& run) { run.bending_rad *= std::numbers::pi / 180; }});
 }
 
 /// Readings of one cell: rows, times and values of those that are there.
@@ -187,6 +205,13 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   if (measured.cells && fast) late({});
   if (measured.odd_cell >= 0 && fast) late({measured.odd_cell});
   if (!measured.tracker) return all;
+  const bool bent = std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) {
+    return run.tip_m.cols() == 0 && run.tip_quaternion.cols() == 0 && run.bending_rad.cols() > 0;
+  });
+  if (bent) {
+    OfBends(set.robot.body.sections.size(), all);
+    return all;
+  }
   all.push_back({"the tip's quaternions taken as x, y, z, w", [](Run& run) {
                    if (run.tip_quaternion.cols() == 4)
                      run.tip_quaternion = run.tip_quaternion(Eigen::all, {3, 0, 1, 2}).eval();

@@ -104,13 +104,14 @@ void CountThroughHoles(Eigen::Ref<Eigen::VectorXd> angle, const std::vector<char
 
 /// Angle inside the counts: through the cell's border where the count changes by one, through the reading
 /// itself where the motor is faster than that. Where it rests or turns round within a cell nobody knows how
-/// far it went in: half way, or with `random` anywhere.
-Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, double step_s,
+/// far it went in: half way, or with `random` anywhere. It begins at the middle of its cell when `in_middle`.
+Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, double step_s, bool in_middle,
                              std::mt19937_64* random) {
   const int n = static_cast<int>(reading.size());
   Interpolator path;
   std::uniform_real_distribution<double> anywhere(0, 1);
-  path.Add(0, reading[0]);
+  const double begin = in_middle || random == nullptr ? 0 : (anywhere(*random) - 0.5) * count;
+  path.Add(0, reading[0] + begin);
   int dwell = 0;         // first sample of the present count
   double entered = NAN;  // border by which its cell was entered; NaN: jumped in, or there from the beginning
   for (int i = 1; i <= n; ++i) {
@@ -124,7 +125,7 @@ Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, doubl
     const bool turns = !std::isnan(entered) && (end || std::abs(left - entered) < 0.5 * count);
     // Before it rests a motor may swing back within the cell, unseen, and turn its friction round.
     double deepest = middle;
-    double rest = middle + (random != nullptr && dwell > 0 ? (anywhere(*random) - 0.5) * count : 0);
+    double rest = middle + (dwell == 0 ? begin : random != nullptr ? (anywhere(*random) - 0.5) * count : 0);
     if (!std::isnan(entered)) {
       const double inwards = entered < middle ? count : -count;
       deepest = entered + inwards * (random != nullptr ? anywhere(*random) : 0.5);
@@ -232,6 +233,9 @@ void MarkMoved(int tendon, int from, int to, PreparedRun& out) {
   const int a = std::max(0, from - after(kStoodStill_s)), b = std::min(samples, to + after(kStoodStill_s));
   bool moved = to - from >= after(kStillFor_s);
   for (int j = first; j < last; ++j) {
+    // What is not known may have moved.
+    moved =
+        moved || (out.signals.no_motor.size() > 0 && out.signals.no_motor[static_cast<std::size_t>(j)] != 0);
     const auto about = out.signals.motor_angle_rad.col(j).segment(a, b - a);
     moved = moved || about.maxCoeff() - about.minCoeff() >= kStill_rad;
   }
@@ -239,6 +243,47 @@ void MarkMoved(int tendon, int from, int to, PreparedRun& out) {
   out.moved_unseen.push_back({tendon, from, to});
   std::fill(out.driven.begin() + from, out.driven.begin() + std::min(samples, to + after(kBodySettles_s)),
             char{0});
+}
+
+/// Of motors that count from where they rested: where that was, as far as cells and counts (S x M) tell.
+void FindRest(const RobotParameters& robot, const Eigen::MatrixXd& reading, PreparedRun& out) {
+  constexpr double kRest_s = 0.5;     // runs begin with this
+  constexpr double kStillCounts = 3;  // that a tendon creeps while friction settles
+  constexpr double kSigmas = 3;
+  const auto tendons = reading.cols();
+  const auto count_of = [&](Eigen::Index j) {
+    const int counts = robot.actuation->tendons[static_cast<std::size_t>(j)].drive.encoder_counts_per_turn;
+    return counts > 0 ? 2 * std::numbers::pi / counts : 0;
+  };
+  const auto still = [&](int i) {
+    for (Eigen::Index j = 0; j < tendons; ++j) {
+      if (!(std::abs(reading(i, j) - reading(0, j)) <= kStillCounts * count_of(j))) return false;
+    }
+    return true;
+  };
+  const int longest =
+      out.signals.at_rest ? 1 : std::min(out.samples(), 1 + static_cast<int>(kRest_s / out.signals.step_s));
+  out.rest_samples = 1;
+  while (out.rest_samples < longest && still(out.rest_samples)) ++out.rest_samples;
+  out.rest_N.setConstant(tendons, std::nan(""));
+  out.zero_open_rad.setZero(tendons);
+  for (Eigen::Index j = 0; j < tendons; ++j) {
+    const auto& p = robot.actuation->tendons[static_cast<std::size_t>(j)];
+    const double N_per_rad = p.tendon.stiffness_Npm * p.SpoolTravelPerMotorRad();
+    double sum_N = 0, count = 0;
+    for (int i = 0; i < (j < out.cell_N.cols() ? out.rest_samples : 0); ++i) {
+      if (std::isfinite(out.cell_N(i, j))) sum_N += out.cell_N(i, j), count += 1;
+    }
+    out.zero_open_rad[j] = 0.5 * count_of(j);
+    if (count > 0) {
+      out.rest_N[j] = sum_N / count;
+      const double noise_N =
+          std::hypot(p.load_cell.noise_N, out.cell_step_N[static_cast<std::size_t>(j)] / std::sqrt(12.0));
+      out.zero_open_rad[j] += kSigmas * noise_N / std::sqrt(count) / N_per_rad;
+    } else {
+      out.zero_open_rad[j] += robot.limits.min_tension_N / N_per_rad;
+    }
+  }
 }
 
 /// Rows in which nothing was recorded are rows that are missing.
@@ -318,6 +363,58 @@ void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int sa
   if ((samples - at[last] - 1) * step_s > bridged_s) holes.push_back({j, at[last] + 1, samples});
 }
 
+/// What shows the shape, of the rows at samples `at`. A bend says nothing that a tip's pose does not say, and
+/// of the same sensor.
+void ReadTracker(const Run& run, const RobotParameters& robot, const std::vector<int>& at,
+                 std::optional<std::uint64_t> seed, std::mt19937_64& random, PreparedRun& out) {
+  const auto rows = static_cast<int>(run.time_s.size());
+  const auto measured = [&](const Eigen::MatrixXd& values, Eigen::Index columns) {
+    return values.cols() == columns && values.rows() == rows && values.array().isFinite().any();
+  };
+  const auto sections = static_cast<Eigen::Index>(robot.body.sections.size());
+  const bool placed = measured(run.tip_m, 3), turned = measured(run.tip_quaternion, 4);
+  const bool bent = !placed && !turned && measured(run.bending_rad, 2 * sections);
+  if (!placed && !turned && !bent) return;
+  const double turn_step = run.tip_quaternion_step;
+  if (placed) {
+    for (const auto axis : run.tip_m.colwise()) out.tip_step_m = std::max(out.tip_step_m, DecimalStep(axis));
+  }
+  if (bent) {
+    for (const auto bend : run.bending_rad.colwise())
+      out.bending_step_rad = std::max(out.bending_step_rad, DecimalStep(bend));
+  }
+  out.tip_step_rad = 2 * turn_step;
+  std::vector<WithinSteps> within(4, WithinSteps(turn_step, random));
+  std::vector<int> seen;
+  for (int i = 0; i < rows; ++i) {
+    const bool whole =
+        (!placed || run.tip_m.row(i).allFinite()) && (!bent || run.bending_rad.row(i).allFinite()) &&
+        (!turned || (run.tip_quaternion.row(i).allFinite() && run.tip_quaternion.row(i).norm() > 0.5));
+    if (whole && out.valid[static_cast<std::size_t>(at[static_cast<std::size_t>(i)])]) seen.push_back(i);
+  }
+  out.tracker_s.resize(static_cast<Eigen::Index>(seen.size()));
+  if (placed) out.tip_m = run.tip_m(seen, Eigen::all);
+  if (bent) out.bending_rad = run.bending_rad(seen, Eigen::all);
+  for (std::size_t k = 0; k < seen.size(); ++k) {
+    const int i = seen[k];
+    out.tracker_s[static_cast<Eigen::Index>(k)] =
+        out.signals.at_rest ? i * out.signals.step_s : run.time_s[i] - out.start_s;
+    if (!turned) continue;
+    Eigen::Vector4d w = run.tip_quaternion.row(i).transpose();
+    for (int n = 0; n < 4 && seed && turn_step > kCoarseTurn; ++n)
+      w[n] += within[static_cast<std::size_t>(n)].At(w[n]);
+    w.normalize();
+    Eigen::Quaterniond orientation(w[0], w[1], w[2], w[3]);
+    if (seed && robot.actuation && robot.actuation->tracker) {
+      std::normal_distribution<double> normal;
+      const double rms = 0.5 * robot.actuation->tracker->orientation_noise_rad;
+      const Eigen::Quaterniond turn(1, rms * normal(random), rms * normal(random), rms * normal(random));
+      orientation = (orientation * turn).normalized();
+    }
+    out.tip_R.push_back(orientation.toRotationMatrix());
+  }
+}
+
 }  // namespace
 
 void PreparedRun::MoveTracker(double by_s) {
@@ -328,12 +425,16 @@ void PreparedRun::MoveTracker(double by_s) {
     const double moved_s = tracker_s[k] + by_s;
     if (moved_s < 0 || moved_s > end_s) continue;
     tracker_s[kept] = moved_s;
-    tip_m.row(kept) = tip_m.row(k);
+    for (Eigen::MatrixXd* readings : {&tip_m, &bending_rad}) {
+      if (readings->rows() > 0) readings->row(kept) = readings->row(k).eval();
+    }
     if (!tip_R.empty()) tip_R[static_cast<std::size_t>(kept)] = tip_R[static_cast<std::size_t>(k)];
     ++kept;
   }
   tracker_s.conservativeResize(kept);
-  tip_m.conservativeResize(kept, 3);
+  for (Eigen::MatrixXd* readings : {&tip_m, &bending_rad}) {
+    if (readings->rows() > 0) readings->conservativeResize(kept, readings->cols());
+  }
   if (!tip_R.empty()) tip_R.resize(static_cast<std::size_t>(kept));
 }
 
@@ -528,9 +629,17 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
     }
   }
 
-  if (run.motor_position_rad.cols() == tendons) {
+  const bool with_motors = run.motor_position_rad.cols() == tendons;
+  if (!with_motors) {
+    for (int j = 0; j < tendons; ++j) out.motor_holes.push_back({j, 0, samples});
+    s.no_motor.assign(static_cast<std::size_t>(tendons), 1);
+    out.sliding.setZero(samples, tendons);
+    for (auto* motion : {&s.motor_angle_rad, &s.motor_velocity_radps, &s.motor_acceleration_radps2})
+      motion->setZero(samples, tendons);
+  } else {
     Eigen::MatrixXd reading = on_grid(run.motor_position_rad);
     known(run.motor_position_rad, reading, out.motor_holes);
+    if (run.zero_at_rest && robot.actuation) FindRest(robot, reading, out);
     for (const Hole& hole : out.motor_holes) {
       s.no_motor.resize(static_cast<std::size_t>(tendons), 0);
       if (hole.size() == samples) s.no_motor[static_cast<std::size_t>(hole.tendon)] = 1;
@@ -565,7 +674,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
             read[static_cast<std::size_t>(at[i])] = std::isfinite(run.motor_position_rad(i, j));
           CountThroughHoles(angle, read, count);
         }
-        angle = InsideCounts(angle, count, step_s, seed ? &random : nullptr);
+        angle = InsideCounts(angle, count, step_s, !run.zero_at_rest, seed ? &random : nullptr);
       }
       if (at_rest) {
         s.motor_angle_rad.col(j) = angle;
@@ -603,40 +712,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
     MarkMoved(hole.tendon, hole.from, hole.to, out);
   }
 
-  // Tracker.
-  if (run.tip_m.cols() == 3 && run.tip_m.rows() == rows) {
-    const bool turned = run.tip_quaternion.cols() == 4;
-    const double turn_step = run.tip_quaternion_step;
-    for (const auto axis : run.tip_m.colwise()) out.tip_step_m = std::max(out.tip_step_m, DecimalStep(axis));
-    out.tip_step_rad = 2 * turn_step;
-    std::vector<WithinSteps> within(4, WithinSteps(turn_step, random));
-    std::vector<int> seen;
-    for (int i = 0; i < rows; ++i) {
-      const bool position = run.tip_m.row(i).allFinite();
-      const bool orientation =
-          !turned || (run.tip_quaternion.row(i).allFinite() && run.tip_quaternion.row(i).norm() > 0.5);
-      if (position && orientation && out.valid[at[i]]) seen.push_back(i);
-    }
-    out.tracker_s.resize(static_cast<int>(seen.size()));
-    out.tip_m.resize(static_cast<int>(seen.size()), 3);
-    for (int k = 0; k < static_cast<int>(seen.size()); ++k) {
-      const int i = seen[k];
-      out.tracker_s[k] = at_rest ? i * step_s : run.time_s[i] - out.start_s;
-      out.tip_m.row(k) = run.tip_m.row(i);
-      if (!turned) continue;
-      Eigen::Vector4d w = run.tip_quaternion.row(i).transpose();
-      for (int n = 0; n < 4 && seed && turn_step > kCoarseTurn; ++n)
-        w[n] += within[static_cast<std::size_t>(n)].At(w[n]);
-      w.normalize();
-      Eigen::Quaterniond orientation(w[0], w[1], w[2], w[3]);
-      if (seed && robot.actuation && robot.actuation->tracker) {
-        const double rms = 0.5 * robot.actuation->tracker->orientation_noise_rad;
-        const Eigen::Quaterniond turn(1, rms * normal(random), rms * normal(random), rms * normal(random));
-        orientation = (orientation * turn).normalized();
-      }
-      out.tip_R.push_back(orientation.toRotationMatrix());
-    }
-  }
+  ReadTracker(run, robot, at, seed, random, out);
   return out;
 }
 

@@ -49,6 +49,12 @@ struct PreparedRun {
   /// and what needs them cannot be told.
   std::vector<Hole> target_holes, torque_holes, motor_holes;
   std::vector<char> driven;  // S: valid, and what moves tendons and body is known
+  /// Of a run whose motors count from where they rested (Run::zero_at_rest), else 0 and empty: the first
+  /// samples at rest, what the cells read there in the mean (M; NaN: nothing), and how far from the zero that
+  /// follows the true one may be (M): half a count, and what the cell's noise or, without it, the least
+  /// tension makes.
+  int rest_samples = 0;
+  Eigen::VectorXd rest_N, zero_open_rad;
   /// Holes of a motor, or of all that was recorded (tendon -1), in which it turned; the first moments of a
   /// run that begins on the way.
   std::vector<Hole> moved_unseen;
@@ -56,11 +62,12 @@ struct PreparedRun {
   /// how far friction in motor and gear has turned round, so what torque says of tension is worth nothing
   /// there.
   Eigen::Matrix<char, Eigen::Dynamic, Eigen::Dynamic> sliding;
-  // Tracker: P samples at their own times.
-  Eigen::VectorXd tracker_s;                // since start_s
-  Eigen::MatrixXd tip_m;                    // P x 3
-  std::vector<Eigen::Matrix3d> tip_R;       // P, empty without orientation
-  double tip_step_m = 0, tip_step_rad = 0;  // of a table with few places
+  // Tracker: P samples at their own times, of what it shows.
+  Eigen::VectorXd tracker_s;           // since start_s
+  Eigen::MatrixXd tip_m;               // P x 3, empty without position
+  std::vector<Eigen::Matrix3d> tip_R;  // P, empty without orientation
+  Eigen::MatrixXd bending_rad;         // P x 2K, (us, vs) a section; empty beside a position or orientation
+  double tip_step_m = 0, tip_step_rad = 0, bending_step_rad = 0;  // of a table with few places
   // Of the time stamps.
   double jitter_s = 0;  // rms against the grid
   int lost = 0;         // grid points without a sample
@@ -87,7 +94,9 @@ struct PreparedRun {
   }
   /// Moves the tracker's readings on the drives' clock; what would leave the run is dropped.
   void MoveTracker(double by_s);
-  /// Positions enough to compare with.
+  /// Where the motor of no tendon is known.
+  bool without_motors() const { return !Leave(motor_holes, signals.motor_angle_rad.cols()); }
+  /// Readings enough to compare with.
   bool tracked() const { return tracker_s.size() > (signals.at_rest ? kLeastStates - 1 : 10); }
 };
 

@@ -252,9 +252,11 @@ Probe WithEach(Probe probe, const std::vector<Probe>& probes, const std::vector<
 std::vector<Probe> MakeProbes(const Evaluator& evaluator, const std::vector<std::string>& without,
                               int threads, const std::function<void(double)>& progress) {
   std::vector<Candidate> candidates =
-      AllCandidates(evaluator.nominal(), evaluator.has(kC3), evaluator.has_tracker());
+      AllCandidates(evaluator.nominal(), evaluator.has_cells(), evaluator.has_tracker());
   std::erase_if(candidates, [&](const Candidate& candidate) {
-    return std::find(without.begin(), without.end(), candidate.effect->name) != without.end();
+    const std::string_view name = candidate.effect->name;
+    if (evaluator.zeros_from_rest() && (name == "encoder_offset" || name == "slack")) return true;
+    return std::find(without.begin(), without.end(), name) != without.end();
   });
   std::vector<Probe> probes = Starts(evaluator, candidates);
   Differentiate(evaluator, probes, threads, progress);

@@ -15,6 +15,7 @@
 #include <type_traits>
 
 #include "tendril/gap/report.h"
+#include "tendril/gap/words.h"
 
 namespace tendril::gap {
 namespace {
@@ -198,6 +199,14 @@ void Fields(A& a, typename A::template Ref<Profile> p) {
 }
 
 template <class A>
+void Fields(A& a, typename A::template Ref<SuspectNumber> n) {
+  a("key", n.key);
+  a("in_file", n.in_file);
+  a("value", n.value);
+  a("closed", n.closed);
+}
+
+template <class A>
 void Fields(A& a, typename A::template Ref<NextExperiment> n) {
   a("family", n.family);
   a("reason", n.reason);
@@ -238,6 +247,8 @@ void Fields(A& a, typename A::template Ref<Diagnosis> d) {
   // "closed" gathers several members: see WriteClosed and ReadClosed.
   a("order_effects", d.order_effects);
   a("leftover_sigma", d.leftover_sigma);
+  a("suspected", d.suspected);
+  a("doubt", d.doubt);
   a("confusable", d.confusable);
   a("baselines", d.baselines);
   a("condition_maps", d.maps);
@@ -279,10 +290,6 @@ Json ToJson(HealthFinding::Severity v) { return kSeverities.at(static_cast<std::
 Json ToJson(const Estimate& v) {
   return {{"value", ToJson(v.value)}, {"ci", {ToJson(v.low), ToJson(v.high)}}};
 }
-template <class T>
-Json ToJson(const std::optional<T>& v) {
-  return v ? ToJson(*v) : Json(nullptr);
-}
 Json ToJson(const std::map<std::string, Estimate>& v) {
   Json j = Json::object();
   for (const auto& [name, estimate] : v) j[name] = ToJson(estimate);
@@ -293,9 +300,7 @@ Json ToJson(const std::pair<std::string, double>& v) {
 }
 
 template <class T>
-Json ToJson(const T& v)
-  requires std::is_class_v<T>
-{
+Json ToJson(const T& v) requires std::is_class_v<T> {
   Json j = Json::object();
   Writer w(j);
   Fields(w, v);
@@ -327,6 +332,7 @@ Json ToJson(const Cause& v) {
     const ParameterText text = TextOf(name);
     j["parameters"][name]["word"] = text.word;
     j["parameters"][name]["unit"] = text.unit;
+    j["parameters"][name]["text"] = ParameterWords(name, estimate, true);
   }
   const sim::Effect* effect = sim::FindEffect(v.effect);
   j["about"] = effect ? std::string(effect->summary) : std::string();
@@ -343,6 +349,10 @@ Json ToJson(const Profile& v) {
   return j;
 }
 
+template <class T>
+Json ToJson(const std::optional<T>& v) {
+  return v ? ToJson(*v) : Json(nullptr);
+}
 template <class T>
 Json ToJson(const std::vector<T>& v) {
   Json j = Json::array();
@@ -415,11 +425,6 @@ void FromJson(const Json& j, const std::string& at, Estimate& v) {
   FromJson(ci[0], Below(at, "ci[0]"), v.low);
   FromJson(ci[1], Below(at, "ci[1]"), v.high);
 }
-template <class T>
-void FromJson(const Json& j, const std::string& at, std::optional<T>& v) {
-  v.reset();
-  if (!j.is_null()) FromJson(j, at, v.emplace());
-}
 void FromJson(const Json& j, const std::string& at, std::map<std::string, Estimate>& v) {
   if (!j.is_object()) Wrong(at, "an object");
   for (const auto& [key, value] : j.items()) FromJson(value, Below(at, key), v[key]);
@@ -430,9 +435,7 @@ void FromJson(const Json& j, const std::string& at, std::pair<std::string, doubl
 }
 
 template <class T>
-void FromJson(const Json& j, const std::string& at, T& v)
-  requires std::is_class_v<T>
-{
+void FromJson(const Json& j, const std::string& at, T& v) requires std::is_class_v<T> {
   Reader r(j, at);
   Fields(r, v);
 }
@@ -443,6 +446,11 @@ void FromJson(const Json& j, const std::string& at, CutFinding& v) {
   Fields(r, v);
 }
 
+template <class T>
+void FromJson(const Json& j, const std::string& at, std::optional<T>& v) {
+  v.reset();
+  if (!j.is_null()) FromJson(j, at, v.emplace());
+}
 template <class T>
 void FromJson(const Json& j, const std::string& at, std::vector<T>& v) {
   if (!j.is_array()) Wrong(at, "a list");
@@ -512,6 +520,16 @@ Json Chain() {
     chain.push_back({{"cut", ToJson(cut)}, {"title", text.title}, {"from", text.from}, {"to", text.to}});
   }
   return chain;
+}
+
+/// In which units values are shown, for the page.
+Json Units() {
+  Json units = Json::object();
+  for (const auto& [unit, choices] : ShownUnits()) {
+    for (const ShownUnit& shown : choices)
+      units[std::string(unit)].push_back({ToJson(shown.below), shown.factor, std::string(shown.unit)});
+  }
+  return units;
 }
 
 // ---- condensing -------------------------------------------------------------------------------------------
@@ -618,8 +636,10 @@ std::string ReportJson(const Diagnosis& diagnosis) {
   Json j{{"format", kFormat}};
   Writer w(j);
   Fields(w, d);
+  j["next_commands"] = ToJson(d.next_commands);
   j["closed"] = WriteClosed(d);
   j["chain"] = Chain();
+  j["shown_units"] = Units();
   Json provenance = Json::object();
   Writer p(provenance);
   ProvenanceFields(p, d);
@@ -643,6 +663,8 @@ Diagnosis ParseReport(const std::string& text) {
     throw std::runtime_error(fmt::format("has format {}, this program reads {}", format, kFormat));
   }
   Fields(r, d);
+  // Reports of earlier versions have none.
+  if (j.contains("next_commands")) FromJson(j.at("next_commands"), "next_commands", d.next_commands);
   ReadClosed(Member(j, "", "closed"), d);
   Reader p(Member(j, "", "provenance"), "provenance");
   ProvenanceFields(p, d);

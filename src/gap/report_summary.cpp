@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <sstream>
 #include <vector>
 
 #include "tendril/gap/report.h"
+#include "tendril/gap/words.h"
 #include "told_parameters.h"
 
 namespace tendril::gap {
@@ -53,20 +53,6 @@ std::string Bar(double share, int width) {
   return std::string(full, '#') + std::string(static_cast<std::size_t>(width) - full, '.');
 }
 
-std::string Percent(double share) {
-  if (!std::isfinite(share)) return "  - %";
-  if (share > 0 && share < 0.01) return " <1 %";
-  if (share < 1 && share > 0.99) return ">99 %";
-  return fmt::format("{:3.0f} %", 100 * share);
-}
-
-std::string Value(double v, std::string_view unit) {
-  if (!std::isfinite(v)) return "-";
-  if (unit == "m") return fmt::format("{:.3g} mm", 1e3 * v);
-  if (unit == "rad") return fmt::format("{:.3g} deg", v * 180 / std::numbers::pi);
-  return fmt::format("{:.3g}{}{}", v, unit.empty() ? "" : " ", unit);
-}
-
 class Paint {
  public:
   explicit Paint(bool colour) : colour_(colour) {}
@@ -102,13 +88,13 @@ std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
                                        Pad(fmt::format("{} -> {}", text.from, text.to), 30));
   if (!worst) return head + paint(kDim, listed ? "cannot be told from these logs" : "not measured") + "\n";
   if (worst->uncertain())
-    return head + paint(kYellow, fmt::format("{:6.3g} sigma  in too few seconds", worst->excess_sigma)) +
-           "\n";
+    return head +
+           paint(kYellow, fmt::format("{:>6} sigma  in too few seconds", Sigmas(worst->excess_sigma))) + "\n";
   if (!worst->excess) return head + paint(kGreen, "at the noise floor") + "\n";
   // Stamps that are there may be exact where others are lost.
   const std::string state =
       worst->excess_sigma > 0
-          ? fmt::format("{:6.3g} sigma  {} rms", worst->excess_sigma, Value(worst->rms, worst->unit))
+          ? fmt::format("{:>6} sigma  {} rms", Sigmas(worst->excess_sigma), Quantity(worst->rms, worst->unit))
           : Clean(worst->note);
   const std::string mark = first ? "  <- starts here" : "";
   const int rest = kWidth - Width(head) - Width(state) - Width(mark) - 2;
@@ -124,11 +110,10 @@ std::string CauseLine(const Cause& c, const Paint& paint, bool accepted) {
   if (!c.where.empty() && c.where != "all") name += " " + c.where;
   std::string parameters;
   for (const auto& [key, e] : ToldParameters(c)) {
-    parameters += fmt::format("{}{} {:.4g} [{:.4g}, {:.4g}]", parameters.empty() ? "" : ", ", key, e.value,
-                              e.low, e.high);
+    parameters += (parameters.empty() ? "" : ", ") + ParameterWords(key, e, true);
   }
   if (c.bound_hit) parameters += ", at a bound";
-  const std::string head = fmt::format("  {} {} {}", Pad(Clean(name), 30), Bar(c.p, 20), Percent(c.p));
+  const std::string head = fmt::format("  {} {} {:>5}", Pad(Clean(name), 30), Bar(c.p, 20), Percent(c.p));
   return (accepted ? paint(kBold, head) : head) +
          (parameters.empty() ? "" : "  " + Cut(Clean(parameters), kWidth - Width(head) - 2)) + "\n";
 }
@@ -175,12 +160,9 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
   }
 
   if (d.closed) {
-    const auto bound = [](double share) {
-      return share < -1 ? std::string("below -100") : fmt::format("{:.0f}", 100 * share + 0.0);
-    };
-    out += fmt::format("\nClosed {} of the gap on {} held back (95 %: {} to {} %)\n",
-                       Percent(std::abs(d.closed->value) < 5e-3 ? 0 : d.closed->value), d.held_out_by,
-                       bound(d.closed->low), bound(d.closed->high));
+    const auto bound = [](double share) { return share < -1 ? "below -100 %" : Percent(share); };
+    out += fmt::format("\nClosed {} of the gap on {} held back (95 %: {} to {})\n", Percent(d.closed->value),
+                       d.held_out_by, bound(d.closed->low), bound(d.closed->high));
     // The channels with the largest gap, for their size in units.
     std::vector<const Closure*> rows;
     for (const Closure& c : d.closures) {
@@ -192,7 +174,8 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
     for (std::size_t i = 0; i < std::min<std::size_t>(rows.size(), 4); ++i) {
       const Closure& c = *rows[i];
       out += fmt::format("  {} {} -> {}  (floor {})\n", Pad(Clean(c.channel), 36),
-                         Value(c.before_rms, c.unit), Value(c.after_rms, c.unit), Value(c.floor_rms, c.unit));
+                         Quantity(c.before_rms, c.unit), Quantity(c.after_rms, c.unit),
+                         Quantity(c.floor_rms, c.unit));
     }
   }
 
@@ -200,6 +183,9 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
     const std::string family = d.next.family.empty() ? "" : ": " + paint(kBold, Clean(d.next.family));
     out += fmt::format("\nNext{}\n{}", family, d.next.reason.empty() ? "" : Wrapped(d.next.reason, 2));
   }
+  // Not wrapped: they are to be copied.
+  for (std::size_t i = 0; i < d.next_commands.size(); ++i)
+    out += fmt::format("{}  {}\n", i == 0 ? "\nTo run next\n" : "", paint(kBold, Clean(d.next_commands[i])));
   if (!d.degradations.empty()) {
     constexpr std::size_t kTold = 5;
     out += "\nLimits of these logs\n";

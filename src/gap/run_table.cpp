@@ -15,6 +15,7 @@
 #include "health_signal.h"
 #include "median.h"
 #include "sources.h"
+#include "table_hints.h"
 #include "tendril/core/limits.h"
 
 namespace tendril::gap {
@@ -88,32 +89,35 @@ void Normalise(Run& run) {
 /// Columns of a table by lower-case name.
 class Columns {
  public:
-  Columns(const std::vector<std::string>& names, Run& run) {
-    std::vector<std::string> twice;
-    for (std::size_t c = 0; c < names.size(); ++c) {
-      if (names[c].empty()) continue;
-      if (!index_.emplace(LowerCase(names[c]), c).second) twice.push_back(names[c]);
-    }
-    if (!twice.empty()) {
-      run.notes.push_back("columns that are there twice, of which the first is taken: " + Listed(twice));
-    }
+  explicit Columns(const std::vector<std::string>& names) {
+    for (const std::string& name : names) lower_.push_back(LowerCase(name));
+    for (std::size_t c = 0; c < names.size(); ++c) index_.emplace(lower_[c], c);
   }
-  int Find(const std::string& name) const {
-    const auto found = index_.find(LowerCase(name));
+  /// Its index, or -1; throws TableError, beginning with `where`, when several have the name.
+  int Find(const std::string& name, const std::string& where) const {
+    const std::string lower = LowerCase(name);
+    if (const std::string places = Twice(lower_, lower); !places.empty()) {
+      throw TableError(
+          fmt::format("{}: {} are both called {}; accepted: one column of a name; rename or remove "
+                      "the other",
+                      where, places, name));
+    }
+    const auto found = index_.find(lower);
     return found == index_.end() ? -1 : static_cast<int>(found->second);
   }
 
  private:
+  std::vector<std::string> lower_;
   std::map<std::string, std::size_t> index_;
 };
 
 /// The highest number of a tendon in canonical names; 0: none.
-int TendonsNamed(const Columns& columns) {
+int TendonsNamed(const Columns& columns, const std::string& where) {
   int most = 0;
   for (const Block& block : Blocks(kMaxTendons, 0)) {
     if (block.whole) continue;
     for (int j = 0; j < static_cast<int>(block.names.size()); ++j) {
-      if (columns.Find(block.names[static_cast<std::size_t>(j)]) >= 0) most = std::max(most, j + 1);
+      if (columns.Find(block.names[static_cast<std::size_t>(j)], where) >= 0) most = std::max(most, j + 1);
     }
   }
   return most;
@@ -302,24 +306,28 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
   int time_column = -1;
   std::vector<std::vector<int>> columns;  // by block; -1: missing
   const std::string name = file.string();
-  Table table = ParseTable(bytes, name, {}, [&](const std::vector<std::string>& names) {
-    const Columns in_file(names, run);
+  Table table = ParseTable(bytes, name, {}, [&](const std::vector<std::string>& names, int line) {
+    const Columns in_file(names);
+    const std::string where = fmt::format("{}:{}", name, line);
     std::vector<CellKind> kinds(names.size(), CellKind::kIgnored);
-    time_column = in_file.Find("t_s");
+    time_column = in_file.Find("t_s", where);
     if (time_column < 0) {
+      const std::string option = OptionForNames(bytes, {}, {"t_s"});
       throw TableError(fmt::format(
-          "{}:1: no column t_s (time in seconds); there are: {}; rename the columns to the canonical ones or "
-          "use tendril gap import with a column map",
-          name, Listed(names)));
+          "{}: no column t_s (time in seconds); there are: {}; {}", where, Listed(names),
+          option.empty()
+              ? "rename the columns to the canonical ones or use tendril gap import with a column map"
+              : "it stands elsewhere: remove what is before it, or say " + option +
+                    " in a map of tendril gap import"));
     }
     kinds[static_cast<std::size_t>(time_column)] = CellKind::kNumber;
-    named = TendonsNamed(in_file);
+    named = TendonsNamed(in_file, where);
     blocks = Blocks(std::max(tendons, named), static_cast<int>(robot.body.sections.size()));
     for (const Block& block : blocks) {
       std::vector<int> found;
       std::vector<std::string> missing;
       for (const std::string& wanted : block.names) {
-        found.push_back(in_file.Find(wanted));
+        found.push_back(in_file.Find(wanted, where));
         if (found.back() < 0) missing.push_back(wanted);
       }
       if (missing.size() == block.names.size()) {
@@ -342,11 +350,11 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
     if (!ignored.empty()) run.notes.push_back("columns ignored: " + Listed(ignored));
     if (std::all_of(columns.begin(), columns.end(), [](const auto& c) { return c.empty(); })) {
       throw TableError(fmt::format(
-          "{}:1: no column that could be used; there are: {}; accepted: torque_target_Nm_j, "
+          "{}: no column that could be used; there are: {}; accepted: torque_target_Nm_j, "
           "torque_actual_Nm_j, "
           "motor_position_rad_j, tension_N_j (j = 1..{}), tip_x_m, tip_y_m, tip_z_m, tip_qw, tip_qx, tip_qy, "
           "tip_qz, us_k, vs_k; rename them or use tendril gap import with a column map",
-          name, Listed(names), tendons));
+          where, Listed(names), tendons));
     }
     return kinds;
   });

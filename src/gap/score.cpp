@@ -165,4 +165,12 @@ ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, co
   return ScoreChannels(evaluator, part, rest, all);
 }
 
+Eigen::VectorXd Leftover(const Evaluator& evaluator, const Residuals& part) {
+  constexpr double kSlack = 1.2;  // the noise is known within some tens of per cent
+  const ChannelScore score = ScoreChannels(evaluator, part, evaluator.AtNominal());
+  Eigen::VectorXd leftover(score.square.size());
+  for (int c = 0; c < leftover.size(); ++c) leftover[c] = score.Excess(c, kSlack);
+  return leftover;
+}
+
 }  // namespace tendril::gap

@@ -62,7 +62,9 @@ struct ChannelScore {
   }
 };
 ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, const Residuals& rest);
-/// The same of some runs.
+/// What residuals leave beyond the noise, by channel: nothing else is worth distinguishing by less than that.
+Eigen::VectorXd Leftover(const Evaluator& evaluator, const Residuals& part);
+/// ScoreChannels of some runs.
 ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, const Residuals& rest,
                            const std::vector<int>& runs);
 

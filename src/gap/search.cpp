@@ -17,8 +17,6 @@ namespace {
 // Plainly visible deviations: constants nobody knows move freely by little, and by no more than three of
 // these.
 constexpr double kNuisancePrior = 0.05;
-// The same of a tracker's frame that nobody knows, about the one fitted to the nominal robot.
-constexpr double kFrameTurn_rad = 0.1, kFrameShift_m = 0.02;
 constexpr int kIterations = 3, kPolish = 6, kPolished = 3;
 // Share of what a fit brings that a straight line may lose on the folds held out; where it loses more, so
 // many of the best are refitted without each fold, by so many steps.
@@ -26,7 +24,6 @@ constexpr double kFoldLoss = 0.05;
 constexpr int kHeldOutAgain = 2, kFoldIterations = 3;
 constexpr int kPlacesOfOneEffect = 2;   // of the candidates that are refitted
 constexpr int kAlike = 4;               // of those that look like the best, refitted as well
-constexpr double kLeftoverSlack = 1.2;  // the noise is known within some tens of per cent
 
 Residuals Subtract(const Residuals& from, const std::vector<const Column*>& columns,
                    const Eigen::VectorXd& values) {
@@ -40,13 +37,6 @@ Residuals Subtract(const Residuals& from, const std::vector<const Column*>& colu
     }
   }
   return r;
-}
-
-Eigen::VectorXd Leftover(const Evaluator& evaluator, const Residuals& part) {
-  const ChannelScore score = ScoreChannels(evaluator, part, evaluator.AtNominal());
-  Eigen::VectorXd leftover(score.square.size());
-  for (int c = 0; c < leftover.size(); ++c) leftover[c] = score.Excess(c, kLeftoverSlack);
-  return leftover;
 }
 
 /// Where to refit from: the screening's linear solution.
@@ -97,7 +87,7 @@ void Searching::FindNuisances() {
       result_.nuisances.columns.push_back(probe.columns[k]);
       result_.nuisances.prior.conservativeResize(static_cast<int>(result_.nuisances.columns.size()));
       result_.nuisances.prior[static_cast<int>(result_.nuisances.columns.size()) - 1] =
-          frame ? (turn ? kFrameTurn_rad : kFrameShift_m)
+          frame ? (turn ? TrackerFrame::kTurn_rad : TrackerFrame::Shift_m(evaluator_.nominal()))
                 : kNuisancePrior * ScaleOf(c.parameters[probe.primary[k]]);
     }
   }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "csv.h"
+#include "same_robot.h"
 #include "tendril/core/robot.h"
 #include "tendril/gap/data_set.h"
 
@@ -17,10 +18,12 @@ namespace tendril::gap {
 /// A canonical CSV. Throws std::runtime_error, one line naming file, line and column.
 Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot);
 
-/// True for the first bytes of an LCM event log.
+/// True for the first bytes of an LCM event log, or the ending .lcmlog.
 bool IsLcmLog(const std::filesystem::path& file);
-/// An LCM log: one run a stretch between arming and disarming. Throws std::runtime_error when it holds none.
-std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotParameters& robot);
+/// An LCM log: one run a stretch between arming and disarming. Throws std::runtime_error when it holds none,
+/// OtherRobotError when it was recorded with another robot. `notes`: of the robot that it was recorded with.
+std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotOfSet& of_set,
+                            std::vector<std::string>& notes);
 /// The robot file that a log carries; empty when it has none. Throws std::runtime_error when it cannot be
 /// read.
 std::string RobotYamlOfLog(const std::filesystem::path& file);

@@ -13,8 +13,9 @@
 
 namespace tendril::gap {
 
-/// A cause's parameters by how far they are from nominal, in plainly visible deviations; what only shapes an
-/// effect (a time constant, a direction) comes last.
+/// A cause's parameters by how far they are from nominal, in plainly visible deviations (the reference rig's:
+/// of one effect they are alike on every robot); what only shapes an effect (a time constant, a direction)
+/// comes last.
 inline std::vector<std::pair<std::string, Estimate>> ToldParameters(const Cause& cause) {
   const sim::Effect* effect = sim::FindEffect(cause.effect);
   const auto rank = [&](const std::pair<std::string, Estimate>& told) {

@@ -208,7 +208,7 @@ void Gateway::PublishRun(const RunInfo& run) {
   s.Publish(s.run_channel, message);
 }
 
-void Gateway::PublishState(const CycleRecord& record, const std::string& why) {
+void Gateway::PublishState(const CycleRecord& record, const std::string& why, const std::string& detail) {
   State& s = *state_;
   if (record.input.command.kind != CommandKind::kNone) s.why_refused = why;
   const CycleOutput& out = record.output;
@@ -221,6 +221,7 @@ void Gateway::PublishState(const CycleRecord& record, const std::string& why) {
   if (!news && record.input.cycle % every != 0) return;
   ToMessage(record, s.shape, s.UtimeOf(record.input.time_ns), s.state);
   if (!s.why_refused.empty()) s.state.command_status_text = s.why_refused;
+  if (!detail.empty()) s.state.status_text += " (" + detail + ")";
   s.Publish(s.state_channel, s.state);
 }
 

@@ -4,16 +4,16 @@
 #include <lcm/eventlog.h>
 #include <sys/stat.h>
 
-#include <array>
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
-#include <filesystem>
 #include <lcm/lcm-cpp.hpp>
 #include <span>
 #include <stdexcept>
 #include <string_view>
 
+#include "event_reader.h"
 #include "tendril/io/connection.h"
 #include "tendril/io/wire.h"
 
@@ -23,18 +23,6 @@ namespace {
 constexpr std::size_t kFileBuffer = std::size_t{1} << 20;
 // What a crash of the machine may cost.
 constexpr std::int64_t kFlushEvery_us = 1'000'000;
-// What a reader takes for damage is no event: any program may send what it likes, a channel without a name
-// too.
-constexpr std::uint64_t kMaxChannel = 1000;
-constexpr std::uint64_t kMaxData = std::uint64_t{1} << 28;  // LCM's largest message
-
-constexpr bool IsEvent(std::uint64_t channel_size, std::uint64_t data_size) {
-  return channel_size >= 1 && channel_size <= kMaxChannel && data_size <= kMaxData;
-}
-
-struct FileCloser {
-  void operator()(std::FILE* file) const noexcept { std::fclose(file); }
-};
 
 }  // namespace
 
@@ -199,75 +187,51 @@ std::string RecordLog::Close() {
 
 namespace {
 
-// The event log's format, read with every length checked against the file: LCM's own reader trusts them and
-// skips over damage without saying so.
-class EventReader {
+// What no controller writes and damaged bytes may well be. `epoch_us`: from the clock of cycles to that of
+// stamps, the same in all cycles of a program; zeros: nobody knew yet.
+class CycleCheck {
  public:
-  explicit EventReader(const std::string& path) : file_(std::fopen(path.c_str(), "rb")) {
-    if (!file_) throw std::runtime_error("cannot read log " + path + ": " + std::strerror(errno));
-    std::error_code error;
-    size_ = std::filesystem::file_size(path, error);
-    if (error) throw std::runtime_error("cannot read log " + path + ": " + error.message());
-    std::setvbuf(file_.get(), nullptr, _IOFBF, kFileBuffer);
-  }
-
-  // False at the end or at damage; then damage() says which.
-  bool Next() {
-    begin_ = end_;
-    ++number_;
-    if (size_ == 0) damage_ = "the file is empty";
-    if (begin_ == size_) return false;
-    const std::uint64_t left = size_ - begin_;
-    std::array<std::uint8_t, kHeader> header;
-    if (left < kHeader || !Read(header)) return Damaged("ends in the middle of its header");
-    if (Number32(header, 0) != kSync) return Damaged("does not begin like an event of an LCM log");
-    const std::uint64_t channel_size = Number32(header, 20);
-    const std::uint64_t data_size = Number32(header, 24);
-    if (!IsEvent(channel_size, data_size)) return Damaged("claims an impossible length");
-    if (channel_size + data_size > left - kHeader) return Damaged("ends before its data does");
-    channel_.resize(channel_size);
-    data_.resize(data_size);
-    if (!Read(channel_) || !Read(data_)) return Damaged("cannot be read");
-    end_ = begin_ + kHeader + channel_size + data_size;
-    return true;
-  }
-
-  const std::string& channel() const { return channel_; }
-  const std::vector<std::uint8_t>& data() const { return data_; }
-  const std::string& damage() const { return damage_; }
-
-  /// Of the current event.
-  bool Damaged(const std::string& what) {
-    damage_ = "event " + std::to_string(number_) + " at byte " + std::to_string(begin_) + " " + what;
-    return false;
+  bool Possible(const tendril_lcm::cycle_t& m) {
+    const auto flag = [](std::int8_t value) { return value == 0 || value == 1; };
+    const auto up_to = [](auto value, int most) { return value >= 0 && value <= most; };
+    const auto every = [](const auto& values, auto good) {
+      return std::all_of(values.begin(), values.end(), good);
+    };
+    const double(&q)[4] = m.orientation_estimate_WT;
+    const bool good =
+        flag(m.bus_ok) && flag(m.late) && flag(m.tracker_valid) && flag(m.clear_drive_faults) &&
+        flag(m.drive_request) && up_to(m.mode, static_cast<int>(Mode::kCommissioning)) &&
+        up_to(m.command_kind, tendril_lcm::cycle_t::COMMAND_MODE) &&
+        every(m.drive_state, [&](auto s) { return up_to(s, tendril_lcm::cycle_t::DRIVE_ID_TWICE); }) &&
+        every(m.drive_statusword, [&](auto word) { return up_to(word, 0xFFFF); }) &&
+        (m.time_ns != 0 || !every(m.drive_state, [](auto s) { return s == 0; })) &&
+        !(q[0] == 0 && q[1] == 0 && q[2] == 0 && q[3] == 0);
+    return good && ClocksAgree(m);
   }
 
  private:
-  static constexpr std::size_t kHeader = 28;
-  static constexpr std::uint32_t kSync = 0xEDA1DA01;
-
-  template <class Bytes>
-  bool Read(Bytes& bytes) {
-    return std::fread(bytes.data(), 1, bytes.size(), file_.get()) == bytes.size();
+  // Another program's cycles, in a log of several, count from its own start and go on with its own offset.
+  bool ClocksAgree(const tendril_lcm::cycle_t& m) {
+    const std::int64_t epoch_us = m.utime - m.time_ns / kNsPerUs;
+    const bool agrees = !known_ || epoch_us == epoch_us_ || m.cycle < cycle_;
+    known_ = true;
+    if (!agrees) return false;
+    epoch_us_ = epoch_us;
+    cycle_ = m.cycle;
+    return true;
   }
 
-  static std::uint32_t Number32(std::span<const std::uint8_t> bytes, std::size_t at) {
-    return (std::uint32_t{bytes[at]} << 24) | (std::uint32_t{bytes[at + 1]} << 16) |
-           (std::uint32_t{bytes[at + 2]} << 8) | std::uint32_t{bytes[at + 3]};
-  }
-
-  std::unique_ptr<std::FILE, FileCloser> file_;
-  std::uint64_t size_ = 0, begin_ = 0, end_ = 0, number_ = 0;
-  std::string channel_, damage_;
-  std::vector<std::uint8_t> data_;
+  bool known_ = false;
+  std::int64_t epoch_us_ = 0, cycle_ = 0;
 };
 
 }  // namespace
 
 std::string StreamLog(const std::string& path, const std::function<void(const RunInfo&)>& run,
-                      const std::function<void(const CycleRecord&)>& cycle,
+                      const std::function<void(const CycleRecord&, std::uint64_t offset)>& cycle,
                       const std::function<void(const StateSnapshot&)>& snapshot) {
   EventReader reader(path);
+  CycleCheck check;
   tendril_lcm::cycle_t cycle_message{};
   tendril_lcm::run_t run_message{};
   tendril_lcm::snapshot_t snapshot_message{};
@@ -275,38 +239,43 @@ std::string StreamLog(const std::string& path, const std::function<void(const Ru
     const std::string_view channel = reader.channel();
     const void* data = reader.data().data();
     const int size = static_cast<int>(reader.data().size());
+    const auto refuse = [&](const char* kind) {
+      reader.Refuse("on " + reader.channel() + " is not a " + kind + " message of this version's lcm_types");
+    };
     if (cycle && channel.ends_with("_CYCLE")) {
       CycleRecord record;
       if (!Decode(data, size, cycle_message) || !FromMessage(cycle_message, record)) {
-        reader.Damaged("on " + reader.channel() + " is not a cycle message of this version's lcm_types");
-        break;
+        refuse("cycle");
+      } else if (!check.Possible(cycle_message)) {
+        reader.Refuse("on " + reader.channel() + " holds numbers that no controller writes");
+      } else {
+        cycle(record, reader.offset());
       }
-      cycle(record);
     } else if (run && channel.ends_with("_RUN")) {
       if (!Decode(data, size, run_message)) {
-        reader.Damaged("on " + reader.channel() + " is not a run message of this version's lcm_types");
-        break;
+        refuse("run");
+        continue;
       }
       RunInfo info;
       FromMessage(run_message, info);
       run(info);
     } else if (snapshot && channel.ends_with("_SNAPSHOT")) {
       if (!Decode(data, size, snapshot_message)) {
-        reader.Damaged("on " + reader.channel() + " is not a snapshot message of this version's lcm_types");
-        break;
+        refuse("snapshot");
+        continue;
       }
       const auto state = std::as_bytes(std::span(snapshot_message.state));
       snapshot({static_cast<std::uint64_t>(snapshot_message.next_cycle), {state.begin(), state.end()}});
     }
   }
-  return reader.damage();
+  return reader.Damage();
 }
 
 LogContents ReadLog(const std::string& path) {
   LogContents contents;
   contents.damage = StreamLog(
       path, [&](const RunInfo& run) { contents.run = run; },
-      [&](const CycleRecord& cycle) { contents.cycles.push_back(cycle); });
+      [&](const CycleRecord& cycle, std::uint64_t) { contents.cycles.push_back(cycle); });
   return contents;
 }
 

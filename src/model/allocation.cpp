@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "tendril/model/inverse.h"
 
@@ -202,14 +203,29 @@ class BoundedLeastNorm {
     Eigen::CompleteOrthogonalDecomposition<ForceTensionMatrix> factor;
     factor.setThreshold(1e-9);
     factor.compute(a);
-    if (factor.rank() == a.cols()) return factor.solve(b);
-    // Tendons that all pull alike, or against each other: Eigen's solve takes memory here.
-    const Eigen::SelfAdjointEigenSolver<ForceMatrix> ways(a * a.transpose());
-    ForceVector along = ways.eigenvectors().transpose() * b;
-    const Eigen::Index none = a.rows() - factor.rank();  // the least ones come first
-    along.head(none).setZero();
-    along.tail(factor.rank()).array() /= ways.eigenvalues().tail(factor.rank()).array();
-    return a.transpose() * (ways.eigenvectors() * along);
+    return Solved(factor, b);
+  }
+
+  /// factor.solve(b) step by step: Eigen's own takes a temporary from the heap where the rank is not full.
+  static TendonVector Solved(const Eigen::CompleteOrthogonalDecomposition<ForceTensionMatrix>& factor,
+                             const ForceVector& b) noexcept {
+    const Eigen::Index rank = factor.rank(), cols = factor.cols();
+    TendonVector x = TendonVector::Zero(cols);
+    if (rank == 0) return x;
+    ForceVector c = b;
+    c.applyOnTheLeft(factor.matrixQ().setLength(rank).adjoint());
+    x.head(rank) =
+        factor.matrixT().topLeftCorner(rank, rank).triangularView<Eigen::Upper>().solve(c.head(rank));
+    for (Eigen::Index k = 0; rank < cols && k < rank; ++k) {
+      double one_column = 0;
+      std::swap(x[k], x[rank - 1]);
+      x.segment(rank - 1, cols - rank + 1)
+          .applyHouseholderOnTheLeft(factor.matrixQTZ().row(k).tail(cols - rank).adjoint(),
+                                     factor.zCoeffs()(k), &one_column);
+      std::swap(x[k], x[rank - 1]);
+    }
+    x = factor.colsPermutation() * x;
+    return x;
   }
 
   const ForceTensionMatrix& a_;

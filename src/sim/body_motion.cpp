@@ -18,9 +18,9 @@ constexpr double kBeta = 0.25 * (kGamma + 0.5) * (kGamma + 0.5);
 constexpr double kShare = (1 - kAlphaF) / (1 - kAlphaM);
 constexpr double kRateWeight = kGamma * kShare, kBendWeight = kBeta * kShare;
 
-// Newton's matrix is taken anew beyond this bend or tension from where it was taken.
+// Newton's matrix is taken anew beyond this bend from where it was taken, or beyond the tension that the
+// constructor is given.
 constexpr double kReferenceBend_rad = 0.02;
-constexpr double kReferenceTension_N = 0.5;
 // Last correction of the bending. With the matrix so near, what is left is some per cent of it.
 constexpr double kTolerance_rad = 1e-5;
 // Less than this between two iterates says nothing about a slope.
@@ -30,8 +30,14 @@ constexpr int kMostHalvings = 6;
 
 }  // namespace
 
-BodyStepper::BodyStepper(const model::Body& body, const BodyLaws& laws)
-    : body_(body), laws_(laws), plain_(laws.empty()), workspace_(body), n_(body.dof()), m_(body.tendons()) {
+BodyStepper::BodyStepper(const model::Body& body, const BodyLaws& laws, double near_N)
+    : body_(body),
+      laws_(laws),
+      near_N_(near_N),
+      plain_(laws.empty()),
+      workspace_(body),
+      n_(body.dof()),
+      m_(body.tendons()) {
   for (auto* v :
        {&q_, &v_, &a_, &algorithm_, &q_new_, &v_new_, &a_new_, &residual_, &step_, &damping_, &law_force_}) {
     v->setZero(n_);
@@ -84,7 +90,7 @@ void BodyStepper::Evaluate(const TensionSource& source) {
 bool BodyStepper::Refresh(double h) {
   if (std::abs(h - reference_h_) < 1e-6 * h &&
       (q_new_ - reference_q_).cwiseAbs().maxCoeff() < kReferenceBend_rad &&
-      (tension_ - reference_tension_).cwiseAbs().maxCoeff() < kReferenceTension_N) {
+      (tension_ - reference_tension_).cwiseAbs().maxCoeff() < near_N_) {
     return true;
   }
   body_.MassMatrix(q_new_, mass_, workspace_);
@@ -297,16 +303,20 @@ bool BodyStepper::Settle(TensionSource& source, double time_s) {
 // where the tangent is not positive or a friction law has its corner.
 bool BodyStepper::Descend(TensionSource& source) {
   constexpr int kMost = 100;
-  constexpr double kFloor_Nm = 1e-11, kLongest_rad = 0.3, kShortest = 1e-3, kDull_Nm = 1e3, kSharp_Nm = 1e-9;
+  // Of the stiffest unit's moment per radian: what rounding leaves, and how the pushes of the search range.
+  constexpr double kFloor = 2e-10, kDull = 2e4, kSharp = 2e-8, kFirst = 2e-3, kAgain = 2e-5;
+  constexpr double kLongest_rad = 0.3, kShortest = 1e-3;
+  double unit_Nm = 0;
+  for (int i = 0; i < body_.units(); ++i) unit_Nm = std::max(unit_Nm, body_.unit_stiffness_Nm(i));
   q_new_ = q_;
   v_new_.setZero();
   a_new_.setZero();
   Evaluate(source);
-  double size = residual_.norm(), push = 1e-4;  // push = 1/tau
+  double size = residual_.norm(), push = kFirst * unit_Nm;  // push = 1/tau
   Eigen::VectorXd start(n_), direction(n_);
   Eigen::LLT<Eigen::MatrixXd> cholesky(n_);
   for (int i = 0; i < kMost && std::isfinite(size); ++i) {
-    if (size < kFloor_Nm) {
+    if (size < kFloor * unit_Nm) {
       q_ = q_new_;
       Commit(source);
       return true;
@@ -319,7 +329,7 @@ bool BodyStepper::Descend(TensionSource& source) {
         matrix_.noalias() += weight * (plain_ ? jacobian_ : weighted_).row(j).transpose() * jacobian_.row(j);
       }
     }
-    if (push > kSharp_Nm) matrix_.diagonal().array() += push;
+    if (push > kSharp * unit_Nm) matrix_.diagonal().array() += push;
     bool usable = true;
     if (plain_) {
       cholesky.compute(matrix_);
@@ -345,10 +355,10 @@ bool BodyStepper::Descend(TensionSource& source) {
     }
     if (closer) {
       size = residual_.norm();
-      push = std::max(0.1 * push, 0.1 * kSharp_Nm);
+      push = std::max(0.1 * push, 0.1 * kSharp * unit_Nm);
     } else {
-      push = std::max(30 * push, 1e-6);
-      if (push > kDull_Nm) return false;
+      push = std::max(30 * push, kAgain * unit_Nm);
+      if (push > kDull * unit_Nm) return false;
     }
   }
   return false;

@@ -35,8 +35,9 @@ class TensionSource {
 /// update of rank M.
 class BodyStepper {
  public:
-  /// A copy of `laws` goes with the motion from here.
-  BodyStepper(const model::Body& body, const BodyLaws& laws);
+  /// A copy of `laws` goes with the motion from here. Newton's matrix serves until a tension has moved by
+  /// near_N.
+  BodyStepper(const model::Body& body, const BodyLaws& laws, double near_N);
 
   /// Begins at time_s where the body is, free to move. False: the tensions make no sense.
   bool LetGo(TensionSource& source, double time_s);
@@ -65,6 +66,7 @@ class BodyStepper {
 
   const model::Body& body_;
   BodyLaws laws_;
+  double near_N_;
   bool plain_;  // no laws
   model::Body::Workspace workspace_;
   int n_, m_;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
 #include <sstream>
 #include <stdexcept>
 
@@ -54,6 +55,29 @@ int CountOf(Scope scope, const RobotParameters& robot) {
   return 0;
 }
 
+Place PlaceOf(Scope scope, Target target, const RobotParameters& robot) {
+  if (!target || scope == Scope::kRobot) return {};
+  if (scope == Scope::kTendon) return {.tendon = *target};
+  if (scope == Scope::kSection) return {.section = *target};
+  int section = 0;
+  for (int end = 0; section + 1 < static_cast<int>(robot.body.sections.size()); ++section) {
+    end += robot.body.sections[static_cast<std::size_t>(section)].units;
+    if (*target < end) break;
+  }
+  return {.section = section};
+}
+
+double ThreeDigits(double value) { return std::strtod(fmt::format("{:.3g}", value).c_str(), nullptr); }
+
+void Resize(EffectParameter& p, const Measure& over_reference) {
+  if (p.of == Yardstick::kNone) return;
+  const auto resize = [](double& value, double ratio) { value = ThreeDigits(value * ratio); };
+  for (double* value : {&p.nominal, &p.lower, &p.upper}) resize(*value, over_reference.bound);
+  for (double& start : p.starts) resize(start, p.shape ? over_reference.bound : over_reference.visible);
+  resize(p.typical, over_reference.visible);
+  p.typical = std::min(p.typical, p.upper - p.nominal);
+}
+
 bool ReadNumber(std::string_view text, double& value) {
   if (text.starts_with('+')) text.remove_prefix(1);
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -68,8 +92,12 @@ const Effect& Known(std::string_view name) {
               "correct the name");
 }
 
+// A robot whose effects are being worked into its numbers has other yardsticks than the one they were checked
+// on: bounds count where values come in, from text or a file.
+enum class Bounds { kChecked, kKnown };
+
 void CheckValue(const Effect& effect, const std::vector<EffectParameter>& all, std::string_view name,
-                double value) {
+                double value, Bounds bounds) {
   const auto p = std::find_if(all.begin(), all.end(), [&](const auto& q) { return q.name == name; });
   if (p == all.end()) {
     std::vector<std::string_view> names;
@@ -77,6 +105,7 @@ void CheckValue(const Effect& effect, const std::vector<EffectParameter>& all, s
     throw Wrong(fmt::format("{} has no parameter '{}'", effect.name, name),
                 fmt::format("{}", fmt::join(names, ", ")), "correct the name");
   }
+  if (bounds == Bounds::kKnown && std::isfinite(value)) return;
   if (!(value >= p->lower && value <= p->upper)) {
     throw Wrong(fmt::format("{}.{} = {}", effect.name, name, value),
                 fmt::format("{} .. {}", p->lower, p->upper), "correct the value");
@@ -88,7 +117,7 @@ struct Resolved {
   Target target;
 };
 
-Resolved Resolve(const EffectSetting& setting, const RobotParameters& robot) {
+Resolved Resolve(const EffectSetting& setting, const RobotParameters& robot, Bounds bounds) {
   const Effect& effect = Known(setting.name);
   const Target target = ParseTarget(effect, setting.where, robot);
   if (effect.stage != Stage::kBody && !robot.actuation) {
@@ -102,7 +131,7 @@ Resolved Resolve(const EffectSetting& setting, const RobotParameters& robot) {
   }
   bool any = false;
   for (const auto& [name, value] : setting.values) {
-    CheckValue(effect, parameters, name, value);
+    CheckValue(effect, parameters, name, value, bounds);
     if (std::find(given.begin(), given.end(), name) != given.end()) {
       throw Wrong(fmt::format("{}.{} twice", effect.name, name), "each parameter once", "remove one");
     }
@@ -117,11 +146,11 @@ Resolved Resolve(const EffectSetting& setting, const RobotParameters& robot) {
 }
 
 /// All of a robot's settings; a refusal says which entry of the list it is about.
-std::vector<Resolved> ResolveAll(const RobotParameters& robot) {
+std::vector<Resolved> ResolveAll(const RobotParameters& robot, Bounds bounds) {
   std::vector<Resolved> all;
   for (std::size_t i = 0; i < robot.effects.size(); ++i) {
     try {
-      all.push_back(Resolve(robot.effects[i], robot));
+      all.push_back(Resolve(robot.effects[i], robot, bounds));
       for (std::size_t k = 0; k < i; ++k) {
         if (all[k].effect == all[i].effect && all[k].target == all[i].target) {
           throw Wrong(
@@ -164,8 +193,11 @@ const Effect* FindEffect(std::string_view name) {
 
 std::vector<EffectParameter> ParametersOf(const Effect& effect, Target target, const RobotParameters& robot) {
   std::vector<EffectParameter> all = effect.parameters;
+  const Place place = PlaceOf(effect.scope, target, robot);
+  for (EffectParameter& p : all) Resize(p, OverReference(p.of, robot, place));
   if (target) return all;
-  for (const EffectParameter& p : effect.parameters) {
+  for (std::size_t k = 0; k < effect.parameters.size(); ++k) {
+    const EffectParameter p = all[k];
     if (p.each.empty()) continue;
     for (int i = 2; i <= CountOf(effect.scope, robot); ++i) {
       all.push_back({.name = fmt::format(fmt::runtime(p.each), i),
@@ -223,11 +255,11 @@ EffectSetting ParseEffect(std::string_view text, const RobotParameters& robot) {
     }
     setting.values.emplace_back(key, number);
   }
-  Resolve(setting, robot);
+  Resolve(setting, robot, Bounds::kChecked);
   return setting;
 }
 
-void CheckEffects(const RobotParameters& robot) { ResolveAll(robot); }
+void CheckEffects(const RobotParameters& robot) { ResolveAll(robot, Bounds::kChecked); }
 
 RobotParameters LoadRobot(const std::string& path) {
   RobotParameters robot = config::LoadRobot(path);
@@ -273,7 +305,7 @@ void SetLaw(RobotParameters& robot, const EffectSetting& setting) {
 // In chain order, whatever the file's: what two effects on one number make of it does not depend on how
 // somebody sorted his list.
 RobotParameters FoldEffects(const RobotParameters& robot) {
-  const std::vector<Resolved> all = ResolveAll(robot);
+  const std::vector<Resolved> all = ResolveAll(robot, Bounds::kKnown);
   RobotParameters folded = robot;
   folded.effects.clear();
   for (const Effect& effect : Effects()) {
@@ -290,7 +322,7 @@ RobotParameters FoldEffects(const RobotParameters& robot) {
 
 PlantLaws PlantLaws::Of(const RobotParameters& robot) {
   PlantLaws laws(robot.body.tendons());
-  const std::vector<Resolved> all = ResolveAll(robot);
+  const std::vector<Resolved> all = ResolveAll(robot, Bounds::kKnown);
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (all[i].effect->add) {
       all[i].effect->add(laws, robot, all[i].target, ValuesOf(robot.effects[i], robot));

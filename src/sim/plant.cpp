@@ -25,10 +25,11 @@ namespace {
 using ConstVector = Eigen::Map<const Eigen::VectorXd>;
 using Vector = Eigen::Map<Eigen::VectorXd>;
 
-// Newton's matrix is built from mass and stiffness at a reference shape; beyond this bend or tension from
-// there they are taken anew. The iteration stays fast, and its solution does not depend on it.
+// Newton's matrix is built from mass and stiffness at a reference shape; beyond this bend or part of the
+// largest tension from there they are taken anew. The iteration stays fast, and its solution does not depend
+// on it.
 constexpr double kNewtonBend_rad = 0.05;
-constexpr double kNewtonTension_N = 1.0;
+constexpr double kNewtonTension = 0.125;
 
 // A reversal within a step is found by its velocities at both ends; two reversals of a motor that rings on
 // its micro-slip (some 100 Hz) must not hide in one step.
@@ -216,7 +217,8 @@ struct Plant::Impl final : OdeSystem {
   ///   [H + gamma D + gamma^2 K + J^T diag(w) J] dv = ...,  J = dL/dq.
   bool SolveNewton(double gamma, const double* b, double* x) noexcept override {
     if (reference_q.size() == 0 || (evaluated_q - reference_q).cwiseAbs().maxCoeff() > kNewtonBend_rad ||
-        (tension - reference_tension).cwiseAbs().maxCoeff() > kNewtonTension_N) {
+        (tension - reference_tension).cwiseAbs().maxCoeff() >
+            kNewtonTension * robot.limits.max_tension_base_N) {
       body.MassMatrix(evaluated_q, mass, workspace);
       body.TangentStiffness(evaluated_q, tension, Eigen::Vector3d::Zero(), stiffness);
       reference_q = evaluated_q;

@@ -272,9 +272,11 @@ struct Replay::Impl {
     return Readings(FromTorque(s, robot_side ? &d : nullptr), TimesOf(s, s.motor_angle_rad.rows()));
   }
 
-  MatrixXd CellFromStretch(const ReplaySignals& s, const MatrixXd& shortening) const {
+  MatrixXd CellFromStretch(const ReplaySignals& s, const MatrixXd& shortening,
+                           const VectorXd& zero_rad) const {
     const double step = Step(s);
-    const Motors motors = MotorsOf(s);
+    Motors motors = MotorsOf(s);
+    if (zero_rad.size() > 0) motors.angle.rowwise() -= zero_rad.transpose();
     const Index samples = motors.angle.rows();
     const MatrixXd d = Needed(shortening, samples, "shortening");
     MatrixXd tension(samples, m);
@@ -296,6 +298,36 @@ struct Replay::Impl {
     return Readings(std::move(tension), time);
   }
 
+  // A reading rises with the angle, in a straight line while the tendon is taut.
+  VectorXd ZeroAtRest(const ReplaySignals& s, const MatrixXd& shortening, Index rest,
+                      const VectorXd& reading) const {
+    constexpr double kFirst_rad = 0.1, kMost_rad = 1e5, kExact_rad = 1e-9;
+    const Motors motors = MotorsOf(s);
+    const Index samples = motors.angle.rows();
+    const MatrixXd d = Needed(shortening, samples, "shortening");
+    rest = std::clamp<Index>(rest, 1, samples);
+    VectorXd zero = VectorXd::Zero(m);
+    for (int j = 0; j < m; ++j) {
+      const double angle = motors.angle.col(j).head(rest).mean(), shortened = d.col(j).head(rest).mean();
+      const auto reads = [&](double zero_rad) {
+        const DrivetrainMotion motion{angle - zero_rad, 0, shortened, 0};
+        double tension = drive[At(j)].TensionFromStretch(0, motion);
+        if (s.load_cell == LoadCellPlace::kRobotSide) tension = drive[At(j)].BaseTension(0, motion, tension);
+        return Read(j, tension, 0);
+      };
+      double loose = kFirst_rad, tight = -kFirst_rad;  // angles taken off: one reads less, one more
+      while (reads(loose) > reading[j] && loose < kMost_rad) loose *= 2;
+      while (reads(tight) < reading[j] && tight > -kMost_rad) tight *= 2;
+      if (!(reads(loose) < reading[j] && reads(tight) > reading[j])) continue;
+      while (loose - tight > kExact_rad) {
+        const double middle = 0.5 * (loose + tight);
+        (reads(middle) > reading[j] ? tight : loose) = middle;
+      }
+      zero[j] = 0.5 * (loose + tight);
+    }
+    return zero;
+  }
+
   MatrixXd Readings(MatrixXd tension, const VectorXd& time) const {
     for (int j = 0; j < m; ++j) {
       for (Index i = 0; i < tension.rows(); ++i) {
@@ -310,7 +342,7 @@ struct Replay::Impl {
   std::unique_ptr<TensionSource> Source(const ReplaySignals& s, DrivenBy driven_by) const;
   /// Of one kind for all tendons.
   std::unique_ptr<TensionSource> SourceOfAll(const ReplaySignals& s, DrivenBy driven_by) const;
-  static bool BeginsInMotion(const ReplaySignals& s);
+  bool BeginsInMotion(const ReplaySignals& s) const;
   MatrixXd Shortening(const ReplaySignals& s, const MatrixXd& q) const;
   /// `late`: the tracker's delay in samples.
   void Track(const MatrixXd& q, double late, int stride, BodyMotion& motion) const;
@@ -633,7 +665,8 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
   const Index samples = driven_by == DrivenBy::kCell ? s.tension_N.rows() : s.motor_angle_rad.rows();
   const int parts = std::max(1, static_cast<int>(std::ceil(step / kLongestStep_s)));
 
-  BodyStepper stepper(body, laws.body);
+  constexpr double kNear = 1.0 / 16;  // of a tension's range
+  BodyStepper stepper(body, laws.body, kNear * robot.limits.max_tension_base_N);
   MatrixXd q(n, samples), tension(m, samples);
   const VectorXd time = TimesOf(s, samples);
   if (!(!s.at_rest && BeginsInMotion(s) ? stepper.LetGo(*source, 0) : stepper.Settle(*source, 0))) {
@@ -671,9 +704,12 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
 
 // Every simulation begins straight; where that is no equilibrium (tilted, bent by itself, loaded aside) the
 // robot falls into it at once, and motors and cells show it. A log that begins later begins at rest.
-bool Replay::Impl::BeginsInMotion(const ReplaySignals& s) {
+bool Replay::Impl::BeginsInMotion(const ReplaySignals& s) const {
+  // Angles and tension are those of the reference rig: parts of a motor's travel and of the largest tension.
   constexpr double kLook_s = 0.3, kMean_s = 0.004, kAngle_rad = 0.02, kTurned_rad = 0.2, kTension_N = 0.04,
                    kNoise = 6;
+  const double travel = OverReference(Yardstick::kMotorTravel, robot).bound;
+  const double pull = OverReference(Yardstick::kTension, robot).bound;
   const auto moves = [&](const MatrixXd& signal, double least) {
     const auto mean = std::max<Index>(1, std::lround(kMean_s / s.step_s));
     const Index windows = std::min(signal.rows(), static_cast<Index>(kLook_s / s.step_s)) / mean;
@@ -689,9 +725,9 @@ bool Replay::Impl::BeginsInMotion(const ReplaySignals& s) {
     return false;
   };
   // A log that begins on the way is none of these: its motors have turned already.
-  if (s.motor_angle_rad.size() > 0 && s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad)
+  if (s.motor_angle_rad.size() > 0 && s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad * travel)
     return false;
-  return moves(s.motor_angle_rad, kAngle_rad) || moves(s.tension_N, kTension_N);
+  return moves(s.motor_angle_rad, kAngle_rad * travel) || moves(s.tension_N, kTension_N * pull);
 }
 
 // Where bending is measured, the shape is turned by the difference, spread evenly over the section's units;
@@ -740,6 +776,9 @@ void Replay::Impl::Track(const MatrixXd& q, double late, int stride, BodyMotion&
   motion.q.resize(rows, n);
   motion.tip_m.resize(rows, 3);
   motion.tip_rotation.resize(rows, 3);
+  motion.bending_rad.resize(rows, 2 * body.sections());
+  // A bend lies against the section's own base: of a turned frame only the turn about z is seen.
+  const Eigen::Rotation2Dd plane(turn.z());
   VectorXd shape(n);
   for (Index k = 0; k < rows; ++k) {
     const Index i = k * stride;
@@ -752,6 +791,11 @@ void Replay::Impl::Track(const MatrixXd& q, double late, int stride, BodyMotion&
     motion.tip_m.row(k) = (r * pose.p_WA + laws.sensor.tracker_offset_m).transpose();
     const Eigen::AngleAxisd rotation(Eigen::Matrix3d(r * pose.R_WA));
     motion.tip_rotation.row(k) = (rotation.angle() * rotation.axis()).transpose();
+    for (int section = 0; section < body.sections(); ++section) {
+      Eigen::Vector2d bend(0, 0);
+      for (int u = body.first_unit(section); u < body.end_unit(section); ++u) bend += shape.segment<2>(2 * u);
+      motion.bending_rad.row(k).segment<2>(2 * section) = (plane * bend).transpose();
+    }
   }
 }
 
@@ -764,8 +808,13 @@ MatrixXd Replay::ActualTorque(const ReplaySignals& signals) const { return impl_
 MatrixXd Replay::CellFromTorque(const ReplaySignals& signals, const MatrixXd& shortening_m) const {
   return impl_->CellFromTorque(signals, shortening_m);
 }
-MatrixXd Replay::CellFromStretch(const ReplaySignals& signals, const MatrixXd& shortening_m) const {
-  return impl_->CellFromStretch(signals, shortening_m);
+MatrixXd Replay::CellFromStretch(const ReplaySignals& signals, const MatrixXd& shortening_m,
+                                 const VectorXd& zero_rad) const {
+  return impl_->CellFromStretch(signals, shortening_m, zero_rad);
+}
+VectorXd Replay::ZeroAtRest(const ReplaySignals& signals, const MatrixXd& shortening_m, int samples,
+                            const VectorXd& reading_N) const {
+  return impl_->ZeroAtRest(signals, shortening_m, samples, reading_N);
 }
 BodyMotion Replay::Body(const ReplaySignals& signals, DrivenBy driven_by, int stride) const {
   return impl_->Body(signals, driven_by, stride);

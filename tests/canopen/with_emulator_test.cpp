@@ -201,7 +201,7 @@ TEST(WithEmulator, WrongMotorIsRefused) {
     master.Poll(clock.Now());
     master.EndCycle(clock.Now(), DriveRequest::kEnable, {});
   }
-  EXPECT_EQ(master.feedback(0).state, DriveState::kFault);
+  EXPECT_EQ(master.feedback(0).state, DriveState::kMisconfigured);
   BusEvent event;
   ASSERT_TRUE(master.TakeEvent(&event));
   EXPECT_EQ(event.status, Status::kConfigurationMismatch);

@@ -47,6 +47,12 @@ const char* Name(DriveState state) {
       return "fault";
     case DriveState::kUnreachable:
       return "unreachable";
+    case DriveState::kOtherDevice:
+      return "other-device";
+    case DriveState::kMisconfigured:
+      return "misconfigured";
+    case DriveState::kIdTwice:
+      return "id-twice";
   }
   return "?";
 }

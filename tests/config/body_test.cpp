@@ -74,8 +74,8 @@ TEST(BodyKeys, NonsenseIsRefusedWithItsLine) {
     std::vector<const char*> says;
   };
   const Case cases[] = {
-      {"tip_payload_kg: -0.001", "body.tip_payload_kg", {"0 .. 10 kg"}},
-      {"twist_rad_per_m: 90", "body.twist_rad_per_m", {"-50 .. 50 rad/m"}},
+      {"tip_payload_kg: -0.001", "body.tip_payload_kg", {"0 .. 1000 kg"}},
+      {"twist_rad_per_m: 1900", "body.twist_rad_per_m", {"-1000 .. 1000 rad/m"}},
       {"tip_force_W_N: [0.1, 0.2]", "body.tip_force_W_N", {"2 entries"}},
       {"tip_force_W_N: [0.1, .nan, 0]", "body.tip_force_W_N[2]", {"not finite"}},
       {"unit_deviations: [{stiffness_scale: 0.9}]", "body.unit_deviations[1].unit", {"missing"}},

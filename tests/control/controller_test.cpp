@@ -63,6 +63,9 @@ TEST(Controller, DisconnectedTellsWhatToDo) {
   };
   EXPECT_EQ(drives(DriveState::kBooting, DriveState::kBooting), Status::kOk);
   EXPECT_EQ(drives(DriveState::kReady, DriveState::kOffline), Status::kDriveAbsent);
+  EXPECT_EQ(drives(DriveState::kOffline, DriveState::kOtherDevice), Status::kOtherDevice);
+  EXPECT_EQ(drives(DriveState::kOffline, DriveState::kMisconfigured), Status::kDriveMisconfigured);
+  EXPECT_EQ(drives(DriveState::kFault, DriveState::kIdTwice), Status::kNodeIdTwice);
   EXPECT_EQ(drives(DriveState::kOffline, DriveState::kFault), Status::kDriveHasFault);
   EXPECT_EQ(loop.output.mode, Mode::kDisconnected);
   const CycleOutput& refused = loop.Step(loop.ModeCommand(ModeRequest::kArm));

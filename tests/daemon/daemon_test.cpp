@@ -510,6 +510,8 @@ TEST_F(DaemonTest, ARefusedCommandIsAnsweredAndChangesNothing) {
     return s.command_sequence == 1 && s.command_status == static_cast<int>(Status::kCommandWrongMode);
   }));
   EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_CONFIGURED});
+  EXPECT_EQ(State().command_status_text,
+            "command refused in this mode; accepted: arm, home, commission, disarm");
 }
 
 // A robot file of a robot that nobody looked at: refused in one line with the remedy, armed as soon as its
@@ -529,6 +531,16 @@ TEST_F(DaemonTest, ATipOutOfReachIsAnsweredWithTheNearestPoint) {
   EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) { return s.command_status == 211; }));
   EXPECT_EQ(State().command_status_text, why);
   EXPECT_TRUE(Warns("tip 0 0 0.07 m (sequence 2) in mode running: " + why));
+  tip.tip_W_m = {0, 0, 60};
+  Send(tip);
+  EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
+    return s.command_status_text.ends_with("; millimetres? That would be 0 0 0.06 m");
+  }));
+  tip.tip_W_m = {0, 0, 600};
+  Send(tip);
+  EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) { return s.command_status == 202; }));
+  EXPECT_EQ(State().command_status_text,
+            "the tip asked for is 600 m from the base; accepted: up to 100 m; give metres");
   tip.tip_W_m = {0, 0, 0.06};
   Send(tip);
   EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) { return s.command_status == 0; }));
@@ -631,6 +643,16 @@ TEST_F(DaemonTest, DisarmsWhenAnotherAppearsAndArmsNothingUntilItIsGone) {
                        [](const std::string& t) { return t.find("fell silent") != t.npos; });
   }));
   Arm();
+}
+
+// What an operator reads names the drive and the object, not only that something is wrong.
+TEST_F(DaemonTest, WhyADriveCannotBeUsedIsSaidInTheState) {
+  options.robot.actuation->tendons[1].drive.rated_torque_Nm *= 1.5;
+  Start(options);
+  EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
+    return s.status == 326 && s.status_text.find("(node 2: rated torque: 6076:00 is") != std::string::npos;
+  })) << State().status_text;
+  EXPECT_FALSE(State().status_remedy.empty());
 }
 
 // ---- what is logged, and as what ----
@@ -853,7 +875,7 @@ TEST_F(DaemonTest, AFaultLeavesTheCyclesBeforeIt) {
   CycleRecord last;
   const std::string damage = io::StreamLog(
       files[0].string(), [&](const io::RunInfo& r) { run = r; },
-      [&](const CycleRecord& r) {
+      [&](const CycleRecord& r, std::uint64_t) {
         cycles.push_back(r.input.cycle);
         last = r;
       },

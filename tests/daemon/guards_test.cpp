@@ -500,7 +500,74 @@ TEST(ConfigurationMismatch, AnotherMotorIsNeverArmed) {
   EXPECT_EQ(r.output().mode, Mode::kDisconnected);
   EXPECT_EQ(r.Step(r.Request(ModeRequest::kArm)).output.command_status, Status::kCommandWrongMode);
   EXPECT_NE(r.events().find("6076"), std::string::npos) << r.events();
+  EXPECT_EQ(r.output().status, Status::kDriveMisconfigured) << "and no fault of the drive";
   for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+}
+
+TEST(ConfigurationMismatch, AnotherDeviceIsNamedAsOne) {
+  SafetyOptions o = Rig();
+  o.daemon.bus.identity.product_codes = {0x65510000};
+  SafetyRig r(o);
+  EXPECT_FALSE(r.RunUntil(Mode::kConfigured, 6));
+  EXPECT_EQ(r.output().status, Status::kOtherDevice);
+}
+
+bool Reports(const CycleOutput& output, Status status) {
+  return std::find(output.reported.begin(), output.reported.end(), status) != output.reported.end();
+}
+
+TEST(NodeIdTwice, PluggedInWhileRunningIsAFaultThatNamesIt) {
+  SafetyRig r(Rig());
+  ASSERT_TRUE(r.Arm());
+  r.Run(0.2);
+  r.PlugIn({.node_id = 2, .serial = 99});
+  ASSERT_TRUE(r.RunUntil(Mode::kFault, 0.1));
+  r.Run(0.05);
+  EXPECT_EQ(r.output().status, Status::kDriveLost);
+  EXPECT_TRUE(Reports(r.output(), Status::kNodeIdTwice)) << r.events();
+  EXPECT_EQ(r.rig().drives().torque_Nm(1), 0) << "the first one is taken off as well";
+  r.Run(3);
+  ASSERT_EQ(r.Step(r.Request(ModeRequest::kClear)).output.mode, Mode::kDisconnected);
+  r.Run(3);
+  EXPECT_EQ(r.output().mode, Mode::kDisconnected);
+  EXPECT_EQ(r.output().status, Status::kNodeIdTwice);
+  EXPECT_NE(r.events().find("two drives have this node id: serial numbers"), std::string::npos) << r.events();
+  EXPECT_EQ(r.Step(r.Request(ModeRequest::kArm)).output.command_status, Status::kCommandWrongMode);
+  for (const std::string& v : r.violations()) ADD_FAILURE() << v;
+}
+
+TEST(NodeIdTwice, ThereFromTheBeginningIsNeverArmed) {
+  SafetyRig r(Rig());
+  r.PlugIn({.node_id = 2, .serial = 99});
+  EXPECT_FALSE(r.RunUntil(Mode::kConfigured, 6));
+  EXPECT_EQ(r.output().status, Status::kNodeIdTwice) << r.events();
+}
+
+// A loop that runs every second cycle only, and a drive that seems not to be there.
+TEST(CyclesMissed, AreNamedBeforeADriveThatDoesNotAnswer) {
+  for (const std::uint64_t skipped : {0, 1}) {
+    SafetyRig r(Rig());
+    r.Order({.kind = FaultKind::kDie, .node = 2});
+    for (int i = 0; i < 8000; ++i) r.Step({}, skipped);
+    EXPECT_EQ(r.output().mode, Mode::kDisconnected);
+    EXPECT_EQ(r.output().status, skipped ? Status::kCyclesMissed : Status::kDriveAbsent);
+    EXPECT_TRUE(Reports(r.output(), Status::kDriveAbsent));
+    EXPECT_NE(StatusRemedy(Status::kCyclesMissed).find("tendril rt-check"), std::string_view::npos);
+  }
+}
+
+TEST(CyclesMissed, AreToldWithADriveLostMeanwhile) {
+  for (const std::uint64_t skipped : {0, 1}) {
+    SafetyRig r(Rig());
+    ASSERT_TRUE(r.RunUntil(Mode::kConfigured, 10));
+    for (int i = 0; i < 500; ++i) r.Step({}, skipped);
+    ASSERT_EQ(r.output().mode, Mode::kConfigured) << "no fault without torque";
+    r.Order({.kind = FaultKind::kDie, .node = 2});
+    for (int i = 0; i < 3000 && r.output().mode != Mode::kFault; ++i) r.Step({}, skipped);
+    ASSERT_EQ(r.output().mode, Mode::kFault);
+    EXPECT_EQ(r.output().status, Status::kDriveLost);
+    EXPECT_EQ(Reports(r.output(), Status::kCyclesMissed), skipped > 0);
+  }
 }
 
 TEST(SafeStop, RampsDownAndDisablesFromEveryMotion) {

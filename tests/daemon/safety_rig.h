@@ -73,6 +73,7 @@ class SafetyRig {
           if (answered_) return false;
           faults_.Poll(clock_.Now());
           rig_.Poll(clock_.Now());
+          if (guest_) guest_->Poll(clock_.Now());
           answered_ = true;
           return true;
         }) {
@@ -180,6 +181,10 @@ class SafetyRig {
   double fall_s() const { return fall_s_; }
 
   Tampering tampering;
+  /// One more drive on the same bus.
+  emulator::DriveRack& PlugIn(const emulator::EmulatedDriveParameters& drive) {
+    return guest_.emplace(std::span(&drive, 1), bus_.AddPort());
+  }
   /// The master's interface is down or gone: nothing goes either way.
   void TakeDown(bool down) { port_.down = down; }
 
@@ -380,6 +385,7 @@ class SafetyRig {
   can::MemoryBus bus_;
   emulator::FaultInjector faults_;
   tools::VirtualRig rig_;
+  std::optional<emulator::DriveRack> guest_;
   Port port_;
   canopen::Master master_;
   control::Controller controller_;

@@ -224,8 +224,8 @@ TEST(Faults, TorqueThatIsLateActsLate) {
 
 TEST(Faults, EveryFrameTwiceChangesNothing) {
   Rig rig;
-  rig.Order({.kind = FaultKind::kDuplicate});
   ASSERT_TRUE(rig.Enabled()) << rig.Log();
+  rig.Order({.kind = FaultKind::kDuplicate});
   rig.Run(500);
   EXPECT_TRUE(rig.events.empty()) << rig.Log();
   EXPECT_NEAR(rig.rack.torque_Nm(2), 0.1 * kRated_Nm, 1e-9);

@@ -92,7 +92,7 @@ TEST_F(ApplyCommandTest, NonsenseIsRefusedAndNothingWritten) {
     const char* says;
   } causes[] = {
       {Cause("gremlins", "all", "scale", {0.9, 0.8, 1}), "gremlins"},
-      {Cause("bending_stiffness", "all", "scale", {17, 16, 18}), "accepted: 0.3 .. 3"},
+      {Cause("bending_stiffness", "all", "scale", {170, 160, 180}), "accepted: "},
       {Cause("bending_stiffness", "tendon:1", "scale", {0.9, 0.8, 1}), "where = 'tendon:1'"},
       {Cause("backlash", "tendon:4", "rad", {0.1, 0, 0.2}), "tendon:1 .. tendon:3"},
       {Cause("backlash", "all", "mm", {0.1, 0, 0.2}), "no parameter 'mm'"},
@@ -274,6 +274,21 @@ TEST_F(ApplyCommandTest, WhatExplainSuggestsCanBeApplied) {
   }
 }
 
+TEST_F(ApplyCommandTest, ExplainListsWhatHasToDoWithAWord) {
+  ASSERT_EQ(Run("gap explain friction"), 0) << error_;
+  for (const char* effect : {"routing_friction", "capstan_alpha", "motor_coulomb", "motor_viscous",
+                             "stribeck", "presliding", "pulley_coulomb", "gear_efficiency", "wrap_angle"})
+    EXPECT_THAT(out_, HasSubstr(fmt::format("\n  {} ", effect)));
+  EXPECT_THAT(out_, testing::Not(HasSubstr("\n  tracker_delay ")));
+  EXPECT_LT(out_.find("routing_friction "), out_.find("wrap_angle ")) << "what is named so comes first";
+  ASSERT_EQ(Run("gap explain friction --json"), 0) << error_;
+  const json list = json::parse(out_);
+  ASSERT_TRUE(list.is_array());
+  EXPECT_GE(list.size(), 8u);
+  ASSERT_EQ(Run("gap explain 'Routing Friction'"), 0) << error_;
+  EXPECT_THAT(out_, testing::StartsWith("routing_friction: ")) << "a whole name is that effect alone";
+}
+
 TEST_F(ApplyCommandTest, ExplainKnowsThePlacesOfARobot) {
   ASSERT_EQ(Run("gap explain unit_stiffness --json --robot rig.yaml"), 0) << error_;
   const json effect = json::parse(out_);
@@ -289,10 +304,13 @@ TEST_F(ApplyCommandTest, ExplainKnowsThePlacesOfARobot) {
           << e["effect"];
     }
   }
-  EXPECT_EQ(Run("gap explain backlash --robot rig.yaml"), 2);
+  ASSERT_EQ(Run("gap explain backlash --robot rig.yaml"), 0) << error_;
+  EXPECT_THAT(out_, HasSubstr("On rig_90mm; in proportion to"));
+  EXPECT_EQ(Run("gap explain --robot rig.yaml"), 2);
   EXPECT_EQ(Run("gap explain --json --robot gone.yaml"), 1);
   EXPECT_EQ(Run("gap explain gremlins"), 2);
-  EXPECT_EQ(Run("gap explain BACKLASH"), 2);
+  EXPECT_EQ(Run("gap explain BACKLASH"), 0) << "as people write it";
+  EXPECT_EQ(Run("gap explain bakclash"), 2);
   EXPECT_THAT(error_, HasSubstr("did you mean backlash?"));
   EXPECT_EQ(Apply("--effect 'BACKLASH rad=0.1' --out new.yaml"), 2);
   EXPECT_THAT(error_, HasSubstr("did you mean backlash?"));

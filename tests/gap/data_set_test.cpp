@@ -113,6 +113,7 @@ TEST_F(DataSetTest, WhatIsWrittenComesBackBitForBit) {
   set.runs.push_back(FullRun("again", 201));
   set.runs[1].repeat_of = "first";
   set.runs[1].load_cell = LoadCellPlace::kRobotSide;
+  set.runs[1].zero_at_rest = true;
   WriteDataSet(set, folder_);
   const DataSet back = LoadDataSet(folder_, "");
   EXPECT_EQ(config::ToYaml(back.robot), config::ToYaml(set.robot));
@@ -124,6 +125,7 @@ TEST_F(DataSetTest, WhatIsWrittenComesBackBitForBit) {
     EXPECT_EQ(a.family, b.family);
     EXPECT_EQ(a.repeat_of, b.repeat_of);
     EXPECT_EQ(a.load_cell, b.load_cell);
+    EXPECT_EQ(a.zero_at_rest, b.zero_at_rest);
     EXPECT_THAT(b.notes, IsEmpty());
     EXPECT_THAT(b.warnings, IsEmpty());
     EXPECT_TRUE(SameBits(a.time_s, b.time_s));
@@ -554,20 +556,104 @@ TEST_F(DataSetTest, RunsBelongTogetherByNameOrAsTheOnlyOnesOfTheirKind) {
 }
 
 // A folder says whose runs it holds; --robot may name another file of that robot, not another robot.
-TEST_F(DataSetTest, ARobotFileThatIsNotTheFoldersRobotIsTold) {
-  Write("a.csv", "t_s,motor_position_rad_1\n0,0\n0.001,0\n0.002,0\n");
-  std::stringstream text;
-  text << std::ifstream(kRobot).rdbuf();
-  std::string other = text.str();
-  Write("robot.yaml", other);
-  EXPECT_THAT(Load().notes, Not(Contains(HasSubstr("was measured?"))));
-  Write("robot.yaml", other.replace(other.find("rig_60mm"), 8, "sibling1"));
-  EXPECT_THAT(Load().notes, Contains(testing::AllOf(
-                                HasSubstr("robot.yaml is of robot 'sibling1', 0.06 m long, not 'rig_60mm'"),
-                                HasSubstr("the file of the robot that was measured?"))));
+class OtherRobotTest : public DataSetTest {
+ protected:
+  /// Loads a run of this robot with the rig's own file.
+  DataSet LoadRunOf(const RobotParameters& recorded, OtherRobot other = OtherRobot::kRefused) {
+    Write("a.csv", "t_s,motor_position_rad_1\n0,0\n0.001,0\n0.002,0\n");
+    Write("robot.yaml", config::ToYaml(recorded));
+    return LoadDataSet(folder_, kRobot, other);
+  }
+  std::string RefusalOf(const RobotParameters& recorded) {
+    try {
+      LoadRunOf(recorded);
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+    return "";
+  }
+
+  RobotParameters rig_ = config::LoadRobot(kRobot);
+};
+
+TEST_F(OtherRobotTest, IsRefusedWithEveryEntryThatDiffers) {
+  const std::string longer =
+      RefusalOf(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"));
+  EXPECT_THAT(longer, HasSubstr("robot.yaml: these runs are of another robot than " + kRobot));
+  EXPECT_THAT(longer, HasSubstr("name is rig_90mm there, rig_60mm in the file"));
+  EXPECT_THAT(longer, HasSubstr("body.sections[0] is 0.09 m there, 0.06 m in the file"));
+  EXPECT_THAT(longer, HasSubstr("--same-robot"));
+  EXPECT_EQ(longer.find('\n'), longer.npos);
+  EXPECT_THAT(RefusalOf(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml")),
+              HasSubstr("number of body.sections[0].tendons is 4 there, 3 in the file"));
+  EXPECT_THAT(RefusalOf(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/two_section.yaml")),
+              HasSubstr("number of body.sections is 2 there, 1 in the file"));
+  RobotParameters one = rig_;
+  one.actuation->tendons[1].drive.encoder_counts_per_turn = 4096;
+  EXPECT_THAT(RefusalOf(one),
+              HasSubstr("encoder_counts_per_turn (tendon 2) is 4096 there, 2048 in the file"));
+  one = rig_;
+  one.name = "sibling";
+  EXPECT_THAT(RefusalOf(one), HasSubstr("name is sibling there, rig_60mm in the file"));
+}
+
+// Whatever `gap apply` may write into a file, and a finer model of the same backbone, is no other robot.
+TEST_F(OtherRobotTest, ACorrectedFileIsAccepted) {
+  EXPECT_THAT(LoadRunOf(rig_).notes, IsEmpty());
+  RobotParameters other = rig_;
+  other.body.sections[0].youngs_modulus_Pa *= 3;
+  other.body.sections[0].unit_mass_kg *= 0.3;
+  other.body.sections[0].tendons[0].radius_m *= 1.5;
+  other.body.sections[0].units *= 2;
+  other.body.sections[0].unit_length_m /= 2;
+  other.actuation->tendons[0].motor.coulomb_friction_Nm *= 5;
+  EXPECT_THAT(LoadRunOf(other).notes, IsEmpty());
+  other = rig_;
+  for (const double scale : {0.8, 1.2}) {
+    other.effects = {{.name = "unit_length", .where = "all", .values = {{"scale", scale}}}};
+    EXPECT_THAT(LoadRunOf(other).notes, Contains(HasSubstr("length"))) << scale;
+  }
+}
+
+TEST_F(OtherRobotTest, NumbersOfGearSpoolAndDriveAreNoted) {
+  for (auto& tendon : rig_.actuation->tendons) tendon.gear.ratio = 16;
+  EXPECT_THAT(LoadRunOf(rig_).notes,
+              Contains(HasSubstr("actuation.gear.ratio (tendon 1) is 16 there, 19 in the file")));
+}
+
+TEST_F(OtherRobotTest, IsNotedWhereTheUserSaysThatItIsTheSame) {
+  rig_.name = "sibling";
+  const DataSet set = LoadRunOf(rig_, OtherRobot::kNoted);
+  EXPECT_EQ(set.runs.size(), 1U);
+  EXPECT_THAT(set.notes, Contains(HasSubstr("name is sibling there, rig_60mm in the file")));
 }
 
 // A cell too many in one line, such as an unquoted decimal comma, shifts what stands behind it.
+// As `tendril demo` leaves it: subfolders with the runs, of one robot or of several.
+TEST_F(DataSetTest, AFolderOfFoldersStandsForThoseOfTheRobot) {
+  const std::string other = TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml";
+  const std::string table = "t_s,tension_N_1\n0,1\n0.001,3\n";
+  Write("circle/a.csv", table);
+  Write("planar/b.csv", table);
+  fs::create_directories(folder_ / "empty");
+  EXPECT_THAT(Load().runs, testing::SizeIs(2)) << "no folder says that it is of another robot";
+  fs::copy_file(kRobot, folder_ / "circle/robot.yaml");
+  fs::copy_file(other, folder_ / "planar/robot.yaml");
+  const DataSet set = Load();
+  ASSERT_THAT(set.runs, testing::SizeIs(1));
+  EXPECT_EQ(set.runs[0].name, "a");
+  EXPECT_THAT(set.notes,
+              Contains(HasSubstr("planar is of robot 'rig_90mm', not 'rig_60mm', and is left out")));
+  try {
+    LoadDataSet(folder_, TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml");
+    FAIL() << "neither is its";
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(),
+                HasSubstr("circle is of robot 'rig_60mm', planar is of robot 'rig_90mm', the robot named "
+                          "is 'four_tendon_90mm'; give the robot file"));
+  }
+}
+
 TEST_F(DataSetTest, ADelimiterAtTheEndCountsOnlyWhereEveryLineHasOne) {
   EXPECT_THAT(Refusal("t_s,motor_position_rad_1\n0,1\n0.001,2,\n0.002,3\n"), HasSubstr("too many"));
   EXPECT_EQ(LoadTable("t_s,motor_position_rad_1\n0,1,\n0.001,2,\n0.002,3,\n").time_s.size(), 3);

@@ -145,8 +145,8 @@ class DiagnoseCommandTest : public CommandTest {
     return text;
   }
   /// It ends with one line; no report is left that could be taken for one.
-  testing::AssertionResult Refused(int code = 1) {
-    if (const int got = Diagnose(); got != code)
+  testing::AssertionResult Refused(const std::string& more = "", const std::string& robot = kRig) {
+    if (const int got = Diagnose(more, robot); got != 1)
       return testing::AssertionFailure() << "exit " << got << ": " << error_;
     if (!report_.is_null()) return testing::AssertionFailure() << "a report was written";
     // Progress may stand before it, and one line a file that was left out after it.
@@ -275,15 +275,17 @@ TEST_F(DiagnoseCommandTest, WrongUnitsAreSaidWithAHint) {
   }
 }
 
-TEST_F(DiagnoseCommandTest, TheFileOfAnotherRobotIsSaid) {
-  ASSERT_EQ(Diagnose("", TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml"), 0) << error_;
-  EXPECT_THAT(Said(), HasSubstr("file of another robot"));
-  EXPECT_NE(report_["verdict"], "no_gap");
-  EXPECT_EQ(Diagnose("", TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml"), 1);
-  EXPECT_THAT(error_, HasSubstr("tendon"));
-  EXPECT_EQ(Diagnose("", TENDRIL_SOURCE_DIR "/config/robots/qi2021_90mm.yaml"), 1);
+TEST_F(DiagnoseCommandTest, TheFileOfAnotherRobotIsRefused) {
+  const std::string robots = TENDRIL_SOURCE_DIR "/config/robots/";
+  EXPECT_TRUE(Refused("", robots + "rig_60mm.yaml"));
+  EXPECT_THAT(error_, HasSubstr("set/robot.yaml: these runs are of another robot"));
+  EXPECT_THAT(error_, HasSubstr("name is rig_90mm there, rig_60mm in the file"));
+  EXPECT_THAT(error_, HasSubstr("0.09 m there, 0.06 m in the file"));
+  EXPECT_TRUE(Refused("", robots + "four_tendon_90mm.yaml"));
+  EXPECT_THAT(error_, HasSubstr("tendons is 3 there, 4 in the file"));
+  EXPECT_TRUE(Refused("--same-robot", robots + "qi2021_90mm.yaml"));
   EXPECT_THAT(error_, HasSubstr("actuation"));
-  EXPECT_EQ(Diagnose("", TENDRIL_SOURCE_DIR "/config/tendrild.yaml"), 1);
+  EXPECT_TRUE(Refused("", TENDRIL_SOURCE_DIR "/config/tendrild.yaml"));
   EXPECT_THAT(error_, HasSubstr("tendrild.yaml"));
 }
 
@@ -353,10 +355,13 @@ TEST_F(DiagnoseCommandTest, WithoutAnyLoadCellPlacesCannotBeTold) {
   EXPECT_EQ(report_["causes"][0]["effect"], "torque_constant") << report_["sentence"];
 }
 
-TEST_F(DiagnoseCommandTest, WithoutMotorPositionsThereIsNothingToGoBy) {
-  Edit([](Table& table) { Drop(table, "motor_position"); });
+TEST_F(DiagnoseCommandTest, WithoutMotorPositionsAndTensionsThereIsNothingToGoBy) {
+  Edit([](Table& table) {
+    Drop(table, "motor_position");
+    Drop(table, "tension_N");
+  });
   EXPECT_TRUE(Refused());
-  EXPECT_THAT(error_, HasSubstr("motor_position_rad"));
+  EXPECT_THAT(error_, HasSubstr("motor positions of every tendon"));
 }
 
 TEST_F(DiagnoseCommandTest, AChannelWithoutAnyNumberIsSaid) {

@@ -22,6 +22,9 @@ using testing::HasSubstr;
 
 const std::string kRobot = TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml";
 
+// A tip alone is compared with nothing.
+const std::string kMotors = "motor_position: {names: [m1, m2, m3]}}\n";
+
 class ImportCommandTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -36,17 +39,18 @@ class ImportCommandTest : public testing::Test {
     return (folder_ / name).string();
   }
   int Run(const std::string& arguments) {
-    const fs::path error = folder_ / "stderr";
-    const int status = std::system(
-        fmt::format("{} gap import {} >/dev/null 2>{} </dev/null", TENDRIL_BINARY, arguments, error.string())
-            .c_str());
-    std::ifstream in(error);
+    const fs::path error = folder_ / "stderr", output = folder_ / "stdout";
+    const int status = std::system(fmt::format("{} gap import {} >{} 2>{} </dev/null", TENDRIL_BINARY,
+                                               arguments, output.string(), error.string())
+                                       .c_str());
+    std::ifstream in(error), out(output);
     error_.assign(std::istreambuf_iterator<char>(in), {});
+    out_.assign(std::istreambuf_iterator<char>(out), {});
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
 
   fs::path folder_;
-  std::string error_;
+  std::string error_, out_;
 };
 
 TEST_F(ImportCommandTest, AFolderAndALogOfTheSameTablesAgreeWithinTheDrivesUnits) {
@@ -100,9 +104,10 @@ TEST_F(ImportCommandTest, AFolderAndALogOfTheSameTablesAgreeWithinTheDrivesUnits
 }
 
 TEST_F(ImportCommandTest, WrongUseAndWrongDataSayWhatToDo) {
-  const std::string map = Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z]}}\n");
-  std::string rows = "x,y,z\n";
-  for (int i = 0; i < 100; ++i) rows += fmt::format("{},0,58\n", i % 7);
+  const std::string map =
+      Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z]}, " + kMotors);
+  std::string rows = "x,y,z,m1,m2,m3\n";
+  for (int i = 0; i < 100; ++i) rows += fmt::format("{},0,58,1,2,3\n", i % 7);
   const std::string table = Write("table.csv", rows);
   const std::string out = (folder_ / "out").string();
   EXPECT_EQ(Run(fmt::format("--robot {} --map {} {}", kRobot, map, table)), 2);
@@ -115,9 +120,10 @@ TEST_F(ImportCommandTest, WrongUseAndWrongDataSayWhatToDo) {
 }
 
 TEST_F(ImportCommandTest, NothingThatIsReadIsEverReplaced) {
-  const std::string map = Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z]}}\n");
-  std::string rows = "x,y,z\n";
-  for (int i = 0; i < 100; ++i) rows += fmt::format("{},0,58\n", i % 7);
+  const std::string map =
+      Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z]}, " + kMotors);
+  std::string rows = "x,y,z,m1,m2,m3\n";
+  for (int i = 0; i < 100; ++i) rows += fmt::format("{},0,58,1,2,3\n", i % 7);
   const std::string table = Write("plain.csv", rows);
   Write("robot.yaml", "# mine\n");
   const auto text = [](const fs::path& file) {
@@ -151,11 +157,12 @@ TEST_F(ImportCommandTest, WhatTheTableLacksIsSaidAllOfIt) {
                                 "time: {rate_Hz: 100}\n"
                                 "columns:\n"
                                 "  tip: {names: [x, y, z], unit: mm}\n"
-                                "  torque_actual: {names: [i1, i2, i3]}\n");
-  std::string rows = "x,y,z,i1,i2,i3,note\n";
+                                "  torque_actual: {names: [i1, i2, i3]}\n"
+                                "  motor_position: {names: [m1, m2, m3]}\n");
+  std::string rows = "m1,m2,m3,x,y,z,i1,i2,i3,note\n";
   for (int i = 0; i < 100; ++i)
-    rows += fmt::format("{},0,58,{},0.001,0.002,\n", i % 7, i == 7 ? "n/a" : i == 9 ? "inf" : "0.001");
-  const std::string table = Write("plain.csv", rows + "1,2,58,0.0");
+    rows += fmt::format("1,2,3,{},0,58,{},0.001,0.002,\n", i % 7, i == 7 ? "n/a" : i == 9 ? "inf" : "0.001");
+  const std::string table = Write("plain.csv", rows + "1,2,3,1,2,58,0.0");
   const std::string out = (folder_ / "out").string();
   ASSERT_EQ(Run(fmt::format("--robot {} --map {} {} --out {}", kRobot, map, table, out)), 0) << error_;
   EXPECT_THAT(error_, HasSubstr("plain.csv:102: the last line has no end and may be cut short; dropped"));
@@ -165,7 +172,7 @@ TEST_F(ImportCommandTest, WhatTheTableLacksIsSaidAllOfIt) {
   EXPECT_THAT(error_, HasSubstr("tension: no run has tensions"));
   EXPECT_THAT(error_, HasSubstr("columns of the table that the map does not use: note"));
 
-  const std::string ended = Write("ended.csv", rows + "1,2,58\n\n");
+  const std::string ended = Write("ended.csv", rows + "1,2,3,1,2,58\n\n");
   ASSERT_EQ(Run(fmt::format("--robot {} --map {} {} --out {}e", kRobot, map, ended, out)), 0) << error_;
   EXPECT_THAT(error_, HasSubstr("ended.csv:102: the last line is cut short; dropped"));
 
@@ -197,6 +204,33 @@ TEST_F(ImportCommandTest, TablesWithoutRowsAreNamedWithTheReason) {
   EXPECT_THAT(error_, HasSubstr("head.csv: names of columns and no row below them"));
   EXPECT_EQ(std::count(error_.begin(), error_.end(), '\n'), 1) << error_;
   EXPECT_FALSE(fs::exists(folder_ / "out"));
+}
+
+// What a set allows is said where it is made, not when it is diagnosed.
+TEST_F(ImportCommandTest, WhatCanBeComparedIsSaidAndNothingIsAnError) {
+  std::string rows = "t,f1,f2,f3,m1,theta,phi,qw,qx,qy,qz\n";
+  for (int i = 0; i < 100; ++i)
+    rows += fmt::format("{},{},1,1,0,{},0,1,0,0,0\n", 0.01 * i, 1 + 0.01 * i, 0.002 * i);
+  const std::string table = Write("table.csv", rows);
+  const auto run = [&](const std::string& columns) {
+    const std::string map = Write("map.yaml", "time: {column: t}\ncolumns:\n" + columns);
+    return Run(
+        fmt::format("--robot {} --map {} {} --out {}/out --overwrite", kRobot, map, table, folder_.string()));
+  };
+  const std::string bend = "  bending: {kind: angle_and_plane, names: [theta, phi]}\n",
+                    tension = "  tension: {names: [f1, f2, f3]}\n";
+  EXPECT_EQ(run(bend), 1);
+  EXPECT_THAT(out_, HasSubstr("C4 (no tension or motor position of every tendon)"));
+  EXPECT_THAT(error_,
+              HasSubstr("nothing of these runs can be compared; accepted: load cells or motor positions"));
+  EXPECT_EQ(run("  orientation: {names: [qw, qx, qy, qz]}\n"), 1);
+  EXPECT_EQ(run(tension), 1);
+  EXPECT_THAT(out_, HasSubstr("C4 (no tip position, orientation or bending)"));
+  EXPECT_EQ(run(bend + "  motor_position: {names: [m1, null, null]}\n"), 1);
+  EXPECT_EQ(run(bend + tension), 0) << error_;
+  EXPECT_THAT(out_, HasSubstr("can be compared: C0, C4, C5; not C1 (no target torque and no actual torque)"));
+  EXPECT_EQ(run(bend + tension + "  motor_position: {names: [m1, null, null]}\n"), 0) << error_;
+  EXPECT_THAT(out_, HasSubstr("can be compared: C0, C3 (not tendons 2, 3), C4, C5; not C1"));
 }
 
 }  // namespace

@@ -162,7 +162,40 @@ TEST_F(LogTest, ALogCarriesItsRobotAndADamagedOneItsBeginning) {
   const gap::Run run = Load();
   EXPECT_LT(run.time_s.size(), whole);
   EXPECT_GT(run.time_s.size(), whole / 20);
-  EXPECT_THAT(run.warnings, Contains(HasSubstr("damaged and ends early")));
+  EXPECT_THAT(run.warnings, Contains(HasSubstr("the log is damaged: the event at byte ")));
+}
+
+TEST_F(LogTest, WhatLiesBehindDamageIsUsed) {
+  Record(log_.string(), true, true);
+  const gap::Run whole = Load();
+  std::ifstream in(log_, std::ios::binary);
+  std::string bytes((std::istreambuf_iterator<char>(in)), {});
+  in.close();
+  // The first event, of which the robot would be known, and a stretch while it moves.
+  bytes.replace(0, 100, 100, '\0');
+  bytes.erase(bytes.size() / 2, 20000);
+  std::ofstream(log_, std::ios::binary | std::ios::trunc) << bytes;
+  const gap::Run run = Load(kRobot);
+  EXPECT_LT(run.time_s.size(), whole.time_s.size());
+  EXPECT_GT(run.time_s.size(), whole.time_s.size() - 30);
+  EXPECT_EQ(run.time_s.tail(1)[0], whole.time_s.tail(1)[0]);
+  EXPECT_EQ(run.motor_position_rad.bottomRows(100), whole.motor_position_rad.bottomRows(100));
+  EXPECT_THAT(run.warnings, Contains(HasSubstr("is not followed by another; ")));
+  EXPECT_THAT(run.notes, Contains(HasSubstr("cycles are missing from the log")));
+}
+
+// A logger that was started while the robot moved: positions count from where the controller has its zero.
+TEST_F(LogTest, TheZeroIsTheControllersWhereverTheLogBegins) {
+  Record(log_.string(), true, true);
+  const gap::Run whole = Load();
+  std::ifstream in(log_, std::ios::binary);
+  std::string bytes((std::istreambuf_iterator<char>(in)), {});
+  in.close();
+  bytes.erase(0, bytes.find("\xED\xA1\xDA\x01", bytes.size() / 2));
+  std::ofstream(log_, std::ios::binary | std::ios::trunc) << bytes;
+  const gap::Run run = Load(kRobot);
+  EXPECT_GT(run.motor_position_rad.row(0).cwiseAbs().maxCoeff(), 0.1);
+  EXPECT_EQ(run.motor_position_rad.bottomRows(100), whole.motor_position_rad.bottomRows(100));
 }
 
 // Damage anywhere: what is read is in order, what cannot be read says so. Meant for sanitizers.
@@ -196,14 +229,31 @@ TEST_F(LogTest, NoBytesCrashTheReader) {
   EXPECT_GT(loaded, 5);
 }
 
+// A log carries the file of the robot that it was recorded with.
 TEST_F(LogTest, ARobotThatIsNotTheLogsIsRefused) {
   Record(log_.string(), true, true);
-  try {
-    Load(TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml");
-    FAIL() << "a robot with four tendons read a log of three drives";
-  } catch (const std::runtime_error& e) {
-    EXPECT_THAT(e.what(), HasSubstr("the log is of 3 drives"));
-  }
+  const auto refusal = [&](const char* robot) -> std::string {
+    try {
+      Load(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + robot);
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(refusal("four_tendon_90mm.yaml"),
+              HasSubstr("number of body.sections[0].tendons is 3 there, 4 in the file"));
+  const std::string longer = refusal("rig_90mm.yaml");
+  EXPECT_THAT(longer, HasSubstr("run.lcmlog: these runs are of another robot than"));
+  EXPECT_THAT(longer, HasSubstr("name is rig_60mm there, rig_90mm in the file"));
+  EXPECT_EQ(longer.find('\n'), longer.npos);
+  // The other runs of a set do not make it right.
+  fs::create_directories(folder_ / "set");
+  fs::copy_file(kRobot, folder_ / "set/robot.yaml");
+  std::ofstream(folder_ / "set/a.csv") << "t_s,motor_position_rad_1\n0,0\n0.001,0\n0.002,0\n";
+  Record(log_.string(), true, true, TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml");
+  EXPECT_THROW(LoadLogs({(folder_ / "set").string(), (folder_ / "bend").string()}, kRobot),
+               std::runtime_error);
+  EXPECT_EQ(LoadLogs({(folder_ / "bend").string()}, kRobot, OtherRobot::kNoted).runs.size(), 1U);
 }
 
 }  // namespace

@@ -18,7 +18,9 @@
 #include <set>
 #include <sstream>
 
+#include "gap/sentence.h"
 #include "report_examples.h"
+#include "tendril/gap/words.h"
 
 namespace tendril::gap {
 namespace {
@@ -214,6 +216,13 @@ TEST(ReportJson, AlwaysSaysHowLikelyNoGapAndUnknownAre) {
   EXPECT_EQ(j["closed"]["pooled"], nullptr);
 }
 
+TEST(ReportJson, ReportsOfEarlierVersionsAreRead) {
+  Json old = Parsed(ExampleDiagnosis(Verdict::kAttributed));
+  old.erase("next_commands");
+  old.erase("shown_units");
+  EXPECT_TRUE(ParseReport(old.dump()).next_commands.empty());
+}
+
 TEST(ReportJson, ComesBackAsItWas) {
   for (const Diagnosis& d : All()) {
     const std::string once = ReportJson(d);
@@ -248,9 +257,9 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
   const Json flat = original.flatten();
   for (const auto& [pointer, value] : flat.items()) {
     // Made from other fields or from the registry, not read.
-    if (std::regex_search(pointer,
-                          std::regex("^/(chain|format|verdict)|/(about|tendon|section|cut|severity|word)$|/"
-                                     "scale/unit$|^/profiles/0/unit$")))
+    if (std::regex_search(pointer, std::regex("^/(chain|format|verdict|shown_units)|"
+                                              "/(about|tendon|section|cut|severity|word|text)$|/"
+                                              "scale/unit$|^/profiles/0/unit$")))
       continue;
     Json other = original;
     Json& leaf = other[Json::json_pointer(pointer)];
@@ -266,7 +275,14 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
       continue;
     }
     if (pointer.ends_with("/p") || (other == original)) continue;  // would sort the causes anew
-    const Json back = Json::parse(ReportJson(ParseReport(other.dump())));
+    Json back = Json::parse(ReportJson(ParseReport(other.dump())));
+    // Words are made of the number beside them.
+    for (Json* j : {&other, &back}) {
+      for (const auto& [at, text] : flat.items()) {
+        if (at.ends_with("/text") && at.find("/parameters/") != std::string::npos)
+          (*j)[Json::json_pointer(at)] = "";
+      }
+    }
     // A renamed channel takes its key with it, a renamed place its number.
     if (pointer.ends_with("/channel") && pointer.starts_with("/closed")) {
       EXPECT_THAT(back["closed"]["channels"].dump(), HasSubstr(leaf.get<std::string>())) << pointer;
@@ -400,6 +416,71 @@ TEST(ReadReport, SaysWhatIsWrongWithAFile) {
   EXPECT_THROW(ReadReport(folder.path()), std::runtime_error);
 }
 
+// ---- words ------------------------------------------------------------------------------------------------
+
+TEST(Words, AShareIsRoundedOneWay) {
+  for (const auto& [share, text] : std::initializer_list<std::pair<double, const char*>>{{0, "0 %"},
+                                                                                         {0.004, "<1 %"},
+                                                                                         {0.006, "1 %"},
+                                                                                         {0.99, "99 %"},
+                                                                                         {0.994, "99 %"},
+                                                                                         {0.996, ">99 %"},
+                                                                                         {1, "100 %"},
+                                                                                         {-0.001, "0 %"},
+                                                                                         {-0.42, "-42 %"},
+                                                                                         {NAN, "-"}})
+    EXPECT_EQ(Percent(share), text) << share;
+}
+
+TEST(Words, AValueHasOneUnitAndTheDigitsOfItsInterval) {
+  EXPECT_EQ(Quantity(3.14159e-4, "m"), "0.314 mm");
+  EXPECT_EQ(Quantity(3.1e-5, "m"), "31 µm");
+  EXPECT_EQ(Quantity(0.02, "rad"), "1.15°");
+  EXPECT_EQ(Quantity(-0.012, "N"), "-12 mN");
+  EXPECT_EQ(Quantity(std::numeric_limits<double>::infinity(), "N"), "-");
+  EXPECT_EQ(ParameterWords("rad", {0.04947, 0.0487, 0.0502}, true), "2.834° [2.790, 2.876]");
+  EXPECT_EQ(ParameterWords("mass_kg", {0.001997, 0.001982, 0.002013}, true), "mass 1.997 g [1.982, 2.013]");
+  EXPECT_EQ(ParameterWords("scale", {1.84, 1.79, 1.90}, false), "scale × 1.84");
+  EXPECT_EQ(ParameterWords("mu", {0.1234567, 0.1234566, 0.1234568}, true), "mu 0.1235 [0.1235, 0.1235]");
+  EXPECT_EQ(ParameterWords("mu", {0.12, 0.12, 0.12}, true), "mu 0.12");
+  EXPECT_EQ(ParameterValue("rad", {0.2, 0.19, 0.21}, 0.1), "5.7°");
+}
+
+// The terminal, the file and the page have their words of a parameter from one place.
+TEST(Words, AreTheSameOnTheTerminalAndInTheFile) {
+  for (const Diagnosis& d : All()) {
+    const Json j = Parsed(d);
+    const std::string summary = Summary(d);
+    const Cause likeliest = Condensed(d).causes.front();
+    for (const auto& [name, e] : likeliest.parameters) {
+      const std::string text = ParameterWords(name, e, true);
+      EXPECT_EQ(j["causes"][0]["parameters"][name]["text"].get<std::string>().substr(0, 20),
+                text.substr(0, 20));
+      if (text.size() < 40) {
+        EXPECT_THAT(summary, HasSubstr(text));
+      }
+    }
+  }
+}
+
+TEST(Words, RunsLeftOutAreInTheFirstSentence) {
+  const std::string found = "The gap lies at C4 (tip position).";
+  EXPECT_EQ(WithLeftOut(found, {"a.csv: 3 gaps", "tension is left out of it"}, 7), found);
+  EXPECT_EQ(WithLeftOut(found,
+                        {"left out: a: too short (12 rows; accepted: at least 50)", "something else",
+                         "left out: b: too short (13 rows; accepted: at least 50)",
+                         "left out: cannot read set/04.csv: no such file"},
+                        4),
+            "With 3 of 7 runs left out (a, b: too short; cannot read set/04.csv: no such file), the gap lies at C4 "
+            "(tip position).");
+  EXPECT_EQ(
+      WithLeftOut("C2 (torque) is off.", {"left out: a: its motors were told otherwise; accepted: alike"}, 1),
+      "With 1 of 2 runs left out (a: its motors were told otherwise), C2 (torque) is off.");
+  std::vector<std::string> many;
+  for (int i = 0; i < 30; ++i) many.push_back(fmt::format("left out: run_{}: reason {}", i, i % 5));
+  EXPECT_LT(WithLeftOut("No gap.", many, 1).size(), 160u);
+}
+
 // ---- report.html ------------------------------------------------------------------------------------------
 
 TEST(ReportPage, NeedsNothingFromOutside) {
@@ -479,9 +560,11 @@ struct Drawn {
 Drawn Draw(const std::string& page, const fs::path& folder) {
   fs::create_directories(folder);
   std::ofstream(folder / "page.html", std::ios::binary) << page;
+  // Time of its own: what the page does after it was loaded is done before it is read.
   const std::string command = fmt::format(
       "HOME='{0}' timeout 200 '{1}' --headless --no-sandbox --disable-gpu --user-data-dir='{0}/profile' "
-      "--enable-logging=stderr --window-size=1280,900 --dump-dom 'file://{0}/page.html' 2>'{0}/log' "
+      "--enable-logging=stderr --virtual-time-budget=20000 --window-size=1280,900 --dump-dom "
+      "'file://{0}/page.html' 2>'{0}/log' "
       ">'{0}/dom'",
       folder.string(), Chromium());
   const int status = std::system(command.c_str());
@@ -529,10 +612,10 @@ const fire = (target, type, x, y) => target.dispatchEvent(
 const count = selector => document.querySelectorAll(selector).length;
 const said = [];
 let before = count('#cause .bar');
-document.querySelector('#cause button').click();
+document.querySelector('#cause .controls button').click();
 said.push(count('#cause .bar') > before ? 'all causes' : '');
 before = count('#conditions svg');
-document.querySelector('#conditions button').click();
+document.querySelector('#conditions .controls button').click();
 said.push(count('#conditions svg') > before ? 'all maps' : '');
 const brush = () => document.querySelector('#runs .brush .overlay');
 const box = brush().getBoundingClientRect();
@@ -563,6 +646,68 @@ TEST(ReportPage, AnswersItsReader) {
   page.replace(page.rfind("</body>"), 7, kReader);
   const Drawn drawn = Draw(page, folder.path());
   EXPECT_THAT(drawn.root, HasSubstr("data-said=\"all causes, all maps, zoomed, values, whole, tip z [mm]\""));
+  EXPECT_THAT(drawn.root, Not(HasSubstr("data-problems")));
+  EXPECT_EQ(drawn.console, "");
+}
+
+// Every figure as files, its words within it, no part without content, the same words for the same number.
+constexpr const char* kInspector = R"js(<script>(async () => {
+const root = document.documentElement, said = {files: '', outside: '', empty: '', words: ''};
+const made = {}, texts = [];
+HTMLAnchorElement.prototype.click = function () {
+  const [, type, data] = /^data:([^;,]*)[^,]*,(.*)$/.exec(this.href);
+  made[type] = (made[type] || 0) + (data.length > 20 && this.download ? 1 : 0);
+  if (type !== 'image/png') texts.push(decodeURIComponent(data));
+};
+const figures = document.querySelectorAll('.plot svg').length;
+for (const button of document.querySelectorAll('.files button')) button.click();
+for (let i = 0; i < 200 && (made['image/png'] || 0) < figures; ++i) await new Promise(r => setTimeout(r, 20));
+const sound = texts.every(t => t.startsWith('<svg') ? !t.includes('var(--') && !new DOMParser().parseFromString(t, 'image/svg+xml').querySelector('parsererror') : t.split('\n').length > 2);
+said.files = [figures > 8, made['image/png'] === figures, made['image/svg+xml'] === figures, made['text/csv'] === figures, sound].join(' ');
+for (const svg of document.querySelectorAll('.plot svg')) {
+  const frame = svg.getBoundingClientRect();
+  for (const text of svg.querySelectorAll('text')) {
+    const box = text.getBoundingClientRect();
+    if (box.width && (box.left < frame.left - 1 || box.right > frame.right + 1 || box.top < frame.top - 1 || box.bottom > frame.bottom + 1)) said.outside += text.textContent + '; ';
+  }
+}
+for (const s of document.querySelectorAll('section')) if (!s.querySelector('svg *, td, li, pre, p:not(.caption)')) said.empty += s.id + ' ';
+const {percent, show} = window.reportWords;
+said.words = [0, .004, .006, .99, .994, .996, 1, -.42].map(percent).join('|') + '|' + [[3.14159e-4, 'm'], [.02, 'rad'], [-.012, 'N'], [.3, 'N·m'], [1234567, 'Pa']].map(a => show(...a)).join('|');
+Object.assign(root.dataset, said);
+root.dataset.notes = [...document.querySelectorAll('#health .info')].every(e => e.closest('details') && !e.closest('details').open);
+root.dataset.ceiling = /ceiling/i.test(document.getElementById('main').textContent);
+root.dataset.copy = [...document.querySelectorAll('#next .command')].map(e => e.querySelector('pre').textContent + '+' + e.querySelector('button').textContent).join('|');
+})();</script></body>)js";
+
+TEST(ReportPage, GivesItsFiguresAsFilesAndKeepsItsWordsInside) {
+  if (Chromium().empty()) GTEST_SKIP() << "no chromium here: Debian's package chromium has it";
+  const Folder folder;
+  Diagnosis d = ExampleDiagnosis(Verdict::kAmbiguousGroup);
+  d.location.back().quantity = "tension, common to C2 and C3 of all tendons";
+  d.next_commands = {"tendril excite --live --plan out/next.yaml"};
+  d.health.push_back({HealthFinding::Severity::kInfo, "run", "", 3, "3 gaps were bridged."});
+  std::string page = ReportPage(d);
+  page.replace(page.rfind("</body>"), 7, kInspector);
+  const Drawn drawn = Draw(page, folder.path());
+  EXPECT_THAT(drawn.root, HasSubstr("data-files=\"true true true true true\""));
+  EXPECT_THAT(drawn.root, HasSubstr("data-outside=\"\""));
+  EXPECT_THAT(drawn.root, HasSubstr("data-empty=\"\""));
+  EXPECT_THAT(drawn.root, HasSubstr("data-notes=\"true\""));
+  EXPECT_THAT(drawn.root, HasSubstr("data-ceiling=\"false\""));
+  EXPECT_THAT(drawn.root, HasSubstr("data-copy=\"tendril excite --live --plan out/next.yaml+Copy\""));
+  std::string words;
+  for (const double share : {0.0, .004, .006, .99, .994, .996, 1.0, -.42}) words += Percent(share) + "|";
+  for (const auto& [v, unit] : std::initializer_list<std::pair<double, const char*>>{
+           {3.14159e-4, "m"}, {.02, "rad"}, {-.012, "N"}, {.3, "N·m"}, {1234567, "Pa"}})
+    words += Quantity(v, unit) + "|";
+  words.pop_back();
+  // As markup, and with the sign that a page has for it.
+  words = std::regex_replace(std::regex_replace(words, std::regex("<"), "&lt;"), std::regex(">"), "&gt;");
+  words = std::regex_replace(words, std::regex("-"), "−");
+  EXPECT_THAT(
+      std::regex_replace(std::regex_replace(drawn.root, std::regex("&lt;"), "<"), std::regex("<"), "&lt;"),
+      HasSubstr(words));
   EXPECT_THAT(drawn.root, Not(HasSubstr("data-problems")));
   EXPECT_EQ(drawn.console, "");
 }
@@ -602,13 +747,22 @@ TEST(Summary, FitsTheTerminalAndCannotSteerIt) {
 TEST(Summary, SaysWhereWhatHowFarAndWhatNext) {
   const std::string text = Summary(ExampleDiagnosis(Verdict::kAmbiguousGroup));
   EXPECT_THAT(text, testing::ContainsRegex("C2 drivetrain .*5.* sigma.*<- starts here"));
-  EXPECT_THAT(text, testing::ContainsRegex("capstan_alpha +#+\\.+ +52 %  scale 1.31 \\[1.22, 1.4\\]"));
+  EXPECT_THAT(text, testing::ContainsRegex("capstan_alpha +#+\\.+ +52 %  scale × 1.31 \\[1.22, 1.40\\]"));
   EXPECT_THAT(text, HasSubstr("no gap"));
   EXPECT_THAT(text, HasSubstr("unknown"));
-  EXPECT_THAT(text, HasSubstr("Closed  88 % of the gap"));
+  EXPECT_THAT(text, HasSubstr("Closed 88 % of the gap"));
   EXPECT_THAT(text, HasSubstr("mm"));
   EXPECT_THAT(text, HasSubstr("Next: reversals_three_tensions"));
   EXPECT_THAT(text, Not(HasSubstr("Report:")));
+}
+
+TEST(Summary, GivesTheCommandsToRunNextWhole) {
+  Diagnosis d = ExampleDiagnosis(Verdict::kAttributed);
+  d.next_commands = {"tendril gap apply --robot a.yaml " + std::string(120, 'x') +
+                     "/report.json --out b.yaml"};
+  EXPECT_THAT(Summary(d), HasSubstr("\nTo run next\n  " + d.next_commands[0] + "\n"));
+  d.next_commands.clear();
+  EXPECT_THAT(Summary(d), Not(HasSubstr("To run next")));
 }
 
 // Stamps that are exact, but for those that are lost.

@@ -1,4 +1,4 @@
-// Logs: what was published is what is read, damage is said and costs only what comes after it.
+// Logs: what was published is what is read, damage is said by its place and costs only what it covers.
 #include "tendril/io/log.h"
 
 #include <gmock/gmock.h>
@@ -8,7 +8,10 @@
 
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <lcm/lcm-cpp.hpp>
+#include <random>
+#include <string>
 #include <vector>
 
 #include "random_record.h"
@@ -156,17 +159,91 @@ TEST_F(LogTest, ATruncatedLogGivesWhatWasWholeAndSaysSo) {
   }
 }
 
-TEST_F(LogTest, DamageInTheMiddleEndsTheReadingThere) {
+/// Bytes of the file, changed, and written back.
+template <class Change>
+void Damage(const fs::path& path, Change change) {
+  std::ifstream in(path, std::ios::binary);
+  std::string bytes((std::istreambuf_iterator<char>(in)), {});
+  change(bytes);
+  std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
+}
+
+/// What is read are records as they were written, in order, and all but `lost` at the most: what is lost may
+/// be of other channels.
+void ExpectAllBut(std::size_t lost, const std::vector<CycleRecord>& read,
+                  const std::vector<CycleRecord>& written) {
+  EXPECT_GE(read.size() + lost, written.size());
+  EXPECT_LE(read.size(), written.size());
+  for (const CycleRecord& record : read) ExpectSameBits(record, written.at(record.input.cycle));
+  for (std::size_t i = 1; i < read.size(); ++i) EXPECT_LT(read[i - 1].input.cycle, read[i].input.cycle);
+}
+
+TEST_F(LogTest, DamageCostsWhatItCoversAndIsNamed) {
   Write();
-  {
-    std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
-    file.seekp(static_cast<std::streamoff>(fs::file_size(path) / 2));
-    for (int i = 0; i < 4000; ++i) file.put('\xA5');
+  std::ifstream in(path, std::ios::binary);
+  const std::string whole((std::istreambuf_iterator<char>(in)), {});
+  const std::size_t middle = whole.size() / 2, size = 4000;  // of some five events
+  std::mt19937 random(3);
+  struct Kind {
+    const char* name;
+    std::function<void(std::string&)> damage;
+    const char* said;
+  };
+  const std::vector<Kind> kinds{
+      {"overwritten", [&](std::string& b) { b.replace(middle, size, size, '\xA5'); },
+       "is not followed by another"},
+      {"random",
+       [&](std::string& b) {
+         for (std::size_t i = 0; i < size; ++i) b[middle + i] = static_cast<char>(random());
+       },
+       "is not followed by another"},
+      {"zeros", [&](std::string& b) { b.replace(middle, size, size, '\0'); }, ", zeros from byte "},
+      {"hole", [&](std::string& b) { b.erase(middle, size); }, "is not followed by another"},
+      {"added", [&](std::string& b) { b.insert(middle, size, 'x'); }, "is not followed by another"},
+  };
+  for (const Kind& kind : kinds) {
+    SCOPED_TRACE(kind.name);
+    std::ofstream(path, std::ios::binary | std::ios::trunc) << whole;
+    Damage(path, kind.damage);
+    const LogContents log = ReadLog(path);
+    ExpectAllBut(8, log.cycles, records);
+    EXPECT_EQ(log.run.robot_yaml, "robot: 1\n");
+    EXPECT_THAT(log.damage, HasSubstr(kind.said));
+    EXPECT_THAT(log.damage,
+                testing::ContainsRegex("^the event at byte [0-9]+ .*, [0-9]+ events? lost; [0-9]+ events "
+                                       "over 0\\.1[0-9]* s are read$"));
+    const auto offset = std::stoul(log.damage.substr(std::string("the event at byte ").size()));
+    EXPECT_LE(offset, middle);
+    EXPECT_GT(offset + 4000, middle);
   }
+}
+
+TEST_F(LogTest, DamageAtTheBeginningAndInSeveralPlaces) {
+  Write();
+  Damage(path, [](std::string& bytes) {
+    for (const double share : {0.0, 0.3, 0.8})
+      bytes.replace(static_cast<std::size_t>(share * static_cast<double>(bytes.size())), 100, 100, '\xFF');
+    bytes.resize(bytes.size() - 10);
+  });
   const LogContents log = ReadLog(path);
-  EXPECT_NE(log.damage, "");
-  EXPECT_LT(log.cycles.size(), static_cast<std::size_t>(kCycles));
-  EXPECT_GT(log.cycles.size(), static_cast<std::size_t>(kCycles) / 3);
+  ExpectAllBut(6, log.cycles, records);
+  EXPECT_EQ(log.run.robot_yaml, "") << "it was the first event";
+  EXPECT_THAT(log.damage,
+              testing::StartsWith("the event at byte 0 does not begin like an event of an LCM log; "));
+  EXPECT_THAT(log.damage, HasSubstr(", to the end"));
+}
+
+// An event whose frame is whole, with numbers that no controller writes.
+TEST_F(LogTest, ACycleOfZerosIsNoCycle) {
+  Write();
+  Damage(path, [](std::string& bytes) {
+    const std::size_t cycle = bytes.find("TENDRIL_CYCLE", bytes.size() / 2) + 13;
+    bytes.replace(cycle + 32, 200, 200, '\0');  // behind the lengths of its arrays
+  });
+  const LogContents log = ReadLog(path);
+  EXPECT_EQ(log.cycles.size(), records.size() - 1);
+  ExpectAllBut(1, log.cycles, records);
+  EXPECT_THAT(log.damage, HasSubstr("on TENDRIL_CYCLE holds numbers that no controller writes"));
 }
 
 TEST_F(LogTest, WhatIsNoLogIsSaidToBeNone) {

@@ -475,7 +475,7 @@ TEST(Body, ConstructionRefusesWhatMakesNoSense) {
   refuses([](BodyParameters& p) { p.sections[0].unit_mass_kg = -1; });
   refuses([](BodyParameters& p) { p.sections[0].disk_inertia_zz_kgm2 = kNan; });
   refuses([](BodyParameters& p) { p.sections[0].bending_damping_Nms = -1e-9; });
-  refuses([](BodyParameters& p) { p.sections[0].tendons.resize(2); });
+  refuses([](BodyParameters& p) { p.sections[0].tendons.clear(); });
   refuses([](BodyParameters& p) { p.sections[0].tendons[1].radius_m = 0; });
   refuses([](BodyParameters& p) { p.sections[0].tendons.resize(17, {0.1, 0.004}); });
   refuses([](BodyParameters& p) { p.gravity_W_mps2.x() = kNan; });

@@ -144,6 +144,10 @@ TEST_F(Program, OutOfReachIsAnsweredAndSaid) {
   const auto inverse = Run("model inverse" + Robot("qi2021_90mm"), "us1,vs1\n4,0\n");
   EXPECT_EQ(inverse.code, 0);
   EXPECT_THAT(inverse.error, HasSubstr("line 2: out of reach between 0.3 and 8 N"));
+  const auto millimetres = Run("model ik" + Robot("qi2021_90mm"), "x,y,z\n28.6,0,49.6\n0.2,0,0.5\n");
+  EXPECT_THAT(millimetres.error, HasSubstr("m away; millimetres? That would be 0.0286 0 0.0496 m"));
+  EXPECT_THAT(millimetres.error.substr(millimetres.error.find("line 3")),
+              testing::Not(HasSubstr("millimetres")));
   const auto tip = Run("model inverse-tip" + Robot("qi2021_90mm"), "x,y,z\n0,0,0.2\n");
   EXPECT_EQ(tip.code, 0);
   EXPECT_THAT(tip.error, HasSubstr("m away"));
@@ -192,7 +196,8 @@ TEST_F(Program, CapstanRefusesWhatMakesNoSense) {
     EXPECT_EQ(result.out, "") << bad;
     EXPECT_NE(result.error, "") << bad;
   }
-  EXPECT_THAT(Run("capstan --alpha 0.4 --n 1.2 --rho 10" + rest).error, HasSubstr("accepted 0.05 .. 1"));
+  EXPECT_THAT(Run("capstan --alpha 0.4 --n 1.2 --rho 10" + rest).error,
+              HasSubstr("--n: 1.2 is no number from 0.05 to 1"));
 }
 
 }  // namespace

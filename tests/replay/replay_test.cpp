@@ -98,6 +98,7 @@ TEST_F(ReplayTest, OneChangedBitIsFoundWhereItIs) {
   EXPECT_EQ(r.difference->bit, 0);
   EXPECT_THAT(r.difference->replayed, HasSubstr(fmt::format("{:016x}", std::bit_cast<std::uint64_t>(was))));
   EXPECT_THAT(r.difference->logged, HasSubstr(fmt::format("{:016x}", std::bit_cast<std::uint64_t>(was) ^ 1)));
+  EXPECT_EQ(r.difference->agree, 0U) << "a later cycle differs as well";
 }
 
 // An input that was changed shows in what follows from it.
@@ -127,6 +128,7 @@ TEST_F(ReplayTest, FromASnapshotInTheMiddle) {
   EXPECT_EQ(r.difference->cycle, 750U);
   EXPECT_EQ(r.difference->field, "reference_rate_radps[0]");
   EXPECT_EQ(r.difference->bit, 3);
+  EXPECT_EQ(r.difference->agree, records.size() - 751) << "one cycle alone, as in a damaged log";
 
   state.pop_back();
   Write(kSnapshotAt, 0, 0, true);

@@ -54,6 +54,21 @@ class Laws(unittest.TestCase):
     def test_samples_have_a_tip_for_every_law(self):
         self.assertEqual(len(self.columns), 4 + 3 * len(self.runs))
 
+    def test_a_law_that_ended_in_a_fault_stays_visible_with_it(self):
+        with tempfile.TemporaryDirectory() as folder:
+            done = run("--trajectory", "fast_circle", "--on", "nominal", "--law", "paper", "--law", "tension", "--out",
+                       folder)
+            self.assertEqual((done.returncode, done.stderr), (0, ""))
+            rows = (pathlib.Path(folder) / "fast_circle.csv").read_text().split("\n")
+            self.assertEqual(len(rows[0].split(",")), 4 + 3 * 2)
+            self.assertNotEqual(rows[1].split(",")[4], "")
+            self.assertEqual(rows[-2].split(",")[4:7], ["", "", ""])
+            drawn = (pathlib.Path(folder) / "compare.svg").read_text()
+            self.assertIn("paper: FAULT at", drawn)
+            self.assertIn("off its reference", drawn)
+            for kind in ("png", "pdf"):
+                self.assertGreater((pathlib.Path(folder) / f"compare.{kind}").stat().st_size, 10000)
+
     def test_the_plants_own_file_closes_all(self):
         rig = pathlib.Path(__file__).parents[2] / "config" / "robots" / "rig_60mm.yaml"
         with tempfile.TemporaryDirectory() as folder:

@@ -442,8 +442,9 @@ TEST(Patch, EffectsThatDoNotFitAreRefused) {
   EXPECT_THROW(patch({.name = "gremlins", .where = "all", .values = {{"scale", 1}}}), std::invalid_argument);
   EXPECT_THROW(patch({.name = "torque_constant", .where = "tendon:9", .values = {{"scale", 1.1}}}),
                std::invalid_argument);
+  // Beyond what the patched number may be, by its key.
   EXPECT_THROW(patch({.name = "bending_stiffness", .where = "all", .values = {{"scale", 1e9}}}),
-               std::invalid_argument);
+               config::ConfigError);
 }
 
 TEST(Patch, DiffShowsWhatChanged) {

@@ -140,8 +140,7 @@ TEST(FewTendons, OneTendonRestsBentAndKnowsIt) {
   BendingVector bend(2);
   loop.plant().body().SumBending(loop.plant().q(), bend);
   EXPECT_GT(bend[0], 0.05);
-  // Dry friction of motor and gear decides how much of 0.475 N at the spool, 0.1 rad, the least tension is
-  // off.
+  // Dry friction of motor and gear decides how much of 0.475 N at the spool, 0.1 rad, the least tension is off.
   EXPECT_NEAR(loop.record().output.bending_estimate_rad[0], bend[0], 0.03);
   EXPECT_NEAR(loop.record().output.bending_estimate_rad[1], 0, 1e-3);
 }

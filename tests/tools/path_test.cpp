@@ -10,6 +10,7 @@
 
 #include "path_motion.h"
 #include "tendril/config/config.h"
+#include "tendril/core/tip_unit.h"
 
 namespace tendril::tools {
 namespace {
@@ -286,7 +287,24 @@ TEST(Arc, OutOfReachIsNamedOrProjected) {
   }
   EXPECT_NO_THROW(AlongTip(line, "line", nearest, robot));
   EXPECT_GT(nearest.farthest_m(), 1e-3);
-  EXPECT_THROW(nearest.Solve({10, 0, 58}, "millimetres"), PathError);
+  for (TipSolver* solver : {&strict, &nearest}) {
+    try {
+      solver->Solve({10, 0, 58}, "point 1");
+      FAIL() << "58 m";
+    } catch (const PathError& e) {
+      EXPECT_NE(std::string(e.what()).find("; millimetres? That would be 0.01 0 0.058 m"), std::string::npos)
+          << e.what();
+    }
+  }
+}
+
+TEST(TipUnit, IsAskedForOnlyWhereNoPathSlipsSoFar) {
+  EXPECT_EQ(AskMillimetres({0, 0, 60}), "; millimetres? That would be 0 0 0.06 m");
+  EXPECT_EQ(AskMillimetres({0, 0, 9}), "") << "of no robot in particular";
+  EXPECT_EQ(AskMillimetres({0, -50, 9}, 0.06), "; millimetres? That would be 0 -0.05 0.009 m");
+  EXPECT_EQ(AskMillimetres({0, 0, 0.6}, 0.06), "") << "a decimal place, as 0.6 mm it is no tip";
+  EXPECT_EQ(AskMillimetres({0, 0, 1e5}, 0.06), "") << "not in millimetres either";
+  EXPECT_EQ(AskMillimetres({0, 0, std::nan("")}), "");
 }
 
 TEST(Spline, ThatOvershootsIsRefusedWithItsPlace) {

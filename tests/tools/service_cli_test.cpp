@@ -62,13 +62,47 @@ TEST_F(ServiceCommandTest, AnEmptyValueIsRefusedByEveryProgram) {
 }
 
 TEST_F(ServiceCommandTest, WrongUseIsOneLineThatTellsWhereToReadOn) {
-  ExpectWrongUse("sned arm", "tendril: 'sned' is not known here; see tendril --help");
-  ExpectWrongUse("send amr", "tendril: 'amr' is not known here; see tendril send --help");
+  ExpectWrongUse("sned arm", "tendril: 'sned' is not known here (did you mean send?); commands: capstan, ");
+  ExpectWrongUse(
+      "send amr",
+      "tendril: 'amr' is not known here (did you mean arm?); commands: tip, bending, tension, arm, hold, "
+      "disarm, clear; see tendril send --help");
   ExpectWrongUse("send tip 1 2", "see tendril send tip --help");
-  ExpectWrongUse("send arm --tiemout 3", "'--tiemout' is not known here; see tendril send arm --help");
+  ExpectWrongUse("send arm --tiemout 3",
+                 "'--tiemout' is not known here (did you mean --timeout?); see tendril send arm --help");
   ExpectWrongUse("", "--config is required; see tendrild --help", TENDRILD_BINARY);
-  ExpectWrongUse("--config x.yaml --simluated", "'--simluated' is not known here", TENDRILD_BINARY);
+  ExpectWrongUse("--config x.yaml --simluated", "'--simluated' is not known here (did you mean --simulated?)",
+                 TENDRILD_BINARY);
   ExpectWrongUse("--seed x --robot y", "see tendril-plant --help", TENDRIL_PLANT_BINARY);
+}
+
+TEST_F(ServiceCommandTest, CommandsAreListedAndSuggestedAtEveryLevel) {
+  ExpectWrongUse("", "tendril: a command is needed; commands: capstan, commission, ");
+  ExpectWrongUse("gap", "tendril: a command is needed; commands: apply, diagnose, ");
+  ExpectWrongUse("demoo", "(did you mean demo?)");
+  ExpectWrongUse("gap diagnoze", "(did you mean diagnose?); commands: apply, diagnose, ");
+  ExpectWrongUse("config chek", "(did you mean check?)");
+  ExpectWrongUse("model simul", "(did you mean simulate?)");
+  ExpectWrongUse("xyzzy", "'xyzzy' is not known here; commands: capstan, ");
+  for (const char* help : {"help", "help gap", "gap help", "help gap diagnose"}) {
+    SCOPED_TRACE(help);
+    EXPECT_EQ(Run(help), 0) << error_;
+    const bool diagnose = std::string_view(help).ends_with("diagnose");
+    EXPECT_THAT(out_, HasSubstr(diagnose ? "--robot" : "Subcommands:"));
+  }
+}
+
+TEST_F(ServiceCommandTest, SendSaysWhichValuesItTakesAndAsksAfterMillimetres) {
+  for (const char* values : {"", "0 0", "0 0 0.05 1"})
+    ExpectWrongUse(fmt::format("send tip {}", values), "accepted: 3, X Y Z in metres");
+  ExpectWrongUse("send bending 1", "U V of each section in radians");
+  ExpectWrongUse("send tip 0 0 60", "60 m is no robot's reach; millimetres? That would be 0 0 0.06 m");
+  EXPECT_EQ(Run("send tip 0 0 9 --timeout 0"), 0) << error_ << ": nine metres may be a robot's";
+}
+
+TEST_F(ServiceCommandTest, CapstanNamesTheWrongValueBeforeAMissingOne) {
+  ExpectWrongUse("capstan --alpha -1", "--alpha: -1 is no number from 0 to 100; ");
+  ExpectWrongUse("capstan --alpha 0.2", "--wrap is required");
 }
 
 TEST_F(ServiceCommandTest, WhatAShortMeasurementCannotJudgeIsSaid) {
@@ -106,11 +140,11 @@ TEST_F(ServiceCommandTest, AReplayClaimsNoMoreThanItRead) {
   EXPECT_EQ(Run("replay notes.txt"), 1);
   EXPECT_TRUE(OneLine());
   EXPECT_THAT(error_,
-              HasSubstr("notes.txt: no log that can be replayed (event 1 at byte 0 does not begin like"));
+              HasSubstr("notes.txt: no log that can be replayed (damaged: the event at byte 0 does not begin like"));
   EXPECT_THAT(error_, HasSubstr("give one of tendrild --log or tendril demo, or a black box"));
   WriteText(folder_ / "empty.lcmlog", "");
   EXPECT_EQ(Run("replay empty.lcmlog"), 1);
-  EXPECT_THAT(error_, HasSubstr("no log that can be replayed (the file is empty)"));
+  EXPECT_THAT(error_, HasSubstr("no log that can be replayed (damaged: the file is empty)"));
 
   ASSERT_EQ(Run("demo --no-plots --trajectory planar --out ."), 0) << error_;
   ASSERT_EQ(Run("replay planar/run.lcmlog"), 0) << error_;
@@ -121,8 +155,42 @@ TEST_F(ServiceCommandTest, AReplayClaimsNoMoreThanItRead) {
   EXPECT_TRUE(OneLine());
   EXPECT_THAT(out_, testing::Not(HasSubstr("no bit differs")));
   EXPECT_THAT(error_,
-              testing::ContainsRegex("not whole: no bit differs in [0-9]+ cycles; event [0-9]+ at byte "
-                                     "[0-9]+ ends .*: nothing is known of the rest"));
+              testing::ContainsRegex("not whole: no bit differs in [0-9]+ cycles; damaged: the event at byte "
+                                     "[0-9]+ ends .*, to the end; [0-9]+ events over [0-9.]+ s are read"));
+}
+
+// Damage is named by its place and not taken for another controller.
+TEST_F(ServiceCommandTest, ReplayNamesDamage) {
+  ASSERT_EQ(Run("demo --no-plots --trajectory planar --out ."), 0) << error_;
+  const fs::path log = folder_ / "planar/run.lcmlog";
+  const std::string whole = ReadText(log);
+  const auto replay = [&](const std::string& bytes) {
+    WriteText(log, bytes);
+    EXPECT_EQ(Run("replay planar/run.lcmlog"), 1);
+    EXPECT_TRUE(OneLine());
+    EXPECT_THAT(error_, testing::Not(HasSubstr("does not give what was logged")));
+  };
+  const std::size_t middle = whole.size() / 2;
+  std::string bytes = whole;
+  replay(bytes.replace(middle, 5000, 5000, '\0'));
+  EXPECT_THAT(error_,
+              testing::ContainsRegex("no bit differs in [0-9]+ cycles; cycles are missing; the [0-9]+ after "
+                                     "them could not be checked; damaged: the event at byte [0-9]+ is not "
+                                     "followed by another; [0-9]+ bytes are left out, zeros from byte"));
+  bytes = whole;
+  replay(bytes.erase(middle, 5000));
+  EXPECT_THAT(error_, HasSubstr("is not followed by another"));
+  bytes = whole;
+  replay(bytes.replace(0, 100, 100, '\0'));
+  EXPECT_THAT(error_, HasSubstr("the robot is not known (damaged: the event at byte 0 does not begin"));
+  EXPECT_THAT(error_, HasSubstr("give --robot and --config"));
+  // Outputs of one cycle alone: its event is whole.
+  bytes = whole;
+  const std::size_t cycle = bytes.find("TENDRIL_CYCLE", middle);
+  replay(bytes.replace(cycle + 600, 16, 16, '\x55'));
+  EXPECT_THAT(error_,
+              testing::ContainsRegex("one cycle differs and the [0-9]+ after it are the same to the last "
+                                     "bit, as when its event, at byte [0-9]+, is damaged"));
 }
 
 }  // namespace

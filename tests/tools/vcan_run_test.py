@@ -3,6 +3,7 @@
 Knows nothing of the way the bus is provided."""
 import os
 import pathlib
+import shutil
 import signal
 import subprocess
 import sys
@@ -104,6 +105,24 @@ exit 7
         while (list(left()) or os.listdir(self.folder.name)) and time.monotonic() < deadline:
             time.sleep(0.05)
         self.assertEqual(list(left()), [])
+
+    def test_a_missing_program_is_told_with_its_package(self):
+        for program, package in (("insmod", "kmod"), ("ip", "iproute2")):
+            if program == "insmod" and not os.path.exists("/usr/bin/linux.uml"):
+                continue  # only the user-mode kernel needs it
+            path = shutil.which(program, path="/usr/sbin:/usr/bin:/sbin:/bin")
+            if path is None:
+                self.skipTest(f"{program} is not installed here")
+            # An empty file in its place, seen by this command only.
+            hide = f"mount --bind {self.folder.name}/empty {os.path.realpath(path)} && exec {VCAN_RUN} --kernel uml --check"
+            empty = pathlib.Path(self.folder.name) / "empty"
+            empty.touch(mode=0o644)
+            own = ["unshare", "--mount"] + ([] if os.getuid() == 0 else ["--map-root-user"])
+            done = subprocess.run([*own, "bash", "-c", hide], capture_output=True, text=True, timeout=60)
+            empty.unlink()
+            self.assertEqual(done.returncode, 1, done.stdout)
+            self.assertIn(f"{program} is missing", done.stderr)
+            self.assertIn(f"sudo apt-get install {package}", done.stderr)
 
     def test_a_missing_command_is_told(self):
         done = run("no-such-command", env=self.environment)

@@ -327,6 +327,7 @@ ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std
     }
     if (recorder && recorder->rows() > 1) {
       result.run = recorder->Finish(names[i].name, program.family);
+      result.run.zero_at_rest = true;
       progress(i, 1, &result);
       const double seconds = result.run.time_s.tail(1)[0];
       const bool whole = result.trouble.empty();

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 
 #include "tendril/config/config.h"
 #include "tendril/control/controller.h"
@@ -122,6 +123,8 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
   std::unique_ptr<control::Controller> controller;
   std::optional<std::uint64_t> next;  // the cycle whose state the controller has
   std::optional<std::uint64_t> first_seen;
+  bool differs_again = false;  // behind the first difference
+  bool robot_unknown = false;
 
   result.damage = io::StreamLog(
       path,
@@ -130,15 +133,14 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
         result.version = r.version;
         result.git_revision = r.git_revision;
       },
-      [&](const CycleRecord& record) {
+      [&](const CycleRecord& record, std::uint64_t offset) {
         const std::uint64_t cycle = record.input.cycle;
         if (!first_seen) first_seen = cycle;
-        if (result.difference) return;
+        if (result.difference && differs_again) return;
         const bool resumes = snapshot && snapshot->next_cycle == cycle;
         if (next != cycle && (resumes || (cycle == 0 && !controller))) {
-          if (run.robot_yaml.empty()) {
-            throw std::runtime_error(path + ": no run record before the first cycle; the robot is not known");
-          }
+          robot_unknown = run.robot_yaml.empty() && !(robot && parameters);
+          if (robot_unknown) return;
           if (resumes && (robot || parameters)) {
             throw std::runtime_error(
                 path +
@@ -158,22 +160,33 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
           next = cycle;
         }
         if (!controller || next != cycle) {
-          ++result.unchecked;
+          if (!result.difference) ++result.unchecked;
           return;
         }
         CycleOutput again;
         controller->Step(record.input, again);
+        next = cycle + 1;
+        std::optional<Difference> difference = FirstDifference(record.output, again);
+        if (result.difference) {
+          differs_again = differs_again || difference;
+          result.difference->agree = differs_again ? 0 : result.difference->agree + 1;
+          return;
+        }
         ++result.replayed;
         result.last_cycle = cycle;
-        next = cycle + 1;
-        if ((result.difference = FirstDifference(record.output, again))) {
-          result.difference->cycle = cycle;
-          result.difference->time_ns = record.input.time_ns;
-        }
+        if (!difference) return;
+        result.difference = std::move(difference);
+        result.difference->cycle = cycle;
+        result.difference->time_ns = record.input.time_ns;
+        result.difference->offset = offset;
       },
       [&](const io::StateSnapshot& s) { snapshot = s; });
   if (result.replayed > 0) return result;
-  const std::string damaged = result.damage.empty() ? "" : " (" + result.damage + ")";
+  const std::string damaged = result.damage.empty() ? "" : " (damaged: " + result.damage + ")";
+  if (robot_unknown) {
+    throw std::runtime_error(path + ": no run record before the first cycle, so the robot is not known" +
+                             damaged + "; give --robot and --config");
+  }
   if (!first_seen && result.version.empty() && !damaged.empty()) {
     throw std::runtime_error(path + ": no log that can be replayed" + damaged +
                              "; give one of tendrild --log or tendril demo, or a black box");

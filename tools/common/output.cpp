@@ -27,7 +27,8 @@ fs::path MakeOutputFolder(const fs::path& folder) {
 
 void RunPlotScript(const std::string& script, const std::vector<fs::path>& folders,
                    const std::string& result) {
-  std::vector<std::string> arguments{"python3", ScriptFile(script)};
+  // By its whole name: Python looks for its modules beside the one that PATH would find.
+  std::vector<std::string> arguments{"/usr/bin/python3", ScriptFile(script)};
   for (const auto& f : folders) arguments.push_back(f.string());
   std::vector<char*> argv;
   for (auto& a : arguments) argv.push_back(a.data());
@@ -39,7 +40,7 @@ void RunPlotScript(const std::string& script, const std::vector<fs::path>& folde
     dup2(ends[1], STDERR_FILENO);
     close(ends[0]);
     close(ends[1]);
-    execv("/usr/bin/python3", argv.data());
+    execv(argv[0], argv.data());
     _exit(127);
   }
   close(ends[1]);

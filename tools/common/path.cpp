@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "tendril/core/tip_unit.h"
 #include "tendril/model/inverse.h"
 
 namespace tendril::tools {
@@ -345,15 +346,17 @@ VectorXd TipSolver::Solve(const Vector3d& tip_W_m, const std::string& name) {
     const Vector3d near = kinematics.Tip(found.us_vs);
     throw PathError(fmt::format(
         "{}: the robot's tip cannot be at ({:.6g}, {:.6g}, {:.6g}) m: the nearest point that it reaches is "
-        "({:.6g}, {:.6g}, {:.6g}), {:.2f} mm away; give such points, or take the nearest with --nearest",
-        name, tip_W_m.x(), tip_W_m.y(), tip_W_m.z(), near.x(), near.y(), near.z(), 1e3 * distance_m_));
+        "({:.6g}, {:.6g}, {:.6g}), {:.2f} mm away{}; give such points, or take the nearest with --nearest",
+        name, tip_W_m.x(), tip_W_m.y(), tip_W_m.z(), near.x(), near.y(), near.z(), 1e3 * distance_m_,
+        AskMillimetres(tip_W_m, robot_.body.length_m())));
   }
   const double most_m = kNearestShare * robot_.body.length_m();
   if (!(distance_m_ <= most_m)) {
     throw PathError(fmt::format(
         "{}: ({:.6g}, {:.6g}, {:.6g}) m is {:.4g} m from any point that the tip can be at; accepted with "
-        "--nearest: up to {:g} m; give metres, in the base frame",
-        name, tip_W_m.x(), tip_W_m.y(), tip_W_m.z(), distance_m_, most_m));
+        "--nearest: up to {:g} m; give metres, in the base frame{}",
+        name, tip_W_m.x(), tip_W_m.y(), tip_W_m.z(), distance_m_, most_m,
+        AskMillimetres(tip_W_m, robot_.body.length_m())));
   }
   if (distance_m_ > kReachShare * robot_.body.length_m()) farthest_m_ = std::max(farthest_m_, distance_m_);
   last_ = found.us_vs;

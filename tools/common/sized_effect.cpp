@@ -40,7 +40,7 @@ double ValueAt(double nominal, double deviation) {
 
 std::optional<WantedSize> ParseWantedSize(const std::string& text, const RobotParameters& robot) {
   std::istringstream words(text);
-  std::string name, rest, sigma, vary;
+  std::string name, rest, sigma, vary, where = "all";
   words >> name;
   bool sized = false;
   for (std::string word; words >> word;) {
@@ -51,6 +51,7 @@ std::optional<WantedSize> ParseWantedSize(const std::string& text, const RobotPa
     } else if (word.starts_with("vary=")) {
       vary = word.substr(5);
     } else {
+      if (word.starts_with("where=")) where = word.substr(6);
       rest += " " + word;
     }
   }
@@ -64,7 +65,8 @@ std::optional<WantedSize> ParseWantedSize(const std::string& text, const RobotPa
   if (effect == nullptr) sim::ParseEffect(text, robot);  // says which there are
   std::string primary;
   bool found = false;
-  for (const sim::EffectParameter& p : effect->parameters) {
+  const sim::Target target = sim::ParseTarget(*effect, where, robot);
+  for (const sim::EffectParameter& p : sim::ParametersOf(*effect, target, robot)) {
     if (p.shape) continue;
     primary += (primary.empty() ? "" : ", ") + std::string(p.name);
     if (!found && (vary.empty() || vary == p.name)) {

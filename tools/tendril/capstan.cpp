@@ -4,11 +4,13 @@
 
 #include <fmt/core.h>
 
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 
 #include "commands.h"
+#include "number_option.h"
 
 namespace tendril::tools {
 namespace {
@@ -44,13 +46,6 @@ void Run(const Options& o) {
   }
   try {
     model::ValidatePulley(o.pulley);
-    const auto require = [](const char* name, double value) {
-      if (!(value >= 0 && value <= model::kMaxCapstanTension_N)) {
-        throw std::invalid_argument(fmt::format("{} = {}: accepted 0 .. 1e6 N", name, value));
-      }
-    };
-    require("--tension", o.tension_base_N);
-    require("--low-tension", o.low_tension_N);
   } catch (const std::invalid_argument& e) {
     throw UsageError(fmt::format("capstan: {}", e.what()));
   }
@@ -77,13 +72,23 @@ void AddCapstanCommand(CLI::App& app) {
       "from cos(phi1)\n"
       "that the improved law starts with; the classic law knows no phi1.");
   Options& o = *options;
-  command->add_option("--alpha", o.pulley.alpha, "friction coefficient [N^(1-n)], 0 .. 100")->required();
-  o.exponent = command->add_option("--n", o.pulley.exponent, "friction exponent, 0.05 .. 1");
+  // A value that is wrong is said before one that is missing.
+  command->add_option("--alpha", o.pulley.alpha, "friction coefficient [N^(1-n)], 0 .. 100")
+      ->required()
+      ->check(NumberFrom(0, 100, "give a coefficient, 0 for no friction"));
+  o.exponent = command->add_option("--n", o.pulley.exponent, "friction exponent, 0.05 .. 1")
+                   ->check(NumberFrom(0.05, 1, "1 is the classic law's"));
   o.radius_ratio =
-      command->add_option("--rho", o.pulley.radius_ratio, "pulley radius over tendon radius, up to 1e12");
-  command->add_option("--wrap", o.pulley.wrap_rad, "wrap angle [rad], 0 .. 100")->required();
-  command->add_option("--tension", o.tension_base_N, "tension on the robot's side [N], 0 .. 1e6")->required();
+      command->add_option("--rho", o.pulley.radius_ratio, "pulley radius over tendon radius, up to 1e12")
+          ->check(NumberFrom(std::numeric_limits<double>::min(), 1e12, "give the ratio of the radii"));
+  command->add_option("--wrap", o.pulley.wrap_rad, "wrap angle [rad], 0 .. 100")
+      ->required()
+      ->check(NumberFrom(0, 100, "give radians"));
+  command->add_option("--tension", o.tension_base_N, "tension on the robot's side [N], 0 .. 1e6")
+      ->required()
+      ->check(NumberFrom(0, model::kMaxCapstanTension_N, "give newtons"));
   command->add_option("--phi1", o.pulley.entry_angle_rad, "entry angle [rad], 0 .. 1.5")
+      ->check(NumberFrom(0, 1.5, "give radians"))
       ->capture_default_str();
   command
       ->add_option_function<std::string>(
@@ -103,6 +108,7 @@ void AddCapstanCommand(CLI::App& app) {
   command
       ->add_option("--low-tension", o.low_tension_N,
                    "below this low-side tension [N] keep the ratio found there")
+      ->check(NumberFrom(0, model::kMaxCapstanTension_N, "give newtons"))
       ->capture_default_str();
   command->callback([options] { Run(*options); });
 }

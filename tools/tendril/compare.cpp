@@ -256,16 +256,19 @@ ordered_json Describe(const Tracking& t, const char* role) {
           {"held_back", held_back}};
 }
 
+/// A run that ended in a fault has samples up to there.
 void WriteSamples(const fs::path& file, const std::vector<Tracking>& runs) {
   std::ofstream out(file);
   out << "t_s,wanted_x_m,wanted_y_m,wanted_z_m";
   for (std::size_t i = 0; i < runs.size(); ++i)
     out << fmt::format(",tip_x_m_{0},tip_y_m_{0},tip_z_m_{0}", i + 1);
   out << "\n";
-  const Tracking& first = runs.front();
-  for (std::size_t k = 0; k < first.time_s.size(); ++k) {
-    out << fmt::format("{:.3f}", first.time_s[k]);
-    for (int i = 0; i < 3; ++i) out << fmt::format(",{:.7g}", first.wanted_m[k][i]);
+  const Tracking& longest = *std::max_element(runs.begin(), runs.end(), [](const auto& a, const auto& b) {
+    return a.time_s.size() < b.time_s.size();
+  });
+  for (std::size_t k = 0; k < longest.time_s.size(); ++k) {
+    out << fmt::format("{:.3f}", longest.time_s[k]);
+    for (int i = 0; i < 3; ++i) out << fmt::format(",{:.7g}", longest.wanted_m[k][i]);
     for (const Tracking& run : runs) {
       for (int i = 0; i < 3; ++i) {
         if (k < run.tip_m.size()) {
@@ -294,7 +297,7 @@ void Finish(const CompareOptions& options, const fs::path& out, const ordered_js
   }
   for (const std::string& line : lines) fmt::print("{}\n", line);
   fmt::print("\n  {}: compare.json, samples{}\n", fs::absolute(out).lexically_normal().string(),
-             options.plots ? " and compare.png" : "");
+             options.plots ? " and compare.png, .svg, .pdf" : "");
 }
 
 // Every law on every plant: one row a trajectory and law, a column a plant.
@@ -386,8 +389,7 @@ void RunLaws(const CompareOptions& options) {
       }
       lines.push_back(row);
     }
-    std::erase_if(nominal, [](const Tracking& t) { return !t.fault.empty() || t.time_s.empty(); });
-    if (!nominal.empty()) WriteSamples(out / (name + ".csv"), nominal);
+    WriteSamples(out / (name + ".csv"), nominal);
     json["trajectories"].push_back(std::move(entry));
   }
   lines.emplace_back("");

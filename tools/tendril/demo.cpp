@@ -102,8 +102,9 @@ struct Figures {
 
 class SampleWriter {
  public:
-  SampleWriter(const fs::path& path, int sections, int tendons)
-      : path_(path), sections_(sections), tendons_(tendons) {
+  /// `units` of the plant's body: the positions of their disks show the whole robot.
+  SampleWriter(const fs::path& path, int sections, int tendons, int units)
+      : path_(path), sections_(sections), tendons_(tendons), disks_(static_cast<std::size_t>(units)) {
     file_.reset(std::fopen(path.c_str(), "w"));
     if (!file_)
       throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), std::strerror(errno)));
@@ -124,6 +125,8 @@ class SampleWriter {
         header += fmt::format(",{}_{}", what, j);
       }
     }
+    for (std::size_t i = 1; i <= disks_.size(); ++i)
+      header += fmt::format(",disk_x_m_{0},disk_y_m_{0},disk_z_m_{0}", i);
     fmt::print(file_.get(), "{}\n", header);
   }
 
@@ -165,6 +168,9 @@ class SampleWriter {
                  o.tension_desired_base_N[j], o.tension_desired_motor_N[j], t.tension_motor_N,
                  t.tension_base_N, o.tension_measured_N[j], o.torque_desired_Nm[j], o.torque_measured_Nm[j]);
     }
+    plant.body().Poses(plant.q(), disks_);
+    for (const model::Pose& disk : disks_)
+      fmt::print(file_.get(), ",{:.6g},{:.6g},{:.6g}", disk.p_WA.x(), disk.p_WA.y(), disk.p_WA.z());
     fmt::print(file_.get(), "\n");
   }
 
@@ -173,6 +179,7 @@ class SampleWriter {
   };
   fs::path path_;
   int sections_, tendons_;
+  std::vector<model::Pose> disks_;
   std::unique_ptr<std::FILE, Close> file_;
 };
 
@@ -219,7 +226,8 @@ void RemoveOldResults(const fs::path& folder) {
   std::error_code ignored;
   fs::remove(folder / "summary.json", ignored);
   for (const auto& entry : fs::directory_iterator(folder, ignored)) {
-    if (entry.path().extension() == ".png") fs::remove(entry.path(), ignored);
+    const fs::path kind = entry.path().extension();
+    if (kind == ".png" || kind == ".svg" || kind == ".pdf") fs::remove(entry.path(), ignored);
   }
 }
 
@@ -254,7 +262,8 @@ ordered_json RunMotion(const std::string& name, const DemoOptions& options, cons
   RemoveOldResults(folder);
   ClosedLoop loop(loop_options);
   SampleWriter samples(folder / "samples.csv",
-                       static_cast<int>(loop_options.controller_robot.body.sections.size()), tendons);
+                       static_cast<int>(loop_options.controller_robot.body.sections.size()), tendons,
+                       loop.plant().body().units());
   Figures figures(tendons);
   Progress progress(name);
   const double wall_start = WallSeconds();
@@ -387,7 +396,7 @@ void PrintTable(const std::vector<ordered_json>& summaries, const fs::path& out)
     fmt::print("  {}\n",
                (fs::absolute(out) / s["trajectory"].get<std::string>()).lexically_normal().string());
   }
-  fmt::print("    summary.json, samples.csv, run.lcmlog and the plots (*.png)\n");
+  fmt::print("    summary.json, samples.csv, run.lcmlog and the plots (*.png, *.svg, *.pdf)\n");
 }
 
 void RunDemo(const DemoOptions& options) {

@@ -22,6 +22,7 @@
 #include "output.h"
 #include "progress.h"
 #include "seed_option.h"
+#include "tendril/config/whole_file.h"
 #include "tendril/gap/diagnose.h"
 #include "tendril/gap/health.h"
 #include "tendril/gap/report.h"
@@ -35,7 +36,7 @@ struct DiagnoseCommand {
   std::vector<std::string> logs, before;
   std::string out = "out/gap", daemon;
   double delta_mm = 0;
-  bool next = true;
+  bool next = true, same_robot = false;
   std::vector<std::string> only;
   gap::DiagnoseOptions diagnose;
 };
@@ -80,25 +81,43 @@ void Warn(const std::vector<gap::HealthFinding>& health) {
   }
 }
 
+/// A word as a shell takes it for one.
+std::string Quoted(const std::string& word) {
+  const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
+    return std::isalnum(c) ||
+           std::string_view("_@%+=:,./-").find(static_cast<char>(c)) != std::string_view::npos;
+  });
+  if (plain) return word;
+  std::string quoted = "'";
+  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
 /// The whole command as it was given, to be pasted into a shell.
 std::string CommandLine() {
   std::ifstream in("/proc/self/cmdline", std::ios::binary);
   std::string line = "tendril", word;
   std::getline(in, word, '\0');  // the program, wherever it is
-  while (std::getline(in, word, '\0')) {
-    const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
-      return std::isalnum(c) ||
-             std::string_view("_@%+=:,./-").find(static_cast<char>(c)) != std::string_view::npos;
-    });
-    if (plain) {
-      line += " " + word;
-      continue;
-    }
-    line += " '";
-    for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    line += "'";
-  }
+  while (std::getline(in, word, '\0')) line += " " + Quoted(word);
   return line;
+}
+
+/// What to run now: the cause into a robot file, the experiment on the robot that tells rivals apart. `plan`
+/// is where the experiment lies.
+std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string& robot,
+                                      const std::filesystem::path& folder,
+                                      const std::filesystem::path& plan) {
+  std::vector<std::string> commands;
+  if (d.verdict == gap::Verdict::kAttributed && !d.accepted.empty()) {
+    commands.push_back(fmt::format("tendril gap apply --robot {} {} --out {}", Quoted(robot),
+                                   Quoted((folder / "report.json").string()),
+                                   Quoted((folder / "better.yaml").string())));
+  }
+  if (!d.next.yaml.empty()) {
+    commands.push_back(fmt::format("tendril excite --live --plan {} --robot {} --out {}",
+                                   Quoted(plan.string()), Quoted(robot), Quoted((folder / "next").string())));
+  }
+  return commands;
 }
 
 /// For differences that matter: CLI11's own check would print the largest number there is in full.
@@ -115,8 +134,10 @@ CLI::Validator Positive() {
 void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) {
   Progress progress;
   progress("reading the logs", 0);
-  gap::DataSet set = gap::LoadLogs(options.logs, options.robot);
-  if (!options.before.empty()) gap::CompareWithBefore(set, gap::LoadLogs(options.before, options.robot));
+  const auto other = options.same_robot ? gap::OtherRobot::kNoted : gap::OtherRobot::kRefused;
+  gap::DataSet set = gap::LoadLogs(options.logs, options.robot, other);
+  if (!options.before.empty())
+    gap::CompareWithBefore(set, gap::LoadLogs(options.before, options.robot, other));
   options.diagnose.progress = [&](const std::string& stage, double share) { progress(stage, share); };
   options.diagnose.delta_m = 1e-3 * options.delta_mm;
   if (options.next && set.robot.actuation)
@@ -129,6 +150,11 @@ void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) 
   diagnosis.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   diagnosis.health = std::move(health);
   diagnosis.command = CommandLine();
+  const std::filesystem::path plan = folder / "next.yaml";
+  std::error_code none;  // of an earlier report
+  std::filesystem::remove(plan, none);
+  if (!diagnosis.next.yaml.empty()) config::WriteWhole(plan, diagnosis.next.yaml);
+  diagnosis.next_commands = NextCommands(diagnosis, options.robot, folder, plan);
   gap::WriteReport(diagnosis, folder);
   progress.Finish();
   fmt::print("{}", gap::Summary(diagnosis, folder / "report.html", isatty(STDOUT_FILENO) != 0));
@@ -183,7 +209,10 @@ void AddGapDiagnoseCommand(CLI::App& app) {
           "model gets wrong in both is taken off; runs belong together by name, or by kind where there is "
           "one")
       ->allow_extra_args(false);
-  command->add_option("--out", options->out, "folder for report.html and report.json")->capture_default_str();
+  command
+      ->add_option("--out", options->out,
+                   "folder for report.html, report.json and next.yaml, the next experiment")
+      ->capture_default_str();
   command
       ->add_option(
           "--delta-N", options->diagnose.delta_N,
@@ -216,6 +245,9 @@ void AddGapDiagnoseCommand(CLI::App& app) {
   command->add_option("--daemon", options->daemon,
                       "daemon file whose controller would run the next experiment (default: that of "
                       "tendrild.yaml, built in)");
+  command->add_flag("--same-robot", options->same_robot,
+                    "the runs are of the robot of --robot although their own robot file names another "
+                    "(name, length, tendons or encoder counts that were wrong in one of them)");
   command->add_flag("!--no-next", options->next, "do not look for the next experiment");
   command->callback([options] { Run(*options); });
 }

@@ -3,12 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <optional>
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "commands.h"
@@ -45,6 +48,14 @@ std::vector<std::string> Places(const Effect& e, const RobotParameters& robot) {
   return places;
 }
 
+/// On all of it, or where it is on one, on the first; without a robot, those of the reference rig.
+std::vector<sim::EffectParameter> ParametersOn(const Effect& e, const RobotParameters* robot) {
+  if (robot == nullptr) return e.parameters;
+  auto parameters = sim::ParametersOf(e, e.on_all ? sim::Target{} : sim::Target{0}, *robot);
+  parameters.resize(e.parameters.size());
+  return parameters;
+}
+
 std::string WhereTexts(const Effect& e) {
   if (e.scope == sim::Scope::kRobot) return "all";
   const std::string one = fmt::format("{}:NUMBER", kScopes[static_cast<int>(e.scope)]);
@@ -53,13 +64,14 @@ std::string WhereTexts(const Effect& e) {
 
 Json ToJson(const Effect& e, const RobotParameters* robot) {
   Json parameters = Json::array();
-  for (const sim::EffectParameter& p : e.parameters) {
+  for (const sim::EffectParameter& p : ParametersOn(e, robot)) {
     parameters.push_back({{"name", p.name},
                           {"unit", UnitOf(p)},
                           {"nominal", p.nominal},
                           {"lower", p.lower},
                           {"upper", p.upper},
                           {"typical", p.typical},
+                          {"in_proportion_to", sim::TextOf(p.of)},
                           {"shape", p.shape},
                           {"each", p.each}});
   }
@@ -106,7 +118,24 @@ void PrintTable() {
   fmt::print("\ntendril gap explain EFFECT tells more of one.\n");
 }
 
-void PrintOne(const Effect& e) {
+/// What the numbers above are in proportion to, once each.
+void PrintYardsticks(const std::vector<sim::EffectParameter>& parameters, const RobotParameters* robot) {
+  std::string named;
+  std::set<sim::Yardstick> seen{sim::Yardstick::kNone};
+  for (const sim::EffectParameter& p : parameters) {
+    if (seen.insert(p.of).second) named += fmt::format("{}{}", named.empty() ? "" : "; ", sim::TextOf(p.of));
+  }
+  if (named.empty()) return;
+  fmt::print("\n{}",
+             gap::Wrapped(robot ? fmt::format("On {}; in proportion to: {}.", robot->name, named)
+                                : fmt::format("On the rig of 90 mm; of another robot (--robot FILE) in "
+                                              "proportion to: {}.",
+                                              named),
+                          2));
+}
+
+void PrintOne(const Effect& e, const RobotParameters* robot) {
+  const auto parameters = ParametersOn(e, robot);
   const gap::CutText& cut = gap::TextOf(e.cut);
   fmt::print("{}: {}\n\n", e.name, e.summary);
   fmt::print("  part of        {}\n", kStages[static_cast<int>(e.stage)]);
@@ -120,7 +149,7 @@ void PrintOne(const Effect& e) {
   if (e.nuisance)
     fmt::print("  nuisance       nobody can know it beforehand: not accused while it is immaterial\n");
   fmt::print("\n  parameter         nominal        from          to  plainly visible\n");
-  for (const sim::EffectParameter& p : e.parameters) {
+  for (const sim::EffectParameter& p : parameters) {
     fmt::print("  {:<14} {:>10.4g} {:>11.4g} {:>11.4g}  {:.3g}{}{}\n", p.name, p.nominal, p.lower, p.upper,
                p.typical, UnitOf(p).empty() ? "" : " " + UnitOf(p), p.shape ? "  (shape of the law)" : "");
     if (!p.each.empty()) {
@@ -128,6 +157,7 @@ void PrintOne(const Effect& e) {
                  fmt::format(fmt::runtime(p.each), 2) + ", ...", kScopes[static_cast<int>(e.scope)]);
     }
   }
+  PrintYardsticks(parameters, robot);
   const auto paragraph = [](const char* title, std::string_view text) {
     fmt::print("\n{}\n{}", title, gap::Wrapped(text, 2));
   };
@@ -136,7 +166,7 @@ void PrintOne(const Effect& e) {
   paragraph("What shows it", e.experiment);
   if (!e.confusable.empty()) paragraph("Looks like", fmt::format("{}", fmt::join(e.confusable, ", ")));
   std::string values;
-  for (const sim::EffectParameter& p : e.parameters) {
+  for (const sim::EffectParameter& p : parameters) {
     values += fmt::format(
         " {}={:.4g}", p.name,
         p.shape || p.nominal == 0 ? std::min(p.upper, p.nominal + p.typical) : p.nominal + p.typical);
@@ -145,25 +175,76 @@ void PrintOne(const Effect& e) {
   fmt::print("\nTry it\n  tendril gap simulate --effect \"{}{}{}\" ...\n", e.name, where, values);
 }
 
-const Effect& Find(const std::string& name) {
+const Effect* Find(const std::string& name) {
   std::string wanted = name;
   std::replace_if(
       wanted.begin(), wanted.end(), [](char c) { return c == ' ' || c == '-'; }, '_');
-  if (const Effect* effect = sim::FindEffect(wanted)) return *effect;
-  return EffectNamed(name);
+  for (char& c : wanted) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return sim::FindEffect(wanted);
+}
+
+/// Small letters, and blanks for what joins the words of a name.
+std::string Plain(std::string_view text) {
+  std::string plain(text);
+  for (char& c : plain)
+    c = c == '_' || c == '-' ? ' ' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return plain;
+}
+
+/// What an effect has to do with a word, the nearest first.
+enum class Relation { kName, kSummary, kLaw, kLooksLike, kNone };
+constexpr const char* kRelations[] = {"by name", "by summary", "by law or mark in the data",
+                                      "easily confused with one of that name"};
+
+Relation RelationOf(const Effect& e, const std::string& topic) {
+  const auto in = [&](std::string_view text) { return Plain(text).find(topic) != std::string::npos; };
+  if (in(e.name)) return Relation::kName;
+  if (in(e.summary)) return Relation::kSummary;
+  if (in(e.physics) || in(e.signature) || in(e.experiment)) return Relation::kLaw;
+  const auto& alike = e.confusable;
+  return std::any_of(alike.begin(), alike.end(), in) ? Relation::kLooksLike : Relation::kNone;
+}
+
+/// Every effect that has to do with the word, the nearest first. Throws UsageError with a likely name when
+/// none has.
+std::vector<const Effect*> About(const std::string& word) {
+  if (const Effect* named = Find(word)) return {named};
+  const std::string topic = Plain(word);
+  std::vector<const Effect*> hits;
+  for (const Effect& e : sim::Effects())
+    if (RelationOf(e, topic) != Relation::kNone) hits.push_back(&e);
+  std::stable_sort(hits.begin(), hits.end(), [&](const Effect* a, const Effect* b) {
+    return RelationOf(*a, topic) < RelationOf(*b, topic);
+  });
+  if (hits.empty()) EffectNamed(word);  // throws
+  return hits;
+}
+
+void PrintTopic(const std::string& word, const std::vector<const Effect*>& hits) {
+  fmt::print("{} effects have to do with '{}'\n", hits.size(), word);
+  Relation last = Relation::kNone;
+  for (const Effect* e : hits) {
+    const Relation relation = RelationOf(*e, Plain(word));
+    if (relation != last) fmt::print("\n{}\n", kRelations[static_cast<int>(relation)]);
+    last = relation;
+    fmt::print("  {:<20} {}  {}\n", e->name, sim::CutName(e->cut), e->summary);
+  }
+  fmt::print("\ntendril gap explain EFFECT tells more of one.\n");
 }
 
 void Run(const ExplainOptions& options) {
-  if (!options.robot.empty() && !options.json) {
-    throw UsageError("--robot goes with --json: it adds the places that an effect may have on that robot");
+  if (!options.robot.empty() && !options.json && options.effect.empty()) {
+    throw UsageError("--robot goes with an effect, whose bounds on that robot it shows, or with --json");
   }
+  std::optional<RobotParameters> robot;
+  if (!options.robot.empty()) robot = sim::LoadRobot(options.robot);
+  const RobotParameters* on = robot ? &*robot : nullptr;
   if (options.json) {
-    std::optional<RobotParameters> robot;
-    if (!options.robot.empty()) robot = sim::LoadRobot(options.robot);
-    const RobotParameters* on = robot ? &*robot : nullptr;
     Json json = Json::array();
     if (!options.effect.empty()) {
-      json = ToJson(Find(options.effect), on);
+      const auto hits = About(options.effect);
+      for (const Effect* e : hits) json.push_back(ToJson(*e, on));
+      if (hits.size() == 1) json = Json(json.front());
     } else {
       for (const Effect& e : sim::Effects()) json.push_back(ToJson(e, on));
     }
@@ -171,7 +252,12 @@ void Run(const ExplainOptions& options) {
   } else if (options.effect.empty()) {
     PrintTable();
   } else {
-    PrintOne(Find(options.effect));
+    const auto hits = About(options.effect);
+    if (hits.size() == 1) {
+      PrintOne(*hits.front(), on);
+    } else {
+      PrintTopic(options.effect, hits);
+    }
   }
 }
 
@@ -182,10 +268,12 @@ void AddGapExplainCommand(CLI::App& app) {
   CLI::App* command = GapCommand(app).add_subcommand(
       "explain",
       "An effect's physics, its mark in the data, what looks like it and what shows it; without one: all");
-  command->add_option("effect", options->effect, "name of the effect, such as backlash");
+  command->add_option("effect", options->effect,
+                      "name of the effect, such as backlash, or a word to look for, such as friction");
   command->add_flag("--json", options->json, "for programs");
-  command->add_option("--robot", options->robot,
-                      "with --json: a robot file, for the places and the cut on that robot");
+  command->add_option(
+      "--robot", options->robot,
+      "a robot file: bounds and sizes on that robot, with --json also its places and the cut");
   command->callback([options] { Run(*options); });
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <map>
@@ -20,6 +21,7 @@
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/daemon/wiring.h"
+#include "tendril/gap/cuts.h"
 #include "tendril/gap/health.h"
 #include "tendril/gap/import.h"
 #include "tendril/io/gateway.h"
@@ -100,6 +102,7 @@ class CycleLog {
     record.input.time_ns = time_ns;
     record.input.drives = robot_.body.tendons();
     record.output.mode = mode;
+    record.output.displacement_m = TendonVector::Zero(record.input.drives);
     for (int j = 0; j < record.input.drives; ++j) FillDrive(run, row, j, mode, record);
     if (mode == Mode::kRunning) FillTracker(run, row, time_ns, record.input.tracker);
     gateway_.PublishCycle(record);
@@ -118,6 +121,8 @@ class CycleLog {
     drive.age_cycles = std::isfinite(position + torque + tension) ? 0 : 1;
     const double per_turn = tendon.drive.encoder_counts_per_turn / (2 * std::numbers::pi);
     drive.position_counts = Whole<std::int32_t>(position * per_turn);
+    // By which a reader of the log knows where positions count from.
+    if (std::isfinite(position)) record.output.displacement_m[j] = position * tendon.SpoolTravelPerMotorRad();
     drive.torque_permille = Whole<std::int16_t>(1e3 * torque / tendon.drive.rated_torque_Nm);
     drive.analog_mV =
         Whole<std::int16_t>(1e3 * tendon.load_cell.gain_VpN * (tension + tendon.load_cell.offset_N));
@@ -156,9 +161,8 @@ void WriteLog(const gap::DataSet& set, const std::string& path) {
   });
   if (elsewhere) {
     fmt::print(stderr,
-               "tendril: {}: in a log motors count from where a run begins; a folder (--out) keeps positions "
-               "that begin "
-               "elsewhere\n",
+               "tendril: {}: of a log the zero of motors is taken from the rest that a run begins with; a folder "
+               "(--out) keeps positions that begin elsewhere\n",
                path);
   }
   CycleLog log(set.robot, path);
@@ -262,6 +266,9 @@ void RunImport(const ImportOptions& options) {
   fmt::print("{}, {}, {}\n", Counted(rows, "row"), Counted(families.size(), "family", "families"),
              Counted(repeats, "repetition"));
   PrintFindings(gap::CheckHealth(set));
+  const std::vector<gap::CutOfSet> cuts = gap::CutsOf(set);
+  fmt::print("{}\n", gap::CutsLine(cuts));
+  std::fflush(stdout);
   const auto left_out = std::count_if(set.notes.begin(), set.notes.end(),
                                       [](const std::string& note) { return note.starts_with("left out: "); });
   // Somebody who calls this from a script would go on with less than was meant.
@@ -269,6 +276,12 @@ void RunImport(const ImportOptions& options) {
     throw std::runtime_error(fmt::format("{} of {} left out (above); the others were written",
                                          left_out == 1 ? "one" : std::to_string(left_out),
                                          Counted(options.tables.size(), "table")));
+  }
+  if (!gap::AnyCut(cuts)) {
+    throw std::runtime_error(
+        "nothing of these runs can be compared; accepted: load cells or motor positions of every tendon, and "
+        "a "
+        "second channel to compare with (torque, tension, or the body's shape); map more columns");
   }
 }
 

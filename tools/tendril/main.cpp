@@ -71,10 +71,10 @@ int main(int argc, char** argv) {
   tendril::tools::AddStatusCommand(app);
   tendril::config::SettleCommandLine(app);
   try {
-    const std::vector<std::string> words = WithLeadingZeros(argc, argv);
+    const std::vector<std::string> words = tendril::config::HelpAsOption(app, WithLeadingZeros(argc, argv));
     std::vector<const char*> pointers;
     for (const std::string& word : words) pointers.push_back(word.c_str());
-    app.parse(argc, pointers.data());
+    app.parse(static_cast<int>(pointers.size()), pointers.data());
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? CheckOutput() : 2;
   } catch (const tendril::tools::UsageError& e) {

@@ -6,6 +6,7 @@
 
 #include "commands.h"
 #include "model.h"
+#include "tendril/core/tip_unit.h"
 #include "tendril/model/inverse.h"
 #include "tendril/model/inverse_equilibrium.h"
 #include "tendril/model/statics.h"
@@ -73,19 +74,22 @@ void InverseKinematicsRows(const RobotParameters& robot) {
   Unmet unmet;
   BendingVector seed = BendingVector::Zero(2 * body.sections());
   while (rows.Next()) {
-    const auto solution = ik.Solve(TipOf(rows), seed);
+    const Vector3d tip = TipOf(rows);
+    const auto solution = ik.Solve(tip, seed);
     if (solution.status != Status::kOk) {
-      unmet.Add(rows, fmt::format("out of reach: the nearest tip is {:.6g} m away", solution.distance_m));
+      unmet.Add(rows, fmt::format("out of reach: the nearest tip is {:.6g} m away{}", solution.distance_m,
+                                  AskMillimetres(tip, robot.body.length_m())));
     }
     out.PutAll(solution.us_vs).EndRow();
     seed = solution.us_vs;
   }
 }
 
-[[noreturn]] void NoShape(const CsvReader& rows, const model::TensionedShape& shape) {
+[[noreturn]] void NoShape(const CsvReader& rows, const model::TensionedShape& shape,
+                          const std::string& asked = {}) {
   throw rows.Error(fmt::format(
-      "no stable equilibrium found ({:.3g} left of the target, {:.3g} N·m of the balance); ask for less",
-      shape.miss, shape.residual_Nm));
+      "no stable equilibrium found ({:.3g} left of the target, {:.3g} N·m of the balance){}; ask for less",
+      shape.miss, shape.residual_Nm, asked));
 }
 
 void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
@@ -146,10 +150,12 @@ void InverseTipRows(const RobotParameters& robot, const TensionOptions& options)
     const auto shape = rows.has(0) ? equilibrium.ForTip(tip, Part(rows.optional(0), 0, 3),
                                                         Part(rows.optional(0), 1, 3), most)
                                    : equilibrium.ForTip(tip, most);
-    if (shape.status == Status::kSolverFallback) NoShape(rows, shape);
+    const std::string asked = AskMillimetres(tip, robot.body.length_m());
+    if (shape.status == Status::kSolverFallback) NoShape(rows, shape, asked);
     if (shape.status != Status::kOk) {
-      unmet.Add(rows, fmt::format("out of reach between {} and {} N: the nearest tip found is {:.6g} m away",
-                                  bounds.low_N, bounds.high_N, shape.miss));
+      unmet.Add(rows,
+                fmt::format("out of reach between {} and {} N: the nearest tip found is {:.6g} m away{}",
+                            bounds.low_N, bounds.high_N, shape.miss, asked));
     }
     // An equilibrium that loading from rest does not lead to is still one, but the robot may not go there by
     // itself.

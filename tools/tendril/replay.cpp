@@ -36,14 +36,23 @@ void Run(const Options& o) {
     const Difference& d = *r.difference;
     fmt::print("first difference: cycle {} at {:.6f} s, {}, bit {}\n  logged   {}\n  replayed {}\n", d.cycle,
                ToSeconds(d.time_ns), d.field, d.bit, d.logged, d.replayed);
-    throw std::runtime_error(o.log + ": this controller does not give what was logged");
+    const std::string damage = r.damage.empty() ? "" : "; the log is damaged: " + r.damage;
+    if (d.agree > 0) {
+      throw std::runtime_error(
+          fmt::format("{}: one cycle differs and the {} after it are the same to the last bit, as when its "
+                      "event, at byte "
+                      "{}, is damaged{}",
+                      o.log, d.agree, d.offset, damage));
+    }
+    throw std::runtime_error(
+        fmt::format("{}: this controller does not give what was logged, from the event at byte {} on{}",
+                    o.log, d.offset, damage));
   }
   std::string rest;
   if (r.unchecked > 0) {
-    rest = fmt::format("cycles are missing after cycle {}; the {} after them could not be checked",
-                       r.last_cycle, r.unchecked);
+    rest = fmt::format("cycles are missing; the {} after them could not be checked", r.unchecked);
   }
-  if (!r.damage.empty()) rest += (rest.empty() ? "" : "; ") + r.damage + ": nothing is known of the rest";
+  if (!r.damage.empty()) rest += (rest.empty() ? "damaged: " : "; damaged: ") + r.damage;
   if (!rest.empty()) {
     throw std::runtime_error(
         fmt::format("{}: not whole: no bit differs in {} cycles; {}", o.log, r.replayed, rest));

@@ -13,6 +13,7 @@
 #include "number_option.h"
 #include "tendril/core/cycle.h"
 #include "tendril/core/status.h"
+#include "tendril/core/tip_unit.h"
 #include "tendril/io/client.h"
 #include "tendril_lcm/state_t.hpp"
 
@@ -74,6 +75,12 @@ class Waiting {
   std::string told_;
 };
 
+// What waiting does not mend.
+bool NeedsAHand(Status reason) {
+  return reason == Status::kDriveHasFault || reason == Status::kOtherDevice ||
+         reason == Status::kDriveMisconfigured || reason == Status::kNodeIdTwice;
+}
+
 // A robot whose daemon or drives are still starting is armed when they are ready. A drive in fault will not
 // be without its operator. Throws when they are not ready in time.
 void AwaitDrives(const SendOptions& o, io::Client& client, const tendril_lcm::state_t& latest,
@@ -93,7 +100,7 @@ void AwaitDrives(const SendOptions& o, io::Client& client, const tendril_lcm::st
       continue;
     }
     reason = io::ReasonForMode(latest);
-    if (latest.mode != tendril_lcm::state_t::MODE_DISCONNECTED || reason == Status::kDriveHasFault) return;
+    if (latest.mode != tendril_lcm::state_t::MODE_DISCONNECTED || NeedsAHand(reason)) return;
     waiting.For(reason == Status::kOk ? "the drives" : fmt::format("the drives: {}", StatusText(reason)),
                 kTellAfter_ns);
   }
@@ -189,16 +196,24 @@ Vector ToVector(const std::vector<double>& values) {
   return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
+// How many values there are is told with what they are, rather than with their number alone.
+void CheckCount(const std::string& name, std::size_t given, const char* values, int least, int most) {
+  if (given >= static_cast<std::size_t>(least) && given <= static_cast<std::size_t>(most)) return;
+  throw UsageError(fmt::format(
+      "send {}: {} value(s) given; accepted: {}, {}; see tendril send {} --help", name, given,
+      least == most ? fmt::format("{}", least) : fmt::format("{} to {}", least, most), values, name));
+}
+
 void AddTarget(CLI::App& send, const std::shared_ptr<SendOptions>& o, const char* name,
                const char* description, const char* values, int least, int most,
                void (*fill)(const std::vector<double>&, Command&)) {
   CLI::App* sub = send.add_subcommand(name, description)->fallthrough();
   sub->add_option("values", o->values, values)
-      ->required()
-      ->expected(least, most)
+      ->expected(0, -1)
       ->option_text(values)
       ->check(NumberFrom(-kMostValue, kMostValue, "give metres, radians or newtons"));
-  sub->callback([o, fill] {
+  sub->callback([=] {
+    CheckCount(name, o->values.size(), values, least, most);
     Command command;
     fill(o->values, command);
     Send(*o, command);
@@ -235,18 +250,22 @@ void AddSendCommand(CLI::App& app) {
                       kTimeout_s, kArmTimeout_s))
       ->check(NumberFrom(0, 3600, "give seconds"));
   send->require_subcommand(1);
-  AddTarget(*send, o, "tip", "Move the tip to a point in the base frame", "X Y Z [m]", 3, 3,
+  AddTarget(*send, o, "tip", "Move the tip to a point in the base frame", "X Y Z in metres", 3, 3,
             [](const std::vector<double>& v, Command& c) {
               c.kind = CommandKind::kTip;
               c.tip_W_m = {v[0], v[1], v[2]};
+              if (const std::string asked = AskMillimetres(c.tip_W_m); !asked.empty())
+                throw UsageError(fmt::format("send tip: {:g} m is no robot's reach{}; give metres",
+                                             c.tip_W_m.norm(), asked));
             });
   AddTarget(*send, o, "bending", "Bend each section: (u, v) = angle (cos, sin of the bending plane)",
-            "U V ... [rad]", 2, 2 * kMaxSections, [](const std::vector<double>& v, Command& c) {
+            "U V of each section in radians", 2, 2 * kMaxSections,
+            [](const std::vector<double>& v, Command& c) {
               c.kind = CommandKind::kBending;
               c.bending_rad = ToVector<BendingVector>(v);
             });
-  AddTarget(*send, o, "tension", "Hold tendon tensions at the robot's base, one a tendon", "T1 T2 ... [N]", 1,
-            kMaxTendons, [](const std::vector<double>& v, Command& c) {
+  AddTarget(*send, o, "tension", "Hold tendon tensions at the robot's base, one a tendon",
+            "T1 T2 ... in newtons", 1, kMaxTendons, [](const std::vector<double>& v, Command& c) {
               c.kind = CommandKind::kTension;
               c.tension_N = ToVector<TendonVector>(v);
             });

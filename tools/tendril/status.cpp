@@ -60,8 +60,8 @@ Subject SubjectOf(const tendril_lcm::run_t& message) {
 }
 
 std::string StateText(int state) {
-  constexpr std::array kTexts = {"offline",    "booting", "ready",      "enabled",
-                                 "quick stop", "fault",   "unreachable"};
+  constexpr std::array kTexts = {"offline", "booting",     "ready",        "enabled",       "quick stop",
+                                 "fault",   "unreachable", "other device", "misconfigured", "id twice"};
   return state >= 0 && state < static_cast<int>(kTexts.size()) ? kTexts[static_cast<std::size_t>(state)]
                                                                : "?";
 }
@@ -119,7 +119,10 @@ std::string Table(const tendril_lcm::state_t& s) {
   if (s.reported.empty()) t += fmt::format("status {} {}\n", s.status, s.status_text);
   for (const std::int16_t number : s.reported) {
     const auto status = static_cast<tendril::Status>(number);
-    t += fmt::format("status {} {}; {}\n", number, StatusText(status), StatusRemedy(status));
+    // The daemon's own words name the drive and the object.
+    const bool own_words = number == s.status && !s.status_text.empty();
+    t += fmt::format("status {} {}; {}\n", number, own_words ? s.status_text : StatusText(status),
+                     StatusRemedy(status));
   }
   t += fmt::format("commands {} accepted, {} refused{}\n\n", s.commands_accepted, s.commands_refused,
                    s.command_status == 0 ? "" : "; last: " + s.command_status_text);

@@ -56,6 +56,8 @@ class CommandGate {
   /// meanwhile. Single targets lead nothing, and anybody may ask for a mode. Sequence numbers are each
   /// sender's own.
   Status Admit(const Command& command, Mode mode, TimeNs now_ns, double away_m = 0) noexcept;
+  /// Whether a command of this kind and request may act in this mode at all (else kCommandWrongMode).
+  static bool AcceptedIn(Mode mode, const Command& command) noexcept;
 
   /// Whether a target was refused lately for being another sender's than those that lead.
   bool Contended(TimeNs now_ns) const noexcept { return now_ns < contended_until_ns_; }

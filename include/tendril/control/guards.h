@@ -35,6 +35,9 @@ class Guards {
 
   /// Whose rule Check found broken, from 1; 0: that of no single tendon.
   int tendon() const noexcept { return blamed_; }
+  /// More cycles than guards.max_late_cycles were skipped at once or within about a second, and it is no
+  /// second ago; whether or not motors pull.
+  bool behind() const noexcept { return behind_; }
 
   /// End of the cycle: what the next ones are expected to show. `reference_m` is the displacement of the shape
   /// that is wanted, which a correction of the goal by a tracker is no part of.
@@ -102,6 +105,7 @@ class Guards {
   bool timed_ = false;
   TimeNs last_time_ns_ = 0;
   double late_ = 0;  // cycles; empties in a second
+  bool behind_ = false;
   std::int32_t blamed_ = 0;
 };
 

@@ -55,7 +55,10 @@ enum class DriveState : std::uint8_t {
   kEnabled,
   kQuickStop,
   kFault,
-  kUnreachable,  // its interface is down or gone; every drive of the bus is
+  kUnreachable,    // its interface is down or gone; every drive of the bus is
+  kOtherDevice,    // its identity is not that of the configuration
+  kMisconfigured,  // refused or did not keep its configuration, or has other motor data
+  kIdTwice,        // two drives answer with its node id
 };
 enum class DriveRequest : std::uint8_t { kDisable, kEnable };
 
@@ -169,5 +172,7 @@ struct CycleRecord {
 };
 
 std::string_view ModeText(Mode mode) noexcept;
+/// Why nothing can be armed while a drive is in this state; kOk where it is ready or still starting.
+Status WhyNotReady(DriveState state) noexcept;
 
 }  // namespace tendril

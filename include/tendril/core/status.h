@@ -26,7 +26,7 @@ namespace tendril {
   X(CommandNotFinite, 201, "command refused: not finite", "send numbers only")                                      \
   X(CommandOutOfRange, 202, "command refused: out of range", "see the robot file's limits; of no robot: more than 1000 rad/s, 100 m or 100 m/s")                 \
   X(CommandStale, 203, "command refused: older than its validity", "send it again, with a longer valid_for_s where it may have to wait; of a stream: see what holds up its sender, the network or the daemon") \
-  X(CommandWrongMode, 204, "command refused in this mode", "arm from configured or hold, home and commission from configured, targets while running, clear in fault; disconnected: wait for the drives, or clear when one failed to start") \
+  X(CommandWrongMode, 204, "command refused in this mode", "send what this mode accepts: tendril status says which it is, and why") \
   X(CommandOutOfOrder, 205, "command refused: sequence number not newer than this sender's last", "count on from the last, or by the clock as Tendril's programs do; two programs need two numbers of their own") \
   X(CommandWrongSize, 206, "command refused: number of values does not fit the robot", "one pair per section, one tension per tendon") \
   X(NotCommissioned, 207, "command refused: this robot was never commissioned as its files are now", "run tendril commission --config FILE; for a simulation start tendrild with --simulated, or say commissioning: not_required in its file") \
@@ -59,6 +59,10 @@ namespace tendril {
   X(TrackerDisagrees, 322, "tracker and tendons disagree on the tip by more than a tenth of the robot's length", "check the tracker's frame and units; else disarm, look whether the robot is straight and no tendon off its pulley, and arm") \
   X(TwoSenders, 323, "two programs send targets: one leads, the other's are refused", "end one of the two; the log names them") \
   X(TipErrorLeft, 324, "the tip rests off its goal: tip feedback went twice the error's way without getting it there, and stopped", "look for what holds the robot, and send another target; where it comes again, the robot file has more friction than pulleys and gears have, or less play: tendril gap diagnose") \
+  X(OtherDevice, 325, "a drive is not the device that bus.identity names: nothing can be armed", "see its node and object in the log; correct bus.identity or the node id, or exchange the drive; then clear") \
+  X(DriveMisconfigured, 326, "a drive refused or did not keep its configuration, or its motor data differ from the robot file: nothing can be armed", "see its node, step and object in the log; correct the robot or daemon file, or restore the drive's defaults (0x1011); then clear") \
+  X(NodeIdTwice, 327, "two drives answer with one node id: nothing can be armed", "disconnect one of the two and give it a node id of its own; then clear") \
+  X(CyclesMissed, 328, "the daemon misses more of its own cycles than guards.max_late_cycles, and drives seem not to answer", "first take load off this machine and set up real time: tendril rt-check; then clear") \
   X(DriveLost, 401, "fault: a drive stopped answering", "check power and bus, then clear")                          \
   X(DriveFault, 402, "fault: a drive reports an error", "see the drive's error code, then clear")                   \
   X(BusOff, 403, "fault: the CAN interface went bus-off", "check wiring and termination, then clear")               \
@@ -85,7 +89,8 @@ namespace tendril {
   X(CellDead, 424, "fault: homing: a motor winds in until it stands, and its load cell does not answer", "check its cable and amplifier, commission again; then clear") \
   X(HomingTimedOut, 425, "fault: homing took longer than controller.take_up.timeout_s", "raise the limit, or find what keeps the tendons from becoming taut; then clear") \
   X(InterfaceDown, 426, "fault: the CAN interface is down or gone", "plug its adapter in, bring it up (ip link set IFACE up), then clear") \
-  X(EnableTimedOut, 427, "fault: a drive was told to switch on, and is not on with its feedback within 3 s", "see its state, error and age of feedback (tendril status --watch), then clear")
+  X(EnableTimedOut, 427, "fault: a drive was told to switch on, and is not on with its feedback within 3 s", "see its state, error and age of feedback (tendril status --watch), then clear") \
+  X(NodeIdShared, 428, "fault: two drives answer with one node id", "disconnect one of the two and give it a node id of its own; then clear")
 
 enum class Status : std::uint16_t {
 #define TENDRIL_STATUS_ENUM(name, number, text, remedy) k##name = number,

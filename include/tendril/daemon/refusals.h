@@ -21,6 +21,9 @@ std::string OutOfReachText(const Command& command, const Eigen::Vector3d& neares
 /// Which value of a target is out of range, and what is accepted; empty where the status tells it.
 std::string OutOfRangeText(const Command& command, const RobotParameters& robot);
 
+/// What `mode` accepts, for a command that it refuses.
+std::string WrongModeText(Mode mode);
+
 /// How many values there are, and how many the robot takes; empty for a tip.
 std::string WrongSizeText(const Command& command, const RobotParameters& robot);
 

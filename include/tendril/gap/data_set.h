@@ -21,6 +21,9 @@ struct Run {
   /// what changed, and what the model gets wrong in both cancels.
   std::string before;
   LoadCellPlace load_cell = LoadCellPlace::kMotorSide;
+  /// Motor positions count from the pose in which the robot rested when its controller set them to zero, as
+  /// friction had left it, and that to whole counts; else from the straight robot at its least tension.
+  bool zero_at_rest = false;
   std::string sha256;      // of the file it came from, lower-case hex
   Eigen::VectorXd time_s;  // S, of the log's clock
   // A target is the one sent at its row's time, which acts a cycle later; everything else is the sensors'
@@ -43,12 +46,19 @@ struct DataSet {
   std::vector<std::string> notes;  // of the set: files that could not be read at all, for example
 };
 
+/// What becomes of runs whose folder or log names another robot than the file does: another name, number of
+/// sections or tendons, encoder counts per turn, or a length beyond what a correction makes of it.
+enum class OtherRobot { kRefused, kNoted };
+
 /// A folder (robot.yaml, runs.yaml, CSV). `robot_path` overrides the folder's robot.yaml when not empty. A
-/// run that cannot be read is left out with a note; std::runtime_error when nothing is left or the folder is
-/// none.
-DataSet LoadDataSet(const std::filesystem::path& folder, const std::string& robot_path);
-/// Folders, CSV files and LCM logs in any mixture, as one set; what is named twice is std::runtime_error.
-DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path);
+/// run that cannot be read is left out with a note; std::runtime_error when nothing is left, the folder is
+/// none, or its runs are refused as another robot's.
+DataSet LoadDataSet(const std::filesystem::path& folder, const std::string& robot_path,
+                    OtherRobot other_robot = OtherRobot::kRefused);
+/// Folders, CSV files and LCM logs in any mixture, as one set; what is named twice is std::runtime_error. A
+/// folder without runs stands for its subfolders of the robot at `robot_path`; runs of another are noted.
+DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot_path,
+                 OtherRobot other_robot = OtherRobot::kRefused);
 
 /// Adds `before`'s runs, and pairs each of the set's with that of its name there, else the only one of its
 /// kind. std::runtime_error when no run has a partner, or the robot was one of other tendons; single runs

@@ -125,6 +125,13 @@ struct Profile {
   std::vector<double> value, score;
 };
 
+/// A number of the robot file that, at another value, explains the runs better than any cause of the library.
+struct SuspectNumber {
+  std::string key;                 // "actuation.gear.ratio"
+  double in_file = 0, value = 0;   // there, and what the runs point to, in the key's unit
+  std::optional<Estimate> closed;  // share of the gap that goes with it, pooled as Diagnosis::closed
+};
+
 struct NextExperiment {
   std::string family;  // what `tendril excite` calls it; empty: none needed or none helps
   std::string reason;  // in words: which rivals, why this run separates them
@@ -160,6 +167,8 @@ struct Diagnosis {
   std::vector<std::pair<std::string, double>>
       order_effects;          // closed by each of a pair alone and after the other
   double leftover_sigma = 0;  // what the best model leaves beyond the floor on held-out data
+  std::vector<SuspectNumber> suspected;  // by falling score; several cannot be told apart by these runs
+  std::string doubt;  // why the likeliest cause is not established, as a clause; empty: it is, or there is none
   std::vector<Confusion> confusable;
   std::vector<Baseline> baselines;
   std::vector<ConditionMap> maps;
@@ -168,6 +177,7 @@ struct Diagnosis {
   std::vector<Profile> profiles;
   std::vector<std::pair<std::string, double>> input_correlations;  // of what is left with the inputs
   NextExperiment next;
+  std::vector<std::string> next_commands;  // to run now, each a whole `tendril ...` line for a shell
   std::vector<HealthFinding> health;
   std::vector<std::string> degradations;  // what these logs lack and what can therefore not be said
 

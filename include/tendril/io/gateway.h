@@ -52,8 +52,8 @@ class Gateway {
   void PublishRun(const RunInfo& run);
   /// Call with every cycle: publishes every state_every_cycles-th and each in which a command arrived or mode
   /// or status changed. `why` a command of this cycle was refused, with the remedy, where more is known than
-  /// its status tells.
-  void PublishState(const CycleRecord& record, const std::string& why = {});
+  /// its status tells. `detail` follows the text of the state's status, for example which drive and object.
+  void PublishState(const CycleRecord& record, const std::string& why = {}, const std::string& detail = {});
   /// Call with every cycle: publishes every cycle_every_cycles-th.
   void PublishCycle(const CycleRecord& record);
   void PublishStatistics(const LoopStatistics& statistics);

@@ -58,11 +58,12 @@ struct StateSnapshot {
   std::vector<std::byte> state;
 };
 
-/// Reads a log back, calling `run`, `cycle` and `snapshot` (any may be empty) for each record as it comes:
-/// for logs of any length. Stops at the first damaged event and says so in the returned text (empty: clean
-/// end). Throws std::runtime_error when the file cannot be opened.
+/// Reads a log back, calling `run`, `cycle` (with the offset of its event in the file) and `snapshot` (any
+/// may be empty) for each record as it comes: for logs of any length. Goes on behind what is damaged; the
+/// returned line names the places by their offsets, and how much was read (empty: whole). Throws
+/// std::runtime_error when the file cannot be opened.
 std::string StreamLog(const std::string& path, const std::function<void(const RunInfo&)>& run,
-                      const std::function<void(const CycleRecord&)>& cycle,
+                      const std::function<void(const CycleRecord&, std::uint64_t offset)>& cycle,
                       const std::function<void(const StateSnapshot&)>& snapshot = {});
 
 /// The same, all at once: the last run record and every cycle (some 2 kB each).

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tendril/core/robot.h"
+#include "tendril/sim/yardstick.h"
 
 namespace tendril::sim {
 
@@ -36,6 +37,8 @@ std::string_view CutName(Cut cut);
 /// What one setting of an effect may be about.
 enum class Scope { kRobot, kTendon, kUnit, kSection };
 
+/// Of the registry (Effect::parameters): with the values of the reference rig, from which those of a robot
+/// follow by the yardstick; of ParametersOf: with the robot's own.
 struct EffectParameter {
   std::string name;             // "scale", "mass_kg": SI, the unit at its end
   double nominal = 0;           // value without the effect: 1 for a scale, else 0
@@ -50,6 +53,7 @@ struct EffectParameter {
   /// Where one effect is on all tendons (units), and each has this number as it happens, as motors their
   /// phase: the name of what number {} from the second on has beyond the first, "phase_{}_rad".
   std::string each{};
+  Yardstick of = Yardstick::kNone;  // what the values above are in proportion to
 };
 
 /// Which tendon, unit or section, counted from 0; all of them when empty.
@@ -84,8 +88,9 @@ struct Effect {
 std::span<const Effect> Effects();
 /// nullptr when there is none of this name.
 const Effect* FindEffect(std::string_view name);
-/// The effect's parameters at a place of this robot: effect.parameters, and behind them, where it is on all,
-/// those that each tendon (unit) has of its own.
+/// The effect's parameters at a place of this robot: effect.parameters with bounds, typical deviations,
+/// starts and usual shapes of its size (three digits, for a yardstick is no measurement), and behind them,
+/// where it is on all, those that each tendon (unit) has of its own.
 std::vector<EffectParameter> ParametersOf(const Effect& effect, Target target, const RobotParameters& robot);
 
 /// What is wrong with one of robot.effects.
@@ -123,7 +128,8 @@ std::optional<std::size_t> FindLaw(const RobotParameters& robot, const EffectSet
 /// The robot with a law more, or otherwise where it has that law at that place already.
 void SetLaw(RobotParameters& robot, const EffectSetting& setting);
 
-/// The robot with every effect that is a parameter worked into its numbers; `effects` keeps only laws.
+/// The robot with every effect that is a parameter worked into its numbers; `effects` keeps only laws. Bounds
+/// are not checked again: they were those of the robot before.
 RobotParameters FoldEffects(const RobotParameters& robot);
 
 }  // namespace tendril::sim

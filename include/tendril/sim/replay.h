@@ -36,8 +36,9 @@ struct ReplaySignals {
   /// Total bending (us, vs) per section that a tracker shows, S x 2K, smooth; the tendons' shortening is
   /// corrected to it (across gaps by the difference on their sides).
   Eigen::MatrixXd bending_rad;
-  /// M, or empty: motors of which nothing is known. A body that is pulled by load cells before the pulleys
-  /// has these slide by what the body and the tendon's stretch take; nothing else goes without a motor.
+  /// M, or empty: motors of which nothing is known; they may have no motor angles either. A body that is
+  /// pulled by load cells before the pulleys has these slide by what the body and the tendon's stretch take;
+  /// nothing else goes without a motor.
   std::vector<char> no_motor;
   /// From the stamp of a target to the moment it acts; a target stamped when sent acts at the next SYNC, one
   /// bus cycle later.
@@ -52,6 +53,7 @@ struct BodyMotion {
   Eigen::MatrixXd q;               // R x 2N
   Eigen::MatrixXd tip_m;           // R x 3, as the tracker would report it (its own effects included)
   Eigen::MatrixXd tip_rotation;    // R x 3 rotation vector of the tip frame in F_0, as reported
+  Eigen::MatrixXd bending_rad;     // R x 2K: (us, vs) of every section, as reported
   Eigen::MatrixXd shortening_m;    // S x M: d of every tendon on the grid, corrected to the measured bending:
                                    // the difference is spread evenly over a section's units
   Eigen::MatrixXd tension_base_N;  // S x M, what drove it
@@ -76,8 +78,16 @@ class Replay {
   /// are part of it and `shortening_m` is needed.
   Eigen::MatrixXd CellFromTorque(const ReplaySignals& signals, const Eigen::MatrixXd& shortening_m) const;
 
-  /// C3: load cell reading from motor angle and shortening.
-  Eigen::MatrixXd CellFromStretch(const ReplaySignals& signals, const Eigen::MatrixXd& shortening_m) const;
+  /// C3: load cell reading from motor angle and shortening. `zero_rad` (M, or empty for zeros) is taken off
+  /// the motor angles first.
+  Eigen::MatrixXd CellFromStretch(const ReplaySignals& signals, const Eigen::MatrixXd& shortening_m,
+                                  const Eigen::VectorXd& zero_rad = {}) const;
+
+  /// Motor angles (M) of the pose from which every simulation starts, for a log whose angles count from
+  /// another one: with them taken off, the tendons' stretch gives `reading_N` (M) in the mean of the first
+  /// `samples`, over which the robot rests. 0 for a tendon without a reading (NaN) or below its cell's zero.
+  Eigen::VectorXd ZeroAtRest(const ReplaySignals& signals, const Eigen::MatrixXd& shortening_m, int samples,
+                             const Eigen::VectorXd& reading_N) const;
 
   enum class DrivenBy {
     kCell,    // C4, C5: tensions as read by the load cells

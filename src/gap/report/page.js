@@ -7,23 +7,12 @@ const cutText = new Map(report.chain.map(c => [c.cut, c]));
 
 // ---- numbers for people ------------------------------------------------------------------------------------
 
-// SI unit -> what people read it in: [largest magnitude up to which, factor, unit].
-const kScales = {
-  'm': [[1e-4, 1e6, 'µm'], [1, 1e3, 'mm'], [Infinity, 1, 'm']],
-  'rad': [[Infinity, 180 / Math.PI, '°']],
-  'N': [[0.05, 1e3, 'mN'], [Infinity, 1, 'N']],
-  'N·m': [[1e-3, 1e6, 'µN·m'], [0.5, 1e3, 'mN·m'], [Infinity, 1, 'N·m']],
-  's': [[1e-3, 1e6, 'µs'], [0.5, 1e3, 'ms'], [Infinity, 1, 's']],
-  'kg': [[0.5, 1e3, 'g'], [Infinity, 1, 'kg']],
-  'm/s': [[1, 1e3, 'mm/s'], [Infinity, 1, 'm/s']],
-  'rad/s': [[Infinity, 180 / Math.PI, '°/s']],
-  'm/rad': [[1, 1e3, 'mm/rad'], [Infinity, 1, 'm/rad']],
-  '1/m': [[Infinity, 1, '1/m']],
-};
+// SI unit -> what people read it in: [size below which, factor, unit], as everywhere that this diagnosis is shown.
+const kScales = report.shown_units;
 const scaleFor = (unit, magnitude) => {
   const choices = kScales[unit];
   if (!choices) return {factor: 1, unit: unit || ''};
-  const [, factor, name] = choices.find(([most]) => Math.abs(magnitude) < most) || choices[choices.length - 1];
+  const [, factor, name] = choices.find(([below]) => below === null || Math.abs(magnitude) < below) || choices[choices.length - 1];
   return {factor, unit: name};
 };
 const digits = (v, n = 3) => {
@@ -36,7 +25,7 @@ const digits = (v, n = 3) => {
   if (text.includes('.')) text = text.replace(/\.?0+$/, '');
   return text.replace('-', '−');
 };
-const withUnit = (number, unit) => number === '–' || !unit ? number : number + (unit === '°' ? '' : ' ') + unit;
+const withUnit = (number, unit) => number === '–' || !unit ? number : number + (unit.startsWith('°') ? '' : ' ') + unit;
 const show = (v, unit, n = 3) => {
   if (v === null || v === undefined) return '–';
   const s = scaleFor(unit, v);
@@ -44,26 +33,16 @@ const show = (v, unit, n = 3) => {
 };
 const percent = v => {
   if (v === null || v === undefined) return '–';
-  const p = 100 * v, a = Math.abs(p);
-  return (a > 0 && a < 1 ? (p < 0 ? '> −1' : '< 1') : a > 99 && a < 100 ? '> 99' : Math.round(p).toString().replace('-', '−')) + ' %';
+  const p = Math.sign(v) * Math.round(Math.abs(100 * v));
+  return (p >= 100 && v < 1 ? '>99' : p === 0 ? (v > 0 ? '<1' : '0') : String(p).replace('-', '−')) + ' %';
 };
-const range = ci => !ci || ci[0] === null || ci[1] === null ? '' : `${digits(100 * ci[0], 2)} … ${digits(100 * ci[1], 2)} %`;
+const range = ci => !ci || ci[0] === null || ci[1] === null ? '' : ci[0] < -1 ? `up to ${percent(ci[1])}` : `${percent(ci[0])} … ${percent(ci[1])}`;
 const plain = name => name === 'no_gap' ? 'no gap' : name.replaceAll('_', ' ');
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
 const place = where => !where || where === 'all' ? '' : where.replace(':', ' ');
 const causeText = c => plain(c.effect) + (place(c.where) ? ` · ${place(c.where)}` : '');
-const parameterText = e => {
-  const {word, unit} = e;
-  const [low, high] = e.ci || [null, null];
-  const s = scaleFor(unit, Math.max(Math.abs(e.value || 0), Math.abs(low || 0), Math.abs(high || 0)));
-  const spread = low !== null && high !== null ? Math.abs(high - low) * s.factor : 0;
-  // As many digits as the interval warrants.
-  const places = spread > 0 ? Math.min(8, Math.max(0, 1 - Math.floor(Math.log10(spread)))) : null;
-  const number = v => v === null || v === undefined ? '–' : places === null ? digits(v * s.factor) : (v * s.factor).toFixed(places).replace('-', '−');
-  const interval = spread > 0 ? ` [${number(low)}, ${number(high)}]` : '';
-  return `${word ? word + ' ' : ''}${word === 'scale' ? '× ' : ''}${number(e.value)}${interval}${s.unit ? ' ' + s.unit : ''}`;
-};
-const parametersText = c => Object.values(c.parameters).map(parameterText).join(', ');
+// Written once for all, with the report.
+const parametersText = c => Object.values(c.parameters).map(e => e.text.replaceAll('-', '−')).join(', ');
 const largest = lists => {
   let most = 0;
   for (const list of lists) for (const v of list || []) if (v !== null && Math.abs(v) > most) most = Math.abs(v);
@@ -99,20 +78,120 @@ const tipped = (selection, text) => selection
   .on('mouseenter', d => showTip(d3.event, text(d))).on('mousemove', () => moveTip(d3.event)).on('mouseleave', hideTip)
   .attr('aria-label', text).attr('role', 'img');
 
+// Words in lines of at most `most` letters; a word that is longer stands alone.
+const inLines = (text, most) => {
+  const lines = [''];
+  for (const word of text.split(/\s+/)) {
+    const longer = (lines[lines.length - 1] + ' ' + word).trim();
+    if (longer.length > most && lines[lines.length - 1]) lines.push(word); else lines[lines.length - 1] = longer;
+  }
+  return lines;
+};
+// No word leaves its figure: it is moved in, or shortened where there is no room; whole on hover.
+const keepInside = svg => {
+  const frame = svg.getBoundingClientRect();
+  if (!frame.width) return;
+  for (const text of svg.querySelectorAll('text')) {
+    const whole = text.textContent;
+    let box = text.getBoundingClientRect();
+    while (box.width > frame.width && text.textContent.length > 4) {
+      text.textContent = text.textContent.slice(0, -2) + '…';
+      box = text.getBoundingClientRect();
+    }
+    const over = v => Math.max(0, v);
+    const dx = over(frame.left - box.left) - over(box.right - frame.right), dy = over(frame.top - box.top) - over(box.bottom - frame.bottom);
+    if (dx || dy) text.setAttribute('transform', `translate(${dx},${dy}) ${text.getAttribute('transform') || ''}`);
+    if (text.textContent !== whole) text.append(el('title', {}, whole));
+  }
+};
+
+// ---- figures as files --------------------------------------------------------------------------------------
+
+const save = (address, name) => {
+  const link = el('a', {href: address, download: name});
+  document.body.append(link);
+  link.click();
+  link.remove();
+};
+const asData = (type, text) => `data:${type};charset=utf-8,${encodeURIComponent(text)}`;
+const kLooks = ['fill', 'fill-opacity', 'stroke', 'stroke-width', 'stroke-dasharray', 'stroke-linejoin', 'opacity', 'display', 'font-size', 'font-family', 'font-weight', 'text-anchor', 'vector-effect'];
+// With its looks in itself, title and legend above: for paper, so light whatever the screen is.
+const standalone = (host, label) => {
+  const svg = host.querySelector('svg'), [, , width, height] = svg.getAttribute('viewBox').split(' ').map(Number);
+  const keys = host.closest('.card').querySelector('.legend') || host.closest('section').querySelector(':scope > .legend');
+  const head = 26 + (keys ? keys.offsetHeight + 8 : 0), out = d3.create('svg').attr('xmlns', 'http://www.w3.org/2000/svg').attr('width', width).attr('height', height + head).attr('viewBox', `0 0 ${width} ${height + head}`);
+  out.append('rect').attr('width', width).attr('height', height + head).attr('fill', '#fff');
+  out.append('text').attr('x', 2).attr('y', 16).attr('style', 'font: 600 13px sans-serif').text(label);
+  document.documentElement.classList.add('paper');
+  const copied = from => {
+    const copy = from.cloneNode(true), all = [copy, ...copy.querySelectorAll('*')];
+    [from, ...from.querySelectorAll('*')].forEach((e, i) => {
+      const looks = getComputedStyle(e);
+      all[i].setAttribute('style', kLooks.map(k => `${k}:${looks.getPropertyValue(k)}`).join(';'));
+      for (const {name, value} of [...all[i].attributes]) if (name === 'class' || (name !== 'style' && value.includes('var('))) all[i].removeAttribute(name);
+    });
+    return copy;
+  };
+  try {
+    const main = copied(svg);
+    [...svg.querySelectorAll('*')].map((e, i) => e.closest('.brush, .crosshair') ? main.querySelectorAll('*')[i] : null).forEach(e => e && e.remove());
+    main.setAttribute('y', head);
+    out.node().append(main);
+    if (keys) {
+      const at = keys.getBoundingClientRect(), most = Math.max(1, at.width / width);
+      for (const span of keys.querySelectorAll('span')) {
+        const box = span.getBoundingClientRect(), sample = copied(span.querySelector('svg')), x = (box.left - at.left) / most, y = 26 + box.top - at.top;
+        sample.setAttribute('x', x);
+        sample.setAttribute('y', y + 4);
+        out.node().append(sample);
+        out.append('text').attr('x', x + 33).attr('y', y + 15).attr('style', 'font: 12px sans-serif').attr('fill', '#444').text(span.textContent);
+      }
+    }
+  } finally {
+    document.documentElement.classList.remove('paper');
+  }
+  return {text: new XMLSerializer().serializeToString(out.node()), width, height: height + head};
+};
+const savePng = async (figure, name) => {
+  const image = new Image(), finer = 3, canvas = el('canvas', {width: figure.width * finer, height: figure.height * finer});
+  image.src = asData('image/svg+xml', figure.text);
+  await image.decode();
+  canvas.getContext('2d').drawImage(image, 0, 0, canvas.width, canvas.height);
+  save(canvas.toDataURL(), name);
+};
+const csvText = rows => rows.map(row => row.map(v => {
+  const text = v === null || v === undefined ? '' : String(v);
+  return /[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
+}).join(',') + '\n').join('');
+const fileButtons = (host, label, rows) => {
+  const name = kind => `${[report.provenance.robot_name, label].join(' ').toLowerCase().replace(/[^a-z0-9]+/g, '_').slice(0, 80)}.${kind}`;
+  const button = (kind, make) => el('button', {type: 'button', 'aria-label': `${label}: save as ${kind}`, on: {click: make}}, kind);
+  return el('div', {class: 'files'}, button('PNG', () => savePng(standalone(host, label), name('png'))),
+    button('SVG', () => save(asData('image/svg+xml', standalone(host, label).text), name('svg'))),
+    button('CSV', () => save(asData('text/csv', csvText(rows())), name('csv'))));
+};
+
 const charts = [];
-// A plot that is drawn again when its width changes: draw(svg, width) returns the height.
-const chart = (card, label, draw) => {
+// A plot that is drawn again when its width changes: draw(svg, width) returns the height; rows() its numbers in SI
+// units below a row of names, for the file beside it.
+const chart = (card, label, draw, rows) => {
   const host = el('div', {class: 'plot'});
-  card.append(host);
+  card.append(host, fileButtons(host, label, rows));
   const paint = width => {
     host.replaceChildren();
     const w = Math.max(220, Math.floor(width || host.clientWidth || 700));
     const svg = d3.select(host).append('svg').attr('role', 'img').attr('aria-label', label).attr('width', w);
     const h = draw(svg, w);
     svg.attr('height', h).attr('viewBox', `0 0 ${w} ${h}`);
+    keepInside(svg.node());
   };
   charts.push({host, paint});
   return paint;
+};
+// Columns of [name, unit, numbers] as rows.
+const columnRows = (...columns) => {
+  const kept = columns.filter(([, , list]) => list && list.length), length = Math.max(0, ...kept.map(([, , list]) => list.length));
+  return [kept.map(([name, unit]) => unit ? `${name} [${unit}]` : name), ...Array.from({length}, (_, i) => kept.map(([, , list]) => list[i]))];
 };
 
 const problems = [];
@@ -121,8 +200,10 @@ const section = (id, title, short, caption, build) => {
   main.append(s);
   const before = charts.length;
   try {
-    if (build(s) === false) { s.remove(); charts.length = before; return; }
-    for (const c of charts.slice(before)) c.paint();
+    const built = build(s);
+    if (built !== false) for (const c of charts.slice(before)) c.paint();
+    // A title with nothing under it says nothing.
+    if (built === false || !s.querySelector('svg *, td, li, pre, p:not(.caption)')) { s.remove(); charts.length = before; return; }
   } catch (error) {
     problems.push(`${id}: ${error.message}`);
     console.error(error);
@@ -151,7 +232,7 @@ const legend = (...names) => el('div', {class: 'legend'}, names.map(name => {
     svg.append('rect').attr('class', 'before-band').attr('width', 26).attr('height', 12);
   } else {
     const fills = {'bar-before': ['before: nominal simulation', 'fill-before'], 'bar-after': [`after: with ${report.accepted.length ? 'the cause' : 'the best model'}`, 'fill-after'],
-                   'bar-ceiling': ['ceiling: all numbers refitted at once', 'fill-ceiling']};
+                   'bar-ceiling': ['refit of all file numbers', 'fill-ceiling']};
     text = fills[name][0];
     svg.attr('width', 12).append('rect').attr('class', fills[name][1]).attr('width', 12).attr('height', 12).attr('rx', 2);
   }
@@ -265,7 +346,8 @@ const facts = () => {
   }
   const next = report.next_experiment;
   if (next.family) fact('Next', plain(next.family), next.separation_sigma ? `tells the rivals apart by ${digits(next.separation_sigma, 2)} σ` : 'see below');
-  else if (report.verdict === 'no_gap' || report.verdict === 'attributed') fact('Next', 'Nothing', 'no further experiment is needed');
+  else if (report.verdict === 'attributed') fact('Next', 'Apply the cause', 'no further experiment is needed; the command is below');
+  else if (report.verdict === 'no_gap') fact('Next', 'Nothing', 'no further experiment is needed');
   else fact('Next', 'Look closer', 'no experiment of the menu would settle it');
 };
 
@@ -288,8 +370,8 @@ const chain = s => {
     const size = 19, per = Math.max(1, Math.floor((w + 3) / (size + 3)));
     // Marks of each cut: one row of squares a quantity.
     for (const c of cuts) {
-      c.groups = d3.nest().key(l => l.quantity).entries(c.rows).map(g => ({name: g.key, rows: g.values, lines: Math.ceil(g.values.length / per)}));
-      c.height = d3.sum(c.groups, g => 18 + g.lines * (size + 3) + 4);
+      c.groups = d3.nest().key(l => l.quantity).entries(c.rows).map(g => ({words: inLines(g.key, Math.max(8, Math.floor(w / 6.2))), rows: g.values, lines: Math.ceil(g.values.length / per)}));
+      c.height = d3.sum(c.groups, g => 5 + 13 * g.words.length + g.lines * (size + 3) + 4);
     }
     let top = cuts.some(c => c.first) ? 26 : 4;
     for (let begin = 0; begin < cuts.length; begin += columns) {
@@ -319,8 +401,8 @@ const chain = s => {
         tipped(box, () => [`${c.cut} ${c.title}: ${c.from} → ${c.to}`, ...c.rows.filter(l => l.note).slice(0, 3).map(l => l.note), told ? '' : 'These logs do not show it.'].filter(Boolean).join('\n'));
         let y = boxHeight + 16;
         for (const group of c.groups) {
-          g.append('text').attr('class', 'tiny soft').attr('x', 1).attr('y', y).text(group.name);
-          y += 5;
+          group.words.forEach((line, k) => g.append('text').attr('class', 'tiny soft').attr('x', 1).attr('y', y + 13 * k).text(line));
+          y += 13 * group.words.length - 8;
           group.rows.forEach((l, k) => {
             const all = !l.where || l.where === 'all', section = l.where.startsWith('section');
             const m = g.append('g').attr('transform', `translate(${(k % per) * (size + 3)},${y + Math.floor(k / per) * (size + 3)})`);
@@ -337,7 +419,8 @@ const chain = s => {
       top += boxHeight + (d3.max(line, c => c.height) || 0) + 34;
     }
     return top - 14;
-  });
+  }, () => [['cut', 'place', 'quantity', 'unit', 'measured', 'residual rms', 'floor', 'what matters', 'excess [sigma]', 'p value', 'excess', 'first', 'note'],
+    ...report.location.map(l => [l.cut, l.where, l.quantity, l.unit, l.measured, l.rms, l.floor, l.delta, l.excess_sigma, l.p_value, l.excess, l.first, l.note])]);
   card.append(el('p', {class: 'note'}, 'Squares are tendons, circles sections, numbered from the first. σ: how many times its own noise floor the residual exceeds it. Only what passes the size that matters (δ) is coloured.'),
     more('All residuals as a table', table(
       [['cut', 'c'], ['place', 'c'], ['quantity', 'c'], ['residual rms', 'n'], ['floor', 'n'], ['δ', 'n'], ['excess', 'n'], ['p', 'n'], ['', 'c']],
@@ -391,7 +474,9 @@ const causes = s => {
       begin = end + 1;
     }
     return rows.length * height + 8;
-  });
+  }, () => [['effect', 'where', 'probability', 'group', 'parameter', 'value', 'low', 'high', 'unit', 'at a bound', 'removed on held-out runs'],
+    ...ordered.flatMap(c => (Object.entries(c.parameters).length ? Object.entries(c.parameters) : [['', {ci: []}]]).map(([name, e]) =>
+      [c.effect, c.where, c.p, c.group, name, e.value, e.ci[0], e.ci[1], e.unit, c.bound_hit, c.held_out_gain]))]);
   if (ordered.length > few.length) {
     const button = el('button', {type: 'button', on: {click: () => { all = !all; paint(); button.textContent = label(); }}});
     const label = () => all ? 'Show the likeliest only' : `Show all ${ordered.length} hypotheses`;
@@ -439,11 +524,12 @@ const closing = s => {
         const at = x(Math.max(0, 1 - ceiling.value));
         g.append('path').attr('d', `M${at},${step * 2 - 8}V${step * 3 + 2}`).attr('stroke', 'var(--ceiling)').attr('stroke-width', 2.5);
         g.append('text').attr('class', 'tiny').attr('x', at).attr('y', step * 3 + 16).attr('text-anchor', at > 40 ? 'middle' : 'start').style('fill', 'var(--ceiling)')
-          .text(`ceiling: ${percent(ceiling.value)} closed if all numbers were refitted`);
+          .text(`refit of all file numbers: ${percent(ceiling.value)} closed`);
         height += 14;
       }
       return height;
-    });
+    }, () => [['share', 'value', 'low', 'high'], ['closed', pooled.value, ...(pooled.ci || [])],
+      ...(ceiling && ceiling.value !== null ? [['closed by a refit of all file numbers', ceiling.value, ...(ceiling.ci || [])]] : [])]);
     card.append(el('p', {class: 'note'}, 'Mean square of the residual over the channels that have a gap: 0 % is the noise floor, 100 % the nominal simulation.'));
     if (report.order_effects.length) {
       card.append(el('h3', {}, 'Each cause by itself, and after the other'));
@@ -458,13 +544,13 @@ const closing = s => {
           row.append('text').attr('class', 'bold').attr('x', w + 10).attr('y', 14).text(percent(o.value));
         });
         return report.order_effects.length * step + 4;
-      });
+      }, () => columnRows(['cause', '', report.order_effects.map(o => o.name)], ['closed', '', report.order_effects.map(o => o.value)]));
     }
   }
   if (!channels.length) return;
   const withCeiling = channels.some(c => c.ceiling !== null && c.ceiling !== undefined);
   const withAfter = report.accepted.length > 0 || (pooled !== null && pooled.value !== null);
-  const card = el('div', {class: 'card'}, el('div', {class: 'plot-title'}, 'Residual of each channel on runs held back, rms'),
+  const card = el('div', {class: 'card'}, el('div', {class: 'plot-title'}, 'Residual of each channel on runs held back, rms, and how much of its gap closes'),
     legend('bar-before', ...(withAfter ? ['bar-after'] : []), ...(withCeiling ? ['bar-ceiling'] : []), 'floor-line'));
   s.append(card);
   chart(card, 'Residual of each channel before and after, with the noise floor', (svg, width) => {
@@ -500,32 +586,29 @@ const closing = s => {
             group.append('rect').attr('class', 'fill-' + kind).attr('x', bars(kind)).attr('width', bars.bandwidth()).attr('y', y(value * s0.factor)).attr('height', Math.max(0, h - y(value * s0.factor))).attr('rx', 1.5);
           }
           if (c.floor !== null) group.append('line').attr('class', 'floor-line').style('stroke', 'var(--ink)').attr('x1', -3).attr('x2', x.bandwidth() + 3).attr('y1', y(c.floor * s0.factor)).attr('y2', y(c.floor * s0.factor));
-          const words = c.channel.split(/\s+/), textLines = [''];
-          for (const word of words) {
-            const at = textLines.length - 1;
-            if ((textLines[at] + ' ' + word).trim().length > Math.max(9, x.step() / 6.2)) textLines.push(word); else textLines[at] = (textLines[at] + ' ' + word).trim();
-          }
+          const textLines = inLines(c.channel, Math.max(9, x.step() / 6.2));
           mostLines = Math.max(mostLines, Math.min(3, textLines.filter(Boolean).length));
           textLines.filter(Boolean).slice(0, 3).forEach((t, k) => group.append('text').attr('class', 'tiny soft').attr('x', x.bandwidth() / 2).attr('y', h + 16 + 13 * k).attr('text-anchor', 'middle').text(t));
-          if (c.value !== null && withAfter) group.append('text').attr('class', 'tiny bold').attr('x', x.bandwidth() / 2).attr('y', y(Math.max(c.before || 0, c.after || 0, c.ceiling || 0) * s0.factor) - 5).attr('text-anchor', 'middle').text(c.value < 0 ? `${percent(-c.value)} worse` : `${percent(c.value)} closed`);
+          if (c.value !== null && withAfter) group.append('text').attr('class', 'tiny bold').attr('x', x.bandwidth() / 2).attr('y', y(Math.max(c.before || 0, c.after || 0, c.ceiling || 0) * s0.factor) - 5).attr('text-anchor', 'middle').text(percent(c.value));
           group.append('rect').attr('x', -6).attr('width', x.bandwidth() + 12).attr('height', h).attr('fill', 'transparent');
           tipped(group, () => [`${c.channel} (${c.cut} ${title(c.cut)})`, `before ${show(c.before, c.unit)}, after ${show(c.after, c.unit)}, floor ${show(c.floor, c.unit)}`,
-            withCeiling ? `ceiling ${show(c.ceiling, c.unit)}` : '', c.value === null ? 'no gap here for sure: not counted' : `closed ${percent(c.value)} (${range(c.ci)})`].filter(Boolean).join('\n'));
+            withCeiling ? `refit of all file numbers ${show(c.ceiling, c.unit)}` : '', c.value === null ? 'no gap here for sure: not counted' : `closed ${percent(c.value)} (${range(c.ci)})`].filter(Boolean).join('\n'));
         });
         left += full + 16;
       }
       top += 26 + 190 + 20 + 13 * mostLines;
     }
     return top;
-  });
-  card.append(more('These figures as a table', table([['channel', 'c'], ['cut', 'c'], ['before', 'n'], ['after', 'n'], ['ceiling', 'n'], ['floor', 'n'], ['closed', 'n'], ['95 %', 'n']],
+  }, () => [['channel', 'cut', 'unit', 'before, rms', 'after, rms', 'refit of all file numbers, rms', 'floor, rms', 'closed', 'low', 'high'],
+    ...channels.map(c => [c.channel, c.cut, c.unit, c.before, c.after, c.ceiling, c.floor, c.value, ...(c.ci || [])])]);
+  card.append(more('These figures as a table', table([['channel', 'c'], ['cut', 'c'], ['before', 'n'], ['after', 'n'], ['refit of all', 'n'], ['floor', 'n'], ['closed', 'n'], ['95 %', 'n']],
     channels.map(c => ({cells: [c.channel, c.cut, show(c.before, c.unit), show(c.after, c.unit), show(c.ceiling, c.unit), show(c.floor, c.unit), percent(c.value), range(c.ci)]})))));
 };
 
 // ---- runs held back ----------------------------------------------------------------------------------------
 
 const overlays = s => {
-  const shown = report.overlays.filter(o => o.time_s.length > 1);
+  const shown = report.overlays.filter(o => o.time_s.length > 1 && o.measured.some(v => v !== null));
   if (!shown.length) return false;
   const hasAfter = shown.some(o => o.after.length);
   const misfit = o => {
@@ -597,7 +680,7 @@ const overlays = s => {
       .on('mouseleave.read', () => { cross.style('display', 'none'); hideTip(); });
     reset.hidden = domain === null;
     return top + h + gap + h2 + 40;
-  });
+  }, () => columnRows(['time', 's', current.time_s], ['measured', current.unit, current.measured], ['nominal simulation', current.unit, current.before], ['simulation with the cause', current.unit, current.after]));
   runSelect.addEventListener('change', () => { domain = null; fillChannels(); paint(); });
   channelSelect.addEventListener('change', () => { domain = null; current = shown[+channelSelect.value]; paint(); });
   fillChannels();
@@ -618,7 +701,7 @@ const grid = (s, items, most, small, build) => {
 // ---- condition maps ----------------------------------------------------------------------------------------
 
 const maps = s => {
-  const shown = report.condition_maps.filter(m => m.at.length > 1);
+  const shown = report.condition_maps.filter(m => m.at.length > 1 && m.mean.some(v => v !== null));
   if (!shown.length) return false;
   const strength = m => {
     const half = m.mean.map((v, i) => Math.max(1e-300, ((m.high[i] || 0) - (m.low[i] || 0)) / 2));
@@ -643,7 +726,7 @@ const maps = s => {
       g.append('path').attr('class', 'line before').attr('d', path(x, y)(zip(at, mean)));
       if (after.length) g.append('path').attr('class', 'line after').attr('d', path(x, y)(zip(at, after)));
       return top + h + 38;
-    });
+    }, () => columnRows([m.condition, m.condition_unit, m.at], ['mean residual', m.unit, m.mean], ['low', m.unit, m.low], ['high', m.unit, m.high], ['with the cause', m.unit, m.after]));
   });
 };
 
@@ -668,7 +751,7 @@ const loops = s => {
       g.append('path').attr('class', 'line before solid').attr('d', path(x, y)(zip(x0, before)));
       if (after.length) g.append('path').attr('class', 'line after').attr('d', path(x, y)(zip(x0, after)));
       return top + h + 38;
-    });
+    }, () => columnRows([o.against, o.against_unit, o.x], ['measured', o.unit, o.measured], ['nominal simulation', o.unit, o.before], ['simulation with the cause', o.unit, o.after]));
   });
 };
 
@@ -676,7 +759,7 @@ const loops = s => {
 
 const growth = s => {
   const points = report.horizon.filter(p => p.horizon_s > 0 && p.rms_m > 0);
-  const correlations = report.input_correlations;
+  const correlations = report.input_correlations.filter(c => c.value !== null);
   if (points.length < 2 && !correlations.length) return false;
   const both = el('div', {class: points.length > 1 && correlations.length ? 'two' : ''});
   s.append(both);
@@ -695,7 +778,7 @@ const growth = s => {
       tipped(g.selectAll('circle').data(points).enter().append('circle').attr('class', 'fill-before').attr('r', 4).attr('cx', p => x(p.horizon_s)).attr('cy', p => y(p.rms_m * scale.factor)),
         p => `after ${show(p.horizon_s, 's')}: ${show(p.rms_m, 'm')} rms, floor ${show(p.floor_m, 'm')}`);
       return top + h + 38;
-    });
+    }, () => columnRows(['time since the measured start', 's', points.map(p => p.horizon_s)], ['tip error, rms', 'm', points.map(p => p.rms_m)], ['floor', 'm', points.map(p => p.floor_m)]));
     card.append(el('p', {class: 'note'}, 'Flat: an offset of the sensors. Rising as the time: a wrong speed. Rising as its square: a wrong force.'));
   }
   if (correlations.length) {
@@ -713,7 +796,7 @@ const growth = s => {
       });
       g.append('line').attr('class', 'zero').attr('x1', x(0)).attr('x2', x(0)).attr('y2', correlations.length * step);
       return 18 + correlations.length * step + 8;
-    });
+    }, () => columnRows(['input', '', correlations.map(c => c.name)], ['correlation', '', correlations.map(c => c.value)]));
     card.append(el('p', {class: 'note'}, `Near 0: nothing of the inputs is left unexplained. What the best model leaves beyond the floor: ${digits(report.leftover_sigma, 2)} σ.`));
   }
 };
@@ -721,7 +804,7 @@ const growth = s => {
 // ---- rivals ------------------------------------------------------------------------------------------------
 
 const rivals = s => {
-  const pairs = report.confusable, profiles = report.profiles.filter(p => p.value.length > 1);
+  const pairs = report.confusable, profiles = report.profiles.filter(p => p.score.filter(v => v !== null).length > 1);
   if (!pairs.length && !profiles.length) return false;
   if (pairs.length) {
     // The names with the strongest likeness first; more than this many are in the table.
@@ -757,7 +840,7 @@ const rivals = s => {
         });
       });
       return head + names.length * cell + 6;
-    });
+    }, () => columnRows(['one', '', ranked.map(p => p.a)], ['other', '', ranked.map(p => p.b)], ['cosine', '', ranked.map(p => p.cosine)], ['score between', '', ranked.map(p => p.profile_gap)], ['cannot be told apart', '', ranked.map(p => p.confirmed)]));
     card.append(el('p', {class: 'note'}, '1 or −1: the two leave the same mark. Outlined in red: confirmed by refitting, these runs cannot tell the two apart.'),
       more(`All ${pairs.length} pairs as a table`, table([['one', 'c'], ['other', 'c'], ['cosine', 'n'], ['score between', 'n'], ['', 'c']],
         ranked.map(p => ({cells: [label(p.a), label(p.b), digits(p.cosine, 3), digits(p.profile_gap, 2), p.confirmed ? 'cannot be told apart' : '']})))));
@@ -777,7 +860,7 @@ const rivals = s => {
         const best = d3.scan(p.score.map(v => v === null ? Infinity : v));
         g.append('circle').attr('class', 'fill-after').attr('r', 3.5).attr('cx', x(value[best])).attr('cy', y(p.score[best]));
         return top + h + 38;
-      });
+      }, () => columnRows([p.parameter, p.unit, p.value], ['log score lost', '', p.score]));
     });
   }
 };
@@ -786,9 +869,11 @@ const rivals = s => {
 
 const next = s => {
   const n = report.next_experiment;
-  if (!n.family && !n.reason) return false;
+  if (!n.family && !n.reason && !report.next_commands.length) return false;
   const card = el('div', {class: 'card'});
   s.append(card);
+  for (const command of report.next_commands)
+    card.append(el('div', {class: 'yaml command'}, el('pre', {}, command), copyButton(command)));
   if (n.family) card.append(el('div', {class: 'plot-title', style: 'font-size:16px'}, plain(n.family)));
   if (n.reason) card.append(el('p', {style: 'margin:2px 0 8px;max-width:80em'}, n.reason));
   const menu = [...(n.family ? [{name: n.family, value: n.separation_sigma}] : []), ...n.alternatives.filter(a => a.name !== n.family)];
@@ -803,26 +888,31 @@ const next = s => {
         row.append('text').attr('x', x(m.value || 0) + 8).attr('y', 15).text(`${digits(m.value, 2)} σ`);
       });
       return menu.length * step + 6;
-    });
+    }, () => columnRows(['experiment', '', menu.map(m => m.name)], ['separation', 'sigma', menu.map(m => m.value)]));
     card.append(el('p', {class: 'note'}, 'Longer bar: the rival causes would differ more in that run, in units of its noise.'));
   }
-  if (n.yaml) card.append(el('div', {class: 'plot-title', style: 'margin-top:12px'}, 'Plan to run: save as plan.yaml, then tendril excite --plan plan.yaml'), el('div', {class: 'yaml'}, el('pre', {}, n.yaml), copyButton(n.yaml)));
+  if (n.yaml) card.append(el('div', {class: 'plot-title', style: 'margin-top:12px'}, 'The plan, next.yaml beside this report'), el('div', {class: 'yaml'}, el('pre', {}, n.yaml), copyButton(n.yaml)));
 };
 
 const health = s => {
   const words = {info: '○ note', warning: '▲ warning', error: '✖ error'};
   const rank = {error: 0, warning: 1, info: 2};
   const findings = [...report.data_health].sort((a, b) => rank[a.severity] - rank[b.severity]);
+  const list = some => el('ul', {class: 'plain'}, some.map(f => el('li', {}, el('span', {class: `badge ${f.severity}`}, words[f.severity]),
+    el('span', {}, [f.run, f.channel].filter(Boolean).length ? el('b', {}, [f.run, f.channel].filter(Boolean).join(', ') + ': ') : null, f.text))));
+  const troubles = findings.filter(f => f.severity !== 'info'), notes = findings.filter(f => f.severity === 'info');
   const card = el('div', {class: 'card'});
   s.append(card);
-  if (!findings.length) card.append(el('p', {style: 'margin:0'}, '✓ Nothing to complain about: no clipping, gaps, dead channels or clock trouble was found.'));
-  else card.append(el('ul', {class: 'plain'}, findings.map(f => el('li', {}, el('span', {class: `badge ${f.severity}`}, words[f.severity]),
-    el('span', {}, [f.run, f.channel].filter(Boolean).length ? el('b', {}, [f.run, f.channel].filter(Boolean).join(', ') + ': ') : null, f.text)))));
+  if (troubles.length) card.append(list(troubles));
+  else card.append(el('p', {style: 'margin:0'}, '✓ Nothing to complain about: no clipping, gaps, dead channels or clock trouble was found.'));
+  if (notes.length) card.append(more(`${notes.length} routine note${notes.length === 1 ? '' : 's'}`, list(notes)));
 };
 
 const degradations = s => {
   if (!report.degradations.length) return false;
-  s.append(el('div', {class: 'card'}, el('ul', {class: 'plain'}, report.degradations.map(d => el('li', {}, el('span', {}, d))))));
+  const most = 6, list = some => el('ul', {class: 'plain'}, some.map(d => el('li', {}, el('span', {}, d))));
+  const rest = report.degradations.slice(most);
+  s.append(el('div', {class: 'card'}, list(report.degradations.slice(0, most)), rest.length ? more(`${rest.length} more`, list(rest)) : null));
 };
 
 const provenance = s => {
@@ -849,7 +939,7 @@ section('conditions', 'When the difference appears', 'Conditions', 'The mean dif
 section('loops', 'Hysteresis loops', 'Loops', 'The same runs as loops: width is energy lost to friction, tilt is stiffness, a flat stretch at the turns is play. The simulation should trace the measured loop.', loops);
 section('growth', 'What is left, and how errors grow', 'Left over', 'How fast the simulation drifts from the robot once it is left alone, and whether what remains still follows the inputs.', growth);
 section('rivals', 'Which causes look alike', 'Rivals', 'How similar the marks are that two causes would leave in exactly these runs; the likeliest of a look-alike group is not to be trusted without another experiment.', rivals);
-section('next', 'What to do next', 'Next', 'The run from the menu that would separate the remaining explanations most, within the limits of this robot.', next);
+section('next', 'What to do next', 'Next', 'To copy into a shell. Where explanations remain: the run from the menu that would separate them most, within the limits of this robot.', next);
 section('health', 'Health of the data', 'Data', 'What was noticed in the logs themselves, what it means for the diagnosis, and the remedy.', health);
 section('limits', 'What these logs cannot tell', 'Limits', 'Missing sensors, repeats or runs narrow what can be said; this is what they cost.', degradations);
 section('provenance', 'Where this comes from', 'Provenance', 'Everything needed to make the same report again.', provenance);
@@ -873,4 +963,5 @@ if ('IntersectionObserver' in window) {
 window.addEventListener('error', e => { problems.push(e.message); document.documentElement.dataset.problems = problems.join(' | '); });
 if (problems.length) document.documentElement.dataset.problems = problems.join(' | ');
 document.documentElement.dataset.charts = charts.length;
+window.reportWords = {show, percent};  // for what else reads this page
 })();

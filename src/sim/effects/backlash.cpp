@@ -11,7 +11,12 @@ Effect Backlash() {
       .cut = Cut::kTendon,
       .cut_robot_side = Cut::kTendon,
       .on_one = true,
-      .parameters = {{.name = "rad", .nominal = 0, .lower = 0, .upper = 1, .typical = 0.1}},
+      .parameters = {{.name = "rad",
+                      .nominal = 0,
+                      .lower = 0,
+                      .upper = 1,
+                      .typical = 0.1,
+                      .of = Yardstick::kMotorTravel}},
       .summary = "after a reversal the motor turns a little before the spool follows",
       .physics =
           "The shaft crosses a full play of rad (at the motor) before the spool moves: the driven angle "

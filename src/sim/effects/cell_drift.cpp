@@ -11,7 +11,12 @@ Effect CellDrift() {
       .cut = Cut::kSensors,
       .cut_robot_side = Cut::kSensors,
       .on_one = true,
-      .parameters = {{.name = "N_per_s", .nominal = 0, .lower = -0.1, .upper = 0.1, .typical = 0.02}},
+      .parameters = {{.name = "N_per_s",
+                      .nominal = 0,
+                      .lower = -0.1,
+                      .upper = 0.1,
+                      .typical = 0.02,
+                      .of = Yardstick::kTension}},
       .summary = "the load cell's zero wanders during a run",
       .physics = "Reading = tension + N_per_s x time since the start: a bridge or amplifier warming up.",
       .signature =

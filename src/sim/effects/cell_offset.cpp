@@ -12,8 +12,13 @@ Effect CellOffset() {
       .cut_robot_side = Cut::kSensors,
       .on_one = true,
       // Near a slack tendon a small step says little of a large one.
-      .parameters =
-          {{.name = "N", .nominal = 0, .lower = -2, .upper = 2, .typical = 0.05, .starts = {-0.2, 0.2}}},
+      .parameters = {{.name = "N",
+                      .nominal = 0,
+                      .lower = -2,
+                      .upper = 2,
+                      .typical = 0.05,
+                      .starts = {-0.2, 0.2},
+                      .of = Yardstick::kTension}},
       .summary = "the load cell's zero is off",
       .physics =
           "Reading = gain x tension + N: an amplifier's offset, a cell mounted under stress, a tare "

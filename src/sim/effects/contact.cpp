@@ -12,12 +12,16 @@ namespace {
 
 /// A wall without friction across the direction n = (cos angle, sin angle, 0) of F_0, at the distance gap
 /// from the origin. The centre of disk i lies d = n . p_i - gap behind it; the wall pushes by -n F(d),
-///   F = 0 for d < 0,   k d^2 / (2 e) up to d = e,   k (d - e / 2) beyond,   e = 0.2 mm:
+///   F = 0 for d < 0,   k d^2 / (2 e) up to d = e,   k (d - e / 2) beyond,   e = L / 450, L the robot's
+///   length:
 /// smooth, and the derivative of an energy.
 class ContactLaw final : public BodyLaw {
  public:
-  ContactLaw(double stiffness_Npm, double gap_m, double angle_rad)
-      : stiffness_Npm_(stiffness_Npm), gap_m_(gap_m), n_(std::cos(angle_rad), std::sin(angle_rad), 0) {}
+  ContactLaw(double stiffness_Npm, double gap_m, double angle_rad, double edge_m)
+      : stiffness_Npm_(stiffness_Npm),
+        gap_m_(gap_m),
+        edge_m_(edge_m),
+        n_(std::cos(angle_rad), std::sin(angle_rad), 0) {}
   std::unique_ptr<BodyLaw> Clone() const override { return std::make_unique<ContactLaw>(*this); }
 
   void AddForce(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef, double,
@@ -44,18 +48,17 @@ class ContactLaw final : public BodyLaw {
       force.setZero();
       force.col(i) = n_;
       body.DiskForce(q, force, lever);
-      stiffness.noalias() += (stiffness_Npm_ * std::min(1.0, d / kEdge_m)) * lever * lever.transpose();
+      stiffness.noalias() += (stiffness_Npm_ * std::min(1.0, d / edge_m_)) * lever * lever.transpose();
     }
   }
 
  private:
-  static constexpr double kEdge_m = 2e-4;
   using Depths = std::array<double, kMaxUnits>;
   using Forces = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxUnits>;
 
   double Push(double d) const {
     if (d <= 0) return 0;
-    return stiffness_Npm_ * (d < kEdge_m ? 0.5 * d * d / kEdge_m : d - 0.5 * kEdge_m);
+    return stiffness_Npm_ * (d < edge_m_ ? 0.5 * d * d / edge_m_ : d - 0.5 * edge_m_);
   }
 
   bool Touches(const model::Body& body, model::ConstVectorRef q, Depths& depth) const {
@@ -69,7 +72,7 @@ class ContactLaw final : public BodyLaw {
     return touches;
   }
 
-  double stiffness_Npm_, gap_m_;
+  double stiffness_Npm_, gap_m_, edge_m_;
   Eigen::Vector3d n_;
 };
 
@@ -82,27 +85,33 @@ Effect Contact() {
       .scope = Scope::kRobot,
       .cut = Cut::kShape,
       .cut_robot_side = Cut::kShape,
-      .parameters =
-          {{.name = "stiffness_Npm", .nominal = 0, .lower = 0, .upper = 20000, .typical = 100, .starts = {1}},
-           {.name = "gap_m",
-            .nominal = 0.01,
-            .lower = 0.001,
-            .upper = 0.2,
-            .typical = 0.003,
-            .shape = true,
-            .starts = {0.004, 0.01, 0.02}},
-           {.name = "angle_rad",
-            .nominal = 0,
-            .lower = -2 * std::numbers::pi,  // a turn more than there is: no search ends at a seam
-            .upper = 2 * std::numbers::pi,
-            .typical = 0.3,
-            .shape = true,
-            .starts = {0, 1.05, 2.1, 3.14, -2.1, -1.05}}},
+      .parameters = {{.name = "stiffness_Npm",
+                      .nominal = 0,
+                      .lower = 0,
+                      .upper = 20000,
+                      .typical = 100,
+                      .starts = {1},
+                      .of = Yardstick::kTipStiffness},
+                     {.name = "gap_m",
+                      .nominal = 0.01,
+                      .lower = 0.001,
+                      .upper = 0.2,
+                      .typical = 0.003,
+                      .shape = true,
+                      .starts = {0.004, 0.01, 0.02},
+                      .of = Yardstick::kLength},
+                     {.name = "angle_rad",
+                      .nominal = 0,
+                      .lower = -2 * std::numbers::pi,  // a turn more than there is: no search ends at a seam
+                      .upper = 2 * std::numbers::pi,
+                      .typical = 0.3,
+                      .shape = true,
+                      .starts = {0, 1.05, 2.1, 3.14, -2.1, -1.05}}},
       .summary = "the robot touches something in part of its workspace",
       .physics =
           "A wall stands at gap_m from the straight robot's axis, in the direction angle_rad in the base's "
           "x-y plane. Each disk whose centre gets behind it is pushed back by stiffness_Npm times the depth "
-          "(less within the first 0.2 mm); there is no friction along the wall.",
+          "(less within the 450th part of the length); there is no friction along the wall.",
       .signature =
           "Nothing wrong up to a place in space, the tip short of its target beyond it, always at the same "
           "place whatever the speed and direction of approach; no loop.",
@@ -111,9 +120,9 @@ Effect Contact() {
           "straight edge. Then looking there.",
       .confusable = {"superelastic", "unit_stiffness", "tip_force"},
       .add =
-          [](PlantLaws& laws, const RobotParameters&, Target, std::span<const double> v) {
+          [](PlantLaws& laws, const RobotParameters& robot, Target, std::span<const double> v) {
             if (v[0] == 0) return;
-            laws.body.Add(std::make_unique<ContactLaw>(v[0], v[1], v[2]));
+            laws.body.Add(std::make_unique<ContactLaw>(v[0], v[1], v[2], robot.body.length_m() / 450));
           },
   };
 }

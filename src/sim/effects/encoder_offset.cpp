@@ -12,8 +12,13 @@ Effect EncoderOffset() {
       .cut_robot_side = Cut::kTendon,
       .on_one = true,
       // Far to one side the model's tendon is slack, and says nothing of how far: tried from there as well.
-      .parameters =
-          {{.name = "rad", .nominal = 0, .lower = -10, .upper = 10, .typical = 0.05, .starts = {-0.4, 0.4}}},
+      .parameters = {{.name = "rad",
+                      .nominal = 0,
+                      .lower = -10,
+                      .upper = 10,
+                      .typical = 0.05,
+                      .starts = {-0.4, 0.4},
+                      .of = Yardstick::kMotorTravel}},
       .summary = "the motor's reported angle is off by a constant",
       .physics =
           "Reported angle = angle + rad: the zero was taken with the robot bent, or with another "

@@ -12,7 +12,7 @@ Effect MotorViscous() {
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
       .parameters = {Scale(0, 200, 20)},
-      .summary = "the motor is braked in proportion to its speed, more or less than nominal",
+      .summary = "the motor's viscous friction, a brake in proportion to its speed, differs from nominal",
       .physics =
           "A torque of scale x nominal x speed against the motion: grease, eddy currents, air. The "
           "nominal value of a small motor is so low that a stiff grease can multiply it.",

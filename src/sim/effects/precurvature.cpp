@@ -4,7 +4,12 @@
 namespace tendril::sim {
 
 Effect Precurvature() {
-  const EffectParameter along_x{.name = "u_rad", .nominal = 0, .lower = -0.5, .upper = 0.5, .typical = 0.03};
+  const EffectParameter along_x{.name = "u_rad",
+                                .nominal = 0,
+                                .lower = -0.5,
+                                .upper = 0.5,
+                                .typical = 0.03,
+                                .of = Yardstick::kUnitBend};
   EffectParameter along_y = along_x;
   along_y.name = "v_rad";
   return {

@@ -11,7 +11,8 @@ Effect PulleyCoulomb() {
       .cut = Cut::kShape,
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
-      .parameters = {{.name = "N", .nominal = 0, .lower = 0, .upper = 2, .typical = 0.1}},
+      .parameters =
+          {{.name = "N", .nominal = 0, .lower = 0, .upper = 2, .typical = 0.1, .of = Yardstick::kTension}},
       .summary = "the pulleys take a constant part of the tension, whatever the load",
       .physics =
           "Bearings, seals and guides resist with a constant force: on the robot's side N less when the "

@@ -11,7 +11,12 @@ Effect Slack() {
       .cut = Cut::kTendon,
       .cut_robot_side = Cut::kTendon,
       .on_one = true,
-      .parameters = {{.name = "m", .nominal = 0, .lower = 0, .upper = 0.005, .typical = 0.0002}},
+      .parameters = {{.name = "m",
+                      .nominal = 0,
+                      .lower = 0,
+                      .upper = 0.005,
+                      .typical = 0.0002,
+                      .of = Yardstick::kTendonTravel}},
       .summary = "the tendon is too long when the run begins",
       .physics =
           "Stretch is counted from the pretensioned straight robot; the tendon has m more length than "

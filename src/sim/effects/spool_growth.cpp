@@ -11,7 +11,12 @@ Effect SpoolGrowth() {
       .cut = Cut::kTendon,
       .cut_robot_side = Cut::kTendon,
       .on_one = true,
-      .parameters = {{.name = "m_per_rad", .nominal = 0, .lower = 0, .upper = 0.001, .typical = 0.0001}},
+      .parameters = {{.name = "m_per_rad",
+                      .nominal = 0,
+                      .lower = 0,
+                      .upper = 0.001,
+                      .typical = 0.0001,
+                      .of = Yardstick::kSpool}},
       .summary = "the spool's radius grows with what is wound on it",
       .physics =
           "Tendon laid over tendon: per radian wound the radius gains m_per_rad (a tendon of 0.4 mm in "

@@ -69,7 +69,8 @@ Effect Superelastic() {
                       .upper = 1.5,
                       .typical = 0.1,
                       .shape = true,
-                      .starts = {0.15, 0.5}}},
+                      .starts = {0.15, 0.5},
+                      .of = Yardstick::kUnitBend}},
       .summary = "the backbone softens beyond a bend: the plateau of NiTi, cracked glue, a yielding sleeve",
       .physics =
           "The tangent stiffness of a unit falls smoothly from EI / l when straight to (1 - softening) EI / "

@@ -4,7 +4,8 @@
 namespace tendril::sim {
 
 Effect TipForce() {
-  const EffectParameter x{.name = "x_N", .nominal = 0, .lower = -1, .upper = 1, .typical = 0.03};
+  const EffectParameter x{
+      .name = "x_N", .nominal = 0, .lower = -1, .upper = 1, .typical = 0.03, .of = Yardstick::kTipForce};
   EffectParameter y = x, z = x;
   y.name = "y_N";
   z.name = "z_N";

@@ -10,7 +10,12 @@ Effect TipPayload() {
       .scope = Scope::kRobot,
       .cut = Cut::kShape,
       .cut_robot_side = Cut::kShape,
-      .parameters = {{.name = "mass_kg", .nominal = 0, .lower = 0, .upper = 0.1, .typical = 0.003}},
+      .parameters = {{.name = "mass_kg",
+                      .nominal = 0,
+                      .lower = 0,
+                      .upper = 0.1,
+                      .typical = 0.003,
+                      .of = Yardstick::kTipMass}},
       .summary = "a mass at the tip: tool, camera, tracker markers, a gripped part",
       .physics =
           "A point mass m at the centre of the last disk: weight m g at the full length of the robot, and "

@@ -13,7 +13,12 @@ Effect TorqueSaturation() {
       .cut = Cut::kCurrentLoop,
       .cut_robot_side = Cut::kCurrentLoop,
       .on_one = true,
-      .parameters = {{.name = "deficit_Nm", .nominal = 0, .lower = 0, .upper = 0.007, .typical = 0.004}},
+      .parameters = {{.name = "deficit_Nm",
+                      .nominal = 0,
+                      .lower = 0,
+                      .upper = 0.007,
+                      .typical = 0.004,
+                      .of = Yardstick::kTorqueLimit}},
       .summary = "the drive cuts the torque off below the limit in its data sheet",
       .physics =
           "The target is clipped to +-(torque constant x current limit - deficit_Nm): a thermal "

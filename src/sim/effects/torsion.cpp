@@ -10,7 +10,12 @@ Effect Torsion() {
       .scope = Scope::kRobot,
       .cut = Cut::kShape,
       .cut_robot_side = Cut::kShape,
-      .parameters = {{.name = "rad_per_m", .nominal = 0, .lower = -15, .upper = 15, .typical = 2}},
+      .parameters = {{.name = "rad_per_m",
+                      .nominal = 0,
+                      .lower = -15,
+                      .upper = 15,
+                      .typical = 2,
+                      .of = Yardstick::kPerLength}},
       .summary = "the holes turn about the backbone along it: disks glued askew, a twisted wire",
       .physics =
           "The holes of the disk at arc length s are turned by rad_per_m x s about the disk's z. Tendons "

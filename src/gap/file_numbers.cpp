@@ -1,0 +1,331 @@
+// One line a number; each is followed from the file's value in the direction that helps, in doubling steps.
+#include "file_numbers.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <numbers>
+#include <set>
+#include <string_view>
+#include <utility>
+
+#include "parallel.h"
+
+namespace tendril::gap {
+namespace {
+
+/// By the end of the key, the effect that is the same number.
+constexpr std::pair<std::string_view, std::string_view> kEffects[] = {
+    {"unit_length_m", "unit_length"},
+    {"youngs_modulus_Pa", "bending_stiffness"},
+    {"bending_damping_Nms", "bending_damping"},
+    {"unit_mass_kg", "unit_mass"},
+    {"tendons.radius_m", "hole_radius"},
+    {") radius_m", "hole_radius"},
+    {") angle_rad", "hole_angle"},
+    {"torque_constant_NmpA", "torque_constant"},
+    {"coulomb_friction_Nm", "motor_coulomb"},
+    {"coulomb_angle_rad", "motor_presliding"},
+    {"viscous_friction_Nms", "motor_viscous"},
+    {"gear.efficiency", "gear_efficiency"},
+    {"stiffness_Npm", "tendon_stiffness"},
+    {"gain_VpN", "cell_gain"},
+    {"presliding_m", "presliding"},
+    {"alpha", "capstan_alpha"},
+    {"exponent", "capstan_n"},
+};
+
+/// A number that every `Part` of the robot has; `each(robot, call)` calls with each of them.
+template <class Part, class Each>
+void AddFactor(const RobotParameters& robot, std::string key, double Part::*number, Each each,
+               std::vector<FileNumber>& all) {
+  double first = 0;
+  RobotParameters copy = robot;
+  each(copy, [&](Part& part) {
+    if (first == 0) first = part.*number;
+  });
+  if (first == 0) return;
+  all.push_back({std::move(key), first, false, [=](RobotParameters& changed, double change) {
+                   each(changed, [&](Part& part) { part.*number *= std::exp(change); });
+                 }});
+}
+
+void AddBody(const RobotParameters& robot, std::vector<FileNumber>& all) {
+  const auto sections = [](RobotParameters& r, const auto& call) {
+    for (SectionParameters& section : r.body.sections) call(section);
+  };
+  const auto routes = [](RobotParameters& r, const auto& call) {
+    for (SectionParameters& section : r.body.sections) {
+      for (TendonRoute& route : section.tendons) call(route);
+    }
+  };
+  const auto section = [&](const char* key, double SectionParameters::*number) {
+    AddFactor(robot, fmt::format("body.sections.{}", key), number, sections, all);
+  };
+  section("unit_length_m", &SectionParameters::unit_length_m);
+  section("youngs_modulus_Pa", &SectionParameters::youngs_modulus_Pa);
+  section("core_radius_m", &SectionParameters::core_radius_m);
+  section("bending_damping_Nms", &SectionParameters::bending_damping_Nms);
+  section("disk_inertia_xx_kgm2", &SectionParameters::disk_inertia_xx_kgm2);
+  section("disk_inertia_zz_kgm2", &SectionParameters::disk_inertia_zz_kgm2);
+  // A disk's inertia follows from its mass where the file gives its diameter.
+  const double mass_kg = robot.body.sections.front().unit_mass_kg;
+  all.push_back({"body.sections.unit_mass_kg", mass_kg, false, [](RobotParameters& r, double change) {
+                   for (SectionParameters& s : r.body.sections) {
+                     for (double* x : {&s.unit_mass_kg, &s.disk_inertia_xx_kgm2, &s.disk_inertia_zz_kgm2})
+                       *x *= std::exp(change);
+                   }
+                 }});
+  AddFactor(robot, "body.sections.tendons.radius_m", &TendonRoute::radius_m, routes, all);
+  if (robot.body.gravity_W_mps2.norm() > 0) {
+    all.push_back({"body.gravity_W_mps2", robot.body.gravity_W_mps2.norm(), false,
+                   [](RobotParameters& r, double change) { r.body.gravity_W_mps2 *= std::exp(change); }});
+  }
+  int tendon = 0;
+  for (std::size_t k = 0; k < robot.body.sections.size(); ++k) {
+    for (std::size_t j = 0; j < robot.body.sections[k].tendons.size(); ++j, ++tendon) {
+      const auto route = [k, j](RobotParameters& r, const auto& call) {
+        call(r.body.sections[k].tendons[j]);
+      };
+      const std::string key = fmt::format("body.sections.tendons (tendon {}) ", tendon + 1);
+      AddFactor(robot, key + "radius_m", &TendonRoute::radius_m, route, all);
+      all.push_back({key + "angle_rad", robot.body.sections[k].tendons[j].angle_rad, true,
+                     [route](RobotParameters& r, double change) {
+                       route(r, [&](TendonRoute& t) { t.angle_rad += change; });
+                     }});
+    }
+  }
+}
+
+/// The runs' angles were made with the file's counts. As though they were right, the spool winds otherwise by each
+/// radian, and torques, inertia and angles are those of a motor behind a gear of that ratio.
+void RecountMotor(TendonDriveParameters& drive, double change) {
+  const double turned = std::exp(change);  // angle in the runs over the motor's own
+  drive.spool.radius_m /= turned;
+  drive.motor.torque_scale /= turned;
+  drive.motor.coulomb_friction_Nm /= turned;
+  drive.motor.coulomb_damping_Nms /= turned;
+  drive.motor.viscous_friction_Nms /= turned * turned;
+  drive.motor.rotor_inertia_kgm2 /= turned * turned;
+  drive.motor.coulomb_angle_rad *= turned;
+  for (double& yield : drive.gear.presliding_yields_rad) yield *= turned;
+}
+
+void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
+  const int counts = robot.actuation->tendons.front().drive.encoder_counts_per_turn;
+  all.push_back({"actuation.drive.encoder_counts_per_turn", static_cast<double>(counts), false,
+                 [](RobotParameters& changed, double change) {
+                   for (TendonDriveParameters& drive : changed.actuation->tendons) RecountMotor(drive, change);
+                 }});
+  const auto part = [&](const char* key, auto TendonDriveParameters::*member, auto number) {
+    AddFactor(robot, fmt::format("actuation.{}", key), number,
+              [member](RobotParameters& r, const auto& call) {
+                for (TendonDriveParameters& drive : r.actuation->tendons) call(drive.*member);
+              },
+              all);
+  };
+  using Drive = TendonDriveParameters;
+  part("motor.torque_constant_NmpA", &Drive::motor, &MotorParameters::torque_scale);
+  part("motor.rotor_inertia_kgm2", &Drive::motor, &MotorParameters::rotor_inertia_kgm2);
+  part("motor.coulomb_friction_Nm", &Drive::motor, &MotorParameters::coulomb_friction_Nm);
+  part("motor.coulomb_angle_rad", &Drive::motor, &MotorParameters::coulomb_angle_rad);
+  part("motor.viscous_friction_Nms", &Drive::motor, &MotorParameters::viscous_friction_Nms);
+  part("motor.torque_lag_s", &Drive::motor, &MotorParameters::torque_lag_s);
+  part("gear.ratio", &Drive::gear, &GearParameters::ratio);
+  part("gear.efficiency", &Drive::gear, &GearParameters::efficiency);
+  part("spool.radius_m", &Drive::spool, &SpoolParameters::radius_m);
+  part("tendon.stiffness_Npm", &Drive::tendon, &TendonParameters::stiffness_Npm);
+  part("tendon.damping_Nspm", &Drive::tendon, &TendonParameters::damping_Nspm);
+  part("load_cell.gain_VpN", &Drive::load_cell, &LoadCellParameters::gain_VpN);
+  part("transmission.presliding_m", &Drive::transmission, &TransmissionParameters::presliding_m);
+  const auto pulley = [&](const char* key, double PulleyParameters::*number) {
+    AddFactor(robot, fmt::format("actuation.transmission.pulleys.{}", key), number,
+              [](RobotParameters& r, const auto& call) {
+                for (TendonDriveParameters& drive : r.actuation->tendons) {
+                  for (PulleyParameters& p : drive.transmission.pulleys) call(p);
+                }
+              },
+              all);
+  };
+  pulley("wrap_rad", &PulleyParameters::wrap_rad);
+  pulley("radius_ratio", &PulleyParameters::radius_ratio);
+  pulley("alpha", &PulleyParameters::alpha);
+  pulley("exponent", &PulleyParameters::exponent);
+}
+
+/// Log score of one number at its changes, on some runs or on all, with the nuisances free.
+class Scored {
+ public:
+  Scored(const Evaluator& evaluator, const Weights& weights, const Nuisances& nuisances, const Folds& folds)
+      : evaluator_(evaluator), weights_(weights), nuisances_(nuisances), folds_(folds) {
+    for (const Column& column : nuisances.columns) columns_.push_back(&column);
+    for (const double deviation : nuisances.prior) bounds_.AddNuisance(deviation);
+  }
+
+  /// -infinity where the robot cannot be simulated so.
+  double At(const FileNumber& number, double change, const std::vector<int>& runs,
+            Residuals* residuals = nullptr) const {
+    try {
+      RobotParameters robot = evaluator_.nominal();
+      number.apply(robot, change);
+      Residuals at = Completed(evaluator_.At(robot, kAllCuts, runs), evaluator_.AtNominal());
+      for (const auto& run : at) {
+        for (const auto& channel : run) {
+          if (!channel.allFinite()) return -INFINITY;
+        }
+      }
+      double score = LogScore(weights_, at, evaluator_.AtNominal());
+      Eigen::VectorXd moved;
+      if (!columns_.empty()) {
+        const LinearFit fit =
+            SolveLinear(Accumulate(columns_, at, evaluator_.AtNominal(), weights_, folds_), bounds_);
+        score += fit.score;
+        moved = fit.value;
+      }
+      if (residuals != nullptr) *residuals = Without(std::move(at), moved);
+      return score;
+    } catch (const std::exception&) {
+      return -INFINITY;
+    }
+  }
+
+ private:
+  Residuals Without(Residuals at, const Eigen::VectorXd& moved) const {
+    for (std::size_t k = 0; k < columns_.size(); ++k) {
+      for (std::size_t i = 0; i < at.size(); ++i) {
+        for (std::size_t c = 0; c < at[i].size() && !(*columns_[k])[i].empty(); ++c) {
+          const Eigen::VectorXd& column = (*columns_[k])[i][c];
+          if (column.size() > 0) at[i][c] -= moved[static_cast<Eigen::Index>(k)] * column;
+        }
+      }
+    }
+    return at;
+  }
+
+  const Evaluator& evaluator_;
+  const Weights& weights_;
+  const Nuisances& nuisances_;
+  const Folds& folds_;
+  std::vector<const Column*> columns_;
+  Bounds bounds_;
+};
+
+/// A change and its score.
+struct Point {
+  double change = 0, score = -INFINITY;
+};
+
+/// Halves the bracket of `step` about a point.
+Point Refined(const std::function<double(double)>& score, Point best, double step, int halvings) {
+  for (int k = 0; k < halvings; ++k, step /= 2) {
+    for (const double change : {best.change - step, best.change + step}) {
+      const Point next{change, score(change)};
+      if (next.score <= best.score) continue;
+      best = next;
+      break;
+    }
+  }
+  return best;
+}
+
+/// The best of a ladder of doubling steps in both directions, refined. The first steps are all taken, since a number
+/// that is far off may do worse before it does better; later ones as long as each is better than the last.
+Point Followed(const std::function<double(double)>& score, const Point& start, double first_step, double most,
+               int halvings) {
+  constexpr double kAnyway = 1;  // a factor of e, or a radian
+  Point best = start;
+  for (const int sign : {1, -1}) {
+    double last = start.score;
+    for (double step = first_step; step <= most; step *= 2) {
+      const Point next{sign * step, score(sign * step)};
+      if (step > kAnyway && next.score <= last) break;
+      last = next.score;
+      if (next.score > best.score) best = next;
+    }
+  }
+  return best.change == 0 ? best : Refined(score, best, std::abs(best.change) / 2, halvings);
+}
+
+/// A run of each kind of motion, the shortest, up to three.
+std::vector<int> FewRuns(const Evaluator& evaluator) {
+  constexpr std::size_t kRuns = 3;
+  std::vector<int> order(evaluator.runs().size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int>(i);
+  const auto& runs = evaluator.runs();
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return runs[static_cast<std::size_t>(a)].samples() < runs[static_cast<std::size_t>(b)].samples();
+  });
+  std::set<std::string> families;
+  std::stable_partition(order.begin(), order.end(), [&](int i) {
+    return families.insert(runs[static_cast<std::size_t>(i)].family).second;
+  });
+  order.resize(std::min(kRuns, order.size()));
+  return order;
+}
+
+}  // namespace
+
+double FileNumber::ValueAt(double change) const {
+  return angle ? in_file + change : in_file * std::exp(change);
+}
+
+std::vector<FileNumber> FileNumbers(const RobotParameters& robot) {
+  std::vector<FileNumber> all;
+  AddBody(robot, all);
+  if (robot.actuation) AddActuation(robot, all);
+  for (FileNumber& number : all) {
+    for (const auto& [key, effect] : kEffects) {
+      if (number.key.ends_with(key)) number.effect = effect;
+    }
+  }
+  return all;
+}
+
+std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Weights& weights,
+                                  const Nuisances& nuisances, const Folds& folds, int count, int threads,
+                                  const std::function<void(double)>& progress) {
+  // From a fifth to three orders of magnitude, a slip of milli for one; angles up to half a turn.
+  constexpr double kFirstStep = 0.2, kMost = 7, kFirstStep_rad = 0.1, kMost_rad = std::numbers::pi;
+  constexpr int kCoarse = 2, kFine = 6;
+  const Scored scored(evaluator, weights, nuisances, folds);
+  const std::vector<FileNumber> numbers = FileNumbers(evaluator.nominal());
+  const std::vector<int> few = FewRuns(evaluator), every{};
+  std::vector<std::pair<FileNumber, Point>> coarse;
+  for (const FileNumber& number : numbers) coarse.push_back({number, {}});
+  const auto follow = [&](const FileNumber& number, const std::vector<int>& runs, const Point& start,
+                          double first_step, int halvings) {
+    const auto score = [&](double change) { return scored.At(number, change, runs); };
+    return Followed(score, start, first_step, number.angle ? kMost_rad : kMost, halvings);
+  };
+  const double at_nominal = scored.At(numbers.front(), 0, few);
+  std::atomic<int> done{0};
+  ParallelFor(static_cast<int>(coarse.size()), threads, [&](int k) {
+    auto& [number, best] = coarse[static_cast<std::size_t>(k)];
+    best = follow(number, few, {0, at_nominal}, number.angle ? kFirstStep_rad : kFirstStep, kCoarse);
+    if (progress) progress(0.8 * ++done / static_cast<double>(coarse.size()));
+  });
+  std::erase_if(coarse, [](const auto& one) { return one.second.change == 0; });
+  std::stable_sort(coarse.begin(), coarse.end(),
+                   [](const auto& a, const auto& b) { return a.second.score > b.second.score; });
+  coarse.resize(std::min(coarse.size(), static_cast<std::size_t>(count)));
+  std::vector<NumberFit> fits(coarse.size());
+  ParallelFor(static_cast<int>(coarse.size()), threads, [&](int k) {
+    const auto& [number, about] = coarse[static_cast<std::size_t>(k)];
+    const auto score = [&](double change) { return scored.At(number, change, every); };
+    const Point best =
+        Refined(score, {about.change, score(about.change)}, std::abs(about.change) / 8, kFine);
+    NumberFit& fit = fits[static_cast<std::size_t>(k)];
+    fit.number = number;
+    fit.value = number.ValueAt(best.change);
+    fit.score = scored.At(number, best.change, every, &fit.residuals);
+  });
+  if (progress) progress(1);
+  std::erase_if(fits, [](const NumberFit& fit) { return !std::isfinite(fit.score); });
+  std::stable_sort(fits.begin(), fits.end(),
+                   [](const NumberFit& a, const NumberFit& b) { return a.score > b.score; });
+  return fits;
+}
+
+}  // namespace tendril::gap

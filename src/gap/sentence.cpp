@@ -1,0 +1,220 @@
+// The first sentence of a diagnosis: where, why, how far it closes, what to do next. Knows nothing of how
+// they were found.
+#include "sentence.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cctype>
+#include <set>
+#include <string_view>
+#include <utility>
+
+#include "tendril/gap/words.h"
+#include "told_parameters.h"
+
+namespace tendril::gap {
+
+std::string NameOf(const Cause& cause) {
+  return cause.where.empty() || cause.where == "all" ? cause.effect : cause.effect + " (" + cause.where + ")";
+}
+
+namespace {
+
+/// Its size, and that of the same law in the robot file; what only shapes it (a time constant, a direction)
+/// is in the report.
+std::string ValueOf(const Cause& cause, const RobotParameters& robot) {
+  const auto told = ToldParameters(cause);
+  if (told.empty()) return "";
+  const auto& [name, estimate] = told.front();
+  std::string value = ParameterWords(name, estimate, false);
+  const auto law = sim::FindLaw(robot, {cause.effect, cause.where, {}});
+  if (!law) return value;
+  for (const auto& [its_name, its_value] : robot.effects[*law].values) {
+    if (its_name == name) value += " where the robot file has " + ParameterValue(name, estimate, its_value);
+  }
+  return value;
+}
+
+/// Something was measured at this cut.
+bool Seen(const Diagnosis& d, sim::Cut cut) {
+  return std::any_of(d.location.begin(), d.location.end(),
+                     [&](const CutFinding& f) { return f.cut == cut && f.measured; });
+}
+
+/// Cuts that nothing was measured at: "C4, C5".
+std::string CutsNotSeen(const Diagnosis& d) {
+  std::set<sim::Cut> seen;
+  std::string names;
+  for (const auto& f : d.location) {
+    if (f.measured) seen.insert(f.cut);
+  }
+  for (const auto& f : d.location) {
+    if (!seen.insert(f.cut).second) continue;
+    names += names.empty() ? "" : ", ";
+    names += sim::CutName(f.cut);
+  }
+  return names;
+}
+
+}  // namespace
+
+std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std::string& hiding) {
+  const CutFinding* first = nullptr;
+  for (const auto& f : d.location) {
+    if (f.first) first = &f;
+  }
+  const CutFinding* off = nullptr;  // most of what is uncertain
+  for (const auto& f : d.location) {
+    if (f.uncertain() && (off == nullptr || f.excess_sigma > off->excess_sigma)) off = &f;
+  }
+  const bool nowhere =
+      std::none_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.excess; });
+  const std::string where =
+      first && first->cut == sim::Cut::kDrivetrain && !Seen(d, sim::Cut::kTendon)
+          ? fmt::format(
+                "The gap lies at C2 or beyond (C2 to C5 cannot be told apart by place without load "
+                "cells; {}, {})",
+                first->quantity, first->where)
+      : first ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
+                            first->where == "all" ? "" : ", " + first->where)
+      : off   ? fmt::format("{} ({}) is {} sigma off, in too few seconds to be sure", sim::CutName(off->cut),
+                            off->quantity, Sigmas(off->excess_sigma))
+      : nowhere ? "All places together are beyond the noise floor, though none of them is for sure"
+                : "The place of the gap is not clear";
+  const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
+  switch (d.verdict) {
+    case Verdict::kNoGap: {
+      const std::string blind = CutsNotSeen(d);
+      return "No gap beyond the noise floor and the materiality asked for" +
+             (blind.empty() ? "." : "; of " + blind + " these logs tell nothing.");
+    }
+    case Verdict::kInsufficientData:
+      return first ? where + ", but these logs and this model are not enough to tell its cause." + next
+             : off ? where + " whether that is a gap." + next
+                   : "These logs are not enough to tell whether there is a gap." + next;
+    case Verdict::kUnexplained: {
+      if (!d.suspected.empty()) return where + ".";
+      if (!hiding.empty())
+        return fmt::format("{}, and no effect of the library explains it: {}.{}", where, hiding, next);
+      const auto best = std::find_if(d.causes.begin(), d.causes.end(),
+                                     [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
+      // Where no place has anything left for sure, what all of them leave together decided.
+      const std::string remains =
+          d.leftover_sigma == 0 && d.closed
+              ? fmt::format("{} of it remain", Percent(1 - d.closed->value))
+              : fmt::format("{} sigma beyond the floor remain", Sigmas(d.leftover_sigma));
+      return fmt::format("{}, and no effect of the library explains it: {} with the best of them ({}).{}",
+                         where, remains, best == d.causes.end() ? "none" : NameOf(*best), next);
+    }
+    case Verdict::kAttributed:
+    case Verdict::kAmbiguousGroup: {
+      std::string causes;
+      bool grouped = false;
+      for (const auto& c : d.accepted) {
+        causes += causes.empty() ? "" : ", and ";
+        std::string names;
+        double group = 0;
+        for (const auto& rival : d.causes) {
+          if (c.group == 0 || rival.group != c.group) continue;
+          names += (names.empty() ? "" : " or ") + NameOf(rival);
+          group += rival.p;
+        }
+        if (!names.empty() && group < 0.5) names += " or another";
+        if (d.verdict == Verdict::kAmbiguousGroup && !names.empty()) {
+          causes += fmt::format("one of {}, which these runs cannot tell apart", names);
+          grouped = true;
+        } else {
+          causes += fmt::format("{}, {} ({} likely)", NameOf(c), ValueOf(c, robot), Percent(c.p));
+        }
+      }
+      if (d.verdict == Verdict::kAmbiguousGroup && !grouped) causes += ", or another";
+      const std::string closed =
+          d.closed && d.closed->low > 0
+              ? fmt::format(" With it in the model {} of the gap closes on {} that it was not fitted to.",
+                            Percent(d.closed->value), d.held_out_by)
+              : " It is too small beside the noise floor to say how much of the gap closes with it.";
+      const std::string left =
+          d.leftover_sigma < kMuchLeft_sigma
+              ? ""
+              : fmt::format(" Up to {} sigma beyond the floor remain: it is not all that there is.",
+                            Sigmas(d.leftover_sigma));
+      return fmt::format("{}; its cause is {}.{}{}{}", where, causes, closed, left, next);
+    }
+  }
+  return "";
+}
+
+std::string First(const Diagnosis& d) {
+  if (!d.suspected.empty()) {
+    std::string numbers;
+    for (const SuspectNumber& number : d.suspected) {
+      numbers += numbers.empty() ? "with " : ", or with ";
+      numbers += fmt::format("{} {:.4g} where the file has {:.4g}", number.key, number.value, number.in_file);
+    }
+    const auto& closed = d.suspected.front().closed;
+    return fmt::format("Check the robot file first: {} {} of this gap goes, more than with any cause. ", numbers,
+                       closed ? Percent(closed->value) : "most");
+  }
+  const auto likeliest = std::find_if(d.causes.begin(), d.causes.end(),
+                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
+  if (d.doubt.empty() || likeliest == d.causes.end()) return "";
+  return fmt::format("No cause is established: the likeliest is {}, but {}. ", NameOf(*likeliest), d.doubt);
+}
+
+std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& missed) {
+  std::string names;
+  std::size_t few = 0;
+  double most = 0;
+  for (const auto& run : d.runs) {
+    const auto found = missed.find(run.name);
+    if (found == missed.end()) continue;
+    names += (few++ ? ", " : "") + run.name;
+    most = std::max(most, found->second);
+  }
+  if (d.verdict != Verdict::kUnexplained || few == 0 || 2 * few >= d.runs.size()) return "";
+  return fmt::format(
+      " It lies in {} above all, missed by {}{:.0f} times more than the other {} runs: what was different "
+      "then? Diagnose again without {}.",
+      names, few == 1 ? "" : "up to ", most, d.runs.size() - few, few == 1 ? "it" : "them");
+}
+
+std::string WithLeftOut(const std::string& sentence, const std::vector<std::string>& notes,
+                        std::size_t used) {
+  constexpr std::string_view kMark = "left out: ";
+  constexpr std::size_t kNames = 3, kReasons = 3;
+  std::vector<std::pair<std::string, std::vector<std::string>>> by_reason;
+  std::size_t left_out = 0;
+  for (const std::string& note : notes) {
+    if (!note.starts_with(kMark)) continue;
+    ++left_out;
+    std::string name, reason = note.substr(kMark.size());
+    // A run's name, which may hold spaces; a summary of several runs has its unit in brackets there.
+    if (const std::size_t colon = reason.find(": "); colon < reason.find('(')) {
+      name = reason.substr(0, colon);
+      reason.erase(0, colon + 2);
+    }
+    reason.erase(std::min(reason.size(), reason.find_first_of(";:(")));  // the rest is in the list of limits
+    while (reason.ends_with(' ')) reason.pop_back();
+    const auto found = std::find_if(by_reason.begin(), by_reason.end(),
+                                    [&](const auto& its) { return its.first == reason; });
+    auto& names = found != by_reason.end() ? found->second : by_reason.emplace_back(reason, 0).second;
+    if (!name.empty()) names.push_back(name);
+  }
+  if (left_out == 0) return sentence;
+  std::string reasons;
+  for (std::size_t i = 0; i < std::min(kReasons, by_reason.size()); ++i) {
+    const auto& [reason, names] = by_reason[i];
+    reasons += i > 0 ? "; " : "";
+    for (std::size_t k = 0; k < std::min(kNames, names.size()); ++k) reasons += (k ? ", " : "") + names[k];
+    reasons += (names.size() > kNames ? ", ..." : "") + std::string(names.empty() ? "" : ": ") + reason;
+  }
+  if (by_reason.size() > kReasons) reasons += "; ...";
+  std::string rest = sentence;
+  // "C2 ..." keeps its capital.
+  if (rest.size() > 1 && std::islower(static_cast<unsigned char>(rest[1])))
+    rest[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(rest[0])));
+  return fmt::format("With {} of {} runs left out ({}), {}", left_out, left_out + used, reasons, rest);
+}
+
+}  // namespace tendril::gap

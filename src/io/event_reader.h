@@ -1,0 +1,76 @@
+// The events of an LCM log one by one, past what is damaged in it. Knows the file format; nothing of what the
+// messages mean.
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace tendril::io {
+
+// What a reader takes for damage is no event: any program may send what it likes, a channel without a name
+// too.
+constexpr std::uint64_t kMaxChannel = 1000;
+constexpr std::uint64_t kMaxData = std::uint64_t{1} << 28;  // LCM's largest message
+
+constexpr bool IsEvent(std::uint64_t channel_size, std::uint64_t data_size) {
+  return channel_size >= 1 && channel_size <= kMaxChannel && data_size <= kMaxData;
+}
+
+/// Every length is checked against the file: LCM's own reader trusts them and skips over damage without
+/// saying so. An event counts when another follows it or the file ends there: one that a hole or an
+/// overwritten stretch runs into looks whole by its header.
+class EventReader {
+ public:
+  /// Throws std::runtime_error naming the path when it cannot be read.
+  explicit EventReader(const std::string& path);
+
+  /// To the next whole event; false at the end of the file.
+  bool Next();
+  const std::string& channel() const { return channel_; }
+  const std::vector<std::uint8_t>& data() const { return data_; }
+  /// Of the event in the file.
+  std::uint64_t offset() const { return begin_; }
+
+  /// The event is whole, but its message is not: it counts as damage, for the reason given ("is no ...").
+  void Refuse(const std::string& what);
+  /// Empty, or one line: the places that are damaged with their offsets, and what of the log is read.
+  std::string Damage() const;
+
+ private:
+  struct Place {
+    std::uint64_t begin = 0, end = 0;  // bytes left out
+    std::string what;
+    std::uint64_t zeros_begin = 0, zeros_end = 0;  // the longest stretch of them in it
+    std::uint64_t lost = 0;                        // events, by their numbers in the file; 0: not known
+  };
+  struct FileCloser {
+    void operator()(std::FILE* file) const noexcept { std::fclose(file); }
+  };
+
+  bool Read(std::uint64_t offset, void* bytes, std::size_t size);
+  std::string ReadEvent(std::uint64_t offset);
+  std::uint64_t FindEvent(std::uint64_t from);
+  std::uint64_t FindSync(std::uint64_t from);
+  void FindZeros(Place& place);
+  void Count();
+  std::string Text(const Place& place) const;
+
+  std::unique_ptr<std::FILE, FileCloser> file_;
+  std::uint64_t size_ = 0, position_ = 0;
+  // The current event.
+  std::uint64_t begin_ = 0, end_ = 0, number_ = 0;
+  std::int64_t stamp_us_ = 0;
+  std::string channel_;
+  std::vector<std::uint8_t> data_;
+  // What was read, and what not.
+  std::vector<Place> places_;
+  std::uint64_t events_ = 0, last_number_ = 0;
+  std::int64_t last_us_ = 0;
+  double seconds_ = 0;
+  bool follows_ = false;  // directly on an event that counts
+};
+
+}  // namespace tendril::io

@@ -1,0 +1,128 @@
+// The diagnosis of the controller's own logs, from the LCM file on: the nominal robot shows no gap however it
+// was armed, and a payload is named.
+#include <fmt/core.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "closed_loop.h"
+#include "motion.h"
+#include "motion_run.h"
+#include "tendril/config/config.h"
+#include "tendril/gap/data_set.h"
+#include "tendril/gap/diagnose.h"
+#include "tendril/sim/effects.h"
+
+namespace tendril {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// How a log comes about: `tendril demo`, or with `home` as `tendril home`, `send arm`, `follow`.
+struct Case {
+  std::string robot, motion;
+  ControlLaw law = ControlLaw::kPaper;
+  bool home = false;
+  std::uint64_t seed = 1;
+};
+
+std::string NameOf(const Case& c) {
+  return fmt::format("{}_{}_{}{}_{}", c.robot, c.motion,
+                     c.law == ControlLaw::kPaper ? "paper" : "equilibrium", c.home ? "_home" : "", c.seed);
+}
+
+RobotParameters Robot(const Case& c) {
+  return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/" + c.robot + ".yaml");
+}
+
+void Home(tools::ClosedLoop& loop) {
+  const auto reaches = [&](Mode mode, const char* what) {
+    loop.StepUntil([mode](const CycleRecord& r) { return r.output.mode == mode; }, 60, what);
+  };
+  reaches(Mode::kConfigured, "the drives");
+  loop.Send(ModeRequest::kHome);
+  reaches(Mode::kHold, "homing");
+  loop.Send(ModeRequest::kArm);
+  reaches(Mode::kRunning, "commands to be followed");
+}
+
+void Record(const Case& c, const std::string& effect, const fs::path& log) {
+  const RobotParameters nominal = Robot(c);
+  RobotParameters plant = nominal;
+  if (!effect.empty()) plant.effects.push_back(sim::ParseEffect(effect, plant));
+  tools::ClosedLoopOptions options{.controller_robot = nominal,
+                                   .plant_robot = plant,
+                                   .daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"),
+                                   .plant = {.seed = c.seed},
+                                   .log_path = log.string()};
+  options.daemon.controller.law = c.law;
+  tools::ClosedLoop loop(options);
+  const auto motion = tools::MakeMotion(c.motion, nominal);
+  c.home ? Home(loop) : loop.ArmAndPretension();
+  const auto nothing = [](const CycleRecord&, double) {};
+  tools::ApproachStart(loop, *motion, nothing);
+  tools::StreamMotion(loop, *motion, nothing, loop.sender_lead_s());
+  loop.DisarmAndWait();
+}
+
+gap::Diagnosis Diagnosed(const Case& c, const std::string& effect = "") {
+  const fs::path folder =
+      fs::temp_directory_path() / fmt::format("tendril_own_logs_{}_{}", getpid(), NameOf(c));
+  fs::create_directories(folder);
+  Record(c, effect, folder / "run.lcmlog");
+  gap::DataSet set =
+      gap::LoadLogs({folder.string()}, TENDRIL_SOURCE_DIR "/config/robots/" + c.robot + ".yaml");
+  fs::remove_all(folder);
+  gap::DiagnoseOptions options;
+  options.threads = 1;
+  return gap::Diagnose(set, options);
+}
+
+std::string Text(const gap::Diagnosis& d) {
+  std::string text = fmt::format("verdict {}", static_cast<int>(d.verdict));
+  for (std::size_t i = 0; i < std::min<std::size_t>(3, d.causes.size()); ++i)
+    text += fmt::format(", {} {} {:.2f}", d.causes[i].effect, d.causes[i].where, d.causes[i].p);
+  for (const auto& cut : d.location) text += fmt::format(", {:.2f}", cut.excess_sigma);
+  return text;
+}
+
+/// Both rigs, motions and laws, with homing and without: 16, and further seeds.
+std::vector<Case> Cases(int count) {
+  std::vector<Case> cases;
+  for (std::uint64_t seed = 1; std::ssize(cases) < count; ++seed) {
+    for (int k = 0; k < 16 && std::ssize(cases) < count; ++k) {
+      cases.push_back({(k & 1) != 0 ? "rig_60mm" : "rig_90mm", (k & 2) != 0 ? "circle" : "planar",
+                       (k & 4) != 0 ? ControlLaw::kEquilibrium : ControlLaw::kPaper, (k & 8) != 0, seed});
+    }
+  }
+  return cases;
+}
+
+class OwnLogs : public testing::TestWithParam<Case> {};
+
+TEST_P(OwnLogs, OfTheNominalRobotShowNoGap) {
+  const gap::Diagnosis d = Diagnosed(GetParam());
+  EXPECT_EQ(d.verdict, gap::Verdict::kNoGap) << NameOf(GetParam()) << ": " << Text(d);
+}
+
+TEST_P(OwnLogs, NameAPayload) {
+  const gap::Diagnosis d = Diagnosed(GetParam(), "tip_payload mass_kg=0.002");
+  ASSERT_FALSE(d.causes.empty());
+  EXPECT_EQ(d.causes.front().effect, "tip_payload") << NameOf(GetParam()) << ": " << Text(d);
+}
+
+const auto kName = [](const testing::TestParamInfo<Case>& info) { return NameOf(info.param); };
+
+INSTANTIATE_TEST_SUITE_P(Few, OwnLogs,
+                         testing::Values(Case{"rig_90mm", "planar"},
+                                         Case{"rig_60mm", "planar", ControlLaw::kEquilibrium, true, 2}),
+                         kName);
+// With --gtest_also_run_disabled_tests --gtest_filter='*Forty*', 10 minutes on a core.
+INSTANTIATE_TEST_SUITE_P(DISABLED_Forty, OwnLogs, testing::ValuesIn(Cases(40)), kName);
+
+}  // namespace
+}  // namespace tendril
