@@ -57,17 +57,24 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
       straight_rad2_(max_bending_rad_ * max_bending_rad_ / 3),
       kept_(std::exp(-period_s / kSettles_s)),
       grips_(period_s / kGrips_s),
+      averaged_(std::min(1.0, period_s / kZeroed_s)),
       stiffness_Nm_(2 * body.sections()),
       pulls_every_way_(model::PullsEveryWay(robot.body)),
-      pretension_rad_(BendingVector::Zero(2 * body.sections())),
-      bending_rad_(pretension_rad_),
-      pretension_m_(model::PretensionShortening(body, min_tension_N_)),
+      bend_per_N_(Eigen::MatrixXd::Zero(2 * body.sections(), body.tendons())),
+      shortening_per_N_(Eigen::MatrixXd::Zero(body.tendons(), body.tendons())),
+      rest_rad_(BendingVector::Zero(2 * body.sections())),
+      rest_m_(TendonVector::Zero(body.tendons())),
+      tension_base_N_(rest_m_),
+      stretch_m_(rest_m_),
+      pretension_rad_(rest_rad_),
+      bending_rad_(rest_rad_),
+      pretension_m_(rest_m_),
       shortening_m_(TendonVector::Zero(body.tendons())),
       weight_(TendonVector::Ones(body.tendons())),
       covariance_rad2_(BendingMatrix::Identity(2 * body.sections(), 2 * body.sections()) * straight_rad2_),
       q_(UnitVector::Zero(body.dof())),
       unit_force_Nm_(q_) {
-  if (!pulls_every_way_) body.SumBending(model::RestShape(body, min_tension_N_), pretension_rad_);
+  if (!pulls_every_way_) FindPretension();
   for (int k = 0; k < body.sections(); ++k) {
     double softness = 0;
     for (int i = body.first_unit(k); i < body.end_unit(k); ++i) softness += 1 / body.unit_stiffness_Nm(i);
@@ -92,10 +99,37 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
   }
 }
 
+void Estimator::FindPretension() {
+  const auto at = [this](const Eigen::VectorXd& tension_N, auto&& bend_rad, auto&& shortening_m) {
+    const Eigen::VectorXd q = model::RestShape(body_, tension_N);
+    body_.SumBending(q, bend_rad);
+    body_.TendonShortening(q, shortening_m);
+  };
+  const Eigen::VectorXd least_N = Eigen::VectorXd::Constant(body_.tendons(), min_tension_N_);
+  at(least_N, rest_rad_, rest_m_);
+  for (int j = 0; j < body_.tendons(); ++j) {
+    const double more_N = 0.1 * min_tension_N_;
+    at(least_N + more_N * Eigen::VectorXd::Unit(body_.tendons(), j), bend_per_N_.col(j),
+       shortening_per_N_.col(j));
+    bend_per_N_.col(j) = (bend_per_N_.col(j) - rest_rad_) / more_N;
+    shortening_per_N_.col(j) = (shortening_per_N_.col(j) - rest_m_) / more_N;
+  }
+  pretension_rad_ = rest_rad_;
+  pretension_m_ = rest_m_;
+}
+
 void Estimator::ZeroDisplacement(const CycleInput& input) noexcept {
+  TendonVector shown_m = pretension_m_;
+  if (!pulls_every_way_) {
+    // Dry friction leaves a tendon more or less than its least tension, and the robot as bent.
+    const TendonVector over_N =
+        (tension_base_N_.array() - min_tension_N_).max(-min_tension_N_).min(min_tension_N_).matrix();
+    pretension_rad_ = rest_rad_ + bend_per_N_.lazyProduct(over_N);
+    pretension_m_ = rest_m_ + shortening_per_N_.lazyProduct(over_N);
+    shown_m = pretension_m_ + stretch_m_;
+  }
   for (std::size_t j = 0; j < tendons_.size(); ++j) {
-    const auto shown =
-        std::lround(pretension_m_[static_cast<Eigen::Index>(j)] / tendons_[j].travel_per_count_m);
+    const auto shown = std::lround(shown_m[static_cast<Eigen::Index>(j)] / tendons_[j].travel_per_count_m);
     tendons_[j].zero_counts = static_cast<std::int32_t>(
         static_cast<std::uint32_t>(input.drive[j].position_counts) - static_cast<std::uint32_t>(shown));
     tendons_[j].presliding.Reset(0);
@@ -150,8 +184,11 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
     output.displacement_m[j] = pull_m;
     output.tension_measured_N[j] = t.place == LoadCellPlace::kNone ? motor_N : cell_N;
     output.tension_base_estimate_N[j] = base_N;
+    tension_base_N_[j] += averaged_ * (base_N - tension_base_N_[j]);
     output.torque_measured_Nm[j] = torque_Nm;
-    shortening_m_[j] = pull_m - (motor_N - min_tension_N_) / t.stiffness_Npm;
+    const double stretch_m = (motor_N - min_tension_N_) / t.stiffness_Npm;
+    stretch_m_[j] += averaged_ * (stretch_m - stretch_m_[j]);
+    shortening_m_[j] = pull_m - stretch_m;
     variance_m2[j] =
         2 * RoundingVariance(t.travel_per_count_m) + variance_N2 / (t.stiffness_Npm * t.stiffness_Npm);
     const double over_N = std::max((kTaut - kSlack) * min_tension_N_, t.slack_N);
@@ -255,6 +292,10 @@ void Estimator::Remember(StateArchive& a) noexcept {
     a.Value(t.zero_counts);
     a.Value(t.taut);
     a.Operators(t.presliding);
+  }
+  if (!pulls_every_way_) {
+    a.Vector(pretension_rad_, {2 * body_.sections()});
+    for (TendonVector* v : {&pretension_m_, &tension_base_N_, &stretch_m_}) a.Vector(*v, {body_.tendons()});
   }
   a.Vector(bending_rad_, {2 * body_.sections()});
   for (int i = 0; i < bending_rad_.size(); ++i) {

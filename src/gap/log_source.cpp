@@ -14,7 +14,6 @@
 #include "sources.h"
 #include "tendril/config/config.h"
 #include "tendril/io/log.h"
-#include "tendril/model/pull_cone.h"
 
 namespace tendril::gap {
 namespace {
@@ -110,8 +109,7 @@ class LogRun {
       : cycles_(cycles),
         first_(BeginOfRest(cycles, running)),
         last_(last),
-        robot_(robot),
-        pretension_m_(model::PretensionShortening(model::Body(robot.body), robot.limits.min_tension_N)) {
+        robot_(robot) {
     // The first cycle still shows the zero before.
     zero_counts_ = ZeroCounts(cycles[std::min(running + 1, last - 1)], controllers);
   }
@@ -165,9 +163,7 @@ class LogRun {
     if (!fresh) ++stale_;
     const std::int32_t counts = Difference(drive.position_counts, zero_counts_[d]);
     run_.motor_position_rad(row, j) =
-        fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn +
-                    pretension_m_[j] / tendon.SpoolTravelPerMotorRad()
-              : kNone;
+        fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn : kNone;
     run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNone;
     if (run_.tension_N.cols() > 0) {
       const bool cell = tendon.load_cell.place != LoadCellPlace::kNone && tendon.load_cell.gain_VpN > 0;
@@ -225,7 +221,6 @@ class LogRun {
   std::size_t first_, last_;
   const RobotParameters& robot_;
   std::vector<std::int32_t> zero_counts_;
-  TendonVector pretension_m_;  // where the controller has its zero
   int stale_ = 0;
   Run run_;
 };

@@ -84,17 +84,14 @@ bool PullsEveryWay(const BodyParameters& body) {
   return true;
 }
 
-Eigen::VectorXd RestShape(const Body& body, double tension_N) {
-  const Eigen::VectorXd tension = Eigen::VectorXd::Constant(body.tendons(), tension_N);
-  const Equilibrium rest = SolveStatics(body, tension, Eigen::Vector3d::Zero());
+Eigen::VectorXd RestShape(const Body& body, ConstVectorRef tension_N) {
+  const Equilibrium rest = SolveStatics(body, tension_N, Eigen::Vector3d::Zero());
   if (rest.result != StaticsResult::kConverged) return Eigen::VectorXd::Zero(body.dof());
   return rest.q;
 }
 
-TendonVector PretensionShortening(const Body& body, double min_tension_N) {
-  TendonVector shortening_m = TendonVector::Zero(body.tendons());
-  if (!PullsEveryWay(body.parameters())) body.TendonShortening(RestShape(body, min_tension_N), shortening_m);
-  return shortening_m;
+Eigen::VectorXd RestShape(const Body& body, double tension_N) {
+  return RestShape(body, Eigen::VectorXd::Constant(body.tendons(), tension_N));
 }
 
 }  // namespace tendril::model

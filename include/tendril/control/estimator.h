@@ -20,6 +20,7 @@ class StateArchive;
 class Estimator {
  public:
   static constexpr double kSlack = 0.07, kTaut = 0.2;
+  static constexpr double kZeroed_s = 0.1;  // a load cell's noise is a twentieth of it in the mean
 
   /// `tables` has one entry a tendon and, like `body`, outlives the estimator.
   Estimator(const RobotParameters& robot, const model::Body& body,
@@ -50,12 +51,14 @@ class Estimator {
   /// From 0, a tendon that hangs, to 1.
   const TendonVector& weight() const noexcept { return weight_; }
 
-  /// Shape of the robot at pretension: straight, or where tendons do not pull every way as they bend it then.
+  /// Shape of the robot at pretension: straight, or where tendons do not pull every way as their tensions
+  /// bent it when the encoders were zeroed; before, as the least ones do.
   const BendingVector& pretension_rad() const noexcept { return pretension_rad_; }
   /// Displacement of each tendon there.
   const TendonVector& pretension_m() const noexcept { return pretension_m_; }
 
-  /// Declares the present encoder positions to be those of the robot at pretension.
+  /// Declares the present encoder positions to be those of the robot at pretension, under the tensions of the
+  /// last kZeroed_s.
   void ZeroDisplacement(const CycleInput& input) noexcept;
 
   void Remember(StateArchive& archive) noexcept;
@@ -87,10 +90,17 @@ class Estimator {
   const std::vector<std::shared_ptr<const model::CapstanTable>>& tables_;
   double min_tension_N_, max_bending_rad_, straight_rad2_;
   double kept_, grips_;                   // of what is expected, and of a tendon's grip, in a cycle
+  double averaged_;                       // a cycle's share of the mean over kZeroed_s
   BendingVector stiffness_Nm_;            // both entries of a section alike
   std::vector<double> curvature_mprad2_;  // a bend b of a section makes paths b^2 / 2 of this shorter
   std::vector<Tendon> tendons_;
+  void FindPretension();
+
   bool pulls_every_way_;
+  // At the least tensions, and by how much more for each tendon's: of (us, vs) and of the displacements.
+  Eigen::MatrixXd bend_per_N_, shortening_per_N_;
+  BendingVector rest_rad_;
+  TendonVector rest_m_, tension_base_N_, stretch_m_;  // the last two as means over kZeroed_s
   BendingVector pretension_rad_, bending_rad_;
   TendonVector pretension_m_, shortening_m_, weight_;
   BendingMatrix covariance_rad2_;

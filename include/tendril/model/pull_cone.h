@@ -4,7 +4,6 @@
 
 #include <Eigen/Core>
 
-#include "tendril/core/limits.h"
 #include "tendril/core/robot.h"
 #include "tendril/model/body.h"
 
@@ -29,11 +28,9 @@ PullCone PullConeOf(const BodyParameters& body, int section);
 /// Tendons pull every section every way.
 bool PullsEveryWay(const BodyParameters& body);
 
-/// Shape at rest with this tension on every tendon [rad], 2N entries; where none is stable, the straight one.
+/// Shape at rest under these tensions [rad], 2N entries; where none is stable, the straight one.
+Eigen::VectorXd RestShape(const Body& body, ConstVectorRef tension_N);
+/// The same with one tension on every tendon.
 Eigen::VectorXd RestShape(const Body& body, double tension_N);
-
-/// Displacement of each tendon where the controller has its zero, at pretension [m]: 0 where tendons pull
-/// every way, for there the robot counts as straight; else that of RestShape.
-TendonVector PretensionShortening(const Body& body, double min_tension_N);
 
 }  // namespace tendril::model
