@@ -92,7 +92,7 @@ class ParameterFormat {
 const std::map<std::string_view, std::vector<ShownUnit>>& ShownUnits() {
   constexpr double kDegrees = 180 / std::numbers::pi;
   static const std::map<std::string_view, std::vector<ShownUnit>> units{
-      {"m", {{1e-4, 1e6, "µm"}, {1, 1e3, "mm"}, {kAny, 1, "m"}}},
+      {"m", {{1e-5, 1e6, "µm"}, {1, 1e3, "mm"}, {kAny, 1, "m"}}},
       {"rad", {{kAny, kDegrees, "°"}}},
       {"N", {{0.05, 1e3, "mN"}, {kAny, 1, "N"}}},
       {"N·m", {{1e-3, 1e6, "µN·m"}, {0.5, 1e3, "mN·m"}, {kAny, 1, "N·m"}}},

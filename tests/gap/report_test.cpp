@@ -434,7 +434,8 @@ TEST(Words, AShareIsRoundedOneWay) {
 
 TEST(Words, AValueHasOneUnitAndTheDigitsOfItsInterval) {
   EXPECT_EQ(Quantity(3.14159e-4, "m"), "0.314 mm");
-  EXPECT_EQ(Quantity(3.1e-5, "m"), "31 µm");
+  EXPECT_EQ(Quantity(3.1e-5, "m"), "0.031 mm");
+  EXPECT_EQ(Quantity(3.1e-6, "m"), "3.1 µm");
   EXPECT_EQ(Quantity(0.02, "rad"), "1.15°");
   EXPECT_EQ(Quantity(-0.012, "N"), "-12 mN");
   EXPECT_EQ(Quantity(std::numeric_limits<double>::infinity(), "N"), "-");
