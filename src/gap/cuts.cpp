@@ -130,7 +130,7 @@ std::string CutsLine(const std::vector<CutOfSet>& cuts) {
     for (const int j : cut.without) tendons += (tendons.empty() ? "" : ", ") + std::to_string(j);
     can += fmt::format(" (not tendon{} {})", cut.without.size() == 1 ? "" : "s", tendons);
   }
-  return "can be compared: " + can + (cannot.empty() ? "" : "; not " + cannot);
+  return "can be compared: " + (can.empty() ? "nothing" : can) + (cannot.empty() ? "" : "; not " + cannot);
 }
 
 }  // namespace tendril::gap

@@ -574,8 +574,13 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   if (d.accepted.size() == 2) AddOrders(evaluator, search, with_gap, options.seed, d);
   if (shown != nullptr) d.profiles = ProfilesOf(evaluator, folds, search, *shown, threads);
   AddDetails(evaluator, shown ? &shown->model : nullptr, after, options.seed, d);
-  if (!options.menu.families.empty()) progress("looking for the experiment that would tell more", 0);
-  d.next = FindNextExperiment(evaluator, search, d, options.menu, threads);
+  if (!d.suspected.empty()) {
+    d.next.reason = fmt::format("measure {} on the robot, correct the file, and diagnose these runs again",
+                                d.suspected.front().key);
+  } else {
+    if (!options.menu.families.empty()) progress("looking for the experiment that would tell more", 0);
+    d.next = FindNextExperiment(evaluator, search, d, options.menu, threads);
+  }
   const LoadCellPlace place = evaluator.runs().front().signals.load_cell;
   if (distrusted || (d.verdict != Verdict::kNoGap && d.verdict != Verdict::kInsufficientData))
     MarkFirst(d, place);

@@ -242,7 +242,7 @@ void Evaluator::FindCuts(const DataSet& set) {
   const std::vector<CutOfSet> cuts = gap::CutsOf(set);
   if (available_ == 0 || !(cell || motor)) {
     throw std::runtime_error(
-        "nothing to compare: these runs lack channels: " + CutsLine(cuts) +
+        "nothing in these runs can drive the model and be compared with it: " + CutsLine(cuts) +
         "; accepted: load cells or motor positions of every tendon, and a second channel to "
         "compare with (torque, tension, or the body's shape)");
   }

@@ -97,6 +97,7 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
       if (!d.suspected.empty()) return where + ".";
       if (!hiding.empty())
         return fmt::format("{}, and no effect of the library explains it: {}.{}", where, hiding, next);
+      if (!d.doubt.empty()) return where + "." + next;  // First() says why
       const auto best = std::find_if(d.causes.begin(), d.causes.end(),
                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
       // Where no place has anything left for sure, what all of them leave together decided.

@@ -289,6 +289,18 @@ TEST_F(DiagnoseCommandTest, TheFileOfAnotherRobotIsRefused) {
   EXPECT_THAT(error_, HasSubstr("tendrild.yaml"));
 }
 
+// Where a set does not say whose it is, the tip's path does.
+TEST_F(DiagnoseCommandTest, ATipPathThatTheRobotIsTooShortForIsTheVerdict) {
+  WriteText(folder_ / "wide.yaml", "runs:\n  - {family: circle, duration_s: 7, amplitude_rad: 1.5}\n");
+  ASSERT_EQ(Run(fmt::format("gap simulate --robot {} --plan wide.yaml --out set --overwrite", kRig)), 0) << error_;
+  fs::remove(folder_ / "set/robot.yaml");
+  ASSERT_EQ(Diagnose("", TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml"), 0) << error_;
+  EXPECT_EQ(report_["verdict"], "unexplained");
+  EXPECT_THAT(report_["sentence"].get<std::string>(),
+              testing::StartsWith("No pose of robot 'rig_60mm' explains the recorded tip path"));
+  EXPECT_TRUE(report_["accepted"].empty());
+}
+
 TEST_F(DiagnoseCommandTest, AConstantChannelIsSaid) {
   Edit([](Table& table) {
     for (auto& row : table.rows) row[table.Column("tension_N_3")] = "0.3";
