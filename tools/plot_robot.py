@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3 -B
 """Draws the robot in motion: reads DIR, a folder that `tendril demo` wrote, and the robot file; writes one picture with
 backbone, disks, tendons coloured by tension, the reference path and the path that the tip followed.
 Knows the columns of the samples and the holes of the robot file."""
