@@ -16,15 +16,19 @@ set(CMAKE_POSITION_INDEPENDENT_CODE ON)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
 
+# What is installed asks of other projects the language and the headers' place, nothing else.
 add_library(tendril_options INTERFACE)
-target_compile_options(tendril_options INTERFACE
+target_compile_features(tendril_options INTERFACE cxx_std_20)
+set(own_options
   -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wold-style-cast
   -Wcast-align -Wdouble-promotion -Wformat=2 -Wimplicit-fallthrough
   $<$<BOOL:${TENDRIL_WERROR}>:-Werror>
   $<$<BOOL:${TENDRIL_NATIVE}>:-march=native>)
+target_compile_options(tendril_options INTERFACE "$<BUILD_INTERFACE:${own_options}>")
 # The same input gives the same bits on every call: no contraction, no re-association.
-target_compile_options(tendril_options INTERFACE -ffp-contract=off)
-target_include_directories(tendril_options INTERFACE ${PROJECT_SOURCE_DIR}/include)
+target_compile_options(tendril_options INTERFACE $<BUILD_INTERFACE:-ffp-contract=off>)
+target_include_directories(tendril_options INTERFACE
+  $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
 
 if(TENDRIL_SANITIZE)
   target_compile_options(tendril_options INTERFACE

@@ -4,9 +4,21 @@ install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril/config PA
 install(DIRECTORY lcm_types/ DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril/lcm_types FILES_MATCHING PATTERN "*.lcm")
 file(GLOB plot_scripts CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tools/*.py)
 install(PROGRAMS ${plot_scripts} DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril)
+install(DIRECTORY examples DESTINATION ${CMAKE_INSTALL_DOCDIR} USE_SOURCE_PERMISSIONS)
 install(FILES README.md CHANGELOG.md ${systemd}/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY tools/pictures DESTINATION ${CMAKE_INSTALL_DOCDIR}/tools)
 install(FILES ${systemd}/tendril.tmpfiles DESTINATION lib/tmpfiles.d RENAME tendril.conf)
+
+# For other projects: find_package(tendril COMPONENTS io ...), see examples/.
+include(CMakePackageConfigHelpers)
+set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/tendril)
+install(TARGETS tendril_options EXPORT tendril)
+install(EXPORT tendril NAMESPACE tendril:: FILE tendrilTargets.cmake DESTINATION ${package_dir})
+configure_package_config_file(cmake/tendrilConfig.cmake.in ${PROJECT_BINARY_DIR}/package/tendrilConfig.cmake
+  INSTALL_DESTINATION ${package_dir})
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/package/tendrilConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/package/tendrilConfig.cmake ${PROJECT_BINARY_DIR}/package/tendrilConfigVersion.cmake
+  cmake/FindLCM.cmake DESTINATION ${package_dir})
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_CONTACT "Tendril maintainers <maintainers@tendril.invalid>")

@@ -1,8 +1,9 @@
-# tendril_room(NAME SOURCES ... [ROOMS ...] [LINK ...] [LINK_PRIVATE ...])
+# tendril_room(NAME SOURCES ... [ROOMS ...] [LINK ...] [LINK_PRIVATE ...] [INTERNAL])
 # A room of the house: a static library with its interface in include/tendril/NAME. ROOMS are the rooms whose headers
-# it may include; tests/architecture checks the includes against this same list.
+# it may include; tests/architecture checks the includes against this same list. It is installed for other projects
+# (find_package(tendril)) unless it is INTERNAL to the programs.
 function(tendril_room name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;ROOMS;LINK;LINK_PRIVATE" ${ARGN})
+  cmake_parse_arguments(ARG "INTERNAL" "" "SOURCES;ROOMS;LINK;LINK_PRIVATE" ${ARGN})
   if(ARG_SOURCES)
     add_library(tendril_${name} STATIC ${ARG_SOURCES})
     set(scope PUBLIC)
@@ -19,6 +20,11 @@ function(tendril_room name)
     target_link_libraries(tendril_${name} ${private} ${ARG_LINK_PRIVATE})
   endif()
   set_property(GLOBAL APPEND PROPERTY TENDRIL_ROOM_RULES "${name}:${ARG_ROOMS}")
+  if(NOT ARG_INTERNAL)
+    set_target_properties(tendril_${name} PROPERTIES EXPORT_NAME ${name})
+    install(TARGETS tendril_${name} EXPORT tendril ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+    install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/tendril/${name} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/tendril)
+  endif()
 endfunction()
 
 # tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s] [SERIAL filter] [WHOLE suites]): a GoogleTest program whose

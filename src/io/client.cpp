@@ -30,9 +30,9 @@ std::uint32_t ThisHost() {
 }  // namespace
 
 struct Client::State {
-  State(std::unique_ptr<lcm::LCM> owned_lcm, void* shared, const std::string& channel_prefix)
+  State(std::unique_ptr<lcm::LCM> owned_lcm, lcm::LCM* shared, const std::string& channel_prefix)
       : owned(std::move(owned_lcm)),
-        lcm(owned ? owned.get() : static_cast<lcm::LCM*>(shared)),
+        lcm(owned ? owned.get() : shared),
         prefix(channel_prefix),
         tip_channel(ChannelName(prefix, "COMMAND_TIP")),
         bending_channel(ChannelName(prefix, "COMMAND_BENDING")),
@@ -86,7 +86,7 @@ struct Client::State {
 Client::Client(const std::string& url, const std::string& channel_prefix)
     : state_(std::make_unique<State>(OpenLcm(url), nullptr, channel_prefix)) {}
 
-Client::Client(void* lcm, const std::string& channel_prefix)
+Client::Client(lcm::LCM* lcm, const std::string& channel_prefix)
     : state_(std::make_unique<State>(nullptr, lcm, channel_prefix)) {}
 
 Client::~Client() = default;

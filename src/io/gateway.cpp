@@ -246,6 +246,6 @@ void Gateway::PublishEvent(TimeNs time_ns, Status status, const std::string& sou
 
 Gateway::Counters Gateway::counters() const { return state_->counters; }
 const std::string& Gateway::channel_prefix() const { return state_->parameters.channel_prefix; }
-void* Gateway::lcm() const { return state_->lcm.get(); }
+lcm::LCM* Gateway::lcm() const { return state_->lcm.get(); }
 
 }  // namespace tendril::io

@@ -31,7 +31,7 @@ struct LogWriter::State {
       : gateway(log_gateway),
         clock(log_clock),
         epoch_offset_us(EpochOffsetUs(log_clock)),
-        lcm(static_cast<lcm::LCM*>(log_gateway.lcm())->getUnderlyingLCM()) {}
+        lcm(log_gateway.lcm()->getUnderlyingLCM()) {}
 
   void Write(const char* channel, std::size_t channel_size, const void* data, int size) {
     if (!IsEvent(channel_size, static_cast<std::uint64_t>(size))) return;

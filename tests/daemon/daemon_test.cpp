@@ -219,7 +219,7 @@ struct DaemonTest : testing::Test {
                    .start_utime = 1,
                    .daemon = "host elsewhere, process 77, robot other, bus can7"},
                   {}, 1, run);
-    static_cast<lcm::LCM*>(daemon->gateway().lcm())->publish("TENDRIL_RUN", &run);
+    daemon->gateway().lcm()->publish("TENDRIL_RUN", &run);
   }
 
   void Arm() {
@@ -763,7 +763,7 @@ TEST_F(DaemonTest, ACommandWithoutValuesIsLoggedAsSuch) {
 // rate.
 TEST_F(DaemonTest, WhatCameBeforeTheLoopRanWasNotTooFast) {
   Start(options, [this] {
-    auto* lcm = static_cast<lcm::LCM*>(daemon->gateway().lcm());
+    auto* lcm = daemon->gateway().lcm();
     tendril_lcm::tracker_t reading{};
     Command bend;
     bend.kind = CommandKind::kBending;
@@ -804,7 +804,7 @@ TEST_F(DaemonTest, AFloodOfRefusedCommandsIsALineASecond) {
 TEST_F(DaemonTest, MessagesThatNobodyUnderstandsLeaveAWarningAndAreCounted) {
   Start(options);
   ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_CONFIGURED));
-  static_cast<lcm::LCM*>(daemon->gateway().lcm())->publish("TENDRIL_COMMAND_TIP", "rubbish", 7);
+  daemon->gateway().lcm()->publish("TENDRIL_COMMAND_TIP", "rubbish", 7);
   EXPECT_TRUE(Warns("gateway: TENDRIL_COMMAND_TIP: message ignored", "1 ignored since start"));
   EXPECT_TRUE(Within20s([&](const auto&) {
     const std::lock_guard lock(mutex);

@@ -152,7 +152,7 @@ TEST(GatewayOnThisMachine, ACommandAgesWhileItWaitsToBeHandled) {
 }
 
 TEST_F(GatewayTest, ImpossibleSizesAndRubbishAreCountedAndReportedOnceASecond) {
-  auto* lcm = static_cast<lcm::LCM*>(gateway.lcm());
+  auto* lcm = gateway.lcm();
   std::vector<std::string> complaints;
   gateway.OnComplaint([&](Status status, const std::string& text) {
     EXPECT_EQ(status, Status::kMessageIgnored);

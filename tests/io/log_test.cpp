@@ -116,7 +116,7 @@ TEST_F(LogTest, AMessageWithoutAChannelCostsNoneOfTheRest) {
     LogWriter writer(gateway, path, clock);
     RandomRecords random(kShape, 7);
     for (int i = 0; i < 3; ++i) {
-      ASSERT_EQ(static_cast<lcm::LCM*>(gateway.lcm())->publish("", "x", 1), 0);
+      ASSERT_EQ(gateway.lcm()->publish("", "x", 1), 0);
       gateway.Handle(0);
       gateway.PublishCycle(random.Next());
     }

@@ -9,6 +9,9 @@
 
 #include "tendril/core/cycle.h"
 
+namespace lcm {
+class LCM;
+}
 namespace tendril_lcm {
 class state_t;
 class event_t;
@@ -27,8 +30,8 @@ class Client {
 
   /// A connection of its own. Throws std::runtime_error with the remedy when it cannot be opened.
   Client(const std::string& url, const std::string& channel_prefix);
-  /// On an existing connection (lcm::LCM*, for example Gateway::lcm()), which must outlive the client.
-  Client(void* lcm, const std::string& channel_prefix);
+  /// On an existing connection (for example Gateway::lcm()), which must outlive the client.
+  Client(lcm::LCM* lcm, const std::string& channel_prefix);
   ~Client();
 
   /// Called in Handle; must not throw.

@@ -11,6 +11,10 @@
 #include "tendril/core/daemon.h"
 #include "tendril/core/statistics.h"
 
+namespace lcm {
+class LCM;
+}
+
 namespace tendril::io {
 
 /// Sizes and static facts that messages repeat.
@@ -70,7 +74,7 @@ class Gateway {
   const std::string& channel_prefix() const;
 
   /// The connection itself, so that a program can listen or log on it (for memq:// this is the only way in).
-  void* lcm() const;  // lcm::LCM*
+  lcm::LCM* lcm() const;
 
  private:
   struct State;

@@ -1,0 +1,86 @@
+"""The installed tree as another project and a user see it: headers and libraries by find_package, programs by PATH."""
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+OPTIONS = None
+
+
+def run(*command, **more):
+    return subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **more)
+
+
+class Examples(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.kept = tempfile.TemporaryDirectory()
+        cls.folder = pathlib.Path(cls.kept.name)
+        cls.prefix = cls.folder / "prefix"
+        installed = run(OPTIONS.cmake, "--install", OPTIONS.build, "--prefix", cls.prefix)
+        assert installed.returncode == 0, installed.stdout
+        cls.environment = {**os.environ, "PATH": f"{cls.prefix / 'bin'}:{os.environ['PATH']}"}
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.kept.cleanup()
+
+    def test_programs_are_built_against_what_is_installed(self):
+        build = self.folder / "build"
+        # Nothing of the checkout may be needed.
+        examples = self.folder / "examples"
+        subprocess.run(["cp", "-r", str(OPTIONS.source / "examples"), str(examples)], check=True)
+        for step in ((OPTIONS.cmake, "-S", examples, "-B", build, f"-DCMAKE_PREFIX_PATH={self.prefix}"),
+                     (OPTIONS.cmake, "--build", build)):
+            done = run(*step)
+            self.assertEqual(done.returncode, 0, done.stdout)
+        for file in build.rglob("*.cmake"):
+            self.assertNotIn(f"{OPTIONS.source}/include", file.read_text(), file)
+        self.bends(build / "bend_by_tension", examples / "my_robot.yaml")
+        self.watches(build / "watch_and_move")
+
+    def bends(self, program, robot):
+        done = run(program, robot, 4, 0.5, 0.5)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        tip = [float(x) for x in done.stdout.split(":")[1].split()]
+        table = "T1,T2,T3\n4,0.5,0.5\n"
+        model = run(self.prefix / "bin/tendril", "model", "statics", "--robot", robot, input=table)
+        self.assertEqual(model.returncode, 0, model.stdout)
+        names, values = (line.split(",") for line in model.stdout.strip().splitlines()[:2])
+        row = dict(zip(names, values))
+        for axis, found in zip("xyz", tip):
+            self.assertAlmostEqual(found, 1e3 * float(row[axis]), places=2)
+        done = run(program, robot, 4)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("my_robot has 3 tendons", done.stdout)
+        self.assertEqual(run(program, self.folder / "missing.yaml", 1).returncode, 1)
+
+    def watches(self, program):
+        self.assertEqual(run(program).returncode, 2)
+        done = run(program, "memq://")  # where no daemon can be
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("no daemon was heard on memq://", done.stdout)
+
+    def test_a_whole_session_runs(self):
+        out = self.folder / "session"
+        done = run(self.prefix / "share/doc/tendril/examples/session.sh", out, env=self.environment)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        report = json.loads((out / "gap/report.json").read_text())
+        self.assertEqual(report["causes"][0]["effect"], "bending_stiffness")
+        self.assertAlmostEqual(report["causes"][0]["parameters"]["scale"]["value"], 0.9, delta=0.01)
+        runs = json.loads((out / "compare/compare.json").read_text())["trajectories"][0]["runs"]
+        own, nominal, found = (r["tip_rms_error_m"] for r in runs)
+        self.assertLess(abs(found - own), 0.1 * (nominal - own))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--build", type=pathlib.Path, required=True)
+    parser.add_argument("--source", type=pathlib.Path, required=True)
+    parser.add_argument("--cmake", required=True)
+    OPTIONS, rest = parser.parse_known_args()
+    unittest.main(argv=[sys.argv[0], *rest])
