@@ -6,7 +6,7 @@ file(GLOB plot_scripts CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tools/*.py)
 install(PROGRAMS ${plot_scripts} DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril)
 install(DIRECTORY examples DESTINATION ${CMAKE_INSTALL_DOCDIR} USE_SOURCE_PERMISSIONS)
 install(FILES README.md CHANGELOG.md ${systemd}/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR})
-install(DIRECTORY tools/pictures DESTINATION ${CMAKE_INSTALL_DOCDIR}/tools)
+install(DIRECTORY docs/pictures DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs)
 install(FILES ${systemd}/tendril.tmpfiles DESTINATION lib/tmpfiles.d RENAME tendril.conf)
 
 # For other projects: find_package(tendril COMPONENTS io ...), see examples/.

@@ -206,7 +206,7 @@ TEST(Host, TheQueueThatGuideAndPackageGiveIsGoodForEveryRobot) {
     const auto at = text.find(before);
     return at == text.npos ? std::string() : std::to_string(std::atoi(text.c_str() + at + before.size()));
   };
-  const std::string length = told("README.md", "txqueuelen ");
+  const std::string length = told("docs/guides/first-robot.md", "txqueuelen ");
   EXPECT_EQ(length, std::to_string(kTransmitQueue));
   EXPECT_EQ(told("config/systemd/networkd/80-can0.link", "TransmitQueueLength="), length);
   const Machine machine({{"sys/class/net/can0/tx_queue_len", length}});
