@@ -125,7 +125,7 @@ void WriteActuation(Writer& out, ActuationParameters& p) {
   if (!p.tendons.empty()) {
     std::vector<long long> nodes;
     for (const TendonDriveParameters& t : p.tendons) nodes.push_back(t.node_id);
-    out.Integers("nodes", nodes, {}, {});
+    out.Integers("nodes", nodes, {}, {}, {});
     Describe(out, p.tendons.front());
     const std::string common = BlocksOf(p.tendons.front());
     bool open = false;
@@ -133,11 +133,11 @@ void WriteActuation(Writer& out, ActuationParameters& p) {
       if (BlocksOf(p.tendons[j]) == common) continue;
       if (!open) out.BeginBlock("per_tendon");
       open = true;
-      out.Block(std::to_string(j + 1), p.tendons[j]);
+      out.Block(std::to_string(j + 1), p.tendons[j], {});
     }
     if (open) out.EndBlock();
   }
-  out.OptionalBlock("tracker", p.tracker);
+  DescribeTracker(out, p.tracker);
   out.EndBlock();
 }
 

@@ -1,5 +1,6 @@
 // The daemon file, key by key: the one place that says which keys there are, their accepted ranges and the
-// rules between them. Used with Reader to parse and with Writer to write back.
+// rules between them, what each means. Used with Reader to parse, with Writer to write back, and with Lister for
+// the reference.
 #pragma once
 
 #include <fmt/format.h>
@@ -8,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "describe_optional.h"
 #include "reader.h"
 #include "tendril/core/daemon.h"
 #include "tendril/core/limits.h"
@@ -15,29 +17,20 @@
 
 namespace tendril::config {
 
-/// `nominal` unless given; always written.
-template <class Io>
-void OptionalChoice(Io& io, std::string_view key, bool& value, bool nominal, const Choices<bool>& choices) {
-  if constexpr (Io::kReading) {
-    value = nominal;
-    if (!io.Has(key)) return io.Allow(key);
-  }
-  io.Choice(key, value, choices);
-}
-template <class Io>
-void OptionalSwitch(Io& io, std::string_view key, bool& value, bool nominal) {
-  OptionalChoice(io, key, value, nominal, {{"off", false}, {"on", true}});
-}
-
 inline constexpr double kMostSmoothing_s = 10;  // seconds of cycles are kept in memory
 
 template <class Io>
 void Describe(Io& io, TrajectoryParameters& p) {
-  io.Number("default_speed_radps", p.default_speed_radps, {1e-4, 100});
-  io.Number("max_rate_radps", p.max_rate_radps, {1e-3, 100});
-  io.Number("max_acceleration_radps2", p.max_acceleration_radps2, {1e-2, 1e5});
-  io.Number("max_jerk_radps3", p.max_jerk_radps3, {0.1, 1e8});
-  OptionalSwitch(io, "look_ahead", p.look_ahead, true);
+  io.Number("default_speed_radps", p.default_speed_radps, {1e-4, 100},
+            "Bending speed of a move whose command names none; at most max_rate_radps.");
+  io.Number("max_rate_radps", p.max_rate_radps, {1e-3, 100}, "Largest bending rate of a section.");
+  io.Number("max_acceleration_radps2", p.max_acceleration_radps2, {1e-2, 1e5},
+            "Largest bending acceleration; max_rate_radps is reached and left within 10 s.");
+  io.Number("max_jerk_radps3", p.max_jerk_radps3, {0.1, 1e8},
+            "Largest bending jerk; max_acceleration_radps2 is reached and left within 10 s.");
+  OptionalSwitch(
+      io, "look_ahead", p.look_ahead, true,
+      "Moving targets are extrapolated over the delay of smoothing and drives; off: the sender sends ahead.");
   // The smoothing's windows are held in memory, and delay all motion by half their length.
   const double gather_s = 2 * p.max_rate_radps / p.max_acceleration_radps2,
                build_up_s = 2 * p.max_acceleration_radps2 / p.max_jerk_radps3;
@@ -58,117 +51,133 @@ void Describe(Io& io, TrajectoryParameters& p) {
 
 template <class Io>
 void Describe(Io& io, TakeUpParameters& p) {
-  io.Number("pull_N", p.pull_N, {1e-3, 1000});
-  io.Number("max_speed_mps", p.max_speed_mps, {1e-5, 1});
-  io.Number("max_travel_m", p.max_travel_m, {1e-4, 1});
-  io.Number("timeout_s", p.timeout_s, {0.1, 3600});
-}
-
-/// `nominal` unless given; always written.
-template <class Io>
-void NumberOrNominal(Io& io, std::string_view key, double& value, double nominal, Range range) {
-  if constexpr (Io::kReading) {
-    value = nominal;
-    if (!io.Has(key)) return io.Allow(key);
-  }
-  io.Number(key, value, range);
+  io.Number(
+      "pull_N", p.pull_N, {1e-3, 1000},
+      "Largest pull of one motor by its torque, losses left aside; at most limits.max_tension_motor_N.");
+  io.Number("max_speed_mps", p.max_speed_mps, {1e-5, 1}, "Tendon speed near which the torque fades.");
+  io.Number("max_travel_m", p.max_travel_m, {1e-4, 1},
+            "Travel of a tendon, either way, beyond which it counts as broken or loose.");
+  io.Number("timeout_s", p.timeout_s, {0.1, 3600}, "Longest duration of homing.");
 }
 
 template <class Io>
 void Describe(Io& io, GuardParameters& p) {
-  io.Integer("max_missing_cycles", p.max_missing_cycles, {1, 1000});
-  io.Number("slack_tension_N", p.slack_tension_N, {0, 100});
-  io.Number("max_slack_s", p.max_slack_s, {0, 60});
-  io.Number("tension_margin", p.tension_margin, {0, 1});
-  io.Integer("confirm_cycles", p.confirm_cycles, {1, 1000});
-  io.Number("tension_disagreement_N", p.tension_disagreement_N, {1e-3, 1000});
-  io.Number("stuck_torque_change_N", p.stuck_torque_change_N, {1e-3, 1000});
-  io.Number("max_displacement_jump_m", p.max_displacement_jump_m, {1e-6, 1});
-  io.Number("max_displacement_rate_mps", p.max_displacement_rate_mps, {1e-4, 100});
-  io.Number("max_following_error_m", p.max_following_error_m, {1e-6, 1});
-  io.Number("max_bending_excess_rad", p.max_bending_excess_rad, {0, 10});
-  io.Number("max_estimator_residual_m", p.max_estimator_residual_m, {1e-6, 1});
+  io.Integer("max_missing_cycles", p.max_missing_cycles, {1, 1000},
+             "Cycles in a row without a drive's feedback; one more is a fault.");
+  io.Number("slack_tension_N", p.slack_tension_N, {0, 100},
+            "A measured tension below it counts as slack; below limits.min_tension_N.");
+  io.Number("max_slack_s", p.max_slack_s, {0, 60}, "A tendon that is slack for longer is a fault.");
+  io.Number(
+      "tension_margin", p.tension_margin, {0, 1},
+      "Share above limits.max_tension_motor_N or max_tension_base_N at which a measured tension is a fault.");
+  io.Integer("confirm_cycles", p.confirm_cycles, {1, 1000},
+             "Cycles in a row that a guard with confirmation must be broken.");
+  io.Number("tension_disagreement_N", p.tension_disagreement_N, {1e-3, 1000},
+            "Largest difference between a load cell and what the motor's torque allows.");
+  io.Number("stuck_torque_change_N", p.stuck_torque_change_N, {1e-3, 1000},
+            "Change of tension by torque during which a load cell may not keep one value.");
+  io.Number("max_displacement_jump_m", p.max_displacement_jump_m, {1e-6, 1},
+            "Largest displacement of a tendon in one cycle.");
+  io.Number("max_displacement_rate_mps", p.max_displacement_rate_mps, {1e-4, 100},
+            "Largest speed of a tendon at its spool.");
+  io.Number("max_following_error_m", p.max_following_error_m, {1e-6, 1},
+            "Largest difference between a tendon's displacement and its reference.");
+  io.Number("max_bending_excess_rad", p.max_bending_excess_rad, {0, 10},
+            "Bending angle of the estimate beyond limits.max_bending_rad.");
+  io.Number("max_estimator_residual_m", p.max_estimator_residual_m, {1e-6, 1},
+            "Largest displacement of a tendon that no shape of the robot explains.");
   NumberOrNominal(io, "max_torque_error_N", p.max_torque_error_N, GuardParameters{}.max_torque_error_N,
-                  {1e-3, 1000});
-  io.Integer("max_late_cycles", p.max_late_cycles, {1, 100000});
-  io.Number("max_stream_silence_s", p.max_stream_silence_s, {0, 3600});
+                  {1e-3, 1000}, "Largest difference between commanded and reported torque, as tension.");
+  io.Integer("max_late_cycles", p.max_late_cycles, {1, 100000},
+             "Cycles skipped at once, or within about a second.");
+  io.Number("max_stream_silence_s", p.max_stream_silence_s, {0, 3600},
+            "Silence after a moving target expired; then the robot holds until it is armed again.");
 }
 
 template <class Io>
 void Describe(Io& io, ControllerParameters& p) {
   io.Choice("law", p.law,
-            Choices<ControlLaw>{{"paper", ControlLaw::kPaper}, {"equilibrium", ControlLaw::kEquilibrium}});
-  OptionalSwitch(io, "tension_feedback", p.tension_feedback, false);
+            Choices<ControlLaw>{{"paper", ControlLaw::kPaper}, {"equilibrium", ControlLaw::kEquilibrium}},
+            "Inverse dynamics of constant-curvature arcs, or the equilibrium of every unit with the motors' "
+            "own dynamics.");
+  OptionalSwitch(io, "tension_feedback", p.tension_feedback, false,
+                 "Load cells correct the torques; needs law: equilibrium.");
   io.Check(
       !p.tension_feedback || p.law == ControlLaw::kEquilibrium, "tension_feedback",
       "on without what it corrects; accepted: off, or law: equilibrium beside it; change one of the two");
-  OptionalSwitch(io, "shape_feedback", p.shape_feedback, false);
+  OptionalSwitch(io, "shape_feedback", p.shape_feedback, false,
+                 "The tendons' displacement corrects the bend slowly; needs tension_feedback: on.");
   io.Check(
       !p.shape_feedback || p.tension_feedback, "shape_feedback",
       "on without the damping that it needs; accepted: off, or tension_feedback: on beside it; change one of "
       "the two");
-  OptionalSwitch(io, "tip_feedback", p.tip_feedback, false);
+  OptionalSwitch(
+      io, "tip_feedback", p.tip_feedback, false,
+      "A tracker corrects the tip slowly; needs tension_feedback: on and a tracker in the robot file.");
   io.Check(
       !p.tip_feedback || p.tension_feedback, "tip_feedback",
       "on without the damping that it needs; accepted: off, or tension_feedback: on beside it; change one of "
       "the two");
-  io.Flag("capstan_compensation", p.capstan_compensation);
-  io.Number("pretension_ramp_Nps", p.pretension_ramp_Nps, {1e-3, 1000});
-  io.Number("pretension_settle_s", p.pretension_settle_s, {0, 60});
-  io.Block("trajectory", p.trajectory);
-  io.Block("guards", p.guards);
+  io.Flag("capstan_compensation", p.capstan_compensation,
+          "Friction of the pulleys is compensated; false takes them as free of friction.");
+  io.Number("pretension_ramp_Nps", p.pretension_ramp_Nps, {1e-3, 1000},
+            "Rate at which tensions rise on arm and fall on disarm; takes max_tension_base_N down in 30 s at "
+            "most.");
+  io.Number("pretension_settle_s", p.pretension_settle_s, {0, 60},
+            "Rest after the ramp, before displacement is set to zero.");
+  io.Block("trajectory", p.trajectory, "Limits of the reference, per section.");
+  io.Block("guards", p.guards, "Thresholds of the guards.");
   if constexpr (Io::kReading) {
     p.take_up = {};
     if (!io.Has("take_up")) return io.Allow("take_up");
   }
-  io.Block("take_up", p.take_up);
+  if constexpr (Io::kListing) io.BlockMayBeLeftOut();
+  io.Block("take_up", p.take_up,
+           "Handling of tendons of which nothing is known yet: commissioning and homing.");
 }
 
 template <class Io>
 void Describe(Io& io, IdentityParameters& p) {
-  io.Identifier("vendor_id", p.vendor_id);
-  io.Identifiers("product_codes", p.product_codes, {1, 32});
-  io.Identifier("min_revision", p.min_revision);
-  io.Identifier("max_revision", p.max_revision);
+  io.Identifier("vendor_id", p.vendor_id, "Object 0x1018:01 of every drive.");
+  io.Identifiers("product_codes", p.product_codes, {1, 32}, "Accepted values of object 0x1018:02.");
+  io.Identifier("min_revision", p.min_revision, "Lowest accepted value of object 0x1018:03.");
+  io.Identifier("max_revision", p.max_revision, "Highest accepted value of object 0x1018:03.");
   io.Check(p.min_revision <= p.max_revision, "max_revision",
            fmt::format("0x{:08X} lies below min_revision; accepted: 0x{:08X} or more; swap the two",
                        p.max_revision, p.min_revision));
 }
 
-/// As usual unless given, and written only where it is not.
-template <class Io>
-void Direction(Io& io, std::string_view key, bool& reversed) {
-  if constexpr (Io::kReading) {
-    reversed = false;
-    if (!io.Has(key)) return io.Allow(key);
-  } else if (!reversed) {
-    return;
-  }
-  io.Choice(key, reversed, Choices<bool>{{"normal", false}, {"reversed", true}});
-}
-
 template <class Io>
 void Describe(Io& io, NodeParameters& p) {
-  io.Integer("node_id", p.node_id, {1, 126});  // 127 is the master's heartbeat
-  io.Integer("tendon", p.tendon, {1, kMaxTendons});
-  Direction(io, "motor", p.motor_reversed);
-  Direction(io, "encoder", p.encoder_reversed);
+  io.Integer("node_id", p.node_id, {1, 126},
+             "CANopen node of the drive; 127 is the daemon's own.");  // 127 is the master's heartbeat
+  io.Integer("tendon", p.tendon, {1, kMaxTendons}, "The tendon that it pulls, counted over all sections.");
+  Direction(io, "motor", p.motor_reversed, "reversed: negative torque pulls the tendon.");
+  Direction(io, "encoder", p.encoder_reversed, "reversed: counts fall while the motor pulls.");
 }
 
 template <class Io>
 void Describe(Io& io, BusParameters& p) {
-  io.Text("interface", p.interface, kInterfaceRule);
-  io.Integer("bitrate_bps", p.bitrate_bps, {125000, 1000000});
-  io.Integer("cycle_ns", p.cycle_ns, {500000, 100000000});
-  io.Integer("feedback_deadline_ns", p.feedback_deadline_ns, {50000, 100000000});
-  io.Integer("heartbeat_ms", p.heartbeat_ms, {5, 10000});
-  io.Integer("heartbeat_timeout_ms", p.heartbeat_timeout_ms, {10, 32767});
-  io.Integer("sdo_timeout_ms", p.sdo_timeout_ms, {5, 10000});
-  io.Integer("boot_timeout_ms", p.boot_timeout_ms, {100, 120000});
-  io.Integer("abort_connection_option", p.abort_connection_option, {2, 3});
-  io.Number("max_load", p.max_load, {0.05, 0.8});
-  io.Block("identity", p.identity);
-  io.List("nodes", p.nodes, {1, kMaxTendons});
+  io.Text("interface", p.interface, kInterfaceRule, "CAN interface of the drives.");
+  io.Integer("bitrate_bps", p.bitrate_bps, {125000, 1000000},
+             "Bit rate: 125000, 250000, 500000, 800000 or 1000000.");
+  io.Integer("cycle_ns", p.cycle_ns, {500000, 100000000}, "Period of the control cycle and of SYNC.");
+  io.Integer("feedback_deadline_ns", p.feedback_deadline_ns, {50000, 100000000},
+             "Time after SYNC by which feedback must be in; shorter than cycle_ns.");
+  io.Integer("heartbeat_ms", p.heartbeat_ms, {5, 10000}, "Period of the heartbeats of daemon and drives.");
+  io.Integer("heartbeat_timeout_ms", p.heartbeat_timeout_ms, {10, 32767},
+             "Silence after which a drive, or the daemon, counts as lost; at least twice heartbeat_ms.");
+  io.Integer("sdo_timeout_ms", p.sdo_timeout_ms, {5, 10000},
+             "Longest wait for one SDO answer; shorter than boot_timeout_ms.");
+  io.Integer("boot_timeout_ms", p.boot_timeout_ms, {100, 120000},
+             "Longest start of one drive, from NMT reset to configured.");
+  io.Integer("abort_connection_option", p.abort_connection_option, {2, 3},
+             "Object 0x6007, what a drive does that hears no daemon: 2 disables voltage, 3 brakes first.");
+  io.Number("max_load", p.max_load, {0.05, 0.8},
+            "Largest share of the bit rate in the worst case; above it the daemon does not start.");
+  io.Block("identity", p.identity, "What object 0x1018 of every drive must report.");
+  io.List("nodes", p.nodes, {1, kMaxTendons},
+          "Which drive pulls which tendon; every tendon of the robot once.");
 
   constexpr int kBitRates[] = {125000, 250000, 500000, 800000, 1000000};
   io.Check(std::find(std::begin(kBitRates), std::end(kBitRates), p.bitrate_bps) != std::end(kBitRates),
@@ -203,38 +212,43 @@ void Describe(Io& io, BusParameters& p) {
 
 template <class Io>
 void Describe(Io& io, RealtimeParameters& p) {
-  io.Integer("priority", p.priority, {0, 99});
-  io.Integer("cpu", p.cpu, {-1, 1023});
-  io.Flag("lock_memory", p.lock_memory);
-  io.Flag("required", p.required);
+  io.Integer("priority", p.priority, {0, 99},
+             "Priority of the control loop under SCHED_FIFO; 0: ordinary scheduling.");
+  io.Integer("cpu", p.cpu, {-1, 1023}, "CPU of the control loop; -1: any.");
+  io.Flag("lock_memory", p.lock_memory, "Locks the memory, so that the loop has no page faults.");
+  io.Flag("required", p.required, "true: the daemon does not start without these rights; false: it warns.");
 }
 
 template <class Io>
 void Describe(Io& io, LcmParameters& p) {
-  io.Text("url", p.url, kUrlRule);
-  io.Text("channel_prefix", p.channel_prefix, kPrefixRule);
-  io.Integer("state_every_cycles", p.state_every_cycles, {1, 100000});
-  io.Integer("cycle_every_cycles", p.cycle_every_cycles, {0, 100000});
+  io.Text("url", p.url, kUrlRule, "LCM address.");
+  io.Text("channel_prefix", p.channel_prefix, kPrefixRule,
+          "First part of every channel's name, as in PREFIX_STATE.");
+  io.Integer("state_every_cycles", p.state_every_cycles, {1, 100000}, "Publishes every n-th state.");
+  io.Integer("cycle_every_cycles", p.cycle_every_cycles, {0, 100000},
+             "Publishes every n-th cycle record, 0 none; logs for the gap diagnosis need 1.");
 }
 
 template <class Io>
 void Describe(Io& io, BlackBoxParameters& p) {
-  io.Number("seconds", p.seconds, {1, 120});
-  io.Text("folder", p.folder, kFolderRule);
+  io.Number("seconds", p.seconds, {1, 120}, "Cycles kept in memory, at least.");
+  io.Text("folder", p.folder, kFolderRule, "Folder that gets one log for each fault; the newest 20 stay.");
 }
 
 template <class Io>
 void Describe(Io& io, DaemonParameters& p) {
-  io.Text("robot", p.robot_file, kPathRule);
+  io.Text("robot", p.robot_file, kPathRule, "Path of the robot file.");
   OptionalChoice(io, "commissioning", p.commissioning_required, true,
-                 {{"required", true}, {"not_required", false}});
+                 {{"required", true}, {"not_required", false}},
+                 "required: arms only a robot whose commissioning record fits its files.");
   OptionalChoice(io, "exchanged_drives", p.exchanged_drives_refused, true,
-                 {{"refuse", true}, {"warn", false}});
-  io.Block("controller", p.controller);
-  io.Block("bus", p.bus);
-  io.Block("realtime", p.realtime);
-  io.Block("lcm", p.lcm);
-  io.OptionalBlock("black_box", p.black_box);
+                 {{"refuse", true}, {"warn", false}},
+                 "refuse: a drive with another serial number than recorded arms nothing; warn: it warns.");
+  io.Block("controller", p.controller, "Control law, reference limits and guards.");
+  io.Block("bus", p.bus, "CAN bus and drives.");
+  io.Block("realtime", p.realtime, "Scheduling of the control loop.");
+  io.Block("lcm", p.lcm, "Messages.");
+  io.OptionalBlock("black_box", p.black_box, "The cycles before a fault, written out at every fault.");
 }
 
 }  // namespace tendril::config

@@ -1,5 +1,6 @@
 // The robot file, key by key: the one place that says which keys there are, their accepted ranges and the
-// rules between them. Used with Reader to parse and with Writer to write back.
+// rules between them, what each means. Used with Reader to parse, with Writer to write back, and with Lister for
+// the reference.
 #pragma once
 
 #include <fmt/format.h>
@@ -11,6 +12,8 @@
 #include <string_view>
 #include <vector>
 
+#include "describe_optional.h"
+#include "lister.h"
 #include "reader.h"
 #include "tendril/core/limits.h"
 #include "tendril/core/robot.h"
@@ -20,16 +23,27 @@ namespace tendril::config {
 
 template <class Io>
 void Describe(Io& io, TendonRoute& p) {
-  io.Number("angle_rad", p.angle_rad, {-6.3, 6.3});
-  io.Number("radius_m", p.radius_m, {1e-4, 0.5});
+  io.Number("angle_rad", p.angle_rad, {-6.3, 6.3},
+            "Where the hole lies about the disk's z axis, from +x towards +y.");
+  io.Number("radius_m", p.radius_m, {1e-4, 0.5},
+            "Distance of the hole from the disk's centre; more than core_radius_m.");
 }
 
 template <class Io>
 void Describe(Io& io, SectionParameters& p) {
-  io.Integer("units", p.units, {1, kMaxUnits});
-  io.Number("unit_length_m", p.unit_length_m, {1e-4, 1});
-  io.Number("unit_mass_kg", p.unit_mass_kg, {1e-7, 10});
+  io.Integer("units", p.units, {1, kMaxUnits},
+             "Equal constant-curvature units of the section, one disk each.");
+  io.Number("unit_length_m", p.unit_length_m, {1e-4, 1}, "Backbone length of one unit.");
+  io.Number("unit_mass_kg", p.unit_mass_kg, {1e-7, 10}, "Mass of one unit, lumped at its disk.");
   double disk_diameter_m = 0;
+  constexpr Range kDiameter{1e-4, 1};
+  constexpr std::string_view kDiameterMeaning =
+      "Diameter of a uniform thin disk, in place of both inertias: I_xx = m d²/16, I_zz = m d²/8.";
+  if constexpr (Io::kListing) {
+    io.MayBeLeftOut("both inertias");
+    io.Number("disk_diameter_m", disk_diameter_m, kDiameter, kDiameterMeaning);
+    io.MayBeLeftOut("disk_diameter_m");
+  }
   if constexpr (Io::kReading) {
     // Either both inertias, or the diameter of a uniform thin disk: I_xx = m d^2 / 16, I_zz = m d^2 / 8.
     if (io.Has("disk_diameter_m")) {
@@ -39,7 +53,7 @@ void Describe(Io& io, SectionParameters& p) {
             "given beside disk_diameter_m; accepted: either disk_diameter_m, or disk_inertia_xx_kgm2 and "
             "disk_inertia_zz_kgm2; remove one of the two");
       }
-      io.Number("disk_diameter_m", disk_diameter_m, {1e-4, 1});
+      io.Number("disk_diameter_m", disk_diameter_m, kDiameter, kDiameterMeaning);
       p.disk_inertia_xx_kgm2 = p.unit_mass_kg * disk_diameter_m * disk_diameter_m / 16;
       p.disk_inertia_zz_kgm2 = p.unit_mass_kg * disk_diameter_m * disk_diameter_m / 8;
     } else {
@@ -47,8 +61,11 @@ void Describe(Io& io, SectionParameters& p) {
     }
   }
   if (disk_diameter_m == 0) {
-    io.Number("disk_inertia_xx_kgm2", p.disk_inertia_xx_kgm2, {1e-16, 1});
-    io.Number("disk_inertia_zz_kgm2", p.disk_inertia_zz_kgm2, {1e-16, 1});
+    io.Number("disk_inertia_xx_kgm2", p.disk_inertia_xx_kgm2, {1e-16, 1},
+              "Moment of inertia of the disk about its x and y axes.");
+    if constexpr (Io::kListing) io.MayBeLeftOut("disk_diameter_m");
+    io.Number("disk_inertia_zz_kgm2", p.disk_inertia_zz_kgm2, {1e-16, 1},
+              "Moment of inertia of the disk about its z axis; at most twice disk_inertia_xx_kgm2.");
     io.Check(
         p.disk_inertia_zz_kgm2 <= 2 * p.disk_inertia_xx_kgm2 * (1 + 1e-9), "disk_inertia_zz_kgm2",
         fmt::format(
@@ -56,10 +73,13 @@ void Describe(Io& io, SectionParameters& p) {
             "correct one of the two",
             p.disk_inertia_zz_kgm2, 2 * p.disk_inertia_xx_kgm2));
   }
-  io.Number("youngs_modulus_Pa", p.youngs_modulus_Pa, {1e6, 1e12});
-  io.Number("core_radius_m", p.core_radius_m, {1e-5, 0.05});
-  io.Number("bending_damping_Nms", p.bending_damping_Nms, {0, 1000});
-  io.List("tendons", p.tendons, {1, kMaxTendons});
+  io.Number("youngs_modulus_Pa", p.youngs_modulus_Pa, {1e6, 1e12}, "Young's modulus E of the backbone.");
+  io.Number("core_radius_m", p.core_radius_m, {1e-5, 0.05},
+            "Radius r of the backbone; a unit's bending stiffness is E π r⁴ / (4 unit_length_m).");
+  io.Number("bending_damping_Nms", p.bending_damping_Nms, {0, 1000},
+            "Viscous damping of each unit, on the rate of its two bending angles.");
+  io.List("tendons", p.tendons, {1, kMaxTendons},
+          "The tendons that end at the section's last disk, one hole each.");
   if constexpr (Io::kReading) {
     for (std::size_t j = 0; j < p.tendons.size(); ++j) {
       const double hole_m = p.tendons[j].radius_m;
@@ -78,74 +98,77 @@ void Describe(Io& io, SectionParameters& p) {
   }
 }
 
-/// A key that may be left out: read where it is given, written where it is not the nominal value.
-template <class Io>
-void OptionalNumber(Io& io, std::string_view key, double& value, double nominal, Range range) {
-  if constexpr (Io::kReading) {
-    value = nominal;
-    if (!io.Has(key)) return io.Allow(key);
-  } else if (value == nominal) {
-    return;
-  }
-  io.Number(key, value, range);
-}
-
-/// A tendon's key that may be left out: always written, for a tendon that spells out nothing has what the
-/// common block says.
-template <class Io>
-void NumberOr(Io& io, std::string_view key, double& value, double nominal, Range range) {
-  if constexpr (Io::kReading) {
-    value = nominal;
-    if (!io.Has(key)) return io.Allow(key);
-  }
-  io.Number(key, value, range);
-}
-
 template <class Io>
 void Describe(Io& io, UnitDeviation& p) {
-  io.Integer("unit", p.unit, {1, kMaxUnits});
-  OptionalNumber(io, "stiffness_scale", p.stiffness_scale, 1, {0.01, 100});
-  OptionalNumber(io, "rest_u_rad", p.rest_u_rad, 0, {-3, 3});
-  OptionalNumber(io, "rest_v_rad", p.rest_v_rad, 0, {-3, 3});
+  io.Integer("unit", p.unit, {1, kMaxUnits}, "The unit, counted over all sections from the base.");
+  OptionalNumber(io, "stiffness_scale", p.stiffness_scale, 1, {0.01, 100},
+                 "Factor on the unit's bending stiffness.");
+  OptionalNumber(io, "rest_u_rad", p.rest_u_rad, 0, {-3, 3},
+                 "Bend about x in which the unit's backbone is free of stress.");
+  OptionalNumber(io, "rest_v_rad", p.rest_v_rad, 0, {-3, 3},
+                 "Bend about y in which the unit's backbone is free of stress.");
 }
 
 template <class Io>
-void DescribeVector(Io& io, std::string_view key, Eigen::Vector3d& value, Range range) {
+void DescribeVector(Io& io, std::string_view key, Eigen::Vector3d& value, Range range,
+                    std::string_view meaning) {
   std::vector<double> numbers(value.data(), value.data() + 3);
-  io.Numbers(key, numbers, range, {3, 3});
+  io.Numbers(key, numbers, range, {3, 3}, meaning);
   if (numbers.size() == 3) value = {numbers[0], numbers[1], numbers[2]};
+}
+
+/// At most one entry for each unit that there is; sorted by unit.
+inline void CheckDeviations(Reader& io, BodyParameters& p) {
+  std::set<int> seen;
+  for (const UnitDeviation& d : p.unit_deviations) {
+    io.Check(d.unit <= p.units(), "unit_deviations",
+             fmt::format("unit {} does not exist; accepted: 1 .. {}; correct it", d.unit, p.units()));
+    io.Check(seen.insert(d.unit).second, "unit_deviations",
+             fmt::format("unit {} twice; accepted: at most one entry a unit; join the two", d.unit));
+  }
+  std::sort(p.unit_deviations.begin(), p.unit_deviations.end(),
+            [](const UnitDeviation& a, const UnitDeviation& b) { return a.unit < b.unit; });
 }
 
 /// Keys of the body that a robot like its drawing does without.
 template <class Io>
 void DescribeDeviations(Io& io, BodyParameters& p) {
-  OptionalNumber(io, "tip_payload_kg", p.tip_payload_kg, 0, {0, 1000});
-  OptionalNumber(io, "twist_rad_per_m", p.twist_rad_per_m, 0, {-1000, 1000});
+  OptionalNumber(io, "tip_payload_kg", p.tip_payload_kg, 0, {0, 1000},
+                 "Point mass at the centre of the last disk.");
+  OptionalNumber(io, "twist_rad_per_m", p.twist_rad_per_m, 0, {-1000, 1000},
+                 "Turn of the disks' holes about z for each metre of backbone.");
+  const auto tip_force = [&] {
+    DescribeVector(io, "tip_force_W_N", p.tip_force_W_N, {-100000, 100000},
+                   "Constant force at the centre of the last disk, in the base frame F_0.");
+  };
+  const auto unit_deviations = [&] {
+    io.List("unit_deviations", p.unit_deviations, {0, kMaxUnits},
+            "What single units have that their section's numbers do not say; one entry a unit at most.");
+  };
   if constexpr (Io::kReading) {
     p.tip_force_W_N.setZero();
     p.unit_deviations.clear();
     for (const char* key : {"tip_force_W_N", "unit_deviations"}) io.Allow(key);
-    if (io.Has("tip_force_W_N")) DescribeVector(io, "tip_force_W_N", p.tip_force_W_N, {-100000, 100000});
-    if (io.Has("unit_deviations")) io.List("unit_deviations", p.unit_deviations, {0, kMaxUnits});
-    std::set<int> seen;
-    for (const UnitDeviation& d : p.unit_deviations) {
-      io.Check(d.unit <= p.units(), "unit_deviations",
-               fmt::format("unit {} does not exist; accepted: 1 .. {}; correct it", d.unit, p.units()));
-      io.Check(seen.insert(d.unit).second, "unit_deviations",
-               fmt::format("unit {} twice; accepted: at most one entry a unit; join the two", d.unit));
-    }
-    std::sort(p.unit_deviations.begin(), p.unit_deviations.end(),
-              [](const UnitDeviation& a, const UnitDeviation& b) { return a.unit < b.unit; });
+    if (io.Has("tip_force_W_N")) tip_force();
+    if (io.Has("unit_deviations")) unit_deviations();
+    CheckDeviations(io, p);
+  } else if constexpr (Io::kListing) {
+    io.MayBeLeftOut("none");
+    tip_force();
+    io.MayBeLeftOut("none");
+    unit_deviations();
   } else {
-    if (!p.tip_force_W_N.isZero(0)) DescribeVector(io, "tip_force_W_N", p.tip_force_W_N, {-100000, 100000});
-    if (!p.unit_deviations.empty()) io.List("unit_deviations", p.unit_deviations, {0, kMaxUnits});
+    if (!p.tip_force_W_N.isZero(0)) tip_force();
+    if (!p.unit_deviations.empty()) unit_deviations();
   }
 }
 
 template <class Io>
 void Describe(Io& io, BodyParameters& p) {
-  DescribeVector(io, "gravity_W_mps2", p.gravity_W_mps2, {-100, 100});
-  io.List("sections", p.sections, {1, kMaxSections});
+  DescribeVector(io, "gravity_W_mps2", p.gravity_W_mps2, {-100, 100},
+                 "Gravity in the base frame F_0; the straight robot points along +z.");
+  io.List("sections", p.sections, {1, kMaxSections},
+          "The sections, base first; at most 64 units and 16 tendons over all.");
   DescribeDeviations(io, p);
   if constexpr (Io::kReading) {
     io.Check(p.units() <= kMaxUnits, "sections",
@@ -175,10 +198,14 @@ void Describe(Io& io, BodyParameters& p) {
 
 template <class Io>
 void Describe(Io& io, LimitParameters& p) {
-  io.Number("min_tension_N", p.min_tension_N, {1e-3, 1000});
-  io.Number("max_tension_base_N", p.max_tension_base_N, {1e-2, 10000});
-  io.Number("max_tension_motor_N", p.max_tension_motor_N, {1e-2, 10000});
-  io.Number("max_bending_rad", p.max_bending_rad, {0.01, 6.2});
+  io.Number("min_tension_N", p.min_tension_N, {1e-3, 1000},
+            "Pretension at the base, and the least tension that any tendon is given.");
+  io.Number("max_tension_base_N", p.max_tension_base_N, {1e-2, 10000},
+            "Largest tension at the robot's base; above min_tension_N.");
+  io.Number("max_tension_motor_N", p.max_tension_motor_N, {1e-2, 10000},
+            "Largest tension on the motor side of the pulleys; above min_tension_N.");
+  io.Number("max_bending_rad", p.max_bending_rad, {0.01, 6.2},
+            "Largest bending angle of a section; below the angle at which its disks touch.");
   const std::string rule =
       fmt::format("accepted: above min_tension_N, {} N; raise it, or lower min_tension_N", p.min_tension_N);
   io.Check(p.max_tension_base_N > p.min_tension_N, "max_tension_base_N",
@@ -189,42 +216,55 @@ void Describe(Io& io, LimitParameters& p) {
 
 template <class Io>
 void Describe(Io& io, MotorParameters& p) {
-  io.Number("torque_constant_NmpA", p.torque_constant_NmpA, {1e-4, 10});
-  io.Number("nominal_current_A", p.nominal_current_A, {0.01, 100});
-  io.Number("rotor_inertia_kgm2", p.rotor_inertia_kgm2, {1e-10, 1e-2});
-  io.Number("coulomb_friction_Nm", p.coulomb_friction_Nm, {0, 1});
-  io.Number("coulomb_angle_rad", p.coulomb_angle_rad, {1e-6, 1});
-  io.Number("coulomb_damping_Nms", p.coulomb_damping_Nms, {0, 1e-2});
-  io.Number("viscous_friction_Nms", p.viscous_friction_Nms, {0, 1e-2});
-  io.Number("torque_lag_s", p.torque_lag_s, {0, 0.1});
-  NumberOr(io, "torque_scale", p.torque_scale, 1, {0.1, 10});
+  io.Number("torque_constant_NmpA", p.torque_constant_NmpA, {1e-4, 10}, "Torque constant of the motor.");
+  io.Number("nominal_current_A", p.nominal_current_A, {0.01, 100},
+            "Nominal current; per mille of torque on the bus refer to it.");
+  io.Number("rotor_inertia_kgm2", p.rotor_inertia_kgm2, {1e-10, 1e-2}, "Inertia of the rotor.");
+  io.Number("coulomb_friction_Nm", p.coulomb_friction_Nm, {0, 1}, "Coulomb friction at the motor shaft.");
+  io.Number("coulomb_angle_rad", p.coulomb_angle_rad, {1e-6, 1},
+            "Angle over which Coulomb friction builds up after a reversal (Dahl).");
+  io.Number("coulomb_damping_Nms", p.coulomb_damping_Nms, {0, 1e-2},
+            "Micro-damping of the Coulomb element while it builds up.");
+  io.Number("viscous_friction_Nms", p.viscous_friction_Nms, {0, 1e-2},
+            "Viscous friction at the motor shaft.");
+  io.Number("torque_lag_s", p.torque_lag_s, {0, 0.1}, "Time constant of the torque loop, first order.");
+  NumberOrNominal(io, "torque_scale", p.torque_scale, 1, {0.1, 10},
+                  "Real shaft torque over current times torque_constant_NmpA.");
 }
 
 template <class Io>
 void Describe(Io& io, DriveParameters& p) {
-  io.Number("rated_torque_Nm", p.rated_torque_Nm, {1e-6, 1000});
-  io.Number("current_limit_A", p.current_limit_A, {0.01, 100});
-  io.Integer("encoder_counts_per_turn", p.encoder_counts_per_turn, {1, 1e8});
-  io.Number("actual_torque_noise_permille", p.actual_torque_noise_permille, {0, 100});
+  io.Number("rated_torque_Nm", p.rated_torque_Nm, {1e-6, 1000},
+            "Object 0x6076: torque_constant_NmpA times nominal_current_A, within 1 %.");
+  io.Number("current_limit_A", p.current_limit_A, {0.01, 100},
+            "Output current limit of the drive, object 0x3001:02.");
+  io.Integer("encoder_counts_per_turn", p.encoder_counts_per_turn, {1, 1e8},
+             "Counts of object 0x6064 for one turn of the motor shaft.");
+  io.Number("actual_torque_noise_permille", p.actual_torque_noise_permille, {0, 100},
+            "Noise of the reported torque, rms.");
 }
 
 template <class Io>
 void Describe(Io& io, GearParameters& p) {
-  io.Number("ratio", p.ratio, {0.01, 1e5});
-  io.Number("efficiency", p.efficiency, {0, 1, true});
-  io.Numbers("presliding_yields_rad", p.presliding_yields_rad, {0, 10, true}, {1, 16});
+  io.Number("ratio", p.ratio, {0.01, 1e5}, "Motor turns for one turn of the spool.");
+  io.Number("efficiency", p.efficiency, {0, 1, true},
+            "Efficiency while the motor drives; its inverse while the tendon drives the motor.");
+  io.Numbers(
+      "presliding_yields_rad", p.presliding_yields_rad, {0, 10, true}, {1, 16},
+      "Motor angles over which the direction of the gear's losses changes; stop operators in parallel.");
 }
 
 template <class Io>
 void Describe(Io& io, SpoolParameters& p) {
-  io.Number("radius_m", p.radius_m, {1e-4, 1});
+  io.Number("radius_m", p.radius_m, {1e-4, 1}, "Radius at which the tendon winds.");
 }
 
 template <class Io>
 void Describe(Io& io, TendonParameters& p) {
-  io.Number("stiffness_Npm", p.stiffness_Npm, {100, 1e8});
-  io.Number("damping_Nspm", p.damping_Nspm, {0, 1e4});
-  io.Number("free_length_m", p.free_length_m, {0, 10});
+  io.Number("stiffness_Npm", p.stiffness_Npm, {100, 1e8},
+            "Stiffness of the whole tendon, from spool to end.");
+  io.Number("damping_Nspm", p.damping_Nspm, {0, 1e4}, "Damping of the whole tendon.");
+  io.Number("free_length_m", p.free_length_m, {0, 10}, "Length from the spool to the robot's base.");
 }
 
 template <class Io>
@@ -232,20 +272,25 @@ void Describe(Io& io, PulleyParameters& p) {
   io.Choice("law", p.law,
             Choices<CapstanLaw>{{"cumulative", CapstanLaw::kCumulative},
                                 {"local", CapstanLaw::kLocal},
-                                {"classic", CapstanLaw::kClassic}});
-  io.Number("wrap_rad", p.wrap_rad, {0, 30});
-  io.Number("radius_ratio", p.radius_ratio, {0.1, 1e6});
-  io.Number("alpha", p.alpha, {0, 5});
-  io.Number("exponent", p.exponent, {0.05, 1});
-  io.Number("entry_angle_rad", p.entry_angle_rad, {0, 1.5});
+                                {"classic", CapstanLaw::kClassic}},
+            "Capstan law: power law of cumulative friction (the paper), of its local density, or the classic "
+            "exponential.");
+  io.Number("wrap_rad", p.wrap_rad, {0, 30}, "Angle over which the tendon lies on the pulley.");
+  io.Number("radius_ratio", p.radius_ratio, {0.1, 1e6}, "Pulley radius over tendon radius.");
+  io.Number("alpha", p.alpha, {0, 5}, "Friction coefficient of the law, N^(1 - exponent).");
+  io.Number("exponent", p.exponent, {0.05, 1}, "Exponent n of the power law; 1 is the classic Capstan law.");
+  io.Number("entry_angle_rad", p.entry_angle_rad, {0, 1.5}, "Angle φ₁ at which the tendon enters.");
 }
 
 template <class Io>
 void Describe(Io& io, TransmissionParameters& p) {
-  io.List("pulleys", p.pulleys, {0, 16});
-  io.Number("presliding_m", p.presliding_m, {1e-9, 0.1});
-  io.Number("low_tension_N", p.low_tension_N, {1e-6, 100});
-  NumberOr(io, "coulomb_N", p.coulomb_N, 0, {0, 10000});
+  io.List("pulleys", p.pulleys, {0, 16}, "Guide pulleys and sheath bends from the base towards the motor.");
+  io.Number("presliding_m", p.presliding_m, {1e-9, 0.1},
+            "Sliding distance over which friction turns round after a reversal.");
+  io.Number("low_tension_N", p.low_tension_N, {1e-6, 100},
+            "Below it both sides keep their ratio; at most limits.min_tension_N.");
+  NumberOrNominal(io, "coulomb_N", p.coulomb_N, 0, {0, 10000},
+                  "Friction of the pulleys that does not depend on the tension.");
 }
 
 template <class Io>
@@ -253,39 +298,44 @@ void Describe(Io& io, LoadCellParameters& p) {
   io.Choice("place", p.place,
             Choices<LoadCellPlace>{{"motor_side", LoadCellPlace::kMotorSide},
                                    {"robot_side", LoadCellPlace::kRobotSide},
-                                   {"none", LoadCellPlace::kNone}});
-  const bool none = p.place == LoadCellPlace::kNone;
-  const auto number = [&](const char* key, double& value, Range range) {
+                                   {"none", LoadCellPlace::kNone}},
+            "Between spool and pulleys, between pulleys and base, or no load cell.");
+  const bool none = !Io::kListing && p.place == LoadCellPlace::kNone;
+  const auto number = [&](const char* key, double& value, Range range, std::string_view meaning) {
     if constexpr (Io::kReading) {
       if (none && !io.Has(key)) return io.Allow(key);  // a cell that is not there has no data
     }
     if (none) range.min = 0;
-    io.Number(key, value, range);
+    io.Number(key, value, range, meaning);
   };
-  number("gain_VpN", p.gain_VpN, {1e-6, 1000});
-  number("resolution_V", p.resolution_V, {1e-6, 10});
-  number("noise_N", p.noise_N, {0, 100});
-  NumberOr(io, "offset_N", p.offset_N, 0, {-10000, 10000});
+  number("gain_VpN", p.gain_VpN, {1e-6, 1000},
+         "Output of the cell; times max_tension_motor_N at most 10 V. Needless without a cell.");
+  number("resolution_V", p.resolution_V, {1e-6, 10},
+         "Step of the drive's analog input. Needless without a cell.");
+  number("noise_N", p.noise_N, {0, 100}, "Noise of the reading, rms. Needless without a cell.");
+  NumberOrNominal(io, "offset_N", p.offset_N, 0, {-10000, 10000},
+                  "Offset of the reading: gain times (tension + offset).");
 }
 
 template <class Io>
 void Describe(Io& io, TrackerParameters& p) {
-  io.Number("rate_Hz", p.rate_Hz, {0.1, 1e4});
-  io.Number("position_noise_m", p.position_noise_m, {0, 1});
-  io.Number("orientation_noise_rad", p.orientation_noise_rad, {0, 3});
-  io.Number("delay_s", p.delay_s, {0, 10});
+  io.Number("rate_Hz", p.rate_Hz, {0.1, 1e4}, "Readings a second.");
+  io.Number("position_noise_m", p.position_noise_m, {0, 1}, "Noise of the position on each axis, rms.");
+  io.Number("orientation_noise_rad", p.orientation_noise_rad, {0, 3},
+            "Noise of the orientation on each axis, rms.");
+  io.Number("delay_s", p.delay_s, {0, 10}, "From the measurement to the time stamp of its reading.");
 }
 
 /// The blocks of one tendon's drivetrain; its node id is part of the list `nodes`.
 template <class Io>
 void Describe(Io& io, TendonDriveParameters& p) {
-  io.Block("motor", p.motor);
-  io.Block("drive", p.drive);
-  io.Block("gear", p.gear);
-  io.Block("spool", p.spool);
-  io.Block("tendon", p.tendon);
-  io.Block("transmission", p.transmission);
-  io.Block("load_cell", p.load_cell);
+  io.Block("motor", p.motor, "Motor of each tendon.");
+  io.Block("drive", p.drive, "Drive of each tendon, as it counts and limits.");
+  io.Block("gear", p.gear, "Gear between motor and spool.");
+  io.Block("spool", p.spool, "Spool that winds the tendon.");
+  io.Block("tendon", p.tendon, "The tendon itself, a spring and damper that only pulls.");
+  io.Block("transmission", p.transmission, "Pulleys and sheaths between spool and base.");
+  io.Block("load_cell", p.load_cell, "Load cell on the drive's analog input.");
 }
 
 /// Rules between the blocks of tendon `j` and the robot's limits; refused at the tendon's own key where it
@@ -311,6 +361,32 @@ inline void CheckTendon(Reader& io, int j, const TendonDriveParameters& p, const
                        j, p.load_cell.gain_VpN, full_scale_V, 10 / limits.max_tension_motor_N));
 }
 
+template <class Io>
+void DescribeNodeIds(Io& io, std::vector<long long>& nodes, int tendons) {
+  io.Integers(
+      "nodes", nodes, {1, 127}, {static_cast<double>(tendons), static_cast<double>(tendons)},
+      "CANopen node of each tendon's drive, in tendon order, all different; tendril-plant answers as these.");
+}
+
+template <class Io>
+void DescribeTracker(Io& io, std::optional<TrackerParameters>& tracker) {
+  io.OptionalBlock("tracker", tracker, "An outside measurement of the tip's pose.");
+}
+
+/// The keys of the block `actuation`: those of one tendon, and what is for all of them.
+inline void DescribeActuation(Lister& io, ActuationParameters& p) {
+  std::vector<long long> nodes;
+  io.MayBeLeftOut("1, 2, ... in tendon order");
+  DescribeNodeIds(io, nodes, kMaxTendons);
+  TendonDriveParameters drive;
+  Describe(io, drive);
+  io.MayBeLeftOut("all tendons alike");
+  io.Mapping("per_tendon",
+             "a tendon's number, and below it the blocks of actuation with the keys that differ",
+             "Tendons that differ from the common blocks.");
+  DescribeTracker(io, p.tracker);
+}
+
 /// All tendons' drivetrains: the common blocks, overridden per tendon.
 inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tendons,
                           const LimitParameters& limits, ActuationParameters& p) {
@@ -318,10 +394,10 @@ inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tend
   const Layer& common = layers.back();
 
   Reader top(source, {common});
-  top.OptionalBlock("tracker", p.tracker);
+  DescribeTracker(top, p.tracker);
   std::vector<long long> nodes;
   if (top.Has("nodes")) {
-    top.Integers("nodes", nodes, {1, 127}, {static_cast<double>(tendons), static_cast<double>(tendons)});
+    DescribeNodeIds(top, nodes, tendons);
     for (std::size_t j = 0; j < nodes.size(); ++j) {
       top.Check(
           std::count(nodes.begin(), nodes.end(), nodes[j]) == 1, "nodes",
@@ -369,31 +445,42 @@ inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tend
 /// Every key but two is a parameter; which there are, and their bounds, the simulator knows.
 template <class Io>
 void Describe(Io& io, EffectSetting& p) {
-  io.Text("effect", p.name, kNameRule);
+  const auto where = [&] { io.Text("where", p.where, kPlaceRule, "Where the robot has it."); };
+  io.Text("effect", p.name, kNameRule, "Name of an effect of the library; tendril gap explain lists them.");
   if constexpr (Io::kReading) {
     p.where = "all";
     p.values.clear();
     if (io.Has("where")) {
-      io.Text("where", p.where, kPlaceRule);
+      where();
     } else {
       io.Allow("where");
     }
     for (const auto& entry : io.layers().back().map) {
       const std::string key = entry.first.Scalar();
       if (key == "effect" || key == "where") continue;
-      io.Number(key, p.values.emplace_back(key, 0).second, {-1e6, 1e6});
+      io.Number(key, p.values.emplace_back(key, 0).second, {-1e6, 1e6}, "");
     }
+  } else if constexpr (Io::kListing) {
+    io.MayBeLeftOut("all");
+    where();
+    io.Mapping("PARAMETER", "a number; the effects' reference gives names and bounds",
+               "The effect's parameters, by name; at least one that is no shape of the law.");
   } else {
-    io.Text("where", p.where, kPlaceRule);
-    for (auto& [key, value] : p.values) io.Number(key, value, {});
+    where();
+    for (auto& [key, value] : p.values) io.Number(key, value, {}, "");
   }
 }
 
 template <class Io>
 void Describe(Io& io, RobotParameters& p) {
-  io.Text("name", p.name, kNameRule);
-  io.Block("body", p.body);
-  io.Block("limits", p.limits);
+  const auto effects = [&] {
+    io.List("effects", p.effects, {0, 1000},
+            "Effects that this robot has beyond the nominal model, for the simulator; the controller ignores "
+            "them.");
+  };
+  io.Text("name", p.name, kNameRule, "Name of the robot, for messages and records.");
+  io.Block("body", p.body, "Geometry, masses and stiffness.");
+  io.Block("limits", p.limits, "What the controller may ask of the robot.");
   if constexpr (Io::kReading) {
     p.actuation.reset();
     if (p.body.sections.empty() || !io.Has("limits") || !io.Has("actuation")) {
@@ -415,13 +502,20 @@ void Describe(Io& io, RobotParameters& p) {
     }
     p.effects.clear();
     if (io.Has("effects")) {
-      io.List("effects", p.effects, {0, 1000});
+      effects();
     } else {
       io.Allow("effects");
     }
+  } else if constexpr (Io::kListing) {
+    io.MayBeLeftOut("a body alone, good for tendril model");
+    io.Group("actuation",
+             "Motors, drives, tendons and sensors: the same for every tendon, but for per_tendon.",
+             [&](Lister& inside) { DescribeActuation(inside, p.actuation.emplace()); });
+    io.MayBeLeftOut("none");
+    effects();
   } else {
     if (p.actuation) WriteActuation(io, *p.actuation);
-    if (!p.effects.empty()) io.List("effects", p.effects, {});
+    if (!p.effects.empty()) effects();
   }
 }
 

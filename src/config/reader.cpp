@@ -237,7 +237,7 @@ long long Reader::ToInteger(const Found& found, std::string_view key, Range rang
   return value;
 }
 
-void Reader::Number(std::string_view key, double& value, Range range) {
+void Reader::Number(std::string_view key, double& value, Range range, std::string_view) {
   if (const auto found = Take(key, RangeText(key, range))) value = ToNumber(*found, key, range);
 }
 
@@ -246,7 +246,7 @@ void Reader::IntegerValue(std::string_view key, long long& value, Range range) {
     value = ToInteger(*found, key, range);
 }
 
-void Reader::Flag(std::string_view key, bool& value) {
+void Reader::Flag(std::string_view key, bool& value, std::string_view) {
   const auto found = Take(key, "true or false");
   if (!found) return;
   const bool plain = IsPlainScalar(found->value);
@@ -259,7 +259,7 @@ void Reader::Flag(std::string_view key, bool& value) {
   value = text == "true";
 }
 
-void Reader::Text(std::string_view key, std::string& value, const TextRule& rule) {
+void Reader::Text(std::string_view key, std::string& value, const TextRule& rule, std::string_view) {
   const auto found = Take(key, std::string(rule.accepted));
   if (!found) return;
   if (!found->value.IsScalar()) {
@@ -312,14 +312,16 @@ std::vector<Reader::Found> Reader::Elements(std::string_view key, std::string_vi
   return elements;
 }
 
-void Reader::Numbers(std::string_view key, std::vector<double>& values, Range range, Range count) {
+void Reader::Numbers(std::string_view key, std::vector<double>& values, Range range, Range count,
+                     std::string_view) {
   values.clear();
   for (const Found& item : Elements(key, fmt::format("numbers, each {}", RangeText(key, range)), count)) {
     values.push_back(ToNumber(item, key, range));
   }
 }
 
-void Reader::Integers(std::string_view key, std::vector<long long>& values, Range range, Range count) {
+void Reader::Integers(std::string_view key, std::vector<long long>& values, Range range, Range count,
+                      std::string_view) {
   values.clear();
   for (const Found& item :
        Elements(key, fmt::format("whole numbers, each {}", RangeText(key, range)), count)) {
@@ -327,9 +329,10 @@ void Reader::Integers(std::string_view key, std::vector<long long>& values, Rang
   }
 }
 
-void Reader::Identifiers(std::string_view key, std::vector<std::uint32_t>& values, Range count) {
+void Reader::Identifiers(std::string_view key, std::vector<std::uint32_t>& values, Range count,
+                         std::string_view meaning) {
   std::vector<long long> wide;
-  Integers(key, wide, {0, std::numeric_limits<std::uint32_t>::max()}, count);
+  Integers(key, wide, {0, std::numeric_limits<std::uint32_t>::max()}, count, meaning);
   values.assign(wide.begin(), wide.end());
 }
 

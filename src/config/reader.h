@@ -48,37 +48,42 @@ struct Layer {
 /// Several layers are one mapping in which earlier layers override later ones key by key, at any depth.
 class Reader {
  public:
-  static constexpr bool kReading = true;
+  static constexpr bool kReading = true, kListing = false;
 
   Reader(const Source& source, std::vector<Layer> layers);
 
-  void Number(std::string_view key, double& value, Range range);
+  // The last argument of each is what the key means, for people: see lister.h.
+
+  void Number(std::string_view key, double& value, Range range, std::string_view meaning);
   template <std::integral T>
-  void Integer(std::string_view key, T& value, Range range) {
+  void Integer(std::string_view key, T& value, Range range, std::string_view) {
     long long wide = static_cast<long long>(value);
     IntegerValue(key, wide, range);
     value = static_cast<T>(wide);
   }
   /// An integer that people write in hexadecimal.
-  void Identifier(std::string_view key, std::uint32_t& value) {
-    Integer(key, value, {0, std::numeric_limits<std::uint32_t>::max()});
+  void Identifier(std::string_view key, std::uint32_t& value, std::string_view meaning) {
+    Integer(key, value, {0, std::numeric_limits<std::uint32_t>::max()}, meaning);
   }
-  void Flag(std::string_view key, bool& value);
-  void Text(std::string_view key, std::string& value, const TextRule& rule);
+  void Flag(std::string_view key, bool& value, std::string_view meaning);
+  void Text(std::string_view key, std::string& value, const TextRule& rule, std::string_view meaning);
   template <class E>
-  void Choice(std::string_view key, E& value, Choices<E> choices) {
+  void Choice(std::string_view key, E& value, Choices<E> choices, std::string_view) {
     std::vector<std::string_view> names;
     for (const auto& c : choices) names.push_back(c.first);
     if (const int chosen = ChoiceIndex(key, names); chosen >= 0) value = choices.begin()[chosen].second;
   }
   /// A flow or block list of numbers, `count` of them (min, max).
-  void Numbers(std::string_view key, std::vector<double>& values, Range range, Range count);
-  void Integers(std::string_view key, std::vector<long long>& values, Range range, Range count);
-  void Identifiers(std::string_view key, std::vector<std::uint32_t>& values, Range count);
+  void Numbers(std::string_view key, std::vector<double>& values, Range range, Range count,
+               std::string_view meaning);
+  void Integers(std::string_view key, std::vector<long long>& values, Range range, Range count,
+                std::string_view meaning);
+  void Identifiers(std::string_view key, std::vector<std::uint32_t>& values, Range count,
+                   std::string_view meaning);
 
   /// A mapping under `key`, described by Describe(Reader&, T&).
   template <class T>
-  void Block(std::string_view key, T& value) {
+  void Block(std::string_view key, T& value, std::string_view) {
     std::vector<Layer> inner = Children(key);
     if (inner.empty()) return;
     Reader reader(*source_, std::move(inner));
@@ -86,14 +91,14 @@ class Reader {
     reader.Finish();
   }
   template <class T>
-  void OptionalBlock(std::string_view key, std::optional<T>& value) {
+  void OptionalBlock(std::string_view key, std::optional<T>& value, std::string_view meaning) {
     value.reset();
     if (!Has(key)) return Allow(key);
-    Block(key, value.emplace());
+    Block(key, value.emplace(), meaning);
   }
   /// A list of mappings.
   template <class T>
-  void List(std::string_view key, std::vector<T>& values, Range count) {
+  void List(std::string_view key, std::vector<T>& values, Range count, std::string_view) {
     values.clear();
     for (Layer& item : Items(key, count)) {
       Reader reader(*source_, {std::move(item)});

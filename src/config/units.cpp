@@ -36,6 +36,7 @@ constexpr Unit kUnits[] = {
     {"radps", "rad/s"},
     {"radps2", "rad/s²"},
     {"radps3", "rad/s³"},
+    {"mps", "m/s"},
     {"mps2", "m/s²"},
     {"permille", "per mille"},
 };

@@ -17,47 +17,47 @@ namespace tendril::config {
 
 class Writer {
  public:
-  static constexpr bool kReading = false;
+  static constexpr bool kReading = false, kListing = false;
 
   Writer() { out_ << YAML::BeginMap; }
 
-  void Number(std::string_view key, double& value, Range) { Put(key, Shortest(value)); }
+  void Number(std::string_view key, double& value, Range, std::string_view) { Put(key, Shortest(value)); }
   template <std::integral T>
-  void Integer(std::string_view key, T& value, Range) {
+  void Integer(std::string_view key, T& value, Range, std::string_view) {
     Put(key, fmt::format("{}", value));
   }
-  void Identifier(std::string_view key, std::uint32_t& value) { Put(key, Hex(value)); }
-  void Flag(std::string_view key, bool& value) { Put(key, value ? "true" : "false"); }
-  void Text(std::string_view key, std::string& value, const TextRule&) {
+  void Identifier(std::string_view key, std::uint32_t& value, std::string_view) { Put(key, Hex(value)); }
+  void Flag(std::string_view key, bool& value, std::string_view) { Put(key, value ? "true" : "false"); }
+  void Text(std::string_view key, std::string& value, const TextRule&, std::string_view) {
     out_ << YAML::Key << std::string(key) << YAML::Value << YAML::DoubleQuoted << value;
   }
   template <class E>
-  void Choice(std::string_view key, E& value, Choices<E> choices) {
+  void Choice(std::string_view key, E& value, Choices<E> choices, std::string_view) {
     for (const auto& c : choices) {
       if (c.second == value) Put(key, std::string(c.first));
     }
   }
-  void Numbers(std::string_view key, std::vector<double>& values, Range, Range) {
+  void Numbers(std::string_view key, std::vector<double>& values, Range, Range, std::string_view) {
     PutAll(key, values, Shortest);
   }
-  void Integers(std::string_view key, std::vector<long long>& values, Range, Range) {
+  void Integers(std::string_view key, std::vector<long long>& values, Range, Range, std::string_view) {
     PutAll(key, values, [](long long v) { return fmt::format("{}", v); });
   }
-  void Identifiers(std::string_view key, std::vector<std::uint32_t>& values, Range) {
+  void Identifiers(std::string_view key, std::vector<std::uint32_t>& values, Range, std::string_view) {
     PutAll(key, values, Hex);
   }
 
   template <class T>
-  void Block(std::string_view key, T& value) {
+  void Block(std::string_view key, T& value, std::string_view) {
     out_ << YAML::Key << std::string(key) << YAML::Value;
     Map(value);
   }
   template <class T>
-  void OptionalBlock(std::string_view key, std::optional<T>& value) {
-    if (value) Block(key, *value);
+  void OptionalBlock(std::string_view key, std::optional<T>& value, std::string_view) {
+    if (value) Block(key, *value, {});
   }
   template <class T>
-  void List(std::string_view key, std::vector<T>& values, Range) {
+  void List(std::string_view key, std::vector<T>& values, Range, std::string_view) {
     out_ << YAML::Key << std::string(key) << YAML::Value;
     if (values.empty()) out_ << YAML::Flow;
     out_ << YAML::BeginSeq;

@@ -46,6 +46,36 @@ constexpr Transition kTable[] = {
 
 }  // namespace
 
+std::string_view EventText(Event event) noexcept {
+  switch (event) {
+    case Event::kDrivesReady:
+      return "every drive is configured and answers";
+    case Event::kDrivesEnabled:
+      return "every drive is enabled";
+    case Event::kPretensioned:
+      return "tensions are at the minimum and settled";
+    case Event::kReleased:
+      return "tensions are down to pretension";
+    case Event::kHomed:
+      return "every tendon is taut at pretension";
+    case Event::kArm:
+      return "command arm";
+    case Event::kHome:
+      return "command home";
+    case Event::kCommission:
+      return "command commission";
+    case Event::kDisarm:
+      return "command disarm, or the controller stops by itself";
+    case Event::kHold:
+      return "command hold, or a silent stream";
+    case Event::kClear:
+      return "command clear";
+    case Event::kFault:
+      return "a fault";
+  }
+  return "";
+}
+
 std::span<const Transition> Supervisor::Table() noexcept { return kTable; }
 
 bool Supervisor::Handle(Event event, Status cause) noexcept {

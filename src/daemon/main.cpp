@@ -16,16 +16,17 @@
 #include <filesystem>
 #include <iostream>
 #include <lcm/lcm-cpp.hpp>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <system_error>
 #include <thread>
 
+#include "arguments.h"
 #include "tendril/can/bus_guard.h"
 #include "tendril/can/socketcan_port.h"
 #include "tendril/canopen/master.h"
-#include "tendril/config/command_line.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/daemon/daemon.h"
@@ -78,11 +79,6 @@ bool StopsBeforeItRuns() {
   }
   return stops != 0;
 }
-
-struct Arguments {
-  std::string config, can, lcm, log, black_box;
-  bool simulated = false, wait = false;
-};
 
 // What is not there yet and may come: the interface, that it is up, a route for LCM.
 bool MayCome(const std::error_code& code) {
@@ -257,38 +253,12 @@ void Run(const Arguments& arguments) {
 }
 
 int Main(int argc, char** argv) {
-  CLI::App app{
-      "tendrild: controls a tendon-driven continuum robot over CANopen, commanded over LCM (tendril send, "
-      "tendril "
-      "status).\nStops on SIGINT or SIGTERM: ramps the tensions down, disables the drives and exits within 2 "
-      "s.",
-      "tendrild"};
-  app.set_version_flag("--version", fmt::format("tendrild {} ({})", Version(), GitRevision()));
   Arguments arguments;
-  app.add_option("--config", arguments.config, "daemon file, for example config/tendrild.yaml")
-      ->required()
-      ->option_text("FILE");
-  app.add_option("--can", arguments.can, "CAN interface instead of the file's bus.interface")
-      ->option_text("IFACE");
-  app.add_option("--lcm", arguments.lcm, "LCM address instead of the file's lcm.url")->option_text("URL");
-  app.add_option("--log", arguments.log,
-                 "write an LCM log of everything (replay, gap diagnosis); an earlier one becomes FILE.1, "
-                 "FILE.2 ...")
-      ->option_text("FILE");
-  app.add_option("--black-box", arguments.black_box,
-                 "folder for the cycles before a fault instead of the file's black_box.folder")
-      ->option_text("FOLDER");
-  app.add_flag("--simulated", arguments.simulated,
-               "arm a robot that was never commissioned: for a simulation behind the bus only");
-  app.add_flag(
-      "--wait", arguments.wait,
-      "wait for the CAN interface and a route for LCM instead of ending without them: for a service");
-  app.footer("Exit status: 0 stopped when told to, 1 could not run, 2 wrong use.");
-  config::SettleCommandLine(app);
+  const std::unique_ptr<CLI::App> app = MakeApp(arguments);
   try {
-    app.parse(argc, argv);
+    app->parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
+    return app->exit(e) == 0 ? 0 : 2;
   }
   SetUpMessages();
   // Whoever read the log may go away; the robot is still to be stopped in order.

@@ -28,6 +28,31 @@ namespace fs = std::filesystem;
 // A list of runs that is larger is not one.
 constexpr std::size_t kMostList = std::size_t{4} << 20;
 
+constexpr RunsKey kRunsKeys[] = {
+    {"runs", false, "a list", "the file itself is the list", "The runs; a file's name alone stands for its entry."},
+    {"tracker_frame", false, "given, fit", "given",
+     "fit: nobody knows how the tracker's frame lies against the base, and the diagnosis fits it."},
+    {"file", true, "a CSV or LCM log, relative to the folder", "", "Where the run is."},
+    {"family", true, "a name", "unknown",
+     "Kind of motion. A cause is tested on families that it was not fitted to, so there should be two at least."},
+    {"repeat_of", true, "a file of the list, none", "none",
+     "The run that this one repeats unchanged; what differs between them is the noise floor."},
+    {"before", true, "a file of the list, none", "none",
+     "The run of the same commands from before the robot changed; the diagnosis is then of the change."},
+    {"load_cell", true, "motor_side, robot_side, none", "the robot file's", "Where the load cells sit."},
+    {"motor_zero", true, "at_pretension, at_rest", "at_pretension",
+     "at_rest: motor positions count from where friction had left the robot, not from the straight robot at "
+     "pretension."},
+};
+
+std::vector<std::string_view> KnownKeys(bool of_a_run) {
+  std::vector<std::string_view> names;
+  for (const RunsKey& key : kRunsKeys) {
+    if (key.of_a_run == of_a_run) names.push_back(key.name);
+  }
+  return names;
+}
+
 /// One entry of runs.yaml as it is written.
 struct Listed {
   fs::path file;
@@ -60,7 +85,7 @@ std::string Text(const YAML::Node& entry, const char* key) {
 }
 
 /// Keys that mean nothing here, a typing error perhaps.
-void NoteUnknown(const YAML::Node& map, std::initializer_list<std::string_view> known,
+void NoteUnknown(const YAML::Node& map, const std::vector<std::string_view>& known,
                  const std::string& where, std::vector<std::string>& notes) {
   std::string unknown;
   for (const auto& pair : map) {
@@ -76,7 +101,7 @@ void NoteUnknown(const YAML::Node& map, std::initializer_list<std::string_view> 
 
 Listed ReadEntry(const YAML::Node& entry, const std::string& where, std::vector<std::string>& notes) {
   Listed listed;
-  NoteUnknown(entry, {"file", "family", "repeat_of", "before", "load_cell", "motor_zero"}, where, notes);
+  NoteUnknown(entry, KnownKeys(true), where, notes);
   listed.file = Text(entry, "file");
   if (const std::string family = Text(entry, "family"); !family.empty()) listed.family = family;
   if (const std::string name = Text(entry, "repeat_of"); !IsNoName(name)) listed.repeat_of = RunName(name);
@@ -119,7 +144,7 @@ std::vector<Listed> ReadList(const fs::path& file, DataSet& set) {
       }
     }
     if (list.IsMap() && list["runs"]) {
-      NoteUnknown(list, {"runs", "tracker_frame"}, file.string(), notes);
+      NoteUnknown(list, KnownKeys(false), file.string(), notes);
       list.reset(list["runs"]);
       if (list.IsNull()) list = YAML::Node(YAML::NodeType::Sequence);
     }
@@ -477,6 +502,8 @@ void RefuseTwice(const std::vector<std::string>& paths) {
 }
 
 }  // namespace
+
+std::span<const RunsKey> RunsFileKeys() { return kRunsKeys; }
 
 DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path, OtherRobot other_robot) {
   if (std::error_code error; !fs::is_directory(folder, error)) {

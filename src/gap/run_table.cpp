@@ -32,25 +32,49 @@ struct Block {
   bool whole;                      // nothing of it is of use when a column is missing
 };
 
+constexpr ColumnText kTime{"t_s", "s", "Time, increasing."};
+
+/// A row of the table of columns and the matrix that it goes into; rows of one matrix follow each other.
+struct ColumnOf {
+  ColumnText text;
+  Eigen::MatrixXd Run::*matrix;
+};
+const ColumnOf kColumns[] = {
+    {{"torque_target_Nm_j", "N·m", "Commanded torque at the motor shaft, stamped when sent; it acts one bus cycle later."},
+     &Run::torque_target_Nm},
+    {{"torque_actual_Nm_j", "N·m", "Reported torque at the motor shaft."}, &Run::torque_actual_Nm},
+    {{"motor_position_rad_j", "rad", "Angle of the motor shaft, pulling positive."}, &Run::motor_position_rad},
+    {{"tension_N_j", "N", "Load cell."}, &Run::tension_N},
+    {{"tip_x_m", "m", "Tip position by a tracker, x in the base frame."}, &Run::tip_m},
+    {{"tip_y_m", "m", "The same, y."}, &Run::tip_m},
+    {{"tip_z_m", "m", "The same, z; the straight robot points along +z."}, &Run::tip_m},
+    {{"tip_qw", "", "Orientation of the tip in the base frame, unit quaternion, w."}, &Run::tip_quaternion},
+    {{"tip_qx", "", "The same, x."}, &Run::tip_quaternion},
+    {{"tip_qy", "", "The same, y."}, &Run::tip_quaternion},
+    {{"tip_qz", "", "The same, z."}, &Run::tip_quaternion},
+    {{"us_k", "rad", "Bending of section k, θ cos β."}, &Run::bending_rad},
+    {{"vs_k", "rad", "Bending of section k, θ sin β."}, &Run::bending_rad},
+};
+
+/// The name of number `n` of tendon or section: "tension_N_2" of "tension_N_j".
+std::string Numbered(std::string_view name, int n) { return fmt::format("{}{}", name.substr(0, name.size() - 1), n); }
+
 std::vector<Block> Blocks(int tendons, int sections) {
   std::vector<Block> blocks;
-  const auto a_tendon = [&](Eigen::MatrixXd Run::*matrix, const char* name) {
-    Block block{matrix, {}, false};
-    for (int j = 1; j <= tendons; ++j) block.names.push_back(fmt::format("{}_{}", name, j));
-    blocks.push_back(block);
-  };
-  a_tendon(&Run::torque_target_Nm, "torque_target_Nm");
-  a_tendon(&Run::torque_actual_Nm, "torque_actual_Nm");
-  a_tendon(&Run::motor_position_rad, "motor_position_rad");
-  a_tendon(&Run::tension_N, "tension_N");
-  blocks.push_back({&Run::tip_m, {"tip_x_m", "tip_y_m", "tip_z_m"}, true});
-  blocks.push_back({&Run::tip_quaternion, {"tip_qw", "tip_qx", "tip_qy", "tip_qz"}, true});
-  Block bending{&Run::bending_rad, {}, false};
-  for (int k = 1; k <= sections; ++k) {
-    bending.names.push_back(fmt::format("us_{}", k));
-    bending.names.push_back(fmt::format("vs_{}", k));
+  for (const ColumnOf& column : kColumns) {
+    const bool each_tendon = column.text.name.ends_with("_j"), each_section = column.text.name.ends_with("_k");
+    if (blocks.empty() || blocks.back().matrix != column.matrix)
+      blocks.push_back({column.matrix, {}, !each_tendon && !each_section});
+    Block& block = blocks.back();
+    if (block.whole) block.names.emplace_back(column.text.name);
+    for (int j = 1; each_tendon && j <= tendons; ++j) block.names.push_back(Numbered(column.text.name, j));
   }
-  blocks.push_back(bending);
+  // The two columns of a section stand side by side.
+  for (int k = 1; k <= sections; ++k) {
+    for (const ColumnOf& column : kColumns) {
+      if (column.text.name.ends_with("_k")) blocks.back().names.push_back(Numbered(column.text.name, k));
+    }
+  }
   return blocks;
 }
 
@@ -290,6 +314,15 @@ SameRow SameNumbers(const Table& table, std::size_t from) {
       return x == y || (std::isnan(x) && std::isnan(y));
     });
   };
+}
+
+std::span<const ColumnText> RunColumns() {
+  static const std::vector<ColumnText> all = [] {
+    std::vector<ColumnText> texts{kTime};
+    for (const ColumnOf& column : kColumns) texts.push_back(column.text);
+    return texts;
+  }();
+  return all;
 }
 
 Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot) {

@@ -27,20 +27,6 @@ std::invalid_argument Wrong(std::string_view what, std::string_view accepted, st
   return std::invalid_argument(fmt::format("{}; accepted: {}; {}", what, accepted, remedy));
 }
 
-std::string_view ScopeName(Scope scope) {
-  switch (scope) {
-    case Scope::kTendon:
-      return "tendon";
-    case Scope::kUnit:
-      return "unit";
-    case Scope::kSection:
-      return "section";
-    case Scope::kRobot:
-      break;
-  }
-  return "all";
-}
-
 int CountOf(Scope scope, const RobotParameters& robot) {
   switch (scope) {
     case Scope::kTendon:
@@ -175,6 +161,16 @@ std::string_view CutName(Cut cut) {
   return kNames[static_cast<int>(cut)];
 }
 
+std::string_view StageName(Stage stage) {
+  constexpr std::string_view kNames[] = {"drive", "transmission", "body", "sensors"};
+  return kNames[static_cast<int>(stage)];
+}
+
+std::string_view ScopeName(Scope scope) {
+  constexpr std::string_view kNames[] = {"robot", "tendon", "unit", "section"};
+  return kNames[static_cast<int>(scope)];
+}
+
 std::span<const Effect> Effects() {
   static const std::vector<Effect> all{
 #define TENDRIL_EFFECT(Name) Name(),
@@ -231,6 +227,12 @@ Target ParseTarget(const Effect& effect, std::string_view where, const RobotPara
 
 std::string TargetText(const Effect& effect, Target target) {
   return target ? fmt::format("{}:{}", ScopeName(effect.scope), *target + 1) : "all";
+}
+
+std::string WhereText(const Effect& effect) {
+  if (effect.scope == Scope::kRobot) return "all";
+  const std::string one = fmt::format("{}:NUMBER", ScopeName(effect.scope));
+  return effect.on_all && effect.on_one ? "all or " + one : effect.on_one ? one : "all";
 }
 
 EffectSetting ParseEffect(std::string_view text, const RobotParameters& robot) {

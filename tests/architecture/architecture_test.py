@@ -204,7 +204,7 @@ class Programs(unittest.TestCase):
     """--help and --version answer with 0; wrong use is told on the error stream, with 2."""
 
     BINARIES = ("tendril", "tendrild", "tendril-plant")
-    SCRIPTS = ("demo", "test", "setup", "vcan-run", "plot_demo.py")
+    SCRIPTS = ("demo", "docs", "test", "setup", "vcan-run", "plot_demo.py")
 
     def programs(self):
         for name in self.BINARIES:
@@ -244,7 +244,7 @@ class Programs(unittest.TestCase):
         wrong += [(ARGUMENTS.programs / "tendril",), (ARGUMENTS.programs / "tendril", "no-such-command"),
                   (ARGUMENTS.programs / "tendrild",)]
         tools = ARGUMENTS.source / "tools"
-        wrong += [(tools / "setup", "--no-such-option"), (tools / "test", "no-such-option"), (tools / "vcan-run",),
+        wrong += [(tools / "setup", "--no-such-option"), (tools / "test", "no-such-option"), (tools / "docs", "no-such-command"), (tools / "vcan-run",),
                   (tools / "vcan-run", "--no-such-option", "true"), (tools / "vcan-run", "--timeout", "soon", "true"),
                   (tools / "plot_demo.py",)]
         for command in wrong:

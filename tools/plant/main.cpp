@@ -14,12 +14,10 @@
 
 #include "fault_orders.h"
 #include "free_motors.h"
-#include "seed_option.h"
+#include "plant_options.h"
 #include "tendril/can/bus_guard.h"
 #include "tendril/can/socketcan_port.h"
-#include "tendril/config/command_line.h"
 #include "tendril/config/config.h"
-#include "tendril/core/version.h"
 #include "tendril/emulator/faults.h"
 #include "tendril/io/connection.h"
 #include "tendril/rt/cyclic.h"
@@ -69,12 +67,6 @@ class Tracker {
   std::uint64_t published_ = 0, failed_ = 0;
 };
 
-struct Options {
-  std::string robot, interface = "vcan0", lcm_url, scenario, extra_nodes;
-  std::vector<std::string> faults;
-  std::uint64_t seed = 1;
-};
-
 void Show(FaultListener& listener) {
   for (const std::string& line : listener.TakeLines()) fmt::print("tendril-plant: {}\n", line);
   std::fflush(stdout);
@@ -101,7 +93,7 @@ std::vector<int> ExtraNodes(const std::string& list, const ActuationParameters& 
   }
 }
 
-void Run(const Options& options) {
+void Run(const PlantOptions& options) {
   const std::vector<FaultOrder> faults = AsUse([&] { return ReadFaults(options.faults); });
   const std::vector<FaultOrder> scenario =
       options.scenario.empty() ? std::vector<FaultOrder>{} : ReadScenario(options.scenario);
@@ -197,44 +189,13 @@ void Run(const Options& options) {
 }  // namespace tendril::tools
 
 int main(int argc, char** argv) {
-  tendril::tools::Options options;
-  CLI::App app{
-      "tendril-plant: emulated drives and a simulated robot on a CAN interface, in real time.\n"
-      "Stands in for the rig: any CANopen master finds EPOS4 drives, whose motors move the robot of the "
-      "file.\n"
-      "Exit status: 0 stopped by Ctrl-C or SIGTERM, 1 the work failed, 2 wrong use.",
-      "tendril-plant"};
-  app.set_version_flag("--version",
-                       fmt::format("tendril-plant {} ({})", tendril::Version(), tendril::GitRevision()));
-  app.add_option("--robot", options.robot,
-                 "robot file with motors and drives, for example config/robots/rig_90mm.yaml")
-      ->required();
-  app.add_option("--can", options.interface, "CAN interface")->capture_default_str();
-  app.add_option(
-      "--lcm", options.lcm_url,
-      "LCM address, for example udpm://239.255.76.67:7667?ttl=0: publishes the tip on TENDRIL_TRACKER at the "
-      "tracker's rate, if the robot has one, and takes faults on TENDRIL_FAULT; without it neither");
-  app.add_option(
-         "--fault", options.faults,
-         "a fault to act out, may be repeated: a kind (drop, delay, duplicate, corrupt, die, reboot, "
-         "freeze, emcy, stop_heartbeat, stick_sensor, sto, bus_off), then the keys of a scenario, for "
-         "example \"drop node=2 probability=0.1 at_s=5 for_s=1\"")
-      ->allow_extra_args(false);
-  app.add_option("--scenario", options.scenario,
-                 "file with faults, for example config/scenarios/rough_minute.yaml");
-  app.add_option(
-      "--extra-nodes", options.extra_nodes,
-      "more drives beyond those of the robot file, for example 4-127: each turns a free motor like the "
-      "robot's first one, and faults can be ordered for it like for any other");
-  app.add_option("--seed", options.seed, "of the sensors' noise and of the faults' luck")
-      ->check(tendril::tools::Seed())
-      ->capture_default_str();
-  tendril::config::SettleCommandLine(app);
+  tendril::tools::PlantOptions options;
+  const std::unique_ptr<CLI::App> app = tendril::tools::MakePlantApp(options);
   try {
-    app.parse(argc, argv);
+    app->parse(argc, argv);
     tendril::tools::Run(options);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
+    return app->exit(e) == 0 ? 0 : 2;
   } catch (const std::exception& e) {
     fmt::print(stderr, "tendril-plant: {}\n", e.what());
     return 1;

@@ -1,8 +1,9 @@
-// One function a subcommand: adds itself to the app. A command's work throws std::exception with one clear line
-// (exit 1); UsageError means wrong use (exit 2).
+// One function a subcommand: adds itself to the app. A command's work throws std::exception with one clear
+// line (exit 1); UsageError means wrong use (exit 2).
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <memory>
 #include <stdexcept>
 
 namespace tendril::tools {
@@ -12,12 +13,15 @@ class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// The program's whole command line, ready to be parsed.
+std::unique_ptr<CLI::App> MakeApp();
+
 /// `tendril gap`, whose subcommands add themselves to it.
 inline CLI::App& GapCommand(CLI::App& app) {
   const auto there = app.get_subcommands([](const CLI::App* sub) { return sub->get_name() == "gap"; });
   if (!there.empty()) return *there.front();
-  CLI::App* gap = app.add_subcommand(
-      "gap", "The sim-to-real gap: where it lies, what causes it, how far it shrinks");
+  CLI::App* gap =
+      app.add_subcommand("gap", "The sim-to-real gap: where it lies, what causes it, how far it shrinks");
   gap->require_subcommand(1);
   return *gap;
 }

@@ -30,9 +30,6 @@ struct ExplainOptions {
   bool json = false;
 };
 
-constexpr const char* kStages[] = {"drive", "transmission", "body", "sensors"};
-constexpr const char* kScopes[] = {"robot", "tendon", "unit", "section"};
-
 std::string UnitOf(const sim::EffectParameter& p) { return gap::TextOf(p.name).unit; }
 
 /// Every `where` that the effect may have on this robot.
@@ -56,12 +53,6 @@ std::vector<sim::EffectParameter> ParametersOn(const Effect& e, const RobotParam
   return parameters;
 }
 
-std::string WhereTexts(const Effect& e) {
-  if (e.scope == sim::Scope::kRobot) return "all";
-  const std::string one = fmt::format("{}:NUMBER", kScopes[static_cast<int>(e.scope)]);
-  return e.on_all && e.on_one ? "all or " + one : e.on_one ? one : "all";
-}
-
 Json ToJson(const Effect& e, const RobotParameters* robot) {
   Json parameters = Json::array();
   for (const sim::EffectParameter& p : ParametersOn(e, robot)) {
@@ -76,10 +67,10 @@ Json ToJson(const Effect& e, const RobotParameters* robot) {
                           {"each", p.each}});
   }
   Json json{{"effect", e.name},
-            {"stage", kStages[static_cast<int>(e.stage)]},
+            {"stage", sim::StageName(e.stage)},
             {"cut", sim::CutName(e.cut)},
             {"cut_robot_side", sim::CutName(e.cut_robot_side)},
-            {"scope", kScopes[static_cast<int>(e.scope)]},
+            {"scope", sim::ScopeName(e.scope)},
             {"on_all", e.on_all},
             {"on_one", e.on_one},
             {"nuisance", e.nuisance},
@@ -104,7 +95,7 @@ void PrintTable() {
   for (const Effect& e : sim::Effects()) {
     if (stage != static_cast<int>(e.stage)) {
       stage = static_cast<int>(e.stage);
-      fmt::print("{}{}\n", e.name == sim::Effects().front().name ? "" : "\n", kStages[stage]);
+      fmt::print("{}{}\n", e.name == sim::Effects().front().name ? "" : "\n", sim::StageName(e.stage));
     }
     fmt::print("  {:<20} {}  {}\n", e.name, sim::CutName(e.cut), e.summary);
   }
@@ -138,12 +129,12 @@ void PrintOne(const Effect& e, const RobotParameters* robot) {
   const auto parameters = ParametersOn(e, robot);
   const gap::CutText& cut = gap::TextOf(e.cut);
   fmt::print("{}: {}\n\n", e.name, e.summary);
-  fmt::print("  part of        {}\n", kStages[static_cast<int>(e.stage)]);
+  fmt::print("  part of        {}\n", sim::StageName(e.stage));
   fmt::print("  shows first at {} {} ({} -> {})", sim::CutName(e.cut), cut.title, cut.from, cut.to);
   if (e.cut_robot_side != e.cut) {
     fmt::print("; at {} with a load cell on the robot's side", sim::CutName(e.cut_robot_side));
   }
-  fmt::print("\n  where          {}\n", WhereTexts(e));
+  fmt::print("\n  where          {}\n", sim::WhereText(e));
   fmt::print("  controller     {}\n", e.edit ? "can use it: it is a number of the robot file"
                                              : "does not know it: only the simulator has this law");
   if (e.nuisance)
@@ -154,7 +145,7 @@ void PrintOne(const Effect& e, const RobotParameters* robot) {
                p.typical, UnitOf(p).empty() ? "" : " " + UnitOf(p), p.shape ? "  (shape of the law)" : "");
     if (!p.each.empty()) {
       fmt::print("  {:<14} where=all: what {}s 2, 3, ... have of it beyond the first\n",
-                 fmt::format(fmt::runtime(p.each), 2) + ", ...", kScopes[static_cast<int>(e.scope)]);
+                 fmt::format(fmt::runtime(p.each), 2) + ", ...", sim::ScopeName(e.scope));
     }
   }
   PrintYardsticks(parameters, robot);
@@ -171,7 +162,7 @@ void PrintOne(const Effect& e, const RobotParameters* robot) {
         " {}={:.4g}", p.name,
         p.shape || p.nominal == 0 ? std::min(p.upper, p.nominal + p.typical) : p.nominal + p.typical);
   }
-  const std::string where = e.on_all ? "" : fmt::format(" where={}:1", kScopes[static_cast<int>(e.scope)]);
+  const std::string where = e.on_all ? "" : fmt::format(" where={}:1", sim::ScopeName(e.scope));
   fmt::print("\nTry it\n  tendril gap simulate --effect \"{}{}{}\" ...\n", e.name, where, values);
 }
 

@@ -5,13 +5,13 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "commands.h"
 #include "tendril/config/command_line.h"
-#include "tendril/core/version.h"
 
 namespace {
 
@@ -44,39 +44,14 @@ std::vector<std::string> WithLeadingZeros(int argc, const char* const* argv) {
 int main(int argc, char** argv) {
   // A file that may not grow further is an error of whoever writes it, as a full disk is.
   std::signal(SIGXFSZ, SIG_IGN);
-  CLI::App app{"Tendril: run, simulate and compute tendon-driven continuum robots", "tendril"};
-  app.set_version_flag("--version",
-                       fmt::format("tendril {} ({})", tendril::Version(), tendril::GitRevision()));
-  app.require_subcommand(1);
-  tendril::tools::AddCapstanCommand(app);
-  tendril::tools::AddCommissionCommand(app);
-  tendril::tools::AddCompareCommand(app);
-  tendril::tools::AddConfigCommand(app);
-  tendril::tools::AddDemoCommand(app);
-  tendril::tools::AddExciteCommand(app);
-  tendril::tools::AddFaultCommand(app);
-  tendril::tools::AddFollowCommand(app);
-  tendril::tools::AddGapApplyCommand(app);
-  tendril::tools::AddGapDiagnoseCommand(app);
-  tendril::tools::AddGapExplainCommand(app);
-  tendril::tools::AddGapImportCommand(app);
-  tendril::tools::AddGapReportCommand(app);
-  tendril::tools::AddGapSimulateCommand(app);
-  tendril::tools::AddHomeCommand(app);
-  tendril::tools::AddModelCommand(app);
-  tendril::tools::AddReplayCommand(app);
-  tendril::tools::AddReproduceCommand(app);
-  tendril::tools::AddRtCheckCommand(app);
-  tendril::tools::AddSendCommand(app);
-  tendril::tools::AddStatusCommand(app);
-  tendril::config::SettleCommandLine(app);
+  const std::unique_ptr<CLI::App> app = tendril::tools::MakeApp();
   try {
-    const std::vector<std::string> words = tendril::config::HelpAsOption(app, WithLeadingZeros(argc, argv));
+    const std::vector<std::string> words = tendril::config::HelpAsOption(*app, WithLeadingZeros(argc, argv));
     std::vector<const char*> pointers;
     for (const std::string& word : words) pointers.push_back(word.c_str());
-    app.parse(static_cast<int>(pointers.size()), pointers.data());
+    app->parse(static_cast<int>(pointers.size()), pointers.data());
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? CheckOutput() : 2;
+    return app->exit(e) == 0 ? CheckOutput() : 2;
   } catch (const tendril::tools::UsageError& e) {
     Complain("tendril: {}\n", e.what());
     return 2;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <span>
+#include <string_view>
 
 #include "tendril/core/cycle.h"
 
@@ -11,11 +12,11 @@ namespace tendril::control {
 class StateArchive;
 
 enum class Event : std::uint8_t {
-  kDrivesReady,    // every drive configured and answering
-  kDrivesEnabled,  // every drive in operation enabled
-  kPretensioned,   // tensions at the minimum and settled
-  kReleased,       // tensions ramped down to pretension
-  kHomed,          // every tendon taut at pretension
+  kDrivesReady,
+  kDrivesEnabled,
+  kPretensioned,
+  kReleased,
+  kHomed,
   kArm,
   kHome,
   kCommission,
@@ -24,6 +25,9 @@ enum class Event : std::uint8_t {
   kClear,
   kFault,
 };
+
+/// "every drive is enabled": what happened, as a clause.
+std::string_view EventText(Event event) noexcept;
 
 struct Transition {
   Mode from;

@@ -93,18 +93,20 @@ struct CycleInput {
 
 // ---- what the controller did with it -----------------------------------------------------------------------------
 
+/// What each means: ModeMeaning; how they follow each other: control/supervisor.h.
 enum class Mode : std::uint8_t {
-  kDisconnected,  // some drive is not configured yet. Leaves to Configured by itself.
-  kConfigured,    // drives ready, no torque. arm -> Armed, home -> Homing, commission -> Commissioning.
-  kArmed,         // drives being enabled. All enabled -> Pretension.
-  kPretension,    // tensions ramp to the minimum; then displacement is zeroed -> Running.
-  kRunning,       // follows commands. hold -> Hold, disarm -> SafeStop.
-  kHold,          // stops and stays, refuses targets. arm -> Running, disarm -> SafeStop.
-  kSafeStop,      // tensions ramp down to pretension, then drives are disabled -> Configured.
-  kFault,         // latched with its cause; as in SafeStop, then drives stay disabled. clear -> Disconnected.
-  kHoming,        // drives enabled, tendons wound in gently until each is taut, pretension, zero -> Hold.
-  kCommissioning, // drives enabled, single motors pull as commanded, gently. disarm or silence -> SafeStop.
+  kDisconnected,
+  kConfigured,
+  kArmed,
+  kPretension,
+  kRunning,
+  kHold,
+  kSafeStop,
+  kFault,
+  kHoming,
+  kCommissioning,
 };
+inline constexpr Mode kLastMode = Mode::kCommissioning;
 
 /// Desired motion of the sections, after limits.
 struct BendingReference {
@@ -172,6 +174,8 @@ struct CycleRecord {
 };
 
 std::string_view ModeText(Mode mode) noexcept;
+/// What the drives do in it, in a sentence.
+std::string_view ModeMeaning(Mode mode) noexcept;
 /// Why nothing can be armed while a drive is in this state; kOk where it is ready or still starting.
 Status WhyNotReady(DriveState state) noexcept;
 

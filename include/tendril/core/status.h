@@ -3,12 +3,12 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 namespace tendril {
 
-// X(name, number, "text", "remedy"). Blocks: 0 fine, 1xx output is limited, 2xx a command was refused,
-// 3xx degraded but running, 4xx faults that latch.
+// X(name, number, "text", "remedy"). Blocks of a hundred: see StatusBlocks().
 #define TENDRIL_STATUS_LIST(X)                                                                                      \
   X(Ok, 0, "ok", "")                                                                                                \
   X(LimitedBendingRate, 101, "bending rate limited by trajectory.max_rate_radps", "command a slower motion or raise the limit") \
@@ -102,6 +102,21 @@ enum class Status : std::uint16_t {
 std::string_view StatusText(Status status) noexcept;
 /// What to do about it; empty where nothing is needed.
 std::string_view StatusRemedy(Status status) noexcept;
+
+struct StatusEntry {
+  Status status{};
+  std::string_view name;  // "LimitedBending"
+};
+/// Every status, as the list above has them.
+std::span<const StatusEntry> Statuses() noexcept;
+
+/// Hundred numbers of one severity.
+struct StatusBlock {
+  int first = 0;
+  std::string_view title, meaning;
+};
+/// By rising number, which is rising severity.
+std::span<const StatusBlock> StatusBlocks() noexcept;
 
 /// Whether it tells why a robot is in its mode, where no command led there: faults, and what keeps it from being
 /// armed or ended its motion.

@@ -4,7 +4,9 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "tendril/core/robot.h"
@@ -67,7 +69,24 @@ void CompareWithBefore(DataSet& set, DataSet before);
 /// Another run is compared with this one.
 bool IsBefore(const DataSet& set, const Run& run);
 
-/// Canonical CSV (column names in README) of one run; as many digits as give the same number back, empty for
+/// What one canonical name of a CSV's columns stands for, or one key of runs.yaml.
+struct ColumnText {
+  std::string_view name;  // "tension_N_j": j counts tendons from 1, k sections
+  std::string_view unit;
+  std::string_view meaning;
+};
+std::span<const ColumnText> RunColumns();
+
+struct RunsKey {
+  std::string_view name;
+  bool of_a_run = true;  // false: of the whole file
+  std::string_view accepted;
+  std::string_view otherwise;  // what holds where the key is left out; empty: it must be there
+  std::string_view meaning;
+};
+std::span<const RunsKey> RunsFileKeys();
+
+/// Canonical CSV (columns: RunColumns) of one run; as many digits as give the same number back, empty for
 /// NaN.
 void WriteRun(const Run& run, const std::filesystem::path& file);
 /// robot.yaml, runs.yaml and one CSV a run.

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "tendril/gap/diagnosis.h"
 
@@ -21,6 +22,15 @@ std::string ReportJson(const Diagnosis& diagnosis);
 /// The inverse: ReportJson(ParseReport(t)) == t for every t that ReportJson made; null becomes NaN. Throws
 /// std::runtime_error naming the key that is missing or wrong.
 Diagnosis ParseReport(const std::string& json);
+
+/// A field of report.json, for the reference.
+struct ReportField {
+  std::string path;     // "location[].rms"
+  std::string type;     // "number or null"
+  std::string member;   // "CutFinding::rms", whose comment in diagnosis.h says what it is; or empty, and then
+  std::string meaning;  // says it
+};
+std::vector<ReportField> ReportFields();
 
 /// One HTML page that needs no other file and no network.
 std::string ReportPage(const Diagnosis& diagnosis);

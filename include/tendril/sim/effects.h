@@ -19,6 +19,8 @@ class PlantLaws;
 
 /// Part of the chain from command to tip that an effect belongs to.
 enum class Stage { kDrive, kTransmission, kBody, kSensor };
+/// "drive", "transmission", "body", "sensors".
+std::string_view StageName(Stage stage);
 
 /// A place in the chain where signals are measured on both sides, in chain order (C0..C6).
 enum class Cut {
@@ -36,6 +38,8 @@ std::string_view CutName(Cut cut);
 
 /// What one setting of an effect may be about.
 enum class Scope { kRobot, kTendon, kUnit, kSection };
+/// "robot", "tendon", "unit", "section".
+std::string_view ScopeName(Scope scope);
 
 /// Of the registry (Effect::parameters): with the values of the reference rig, from which those of a robot
 /// follow by the yardstick; of ParametersOf: with the robot's own.
@@ -109,6 +113,8 @@ class EffectError : public std::invalid_argument {
 /// std::invalid_argument with the accepted ones.
 Target ParseTarget(const Effect& effect, std::string_view where, const RobotParameters& robot);
 std::string TargetText(const Effect& effect, Target target);
+/// Every `where` that the effect may have on any robot: "all or tendon:NUMBER".
+std::string WhereText(const Effect& effect);
 
 /// "backlash where=tendon:2 rad=0.05" (the form of command lines) -> a setting, checked against the registry
 /// and the robot: unknown names, values out of bounds and missing primary parameters throw

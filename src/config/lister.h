@@ -1,0 +1,124 @@
+// The third use of the descriptions beside reader.h and writer.h: what each key means and accepts, as a list.
+// Knows nothing of robots.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <concepts>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "reader.h"
+#include "tendril/config/keys.h"
+
+namespace tendril::config {
+
+class Lister {
+ public:
+  static constexpr bool kReading = false, kListing = true;
+
+  /// Adds to `keys`, all below `prefix` ("bus."). `defaults`: the values in the structs stand for a missing
+  /// block.
+  Lister(std::vector<Key>& keys, std::string prefix, bool defaults = false)
+      : keys_(keys), prefix_(std::move(prefix)), defaults_(defaults) {}
+
+  /// The next key may be left out, and then this holds.
+  void MayBeLeftOut(std::string_view otherwise) { otherwise_ = otherwise; }
+  void MayBeLeftOut(double otherwise) { otherwise_ = fmt::format("{}", otherwise); }
+  /// The next block may be left out, and then its struct holds as it is.
+  void BlockMayBeLeftOut() {
+    MayBeLeftOut("the values given at its keys");
+    block_has_defaults_ = true;
+  }
+
+  void Number(std::string_view key, double& value, Range range, std::string_view meaning) {
+    Add(key, meaning, RangeText("", range), fmt::format("{}", value));
+  }
+  template <std::integral T>
+  void Integer(std::string_view key, T& value, Range range, std::string_view meaning) {
+    Add(key, meaning, "whole number " + RangeText("", range), fmt::format("{}", value));
+  }
+  void Identifier(std::string_view key, std::uint32_t&, std::string_view meaning) {
+    Add(key, meaning, kIdentifier);
+  }
+  void Flag(std::string_view key, bool&, std::string_view meaning) { Add(key, meaning, "true, false"); }
+  void Text(std::string_view key, std::string&, const TextRule& rule, std::string_view meaning) {
+    Add(key, meaning, rule.accepted);
+  }
+  template <class E>
+  void Choice(std::string_view key, E&, Choices<E> choices, std::string_view meaning) {
+    std::string names;
+    for (const auto& choice : choices) names += (names.empty() ? "" : ", ") + std::string(choice.first);
+    Add(key, meaning, names);
+  }
+  void Numbers(std::string_view key, std::vector<double>&, Range range, Range count,
+               std::string_view meaning) {
+    Add(key, meaning, CountText(count, "numbers") + ", each " + RangeText("", range));
+  }
+  void Integers(std::string_view key, std::vector<long long>&, Range range, Range, std::string_view meaning) {
+    Add(key, meaning, "a list of whole numbers, each " + RangeText("", range));
+  }
+  void Identifiers(std::string_view key, std::vector<std::uint32_t>&, Range count, std::string_view meaning) {
+    Add(key, meaning, CountText(count, "numbers") + fmt::format(", each {}", kIdentifier));
+  }
+
+  template <class T>
+  void Block(std::string_view key, T& value, std::string_view meaning) {
+    const bool defaults = std::exchange(block_has_defaults_, false);
+    Group(
+        key, meaning, [&](Lister& inside) { Describe(inside, value); }, defaults);
+  }
+  template <class T>
+  void OptionalBlock(std::string_view key, std::optional<T>& value, std::string_view meaning) {
+    MayBeLeftOut("none");
+    Block(key, value.emplace(), meaning);
+  }
+  template <class T>
+  void List(std::string_view key, std::vector<T>&, Range count, std::string_view meaning) {
+    Add(key, meaning, CountText(count, "entries")).kind = Key::Kind::kList;
+    T entry;
+    Lister inside(keys_, fmt::format("{}{}[].", prefix_, key));
+    Describe(inside, entry);
+  }
+  /// A block whose keys `describe(Lister&)` lists.
+  template <class F>
+  void Group(std::string_view key, std::string_view meaning, const F& describe, bool defaults = false) {
+    Add(key, meaning, "").kind = Key::Kind::kBlock;
+    Lister inside(keys_, fmt::format("{}{}.", prefix_, key), defaults);
+    describe(inside);
+  }
+  /// A mapping whose keys are the writer's choice.
+  void Mapping(std::string_view key, std::string_view accepted, std::string_view meaning) {
+    Add(key, meaning, accepted).kind = Key::Kind::kMapping;
+  }
+  void Check(bool, std::string_view, const std::string&) {}
+
+ private:
+  static constexpr std::string_view kIdentifier = "0x00000000 .. 0xFFFFFFFF";
+
+  static std::string CountText(Range count, std::string_view what) {
+    return count.min == count.max ? fmt::format("{} {}", count.min, what)
+                                  : fmt::format("{} .. {} {}", count.min, count.max, what);
+  }
+  Key& Add(std::string_view key, std::string_view meaning, std::string_view accepted,
+           const std::string& value = "") {
+    return keys_.emplace_back(Key{.path = prefix_ + std::string(key),
+                                  .meaning = std::string(meaning),
+                                  .accepted = std::string(accepted),
+                                  .unit = UnitOfKey(key),
+                                  .otherwise = std::exchange(otherwise_, std::nullopt),
+                                  .without_block = defaults_ ? value : ""});
+  }
+
+  std::vector<Key>& keys_;
+  std::string prefix_;
+  bool defaults_ = false, block_has_defaults_ = false;
+  std::optional<std::string> otherwise_;
+};
+
+}  // namespace tendril::config
