@@ -106,10 +106,10 @@ std::string OutOfRangeText(const Command& c, const RobotParameters& robot) {
       }
     }
   }
-  if (c.kind != CommandKind::kTension && c.valid_for_ns > control::kUnwatched_ns) {
+  if (c.kind != CommandKind::kTension && c.valid_for_ns > control::kLongestUnattended_ns) {
     return fmt::format(
         "a moving target would hold for {:g} s; accepted: up to {:g}; send the next before that",
-        ToSeconds(c.valid_for_ns), ToSeconds(control::kUnwatched_ns));
+        ToSeconds(c.valid_for_ns), ToSeconds(control::kLongestUnattended_ns));
   }
   return {};
 }

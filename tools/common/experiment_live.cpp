@@ -30,7 +30,7 @@ BendingVector RestBend(const RobotParameters& robot) {
   BendingVector rest_rad = BendingVector::Zero(2 * static_cast<int>(robot.body.sections.size()));
   if (model::PullsEveryWay(robot.body)) return rest_rad;
   const model::Body body(robot.body);
-  control::NearestHeld(body, robot.limits.min_tension_N, robot.limits.max_tension_base_N).Bring(rest_rad);
+  control::NearestHeld(body, robot.limits.min_tension_N, robot.limits.max_tension_base_N).Project(rest_rad);
   return rest_rad;
 }
 

@@ -26,7 +26,8 @@ struct Instant {
 };
 
 LimitParameters Led(LimitParameters limits) {
-  limits.max_tension_base_N = std::max(control::kLedShare * limits.max_tension_base_N, limits.min_tension_N);
+  limits.max_tension_base_N =
+      std::max(control::kCommandedTensionShare * limits.max_tension_base_N, limits.min_tension_N);
   return limits;
 }
 
@@ -76,13 +77,13 @@ class Check {
     body_.InverseDynamics(q_, dq_, ddq_, force_Nm_, workspace_);
     body_.ProjectForce(force_Nm_, wanted_Nm_);
     model::SectionForcePerTension(body_, at.bending_rad, per_tension_);
-    const double most_N = control::kLedShare * limits.max_tension_base_N;
+    const double most_N = control::kCommandedTensionShare * limits.max_tension_base_N;
     const auto allocated = allocator_.Allocate(per_tension_, wanted_Nm_, limits.min_tension_N, most_N);
     BendingVector held_rad = at.bending_rad;
     if (reach_.Limit(held_rad) == Status::kLimitedDirection) return model::HeldDirections(robot_.body);
     if (allocated.bound == Status::kLimitedTensionMax) {
       return fmt::format("a tendon needs more than {:.3g} N at the base ({:g} of limits.max_tension_base_N)",
-                         most_N, control::kLedShare);
+                         most_N, control::kCommandedTensionShare);
     }
     for (int j = 0; j < body_.tendons(); ++j) {
       const auto& t = robot_.actuation->tendons[static_cast<std::size_t>(j)];
