@@ -1,5 +1,5 @@
-// The CAN bus in memory: one ring of frames a port, filled in the order of sending.
-// Knows no socket and no time but the clock it was given.
+// The CAN bus in memory: one ring of frames per port, filled in the order of sending. Knows no socket and no
+// time but the clock it was given.
 #include "tendril/can/memory_bus.h"
 
 #include <algorithm>
@@ -81,8 +81,8 @@ class MemoryBus::Port final : public CanPort {
   static constexpr std::size_t kCapacity = 8192;
   State& bus_;
   std::vector<StampedFrame> ring_;
-  std::size_t head_ = 0, tail_ = 0;  // of everything ever, taken modulo the capacity
-  bool off_ = false;                 // as the last error frame said
+  std::size_t head_ = 0, tail_ = 0;  // running counts, taken modulo the capacity
+  bool off_ = false;                 // state of the last error frame
   CanCounters counters_;
 };
 
