@@ -62,7 +62,7 @@ bool RefuseHangups() {
   if (hangups > 0) {
     hangups = 0;
     if (Daemon* daemon = running.load()) {
-      daemon->Tell(Status::kDegraded,
+      daemon->Log(Status::kDegraded,
                    "SIGHUP refused: limits and guards of a robot under tension are not exchanged; disarm and "
                    "restart the daemon to read its files anew");
     }

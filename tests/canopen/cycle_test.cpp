@@ -184,10 +184,9 @@ TEST(Feedback, ShortTpdoIsRefusedAndTold) {
   rig.Steps(5);
   EXPECT_EQ(rig.master.feedback(0).age_cycles, 5);
   EXPECT_NE(rig.master.feedback(0).position_counts, 99);
-  EXPECT_THAT(
-      rig.Texts(Status::kFrameMalformed),
-      ElementsAre("node 1: TPDO 0x181 ignored: 6 bytes, 63 00 00 00 00 00, where 8 with known contents "
-                  "belong (1 such frames since start)"));
+  EXPECT_THAT(rig.Texts(Status::kFrameMalformed),
+              ElementsAre("node 1: TPDO 0x181 ignored: 6 bytes, 63 00 00 00 00 00, expected 8 with known "
+                          "contents (1 such frames since start)"));
 }
 
 TEST(Frames, MalformedOnesAreCountedAndToldOnceASecond) {

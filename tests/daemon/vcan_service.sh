@@ -142,7 +142,7 @@ said "warning: .*process $second, .* disarmed, and nothing is armed" || give_up 
 arm_is_refused
 said "configured -> armed" && give_up "the first obeyed what was meant for the second"
 stop $second "second daemon"
-until_true 10 said "process $second, .*fell silent" || give_up "the first does not notice that it is alone"
+until_true 10 said "process $second, .*is silent" || give_up "the first does not notice that it is alone"
 arm
 disarm
 
