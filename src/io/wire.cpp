@@ -51,7 +51,7 @@ void Number(To& to, From from) {
   to = static_cast<To>(from);
 }
 
-// A validity that no integer can hold becomes one that the gate refuses.
+// A validity beyond the integer's range becomes one that the gate refuses.
 TimeNs ToNs(double seconds) {
   if (std::isnan(seconds)) return 0;
   constexpr double kLongS = 1e9;
@@ -76,7 +76,7 @@ std::string TooMany(const char* what, int n, int most) {
          " are possible";
 }
 
-// Readers of YAML pass over it.
+// YAML readers ignore it.
 const std::string kDaemonLine = "# daemon: ";
 
 std::int64_t EpochUs() {
