@@ -1,4 +1,4 @@
-// Effect: the tendon goes on stretching under load.
+// Effect: the tendon creeps under load.
 #include <cmath>
 
 #include "common.h"
