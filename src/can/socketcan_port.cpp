@@ -317,8 +317,8 @@ int SocketCanPort::State::Take(std::span<StampedFrame> frames) noexcept {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
     const TimeNs time_ns = NoteControl(&headers[i].msg_hdr);
-    headers[i].msg_hdr.msg_controllen =
-        sizeof(slots[i].control);  // the kernel overwrote it with the length used
+    // The kernel overwrote it with the length used.
+    headers[i].msg_hdr.msg_controllen = sizeof(slots[i].control);
     if (headers[i].msg_len == CAN_MTU) NoteFrame(&frames[kept++], slots[i].frame, time_ns);
   }
   return static_cast<int>(kept);

@@ -19,8 +19,8 @@ constexpr TimeNs kWalk_ns = 2000 * kNsPerMs;        // from a request to operati
 constexpr TimeNs kDisable_ns = 500 * kNsPerMs;  // from a request to disabled; then NMT takes the power away
 constexpr TimeNs kFaultReset_ns = 1000 * kNsPerMs;
 constexpr TimeNs kStopAgain_ns = 200 * kNsPerMs;  // NMT stop is unacknowledged, and may get lost
-constexpr TimeNs kStatusRefresh_ns =
-    200 * kNsPerMs;  // a lost statusword TPDO is replaced by a read after this
+// A lost statusword TPDO is replaced by a read after this.
+constexpr TimeNs kStatusRefresh_ns = 200 * kNsPerMs;
 // A restarted drive answers no SYNC. Three answers, because the fault injector may delay one or two.
 constexpr int kAnswersAfterBootUp = 3, kSyncsAfterBootUp = 5;
 // Consecutive requests answered twice alike: duplication of a single frame is rare, of eight in a row it is

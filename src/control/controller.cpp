@@ -304,8 +304,7 @@ struct Controller::Impl {
   TendonVector last_reference_N, last_reference_m;  // references of the last cycle
   TendonVector shown_m;                             // displacement in the last cycle
   std::array<bool, kMaxTendons> lost{};             // tendons without tension, after a fault
-  std::array<double, kMaxTendons> last_fed_back_Nm{},
-      fed_back_at_N{};                                   // last, and the tension commanded then
+  std::array<double, kMaxTendons> last_fed_back_Nm{}, fed_back_at_N{};  // last, and the tension then
   std::array<double, kMaxTendons> permille_left_over{};  // rounding remainder of the torque sent
   std::array<std::int16_t, kMaxTendons> sent_permille{};
   bool joined = false;        // tension_N follows its source without the ramp

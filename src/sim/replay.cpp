@@ -315,8 +315,8 @@ struct Replay::Impl {
         if (s.load_cell == LoadCellPlace::kRobotSide) tension = drive[At(j)].BaseTension(0, motion, tension);
         return Read(j, tension, 0);
       };
-      double loose = kFirst_rad,
-             tight = -kFirst_rad;  // subtracted angles: one gives a lower reading, one a higher
+      // Subtracted angles: one gives a lower reading, one a higher.
+      double loose = kFirst_rad, tight = -kFirst_rad;
       while (reads(loose) > reading[j] && loose < kMost_rad) loose *= 2;
       while (reads(tight) < reading[j] && tight > -kMost_rad) tight *= 2;
       if (!(reads(loose) < reading[j] && reads(tight) > reading[j])) continue;

@@ -67,8 +67,8 @@ class BlackBox {
   io::RunInfo run_;
   std::int64_t epoch_offset_us_;
   std::size_t block_cycles_, state_bytes_;
-  std::atomic<Phase> phase_{
-      Phase::kRecording};  // kFull: the members below belong to the writer, else to the real-time thread
+  // kFull: the members below belong to the writer, else to the real-time thread.
+  std::atomic<Phase> phase_{Phase::kRecording};
 
   std::vector<CycleRecord> records_;
   std::vector<Snapshot> snapshots_;  // one per block, as are the bytes

@@ -28,8 +28,8 @@ Effect CellGain() {
           [](RobotParameters& robot, Target target, std::span<const double> v) {
             ForTendons(robot, target, [&](TendonDriveParameters& tendon) {
               tendon.load_cell.gain_VpN *= v[0];
-              tendon.load_cell.offset_N /=
-                  v[0];  // offset in volts of an amplifier, independent of the gain before it
+              // Offset in volts of an amplifier, independent of the gain before it.
+              tendon.load_cell.offset_N /= v[0];
             });
           },
   };

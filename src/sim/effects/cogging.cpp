@@ -65,8 +65,8 @@ Effect Cogging() {
       .confusable = {"stribeck", "motor_coulomb"},
       .add =
           [](PlantLaws& laws, const RobotParameters&, Target target, std::span<const double> v) {
-            std::size_t motor =
-                2;  // v[2]: phase of the first motor; then each further motor's phase relative to it
+            // v[2]: phase of the first motor; then each further motor's phase relative to it.
+            std::size_t motor = 2;
             ForTarget(laws.tendon, target, [&](TendonLaws& tendon) {
               const double beyond_rad = motor == 2 ? 0 : v[motor];
               tendon.shaft.push_back(std::make_shared<Ripple>(v[0], v[1], v[2] + beyond_rad));

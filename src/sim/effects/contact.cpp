@@ -102,8 +102,8 @@ Effect Contact() {
                       .of = Yardstick::kLength},
                      {.name = "angle_rad",
                       .nominal = 0,
-                      .lower =
-                          -2 * std::numbers::pi,  // wider than one turn, so that no search ends at the wrap
+                      // Wider than one turn, so that no search ends at the wrap.
+                      .lower = -2 * std::numbers::pi,
                       .upper = 2 * std::numbers::pi,
                       .typical = 0.3,
                       .shape = true,
