@@ -19,7 +19,7 @@ namespace {
 constexpr double kLook_s = 0.002;
 constexpr int kMostLooks = 50000;
 
-// One instant of a motion: bending, its rates, and how fast each tendon's path shortens.
+// One instant of a motion: bending, its rates, and the rate at which each tendon's path shortens.
 struct Instant {
   Eigen::VectorXd bending_rad, rate_radps, acceleration_radps2;
   TendonVector shortening_mps, shortening_mps2;
