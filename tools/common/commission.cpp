@@ -322,7 +322,7 @@ class Procedure {
             "with a dead encoder",
             "free gear and spool; check the motor's leads and brake, and the encoder's cable; then turn the "
             "motor by "
-            "hand and look whether `tendril status` shows it");
+            "hand and check that `tendril status` shows it");
       }
       return;
     }
@@ -400,7 +400,7 @@ class Procedure {
   void ConcludeDirection(DriveFinding& f, const Say& say) {
     if (std::isnan(f.seen_angle_rad)) {
       say("direction?",
-          "nothing tells where the robot bends to when it pulls: the order of the drives is not shown",
+          "the direction in which it bends the robot is unknown: the order of the drives is not verified",
           "run a tracker (tracker_t on PREFIX_TRACKER), answer at the prompt, or give --seen with the "
           "directions in "
           "degrees");
@@ -543,7 +543,7 @@ std::string PatchNodes(const std::string& text, const std::string& path,
     throw std::runtime_error(
         path +
         ": bus.nodes is not written as a line `- {node_id: N, tendon: M}` a node; change it by "
-        "hand as said above");
+        "hand as stated above");
   }
   return out;
 }

@@ -619,7 +619,7 @@ MatrixXd Own(Reach& reach, const PlannedRun& run, const RobotParameters& robot,
     }
     const VectorXd to = Eigen::Map<const VectorXd>(w.value.data(), columns);
     if (!tension && !reach.Pulled(to)) {
-      throw std::invalid_argument(fmt::format("{}: the bend at t_s = {} is none that is held: {}; change it",
+      throw std::invalid_argument(fmt::format("{}: the bend at t_s = {} cannot be held: {}; change it",
                                               run.family, w.t_s, model::HeldDirections(robot.body)));
     }
     if (!tension && !reach.Allowed(to, reach.least_N(), false)) {

@@ -27,11 +27,10 @@ struct Waypoint {
 /// One experiment of a plan.
 struct PlannedRun {
   std::string family;
-  double amplitude_rad =
-      0;                   // requested bend of the whole robot; reduced where the tensions would not allow it
-  double duration_s = 0;   // of the recorded run, including the initial rest
-  int repeats = 0;         // identical repetitions in addition to the run itself
-  std::uint64_t seed = 1;  // of the multisine's phases
+  double amplitude_rad = 0;  // requested bend of the whole robot; reduced where tensions limit it
+  double duration_s = 0;     // of the recorded run, including the initial rest
+  int repeats = 0;           // identical repetitions in addition to the run itself
+  std::uint64_t seed = 1;    // of the multisine's phases
   enum class Targets { kFamily, kBending, kTension } targets = Targets::kFamily;
   std::vector<Waypoint> waypoints;  // empty for a known family
   std::string where{};              // "plan.yaml:3"; empty for built-in plans

@@ -305,7 +305,7 @@ ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std
   planned(tension && controller.pretension_ramp_Nps < kBriskTension_Nps
               ? fmt::format(
                     "the daemon moves tension targets at {} N/s only (controller.pretension_ramp_Nps): quick "
-                    "experiments are blunted; {} N/s or more let them through",
+                    "experiments are distorted; set {} N/s or more",
                     controller.pretension_ramp_Nps, kBriskTension_Nps)
               : "");
   const std::vector<NamedRun> names = NameRuns(plan);

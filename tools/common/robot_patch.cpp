@@ -523,9 +523,9 @@ RobotPatch PatchRobot(const std::string& text, const std::string& path,
   patch.robot = config::ParseRobot(patch.text, path + " with the effects");
   if (const double difference = RobotDifference(patch.robot, expected); !(difference <= kSame)) {
     throw std::runtime_error(
-        fmt::format("{}: the effects could not be worked into this file's layout (a number would differ by "
+        fmt::format("{}: the effects could not be folded into this file's layout (a number would differ by "
                     "{:.1g}); write every "
-                    "key on a line of its own, as `tendril config check` prints it",
+                    "key on its own line, as `tendril config check` prints it",
                     path, difference));
   }
   return patch;
