@@ -187,7 +187,7 @@ struct SocketCanPort::State {
   void SizeReceiveBuffer(int bytes) const;
   template <typename T>
   void SetOption(int level, int option, const T& value, const char* what) const;
-  int Take(std::span<StampedFrame> frames) noexcept;
+  int ReceiveBatch(std::span<StampedFrame> frames) noexcept;
   void NoteFrame(StampedFrame* out, const can_frame& raw, TimeNs time_ns) noexcept;
   TimeNs NoteControl(msghdr* header) noexcept;
   void NoteSent(const CanFrame& frame) noexcept;
@@ -306,9 +306,9 @@ void SocketCanPort::State::NoteFrame(StampedFrame* out, const can_frame& raw, Ti
   }
 }
 
-int SocketCanPort::State::Take(std::span<StampedFrame> frames) noexcept {
-  const auto wanted = static_cast<unsigned>(std::min<std::size_t>(frames.size(), kBatch));
-  const int n = recvmmsg(fd.get(), headers.data(), wanted, MSG_DONTWAIT, nullptr);
+int SocketCanPort::State::ReceiveBatch(std::span<StampedFrame> frames) noexcept {
+  const auto requested = static_cast<unsigned>(std::min<std::size_t>(frames.size(), kBatch));
+  const int n = recvmmsg(fd.get(), headers.data(), requested, MSG_DONTWAIT, nullptr);
   if (n <= 0) {
     if (n < 0) NoteError(errno);
     return 0;
@@ -396,7 +396,7 @@ int SocketCanPort::Receive(std::span<StampedFrame> frames) noexcept {
   if (state_->link_down) state_->LookForLink();
   std::size_t taken = 0;
   while (taken < frames.size()) {
-    const int n = state_->Take(frames.subspan(taken));
+    const int n = state_->ReceiveBatch(frames.subspan(taken));
     taken += static_cast<std::size_t>(n);
     if (n < kBatch) break;
   }

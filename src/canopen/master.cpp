@@ -259,9 +259,8 @@ void Master::State::ReportRefused(TimeNs now_ns, const char* format, ...) noexce
 }
 
 void Master::State::SendSync(TimeNs now_ns) noexcept {
-  const bool wanted =
-      std::any_of(nodes.begin(), nodes.end(), [](const auto& node) { return node->started(); });
-  if (!wanted || watch.down() || !Send(SyncFrame(), now_ns)) return;
+  const bool due = std::any_of(nodes.begin(), nodes.end(), [](const auto& node) { return node->started(); });
+  if (!due || watch.down() || !Send(SyncFrame(), now_ns)) return;
   for (auto& node : nodes) node->OnSync();
 }
 

@@ -245,10 +245,10 @@ struct Controller::Impl {
   void ReportFault(const CycleInput& input, CycleOutput& output) const noexcept;
   bool TensionsRampDown(const CycleInput& input) const noexcept;
   int SlackTendon(const CycleOutput& output) const noexcept;
-  double Bounded(int tendon, double fed_back_Nm, double measured_N, const DriveFeedForward::Result& commanded,
-                 Status& status) noexcept;
+  double LimitTorque(int tendon, double fed_back_Nm, double measured_N,
+                     const DriveFeedForward::Result& commanded, Status& status) noexcept;
   bool Rests(const CycleOutput& output) noexcept;
-  std::int16_t Rounded(int tendon, double permille, std::int16_t sent) const noexcept;
+  std::int16_t RoundTorque(int tendon, double permille, std::int16_t sent) const noexcept;
   bool LostTendon(int tendon, const CycleOutput& output) noexcept;
   /// Records a status, and separately the most severe one.
   static void Report(CycleOutput& output, Status status) noexcept {
@@ -609,12 +609,12 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output, b
     // Motion must not start on a zero of slack tendons: the minimum tension does not turn motors to take up
     // what unwound when a drive lost power under tension. Friction alone unwinds less when a robot is
     // released.
-    const int hangs = may_be_slack ? SlackTendon(output) : 0;
-    if (hangs == 0) {
+    const int slack_tendon = may_be_slack ? SlackTendon(output) : 0;
+    if (slack_tendon == 0) {
       changed = supervisor.Handle(Event::kPretensioned);
     } else if (over_settled_ns >= kTautWithin_ns) {
       changed = supervisor.Handle(Event::kFault, Status::kTendonSlack);
-      output.blamed_tendon = hangs;
+      output.blamed_tendon = slack_tendon;
     }
   }
   if (goes_on() && before == Mode::kHoming && engaged && take_up.homed()) {
@@ -1011,12 +1011,13 @@ double Controller::Impl::FeedbackTorque(int j, const CycleInput& input, const Cy
                                         const DriveFeedForward::Result& commanded) noexcept {
   const bool acts = controls_shape();
   const bool at_motor = robot.actuation->tendons[j].load_cell.place == LoadCellPlace::kMotorSide;
-  const double fed_back = feedback[j].Step(input.drive[j], output.tension_measured_N[j],
-                                           {.cell_N = at_motor ? commanded.tension_motor_N : tension_N[j],
-                                            .motor_velocity_radps = commanded.motor_velocity_radps,
-                                            .unsure_N = at_motor ? FrictionUncertainty_N(j, commanded) : 0,
-                                            .rests = rests},
-                                           acts);
+  const double fed_back =
+      feedback[j].Step(input.drive[j], output.tension_measured_N[j],
+                       {.cell_N = at_motor ? commanded.tension_motor_N : tension_N[j],
+                        .motor_velocity_radps = commanded.motor_velocity_radps,
+                        .uncertainty_N = at_motor ? FrictionUncertainty_N(j, commanded) : 0,
+                        .rests = rests},
+                       acts);
   if (acts) {
     last_fed_back_Nm[j] = fed_back;
     fed_back_at_N[j] = tension_N[j];
@@ -1033,13 +1034,13 @@ double Controller::Impl::FeedbackTorque(int j, const CycleInput& input, const Cy
 // Limits the torque to the drive's current, and from below to what leaves the tendon without tension, unless
 // the motion pays out or the cell shows more than its own error: otherwise a small cell offset would unwind
 // the spool. The feedback is informed of the saturation.
-double Controller::Impl::Bounded(int j, double fed_back_Nm, double measured_N,
-                                 const DriveFeedForward::Result& commanded, Status& status) noexcept {
+double Controller::Impl::LimitTorque(int j, double fed_back_Nm, double measured_N,
+                                     const DriveFeedForward::Result& commanded, Status& status) noexcept {
   const TendonDriveParameters& drive = robot.actuation->tendons[j];
   const double most_Nm = compensation[j].max_torque_Nm();
   const double unpulled_Nm = commanded.unloaded_Nm - kPaidOut * drive.motor.coulomb_friction_Nm;
-  const double sure_Nm = drive.SpoolTravelPerMotorRad() * std::max(0., measured_N - kCellDoubt_N);
-  const double least_Nm = std::max(-most_Nm, std::min(commanded.torque_Nm, unpulled_Nm) - sure_Nm);
+  const double certain_Nm = drive.SpoolTravelPerMotorRad() * std::max(0., measured_N - kCellDoubt_N);
+  const double least_Nm = std::max(-most_Nm, std::min(commanded.torque_Nm, unpulled_Nm) - certain_Nm);
   const double torque_Nm = commanded.torque_Nm + fed_back_Nm;
   const double bounded_Nm = std::clamp(torque_Nm, least_Nm, most_Nm);
   feedback[j].Limited(torque_Nm - bounded_Nm);
@@ -1062,8 +1063,8 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
       r = commanded;
       most_rotor_N = std::max(most_rotor_N, std::abs(commanded.rotor_N));
       if (!feedback.empty())
-        r.torque_Nm = Bounded(j, FeedbackTorque(j, input, output, commanded), output.tension_measured_N[j],
-                              commanded, r.status);
+        r.torque_Nm = LimitTorque(j, FeedbackTorque(j, input, output, commanded),
+                                  output.tension_measured_N[j], commanded, r.status);
     } else {
       r = compensation[j].Step(tension_N[j], output.displacement_desired_m[j], moving);
     }
@@ -1090,7 +1091,7 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
   for (int j = 0; j < tendons; ++j) {
     const double permille =
         powered ? output.torque_desired_Nm[j] / robot.actuation->tendons[j].drive.rated_torque_Nm * 1000 : 0;
-    output.torque_target_permille[j] = Rounded(j, permille, sent_permille[j]);
+    output.torque_target_permille[j] = RoundTorque(j, permille, sent_permille[j]);
     const bool carried = uses_equilibrium && !rests && permille != 0;
     const double left_over = permille + permille_left_over[j] - output.torque_target_permille[j];
     permille_left_over[j] = carried ? std::clamp(left_over, -0.5, 0.5) : 0;
@@ -1121,7 +1122,7 @@ bool Controller::Impl::Rests(const CycleOutput& output) noexcept {
 // While the robot moves, the rounding remainder carries over to the next cycle: one torque step on the bus is
 // 14 mN of tendon tension here, and the mean over a few cycles matters. At rest this dither would shake the
 // robot through its dry friction, so the target is held until it differs by more than rounding and noise.
-std::int16_t Controller::Impl::Rounded(int tendon, double permille, std::int16_t sent) const noexcept {
+std::int16_t Controller::Impl::RoundTorque(int tendon, double permille, std::int16_t sent) const noexcept {
   permille = std::clamp(permille, -32767., 32767.);
   if (!uses_equilibrium) return static_cast<std::int16_t>(std::lround(permille));
   if (rests && permille != 0 && std::abs(permille - sent) < kHeldPermille) return sent;

@@ -64,9 +64,9 @@ double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, c
   const double off_N = then.cell_N - measured_N;
   // Uncertain friction cannot explain a slack tendon.
   const bool slack = measured_N < kSlackShare * then.cell_N;
-  const double unsure_N = slack ? 0 : then.unsure_N;
-  const double sure_N = std::copysign(std::max(0.0, std::abs(off_N) - unsure_N), off_N);
-  error_N_ += cell_share_ * (sure_N - error_N_);
+  const double uncertainty_N = slack ? 0 : then.uncertainty_N;
+  const double certain_N = std::copysign(std::max(0.0, std::abs(off_N) - uncertainty_N), off_N);
+  error_N_ += cell_share_ * (certain_N - error_N_);
   const double velocity_radps = moved * rad_per_count_ / period_s_;
   velocity_error_radps_ +=
       velocity_share_ * (then.motor_velocity_radps - velocity_radps - velocity_error_radps_);
@@ -89,7 +89,7 @@ void TensionFeedback::Archive(StateArchive& a) noexcept {
   for (Reference& w : reference_) {
     a.Value(w.cell_N);
     a.Value(w.motor_velocity_radps);
-    a.Value(w.unsure_N);
+    a.Value(w.uncertainty_N);
     a.Value(w.rests);
   }
   for (double* v : {&error_N_, &integral_N_, &velocity_error_radps_, &limited_}) a.Value(*v);

@@ -105,11 +105,11 @@ std::string CommissioningProblem(const RobotParameters& robot, const DaemonParam
   const std::string path = RecordPath(daemon);
   std::ifstream file(path);
   if (!file) return fmt::format("{} was never commissioned: {} is not there; {}", robot.name, path, kRemedy);
-  const std::string wanted = kWiringKey + WiringHash(robot, daemon.bus);
+  const std::string expected = kWiringKey + WiringHash(robot, daemon.bus);
   bool names_wiring = false;
   for (std::string line; std::getline(file, line);) {
     names_wiring = names_wiring || line.starts_with(kWiringKey);
-    if (line != wanted) continue;
+    if (line != expected) continue;
     const std::string damage = Damage(daemon);
     if (damage.empty()) return {};
     return fmt::format("{} is damaged: {}; {}", path, damage, kRemedy);

@@ -137,12 +137,12 @@ std::string WrongSizeText(const Command& c, const RobotParameters& robot) {
                        robot.body.tendons());
   }
   if (c.kind == CommandKind::kBending) {
-    const std::size_t wanted = 2 * robot.body.sections.size();
-    if (c.bending_rad.size() != static_cast<Eigen::Index>(wanted))
+    const std::size_t required = 2 * robot.body.sections.size();
+    if (c.bending_rad.size() != static_cast<Eigen::Index>(required))
       return fmt::format("{} bend value(s) given; accepted: {}, u and v of each section; give all",
-                         c.bending_rad.size(), wanted);
+                         c.bending_rad.size(), required);
     return fmt::format("{} rate(s) given; accepted: none, or {}, as many as bends; give all",
-                       c.bending_rate_radps.size(), wanted);
+                       c.bending_rate_radps.size(), required);
   }
   return {};
 }

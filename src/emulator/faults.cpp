@@ -72,7 +72,7 @@ class LateFrames {
   bool full() const { return frames_.size() >= kMostLate; }
   bool Due(TimeNs now_ns) const { return next_ns() <= now_ns; }
   TimeNs next_ns() const { return frames_.empty() ? kNever : frames_.front().time_ns; }
-  can::StampedFrame Take() {
+  can::StampedFrame Pop() {
     const can::StampedFrame frame = frames_.front();
     frames_.erase(frames_.begin());
     return frame;
@@ -159,7 +159,7 @@ void FaultInjector::Poll(TimeNs now_ns) {
   s.orders.erase(over, s.orders.end());
   for (const Order& order : ended) s.Apply(order);
   while (s.from_drives.Due(now_ns)) {
-    const can::CanFrame frame = s.from_drives.Take().frame;
+    const can::CanFrame frame = s.from_drives.Pop().frame;
     s.bus.Send(frame);
   }
 }
@@ -305,7 +305,7 @@ int FaultInjector::Receive(std::span<can::StampedFrame> frames) noexcept {
   // All frames are queued by arrival time, so that delayed frames and copies fit into any batch.
   std::array<can::StampedFrame, 64> batch;
   while (n < frames.size()) {
-    while (n < frames.size() && s.to_drives.Due(s.now_ns)) frames[n++] = s.to_drives.Take();
+    while (n < frames.size() && s.to_drives.Due(s.now_ns)) frames[n++] = s.to_drives.Pop();
     if (n == frames.size()) break;
     const int arrived = s.bus.Receive(batch);
     if (arrived == 0) break;

@@ -45,7 +45,7 @@ struct Client::State {
     for (lcm_subscription_t* s : subscriptions) lcm_unsubscribe(lcm->getUnderlyingLCM(), s);
   }
 
-  template <auto Message, auto Take>
+  template <auto Message, auto OnMessage>
   void Subscribe(const std::string& name) {
     subscriptions.push_back(lcm_subscribe(
         lcm->getUnderlyingLCM(), ChannelName(prefix, name).c_str(),
@@ -55,7 +55,7 @@ struct Client::State {
           self->*Message = {};
           // Messages of another version are ignored.
           if (!Decode(bytes->data, static_cast<int>(bytes->data_size), self->*Message)) return;
-          (self->*Take)();
+          (self->*OnMessage)();
         },
         this));
   }

@@ -102,11 +102,11 @@ struct Gateway::State {
       Complain(channel, "these bytes are not the message of this channel (compare the sender's lcm_types)");
       return;
     }
-    Take(channel, message, Arrival(*bytes));
+    Process(channel, message, Arrival(*bytes));
   }
 
   template <class Message>
-  void Take(const char* channel, const Message& message, TimeNs arrival_ns) {
+  void Process(const char* channel, const Message& message, TimeNs arrival_ns) {
     Command command;
     if (const std::string why = FromMessage(message, command); !why.empty()) {
       Complain(channel, why);
@@ -116,7 +116,7 @@ struct Gateway::State {
     if (command_sink) command_sink(command);
   }
 
-  void Take(const char* /*channel*/, const tendril_lcm::tracker_t& message, TimeNs /*arrival_ns*/) {
+  void Process(const char* /*channel*/, const tendril_lcm::tracker_t& message, TimeNs /*arrival_ns*/) {
     TrackerSample sample;
     sample.valid = message.valid != 0;
     sample.time_ns = OnOurClock(message.utime);
@@ -126,7 +126,7 @@ struct Gateway::State {
     if (tracker_sink) tracker_sink(sample);
   }
 
-  void Take(const char* /*channel*/, const tendril_lcm::run_t& message, TimeNs /*arrival_ns*/) {
+  void Process(const char* /*channel*/, const tendril_lcm::run_t& message, TimeNs /*arrival_ns*/) {
     RunInfo info;
     FromMessage(message, info);
     if (run_sink) run_sink(info);

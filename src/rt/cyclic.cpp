@@ -159,8 +159,8 @@ void Histogram::Add(TimeNs value_ns) noexcept {
 
 TimeNs Histogram::Percentile(double share) const noexcept {
   if (count_ == 0) return 0;
-  const double wanted = std::ceil(std::clamp(share, 0.0, 1.0) * static_cast<double>(count_));
-  const auto rank = std::max<std::uint64_t>(static_cast<std::uint64_t>(wanted), 1);
+  const double target = std::ceil(std::clamp(share, 0.0, 1.0) * static_cast<double>(count_));
+  const auto rank = std::max<std::uint64_t>(static_cast<std::uint64_t>(target), 1);
   std::uint64_t seen = 0;
   for (std::uint64_t bin = 0; bin < kBins - 1; ++bin) {
     seen += bin_[bin];

@@ -179,8 +179,8 @@ HostSetting Interrupts(const fs::path& root, int cpu) {
   std::string numbers;
   for (const fs::path& irq : Folders(root / "proc/irq")) {
     const auto affinity = ReadLine(irq / "effective_affinity_list");
-    const auto wanted = ReadLine(irq / "smp_affinity_list");
-    const auto& list = affinity && !affinity->empty() ? affinity : wanted;
+    const auto configured = ReadLine(irq / "smp_affinity_list");
+    const auto& list = affinity && !affinity->empty() ? affinity : configured;
     if (!list) continue;
     ++all;
     if (cpu < 0 || !ListHas(*list, cpu)) continue;
@@ -245,7 +245,7 @@ HostSetting PriorityLimit(const fs::path& root, int priority) {
   } else if (limit) {
     const bool enough = *limit == "unlimited" || Number(*limit).value_or(0) >= priority;
     s.verdict = enough ? Verdict::kGood : Verdict::kBad;
-    s.value = *limit + ", priority " + n + " is asked for";
+    s.value = *limit + ", priority " + n + " is requested";
     if (!enough) {
       s.remedy = "LimitRTPRIO=" + n + " in the service; for a shell '@realtime - rtprio " + n +
                  "' in /etc/security/limits.d/tendril.conf, and log in again";

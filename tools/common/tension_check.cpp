@@ -25,7 +25,7 @@ struct Instant {
   TendonVector shortening_mps, shortening_mps2;
 };
 
-LimitParameters Led(LimitParameters limits) {
+LimitParameters CommandedLimits(LimitParameters limits) {
   limits.max_tension_base_N =
       std::max(control::kCommandedTensionShare * limits.max_tension_base_N, limits.min_tension_N);
   return limits;
@@ -38,7 +38,7 @@ class Check {
         body_(robot.body),
         workspace_(body_),
         allocator_(body_.tendons(), 2 * body_.sections()),
-        reach_(robot, body_, Led(robot.limits), 0, true),
+        reach_(robot, body_, CommandedLimits(robot.limits), 0, true),
         q_(UnitVector::Zero(body_.dof())),
         dq_(q_),
         ddq_(q_),

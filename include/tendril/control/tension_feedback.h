@@ -21,8 +21,8 @@ class TensionFeedback {
   struct Reference {
     double cell_N = 0;  // at the load cell
     double motor_velocity_radps = 0;
-    double unsure_N = 0;  // uncertainty of cell_N: smaller errors are ignored
-    bool rests = false;   // the reference is at rest
+    double uncertainty_N = 0;  // uncertainty of cell_N: smaller errors are ignored
+    bool rests = false;        // the reference is at rest
   };
 
   /// Torque to add [N·m]. `reference` belongs to the torque now sent and is compared with the cell two cycles

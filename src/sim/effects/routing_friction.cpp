@@ -127,7 +127,7 @@ Effect RoutingFriction() {
           "At every disk where it goes on, a tendon turns by half the bends of the units on either side. "
           "Sliding over it costs the factor exp(-mu x turn), as on a capstan: a pulled tendon arrives at the "
           "tip with less tension than at the base, a released one keeps it there. After a reversal the "
-          "friction turns round over 0.04 mm of sliding. With n units bent by theta in all the last unit "
+          "friction reverses over 0.04 mm of sliding. With n units bent by theta in all the last unit "
           "lacks about mu theta (n - 1) / n of the tension.",
       .signature =
           "Hysteresis of the shape against base tension that grows with tension and with bend and vanishes "
