@@ -46,7 +46,7 @@ constexpr TimeNs kTautWithin_ns = 2 * kNsPerS;
 constexpr double kRest_mps = 1e-7, kRest_Nps = 1e-3;
 constexpr double kHeldPermille = 0.8;
 // Share of the motor's friction, which alone holds a spool without tension, that the torque may pay out
-// against; below one, for the robot file may overstate it.
+// against; below one, because the robot file may overstate it.
 constexpr double kPaidOut = 0.5;
 constexpr double kCellDoubt_N = 0.5;
 // A spool faster than this while its cell shows no tension has lost its tendon.

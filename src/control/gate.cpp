@@ -95,8 +95,8 @@ bool OutlivesSender(const Command& c, Mode mode) {
 
 std::uint64_t NumberOf(const Command& c) { return (std::uint64_t{c.sender} << 32) | c.sequence; }
 
-// Whether a command belongs to the sender of an earlier number. The difference is compared too, for a sender
-// may count in all 64 bits.
+// Whether a command belongs to the sender of an earlier number. The difference is compared too, because a
+// sender may count in all 64 bits.
 bool IsFrom(const Command& c, std::uint64_t earlier) {
   const auto ahead = static_cast<std::int64_t>(NumberOf(c) - earlier);
   return c.sender == static_cast<std::uint32_t>(earlier >> 32) ||

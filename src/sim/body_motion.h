@@ -29,10 +29,10 @@ class TensionSource {
   virtual void Commit(const double* shortening_m, const double* shortening_rate_mps) noexcept = 0;
 };
 
-/// Generalised-alpha in the form that fulfils the equations of motion at the end of every step (second order,
-/// damps what it cannot resolve), Newton with mass, stiffness and damping of a shape near by whose inverse is
-/// kept while the shape moves little; the tendons' own stiffness and damping enter anew each time, as an
-/// update of rank M.
+/// Generalised-alpha in the form that satisfies the equations of motion at the end of every step (second
+/// order, damps unresolved modes). Newton uses mass, stiffness and damping of a nearby shape, whose inverse
+/// is kept while the shape moves little; the tendons' own stiffness and damping enter each time as an update
+/// of rank M.
 class BodyStepper {
  public:
   /// A copy of `laws` moves with the body. Newton's matrix is kept until a tension has changed by near_N.

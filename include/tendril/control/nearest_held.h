@@ -19,7 +19,7 @@ class NearestHeld {
 
   /// With b(T) the arcs in equilibrium at tensions T, projects `bending_rad` onto the one with the least
   /// |b(T) - requested| within the bounds. For a section whose tendons lie on a line the distance is taken
-  /// along that line, for co-contraction is no means against sag across it. kOk: holdable as requested,
+  /// along that line, because co-contraction does not correct sag across it. kOk: holdable as requested,
   /// within kSame_rad; kLimitedTensionMax: more tension would come nearer; kLimitedDirection: nothing would.
   /// If no stable arc is found, `bending_rad` stays unchanged, with kOk.
   Status Project(BendingVector& bending_rad) noexcept;

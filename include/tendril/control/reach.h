@@ -29,11 +29,11 @@ class Reach {
   /// tendons do not pull in every direction, `bending_rad` is projected by NearestHeld.
   Status Limit(BendingVector& bending_rad) noexcept;
   /// With b the greatest bend of a section and S the bend that is holdable in every direction, the rate of
-  /// bend is limited to
+  /// bend [rad/s] is limited to
   ///   gather_s room / (rotor's inertia at the tendon x its lever),
   ///   room = max(1 - b / S, kLeastRoom) kRotorShare (T_max - T_min),
-  /// so that rotors that start, stop or reverse take at most twice that room of a tendon. For a law without
-  /// tension for them they take at most T_min [rad/s]; that limit applies to resting goals only, since the
+  /// so that rotors that start, stop or reverse take at most twice that room of a tendon. A law without
+  /// tension for them lets them take at most T_min; that limit applies to resting goals only, since the
   /// sender of a moving goal determines its acceleration.
   double Rate_radps(const BendingVector& bending_rad, bool goal_moves) const noexcept;
   /// S: bend that sections hold in every direction, or in every direction that their tendons pull; 0 where
