@@ -63,8 +63,8 @@ bool RefuseHangups() {
     hangups = 0;
     if (Daemon* daemon = running.load()) {
       daemon->Log(Status::kDegraded,
-                   "SIGHUP refused: limits and guards of a robot under tension are not exchanged; disarm and "
-                   "restart the daemon to read its files anew");
+                  "SIGHUP refused: limits and guards of a robot under tension are not exchanged; disarm and "
+                  "restart the daemon to read its files anew");
     }
   }
   return false;
