@@ -16,7 +16,7 @@ set(CMAKE_POSITION_INDEPENDENT_CODE ON)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
 
-# What is installed asks of other projects the language and the headers' place, nothing else.
+# The installed targets require only the language level and the include folder of other projects.
 add_library(tendril_options INTERFACE)
 target_compile_features(tendril_options INTERFACE cxx_std_20)
 set(own_options

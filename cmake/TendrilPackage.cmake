@@ -1,4 +1,4 @@
-# What is installed, and the Debian package of it (cpack -G DEB in the build folder).
+# Installation, and the Debian package (cpack -G DEB in the build folder).
 set(systemd ${PROJECT_SOURCE_DIR}/config/systemd)
 install(DIRECTORY config/ DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril/config PATTERN systemd EXCLUDE)
 install(DIRECTORY lcm_types/ DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril/lcm_types FILES_MATCHING PATTERN "*.lcm")
@@ -23,7 +23,7 @@ install(FILES ${PROJECT_BINARY_DIR}/package/tendrilConfig.cmake ${PROJECT_BINARY
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_CONTACT "Tendril maintainers <maintainers@tendril.invalid>")
 
-# The package's own changelog, in Debian's form; with SOURCE_DATE_EPOCH set it is the same every time.
+# The package's own changelog, in Debian's format; reproducible with SOURCE_DATE_EPOCH.
 find_program(GZIP gzip)
 if(GZIP)
   string(TIMESTAMP date "%a, %d %b %Y %H:%M:%S +0000" UTC)
@@ -38,7 +38,7 @@ if(GZIP)
 endif()
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
-# Folders and scripts as Debian wants them, whatever the builder's umask.
+# Permissions of folders and scripts as Debian requires, independent of the builder's umask.
 set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
   OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
@@ -53,7 +53,7 @@ of the gap between the two.
 .
 The service starts when there is an /etc/tendril/tendrild.yaml and somebody
 enables it; a robot moves when somebody arms it.")
-# Needs file(1) and dpkg-shlibdeps; without them a package would claim to need nothing.
+# Needs file(1) and dpkg-shlibdeps; without them the package would have no dependencies.
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA "${systemd}/postinst;${systemd}/prerm;${systemd}/postrm")
 # The unit waits for the loop-back interface's multicast route with ip(8).

@@ -1,5 +1,5 @@
 # tendril_room(NAME SOURCES ... [ROOMS ...] [LINK ...] [LINK_PRIVATE ...] [INTERNAL])
-# A room of the house: a static library with its interface in include/tendril/NAME. ROOMS are the rooms whose headers
+# A room: a static library with its interface in include/tendril/NAME. ROOMS are the rooms whose headers
 # it may include; tests/architecture checks the includes against this same list. It is installed for other projects
 # (find_package(tendril)) unless it is INTERNAL to the programs.
 function(tendril_room name)
@@ -28,10 +28,10 @@ function(tendril_room name)
 endfunction()
 
 # tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s] [SERIAL filter] [WHOLE suites]): a GoogleTest program whose
-# cases ctest lists. Those of the filter SERIAL hold the program to a time that it promises and have the machine to
-# themselves; a suite in WHOLE makes once what its cases share and is one test. With the label vcan it is run as a whole,
-# where a real vcan0 exists, for that may take the start of another kernel. Cases of instantiations named Campaign take
-# too long for every build; the program runs them with --gtest_filter='Campaign/*'.
+# cases ctest lists. Cases of the filter SERIAL check timing and run alone; a suite in WHOLE shares its set-up and is one
+# test. With the label vcan the program runs as a whole where a real vcan0 exists, because that may need the start of
+# another kernel. Cases of instantiations named Campaign take too long for every build; run them with
+# --gtest_filter='Campaign/*'.
 function(tendril_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT;SERIAL" "SOURCES;LINK;LABELS;WHOLE" ${ARGN})
   if(NOT ARG_TIMEOUT)
@@ -41,11 +41,11 @@ function(tendril_test name)
   target_link_libraries(${name} PRIVATE tendril_options ${ARG_LINK} GTest::gtest_main GTest::gmock)
   target_compile_definitions(${name} PRIVATE TENDRIL_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
-  # What is tested is as optimised as it is shipped; the tests themselves run once. g++ 12 sees std::string's operator+ write
-  # out of bounds, which it does not, and says so of precompiled headers.
+  # The tested code is optimised as shipped; the tests only by -O1. g++ 12 reports a false out-of-bounds write of
+  # std::string's operator+ with precompiled headers.
   set(options $<$<CONFIG:Release>:-O1> -Wno-array-bounds -Wno-stringop-overflow -Wno-restrict)
   target_compile_options(${name} PRIVATE ${options})
-  # Every test reads the same large headers, for nearly half of the time that compiling the tests takes.
+  # The tests share large headers, which take nearly half of their compile time.
   if(NOT TARGET tendril_test_headers)
     file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/test_headers.cpp CONTENT "int main() {}\n")
     add_executable(tendril_test_headers ${PROJECT_BINARY_DIR}/test_headers.cpp)
@@ -74,8 +74,8 @@ function(tendril_test name)
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
 endfunction()
 
-# tendril_vcan_test(NAME COMMAND ... [TIMEOUT s]): a test run where a real vcan0 exists; skipped, saying what is missing,
-# where there is no way to have one. TIMEOUT counts the time that the test sees.
+# tendril_vcan_test(NAME COMMAND ... [TIMEOUT s]): a test that runs where a real vcan0 exists; else skipped with the
+# reason. TIMEOUT counts the test's own (virtual) time.
 function(tendril_vcan_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "COMMAND" ${ARGN})
   if(NOT ARG_TIMEOUT)
@@ -91,7 +91,7 @@ function(tendril_vcan_test name)
   execute_process(COMMAND ${PROJECT_SOURCE_DIR}/tools/vcan-run --kernel uml --check
     RESULT_VARIABLE no_uml OUTPUT_QUIET ERROR_QUIET)
   if(kernel STREQUAL uml AND no_uml EQUAL 0)
-    # In virtual time other tests on other cores change nothing; the longest begin first.
+    # In virtual time, tests on other cores have no effect; the longest start first.
     set_tests_properties(${name} PROPERTIES RESOURCE_LOCK vcan COST 1000)
   else()
     set_tests_properties(${name} PROPERTIES RUN_SERIAL TRUE)

@@ -5,7 +5,7 @@ if(CMAKE_SCRIPT_MODE_FILE)
   set(revision unknown)
   find_program(GIT git)
   if(GIT AND EXISTS ${SOURCE_DIR}/.git)
-    # The tree may belong to somebody else than the builder (root in a container): only this tree is trusted.
+    # The tree's owner may differ from the builder (root in a container): trust only this tree.
     execute_process(COMMAND ${GIT} -c safe.directory=${SOURCE_DIR} -C ${SOURCE_DIR} describe --always --dirty --abbrev=12
       OUTPUT_VARIABLE described OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET RESULT_VARIABLE status)
     if(status EQUAL 0)

@@ -1,5 +1,5 @@
-// One program of a kind a bus, by a name in the kernel.
-// Knows nothing of what the program does with the bus.
+// One program of a kind per bus, by an abstract socket name. Knows nothing of what the program does with the
+// bus.
 #include "tendril/can/bus_guard.h"
 
 #include <sys/socket.h>
@@ -15,8 +15,8 @@
 namespace tendril::can {
 namespace {
 
-// An address in the abstract name space: no file, no rights to get wrong, gone with the process, and one set
-// of names a network namespace, exactly like CAN interfaces.
+// An address in the abstract socket name space: no file and no permissions, released with the process, and
+// scoped to a network namespace like CAN interfaces.
 struct Address {
   Address(const std::string& program, const std::string& interface) {
     const std::string name = program + "/" + interface;
@@ -33,7 +33,7 @@ struct Address {
   socklen_t size = 0;
 };
 
-// Process id of who holds the address, 0 when it cannot be told.
+// Process id of the holder of the address, 0 when unknown.
 pid_t Holder(const Address& address) {
   const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
   if (fd < 0) return 0;

@@ -1,5 +1,5 @@
-// The CAN bus in memory: one ring of frames a port, filled in the order of sending.
-// Knows no socket and no time but the clock it was given.
+// The CAN bus in memory: one ring of frames per port, filled in the order of sending. Knows no socket and no
+// time but the clock it was given.
 #include "tendril/can/memory_bus.h"
 
 #include <algorithm>
@@ -10,7 +10,7 @@ struct MemoryBus::State {
   explicit State(const Clock& c) : clock(c) {}
 
   void Broadcast(const CanFrame& frame, const Port* except) noexcept;
-  void Tell(const CanFrame& error, const Port* except) noexcept;
+  void BroadcastError(const CanFrame& error, const Port* except) noexcept;
 
   const Clock& clock;
   std::vector<std::unique_ptr<Port>> ports;
@@ -30,7 +30,7 @@ class MemoryBus::Port final : public CanPort {
       return false;
     }
     if (frame.error) {
-      bus_.Tell(frame, this);
+      bus_.BroadcastError(frame, this);
       return true;
     }
     const auto bits = static_cast<std::uint64_t>(WorstCaseBits(frame));
@@ -81,8 +81,8 @@ class MemoryBus::Port final : public CanPort {
   static constexpr std::size_t kCapacity = 8192;
   State& bus_;
   std::vector<StampedFrame> ring_;
-  std::size_t head_ = 0, tail_ = 0;  // of everything ever, taken modulo the capacity
-  bool off_ = false;                 // as the last error frame said
+  std::size_t head_ = 0, tail_ = 0;  // running counts, taken modulo the capacity
+  bool off_ = false;                 // state of the last error frame
   CanCounters counters_;
 };
 
@@ -92,7 +92,7 @@ void MemoryBus::State::Broadcast(const CanFrame& frame, const Port* except) noex
   }
 }
 
-void MemoryBus::State::Tell(const CanFrame& error, const Port* except) noexcept {
+void MemoryBus::State::BroadcastError(const CanFrame& error, const Port* except) noexcept {
   ++totals.error_frames;
   if (error.id & kErrorBusOff) ++totals.bus_off;
   Broadcast(error, except);
@@ -115,7 +115,7 @@ void MemoryBus::SetBusOff(bool off) {
   frame.error = true;
   frame.size = 8;
   frame.id = off ? kErrorBusOff : kErrorRestarted;
-  state_->Tell(frame, nullptr);
+  state_->BroadcastError(frame, nullptr);
 }
 
 const CanCounters& MemoryBus::totals() const { return state_->totals; }

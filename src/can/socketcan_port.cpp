@@ -1,5 +1,5 @@
-// SocketCAN raw socket: everything that can go wrong at the kernel's border is turned into a counter or one
-// clear text. Knows nothing of what the frames mean.
+// SocketCAN raw socket: kernel errors become counters or one clear text. Knows nothing of what the frames
+// mean.
 #include "tendril/can/socketcan_port.h"
 
 #include <linux/can.h>
@@ -28,10 +28,10 @@ namespace {
 static_assert(kErrorBusOff == CAN_ERR_BUSOFF && kErrorRestarted == CAN_ERR_RESTARTED);
 
 constexpr can_filter kOnly11Bit{.can_id = 0, .can_mask = CAN_EFF_FLAG};
-constexpr int kBatch = 64;                       // frames a recvmmsg or sendmmsg call
-constexpr TimeNs kLinkCheckNs = 100 * kNsPerMs;  // how often a lost interface is looked for
+constexpr int kBatch = 64;                       // frames per recvmmsg or sendmmsg call
+constexpr TimeNs kLinkCheckNs = 100 * kNsPerMs;  // polling period for a lost interface
 constexpr TimeNs kOldestStampNs = 10 * kNsPerS;  // older kernel stamps mean that the wall clock jumped
-constexpr TimeNs kTrustStampNs = 10 * kNsPerMs;  // for so long the two clocks' difference is not read anew
+constexpr TimeNs kTrustStampNs = 10 * kNsPerMs;  // validity of the difference between the two clocks
 
 TimeNs ReadClock(clockid_t id) noexcept {
   timespec t{};
@@ -59,8 +59,8 @@ can_frame RawFrame(const CanFrame& frame) noexcept {
   return raw;
 }
 
-/// Kernel stamps (wall clock) as times of the monotonic clock. Both clocks are read at most once a batch, and
-/// in a busy time once in a while only, for a clock read can cost as much as the frame.
+/// Kernel stamps (wall clock) as times of the monotonic clock. Both clocks are read at most once per batch
+/// and less often under load, because a clock read can cost as much as the frame.
 class StampClock {
  public:
   void BeginBatch() noexcept { fresh_ = false; }
@@ -139,7 +139,7 @@ class RestartRequest {
     const Descriptor fd(socket(AF_NETLINK, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, NETLINK_ROUTE));
     sockaddr_nl kernel{};
     kernel.nl_family = AF_NETLINK;
-    // Whether it was granted shows in the interface's state.
+    // The interface's state shows whether it was granted.
     if (fd.get() >= 0) {
       (void)sendto(fd.get(), bytes_.data(), size_, MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&kernel),
                    sizeof(kernel));
@@ -187,7 +187,7 @@ struct SocketCanPort::State {
   void SizeReceiveBuffer(int bytes) const;
   template <typename T>
   void SetOption(int level, int option, const T& value, const char* what) const;
-  int Take(std::span<StampedFrame> frames) noexcept;
+  int ReceiveBatch(std::span<StampedFrame> frames) noexcept;
   void NoteFrame(StampedFrame* out, const can_frame& raw, TimeNs time_ns) noexcept;
   TimeNs NoteControl(msghdr* header) noexcept;
   void NoteSent(const CanFrame& frame) noexcept;
@@ -266,7 +266,7 @@ void SocketCanPort::State::NoteSent(const CanFrame& frame) noexcept {
   counters.bits += static_cast<std::uint64_t>(WorstCaseBits(frame));
 }
 
-/// Takes the drop counter off; returns when the frame arrived, by the monotonic clock.
+/// Reads the drop counter; returns the frame's arrival by the monotonic clock.
 TimeNs SocketCanPort::State::NoteControl(msghdr* header) noexcept {
   std::optional<TimeNs> wall_ns;
   for (cmsghdr* c = CMSG_FIRSTHDR(header); c != nullptr; c = CMSG_NXTHDR(header, c)) {
@@ -306,9 +306,9 @@ void SocketCanPort::State::NoteFrame(StampedFrame* out, const can_frame& raw, Ti
   }
 }
 
-int SocketCanPort::State::Take(std::span<StampedFrame> frames) noexcept {
-  const auto wanted = static_cast<unsigned>(std::min<std::size_t>(frames.size(), kBatch));
-  const int n = recvmmsg(fd.get(), headers.data(), wanted, MSG_DONTWAIT, nullptr);
+int SocketCanPort::State::ReceiveBatch(std::span<StampedFrame> frames) noexcept {
+  const auto requested = static_cast<unsigned>(std::min<std::size_t>(frames.size(), kBatch));
+  const int n = recvmmsg(fd.get(), headers.data(), requested, MSG_DONTWAIT, nullptr);
   if (n <= 0) {
     if (n < 0) NoteError(errno);
     return 0;
@@ -317,7 +317,8 @@ int SocketCanPort::State::Take(std::span<StampedFrame> frames) noexcept {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
     const TimeNs time_ns = NoteControl(&headers[i].msg_hdr);
-    headers[i].msg_hdr.msg_controllen = sizeof(slots[i].control);  // the kernel left what it used
+    // The kernel overwrote it with the length used.
+    headers[i].msg_hdr.msg_controllen = sizeof(slots[i].control);
     if (headers[i].msg_len == CAN_MTU) NoteFrame(&frames[kept++], slots[i].frame, time_ns);
   }
   return static_cast<int>(kept);
@@ -341,7 +342,7 @@ void SocketCanPort::State::LookForLink() noexcept {
     index = request.ifr_ifindex;
   }
   link_down = false;
-  bus_off = false;  // bringing an interface up starts its controller afresh
+  bus_off = false;  // bringing an interface up restarts its controller
 }
 
 SocketCanPort::SocketCanPort(const std::string& interface) : SocketCanPort(interface, Options{}) {}
@@ -395,7 +396,7 @@ int SocketCanPort::Receive(std::span<StampedFrame> frames) noexcept {
   if (state_->link_down) state_->LookForLink();
   std::size_t taken = 0;
   while (taken < frames.size()) {
-    const int n = state_->Take(frames.subspan(taken));
+    const int n = state_->ReceiveBatch(frames.subspan(taken));
     taken += static_cast<std::size_t>(n);
     if (n < kBatch) break;
   }
@@ -410,7 +411,7 @@ bool SocketCanPort::WaitUntil(TimeNs deadline_ns) noexcept {
     pollfd poll_fd{.fd = state_->fd.get(), .events = POLLIN, .revents = 0};
     const int n = ppoll(&poll_fd, 1, &timeout, nullptr);
     if (n > 0 && (poll_fd.revents & POLLIN)) return true;
-    if (n > 0) {  // a pending socket error: take it off, or ppoll would return at once for ever
+    if (n > 0) {  // clear a pending socket error, or ppoll would return at once for ever
       int error = 0;
       socklen_t size = sizeof(error);
       getsockopt(state_->fd.get(), SOL_SOCKET, SO_ERROR, &error, &size);
@@ -427,7 +428,7 @@ void SocketCanPort::Restart() noexcept {
   RestartRequest(state_->index).Send();
   ifreq request = RequestFor(state_->interface);
   if (ioctl(state_->fd.get(), SIOCGIFFLAGS, &request) < 0) return;
-  // A controller that is off has no carrier, which takes the running flag within a second.
+  // A controller that is off has no carrier, which clears the running flag within a second.
   constexpr int kRuns = IFF_UP | IFF_RUNNING;
   if ((request.ifr_flags & kRuns) == kRuns) state_->bus_off = false;
 }

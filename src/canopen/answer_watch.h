@@ -1,5 +1,5 @@
-// Whether one drive answers each SYNC, or two with the same node id.
-// Knows neither frames nor time: SYNCs and answers come in, as they are on the bus.
+// Detects two drives with the same node id by their answers to SYNC. Knows neither frames nor time: SYNCs and
+// answers are passed in as they appear on the bus.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@ namespace tendril::canopen {
 class AnswerWatch {
  public:
   using Data = std::array<std::uint8_t, 8>;
-  /// `late_syncs`: how many SYNCs an answer may lag; what lags more is a drive given up already.
+  /// `late_syncs`: how many SYNCs an answer may lag; a drive that lags more has been given up.
   explicit AnswerWatch(int late_syncs) : late_syncs_(late_syncs) {}
 
   void Restart() noexcept {
@@ -25,8 +25,9 @@ class AnswerWatch {
     surplus_ = std::max(surplus_ - kForgottenBySync, 0);
   }
 
-  /// One TPDO. True from when more than one drive must be answering: one drive's answers, late ones too,
-  /// never outnumber the SYNCs. A bit-identical frame without a SYNC in between is one received twice.
+  /// One TPDO. True once more than one drive must be answering: one drive's answers, including late ones,
+  /// never outnumber the SYNCs. A bit-identical frame without a SYNC in between counts as one frame received
+  /// twice.
   bool OnAnswer(const Data& data) noexcept {
     if (any_ && !synced_ && data == last_) return surplus_ >= kCertain;
     any_ = true;
@@ -41,15 +42,15 @@ class AnswerWatch {
   }
 
  private:
-  // In halves of an answer. A SYNC that a drive receives twice gives one surplus answer; on a line where that
-  // befalls one frame in a hundred, eight within sixteen SYNCs have a chance of 1e-12. Two drives give one
-  // each SYNC.
+  // In halves of an answer. A SYNC received twice by a drive gives one surplus answer; at a duplication rate
+  // of one frame in a hundred, eight of them within sixteen SYNCs have a probability of 1e-12. Two drives
+  // give one surplus answer per SYNC.
   static constexpr int kSurplusAnswer = 2, kForgottenBySync = 1, kCertain = 16;
 
   int late_syncs_;
   int due_ = 0;  // SYNCs less answers
   int surplus_ = 0;
-  bool any_ = false, synced_ = false;  // an answer since Restart, a SYNC since the last answer
+  bool any_ = false, synced_ = false;  // an answer since Restart; a SYNC since the last answer
   Data last_{};
 };
 

@@ -38,7 +38,7 @@ void CheckIdentity(Script& s, const IdentityParameters& identity) {
 }
 
 void Configure(Script& s, const BusParameters& bus, const DriveSetup& drive) {
-  // Whatever the drive did before, its motor is off while its data change, and no old set value survives.
+  // The motor is off while the drive's data change, and no old set value survives.
   s.Step("power off");
   s.Write(0x6040, 0, 0);
   s.Write(0x6071, 0, 0);
@@ -49,8 +49,8 @@ void Configure(Script& s, const BusParameters& bus, const DriveSetup& drive) {
   s.Write(0x3001, 2, drive.output_current_limit_mA);
   s.Write(0x3001, 5, drive.torque_constant_uNmpA);
 
-  // A tendon is safe when its motor lets go; a motor that brakes along a ramp keeps pulling. So every stop is
-  // "disable at once", except the quick stop, for which the drive knows one value only.
+  // A tendon is safe when its motor is free; a motor that brakes along a ramp keeps pulling. So every stop is
+  // "disable at once", except the quick stop, for which the drive has a single value.
   s.Step("stop reactions");
   s.Write(0x6007, 0, bus.abort_connection_option);
   s.Write(0x605A, 0, 6);
@@ -59,8 +59,8 @@ void Configure(Script& s, const BusParameters& bus, const DriveSetup& drive) {
   s.Write(0x605E, 0, 0);
   s.Write(0x1029, 1, 0);  // pre-operational on a communication error
 
-  // No interpolation between set values: a torque acts as it came, at its SYNC. (That 0 switches it off is
-  // our reading of the drive's default; the master only needs the value to be the same everywhere.)
+  // No interpolation between set values: a torque acts as received, at its SYNC. (That 0 switches it off is
+  // our reading of the drive's default; the master only needs the same value everywhere.)
   s.Step("interpolation");
   s.Write(0x60C2, 1, 0);
   s.Write(0x60C2, 2, -3);
@@ -97,7 +97,7 @@ std::vector<BootAction> MakeBootScript(const BusParameters& bus, const DriveSetu
   Script s;
   CheckIdentity(s, bus.identity);
   Configure(s, bus, drive);
-  // Those that nobody uses first, so that no COB-ID is ever used twice.
+  // Unused PDOs first, so that no COB-ID is ever used twice.
   s.Step("unused PDOs");
   for (std::uint16_t index : {0x1401, 0x1402, 0x1403, 0x1802, 0x1803}) s.Add(Kind::kDisablePdo, index, 1);
   for (const PdoLayout* pdo : {&kRpdoTorque, &kTpdoFeedback, &kTpdoStatus}) Remap(s, *pdo, drive.node_id);
@@ -106,7 +106,7 @@ std::vector<BootAction> MakeBootScript(const BusParameters& bus, const DriveSetu
   s.Add(Kind::kConfirm, 0x6061, 0, kModeCyclicSynchronousTorque);
   s.Step("NMT start");
   s.Add(Kind::kStart, 0x1800, 1);
-  // Read after the start: from here on the statusword's TPDO tells every change.
+  // Read after the start: from here on the statusword's TPDO reports every change.
   s.Step("state");
   s.Add(Kind::kNote, 0x603F, 0);
   s.Add(Kind::kNote, 0x6041, 0);

@@ -1,5 +1,5 @@
-// What a drive is asked and told between its boot-up message and readiness, as a list of SDO actions.
-// Knows the drive's objects and the configuration; runs nothing.
+// The SDO actions between a drive's boot-up message and readiness, as a list. Knows the drive's objects and
+// the configuration; executes nothing.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ struct BootAction {
     kExpect,         // read: must lie in value..max
     kExpectBits,     // read: the bits of mask `max` must be `value`
     kExpectProduct,  // read: must be one of the configured product codes
-    kConfirm,        // read again and again until it is `value`
+    kConfirm,        // read repeatedly until it is `value`
     kNote,           // read and keep (serial number, statusword, error code)
     kStart,          // NMT start, then wait for the first feedback TPDO
   };

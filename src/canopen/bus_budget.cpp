@@ -1,5 +1,4 @@
-// Worst-case load of the bus by a configuration.
-// Knows how long frames are and how often each is sent, nothing of drives' states.
+// Worst-case bus load of a configuration. Knows frame lengths and rates, nothing of drives' states.
 #include "bus_budget.h"
 
 #include <cmath>
@@ -43,7 +42,7 @@ BusBudget ComputeBusBudget(const BusParameters& bus) {
   budget.other_bits_per_s = load.other_bits_per_s;
   budget.sdo_bits_per_s = load.sdo_bits_per_s;
   budget.load = load.total() / bus.bitrate_bps;
-  // Feedback yields to nothing but a frame that is on the bus already.
+  // Feedback yields only to a frame already on the bus.
   budget.feedback_ns = TimeOf(
       can::WorstCaseBits(0) + drives * can::WorstCaseBits(kTpdoFeedback.bytes()) + can::WorstCaseBits(8),
       bus);

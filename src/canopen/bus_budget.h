@@ -1,5 +1,4 @@
-// What the master keeps to on the bus, so that the budget holds.
-// Knows frames' lengths, nothing of drives' states.
+// Constants of the bus budget that the master observes. Knows frame lengths, nothing of drives' states.
 #pragma once
 
 #include "tendril/can/can_port.h"
@@ -7,12 +6,12 @@
 
 namespace tendril::canopen {
 
-/// Of one drive each cycle.
+/// PDO bits of one drive per cycle.
 inline constexpr int kPdoBits =
     can::WorstCaseBits(kRpdoTorque.bytes()) + can::WorstCaseBits(kTpdoFeedback.bytes());
-/// Of one SDO request and its response.
+/// Bits of one SDO request and its response.
 inline constexpr int kSdoExchangeBits = 2 * can::WorstCaseBits(8);
-/// The budget keeps room for one exchange in so many cycles.
+/// The budget reserves one SDO exchange per this many cycles.
 inline constexpr int kCyclesPerSdoExchange = 20;
 
 }  // namespace tendril::canopen

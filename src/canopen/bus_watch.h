@@ -1,5 +1,5 @@
-// When to have a bus restarted that went off, and when to leave it alone.
-// Knows neither frames nor drives: what the port shows comes in, what to do comes out.
+// Decides when to restart a bus after bus-off, and when to leave it off. Knows neither frames nor drives:
+// port states are passed in, orders come out.
 #pragma once
 
 #include <cstdint>
@@ -11,13 +11,14 @@ namespace tendril::canopen {
 class BusWatch {
  public:
   enum class Order : std::uint8_t { kNone, kTellDown, kAskRestart, kTellBack, kTellGivenUp };
-  static constexpr int kRestarts = 5;  // of which none led to a bus that stayed; then the operator decides
-  /// The kernel's own restart comes within its restart-ms, usually 100; the interface's flags show a
-  /// controller that is off after a second at the latest.
+  static constexpr int kRestarts = 5;  // unsuccessful restarts before the operator decides
+  /// The kernel's own restart follows within its restart-ms, usually 100; the interface's flags show a
+  /// controller that is off within a second.
   static constexpr TimeNs kPatience_ns = 1500 * kNsPerMs;
-  static constexpr TimeNs kSteady_ns = 2 * kNsPerS;  // with frames: the restart was a success
+  static constexpr TimeNs kSteady_ns = 2 * kNsPerS;  // with frames: the restart succeeded
 
-  /// Once a cycle. `off` tells bus-off from an interface that is down, which nobody here can bring up.
+  /// Once per cycle. `off`: bus-off, as opposed to an interface that is down, which the master cannot bring
+  /// up.
   Order Update(TimeNs now_ns, bool up, bool off, std::uint64_t frames_received) noexcept {
     if (!down_) {
       if (up) {
@@ -48,7 +49,7 @@ class BusWatch {
     next_ask_ns_ = now_ns + kPatience_ns;
     return Order::kAskRestart;
   }
-  /// The operator says that the cause is mended.
+  /// The operator has removed the cause.
   void TryAgain(TimeNs now_ns) noexcept {
     restarts_ = 0;
     given_up_ = false;
@@ -60,7 +61,7 @@ class BusWatch {
  private:
   bool down_ = false, given_up_ = false;
   bool asked_ = false;  // since it went down
-  int restarts_ = 0;    // by whomever, since the bus was last steady
+  int restarts_ = 0;    // by any process, since the bus was last steady
   TimeNs next_ask_ns_ = 0, back_ns_ = 0;
   std::uint64_t frames_when_back_ = 0;
 };

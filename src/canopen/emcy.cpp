@@ -1,5 +1,4 @@
-// The drive's emergency codes for people.
-// Knows no node's state.
+// The drive's emergency codes with texts. Knows no node's state.
 #include "tendril/canopen/emcy.h"
 
 #include <algorithm>
@@ -15,8 +14,8 @@ using R = EmcyReaction;
 using namespace error_register;
 
 constexpr EmcyInfo kTable[] = {
-    {0x0000, 0x0000, 0, R::kNone, "no error", "an earlier error went away", ""},
-    {0x1000, 0x1000, kGeneric, R::kDisable, "generic error", "not told by the drive",
+    {0x0000, 0x0000, 0, R::kNone, "no error", "an earlier error was cleared", ""},
+    {0x1000, 0x1000, kGeneric, R::kDisable, "generic error", "not stated by the drive",
      "read 0x603F and 0x1003; power the drive off and on"},
     {0x1080, 0x1088, kGeneric, R::kDisable, "initialisation error", "the drive's firmware failed to start up",
      "power the drive off and on; update its firmware"},
@@ -63,7 +62,7 @@ constexpr EmcyInfo kTable[] = {
     {0x8120, 0x8120, kCommunication, R::kAbortConnection, "CAN error passive", "many transmission errors",
      "check termination, shield and bit rate"},
     {0x8130, 0x8130, kCommunication, R::kAbortConnection, "heartbeat lost",
-     "the drive no longer heard the master", "check that the daemon runs and the bus is connected"},
+     "the drive lost the master's heartbeat", "check that the daemon runs and the bus is connected"},
     {0x8150, 0x8150, kCommunication, R::kAbortConnection, "PDO COB-ID collision", "a COB-ID is used twice",
      "check that every node id is used once"},
     {0x81FD, 0x81FD, kCommunication, R::kAbortConnection, "CAN bus off",
@@ -102,7 +101,7 @@ constexpr std::size_t LongestTexts() {
   }
   return longest;
 }
-// What the master says around them, with its node, code and register.
+// With the master's text around them: node, code and register.
 static_assert(LongestTexts() + sizeof("node 127: EMCY 0xFFFF (register 0xFF) : ; ") <= sizeof(EventText));
 
 }  // namespace
@@ -110,7 +109,7 @@ static_assert(LongestTexts() + sizeof("node 127: EMCY 0xFFFF (register 0xFF) : ;
 std::span<const EmcyInfo> EmcyTable() noexcept { return kTable; }
 
 const EmcyInfo& FindEmcy(std::uint16_t code) noexcept {
-  // The last entry takes whatever no narrower one before it took.
+  // The last entry matches codes that no narrower one matched.
   for (const EmcyInfo& info : kTable) {
     if (code >= info.first && code <= info.last) return info;
   }

@@ -1,5 +1,4 @@
-// The drive's object table and its electronic data sheet.
-// Knows what objects are there, not what they do.
+// The drive's object table and its electronic data sheet. Knows which objects exist, not what they do.
 #include "tendril/canopen/epos4.h"
 
 #include <algorithm>
@@ -141,7 +140,7 @@ void AddCommunication(Builder& b) {
       .plus_node_id = true;
 }
 
-// Motor data are of a 1.5 A drive without a motor: the torque constant 0 makes the rated torque 0.
+// Motor data of a 1.5 A drive without a motor: the torque constant 0 makes the rated torque 0.
 void AddManufacturer(Builder& b) {
   b.Add(0x2000, 0, T::kU8, A::kReadWrite, M::kNone, 0, "Node-ID", {kMinNodeId, kMaxNodeId}).plus_node_id =
       true;
@@ -165,9 +164,8 @@ void AddManufacturer(Builder& b) {
 }
 
 // Of the modes of a real drive (0x3A5 in 0x6502) only the one that works here is offered, and none is set at
-// power-on. The target objects of the other modes stay, for the drive's PDOs map them by default.
-// There is no 0x6087: an EPOS4 has no torque slope, and a set torque of the cyclic synchronous mode acts at
-// once.
+// power-on. The target objects of the other modes stay, because the drive's PDOs map them by default. There
+// is no 0x6087: an EPOS4 has no torque slope, and a set torque of the cyclic synchronous mode acts at once.
 void AddDriveProfile(Builder& b) {
   b.Add(0x6007, 0, T::kI16, A::kReadWrite, M::kNone, 3, "Abort connection option code", {0, 3});
   b.Add(0x603F, 0, T::kU16, A::kReadOnly, M::kTransmit, 0, "Error code");

@@ -1,5 +1,4 @@
-// Events waiting to be taken: a ring of fixed size inside the object.
-// Knows nothing of what happened.
+// Queue of events: a ring of fixed size inside the object. Knows nothing of their meaning.
 #pragma once
 
 #include <array>
@@ -29,7 +28,7 @@ class EventRing {
  private:
   static constexpr std::size_t kCapacity = 128;
   std::array<BusEvent, kCapacity> events_{};
-  std::size_t head_ = 0, tail_ = 0;  // of everything ever, taken modulo the capacity
+  std::size_t head_ = 0, tail_ = 0;  // running counts, taken modulo the capacity
   std::uint64_t lost_ = 0;
 };
 

@@ -1,5 +1,4 @@
-// The master's cycle over all nodes.
-// Knows frames and nodes; each node's own course is in node.cpp.
+// The master's cycle over all nodes. Knows frames and nodes; the sequence of each node is in node.cpp.
 #include "tendril/canopen/master.h"
 
 #include <algorithm>
@@ -16,9 +15,9 @@ namespace tendril::canopen {
 namespace {
 
 constexpr int kReceiveBatch = 64, kMaxBatches = 64;
-// Short enough for the rest of a second that service managers and people grant a stop.
+// Leaves the rest of the second that service managers and users allow for a stop.
 constexpr TimeNs kShutdownDisable_ns = 300 * kNsPerMs, kShutdownEnd_ns = 600 * kNsPerMs;
-constexpr TimeNs kRepeatedEvent_ns = kNsPerS;  // at most one of a kind in this time
+constexpr TimeNs kRepeatedEvent_ns = kNsPerS;  // at most one event of a kind in this time
 
 BusParameters WithNodes(BusParameters bus, std::span<const DriveSetup> drives) {
   bus.nodes.clear();
@@ -126,12 +125,12 @@ struct Master::State {
 
   bool running = false;
   BusWatch watch;
-  bool went_off = false;           // what took the bus away last was bus-off, not its interface
+  bool went_off = false;           // the last failure was bus-off, not the interface
   bool restart_heard = false;      // since WatchBus
   std::uint64_t bus_off_seen = 0;  // of the port's count
   FrameFaults faults;
   TimeNs next_malformed_event_ns = 0, next_foreign_event_ns = 0;
-  std::size_t first_node = 0;  // whose pending frame goes first
+  std::size_t first_node = 0;  // node whose pending frame is sent first
   TimeNs next_heartbeat_ns = 0;
   std::uint64_t dropped_told = 0;
   TimeNs next_refused_event_ns = 0, next_dropped_event_ns = 0;
@@ -181,7 +180,7 @@ void Master::ClearFaults(TimeNs now_ns) noexcept {
 void Master::BeginCycle(TimeNs now_ns) noexcept {
   State& s = *state_;
   if (!s.running) return;
-  // What came after the last cycle's end belongs to that cycle: it is taken in before this cycle's SYNC.
+  // Frames after the last cycle's end belong to that cycle: they are processed before this cycle's SYNC.
   s.Drain(now_ns);
   s.WatchBus(now_ns);
   s.SendSync(now_ns);
@@ -260,9 +259,8 @@ void Master::State::ReportRefused(TimeNs now_ns, const char* format, ...) noexce
 }
 
 void Master::State::SendSync(TimeNs now_ns) noexcept {
-  const bool wanted =
-      std::any_of(nodes.begin(), nodes.end(), [](const auto& node) { return node->started(); });
-  if (!wanted || watch.down() || !Send(SyncFrame(), now_ns)) return;
+  const bool due = std::any_of(nodes.begin(), nodes.end(), [](const auto& node) { return node->started(); });
+  if (!due || watch.down() || !Send(SyncFrame(), now_ns)) return;
   for (auto& node : nodes) node->OnSync();
 }
 
@@ -273,10 +271,9 @@ void Master::State::SendHeartbeat(TimeNs now_ns) noexcept {
   if (next_heartbeat_ns <= now_ns) next_heartbeat_ns = now_ns + heartbeat_ns;
 }
 
-/// NMT commands go at once. SDO requests share what the other frames leave of the bus up to its budget, each
-/// node in its turn: what a cycle leaves is saved up until it is enough for a request and its response. So
-/// SDO never adds more than one frame's time to a cycle's other frames, all of which have precedence on the
-/// bus.
+/// NMT commands are sent at once. SDO requests share the bus's budget left by the other frames, nodes in
+/// turn; unused budget accumulates until it covers a request and its response. So SDO delays a cycle's other
+/// frames, which all have higher priority, by at most one frame.
 void Master::State::SendPending(TimeNs now_ns) noexcept {
   if (watch.down()) return;
   const auto cyclic =
@@ -290,7 +287,7 @@ void Master::State::SendPending(TimeNs now_ns) noexcept {
     if (frame == nullptr) continue;
     const bool sdo = frame->id != kNmtCobId;
     if (sdo && sdo_credit < kSdoExchangeBits) continue;
-    if (!Send(*frame, now_ns)) break;  // the queue is full: in the next cycle
+    if (!Send(*frame, now_ns)) break;  // the queue is full: retry in the next cycle
     nodes[at]->PendingSent(now_ns);
     sdo_credit -= sdo ? kSdoExchangeBits : can::WorstCaseBits(*frame);
     if (sdo) first_node = (at + 1) % nodes.size();
@@ -323,11 +320,11 @@ void Master::State::Drain(TimeNs now_ns) noexcept {
 
 void Master::State::Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   if (frame.error && (frame.id & can::kErrorRestarted)) restart_heard = true;
-  if (frame.error || frame.remote) return;  // WatchBus sees to the bus's own state
+  if (frame.error || frame.remote) return;  // WatchBus handles the state of the bus
   if (!running) return;
   Node* node = node_of_id[static_cast<std::size_t>(CobNode(frame.id))];
   if (const char* what = MastersOwn(frame.id, node != nullptr)) {
-    // Drives answer whoever asks.
+    // Drives answer a SYNC of any sender.
     if (frame.id == kSyncCobId) {
       for (auto& any : nodes) any->OnSync();
     }
@@ -375,8 +372,8 @@ void Master::State::Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept
   if (!fits) Malformed(frame, what, bytes, now_ns);
 }
 
-/// What only the master sends, in words; nullptr for other identifiers. `ours`: the identifier names a drive
-/// of ours.
+/// Text for a frame that only the master sends; nullptr for other identifiers. `ours`: the identifier belongs
+/// to one of our drives.
 const char* Master::State::MastersOwn(std::uint32_t id, bool ours) noexcept {
   if (id == kNmtCobId) return "NMT command";
   if (id == kSyncCobId) return "SYNC";
@@ -392,10 +389,10 @@ void Master::State::Foreign(const can::CanFrame& frame, const char* what, TimeNs
   if (now_ns < next_foreign_event_ns) return;
   next_foreign_event_ns = now_ns + kRepeatedEvent_ns;
   EventText text{};
-  std::snprintf(
-      text.data(), text.size(),
-      "%s 0x%03X came from elsewhere (%llu such frames since start): these drives take one master only", what,
-      frame.id, static_cast<unsigned long long>(faults.foreign));
+  std::snprintf(text.data(), text.size(),
+                "%s 0x%03X came from another sender (%llu such frames since start): these drives accept one "
+                "master only",
+                what, frame.id, static_cast<unsigned long long>(faults.foreign));
   Report(now_ns, Status::kForeignFrame, text.data());
 }
 
@@ -409,23 +406,22 @@ void Master::State::Malformed(const can::CanFrame& frame, const char* what, int 
     std::snprintf(data.data() + 3 * i, 4, " %02X", frame.data[i]);
   }
   EventText text{};
-  std::snprintf(
-      text.data(), text.size(),
-      "node %d: %s 0x%03X ignored: %d bytes,%s, where %d with known contents belong (%llu such frames "
-      "since start)",
-      CobNode(frame.id), what, frame.id, frame.size, frame.size == 0 ? " none" : data.data(), bytes,
-      static_cast<unsigned long long>(faults.malformed));
+  std::snprintf(text.data(), text.size(),
+                "node %d: %s 0x%03X ignored: %d bytes,%s, expected %d with known contents (%llu such frames "
+                "since start)",
+                CobNode(frame.id), what, frame.id, frame.size, frame.size == 0 ? " none" : data.data(), bytes,
+                static_cast<unsigned long long>(faults.malformed));
   Report(now_ns, Status::kFrameMalformed, text.data());
 }
 
 void Master::State::WatchBus(TimeNs now_ns) noexcept {
   EventText text{};
-  // A bus-off that is over already lost frames and, on the drives' side, everything else as well.
+  // A bus-off that has ended already still lost frames, and state on the drives' side.
   const bool was_off = port.bus_off() || port.counters().bus_off != bus_off_seen;
   bus_off_seen = port.counters().bus_off;
   switch (watch.Update(now_ns, port.up() && !was_off, port.bus_off(), port.counters().received)) {
     case BusWatch::Order::kNone:
-      // A restart that somebody else saw to after ours: drives that could not be reached then can be now.
+      // A restart by others after ours: drives that were unreachable may be reachable now.
       if (restart_heard && !watch.down()) {
         for (auto& node : nodes) node->OnBusUp(now_ns);
       }
@@ -440,12 +436,12 @@ void Master::State::WatchBus(TimeNs now_ns) noexcept {
     case BusWatch::Order::kAskRestart:
       port.Restart();
       if (port.up()) {
-        std::snprintf(text.data(), text.size(), "bus-off: restart %d of %d asked for: the interface runs",
+        std::snprintf(text.data(), text.size(), "bus-off: restart %d of %d requested: the interface runs",
                       watch.restarts(), BusWatch::kRestarts);
       } else {
         std::snprintf(
             text.data(), text.size(),
-            "bus-off: restart %d of %d asked for: not running yet; this process needs CAP_NET_ADMIN "
+            "bus-off: restart %d of %d requested: not running yet; this process needs CAP_NET_ADMIN "
             "for it, or the interface restart-ms (ip link set %s type can restart-ms 100), or take it down "
             "and up by hand",
             watch.restarts(), BusWatch::kRestarts, interface.c_str());

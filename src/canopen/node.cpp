@@ -13,23 +13,24 @@ namespace tendril::canopen {
 namespace {
 
 constexpr int kTries = 3;                           // of each SDO transfer during boot
-constexpr TimeNs kBootUpWait_ns = 1000 * kNsPerMs;  // then the node is asked whether it is there
+constexpr TimeNs kBootUpWait_ns = 1000 * kNsPerMs;  // then the node is polled
 constexpr TimeNs kNmtGrace_ns = 50 * kNsPerMs;      // heartbeats sent before NMT start may still arrive
 constexpr TimeNs kWalk_ns = 2000 * kNsPerMs;        // from a request to operation enabled
 constexpr TimeNs kDisable_ns = 500 * kNsPerMs;  // from a request to disabled; then NMT takes the power away
 constexpr TimeNs kFaultReset_ns = 1000 * kNsPerMs;
-constexpr TimeNs kStopAgain_ns = 200 * kNsPerMs;      // NMT stop is not answered, and may get lost
-constexpr TimeNs kStatusRefresh_ns = 200 * kNsPerMs;  // a lost statusword TPDO is made up for after this
-// A drive that restarted answers no SYNC. Three answers, for the fault injector may hold back one or two.
+constexpr TimeNs kStopAgain_ns = 200 * kNsPerMs;  // NMT stop is unacknowledged, and may get lost
+// A lost statusword TPDO is replaced by a read after this.
+constexpr TimeNs kStatusRefresh_ns = 200 * kNsPerMs;
+// A restarted drive answers no SYNC. Three answers, because the fault injector may delay one or two.
 constexpr int kAnswersAfterBootUp = 3, kSyncsAfterBootUp = 5;
-// Requests in a row answered twice alike: a frame received twice is a rare accident, eight in a row are none.
+// Consecutive requests answered twice alike: duplication of a single frame is rare, of eight in a row it is
+// not chance.
 constexpr int kAnsweredTwice = 8;
 constexpr std::uint16_t kNeverHeard = std::numeric_limits<std::uint16_t>::max();
 
 using ValueText = std::array<char, 24>;
 
-/// Communication objects and identities are read as hexadecimal numbers by people, the others as decimal
-/// ones.
+/// Communication objects and identities are printed in hexadecimal, others in decimal.
 ValueText TextOf(ObjectAddress address, std::int64_t value) noexcept {
   ValueText text{};
   const bool hexadecimal = address.index < 0x2000 || address.index == 0x6502;
@@ -42,7 +43,7 @@ int WidthOf(ObjectAddress address) noexcept {
   return entry == nullptr ? 4 : TypeBytes(entry->type);
 }
 
-/// Objects that say what a device is, rather than how it is set up.
+/// Objects that identify a device, rather than configure it.
 bool IsIdentity(ObjectAddress address) noexcept {
   return address.index == 0x1000 || address.index == 0x1018 || address.index == 0x6502;
 }
@@ -73,11 +74,11 @@ Node::Node(const BusParameters& bus, const DriveSetup& drive, EventRing& events)
       heartbeat_timeout_ns_(bus.heartbeat_ms > 0 ? bus.heartbeat_timeout_ms * kNsPerMs : 0),
       events_(events),
       sdo_(drive.node_id),
-      // An answer later than the heartbeat's time-out is one of a lost drive; the last SYNC's may always be
-      // due.
+      // An answer later than the heartbeat time-out is that of a lost drive; the last SYNC's may always be
+      // outstanding.
       answers_(std::max(2, static_cast<int>(std::max(heartbeat_timeout_ns_, sdo_timeout_ns_) / cycle_ns_))) {
   feedback_.age_cycles = kNeverHeard;
-  FindObject({0x1000, 0});  // the table comes into being here, not in a cycle
+  FindObject({0x1000, 0});  // builds the table here, not in a cycle
 }
 
 void Node::Report(TimeNs now_ns, Status status, const char* format, ...) noexcept {
@@ -142,7 +143,7 @@ void Node::BeginAction(TimeNs now_ns) noexcept {
 }
 
 void Node::NextAction(TimeNs now_ns) noexcept {
-  // The node answers to a heartbeat producer time from here on.
+  // The node has a heartbeat producer time from here on.
   if (action().address == ObjectAddress{0x1017, 0} && heartbeat_timeout_ns_ > 0) {
     heartbeat_watched_ = true;
     heartbeat_deadline_ns_ = now_ns + heartbeat_timeout_ns_;
@@ -226,7 +227,7 @@ void Node::CheckReplies(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   FailTwice(now_ns);
 }
 
-/// The event was told already. Both obey the torque of one: where they were started, both are taken off.
+/// The event was reported already. Both drives follow the same torque: if started, both are disabled.
 void Node::FailTwice(TimeNs now_ns) noexcept {
   const bool was_started = started();
   Fail(DriveState::kIdTwice);
@@ -268,7 +269,7 @@ void Node::OnTransferEnd(TimeNs now_ns) noexcept {
     Fail(MismatchOf(sdo_.address()));
     return;
   }
-  // Servers that name no size send four bytes; the object's width counts.
+  // Servers that announce no size send four bytes; the object's width applies.
   const std::uint64_t raw = GetLe(sdo_.data(), width);
   const std::int64_t value =
       TypeSigned(entry->type) ? SignExtend(raw, 8 * width) : static_cast<std::int64_t>(raw);
@@ -292,10 +293,10 @@ void Node::OnTransferFailed(TimeNs now_ns) noexcept {
       return;
     case Transfer::kRelease:
       transfer_ = Transfer::kNone;
-      released_ = true;  // it will notice our silence; nothing more can be done
+      released_ = true;  // it will detect our silence; nothing more can be done
       return;
     case Transfer::kProbe:
-      // An abort is an answer too: somebody is there.
+      // An abort is an answer too: the node is present.
       transfer_ = Transfer::kNone;
       if (!timed_out && phase_ == Phase::kWaitBootUp) BeginScript(now_ns);
       return;
@@ -327,7 +328,7 @@ void Node::OnTransferFailed(TimeNs now_ns) noexcept {
     Report(now_ns, Status::kBootFailed, "%s: %s: abort %08X %s", action().step, what.data(),
            sdo_.abort_code(), AbortText(sdo_.abort_code()));
   }
-  // Who refuses is there.
+  // A node that refuses is present.
   Fail(timed_out ? DriveState::kOffline : MismatchOf(address));
 }
 
@@ -396,7 +397,7 @@ void Node::OnRead(std::int64_t value, TimeNs now_ns) noexcept {
 
 void Node::OnReadBack(std::int64_t value, TimeNs now_ns) noexcept {
   const ObjectAddress address = action().address;
-  // Bit 30 of a COB-ID says whether a remote request is allowed; drives may show it as they please.
+  // Bit 30 of a COB-ID states whether a remote request is allowed; drives differ in how they report it.
   const std::int64_t mask = IsCobId(address) ? ~static_cast<std::int64_t>(kPdoNoRtr) : -1;
   if ((value & mask) == (written_ & mask)) {
     NextAction(now_ns);
@@ -407,7 +408,7 @@ void Node::OnReadBack(std::int64_t value, TimeNs now_ns) noexcept {
   Fail(DriveState::kMisconfigured);
 }
 
-/// The event was told already. `state`: why it cannot be used.
+/// The event was reported already. `state`: why the node cannot be used.
 void Node::Fail(DriveState state) noexcept {
   sdo_.Reset();
   transfer_ = Transfer::kNone;
@@ -418,7 +419,7 @@ void Node::Fail(DriveState state) noexcept {
   feedback_.state = state;
 }
 
-/// The event was told already.
+/// The event was reported already.
 void Node::Lose(TimeNs) noexcept {
   sdo_.Reset();
   transfer_ = Transfer::kNone;
@@ -480,8 +481,8 @@ void Node::BeginCycle(TimeNs now_ns) noexcept {
   sdo_.Poll(now_ns);
   if (was_busy && !sdo_.busy()) OnTransferEnd(now_ns);
 
-  // A drive without a heartbeat gets no more torque frames; should it live on with the last one, this takes
-  // it off.
+  // A drive without a heartbeat gets no more torque frames; NMT stop disables it in case it still applies the
+  // last one.
   const bool given_up = phase_ == Phase::kLost || phase_ == Phase::kFailed;
   if (given_up && stops_ && now_ns >= stop_again_ns_) {
     after_boot_up_ = 0;
@@ -494,7 +495,7 @@ void Node::BeginCycle(TimeNs now_ns) noexcept {
   const bool booting = phase_ == Phase::kWaitBootUp || phase_ == Phase::kScript;
   if (booting && now_ns >= boot_deadline_ns_) {
     const int limit_ms = static_cast<int>(boot_timeout_ns_ / kNsPerMs);
-    // A drive that goes on answering and never shows what was written did not take it.
+    // A drive that answers but never reads back the written value refused it.
     const bool refuses =
         phase_ == Phase::kScript && action().kind == BootAction::Kind::kConfirm && tries_ == 1;
     if (phase_ == Phase::kWaitBootUp) {
@@ -506,7 +507,7 @@ void Node::BeginCycle(TimeNs now_ns) noexcept {
       Report(now_ns, Status::kBootFailed, "%s: no TPDO 0x%03X after SYNC in %d ms", action().step,
              TpdoCobId(kTpdoFeedback.number, id_), limit_ms);
     } else {
-      Report(now_ns, Status::kBootFailed, "%s: %04X:%02X not settled when bus.boot_timeout_ms = %d was over",
+      Report(now_ns, Status::kBootFailed, "%s: %04X:%02X not settled within bus.boot_timeout_ms = %d",
              action().step, action().address.index, action().address.sub, limit_ms);
     }
     Fail(refuses ? MismatchOf(action().address) : DriveState::kOffline);
@@ -523,7 +524,7 @@ void Node::BeginCycle(TimeNs now_ns) noexcept {
   if (phase_ == Phase::kReady) CheckProgress(now_ns);
 }
 
-/// What the drive was told to do and does not get done.
+/// Detects requests that the drive does not fulfil in time.
 void Node::CheckProgress(TimeNs now_ns) noexcept {
   if ((walking_ || off_first_ || reset_ != Reset::kNone) && now_ns >= refresh_ns_) RefreshStatusword(now_ns);
   if (walking_ && now_ns >= walk_deadline_ns_) {
@@ -537,7 +538,7 @@ void Node::CheckProgress(TimeNs now_ns) noexcept {
     Report(now_ns, Status::kDriveFault, "fault reset: still in %s (statusword 0x%04X, error 0x%04X %s)%s",
            DriveMachineText(machine()), feedback_.statusword, feedback_.error_code,
            FindEmcy(feedback_.error_code).text, rebooted_for_reset_ ? "" : ": booting it again");
-    // A drive that lost our heartbeat lets itself be reset after NMT reset communication only.
+    // A drive that lost our heartbeat accepts a fault reset only after NMT reset communication.
     if (!rebooted_for_reset_) Boot(now_ns, true);
   }
 }
@@ -572,14 +573,14 @@ bool Node::OnFeedback(const can::CanFrame& frame, TimeNs now_ns) noexcept {
   return true;
 }
 
-/// A drive that has just restarted is not operational: another one with its node id is.
+/// A drive that has just restarted is not operational; an answer comes from another one with its node id.
 void Node::OnAnswerAfterBootUp(TimeNs now_ns) noexcept {
   if (after_boot_up_ > 1) {
     --after_boot_up_;
     return;
   }
   Report(now_ns, Status::kNodeIdShared,
-         "two drives have this node id: one goes on answering SYNC after the other's boot-up message");
+         "two drives have this node id: one still answers SYNC after the other's boot-up message");
   FailTwice(now_ns);
 }
 
@@ -613,7 +614,7 @@ void Node::OnStatusword(std::uint16_t statusword, TimeNs now_ns) noexcept {
   } else if (in_fault && !latched_) {
     Report(now_ns, Status::kDriveFault, "%s (statusword 0x%04X, error 0x%04X %s)", DriveMachineText(is),
            statusword, feedback_.error_code,
-           feedback_.error_code == 0 ? "not told yet" : FindEmcy(feedback_.error_code).text);
+           feedback_.error_code == 0 ? "not reported yet" : FindEmcy(feedback_.error_code).text);
     Latch(now_ns);
   } else if (holds_ && is != DriveMachine::kOperationEnabled && !latched_) {
     Report(now_ns, Status::kDriveFault, "left operation enabled by itself: %s (statusword 0x%04X)",
@@ -634,11 +635,11 @@ void Node::OnEmcy(const EmcyMessage& emcy, TimeNs now_ns) noexcept {
   const EmcyInfo& info = FindEmcy(emcy.code);
   if (emcy.code == 0) {
     if (!latched_) feedback_.error_code = 0;
-    Report(now_ns, Status::kOk, "EMCY 0x0000: errors gone");
+    Report(now_ns, Status::kOk, "EMCY 0x0000: errors cleared");
     return;
   }
   feedback_.error_code = emcy.code;
-  // A drive that is being booted may still tell of what was before; its state is read when the boot ends.
+  // A drive that is being booted may still send old status; its state is read when the boot ends.
   if (phase_ == Phase::kReady) Latch(now_ns);
   Report(now_ns, Status::kDriveFault, "EMCY 0x%04X (register 0x%02X) %s: %s; %s", emcy.code,
          emcy.error_register, info.text, info.cause, info.remedy);
@@ -652,11 +653,13 @@ void Node::OnHeartbeat(NmtState state, TimeNs now_ns) noexcept {
       case Phase::kIdle:
         return;
       case Phase::kWaitBootUp:
-        // One from before our reset left the bus does not count: the reset would come in the middle.
+        // A boot-up message from before our reset was sent does not count: the reset would interrupt the
+        // boot.
         if (!nmt_waits_) BeginScript(now_ns);
         return;
       case Phase::kScript:
-        // Before the first request: the same restart again, or a second drive's, which its answers will show.
+        // Before the first request: the same restart again, or that of a second drive, which its answers will
+        // show.
         if (at_ == 0 && sdo_.pending() != nullptr) return;
         Report(now_ns, Status::kDriveLost, "%s: restarted during its boot: beginning again", action().step);
         BeginScript(now_ns);
@@ -671,7 +674,7 @@ void Node::OnHeartbeat(NmtState state, TimeNs now_ns) noexcept {
         Report(now_ns, Status::kDriveLost,
                "unexpected boot-up: the drive restarted (power, watchdog or NMT reset)");
         Lose(now_ns);
-        // Should it be a second drive with this id, the first one lives on with its last torque.
+        // If a second drive with this id restarted, the first one still applies its last torque.
         stops_ = true;
         stop_again_ns_ = now_ns + kSyncsAfterBootUp * cycle_ns_;
         after_boot_up_ = kAnswersAfterBootUp;
@@ -680,12 +683,12 @@ void Node::OnHeartbeat(NmtState state, TimeNs now_ns) noexcept {
   }
   if (started() && phase_ != Phase::kLost && state != NmtState::kOperational &&
       now_ns >= started_ns_ + kNmtGrace_ns) {
-    // NMT commands are not answered: one that got lost is sent again until the boot's deadline.
+    // NMT commands are unacknowledged: resend until the boot's deadline, in case one was lost.
     if (phase_ == Phase::kScript && action().kind == BootAction::Kind::kStart) {
       QueueNmt(NmtCommand::kStart);
       return;
     }
-    Report(now_ns, Status::kDriveLost, "NMT state changed to %s without being told", NmtStateText(state));
+    Report(now_ns, Status::kDriveLost, "NMT state changed to %s without a request", NmtStateText(state));
     Lose(now_ns);
   }
 }
@@ -745,11 +748,11 @@ void Node::PendingSent(TimeNs now_ns) noexcept {
 
 std::uint16_t Node::ControlwordOfReset(TimeNs now_ns) noexcept {
   if (reset_ == Reset::kLow) {
-    // One cycle with the bit low, so that its edge is one; then the drive must have ended its fault reaction.
+    // One cycle with the bit low gives a rising edge; then the drive must have ended its fault reaction.
     if (machine() != DriveMachine::kFaultReactionActive) reset_ = Reset::kHigh;
     return controlword::kDisableVoltage;
   }
-  // Latched without the drive being in fault: nothing to wait for.
+  // Latched although the drive is not in fault: nothing to wait for.
   if (machine() != DriveMachine::kFault && machine() != DriveMachine::kFaultReactionActive) {
     OnStatusword(feedback_.statusword, now_ns);
     return controlword::kDisableVoltage;
@@ -771,9 +774,9 @@ bool Node::MakeRpdo(TimeNs now_ns, DriveRequest request, std::int16_t torque_per
       refresh_ns_ = now_ns + kStatusRefresh_ns;
       disable_deadline_ns_ = now_ns + kDisable_ns;
     } else if (powered() && now_ns >= disable_deadline_ns_) {
-      // Its torque frames may be lost while others get through.
+      // Its torque frames may be lost while other frames arrive.
       disable_deadline_ns_ = now_ns + kDisable_ns;
-      Report(now_ns, Status::kDriveFault, "still enabled %d ms after it was told to disable: stopped by NMT",
+      Report(now_ns, Status::kDriveFault, "still enabled %d ms after the disable request: stopped by NMT",
              static_cast<int>(kDisable_ns / kNsPerMs));
       QueueNmt(NmtCommand::kStop);
     }

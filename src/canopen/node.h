@@ -1,5 +1,5 @@
-// One drive as the master sees it: its boot, its CiA 402 state, its faults, its PDOs.
-// Passive: frames and time come in by calls, frames to send are asked for. Knows no other node.
+// The master's view of one drive: its boot, CiA 402 state, faults and PDOs. Passive: frames and time are
+// passed in, frames to send are fetched. Knows no other node.
 #pragma once
 
 #include <array>
@@ -24,12 +24,12 @@ class Node {
 
   int id() const noexcept { return id_; }
   const DriveFeedback& feedback() const noexcept { return feedback_; }
-  /// SYNC is of use: NMT start was sent, or a restarted drive shows by its answer that it is not alone.
+  /// The drive answers SYNC: NMT start was sent, or a restarted drive is checked for a duplicate id.
   bool started() const noexcept {
     return phase_ == Phase::kReady || (phase_ == Phase::kScript && started_) || after_boot_up_ > 0;
   }
   bool ready() const noexcept { return phase_ == Phase::kReady; }
-  /// 0x1018:04; 0 until it was read once.
+  /// 0x1018:04; 0 until read.
   std::uint32_t serial() const noexcept { return serial_; }
   /// Ready, and the feedback TPDO of this cycle is in.
   bool answered() const noexcept { return ready() && feedback_.age_cycles == 0; }
@@ -37,43 +37,44 @@ class Node {
 
   // ---- orders -----------------------------------------------------------------------------------
 
-  /// Boots from NMT reset communication; afterwards resets the drive's fault if told to.
+  /// Boots from NMT reset communication; then resets the drive's fault if requested.
   void Boot(TimeNs now_ns, bool reset_fault) noexcept;
   /// The operator's clear: fault reset, or a new boot where the node was lost.
   void ClearFault(TimeNs now_ns) noexcept;
-  /// The bus went away: everything known is void.
+  /// The bus went down: all known state becomes invalid.
   void OnBusDown(TimeNs now_ns) noexcept;
-  /// ... and came back: nodes that were lost boot now, and stay disabled until told otherwise.
+  /// ... and came back: lost nodes boot now, and stay disabled until requested otherwise.
   void OnBusUp(TimeNs now_ns) noexcept;
 
   // ---- time -------------------------------------------------------------------------------------
 
-  /// A new cycle begins: ages the feedback, notices time-outs.
+  /// Begins a cycle: ages the feedback, checks time-outs.
   void BeginCycle(TimeNs now_ns) noexcept;
-  /// A SYNC is on the bus, by whomever: started drives answer it.
+  /// A SYNC is on the bus, from any sender: started drives answer it.
   void OnSync() noexcept { answers_.OnSync(); }
 
   // ---- frames in --------------------------------------------------------------------------------
 
-  /// PDOs: false when the frame's length is not that of the mapping; then nothing was taken of it.
+  /// PDOs: false when the frame's length is not that of the mapping; the frame is then ignored.
   bool OnFeedback(const can::CanFrame& frame, TimeNs now_ns) noexcept;
   bool OnStatus(const can::CanFrame& frame, TimeNs now_ns) noexcept;
   void OnSdo(const can::CanFrame& frame, TimeNs now_ns) noexcept;
-  /// Somebody else's SDO request to this drive.
+  /// Another client's SDO request to this drive.
   void OnForeignSdoRequest(const can::CanFrame& frame) noexcept { replies_.OnRequest(frame); }
   void OnEmcy(const EmcyMessage& emcy, TimeNs now_ns) noexcept;
   void OnHeartbeat(NmtState state, TimeNs now_ns) noexcept;
 
   // ---- frames out -------------------------------------------------------------------------------
 
-  /// NMT command or SDO request that waits; nullptr when none does.
+  /// Pending NMT command or SDO request; nullptr when there is none.
   const can::CanFrame* pending() const noexcept;
   void PendingSent(TimeNs now_ns) noexcept;
   /// The RPDO of this cycle; false when the node gets none.
   bool MakeRpdo(TimeNs now_ns, DriveRequest request, std::int16_t torque_permille,
                 can::CanFrame* frame) noexcept;
 
-  /// Lets the drive forget the master's heartbeat, so that the master may go; true when done or not possible.
+  /// Ends the drive's monitoring of the master's heartbeat, so that the master may stop; true when done or
+  /// not possible.
   bool Release() noexcept;
 
  private:
@@ -106,7 +107,7 @@ class Node {
   void FailTwice(TimeNs now_ns) noexcept;
   void OnAnswerAfterBootUp(TimeNs now_ns) noexcept;
   void Lose(TimeNs now_ns) noexcept;
-  /// One event, its text led by "node N: ".
+  /// Records one event, with the prefix "node N: ".
   [[gnu::format(printf, 4, 5)]] void Report(TimeNs now_ns, Status status, const char* format, ...) noexcept;
 
   const int id_;
@@ -126,7 +127,7 @@ class Node {
   std::size_t at_ = 0;        // action of the script
   int tries_ = 0;             // of the SDO transfer under way
   std::int64_t written_ = 0;  // value that a read-back must show
-  bool started_ = false;      // NMT start has left
+  bool started_ = false;      // NMT start was sent
   bool ever_ready_ = false;   // since the last Boot by order
   bool reset_after_boot_ = false;
   TimeNs boot_deadline_ns_ = 0, probe_ns_ = 0, started_ns_ = 0;
@@ -137,13 +138,13 @@ class Node {
   TimeNs heartbeat_deadline_ns_ = 0;
   bool latched_ = false;     // a fault that only the operator clears
   bool may_enable_ = false;  // a disable request was seen since the boot or the last fault
-  bool holds_ = false;       // was enabled by us and shall stay so
-  bool off_first_ = false;   // told to disable, and not seen disabled yet
+  bool holds_ = false;       // enabled by us, and to stay so
+  bool off_first_ = false;   // commanded to disable, and not reported disabled yet
   bool walking_ = false;     // on the way to operation enabled
-  bool stops_ = false;       // lost, and stopped by NMT again and again
+  bool stops_ = false;       // lost, and repeatedly stopped by NMT
   AnswerWatch answers_;
   ReplyWatch replies_;
-  int after_boot_up_ = 0;  // answers still to be seen of a drive said to have restarted; 0: none is watched
+  int after_boot_up_ = 0;  // answers outstanding that a restarted drive cannot send; 0: no check
   TimeNs walk_deadline_ns_ = 0, stop_again_ns_ = 0, disable_deadline_ns_ = 0, refresh_ns_ = 0;
   Reset reset_ = Reset::kNone;
   bool rebooted_for_reset_ = false;

@@ -1,5 +1,5 @@
-// Whether one server answers each SDO request, or two with the same node id.
-// Knows no time: requests and replies come in, as they are on the bus.
+// Detects two servers with the same node id by their replies to SDO requests. Knows no time: requests and
+// replies are passed in as they appear on the bus.
 #pragma once
 
 #include <array>
@@ -13,11 +13,10 @@ namespace tendril::canopen {
 
 class ReplyWatch {
  public:
-  /// kAlike: one more reply like the one before, of two servers or one frame received twice. kDifferent: two
-  /// servers.
+  /// kAlike: a repeated equal reply, from two servers or one frame received twice. kDifferent: two servers.
   enum class Surplus : std::uint8_t { kNone, kAlike, kDifferent };
 
-  /// A request to the server, by whomever. Segments are not watched: their replies name no object.
+  /// A request to the server, from any client. Segments are not watched: their replies name no object.
   void OnRequest(const can::CanFrame& frame) noexcept {
     const SdoMessage request = DecodeSdoRequest(frame);
     if (request.kind != SdoKind::kInitiateUpload && request.kind != SdoKind::kInitiateDownload) return;
@@ -28,7 +27,7 @@ class ReplyWatch {
     ++last_.unanswered;
   }
 
-  /// A reply of the server. One to a request that was repeated, or answered late, is none too many.
+  /// A reply of the server. A second reply to a request that was repeated or answered late is not counted.
   Surplus OnReply(const can::CanFrame& frame) noexcept {
     const SdoMessage reply = DecodeSdoResponse(frame);
     for (Exchange* exchange : {&last_, &before_}) {
@@ -47,9 +46,9 @@ class ReplyWatch {
     return Surplus::kNone;
   }
 
-  /// Requests in a row that were answered more than once.
+  /// Consecutive requests that were answered more than once.
   int in_a_row() const noexcept { return in_a_row_; }
-  /// Of the last surplus reply: the four data bytes of the reply before, and its own.
+  /// Data bytes of the reply before the last surplus reply, and of that reply itself.
   std::pair<std::uint32_t, std::uint32_t> values() const noexcept { return values_; }
 
  private:

@@ -334,13 +334,13 @@ void SdoClient::QueueSegment() noexcept {
 
 void SdoClient::OnFrame(const can::CanFrame& frame) noexcept {
   const SdoMessage reply = DecodeSdoResponse(frame);
-  // A reply before the request has left cannot be its answer.
+  // A reply before the request was sent cannot be its answer.
   if (!busy() || frame_waits_) {
     ++stale_;
     return;
   }
   if (reply.kind == SdoKind::kAbort) {
-    // A server that did not even understand the command may name no object.
+    // A server that did not understand the command may name no object.
     if (reply.address == address_ || reply.address == ObjectAddress{}) {
       Fail(reply.abort_code, false);
     } else {

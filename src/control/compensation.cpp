@@ -44,10 +44,10 @@ Compensation::Result Compensation::Step(double tension_base_N, double shortening
     r.tension_motor_N = max_tension_motor_N_;
     r.status = Status::kLimitedMotorTension;
   }
-  // Gear losses help or hinder with the direction of power, Coulomb friction opposes motion: both follow the
-  // same smooth direction as the pulley, so the torque is continuous through a reversal.
+  // Gear losses follow the direction of power, Coulomb friction opposes motion. Both use the pulley's smooth
+  // sliding direction, so the torque is continuous through a reversal.
   r.torque_Nm = r.tension_motor_N * travel_m_ * std::pow(efficiency_, -r.sliding) + coulomb_Nm_ * r.sliding;
-  r.torque_Nm /= torque_scale_;  // the drive counts in current
+  r.torque_Nm /= torque_scale_;  // the drive's torque unit is nominal: current x torque constant
   if (std::abs(r.torque_Nm) > max_torque_Nm_) {
     r.torque_Nm = std::copysign(max_torque_Nm_, r.torque_Nm);
     r.status = Status::kLimitedTorque;
@@ -55,6 +55,6 @@ Compensation::Result Compensation::Step(double tension_base_N, double shortening
   return r;
 }
 
-void Compensation::Remember(StateArchive& a) noexcept { a.Operators(presliding_); }
+void Compensation::Archive(StateArchive& a) noexcept { a.Operators(presliding_); }
 
 }  // namespace tendril::control

@@ -23,7 +23,7 @@
 #include "tendril/control/supervisor.h"
 #include "tendril/control/take_up.h"
 #include "tendril/control/tension_feedback.h"
-#include "tendril/control/tension_lead.h"
+#include "tendril/control/tension_ramp.h"
 #include "tendril/control/tip_feedback.h"
 #include "tendril/control/trajectory.h"
 #include "tendril/model/inverse.h"
@@ -33,30 +33,33 @@ namespace {
 
 using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxSections, kMaxTendons>;
 
-// Nearer than this to pretension a tendon counts as released.
+// A tendon this close to pretension counts as released.
 constexpr double kReleasedTension_N = 1e-6;
-// While commissioning: without a pull asked for, the drives are disabled again after this.
+// In commissioning, drives are disabled after this time without a pull command.
 constexpr TimeNs kUnusedFor_ns = 2 * kNsPerS;
-// Drives take some hundredths of a second to switch on; the master gives one up after 2 s, and tells more.
+// Drives need some hundredths of a second to switch on. The master gives up after 2 s with a more specific
+// status.
 constexpr TimeNs kEnableWithin_ns = 3 * kNsPerS;
-// As long may a tendon take to show its least tension after that was commanded and should have settled.
+// Time allowed for a tendon to show its minimum tension once that should have settled.
 constexpr TimeNs kTautWithin_ns = 2 * kNsPerS;
-// Slower than this a robot is led nowhere: a micrometre of tendon in ten seconds.
+// A slower reference counts as at rest: a micrometre of tendon in ten seconds.
 constexpr double kRest_mps = 1e-7, kRest_Nps = 1e-3;
 constexpr double kHeldPermille = 0.8;
-// Of the motor's own friction, which alone holds a spool without tension; a file may take it for too much.
+// Share of the motor's friction, which alone holds a spool without tension, that the torque may pay out
+// against; below one, because the robot file may overstate it.
 constexpr double kPaidOut = 0.5;
 constexpr double kCellDoubt_N = 0.5;
-// A spool that goes at this speed while its cell shows no pull has lost its tendon.
+// A spool faster than this while its cell shows no tension has lost its tendon.
 constexpr double kLost_mps = 0.01;
-// Time constant of the feedback of shape, over that of the loops of tension below it; and of the motors' dry
-// friction what it leaves alone at rest.
+// Time constant of shape feedback relative to that of the tension loops below it; share of the motors' dry
+// friction that it leaves alone at rest.
 constexpr double kShapeFeedback = 10, kShapeRest = 0.1;
-// A robot that was led fast keeps its tendons' pull for a while: it may be led on, and it swings.
+// Decay of the extra minimum tension after fast motion: the next fast motion may follow soon, and the robot
+// still oscillates.
 constexpr double kRotorFades_Nps = 3;
-constexpr double kDisagrees_s = 0.5;  // tracker and tendons, before it is told
-constexpr double kNearBound = 0.125;  // of a tension's bound, where room for it begins to count
-constexpr double kStopRamp_s = 0.9;   // a daemon that is ended has this long for tensions to go down
+constexpr double kDisagrees_s = 0.5;  // disagreement of tracker and tendons before it is reported
+constexpr double kNearBound = 0.125;  // share of a tension's bound within which the approach slows down
+constexpr double kStopRamp_s = 0.9;   // ramp-down time of tensions when the daemon stops
 
 const RobotParameters& Checked(const RobotParameters& robot) {
   if (!robot.actuation) {
@@ -76,8 +79,9 @@ const RobotParameters& Checked(const RobotParameters& robot) {
   return robot;
 }
 
-LimitParameters LedLimits(LimitParameters limits) {
-  limits.max_tension_base_N = std::max(kLedShare * limits.max_tension_base_N, limits.min_tension_N);
+LimitParameters CommandedLimits(LimitParameters limits) {
+  limits.max_tension_base_N =
+      std::max(kCommandedTensionShare * limits.max_tension_base_N, limits.min_tension_N);
   return limits;
 }
 
@@ -93,7 +97,7 @@ bool SameTransmission(const TransmissionParameters& a, const TransmissionParamet
   return true;
 }
 
-// One table a tendon; tendons over equal pulleys share theirs.
+// One table per tendon; tendons over equal pulleys share one.
 std::vector<std::shared_ptr<const model::CapstanTable>> MakeTables(const RobotParameters& robot) {
   std::vector<std::shared_ptr<const model::CapstanTable>> tables;
   const auto& drives = robot.actuation->tendons;
@@ -112,7 +116,7 @@ std::vector<std::shared_ptr<const model::CapstanTable>> MakeTables(const RobotPa
 }  // namespace
 
 struct Controller::Impl {
-  // What a robot makes of a tip: the nearest that its arcs reach, brought back to what tensions hold.
+  // The nearest tip that the robot's arcs reach and its tensions hold.
   struct NearestTip {
     BendingVector bending_rad;
     Eigen::Vector3d tip_W_m;
@@ -135,13 +139,13 @@ struct Controller::Impl {
                 period_ns),
         kinematics(body, robot.limits.max_bending_rad),
         trajectory(sections, parameters.trajectory, robot.limits.max_bending_rad, period_ns),
-        reach(robot, body, LedLimits(robot.limits), trajectory.gather_s(),
+        reach(robot, body, CommandedLimits(robot.limits), trajectory.gather_s(),
               parameters.law == ControlLaw::kEquilibrium),
-        tension_lead(body, reach.UnpulledRate_radps(), trajectory.gather_s(), period_s),
+        tension_ramp(body, reach.CommandedTensionRate_radps(), trajectory.gather_s(), period_s),
         allocator(tendons, 2 * sections),
         estimator(robot, body, tables, period_s),
         guards(robot, parameters.guards, period_ns, body, tables),
-        equilibrium(body, LedLimits(robot.limits)),
+        equilibrium(body, CommandedLimits(robot.limits)),
         uses_equilibrium(parameters.law == ControlLaw::kEquilibrium),
         force_per_tension(2 * sections, tendons),
         tension_N(TendonVector::Zero(tendons)),
@@ -151,8 +155,8 @@ struct Controller::Impl {
         dq(q),
         ddq(q),
         unit_force_Nm(q),
-        led_N(tension_N),
-        led_m(tension_N),
+        last_reference_N(tension_N),
+        last_reference_m(tension_N),
         shown_m(tension_N) {
     if (period_ns <= 0) throw std::invalid_argument("the control period must be positive");
     if (!(parameters.pretension_ramp_Nps > 0))
@@ -177,7 +181,7 @@ struct Controller::Impl {
       for (int j = 0; j < tendons; ++j)
         feedback.emplace_back(robot.actuation->tendons[j], robot.limits, gains, j, period_s);
       if (parameters.shape_feedback) {
-        double friction_Nm = 0;  // of the motor that holds a section most
+        double friction_Nm = 0;  // of the motor with the largest holding moment on a section
         int j = 0;
         for (const auto& section : robot.body.sections) {
           for (const auto& route : section.tendons)
@@ -196,7 +200,7 @@ struct Controller::Impl {
       tip_feedback.emplace(*robot.actuation->tracker, robot.body.length_m(), period_s);
     }
     if (uses_equilibrium) {
-      // A torque sent in this cycle acts a cycle later, for a cycle, through the drives' torque loops.
+      // A torque sent in this cycle acts a cycle later, for one cycle, through the drives' torque loops.
       double lag_s = 0;
       for (const auto& t : robot.actuation->tendons) lag_s = std::max(lag_s, t.motor.torque_lag_s);
       actuation_delay_ns = period_ns + period_ns / 2 + static_cast<TimeNs>(lag_s * 1e9);
@@ -218,12 +222,12 @@ struct Controller::Impl {
   double HeldByFriction() const noexcept;
   void TensionsForMode(CycleOutput& output) noexcept;
   void TorquesForTensions(const CycleInput& input, CycleOutput& output) noexcept;
-  double Unsure(int tendon, const DriveFeedForward::Result& wanted) const noexcept;
-  double FedBack(int tendon, const CycleInput& input, const CycleOutput& output,
-                 const DriveFeedForward::Result& wanted) noexcept;
+  double FrictionUncertainty_N(int tendon, const DriveFeedForward::Result& commanded) const noexcept;
+  double FeedbackTorque(int tendon, const CycleInput& input, const CycleOutput& output,
+                        const DriveFeedForward::Result& commanded) noexcept;
 
   TimeNs AheadNs() const noexcept { return trajectory.delay_ns() + actuation_delay_ns; }
-  void Remember(StateArchive& archive) noexcept;
+  void Archive(StateArchive& archive) noexcept;
   Status CheckDrives(const CycleInput& input, CycleOutput& output) noexcept;
   Status TakeTendonsUp(const CycleInput& input, CycleOutput& output) noexcept;
   void BeginAtPretension(const CycleInput& input) noexcept;
@@ -239,14 +243,14 @@ struct Controller::Impl {
   Status NotReady(const CycleInput& input) const noexcept;
   void ReportNotReady(const CycleInput& input, CycleOutput& output) const noexcept;
   void ReportFault(const CycleInput& input, CycleOutput& output) const noexcept;
-  bool StillPulls(const CycleInput& input) const noexcept;
-  int HangingTendon(const CycleOutput& output) const noexcept;
-  double Bounded(int tendon, double fed_back_Nm, double measured_N, const DriveFeedForward::Result& wanted,
-                 Status& status) noexcept;
+  bool TensionsRampDown(const CycleInput& input) const noexcept;
+  int SlackTendon(const CycleOutput& output) const noexcept;
+  double LimitTorque(int tendon, double fed_back_Nm, double measured_N,
+                     const DriveFeedForward::Result& commanded, Status& status) noexcept;
   bool Rests(const CycleOutput& output) noexcept;
-  std::int16_t Rounded(int tendon, double permille, std::int16_t sent) const noexcept;
+  std::int16_t RoundTorque(int tendon, double permille, std::int16_t sent) const noexcept;
   bool LostTendon(int tendon, const CycleOutput& output) noexcept;
-  /// Keeps what there is to say, and apart the most severe of it.
+  /// Records a status, and separately the most severe one.
   static void Report(CycleOutput& output, Status status) noexcept {
     if (static_cast<int>(status) > static_cast<int>(output.status)) output.status = status;
     for (Status& s : output.reported) {
@@ -260,7 +264,7 @@ struct Controller::Impl {
   ControllerParameters parameters;
   double period_s;
   int sections, tendons;
-  double reach_tolerance_m;  // a tip target closer to reach than this counts as reachable
+  double reach_tolerance_m;  // a tip target this close to the reachable set counts as reachable
 
   model::Body body;
   model::Body::Workspace workspace;
@@ -271,7 +275,7 @@ struct Controller::Impl {
   model::InverseKinematics kinematics;
   Trajectory trajectory;
   Reach reach;
-  TensionLead tension_lead;
+  TensionRamp tension_ramp;
   model::TensionAllocator allocator;
   std::vector<Compensation> compensation;
   Estimator estimator;
@@ -279,44 +283,44 @@ struct Controller::Impl {
   EquilibriumLaw equilibrium;
   std::optional<ShapeFeedback> shape_feedback;
   std::vector<DriveFeedForward> feed_forward;
-  std::vector<TensionFeedback> feedback;  // a tendon; empty: off
+  std::vector<TensionFeedback> feedback;  // per tendon; empty: off
   std::optional<TipFeedback> tip_feedback;
   bool uses_equilibrium;
-  TimeNs actuation_delay_ns = 0;  // looked ahead beside the trajectory's own
+  TimeNs actuation_delay_ns = 0;  // look-ahead beside the trajectory's own
 
-  ForceMatrix force_per_tension;  // of this cycle only, as are q to arc_shortening_m
-  TendonVector tension_N;         // wanted at the base, as put out last
+  ForceMatrix force_per_tension;  // valid in this cycle only, as are q to arc_shortening_m
+  TendonVector tension_N;         // commanded at the base, last output
   BendingVector goal_rad, goal_rate_radps;
   UnitVector q, dq, ddq, unit_force_Nm;
   TendonVector arc_shortening_m;
-  bool balanced = false;  // the equilibrium law had an answer in the last cycle
-  bool at_limit = false;  // ... which had a tendon at its greatest tension
-  double rotor_N = 0;     // the most that a rotor's acceleration took of a tendon of late
-  // The tendons' path is another one from this cycle on: tensions are commanded or no more, or the
-  // equilibrium law has an answer or none.
+  bool balanced = false;  // the equilibrium law had a solution in the last cycle
+  bool at_limit = false;  // ... with a tendon at its tension limit
+  double rotor_N = 0;     // largest tension share of a rotor's acceleration lately
+  // The source of the tendons' path changes in this cycle: between shape and commanded tensions, or between
+  // the equilibrium law and its fallback.
   bool switched = false;
-  bool waits = false;                    // the reference, for tensions on their way from commanded ones
-  bool rests = false;                    // nothing is led anywhere in this cycle
-  TendonVector led_N, led_m;             // where the tendons were led in the last cycle
-  TendonVector shown_m;                  // displacement, in the last cycle
-  std::array<bool, kMaxTendons> lost{};  // tendons, after a fault
-  std::array<double, kMaxTendons> last_fed_back_Nm{}, fed_back_at_N{};  // last, and the tension wanted then
-  std::array<double, kMaxTendons> permille_left_over{};  // of torque, by rounding to what the bus carries
+  bool waits = false;  // the reference waits for tensions ramping from commanded ones
+  bool rests = false;  // the references are at rest in this cycle
+  TendonVector last_reference_N, last_reference_m;  // references of the last cycle
+  TendonVector shown_m;                             // displacement in the last cycle
+  std::array<bool, kMaxTendons> lost{};             // tendons without tension, after a fault
+  std::array<double, kMaxTendons> last_fed_back_Nm{}, fed_back_at_N{};  // last, and the tension then
+  std::array<double, kMaxTendons> permille_left_over{};  // rounding remainder of the torque sent
   std::array<std::int16_t, kMaxTendons> sent_permille{};
-  bool joined = false;      // tension_N follows its source without the ramp
-  bool engaged = false;     // homing or commissioning, and every drive has been enabled
-  bool bare = false;        // tension_N is the pull of bare motors
-  bool zeroed = false;      // displacement counts from pretension
-  bool zero_known = false;  // ... did so before, and the encoders have counted on since
-  bool let_go = false;      // since then a drive was lost or in fault: its tendon may hang
-  double ramp_Nps = 0;      // of tensions that are led somewhere
-  TimeNs stop_by_ns = 0;    // of a daemon that is ended: when tensions are to be down; 0: it is not
-  // Seen without power since the mode was entered: a drive that is still on when it is asked for anew goes
-  // off first.
+  bool joined = false;        // tension_N follows its source without the ramp
+  bool engaged = false;       // homing or commissioning with every drive enabled
+  bool bare = false;          // tension_N is the pull of bare motors
+  bool zeroed = false;        // displacement counts from pretension
+  bool zero_known = false;    // ... did before, and the encoders have counted on since then
+  bool may_be_slack = false;  // a drive failed after that: its tendon may be slack
+  double ramp_Nps = 0;        // rate of tension ramps
+  TimeNs stop_by_ns = 0;      // when the daemon stops: time for zero tension; else 0
+  // Seen without power after the mode was entered: a drive that is still enabled must switch off before it is
+  // enabled again.
   std::array<bool, kMaxTendons> was_off{};
   CommandKind source = CommandKind::kNone;
-  TimeNs settled_since_ns = 0;            // or since when drives are asked to switch on
-  std::int32_t disagreeing_readings = 0;  // of the tracker with the estimate, in a row
+  TimeNs settled_since_ns = 0;            // or since when drives are requested to switch on
+  std::int32_t disagreeing_readings = 0;  // consecutive, of the tracker with the estimate
   bool tracker_disagrees = false;
   Eigen::Vector3d compared_tip_W_m{0, 0, 0};
   std::uint32_t accepted = 0, refused = 0, missing = 0;
@@ -362,9 +366,8 @@ void Controller::Impl::Prepare(const CycleInput& input, CycleOutput& output) con
   output.torque_measured_Nm = none;
 }
 
-// Where a tracker publishes, whatever is made of it: the estimate counts on tendons that hang where they
-// should and a zero that was the straight robot. Readings are late by the tracker's delay, in which the tip
-// goes on.
+// Compares tracker and estimate even without tip feedback: the estimate relies on undamaged tendons and a
+// correct zero. Readings are late by the tracker's delay, during which the tip moves.
 void Controller::Impl::CompareWithTracker(const CycleInput& input, CycleOutput& output) noexcept {
   const auto& tracker = robot.actuation->tracker;
   if (!tracker || !zeroed || !controls_shape()) {
@@ -396,7 +399,8 @@ bool Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
     }
     command_status = gate.Admit(input.command, supervisor.mode(), input.time_ns, away_m);
     const bool clear = input.command.kind == CommandKind::kMode && input.command.mode == ModeRequest::kClear;
-    if (command_status == Status::kOk && clear && StillPulls(input)) command_status = Status::kClearTooEarly;
+    if (command_status == Status::kOk && clear && TensionsRampDown(input))
+      command_status = Status::kClearTooEarly;
     ++(command_status == Status::kOk ? accepted : refused);
     if (command_status != Status::kOk) Report(output, command_status);
     if (command_status == Status::kOk && input.command.kind == CommandKind::kMode) {
@@ -428,7 +432,7 @@ bool Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
         case ModeRequest::kNotCommissioned:
         case ModeRequest::kNotAlone:
         case ModeRequest::kDriveExchanged:
-          break;  // the gate lets none through
+          break;  // the gate refuses these
       }
       entered = supervisor.Handle(event);
       if (entered) EnterMode(supervisor.mode(), input);
@@ -441,23 +445,23 @@ bool Controller::Impl::Admit(const CycleInput& input, CycleOutput& output) noexc
   return entered;
 }
 
-// The first tendon whose tension is measured and is none, from 1; 0: none.
-int Controller::Impl::HangingTendon(const CycleOutput& output) const noexcept {
+// The first tendon measured slack, from 1; 0: none.
+int Controller::Impl::SlackTendon(const CycleOutput& output) const noexcept {
   for (int j = 0; j < tendons; ++j) {
     if (output.tension_measured_N[j] < parameters.guards.slack_tension_N) return j + 1;
   }
   return 0;
 }
 
-// After a fault: tensions that are still led down.
-bool Controller::Impl::StillPulls(const CycleInput& input) const noexcept {
+// After a fault: tensions are still ramping down.
+bool Controller::Impl::TensionsRampDown(const CycleInput& input) const noexcept {
   if (supervisor.mode() != Mode::kFault || tension_N.isZero(0)) return false;
   return std::any_of(input.drive.begin(), input.drive.begin() + tendons,
                      [](const DriveFeedback& d) { return d.state == DriveState::kEnabled; });
 }
 
-// Why a disconnected robot stays so, when it is not that its drives are still starting. What is wrong with a
-// drive that answers is said before what may be missing.
+// Why a disconnected robot is not ready, unless its drives are still starting. Errors of a drive that answers
+// take precedence over missing drives.
 Status Controller::Impl::NotReady(const CycleInput& input) const noexcept {
   const auto end = input.drive.begin() + tendons;
   for (const DriveState state : {DriveState::kUnreachable, DriveState::kIdTwice, DriveState::kOtherDevice,
@@ -468,18 +472,18 @@ Status Controller::Impl::NotReady(const CycleInput& input) const noexcept {
   return Status::kOk;
 }
 
-// A loop that misses its own cycles keeps drives from answering in time, so that this is said with it.
+// A control loop that misses cycles makes drives appear absent, so both are reported.
 void Controller::Impl::ReportNotReady(const CycleInput& input, CycleOutput& output) const noexcept {
   const Status why = NotReady(input);
   if (why == Status::kDriveAbsent && guards.behind()) Report(output, Status::kCyclesMissed);
   Report(output, why);
 }
 
-// The latched cause, and what explains that a drive seems lost.
+// The latched cause, and what may explain a lost drive.
 void Controller::Impl::ReportFault(const CycleInput& input, CycleOutput& output) const noexcept {
   const Status cause = supervisor.cause();
   Report(output, cause);
-  // A second drive with its id shows a moment after it made the first seem to restart.
+  // A duplicate node id is detected shortly after it made the first drive seem to restart.
   if (cause == Status::kDriveLost && NotReady(input) == Status::kNodeIdTwice)
     Report(output, Status::kNodeIdTwice);
   const bool of_drives =
@@ -487,7 +491,7 @@ void Controller::Impl::ReportFault(const CycleInput& input, CycleOutput& output)
   if (of_drives && guards.behind()) Report(output, Status::kCyclesMissed);
 }
 
-// Health of bus and drives; a fault only where it means one in this mode.
+// Health of bus and drives; a fault only where it matters in this mode.
 Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& output) noexcept {
   Status worst = Status::kOk;
   int tendon = 0;
@@ -499,11 +503,11 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
   const Mode mode = supervisor.mode();
   const bool enabling = mode == Mode::kArmed || (takes_up() && !engaged);
   const bool overdue = enabling && input.time_ns - settled_since_ns > kEnableWithin_ns;
-  // What leads no tension down has nothing left to guard: a safe stop before the drives were on.
+  // A safe stop entered before the drives were on has nothing to guard.
   const bool nothing = mode == Mode::kSafeStop && tension_N.isZero(0);
   const bool powered = mode != Mode::kDisconnected && mode != Mode::kConfigured && mode != Mode::kFault &&
                        !enabling && !nothing;
-  // Drives fall together with what connects them, which is to be named.
+  // All drives drop out when the interface does, so the interface is reported.
   const bool down = input.drive[0].state == DriveState::kUnreachable;
   if (!input.bus_ok) fault(down ? Status::kInterfaceDown : Status::kBusOff);
   for (int j = 0; j < tendons; ++j) {
@@ -517,21 +521,21 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
     if (mismatch) fault(Status::kConfigurationMismatch);
     if (!answering) {
       fault(Status::kDriveLost);
-      let_go = let_go || zero_known;
+      may_be_slack = may_be_slack || zero_known;
       zero_known = false;
     }
     if (d.state == DriveState::kFault) {
       fault(Status::kDriveFault);
-      let_go = true;
+      may_be_slack = true;
     }
     const bool on = was_off[j] && d.state == DriveState::kEnabled && d.age_cycles == 0;
     if (overdue && !on) fault(Status::kEnableTimedOut);
-    // A drive that left operation enabled on its own while it should hold a tendon is a fault as well.
+    // A drive that left operation enabled unrequested while holding a tendon is a fault as well.
     if (powered && d.state != DriveState::kEnabled) fault(Status::kDriveFault);
     if (answering && d.age_cycles > 0) {
       ++missing;
       Report(output, Status::kFeedbackMissing);
-      // Without torque on the tendons an old value harms nobody; arming waits for a fresh one.
+      // Without torque on the tendons a stale value is harmless; arming waits for a fresh one.
       if (powered && d.age_cycles > parameters.guards.max_missing_cycles) fault(Status::kFeedbackStale);
     }
     if (controls_shape() && output.tension_measured_N[j] < parameters.guards.slack_tension_N) {
@@ -550,7 +554,7 @@ Status Controller::Impl::CheckDrives(const CycleInput& input, CycleOutput& outpu
   return worst;
 }
 
-// Bare motors, from the moment in which all of them can pull until they are off.
+// Runs the bare motors from the time when all drives are enabled until they are off.
 Status Controller::Impl::TakeTendonsUp(const CycleInput& input, CycleOutput& output) noexcept {
   Status status = Status::kOk;
   if (supervisor.mode() == Mode::kHoming) {
@@ -561,7 +565,7 @@ Status Controller::Impl::TakeTendonsUp(const CycleInput& input, CycleOutput& out
   if (supervisor.mode() == Mode::kCommissioning) {
     const bool asked = gate.target().kind == CommandKind::kTension;
     const TendonVector none = TendonVector::Zero(tendons);
-    take_up.Lead(asked ? gate.target().tension_N : none, tension_N);
+    take_up.Ramp(asked ? gate.target().tension_N : none, tension_N);
   }
   if (status != Status::kOk) output.blamed_tendon = take_up.tendon();
   return status;
@@ -595,22 +599,22 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output, b
 
   bool changed = false;
   if (state != Status::kOk) changed = supervisor.Handle(Event::kFault, state);
-  // A mode that a command led to in this cycle is seen before it leads on; a fault waits for nothing.
+  // A mode entered by command in this cycle stays for at least one cycle; only a fault preempts it.
   const auto goes_on = [&] { return !changed && !entered; };
   if (goes_on() && ready) changed = supervisor.Handle(Event::kDrivesReady);
   if (goes_on() && enabled) changed = supervisor.Handle(Event::kDrivesEnabled);
   const TimeNs over_settled_ns =
       input.time_ns - settled_since_ns - static_cast<TimeNs>(parameters.pretension_settle_s * 1e9);
   if (goes_on() && before == Mode::kPretension && joined && over_settled_ns >= 0) {
-    // Nothing is led on a zero of tendons that hang: the least tension does not turn the motors that would
-    // take up what fell off when a drive let go under tension. What friction alone leaves to a released robot
-    // is less.
-    const int hangs = let_go ? HangingTendon(output) : 0;
-    if (hangs == 0) {
+    // Motion must not start on a zero of slack tendons: the minimum tension does not turn motors to take up
+    // what unwound when a drive lost power under tension. Friction alone unwinds less when a robot is
+    // released.
+    const int slack_tendon = may_be_slack ? SlackTendon(output) : 0;
+    if (slack_tendon == 0) {
       changed = supervisor.Handle(Event::kPretensioned);
     } else if (over_settled_ns >= kTautWithin_ns) {
       changed = supervisor.Handle(Event::kFault, Status::kTendonSlack);
-      output.blamed_tendon = hangs;
+      output.blamed_tendon = slack_tendon;
     }
   }
   if (goes_on() && before == Mode::kHoming && engaged && take_up.homed()) {
@@ -619,7 +623,7 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output, b
   }
   if (goes_on() && before == Mode::kSafeStop && Released()) changed = supervisor.Handle(Event::kReleased);
   if (goes_on() && before == Mode::kCommissioning && engaged) {
-    // Nobody asks for anything, or no more: motors do not pull on unwatched.
+    // Motors must not pull on without a current command.
     const Target& pull = gate.target();
     const TimeNs until_ns = pull.kind == CommandKind::kTension ? pull.since_ns + pull.valid_for_ns
                                                                : settled_since_ns + kUnusedFor_ns;
@@ -628,7 +632,7 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output, b
       Report(output, Status::kCommissioningEnded);
     }
   }
-  // A sender that promised a motion and went silent does not come back unasked.
+  // A moving target whose stream stopped ends in hold, which only a command leaves.
   const Target& target = gate.target();
   if (goes_on() && before == Mode::kRunning && target.moving() &&
       input.time_ns - target.since_ns - target.valid_for_ns >
@@ -650,13 +654,13 @@ void Controller::Impl::Supervise(const CycleInput& input, CycleOutput& output, b
       output.drive_request = DriveRequest::kEnable;
       break;
     case Mode::kFault:
-      // Tensions ramp down on the drives that still can; then everything is disabled and stays so.
+      // Tensions ramp down on the working drives; then all are disabled until cleared.
       if (Released()) tension_N.setZero();
       output.drive_request = tension_N.isZero(0) ? DriveRequest::kDisable : DriveRequest::kEnable;
       ReportFault(input, output);
       break;
     case Mode::kDisconnected:
-      // In the cycle of a clear the drives have not heard of it yet.
+      // In the cycle of a clear the drives have not received it yet.
       if (!output.clear_drive_faults) ReportNotReady(input, output);
       output.drive_request = DriveRequest::kDisable;
       break;
@@ -675,8 +679,8 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
     case Mode::kCommissioning:
       gate.Drop();
       tension_N.setZero();
-      // Friction settles on the straight robot while tensions rise; an earlier motion's path would be left in
-      // a jump when the robot runs.
+      // Friction settles on the straight robot while tensions rise; a path left from an earlier motion would
+      // cause a jump when the robot runs.
       trajectory.Reset(estimator.pretension_rad());
       rotor_N = 0;
       if (mode == Mode::kHoming || mode == Mode::kCommissioning) zero_known = false;
@@ -687,7 +691,7 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
       for (int j = 0; j < tendons; ++j) was_off[j] = input.drive[j].state != DriveState::kEnabled;
       for (int j = 0; j < tendons; ++j) {
         compensation[j].Reset(0, 0);
-        // Pretension alone winds in what bends a robot that is not pulled every way.
+        // Pretension alone winds in tendon where it bends the robot.
         if (estimator.pretension_m()[j] != 0) compensation[j].Step(0, estimator.pretension_m()[j], true);
       }
       for (auto& k : feed_forward) k.Reset(0, 0);
@@ -717,12 +721,12 @@ void Controller::Impl::EnterMode(Mode mode, const CycleInput& input) noexcept {
   }
 }
 
-// The robot at pretension is where displacement counts from. Armed again it is as bent as friction
-// left it: a zero that the encoders have counted on from is the better one.
+// Displacement counts from the robot at pretension. When armed again the robot may be bent by friction, so a
+// zero that the encoders still hold is preferred.
 void Controller::Impl::BeginAtPretension(const CycleInput& input) noexcept {
   if (!zero_known) estimator.ZeroDisplacement(input);
   zero_known = true;
-  let_go = false;
+  may_be_slack = false;
   trajectory.Reset(estimator.pretension_rad());
   if (bare) {
     guards.Restart();
@@ -744,8 +748,8 @@ Controller::Impl::NearestTip Controller::Impl::NearestTo(const Eigen::Vector3d& 
   return nearest;
 }
 
-// Target -> bending goal (inverse kinematics for tip targets) -> jerk-limited reference. The goal is taken as
-// far ahead as the trajectory's averages delay, so a moving target is followed without lag.
+// Target -> bending goal (inverse kinematics for tip targets) -> jerk-limited reference. The goal is taken
+// ahead by the delay of the trajectory's averages, so that a moving target is followed without lag.
 void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output) noexcept {
   const Target& target = gate.target();
   output.target_tip_W_m.setConstant(std::numeric_limits<double>::quiet_NaN());
@@ -772,7 +776,7 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
       const Eigen::Vector3d smoothed_W_m = smoothing_s2 * target.tip_acceleration_W_mps2;
       const NearestTip nearest = NearestTo(target.TipAt(ahead_ns) - smoothed_W_m, goal_before);
       goal_rad = nearest.bending_rad;
-      // What look-ahead and smoothing take a moving target off the reachable surface is not worth a word.
+      // Distance caused by look-ahead and smoothing alone is not reported.
       const double own_m = smoothed_W_m.norm();
       output.target_distance_m = std::max(0.0, nearest.distance_m - own_m);
       if (nearest.reached != Status::kTargetUnreachable || nearest.distance_m > reach_tolerance_m + own_m)
@@ -792,7 +796,7 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
       }
       Report(output, reach.Limit(goal_rad));
     }
-    // How fast the goal itself moves; a goal that was replaced by a new command is a jump, not a motion.
+    // Rate of the goal itself; a goal replaced by a new command jumps and has none.
     const bool continued =
         target.moving() && before == source && target.since_ns + period_s * 1e9 < input.time_ns;
     if (continued) {
@@ -800,8 +804,7 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
     } else if (!target.moving()) {
       goal_rate_radps.setZero();
     }
-    // Tensions are still on their way to what holds this shape: a reference that went ahead of them would
-    // have nothing to follow it.
+    // Tensions still ramp to those that hold this shape, so the reference waits.
     if (waits) {
       trajectory.AdvanceToRest();
     } else {
@@ -816,8 +819,8 @@ void Controller::Impl::FollowTarget(const CycleInput& input, CycleOutput& output
   output.reference = trajectory.reference();
 }
 
-// Kane's equations of the arc motion give the force the tendons must produce; the allocation gives the least
-// tensions.
+// Kane's equations of the arc motion give the force that the tendons must produce; the allocation gives the
+// least tensions.
 void Controller::Impl::TensionsForReference(CycleOutput& output) noexcept {
   const BendingReference& r = output.reference;
   body.SpreadBending(r.position_rad, q);
@@ -832,25 +835,24 @@ void Controller::Impl::TensionsForReference(CycleOutput& output) noexcept {
   model::SectionForcePerTension(body, r.position_rad, force_per_tension);
   const auto allocated =
       allocator.Allocate(force_per_tension, output.generalised_force_Nm, robot.limits.min_tension_N,
-                         LedLimits(robot.limits).max_tension_base_N);
+                         CommandedLimits(robot.limits).max_tension_base_N);
   output.tension_desired_base_N = allocated.tension_N;
-  // Where the backbone alone brings a robot back, tendons that have let go are nothing to be told of.
+  // Tendons at minimum tension are normal where the backbone alone returns the robot.
   if (controls_shape() && allocated.bound != Status::kLimitedTensionMin) Report(output, allocated.bound);
 }
 
-// A tendon at its least tension goes slack when the rotor's acceleration takes more of it than it has, or is
-// felt a little late; then the spool loses its hold and comes back with a blow. So the faster the robot is
-// led to and fro, the more every tendon keeps.
+// A tendon at minimum tension goes slack when the rotor's acceleration takes more tension than it has; the
+// spool then runs free and jerks the tendon. So the minimum tension grows with the rotors' acceleration.
 double Controller::Impl::LeastTension() const noexcept {
   return std::min(robot.limits.min_tension_N + rotor_N, 0.5 * robot.limits.max_tension_base_N);
 }
 
-// A tension that ran into its bound would stop the robot at once; the rotors, which cannot, would snatch the
-// tendons, and dry friction keep what they pulled. Motions are planned so that none does; what feedback of
-// shape and tip asks for beside them nobody planned, so each tension comes up to its bound as a motion comes
-// to rest, at room / gather_s; far from it that is let go quickly, for there it would hold planned ones back.
+// A tension that hits its bound would stop the robot while the rotors run on, jerk the tendons and leave
+// tension in dry friction. The trajectory keeps planned motions below the bound, but corrections by shape and
+// tip feedback are not planned. So each tension approaches its bound at room / gather_s, as a motion comes to
+// rest; far from the bound the limit rises quickly, so as not to restrict planned motions.
 TendonVector Controller::Impl::MostTension() const noexcept {
-  const double bound_N = LedLimits(robot.limits).max_tension_base_N;
+  const double bound_N = CommandedLimits(robot.limits).max_tension_base_N;
   const TendonVector bounds_N = TendonVector::Constant(tendons, bound_N);
   if (!joined || !(shape_feedback || tip_feedback)) return bounds_N;
   const TendonVector room_N = (bounds_N - tension_N).cwiseMax(0);
@@ -859,7 +861,7 @@ TendonVector Controller::Impl::MostTension() const noexcept {
   return tension_N + (share * (room_N + room_N.cwiseProduct(far.cwiseAbs2()))).cwiseMin(room_N);
 }
 
-// Of a section's moment, what dry friction of a motor and of its pulleys holds at these tensions.
+// Section moment that dry friction of a motor and its pulleys holds at these tensions.
 double Controller::Impl::HeldByFriction() const noexcept {
   double most_Nm = 0;
   int j = 0;
@@ -874,8 +876,8 @@ double Controller::Impl::HeldByFriction() const noexcept {
   return most_Nm;
 }
 
-// The shape that the robot really takes on in place of the arc. Without an answer the arc's tensions stay;
-// the tensions are led over at the ramp's rate from one to the other.
+// Replaces the arc by the robot's equilibrium shape. Without a solution the arc's tensions are used; the ramp
+// bridges the change.
 void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutput& output) noexcept {
   if (!uses_equilibrium) return;
   if (!controls_shape()) {
@@ -894,12 +896,12 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
   const BendingVector lacking_Nm =
       shape_feedback ? shape_feedback->moment_Nm() : BendingVector::Zero(2 * sections);
   if (source == CommandKind::kTension) {
-    // Friction follows the shape that the tensions make.
+    // Friction follows the shape that the tensions produce.
     const bool before = balanced;
     balanced = equilibrium.Follow(tension_N, lacking_Nm);
     if (balanced != before) switched = true;
     at_limit = false;
-    output.displacement_desired_m = led_m;
+    output.displacement_desired_m = last_reference_m;
     if (balanced) body.TendonShortening(equilibrium.q(), output.displacement_desired_m);
     arc_shortening_m = output.displacement_desired_m;
     return;
@@ -907,7 +909,7 @@ void Controller::Impl::TensionsForEquilibrium(const CycleInput& input, CycleOutp
   const Status status = equilibrium.Solve(output.reference, output.tension_desired_base_N, LeastTension(),
                                           MostTension(), shift_W_m, lacking_Nm);
   const bool answered = status != Status::kEquilibriumNotFound;
-  // The path of the tendons is another one from here on, which is no motion.
+  // The tendons' path changes its source here, which is no motion.
   if (answered != balanced) {
     joined = false;
     switched = true;
@@ -939,8 +941,7 @@ bool Controller::Impl::RampTensions(const TendonVector& towards_N) noexcept {
   return there;
 }
 
-// What the mode makes of the tensions. Where the source of tensions changes they are led over at the ramp's
-// rate, then follow it exactly.
+// Tensions commanded in each mode. After a change of source they ramp to the new one, then follow it exactly.
 void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
   const TendonVector pretension = TendonVector::Constant(tendons, robot.limits.min_tension_N);
   switch (supervisor.mode()) {
@@ -960,19 +961,19 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
     case Mode::kRunning:
     case Mode::kHold:
       if (source == CommandKind::kTension) {
-        const TendonVector wanted =
+        const TendonVector commanded =
             gate.target().kind == CommandKind::kTension ? gate.target().tension_N : tension_N;
         const double least_N = robot.limits.min_tension_N,
-                     most_N = LedLimits(robot.limits).max_tension_base_N;
-        const TendonVector goal_N = wanted.cwiseMax(least_N).cwiseMin(most_N);
+                     most_N = CommandedLimits(robot.limits).max_tension_base_N;
+        const TendonVector goal_N = commanded.cwiseMax(least_N).cwiseMin(most_N);
         if (uses_equilibrium) {
-          if (switched) tension_lead.Start(tension_N);
-          tension_N = tension_lead.Step(goal_N, ramp_Nps * period_s);
+          if (switched) tension_ramp.Start(tension_N);
+          tension_N = tension_ramp.Step(goal_N, ramp_Nps * period_s);
         } else {
           RampTensions(goal_N);
         }
-        if (wanted.minCoeff() < least_N) Report(output, Status::kLimitedTensionMin);
-        if (wanted.maxCoeff() > most_N) Report(output, Status::kLimitedTensionMax);
+        if (commanded.minCoeff() < least_N) Report(output, Status::kLimitedTensionMin);
+        if (commanded.maxCoeff() > most_N) Report(output, Status::kLimitedTensionMax);
         joined = false;
       } else if (joined) {
         tension_N = output.tension_desired_base_N;
@@ -982,10 +983,10 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
       break;
     case Mode::kHoming:
     case Mode::kCommissioning:
-      break;  // led by TakeTendonsUp
+      break;  // commanded by TakeTendonsUp
     case Mode::kSafeStop:
     case Mode::kFault:
-      // By the clock: cycles that were skipped are made up for.
+      // By the clock, so that skipped cycles do not delay the stop.
       if (stop_by_ns > 0) {
         const double left_s = std::max(ToSeconds(stop_by_ns - output.time_ns), period_s);
         ramp_Nps = std::max(ramp_Nps, (tension_N.maxCoeff() - robot.limits.min_tension_N) / left_s);
@@ -996,49 +997,51 @@ void Controller::Impl::TensionsForMode(CycleOutput& output) noexcept {
   output.tension_desired_base_N = tension_N;
 }
 
-// Until the pulleys have slid through, after arming or a reversal, nobody knows well what friction holds
-// them; a cell before them may differ by all that is open, and holding it to a guess would move the base off.
-double Controller::Impl::Unsure(int j, const DriveFeedForward::Result& wanted) const noexcept {
+// Uncertainty of the motor-side tension until the pulleys have slid fully, after arming or a reversal:
+// tracking a guess of friction with a motor-side cell would move the base tension.
+double Controller::Impl::FrictionUncertainty_N(int j,
+                                               const DriveFeedForward::Result& commanded) const noexcept {
   if (!parameters.capstan_compensation) return 0;
   const double range_N = tables[j]->Pull(tension_N[j]) - tables[j]->Release(tension_N[j]);
-  return 0.5 * (1 - std::abs(wanted.sliding)) * range_N;
+  return 0.5 * (1 - std::abs(commanded.sliding)) * range_N;
 }
 
-// What the load cell's error adds, compared where the cell sits.
-double Controller::Impl::FedBack(int j, const CycleInput& input, const CycleOutput& output,
-                                 const DriveFeedForward::Result& wanted) noexcept {
+// Torque from the load cell's error, compared on the cell's side of the pulleys.
+double Controller::Impl::FeedbackTorque(int j, const CycleInput& input, const CycleOutput& output,
+                                        const DriveFeedForward::Result& commanded) noexcept {
   const bool acts = controls_shape();
   const bool at_motor = robot.actuation->tendons[j].load_cell.place == LoadCellPlace::kMotorSide;
-  const double fed_back = feedback[j].Step(input.drive[j], output.tension_measured_N[j],
-                                           {.cell_N = at_motor ? wanted.tension_motor_N : tension_N[j],
-                                            .motor_velocity_radps = wanted.motor_velocity_radps,
-                                            .unsure_N = at_motor ? Unsure(j, wanted) : 0,
-                                            .rests = rests},
-                                           acts);
+  const double fed_back =
+      feedback[j].Step(input.drive[j], output.tension_measured_N[j],
+                       {.cell_N = at_motor ? commanded.tension_motor_N : tension_N[j],
+                        .motor_velocity_radps = commanded.motor_velocity_radps,
+                        .uncertainty_N = at_motor ? FrictionUncertainty_N(j, commanded) : 0,
+                        .rests = rests},
+                       acts);
   if (acts) {
     last_fed_back_Nm[j] = fed_back;
     fed_back_at_N[j] = tension_N[j];
     return fed_back;
   }
-  // On the way down it goes with the tension: what was taken off a motor that is stronger than told would
-  // come back as a jerk. A fault may be the cell's own; then it adds no pull.
+  // On the way down the correction shrinks with the tension; dropping it at once would jerk a motor stronger
+  // than its file states. After a fault, which may be the cell's, it adds no pull.
   const Mode mode = supervisor.mode();
   if ((mode != Mode::kSafeStop && mode != Mode::kFault) || !(fed_back_at_N[j] > 0)) return 0;
   const double left_Nm = last_fed_back_Nm[j] * std::clamp(tension_N[j] / fed_back_at_N[j], 0., 1.);
   return mode == Mode::kFault ? std::min(0., left_Nm) : left_Nm;
 }
 
-// Within the drive's current, and no less than what leaves the tendon without a pull, unless the motion
-// itself pays out, or the cell shows more than its own error: a rope cannot be pushed, and a cell that shows
-// a little too much would otherwise unwind its spool. The feedback learns what it lost.
-double Controller::Impl::Bounded(int j, double fed_back_Nm, double measured_N,
-                                 const DriveFeedForward::Result& wanted, Status& status) noexcept {
+// Limits the torque to the drive's current, and from below to what leaves the tendon without tension, unless
+// the motion pays out or the cell shows more than its own error: otherwise a small cell offset would unwind
+// the spool. The feedback is informed of the saturation.
+double Controller::Impl::LimitTorque(int j, double fed_back_Nm, double measured_N,
+                                     const DriveFeedForward::Result& commanded, Status& status) noexcept {
   const TendonDriveParameters& drive = robot.actuation->tendons[j];
   const double most_Nm = compensation[j].max_torque_Nm();
-  const double unpulled_Nm = wanted.unloaded_Nm - kPaidOut * drive.motor.coulomb_friction_Nm;
-  const double sure_Nm = drive.SpoolTravelPerMotorRad() * std::max(0., measured_N - kCellDoubt_N);
-  const double least_Nm = std::max(-most_Nm, std::min(wanted.torque_Nm, unpulled_Nm) - sure_Nm);
-  const double torque_Nm = wanted.torque_Nm + fed_back_Nm;
+  const double unpulled_Nm = commanded.unloaded_Nm - kPaidOut * drive.motor.coulomb_friction_Nm;
+  const double certain_Nm = drive.SpoolTravelPerMotorRad() * std::max(0., measured_N - kCellDoubt_N);
+  const double least_Nm = std::max(-most_Nm, std::min(commanded.torque_Nm, unpulled_Nm) - certain_Nm);
+  const double torque_Nm = commanded.torque_Nm + fed_back_Nm;
   const double bounded_Nm = std::clamp(torque_Nm, least_Nm, most_Nm);
   feedback[j].Limited(torque_Nm - bounded_Nm);
   if (std::abs(bounded_Nm) == most_Nm && torque_Nm != bounded_Nm) status = Status::kLimitedTorque;
@@ -1054,14 +1057,14 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
       r.tension_motor_N = std::max(0., tension_N[j]);
       r.torque_Nm = take_up.Torque(j, tension_N[j]);
     } else if (uses_equilibrium) {
-      const auto wanted =
+      const auto commanded =
           feed_forward[j].Step(tension_N[j], output.displacement_desired_m[j], arc_shortening_m[j],
                                moving || supervisor.mode() == Mode::kPretension);
-      r = wanted;
-      most_rotor_N = std::max(most_rotor_N, std::abs(wanted.rotor_N));
+      r = commanded;
+      most_rotor_N = std::max(most_rotor_N, std::abs(commanded.rotor_N));
       if (!feedback.empty())
-        r.torque_Nm =
-            Bounded(j, FedBack(j, input, output, wanted), output.tension_measured_N[j], wanted, r.status);
+        r.torque_Nm = LimitTorque(j, FeedbackTorque(j, input, output, commanded),
+                                  output.tension_measured_N[j], commanded, r.status);
     } else {
       r = compensation[j].Step(tension_N[j], output.displacement_desired_m[j], moving);
     }
@@ -1074,7 +1077,7 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
   rotor_N = std::max(most_rotor_N, rotor_N - kRotorFades_Nps * period_s);
   shown_m = output.displacement_m;
   if (!output.torque_desired_Nm.allFinite()) {
-    // Nothing may reach a drive that is not a number: release everything at once.
+    // Never send a torque that is not a number: release everything at once.
     output.torque_desired_Nm.setZero();
     tension_N.setZero();
     trajectory.Reset(BendingVector::Zero(2 * sections));
@@ -1088,7 +1091,7 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
   for (int j = 0; j < tendons; ++j) {
     const double permille =
         powered ? output.torque_desired_Nm[j] / robot.actuation->tendons[j].drive.rated_torque_Nm * 1000 : 0;
-    output.torque_target_permille[j] = Rounded(j, permille, sent_permille[j]);
+    output.torque_target_permille[j] = RoundTorque(j, permille, sent_permille[j]);
     const bool carried = uses_equilibrium && !rests && permille != 0;
     const double left_over = permille + permille_left_over[j] - output.torque_target_permille[j];
     permille_left_over[j] = carried ? std::clamp(left_over, -0.5, 0.5) : 0;
@@ -1096,9 +1099,9 @@ void Controller::Impl::TorquesForTensions(const CycleInput& input, CycleOutput& 
   }
 }
 
-// After a fault the tensions are led down. A spool that runs without its tendon, though, would wind it in
-// with all its momentum, and a blow at the end beyond every limit: its motor is let go until the cell shows
-// a pull again. Either sensor may be what the fault is about, so both must say so, and neither is fed back.
+// After a fault the tensions ramp down. A spool that has lost its tendon's tension would wind it in and jerk
+// it beyond every limit, so its motor is released until the cell shows tension again. Either sensor may be
+// the cause of the fault, so both must agree, and neither is fed back.
 bool Controller::Impl::LostTendon(int j, const CycleOutput& output) noexcept {
   const bool slack = supervisor.mode() == Mode::kFault && zeroed && !bare &&
                      output.tension_measured_N[j] < parameters.guards.slack_tension_N;
@@ -1107,20 +1110,19 @@ bool Controller::Impl::LostTendon(int j, const CycleOutput& output) noexcept {
   return lost[j];
 }
 
-// Neither shape nor tensions are led anywhere, or so slowly that nobody sees it.
+// Neither shape nor tension references move, within kRest.
 bool Controller::Impl::Rests(const CycleOutput& output) noexcept {
-  const double moved_m = (output.displacement_desired_m - led_m).cwiseAbs().maxCoeff();
-  const double changed_N = (tension_N - led_N).cwiseAbs().maxCoeff();
-  led_m = output.displacement_desired_m;
-  led_N = tension_N;
+  const double moved_m = (output.displacement_desired_m - last_reference_m).cwiseAbs().maxCoeff();
+  const double changed_N = (tension_N - last_reference_N).cwiseAbs().maxCoeff();
+  last_reference_m = output.displacement_desired_m;
+  last_reference_N = tension_N;
   return moved_m < kRest_mps * period_s && changed_N < kRest_Nps * period_s;
 }
 
-// What rounding took from one cycle the next one gets while the robot moves: a step of the bus is 14 mN of
-// tendon tension here, and the mean over a few cycles is what moves it. At rest that to and fro would shake
-// the robot through its own dry friction: there the target stands until it is off by more than rounding and
-// noise make it.
-std::int16_t Controller::Impl::Rounded(int tendon, double permille, std::int16_t sent) const noexcept {
+// While the robot moves, the rounding remainder carries over to the next cycle: one torque step on the bus is
+// 14 mN of tendon tension here, and the mean over a few cycles matters. At rest this dither would shake the
+// robot through its dry friction, so the target is held until it differs by more than rounding and noise.
+std::int16_t Controller::Impl::RoundTorque(int tendon, double permille, std::int16_t sent) const noexcept {
   permille = std::clamp(permille, -32767., 32767.);
   if (!uses_equilibrium) return static_cast<std::int16_t>(std::lround(permille));
   if (rests && permille != 0 && std::abs(permille - sent) < kHeldPermille) return sent;
@@ -1128,20 +1130,20 @@ std::int16_t Controller::Impl::Rounded(int tendon, double permille, std::int16_t
       std::lround(std::clamp(permille + permille_left_over[tendon], -32767., 32767.)));
 }
 
-// Whatever outlives a cycle; a member that is missing here shows as a difference in replay.
-void Controller::Impl::Remember(StateArchive& a) noexcept {
-  gate.Remember(a);
-  supervisor.Remember(a);
-  take_up.Remember(a);
-  trajectory.Remember(a);
-  for (Compensation& k : compensation) k.Remember(a);
+// All state kept between cycles; a missing member shows as a difference in replay.
+void Controller::Impl::Archive(StateArchive& a) noexcept {
+  gate.Archive(a);
+  supervisor.Archive(a);
+  take_up.Archive(a);
+  trajectory.Archive(a);
+  for (Compensation& k : compensation) k.Archive(a);
   if (uses_equilibrium) {
-    for (DriveFeedForward& k : feed_forward) k.Remember(a);
-    for (TensionFeedback& k : feedback) k.Remember(a);
-    if (tip_feedback) tip_feedback->Remember(a);
-    equilibrium.Remember(a);
-    tension_lead.Remember(a);
-    if (shape_feedback) shape_feedback->Remember(a);
+    for (DriveFeedForward& k : feed_forward) k.Archive(a);
+    for (TensionFeedback& k : feedback) k.Archive(a);
+    if (tip_feedback) tip_feedback->Archive(a);
+    equilibrium.Archive(a);
+    tension_ramp.Archive(a);
+    if (shape_feedback) shape_feedback->Archive(a);
     a.Value(balanced);
     a.Value(at_limit);
     a.Value(rotor_N);
@@ -1151,11 +1153,11 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
       a.Value(permille_left_over[j]);
       a.Value(sent_permille[j]);
     }
-    a.Vector(led_N, {tendons});
-    a.Vector(led_m, {tendons});
+    a.Vector(last_reference_N, {tendons});
+    a.Vector(last_reference_m, {tendons});
   }
-  estimator.Remember(a);
-  guards.Remember(a);
+  estimator.Archive(a);
+  guards.Archive(a);
   a.Vector(tension_N, {tendons});
   a.Vector(shown_m, {tendons});
   for (int j = 0; j < tendons; ++j) a.Value(lost[j]);
@@ -1167,7 +1169,7 @@ void Controller::Impl::Remember(StateArchive& a) noexcept {
   a.Value(bare);
   a.Value(zeroed);
   a.Value(zero_known);
-  a.Value(let_go);
+  a.Value(may_be_slack);
   a.Value(ramp_Nps);
   a.Value(stop_by_ns);
   for (int j = 0; j < tendons; ++j) a.Value(was_off[j]);
@@ -1193,19 +1195,19 @@ TimeNs Controller::look_ahead_ns() const noexcept { return impl_->AheadNs(); }
 
 std::size_t Controller::state_bytes() const noexcept {
   StateArchive archive;
-  impl_->Remember(archive);
+  impl_->Archive(archive);
   return archive.bytes();
 }
 
 void Controller::SaveState(std::span<std::byte> bytes) const noexcept {
   auto archive = StateArchive::Saver(bytes);
-  impl_->Remember(archive);
+  impl_->Archive(archive);
 }
 
 bool Controller::LoadState(std::span<const std::byte> bytes) noexcept {
   if (bytes.size() != state_bytes()) return false;
   auto archive = StateArchive::Loader(bytes);
-  impl_->Remember(archive);
+  impl_->Archive(archive);
   return archive.ok();
 }
 

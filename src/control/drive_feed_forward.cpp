@@ -11,14 +11,14 @@ namespace {
 
 constexpr int kMaxIterations = 30;
 constexpr double kSolved_N = 1e-6;
-// The most that friction turns by, of the change of tension that the commanded pull would make at a spool
-// held still; in slow motion and, beyond kSlow_mps, with the motion. All is turned within a period or two of
-// a tendon's swinging (a dozen Hz), which hears little of it.
+// Limit of the change of friction, relative to the tension change that the commanded pull would cause at a
+// fixed spool; in slow motion and, beyond kSlow_mps, in proportion to the motion. A reversal completes within
+// a period or two of the tendon's oscillation (about 12 Hz), which it hardly excites.
 constexpr double kFrictionPerPull = 12;
 constexpr double kFrictionRate_Nps = 25;
 constexpr double kSlow_mps = 3e-4;
-// Losses of gear and motor change by no more in a cycle than this share of the drive's rated torque, 35 uNm
-// here: a sixth of what the motor's own dry friction holds; in fast motion by so many times more.
+// Rate limit of gear and motor losses per cycle, as a share of the drive's rated torque: a sixth of the
+// motor's dry friction. In fast motion the limit grows by up to the second factor.
 constexpr double kLossStep = 0.005, kFastestLoss = 7;
 
 }  // namespace
@@ -68,11 +68,11 @@ double DriveFeedForward::BaseTension(double tension_motor_N, double sliding) con
   return table_->MotorToBase(tension_motor_N, sliding) - pulley_coulomb_N_ * sliding;
 }
 
-// The pre-sliding that a motor tension meets depends on how far it stretches the tendon, so T_m is solved
-// for: secant steps that keep a bracket between the last tension and `most_N` away from it, or as near to the
-// solution as that lets it come. Where a stretched tendon turns round under high tension its path has a fold:
-// the friction that goes pulls the spool farther than the pre-sliding is long, and there are three solutions.
-// The nearest is followed until it ends, then the motor is led across.
+// The pre-sliding at a motor tension depends on how far that tension stretches the tendon, so T_m is found by
+// bracketed secant steps between the last tension and `most_N` from it, or as near to the solution as this
+// range allows. Where a stretched tendon reverses under high tension the path has a fold: the released
+// friction pulls the spool farther than the pre-sliding distance, and there are three solutions. The nearest
+// one is followed until it ends; then the tension moves to the next at a limited rate.
 double DriveFeedForward::MotorTension(double tension_base_N, double shortening_m, double most_N,
                                       bool moving) const noexcept {
   if (!capstan_) return tension_base_N;
@@ -95,7 +95,7 @@ double DriveFeedForward::MotorTension(double tension_base_N, double shortening_m
     tension_N = (near_N * at_far - far_N * at_near) / (at_far - at_near);
     const double at = missing_N(tension_N);
     if (std::abs(at) <= kSolved_N) break;
-    // Illinois: an end that stays counts half, so that both ends come in.
+    // Illinois: halve the weight of an end that stays, so that both ends converge.
     if (at * at_far > 0) {
       far_N = tension_N;
       at_far = at;
@@ -114,10 +114,10 @@ double DriveFeedForward::MotorTension(double tension_base_N, double shortening_m
 DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double shortening_m, double arc_m,
                                                 bool moving) noexcept {
   Result r;
-  // Across the fold friction follows what is commanded, so that it rests when that rests: a tendon that stops
-  // under high tension and stirs by a micrometre must not turn round. Nor may it go too fast for the tendon.
-  // Where it is held it is known. A robot that goes on from there may stand at such a fold as well: it turns
-  // round no faster than one that never stood.
+  // Across the fold the change of friction is limited by the commanded motion, so that it rests when the
+  // command rests: a tendon stopped under high tension must not reverse at a micrometre of motion. While the
+  // shape is not controlled there is no limit. A robot that resumes from such a fold changes no faster than
+  // one that never stopped.
   const double moved_m = still_ ? 0 : std::abs(shortening_m - shortening_m_);
   const double pulled_N = stiffness_Npm_ * moved_m + std::abs(tension_base_N - tension_base_N_);
   const double fast = moved_m / (moved_m + kSlow_mps * period_s_);
@@ -160,9 +160,9 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
       (r.motor_velocity_radps - std::abs(r.motor_velocity_radps) * zeta) / coulomb_angle_rad_;
   const double loss_Nm = r.tension_motor_N * (r.load_torque_per_N - travel_m_) + coulomb_Nm_ * zeta +
                          coulomb_damping_Nms_ * zeta_rate;
-  // All that a reversal turns, spread over the motor angle in which it turns: what the commanded motion alone
-  // may do. The friction that leaves the pulleys moves the motor as well, through its pre-sliding in a few
-  // cycles; that much more would be a blow.
+  // The loss that a reversal changes, spread over the motor angle of the reversal: the limit for commanded
+  // motion alone. Friction released by the pulleys also moves the motor through its pre-sliding within a few
+  // cycles; a full change then would be a torque step.
   const double turned_Nm = 2 * coulomb_Nm_ + r.tension_motor_N * travel_m_ * (1 / efficiency_ - efficiency_);
   const double most_Nm = std::clamp(turned_Nm * std::abs(r.motor_velocity_radps) * period_s_ / reversal_rad_,
                                     loss_step_Nm_, kFastestLoss * loss_step_Nm_);
@@ -170,7 +170,7 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   r.rotor_N = inertia_kgm2_ * acceleration_mps2 / (travel_m_ * travel_m_);
   r.unloaded_Nm = r.rotor_N * travel_m_ + viscous_Nms_ * r.motor_velocity_radps;
   r.torque_Nm = r.unloaded_Nm + r.tension_motor_N * travel_m_ + loss_Nm_;
-  r.torque_Nm /= torque_scale_;  // the drive counts in current
+  r.torque_Nm /= torque_scale_;  // the drive's torque unit is nominal: current x torque constant
   r.unloaded_Nm /= torque_scale_;
   if (std::abs(r.torque_Nm) > max_torque_Nm_) {
     r.torque_Nm = std::copysign(max_torque_Nm_, r.torque_Nm);
@@ -179,7 +179,7 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   return r;
 }
 
-void DriveFeedForward::Remember(StateArchive& a) noexcept {
+void DriveFeedForward::Archive(StateArchive& a) noexcept {
   a.Operators(pulleys_);
   for (auto& g : gear_) a.Operators(g);
   a.Dahl(dahl_);

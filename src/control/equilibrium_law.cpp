@@ -10,12 +10,11 @@
 namespace tendril::control {
 namespace {
 
-// From last cycle's shape led on by the reference's rate one step leaves nothing to speak of; a start from
-// the arc takes four.
+// From last cycle's shape one step leaves a negligible error; a start from the arc takes four.
 constexpr int kMaxIterations = 6;
 constexpr double kSettled_rad = 1e-5;   // Newton converges quadratically: the error left is its square
-constexpr double kLongest_rad = 0.3;    // of a step, a unit: farther the linear model means nothing
-constexpr double kAccepted_rad = 2e-3;  // a last step longer than this has not arrived
+constexpr double kLongest_rad = 0.3;    // step limit per unit: the linear model is invalid beyond it
+constexpr double kAccepted_rad = 2e-3;  // the solution has not converged if the last step is longer
 
 }  // namespace
 
@@ -76,13 +75,13 @@ Status EquilibriumLaw::Solve(const BendingReference& reference, const TendonVect
   return warm_ ? status_ : Status::kEquilibriumNotFound;
 }
 
-// Newton on the balance and the goals at once: q moves by A dT + b with K A = force per tension and
-// K b = -residual; the allocation finds the tensions whose shape has the goals.
+// Newton on balance and goals together: q moves by A dT + b with K A = force per tension and K b = -residual;
+// the allocation finds the tensions whose shape meets the goals.
 bool EquilibriumLaw::Step(double& size_rad) noexcept {
   const int m = body_.tendons();
   body_.TangentStiffness(q_, tension_N_, Eigen::Vector3d::Zero(), stiffness_);
   factor_.compute(stiffness_);
-  if (factor_.info() != Eigen::Success) {  // unstable: this shape cannot be held by tensions
+  if (factor_.info() != Eigen::Success) {  // unstable: tensions cannot hold this shape
     status_ = Status::kEquilibriumNotFound;
     return false;
   }
@@ -98,9 +97,9 @@ bool EquilibriumLaw::Step(double& size_rad) noexcept {
   goal_per_tension_.noalias() = goal_rows_.lazyProduct(solved_);
   KeepPulledWays();
   const auto slope = goal_per_tension_.leftCols(m);
-  const BendingVector wanted =
+  const BendingVector required =
       goal_gap_ - goal_per_tension_.col(m) + BendingVector(slope.lazyProduct(tension_N_));
-  const auto allocated = allocator_.Allocate(slope, wanted, min_tension_N_, most_tension_N_);
+  const auto allocated = allocator_.Allocate(slope, required, min_tension_N_, most_tension_N_);
   const TendonVector change_N = allocated.tension_N - tension_N_;
   UnitVector step = solved_.col(m);
   step.noalias() += solved_.leftCols(m).lazyProduct(change_N);
@@ -159,7 +158,7 @@ bool EquilibriumLaw::Follow(const TendonVector& tension_N, const BendingVector& 
   return warm_ = true;
 }
 
-// Rows W_k of the position Jacobian of each section's end, and what is missing to the goals along them.
+// Rows W_k of the position Jacobian of each section's end, and the remaining error along them.
 void EquilibriumLaw::Goals() noexcept {
   body_.Poses(q_, pose_);
   body_.TipJacobian(q_, tip_jacobian_);
@@ -167,7 +166,7 @@ void EquilibriumLaw::Goals() noexcept {
   for (int k = 0; k < body_.sections(); ++k) {
     const int end = body_.end_unit(k);
     const Eigen::Vector3d end_W_m = pose_[end - 1].p_WA, beyond_W_m = tip_W_m - end_W_m;
-    const auto velocity = [&](int column) {  // of the section's end, by this angle
+    const auto velocity = [&](int column) {  // of the section's end per this angle
       return Eigen::Vector3d(tip_jacobian_.col(column).head<3>() -
                              tip_jacobian_.col(column).tail<3>().cross(beyond_W_m));
     };
@@ -193,8 +192,8 @@ void EquilibriumLaw::Goals() noexcept {
   }
 }
 
-// Of the plane in which a section moves its end, tendons on a line move it one way; of what is across, sag or
-// load, nearly nothing would be mended by pulling both ways at once.
+// Tendons on a line move a section's end in one direction only. Across it, sag or load can hardly be
+// corrected by co-contraction, so that direction is removed from the goals.
 void EquilibriumLaw::KeepPulledWays() noexcept {
   int tendon = 0;
   for (int k = 0; k < body_.sections(); ++k) {
@@ -217,7 +216,7 @@ void EquilibriumLaw::KeepPulledWays() noexcept {
   }
 }
 
-void EquilibriumLaw::Remember(StateArchive& a) noexcept {
+void EquilibriumLaw::Archive(StateArchive& a) noexcept {
   a.Value(warm_);
   a.Vector(q_, {body_.dof()});
   a.Vector(tension_N_, {body_.tendons()});

@@ -13,21 +13,21 @@ namespace {
 
 using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxSections, kMaxTendons>;
 
-// Of a value rounded to a grid.
+// Variance of a value rounded to a grid.
 constexpr double RoundingVariance(double step) { return step * step / 12; }
 
-// Of a cell's noise and steps: less is no pull.
+// Readings below this many standard deviations of the cell count as no tension.
 constexpr double kNoPullDeviations = 4;
-// Of a tendon that is taut, for what it counts beside the straight robot.
+// Standard deviation of a taut tendon, for its weight against the prior.
 constexpr double kPriorDeviation_m = 1e-7;
-// A robot that nothing shows settles under the tensions that it has; faster it does not swing.
+// Time constant with which an unmeasured robot settles under its tensions; its oscillation is not faster.
 constexpr double kSettles_s = 0.1;
-// A tendon that hung is taut again: the cell's noise alone shows a pull now and then.
+// Time after which a tendon that was slack counts as taut; noise alone may show tension for a cycle.
 constexpr double kGrips_s = 0.02;
-// Sections that hang are no arcs: by this much a tendon's path may differ from theirs.
+// A slack section is not an arc; its tendon paths may differ from an arc's by this much.
 constexpr double kNoArc_m = 2e-5;
 
-// Friction between pulling and paying out is as uncertain as it has not built up.
+// Variance of the friction between pulling and paying out, to the extent that it has not built up.
 double FrictionVariance(double pulling_N, double paying_out_N, double z) {
   const double half_N = (pulling_N - paying_out_N) / 2;
   return std::max(0.0, 1 - z * z) * half_N * half_N / 3;
@@ -121,7 +121,7 @@ void Estimator::FindPretension() {
 void Estimator::ZeroDisplacement(const CycleInput& input) noexcept {
   TendonVector shown_m = pretension_m_;
   if (!pulls_every_way_) {
-    // Dry friction leaves a tendon more or less than its least tension, and the robot as bent.
+    // Dry friction leaves tendon tensions off the minimum, and the robot bent accordingly.
     const TendonVector over_N =
         (tension_base_N_.array() - min_tension_N_).max(-min_tension_N_).min(min_tension_N_).matrix();
     pretension_rad_ = rest_rad_ + bend_per_N_.lazyProduct(over_N);
@@ -149,7 +149,7 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
     const double z = t.presliding.Commit(pull_m);
     const double torque_Nm = d.torque_permille * 1e-3 * t.rated_torque_Nm;
     const double cell_N = d.analog_mV * t.newton_per_mV - t.cell_offset_N;
-    const double bearing_N = t.pulley_coulomb_N * z;  // lost in the pulleys whatever the load
+    const double bearing_N = t.pulley_coulomb_N * z;  // lost in the pulleys at any load
 
     double motor_N = 0, base_N = 0, variance_N2 = t.sensor_variance_N2;  // of motor_N
     switch (t.place) {
@@ -161,7 +161,7 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
         base_N = cell_N;
         motor_N = tables_[j]->BaseToMotor(std::max(base_N + bearing_N, 0.0), z);
         if (base_N > 0) {
-          // The map's slope is taken over a deviation of the reading either way.
+          // Slope of the map over one standard deviation to either side.
           const double low_N = std::max(0.0, base_N - std::sqrt(variance_N2)),
                        high_N = base_N + std::sqrt(variance_N2);
           const double spread_N = tables_[j]->BaseToMotor(high_N, z) - tables_[j]->BaseToMotor(low_N, z);
@@ -197,7 +197,7 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
     t.taut = std::min(pulls, t.taut + grips_);
     weight_[j] = t.taut * t.taut;
   }
-  // Until a tendon hangs nothing but the tendons counts, all alike; the straight robot next to nothing.
+  // With all tendons taut they count equally, and the straight-robot prior has negligible weight.
   const auto k2 = bending_rad_.size();
   const BendingMatrix one = BendingMatrix::Identity(k2, k2);
   const double count_m2 = kPriorDeviation_m * kPriorDeviation_m;
@@ -207,7 +207,7 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
     EstimateBending(weight_, variance_m2,
                     {expected_rad, one * std::sqrt(straight_rad2_), one * (count_m2 / straight_rad2_)});
   } else {
-    // What a shape that nobody knows makes of a path beyond the linear.
+    // Second-order effect of the unknown shape on the tendon paths.
     double unknown_m2 = 0;
     for (int k = 0; k < body_.sections(); ++k) {
       const double bent_m = curvature_mprad2_[static_cast<std::size_t>(k)] *
@@ -236,7 +236,7 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
   output.orientation_estimate_WT = Eigen::Quaterniond(tip.R_WA);
 }
 
-// What a cycle of kSettles_s moves a robot that nothing shows, towards the shape that balances its tensions.
+// Step of one cycle towards the shape that balances the tensions, with time constant kSettles_s.
 BendingVector Estimator::Settling(const TendonVector& tension_base_N) noexcept {
   const auto k2 = bending_rad_.size();
   ForceMatrix force_per_tension(k2, tension_base_N.size());
@@ -253,16 +253,16 @@ BendingVector Estimator::Settling(const TendonVector& tension_base_N) noexcept {
   return (1 - kept_) * towards_rad;
 }
 
-// Least squares of the measured shortening against that of the arc shape, and of the bend against what is
-// expected of it. Its Jacobian by (us, vs) is the transpose of the force per tension (virtual work).
+// Least squares of the measured shortening against that of the arc, and of the bending against its
+// prediction. The Jacobian by (us, vs) is the transpose of the force per tension (virtual work).
 void Estimator::EstimateBending(const TendonVector& counts, const TendonVector& variance_m2,
                                 const Expected& expected) noexcept {
   const int k2 = 2 * body_.sections();
   const int m = static_cast<int>(tendons_.size());
   ForceMatrix force_per_tension(k2, m);
   TendonVector modelled_m(m);
-  // One step of Gauss-Newton from the last cycle's estimate leaves less than an encoder's step shows: at 8
-  // rad/s a cycle moves the shape by 0.008 rad, in which the shortening is as good as linear.
+  // One Gauss-Newton step from the last estimate leaves less than an encoder step: at 8 rad/s a cycle moves
+  // the shape by 0.008 rad, over which the shortening is practically linear.
   model::SectionForcePerTension(body_, bending_rad_, force_per_tension);
   body_.SpreadBending(bending_rad_, q_);
   body_.TendonShortening(q_, modelled_m);
@@ -279,7 +279,7 @@ void Estimator::EstimateBending(const TendonVector& counts, const TendonVector& 
   covariance_rad2_ = scaled * scaled.transpose();
   covariance_rad2_ += kept * kept.transpose();
   if (!best.allFinite()) return;
-  // Beyond what the robot may ever do the measurement is wrong; keep the direction, bound the size.
+  // Beyond the robot's range the measurement is wrong; keep the direction, bound the size.
   for (int k = 0; k < body_.sections(); ++k) {
     const double bend = best.segment<2>(2 * k).norm();
     if (bend > 1.5 * max_bending_rad_) best.segment<2>(2 * k) *= 1.5 * max_bending_rad_ / bend;
@@ -287,7 +287,7 @@ void Estimator::EstimateBending(const TendonVector& counts, const TendonVector& 
   bending_rad_ = best;
 }
 
-void Estimator::Remember(StateArchive& a) noexcept {
+void Estimator::Archive(StateArchive& a) noexcept {
   for (Tendon& t : tendons_) {
     a.Value(t.zero_counts);
     a.Value(t.taut);

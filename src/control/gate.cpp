@@ -10,13 +10,13 @@ namespace {
 
 constexpr TimeNs kSequenceHolds_ns = 3600 * kNsPerS;
 
-// A stream that stood longer, whatever the validity of its targets, has been given up.
-constexpr TimeNs kLeads_ns = kNsPerS;
-// As long two senders at once are told of after a target was refused, so that people see it.
+// A stream that pauses longer than this gives up control, whatever the validity of its targets.
+constexpr TimeNs kControlHolds_ns = kNsPerS;
+// How long the status of two senders is reported after a refused target, so that an operator sees it.
 constexpr TimeNs kContended_ns = 3 * kNsPerS;
 
-// Numbers of io::SequenceFromTime count 10 us. One that is more than a minute behind was not overtaken on its
-// way: its sender's clock was set back, or it began anew.
+// Sequence numbers of io::SequenceFromTime count 10 us. A number more than a minute behind is not a reordered
+// message: the sender's clock was set back, or it restarted.
 constexpr std::int32_t kOvertaken = 60 * 100'000;
 
 // Whether a kind of command may act in a mode: one row a mode. `start` is for arm, home and commission from
@@ -71,7 +71,7 @@ bool ModeAllowed(const Admission& may, const Command& c) {
   return false;
 }
 
-// What the daemon made of a request that only it can judge.
+// The refusal that the daemon encodes in a mode request that only it can judge.
 Status RefusedByDaemon(ModeRequest request) {
   switch (request) {
     case ModeRequest::kNotCommissioned:
@@ -85,8 +85,8 @@ Status RefusedByDaemon(ModeRequest request) {
   }
 }
 
-// Motion or a pull that would go on after its sender is gone.
-bool GoesOnByItself(const Command& c, Mode mode) {
+// Whether the command causes motion or a pull that continues without its sender.
+bool OutlivesSender(const Command& c, Mode mode) {
   if (c.kind == CommandKind::kTip) return !c.tip_velocity_W_mps.isZero(0);
   if (c.kind == CommandKind::kBending)
     return c.bending_rate_radps.size() > 0 && !c.bending_rate_radps.isZero(0);
@@ -95,9 +95,9 @@ bool GoesOnByItself(const Command& c, Mode mode) {
 
 std::uint64_t NumberOf(const Command& c) { return (std::uint64_t{c.sender} << 32) | c.sequence; }
 
-// Whether a command is of the sender of an earlier number. Who counts on from there is: a sender may count in
-// all 64 bits.
-bool IsOf(const Command& c, std::uint64_t earlier) {
+// Whether a command belongs to the sender of an earlier number. The difference is compared too, because a
+// sender may count in all 64 bits.
+bool IsFrom(const Command& c, std::uint64_t earlier) {
   const auto ahead = static_cast<std::int64_t>(NumberOf(c) - earlier);
   return c.sender == static_cast<std::uint32_t>(earlier >> 32) ||
          (ahead > std::numeric_limits<std::int32_t>::min() &&
@@ -167,10 +167,10 @@ Status CommandGate::CheckValues(const Command& c, Mode mode) const noexcept {
   return Status::kCommandOutOfRange;
 }
 
-CommandGate::Seen& CommandGate::LastOf(const Command& c) noexcept {
-  Seen* longest = &seen_.front();
-  for (Seen& s : seen_) {
-    if (s.any && IsOf(c, s.number)) return s;
+CommandGate::LastCommand& CommandGate::LastFrom(const Command& c) noexcept {
+  LastCommand* longest = &last_commands_.front();
+  for (LastCommand& s : last_commands_) {
+    if (s.any && IsFrom(c, s.number)) return s;
     if (s.at_ns < longest->at_ns) longest = &s;
   }
   *longest = {};
@@ -179,54 +179,55 @@ CommandGate::Seen& CommandGate::LastOf(const Command& c) noexcept {
 
 Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns, double away_m) noexcept {
   // Serial-number arithmetic: a counter may wrap, and after a long silence nothing can be said about its
-  // order. What was refused for another reason still counts as seen.
-  Seen& last = LastOf(c);
+  // order. A command refused for another reason still counts as seen.
+  LastCommand& last = LastFrom(c);
   const bool fresh = last.any && now_ns - last.at_ns < kSequenceHolds_ns;
   const auto ahead = static_cast<std::int32_t>(c.sequence - static_cast<std::uint32_t>(last.number));
   if (c.kind == CommandKind::kMode && (c.mode == ModeRequest::kDisarm || c.mode == ModeRequest::kStop)) {
-    // Late, overtaken or sent twice: a robot that was told to stop stops.
+    // A stop acts even when it arrives late, out of order or twice.
     if (!fresh || ahead > 0) last.number = NumberOf(c);
     last.any = true;
     last.at_ns = now_ns;
     return Status::kOk;
   }
-  if (c.kind != CommandKind::kMode && !IsOf(c, leader_) &&
-      (mode == Mode::kCommissioning || (mode == Mode::kRunning && now_ns < leads_until_ns_))) {
+  if (c.kind != CommandKind::kMode && !IsFrom(c, in_control_) &&
+      (mode == Mode::kCommissioning || (mode == Mode::kRunning && now_ns < in_control_until_ns_))) {
     contended_until_ns_ = now_ns + kContended_ns;
     return Status::kAnotherSender;
   }
-  // Whoever asks a robot to hold may have a clock that is behind.
+  // A hold acts even when the sender's clock is behind.
   const bool hold = c.kind == CommandKind::kMode && c.mode == ModeRequest::kHold;
   const bool overtaken = fresh && ahead <= 0 && ahead > -kOvertaken;
   if (overtaken && !hold) return Status::kCommandOutOfOrder;
   last.any = true;
   if (!overtaken) last.number = NumberOf(c);
   last.at_ns = now_ns;
-  // Nor does a hold depend on numbers that it does not use.
+  // Nor is a hold refused for values that it does not use.
   if (const Status s = hold ? Status::kOk : CheckValues(c, mode); s != Status::kOk) return s;
   const TimeNs valid_for_ns = hold && c.valid_for_ns <= 0 ? kLongestValid_ns : c.valid_for_ns;
   if (now_ns - c.received_ns > valid_for_ns) return Status::kCommandStale;
-  if (GoesOnByItself(c, mode) && c.valid_for_ns > kUnwatched_ns) return Status::kCommandOutOfRange;
+  if (OutlivesSender(c, mode) && c.valid_for_ns > kLongestUnattended_ns) return Status::kCommandOutOfRange;
   if (!ModeAllowed(AdmissionIn(mode), c)) return Status::kCommandWrongMode;
   if (c.kind == CommandKind::kMode) {
-    if (c.mode == ModeRequest::kCommission) leader_ = NumberOf(c);
+    if (c.mode == ModeRequest::kCommission) in_control_ = NumberOf(c);
     return RefusedByDaemon(c.mode);
   }
   if (c.kind == CommandKind::kTip && !(away_m <= out_of_reach_m_)) return Status::kTargetOutOfReach;
 
-  // Of two that begin at the same time each comes after the other, so the one before the last counts as well.
-  const bool same = IsOf(c, leader_);
+  // When two senders start together their targets alternate, so the sender before the last one counts as
+  // well.
+  const bool same = IsFrom(c, in_control_);
   const bool one_of_many =
       target_.kind != CommandKind::kNone &&
-      (same ? c.received_ns <= expires_ns_ : IsOf(c, before_) && c.received_ns <= before_expires_ns_);
+      (same ? c.received_ns <= expires_ns_ : IsFrom(c, previous_) && c.received_ns <= previous_expires_ns_);
   if (!same) {
-    before_ = leader_;
-    before_expires_ns_ = expires_ns_;
+    previous_ = in_control_;
+    previous_expires_ns_ = expires_ns_;
   }
-  leader_ = NumberOf(c);
+  in_control_ = NumberOf(c);
   expires_ns_ = c.received_ns + c.valid_for_ns;
-  leads_until_ns_ =
-      one_of_many || GoesOnByItself(c, mode) ? std::min(expires_ns_, c.received_ns + kLeads_ns) : 0;
+  in_control_until_ns_ =
+      one_of_many || OutlivesSender(c, mode) ? std::min(expires_ns_, c.received_ns + kControlHolds_ns) : 0;
 
   const double since_s = ToSeconds(c.received_ns - target_.since_ns);
   const bool streamed = target_.kind == c.kind && since_s > 0 && since_s <= ToSeconds(target_.valid_for_ns);
@@ -250,18 +251,18 @@ Status CommandGate::Admit(const Command& c, Mode mode, TimeNs now_ns, double awa
   return Status::kOk;
 }
 
-void CommandGate::Remember(StateArchive& a) noexcept {
+void CommandGate::Archive(StateArchive& a) noexcept {
   const Eigen::Index k2 = 2 * sections_, m = tendons_;
-  for (Seen& s : seen_) {
+  for (LastCommand& s : last_commands_) {
     a.Value(s.any);
     a.Value(s.number);
     a.Value(s.at_ns);
   }
-  a.Value(leader_);
+  a.Value(in_control_);
   a.Value(expires_ns_);
-  a.Value(before_);
-  a.Value(before_expires_ns_);
-  a.Value(leads_until_ns_);
+  a.Value(previous_);
+  a.Value(previous_expires_ns_);
+  a.Value(in_control_until_ns_);
   a.Value(contended_until_ns_);
   a.Choice(target_.kind, CommandKind::kMode);
   a.Value(target_.since_ns);

@@ -10,13 +10,13 @@
 namespace tendril::control {
 namespace {
 
-// A drive's analog input ends at 10 V; a cable that is off shows one end or nothing.
+// A drive's analog input saturates at 10 V; a broken cable shows either rail or zero.
 constexpr int kRail_mV = 9900;
-// Spool speed is averaged over this many cycles: an encoder's steps are not a speed.
+// Spool speed is averaged over this many cycles to smooth the encoder's quantisation.
 constexpr double kSpeedCycles = 20;
-// Of max_torque_error_N, where not a digit of a drive's feedback changes.
+// Share of max_torque_error_N that counts as a commanded change while the feedback stays frozen.
 constexpr double kFrozenChange = 0.1;
-// A taut cycle takes back so many slack ones.
+// Each taut cycle cancels this many slack ones.
 constexpr std::int32_t kTautCounts = 10;
 
 }  // namespace
@@ -92,9 +92,9 @@ Status Guards::Check(const CycleInput& input, const CycleOutput& output,
     tendon = static_cast<std::int32_t>(j) + 1;
     if (drive.age_cycles > 0) {
       ++t.unheard;
-      continue;  // an old value says nothing new; how old it may be is another guard's
+      continue;  // its age is checked elsewhere
     }
-    // A cell that nobody has checked yet may be wrong, but what it shows beyond the limit is not waited out.
+    // A cell that is not verified yet may be wrong, but a reading beyond the limit is never ignored.
     if (expected.powered && OverTension(j, output.tension_measured_N[static_cast<Eigen::Index>(j)])) {
       keep(Status::kTensionOverLimit);
     }
@@ -103,7 +103,7 @@ Status Guards::Check(const CycleInput& input, const CycleOutput& output,
     keep(CheckCell(j, drive, output, expected.powered && expected.trusted));
     const bool slack = expected.tensioned &&
                        output.tension_measured_N[static_cast<Eigen::Index>(j)] < parameters_.slack_tension_N;
-    // Noise shows a slack tendon taut for a cycle now and then: only what is taut for long starts anew.
+    // Noise may show a slack tendon taut for a cycle, so the counter decays instead of restarting.
     std::int32_t& slack_for = t.broken_for[kSlack];
     slack_for = slack ? std::min(slack_for + 1, slack_cycles_) : std::max(slack_for - kTautCounts, 0);
     if (slack_for >= slack_cycles_) keep(Status::kTendonSlack);
@@ -113,7 +113,7 @@ Status Guards::Check(const CycleInput& input, const CycleOutput& output,
   return worst;
 }
 
-// Time comes in on a grid: whole periods forward. A period that was skipped is one in which nobody steered.
+// Time advances by whole periods. A skipped period is one without control.
 Status Guards::CheckTime(const CycleInput& input, bool powered) noexcept {
   const TimeNs step_ns = input.time_ns - last_time_ns_;
   const bool known = timed_;
@@ -148,8 +148,8 @@ Status Guards::CheckMotion(Tendon& t, const DriveFeedback& drive, bool powered) 
   return Confirmed(t, kOverSpeed, fast, parameters_.confirm_cycles) ? Status::kDisplacementRate : Status::kOk;
 }
 
-// A drive that lives does what it is told: its torque is there a few cycles after it was asked for. One that
-// hangs goes on sending what it sent last, whatever is asked; in all values, or in its torque alone.
+// A live drive reports the commanded torque a few cycles later. A hung drive repeats its last feedback, in
+// all values or in its torque alone.
 Status Guards::CheckTorque(Tendon& t, const DriveFeedback& drive, bool powered) noexcept {
   const double newton_per_permille = 1e-3 * t.rated_Nm / t.travel_m;
   const bool same = drive.position_counts == t.shown.position_counts &&
@@ -161,20 +161,20 @@ Status Guards::CheckTorque(Tendon& t, const DriveFeedback& drive, bool powered) 
   } else {
     t.frozen_for = std::min(t.frozen_for + 1, kRestingCycles);
   }
-  // Between two values asked for there is every one on the way.
+  // The torque may lie anywhere between the values commanded lately.
   const auto [least, most] = std::minmax_element(t.asked.begin(), t.asked.end());
   const int off = std::max({0, *least - drive.torque_permille, drive.torque_permille - *most});
   const bool beyond = powered && off * newton_per_permille > parameters_.max_torque_error_N;
   if (Confirmed(t, kTorque, beyond, parameters_.confirm_cycles)) return Status::kDriveFrozen;
-  // No torque of a drive is so still that not a digit of anything changes while another one is asked for.
+  // Live feedback always changes by a digit while the commanded torque changes.
   const double change_N = std::abs(t.asked[0] - t.asked_since) * newton_per_permille;
   const bool frozen =
       t.frozen_for >= kRestingCycles && change_N > kFrozenChange * parameters_.max_torque_error_N;
   return powered && frozen ? Status::kDriveFrozen : Status::kOk;
 }
 
-// The motor's torque, less what turns its own rotor faster, says what tension there may be, whichever way
-// friction helps: the cell must show one of them.
+// The motor's torque less the rotor's acceleration bounds the tension for either direction of friction; the
+// cell must read within these bounds.
 Status Guards::CheckCell(std::size_t j, const DriveFeedback& drive, const CycleOutput& output,
                          bool powered) noexcept {
   Tendon& t = tendons_[j];
@@ -213,7 +213,7 @@ Status Guards::CheckCell(std::size_t j, const DriveFeedback& drive, const CycleO
                                                                       : Status::kOk;
 }
 
-// Whatever the friction between: the least that the other side of the pulleys carries.
+// Bounds hold for any friction: the lower tension on the other side of the pulleys is compared.
 bool Guards::OverTension(std::size_t j, double reading_N) const noexcept {
   const double shown_N = std::max(reading_N, 0.);
   const bool at_robot = tendons_[j].place == LoadCellPlace::kRobotSide;
@@ -226,18 +226,18 @@ bool Guards::OverTension(std::size_t j, double reading_N) const noexcept {
 double Guards::MotorTension(std::size_t j, const CycleOutput& output) const noexcept {
   const double reading_N = output.tension_measured_N[static_cast<Eigen::Index>(j)];
   if (tendons_[j].place != LoadCellPlace::kRobotSide) return reading_N;
-  // Between what the pulleys take away when the motor pulls and when it pays out lies the middle.
+  // Middle between the tensions for pulling and for paying out.
   const double base_N = std::max(reading_N, 0.);
   return (tables_[j]->BaseToMotor(base_N, 1) + tables_[j]->BaseToMotor(base_N, -1)) / 2;
 }
 
 Status Guards::CheckShape(const CycleOutput& output, const Expectation& expected) noexcept {
-  Tendon& first = tendons_.front();  // keeps the counts of what belongs to no tendon
+  Tendon& first = tendons_.front();  // holds the counters of rules that concern no single tendon
   bool bent = false;
   for (int k = 0; k < body_.sections(); ++k) {
     bent = bent || output.bending_estimate_rad.segment<2>(2 * k).norm() > max_bending_rad_;
   }
-  // The shape that fits best must fit: tendons of one robot cannot be pulled in as they like.
+  // The best-fit shape must reproduce the displacements of all tendons, which are not independent.
   double residual_m = 0;
   if (expected.tensioned) {
     TendonVector modelled_m(body_.tendons());
@@ -246,7 +246,7 @@ Status Guards::CheckShape(const CycleOutput& output, const Expectation& expected
     for (std::size_t j = 0; j < tendons_.size(); ++j) {
       const auto at = static_cast<Eigen::Index>(j);
       const double stretch_m = (MotorTension(j, output) - min_tension_N_) / tendons_[j].stiffness_Npm;
-      // What a slack tendon's spool does says nothing of the shape.
+      // The spool of a slack tendon does not measure the shape.
       if (output.tension_measured_N[at] < parameters_.slack_tension_N) {
         residual_m = 0;
         break;
@@ -269,7 +269,7 @@ Status Guards::CheckShape(const CycleOutput& output, const Expectation& expected
   return status;
 }
 
-void Guards::Remember(StateArchive& a) noexcept {
+void Guards::Archive(StateArchive& a) noexcept {
   for (Tendon& t : tendons_) {
     for (std::int32_t& count : t.broken_for) a.Value(count);
     a.Value(t.seen);

@@ -8,8 +8,8 @@ namespace tendril::control {
 namespace {
 
 constexpr int kMaxIterations = 20;
-constexpr double kLongest_rad = 0.3;    // of a step, a section: farther the linear model means nothing
-constexpr double kSettled_rad = 1e-11;  // a goal that moves is differentiated from cycle to cycle
+constexpr double kLongest_rad = 0.3;    // step limit per section: the linear model is invalid beyond it
+constexpr double kSettled_rad = 1e-11;  // tight, because moving goals are differentiated from cycle to cycle
 
 }  // namespace
 
@@ -57,9 +57,8 @@ bool NearestHeld::Linearise(const BendingVector& bending_rad, const TendonVector
   return factor_.info() == Eigen::Success;
 }
 
-// Gauss-Newton on the tensions, the arc in balance with them: db = K^-1 (J dT - r) with r what the balance
-// lacks.
-Status NearestHeld::Bring(BendingVector& bending_rad) noexcept {
+// Gauss-Newton on the tensions with the arc in balance: db = K^-1 (J dT - r), r the residual of the balance.
+Status NearestHeld::Project(BendingVector& bending_rad) noexcept {
   const BendingVector asked_rad = bending_rad;
   BendingVector at_rad = asked_rad;
   TendonVector tension_N = TendonVector::Constant(body_.tendons(), min_tension_N_);
@@ -76,11 +75,12 @@ Status NearestHeld::Bring(BendingVector& bending_rad) noexcept {
     factor_.solveInPlace(lacking_rad);
     bend_per_tension_ = force_per_tension_;
     factor_.solveInPlace(bend_per_tension_);
-    BendingVector wanted_rad = bend_per_tension_.lazyProduct(tension_N);
-    wanted_rad += asked_rad - at_rad + lacking_rad;
-    wanted_rad = BendingVector(pulled_.lazyProduct(wanted_rad));
+    BendingVector required_rad = bend_per_tension_.lazyProduct(tension_N);
+    required_rad += asked_rad - at_rad + lacking_rad;
+    required_rad = BendingVector(pulled_.lazyProduct(required_rad));
     pulled_per_tension_.noalias() = pulled_.lazyProduct(bend_per_tension_);
-    const auto nearest = allocator_.Allocate(pulled_per_tension_, wanted_rad, min_tension_N_, max_tension_N_);
+    const auto nearest =
+        allocator_.Allocate(pulled_per_tension_, required_rad, min_tension_N_, max_tension_N_);
     const TendonVector change_N = nearest.tension_N - tension_N;
     const BendingVector step_rad = BendingVector(bend_per_tension_.lazyProduct(change_N)) - lacking_rad;
     const double size_rad = step_rad.lpNorm<Eigen::Infinity>();

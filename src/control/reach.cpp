@@ -10,9 +10,9 @@
 namespace tendril::control {
 namespace {
 
-constexpr int kHalvings = 8;     // 1 / 256 of the bend that was asked for
-constexpr int kDirections = 12;  // of each section, to be sure of every one; more than there are tendons
-constexpr double kSure = 0.95;   // of what those directions leave
+constexpr int kHalvings = 8;             // 1 / 256 of the requested bend
+constexpr int kDirections = 12;          // sampled directions per section; more than there are tendons
+constexpr double kHoldableShare = 0.95;  // margin for directions between the samples
 
 }  // namespace
 
@@ -27,7 +27,7 @@ Reach::Reach(const RobotParameters& robot, const model::Body& body, const LimitP
       unit_force_Nm_(q_),
       force_Nm_(BendingVector::Zero(2 * body.sections())),
       force_per_tension_(2 * body.sections(), body.tendons()) {
-  double heaviest_Nspr = 0;  // rotor, as tension an acceleration of bend
+  double heaviest_Nspr = 0;  // rotor, as tension per acceleration of bend
   std::size_t j = 0;
   for (const SectionParameters& section : robot.body.sections) {
     for (const TendonRoute& route : section.tendons) {
@@ -38,18 +38,18 @@ Reach::Reach(const RobotParameters& robot, const model::Body& body, const LimitP
     }
   }
   rate_per_N_ = gather_s / heaviest_Nspr;
-  sure_rad_ = limits.max_bending_rad;
+  holdable_rad_ = limits.max_bending_rad;
   if (model::PullsEveryWay(robot.body)) {
-    FindSure();
+    FindHoldable();
   } else {
     nearest_.emplace(body, min_tension_N_, max_tension_N_);
-    FindSureOfPulled();
+    FindHoldableOfPulled();
   }
-  sure_rad_ *= kSure;
+  holdable_rad_ *= kHoldableShare;
 }
 
-void Reach::FindSure() {
-  // Sections carry each other: each is straight or bent in one of the directions.
+void Reach::FindHoldable() {
+  // Sections load each other, so combinations are checked: each straight or bent in one of the directions.
   const int ways = kDirections + 1;
   int combinations = 1;
   for (int k = 0; k < body_.sections(); ++k) combinations *= ways;
@@ -60,18 +60,18 @@ void Reach::FindSure() {
       bending_rad.segment<2>(2 * k) << std::cos(angle_rad), std::sin(angle_rad);
       if (rest % ways == kDirections) bending_rad.segment<2>(2 * k).setZero();
     }
-    double low = 0, high = sure_rad_;
+    double low = 0, high = holdable_rad_;
     if (Holds(high * bending_rad)) continue;
     for (int i = 0; i < kHalvings; ++i) {
       const double middle = (low + high) / 2;
       (Holds(middle * bending_rad) ? low : high) = middle;
     }
-    sure_rad_ = low;
+    holdable_rad_ = low;
   }
 }
 
-void Reach::FindSureOfPulled() {
-  std::vector<std::vector<Eigen::Vector2d>> ways;  // of each section, the last one straight
+void Reach::FindHoldableOfPulled() {
+  std::vector<std::vector<Eigen::Vector2d>> ways;  // per section, the last one straight
   std::size_t combinations = 1;
   for (int k = 0; k < body_.sections(); ++k) {
     const model::PullCone cone = model::PullConeOf(body_.parameters(), k);
@@ -84,17 +84,17 @@ void Reach::FindSureOfPulled() {
     own.emplace_back(0, 0);
     combinations *= own.size();
   }
-  const double most_rad = sure_rad_;
+  const double most_rad = holdable_rad_;
   for (std::size_t c = 0; c < combinations; ++c) {
     BendingVector asked_rad(2 * body_.sections());
     std::size_t rest = c;
     for (int k = 0; k < body_.sections(); rest /= ways[k].size(), ++k)
       asked_rad.segment<2>(2 * k) = most_rad * ways[k][rest % ways[k].size()];
     BendingVector held_rad = asked_rad;
-    if (nearest_->Bring(held_rad) != Status::kLimitedTensionMax) continue;
+    if (nearest_->Project(held_rad) != Status::kLimitedTensionMax) continue;
     for (int k = 0; k < body_.sections(); ++k) {
       const double along_rad = asked_rad.segment<2>(2 * k).dot(held_rad.segment<2>(2 * k)) / most_rad;
-      if (!asked_rad.segment<2>(2 * k).isZero(0)) sure_rad_ = std::clamp(along_rad, 0.0, sure_rad_);
+      if (!asked_rad.segment<2>(2 * k).isZero(0)) holdable_rad_ = std::clamp(along_rad, 0.0, holdable_rad_);
     }
   }
 }
@@ -112,23 +112,23 @@ double Reach::Rate_radps(const BendingVector& bending_rad, bool goal_moves) cons
   double bend_rad = 0;
   for (int k = 0; k < body_.sections(); ++k)
     bend_rad = std::max(bend_rad, bending_rad.segment<2>(2 * k).norm());
-  const double free = sure_rad_ > 0 ? 1 - bend_rad / sure_rad_ : 0;
+  const double free = holdable_rad_ > 0 ? 1 - bend_rad / holdable_rad_ : 0;
   const double room_N = std::max(free, kLeastRoom) * kRotorShare * (max_tension_N_ - min_tension_N_);
   return rate_per_N_ * (goal_moves ? room_N : std::min(room_N, most_room_N_));
 }
 
 Status Reach::Limit(BendingVector& bending_rad) noexcept {
-  if (nearest_) return nearest_->Bring(bending_rad);
+  if (nearest_) return nearest_->Project(bending_rad);
   double most_rad = 0;
   for (int k = 0; k < body_.sections(); ++k)
     most_rad = std::max(most_rad, bending_rad.segment<2>(2 * k).norm());
-  if (most_rad <= sure_rad_) return Status::kOk;
+  if (most_rad <= holdable_rad_) return Status::kOk;
   if (asked_rad_.size() > 0 && bending_rad == asked_rad_) {
     bending_rad = given_rad_;
     return Status::kLimitedTensionMax;
   }
   if (Holds(bending_rad)) return Status::kOk;
-  double low = std::min(1., sure_rad_ / most_rad), high = 1;
+  double low = std::min(1., holdable_rad_ / most_rad), high = 1;
   if (!(low > 0)) return Status::kOk;
   for (int i = 0; i < kHalvings; ++i) {
     const double middle = (low + high) / 2;

@@ -10,7 +10,7 @@
 namespace tendril::control {
 namespace {
 
-// Bent by more than this, an error counts as one that grows with the bend.
+// Above this bend an error is attributed to effects that grow with the bend.
 constexpr double kBent_rad = 0.3;
 constexpr double kRest_radps = 1e-4;
 constexpr double kLeastShown = 1e-9;
@@ -18,7 +18,7 @@ constexpr double kErrorFilter_s = 0.05;
 
 using Complex = std::complex<double>;
 Complex At(const BendingVector& v, int section) { return {v[2 * section], v[2 * section + 1]}; }
-/// False when the value is larger than `most` and was cut.
+/// Stores the value, limited to `most`; false when it was limited.
 bool Put(BendingVector& v, int section, Complex value, double most) {
   const double size = std::abs(value);
   if (size > most) value *= most / size;
@@ -39,32 +39,32 @@ ShapeFeedback::ShapeFeedback(const model::Body& body, double time_constant_s, do
     for (int i = body.first_unit(k); i < body.end_unit(k); ++i) softness += 1 / body.unit_stiffness_Nm(i);
     stiffness_Nm_.segment<2>(2 * k).setConstant(1 / softness);
   }
-  wanted_m_.fill(TendonVector::Zero(body.tendons()));
+  reference_m_.fill(TendonVector::Zero(body.tendons()));
   Reset();
 }
 
 void ShapeFeedback::Reset() noexcept {
   const BendingVector none = BendingVector::Zero(stiffness_Nm_.size());
   last_rad_ = error_rad_ = share_ = offset_rad_ = moment_Nm_ = onset_Nm_ = none;
-  for (TendonVector& w : wanted_m_) w.setZero();
+  for (TendonVector& w : reference_m_) w.setZero();
   way_Nm_ = largest_Nm_ = 0;
   asleep_ = false;
 }
 
-Status ShapeFeedback::Step(const BendingVector& bending_rad, const TendonVector& wanted_m,
-                           const TendonVector& shown_m, const TendonVector& weight,
+Status ShapeFeedback::Step(const BendingVector& bending_rad, const TendonVector& reference_m,
+                           const TendonVector& measured_m, const TendonVector& weight,
                            const Eigen::Ref<const Eigen::MatrixXd>& force_per_tension,
                            const BendingMatrix& compliance, double hold_Nm, bool acts,
                            bool at_limit) noexcept {
-  const TendonVector missing_m = wanted_m_[0] - shown_m;
-  for (int i = 0; i + 1 < kDelayCycles; ++i) wanted_m_[i] = wanted_m_[i + 1];
-  wanted_m_[kDelayCycles - 1] = wanted_m;
+  const TendonVector missing_m = reference_m_[0] - measured_m;
+  for (int i = 0; i + 1 < kDelayCycles; ++i) reference_m_[i] = reference_m_[i + 1];
+  reference_m_[kDelayCycles - 1] = reference_m;
   const bool rests = (bending_rad - last_rad_).norm() < kRest_radps * period_s_;
   last_rad_ = bending_rad;
 
   // Force per tension is shortening per bend, transposed (virtual work).
   BendingMatrix normal = force_per_tension * weight.asDiagonal() * force_per_tension.transpose();
-  // Where too few tendons are taut to tell, nothing is missing.
+  // Regularised: directions that no taut tendon measures have no error.
   normal.diagonal().array() += kLeastShown * force_per_tension.squaredNorm();
   const BendingVector error_rad = normal.ldlt().solve(
       BendingVector(force_per_tension.lazyProduct(TendonVector(weight.cwiseProduct(missing_m)))));
@@ -110,8 +110,8 @@ Status ShapeFeedback::Step(const BendingVector& bending_rad, const TendonVector&
   return status;
 }
 
-void ShapeFeedback::Remember(StateArchive& a) noexcept {
-  for (TendonVector& w : wanted_m_) a.Vector(w, {w.size()});
+void ShapeFeedback::Archive(StateArchive& a) noexcept {
+  for (TendonVector& w : reference_m_) a.Vector(w, {w.size()});
   for (BendingVector* v : {&last_rad_, &error_rad_, &share_, &offset_rad_, &moment_Nm_, &onset_Nm_})
     a.Vector(*v, {v->size()});
   a.Value(way_Nm_);

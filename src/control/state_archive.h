@@ -1,5 +1,5 @@
-// What the controller remembers from one cycle to the next, as bytes and back: each stage names its memory
-// once and the same list measures, saves and loads. Knows nothing of what the values mean.
+// The controller's state from one cycle to the next, as bytes and back: each stage lists its state once, and
+// the same list measures, saves and loads. Knows nothing of what the values mean.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,7 +17,7 @@ namespace tendril::control {
 
 class StateArchive {
  public:
-  /// Only counts.
+  /// Counts bytes only.
   StateArchive() = default;
   static StateArchive Saver(std::span<std::byte> to) { return StateArchive(to.data(), nullptr, to.size()); }
   static StateArchive Loader(std::span<const std::byte> from) {
@@ -52,7 +52,7 @@ class StateArchive {
     Require(number <= static_cast<std::underlying_type_t<E>>(last));
     if (loading() && ok_) value = static_cast<E>(number);
   }
-  /// Always takes the room of the greatest size; `sizes` are those that may be loaded.
+  /// Always takes the space of the greatest size; `sizes` are those accepted on loading.
   template <int kMax>
   void Vector(Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMax, 1>& v,
               std::initializer_list<Eigen::Index> sizes) noexcept {
@@ -70,7 +70,7 @@ class StateArchive {
     std::memcpy(v.data(), values.data(), static_cast<std::size_t>(size) * sizeof(double));
   }
   void Vector(Eigen::Vector3d& v) noexcept { Raw(v.data(), 3 * sizeof(double)); }
-  /// The yields are parameters: loaded ones must be this controller's.
+  /// The yields are parameters: loaded ones must equal this controller's.
   template <int kCount>
   void Operators(model::StopOperators<kCount>& operators) noexcept {
     using Stops = model::StopOperators<kCount>;
@@ -84,7 +84,7 @@ class StateArchive {
     Require(std::memcmp(&here, &there, sizeof here) == 0 && !std::isnan(loaded.Peek(0)));
     if (ok_) operators = loaded;
   }
-  /// The angle is a parameter, as yields are.
+  /// The angle is a parameter, like the yields.
   void Dahl(model::DahlState& dahl) noexcept {
     static_assert(std::is_trivially_copyable_v<model::DahlState>);
     model::DahlState loaded = dahl;

@@ -88,7 +88,7 @@ bool Supervisor::Handle(Event event, Status cause) noexcept {
   return false;
 }
 
-void Supervisor::Remember(StateArchive& a) noexcept {
+void Supervisor::Archive(StateArchive& a) noexcept {
   a.Choice(mode_, Mode::kCommissioning);
   a.Choice(cause_, static_cast<Status>(999));
 }

@@ -10,20 +10,19 @@
 namespace tendril::control {
 namespace {
 
-// Speed is averaged over this many cycles: fast enough to damp a bare rotor, slow enough for an encoder's
-// steps.
+// Speed is averaged over this many cycles: fast enough to damp a bare rotor, slow enough to smooth the
+// encoder's quantisation.
 constexpr double kSpeedCycles = 5;
-// Of max_speed_mps: up to here all of the pull acts, so that what swings about rest is not driven.
+// Share of max_speed_mps up to which the full pull acts, so that oscillation about rest is not excited.
 constexpr double kUnfaded = 0.4;
-// A motor that has moved less than kStanding_m for so long stands.
+// A motor stands when it has moved less than kStanding_m for this long.
 constexpr std::int32_t kStandingCycles = 500;
 constexpr double kStanding_m = 2e-5;
-// A motor that stands within this of where it began did not turn: what gear and tendon give in is less.
+// A motor within this of its start did not turn; compliance of gear and tendon is smaller.
 constexpr double kNotTurned_m = 2e-4;
-// Of the motor's friction: what moves any motor that is free to, beside the tension on it.
+// Share of the motor's friction that moves any free motor, beside the tension on it.
 constexpr double kBreakaway = 1.4;
-// Of the pretension: within it a tendon is at pretension. Friction holds a motor, so that nothing finer is
-// kept.
+// Band around the pretension, as its share, that counts as at pretension; friction allows no finer control.
 constexpr double kBand = 0.3;
 
 }  // namespace
@@ -84,19 +83,19 @@ double TakeUp::Torque(int tendon, double pull_N) const noexcept {
   return std::clamp(pull_N, -parameters_.pull_N, parameters_.pull_N) * t.travel_m * fade;
 }
 
-void TakeUp::Lead(const TendonVector& wanted_N, TendonVector& pull_N) const noexcept {
+void TakeUp::Ramp(const TendonVector& target_N, TendonVector& pull_N) const noexcept {
   for (Eigen::Index j = 0; j < pull_N.size(); ++j) {
-    // Letting go needs no ramp: a motor that was asked to stop is not to wind on.
-    if (pull_N[j] > 0) pull_N[j] = std::min(pull_N[j], std::max(0., wanted_N[j]));
-    if (pull_N[j] < 0) pull_N[j] = std::max(pull_N[j], std::min(0., wanted_N[j]));
-    pull_N[j] += std::clamp(wanted_N[j] - pull_N[j], -step_N_, step_N_);
+    // Reducing a pull needs no ramp: a motor commanded to stop must not wind on.
+    if (pull_N[j] > 0) pull_N[j] = std::min(pull_N[j], std::max(0., target_N[j]));
+    if (pull_N[j] < 0) pull_N[j] = std::max(pull_N[j], std::min(0., target_N[j]));
+    pull_N[j] += std::clamp(target_N[j] - pull_N[j], -step_N_, step_N_);
   }
 }
 
 Status TakeUp::Home(const CycleInput& input, const CycleOutput& output, TendonVector& pull_N) noexcept {
   Status status = Watch(input);
   if (status == Status::kTravelOverLimit) {
-    // Nothing held it back: there is no tendon, or it hangs looser than it may.
+    // It moved freely: the tendon is broken, or slacker than allowed.
     const Tendon& t = tendons_[static_cast<std::size_t>(blamed_ - 1)];
     return !t.taut && t.TravelM() > 0 ? Status::kTendonBroken : status;
   }
@@ -105,7 +104,7 @@ Status TakeUp::Home(const CycleInput& input, const CycleOutput& output, TendonVe
     Tendon& t = tendons_[j];
     const auto at = static_cast<Eigen::Index>(j);
     const double error_N = pretension_N_ - output.tension_measured_N[at];
-    double wanted_N = t.taut ? pull_N[at] : parameters_.pull_N;
+    double target_N = t.taut ? pull_N[at] : parameters_.pull_N;
     if (!t.taut) {
       const Status s = Judge(t, input.drive[j], output.tension_measured_N[at], pull_N[at]);
       if (s != Status::kOk && status == Status::kOk) {
@@ -113,14 +112,14 @@ Status TakeUp::Home(const CycleInput& input, const CycleOutput& output, TendonVe
         blamed_ = static_cast<std::int32_t>(j) + 1;
       }
       t.taut = t.taut || (t.cell && error_N <= 0);
-      // What pulled it in is more than what may go on pulling.
-      if (t.taut) wanted_N = pull_N[at] = std::min(pull_N[at], pretension_N_);
+      // The pull of the take-up may exceed the pretension; reduce it at once.
+      if (t.taut) target_N = pull_N[at] = std::min(pull_N[at], pretension_N_);
     } else if (t.cell && std::abs(error_N) > kBand * pretension_N_) {
-      wanted_N = std::copysign(parameters_.pull_N, error_N);
+      target_N = std::copysign(parameters_.pull_N, error_N);
       settled = false;
     }
     settled = settled && t.taut;
-    pull_N[at] += std::clamp(wanted_N - pull_N[at], -step_N_, step_N_);
+    pull_N[at] += std::clamp(target_N - pull_N[at], -step_N_, step_N_);
   }
   settled_for_ = settled ? settled_for_ + 1 : 0;
   if (status != Status::kOk || homed()) return status;
@@ -128,9 +127,9 @@ Status TakeUp::Home(const CycleInput& input, const CycleOutput& output, TendonVe
   return ++homing_for_ > timeout_cycles_ ? Status::kHomingTimedOut : Status::kOk;
 }
 
-// A tendon that is not taut yet: is it on its way there?
+// Checks the progress of a tendon that is not taut yet.
 Status TakeUp::Judge(Tendon& t, const DriveFeedback& drive, double shown_N, double pull_N) noexcept {
-  // Without a count nothing bounds the speed: no more torque than what must move it.
+  // Without encoder counts the speed is unbounded: limit the torque to what must move it.
   const double breakaway_N = kBreakaway * t.friction_N + std::max(shown_N, pretension_N_) / t.efficiency;
   const bool counted = std::abs(CountsMoved(t.counts, t.start_counts)) > 1;
   if (!counted && pull_N > std::min(breakaway_N, 0.99 * parameters_.pull_N)) return Status::kTendonJammed;
@@ -156,7 +155,7 @@ Status TakeUp::Judge(Tendon& t, const DriveFeedback& drive, double shown_N, doub
   return Status::kOk;
 }
 
-void TakeUp::Remember(StateArchive& a) noexcept {
+void TakeUp::Archive(StateArchive& a) noexcept {
   for (Tendon& t : tendons_) {
     a.Value(t.start_counts);
     a.Value(t.counts);

@@ -1,5 +1,5 @@
-// What a drive's counts mean on the tendon's side, and how long a live sensor may show one value.
-// Shared by guards, take-up, estimator and feedback; knows no rule.
+// Conversion of a drive's counts to the tendon's side, and how long a live sensor may repeat one value.
+// Shared by guards, take-up, estimator and feedback; contains no rule.
 #pragma once
 
 #include <cstdint>
@@ -9,10 +9,10 @@
 
 namespace tendril::control {
 
-/// A live load cell's last digit, and a live drive's feedback, never rest for so many cycles.
+/// A live load cell's last digit, and a live drive's feedback, change within this many cycles.
 inline constexpr std::int32_t kRestingCycles = 200;
 
-/// now - before, where the drive's position counter may have wrapped in between.
+/// now - before, across a wrap of the drive's position counter.
 constexpr std::int32_t CountsMoved(std::int32_t now, std::int32_t before) noexcept {
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(now) - static_cast<std::uint32_t>(before));
 }
@@ -21,12 +21,12 @@ inline double RadPerCount(const TendonDriveParameters& t) {
   return 2 * std::numbers::pi / t.drive.encoder_counts_per_turn;
 }
 
-/// Tendon pulled in, [m] a count.
+/// Tendon travel per count [m].
 inline double TravelPerCount(const TendonDriveParameters& t) {
   return RadPerCount(t) * t.SpoolTravelPerMotorRad();
 }
 
-/// Of the motor's Coulomb friction, [N] at the spool.
+/// The motor's Coulomb friction [N] at the spool.
 inline double FrictionAtSpool(const TendonDriveParameters& t) {
   return t.motor.coulomb_friction_Nm / t.SpoolTravelPerMotorRad();
 }

@@ -9,10 +9,10 @@
 namespace tendril::control {
 namespace {
 
-// Below this share of the wanted tension a tendon is as good as slack; then the integral is this much faster.
+// Below this share of the reference tension a tendon counts as slack, and the integral gain is multiplied.
 constexpr double kSlackShare = 0.5, kSlackUrgency = 12;
 
-// A motor that turned by no more than this for so long stands: noise of the cell need not reach its torque.
+// A motor that turned no more than this for this long stands; its torque is then kept free of cell noise.
 constexpr std::int32_t kStoodCounts = 1, kStoodCycles = 100;
 
 }  // namespace
@@ -32,26 +32,26 @@ TensionFeedback::TensionFeedback(const TendonDriveParameters& drive, const Limit
       torque_scale_(drive.motor.torque_scale) {}
 
 void TensionFeedback::Reset() noexcept {
-  wanted_.fill({});
+  reference_.fill({});
   error_N_ = integral_N_ = velocity_error_radps_ = limited_ = held_Nm_ = 0;
   stood_cycles_ = 0;
   running_ = false;
 }
 
-double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, const Wanted& wanted,
+double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, const Reference& reference,
                              bool acts) noexcept {
   if (!acts) {
     Reset();
     return 0;
   }
   if (!running_) {
-    wanted_.fill(wanted);
+    reference_.fill(reference);
     counts_ = stood_at_counts_ = feedback.position_counts;
     running_ = true;
   }
-  const Wanted then = wanted_[0];
-  for (int i = 0; i + 1 < kDelayCycles; ++i) wanted_[i] = wanted_[i + 1];
-  wanted_[kDelayCycles - 1] = wanted;
+  const Reference then = reference_[0];
+  for (int i = 0; i + 1 < kDelayCycles; ++i) reference_[i] = reference_[i + 1];
+  reference_[kDelayCycles - 1] = reference;
 
   const std::int32_t moved = CountsMoved(feedback.position_counts, counts_);
   if (std::abs(CountsMoved(feedback.position_counts, stood_at_counts_)) > kStoodCounts) {
@@ -62,21 +62,21 @@ double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, c
   }
   counts_ = feedback.position_counts;
   const double off_N = then.cell_N - measured_N;
-  // Whatever friction does, a tendon without a pull has too little.
+  // Uncertain friction cannot explain a slack tendon.
   const bool slack = measured_N < kSlackShare * then.cell_N;
-  const double unsure_N = slack ? 0 : then.unsure_N;
-  const double sure_N = std::copysign(std::max(0.0, std::abs(off_N) - unsure_N), off_N);
-  error_N_ += cell_share_ * (sure_N - error_N_);
+  const double uncertainty_N = slack ? 0 : then.uncertainty_N;
+  const double certain_N = std::copysign(std::max(0.0, std::abs(off_N) - uncertainty_N), off_N);
+  error_N_ += cell_share_ * (certain_N - error_N_);
   const double velocity_radps = moved * rad_per_count_ / period_s_;
   velocity_error_radps_ +=
       velocity_share_ * (then.motor_velocity_radps - velocity_radps - velocity_error_radps_);
-  // At rest dry friction holds any torque within it; an integral that grew against it would push the robot
-  // off as soon as the motion turns, or let it hunt.
+  // At rest dry friction holds any torque within it; an integral that grew against it would disturb the robot
+  // when the motion reverses, or make it hunt.
   const bool rests = then.rests && !slack && std::abs(error_N_) < rest_band_N_;
   if (rests && stood_cycles_ == kStoodCycles) return held_Nm_;
   if (!(limited_ * error_N_ > 0) && !rests) {
-    // A tendon pulls only: slack, it closes no loop, the motor's own friction may hold it there, and every
-    // bit of the error counts more.
+    // A slack tendon closes no loop, and the motor's friction may hold it there, so the error is weighted
+    // more.
     const double urgency = slack ? kSlackUrgency : 1;
     integral_N_ = std::clamp(integral_N_ + urgency * integral_ps_ * period_s_ * error_N_, -most_N_, most_N_);
   }
@@ -85,11 +85,11 @@ double TensionFeedback::Step(const DriveFeedback& feedback, double measured_N, c
   return held_Nm_;
 }
 
-void TensionFeedback::Remember(StateArchive& a) noexcept {
-  for (Wanted& w : wanted_) {
+void TensionFeedback::Archive(StateArchive& a) noexcept {
+  for (Reference& w : reference_) {
     a.Value(w.cell_N);
     a.Value(w.motor_velocity_radps);
-    a.Value(w.unsure_N);
+    a.Value(w.uncertainty_N);
     a.Value(w.rests);
   }
   for (double* v : {&error_N_, &integral_N_, &velocity_error_radps_, &limited_}) a.Value(*v);

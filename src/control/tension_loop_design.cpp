@@ -19,7 +19,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// The body at a shape under the tensions that hold the arc there, linearised.
+// The body linearised at an arc, under the tensions that hold it.
 struct LinearBody {
   MatrixXd mass, damping, stiffness, shortening;  // shortening: M x 2N
 };
@@ -37,7 +37,8 @@ LinearBody Linearise(const model::Body& body, double bend_rad, double min_tensio
   body.TendonLengthJacobian(q, linear.shortening);
   linear.shortening = -linear.shortening;
   body.StaticForce(q, Eigen::Vector3d::Zero(), force);
-  // All tendons alike bend nothing: of an arc they show two ways a section, and rounding shows more.
+  // Equal tensions bend nothing, so the routes have rank two per section; the threshold rejects rounding
+  // beyond that.
   Eigen::CompleteOrthogonalDecomposition<MatrixXd> routes;
   routes.setThreshold(1e-8);
   routes.compute(linear.shortening.transpose());
@@ -53,9 +54,9 @@ LinearBody Linearise(const model::Body& body, double bend_rad, double min_tensio
   return linear;
 }
 
-// Of many units only the ways to move that a loop through the tendons can meet: the slowest of the body
-// alone, what each tendon bends at rest, and what the inertia of that bends. Of the margins of 10 and 20
-// units this takes nothing that shows in four digits.
+// Model reduction to the modes that a loop through the tendons meets: the body's slowest modes, the static
+// deflection by each tendon, and the deflection by the inertia of that. For 10 and 20 units the margins agree
+// to four digits.
 LinearBody Reduced(const LinearBody& full, int sections, double tendon_stiffness_Npm) {
   constexpr int kModesPerSection = 8;
   const auto n = full.mass.rows(), m = full.shortening.rows();
@@ -69,7 +70,7 @@ LinearBody Reduced(const LinearBody& full, int sections, double tendon_stiffness
                                    tendon_stiffness_Npm * full.shortening.transpose() * full.shortening);
   ways.middleCols(slow, m) = held.solve(full.shortening.transpose());
   ways.rightCols(m) = held.solve(full.mass * ways.middleCols(slow, m));
-  // Orthonormal as the mass counts, without what is there twice.
+  // Orthonormal in the mass metric, without duplicates.
   const MatrixXd root = Eigen::LLT<MatrixXd>(full.mass).matrixU();
   MatrixXd spanned = root * ways;
   spanned.colwise().normalize();
@@ -96,8 +97,8 @@ MatrixXd Exponential(MatrixXd a) {
 }
 
 // Rig and feedback as one linear map from cycle to cycle, x' = A x + B r, with r torques added at the drives
-// and u = C x the feedback's torques. Order of x: q, dq, motor angles, velocities, torques; then u sent last,
-// and of the controller filtered error, integral, filtered velocity, last angles.
+// and u = C x the feedback's torques. Order of x: q, dq, motor angles, velocities, torques; then the torques
+// sent last and the controller's filtered error, integral, filtered velocity and last angles.
 class LinearRig {
  public:
   LinearRig(RobotParameters robot, double bend_rad, double period_s)
@@ -138,7 +139,7 @@ class LinearRig {
     input_ = advanced.topRightCorner(states, m);
   }
 
-  /// Stiffness with which body and tendon answer one tendon's pull, the softest [N/m].
+  /// Stiffness of body and tendon against one tendon's pull, the softest [N/m].
   double Softest() const {
     const MatrixXd compliance =
         body_.shortening * body_.stiffness.ldlt().solve(MatrixXd(body_.shortening.transpose()));
@@ -191,11 +192,11 @@ class LinearRig {
     return modes.info() == Eigen::Success && modes.eigenvalues().cwiseAbs().maxCoeff() < 1 - 1e-9;
   }
 
-  /// Smallest distance of any drive's loop from -1 as a phase, where its gain is one.
+  /// Smallest phase distance of any drive's loop from -1 where its gain is one.
   double PhaseMargin_deg(const TensionLoopGains& g) const {
     using Complex = std::complex<double>;
-    // The closed loop, diagonalised once, so that each frequency is a sum; with T what one drive's torque
-    // becomes through all loops, T / (1 + T) is what it becomes with its own cut.
+    // The closed loop is diagonalised once, so that each frequency is a sum. If T is the response of one
+    // drive's torque through all loops, T / (1 + T) is its response with its own loop cut.
     const Loop closed = Close(g, 1);
     const int all = static_cast<int>(closed.a.rows());
     const Eigen::EigenSolver<MatrixXd> modes(closed.a);
@@ -227,27 +228,27 @@ class LinearRig {
 
  private:
   RobotParameters robot_;
-  int n_ = 0, m_;  // ways that the body moves, tendons
+  int n_ = 0, m_;  // degrees of freedom of the body, tendons
   double period_s_;
   LinearBody body_;
   MatrixXd cell_, advance_, input_;
 };
 
-// Where a loop that bends robots lives, from straight to its greatest bend; and tendons half and twice as
-// stiff as their file says, which no margin of the loop's gain stands for.
+// The operating range from straight to the greatest bend; and the same with tendons half and twice as stiff
+// as the file states, an uncertainty that a gain margin does not cover.
 struct Rigs {
-  std::vector<LinearRig> told, doubted;
+  std::vector<LinearRig> nominal, perturbed;
 };
 
 Rigs RigsOf(const RobotParameters& robot, double period_s) {
   Rigs rigs;
   for (const double share : {0.0, 0.5, 1.0}) {
     const double bend_rad = share * robot.limits.max_bending_rad;
-    rigs.told.emplace_back(robot, bend_rad, period_s);
+    rigs.nominal.emplace_back(robot, bend_rad, period_s);
     for (const double stiffer : {0.5, 2.0}) {
       RobotParameters other = robot;
       for (auto& t : other.actuation->tendons) t.tendon.stiffness_Npm *= stiffer;
-      rigs.doubted.emplace_back(std::move(other), bend_rad, period_s);
+      rigs.perturbed.emplace_back(std::move(other), bend_rad, period_s);
     }
   }
   return rigs;
@@ -275,17 +276,17 @@ bool Stable(const std::vector<LinearRig>& rigs, const TensionLoopGains& gains, d
 
 TensionLoopMargins Margins(const Rigs& rigs, const TensionLoopGains& gains) {
   TensionLoopMargins margins;
-  margins.stable = Stable(rigs.told, gains, 1) && Stable(rigs.doubted, gains, 1);
+  margins.stable = Stable(rigs.nominal, gains, 1) && Stable(rigs.perturbed, gains, 1);
   if (!margins.stable) return margins;
   double low = 1, high = kMostGainMargin;
-  if (Stable(rigs.told, gains, kMostGainMargin)) low = kMostGainMargin;
+  if (Stable(rigs.nominal, gains, kMostGainMargin)) low = kMostGainMargin;
   for (int i = 0; i < 12 && low < kMostGainMargin; ++i) {
     const double middle = std::sqrt(low * high);
-    (Stable(rigs.told, gains, middle) ? low : high) = middle;
+    (Stable(rigs.nominal, gains, middle) ? low : high) = middle;
   }
   margins.gain = low;
   margins.phase_deg = 180;
-  for (const LinearRig& r : rigs.told)
+  for (const LinearRig& r : rigs.nominal)
     margins.phase_deg = std::min(margins.phase_deg, r.PhaseMargin_deg(gains));
   return margins;
 }
@@ -300,16 +301,16 @@ TensionLoopMargins CheckTensionLoop(const RobotParameters& robot, const TensionL
 TensionLoopGains DesignTensionLoop(const RobotParameters& robot, double period_s) {
   const Rigs rigs = RigsOf(robot, period_s);
   double softest_Npm = std::numeric_limits<double>::infinity();
-  for (const LinearRig& r : rigs.told) softest_Npm = std::min(softest_Npm, r.Softest());
+  for (const LinearRig& r : rigs.nominal) softest_Npm = std::min(softest_Npm, r.Softest());
   const auto holds = [&](TensionLoopGains& g) {
-    if (!Stable(rigs.told, g, kLeastGainMargin) || !Stable(rigs.doubted, g, kLeastDoubtedMargin))
+    if (!Stable(rigs.nominal, g, kLeastGainMargin) || !Stable(rigs.perturbed, g, kLeastPerturbedMargin))
       return false;
     g.margins = Margins(rigs, g);
     return g.margins.stable && g.margins.gain >= kLeastGainMargin &&
            g.margins.phase_deg >= kLeastPhaseMargin_deg;
   };
-  // From fast to slow in steps of a fifth: the first that holds. Some slow designs fail where faster ones do
-  // not (too little damping), so this is no bisection.
+  // From fast to slow in steps of a fifth; the first with margins is taken. No bisection, because some slow
+  // designs fail (too little damping) where faster ones do not.
   for (double bandwidth = 0.3 / period_s; bandwidth > 0.1; bandwidth /= 1.2) {
     TensionLoopGains g = GainsFor(robot, bandwidth, softest_Npm);
     if (holds(g)) return g;

@@ -35,7 +35,7 @@ BendingVector Trajectory::Window::Push(const BendingVector& value) noexcept {
   ring_[next_] = value;
   if (++next_ == samples_) {
     next_ = 0;
-    // A fresh sum once a window: rounding errors of the running one cannot pile up over days.
+    // A fresh sum once per window keeps rounding errors from accumulating.
     sum_.setZero();
     for (const auto& v : ring_) sum_ += v;
   } else {
@@ -69,7 +69,7 @@ void Trajectory::Reset(const BendingVector& bending_rad) noexcept {
 
 Status Trajectory::Advance(const BendingVector& goal_rad, const BendingVector& goal_rate_radps,
                            double speed_radps, double most_radps) noexcept {
-  // One factor for all sections, so that they arrive together and a move is straight in (us, vs).
+  // One factor for all sections, so that they arrive together along a straight line in (us, vs).
   const BendingVector gap = goal_rad - (followed_ + goal_rate_radps * period_s_);
   double largest_gap = 0;
   for (int k = 0; k < sections_; ++k) largest_gap = std::max(largest_gap, gap.segment<2>(2 * k).norm());
@@ -86,8 +86,8 @@ Status Trajectory::Advance(const BendingVector& goal_rad, const BendingVector& g
     step *= most_radps * period_s_ / largest_step;
     status = slowed ? Status::kSlowedByTension : Status::kLimitedBendingRate;
   }
-  // A goal that moves outwards takes along what is still ahead of it. The averages stay where what they
-  // average does.
+  // An outward-moving goal may carry the followed point beyond the bound; limit it. The averages stay within
+  // the bounds of what they average.
   for (int k = 0; k < sections_; ++k) {
     const double most = std::max(max_bending_rad_, followed_.segment<2>(2 * k).norm());
     followed_.segment<2>(2 * k) += step.segment<2>(2 * k);
@@ -101,7 +101,7 @@ Status Trajectory::Advance(const BendingVector& goal_rad, const BendingVector& g
 void Trajectory::AdvanceToRest() noexcept { Average(); }
 
 // With y1 the followed point, y2 and y3 its first and second averages over n_a and n_j samples, the rates of
-// y2 and y3 are differences across the windows: exact derivatives of what is put out, with no numerical
+// y2 and y3 are differences across the windows: exact derivatives of the output, without numerical
 // differentiation.
 void Trajectory::Average() noexcept {
   const BendingVector left_position = position_.Push(followed_);
@@ -115,7 +115,7 @@ void Trajectory::Average() noexcept {
   reference_.acceleration_radps2 = (y2_rate - left_rate) / window_s;
 }
 
-void Trajectory::Window::Remember(StateArchive& a) noexcept {
+void Trajectory::Window::Archive(StateArchive& a) noexcept {
   a.Value(next_);
   a.Require(next_ >= 0 && next_ < samples_);
   for (auto& v : ring_) a.Vector(v, {v.size()});
@@ -128,10 +128,10 @@ double Trajectory::smoothing_s2() const noexcept {
   return (first * first + second * second - 2) * period_s_ * period_s_ / 24;
 }
 
-void Trajectory::Remember(StateArchive& a) noexcept {
-  position_.Remember(a);
-  mean_.Remember(a);
-  mean_rate_.Remember(a);
+void Trajectory::Archive(StateArchive& a) noexcept {
+  position_.Archive(a);
+  mean_.Archive(a);
+  mean_rate_.Archive(a);
   for (BendingVector* v :
        {&followed_, &reference_.position_rad, &reference_.velocity_radps, &reference_.acceleration_radps2}) {
     a.Vector(*v, {2 * sections_});

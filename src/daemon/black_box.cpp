@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// One block more than the time asked for, because the oldest is being overwritten.
+// One block more than the configured time, because the oldest is being overwritten.
 constexpr std::size_t kBlocks = 11;
 
 std::size_t BlockCycles(double seconds, TimeNs period_ns) {
@@ -42,13 +42,13 @@ std::string_view NameOf(Status status) {
   return "Unknown";
 }
 
-// 20260304T050607.089Z: sorts by time, without what a file name may not have.
+// 20260304T050607.089Z: sorts by time and is a valid file name everywhere.
 std::string TimeText(std::int64_t utime) {
   return fmt::format("{:%Y%m%dT%H%M%S}.{:03}Z", fmt::gmtime(static_cast<std::time_t>(utime / 1'000'000)),
                      utime / 1000 % 1000);
 }
 
-// Of the logs that a black box left in the folder, known by their names, the newest stay.
+// Keeps the newest of the black box logs in the folder, recognised by their names.
 void RemoveOldest(const fs::path& folder) {
   static const std::regex name(R"(\d{8}T\d{6}\.\d{3}Z_4\d\d_\w+\.lcmlog)");
   std::vector<fs::path> logs;
@@ -107,7 +107,7 @@ void BlackBox::Add(const CycleRecord& record, const control::Controller& control
   const std::uint64_t next_cycle = record.input.cycle + 1;
   const TimeNs time_ns = record.input.time_ns;
   if (phase == Phase::kWritten) {
-    // Recording begins anew, with the cycle after this one.
+    // Recording restarts with the next cycle.
     count_ = 0;
     SaveState(next_cycle, time_ns, controller);
     phase_.store(Phase::kRecording, std::memory_order_relaxed);
@@ -134,8 +134,8 @@ void BlackBox::Begin() {
            fmt::format("{}_{}_{}.lcmlog", TimeText(utime), static_cast<int>(status), NameOf(status)))
               .string();
   std::error_code error;
-  fs::create_directories(parameters_.folder, error);  // why not shows on opening the file
-  // Until it is whole it has another name.
+  fs::create_directories(parameters_.folder, error);  // an error shows when the file is opened
+  // It has another name until it is complete.
   log_ = std::make_unique<io::RecordLog>(path_ + ".part", shape_, channel_prefix_, epoch_offset_us_);
   const std::size_t slot = first_block % kBlocks;
   const Snapshot& snapshot = snapshots_[slot];
@@ -170,7 +170,7 @@ std::optional<BlackBox::Outcome> BlackBox::WriteSome(int cycles) {
       Status::kDegraded,
       fmt::format(
           "the cycles before fault {} could not be written and are lost: {} ({}); check that this user "
-          "may write to black_box.folder and the space on its disk; control goes on",
+          "may write to black_box.folder and the space on its disk; control continues",
           cause_, problem, path_)};
 }
 

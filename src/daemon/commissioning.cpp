@@ -20,10 +20,10 @@ namespace tendril::daemon {
 namespace {
 
 constexpr const char* kWiringKey = "wiring: ";
-// The beginning of a tendon's line, as WriteRecord writes it.
+// Start of a tendon's line, as written by WriteRecord.
 constexpr const char* kTendonLine = " - {tendon: %d, node_id: %d, serial: %" SCNd64 ",";
 
-// Drives of a record; none where there is no record. A number that no drive has is left out.
+// The drives of a record; none without a record. Impossible numbers are left out.
 std::vector<CommissionedTendon> RecordedDrives(const DaemonParameters& daemon) {
   std::vector<CommissionedTendon> drives;
   if (!daemon.commissioning_required) return drives;
@@ -39,7 +39,8 @@ std::vector<CommissionedTendon> RecordedDrives(const DaemonParameters& daemon) {
   return drives;
 }
 
-// What is wrong with the drives of a record whose wiring fits; empty: each tendon is there once, at its node.
+// What is wrong with the drives of a record whose wiring matches; empty: each tendon is there once, at its
+// node.
 std::string Damage(const DaemonParameters& daemon) {
   const std::vector<CommissionedTendon> drives = RecordedDrives(daemon);
   for (const NodeParameters& n : daemon.bus.nodes) {
@@ -92,7 +93,7 @@ void WriteRecord(const std::string& path, const CommissioningRecord& record) {
         t.tendon, t.node_id, t.serial, Number(t.cell_zero_N), Number(t.cell_gain), Number(t.slack_m),
         Number(t.seen_angle_rad));
   }
-  // A file that is half written must not arm anything.
+  // Written as a whole: a partial file must not allow arming.
   config::WriteWhole(path, text);
 }
 
@@ -104,11 +105,11 @@ std::string CommissioningProblem(const RobotParameters& robot, const DaemonParam
   const std::string path = RecordPath(daemon);
   std::ifstream file(path);
   if (!file) return fmt::format("{} was never commissioned: {} is not there; {}", robot.name, path, kRemedy);
-  const std::string wanted = kWiringKey + WiringHash(robot, daemon.bus);
+  const std::string expected = kWiringKey + WiringHash(robot, daemon.bus);
   bool names_wiring = false;
   for (std::string line; std::getline(file, line);) {
     names_wiring = names_wiring || line.starts_with(kWiringKey);
-    if (line != wanted) continue;
+    if (line != expected) continue;
     const std::string damage = Damage(daemon);
     if (damage.empty()) return {};
     return fmt::format("{} is damaged: {}; {}", path, damage, kRemedy);
@@ -144,7 +145,7 @@ std::string UnnumberedDrives(const DaemonParameters& daemon) {
   }
   if (found.empty()) return {};
   return fmt::format(
-      "{} has no serial number in {}: nobody would notice another drive in its place; run `tendril "
+      "{} has no serial number in {}: another drive in its place would not be noticed; run `tendril "
       "commission --config FILE` again (a drive whose object 0x1018:04 is 0 has none)",
       found, RecordPath(daemon));
 }

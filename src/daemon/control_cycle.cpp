@@ -9,7 +9,7 @@
 namespace tendril::daemon {
 namespace {
 
-// A bus that babbles must not keep the cycle from ending.
+// Bounds the polls, so that a flooded bus cannot prevent the cycle from ending.
 constexpr int kMaxPolls = 1000;
 
 std::int16_t Turned(std::int16_t value) noexcept {

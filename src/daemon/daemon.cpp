@@ -51,16 +51,16 @@ constexpr std::size_t kRecordQueue = 1024;  // a second at 1 kHz
 constexpr std::size_t kEventQueue = 256;
 constexpr int kEventsPerCycle = 16;
 
-// From the request to stop: tensions have this long to ramp down, and the drives what is left to be disabled.
-// What is missing to 2 s is for joining the thread and closing the log.
+// After the stop request: time for tensions to ramp down, then for the drives to be disabled. The rest of the
+// 2 s is for joining the thread and closing the log.
 constexpr TimeNs kDisarmWithin_ns = 1200 * kNsPerMs;
 constexpr TimeNs kStopWithin_ns = 1850 * kNsPerMs;
 
 constexpr int kLcmWait_ms = 1, kListen_ms = 50;
-// A thread of commands that stands still this long cannot hear a disarm either.
+// A command thread that stalls this long cannot receive a disarm either.
 constexpr TimeNs kUnattended_ns = kNsPerS;
 constexpr std::size_t kStopQueue = 16;
-// Of a black box between two looks at LCM: about a millisecond.
+// Black box cycles written between two polls of LCM: about a millisecond.
 constexpr int kBlackBoxCycles = 200;
 constexpr TimeNs kReportEvery_ns = kNsPerS;
 constexpr TimeNs kStatisticsEvery_ns = 60 * kNsPerS;
@@ -82,8 +82,8 @@ std::int64_t EpochUs() {
 
 double Us(TimeNs t_ns) { return static_cast<double>(t_ns) / static_cast<double>(kNsPerUs); }
 
-// A line for people: under systemd with fields to search for (journalctl TENDRIL_STATUS=406), else as any
-// other message.
+// Writes a log line: under systemd with searchable fields (journalctl TENDRIL_STATUS=406), else as a plain
+// message.
 void Write(const Message& m) {
   static const bool journal = std::getenv("JOURNAL_STREAM") != nullptr;
   const spdlog::level::level_enum level = LevelOf(m.status);
@@ -99,8 +99,8 @@ void Write(const Message& m) {
                   "TENDRIL_REMEDY=%s", std::string(StatusRemedy(m.status)).c_str(), nullptr);
 }
 
-// Feeds systemd's watchdog, where there is one, while the tick advances. On a thread of its own: the one that
-// serves may wait for a log or a disk, and then the loop needs time to lead the tensions down (318).
+// Feeds systemd's watchdog, if any, while the tick advances. Runs in its own thread: the serving thread may
+// wait for a log or a disk, and the loop then needs time to ramp the tensions down (318).
 class WatchdogFeeder {
  public:
   explicit WatchdogFeeder(const std::atomic<std::uint64_t>& tick) {
@@ -123,7 +123,7 @@ class WatchdogFeeder {
   std::jthread thread_;
 };
 
-// Which daemon this is, for the operator of another one.
+// Identifies this daemon to the operator of another one.
 std::string Identity(const DaemonOptions& o) {
   std::array<char, 256> host{};
   if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '?';
@@ -143,21 +143,21 @@ bool MayPull(Mode mode) {
   }
 }
 
-// What ends motion goes past everything that waits.
+// Commands that end motion bypass the queues.
 bool Stops(const Command& c) {
   return c.kind == CommandKind::kMode && (c.mode == ModeRequest::kDisarm || c.mode == ModeRequest::kHold);
 }
 
-// A cycle as the calling thread gets it.
+// A cycle as passed to the calling thread.
 struct Published {
   CycleRecord record;
   can::CanCounters can;
   canopen::FrameFaults frame_faults;
-  rt::ThreadUsage usage;  // sum so far
+  rt::ThreadUsage usage;  // cumulative
   std::array<std::uint32_t, kMaxTendons> serials{};
 };
 
-// What took the time of a cycle that ended after the next one should have begun.
+// The cause of a cycle that ended after the next one should have begun.
 std::string CauseOfMiss(const CycleTiming& before, const rt::ThreadUsage& usage,
                         const rt::ThreadUsage& earlier) {
   const TimeNs rest_ns = before.total_ns - before.feedback_ns - before.compute_ns;
@@ -168,14 +168,14 @@ std::string CauseOfMiss(const CycleTiming& before, const rt::ThreadUsage& usage,
                                                         : "sending and handing over";
   cause += fmt::format(", {:.0f} us", Us(most_ns));
   if (usage.major_faults + usage.minor_faults > earlier.major_faults + earlier.minor_faults) {
-    cause += ", pages were fetched";
+    cause += ", page faults";
   } else if (usage.involuntary_switches > earlier.involuntary_switches) {
-    cause += ", the CPU was taken away";
+    cause += ", preemption";
   }
   return cause;
 }
 
-// Whatever ends the calling thread's part, the robot is disarmed and the real-time thread joined.
+// On any exit of the calling thread, disarms the robot and joins the real-time thread.
 class StopAndJoin {
  public:
   StopAndJoin(std::thread& thread, std::atomic<bool>& stop) : thread_(thread), stop_(stop) {}
@@ -215,12 +215,14 @@ struct Daemon::State {
                         io::EpochOffsetUs(clock), o.parameters.bus.cycle_ns, controller);
     }
     gateway.OnCommand([this](const Command& c) {
-      // Before the loop runs nobody takes them, and a target is of no use later; requests get their answer.
+      // Before the loop runs commands have no consumer, and a target would be outdated later; requests get an
+      // answer.
       if (!ticks() && c.kind != CommandKind::kMode) return;
       heard_sequence = c.sequence;
-      const Command judged = Judged(c);
-      const bool pushed = (Stops(judged) ? stops : commands).TryPush(judged);
-      if (!pushed && judged.mode == ModeRequest::kDisarm) disarm_waits.store(true, std::memory_order_relaxed);
+      const Command checked = Checked(c);
+      const bool pushed = (Stops(checked) ? stops : commands).TryPush(checked);
+      if (!pushed && checked.mode == ModeRequest::kDisarm)
+        disarm_waits.store(true, std::memory_order_relaxed);
     });
     gateway.OnTracker([this](const TrackerSample& s) {
       if (!ticks()) return;
@@ -255,7 +257,7 @@ struct Daemon::State {
     cycle.Run(start, NextCommand(now_ns), NextTrackerSample(), published.record);
     published.can = port.counters();
     published.frame_faults = master.frame_faults();
-    published.usage = usage.sum();  // up to the cycle before
+    published.usage = usage.sum();  // up to the previous cycle
     for (int i = 0; i < master.drives(); ++i)
       published.serials[static_cast<std::size_t>(i)] = master.serial(i);
     records.TryPush(published);
@@ -284,7 +286,7 @@ struct Daemon::State {
       command.mode = ModeRequest::kStop;
     } else if (disarm_waits.exchange(false, std::memory_order_relaxed)) {
       command.mode = ModeRequest::kDisarm;
-    } else if (LeftAlone(now_ns)) {
+    } else if (CommandThreadStalled(now_ns)) {
       command.mode = ModeRequest::kDisarm;
       canopen::BusEvent event{.time_ns = now_ns, .status = Status::kUnattended};
       std::snprintf(event.text.data(), event.text.size(), "%s", StatusText(Status::kUnattended).data());
@@ -301,7 +303,7 @@ struct Daemon::State {
     return command;
   }
 
-  // Of targets that wait one behind the other the last counts.
+  // Of several waiting targets the last one counts.
   void DropOvertaken(Command& command) {
     while (command.kind != CommandKind::kMode) {
       const Command* next = commands.Peek();
@@ -311,8 +313,8 @@ struct Daemon::State {
     }
   }
 
-  // Once for each time that the other thread stands still while drives are on.
-  bool LeftAlone(TimeNs now_ns) {
+  // True once each time the other thread stalls while drives are on.
+  bool CommandThreadStalled(TimeNs now_ns) {
     if (now_ns - served_ns.load(std::memory_order_relaxed) < kUnattended_ns) {
       left_alone = false;
       return false;
@@ -357,10 +359,10 @@ struct Daemon::State {
 
   bool ticks() const { return tick.load(std::memory_order_relaxed) > 0; }
 
-  // What is to move the robot needs this daemon alone on its channels, and a robot that is as its files say;
-  // its record may have been written since the daemon was started. The controller refuses what becomes of the
-  // command here, so that the log tells.
-  Command Judged(Command c) {
+  // A request that leads to motion requires that this daemon is alone on its channels and that the robot is
+  // commissioned; the record may have been written after the start. A refusal passes through the controller
+  // as a request, so that the log explains it.
+  Command Checked(Command c) {
     if (c.kind != CommandKind::kMode) return c;
     const bool moves = c.mode == ModeRequest::kArm || c.mode == ModeRequest::kHome;
     if ((moves || c.mode == ModeRequest::kCommission) && !other.empty())
@@ -385,7 +387,7 @@ struct Daemon::State {
   // ---- another daemon that hears the same commands ----
 
   void HeardRun(const io::RunInfo& r) {
-    if (r.daemon == run.daemon && r.start_utime == run.start_utime) return;  // our own, brought back
+    if (r.daemon == run.daemon && r.start_utime == run.start_utime) return;  // our own, looped back
     other = r.daemon.empty() ? "which does not say where it runs" : r.daemon;
     other_heard_ns = clock.Now();
   }
@@ -394,7 +396,7 @@ struct Daemon::State {
     const LcmParameters& lcm = options.parameters.lcm;
     return fmt::format(
         "another daemon ({}) answers on {}_* at {}: both would obey one command; stop one of them, or give "
-        "each an lcm.channel_prefix (or lcm.url) of its own",
+        "each its own lcm.channel_prefix (or lcm.url)",
         other, lcm.channel_prefix, lcm.url);
   }
 
@@ -402,20 +404,20 @@ struct Daemon::State {
     if (other.empty()) return;
     if (now_ns - other_heard_ns > kOtherGone_ns) {
       Event(Status::kOk, "daemon",
-            fmt::format("the other daemon ({}) fell silent: this one may be armed again", other));
+            fmt::format("the other daemon ({}) is silent: this one may be armed again", other));
       other.clear();
       other_told = false;
       return;
     }
     if (!std::exchange(other_told, true))
       Event(Status::kAnotherDaemon, "daemon", OtherText() + "; disarmed, and nothing is armed until then");
-    // Until it is seen to be disarmed: what was asked for before the other one was heard may still wait.
+    // Repeated until disarmed: a command from before may still be queued.
     if (!MayPull(last_mode) || now_ns < disarm_again_ns) return;
     disarm_again_ns = now_ns + kDisarmAgain_ns;
     Command disarm;
     disarm.kind = CommandKind::kMode;
     disarm.mode = ModeRequest::kDisarm;
-    disarm.sequence = heard_sequence;  // moves the sequence of nobody's commands
+    disarm.sequence = heard_sequence;  // leaves every sender's sequence unchanged
     disarm.received_ns = now_ns;
     disarm.valid_for_ns = kNsPerS;
     stops.TryPush(disarm);
@@ -481,15 +483,15 @@ struct Daemon::State {
     return fmt::format(" (tendon {}, node {})", out.blamed_tendon, setups[j].node_id);
   }
 
-  // Before a fault of the drives, where the daemon's own cycles are the likelier reason.
-  std::string MissedFirst(const CycleOutput& out) const {
+  // Prefix to a drive fault that missed cycles of the daemon are likely to have caused.
+  std::string MissedCyclesPrefix(const CycleOutput& out) const {
     const auto end = out.reported.end();
     if (std::find(out.reported.begin(), end, Status::kCyclesMissed) == end) return {};
-    return fmt::format("{} of the daemon's own cycles were missed, see to that first (tendril rt-check): ",
+    return fmt::format("{} of the daemon's own cycles were missed, correct that first (tendril rt-check): ",
                        last_timing.deadline_misses);
   }
 
-  // What the bus said of the drive for which `out` is not ready; empty where it said nothing.
+  // The bus event of the drive for which `out` is not ready; empty if there was none.
   std::string WhyNotReadyText(const CycleRecord& r) const {
     for (std::size_t i = 0; i < static_cast<std::size_t>(r.input.drives); ++i) {
       const auto said = last_of_drive.find(setups[i].node_id);
@@ -500,23 +502,23 @@ struct Daemon::State {
     return {};
   }
 
-  // Of a change of mode; Ok where a command or the drives' progress led there.
+  // Cause of a mode change; Ok where a command or the drives' progress caused it.
   static Status CauseOf(const CycleOutput& out) {
     if (IsFault(out.status)) return out.status;
     const auto cause = std::find_if(out.reported.begin(), out.reported.end(), ExplainsMode);
     return cause == out.reported.end() ? Status::kOk : *cause;
   }
 
-  // Empty where the status tells it all.
+  // Empty where the status says it all.
   std::string WhyRefused(const Command& command, const CycleOutput& out) const {
     if (out.command_status == Status::kTargetOutOfReach)
       return OutOfReachText(command, out.nearest_tip_W_m, options.robot.body.length_m());
-    // While it commissions, tensions are pulls, with limits of their own.
+    // In commissioning, tensions are pulls, with their own limits.
     if (out.command_status == Status::kCommandOutOfRange && out.mode != Mode::kCommissioning)
       return OutOfRangeText(command, options.robot);
     if (out.command_status == Status::kCommandWrongMode) return WrongModeText(out.mode);
     if (out.command_status == Status::kCommandWrongSize) return WrongSizeText(command, options.robot);
-    if (out.command_status == Status::kAnotherSender) return AnotherSenderText(leader, out.mode);
+    if (out.command_status == Status::kAnotherSender) return AnotherSenderText(sender_in_control, out.mode);
     const auto known = why_refused.find(out.command_status);
     return known == why_refused.end() ? "" : known->second;
   }
@@ -527,8 +529,9 @@ struct Daemon::State {
       const CycleOutput& out = next.record.output;
       const Command& command = next.record.input.command;
       const bool refused = command.kind != CommandKind::kNone && out.command_status != Status::kOk;
-      const bool leads = command.kind != CommandKind::kMode || command.mode == ModeRequest::kCommission;
-      if (command.kind != CommandKind::kNone && !refused && leads) leader = command.sender;
+      const bool takes_control =
+          command.kind != CommandKind::kMode || command.mode == ModeRequest::kCommission;
+      if (command.kind != CommandKind::kNone && !refused && takes_control) sender_in_control = command.sender;
       const std::string why = refused ? WhyRefused(command, out) : "";
       if (refused) refusals.Add(out.command_status, command, out.mode, why);
       gateway.PublishState(next.record, why, WhyNotReadyText(next.record));
@@ -536,7 +539,8 @@ struct Daemon::State {
       Count(next);
       if (out.mode != last_mode || (out.status != last_status && IsFault(out.status))) {
         const Status cause = CauseOf(out), status = IsFault(cause) ? cause : Status::kOk;
-        const std::string what = fmt::format("{}{}{}", MissedFirst(out), StatusText(cause), WhoseFault(out));
+        const std::string what =
+            fmt::format("{}{}{}", MissedCyclesPrefix(out), StatusText(cause), WhoseFault(out));
         Event(status, "controller",
               fmt::format("{} -> {}: {} {}", ModeText(last_mode), ModeText(out.mode), static_cast<int>(cause),
                           what));
@@ -548,7 +552,7 @@ struct Daemon::State {
       last_usage = next.usage;
       serials = next.serials;
     }
-    refusals.TellDue(clock.Now(), [this](Status s, const std::string& text) { Event(s, "gate", text); });
+    refusals.ReportDue(clock.Now(), [this](Status s, const std::string& text) { Event(s, "gate", text); });
     canopen::BusEvent event;
     while (events.TryPop(event)) {
       if (IsFault(event.status) && event.node_id != 0) last_of_drive[event.node_id] = event.text.data();
@@ -623,9 +627,9 @@ struct Daemon::State {
       Event(outcome->status, "black box", outcome->text);
   }
 
-  // A drive that was exchanged, or could be unnoticed, is told when it is there, not only to whoever wants to
-  // arm.
-  void TellExchangedDrives() {
+  // An exchanged drive, or one that could be exchanged unnoticed, is reported when it appears, not only on
+  // arming.
+  void ReportExchangedDrives() {
     const auto known = std::span(serials).first(setups.size());
     if (serials == serials_told || std::find(known.begin(), known.end(), 0U) != known.end()) return;
     serials_told = serials;
@@ -635,30 +639,30 @@ struct Daemon::State {
     }
   }
 
-  // Once a second: the run record, what was lost, how it goes.
+  // Once per second: the run record, losses and statistics.
   void Report() {
     gateway.PublishRun(run);
     PublishStatistics();
-    TellExchangedDrives();
+    ReportExchangedDrives();
     ReportMisses();
-    ReportLosses("command(s) came faster than one a cycle",
+    ReportLosses("command(s) arrived faster than one per cycle",
                  commands.dropped() + stops.dropped() + overtaken.load(std::memory_order_relaxed),
                  commands_lost);
-    // More than cycles over a whole second, or only all at once after a halt of somebody's.
+    // Either more than one per cycle over a whole second, or a burst after a pause of the sender.
     const std::uint64_t cycles = tick.load(std::memory_order_relaxed);
     const bool steadily = readings_heard - readings_before > cycles - cycles_before;
     readings_before = readings_heard;
     cycles_before = cycles;
-    ReportLosses(steadily ? "tracker reading(s) came faster than one a cycle"
-                          : "tracker reading(s) came all at once, though fewer than cycles,",
+    ReportLosses(steadily ? "tracker reading(s) arrived faster than one per cycle"
+                          : "tracker reading(s) arrived in a burst, although fewer than cycles,",
                  tracker.dropped(), readings_lost);
     ReportLosses("cycle record(s) could not be published in time", records.dropped(), records_lost);
-    ReportLosses("bus event(s) came too fast",
+    ReportLosses("bus event(s) arrived too fast",
                  events.dropped() + master_events_lost.load(std::memory_order_relaxed), events_lost);
     ReportLosses("LCM message(s) could not be sent", gateway.counters().publish_failed, sends_failed);
     if (log && !log_failed && !log->error().empty()) {
       log_failed = true;
-      Event(Status::kDegraded, "log", log->error() + "; control goes on");
+      Event(Status::kDegraded, "log", log->error() + "; control continues");
     }
     sd_notify(0, fmt::format("STATUS={}, {} {}; {} cycles, {} missed", ModeText(last_mode),
                              static_cast<int>(last_status), StatusText(last_status), wake_latency.count(),
@@ -666,8 +670,7 @@ struct Daemon::State {
                      .c_str());
   }
 
-  // A loop that falls behind must be seen in the log, too: what it looks like from there is drives that do
-  // not answer.
+  // Missed cycles are logged as well, because they otherwise look like drives that do not answer.
   void ReportMisses() {
     const std::uint64_t now = last_timing.deadline_misses;
     if (now == misses_told) return;
@@ -716,11 +719,11 @@ struct Daemon::State {
   rt::Handoff<Published> records{kRecordQueue};
   rt::Handoff<canopen::BusEvent> events{kEventQueue};
   std::atomic<bool> stop_requested{false}, finished{false}, disarmed_in_time{true};
-  std::atomic<bool> disarm_waits{false};  // one that found no room: it stops the robot all the same
+  std::atomic<bool> disarm_waits{false};  // a disarm that did not fit into the queue
   std::atomic<std::uint64_t> tick{0}, master_events_lost{0}, overtaken{0};
   std::atomic<TimeNs> served_ns{0};
 
-  // Of the real-time thread.
+  // Used by the real-time thread.
   Phase phase = Phase::kRunning;
   TimeNs stop_ns = 0;
   bool disarm_pending = false, left_alone = false;
@@ -728,11 +731,11 @@ struct Daemon::State {
   rt::UsageMeter usage;
   Published published;
 
-  // Of the calling thread.
+  // Used by the calling thread.
   rt::Histogram wake_latency, round_trip, compute, total;
   LoopStatistics statistics;
   std::deque<MissedCycles> misses;
-  MissedCycles worst_miss;  // since the log was last told
+  MissedCycles worst_miss;  // since last logged
   can::CanCounters can;
   canopen::FrameFaults frame_faults;
   std::uint64_t reported_bits = 0;
@@ -746,11 +749,11 @@ struct Daemon::State {
   bool log_failed = false;
   std::array<std::uint32_t, kMaxTendons> serials{}, serials_told{};
   Refusals refusals;
-  std::map<Status, std::string> why_refused;  // where the status alone does not tell
-  std::map<int, std::string> last_of_drive;   // what the bus last said was wrong, by node id
-  std::string other;                          // daemon on our channels; empty: none
+  std::map<Status, std::string> why_refused;  // where the status alone does not explain it
+  std::map<int, std::string> last_of_drive;   // last error event of each drive, by node id
+  std::string other;                          // another daemon on our channels; empty: none
   bool other_told = false;
-  std::uint32_t leader = 0;  // sender of the last target that was accepted, or who commissions
+  std::uint32_t sender_in_control = 0;  // sender of the last accepted target, or the one that commissions
   std::uint32_t heard_sequence = 0;
   TimeNs other_heard_ns = 0, disarm_again_ns = 0;
 };
@@ -764,7 +767,7 @@ io::Gateway& Daemon::gateway() { return state_->gateway; }
 
 void Daemon::RequestStop() noexcept { state_->stop_requested.store(true, std::memory_order_relaxed); }
 
-void Daemon::Tell(Status status, const std::string& text) { state_->messages.Post(status, "daemon", text); }
+void Daemon::Log(Status status, const std::string& text) { state_->messages.Post(status, "daemon", text); }
 
 void Daemon::RefuseOthers(TimeNs listen_ns) { state_->ListenForOthers(listen_ns); }
 

@@ -63,9 +63,9 @@ bool RefuseHangups() {
   if (hangups > 0) {
     hangups = 0;
     if (Daemon* daemon = running.load()) {
-      daemon->Tell(Status::kDegraded,
-                   "SIGHUP refused: limits and guards of a robot under tension are not exchanged; disarm and "
-                   "restart the daemon to read its files anew");
+      daemon->Log(Status::kDegraded,
+                  "SIGHUP refused: limits and guards of a robot under tension are not exchanged; disarm and "
+                  "restart the daemon to read its files anew");
     }
   }
   return false;

@@ -17,7 +17,7 @@ constexpr std::chrono::milliseconds kLastMoment{100};
 }  // namespace
 
 struct Messages::State {
-  // Until there is nothing left after the end.
+  // Writes until the queue is empty after the end.
   void WriteAll() {
     std::unique_lock lock(mutex);
     for (;;) {
@@ -30,7 +30,7 @@ struct Messages::State {
       write(next);
       if (lost > 0) {
         write({std::chrono::system_clock::now(), Status::kDegraded, "daemon",
-               fmt::format("{} line(s) found no room while nothing took this log and were dropped", lost)});
+               fmt::format("{} line(s) were dropped because this log was not read", lost)});
       }
       lock.lock();
     }

@@ -1,4 +1,4 @@
-// Refused commands as lines for people; see the header.
+// Refused commands as log lines; see the header.
 #include "tendril/daemon/refusals.h"
 
 #include <fmt/format.h>
@@ -66,9 +66,9 @@ std::string CommandText(const Command& c) {
 
 std::string OutOfReachText(const Command& c, const Eigen::Vector3d& nearest_W_m, double length_m) {
   return fmt::format(
-      "the tip asked for is {:.4g} mm out of reach: the nearest point that the robot can be led to is {:.4g} "
+      "the requested tip is {:.4g} mm out of reach: the nearest point that the robot can reach is {:.4g} "
       "m; "
-      "accepted: up to {:.3g} mm away (a tenth of the robot's length); ask for a nearer one{}",
+      "accepted: up to {:.3g} mm away (a tenth of the robot's length); request a nearer one{}",
       1e3 * (c.tip_W_m - nearest_W_m).norm(), fmt::join(nearest_W_m.begin(), nearest_W_m.end(), " "),
       1e3 * control::kOutOfReach * length_m, AskMillimetres(c.tip_W_m, length_m));
 }
@@ -84,7 +84,7 @@ std::string OutOfRangeText(const Command& c, const RobotParameters& robot) {
                        ToSeconds(c.valid_for_ns), ToSeconds(control::kLongestValid_ns));
   }
   if (c.kind == CommandKind::kTip && c.tip_W_m.cwiseAbs().maxCoeff() > kMostTip_m) {
-    return fmt::format("the tip asked for is {:.4g} m from the base; accepted: up to {:g} m{}; give metres",
+    return fmt::format("the requested tip is {:.4g} m from the base; accepted: up to {:g} m{}; give metres",
                        c.tip_W_m.norm(), kMostTip_m, AskMillimetres(c.tip_W_m, robot.body.length_m()));
   }
   if (c.kind == CommandKind::kBending) {
@@ -106,10 +106,10 @@ std::string OutOfRangeText(const Command& c, const RobotParameters& robot) {
       }
     }
   }
-  if (c.kind != CommandKind::kTension && c.valid_for_ns > control::kUnwatched_ns) {
+  if (c.kind != CommandKind::kTension && c.valid_for_ns > control::kLongestUnattended_ns) {
     return fmt::format(
-        "a moving target would hold for {:g} s; accepted: up to {:g}; send the next before that",
-        ToSeconds(c.valid_for_ns), ToSeconds(control::kUnwatched_ns));
+        "a moving target would be valid for {:g} s; accepted: up to {:g}; send the next before that",
+        ToSeconds(c.valid_for_ns), ToSeconds(control::kLongestUnattended_ns));
   }
   return {};
 }
@@ -133,28 +133,28 @@ std::string WrongModeText(Mode mode) {
 
 std::string WrongSizeText(const Command& c, const RobotParameters& robot) {
   if (c.kind == CommandKind::kTension) {
-    return fmt::format("{} tension(s) given; accepted: {}, one a tendon; give all", c.tension_N.size(),
+    return fmt::format("{} tension(s) given; accepted: {}, one per tendon; give all", c.tension_N.size(),
                        robot.body.tendons());
   }
   if (c.kind == CommandKind::kBending) {
-    const std::size_t wanted = 2 * robot.body.sections.size();
-    if (c.bending_rad.size() != static_cast<Eigen::Index>(wanted))
+    const std::size_t required = 2 * robot.body.sections.size();
+    if (c.bending_rad.size() != static_cast<Eigen::Index>(required))
       return fmt::format("{} bend value(s) given; accepted: {}, u and v of each section; give all",
-                         c.bending_rad.size(), wanted);
+                         c.bending_rad.size(), required);
     return fmt::format("{} rate(s) given; accepted: none, or {}, as many as bends; give all",
-                       c.bending_rate_radps.size(), wanted);
+                       c.bending_rate_radps.size(), required);
   }
   return {};
 }
 
-std::string AnotherSenderText(std::uint32_t leader, Mode mode) {
+std::string AnotherSenderText(std::uint32_t sender_in_control, Mode mode) {
   if (mode == Mode::kCommissioning) {
-    return fmt::format("{} commissions the robot and measures; wait until that has ended, or disarm",
-                       io::SenderText(leader));
+    return fmt::format("{} is commissioning the robot; wait until it has ended, or disarm",
+                       io::SenderText(sender_in_control));
   }
   return fmt::format(
-      "{} leads the robot, and targets of others are refused while its own come; end one of the two",
-      io::SenderText(leader));
+      "{} controls the robot, and targets of other senders are refused meanwhile; stop one of the two",
+      io::SenderText(sender_in_control));
 }
 
 void Refusals::Add(Status cause, const Command& command, Mode mode, const std::string& why) {
@@ -165,16 +165,16 @@ void Refusals::Add(Status cause, const Command& command, Mode mode, const std::s
   c.why = why;
 }
 
-void Refusals::TellDue(TimeNs now_ns, const Tell& tell) {
+void Refusals::ReportDue(TimeNs now_ns, const Sink& sink) {
   for (auto& [cause, c] : causes_) {
-    if (c.count == c.told || now_ns < c.next_ns) continue;
+    if (c.count == c.reported || now_ns < c.next_ns) continue;
     const std::string_view remedy = c.why.empty() ? StatusRemedy(cause) : std::string_view();
     const std::string sender = c.command.sender == 0 ? "" : " of " + io::SenderText(c.command.sender);
-    tell(cause, fmt::format("{} (sequence {}{}) in mode {}: {}{}{}; {} refused for this, {} since start",
+    sink(cause, fmt::format("{} (sequence {}{}) in mode {}: {}{}{}; {} refused for this, {} since start",
                             CommandText(c.command), c.command.sequence, sender, ModeText(c.mode),
                             c.why.empty() ? StatusText(cause) : c.why, remedy.empty() ? "" : "; ", remedy,
-                            c.count - c.told, c.count));
-    c.told = c.count;
+                            c.count - c.reported, c.count));
+    c.reported = c.count;
     c.next_ns = now_ns + kAgainAfter_ns;
   }
 }

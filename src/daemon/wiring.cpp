@@ -8,7 +8,7 @@
 namespace tendril::daemon {
 namespace {
 
-// Units of the bus: integers of a millionth or a thousandth.
+// Units of the bus: integers in millionths or thousandths.
 std::uint32_t Scaled(double value, double scale) {
   return static_cast<std::uint32_t>(std::lround(value * scale));
 }

@@ -1,5 +1,5 @@
-// One emulated EPOS4. Where CiA 301, CiA 402 and maxon leave a choice, it is written beside the code.
-// Knows its own frames and sensors only; nothing of the rack, the robot or a wall clock.
+// One emulated EPOS4. Choices left open by CiA 301, CiA 402 and maxon are noted beside the code. Knows its
+// own frames and sensors only; nothing of the rack, the robot or a wall clock.
 #include "drive.h"
 
 #include <algorithm>
@@ -18,14 +18,14 @@ namespace sdo_abort = canopen::sdo_abort;
 constexpr int kHistory = 5;  // entries of 0x1003
 constexpr std::uint16_t kParameterError = 0x6320, kHeartbeatLost = 0x8130, kPdoTooShort = 0x8210,
                         kSafeTorqueOff = 0x8A88;
-constexpr std::int64_t kStoInputsPowered = 0x03;  // 0x3202:01, one bit an input
+constexpr std::int64_t kStoInputsPowered = 0x03;  // 0x3202:01, one bit per input
 
 std::array<Pdo, 4> MakePdos(ObjectDictionary& objects, bool transmit) {
   return {Pdo(objects, transmit, 1), Pdo(objects, transmit, 2), Pdo(objects, transmit, 3),
           Pdo(objects, transmit, 4)};
 }
 
-/// Those that 0x6502 lists, and none.
+/// The modes listed in 0x6502, and none.
 bool SupportedMode(std::int64_t mode) { return mode == 0 || mode == canopen::kModeCyclicSynchronousTorque; }
 
 std::int64_t Saturate16(double value) { return std::clamp<std::int64_t>(std::llround(value), -32768, 32767); }
@@ -70,7 +70,7 @@ Drive::Drive(const EmulatedDriveParameters& parameters, can::CanPort& port)
   make(0x1018, 2, parameters.product_code);
   make(0x1018, 3, parameters.revision);
   make(0x1018, 4, parameters.serial);
-  // The motor's data as a drive has them once it was commissioned; "load" brings the table's defaults back.
+  // The motor's data of a commissioned drive; "load" restores the table's defaults.
   if (parameters.nominal_current_mA != 0) {
     nominal_current_.power_on = parameters.nominal_current_mA;
     current_limit_.power_on = 2 * static_cast<std::int64_t>(parameters.nominal_current_mA);
@@ -85,8 +85,7 @@ Drive::Drive(const EmulatedDriveParameters& parameters, can::CanPort& port)
 // ---- start and reset
 // -------------------------------------------------------------------------------------------
 
-/// The same for NMT reset node: the whole device starts afresh from its stored values and boots at the next
-/// OnTime.
+/// The same for NMT reset node: the device restarts from its stored values and boots at the next OnTime.
 void Drive::PowerCycle() noexcept {
   objects_.Restore(0x0000, 0xFFFF);
   TakeNodeId();
@@ -100,15 +99,16 @@ void Drive::PowerCycle() noexcept {
   RefreshRatedTorque();
 }
 
-/// The stage is reset when the supply goes, so that no torque is left, and everything once more when it comes
-/// back.
+/// The stage is reset when the supply goes off, so that no torque is left, and everything again when it
+/// returns.
 void Drive::SetSupply(bool on) noexcept {
   if (on == supplied_) return;
   PowerCycle();
   supplied_ = on;
 }
 
-/// A stored node id counts from the next reset of the device on, together with the COB-IDs that follow it.
+/// A stored node id takes effect at the next reset of the device, together with the COB-IDs that depend on
+/// it.
 void Drive::TakeNodeId() noexcept {
   const auto id = static_cast<int>(objects_.At(0x2000, 0).value);
   if (id == node_id_) return;
@@ -118,7 +118,7 @@ void Drive::TakeNodeId() noexcept {
 }
 
 void Drive::ResetCommunication() noexcept {
-  // Communication errors that no fault reaction followed end here; a fault keeps what led to it.
+  // Communication errors without a fault reaction end here; a fault keeps its cause.
   const bool in_fault = stage_.state() == canopen::DriveMachine::kFault ||
                         stage_.state() == canopen::DriveMachine::kFaultReactionActive;
   if (!in_fault && canopen::FindEmcy(static_cast<std::uint16_t>(error_code_.value)).register_bit ==
@@ -126,7 +126,7 @@ void Drive::ResetCommunication() noexcept {
     error_register_.value &= ~std::int64_t{canopen::error_register::kCommunication};
     error_code_.value = 0;
   }
-  const std::int64_t active_errors = error_register_.value;  // shown in 0x1001, but a state of the device
+  const std::int64_t active_errors = error_register_.value;  // shown in 0x1001, but a device state
   std::array<std::int64_t, kHistory + 1> history{};
   for (std::uint8_t i = 0; i <= kHistory; ++i) history[i] = objects_.Find({0x1003, i})->value;
   objects_.Restore(0x1000, 0x1FFF);
@@ -152,7 +152,7 @@ void Drive::RefreshAll() noexcept {
   for (Consumer& consumer : consumers_) consumer.heard = false;
 }
 
-/// Written values of 0x6076 hold until the motor's data change: nothing says more about them.
+/// Written values of 0x6076 stay until the motor's data change (undocumented).
 void Drive::RefreshRatedTorque() noexcept {
   rated_at_mA_ = nominal_current_.value;
   rated_torque_.value = canopen::RatedTorque_uNm(static_cast<std::uint32_t>(nominal_current_.value),
@@ -162,7 +162,7 @@ void Drive::RefreshRatedTorque() noexcept {
 // ---- sensors
 // ---------------------------------------------------------------------------------------------------
 
-/// A stuck encoder shows standstill: the drive's velocity is made of it.
+/// A stuck encoder shows standstill, because the drive derives the velocity from it.
 void Drive::SetSensors(const DriveSensors& sensors) noexcept {
   const auto stuck = [this](DriveSensor sensor) { return stuck_[static_cast<std::size_t>(sensor)]; };
   DriveSensors shown = sensors;
@@ -344,9 +344,9 @@ void Drive::SendEmcy(std::uint16_t code) {
                                  .vendor = {}}));
 }
 
-/// Safe torque off takes the power away whatever the state machine says. The drive tells of it when it has or
-/// wants power only, and refuses a fault reset while it lasts (maxon's support notes on error 0x8A88). That
-/// it shows no voltage meanwhile is our choice.
+/// Safe torque off removes the power in every state. The drive reports it only while powered or enabling, and
+/// refuses a fault reset while it lasts (maxon's support notes on error 0x8A88). Showing no voltage meanwhile
+/// is our choice.
 void Drive::SetSto(bool active) {
   sto_ = active;
   if (active && stage_.powered()) InjectEmcy(kSafeTorqueOff);
@@ -403,7 +403,7 @@ void Drive::ActOnControlword() {
     case PowerStage::Outcome::kNothingSpecial:
       return;
     case PowerStage::Outcome::kEnablingRefused:
-      // Without a rated torque no set value means anything. Which error a real drive shows then is open.
+      // Without a rated torque set values are undefined. Which error a real drive then reports is unknown.
       InjectEmcy(sto_ ? kSafeTorqueOff : kParameterError);
       return;
     case PowerStage::Outcome::kFaultReset:
@@ -532,7 +532,7 @@ std::uint32_t Drive::CheckWrite(const Object& object, std::int64_t value) {
       return stage_.powered() ? sdo_abort::kDeviceState : 0;
     case 0x1016:
       return CheckConsumer(object, static_cast<std::uint32_t>(value));
-    case 0x3001:  // currents and heat are matters of operation, pole pairs and torque constant are not
+    case 0x3001:  // currents and heat may change in operation, pole pairs and torque constant may not
       return (address.sub == 3 || address.sub == 5) && stage_.powered() ? sdo_abort::kDeviceState : 0;
     case 0x6076:
     case 0x6402:
@@ -544,8 +544,8 @@ std::uint32_t Drive::CheckWrite(const Object& object, std::int64_t value) {
   }
 }
 
-/// An identifier of two PDOs, or of a PDO and SYNC or our own EMCY, would mean two things. A real drive tells
-/// of that by its error 8150; refusing it is our choice.
+/// An identifier used by two PDOs, or by a PDO and SYNC or our own EMCY, is ambiguous. A real drive reports
+/// error 8150; refusing the write is our choice.
 std::uint32_t Drive::CheckCollision(const Pdo& pdo, const Object& object, std::uint32_t value) const {
   if (!pdo.IsCobId(object) || (value & canopen::kPdoInvalid) != 0) return 0;
   const std::uint32_t id = value & 0x7FFu;
@@ -585,7 +585,7 @@ void Drive::AfterWrite(const Object& object) {
     case 0x1003:
       for (std::uint8_t i = 1; i <= kHistory; ++i) objects_.Find({0x1003, i})->value = 0;
       break;
-    case 0x1010:  // reading tells what the drive can do: save, restore on command
+    case 0x1010:  // reading returns the capability: save, restore on command
     case 0x1011:
       objects_.At(index, sub).value = object.entry->default_value;
       if (index == 0x1010) {

@@ -24,7 +24,7 @@ class Drive final : private SdoObjects {
   void SetSensors(const DriveSensors& sensors) noexcept;
   void OnFrame(const can::CanFrame& frame, TimeNs now_ns);
   void OnSync(TimeNs now_ns);
-  /// Everything that is due at `now_ns`, boot-up first.
+  /// Performs all actions due at `now_ns`, boot-up first.
   void OnTime(TimeNs now_ns);
 
   double torque_Nm() const noexcept { return stage_.torque_Nm(); }
@@ -94,11 +94,11 @@ class Drive final : private SdoObjects {
   bool supplied_ = true, frozen_ = false, heartbeat_stopped_ = false;
   std::array<bool, 3> stuck_{};   // by DriveSensor
   bool connection_lost_ = false;  // heartbeat loss: no fault reset before NMT reset communication
-  bool sto_ = false;              // an input from outside: no reset changes it
-  bool sto_error_ = false;        // told, and not reset since
+  bool sto_ = false;              // an external input: unaffected by resets
+  bool sto_error_ = false;        // error raised, and not reset yet
   bool i2t_limits_ = false;
-  std::int64_t rated_at_mA_ = 0;  // nominal current that the rated torque was computed from
-  double i2t_ = 0;                // winding heat, 1: that of the nominal current for ever
+  std::int64_t rated_at_mA_ = 0;  // nominal current from which the rated torque was computed
+  double i2t_ = 0;                // winding heat, 1: steady state at the nominal current
   TimeNs now_ns_ = 0, stage_ns_ = 0, next_heartbeat_ns_ = 0;
 
   std::array<Consumer, 2> consumers_;
@@ -109,7 +109,7 @@ class Drive final : private SdoObjects {
   std::array<Received, 4> received_;  // synchronous RPDO contents that wait for the next SYNC
   std::array<Event, 4> events_;
 
-  // Objects that act or show something each cycle.
+  // Objects used in each cycle.
   Object &error_register_, &heartbeat_time_, &nominal_current_, &current_limit_, &thermal_time_,
       &torque_constant_, &sto_inputs_, &current_average_, &current_, &torque_average_, &analog1_, &analog2_,
       &error_code_, &controlword_, &statusword_, &mode_, &mode_shown_, &position_, &velocity_,

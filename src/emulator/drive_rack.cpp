@@ -1,5 +1,5 @@
-// Drives on one port: hands every frame to the drives and the time after the frames.
-// Knows nothing of the robot behind the motors.
+// Drives on one port: passes every frame to the drives, and the time after the frames. Knows nothing of the
+// robot behind the motors.
 #include "tendril/emulator/drive_rack.h"
 
 #include <bitset>
@@ -12,8 +12,8 @@
 namespace tendril::emulator {
 namespace {
 
-/// What the drives send during a Poll waits here, for two reasons: it goes to the port in one call, and the
-/// other drives of the rack must hear it, which no port does for its own frames.
+/// Frames sent by the drives during a Poll are queued, for two reasons: they go to the port in one call, and
+/// the other drives of the rack must receive them, which no port does for its own frames.
 class Outbox final : public can::CanPort {
  public:
   explicit Outbox(can::CanPort& port) : port_(port) {}
@@ -22,10 +22,10 @@ class Outbox final : public can::CanPort {
     frames_.resize(64 + 16 * drives);
     senders_.resize(frames_.size());
   }
-  /// Who sends from now on; -1: nobody, what is sent goes out directly.
+  /// The sender from now on; -1: none, frames go out directly.
   void SetSender(int drive) noexcept { sender_ = drive; }
   bool half_full() const noexcept { return size_ > frames_.size() / 2; }
-  /// Sends everything, then calls `hear(frame, sender)` for each frame; what is sent by that follows.
+  /// Sends everything, then calls `hear(frame, sender)` for each frame; frames sent in response follow.
   template <class Hear>
   void Flush(Hear hear) {
     std::size_t sent = 0, heard = 0;
@@ -60,7 +60,7 @@ class Outbox final : public can::CanPort {
 struct DriveRack::State {
   explicit State(can::CanPort& p) : port(p) {}
   Drive& At(int drive) noexcept { return *drives[static_cast<std::size_t>(drive)]; }
-  /// Calls `act` for each drive but `except`, as the sender of what it then sends.
+  /// Calls `act` for each drive but `except`, as the sender of the frames that it then sends.
   template <class Act>
   void Each(int except, Act act) {
     for (int i = 0; i < static_cast<int>(drives.size()); ++i) {

@@ -1,5 +1,5 @@
-// Faults as a list of what is ordered, run down at each frame and at each point in time.
-// Knows frames and the rack's calls; nothing of a drive's inside.
+// Faults as a list of orders, processed at each frame and each point in time. Knows frames and the rack's
+// calls; nothing of a drive's inside.
 #include "tendril/emulator/faults.h"
 
 #include <algorithm>
@@ -23,13 +23,13 @@ TimeNs Ns(double seconds) { return static_cast<TimeNs>(std::llround(seconds * 1e
 
 bool OfFrames(FaultKind kind) { return kind <= FaultKind::kCorrupt; }
 
-/// A state rather than an event: it holds from its begin to its end.
+/// Whether the fault is a state, which lasts from its begin to its end, rather than an event.
 bool Lasts(FaultKind kind) {
   return kind == FaultKind::kDie || kind == FaultKind::kFreeze || kind == FaultKind::kStickSensor ||
          kind == FaultKind::kSto || kind == FaultKind::kBusOff;
 }
 
-/// Of a frame's sender or receiver; 0 for those that everybody hears (SYNC, NMT to all).
+/// Node of a frame's sender or receiver; 0 for broadcasts (SYNC, NMT to all).
 int NodeOf(const can::CanFrame& frame) {
   if (frame.id == canopen::kNmtCobId) return frame.size < 2 ? 0 : frame.data[1];
   return canopen::CobNode(frame.id);
@@ -38,7 +38,7 @@ int NodeOf(const can::CanFrame& frame) {
 struct Order {
   FaultParameters fault;
   TimeNs begin_ns = 0, end_ns = kNever;
-  std::mt19937_64 random;  // of its own, so that one fault's luck does not hang on another's frames
+  std::mt19937_64 random;  // separate, so that faults draw independently of each other's frames
   int drive = -1;
   bool begun = false;
   std::int64_t taken = 0;
@@ -61,7 +61,7 @@ struct Order {
   }
 };
 
-/// Frames under way, by the time they arrive; those of one time in the order they were sent.
+/// Delayed frames by arrival time; those of equal time in the order sent.
 class LateFrames {
  public:
   void Add(const can::StampedFrame& frame) {
@@ -72,7 +72,7 @@ class LateFrames {
   bool full() const { return frames_.size() >= kMostLate; }
   bool Due(TimeNs now_ns) const { return next_ns() <= now_ns; }
   TimeNs next_ns() const { return frames_.empty() ? kNever : frames_.front().time_ns; }
-  can::StampedFrame Take() {
+  can::StampedFrame Pop() {
     const can::StampedFrame frame = frames_.front();
     frames_.erase(frames_.begin());
     return frame;
@@ -89,14 +89,14 @@ struct FaultInjector::State {
   State(can::CanPort& b, std::uint64_t s) : bus(b), seed(s) {}
 
   void Begin(const Order& order);
-  /// Brings what lasts into the state that the orders under way want: each has its own end.
+  /// Updates a lasting fault to the state required by the active orders, each of which has its own end.
   void Apply(const Order& order);
   void ApplyToDrive(const FaultParameters& fault, int drive);
-  /// True when an order under way wants this of the drive.
-  bool Wanted(const FaultParameters& fault, int drive) const;
+  /// True when an active order requires this of the drive.
+  bool Active(const FaultParameters& fault, int drive) const;
   void SetBusOff(bool off);
-  /// Lets one frame meet every fault. Calls `deliver(frame)` for each copy that arrives now, and files those
-  /// that arrive later.
+  /// Applies every fault to one frame. Calls `deliver(frame)` for each copy that arrives now, and queues the
+  /// later ones.
   template <class Deliver>
   void Pass(can::StampedFrame frame, FrameDirection direction, Deliver deliver);
 
@@ -159,7 +159,7 @@ void FaultInjector::Poll(TimeNs now_ns) {
   s.orders.erase(over, s.orders.end());
   for (const Order& order : ended) s.Apply(order);
   while (s.from_drives.Due(now_ns)) {
-    const can::CanFrame frame = s.from_drives.Take().frame;
+    const can::CanFrame frame = s.from_drives.Pop().frame;
     s.bus.Send(frame);
   }
 }
@@ -167,8 +167,8 @@ void FaultInjector::Poll(TimeNs now_ns) {
 void FaultInjector::State::Begin(const Order& order) {
   switch (order.fault.kind) {
     case FaultKind::kReboot:
-      // Without a supply there is nothing to switch off and on.
-      if (!Wanted({.kind = FaultKind::kDie}, order.drive)) rack->PowerCycle(order.drive);
+      // Without supply there is nothing to power-cycle.
+      if (!Active({.kind = FaultKind::kDie}, order.drive)) rack->PowerCycle(order.drive);
       for (const Order& other : orders) {
         if (other.begun) ApplyToDrive(other.fault, order.drive);
       }
@@ -185,7 +185,7 @@ void FaultInjector::State::Begin(const Order& order) {
   }
 }
 
-bool FaultInjector::State::Wanted(const FaultParameters& fault, int drive) const {
+bool FaultInjector::State::Active(const FaultParameters& fault, int drive) const {
   return std::any_of(orders.begin(), orders.end(), [&](const Order& order) {
     return order.begun && order.fault.kind == fault.kind && (order.drive < 0 || order.drive == drive) &&
            order.fault.sensor == fault.sensor;
@@ -194,7 +194,7 @@ bool FaultInjector::State::Wanted(const FaultParameters& fault, int drive) const
 
 void FaultInjector::State::Apply(const Order& order) {
   if (order.fault.kind == FaultKind::kBusOff) {
-    SetBusOff(Wanted(order.fault, -1));
+    SetBusOff(Active(order.fault, -1));
     return;
   }
   if (!Lasts(order.fault.kind)) return;
@@ -204,21 +204,21 @@ void FaultInjector::State::Apply(const Order& order) {
 }
 
 void FaultInjector::State::ApplyToDrive(const FaultParameters& fault, int drive) {
-  const bool wanted = Wanted(fault, drive);
+  const bool active = Active(fault, drive);
   switch (fault.kind) {
     case FaultKind::kDie:
-      rack->SetSupply(drive, !wanted);
-      // Coming back, a drive begins afresh; what else holds it goes on.
-      if (!wanted) rack->SetFrozen(drive, Wanted({.kind = FaultKind::kFreeze}, drive));
+      rack->SetSupply(drive, !active);
+      // A drive that returns starts afresh; other faults on it continue.
+      if (!active) rack->SetFrozen(drive, Active({.kind = FaultKind::kFreeze}, drive));
       return;
     case FaultKind::kFreeze:
-      rack->SetFrozen(drive, wanted);
+      rack->SetFrozen(drive, active);
       return;
     case FaultKind::kStickSensor:
-      rack->StickSensor(drive, fault.sensor, wanted);
+      rack->StickSensor(drive, fault.sensor, active);
       return;
     case FaultKind::kSto:
-      rack->SetSto(drive, wanted);
+      rack->SetSto(drive, active);
       return;
     default:
       return;
@@ -287,14 +287,14 @@ void FaultInjector::State::Pass(can::StampedFrame frame, FrameDirection directio
 bool FaultInjector::Send(const can::CanFrame& frame) noexcept {
   State& s = *state_;
   if (s.bus_off) return false;
-  bool sent = true;  // a frame that a fault takes was sent, as far as its drive can tell
+  bool sent = true;  // a frame lost to a fault counts as sent for its drive
   s.Pass({frame, s.now_ns}, FrameDirection::kFromDrives,
          [&](const can::StampedFrame& on_wire) { sent = s.bus.Send(on_wire.frame) && sent; });
   return sent;
 }
 
 int FaultInjector::SendAll(std::span<const can::CanFrame> frames) noexcept {
-  // Without faults of frames they go on together.
+  // Without frame faults they are sent together.
   if (!state_->bus_off && state_->orders.empty()) return state_->bus.SendAll(frames);
   return can::CanPort::SendAll(frames);
 }
@@ -302,10 +302,10 @@ int FaultInjector::SendAll(std::span<const can::CanFrame> frames) noexcept {
 int FaultInjector::Receive(std::span<can::StampedFrame> frames) noexcept {
   State& s = *state_;
   std::size_t n = 0;
-  // Everything is filed with the time it arrives, so that delayed frames and copies find room in any batch.
+  // All frames are queued by arrival time, so that delayed frames and copies fit into any batch.
   std::array<can::StampedFrame, 64> batch;
   while (n < frames.size()) {
-    while (n < frames.size() && s.to_drives.Due(s.now_ns)) frames[n++] = s.to_drives.Take();
+    while (n < frames.size() && s.to_drives.Due(s.now_ns)) frames[n++] = s.to_drives.Pop();
     if (n == frames.size()) break;
     const int arrived = s.bus.Receive(batch);
     if (arrived == 0) break;

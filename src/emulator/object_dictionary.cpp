@@ -15,7 +15,7 @@ bool Before(ObjectAddress a, ObjectAddress b) {
   return a.index != b.index ? a.index < b.index : a.sub < b.sub;
 }
 
-/// Commands, targets and the error history start afresh whenever the drive does.
+/// Commands, targets and the error history restart with the drive.
 bool Stored(const canopen::ObjectEntry& entry) {
   if (entry.access != canopen::Access::kReadWrite) return false;
   switch (entry.index) {

@@ -10,9 +10,9 @@ namespace tendril::emulator {
 
 struct Object {
   const canopen::ObjectEntry* entry = nullptr;
-  std::int64_t value = 0;     // as the type says, signed or not; strings keep theirs in the table
-  std::int64_t factory = 0;   // what "load" brings back
-  std::int64_t power_on = 0;  // factory, or what was stored last
+  std::int64_t value = 0;     // signed or unsigned by type; strings stay in the table
+  std::int64_t factory = 0;   // value restored by "load"
+  std::int64_t power_on = 0;  // factory, or stored last
 
   canopen::ObjectAddress address() const { return entry->address(); }
   int bytes() const { return canopen::TypeBytes(entry->type); }
@@ -22,16 +22,16 @@ class ObjectDictionary {
  public:
   explicit ObjectDictionary(int node_id);
 
-  /// nullptr when there is no such entry. Pointers stay good as long as the dictionary lives.
+  /// nullptr when there is no such entry. Pointers stay valid as long as the dictionary lives.
   Object* Find(canopen::ObjectAddress address) noexcept;
   /// The same for entries that the emulator itself needs; throws std::logic_error when the table lacks one.
   Object& At(std::uint16_t index, std::uint8_t sub);
 
-  /// Values of first..last back to those of power-on.
+  /// Restores the power-on values of first..last.
   void Restore(std::uint16_t first, std::uint16_t last) noexcept;
-  /// What can be stored becomes the power-on value.
+  /// Storable values become the power-on values.
   void Store() noexcept;
-  /// What follows the node id and was left at its default moves along.
+  /// Values that depend on the node id and are at their default follow its change.
   void MoveNodeId(int from, int to) noexcept;
   /// The factory values become those of power-on; current values stay until the next reset.
   void Load() noexcept;

@@ -11,7 +11,7 @@ namespace sdo_abort = canopen::sdo_abort;
 
 constexpr std::uint32_t kExtendedId = 0x20000000u;
 
-/// CiA 301's restricted CAN identifiers: NMT, SDO, heartbeat and what is kept for them.
+/// CiA 301's restricted CAN identifiers: NMT, SDO, heartbeat and reserved ones.
 bool Restricted(std::uint32_t id) {
   return id <= 0x07F || (id >= 0x101 && id <= 0x180) || (id >= 0x581 && id <= 0x5FF) ||
          (id >= 0x601 && id <= 0x67F) || id >= 0x6E0;

@@ -17,12 +17,12 @@ class Pdo {
   /// True when `address` is part of this PDO's communication or mapping record.
   bool Owns(canopen::ObjectAddress address) const noexcept;
   bool IsCobId(const Object& object) const noexcept { return cob_ == &object; }
-  /// 0 when `value` may be written to `address` (which it owns) now, else the abort code. Choices where CiA
-  /// 301 and maxon leave room: every change needs NMT pre-operational; mapping and inhibit time change only
-  /// while the PDO is invalid (bit 31), mapping entries only while the number of entries is 0; a valid PDO's
+  /// 0 when `value` may be written to `address` (which it owns) now, else the abort code. Choices left open
+  /// by CiA 301 and maxon: every change needs NMT pre-operational; mapping and inhibit time change only while
+  /// the PDO is invalid (bit 31), mapping entries only while the number of entries is 0; a valid PDO's
   /// identifier cannot change; RPDO types are 1 and 255, TPDO types 1, 253 and 255.
   std::uint32_t CheckWrite(canopen::ObjectAddress address, std::int64_t value, bool pre_operational);
-  /// Takes over what the objects say; after each write or restore.
+  /// Reads the objects; call after each write or restore.
   void Refresh() noexcept;
 
   bool valid() const noexcept { return valid_; }

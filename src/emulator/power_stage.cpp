@@ -1,5 +1,5 @@
-// The power stage of one drive. Transitions come from the shared CiA 402 table; here is what they do to the
-// torque. Knows no bus and no object dictionary.
+// The power stage of one drive. Transitions come from the shared CiA 402 table; their effects on the torque
+// are here. Knows no bus and no object dictionary.
 #include "power_stage.h"
 
 #include <algorithm>

@@ -12,7 +12,7 @@ namespace tendril::emulator {
 
 enum class Stop : std::uint8_t { kAtOnce, kRamp };
 
-/// What the stage is asked to do and how far it may go, from the objects.
+/// Demand on the stage and its limits, from the objects.
 struct StageDemand {
   bool torque_mode = false;  // 0x6060 is 10
   double target_Nm = 0;      // 0x6071 + 0x60B2
@@ -31,11 +31,11 @@ class PowerStage {
   };
   enum class Outcome : std::uint8_t {
     kNothingSpecial,
-    kFaultReset,       // errors are acknowledged, in fault or where none led to it
+    kFaultReset,       // errors are acknowledged, with or without a fault
     kEnablingRefused,  // the state stayed as it was
   };
 
-  /// As after power-on, which takes the drive to switch on disabled by itself.
+  /// As after power-on, from which the drive enters switch on disabled by itself.
   void Reset() noexcept;
   /// Acts on 0x6040.
   Outcome Command(std::uint16_t controlword, const Options& options) noexcept;

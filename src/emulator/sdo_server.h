@@ -1,5 +1,5 @@
-// SDO server of one node: expedited and segmented transfers, both ways. Objects are reached through two
-// calls. Knows nothing of what the objects mean.
+// SDO server of one node: expedited and segmented transfers, both directions. Objects are accessed through
+// two calls. Knows nothing of what the objects mean.
 #pragma once
 
 #include <array>
@@ -10,14 +10,14 @@
 
 namespace tendril::emulator {
 
-/// What the server serves. Both return 0 or an abort code.
+/// The served objects. Both return 0 or an abort code.
 class SdoObjects {
  public:
   virtual ~SdoObjects() = default;
   /// Puts the value, little-endian, into `to` and its length into `size`.
   virtual std::uint32_t Read(canopen::ObjectAddress address, std::span<std::uint8_t> to,
                              std::size_t* size) = 0;
-  /// `exact` is false when the client gave four bytes without saying how many of them it means.
+  /// `exact` is false when the client sent four bytes without stating how many of them are valid.
   virtual std::uint32_t Write(canopen::ObjectAddress address, std::span<const std::uint8_t> from,
                               bool exact) = 0;
 };
@@ -29,7 +29,7 @@ class SdoServer {
   /// Answers a frame on 0x600 + node; false when none is due (the client's abort).
   bool Answer(const can::CanFrame& request, can::CanFrame* response);
   void SetNodeId(int node_id) noexcept { node_id_ = node_id; }
-  /// Drops a transfer under way.
+  /// Drops a transfer in progress.
   void Reset() noexcept { transfer_ = Transfer::kNone; }
 
  private:
@@ -49,7 +49,7 @@ class SdoServer {
   bool toggle_ = false;
   std::size_t size_ = 0;       // upload: of the value; download: received so far
   std::size_t sent_ = 0;       // upload
-  std::size_t announced_ = 0;  // download: what the client promised, 0 when it did not
+  std::size_t announced_ = 0;  // download: size announced by the client, 0 if none
   std::array<std::uint8_t, 256> buffer_{};
 };
 

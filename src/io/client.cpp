@@ -1,4 +1,4 @@
-// The other end of the gateway; see the header.
+// Client side of the gateway; see the header.
 #include "tendril/io/client.h"
 
 #include <unistd.h>
@@ -16,8 +16,8 @@
 namespace tendril::io {
 namespace {
 
-// Of a process id, which Linux keeps below 2^22; the host's name above it tells computers apart. Without the
-// top bit sequence numbers stay positive.
+// Bits of a process id, which Linux keeps below 2^22; bits of the host's name above it distinguish computers.
+// Without the top bit sequence numbers stay positive.
 constexpr int kProcessBits = 22;
 constexpr std::uint32_t kNotNegative = 0x7fff'ffff;
 
@@ -45,17 +45,17 @@ struct Client::State {
     for (lcm_subscription_t* s : subscriptions) lcm_unsubscribe(lcm->getUnderlyingLCM(), s);
   }
 
-  template <auto Message, auto Take>
+  template <auto Message, auto OnMessage>
   void Subscribe(const std::string& name) {
     subscriptions.push_back(lcm_subscribe(
         lcm->getUnderlyingLCM(), ChannelName(prefix, name).c_str(),
         [](const lcm_recv_buf_t* bytes, const char*, void* context) {
           auto* self = static_cast<State*>(context);
-          // LCM leaves an array as it was where the next message has none.
+          // LCM leaves an array unchanged when the next message has none.
           self->*Message = {};
-          // What another version sends is none of our business.
+          // Messages of another version are ignored.
           if (!Decode(bytes->data, static_cast<int>(bytes->data_size), self->*Message)) return;
-          (self->*Take)();
+          (self->*OnMessage)();
         },
         this));
   }
@@ -185,7 +185,7 @@ std::uint32_t SenderOf(std::int64_t sequence) {
 }
 
 std::string SenderText(std::uint32_t sender) {
-  if (sender == 0) return "a program that does not name itself";
+  if (sender == 0) return "an unnamed program";
   const std::uint32_t process = sender % (1U << kProcessBits);
   if (process != 0 && sender - process == ThisHost()) return "process " + std::to_string(process);
   return "sender " + std::to_string(sender);

@@ -24,7 +24,7 @@ namespace {
 constexpr std::string_view kUdpm = "udpm://";
 constexpr int kMaxAtOnce = 10'000;
 
-// LCM itself only prints a hint and waits for its own packets; asking the kernel for a route beforehand is
+// LCM only prints a hint and waits for its own packets; querying the kernel for a route beforehand is
 // immediate.
 void RequireMulticastRoute(const std::string& url) {
   const std::string address = url.substr(kUdpm.size(), url.find(':', kUdpm.size()) - kUdpm.size());
@@ -56,7 +56,7 @@ std::unique_ptr<lcm::LCM> OpenLcm(const std::string& url) {
     const char* variable = std::getenv("LCM_DEFAULT_URL");
     address = variable != nullptr && *variable != '\0' ? variable : "udpm://239.255.76.67:7667?ttl=0";
   }
-  // LCM would print a line of its own about what it does not know, or ignore it.
+  // LCM would print its own line for an unknown address, or ignore it.
   if (!IsLcmUrl(address)) {
     throw std::runtime_error("LCM address '" + address +
                              "' cannot be opened; accepted: " + std::string(kLcmUrlRule) + "; correct it");

@@ -76,7 +76,7 @@ bool EventReader::Read(std::uint64_t offset, void* bytes, std::size_t size) {
   return got == size;
 }
 
-/// The event at `offset` becomes the current one; or why there is none.
+/// Makes the event at `offset` the current one; returns why there is none.
 std::string EventReader::ReadEvent(std::uint64_t offset) {
   begin_ = offset;
   const std::uint64_t left = size_ - offset;
@@ -114,7 +114,7 @@ std::uint64_t EventReader::FindEvent(std::uint64_t from) {
 
 std::uint64_t EventReader::FindSync(std::uint64_t from) {
   std::array<std::uint8_t, kChunk> chunk;
-  // Chunks overlap by what a sync word may hang over.
+  // Chunks overlap by the length of a sync word less one.
   for (std::uint64_t at = from; at + kSync.size() <= size_; at += kChunk - kSync.size() + 1) {
     const auto size = static_cast<std::size_t>(std::min<std::uint64_t>(kChunk, size_ - at));
     if (!Read(at, chunk.data(), size)) return size_;
@@ -127,7 +127,7 @@ std::uint64_t EventReader::FindSync(std::uint64_t from) {
 
 void EventReader::FindZeros(Place& place) {
   std::array<std::uint8_t, kChunk> chunk;
-  std::uint64_t begin = place.begin;  // of the zeros that reach to the byte looked at
+  std::uint64_t begin = place.begin;  // start of the zeros up to the present byte
   for (std::uint64_t at = place.begin; at < place.end; at += kChunk) {
     const auto size = static_cast<std::size_t>(std::min<std::uint64_t>(kChunk, place.end - at));
     if (!Read(at, chunk.data(), size)) return;

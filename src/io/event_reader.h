@@ -1,4 +1,4 @@
-// The events of an LCM log one by one, past what is damaged in it. Knows the file format; nothing of what the
+// Reads the events of an LCM log one by one, skipping damage. Knows the file format; nothing of what the
 // messages mean.
 #pragma once
 
@@ -10,8 +10,8 @@
 
 namespace tendril::io {
 
-// What a reader takes for damage is no event: any program may send what it likes, a channel without a name
-// too.
+// Limits beyond which data count as damage, since any program may send any message, even on a channel without
+// a name.
 constexpr std::uint64_t kMaxChannel = 1000;
 constexpr std::uint64_t kMaxData = std::uint64_t{1} << 28;  // LCM's largest message
 
@@ -19,32 +19,33 @@ constexpr bool IsEvent(std::uint64_t channel_size, std::uint64_t data_size) {
   return channel_size >= 1 && channel_size <= kMaxChannel && data_size <= kMaxData;
 }
 
-/// Every length is checked against the file: LCM's own reader trusts them and skips over damage without
-/// saying so. An event counts when another follows it or the file ends there: one that a hole or an
-/// overwritten stretch runs into looks whole by its header.
+/// Every length is checked against the file, because LCM's own reader trusts them and skips damage silently.
+/// An event counts only when another follows it or the file ends there: an event overwritten in part may have
+/// an intact header.
 class EventReader {
  public:
   /// Throws std::runtime_error naming the path when it cannot be read.
   explicit EventReader(const std::string& path);
 
-  /// To the next whole event; false at the end of the file.
+  /// Advances to the next complete event; false at the end of the file.
   bool Next();
   const std::string& channel() const { return channel_; }
   const std::vector<std::uint8_t>& data() const { return data_; }
-  /// Of the event in the file.
+  /// Offset of the event in the file.
   std::uint64_t offset() const { return begin_; }
 
-  /// The event is whole, but its message is not: it counts as damage, for the reason given ("is no ...").
+  /// Marks the event as damage although it is complete: its message is invalid, for the reason given ("is no
+  /// ...").
   void Refuse(const std::string& what);
-  /// Empty, or one line: the places that are damaged with their offsets, and what of the log is read.
+  /// Empty, or one line: the damaged places with their offsets, and how much of the log is read.
   std::string Damage() const;
 
  private:
   struct Place {
     std::uint64_t begin = 0, end = 0;  // bytes left out
     std::string what;
-    std::uint64_t zeros_begin = 0, zeros_end = 0;  // the longest stretch of them in it
-    std::uint64_t lost = 0;                        // events, by their numbers in the file; 0: not known
+    std::uint64_t zeros_begin = 0, zeros_end = 0;  // the longest run of zeros in it
+    std::uint64_t lost = 0;                        // lost events, by their numbers in the file; 0: not known
   };
   struct FileCloser {
     void operator()(std::FILE* file) const noexcept { std::fclose(file); }
@@ -65,12 +66,12 @@ class EventReader {
   std::int64_t stamp_us_ = 0;
   std::string channel_;
   std::vector<std::uint8_t> data_;
-  // What was read, and what not.
+  // Read and skipped parts.
   std::vector<Place> places_;
   std::uint64_t events_ = 0, last_number_ = 0;
   std::int64_t last_us_ = 0;
   double seconds_ = 0;
-  bool follows_ = false;  // directly on an event that counts
+  bool follows_ = false;  // directly follows an event that counts
 };
 
 }  // namespace tendril::io

@@ -13,11 +13,11 @@
 namespace tendril::io {
 namespace {
 
-// Longer than anything waits in our own queue. What seems to have waited longer, or not at all, did so across
-// a step of the wall clock.
+// Longer than any wait in our own queue. An apparent wait beyond this, or below zero, spans a step of the
+// wall clock.
 constexpr std::int64_t kLongestWait_us = 5'000'000;
 
-// A sender of rubbish gets one event a second, and the counter tells the rest.
+// Undecodable messages give one event per second; the counter has the total.
 constexpr TimeNs kComplaintEvery_ns = kNsPerS;
 
 std::int64_t EpochUs() {
@@ -44,9 +44,8 @@ struct Gateway::State {
 
   std::int64_t UtimeOf(TimeNs t_ns) const { return t_ns / kNsPerUs + epoch_offset_us; }
 
-  // When a message came, on our clock, which no setting of the wall clock moves: now, less what it waited in
-  // this process. How old it says it is does not count: its sender's clock may be wrong, and either may be
-  // set.
+  // Arrival of a message on the monotonic clock: now, less its wait in this process. The sender's time stamp
+  // is not used, because either wall clock may be wrong or stepped.
   TimeNs Arrival(const lcm_recv_buf_t& bytes) const {
     const TimeNs now_ns = clock.Now();
     if (!real) return now_ns;
@@ -54,7 +53,7 @@ struct Gateway::State {
     return waited_us > 0 && waited_us < kLongestWait_us ? now_ns - waited_us * kNsPerUs : now_ns;
   }
 
-  // The time of a measurement, by the wall clock as it goes now. What claims to come from the future is new.
+  // The time of a measurement, from the present wall clock. A time stamp in the future counts as now.
   TimeNs OnOurClock(std::int64_t utime) const {
     const TimeNs now_ns = clock.Now();
     if (utime <= 0) return now_ns;
@@ -103,11 +102,11 @@ struct Gateway::State {
       Complain(channel, "these bytes are not the message of this channel (compare the sender's lcm_types)");
       return;
     }
-    Take(channel, message, Arrival(*bytes));
+    Process(channel, message, Arrival(*bytes));
   }
 
   template <class Message>
-  void Take(const char* channel, const Message& message, TimeNs arrival_ns) {
+  void Process(const char* channel, const Message& message, TimeNs arrival_ns) {
     Command command;
     if (const std::string why = FromMessage(message, command); !why.empty()) {
       Complain(channel, why);
@@ -117,7 +116,7 @@ struct Gateway::State {
     if (command_sink) command_sink(command);
   }
 
-  void Take(const char* /*channel*/, const tendril_lcm::tracker_t& message, TimeNs /*arrival_ns*/) {
+  void Process(const char* /*channel*/, const tendril_lcm::tracker_t& message, TimeNs /*arrival_ns*/) {
     TrackerSample sample;
     sample.valid = message.valid != 0;
     sample.time_ns = OnOurClock(message.utime);
@@ -127,7 +126,7 @@ struct Gateway::State {
     if (tracker_sink) tracker_sink(sample);
   }
 
-  void Take(const char* /*channel*/, const tendril_lcm::run_t& message, TimeNs /*arrival_ns*/) {
+  void Process(const char* /*channel*/, const tendril_lcm::run_t& message, TimeNs /*arrival_ns*/) {
     RunInfo info;
     FromMessage(message, info);
     if (run_sink) run_sink(info);

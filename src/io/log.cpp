@@ -21,7 +21,7 @@ namespace tendril::io {
 namespace {
 
 constexpr std::size_t kFileBuffer = std::size_t{1} << 20;
-// What a crash of the machine may cost.
+// Upper bound of what a crash of the machine loses.
 constexpr std::int64_t kFlushEvery_us = 1'000'000;
 
 }  // namespace
@@ -39,7 +39,7 @@ struct LogWriter::State {
     event.timestamp = clock.Now() / kNsPerUs + epoch_offset_us;
     event.channellen = static_cast<std::int32_t>(channel_size);
     event.datalen = size;
-    // The log's structure has no const; writing does not change them.
+    // The log's struct has no const members; writing does not change them.
     event.channel = const_cast<char*>(channel);
     event.data = const_cast<void*>(data);
     if (lcm_eventlog_write_event(log, &event) != 0) Failed();
@@ -47,8 +47,7 @@ struct LogWriter::State {
       flushed_us = event.timestamp;
       if (std::fflush(log->f) != 0) Failed();
       if (error.empty() && !IsThere())
-        error =
-            "log " + path + " is not there any more: it was deleted, or moved and is written where it is now";
+        error = "log " + path + " no longer exists: it was deleted, or moved and is written at its new place";
     }
   }
 
@@ -89,7 +88,7 @@ LogWriter::LogWriter(Gateway& gateway, const std::string& path, const Clock& clo
   gateway.SetTap([state = state_.get()](const std::string& channel, const void* data, int size) {
     state->Write(channel.data(), channel.size(), data, size);
   });
-  // The gateway's own channels come through the tap; listening to them again would cost a copy a message.
+  // The gateway's own channels arrive through the tap; subscribing to them would cost a copy per message.
   const std::string others = "(?!" + gateway.channel_prefix() + "_(STATE|CYCLE|RUN|EVENT|STATISTICS)$).*";
   s.subscription = lcm_subscribe(
       s.lcm, others.c_str(),
@@ -187,8 +186,8 @@ std::string RecordLog::Close() {
 
 namespace {
 
-// What no controller writes and damaged bytes may well be. `epoch_us`: from the clock of cycles to that of
-// stamps, the same in all cycles of a program; zeros: nobody knew yet.
+// Detects values that no controller writes but damaged bytes may contain. `epoch_us`: offset from the cycle
+// clock to that of the stamps, constant within a program; zeros: not known yet.
 class CycleCheck {
  public:
   bool Possible(const tendril_lcm::cycle_t& m) {
@@ -210,7 +209,7 @@ class CycleCheck {
   }
 
  private:
-  // Another program's cycles, in a log of several, count from its own start and go on with its own offset.
+  // Cycles of another program in the same log count from its own start and keep its own offset.
   bool ClocksAgree(const tendril_lcm::cycle_t& m) {
     const std::int64_t epoch_us = m.utime - m.time_ns / kNsPerUs;
     const bool agrees = !known_ || epoch_us == epoch_us_ || m.cycle < cycle_;

@@ -38,12 +38,12 @@ void Fill(double (&out)[4], const Eigen::Quaterniond& q) {
 }
 
 template <class Vector>
-void Take(const std::vector<double>& values, int n, Vector& out) {
+void FromArray(const std::vector<double>& values, int n, Vector& out) {
   out.resize(n);
   std::copy(values.begin(), values.begin() + n, out.data());
 }
 
-Eigen::Vector3d Take(const double (&v)[3]) { return {v[0], v[1], v[2]}; }
+Eigen::Vector3d FromArray(const double (&v)[3]) { return {v[0], v[1], v[2]}; }
 Eigen::Quaterniond TakeQuaternion(const double (&q)[4]) { return {q[0], q[1], q[2], q[3]}; }
 
 template <class To, class From>
@@ -51,7 +51,7 @@ void Number(To& to, From from) {
   to = static_cast<To>(from);
 }
 
-// A validity that no integer can hold becomes one that the gate refuses.
+// A validity beyond the integer's range becomes one that the gate refuses.
 TimeNs ToNs(double seconds) {
   if (std::isnan(seconds)) return 0;
   constexpr double kLongS = 1e9;
@@ -76,7 +76,7 @@ std::string TooMany(const char* what, int n, int most) {
          " are possible";
 }
 
-// Readers of YAML pass over it.
+// YAML readers ignore it.
 const std::string kDaemonLine = "# daemon: ";
 
 std::int64_t EpochUs() {
@@ -238,42 +238,42 @@ bool FromMessage(const tendril_lcm::cycle_t& m, CycleRecord& record) noexcept {
   c.received_ns = m.command_received_ns;
   c.valid_for_ns = m.command_valid_for_ns;
   c.speed_radps = m.command_speed_radps;
-  c.tip_W_m = Take(m.command_tip_W_m);
-  c.tip_velocity_W_mps = Take(m.command_tip_velocity_W_mps);
-  Take(m.command_bending_rad, m.num_command_bending, c.bending_rad);
-  Take(m.command_bending_rate_radps, m.num_command_rate, c.bending_rate_radps);
-  Take(m.command_tension_base_N, m.num_command_tension, c.tension_N);
+  c.tip_W_m = FromArray(m.command_tip_W_m);
+  c.tip_velocity_W_mps = FromArray(m.command_tip_velocity_W_mps);
+  FromArray(m.command_bending_rad, m.num_command_bending, c.bending_rad);
+  FromArray(m.command_bending_rate_radps, m.num_command_rate, c.bending_rate_radps);
+  FromArray(m.command_tension_base_N, m.num_command_tension, c.tension_N);
 
   in.tracker.valid = m.tracker_valid != 0;
   in.tracker.time_ns = m.tracker_time_ns;
-  in.tracker.tip_W_m = Take(m.tracker_tip_W_m);
+  in.tracker.tip_W_m = FromArray(m.tracker_tip_W_m);
   in.tracker.orientation_WT = TakeQuaternion(m.tracker_orientation_WT);
 
   Number(out.cycle, m.cycle);
   out.time_ns = m.time_ns;
   Number(out.mode, m.mode);
   Number(out.status, m.status);
-  Take(m.displacement_m, nt, out.displacement_m);
-  Take(m.tension_measured_N, nt, out.tension_measured_N);
-  Take(m.tension_base_estimate_N, nt, out.tension_base_estimate_N);
-  Take(m.torque_measured_Nm, nt, out.torque_measured_Nm);
-  Take(m.bending_estimate_rad, nb, out.bending_estimate_rad);
-  out.tip_estimate_W_m = Take(m.tip_estimate_W_m);
+  FromArray(m.displacement_m, nt, out.displacement_m);
+  FromArray(m.tension_measured_N, nt, out.tension_measured_N);
+  FromArray(m.tension_base_estimate_N, nt, out.tension_base_estimate_N);
+  FromArray(m.torque_measured_Nm, nt, out.torque_measured_Nm);
+  FromArray(m.bending_estimate_rad, nb, out.bending_estimate_rad);
+  out.tip_estimate_W_m = FromArray(m.tip_estimate_W_m);
   out.orientation_estimate_WT = TakeQuaternion(m.orientation_estimate_WT);
 
-  out.target_tip_W_m = Take(m.target_tip_W_m);
+  out.target_tip_W_m = FromArray(m.target_tip_W_m);
   out.target_distance_m = m.target_distance_m;
-  Take(m.target_bending_rad, nb, out.target_bending_rad);
-  Take(m.reference_bending_rad, nb, out.reference.position_rad);
-  Take(m.reference_rate_radps, nb, out.reference.velocity_radps);
-  Take(m.reference_acceleration_radps2, nb, out.reference.acceleration_radps2);
-  out.reference_tip_W_m = Take(m.reference_tip_W_m);
-  Take(m.generalised_force_Nm, nb, out.generalised_force_Nm);
-  Take(m.tension_desired_base_N, nt, out.tension_desired_base_N);
-  Take(m.sliding_direction, nt, out.sliding_direction);
-  Take(m.tension_desired_motor_N, nt, out.tension_desired_motor_N);
-  Take(m.torque_desired_Nm, nt, out.torque_desired_Nm);
-  Take(m.displacement_desired_m, nt, out.displacement_desired_m);
+  FromArray(m.target_bending_rad, nb, out.target_bending_rad);
+  FromArray(m.reference_bending_rad, nb, out.reference.position_rad);
+  FromArray(m.reference_rate_radps, nb, out.reference.velocity_radps);
+  FromArray(m.reference_acceleration_radps2, nb, out.reference.acceleration_radps2);
+  out.reference_tip_W_m = FromArray(m.reference_tip_W_m);
+  FromArray(m.generalised_force_Nm, nb, out.generalised_force_Nm);
+  FromArray(m.tension_desired_base_N, nt, out.tension_desired_base_N);
+  FromArray(m.sliding_direction, nt, out.sliding_direction);
+  FromArray(m.tension_desired_motor_N, nt, out.tension_desired_motor_N);
+  FromArray(m.torque_desired_Nm, nt, out.torque_desired_Nm);
+  FromArray(m.displacement_desired_m, nt, out.displacement_desired_m);
 
   Number(out.drive_request, m.drive_request);
   out.clear_drive_faults = m.clear_drive_faults != 0;
@@ -443,8 +443,8 @@ void FromMessage(const tendril_lcm::run_t& m, RunInfo& run) {
 std::string FromMessage(const tendril_lcm::command_tip_t& m, Command& c) {
   TakeHeader(m, CommandKind::kTip, c);
   c.speed_radps = m.speed_radps;
-  c.tip_W_m = Take(m.tip_W_m);
-  c.tip_velocity_W_mps = Take(m.tip_velocity_W_mps);
+  c.tip_W_m = FromArray(m.tip_W_m);
+  c.tip_velocity_W_mps = FromArray(m.tip_velocity_W_mps);
   return {};
 }
 
@@ -454,8 +454,8 @@ std::string FromMessage(const tendril_lcm::command_bending_t& m, Command& c) {
   if (m.num_rate > kMost) return TooMany("bending_rate_radps", m.num_rate, kMost);
   TakeHeader(m, CommandKind::kBending, c);
   c.speed_radps = m.speed_radps;
-  Take(m.bending_rad, m.num_bending, c.bending_rad);
-  Take(m.bending_rate_radps, m.num_rate, c.bending_rate_radps);
+  FromArray(m.bending_rad, m.num_bending, c.bending_rad);
+  FromArray(m.bending_rate_radps, m.num_rate, c.bending_rate_radps);
   return {};
 }
 
@@ -463,7 +463,7 @@ std::string FromMessage(const tendril_lcm::command_tension_t& m, Command& c) {
   if (m.num_tendons > kMaxTendons) return TooMany("tension_base_N", m.num_tendons, kMaxTendons);
   TakeHeader(m, CommandKind::kTension, c);
   c.speed_radps = m.speed_radps;
-  Take(m.tension_base_N, m.num_tendons, c.tension_N);
+  FromArray(m.tension_base_N, m.num_tendons, c.tension_N);
   return {};
 }
 

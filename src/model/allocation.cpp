@@ -1,4 +1,4 @@
-// Tendon tensions for a wanted force on the sections: the least-norm admissible solution, by its dual.
+// Tendon tensions for a required force on the sections: the least-norm admissible solution, by its dual.
 // Knows a matrix, a force and bounds; of the robot only how its tendons act on a section's arc motion.
 #include <Eigen/Dense>
 #include <algorithm>
@@ -22,7 +22,7 @@ using ForceTensionMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic,
 
 using TensionForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, kMaxForces>;
 
-/// Each force can be produced without much regard to the others.
+/// Whether each force component can be produced nearly independently of the others.
 bool WellConditioned(const ForceTensionMatrix& a) {
   const Eigen::LLT<ForceMatrix> factor(a * a.transpose());
   return factor.info() == Eigen::Success && factor.rcond() > 1e-4;
@@ -43,7 +43,7 @@ class BoundedLeastNorm {
 
   struct Solution {
     TendonVector x;
-    double miss;     // |A x - b|
+    double error;    // |A x - b|
     int iterations;  // of Newton
     bool converged;
   };
@@ -62,7 +62,7 @@ class BoundedLeastNorm {
   static constexpr double kRegularisation = 1e-8;
 
   /// Newton on the dual with an exact line search. Ends after finitely many steps; their number is bounded
-  /// all the same. Returns it, negative at the bound.
+  /// nevertheless. Returns it, negative at the bound.
   int FindActiveSet() noexcept {
     ForceVector y = ForceVector::Zero(b_.size());
     TendonVector pull = TendonVector::Zero(a_.cols());  // A^T y
@@ -93,9 +93,8 @@ class BoundedLeastNorm {
   }
 
   /// The exact solution on the active set that Solve found: x at its bounds, the free ones of least norm.
-  /// Where the set turns out to be wrong by a hair (a tension within the regularisation of a bound) it is
-  /// corrected: free ones beyond a bound stay at it, then one that would lessen the miss by leaving its bound
-  /// is freed.
+  /// Errors of the set within the regularisation of a bound are corrected: free tensions beyond a bound are
+  /// fixed at it, then one that would reduce the residual by leaving its bound is freed.
   TendonVector Polish() noexcept {
     TendonVector x = OnActiveSet();
     for (int attempt = 0; attempt < 2 * a_.cols(); ++attempt) {
@@ -111,7 +110,7 @@ class BoundedLeastNorm {
     return x.cwiseMax(0.0).cwiseMin(range_);
   }
 
-  /// Of the tensions held at a bound, frees the one that lessens what is missed most; false: none does.
+  /// Frees the bounded tension that reduces the residual most; false: none does.
   bool FreeOne(const TendonVector& x) noexcept {
     const ForceVector missing = b_ - a_ * x;
     double most = 1e-12 * (b_.norm() + x.norm());
@@ -132,8 +131,8 @@ class BoundedLeastNorm {
     }
   }
 
-  /// Length in (0, 1] at which the derivative along the step, a rising broken line, crosses zero; 1 if it
-  /// does not.
+  /// Length in (0, 1] at which the derivative along the step, a rising piecewise linear function, crosses
+  /// zero; 1 if it does not.
   double LineSearch(const ForceVector& y, const TendonVector& pull, const ForceVector& step,
                     const TendonVector& step_pull) const noexcept {
     const double constant = kRegularisation * step.dot(y) - step.dot(b_);
@@ -206,7 +205,7 @@ class BoundedLeastNorm {
     return Solved(factor, b);
   }
 
-  /// factor.solve(b) step by step: Eigen's own takes a temporary from the heap where the rank is not full.
+  /// factor.solve(b) in steps: Eigen's own allocates a temporary for rank-deficient matrices.
   static TendonVector Solved(const Eigen::CompleteOrthogonalDecomposition<ForceTensionMatrix>& factor,
                              const ForceVector& b) noexcept {
     const Eigen::Index rank = factor.rank(), cols = factor.cols();
@@ -235,8 +234,8 @@ class BoundedLeastNorm {
   TendonVector near_;  // the solution up to the regularisation
 };
 
-/// Of a solution x the bound at which a tension would lessen the miss by going on; `gain` is by how much, for
-/// each.
+/// The bound at which a tension would reduce the residual by moving on from x; `gain` is the reduction for
+/// each tension.
 Status BoundThatHolds(const TendonVector& gain, const TendonVector& x, const TendonVector& range,
                       double least_gain) {
   Status bound = Status::kOk;
@@ -285,12 +284,11 @@ TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen
   const ForceTensionMatrix a = jacobian / scale;
   const ForceVector b = force_Nm / scale - a * result.tension_N;
   std::optional<BoundedLeastNorm::Solution> found;
-  bool every_force = true;  // could be made, were there no bounds
+  bool every_force = true;  // could be produced without bounds
   if (tendons_ < forces_) {
     every_force = false;
   } else if (!WellConditioned(a)) {
-    // Equations combined so that they are orthonormal have the same solutions, however badly conditioned they
-    // were.
+    // Orthonormalised equations have the same solutions, however badly conditioned they were.
     const Eigen::HouseholderQR<TensionForceMatrix> factor(a.transpose());
     const auto upper = factor.matrixQR().topRows(forces_).triangularView<Eigen::Upper>();
     every_force = factor.matrixQR().diagonal().cwiseAbs().minCoeff() > 1e-10;
@@ -302,10 +300,10 @@ TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen
       const ForceVector right = upper.transpose().solve(b);
       found = BoundedLeastNorm(rows, right, range_N).Solve();
       result.iterations = found->iterations;
-      if (!(found->miss <= 1e-10 * (right.norm() + found->x.norm()))) found.reset();
+      if (!(found->error <= 1e-10 * (right.norm() + found->x.norm()))) found.reset();
     }
   }
-  // The nearest force, should none of them be reached, is a matter of the equations as they are.
+  // The nearest force, if none is reached, depends on the original equations.
   if (!found) {
     found = BoundedLeastNorm(a, b, range_N).Solve();
     result.iterations += found->iterations;

@@ -18,8 +18,8 @@ namespace {
 
 using Stumpffs = std::array<double, kStumpffCount>;
 
-// Three numbers and nothing else: unlike an Eigen vector it stays in registers, where a half-packed store
-// followed by a load of the other half would stall.
+// Plain three numbers: unlike an Eigen vector it stays in registers, where a half-packed store followed by a
+// load of the other half would stall.
 struct Vec {
   double x, y, z;
 
@@ -402,9 +402,9 @@ void Body::SpanShortening(ConstVectorRef q, MatrixRef shortening_m) const noexce
 }
 
 void Body::TendonTurns(ConstVectorRef q, MatrixRef turn_rad) const noexcept {
-  // In the frame half way along a unit's arc the chord of the arc points along z, and a tendon as well, but
-  // for the twist: d = 2 r sin(delta) (-sin a, cos a) across, of which the component along the bend is
-  // shortened. Half the unit's rotation on either side are the frames of its disks.
+  // In the frame at the middle of a unit's arc the chord of the arc points along z, and so does a tendon
+  // except for the twist: d = 2 r sin(delta) (-sin a, cos a) across, whose component along the bend is
+  // shortened. Half the unit's rotation to either side gives the frames of its disks.
   const int m = tendons();
   const bool alike = twisted_.empty();  // all tendons of a unit run parallel
   turn_rad.setZero();
@@ -483,8 +483,8 @@ void Body::TendonForce(ConstVectorRef q, ConstVectorRef tension_N, VectorRef for
     }
     return;
   }
-  // All tendons of a unit act through their sum and their first moments alone. From the tip to the base,
-  // tendons that end on the way join in.
+  // All tendons of a unit act only through their sum and their first moments. From the tip to the base,
+  // tendons that end on the way are added.
   double sum = 0, moment_u = 0, moment_v = 0;
   int counted = tendons();
   for (int i = units_ - 1; i >= 0; --i) {
@@ -509,7 +509,7 @@ void Body::InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef d
   Workspace::Unit* const unit = workspace.units_.data();
   Mat r = kIdentity;
   Vec w = kZero, dw = kZero, a = -Vec(parameters_.gravity_W_mps2);
-  // The series of all units first: none waits for another's.
+  // The series of all units first: they are independent.
   for (int i = 0; i < units_; ++i)
     unit[i].series = Stumpff(q[2 * i] * q[2 * i] + q[2 * i + 1] * q[2 * i + 1]);
   for (int i = 0; i < units_; ++i) {
@@ -598,7 +598,7 @@ void Body::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef f
     b.t_v -= j.jv_v.dot(f) + j.jw_v.dot(n);
     if (i == 0) break;
 
-    // Seen from A, the unit yields along its joint; the rest of its inertia and force is handed on.
+    // Seen from A, the unit yields along its joint; the rest of its inertia and force is passed on.
     const Vec wf_u = b.d_uu * b.uf_u + b.d_uv * b.uf_v, wf_v = b.d_uv * b.uf_u + b.d_vv * b.uf_v;
     const Vec wn_u = b.d_uu * b.un_u + b.d_uv * b.un_v, wn_v = b.d_uv * b.un_u + b.d_vv * b.un_v;
     all.mass.SubtractOuter(wf_u, b.uf_u, wf_v, b.uf_v);
@@ -773,7 +773,7 @@ void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Ei
     const double l = k.length_m, u = q[2 * i], v = q[2 * i + 1];
     f += k.mass_kg * gravity;
 
-    // Change of the moment about the origin of A when this unit bends: what the units below it feel.
+    // Change of the moment about the origin of A when this unit bends, as it acts on the units below.
     const Vec y_u = Cross(j.jv_u, f) + turning * j.jw_u, y_v = Cross(j.jv_v, f) + turning * j.jw_v;
     for (int below = i - 1; below >= 0; --below) {
       const Joint& g = joints[below];

@@ -20,8 +20,8 @@ namespace {
 // scaled and errors are relative: y' = w, w' = rho - w^2 - G(y, w), with
 //   cumulative: G = (rho / n) w c^(-1/n),   local: G = rho sign(w) |w / c|^(1/n),
 //   c = alpha rho / (1 + rho) T^(n-1).
-// The sensitivities s = dy/dy(0) and r = dw/dy(0) go along: they are the slopes of the map in log-log
-// coordinates.
+// The sensitivities s = dy/dy(0) and r = dw/dy(0) are integrated along: they are the slopes of the map in
+// log-log coordinates.
 
 constexpr int kStates = 4;  // ln T - ln T(0), w, s, r
 
@@ -199,8 +199,8 @@ void SolveLog(const PulleyParameters& pulley, std::span<const double> log_low, s
       rho, n, 1 / n - 1, std::log(pulley.alpha * rho / (1 + rho)), pulley.law == CapstanLaw::kLocal, start};
   const double start_w = rho * std::tan(pulley.entry_angle_rad);
   if (!problem.local) {
-    // So little friction that the tension does not change by one unit in the last place: too stiff to
-    // integrate, and nothing to integrate.
+    // Friction so small that the tension does not change by one unit in the last place: too stiff to
+    // integrate, and no effect.
     const double least_rate = FrictionAt(problem, *std::min_element(start.begin(), start.end()), 1).g_w;
     if ((start_w + rho * pulley.wrap_rad) / least_rate < 1e-17) {
       for (std::size_t i = 0; i < start.size(); ++i) out[i] = {start[i], 1};
@@ -250,13 +250,13 @@ double InvertLog(const PulleyParameters& pulley, double log_high) {
   double x = upper - std::min(0.5 * (upper - lower), pulley.alpha * pulley.wrap_rad);
   for (int i = 0; i < 100; ++i) {
     const LogPoint f = SolveLog(pulley, x);
-    const double miss = f.log_high - log_high;
-    (miss > 0 ? upper : lower) = x;
-    double next = x - miss / f.slope;
+    const double error = f.log_high - log_high;
+    (error > 0 ? upper : lower) = x;
+    double next = x - error / f.slope;
     if (!(next >= lower && next <= upper)) next = 0.5 * (lower + upper);
     const double step = std::abs(next - x);
     x = next;
-    if (step <= 1e-13 * std::max(1.0, std::abs(x)) || std::abs(miss) < 2e-14) break;
+    if (step <= 1e-13 * std::max(1.0, std::abs(x)) || std::abs(error) < 2e-14) break;
   }
   return x;
 }

@@ -1,4 +1,4 @@
-// Tensions for a wanted bend or tip in true equilibrium: sequential quadratic programming over the tensions.
+// Tensions for a required bend or tip in equilibrium: sequential quadratic programming over the tensions.
 // Knows the body through its forces and their derivatives only.
 #include "tendril/model/inverse_equilibrium.h"
 
@@ -31,7 +31,7 @@ namespace {
 
 constexpr double kSettled_N = 1e-13;  // no tension moves more than this
 
-/// What is left of the balance: all forces that must be applied at this motion, less those of the tendons.
+/// Residual of the balance: the force that this motion requires less that of the tendons.
 VectorXd Residual(const Body& body, const VectorXd& q, const VectorXd& tension_N, const VectorXd* dq,
                   const VectorXd* ddq, Body::Workspace& workspace) {
   VectorXd needed(body.dof()), given(body.dof());
@@ -81,8 +81,8 @@ bool InverseEquilibrium::Balance(State& state, const Motion* motion) const {
     body_.TangentStiffness(state.q, state.tension_N, Vector3d::Zero(), stiffness);
     state.stable = Eigen::LLT<MatrixXd>(stiffness).info() == Eigen::Success;
     if (motion) {
-      // What motion adds to the stiffness has no closed form here; it is small, and central differences are
-      // ample.
+      // The part of the stiffness due to motion is small and has no closed form here; central differences
+      // suffice.
       constexpr double kStep = 1e-5;
       VectorXd plus(n), minus(n), still(n);
       for (int i = 0; i < n; ++i) {
@@ -114,7 +114,7 @@ bool InverseEquilibrium::Balance(State& state, const Motion* motion) const {
         residual = next_residual;
       }
     }
-    if (!better) break;  // round-off, or no way on: told apart by the residual
+    if (!better) break;  // round-off, or no further progress: distinguished by the residual
   }
   state.residual_Nm = residual.cwiseAbs().maxCoeff();
   MatrixXd lengths(body_.tendons(), n);
@@ -129,7 +129,7 @@ VectorXd InverseEquilibrium::Value(Goal goal, const VectorXd& q) const {
 }
 
 /// Steps of the quadratic programme: tensions of least sum whose linearised shape meets the target, halved
-/// until the body still has a stable shape and the target is nearer. `state` must be in balance.
+/// until the body has a stable shape and the target is nearer. `state` must be in balance.
 void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motion* motion, double least_N,
                                   double tolerance, State& state) const {
   const TensionAllocator allocator(body_.tendons(), static_cast<int>(target.size()));
@@ -146,39 +146,40 @@ void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motio
     }
     const MatrixXd q_per_tension = state.stiffness.solve(state.force_per_tension);
     const MatrixXd per_tension = slope * q_per_tension;
-    const VectorXd miss = target - Value(goal, state.q);
-    const auto wanted =
-        allocator.Allocate(per_tension, miss + per_tension * state.tension_N, least_N, max_tension_N_);
-    const VectorXd step = wanted.tension_N - state.tension_N;
+    const VectorXd error = target - Value(goal, state.q);
+    const auto required =
+        allocator.Allocate(per_tension, error + per_tension * state.tension_N, least_N, max_tension_N_);
+    const VectorXd step = required.tension_N - state.tension_N;
     if (step.cwiseAbs().maxCoeff() <= tolerance) return;
-    const double predicted = wanted.residual_Nm;  // the miss that the linear model leaves
+    const double predicted = required.residual_Nm;  // the error that the linear model leaves
     bool moved = false;
     double length = longest;
     for (int attempt = 0; attempt < 25 && !moved; ++attempt, length *= 0.5) {
       State next = state;
       next.tension_N = (state.tension_N + length * step)
                            .cwiseMax(min_tension_N_)
-                           .cwiseMin(max_tension_N_);  // but for round-off
+                           .cwiseMin(max_tension_N_);  // except for round-off
       next.q = state.q + length * (q_per_tension * step);
       if (!Balance(next, motion)) continue;
-      const double next_miss = (target - Value(goal, next.q)).norm();
-      // Near enough, steps along the constraint may leave it a little; the next one returns.
+      const double next_error = (target - Value(goal, next.q)).norm();
+      // Near the target, steps along the constraint may leave it slightly; the next step corrects that.
       const double near = 1e-4 * (1 + target.norm());
       const bool reachable = predicted <= 1e-9 * (1 + target.norm());
-      moved = next_miss <= miss.norm() - 1e-3 * length * (miss.norm() - predicted) ||
-              (reachable && next_miss < near);
+      moved = next_error <= error.norm() - 1e-3 * length * (error.norm() - predicted) ||
+              (reachable && next_error < near);
       if (!moved) continue;
-      // Steps that swing about the best tensions are shortened until they settle.
-      longest = next_miss > 0.5 * miss.norm() && next_miss > 1e-12 ? std::max(0.5 * length, 0.02)
-                                                                   : std::min(1.0, 2 * length);
+      // Steps that oscillate about the best tensions are shortened until they converge.
+      longest = next_error > 0.5 * error.norm() && next_error > 1e-12 ? std::max(0.5 * length, 0.02)
+                                                                      : std::min(1.0, 2 * length);
       state = std::move(next);
     }
     if (!moved) return;
   }
 }
 
-/// From the shape at equal tensions to wanted sums, in steps short enough to stay on the branch.
-InverseEquilibrium::State InverseEquilibrium::Continue(const VectorXd& us_vs, double least_N) const {
+/// Continuation from the shape at equal tensions to the required sums, in steps short enough to stay on the
+/// branch.
+InverseEquilibrium::State InverseEquilibrium::ContinueToBending(const VectorXd& us_vs, double least_N) const {
   State state;
   state.q = VectorXd::Zero(body_.dof());
   state.tension_N = VectorXd::Constant(body_.tendons(), least_N);
@@ -192,9 +193,10 @@ InverseEquilibrium::State InverseEquilibrium::Continue(const VectorXd& us_vs, do
   return state;
 }
 
-/// The same along the straight line of tips from there to the target.
-InverseEquilibrium::State InverseEquilibrium::Lead(const Vector3d& target_W_m, double least_N) const {
-  State state = Continue(VectorXd::Zero(sum_.rows()), least_N);
+/// Continuation along the straight line of tips from there to the target.
+InverseEquilibrium::State InverseEquilibrium::ContinueToTip(const Vector3d& target_W_m,
+                                                            double least_N) const {
+  State state = ContinueToBending(VectorXd::Zero(sum_.rows()), least_N);
   if (!state.stable) return state;
   const VectorXd start = Value(Goal::kTip, state.q);
   constexpr int kSteps = 8;
@@ -229,20 +231,20 @@ TensionedShape InverseEquilibrium::Finish(Goal goal, const VectorXd& target, con
   TensionedShape shape;
   shape.tension_N = state.tension_N;
   shape.q = state.q;
-  shape.miss = (target - Value(goal, state.q)).norm();
+  shape.target_error = (target - Value(goal, state.q)).norm();
   shape.residual_Nm = state.residual_Nm;
   shape.iterations = state.iterations;
   const double enough = goal == Goal::kBending ? 1e-7 : 1e-8;
   if (!state.stable) {
     shape.status = Status::kSolverFallback;
-  } else if (shape.miss > enough) {
+  } else if (shape.target_error > enough) {
     shape.status = Status::kTargetUnreachable;
   }
   return shape;
 }
 
 TensionedShape InverseEquilibrium::ForBending(ConstVectorRef us_vs) const {
-  return Finish(Goal::kBending, us_vs, Continue(us_vs, min_tension_N_));
+  return Finish(Goal::kBending, us_vs, ContinueToBending(us_vs, min_tension_N_));
 }
 
 TensionedShape InverseEquilibrium::ForBending(ConstVectorRef us_vs, ConstVectorRef dus_dvs,
@@ -258,25 +260,26 @@ TensionedShape InverseEquilibrium::ForBending(ConstVectorRef us_vs, ConstVectorR
 }
 
 TensionedShape InverseEquilibrium::ForTip(const Vector3d& target_W_m, double max_bending_rad) const {
-  // The arc with its tip there has nearly the shape: the search starts from the equilibrium of the same sums.
+  // The arc with its tip at the target has nearly the shape: the search starts from the equilibrium with the
+  // same sums.
   const InverseKinematics arc(body_, max_bending_rad);
   const VectorXd bend = arc.Solve(target_W_m, BendingVector::Zero(2 * body_.sections())).us_vs;
-  // Equal tensions more on every tendon move the tip only a little, and not in proportion: a tip that needs
-  // them is not found from little tension, so the search starts again from more until one start arrives. The
-  // arc of several sections may be far from any equilibrium; then the tip itself is led there from the
-  // straight shape.
+  // A common increase of all tensions moves the tip little and nonlinearly. A tip that needs high tension is
+  // not found from low tension, so the search restarts from higher ones until a start converges. The arc of
+  // several sections may be far from any equilibrium; then the tip itself is continued from the straight
+  // shape.
   const double range_N = std::isfinite(max_tension_N_) ? max_tension_N_ - min_tension_N_ : 10.0;
   TensionedShape best;
   bool first = true;
   int iterations = 0;
   for (const double fraction : {0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7}) {
     const double least_N = min_tension_N_ + fraction * range_N;
-    for (const bool led : {false, true}) {
-      State state = led ? Lead(target_W_m, least_N) : Continue(bend, least_N);
+    for (const bool by_tip : {false, true}) {
+      State state = by_tip ? ContinueToTip(target_W_m, least_N) : ContinueToBending(bend, least_N);
       if (state.stable) Approach(Goal::kTip, target_W_m, nullptr, min_tension_N_, kSettled_N, state);
       const TensionedShape shape = Finish(Goal::kTip, target_W_m, state);
       iterations += shape.iterations;
-      const bool nearer = shape.status != Status::kSolverFallback && shape.miss < best.miss;
+      const bool nearer = shape.status != Status::kSolverFallback && shape.target_error < best.target_error;
       if (first || best.status == Status::kSolverFallback || nearer) best = shape;
       first = false;
       if (best.status == Status::kOk) {
@@ -296,7 +299,7 @@ TensionedShape InverseEquilibrium::ForTip(const Vector3d& target_W_m, const Vect
   state.q = still.q;
   state.tension_N = still.tension_N;
   state.iterations = still.iterations;
-  // The rates depend on the shape, the shape a little on the rates.
+  // The rates depend on the shape, and the shape slightly on the rates.
   for (int i = 0; i < 30; ++i) {
     const VectorXd before = state.q;
     const Motion motion = TipMotion(state.q, velocity_W_mps, acceleration_W_mps2);

@@ -90,7 +90,7 @@ NearestBend Nearest(const Profile& profile, double r, double z, double most) {
     const auto p = profile.At(theta);
     return std::hypot(p.r - r, p.z - z);
   };
-  // On the surface the closed form (eq. 5) is the answer.
+  // On the surface the closed form (eq. 5) applies.
   const double closed = 2 * std::atan2(r, z);
   if (closed <= most) {
     const double off = distance(closed);
@@ -109,7 +109,8 @@ NearestBend Nearest(const Profile& profile, double r, double z, double most) {
       const auto p = profile.At(theta);
       const double slope = (p.r - r) * p.dr + (p.z - z) * p.dz;
       const double curvature = p.dr * p.dr + p.dz * p.dz + (p.r - r) * p.ddr + (p.z - z) * p.ddz;
-      if ((theta == 0 && slope >= 0) || (theta == most && slope <= 0)) break;  // held by an end of the range
+      if ((theta == 0 && slope >= 0) || (theta == most && slope <= 0))
+        break;  // limited by an end of the range
       (slope > 0 ? high : low) = theta;
       double next = curvature > 0 ? theta - slope / curvature : -1;
       if (next > most && high == most) next = most;
@@ -171,22 +172,21 @@ class Chain {
   };
 
   /// Minimises the distance from a start with Levenberg's damping on the exact Hessian; a section at its
-  /// limit whose descent points outwards moves along the limit only.
+  /// limit with an outward descent direction moves along the limit only.
   End Descend(BendingVector q, int max_iterations) const {
     Limit(q);
     const int n = static_cast<int>(q.size());
     TipJacobian jacobian(3, n);
-    Vector3d miss = (Tip(q, &jacobian) - target_) / scale_m_;
+    Vector3d error = (Tip(q, &jacobian) - target_) / scale_m_;
     double damping = 1e-6;
-    // Gauss-Newton moves least and suffices while it closes in; the exact Hessian is for targets out of
-    // reach.
+    // Gauss-Newton moves least and suffices while it converges; the exact Hessian is for unreachable targets.
     bool curved = false;
     for (int iteration = 1; iteration <= max_iterations; ++iteration) {
-      if (miss.norm() <= kExact) return {q, miss.norm() * scale_m_, true, iteration};
+      if (error.norm() <= kExact) return {q, error.norm() * scale_m_, true, iteration};
       const BendingMatrix scaled_transpose = jacobian.transpose() / scale_m_;
-      const BendingVector gradient = scaled_transpose * miss;
+      const BendingVector gradient = scaled_transpose * error;
       BendingMatrix hessian = scaled_transpose * scaled_transpose.transpose();
-      if (curved) AddCurvature(q, miss, hessian);
+      if (curved) AddCurvature(q, error, hessian);
       // Basis of the admissible directions.
       BendingMatrix basis = BendingMatrix::Zero(n, n);
       int count = 0;
@@ -203,7 +203,7 @@ class Chain {
       }
       basis.conservativeResize(Eigen::NoChange, count);
       const BendingVector slope = basis.transpose() * gradient;
-      if (slope.norm() <= 1e-14) return {q, miss.norm() * scale_m_, true, iteration};
+      if (slope.norm() <= 1e-14) return {q, error.norm() * scale_m_, true, iteration};
       const BendingMatrix reduced = basis.transpose() * hessian * basis;
       bool better = false;
       for (int attempt = 0; attempt < 12 && !better; ++attempt) {
@@ -212,29 +212,29 @@ class Chain {
           BendingVector next = q + basis * -factor.solve(slope);
           Limit(next);
           TipJacobian next_jacobian(3, n);
-          const Vector3d next_miss = (Tip(next, &next_jacobian) - target_) / scale_m_;
-          better = next_miss.squaredNorm() < miss.squaredNorm();
+          const Vector3d next_error = (Tip(next, &next_jacobian) - target_) / scale_m_;
+          better = next_error.squaredNorm() < error.squaredNorm();
           if (better) {
-            curved = next_miss.norm() > 0.5 * miss.norm();
+            curved = next_error.norm() > 0.5 * error.norm();
             q = next;
-            miss = next_miss;
+            error = next_error;
             jacobian = next_jacobian;
           }
         }
         damping = better ? std::max(0.05 * damping, 1e-15) : std::max(8 * damping, 1e-12);
       }
-      if (!better && curved) return {q, miss.norm() * scale_m_, slope.norm() <= 1e-9, iteration};
+      if (!better && curved) return {q, error.norm() * scale_m_, slope.norm() <= 1e-9, iteration};
       curved = curved || !better;
     }
-    return {q, miss.norm() * scale_m_, false, max_iterations};
+    return {q, error.norm() * scale_m_, false, max_iterations};
   }
 
  private:
   static constexpr double kExact = 1e-15;  // of the robot's length
 
-  /// Adds the second derivative of the tip times the miss, by central differences of the Jacobian: without it
-  /// the descent towards an unreachable target is slow.
-  void AddCurvature(const BendingVector& q, const Vector3d& miss, BendingMatrix& hessian) const {
+  /// Adds the second derivative of the tip times the error, by central differences of the Jacobian: without
+  /// it the descent towards an unreachable target is slow.
+  void AddCurvature(const BendingVector& q, const Vector3d& error, BendingMatrix& hessian) const {
     constexpr double kStep = 1e-5;
     const int n = static_cast<int>(q.size());
     BendingMatrix second(n, n);
@@ -245,7 +245,7 @@ class Chain {
       Tip(at, &plus);
       at[i] = q[i] - kStep;
       Tip(at, &minus);
-      second.col(i) = (plus - minus).transpose() * miss / (2 * kStep * scale_m_);
+      second.col(i) = (plus - minus).transpose() * error / (2 * kStep * scale_m_);
     }
     hessian += 0.5 * (second + second.transpose());
   }
@@ -288,7 +288,7 @@ IkSolution InverseKinematics::Solve(const Eigen::Vector3d& target_W_m,
   }
   const double r = std::hypot(target_W_m.x(), target_W_m.y());
   const Eigen::Vector2d seed_bend = solution.us_vs.head<2>();
-  // On the axis every bending plane is as good: keep the seed's.
+  // On the axis every bending plane is equal: keep the seed's.
   const Eigen::Vector2d direction = r > 0                  ? Eigen::Vector2d(target_W_m.head<2>() / r)
                                     : seed_bend.norm() > 0 ? Eigen::Vector2d(seed_bend.normalized())
                                                            : Eigen::Vector2d::UnitX();
@@ -301,8 +301,8 @@ IkSolution InverseKinematics::Solve(const Eigen::Vector3d& target_W_m,
     Chain::End best = chain.Descend(solution.us_vs, 60);
     solution.iterations = best.iterations;
     if (best.distance_m > UnreachableDistance(body_)) {
-      // Stuck, perhaps in a local minimum or on the symmetric saddle of the straight shape: try a few shapes
-      // in the target's plane, bent to one side and S-shaped.
+      // Possibly in a local minimum or on the symmetric saddle of the straight shape: try other shapes in the
+      // target's plane, bent to one side and S-shaped.
       constexpr std::array<std::array<double, 2>, 5> kShapes{
           {{0.3, 0.3}, {0.8, 0.8}, {0.6, -0.6}, {-0.6, 0.6}, {0.9, -0.3}}};
       for (const auto& shape : kShapes) {
@@ -312,7 +312,7 @@ IkSolution InverseKinematics::Solve(const Eigen::Vector3d& target_W_m,
         }
         const Chain::End other = chain.Descend(start, 40);
         solution.iterations += other.iterations;
-        // Another shape must be clearly nearer, or the robot would hop between equally good ones.
+        // Another shape must be clearly nearer, to avoid jumps between equally good ones.
         if (other.distance_m < best.distance_m - UnreachableDistance(body_)) best = other;
         if (best.distance_m <= UnreachableDistance(body_)) break;
       }

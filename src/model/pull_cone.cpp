@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi, kHalfTurn = std::numbers::pi;
 constexpr double kAlike_rad = 0.01;
-// As far as rounding goes a gap is half a turn, and the tendons beside it hold nothing across it.
+// A gap this close to half a turn counts as such; the tendons beside it hold nothing across it.
 constexpr double kOpposite_rad = 1e-6 * kHalfTurn / 180;
 
 double Wrapped(double angle_rad) { return angle_rad - kTurn * std::floor(angle_rad / kTurn); }
@@ -53,7 +53,7 @@ PullCone PullConeOf(const BodyParameters& body, int section) {
   for (const TendonRoute& t : body.sections[static_cast<std::size_t>(section)].tendons)
     angles.push_back(Wrapped(t.angle_rad + body.twist_rad_per_m * middle_m));
   std::sort(angles.begin(), angles.end());
-  // The cone begins behind the widest gap.
+  // The cone begins after the widest gap.
   double widest = angles.front() + kTurn - angles.back();
   PullCone cone{.from_rad = angles.front()};
   for (std::size_t i = 1; i < angles.size(); ++i) {

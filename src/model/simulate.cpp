@@ -108,7 +108,7 @@ void Simulate(const Body& body, const TensionProfile& profile, ConstVectorRef in
           "the tolerance must be within 1e-14..0.1");
 
   const double first_s = profile.time_s[0], last_s = profile.time_s[knots - 1];
-  // A grid point that misses the last knot by rounding is still the last knot.
+  // A grid point beyond the last knot by rounding counts as the last knot.
   const auto samples =
       static_cast<std::int64_t>(std::floor((last_s - first_s) / step_s * (1 + 1e-12) + 1e-9));
   sample(first_s, initial_q, initial_dq);

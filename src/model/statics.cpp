@@ -1,6 +1,6 @@
 // Static equilibria: continuation of the branch from zero load by Newton steps with the exact tangent,
-// minimisation of the potential from any start, and the small vibrations about what they find. Knows nothing
-// of where loads come from.
+// minimisation of the potential from any start, and the small vibrations about these equilibria. Knows
+// nothing of where loads come from.
 #include "tendril/model/statics.h"
 
 #include <Eigen/Cholesky>
@@ -45,8 +45,8 @@ double SmallestEigenvalue(const MatrixXd& k) {
   return Eigen::SelfAdjointEigenSolver<MatrixXd>(k, Eigen::EigenvaluesOnly).eigenvalues()[0];
 }
 
-// Plain Newton from a start near the solution. The equilibrium, or nothing when the steps do not shrink or
-// lead away from the start. `polish`: one step more, down to rounding.
+// Plain Newton from a start near the solution. Returns the equilibrium, or nothing when the steps do not
+// shrink or move away from the start. `polish`: one step more, down to rounding.
 std::optional<VectorXd> Correct(const Body& body, const Load& load, const VectorXd& start, bool polish,
                                 int& iterations) {
   VectorXd q = start;
@@ -96,8 +96,7 @@ void Follow(const At& at, const Rate& rate, Equilibrium& result) {
       const int before = result.iterations;
       const auto q =
           Correct(next_body, next_load, result.q + (next - lambda) * slope, last, result.iterations);
-      // An unstable point is either past the place where stability is lost, or on another branch: a shorter
-      // step tells.
+      // An unstable point is either past the loss of stability or on another branch: a shorter step decides.
       accepted = q && Tangent(next_body, *q, next_load).llt().info() == Eigen::Success;
       if (!accepted) {
         h /= 2;
@@ -117,8 +116,8 @@ void Follow(const At& at, const Rate& rate, Equilibrium& result) {
   result.result = StaticsResult::kNoSolution;
 }
 
-// The robot at its rest shape takes on its dead loads, its own weight first of all, little by little: the
-// start of the branch.
+// Applies the dead loads, first of all the robot's weight, gradually to the rest shape: the start of the
+// branch.
 void Sag(const Body& body, Equilibrium& result) {
   const Load none{VectorXd::Zero(body.tendons()), Vector3d::Zero()};
   const int n = body.dof();
@@ -195,7 +194,7 @@ Equilibrium SolveStaticsFrom(const Body& body, ConstVectorRef start_q, ConstVect
     if (stable) {
       step = -llt.solve(g);
     } else {
-      // Downhill along every mode, also along those in which the potential curves down.
+      // Downhill along every mode, including those of negative curvature.
       const Eigen::SelfAdjointEigenSolver<MatrixXd> modes(k);
       const VectorXd curvature =
           modes.eigenvalues().cwiseAbs().cwiseMax(1e-6 * modes.eigenvalues().cwiseAbs().maxCoeff());

@@ -7,9 +7,8 @@
 namespace tendril::model::detail {
 namespace {
 
-// Below `kSeriesLimit` the terms of both series fall from the first one on, so nothing cancels in them; the
-// downward recurrence loses nothing that matters until theta = pi. Above, 1/k! - c_k is well away from zero
-// for every k.
+// Below `kSeriesLimit` the terms of both series fall from the first one on, so there is no cancellation; the
+// downward recurrence is accurate until theta = pi. Above, 1/k! - c_k is well away from zero for every k.
 constexpr double kSmallLimit = 1.25, kSeriesLimit = 10;
 
 }  // namespace

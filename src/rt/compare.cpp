@@ -1,4 +1,4 @@
-// The two loops by turns; see the header.
+// The two loops in alternation; see the header.
 #include "tendril/rt/compare.h"
 
 #include <algorithm>

@@ -21,19 +21,18 @@ namespace {
 
 constexpr std::size_t kPrefaultedStack = 256 * 1024;
 constexpr std::uintptr_t kPage = 4096;  // at most as large as any page
-constexpr int kSubBinBits = 3;          // eight bins an octave
+constexpr int kSubBinBits = 3;          // eight bins per octave
 constexpr std::uint64_t kSubBins = 1U << kSubBinBits;
 
-// A stack page touched for the first time inside a cycle is a page fault there.
+// A stack page first touched inside a cycle would be a page fault there.
 [[gnu::noinline]] void PrefaultStack() {
   volatile unsigned char stack[kPrefaultedStack];
   for (std::size_t i = 0; i < kPrefaultedStack; i += 1024) stack[i] = 0;
   (void)stack[0];
 }
 
-// Code and constants of the program and its libraries. Without the right to lock they are not in memory
-// before they are first used, and a kernel that runs as a process (user-mode Linux) counts a fault for the
-// first touch of a locked page, too.
+// Code and constants of the program and its libraries. Without the right to lock they are loaded on first
+// use, and user-mode Linux counts a fault even for the first touch of a locked page.
 [[gnu::no_sanitize("address", "thread")]] int TouchSegments(dl_phdr_info* object, std::size_t, void*) {
   for (int i = 0; i < object->dlpi_phnum; ++i) {
     const ElfW(Phdr)& segment = object->dlpi_phdr[i];
@@ -46,8 +45,8 @@ constexpr std::uint64_t kSubBins = 1U << kSubBinBits;
   return 0;
 }
 
-// While somebody keeps this file open with a zero in it, no CPU sleeps so deeply that waking takes time. Kept
-// until the process ends; where it may not be written, waking takes longer and nothing else happens.
+// While this file is held open with a zero in it, no CPU enters a sleep state with a wake-up latency. Held
+// until the process ends; without write access, wake-ups take longer and nothing else changes.
 void KeepCpusAwake() {
   static const int file = [] {
     const int fd = open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
@@ -97,7 +96,7 @@ std::string EnterRealtime(const RealtimeParameters& p) {
   }
   PrefaultStack();
   dl_iterate_phdr(TouchSegments, nullptr);
-  // Ordinary threads are woken up to 50 us late on purpose, to save wake-ups.
+  // The kernel delays ordinary threads by up to 50 us to save wake-ups.
   prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL);
   if (p.priority > 0) {
     KeepCpusAwake();
@@ -160,8 +159,8 @@ void Histogram::Add(TimeNs value_ns) noexcept {
 
 TimeNs Histogram::Percentile(double share) const noexcept {
   if (count_ == 0) return 0;
-  const double wanted = std::ceil(std::clamp(share, 0.0, 1.0) * static_cast<double>(count_));
-  const auto rank = std::max<std::uint64_t>(static_cast<std::uint64_t>(wanted), 1);
+  const double target = std::ceil(std::clamp(share, 0.0, 1.0) * static_cast<double>(count_));
+  const auto rank = std::max<std::uint64_t>(static_cast<std::uint64_t>(target), 1);
   std::uint64_t seen = 0;
   for (std::uint64_t bin = 0; bin < kBins - 1; ++bin) {
     seen += bin_[bin];
@@ -176,7 +175,7 @@ LatencyStatistics Histogram::Statistics() const noexcept {
   s.p99_ns = Percentile(0.99);
   s.p999_ns = Percentile(0.999);
   s.max_ns = max_ns_;
-  // Octaves end where powers of two do, so that no bin lies across the edge of a published one.
+  // Octaves end at powers of two, so that no bin crosses the edge of a published one.
   std::size_t to = 0;
   for (std::uint64_t bin = 0; bin < kBins; ++bin) {
     while (static_cast<TimeNs>(EdgeOf(bin)) >= LatencyBinBelow_ns(static_cast<int>(to))) ++to;

@@ -17,9 +17,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A C-state that takes longer to leave is felt by a loop of a millisecond.
+// A C-state with a longer exit latency disturbs a loop of a millisecond.
 constexpr int kSlowExit_us = 20;
-// A transmit queue keeps frames of cycles long past when it is much longer than a cycle's frames.
+// A transmit queue much longer than a cycle's frames holds frames of cycles long past.
 constexpr int kLongestQueue = 100;
 constexpr int kCapIpcLock = 14, kCapSysNice = 23;
 
@@ -58,7 +58,7 @@ bool ListHas(const std::string& list, int cpu) {
   return false;
 }
 
-// The cpus that the loop may run on, as folders of /sys/devices/system/cpu.
+// The CPUs that the loop may run on, as folders of /sys/devices/system/cpu.
 std::vector<fs::path> LoopCpus(const fs::path& root, int cpu) {
   std::vector<fs::path> cpus;
   for (const fs::path& folder : Folders(root / "sys/devices/system/cpu")) {
@@ -110,7 +110,7 @@ HostSetting Governor(const fs::path& root, int cpu) {
     s.value = slow.empty() ? *governor : slow;
   }
   if (s.value.empty()) {
-    s.value = "no frequency scaling to be seen";
+    s.value = "no frequency scaling found";
     return s;
   }
   s.verdict = slow.empty() ? Verdict::kGood : Verdict::kBetter;
@@ -135,16 +135,16 @@ HostSetting IdleStates(const fs::path& root, int cpu) {
     }
   }
   if (!any) {
-    s.value = "none to be seen";
+    s.value = "none found";
     return s;
   }
   const bool slow = slowest_us > kSlowExit_us;
   s.verdict = slow ? Verdict::kBetter : Verdict::kGood;
-  s.value = slowest.empty() ? "no sleep that must be left again"
+  s.value = slowest.empty() ? "no C-state with an exit latency"
                             : slowest + " takes " + std::to_string(slowest_us) + " us to leave";
   if (slow) {
     s.remedy =
-        "tendrild asks for none while it runs if it may write /dev/cpu_dma_latency; else cpupower "
+        "tendrild disables them while it runs if it may write /dev/cpu_dma_latency; else cpupower "
         "idle-set --disable-by-latency " +
         std::to_string(kSlowExit_us);
   }
@@ -179,8 +179,8 @@ HostSetting Interrupts(const fs::path& root, int cpu) {
   std::string numbers;
   for (const fs::path& irq : Folders(root / "proc/irq")) {
     const auto affinity = ReadLine(irq / "effective_affinity_list");
-    const auto wanted = ReadLine(irq / "smp_affinity_list");
-    const auto& list = affinity && !affinity->empty() ? affinity : wanted;
+    const auto configured = ReadLine(irq / "smp_affinity_list");
+    const auto& list = affinity && !affinity->empty() ? affinity : configured;
     if (!list) continue;
     ++all;
     if (cpu < 0 || !ListHas(*list, cpu)) continue;
@@ -245,7 +245,7 @@ HostSetting PriorityLimit(const fs::path& root, int priority) {
   } else if (limit) {
     const bool enough = *limit == "unlimited" || Number(*limit).value_or(0) >= priority;
     s.verdict = enough ? Verdict::kGood : Verdict::kBad;
-    s.value = *limit + ", priority " + n + " is asked for";
+    s.value = *limit + ", priority " + n + " is requested";
     if (!enough) {
       s.remedy = "LimitRTPRIO=" + n + " in the service; for a shell '@realtime - rtprio " + n +
                  "' in /etc/security/limits.d/tendril.conf, and log in again";
@@ -259,13 +259,13 @@ HostSetting MemoryLimit(const fs::path& root, bool lock_memory) {
   const auto limit = Limit(root, "Max locked memory");
   if (!lock_memory) {
     s.verdict = Verdict::kBetter;
-    s.value = "realtime.lock_memory is false: pages may be fetched inside the loop";
+    s.value = "realtime.lock_memory is false: page faults may occur inside the loop";
     s.remedy = "set realtime.lock_memory to true";
   } else if (HasCapability(root, kCapIpcLock)) {
     s.verdict = Verdict::kGood;
     s.value = "CAP_IPC_LOCK: no limit";
   } else if (limit) {
-    // Program, libraries, stacks and black box together; half a gigabyte is beyond any of them.
+    // Program, libraries, stacks and black box together need less than half a gigabyte.
     const bool enough = *limit == "unlimited" || Number(*limit).value_or(0) >= (512LL << 20);
     s.verdict = enough ? Verdict::kGood : Verdict::kBad;
     s.value = *limit == "unlimited" ? *limit : *limit + " bytes";
@@ -283,7 +283,7 @@ HostSetting Throttling(const fs::path& root) {
   const auto runtime_us = Number(ReadLine(root / "proc/sys/kernel/sched_rt_runtime_us").value_or(""));
   const auto period_us = Number(ReadLine(root / "proc/sys/kernel/sched_rt_period_us").value_or(""));
   if (!runtime_us || !period_us || *period_us <= 0) return s;
-  // Some is welcome: a loop that never ends leaves the operator a machine to stop it on.
+  // A reserve is useful: it leaves the operator a machine on which to stop an endless loop.
   const bool enough = *runtime_us < 0 || *runtime_us * 10 >= *period_us * 9;
   s.verdict = enough ? Verdict::kGood : Verdict::kBad;
   s.value = *runtime_us < 0 ? "off"
@@ -301,7 +301,7 @@ HostSetting ClockSource(const fs::path& root) {
   s.verdict = slow ? Verdict::kBetter : Verdict::kGood;
   s.value = *source;
   if (slow)
-    s.remedy = "each look at this clock takes microseconds: boot with clocksource=tsc if the CPU allows";
+    s.remedy = "each read of this clock takes microseconds: boot with clocksource=tsc if the CPU allows";
   return s;
 }
 
@@ -312,7 +312,7 @@ HostSetting TransmitQueue(const fs::path& root, const std::string& interface, in
     s.value = "there is no interface " + interface;
     return s;
   }
-  // As kTransmitQueue, for so many drives as there are.
+  // As kTransmitQueue, for the actual number of drives.
   const int least = 2 * (drives + 3);
   const bool good = least <= *length && *length <= kLongestQueue;
   s.verdict = *length < least ? Verdict::kBad : good ? Verdict::kGood : Verdict::kBetter;
@@ -320,7 +320,7 @@ HostSetting TransmitQueue(const fs::path& root, const std::string& interface, in
   if (!good) {
     s.remedy =
         "ip link set " + interface + " txqueuelen " + std::to_string(kTransmitQueue) +
-        (*length < least ? " (frames of one cycle are refused)" : " (torques of long ago may wait in it)");
+        (*length < least ? " (frames of one cycle are refused)" : " (outdated torques may wait in it)");
   }
   return s;
 }

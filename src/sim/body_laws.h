@@ -1,5 +1,5 @@
-// Laws that effects add to the body: extra generalised forces, and how the tension of a tendon falls from
-// disk to disk. Memories are read between a solver's steps and moved on at accepted ones. Knows nothing of
+// Laws that effects add to the body: extra generalised forces, and the decrease of a tendon's tension from
+// disk to disk. Memories are read within a solver's steps and moved at accepted ones. Knows nothing of
 // motors, solvers or files.
 #pragma once
 
@@ -12,8 +12,8 @@
 
 namespace tendril::sim {
 
-/// One law. A memory, where there is one, starts relaxed at the straight body; the const functions give what
-/// follows if the body moved straight on from the committed shape ("peek"). q, dq: 2N; M tendons, N units.
+/// One law. A memory, if any, starts relaxed at the straight body; the const functions give the result of a
+/// straight motion from the committed shape ("peek"). q, dq: 2N; M tendons, N units.
 class BodyLaw {
  public:
   virtual ~BodyLaw() = default;
@@ -22,12 +22,12 @@ class BodyLaw {
   /// Adds the law's generalised force on (u, v) of every unit [N·m].
   virtual void AddForce(const model::Body&, model::ConstVectorRef /*q*/, model::ConstVectorRef /*dq*/,
                         double /*time_s*/, model::VectorRef /*force_Nm*/) const noexcept {}
-  /// Multiplies share(j, i), M x N, by the tension of tendon j in unit i over its tension at the base.
-  /// A share does not depend on the tensions. Spans beyond a tendon's end do not matter.
+  /// Multiplies share(j, i), M x N, by the tension of tendon j in unit i over its tension at the base. A
+  /// share does not depend on the tensions. Spans beyond a tendon's end are ignored.
   virtual void Share(const model::Body&, model::ConstVectorRef /*q*/,
                      model::MatrixRef /*share*/) const noexcept {}
   /// Adds -d(force)/dq, 2N x 2N [N·m/rad], of both kinds of force, at these base tensions; not symmetric in
-  /// general. For implicit solvers: their speed depends on it, their result does not.
+  /// general. For implicit solvers: it affects their speed, not their result.
   virtual void AddStiffness(const model::Body&, model::ConstVectorRef /*q*/,
                             model::ConstVectorRef /*tension_N*/,
                             model::MatrixRef /*stiffness*/) const noexcept {}
@@ -35,7 +35,7 @@ class BodyLaw {
   virtual void Commit(const model::Body&, model::ConstVectorRef /*q*/, double /*time_s*/) noexcept {}
 };
 
-/// All laws of one body; copying copies the memories. Not thread-safe: a copy per thread.
+/// All laws of one body; copying copies the memories. Not thread-safe: one copy per thread.
 class BodyLaws {
  public:
   BodyLaws() = default;
@@ -46,7 +46,7 @@ class BodyLaws {
   ~BodyLaws() = default;
 
   void Add(std::unique_ptr<BodyLaw> law) { laws_.push_back(std::move(law)); }
-  /// Nothing to do: the nominal body, to be computed without any of the functions below.
+  /// No laws: the nominal body, to be computed without the functions below.
   bool empty() const noexcept { return laws_.empty(); }
 
   /// Adds the laws' generalised forces (without those of the tendons) [N·m].
@@ -60,7 +60,7 @@ class BodyLaws {
                     model::MatrixRef weighted) const noexcept;
   /// Adds -d(force)/dq of AddForce, and of the tendons' force through the change of the shares, to a tangent
   /// stiffness (2N x 2N); a hint, see BodyLaw::AddStiffness. With uneven shares, Body::TangentStiffness at
-  /// the base tensions stays the rest of the hint.
+  /// the base tensions remains the other part of the hint.
   void AddStiffness(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef tension_base_N,
                     model::MatrixRef stiffness) const noexcept;
   /// Moves every memory to the shape of an accepted step.

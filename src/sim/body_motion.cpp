@@ -9,7 +9,7 @@
 namespace tendril::sim {
 namespace {
 
-// Generalised-alpha: what is far too fast for the step loses a tenth a step.
+// Generalised-alpha: modes far too fast for the step lose a tenth per step.
 constexpr double kRho = 0.9;
 constexpr double kAlphaM = (2 * kRho - 1) / (kRho + 1);
 constexpr double kAlphaF = kRho / (kRho + 1);
@@ -18,12 +18,12 @@ constexpr double kBeta = 0.25 * (kGamma + 0.5) * (kGamma + 0.5);
 constexpr double kShare = (1 - kAlphaF) / (1 - kAlphaM);
 constexpr double kRateWeight = kGamma * kShare, kBendWeight = kBeta * kShare;
 
-// Newton's matrix is taken anew beyond this bend from where it was taken, or beyond the tension that the
-// constructor is given.
+// Newton's matrix is recomputed beyond this bend from its reference, or beyond the constructor's tension.
 constexpr double kReferenceBend_rad = 0.02;
-// Last correction of the bending. With the matrix so near, what is left is some per cent of it.
+// Tolerance on the last correction of the bending; with a nearby matrix the remaining error is some per cent
+// of it.
 constexpr double kTolerance_rad = 1e-5;
-// Less than this between two iterates says nothing about a slope.
+// Smaller changes between two iterates give no slope.
 constexpr double kSecant_m = 1e-10;
 constexpr int kMostIterations = 12;
 constexpr int kMostHalvings = 6;
@@ -173,8 +173,8 @@ void BodyStepper::Solve(double h) {
   }
 }
 
-// Between two branches of a friction law the tangents at both ends may send Newton back and forth; the secant
-// is as steep as the corner between them needs.
+// Between two branches of a friction law the tangents may make Newton oscillate; the secant has the slope
+// across the corner.
 void BodyStepper::SteepenToSecants() {
   for (int j = 0; j < m_; ++j) {
     const double moved = shortening_[j] - previous_shortening_[j];
@@ -216,7 +216,7 @@ bool BodyStepper::TryStep(TensionSource& source, double h) {
     if (iteration > 0 && size > 0.3 * last) reference_h_ = 0;  // the matrix is stale
     last = size;
   }
-  // Tendons at the accepted shape: by the tangent from where they were evaluated last.
+  // Tendons at the accepted shape, by the tangent at their last evaluation.
   for (int j = 0; j < m_; ++j) {
     double moved = 0;
     for (int i = 0; i < n_; ++i) moved += jacobian_(j, i) * step_[i];
@@ -250,7 +250,7 @@ bool BodyStepper::StepTo(TensionSource& source, double to_s) {
     time_s_ = to_s;
     return true;
   }
-  // Parts: halved at each failure, doubled again after a success.
+  // Part steps: halved at each failure, doubled after a success.
   double done = 0, part = 0.5;
   while (done < 1) {
     const double h = std::min(part, 1 - done);
@@ -299,11 +299,11 @@ bool BodyStepper::Settle(TensionSource& source, double time_s) {
   return settled;
 }
 
-// (K + 1/tau) step = -residual with a line search on the residual: Newton's where it works, down the gradient
-// where the tangent is not positive or a friction law has its corner.
+// (K + 1/tau) step = -residual with a line search on the residual: Newton's where it converges, gradient
+// descent where the tangent is not positive definite or at the corner of a friction law.
 bool BodyStepper::Descend(TensionSource& source) {
   constexpr int kMost = 100;
-  // Of the stiffest unit's moment per radian: what rounding leaves, and how the pushes of the search range.
+  // Relative to the stiffest unit's moment per radian: rounding floor, and range of the pseudo-time term.
   constexpr double kFloor = 2e-10, kDull = 2e4, kSharp = 2e-8, kFirst = 2e-3, kAgain = 2e-5;
   constexpr double kLongest_rad = 0.3, kShortest = 1e-3;
   double unit_Nm = 0;
@@ -364,8 +364,8 @@ bool BodyStepper::Descend(TensionSource& source) {
   return false;
 }
 
-// Where no path leads down to an equilibrium near by (a body that buckles, a corner that Newton does not get
-// round): the motion itself, braked.
+// Where descent finds no nearby equilibrium (buckling, a corner on which Newton fails): integrates the damped
+// motion instead.
 bool BodyStepper::Relax(TensionSource& source) {
   constexpr int kMost = 3000, kMostFailures = 40;
   constexpr double kStep_s = 1e-3, kBrake = 0.9, kStill_radps = 1e-9;

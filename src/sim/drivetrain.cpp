@@ -29,9 +29,9 @@ Way Moved(Way way, double by) {
 
 }  // namespace
 
-// Turned when the velocity changed sign. The
-// turning point is the cubic's through both ends, taken at the zero of the straight line between the
-// velocities; it is stationary there, so the error is of second order in that time's.
+// A turning point exists when the velocity changed sign. It is that of the cubic through both ends, taken at
+// the zero of the linearly interpolated velocity; the cubic is stationary there, so the error is of second
+// order in that time's.
 Way WayTo(double x0, double v0, double x, double v, double h) noexcept {
   if (!(v0 * v < 0) || h <= 0) return {x, false, x};
   const double s = v0 / (v0 - v);
@@ -78,7 +78,7 @@ Way Drivetrain::ShaftWay(double time_s, const DrivetrainMotion& m) const noexcep
   return WayTo(angle_, velocity_, m.angle_rad, m.velocity_radps, time_s - time_s_);
 }
 
-// The radius grows with what the spool has wound: r(phi) = r + g phi, s = r phi + g phi^2 / 2.
+// The radius grows with the wound angle: r(phi) = r + g phi, s = r phi + g phi^2 / 2.
 Drivetrain::Spool Drivetrain::SpoolAt(const Way& shaft, const DrivetrainMotion& m) const noexcept {
   if (plain_spool_) return {travel_ * m.angle_rad, travel_ * m.velocity_radps, travel_, travel_};
   const double driven = Peek(play_, shaft);
@@ -89,7 +89,7 @@ Drivetrain::Spool Drivetrain::SpoolAt(const Way& shaft, const DrivetrainMotion& 
   return {(travel_ + 0.5 * growth_per_rad_m_ * driven) * driven, per_rad * m.velocity_radps, per_rad, arm};
 }
 
-// The pulley lies half way.
+// The pulley lies half way along the tendon.
 Way Drivetrain::SlideWay(double time_s, const DrivetrainMotion& m, const Spool& spool) const noexcept {
   return WayTo(slide_, slide_rate_, 0.5 * (spool.pull_m + m.shortening_m),
                0.5 * (spool.rate_mps + m.shortening_rate_mps), time_s - time_s_);
@@ -102,7 +102,7 @@ double Drivetrain::Stretched(double time_s, const DrivetrainMotion& m, const Spo
   return std::max(0.0, stiffness_ * stretch + damping_ * rate);
 }
 
-// Bearings of the pulleys take a tension that does not grow with the load; a slack tendon cannot turn them.
+// The pulleys' bearings take a tension independent of the load; a slack tendon cannot turn them.
 double Drivetrain::Base(double tension_motor_N, double z, double release_N, double pull_N) const noexcept {
   const double base = 0.5 * (1 + z) * release_N + 0.5 * (1 - z) * pull_N;
   if (pulley_coulomb_N_ == 0) return base;
@@ -178,8 +178,8 @@ double Drivetrain::BaseTension(double time_s, const DrivetrainMotion& m,
   return Base(tension, z, capstan_->Release(tension), capstan_->Pull(tension));
 }
 
-// The slope of the pulley's map is taken as its ratio: exact for a constant ratio and within some per cent
-// for the power law, and only the speed of the solver's iteration depends on it.
+// The slope of the pulley's map is approximated by its ratio: exact for a constant ratio, within some per
+// cent for the power law, and relevant only for the speed of the solver's iteration.
 DrivetrainLinear Drivetrain::Linearise(const DrivetrainMotion& m, const DrivetrainForces& f,
                                        double gamma) const noexcept {
   DrivetrainLinear l;

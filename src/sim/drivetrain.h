@@ -1,6 +1,6 @@
 // One motor with its gear, spool, tendon and guide pulleys: from torque and motion to tensions and
 // accelerations. Holds the hysteresis memories; knows nothing of the body, of solvers or of time beyond its
-// torque loop. A copy goes its own way from where the original stands.
+// torque loop. A copy continues independently from the original's state.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +23,7 @@ struct DrivetrainMotion {
   double shortening_rate_mps = 0;
 };
 
-/// Way of a coordinate since its memory was committed: straight to x, or back from a turning point.
+/// Path of a coordinate since its memory was committed: straight to x, or via a turning point.
 struct Way {
   double x = 0;
   bool turned = false;
@@ -33,13 +33,13 @@ struct Way {
 /// From x0 with velocity v0 to x with velocity v in h seconds.
 Way WayTo(double x0, double v0, double x, double v, double h) noexcept;
 
-/// What the pulleys make of a motor-side tension, by their sliding state z.
+/// Base tension for a motor-side tension, by the pulleys' sliding state z.
 struct PulleyMap {
   double middle_N = 0, half_N = 0;
   double At(double z) const noexcept { return std::max(0.0, middle_N - z * half_N); }
 };
 
-/// What the motion does, with the friction memories as they were committed last.
+/// Forces of a motion, with the friction memories as last committed.
 struct DrivetrainForces {
   double torque_Nm = 0;  // at the motor shaft
   double tension_motor_N = 0;
@@ -52,13 +52,13 @@ struct DrivetrainForces {
   double release_N = 0;
   double spool_pull_m = 0;    // s
   double spool_rate_mps = 0;  // ds/dt
-  double pull_m_per_rad = 0;  // ds/d(angle): 0 while the shaft crosses its play
-  double load_arm_m = 0;      // motor torque per tension before the gear's losses
+  double pull_m_per_rad = 0;  // ds/d(angle): 0 within the play
+  double load_arm_m = 0;      // motor torque per tension without the gear's losses
   ShaftTorque extra;          // of the shaft laws
   Way slide, shaft;
 };
 
-/// Play between motor shaft and spool: where the driven side is, for a pull flank at 0.
+/// Play between motor shaft and spool: position of the driven side, for a pull flank at 0.
 class Play {
  public:
   explicit Play(double play) : play_(play) {}
@@ -93,30 +93,30 @@ struct DrivetrainLinear {
 
 class Drivetrain {
  public:
-  /// Straight, at rest, `start_tension_N` in the tendon and the torque that holds it.
+  /// Starts straight, at rest, with `start_tension_N` in the tendon and the torque that holds it.
   Drivetrain(const TendonDriveParameters& parameters, double start_tension_N,
              std::shared_ptr<const model::CapstanTable> capstan, const TendonLaws& laws = {});
 
-  /// Torque sent to the drive from now on.
+  /// Sets the torque sent to the drive from now on.
   void SetTorque(double time_s, double sent_Nm) { loop_.Set(time_s, sent_Nm); }
-  /// As the drive reports it, without noise: current times the nominal torque constant.
+  /// Reported torque, without noise: current times the nominal torque constant.
   double Torque(double time_s) const noexcept { return loop_.At(time_s); }
   /// See TorqueLoop.
   double NextCorner(double time_s) const noexcept { return loop_.NextCorner(time_s); }
 
   /// Forces at a motion reached at time_s, at or after the last commit.
   DrivetrainForces Evaluate(double time_s, const DrivetrainMotion& motion) const noexcept;
-  /// Linearised at a motion just evaluated.
+  /// Linearised at the motion just evaluated.
   DrivetrainLinear Linearise(const DrivetrainMotion& motion, const DrivetrainForces& forces,
                              double gamma_s) const noexcept;
-  /// Moves the hysteresis memories to a motion reached at time_s, through the turning points on the way.
+  /// Moves the hysteresis memories to a motion reached at time_s, via the turning points in between.
   void Commit(double time_s, const DrivetrainMotion& motion) noexcept;
 
-  // Parts of the chain by themselves, along a motion that was measured. As for Evaluate, time_s is at or
-  // after the last commit, and Commit moves on; steps as short as a reversal needs.
+  // Separate parts of the chain, along a measured motion. As for Evaluate, time_s is at or after the last
+  // commit, and Commit advances; steps must be short enough to resolve a reversal.
 
-  /// Motor-side tension [N], >= 0, that leaves the rotor this acceleration under a torque as reported by the
-  /// drive: (scale * torque - friction - inertia * acceleration) / (arm * gear factor).
+  /// Motor-side tension [N], >= 0, for which the rotor has this acceleration under a torque as reported by
+  /// the drive: (scale * torque - friction - inertia * acceleration) / (arm * gear factor).
   double TensionFromTorque(double time_s, const DrivetrainMotion& motion, double torque_Nm,
                            double acceleration_radps2) const noexcept;
   /// Motor-side tension [N], >= 0, of the tendon's spring and damper.
@@ -134,7 +134,7 @@ class Drivetrain {
   Spool SpoolOf(double time_s, const DrivetrainMotion& motion) const noexcept {
     return SpoolAt(ShaftWay(time_s, motion), motion);
   }
-  /// Neither play nor growth: SpoolOf depends on no memory.
+  /// Neither play nor growth: SpoolOf is independent of the memories.
   bool plain_spool() const noexcept { return plain_spool_; }
 
   double rotor_inertia_kgm2() const noexcept { return inertia_; }
@@ -149,14 +149,14 @@ class Drivetrain {
   double Stretched(double time_s, const DrivetrainMotion& motion, const Spool& spool) const noexcept;
   double Base(double tension_motor_N, double sliding, double release_N, double pull_N) const noexcept;
   double Gear(const Way& way) const noexcept;
-  /// Friction and the shaft laws' torque against the rotor; leaves zeta and the laws' part in `forces`.
+  /// Torque of friction and of the shaft laws against the rotor; stores zeta and the laws' part in `forces`.
   double Resistance(const DrivetrainMotion& motion, DrivetrainForces& forces) const noexcept;
 
   double travel_, stiffness_, damping_, stretch0_m_;
   double inertia_, coulomb_, dahl_angle_, dahl_damping_, viscous_, torque_scale_;
   double log_efficiency_;
   double pulley_coulomb_N_, low_tension_N_;
-  double slide_step_m_, gear_step_rad_;  // of the slopes' differences: small beside every yield
+  double slide_step_m_, gear_step_rad_;  // steps of finite differences: small compared with every yield
   std::shared_ptr<const model::CapstanTable> capstan_;
   model::StopOperators<4> pulley_;
   model::DahlState dahl_;
@@ -164,10 +164,10 @@ class Drivetrain {
   TorqueLoop loop_;
   std::vector<std::shared_ptr<const ShaftLaw>> shaft_laws_;
   std::vector<OwnedStretch> stretch_laws_;
-  double growth_per_rad_m_;  // of the pull per motor angle, by the driven side's motor angle
+  double growth_per_rad_m_;  // growth of the pull per motor angle, per motor angle of the driven side
   bool plain_spool_;         // neither play nor growth
   Play play_;
-  // Where and when the memories were committed.
+  // State at the last commit.
   double time_s_ = 0, angle_ = 0, velocity_ = 0, slide_ = 0, slide_rate_ = 0;
 };
 

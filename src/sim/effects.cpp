@@ -78,8 +78,8 @@ const Effect& Known(std::string_view name) {
               "correct the name");
 }
 
-// A robot whose effects are being worked into its numbers has other yardsticks than the one they were checked
-// on: bounds count where values come in, from text or a file.
+// A robot whose effects are being folded into its numbers has other scales than the one on which they were
+// checked, so bounds are checked only on input from text or a file.
 enum class Bounds { kChecked, kKnown };
 
 void CheckValue(const Effect& effect, const std::vector<EffectParameter>& all, std::string_view name,
@@ -131,7 +131,7 @@ Resolved Resolve(const EffectSetting& setting, const RobotParameters& robot, Bou
   return {&effect, target};
 }
 
-/// All of a robot's settings; a refusal says which entry of the list it is about.
+/// Resolves all of a robot's settings; a refusal names the entry of the list.
 std::vector<Resolved> ResolveAll(const RobotParameters& robot, Bounds bounds) {
   std::vector<Resolved> all;
   for (std::size_t i = 0; i < robot.effects.size(); ++i) {
@@ -304,8 +304,8 @@ void SetLaw(RobotParameters& robot, const EffectSetting& setting) {
     robot.effects.push_back(setting);
 }
 
-// In chain order, whatever the file's: what two effects on one number make of it does not depend on how
-// somebody sorted his list.
+// Applied in chain order, so that the result of two effects on one number does not depend on the file's
+// order.
 RobotParameters FoldEffects(const RobotParameters& robot) {
   const std::vector<Resolved> all = ResolveAll(robot, Bounds::kKnown);
   RobotParameters folded = robot;

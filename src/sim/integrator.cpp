@@ -40,8 +40,8 @@ void Check(int flag, const char* what) {
   if (flag != CV_SUCCESS) throw std::runtime_error(fmt::format("integrator: {} failed ({})", what, flag));
 }
 
-// With some tens of states CVODE's time goes into its vector operations, one library call each. These are the
-// same operations, inlined and vectorised; clones take them over from the vector they are cloned from.
+// With some tens of states CVODE spends its time in vector operations, one library call each. These are the
+// same operations, inlined and vectorised; cloned vectors inherit them.
 using Array = Eigen::Map<Eigen::ArrayXd>;
 Array Values(N_Vector v) { return {NV_DATA_S(v), NV_LENGTH_S(v)}; }
 
@@ -107,13 +107,13 @@ Integrator::~Integrator() {
 void Integrator::StepTowards(double end) {
   double first_step = 1e-6;
   while (true) {
-    // The rest of the way is cut into equal steps no longer than the one CVODE would like.
+    // The remaining interval is divided into equal steps no longer than CVODE's next step.
     const double rest = end - t_;
-    const double pieces = wanted_step_ > 0 ? std::ceil(rest / wanted_step_ - 0.1) : 1;
+    const double pieces = next_step_ > 0 ? std::ceil(rest / next_step_ - 0.1) : 1;
     CVodeSetStopTime(cvode_, pieces > 1 ? t_ + rest / pieces : end);
     const int flag = CVode(cvode_, end, vector_, &t_, CV_ONE_STEP);
     if (flag >= 0) {
-      wanted_step_ = WantedStep(flag == CV_TSTOP_RETURN);
+      next_step_ = NextStep(flag == CV_TSTOP_RETURN);
       return;
     }
     if (first_step < 1e-10) {
@@ -124,8 +124,8 @@ void Integrator::StepTowards(double end) {
   }
 }
 
-// At a stop CVODE does not tell its next step; its own rule gives it from the error estimate.
-double Integrator::WantedStep(bool stopped) {
+// At a stop CVODE does not report its next step; its own rule gives it from the error estimate.
+double Integrator::NextStep(bool stopped) {
   realtype step = 0;
   if (!stopped) {
     CVodeGetCurrentStep(cvode_, &step);
@@ -144,7 +144,7 @@ double Integrator::WantedStep(bool stopped) {
 void Integrator::Restart(double first_step) {
   const Counters now = counters();
   before_restart_ = now;
-  wanted_step_ = 0;
+  next_step_ = 0;
   ++before_restart_.restarts;
   Check(CVodeReInit(cvode_, t_, vector_), "CVodeReInit");
   Check(CVodeSetInitStep(cvode_, first_step), "CVodeSetInitStep");

@@ -1,5 +1,5 @@
-// CVODE (BDF) behind a narrow door: one accepted step at a time, own Newton matrix, restart after a failed
-// step. Knows nothing of robots.
+// CVODE (BDF) behind a small interface: one accepted step at a time, own Newton matrix, restart after a
+// failed step. Knows nothing of robots.
 #pragma once
 
 #include <cvode/cvode.h>
@@ -14,7 +14,7 @@ namespace tendril::sim {
 class OdeSystem {
  public:
   virtual ~OdeSystem() = default;
-  /// False: y is outside the domain, the step is to be shortened.
+  /// False: y is outside the domain; the step is shortened.
   virtual bool Derivative(double t, const double* y, double* derivative) noexcept = 0;
   virtual bool SolveNewton(double gamma, const double* b, double* x) noexcept = 0;
 };
@@ -23,7 +23,7 @@ class Integrator {
  public:
   struct Tolerances {
     double relative;
-    Eigen::VectorXd absolute;  // a state
+    Eigen::VectorXd absolute;  // per state
   };
   Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Tolerances& tolerances, double longest_step);
   ~Integrator();
@@ -31,8 +31,8 @@ class Integrator {
   Integrator& operator=(const Integrator&) = delete;
 
   /// One accepted step, not past `end`; the steps to `end` are made about equally long. A step that CVODE
-  /// gives up is tried again from the last accepted point as a fresh start with a first step of 1 us, then 10
-  /// ns, then 0.1 ns; after that std::runtime_error with CVODE's reason.
+  /// gives up is retried from the last accepted point as a fresh start with a first step of 1 us, then 10 ns,
+  /// then 0.1 ns; after that std::runtime_error with CVODE's reason.
   void StepTowards(double end);
 
   double t() const noexcept { return t_; }
@@ -45,7 +45,7 @@ class Integrator {
   Counters counters() const;
 
  private:
-  double WantedStep(bool stopped);
+  double NextStep(bool stopped);
   void Restart(double first_step);
   Counters SolverCounters() const;
 
@@ -57,8 +57,8 @@ class Integrator {
   N_Vector vector_ = nullptr, error_ = nullptr, weights_ = nullptr;
   SUNLinearSolver linear_ = nullptr;
   void* cvode_ = nullptr;
-  double wanted_step_ = 0;  // 0: not known yet
-  std::string reason_;      // CVODE's last message
+  double next_step_ = 0;  // 0: not known yet
+  std::string reason_;    // CVODE's last message
   Counters before_restart_;
 
   friend struct IntegratorCallbacks;

@@ -17,7 +17,7 @@ class PlantLaws {
   BodyLaws body;                   // body_laws.h: along the disks, and on the units
   SensorLaws sensor;               // tendon_laws.h: encoder, load cell, tracker
 
-  /// Laws of every entry of robot.effects that is a law (parameters are folded before, see FoldEffects).
+  /// Laws of all entries of robot.effects that are laws (parameters are folded before, see FoldEffects).
   static PlantLaws Of(const RobotParameters& robot);
 };
 

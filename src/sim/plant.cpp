@@ -1,6 +1,6 @@
-// The plant: body and drivetrains as one system of ordinary differential equations, sensors around it.
-// States: unit bending q, motor angles and their rates. Friction memories are functions of position that
-// remember: read inside the solver's steps, moved on only when a step was accepted.
+// The plant: body and drivetrains as one system of ordinary differential equations, with sensors. States:
+// unit bending q, motor angles and their rates. Friction memories are functions of position with state: read
+// within the solver's steps, moved only at accepted steps.
 #include "tendril/sim/plant.h"
 
 #include <fmt/core.h>
@@ -25,14 +25,13 @@ namespace {
 using ConstVector = Eigen::Map<const Eigen::VectorXd>;
 using Vector = Eigen::Map<Eigen::VectorXd>;
 
-// Newton's matrix is built from mass and stiffness at a reference shape; beyond this bend or part of the
-// largest tension from there they are taken anew. The iteration stays fast, and its solution does not depend
-// on it.
+// Newton's matrix uses mass and stiffness at a reference shape, recomputed beyond this bend or share of the
+// largest tension from it. This affects the speed of the iteration, not its solution.
 constexpr double kNewtonBend_rad = 0.05;
 constexpr double kNewtonTension = 0.125;
 
-// A reversal within a step is found by its velocities at both ends; two reversals of a motor that rings on
-// its micro-slip (some 100 Hz) must not hide in one step.
+// A reversal within a step is detected from the velocities at both ends, so two reversals of a motor that
+// oscillates on its micro-slip (some 100 Hz) must not fall into one step.
 constexpr double kLongestStep_s = 0.5e-3;
 
 bool Same(const PulleyParameters& a, const PulleyParameters& b) {
@@ -58,15 +57,15 @@ const ActuationParameters& Actuation(const RobotParameters& robot) {
                     "an 'actuation' section",
                     robot.name));
   }
-  const int wanted = robot.body.tendons();
-  if (static_cast<int>(robot.actuation->tendons.size()) != wanted) {
+  const int expected = robot.body.tendons();
+  if (static_cast<int>(robot.actuation->tendons.size()) != expected) {
     throw std::invalid_argument(fmt::format("robot '{}': actuation names {} tendons, the body has {}",
-                                            robot.name, robot.actuation->tendons.size(), wanted));
+                                            robot.name, robot.actuation->tendons.size(), expected));
   }
   return *robot.actuation;
 }
 
-// The tracker draws from a sequence of its own: reading it or not leaves the drives' noise as it is.
+// The tracker has a separate random sequence, so that reading it leaves the drives' noise unchanged.
 constexpr std::uint64_t kTrackerSeed = 0x9E3779B97F4A7C15;
 
 class Noise {
@@ -74,7 +73,7 @@ class Noise {
   Noise(bool on, std::uint64_t seed) : on_(on), random_(seed) {}
 
   double Draw(double rms) {
-    // Drawn whether it is used or not: a run's noise does not depend on which sensors the file gives a noise.
+    // Always drawn, so that a run's noise does not depend on which sensors have noise.
     const double value = normal_(random_);
     return on_ ? rms * value : 0;
   }
@@ -108,8 +107,7 @@ struct Plant::Impl final : OdeSystem {
         if (SameMap(actuation.tendons[i].transmission, p.transmission)) tables.push_back(tables[i]);
       }
       if (static_cast<int>(tables.size()) == j) {
-        // The motor's rated torque bounds what it can pull for long; the table's own limit is the file's,
-        // doubled.
+        // The motor's rated torque bounds its continuous pull; the table's own limit is twice the file's.
         const double most = std::max(2 * robot.limits.max_tension_motor_N, 20.0);
         tables.push_back(std::make_shared<model::CapstanTable>(p.transmission, most));
       }
@@ -154,8 +152,8 @@ struct Plant::Impl final : OdeSystem {
   int rate_at() const { return n + m; }
   int velocity_at(int j) const { return 2 * n + m + j; }
 
-  /// One tolerance a state, so that each is worth the same change of tendon tension: the given one is for
-  /// bending; a motor angle counts by the stretch it makes, a rate by the damper's tension.
+  /// One tolerance per state, each equivalent to the same change of tendon tension: the given one is for
+  /// bending; a motor angle counts by the stretch it causes, a rate by the damper's tension.
   Integrator::Tolerances StateTolerances() const {
     const double bend = options.absolute_tolerance;
     Eigen::VectorXd absolute = Eigen::VectorXd::Constant(2 * (n + m), bend);
@@ -265,8 +263,8 @@ struct Plant::Impl final : OdeSystem {
     return true;
   }
 
-  /// The same with J^T of the forces weighed by the shares of tension, which is no longer J of the motion,
-  /// and with the laws' own stiffness, which memories change from step to step.
+  /// The same with J^T of the forces weighted by the shares of tension, which then differs from J of the
+  /// motion, and with the laws' own stiffness, whose memories change from step to step.
   bool SolveBendingWithLaws(double gamma, const ConstVector& b_bend, const ConstVector& b_rate,
                             Vector& rate) {
     law_stiffness = stiffness;
@@ -286,8 +284,8 @@ struct Plant::Impl final : OdeSystem {
 
   // ---- after accepted steps ----
 
-  /// Tendon paths at the accepted point: by the tangent from the iterate where they were evaluated last,
-  /// which is within the solver's tolerance of it, or anew where it is not.
+  /// Tendon paths at the accepted point, by the tangent at the iterate of their last evaluation if within the
+  /// solver's tolerance, else evaluated again.
   void ReadState() {
     const Eigen::VectorXd& y = integrator->y();
     q = y.head(n);
@@ -318,8 +316,8 @@ struct Plant::Impl final : OdeSystem {
     RememberPose();
   }
 
-  /// `end`, or the corner of a drive's torque before it. Corners closer than a nanosecond to either end are
-  /// one with it: times are sums that round.
+  /// `end`, or an earlier corner of a drive's torque. Corners within a nanosecond of either end are merged
+  /// with it, because times are rounded sums.
   double NextStop(double end) const {
     constexpr double kSame_s = 1e-9;
     double stop = end;
@@ -370,7 +368,8 @@ struct Plant::Impl final : OdeSystem {
     while (past.size() > 2 && past[1].first <= now - actuation.tracker->delay_s) past.pop_front();
   }
 
-  /// Shape that the tracker sees now: that of delay_s ago, linear between the ends of the plant's advances.
+  /// Shape reported by the tracker now: that of delay_s ago, interpolated linearly between the plant's
+  /// advances.
   Eigen::VectorXd TrackedShape() const {
     if (past.empty()) return q;
     const double when = ToSeconds(time_ns) - actuation.tracker->delay_s;
@@ -395,8 +394,8 @@ struct Plant::Impl final : OdeSystem {
     return reading;
   }
 
-  RobotParameters robot;  // with the effects that are parameters worked in
-  PlantLaws laws;         // the others
+  RobotParameters robot;  // with the parameter effects folded in
+  PlantLaws laws;         // the law effects
   PlantOptions options;
   const ActuationParameters& actuation;
   model::Body body;
@@ -405,7 +404,7 @@ struct Plant::Impl final : OdeSystem {
   std::vector<Drivetrain> drive;
   std::vector<double> damping;
 
-  // As evaluated last, inside a step or at its accepted end.
+  // As last evaluated, within a step or at its accepted end.
   Eigen::MatrixXd length_jacobian;
   Eigen::MatrixXd weighted;  // length_jacobian times the shares of base tension, where a law needs it
   Eigen::VectorXd shortening, shortening_rate, tension, force, evaluated_q;

@@ -1,5 +1,5 @@
-// The cuts of the chain, each driven by measured signals: the drivetrain's by its own laws sample by sample,
-// the body's by the integrator of body_motion.h. Knows nothing of files, noise or fits.
+// The cuts of the chain, each driven by measured signals: the drivetrain's by its laws sample by sample, the
+// body's by the integrator of body_motion.h. Knows nothing of files, noise or fits.
 #include "tendril/sim/replay.h"
 
 #include <fmt/core.h>
@@ -28,7 +28,8 @@ using Eigen::VectorXd;
 // Longest step of the body's integrator: 0.01 mm at the tip for motions up to 10 Hz.
 constexpr double kLongestStep_s = 1.05e-3;
 
-// A table of the Capstan equation takes some ten milliseconds; a fit asks for the same few again and again.
+// Caches tables of the Capstan equation: each takes some ten milliseconds, and a fit needs the same few
+// repeatedly.
 class CapstanTables {
  public:
   using Table = std::shared_ptr<const model::CapstanTable>;
@@ -82,15 +83,15 @@ const ActuationParameters& Actuation(const RobotParameters& robot) {
         "'actuation' section",
         robot.name));
   }
-  const int wanted = robot.body.tendons();
-  if (static_cast<int>(robot.actuation->tendons.size()) != wanted) {
+  const int expected = robot.body.tendons();
+  if (static_cast<int>(robot.actuation->tendons.size()) != expected) {
     throw std::invalid_argument(fmt::format("robot '{}': actuation names {} tendons, the body has {}",
-                                            robot.name, robot.actuation->tendons.size(), wanted));
+                                            robot.name, robot.actuation->tendons.size(), expected));
   }
   return *robot.actuation;
 }
 
-/// Gaps of NaN bridged by straight lines, held at the ends; false when nothing is known.
+/// Bridges gaps of NaN linearly, held at the ends; false when there is no value.
 bool Bridge(Eigen::Ref<VectorXd> values) {
   Index last = -1;
   for (Index i = 0; i < values.size(); ++i) {
@@ -146,7 +147,7 @@ struct Replay::Impl {
 
   // ---- signals ----
 
-  /// A signal that a cut needs: S x M, gaps bridged. Throws when it was not measured.
+  /// A required signal: S x M, gaps bridged. Throws when it was not measured.
   MatrixXd Needed(const MatrixXd& signal, Index samples, const char* what) const {
     if (signal.cols() != m || signal.rows() != samples || samples == 0) {
       throw std::invalid_argument(fmt::format("replay: {} is {} x {}; needed {} x {}, a column a tendon",
@@ -167,7 +168,7 @@ struct Replay::Impl {
     }
     return s.step_s;
   }
-  /// When each of S samples was.
+  /// Times of the S samples.
   static VectorXd TimesOf(const ReplaySignals& s, Index samples) {
     if (s.time_s.size() == 0) {
       const double step = Step(s);
@@ -183,7 +184,7 @@ struct Replay::Impl {
     return s.time_s;
   }
 
-  /// Motor motion as it was, of what the encoders showed.
+  /// Actual motor motion, from the encoders' readings.
   struct Motors {
     MatrixXd angle, velocity;
   };
@@ -221,7 +222,7 @@ struct Replay::Impl {
       Index sent = 0;
       for (Index i = 0; i < target.rows(); ++i) {
         const double now = time[i];
-        // A thousandth of a step of round-off: a SYNC that falls on a sample acts before it.
+        // Tolerates round-off of a thousandth of a step: a SYNC at a sample acts before it.
         for (; sent <= i * s.commands_a_sample; ++sent) {
           const Index row = sent / s.commands_a_sample, next = std::min(row + 1, i);
           const double share = static_cast<double>(sent % s.commands_a_sample) / s.commands_a_sample;
@@ -235,8 +236,7 @@ struct Replay::Impl {
     return actual;
   }
 
-  /// Motor-side tension S x M that the torque leaves, and along the way the robot side's where the
-  /// shortening is given.
+  /// Motor-side tension S x M from the torque, and the robot-side one where the shortening is given.
   MatrixXd FromTorque(const ReplaySignals& s, const MatrixXd* shortening) const {
     const double step = Step(s);
     const Motors motors = MotorsOf(s);
@@ -298,7 +298,7 @@ struct Replay::Impl {
     return Readings(std::move(tension), time);
   }
 
-  // A reading rises with the angle, in a straight line while the tendon is taut.
+  // A reading rises with the angle, linearly while the tendon is taut.
   VectorXd ZeroAtRest(const ReplaySignals& s, const MatrixXd& shortening, Index rest,
                       const VectorXd& reading) const {
     constexpr double kFirst_rad = 0.1, kMost_rad = 1e5, kExact_rad = 1e-9;
@@ -315,7 +315,8 @@ struct Replay::Impl {
         if (s.load_cell == LoadCellPlace::kRobotSide) tension = drive[At(j)].BaseTension(0, motion, tension);
         return Read(j, tension, 0);
       };
-      double loose = kFirst_rad, tight = -kFirst_rad;  // angles taken off: one reads less, one more
+      // Subtracted angles: one gives a lower reading, one a higher.
+      double loose = kFirst_rad, tight = -kFirst_rad;
       while (reads(loose) > reading[j] && loose < kMost_rad) loose *= 2;
       while (reads(tight) < reading[j] && tight > -kMost_rad) tight *= 2;
       if (!(reads(loose) < reading[j] && reads(tight) > reading[j])) continue;
@@ -340,7 +341,7 @@ struct Replay::Impl {
   // ---- body ----
   BodyMotion Body(const ReplaySignals& s, DrivenBy driven_by, int stride) const;
   std::unique_ptr<TensionSource> Source(const ReplaySignals& s, DrivenBy driven_by) const;
-  /// Of one kind for all tendons.
+  /// Source of one kind for all tendons.
   std::unique_ptr<TensionSource> SourceOfAll(const ReplaySignals& s, DrivenBy driven_by) const;
   bool BeginsInMotion(const ReplaySignals& s) const;
   MatrixXd Shortening(const ReplaySignals& s, const MatrixXd& q) const;
@@ -365,7 +366,7 @@ namespace {
 /// Signals at the samples, linear between them.
 class Grid {
  public:
-  /// Samples at these times; a constant step apart unless they are states at rest.
+  /// Samples at these times, equally spaced unless they are states at rest.
   Grid(const ReplaySignals& s, VectorXd time_s)
       : step_(s.step_s), last_(time_s.size() - 1), time_s_(s.at_rest ? std::move(time_s) : VectorXd()) {}
   void MoveTo(double time_s) noexcept {
@@ -395,7 +396,7 @@ class Grid {
   VectorXd time_s_;
 };
 
-/// Base tensions as they were read: nothing depends on the body.
+/// Measured base tensions, independent of the body.
 class GivenTension final : public TensionSource {
  public:
   GivenTension(MatrixXd tension_N, Grid grid)
@@ -416,7 +417,7 @@ class GivenTension final : public TensionSource {
   std::vector<double> now_;
 };
 
-/// Base tensions behind the pulleys, of motor-side tensions and spools that are known: only the sliding state
+/// Base tensions behind the pulleys, from known motor-side tensions and spools: only the sliding state
 /// depends on the body.
 class PulleyTension final : public TensionSource {
  public:
@@ -643,7 +644,7 @@ std::unique_ptr<TensionSource> Replay::Impl::SourceOfAll(const ReplaySignals& s,
       signals.middle_N(i, j) = map.middle_N;
       signals.half_N(i, j) = map.half_N;
     }
-    // What a spool took up that nobody saw is what the body gave and what the tendon stretched by.
+    // An unmeasured spool took up the body's shortening and the tendon's stretch.
     if (At(j) < s.no_motor.size() && s.no_motor[At(j)] != 0) {
       VectorXd rate(samples);
       signals.spool_m.col(j) = (tension.col(j).array() - tension(0, j)) / line.stiffness_Npm();
@@ -697,15 +698,15 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
   BodyMotion motion;
   motion.tension_base_N = tension.transpose();
   motion.shortening_m = Shortening(s, q);
-  const bool delayed = actuation.tracker && !s.at_rest;  // at rest, late or not is the same
+  const bool delayed = actuation.tracker && !s.at_rest;  // at rest, delay has no effect
   Track(q, delayed ? actuation.tracker->delay_s / step : 0, stride, motion);
   return motion;
 }
 
-// Every simulation begins straight; where that is no equilibrium (tilted, bent by itself, loaded aside) the
-// robot falls into it at once, and motors and cells show it. A log that begins later begins at rest.
+// Every simulation begins straight; where that is no equilibrium (tilt, rest bend, side load) the robot moves
+// at once, and motors and cells show it. A log that begins later begins at rest.
 bool Replay::Impl::BeginsInMotion(const ReplaySignals& s) const {
-  // Angles and tension are those of the reference rig: parts of a motor's travel and of the largest tension.
+  // Angles and tension hold for the reference rig: shares of a motor's travel and of the largest tension.
   constexpr double kLook_s = 0.3, kMean_s = 0.004, kAngle_rad = 0.02, kTurned_rad = 0.2, kTension_N = 0.04,
                    kNoise = 6;
   const double travel = OverReference(Yardstick::kMotorTravel, robot).bound;
@@ -724,14 +725,14 @@ bool Replay::Impl::BeginsInMotion(const ReplaySignals& s) const {
     }
     return false;
   };
-  // A log that begins on the way is none of these: its motors have turned already.
+  // A log that begins during a motion is neither: its motors have turned already.
   if (s.motor_angle_rad.size() > 0 && s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad * travel)
     return false;
   return moves(s.motor_angle_rad, kAngle_rad * travel) || moves(s.tension_N, kTension_N * pull);
 }
 
-// Where bending is measured, the shape is turned by the difference, spread evenly over the section's units;
-// through gaps the difference goes straight, so that the tendons see no jumps.
+// Where bending is measured, the shape is corrected by the difference, spread evenly over the section's units
+// and interpolated linearly through gaps, so that the tendons see no jumps.
 MatrixXd Replay::Impl::Shortening(const ReplaySignals& s, const MatrixXd& q) const {
   const Index samples = q.cols();
   const int sections = body.sections();
@@ -777,7 +778,7 @@ void Replay::Impl::Track(const MatrixXd& q, double late, int stride, BodyMotion&
   motion.tip_m.resize(rows, 3);
   motion.tip_rotation.resize(rows, 3);
   motion.bending_rad.resize(rows, 2 * body.sections());
-  // A bend lies against the section's own base: of a turned frame only the turn about z is seen.
+  // A bend is relative to the section's own base: of a rotated frame only the rotation about z is visible.
   const Eigen::Rotation2Dd plane(turn.z());
   VectorXd shape(n);
   for (Index k = 0; k < rows; ++k) {

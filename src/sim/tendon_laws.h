@@ -1,5 +1,5 @@
-// What effects add between a drive's command and the tension at the robot's base, and at the sensors. Plain
-// numbers where a sum or a bound says it all, objects where a law has a form. Knows nothing of solvers.
+// Additions of effects between a drive's command and the tension at the robot's base, and at the sensors.
+// Plain numbers for sums and bounds, objects for laws. Knows nothing of solvers.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,7 +9,7 @@
 
 namespace tendril::sim {
 
-/// Motor shaft, as a torque law sees it.
+/// Motor shaft, as input of a torque law.
 struct Shaft {
   double angle_rad = 0;
   double velocity_radps = 0;
@@ -17,26 +17,26 @@ struct Shaft {
   double dahl_slope = 0;  // d zeta / d angle [1/rad]
 };
 
-/// Torque against the shaft's positive direction and its slopes (they only speed up the solver's iteration).
+/// Torque against the shaft's positive direction, and its slopes, which only speed up the solver's iteration.
 struct ShaftTorque {
   double torque_Nm = 0;
   double per_angle = 0;     // [N·m/rad]
   double per_velocity = 0;  // [N·m·s/rad]
 };
 
-/// Torque on the rotor that the nominal friction has not.
+/// Torque on the rotor beyond the nominal friction.
 class ShaftLaw {
  public:
   virtual ~ShaftLaw() = default;
   virtual ShaftTorque Against(const Shaft& shaft) const noexcept = 0;
 };
 
-/// Length that the tendon gains besides its elastic stretch. Its memory moves only at Commit.
+/// Length of the tendon beyond its elastic stretch. Its memory moves only at Commit.
 class StretchLaw {
  public:
   virtual ~StretchLaw() = default;
   virtual std::unique_ptr<StretchLaw> Clone() const = 0;
-  /// At rest under this tension; `stiffness_Npm` of the whole tendon.
+  /// Starts at rest under this tension; `stiffness_Npm` of the whole tendon.
   virtual void Start(double tension_N, double stiffness_Npm) noexcept = 0;
   /// Extra length [m] at time_s, at or after the last commit. Continuous across commits.
   virtual double Peek(double time_s) const noexcept = 0;
@@ -66,17 +66,17 @@ class OwnedStretch {
 
 /// One tendon's drivetrain beyond the robot file.
 struct TendonLaws {
-  // Drive: what the torque loop is told, of what was sent.
+  // Drive: input of the torque loop relative to the torque sent.
   double command_delay_s = 0;
   double torque_limit_Nm = std::numeric_limits<double>::infinity();
 
   // Motor.
   std::vector<std::shared_ptr<const ShaftLaw>> shaft{};
 
-  /// Full play at the motor shaft [rad]: the spool stays where it is until the shaft has crossed it. A run
-  /// begins with the play taken up in the pulling direction.
+  /// Full play at the motor shaft [rad], within which the spool rests. A run begins with the play taken up in
+  /// the pulling direction.
   double play_rad = 0;
-  /// Spool radius gained per radian that the spool has wound up since the start.
+  /// Spool radius gained per radian wound up since the start.
   double spool_growth_mprad = 0;
 
   // Tendon.
@@ -84,7 +84,7 @@ struct TendonLaws {
   std::vector<OwnedStretch> stretch{};
 };
 
-/// What the sensors add to the truth. Gain and offset of a load cell are numbers of the robot file.
+/// Errors that the sensors add. Gain and offset of a load cell are numbers of the robot file.
 struct SensorLaws {
   explicit SensorLaws(int tendons)
       : encoder_offset_rad(Eigen::VectorXd::Zero(tendons)), cell_drift_Nps(Eigen::VectorXd::Zero(tendons)) {}

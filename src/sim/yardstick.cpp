@@ -1,4 +1,4 @@
-// Yardsticks from the numbers of a robot file, and those of the reference rig.
+// Scales from the numbers of a robot file, and those of the reference rig.
 #include "tendril/sim/yardstick.h"
 
 #include <cmath>
@@ -7,7 +7,7 @@
 namespace tendril::sim {
 namespace {
 
-/// What yardsticks take of config/robots/rig_90mm.yaml.
+/// The numbers of config/robots/rig_90mm.yaml used for the scales.
 RobotParameters ReferenceRig() {
   SectionParameters section;
   section.units = 4;

@@ -231,8 +231,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "nominal "
                 "current"},
         Failure{"ModeNotTaken", [](FakeNode& n) { n.shows[Key(0x6061, 0)] = 1; }, Status::kBootFailed,
-                DriveState::kMisconfigured,
-                "mode: 6061:00 not settled when bus.boot_timeout_ms = 3000 was over"},
+                DriveState::kMisconfigured, "mode: 6061:00 not settled within bus.boot_timeout_ms = 3000"},
         Failure{"NoFeedback", [](FakeNode& n) { n.sends_feedback = false; }, Status::kBootFailed,
                 DriveState::kOffline, "NMT start: no TPDO 0x182 after SYNC in 3000 ms"},
         Failure{

@@ -184,10 +184,9 @@ TEST(Feedback, ShortTpdoIsRefusedAndTold) {
   rig.Steps(5);
   EXPECT_EQ(rig.master.feedback(0).age_cycles, 5);
   EXPECT_NE(rig.master.feedback(0).position_counts, 99);
-  EXPECT_THAT(
-      rig.Texts(Status::kFrameMalformed),
-      ElementsAre("node 1: TPDO 0x181 ignored: 6 bytes, 63 00 00 00 00 00, where 8 with known contents "
-                  "belong (1 such frames since start)"));
+  EXPECT_THAT(rig.Texts(Status::kFrameMalformed),
+              ElementsAre("node 1: TPDO 0x181 ignored: 6 bytes, 63 00 00 00 00 00, expected 8 with known "
+                          "contents (1 such frames since start)"));
 }
 
 TEST(Frames, MalformedOnesAreCountedAndToldOnceASecond) {
@@ -239,7 +238,7 @@ TEST(Frames, OnlyTheMasterMaySendAreToldWhenTheyComeFromElsewhere) {
   EXPECT_EQ(rig.master.frame_faults().foreign, 4u);
   EXPECT_EQ(rig.master.frame_faults().malformed, 0u);
   ASSERT_THAT(rig.Texts(Status::kForeignFrame), SizeIs(1));
-  EXPECT_THAT(rig.Texts(Status::kForeignFrame)[0], HasSubstr("SYNC 0x080 came from elsewhere"));
+  EXPECT_THAT(rig.Texts(Status::kForeignFrame)[0], HasSubstr("SYNC 0x080 came from another sender"));
 }
 
 TEST(Events, EachEmergencyTellsItsRemedyWhole) {
@@ -393,7 +392,7 @@ TEST(Loss, NmtStateChangedByItself) {
   rig.Steps(101);
   EXPECT_EQ(rig.master.feedback(0).state, DriveState::kOffline);
   EXPECT_THAT(rig.Texts(Status::kDriveLost),
-              ElementsAre("node 1: NMT state changed to pre-operational without being told"));
+              ElementsAre("node 1: NMT state changed to pre-operational without a request"));
 }
 
 TEST(Fault, EmcyIsExplainedAndLatches) {
@@ -529,7 +528,7 @@ TEST(Bus, RestartsAreCountedAndEndInAStatusThatClearTakesAway) {
   rig.Steps(60'000);
   const auto told = rig.Texts(Status::kBusOff);
   ASSERT_THAT(told, SizeIs(1 + 5 + 1));
-  EXPECT_THAT(told[5], HasSubstr("restart 5 of 5 asked for: not running yet"));
+  EXPECT_THAT(told[5], HasSubstr("restart 5 of 5 requested: not running yet"));
   EXPECT_THAT(told[5], HasSubstr("ip link set memory type can restart-ms 100"));
   EXPECT_THAT(told[6], HasSubstr("given up until clear"));
   rig.bus.SetBusOff(false);

@@ -149,7 +149,7 @@ TEST(Twin, PluggedInUnderTorqueIsNamedAndBothAreTakenOff) {
     rig.Run(10);
     EXPECT_EQ(rig.state(), DriveState::kIdTwice);
     EXPECT_THAT(rig.Texts(Status::kNodeIdShared),
-                ElementsAre(HasSubstr("goes on answering SYNC after the other's")));
+                ElementsAre(HasSubstr("still answers SYNC after the other's")));
     EXPECT_EQ(rig.rack.torque_Nm(kTwin - 1), 0) << "the first one does not live on with its last torque";
     EXPECT_EQ(rig.master.feedback(0).state, DriveState::kEnabled);
     rig.request = DriveRequest::kDisable;

@@ -387,7 +387,7 @@ TEST(Controller, CommandedTensionsStopAtTheShareThatShapesHave) {
   c.tension_N = TendonVector::Constant(3, 8);
   loop.Step(c);
   loop.Run(5000);
-  EXPECT_NEAR(loop.output.tension_desired_base_N.maxCoeff(), kLedShare * 8, 1e-9);
+  EXPECT_NEAR(loop.output.tension_desired_base_N.maxCoeff(), kCommandedTensionShare * 8, 1e-9);
   EXPECT_EQ(loop.output.status, Status::kLimitedTensionMax);
 }
 

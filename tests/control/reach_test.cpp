@@ -115,7 +115,7 @@ TEST(Reach, OfFewTendonsIsTheNearestThatTheyHold) {
     const RobotParameters robot = WithTendons(c.tendons_rad);
     const model::Body body(robot.body);
     Reach reach(robot, body, robot.limits, 0.1, true);
-    EXPECT_GT(reach.sure_rad(), 1.3);
+    EXPECT_GT(reach.holdable_rad(), 1.3);
     BendingVector bend = c.asked;
     EXPECT_EQ(reach.Limit(bend), c.status) << c.asked.transpose();
     EXPECT_LT((bend - c.given).norm(), 3e-3) << c.asked.transpose() << " -> " << bend.transpose();
@@ -130,7 +130,7 @@ TEST(Reach, OfFewTendonsIsTheNearestThatTheyHold) {
   far << 2.6, 0;
   EXPECT_EQ(reach.Limit(far), Status::kLimitedTensionMax);
   EXPECT_NEAR(MostTension(body, far, pair.limits.min_tension_N), pair.limits.max_tension_base_N, 0.02);
-  EXPECT_NEAR(reach.sure_rad(), 0.95 * far[0], 1e-6);
+  EXPECT_NEAR(reach.holdable_rad(), 0.95 * far[0], 1e-6);
 }
 
 // A pair that lies level sags across its plane, and is held as it sags.

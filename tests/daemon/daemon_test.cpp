@@ -368,7 +368,7 @@ TEST_F(DaemonTest, ALogThatTakesNothingMoreHoldsNobodyUp) {
   log->blocked = true;
   Send(ModeRequest::kHold);
   ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_HOLD));
-  for (std::size_t i = 0; i < Messages::kMost + 100; ++i) daemon->Tell(Status::kDegraded, "one of many");
+  for (std::size_t i = 0; i < Messages::kMost + 100; ++i) daemon->Log(Status::kDegraded, "one of many");
   std::this_thread::sleep_for(std::chrono::milliseconds(1300));
   EXPECT_EQ(State().mode, int{tendril_lcm::state_t::MODE_HOLD}) << "not deaf, so it need not disarm";
   Send(ModeRequest::kArm);
@@ -381,7 +381,7 @@ TEST_F(DaemonTest, ALogThatTakesNothingMoreHoldsNobodyUp) {
     EXPECT_THAT(texts, testing::Not(Contains(HasSubstr("stood still"))));
   }
   log->blocked = false;
-  EXPECT_TRUE(Warns("line(s) found no room while nothing took this log"));
+  EXPECT_TRUE(Warns("line(s) were dropped because this log was not read"));
   EXPECT_THAT(lines.At(spdlog::level::info), Contains(HasSubstr("controller: armed -> pretension")));
 }
 
@@ -443,7 +443,7 @@ TEST_F(DaemonTest, ADisarmGoesPastAFloodOfHolds) {
     if (asked++ % 10 == 0) Send(ModeRequest::kDisarm);
     return s.mode == tendril_lcm::state_t::MODE_CONFIGURED;
   }));
-  EXPECT_TRUE(Warns("command(s) came faster than one a cycle"));
+  EXPECT_TRUE(Warns("command(s) arrived faster than one per cycle"));
 }
 
 // Nothing in a cycle waits for anybody or fetches a page, from boot to motion, through a fault and its
@@ -525,9 +525,9 @@ TEST_F(DaemonTest, ATipOutOfReachIsAnsweredWithTheNearestPoint) {
   tip.tip_W_m = {0, 0, 0.07};
   Send(tip);
   const std::string why =
-      "the tip asked for is 10 mm out of reach: the nearest point that the robot can be led to is 0 0 0.06 "
+      "the requested tip is 10 mm out of reach: the nearest point that the robot can reach is 0 0 0.06 "
       "m; "
-      "accepted: up to 6 mm away (a tenth of the robot's length); ask for a nearer one";
+      "accepted: up to 6 mm away (a tenth of the robot's length); request a nearer one";
   EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) { return s.command_status == 211; }));
   EXPECT_EQ(State().command_status_text, why);
   EXPECT_TRUE(Warns("tip 0 0 0.07 m (sequence 2) in mode running: " + why));
@@ -540,7 +540,7 @@ TEST_F(DaemonTest, ATipOutOfReachIsAnsweredWithTheNearestPoint) {
   Send(tip);
   EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) { return s.command_status == 202; }));
   EXPECT_EQ(State().command_status_text,
-            "the tip asked for is 600 m from the base; accepted: up to 100 m; give metres");
+            "the requested tip is 600 m from the base; accepted: up to 100 m; give metres");
   tip.tip_W_m = {0, 0, 0.06};
   Send(tip);
   EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) { return s.command_status == 0; }));
@@ -640,7 +640,7 @@ TEST_F(DaemonTest, DisarmsWhenAnotherAppearsAndArmsNothingUntilItIsGone) {
   EXPECT_TRUE(Within20s([&](const auto&) {
     const std::lock_guard lock(mutex);
     return std::any_of(texts.begin(), texts.end(),
-                       [](const std::string& t) { return t.find("fell silent") != t.npos; });
+                       [](const std::string& t) { return t.find("is silent") != t.npos; });
   }));
   Arm();
 }
@@ -678,7 +678,7 @@ TEST_F(DaemonTest, RefusedCommandsLeaveAWarningEachCauseWithItsCount) {
   EXPECT_TRUE(Warns("tension 1 1 99 N", "tendon 3 would have 99 N; accepted: 0 to "));
   pull.tension_N = Eigen::Vector2d(1, 1);
   Send(pull);
-  EXPECT_TRUE(Warns("tension 1 1 N", "2 tension(s) given; accepted: 3, one a tendon"));
+  EXPECT_TRUE(Warns("tension 1 1 N", "2 tension(s) given; accepted: 3, one per tendon"));
   Command moving;
   moving.kind = CommandKind::kBending;
   moving.bending_rad = Eigen::Vector2d(0.2, 0);
@@ -686,7 +686,7 @@ TEST_F(DaemonTest, RefusedCommandsLeaveAWarningEachCauseWithItsCount) {
   moving.sequence = ++sequence;
   moving.valid_for_ns = 60 * kNsPerS;
   client->Send(moving, 0);
-  EXPECT_TRUE(Warns("bend 0.2 0 rad", "a moving target would hold for 60 s; accepted: up to 5;"));
+  EXPECT_TRUE(Warns("bend 0.2 0 rad", "a moving target would be valid for 60 s; accepted: up to 5;"));
   bend.bending_rad[0] = std::nan("");
   Send(bend);
   EXPECT_TRUE(Warns("bend nan 0 rad", "not finite"));
@@ -725,7 +725,7 @@ TEST_F(DaemonTest, OfTwoSendersOneLeadsAndStateAndLogTellOfBoth) {
   }
   const std::int64_t sent = bend(4712, -0.1);
   const std::string why =
-      "sender 4711 leads the robot, and targets of others are refused while its own come; end one of the "
+      "sender 4711 controls the robot, and targets of other senders are refused meanwhile; stop one of the "
       "two";
   EXPECT_TRUE(Within20s([&](const tendril_lcm::state_t& s) {
     return s.command_sequence == sent && s.command_status == static_cast<int>(Status::kAnotherSender) &&

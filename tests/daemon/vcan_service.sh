@@ -80,7 +80,7 @@ mode_is fault || give_up "the fault does not stay until it is cleared"
 "$bin/tendril" send --lcm "$lcm" clear || give_up "the fault cannot be cleared"
 until_true 20 mode_is configured || give_up "the drives are not ready after clear"
 rm run.lcmlog
-until_true 5 said "run.lcmlog is not there any more: it was deleted" || give_up "a log that is gone is not told"
+until_true 5 said "run.lcmlog no longer exists: it was deleted" || give_up "a log that is gone is not told"
 stop $daemon daemon
 
 # ---- nothing can be sent ----
@@ -142,7 +142,7 @@ said "warning: .*process $second, .* disarmed, and nothing is armed" || give_up 
 arm_is_refused
 said "configured -> armed" && give_up "the first obeyed what was meant for the second"
 stop $second "second daemon"
-until_true 10 said "process $second, .*fell silent" || give_up "the first does not notice that it is alone"
+until_true 10 said "process $second, .*is silent" || give_up "the first does not notice that it is alone"
 arm
 disarm
 

@@ -25,7 +25,7 @@ frame 281 37
 until_true 5 said "TPDO 0x281 ignored: 1 bytes, 37, where 2" || give_up "a malformed frame is not told"
 sleep 1.1
 frame 080 ""
-until_true 5 said "SYNC 0x080 came from elsewhere" || give_up "a foreign SYNC is not told"
+until_true 5 said "SYNC 0x080 came from another sender" || give_up "a foreign SYNC is not told"
 counted malformed 1 || give_up "the malformed frame is not counted in the status"
 counted foreign 1 || give_up "the foreign SYNC is not counted in the status"
 mode_is running || give_up "a malformed frame and a SYNC end the motion"
@@ -34,7 +34,7 @@ mode_is running || give_up "a malformed frame and a SYNC end the motion"
 until_true 5 mode_is fault || give_up "bus-off is not a fault"
 kill -KILL $plant
 wait $plant 2>/dev/null
-until_true 10 said "restart 1 of 5 asked for: the interface runs" || give_up "nobody restarts the bus"
+until_true 10 said "restart 1 of 5 requested: the interface runs" || give_up "nobody restarts the bus"
 start_plant
 until_true 20 booted_again || give_up "the drives are not booted again"
 sleep 1

@@ -141,7 +141,7 @@ TEST_F(LogTest, ALogThatIsDeletedIsTold) {
   EXPECT_EQ(writer.error(), "");
   fs::remove(path);
   a_second_later();
-  EXPECT_THAT(writer.error(), HasSubstr(path.string() + " is not there any more: it was deleted"));
+  EXPECT_THAT(writer.error(), HasSubstr(path.string() + " no longer exists: it was deleted"));
 }
 
 TEST_F(LogTest, ATruncatedLogGivesWhatWasWholeAndSaysSo) {

@@ -138,7 +138,7 @@ TEST(InverseEquilibrium, BendingComesBackWithTheLeastTensions) {
       ASSERT_EQ(shape.status, Status::kOk) << t.transpose();
       // Not less: the same sums to the last digit can need much more tension all round, which moves them by
       // nanoradians.
-      EXPECT_LT(shape.miss, 2e-8);
+      EXPECT_LT(shape.target_error, 2e-8);
       EXPECT_LT(shape.residual_Nm, 1e-14);
       EXPECT_GE(shape.tension_N.minCoeff(), kLeast_N);
       EXPECT_LE(Effort(shape.tension_N), Effort(t) * (1 + 1e-9) + 1e-12) << t.transpose();
@@ -146,7 +146,7 @@ TEST(InverseEquilibrium, BendingComesBackWithTheLeastTensions) {
         EXPECT_LT((shape.tension_N - t).norm(), 1e-10);  // no others do it
       }
       const Equilibrium back = SolveStatics(body, shape.tension_N, Vector3d::Zero());
-      EXPECT_NEAR((Sums(body, back.q) - wanted).norm(), shape.miss, 1e-10);
+      EXPECT_NEAR((Sums(body, back.q) - wanted).norm(), shape.target_error, 1e-10);
       ExpectOptimal(
           body, shape, [&](const VectorXd& q) { return Sums(body, q); }, 1e-5);
     }
@@ -170,16 +170,16 @@ TEST(InverseEquilibrium, TipComesBackWithTheLeastTensions) {
       // One section's tips form a shell not a micrometre thick: with more than three tendons the search may
       // end at its other face.
       if (shape.status == Status::kTargetUnreachable && body.sections() == 1 && body.tendons() > 3) {
-        EXPECT_LT(shape.miss, 1e-6);
+        EXPECT_LT(shape.target_error, 1e-6);
         --cases;
         ++other_face;
         continue;
       }
-      ASSERT_EQ(shape.status, Status::kOk) << t.transpose() << " miss " << shape.miss;
-      EXPECT_LT(shape.miss, 1e-8);
+      ASSERT_EQ(shape.status, Status::kOk) << t.transpose() << " miss " << shape.target_error;
+      EXPECT_LT(shape.target_error, 1e-8);
       same_or_less += Effort(shape.tension_N) <= Effort(t) * (1 + 1e-6) + 1e-9;
       const Equilibrium back = SolveStatics(body, shape.tension_N, Vector3d::Zero());
-      EXPECT_NEAR((body.TipPose(back.q).p_WA - wanted).norm(), shape.miss, 1e-11);
+      EXPECT_NEAR((body.TipPose(back.q).p_WA - wanted).norm(), shape.target_error, 1e-11);
       if (body.tendons() > 3) {
         ExpectOptimal(
             body, shape, [&](const VectorXd& q) { return VectorXd(body.TipPose(q).p_WA); }, 1e-4);
@@ -212,11 +212,11 @@ TEST(InverseEquilibrium, OutOfReachGoesNearest) {
         }
       }
     }
-    EXPECT_LE(shape.miss, nearest + 1e-9) << angle;
+    EXPECT_LE(shape.target_error, nearest + 1e-9) << angle;
   }
   const TensionedShape away = inverse.ForTip({0.2, 0.1, 0.3}, 2.6);
   EXPECT_EQ(away.status, Status::kTargetUnreachable);
-  EXPECT_GT(away.miss, 0.2);
+  EXPECT_GT(away.target_error, 0.2);
 }
 
 TEST(InverseEquilibrium, MotionAtRestIsTheStaticSolutionAndMotionBalances) {
@@ -243,7 +243,7 @@ TEST(InverseEquilibrium, MotionAtRestIsTheStaticSolutionAndMotionBalances) {
     Body::Workspace workspace(body);
     body.ForwardDynamics(moving.q, dq, force, got, workspace);
     EXPECT_LT((got - ddq).norm(), 1e-6 * ddq.norm());
-    EXPECT_LT(moving.miss, 1e-12);
+    EXPECT_LT(moving.target_error, 1e-12);
 
     // One section's tips form a shell not a micrometre thick, which a heavy tip in motion need not meet.
     if (body.parameters().tip_payload_kg > 0) continue;
@@ -252,8 +252,8 @@ TEST(InverseEquilibrium, MotionAtRestIsTheStaticSolutionAndMotionBalances) {
     const TensionedShape tip_zero = inverse.ForTip(tip, Vector3d::Zero(), Vector3d::Zero(), 2.6);
     EXPECT_LT((tip_still.tension_N - tip_zero.tension_N).norm(), 1e-7);
     const TensionedShape tip_moving = inverse.ForTip(tip, {0.02, 0.01, -0.005}, {0.1, 0, 0}, 2.6);
-    EXPECT_EQ(tip_moving.status, Status::kOk) << tip_moving.miss;
-    EXPECT_LT(tip_moving.miss, 1e-8);
+    EXPECT_EQ(tip_moving.status, Status::kOk) << tip_moving.target_error;
+    EXPECT_LT(tip_moving.target_error, 1e-8);
   }
 }
 

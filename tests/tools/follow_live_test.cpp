@@ -149,10 +149,10 @@ TEST_F(FollowLive, OfTwoAtOnceTheSecondIsToldSoAndMovesNothing) {
   EXPECT_TRUE(OneLine());
   EXPECT_THAT(error_, HasSubstr("the daemon refuses these commands: process "));
   EXPECT_THAT(error_,
-              HasSubstr(" leads the robot, and targets of others are refused while its own come; end one"));
+              HasSubstr(" controls the robot, and targets of other senders are refused meanwhile; stop one"));
   EXPECT_EQ(Run("send --prefix " + prefix_ + " bending -0.3 0"), 1);
   EXPECT_TRUE(OneLine());
-  EXPECT_THAT(error_, HasSubstr("leads the robot"));
+  EXPECT_THAT(error_, HasSubstr("controls the robot"));
   first.join();
   Watch(nullptr);
   EXPECT_EQ(code, 0) << ReadText(folder_ / "first.txt");

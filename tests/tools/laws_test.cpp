@@ -341,7 +341,7 @@ TEST(Laws, FrictionThatNobodyKnowsBreaksNoLimit) {
       options.plant_robot.effects.push_back(sim::ParseEffect(effect, options.plant_robot));
     options.daemon.controller.trajectory.look_ahead = true;
     const LimitParameters& limits = options.controller_robot.limits;
-    const double bound_N = control::kLedShare * limits.max_tension_base_N;
+    const double bound_N = control::kCommandedTensionShare * limits.max_tension_base_N;
     const auto motion = MakeMotion("spiral", options.controller_robot);
     ClosedLoop loop(options);
     loop.ArmAndPretension();

@@ -1,5 +1,5 @@
-// Files of config/ as the build embeds them (cmake/TendrilEmbed.cmake), for programs that read only what they
-// are given. Knows nothing of what they say.
+// Files of config/ embedded by the build (cmake/TendrilEmbed.cmake), for programs that read no other files.
+// Knows nothing of their contents.
 #pragma once
 
 #include <string_view>

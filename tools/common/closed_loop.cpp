@@ -12,7 +12,7 @@
 namespace tendril::tools {
 namespace {
 
-// Nothing waits on real time here: LCM's in-process transport carries the messages.
+// Runs in simulated time: LCM's in-process transport carries the messages.
 LcmParameters InProcess(LcmParameters lcm) {
   lcm.url = "memq://";
   return lcm;
@@ -89,7 +89,7 @@ const CycleRecord& ClosedLoop::Step() {
   return record_;
 }
 
-// As from a tracker's own computer: a message that the controller has in its next cycle.
+// As from a tracker's computer: a message that the controller receives in its next cycle.
 void ClosedLoop::PublishTracker() {
   auto reading = rig_->TakeTrackerReading();
   if (reading && tracker_way_) reading = tracker_way_(*reading);

@@ -20,20 +20,20 @@
 namespace tendril::tools {
 
 struct ClosedLoopOptions {
-  RobotParameters controller_robot;  // what the controller believes
-  RobotParameters plant_robot;       // what the plant is
-  DaemonParameters daemon;           // bus.nodes are made to fit the robot, the cycle to fit the bus
+  RobotParameters controller_robot;  // model of the controller
+  RobotParameters plant_robot;       // model of the plant
+  DaemonParameters daemon;           // bus.nodes are adapted to the robot, the cycle to the bus
   sim::PlantOptions plant;
   std::string log_path;     // empty: no log
-  bool keep_nodes = false;  // those of `daemon`, which must fit the robot
+  bool keep_nodes = false;  // keep the nodes of `daemon`, which must fit the robot
 };
 
 class ClosedLoop {
  public:
-  /// Throws what its parts throw; nothing has moved yet.
+  /// Throws the exceptions of its parts; nothing has moved yet.
   explicit ClosedLoop(const ClosedLoopOptions& options);
 
-  /// One control cycle with everything around it.
+  /// One control cycle with all its parts.
   const CycleRecord& Step();
   const CycleRecord& record() const { return record_; }
 
@@ -41,13 +41,12 @@ class ClosedLoop {
   double now_s() const { return ToSeconds(clock_.Now()); }
   TimeNs cycle_ns() const { return daemon_.bus.cycle_ns; }
   const DaemonParameters& daemon() const { return daemon_; }
-  /// How far ahead of its time a moving target has to be sent to a controller that does not look ahead
-  /// itself.
+  /// How far ahead of its time a moving target must be sent to a controller without look-ahead.
   double sender_lead_s() const {
     return daemon_.controller.trajectory.look_ahead ? 0 : ToSeconds(controller_->look_ahead_ns());
   }
   const sim::Plant& plant() const { return rig_->plant(); }
-  /// To connect its drives otherwise, before the first step.
+  /// For changes to the drives' wiring, before the first step.
   VirtualRig& rig() { return *rig_; }
   const can::CanCounters& bus() const { return bus_.totals(); }
   std::uint64_t log_events() const { return log_ ? log_->events() : 0; }
@@ -68,11 +67,11 @@ class ClosedLoop {
       if (now_ns() > end_ns) ThrowTimeout(what);
     }
   }
-  /// Waits for the drives to be configured, arms, pretensions; then the controller is running.
+  /// Waits for the drives to be configured, arms and pretensions; then the controller is running.
   void ArmAndPretension();
-  /// The same with the motors' brakes on, and lets them go: nothing has moved until this returns.
+  /// The same with the motors' brakes on until the end: nothing moves before this returns.
   void ArmBehindBrakes();
-  /// What becomes of a tracker's reading on its way to the controller; none: it is lost.
+  /// Changes a tracker's reading on its way to the controller; none: it is lost.
   void OnTracker(std::function<std::optional<TrackerSample>(const TrackerSample&)> way) {
     tracker_way_ = std::move(way);
   }
@@ -105,7 +104,7 @@ class ClosedLoop {
   bool answered_ = false;
 };
 
-/// Daemon parameters with the bus made to fit the robot: one node a tendon (as the robot's file numbers them)
+/// Daemon parameters with the bus adapted to the robot: one node per tendon (numbered as in the robot's file)
 /// and the shortest whole-millisecond cycle within the bus budget.
 DaemonParameters FitBus(DaemonParameters daemon, const RobotParameters& robot);
 

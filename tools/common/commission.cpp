@@ -22,21 +22,21 @@ namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 
-// Shares of controller.take_up.max_travel_m: a first look for the tendon, the whole way, and what makes it
-// loose.
+// Shares of controller.take_up.max_travel_m: travel of the first look for the tendon, and travel that loosens
+// it.
 constexpr double kFirstReach = 0.4, kLoosened = 0.1;
 // The weaker of the two pulls between which a cell's gain is measured.
 constexpr double kWeakPull = 0.6;
 constexpr double kStanding_m = 2e-5, kStandingFor_s = 0.3;
-// A shaft that moved less than this did not turn; gear and tendon give in by less.
+// A shaft that moved less than this did not turn; gear and tendon compliance is smaller.
 constexpr double kNotTurned_m = 2e-4;
-// Of the tension that a pull makes at least: an answer of the cell.
+// Share of the least tension of a pull that counts as an answer of the cell.
 constexpr double kAnswer = 0.4;
-// A change of tension that shows a direction where nothing more is dared.
+// A change of tension that indicates a direction where no greater pull is allowed.
 constexpr double kSign_N = 0.05;
-// Of gear losses and torque constant less is known than this.
+// Uncertainty of gear losses and torque constant.
 constexpr double kLeastGain = 0.7, kMostGain = 1.4;
-// Of the angle between neighbouring tendons: so near must a direction lie to belong to one.
+// Share of the angle between neighbouring tendons within which a direction belongs to one.
 constexpr double kNearShare = 0.35;
 // A bend smaller than this has no direction.
 constexpr double kLeastBend_m = 2e-4;
@@ -45,7 +45,7 @@ double Turn(double rad) { return std::remainder(rad, 2 * std::numbers::pi); }
 
 struct Reading {
   TendonVector travel_m, cell_N,
-      torque_N;  // travel since the beginning; torque over travel, losses left aside
+      torque_N;  // travel since the start; torque over travel, without losses
   Eigen::Vector3d tip_m{0, 0, 0};
   int tips = 0;
 };
@@ -103,7 +103,7 @@ class Procedure {
   }
   DriveFinding& Finding(int j) { return result_.drives[static_cast<std::size_t>(j)]; }
 
-  // What the cell shows at least, where it sits, of a pull that came to rest pulling.
+  // Least reading of the cell, on its side of the pulleys, for a pull that ended pulling.
   double ExpectedN(int j, double pull_N) const {
     const TendonDriveParameters& t = Drive(j);
     const double friction_N = t.motor.coulomb_friction_Nm / t.SpoolTravelPerMotorRad();
@@ -143,7 +143,7 @@ class Procedure {
   }
   void Release(double seconds) {
     PullOnly(-1, 0);
-    // A link may be late.
+    // A link may lag.
     while (record_->output.tension_desired_base_N.size() == drives() &&
            record_->output.tension_desired_base_N.cwiseAbs().maxCoeff() > 1e-9) {
       Step();
@@ -177,9 +177,9 @@ class Procedure {
 
   enum class End { kStands, kRanOut, kSilent };
 
-  // Until the motor stands under the whole pull, or has gone `reach_m`. Silent: an encoder not yet known to
-  // live gave no count at a pull that moves any motor which is free to. No more is pulled then: without an
-  // encoder nothing bounds the speed.
+  // Pulls until the motor stands under the full pull, or has moved `reach_m`. Silent: an encoder not verified
+  // yet gave no count at a pull that moves any free motor. The pull then goes no higher, because without an
+  // encoder the speed is unbounded.
   End PullUntil(int j, double pull_N, double reach_m) {
     PullOnly(j, pull_N);
     const std::int64_t begin = counts_[static_cast<std::size_t>(j)];
@@ -204,7 +204,7 @@ class Procedure {
     }
   }
 
-  // Which cell rose by what this pull makes: its own if it did, else the one that rose most. -1: none.
+  // The cell that rose by this pull's tension: its own if it did, else the one that rose most. -1: none.
   int CellThatRose(int j, const Reading& before, const Reading& after) {
     const TendonVector change_N = after.cell_N - before.cell_N;
     const double answer_N = kAnswer * ExpectedN(j, take_up_.pull_N);
@@ -219,7 +219,7 @@ class Procedure {
     DriveFinding& f = Finding(j);
     const auto at = static_cast<std::size_t>(j);
     tell_(fmt::format("tendon {} (node {}): which way does it pull", f.tendon, f.node.node_id));
-    // Positive torque, negative torque, and positive once more for a tendon that hangs very loose.
+    // Positive torque, negative torque, and positive again for a very loose tendon.
     constexpr std::array<std::pair<int, double>, 3> kTries{{{1, 1.0}, {-1, 2.0}, {1, 3.0}}};
     for (const auto& [sign, reaches] : kTries) {
       Release(0.2);
@@ -240,7 +240,7 @@ class Procedure {
       turned_[at] = turned_[at] || std::abs(pulled.travel_m[j] - loose_.travel_m[j]) > kNotTurned_m;
       if (cell >= 0 || (end == End::kStands && turned_[at])) {
         f.torque_sign = sign;
-        // The way back shows the encoder's sign whatever slack there was.
+        // The way back shows the encoder's sign for any slack.
         Release(0.1);
         const double before_m = TravelM(j);
         Loosen(j);
@@ -322,7 +322,7 @@ class Procedure {
             "with a dead encoder",
             "free gear and spool; check the motor's leads and brake, and the encoder's cable; then turn the "
             "motor by "
-            "hand and look whether `tendril status` shows it");
+            "hand and check that `tendril status` shows it");
       }
       return;
     }
@@ -352,7 +352,7 @@ class Procedure {
     if (f.verdict.empty()) f.verdict = "ok";
   }
 
-  // What to write where it is not as it should be.
+  // The value to write where it is wrong.
   static const char* Other(bool reversed) { return reversed ? "normal" : "reversed"; }
 
   template <class Say>
@@ -400,7 +400,7 @@ class Procedure {
   void ConcludeDirection(DriveFinding& f, const Say& say) {
     if (std::isnan(f.seen_angle_rad)) {
       say("direction?",
-          "nothing tells where the robot bends to when it pulls: the order of the drives is not shown",
+          "the direction in which it bends the robot is unknown: the order of the drives is not verified",
           "run a tracker (tracker_t on PREFIX_TRACKER), answer at the prompt, or give --seen with the "
           "directions in "
           "degrees");
@@ -430,7 +430,7 @@ class Procedure {
     }
   }
 
-  // Not left loose: gently wound in again, all together.
+  // Takes all tendons up again gently, so that none is left loose.
   void TakeUpAll() {
     pull_N_.setZero();
     for (const DriveFinding& f : result_.drives) {
@@ -543,7 +543,7 @@ std::string PatchNodes(const std::string& text, const std::string& path,
     throw std::runtime_error(
         path +
         ": bus.nodes is not written as a line `- {node_id: N, tendon: M}` a node; change it by "
-        "hand as said above");
+        "hand as stated above");
   }
   return out;
 }

@@ -28,18 +28,18 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kPi = std::numbers::pi;
-// Between targets; a whole divisor of the trajectory's averaging windows, so that a stair of targets becomes
-// an even motion.
+// Time between targets; a divisor of the trajectory's averaging windows, so that a staircase of targets
+// becomes a smooth motion.
 constexpr double kStep_s = 0.005;
 constexpr double kRestAfter_s = 0.3;
-// Of the robot's limits, what an experiment asks for: the rest is for overshoot and for a robot that differs
+// Shares of the robot's limits used by an experiment; the rest is for overshoot and for a robot that differs
 // from its file.
 constexpr double kBaseShare = 0.75, kMotorShare = 0.9, kCommandShare = 0.9, kBendingShare = 0.95;
 constexpr double kRateShare = 0.8;
-// Tension below which quick motions never let a tendon go, of the largest: a motor that pays out must not
-// overrun its tendon.
+// Share of the largest tension below which quick motions keep no tendon, so that a motor that pays out does
+// not overrun its tendon.
 constexpr double kQuickLevel = 0.1, kQuickestLevel = 0.19;
-// Corners of slow and of quick motions are rounded over twice these.
+// Corners of slow and quick motions are rounded over twice these times.
 constexpr double kSlowCorner_s = 0.25, kQuickCorner_s = 0.06;
 constexpr double kLongest_s = 600;
 
@@ -67,7 +67,7 @@ const Family& FamilyOf(std::string_view name) {
   return *found;
 }
 
-/// Wanted shapes on the grid of steps, with the least tension of any tendon on the way.
+/// Reference shapes on the grid of steps, with the minimum tension of any tendon during the motion.
 struct Path {
   MatrixXd bending_rad;
   VectorXd level_N;
@@ -103,9 +103,9 @@ class Reach {
   int tendons() const { return tendons_; }
   double least_N() const { return robot_.limits.min_tension_N; }
 
-  /// Bending that turns the whole robot by 1 rad in the plane at `beta_rad`: spread over the sections by
-  /// length (pattern 0), or all in section `pattern`. Where a section's tendons do not pull it every way,
-  /// what of that is in the directions that they do, the plane counted from the first of these.
+  /// Bending of the whole robot by 1 rad in the plane at `beta_rad`: spread over the sections by length
+  /// (pattern 0), or all in section `pattern`. Where a section's tendons do not pull in every direction, the
+  /// part in their directions, with the plane counted from the first of these.
   VectorXd Direction(double beta_rad, int pattern = 0) const {
     VectorXd b = VectorXd::Zero(2 * sections_);
     for (int k = 0; k < sections_; ++k) {
@@ -120,8 +120,8 @@ class Reach {
     }
     return b;
   }
-  /// Rows of bends in every direction, into those that tendons pull: along a line, or about the middle of a
-  /// wedge.
+  /// Maps rows of bends in every direction into the directions that tendons pull: along a line, or about the
+  /// middle of a wedge.
   void IntoPulled(MatrixXd& rows) const {
     for (int k = 0; k < sections_; ++k) {
       const model::PullCone& cone = cones_[static_cast<std::size_t>(k)];
@@ -136,7 +136,7 @@ class Reach {
         own.row(i) = cone.Nearest(own.row(i).transpose()).transpose();
     }
   }
-  /// Tendons pull towards the bend, but for a thousandth of an arc's length at its tip.
+  /// Whether tendons pull towards the bend, within a thousandth of an arc's length at its tip.
   bool Pulled(const VectorXd& bending_rad) const {
     for (int k = 0; k < sections_; ++k) {
       const Eigen::Vector2d bend = bending_rad.segment<2>(2 * k);
@@ -147,8 +147,8 @@ class Reach {
   /// Ways to spread a bend over the sections.
   int patterns() const { return sections_ == 1 ? 1 : sections_ + 1; }
 
-  /// Tensions at the base that hold a bend at rest with none below `level_N`, or come nearest to it where
-  /// tendons do not pull every way; empty when there are none within the robot's limit.
+  /// Base tensions that hold a bend at rest with none below `level_N`, or that come nearest where tendons do
+  /// not pull in every direction; empty when there are none within the robot's limit.
   VectorXd Tensions(const VectorXd& bending_rad, double level_N) {
     body_.SpreadBending(bending_rad, q_);
     body_.InverseDynamics(q_, rest_, rest_, unit_force_, workspace_);
@@ -157,8 +157,8 @@ class Reach {
     return r.tension_N;
   }
 
-  /// Whether a bend can be held, and pulled to, with a margin to every limit; `commanded` by tension targets,
-  /// which then include what friction takes.
+  /// Whether a bend can be held, and reached, with a margin to every limit; `commanded`: by tension targets,
+  /// which then include friction.
   bool Allowed(const VectorXd& bending_rad, double level_N, bool commanded) {
     for (int k = 0; k < sections_; ++k) {
       if (bending_rad.segment<2>(2 * k).norm() > kBendingShare * robot_.limits.max_bending_rad) return false;
@@ -189,14 +189,14 @@ class Reach {
     }
     return good;
   }
-  /// The bend of `amplitude_rad` in a direction, or what is allowed of it.
+  /// The bend of `amplitude_rad` in a direction, reduced to the allowed share.
   VectorXd Bend(double amplitude_rad, double beta_rad, int pattern, double level_N, bool commanded) {
     VectorXd b = amplitude_rad * Direction(beta_rad, pattern);
-    // A section alone is not asked for more than the others' share would leave it.
+    // A section alone is limited to the bend that the other sections' share would leave it.
     if (pattern > 0) b *= 0.7;
     return Share(b, level_N, commanded) * b;
   }
-  /// Bend that every plane allows.
+  /// Bend that is allowed in every plane.
   double EveryPlane(double amplitude_rad) {
     double least = 1;
     for (int i = 0; i < 24; ++i)
@@ -206,8 +206,8 @@ class Reach {
 
   const model::CapstanTable& table(int j) const { return *tables_[static_cast<std::size_t>(j)]; }
 
-  /// A tension command drives the motors as if nothing slid. These are the commands that make them drive as a
-  /// motion needs: its inertia, the rotors', and friction along the planned sliding. One row a step.
+  /// A tension command drives the motors as if nothing slid. These commands add what a motion needs: its
+  /// inertia, the rotors', and friction along the planned sliding. One row per step.
   MatrixXd TensionCommands(const Path& path) {
     const Eigen::Index rows = path.bending_rad.rows();
     MatrixXd shortening(rows, tendons_), tension(rows, tendons_), command(rows, tendons_);
@@ -243,7 +243,7 @@ class Reach {
     }
     return command;
   }
-  /// Tension command whose torque, with nothing sliding, is this one; at least the least tension.
+  /// Tension command with this torque when nothing slides; at least the minimum tension.
   double CommandFor(int j, double torque_Nm) const {
     const auto& drive = robot_.actuation->tendons[static_cast<std::size_t>(j)];
     const double motor_N = torque_Nm / drive.SpoolTravelPerMotorRad();
@@ -263,7 +263,7 @@ class Reach {
   }
 
  private:
-  // Of the force in unit_force_.
+  // Tensions for the force in unit_force_.
   model::TensionAllocator::Result Allocate(const VectorXd& bending_rad, double level_N) {
     VectorXd force(2 * sections_);
     body_.ProjectForce(unit_force_, force);
@@ -320,8 +320,8 @@ double SectionNorm(const VectorXd& bending) {
   return largest;
 }
 
-/// All corners one after the other at one speed of bending, in `seconds`; an entry beyond the bendings is a
-/// tension, of which four newtons take as long as a radian.
+/// All corners in sequence at one speed of bending, in `seconds`; an entry beyond the bendings is a tension,
+/// of which four newtons take as long as a radian.
 void Follow(Track& track, const std::vector<VectorXd>& corners, double seconds) {
   const auto size = [](const VectorXd& change) {
     const Eigen::Index bendings = change.size() / 2 * 2;
@@ -392,7 +392,7 @@ MatrixXd Triangle(Reach& reach, const Asked& asked) {
   return Rounded(track, asked.rows(), kSlowCorner_s);
 }
 
-// Share of a turn after a share of its time: one speed but for its beginning and end.
+// Share of a turn over a share of its time: constant speed except for its start and end.
 constexpr double kTurnLead = 0.15;
 double Turn(double share) {
   const double s = std::clamp(share, 0.0, 1.0), top = 1 / (1 - kTurnLead);
@@ -404,10 +404,10 @@ double Turn(double share) {
   return top * (s - kTurnLead / 2);
 }
 
-// Once round at the full bend and, when there is time, back round at six tenths of it.
+// One revolution at the full bend and, if there is time, one back at six tenths of it.
 MatrixXd Circle(Reach& reach, const Asked& asked) {
   constexpr double kFrom = 0.3, kBackFrom_s = 9;
-  // Turning, like any change of speed, must not let the motors overrun the tendons that they pay out.
+  // Turning, like any change of speed, must not make the motors overrun the tendons that they pay out.
   constexpr double kMostTurning_radps2 = 3;
   const bool back = asked.active_s >= kBackFrom_s;
   // Shares of the time: out, round, in to the smaller bend, round, home.
@@ -445,7 +445,7 @@ MatrixXd Hold(Reach& reach, const Asked& asked) {
 
 // ---- quick families, and those of several tensions: the path becomes tension targets ----
 
-// Quick moves between bends spread over planes and amplitudes, each held.
+// Quick moves between held bends, spread over planes and amplitudes.
 Path Steps(Reach& reach, const Asked& asked) {
   constexpr double kSpeed_radps = 3.0, kGoldenAngle = 2.399963229728653, kLead_s = 0.5;
   constexpr double kShares[] = {0.5, 1.0, 0.3, 0.8, 0.6, 0.9, 0.4};
@@ -471,7 +471,7 @@ Path Steps(Reach& reach, const Asked& asked) {
   return {Rounded(track, asked.rows(), kQuickCorner_s), FadedLevel(asked, reach.least_N(), level)};
 }
 
-// Sines from 0.1 to 10 Hz with drawn phases in both directions of every section.
+// Sines from 0.1 to 10 Hz with random phases in both directions of every section.
 Path Multisine(Reach& reach, const Asked& asked) {
   constexpr int kTones = 15;
   constexpr double kLowest_Hz = 0.1, kHighest_Hz = 10, kCorner_Hz = 1.5, kFade_s = 0.8;
@@ -510,7 +510,7 @@ Path Multisine(Reach& reach, const Asked& asked) {
   return {scale * m, FadedLevel(asked, reach.least_N(), level)};
 }
 
-// To and fro about a bend that keeps the tendons loaded, from slow to fast.
+// Oscillation about a bend that keeps the tendons loaded, from slow to fast.
 Path Ladder(Reach& reach, const Asked& asked) {
   constexpr double kSlowest_radps = 0.1, kLead_s = 0.5;
   constexpr int kRungs = 6;
@@ -519,7 +519,7 @@ Path Ladder(Reach& reach, const Asked& asked) {
   const VectorXd middle = 0.5 * top, along = top / SectionNorm(top);
   const double approach_s = 0.1 * asked.active_s;
   double left_s = asked.active_s - 2 * approach_s - 2 * kLead_s;
-  // Every rung gets the same time unless its speed crosses the whole range in less.
+  // Every rung takes the same time unless its speed crosses the whole range in less.
   std::vector<std::pair<double, double>> rungs;  // speed, half width
   for (int i = kRungs - 1; i >= 0; --i) {
     const double speed = kSlowest_radps * std::pow(fastest / kSlowest_radps, i / (kRungs - 1.0));
@@ -569,7 +569,7 @@ Path Cocontraction(Reach& reach, const Asked& asked) {
   return {m.leftCols(columns), m.col(columns)};
 }
 
-// Let go from a bend to the least tension, twice; the robot sways freely.
+// Release from a bend to the minimum tension, twice; the robot sways freely.
 MatrixXd Sway(Reach& reach, const Asked& asked) {
   constexpr double kLead_s = 0.15, kRelease_Nps = 25;
   const VectorXd straight = VectorXd::Zero(2 * reach.sections());
@@ -619,7 +619,7 @@ MatrixXd Own(Reach& reach, const PlannedRun& run, const RobotParameters& robot,
     }
     const VectorXd to = Eigen::Map<const VectorXd>(w.value.data(), columns);
     if (!tension && !reach.Pulled(to)) {
-      throw std::invalid_argument(fmt::format("{}: the bend at t_s = {} is none that is held: {}; change it",
+      throw std::invalid_argument(fmt::format("{}: the bend at t_s = {} cannot be held: {}; change it",
                                               run.family, w.t_s, model::HeldDirections(robot.body)));
     }
     if (!tension && !reach.Allowed(to, reach.least_N(), false)) {
@@ -653,7 +653,7 @@ MatrixXd Own(Reach& reach, const PlannedRun& run, const RobotParameters& robot,
   return track.Sample(static_cast<int>(std::ceil(track.end_s() / kStep_s)) + 1);
 }
 
-/// No faster than the controller lets tension targets move, so that what is planned is what is sent.
+/// Limits the rate to that of the controller for tension targets, so that the plan equals the targets sent.
 MatrixXd RateLimited(MatrixXd command, const ControllerParameters& controller) {
   const double most = 0.95 * controller.pretension_ramp_Nps * kStep_s;
   for (Eigen::Index i = 1; i < command.rows(); ++i) {
@@ -748,7 +748,7 @@ Program MakeProgram(const PlannedRun& run, const RobotParameters& robot,
   program.targets.middleRows(still, active.rows() - 1) = active.topRows(active.rows() - 1);
   program.targets.bottomRows(rest).rowwise() = active.row(active.rows() - 1);
   if (tension) {
-    // What the last motion's friction was given is taken back.
+    // The tension added for the last motion's friction is removed.
     const double least_N = robot.limits.min_tension_N;
     for (Eigen::Index i = 0; i < rest; ++i) {
       const double left = 1 - Smooth(static_cast<double>(i + 1) / (0.7 * static_cast<double>(rest)));
@@ -762,7 +762,7 @@ Program MakeProgram(const PlannedRun& run, const RobotParameters& robot,
 
 Command Program::At(double t_s) const {
   Command command;
-  // Half a step on: cycle times are sums of whole cycles, and rounding must not pick the row before.
+  // Rounded: cycle times are sums of whole cycles, and rounding must not select the previous row.
   const auto row = std::min<Eigen::Index>(static_cast<Eigen::Index>(t_s / step_s + 1e-6), targets.rows() - 1);
   if (t_s < kStillBefore_s - 1e-9) return command;
   command.kind = tension ? CommandKind::kTension : CommandKind::kBending;

@@ -1,5 +1,5 @@
-// Identification experiments as planned programs: which targets a robot is sent, when, within its limits.
-// Pure functions of robot, plan and seed; knows nothing of how a program is run or recorded.
+// Identification experiments as planned programs: the targets of a robot over time, within its limits. Pure
+// functions of robot, plan and seed; knows nothing of how a program is run or recorded.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,26 +15,25 @@
 
 namespace tendril::tools {
 
-/// Stillness at pretension with which every program begins.
+/// Rest at pretension at the start of every program.
 inline constexpr double kStillBefore_s = 0.5;
 
-/// Corner of a piecewise-linear program of one's own; `value` is (us, vs) per section [rad] or tensions at
-/// the base [N].
+/// Corner of a user's piecewise-linear program
 struct Waypoint {
-  double t_s = 0;  // after the stillness
+  double t_s = 0;  // after the initial rest
   std::vector<double> value;
 };
 
-/// One experiment as a plan lists it.
+/// One experiment of a plan.
 struct PlannedRun {
   std::string family;
-  double amplitude_rad = 0;  // bend of the whole robot asked for; less where the tensions would not allow it
-  double duration_s = 0;     // of the recorded run, stillness included
-  int repeats = 0;           // identical repetitions beside the run itself
+  double amplitude_rad = 0;  // requested bend of the whole robot; reduced where tensions limit it
+  double duration_s = 0;     // of the recorded run, including the initial rest
+  int repeats = 0;           // identical repetitions in addition to the run itself
   std::uint64_t seed = 1;    // of the multisine's phases
   enum class Targets { kFamily, kBending, kTension } targets = Targets::kFamily;
-  std::vector<Waypoint> waypoints;  // empty for a family that is known
-  std::string where{};              // "plan.yaml:3"; empty for what comes with Tendril
+  std::vector<Waypoint> waypoints;  // empty for a known family
+  std::string where{};              // "plan.yaml:3"; empty for built-in plans
 };
 
 struct Plan {
@@ -58,25 +57,26 @@ Plan NamedPlan(const std::string& name);
 /// remedy.
 Plan LoadPlan(const std::string& path);
 Plan ParsePlan(const std::string& yaml, const std::string& name_for_errors);
-/// With comments, ready to be edited; parsing it gives the same plan again.
+/// With comments, for editing; parsing it restores the same plan.
 std::string ToYaml(const Plan& plan);
 
-/// Targets on a uniform grid of time: stillness, the experiment, straight at the least tension again.
+/// Targets on a uniform time grid: initial rest, the experiment, and the return to straight at the minimum
+/// tension.
 struct Program {
   std::string family;
   bool tension = false;  // targets are tensions at the base (S x M), else bending (S x 2K)
   double step_s = 0;
-  double speed_radps = 0;  // at which the controller may close in on a bending target
+  double speed_radps = 0;  // speed at which the controller may approach a bending target
   Eigen::MatrixXd targets;
   double duration_s() const { return step_s * static_cast<double>(targets.rows()); }
-  /// Target in force at time t, a command that still lacks its sequence and validity. During the stillness
-  /// there is none: kind kNone.
+  /// Active target at time t, as a command without sequence and validity. During the initial rest there is
+  /// none: kind kNone.
   Command At(double t_s) const;
 };
 
-/// Plans a run for a robot, given the limits of the controller that will run it. Bends are reduced to what
-/// keeps the tensions that the controller's model needs below three quarters of the robot's limit. Throws
-/// std::invalid_argument, naming what to change, for a run that cannot be kept within the limits.
+/// Plans a run for a robot, given the limits of the controller that will run it. Bends are reduced so that
+/// the tensions of the controller's model stay below three quarters of the robot's limit. Throws
+/// std::invalid_argument with the remedy for a run that cannot stay within the limits.
 Program MakeProgram(const PlannedRun& run, const RobotParameters& robot,
                     const ControllerParameters& controller);
 

@@ -100,7 +100,7 @@ class PlanReader {
     CheckKeys(
         node, "run",
         {"family", "amplitude_rad", "duration_s", "repeats", "seed", "bending_targets", "tension_targets"});
-    if (!node["family"]) Refuse(node, "run", "family is missing; it says which experiment");
+    if (!node["family"]) Refuse(node, "run", "family is missing; it names the experiment");
     const std::string family = Text(node["family"], "family");
     const bool bending = static_cast<bool>(node["bending_targets"]),
                tension = static_cast<bool>(node["tension_targets"]);
@@ -110,7 +110,7 @@ class PlanReader {
       if (bending && tension)
         Refuse(node, "run", "bending_targets and tension_targets exclude each other; keep one");
       for (const char* key : {"amplitude_rad", "duration_s", "seed"}) {
-        if (node[key]) Refuse(node[key], key, "targets of one's own have their own; leave it out");
+        if (node[key]) Refuse(node[key], key, "the given targets determine it; leave it out");
       }
       run.family = family;
       run.targets = bending ? PlannedRun::Targets::kBending : PlannedRun::Targets::kTension;
@@ -205,14 +205,15 @@ std::string ToYaml(const Plan& plan) {
       "# family: " +
       fmt::format("{}", fmt::join(Families(), ", ")) +
       ";\n"
-      "#   or a name of one's own with bending_targets: [{t_s: 2, bending_rad: [0.8, 0]}, ...] (us, vs of "
+      "#   or any other name with bending_targets: [{t_s: 2, bending_rad: [0.8, 0]}, ...] (us, vs of "
       "each\n"
       "#   section) or tension_targets: [{t_s: 2, tension_N: [1, 1, 1]}, ...] (at the base); straight "
       "between.\n"
-      "# amplitude_rad: bend of the whole robot; less where the tensions would pass three quarters of the "
+      "# amplitude_rad: bend of the whole robot; reduced where the tensions would pass three quarters of the "
       "limit.\n"
-      "# duration_s: of the recorded run, with 0.5 s of stillness at its beginning.\n"
-      "# repeats: identical repetitions beside the run itself, for the noise floor. seed: of multisine's "
+      "# duration_s: of the recorded run, with 0.5 s of rest at its start.\n"
+      "# repeats: identical repetitions in addition to the run itself, for the noise floor. seed: of "
+      "multisine's "
       "phases.\n\n";
   text += fmt::format("name: {}\nruns:\n", plan.name);
   for (const PlannedRun& run : plan.runs) {

@@ -1,5 +1,5 @@
-// The operator's side of an experiment: streams targets in real time and listens to what the daemon reports.
-// Knows nothing of CAN.
+// The operator's side of an experiment: streams targets in real time and receives the daemon's reports. Knows
+// nothing of CAN.
 #include "experiment_live.h"
 
 #include <fmt/format.h>
@@ -24,19 +24,19 @@
 namespace tendril::tools {
 namespace {
 
-// Held at the least tension: straight, or where tendons do not pull every way what the controller takes for
-// it.
+// Bend at the minimum tension: straight, or where tendons do not pull in every direction the controller's
+// rest shape.
 BendingVector RestBend(const RobotParameters& robot) {
   BendingVector rest_rad = BendingVector::Zero(2 * static_cast<int>(robot.body.sections.size()));
   if (model::PullsEveryWay(robot.body)) return rest_rad;
   const model::Body body(robot.body);
-  control::NearestHeld(body, robot.limits.min_tension_N, robot.limits.max_tension_base_N).Bring(rest_rad);
+  control::NearestHeld(body, robot.limits.min_tension_N, robot.limits.max_tension_base_N).Project(rest_rad);
   return rest_rad;
 }
 
 constexpr TimeNs kValidFor_ns = 100 * kNsPerMs, kSilence_ns = kNsPerS;
 constexpr double kRestBetween_s = 1.0, kHomeRate_radps = 0.5;
-// Slower than this, tension targets blunt the quick experiments.
+// A slower rate of tension targets distorts the quick experiments.
 constexpr double kBriskTension_Nps = 30;
 
 std::int64_t EpochUs() {
@@ -70,8 +70,7 @@ class Operator {
   RobotParameters Robot() const { return config::ParseRobot(run_.robot_yaml, "the daemon's robot"); }
   DaemonParameters Daemon() const { return config::ParseDaemon(run_.daemon_yaml, "the daemon's file"); }
 
-  /// To a robot at rest at pretension.
-  /// `rest_rad`: the bend at the least tension.
+  /// Brings the robot to rest at pretension. `rest_rad`: the bend at the minimum tension.
   void Begin(const Program& program, const BendingVector& rest_rad) {
     if (options_.arm) {
       if (mode() == Mode::kRunning || mode() == Mode::kHold) Release();
@@ -110,11 +109,11 @@ class Operator {
          clock_.Now() - start_ns < static_cast<TimeNs>(program.duration_s() * 1e9);) {
       const double t = ToSeconds(clock_.Now() - start_ns);
       if (Command command = program.At(t); command.kind != CommandKind::kNone) Send(command);
-      // Points of the grid that a late scheduler passed over are left out, not made up for.
+      // Grid points missed by a late scheduler are left out.
       while (next_ns <= clock_.Now()) next_ns += period_ns;
       HandleUntil(next_ns);
       Check();
-      // One that came late is made up for by the next; anything else will be refused again.
+      // A late command is superseded by the next; any other refusal would repeat.
       if (const CycleOutput& o = record_.output; o.commands_refused > refused &&
                                                  o.command_status != Status::kOk &&
                                                  o.command_status != Status::kCommandStale) {
@@ -125,12 +124,12 @@ class Operator {
     }
   }
 
-  /// However things stand: the robot is left safe. Never throws.
+  /// Leaves the robot safe in any state. Never throws.
   void End() noexcept {
     try {
       if (armed_) {
         Release();
-      } else if (mode() == Mode::kRunning && !another_leads_) {
+      } else if (mode() == Mode::kRunning && !another_in_control_) {
         Send(ModeRequest::kHold);
         Pass(0.1);
       }
@@ -139,7 +138,7 @@ class Operator {
     }
   }
 
-  /// To the bend at the least tension, until it rests there.
+  /// Moves to the bend at the minimum tension and waits until it rests there.
   void GoHome(const Program& program, const BendingVector& rest_rad) {
     Command home;
     home.kind = CommandKind::kBending;
@@ -154,7 +153,7 @@ class Operator {
     } while ((record_.output.reference.position_rad - rest_rad).norm() > 1e-4);
   }
 
-  /// Where each motor's angle counts from: the end of pretension, where the controller has its zero.
+  /// Zero of each motor's angle: the end of pretension, where the controller has its zero.
   Eigen::VectorXd ZeroAngles(const RobotParameters& robot) const {
     Eigen::VectorXd zero(robot.body.tendons());
     for (int j = 0; j < zero.size(); ++j) {
@@ -169,7 +168,7 @@ class Operator {
  private:
   Mode mode() const { return record_.output.mode; }
 
-  // Asked for until it happens: one request may come late and be refused.
+  // Repeats the request, because one may arrive late and be refused.
   void Release() {
     const TimeNs end_ns = clock_.Now() + 30 * kNsPerS;
     while (clock_.Now() < end_ns && mode() != Mode::kConfigured && mode() != Mode::kFault) {
@@ -179,9 +178,9 @@ class Operator {
     armed_ = false;
   }
 
-  void Await(Mode wanted, double timeout_s, const char* what) {
+  void Await(Mode mode_awaited, double timeout_s, const char* what) {
     const TimeNs end_ns = clock_.Now() + static_cast<TimeNs>(timeout_s * 1e9);
-    while (mode() != wanted) {
+    while (mode() != mode_awaited) {
       HandleUntil(clock_.Now() + 20 * kNsPerMs);
       CheckAlive();
       if (armed_ && refused_ != Status::kOk) {
@@ -208,7 +207,7 @@ class Operator {
     if (stop_ && *stop_) throw std::runtime_error("stopped");
     if (clock_.Now() - heard_ns_ > kSilence_ns)
       throw std::runtime_error("the daemon fell silent: look at its log");
-    if (another_leads_) {
+    if (another_in_control_) {
       throw std::runtime_error(fmt::format("the daemon refused a target: {} ({})",
                                            StatusText(Status::kAnotherSender),
                                            StatusRemedy(Status::kAnotherSender)));
@@ -254,7 +253,7 @@ class Operator {
     if (record_.input.command.kind != CommandKind::kNone &&
         record_.input.command.sender == io::SenderOfProcess()) {
       refused_ = record_.output.command_status;
-      another_leads_ = another_leads_ || refused_ == Status::kAnotherSender;
+      another_in_control_ = another_in_control_ || refused_ == Status::kAnotherSender;
     }
     every_cycle_ = every_cycle_ || record_.input.cycle == before + 1;
     heard_ns_ = clock_.Now();
@@ -275,11 +274,11 @@ class Operator {
   CycleRecord record_;
   std::function<void(const CycleRecord&)> sink_;
   TimeNs heard_ns_ = 0;
-  bool every_cycle_ = false;  // two that follow each other were heard
+  bool every_cycle_ = false;  // two consecutive cycles were received
   std::uint32_t sequence_ = 0;
   bool armed_ = false;
-  Status refused_ = Status::kOk;  // why our own last command was
-  bool another_leads_ = false;    // whose targets come while ours are refused
+  Status refused_ = Status::kOk;     // reason for our own last refused command
+  bool another_in_control_ = false;  // another sender is in control while ours are refused
 };
 
 }  // namespace
@@ -306,7 +305,7 @@ ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std
   planned(tension && controller.pretension_ramp_Nps < kBriskTension_Nps
               ? fmt::format(
                     "the daemon moves tension targets at {} N/s only (controller.pretension_ramp_Nps): quick "
-                    "experiments are blunted; {} N/s or more let them through",
+                    "experiments are distorted; set {} N/s or more",
                     controller.pretension_ramp_Nps, kBriskTension_Nps)
               : "");
   const std::vector<NamedRun> names = NameRuns(plan);
@@ -331,7 +330,7 @@ ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std
       progress(i, 1, &result);
       const double seconds = result.run.time_s.tail(1)[0];
       const bool whole = result.trouble.empty();
-      if (whole) result.run.repeat_of = names[i].repeat_of;  // what ended early repeats nothing
+      if (whole) result.run.repeat_of = names[i].repeat_of;  // a run that ended early is no repeat
       if (whole || seconds >= kShortestRun_s) {
         set.simulated_s += seconds;
         set.data.runs.push_back(result.run);

@@ -13,13 +13,13 @@ namespace tendril::tools {
 struct LiveOptions {
   std::string lcm_url, channel_prefix;
   std::optional<RobotParameters> robot;  // nominal; empty: the daemon's own
-  /// Arm before every run and disarm after it. Without, the daemon must be running already and stays so.
+  /// Arm before every run and disarm after it. Otherwise, the daemon must be running already and stays so.
   bool arm = false;
 };
 
-/// As RunSet, on the robot that the daemon runs. `planned` is called once everything is planned, before
-/// anything moves, with the runs to come and what to know about them (empty: nothing). However it ends,
-/// the robot is disarmed if it was armed here, else it holds.
+/// As RunSet, on the daemon's robot. `planned` is called after planning and before anything moves, with the
+/// runs to come and remarks on them (empty: none). On any exit, a robot armed here is disarmed; otherwise it
+/// holds.
 ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std::atomic<bool>* stop,
                          const std::function<void(const std::string& remark)>& planned,
                          const SetProgress& progress);

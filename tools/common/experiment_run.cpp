@@ -1,5 +1,5 @@
-// Controller, bus, drives and plant led through a program; what the bus showed becomes the run.
-// Knows nothing of effects or of diagnosis.
+// Runs a program on controller, bus, drives and plant, and records the bus values as a run. Knows nothing of
+// effects or of diagnosis.
 #include "experiment_run.h"
 
 #include <fmt/format.h>
@@ -102,13 +102,13 @@ gap::Run RunRecorder::Finish(const std::string& name, const std::string& family)
 DaemonParameters ForExperiments(DaemonParameters daemon) {
   auto& c = daemon.controller;
   c.pretension_ramp_Nps = std::max(c.pretension_ramp_Nps, 100.0);
-  // A simulated robot that is not as its file says is what is asked for, and breaks nothing.
+  // A simulated robot that differs from its file is intended here, and breaks nothing.
   constexpr double kAny = 10;
   c.guards.max_following_error_m = kAny;
   c.guards.max_estimator_residual_m = kAny;
   c.guards.max_bending_excess_rad = kAny;
-  // Of torque loops that lag or saturate, and of drives without noise, whose feedback may well stand still; no
-  // robot pulls so hard.
+  // For torque loops that lag or saturate, and for drives without noise, whose feedback may stand still; no
+  // robot pulls this hard.
   constexpr double kAny_N = 1e6;
   c.guards.max_torque_error_N = kAny_N;
   c.guards.tension_disagreement_N = kAny_N;
@@ -133,7 +133,7 @@ Experiment RunExperiment(const Program& program, const std::string& name, const 
                                  .daemon = options.daemon,
                                  .plant = {.seed = noise_seed, .sensor_noise = options.sensor_noise},
                                  .log_path = ""};
-  // Without noise a load cell of a robot at rest shows one value, and is none the worse for it.
+  // Without noise a load cell of a robot at rest correctly repeats one value.
   constexpr double kAny_N = 1e6;
   double& stuck_N = loop_options.daemon.controller.guards.stuck_torque_change_N;
   if (!options.sensor_noise) stuck_N = std::max(stuck_N, kAny_N);
@@ -229,7 +229,7 @@ ExperimentSet RunSet(const Plan& plan, const ExperimentOptions& options, const s
           const std::lock_guard lock(mutex);
           if (progress) progress(i, share, nullptr);
         };
-        // Spread far apart: neighbouring seeds of sets must not share runs.
+        // Spread far apart, so that sets with neighbouring seeds share no noise.
         const std::uint64_t noise_seed = options.seed * 0x9E3779B97F4A7C15u + i;
         Experiment done =
             RunExperiment(programs[names[i].planned], names[i].name, options, noise_seed, stop, tell);
@@ -264,7 +264,7 @@ ExperimentSet RunSet(const Plan& plan, const ExperimentOptions& options, const s
     set.simulated_s += e.run.time_s.tail(1)[0];
     set.data.runs.push_back(std::move(e.run));
   }
-  // A repeat whose original is missing repeats nothing.
+  // A repeat without its original is no repeat.
   for (gap::Run& run : set.data.runs) {
     const auto named = [&run](const gap::Run& r) { return r.name == run.repeat_of; };
     if (!run.repeat_of.empty() && std::none_of(set.data.runs.begin(), set.data.runs.end(), named))

@@ -1,5 +1,5 @@
 // Identification experiments carried out and recorded as measured runs: in process against the plant, in
-// simulated time. Knows nothing of what is made of the data.
+// simulated time. Knows nothing of the use of the data.
 #pragma once
 
 #include <atomic>
@@ -19,11 +19,11 @@ namespace tendril::tools {
 /// Cycle records as a measured run; the first row is time 0.
 class RunRecorder {
  public:
-  /// Motor angles count from where the encoder reads `zero_rad` (one a tendon; empty: from its own zero).
+  /// Motor angles count from encoder angle `zero_rad` (one per tendon; empty: the encoder's own zero).
   RunRecorder(const RobotParameters& robot, Eigen::VectorXd zero_rad = {});
   void Add(const CycleRecord& record);
   std::size_t rows() const { return rows_.size(); }
-  /// Readings of the tracker stand in the row nearest to their own time.
+  /// Tracker readings are in the row nearest to their own time.
   gap::Run Finish(const std::string& name, const std::string& family) const;
 
  private:
@@ -38,32 +38,32 @@ class RunRecorder {
 };
 
 struct ExperimentOptions {
-  RobotParameters controller_robot;  // nominal: what the data set is to be compared with
-  RobotParameters plant_robot;       // with the effects that it has
+  RobotParameters controller_robot;  // nominal: the robot with which the data set is compared
+  RobotParameters plant_robot;       // including its effects
   DaemonParameters daemon;
-  std::uint64_t seed = 1;  // of the sensors' noise; every run gets its own from it
+  std::uint64_t seed = 1;  // of the sensors' noise; each run derives its own
   bool sensor_noise = true;
   int threads = 1;
 };
 
-/// The same daemon with tension targets that may move as fast as quick experiments ask, without guards
-/// against a robot that is not as its file says, and without messages that nobody listens to.
+/// The daemon with tension targets as fast as quick experiments require, without guards against a robot that
+/// differs from its file, and without unused messages.
 DaemonParameters ForExperiments(DaemonParameters daemon);
 
-/// What the daemon of experiments in process is told: this file, or without one what comes with Tendril
-/// (built in; nothing is read).
+/// Configuration of the daemon for experiments in process: this file, or without one the built-in file
+/// (nothing is read).
 DaemonParameters DaemonOfExperiments(const std::string& file);
 
 struct Experiment {
   gap::Run run;
   std::string trouble;               // empty, or why it ended early
-  double largest_tension_N = 0;      // true one at the robot's base
-  double largest_command_N = 0;      // wanted at the base
-  std::uint64_t limited_cycles = 0;  // in which some limit acted
+  double largest_tension_N = 0;      // true tension at the robot's base
+  double largest_command_N = 0;      // commanded at the base
+  std::uint64_t limited_cycles = 0;  // with an active limit
 };
 
-/// Arms, runs the program and records it from the moment until which nothing moves. `stop` ends it early
-/// (may be null); `progress` gets the share done now and then.
+/// Arms, runs the program and records it from the initial rest on. `stop` ends it early (may be null);
+/// `progress` receives the completed share from time to time.
 Experiment RunExperiment(const Program& program, const std::string& name, const ExperimentOptions& options,
                          std::uint64_t noise_seed, const std::atomic<bool>* stop,
                          const std::function<void(double)>& progress);
@@ -73,29 +73,30 @@ struct NamedRun {
   std::size_t planned = 0;
   std::string name, repeat_of;
 };
-/// The plan's runs in order, each followed later in the list by its repeats.
+/// The plan's runs in order, with each run's repeats later in the list.
 std::vector<NamedRun> NameRuns(const Plan& plan);
 
-/// Called from worker threads, one at a time: which run, share done of it, and the result when it is over.
+/// Called from worker threads, one at a time: which run, its completed share, and the result when it has
+/// ended.
 using SetProgress = std::function<void(std::size_t run, double share, const Experiment* done)>;
 
 struct ExperimentSet {
   gap::DataSet data;
-  std::vector<Experiment> experiments;  // in order; their data moved into `data`
+  std::vector<Experiment> experiments;  // in order; their data are moved into `data`
   double simulated_s = 0, wall_s = 0;
-  std::string trouble;  // empty, or the first run's that ended early
+  std::string trouble;  // empty, or that of the first run that ended early
 };
 
-/// The plan's programs, all before the first one runs. Throws std::invalid_argument, with where the plan's
-/// file says so, for one that does not fit the robot.
+/// The plan's programs, all made before the first one runs. Throws std::invalid_argument, with the place in
+/// the plan's file, for one that does not fit the robot.
 std::vector<Program> MakePrograms(const Plan& plan, const RobotParameters& robot,
                                   const ControllerParameters& controller);
 
-/// Shorter than this a run that ended early says nothing beyond its stillness, and is left out.
+/// A run that ended earlier than this holds little more than the initial rest, and is left out.
 inline constexpr double kShortestRun_s = kStillBefore_s + 0.25;
 
-/// std::invalid_argument for a plan that does not fit the robot. After trouble the set holds what was
-/// recorded, after `stop` the runs that are whole; `trouble` then says so.
+/// std::invalid_argument for a plan that does not fit the robot. After an error the set holds the data
+/// recorded, after `stop` the complete runs; `trouble` states the reason.
 ExperimentSet RunSet(const Plan& plan, const ExperimentOptions& options, const std::atomic<bool>* stop,
                      const SetProgress& progress);
 

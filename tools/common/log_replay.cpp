@@ -121,9 +121,9 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
   io::RunInfo run;
   std::optional<io::StateSnapshot> snapshot;
   std::unique_ptr<control::Controller> controller;
-  std::optional<std::uint64_t> next;  // the cycle whose state the controller has
+  std::optional<std::uint64_t> next;  // the cycle for which the controller has the state
   std::optional<std::uint64_t> first_seen;
-  bool differs_again = false;  // behind the first difference
+  bool differs_again = false;  // after the first difference
   bool robot_unknown = false;
 
   result.damage = io::StreamLog(

@@ -25,7 +25,7 @@ BendingVector Spread(const BodyParameters& body, double us, double vs) {
 }
 
 // From rest to a constant speed 1 over `lead` seconds as a raised cosine: distance and speed t seconds after
-// rest. Abrupt stops would overshoot: a moving target is looked at one trajectory delay ahead.
+// rest. Abrupt stops would overshoot, because a moving target is extrapolated by one trajectory delay.
 struct Lead {
   double distance, speed;
 };
@@ -74,7 +74,7 @@ class Circle final : public Motion {
  private:
   static constexpr double kLead_s = 1;
 
-  // The judged revolution begins at angle 0, in full motion.
+  // The evaluated revolution begins at angle 0, at full speed.
   std::pair<double, double> AngleAt(double t) const {
     const Lead at = RestToRest(t, duration_s_ - kLead_s, kLead_s);
     return {omega_radps_ * (at.distance - kLead_s / 2), omega_radps_ * at.speed};
@@ -83,7 +83,7 @@ class Circle final : public Motion {
   double omega_radps_, radius_m_, height_m_;
 };
 
-// A tip path (x, y) on the surface that arcs of one bend reach: z follows.
+// A tip path (x, y) on the surface reached by arcs of equal bend: z follows.
 class OnArcs : public Motion {
  public:
   explicit OnArcs(const BodyParameters& body) : length_m_(body.length_m()) {}
@@ -120,8 +120,8 @@ class OnArcs : public Motion {
   double length_m_;
 };
 
-// From the middle of one side round to it again; the tip comes to rest in each corner, for a path with
-// corners can be followed in no other way.
+// From the middle of one side round to it again; the tip comes to rest in each corner, which a path with
+// corners requires.
 class Square final : public OnArcs {
  public:
   explicit Square(const BodyParameters& body) : OnArcs(body) {
@@ -151,7 +151,7 @@ class Square final : public OnArcs {
   double half_m_, side_s_;
 };
 
-// Outwards and back in: the tip turns, and rises and falls with its distance from the axis.
+// Outwards and back: the tip turns, and rises and falls with its distance from the axis.
 class Spiral final : public OnArcs {
  public:
   explicit Spiral(const BodyParameters& body) : OnArcs(body) {
@@ -214,7 +214,7 @@ class PlanarBend final : public Motion {
  private:
   static constexpr double kEnd_rad = 1.6, kRate_radps = 0.26, kRest_s = 1, kLead_s = 0.5;
 
-  // Each section to its share of the end, towards the first direction that its tendons hold.
+  // Bends each section to its share, towards the first direction that its tendons hold.
   void TurnIntoHeld(const RobotParameters& robot) {
     model_.SumBending(model::RestShape(model_, robot.limits.min_tension_N), start_rad_);
     BendingVector end_rad = kEnd_rad * per_rad_;
@@ -231,11 +231,11 @@ class PlanarBend final : public Motion {
   }
 
   model::Body model_;
-  BendingVector per_rad_, start_rad_;  // of the whole robot's bend, and where it is at first
+  BendingVector per_rad_, start_rad_;  // per bend of the whole robot; initial bend
   double way_rad_ = kEnd_rad, bend_s_;
 };
 
-// Motions that bend every way.
+// Motions that need every bending direction.
 std::unique_ptr<Motion> MakeRound(const std::string& name, const BodyParameters& body) {
   if (name == "circle") return MakeCircle(body);
   if (name == "fast_circle") return std::make_unique<Circle>(body, "fast_circle", 2 * kPi, 5);

@@ -7,7 +7,7 @@
 namespace tendril::tools {
 namespace {
 
-// Closer than this to the motion's first target counts as there.
+// A robot closer than this to the motion's first target has arrived.
 constexpr double kArrivedBending_rad = 1e-4;
 constexpr double kRest_s = 0.5, kApproachTimeout_s = 30;
 constexpr double kCommandPeriod_s = 0.01;

@@ -1,4 +1,4 @@
-// What a program says when no daemon answers it.
+// Message of a program when no daemon answers.
 #pragma once
 
 #include <fmt/format.h>
@@ -9,7 +9,7 @@
 
 namespace tendril::tools {
 
-/// When nothing came from a daemon within some time; one that waits for its networks has said so.
+/// For no message from a daemon within some time; a daemon that waits for its networks reports that.
 inline std::string NobodyAnswers(const std::string& url, const std::string& prefix, double within_s,
                                  const io::Client& client) {
   if (!client.waits().empty())

@@ -27,7 +27,7 @@ fs::path MakeOutputFolder(const fs::path& folder) {
 
 void RunPlotScript(const std::string& script, const std::vector<fs::path>& folders,
                    const std::string& result) {
-  // By its whole name: Python looks for its modules beside the one that PATH would find.
+  // By its full path: Python looks for its modules beside the one found in PATH.
   std::vector<std::string> arguments{"/usr/bin/python3", ScriptFile(script)};
   for (const auto& f : folders) arguments.push_back(f.string());
   std::vector<char*> argv;
@@ -55,7 +55,7 @@ void RunPlotScript(const std::string& script, const std::vector<fs::path>& folde
   while (child > 0 && waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
   if (child > 0 && WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
-  // The last line is what a Python program ends with.
+  // A Python program ends with its error on the last line.
   while (!said.empty() && said.back() == '\n') said.pop_back();
   said.erase(0, said.rfind('\n') + 1);
   if (said.empty()) said = "/usr/bin/python3 did not run; sudo apt-get install python3 python3-matplotlib";

@@ -1,5 +1,4 @@
-// Where a program leaves its results: the folder, and the script that draws them. Knows nothing of what the
-// results are.
+// Output folder of a program, and the script that draws its results. Knows nothing of the results.
 #pragma once
 
 #include <filesystem>
@@ -8,12 +7,12 @@
 
 namespace tendril::tools {
 
-/// Creates the folder with its parents and returns it; throws std::runtime_error with the remedy when nothing
-/// can be written into it.
+/// Creates the folder with its parents and returns it; throws std::runtime_error with the remedy when it is
+/// not writable.
 std::filesystem::path MakeOutputFolder(const std::filesystem::path& folder);
 
 /// Runs an installed script (see ScriptFile) with Debian's Python and these folders as arguments. Throws
-/// std::runtime_error naming `result`, which is then missing, and the last line the script wrote to stderr.
+/// std::runtime_error naming the missing `result` and the last line of the script's stderr.
 void RunPlotScript(const std::string& script, const std::vector<std::filesystem::path>& folders,
                    const std::string& result);
 

@@ -17,17 +17,17 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// Of the grid over a curve on which its fastest run is found, and of the times at which limits are looked at.
+// Points of the grid over a curve for its fastest run, and of the times at which limits are checked.
 constexpr int kGrid = 400;
 constexpr double kLook_s = 0.0005;
-// Of slowing down where a limit is broken: so often, over so many points of the grid either way.
+// Slowing down where a limit is exceeded: rounds, and grid points to either side.
 constexpr int kRounds = 15, kReach = 6;
 constexpr int kFewLooks = 4000, kMostLooks = 40000;
-// For what lies between two looks.
+// Margin for the intervals between checks.
 constexpr double kMargin = 1.002;
-// Points of each turn of a tip path that are turned into bending.
+// Points per turn of a tip path that are converted to bending.
 constexpr int kTipPoints = 240;
-constexpr double kReachShare = 1e-3;  // of the robot's length; nearer counts as reached
+constexpr double kReachShare = 1e-3;  // share of the robot's length that counts as reached
 
 }  // namespace
 
@@ -97,7 +97,7 @@ LimitUse UseOf(const PathLimits& limits, const VectorXd& rate, const VectorXd& a
 // over a step of the grid the acceleration along the curve is (x' - x) / (2 step).
 struct PathTiming::Profile {
   Profile(const Spline& spline, const PathLimits& within) : curve(spline), limits(within) {
-    // Closer together towards the ends, where the run gathers speed.
+    // Denser towards the ends, where the run accelerates.
     for (int i = 0; i <= kGrid; ++i) {
       const double even = static_cast<double>(i) / kGrid, share = 0.5 * (1 - std::cos(M_PI * even));
       s.push_back(curve.begin() + (curve.end() - curve.begin()) * (0.7 * share + 0.3 * even));
@@ -126,11 +126,11 @@ struct PathTiming::Profile {
     return {low, high};
   }
 
-  // The largest x for which `holds`, which it does at 0.
+  // The largest x for which `holds` is true, as it is at 0.
   template <class Holds>
   static double Largest(double most, Holds holds) {
     if (holds(most)) return most;
-    // First its order of magnitude: where the curve turns back only its bend bounds x, far below `most`.
+    // First its order of magnitude: where the curve reverses only its curvature bounds x, far below `most`.
     double good = 0, bad = most;
     for (int i = 0; i < 45 && good == 0; ++i) {
       const double lower = 1e-3 * bad;
@@ -163,7 +163,7 @@ struct PathTiming::Profile {
       const double twice = 2 * (s[i + 1] - s[i]);
       x[i] = Largest(x[i], [&](double at) {
         const auto [low, high] = Allowed(i, at, acceleration);
-        // Just past a turn both are far below zero, and x would have to be as well.
+        // Just after a turn both are far below zero, and so would x have to be.
         return low <= high && at + twice * low <= x[i + 1] && at + twice * high >= 0;
       });
     }
@@ -185,7 +185,7 @@ struct PathTiming::Profile {
 
   const Spline& curve;
   PathLimits limits;
-  std::vector<double> s, most;  // the grid, and the greatest x that is allowed there besides
+  std::vector<double> s, most;  // the grid, and an additional bound on x there
   std::vector<Spline::Point> points;
 };
 
@@ -226,13 +226,13 @@ PathTiming::PathTiming(const Spline& curve, const PathLimits& limits) {
     double rate, acceleration, window;  // shares of both limits; of acceleration over jerk
     double duration_s = HUGE_VAL;
   };
-  // Fills in this timing for a choice and says how long it takes. `seen`: by how much each point of the grid
-  // has to be slowed down.
+  // Computes this timing for a choice and returns its duration. `seen`: factors by which the grid's points
+  // must be slowed down.
   const auto take = [&](Choice& c, bool dense, std::vector<double>* seen) {
     knots_ = profile.Run(c.rate, c.acceleration);
     window_s_ = c.window * c.acceleration * limits.acceleration_radps2 / limits.jerk_radps3;
     const double whole_s = knots_.back().t + window_s_;
-    // The acceleration jumps at the knots, and the jerk there and a window later.
+    // The acceleration jumps at the knots, and the jerk there and one window later.
     std::vector<double> times;
     for (const Knot& k : knots_) times.insert(times.end(), {k.t, k.t + window_s_});
     if (dense) {
@@ -279,7 +279,7 @@ PathTiming::PathTiming(const Spline& curve, const PathLimits& limits) {
       }
     }
   }
-  // Where one place alone is over a limit, slow down there and not everywhere.
+  // Where a single place exceeds a limit, slow down only there.
   std::vector<double> best_most = profile.most;
   const Choice evenly = best;
   for (Choice start : {evenly, Choice{1, 1, 1}, Choice{1, 1, 2}, Choice{1, 0.7, 1.4}, Choice{1, 0.5, 1},
@@ -317,7 +317,7 @@ void RequireWithinBend(const Spline& curve, const RobotParameters& robot, const 
     const VectorXd b = curve.At(s).value;
     for (Eigen::Index k = 0; k + 1 < b.size(); k += 2) {
       const double bend = b.segment<2>(k).norm();
-      if (bend <= worst) continue;  // not so if it is not a number
+      if (bend <= worst) continue;  // also for NaN
       worst = std::isfinite(bend) ? bend : HUGE_VAL;
       at = s;
     }
@@ -364,7 +364,7 @@ VectorXd TipSolver::Solve(const Vector3d& tip_W_m, const std::string& name) {
 }
 
 Spline ThroughPoints(const MatrixXd& bending_rad, const RobotParameters& robot) {
-  // Knots by the square root of the distance: no loops between points that lie unevenly.
+  // Knots by the square root of the distance, which avoids loops between unevenly spaced points.
   VectorXd knots(bending_rad.rows());
   knots[0] = 0;
   for (Eigen::Index i = 1; i < bending_rad.rows(); ++i) {
@@ -406,7 +406,7 @@ TipPath ArcThrough(const Vector3d& from, const Vector3d& through, const Vector3d
   const Vector3d centre =
       from + (b.squaredNorm() * normal.cross(a) + a.squaredNorm() * b.cross(normal)) / (2 * n2);
   const Vector3d axis = normal.normalized(), x = (from - centre).normalized(), y = axis.cross(x);
-  // Right-handed about a x b the way leads from the first point by the second to the third.
+  // Right-handed about a x b the arc runs from the first point through the second to the third.
   double angle = std::atan2((to - centre).dot(y), (to - centre).dot(x));
   if (angle <= 0) angle += 2 * M_PI;
   return ArcAround(centre, normal, from, angle);

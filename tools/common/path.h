@@ -1,5 +1,5 @@
-// Curves of bending through given points or along given tip paths, and when to be where on them: from rest to
-// rest within limits of rate, acceleration and jerk. Knows nothing of how a robot is driven.
+// Curves of bending through given points or along given tip paths, and their timing: from rest to rest within
+// limits of rate, acceleration and jerk. Knows nothing of how a robot is driven.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,7 +15,7 @@
 
 namespace tendril::tools {
 
-/// A point of a path that the robot cannot take up; what() is the whole line.
+/// A point of a path that the robot cannot reach; what() is the whole line.
 class PathError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -41,15 +41,15 @@ class Spline {
   Eigen::MatrixXd values_, seconds_;  // second derivatives at the knots
 };
 
-/// Limits on (us, vs) of each section, as in trajectory: of the daemon's file.
+/// Limits on (us, vs) of each section, as under trajectory in the daemon's file.
 struct PathLimits {
   double rate_radps = 0, acceleration_radps2 = 0, jerk_radps3 = 0;
 };
 
-/// How far a motion goes beyond the limits at one moment: 1 is at a limit, less is within.
+/// Ratios of a motion to its limits at one moment: 1 is at a limit, less is within.
 struct LimitUse {
   double rate = 0, acceleration = 0, jerk = 0;
-  /// By which factor time has to be stretched for all of them to be kept.
+  /// Factor by which time must be stretched to meet all limits.
   double stretch() const;
 };
 LimitUse UseOf(const PathLimits& limits, const Eigen::VectorXd& rate, const Eigen::VectorXd& acceleration,
@@ -68,7 +68,7 @@ class PathTiming {
   };
   Point At(double t_s) const;
   double duration_s() const { return duration_s_; }
-  /// That of the fastest run without a limit of jerk: nothing within the limits is faster.
+  /// Duration of the fastest run without a jerk limit: a lower bound.
   double bound_s() const { return bound_s_; }
 
  private:
@@ -83,19 +83,19 @@ class PathTiming {
   double window_s_ = 0, stretch_ = 1, duration_s_ = 0, bound_s_ = 0;
 };
 
-/// Bendings of tip points, each from the one before it. `names` says in errors which point is meant. Points
-/// that the robot cannot reach by more than a thousandth of its length are a PathError unless `nearest`: then
-/// the nearest reachable point is taken, up to kNearestShare of that length; farther off it is no point that
-/// somebody meant, but another unit.
+/// Bendings of tip points, each from the one before it. `names` names the points in errors. Points out of
+/// reach by more than a thousandth of the robot's length are a PathError unless `nearest`: then the nearest
+/// reachable point is taken, up to kNearestShare of that length; a farther point is taken as a mistake in the
+/// unit.
 class TipSolver {
  public:
   static constexpr double kNearestShare = 0.5;
 
   TipSolver(const RobotParameters& robot, bool nearest);
   Eigen::VectorXd Solve(const Eigen::Vector3d& tip_W_m, const std::string& name);
-  /// How far the last point was from the nearest that can be reached [m].
+  /// Distance of the last point from the nearest reachable one [m].
   double distance_m() const { return distance_m_; }
-  /// Of all points so far the greatest such distance that counts as out of reach, else 0.
+  /// The greatest such distance of all points so far that counts as out of reach, else 0.
   double farthest_m() const { return farthest_m_; }
 
  private:
@@ -106,22 +106,22 @@ class TipSolver {
   BendingVector last_;
 };
 
-/// Throws PathError when the curve bends a section further than the robot may, and says where: between which
-/// of its knots, called `knots`, or without a name for them how far along.
+/// Throws PathError when the curve bends a section beyond the robot's limit, naming the place: between which
+/// of its knots, called `knots`, or without a name the position along it.
 void RequireWithinBend(const Spline& curve, const RobotParameters& robot, const char* knots = nullptr);
 
-/// Smoothly through bendings (n x 2K), n >= 2, which must differ from one to the next. Throws PathError when
-/// the curve bends a section further than the robot may.
+/// A smooth curve through bendings (n x 2K), n >= 2, each different from the next. Throws PathError when the
+/// curve bends a section beyond the robot's limit.
 Spline ThroughPoints(const Eigen::MatrixXd& bending_rad, const RobotParameters& robot);
 
-/// A path of the tip, for u from 0 to 1 evenly along it.
+/// A path of the tip, for u from 0 to 1 in proportion to its length.
 struct TipPath {
   std::function<Eigen::Vector3d(double u)> at;
-  double turns = 1;  // as long and bent as this many turns of a circle, at least 1
+  double turns = 1;  // length and curvature in turns of a circle, at least 1
   Eigen::Vector3d operator()(double u) const { return at(u); }
 };
-/// The circle's arc from the first point by the second to the third. Throws PathError when they lie on one
-/// line.
+/// The circle's arc from the first point through the second to the third. Throws PathError when they lie on
+/// one line.
 TipPath ArcThrough(const Eigen::Vector3d& from, const Eigen::Vector3d& through, const Eigen::Vector3d& to);
 /// From `from` by `angle_rad` around `centre`, right-handed about `normal`. Throws PathError unless `from`
 /// lies in the plane through the centre.

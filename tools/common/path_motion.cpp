@@ -11,11 +11,11 @@ namespace {
 
 using Eigen::VectorXd;
 
-// At the end, for whoever watches to see it arrive.
+// Rest at the end, so that the arrival is visible.
 constexpr double kRestAfter_s = 0.5;
 constexpr double kLook_s = 0.001;
 constexpr int kMostLooks = 200000;
-constexpr double kMoving = 0.01;  // of the greatest rate: faster is no rest
+constexpr double kMoving = 0.01;  // share of the greatest rate that counts as rest
 
 Command BendingTarget(const VectorXd& bending_rad, const VectorXd& rate_radps) {
   Command target;

@@ -1,5 +1,5 @@
-// Motions that a user describes: along a path as fast as limits allow, or through a table of times. Knows
-// nothing of files.
+// User-defined motions: along a path as fast as the limits allow, or through a table of times. Knows nothing
+// of files.
 #pragma once
 
 #include <memory>
@@ -11,13 +11,12 @@
 
 namespace tendril::tools {
 
-/// Along curves one after the other, from rest to rest on each, with a moment's rest at the end. Throws
-/// PathError.
+/// Along curves in sequence, from rest to rest on each, with a short rest at the end. Throws PathError.
 std::unique_ptr<Motion> MakePathMotion(std::string name, const std::vector<Spline>& curves,
                                        const PathLimits& limits, const RobotParameters& robot);
 
-/// Bendings at times, joined by a spline over time. `limits` are kept or std::runtime_error says where they
-/// are not and by which factor the times would have to be stretched.
+/// Bendings at times, interpolated by a spline over time. Throws std::runtime_error where `limits` are
+/// exceeded, with the factor by which the times would have to be stretched.
 std::unique_ptr<Motion> MakeTableMotion(std::string name, const Spline& table, const PathLimits& limits,
                                         const RobotParameters& robot);
 

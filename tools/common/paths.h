@@ -1,5 +1,5 @@
-// Where the files that come with the programs are: beside an installed binary or in the source tree it was
-// built in.
+// Locations of the files installed with the programs: beside an installed binary or in the source tree from
+// which it was built.
 #pragma once
 
 #include <string>

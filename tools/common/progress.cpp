@@ -1,4 +1,4 @@
-// One line: stage, share, time it took, time it may still take. Knows nothing of the work.
+// One line: stage, share, elapsed and estimated remaining time. Knows nothing of the work.
 #include "progress.h"
 
 #include <fmt/format.h>
@@ -59,12 +59,12 @@ void Progress::Show(double now_s, bool last) {
   if (!last && share_ > 0.02 && took_s > 2) {
     line += fmt::format(", {} to go", Duration(took_s / share_ * (1 - share_)));
   }
-  // The rest of a longer line that stood here before is cleared.
+  // Clears the rest of a longer previous line.
   std::fputs(terminal_ ? fmt::format("\r{}\x1b[K{}", line, last ? "\n" : "").c_str() : (line + "\n").c_str(),
              out_);
   std::fflush(out_);
   shown_s_ = now_s;
-  // Off a terminal each line stands for itself, and the end of a stage needs none.
+  // Without a terminal each line is complete, and the end of a stage needs none.
   drawn_ = terminal_ && !last;
 }
 

@@ -1,5 +1,5 @@
-// Shows people how far long work is: on a terminal one line that is drawn again, elsewhere a line now and
-// then. Knows nothing of the work.
+// Shows the progress of long work: on a terminal one line that is redrawn, elsewhere a line from time to
+// time. Knows nothing of the work.
 #pragma once
 
 #include <chrono>
@@ -10,19 +10,19 @@
 
 namespace tendril::tools {
 
-/// May be called from several threads. Nothing is shown of work that is done within a second.
+/// May be called from several threads. Work that ends within a second shows nothing.
 class Progress {
  public:
   using Clock = std::function<double()>;  // seconds, monotonic
-  /// `terminal`: whether `out` can draw a line again. Showing progress never ends the work: errors of `out`
-  /// are ignored.
+  /// `terminal`: whether `out` can redraw a line. Errors of `out` are ignored, so that progress never ends
+  /// the work.
   explicit Progress(std::FILE* out = stderr);
   Progress(std::FILE* out, bool terminal, Clock clock);
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  /// What is being done and which share of it, 0 to 1, is done; a share that falls back is not shown.
+  /// The stage and its completed share, 0 to 1; a decreasing share is not shown.
   void operator()(const std::string& stage, double share);
   /// Ends the line; called by the destructor as well.
   void Finish();
@@ -37,7 +37,7 @@ class Progress {
   std::string stage_;
   double share_ = 0;
   double start_s_ = 0, stage_start_s_ = 0, shown_s_ = 0;
-  bool drawn_ = false;  // something of this stage is on the terminal's line
+  bool drawn_ = false;  // this stage is on the terminal's line
 };
 
 }  // namespace tendril::tools

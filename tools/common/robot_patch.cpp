@@ -58,7 +58,7 @@ std::optional<double> AsNumber(const std::string& text) {
   return value;
 }
 
-// As a person would write it: 1.955e10, not 19550000000. The same digits, so the same number.
+// Short form of a number: 1.955e10, not 19550000000. The same digits, so the same value.
 std::string Written(const std::string& number) {
   const auto value = AsNumber(number);
   if (!value || *value == 0 || (std::abs(*value) < 1e6 && std::abs(*value) >= 1e-4)) return number;
@@ -81,7 +81,7 @@ bool Same(const std::string& a, const std::string& b) {
 
 YAML::Node Resolved(const RobotParameters& robot) { return YAML::Load(config::ToYaml(robot)); }
 
-// Every block of one tendon's drivetrain, resolved.
+// All leaves of one tendon's drivetrain, resolved.
 Leaves TendonLeaves(RobotParameters robot, std::size_t tendon) {
   if (!robot.actuation) return {};
   std::swap(robot.actuation->tendons[0], robot.actuation->tendons[tendon]);
@@ -90,7 +90,7 @@ Leaves TendonLeaves(RobotParameters robot, std::size_t tendon) {
   return LeavesOf(blocks);
 }
 
-// Everything else.
+// All other leaves.
 Leaves OtherLeaves(const RobotParameters& robot) {
   YAML::Node root = Resolved(robot);
   root.remove("effects");
@@ -140,7 +140,7 @@ class Editor {
 
   YAML::Node At(const Path& path) const { return Find(root_, path); }
 
-  /// Another value for a number that the file has; its old one stays as a comment.
+  /// Replaces a number in the file; the old one stays as a comment.
   void Replace(const YAML::Node& node, const std::string& value) {
     const auto line = static_cast<std::size_t>(node.Mark().line),
                column = static_cast<std::size_t>(node.Mark().column);
@@ -152,7 +152,7 @@ class Editor {
     edits_[line].push_back({column, old, value});
   }
 
-  /// A key that the file left out, as the first of its map.
+  /// Inserts a missing key as the first of its map.
   void Insert(const YAML::Node& map, const std::string& text) {
     const YAML::Node first = map.begin()->first;
     const auto line = static_cast<std::size_t>(first.Mark().line),
@@ -160,14 +160,14 @@ class Editor {
     if (map.Style() == YAML::EmitterStyle::Flow) {
       edits_[line].push_back({column, "", text + ", "});
     } else if (lines_[line].find_first_not_of(' ') != column) {
-      // The first key of a list's entry stands behind its dash: the new one comes below it.
+      // The first key of a list's entry follows its dash; the new one goes below it.
       below_[LastLineOf(line, column)].push_back(std::string(column, ' ') + text);
     } else {
       above_[line].push_back(std::string(column, ' ') + text);
     }
   }
 
-  /// Lines at the end of a block that begins at `line` with keys at `column`.
+  /// Appends lines to a block that begins at `line` with keys at `column`.
   void Append(const YAML::Node& map, const std::vector<std::string>& lines) {
     const YAML::Node first = map.begin()->first;
     const auto column = static_cast<std::size_t>(first.Mark().column);
@@ -175,7 +175,7 @@ class Editor {
     for (const std::string& line : lines) below_[last].push_back(std::string(column, ' ') + line);
   }
 
-  /// A whole key with what belongs to it, out of the file.
+  /// Removes a key with its value from the file.
   void Remove(const YAML::Node& map, const std::string& key) {
     for (const auto& entry : map) {
       if (entry.first.Scalar() != key) continue;
@@ -189,7 +189,7 @@ class Editor {
 
   std::string Text(const std::vector<std::string>& heading) const {
     std::string text;
-    // Below the file's own first comment.
+    // Below the file's first comment.
     std::size_t start = 0;
     while (start < lines_.size() && !lines_[start].empty() && lines_[start].front() == '#') ++start;
     for (std::size_t i = 0; i < lines_.size(); ++i) {
@@ -215,14 +215,14 @@ class Editor {
     return text;
   }
 
-  // Last line that belongs to what begins at `line` with its key at `column`; with `siblings` to the whole
-  // block of keys in that column. Blank and comment lines behind it do not belong.
+  // Last line of the entry that begins at `line` with its key at `column`; with `siblings`, of the whole
+  // block of keys in that column. Trailing blank and comment lines are excluded.
   std::size_t LastLineOf(std::size_t line, std::size_t column, bool siblings = false) const {
     std::size_t last = line;
     for (std::size_t i = line + 1; i < lines_.size(); ++i) {
       const std::size_t indent = lines_[i].find_first_not_of(' ');
       if (indent == std::string::npos || lines_[i][indent] == '#') continue;
-      // A list may stand as far left as its key.
+      // A list may have the indentation of its key.
       const bool item = lines_[i][indent] == '-' && indent == column && !siblings;
       if (indent < column || (indent == column && !siblings && !item)) break;
       last = i;
@@ -242,7 +242,7 @@ class Editor {
       if (!edit.old.empty()) was = edit.old + (was.empty() ? "" : ", " + was);
     }
     if (was.empty()) return line;
-    // A comment begins at the first '#' behind a blank; texts in quotes hold none in robot files' numbers.
+    // A comment begins at the first '#' after a blank; quoted texts in robot files contain none.
     const std::size_t comment = line.find(" #");
     if (comment == std::string::npos) return line + "  # was " + was;
     const std::size_t words = line.find_first_not_of("# ", comment);
@@ -274,12 +274,12 @@ Path Join(const Path& a, const Path& b) {
   return joined;
 }
 
-// One leaf outside the tendons' blocks, or in their common part.
+// Carries one leaf outside the tendons' blocks, or in their common part.
 void Carry(Editor& editor, const Path& path, const YAML::Node& resolved, const Path& resolved_path) {
   if (const YAML::Node there = editor.At(path); there.IsDefined() && there.IsScalar()) {
     return editor.Replace(there, Written(Find(resolved, resolved_path).Scalar()));
   }
-  // Not in the file: the first missing key gets all that belongs to it.
+  // Not in the file: inserted whole below the first missing key.
   for (std::size_t depth = path.size(); depth-- > 0;) {
     const Path parent(path.begin(), path.begin() + static_cast<std::ptrdiff_t>(depth));
     const YAML::Node map = editor.At(parent);
@@ -294,7 +294,7 @@ void Carry(Editor& editor, const Path& path, const YAML::Node& resolved, const P
 
 void CarryOthers(Editor& editor, const RobotParameters& before, const RobotParameters& after) {
   const YAML::Node resolved = Resolved(after);
-  std::vector<Path> whole;  // lists and vectors that go in at one stroke
+  std::vector<Path> whole;  // lists and vectors that are inserted whole
   for (const Path& path : Changed(OtherLeaves(before), OtherLeaves(after))) {
     if (path.size() > 1 && path[1] == "unit_deviations") {
       const Path list{"body", "unit_deviations"};
@@ -307,8 +307,7 @@ void CarryOthers(Editor& editor, const RobotParameters& before, const RobotParam
       editor.Append(body, lines);
       continue;
     }
-    // A disk given by its diameter has the inertia that follows from its mass; where that is what changed,
-    // nothing is to be written.
+    // A disk given by its diameter derives its inertia from its mass; if that changed it, nothing is written.
     if (path.back().starts_with("disk_inertia")) {
       Path diameter = path;
       diameter.back() = "disk_diameter_m";
@@ -347,7 +346,7 @@ void CarryTendons(Editor& editor, const RobotParameters& before, const RobotPara
     }
     return path;
   };
-  std::map<std::size_t, std::vector<Path>> apart;  // what a tendon gets of its own
+  std::map<std::size_t, std::vector<Path>> apart;  // keys specific to a tendon
   for (const auto& [path, by_tendon] : changes) {
     std::vector<std::size_t> sharing;
     for (std::size_t j = 0; j < tendons; ++j) {
@@ -395,7 +394,7 @@ void CarryTendons(Editor& editor, const RobotParameters& before, const RobotPara
   editor.Append(actuation, lines);
 }
 
-/// `original`: the robot that the file says; a law that it has at that place already is written anew there.
+/// `original`: the robot of the file; a law that it has at that place already is rewritten there.
 void CarryLaws(Editor& editor, const RobotParameters& original, const std::vector<EffectSetting>& laws) {
   if (laws.empty()) return;
   std::vector<std::string> lines;
@@ -404,7 +403,7 @@ void CarryLaws(Editor& editor, const RobotParameters& original, const std::vecto
     for (const auto& [name, value] : law.values) line += fmt::format(", {}: {}", name, value);
     return line + "}";
   };
-  std::map<std::size_t, const EffectSetting*> anew;  // by place in the file's list
+  std::map<std::size_t, const EffectSetting*> anew;  // by position in the file's list
   for (const EffectSetting& law : laws) {
     if (const auto there = sim::FindLaw(original, law)) anew[*there] = &law;
   }
@@ -505,16 +504,16 @@ std::optional<KeyDifference> FirstDifference(const RobotParameters& left, const 
 RobotPatch PatchRobot(const std::string& text, const std::string& path,
                       const std::vector<EffectSetting>& effects, const std::vector<std::string>& heading) {
   const RobotParameters original = config::ParseRobot(text, path);
-  // What the file already lists stays listed; only what is new is worked in.
+  // Effects already listed in the file stay listed; only new ones are folded in.
   RobotParameters before = original;
   before.effects.clear();
   RobotParameters after = before;
   after.effects = effects;
   after = sim::FoldEffects(after);
-  RobotParameters wanted = sim::FoldEffects(original);
-  const std::vector<EffectSetting> laws = std::exchange(wanted.effects, effects);
-  wanted = sim::FoldEffects(wanted);
-  for (const EffectSetting& law : std::exchange(wanted.effects, laws)) sim::SetLaw(wanted, law);
+  RobotParameters expected = sim::FoldEffects(original);
+  const std::vector<EffectSetting> laws = std::exchange(expected.effects, effects);
+  expected = sim::FoldEffects(expected);
+  for (const EffectSetting& law : std::exchange(expected.effects, laws)) sim::SetLaw(expected, law);
 
   Editor editor(text, path);
   CarryOthers(editor, before, after);
@@ -522,11 +521,11 @@ RobotPatch PatchRobot(const std::string& text, const std::string& path,
   CarryLaws(editor, original, after.effects);
   RobotPatch patch{.text = editor.Text(heading), .robot = {}};
   patch.robot = config::ParseRobot(patch.text, path + " with the effects");
-  if (const double difference = RobotDifference(patch.robot, wanted); !(difference <= kSame)) {
+  if (const double difference = RobotDifference(patch.robot, expected); !(difference <= kSame)) {
     throw std::runtime_error(
-        fmt::format("{}: the effects could not be worked into this file's layout (a number would differ by "
+        fmt::format("{}: the effects could not be folded into this file's layout (a number would differ by "
                     "{:.1g}); write every "
-                    "key on a line of its own, as `tendril config check` prints it",
+                    "key on its own line, as `tendril config check` prints it",
                     path, difference));
   }
   return patch;

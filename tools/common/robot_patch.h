@@ -1,5 +1,5 @@
-// A robot file with effects worked into it, as its author would have done it by hand: numbers changed where
-// they stand, laws added at the end, comments and order kept. Knows nothing of where the effects come from.
+// A robot file with effects folded in, edited as by hand: numbers changed in place, laws added at the end,
+// comments and order kept. Knows nothing of where the effects come from.
 #pragma once
 
 #include <optional>
@@ -12,7 +12,7 @@ namespace tendril::tools {
 
 struct RobotPatch {
   std::string text;       // the new file
-  RobotParameters robot;  // what it says
+  RobotParameters robot;  // its contents
 };
 
 /// `text` is the file, `path` its name for errors. `heading` becomes comment lines at its top, one each. The
@@ -22,11 +22,11 @@ struct RobotPatch {
 RobotPatch PatchRobot(const std::string& text, const std::string& path,
                       const std::vector<EffectSetting>& effects, const std::vector<std::string>& heading);
 
-/// The lines that differ, with - and +, a few common ones around them.
+/// The lines that differ, with - and +, and some context.
 std::string DiffLines(const std::string& before, const std::string& after);
 
-/// Largest relative difference of any number of two robots of equal layout; infinity when other things
-/// differ. Their effects are folded in first.
+/// Largest relative difference of any number of two robots of equal layout, with their effects folded in;
+/// infinity when other things differ.
 double RobotDifference(const RobotParameters& a, const RobotParameters& b);
 
 struct KeyDifference {

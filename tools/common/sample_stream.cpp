@@ -6,13 +6,13 @@
 namespace tendril::tools {
 
 void SampleStream::Add(TimeNs arrived_ns, const Eigen::VectorXd& value, TimeNs valid_for_ns) {
-  // Two at once: the later one counts.
+  // Of two at the same time the later one counts.
   if (!samples_.empty() && samples_.back().at_ns >= arrived_ns) {
     samples_.back() = {samples_.back().at_ns, value, arrived_ns + valid_for_ns};
     return;
   }
-  // After a pause the motion sets out from where it rests when the new sample comes, not from when the last
-  // one came: otherwise it would jump to where it should have been by then.
+  // After a pause the motion continues from its rest at the time of the new sample; from the time of the
+  // previous one it would jump.
   if (!samples_.empty() && arrived_ns - samples_.back().at_ns > delay_ns_) {
     samples_.push_back({arrived_ns - delay_ns_, samples_.back().value, samples_.back().until_ns});
   }

@@ -1,5 +1,5 @@
-// Samples that come in now and then, made into an even motion a little behind them: straight from one to the
-// next, and at rest on the last. Knows nothing of where they come from.
+// Smooths samples that arrive irregularly into a motion slightly behind them: linear from one to the next,
+// and at rest on the last. Knows nothing of where they come from.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,22 +11,21 @@ namespace tendril::tools {
 
 class SampleStream {
  public:
-  /// `delay_ns`: how far behind the samples the motion is; at least the time between two of them, or it stops
-  /// at each.
+  /// `delay_ns`: lag of the motion behind the samples; at least the time between two of them, or it stops at
+  /// each.
   explicit SampleStream(TimeNs delay_ns) : delay_ns_(delay_ns) {}
 
-  /// Values of one size throughout; `arrived_ns` must not fall. Nothing is wanted of the sample from
-  /// `arrived_ns + valid_for_ns` on.
+  /// Values of equal size; `arrived_ns` must not decrease. The sample expires at `arrived_ns + valid_for_ns`.
   void Add(TimeNs arrived_ns, const Eigen::VectorXd& value, TimeNs valid_for_ns);
 
   struct Point {
     Eigen::VectorXd value, rate;
   };
-  /// Only after the first sample. `now_ns` must not fall: samples that are passed are forgotten.
+  /// Only after the first sample. `now_ns` must not decrease: past samples are discarded.
   Point At(TimeNs now_ns);
   bool empty() const { return samples_.empty(); }
   const Eigen::VectorXd& latest() const { return samples_.back().value; }
-  /// Whether the last sample is too old at this time, and the motion rests on it.
+  /// Whether the last sample has expired at this time, so that the motion rests on it.
   bool Expired(TimeNs now_ns) const;
 
  private:

@@ -1,4 +1,4 @@
-// What a --seed may be: CLI11 takes -3 for an unsigned number, and the largest for one that is larger still.
+// Valid values of --seed: CLI11 would accept -3 as an unsigned number, and clamp numbers that are too large.
 // Knows the command line only.
 #pragma once
 

@@ -1,4 +1,5 @@
-// The amount of an effect that changes what is measured by so many floors, searched within physical bounds.
+// The amount of an effect that changes the measurements by a given number of noise floors, searched within
+// physical bounds.
 #include "sized_effect.h"
 
 #include <fmt/format.h>
@@ -30,7 +31,7 @@ double ReadSigma(const std::string& name, const std::string& text) {
   return value;
 }
 
-/// Four digits of the deviation tell amounts apart well enough, and read better than seventeen.
+/// Four digits of the deviation distinguish amounts sufficiently, and are more readable than seventeen.
 double ValueAt(double nominal, double deviation) {
   const int decimals = std::clamp(3 - static_cast<int>(std::floor(std::log10(std::abs(deviation)))), 0, 15);
   return std::stod(fmt::format("{:.{}f}", nominal + deviation, decimals));
@@ -38,7 +39,7 @@ double ValueAt(double nominal, double deviation) {
 
 }  // namespace
 
-std::optional<WantedSize> ParseWantedSize(const std::string& text, const RobotParameters& robot) {
+std::optional<RequestedSize> ParseRequestedSize(const std::string& text, const RobotParameters& robot) {
   std::istringstream words(text);
   std::string name, rest, sigma, vary, where = "all";
   words >> name;
@@ -59,10 +60,10 @@ std::optional<WantedSize> ParseWantedSize(const std::string& text, const RobotPa
     if (!vary.empty()) throw Wrong(name + ": vary without sigma", "vary=PARAMETER together with sigma=SIZE");
     return std::nullopt;
   }
-  WantedSize wanted;
-  wanted.sigma = ReadSigma(name, sigma);
+  RequestedSize requested;
+  requested.sigma = ReadSigma(name, sigma);
   const sim::Effect* effect = sim::FindEffect(name);
-  if (effect == nullptr) sim::ParseEffect(text, robot);  // says which there are
+  if (effect == nullptr) sim::ParseEffect(text, robot);  // throws with the list of effects
   std::string primary;
   bool found = false;
   const sim::Target target = sim::ParseTarget(*effect, where, robot);
@@ -70,31 +71,32 @@ std::optional<WantedSize> ParseWantedSize(const std::string& text, const RobotPa
     if (p.shape) continue;
     primary += (primary.empty() ? "" : ", ") + std::string(p.name);
     if (!found && (vary.empty() || vary == p.name)) {
-      wanted.parameter = p;
+      requested.parameter = p;
       found = true;
     }
   }
   if (!found) throw Wrong(fmt::format("{}: vary = '{}'", name, vary), primary);
-  const sim::EffectParameter& p = wanted.parameter;
+  const sim::EffectParameter& p = requested.parameter;
   if (rest.find(fmt::format(" {}=", p.name)) != std::string::npos) {
     throw Wrong(fmt::format("{}: {} and sigma", name, p.name), "one of them, for one follows from the other");
   }
-  if ((wanted.sigma > 0 ? p.upper : p.lower) == p.nominal) {
-    throw Wrong(fmt::format("{}: sigma = {}", name, sigma),
-                fmt::format("{} sizes, for {} lies in {} .. {} and is nominally {}",
-                            wanted.sigma > 0 ? "negative" : "positive", p.name, p.lower, p.upper, p.nominal));
+  if ((requested.sigma > 0 ? p.upper : p.lower) == p.nominal) {
+    throw Wrong(
+        fmt::format("{}: sigma = {}", name, sigma),
+        fmt::format("{} sizes, for {} lies in {} .. {} and is nominally {}",
+                    requested.sigma > 0 ? "negative" : "positive", p.name, p.lower, p.upper, p.nominal));
   }
-  wanted.setting = sim::ParseEffect(fmt::format("{}{} {}={}", name, rest, p.name, p.nominal), robot);
-  return wanted;
+  requested.setting = sim::ParseEffect(fmt::format("{}{} {}={}", name, rest, p.name, p.nominal), robot);
+  return requested;
 }
 
-SizedEffect AmountFor(const WantedSize& wanted,
+SizedEffect AmountFor(const RequestedSize& requested,
                       const std::function<gap::EffectRuler::Size(const EffectSetting&)>& size_of) {
-  const sim::EffectParameter& p = wanted.parameter;
-  const double sign = wanted.sigma > 0 ? 1 : -1, target = std::abs(wanted.sigma);
-  const double bound = std::abs((wanted.sigma > 0 ? p.upper : p.lower) - p.nominal);
+  const sim::EffectParameter& p = requested.parameter;
+  const double sign = requested.sigma > 0 ? 1 : -1, target = std::abs(requested.sigma);
+  const double bound = std::abs((requested.sigma > 0 ? p.upper : p.lower) - p.nominal);
   const auto setting_at = [&](double deviation) {
-    EffectSetting setting = wanted.setting;
+    EffectSetting setting = requested.setting;
     for (auto& [name, value] : setting.values) {
       if (name == p.name) value = std::clamp(ValueAt(p.nominal, sign * deviation), p.lower, p.upper);
     }
@@ -102,9 +104,9 @@ SizedEffect AmountFor(const WantedSize& wanted,
   };
 
   SizedEffect best;
-  best.setting = wanted.setting;
+  best.setting = requested.setting;
   double nearest = HUGE_VAL;
-  // Below `low` it is too small, above `high` too large; `beyond` cannot be simulated.
+  // Too small below `low`, too large above `high`; `beyond` cannot be simulated.
   double low = 0, low_size = 0, high = 0, high_size = 0, beyond = HUGE_VAL;
   std::string why;
   double x = std::min(p.typical > 0 ? p.typical : 0.1 * bound, bound);
@@ -138,7 +140,7 @@ SizedEffect AmountFor(const WantedSize& wanted,
       beyond = x;
     }
     const double top = std::min(high > 0 ? high : bound, beyond);
-    // Amounts that four digits cannot tell apart are the same.
+    // Amounts equal to four digits are the same.
     if (low > 0 && top - low <= 1e-4 * top && (high > 0 || beyond < HUGE_VAL)) break;
     if (high == 0 && beyond == HUGE_VAL) {
       const double grow = low_size > 0 ? std::clamp(target / low_size, 1.1, 10.0) : 4;
@@ -149,7 +151,7 @@ SizedEffect AmountFor(const WantedSize& wanted,
       if (x < 1e-9 * bound) break;
     } else if (high > 0 && low_size > 0) {
       const double share = std::log(target / low_size) / std::log(high_size / low_size);
-      // Never so near to an end that the bracket does not shrink.
+      // Kept off the ends, so that the bracket shrinks.
       x = low * std::pow(high / low, std::clamp(share, 0.1, 0.9));
     } else {
       x = low > 0 ? std::sqrt(low * top) : top / 4;
@@ -158,7 +160,7 @@ SizedEffect AmountFor(const WantedSize& wanted,
   if (nearest > 2.5 * kNear || best.size.floors == 0) {
     if (best.size.floors == 0 && beyond < HUGE_VAL) {
       throw std::runtime_error(
-          fmt::format("{}: no amount of it could be simulated: {}", wanted.setting.name, why));
+          fmt::format("{}: no amount of it could be simulated: {}", requested.setting.name, why));
     }
     best.limited = low >= bound        ? fmt::format("that is the bound of {}", p.name)
                    : beyond < HUGE_VAL ? "more of it cannot be simulated: " + why

@@ -19,14 +19,15 @@ namespace {
 constexpr double kLook_s = 0.002;
 constexpr int kMostLooks = 50000;
 
-// One instant of a motion: bending, its rates, and how fast each tendon's path shortens.
+// One instant of a motion: bending, its rates, and the rate at which each tendon's path shortens.
 struct Instant {
   Eigen::VectorXd bending_rad, rate_radps, acceleration_radps2;
   TendonVector shortening_mps, shortening_mps2;
 };
 
-LimitParameters Led(LimitParameters limits) {
-  limits.max_tension_base_N = std::max(control::kLedShare * limits.max_tension_base_N, limits.min_tension_N);
+LimitParameters CommandedLimits(LimitParameters limits) {
+  limits.max_tension_base_N =
+      std::max(control::kCommandedTensionShare * limits.max_tension_base_N, limits.min_tension_N);
   return limits;
 }
 
@@ -37,7 +38,7 @@ class Check {
         body_(robot.body),
         workspace_(body_),
         allocator_(body_.tendons(), 2 * body_.sections()),
-        reach_(robot, body_, Led(robot.limits), 0, true),
+        reach_(robot, body_, CommandedLimits(robot.limits), 0, true),
         q_(UnitVector::Zero(body_.dof())),
         dq_(q_),
         ddq_(q_),
@@ -76,13 +77,13 @@ class Check {
     body_.InverseDynamics(q_, dq_, ddq_, force_Nm_, workspace_);
     body_.ProjectForce(force_Nm_, wanted_Nm_);
     model::SectionForcePerTension(body_, at.bending_rad, per_tension_);
-    const double most_N = control::kLedShare * limits.max_tension_base_N;
+    const double most_N = control::kCommandedTensionShare * limits.max_tension_base_N;
     const auto allocated = allocator_.Allocate(per_tension_, wanted_Nm_, limits.min_tension_N, most_N);
     BendingVector held_rad = at.bending_rad;
     if (reach_.Limit(held_rad) == Status::kLimitedDirection) return model::HeldDirections(robot_.body);
     if (allocated.bound == Status::kLimitedTensionMax) {
       return fmt::format("a tendon needs more than {:.3g} N at the base ({:g} of limits.max_tension_base_N)",
-                         most_N, control::kLedShare);
+                         most_N, control::kCommandedTensionShare);
     }
     for (int j = 0; j < body_.tendons(); ++j) {
       const auto& t = robot_.actuation->tendons[static_cast<std::size_t>(j)];

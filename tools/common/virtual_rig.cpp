@@ -1,5 +1,5 @@
-// Plant and drives joined: sensors one way, torque the other.
-// Knows nothing of the controller and of where frames come from.
+// Connects plant and drives: sensors one way, torque the other. Knows nothing of the controller and of where
+// frames come from.
 #include "virtual_rig.h"
 
 #include <algorithm>
@@ -116,7 +116,7 @@ void VirtualRig::ShowSensors() {
     const int of = wiring.cell_of < 0 ? j : wiring.cell_of;
     double cell_V = sensors[of].load_cell_V;
     if (wiring_[static_cast<std::size_t>(of)].tendon_off) {
-      // What is left of it without the tension of a tendon that is not there is noise and zero.
+      // Without a tendon the cell's reading is its noise and zero.
       const auto& cell = t.load_cell;
       const auto& tendon = plant_.tendon()[of];
       cell_V -= cell.gain_VpN *

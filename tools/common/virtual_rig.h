@@ -1,5 +1,5 @@
-// The rig without hardware: emulated drives on a CAN port, the plant behind their motors. Time is passed in,
-// so the same rig answers in simulated time and in real time. Knows nothing of the controller.
+// The rig without hardware: emulated drives on a CAN port, and the plant behind their motors. Time is passed
+// in, so the same rig runs in simulated time and in real time. Knows nothing of the controller.
 #pragma once
 
 #include <optional>
@@ -14,43 +14,42 @@
 
 namespace tendril::tools {
 
-/// How one drive is connected to what it should drive, where that is not as it should be.
+/// Wiring faults of one drive.
 struct Wiring {
   bool motor_reversed = false;    // motor leads swapped: positive torque pays out
   bool encoder_reversed = false;  // its channels swapped
   bool encoder_dead = false;
   bool tendon_off = false;  // the motor turns an empty spool
   bool jammed = false;      // the motor does not turn
-  double cell_gain = 1;     // shown over true; 0: it shows zero_mV whatever happens
-  double cell_zero_mV = 0;  // added to what the cell shows
-  int cell_of = -1;         // the cell on this drive's input hangs on that drive's tendon; -1: on its own
+  double cell_gain = 1;     // reading over true value; 0: it always reads zero_mV
+  double cell_zero_mV = 0;  // added to the cell's reading
+  int cell_of = -1;         // the cell on this drive's input measures that drive's tendon; -1: its own
 };
 
 class VirtualRig {
  public:
   /// Drives answer as the node ids of the robot's actuation, in tendon order; load cells are on each drive's
   /// first analog input. Throws std::invalid_argument when the robot has no actuation. `port` must outlive
-  /// the rig. `more` drives follow those of the tendons; what is behind them is the caller's matter.
+  /// the rig. `more` drives follow those of the tendons; the caller simulates what is behind them.
   VirtualRig(const RobotParameters& robot, can::CanPort& port, const sim::PlantOptions& options = {},
              std::span<const emulator::EmulatedDriveParameters> more = {});
 
-  /// Moves the plant to `now_ns`, shows its sensors to the drives, lets them handle waiting frames and what
-  /// is due, and hands their torque to the plant. The plant's time 0 is the first call; later calls must not
-  /// go back in time. Returns the number of SYNCs handled. Throws std::runtime_error when the plant's
+  /// Moves the plant to `now_ns`, passes its sensors to the drives, lets them handle waiting frames and due
+  /// actions, and passes their torque to the plant. The plant's time 0 is the first call; later calls must
+  /// not go back in time. Returns the number of SYNCs handled. Throws std::runtime_error when the plant's
   /// integration gives up.
   ///
-  /// A motor whose drive was never enabled is held by a brake: it keeps the torque that holds the pretension.
-  /// From the first time on that its drive is enabled the drive's torque counts, which is zero while it is
-  /// disabled.
+  /// A motor whose drive was never enabled is held by a brake, with the torque that holds the pretension.
+  /// From its first enabling on the drive's torque acts, which is zero while it is disabled.
   int Poll(TimeNs now_ns);
   /// Brakes of motors that have not moved yet stay on even while their drives are enabled, until this is
-  /// called with false: a robot that is armed then begins exactly where the plant begins.
+  /// called with false: a robot armed like that starts exactly in the plant's initial state.
   void HoldBrakes(bool hold) { brakes_held_ = hold; }
-  /// Connects a drive (from 0) otherwise; before the first Poll.
+  /// Changes the wiring of a drive (from 0); before the first Poll.
   void Connect(int drive, const Wiring& wiring) { wiring_[static_cast<std::size_t>(drive)] = wiring; }
 
-  /// What the tracker shows, when its period has passed since the last reading taken; empty in between and
-  /// for a robot without a tracker. Stamped now, on the clock of Poll; it was measured delay_s ago.
+  /// The tracker's reading once its period has passed since the last one taken; empty in between and for a
+  /// robot without a tracker. Stamped now, on the clock of Poll; measured delay_s ago.
   std::optional<TrackerSample> TakeTrackerReading();
 
   const sim::Plant& plant() const { return plant_; }
@@ -68,7 +67,7 @@ class VirtualRig {
   TimeNs next_reading_ns_ = 0;  // of the tracker, in the plant's time
   std::vector<bool> released_;  // its drive was enabled once
   bool brakes_held_ = false;
-  Eigen::VectorXd torque_Nm_;  // in force
+  Eigen::VectorXd torque_Nm_;  // present torque
   std::vector<Wiring> wiring_;
   struct EmptySpool {
     double angle_rad = 0, velocity_radps = 0, torque_Nm = 0;

@@ -1,5 +1,4 @@
-// Orders of faults in words, and what is said when they do not fit.
-// Knows no bus.
+// Fault orders from text, and the errors of those that do not fit. Knows no bus.
 #include "fault_orders.h"
 
 #include <fmt/core.h>
@@ -16,7 +15,7 @@
 namespace tendril::tools {
 namespace {
 
-/// Text from outside, for one line of a terminal.
+/// Makes external text printable in one line of a terminal.
 std::string Shown(std::string text) {
   if (text.size() > 120) text = text.substr(0, 120) + "...";
   std::replace_if(

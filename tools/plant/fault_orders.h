@@ -1,5 +1,5 @@
-// Where tendril-plant's faults are ordered: its command line, a scenario file, an LCM channel.
-// Knows words and files; the faults themselves are the emulator's.
+// Sources of tendril-plant's fault orders: its command line, a scenario file, an LCM channel. Knows words and
+// files; the faults themselves are the emulator's.
 #pragma once
 
 #include <lcm/lcm-cpp.hpp>
@@ -17,15 +17,15 @@ struct FaultOrder {
   FaultParameters fault;
 };
 
-/// What --fault says. Throws config::ConfigError.
+/// The orders of --fault. Throws config::ConfigError.
 std::vector<FaultOrder> ReadFaults(const std::vector<std::string>& texts);
 /// A scenario file. Throws config::ConfigError with the file's name and line.
 std::vector<FaultOrder> ReadScenario(const std::string& path);
 /// Throws config::ConfigError on a fault that does not fit the drives.
 void Order(const std::vector<FaultOrder>& orders, emulator::FaultInjector& faults, TimeNs now_ns);
 
-/// Orders what comes on PREFIX_FAULT, whenever its LCM is handled; their times count from then. What became
-/// of each is answered by an event on PREFIX_EVENT, source "plant", text as TakeLines gives it.
+/// Orders the faults received on PREFIX_FAULT, whenever its LCM is handled; their times count from then. Each
+/// is answered by an event on PREFIX_EVENT, source "plant", with the text of TakeLines.
 class FaultListener {
  public:
   /// `lcm`, `faults` and `clock` must outlive the listener.
@@ -36,7 +36,7 @@ class FaultListener {
   FaultListener& operator=(const FaultListener&) = delete;
 
   int ordered() const { return ordered_; }
-  /// One line for each order since the last call: what was taken, or why not.
+  /// One line for each order since the last call: accepted, or why not.
   std::vector<std::string> TakeLines();
 
  private:

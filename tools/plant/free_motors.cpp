@@ -98,7 +98,7 @@ void FreeMotors::Poll(TimeNs now_ns) {
     const double torque_Nm = rack_.torque_Nm(drive);
     if (torque_Nm != 0 || motor.velocity_radps != 0) {
       for (int k = 0; k < steps; ++k) {
-        // Friction counts at the step's end, which is stable however small the rotor.
+        // Friction is taken at the step's end, which is stable for any rotor.
         const double driven_radps = (motor.velocity_radps + torque_Nm * per_Nm_radps) /
                                     (1 + parameters_.viscous_friction_Nms * per_Nm_radps);
         const double lost_radps = parameters_.coulomb_friction_Nm * per_Nm_radps;

@@ -1,5 +1,5 @@
-// Motors without a robot: what turns behind the drives that a plant has beyond those of its robot file, so
-// that a bus can be filled. Knows rotors and friction; nothing of frames.
+// Motors without a robot: the load of the plant's drives beyond those of its robot file, with which a bus can
+// be filled. Knows rotors and friction; nothing of frames.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@
 
 namespace tendril::tools {
 
-/// Node ids of a list such as "4-127" or "4-8,40". Throws std::invalid_argument with one line naming what
-/// does not fit: not understood, out of 1..127, given twice, or one of `taken`.
+/// Node ids of a list such as "4-127" or "4-8,40". Throws std::invalid_argument with one line naming the
+/// error: not understood, out of 1..127, given twice, or one of `taken`.
 std::vector<int> ParseNodeList(const std::string& text, const std::vector<int>& taken);
 
 /// Drives for these nodes with the motor's data.
@@ -21,10 +21,10 @@ std::vector<emulator::EmulatedDriveParameters> FreeDrives(const std::vector<int>
 /// J dw/dt = tau - coulomb sign(w) - viscous w, with standstill up to the Coulomb friction.
 class FreeMotors {
  public:
-  /// Of the rack's drives from `first` on; `rack` must outlive the motors.
+  /// Motors of the rack's drives from `first` on; `rack` must outlive them.
   FreeMotors(emulator::DriveRack& rack, int first, const TendonDriveParameters& like);
 
-  /// Moves the motors on to `now_ns` under the torques in force since the last call and shows them to their
+  /// Moves the motors to `now_ns` under the torques active since the last call and passes them to their
   /// drives. Call before the drives' Poll.
   void Poll(TimeNs now_ns);
 

@@ -73,21 +73,23 @@ std::string FeedbackComment(const DaemonParameters& daemon, const RobotParameter
 std::string ReachWarning(const DaemonParameters& daemon, const RobotParameters& robot) {
   const LimitParameters& limits = robot.limits;
   LimitParameters led = limits;
-  led.max_tension_base_N = std::max(control::kLedShare * limits.max_tension_base_N, limits.min_tension_N);
+  led.max_tension_base_N =
+      std::max(control::kCommandedTensionShare * limits.max_tension_base_N, limits.min_tension_N);
   const model::Body body(robot.body);
   const bool every_way = model::PullsEveryWay(robot.body);
-  const double sure_rad = control::Reach(robot, body, led, 0, true).sure_rad();
-  if (sure_rad >= kHeldShare * limits.max_bending_rad) return "";
+  const double holdable_rad = control::Reach(robot, body, led, 0, true).holdable_rad();
+  if (holdable_rad >= kHeldShare * limits.max_bending_rad) return "";
   const char* bases = body.sections() > 1 ? "the base section carries all others, and " : "";
   const std::string text = fmt::format(
       "{:g} is far beyond what holds {}: {}{:g} of limits.max_tension_base_N ({:g} N) hold its {} {}; goals "
       "beyond are brought back (status 103) and motions near them are slow (110); shorten or lighten what is "
       "carried, thicken the backbone's base, or raise limits.max_tension_base_N",
-      limits.max_bending_rad, robot.name, bases, control::kLedShare, limits.max_tension_base_N,
+      limits.max_bending_rad, robot.name, bases, control::kCommandedTensionShare, limits.max_tension_base_N,
       body.sections() > 1 ? "sections" : "section",
-      sure_rad > 0 ? fmt::format("{} up to {:.2g} rad",
-                                 every_way ? "in every direction" : "where its tendons pull it", sure_rad)
-                   : "not even straight");
+      holdable_rad > 0
+          ? fmt::format("{} up to {:.2g} rad", every_way ? "in every direction" : "where its tendons pull it",
+                        holdable_rad)
+          : "not even straight");
   return config::ErrorAt(daemon.robot_file, "limits.max_bending_rad", text).what();
 }
 

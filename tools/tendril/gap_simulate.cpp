@@ -40,10 +40,12 @@ struct SimulateOptions {
 std::atomic<bool> stop = false;
 
 /// Amounts of the effects that are given by their size, each by itself on the nominal robot.
-std::vector<std::optional<SizedEffect>> FindAmounts(const Plan& plan, ExperimentOptions experiment,
-                                                    const std::vector<std::optional<WantedSize>>& wanted) {
-  std::vector<std::optional<SizedEffect>> sized(wanted.size());
-  if (std::none_of(wanted.begin(), wanted.end(), [](const auto& w) { return w.has_value(); })) return sized;
+std::vector<std::optional<SizedEffect>> FindAmounts(
+    const Plan& plan, ExperimentOptions experiment,
+    const std::vector<std::optional<RequestedSize>>& requested) {
+  std::vector<std::optional<SizedEffect>> sized(requested.size());
+  if (std::none_of(requested.begin(), requested.end(), [](const auto& w) { return w.has_value(); }))
+    return sized;
   Progress progress;
   experiment.plant_robot = experiment.controller_robot;
   experiment.sensor_noise = true;  // a floor is what noise makes it, whether or not the data get any
@@ -58,11 +60,11 @@ std::vector<std::optional<SizedEffect>> FindAmounts(const Plan& plan, Experiment
     throw std::runtime_error("sizes cannot be found, the runs without effects are not complete: " +
                              nominal.trouble);
   const gap::EffectRuler ruler(nominal.data, experiment.threads);
-  for (std::size_t i = 0; i < wanted.size(); ++i) {
-    if (!wanted[i]) continue;
+  for (std::size_t i = 0; i < requested.size(); ++i) {
+    if (!requested[i]) continue;
     progress("finding how much makes the size asked for",
-             static_cast<double>(i) / static_cast<double>(wanted.size()));
-    sized[i] = AmountFor(*wanted[i], [&](const EffectSetting& setting) {
+             static_cast<double>(i) / static_cast<double>(requested.size()));
+    sized[i] = AmountFor(*requested[i], [&](const EffectSetting& setting) {
       if (stop) throw std::runtime_error("stopped");
       return ruler.Of(setting);
     });
@@ -81,17 +83,17 @@ std::vector<std::optional<SizedEffect>> FindAmounts(const Plan& plan, Experiment
 }
 
 void WriteTruth(const SimulateOptions& options, const std::vector<EffectSetting>& effects,
-                const std::vector<std::optional<WantedSize>>& wanted,
+                const std::vector<std::optional<RequestedSize>>& requested,
                 const std::vector<std::optional<SizedEffect>>& sized) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   // What the robot's own file has comes first; the options' follow.
-  const std::size_t own = effects.size() - wanted.size();
+  const std::size_t own = effects.size() - requested.size();
   for (std::size_t i = 0; i < effects.size(); ++i) {
     nlohmann::ordered_json entry{{"effect", effects[i].name}, {"where", effects[i].where}};
     entry["parameters"] = nlohmann::ordered_json::object();
     for (const auto& [name, value] : effects[i].values) entry["parameters"][name] = value;
     if (i >= own && sized[i - own]) {
-      entry["sigma"] = {{"asked", std::abs(wanted[i - own]->sigma)},
+      entry["sigma"] = {{"asked", std::abs(requested[i - own]->sigma)},
                         {"reached", sized[i - own]->size.floors},
                         {"channel", sized[i - own]->size.channel},
                         {"limited", sized[i - own]->limited}};
@@ -124,12 +126,12 @@ void RunSimulate(const SimulateOptions& options) {
   if (options.tracker == "off") nominal.actuation->tracker.reset();
 
   RobotParameters plant = nominal;
-  std::vector<std::optional<WantedSize>> wanted;
+  std::vector<std::optional<RequestedSize>> requested;
   try {
     for (const std::string& text : options.effects) {
       CheckEffectNamed(text);
-      wanted.push_back(ParseWantedSize(text, nominal));
-      plant.effects.push_back(wanted.back() ? wanted.back()->setting : sim::ParseEffect(text, nominal));
+      requested.push_back(ParseRequestedSize(text, nominal));
+      plant.effects.push_back(requested.back() ? requested.back()->setting : sim::ParseEffect(text, nominal));
     }
     sim::CheckEffects(plant);
   } catch (const std::invalid_argument& e) {
@@ -155,7 +157,7 @@ void RunSimulate(const SimulateOptions& options) {
     RefuseToReplace(options.truth, "--truth", inputs);
     CheckWritable(options.truth);
   }
-  const std::vector<std::optional<SizedEffect>> sized = FindAmounts(plan, experiment, wanted);
+  const std::vector<std::optional<SizedEffect>> sized = FindAmounts(plan, experiment, requested);
   auto& planted = experiment.plant_robot.effects;
   for (std::size_t i = 0; i < sized.size(); ++i) {
     if (sized[i]) planted[planted.size() - sized.size() + i] = sized[i]->setting;
@@ -166,7 +168,7 @@ void RunSimulate(const SimulateOptions& options) {
       RunSet(plan, experiment, &stop,
              [&](std::size_t run, double share, const Experiment* done) { line.Show(run, share, done); });
   const std::filesystem::path out = WriteSet(set, folder, false);
-  if (!options.truth.empty()) WriteTruth(options, planted, wanted, sized);
+  if (!options.truth.empty()) WriteTruth(options, planted, requested, sized);
   fmt::print("{}, {:.1f} s of data in {:.1f} s ({:.1f} x real time): {}\n",
              Counted(set.data.runs.size(), "run"), set.simulated_s, set.wall_s, set.simulated_s / set.wall_s,
              std::filesystem::absolute(out).lexically_normal().string());

@@ -89,7 +89,7 @@ void InverseKinematicsRows(const RobotParameters& robot) {
                           const std::string& asked = {}) {
   throw rows.Error(fmt::format(
       "no stable equilibrium found ({:.3g} left of the target, {:.3g} N·m of the balance){}; ask for less",
-      shape.miss, shape.residual_Nm, asked));
+      shape.target_error, shape.residual_Nm, asked));
 }
 
 void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
@@ -117,7 +117,7 @@ void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
       if (shape.status == Status::kSolverFallback) NoShape(rows, shape);
       if (shape.status != Status::kOk) {
         unmet.Add(rows, fmt::format("out of reach between {} and {} N: the nearest bend is {:.6g} rad away",
-                                    bounds.low_N, bounds.high_N, shape.miss));
+                                    bounds.low_N, bounds.high_N, shape.target_error));
       }
       out.PutAll(shape.tension_N).EndRow();
       continue;
@@ -155,7 +155,7 @@ void InverseTipRows(const RobotParameters& robot, const TensionOptions& options)
     if (shape.status != Status::kOk) {
       unmet.Add(rows,
                 fmt::format("out of reach between {} and {} N: the nearest tip found is {:.6g} m away{}",
-                            bounds.low_N, bounds.high_N, shape.miss, asked));
+                            bounds.low_N, bounds.high_N, shape.target_error, asked));
     }
     // An equilibrium that loading from rest does not lead to is still one, but the robot may not go there by
     // itself.

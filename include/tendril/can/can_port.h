@@ -1,5 +1,5 @@
-// The seam between hardware and simulation: frames in, frames out. Everything above cannot tell a SocketCAN
-// interface from the memory bus.
+// The interface between hardware and simulation: frames in, frames out. Code above it cannot distinguish a
+// SocketCAN interface from the memory bus.
 #pragma once
 
 #include <array>
@@ -25,7 +25,7 @@ inline constexpr std::uint32_t kErrorRestarted = 0x100;
 
 struct StampedFrame {
   CanFrame frame;
-  TimeNs time_ns = 0;  // when it arrived, port's clock
+  TimeNs time_ns = 0;  // arrival, port's clock
 };
 
 struct CanCounters {
@@ -40,32 +40,31 @@ struct CanCounters {
 /// included.
 constexpr int WorstCaseBits(int size) { return 8 * size + 47 + (34 + 8 * size - 1) / 4; }
 
-/// The same of a frame; a remote frame carries no data whatever its size says.
+/// The same for a frame; a remote frame carries no data whatever its size field.
 constexpr int WorstCaseBits(const CanFrame& frame) { return WorstCaseBits(frame.remote ? 0 : frame.size); }
 
 class CanPort {
  public:
   virtual ~CanPort() = default;
-  /// Hands one frame over without ever blocking; false when it could not be queued (counted).
+  /// Queues one frame without blocking; false when it could not be queued (counted).
   virtual bool Send(const CanFrame& frame) noexcept = 0;
-  /// As Send for one after the other, whatever becomes of those before; returns how many were queued. Ports
-  /// that can do so hand all over at once.
+  /// Sends each frame as Send does, also after a failed one; returns how many were queued. Ports that can do
+  /// so queue all at once.
   virtual int SendAll(std::span<const CanFrame> frames) noexcept {
     int queued = 0;
     for (const CanFrame& frame : frames) queued += Send(frame) ? 1 : 0;
     return queued;
   }
-  /// Moves up to frames.size() waiting frames out, oldest first; returns how many. Never blocks.
+  /// Receives up to frames.size() waiting frames, oldest first; returns how many. Never blocks.
   virtual int Receive(std::span<StampedFrame> frames) noexcept = 0;
-  /// Blocks until a frame waits or the deadline (port's clock) passed; true when a frame waits.
+  /// Blocks until a frame waits or the deadline (port's clock) has passed; true when a frame waits.
   virtual bool WaitUntil(TimeNs deadline_ns) noexcept = 0;
   /// False after bus-off or when the interface went down, until it is back.
   virtual bool up() const noexcept = 0;
   /// True from bus-off until the controller runs again; an interface that is down is not bus-off.
   virtual bool bus_off() const noexcept { return false; }
-  /// After bus-off, where no restart was told: asks the controller to start again where this process may, and
-  /// looks whether it runs. Afterwards up() says what was found. Takes system calls, so not for a cycle that
-  /// controls anything.
+  /// After bus-off without automatic restart: requests a restart of the controller, where this process may,
+  /// and updates up(). Makes system calls, so it is not for a cycle under control.
   virtual void Restart() noexcept {}
   virtual const CanCounters& counters() const noexcept = 0;
 };

@@ -17,13 +17,13 @@ class MemoryBus {
   ~MemoryBus();
 
   /// A new port; lives as long as the bus. An error frame sent on it reaches the others as on a virtual CAN
-  /// interface: bus-off takes their up() away, restarted or their own Restart() gives it back. It holds 8192
-  /// unread frames and drops (and counts) further ones, as a socket does. It cannot wait: WaitUntil only says
-  /// whether a frame is there. One thread at a time uses a bus.
+  /// interface: bus-off clears their up(), a restarted frame or their own Restart() sets it again. It holds
+  /// 8192 unread frames and drops (and counts) further ones, as a socket does. It cannot wait: WaitUntil only
+  /// returns whether a frame is there. One thread at a time uses a bus.
   CanPort& AddPort();
 
-  /// Sees each frame before delivery and may change it; return false to drop it. For fault injection and
-  /// taps.
+  /// Called with each frame before delivery; may change it, or return false to drop it. For fault injection
+  /// and taps.
   using Filter = std::function<bool(CanFrame&)>;
   void SetFilter(Filter filter);
 
@@ -31,8 +31,8 @@ class MemoryBus {
   /// and nothing can be sent.
   void SetBusOff(bool off);
 
-  /// Of the whole bus: `sent` and `bits` count each accepted frame once, also those that the filter dropped;
-  /// `received` and `receive_dropped` are summed over the ports.
+  /// Totals of the bus: `sent` and `bits` count each accepted frame once, including those that the filter
+  /// dropped; `received` and `receive_dropped` are sums over the ports.
   const CanCounters& totals() const;
 
  private:

@@ -14,7 +14,7 @@ class SocketCanPort final : public CanPort {
     int receive_buffer_bytes = 1 << 20;
     bool error_frames = true;
   };
-  /// Opens interface (for example "can0"). Throws std::system_error whose text says what to do when the
+  /// Opens interface (for example "can0"). Throws std::system_error with the remedy in its text when the
   /// kernel has no CAN, the interface does not exist or is down.
   explicit SocketCanPort(const std::string& interface);
   SocketCanPort(const std::string& interface, const Options& options);
@@ -26,8 +26,8 @@ class SocketCanPort final : public CanPort {
   bool WaitUntil(TimeNs deadline_ns) noexcept override;
   bool up() const noexcept override;
   bool bus_off() const noexcept override;
-  /// The request needs CAP_NET_ADMIN and a controller without restart-ms; the look at the interface needs
-  /// nothing, and finds a controller that was restarted unheard.
+  /// The request needs CAP_NET_ADMIN and a controller without restart-ms. Reading the interface's state needs
+  /// neither, and detects a restart without an error frame.
   void Restart() noexcept override;
   const CanCounters& counters() const noexcept override;
 

@@ -1,5 +1,5 @@
-// The CiA 402 drive state machine as tables: statusword to state, controlword to command, and what leads
-// where. Shared by master and emulator; knows no bus.
+// The CiA 402 drive state machine as tables: statusword to state, controlword to command, and the
+// transitions. Shared by master and emulator; knows no bus.
 #pragma once
 
 #include <cstdint>
@@ -27,8 +27,8 @@ inline constexpr std::uint16_t kVoltageEnabled = 1u << 4, kWarning = 1u << 7, kR
                                kInternalLimit = 1u << 11, kFollowsCommand = 1u << 12, kHomingValid = 1u << 15;
 }
 
-/// State of a statusword. The quick-stop bit (5) is ignored in the four states where it means nothing, as
-/// drives disagree about it there. Bit patterns of no state give kNotReady, the state without power.
+/// State of a statusword. The quick-stop bit (5) is ignored in the four states that do not define it, where
+/// drives differ. Bit patterns of no state give kNotReady, the state without power.
 DriveMachine DecodeStatusword(std::uint16_t statusword) noexcept;
 /// The six state bits (mask 0x6F) that an EPOS4 shows in a state.
 std::uint16_t EncodeState(DriveMachine state) noexcept;
@@ -41,7 +41,7 @@ enum class DriveCommand : std::uint8_t {
   kDisableOperation,
   kDisableVoltage,
   kQuickStop,
-  kFaultReset,  // the rising edge of bit 7, whatever the other bits say
+  kFaultReset,  // rising edge of bit 7, regardless of the other bits
 };
 
 /// Controlword values to send.
@@ -51,8 +51,8 @@ inline constexpr std::uint16_t kShutdown = 0x0006, kSwitchOn = 0x0007, kEnableOp
                                kFaultReset = 0x0080;
 }
 
-/// Command in a controlword that follows `previous`. Switch on and disable operation are the same bits:
-/// kSwitchOn is given, and the transition table lets it act as disable operation in operation enabled.
+/// Command of a controlword that follows `previous`. Switch on and disable operation are the same bits:
+/// kSwitchOn is returned, and acts as disable operation in operation enabled.
 DriveCommand DecodeControlword(std::uint16_t controlword, std::uint16_t previous) noexcept;
 
 struct DriveTransition {
@@ -62,10 +62,10 @@ struct DriveTransition {
   std::int8_t number;  // CiA 402's transition number
 };
 
-/// Every transition that a command causes. Enable operation in ready to switch on leads to switched on; the
-/// same controlword then leads on from there.
+/// All transitions caused by commands. Enable operation in ready to switch on goes to switched on; the same
+/// controlword then continues from there.
 std::span<const DriveTransition> DriveTransitions() noexcept;
-/// Where `command` leads from `from`; `from` itself when the command does nothing there.
+/// State after `command` in `from`; `from` itself when the command has no effect there.
 DriveMachine Apply(DriveMachine from, DriveCommand command) noexcept;
 
 /// Controlword that brings a drive one transition nearer to operation enabled; kDisableVoltage where no

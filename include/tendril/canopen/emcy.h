@@ -17,9 +17,9 @@ inline constexpr std::uint8_t kGeneric = 0x01, kCurrent = 0x02, kVoltage = 0x04,
                               kCommunication = 0x10, kProfile = 0x20, kMotion = 0x80;
 }
 
-/// What the drive does by itself.
+/// The drive's own reaction.
 enum class EmcyReaction : std::uint8_t {
-  kNone,             // 0000: an error went away
+  kNone,             // 0000: error cleared
   kDisable,          // always disables
   kFaultOption,      // per 0x605E
   kAbortConnection,  // per 0x6007
@@ -35,7 +35,7 @@ struct EmcyInfo {
 };
 
 std::span<const EmcyInfo> EmcyTable() noexcept;
-/// Never fails: codes outside the table give an entry that says so, by CiA 301's class of error.
+/// Never fails: a code outside the table gives an entry that says so, by CiA 301's error class.
 const EmcyInfo& FindEmcy(std::uint16_t code) noexcept;
 
 struct EmcyMessage {

@@ -1,6 +1,5 @@
-// The object dictionary of the drive as a table: type, access, default, range, mapping. The emulator builds
-// its dictionary from it, the master takes the widths of what it writes and reads from it, the EDS is made of
-// it.
+// The drive's object dictionary as a table: type, access, default, range, mapping. It defines the emulator's
+// dictionary, the widths that the master reads and writes, and the EDS.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +14,7 @@ enum class DataType : std::uint8_t { kI8, kI16, kI32, kU8, kU16, kU32, kString }
 enum class Access : std::uint8_t { kConst, kReadOnly, kReadWrite };
 enum class Mapping : std::uint8_t { kNone, kReceive, kTransmit, kBoth };
 
-/// Bytes of a value; 0 for a string, whose length is its own.
+/// Bytes of a value; 0 for a string, which has its own length.
 constexpr int TypeBytes(DataType type) {
   switch (type) {
     case DataType::kI8:
@@ -42,7 +41,7 @@ struct ObjectEntry {
   Mapping mapping = Mapping::kNone;
   bool plus_node_id = false;  // the node id is added to default_value
   std::int64_t default_value = 0;
-  std::int64_t min = 0, max = 0;  // of what may be written; the type's range where the drive names none
+  std::int64_t min = 0, max = 0;  // writable range; the type's range where the drive states none
   const char* name = "";
   const char* text = nullptr;  // value of a string
   ObjectAddress address() const { return {index, sub}; }
@@ -53,7 +52,7 @@ struct ObjectEntry {
 std::span<const ObjectEntry> ObjectTable();
 /// nullptr when the drive has no such entry.
 const ObjectEntry* FindObject(ObjectAddress address) noexcept;
-/// True when any sub-index of `index` exists (tells "no object" from "no sub-index").
+/// True when any sub-index of `index` exists (distinguishes "no object" from "no sub-index").
 bool HasIndex(std::uint16_t index) noexcept;
 
 inline constexpr std::uint32_t kMaxonVendorId = 0x000000FB;
@@ -61,7 +60,7 @@ inline constexpr std::int8_t kModeCyclicSynchronousTorque = 10;
 inline constexpr std::uint32_t kSignatureSave = 0x65766173;  // "save"
 inline constexpr std::uint32_t kSignatureLoad = 0x64616F6C;  // "load"
 
-/// 0x6076 [uNm] of a nominal current and a torque constant, as the drive computes it (rounded to nearest,
+/// 0x6076 [uNm] from a nominal current and a torque constant, as the drive computes it (rounded to nearest,
 /// after parameter files of real drives).
 constexpr std::uint32_t RatedTorque_uNm(std::uint32_t nominal_current_mA,
                                         std::uint32_t torque_constant_uNmpA) {

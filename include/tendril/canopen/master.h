@@ -16,7 +16,7 @@
 
 namespace tendril::canopen {
 
-/// What one drive must be told and checked against, beyond BusParameters.
+/// Settings and checks of one drive, beyond BusParameters.
 struct DriveSetup {
   int node_id = 0;
   std::uint32_t nominal_current_mA = 0;
@@ -25,11 +25,11 @@ struct DriveSetup {
   std::uint32_t rated_torque_uNm = 0;  // must agree with what 0x6076 reports
 };
 
-/// One line, stored inside so that a cycle may write it. Holds every text that the master composes: the
-/// longest one is an EMCY's with cause and remedy, which is checked when this is compiled.
+/// One line, stored inline so that a cycle may write it. Large enough for every text of the master; the
+/// longest, an EMCY with cause and remedy, is checked at compile time.
 using EventText = std::array<char, 320>;
 
-/// Something that happened on the bus; for events and the log.
+/// A bus event, for event messages and the log.
 struct BusEvent {
   TimeNs time_ns = 0;
   Status status = Status::kOk;
@@ -37,70 +37,68 @@ struct BusEvent {
   EventText text{};  // node, step, index:sub, value, abort text
 };
 
-/// Frames that were heard and not taken, since construction.
+/// Frames received and rejected, since construction.
 struct FrameFaults {
-  std::uint64_t malformed =
-      0;                      // from one of our drives' identifiers, with a length or contents of no meaning
-  std::uint64_t foreign = 0;  // that only the master may send, from another one
+  std::uint64_t malformed = 0;  // from an identifier of our drives, with invalid length or contents
+  std::uint64_t foreign = 0;    // that only the master may send, from another sender
 };
 
-/// Share of the bit rate that a configuration needs in the worst case, and the time that frames need in a
-/// cycle.
+/// Worst-case share of the bit rate of a configuration, and the time that its frames need in a cycle.
 struct BusBudget {
   double load = 0;  // of the bit rate, 0..
   double cyclic_bits_per_s = 0;
   double other_bits_per_s = 0;  // statuswords, heartbeats, and SDO as `sdo_bits_per_s`
-  double sdo_bits_per_s = 0;  // kept free for SDO; the master uses this and what else is left below max_load
-  TimeNs feedback_ns = 0;     // from SYNC until the last feedback is in, another frame in the way included
-  TimeNs torques_ns = 0;      // that the torques of all drives need
+  double sdo_bits_per_s = 0;    // reserved for SDO; the master also uses what remains below max_load
+  TimeNs feedback_ns = 0;       // from SYNC until the last feedback, including one other frame in progress
+  TimeNs torques_ns = 0;        // for the torques of all drives
   int max_drives_at_this_cycle = 0;
   TimeNs min_cycle_ns_for_these_drives = 0;  // shortest whole-millisecond cycle that fits
   std::string ToString() const;
 };
 BusBudget ComputeBusBudget(const BusParameters& bus);
-/// What is wrong with bus.feedback_deadline_ns, empty when nothing is: the feedback must be able to come
-/// before it, and the torques to reach the drives after it, before the next SYNC.
+/// What is wrong with bus.feedback_deadline_ns, else empty: all feedback must be able to arrive before it,
+/// and the torques to reach the drives after it, before the next SYNC.
 std::string FeedbackDeadlineProblem(const BusParameters& bus);
 
 class Master {
  public:
-  /// Drives in the order in which feedback and torques are given. Throws std::invalid_argument on a budget
-  /// above bus.max_load, naming drive count and cycle that would fit, and on a feedback deadline that the
-  /// frames cannot keep.
+  /// Drives in the order of feedback and torques. Throws std::invalid_argument on a budget above
+  /// bus.max_load, naming the drive count and cycle that would fit, and on a feedback deadline that the
+  /// frames cannot meet.
   Master(const BusParameters& bus, std::span<const DriveSetup> drives, can::CanPort& port);
   ~Master();
 
   int drives() const noexcept;
 
-  /// Starts (again) from NMT reset; boot proceeds in Poll.
+  /// Starts (again) from NMT reset; the boot proceeds in Poll.
   void Start(TimeNs now_ns) noexcept;
 
   // ---- one cycle: BeginCycle, Poll until it returns true or the deadline passed, EndCycle -------
 
-  /// Sends SYNC and what boot, heartbeats and time-outs have due.
+  /// Sends SYNC and the frames due for boot, heartbeats and time-outs.
   void BeginCycle(TimeNs now_ns) noexcept;
   /// Drains the port; true when every configured drive's TPDO of this cycle is in.
   bool Poll(TimeNs now_ns) noexcept;
   /// Feedback of the cycle, age-stamped; valid after Poll.
   const DriveFeedback& feedback(int drive) const noexcept;
-  /// Walks the CiA 402 states towards the request and sends torques [per mille of rated]; they act at the
-  /// next SYNC. Without an enabled drive its torque is sent as zero.
+  /// Steps the CiA 402 states towards the request and sends torques [per mille of rated]; they act at the
+  /// next SYNC. A drive that is not enabled is sent zero torque.
   void EndCycle(TimeNs now_ns, DriveRequest request, std::span<const std::int16_t> torque_permille) noexcept;
 
   /// Fault reset of the drives that are in fault, or a new boot where a node was lost; on operator's clear
   /// only.
   void ClearFaults(TimeNs now_ns) noexcept;
-  /// Disables the drives, lets them forget our heartbeat and stops them; call once a cycle until true, 0.6 s
-  /// at the longest.
+  /// Disables the drives, ends their monitoring of our heartbeat and stops them; call once per cycle until
+  /// true, at most 0.6 s.
   bool Shutdown(TimeNs now_ns) noexcept;
 
   bool bus_ok() const noexcept;
-  /// Why the bus is not ok: its interface is down or gone, rather than bus-off.
+  /// True when the bus is not ok because its interface is down or gone, rather than bus-off.
   bool interface_down() const noexcept;
-  /// The drive's serial number (0x1018:04); 0 until it was read once.
+  /// The drive's serial number (0x1018:04); 0 until read.
   std::uint32_t serial(int drive) const noexcept;
-  /// Oldest event not yet taken; false when there is none. Events beyond the ring's capacity are counted, not
-  /// kept.
+  /// Oldest event not yet taken; false when there is none. Events beyond the ring's capacity are counted and
+  /// dropped.
   bool TakeEvent(BusEvent* event) noexcept;
   std::uint64_t events_lost() const noexcept;
   const FrameFaults& frame_faults() const noexcept;

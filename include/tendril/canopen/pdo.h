@@ -1,5 +1,5 @@
-// PDO mapping: the one table from which remapping, encoding, decoding and the start-up check are made.
-// Knows the drive's objects by number only, and no port.
+// PDO mapping: one table for remapping, encoding, decoding and the start-up check. Knows the drive's objects
+// by number only, and no port.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@ struct MappingEntry {
   bool is_signed = false;
 };
 
-/// As the mapping objects 0x16xx and 0x1Axx hold it: index, sub-index, length in bits.
+/// Value of the mapping objects 0x16xx and 0x1Axx: index, sub-index, length in bits.
 constexpr std::uint32_t MappingValue(const MappingEntry& entry) {
   return (static_cast<std::uint32_t>(entry.index) << 16) | (static_cast<std::uint32_t>(entry.sub) << 8) |
          entry.bits;
@@ -59,24 +59,24 @@ consteval std::size_t Slot(const PdoLayout& layout, std::uint16_t index, std::ui
   throw "object is not mapped in this PDO";
 }
 
-/// Packs one value an entry, first entry first, least significant byte first. Returns the bytes used (at most
-/// 8).
+/// Packs one value per entry, first entry first, least significant byte first. Returns the bytes used (at
+/// most 8).
 int EncodePdo(std::span<const MappingEntry> entries, std::span<const std::int64_t> values,
               std::span<std::uint8_t, 8> data) noexcept;
-/// The inverse; false when fewer than the mapped bytes came. Further bytes are ignored, as CiA 301 allows.
+/// The inverse; false when fewer than the mapped bytes arrived. Further bytes are ignored, as CiA 301 allows.
 bool DecodePdo(std::span<const MappingEntry> entries, std::span<const std::uint8_t> data,
                std::span<std::int64_t> values) noexcept;
 
 // ---- the PDOs of this system --------------------------------------------------------------------
 
-/// Torque to the drive. Type 1: what came in before a SYNC acts at that SYNC.
+/// Torque to the drive. Type 1: a value received before a SYNC acts at that SYNC.
 inline constexpr PdoLayout kRpdoTorque{.transmit = false,
                                        .number = 1,
                                        .transmission = 1,
                                        .inhibit_100us = 0,
                                        .count = 2,
                                        .entries = {{{0x6040, 0, 16, false}, {0x6071, 0, 16, true}}}};
-/// Everything the control loop needs, each SYNC.
+/// All feedback of the control loop, at each SYNC.
 inline constexpr PdoLayout kTpdoFeedback{
     .transmit = true,
     .number = 1,

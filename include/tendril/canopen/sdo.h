@@ -1,5 +1,5 @@
-// SDO, expedited and segmented: the codec of both directions, the abort codes, and a passive client.
-// Frames and time are passed in; knows no port and no object dictionary. Block transfer is not spoken.
+// SDO, expedited and segmented: the codec of both directions, the abort codes, and a passive client. Frames
+// and time are passed in; knows no port and no object dictionary. No block transfer.
 #pragma once
 
 #include <array>
@@ -25,7 +25,7 @@ inline constexpr std::uint32_t kToggle = 0x05030000, kTimeout = 0x05040000, kCom
                                kLocalControl = 0x08000021, kDeviceState = 0x08000022;
 }  // namespace sdo_abort
 
-/// One line for people; "unknown abort code" for codes that are in no list.
+/// One line for messages; "unknown abort code" for codes in no list.
 const char* AbortText(std::uint32_t code) noexcept;
 
 // ---- codec --------------------------------------------------------------------------------------
@@ -39,12 +39,12 @@ enum class SdoKind : std::uint8_t {
   kUnknown,  // block transfer or no command specifier at all
 };
 
-/// A decoded SDO frame of either direction; only the members of its kind mean anything.
+/// A decoded SDO frame of either direction; only the members of its kind are valid.
 struct SdoMessage {
   SdoKind kind = SdoKind::kUnknown;
   ObjectAddress address;         // initiate and abort
   bool expedited = false;        // initiate with data: in this frame
-  bool size_indicated = false;   // initiate: `size` is meant
+  bool size_indicated = false;   // initiate: `size` is valid
   std::uint32_t size = 0;        // initiate: whole transfer; segment: bytes in this one; expedited without
                                  // size_indicated: 4
   bool toggle = false;           // segment
@@ -53,7 +53,7 @@ struct SdoMessage {
   std::array<std::uint8_t, 7> data{};  // expedited (up to 4) and segment (up to 7)
 };
 
-/// `data` as a client (request) or a server (response) sent it. Frames of other than 8 bytes give kUnknown.
+/// `data` as a client (request) or a server (response) sent it. Frames with other than 8 bytes give kUnknown.
 SdoMessage DecodeSdoRequest(const can::CanFrame& frame) noexcept;
 SdoMessage DecodeSdoResponse(const can::CanFrame& frame) noexcept;
 /// Frame with COB-ID 0x600 + node or 0x580 + node; kind must not be kUnknown.
@@ -62,8 +62,8 @@ can::CanFrame EncodeSdoResponse(int node_id, const SdoMessage& message) noexcept
 
 // ---- client -------------------------------------------------------------------------------------
 
-/// One transfer at a time with one server. Start it, send what NextFrame gives, pass in the node's SDO
-/// responses and the time, until state() is no longer kBusy.
+/// One transfer at a time with one server. Start it, send the frame of pending(), and pass in the node's SDO
+/// responses and the time until state() is no longer kBusy.
 class SdoClient {
  public:
   enum class State : std::uint8_t { kIdle, kBusy, kDone, kAborted, kTimedOut };
@@ -71,29 +71,29 @@ class SdoClient {
 
   explicit SdoClient(int node_id) : node_id_(node_id) {}
 
-  /// Begins reading; a transfer under way is dropped. `timeout_ns` is for each response.
+  /// Begins reading; a transfer in progress is dropped. `timeout_ns` is for each response.
   void Upload(ObjectAddress address, TimeNs timeout_ns) noexcept;
   /// Begins writing `data` (1..kCapacity bytes, little-endian); up to 4 bytes go expedited.
   void Download(ObjectAddress address, std::span<const std::uint8_t> data, TimeNs timeout_ns) noexcept;
   /// The frame to send now; nullptr when there is none.
   const can::CanFrame* pending() const noexcept { return frame_waits_ ? &frame_ : nullptr; }
-  /// The pending frame has left; the server's time to answer runs from here.
+  /// The pending frame was sent; starts the time-out of the response.
   void FrameSent(TimeNs now_ns) noexcept;
-  /// A frame on 0x580 + node. Replies that answer nothing asked (late, duplicated, of another object) are
-  /// counted and discarded.
+  /// A frame on 0x580 + node. Unexpected replies (late, duplicated, of another object) are counted and
+  /// discarded.
   void OnFrame(const can::CanFrame& frame) noexcept;
-  /// Notices a time-out; an abort frame for the server is then the next frame.
+  /// Detects a time-out; the next frame then aborts the transfer at the server.
   void Poll(TimeNs now_ns) noexcept;
-  /// Drops the transfer and forgets a pending frame, for example after the node restarted.
+  /// Drops the transfer and its pending frame, for example after the node restarted.
   void Reset() noexcept;
 
   State state() const noexcept { return state_; }
   bool busy() const noexcept { return state_ == State::kBusy; }
   /// Of the last transfer.
   ObjectAddress address() const noexcept { return address_; }
-  /// Why: the server's code, or our own (toggle, out of memory); kTimeout after a time-out.
+  /// The server's abort code, or our own (toggle, out of memory); kTimeout after a time-out.
   std::uint32_t abort_code() const noexcept { return abort_code_; }
-  /// What a finished upload read.
+  /// Data of a finished upload.
   std::span<const std::uint8_t> data() const noexcept { return {buffer_.data(), size_}; }
   /// The same as a number (up to 8 bytes).
   std::uint64_t value() const noexcept;
@@ -114,7 +114,7 @@ class SdoClient {
   std::uint32_t abort_code_ = 0;
   std::size_t size_ = 0;         // of the value: known so far (upload) or whole (download)
   std::size_t sent_ = 0;         // download: bytes handed out
-  std::uint32_t announced_ = 0;  // upload: size the server named, 0 when it named none
+  std::uint32_t announced_ = 0;  // upload: size announced by the server; 0: none
   TimeNs timeout_ns_ = 0, deadline_ns_ = 0;
   std::uint64_t stale_ = 0;
   can::CanFrame frame_;

@@ -91,7 +91,7 @@ enum class NmtCommand : std::uint8_t {
   kResetCommunication = 0x82,
 };
 
-/// As a heartbeat carries it; kBootUp is sent once after a reset.
+/// As carried by a heartbeat; kBootUp is sent once after a reset.
 enum class NmtState : std::uint8_t {
   kBootUp = 0x00,
   kStopped = 0x04,
@@ -117,7 +117,7 @@ struct Heartbeat {
   int node_id = 0;
   NmtState state = NmtState::kBootUp;
 };
-/// Empty for any other frame, for node 0 and for states that CiA 301 does not know.
+/// Empty for any other frame, for node 0 and for states undefined in CiA 301.
 std::optional<Heartbeat> ParseHeartbeat(const can::CanFrame& frame) noexcept;
 /// A data frame on 0x080; a SYNC counter byte is tolerated.
 bool IsSync(const can::CanFrame& frame) noexcept;

@@ -1,6 +1,6 @@
-// From a wanted tension at the robot's base to a motor torque: friction of the pulleys (improved Capstan
-// law), of the gear and of the motor, with the sliding direction taken from the wanted motion through the
-// pulleys' pre-sliding, so that nothing jumps at a reversal. One object a tendon. Knows nothing of the bus.
+// Motor torque for a commanded base tension: compensates friction of the pulleys (improved Capstan law), gear
+// and motor. The sliding direction comes from the commanded motion through the pulleys' pre-sliding, so that
+// the torque is continuous at a reversal. One object per tendon. Knows nothing of the bus.
 #pragma once
 
 #include <memory>
@@ -16,26 +16,25 @@ class StateArchive;
 
 class Compensation {
  public:
-  /// `table` maps base to motor tension and may be shared by tendons with the same transmission.
+  /// `table` maps base to motor tension; tendons with the same transmission may share it.
   Compensation(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
                std::shared_ptr<const model::CapstanTable> table);
 
   struct Result {
     double sliding = 0;          // z_c in [-1, 1], +1: the motor pulls
-    double tension_motor_N = 0;  // wanted on the motor's side of the pulleys
+    double tension_motor_N = 0;  // commanded, on the motor side of the pulleys
     double torque_Nm = 0;        // to be sent: current x torque constant, within the drive's current limit
     Status status = Status::kOk;
   };
 
-  /// One cycle. Sliding follows the wanted spool pull: shortening of the tendon's path in the body plus the
-  /// tendon's stretch. `moving` false keeps the sliding state (tensions ramp while the shape is not
-  /// controlled).
+  /// One cycle. Sliding follows the commanded spool pull: shortening of the tendon's path in the body plus
+  /// tendon stretch. `moving` false keeps the sliding state, while tensions ramp without shape control.
   Result Step(double tension_base_N, double shortening_m, bool moving) noexcept;
 
-  /// Forgets the direction of sliding; the next step starts from here.
+  /// Resets the sliding direction; the next step starts from here.
   void Reset(double tension_base_N, double shortening_m) noexcept;
 
-  void Remember(StateArchive& archive) noexcept;
+  void Archive(StateArchive& archive) noexcept;
 
   double max_torque_Nm() const noexcept { return max_torque_Nm_; }
 

@@ -1,6 +1,6 @@
-// The tick: one cycle's feedback and command in, drive torques out. Flow order is file order:
-// gate, inverse kinematics, trajectory, inverse dynamics, allocation, compensation, torque; estimator first.
-// The one entry for the daemon, the in-process simulation and log replay; same input, same bits.
+// One control cycle: feedback and command in, drive torques out. Stages in flow order: estimator, gate,
+// inverse kinematics, trajectory, inverse dynamics, allocation, compensation, torque. The single entry for
+// the daemon, the in-process simulation and log replay; the same input gives the same bits.
 #pragma once
 
 #include <cstddef>
@@ -13,9 +13,9 @@
 
 namespace tendril::control {
 
-/// A shape is held by no more than this share of limits.max_tension_base_N: what friction and the body's own
-/// swing add to what was wanted must have room below it.
-inline constexpr double kLedShare = 0.9;
+/// Reference shapes are held with at most this share of limits.max_tension_base_N; the rest is margin for
+/// friction and for oscillation of the body.
+inline constexpr double kCommandedTensionShare = 0.9;
 
 class Controller {
  public:
@@ -27,16 +27,17 @@ class Controller {
   /// One cycle. No allocation, lock, system call or unbounded loop.
   void Step(const CycleInput& input, CycleOutput& output) noexcept;
 
-  /// How far ahead a sender has to be whose targets move, with trajectory.look_ahead: off.
+  /// How far ahead of time a sender must place its moving targets when trajectory.look_ahead is off.
   TimeNs look_ahead_ns() const noexcept;
 
-  /// All that the next Step depends on beside its input, as bytes of this build; takes a few microseconds
-  /// and allocates nothing. `bytes` has state_bytes() entries, which depend on robot and parameters only.
+  /// The state that the next Step depends on beside its input, as bytes of this build. Takes a few
+  /// microseconds and does not allocate. `bytes` has state_bytes() entries, a number that depends on robot
+  /// and parameters only.
   std::size_t state_bytes() const noexcept;
   void SaveState(std::span<std::byte> bytes) const noexcept;
-  /// From a controller of the same robot, parameters and period: every Step from here on gives the bits it
-  /// would have given there. False when the bytes cannot be from such a controller; then this one must not
-  /// be used any more.
+  /// Loads the state of a controller with the same robot, parameters and period; every Step from here on
+  /// gives the same bits as there. Returns false when the bytes cannot come from such a controller; this
+  /// controller must then be discarded.
   bool LoadState(std::span<const std::byte> bytes) noexcept;
 
  private:

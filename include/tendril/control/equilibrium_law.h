@@ -1,6 +1,6 @@
-// Tensions under which the true equilibrium of all units, gravity and straight tendons included, has the
-// section ends where the arcs of the reference have them: one or a few Newton steps a cycle from the last
-// cycle's shape. Knows nothing of transmissions and motors.
+// Tensions for which the static equilibrium of all units, with gravity and straight tendons, puts the section
+// ends where the reference arcs have them: a few Newton steps per cycle from the last cycle's shape. Knows
+// nothing of transmissions and motors.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -19,44 +19,44 @@ class StateArchive;
 /// Unknown unit angles q and tensions T with
 ///   balance(q, dq, ddq) + m_k = -sum_j T_j dL_j/dq                (every unit's equation of motion),
 ///   W_k(q) (p_k(q) - p_k(arc)) = 0 for the end p_k of each section,   T_min <= T <= T_max,
-/// and least sum (T - T_min)^2. The two rows of W_k span the plane in which the section's own bending moves
-/// its end: a section with two bending freedoms cannot do more, and what is left over stands at right angles
-/// to them, so the end is the nearest that bending reaches; of a section whose tendons lie on a line, W_k is
-/// the one way in which they move its end. dq and ddq are the reference's, shared equally by a section's
+/// that minimise sum (T - T_min)^2. The two rows of W_k span the plane in which the section's own bending
+/// moves its end: a section has two bending freedoms, the remaining error is normal to that plane, and so the
+/// end is the nearest point that bending reaches. For a section whose tendons lie on a line, W_k is the
+/// single direction in which they move its end. dq and ddq are the reference's, shared equally by a section's
 /// units, m_k a bending moment along section k that the balance lacks.
 class EquilibriumLaw {
  public:
-  /// `body` outlives this object. Allocates all it needs.
+  /// `body` outlives this object. The constructor allocates all memory.
   EquilibriumLaw(const model::Body& body, const LimitParameters& limits);
 
-  /// One cycle. `least_N` is the least tension now, at least the robot's own, `most_N` each tendon's
-  /// greatest, at most the robot's own; the least counts where they cross. `tip_shift_W_m` moves the goal of
-  /// the last section's end, `lacking_Nm` is m_k. The first call, and each after one that failed, starts from
-  /// the arc and `arc_tension_N`. kOk, kLimitedTensionMax or, where tendons do not pull every way,
-  /// kLimitedTensionMin, for they would have to push: q() and tension_N() are the answer.
-  /// kEquilibriumNotFound: no stable shape within the bounded iterations, the caller uses its own.
+  /// One cycle. `least_N` is the present minimum tension, at least the robot's own; `most_N` is each tendon's
+  /// maximum, at most the robot's own; the minimum wins where they cross. `tip_shift_W_m` moves the goal of
+  /// the last section's end, `lacking_Nm` is m_k. The first call, and each call after a failed one, starts
+  /// from the arc and `arc_tension_N`. q() and tension_N() are the solution for kOk, kLimitedTensionMax and,
+  /// where tendons do not pull in every direction and would have to push, kLimitedTensionMin.
+  /// kEquilibriumNotFound: no stable shape within the iteration limit; the caller uses its own tensions.
   Status Solve(const BendingReference& reference, const TendonVector& arc_tension_N, double least_N,
                const TendonVector& most_N, const Eigen::Vector3d& tip_shift_W_m,
                const BendingVector& lacking_Nm) noexcept;
-  /// Instead, while tensions are commanded: the resting shape that they make, from the last one. False where
-  /// there is none that is stable near it; the shape stays.
+  /// For commanded tensions: the equilibrium shape that they produce, searched from the last one. False, with
+  /// the shape unchanged, where no stable shape is found.
   bool Follow(const TendonVector& tension_N, const BendingVector& lacking_Nm) noexcept;
 
   const UnitVector& q() const noexcept { return q_; }
   const TendonVector& tension_N() const noexcept { return tension_N_; }
-  /// Unit vectors that span the plane in which the last section moves the tip, at the last Solve's shape; of
-  /// tendons that pull along a line only, the second is zero.
+  /// Unit vectors spanning the plane in which the last section moves the tip, at the last Solve's shape.
+  /// Where tendons pull along a line only, the second vector is zero.
   const Eigen::Vector3d& tip_u() const noexcept { return tip_u_; }
   const Eigen::Vector3d& tip_v() const noexcept { return tip_v_; }
-  /// 2K x 2K: by how much the sections bend for a moment along each, tensions as they are, at the last
-  /// Solve's shape [rad/(N·m)].
+  /// Bending of the sections per moment along each (2K x 2K) at constant tensions, at the last Solve's shape
+  /// [rad/(N·m)].
   BendingMatrix SectionCompliance() noexcept;
-  /// Newton steps of the last Solve.
+  /// Newton steps taken by the last Solve.
   int iterations() const noexcept { return iterations_; }
 
-  /// Forgets the shape: the next call starts from the arc.
+  /// Discards the shape; the next call starts from the arc.
   void Reset() noexcept { warm_ = false; }
-  void Remember(StateArchive& archive) noexcept;
+  void Archive(StateArchive& archive) noexcept;
 
  private:
   bool Step(double& size_rad) noexcept;
@@ -66,14 +66,14 @@ class EquilibriumLaw {
 
   const model::Body& body_;
   double robot_min_tension_N_, max_tension_N_;
-  std::vector<bool> on_line_;  // a section's own tendons
+  std::vector<bool> on_line_;  // per section: its own tendons lie on a line
   model::Body::Workspace workspace_;
   model::TensionAllocator allocator_;
   bool warm_ = false;
   UnitVector q_;
   TendonVector tension_N_;
 
-  // Of one call only.
+  // Valid within one call only.
   double min_tension_N_;
   TendonVector most_tension_N_;
   int iterations_ = 0;
@@ -81,7 +81,7 @@ class EquilibriumLaw {
   UnitVector arc_q_, dq_, ddq_, residual_, pulled_;
   BendingVector lacking_Nm_;
   std::vector<model::Pose> pose_;
-  std::vector<Eigen::Vector3d> goal_W_m_;  // a section
+  std::vector<Eigen::Vector3d> goal_W_m_;  // per section
   Eigen::Vector3d tip_u_{1, 0, 0}, tip_v_{0, 1, 0};
   Eigen::MatrixXd stiffness_, lengths_, solved_, tip_jacobian_, goal_rows_, goal_per_tension_;
   BendingVector goal_gap_;

@@ -1,6 +1,6 @@
-// What the robot does, from what the drives report: tendon displacement, tension at the base, bending of each
-// section with its covariance and the tip, by least squares of the straight-tendon shortening with the
-// tendons' stretch taken out. Knows nothing of commands.
+// State estimate from drive feedback: tendon displacement, base tension, bending of each section with
+// covariance, and tip, by least squares on the straight-tendon shortening with tendon stretch removed. Knows
+// nothing of commands.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -20,48 +20,48 @@ class StateArchive;
 class Estimator {
  public:
   static constexpr double kSlack = 0.07, kTaut = 0.2;
-  static constexpr double kZeroed_s = 0.1;  // a load cell's noise is a twentieth of it in the mean
+  static constexpr double kZeroed_s = 0.1;  // averaging time for zeroing
 
-  /// `tables` has one entry a tendon and, like `body`, outlives the estimator.
+  /// `tables` has one entry per tendon and, like `body`, outlives the estimator.
   Estimator(const RobotParameters& robot, const model::Body& body,
             const std::vector<std::shared_ptr<const model::CapstanTable>>& tables, double period_s);
 
-  /// Fills the estimate part of `output` from the drives' raw values.
+  /// Fills the estimates in `output` from the drives' raw values.
   ///
-  /// With J the shortening's Jacobian by bending, the least squares' weights are all alike, so the covariance
-  /// is B diag(s^2) B^T, B = (J^T J)^-1 J^T [rad^2], s^2 [m^2] of each tendon's shortening: two encoder steps
-  /// (now and at zero, each step^2 / 12) and, over stiffness squared, what is not known of the motor-side
-  /// tension: noise and resolution of the load cell, or of the torque where there is none; and, where
-  /// friction lies between sensor and motor side, the part of it that has not built up, (1 - z^2) h^2 / 3
-  /// with h half the tension between pulling and paying out. What the robot file has wrong is not in it.
+  /// With J the Jacobian of shortening by bending and equal weights, the covariance is B diag(s^2) B^T with B
+  /// = (J^T J)^-1 J^T [rad^2] and s^2 [m^2] the variance of each tendon's shortening. It holds two encoder
+  /// steps (now and at zero, each step^2 / 12) and the variance of the motor-side tension over stiffness
+  /// squared: noise and resolution of the load cell, or of the torque without one. Where friction lies
+  /// between sensor and motor side, its part that has not built up adds (1 - z^2) h^2 / 3, h being half the
+  /// difference between pulling and paying out. Errors of the robot file are not included.
   ///
-  /// Directions of bend that no tendon's path shows are those of the balance, see below, as unsure as
-  /// anywhere.
+  /// Bending directions that no tendon measures come from the static balance, see below, with the prior's
+  /// full variance.
   ///
-  /// A tendon whose cell shows no pull hangs, and shows nothing of the shape: as its tension goes from
-  /// kTaut to kSlack of the least tension, or to the cell's noise, its weight goes to zero and its variance
-  /// beyond that of anywhere in its range; taut again it counts as before a few cycles later. While one
-  /// hangs, each tendon counts by its variance beside what is expected: last cycle's bend, gone on towards
-  /// the shape that balances the tensions (stiffness, weight, the other section's tendons), as sure as last
-  /// cycle's covariance was and a little less, until it may be anywhere that a section bends.
+  /// A tendon whose cell shows no tension is slack and does not measure the shape. As its tension falls from
+  /// kTaut to kSlack of the minimum tension, or to the cell's noise, its weight falls to zero and its
+  /// variance grows to that of its full range; a few cycles after it is taut again it has its full weight.
+  /// While a tendon is slack, all tendons are weighted by variance against a prediction: last cycle's bending
+  /// moved towards the shape that balances the tensions (stiffness, weight, tendons of the other section).
+  /// The prediction has last cycle's covariance, which grows until it spans the section's range.
   void Step(const CycleInput& input, CycleOutput& output) noexcept;
 
-  /// Of each tendon's path in the body, as of the last Step: displacement less stretch.
+  /// Shortening of each tendon's path in the body at the last Step: displacement less stretch.
   const TendonVector& shortening_m() const noexcept { return shortening_m_; }
-  /// From 0, a tendon that hangs, to 1.
+  /// Per tendon, from 0 (slack) to 1 (taut).
   const TendonVector& weight() const noexcept { return weight_; }
 
-  /// Shape of the robot at pretension: straight, or where tendons do not pull every way as their tensions
-  /// bent it when the encoders were zeroed; before, as the least ones do.
+  /// Shape of the robot at pretension. Straight, unless the tendons do not pull in every direction: then the
+  /// shape under the tensions when the encoders were zeroed; before that, under the minimum tensions.
   const BendingVector& pretension_rad() const noexcept { return pretension_rad_; }
   /// Displacement of each tendon there.
   const TendonVector& pretension_m() const noexcept { return pretension_m_; }
 
-  /// Declares the present encoder positions to be those of the robot at pretension, under the tensions of the
-  /// last kZeroed_s.
+  /// Takes the present encoder positions as those at pretension, under the mean tensions of the last
+  /// kZeroed_s.
   void ZeroDisplacement(const CycleInput& input) noexcept;
 
-  void Remember(StateArchive& archive) noexcept;
+  void Archive(StateArchive& archive) noexcept;
 
  private:
   struct Tendon {
@@ -70,13 +70,13 @@ class Estimator {
     double sensor_variance_N2;  // of the load cell; without one, of the torque as tension before losses
     LoadCellPlace place;
     double slack_N, range_variance_m2;
-    double taut;  // from 0, a tendon that hangs, to 1
+    double taut;  // from 0 (slack) to 1
     std::int32_t zero_counts = 0;
     model::StopOperators<4> presliding;
   };
 
-  // Of this cycle's bend, before the tendons are asked: how far from last cycle's, a root of the covariance,
-  // and what that counts beside the tendons.
+  // Prediction of this cycle's bending: step from last cycle's, a root of its covariance, and its weight in
+  // the least squares.
   struct Expected {
     BendingVector step_rad;
     BendingMatrix root_rad, count;
@@ -89,18 +89,19 @@ class Estimator {
   const model::Body& body_;
   const std::vector<std::shared_ptr<const model::CapstanTable>>& tables_;
   double min_tension_N_, max_bending_rad_, straight_rad2_;
-  double kept_, grips_;                   // of what is expected, and of a tendon's grip, in a cycle
-  double averaged_;                       // a cycle's share of the mean over kZeroed_s
-  BendingVector stiffness_Nm_;            // both entries of a section alike
-  std::vector<double> curvature_mprad2_;  // a bend b of a section makes paths b^2 / 2 of this shorter
+  double kept_, grips_;         // decay of the prediction and recovery of a tendon's weight, per cycle
+  double averaged_;             // weight of one cycle in the mean over kZeroed_s
+  BendingVector stiffness_Nm_;  // both entries of a section are equal
+  std::vector<double>
+      curvature_mprad2_;  // bending b of a section shortens tendon paths by b^2 / 2 times this
   std::vector<Tendon> tendons_;
   void FindPretension();
 
   bool pulls_every_way_;
-  // At the least tensions, and by how much more for each tendon's: of (us, vs) and of the displacements.
+  // Shape and displacements at the minimum tensions, and their derivatives by each tendon's tension.
   Eigen::MatrixXd bend_per_N_, shortening_per_N_;
   BendingVector rest_rad_;
-  TendonVector rest_m_, tension_base_N_, stretch_m_;  // the last two as means over kZeroed_s
+  TendonVector rest_m_, tension_base_N_, stretch_m_;  // the last two are means over kZeroed_s
   BendingVector pretension_rad_, bending_rad_;
   TendonVector pretension_m_, shortening_m_, weight_;
   BendingMatrix covariance_rad2_;

@@ -1,5 +1,5 @@
-// The guards on what drives and sensors report: each a rule with a threshold of the configuration, broken or
-// not, with the same few cycles of confirmation. Knows nothing of modes or of what a fault leads to.
+// Guards on the feedback of drives and sensors: each is a rule with a configured threshold, confirmed over a
+// few cycles. Knows nothing of modes or of the consequence of a fault.
 #pragma once
 
 #include <array>
@@ -16,12 +16,12 @@ namespace tendril::control {
 
 class StateArchive;
 
-/// What may be expected of the robot in a cycle.
+/// What the guards may expect of the robot in this cycle.
 struct Expectation {
-  bool powered = false;    // drives hold the tendons: motion is judged
-  bool trusted = true;     // load cells are known to work: they are judged by more than the limit of tension
-  bool tensioned = false;  // pretension is reached and displacement zeroed: slack and shape are judged
-  bool follows = false;    // the robot follows the reference of shape: so is the following error
+  bool powered = false;    // drives are powered: motion is checked
+  bool trusted = true;     // load cells are known to work: checked beyond the tension limit
+  bool tensioned = false;  // at pretension, displacement zeroed: slack and shape are checked
+  bool follows = false;    // the shape reference is followed: following error is checked
 };
 
 class Guards {
@@ -30,25 +30,24 @@ class Guards {
   Guards(const RobotParameters& robot, const GuardParameters& parameters, TimeNs period_ns,
          const model::Body& body, const std::vector<std::shared_ptr<const model::CapstanTable>>& tables);
 
-  /// The first rule broken by this cycle's input and the estimates in `output`, kOk when all are kept.
+  /// The first rule that this cycle's input or the estimates in `output` break; kOk when none is broken.
   Status Check(const CycleInput& input, const CycleOutput& output, const Expectation& expected) noexcept;
 
-  /// Whose rule Check found broken, from 1; 0: that of no single tendon.
+  /// Tendon of the broken rule, from 1; 0 when the rule concerns no single tendon.
   int tendon() const noexcept { return blamed_; }
-  /// More cycles than guards.max_late_cycles were skipped at once or within about a second, and it is no
-  /// second ago; whether or not motors pull.
+  /// Within about the last second more than guards.max_late_cycles cycles were skipped, powered or not.
   bool behind() const noexcept { return behind_; }
 
-  /// End of the cycle: what the next ones are expected to show. `reference_m` is the displacement of the shape
-  /// that is wanted, which a correction of the goal by a tracker is no part of.
+  /// End of the cycle: stores what the next cycles are compared with. `reference_m` is the displacement of
+  /// the reference shape, without the tracker's correction of the goal.
   void Expect(const CycleOutput& output, const TendonVector& reference_m) noexcept;
-  /// Forgets what was seen: the drives were handled by others, or displacement was zeroed.
+  /// Clears the history, after others handled the drives or displacement was zeroed.
   void Restart() noexcept;
 
-  void Remember(StateArchive& archive) noexcept;
+  void Archive(StateArchive& archive) noexcept;
 
  private:
-  // What is counted as broken for how many cycles in a row.
+  // Rules with a counter of consecutive broken cycles.
   enum Rule {
     kSlack,
     kDisconnected,
@@ -62,24 +61,24 @@ class Guards {
   };
 
   struct Tendon {
-    // Of the robot.
+    // Parameters.
     double travel_m, travel_per_count_m, stiffness_Npm, efficiency, coulomb_Nm, torque_scale, inertia_kg,
         rated_Nm;
     LoadCellPlace place;
-    // From cycle to cycle.
+    // State.
     std::array<std::int32_t, kRules> broken_for{};
     bool seen = false;
     std::int32_t counts = 0;                      // of the last fresh feedback
-    std::int32_t unheard = 0;                     // cycles since
+    std::int32_t unheard = 0;                     // cycles since then
     double speed_mps = 0, acceleration_mps2 = 0;  // low-passed
-    std::int16_t cell_mV = 0;                     // since when the cell has shown the same:
-    std::int32_t same_for = 0;
+    std::int16_t cell_mV = 0;                     // last cell reading
+    std::int32_t same_for = 0;                    // cycles with this reading
     double least_torque_N = 0, most_torque_N = 0;
-    // Torque asked for [per mille], the last first: it is on the motor in the cycle after the next SYNC.
+    // Commanded torque [per mille], latest first; it acts in the cycle after the next SYNC.
     std::array<std::int16_t, 3> asked{};
-    DriveFeedback shown{};// since when all of the feedback has been the same:
-    std::int32_t frozen_for = 0;
-    std::int16_t asked_since = 0;  // what was asked for then
+    DriveFeedback shown{};         // last feedback that differed
+    std::int32_t frozen_for = 0;   // cycles with this feedback
+    std::int16_t asked_since = 0;  // torque commanded when the feedback froze
   };
 
   Status CheckTime(const CycleInput& input, bool powered) noexcept;
@@ -90,7 +89,7 @@ class Guards {
   Status CheckShape(const CycleOutput& output, const Expectation& expected) noexcept;
   double MotorTension(std::size_t j, const CycleOutput& output) const noexcept;
   bool OverTension(std::size_t j, double reading_N) const noexcept;
-  /// Counts; true once broken for as long as it must be.
+  /// Counts consecutive broken cycles; true once there are `cycles` of them.
   bool Confirmed(Tendon& tendon, Rule rule, bool broken, std::int32_t cycles) const noexcept;
 
   GuardParameters parameters_;

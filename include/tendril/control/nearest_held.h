@@ -1,5 +1,5 @@
-// Of the arcs that tensions hold at rest the nearest to one that is asked for: for robots whose tendons do
-// not pull every way, and so hold a line or a wedge of bends only. Safe in the tick.
+// The nearest holdable arc to a requested one, for robots whose tendons do not pull in every direction and so
+// hold only a line or a wedge of bends. Safe in the tick.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -14,18 +14,18 @@ namespace tendril::control {
 
 class NearestHeld {
  public:
-  /// `body` outlives this object; tensions at the base.
+  /// `body` outlives this object; tensions are those at the base.
   NearestHeld(const model::Body& body, double min_tension_N, double max_tension_N);
 
-  /// With b(T) the arcs in equilibrium at tensions T, brings `bending_rad` to that of the least |b(T) -
-  /// asked| within the bounds; of a section whose tendons lie on a line, along that line: what it sags across
-  /// is not bought with pulling both ways at once. kOk: held as asked for, but for kSame_rad;
-  /// kLimitedTensionMax: more tension would come nearer; kLimitedDirection: nothing would. What no stable arc
-  /// is found for stays, with kOk.
-  Status Bring(BendingVector& bending_rad) noexcept;
+  /// With b(T) the arcs in equilibrium at tensions T, projects `bending_rad` onto the one with the least
+  /// |b(T) - requested| within the bounds. For a section whose tendons lie on a line the distance is taken
+  /// along that line, because co-contraction does not correct sag across it. kOk: holdable as requested,
+  /// within kSame_rad; kLimitedTensionMax: more tension would come nearer; kLimitedDirection: nothing would.
+  /// If no stable arc is found, `bending_rad` stays unchanged, with kOk.
+  Status Project(BendingVector& bending_rad) noexcept;
 
  private:
-  // A thousandth of an arc's length at its tip, which is its bend times half its length.
+  // A thousandth of an arc's length at its tip, which moves by the bend times half the length.
   static constexpr double kSame_rad = 2e-3;
 
   bool Linearise(const BendingVector& bending_rad, const TendonVector& tension_N) noexcept;
@@ -34,10 +34,10 @@ class NearestHeld {
   model::TensionAllocator allocator_;
   double min_tension_N_, max_tension_N_;
   Eigen::MatrixXd spread_, unit_stiffness_, force_per_tension_, bend_per_tension_, pulled_per_tension_;
-  BendingMatrix pulled_;  // 2K x 2K, takes out of a bend what is across a line of tendons
+  BendingMatrix pulled_;  // 2K x 2K, removes the part of a bend across a line of tendons
   UnitVector q_, unit_force_Nm_;
-  BendingVector force_Nm_;      // that holds the arc
-  BendingMatrix stiffness_Nm_;  // 2K x 2K, of arcs at given tensions
+  BendingVector force_Nm_;      // required to hold the arc
+  BendingMatrix stiffness_Nm_;  // 2K x 2K, of arcs at constant tensions
   Eigen::LLT<BendingMatrix> factor_;
 };
 

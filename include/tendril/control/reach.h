@@ -1,6 +1,6 @@
-// How far tendons can hold a robot bent, and how fast they can lead it there: a goal beyond that is brought
-// back, and a motion slowed, before anything is led. A robot that tensions stop on its way keeps going with
-// its rotors, and snatches its tendons. Knows nothing of how motions are made.
+// The bends that tendons can hold and the rates at which they can move there. Goals beyond are projected, and
+// motions slowed, before they are commanded: when tensions saturate during a motion the rotors run on and
+// jerk the tendons. Knows nothing of how motions are generated.
 #pragma once
 
 #include <optional>
@@ -19,41 +19,41 @@ class Reach {
   static constexpr double kRotorShare = 0.35, kLeastRoom = 0.03;
 
   /// `body`, that of `robot`, outlives this object; tensions are those of `limits`. A motion changes its rate
-  /// by v at an acceleration of v / gather_s; a law that does not pull for its rotors leaves them to the
-  /// least tension.
+  /// by v at an acceleration of v / gather_s. A law without tension for the rotors' acceleration takes it
+  /// from the minimum tension.
   Reach(const RobotParameters& robot, const model::Body& body, const LimitParameters& limits, double gather_s,
         bool pulls_for_rotors);
 
-  /// kOk where the arcs of `bending_rad` can be held at rest; else kLimitedTensionMax, and `bending_rad` is
-  /// scaled down to where they can. A robot that cannot even be held straight is left alone. Where tendons do
-  /// not pull every way `bending_rad` is brought as NearestHeld says.
+  /// kOk where the arcs of `bending_rad` can be held at rest; else kLimitedTensionMax, with `bending_rad`
+  /// scaled down to the holdable bend. Without effect on a robot that cannot be held even straight. Where
+  /// tendons do not pull in every direction, `bending_rad` is projected by NearestHeld.
   Status Limit(BendingVector& bending_rad) noexcept;
-  /// With b the greatest bend of a section and S the one that is held whatever its direction, rates of bend
-  /// up to
+  /// With b the greatest bend of a section and S the bend that is holdable in every direction, the rate of
+  /// bend [rad/s] is limited to
   ///   gather_s room / (rotor's inertia at the tendon x its lever),
   ///   room = max(1 - b / S, kLeastRoom) kRotorShare (T_max - T_min),
-  /// at which rotors that start, stop or turn round take at most twice that room of a tendon; without a pull
-  /// for them at most T_min [rad/s]; that last only where the goal stands, for whoever sends a moving one has
-  /// chosen how it gathers speed.
+  /// so that rotors that start, stop or reverse take at most twice that room of a tendon. A law without
+  /// tension for them lets them take at most T_min; that limit applies to resting goals only, since the
+  /// sender of a moving goal determines its acceleration.
   double Rate_radps(const BendingVector& bending_rad, bool goal_moves) const noexcept;
-  /// S: bent by no more than this, sections are held in every direction, or every one into which their
-  /// tendons pull; 0 where not even straight.
-  double sure_rad() const noexcept { return sure_rad_; }
-  /// The same where nothing is pulled for rotors: tensions that are commanded.
-  double UnpulledRate_radps() const noexcept { return rate_per_N_ * 0.5 * min_tension_N_; }
+  /// S: bend that sections hold in every direction, or in every direction that their tendons pull; 0 where
+  /// not even the straight shape is holdable.
+  double holdable_rad() const noexcept { return holdable_rad_; }
+  /// The rate limit for commanded tensions, where no tension is added for the rotors.
+  double CommandedTensionRate_radps() const noexcept { return rate_per_N_ * 0.5 * min_tension_N_; }
 
  private:
   bool Holds(const BendingVector& bending_rad) noexcept;
-  void FindSure();
-  void FindSureOfPulled();
+  void FindHoldable();
+  void FindHoldableOfPulled();
 
   const model::Body& body_;
   model::TensionAllocator allocator_;
-  std::optional<NearestHeld> nearest_;  // where tendons do not pull every way
+  std::optional<NearestHeld> nearest_;  // where tendons do not pull in every direction
   double min_tension_N_, max_tension_N_;
   double rate_per_N_ = 0, most_room_N_;
-  double sure_rad_ = 0;
-  BendingVector asked_rad_, given_rad_;  // of the last call that had to look for it
+  double holdable_rad_ = 0;
+  BendingVector asked_rad_, given_rad_;  // of the last call that searched
   UnitVector q_, unit_force_Nm_;
   BendingVector force_Nm_;
   Eigen::MatrixXd force_per_tension_;

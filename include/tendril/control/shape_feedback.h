@@ -1,5 +1,5 @@
-// What tendon displacement shows of the robot's bend, integrated slowly into the bending moment that the
-// model of each section must lack. Knows nothing of how tensions come from it.
+// Slow integral feedback from tendon displacement to the bending moment that each section's model lacks.
+// Knows nothing of how tensions follow from it.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,52 +13,52 @@ namespace tendril::control {
 
 class StateArchive;
 
-/// With b a section's wanted bend and e how much of it is missing, by least squares of the tendons'
-/// displacement (stretch taken out), both as complex numbers us + i vs, and K the section's bending
-/// stiffness:
+/// With b a section's reference bend and e its tracking error, by least squares on the tendons' displacement
+/// (stretch removed), both as complex numbers us + i vs, and K the section's bending stiffness:
 ///   moment = K (c b + m),  tau dc/dt = f conj(b) / (|b|^2 + b0^2),  tau dm/dt = f b0^2 / (|b|^2 + b0^2),
-/// K f the moments that bend all sections by e, so that tau de/dt = -e at every bend, and what grows with the
-/// bend and turns with it (stiffness, payload, friction) stays known while the robot is led round. At rest an
-/// error that dry friction may leave is let alone until it is kWake times that. Nor is friction overcome at
-/// rest whatever it takes: the moment goes no farther from where it was than friction may hold, for what it
-/// learns of a robot that sticks is wrong once it moves, and no longer a way, to and fro, than kRestWay times
-/// the largest error: then it only hunts, and that error is let alone as well.
+/// K f being the moments that bend all sections by e, so that tau de/dt = -e at every bend. Errors that grow
+/// and turn with the bend (stiffness, payload, friction) stay in c while the bending plane rotates. At rest
+/// an error within what dry friction may leave is not corrected until it reaches kWake times that. Nor is
+/// friction overcome at rest at any cost: the moment moves from its value at standstill by at most what
+/// friction may hold, because a moment learnt on a stuck robot is wrong once it moves. When its total path
+/// exceeds kRestWay times the largest error, the loop only hunts, and that error is left as well.
 class ShapeFeedback {
  public:
-  static constexpr double kMaxShare = 0.5;  // of |c|, and of |m| [rad]
+  static constexpr double kMaxShare = 0.5;  // limit of |c|, and of |m| [rad]
   static constexpr double kWake = 4;
   static constexpr double kRestWay = 2;
 
-  /// `time_constant_s`: tau, slow beside the robot's swinging; `friction_Nm`: of a moment, what dry friction
-  /// may leave at rest.
+  /// `time_constant_s`: tau, slow compared with the robot's oscillation; `friction_Nm`: moment error that dry
+  /// friction may leave at rest.
   ShapeFeedback(const model::Body& body, double time_constant_s, double friction_Nm, double period_s);
 
-  /// One cycle. `bending_rad` is wanted, `wanted_m` the shortening that the torques now sent are meant for,
-  /// `shown_m` what drives and cells show, of which each tendon counts by its `weight`; `force_per_tension`
-  /// (2K x M) and `compliance` (2K x 2K, bend a moment) are those at the wanted bend. `acts` false: what is
-  /// known of the moment stays. `at_limit`: tensions are, and the moment fades at tau's pace, for what they
-  /// cannot give is not to be asked for. `hold_Nm`: of a moment, what friction holds at
-  /// the present tensions. kLimitedShapeCorrection: c or m is at its limit.
-  Status Step(const BendingVector& bending_rad, const TendonVector& wanted_m, const TendonVector& shown_m,
-              const TendonVector& weight, const Eigen::Ref<const Eigen::MatrixXd>& force_per_tension,
-              const BendingMatrix& compliance, double hold_Nm, bool acts, bool at_limit = false) noexcept;
+  /// One cycle. `bending_rad` is the reference, `reference_m` the shortening that the torques now sent are
+  /// meant for, `measured_m` that from drives and cells, each tendon with its `weight`; `force_per_tension`
+  /// (2K x M) and `compliance` (2K x 2K, bend per moment) are those at the reference bend. `acts` false: the
+  /// moment stays. `at_limit`: tensions saturate, and the moment decays with tau because no more can be
+  /// commanded. `hold_Nm`: moment that friction holds at the present tensions. kLimitedShapeCorrection: c or
+  /// m is at its limit.
+  Status Step(const BendingVector& bending_rad, const TendonVector& reference_m,
+              const TendonVector& measured_m, const TendonVector& weight,
+              const Eigen::Ref<const Eigen::MatrixXd>& force_per_tension, const BendingMatrix& compliance,
+              double hold_Nm, bool acts, bool at_limit = false) noexcept;
 
   /// Bending moment (us, vs) along each section that the model lacks [N·m].
   const BendingVector& moment_Nm() const noexcept { return moment_Nm_; }
   void Reset() noexcept;
-  void Remember(StateArchive& archive) noexcept;
+  void Archive(StateArchive& archive) noexcept;
 
  private:
-  static constexpr int kDelayCycles = 2;  // from a torque to what shows of it
+  static constexpr int kDelayCycles = 2;  // from a torque to the feedback that shows it
 
   double time_constant_s_, friction_Nm_, period_s_;
-  BendingVector stiffness_Nm_;  // both entries of a section alike
-  std::array<TendonVector, kDelayCycles> wanted_m_;
-  BendingVector last_rad_, error_rad_;  // the error behind a low-pass
+  BendingVector stiffness_Nm_;  // both entries of a section are equal
+  std::array<TendonVector, kDelayCycles> reference_m_;
+  BendingVector last_rad_, error_rad_;  // the error low-passed
   BendingVector share_, offset_rad_;    // c and m
   BendingVector moment_Nm_;
-  BendingVector onset_Nm_;              // the moment when the wanted bend came to rest
-  double way_Nm_ = 0, largest_Nm_ = 0;  // since then: pushed in all, and the error at most
+  BendingVector onset_Nm_;              // the moment when the reference came to rest
+  double way_Nm_ = 0, largest_Nm_ = 0;  // since then: path of the moment, largest error
   bool asleep_ = false;
 };
 

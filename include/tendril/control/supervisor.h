@@ -46,7 +46,7 @@ class Supervisor {
   /// True when the event changed the mode.
   bool Handle(Event event, Status cause = Status::kOk) noexcept;
 
-  void Remember(StateArchive& archive) noexcept;
+  void Archive(StateArchive& archive) noexcept;
 
  private:
   Mode mode_ = Mode::kDisconnected;

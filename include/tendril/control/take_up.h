@@ -1,6 +1,5 @@
-// Handling tendons before anything is known of them: bare motors that pull gently, at a bounded speed and
-// over a bounded travel, and the homing that winds slack in with them. Knows nothing of modes or the robot's
-// shape.
+// Bare motors, before the tendons' state is known: gentle pulls at bounded speed and travel, and the homing
+// that takes up slack with them. Knows nothing of modes or the robot's shape.
 #pragma once
 
 #include <vector>
@@ -18,30 +17,30 @@ class TakeUp {
   TakeUp(const RobotParameters& robot, const TakeUpParameters& parameters, double ramp_Nps, double settle_s,
          TimeNs period_ns);
 
-  /// Travel counts from here, and every tendon has to be found taut again.
+  /// Starts counting travel; all tendons count as slack until found taut.
   void Start(const CycleInput& input) noexcept;
 
-  /// Once a cycle from Start on, unless Home is called: speed and travel. kTravelOverLimit when a tendon went
-  /// too far either way.
+  /// Once per cycle from Start on, unless Home is called: updates speed and travel. kTravelOverLimit when a
+  /// tendon moved too far in either direction.
   Status Watch(const CycleInput& input) noexcept;
 
-  /// Motor torque [N m] of a bare pull [N, +-]: pull x travel per angle, without losses, at most pull_N, less
-  /// the nearer the tendon's speed comes to max_speed_mps. That holds whichever way motor and encoder are
-  /// connected.
+  /// Motor torque [N m] of a bare pull [N, +-]: pull x travel per angle, without losses, limited to pull_N
+  /// and reduced as the tendon's speed approaches max_speed_mps. The speed bound holds whatever the signs of
+  /// motor and encoder.
   double Torque(int tendon, double pull_N) const noexcept;
 
-  /// The pulls of the next cycle, towards `wanted_N`: more of them at the ramp's rate, less at once.
-  void Lead(const TendonVector& wanted_N, TendonVector& pull_N) const noexcept;
+  /// The pulls of the next cycle, towards `target_N`: increased at the ramp's rate, reduced at once.
+  void Ramp(const TendonVector& target_N, TendonVector& pull_N) const noexcept;
 
-  /// One cycle of homing: every pull rises until its load cell shows the pretension (without a cell:
-  /// until the motor stands), then follows it. A fault says what keeps a tendon from it.
+  /// One cycle of homing: each pull rises until its load cell measures the pretension (without a cell: until
+  /// the motor stands), then holds it. A fault names what prevents that.
   Status Home(const CycleInput& input, const CycleOutput& output, TendonVector& pull_N) noexcept;
-  /// Every tendon has been taut at pretension for settle_s.
+  /// All tendons have been taut at pretension for settle_s.
   bool homed() const noexcept { return settled_for_ >= settle_cycles_; }
-  /// Of the last fault, from 1.
+  /// Tendon of the last fault, from 1.
   int tendon() const noexcept { return blamed_; }
 
-  void Remember(StateArchive& archive) noexcept;
+  void Archive(StateArchive& archive) noexcept;
 
  private:
   struct Tendon {

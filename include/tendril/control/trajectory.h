@@ -1,7 +1,7 @@
-// From a target that may jump to a motion that may not: the target is followed at a limited rate and averaged
+// Jerk-limited trajectory from a target that may jump: the target is followed at a limited rate and averaged
 // twice over fixed windows, so that rate, acceleration and jerk of each section's (us, vs) stay within their
-// limits whatever comes in. The averaging delays by delay_ns(); callers look that far ahead of moving
-// targets. Knows nothing of the robot.
+// limits for any input. Averaging delays by delay_ns(), so callers look that far ahead on moving targets.
+// Knows nothing of the robot.
 #pragma once
 
 #include <cmath>
@@ -16,36 +16,35 @@ class StateArchive;
 
 class Trajectory {
  public:
-  /// Window lengths follow from the limits: 2 v/a and 2 a/j. Throws std::invalid_argument when a limit is not
-  /// positive.
+  /// Window lengths are 2 v/a and 2 a/j. Throws std::invalid_argument when a limit is not positive.
   Trajectory(int sections, const TrajectoryParameters& limits, double max_bending_rad, TimeNs period_ns);
 
   /// At rest at `bending_rad`.
   void Reset(const BendingVector& bending_rad) noexcept;
 
-  /// One period towards `goal_rad`, which itself moves with `goal_rate_radps`, closing in at `speed_radps`
-  /// beside that, no faster than `most_radps` in all. Returns kLimitedBendingRate when the goal moves faster
-  /// than max_rate_radps allows, kSlowedByTension when it is `most_radps` that does not. No section is led
-  /// beyond max_bending_rad, or further beyond than it was.
+  /// One period towards `goal_rad`, which itself moves with `goal_rate_radps`. The gap closes at
+  /// `speed_radps` beside that; the total rate is at most `most_radps`. Returns kLimitedBendingRate when the
+  /// goal moves faster than max_rate_radps, kSlowedByTension when `most_radps` is the limit. No section is
+  /// commanded beyond max_bending_rad, or farther beyond it than it was.
   Status Advance(const BendingVector& goal_rad, const BendingVector& goal_rate_radps, double speed_radps,
                  double most_radps = HUGE_VAL) noexcept;
 
-  /// Comes to rest within the limits from wherever it is.
+  /// Comes to rest within the limits.
   void AdvanceToRest() noexcept;
 
   const BendingReference& reference() const noexcept { return reference_; }
-  /// The point the averages run towards.
+  /// The point that the averages follow.
   const BendingVector& followed() const noexcept { return followed_; }
-  /// A change of rate by v is made at an acceleration of v / gather_s().
+  /// A change of rate by v takes an acceleration of v / gather_s().
   double gather_s() const noexcept { return position_.samples() * period_s_; }
   TimeNs delay_ns() const noexcept { return delay_ns_; }
-  /// Averaging takes this much times its second derivative from a smooth motion [s^2].
+  /// Averaging shifts a smooth motion by this times its second derivative [s^2].
   double smoothing_s2() const noexcept;
 
-  void Remember(StateArchive& archive) noexcept;
+  void Archive(StateArchive& archive) noexcept;
 
  private:
-  /// Moving average over the last n samples, with the sample that falls out.
+  /// Moving average over the last n samples.
   class Window {
    public:
     Window(int values, int samples);
@@ -54,7 +53,7 @@ class Trajectory {
     BendingVector Push(const BendingVector& value) noexcept;
     BendingVector Mean() const noexcept { return sum_ / samples_; }
     int samples() const noexcept { return samples_; }
-    void Remember(StateArchive& archive) noexcept;
+    void Archive(StateArchive& archive) noexcept;
 
    private:
     int samples_;
@@ -70,7 +69,7 @@ class Trajectory {
   TimeNs delay_ns_;
   Window position_;   // over 2 v/a
   Window mean_;       // over 2 a/j
-  Window mean_rate_;  // the same window, on the first average's rate
+  Window mean_rate_;  // same window, over the first average's rate
   BendingVector followed_;
   BendingReference reference_;
 };

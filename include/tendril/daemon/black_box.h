@@ -1,5 +1,5 @@
-// The last cycles before a fault: kept in memory by the real-time thread and written as a log by the other
-// one. Knows nothing of LCM connections, threads or what a fault means.
+// The last cycles before a fault: recorded in memory by the real-time thread, written as a log by another
+// thread. Knows nothing of LCM connections, threads or what a fault means.
 #pragma once
 
 #include <atomic>
@@ -17,34 +17,34 @@
 
 namespace tendril::daemon {
 
-/// The ring is divided into blocks, each with what the controller remembered before its first cycle; a log
-/// begins with the oldest whole block, so that it can be replayed bit for bit. From a fault until its log is
-/// written nothing is recorded.
+/// The ring is divided into blocks, each with the controller's state before its first cycle; a log begins
+/// with the oldest complete block, so that it can be replayed bit for bit. Recording pauses from a fault
+/// until its log is written.
 class BlackBox {
  public:
-  /// So many logs stay in the folder; older ones are removed when one is written.
+  /// Number of logs kept in the folder; older ones are removed when one is written.
   static constexpr std::size_t kLogsKept = 20;
 
-  /// Takes all memory: parameters.seconds of cycles and a tenth more. `controller` has taken no step yet.
+  /// Allocates all memory: parameters.seconds of cycles and a tenth more. `controller` has taken no step yet.
   BlackBox(const BlackBoxParameters& parameters, const LcmParameters& lcm, const io::RobotShape& shape,
            const io::RunInfo& run, std::int64_t epoch_offset_us, TimeNs period_ns,
            const control::Controller& controller);
 
-  /// Creates the folder. Empty, or why logs cannot be written there and what to do.
+  /// Creates the folder. Returns empty text, or why logs cannot be written there and the remedy.
   std::string CheckFolder() const;
 
   /// Real-time thread, after each step of `controller`: no allocation, lock or system call.
   void Add(const CycleRecord& record, const control::Controller& controller) noexcept;
 
-  /// What became of a log: where it lies (kOk), or why there is none and what to do (kDegraded).
+  /// Result of writing a log: its path (kOk), or why there is none and the remedy (kDegraded).
   struct Outcome {
     Status status = Status::kOk;
     std::string text;
   };
-  /// The other thread: writes a part of what a fault left, at most `cycles` of them. Nothing while there is
-  /// nothing to tell. Never throws for the disk.
+  /// Writer thread: writes at most `cycles` cycles of a pending log. Returns nothing until there is a result.
+  /// Disk errors do not throw.
   std::optional<Outcome> WriteSome(int cycles);
-  /// There is something for WriteSome to do.
+  /// Whether WriteSome has work to do.
   bool full() const noexcept { return phase_.load(std::memory_order_acquire) == Phase::kFull; }
 
   std::size_t cycles() const noexcept { return records_.size(); }
@@ -58,7 +58,7 @@ class BlackBox {
 
   struct Snapshot {
     std::uint64_t next_cycle = 0;
-    TimeNs time_ns = 0;  // of the cycle before
+    TimeNs time_ns = 0;  // of the previous cycle
   };
 
   BlackBoxParameters parameters_;
@@ -67,15 +67,16 @@ class BlackBox {
   io::RunInfo run_;
   std::int64_t epoch_offset_us_;
   std::size_t block_cycles_, state_bytes_;
-  std::atomic<Phase> phase_{Phase::kRecording};  // kFull: all below is the writer's, else the other thread's
+  // kFull: the members below belong to the writer, else to the real-time thread.
+  std::atomic<Phase> phase_{Phase::kRecording};
 
   std::vector<CycleRecord> records_;
-  std::vector<Snapshot> snapshots_;  // one a block, as are the bytes
+  std::vector<Snapshot> snapshots_;  // one per block, as are the bytes
   std::vector<std::byte> states_;
   std::size_t count_ = 0;  // records since the ring was last empty
   Mode last_mode_ = Mode::kDisconnected;
 
-  // Of the writer.
+  // Used by the writer thread only.
   std::unique_ptr<io::RecordLog> log_;
   std::string path_, cause_;
   std::size_t next_ = 0, first_ = 0;

@@ -1,7 +1,6 @@
-// One control cycle from SYNC to torques: drives' feedback in, Controller::Step, torques out, with the record
-// of it all. The daemon runs it against the clock of the machine and the demo in simulated time; knows
-// nothing of threads or LCM. Here, and only here, motors and encoders that are connected the other way round
-// are turned right.
+// One control cycle from SYNC to torques: drive feedback in, Controller::Step, torques out, and the record of
+// all of it. The daemon runs it against the machine's clock and the demo in simulated time; knows nothing of
+// threads or LCM. Reversed motors and encoders are corrected here only.
 #pragma once
 
 #include <array>
@@ -17,9 +16,9 @@ namespace tendril::daemon {
 
 class ControlCycle {
  public:
-  /// Called while drives have not answered yet: returns true when frames may wait on the port, false when
-  /// none will come until `deadline_ns`. On a real bus CanPort::WaitUntil; in simulated time let the drives
-  /// answer. Must not throw.
+  /// Called while answers of drives are outstanding: returns true when frames may wait on the port, false
+  /// when none will come until `deadline_ns`. On a real bus this is CanPort::WaitUntil; in simulated time it
+  /// lets the drives answer. Must not throw.
   using Wait = std::function<bool(TimeNs deadline_ns)>;
 
   /// Everything passed in must outlive the cycle. `controller` and `master` have the same drives in the same

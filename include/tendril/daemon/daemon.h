@@ -18,33 +18,33 @@ namespace tendril::daemon {
 struct DaemonOptions {
   DaemonParameters parameters;
   RobotParameters robot;
-  std::string log_path;  // LCM log of everything; empty: none
+  std::string log_path;  // LCM log of all messages; empty: none
 };
 
 class Daemon {
  public:
-  /// Builds everything that may fail and throws std::exception with one clear line. `port` must outlive the
+  /// Constructs all that may fail, and throws std::exception with one clear line. `port` must outlive the
   /// daemon.
   Daemon(const DaemonOptions& options, can::CanPort& port);
   ~Daemon();
 
   /// Listens for `listen_ns` before anything is sent; throws std::runtime_error when another daemon answers
-  /// on the same LCM channels. One that is heard later disarms this one, which arms nothing until it is
-  /// silent.
+  /// on the same LCM channels. A daemon that appears later disarms this one, which refuses to arm until the
+  /// other is silent.
   void RefuseOthers(TimeNs listen_ns);
 
-  /// Runs until `stop` (asked about once a millisecond) returns true, then disarms, disables the drives and
-  /// returns, within 2 s whatever the drives do. Tells systemd when it is ready, how it is, and, as long as
+  /// Runs until `stop` (polled about once per millisecond) returns true, then disarms, disables the drives
+  /// and returns within 2 s whatever the drives do. Notifies systemd of readiness and status and, as long as
   /// the control cycle advances, its watchdog. Throws std::runtime_error before anything moves when
-  /// realtime.required cannot be had.
+  /// realtime.required cannot be met.
   void Run(const std::function<bool()>& stop);
 
-  /// The same as `stop` returning true, but seen by the control loop itself, whatever the thread of Run waits
+  /// Same effect as `stop` returning true, but seen by the control loop directly, whatever Run's thread waits
   /// for. Safe in a signal handler.
   void RequestStop() noexcept;
 
-  /// A line of the log, written when whoever reads it takes it; whoever calls this does not wait.
-  void Tell(Status status, const std::string& text);
+  /// Logs a line. It is written asynchronously, so a stalled log does not block the caller.
+  void Log(Status status, const std::string& text);
 
   /// The daemon's LCM connection; before Run, or from its calling thread.
   io::Gateway& gateway();

@@ -1,5 +1,4 @@
-// Notices a CANopen master that is none of ours, before we become a second one.
-// Knows nothing of what the daemon does with the bus.
+// Detects another CANopen master before this one sends. Knows nothing of what the daemon does with the bus.
 #pragma once
 
 #include <string>
@@ -9,7 +8,7 @@
 
 namespace tendril::daemon {
 
-/// Listens for `listen_ns`; throws std::runtime_error when somebody else sends SYNC (identifier 0x080) on
+/// Listens for `listen_ns`; throws std::runtime_error when another master sends SYNC (identifier 0x080) on
 /// this bus.
 void RefuseForeignSync(can::CanPort& port, const Clock& clock, const std::string& interface,
                        TimeNs listen_ns);

@@ -1,5 +1,5 @@
-// What the daemon tells people, written by a thread of its own: a log, terminal or journal that takes nothing
-// more holds up nobody who serves commands. Knows nothing of what is told, nor of where it is written.
+// The daemon's log lines, written by a separate thread: a log, terminal or journal that stalls does not block
+// the thread that serves commands. Knows nothing of the lines' meaning or destination.
 #pragma once
 
 #include <chrono>
@@ -12,7 +12,7 @@
 namespace tendril::daemon {
 
 struct Message {
-  std::chrono::system_clock::time_point at;  // when it came up, whenever it is written
+  std::chrono::system_clock::time_point at;  // when it was posted, not when it is written
   Status status = Status::kOk;
   std::string source, text;
 };
@@ -20,16 +20,16 @@ struct Message {
 class Messages {
  public:
   using Write = std::function<void(const Message&)>;
-  static constexpr std::size_t kMost = 1000;  // that wait; of more the newest are dropped, and counted
+  static constexpr std::size_t kMost = 1000;  // waiting lines; beyond that the newest are dropped and counted
 
   explicit Messages(Write write);
-  /// Gives what waits a moment to be written. A thread that is stuck in `write` then is left to itself: let
-  /// the process end soon, and without running what is static down.
+  /// Gives waiting lines a moment to be written. A thread stuck in `write` is abandoned; the process must
+  /// then end soon, without static destruction.
   ~Messages();
   Messages(const Messages&) = delete;
   Messages& operator=(const Messages&) = delete;
 
-  /// Never waits for `write`; may be called from any thread that need not be real-time.
+  /// Never waits for `write`; may be called from any thread that is not real-time.
   void Post(Status status, std::string source, std::string text);
 
  private:

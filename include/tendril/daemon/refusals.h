@@ -1,5 +1,5 @@
-// Refused commands as lines for people: each cause at once, then at most once a second with how many there
-// were. Knows nothing of LCM or the log.
+// Refused commands as log lines: each cause at once, then at most once per second with the count. Knows
+// nothing of LCM or the log.
 #pragma once
 
 #include <cstdint>
@@ -12,37 +12,36 @@
 
 namespace tendril::daemon {
 
-/// What a command asked for, in a few words: "bend 0.3 0 rad".
+/// A command in a few words: "bend 0.3 0 rad".
 std::string CommandText(const Command& command);
 
-/// Why a tip was refused as out of reach, with the nearest point that a robot of that length can be led to.
+/// Why a tip was refused as out of reach, with the nearest reachable point and the robot's length.
 std::string OutOfReachText(const Command& command, const Eigen::Vector3d& nearest_W_m, double length_m);
 
-/// Which value of a target is out of range, and what is accepted; empty where the status tells it.
+/// Which value of a target is out of range, and the accepted range; empty where the status says it all.
 std::string OutOfRangeText(const Command& command, const RobotParameters& robot);
 
-/// What `mode` accepts, for a command that it refuses.
+/// The commands that `mode` accepts, for one that it refuses.
 std::string WrongModeText(Mode mode);
 
-/// How many values there are, and how many the robot takes; empty for a tip.
+/// The number of values given and required; empty for a tip.
 std::string WrongSizeText(const Command& command, const RobotParameters& robot);
 
-/// Why a target was refused whose sender is not the one that leads.
-std::string AnotherSenderText(std::uint32_t leader, Mode mode);
+/// Why a target was refused whose sender is not in control.
+std::string AnotherSenderText(std::uint32_t sender_in_control, Mode mode);
 
 class Refusals {
  public:
-  using Tell = std::function<void(Status cause, const std::string& text)>;
+  using Sink = std::function<void(Status cause, const std::string& text)>;
 
-  /// A command that came in a cycle and was refused for `cause`. `why`, where it is not empty, stands for
-  /// what the cause's number means.
+  /// Adds a command that was refused for `cause`. `why`, unless empty, replaces the text of the cause.
   void Add(Status cause, const Command& command, Mode mode, const std::string& why);
-  /// Hands out what is due.
-  void TellDue(TimeNs now_ns, const Tell& tell);
+  /// Passes on the lines that are due.
+  void ReportDue(TimeNs now_ns, const Sink& sink);
 
  private:
   struct Cause {
-    std::uint64_t count = 0, told = 0;
+    std::uint64_t count = 0, reported = 0;
     TimeNs next_ns = 0;
     Command command;  // the last one
     Mode mode = Mode::kDisconnected;

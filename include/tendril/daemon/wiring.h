@@ -1,5 +1,5 @@
-// From configuration to what the rooms want to be told: which drive on the bus pulls which tendon, and with
-// what motor. Plain conversions, shared by the daemon and the in-process demo; opens nothing.
+// From configuration to drive set-ups: which drive on the bus pulls which tendon, and with which motor. Plain
+// conversions, shared by the daemon and the in-process demo; opens nothing.
 #pragma once
 
 #include <vector>
@@ -11,7 +11,7 @@
 
 namespace tendril::daemon {
 
-/// One setup a tendon, in tendon order: node ids from the daemon's file, currents [mA], torque constant [uN
+/// One setup per tendon, in tendon order: node ids from the daemon's file, currents [mA], torque constant [uN
 /// m/A] and rated torque [uN m] from the robot's. Throws std::invalid_argument when the robot has no
 /// actuation or a tendon has no node.
 std::vector<canopen::DriveSetup> DriveSetups(const RobotParameters& robot, const BusParameters& bus);

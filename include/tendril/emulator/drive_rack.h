@@ -1,5 +1,5 @@
 // Emulated EPOS4 drives on one CanPort: object dictionary, SDO server, PDOs, heartbeat, CiA 402 state
-// machine. Sensor values are put in, torque commands come out; time is passed in. Knows nothing of the robot
+// machine. Sensor values are inputs, torque commands outputs; time is passed in. Knows nothing of the robot
 // behind the motors.
 #pragma once
 
@@ -24,7 +24,7 @@ struct EmulatedDriveParameters {
   std::uint32_t torque_constant_uNmpA = 0;
 };
 
-/// What the drive's sensors show, set before Poll.
+/// Readings of the drive's sensors, set before Poll.
 struct DriveSensors {
   std::int32_t position_counts = 0;
   std::int32_t velocity_rpm = 0;
@@ -34,21 +34,21 @@ struct DriveSensors {
 
 class DriveRack {
  public:
-  /// Sends each drive's boot-up message at the first Poll. Throws std::invalid_argument on a node id that is
-  /// out of 1..127 or given twice. Motor data of 0 leave the drive's factory values; the output current limit
-  /// starts at twice the nominal current.
+  /// Sends each drive's boot-up message at the first Poll. Throws std::invalid_argument on a node id outside
+  /// 1..127 or used twice. Zero motor data keep the drive's factory values; the output current limit starts
+  /// at twice the nominal current.
   DriveRack(std::span<const EmulatedDriveParameters> drives, can::CanPort& port);
   ~DriveRack();
 
   int drives() const noexcept;
-  /// As the drive answers to it now: a stored 0x2000 counts from its next reset on.
+  /// The node id in use: a stored 0x2000 takes effect at the next reset.
   int node_id(int drive) const noexcept;
   void SetSensors(int drive, const DriveSensors& sensors) noexcept;
-  /// Handles all waiting frames and everything that is due at `now_ns`. Returns the number of SYNCs handled.
-  /// At SYNC the torque received since the last SYNC becomes the command and the TPDOs are sampled from the
-  /// sensors set last.
+  /// Handles all waiting frames and all actions due at `now_ns`. Returns the number of SYNCs handled. At SYNC
+  /// the torque received since the last SYNC becomes the command, and the TPDOs are sampled from the latest
+  /// sensor values.
   int Poll(TimeNs now_ns);
-  /// Torque command in force [N·m at the motor shaft]; zero unless operation is enabled, limited by the
+  /// Present torque command [N·m at the motor shaft]; zero unless operation is enabled, limited by the
   /// current limit.
   double torque_Nm(int drive) const noexcept;
   /// True in operation enabled (or quick stop active with torque).
@@ -56,21 +56,22 @@ class DriveRack {
 
   // ---- faults on demand ----
 
-  /// The drive detects the error behind an EPOS4 code: history, EMCY message and reaction. The cause is gone
-  /// at once, so a fault reset works.
+  /// The drive detects the error of an EPOS4 code: history, EMCY message and reaction. The cause ends at
+  /// once, so a fault reset works.
   void InjectEmcy(int drive, std::uint16_t code);
-  /// Deaf and mute with its last torque, as with a hung processor; frames of that time are lost to it.
+  /// No reception or transmission, with the last torque held, as with a hung processor; frames meanwhile are
+  /// lost to it.
   void SetFrozen(int drive, bool frozen) noexcept;
-  /// Off and on again: stored values, no torque, boot-up message at the next Poll. Ends freezing and the
-  /// heartbeat's silence, and gives back the supply.
+  /// Off and on again: stored values, no torque, boot-up message at the next Poll. Ends freezing and
+  /// heartbeat silence, and restores the supply.
   void PowerCycle(int drive) noexcept;
-  /// Off: deaf, mute and without torque. On again: as after PowerCycle.
+  /// Off: no reception, transmission or torque. On again: as after PowerCycle.
   void SetSupply(int drive, bool on) noexcept;
-  /// The sensor shows the value it shows now, until it is set free. (Load cell: both analog inputs.)
+  /// The sensor keeps its present value until released. (Load cell: both analog inputs.)
   void StickSensor(int drive, DriveSensor sensor, bool stuck) noexcept;
-  /// Safe torque off: no torque while it is active, no enabling, no fault reset; it outlasts power cycles.
+  /// Safe torque off: while active, no torque, no enabling, no fault reset; it outlasts power cycles.
   void SetSto(int drive, bool active);
-  /// No more heartbeats until the drive is reset; everything else works on.
+  /// Stops the heartbeats until the drive is reset; all else works.
   void StopHeartbeat(int drive) noexcept;
 
  private:

@@ -1,6 +1,6 @@
-// Faults on demand between a CAN port and the emulated drives: frames lost, late, doubled or spoilt, drives
-// and the bus failing at given times. Time is passed in, and one seed gives one course of events. Knows
-// nothing of where orders come from.
+// Fault injection between a CAN port and the emulated drives: frames lost, delayed, duplicated or corrupted,
+// drives and the bus failing at given times. Time is passed in, and a seed determines the sequence. Knows
+// nothing of where the orders come from.
 #pragma once
 
 #include <cstdint>
@@ -12,12 +12,12 @@
 
 namespace tendril::emulator {
 
-/// Frames that faults touched.
+/// Frames affected by faults.
 struct FaultCounters {
   std::uint64_t dropped = 0, delayed = 0, duplicated = 0, corrupted = 0;
 };
 
-/// The port of the drives: whatever they send or hear passes through it.
+/// The port of the drives: all their frames pass through it.
 class FaultInjector final : public can::CanPort {
  public:
   /// `bus` must outlive the injector.
@@ -26,14 +26,14 @@ class FaultInjector final : public can::CanPort {
 
   /// The drives on this port, to be called once, before Add; they must outlive the injector's use.
   void Attach(DriveRack& rack) noexcept;
-  /// Orders a fault; its times count from `now_ns`. Throws std::invalid_argument naming what does not fit: a
-  /// node that is none of the drives.
+  /// Orders a fault; its times count from `now_ns`. Throws std::invalid_argument for a node that is not one
+  /// of the drives.
   void Add(const FaultParameters& fault, TimeNs now_ns);
-  /// Begins and ends what is due at `now_ns` and lets delayed frames go. Call before the drives' Poll.
+  /// Begins and ends the faults due at `now_ns` and releases delayed frames. Call before the drives' Poll.
   void Poll(TimeNs now_ns);
 
   const FaultCounters& faults() const noexcept;
-  /// Ordered and not over.
+  /// Faults ordered and not ended.
   int pending() const noexcept;
 
   bool Send(const can::CanFrame& frame) noexcept override;

@@ -1,5 +1,5 @@
 // LCM in and out: decodes and stamps command messages, encodes state, cycle, run and event messages. Runs on
-// whatever non-real-time thread calls it; the daemon gives it one of its own. Knows nothing of control.
+// the calling, non-real-time thread; the daemon has a separate thread for it. Knows nothing of control.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ class LCM;
 
 namespace tendril::io {
 
-/// Sizes and static facts that messages repeat.
+/// Sizes and static facts repeated in messages.
 struct RobotShape {
   int sections = 0, units = 0, tendons = 0;
 };
@@ -26,7 +26,7 @@ struct RunInfo {
   std::string robot_yaml, daemon_yaml;  // resolved
   std::string version, git_revision;
   std::int64_t start_utime = 0;  // microseconds since the epoch
-  /// Which daemon this is: host, process, robot and bus in one line; empty: none, a run in one process.
+  /// Identity of the daemon: host, process, robot and bus in one line; empty: none, a run in one process.
   std::string daemon = {};
 };
 
@@ -45,9 +45,9 @@ class Gateway {
   /// Called in Handle; must not throw.
   void OnCommand(CommandSink sink);
   void OnTracker(TrackerSink sink);
-  /// Every run record on this gateway's channels, its own ones included where LCM brings them back.
+  /// Called with every run record on this gateway's channels, including its own where LCM loops them back.
   void OnRun(RunSink sink);
-  /// What the gateway tells by an event of its own, at most once a second: messages that it ignored, and why.
+  /// Called with events of the gateway itself, at most once per second: ignored messages and the reason.
   void OnComplaint(ComplaintSink sink);
 
   /// Handles waiting messages for at most timeout_ms; returns how many.
@@ -55,8 +55,9 @@ class Gateway {
 
   void PublishRun(const RunInfo& run);
   /// Call with every cycle: publishes every state_every_cycles-th and each in which a command arrived or mode
-  /// or status changed. `why` a command of this cycle was refused, with the remedy, where more is known than
-  /// its status tells. `detail` follows the text of the state's status, for example which drive and object.
+  /// or status changed. `why`: the reason and remedy of a command refused in this cycle, where more specific
+  /// than its status. `detail` is appended to the text of the state's status, for example the drive and
+  /// object.
   void PublishState(const CycleRecord& record, const std::string& why = {}, const std::string& detail = {});
   /// Call with every cycle: publishes every cycle_every_cycles-th.
   void PublishCycle(const CycleRecord& record);
@@ -68,12 +69,13 @@ class Gateway {
   };
   Counters counters() const;
 
-  /// Sees each message of this gateway as it is published, encoded: a recorder need not listen to it.
+  /// Called with each encoded message of this gateway as it is published, so that a recorder need not
+  /// subscribe.
   using Tap = std::function<void(const std::string& channel, const void* data, int size)>;
   void SetTap(Tap tap);
   const std::string& channel_prefix() const;
 
-  /// The connection itself, so that a program can listen or log on it (for memq:// this is the only way in).
+  /// The connection itself, for programs that listen or log on it (the only access with memq://).
   lcm::LCM* lcm() const;
 
  private:

@@ -1,5 +1,5 @@
-// LCM log files: the record of a run. Writer for the demo and the daemon's recorder; reader that gives cycle
-// records back.
+// LCM log files: the record of a run. Writer for the demo and the daemon's recorder; reader that returns
+// cycle records.
 #pragma once
 
 #include <cstddef>
@@ -15,8 +15,8 @@
 
 namespace tendril::io {
 
-/// Writes every message that passes a gateway's connection into an LCM event log: what the gateway publishes
-/// as it is published, everything else (commands, tracker) as Gateway::Handle receives it.
+/// Writes every message on a gateway's connection into an LCM event log: the gateway's own as they are
+/// published, all others (commands, tracker) as Gateway::Handle receives them.
 class LogWriter {
  public:
   /// Throws std::runtime_error naming the path when it cannot be written. Events are stamped by `clock` in
@@ -32,8 +32,8 @@ class LogWriter {
   std::unique_ptr<State> state_;
 };
 
-/// Writes records that are given to it, without a gateway: for logs made after the fact. Events are stamped
-/// with their cycle's time.
+/// Writes given records, without a gateway: for logs made afterwards. Events are stamped with their cycle's
+/// time.
 class RecordLog {
  public:
   /// Throws std::runtime_error naming the path when it cannot be written. `epoch_offset_us` as
@@ -42,10 +42,10 @@ class RecordLog {
             std::int64_t epoch_offset_us);
   ~RecordLog();
   void Run(const RunInfo& run, TimeNs time_ns);
-  /// What the controller remembered after the cycle at `time_ns` and before `next_cycle`.
+  /// The controller's state after the cycle at `time_ns` and before `next_cycle`.
   void Snapshot(std::uint64_t next_cycle, TimeNs time_ns, std::span<const std::byte> state);
   void Cycle(const CycleRecord& record);
-  /// Empty, or why not everything is on the disk. Nothing can be written after it.
+  /// Empty, or why the log is incomplete on disk. No writes are allowed afterwards.
   std::string Close();
 
  private:
@@ -59,14 +59,14 @@ struct StateSnapshot {
 };
 
 /// Reads a log back, calling `run`, `cycle` (with the offset of its event in the file) and `snapshot` (any
-/// may be empty) for each record as it comes: for logs of any length. Goes on behind what is damaged; the
-/// returned line names the places by their offsets, and how much was read (empty: whole). Throws
-/// std::runtime_error when the file cannot be opened.
+/// may be empty) for each record in order: for logs of any length. Continues after damage; the returned line
+/// names the damaged places by offset, and how much was read (empty: undamaged). Throws std::runtime_error
+/// when the file cannot be opened.
 std::string StreamLog(const std::string& path, const std::function<void(const RunInfo&)>& run,
                       const std::function<void(const CycleRecord&, std::uint64_t offset)>& cycle,
                       const std::function<void(const StateSnapshot&)>& snapshot = {});
 
-/// The same, all at once: the last run record and every cycle (some 2 kB each).
+/// The same, returned at once: the last run record and every cycle (some 2 kB each).
 struct LogContents {
   RunInfo run;
   std::vector<CycleRecord> cycles;

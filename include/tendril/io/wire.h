@@ -1,5 +1,5 @@
-// Between our structs and the LCM messages, both ways, and the distrustful decoding of bytes. Knows the
-// messages of lcm_types and nothing of connections or files.
+// Conversion between structs and LCM messages in both directions, with untrusted bytes checked before
+// decoding. Knows the messages of lcm_types and nothing of connections or files.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@
 
 namespace tendril::io {
 
-/// Messages with arrays begin with this many counts.
+/// Number of counts with which messages with arrays begin.
 template <class Message>
 inline constexpr int kLeadingCounts = 0;
 template <>
@@ -54,16 +54,16 @@ bool Decode(const void* data, int size, Message& message) noexcept {
   }
 }
 
-/// Microseconds to add to a clock's to get those of the epoch: for this machine's clock what it is now, for
-/// any other (simulated) clock zero.
+/// Offset in microseconds from a clock to the epoch: for this machine's clock the present one, for any other
+/// (simulated) clock zero.
 std::int64_t EpochOffsetUs(const Clock& clock);
 
-/// `message` is reused: filling it again does not allocate. Stage vectors that do not have the robot's size
-/// (before the first cycle) are written as NaN.
+/// `message` is reused: filling it again does not allocate. Stage vectors without the robot's size (before
+/// the first cycle) are written as NaN.
 void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t utime,
                tendril_lcm::cycle_t& message);
-/// False when a count is beyond the capacities of core/limits.h. Everything that ToMessage wrote comes back
-/// bit for bit.
+/// False when a count is beyond the capacities of core/limits.h. Restores bit for bit all that ToMessage
+/// wrote.
 bool FromMessage(const tendril_lcm::cycle_t& message, CycleRecord& record) noexcept;
 
 void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t utime,
@@ -71,12 +71,12 @@ void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t 
 
 void ToMessage(const LoopStatistics& statistics, std::int64_t utime, tendril_lcm::statistics_t& message);
 
-/// RunInfo::daemon goes as a comment at the head of daemon_yaml, and comes back from there.
+/// RunInfo::daemon is stored as a comment at the head of daemon_yaml and restored from there.
 void ToMessage(const RunInfo& run, const RobotShape& shape, std::int64_t utime, tendril_lcm::run_t& message);
 void FromMessage(const tendril_lcm::run_t& message, RunInfo& run);
 
-/// A command as it is meant, but for received_ns. Empty text, or why it cannot be represented (too many
-/// values, an unknown request). Values are not judged: that is the controller's gate.
+/// The command of a message, except received_ns. Returns empty text, or why it cannot be represented (too
+/// many values, an unknown request). Values are not checked here; the controller's gate does that.
 std::string FromMessage(const tendril_lcm::command_tip_t& message, Command& command);
 std::string FromMessage(const tendril_lcm::command_bending_t& message, Command& command);
 std::string FromMessage(const tendril_lcm::command_tension_t& message, Command& command);

@@ -33,7 +33,7 @@ struct Energy {
 
 class Body {
  public:
-  /// Throws std::invalid_argument naming the parameter that makes no sense.
+  /// Throws std::invalid_argument naming the invalid parameter.
   explicit Body(const BodyParameters& parameters);
 
   int units() const { return units_; }
@@ -89,7 +89,7 @@ class Body {
   void TendonShortening(ConstVectorRef q, VectorRef shortening_m) const noexcept;
   /// M x 2N, dL_j/dq [m/rad].
   void TendonLengthJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept;
-  /// Both at once, for little more than one of them.
+  /// Both at once, at little more than the cost of one.
   void TendonShortening(ConstVectorRef q, VectorRef shortening_m, MatrixRef length_jacobian) const noexcept;
   /// M x N: straight length of each tendon within each unit of the straight robot, less that at q [m]; a
   /// row's sum is the tendon's shortening. 0 beyond its end.
@@ -112,7 +112,7 @@ class Body {
   /// H(q), 2N x 2N, symmetric positive definite [kg·m^2].
   void MassMatrix(ConstVectorRef q, MatrixRef mass, Workspace& workspace) const noexcept;
   /// Elastic minus gravity minus tip-force terms of the equations at rest: the generalised force that holds q
-  /// [N·m]. The tip force here and below comes on top of the parameters' own.
+  /// [N·m]. The tip force here and below adds to the parameters' own.
   void StaticForce(ConstVectorRef q, const Eigen::Vector3d& tip_force_W_N, VectorRef force_Nm) const noexcept;
   /// Exact derivative of (StaticForce - TendonForce) by q at given tensions: the tangent stiffness [N·m/rad].
   void TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Eigen::Vector3d& tip_force_W_N,

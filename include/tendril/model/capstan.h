@@ -20,7 +20,7 @@ double SolveCapstan(const PulleyParameters& pulley, double low_tension_N);
 /// 1e-9.
 double SolveCapstanInverse(const PulleyParameters& pulley, double high_tension_N);
 
-/// The same over pulleys in series, from the low-tension side to the high-tension side.
+/// The same for pulleys in series, from the low-tension side to the high-tension side.
 double SolveCapstan(std::span<const PulleyParameters> pulleys, double low_tension_N);
 double SolveCapstanInverse(std::span<const PulleyParameters> pulleys, double high_tension_N);
 
@@ -56,7 +56,7 @@ class CapstanTable {
   double MotorToBase(double motor_tension_N, double z) const noexcept {
     return 0.5 * (1 + z) * Release(motor_tension_N) + 0.5 * (1 - z) * Pull(motor_tension_N);
   }
-  /// Motor-side tension wanted for a base tension at sliding state z: (1+z)/2 F(T_b) + (1-z)/2 F^-1(T_b).
+  /// Motor-side tension required for a base tension at sliding state z: (1+z)/2 F(T_b) + (1-z)/2 F^-1(T_b).
   double BaseToMotor(double base_tension_N, double z) const noexcept {
     return 0.5 * (1 + z) * Pull(base_tension_N) + 0.5 * (1 - z) * Release(base_tension_N);
   }
@@ -85,7 +85,7 @@ class CapstanTable {
   std::vector<Node> nodes_;
 };
 
-/// One table a transmission, in order. Equal transmissions are solved once (a table takes some 10 ms) and
+/// One table per transmission, in order. Equal transmissions are solved once (a table takes some 10 ms) and
 /// copied.
 std::vector<CapstanTable> MakeCapstanTables(std::span<const TransmissionParameters> transmissions,
                                             double max_tension_N, double relative_error = 1e-6);

@@ -1,4 +1,4 @@
-// In words, which ways a robot's tendons bend it.
+// Describes in words the directions in which a robot's tendons bend it.
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 
 namespace tendril::model {
 
-/// Of each section whose tendons do not pull it every way, one clause: "one tendon bends it only towards 0
-/// deg, the backbone brings it back". Empty where all are pulled every way.
+/// One clause per section whose tendons do not pull it in every direction: "one tendon bends it only towards
+/// 0 deg, the backbone brings it back". Empty when all sections are pulled in every direction.
 std::string HeldDirections(const BodyParameters& body);
 
 }  // namespace tendril::model

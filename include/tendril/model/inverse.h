@@ -1,4 +1,4 @@
-// From wanted motion to tensions: inverse kinematics of constant-curvature sections and the allocation of
+// From reference motion to tensions: inverse kinematics of constant-curvature sections and the allocation of
 // tendon tensions. Everything here is safe in the tick: noexcept, no allocation after construction, bounded
 // iterations.
 #pragma once
@@ -21,11 +21,11 @@ struct IkSolution {
 
 /// Tip position -> (us, vs) per section under constant curvature, |(us, vs)| <= max_bending_rad per section.
 /// One section: its tip can only lie on a surface of revolution about z. A target on it has the closed form
-/// (paper eq. 5 with atan2); for any other the nearest point of the surface is taken. On the z axis the
-/// bending plane is free: the seed's is kept. More sections: damped Newton on the distance from the seed, so
-/// that the solution stays near it; a few other shapes are tried when that does not arrive. Targets farther
-/// than 1 nm (plus 1e-9 of the robot's length) from what is reached give kTargetUnreachable with the
-/// distance. The body must outlive this object.
+/// (paper eq. 5 with atan2); for any other target the nearest point of the surface is taken. On the z axis
+/// the bending plane is free: the seed's is kept. More sections: damped Newton on the distance from the seed,
+/// so that the solution stays near it; other start shapes are tried when it does not converge to the target.
+/// Targets farther than 1 nm (plus 1e-9 of the robot's length) from the reached tip give kTargetUnreachable
+/// with the distance. The body must outlive this object.
 class InverseKinematics {
  public:
   /// Throws std::invalid_argument unless 0 < max_bending_rad <= 2 pi.
@@ -41,9 +41,9 @@ class InverseKinematics {
   double max_bending_rad_;
 };
 
-/// Tensions for a wanted generalised force on the sections: among all T with T_min <= T <= T_max that produce
-/// it, the one with least sum (T - T_min)^2; unique, hence continuous in the force. Where none exists, the
-/// admissible T whose force is nearest, and among these again the one of least sum. Keeps no memory: equal
+/// Tensions for a required generalised force on the sections: among all T with T_min <= T <= T_max that
+/// produce it, the one with least sum (T - T_min)^2; unique, hence continuous in the force. Where none
+/// exists, the admissible T whose force is nearest, and among these the one of least sum. Stateless: equal
 /// input, equal bits.
 class TensionAllocator {
  public:
@@ -54,9 +54,9 @@ class TensionAllocator {
     TendonVector tension_N;
     double residual_Nm = 0;       // norm of the force not produced
     Status status = Status::kOk;  // kLimitedTensionMax: force not reachable; kSolverFallback: not finite
-    /// The bound that keeps the force from being reached or come nearer: kLimitedTensionMax, or
-    /// kLimitedTensionMin where tendons would have to push; kOk where none does, for the force is reached, or
-    /// what is left of it no tension makes. Where every force could be made it is `status`.
+    /// The bound that prevents the force, or a nearer one: kLimitedTensionMax, or kLimitedTensionMin where
+    /// tendons would have to push. kOk when the force is reached or no tension could produce the rest. Equal
+    /// to `status` where the tendons span every force.
     Status bound = Status::kOk;
     int iterations = 0;
   };
@@ -64,7 +64,7 @@ class TensionAllocator {
   /// force = jacobian * T; jacobian is (2K x M), for example -dL/d(us, vs) transposed.
   Result Allocate(const Eigen::Ref<const Eigen::MatrixXd>& jacobian, ConstVectorRef force_Nm,
                   double min_tension_N, double max_tension_N) const noexcept;
-  /// The same with a greatest tension for each tendon.
+  /// The same with a maximum tension per tendon.
   Result Allocate(const Eigen::Ref<const Eigen::MatrixXd>& jacobian, ConstVectorRef force_Nm,
                   double min_tension_N, const TendonVector& max_tension_N) const noexcept;
 

@@ -1,6 +1,5 @@
-// From a wanted bend or tip position to the tensions under which the body's true equilibrium, unit by unit,
-// has it. For programs, not for the tick: allocates, bounded iterations. Knows nothing of transmissions and
-// motors.
+// Tensions for which the body's equilibrium, unit by unit, has a required bend or tip position. For programs,
+// not for the tick: allocates, bounded iterations. Knows nothing of transmissions and motors.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,9 +13,9 @@ namespace tendril::model {
 struct TensionedShape {
   Eigen::VectorXd tension_N;  // M
   Eigen::VectorXd q;          // 2N
-  double miss = 0;            // distance from the target: rad for sums of bending, m for a tip
-  double residual_Nm = 0;     // largest component of the balance that is left
-  // kTargetUnreachable: the nearest found within the tension bounds; kSolverFallback: no stable shape found
+  double target_error = 0;    // distance from the target: rad for sums of bending, m for a tip
+  double residual_Nm = 0;     // largest component of the balance residual
+  // kTargetUnreachable: nearest shape within the tension bounds; kSolverFallback: no stable shape found
   Status status = Status::kOk;
   int iterations = 0;
 };
@@ -24,10 +23,10 @@ struct TensionedShape {
 /// Unknown unit angles q and tensions T with
 ///   balance(q, dq, ddq) = -sum_j T_j dL_j/dq  (every unit's equation),   g(q) = target,   T_min <= T <=
 ///   T_max,
-/// and among all such the least sum (T - T_min)^2; g is the sums (us, vs) of each section or the tip in F_0.
+/// and among these the least sum (T - T_min)^2; g is the sums (us, vs) of each section or the tip in F_0.
 /// Solved by sequential quadratic programming on T, with q on the stable branch continued from the straight
-/// shape. Rows are independent of each other: no warm start, the same input gives the same answer. A target
-/// counts as reached within 1e-7 rad or 10 nm.
+/// shape. No warm start: the same input gives the same result. A target counts as reached within 1e-7 rad or
+/// 10 nm.
 class InverseEquilibrium {
  public:
   /// 0 <= min_tension_N <= max_tension_N (infinity: no limit); throws std::invalid_argument.
@@ -56,8 +55,8 @@ class InverseEquilibrium {
   Eigen::VectorXd Value(Goal goal, const Eigen::VectorXd& q) const;
   void Approach(Goal goal, const Eigen::VectorXd& target, const Motion* motion, double least_N,
                 double tolerance, State& state) const;
-  State Continue(const Eigen::VectorXd& us_vs, double least_N) const;
-  State Lead(const Eigen::Vector3d& target_W_m, double least_N) const;
+  State ContinueToBending(const Eigen::VectorXd& us_vs, double least_N) const;
+  State ContinueToTip(const Eigen::Vector3d& target_W_m, double least_N) const;
   Motion TipMotion(const Eigen::VectorXd& q, const Eigen::Vector3d& velocity,
                    const Eigen::Vector3d& acceleration) const;
   TensionedShape Finish(Goal goal, const Eigen::VectorXd& target, const State& state) const;

@@ -1,5 +1,5 @@
-// Which ways tendons bend a section. They only pull, so what they reach together is a cone of directions;
-// against them works nothing but the backbone.
+// The directions in which tendons bend a section. Tendons only pull, so these form a cone; only the backbone
+// acts against them.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,7 +9,7 @@
 
 namespace tendril::model {
 
-/// Directions of bend (us, vs) into which a section's own tendons pull it: from `from_rad` in [0, 2 pi)
+/// Directions of bend (us, vs) in which a section's own tendons pull it: from `from_rad` in [0, 2 pi)
 /// counter-clockwise over `width_rad`; of a line its two ends only.
 struct PullCone {
   enum class Kind { kRay, kLine, kWedge, kHalfPlane, kPlane };
@@ -21,16 +21,17 @@ struct PullCone {
   Eigen::Vector2d Nearest(const Eigen::Vector2d& bend_rad) const noexcept;
 };
 
-/// Of a section of this body, from 0; holes of a twisted robot where they are in the section's middle. Holes
-/// that are opposite, or alike, to within 10 mrad count as such: files round pi, and drills are no better.
+/// The cone of a section (from 0) of this body; in a twisted robot with hole angles at the section's middle.
+/// Holes within 10 mrad of opposite, or of equal, count as such, which covers rounding in files and drilling
+/// tolerances.
 PullCone PullConeOf(const BodyParameters& body, int section);
 
-/// Tendons pull every section every way.
+/// Whether tendons pull every section in every direction.
 bool PullsEveryWay(const BodyParameters& body);
 
-/// Shape at rest under these tensions [rad], 2N entries; where none is stable, the straight one.
+/// Equilibrium shape under these tensions [rad], 2N entries; straight where none is stable.
 Eigen::VectorXd RestShape(const Body& body, ConstVectorRef tension_N);
-/// The same with one tension on every tendon.
+/// The same with equal tension on every tendon.
 Eigen::VectorXd RestShape(const Body& body, double tension_N);
 
 }  // namespace tendril::model

@@ -19,7 +19,7 @@ struct TensionProfile {
 /// Integrates ddq = ForwardDynamics(q, dq, TendonForce(q, T(t))) from the first knot to the last and calls
 /// `sample` at the first knot and every `step_s` after it, as long as the last knot is not passed.
 /// `relative_tolerance` bounds CVODE's local error of every component, with an absolute floor of the same
-/// fraction of 0.01 rad and 1 rad/s. Throws std::invalid_argument for sizes or values that make no sense,
+/// fraction of 0.01 rad and 1 rad/s. Throws std::invalid_argument for invalid sizes or values,
 /// std::runtime_error when CVODE gives up.
 void Simulate(const Body& body, const TensionProfile& profile, ConstVectorRef initial_q,
               ConstVectorRef initial_dq, double step_s, double relative_tolerance,

@@ -19,7 +19,7 @@ struct Equilibrium {
   Eigen::VectorXd q;         // 2N; where the branch ended when it did not converge
   double load_fraction = 0;  // fraction of the load reached: 1 when converged
   double residual_Nm = 0;    // largest component of the residual
-  int iterations = 0;        // Newton steps in all
+  int iterations = 0;        // total Newton steps
 };
 
 /// Follows the equilibrium from the unloaded rest shape (gravity and the body's own tip force acting) to the

@@ -1,6 +1,6 @@
 // Rate-independent pre-sliding: a few stop operators (Maxwell slip) of one coordinate, and Dahl's law as a
 // function of displacement. Exact for monotone motion between commits, so a solver may evaluate them between
-// its steps while the memory moves only when told to.
+// its steps while the memory moves only on a commit.
 #pragma once
 
 #include <algorithm>
@@ -29,7 +29,7 @@ class StopOperators {
     }
   }
 
-  /// z if x moved on monotonically from the committed point; the memory stays.
+  /// z if x moved monotonically from the committed point; the memory stays.
   double Peek(double x) const noexcept {
     double z = 0;
     for (int i = 0; i < kCount; ++i) {

@@ -1,6 +1,6 @@
-// Stumpff functions c_k(x) = sum_j (-x)^j / (k + 2j)!: every trigonometric factor of a constant-curvature arc, smooth
-// through the straight shape. With x = theta^2: c0 = cos(theta), c1 = sin(theta)/theta, c2 = (1 - cos(theta))/theta^2,
-// c3 = (theta - sin(theta))/theta^3. Knows nothing of robots.
+// Stumpff functions c_k(x) = sum_j (-x)^j / (k + 2j)!: every trigonometric factor of a constant-curvature
+// arc, smooth through the straight shape. With x = theta^2: c0 = cos(theta), c1 = sin(theta)/theta, c2 = (1 -
+// cos(theta))/theta^2, c3 = (theta - sin(theta))/theta^3. Knows nothing of robots.
 #pragma once
 
 #include <array>
@@ -57,7 +57,7 @@ std::array<double, kStumpffCount> FarStumpff(double x) noexcept;
 
 /// c_0 .. c_7 at x >= 0, to a few units in the last place of max(1, |c_k|).
 inline std::array<double, kStumpffCount> Stumpff(double x) noexcept {
-  // A unit that bends by less than half a radian needs few terms; the hot loops are made of these.
+  // A unit bent by less than half a radian needs few terms; this is the case in the hot loops.
   constexpr double kNear = 0.25;
   return x < kNear ? detail::StumpffSeries<6>(x) : detail::FarStumpff(x);
 }

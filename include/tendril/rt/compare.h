@@ -1,5 +1,5 @@
-// Our loop beside a bare timer loop, turn by turn on the same thread: what the machine gives and what of it
-// is lost. Knows nothing of CAN or control.
+// Compares this loop with a bare timer loop, in alternation on one thread: the machine's latency and the
+// loop's share of it. Knows nothing of CAN or control.
 #pragma once
 
 #include <functional>
@@ -12,12 +12,12 @@ namespace tendril::rt {
 struct LoopComparison {
   Histogram loop, timer;                            // wake latency
   std::uint64_t loop_missed = 0, timer_missed = 0;  // periods skipped
-  std::string problems;                             // of EnterRealtime; empty: all rights were there
+  std::string problems;                             // of EnterRealtime; empty: all rights were granted
 };
 
-/// Turns of a quarter of a second each: RunCyclic with an empty body, then clock_nanosleep to the same
-/// absolute grid and nothing else; together about `duration_ns`, on a thread that has entered real time as
-/// asked. Ends early when `stop` (asked once a turn) returns true.
+/// Alternates a quarter of a second each: RunCyclic with an empty body, then only clock_nanosleep to the same
+/// absolute grid; about `duration_ns` in all, on a thread that has entered real time as configured. Ends
+/// early when `stop` (polled once per turn) returns true.
 LoopComparison CompareLoops(const RealtimeParameters& parameters, TimeNs period_ns, TimeNs duration_ns,
                             const std::function<bool()>& stop);
 

@@ -12,18 +12,18 @@
 
 namespace tendril::rt {
 
-/// Locks the process's memory, prefaults the calling thread's stack and the program's code, sets its priority and affinity, and with
-/// a priority keeps CPUs from sleeping deeply until the process ends. Returns an empty text, or what could
-/// not be done and which limit to raise; whatever can be done is done.
+/// Locks the process's memory, prefaults the calling thread's stack and the program's code, sets its priority
+/// and affinity, and with a priority disables deep CPU sleep until the process ends. Returns an empty text,
+/// or what failed and which limit to raise; the other steps are done nevertheless.
 std::string EnterRealtime(const RealtimeParameters& parameters);
 
-/// Grid arithmetic, apart from any clock so that it can be tested.
+/// Grid arithmetic, separate from any clock so that it can be tested.
 class DeadlineGrid {
  public:
   DeadlineGrid(TimeNs start_ns, TimeNs period_ns) : next_ns_(start_ns), period_ns_(period_ns) {}
   TimeNs next_ns() const noexcept { return next_ns_; }
-  /// From the grid point that was just served to the next one that is not past at `now_ns`; returns how many
-  /// grid points lie between the two: periods missed and skipped whole (0 when on time).
+  /// Advances from the grid point just served to the next one not before `now_ns`; returns the number of grid
+  /// points in between: periods missed and skipped whole (0 when on time).
   std::uint64_t Advance(TimeNs now_ns) noexcept;
 
  private:
@@ -37,18 +37,18 @@ struct CycleStart {
   std::uint64_t missed = 0;    // periods skipped just before this cycle
 };
 
-/// Calls body(start) once a period, counted from now, until it returns false. A late wake-up runs at once;
-/// the periods it covers are skipped whole.
+/// Calls body(start) once per period, counted from now, until it returns false. A late wake-up runs at once;
+/// the periods missed by it are skipped whole.
 void RunCyclic(TimeNs period_ns, const std::function<bool(const CycleStart&)>& body);
 
-/// Counts of a latency in logarithmic bins, eight an octave, up to 17 s; Add is wait-free and
+/// Counts of a latency in logarithmic bins, eight per octave, up to 17 s; Add is wait-free and
 /// allocation-free. Negative values count as zero.
 class Histogram {
  public:
   void Add(TimeNs value_ns) noexcept;
   std::uint64_t count() const noexcept { return count_; }
   TimeNs max_ns() const noexcept { return max_ns_; }
-  /// A value that at least the given share (0..1) of the values do not exceed, at most 1/8 above the exact
+  /// The value not exceeded by at least the given share (0..1) of the values, at most 1/8 above the exact
   /// one; 0 when empty.
   TimeNs Percentile(double share) const noexcept;
   LatencyStatistics Statistics() const noexcept;

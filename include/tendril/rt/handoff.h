@@ -1,9 +1,9 @@
-// Values from one thread to one other without locks: a queue of fixed capacity that drops what does not fit
-// and counts it. Knows nothing of what it carries.
+// Lock-free transfer of values from one thread to another: a queue of fixed capacity that drops and counts
+// what does not fit. Knows nothing of what it carries.
 #pragma once
 
 #if defined(__SANITIZE_THREAD__)
-// The thread sanitizer does not see what fences order. The queue tells Clang's; this tells GCC's.
+// The thread sanitizer does not see ordering by fences. The queue informs Clang's; this informs GCC's.
 #include <sanitizer/tsan_interface.h>
 namespace tendril::rt {
 inline char fence_seen_by_tsan;
@@ -19,13 +19,13 @@ inline char fence_seen_by_tsan;
 
 namespace tendril::rt {
 
-/// One thread pushes, one thread pops. All memory is taken at construction; neither side ever waits.
+/// One thread pushes, one thread pops. All memory is allocated at construction; neither side ever waits.
 template <class T>
 class Handoff {
  public:
-  /// Room for at least `capacity` values; all of it has been written to, so that no push fetches a page.
+  /// Room for at least `capacity` values, written once so that no push causes a page fault.
   explicit Handoff(std::size_t capacity) : queue_(capacity) {
-    // A block leaves one place empty, another one in the next round.
+    // The first round leaves one place of a block empty; the second fills it.
     for (int round = 0; round < 2; ++round) {
       while (queue_.try_enqueue(T{})) {
       }
@@ -41,7 +41,7 @@ class Handoff {
     return false;
   }
 
-  /// What TryPop gives next; nullptr when it is empty. Of the thread that pops.
+  /// The value that TryPop returns next; nullptr when empty. For the popping thread.
   const T* Peek() noexcept { return queue_.peek(); }
 
   /// False when it was empty.

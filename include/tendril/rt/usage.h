@@ -1,4 +1,4 @@
-// What the kernel did to the calling thread: switches away from it and pages fetched for it. Knows nothing of
+// The kernel's involuntary costs of the calling thread: context switches and page faults. Knows nothing of
 // the loop.
 #pragma once
 
@@ -10,10 +10,10 @@ struct ThreadUsage {
   std::uint64_t voluntary_switches = 0, involuntary_switches = 0, minor_faults = 0, major_faults = 0;
 };
 
-/// Of the calling thread since it began; a system call that never waits.
+/// Usage of the calling thread since its start; a system call that never waits.
 ThreadUsage ReadThreadUsage() noexcept;
 
-/// The sum of what happened between each Begin and End, less what was excused in between.
+/// Sum of the usage between each Begin and End, less what was excused in between.
 class UsageMeter {
  public:
   void Begin() noexcept { from_ = ReadThreadUsage(); }

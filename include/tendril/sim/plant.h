@@ -1,5 +1,6 @@
-// The simulated robot: drives' torque in, encoders, load cells and tip pose out. Full N-unit Kane dynamics with motors,
-// gears, spools, stretchable tendons and pulley friction, integrated by CVODE. Knows nothing of CAN or the controller.
+// The simulated robot: drives' torque in, encoders, load cells and tip pose out. Full N-unit Kane dynamics
+// with motors, gears, spools, stretchable tendons and pulley friction, integrated by CVODE. Knows nothing of
+// CAN or the controller.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,29 +16,29 @@
 namespace tendril::sim {
 
 struct PlantOptions {
-  std::uint64_t seed = 1;          // of the sensor noise
+  std::uint64_t seed = 1;  // of the sensor noise
   bool sensor_noise = true;
   double relative_tolerance = 1e-7;
-  double absolute_tolerance = 3e-8;  // of bending [rad]; other states get what moves a tension as much
+  double absolute_tolerance = 3e-8;  // bending [rad]; other states scaled to it
 };
 
 /// True state of one tendon's drivetrain.
 struct TendonState {
   double motor_angle_rad = 0;
   double motor_velocity_radps = 0;
-  double motor_torque_Nm = 0;      // electromagnetic, after the torque loop's lag
-  double spool_pull_m = 0;         // s
-  double body_shortening_m = 0;    // d
-  double tension_motor_N = 0;      // spool side of the pulleys
-  double tension_base_N = 0;       // robot side
-  double sliding = 0;              // z of the pulley, +1: the motor pulls
+  double motor_torque_Nm = 0;    // electromagnetic, after the torque loop's lag
+  double spool_pull_m = 0;       // s
+  double body_shortening_m = 0;  // d
+  double tension_motor_N = 0;    // spool side of the pulleys
+  double tension_base_N = 0;     // robot side
+  double sliding = 0;            // z of the pulley, +1: the motor pulls
 };
 
-/// What the sensors show.
+/// Sensor readings.
 struct TendonSensors {
   std::int32_t encoder_counts = 0;
-  double torque_Nm = 0;            // as the drive estimates it from the current, with noise
-  double load_cell_V = 0;          // quantised, with noise; 0 without a load cell
+  double torque_Nm = 0;    // as the drive estimates it from the current, with noise
+  double load_cell_V = 0;  // quantised, with noise; 0 without a load cell
 };
 
 struct TrackerReading {
@@ -47,8 +48,8 @@ struct TrackerReading {
 
 class Plant {
  public:
-  /// Straight, at rest, every tendon at the minimum tension with the torque that holds it already acting.
-  /// Throws std::invalid_argument when the robot has no actuation.
+  /// Starts straight, at rest, with every tendon at the minimum tension and the torque that holds it. Throws
+  /// std::invalid_argument when the robot has no actuation.
   explicit Plant(const RobotParameters& robot, const PlantOptions& options = {});
   ~Plant();
   Plant(const Plant&) = delete;
@@ -57,15 +58,15 @@ class Plant {
   int tendons() const;
   const model::Body& body() const;
 
-  /// Torque wanted of each motor's torque loop from now on [N·m], one a tendon.
+  /// Sets the torque command of each motor's torque loop from now on [N·m], one per tendon.
   void SetTorque(const Eigen::Ref<const Eigen::VectorXd>& torque_Nm);
-  /// Integrates by dt > 0. Throws std::runtime_error with the solver's reason if it gives up.
+  /// Integrates by dt > 0. Throws std::runtime_error with the solver's reason when it gives up.
   void Advance(TimeNs dt_ns);
 
   TimeNs time_ns() const;
-  const Eigen::VectorXd& q() const;                  // unit bending (u_1, v_1, ...) [rad]
-  const Eigen::VectorXd& dq() const;                 // [rad/s]
-  const std::vector<TendonState>& tendon() const;    // true values at time_ns()
+  const Eigen::VectorXd& q() const;                // unit bending (u_1, v_1, ...) [rad]
+  const Eigen::VectorXd& dq() const;               // [rad/s]
+  const std::vector<TendonState>& tendon() const;  // true values at time_ns()
   model::Pose TipPose() const;
   /// Sensor values at time_ns(); each call draws new noise.
   std::vector<TendonSensors> ReadSensors();

@@ -1,4 +1,4 @@
-// The simulator driven by what was measured: each cut of the chain by itself, from the signals on its near
+// The simulator driven by measured signals: each cut of the chain separately, from the signals on its near
 // side to those on its far side. Same laws and effects as the plant. Knows nothing of files, noise or fits.
 #pragma once
 
@@ -11,40 +11,39 @@
 
 namespace tendril::sim {
 
-/// One run on a uniform grid, S samples; a matrix without columns was not measured, gaps of NaN are bridged
-/// by straight lines. The first sample belongs to a robot that was started straight and at pretension, as
-/// every plant is, with all friction memories relaxed: either it is let go there (its signals move at once
-/// where straight is no equilibrium) or it has come to rest since.
+/// One run on a uniform grid, S samples. A matrix without columns was not measured; gaps of NaN are bridged
+/// linearly. The first sample belongs to a robot started straight and at pretension, as every plant is, with
+/// all friction memories relaxed: either it is released there (its signals move at once where straight is no
+/// equilibrium) or it has come to rest by then.
 struct ReplaySignals {
   double step_s = 0;
-  /// Samples are states at rest, too far apart to tell of a motion: the body is in equilibrium at each,
-  /// friction memories go straight from one to the next, and velocities are taken as zero whatever is given.
-  /// `time_s` (S, rising from 0) then says when each was, for what depends on time; without it they are
-  /// step_s apart.
+  /// Samples are states at rest, too far apart to show motion: the body is in equilibrium at each, friction
+  /// memories go straight from one to the next, and velocities are taken as zero. `time_s` (S, rising from 0)
+  /// then gives the times for time-dependent laws; without it they are step_s apart.
   bool at_rest = false;
   Eigen::VectorXd time_s;
   LoadCellPlace load_cell = LoadCellPlace::kMotorSide;
   Eigen::MatrixXd torque_target_Nm;  // S x M, as sent
-  Eigen::MatrixXd torque_actual_Nm;  // as the drive reports it
+  Eigen::MatrixXd torque_actual_Nm;  // as reported by the drive
   Eigen::MatrixXd motor_angle_rad;   // smooth enough to differentiate, with its derivatives
   Eigen::MatrixXd motor_velocity_radps;
   Eigen::MatrixXd motor_acceleration_radps2;
   Eigen::MatrixXd tension_N;  // load cell, as read with the gain and offset of the robot before its effects
-  /// S x M, or empty: where no cell says what pulls on the body, and the tendon's stretch between motor and
-  /// body does.
+  /// S x M, or empty: where no cell measures the tension on the body, which then follows from the tendon's
+  /// stretch between motor and body.
   Eigen::Matrix<char, Eigen::Dynamic, Eigen::Dynamic> no_cell;
-  /// Total bending (us, vs) per section that a tracker shows, S x 2K, smooth; the tendons' shortening is
-  /// corrected to it (across gaps by the difference on their sides).
+  /// Total bending (us, vs) per section from a tracker, S x 2K, smooth; the tendons' shortening is corrected
+  /// to it (across gaps by the difference on either side).
   Eigen::MatrixXd bending_rad;
-  /// M, or empty: motors of which nothing is known; they may have no motor angles either. A body that is
-  /// pulled by load cells before the pulleys has these slide by what the body and the tendon's stretch take;
-  /// nothing else goes without a motor.
+  /// M, or empty: motors without data; they may have no motor angles either. For a body driven by load cells
+  /// before the pulleys, these slide by the body's shortening and the tendon's stretch; all other functions
+  /// need the motor.
   std::vector<char> no_motor;
-  /// From the stamp of a target to the moment it acts; a target stamped when sent acts at the next SYNC, one
-  /// bus cycle later.
+  /// From the stamp of a target to its action; a target stamped when sent acts at the next SYNC, one bus
+  /// cycle later.
   double command_delay_s = 1e-3;
-  /// Targets that were sent from one sample to the next, the sample's own among them; those between went
-  /// straight.
+  /// Targets sent from one sample to the next, including the sample's own; those in between are interpolated
+  /// linearly.
   int commands_a_sample = 1;
 };
 
@@ -56,7 +55,7 @@ struct BodyMotion {
   Eigen::MatrixXd bending_rad;     // R x 2K: (us, vs) of every section, as reported
   Eigen::MatrixXd shortening_m;    // S x M: d of every tendon on the grid, corrected to the measured bending:
                                    // the difference is spread evenly over a section's units
-  Eigen::MatrixXd tension_base_N;  // S x M, what drove it
+  Eigen::MatrixXd tension_base_N;  // S x M, the tensions that drove it
 };
 
 /// One robot with its effects. Const functions may run at once in several threads.
@@ -68,36 +67,36 @@ class Replay {
   Replay(Replay&&) noexcept;
   Replay& operator=(Replay&&) noexcept;
 
-  // Signals that a function needs and that were not measured, or of another size, throw
-  // std::invalid_argument; a tendon that is nowhere known std::runtime_error.
+  // Throws std::invalid_argument for required signals that are missing or of the wrong size,
+  // std::runtime_error for a tendon without any value.
 
   /// C1: torque that the drives would report, S x M, from the targets, each held until the next.
   Eigen::MatrixXd ActualTorque(const ReplaySignals& signals) const;
 
   /// C2: load cell reading from actual torque and motor motion. With the cell on the robot's side the pulleys
-  /// are part of it and `shortening_m` is needed.
+  /// are included and `shortening_m` is needed.
   Eigen::MatrixXd CellFromTorque(const ReplaySignals& signals, const Eigen::MatrixXd& shortening_m) const;
 
-  /// C3: load cell reading from motor angle and shortening. `zero_rad` (M, or empty for zeros) is taken off
-  /// the motor angles first.
+  /// C3: load cell reading from motor angle and shortening. `zero_rad` (M, or empty for zeros) is subtracted
+  /// from the motor angles first.
   Eigen::MatrixXd CellFromStretch(const ReplaySignals& signals, const Eigen::MatrixXd& shortening_m,
                                   const Eigen::VectorXd& zero_rad = {}) const;
 
-  /// Motor angles (M) of the pose from which every simulation starts, for a log whose angles count from
-  /// another one: with them taken off, the tendons' stretch gives `reading_N` (M) in the mean of the first
-  /// `samples`, over which the robot rests. 0 for a tendon without a reading (NaN) or below its cell's zero.
+  /// Motor angles (M) of the pose from which every simulation starts, for a log with another zero: with them
+  /// subtracted, the tendons' stretch gives `reading_N` (M) in the mean of the first `samples`, over which
+  /// the robot rests. 0 for a tendon without a reading (NaN) or below its cell's zero.
   Eigen::VectorXd ZeroAtRest(const ReplaySignals& signals, const Eigen::MatrixXd& shortening_m, int samples,
                              const Eigen::VectorXd& reading_N) const;
 
   enum class DrivenBy {
     kCell,    // C4, C5: tensions as read by the load cells
-    kTorque,  // tensions that C2 makes of torque and motor motion
+    kTorque,  // tensions that C2 derives from torque and motor motion
     kMotor,   // motor angles through the tendons' stiffness
   };
   /// Motion of the body in time; throws std::runtime_error when it cannot be integrated. Where pulleys lie
-  /// between the tension that is known and the base, they slide by (s + d) / 2 with s measured and d of this
-  /// very motion, not of the measured bending: a tracker's noise would be friction there. Of samples at rest:
-  /// the equilibria, each reached from the one before.
+  /// between the known tension and the base, they slide by (s + d) / 2 with s measured and d from this
+  /// motion, not from the measured bending, whose noise would act as friction. For samples at rest: the
+  /// equilibria, each reached from the one before.
   BodyMotion Body(const ReplaySignals& signals, DrivenBy driven_by, int stride) const;
 
  private:

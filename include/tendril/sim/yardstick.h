@@ -1,5 +1,5 @@
-// What the numbers of effects are measured by on a robot, from 30 mm and a gram to metres and kilograms.
-// Knows the robot file; knows no effect.
+// Scales for the parameters of effects on a robot, from 30 mm and a gram to metres and kilograms. Knows the
+// robot file; knows no effect.
 #pragma once
 
 #include <optional>
@@ -9,17 +9,17 @@
 
 namespace tendril::sim {
 
-/// A quantity of the robot file that a parameter's bounds and its plainly visible deviation are in proportion
-/// to.
+/// A quantity of the robot file to which a parameter's bounds and its clearly visible deviation are
+/// proportional.
 enum class Yardstick {
-  kNone,          // a ratio, a direction, a time of electronics or of a material: alike on every robot
+  kNone,          // a ratio, a direction, a time constant of electronics or material: equal on every robot
   kLength,        // m: the whole robot
   kPerLength,     // 1/m
-  kTipForce,      // N: what bends the robot at its tip by a radian or so, EI / L^2, and its weight
-  kTipMass,       // kg: what weighs as much; without gravity the robot's own mass
+  kTipForce,      // N: force at the tip that bends the robot by about a radian, EI / L^2, and its weight
+  kTipMass,       // kg: mass of that weight; without gravity the robot's own mass
   kTipStiffness,  // N/m: kTipForce over the length
   kUnitBend,      // rad: a unit's share of the section's largest bend
-  kUnitMoment,    // N·m: what bends a unit by that much
+  kUnitMoment,    // N·m: moment for that bend
   kTension,       // N: the largest at the base
   kMotorTorque,   // N·m: the motor's nominal torque
   kTorqueLimit,   // N·m: at the drive's current limit
@@ -29,23 +29,23 @@ enum class Yardstick {
   kMotorSpeed,    // rad/s: of the motor while the body bends by 1 rad/s
 };
 
-/// Bounds follow `bound` and what is plainly seen follows `visible`: different only for the two travels,
-/// where a tendon may be off by as far as it goes, which is seen as soon as it changes tension or bend by a
-/// part of their limits, travel and stretch as springs in series.
+/// `bound` scales the bounds, `visible` the clearly visible deviation. They differ only for the two travels:
+/// a tendon may be off by its full travel, but that is visible as soon as it changes tension or bend by a
+/// part of their limits, with travel and stretch as springs in series.
 struct Measure {
   double bound = 0, visible = 0;
 };
 
-/// One tendon, one section (counted from 0), or, where empty, the mean of all.
+/// One tendon or one section (from 0); where empty, the mean of all.
 struct Place {
   std::optional<int> tendon{}, section{};
 };
 
-/// Over that of the reference rig (the shipped rig_90mm), whose numbers the registry of effects holds: both 1
-/// there. Also 1 where the robot does not have what it takes, as without actuation.
+/// Ratio to the reference rig (the shipped rig_90mm), for which the registry of effects holds its numbers:
+/// both 1 there. Also 1 where the robot lacks the quantity, as without actuation.
 Measure OverReference(Yardstick yardstick, const RobotParameters& robot, const Place& place = {});
 
-/// "robot length": for people.
+/// Text such as "robot length".
 std::string_view TextOf(Yardstick yardstick);
 
 }  // namespace tendril::sim

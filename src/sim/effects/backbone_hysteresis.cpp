@@ -1,4 +1,5 @@
-// Effect: the backbone's bending has a memory: friction in strands, sleeves and glue, or in the metal itself.
+// Effect: hysteresis of the backbone's bending: friction in strands, sleeves and glue, or in the metal
+// itself.
 #include <array>
 #include <cmath>
 #include <memory>
@@ -9,10 +10,10 @@
 namespace tendril::sim {
 namespace {
 
-/// Maxwell slip in the plane of (u, v), alike in every direction. Each unit has four springs e_k of which
+/// Maxwell slip in the plane of (u, v), equal in every direction. Each unit has four springs e_k of which
 /// each slips when |e_k| reaches its yield y_k = (k/4)^spread yield_rad:
 ///   e_k follows q and is brought back to the circle |e_k| = y_k,   moment = -(M / 4) sum_k e_k / y_k,
-/// of size M once all slip. Bringing back along the radius is the plastic flow that loses the most: no cycle
+/// of size M once all slip. Return along the radius is the plastic flow of greatest dissipation: no cycle
 /// gains energy.
 class HysteresisLaw final : public BodyLaw {
  public:
@@ -71,7 +72,7 @@ class HysteresisLaw final : public BodyLaw {
   using Memory = std::array<Pair, kElements>;
   struct Slip {
     double u, v;
-    double kept;  // yield over the length before it was brought back, 1 while it sticks
+    double kept;  // yield over the length before the return, 1 while it sticks
     bool slips;
   };
 
@@ -92,7 +93,7 @@ class HysteresisLaw final : public BodyLaw {
   double moment_Nm_;
   std::array<double, kElements> yield_rad_;
   std::vector<Memory> memory_;
-  std::vector<Pair> committed_;  // bend at which the memory was moved last
+  std::vector<Pair> committed_;  // bend at the last commit
 };
 
 }  // namespace

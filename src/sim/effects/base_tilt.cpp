@@ -1,4 +1,4 @@
-// Effect: the base does not stand as level as the robot file says.
+// Effect: the base is tilted relative to the robot file.
 #include <Eigen/Geometry>
 
 #include "common.h"

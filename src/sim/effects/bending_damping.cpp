@@ -1,4 +1,4 @@
-// Effect: the backbone damps its bending more or less than assumed.
+// Effect: the backbone's bending damping differs.
 #include "sections.h"
 
 namespace tendril::sim {
@@ -12,7 +12,7 @@ Effect BendingDamping() {
       .cut_robot_side = Cut::kMotion,
       .on_all = true,
       .on_one = true,
-      // What hardly damped rings on is no straight line from what does not: tried from far off as well.
+      // The response is nonlinear for a nearly undamped robot, so distant starts are tried as well.
       .parameters = {Scale(0.05, 10, 0.5, {0.3, 4})},
       .summary = "the viscous damping of bending differs by a factor",
       .physics =

@@ -1,4 +1,4 @@
-// Effect: the backbone is stiffer or softer than its data sheet says.
+// Effect: the backbone is stiffer or softer than its data sheet states.
 #include "sections.h"
 
 namespace tendril::sim {
@@ -17,7 +17,7 @@ Effect BendingStiffness() {
       .physics =
           "Every unit of the section holds against bending with scale x EI / l. The radius enters to the "
           "fourth power: 1 % more wire is 4 % more stiffness. NiTi's modulus depends on alloy, temperature "
-          "and training (some 25 to 80 GPa), and glue, sleeves or electric leads along the backbone add "
+          "and training (some 25 to 80 GPa), and glue, sleeves or electric cables along the backbone add "
           "their own.",
       .signature =
           "The same tensions bend the robot less (scale above 1) or more, in every direction alike, in "
@@ -26,7 +26,7 @@ Effect BendingStiffness() {
       .experiment =
           "Slow pulls in several directions with the load cell at the base's side of the pulleys, at one low "
           "and one high co-contraction: tendon softening grows with the sum of tensions, an error of EI does "
-          "not. Turning the robot against gravity tells it from payload.",
+          "not. Turning the robot against gravity separates it from payload.",
       .confusable = {"unit_length", "hole_radius", "capstan_alpha", "superelastic", "unit_stiffness"},
       .edit =
           [](RobotParameters& robot, Target target, std::span<const double> v) {

@@ -1,4 +1,4 @@
-// Effect: the zero of the load cell wanders.
+// Effect: the zero of the load cell drifts.
 #include "common.h"
 
 namespace tendril::sim {

@@ -1,4 +1,4 @@
-// Effect: the load cell shows too much or too little.
+// Effect: the gain of the load cell differs.
 #include "common.h"
 
 namespace tendril::sim {
@@ -28,7 +28,8 @@ Effect CellGain() {
           [](RobotParameters& robot, Target target, std::span<const double> v) {
             ForTendons(robot, target, [&](TendonDriveParameters& tendon) {
               tendon.load_cell.gain_VpN *= v[0];
-              tendon.load_cell.offset_N /= v[0];  // volts of an amplifier, whatever the gain before it
+              // Offset in volts of an amplifier, independent of the gain before it.
+              tendon.load_cell.offset_N /= v[0];
             });
           },
   };

@@ -1,4 +1,4 @@
-// Effect: the load cell does not show zero at zero tension.
+// Effect: the load cell has an offset at zero tension.
 #include "common.h"
 
 namespace tendril::sim {
@@ -11,7 +11,7 @@ Effect CellOffset() {
       .cut = Cut::kSensors,
       .cut_robot_side = Cut::kSensors,
       .on_one = true,
-      // Near a slack tendon a small step says little of a large one.
+      // Near a slack tendon a small step does not predict a large one.
       .parameters = {{.name = "N",
                       .nominal = 0,
                       .lower = -2,

@@ -1,4 +1,4 @@
-// Effect: torque ripple of the motor over its turn.
+// Effect: torque ripple of the motor over one turn.
 #include <cmath>
 
 #include "common.h"
@@ -45,7 +45,7 @@ Effect Cogging() {
                       .starts = {1, 2, 4, 6, 8, 10, 12, 14, 18, 24}},
                      {.name = "phase_rad",
                       .nominal = 0,
-                      .lower = -6.3,  // a turn more than there is: no search ends at a seam
+                      .lower = -6.3,  // wider than one turn, so that no search ends at the wrap
                       .upper = 6.3,
                       .typical = 0,
                       .shape = true,
@@ -65,7 +65,8 @@ Effect Cogging() {
       .confusable = {"stribeck", "motor_coulomb"},
       .add =
           [](PlantLaws& laws, const RobotParameters&, Target target, std::span<const double> v) {
-            std::size_t motor = 2;  // v[2]: the first's phase; behind it, what each further one has beyond it
+            // v[2]: phase of the first motor; then each further motor's phase relative to it.
+            std::size_t motor = 2;
             ForTarget(laws.tendon, target, [&](TendonLaws& tendon) {
               const double beyond_rad = motor == 2 ? 0 : v[motor];
               tendon.shaft.push_back(std::make_shared<Ripple>(v[0], v[1], v[2] + beyond_rad));

@@ -1,4 +1,4 @@
-// What most effects need to say who they are about. Knows no effect.
+// Helpers of most effects: target and parameter descriptions. Knows no effect.
 #pragma once
 
 #include <cstddef>
@@ -20,14 +20,14 @@ inline EffectParameter Scale(double lower, double upper, double typical, std::ve
           .starts = std::move(starts)};
 }
 
-/// change(item) for the target's item, or for all of them.
+/// Calls change(item) for the target's item, or for all of them.
 template <class Items, class Change>
 void ForTarget(Items& items, Target target, Change change) {
   if (target) return change(items[static_cast<std::size_t>(*target)]);
   for (auto& item : items) change(item);
 }
 
-/// change(TendonDriveParameters&) for the target's tendon, or for all of them.
+/// Calls change(TendonDriveParameters&) for the target's tendon, or for all of them.
 template <class Change>
 void ForTendons(RobotParameters& robot, Target target, Change change) {
   if (robot.actuation) ForTarget(robot.actuation->tendons, target, change);

@@ -1,4 +1,4 @@
-// Effect: the robot leans against something.
+// Effect: the robot touches an obstacle.
 #include <array>
 #include <cmath>
 #include <memory>
@@ -10,8 +10,8 @@
 namespace tendril::sim {
 namespace {
 
-/// A wall without friction across the direction n = (cos angle, sin angle, 0) of F_0, at the distance gap
-/// from the origin. The centre of disk i lies d = n . p_i - gap behind it; the wall pushes by -n F(d),
+/// A frictionless wall normal to the direction n = (cos angle, sin angle, 0) of F_0, at the distance gap from
+/// the origin. The centre of disk i lies d = n . p_i - gap behind it; the wall pushes by -n F(d),
 ///   F = 0 for d < 0,   k d^2 / (2 e) up to d = e,   k (d - e / 2) beyond,   e = L / 450, L the robot's
 ///   length:
 /// smooth, and the derivative of an energy.
@@ -35,7 +35,7 @@ class ContactLaw final : public BodyLaw {
     force_Nm += generalised;
   }
 
-  /// Without the change of the levers under a constant push.
+  /// Neglects the change of the levers under a constant force.
   void AddStiffness(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef,
                     model::MatrixRef stiffness) const noexcept override {
     Depths depth;
@@ -102,7 +102,8 @@ Effect Contact() {
                       .of = Yardstick::kLength},
                      {.name = "angle_rad",
                       .nominal = 0,
-                      .lower = -2 * std::numbers::pi,  // a turn more than there is: no search ends at a seam
+                      // Wider than one turn, so that no search ends at the wrap.
+                      .lower = -2 * std::numbers::pi,
                       .upper = 2 * std::numbers::pi,
                       .typical = 0.3,
                       .shape = true,

@@ -1,4 +1,4 @@
-// Effect: the zero of the motor angle is not the straight robot at pretension.
+// Effect: the zero of the motor angle is not that of the straight robot at pretension.
 #include "common.h"
 
 namespace tendril::sim {
@@ -11,7 +11,8 @@ Effect EncoderOffset() {
       .cut = Cut::kTendon,
       .cut_robot_side = Cut::kTendon,
       .on_one = true,
-      // Far to one side the model's tendon is slack, and says nothing of how far: tried from there as well.
+      // With a large offset to one side the model's tendon is slack and insensitive, so a start there is
+      // tried as well.
       .parameters = {{.name = "rad",
                       .nominal = 0,
                       .lower = -10,

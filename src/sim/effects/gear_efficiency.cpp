@@ -1,4 +1,4 @@
-// Effect: the gear loses more or less than its data sheet says.
+// Effect: the gear's efficiency differs from its data sheet.
 #include <algorithm>
 
 #include "common.h"

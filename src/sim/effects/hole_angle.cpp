@@ -1,4 +1,4 @@
-// Effect: the tendons' holes are turned about the backbone.
+// Effect: the tendons' holes are rotated about the backbone.
 #include "sections.h"
 
 namespace tendril::sim {

@@ -1,4 +1,4 @@
-// Effect: the backbone is bent when nothing loads it.
+// Effect: the backbone is bent without load.
 #include "sections.h"
 
 namespace tendril::sim {

@@ -1,4 +1,4 @@
-// Effect: friction of the pulleys that does not grow with the load.
+// Effect: pulley friction independent of the load.
 #include "common.h"
 
 namespace tendril::sim {

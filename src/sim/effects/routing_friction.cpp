@@ -1,4 +1,4 @@
-// Effect: the tendons rub on the disks where they turn.
+// Effect: friction of the tendons on the disks where they turn.
 #include <array>
 #include <cmath>
 #include <memory>
@@ -12,7 +12,7 @@ namespace tendril::sim {
 namespace {
 
 /// At the disk that ends unit i, tendon j turns by phi_ij. It slides over that disk, towards the base when
-/// positive, by what it shortens beyond it:  x_ij = sum_{k > i} (length in the straight unit k - length).
+/// positive, by its shortening beyond it:  x_ij = sum_{k > i} (length in the straight unit k - length).
 ///   T_(i+1) = T_i exp(-mu phi_ij z(x_ij)),   z from four stop operators, 1 when it slides to the base,
 /// so that a pulled tendon loses tension towards the tip and one that is paid out holds it there. The base's
 /// own plate is not one of the disks: a turn before it belongs to the guide pulleys.
@@ -40,7 +40,7 @@ class RoutingLaw final : public BodyLaw {
     }
   }
 
-  /// By the change of z along x and of phi, with phi about half the sum of the neighbouring units' bends.
+  /// From the change of z along x and of phi, with phi about half the sum of the neighbouring units' bends.
   void AddStiffness(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef tension_N,
                     model::MatrixRef stiffness) const noexcept override {
     const int m = body.tendons(), n = body.dof();
@@ -48,7 +48,7 @@ class RoutingLaw final : public BodyLaw {
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, 2 * kMaxUnits> lengths(m, n);
     body.TendonLengthJacobian(q, lengths);
     Slide(body, q, slide);
-    UnitVector slope(n);  // of what is lost up to a disk
+    UnitVector slope(n);  // slope of the loss up to a disk
     for (int j = 0; j < m; ++j) {
       if (!IsMine(j)) continue;
       const int end = body.end_unit(body.tendon_section(j));
@@ -85,7 +85,7 @@ class RoutingLaw final : public BodyLaw {
   }
 
  private:
-  /// Nobody knows it; a hole presses the tendon on less of its length than a pulley does.
+  /// Assumed: a hole presses the tendon over a shorter length than a pulley.
   static constexpr double kPresliding_m = 2e-5;
   using Spans = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, kMaxUnits>;
 
@@ -93,7 +93,7 @@ class RoutingLaw final : public BodyLaw {
   std::size_t At(int tendon, int disk) const { return static_cast<std::size_t>(tendon * units_ + disk); }
 
   static void Slide(const model::Body& body, model::ConstVectorRef q, model::MatrixRef slide) noexcept {
-    body.SpanShortening(q, slide);  // of each unit; then of all beyond it
+    body.SpanShortening(q, slide);  // of each unit; then of all units beyond it
     for (int j = 0; j < slide.rows(); ++j) {
       double beyond = 0;
       for (Eigen::Index i = slide.cols() - 1; i >= 0; --i) {
@@ -127,7 +127,7 @@ Effect RoutingFriction() {
           "At every disk where it goes on, a tendon turns by half the bends of the units on either side. "
           "Sliding over it costs the factor exp(-mu x turn), as on a capstan: a pulled tendon arrives at the "
           "tip with less tension than at the base, a released one keeps it there. After a reversal the "
-          "friction turns round over 0.04 mm of sliding. With n units bent by theta in all the last unit "
+          "friction reverses over 0.04 mm of sliding. With n units bent by theta in all the last unit "
           "lacks about mu theta (n - 1) / n of the tension.",
       .signature =
           "Hysteresis of the shape against base tension that grows with tension and with bend and vanishes "

@@ -1,17 +1,17 @@
-// What effects on the body's sections and units need to say who they are about. Knows no effect.
+// Helpers of effects on the body's sections and units: their targets. Knows no effect.
 #pragma once
 
 #include "common.h"
 
 namespace tendril::sim {
 
-/// change(SectionParameters&) for the target's section, or for all of them.
+/// Calls change(SectionParameters&) for the target's section, or for all of them.
 template <class Change>
 void ForSections(RobotParameters& robot, Target target, Change change) {
   ForTarget(robot.body.sections, target, change);
 }
 
-/// change(TendonRoute&) for the target's tendon (counted over the sections), or for all of them.
+/// Calls change(TendonRoute&) for the target's tendon (counted over the sections), or for all of them.
 template <class Change>
 void ForRoutes(RobotParameters& robot, Target target, Change change) {
   int tendon = 0;
@@ -23,7 +23,7 @@ void ForRoutes(RobotParameters& robot, Target target, Change change) {
   }
 }
 
-/// change(UnitDeviation&) for the target's unit, or for all of them.
+/// Calls change(UnitDeviation&) for the target's unit, or for all of them.
 template <class Change>
 void ForUnits(RobotParameters& robot, Target target, Change change) {
   for (int unit = 0; unit < robot.body.units(); ++unit) {

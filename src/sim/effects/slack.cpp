@@ -1,4 +1,4 @@
-// Effect: the tendon is longer than at the pretension it should have.
+// Effect: the tendon is longer than at its pretension.
 #include "common.h"
 
 namespace tendril::sim {

@@ -1,4 +1,4 @@
-// Effect: the spool grows as it winds.
+// Effect: the spool's radius grows as it winds.
 #include "common.h"
 
 namespace tendril::sim {

@@ -1,4 +1,4 @@
-// Effect: dry friction of the motor falls as it starts to move.
+// Effect: dry friction of the motor falls with speed (Stribeck).
 #include <cmath>
 
 #include "common.h"

@@ -1,4 +1,4 @@
-// Effect: the backbone's wire softens when it is bent far.
+// Effect: the backbone's wire softens at large bends.
 #include <cmath>
 #include <memory>
 

@@ -1,4 +1,4 @@
-// Effect: the tendon goes on stretching under load.
+// Effect: the tendon creeps under load.
 #include <cmath>
 
 #include "common.h"
@@ -49,7 +49,7 @@ Effect TendonCreep() {
                       .typical = 0,
                       .shape = true,
                       .starts = {0.5, 3, 20, 100}}},
-      .summary = "the tendon goes on stretching under a constant load and creeps back",
+      .summary = "the tendon creeps under a constant load and recovers",
       .physics =
           "Beside its elastic stretch the tendon gains length towards fraction x (tension - pretension) "
           "/ stiffness, with the time constant tau_s (a standard linear solid): stiff when pulled fast, "

@@ -1,4 +1,4 @@
-// Effect: something pulls steadily at the tip.
+// Effect: a constant force at the tip.
 #include "common.h"
 
 namespace tendril::sim {

@@ -1,4 +1,4 @@
-// Effect: the robot carries something at its tip.
+// Effect: a payload at the tip.
 #include "common.h"
 
 namespace tendril::sim {

@@ -1,4 +1,4 @@
-// Effect: the motor makes more or less torque per ampere than its data sheet says.
+// Effect: the motor's torque constant differs from its data sheet.
 #include "common.h"
 
 namespace tendril::sim {

@@ -1,4 +1,4 @@
-// Effect: the drive's torque is cut off below its own limit.
+// Effect: the drive's torque saturates below its own limit.
 #include <algorithm>
 
 #include "common.h"
@@ -22,7 +22,7 @@ Effect TorqueSaturation() {
       .summary = "the drive cuts the torque off below the limit in its data sheet",
       .physics =
           "The target is clipped to +-(torque constant x current limit - deficit_Nm): a thermal "
-          "derating, a supply that sags, or a limit that somebody set lower. Nothing happens below it.",
+          "derating, a supply that sags, or a limit set too low. Nothing happens below it.",
       .signature =
           "Reported torque follows the target up to a level and stays there; the level is the same for "
           "all motions.",

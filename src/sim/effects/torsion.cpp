@@ -1,4 +1,4 @@
-// Effect: the columns of holes wind about the backbone.
+// Effect: the columns of holes are twisted about the backbone.
 #include "common.h"
 
 namespace tendril::sim {

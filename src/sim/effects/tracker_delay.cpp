@@ -1,4 +1,4 @@
-// Effect: the tracker shows the past.
+// Effect: the tracker's delay.
 #include "common.h"
 
 namespace tendril::sim {

@@ -1,4 +1,4 @@
-// Effect: the disks weigh more or less than assumed.
+// Effect: the mass of the disks differs.
 #include "sections.h"
 
 namespace tendril::sim {
@@ -12,12 +12,12 @@ Effect UnitMass() {
       .cut_robot_side = Cut::kShape,
       .on_all = true,
       .on_one = true,
-      // What swings at another frequency is soon out of step: tried from far off as well.
+      // A response at another frequency is soon out of phase, so distant starts are tried as well.
       .parameters = {Scale(0.2, 3, 0.3, {0.65, 1.8})},
       .summary = "mass and inertia of the disks differ by a factor",
       .physics =
           "Mass and both moments of inertia of every disk of the section are scale x nominal: the weight of "
-          "tendons, glue, leads and the backbone itself is not in a disk's drawing.",
+          "tendons, glue, cables and the backbone itself is not in a disk's drawing.",
       .signature =
           "Slow: a sag that grows with the bend and points where gravity does, a few per cent of the "
           "elastic forces on a small robot. Fast: own frequencies fall with the root of the mass.",

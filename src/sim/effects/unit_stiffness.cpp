@@ -19,12 +19,12 @@ Effect UnitStiffness() {
           "moment is nearly the same in every unit, so a soft unit bends more by itself and turns all that "
           "lies beyond it.",
       .signature =
-          "The tip's position and its orientation no longer belong together as for an even arc: a soft unit "
+          "The tip's position and its orientation do not match as on an even arc: a soft unit "
           "near the base moves the tip far for little orientation, one near the tip turns it without moving "
           "it. No loop, every direction alike.",
       .experiment =
           "Slow bends in several planes with position and orientation of the tip tracked, or a camera on the "
-          "disks; the ratio of tip displacement to tip angle tells which unit it is.",
+          "disks; the ratio of tip displacement to tip angle identifies the unit.",
       .confusable = {"bending_stiffness", "unit_length", "contact"},
       .edit =
           [](RobotParameters& robot, Target target, std::span<const double> v) {

@@ -23,7 +23,7 @@ Effect WrapAngle() {
           "As a larger friction coefficient: tension lost between motor and robot, in a loop between "
           "pulling and paying out.",
       .experiment =
-          "Look at the path. Data tell it from the coefficient only where the tendons differ in wrap, "
+          "Look at the path. Data separate it from the coefficient only where the tendons differ in wrap, "
           "or by the dependence on the tension.",
       .confusable = {"capstan_alpha", "capstan_n", "routing_friction"},
       .edit =

@@ -1,4 +1,4 @@
-#include "tendril/control/tension_lead.h"
+#include "tendril/control/tension_ramp.h"
 
 #include <algorithm>
 
@@ -7,7 +7,7 @@
 
 namespace tendril::control {
 
-TensionLead::TensionLead(const model::Body& body, double rate_radps, double gather_s, double period_s)
+TensionRamp::TensionRamp(const model::Body& body, double rate_radps, double gather_s, double period_s)
     : step_rad_(rate_radps * period_s),
       corner_radps_(4 / gather_s),
       period_s_(period_s),
@@ -23,13 +23,13 @@ TensionLead::TensionLead(const model::Body& body, double rate_radps, double gath
   }
 }
 
-void TensionLead::Start(const TendonVector& tension_N) noexcept {
+void TensionRamp::Start(const TendonVector& tension_N) noexcept {
   ramp_N_ = tension_N_ = tension_N;
   rate_Nps_.setZero();
 }
 
-const TendonVector& TensionLead::Step(const TendonVector& wanted_N, double step_N) noexcept {
-  TendonVector step = (wanted_N - ramp_N_).cwiseMax(-step_N).cwiseMin(step_N);
+const TendonVector& TensionRamp::Step(const TendonVector& target_N, double step_N) noexcept {
+  TendonVector step = (target_N - ramp_N_).cwiseMax(-step_N).cwiseMin(step_N);
   const BendingVector bend_rad = bend_per_tension_.lazyProduct(step);
   double fastest_rad = 0;
   for (Eigen::Index k = 0; k < bend_rad.size(); k += 2)
@@ -42,7 +42,7 @@ const TendonVector& TensionLead::Step(const TendonVector& wanted_N, double step_
   return tension_N_;
 }
 
-void TensionLead::Remember(StateArchive& a) noexcept {
+void TensionRamp::Archive(StateArchive& a) noexcept {
   for (TendonVector* v : {&ramp_N_, &tension_N_, &rate_Nps_}) a.Vector(*v, {v->size()});
 }
 
