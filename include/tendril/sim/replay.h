@@ -71,7 +71,8 @@ class Replay {
   // Signals that a function needs and that were not measured, or of another size, throw
   // std::invalid_argument; a tendon that is nowhere known std::runtime_error.
 
-  /// C1: torque that the drives would report, S x M, from the targets, each held until the next.
+  /// C1: torque that the drives would report, S x M, from the targets, each held until the next. Until the
+  /// first of them acts, they report what they did in the first sample (where torques were reported).
   Eigen::MatrixXd ActualTorque(const ReplaySignals& signals) const;
 
   /// C2: load cell reading from actual torque and motor motion. With the cell on the robot's side the pulleys

@@ -29,9 +29,10 @@ enum class Yardstick {
   kMotorSpeed,    // rad/s: of the motor while the body bends by 1 rad/s
 };
 
-/// Bounds follow `bound` and what is plainly seen follows `visible`: different only for the two travels,
-/// where a tendon may be off by as far as it goes, which is seen as soon as it changes tension or bend by a
-/// part of their limits, travel and stretch as springs in series.
+/// Bounds follow `bound` and what is plainly seen follows `visible`. They differ for the two travels, where a
+/// tendon may be off by as far as it goes, which is seen as soon as it changes tension or bend by a part of
+/// their limits, travel and stretch as springs in series; and for what pulls at the tip, which may be some
+/// times the robot's weight and is seen as soon as it moves the tip by a part of the length.
 struct Measure {
   double bound = 0, visible = 0;
 };
