@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -109,6 +110,43 @@ Eigen::VectorXd Transients(const Eigen::VectorXd& within, double white) {
   return excess;
 }
 
+/// Mean square of white noise of rms `noise` about a whole count, rounded to whole counts: what a torque
+/// shows that has settled on one.
+double RoundedSquare(double noise) {
+  constexpr double kNone = 1e-6;
+  double square = 0;
+  for (int k = 1; noise > 0; ++k) {
+    const double beyond = (2 * k - 1) * std::erfc((k - 0.5) / (std::numbers::sqrt2 * noise));
+    square += beyond;
+    if (beyond < kNone) break;
+  }
+  return square;
+}
+
+/// Share of a run's rows at which a drive that reports whole counts has its torque between two of them. What
+/// was sent is whole counts as well: a torque that has settled lies on one, where rounding takes most of the
+/// noise away; on its way to the next target (86 % there after two lags) rounding is up to half a count.
+/// Which rows those are depends on a delay that nobody knows yet, how many does not.
+double ShareOnItsWay(const sim::ReplaySignals& signals, int tendon, double lag_s, double count_Nm) {
+  constexpr double kWhole = 0.01;  // of a count
+  const auto whole = [&](double torque_Nm) {
+    const double counts = torque_Nm / count_Nm;
+    return std::abs(counts - std::round(counts)) < kWhole;
+  };
+  const auto target = signals.torque_target_Nm.col(tendon), actual = signals.torque_actual_Nm.col(tendon);
+  const auto rows_a_change = static_cast<Eigen::Index>(std::ceil(2 * lag_s / signals.step_s));
+  Eigen::Index changed = -rows_a_change;
+  double rounded = 0, on_its_way = 0;
+  for (Eigen::Index i = 0; i < target.size(); ++i) {
+    if (i > 0 && target[i] != target[i - 1]) changed = i;
+    if (!whole(actual[i])) continue;
+    rounded += 1;
+    if (i - changed < rows_a_change || !whole(target[i])) on_its_way += 1;
+  }
+  // Straight lines across lost rows are not whole; what hardly ever is was never rounded.
+  return rounded > 0.5 * static_cast<double>(target.size()) ? on_its_way / rounded : 0;
+}
+
 /// What a target did between the samples of a slow log is open by as much as it changed over them.
 Eigen::VectorXd BetweenSamples(const Eigen::Ref<const Eigen::VectorXd>& target, int windows) {
   Eigen::VectorXd square = Eigen::VectorXd::Zero(windows);
@@ -181,7 +219,9 @@ void Evaluator::FindWhiteNoise() {
                           ? channel.index
                           : 0];
     double least = 0;  // a sensor's resolution is a floor even where it shows no noise
-    if (channel.quantity == Quantity::kTorque) least = 1e-3 * p.drive.rated_torque_Nm / std::sqrt(12.0);
+    if (channel.quantity == Quantity::kTorque)
+      least = 1e-3 * p.drive.rated_torque_Nm *
+              std::sqrt(std::max(1.0 / 12, RoundedSquare(p.drive.actual_torque_noise_permille)));
     for (const auto& run : runs_) {
       if (channel.quantity == Quantity::kTension && !run.cell_step_N.empty())
         least = std::max(least, run.cell_step_N[static_cast<std::size_t>(channel.index)] / std::sqrt(12.0));
@@ -247,6 +287,14 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
       const Channel& channel = channels_[c];
       const sim::ReplaySignals& signals = runs_[i].signals;
       white_[i][c] = channel.white * channel.white / SamplesIn(runs_[i], channel);
+      if (channel.quantity == Quantity::kTorque) {
+        const auto& p = nominal_.actuation->tendons[static_cast<std::size_t>(channel.index)];
+        const double count_Nm = 1e-3 * p.drive.rated_torque_Nm;
+        const double between =
+            count_Nm * std::hypot(p.drive.actual_torque_noise_permille, std::sqrt(1.0 / 12));
+        white_[i][c] += ShareOnItsWay(signals, channel.index, p.motor.torque_lag_s, count_Nm) *
+                        std::max(0.0, between * between - white_[i][c]);
+      }
       Eigen::VectorXd spread = Eigen::VectorXd::Zero(windows);
       if (!readings.empty() && readings[0][i][c].size() == windows) {
         Eigen::VectorXd scatter = Eigen::VectorXd::Zero(windows);

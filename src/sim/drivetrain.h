@@ -101,6 +101,7 @@ class Drivetrain {
   void SetTorque(double time_s, double sent_Nm) { loop_.Set(time_s, sent_Nm); }
   /// Reported torque, without noise: current times the nominal torque constant.
   double Torque(double time_s) const noexcept { return loop_.At(time_s); }
+  const TorqueLoop& loop() const noexcept { return loop_; }
   /// See TorqueLoop.
   double NextCorner(double time_s) const noexcept { return loop_.NextCorner(time_s); }
 

@@ -216,9 +216,13 @@ struct Replay::Impl {
     if (s.commands_a_sample < 1)
       throw std::invalid_argument(
           fmt::format("replay: {} commands a sample: accepted >= 1", s.commands_a_sample));
+    // What was sent before the first sample is not known, however late it acts: a drive that reports its
+    // torque has that one until the first target comes to act.
+    const bool reported = s.torque_actual_Nm.cols() == m && s.torque_actual_Nm.rows() == target.rows();
     MatrixXd actual(target.rows(), m);
     for (int j = 0; j < m; ++j) {
-      Drivetrain d = drive[At(j)];
+      TorqueLoop loop = drive[At(j)].loop();
+      if (reported && std::isfinite(s.torque_actual_Nm(0, j))) loop = loop.Holding(s.torque_actual_Nm(0, j));
       Index sent = 0;
       for (Index i = 0; i < target.rows(); ++i) {
         const double now = time[i];
@@ -228,9 +232,9 @@ struct Replay::Impl {
           const double share = static_cast<double>(sent % s.commands_a_sample) / s.commands_a_sample;
           const double acts = time[row] + share * (time[next] - time[row]) + s.command_delay_s;
           if (acts > now + 1e-3 * step) break;
-          d.SetTorque(std::min(acts, now), target(row, j) + share * (target(next, j) - target(row, j)));
+          loop.Set(std::min(acts, now), target(row, j) + share * (target(next, j) - target(row, j)));
         }
-        actual(i, j) = d.Torque(now);
+        actual(i, j) = loop.At(now);
       }
     }
     return actual;

@@ -15,6 +15,9 @@ class TorqueLoop {
   TorqueLoop(double start_Nm, double lag_s, double delay_s, double limit_Nm)
       : lag_s_(lag_s), delay_s_(delay_s), limit_Nm_(limit_Nm), now_{0, start_Nm, start_Nm} {}
 
+  /// The same drive after it has held this torque for long.
+  TorqueLoop Holding(double torque_Nm) const { return {torque_Nm, lag_s_, delay_s_, limit_Nm_}; }
+
   /// Sets the torque from time_s on, not before the last call's.
   void Set(double time_s, double sent_Nm) {
     const double commanded = std::clamp(sent_Nm, -limit_Nm_, limit_Nm_);

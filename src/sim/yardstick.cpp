@@ -43,13 +43,22 @@ double BendingForce(const BodyParameters& body) {
   return 1 / (give_radpNm * body.length_m());
 }
 
-double TipMass(const BodyParameters& body) {
-  const double g_mps2 = body.gravity_W_mps2.norm();
-  return MassOf(body) + (g_mps2 > 0 ? BendingForce(body) / g_mps2 : 0);
+/// What may pull at the tip is measured by stiffness and weight. What shows is a part of the length, by the
+/// stiffness alone: a hanging robot's weight adds to it, and a standing one's takes it away until at 7.84 EI
+/// / L^2 the straight robot falls over (Greenhill), from where on its tendons hold it.
+Measure TipForce(const BodyParameters& body) {
+  constexpr double kFallsOver = 7.84, kHeldByTendons = 0.1;
+  const double bending_N = BendingForce(body), mass_kg = MassOf(body);
+  const double hanging_N = mass_kg * body.gravity_W_mps2.z();
+  return {bending_N + mass_kg * body.gravity_W_mps2.norm(),
+          std::max(bending_N + hanging_N / kFallsOver, kHeldByTendons * bending_N)};
 }
 
-double TipForce(const BodyParameters& body) {
-  return BendingForce(body) + MassOf(body) * body.gravity_W_mps2.norm();
+Measure TipMass(const BodyParameters& body) {
+  const double g_mps2 = body.gravity_W_mps2.norm();
+  if (!(g_mps2 > 0)) return {MassOf(body), MassOf(body)};
+  const Measure force = TipForce(body);
+  return {force.bound / g_mps2, force.visible / g_mps2};
 }
 
 /// Hole radius times the largest bend of every section that the tendon passes.
@@ -122,11 +131,11 @@ Measure Of(Yardstick yardstick, const RobotParameters& robot, const Place& place
     case Yardstick::kPerLength:
       return both(1 / robot.body.length_m());
     case Yardstick::kTipForce:
-      return both(TipForce(robot.body));
+      return TipForce(robot.body);
     case Yardstick::kTipMass:
-      return both(TipMass(robot.body));
+      return TipMass(robot.body);
     case Yardstick::kTipStiffness:
-      return both(TipForce(robot.body) / robot.body.length_m());
+      return both(TipForce(robot.body).bound / robot.body.length_m());
     case Yardstick::kUnitBend:
     case Yardstick::kUnitMoment:
       return both(MeanOfSections(yardstick, robot, place));
@@ -160,9 +169,9 @@ std::string_view TextOf(Yardstick yardstick) {
     case Yardstick::kPerLength:
       return "1 / robot length";
     case Yardstick::kTipForce:
-      return "EI / L^2 + weight";
+      return "EI / L^2 and weight";
     case Yardstick::kTipMass:
-      return "EI / (L^2 g) + mass";
+      return "EI / (L^2 g) and mass";
     case Yardstick::kTipStiffness:
       return "(EI / L^2 + weight) / L";
     case Yardstick::kUnitBend:

@@ -49,7 +49,7 @@ Eigen::Vector3d TargetAt(const RobotParameters& robot, const std::string& family
   Eigen::Vector3d torque_Nm;
   for (int j = 0; j < 3; ++j) {
     const double phase = 2 * std::numbers::pi * j / 3;
-    double tension_N = 0.3;
+    double tension_N = 0.4;  // more than the file's pretension
     if (family == "multisine")
       tension_N += begin * (3.2 + 1.8 * std::sin(3 * s + phase) + 0.9 * std::sin(13 * s + 2 * phase));
     if (family == "sway") tension_N += begin * 2.2 * (1 + std::sin(20 * s - phase));

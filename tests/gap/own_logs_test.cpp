@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "closed_loop.h"
@@ -69,7 +71,8 @@ void Record(const Case& c, const std::string& effect, const fs::path& log) {
   loop.DisarmAndWait();
 }
 
-gap::Diagnosis Diagnosed(const Case& c, const std::string& effect = "") {
+gap::Diagnosis Diagnosed(const Case& c, const std::string& effect = "",
+                         const std::set<std::string_view>& only = {}) {
   const fs::path folder =
       fs::temp_directory_path() / fmt::format("tendril_own_logs_{}_{}", getpid(), NameOf(c));
   fs::create_directories(folder);
@@ -79,6 +82,9 @@ gap::Diagnosis Diagnosed(const Case& c, const std::string& effect = "") {
   fs::remove_all(folder);
   gap::DiagnoseOptions options;
   options.threads = 1;
+  for (const sim::Effect& e : sim::Effects()) {
+    if (!only.empty() && !only.contains(e.name)) options.without.emplace_back(e.name);
+  }
   return gap::Diagnose(set, options);
 }
 
@@ -114,6 +120,16 @@ TEST_P(OwnLogs, NameAPayload) {
   ASSERT_FALSE(d.causes.empty());
   EXPECT_EQ(d.causes.front().effect, "tip_payload") << NameOf(GetParam()) << ": " << Text(d);
   EXPECT_NE(d.sentence.find("tip_payload"), std::string::npos) << d.sentence;
+}
+
+// The drives' torques rise from nothing when the log begins.
+TEST_P(OwnLogs, NameADelay) {
+  const gap::Diagnosis d =
+      Diagnosed(GetParam(), "command_delay s=0.0016",
+                {"command_delay", "torque_loop_lag", "torque_constant", "torque_saturation", "tip_payload"});
+  ASSERT_FALSE(d.accepted.empty()) << NameOf(GetParam()) << ": " << Text(d);
+  EXPECT_EQ(d.accepted.front().effect, "command_delay") << NameOf(GetParam()) << ": " << Text(d);
+  EXPECT_NEAR(d.causes.front().parameters.at("s").value, 0.0016, 5e-5);
 }
 
 const auto kName = [](const testing::TestParamInfo<Case>& info) { return NameOf(info.param); };

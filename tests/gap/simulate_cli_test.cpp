@@ -319,5 +319,25 @@ TEST_F(SimulateCommandTest, TheControllerMayBeAnotherDaemons) {
   EXPECT_GT(Change(Load("usual").runs[0].tension_N, Load("other").runs[0].tension_N), 0.05);
 }
 
+// A drive reports whole counts: between two targets its torque is rounded by more than where it has settled,
+// and that is no gap that a delay leaves.
+TEST_F(CommandTest, ADelayOfAPartOfACycleIsExplainedToTheNoise) {
+  ASSERT_EQ(Run(fmt::format("gap simulate --robot {} --set quick --effect 'command_delay s=0.0004' --out set",
+                            kRig)),
+            0)
+      << error_;
+  ASSERT_EQ(Run(fmt::format("gap diagnose --robot {} set --out found --no-next --only "
+                            "command_delay,torque_loop_lag,torque_constant,torque_saturation,tip_payload",
+                            kRig)),
+            0)
+      << error_;
+  const nlohmann::json report = nlohmann::json::parse(ReadText(folder_ / "found/report.json"));
+  const auto& first = report["causes"][0];
+  EXPECT_EQ(first["effect"], "command_delay") << out_;
+  EXPECT_EQ(first["where"], "all") << out_;
+  EXPECT_GT(first["p"].get<double>(), 0.9) << out_;
+  EXPECT_NEAR(first["parameters"]["s"]["value"].get<double>(), 0.0004, 2e-5) << out_;
+}
+
 }  // namespace
 }  // namespace tendril

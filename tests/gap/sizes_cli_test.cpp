@@ -28,8 +28,8 @@ class SizesTest : public CommandTest, public testing::WithParamInterface<const c
     }
     WriteText(folder_ / "plan.yaml",
               "runs:\n"
-              "  - {family: triangle, duration_s: 7, amplitude_rad: 1.0, repeats: 1}\n"
-              "  - {family: circle, duration_s: 7, amplitude_rad: 0.8}\n");
+              "  - {family: triangle, duration_s: 5, amplitude_rad: 1.0, repeats: 1}\n"
+              "  - {family: circle, duration_s: 5, amplitude_rad: 0.8}\n");
     ASSERT_EQ(Run(fmt::format("gap simulate --robot {} --plan plan.yaml --out runs "
                               "--effect '{} where={} {}={:.6g}'",
                               FileOf(GetParam()), effect, where, parameter, planted_)),

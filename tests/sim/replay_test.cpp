@@ -272,6 +272,23 @@ TEST(ReplayInput, GapsAreBridged) {
   EXPECT_TRUE(replay.CellFromTorque(r.signals, r.shortening_m).allFinite());
 }
 
+// A log may begin anywhere: until its first target acts, however late, a drive has what it reports.
+TEST(ReplayInput, ADriveBeginsWithTheTorqueThatItReports) {
+  RobotParameters robot = Rig();
+  robot.effects.push_back(ParseEffect("command_delay s=0.0016", robot));
+  const double lag_s = robot.actuation->tendons[0].motor.torque_lag_s, was_Nm = 3e-3, sent_Nm = 2e-3;
+  ReplaySignals s;
+  s.step_s = 1e-3;
+  s.torque_target_Nm = Eigen::MatrixXd::Constant(8, 3, sent_Nm);
+  s.torque_actual_Nm = Eigen::MatrixXd::Constant(8, 3, was_Nm);
+  const Eigen::MatrixXd torque_Nm = Replay(robot).ActualTorque(s);
+  for (int i = 0; i < 8; ++i) {
+    const double since_s = 1e-3 * i - 2.6e-3;  // it acts a cycle and the delay after it was sent
+    const double right_Nm = since_s < 0 ? was_Nm : sent_Nm + (was_Nm - sent_Nm) * std::exp(-since_s / lag_s);
+    for (int j = 0; j < 3; ++j) EXPECT_NEAR(torque_Nm(i, j), right_Nm, 1e-12) << i;
+  }
+}
+
 // Every third row of a log holds what the motors obeyed, where targets went straight between: on ramps.
 TEST(ReplayInput, TargetsBetweenTheSamplesAreStraight) {
   const Replay replay(Rig());

@@ -175,6 +175,39 @@ TEST(Yardstick, BoundsReachWhatSuchARobotMayMeet) {
   }
 }
 
+/// How far the tip rests from where it does without the effect, over the robot's length, all tendons at their
+/// least tension and held there.
+double TipMoved(const RobotParameters& robot, const std::string& effect) {
+  RobotParameters with = robot;
+  with.effects = {ParseEffect(effect, with)};
+  const auto rests_at = [](const RobotParameters& r) {
+    Plant plant(r, {.sensor_noise = false});
+    Eigen::VectorXd torque_Nm(plant.tendons());
+    for (int j = 0; j < plant.tendons(); ++j)
+      torque_Nm[j] =
+          r.limits.min_tension_N * r.actuation->tendons[static_cast<std::size_t>(j)].SpoolTravelPerMotorRad();
+    plant.SetTorque(torque_Nm);
+    for (int i = 0; i < 100; ++i) plant.Advance(20 * kNsPerMs);
+    return plant.TipPose().p_WA;
+  };
+  return (rests_at(with) - rests_at(robot)).norm() / robot.body.length_m();
+}
+
+// What is called plainly visible is that, and leaves the robot in the small motions that a diagnosis is of,
+// whether or not its own weight holds it up.
+TEST(Yardstick, AVisibleForceMovesTheTipByAFewPerCentOfTheLength) {
+  RobotParameters hanging = Sized("large_2m.yaml");
+  hanging.body.gravity_W_mps2 *= -1;
+  for (const RobotParameters& robot :
+       {test::Rig("rig_90mm.yaml"), Sized("small_30mm.yaml"), Sized("large_2m.yaml"), hanging}) {
+    const double typical_N = On("tip_force", robot)[0].typical;
+    SCOPED_TRACE(fmt::format("{}: {} N", robot.name, typical_N));
+    const double moved = TipMoved(robot, fmt::format("tip_force x_N={}", typical_N));
+    EXPECT_GT(moved, 0.01);
+    EXPECT_LT(moved, 0.1);
+  }
+}
+
 // A section's own stiffness and a tendon's own travel count at their place.
 TEST(Yardstick, APlaceHasItsOwn) {
   RobotParameters robot = test::Rig("two_section.yaml");

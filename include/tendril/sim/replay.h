@@ -70,7 +70,8 @@ class Replay {
   // Throws std::invalid_argument for required signals that are missing or of the wrong size,
   // std::runtime_error for a tendon without any value.
 
-  /// C1: torque that the drives would report, S x M, from the targets, each held until the next.
+  /// C1: torque that the drives would report, S x M, from the targets, each held until the next. Until the
+  /// first of them acts, they report what they did in the first sample (where torques were reported).
   Eigen::MatrixXd ActualTorque(const ReplaySignals& signals) const;
 
   /// C2: load cell reading from actual torque and motor motion. With the cell on the robot's side the pulleys
