@@ -1,4 +1,5 @@
-// bend_by_tension ROBOT.yaml TENSION_N...: where the tip stands at rest under these tendon tensions at the base.
+// bend_by_tension ROBOT.yaml TENSION_N...: where the tip stands at rest under these tendon tensions at the
+// base.
 #include <cstdlib>
 #include <exception>
 #include <iostream>
@@ -15,7 +16,8 @@ int main(int argc, char** argv) try {
   const tendril::RobotParameters robot = tendril::config::LoadRobot(argv[1]);
   const tendril::model::Body body(robot.body);
   if (argc - 2 != body.tendons()) {
-    std::cerr << robot.name << " has " << body.tendons() << " tendons; " << argc - 2 << " tensions are given\n";
+    std::cerr << robot.name << " has " << body.tendons() << " tendons; " << argc - 2
+              << " tensions are given\n";
     return 2;
   }
   Eigen::VectorXd tension_N(body.tendons());

@@ -1,5 +1,5 @@
-// watch_and_move URL [X_M Y_M Z_M]: prints the state of a running daemon ten times a second for five seconds; with a tip
-// position it commands that first. The robot has to be armed: tendril send arm.
+// watch_and_move URL [X_M Y_M Z_M]: prints the state of a running daemon ten times a second for five seconds;
+// with a tip position it commands that first. The robot has to be armed: tendril send arm.
 #include <chrono>
 #include <cstdlib>
 #include <exception>

@@ -29,10 +29,10 @@ enum class Yardstick {
   kMotorSpeed,    // rad/s: of the motor while the body bends by 1 rad/s
 };
 
-/// `bound` scales the bounds, `visible` the clearly visible deviation. They differ for the two travels (a tendon may
-/// be off by its full travel, but that is visible as soon as it changes tension or bend by a part of their limits,
-/// with travel and stretch as springs in series), and for loads at the tip (some times the robot's weight, but
-/// visible as soon as they move the tip by a part of the length).
+/// `bound` scales the bounds, `visible` the clearly visible deviation. They differ for the two travels (a
+/// tendon may be off by its full travel, but that is visible as soon as it changes tension or bend by a part
+/// of their limits, with travel and stretch as springs in series), and for loads at the tip (some times the
+/// robot's weight, but visible as soon as they move the tip by a part of the length).
 struct Measure {
   double bound = 0, visible = 0;
 };
