@@ -226,7 +226,7 @@ TEST_F(OneLoop, ASlackTendonIsTakenUpQuickly) {
 // While the pulleys turn round nobody knows what a cell before them should show.
 TEST_F(OneLoop, WhatThePulleysLeaveOpenIsNoError) {
   const auto step = [&](double measured_N) {
-    return loop.Step(still, measured_N, {.cell_N = 1.0, .motor_velocity_radps = 1e-3, .unsure_N = 0.2}, true);
+    return loop.Step(still, measured_N, {.cell_N = 1.0, .motor_velocity_radps = 1e-3, .uncertainty_N = 0.2}, true);
   };
   double torque = 0;
   for (int i = 0; i < 1000; ++i) torque = step(0.81);
