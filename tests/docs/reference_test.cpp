@@ -185,8 +185,9 @@ TEST(Reference, EveryFieldOfEveryMessageIsDescribed) {
       const std::size_t comment = line.find("// ");
       std::smatch word;
       const std::string text = comment == line.npos ? "" : line.substr(comment);
-      if (std::regex_search(text, word, std::regex("[a-z]{4,}")) && text.find('_') == text.npos)
+      if (std::regex_search(text, word, std::regex("[a-z]{4,}")) && text.find('_') == text.npos) {
         EXPECT_THAT(row, HasSubstr(word.str())) << line;
+      }
     }
   }
   EXPECT_GT(files, 8);
@@ -203,7 +204,9 @@ TEST(Reference, EveryStatusStandsInItsBlockWithTextAndRemedy) {
     const auto status = static_cast<Status>(number);
     const std::string row = RowOf(TextOf("status-codes.md"), std::to_string(number));
     EXPECT_THAT(row, HasSubstr(Sentence(StatusText(status)))) << number;
-    if (!StatusRemedy(status).empty()) EXPECT_THAT(row, HasSubstr(Sentence(StatusRemedy(status)))) << number;
+    if (!StatusRemedy(status).empty()) {
+      EXPECT_THAT(row, HasSubstr(Sentence(StatusRemedy(status)))) << number;
+    }
   }
 }
 
@@ -216,14 +219,18 @@ TEST(Reference, EveryFaultAndEveryThresholdBelongsToAGuard) {
     EXPECT_FALSE(guard.reaction.empty()) << guard.what;
   }
   for (const StatusEntry& entry : Statuses()) {
-    if (IsFault(entry.status)) EXPECT_TRUE(guarded.contains(entry.status)) << entry.name;
+    if (IsFault(entry.status)) {
+      EXPECT_TRUE(guarded.contains(entry.status)) << entry.name;
+    }
   }
   std::set<std::string> known;
   for (const auto& file : {config::RobotFileKeys(), config::DaemonFileKeys()}) {
     for (const config::Key& key : file) known.insert(key.path);
   }
   for (const std::string& key : known) {
-    if (key.starts_with("controller.guards.")) EXPECT_THAT(keys, HasSubstr(key + " "));
+    if (key.starts_with("controller.guards.")) {
+      EXPECT_THAT(keys, HasSubstr(key + " "));
+    }
   }
   std::istringstream words(keys);
   for (std::string key; words >> key;) EXPECT_TRUE(known.contains(key)) << key;
@@ -234,8 +241,9 @@ TEST(Reference, AGuardNamesTheThresholdsThatItsStatusNames) {
   for (const control::GuardEntry& guard : control::GuardTable()) {
     const std::string text(StatusText(guard.status));
     std::smatch key;
-    if (std::regex_search(text, key, std::regex(R"((guards\.\w+))")))
+    if (std::regex_search(text, key, std::regex(R"((guards\.\w+))"))) {
       EXPECT_THAT(std::string(guard.keys), HasSubstr(key[1].str())) << guard.what;
+    }
   }
 }
 
