@@ -3,6 +3,7 @@ import argparse
 import json
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -64,6 +65,32 @@ class Examples(unittest.TestCase):
         done = run(program, "memq://")  # where no daemon can be
         self.assertEqual(done.returncode, 1)
         self.assertIn("no daemon was heard on memq://", done.stdout)
+
+    def complete(self, *words):
+        """What bash offers for the last word."""
+        script = ('source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _tendril; printf "%s\\n" "${COMPREPLY[@]}"')
+        done = run("bash", "-c", script, "bash", self.prefix / "share/bash-completion/completions/tendril", *words)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        return done.stdout.split()
+
+    def test_the_shell_completes_commands_options_and_values(self):
+        self.assertEqual(self.complete("tendril", "gap", "dia"), ["diagnose"])
+        self.assertIn("--before", self.complete("tendril", "gap", "diagnose", "--b"))
+        self.assertEqual(self.complete("tendril", "demo", "--trajectory", ""), ["circle", "planar", "all"])
+        self.assertIn("--simulated", self.complete("tendrild", "--s"))
+        zsh = self.prefix / "share/zsh/vendor-completions/_tendril"
+        self.assertTrue(zsh.read_text().startswith("#compdef tendril tendrild tendril-plant"))
+        if shutil.which("zsh"):
+            self.assertEqual(run("zsh", "-n", zsh).stdout, "")
+
+    def test_every_command_has_a_manual_page(self):
+        if not shutil.which("help2man"):
+            self.skipTest("the build had no help2man")
+        pages = {page.stem for page in (self.prefix / "share/man/man1").glob("*.1")}
+        commands = run(OPTIONS.build / "bin/tendril-reference", "--commands").stdout.split("\n")
+        self.assertLess(20, len(pages))
+        self.assertEqual({c.replace(" ", "-") for c in commands if c}, pages)
+        self.assertIn("--before", (self.prefix / "share/man/man1/tendril-gap-diagnose.1").read_text().replace("\\-", "-"))
 
     def test_a_whole_session_runs(self):
         out = self.folder / "session"
