@@ -168,7 +168,7 @@ TEST(FewTendons, AreMovedByEveryExperiment) {
     own.targets = PlannedRun::Targets::kBending;
     own.waypoints = {{2, {0.3 * along.y(), 0.3 * along.x()}}};
     EXPECT_THAT([&] { MakeProgram(own, robot, controller); },
-                testing::ThrowsMessage<std::invalid_argument>(HasSubstr("none that is held")));
+                testing::ThrowsMessage<std::invalid_argument>(HasSubstr("cannot be held")));
   }
 }
 
