@@ -2,6 +2,7 @@
 #include "reader.h"
 
 #include <fmt/format.h>
+#include <yaml-cpp/eventhandler.h>
 
 #include <algorithm>
 #include <array>
@@ -9,6 +10,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <numeric>
+#include <sstream>
 
 #include "units.h"
 
@@ -22,6 +24,35 @@ std::string Printable(std::string_view text) {
   for (const char c : text.substr(0, kLongest)) out += static_cast<unsigned char>(c) < 0x20 ? '?' : c;
   if (text.size() > kLongest) out += "...";
   return out;
+}
+
+/// Where documents begin, and nothing else of them.
+class DocumentStarts : public YAML::EventHandler {
+ public:
+  std::vector<int> lines;
+
+  void OnDocumentStart(const YAML::Mark& mark) override { lines.push_back(mark.line + 1); }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                       YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                  YAML::EmitterStyle::value) override {}
+  void OnMapEnd() override {}
+};
+
+/// Lines of the first two documents. Not YAML::LoadAll: behind a stray comma yaml-cpp begins documents
+/// without end.
+std::vector<int> DocumentLines(const std::string& yaml) {
+  std::istringstream in(yaml);
+  YAML::Parser parser(in);
+  DocumentStarts starts;
+  while (starts.lines.size() < 2 && parser.HandleNextDocument(starts)) {
+  }
+  return starts.lines;
 }
 
 std::string Join(const std::string& path, std::string_view key) {
@@ -85,28 +116,30 @@ std::string RangeText(std::string_view key, Range range) {
 }
 
 Layer ParseDocument(const std::string& yaml, const Source& source, std::string_view expected) {
-  std::vector<YAML::Node> documents;
+  std::vector<int> documents;
+  YAML::Node document;
   try {
-    documents = YAML::LoadAll(yaml);
+    documents = DocumentLines(yaml);
+    document = YAML::Load(yaml);
   } catch (const YAML::Exception& e) {
     throw ConfigError(
         fmt::format("{}:{}: not valid YAML: {}; accepted: {}; correct the line, or the one before it",
                     source.name, e.mark.is_null() ? 1 : e.mark.line + 1, Printable(e.msg), expected));
   }
-  if (documents.empty() || (documents.size() == 1 && documents[0].IsNull())) {
+  if (documents.empty() || (documents.size() == 1 && document.IsNull())) {
     throw ConfigError(fmt::format("{}:1: the file is empty; accepted: {}; start from one in config/",
                                   source.name, expected));
   }
   if (documents.size() > 1) {
     throw ConfigError(fmt::format("{}:{}: a second YAML document; accepted: {}, one to a file; remove it",
-                                  source.name, LineOf(documents[1]), expected));
+                                  source.name, documents[1], expected));
   }
-  if (!documents[0].IsMap()) {
+  if (!document.IsMap()) {
     throw ConfigError(
         fmt::format("{}:{}: the file holds {}, not keys with values; accepted: {}; start from one in config/",
-                    source.name, LineOf(documents[0]), TypeName(documents[0]), expected));
+                    source.name, LineOf(document), TypeName(document), expected));
   }
-  return {documents[0], "", LineOf(documents[0])};
+  return {document, "", LineOf(document)};
 }
 
 Reader::Reader(const Source& source, std::vector<Layer> layers)

@@ -27,6 +27,7 @@
 #include "own_readings.h"
 #include "parallel.h"
 #include "reach.h"
+#include "repeatability.h"
 #include "search.h"
 #include "sentence.h"
 #include "tendril/config/config.h"
@@ -114,6 +115,14 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
     }
   }
   if (chosen != nullptr) chosen->first = true;
+}
+
+/// Where runs differ by a law, and no place has a gap that they have in common, the gap lies.
+void MarkUnrepeated(Diagnosis& d) {
+  for (auto& f : d.location) {
+    f.first = f.cut == d.repeatability->cut && f.where == d.repeatability->where &&
+              f.quantity == d.repeatability->quantity;
+  }
 }
 
 /// All of `cause` is in the best single, or in the best pair where that is plainly better.
@@ -519,6 +528,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   d.leftover_sigma = judgement.leftover_sigma;
   d.suspected = judgement.suspected;
   d.doubt = judgement.doubt;
+  d.repeatability = evaluator.repeatability();
   if (widened_by && d.verdict != Verdict::kNoGap) {
     d.degradations.push_back(
         fmt::format("{} carries the sensors' noise further than the nominal robot would: that much is taken "
@@ -552,7 +562,8 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
 
   const Residuals& before = evaluator.AtNominal();
   const Fit* shown = judgement.best;
-  if (shown == nullptr && d.verdict == Verdict::kUnexplained) shown = judgement.nearest;
+  if (shown == nullptr && d.verdict == Verdict::kUnexplained && !judgement.unrepeated)
+    shown = judgement.nearest;
   const std::vector<char> with_gap = ChannelsWithGap(evaluator, d.location);
   Residuals after = before;
   if (shown != nullptr) {
@@ -585,10 +596,12 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   if (distrusted || (d.verdict != Verdict::kNoGap && d.verdict != Verdict::kInsufficientData))
     MarkFirst(d, place);
   FoundMistake mistake;
-  if (d.verdict != Verdict::kNoGap || evaluator.repetitions_differ() > 0) {
+  const bool follows = judgement.unrepeated && d.repeatability->law;  // as no mistake of measurement does
+  if (follows) MarkUnrepeated(d);
+  if (!follows && (d.verdict != Verdict::kNoGap || evaluator.repetitions_differ() > 0)) {
     progress("looking for mistakes of measurement", 0);
     const bool explained = d.verdict != Verdict::kUnexplained && d.verdict != Verdict::kNoGap &&
-                           d.leftover_sigma < kMuchLeft_sigma;
+                           !judgement.unrepeated && d.leftover_sigma < kMuchLeft_sigma;
     mistake = FindMistake(set, evaluator, explained, threads);
   }
   // A cause that leaves much, where a mistake takes away most, is hardly one.
@@ -598,7 +611,8 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     d.accepted.clear();
     Doubt(d.causes);
   }
-  const bool hides = d.verdict == Verdict::kNoGap && !mistake.with.empty();  // in what repetitions differ by
+  const bool hides = (d.verdict == Verdict::kNoGap || judgement.unrepeated) &&
+                     !mistake.with.empty();  // in what repetitions differ by
   if (hides) d.verdict = Verdict::kInsufficientData;
   std::string hiding;
   if (judgement.hidden_at) {
@@ -608,8 +622,10 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         "is likelier",
         parts[0].Name(), parts[1].Name(), sim::CutName(*judgement.hidden_at));
   }
-  d.sentence = First(d) + Sentence(d, set.robot, hiding);
-  if (evaluator.repetitions_differ() > 0) {
+  d.sentence =
+      judgement.unrepeated ? Unrepeated(*d.repeatability) : First(d) + Sentence(d, set.robot, hiding);
+  if (d.repeatability && !judgement.unrepeated) d.sentence += ButUnrepeated(*d.repeatability);
+  if (!d.repeatability && evaluator.repetitions_differ() > 0) {
     d.sentence += fmt::format(
         " But repetitions differ by {:.2g} times the noise: if the robot was changed between them, they are "
         "no floor.",

@@ -11,6 +11,7 @@
 
 #include "prepare.h"
 #include "tendril/gap/data_set.h"
+#include "tendril/gap/diagnosis.h"
 #include "tendril/sim/effects.h"
 #include "tendril/sim/replay.h"
 
@@ -95,6 +96,8 @@ class Evaluator {
   /// The same of each channel, however little it is; 1 where it repeats as well as the sensors' noise lets
   /// it.
   const Eigen::VectorXd& repetitions_by() const { return repetitions_by_; }
+  /// What they differ by, where that is no scatter of a usual robot; with a cause, what it leaves of that.
+  const std::optional<Repeatability>& repeatability() const { return repeatability_; }
   /// Fitted to the nominal robot, where nobody knows it; what the runs hold is in the base's frame then.
   const std::optional<TrackerFrame>& frame() const { return frame_; }
   /// The zero of every motor is found from its run: what moves it cannot be seen.
@@ -189,6 +192,7 @@ class Evaluator {
   bool clocks_free_ = false;  // the tracker's stamps are free to move with every robot that is tried
   double wrong_before_ = 0, repetitions_differ_ = 0;
   Eigen::VectorXd repetitions_by_;
+  std::optional<Repeatability> repeatability_;
   std::optional<TrackerFrame> frame_;
   std::vector<double> tracker_late_s_;  // [run] of the stamps, taken off; empty without a tracker
   sim::Replay::DrivenBy driven_by_ = sim::Replay::DrivenBy::kCell;

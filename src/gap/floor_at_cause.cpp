@@ -49,7 +49,7 @@ DataSet Repeated(const DataSet& set) {
 
 /// The best single cause, where the floor may be taken at it: what is compared with runs from before has the
 /// noise of both.
-const Fit* Cause(const DataSet& set, const SearchResult& search) {
+const Fit* LikeliestCause(const DataSet& set, const SearchResult& search) {
   if (search.fits.empty() || Compared(set)) return nullptr;
   const Fit& best = search.fits.front();
   const bool found = !best.bound_hit && best.held_out_score - search.base_score >= kPairGain;
@@ -65,7 +65,7 @@ bool SameChannels(const Evaluator& a, const Evaluator& b) {
 
 std::optional<Evaluator> WidenedByCause(const Evaluator& evaluator, const DataSet& set,
                                         const SearchResult& search, const Evaluator::Options& options) {
-  const Fit* best = Cause(set, search);
+  const Fit* best = LikeliestCause(set, search);
   if (best == nullptr || !evaluator.repeated()) return std::nullopt;
   DataSet with_cause = set;
   try {

@@ -15,6 +15,7 @@
 #include "evaluator.h"
 #include "median.h"
 #include "parallel.h"
+#include "repeatability.h"
 #include "rotation.h"
 #include "same_commands.h"
 
@@ -606,6 +607,8 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     if (sum.windows > 0) sum.ratio /= sum.windows, sum.square /= sum.windows;
     return sum;
   };
+  if (!options.repeats && options.with_cause == nullptr)
+    repeatability_ = FindRepeatability(*this, options);
   const Evaluator* other = options.with_cause;
   if (other != nullptr && !AlikeIn(*other))
     throw std::invalid_argument("with a cause, other places are measured");
@@ -644,7 +647,7 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     if (channel.quantity == Quantity::kTension && options.delta_N > 0) channel.delta = options.delta_N;
     if (channel.quantity == Quantity::kTipPosition && options.delta_m > 0) channel.delta = options.delta_m;
   }
-  if (other != nullptr) repetitions_by_ = other->repetitions_by_;
+  if (other != nullptr) repetitions_by_ = other->repetitions_by_, repeatability_ = other->repeatability_;
   int differs_most = 0;
   const double most = channels > 0 ? repetitions_by_.maxCoeff(&differs_most) : 1;
   repetitions_differ_ = most > kOtherRobot ? most : 0;

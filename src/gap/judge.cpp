@@ -200,18 +200,24 @@ class Case {
   }
 
   Judgement Judged(const std::function<std::vector<NumberFit>()>& fit_numbers) {
-    const double p_gap = WithUnseen(GapProbability());
+    const double shown = WithUnseen(GapProbability());
+    // What differs between runs of the same commands is in no model that repeats, though no place shows it.
+    const auto& repeatability = evaluator_.repeatability();
+    judgement_.unrepeated = shown < 0.5 && repeatability;
+    const double p_gap = judgement_.unrepeated ? repeatability->law ? 1 - kLapse : 0.5 : shown;
     two_ = HasSecond();
     judgement_.nearest = best_ = two_ ? pair_ : single_;
     // All that the best explains, what the constants that every model may move take up included.
     const double explains = best_ == nullptr ? 0 : Gain(*best_) + std::max(0.0, base_gain_);
     const double mimic = best_ == nullptr ? 0 : kMimic / (1 + std::max(0.0, explains) / kMimicGain);
     double unknown = kLapse + mimic + (1 - 2 * kLapse - mimic) * UnknownProbability();
-    if (p_gap < 0.5 && evaluator_.repetitions_differ() > 0) unknown = std::max(unknown, kUnlistedInScatter);
-    judgement_.doubt = p_gap < 0.5 ? "" : Doubt();
+    if (shown < 0.5 && evaluator_.repetitions_differ() > 0) unknown = std::max(unknown, kUnlistedInScatter);
+    // A law of the library that made them differ would have given the floor.
+    if (judgement_.unrepeated && repeatability->law) unknown = 1 - kLapse;
+    judgement_.doubt = shown < 0.5 ? "" : Doubt();
     const bool doubted = !judgement_.doubt.empty();
     if (doubted && !MayBeEnough()) unknown = std::max(unknown, 0.5);
-    if (p_gap >= 0.5 && MayBeANumber()) unknown = std::max(unknown, Suspect(fit_numbers()));
+    if (shown >= 0.5 && MayBeANumber()) unknown = std::max(unknown, Suspect(fit_numbers()));
     double p_unknown = p_gap * unknown;
     ListSingles(p_gap - p_unknown);
     if (two_) {
@@ -630,6 +636,9 @@ class Case {
     }
     if (p_gap < 0.5) {
       j.verdict = Verdict::kNoGap;
+    } else if (j.unrepeated) {
+      // Without a law in it the robot may have been changed or pushed between the runs.
+      j.verdict = evaluator_.repeatability()->law ? Verdict::kUnexplained : Verdict::kInsufficientData;
     } else if (p_unknown > 0.5 * p_gap) {
       j.verdict = Verdict::kUnexplained;
     } else if (!j.doubt.empty() && !MayBeEnough()) {

@@ -25,6 +25,7 @@ struct Judgement {
   double leftover_sigma = 0;
   std::vector<SuspectNumber> suspected;
   std::string doubt;                  // as Diagnosis::doubt
+  bool unrepeated = false;            // no place has a gap, but the robot does not repeat
   std::optional<sim::Cut> hidden_at;  // where the best two would hide each other, and no gap is
 };
 /// `seed` is of the bootstrap over blocks. `fit_numbers` fits the numbers of the robot file, and is called

@@ -55,29 +55,6 @@ struct Part {
   bool fast = false;  // of a tip channel: faster than kMotionWindow_s; else slower
 };
 
-std::string PlaceOf(const Channel& channel, const Evaluator& evaluator) {
-  if (channel.quantity == Quantity::kBending) return fmt::format("section:{}", channel.index / 2 + 1);
-  const bool tip = channel.cut == sim::Cut::kShape;
-  return tip ? fmt::format("section:{}", evaluator.nominal().body.sections.size())
-             : fmt::format("tendon:{}", channel.index + 1);
-}
-
-std::string_view NameOf(Quantity quantity) {
-  switch (quantity) {
-    case Quantity::kTorque:
-      return "torque";
-    case Quantity::kTension:
-      return "tension";
-    case Quantity::kTipPosition:
-      return "tip position";
-    case Quantity::kTipDirection:
-      return "tip direction";
-    case Quantity::kBending:
-      return "bending";
-  }
-  return "";
-}
-
 /// Slow part of a residual: mean over a window about each sample.
 Eigen::VectorXd Slow(const Eigen::VectorXd& r, const Eigen::VectorXd& variance, int half) {
   Eigen::VectorXd slow(r.size());
@@ -166,6 +143,29 @@ void Measure(const Evaluator& evaluator, const Residuals& residuals, Part& part)
 }
 
 }  // namespace
+
+std::string PlaceOf(const Channel& channel, const Evaluator& evaluator) {
+  if (channel.quantity == Quantity::kBending) return fmt::format("section:{}", channel.index / 2 + 1);
+  const bool tip = channel.cut == sim::Cut::kShape;
+  return tip ? fmt::format("section:{}", evaluator.nominal().body.sections.size())
+             : fmt::format("tendon:{}", channel.index + 1);
+}
+
+std::string_view NameOf(Quantity quantity) {
+  switch (quantity) {
+    case Quantity::kTorque:
+      return "torque";
+    case Quantity::kTension:
+      return "tension";
+    case Quantity::kTipPosition:
+      return "tip position";
+    case Quantity::kTipDirection:
+      return "tip direction";
+    case Quantity::kBending:
+      return "bending";
+  }
+  return "";
+}
 
 std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals,
                                double false_discoveries) {

@@ -1,6 +1,8 @@
 // Where the gap lies: excess behind every cut. Knows nothing of causes.
 #pragma once
 
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "evaluator.h"
@@ -13,6 +15,10 @@ constexpr double kNoiseSlack = 1.3;
 /// Share of false ones among the places found to have a gap, and among those that a cause leaves with one: to
 /// miss what is left is to name a wrong cause.
 constexpr double kGapDiscoveries = 0.01, kLeftDiscoveries = 0.05;
+
+/// "tendon:2", "section:1"; "tension", "tip position": as in CutFinding.
+std::string PlaceOf(const Channel& channel, const Evaluator& evaluator);
+std::string_view NameOf(Channel::Quantity quantity);
 
 /// Excess behind every cut, in chain order, with false discoveries controlled over all of them.
 std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals,

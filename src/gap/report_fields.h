@@ -132,6 +132,20 @@ void Fields(A& a, typename A::template Ref<NextExperiment> n) {
 }
 
 template <class A>
+void Fields(A& a, typename A::template Ref<Repeatability> r) {
+  a("cut", r.cut);
+  a("where", r.where);
+  a("quantity", r.quantity);
+  a("unit", r.unit);
+  a("rms", r.rms);
+  a("floor", r.floor);
+  a("sigma", r.sigma);
+  a("depends_on", r.depends_on);
+  a("p_value", r.p_value);
+  a("law", r.law);
+}
+
+template <class A>
 void Fields(A& a, typename A::template Ref<HealthFinding> h) {
   a("severity", h.severity);
   a("run", h.run);

@@ -452,6 +452,7 @@ std::string ReportJson(const Diagnosis& diagnosis) {
   Fields(w, d);
   j["next_commands"] = ToJson(d.next_commands);
   j["closed"] = WriteClosed(d);
+  j["repeatability"] = ToJson(d.repeatability);
   j["chain"] = Chain();
   j["shown_units"] = Units();
   Json provenance = Json::object();
@@ -480,6 +481,8 @@ Diagnosis ParseReport(const std::string& text) {
   // Reports of earlier versions have none.
   if (j.contains("next_commands")) FromJson(j.at("next_commands"), "next_commands", d.next_commands);
   ReadClosed(Member(j, "", "closed"), d);
+  // Older reports do not have it.
+  if (j.contains("repeatability")) FromJson(j["repeatability"], "repeatability", d.repeatability);
   Reader p(Member(j, "", "provenance"), "provenance");
   ProvenanceFields(p, d);
   return d;

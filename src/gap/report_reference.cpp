@@ -117,6 +117,8 @@ std::vector<ReportField> ReportFields() {
   fields.push_back({"closed.pooled", TypeText(std::optional<Estimate>()), "Diagnosis::closed", ""});
   fields.push_back({"closed.ceiling", TypeText(std::optional<Estimate>()), "Diagnosis::closed_ceiling", ""});
   ListFields<FamilyClosure>(fields, "closed.families[].");
+  fields.push_back({"repeatability", "object or null", "Diagnosis::repeatability", ""});
+  ListFields<Repeatability>(fields, "repeatability.");
   add("closed.channels.NAME", kEstimate,
       "Share of the channel's gap that closes; null where it has none for sure.");
   add("closed.channels.NAME.before", "number",

@@ -217,7 +217,7 @@ TEST(Frames, MalformedOnesAreCountedAndToldOnceASecond) {
   send(0x281, 0, 0);
   rig.Steps(2);
   ASSERT_THAT(rig.Texts(Status::kFrameMalformed), SizeIs(2));
-  EXPECT_THAT(rig.Texts(Status::kFrameMalformed)[1], HasSubstr("0 bytes, none, where 2"));
+  EXPECT_THAT(rig.Texts(Status::kFrameMalformed)[1], HasSubstr("0 bytes, none, expected 2"));
   EXPECT_THAT(rig.Texts(Status::kFrameMalformed)[1], HasSubstr("(8 such frames since start)"));
 }
 

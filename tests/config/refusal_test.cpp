@@ -564,6 +564,11 @@ TEST(Damaged, NestingAndAliasesThatGrow) {
               HasSubstr("; accepted: "));
 }
 
+TEST(Damaged, AStrayCommaBeforeTheKeys) {
+  EXPECT_THAT(ErrorOf([&] { ParseRobot("# what it is\n, and more\n\nname: x\n", "some.yaml"); }),
+              testing::AllOf(StartsWith("some.yaml:2:"), HasSubstr("; accepted: ")));
+}
+
 // Damaged at random, a file is either read or refused in one line; nothing else happens.
 TEST(Damaged, NeverCrashesAndAlwaysOneLine) {
   std::mt19937 random(7);

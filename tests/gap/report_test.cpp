@@ -252,6 +252,7 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
   d.horizon.resize(2);
   d.runs.resize(1);
   d.order_effects = {{"a", 0.5}};
+  d.repeatability = {sim::Cut::kDrivetrain, "tendon:2", "tension", "N", 0.04, 0.01, 3.9, "tension 2", 0.002, true};
   const Json original = Parsed(d);
   int changed = 0;
   const Json flat = original.flatten();
@@ -296,6 +297,13 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
     ++changed;
   }
   EXPECT_GT(changed, 200);
+}
+
+TEST(ReportJson, ReportsFromBeforeRepetitionsWereJudgedAreRead) {
+  Json j = Parsed(ExampleDiagnosis(Verdict::kAttributed));
+  EXPECT_EQ(j.at("repeatability"), nullptr);
+  j.erase("repeatability");
+  EXPECT_FALSE(ParseReport(j.dump()).repeatability);
 }
 
 TEST(ReportJson, HasOnlyFiniteNumbers) {

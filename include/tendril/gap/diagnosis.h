@@ -155,6 +155,20 @@ struct RunSummary {
   std::string before, before_sha256;            // what it was compared with; empty: the model alone
 };
 
+/// Runs that differ from their repetitions by more than the sensors and a usual scatter of friction explain,
+/// or, beyond the sensors, by a function of a motor's angle; at the place where that shows most. The robot
+/// does something that its model does not have, or was changed.
+struct Repeatability {
+  sim::Cut cut{};                     // place in the chain
+  std::string where, quantity, unit;  // as in CutFinding
+  double rms = 0;                     // by which each of two runs is off what they have in common
+  double floor = 0;                   // what the sensors leave of that
+  double sigma = 0;                   // sqrt(rms^2 - floor^2) / floor
+  std::string depends_on;             // "the angle of motor 2, 3 times a turn"; empty: no state that was tried
+  double p_value = 1;                 // of chance making as much of any state that was tried
+  bool law = false;                   // it is a function of that angle, as no scatter of friction is
+};
+
 struct Diagnosis {
   Verdict verdict = Verdict::kInsufficientData;  // the outcome
   std::string sentence;                          // where, what, how sure, how far it shrinks, what next
@@ -180,6 +194,7 @@ struct Diagnosis {
   std::vector<std::pair<std::string, double>> input_correlations;  // of what is left with the inputs
   NextExperiment next;                     // the run that would separate the rivals best
   std::vector<std::string> next_commands;  // to run now, each a whole `tendril ...` line for a shell
+  std::optional<Repeatability> repeatability;  // how runs do not repeat; null: they do, or none is repeated
   std::vector<HealthFinding> health;       // what was found wrong with the logs
   std::vector<std::string> degradations;   // what these logs lack and what can therefore not be said
 
