@@ -340,7 +340,7 @@ TEST(RefusedFile, EmptyListTextOrTwoDocuments) {
   EXPECT_THAT(ErrorOf([&] { ParseRobot("hello\n", "some.yaml"); }),
               HasSubstr("the file holds a single value"));
   EXPECT_THAT(ErrorOf([&] { ParseRobot("name: a\n---\nname: b\n", "some.yaml"); }),
-              StartsWith("some.yaml:3: a second YAML document"));
+              StartsWith("some.yaml:2: a second YAML document"));
 }
 
 TEST(RefusedFile, TheOtherKind) {
