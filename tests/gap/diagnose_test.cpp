@@ -839,7 +839,7 @@ TEST_P(DiagnoseTensionAgainstShape, NamesWhatTheBodyHasAndSaysWhatIsNotSeen) {
       Only({"bending_stiffness", "tip_payload", "torque_constant", "tendon_stiffness", "cell_drift"});
   for (const char* planted : GetParam().planted) {
     SCOPED_TRACE(planted);
-    DataSet set = Recorded(planted, 4.5);
+    DataSet set = Recorded(planted, 3.5);
     for (gap::Run& run : set.runs) {
       WithoutMotors(run);
       GetParam().what(run);
@@ -1650,7 +1650,7 @@ DataSet Rubbed(double scatter_Nm, double peaks_Nm, double push_N, std::uint64_t 
       return (more + peaks_Nm * peak) * std::tanh(state.motor_velocity_radps / 2);
     };
     sim::Plant plant(robot, {.seed = seed});
-    set.runs.push_back(Record(plant, family, run == 1 ? 5 : 19, rub));
+    set.runs.push_back(Record(plant, family, run == 1 ? 3 : 13, rub));
     if (run < 2) continue;
     set.runs.back().name = fmt::format("slow {}", run);
     set.runs.back().repeat_of = "slow";
