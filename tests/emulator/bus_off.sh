@@ -22,7 +22,7 @@ start_daemon --black-box "$work"
 arm
 
 frame 281 37
-until_true 5 said "TPDO 0x281 ignored: 1 bytes, 37, where 2" || give_up "a malformed frame is not told"
+until_true 5 said "TPDO 0x281 ignored: 1 bytes, 37, expected 2" || give_up "a malformed frame is not told"
 sleep 1.1
 frame 080 ""
 until_true 5 said "SYNC 0x080 came from another sender" || give_up "a foreign SYNC is not told"
