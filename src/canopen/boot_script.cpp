@@ -1,6 +1,6 @@
 // The order of a drive's start-up: identity, power off, configuration, rated torque, PDOs, mode, NMT start.
 // Knows the drive's objects and the configuration; runs nothing.
-#include "boot_script.h"
+#include "tendril/canopen/boot_script.h"
 
 #include "tendril/canopen/epos4.h"
 #include "tendril/canopen/pdo.h"

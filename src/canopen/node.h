@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "answer_watch.h"
-#include "boot_script.h"
 #include "event_ring.h"
 #include "reply_watch.h"
 #include "tendril/can/can_port.h"
+#include "tendril/canopen/boot_script.h"
 #include "tendril/canopen/cia402.h"
 #include "tendril/canopen/emcy.h"
 #include "tendril/canopen/master.h"

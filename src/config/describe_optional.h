@@ -7,62 +7,57 @@
 
 namespace tendril::config {
 
-/// Read where it is given, written where it is not the nominal value.
+/// Whether a key is to be read or written now: where a file leaves it out, `nominal` stands, which people
+/// read as `shown`.
+template <class Io, class T, class Shown>
+bool Given(Io& io, std::string_view key, T& value, T nominal, Shown shown) {
+  if constexpr (Io::kReading) {
+    value = nominal;
+    if (io.Has(key)) return true;
+    io.Allow(key);
+    return false;
+  }
+  if constexpr (Io::kListing) io.MayBeLeftOut(shown);
+  return true;
+}
+/// The same of a key that is written only where it is not nominal.
+template <class Io, class T, class Shown>
+bool GivenOrOther(Io& io, std::string_view key, T& value, T nominal, Shown shown) {
+  const bool given = Given(io, key, value, nominal, shown);
+  return Io::kReading || Io::kListing ? given : value != nominal;
+}
+
+/// Written only where it is not nominal.
 template <class Io>
 void OptionalNumber(Io& io, std::string_view key, double& value, double nominal, Range range,
                     std::string_view meaning) {
-  if constexpr (Io::kReading) {
-    value = nominal;
-    if (!io.Has(key)) return io.Allow(key);
-  } else if constexpr (Io::kListing) {
-    io.MayBeLeftOut(nominal);
-  } else if (value == nominal) {
-    return;
-  }
-  io.Number(key, value, range, meaning);
+  if (GivenOrOther(io, key, value, nominal, nominal)) io.Number(key, value, range, meaning);
 }
 
-/// `nominal` unless given; always written, for what spells out nothing may be overridden by a common block.
+/// Always written, for what spells out nothing may be overridden by a common block.
 template <class Io>
 void NumberOrNominal(Io& io, std::string_view key, double& value, double nominal, Range range,
                      std::string_view meaning) {
-  if constexpr (Io::kReading) {
-    value = nominal;
-    if (!io.Has(key)) return io.Allow(key);
-  }
-  if constexpr (Io::kListing) io.MayBeLeftOut(nominal);
-  io.Number(key, value, range, meaning);
+  if (Given(io, key, value, nominal, nominal)) io.Number(key, value, range, meaning);
 }
 
-/// `nominal` unless given; always written.
+/// Always written.
 template <class Io>
 void OptionalChoice(Io& io, std::string_view key, bool& value, bool nominal, const Choices<bool>& choices,
                     std::string_view meaning) {
-  if constexpr (Io::kReading) {
-    value = nominal;
-    if (!io.Has(key)) return io.Allow(key);
-  }
-  if constexpr (Io::kListing)
-    io.MayBeLeftOut(choices.begin()[choices.begin()->second == nominal ? 0 : 1].first);
-  io.Choice(key, value, choices, meaning);
+  const std::string_view shown = choices.begin()[choices.begin()->second == nominal ? 0 : 1].first;
+  if (Given(io, key, value, nominal, shown)) io.Choice(key, value, choices, meaning);
 }
 template <class Io>
 void OptionalSwitch(Io& io, std::string_view key, bool& value, bool nominal, std::string_view meaning) {
   OptionalChoice(io, key, value, nominal, {{"off", false}, {"on", true}}, meaning);
 }
 
-/// As usual unless given, and written only where it is not.
+/// Written only where it is reversed.
 template <class Io>
 void Direction(Io& io, std::string_view key, bool& reversed, std::string_view meaning) {
-  if constexpr (Io::kReading) {
-    reversed = false;
-    if (!io.Has(key)) return io.Allow(key);
-  } else if constexpr (Io::kListing) {
-    io.MayBeLeftOut("normal");
-  } else if (!reversed) {
-    return;
-  }
-  io.Choice(key, reversed, Choices<bool>{{"normal", false}, {"reversed", true}}, meaning);
+  if (GivenOrOther(io, key, reversed, false, std::string_view("normal")))
+    io.Choice(key, reversed, Choices<bool>{{"normal", false}, {"reversed", true}}, meaning);
 }
 
 }  // namespace tendril::config

@@ -10,9 +10,8 @@ namespace tendril::daemon {
 std::unique_ptr<CLI::App> MakeApp(Arguments& arguments) {
   auto app = std::make_unique<CLI::App>(
       "tendrild: controls a tendon-driven continuum robot over CANopen, commanded over LCM (tendril send, "
-      "tendril "
-      "status).\nStops on SIGINT or SIGTERM: ramps the tensions down, disables the drives and exits within 2 "
-      "s.",
+      "tendril status).\n"
+      "Stops on SIGINT or SIGTERM: ramps the tensions down, disables the drives and exits within 2 s.",
       "tendrild");
   app->set_version_flag("--version", fmt::format("tendrild {} ({})", Version(), GitRevision()));
   app->add_option("--config", arguments.config, "daemon file, for example config/tendrild.yaml")
@@ -33,7 +32,7 @@ std::unique_ptr<CLI::App> MakeApp(Arguments& arguments) {
   app->add_flag(
       "--wait", arguments.wait,
       "wait for the CAN interface and a route for LCM instead of ending without them: for a service");
-  app->footer("Exit status: 0 stopped when told to, 1 could not run, 2 wrong use.");
+  app->footer("Exit status: 0 stopped on request, 1 could not run, 2 wrong use.");
   config::SettleCommandLine(*app);
   return app;
 }

@@ -21,13 +21,16 @@ using Eigen::VectorXd;
 using Columns = std::vector<VectorXd>;
 
 constexpr int kDraws = 1999;  // of what chance would make
-constexpr double kChance = 0.01, kLeastShare = 0.25;
+constexpr double kChance = 0.01;
+// Of the mean square: what makes less than half of the rms is not what runs differ by.
+constexpr double kLeastShare = 0.25;
+constexpr double kKinds = 2;  // functions of states, and the order of the runs
 // What is alike from window to window is one draw of chance; at least what drives a motor off its way.
 constexpr double kBlock_s = 0.5;
 // Of fewer the signs alone come out alike in one of a hundred.
 constexpr int kLeastBlocks = 8, kLeastInOrder = 6;
-// An angle's period is told from drift by at least two of them; one that passes within two windows is
-// averaged away.
+// An angle's period is distinguished from drift by at least two of them; one that passes within two windows
+// is averaged away.
 constexpr double kLeastPeriods = 2, kWindowsAPeriod = 2;
 constexpr int kMostOrders = 60;  // a turn: slots times poles of usual motors, and twice that
 
@@ -168,19 +171,68 @@ double OutOfOrder(const Repetitions& r, std::mt19937_64& random) {
   return as_much / (1 + kDraws);
 }
 
-}  // namespace
+/// Everything that is tried, each beside what chance makes of it; p-values are of all together.
+class Attempts {
+ public:
+  /// Columns take up some by chance: that is taken off, so that many are worth no more than few.
+  void Try(const Signs& signs, const MatrixXd& base, Dependence as) {
+    const VectorXd drawn = signs.Drawn(base);
+    const double share = signs.Share(base), by_chance = drawn.mean();
+    strongest_ = strongest_.cwiseMax((drawn.array() - by_chance).matrix());
+    const auto columns = static_cast<double>(base.cols());
+    all_.push_back({share - by_chance, share, columns, columns / std::max(by_chance, 1e-9), std::move(as)});
+  }
 
-std::optional<Dependence> DependsOn(const std::vector<Repetitions>& channels, std::uint64_t seed) {
-  constexpr double kKinds = 2;  // functions of states, and the order of the runs
-  std::mt19937_64 random(seed);
-  VectorXd strongest =
-      VectorXd::Zero(kDraws);  // that each draw makes of anything: p-values are of all together
+  /// What explains most for its number of columns (Akaike), angles before conditions.
+  std::optional<Dependence> Best() const {
+    std::optional<Dependence> found;
+    double most = 0, free = 0, most_beyond = 0;
+    for (const Tried& one : all_) {
+      if (one.beyond > most_beyond) most_beyond = one.beyond, free = one.free;
+    }
+    for (const Tried& one : all_) {
+      const auto as_much = static_cast<double>((strongest_.array() >= one.beyond).count());
+      const double p = kKinds * (1 + as_much) / (1 + kDraws);
+      if (p > kChance || one.share < kLeastShare) continue;
+      const double akaike = -free * std::log(std::max(1e-9, 1 - one.share)) - 2 * one.columns;
+      if (found && (found->law > one.as.law || (found->law == one.as.law && akaike <= most))) continue;
+      most = akaike, found = one.as, found->p_value = p;
+    }
+    return found;
+  }
+
+ private:
   struct Tried {
     double beyond, share;  // the first less what chance makes of it
     double columns, free;  // free numbers among the windows, by what chance makes of so many columns
     Dependence as;
   };
-  std::vector<Tried> tried;
+  VectorXd strongest_ = VectorXd::Zero(kDraws);  // that each draw makes of anything
+  std::vector<Tried> all_;
+};
+
+void TryAngles(const Repetitions& r, int channel, const Signs& signs, Attempts& attempts) {
+  for (const auto& motor : r.motors) {
+    // What drives a motor off its way moves it too: what follows the angle smoothly is no periodic law.
+    const VectorXd& angle = motor.angle_rad;
+    const MatrixXd smooth = Base(r, {angle, angle.cwiseAbs2(), motor.velocity_radps.cwiseSign()},
+                                 MatrixXd::Zero(angle.size(), 1));
+    for (const auto& [order, on] : Orders(r, motor)) {
+      Columns waves;
+      AddWaves(motor, order, waves);
+      attempts.Try(signs, Base(r, waves, smooth), {channel, on, 1, true});
+      // A peak has the next three multiples too.
+      for (int k = 2; k <= 4; ++k) AddWaves(motor, k * order, waves);
+      attempts.Try(signs, Base(r, waves, smooth), {channel, on, 1, true});
+    }
+  }
+}
+
+}  // namespace
+
+std::optional<Dependence> DependsOn(const std::vector<Repetitions>& channels, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  Attempts attempts;
   double p_order = 1;
   int in_order = 0;
   for (std::size_t c = 0; c < channels.size(); ++c) {
@@ -189,48 +241,15 @@ std::optional<Dependence> DependsOn(const std::vector<Repetitions>& channels, st
     const int channel = static_cast<int>(c);
     const Signs signs(r, Deviations(r, r.residual), random);
     if (!signs.enough()) continue;
-    // Columns take up some by chance: that is taken off, so that many are worth no more than few.
-    const auto attempt = [&](const MatrixXd& base, Dependence as) {
-      const VectorXd drawn = signs.Drawn(base);
-      const double share = signs.Share(base), by_chance = drawn.mean();
-      strongest = strongest.cwiseMax((drawn.array() - by_chance).matrix());
-      const auto columns = static_cast<double>(base.cols());
-      tried.push_back(
-          {share - by_chance, share, columns, columns / std::max(by_chance, 1e-9), std::move(as)});
-    };
-    for (const auto& motor : r.motors) {
-      if (!r.angles) break;
-      // What drives a motor off its way moves it too: what follows the angle smoothly is no periodic law.
-      const VectorXd& angle = motor.angle_rad;
-      const MatrixXd smooth = Base(r, {angle, angle.cwiseAbs2(), motor.velocity_radps.cwiseSign()},
-                                   MatrixXd::Zero(angle.size(), 1));
-      for (const auto& [order, on] : Orders(r, motor)) {
-        Columns waves;
-        AddWaves(motor, order, waves);
-        attempt(Base(r, waves, smooth), {channel, on, 1, true});
-        // A peak has the next three multiples too.
-        for (int k = 2; k <= 4; ++k) AddWaves(motor, k * order, waves);
-        attempt(Base(r, waves, smooth), {channel, on, 1, true});
-      }
-    }
+    if (r.angles) TryAngles(r, channel, signs, attempts);
     if (!r.conditions) continue;
-    for (const auto& [name, value] : Conditions(r))
-      attempt(Base(r, ByRun(r, value), MatrixXd::Zero(value.size(), 1)), {channel, name, 1, false});
+    for (const auto& [name, value] : Conditions(r)) {
+      attempts.Try(signs, Base(r, ByRun(r, value), MatrixXd::Zero(value.size(), 1)),
+                   {channel, name, 1, false});
+    }
     if (const double p = OutOfOrder(r, random); p < p_order) p_order = p, in_order = channel;
   }
-  std::optional<Dependence> found;
-  double most = 0, free = 0, most_beyond = 0;
-  for (const Tried& one : tried) {
-    if (one.beyond > most_beyond) most_beyond = one.beyond, free = one.free;
-  }
-  for (const Tried& one : tried) {
-    const auto as_much = static_cast<double>((strongest.array() >= one.beyond).count());
-    const double p = kKinds * (1 + as_much) / (1 + kDraws);
-    if (p > kChance || one.share < kLeastShare) continue;
-    const double akaike = -free * std::log(std::max(1e-9, 1 - one.share)) - 2 * one.columns;
-    if (found && (found->law > one.as.law || (found->law == one.as.law && akaike <= most))) continue;
-    most = akaike, found = one.as, found->p_value = p;
-  }
+  std::optional<Dependence> found = attempts.Best();
   if (!found && kKinds * p_order <= kChance)
     found = {in_order, "the number of the repetition", kKinds * p_order, false};
   return found;

@@ -127,7 +127,7 @@ double RoundedSquare(double noise) {
 /// Share of a run's rows at which a drive that reports whole counts has its torque between two of them. What
 /// was sent is whole counts as well: a torque that has settled lies on one, where rounding takes most of the
 /// noise away; on its way to the next target (86 % there after two lags) rounding is up to half a count.
-/// Which rows those are depends on a delay that nobody knows yet, how many does not.
+/// Which rows those are depends on a delay that is not known yet; how many does not.
 double ShareOnItsWay(const sim::ReplaySignals& signals, int tendon, double lag_s, double count_Nm) {
   constexpr double kWhole = 0.01;  // of a count
   const auto whole = [&](double torque_Nm) {

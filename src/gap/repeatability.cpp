@@ -264,7 +264,7 @@ std::optional<Repeatability> FindRepeatability(const Evaluator& evaluator,
   try {
     scatter = FrictionScatter(evaluator, repeated, options.threads);
   } catch (const std::runtime_error&) {
-    return std::nullopt;  // nobody knows then what friction may make them differ by
+    return std::nullopt;  // what friction may make them differ by is not known then
   }
   for (const int i : repeated) {
     for (std::size_t c = 0; c < channels; ++c)

@@ -120,7 +120,7 @@ std::vector<ReportField> ReportFields() {
   fields.push_back({"repeatability", "object or null", "Diagnosis::repeatability", ""});
   ListFields<Repeatability>(fields, "repeatability.");
   add("closed.channels.NAME", kEstimate,
-      "Share of the channel's gap that closes; null where it has none for sure.");
+      "Share of the channel's gap that closes; null where none is established.");
   add("closed.channels.NAME.before", "number",
       "Rms of the residual with the nominal robot, on held-out runs.");
   add("closed.channels.NAME.after", "number", "The same with the accepted causes.");

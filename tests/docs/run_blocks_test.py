@@ -27,8 +27,10 @@ class RunBlocks(unittest.TestCase):
             folder = pathlib.Path(folder)
             (folder / "page.md").write_text(text, encoding="utf-8")
             (folder / "bin").mkdir()
-            program = folder / "bin" / "tendril-stub"
-            program.write_text("#!/bin/sh\necho stub $TENDRIL\n")
+            # One of the programs that a page finds on its path, and the place of the sources.
+            program = folder / "bin" / "show-sources"
+            program.write_text("#!/bin/sh\ncat $TENDRIL/sources.txt\n")
+            (folder / "sources.txt").write_text("of this tree\n")
             program.chmod(0o755)
             return subprocess.run([sys.executable, "-B", HERE / "run_blocks.py", folder / "page.md", "--bin",
                                    folder / "bin", "--source", folder], capture_output=True, text=True)
@@ -44,7 +46,11 @@ class RunBlocks(unittest.TestCase):
             self.assertIn(words, result.stderr)
 
     def test_blocks_run_in_order_in_one_folder_with_the_programs_at_hand(self):
-        self.passes(page(run("echo 1 > here"), run("cat here; tendril-stub"), output("1\nstub ...")))
+        text = page(run("echo 1 > here"), run("cat here; show-sources"), output("1\nof this tree"))
+        self.passes(text)
+        self.fails(text.replace("echo 1", "echo 2"), "actual\n    2\n    of this tree")
+        self.fails(text.replace("this tree", "another tree"), "actual\n    1\n    of this tree")
+        self.fails(text.replace("> here", "> there"), "exit status 1", "here")
 
     def test_a_block_that_is_not_marked_is_not_run(self):
         self.passes(page("```sh\nfalse\n```", run("true")))

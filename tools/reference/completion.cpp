@@ -2,7 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <functional>
+#include <utility>
 
 #include "arguments.h"
 #include "commands.h"
@@ -18,11 +18,9 @@ struct Word {
 
 /// A program or one of its commands: what may follow, and the values that an option takes.
 struct Place {
-  std::string command;  // "tendril gap diagnose"
-  std::string meaning;
+  std::string command;      // "tendril gap diagnose"
   std::vector<Word> words;  // commands first, then options
   std::vector<std::pair<std::string, std::vector<std::string>>> values;
-  bool leaf = true;
 };
 
 std::string FirstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
@@ -36,12 +34,11 @@ std::vector<std::string> Choices(const CLI::Option& option) {
 }
 
 void Collect(const CLI::App& app, const std::string& command, std::vector<Place>& places) {
-  Place place{command, FirstLine(app.get_description()), {}, {}, true};
-  const auto subs = app.get_subcommands([](const CLI::App* sub) {
-    return !sub->get_name().empty() && !sub->get_group().empty();
-  });
-  for (const CLI::App* sub : subs) place.words.push_back({sub->get_name(), FirstLine(sub->get_description())});
-  place.leaf = subs.empty();
+  Place place{command, {}, {}};
+  const auto subs = app.get_subcommands(
+      [](const CLI::App* sub) { return !sub->get_name().empty() && !sub->get_group().empty(); });
+  for (const CLI::App* sub : subs)
+    place.words.push_back({sub->get_name(), FirstLine(sub->get_description())});
   for (const CLI::Option* option : app.get_options([](const CLI::Option*) { return true; })) {
     if (option->get_group().empty()) continue;
     for (const std::string& name : option->get_lnames()) {
@@ -71,7 +68,7 @@ std::string Quoted(const std::string& text) {
   return quoted + "'";
 }
 
-/// "'a b' | 'a c') " of all commands below a program: where a word leads on.
+/// "'a b' | 'a c'": the shell pattern of all commands below a program.
 std::string CommandCases(const std::vector<Place>& places) {
   std::string cases;
   for (const Place& place : places) {
@@ -98,7 +95,8 @@ std::string BashCompletion() {
     words += fmt::format("    {}) words={} ;;\n", Quoted(place.command), Quoted(list));
     for (const auto& [option, choices] : place.values)
       values += fmt::format("    {}) COMPREPLY=($(compgen -W {} -- \"$current\")); return ;;\n",
-                            Quoted(place.command + " " + option), Quoted(fmt::format("{}", fmt::join(choices, " "))));
+                            Quoted(place.command + " " + option),
+                            Quoted(fmt::format("{}", fmt::join(choices, " "))));
   }
   return fmt::format(
       "# Completions of tendril, tendrild and tendril-plant for bash; generated from their command lines.\n"
@@ -123,10 +121,7 @@ std::string ZshCompletion() {
   std::string values, words;
   for (const Place& place : places) {
     std::string list;
-    for (const Word& word : place.words) {
-      std::string meaning = word.meaning;
-      list += "\n        " + Quoted(word.text + ":" + meaning);
-    }
+    for (const Word& word : place.words) list += "\n        " + Quoted(word.text + ":" + word.meaning);
     words += fmt::format("    {}) words_of=({}) ;;\n", Quoted(place.command), list);
     for (const auto& [option, choices] : place.values)
       values += fmt::format("    {}) compadd -- {}; return ;;\n", Quoted(place.command + " " + option),

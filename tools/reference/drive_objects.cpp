@@ -2,9 +2,9 @@
 // from the CANopen room's own tables.
 #include <fmt/format.h>
 
-#include "boot_script.h"
 #include "markdown.h"
 #include "reference.h"
+#include "tendril/canopen/boot_script.h"
 #include "tendril/canopen/epos4.h"
 #include "tendril/canopen/pdo.h"
 #include "tendril/config/config.h"
@@ -89,8 +89,7 @@ std::string StartUp(const std::filesystem::path& source) {
   std::string text = Heading(2, "At start-up", "start-up");
   text +=
       "In this order, with the values of `config/tendrild.yaml` and its first drive. What differs, or is not "
-      "kept, "
-      "leaves the drive out and is reported with node, step and object.\n\n";
+      "kept, leaves the drive out and is reported with node, step and object.\n\n";
   Table table({"Object", "What is done"});
   std::string_view step;
   for (const BootAction& action : canopen::MakeBootScript(daemon.bus, drives.front())) {
@@ -106,8 +105,7 @@ std::string Dictionary() {
   std::string text = Heading(2, "Object dictionary", "dictionary");
   text +=
       "Every object of an EPOS4 that Tendril uses or `tendril-plant` emulates. The same table is shipped as "
-      "an "
-      "electronic data sheet, `config/tendril_drive.eds`.\n\n";
+      "an electronic data sheet, `config/tendril_drive.eds`.\n\n";
   Table table({"Object", "Name", "Default"});
   for (const ObjectEntry& entry : canopen::ObjectTable()) {
     const std::string value = entry.type == canopen::DataType::kString

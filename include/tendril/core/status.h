@@ -34,7 +34,7 @@ namespace tendril {
   X(NotAlone, 209, "command refused: another daemon answers on the same LCM channels and would obey it as well", "stop one of the two, or give each an lcm.channel_prefix (or lcm.url) of its own") \
   X(DriveExchanged, 210, "command refused: a drive is another one than at commissioning", "run tendril commission --config FILE again, or put the drive back; exchanged_drives: warn lets it arm") \
   X(TargetOutOfReach, 211, "command refused: the tip asked for is farther out of reach than a tenth of the robot's length", "ask for a point nearer to what the robot reaches") \
-  X(AnotherSender, 212, "command refused: another program's targets lead this robot", "end one of the two; these count once the other's targets have stopped, or its commissioning has ended") \
+  X(AnotherSender, 212, "command refused: another program is in control of this robot", "end one of the two; these count once the other's targets have stopped, or its commissioning has ended") \
   X(CommandExpired, 301, "command stream expired: holding the last target", "keep sending within valid_for_s")      \
   X(FeedbackMissing, 302, "a drive's TPDO is missing this cycle", "check the bus")                                  \
   X(Slack, 303, "a tendon is slack", "check pretension and the tendon's path; tendril home takes up what hangs")                                      \
@@ -47,7 +47,7 @@ namespace tendril {
   X(EquilibriumNotFound, 309, "controller.law: equilibrium found no stable shape: the paper's tensions are used", "less bending, or check stiffness, masses and gravity in the robot file") \
   X(TrackerLost, 311, "no usable tracker reading for some time: tip feedback keeps its last correction", "check the tracker, its clock, frame and units, and its view of the tip") \
   X(FrameMalformed, 312, "received CAN frames had a wrong length or unknown contents and were ignored", "check that every node id is used once and that nothing else sends in the drives' names") \
-  X(ForeignFrame, 313, "somebody else sends what only the CAN master may send", "stop the other master on this bus") \
+  X(ForeignFrame, 313, "another node sends what only the CAN master may send", "stop the other master on this bus") \
   X(CommissioningEnded, 314, "commissioning: no pull was asked for any more: drives are disabled", "send commission again")   \
   X(CommissioningOff, 315, "commissioning is not required: arms whatever is connected", "for simulated robots only; for a real one run tendril commission and say commissioning: required") \
   X(DriveHasFault, 316, "a drive was found in fault: nothing can be armed", "see its error in the log, mend that, then clear") \
@@ -57,7 +57,7 @@ namespace tendril {
   X(AnotherDaemon, 320, "another daemon answers on the same LCM channels: disarmed", "stop one of the two, or give each an lcm.channel_prefix (or lcm.url) of its own; then arm") \
   X(MessageIgnored, 321, "a message could not be understood and was ignored", "compare the sender's lcm_types with the daemon's") \
   X(TrackerDisagrees, 322, "tracker and tendons disagree on the tip by more than a tenth of the robot's length", "check the tracker's frame and units; else disarm, look whether the robot is straight and no tendon off its pulley, and arm") \
-  X(TwoSenders, 323, "two programs send targets: one leads, the other's are refused", "end one of the two; the log names them") \
+  X(TwoSenders, 323, "two programs send targets: one is in control, the other's are refused", "end one of the two; the log names them") \
   X(TipErrorLeft, 324, "the tip rests off its goal: tip feedback went twice the error's way without getting it there, and stopped", "look for what holds the robot, and send another target; where it comes again, the robot file has more friction than pulleys and gears have, or less play: tendril gap diagnose") \
   X(OtherDevice, 325, "a drive is not the device that bus.identity names: nothing can be armed", "see its node and object in the log; correct bus.identity or the node id, or exchange the drive; then clear") \
   X(DriveMisconfigured, 326, "a drive refused or did not keep its configuration, or its motor data differ from the robot file: nothing can be armed", "see its node, step and object in the log; correct the robot or daemon file, or restore the drive's defaults (0x1011); then clear") \
@@ -89,7 +89,7 @@ namespace tendril {
   X(CellDead, 424, "fault: homing: a motor winds in until it stands, and its load cell does not answer", "check its cable and amplifier, commission again; then clear") \
   X(HomingTimedOut, 425, "fault: homing took longer than controller.take_up.timeout_s", "raise the limit, or find what keeps the tendons from becoming taut; then clear") \
   X(InterfaceDown, 426, "fault: the CAN interface is down or gone", "plug its adapter in, bring it up (ip link set IFACE up), then clear") \
-  X(EnableTimedOut, 427, "fault: a drive was told to switch on, and is not on with its feedback within 3 s", "see its state, error and age of feedback (tendril status --watch), then clear") \
+  X(EnableTimedOut, 427, "fault: a drive was commanded to switch on, and is not on with its feedback within 3 s", "see its state, error and age of feedback (tendril status --watch), then clear") \
   X(NodeIdShared, 428, "fault: two drives answer with one node id", "disconnect one of the two and give it a node id of its own; then clear")
 
 enum class Status : std::uint16_t {
