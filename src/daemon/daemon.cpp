@@ -194,8 +194,10 @@ class StopAndJoin {
 }  // namespace
 
 struct Daemon::State {
-  State(const DaemonOptions& o, can::CanPort& p)
+  State(const DaemonOptions& o, can::CanPort& p, rt::Timebase& t)
       : options(o),
+        time(t),
+        clock(t.clock()),
         port(p),
         gateway(o.parameters.lcm, ShapeOf(o.robot), clock),
         setups(DriveSetups(o.robot, o.parameters.bus)),
@@ -345,13 +347,12 @@ struct Daemon::State {
   }
 
   void RealtimeThread(std::promise<std::string>& ready) {
-    const std::string problems = rt::EnterRealtime(options.parameters.realtime);
+    const std::string problems = time.Enter(options.parameters.realtime);
     const bool refused = !problems.empty() && options.parameters.realtime.required;
     if (!refused) master.Start(clock.Now());
     ready.set_value(problems);
     if (refused) return;
-    rt::RunCyclic(options.parameters.bus.cycle_ns,
-                  [this](const rt::CycleStart& start) { return Tick(start); });
+    time.Run(options.parameters.bus.cycle_ns, [this](const rt::CycleStart& start) { return Tick(start); });
     finished.store(true, std::memory_order_release);
   }
 
@@ -424,7 +425,8 @@ struct Daemon::State {
   }
 
   void ListenForOthers(TimeNs listen_ns) {
-    for (const TimeNs end_ns = clock.Now() + listen_ns; clock.Now() < end_ns && other.empty();)
+    const MonotonicClock machine;  // simulated time stands still before the loop runs
+    for (const TimeNs end_ns = machine.Now() + listen_ns; machine.Now() < end_ns && other.empty();)
       gateway.Handle(kListen_ms);
     if (!other.empty()) throw std::runtime_error(OtherText());
   }
@@ -703,7 +705,8 @@ struct Daemon::State {
 
   Messages messages{&Write};
   DaemonOptions options;
-  MonotonicClock clock;
+  rt::Timebase& time;
+  const Clock& clock;
   can::CanPort& port;
   io::Gateway gateway;
   std::vector<canopen::DriveSetup> setups;
@@ -758,8 +761,8 @@ struct Daemon::State {
   TimeNs other_heard_ns = 0, disarm_again_ns = 0;
 };
 
-Daemon::Daemon(const DaemonOptions& options, can::CanPort& port)
-    : state_(std::make_unique<State>(options, port)) {}
+Daemon::Daemon(const DaemonOptions& options, can::CanPort& port, rt::Timebase& time)
+    : state_(std::make_unique<State>(options, port, time)) {}
 
 Daemon::~Daemon() = default;
 
@@ -774,6 +777,7 @@ void Daemon::RefuseOthers(TimeNs listen_ns) { state_->ListenForOthers(listen_ns)
 void Daemon::Run(const std::function<bool()>& stop) {
   State& s = *state_;
   if (!s.options.log_path.empty()) s.log.emplace(s.gateway, s.options.log_path, s.clock);
+  s.gateway.PublishRun(s.run);  // a log begins with what its cycles belong to
   s.served_ns.store(s.clock.Now(), std::memory_order_relaxed);
   const WatchdogFeeder feeder(s.tick);
   std::promise<std::string> ready;

@@ -184,4 +184,20 @@ LatencyStatistics Histogram::Statistics() const noexcept {
   return s;
 }
 
+Timebase& RealTime() {
+  class Machine final : public Timebase {
+   public:
+    const Clock& clock() const noexcept override { return clock_; }
+    std::string Enter(const RealtimeParameters& parameters) override { return EnterRealtime(parameters); }
+    void Run(TimeNs period_ns, const std::function<bool(const CycleStart&)>& body) override {
+      RunCyclic(period_ns, body);
+    }
+
+   private:
+    MonotonicClock clock_;
+  };
+  static Machine machine;
+  return machine;
+}
+
 }  // namespace tendril::rt

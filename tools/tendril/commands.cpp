@@ -33,6 +33,7 @@ std::unique_ptr<CLI::App> MakeApp() {
   AddReproduceCommand(*app);
   AddRtCheckCommand(*app);
   AddSendCommand(*app);
+  AddSimCommand(*app);
   AddStatusCommand(*app);
   config::SettleCommandLine(*app);
   return app;

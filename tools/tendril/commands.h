@@ -46,6 +46,7 @@ void AddReplayCommand(CLI::App& app);
 void AddReproduceCommand(CLI::App& app);
 void AddRtCheckCommand(CLI::App& app);
 void AddSendCommand(CLI::App& app);
+void AddSimCommand(CLI::App& app);
 void AddStatusCommand(CLI::App& app);
 
 }  // namespace tendril::tools

@@ -12,6 +12,7 @@
 #include "tendril/core/robot.h"
 #include "tendril/core/status.h"
 #include "tendril/io/gateway.h"
+#include "tendril/rt/cyclic.h"
 
 namespace tendril::daemon {
 
@@ -23,9 +24,9 @@ struct DaemonOptions {
 
 class Daemon {
  public:
-  /// Constructs all that may fail, and throws std::exception with one clear line. `port` must outlive the
-  /// daemon.
-  Daemon(const DaemonOptions& options, can::CanPort& port);
+  /// Constructs all that may fail, and throws std::exception with one clear line. `port` and `time`, whose
+  /// clock stamps the port's frames, must outlive the daemon.
+  Daemon(const DaemonOptions& options, can::CanPort& port, rt::Timebase& time = rt::RealTime());
   ~Daemon();
 
   /// Listens for `listen_ns` before anything is sent; throws std::runtime_error when another daemon answers

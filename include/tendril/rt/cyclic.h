@@ -41,6 +41,20 @@ struct CycleStart {
 /// the periods missed by it are skipped whole.
 void RunCyclic(TimeNs period_ns, const std::function<bool(const CycleStart&)>& body);
 
+/// What a control loop takes its time from: this machine, or simulated time that a program paces itself.
+class Timebase {
+ public:
+  virtual ~Timebase() = default;
+  virtual const Clock& clock() const noexcept = 0;
+  /// As EnterRealtime.
+  virtual std::string Enter(const RealtimeParameters& parameters) = 0;
+  /// As RunCyclic, on this timebase's clock.
+  virtual void Run(TimeNs period_ns, const std::function<bool(const CycleStart&)>& body) = 0;
+};
+
+/// CLOCK_MONOTONIC, EnterRealtime and RunCyclic.
+Timebase& RealTime();
+
 /// Counts of a latency in logarithmic bins, eight per octave, up to 17 s; Add is wait-free and
 /// allocation-free. Negative values count as zero.
 class Histogram {

@@ -1,0 +1,145 @@
+#!/usr/bin/env python3
+"""`tendril sim` as its operator has it: armed, moved, disturbed, logged and stopped by the same programs as a robot. In a
+network of its own; skipped where there can be none."""
+import contextlib
+import json
+import os
+import pathlib
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+RIG = ROOT / "config/robots/rig_60mm.yaml"
+SKIPPED = 77
+TENDRIL = sys.argv[1]
+
+
+def in_own_network():
+    """Runs this script again where the only network is its own loopback."""
+    own = ["unshare", "--net"] + ([] if os.getuid() == 0 else ["--map-root-user"])
+    ready = "ip link set lo up && ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo"
+    if not shutil.which("unshare") or subprocess.run([*own, "sh", "-c", ready], capture_output=True, check=False).returncode:
+        print("SKIPPED: no network of its own (unshare --net)")
+        sys.exit(SKIPPED)
+    os.environ["SIM_TEST_INSIDE"] = "1"
+    os.execvp(own[0], [*own, "sh", "-c", f'{ready} && exec "$@"', "sh", sys.executable, "-B", *sys.argv])
+
+
+def tendril(*arguments, succeeds=True):
+    """What a command prints."""
+    done = subprocess.run([TENDRIL, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False)
+    if succeeds and done.returncode:
+        raise AssertionError(f"tendril {arguments}: {done.stderr or done.stdout}")
+    return done.stdout + done.stderr
+
+
+def state():
+    return json.loads(tendril("status", "--json").splitlines()[0])
+
+
+def until(what, holds, within_s=30):
+    end = time.monotonic() + within_s
+    while not holds():
+        if time.monotonic() > end:
+            raise AssertionError(f"{what}: not within {within_s} s; {state()}")
+        time.sleep(0.2)
+
+
+class Sim(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    @contextlib.contextmanager
+    def running(self, *options):
+        """A simulation that is told to stop at the end, and what it printed."""
+        said = self.folder / "sim.txt"
+        with open(said, "w", encoding="utf-8") as out:
+            sim = subprocess.Popen([TENDRIL, "sim", *map(str, options)], stdout=out, stderr=subprocess.STDOUT)
+            try:
+                until("configured", lambda: sim.poll() is not None or '"mode":"configured"' in
+                      tendril("status", "--json", succeeds=False).replace(" ", ""))
+                yield said
+                sim.send_signal(signal.SIGTERM)
+                self.assertEqual(sim.wait(timeout=30), 0, said.read_text())
+            finally:
+                sim.kill()
+                sim.wait()
+
+    def refused(self, *options):
+        done = subprocess.run([TENDRIL, "sim", "--duration", "1", *map(str, options)], capture_output=True, text=True,
+                              timeout=30, check=False)
+        self.assertIn(done.returncode, (1, 2), done.stdout)
+        return done.stderr
+
+    def test_it_is_armed_follows_and_its_log_replays_to_the_last_bit(self):
+        log = self.folder / "run.lcmlog"
+        with self.running("--log", log, "--headless") as said:
+            tendril("send", "arm")
+            self.assertEqual(state()["mode"], "running")
+            tendril("send", "tip", "0.015", "0", "0.0575")
+            until("the tip arrives", lambda: abs(1e3 * state()["tip_estimate_W_m"][0] - 15) < 2)
+            followed = tendril("follow", "planar", "--robot", RIG)
+            error = re.search(r"estimated tip less the motion's: rms ([\d.]+) mm", followed)
+            self.assertLess(float(error[1]), 4, followed)
+        self.assertNotIn("info", said.read_text())
+        self.assertIn("no bit differs", tendril("replay", log))
+        self.assertRegex(said.read_text(), r"tendril sim: [\d.]+ s simulated")
+
+    def test_what_is_planted_is_in_the_log(self):
+        log = self.folder / "run.lcmlog"
+        with self.running("--log", log, "--headless", "--effect", "tip_payload mass_kg=0.004"):
+            tendril("send", "arm")
+            tendril("follow", "planar", "--robot", RIG)
+            tendril("send", "disarm")
+            until("disarmed", lambda: state()["mode"] == "configured")
+        out = self.folder / "report"
+        tendril("gap", "diagnose", "--robot", RIG, log, "--out", out, "--no-next")
+        report = json.loads((out / "report.json").read_text())
+        self.assertEqual(report["verdict"] in ("attributed", "ambiguous_group"), True, report["sentence"])
+        group = report["causes"][0]["group"]
+        self.assertIn("tip_payload", [c["effect"] for c in report["causes"] if c["group"] == group], report["sentence"])
+
+    def test_a_fault_on_demand_and_what_follows(self):
+        with self.running() as said:
+            tendril("send", "arm")
+            tendril("fault", "emcy", "node=2", "code=0x7320")
+            until("a fault", lambda: state()["mode"] == "fault")
+            tendril("send", "clear")
+            until("cleared", lambda: state()["mode"] == "configured")
+            tendril("send", "arm")  # armed when it is told to stop
+        self.assertIn("safe stop -> configured", said.read_text())
+        self.assertNotIn("no heartbeat", said.read_text())
+
+    def test_faster_than_time(self):
+        with self.running("--speed", "4"):
+            first = state()
+            time.sleep(2)
+            passed = state()["utime"] - first["utime"]
+        self.assertGreater(passed, 1e6)
+
+    def test_two_on_the_same_channels(self):
+        with self.running():
+            self.assertIn("another daemon", self.refused())
+            self.assertIn("0.0 s behind", tendril("sim", "--duration", "1", "--prefix", "OTHER"))
+
+    def test_wrong_use(self):
+        self.assertIn("no_such", self.refused("--effect", "no_such"))
+        self.assertIn("3 tendons, the plant's 4", self.refused("--plant", ROOT / "config/robots/four_tendon_90mm.yaml"))
+        self.assertIn("has no 'actuation' section", self.refused("--robot", ROOT / "config/robots/qi2021_60mm.yaml"))
+        self.assertIn("0.01", self.refused("--speed", "0"))
+        self.assertIn("no_such.yaml", self.refused("--daemon", "no_such.yaml"))
+        self.assertIn("no/where/run.lcmlog", self.refused("--log", "no/where/run.lcmlog"))
+
+
+if __name__ == "__main__":
+    if "SIM_TEST_INSIDE" not in os.environ:
+        in_own_network()
+    unittest.main(argv=sys.argv[:1] + sys.argv[2:])

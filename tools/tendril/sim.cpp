@@ -1,0 +1,148 @@
+// `tendril sim`: the daemon and a simulated robot in this process, on the usual LCM channels. Knows nothing
+// of what is commanded.
+#include <fmt/format.h>
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <csignal>
+#include <filesystem>
+#include <memory>
+
+#include "built_in_files.h"
+#include "closed_loop.h"
+#include "commands.h"
+#include "lcm_options.h"
+#include "number_option.h"
+#include "paced_time.h"
+#include "paths.h"
+#include "seed_option.h"
+#include "simulated_robot.h"
+#include "tendril/config/command_line.h"
+#include "tendril/config/config.h"
+#include "tendril/daemon/daemon.h"
+#include "tendril/sim/effects.h"
+
+namespace tendril::tools {
+namespace {
+
+struct SimOptions {
+  std::string robot, plant, daemon, log;
+  std::vector<std::string> effects;
+  LcmOptions lcm;
+  double speed = 1, duration_s = 0;
+  std::uint64_t seed = 1;
+  bool commissioning = false, headless = false;
+};
+
+// Another daemon says once a second that it is there.
+constexpr TimeNs kListenForDaemons_ns = 1500 * kNsPerMs;
+volatile std::sig_atomic_t stop = 0;
+
+daemon::DaemonOptions Controller(const SimOptions& o) {
+  daemon::DaemonOptions options;
+  DaemonParameters& p = options.parameters;
+  p = o.daemon.empty() ? config::ParseDaemon(std::string(kDaemonFile), "tendrild.yaml (built in)")
+                       : config::LoadDaemon(o.daemon);
+  options.robot = config::LoadRobot(
+      o.robot.empty() ? (o.daemon.empty() ? ConfigFile("robots/rig_60mm.yaml") : p.robot_file) : o.robot);
+  if (!options.robot.actuation) {
+    throw std::runtime_error(
+        fmt::format("robot '{}' has no 'actuation' section (motors, drives, tendons); use a rig file such as "
+                    "rig_90mm.yaml",
+                    options.robot.name));
+  }
+  if (o.daemon.empty() || !o.robot.empty()) {
+    p = FitBus(p, options.robot);
+  } else {
+    config::CheckTogether(p, options.robot, o.daemon);
+  }
+  p.bus.interface = "memory";
+  p.lcm.url = o.lcm.url;
+  p.lcm.channel_prefix = o.lcm.prefix;
+  if (!o.commissioning) p.commissioning_required = false;
+  if (!o.log.empty()) options.log_path = std::filesystem::absolute(o.log).string();
+  return options;
+}
+
+RobotParameters Plant(const SimOptions& o, const RobotParameters& controllers) {
+  RobotParameters plant = o.plant.empty() ? controllers : sim::LoadRobot(o.plant);
+  if (plant.body.tendons() != controllers.body.tendons()) {
+    throw std::runtime_error(
+        fmt::format("the controller's robot has {} tendons, the plant's {}: give two files of one robot",
+                    controllers.body.tendons(), plant.body.tendons()));
+  }
+  for (const std::string& effect : o.effects) plant.effects.push_back(sim::ParseEffect(effect, plant));
+  sim::CheckEffects(plant);
+  return plant;
+}
+
+void SetUpMessages(bool headless) {
+  spdlog::set_default_logger(spdlog::stderr_color_mt("tendril sim"));
+  spdlog::set_pattern("%H:%M:%S.%e %^%l%$: %v");
+  if (headless) spdlog::set_level(spdlog::level::warn);
+}
+
+void RunSim(const SimOptions& o) {
+  const daemon::DaemonOptions options = Controller(o);
+  const RobotParameters plant = Plant(o, options.robot);
+  SetUpMessages(o.headless);
+  PacedTime time(o.speed);
+  SimulatedRobot robot(plant, options.parameters.lcm, time.clock(), o.seed);
+  // Also in cycles that do not wait for the drives, such as the last ones.
+  time.AfterEachCycle([&robot] { robot.Answer(); });
+  daemon::Daemon daemon(options, robot.port(), time);
+  daemon.RefuseOthers(kListenForDaemons_ns);
+
+  fmt::print("tendril sim: '{}', {} tendons, {:g} ms a cycle, on {}; Ctrl-C stops\n", options.robot.name,
+             options.robot.body.tendons(), 1e3 * ToSeconds(options.parameters.bus.cycle_ns),
+             options.parameters.lcm.url);
+  if (!o.headless) fmt::print("in another terminal: tendril send arm && tendril follow circle\n");
+  std::fflush(stdout);
+  for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, [](int) { stop = 1; });
+  const TimeNs start_ns = time.clock().Now();
+  double slipped_s = 0;
+  daemon.Run([&] {
+    for (const std::string& line : robot.TakeLines()) spdlog::warn("plant: {}", line);
+    if (time.slipped_s() > slipped_s + 1) {
+      slipped_s = time.slipped_s();
+      spdlog::warn("this machine is too slow for this speed: {:.1f} s behind so far; nothing is lost",
+                   slipped_s);
+    }
+    return stop != 0 || (o.duration_s > 0 && ToSeconds(time.clock().Now() - start_ns) >= o.duration_s);
+  });
+  fmt::print("tendril sim: {:.1f} s simulated, {:.1f} s behind\n", ToSeconds(time.clock().Now() - start_ns),
+             time.slipped_s());
+}
+
+}  // namespace
+
+void AddSimCommand(CLI::App& app) {
+  auto o = std::make_shared<SimOptions>();
+  CLI::App* sim =
+      app.add_subcommand("sim",
+                         "A simulated robot to operate: daemon, drives and plant in one process on the usual "
+                         "LCM channels, without CAN, real-time rights or a second program");
+  sim->add_option("--robot", o->robot,
+                  "the controller's robot file (default: rig_60mm.yaml, or that of --daemon)");
+  sim->add_option("--plant", o->plant, "the simulated robot's file (default: the controller's)");
+  sim->add_option("--effect", o->effects,
+                  "what the simulated robot has and the controller's file has not, as in "
+                  "\"tip_payload mass_kg=0.002\"; may be repeated (tendril gap explain)");
+  sim->add_option("--daemon", o->daemon, "daemon file (default: the shipped one)");
+  AddLcmOptions(*sim, o->lcm);
+  sim->add_option("--speed", o->speed,
+                  "of its time against this machine's; a busy machine falls behind and loses nothing")
+      ->capture_default_str()
+      ->check(NumberFrom(0.01, 20, "1 is real time"));
+  sim->add_option("--duration", o->duration_s, "simulated time after which it stops [s]; 0: until Ctrl-C")
+      ->capture_default_str()
+      ->check(NumberFrom(0, 1e6, "give seconds"));
+  sim->add_option("--log", o->log, "LCM log of all messages, for tendril replay and tendril gap diagnose");
+  sim->add_option("--seed", o->seed, "of the sensors' noise")->capture_default_str()->check(Seed());
+  sim->add_flag("--commissioning", o->commissioning,
+                "arm only a robot that is commissioned, as the daemon file says");
+  sim->add_flag("--headless", o->headless, "for scripts: say only warnings and errors");
+  sim->callback([o] { RunSim(*o); });
+}
+
+}  // namespace tendril::tools
