@@ -1,6 +1,7 @@
 // Client side of the gateway; see the header.
 #include "tendril/io/client.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <array>
@@ -166,6 +167,28 @@ bool Client::Send(const Command& c, std::int64_t utime) {
 }
 
 int Client::Handle(int timeout_ms) { return HandleWaiting(*state_->lcm, timeout_ms); }
+
+std::string NobodyAnswers(const std::string& url, const std::string& channel_prefix, double within_s,
+                          const Client& client) {
+  if (!client.waits().empty())
+    return fmt::format("the daemon does not control anything yet, it is {}", client.waits());
+  return fmt::format(
+      "no daemon answers on {} ({}_STATE) within {:g} s; is tendrild running, with the same --lcm and "
+      "--prefix?",
+      url, channel_prefix, within_s);
+}
+
+bool SendTracker(lcm::LCM& lcm, const std::string& channel, const TrackerSample& sample, std::int64_t utime) {
+  tendril_lcm::tracker_t message{};
+  message.utime = utime;
+  message.valid = sample.valid;
+  for (int i = 0; i < 3; ++i) message.tip_W_m[i] = sample.tip_W_m[i];
+  message.orientation_WT[0] = sample.orientation_WT.w();
+  message.orientation_WT[1] = sample.orientation_WT.x();
+  message.orientation_WT[2] = sample.orientation_WT.y();
+  message.orientation_WT[3] = sample.orientation_WT.z();
+  return lcm.publish(channel, &message) == 0;
+}
 
 std::uint32_t SequenceFromTime() {
   constexpr int kPerSecond = 100'000;

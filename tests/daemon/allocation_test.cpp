@@ -15,13 +15,13 @@
 #include <vector>
 
 #include "emulated_drives.h"
-#include "log_replay.h"
 #include "safety_rig.h"
 #include "support/allocation_count.h"
 #include "support/outside_count.h"
 #include "tendril/daemon/black_box.h"
 #include "tendril/daemon/control_cycle.h"
 #include "tendril/daemon/daemon.h"
+#include "tendril/experiment/log_replay.h"
 #include "tendril/io/client.h"
 #include "tendril/rt/handoff.h"
 #include "tendril_lcm/state_t.hpp"

@@ -18,7 +18,7 @@
 #include "tendril/daemon/control_cycle.h"
 #include "tendril/daemon/wiring.h"
 #include "tendril/emulator/faults.h"
-#include "virtual_rig.h"
+#include "tendril/rig/virtual_rig.h"
 
 namespace tendril::daemon {
 

@@ -1,6 +1,6 @@
 // Orders of faults in words, as tendril-plant takes them: command line, scenario, and LCM in the same
 // process. Knows no master.
-#include "fault_orders.h"
+#include "tendril/rig/fault_orders.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -11,8 +11,8 @@
 #include <numbers>
 #include <random>
 
-#include "closed_loop.h"
 #include "tendril/config/config.h"
+#include "tendril/experiment/closed_loop.h"
 #include "tendril/gap/data_set.h"
 
 namespace tendril::gap {

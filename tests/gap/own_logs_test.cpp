@@ -11,12 +11,12 @@
 #include <string_view>
 #include <vector>
 
-#include "closed_loop.h"
-#include "motion.h"
-#include "motion_run.h"
 #include "tendril/config/config.h"
+#include "tendril/experiment/closed_loop.h"
+#include "tendril/experiment/motion_run.h"
 #include "tendril/gap/data_set.h"
 #include "tendril/gap/diagnose.h"
+#include "tendril/motion/motion.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril {

@@ -11,7 +11,7 @@
 #include <string>
 
 #include "golden.h"
-#include "tendril/csv.h"
+#include "tendril/io/csv.h"
 
 namespace tendril::tools {
 namespace {

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "../gap/cli.h"
-#include "live_daemon.h"
+#include "support/live_daemon.h"
 #include "tendril/io/client.h"
 #include "tendril_lcm/state_t.hpp"
 

@@ -5,7 +5,7 @@
 #include <thread>
 
 #include "../gap/cli.h"
-#include "live_daemon.h"
+#include "support/live_daemon.h"
 #include "tendril/io/gateway.h"
 
 namespace tendril::tools {

@@ -12,18 +12,18 @@
 #include <memory>
 #include <string>
 
-#include "fault_orders.h"
-#include "free_motors.h"
 #include "plant_options.h"
 #include "tendril/can/bus_guard.h"
 #include "tendril/can/socketcan_port.h"
 #include "tendril/config/config.h"
 #include "tendril/emulator/faults.h"
+#include "tendril/io/client.h"
 #include "tendril/io/connection.h"
+#include "tendril/rig/fault_orders.h"
+#include "tendril/rig/free_motors.h"
+#include "tendril/rig/virtual_rig.h"
 #include "tendril/rt/cyclic.h"
 #include "tendril/sim/effects.h"
-#include "tracker_message.h"
-#include "virtual_rig.h"
 
 namespace tendril::tools {
 namespace {
@@ -53,10 +53,9 @@ class Tracker {
     const auto reading = rig.TakeTrackerReading();
     if (!reading) return;
     const auto epoch = std::chrono::system_clock::now().time_since_epoch();
-    const auto message =
-        TrackerMessage(*reading, std::chrono::duration_cast<std::chrono::microseconds>(epoch).count() -
-                                     (now_ns - reading->time_ns) / kNsPerUs);
-    (lcm_.publish(channel_, &message) == 0 ? published_ : failed_)++;
+    const std::int64_t utime = std::chrono::duration_cast<std::chrono::microseconds>(epoch).count() -
+                               (now_ns - reading->time_ns) / kNsPerUs;
+    (io::SendTracker(lcm_, channel_, *reading, utime) ? published_ : failed_)++;
   }
   std::uint64_t published() const { return published_; }
   std::uint64_t failed() const { return failed_; }

@@ -1,6 +1,6 @@
 // `tendril commission`: is the robot on a running daemon wired as its files say? Pulls one motor at a time at
 // low torque, prints what was found with what to change, and leaves the record that tendrild arms by.
-#include "commission.h"
+#include "tendril/commission/commission.h"
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -23,15 +23,14 @@
 
 #include "commands.h"
 #include "lcm_options.h"
-#include "no_daemon.h"
 #include "number_option.h"
-#include "robot_patch.h"
 #include "tendril/config/config.h"
 #include "tendril/config/whole_file.h"
 #include "tendril/core/clock.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
 #include "tendril/io/wire.h"
+#include "tendril/robot_file/robot_patch.h"
 #include "tendril_lcm/statistics_t.hpp"
 
 namespace tendril::tools {
@@ -70,7 +69,7 @@ class LiveLink final : public CommissionLink {
     const TimeNs end_ns = clock_.Now() + 3 * kNsPerS;
     while (clock_.Now() < end_ns && (cycles_ < 2 || run_.robot_yaml.empty())) io::HandleWaiting(*lcm_, 20);
     if (run_.robot_yaml.empty()) {
-      throw std::runtime_error(NobodyAnswers(url, prefix, 3, client_));
+      throw std::runtime_error(io::NobodyAnswers(url, prefix, 3, client_));
     }
     // The tracker's readings would fall between those that are published.
     if (const int every = Daemon().lcm.cycle_every_cycles; every != 1 || cycles_ < 2) {

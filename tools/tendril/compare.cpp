@@ -13,15 +13,15 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "closed_loop.h"
 #include "commands.h"
-#include "motion.h"
-#include "motion_run.h"
 #include "output.h"
 #include "paths.h"
 #include "seed_option.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
+#include "tendril/experiment/closed_loop.h"
+#include "tendril/experiment/motion_run.h"
+#include "tendril/motion/motion.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {

@@ -9,13 +9,13 @@
 
 #include "commands.h"
 #include "counted.h"
-#include "experiment_live.h"
-#include "experiment_run.h"
 #include "lcm_options.h"
 #include "paths.h"
 #include "seed_option.h"
 #include "set_folder.h"
 #include "set_progress.h"
+#include "tendril/experiment/experiment_live.h"
+#include "tendril/experiment/experiment_run.h"
 #include "tendril/gap/data_set.h"
 #include "tendril/sim/effects.h"
 

@@ -15,15 +15,15 @@
 #include "commands.h"
 #include "follow_motion.h"
 #include "lcm_options.h"
-#include "motion.h"
 #include "number_option.h"
-#include "path.h"
-#include "sample_stream.h"
 #include "tendril/config/config.h"
 #include "tendril/control/controller.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
 #include "tendril/io/wire.h"
+#include "tendril/motion/motion.h"
+#include "tendril/motion/path.h"
+#include "tendril/motion/sample_stream.h"
 #include "tendril_lcm/event_t.hpp"
 
 namespace tendril::tools {

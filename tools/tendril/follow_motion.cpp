@@ -10,10 +10,10 @@
 #include <stdexcept>
 
 #include "commands.h"
-#include "csv.h"
-#include "path.h"
-#include "path_motion.h"
-#include "tension_check.h"
+#include "tendril/io/csv.h"
+#include "tendril/motion/path.h"
+#include "tendril/motion/path_motion.h"
+#include "tendril/motion/tension_check.h"
 
 namespace tendril::tools {
 namespace {

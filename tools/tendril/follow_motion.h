@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "motion.h"
 #include "tendril/core/daemon.h"
 #include "tendril/core/robot.h"
+#include "tendril/motion/motion.h"
 
 namespace tendril::tools {
 

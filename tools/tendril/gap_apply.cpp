@@ -11,12 +11,12 @@
 
 #include "commands.h"
 #include "effect_name.h"
-#include "robot_patch.h"
 #include "tendril/config/config.h"
 #include "tendril/config/whole_file.h"
 #include "tendril/core/version.h"
 #include "tendril/gap/diagnosis.h"
 #include "tendril/gap/report.h"
+#include "tendril/robot_file/robot_patch.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {

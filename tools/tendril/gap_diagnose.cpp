@@ -18,11 +18,11 @@
 
 #include "commands.h"
 #include "effect_name.h"
-#include "experiment_run.h"
 #include "output.h"
 #include "progress.h"
 #include "seed_option.h"
 #include "tendril/config/whole_file.h"
+#include "tendril/experiment/experiment_run.h"
 #include "tendril/gap/diagnose.h"
 #include "tendril/gap/health.h"
 #include "tendril/gap/report.h"

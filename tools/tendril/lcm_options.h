@@ -4,8 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "no_daemon.h"
 #include "tendril/core/daemon.h"
+#include "tendril/io/client.h"
 
 namespace tendril::tools {
 
@@ -44,7 +44,7 @@ inline void AddLcmOptions(CLI::App& app, LcmOptions& options) {
 
 /// When no state came within some time.
 inline std::string NobodyAnswers(const LcmOptions& lcm, double within_s, const io::Client& client) {
-  return NobodyAnswers(lcm.url, lcm.prefix, within_s, client);
+  return io::NobodyAnswers(lcm.url, lcm.prefix, within_s, client);
 }
 
 }  // namespace tendril::tools

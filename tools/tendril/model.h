@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "csv.h"
+#include "tendril/io/csv.h"
 #include "tendril/model/body.h"
 
 namespace tendril::tools {

@@ -8,9 +8,9 @@
 #include <string>
 
 #include "commands.h"
-#include "log_replay.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
+#include "tendril/experiment/log_replay.h"
 
 namespace tendril::tools {
 namespace {

@@ -1,7 +1,5 @@
 // `tendril reproduce`: every claim of the paper that a simulation can check, the paper's value beside ours,
 // with verdict and reason, as a table, JSON, series and one page. Knows no physics itself.
-#include "reproduce.h"
-
 #include <unistd.h>
 
 #include <chrono>
@@ -11,6 +9,7 @@
 
 #include "commands.h"
 #include "output.h"
+#include "study.h"
 #include "tendril/core/version.h"
 
 namespace tendril::tools {

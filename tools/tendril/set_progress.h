@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "counted.h"
-#include "experiment_run.h"
 #include "set_folder.h"
+#include "tendril/experiment/experiment_run.h"
 
 namespace tendril::tools {
 

@@ -8,18 +8,18 @@
 #include <filesystem>
 #include <memory>
 
-#include "built_in_files.h"
-#include "closed_loop.h"
 #include "commands.h"
 #include "lcm_options.h"
 #include "number_option.h"
-#include "paced_time.h"
 #include "paths.h"
 #include "seed_option.h"
-#include "simulated_robot.h"
 #include "tendril/config/command_line.h"
 #include "tendril/config/config.h"
 #include "tendril/daemon/daemon.h"
+#include "tendril/experiment/closed_loop.h"
+#include "tendril/experiment/experiment_run.h"
+#include "tendril/rig/simulated_robot.h"
+#include "tendril/rt/paced_time.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {
@@ -41,8 +41,7 @@ volatile std::sig_atomic_t stop = 0;
 daemon::DaemonOptions Controller(const SimOptions& o) {
   daemon::DaemonOptions options;
   DaemonParameters& p = options.parameters;
-  p = o.daemon.empty() ? config::ParseDaemon(std::string(kDaemonFile), "tendrild.yaml (built in)")
-                       : config::LoadDaemon(o.daemon);
+  p = DaemonFile(o.daemon);
   options.robot = config::LoadRobot(
       o.robot.empty() ? (o.daemon.empty() ? ConfigFile("robots/rig_60mm.yaml") : p.robot_file) : o.robot);
   if (!options.robot.actuation) {
@@ -86,7 +85,7 @@ void RunSim(const SimOptions& o) {
   const daemon::DaemonOptions options = Controller(o);
   const RobotParameters plant = Plant(o, options.robot);
   SetUpMessages(o.headless);
-  PacedTime time(o.speed);
+  rt::PacedTime time(o.speed);
   SimulatedRobot robot(plant, options.parameters.lcm, time.clock(), o.seed);
   // Also in cycles that do not wait for the drives, such as the last ones.
   time.AfterEachCycle([&robot] { robot.Answer(); });

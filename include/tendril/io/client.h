@@ -56,6 +56,16 @@ class Client {
   std::unique_ptr<State> state_;
 };
 
+/// A program's error when no daemon answered it within some time; a daemon that waits for its networks
+/// reports that.
+std::string NobodyAnswers(const std::string& url, const std::string& channel_prefix, double within_s,
+                          const Client& client);
+
+/// Publishes a tracker's reading on `channel` (PREFIX_TRACKER), as the computer of a tracker does. `utime`
+/// [us since the epoch; in simulation: simulated time] is the time of measurement. False when publishing
+/// failed.
+bool SendTracker(lcm::LCM& lcm, const std::string& channel, const TrackerSample& sample, std::int64_t utime);
+
 /// Sequence number for short-lived senders: ticks of 10 us since the epoch, so that a later sender has a
 /// greater number. It wraps every 12 hours; the gate compares with numbers of the last hour only.
 std::uint32_t SequenceFromTime();

@@ -1,0 +1,41 @@
+// A robot for a daemon in the same process: emulated drives and the plant on a bus in memory, its tracker and
+// its fault orders on LCM as with tendril-plant. Knows nothing of the controller.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tendril/can/memory_bus.h"
+#include "tendril/core/daemon.h"
+#include "tendril/emulator/faults.h"
+#include "tendril/io/connection.h"
+#include "tendril/rig/virtual_rig.h"
+
+namespace tendril::tools {
+
+class FaultListener;
+
+class SimulatedRobot {
+ public:
+  /// Throws as VirtualRig and io::OpenLcm do. `clock` must outlive the robot.
+  SimulatedRobot(const RobotParameters& robot, const LcmParameters& lcm, const Clock& clock,
+                 std::uint64_t seed);
+  ~SimulatedRobot();
+
+  /// Moves the plant to the clock's time and lets the drives answer what was sent, once at each time; waiting
+  /// on the port does the same. For the thread of the control loop, as the port.
+  void Answer() noexcept;
+  /// The daemon's end of the bus.
+  can::CanPort& port();
+
+  /// A line for each fault ordered since the last call, and for a plant that gave up; from any thread.
+  std::vector<std::string> TakeLines();
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace tendril::tools

@@ -1,0 +1,148 @@
+#include "tendril/motion/tension_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+#include "tendril/control/controller.h"
+#include "tendril/control/reach.h"
+#include "tendril/model/capstan.h"
+#include "tendril/model/held_directions.h"
+#include "tendril/model/inverse.h"
+
+namespace tendril::tools {
+namespace {
+
+constexpr double kLook_s = 0.002;
+constexpr int kMostLooks = 50000;
+
+// One instant of a motion: bending, its rates, and the rate at which each tendon's path shortens.
+struct Instant {
+  Eigen::VectorXd bending_rad, rate_radps, acceleration_radps2;
+  TendonVector shortening_mps, shortening_mps2;
+};
+
+LimitParameters CommandedLimits(LimitParameters limits) {
+  limits.max_tension_base_N =
+      std::max(control::kCommandedTensionShare * limits.max_tension_base_N, limits.min_tension_N);
+  return limits;
+}
+
+class Check {
+ public:
+  explicit Check(const RobotParameters& robot)
+      : robot_(robot),
+        body_(robot.body),
+        workspace_(body_),
+        allocator_(body_.tendons(), 2 * body_.sections()),
+        reach_(robot, body_, CommandedLimits(robot.limits), 0, true),
+        q_(UnitVector::Zero(body_.dof())),
+        dq_(q_),
+        ddq_(q_),
+        force_Nm_(q_),
+        wanted_Nm_(BendingVector::Zero(2 * body_.sections())),
+        per_tension_(2 * body_.sections(), body_.tendons()) {
+    for (const auto& t : robot.actuation->tendons)
+      tables_.emplace_back(t.transmission, robot.limits.max_tension_motor_N);
+  }
+
+  Instant At(const Motion& motion, double t_s) {
+    const double half_s = kLook_s / 2;
+    const double before_s = std::max(0.0, t_s - half_s),
+                 after_s = std::min(motion.duration_s(), t_s + half_s);
+    const Command now = motion.At(t_s), before = motion.At(before_s), after = motion.At(after_s);
+    Instant i{now.bending_rad,
+              now.bending_rate_radps,
+              (after.bending_rate_radps - before.bending_rate_radps) / (after_s - before_s),
+              {},
+              {}};
+    const TendonVector d0 = Shortening(before.bending_rad), d1 = Shortening(after.bending_rad),
+                       d = Shortening(now.bending_rad);
+    i.shortening_mps = (d1 - d0) / (after_s - before_s);
+    i.shortening_mps2 = TendonVector::Zero(d.size());
+    if (before_s > 0 && after_s < motion.duration_s())
+      i.shortening_mps2 = (d1 - 2 * d + d0) / (half_s * half_s);
+    return i;
+  }
+
+  /// Empty, or what is exceeded.
+  std::string Problem(const Instant& at) {
+    const LimitParameters& limits = robot_.limits;
+    body_.SpreadBending(at.bending_rad, q_);
+    body_.SpreadBending(at.rate_radps, dq_);
+    body_.SpreadBending(at.acceleration_radps2, ddq_);
+    body_.InverseDynamics(q_, dq_, ddq_, force_Nm_, workspace_);
+    body_.ProjectForce(force_Nm_, wanted_Nm_);
+    model::SectionForcePerTension(body_, at.bending_rad, per_tension_);
+    const double most_N = control::kCommandedTensionShare * limits.max_tension_base_N;
+    const auto allocated = allocator_.Allocate(per_tension_, wanted_Nm_, limits.min_tension_N, most_N);
+    BendingVector held_rad = at.bending_rad;
+    if (reach_.Limit(held_rad) == Status::kLimitedDirection) return model::HeldDirections(robot_.body);
+    if (allocated.bound == Status::kLimitedTensionMax) {
+      return fmt::format("a tendon needs more than {:.3g} N at the base ({:g} of limits.max_tension_base_N)",
+                         most_N, control::kCommandedTensionShare);
+    }
+    for (int j = 0; j < body_.tendons(); ++j) {
+      const auto& t = robot_.actuation->tendons[static_cast<std::size_t>(j)];
+      const auto& table = tables_[static_cast<std::size_t>(j)];
+      const double travel_m = t.SpoolTravelPerMotorRad(), base_N = allocated.tension_N[j];
+      const bool pulls = at.shortening_mps[j] >= 0;
+      const double motor_N = pulls ? table.Pull(base_N) : table.Release(base_N);
+      if (motor_N > limits.max_tension_motor_N) {
+        return fmt::format("tendon {} needs {:.3g} N on the motor's side; limits.max_tension_motor_N is {:g}",
+                           j + 1, motor_N, limits.max_tension_motor_N);
+      }
+      const double rotor_Nm = t.motor.rotor_inertia_kgm2 * at.shortening_mps2[j] / travel_m;
+      const double torque_Nm = rotor_Nm + motor_N * travel_m * std::pow(t.gear.efficiency, pulls ? -1 : 1) +
+                               (pulls ? 1 : -1) * t.motor.coulomb_friction_Nm;
+      const double most_Nm = t.motor.torque_constant_NmpA * t.drive.current_limit_A * t.motor.torque_scale;
+      if (std::abs(torque_Nm) > most_Nm) {
+        return fmt::format("motor {} needs {:.3g} mNm; actuation.drive.current_limit_A leaves {:.3g}", j + 1,
+                           1e3 * torque_Nm, 1e3 * most_Nm);
+      }
+    }
+    return "";
+  }
+
+ private:
+  TendonVector Shortening(const Eigen::VectorXd& bending_rad) {
+    TendonVector d(body_.tendons());
+    body_.SpreadBending(bending_rad, q_);
+    body_.TendonShortening(q_, d);
+    return d;
+  }
+
+  const RobotParameters& robot_;
+  model::Body body_;
+  model::Body::Workspace workspace_;
+  model::TensionAllocator allocator_;
+  control::Reach reach_;
+  std::vector<model::CapstanTable> tables_;
+  UnitVector q_, dq_, ddq_, force_Nm_;
+  BendingVector wanted_Nm_;
+  Eigen::MatrixXd per_tension_;
+};
+
+}  // namespace
+
+void RequireTensions(const Motion& motion, const RobotParameters& robot) {
+  if (!robot.actuation || motion.Start().kind != CommandKind::kBending) return;
+  Check check(robot);
+  const double end_s = motion.duration_s();
+  const int looks = std::clamp(static_cast<int>(end_s / kLook_s), 1, kMostLooks);
+  for (int i = 0; i <= looks; ++i) {
+    const double t_s = end_s * i / looks;
+    const Instant at = check.At(motion, t_s);
+    const std::string problem = check.Problem(at);
+    if (problem.empty()) continue;
+    throw std::runtime_error(
+        fmt::format("{}: at t = {:.4g} s, bent by {:.3g} rad, {}; bend it less, or go slower (--speed and "
+                    "--acceleration, of a table --stretch)",
+                    motion.name(), t_s, at.bending_rad.norm(), problem));
+  }
+}
+
+}  // namespace tendril::tools

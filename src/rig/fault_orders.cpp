@@ -1,0 +1,86 @@
+// Fault orders from text, and the errors of those that do not fit. Knows no bus.
+#include "tendril/rig/fault_orders.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <chrono>
+#include <stdexcept>
+#include <tendril_lcm/event_t.hpp>
+#include <utility>
+
+#include "tendril/config/config.h"
+#include "tendril/io/connection.h"
+
+namespace tendril::tools {
+namespace {
+
+/// Makes external text printable in one line of a terminal.
+std::string Shown(std::string text) {
+  if (text.size() > 120) text = text.substr(0, 120) + "...";
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c > 0x7E; }, '?');
+  return text;
+}
+
+}  // namespace
+
+std::vector<FaultOrder> ReadFaults(const std::vector<std::string>& texts) {
+  std::vector<FaultOrder> orders;
+  for (const std::string& text : texts) orders.push_back({"--fault", config::ParseFault(text, "--fault")});
+  return orders;
+}
+
+std::vector<FaultOrder> ReadScenario(const std::string& path) {
+  std::vector<FaultOrder> orders;
+  for (const FaultParameters& fault : config::LoadScenario(path)) {
+    orders.push_back({fmt::format("{}: faults[{}]", path, orders.size() + 1), fault});
+  }
+  return orders;
+}
+
+void Order(const std::vector<FaultOrder>& orders, emulator::FaultInjector& faults, TimeNs now_ns) {
+  for (const FaultOrder& order : orders) {
+    try {
+      faults.Add(order.fault, now_ns);
+    } catch (const std::invalid_argument& e) {
+      throw config::ConfigError(fmt::format("{}: {}", order.where, e.what()));
+    }
+  }
+}
+
+FaultListener::FaultListener(lcm::LCM& lcm, const std::string& prefix, emulator::FaultInjector& faults,
+                             const Clock& clock)
+    : lcm_(lcm),
+      event_channel_(io::ChannelName(prefix, "EVENT")),
+      faults_(faults),
+      clock_(clock),
+      subscription_(lcm.subscribe(io::ChannelName(prefix, "FAULT"), &FaultListener::OnFault, this)) {}
+
+FaultListener::~FaultListener() { lcm_.unsubscribe(subscription_); }
+
+std::vector<std::string> FaultListener::TakeLines() { return std::exchange(lines_, {}); }
+
+void FaultListener::OnFault(const lcm::ReceiveBuffer*, const std::string& channel,
+                            const tendril_lcm::fault_t* message) {
+  try {
+    Order({{channel, config::ParseFault(message->fault, channel)}}, faults_, clock_.Now());
+    ++ordered_;
+    Answer(fmt::format("fault ordered: {}", Shown(message->fault)));
+  } catch (const config::ConfigError& e) {
+    Answer(fmt::format("fault refused: {}", e.what()));
+  }
+}
+
+void FaultListener::Answer(const std::string& line) {
+  tendril_lcm::event_t event{};
+  event.utime = std::chrono::duration_cast<std::chrono::microseconds>(
+                    std::chrono::system_clock::now().time_since_epoch())
+                    .count();
+  event.source = "plant";
+  event.text = line;
+  lcm_.publish(event_channel_, &event);
+  lines_.push_back(line);
+}
+
+}  // namespace tendril::tools

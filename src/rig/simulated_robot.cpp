@@ -1,0 +1,100 @@
+#include "tendril/rig/simulated_robot.h"
+
+#include <fmt/format.h>
+
+#include <lcm/lcm-cpp.hpp>
+#include <mutex>
+#include <utility>
+
+#include "tendril/io/client.h"
+#include "tendril/rig/fault_orders.h"
+
+namespace tendril::tools {
+
+struct SimulatedRobot::State {
+  State(const RobotParameters& robot, const LcmParameters& parameters, const Clock& robot_clock,
+        std::uint64_t seed)
+      : clock(robot_clock),
+        bus(robot_clock),
+        faults(bus.AddPort(), seed),
+        rig(robot, faults, {.seed = seed}),
+        lcm(io::OpenLcm(parameters.url)),
+        listener(*lcm, parameters.channel_prefix, faults, robot_clock),
+        tracker_channel(io::ChannelName(parameters.channel_prefix, "TRACKER")),
+        port(*this) {
+    faults.Attach(rig.drives());
+  }
+
+  /// The daemon's end of the bus.
+  class Port final : public can::CanPort {
+   public:
+    explicit Port(State& robot) : robot_(robot), inner_(robot.bus.AddPort()) {}
+    bool Send(const can::CanFrame& frame) noexcept override { return inner_.Send(frame); }
+    int Receive(std::span<can::StampedFrame> frames) noexcept override { return inner_.Receive(frames); }
+    bool WaitUntil(TimeNs deadline_ns) noexcept override {
+      return robot_.Answer() && inner_.WaitUntil(deadline_ns);
+    }
+    bool up() const noexcept override { return inner_.up(); }
+    bool bus_off() const noexcept override { return inner_.bus_off(); }
+    void Restart() noexcept override { inner_.Restart(); }
+    const can::CanCounters& counters() const noexcept override { return inner_.counters(); }
+
+   private:
+    State& robot_;
+    can::CanPort& inner_;
+  };
+
+  /// False when the robot has answered at this time already, or cannot any more.
+  bool Answer() noexcept {
+    const TimeNs now_ns = clock.Now();
+    if (given_up || std::exchange(answered_ns, now_ns) == now_ns) return false;
+    try {
+      if (io::HandleWaiting(*lcm, 0) > 0) Say(listener.TakeLines());
+      faults.Poll(now_ns);
+      rig.Poll(now_ns);
+      if (const auto reading = rig.TakeTrackerReading()) {
+        io::SendTracker(*lcm, tracker_channel, *reading, reading->time_ns / kNsPerUs);
+      }
+    } catch (const std::exception& e) {
+      // From here on its drives are silent, which the daemon treats as with any robot.
+      given_up = true;
+      Say({fmt::format("the simulated robot stopped: {}", e.what())});
+    }
+    return !given_up;
+  }
+
+  void Say(std::vector<std::string> said) {
+    const std::lock_guard lock(mutex);
+    lines.insert(lines.end(), said.begin(), said.end());
+  }
+
+  const Clock& clock;
+  can::MemoryBus bus;
+  emulator::FaultInjector faults;
+  VirtualRig rig;
+  std::unique_ptr<lcm::LCM> lcm;
+  FaultListener listener;
+  std::string tracker_channel;
+  Port port;
+  std::optional<TimeNs> answered_ns;
+  bool given_up = false;
+  std::mutex mutex;
+  std::vector<std::string> lines;
+};
+
+SimulatedRobot::SimulatedRobot(const RobotParameters& robot, const LcmParameters& lcm, const Clock& clock,
+                               std::uint64_t seed)
+    : state_(std::make_unique<State>(robot, lcm, clock, seed)) {}
+
+SimulatedRobot::~SimulatedRobot() = default;
+
+void SimulatedRobot::Answer() noexcept { state_->Answer(); }
+
+can::CanPort& SimulatedRobot::port() { return state_->port; }
+
+std::vector<std::string> SimulatedRobot::TakeLines() {
+  const std::lock_guard lock(state_->mutex);
+  return std::exchange(state_->lines, {});
+}
+
+}  // namespace tendril::tools
