@@ -1,12 +1,13 @@
 #!/usr/bin/python3 -B
 """Runs the shell blocks of a documentation page and compares what they print with what the page shows.
 
-A block to run is fenced ```{.sh .run}; the block of class `output` that follows it shows its standard output. Blocks run
-in order in one fresh folder, with the programs of --bin first on PATH and the source tree in $TENDRIL. In an output
+A block to run is fenced ```{.sh .run}, or ```{.sh .vcan} where it needs a virtual CAN bus (--kind vcan, under
+tools/vcan-run); the block of class `output` that follows it shows its standard output. Blocks of one kind run in order in one fresh folder, with the programs of --bin first on PATH and the source tree in $TENDRIL. In an output
 block "..." matches anything: on a line of its own any number of lines, within a line any text. Spaces count as one.
 Numbers must be equal unless the block says tolerance="5%".
 """
 import argparse
+import contextlib
 import os
 import pathlib
 import re
@@ -18,6 +19,7 @@ import tempfile
 
 FENCE = re.compile(r"^( *)(`{3,})\s*(.*?)\s*$")
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w])")
+KINDS = {"run", "vcan"}
 # Of one block, on a machine that does other things as well.
 TIME_LIMIT_S = 600
 
@@ -60,18 +62,18 @@ def tolerance_of(block):
     return float(match[1]) / 100
 
 
-def steps_of(page):
-    """Pairs of a block to run and the output that the page shows for it, or None."""
+def steps_of(page, kind):
+    """Pairs of a block of this kind and the output that the page shows for it, or None."""
     steps = []
     for block in blocks_of(page):
-        if "run" in block.classes:
+        if block.classes & KINDS:
             steps.append([block, None])
         elif "output" in block.classes:
             if not steps or steps[-1][1]:
                 raise PageError(f"line {block.line}: an output block that follows no block to run")
             tolerance_of(block)
             steps[-1][1] = block
-    return steps
+    return [step for step in steps if kind in step[0].classes]
 
 
 def line_matches(expected, actual, tolerance):
@@ -125,14 +127,14 @@ def indented(text):
     return "\n".join("    " + line for line in text.splitlines()) or "    (nothing)"
 
 
-def run_page(page, binaries, source):
-    """None when every block did as the page says, else what the first that did not did."""
-    steps = steps_of(page)
+def run_page(page, binaries, source, kind="run", keep=None):
+    """None when every block did as the page says, else what the first that did not did. `keep`: a folder to run in."""
+    steps = steps_of(page, kind)
     if not steps:
         return f"{page}: no block to run"
     environment = dict(os.environ, TENDRIL=str(source), LC_ALL="C.UTF-8",
                        PATH=f"{binaries}{os.pathsep}{os.environ.get('PATH', '')}")
-    with tempfile.TemporaryDirectory(prefix="tendril-page-") as folder:
+    with contextlib.nullcontext(keep) if keep else tempfile.TemporaryDirectory(prefix="tendril-page-") as folder:
         for block, shown in steps:
             status, out, err = run_block(block.text, folder, environment)
             expected_status = int(block.values.get("exit", "0"))
@@ -155,16 +157,19 @@ def main():
     parser.add_argument("page", type=pathlib.Path, help="Markdown file")
     parser.add_argument("--bin", type=pathlib.Path, required=True, help="folder with the built programs")
     parser.add_argument("--source", type=pathlib.Path, required=True, help="source tree, $TENDRIL in the blocks")
+    parser.add_argument("--kind", choices=sorted(KINDS), default="run", help="which blocks")
+    parser.add_argument("--keep", type=pathlib.Path, help="an empty folder to run in, that stays")
     options = parser.parse_args()
     if not shutil.which("bash"):
         sys.exit("run_blocks: bash is not installed")
     try:
-        failure = run_page(options.page, options.bin.resolve(), options.source.resolve())
+        failure = run_page(options.page, options.bin.resolve(), options.source.resolve(), options.kind,
+                           options.keep)
     except (OSError, PageError) as error:
         sys.exit(f"{options.page}: {error}")
     if failure:
         sys.exit(failure)
-    print(f"{options.page}: {len(steps_of(options.page))} block(s) as shown")
+    print(f"{options.page}: {len(steps_of(options.page, options.kind))} block(s) as shown")
 
 
 if __name__ == "__main__":

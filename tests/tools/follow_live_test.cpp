@@ -83,7 +83,7 @@ TEST_F(FollowLive, PassesItsPointsAheadOfTheSmoothing) {
   Watch(nullptr);
   EXPECT_LT(nearest, 0.02);
   EXPECT_THAT(out_, HasSubstr("followed, sent"));
-  EXPECT_THAT(out_, HasSubstr("estimated tip less the motion's: rms"));
+  EXPECT_THAT(out_, HasSubstr("error of the estimated tip against the motion: rms"));
 }
 
 TEST_F(FollowLive, WhatCannotBeFollowedMovesNothing) {

@@ -12,7 +12,4 @@ reason=$("$vcan_run" --kernel $kernel --check 2>&1) || {
   exit 77
 }
 [ "$kernel" = host ] && exec "$vcan_run" --kernel host --timeout "$seconds" "$@" </dev/null
-# Virtual time begins when that kernel has nothing to do for the first time. On a busy machine this may not come before a
-# real-time loop starts, which then never lets it come.
-# shellcheck disable=SC2016
-exec "$vcan_run" --kernel uml --clock "$clock" --timeout "$seconds" sh -c 'sleep 5; exec "$@"' in_vcan "$@" </dev/null
+exec "$vcan_run" --kernel uml --clock "$clock" --timeout "$seconds" "$@" </dev/null

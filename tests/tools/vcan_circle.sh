@@ -1,17 +1,11 @@
 #!/bin/bash
-# vcan_circle.sh BIN [KEEP]: the paper's circle with tendrild, tendril-plant and an operator as processes of their own on
-# a real vcan0, judged from the daemon's log beside the same run in one process. Runs inside tools/vcan-run.
+# vcan_circle.sh BIN [KEEP]: the live session of docs/guides/first-hour.md (tendrild, tendril-plant and an operator as
+# processes of their own on a real vcan0), as the page shows it, and judged from the daemon's log beside the same circle
+# in one process. Runs inside tools/vcan-run.
 source "$(dirname "$(readlink -f "$0")")/live_vcan.sh"
 
-daemon_file "$robot"
-start_plant
-start_daemon --log "$work/live.lcmlog"
-arm
-"$bin/tendril" follow circle --robot "$robot" --lcm "$lcm" >"$work/follow.txt" 2>&1 || give_up "the circle is not followed"
-tail -n 1 "$work/follow.txt"
-disarm
-stop $daemon daemon
-stop $plant plant
+/usr/bin/python3 -B "$tree/tests/docs/run_blocks.py" "$tree/docs/guides/first-hour.md" --kind vcan --keep "$work" \
+  --bin "$bin" --source "$tree" || give_up "the session is not as its page says"
 tail -n 2 "$work/plant.txt"
 
 "$bin/tendril" demo --trajectory circle --no-plots --out "$work/demo" >"$work/demo.txt" 2>&1 ||

@@ -69,6 +69,14 @@ exit 7
         self.assertEqual(done.returncode, 124)
         self.assertLess(time.monotonic() - began, 30)
 
+    def test_virtual_time_skips_waiting(self):
+        if run("--kernel", "uml", "--check").returncode:
+            self.skipTest("no user-mode kernel here")
+        script = "before=$(date +%s); sleep 1000; echo $(($(date +%s) - before))"
+        done = run("--kernel", "uml", "--virtual-time", "sh", "-c", script, env=self.environment)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        self.assertAlmostEqual(int(done.stdout), 1000, delta=1)
+
     def test_what_a_command_leaves_running_ends_with_it(self):
         done = run("sh", "-c", "sleep 1000 & setsid sleep 1000 & echo done", env=self.environment)
         self.assertEqual((done.returncode, done.stdout), (0, "done\n"))

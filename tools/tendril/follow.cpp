@@ -385,8 +385,8 @@ class Follower {
           "file");
     }
     fmt::print("followed, sent {:.0f} ms ahead; over {} samples\n", 1e3 * lead_s_, of_motion.count);
-    fmt::print("estimated tip less the motion's: {}\n", of_motion.Text());
-    fmt::print("estimated tip less desired tip: {}\n", of_reference.Text());
+    fmt::print("error of the estimated tip against the motion: {}\n", of_motion.Text());
+    fmt::print("error of the estimated tip against the desired tip: {}\n", of_reference.Text());
   }
 
   const FollowOptions& options_;
