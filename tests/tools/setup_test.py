@@ -91,7 +91,7 @@ exit 100""")
         done = self.call("package_list")
         for line in done.stdout.strip().split("\n"):
             name, need, why = line.split(None, 2)
-            self.assertIn(need, ("build", "docs", "test"), line)
+            self.assertIn(need, ("build", "docs", "test", "screenshots"), line)
             self.assertTrue(why, line)
 
 
