@@ -3,6 +3,7 @@
 navigation, and nothing is fetched from elsewhere. Needs mkdocs (tools/setup installs it); skipped where it is missing."""
 import html.parser
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -57,6 +58,36 @@ def broken_links(site):
                 found.append(f"{name}: {link}: no such place there")
         found += [f"{name}: two places are called #{name_}" for name_ in page.twice if name_.strip("_")]
     return found
+
+
+def names_gone(page, sources):
+    """Names in backticks that a page takes from the sources, and that stand in none of them: constants, types and
+    functions, tests."""
+    gone = []
+    for quoted in re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", page, flags=re.S)):
+        name = re.match(r"(k[A-Z]\w+|[A-Z][a-z]+[A-Z]\w*|[A-Z]\w+(?=\()|\w+_(?:test|bench|campaign)$)", quoted)
+        words = re.findall(r"[A-Za-z_]\w{3,}", quoted) if name else []
+        gone += [f"{quoted}: no {word}" for word in words if word not in sources and not word.startswith("NAME")]
+    return gone
+
+
+class Names(unittest.TestCase):
+    """What the pages for programmers call by name is called so in the sources."""
+
+    def test_every_name_of_the_pages_is_in_the_sources(self):
+        sources = set()
+        for folder in ("include", "src", "tools", "tests", "cmake"):
+            for path in (ROOT / folder).rglob("*"):
+                if path.suffix in (".h", ".cpp", ".txt", ".inc", ".cmake"):
+                    sources |= set(re.findall(r"\w+", path.read_text(errors="replace")))
+        gone = [f"{page.relative_to(ROOT)}: {name}" for page in sorted((ROOT / "docs").rglob("*.md"))
+                for name in names_gone(page.read_text(), sources)]
+        self.assertEqual(gone, [])
+
+    def test_a_name_that_is_gone_is_found(self):
+        page = "`kRows` and `Step(Archive&)`, then `kGone`, `Forget(Archive&)` and `old_test`"
+        self.assertEqual(names_gone(page, {"kRows", "Step", "Archive"}),
+                         ["kGone: no kGone", "Forget(Archive&): no Forget", "old_test: no old_test"])
 
 
 class Site(unittest.TestCase):
