@@ -1,4 +1,4 @@
-// Runs of one set made comparable before they are prepared. Knows nothing of models.
+// Makes the runs of a set comparable before they are prepared. Knows nothing of models.
 #pragma once
 
 #include <cstddef>
@@ -9,13 +9,13 @@
 
 namespace tendril::gap {
 
-/// Some runs are compared with others from before the robot changed.
+/// True where some runs are compared with runs from before the robot changed.
 bool Compared(const DataSet& set);
 
-/// Takes a run out; what repeated it repeats the first of its repetitions now.
+/// Removes a run; its repetitions then repeat the first of them.
 void LeaveOut(DataSet& set, std::size_t run);
 
-/// Units that time may be in by mistake.
+/// Units that the time column may be in by mistake.
 struct TimeUnit {
   double seconds;
   const char* name;
@@ -23,15 +23,15 @@ struct TimeUnit {
 inline constexpr TimeUnit kTimeUnits[] = {
     {1e-3, "milliseconds"}, {1e-6, "microseconds"}, {1e-9, "nanoseconds"}};
 
-/// Motors go smoothly from row to row: a motion, as states that were waited for are not.
+/// True where motors move smoothly from row to row, as in a recorded motion and unlike a list of states at
+/// rest.
 bool Smooth(const Run& run);
 
-/// Takes out runs whose time is in another unit than the others'; a line for each.
+/// Removes runs whose time is in another unit than that of the others; returns one line for each.
 std::vector<std::string> TakeOutOtherTime(DataSet& set);
 
-/// Gives every run the columns of drives and cells that any of them has for all of the robot's tendons,
-/// without values, so that what one run lacks leaves the others theirs. A run declared without load cell has
-/// none, whatever its columns hold.
+/// Gives every run columns for all tendons in each kind of drive or cell signal that any run has; columns
+/// without data hold NaN. A run declared without load cell has no tensions, whatever its columns hold.
 void FillMissing(DataSet& set);
 
 }  // namespace tendril::gap

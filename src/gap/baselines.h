@@ -1,4 +1,4 @@
-// What simpler ways of judging the same search would name, for comparison. Knows nothing of verdicts.
+// What simpler methods would name from the same search, for comparison. Knows nothing of verdicts.
 #pragma once
 
 #include <vector>
@@ -9,8 +9,8 @@
 
 namespace tendril::gap {
 
-/// The first choice of least_rmse, raw_bic, refit_everything and sparse_regression; those that choose nothing
-/// are left out.
+/// The first choices of least_rmse, raw_bic, refit_everything and sparse_regression; a method that chooses
+/// nothing is omitted.
 std::vector<Baseline> Baselines(const Evaluator& evaluator, const SearchResult& search);
 
 }  // namespace tendril::gap

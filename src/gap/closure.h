@@ -10,15 +10,15 @@
 
 namespace tendril::gap {
 
-/// Fraction of the excess mean square that is gone on held-out runs, by channel and pooled, with a bootstrap
-/// over runs. Only channels in `with_gap` (ChannelsWithGap) whose excess passes delta count.
+/// Fraction of the excess mean square that is removed on held-out runs, by channel and pooled, with a
+/// bootstrap over runs. Only channels in `with_gap` (ChannelsWithGap) whose excess passes delta count.
 std::vector<Closure> Closures(const Evaluator& evaluator, const Residuals& before, const Residuals& after,
                               const std::vector<char>& with_gap, std::uint64_t seed);
-/// Of the runs in `only`, or of all when it is empty.
+/// For the runs in `only`, or all when it is empty.
 std::optional<Estimate> PooledClosure(const Evaluator& evaluator, const Residuals& before,
                                       const Residuals& after, const std::vector<char>& with_gap,
                                       std::uint64_t seed, const std::vector<int>& only = {});
-/// By family, in the order in which they come first.
+/// By family, in order of first appearance.
 std::vector<FamilyClosure> ClosuresByFamily(const Evaluator& evaluator, const Residuals& before,
                                             const Residuals& after, const std::vector<char>& with_gap,
                                             std::uint64_t seed);

@@ -1,6 +1,5 @@
-// What a reader wants to see of a diagnosis beside its verdict: held-out curves, conditions under which the
-// residual grows, growth with the horizon, what is left against the inputs, the run that would tell rivals
-// apart.
+// Details of a diagnosis beside its verdict: held-out curves, residual against conditions, growth with the
+// horizon, correlation of the remaining residual with inputs, and the next experiment.
 #pragma once
 
 #include "evaluator.h"
@@ -11,13 +10,13 @@
 
 namespace tendril::gap {
 
-/// Overlays, maps and correlations of the worst channels into d; `after` are the residuals held out. With
-/// `model` null there is only before.
+/// Adds overlays, maps and correlations of the worst channels to d; `after` are the held-out residuals.
+/// Without `model` only the nominal robot is shown.
 void AddDetails(const Evaluator& evaluator, const Model* model, const Residuals& after, std::uint64_t seed,
                 Diagnosis& d);
 
-/// For an ambiguous or unexplained verdict: the family of the menu that separates the rivals most, simulated
-/// with each rival's fit and compared after refitting the others.
+/// For an ambiguous or unexplained verdict: the family of the menu that separates the rivals best, from a
+/// simulation with each rival's fit, comparing them after the others are refitted.
 NextExperiment FindNextExperiment(const Evaluator& evaluator, const SearchResult& search, const Diagnosis& d,
                                   const ExperimentMenu& menu, int threads);
 

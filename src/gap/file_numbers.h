@@ -1,5 +1,5 @@
-// The numbers of the robot file as hypotheses: each may be wrong by any factor, a slip of the unit or of
-// diameter for radius included. Knows nothing of effects or probabilities.
+// The numbers of the robot file as hypotheses: each may be wrong by any factor, including a unit error or
+// diameter for radius. Knows nothing of effects or probabilities.
 #pragma once
 
 #include <functional>
@@ -10,32 +10,32 @@
 
 namespace tendril::gap {
 
-/// One number of the robot file, the same for all tendons or sections, or of one tendon.
+/// One number of the robot file, common to all tendons or sections, or of one tendon.
 struct FileNumber {
   std::string key;     // "actuation.gear.ratio", "body.tendon 2 angle_rad"
-  double in_file = 0;  // its value there; the first one's where tendons or sections differ
-  bool angle = false;  // changes by addition [rad]; else by a factor
-  /// Changes it in a robot: by a factor exp(change), of an angle by change [rad].
+  double in_file = 0;  // its value; that of the first tendon or section where they differ
+  bool angle = false;  // changed by addition [rad]; otherwise by a factor
+  /// Changes it in a robot: by a factor exp(change), or an angle by change [rad].
   std::function<void(RobotParameters&, double change)> apply{};
-  /// The effect of the library that is this number, which its own search has within its bounds; empty: none.
+  /// The library effect that changes the same number, and searches it within its own bounds; empty: none.
   std::string effect{};
 
   double ValueAt(double change) const;
 };
 
-/// Those of `robot` that a replay depends on. A value of zero is no number: a factor leaves it as it is.
+/// The numbers of `robot` that a replay depends on. Zeros are omitted: a factor does not change them.
 std::vector<FileNumber> FileNumbers(const RobotParameters& robot);
 
-/// A number at the value that explains the runs best.
+/// A number fitted to the runs.
 struct NumberFit {
   FileNumber number;
   double value = 0;   // in its unit
   double score = 0;   // log score over all channels, nuisances free
-  Residuals residuals;  // what it leaves, nuisances taken out
+  Residuals residuals;  // residuals with this value, nuisances subtracted
 };
 
-/// The best `count` of them by falling score, each refined on all runs; weights and nuisances as of the causes
-/// they are compared with. `progress`: from 0 to 1.
+/// The best `count` of them by falling score, each refined on all runs, with the weights and nuisances used
+/// for the causes. `progress`: from 0 to 1.
 std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Weights& weights,
                                   const Nuisances& nuisances, const Folds& folds, int count, int threads,
                                   const std::function<void(double)>& progress);

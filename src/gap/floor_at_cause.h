@@ -1,6 +1,6 @@
-// The floor as it is with a cause in the robot: it may make more of the sensors' noise that drives it than
-// the nominal robot, and the floor is higher; less, and it fits better without explaining anything; and it
-// may make repetitions differ that the nominal robot would repeat.
+// The noise floor of a robot that has a cause. The cause may amplify the sensor noise that drives the model,
+// which raises the floor; reduce it, which improves the fit without explaining anything; or make repetitions
+// differ that the nominal robot would repeat.
 #pragma once
 
 #include <optional>
@@ -12,39 +12,40 @@
 
 namespace tendril::gap {
 
-/// The runs with the floor as it is with the best single cause, where that is plainly higher than with the
-/// nominal robot. Nothing where no cause is found, or where its misfit could pass for noise: without
-/// repetitions the floor follows what a robot leaves.
+/// The runs with the floor of the best single cause, where it is clearly higher than that of the nominal
+/// robot. Empty where no cause is found, or where its misfit could be mistaken for noise: without repetitions
+/// the floor depends on the residuals.
 std::optional<Evaluator> WidenedByCause(const Evaluator& evaluator, const DataSet& set,
                                         const SearchResult& search, const Evaluator::Options& options);
 
-/// The runs as though they repeated as well as the sensors' noise lets them: what makes repetitions differ is
-/// looked for in these.
+/// The runs with repeatability assumed to be limited by sensor noise only, for finding what makes repetitions
+/// differ.
 Evaluator AsThoughRepeated(const DataSet& set, const Evaluator::Options& options);
 
-/// Repetitions differ by as much as may hide a cause.
+/// Repetitions differ by enough to hide a cause.
 bool MayHide(const Evaluator& evaluator);
 
-/// What of these may make repetitions differ: the best singles and pairs.
+/// The candidates that may make repetitions differ: the best singles and pairs.
 std::vector<Model> MayNotRepeat(const SearchResult& search);
 
-/// The runs with the floor that they have with one of `causes`, and which.
+/// The runs with the floor of one of `causes`, and which one.
 struct Narrowed {
   Evaluator evaluator;
   Model cause;
-  double differed;  // times the sensors' noise, of the worst channel that repeats plainly better with it
+  double
+      differed;  // in units of sensor noise, of the worst channel that repeats clearly better with the cause
 };
-/// Where repetitions differ, and at some place by plainly less with a cause, the one that leaves the lowest
-/// floors: a motor that cogs, and stops elsewhere each time, does not repeat, and how it does not is no
-/// noise. The floor is then that of the robot with the cause: repetitions, and what it makes of the sensors'
-/// noise.
+/// Where repetitions differ, and clearly less with a cause, the cause that gives the lowest floors. Example:
+/// a motor with cogging stops at different angles, so its runs do not repeat, but that difference is not
+/// noise. The floor is then that of the robot with the cause, from its repetitions and its amplification of
+/// sensor noise.
 std::optional<Narrowed> NarrowedByCause(const Evaluator& evaluator, const DataSet& set,
                                         const std::vector<Model>& causes, const Evaluator::Options& options);
 
-/// Takes off the scores of the best single causes, and of the best pairs, what they gain by carrying less
-/// noise than the nominal robot does: half the weight of the variance that is missing. Cells between pulleys
-/// and robot shake the simulated body with their noise; one that is damped twice as much stays calmer, and
-/// nearer to what was measured, whatever the real damping is.
+/// Subtracts from the scores of the best single causes and pairs what they gain by carrying less noise than
+/// the nominal robot: half the weight of the missing variance. Example: load cells between pulleys and robot
+/// drive the simulated body with their noise; doubling its damping calms it and fits better, whatever the
+/// real damping is.
 void TakeOffQuiet(const Evaluator& evaluator, const DataSet& set, const Evaluator::Options& options,
                   SearchResult& search);
 

@@ -1,5 +1,5 @@
-// A hypothesis: one effect of the registry at one place, or several together, with the values of its
-// parameters. Turns into a robot that has it. Knows nothing of data.
+// A hypothesis: one effect of the registry at one place, or several together, with parameter values. Makes a
+// robot that has it. Knows nothing of data.
 #pragma once
 
 #include <Eigen/Core>
@@ -23,30 +23,30 @@ struct Candidate {
   bool operator==(const Candidate& other) const { return effect == other.effect && target == other.target; }
 };
 
-/// A plainly visible change of a parameter: what steps, starts and priors are measured in.
+/// A plainly visible change of a parameter: the unit of steps, starts and priors.
 double ScaleOf(const sim::EffectParameter& parameter);
 
-/// All that the registry has for this robot, in its order.
+/// All candidates of the registry for this robot, in its order.
 std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cell, bool tracker);
 
-/// Candidates that hold together, with all their parameters one after the other.
+/// Candidates that act together, with all their parameters in sequence.
 struct Model {
   std::vector<Candidate> parts;
   Eigen::VectorXd values;
-  /// Differences for derivatives, in plainly visible deviations: small where an effect begins at a threshold.
+  /// Step of finite differences, in plainly visible deviations; small for effects that begin at a threshold.
   double derivative_step = 0.1;
 
   static Model Of(const Candidate& candidate);   // at nominal
   Model With(const Candidate& candidate) const;  // and this one at nominal
   int size() const { return static_cast<int>(values.size()); }
-  /// Of its parts: "backlash tendon:2 and torsion".
+  /// Names of its parts: "backlash tendon:2 and torsion".
   std::string Name() const;
   const sim::EffectParameter& parameter(int k) const;
-  /// Its value without the effect: that of the registry, whatever law the robot file has.
+  /// The value that means no effect: the registry's, whatever the robot file has.
   double nothing(int k) const;
-  /// First value of part i in `values`.
+  /// Index of part i's first value in `values`.
   int offset(int part) const;
-  /// `base` with these effects; a law that it has there already is as the model says.
+  /// `base` with these effects; a law that it already has is replaced by the model's.
   RobotParameters Robot(const RobotParameters& base) const;
 };
 

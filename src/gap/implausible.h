@@ -9,19 +9,17 @@
 
 namespace tendril::gap {
 
-/// Angle of a motor that bends every section from one limit to the other; 0 where the robot file does not
-/// say.
+/// Motor angle that bends every section from one limit to the other; 0 where the robot file does not give it.
 double MostMotorWay_rad(const RobotParameters& robot);
 
-/// Rows of single motor positions, of one motor in motion, where it cannot have been between the rows beside
-/// them.
+/// Isolated rows of one motor's position, in a motion, that it cannot have reached between its neighbours.
 std::vector<Eigen::Index> LonePositions(const Eigen::Ref<const Eigen::VectorXd>& position_rad,
                                         const RobotParameters& robot);
 
-/// Turns into missing values: rare values far beyond what the robot can reach, whole columns of tension,
-/// torque or tip that lie there (another unit), single motor positions far from those beside them, stretches
-/// in which a cell or the tracker keeps one value to the last bit while the motor turns, and what is cut off
-/// at the end of a sensor's range. Returns what was taken out, one sentence each.
+/// Turns into missing values: rare values far beyond the robot's reach; whole columns of tension, torque or
+/// tip that lie there (another unit); isolated motor positions far from their neighbours; stretches in which
+/// a cell or the tracker keeps one value to the last bit while the motor turns; and values clipped at the end
+/// of a sensor's range. Returns what was removed, one sentence each.
 std::vector<std::string> TakeOutImplausible(DataSet& set);
 
 }  // namespace tendril::gap

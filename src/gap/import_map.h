@@ -1,5 +1,5 @@
-// A column map as plain numbers: what each column of a foreign table means. Filled from YAML; knows nothing
-// of the tables themselves.
+// A column map as plain numbers: the meaning of each column of a foreign table. Filled from YAML; knows
+// nothing of the tables themselves.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,21 +13,21 @@
 
 namespace tendril::gap {
 
-/// One number of a table: SI value = factor x cell + offset. An empty name: not measured.
+/// One number of a table: SI value = factor x cell + offset. Empty name: not measured.
 struct MappedColumn {
   std::string name;
   double factor = 1, offset = 0;
 };
 
-/// A text made of a column's text: `as` with $1, $2 ... from the match; the text itself where it does not
-/// match.
+/// A text derived from a column: `as` with $1, $2 ... from the match; the column's text itself where it does
+/// not match.
 struct MappedText {
-  std::string column, constant;  // one of the two
+  std::string column, constant;  // exactly one of the two
   std::optional<std::regex> match;
   std::string as = "$&";
 };
 
-/// How a time column writes its times.
+/// Format of a time column.
 enum class TimeKind { kNumber, kIso8601, kClock };
 
 enum class OrientationKind { kNone, kQuaternion, kMatrix, kEuler, kRotationVector };
@@ -37,11 +37,11 @@ struct ImportMap {
 
   std::string time_column, index_column;
   TimeKind time_kind = TimeKind::kNumber;
-  double time_factor = 1;  // of numbers
-  double rate_Hz = 0;      // where there is no time column
+  double time_factor = 1;  // for numeric times
+  double rate_Hz = 0;      // without a time column
 
-  MappedText by, family, repeats;  // empty column and constant: not told
-  double longest_gap_s = 0;        // a hole beyond begins a new run; 0: none does
+  MappedText by, family, repeats;  // empty column and constant: not given
+  double longest_gap_s = 0;        // a longer gap begins a new run; 0: never
   std::optional<LoadCellPlace> load_cell;
 
   std::vector<MappedColumn> torque_target, torque_actual, motor_position, tension;  // by tendon, or empty
@@ -49,13 +49,13 @@ struct ImportMap {
   OrientationKind orientation_kind = OrientationKind::kNone;
   std::vector<MappedColumn> orientation;  // w, x, y, z; or the matrix row by row; or three angles
   std::string euler_order;                // "XYZ" about the turned axes, "xyz" about the fixed ones
-  bool bending_is_polar = false;          // columns are angle and plane of each section, not us and vs
+  bool bending_is_polar = false;          // columns hold angle and plane of each section instead of us and vs
   std::vector<MappedColumn> bending;
 
   Eigen::Matrix3d R_base_table = Eigen::Matrix3d::Identity();
   Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();
   bool from_rest = false;  // the first rows show the straight robot
-  bool fit_frame = false;  // the above is a beginning only
+  bool fit_frame = false;  // the above is only an initial estimate
 };
 
 /// Throws std::runtime_error, one line: file:line: key: what; accepted; remedy.

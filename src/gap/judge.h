@@ -1,5 +1,5 @@
-// From scores to statements: how probable each cause is, which cannot be told apart, the verdict. Knows
-// nothing of how scores were found.
+// From scores to conclusions: the probability of each cause, which ones cannot be told apart, the verdict.
+// Knows nothing of how scores were found.
 #pragma once
 
 #include <cstdint>
@@ -21,15 +21,15 @@ struct Judgement {
   std::vector<Cause> accepted;
   std::vector<Confusion> confusable;
   const Fit* best = nullptr;     // of the accepted model; null: none accepted
-  const Fit* nearest = nullptr;  // what leaves leftover_sigma, accepted or not
+  const Fit* nearest = nullptr;  // the model that leaves leftover_sigma, accepted or not
   double leftover_sigma = 0;
   std::vector<SuspectNumber> suspected;
   std::string doubt;                  // as Diagnosis::doubt
   bool unrepeated = false;            // no place has a gap, but the robot does not repeat
-  std::optional<sim::Cut> hidden_at;  // where the best two would hide each other, and no gap is
+  std::optional<sim::Cut> hidden_at;  // the cut without a gap at which the best two causes would cancel
 };
-/// `seed` is of the bootstrap over blocks. `fit_numbers` fits the numbers of the robot file, and is called
-/// only where the causes leave something of a gap.
+/// `seed` of the bootstrap over blocks. `fit_numbers` fits the numbers of the robot file and is called only
+/// where the causes leave part of a gap.
 Judgement Judge(const Evaluator& evaluator, const SearchResult& search,
                 const std::vector<CutFinding>& location, std::uint64_t seed,
                 const std::function<std::vector<NumberFit>()>& fit_numbers);

@@ -10,22 +10,22 @@
 
 namespace tendril::gap {
 
-/// The noise is known within some tens of per cent.
+/// The noise is known to within some tens of per cent.
 constexpr double kNoiseSlack = 1.3;
-/// Share of false ones among the places found to have a gap, and among those that a cause leaves with one: to
-/// miss what is left is to name a wrong cause.
+/// False discovery rate among the places found to have a gap, and among those that still have one with a
+/// cause: overlooking what is left would name a wrong cause.
 constexpr double kGapDiscoveries = 0.01, kLeftDiscoveries = 0.05;
 
 /// "tendon:2", "section:1"; "tension", "tip position": as in CutFinding.
 std::string PlaceOf(const Channel& channel, const Evaluator& evaluator);
 std::string_view NameOf(Channel::Quantity quantity);
 
-/// Excess behind every cut, in chain order, with false discoveries controlled over all of them.
+/// Excess behind every cut, in chain order, with the false discovery rate controlled over all of them.
 std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals,
                                double false_discoveries);
 
-/// Channels of the places in `location` that have a gap, by index: what else exceeds its floor may be runs
-/// that scatter more than those that were repeated. All channels where no place has one.
+/// Which channels belong to places in `location` that have a gap, by index; other channels may exceed their
+/// floor because runs scatter more than those that were repeated. All channels where no place has a gap.
 std::vector<char> ChannelsWithGap(const Evaluator& evaluator, const std::vector<CutFinding>& location);
 
 }  // namespace tendril::gap

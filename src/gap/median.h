@@ -1,4 +1,4 @@
-// What outliers do not move.
+// A mean that outliers do not change.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 namespace tendril::gap {
 
-/// The upper middle one of an even number; 0 of none.
+/// The upper of the two middle values for an even count; 0 of no values.
 inline double Median(std::vector<double> values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);

@@ -1,5 +1,5 @@
-// Mistakes in how a robot was measured that look like a gap larger than any effect makes: a sign, an order, a
-// side, a unit, a delay. Knows how each is undone, nothing of what it does to a gap.
+// Measurement errors that look like a gap larger than any effect makes: a sign, an order, a side, a unit, a
+// delay. Knows how each is undone, nothing of what that does to a gap.
 #pragma once
 
 #include <functional>
@@ -11,9 +11,9 @@
 namespace tendril::gap {
 
 struct Mistake {
-  std::string with;                    // what would make it right, as words that follow "with"
-  std::function<void(Run&)> in_run{};  // how it is undone in each run, and in the robot file
-  std::vector<Mistake> finer{};        // of other sizes about this one's
+  std::string with;                    // the correction, as a phrase that follows "with"
+  std::function<void(Run&)> in_run{};  // undoes it in each run, and in the robot file
+  std::vector<Mistake> finer{};        // the same error with sizes near this one's
   std::function<void(RobotParameters&)> in_file{};
 
   void Undo(DataSet& set) const {
@@ -24,18 +24,18 @@ struct Mistake {
   }
 };
 
-/// What of these runs' sensors it can have been made with.
+/// The sensors of these runs that an error can concern.
 struct Measured {
   bool cells = false, tracker = false;
-  int odd_cell = -1;  // tendon whose load cell disagrees far more than the others'; -1: none
+  int odd_cell = -1;  // tendon whose load cell disagrees far more than the others; -1: none
 };
 
-/// What may go wrong in recording one run as well as all of them.
+/// Errors that may concern one run as well as all of them.
 std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured);
-/// And in what is said of all of them.
+/// Errors in what is declared for all runs.
 std::vector<Mistake> AllMistakes(const DataSet& set, Measured measured);
 
-/// A load cell whose zero is off by so much.
+/// A load cell whose zero is off by this much.
 Mistake MovedZero(int tendon, double zero_N);
 
 }  // namespace tendril::gap

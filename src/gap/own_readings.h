@@ -1,5 +1,5 @@
-// Sensors that are slower than the log: between their own readings a logger writes the last one again, or a
-// straight line. Knows nothing of robots.
+// Sensors that are slower than the log: between their readings a logger repeats the last one or interpolates.
+// Knows nothing of robots.
 #pragma once
 
 #include <string>
@@ -9,9 +9,9 @@
 
 namespace tendril::gap {
 
-/// Turns what stands between the own readings of the tip or of a load cell into missing values: as though
-/// they were measurements they would hide the sensor's noise. Leaves states at rest as they are. Returns what
-/// was found, one sentence for each kind of filling.
+/// Turns repeated and interpolated values between readings of the tip or a load cell into missing values,
+/// since they would hide the sensor's noise if taken for measurements. States at rest stay unchanged. Returns
+/// one sentence for each kind of filling found.
 std::vector<std::string> KeepOwnReadings(DataSet& set);
 
 }  // namespace tendril::gap

@@ -1,4 +1,4 @@
-// Work on all cores: independent items, results where the items say. Knows nothing of what the work is.
+// Runs independent work items on all cores. Knows nothing of what the work is.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,8 @@ namespace tendril::gap {
 inline int AllCores() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
 
 /// Calls work(i) for i = 0..count-1 on `threads` threads; each call writes only its own results, so the
-/// outcome does not depend on the order. Of those that throw, the exception of the lowest i is thrown
-/// again after all threads have ended: all below it have been called.
+/// outcome does not depend on the order. When calls throw, the exception of the lowest i is rethrown after
+/// all threads have ended; all items below it have been called.
 inline void ParallelFor(int count, int threads, const std::function<void(int)>& work) {
   std::atomic<int> next{0};
   std::exception_ptr failure;

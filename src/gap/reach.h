@@ -1,5 +1,5 @@
-// Whether any pose of the robot explains the recorded path of its tip: geometry of a backbone that does not
-// stretch. Knows nothing of forces, models and effects.
+// Whether any pose of the robot explains the recorded tip path: geometry of an inextensible backbone. Knows
+// nothing of forces, models and effects.
 #pragma once
 
 #include <optional>
@@ -9,17 +9,17 @@
 
 namespace tendril::gap {
 
-/// A path of the tip that the robot is too short for.
+/// A tip path for which the robot is too short.
 struct PathBeyondReach {
-  std::string run;       // where it is clearest
-  double moved_m = 0;    // farthest from where the tip was at rest
+  std::string run;       // the run that shows it best
+  double moved_m = 0;    // largest distance of the tip from its rest position
   double needed_m = 0;   // length of the shortest backbone that has such poses
   double at_rest_m = 0;  // distance of the tip from the tracker's origin, at rest
 };
 
-/// Empty where the path may be this robot's. In whatever frame the tracker reports, however the base is
-/// turned and wherever it stands. Of the runs that move the tip far most have to be impossible; a single one
-/// is odd, not the robot.
+/// Empty where the path is possible for this robot, in any tracker frame and with the base in any pose. Most
+/// of the runs with a large tip motion have to be impossible; a single one indicates a bad run, not a wrong
+/// robot file.
 std::optional<PathBeyondReach> FindPathBeyondReach(const DataSet& set);
 
 }  // namespace tendril::gap

@@ -1,6 +1,5 @@
-// Whether runs differ from their repetitions by more than the sensors and a usual scatter of friction
-// explain, or follow an angle in that: friction that peaks at angles, detents. Knows nothing of causes and
-// verdicts.
+// Whether repetitions differ by more than the sensors and the usual scatter of friction explain, or differ as
+// a function of an angle (friction peaks, detents). Knows nothing of causes and verdicts.
 #pragma once
 
 #include <optional>
@@ -11,11 +10,12 @@
 
 namespace tendril::gap {
 
-/// Of the place that follows an angle, else of the one that differs most; nothing where runs repeat as well
-/// as robots do, or none is repeated. `evaluator`: its variances are still those of the sensors alone.
+/// For the place whose differences follow an angle, else for the one with the largest differences; empty
+/// where runs repeat as well as robots do, or none is repeated. The variances of `evaluator` must be those of
+/// the sensors alone.
 std::optional<Repeatability> FindRepeatability(const Evaluator& evaluator, const Evaluator::Options& options);
 
-/// What is to be said where no place has a gap, and what is added where one has.
+/// The sentence where no place has a gap, and the one added where a place has one.
 std::string Unrepeated(const Repeatability& repeatability);
 std::string ButUnrepeated(const Repeatability& repeatability);
 

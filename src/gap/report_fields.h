@@ -1,5 +1,5 @@
-// The fields of report.json, one list a structure: the writer, the reader and the reference walk the same
-// list, so that they cannot part. Knows no JSON.
+// The fields of report.json, one list per structure, which the writer, the reader and the reference share so
+// that they stay consistent. Knows no JSON.
 #pragma once
 
 #include <array>
@@ -174,7 +174,7 @@ void Fields(A& a, typename A::template Ref<Diagnosis> d) {
   a("location", d.location);
   a("causes", d.causes);
   a("accepted", d.accepted);
-  // "closed" gathers several members: see WriteClosed and ReadClosed.
+  // "closed" combines several members: see WriteClosed and ReadClosed.
   a("order_effects", d.order_effects);
   a("leftover_sigma", d.leftover_sigma);
   a("suspected", d.suspected);

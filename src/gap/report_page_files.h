@@ -1,5 +1,4 @@
-// The files of src/gap/report and the plotting library, as the build embeds them (cmake/TendrilEmbed.cmake).
-// Knows nothing of what they say.
+// The files of src/gap/report and the plotting library, embedded by the build (cmake/TendrilEmbed.cmake).
 #pragma once
 
 #include <string_view>

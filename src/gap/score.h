@@ -1,4 +1,4 @@
-// How good a set of residuals is: weights, mean squares by channel, log score, folds. Knows nothing of where
+// Scores a set of residuals: weights, mean squares by channel, log score, folds. Knows nothing of where
 // residuals come from.
 #pragma once
 
@@ -11,16 +11,16 @@ namespace tendril::gap {
 
 /// Residuals of one channel: those of `part` where it has the channel, else those of `rest`.
 const Eigen::VectorXd& Pick(const Residuals& part, const Residuals& rest, int run, int channel);
-/// `rest` with all that `part` has in its place.
+/// `rest` with the channels of `part` replacing its own.
 Residuals Completed(const Residuals& part, const Residuals& rest);
 
 /// Parts of the data that are held out in turn: families of runs where there are at least three, else runs,
-/// else pieces of time.
+/// else intervals of time.
 struct Folds {
   int count = 0;
   std::string by;  // what is held out: "kinds of motion", "runs", "quarters of the runs"
   std::vector<std::string> names;
-  /// Fold of a window.
+  /// The fold of a window.
   int Of(int run, int window, int windows) const {
     if (!by_time) return of_run[run];
     return std::min(count - 1, window * count / std::max(windows, 1));
@@ -30,26 +30,26 @@ struct Folds {
 };
 Folds MakeFolds(const std::vector<PreparedRun>& runs);
 
-/// Weights of the log score. Residuals within a correlation time count once against what is left unexplained:
-/// the weight of a window is 1 / (variance + m (delta^2 + leftover^2) + n distrust^2), m the windows in a
-/// correlation time, n those of the run.
+/// Weights of the log score. Residuals within a correlation time count once against the model discrepancy:
+/// the weight of a window is 1 / (variance + m (delta^2 + leftover^2) + n distrust^2), with m the windows in
+/// a correlation time and n those of the run.
 class Weights {
  public:
   Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover);
   const Eigen::VectorXd& operator()(int run, int channel) const { return weight_[run][channel]; }
-  /// The same with nothing in the windows of a fold.
+  /// The same with zero weight in the windows of a fold.
   Weights Without(const Folds& folds, int fold) const;
 
  private:
   Residuals weight_;
 };
 
-/// -1/2 sum of w r^2 over the channels that `part` has; where it has none, those of `rest` count.
+/// -1/2 sum of w r^2 over the channels of `part`; channels that it lacks are taken from `rest`.
 double LogScore(const Weights& weights, const Residuals& part, const Residuals& rest);
 
-/// Squares of a residual, window by window. A few at a reversal must not decide: one that stands far above
-/// the rest and alone counts as far less, one of many in a row as it is. `expected`: what noise makes of
-/// each; `variance` is infinite in windows without a measurement.
+/// Squares of a residual, window by window. Isolated windows that stand far above the rest are limited, so
+/// that a few at a reversal do not decide; one of many in a row counts in full. `expected`: mean square of
+/// the noise; `variance` is infinite in windows without a measurement.
 Eigen::VectorXd CalmSquares(const Eigen::VectorXd& residual, const Eigen::VectorXd& variance,
                             const Eigen::VectorXd& expected, double window_s);
 
@@ -62,7 +62,7 @@ struct ChannelScore {
   }
 };
 ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, const Residuals& rest);
-/// What residuals leave beyond the noise, by channel: nothing else is worth distinguishing by less than that.
+/// Residual beyond the noise, by channel: models are not distinguished by less than that.
 Eigen::VectorXd Leftover(const Evaluator& evaluator, const Residuals& part);
 /// ScoreChannels of some runs.
 ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, const Residuals& rest,

@@ -15,42 +15,42 @@
 
 namespace tendril::gap {
 
-/// Log score that a second cause has to bring, as a rule.
+/// Log score that a second cause normally has to add.
 constexpr double kPairGain = 12.0;
 
-/// One candidate as the screening sees it.
+/// One candidate as seen by the screening.
 struct Screened {
   Candidate candidate;
-  Model start;               // nominal, shape parameters where the search did best
+  Model start;               // nominal, with the best shape parameters found
   std::vector<int> primary;  // parameters with a column
   std::vector<Column> columns;
-  LinearFit linear;  // of the primaries (nuisances fitted along)
-  double gain = 0;   // held-out log score over the nominal model
+  LinearFit linear;  // of the primaries (nuisances fitted too)
+  double gain = 0;   // held-out log score relative to the nominal model
 };
 
 struct SearchOptions {
   int threads = 1;
   int refits = 8;
   std::function<void(double)> progress;
-  /// True when these residuals leave nothing at any place: then only second causes are tried that promise
-  /// kPairGain, of what is spread thinly over many.
+  /// True when these residuals leave no excess at any place: only second causes that promise kPairGain are
+  /// tried then, for small excesses spread over many places.
   std::function<bool(const Residuals&)> explained;
 };
 
 struct SearchResult {
   std::vector<Screened> screened;  // by falling gain
   std::vector<Fit> fits;           // single candidates, by falling held-out score
-  std::vector<Fit> pairs;          // the same
-  std::vector<Fit> members;        // of the pair of the best score, each by itself
+  std::vector<Fit> pairs;          // by falling held-out score
+  std::vector<Fit> members;        // members of the best pair, each fitted alone
   double base_score = 0;           // held-out log score of the nominal model, nuisances free
-  Residuals everything;            // held-out residuals of all numbers of the nominal file refitted (linear)
-  std::vector<std::pair<Candidate, double>> everything_moved;  // by which, in plainly visible deviations
-  Eigen::VectorXd leftover;  // per channel: what the best single leaves beyond the noise
+  Residuals everything;  // held-out residuals with all numbers of the nominal file refitted (linear)
+  std::vector<std::pair<Candidate, double>> everything_moved;  // their changes, in plainly visible deviations
+  Eigen::VectorXd leftover;  // per channel: residual of the best single cause beyond the noise
   Nuisances nuisances;
 };
 
-/// Among the candidates of `probes`, of an evaluator of the same runs: how a robot answers does not depend on
-/// the floors.
+/// Searches among the candidates of `probes`, which may come from another evaluator of the same runs:
+/// responses do not depend on the floors.
 SearchResult Search(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options,
                     const std::vector<Probe>& probes);
 

@@ -1,4 +1,4 @@
-// The search's stages and what they share. Private to search.cpp and pairs.cpp.
+// The stages of the search and their shared state. Private to search.cpp and pairs.cpp.
 #pragma once
 
 #include <vector>
@@ -8,10 +8,10 @@
 
 namespace tendril::gap {
 
-/// A value that is not quite at a bound of its parameter.
+/// The value, moved slightly off a bound of its parameter.
 double Inside(const sim::EffectParameter& parameter, double value);
 
-/// One of them is said to be taken for the other.
+/// True where the registry lists one of them as confusable with the other.
 bool LookAlike(const sim::Effect& a, const sim::Effect& b);
 
 class Searching {
@@ -22,7 +22,7 @@ class Searching {
   SearchResult Result();
 
  private:
-  /// Where a stage begins and ends in the whole.
+  /// Begin and end of a stage within the total progress.
   struct Span {
     double from = 1, to = 1;
   };
@@ -38,23 +38,23 @@ class Searching {
   void RefitBest();
   void RefitEverything();
   bool Explained(const Fit& fit) const;
-  /// Sorted so. Of starts that cannot be simulated, what `unless` has of them stays.
+  /// Refits, sorted by score. For starts that cannot be simulated, those of `unless` are kept.
   std::vector<Fit> Refit(const std::vector<Model>& starts, const Weights& weights, int iterations, Span span,
                          const std::vector<Fit>* unless = nullptr) const;
-  /// The first `count` of `fits` refitted once more from where they are.
+  /// The first `count` of `fits` refitted again from their optimum.
   std::vector<Fit> Polished(std::vector<Fit> fits, std::ptrdiff_t count, const Weights& weights,
                             Span span) const;
-  /// The best are held out by refits where a straight line loses much for one of them, or `anyway`: what is
-  /// compared has to be held out alike. True when it was done.
+  /// Scores the best on held-out folds by refits where the linear step loses much for one of them, or where
+  /// `anyway`: fits are comparable only if held out by the same method. True when it was done.
   bool HoldOutAgain(std::vector<Fit>& fits, const Weights& weights, bool anyway) const;
 
-  // In pairs.cpp: add a second, then try others in the place of the first.
+  // In pairs.cpp: adds a second cause, then tries others in place of the first.
   void FindPairs();
   Residuals AtModel(const Model& model) const;  // of all channels, nuisances at nominal
   struct Promise {
     double gain = -1e300;  // held-out log score
-    int candidate = 0;     // of result_.screened
-    Eigen::VectorXd step;  // of its own parameters, then of the first's
+    int candidate = 0;     // index into result_.screened
+    Eigen::VectorXd step;  // step of its own parameters, then of the first cause's
   };
   std::vector<Promise> Promises(const Fit& first, const Weights& weights) const;
   std::vector<Model> Partners(const Fit& first, const Weights& weights, int count, double least,
@@ -71,9 +71,9 @@ class Searching {
   const SearchOptions& options_;
   const Residuals& nominal_;
   const std::vector<Probe>& probes_;
-  std::vector<Candidate> candidates_;  // of the probes, each once
-  Eigen::VectorXd leftover_;           // per channel: what the best leaves beyond the noise
-  bool singles_again_ = false;         // held out by refits
+  std::vector<Candidate> candidates_;  // the candidates of the probes, without duplicates
+  Eigen::VectorXd leftover_;           // per channel: residual of the best fit beyond the noise
+  bool singles_again_ = false;         // single causes were held out by refits
   SearchResult result_;
 };
 

@@ -1,4 +1,4 @@
-// Where runs come from, one function a kind of file. Knows nothing of folders and lists of runs.
+// Readers of runs, one function per kind of file. Knows nothing of folders and lists of runs.
 #pragma once
 
 #include <cstddef>
@@ -18,34 +18,35 @@ namespace tendril::gap {
 /// A canonical CSV. Throws std::runtime_error, one line naming file, line and column.
 Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot);
 
-/// True for the first bytes of an LCM event log, or the ending .lcmlog.
+/// True for the first bytes of an LCM event log, or the extension .lcmlog.
 bool IsLcmLog(const std::filesystem::path& file);
-/// An LCM log: one run a stretch between arming and disarming. Throws std::runtime_error when it holds none,
-/// OtherRobotError when it was recorded with another robot. `notes`: of the robot that it was recorded with.
+/// An LCM log: one run per stretch between arming and disarming. Throws std::runtime_error when it holds
+/// none, OtherRobotError when it was recorded with another robot. `notes`: on the robot that it was recorded
+/// with.
 std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotOfSet& of_set,
                             std::vector<std::string>& notes);
-/// The robot file that a log carries; empty when it has none. Throws std::runtime_error when it cannot be
+/// The robot file embedded in a log; empty when it has none. Throws std::runtime_error when it cannot be
 /// read.
 std::string RobotYamlOfLog(const std::filesystem::path& file);
 
-/// Where the load cells of a robot sit: its first tendon's that has one, else none.
+/// Where the load cells of a robot are: as on its first tendon that has one, else none.
 LoadCellPlace CellPlace(const RobotParameters& robot);
 
-/// File name without the endings .csv and .lcmlog.
+/// File name without the extension .csv or .lcmlog.
 std::string RunName(const std::filesystem::path& file);
 
-/// Whether two rows hold the same numbers.
+/// True where two rows hold the same numbers.
 using SameRow = std::function<bool(std::size_t, std::size_t)>;
-/// Of a table's rows from `from` on.
+/// Searches the rows of a table from row `from` on.
 SameRow SameNumbers(const Table& table, std::size_t from);
 
-/// Rows whose time is there and greater than that of the row before, of the longest part where the clock
-/// restarts; warns of what is dropped. Rows that share the stamp of a coarse clock are spread evenly to its
-/// next tick in `time_s`. `lines` are where the rows stand in the file.
+/// Rows with a time that is greater than that of the row before, from the longest part where the clock
+/// restarts; warns of dropped rows. Rows that share the stamp of a coarse clock are spread evenly to its next
+/// tick in `time_s`. `lines` are the rows' lines in the file.
 std::vector<int> RowsInTime(std::vector<double>& time_s, const std::vector<int>& lines, const SameRow& same,
                             Run& run);
 
-/// Notes holes in the time grid: steps of more than 1.5 times the usual one.
+/// Notes gaps in the time grid: steps of more than 1.5 times the usual one.
 void NoteGaps(Run& run);
 
 }  // namespace tendril::gap

@@ -1,4 +1,4 @@
-// Root mean squares while they are gathered.
+// Accumulates root mean squares.
 #pragma once
 
 #include <cmath>
@@ -8,7 +8,7 @@ namespace tendril::gap {
 struct Squares {
   double sum = 0, count = 0;
   void Add(double value) { sum += value * value, count += 1; }
-  /// 0 of nothing.
+  /// 0 without values.
   double rms() const { return count > 0 ? std::sqrt(sum / count) : 0; }
 };
 

@@ -1,5 +1,5 @@
-// What would read a table that is refused: the option of a column map, with its value, for the error line.
-// Changes nothing and reads a few lines only.
+// Finds the column-map option that would read a refused table, for the error line. Reads a few lines only and
+// changes nothing.
 #pragma once
 
 #include <string>
@@ -10,19 +10,17 @@
 
 namespace tendril::gap {
 
-/// Where the column names `wanted` stand in another line than the one that was taken for the names: the
-/// option that reads them, such as "table: {skip_lines: 3}", or empty.
+/// Where the column names `wanted` are in another line than the one taken for the names: the option that
+/// reads them, such as "table: {skip_lines: 3}"; else empty.
 std::string OptionForNames(std::string_view text, const TableFormat& format,
                            const std::vector<std::string>& wanted);
 
-/// Of a cell that is no number: "; " and what it is with the remedy (a time, grouped thousands, a decimal
-/// comma), or empty. `column` is its name and `line` its
-/// whole line.
+/// For a cell that is not a number: "; " and its meaning with the remedy (a time, grouped thousands, a
+/// decimal comma); else empty. `column` is its name and `line` its whole line.
 std::string HintForCell(std::string_view cell, std::string_view column, std::string_view line,
                         const TableFormat& format);
 
-/// The character that separates the cells of a line (comma, semicolon, tab or space), for one without any
-/// ','.
+/// The delimiter of the cells in a line (comma, semicolon, tab or space); ',' where there is none.
 char FindDelimiter(std::string_view line, std::string_view comment);
 
 }  // namespace tendril::gap

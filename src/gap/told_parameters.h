@@ -1,4 +1,5 @@
-// In which order a cause's parameters are told: what differs most first. Knows nothing of how.
+// The order in which a cause's parameters are listed: the largest deviation first. Knows nothing of
+// formatting.
 #pragma once
 
 #include <algorithm>
@@ -13,9 +14,8 @@
 
 namespace tendril::gap {
 
-/// A cause's parameters by how far they are from nominal, in plainly visible deviations (the reference rig's:
-/// of one effect they are alike on every robot); what only shapes an effect (a time constant, a direction)
-/// comes last.
+/// A cause's parameters by their deviation from nominal, in plainly visible deviations of the reference rig;
+/// shape parameters (a time constant, a direction) come last.
 inline std::vector<std::pair<std::string, Estimate>> ToldParameters(const Cause& cause) {
   const sim::Effect* effect = sim::FindEffect(cause.effect);
   const auto rank = [&](const std::pair<std::string, Estimate>& told) {

@@ -1,4 +1,4 @@
-// Which cuts of the chain the channels of a data set allow to compare, before anything is simulated.
+// Which cuts of the chain a data set allows to be compared, from its channels alone. Simulates nothing.
 #pragma once
 
 #include <string>
@@ -9,13 +9,14 @@
 
 namespace tendril::gap {
 
-/// One cut, C0 to C6, of a set.
+/// One of the cuts C0 to C6 in a data set.
 struct CutOfSet {
   sim::Cut cut{};
-  /// The channels that it still needs, such as "actual torque and motor position"; empty where some run has
-  /// all.
+  /// Channels that are missing for this cut, such as "actual torque and motor position"; empty where at least
+  /// one run has all of them.
   std::string lacks;
-  /// Tendons, from 1, for which no run has them; empty where all have, or where the cut has no tendons.
+  /// Tendons, counted from 1, for which no run has these channels; empty where none is missing, or where the
+  /// cut is not one of single tendons.
   std::vector<int> without;
 
   bool allowed() const { return lacks.empty(); }
@@ -24,7 +25,7 @@ struct CutOfSet {
 /// C0 to C6 in order.
 std::vector<CutOfSet> CutsOf(const DataSet& set);
 
-/// True when anything but the time stamps (C0) can be compared.
+/// True where any cut can be compared besides the time stamps (C0).
 bool AnyCut(const std::vector<CutOfSet>& cuts);
 
 /// One line: "can be compared: C0, C4; not C1 (no target torque), ...".

@@ -1,5 +1,5 @@
-// Anybody's tables as measured runs, through a column map. Knows units and frames, nothing of what a
-// diagnosis does with them.
+// Imports tables of other programs as measured runs, through a column map. Knows units and frames, nothing of
+// what a diagnosis does with them.
 #pragma once
 
 #include <string>
@@ -10,10 +10,10 @@
 
 namespace tendril::gap {
 
-/// Reads the tables through the map (keys in README): columns to canonical channels in SI units, in tendon
-/// order, the tracker's frame to the base's, a table to runs. Times begin at 0 in each run. What is wrong
-/// with the map throws std::runtime_error: file:line: key: what; accepted; remedy. A table that cannot be
-/// read, or a run of less than two rows, is left out with a note; std::runtime_error when no run is left.
+/// Reads the tables through the map: columns become canonical channels in SI units and tendon order, tip
+/// poses are moved to the base frame, and tables are split into runs whose times begin at 0. Throws
+/// std::runtime_error on an invalid map (file:line: key: what; accepted; remedy). A table that cannot be read
+/// and a run of fewer than two rows are left out with a note; throws std::runtime_error when no run is left.
 DataSet ImportTables(const std::string& map_path, const std::vector<std::string>& tables,
                      const RobotParameters& robot);
 

@@ -1,5 +1,5 @@
-// The report of a diagnosis: a page to look at, a JSON file with every number of the page, and a few lines
-// for the terminal. Knows nothing of how the diagnosis was made.
+// The report of a diagnosis: an HTML page, a JSON file with every number of the page, and a summary for the
+// terminal. Knows nothing of how the diagnosis was made.
 #pragma once
 
 #include <filesystem>
@@ -11,46 +11,45 @@
 
 namespace tendril::gap {
 
-/// What the report is made of: causes by falling p, with "no_gap" and "unknown"; curves with six digits and
-/// thinned so that the page stays small, a thinned curve keeping its extremes. Done twice it changes nothing
-/// more.
+/// The diagnosis as the report shows it: causes by falling p, with "no_gap" and "unknown"; curves rounded to
+/// six digits and thinned, keeping their extremes. Idempotent.
 Diagnosis Condensed(const Diagnosis& diagnosis);
 
-/// Every number of the condensed diagnosis as JSON text; a number that is not finite becomes null. The same
-/// diagnosis gives the same text but for provenance.seconds.
+/// The condensed diagnosis as JSON text; numbers that are not finite become null. Equal diagnoses give equal
+/// text except for provenance.seconds.
 std::string ReportJson(const Diagnosis& diagnosis);
-/// The inverse: ReportJson(ParseReport(t)) == t for every t that ReportJson made; null becomes NaN. Throws
+/// The inverse: ReportJson(ParseReport(t)) == t for every t made by ReportJson; null becomes NaN. Throws
 /// std::runtime_error naming the key that is missing or wrong.
 Diagnosis ParseReport(const std::string& json);
 
-/// A field of report.json, for the reference.
+/// A field of report.json, for the generated reference.
 struct ReportField {
   std::string path;     // "location[].rms"
   std::string type;     // "number or null"
-  std::string member;   // "CutFinding::rms", whose comment in diagnosis.h says what it is; or empty, and then
-  std::string meaning;  // says it
+  std::string member;   // "CutFinding::rms", whose comment in diagnosis.h is its description; if empty,
+  std::string meaning;  // this is its description
 };
 std::vector<ReportField> ReportFields();
 
-/// One HTML page that needs no other file and no network.
+/// One self-contained HTML page that needs no network.
 std::string ReportPage(const Diagnosis& diagnosis);
 
-/// report.json and report.html into the folder, which is created. Throws std::runtime_error when they cannot
-/// be written.
+/// Writes report.json and report.html into the folder, creating it. Throws std::runtime_error when they
+/// cannot be written.
 void WriteReport(const Diagnosis& diagnosis, const std::filesystem::path& folder);
-/// Throws std::runtime_error with the file's name and what is wrong in it.
+/// Throws std::runtime_error with the file's name and the error in it.
 Diagnosis ReadReport(const std::filesystem::path& file);
 
-/// For the terminal, at most 100 columns: sentence, chain, causes, what closed, what next, where the report
-/// is (left out when empty). `colour` adds terminal colour codes.
+/// Text for the terminal, at most 100 columns: sentence, chain, causes, closure, next step, and the report's
+/// path unless empty. `colour` adds terminal colour codes.
 std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& report = {},
                     bool colour = false);
 
-/// The words of a text in lines of at most 100 columns, `indent` of them blank; control characters become
-/// blanks.
+/// The words of a text in lines of at most 100 columns, indented by `indent` blanks; control characters
+/// become blanks.
 std::string Wrapped(std::string_view text, int indent);
 
-/// What a cut compares, for people.
+/// Names of a cut and of the signals on both sides of it.
 struct CutText {
   const char* title;  // "drivetrain"
   const char* from;   // "motor torque"
