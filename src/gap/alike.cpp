@@ -1,4 +1,4 @@
-// Runs beside each other: their clocks and their columns.
+// Compares runs with each other: their clocks and their columns.
 #include "alike.h"
 
 #include <fmt/core.h>
@@ -15,7 +15,7 @@
 namespace tendril::gap {
 
 bool Smooth(const Run& run) {
-  constexpr double kSmooth = 0.03;  // rms step of a motor, of what it does in all
+  constexpr double kSmooth = 0.03;  // rms step of a motor, relative to its rms motion
   double widest = 0, farthest = 0;
   for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j) {
     Squares steps;
@@ -50,7 +50,7 @@ void LeaveOut(DataSet& set, std::size_t run) {
 
 std::vector<std::string> TakeOutOtherTime(DataSet& set) {
   constexpr double kLike = 0.3;   // steps of one controller differ by less
-  constexpr double kLeast_s = 1;  // that a run takes
+  constexpr double kLeast_s = 1;  // minimum duration of a run
   std::vector<double> usual_s;
   for (const Run& run : set.runs) {
     if (const double step_s = UsualStep(run); step_s > 0 && step_s <= kQuasiStatic_s)
@@ -68,8 +68,8 @@ std::vector<std::string> TakeOutOtherTime(DataSet& set) {
       });
       if (like == usual_s.end()) continue;
       said.push_back(
-          fmt::format("left out: {}: a row every {:.4g} s, in other runs every {:.4g} s, and motors that go "
-                      "smoothly from row to row: its time is in {}; write it in seconds",
+          fmt::format("left out: {}: its rows are {:.4g} s apart, those of other runs {:.4g} s, and its "
+                      "motors move smoothly from row to row: its time is in {}; convert it to seconds",
                       run.name, step_s, *like, unit.name));
       LeaveOut(set, i);
       break;

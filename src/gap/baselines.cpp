@@ -1,4 +1,4 @@
-// First choices without held-out data, without tempering, without a floor for what models lack.
+// First choices without held-out data, without tempering, without a noise floor for model discrepancy.
 #include "baselines.h"
 
 #include <cmath>
@@ -13,7 +13,7 @@ Baseline Named(const char* name, const Candidate& candidate) {
   return {name, std::string(candidate.effect->name), candidate.where};
 }
 
-/// Sum of squares over the noise, every window counted as if it were independent of the others, and how many.
+/// Sum of squares over the noise, with every window counted as independent, and the number of windows.
 struct Misfit {
   double chi_square = 0, windows = 0;
 };
@@ -61,8 +61,8 @@ std::optional<Baseline> LeastRmse(const Evaluator& evaluator, const SearchResult
   return best;
 }
 
-/// The first column that enters a regression with an L1 penalty on how residuals change from one window to
-/// the next: the one most alike.
+/// The first column to enter a regression with an L1 penalty on the window-to-window change of residuals: the
+/// most similar one.
 std::optional<Baseline> SparseRegression(const Evaluator& evaluator, const SearchResult& search) {
   const Residuals& nominal = evaluator.AtNominal();
   std::optional<Baseline> best;
@@ -91,7 +91,7 @@ std::optional<Baseline> SparseRegression(const Evaluator& evaluator, const Searc
   return best;
 }
 
-/// All numbers of the nominal file refitted together: the one that moves most.
+/// All numbers of the nominal file refitted together: the one that changes most.
 std::optional<Baseline> RefitEverything(const SearchResult& search) {
   std::optional<Baseline> best;
   double most = 0;

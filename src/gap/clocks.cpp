@@ -13,15 +13,15 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kBefore_s = 0.015;   // a tip this much ahead of its motors was stamped by another clock
-constexpr double kRepeated_s = 0.01;  // repetitions agree better
-constexpr double kSpread_s = 0.015;   // of runs that are off in time and else alike
-// Correlation of the tip's motion with the nominal robot's from which a shift between them is one of time;
-// friction and damping bend the motion and shift it by less than they bend it.
+constexpr double kBefore_s = 0.015;   // a tip that leads its motors by this much has another clock
+constexpr double kRepeated_s = 0.01;  // repetitions agree better than this
+constexpr double kSpread_s = 0.015;   // of runs that differ in their delay only
+// Correlation of the tip's motion with the nominal robot's above which a shift between them is a time shift;
+// friction and damping distort the motion more than they delay it.
 constexpr double kAlike = 0.99, kTheSame = 0.995;
-constexpr double kUsualLag_s = 0.005;  // of a body after its motors
+constexpr double kUsualLag_s = 0.005;  // of the body behind its motors
 
-/// Shifts of the measured tip against the nominal robot's and against the motors.
+/// Delay of the measured tip relative to the nominal robot's tip and to the motors.
 struct Late {
   std::optional<Shift> model, motors;
 };
@@ -66,7 +66,7 @@ TrackerClocks CompareClocks(const std::vector<PreparedRun>& runs, const std::vec
   TrackerClocks found{std::vector<double>(runs.size(), 0.0), ""};
   if (before == 0 && unlike_original == 0 && spread(the_same_s) < kSpread_s) return found;
 
-  // Where the model is too far off to tell, the motors do, to some milliseconds.
+  // Where the model is too inaccurate, the motors give the delay to within some milliseconds.
   std::vector<double> lag_s{kUsualLag_s}, moved_s;
   for (std::size_t i = 0; i < runs.size(); ++i) {
     if (alike(i, kAlike) && late[i].motors) lag_s.push_back(late[i].motors->seconds - late[i].model->seconds);
@@ -80,11 +80,12 @@ TrackerClocks CompareClocks(const std::vector<PreparedRun>& runs, const std::vec
   }
   const auto [least, most] = std::minmax_element(moved_s.begin(), moved_s.end());
   found.note = fmt::format(
-      "the tracker's clock is not the drives' ({}): each run's readings were moved, by {:.1f} to {:.1f} ms, "
-      "and are free to move with every cause; a delay of the tracker and what looks like one cannot be told",
+      "the tracker's clock is not the drives' ({}): each run's readings were shifted, by {:.1f} to {:.1f} "
+      "ms, and the shift is refitted with every cause; a delay of the tracker, and effects that look like "
+      "one, cannot be identified",
       before > 0 ? fmt::format("in {} of {} runs the tip moves before the motors", before, runs.size())
-      : unlike_original > 0 ? std::string("repetitions are late by other times than their originals")
-                            : std::string("runs are off by different times, and by nothing else"),
+      : unlike_original > 0 ? std::string("repetitions have other delays than their originals")
+                            : std::string("runs differ in their delay, and in nothing else"),
       1e3 * *least, 1e3 * *most);
   return found;
 }

@@ -1,4 +1,4 @@
-// Closed fractions by channel and over all that have a gap, and their bootstrap.
+// Closed fractions by channel and pooled over all channels with a gap, and their bootstrap.
 #include "closure.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// A table of numbers out of the text of a file; see the header.
+// Parses a table of numbers; see the header.
 // One pass over the bytes with std::from_chars; a cell is copied only when it is unusual.
 #include "csv.h"
 
@@ -24,15 +24,15 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-// A file that claims more columns than this is not a table of a robot.
+// A file with more columns than this is not a table of a robot.
 constexpr std::size_t kMostColumns = 4096;
-// A file that is larger, or has no end, is not a run.
+// A larger file, or one without end, is not a run.
 constexpr std::size_t kMostBytes = std::size_t{4} << 30;
 
 bool IsSpace(char c) { return c == ' ' || c == '\t'; }
 bool IsLineEnd(char c) { return c == '\n' || c == '\r'; }
 
-// True for the words that programs write where there is no value.
+// True for the words that programs write for a missing value.
 bool MeansNone(std::string_view cell) {
   static constexpr std::array<std::string_view, 24> kWords{
       "nan", "-nan", "+nan", "na",      "n/a",      "null",      "none",     "-",
@@ -48,7 +48,7 @@ std::optional<double> Number(std::string_view cell) {
   double value = 0;
   const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
   if (error == std::errc::result_out_of_range && end == cell.data() + cell.size()) {
-    // Too small to be told from zero, or too large to be meant.
+    // Underflow is zero; overflow is an error.
     return cell.find("e-") != cell.npos || cell.find("E-") != cell.npos ? std::optional(0.0) : std::nullopt;
   }
   if (error != std::errc{} || end != cell.data() + cell.size()) return std::nullopt;
@@ -94,7 +94,7 @@ class Parser {
     if (left >= 2 && (std::memcmp(at_, "\xFF\xFE", 2) == 0 || std::memcmp(at_, "\xFE\xFF", 2) == 0)) {
       RefuseUtf16();
     }
-    // Without a mark: every other byte of what is ASCII is zero.
+    // Without a byte order mark: every other byte of UTF-16 text in ASCII is zero.
     if (left >= 4 && ((at_[0] == 0 && at_[2] == 0) || (at_[1] == 0 && at_[3] == 0))) RefuseUtf16();
     if (left >= 4 && std::memcmp(at_, "PK\x03\x04", 4) == 0) {
       throw TableError(name_ + ":1: a zip file, as workbooks are (.xlsx); accepted: text; export it as CSV");
@@ -123,7 +123,7 @@ class Parser {
     }
   }
 
-  /// Lines of units; one that reads as a row is one, and would be lost.
+  /// Lines of units. A line that parses as a row is refused, since its data would be lost.
   void SkipUnits() {
     for (int i = 0; i < format_.unit_rows && at_ != end_; ++i) {
       while (at_ != end_ && SkipEmptyLine(false)) {
@@ -138,7 +138,7 @@ class Parser {
     }
   }
 
-  /// Whether a line has a number in some column that is read as one, and in all of them a number or nothing.
+  /// True where a line has a number in at least one numeric column, and a number or nothing in all of them.
   bool HoldsNumbers(const char* line) {
     const char* at = std::exchange(at_, line);
     bool more = true, any = false, all = true;
@@ -164,7 +164,7 @@ class Parser {
 
   bool IsMark(char c) const { return format_.comment.find(c) != format_.comment.npos; }
 
-  // Passes a line with nothing on it, or a remark.
+  // Skips an empty line or a comment.
   bool SkipEmptyLine(bool remarks = true) {
     const char* p = at_;
     while (p != end_ && IsSpace(*p)) ++p;
@@ -243,7 +243,7 @@ class Parser {
     return names_line;
   }
 
-  /// How many cells a remark has behind its mark.
+  /// Number of cells in a comment after its mark.
   std::size_t CellsOf(const char* remark) {
     const char* at = std::exchange(at_, remark);
     while (at_ != end_ && (IsSpace(*at_) || IsMark(*at_))) ++at_;
@@ -265,8 +265,8 @@ class Parser {
     EndLine();
   }
 
-  // The text of the next cell of this line, without quotes; at_ is then behind its delimiter (more) or at the
-  // line's end.
+  // The text of the next cell of this line, without quotes; at_ is then after its delimiter (more) or at the
+  // end of the line.
   std::string_view Cell(bool& more) {
     const char d = format_.delimiter;
     const auto is_delimiter = [d](char c) { return d == ' ' ? IsSpace(c) : c == d; };
@@ -296,7 +296,7 @@ class Parser {
     return {first, static_cast<std::size_t>(last - first)};
   }
 
-  // The common cell, a plain number right up to the delimiter, without looking at its bytes twice.
+  // The common cell, a plain number up to the delimiter, without reading its bytes twice.
   bool PlainNumber(double& value, bool& more) {
     const char d = format_.delimiter;
     if (format_.decimal != '.') return false;
@@ -310,7 +310,7 @@ class Parser {
     return true;
   }
 
-  // Where the decimal mark is not given, one kind of it is taken; the other one would mark thousands.
+  // Where the decimal mark is not given only one kind is accepted; the other could be a thousands separator.
   void NotePoint(std::string_view cell) {
     if (cell.find('.') == cell.npos) return;
     point_line_ = line_;
@@ -335,7 +335,7 @@ class Parser {
       return kNone;
     }
     std::optional<double> value;
-    // A point beside a decimal comma would mark thousands.
+    // A point beside a decimal comma could be a thousands separator.
     if (format_.decimal == '.' || cell.find('.') == cell.npos) value = Number(cell);
     if (value && comma_too_ && point_line_ == 0) NotePoint(cell);
     if (!value && (format_.decimal == ',' || comma_too_) && std::count(cell.begin(), cell.end(), ',') == 1 &&
@@ -359,7 +359,8 @@ class Parser {
     return *value;
   }
 
-  /// What would read a cell that is no number. The first lines may hold something else than numbers.
+  /// The option that would read a cell that is not a number. The first lines may contain something else than
+  /// numbers.
   std::string Hint(std::string_view cell, std::size_t column) {
     const char* line_end = std::find_if(at_, end_, IsLineEnd);
     const std::string hint = HintForCell(
@@ -393,7 +394,7 @@ class Parser {
       for (; more; ++cells) {
         if (cells >= columns) {
           const std::string_view rest = Cell(more);
-          // A delimiter at the end, where every line has one.
+          // A delimiter at the end, if every line has one.
           if (rest.empty() && !more && trailing_.value_or(true)) {
             trailing = true;
             break;
@@ -477,19 +478,19 @@ class Parser {
   const std::string& name_;
   TableFormat format_;
   bool comma_too_ = false;
-  int point_line_ = 0, comma_line_ = 0;  // of the first decimal mark of either kind, where either would do
+  int point_line_ = 0, comma_line_ = 0;  // of the first decimal mark of either kind, where either is allowed
   const char* row_begin_ = nullptr;
-  std::optional<bool> trailing_;  // whether lines end with a delimiter, as the first one does
+  std::optional<bool> trailing_;  // whether lines end with a delimiter, as on the first line
   int line_ = 1;
-  std::size_t last_size_ = 0;  // of the last cell of the row before, as written
+  std::size_t last_size_ = 0;  // of the last cell of the previous row, as written
   std::vector<CellKind> kinds_;
   std::vector<int> infinite_;
   struct Word {
     std::size_t count;
-    int line;  // of the first
+    int line;  // of the first occurrence
     std::size_t column;
   };
-  std::map<std::string, Word> words_;  // that stand where there is no value
+  std::map<std::string, Word> words_;  // words that stand for a missing value
   Table table_;
 };
 
@@ -526,7 +527,7 @@ std::string ReadBytes(const std::filesystem::path& file) {
     bytes.resize(size);
   }
   bytes.resize(std::fread(bytes.data(), 1, bytes.size(), in.get()));
-  // What has grown since, and what has no size (a pipe).
+  // Data appended meanwhile, or a file without a size (a pipe).
   std::array<char, 65536> more;
   while (const std::size_t n = std::fread(more.data(), 1, more.size(), in.get())) {
     bytes.append(more.data(), n);

@@ -1,4 +1,4 @@
-// Cuts by what was recorded; see the header.
+// Cuts available from the recorded signals; see the header.
 #include "tendril/gap/cuts.h"
 
 #include <fmt/core.h>
@@ -21,7 +21,7 @@ bool Measured(const Run& run, const Eigen::MatrixXd& values) {
   return values.rows() == run.time_s.size() && values.cols() > 0 && values.array().isFinite().any();
 }
 
-/// One thing that a cut needs, of a tendon (from 0).
+/// One requirement of a cut, for a tendon (from 0).
 struct Need {
   const char* channel;
   bool (*met)(const Run& run, int tendon);
@@ -37,7 +37,7 @@ constexpr Need kActual{"actual torque",
 constexpr Need kMotor{"motor position",
                       [](const Run& run, int j) { return Measured(run, run.motor_position_rad, j); }};
 constexpr Need kTension{"tension", HasTension};
-/// Of every tendon: without, nobody knows what pulls on the body.
+/// Needed for every tendon: without it the load on the body is unknown.
 constexpr Need kPull{"tension or motor position of every tendon", [](const Run& run, int) {
                        const Eigen::Index tendons =
                            std::max(run.tension_N.cols(), run.motor_position_rad.cols());
@@ -58,7 +58,7 @@ constexpr Need kQuick{"rows closer than 0.2 s", [](const Run& run, int) {
 struct CutNeeds {
   Cut cut;
   bool a_tendon;
-  std::array<const Need*, 3> needs;  // null behind the last
+  std::array<const Need*, 3> needs;  // null after the last
 };
 constexpr CutNeeds kCutNeeds[] = {
     {Cut::kClock, false, {}},

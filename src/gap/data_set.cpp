@@ -25,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A list of runs that is larger is not one.
+// A larger list of runs is refused.
 constexpr std::size_t kMostList = std::size_t{4} << 20;
 
 constexpr RunsKey kRunsKeys[] = {
@@ -53,7 +53,7 @@ std::vector<std::string_view> KnownKeys(bool of_a_run) {
   return names;
 }
 
-/// One entry of runs.yaml as it is written.
+/// One entry of runs.yaml as written.
 struct Listed {
   fs::path file;
   std::string family = "unknown", repeat_of{}, before{};
@@ -78,13 +78,13 @@ bool IsNoName(std::string_view text) {
   return low.empty() || low == "none" || low == "null" || low == "~";
 }
 
-/// The text of a key, trimmed; empty when it is missing, null or no single value.
+/// The text of a key, trimmed; empty when it is missing, null or not a scalar.
 std::string Text(const YAML::Node& entry, const char* key) {
   const YAML::Node node = entry[key];
   return node && node.IsScalar() ? std::string(Trimmed(node.Scalar())) : std::string();
 }
 
-/// Keys that mean nothing here, a typing error perhaps.
+/// Keys that have no meaning here, perhaps typing errors.
 void NoteUnknown(const YAML::Node& map, const std::vector<std::string_view>& known,
                  const std::string& where, std::vector<std::string>& notes) {
   std::string unknown;
@@ -200,7 +200,7 @@ std::vector<Run> ReadAny(const fs::path& file, const RobotOfSet& robot, std::vec
   return one;
 }
 
-/// What of a run depends on where its load cells are said to be.
+/// Everything in a run that depends on the declared place of its load cells.
 void SettleCell(Run& run, std::optional<LoadCellPlace> told) {
   if (told) run.load_cell = *told;
   if (run.tension_N.cols() == 0) {
@@ -219,8 +219,8 @@ void SettleCell(Run& run, std::optional<LoadCellPlace> told) {
   }
 }
 
-/// The robot that the tables of a folder were recorded with; none where no file says so, or none that can be
-/// read.
+/// The robot that the tables of a folder were recorded with; empty where no file names it, or none that can
+/// be read.
 std::optional<RobotParameters> RecordedWith(const fs::path& folder) {
   std::error_code ignored;
   if (!fs::exists(folder / "robot.yaml", ignored)) return std::nullopt;
@@ -231,8 +231,8 @@ std::optional<RobotParameters> RecordedWith(const fs::path& folder) {
   }
 }
 
-/// Newtons in a table are volts by the load cells of the robot that it was recorded with; these cells' volts
-/// mean others. Returns the tendons of which they do.
+/// Converts a table's newtons back to volts by the load cells of the recorded robot, then by those of the
+/// given one. Returns the tendons whose cells differ.
 std::set<int> TakeCells(Run& run, const RobotParameters& recorded, const RobotParameters& robot) {
   std::set<int> tendons;
   if (!recorded.actuation || !robot.actuation) return tendons;
@@ -250,7 +250,7 @@ std::set<int> TakeCells(Run& run, const RobotParameters& recorded, const RobotPa
   return tendons;
 }
 
-/// A tendon of the recorded robot that no column of a table is of was not measured, but it is there.
+/// Tendons of the recorded robot without any column were not measured, but they exist.
 void NameTendons(Run& run, int tendons) {
   for (Eigen::MatrixXd* m :
        {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N}) {
@@ -261,15 +261,15 @@ void NameTendons(Run& run, int tendons) {
   }
 }
 
-/// Reads the files of a list into the set; what cannot be read becomes a note.
+/// Reads the files of a list into the set; files that cannot be read become notes.
 void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, const std::vector<Listed>& list) {
   const std::optional<RobotParameters> recorded = RecordedWith(folder);
   std::set<int> other_cells;
   for (const Listed& listed : list) {
     try {
       std::vector<Run> runs = ReadAny(listed.file, robot, set.notes);
-      // What is there twice would pass for a robot that repeats itself without any noise. A few rows may well
-      // be the same.
+      // A duplicated file would look like a robot that repeats without any noise. A few equal rows are
+      // possible.
       constexpr Eigen::Index kMany = 20;
       const auto same = std::find_if(set.runs.begin(), set.runs.end(), [&](const Run& run) {
         return run.time_s.size() >= kMany && run.sha256 == runs.front().sha256;
@@ -307,12 +307,11 @@ void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, cons
   }
 }
 
-/// Names that occur twice are told apart, and every repeat_of becomes the name of a run that is there, that
-/// of the first of its kind.
+/// Makes names unique, and resolves every repeat_of to an existing run, the first of its kind.
 void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::string>& notes) {
   std::set<std::string> taken;
   for (std::size_t i = 0; i < from; ++i) taken.insert(runs[i].name);
-  std::map<std::string, std::string> root;  // by what runs.yaml may call a run
+  std::map<std::string, std::string> root;  // by the names that runs.yaml may use for a run
   std::map<std::string, std::string> told;
   const auto told_before = [&](const std::string& name) {
     const auto run = std::find_if(runs.begin() + static_cast<std::ptrdiff_t>(from), runs.end(),
@@ -340,7 +339,7 @@ void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::stri
       run.before = found->second;
     }
   }
-  std::map<std::string, std::string> stands_in;  // for an original that is missing
+  std::map<std::string, std::string> stands_in;  // replacement for a missing original
   for (std::size_t i = from; i < runs.size(); ++i) {
     Run& run = runs[i];
     std::string at = run.name, original = run.repeat_of;
@@ -361,7 +360,7 @@ void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::stri
           fmt::format("run {}: repeat_of leads in a circle; taken as no repetition", Printable(run.name)));
       run.repeat_of.clear();
     } else if (!original.empty()) {
-      // The original is not there: the first of its repetitions takes its place.
+      // The original is missing: the first of its repetitions takes its place.
       const auto [place, first] = stands_in.emplace(original, run.name);
       if (first) {
         notes.push_back(fmt::format("run {}: its original '{}' is missing; it stands in for it",
@@ -435,7 +434,7 @@ bool HoldsRuns(const fs::path& folder) {
   });
 }
 
-/// The robot of a folder by its robot.yaml, or by what its first log was made with.
+/// The robot of a folder, from its robot.yaml or from the first log.
 std::optional<RobotParameters> RobotOf(const fs::path& folder) {
   if (auto robot = RecordedWith(folder)) return robot;
   for (const fs::path& file : FilesIn(folder)) {
@@ -449,8 +448,8 @@ std::optional<RobotParameters> RobotOf(const fs::path& folder) {
   return std::nullopt;
 }
 
-/// For a folder without runs, as the demo leaves it: its subfolders that hold some, of the robot named, or of
-/// one robot. Those of others are noted.
+/// For a folder without runs, as the demo leaves it: its subfolders that hold runs, of the named robot or of
+/// one robot. Those of other robots are noted.
 std::vector<std::string> RunFolders(const std::string& path, const std::string& robot_path,
                                     std::vector<std::string>& notes) {
   std::error_code error;
@@ -485,7 +484,7 @@ std::vector<std::string> RunFolders(const std::string& path, const std::string& 
   return taken;
 }
 
-// A run that is there twice would pass for one that repeats itself without any noise.
+// A run named twice would look like one that repeats without any noise.
 void RefuseTwice(const std::vector<std::string>& paths) {
   for (std::size_t i = 0; i < paths.size(); ++i) {
     for (std::size_t k = 0; k < paths.size(); ++k) {
@@ -524,7 +523,7 @@ DataSet LoadLogs(const std::vector<std::string>& named, const std::string& robot
   RefuseTwice(paths);
   std::string robot_from = robot_path;
   std::optional<std::string> other;
-  std::set<std::string> beside;  // robot files of folders, but for the one that is taken
+  std::set<std::string> beside;  // robot files of folders, except the one used
   const auto offer = [&](const fs::path& file) {
     std::error_code ignored;
     if (!fs::exists(file, ignored)) return;
@@ -649,7 +648,7 @@ void CompareWithBefore(DataSet& set, DataSet before) {
 
   std::set<std::string> taken;
   for (const Run& run : set.runs) taken.insert(run.name);
-  std::map<std::string, std::string> called;  // what the earlier runs are called here
+  std::map<std::string, std::string> called;  // new names of the earlier runs
   for (const Run& run : before.runs) {
     std::string name = run.name + "@before";
     while (!taken.insert(name).second) name += "'";

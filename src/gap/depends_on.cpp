@@ -1,4 +1,5 @@
-// Regression of what runs differ by on functions of states, each against what chance makes of the same data.
+// Regression of the differences between runs on functions of states, each compared with what chance gives on
+// the same data.
 #include "depends_on.h"
 
 #include <fmt/core.h>
@@ -20,21 +21,22 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Columns = std::vector<VectorXd>;
 
-constexpr int kDraws = 1999;  // of what chance would make
+constexpr int kDraws = 1999;  // random draws for the chance distribution
 constexpr double kChance = 0.01;
-// Of the mean square: what makes less than half of the rms is not what runs differ by.
+// Of the mean square: a function that covers less than half of the rms does not explain the differences.
 constexpr double kLeastShare = 0.25;
 constexpr double kKinds = 2;  // functions of states, and the order of the runs
-// What is alike from window to window is one draw of chance; at least what drives a motor off its way.
+// Windows within one correlation time are one draw of chance; the minimum is the time that a motor
+// disturbance lasts.
 constexpr double kBlock_s = 0.5;
-// Of fewer the signs alone come out alike in one of a hundred.
+// With fewer blocks the signs alone would coincide in one of a hundred cases.
 constexpr int kLeastBlocks = 8, kLeastInOrder = 6;
-// An angle's period is distinguished from drift by at least two of them; one that passes within two windows
-// is averaged away.
+// An angle's period can be distinguished from drift with at least two of them; a period shorter than two
+// windows is averaged out.
 constexpr double kLeastPeriods = 2, kWindowsAPeriod = 2;
-constexpr int kMostOrders = 60;  // a turn: slots times poles of usual motors, and twice that
+constexpr int kMostOrders = 60;  // per turn: slots times poles of usual motors, and twice that
 
-/// Each run's value less the mean of all runs there, and less its own mean: another zero is no dependence.
+/// Each run's value less the mean of all runs there and less its own mean: an offset is not a dependence.
 VectorXd Deviations(const Repetitions& r, const VectorXd& values) {
   VectorXd off = values;
   Index first = 0;
@@ -47,9 +49,9 @@ VectorXd Deviations(const Repetitions& r, const VectorXd& values) {
   return off;
 }
 
-/// The deviations of these columns, without what lies in `taken`, as an orthonormal base.
+/// Orthonormal basis of these columns' deviations, orthogonal to `taken`.
 MatrixXd Base(const Repetitions& r, const Columns& columns, const MatrixXd& taken) {
-  constexpr double kAdds = 1e-6;  // of the largest: what adds less is nothing of its own
+  constexpr double kAdds = 1e-6;  // relative to the largest: less than this is linearly dependent
   MatrixXd all(r.residual.size(), static_cast<Index>(columns.size()));
   for (Index c = 0; c < all.cols(); ++c) all.col(c) = Deviations(r, columns[static_cast<std::size_t>(c)]);
   all -= taken * (taken.transpose() * all);
@@ -60,7 +62,7 @@ MatrixXd Base(const Repetitions& r, const Columns& columns, const MatrixXd& take
          values.tail(count).cwiseSqrt().cwiseInverse().asDiagonal();
 }
 
-/// Windows over which deviations stay alike, to 1/e.
+/// Correlation length of deviations in windows, to 1/e.
 Index Alike(const Repetitions& r, const VectorXd& off) {
   const Index windows = r.groups.front().windows;
   const auto first = off.head(windows);
@@ -71,7 +73,7 @@ Index Alike(const Repetitions& r, const VectorXd& off) {
   return lag;
 }
 
-/// What chance makes of one channel by random signs of blocks: runs of the same commands may change names.
+/// Chance distribution of one channel by random signs of blocks: repeated runs are exchangeable.
 class Signs {
  public:
   Signs(const Repetitions& r, const VectorXd& off, std::mt19937_64& random) : off_(off), block_(off.size()) {
@@ -89,7 +91,7 @@ class Signs {
   double Share(const MatrixXd& base) const {
     return (base.transpose() * off_).squaredNorm() / off_.squaredNorm();
   }
-  /// Shares that chance makes (kDraws).
+  /// Shares explained by chance (kDraws).
   VectorXd Drawn(const MatrixXd& base) const {
     MatrixXd sums = MatrixXd::Zero(signs_.cols(), base.cols());
     for (Index row = 0; row < off_.size(); ++row) sums.row(block_[row]) += off_[row] * base.row(row);
@@ -102,7 +104,8 @@ class Signs {
   MatrixXd signs_;
 };
 
-/// Orders a turn of the motor that these runs can show: of the motor, and of the spool between them.
+/// Orders per motor turn that these runs can resolve: those of the motor, and those of the spool between
+/// them.
 std::vector<std::pair<double, std::string>> Orders(const Repetitions& r, const Repetitions::Motor& motor) {
   const double turn = 2 * std::numbers::pi;
   const double turns = (motor.angle_rad.maxCoeff() - motor.angle_rad.minCoeff()) / turn;
@@ -120,7 +123,7 @@ std::vector<std::pair<double, std::string>> Orders(const Repetitions& r, const R
   return orders;
 }
 
-/// Torque and friction that go as cosine and sine of so many times the angle.
+/// Torque and friction proportional to the cosine and sine of a multiple of the angle.
 void AddWaves(const Repetitions::Motor& motor, double order, Columns& to) {
   const Eigen::ArrayXd at = order * motor.angle_rad.array(), sign = motor.velocity_radps.array().sign();
   for (const Eigen::ArrayXd& wave : {Eigen::ArrayXd(at.cos()), Eigen::ArrayXd(at.sin())}) {
@@ -129,7 +132,7 @@ void AddWaves(const Repetitions::Motor& motor, double order, Columns& to) {
   }
 }
 
-/// A condition as one column a run: each has its own factor.
+/// A condition as one column per run, each with its own factor.
 Columns ByRun(const Repetitions& r, const VectorXd& value) {
   Columns by_run;
   Index row = 0;
@@ -153,8 +156,8 @@ std::vector<std::pair<std::string, VectorXd>> Conditions(const Repetitions& r) {
   return conditions;
 }
 
-/// Probability that repetitions with their numbers mixed go with their number as much as these, whatever that
-/// looks like over time; 1 where that is less than half of the rms, or they are few.
+/// Probability that repetitions in random order correlate with their number as much as these do; 1 where that
+/// covers less than half of the rms, or where there are too few.
 double OutOfOrder(const Repetitions& r, std::mt19937_64& random) {
   const Index n = r.groups.front().runs;
   const VectorXd all = Deviations(r, r.residual);
@@ -171,10 +174,10 @@ double OutOfOrder(const Repetitions& r, std::mt19937_64& random) {
   return as_much / (1 + kDraws);
 }
 
-/// Everything that is tried, each beside what chance makes of it; p-values are of all together.
+/// Everything that is tried, each compared with chance; p-values are for all together.
 class Attempts {
  public:
-  /// Columns take up some by chance: that is taken off, so that many are worth no more than few.
+  /// Columns explain a part by chance, which is subtracted so that functions with many columns gain nothing.
   void Try(const Signs& signs, const MatrixXd& base, Dependence as) {
     const VectorXd drawn = signs.Drawn(base);
     const double share = signs.Share(base), by_chance = drawn.mean();
@@ -183,7 +186,7 @@ class Attempts {
     all_.push_back({share - by_chance, share, columns, columns / std::max(by_chance, 1e-9), std::move(as)});
   }
 
-  /// What explains most for its number of columns (Akaike), angles before conditions.
+  /// The function that explains most for its number of columns (Akaike), angles before conditions.
   std::optional<Dependence> Best() const {
     std::optional<Dependence> found;
     double most = 0, free = 0, most_beyond = 0;
@@ -203,17 +206,17 @@ class Attempts {
 
  private:
   struct Tried {
-    double beyond, share;  // the first less what chance makes of it
-    double columns, free;  // free numbers among the windows, by what chance makes of so many columns
+    double beyond, share;  // the share less what chance explains, and the share
+    double columns, free;  // number of columns; degrees of freedom left, by the share that chance explains
     Dependence as;
   };
-  VectorXd strongest_ = VectorXd::Zero(kDraws);  // that each draw makes of anything
+  VectorXd strongest_ = VectorXd::Zero(kDraws);  // the best of all functions in each random draw
   std::vector<Tried> all_;
 };
 
 void TryAngles(const Repetitions& r, int channel, const Signs& signs, Attempts& attempts) {
   for (const auto& motor : r.motors) {
-    // What drives a motor off its way moves it too: what follows the angle smoothly is no periodic law.
+    // A disturbance moves the motor too, so a smooth dependence on its own angle is not a periodic law.
     const VectorXd& angle = motor.angle_rad;
     const MatrixXd smooth = Base(r, {angle, angle.cwiseAbs2(), motor.velocity_radps.cwiseSign()},
                                  MatrixXd::Zero(angle.size(), 1));
@@ -221,7 +224,7 @@ void TryAngles(const Repetitions& r, int channel, const Signs& signs, Attempts& 
       Columns waves;
       AddWaves(motor, order, waves);
       attempts.Try(signs, Base(r, waves, smooth), {channel, on, 1, true});
-      // A peak has the next three multiples too.
+      // A narrow peak has the next three harmonics too.
       for (int k = 2; k <= 4; ++k) AddWaves(motor, k * order, waves);
       attempts.Try(signs, Base(r, waves, smooth), {channel, on, 1, true});
     }

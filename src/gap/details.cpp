@@ -1,4 +1,4 @@
-// Pictures and the next experiment.
+// Plots and the next experiment.
 #include "details.h"
 
 #include <fmt/core.h>
@@ -19,14 +19,14 @@ constexpr int kBins = 12;
 constexpr int kResamples = 200;
 constexpr double kBlock_s = 1.0;
 
-/// Condition on the grid of a run, for one channel.
+/// A condition on the grid of a run, for one channel.
 struct Condition {
   const char* name;
   const char* unit;
   Eigen::VectorXd (*of)(const PreparedRun& run, int tendon);
 };
 
-/// Of tendon j, with nothing where its sensor says nothing.
+/// Column j, NaN without a reading.
 Eigen::VectorXd Column(const PreparedRun& run, const Eigen::MatrixXd& matrix, const std::vector<Hole>& holes,
                        int j) {
   if (j >= matrix.cols()) return {};
@@ -123,7 +123,7 @@ ConditionMap MapOf(const Evaluator& evaluator, int channel, const Condition& con
   std::mt19937_64 random(seed);
   for (int b = 0; b < kBins; ++b) {
     if (bins[b].size() < 10) continue;
-    // Blocks of a second are drawn anew, not single samples, which hang together.
+    // Resamples blocks of a second instead of single samples, which are correlated.
     std::vector<std::pair<double, int>> blocks;
     int last = -1;
     for (const auto& [k, value] : bins[b]) {
@@ -180,7 +180,7 @@ int WorstRun(const Evaluator& evaluator, int channel) {
   int worst = 0;
   double most = -std::numeric_limits<double>::infinity();
   for (int i = 0; i < static_cast<int>(evaluator.runs().size()); ++i) {
-    if (evaluator.AtNominal()[i][channel].size() == 0) continue;  // 0 over 0 is not less than what runs show
+    if (evaluator.AtNominal()[i][channel].size() == 0) continue;  // 0 over 0 must not hide a residual
     const ChannelScore score = ScoreChannels(evaluator, evaluator.AtNominal(), evaluator.AtNominal(), {i});
     const double over = score.square[channel] - score.noise[channel];
     if (over > most) most = over, worst = i;
@@ -208,7 +208,7 @@ void AddDetails(const Evaluator& evaluator, const Model* model, const Residuals&
     overlay.time_s = ToVector(before.time_s);
     overlay.measured = ToVector(before.measured);
     overlay.before = ToVector(before.simulated);
-    // Held out: what the fit to the other families says here.
+    // Held out: predicted by the fit to the other families.
     if (model) overlay.after = ToVector(before.measured - after[i][c]);
     const int windows = static_cast<int>(before.time_s.size());
     if (channel.quantity == Quantity::kTension) {
@@ -232,7 +232,7 @@ void AddDetails(const Evaluator& evaluator, const Model* model, const Residuals&
       for (const auto& condition : kOfTip) add(condition);
     }
 
-    // What is left, against what went in: a right model leaves nothing that follows its inputs.
+    // Correlation of the remaining residual with the inputs; none is left with a correct model.
     for (const auto& condition : kOfTension) {
       if (channel.quantity == Quantity::kTorque) break;
       double rr = 0, xx = 0, rx = 0, r1 = 0, x1 = 0, n = 0;
@@ -256,7 +256,7 @@ void AddDetails(const Evaluator& evaluator, const Model* model, const Residuals&
     }
   }
 
-  // Growth of the tip's residual since it was last right: the residual's change over a time.
+  // Growth of the tip's residual with time: the change of the residual over a time interval.
   if (evaluator.has_position()) {
     for (const double horizon : {0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0}) {
       double square = 0, noise = 0;
@@ -301,7 +301,7 @@ NextExperiment FindNextExperiment(const Evaluator& evaluator, const SearchResult
       const unsigned cuts = there.CutsOf(*a.model.parts[0].effect) | there.CutsOf(*b.model.parts[0].effect);
       const Residuals with_a = there.At(robot_a, cuts);
       const Residuals with_b = there.At(b.model.Robot(evaluator.nominal()), cuts);
-      // What the other rival cannot take up by changing its own parameters, to first order.
+      // The part that the other rival cannot reproduce by changing its own parameters, to first order.
       const Folds folds = MakeFolds(there.runs());
       const Weights weights(there, Eigen::VectorXd::Zero(static_cast<int>(there.channels().size())));
       std::vector<gap::Column> columns;
@@ -333,7 +333,7 @@ NextExperiment FindNextExperiment(const Evaluator& evaluator, const SearchResult
       }
       separation[k] = most;
     } catch (const std::exception&) {
-      separation[k] = 0;  // this run is outside what the robot can do
+      separation[k] = 0;  // the robot cannot perform this run
     }
   });
   int best = 0;
@@ -343,7 +343,7 @@ NextExperiment FindNextExperiment(const Evaluator& evaluator, const SearchResult
   if (separation[best] <= 0) return next;
   next.family = menu.families[best];
   next.separation_sigma = separation[best];
-  next.reason = fmt::format("{} and {} differ most there: {:.2g} sigma after each is fitted anew",
+  next.reason = fmt::format("{} and {} differ most there: {:.2g} sigma after refitting each",
                             a.model.parts[0].Name(), b.model.parts[0].Name(), separation[best]);
   next.yaml = menu.plan ? menu.plan(next.family) : "";
   for (int k = 0; k < static_cast<int>(separation.size()); ++k) {

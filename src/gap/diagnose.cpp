@@ -1,4 +1,4 @@
-// The diagnosis from end to end: prepare, locate, search, judge, and what a reader wants to see of it.
+// The diagnosis from end to end: prepare, locate, search, judge, and the details for the reader.
 #include "tendril/gap/diagnose.h"
 
 #include <fmt/core.h>
@@ -37,8 +37,8 @@
 namespace tendril::gap {
 namespace {
 
-/// Tendons of the robot that the run was recorded of, as its source names them, measured or not; 0: it names
-/// none.
+/// Number of tendons of the recorded robot according to the columns of its source, measured or not; 0 where
+/// the source names none.
 int TendonsOf(const Run& run) {
   Eigen::Index most = 0;
   for (const auto* m :
@@ -47,25 +47,25 @@ int TendonsOf(const Run& run) {
   return static_cast<int>(most);
 }
 
-/// Throws where a run is of another number of tendons than the robot.
+/// Throws where a run has another number of tendons than the robot.
 void RequireTendons(const DataSet& set) {
   for (const Run& run : set.runs) {
     const int its = TendonsOf(run), tendons = set.robot.body.tendons();
     if (its == 0 || its == tendons) continue;
-    throw std::runtime_error(fmt::format(
-        "these runs are of {} tendon{}, robot '{}' has {}; accepted: the robot file that they were made with",
-        its, its == 1 ? "" : "s", set.robot.name, tendons));
+    throw std::runtime_error(
+        fmt::format("these runs have {} tendon{}, robot '{}' has {}; accepted: the robot file that they were "
+                    "recorded with",
+                    its, its == 1 ? "" : "s", set.robot.name, tendons));
   }
 }
 
-/// The cut that a cause belongs to, with this load cell.
+/// The cut that a cause belongs to, given the place of the load cell.
 sim::Cut CutOf(const Cause& cause, LoadCellPlace place) {
   const sim::Effect* effect = sim::FindEffect(cause.effect);
   return place == LoadCellPlace::kRobotSide ? effect->cut_robot_side : effect->cut;
 }
 
-/// Marks the first place with an excess; a sensor that is found wrong explains the excess at the cuts that
-/// read it.
+/// Marks the first place with an excess; a faulty sensor explains the excess at all cuts that read it.
 void MarkFirst(Diagnosis& d, LoadCellPlace place) {
   std::optional<sim::Cut> cut;
   for (const auto& cause : d.accepted) {
@@ -73,11 +73,11 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
     if (!cut || its < *cut) cut = its;
   }
   CutFinding* chosen = nullptr;
-  // What cells and encoders say of each other is no place of the tracker's.
+  // A disagreement between cells and encoders is not a place of the tracker.
   const bool tracker = cut == sim::Cut::kSensors &&
                        std::all_of(d.accepted.begin(), d.accepted.end(),
                                    [](const Cause& cause) { return cause.effect.starts_with("tracker_"); });
-  // A cause on one tendon marks that tendon, else the largest excess.
+  // A cause on one tendon marks that tendon, otherwise the largest excess is marked.
   const auto better = [&](const CutFinding& f) {
     const auto rank = [&](const CutFinding& x) {
       return std::pair(cut && x.where == d.accepted.front().where, x.excess_sigma);
@@ -94,22 +94,22 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
       f.where = "all";
       f.quantity = "tracker";
       f.excess = true;
-      f.note = "found as the cause; the cuts that read this sensor show it";
+      f.note = "accepted as the cause; it shows at the cuts that use this sensor";
       for (const auto& other : d.location) f.excess_sigma = std::max(f.excess_sigma, other.excess_sigma);
       d.location.push_back(f);
       chosen = &d.location.back();
     }
     if (chosen != nullptr) chosen->excess = true;
   }
-  // Without a cause, the first place in the chain; but a body that differs also spoils what its shape says of
-  // the tendons' stretch, while tendons that differ leave the way from load cell to shape alone.
+  // Without a cause, the first place in the chain. An excess in the body also distorts the tendons' stretch
+  // derived from its shape, whereas differing tendons leave the path from load cell to shape unaffected.
   if (chosen == nullptr) {
     const bool body = std::any_of(d.location.begin(), d.location.end(), [](const CutFinding& f) {
       return f.excess && (f.cut == sim::Cut::kShape || f.cut == sim::Cut::kMotion);
     });
     for (auto& f : d.location) {
       if (!f.excess || (body && f.cut == sim::Cut::kTendon)) continue;
-      // Lost samples are the gap only where nothing else is.
+      // Lost samples are the gap only where there is no other.
       if (chosen == nullptr || chosen->cut == sim::Cut::kClock || (f.cut == chosen->cut && better(f)))
         chosen = &f;
     }
@@ -117,7 +117,7 @@ void MarkFirst(Diagnosis& d, LoadCellPlace place) {
   if (chosen != nullptr) chosen->first = true;
 }
 
-/// Where runs differ by a law, and no place has a gap that they have in common, the gap lies.
+/// Marks the place where repetitions differ by a law, if no place has a common gap.
 void MarkUnrepeated(Diagnosis& d) {
   for (auto& f : d.location) {
     f.first = f.cut == d.repeatability->cut && f.where == d.repeatability->where &&
@@ -125,7 +125,7 @@ void MarkUnrepeated(Diagnosis& d) {
   }
 }
 
-/// All of `cause` is in the best single, or in the best pair where that is plainly better.
+/// True where the best single fit contains all of `cause`, or the best pair where that is clearly better.
 bool Finds(const SearchResult& search, const Model& cause) {
   const auto in = [&](const Fit& fit) {
     const auto& found = fit.model.parts;
@@ -139,9 +139,9 @@ bool Finds(const SearchResult& search, const Model& cause) {
                         search.pairs.front().held_out_score >= single.held_out_score + kPairGain);
 }
 
-/// A mistake of measurement is likelier than each of these.
+/// Lowers the causes' probabilities, because a measurement error is likelier than each of them.
 void Doubt(std::vector<Cause>& causes) {
-  constexpr double kLeft = 0.3;  // of their probabilities
+  constexpr double kLeft = 0.3;  // share of their probability that is kept
   double taken = 0;
   for (Cause& cause : causes) {
     if (sim::FindEffect(cause.effect) == nullptr) continue;
@@ -154,9 +154,9 @@ void Doubt(std::vector<Cause>& causes) {
   std::stable_sort(causes.begin(), causes.end(), [](const Cause& a, const Cause& b) { return a.p > b.p; });
 }
 
-/// The diagnosis ends where no pose of the robot explains the tip's path: what would fit best is no cause.
+/// Ends the diagnosis where no pose of the robot explains the tip path: the best fit would not be a cause.
 void NameNoCause(Diagnosis& d, const PathBeyondReach& path, const RobotParameters& robot) {
-  constexpr double kSure = 0.97;  // the most that causes have
+  constexpr double kSure = 0.97;  // upper limit of all causes together
   d.verdict = Verdict::kUnexplained;
   Cause unknown, none;
   unknown.effect = "unknown";
@@ -165,14 +165,14 @@ void NameNoCause(Diagnosis& d, const PathBeyondReach& path, const RobotParameter
   none.p = 1 - kSure;
   d.causes = {unknown, none};
   d.sentence = fmt::format(
-      "No pose of robot '{}' explains the recorded tip path, so that no cause is named: in run {} the tip "
-      "goes {:.3g} mm from where it is at rest, for which a backbone has to be at least {:.3g} mm long, and "
-      "the file's is {:.3g} mm (body.sections: units, unit_length_m). At rest the tip is {:.3g} mm from the "
-      "tracker's origin. Check that the robot file is that of the robot that was measured, that the point "
-      "tracked is the centre of the last disk, and the tracker's scale; then diagnose again.",
+      "No pose of robot '{}' explains the recorded tip path, so no cause is named: in run {} the tip moves "
+      "{:.3g} mm from its rest position, which needs a backbone at least {:.3g} mm long, and the file's is "
+      "{:.3g} mm (body.sections: units, unit_length_m). At rest the tip is {:.3g} mm from the tracker's "
+      "origin. Check that the robot file describes the robot that was measured, that the tracked point is "
+      "the centre of the last disk, and the tracker's scale; then diagnose again.",
       robot.name, path.run, 1e3 * path.moved_m, 1e3 * path.needed_m, 1e3 * robot.body.length_m(),
       1e3 * path.at_rest_m);
-  d.next.reason = "the file of the robot that was measured, with these runs";
+  d.next.reason = "diagnose these runs with the file of the robot that was measured";
 }
 
 std::size_t SearchedEffects(const SearchResult& search) {
@@ -181,8 +181,7 @@ std::size_t SearchedEffects(const SearchResult& search) {
   return effects.size();
 }
 
-/// Effects that change no channel by half its floor when they deviate by what their registry calls plainly
-/// visible.
+/// Effects that change no channel by half its noise floor at a plainly visible deviation by the registry.
 std::vector<std::string> Unseen(const Evaluator& evaluator, const SearchResult& search) {
   constexpr double kSeen = 0.5;
   std::vector<std::string> unseen;
@@ -211,7 +210,7 @@ std::vector<std::string> Unseen(const Evaluator& evaluator, const SearchResult& 
   return unseen;
 }
 
-/// What each of two causes closes by itself, and on top of the other.
+/// What each of two causes closes by itself, and in addition to the other.
 void AddOrders(const Evaluator& evaluator, const SearchResult& search, const std::vector<char>& with_gap,
                std::uint64_t seed, Diagnosis& d) {
   for (int one = 0; one < 2; ++one) {
@@ -229,7 +228,7 @@ void AddOrders(const Evaluator& evaluator, const SearchResult& search, const std
   }
 }
 
-/// Log score lost about the estimate, within four standard deviations, for every parameter of the model.
+/// Log score lost within four standard deviations of the estimate, for every parameter of the model.
 std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, const SearchResult& search,
                                 const Fit& fit, int threads) {
   constexpr std::array<double, 7> kAt = {-4, -2, -1, 0, 1, 2, 4};
@@ -268,7 +267,7 @@ std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, 
   return profiles;
 }
 
-/// A run that is too short tells nothing by itself, and must not keep the others from being diagnosed.
+/// Leaves out runs that are too short, so that the others can be diagnosed.
 void TakeOutShort(DataSet& set, Diagnosis& d) {
   constexpr int kNamed = 5;
   std::string names;
@@ -286,33 +285,32 @@ void TakeOutShort(DataSet& set, Diagnosis& d) {
     LeaveOut(set, i);
   }
   if (set.runs.empty()) {
-    throw std::runtime_error(fmt::format(
-        "no run is long enough: {} rows; accepted: at least {}, of states at rest (rows more than {} s "
-        "apart) {}; record longer runs",
-        names, kLeastRows, kQuasiStatic_s, kLeastStates));
+    throw std::runtime_error(
+        fmt::format("no run is long enough: {} rows; accepted: at least {}, or for states at rest (rows more "
+                    "than {} s apart) {}; record longer runs",
+                    names, kLeastRows, kQuasiStatic_s, kLeastStates));
   }
 }
 
-/// What was measured wrong, as the runs show beside each other and beside the model.
+/// Finds and removes measurement errors by comparing the runs with each other and with the model.
 class Measuring {
  public:
-  /// `compared`: what was given compares runs with earlier ones.
+  /// `compared`: the given set compares runs with earlier ones.
   Measuring(DataSet& set, Diagnosis& d, const DiagnoseOptions& options, int threads, bool compared)
       : set_(set), d_(d), options_(options), threads_(threads), compared_(compared), runs_(set.runs.size()) {}
 
-  /// Runs that are missed by far more than the others, those that were left out among them, and by how many
-  /// times.
+  /// Runs with a far larger model error than the others, including those left out, and the ratio.
   const std::map<std::string, double>& missed() const { return missed_; }
 
-  /// The runs that can be compared, with the set and its degradations to fit. Throws std::runtime_error where
-  /// nothing can be.
+  /// The comparable runs, with the set and its degradations reduced accordingly. Throws std::runtime_error
+  /// where nothing can be compared.
   Evaluator Settled() {
     for (;;) {
       if (compared_ && !Compared(set_)) {
-        throw std::runtime_error(fmt::format(
-            "no run is left that can be compared with one from before{}; accepted: runs of the same commands "
-            "from before and after, recorded alike",
-            d_.degradations.empty() ? "" : " (" + d_.degradations.back() + ")"));
+        throw std::runtime_error(
+            fmt::format("no run is left that can be compared with one from before{}; accepted: runs with the "
+                        "same commands from before and after the change, recorded in the same way",
+                        d_.degradations.empty() ? "" : " (" + d_.degradations.back() + ")"));
       }
       try {
         Evaluator evaluator(set_, {threads_, options_.delta_N, options_.delta_m, options_.seed});
@@ -325,7 +323,7 @@ class Measuring {
         d_.degradations.push_back(fmt::format("left out: {}", error.what()));
         LeaveOut(set_, error.run);
       } catch (const std::runtime_error&) {
-        // Nothing of what the odd ones leave can be compared.
+        // The runs that remain without the deviating ones cannot be compared.
         if (!with_odd_) throw;
         std::tie(set_, d_.degradations) = *std::exchange(with_odd_, std::nullopt);
       }
@@ -337,8 +335,8 @@ class Measuring {
     for (const Run& run : set_.runs) {
       if (const auto missed = missed_.find(run.name); missed != missed_.end()) {
         d_.degradations.push_back(fmt::format(
-            "{}: the model misses it by {:.0f} times more than the other runs: what was different then?",
-            run.name, missed->second));
+            "{}: its model error is {:.0f} times that of the other runs: what was different then?", run.name,
+            missed->second));
       }
     }
   }
@@ -349,9 +347,8 @@ class Measuring {
       Run& run = set_.runs[motor.run];
       auto x = run.motor_position_rad.col(motor.tendon);
       d_.degradations.push_back(fmt::format(
-          "{}: motor position {} keeps {:.4g} rad from {:.4g} s to {:.4g} s while its tension changes "
-          "({:.3g} N) or is another than a motor that stands there would leave: an encoder that "
-          "stopped, taken as missing there",
+          "{}: motor position {} stays at {:.4g} rad from {:.4g} s to {:.4g} s while its tension changes "
+          "({:.3g} N) or contradicts a motor at rest: the encoder stopped; taken as missing there",
           run.name, motor.tendon + 1, x[motor.from], run.time_s[motor.from] - run.time_s[0],
           run.time_s[motor.to - 1] - run.time_s[0], motor.tension_N));
       x.segment(motor.from, motor.to - motor.from).setConstant(std::numeric_limits<double>::quiet_NaN());
@@ -361,14 +358,14 @@ class Measuring {
 
   bool LeaveOutOdd(const Evaluator& evaluator) {
     const std::vector<OddRun> odd = FindOddRuns(set_, evaluator, missed_, threads_);
-    // Of most of the runs the others are odd.
+    // Judged by the majority of the runs.
     if (odd.empty() || 2 * (left_out_ + odd.size()) > runs_) return false;
     left_out_ += odd.size();
     with_odd_.emplace(set_, d_.degradations);
     for (auto one = odd.rbegin(); one != odd.rend(); ++one) {
       d_.degradations.push_back(
-          fmt::format("left out: {}: with {} most of its gap goes, which the other runs do not have; put it "
-                      "right in its file and diagnose again",
+          fmt::format("left out: {}: with {} most of its gap disappears, and the other runs have no such "
+                      "gap; correct its file and diagnose again",
                       set_.runs[one->run].name, one->with));
       LeaveOut(set_, one->run);
     }
@@ -380,8 +377,9 @@ class Measuring {
   const DiagnoseOptions& options_;
   int threads_;
   bool compared_;
-  std::size_t runs_, left_out_ = 0;       // at first, and since for what the others show
-  std::map<std::string, double> missed_;  // as FindOddRuns says
+  std::size_t runs_,
+      left_out_ = 0;  // number of runs at first; of those left out since because they deviate from the others
+  std::map<std::string, double> missed_;  // as returned by FindOddRuns
   std::optional<std::pair<DataSet, std::vector<std::string>>> with_odd_;
 };
 
@@ -394,7 +392,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   const int threads = options.threads > 0 ? options.threads : AllCores();
   Diagnosis d;
   DataSet set = given;
-  // What its list of effects changes of the file's numbers is in them: changed once more, it is listed twice.
+  // The robot file's own list of effects is part of the model; changing it again would list an effect twice.
   set.robot = sim::FoldEffects(given.robot);
   RequireTendons(set);
   TakeOutShort(set, d);
@@ -442,7 +440,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     d.location = Locate(evaluator, evaluator.AtNominal(), kGapDiscoveries);
   };
   locate();
-  // Of what changed since earlier runs, what the file has wrong is no part.
+  // For a change since earlier runs, errors of the robot file cancel.
   const auto beyond = Compared(set) ? std::nullopt : FindPathBeyondReach(set);
   if (beyond) {
     NameNoCause(d, *beyond, set.robot);
@@ -454,7 +452,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   const Folds folds = MakeFolds(evaluator.runs());
   d.held_out_families = folds.names;
   d.held_out_by = folds.by;
-  std::string stage = "trying every effect a little";
+  std::string stage = "screening every effect";
   const auto in_stage = [&](double fraction) { progress(stage, fraction); };
   const std::vector<Probe> probes = MakeProbes(evaluator, options.without, threads, in_stage);
   stage = "searching for the cause";
@@ -471,20 +469,20 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   };
   SearchResult search = search_in(evaluator);
   const Evaluator::Options evaluation{threads, options.delta_N, options.delta_m, options.seed};
-  // Only the cause that makes the floor what it is may be excused by it, or profit from it.
+  // The floor may be raised only for the cause that raises it.
   const auto search_again = [&](const Evaluator& those, const Model& cause) -> std::optional<SearchResult> {
     SearchResult again = search_in(those);
     return Finds(again, cause) ? std::optional(std::move(again)) : std::nullopt;
   };
   if (MayHide(evaluator) && !Compared(set)) {
-    stage = "searching for what repetitions differ by";
+    stage = "searching for what makes repetitions differ";
     auto narrow = NarrowedByCause(evaluator, set, MayNotRepeat(search), evaluation);
     if (!narrow && evaluator.repetitions_differ() > 0) {
-      // Their difference hides small causes, and even large ones that make it.
+      // Differences between repetitions may hide small causes, and also the large one that makes them.
       const Evaluator repeated = AsThoughRepeated(set, evaluation);
       narrow = NarrowedByCause(evaluator, set, MayNotRepeat(search_in(repeated)), evaluation);
     }
-    stage = "searching again with repetitions at the cause";
+    stage = "searching again with the repeatability of the cause";
     std::optional<SearchResult> again;
     if (narrow) again = search_again(narrow->evaluator, narrow->cause);
     if (again) {
@@ -493,17 +491,17 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
       search = std::move(*again);
       locate();
       d.degradations.push_back(
-          fmt::format("repetitions differ by {:.2g} times what the sensors' noise leaves, most of it as {} "
-                      "makes them differ: what is left is the floor",
+          fmt::format("repetitions differ by {:.2g} times the sensor noise, mostly as {} makes them differ; "
+                      "only the rest counts as noise floor",
                       narrow->differed, narrow->cause.Name()));
       said(evaluator.degradations());
     }
   }
   std::optional<Candidate> widened_by;
   if (auto wide = WidenedByCause(evaluator, set, search, evaluation)) {
-    stage = "searching again with the floor at the cause";
+    stage = "searching again with the floor of the cause";
     auto again = search_again(*wide, search.fits.front().model);
-    // Not where that leaves no gap to close.
+    // Unless no gap would be left to close.
     if (again && PooledClosure(*wide, wide->AtNominal(), wide->AtNominal(),
                                ChannelsWithGap(*wide, d.location), options.seed)) {
       widened_by = again->fits.front().model.parts.front();
@@ -514,9 +512,9 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   progress("judging", 0);
   TakeOffQuiet(evaluator, set, evaluation, search);
   const auto fit_numbers = [&]() -> std::vector<NumberFit> {
-    if (Compared(set)) return {};  // what is wrong in the file was so before
+    if (Compared(set)) return {};  // errors of the file were present before the change as well
     constexpr int kRefined = 6;
-    stage = "trying the numbers of the robot file";
+    stage = "fitting the numbers of the robot file";
     const Weights weights(evaluator, search.leftover);
     return FitNumbers(evaluator, weights, search.nuisances, folds, kRefined, threads, in_stage);
   };
@@ -530,19 +528,18 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   d.doubt = judgement.doubt;
   d.repeatability = evaluator.repeatability();
   if (widened_by && d.verdict != Verdict::kNoGap) {
-    d.degradations.push_back(
-        fmt::format("{} carries the sensors' noise further than the nominal robot would: that much is taken "
-                    "for noise too",
-                    widened_by->Name()));
+    d.degradations.push_back(fmt::format(
+        "{} amplifies the sensor noise more than the nominal robot does; the noise floor includes this",
+        widened_by->Name()));
   }
   d.baselines = Baselines(evaluator, search);
 
-  // What these runs could not have shown however wrong it was.
+  // Effects that these runs could not show, however large.
   const std::vector<std::string> unseen = Unseen(evaluator, search);
   if (!unseen.empty()) {
     std::string names;
     for (const auto& name : unseen) names += (names.empty() ? "" : ", ") + name;
-    d.degradations.push_back("too weakly excited to be seen even when plainly wrong: " + names);
+    d.degradations.push_back("not excited enough to be seen even when clearly wrong: " + names);
   }
   const bool far_off =
       std::any_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.uncertain(); });
@@ -554,9 +551,8 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     d.verdict = Verdict::kInsufficientData;
     d.accepted.clear();
     d.degradations.push_back(fmt::format(
-        "the model was off by {} of the motion before the change already: causes are not told by it; "
-        "diagnose the runs from before by themselves, put what they show into the robot file "
-        "(gap apply), then compare",
+        "the model error was {} of the motion before the change already, so no cause is named; diagnose the "
+        "runs from before on their own, apply the result to the robot file (gap apply), then compare",
         Percent(evaluator.wrong_before())));
   }
 
@@ -570,7 +566,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     after = Completed(shown->held_out, before);
     d.closed = PooledClosure(evaluator, before, after, with_gap, options.seed);
   }
-  // What is nowhere for sure, and what nothing closes any of, may be none.
+  // Without a significant place and without any closure there may be no gap.
   if (d.verdict == Verdict::kUnexplained && d.closed && d.closed->value <= 0 &&
       std::none_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.excess; }))
     d.verdict = Verdict::kInsufficientData;
@@ -589,22 +585,22 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     d.next.reason = fmt::format("measure {} on the robot, correct the file, and diagnose these runs again",
                                 d.suspected.front().key);
   } else {
-    if (!options.menu.families.empty()) progress("looking for the experiment that would tell more", 0);
+    if (!options.menu.families.empty()) progress("looking for the next experiment", 0);
     d.next = FindNextExperiment(evaluator, search, d, options.menu, threads);
   }
   const LoadCellPlace place = evaluator.runs().front().signals.load_cell;
   if (distrusted || (d.verdict != Verdict::kNoGap && d.verdict != Verdict::kInsufficientData))
     MarkFirst(d, place);
   FoundMistake mistake;
-  const bool follows = judgement.unrepeated && d.repeatability->law;  // as no mistake of measurement does
+  const bool follows = judgement.unrepeated && d.repeatability->law;  // unlike a measurement error
   if (follows) MarkUnrepeated(d);
   if (!follows && (d.verdict != Verdict::kNoGap || evaluator.repetitions_differ() > 0)) {
-    progress("looking for mistakes of measurement", 0);
+    progress("looking for measurement errors", 0);
     const bool explained = d.verdict != Verdict::kUnexplained && d.verdict != Verdict::kNoGap &&
                            !judgement.unrepeated && d.leftover_sigma < kMuchLeft_sigma;
     mistake = FindMistake(set, evaluator, explained, threads);
   }
-  // A cause that leaves much, where a mistake takes away most, is hardly one.
+  // A cause that leaves much is doubtful where a measurement error explains most.
   if (!mistake.with.empty() && !d.accepted.empty() && d.leftover_sigma >= kMuchLeft_sigma &&
       mistake.left < std::hypot(1, d.leftover_sigma)) {
     d.verdict = Verdict::kInsufficientData;
@@ -612,14 +608,14 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     Doubt(d.causes);
   }
   const bool hides = (d.verdict == Verdict::kNoGap || judgement.unrepeated) &&
-                     !mistake.with.empty();  // in what repetitions differ by
+                     !mistake.with.empty();  // in the difference between repetitions
   if (hides) d.verdict = Verdict::kInsufficientData;
   std::string hiding;
   if (judgement.hidden_at) {
     const auto& parts = judgement.nearest->model.parts;
     hiding = fmt::format(
-        "{} and {} would, if they hid each other at {}, where there is no gap; one effect that is not listed "
-        "is likelier",
+        "{} and {} would only if they cancelled each other at {}, where there is no gap; one effect that the "
+        "library lacks is likelier",
         parts[0].Name(), parts[1].Name(), sim::CutName(*judgement.hidden_at));
   }
   d.sentence =
@@ -627,20 +623,19 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   if (d.repeatability && !judgement.unrepeated) d.sentence += ButUnrepeated(*d.repeatability);
   if (!d.repeatability && evaluator.repetitions_differ() > 0) {
     d.sentence += fmt::format(
-        " But repetitions differ by {:.2g} times the noise: if the robot was changed between them, they are "
-        "no floor.",
+        " But repetitions differ by {:.2g} times the noise: if the robot was changed between them, they do "
+        "not define the noise floor.",
         evaluator.repetitions_differ());
   }
   d.sentence += InFewRuns(d, measuring.missed());
   if (!mistake.with.empty()) {
-    d.sentence = fmt::format("Check the measurement first: with {} most of {} goes. {}", mistake.with,
-                             hides ? "what repetitions differ by" : "this gap", d.sentence);
+    d.sentence = fmt::format("Check the measurement first: with {} most of {} disappears. {}", mistake.with,
+                             hides ? "the difference between repetitions" : "this gap", d.sentence);
     d.degradations.insert(
         d.degradations.begin(),
-        fmt::format(
-            "a mistake in the measurement? with {} most of {} goes; put it right in the data set or the "
-            "robot file and diagnose again",
-            mistake.with, hides ? "what repetitions differ by" : "the gap"));
+        fmt::format("a measurement error? with {} most of {} disappears; correct the data set or the robot "
+                    "file and diagnose again",
+                    mistake.with, hides ? "the difference between repetitions" : "the gap"));
   }
   std::vector<std::string> notes = given.notes;
   notes.insert(notes.end(), d.degradations.begin(), d.degradations.end());

@@ -1,4 +1,4 @@
-// How large an effect is: residuals with and without it, over the floors that the diagnosis goes by.
+// Size of an effect: residuals with and without it, over the noise floors of the diagnosis.
 #include "tendril/gap/effect_size.h"
 
 #include <cmath>
@@ -55,7 +55,7 @@ EffectRuler::Size EffectRuler::Of(const EffectSetting& effect) const {
                             &variance = evaluator.Variance()[i][c];
       for (Eigen::Index w = 0; w < r.size(); ++w) {
         if (!std::isfinite(variance[w])) continue;
-        // Where a tendon catches or a motor breaks loose little is known, and such moments count little.
+        // Moments when a tendon catches or a motor breaks loose are uncertain and get little weight.
         const double weight = 1 / (variance[w] + channel.floor * channel.floor);
         sum.square += weight * (r[w] - nominal[w]) * (r[w] - nominal[w]);
         sum.weight += weight;

@@ -25,16 +25,15 @@ namespace {
 
 using Quantity = Channel::Quantity;
 
-constexpr double kWindow_s = 0.02;  // residuals are averaged over this: slower than the sensors' white noise
-constexpr double kBendingWindow_s = 0.15;  // over which the tracker corrects the simulated bending
-// A tracker's clock that is free: how far from where it was put before, in which steps, and Gauss-Newton's
-// then.
+constexpr double kWindow_s = 0.02;  // averaging window of residuals: longer than the sensors' white noise
+constexpr double kBendingWindow_s = 0.15;  // the tracker corrects the simulated bending more slowly than this
+// Free tracker clock: maximum distance from the estimated shift, step, and number of Gauss-Newton passes.
 constexpr double kMostLate_s = 0.08, kLateStep_s = 0.01;
 constexpr int kClockPasses = 2;
-// What a model leaves unexplained stays alike over this time, or over so many states at rest.
+// Correlation time of model errors; for states at rest, a number of states.
 constexpr double kCorrelation_s = 1.0, kCorrelationStates = 5;
 
-/// (u, v) of the bend that takes z to the frame's z axis; blind for twist.
+/// (u, v) of the bend that takes z to the frame's z axis; independent of twist.
 Eigen::Vector2d BendOf(const Eigen::Matrix3d& R) {
   const Eigen::Vector3d z = R.col(2);
   const double side = std::hypot(z.x(), z.y());
@@ -42,7 +41,7 @@ Eigen::Vector2d BendOf(const Eigen::Matrix3d& R) {
   return side > 1e-12 ? Eigen::Vector2d(bend / side * z.head<2>()) : Eigen::Vector2d(0, 0);
 }
 
-/// Bend of a single arc whose tip is at p.
+/// Bend of a single arc with its tip at p.
 Eigen::Vector2d BendOfTip(const Eigen::Vector3d& p) {
   const double side = std::hypot(p.x(), p.y());
   const double bend = 2 * std::atan2(side, p.z());
@@ -51,7 +50,7 @@ Eigen::Vector2d BendOfTip(const Eigen::Vector3d& p) {
 
 int Windows(int samples, int width) { return samples / width; }
 
-/// Means over windows of what is finite; NaN where nothing is.
+/// Window means of finite values; NaN without any.
 Eigen::VectorXd Average(const Eigen::VectorXd& values, int width) {
   Eigen::VectorXd mean(Windows(static_cast<int>(values.size()), width));
   for (int w = 0; w < mean.size(); ++w) {
@@ -74,11 +73,12 @@ std::optional<EffectSetting> Setting(const RobotParameters& robot, std::string_v
   return std::nullopt;
 }
 
-/// Measured less simulated tip with the readings `late_s` later than their stamps say.
+/// Measured less simulated tip, with the readings `late_s` later than stamped.
 struct TipResidual {
-  Eigen::MatrixXd tip;   // S x (6 + 2K): position, rotation vector, (us, vs) a section; NaN without a reading
+  Eigen::MatrixXd
+      tip;  // S x (6 + 2K): position, rotation vector, (us, vs) per section; NaN without a reading
   double square_m2 = 0;  // sum over the positions
-  double later_s = 0;    // Gauss-Newton's step of late_s towards the least of it
+  double later_s = 0;    // Gauss-Newton step of late_s towards the least squares
 };
 
 TipResidual ResidualOfTip(const sim::BodyMotion& motion, const PreparedRun& run, double late_s) {
@@ -117,7 +117,7 @@ TipResidual ResidualOfTip(const sim::BodyMotion& motion, const PreparedRun& run,
   return out;
 }
 
-/// Of TipResidual::tip.
+/// Column of TipResidual::tip.
 Eigen::Index ColumnOfTip(const Channel& channel) {
   const int first = channel.quantity == Quantity::kTipPosition    ? 0
                     : channel.quantity == Quantity::kTipDirection ? 3
@@ -125,7 +125,7 @@ Eigen::Index ColumnOfTip(const Channel& channel) {
   return first + channel.index;
 }
 
-/// Tensions from torque (S x M) are worth nothing where the motor does not slide: NaN there.
+/// Tensions from torque (S x M), NaN where the motor does not slide and torque does not determine them.
 Eigen::MatrixXd WhileSliding(Eigen::MatrixXd tension_N, const PreparedRun& run) {
   for (Eigen::Index i = 0; i < tension_N.rows(); ++i) {
     for (Eigen::Index j = 0; j < tension_N.cols(); ++j) {
@@ -177,10 +177,10 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
   zeros_from_rest_ =
       std::all_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return r.rest_samples > 0; });
   if (zeros_from_rest_) {
-    degradations_.push_back(fmt::format(
-        "motor positions count from where the robot rested after arming, as friction left it: their zero is "
-        "taken from the {}, so that encoder_offset and slack cannot be seen",
-        has(kC3) ? "load cells there" : "torques"));
+    degradations_.push_back(
+        fmt::format("motor positions count from where friction had left the robot when it was armed: their "
+                    "zero is estimated from the {}, so encoder_offset and slack cannot be seen",
+                    has(kC3) ? "load cells there" : "torques"));
   }
   TellHoles();
   ListChannels();
@@ -208,20 +208,20 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
     nominal_motion_[i].shortening_m = MeasuredShortening(runs_[i], nominal_, nominal_motion_[i]);
   });
   if (std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return r.signals.at_rest; })) {
-    degradations_.push_back(fmt::format(
-        "rows are more than {} s apart: the body is taken as at rest at each row, friction as slid straight "
-        "from row to row; motion (C5), damping and delays are not seen",
-        kQuasiStatic_s));
+    degradations_.push_back(
+        fmt::format("rows are more than {} s apart: the body is assumed at rest at each row, and tendons to "
+                    "slide steadily in between; motion (C5), damping and delays are not seen",
+                    kQuasiStatic_s));
   }
   FindFloors(set, options);
 }
 
-// What all runs together can be compared on, and what drives the replays.
+// Determines the cuts that all runs together allow, and what drives the replays.
 void Evaluator::FindCuts(const DataSet& set) {
   const auto every = [&](auto&& test) { return std::all_of(runs_.begin(), runs_.end(), test); };
   const auto any = [&](auto&& test) { return std::any_of(runs_.begin(), runs_.end(), test); };
   const bool motor = any([](const PreparedRun& r) { return !r.without_motors(); });
-  // A run that has the columns, but nothing in them, is diagnosed beside the others by what it has.
+  // A run with empty columns is diagnosed with the signals that it has.
   const bool torque =
       every([](const PreparedRun& r) { return r.signals.torque_actual_Nm.cols() > 0; }) &&
       any([](const PreparedRun& r) { return r.Leave(r.torque_holes, r.signals.torque_actual_Nm.cols()); });
@@ -238,7 +238,7 @@ void Evaluator::FindCuts(const DataSet& set) {
   available_ = (torque && target ? kC1 : 0u) | (torque && motor ? kC2 : 0u) | (cell && motor ? kC3 : 0u) |
                (tracker ? kBody : 0u);
   driven_by_ = cell ? sim::Replay::DrivenBy::kCell : sim::Replay::DrivenBy::kMotor;
-  // Whatever is compared, the body is simulated beside it.
+  // The body is simulated with every comparison.
   const std::vector<CutOfSet> cuts = gap::CutsOf(set);
   if (available_ == 0 || !(cell || motor)) {
     throw std::runtime_error(
@@ -253,15 +253,14 @@ void Evaluator::FindCuts(const DataSet& set) {
     degradations_.push_back("no target or actual torque: the drives' current loop (C1) is not seen");
   if (!cell) {
     degradations_.push_back(
-        torque
-            ? fmt::format(
-                  "no load cell: what pulls on the body is taken from the motors and the tendons' stretch{}; "
-                  "drivetrain, tendons and body (C2 to C5) cannot be told apart by place, only by cause",
-                  every([](const PreparedRun& r) { return r.signals.at_rest; })
-                      ? ""
-                      : ", and compared with torque")
-            : "no load cell and no torque: the body is driven by motor positions alone; tensions are not "
-              "known, so drive and friction effects are not seen");
+        torque ? fmt::format("no load cell: the tensions on the body are taken from the motors and the "
+                             "tendons' stretch{}; drivetrain, tendons and body (C2 to C5) cannot be told "
+                             "apart by place, only by cause",
+                             every([](const PreparedRun& r) { return r.signals.at_rest; })
+                                 ? ""
+                                 : ", and compared with torque")
+               : "no load cell and no torque: the body is driven by motor positions alone; tensions are not "
+                 "known, so drive and friction effects are not seen");
   }
   if (cell && !torque) degradations_.push_back("no actual torque: motors and gears (C2) are not seen");
   if (!tracker) {
@@ -272,29 +271,28 @@ void Evaluator::FindCuts(const DataSet& set) {
   }
 }
 
-// Load cells drive the body by themselves; what lies before them is not seen.
+// Load cells drive the body by themselves; the chain before them is not seen.
 void Evaluator::TellWithoutMotors() {
   const bool before_pulleys = std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) {
     return r.signals.load_cell == LoadCellPlace::kMotorSide;
   });
   degradations_.push_back(fmt::format(
       "no motor positions: motors, gears and the tendons' stretch (C2, C3) are not seen{}",
-      before_pulleys
-          ? ", and a tendon is taken to slide over its pulleys by what the body's shape takes up and "
-            "what the tendon stretches by: which way friction holds is known where the shape moves, and "
-            "a slide without a bend (all tendons pulled alike) only by the stretch"
-          : ""));
+      before_pulleys ? ", and how far a tendon slides over its pulleys follows from the body's shape and the "
+                       "tendon's stretch: the direction of friction is known where the shape moves, and "
+                       "without bending (all tendons pulled alike) only from the stretch"
+                     : ""));
 }
 
-// A controller's target acts a cycle after it was sent. A log that keeps every n-th row of it looks as though
-// motors obeyed at once, or before: the actual torque tells how many were sent from row to row.
+// A controller's target acts a cycle after it was sent. In a log of every n-th cycle motors seem to respond
+// at once, or early; the actual torque shows how many targets were sent per row.
 void Evaluator::FindCommandsARow() {
   constexpr double kFastest_s = 0.9e-3;  // of controllers
-  constexpr double kPlainly = 0.8;       // of what one target a row leaves
+  constexpr double kPlainly = 0.8;       // of the residual with one target per row
   double step_s = std::numeric_limits<double>::infinity();
   std::vector<PreparedRun*> in_doubt;
   for (PreparedRun& run : runs_) {
-    // Of still slower logs a row is no cycle's in any case.
+    // In a slower log a row is not one cycle anyway.
     if (run.signals.at_rest || run.signals.command_delay_s < run.signals.step_s) continue;
     in_doubt.push_back(&run);
     step_s = std::min(step_s, run.signals.step_s);
@@ -331,14 +329,14 @@ void Evaluator::FindCommandsARow() {
   }
   take(commands);
   if (commands == 1) return;
-  degradations_.push_back(fmt::format(
-      "by what the actual torque follows, a row, every {:.3g} ms, is one of {} targets that were sent: those "
-      "between are taken as straight, and a delay of less than a row is not told",
-      1e3 * step_s, commands));
+  degradations_.push_back(
+      fmt::format("according to the actual torque, a row (every {:.3g} ms) holds one of {} targets sent: "
+                  "those between are interpolated, and a delay shorter than a row cannot be identified",
+                  1e3 * step_s, commands));
 }
 
-// Where a cell says nothing, what pulls on the body is the tendon's stretch between motor and body; where the
-// motor says nothing either, nobody knows.
+// Without a cell, the tension on the body follows from the tendon's stretch between motor and body; without a
+// motor position as well, it is unknown.
 void Evaluator::StandInForCells() {
   for (std::size_t i = 0; i < runs_.size(); ++i) {
     PreparedRun& run = runs_[i];
@@ -357,16 +355,16 @@ void Evaluator::StandInForCells() {
             i,
             fmt::format("{}: {} of tendon {}{}", run.name,
                         tension ? "no motor position" : "neither tension nor motor position", hole.tendon + 1,
-                        tension ? ", while other runs have no load cells to drive the body by" : ""));
+                        tension ? ", and other runs have no load cells to drive the body" : ""));
       }
     }
   }
 }
 
-// What of single sensors is not there, one sentence a sensor with all its runs.
+// Reports gaps of single sensors, one sentence per sensor with all its runs.
 void Evaluator::TellHoles() {
   const auto tell = [&](std::vector<Hole> PreparedRun::*holes, const char* what, const char* so) {
-    std::map<std::string, std::string> tendons;  // by how it goes on
+    std::map<std::string, std::string> tendons;  // by the rest of the sentence
     for (int j = 0; j < nominal_.body.tendons(); ++j) {
       std::string names;
       double lost_s = 0, all_s = 0;
@@ -379,9 +377,9 @@ void Evaluator::TellHoles() {
       }
       if (names.empty()) continue;
       std::string& those =
-          tendons[lost_s < all_s ? fmt::format(" says nothing for {:.3g} of {:.3g} s: {} there ({})", lost_s,
+          tendons[lost_s < all_s ? fmt::format(" has no data for {:.3g} of {:.3g} s: {} there ({})", lost_s,
                                                all_s, so, names)
-                                 : fmt::format(" says nothing, or comes more than {:.0f} ms apart: {} ({})",
+                                 : fmt::format(" has no data, or readings more than {:.0f} ms apart: {} ({})",
                                                1e3 * kBridged_s, so, names)];
       those += fmt::format("{}{}", those.empty() ? "" : ", ", j + 1);
     }
@@ -392,7 +390,7 @@ void Evaluator::TellHoles() {
   };
   if (driven_by_ == sim::Replay::DrivenBy::kCell) {
     tell(&PreparedRun::cell_holes, "load cell",
-         "what pulls on the body is taken from the motor and the tendon's stretch");
+         "the tension is taken from the motor and the tendon's stretch");
   }
   if (has(kC1)) tell(&PreparedRun::target_holes, "target torque", "its drive (C1) is not seen");
   if (has(kC1) || has(kC2))
@@ -439,9 +437,8 @@ void Evaluator::ListChannels() {
     degradations_.push_back("the tracker gives no position: shape from the tip's orientation alone");
   if (bent && !placed && !turned) {
     degradations_.push_back(
-        "no pose of the tip: shape from the bend of each section; lengths and what shifts the tip without "
-        "bending "
-        "the body are not seen");
+        "no tip pose: shape from the bending of each section; lengths, and effects that shift the tip "
+        "without bending the body, are not seen");
   }
   for (int i = 0; i < 3; ++i) {
     if (placed)
@@ -469,17 +466,15 @@ double Evaluator::Correlated(int run, int channel) const {
                                     : std::max(1.0, kCorrelation_s / window_s(run, channel));
 }
 
-// The rigid motion that takes the nominal robot's tips to the measured ones, in the least squares of
-// distances whose largest count less (Kabsch, reweighted): a robot that differs is not always off by the
-// same.
+// The rigid motion that maps the nominal robot's tips onto the measured ones, by least squares with reduced
+// weight for large distances (Kabsch, reweighted), since the error of a differing robot is not uniform.
 void Evaluator::FindFrame() {
   constexpr int kPasses = 20;
   constexpr double kLeastSpread =
-      0.02;  // of the tips across, of their spread along: else a turn is not known
+      0.02;  // lateral spread of the tips relative to the main one: below, the rotation is undetermined
   if (!has_position()) {
     throw std::runtime_error(
-        "tracker_frame: fit: no tip positions in these runs; accepted: tip positions, or a frame that is "
-        "given");
+        "tracker_frame: fit: no tip positions in these runs; accepted: tip positions, or a known frame");
   }
   std::vector<Eigen::Vector3d> simulated, measured;
   for (std::size_t i = 0; i < runs_.size(); ++i) {
@@ -512,7 +507,7 @@ void Evaluator::FindFrame() {
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(cross, Eigen::ComputeFullU | Eigen::ComputeFullV);
     if (!(svd.singularValues()[1] > kLeastSpread * svd.singularValues()[0])) {
       throw std::runtime_error(
-          "tracker_frame: fit: the tips of these runs lie on a line, so that the tracker's frame cannot be "
+          "tracker_frame: fit: the tips of these runs lie on a line, so the tracker's frame cannot be "
           "fitted; accepted: bends in several directions; add runs or give the frame");
     }
     Eigen::Vector3d proper(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() > 0 ? 1 : -1);
@@ -528,11 +523,9 @@ void Evaluator::FindFrame() {
   for (PreparedRun& run : runs_) frame.ToBase(run);
   const Eigen::Vector3d turn = RotationVector(frame.turn);
   degradations_.push_back(fmt::format(
-      "the tracker's frame is not known: fitted to the nominal robot (rotation vector {:.4f}, "
-      "{:.4f}, {:.4f} rad, "
-      "offset {:.2f}, {:.2f}, {:.2f} mm) and free within {:.2g} rad and {:.3g} mm beside every cause; "
-      "what a wrong frame "
-      "looks like (a tilt without weight, an offset) cannot be told",
+      "the tracker's frame is unknown: fitted to the nominal robot (rotation vector {:.4f}, {:.4f}, {:.4f} "
+      "rad, offset {:.2f}, {:.2f}, {:.2f} mm), and refitted within {:.2g} rad and {:.3g} mm with every "
+      "cause; effects that look like a wrong frame (a tilt without gravity, an offset) cannot be identified",
       turn.x(), turn.y(), turn.z(), 1e3 * frame.offset_m.x(), 1e3 * frame.offset_m.y(),
       1e3 * frame.offset_m.z(), 3 * TrackerFrame::kTurn_rad, 3e3 * TrackerFrame::Shift_m(nominal_)));
 }
@@ -541,7 +534,7 @@ double Evaluator::window_s(int run, int channel) const {
   return WindowSamples(runs_[run], channels_[channel]) * runs_[run].signals.step_s;
 }
 
-// Of the stamps of a tracker whose clock is free: what leaves the least squares between the tips.
+// Shift of the stamps of a tracker with a free clock: the least squares between the tips.
 double Evaluator::TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const {
   if (!clocks_free_ || !run.tracked() || run.tip_m.rows() == 0 || run.signals.at_rest) return 0;
   double late_s = 0, least_m2 = ResidualOfTip(motion, run, 0).square_m2;
@@ -555,7 +548,7 @@ double Evaluator::TrackerLate(const sim::BodyMotion& motion, const PreparedRun& 
 }
 
 // Shortening of the tendons in the body. The tracker's bend replaces the simulated one at low frequency; the
-// simulation keeps what is faster than the tracker's noise allows.
+// simulation keeps what the tracker's noise hides.
 Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
                                               const sim::BodyMotion& motion) const {
   const bool turned = !run.tip_R.empty(), bent = run.bending_rad.rows() > 0;
@@ -579,8 +572,8 @@ Eigen::MatrixXd Evaluator::MeasuredShortening(const PreparedRun& run, const Robo
 
   const int samples = run.samples();
   const double step_s = run.signals.step_s;
-  // Both as reported: the tracker's delay is in the simulated pose as well.
-  const Eigen::Index parts = bent ? run.bending_rad.cols() / 2 : 1;  // that are bent by themselves
+  // Both as reported: the simulated pose includes the tracker's delay as well.
+  const Eigen::Index parts = bent ? run.bending_rad.cols() / 2 : 1;  // that bend independently
   Eigen::MatrixXd difference(seen, 2 * parts);
   for (int k = 0; k < seen; ++k) {
     const int at =
@@ -646,15 +639,15 @@ Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const Pre
   const Eigen::MatrixXd& shortening = simulate ? out.motion.shortening_m : known_motion->shortening_m;
   if ((cuts & kC1) && has(kC1)) out.torque_Nm = replay.ActualTorque(run.signals);
   if ((cuts & kC2) && has(kC2)) out.from_torque_N = replay.CellFromTorque(run.signals, shortening);
-  // Without cells it is torque against stretch.
+  // Without cells torque is compared with stretch.
   if (((cuts & kC3) && has(kC3)) || ((cuts & kC2) && has(kC2) && !has(kC3)))
     out.from_stretch_N = FromStretch(replay, robot, run, shortening,
                                      has(kC3) ? run.cell_N : WhileSliding(out.from_torque_N, run));
   return out;
 }
 
-// At rest the cells say where the zero is to within a count of the encoder, without cells the pretension does
-// to within itself; within that it is the least squares of what the whole run leaves.
+// At rest the cells give the zero to within a count of the encoder, and without cells the pretension gives it
+// to within itself; in that range it follows from the least squares over the whole run.
 Eigen::MatrixXd Evaluator::FromStretch(const sim::Replay& replay, const RobotParameters& robot,
                                        const PreparedRun& run, const Eigen::MatrixXd& shortening,
                                        const Eigen::MatrixXd& reading_N) const {
@@ -667,7 +660,7 @@ Eigen::MatrixXd Evaluator::FromStretch(const sim::Replay& replay, const RobotPar
     run.TakeOut(run.motor_holes, static_cast<int>(j), left_N);
     double off_N = 0, count = 0;
     for (Eigen::Index i = 0; i < left_N.size(); ++i) {
-      // A slack tendon shows no zero.
+      // A slack tendon has no defined zero.
       if (!run.driven[static_cast<std::size_t>(i)] || !(stretch_N(i, j) > 0) || std::isnan(left_N[i]))
         continue;
       off_N += left_N[i];
@@ -712,8 +705,8 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
     } else {
       continue;
     }
-    // The tendons' stretch, and pulleys before a cell, need the body's shape, which a tracker shows too
-    // slowly.
+    // The tendons' stretch, and pulleys before a cell, depend on the body's shape, which a tracker samples
+    // too slowly.
     const bool beyond = !has(kC3) || run.signals.load_cell == LoadCellPlace::kRobotSide;
     const bool body = channel.cut == sim::Cut::kShape || channel.cut == sim::Cut::kTendon ||
                       (channel.cut == sim::Cut::kDrivetrain && beyond);
@@ -763,12 +756,12 @@ unsigned Evaluator::CutsOf(const sim::Effect& effect) const {
                   [](const TendonDriveParameters& p) { return !p.transmission.pulleys.empty(); });
   const std::string_view name = effect.name;
   if (!pulleys && (name.starts_with("capstan_") || name == "wrap_angle")) return 0;
-  // Motors go where they were seen to go, whatever turns them.
+  // Motors are driven along their measured positions, whatever turns them.
   if (effect.stage == sim::Stage::kDrive) {
     const bool loop = effect.cut == sim::Cut::kCurrentLoop || effect.cut == sim::Cut::kClock;
     return available_ & (loop ? kC1 : kC2);
   }
-  // Where there is no cell, what the tendon does is felt by the body.
+  // Without a cell a tendon's effect shows in the body.
   const bool no_cell = std::any_of(runs_.begin(), runs_.end(),
                                    [](const PreparedRun& r) { return r.signals.no_cell.size() > 0; });
   if (no_cell || driven_by_ == sim::Replay::DrivenBy::kMotor) return kAllCuts;
@@ -823,7 +816,7 @@ Evaluator::Curve Evaluator::NominalCurve(int run_index, int channel_index) const
     curve.simulated = Average(all.col(channel.index), width);
   }
   curve.measured = curve.simulated + residual;
-  // The model as the runs from before correct it.
+  // The model as corrected by the runs from before.
   if (!before_.empty()) curve.simulated += before_[run_index][channel_index];
   return curve;
 }

@@ -270,9 +270,10 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
     const std::string& what = trouble[static_cast<std::size_t>(task)];
     if (what.empty()) continue;
     const int i = task % runs;
-    throw RunError(static_cast<std::size_t>(i),
-                   fmt::format("{}: {}{}", runs_[i].name,
-                               task < runs ? "" : "read otherwise, within the sensors' resolution: ", what));
+    throw RunError(
+        static_cast<std::size_t>(i),
+        fmt::format("{}: {}{}", runs_[i].name,
+                    task < runs ? "" : "alternative reading within the sensors' resolution: ", what));
   }
 
   variance_.assign(runs, std::vector<Eigen::VectorXd>(channels));
@@ -373,22 +374,21 @@ void Evaluator::TakeDifferences() {
     const auto partner = by_name.find(runs_[i].before);
     if (partner == by_name.end()) {
       throw RunError(i, fmt::format("{}: {}", runs_[i].name,
-                                    runs_[i].before.empty() ? "no run from before, which others have"
+                                    runs_[i].before.empty() ? "no run from before, which other runs have"
                                                             : "its run from before is left out"));
     }
     const std::size_t k = partner->second;
     const double step = runs_[i].signals.step_s, its = runs_[k].signals.step_s;
     if (runs_[i].signals.at_rest != runs_[k].signals.at_rest || std::abs(step - its) > 0.01 * step) {
-      throw RunError(
-          i, fmt::format("{}: a sample every {:.4g} s, and every {:.4g} s before; accepted: runs of the "
-                         "same commands, recorded alike",
-                         runs_[i].name, step, its));
+      throw RunError(i, fmt::format("{}: a sample every {:.4g} s, and every {:.4g} s before; accepted: runs "
+                                    "with the same commands, recorded at the same rate",
+                                    runs_[i].name, step, its));
     }
     const CommandsCompared commands = CompareCommands(runs_[i], runs_[k]);
     if (!commands.same()) {
-      throw RunError(i, fmt::format("{}: not of the same commands as before: {}; accepted: up to {:.0f} % of "
-                                    "what unrelated motions differ by, in one of them; send the same commands, "
-                                    "or diagnose it without --before",
+      throw RunError(i, fmt::format("{}: not the same commands as before: {}; accepted: at most {:.0f} % of "
+                                    "the difference between unrelated motions in one of these signals; send "
+                                    "the same commands, or diagnose it without --before",
                                     runs_[i].name, commands.Text(true), 100 * CommandsCompared::kSame));
     }
     if (!commands.by.empty() && (least_alike.by.empty() || commands.by[0].share > least_alike.by[0].share))
@@ -464,10 +464,10 @@ void Evaluator::TakeDifferences() {
   keep(white_);
   keep(before_);
   degradations_.push_back(
-      fmt::format("compared with runs of the same commands from before ({}): the diagnosis is of what changed "
-                  "since; what the model got wrong then (up to {:.0f} % of what was measured) is taken off, "
-                  "and it is trusted no better about the change",
-                  least_alike.by.empty() ? "by their names alone: nothing that both recorded moves"
+      fmt::format("compared with runs of the same commands from before ({}): the diagnosis concerns the "
+                  "change since then; the earlier model error (up to {:.0f} % of the measurement) is "
+                  "subtracted, and the same relative error is assumed for the change",
+                  least_alike.by.empty() ? "matched by name only: no signal that both recorded moves"
                                          : least_alike.Text(false) + " at most",
                   100 * wrong_before_));
 }
@@ -652,24 +652,21 @@ void Evaluator::ScaleByRepetition(const Options& options) {
   const double most = channels > 0 ? repetitions_by_.maxCoeff(&differs_most) : 1;
   repetitions_differ_ = most > kOtherRobot ? most : 0;
   if (repetitions_differ_ > 0) {
-    degradations_.push_back(fmt::format(
-        "repetitions differ by {:.2g} times what the sensors' noise leaves ({}): that is the floor, and "
-        "smaller gaps are not seen; if anything was changed between them, they are no repetitions "
-        "(repeat_of: none in runs.yaml)",
-        repetitions_differ_, channels_[static_cast<std::size_t>(differs_most)].name));
+    degradations_.push_back(
+        fmt::format("repetitions differ by {:.2g} times the sensor noise ({}): this is the noise floor, and "
+                    "smaller gaps are not seen; if anything was changed between them, they are not "
+                    "repetitions (repeat_of: none in runs.yaml)",
+                    repetitions_differ_, channels_[static_cast<std::size_t>(differs_most)].name));
   }
   if (most_returns > 0) {
-    degradations_.push_back(
-        fmt::format("no repeated runs: the noise floor is how much the residual differs between {} pairs of "
-                    "rows with the same "
-                    "motor positions within {:.0f} % of their range; what depends on the way there "
-                    "(friction) is in the floor",
-                    most_returns, 100 * kReturnShare));
+    degradations_.push_back(fmt::format(
+        "no repeated runs: the noise floor is the residual's difference between {} pairs of rows with equal "
+        "motor positions (within {:.0f} % of their range); path dependence (friction) counts as noise",
+        most_returns, 100 * kReturnShare));
   } else if (!repeated_) {
     degradations_.push_back(
         "no repeated runs: the noise floor comes from high-frequency differences and the sensors' "
-        "resolution; what the "
-        "robot itself does not repeat is counted as gap");
+        "resolution; imperfect repeatability of the robot counts as gap");
   }
 }
 

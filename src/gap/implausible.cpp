@@ -78,8 +78,8 @@ struct Finder {
     } else {
       Say(channel,
           fmt::format(
-              "reaches {:.4g} {} and lies beyond what this robot can in {:.0f} % of its values: left out",
-              worst, unit, 100.0 * static_cast<double>(beyond) / static_cast<double>(there)));
+              "reaches {:.4g} {} and is beyond this robot's range in {:.0f} % of its values: left out", worst,
+              unit, 100.0 * static_cast<double>(beyond) / static_cast<double>(there)));
     }
   }
 
@@ -111,10 +111,9 @@ struct Finder {
     for (const auto& [row, turn] : jumps) motor.tail(motor.size() - row).array() += turn * kTurn_rad;
     motor.array() += turns * kTurn_rad;
     Say(fmt::format("motor position {}", j + 1),
-        fmt::format(
-            "jumps by a turn {}, as an encoder of one turn does: taken as going on, from within half a "
-            "turn of its zero",
-            jumps.size() == 1 ? "once" : fmt::format("{} times", jumps.size())));
+        fmt::format("jumps by a turn {}, as a single-turn encoder does: unwrapped, starting within half a "
+                    "turn of its zero",
+                    jumps.size() == 1 ? "once" : fmt::format("{} times", jumps.size())));
   }
 
   /// What no motor can do is a mishap of the encoder; what only the file's cannot says so of the file.
@@ -134,18 +133,19 @@ struct Finder {
       x[i] = kNothing;
     }
     Say(fmt::format("motor position {}", j + 1),
-        fmt::format("leaps to {:.4g} rad and back{}, first at {:.4g} s: taken as missing there", worst,
+        fmt::format("jumps to {:.4g} rad and back{}, first at {:.4g} s: taken as missing there", worst,
                     rows.size() == 1 ? "" : fmt::format(" and {} times more", rows.size() - 1),
                     run.time_s[rows.front()] - run.time_s[0]));
   }
 
   void SayTooWeak(Eigen::Index j, const MotorLeap& leap) {
     const std::string tendon =
-        leap.tension_N == 0 ? "" : fmt::format(" and its tension goes with it by {:.3g} N", leap.tension_N);
+        leap.tension_N == 0 ? ""
+                            : fmt::format(", and its tension changes with it by {:.3g} N", leap.tension_N);
     Say(fmt::format("motor position {}", j + 1),
-        fmt::format("goes {:.3g} rad off its way and back at {:.4g} s{}: kept; the file's motor is too weak "
-                    "for this log: with its inertia (actuation.motor.rotor_inertia_kgm2) this takes at least "
-                    "{:.3g} N m, and it has {:.3g} N m (actuation.drive.current_limit_A x "
+        fmt::format("leaves its path by {:.3g} rad and returns at {:.4g} s{}: kept; the file's motor is too "
+                    "weak for this log: with its inertia (actuation.motor.rotor_inertia_kgm2) this takes at "
+                    "least {:.3g} N m, and it has {:.3g} N m (actuation.drive.current_limit_A x "
                     "actuation.motor.torque_constant_NmpA); check these numbers",
                     leap.off_rad, run.time_s[leap.farthest] - run.time_s[0], tendon, leap.needed_Nm,
                     leap.file_Nm));
@@ -162,7 +162,7 @@ struct Finder {
     const double first_N = x[rows.front()];
     for (const Eigen::Index i : rows) x[i] = kNothing;
     Say(fmt::format("tension {}", j + 1),
-        fmt::format("leaps to {:.4g} N and back{}, first at {:.4g} s: taken as missing there", first_N,
+        fmt::format("jumps to {:.4g} N and back{}, first at {:.4g} s: taken as missing there", first_N,
                     rows.size() == 1 ? "" : fmt::format(" and {} times more", rows.size() - 1),
                     run.time_s[rows.front()] - run.time_s[0]));
   }
@@ -218,7 +218,7 @@ struct Finder {
         if (matrix(i, j) == end.value) at_s.push_back(run.time_s[i]);
       }
       TakeOutAround(matrix.col(j), at_s);
-      Say(channel, fmt::format("is cut off at {:.4g} {} for {:.1f} % of the run: taken as missing there",
+      Say(channel, fmt::format("is clipped at {:.4g} {} for {:.1f} % of the run: taken as missing there",
                                end.value, unit, 100 * end.share));
     }
   }
@@ -262,8 +262,8 @@ struct Finder {
       if (value == end.value) value = kNothing;
     }
     Say(fmt::format("actual torque {}", j + 1),
-        fmt::format("is cut off at {:.4g} N m for {:.2g} % of the run where its tension goes on: taken as "
-                    "missing there",
+        fmt::format("is clipped at {:.4g} N m for {:.2g} % of the run while its tension still changes: taken "
+                    "as missing there",
                     end.value, 100 * end.share));
   }
 
@@ -274,7 +274,7 @@ struct Finder {
               [&](Eigen::Index from, Eigen::Index to) {
                 if (std::abs(x[from]) < slack_N || Moved(j, from, to) < kMoved) return;
                 Say(fmt::format("tension {}", j + 1),
-                    fmt::format("keeps {:.4g} N {} while the motor turns: taken as missing there", x[from],
+                    fmt::format("stays at {:.4g} N {} while the motor turns: taken as missing there", x[from],
                                 Span(from, to)));
                 TakeOutAround(x, {run.time_s.begin() + from, run.time_s.begin() + to});
               });
@@ -289,7 +289,7 @@ struct Finder {
                 for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j)
                   moved = std::max(moved, Moved(j, from, to));
                 if (moved < kMoved) return;
-                Say("the tip", fmt::format("stays where it is {} while motors turn: taken as missing there",
+                Say("the tip", fmt::format("does not move {} while motors turn: taken as missing there",
                                            Span(from, to)));
                 x.middleRows(from, to - from).setConstant(kNothing);
               });

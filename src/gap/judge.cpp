@@ -81,7 +81,7 @@ Cause CauseOf(const Fit& fit, int part) {
   cause.where = candidate.where;
   cause.bound_hit = fit.bound_hit;
   if (fit.only_fold >= 0)
-    cause.note = "one kind of experiment alone shows it; there it is judged on what it was fitted to";
+    cause.note = "only one kind of experiment shows it, so it is judged on the data it was fitted to";
   const int offset = fit.model.offset(part);
   for (int k = 0; k < candidate.size(); ++k) {
     const auto& p = candidate.parameters[k];
@@ -98,7 +98,7 @@ Cause CauseOf(const Screened& screened) {
   Cause cause;
   cause.effect = screened.candidate.effect->name;
   cause.where = screened.candidate.where;
-  cause.note = "seen by the screening alone: the interval is that of what is physically possible";
+  cause.note = "screened only, not refitted: the interval is the physically possible range";
   for (std::size_t k = 0; k < screened.primary.size(); ++k) {
     const auto& p = screened.start.parameter(screened.primary[k]);
     const double value =
@@ -379,18 +379,19 @@ class Case {
   std::string Doubt() const {
     if (best_ == nullptr) return "";
     if (judgement_.leftover_sigma > kMostLeft_sigma) {
-      return fmt::format("{:.2g} noise floors remain with it, more than the {:.2g} that a law which differs a "
-                         "little leaves",
-                         judgement_.leftover_sigma, kMostLeft_sigma);
+      return fmt::format(
+          "{:.2g} noise floors remain with it, more than the {:.2g} that a slightly inaccurate law leaves",
+          judgement_.leftover_sigma, kMostLeft_sigma);
     }
     if (closed_ && closed_->value < 1 - kMayStay) {
-      return fmt::format("it closes {:.0f} % (95 %: {:.0f} to {:.0f}) of the gap on held-out data, of the {:.0f} "
-                         "% that a cause has to",
-                         100 * closed_->value, 100 * closed_->low, 100 * closed_->high, 100 * (1 - kMayStay));
+      return fmt::format(
+          "it closes {:.0f} % (95 %: {:.0f} to {:.0f}) of the gap on held-out data, and a cause has to close "
+          "{:.0f} %",
+          100 * closed_->value, 100 * closed_->low, 100 * closed_->high, 100 * (1 - kMayStay));
     }
     if (best_->bound < 0) return "";
     const sim::EffectParameter& p = best_->model.parameter(best_->bound);
-    return fmt::format("its {} is at {:.4g}, the bound of what is searched ({:.4g} to {:.4g})", p.name,
+    return fmt::format("its {} is at {:.4g}, a bound of the search range ({:.4g} to {:.4g})", p.name,
                        best_->model.values[best_->bound], p.lower, p.upper);
   }
 

@@ -312,8 +312,8 @@ void RefuseOtherTime(const DataSet& set) {
     const std::optional<Left> left = LeftOf(Apart(in_time, SomeRuns(in_time, nullptr)), false);
     if (!left || Smaller(*left, *at_rest) < kLarge) continue;
     throw std::runtime_error(fmt::format(
-        "the time of these runs is in {}, by all signs: a row every {:.4g} s ({}), motors that go smoothly "
-        "from row to row, and up to {:.2g} times less left by the robot file once it is taken so; accepted: "
+        "the time of these runs seems to be in {}: rows are {:.4g} s apart ({}), motors move smoothly from "
+        "row to row, and the robot file leaves residuals up to {:.2g} times smaller in that unit; accepted: "
         "seconds; divide t_s by {:.0f} in every run",
         unit.name, UsualStep(*some.front()), some.front()->name, Smaller(*left, *at_rest), 1 / unit.seconds));
   }

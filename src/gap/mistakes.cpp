@@ -45,14 +45,14 @@ void OfBends(std::size_t sections, std::vector<Mistake>& all) {
                      [undo, column](Run& run) { undo(run.bending_rad, column); }});
     }
   };
-  of("the sign of us_{} turned round", Negate);
-  of("the sign of vs_{0} turned round", [](Eigen::MatrixXd& bend, Eigen::Index k) { Negate(bend, k + 1); });
+  of("the sign of us_{} reversed", Negate);
+  of("the sign of vs_{0} reversed", [](Eigen::MatrixXd& bend, Eigen::Index k) { Negate(bend, k + 1); });
   of("us_{0} and vs_{0} exchanged", [](Eigen::MatrixXd& bend, Eigen::Index k) { Exchange(bend, k, k + 1); });
   of("the bend of section {} turned by 180 degrees", [](Eigen::MatrixXd& bend, Eigen::Index k) {
     Negate(bend, k);
     Negate(bend, k + 1);
   });
-  all.push_back({"the bends taken as degrees", [](Run& run) { run.bending_rad *= std::numbers::pi / 180; }});
+  all.push_back({"the bends read as degrees", [](Run& run) { run.bending_rad *= std::numbers::pi / 180; }});
 }
 
 /// Readings of one cell: rows, times and values of those that are there.
@@ -135,7 +135,7 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   std::vector<Mistake> all;
   const int tendons = set.robot.body.tendons();
   for (int j = 0; j < tendons; ++j) {
-    all.push_back({fmt::format("the sign of motor position {} turned round", j + 1),
+    all.push_back({fmt::format("the sign of motor position {} reversed", j + 1),
                    [j](Run& run) { Negate(run.motor_position_rad, j); }});
     for (int k = j + 1; k < tendons; ++k) {
       const auto exchanged = [&](const char* what, std::vector<Eigen::MatrixXd Run::*> columns) {
@@ -150,10 +150,10 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
     }
   }
   const auto motors_in = [&](const char* unit, double rad) {
-    all.push_back({fmt::format("the motor positions taken as {}", unit),
+    all.push_back({fmt::format("the motor positions read as {}", unit),
                    [rad](Run& run) { run.motor_position_rad *= rad; }});
   };
-  all.push_back({"the motor positions counted from where each run begins", [](Run& run) {
+  all.push_back({"the motor positions counted from the beginning of each run", [](Run& run) {
                    for (auto motor : run.motor_position_rad.colwise()) {
                      const auto first =
                          std::find_if(motor.begin(), motor.end(), [](double x) { return std::isfinite(x); });
@@ -167,7 +167,7 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   const auto tensions_in = [&](const char* unit, double newtons) {
     if (!measured.cells) return;
     all.push_back(
-        {fmt::format("the tensions taken as {}", unit), [newtons](Run& run) { run.tension_N *= newtons; }});
+        {fmt::format("the tensions read as {}", unit), [newtons](Run& run) { run.tension_N *= newtons; }});
   };
   tensions_in("pounds-force", 4.4482216);
   tensions_in("kilograms-force", 9.80665);
@@ -184,9 +184,8 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   for (const int sign : {-1, 1}) {
     if (!measured.tracker || set.fit_frame) break;
     of_all_sizes(1, 12, [sign](double percent) {
-      return Mistake{
-          fmt::format("the tip's distances taken {:.2g} % {}", percent, sign < 0 ? "smaller" : "larger"),
-          [=](Run& run) { run.tip_m *= 1 + 0.01 * sign * percent; }};
+      return Mistake{fmt::format("the tip's distances {:.2g} % {}", percent, sign < 0 ? "smaller" : "larger"),
+                     [=](Run& run) { run.tip_m *= 1 + 0.01 * sign * percent; }};
     });
   }
   // Slower logs show no such delay.
@@ -194,11 +193,11 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
                                 [](const Run& run) { return UsualStep(run) <= kBridged_s; });
   const auto late = [&](Cells cells) {
     of_all_sizes(1, 150, [cells](double ms) {
-      return Mistake{fmt::format("{} taken {:.0f} ms earlier", cells.name(), ms),
+      return Mistake{fmt::format("{} shifted {:.0f} ms earlier", cells.name(), ms),
                      [=](Run& run) { Advance(run, cells, 1e-3 * ms); }};
     });
     of_all_sizes(1, 150, [cells](double ms) {
-      return Mistake{fmt::format("a low-pass filter of {:.0f} ms taken off {}", ms, cells.name()),
+      return Mistake{fmt::format("a low-pass filter of {:.0f} ms removed from {}", ms, cells.name()),
                      [=](Run& run) { Unfilter(run, cells, 1e-3 * ms); }};
     });
   };
@@ -212,17 +211,17 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
     OfBends(set.robot.body.sections.size(), all);
     return all;
   }
-  all.push_back({"the tip's quaternions taken as x, y, z, w", [](Run& run) {
+  all.push_back({"the tip's quaternions read as x, y, z, w", [](Run& run) {
                    if (run.tip_quaternion.cols() == 4)
                      run.tip_quaternion = run.tip_quaternion(Eigen::all, {3, 0, 1, 2}).eval();
                  }});
-  all.push_back({"the tip's orientations taken as the base's in the tip's frame", [](Run& run) {
+  all.push_back({"the tip's orientations read as the base's in the tip's frame", [](Run& run) {
                    if (run.tip_quaternion.cols() == 4) run.tip_quaternion.rightCols(3) *= -1;
                  }});
   if (set.fit_frame) return all;
   for (int a = 0; a < 3; ++a) {
     all.push_back(
-        {fmt::format("the sign of tip {} turned round", kAxes[a]), [a](Run& run) { Negate(run.tip_m, a); }});
+        {fmt::format("the sign of tip {} reversed", kAxes[a]), [a](Run& run) { Negate(run.tip_m, a); }});
     for (int b = a + 1; b < 3; ++b) {
       all.push_back({fmt::format("tip {} and {} exchanged", kAxes[a], kAxes[b]),
                      [a, b](Run& run) { Exchange(run.tip_m, a, b); }});

@@ -203,14 +203,13 @@ std::vector<std::string> KeepOwnReadings(DataSet& set) {
     for (const auto& [sensor, rows] : every)
       names += fmt::format("{}{} (every {} rows)", names.empty() ? "" : ", ", sensor, rows);
     if (!names.empty()) {
-      said.push_back(
-          fmt::format("slower than the log, which has {} between their readings: {}; their own "
-                      "readings alone are used",
-                      between, names));
+      said.push_back(fmt::format(
+          "slower than the log, which {} between their readings: {}; only their own readings are used",
+          between, names));
     }
   };
-  look("the last one again", Held);
-  look("straight lines", Interpolated);
+  look("repeats the last one", Held);
+  look("interpolates", Interpolated);
   return said;
 }
 

@@ -94,7 +94,7 @@ struct PreparedRun {
   }
   /// Shifts the tracker's readings to the drives' clock; readings that leave the run are dropped.
   void MoveTracker(double by_s);
-  /// Samples where no tendon's motor is known.
+  /// No tendon's motor position is known.
   bool without_motors() const { return !Leave(motor_holes, signals.motor_angle_rad.cols()); }
   /// Enough readings to compare with.
   bool tracked() const { return tracker_s.size() > (signals.at_rest ? kLeastStates - 1 : 10); }

@@ -243,10 +243,10 @@ std::string Place(const Repeatability& r) {
 }
 
 std::string Differ(const Repeatability& r) {
-  const std::string on = r.depends_on.empty() ? "no state that was tried"
+  const std::string on = r.depends_on.empty() ? "none of the states tried"
                                               : fmt::format("{} (p = {:.2g})", r.depends_on, r.p_value);
-  return fmt::format("repetitions differ by {:.2g} times the noise of the sensors{}, which depends on {}",
-                     r.rms / r.floor, r.law ? "" : " and more than friction scatters", on);
+  return fmt::format("repetitions differ by {:.2g} times the sensor noise{}, which depends on {}",
+                     r.rms / r.floor, r.law ? "" : " and by more than the usual scatter of friction", on);
 }
 
 }  // namespace
@@ -307,14 +307,16 @@ std::optional<Repeatability> FindRepeatability(const Evaluator& evaluator,
 std::string Unrepeated(const Repeatability& r) {
   return fmt::format(
       "The robot does not repeat at {}: {}. {}", Place(r), Differ(r),
-      r.law ? "No effect of the library that was tried makes runs differ so: its model lacks one that does."
-            : "Whether the model has a gap beneath that these logs do not tell; if anything was changed or "
-              "touched between the runs, they are no repetitions (repeat_of: none in runs.yaml).");
+      r.law ? "No effect of the library that was tried makes runs differ in this way: the model lacks one "
+              "that does."
+            : "These logs cannot show whether the model has a smaller gap; if anything was changed or "
+              "touched between the runs, they are not repetitions (repeat_of: none in runs.yaml).");
 }
 
 std::string ButUnrepeated(const Repeatability& r) {
-  return fmt::format(" But {}: the robot does not repeat at {}{}.", Differ(r), Place(r),
-                     r.law ? "" : ", and if it was changed between the runs, they are no floor");
+  return fmt::format(
+      " But {}: the robot does not repeat at {}{}.", Differ(r), Place(r),
+      r.law ? "" : ", and if it was changed between the runs, they do not define the noise floor");
 }
 
 }  // namespace tendril::gap

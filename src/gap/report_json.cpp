@@ -468,7 +468,7 @@ Diagnosis ParseReport(const std::string& text) {
   try {
     j = Json::parse(text);
   } catch (const Json::parse_error& e) {
-    throw std::runtime_error(fmt::format("is no JSON (byte {})", e.byte));
+    throw std::runtime_error(fmt::format("is not JSON (byte {})", e.byte));
   }
   Diagnosis d;
   Reader r(j, "");

@@ -86,7 +86,7 @@ std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
   const CutText& text = TextOf(cut);
   const std::string head = fmt::format("  {} {} {} ", sim::CutName(cut), Pad(text.title, 13),
                                        Pad(fmt::format("{} -> {}", text.from, text.to), 30));
-  if (!worst) return head + paint(kDim, listed ? "cannot be told from these logs" : "not measured") + "\n";
+  if (!worst) return head + paint(kDim, listed ? "not covered by these logs" : "not measured") + "\n";
   if (worst->uncertain())
     return head +
            paint(kYellow, fmt::format("{:>6} sigma  in too few seconds", Sigmas(worst->excess_sigma))) + "\n";
@@ -105,7 +105,7 @@ std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
 
 std::string CauseLine(const Cause& c, const Paint& paint, bool accepted) {
   std::string name = c.effect == "no_gap"    ? "no gap"
-                     : c.effect == "unknown" ? "unknown (none of the library)"
+                     : c.effect == "unknown" ? "unknown (not in the library)"
                                              : c.effect;
   if (!c.where.empty() && c.where != "all") name += " " + c.where;
   std::string parameters;
@@ -161,7 +161,7 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
 
   if (d.closed) {
     const auto bound = [](double share) { return share < -1 ? "below -100 %" : Percent(share); };
-    out += fmt::format("\nClosed {} of the gap on {} held back (95 %: {} to {})\n", Percent(d.closed->value),
+    out += fmt::format("\nClosed {} of the gap on held-out {} (95 %: {} to {})\n", Percent(d.closed->value),
                        d.held_out_by, bound(d.closed->low), bound(d.closed->high));
     // The channels with the largest gap, for their size in units.
     std::vector<const Closure*> rows;

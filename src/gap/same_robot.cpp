@@ -92,11 +92,12 @@ void RobotOfSet::Check(const RobotParameters& recorded, const std::string& where
                        std::vector<std::string>& notes) const {
   const Differences found = Compare(sim::FoldEffects(recorded), sim::FoldEffects(robot_));
   if (!found.of_robots.empty() && other_ == OtherRobot::kRefused) {
-    throw OtherRobotError(fmt::format(
-        "{}: these runs are of another robot than {}: {}; accepted: the file of the robot that was measured "
-        "or a corrected one (same name, tendons and encoder counts, each section up to {:.4g} times as long "
-        "or short); if it is the same robot and the entries were wrong, say so with --same-robot",
-        where, file_, fmt::join(found.of_robots, ", "), MostLengthFactor()));
+    throw OtherRobotError(
+        fmt::format("{}: these runs are of another robot than {}: {}; accepted: the file of the robot that "
+                    "was measured or a corrected one (same name, tendons and encoder counts, each section "
+                    "longer or shorter by a factor of at most {:.4g}); if it is the same robot and the "
+                    "entries were wrong, say so by --same-robot",
+                    where, file_, fmt::join(found.of_robots, ", "), MostLengthFactor()));
   }
   std::vector<std::string> others = found.of_robots;
   others.insert(others.end(), found.of_numbers.begin(), found.of_numbers.end());
@@ -104,10 +105,10 @@ void RobotOfSet::Check(const RobotParameters& recorded, const std::string& where
   const std::string list = fmt::format("{}", fmt::join(others, ", "));
   // Logs of one robot all differ alike.
   if (std::any_of(notes.begin(), notes.end(), [&](const auto& n) { return n.find(list) != n.npos; })) return;
-  notes.push_back(fmt::format(
-      "{} differs from {}, which is taken as the corrected file of the same robot: {}; if it is none, the "
-      "difference looks like a gap",
-      where, file_, list));
+  notes.push_back(
+      fmt::format("{} differs from {}, which is taken as the corrected file of the same robot: {}; if it is "
+                  "another robot, the difference looks like a gap",
+                  where, file_, list));
 }
 
 void RobotOfSet::Check(const std::string& recorded_yaml, const std::string& where,
@@ -117,9 +118,10 @@ void RobotOfSet::Check(const std::string& recorded_yaml, const std::string& wher
   try {
     recorded = sim::FoldEffects(config::ParseRobot(recorded_yaml, where));
   } catch (const std::exception& e) {
-    notes.push_back(fmt::format("{}: the robot that it was recorded with cannot be read, so that it is not "
-                                "compared with {}: {}",
-                                where, file_, e.what()));
+    notes.push_back(
+        fmt::format("{}: the file of the robot that it was recorded with cannot be read, so it is not "
+                    "compared with {}: {}",
+                    where, file_, e.what()));
     return;
   }
   Check(recorded, where, notes);

@@ -80,18 +80,18 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
                             first->where == "all" ? "" : ", " + first->where)
       : off   ? fmt::format("{} ({}) is {} sigma off, in too few seconds to be sure", sim::CutName(off->cut),
                             off->quantity, Sigmas(off->excess_sigma))
-      : nowhere ? "All places together are beyond the noise floor, though none of them is for sure"
+      : nowhere ? "All places together exceed the noise floor, but no single place does significantly"
                 : "The place of the gap is not clear";
   const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
   switch (d.verdict) {
     case Verdict::kNoGap: {
       const std::string blind = CutsNotSeen(d);
-      return "No gap beyond the noise floor and the materiality asked for" +
-             (blind.empty() ? "." : "; of " + blind + " these logs tell nothing.");
+      return "No gap beyond the noise floor and the requested materiality" +
+             (blind.empty() ? "." : "; these logs do not cover " + blind + ".");
     }
     case Verdict::kInsufficientData:
-      return first ? where + ", but these logs and this model are not enough to tell its cause." + next
-             : off ? where + " whether that is a gap." + next
+      return first ? where + ", but these logs and this model are not enough to identify its cause." + next
+             : off ? where + " that this is a gap." + next
                    : "These logs are not enough to tell whether there is a gap." + next;
     case Verdict::kUnexplained: {
       if (!d.suspected.empty()) return where + ".";
@@ -103,7 +103,7 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
       // Where no place has anything left for sure, what all of them leave together decided.
       const std::string remains =
           d.leftover_sigma == 0 && d.closed
-              ? fmt::format("{} of it remain", Percent(1 - d.closed->value))
+              ? fmt::format("{} of it remains", Percent(1 - d.closed->value))
               : fmt::format("{} sigma beyond the floor remain", Sigmas(d.leftover_sigma));
       return fmt::format("{}, and no effect of the library explains it: {} with the best of them ({}).{}",
                          where, remains, best == d.causes.end() ? "none" : NameOf(*best), next);
@@ -132,13 +132,13 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
       if (d.verdict == Verdict::kAmbiguousGroup && !grouped) causes += ", or another";
       const std::string closed =
           d.closed && d.closed->low > 0
-              ? fmt::format(" With it in the model {} of the gap closes on {} that it was not fitted to.",
+              ? fmt::format(" With it in the model {} of the gap closes on held-out {}.",
                             Percent(d.closed->value), d.held_out_by)
-              : " It is too small beside the noise floor to say how much of the gap closes with it.";
+              : " It is too close to the noise floor to say how much of the gap it closes.";
       const std::string left =
           d.leftover_sigma < kMuchLeft_sigma
               ? ""
-              : fmt::format(" Up to {} sigma beyond the floor remain: it is not all that there is.",
+              : fmt::format(" Up to {} sigma beyond the floor remain: it is not the only cause.",
                             Sigmas(d.leftover_sigma));
       return fmt::format("{}; its cause is {}.{}{}{}", where, causes, closed, left, next);
     }
@@ -154,8 +154,8 @@ std::string First(const Diagnosis& d) {
       numbers += fmt::format("{} {:.4g} where the file has {:.4g}", number.key, number.value, number.in_file);
     }
     const auto& closed = d.suspected.front().closed;
-    return fmt::format("Check the robot file first: {} {} of this gap goes, more than with any cause. ", numbers,
-                       closed ? Percent(closed->value) : "most");
+    return fmt::format("Check the robot file first: {} {} of this gap disappears, more than with any cause. ",
+                       numbers, closed ? Percent(closed->value) : "most");
   }
   const auto likeliest = std::find_if(d.causes.begin(), d.causes.end(),
                                       [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
@@ -175,7 +175,7 @@ std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& m
   }
   if (d.verdict != Verdict::kUnexplained || few == 0 || 2 * few >= d.runs.size()) return "";
   return fmt::format(
-      " It lies in {} above all, missed by {}{:.0f} times more than the other {} runs: what was different "
+      " It lies mainly in {}, with {}{:.0f} times the model error of the other {} runs: what was different "
       "then? Diagnose again without {}.",
       names, few == 1 ? "" : "up to ", most, d.runs.size() - few, few == 1 ? "it" : "them");
 }

@@ -37,7 +37,7 @@ std::string RunName(const std::filesystem::path& file);
 
 /// True where two rows hold the same numbers.
 using SameRow = std::function<bool(std::size_t, std::size_t)>;
-/// Searches the rows of a table from row `from` on.
+/// For the rows of a table, counted from row `from`.
 SameRow SameNumbers(const Table& table, std::size_t from);
 
 /// Rows with a time that is greater than that of the row before, from the longest part where the clock

@@ -142,7 +142,7 @@ void Evaluator::Forget(int threads) {
         if (trial.run != i) continue;
         if (!trial.trouble.empty()) {
           throw RunError(static_cast<std::size_t>(i),
-                         fmt::format("{}: moved otherwise while nothing was recorded: {}", runs_[i].name,
+                         fmt::format("{}: alternative motion while nothing was recorded: {}", runs_[i].name,
                                      trial.trouble));
         }
         if (trial.residuals[c].size() != r.size()) continue;
@@ -162,11 +162,11 @@ void Evaluator::Forget(int threads) {
     names += (names.empty() ? "" : ", ") + runs_[i].name;
   }
   if (!names.empty()) {
-    degradations_.push_back(fmt::format(
-        "after lost samples, and where a run begins on the way, the body swings from an unknown place, and "
-        "friction in pulleys may hold either way until the tendons have slid: up to {:.3g} s are not "
-        "compared where that changes them ({})",
-        forgotten_s, names));
+    degradations_.push_back(
+        fmt::format("after lost samples, and where a run begins in motion, the body's position is unknown "
+                    "and pulley friction may act in either direction until the tendons have slid: up to "
+                    "{:.3g} s are masked where that matters ({})",
+                    forgotten_s, names));
   }
 }
 

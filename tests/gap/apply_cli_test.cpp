@@ -111,7 +111,7 @@ TEST_F(ApplyCommandTest, NonsenseIsRefusedAndNothingWritten) {
     int code;
     const char* says;
   } cases[] = {
-      {"broken.json --out new.yaml", 1, "is no JSON"},
+      {"broken.json --out new.yaml", 1, "is not JSON"},
       {"other.json --out new.yaml", 1, "'format' is missing"},
       {"gone.json --out new.yaml", 1, "cannot read"},
       {"--out new.yaml", 2, "nothing to apply"},

@@ -317,7 +317,7 @@ TEST_F(DiagnoseCommandTest, AClippedChannelIsSaid) {
     }
   });
   ASSERT_EQ(Diagnose(), 0) << error_;
-  EXPECT_THAT(Said(), ContainsRegex("tension 1: is cut off at 1.5 N for"));
+  EXPECT_THAT(Said(), ContainsRegex("tension 1: is clipped at 1.5 N for"));
   EXPECT_EQ(report_["causes"][0]["effect"], "torque_constant") << report_["sentence"];
   EXPECT_EQ(report_["verdict"], "attributed") << "what was cut off is no cause: " << report_["sentence"];
 }
@@ -363,7 +363,7 @@ TEST_F(DiagnoseCommandTest, WithoutATrackerTheBodyIsNotSeen) {
 TEST_F(DiagnoseCommandTest, WithoutAnyLoadCellPlacesCannotBeTold) {
   Edit([](Table& table) { Drop(table, "tension_N"); });
   ASSERT_EQ(Diagnose(), 0) << error_;
-  EXPECT_THAT(Said(), HasSubstr("no load cell: what pulls on the body is taken from the motors"));
+  EXPECT_THAT(Said(), HasSubstr("no load cell: the tensions on the body are taken from the motors"));
   EXPECT_EQ(report_["causes"][0]["effect"], "torque_constant") << report_["sentence"];
 }
 
@@ -382,7 +382,7 @@ TEST_F(DiagnoseCommandTest, AChannelWithoutAnyNumberIsSaid) {
   });
   ASSERT_TRUE(Found());
   EXPECT_THAT(Said(), HasSubstr("tension 3: holds no value at all"));
-  EXPECT_THAT(Said(), HasSubstr("the load cell of tendon 3 says nothing"));
+  EXPECT_THAT(Said(), HasSubstr("the load cell of tendon 3 has no data"));
 }
 
 TEST_F(DiagnoseCommandTest, WithoutALoadCellOnOneTendonItsStretchSaysWhatPulls) {
@@ -390,10 +390,9 @@ TEST_F(DiagnoseCommandTest, WithoutALoadCellOnOneTendonItsStretchSaysWhatPulls) 
     for (auto& row : table.rows) row[table.Column("tension_N_3")].clear();
   });
   ASSERT_TRUE(Found());
-  EXPECT_THAT(Said(),
-              ContainsRegex(
-                  "the load cell of tendon 3 says nothing, or comes .*: what pulls on the body is taken from "
-                  "the motor and the tendon's stretch"));
+  EXPECT_THAT(Said(), ContainsRegex(
+                          "the load cell of tendon 3 has no data, or readings .*: the tension is taken from "
+                          "the motor and the tendon's stretch"));
 }
 
 TEST_F(DiagnoseCommandTest, SlowLogsAreDiagnosedAndSaid) {

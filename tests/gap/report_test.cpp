@@ -403,12 +403,12 @@ TEST(ReadReport, SaysWhatIsWrongWithAFile) {
     }
     return std::string("accepted");
   };
-  EXPECT_THAT(complaint(""), HasSubstr("is no JSON"));
+  EXPECT_THAT(complaint(""), HasSubstr("is not JSON"));
   EXPECT_THAT(complaint("[]"), HasSubstr("must be an object"));
   EXPECT_THAT(complaint("{}"), HasSubstr("'format' is missing"));
   EXPECT_THAT(complaint("{\"format\": 77}"), HasSubstr("format 77"));
   const std::string good = ReportJson(ExampleDiagnosis(Verdict::kAttributed));
-  EXPECT_THAT(complaint(good.substr(0, good.size() / 2)), HasSubstr("is no JSON"));
+  EXPECT_THAT(complaint(good.substr(0, good.size() / 2)), HasSubstr("is not JSON"));
   const auto with = [&](const std::string& pointer, const Json& value) {
     Json j = Json::parse(good);
     j[Json::json_pointer(pointer)] = value;

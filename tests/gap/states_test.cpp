@@ -149,7 +149,7 @@ TEST(States, ACauseIsFoundThroughAnUnknownFrame) {
   // Motion was not seen, and the report says what was done.
   std::string told;
   for (const auto& line : d.degradations) told += line + "\n";
-  EXPECT_NE(told.find("the tracker's frame is not known"), told.npos) << told;
+  EXPECT_NE(told.find("the tracker's frame is unknown"), told.npos) << told;
   EXPECT_NE(told.find("at rest at each row"), told.npos) << told;
   // Family by family, on runs that were not fitted to.
   ASSERT_EQ(d.families.size(), 3u);

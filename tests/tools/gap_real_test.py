@@ -46,5 +46,5 @@ with tempfile.TemporaryDirectory() as out:
     check(v4["verdict"] in ("unexplained", "ambiguous_group"), v4["sentence"])
     check(v4["held_out"] and v4["held_out"]["runs"] > 10, f"held out: {v4['held_out']}")
     told = "\n".join(v4["degradations"])
-    for what in ("no load cell and no torque", "frame is not known", "at rest at each row", "no orientation"):
+    for what in ("no load cell and no torque", "frame is unknown", "at rest at each row", "no orientation"):
         check(what in told, f"'{what}' is not in {told}")

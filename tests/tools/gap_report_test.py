@@ -76,7 +76,7 @@ class Report(unittest.TestCase):
         text = (self.path / "first/report.json").read_text()
         (self.path / "broken.json").write_text(text[: len(text) // 2])
         (self.path / "other.json").write_text('{"a": 1}')
-        for name, word in (("broken.json", "is no JSON"), ("other.json", "'format' is missing"), ("none.json", "cannot read")):
+        for name, word in (("broken.json", "is not JSON"), ("other.json", "'format' is missing"), ("none.json", "cannot read")):
             done = run("report", self.path / name, "--out", self.path / "second")
             self.assertEqual(done.returncode, 1)
             self.assertIn(word, done.stderr)
