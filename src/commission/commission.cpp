@@ -314,12 +314,12 @@ class Procedure {
         say("tendon off",
             fmt::format("the motor turns either way by more than {:.0f} mm of tendon and nothing holds it",
                         1e3 * kFirstReach * take_up_.max_travel_m),
-            "hook the tendon in; if it hangs that loose, wind it up by hand or raise "
+            "attach the tendon; if it is that slack, wind it up by hand or raise "
             "controller.take_up.max_travel_m");
       } else {
         say("no answer",
-            "neither encoder nor load cell answers to torque either way: jammed, or without current, or "
-            "with a dead encoder",
+            "neither encoder nor load cell responds to torque in either direction: jammed, or without "
+            "current, or with a dead encoder",
             "free gear and spool; check the motor's leads and brake, and the encoder's cable; then turn the "
             "motor by "
             "hand and check that `tendril status` shows it");
@@ -329,11 +329,11 @@ class Procedure {
     if (f.torque_sign < 0) {
       const bool both = f.encoder_sign < 0;
       say(both ? "spool reversed" : "motor reversed",
-          both ? "positive torque pays out and the encoder counts with it: the tendon is wound the other way "
-                 "round"
+          both ? "positive torque pays out and the encoder counts with it: the tendon is wound in the "
+                 "opposite direction"
                : "positive torque pays out",
           both ? fmt::format(
-                     "wind it round the other way, or give node {} motor: {}, encoder: {} in bus.nodes",
+                     "wind it in the opposite direction, or give node {} motor: {}, encoder: {} in bus.nodes",
                      f.node.node_id, Other(f.node.motor_reversed), Other(f.node.encoder_reversed))
                : fmt::format("swap the motor's leads, or give node {} motor: {} in bus.nodes", f.node.node_id,
                              Other(f.node.motor_reversed)));
@@ -343,7 +343,7 @@ class Procedure {
                       Other(f.node.encoder_reversed)));
     }
     if (f.encoder_sign == 0) {
-      say("encoder dead", "the tendon's tension answers to the motor, the encoder does not count",
+      say("encoder dead", "the tendon's tension responds to the motor, but the encoder does not count",
           "check the encoder's cable and supply, and the drive's sensor configuration");
       return;
     }
@@ -361,7 +361,7 @@ class Procedure {
     if (f.cell_tendon == 0) {
       if (!f.has_cell) return;
       say("cell dead",
-          fmt::format("the motor winds in until it stands, and no load cell shows it ({:.2f} N expected)",
+          fmt::format("the motor winds in until it stops, and no load cell shows it ({:.2f} N expected)",
                       ExpectedN(j, take_up_.pull_N)),
           "check the load cell's cable, supply and amplifier on the drive's first analog input");
       return;
@@ -387,8 +387,8 @@ class Procedure {
     const bool beyond = f.pulled_N < f.least_N - off_N || f.pulled_N > f.most_N + off_N;
     if (f.cell_gain < kLeastGain || f.cell_gain > kMostGain || beyond) {
       say("cell gain",
-          fmt::format("the load cell shows {:.2f} of what it should by the motor's torque ({:.2f} N pulled; "
-                      "{:.2f} .. {:.2f} N with and against friction)",
+          fmt::format("the load cell shows {:.2f} of the tension expected from the motor's torque ({:.2f} N "
+                      "pulled; {:.2f} .. {:.2f} N with and against friction)",
                       f.cell_gain, f.pulled_N, f.least_N, f.most_N),
           fmt::format("hang a known mass on it and set load_cell.gain_VpN ({:.3g} would fit); or the motor's "
                       "torque_constant_NmpA, gear or spool are not as in the robot file",
@@ -540,10 +540,9 @@ std::string PatchNodes(const std::string& text, const std::string& path,
     from = end + 1;
   }
   if (patched != nodes.size()) {
-    throw std::runtime_error(
-        path +
-        ": bus.nodes is not written as a line `- {node_id: N, tendon: M}` a node; change it by "
-        "hand as stated above");
+    throw std::runtime_error(path +
+                             ": bus.nodes does not have one line `- {node_id: N, tendon: M}` per node; "
+                             "change it by hand as stated above");
   }
   return out;
 }

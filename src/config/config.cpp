@@ -252,8 +252,8 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
   if (daemon.controller.pretension_ramp_Nps < slowest_Nps) {
     throw ErrorAt(
         daemon_path, "controller.pretension_ramp_Nps",
-        fmt::format("{:g} N/s would lead {} down from its {:g} N in {:.0f} s; accepted: {:.3g} N/s or "
-                    "more, which takes {:g} s; raise it",
+        fmt::format("{:g} N/s would take {} down from its {:g} N in {:.0f} s; accepted: {:.3g} N/s or more, "
+                    "which takes {:g} s; raise it",
                     daemon.controller.pretension_ramp_Nps, robot.name, robot.limits.max_tension_base_N,
                     robot.limits.max_tension_base_N / daemon.controller.pretension_ramp_Nps, slowest_Nps,
                     kLongestRamp_s));
@@ -268,7 +268,7 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
     throw ErrorAt(
         daemon_path, "controller.take_up.pull_N",
         fmt::format(
-            "{} N is more than {} bears; accepted: limits.max_tension_motor_N, {} N, or less; lower it",
+            "{} N is more than {} can bear; accepted: limits.max_tension_motor_N, {} N, or less; lower it",
             daemon.controller.take_up.pull_N, robot.name, robot.limits.max_tension_motor_N));
   }
 }

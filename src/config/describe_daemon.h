@@ -54,7 +54,7 @@ void Describe(Io& io, TakeUpParameters& p) {
   io.Number(
       "pull_N", p.pull_N, {1e-3, 1000},
       "Largest pull of one motor by its torque, losses left aside; at most limits.max_tension_motor_N.");
-  io.Number("max_speed_mps", p.max_speed_mps, {1e-5, 1}, "Tendon speed near which the torque fades.");
+  io.Number("max_speed_mps", p.max_speed_mps, {1e-5, 1}, "Tendon speed at which the torque has faded out.");
   io.Number("max_travel_m", p.max_travel_m, {1e-4, 1},
             "Travel of a tendon, either way, beyond which it counts as broken or loose.");
   io.Number("timeout_s", p.timeout_s, {0.1, 3600}, "Longest duration of homing.");

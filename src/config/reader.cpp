@@ -135,9 +135,9 @@ Layer ParseDocument(const std::string& yaml, const Source& source, std::string_v
                                   source.name, documents[1], expected));
   }
   if (!document.IsMap()) {
-    throw ConfigError(
-        fmt::format("{}:{}: the file holds {}, not keys with values; accepted: {}; start from one in config/",
-                    source.name, LineOf(document), TypeName(document), expected));
+    throw ConfigError(fmt::format(
+        "{}:{}: the file contains {}, not keys with values; accepted: {}; start from one in config/",
+        source.name, LineOf(document), TypeName(document), expected));
   }
   return {document, "", LineOf(document)};
 }

@@ -124,9 +124,9 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
     double suggested = std::min(usual_value, 0.5 * bound);
     if (whole) suggested = std::max(1., std::floor(suggested));
     const double digit = std::pow(10, std::floor(std::log10(suggested)) - 1);
-    const std::string what = value < bound
-                                 ? fmt::format("is {:.0f} % of what cannot trip on", 100 * value / bound)
-                                 : "cannot trip on";
+    const std::string what =
+        value < bound ? fmt::format("is {:.0f} % of a value that cannot trip on", 100 * value / bound)
+                      : "cannot trip on";
     say(key, value, what, why,
         fmt::format("set {:g} (below {:.4g})", digit * std::floor(suggested / digit + 1e-9), kLate * bound));
   };
@@ -134,24 +134,24 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
     lines.emplace_back(
         ErrorAt(daemon_path, "lcm.url",
                 "'" + daemon.lcm.url +
-                    "' reaches nobody outside of the daemon's own process; set udpm://ADDRESS:PORT?ttl=N")
+                    "' reaches no program outside the daemon's own process; set udpm://ADDRESS:PORT?ttl=N")
             .what());
   }
   const std::string guards = "controller.guards.";
   const auto of = [](const Bound& b) { return fmt::format("tendon {}", b.tendon); };
 
-  below(guards + "max_missing_cycles", g.max_missing_cycles, heartbeat_cycles, 5,
-        fmt::format(
-            "a drive is given up for its missing heartbeat after {:g} cycles (bus.heartbeat_timeout_ms)",
-            heartbeat_cycles),
-        true);
+  below(
+      guards + "max_missing_cycles", g.max_missing_cycles, heartbeat_cycles, 5,
+      fmt::format("a drive counts as lost without its heartbeat after {:g} cycles (bus.heartbeat_timeout_ms)",
+                  heartbeat_cycles),
+      true);
   if (SlackFound(robot, g, cycle_s) < kFound) {
     double noise_N = 0;
     for (const TendonDriveParameters& t : robot.actuation->tendons)
       noise_N = std::max(noise_N, t.load_cell.noise_N);
     say(guards + "slack_tension_N", g.slack_tension_N, "cannot trip on",
-        fmt::format("the load cell's noise ({:g} N rms) shows a slack tendon above it again and again within "
-                    "max_slack_s",
+        fmt::format("the load cell's noise ({:g} N rms) repeatedly lifts the reading of a slack tendon above "
+                    "it within max_slack_s",
                     noise_N),
         fmt::format("set {:.2g} or more, below limits.min_tension_N ({:g})",
                     std::clamp(5 * noise_N, 0.1 * limits.min_tension_N, 0.5 * limits.min_tension_N),
@@ -162,15 +162,14 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
         scale.shown_N.value / std::min(limits.max_tension_motor_N, limits.max_tension_base_N) - 1,
         usual.tension_margin,
         fmt::format("{} shows no more than {:.3g} N", of(scale.shown_N), scale.shown_N.value));
-  below(
-      guards + "confirm_cycles", g.confirm_cycles, scale.way_m.value / g.max_displacement_rate_mps / cycle_s,
-      usual.confirm_cycles,
-      fmt::format("at max_displacement_rate_mps {} is through all of its {:.3g} m before a rule is confirmed",
-                  of(scale.way_m), scale.way_m.value),
-      true);
+  below(guards + "confirm_cycles", g.confirm_cycles,
+        scale.way_m.value / g.max_displacement_rate_mps / cycle_s, usual.confirm_cycles,
+        fmt::format("at max_displacement_rate_mps {} travels all of its {:.3g} m before a guard is confirmed",
+                    of(scale.way_m), scale.way_m.value),
+        true);
   below(guards + "tension_disagreement_N", g.tension_disagreement_N, limits.max_tension_motor_N,
         usual.tension_disagreement_N,
-        "no tension within limits.max_tension_motor_N is so far from a dead cell's");
+        "no tension within limits.max_tension_motor_N differs by so much from a dead cell's reading");
   below(guards + "stuck_torque_change_N", g.stuck_torque_change_N, scale.torque_N.value,
         usual.stuck_torque_change_N,
         fmt::format("the torque of {} changes by no more than {:.3g} N", of(scale.torque_N),
@@ -181,7 +180,7 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
                     scale.way_m.value));
   below(guards + "max_displacement_rate_mps", g.max_displacement_rate_mps,
         g.max_displacement_jump_m / cycle_s, usual.max_displacement_rate_mps,
-        "what is as fast trips max_displacement_jump_m in one cycle");
+        "such a speed already trips max_displacement_jump_m in one cycle");
   below(guards + "max_following_error_m", g.max_following_error_m, scale.way_m.value,
         usual.max_following_error_m,
         fmt::format("from straight to limits.max_bending_rad {} goes {:.3g} m", of(scale.way_m),
@@ -202,21 +201,22 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
                     heartbeat_cycles),
         true);
   below(guards + "max_stream_silence_s", g.max_stream_silence_s, kSilence_s, usual.max_stream_silence_s,
-        "a sender that was gone for a minute would lead the robot on unasked");
+        "a sender that was silent for a minute could move the robot again without an operator");
   below("controller.take_up.max_travel_m", take_up.max_travel_m, take_up.max_speed_mps * take_up.timeout_s,
-        TakeUpParameters{}.max_travel_m, "homing ends by take_up.timeout_s before a tendon went so far");
+        TakeUpParameters{}.max_travel_m,
+        "homing ends by take_up.timeout_s before a tendon has moved that far");
   below("bus.heartbeat_timeout_ms", daemon.bus.heartbeat_timeout_ms, 1e3 * kUnattended_s, 250,
-        "so long a drive pulls on after its daemon died; a hung daemon is ended after 2 s", true);
+        "a drive keeps pulling for this long after its daemon died; a hung daemon is ended after 2 s", true);
 
   const double fastest_Nps = limits.max_tension_base_N / kShortestRamp_s;
   if (const double ramp_Nps = daemon.controller.pretension_ramp_Nps; ramp_Nps > fastest_Nps) {
     say("controller.pretension_ramp_Nps", ramp_Nps, "N/s is a jerk on",
-        fmt::format("limits.max_tension_base_N is gone in {:.2g} s of a safe stop",
+        fmt::format("a safe stop drops limits.max_tension_base_N within {:.2g} s",
                     limits.max_tension_base_N / ramp_Nps),
         fmt::format("set {:.2g} (up to {:.4g})", limits.max_tension_base_N / kRamp_s, fastest_Nps));
   }
   if (take_up.pull_N <= scale.held_N.value) {
-    say("controller.take_up.pull_N", take_up.pull_N, "N winds nothing in on",
+    say("controller.take_up.pull_N", take_up.pull_N, "N cannot wind in the tendon on",
         fmt::format("friction of its motor and pretension take {:.3g} N of {}", scale.held_N.value,
                     of(scale.held_N)),
         scale.held_N.value < limits.max_tension_motor_N
@@ -226,7 +226,7 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
                                      limits.max_tension_motor_N),
                           scale.held_N.value)
             : fmt::format(
-                  "limits.max_tension_motor_N ({:g}) allows no pull that does: correct gear.efficiency, "
+                  "limits.max_tension_motor_N ({:g}) allows no pull that can: correct gear.efficiency, "
                   "motor.coulomb_friction_Nm or limits.min_tension_N of the robot file",
                   limits.max_tension_motor_N));
   }
@@ -290,7 +290,7 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
     say_robot("actuation.load_cell.resolution_V", coarse->load_cell.resolution_V,
               fmt::format("one step of the cell is {:.3g} N, more than limits.min_tension_N ({:g})",
                           step_N(*coarse), limits.min_tension_N),
-              "give the analog input's step, or another gain_VpN");
+              "use the analog input's step, or another gain_VpN");
   }
   // One reading over the limit is a fault: noise must not make it.
   const double limit_N = std::min(limits.max_tension_motor_N, limits.max_tension_base_N);
@@ -307,7 +307,7 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
     const double margin = 1.1 * most_N / limit_N;
     say_robot(
         "actuation.load_cell.noise_N", noise_N(*noisy),
-        fmt::format("single readings of tendon {} pass {:.3g} N (the limit and "
+        fmt::format("single readings of tendon {} exceed {:.3g} N (the limit and "
                     "controller.guards.tension_margin){}, a fault (404)",
                     noisy - tendons.begin() + 1, over_N,
                     never ? " at pretension already, so that the robot does not stay armed"
@@ -347,15 +347,14 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
   if (daemon.controller.shape_feedback && behind != tendons.end()) {
     const std::string text = fmt::format(
         "on, but the load cell of tendon {} of {} is on the robot's side: wide, fast goals have ended in a "
-        "fault (412) then; set off, lead the robot slower, or put the cells on the motor's side",
+        "fault (412) then; set off, move the robot more slowly, or put the cells on the motor's side",
         behind - tendons.begin() + 1, robot.name);
     lines.emplace_back(ErrorAt(daemon_path, "controller.shape_feedback", text).what());
   }
   if (daemon.controller.tension_feedback && robot.body.sections.size() > 1) {
     const std::string text = fmt::format(
-        "on, but {} has {} sections: as long as it is as its file says, feedback may leave a soft robot "
-        "farther from its goal than none does; compare the two, or set off (with shape_feedback and "
-        "tip_feedback)",
+        "on, but {} has {} sections: if it matches its file, feedback may leave a soft robot farther from "
+        "its goal than no feedback; compare the two, or set off (with shape_feedback and tip_feedback)",
         robot.name, robot.body.sections.size());
     lines.emplace_back(ErrorAt(daemon_path, "controller.tension_feedback", text).what());
   }

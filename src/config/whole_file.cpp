@@ -17,7 +17,8 @@ namespace fs = std::filesystem;
 
 [[noreturn]] void Refuse(const fs::path& file, const std::string& reason) {
   throw std::runtime_error(
-      fmt::format("cannot write {}: {}; name a place with room where you may write, or run as a user who may",
+      fmt::format("cannot write {}: {}; choose a folder with free space and write permission, or run as a "
+                  "user who has it",
                   file.string(), reason));
 }
 

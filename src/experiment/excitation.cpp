@@ -62,7 +62,7 @@ const Family& FamilyOf(std::string_view name) {
                                    [name](const Family& f) { return f.name == name; });
   if (found == std::end(kFamilies)) {
     throw std::invalid_argument(
-        fmt::format("no experiment is called '{}'; there are {}", name, fmt::join(kNames, ", ")));
+        fmt::format("there is no experiment '{}'; accepted: {}", name, fmt::join(kNames, ", ")));
   }
   return *found;
 }
@@ -648,7 +648,7 @@ MatrixXd Own(Reach& reach, const PlannedRun& run, const RobotParameters& robot,
   track.Line(start, std::max(0.5, speed_over(start - track.end()) / std::min(1.0, most_rate)));
   if (track.end_s() > kLongest_s) {
     throw std::invalid_argument(
-        fmt::format("{}: targets beyond {} s; split the run", run.family, kLongest_s));
+        fmt::format("{}: targets later than {} s; split the run", run.family, kLongest_s));
   }
   return track.Sample(static_cast<int>(std::ceil(track.end_s() / kStep_s)) + 1);
 }

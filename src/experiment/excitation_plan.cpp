@@ -61,7 +61,7 @@ class PlanReader {
       const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "";
       if (!known.count(key)) {
         Refuse(entry.first, what,
-               fmt::format("no key is called '{}'; accepted: {}", key, fmt::join(known, ", ")));
+               fmt::format("there is no key '{}'; accepted: {}", key, fmt::join(known, ", ")));
       }
       if (!seen.insert(key).second)
         Refuse(entry.first, what, fmt::format("'{}' is given twice; keep one", key));
@@ -110,7 +110,7 @@ class PlanReader {
       if (bending && tension)
         Refuse(node, "run", "bending_targets and tension_targets exclude each other; keep one");
       for (const char* key : {"amplitude_rad", "duration_s", "seed"}) {
-        if (node[key]) Refuse(node[key], key, "the given targets determine it; leave it out");
+        if (node[key]) Refuse(node[key], key, "it follows from the given targets; leave it out");
       }
       run.family = family;
       run.targets = bending ? PlannedRun::Targets::kBending : PlannedRun::Targets::kTension;
@@ -121,7 +121,7 @@ class PlanReader {
       const auto known = Families();
       if (std::find(known.begin(), known.end(), family) == known.end()) {
         Refuse(node["family"], "family",
-               fmt::format("no experiment is called '{}'; accepted: {}, or any name with bending_targets or "
+               fmt::format("there is no experiment '{}'; accepted: {}, or any name with bending_targets or "
                            "tension_targets",
                            family, fmt::join(known, ", ")));
       }
@@ -182,7 +182,7 @@ Plan QuickPlan() {
 Plan NamedPlan(const std::string& name) {
   if (name == "standard") return StandardPlan();
   if (name == "quick") return QuickPlan();
-  throw std::invalid_argument("no plan is called '" + name + "'; there are standard and quick");
+  throw std::invalid_argument("there is no plan '" + name + "'; accepted: standard, quick");
 }
 
 Plan ParsePlan(const std::string& yaml, const std::string& name_for_errors) {

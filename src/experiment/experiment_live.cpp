@@ -205,7 +205,7 @@ class Operator {
   void CheckAlive() const {
     if (stop_ && *stop_) throw std::runtime_error("stopped");
     if (clock_.Now() - heard_ns_ > kSilence_ns)
-      throw std::runtime_error("the daemon fell silent: look at its log");
+      throw std::runtime_error("the daemon stopped responding: see its log");
     if (another_in_control_) {
       throw std::runtime_error(fmt::format("the daemon refused a target: {} ({})",
                                            StatusText(Status::kAnotherSender),

@@ -188,7 +188,7 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
                              damaged + "; give --robot and --config");
   }
   if (!first_seen && result.version.empty() && !damaged.empty()) {
-    throw std::runtime_error(path + ": no log that can be replayed" + damaged +
+    throw std::runtime_error(path + ": not a log that can be replayed" + damaged +
                              "; give one of tendrild --log or tendril demo, or a black box");
   }
   if (!first_seen) {

@@ -78,12 +78,13 @@ std::optional<RequestedSize> ParseRequestedSize(const std::string& text, const R
   if (!found) throw Wrong(fmt::format("{}: vary = '{}'", name, vary), primary);
   const sim::EffectParameter& p = requested.parameter;
   if (rest.find(fmt::format(" {}=", p.name)) != std::string::npos) {
-    throw Wrong(fmt::format("{}: {} and sigma", name, p.name), "one of them, for one follows from the other");
+    throw Wrong(fmt::format("{}: {} and sigma", name, p.name),
+                "one of them, since one follows from the other");
   }
   if ((requested.sigma > 0 ? p.upper : p.lower) == p.nominal) {
     throw Wrong(
         fmt::format("{}: sigma = {}", name, sigma),
-        fmt::format("{} sizes, for {} lies in {} .. {} and is nominally {}",
+        fmt::format("{} sizes, since {} lies in {} .. {} and is nominally {}",
                     requested.sigma > 0 ? "negative" : "positive", p.name, p.lower, p.upper, p.nominal));
   }
   requested.setting = sim::ParseEffect(fmt::format("{}{} {}={}", name, rest, p.name, p.nominal), robot);

@@ -241,8 +241,8 @@ std::unique_ptr<Motion> MakeRound(const std::string& name, const BodyParameters&
   if (name == "fast_circle") return std::make_unique<Circle>(body, "fast_circle", 2 * kPi, 5);
   if (name == "square") return std::make_unique<Square>(body);
   if (name == "spiral") return std::make_unique<Spiral>(body);
-  throw std::invalid_argument("no motion is called '" + name +
-                              "'; there are circle, planar, fast_circle, square and spiral");
+  throw std::invalid_argument("there is no motion '" + name +
+                              "'; accepted: circle, planar, fast_circle, square, spiral");
 }
 
 }  // namespace

@@ -344,19 +344,20 @@ VectorXd TipSolver::Solve(const Vector3d& tip_W_m, const std::string& name) {
   distance_m_ = found.distance_m;
   if (!nearest_ && !(distance_m_ <= kReachShare * robot_.body.length_m())) {
     const Vector3d near = kinematics.Tip(found.us_vs);
-    throw PathError(fmt::format(
-        "{}: the robot's tip cannot be at ({:.6g}, {:.6g}, {:.6g}) m: the nearest point that it reaches is "
-        "({:.6g}, {:.6g}, {:.6g}), {:.2f} mm away{}; give such points, or take the nearest with --nearest",
-        name, tip_W_m.x(), tip_W_m.y(), tip_W_m.z(), near.x(), near.y(), near.z(), 1e3 * distance_m_,
-        AskMillimetres(tip_W_m, robot_.body.length_m())));
+    throw PathError(
+        fmt::format("{}: the robot's tip cannot reach ({:.6g}, {:.6g}, {:.6g}) m: the nearest reachable "
+                    "point is ({:.6g}, {:.6g}, {:.6g}), {:.2f} mm away{}; give reachable points, or accept "
+                    "the nearest with --nearest",
+                    name, tip_W_m.x(), tip_W_m.y(), tip_W_m.z(), near.x(), near.y(), near.z(),
+                    1e3 * distance_m_, AskMillimetres(tip_W_m, robot_.body.length_m())));
   }
   const double most_m = kNearestShare * robot_.body.length_m();
   if (!(distance_m_ <= most_m)) {
-    throw PathError(fmt::format(
-        "{}: ({:.6g}, {:.6g}, {:.6g}) m is {:.4g} m from any point that the tip can be at; accepted with "
-        "--nearest: up to {:g} m; give metres, in the base frame{}",
-        name, tip_W_m.x(), tip_W_m.y(), tip_W_m.z(), distance_m_, most_m,
-        AskMillimetres(tip_W_m, robot_.body.length_m())));
+    throw PathError(
+        fmt::format("{}: ({:.6g}, {:.6g}, {:.6g}) m is {:.4g} m from any point that the tip can reach; "
+                    "accepted with --nearest: up to {:g} m; give metres, in the base frame{}",
+                    name, tip_W_m.x(), tip_W_m.y(), tip_W_m.z(), distance_m_, most_m,
+                    AskMillimetres(tip_W_m, robot_.body.length_m())));
   }
   if (distance_m_ > kReachShare * robot_.body.length_m()) farthest_m_ = std::max(farthest_m_, distance_m_);
   last_ = found.us_vs;
@@ -387,7 +388,7 @@ TipPath ArcAround(const Vector3d& centre, const Vector3d& normal, const Vector3d
   }
   if (std::abs(axis.dot(out)) > 1e-3 * radius) {
     throw PathError(fmt::format(
-        "the arc's start lies {:.3g} mm off the plane through its centre; move one of them along the normal",
+        "the arc's start is {:.3g} mm off the plane through its centre; move one of them along the normal",
         1e3 * std::abs(axis.dot(out))));
   }
   return {[centre, axis, out, angle_rad](double u) -> Vector3d {

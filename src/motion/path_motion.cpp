@@ -95,8 +95,7 @@ class TableMotion final : public BendingMotion {
     for (const double knot_s : table_.knots()) look(knot_s);
     if (stretch > 1 + 1e-9) {
       throw std::runtime_error(fmt::format(
-          "{}: at t = {:.4g} s it asks for {:.3g} rad/s, {:.3g} rad/s^2 and {:.3g} rad/s^3 of a section's "
-          "bend; "
+          "{}: at t = {:.4g} s it needs {:.3g} rad/s, {:.3g} rad/s^2 and {:.3g} rad/s^3 of a section's bend; "
           "accepted: up to {:g}, {:g} and {:g}; slow it down with --stretch {:.3g}, or give smoother or "
           "fewer rows",
           name_, at_s, worst.rate * limits.rate_radps, worst.acceleration * limits.acceleration_radps2,

@@ -147,7 +147,7 @@ class Editor {
     const std::string& old = node.Scalar();
     if (line >= lines_.size() || lines_[line].compare(column, old.size(), old) != 0) {
       throw std::runtime_error(
-          fmt::format("{}:{}: cannot be edited in place; write the number plainly", path_, line + 1));
+          fmt::format("{}:{}: cannot be edited in place; write a plain number", path_, line + 1));
     }
     edits_[line].push_back({column, old, value});
   }
@@ -523,9 +523,8 @@ RobotPatch PatchRobot(const std::string& text, const std::string& path,
   patch.robot = config::ParseRobot(patch.text, path + " with the effects");
   if (const double difference = RobotDifference(patch.robot, expected); !(difference <= kSame)) {
     throw std::runtime_error(
-        fmt::format("{}: the effects could not be folded into this file's layout (a number would differ by "
-                    "{:.1g}); write every "
-                    "key on its own line, as `tendril config check` prints it",
+        fmt::format("{}: the effects could not be written in this file's layout (a number would differ by "
+                    "{:.1g}); write every key on its own line, as `tendril config check` prints it",
                     path, difference));
   }
   return patch;

@@ -53,12 +53,12 @@ refused "pull_N: 3 is more than the 2 that the daemon runs with" \
   "$bin/tendril" commission --config "$work/harder.yaml" --lcm "$lcm" --yes
 timeout --preserve-status -s INT 4 "$bin/tendril" commission --config "$work/tendrild.yaml" --lcm "$lcm" --yes \
   >"$work/said.txt" 2>&1
-grep -q "stopped: told the daemon to disarm; nothing was written" "$work/said.txt" || give_up "Ctrl-C is called something else"
+grep -q "stopped: the daemon was asked to disarm; nothing was written" "$work/said.txt" || give_up "Ctrl-C is called something else"
 mode_is configured || give_up "commissioning was stopped, and the robot is not disarmed"
 grep -q "robot.yaml.commissioned is not there" "$work/daemon.txt" || give_up "the daemon's log does not tell why"
 refused "each of the 3 tendons" commission --seen 0 120
-refused "left before anything was pulled" at_terminal "Ctrl-C to leave it=^C"
-refused "no terminal to ask at" "$bin/tendril" commission --config "$work/tendrild.yaml" --lcm "$lcm" </dev/null
+refused "cancelled before any motor pulled" at_terminal "Ctrl-C to cancel=^C"
+refused "no terminal for the confirmation" "$bin/tendril" commission --config "$work/tendrild.yaml" --lcm "$lcm" </dev/null
 mode_is configured || give_up "left at the prompt, and something moves"
 
 # Exchanged drives bend the robot to each other's side.
@@ -71,7 +71,7 @@ refused "not what the daemon runs with" commission
 
 stop $daemon daemon
 start_daemon
-at_terminal "Ctrl-C to leave it=" "tendon 1 pulls now=0" "tendon 2 pulls now=120" "tendon 3 pulls now=-120" \
+at_terminal "Ctrl-C to cancel=" "tendon 1 pulls now=0" "tendon 2 pulls now=120" "tendon 3 pulls now=-120" \
   >"$work/said.txt" 2>&1 || give_up "the corrected rig does not pass"
 grep -A5 "^tendon  " "$work/said.txt"
 [ -s "$work/robot.yaml.commissioned" ] || give_up "there is no record"
@@ -83,7 +83,7 @@ mv "$work/robot.yaml.commissioned.kept" "$work/robot.yaml.commissioned"
 
 # Homing that its operator leaves does not go on. (From slack: the tendons were let go by the disarming.)
 timeout --preserve-status -s INT 0.7 "$bin/tendril" home --lcm "$lcm" >"$work/said.txt" 2>&1
-grep -q "stopped: told the daemon to disarm; it is in mode configured" "$work/said.txt" || give_up "Ctrl-C leaves it homing"
+grep -q "stopped: the daemon was asked to disarm; it is in mode configured" "$work/said.txt" || give_up "Ctrl-C leaves it homing"
 
 # Without a restart.
 "$bin/tendril" home --lcm "$lcm" || give_up "the robot is not homed"

@@ -336,9 +336,9 @@ TEST(RefusedFile, EmptyListTextOrTwoDocuments) {
     EXPECT_THAT(ErrorOf([&] { ParseDaemon(text, "some.yaml"); }),
                 StartsWith("some.yaml:1: the file is empty; accepted: a daemon file"));
   }
-  EXPECT_THAT(ErrorOf([&] { ParseRobot("- 1\n- 2\n", "some.yaml"); }), HasSubstr("the file holds a list"));
+  EXPECT_THAT(ErrorOf([&] { ParseRobot("- 1\n- 2\n", "some.yaml"); }), HasSubstr("the file contains a list"));
   EXPECT_THAT(ErrorOf([&] { ParseRobot("hello\n", "some.yaml"); }),
-              HasSubstr("the file holds a single value"));
+              HasSubstr("the file contains a single value"));
   EXPECT_THAT(ErrorOf([&] { ParseRobot("name: a\n---\nname: b\n", "some.yaml"); }),
               StartsWith("some.yaml:2: a second YAML document"));
 }

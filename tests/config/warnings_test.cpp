@@ -106,7 +106,7 @@ TEST(Warnings, EachGuardIsToldFromTheValueOnThatIsLateOrCannotTrip) {
     if (*k.late == '\0') continue;
     const std::string late = Edited(text, k.line, k.late);
     EXPECT_THAT(WarnedOf(late),
-                ElementsAre(Told(late, k.late, k.key, " % of what cannot trip on rig_60mm: ")));
+                ElementsAre(Told(late, k.late, k.key, " % of a value that cannot trip on rig_60mm: ")));
   }
 }
 
@@ -116,7 +116,7 @@ const Idle kOthers[] = {
     {"controller.pretension_ramp_Nps", "pretension_ramp_Nps: 2.0", "pretension_ramp_Nps: 79.0",
      "pretension_ramp_Nps: 81.0", " N/s is a jerk on rig_60mm: "},
     {"controller.take_up.pull_N", "pull_N: 2.0", "pull_N: 0.9", "pull_N: 0.8",
-     " N winds nothing in on rig_60mm: friction of its motor and pretension take 0.8"},
+     " N cannot wind in the tendon on rig_60mm: friction of its motor and pretension take 0.8"},
     {"controller.take_up.max_speed_mps", "max_speed_mps: 0.005", "max_speed_mps: 0.2", "max_speed_mps: 0.21",
      " m/s trips a guard of rig_60mm: homing would wind faster than"},
     {"controller.guards.max_torque_error_N", "max_torque_error_N: 1.0", "max_torque_error_N: 0.02",
@@ -158,9 +158,9 @@ TEST(Warnings, AnAddressThatNobodyElseHears) {
   DaemonParameters daemon = LoadDaemon(ConfigPath("tendrild.yaml"));
   const RobotParameters robot = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
   daemon.lcm.url = "memq://";
-  EXPECT_THAT(
-      Warnings(daemon, robot, ConfigPath("tendrild.yaml")),
-      ElementsAre(AllOf(HasSubstr("lcm.url: 'memq://' reaches nobody outside"), HasSubstr("; set udpm://"))));
+  EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild.yaml")),
+              ElementsAre(AllOf(HasSubstr("lcm.url: 'memq://' reaches no program outside"),
+                                HasSubstr("; set udpm://"))));
 }
 
 TEST(Warnings, CommandsThatCrossRouters) {

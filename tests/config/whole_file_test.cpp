@@ -81,7 +81,8 @@ TEST_F(WholeFile, SaysWhyItCannot) {
   const fs::path nowhere = folder_ / "nowhere" / "file";
   for (const std::string& line :
        {told([&] { WriteWhole(nowhere, "text"); }), told([&] { CheckMayWrite(nowhere); })})
-    EXPECT_THAT(line, testing::HasSubstr("nowhere/file: No such file or directory; name a place with room"));
+    EXPECT_THAT(
+        line, testing::HasSubstr("nowhere/file: No such file or directory; choose a folder with free space"));
   EXPECT_THAT(told([&] { WriteWhole(folder_, "text"); }), testing::HasSubstr("Is a directory"));
   EXPECT_THAT(told([&] { CheckMayWrite(folder_); }), testing::HasSubstr("Is a directory"));
   EXPECT_TRUE(fs::is_directory(folder_));

@@ -64,7 +64,7 @@ TEST_F(ApplyCommandTest, TheFindingIsInTheNewFileWithWhereItComesFrom) {
         std::string("bending_stiffness all (p = 0.97), scale"), "sha256 " + d.runs[0].sha256, d.version}) {
     EXPECT_THAT(text.substr(0, text.find("name:")), HasSubstr(word));
   }
-  EXPECT_THAT(out_, HasSubstr("1 worked into its numbers (the controller uses them), 1 added as laws"));
+  EXPECT_THAT(out_, HasSubstr("1 applied to its numbers (used by the controller), 1 added as laws"));
   EXPECT_THAT(out_, testing::ContainsRegex("\n- .*youngs_modulus_Pa"));
   EXPECT_EQ(ReadText(folder_ / "rig.yaml"), rig_);
   EXPECT_EQ(Run("config check new.yaml"), 0) << error_;
@@ -206,14 +206,14 @@ TEST_F(ApplyCommandTest, AReportIsRefusedOnAnyOtherFileThanItsOwn) {
   old.robot_yaml.clear();
   WriteText(folder_ / "report.json", gap::ReportJson(old));
   EXPECT_EQ(Apply("report.json --out newer.yaml"), 1);
-  EXPECT_THAT(error_, HasSubstr("does not say with which robot file it was made"));
+  EXPECT_THAT(error_, HasSubstr("does not contain the robot file it was made with"));
   EXPECT_EQ(Apply("report.json --out new.yaml --anyway --overwrite"), 0) << error_;
 }
 
 TEST_F(ApplyCommandTest, AFileThatIsThereIsReplacedOnRequestOnly) {
   WriteText(folder_ / "new.yaml", "somebody's work\n");
   EXPECT_EQ(Apply("--effect 'tip_payload mass_kg=0.002' --out new.yaml"), 2);
-  EXPECT_THAT(error_, HasSubstr("new.yaml is there already"));
+  EXPECT_THAT(error_, HasSubstr("new.yaml already exists"));
   EXPECT_EQ(ReadText(folder_ / "new.yaml"), "somebody's work\n");
   EXPECT_EQ(Apply("--effect 'tip_payload mass_kg=0.002' --out new.yaml --overwrite"), 0) << error_;
   EXPECT_NE(ReadText(folder_ / "new.yaml"), "somebody's work\n");
@@ -248,7 +248,7 @@ TEST_F(ApplyCommandTest, AMarkOfByteOrderIsNoObstacleAndStays) {
 
 TEST_F(ApplyCommandTest, ExplainNamesWhatEveryMotorHasOfItsOwn) {
   ASSERT_EQ(Run("gap explain cogging"), 0);
-  EXPECT_THAT(out_, testing::HasSubstr("phase_2_rad, ... where=all: what tendons 2, 3, ... have of it"));
+  EXPECT_THAT(out_, testing::HasSubstr("phase_2_rad, ... where=all: the value of tendons 2, 3, ... less"));
   ASSERT_EQ(Run("gap explain cogging --json"), 0);
   EXPECT_EQ(json::parse(out_)["parameters"][2]["each"], "phase_{}_rad") << out_;
   EXPECT_EQ(Apply("--effect 'cogging amplitude_Nm=1e-4 phase_2_rad=0.5 phase_4_rad=1' --out new.yaml"), 2);

@@ -221,8 +221,9 @@ TEST_F(ImportCommandTest, WhatCanBeComparedIsSaidAndNothingIsAnError) {
                     tension = "  tension: {names: [f1, f2, f3]}\n";
   EXPECT_EQ(run(bend), 1);
   EXPECT_THAT(out_, HasSubstr("C4 (no tension or motor position of every tendon)"));
-  EXPECT_THAT(error_,
-              HasSubstr("nothing of these runs can be compared; accepted: load cells or motor positions"));
+  EXPECT_THAT(
+      error_,
+      HasSubstr("these runs cannot be compared with a simulation; accepted: load cells or motor positions"));
   EXPECT_EQ(run("  orientation: {names: [qw, qx, qy, qz]}\n"), 1);
   EXPECT_EQ(run(tension), 1);
   EXPECT_THAT(out_, HasSubstr("C4 (no tip position, orientation or bending)"));

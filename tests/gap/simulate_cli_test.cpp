@@ -175,7 +175,7 @@ TEST_F(SimulateCommandTest, WrongUseIsToldBeforeAnythingIsWritten) {
       {"--effect 'stribeck sigma=3 vary=speed_radps'", "accepted: torque_Nm"},
       {"--effect 'backlash vary=rad rad=0.1'", "vary without sigma"},
       {"--seed -3", "leave out the sign"},
-      {"--seed 99999999999999999999", "is no seed"},
+      {"--seed 99999999999999999999", "is not a seed"},
       {"--repeats 21", "--repeats"},
       {"--jobs 0", "--jobs"},
       {"--noise some", "--noise"},
@@ -259,7 +259,7 @@ TEST_F(SimulateCommandTest, WhatIsNoEarlierSetIsNeverReplaced) {
   const auto before = Files("mine");
   EXPECT_EQ(Simulate("--out mine"), 2);
   EXPECT_EQ(Simulate("--out mine --overwrite"), 2);
-  EXPECT_THAT(error_, HasSubstr("mine/01_circle.csv is there already and no run of an earlier set"));
+  EXPECT_THAT(error_, HasSubstr("mine/01_circle.csv already exists and is not a run of an earlier set"));
   EXPECT_TRUE(OneLine());
   EXPECT_EQ(Files("mine"), before);
   fs::create_directories(folder_ / "robots");

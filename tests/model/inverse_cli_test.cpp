@@ -197,7 +197,7 @@ TEST_F(Program, CapstanRefusesWhatMakesNoSense) {
     EXPECT_NE(result.error, "") << bad;
   }
   EXPECT_THAT(Run("capstan --alpha 0.4 --n 1.2 --rho 10" + rest).error,
-              HasSubstr("--n: 1.2 is no number from 0.05 to 1"));
+              HasSubstr("--n: 1.2 is not a number from 0.05 to 1"));
 }
 
 }  // namespace

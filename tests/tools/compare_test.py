@@ -87,7 +87,7 @@ class Laws(unittest.TestCase):
             done = run("--robot", str(weak), "--plant", str(weak), "--trajectory", "circle", "--no-plots", "--out",
                        folder)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertIn("not led as it should be in 100 % of its cycles: command refused", done.stdout)
+        self.assertIn("limited or refused in 100 % of its cycles: command refused", done.stdout)
 
     def test_wrong_use_is_told(self):
         for args in (("--robot", "a.yaml"), ("--plant", "b.yaml"), ("--law", "best"), ("--on", "moon"),

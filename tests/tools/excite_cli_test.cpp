@@ -152,7 +152,7 @@ TEST_F(ExciteCommandTest, WrongUseIsTold) {
   EXPECT_EQ(Run("excite --plan gone.yaml"), 1);
   EXPECT_THAT(error_, HasSubstr("gone.yaml: cannot be read"));
   EXPECT_EQ(Excite("runs:\n  - {family: triangel}\n"), 1);
-  EXPECT_THAT(error_, HasSubstr("plan.yaml:2: family: no experiment is called 'triangel'"));
+  EXPECT_THAT(error_, HasSubstr("plan.yaml:2: family: there is no experiment 'triangel'"));
   EXPECT_TRUE(OneLine());
   WriteText(folder_ / "robot.yaml",
             ReadText(kRig) + "\neffects:\n  - {effect: backlash, where: all, rad: 7}\n");

@@ -76,7 +76,7 @@ TEST_F(FollowCommandTest, WrongUseIsTold) {
   ExpectRefused("via --bend 0.5", 2, {"1 numbers", "accepted: 2"});
   ExpectRefused("via --bend 3,0", 1, {"point 1", "2.6"});
   ExpectRefused("line --tip nan,0,0", 2, {"'nan'"});
-  ExpectRefused("arc --centre 0,0,0.05 --tip 0.02,0,0.05 --angle 0", 2, {"--angle 0 is no arc"});
+  ExpectRefused("arc --centre 0,0,0.05 --tip 0.02,0,0.05 --angle 0", 2, {"--angle 0 is not an arc"});
   ExpectRefused("via --bend 0,x --bend 1,1", 2, {"'x' is not a number"});
   ExpectRefused("via --bend 0,nan --bend 1,1", 2, {"'nan'"});
   ExpectRefused("via --bend 0,0,1 --bend 1,1", 2, {"3 numbers", "accepted: 2"});
@@ -84,14 +84,15 @@ TEST_F(FollowCommandTest, WrongUseIsTold) {
   ExpectRefused("via --bend 0,0 --bend 1,1 --acceleration 900", 2, {"max_acceleration_radps2"});
   ExpectRefused("via --bend 0,0 --bend 1,1 --jerk 1e6", 2, {"max_jerk_radps3"});
   const std::pair<const char*, const char*> numbers[] = {
-      {"via --bend 0,0 --bend 1,1 --speed nan", "--speed: nan is no number from 0 to 1000; leave it out"},
-      {"via --bend 0,0 --bend 1,1 --speed -1", "--speed: -1 is no number from 0 to 1000; leave it out"},
-      {"via --bend 0,0 --bend 1,1 --acceleration nan", "--acceleration: nan is no number from 0 to 1e+06;"},
-      {"via --bend 0,0 --bend 1,1 --jerk nan", "--jerk: nan is no number from 0 to 1e+09;"},
-      {"via --bend 0,0 --bend 1,1 --jerk inf", "--jerk: inf is no number from 0 to 1e+09;"},
-      {"csv table.csv --stretch nan", "--stretch: nan is no number from 0.01 to 1000;"},
+      {"via --bend 0,0 --bend 1,1 --speed nan", "--speed: nan is not a number from 0 to 1000; leave it out"},
+      {"via --bend 0,0 --bend 1,1 --speed -1", "--speed: -1 is not a number from 0 to 1000; leave it out"},
+      {"via --bend 0,0 --bend 1,1 --acceleration nan",
+       "--acceleration: nan is not a number from 0 to 1e+06;"},
+      {"via --bend 0,0 --bend 1,1 --jerk nan", "--jerk: nan is not a number from 0 to 1e+09;"},
+      {"via --bend 0,0 --bend 1,1 --jerk inf", "--jerk: inf is not a number from 0 to 1e+09;"},
+      {"csv table.csv --stretch nan", "--stretch: nan is not a number from 0.01 to 1000;"},
       {"arc --centre 0,0,0.05 --tip 0.02,0,0.05 --angle nan",
-       "--angle: nan is no number from -7200 to 7200;"},
+       "--angle: nan is not a number from -7200 to 7200;"},
   };
   for (const auto& [what, told] : numbers) {
     EXPECT_EQ(Plan(what), 2) << what;

@@ -38,10 +38,10 @@ TEST_F(ServiceCommandTest, ANumberIsANumberWhereverItIsAskedFor) {
   for (const auto& [option, range] : options) {
     for (const char* wrong : {"nan", "inf", "-1e3", "1e300", "soon"})
       ExpectWrongUse(fmt::format("{} {}", option, wrong),
-                     fmt::format("{} is no number from {}; ", wrong, range));
+                     fmt::format("{} is not a number from {}; ", wrong, range));
   }
   ExpectWrongUse("send --timeout nan arm", "; see tendril send arm --help");
-  ExpectWrongUse("send tip 0.01 nan 0.05", "nan is no number from -1e+06 to 1e+06; ");
+  ExpectWrongUse("send tip 0.01 nan 0.05", "nan is not a number from -1e+06 to 1e+06; ");
 }
 
 // A variable that is not set must not pass for an option that was left out.
@@ -96,18 +96,19 @@ TEST_F(ServiceCommandTest, SendSaysWhichValuesItTakesAndAsksAfterMillimetres) {
   for (const char* values : {"", "0 0", "0 0 0.05 1"})
     ExpectWrongUse(fmt::format("send tip {}", values), "accepted: 3, X Y Z in metres");
   ExpectWrongUse("send bending 1", "U V of each section in radians");
-  ExpectWrongUse("send tip 0 0 60", "60 m is no robot's reach; millimetres? That would be 0 0 0.06 m");
+  ExpectWrongUse("send tip 0 0 60",
+                 "60 m is out of any robot's reach; millimetres? That would be 0 0 0.06 m");
   EXPECT_EQ(Run("send tip 0 0 9 --timeout 0"), 0) << error_ << ": nine metres may be a robot's";
 }
 
 TEST_F(ServiceCommandTest, CapstanNamesTheWrongValueBeforeAMissingOne) {
-  ExpectWrongUse("capstan --alpha -1", "--alpha: -1 is no number from 0 to 100; ");
+  ExpectWrongUse("capstan --alpha -1", "--alpha: -1 is not a number from 0 to 100; ");
   ExpectWrongUse("capstan --alpha 0.2", "--wrap is required");
 }
 
 TEST_F(ServiceCommandTest, WhatAShortMeasurementCannotJudgeIsSaid) {
   Run("rt-check --seconds 0.3");
-  EXPECT_THAT(out_, HasSubstr("cycles say nothing of one in a thousand, which was not judged; measure for "
+  EXPECT_THAT(out_, HasSubstr("cycles are too few to judge one in a thousand; measure for "
                               "--seconds 4 or more"));
   EXPECT_THAT(out_ + error_, Not(HasSubstr("one wake-up in a thousand is late")));
 }
@@ -139,12 +140,14 @@ TEST_F(ServiceCommandTest, AReplayClaimsNoMoreThanItRead) {
   WriteText(folder_ / "notes.txt", std::string(500, 'x'));
   EXPECT_EQ(Run("replay notes.txt"), 1);
   EXPECT_TRUE(OneLine());
-  EXPECT_THAT(error_,
-              HasSubstr("notes.txt: no log that can be replayed (damaged: the event at byte 0 does not begin like"));
+  EXPECT_THAT(
+      error_,
+      HasSubstr(
+          "notes.txt: not a log that can be replayed (damaged: the event at byte 0 does not begin like"));
   EXPECT_THAT(error_, HasSubstr("give one of tendrild --log or tendril demo, or a black box"));
   WriteText(folder_ / "empty.lcmlog", "");
   EXPECT_EQ(Run("replay empty.lcmlog"), 1);
-  EXPECT_THAT(error_, HasSubstr("no log that can be replayed (damaged: the file is empty)"));
+  EXPECT_THAT(error_, HasSubstr("not a log that can be replayed (damaged: the file is empty)"));
 
   ASSERT_EQ(Run("demo --no-plots --trajectory planar --out ."), 0) << error_;
   ASSERT_EQ(Run("replay planar/run.lcmlog"), 0) << error_;
@@ -154,9 +157,9 @@ TEST_F(ServiceCommandTest, AReplayClaimsNoMoreThanItRead) {
   EXPECT_EQ(Run("replay planar/run.lcmlog"), 1);
   EXPECT_TRUE(OneLine());
   EXPECT_THAT(out_, testing::Not(HasSubstr("no bit differs")));
-  EXPECT_THAT(error_,
-              testing::ContainsRegex("not whole: no bit differs in [0-9]+ cycles; damaged: the event at byte "
-                                     "[0-9]+ ends .*, to the end; [0-9]+ events over [0-9.]+ s are read"));
+  EXPECT_THAT(error_, testing::ContainsRegex(
+                          "incomplete: no bit differs in [0-9]+ cycles; damaged: the event at byte "
+                          "[0-9]+ ends .*, to the end; [0-9]+ events over [0-9.]+ s are read"));
 }
 
 // Damage is named by its place and not taken for another controller.
@@ -168,7 +171,7 @@ TEST_F(ServiceCommandTest, ReplayNamesDamage) {
     WriteText(log, bytes);
     EXPECT_EQ(Run("replay planar/run.lcmlog"), 1);
     EXPECT_TRUE(OneLine());
-    EXPECT_THAT(error_, testing::Not(HasSubstr("does not give what was logged")));
+    EXPECT_THAT(error_, testing::Not(HasSubstr("does not reproduce the log")));
   };
   const std::size_t middle = whole.size() / 2;
   std::string bytes = whole;
@@ -189,7 +192,7 @@ TEST_F(ServiceCommandTest, ReplayNamesDamage) {
   const std::size_t cycle = bytes.find("TENDRIL_CYCLE", middle);
   replay(bytes.replace(cycle + 600, 16, 16, '\x55'));
   EXPECT_THAT(error_,
-              testing::ContainsRegex("one cycle differs and the [0-9]+ after it are the same to the last "
+              testing::ContainsRegex("one cycle differs and the [0-9]+ after it are identical to the last "
                                      "bit, as when its event, at byte [0-9]+, is damaged"));
 }
 

@@ -60,7 +60,7 @@ void RunPlotScript(const std::string& script, const std::vector<fs::path>& folde
   said.erase(0, said.rfind('\n') + 1);
   if (said.empty()) said = "/usr/bin/python3 did not run; sudo apt-get install python3 python3-matplotlib";
   throw std::runtime_error(result + " could not be drawn (everything else is written): " + said +
-                           "; --no-plots leaves it out");
+                           "; --no-plots skips it");
 }
 
 }  // namespace tendril::tools

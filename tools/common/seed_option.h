@@ -17,7 +17,7 @@ inline CLI::Validator Seed() {
         const auto [end, error] = std::from_chars(text.data(), last, seed);
         if (error == std::errc() && end == last) return "";
         const bool has_sign = text.starts_with('-') || text.starts_with('+');
-        return "'" + text + "' is no seed; accepted: a whole number from 0 to 18446744073709551615; " +
+        return "'" + text + "' is not a seed; accepted: a whole number from 0 to 18446744073709551615; " +
                (has_sign ? "leave out the sign" : "give one of these");
       },
       "");

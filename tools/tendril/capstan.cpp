@@ -64,13 +64,10 @@ void AddCapstanCommand(CLI::App& app) {
   CLI::App* command =
       app.add_subcommand("capstan", "Tendon friction over a guide pulley: JSON with the tensions");
   command->footer(
-      "Prints ratio (motor side over robot side), tension_motor_N and tension_base_N. The equation as it is, "
-      "without\n"
-      "the constant ratio that a robot's table uses below transmission.low_tension_N (--low-tension adds "
-      "it). At zero\n"
-      "tension the ratio is the limit. Without friction (alpha 0) and with no wrap the ratio is 1, apart "
-      "from cos(phi1)\n"
-      "that the improved law starts with; the classic law knows no phi1.");
+      "Prints ratio (motor side over robot side), tension_motor_N and tension_base_N. The plain equation, "
+      "without\nthe constant ratio that a robot's table uses below transmission.low_tension_N (--low-tension "
+      "adds it). At zero\ntension the ratio is the limit. Without friction (alpha 0) and with no wrap the "
+      "ratio is 1, except for the factor\ncos(phi1) of the improved law; the classic law has no phi1.");
   Options& o = *options;
   // A value that is wrong is said before one that is missing.
   command->add_option("--alpha", o.pulley.alpha, "friction coefficient [N^(1-n)], 0 .. 100")

@@ -131,8 +131,8 @@ class LiveLink final : public CommissionLink {
     const std::uint64_t before = record_.input.cycle;
     while (record_.input.cycle == before) {
       if (stop) {
-        throw std::runtime_error(entered_ ? "stopped: told the daemon to disarm; nothing was written"
-                                          : "stopped before anything was pulled");
+        throw std::runtime_error(entered_ ? "stopped: the daemon was asked to disarm; nothing was written"
+                                          : "stopped before any motor pulled");
       }
       if (clock_.Now() - heard_ns_ > kSilence_ns)
         throw std::runtime_error("the daemon fell silent: look at its log");
@@ -160,7 +160,7 @@ class LiveLink final : public CommissionLink {
       const Status refused = record_.output.command_status;
       if (clock_.Now() > end_ns) {
         throw std::runtime_error(
-            fmt::format("the daemon does not get from {} to {}{}{}", ModeText(mode()), ModeText(wanted),
+            fmt::format("the daemon does not change from {} to {}{}{}", ModeText(mode()), ModeText(wanted),
                         StatusOf(), refused == Status::kOk ? "" : fmt::format("; {}", StatusText(refused))));
       }
     }
@@ -225,7 +225,7 @@ bool LineWaits(int timeout_ms) {
 
 // Enter, and not Ctrl-C or the end of the input.
 bool MayBegin() {
-  fmt::print("Enter to begin, Ctrl-C to leave it: ");
+  fmt::print("Enter to begin, Ctrl-C to cancel: ");
   std::fflush(stdout);
   while (!stop && !LineWaits(100)) {
   }
@@ -244,7 +244,7 @@ std::optional<double> AskTerminal(int tendon, const std::function<void()>& keep_
   const TimeNs end_ns = clock.Now() + kAnswer_ns;
   while (!LineWaits(0)) {
     keep_going();
-    if (clock.Now() > end_ns) throw std::runtime_error("nobody answers: no motor pulls on unwatched");
+    if (clock.Now() > end_ns) throw std::runtime_error("no answer: no motor pulls unattended");
   }
   std::string line;
   std::getline(std::cin, line);
@@ -268,8 +268,8 @@ void WriteFindings(const CommissionResult& result, const std::string& config_pat
   const std::vector<NodeParameters> nodes = FoundNodes(result);
   if (nodes.empty()) {
     throw std::runtime_error(
-        "nothing is written: not every drive is understood; put right what is said above and "
-        "commission again");
+        "nothing is written: not every drive could be identified; correct the problems above and commission "
+        "again");
   }
   bool same = true;
   std::vector<EffectSetting> zeros;
@@ -299,7 +299,7 @@ void WriteFindings(const CommissionResult& result, const std::string& config_pat
   }
   if (same && zeros.empty()) {
     throw std::runtime_error(
-        "nothing is written: what disagrees is none of nodes, directions and cells' zeros");
+        "nothing is written: the disagreement is not in nodes, directions or cell zeros");
   }
   fmt::print(
       "\nwritten; restart tendrild, which reads its files once, and commission again: nothing is armed "
@@ -314,8 +314,8 @@ void RunCommission(const CommissionOptions& options) {
   // A record that nobody asks for would promise what is not kept.
   if (!daemon.commissioning_required) {
     throw std::runtime_error(options.config +
-                             " says commissioning: not_required, so that tendrild would arm without the "
-                             "record; say commissioning: required there, restart tendrild, and commission");
+                             " has commissioning: not_required, so tendrild would arm without the record; "
+                             "set commissioning: required there, restart tendrild, and commission");
   }
   const auto tendons = static_cast<std::size_t>(robot.body.tendons());
   if (!options.seen_deg.empty() && options.seen_deg.size() != tendons) {
@@ -349,15 +349,15 @@ void RunCommission(const CommissionOptions& options) {
     }
     if (!link.Daemon().commissioning_required) {
       throw std::runtime_error(
-          "the daemon runs with --simulated, so that it would arm without the record; restart it without");
+          "the daemon runs with --simulated, so it would arm without the record; restart it without");
     }
     if (!options.yes && isatty(STDIN_FILENO) == 0)
       throw UsageError(
-          "there is no terminal to ask at before motors pull; accepted: --yes, to begin unasked");
+          "no terminal for the confirmation before motors pull; accepted: --yes, to begin without it");
     fmt::print("pulls one motor at a time with at most {:g} N of tendon; keep the power switch in reach\n",
                daemon.controller.take_up.pull_N);
     if (!options.yes && !MayBegin()) {
-      throw std::runtime_error("left before anything was pulled");
+      throw std::runtime_error("cancelled before any motor pulled");
     }
     link.Enter(robot.body.tendons());
     const AskDirection ask = [&](int tendon,
@@ -374,10 +374,9 @@ void RunCommission(const CommissionOptions& options) {
   fmt::print("\n{}", CommissionTable(result));
   if (!result.passed()) {
     if (options.write) WriteFindings(result, options.config, daemon.robot_file);
-    throw std::runtime_error(options.write
-                                 ? "not commissioned yet"
-                                 : "not commissioned: put right what is said above (or let --write change "
-                                   "the files where that does), and commission again");
+    throw std::runtime_error(options.write ? "not commissioned yet"
+                                           : "not commissioned: correct the problems above (or let --write "
+                                             "change the files where that is enough), and commission again");
   }
   daemon::WriteRecord(path, RecordOf(result, robot, daemon, serials));
   fmt::print("\ncommissioned: {}; `tendril home` takes up slack, `tendril send arm` arms\n", path);
@@ -387,9 +386,9 @@ void RunCommission(const CommissionOptions& options) {
 
 void AddCommissionCommand(CLI::App& app) {
   auto options = std::make_shared<CommissionOptions>();
-  CLI::App* command = app.add_subcommand(
-      "commission",
-      "Find out gently whether a robot is wired as its files say, and leave the record to arm by");
+  CLI::App* command = app.add_subcommand("commission",
+                                         "Check with gently pulled motors that a robot is wired as its files "
+                                         "say, and write the record needed for arming");
   command->add_option("--config", options->config, "the file that the daemon runs with")
       ->required()
       ->option_text("FILE");
@@ -405,7 +404,7 @@ void AddCommissionCommand(CLI::App& app) {
       ->check(NumberFrom(-360, 360, "give degrees"));
   command->add_flag(
       "--write", options->write,
-      "change nodes and directions in FILE, and the cells' zeros in the robot file, to what was found");
+      "write the nodes and directions found into FILE, and the cells' zeros into the robot file");
   command->add_flag("--yes", options->yes, "begin without asking; needed where no terminal is");
   command->callback([options] {
     std::signal(SIGINT, [](int) { stop = true; });

@@ -236,7 +236,7 @@ std::string HeldBack(const Tracking& t) {
   if (most == t.held_back.end()) return "";
   const double share = static_cast<double>(most->second) / static_cast<double>(t.cycles);
   if (share < kMuchHeldBack) return "";
-  return fmt::format("not led as it should be in {:.0f} % of its cycles: {} ({}); {}", 100 * share,
+  return fmt::format("limited or refused in {:.0f} % of its cycles: {} ({}); {}", 100 * share,
                      StatusText(most->first), static_cast<int>(most->first), StatusRemedy(most->first));
 }
 
@@ -472,10 +472,10 @@ void AddCompareCommand(CLI::App& app) {
       "Tracking error: control laws on simulated plants; or, with --robot, robot files on one plant");
   command
       ->add_option("--robot", options->robots,
-                   "a controller's robot file; may be repeated, the nominal one first")
+                   "robot file of the controller; may be repeated, the nominal one first")
       ->allow_extra_args(false);
   command->add_option("--plant", options->plant,
-                      "with --robot: the plant's file, with what the real robot has");
+                      "with --robot: the plant's file, with the real robot's deviations");
   std::vector<std::string> laws;
   for (const Law& law : kLaws) laws.emplace_back(law.name);
   command->add_option("--law", options->laws, "without --robot: these laws only (repeat)")

@@ -81,9 +81,9 @@ std::string ReachWarning(const DaemonParameters& daemon, const RobotParameters& 
   if (holdable_rad >= kHeldShare * limits.max_bending_rad) return "";
   const char* bases = body.sections() > 1 ? "the base section carries all others, and " : "";
   const std::string text = fmt::format(
-      "{:g} is far beyond what holds {}: {}{:g} of limits.max_tension_base_N ({:g} N) hold its {} {}; goals "
-      "beyond are brought back (status 103) and motions near them are slow (110); shorten or lighten what is "
-      "carried, thicken the backbone's base, or raise limits.max_tension_base_N",
+      "{:g} is far beyond what {} can hold: {}{:g} of limits.max_tension_base_N ({:g} N) hold its {} {}; "
+      "goals beyond it are limited (status 103) and motions near it are slow (110); shorten or lighten what "
+      "is carried, thicken the backbone's base, or raise limits.max_tension_base_N",
       limits.max_bending_rad, robot.name, bases, control::kCommandedTensionShare, limits.max_tension_base_N,
       body.sections() > 1 ? "sections" : "section",
       holdable_rad > 0
@@ -103,7 +103,7 @@ std::string TipWarning(const DaemonParameters& daemon, const RobotParameters& ro
   if (slow_s <= kSlowTip_s) return "";
   const std::string text = fmt::format(
       "on, but with tracker.rate_Hz {:g} and delay_s {:g} of {} it corrects with a time constant of {:.3g} "
-      "s: for {:.3g} s after every move the tip still wanders; take a tracker of {:g} Hz or more that is no "
+      "s: the tip keeps moving for {:.3g} s after every move; take a tracker of {:g} Hz or more that is no "
       "later than {:g} s, or set off",
       tracker.rate_Hz, tracker.delay_s, robot.name, slow_s, 3 * slow_s, 10 / kSlowTip_s, kSlowTip_s / 5);
   return config::ErrorAt(path, "controller.tip_feedback", text).what();
@@ -128,7 +128,7 @@ void CollectLeftOut(const YAML::Node& resolved, const YAML::Node& given, const s
 std::string LeftOutComment(const DaemonParameters& daemon, const std::string& path) {
   std::string found;
   CollectLeftOut(YAML::Load(config::ToYaml(daemon)), YAML::LoadFile(path), "", found);
-  return found.empty() ? "" : "# not in the file, so as usual: " + found + "\n";
+  return found.empty() ? "" : "# not in the file, so at their defaults: " + found + "\n";
 }
 
 // As a comment, what a robot cannot be asked for.
@@ -136,8 +136,8 @@ std::string DirectionsComment(const RobotParameters& robot) {
   const std::string held = model::HeldDirections(robot.body);
   return held.empty() ? ""
                       : fmt::format(
-                            "# directions of {}: {}; a bend or tip elsewhere is brought to the nearest that "
-                            "is held (status 112)\n",
+                            "# directions of {}: {}; a bend or tip elsewhere is limited to the nearest one "
+                            "that can be held (status 112)\n",
                             robot.name, held);
 }
 
@@ -170,7 +170,7 @@ void Check(const std::string& path) {
     fmt::print(stderr,
                "warning: controller.trajectory: these limits delay every motion by {:.2g} s (max_rate / "
                "max_acceleration + max_acceleration / max_jerk); raise max_acceleration_radps2 or "
-               "max_jerk_radps3, or lower what stands above them\n",
+               "max_jerk_radps3, or lower the limit above it\n",
                delay_s);
   }
   // This may not be the computer that it is for.
@@ -181,11 +181,11 @@ void Check(const std::string& path) {
     for (int i = 0; i < CPU_SETSIZE; ++i) {
       if (CPU_ISSET_S(i, sizeof(cpus), &cpus)) mine.push_back(i);
     }
-    const config::ConfigError at = config::ErrorAt(
-        path, "realtime.cpu",
-        fmt::format("{} is none that programs may use here; accepted here: -1 (any), or {}; correct it, "
-                    "unless the daemon runs on another computer",
-                    cpu, fmt::join(mine, ", ")));
+    const config::ConfigError at =
+        config::ErrorAt(path, "realtime.cpu",
+                        fmt::format("{} is not available to programs here; accepted here: -1 (any), or {}; "
+                                    "correct it, unless the daemon runs on another computer",
+                                    cpu, fmt::join(mine, ", ")));
     fmt::print(stderr, "warning: {}\n", at.what());
   }
   if (const std::string line = ReachWarning(daemon, robot); !line.empty())
@@ -201,11 +201,11 @@ void Check(const std::string& path) {
 void AddConfigCommand(CLI::App& app) {
   CLI::App* group = app.add_subcommand("config", "Robot and daemon files");
   group->require_subcommand(1);
-  CLI::App* check = group->add_subcommand("check",
-                                          "Validate a robot or daemon file and print it resolved; for a "
-                                          "daemon, the bus budget too, and on stderr a "
-                                          "warning for each value that is accepted and "
-                                          "makes no sense on its robot, such as a guard that cannot trip");
+  CLI::App* check =
+      group->add_subcommand("check",
+                            "Validate a robot or daemon file and print it resolved; for a daemon, the bus "
+                            "budget too, and on stderr a warning for each accepted value that makes no sense "
+                            "on its robot, such as a guard that cannot trip");
   auto file = std::make_shared<std::string>();
   check->add_option("FILE", *file, "robot file (config/robots/*.yaml) or daemon file (config/tendrild.yaml)")
       ->required();

@@ -136,8 +136,8 @@ class SampleWriter {
       WriteRow(t_s, record, plant, target_W_m);
     } catch (const std::system_error& e) {
       throw std::runtime_error(
-          fmt::format("cannot write {}: {}; make room or choose another folder with --out", path_.string(),
-                      e.code().message()));
+          fmt::format("cannot write {}: {}; free some space or choose another folder with --out",
+                      path_.string(), e.code().message()));
     }
   }
 
@@ -377,7 +377,7 @@ void PrintTable(const std::vector<ordered_json>& summaries, const fs::path& out)
   row("friction loss in the pulleys, mean", "N", number("friction_loss_mean_N", 1, 3));
   row("friction loss in the pulleys, largest", "N", number("friction_loss_max_N", 1, 3));
   row("base tension error left by the pulleys, rms", "N", number("capstan_error_rms_N", 1, 3));
-  row("base tension error in all, rms", "N", number("base_tension_error_rms_N", 1, 3));
+  row("base tension error in total, rms", "N", number("base_tension_error_rms_N", 1, 3));
   row("bus load", "%", number("bus_load", 100, 1));
   row("cycles", "1",
       [](const ordered_json& s) { return fmt::format("{}", s["cycles"].get<std::uint64_t>()); });
@@ -408,7 +408,8 @@ void RunDemo(const DemoOptions& options) {
     if (!options.robot.empty()) {
       const RobotParameters robot = sim::LoadRobot(options.robot);
       if (const std::string held = model::HeldDirections(robot.body); !held.empty()) {
-        fmt::print(stderr, "tendril demo: no circle, for of robot '{}' {}: planar only\n", robot.name, held);
+        fmt::print(stderr, "tendril demo: no circle, because of robot '{}' {}: planar only\n", robot.name,
+                   held);
         names = {"planar"};
       }
     }

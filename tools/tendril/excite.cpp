@@ -50,8 +50,7 @@ void RunExcite(const ExciteOptions& options) {
     return;
   }
   if (options.live && !options.plant.empty()) {
-    throw UsageError(
-        "--plant is for the plant in this process; with --live the daemon's robot is what moves");
+    throw UsageError("--plant is for the plant in this process; with --live the daemon's robot moves");
   }
   if (options.live && !options.daemon.empty())
     throw UsageError(
@@ -95,12 +94,12 @@ void RunExcite(const ExciteOptions& options) {
 void AddExciteCommand(CLI::App& app) {
   auto options = std::make_shared<ExciteOptions>();
   CLI::App* command = app.add_subcommand(
-      "excite", "Run the identification experiments and leave a data set for `tendril gap diagnose`");
+      "excite", "Run the identification experiments and write a data set for `tendril gap diagnose`");
   auto* set = command->add_option("--set", options->set, "of experiments: about 145 s or 60 s of data")
                   ->check(CLI::IsMember({"standard", "quick"}))
                   ->capture_default_str();
   command->add_option("--plan", options->plan, "experiments from a plan file")->excludes(set);
-  command->add_option("--print-plan", options->print_plan, "print a set as a plan file to edit, and end")
+  command->add_option("--print-plan", options->print_plan, "print a set as a plan file to edit, and exit")
       ->check(CLI::IsMember({"standard", "quick"}));
   command->add_option("--robot", options->robot,
                       "the nominal robot file (default: rig_90mm, with --live the daemon's own)");
@@ -108,15 +107,16 @@ void AddExciteCommand(CLI::App& app) {
   command->add_option(
       "--daemon", options->daemon,
       "daemon file whose controller runs them in process (default: that of tendrild.yaml, built in)");
-  command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and a CSV a run")
+  command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and one CSV per run")
       ->capture_default_str();
   command->add_flag("--overwrite", options->overwrite,
-                    "replace the set that the folder holds, when the new one is complete");
+                    "replace the folder's data set once the new one is complete");
   command->add_option("--seed", options->seed, "of the plant's sensor noise")
       ->check(Seed())
       ->capture_default_str();
   command
-      ->add_option("--repeats", options->repeats, "identical repetitions of every run instead of the plan's")
+      ->add_option("--repeats", options->repeats,
+                   "identical repetitions of every run, instead of those in the plan")
       ->check(CLI::Range(0, 20));
   command->add_option("--jobs", options->jobs, "runs at a time, in process")
       ->check(CLI::Range(1, 64))

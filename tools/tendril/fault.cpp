@@ -82,26 +82,17 @@ void OrderFault(const FaultOptions& o) {
 void AddFaultCommand(CLI::App& app) {
   auto o = std::make_shared<FaultOptions>();
   CLI::App* fault = app.add_subcommand(
-      "fault",
-      "Let a running tendril-plant act out a fault of its emulated drives or their bus, never of real ones");
+      "fault", "Inject a fault into a running tendril-plant's emulated drives or bus, never into real ones");
   fault->footer(
-      "Kinds and their keys, times in s from now, without for_s to the end:\n"
-      "  drop, duplicate, corrupt    frames  [node= direction=to_drives|from_drives cob_id= probability= "
-      "count= "
-      "for_s=]\n"
-      "  delay delay_s=              frames, with the same keys\n"
-      "  die node= [for_s=]          no supply\n"
-      "  freeze node= [for_s=]       deaf and mute, its torque stays\n"
-      "  reboot node=                off and on\n"
-      "  stop_heartbeat node=        until it is reset\n"
-      "  emcy node= code=            the error behind a code\n"
-      "  stick_sensor node= sensor=encoder|load_cell|torque [for_s=]\n"
-      "  sto [node= for_s=]          safe torque off, without node of every drive\n"
-      "  bus_off [for_s=]\n"
-      "and at_s= with each, for example: tendril fault emcy node=2 code=0x7320 at_s=1\n"
-      "The plant takes them when it was started with --lcm. Exit status: 0 ordered, 1 refused or no answer, "
-      "2 wrong "
-      "use.");
+      "Kinds and their keys, times in s from now, without for_s to the end:\n  drop, duplicate, corrupt    "
+      "frames  [node= direction=to_drives|from_drives cob_id= probability= count= for_s=]\n  delay delay_s=  "
+      "            frames, with the same keys\n  die node= [for_s=]          no supply\n  freeze node= "
+      "[for_s=]       no communication, its torque stays\n  reboot node=                off and on\n  "
+      "stop_heartbeat node=        until it is reset\n  emcy node= code=            the error behind a "
+      "code\n  stick_sensor node= sensor=encoder|load_cell|torque [for_s=]\n  sto [node= for_s=]          "
+      "safe torque off; without node, of every drive\n  bus_off [for_s=]\nand at_s= with each, for example: "
+      "tendril fault emcy node=2 code=0x7320 at_s=1\nThe plant accepts them when started with --lcm. Exit "
+      "status: 0 accepted, 1 refused or no answer, 2 wrong use.");
   AddLcmOptions(*fault, o->lcm);
   fault->add_option("--timeout", o->timeout_s, "how long to wait for the plant's answer [s]; 0: not at all")
       ->capture_default_str()

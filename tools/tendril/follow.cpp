@@ -256,7 +256,7 @@ class Follower {
   }
   void AddSample(const Command& c) {
     if (c.valid_for_ns <= 0)
-      throw std::runtime_error("valid_for_s is not positive; say how long a sample counts");
+      throw std::runtime_error("valid_for_s is not positive; give how long a sample is valid");
     Eigen::VectorXd bending = c.bending_rad;
     const Eigen::Index k2 = 2 * static_cast<Eigen::Index>(subject_.robot.body.sections.size());
     if (c.kind == CommandKind::kTip) {
@@ -381,8 +381,7 @@ class Follower {
     }
     if (of_motion.count == 0) {
       throw std::runtime_error(
-          "the motion was over before the daemon told one state of it: see lcm.state_every_cycles in its "
-          "file");
+          "the motion ended before the daemon published a state: see lcm.state_every_cycles in its file");
     }
     fmt::print("followed, sent {:.0f} ms ahead; over {} samples\n", 1e3 * lead_s_, of_motion.count);
     fmt::print("error of the estimated tip against the motion: {}\n", of_motion.Text());
@@ -421,11 +420,12 @@ void DryRun(const FollowOptions& options) {
 
 void Run(const FollowOptions& options) {
   if (options.dry_run == options.config.empty()) {
-    throw UsageError("--dry-run and --config belong together: a running daemon tells its own configuration");
+    throw UsageError(
+        "--dry-run and --config belong together: a running daemon publishes its own configuration");
   }
   const bool samples = options.request.kind == "stream";
   if (options.dry_run) {
-    if (samples) throw UsageError("stream: nothing is known of it before it runs; leave --dry-run out");
+    if (samples) throw UsageError("stream: cannot be planned in advance; leave --dry-run out");
     DryRun(options);
     return;
   }
@@ -456,7 +456,8 @@ void AddTips(CLI::App& sub, const Options& o, const char* what) {
   sub.add_option("--tip", o->request.tips, what)->allow_extra_args(false)->option_text("X,Y,Z [m] ...");
 }
 void AddNearest(CLI::App& sub, const Options& o) {
-  sub.add_flag("--nearest", o->request.nearest, "of points out of reach, the nearest that the tip can be at");
+  sub.add_flag("--nearest", o->request.nearest,
+               "replace points out of reach by the nearest that the tip can reach");
 }
 void AddPathLimits(CLI::App& sub, const Options& o) {
   sub.add_option("--speed", o->request.speed_radps,
@@ -473,18 +474,17 @@ void AddPathLimits(CLI::App& sub, const Options& o) {
 void AddFollowCommand(CLI::App& app) {
   auto o = std::make_shared<FollowOptions>();
   CLI::App* follow =
-      app.add_subcommand("follow", "Lead a running, armed daemon's robot through a motion in real time")
+      app.add_subcommand("follow", "Move the robot of a running, armed daemon through a motion in real time")
           ->fallthrough(false);
   follow->require_subcommand(1);
-  follow->add_option("--robot", o->robot,
-                     "a robot file that motions are planned with in place of the daemon's own");
-  follow->add_flag("--dry-run", o->dry_run, "plan and tell; needs --config, and no daemon");
+  follow->add_option("--robot", o->robot, "robot file for planning the motion, instead of the daemon's own");
+  follow->add_flag("--dry-run", o->dry_run, "plan and report only; needs --config, and no daemon");
   follow->add_option("--config", o->config, "for --dry-run: the daemon's file");
   AddLcmOptions(*follow, o->lcm);
 
   AddMotion(*follow, o, "circle", "The paper's tip circle, as in `tendril demo`");
   AddMotion(*follow, o, "planar", "The paper's bend in a plane");
-  AddMotion(*follow, o, "fast_circle", "The circle at a turn a second");
+  AddMotion(*follow, o, "fast_circle", "The circle at one revolution per second");
   AddMotion(*follow, o, "square", "A square of the tip, at rest in its corners");
   AddMotion(*follow, o, "spiral", "A spiral of the tip, outwards and back");
 
@@ -526,7 +526,7 @@ void AddFollowCommand(CLI::App& app) {
   AddNearest(*csv, o);
 
   CLI::App* stream =
-      AddMotion(*follow, o, "stream", "Samples that another program sends, joined to an even motion");
+      AddMotion(*follow, o, "stream", "Samples that another program sends, joined into a smooth motion");
   stream
       ->add_option(
           "--from", o->from,

@@ -140,8 +140,9 @@ double Within(double asked, double usual, double most, const char* option, const
               const char* unit) {
   if (asked == 0) return std::min(usual, most);
   if (asked > most) {
-    throw UsageError(fmt::format("{} {:g} {}: the daemon keeps trajectory.{} = {:g}; accepted: up to that",
-                                 option, asked, unit, key, most));
+    throw UsageError(
+        fmt::format("{} {:g} {}: the daemon limits it to trajectory.{} = {:g}; accepted: up to that", option,
+                    asked, unit, key, most));
   }
   return asked;
 }
@@ -176,7 +177,7 @@ MatrixXd ViaPoints(const MotionRequest& r, const RobotParameters& robot) {
     points.row(static_cast<Eigen::Index>(i)) = bending.transpose();
   }
   // Only now: a value that is wrong is told first.
-  if (count < 2) throw UsageError("via: one point is no path; give two or more, or use tendril send");
+  if (count < 2) throw UsageError("via: one point is not a path; give two or more, or use tendril send");
   TellNearest(solver);
   return points;
 }
@@ -205,8 +206,8 @@ Spline Arc(const MotionRequest& r, const RobotParameters& robot) {
         solver, robot);
   }
   if (r.tips.size() != 1 || !r.angle_deg)
-    throw UsageError("arc: with --centre go one --tip, where it starts, and --angle");
-  if (*r.angle_deg == 0) throw UsageError("arc: --angle 0 is no arc; give by how many degrees it turns");
+    throw UsageError("arc: --centre needs one --tip, where it starts, and --angle");
+  if (*r.angle_deg == 0) throw UsageError("arc: --angle 0 is not an arc; give the angle in degrees");
   const TipPath path = ArcAround(Point(r.centre, "--centre"), Point(r.normal, "--normal", "X,Y,Z"),
                                  Point(r.tips[0], "--tip"), *r.angle_deg * std::numbers::pi / 180);
   return AlongTip(path, "arc", solver, robot);

@@ -77,12 +77,12 @@ std::vector<std::string> Provenance(const gap::Diagnosis& d, const std::string& 
 /// that it was made with, and on any other, its own result included, would count twice or for nothing.
 std::string Misfit(const gap::Diagnosis& d, const ApplyOptions& options, const RobotParameters& robot) {
   if (d.robot_yaml.empty())
-    return fmt::format("{} does not say with which robot file it was made", options.report);
+    return fmt::format("{} does not contain the robot file it was made with", options.report);
   RobotParameters its;
   try {
     its = config::ParseRobot(d.robot_yaml, "robot_yaml of " + options.report);
   } catch (const std::exception& e) {
-    return fmt::format("the robot file with which it was made cannot be read: {}", e.what());
+    return fmt::format("the robot file it was made with cannot be read: {}", e.what());
   }
   const auto difference = FirstDifference(its, robot);
   if (!difference) return {};
@@ -103,8 +103,7 @@ void RunApply(const ApplyOptions& options) {
     throw UsageError("--out is the robot file itself; give another name, or --in-place");
   }
   if (!options.in_place && !options.overwrite && fs::exists(out, none))
-    throw UsageError(
-        fmt::format("{} is there already; give another --out, or --overwrite to replace it", out));
+    throw UsageError(fmt::format("{} already exists; give another --out, or --overwrite to replace it", out));
   std::string text = ReadText(options.robot);
   // The mark that some editors put first belongs to no line.
   const std::string mark = text.starts_with("\xEF\xBB\xBF") ? text.substr(0, 3) : "";
@@ -118,11 +117,10 @@ void RunApply(const ApplyOptions& options) {
     if (d.verdict == gap::Verdict::kNoGap)
       throw std::runtime_error(options.report + ": the verdict is no_gap: there is nothing to apply");
     if (d.verdict != gap::Verdict::kAttributed && !options.force) {
-      throw std::runtime_error(
-          fmt::format("{}: the verdict is {}, so no cause is established; run the next experiment that the "
-                      "report names and "
-                      "diagnose again, or give --force to apply what it accepted nevertheless",
-                      options.report, gap::VerdictName(d.verdict)));
+      throw std::runtime_error(fmt::format(
+          "{}: the verdict is {}, so no cause is established; run the next experiment that the report names "
+          "and diagnose again, or give --force to apply the accepted causes nevertheless",
+          options.report, gap::VerdictName(d.verdict)));
     }
     if (d.accepted.empty())
       throw std::runtime_error(options.report + ": it accepted no cause: there is nothing to apply");
@@ -165,8 +163,9 @@ void RunApply(const ApplyOptions& options) {
   std::size_t laws = 0;
   for (const EffectSetting& e : effects) laws += sim::FindEffect(e.name)->edit == nullptr;
   fmt::print(
-      "{}: {} worked into its numbers (the controller uses them), {} added as laws (the simulator's)\n", out,
-      effects.size() - laws, laws);
+      "{}: {} applied to its numbers (used by the controller), {} added as laws (used by the simulator "
+      "only)\n",
+      out, effects.size() - laws, laws);
 }
 
 }  // namespace
@@ -183,8 +182,8 @@ void AddGapApplyCommand(CLI::App& app) {
       ->allow_extra_args(false);
   command->add_option("--out", options->out, "the new robot file");
   command->add_flag("--overwrite", options->overwrite, "replace the file of --out");
-  command->add_flag("--force", options->force, "although the verdict is not 'attributed'");
-  command->add_flag("--anyway", options->anyway, "although the report was made with another robot file");
+  command->add_flag("--force", options->force, "even if the verdict is not 'attributed'");
+  command->add_flag("--anyway", options->anyway, "even if the report was made with another robot file");
   command->add_flag("--in-place", options->in_place, "change the robot file itself");
   command->callback([options] { RunApply(*options); });
 }

@@ -178,7 +178,7 @@ void Run(DiagnoseCommand options) {
   }
   const std::set<std::string> without(options.diagnose.without.begin(), options.diagnose.without.end());
   if (without.size() == sim::Effects().size())
-    throw UsageError("--only, --without: no effect is left to look for; accepted: at least one");
+    throw UsageError("--only, --without: no effect is left to search for; accepted: at least one");
   const bool there = std::filesystem::exists(options.out);
   const std::filesystem::path folder = MakeOutputFolder(options.out);
   try {
@@ -195,7 +195,8 @@ void Run(DiagnoseCommand options) {
 void AddGapDiagnoseCommand(CLI::App& app) {
   auto options = std::make_shared<DiagnoseCommand>();
   CLI::App* command = GapCommand(app).add_subcommand(
-      "diagnose", "Where the gap lies, which effect causes it, how far it shrinks with it in the model");
+      "diagnose",
+      "Find where the gap lies, which effect causes it, and how far it shrinks with the effect in the model");
   command->add_option("--robot", options->robot, "nominal robot file, the one the controller used")
       ->required();
   command
@@ -203,37 +204,36 @@ void AddGapDiagnoseCommand(CLI::App& app) {
                    "data-set folders (robot.yaml, runs.yaml, CSV), CSV files or LCM logs, in any mixture")
       ->required();
   command
-      ->add_option(
-          "--before", options->before,
-          "runs of the same commands from before the robot changed: what changed is diagnosed, and what the "
-          "model gets wrong in both is taken off; runs belong together by name, or by kind where there is "
-          "one")
+      ->add_option("--before", options->before,
+                   "runs of the same commands from before the robot changed: the change is diagnosed, and "
+                   "model errors common to both are subtracted; runs are paired by name, or by family if "
+                   "there is only one of it")
       ->allow_extra_args(false);
   command
       ->add_option("--out", options->out,
                    "folder for report.html, report.json and next.yaml, the next experiment")
       ->capture_default_str();
   command
-      ->add_option(
-          "--delta-N", options->diagnose.delta_N,
-          "tension difference below which nobody cares [N]; default from the noise floor and the signal")
+      ->add_option("--delta-N", options->diagnose.delta_N,
+                   "tension difference that does not matter in practice [N]; default from the noise floor "
+                   "and the signal")
       ->check(Positive());
   command
-      ->add_option("--delta-mm", options->delta_mm,
-                   "tip distance below which nobody cares [mm]; default from the noise floor and the signal")
+      ->add_option(
+          "--delta-mm", options->delta_mm,
+          "tip distance that does not matter in practice [mm]; default from the noise floor and the signal")
       ->check(Positive());
   command
       ->add_option("--seed", options->diagnose.seed,
                    "of bootstraps and of alternative readings of the sensors")
       ->check(Seed())
       ->capture_default_str();
-  command
-      ->add_option("--only", options->only, "effects to look for and no others, by name, with commas between")
+  command->add_option("--only", options->only, "search for these effects only, by name, separated by commas")
       ->delimiter(',')
       ->allow_extra_args(false);
   command
       ->add_option("--without", options->diagnose.without,
-                   "effects to leave out of the library, by name, with commas between")
+                   "effects to leave out of the library, by name, separated by commas")
       ->delimiter(',')
       ->allow_extra_args(false);
   command->add_option("--refits", options->diagnose.refits, "candidates refitted in full after the screening")
@@ -246,8 +246,8 @@ void AddGapDiagnoseCommand(CLI::App& app) {
                       "daemon file whose controller would run the next experiment (default: that of "
                       "tendrild.yaml, built in)");
   command->add_flag("--same-robot", options->same_robot,
-                    "the runs are of the robot of --robot although their own robot file names another "
-                    "(name, length, tendons or encoder counts that were wrong in one of them)");
+                    "the runs are of the robot of --robot although their own robot file differs (a wrong "
+                    "name, length, number of tendons or encoder counts in one of them)");
   command->add_flag("!--no-next", options->next, "do not look for the next experiment");
   command->callback([options] { Run(*options); });
 }

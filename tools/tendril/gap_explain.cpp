@@ -106,7 +106,7 @@ void PrintTable() {
     fmt::print("{}{} {} ({} -> {})", i % 2 == 0 ? "\n  " : ", ", sim::CutName(cut), text.title, text.from,
                text.to);
   }
-  fmt::print("\ntendril gap explain EFFECT tells more of one.\n");
+  fmt::print("\ntendril gap explain EFFECT describes one in detail.\n");
 }
 
 /// What the numbers above are in proportion to, once each.
@@ -117,12 +117,13 @@ void PrintYardsticks(const std::vector<sim::EffectParameter>& parameters, const 
     if (seen.insert(p.of).second) named += fmt::format("{}{}", named.empty() ? "" : "; ", sim::TextOf(p.of));
   }
   if (named.empty()) return;
-  fmt::print("\n{}",
-             gap::Wrapped(robot ? fmt::format("On {}; in proportion to: {}.", robot->name, named)
-                                : fmt::format("On the rig of 90 mm; of another robot (--robot FILE) in "
-                                              "proportion to: {}.",
-                                              named),
-                          2));
+  fmt::print(
+      "\n{}",
+      gap::Wrapped(
+          robot ? fmt::format("On {}; in proportion to: {}.", robot->name, named)
+                : fmt::format("For the 90 mm rig; for another robot (--robot FILE) they scale with: {}.",
+                              named),
+          2));
 }
 
 void PrintOne(const Effect& e, const RobotParameters* robot) {
@@ -138,13 +139,13 @@ void PrintOne(const Effect& e, const RobotParameters* robot) {
   fmt::print("  controller     {}\n", e.edit ? "can use it: it is a number of the robot file"
                                              : "does not know it: only the simulator has this law");
   if (e.nuisance)
-    fmt::print("  nuisance       nobody can know it beforehand: not accused while it is immaterial\n");
+    fmt::print("  nuisance       unknown beforehand: not named as a cause while it is immaterial\n");
   fmt::print("\n  parameter         nominal        from          to  plainly visible\n");
   for (const sim::EffectParameter& p : parameters) {
     fmt::print("  {:<14} {:>10.4g} {:>11.4g} {:>11.4g}  {:.3g}{}{}\n", p.name, p.nominal, p.lower, p.upper,
                p.typical, UnitOf(p).empty() ? "" : " " + UnitOf(p), p.shape ? "  (shape of the law)" : "");
     if (!p.each.empty()) {
-      fmt::print("  {:<14} where=all: what {}s 2, 3, ... have of it beyond the first\n",
+      fmt::print("  {:<14} where=all: the value of {}s 2, 3, ... less that of the first\n",
                  fmt::format(fmt::runtime(p.each), 2) + ", ...", sim::ScopeName(e.scope));
     }
   }
@@ -184,8 +185,8 @@ std::string Plain(std::string_view text) {
 
 /// What an effect has to do with a word, the nearest first.
 enum class Relation { kName, kSummary, kLaw, kLooksLike, kNone };
-constexpr const char* kRelations[] = {"by name", "by summary", "by law or mark in the data",
-                                      "easily confused with one of that name"};
+constexpr const char* kRelations[] = {"by name", "by summary", "by law or signature in the data",
+                                      "easily confused with an effect of that name"};
 
 Relation RelationOf(const Effect& e, const std::string& topic) {
   const auto in = [&](std::string_view text) { return Plain(text).find(topic) != std::string::npos; };
@@ -212,7 +213,7 @@ std::vector<const Effect*> About(const std::string& word) {
 }
 
 void PrintTopic(const std::string& word, const std::vector<const Effect*>& hits) {
-  fmt::print("{} effects have to do with '{}'\n", hits.size(), word);
+  fmt::print("{} effects match '{}'\n", hits.size(), word);
   Relation last = Relation::kNone;
   for (const Effect* e : hits) {
     const Relation relation = RelationOf(*e, Plain(word));
@@ -220,7 +221,7 @@ void PrintTopic(const std::string& word, const std::vector<const Effect*>& hits)
     last = relation;
     fmt::print("  {:<20} {}  {}\n", e->name, sim::CutName(e->cut), e->summary);
   }
-  fmt::print("\ntendril gap explain EFFECT tells more of one.\n");
+  fmt::print("\ntendril gap explain EFFECT describes one in detail.\n");
 }
 
 void Run(const ExplainOptions& options) {
@@ -256,11 +257,12 @@ void Run(const ExplainOptions& options) {
 
 void AddGapExplainCommand(CLI::App& app) {
   auto options = std::make_shared<ExplainOptions>();
-  CLI::App* command = GapCommand(app).add_subcommand(
-      "explain",
-      "An effect's physics, its mark in the data, what looks like it and what shows it; without one: all");
+  CLI::App* command =
+      GapCommand(app).add_subcommand("explain",
+                                     "An effect's physics, its signature in the data, what it is confused "
+                                     "with and which experiment shows it; without a name: all");
   command->add_option("effect", options->effect,
-                      "name of the effect, such as backlash, or a word to look for, such as friction");
+                      "name of the effect, such as backlash, or a word to search for, such as friction");
   command->add_flag("--json", options->json, "for programs");
   command->add_option(
       "--robot", options->robot,

@@ -72,8 +72,8 @@ class CycleLog {
     if (!log_.error().empty()) throw std::runtime_error(log_.error());
     return clipped_ == 0 ? ""
                          : fmt::format(
-                               "{} values do not fit into the drives' units and were cut; compare the robot "
-                               "file's rated torque and load cell",
+                               "{} values exceed the range of the drives' units and were clipped; check the "
+                               "robot file's rated torque and load cell",
                                clipped_);
   }
   std::uint64_t events() const { return log_.events(); }
@@ -161,7 +161,7 @@ void WriteLog(const gap::DataSet& set, const std::string& path) {
   });
   if (elsewhere) {
     fmt::print(stderr,
-               "tendril: {}: of a log the zero of motors is taken from the rest that a run begins with; a folder "
+               "tendril: {}: in a log the motors' zero is that of the initial rest of a run; a folder "
                "(--out) keeps positions that begin elsewhere\n",
                path);
   }
@@ -172,11 +172,10 @@ void WriteLog(const gap::DataSet& set, const std::string& path) {
   std::string names;
   for (const std::string& name : lacking) names += (names.empty() ? "" : ", ") + name;
   if (!names.empty()) {
-    fmt::print(
-        stderr,
-        "tendril: {}: a log cannot say that a channel was not measured; it holds zeros for {}; a folder "
-        "(--out) can\n",
-        path, names);
+    fmt::print(stderr,
+               "tendril: {}: a log cannot mark a channel as not measured; it contains zeros for {}; a folder "
+               "(--out) can\n",
+               path, names);
   }
   if (!cut.empty()) fmt::print(stderr, "tendril: {}: {}\n", path, cut);
 }
@@ -231,7 +230,7 @@ std::optional<SetFolder> CheckPlaces(const ImportOptions& options) {
     if (options.out.empty() || !fs::equivalent(fs::absolute(table).parent_path(), options.out, ignored))
       continue;
     throw UsageError(fmt::format(
-        "--out {} is the folder of {}, which a run of that name would replace; give another --out",
+        "--out {} is the folder of {}, which a run with that name would replace; give another --out",
         options.out, table));
   }
   if (options.out.empty()) return {};
@@ -240,7 +239,7 @@ std::optional<SetFolder> CheckPlaces(const ImportOptions& options) {
 
 void RunImport(const ImportOptions& options) {
   if (options.out.empty() && options.log.empty()) {
-    throw UsageError("gap import: nowhere to write; name a folder by --out or a log by --log");
+    throw UsageError("gap import: no destination; give a folder by --out or a log by --log");
   }
   const std::optional<SetFolder> folder = CheckPlaces(options);
   const RobotParameters robot = sim::LoadRobot(options.robot);
@@ -279,9 +278,9 @@ void RunImport(const ImportOptions& options) {
   }
   if (!gap::AnyCut(cuts)) {
     throw std::runtime_error(
-        "nothing of these runs can be compared; accepted: load cells or motor positions of every tendon, and "
-        "a "
-        "second channel to compare with (torque, tension, or the body's shape); map more columns");
+        "these runs cannot be compared with a simulation; accepted: load cells or motor positions of every "
+        "tendon, and a second channel to compare with (torque, tension, or the body's shape); map more "
+        "columns");
   }
 }
 
@@ -290,17 +289,18 @@ void RunImport(const ImportOptions& options) {
 void AddGapImportCommand(CLI::App& app) {
   auto options = std::make_shared<ImportOptions>();
   CLI::App* command = GapCommand(app).add_subcommand(
-      "import", "Tables of any robot and program as a folder of runs (or a log), through a column map");
+      "import",
+      "Import tables of any robot and program as a folder of runs (or a log), through a column map");
   command->add_option("--robot", options->robot, "nominal robot file of the robot that was measured")
       ->required();
   command
       ->add_option("--map", options->map,
-                   "YAML that says what the columns are; config/import holds examples with every key")
+                   "YAML that describes the columns; config/import has examples with every key")
       ->required();
-  command->add_option("tables", options->tables, "text files with one row a sample")->required();
-  command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and a CSV a run");
-  command->add_flag("--overwrite", options->overwrite, "replace the set that the folder holds");
-  command->add_option("--log", options->log, "LCM log as the daemon writes them, in its drives' units");
+  command->add_option("tables", options->tables, "text files with one row per sample")->required();
+  command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and one CSV per run");
+  command->add_flag("--overwrite", options->overwrite, "replace the folder's data set");
+  command->add_option("--log", options->log, "LCM log in the daemon's format, in its drives' units");
   command->callback([options] { RunImport(*options); });
 }
 

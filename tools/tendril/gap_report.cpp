@@ -30,8 +30,8 @@ void Run(const Options& options) {
 
 void AddGapReportCommand(CLI::App& app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command =
-      GapCommand(app).add_subcommand("report", "The report's page and summary again, from its report.json");
+  CLI::App* command = GapCommand(app).add_subcommand(
+      "report", "Write the report's page and print its summary again, from its report.json");
   command->add_option("file", options->report, "report.json of tendril gap diagnose")->required();
   command->add_option("--out", options->out, "folder for report.html and report.json")->capture_default_str();
   command->callback([options] { Run(*options); });

@@ -62,7 +62,7 @@ std::vector<std::optional<SizedEffect>> FindAmounts(
   const gap::EffectRuler ruler(nominal.data, experiment.threads);
   for (std::size_t i = 0; i < requested.size(); ++i) {
     if (!requested[i]) continue;
-    progress("finding how much makes the size asked for",
+    progress("finding the amounts for the requested sizes",
              static_cast<double>(i) / static_cast<double>(requested.size()));
     sized[i] = AmountFor(*requested[i], [&](const EffectSetting& setting) {
       if (stop) throw std::runtime_error("stopped");
@@ -181,13 +181,12 @@ void AddGapSimulateCommand(CLI::App& app) {
   auto options = std::make_shared<SimulateOptions>();
   CLI::App* command = GapCommand(app).add_subcommand(
       "simulate",
-      "A data set from the simulated robot with given effects, the controller knowing the nominal one");
+      "Make a data set from a simulated robot with given effects, controlled with the nominal robot file");
   command->add_option("--robot", options->robot, "nominal robot file (a rig)")->required();
   command
-      ->add_option(
-          "--effect", options->effects,
-          "what the plant has beyond it, e.g. \"backlash where=tendon:2 rad=0.05\", or by its size in "
-          "noise floors, \"backlash sigma=3\"; may be repeated")
+      ->add_option("--effect", options->effects,
+                   "effect of the plant, e.g. \"backlash where=tendon:2 rad=0.05\", or with its size in "
+                   "noise floors,  \"backlash sigma=3\"; may be repeated")
       ->allow_extra_args(false);
   command->add_option(
       "--daemon", options->daemon,
@@ -196,12 +195,14 @@ void AddGapSimulateCommand(CLI::App& app) {
                   ->check(CLI::IsMember({"standard", "quick"}))
                   ->capture_default_str();
   command->add_option("--plan", options->plan, "experiments from a plan file")->excludes(set);
-  command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and a CSV a run")->required();
+  command->add_option("--out", options->out, "folder for robot.yaml, runs.yaml and one CSV per run")
+      ->required();
   command->add_flag("--overwrite", options->overwrite,
-                    "replace the set that the folder holds, when the new one is complete");
+                    "replace the folder's data set once the new one is complete");
   command->add_option("--seed", options->seed, "of the sensors' noise")->check(Seed())->capture_default_str();
   command
-      ->add_option("--repeats", options->repeats, "identical repetitions of every run instead of the plan's")
+      ->add_option("--repeats", options->repeats,
+                   "identical repetitions of every run, instead of those in the plan")
       ->check(CLI::Range(0, 20));
   command->add_option("--noise", options->noise, "of the sensors")
       ->check(CLI::IsMember({"on", "off"}))
@@ -211,8 +212,7 @@ void AddGapSimulateCommand(CLI::App& app) {
   command->add_option("--tracker", options->tracker, "whether the tip is tracked")
       ->check(CLI::IsMember({"on", "off"}))
       ->capture_default_str();
-  command->add_option("--truth", options->truth,
-                      "JSON file that says which effects there were; keep it out of the folder");
+  command->add_option("--truth", options->truth, "JSON file for the true effects; keep it out of the folder");
   command->add_option("--jobs", options->jobs, "runs at a time")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();

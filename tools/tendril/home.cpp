@@ -63,8 +63,8 @@ void Home(const HomeOptions& o) {
   while (!seen && clock.Now() < asked_ns + answer_ns) client.Handle(20);
   if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, answer_s, client));
   if (!seen) {
-    throw std::runtime_error(
-        fmt::format("the daemon is there but did not see the command within {:g} s; try again", answer_s));
+    throw std::runtime_error(fmt::format(
+        "the daemon is running but did not receive the command within {:g} s; try again", answer_s));
   }
   if (state.command_status != 0) {
     throw std::runtime_error(
@@ -78,7 +78,7 @@ void Home(const HomeOptions& o) {
          state.mode != tendril_lcm::state_t::MODE_CONFIGURED && clock.Now() < until_ns;)
       client.Handle(20);
     throw std::runtime_error(
-        fmt::format("{}: told the daemon to disarm; it is in mode {}",
+        fmt::format("{}: the daemon was asked to disarm; it is in mode {}",
                     stop ? "stopped" : fmt::format("not homed within {:g} s", o.timeout_s), state.mode_text));
   }
   if (state.mode == tendril_lcm::state_t::MODE_FAULT) {
@@ -88,7 +88,7 @@ void Home(const HomeOptions& o) {
                                          StatusRemedy(static_cast<Status>(state.status))));
   }
   if (state.mode != tendril_lcm::state_t::MODE_HOLD) {
-    throw std::runtime_error(fmt::format("homing was ended: mode {}", state.mode_text));
+    throw std::runtime_error(fmt::format("homing was aborted: mode {}", state.mode_text));
   }
   fmt::print("homed in {:.1f} s; tensions now", ToSeconds(clock.Now() - asked_ns));
   for (const double tension_N : state.tension_measured_N) fmt::print(" {:.2f}", tension_N);
@@ -101,7 +101,7 @@ void Home(const HomeOptions& o) {
 void AddHomeCommand(CLI::App& app) {
   auto o = std::make_shared<HomeOptions>();
   CLI::App* home = app.add_subcommand(
-      "home", "Take up the tendons' slack gently, pretension, and count displacement from there; then hold");
+      "home", "Wind in the tendons' slack gently, pretension, and set displacement to zero; then hold");
   AddLcmOptions(*home, o->lcm);
   home->add_option("--timeout", o->timeout_s, "how long to wait for the end [s]")
       ->capture_default_str()

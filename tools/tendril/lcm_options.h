@@ -17,7 +17,7 @@ struct LcmOptions {
 inline CLI::Validator ChannelPrefix() {
   return {[](std::string& prefix) {
             if (IsChannelPrefix(prefix)) return std::string();
-            return "'" + prefix + "' is no prefix; accepted: " + std::string(kChannelPrefixRule) +
+            return "'" + prefix + "' is not a prefix; accepted: " + std::string(kChannelPrefixRule) +
                    "; correct it";
           },
           ""};
@@ -26,7 +26,7 @@ inline CLI::Validator ChannelPrefix() {
 inline CLI::Validator LcmUrl() {
   return {[](std::string& url) {
             if (url.empty() || IsLcmUrl(url)) return std::string();  // empty is refused everywhere
-            return "'" + url + "' is no address of LCM; accepted: " + std::string(kLcmUrlRule) +
+            return "'" + url + "' is not an LCM address; accepted: " + std::string(kLcmUrlRule) +
                    "; correct it";
           },
           ""};

@@ -60,8 +60,7 @@ void Accelerate(const RobotParameters& robot) {
     RequirePulling(rows, tension);
     body.TendonForce(q, tension, force);
     body.ForwardDynamics(q, dq, force, ddq, workspace);
-    if (!ddq.allFinite())
-      throw rows.Error("the accelerations are not finite: the state is out of all proportion");
+    if (!ddq.allFinite()) throw rows.Error("the accelerations are not finite: the state has extreme values");
     out.PutAll(ddq).EndRow();
   }
 }
@@ -123,10 +122,10 @@ VectorXd RequireEquilibrium(const CsvReader& rows, const Body& body, const Vecto
     case model::StaticsResult::kNoSolution:
       break;
   }
-  throw rows.Error(fmt::format(
-      "no equilibrium: the branch from zero tension could be followed to {:.6g} % of the load only; "
-      "lower the tensions",
-      percent));
+  throw rows.Error(
+      fmt::format("no equilibrium: the branch from zero tension could be followed only to {:.6g} % of the "
+                  "load; lower the tensions",
+                  percent));
 }
 
 void Statics(const RobotParameters& robot) {

@@ -26,7 +26,7 @@ class Unmet {
     if (++count_ <= kShown) fmt::print(stderr, "tendril: stdin: line {}: {}\n", rows.line(), what);
   }
   ~Unmet() {
-    if (count_ > kShown) fmt::print(stderr, "tendril: {} rows with such a remark in all\n", count_);
+    if (count_ > kShown) fmt::print(stderr, "tendril: {} rows with such a remark in total\n", count_);
   }
 
  private:
@@ -87,9 +87,10 @@ void InverseKinematicsRows(const RobotParameters& robot) {
 
 [[noreturn]] void NoShape(const CsvReader& rows, const model::TensionedShape& shape,
                           const std::string& asked = {}) {
-  throw rows.Error(fmt::format(
-      "no stable equilibrium found ({:.3g} left of the target, {:.3g} N·m of the balance){}; ask for less",
-      shape.target_error, shape.residual_Nm, asked));
+  throw rows.Error(
+      fmt::format("no stable equilibrium found ({:.3g} left of the target, {:.3g} N·m of the balance){}; "
+                  "reduce the target",
+                  shape.target_error, shape.residual_Nm, asked));
 }
 
 void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
@@ -204,14 +205,10 @@ void AddModelInverseCommands(CLI::App& model) {
   AddMinTension(*inverse, options);
   inverse->footer(
       "arc: the units of a section share its bend, rates and accelerations equally; the tensions balance "
-      "Kane's\n"
-      "equations projected on that motion, two a section.\n"
-      "equilibrium: the units bend as the forces make them, their sums being us,vs. Rates and accelerations, "
-      "when\n"
-      "given, are shared equally by a section's units, and every unit's equation of motion holds.\n"
-      "Out of reach within the tension bounds: the nearest admissible tensions, and a line on stderr with "
-      "what is\n"
-      "missing.");
+      "Kane's\nequations projected on that motion, two a section.\nequilibrium: the units bend according to "
+      "the forces, and their sums are us,vs. Rates and accelerations, when\ngiven, are shared equally by a "
+      "section's units, and every unit's equation of motion holds.\nOut of reach within the tension bounds: "
+      "the nearest admissible tensions, and a line on stderr with what is\nmissing.");
 
   auto tip_options = std::make_shared<TensionOptions>();
   CLI::App* inverse_tip = AddModelEvaluation(

@@ -15,7 +15,7 @@ inline CLI::Validator NumberFrom(double least, double most, const char* remedy) 
             double value = NAN;
             if (CLI::detail::lexical_cast(text, value) && value >= least && value <= most)
               return std::string();
-            return fmt::format("{} is no number from {}; {}", text, range, remedy);
+            return fmt::format("{} is not a number from {}; {}", text, range, remedy);
           },
           range};
 }

@@ -39,14 +39,13 @@ void Run(const Options& o) {
     const std::string damage = r.damage.empty() ? "" : "; the log is damaged: " + r.damage;
     if (d.agree > 0) {
       throw std::runtime_error(
-          fmt::format("{}: one cycle differs and the {} after it are the same to the last bit, as when its "
-                      "event, at byte "
-                      "{}, is damaged{}",
+          fmt::format("{}: one cycle differs and the {} after it are identical to the last bit, as when its "
+                      "event, at byte {}, is damaged{}",
                       o.log, d.agree, d.offset, damage));
     }
     throw std::runtime_error(
-        fmt::format("{}: this controller does not give what was logged, from the event at byte {} on{}",
-                    o.log, d.offset, damage));
+        fmt::format("{}: this controller does not reproduce the log, from the event at byte {} on{}", o.log,
+                    d.offset, damage));
   }
   std::string rest;
   if (r.unchecked > 0) {
@@ -55,7 +54,7 @@ void Run(const Options& o) {
   if (!r.damage.empty()) rest += (rest.empty() ? "damaged: " : "; damaged: ") + r.damage;
   if (!rest.empty()) {
     throw std::runtime_error(
-        fmt::format("{}: not whole: no bit differs in {} cycles; {}", o.log, r.replayed, rest));
+        fmt::format("{}: incomplete: no bit differs in {} cycles; {}", o.log, r.replayed, rest));
   }
   fmt::print("no bit differs\n");
 }
@@ -69,7 +68,7 @@ void AddReplayCommand(CLI::App& app) {
   sub->add_option("FILE", options->log, "log of the demo or the daemon, or a black box")->required();
   sub->add_option("--robot", options->robot, "robot file instead of the log's")->option_text("FILE");
   sub->add_option("--config", options->config, "daemon file instead of the log's")->option_text("FILE");
-  sub->footer("Exit status: 0 no bit differs, 1 one does or not all could be checked, 2 wrong use.");
+  sub->footer("Exit status: 0 no bit differs, 1 a bit differs or not all could be checked, 2 wrong use.");
   sub->callback([options] { Run(*options); });
 }
 

@@ -50,8 +50,7 @@ Judgement Judge(const DaemonParameters& daemon, const rt::LoopComparison& measur
   };
   const auto period_us = Us(daemon.bus.cycle_ns);
   if (!measured.problems.empty()) {
-    against("measured without the rights to real time, so for an ordinary program only: " +
-            measured.problems);
+    against("measured without real-time rights, so valid for an ordinary program only: " + measured.problems);
   }
   for (const rt::HostSetting& s : settings) {
     if (s.verdict == rt::Verdict::kBad) against(s.name + ": " + s.value);
@@ -60,19 +59,19 @@ Judgement Judge(const DaemonParameters& daemon, const rt::LoopComparison& measur
   if (measured.loop_missed > 0) against(fmt::format("{} cycles were missed", measured.loop_missed));
   if (const std::uint64_t cycles = measured.loop.count(); cycles < kLeastCycles) {
     const double half_s = static_cast<double>(kLeastCycles) * 1e-6 * period_us;
-    j.limit = fmt::format(
-        "{} cycles say nothing of one in a thousand, which was not judged; measure for --seconds {:.0f} or "
-        "more",
-        cycles, std::ceil(2 * half_s));
+    j.limit =
+        fmt::format("{} cycles are too few to judge one in a thousand; measure for --seconds {:.0f} or more",
+                    cycles, std::ceil(2 * half_s));
   } else if (typical_us > kTypicalShare * period_us) {
-    against(fmt::format(
-        "one wake-up in a thousand is late by {:.0f} us or more; {:.0f} us ({:.0f} % of the cycle) are "
-        "good",
-        typical_us, kTypicalShare * period_us, 100 * kTypicalShare));
+    against(
+        fmt::format("one wake-up in a thousand is late by {:.0f} us or more; {:.0f} us ({:.0f} % of the "
+                    "cycle) are acceptable",
+                    typical_us, kTypicalShare * period_us, 100 * kTypicalShare));
   }
   if (worst_us > kWorstShare * period_us) {
-    against(fmt::format("the latest wake-up came {:.0f} us late; {:.0f} us ({:.0f} % of the cycle) are good",
-                        worst_us, kWorstShare * period_us, 100 * kWorstShare));
+    against(fmt::format(
+        "the latest wake-up came {:.0f} us late; {:.0f} us ({:.0f} % of the cycle) are acceptable", worst_us,
+        kWorstShare * period_us, 100 * kWorstShare));
   }
   return j;
 }
@@ -170,15 +169,15 @@ void Run(const Options& o) {
 
 void AddRtCheckCommand(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  CLI::App* sub = app.add_subcommand(
-      "rt-check",
-      "Is this PC punctual enough for the control cycle, and what to change if not; before the robot is on");
-  sub->add_option("--config", options->config,
-                  "daemon file with cycle, priority, CPU and interface; else the one "
-                  "that comes with the programs")
+  CLI::App* sub = app.add_subcommand("rt-check",
+                                     "Check, before the robot is on, whether this PC is punctual enough for "
+                                     "the control cycle, and what to change if not");
+  sub->add_option(
+         "--config", options->config,
+         "daemon file with cycle, priority, CPU and interface (default: the one installed with the programs)")
       ->option_text("FILE");
   sub->add_option("--seconds", options->seconds,
-                  "how long to measure; an hour under load says more than ten seconds")
+                  "how long to measure; prefer an hour under load to ten seconds")
       ->check(NumberFrom(0.1, 86400, "give seconds"))
       ->capture_default_str();
   sub->add_flag("--json", options->json, "one JSON object instead of a table");

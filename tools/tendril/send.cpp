@@ -49,7 +49,7 @@ std::string Describe(const tendril_lcm::state_t& state) {
     if (status != Status::kTwoSenders) text += fmt::format("; {} {}", number, StatusText(status));
   }
   if (state.target_distance_m > 0) {
-    text += fmt::format(" ({:.2f} mm away from the point asked for)", 1e3 * state.target_distance_m);
+    text += fmt::format(" ({:.2f} mm away from the requested point)", 1e3 * state.target_distance_m);
   }
   return text;
 }
@@ -154,8 +154,8 @@ void Send(const SendOptions& o, Command command) {
   if (timeout_s == 0) return;
   if (latest.utime == 0) throw std::runtime_error(NobodyAnswers(o.lcm, timeout_s, client));
   if (!answered) {
-    throw std::runtime_error(
-        fmt::format("the daemon is there but did not see the command within {:g} s; try again", timeout_s));
+    throw std::runtime_error(fmt::format(
+        "the daemon is running but did not receive the command within {:g} s; try again", timeout_s));
   }
   const bool already = arm && ArmedAlready(answer);
   if (answer.command_status != 0 && !already) {
@@ -240,7 +240,7 @@ void AddSendCommand(CLI::App& app) {
   send->add_option("--speed", o->speed_radps,
                    "bending speed towards the target [rad/s]; 0: the daemon's default")
       ->check(NumberFrom(0, kMostSpeed_radps, "leave it out for the daemon's own"));
-  send->add_option("--valid-for", o->valid_for_s, "how old the command may get before it is refused [s]")
+  send->add_option("--valid-for", o->valid_for_s, "age at which the command is refused [s]")
       ->capture_default_str()
       ->check(NumberFrom(1e-3, 3600, "give seconds"));
   send->add_option(
@@ -255,7 +255,7 @@ void AddSendCommand(CLI::App& app) {
               c.kind = CommandKind::kTip;
               c.tip_W_m = {v[0], v[1], v[2]};
               if (const std::string asked = AskMillimetres(c.tip_W_m); !asked.empty())
-                throw UsageError(fmt::format("send tip: {:g} m is no robot's reach{}; give metres",
+                throw UsageError(fmt::format("send tip: {:g} m is out of any robot's reach{}; give metres",
                                              c.tip_W_m.norm(), asked));
             });
   AddTarget(*send, o, "bending", "Bend each section: (u, v) = angle (cos, sin of the bending plane)",
@@ -264,7 +264,7 @@ void AddSendCommand(CLI::App& app) {
               c.kind = CommandKind::kBending;
               c.bending_rad = ToVector<BendingVector>(v);
             });
-  AddTarget(*send, o, "tension", "Hold tendon tensions at the robot's base, one a tendon",
+  AddTarget(*send, o, "tension", "Hold tendon tensions at the robot's base, one per tendon",
             "T1 T2 ... in newtons", 1, kMaxTendons, [](const std::vector<double>& v, Command& c) {
               c.kind = CommandKind::kTension;
               c.tension_N = ToVector<TendonVector>(v);

@@ -48,9 +48,8 @@ std::set<std::string> ListedIn(const fs::path& file) {
       if (IsTable(path) && path.filename() == path) names.insert(path.string());
     }
   } catch (const YAML::Exception& e) {
-    throw UsageError(
-        fmt::format("{}:{}: not YAML, so that nobody knows what may be replaced; give another --out",
-                    file.string(), e.mark.line + 1));
+    throw UsageError(fmt::format("{}:{}: not YAML, so it is unknown what may be replaced; give another --out",
+                                 file.string(), e.mark.line + 1));
   }
   return names;
 }
@@ -143,11 +142,11 @@ SetFolder::SetFolder(fs::path folder, bool overwrite, const std::vector<std::str
     const fs::path file = folder_ / name;
     RefuseToReplace(file.string(), "--out", inputs);
     if (fs::exists(file, ignored) && !fs::is_regular_file(file, ignored))
-      throw UsageError(file.string() + " is no file; give another --out, or move it away");
+      throw UsageError(file.string() + " is not a file; give another --out, or move it away");
   }
   if (old_.contains(kRobot) && !IsWritten(folder_ / kRobot)) {
     throw UsageError(fmt::format(
-        "{} has comments, so that it is no copy that could be replaced; give another --out, or move it away",
+        "{} has comments, so it is not a copy that may be replaced; give another --out, or move it away",
         (folder_ / kRobot).string()));
   }
 }
@@ -157,9 +156,9 @@ void SetFolder::CheckNames(const std::vector<std::string>& runs) const {
   for (const std::string& run : runs) {
     const std::string file = run + ".csv";
     if (old_.contains(file) || !fs::exists(folder_ / file, ignored)) continue;
-    throw UsageError(
-        fmt::format("{} is there already and no run of an earlier set; give another --out, or move it away",
-                    (folder_ / file).string()));
+    throw UsageError(fmt::format(
+        "{} already exists and is not a run of an earlier set; give another --out, or move it away",
+        (folder_ / file).string()));
   }
 }
 

@@ -64,7 +64,7 @@ inline std::filesystem::path WriteSet(const ExperimentSet& set, const SetFolder&
     return folder.path();
   }
   if (folder.replaces() && !measured) {
-    throw std::runtime_error(fmt::format("the set is not complete: {}; {} holds the earlier one still",
+    throw std::runtime_error(fmt::format("the set is not complete: {}; {} still holds the earlier one",
                                          set.trouble, folder.path().string()));
   }
   return folder.WriteIncomplete(set.data);

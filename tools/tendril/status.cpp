@@ -338,10 +338,9 @@ void AddStatusCommand(CLI::App& app) {
   auto o = std::make_shared<StatusOptions>();
   CLI::App* status = app.add_subcommand("status", "Show what a running daemon is doing");
   AddLcmOptions(*status, o->lcm);
-  status->add_flag(
-      "--watch", o->watch,
-      "keep showing, five times a second, until interrupted; with robot, bus, drives (state, error, "
-      "serial), last fault and timing, which the daemon tells once a second");
+  status->add_flag("--watch", o->watch,
+                   "keep updating, five times a second, until interrupted; with robot, bus, drives (state, "
+                   "error, serial), last fault and timing, which the daemon publishes once a second");
   status->add_flag("--json", o->json, "one JSON object a line instead of a table");
   status->callback([o] { Status(*o); });
 }

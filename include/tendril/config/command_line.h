@@ -92,7 +92,7 @@ inline std::string NotKnown(const CLI::App& app, const std::string& word) {
   return option ? text : text + CommandList(app);
 }
 
-/// "tendril: --timeout: nan is no number from 0 to 3600; ...; see tendril send --help".
+/// "tendril: --timeout: nan is not a number from 0 to 3600; ...; see tendril send --help".
 inline std::string WrongUse(const CLI::App& app, const CLI::Error& error) {
   const std::string program = app.get_name();
   std::string command = program, what = error.what();

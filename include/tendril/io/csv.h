@@ -85,7 +85,7 @@ class CsvReader {
       const auto missing = place(optional_groups[g], g + 1);
       if (missing.size() == optional_groups[g].size()) continue;
       if (!missing.empty()) {
-        throw Error(fmt::format("missing column{} {}: {} come together or not at all",
+        throw Error(fmt::format("missing column{} {}: {} must be given together or not at all",
                                 missing.size() > 1 ? "s" : "", Join(missing), Join(optional_groups[g])));
       }
       values_[g + 1].resize(optional_groups[g].size());
@@ -212,7 +212,7 @@ class CsvWriter {
     return *this;
   }
   void EndRow() {
-    if (count_ != columns_) throw std::logic_error("CSV row does not fit its header");
+    if (count_ != columns_) throw std::logic_error("CSV row does not match its header");
     row_.push_back('\n');
     std::fwrite(row_.data(), 1, row_.size(), out_);
     row_.clear();
