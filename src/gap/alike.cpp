@@ -48,7 +48,7 @@ void LeaveOut(DataSet& set, std::size_t run) {
   }
 }
 
-std::vector<std::string> TakeOutOtherTime(DataSet& set) {
+std::vector<std::string> LeaveOutOtherTimeUnits(DataSet& set) {
   constexpr double kLike = 0.3;   // steps of one controller differ by less
   constexpr double kLeast_s = 1;  // minimum duration of a run
   std::vector<double> usual_s;

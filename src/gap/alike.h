@@ -28,7 +28,7 @@ inline constexpr TimeUnit kTimeUnits[] = {
 bool Smooth(const Run& run);
 
 /// Removes runs whose time is in another unit than that of the others; returns one line for each.
-std::vector<std::string> TakeOutOtherTime(DataSet& set);
+std::vector<std::string> LeaveOutOtherTimeUnits(DataSet& set);
 
 /// Gives every run columns for all tendons in each kind of drive or cell signal that any run has; columns
 /// without data hold NaN. A run declared without load cell has no tensions, whatever its columns hold.

@@ -77,7 +77,7 @@ class Parser {
     for (const auto& [word, found] : words_) {
       table_.notes.push_back(
           fmt::format("{}: {} '{}' taken as missing, the first in line {}, column {}", name_,
-                      found.count == 1 ? "1 cell that says" : fmt::format("{} cells that say", found.count),
+                      found.count == 1 ? "1 cell with" : fmt::format("{} cells with", found.count),
                       Printable(word), found.line, Printable(table_.names[found.column])));
     }
     for (std::size_t c = 0; c < infinite_.size(); ++c) {
@@ -115,8 +115,8 @@ class Parser {
     for (int i = 0; i < format_.skip_lines; ++i) {
       if (at_ == end_) {
         throw TableError(
-            fmt::format("{}:{}: the file ends within the {} lines that table.skip_lines passes; "
-                        "accepted: the lines before the names; correct the map",
+            fmt::format("{}:{}: the file ends within the {} lines that table.skip_lines skips; accepted: the "
+                        "number of lines before the names; correct the map",
                         name_, line_, format_.skip_lines));
       }
       PassLine();
@@ -130,8 +130,8 @@ class Parser {
       }
       if (HoldsNumbers(at_)) {
         throw TableError(
-            fmt::format("{}:{}: a row of numbers, which table.unit_rows: {} would pass; accepted: "
-                        "unit_rows: {} for this table; correct the map",
+            fmt::format("{}:{}: a row of numbers, which table.unit_rows: {} would skip; accepted: unit_rows: "
+                        "{} for this table; correct the map",
                         name_, line_, format_.unit_rows, i));
       }
       PassLine();
@@ -193,9 +193,8 @@ class Parser {
     if (format_.header == Header::kRemark) {
       if (remark == nullptr) {
         throw TableError(
-            fmt::format("{}:{}: no remark before the first row; accepted: with table.header: comment, a line "
-                        "of names that "
-                        "begins with one of '{}' (table.comment); correct the map",
+            fmt::format("{}:{}: no comment before the first row; accepted: with table.header: comment, a "
+                        "line of names that begins with one of '{}' (table.comment); correct the map",
                         name_, row_line, Printable(format_.comment)));
       }
       at_ = remark;
@@ -204,7 +203,7 @@ class Parser {
     }
     if (at_ == end_) {
       throw TableError(name_ +
-                       ":1: the file is empty; accepted: a line of column names, then one row a sample");
+                       ":1: the file is empty; accepted: a line of column names, then one row per sample");
     }
     const int names_line = line_;
     const char* line_end = std::find_if(at_, end_, IsLineEnd);
@@ -227,14 +226,14 @@ class Parser {
     if (!any_name) {
       const bool in_remark = remark != nullptr && CellsOf(remark) == table_.names.size();
       throw TableError(fmt::format(
-          "{}:{}: the first line holds no column names; accepted: names such as t_s, tension_N_1; add them, "
-          "or {}",
+          "{}:{}: the first line has no column names; accepted: names such as t_s, tension_N_1; add them, or "
+          "{}",
           name_, names_line,
           in_remark
-              ? fmt::format("if the remark in line {} holds them, say table: {{header: comment}} in a map of "
-                            "tendril gap import",
+              ? fmt::format("if the comment in line {} holds them, set table: {{header: comment}} in a map "
+                            "of tendril gap import",
                             remark_line)
-              : "say table: {header: none} in a map of tendril gap import and call the columns 1, 2, ..."));
+              : "set table: {header: none} in a map of tendril gap import and call the columns 1, 2, ..."));
     }
     if (format_.header == Header::kRemark) {
       at_ = row;
@@ -323,9 +322,8 @@ class Parser {
   void RefuseBothMarks(std::string_view cell, const char* other, int its_line) const {
     if (its_line == 0) return;
     throw TableError(fmt::format(
-        "{}:{}: '{}', but a decimal {} in line {}; accepted: one decimal mark, without marks between "
-        "thousands; "
-        "say table: {{decimal: point}} or {{decimal: comma}} in a map of tendril gap import, or export again",
+        "{}:{}: '{}', but a decimal {} in line {}; accepted: one decimal mark, without thousands separators; "
+        "set table: {{decimal: point}} or {{decimal: comma}} in a map of tendril gap import, or export again",
         name_, line_, Printable(cell), other, its_line));
   }
 
@@ -375,9 +373,9 @@ class Parser {
       if (!HoldsNumbers(line)) continue;
       if (format_.header == Header::kNone)
         return fmt::format(
-            "; if the lines before line {} are no rows, say table: {{skip_lines: {}}} in the map",
+            "; if the lines before line {} are not rows, set table: {{skip_lines: {}}} in the map",
             line_ + passed, line_ + passed - 1);
-      return fmt::format("; if it is a unit or another line of names, say table: {{unit_rows: {}}} in a map",
+      return fmt::format("; if it is a unit or another line of names, set table: {{unit_rows: {}}} in a map",
                          format_.unit_rows + passed);
     }
     return hint;
@@ -417,24 +415,24 @@ class Parser {
     } catch (const TableError&) {
       if (std::find_if(at_, end_, IsLineEnd) != end_) throw;
       at_ = end_;
-      Drop(row, "is cut short");
+      Drop(row, "is truncated");
       return;
     }
     const bool unfinished = at_ == end_;
     if (unfinished && (cells < columns || last.size() < last_size_)) {
-      Drop(row, "has no end and may be cut short");
+      Drop(row, "has no line end and may be truncated");
       return;
     }
     if (cells < columns && std::all_of(at_, end_, IsLineEnd)) {
       at_ = end_;
-      Drop(row, "is cut short");
+      Drop(row, "is truncated");
       return;
     }
     if (cells != columns) {
       at_ = line_begin;
       throw TableError(fmt::format(
-          "{}:{}: {} cells in a table of {} columns; accepted: one cell a column (empty "
-          "for no value); correct the line or remove it{}",
+          "{}:{}: {} cells in a table of {} columns; accepted: one cell per column (empty for no value); "
+          "correct the line or remove it{}",
           name_, line_, cells < columns ? std::to_string(cells) : "too many", columns, HintForCount()));
     }
     if (!trailing_) trailing_ = trailing;
@@ -445,12 +443,11 @@ class Parser {
 
   std::string HintForCount() const {
     if (format_.decimal == ',' && format_.delimiter == ',')
-      return "; where commas separate cells, numbers with a decimal comma stand in quotes";
+      return "; where commas separate cells, numbers with a decimal comma need quotes";
     if (format_.delimiter == ' ' && table_.lines.empty() && format_.header != Header::kNone) {
       return fmt::format(
-          "; if names hold spaces, say table: {{header: none, skip_lines: {}}} in a map and call the columns "
-          "1, "
-          "2, ...",
+          "; if names contain spaces, set table: {{header: none, skip_lines: {}}} in a map and call the "
+          "columns 1, 2, ...",
           line_ - 1);
     }
     return {};
@@ -542,7 +539,7 @@ std::string Sha256(std::string_view bytes) {
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest;
   unsigned size = 0;
   if (EVP_Digest(bytes.data(), bytes.size(), digest.data(), &size, EVP_sha256(), nullptr) != 1) {
-    throw std::runtime_error("SHA-256 is not to be had from libcrypto on this machine");
+    throw std::runtime_error("libcrypto on this machine has no SHA-256");
   }
   std::string hex;
   for (unsigned i = 0; i < size; ++i) hex += fmt::format("{:02x}", digest[i]);

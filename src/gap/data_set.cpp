@@ -29,12 +29,13 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMostList = std::size_t{4} << 20;
 
 constexpr RunsKey kRunsKeys[] = {
-    {"runs", false, "a list", "the file itself is the list", "The runs; a file's name alone stands for its entry."},
+    {"runs", false, "a list", "the file itself is the list",
+     "The runs; a file's name alone stands for its entry."},
     {"tracker_frame", false, "given, fit", "given",
-     "fit: nobody knows how the tracker's frame lies against the base, and the diagnosis fits it."},
+     "fit: the pose of the tracker's frame relative to the base is unknown, and the diagnosis fits it."},
     {"file", true, "a CSV or LCM log, relative to the folder", "", "Where the run is."},
     {"family", true, "a name", "unknown",
-     "Kind of motion. A cause is tested on families that it was not fitted to, so there should be two at least."},
+     "Kind of motion. A cause is tested on held-out families, so there should be at least two."},
     {"repeat_of", true, "a file of the list, none", "none",
      "The run that this one repeats unchanged; what differs between them is the noise floor."},
     {"before", true, "a file of the list, none", "none",
@@ -113,16 +114,15 @@ Listed ReadEntry(const YAML::Node& entry, const std::string& where, std::vector<
   if (!place.empty() && !listed.load_cell) {
     notes.push_back(
         fmt::format("{}: load_cell '{}' is not known; accepted: motor_side, robot_side, none; the robot "
-                    "file's is taken",
+                    "file's value is used",
                     where, Printable(place)));
   }
   const std::string zero = LowerCase(Text(entry, "motor_zero"));
   listed.zero_at_rest = zero == "at_rest";
   if (!zero.empty() && zero != "at_rest" && zero != "at_pretension") {
-    notes.push_back(
-        fmt::format("{}: motor_zero '{}' is not known; accepted: at_pretension, at_rest; at_pretension is "
-                    "taken",
-                    where, Printable(zero)));
+    notes.push_back(fmt::format(
+        "{}: motor_zero '{}' is not known; accepted: at_pretension, at_rest; at_pretension is used", where,
+        Printable(zero)));
   }
   return listed;
 }
@@ -139,7 +139,7 @@ std::vector<Listed> ReadList(const fs::path& file, DataSet& set) {
       if (frame == "fit") set.fit_frame = true;
       if (frame != "fit" && frame != "given") {
         notes.push_back(
-            fmt::format("{}:{}: tracker_frame '{}' is not known; accepted: given, fit; given is taken",
+            fmt::format("{}:{}: tracker_frame '{}' is not known; accepted: given, fit; given is used",
                         file.string(), list["tracker_frame"].Mark().line + 1, Printable(frame)));
       }
     }
@@ -212,8 +212,7 @@ void SettleCell(Run& run, std::optional<LoadCellPlace> told) {
     } else {
       run.notes.push_back(
           "the robot file has no load cell but the run has tensions: taken as measured on the motor's side; "
-          "say "
-          "load_cell in runs.yaml");
+          "set load_cell in runs.yaml");
       run.load_cell = LoadCellPlace::kMotorSide;
     }
   }
@@ -276,8 +275,7 @@ void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, cons
       });
       if (same != set.runs.end()) {
         set.notes.push_back(
-            fmt::format("left out: {}: holds the very same bytes as run {}; a repetition is "
-                        "a recording of its own",
+            fmt::format("left out: {}: identical to the file of run {}; a repetition is a separate recording",
                         listed.file.string(), Printable(same->name)));
         continue;
       }
@@ -298,12 +296,11 @@ void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, cons
     }
   }
   if (!other_cells.empty()) {
-    set.notes.push_back(fmt::format(
-        "the load cells (tendons {}) have another gain or zero than in {}, which the tensions were recorded "
-        "with: taken by the gain and zero of the robot file named; if they were recorded with that one, put "
-        "it "
-        "in the folder",
-        fmt::join(other_cells, ", "), (folder / "robot.yaml").string()));
+    set.notes.push_back(
+        fmt::format("the load cells (tendons {}) have another gain or zero than in {}, with which the "
+                    "tensions were recorded: converted to those of the given robot file; if they were "
+                    "recorded with that one, put it into the folder",
+                    fmt::join(other_cells, ", "), (folder / "robot.yaml").string()));
   }
 }
 
@@ -329,11 +326,11 @@ void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::stri
     if (run.before.empty()) continue;
     const auto found = root.find(run.before);
     if (found == root.end() || found->second == run.name || !told_before(found->second).empty()) {
-      notes.push_back(fmt::format(
-          "run {}: before: '{}' is {}; taken as a run that is compared with the model alone; accepted: "
-          "another run of runs.yaml, which has no 'before' of its own",
-          Printable(run.name), Printable(run.before),
-          found == root.end() ? "not there" : "no run from before"));
+      notes.push_back(
+          fmt::format("run {}: before: '{}' is {}; the run is compared with the model alone; accepted: "
+                      "another run of runs.yaml that has no 'before' itself",
+                      Printable(run.name), Printable(run.before),
+                      found == root.end() ? "not there" : "not a run from before"));
       run.before.clear();
     } else {
       run.before = found->second;
@@ -357,7 +354,7 @@ void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::stri
     }
     if (circle) {
       notes.push_back(
-          fmt::format("run {}: repeat_of leads in a circle; taken as no repetition", Printable(run.name)));
+          fmt::format("run {}: repeat_of forms a cycle; not taken as a repetition", Printable(run.name)));
       run.repeat_of.clear();
     } else if (!original.empty()) {
       // The original is missing: the first of its repetitions takes its place.
@@ -399,7 +396,7 @@ void AddFolder(DataSet& set, const RobotOfSet& robot, const fs::path& folder) {
       }
       if (!others.empty()) {
         set.notes.push_back(
-            fmt::format("{}: not listed and so left out: {}", list_file.string(), Printable(others, 200)));
+            fmt::format("{}: not listed, so left out: {}", list_file.string(), Printable(others, 200)));
       }
     }
   }
@@ -416,10 +413,9 @@ void AddFolder(DataSet& set, const RobotOfSet& robot, const fs::path& folder) {
 [[noreturn]] void ThrowNothing(const DataSet& set, const std::string& where) {
   std::string why;
   for (const std::string& note : set.notes) why += "\n  " + note;
-  throw std::runtime_error(
-      fmt::format("{}: no run that can be used; accepted: CSV files with the column t_s, listed in "
-                  "runs.yaml, or LCM logs{}",
-                  where, why));
+  throw std::runtime_error(fmt::format(
+      "{}: no usable run; accepted: CSV files with the column t_s, listed in runs.yaml, or LCM logs{}", where,
+      why));
 }
 
 std::string NameOf(const fs::path& path) {
@@ -476,8 +472,8 @@ std::vector<std::string> RunFolders(const std::string& path, const std::string& 
   if (others.empty()) return folders.empty() ? std::vector<std::string>{path} : taken;
   if (taken.empty() || robot_path.empty()) {
     throw std::runtime_error(fmt::format(
-        "{}: {}, {} '{}'; give the robot file (--robot) of those to be diagnosed, or their folder alone",
-        path, others, robot_path.empty() ? "others of" : "the robot named is", robot->name));
+        "{}: {}, {} '{}'; give the robot file (--robot) of the runs to diagnose, or only their folder", path,
+        others, robot_path.empty() ? "others of" : "the robot named is", robot->name));
   }
   notes.push_back(fmt::format("{}: {}, not '{}', and is left out; diagnose it with its own --robot", path,
                               others, robot->name));
@@ -563,12 +559,11 @@ DataSet LoadLogs(const std::vector<std::string>& named, const std::string& robot
           paths.front() + ": no robot.yaml there; accepted: a robot file in the folder, or named by --robot");
     }
     set.robot = config::ParseRobot(yaml, "robot of " + log->string());
-    set.notes.push_back("the robot is the one that " + log->string() + " was made with");
+    set.notes.push_back("the robot is the one with which " + log->string() + " was recorded");
   }
   if (other) {
-    set.notes.push_back(
-        fmt::format("{} is another robot than {}, which is taken for all runs; give --robot to choose",
-                    *other, robot_from));
+    set.notes.push_back(fmt::format("{} differs from {}, which is used for all runs; give --robot to choose",
+                                    *other, robot_from));
   }
 
   const RobotOfSet robot(set.robot, robot_from.empty() ? "the robot of the first log" : robot_from,
@@ -606,8 +601,8 @@ void CompareWithBefore(DataSet& set, DataSet before) {
   }
   if (config::ToYaml(before.robot) != config::ToYaml(set.robot)) {
     set.notes.push_back(
-        fmt::format("the runs from before have another robot file ('{}'); these runs' ('{}') is taken for "
-                    "both; give --robot to choose",
+        fmt::format("the runs from before have another robot file ('{}'); that of these runs ('{}') is used "
+                    "for both; give --robot to choose",
                     before.robot.name, set.robot.name));
   }
   const auto named = [](const DataSet& data, const std::string& name) -> const Run* {
@@ -637,12 +632,12 @@ void CompareWithBefore(DataSet& set, DataSet before) {
   }
   if (partner.empty()) {
     throw std::runtime_error(
-        fmt::format("no run has one from before to be compared with ({}); accepted: a run of the same name "
-                    "there, or the only one of the same kind ('family' in runs.yaml)",
+        fmt::format("no run has a counterpart from before ({}); accepted: a run of the same name there, or "
+                    "the only one of the same kind ('family' in runs.yaml)",
                     alone));
   }
   if (!alone.empty()) {
-    set.notes.push_back("left out, for there is no run of the same name or kind from before: " + alone);
+    set.notes.push_back("left out, since there is no run of the same name or family from before: " + alone);
     std::erase_if(set.runs, [&](const Run& run) { return !partner.contains(run.name); });
   }
 

@@ -126,7 +126,7 @@ void MarkUnrepeated(Diagnosis& d) {
 }
 
 /// True where the best single fit contains all of `cause`, or the best pair where that is clearly better.
-bool Finds(const SearchResult& search, const Model& cause) {
+bool ContainsCause(const SearchResult& search, const Model& cause) {
   const auto in = [&](const Fit& fit) {
     const auto& found = fit.model.parts;
     return std::all_of(cause.parts.begin(), cause.parts.end(), [&](const Candidate& part) {
@@ -140,7 +140,7 @@ bool Finds(const SearchResult& search, const Model& cause) {
 }
 
 /// Lowers the causes' probabilities, because a measurement error is likelier than each of them.
-void Doubt(std::vector<Cause>& causes) {
+void ShiftToUnknown(std::vector<Cause>& causes) {
   constexpr double kLeft = 0.3;  // share of their probability that is kept
   double taken = 0;
   for (Cause& cause : causes) {
@@ -268,7 +268,7 @@ std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, 
 }
 
 /// Leaves out runs that are too short, so that the others can be diagnosed.
-void TakeOutShort(DataSet& set, Diagnosis& d) {
+void LeaveOutShortRuns(DataSet& set, Diagnosis& d) {
   constexpr int kNamed = 5;
   std::string names;
   int count = 0;
@@ -293,10 +293,10 @@ void TakeOutShort(DataSet& set, Diagnosis& d) {
 }
 
 /// Finds and removes measurement errors by comparing the runs with each other and with the model.
-class Measuring {
+class MeasurementCheck {
  public:
   /// `compared`: the given set compares runs with earlier ones.
-  Measuring(DataSet& set, Diagnosis& d, const DiagnoseOptions& options, int threads, bool compared)
+  MeasurementCheck(DataSet& set, Diagnosis& d, const DiagnoseOptions& options, int threads, bool compared)
       : set_(set), d_(d), options_(options), threads_(threads), compared_(compared), runs_(set.runs.size()) {}
 
   /// Runs with a far larger model error than the others, including those left out, and the ratio.
@@ -304,7 +304,7 @@ class Measuring {
 
   /// The comparable runs, with the set and its degradations reduced accordingly. Throws std::runtime_error
   /// where nothing can be compared.
-  Evaluator Settled() {
+  Evaluator PrepareComparable() {
     for (;;) {
       if (compared_ && !Compared(set_)) {
         throw std::runtime_error(
@@ -315,8 +315,8 @@ class Measuring {
       try {
         Evaluator evaluator(set_, {threads_, options_.delta_N, options_.delta_m, options_.seed});
         if (options_.progress) options_.progress("comparing the runs with the model and with each other", 0);
-        if (TakeOutFrozen(evaluator) || LeaveOutOdd(evaluator)) continue;
-        TellMissed();
+        if (MaskFrozenMotors(evaluator) || LeaveOutDeviatingRuns(evaluator)) continue;
+        ReportDeviatingRuns();
         return evaluator;
       } catch (const RunError& error) {
         if (set_.runs.size() == 1) throw;
@@ -324,14 +324,14 @@ class Measuring {
         LeaveOut(set_, error.run);
       } catch (const std::runtime_error&) {
         // The runs that remain without the deviating ones cannot be compared.
-        if (!with_odd_) throw;
-        std::tie(set_, d_.degradations) = *std::exchange(with_odd_, std::nullopt);
+        if (!before_leaving_out_) throw;
+        std::tie(set_, d_.degradations) = *std::exchange(before_leaving_out_, std::nullopt);
       }
     }
   }
 
  private:
-  void TellMissed() {
+  void ReportDeviatingRuns() {
     for (const Run& run : set_.runs) {
       if (const auto missed = missed_.find(run.name); missed != missed_.end()) {
         d_.degradations.push_back(fmt::format(
@@ -341,7 +341,7 @@ class Measuring {
     }
   }
 
-  bool TakeOutFrozen(const Evaluator& evaluator) {
+  bool MaskFrozenMotors(const Evaluator& evaluator) {
     const std::vector<FrozenMotor> frozen = FindFrozenMotors(set_, evaluator);
     for (const FrozenMotor& motor : frozen) {
       Run& run = set_.runs[motor.run];
@@ -356,12 +356,12 @@ class Measuring {
     return !frozen.empty();
   }
 
-  bool LeaveOutOdd(const Evaluator& evaluator) {
-    const std::vector<OddRun> odd = FindOddRuns(set_, evaluator, missed_, threads_);
+  bool LeaveOutDeviatingRuns(const Evaluator& evaluator) {
+    const std::vector<DeviatingRun> odd = FindDeviatingRuns(set_, evaluator, missed_, threads_);
     // Judged by the majority of the runs.
     if (odd.empty() || 2 * (left_out_ + odd.size()) > runs_) return false;
     left_out_ += odd.size();
-    with_odd_.emplace(set_, d_.degradations);
+    before_leaving_out_.emplace(set_, d_.degradations);
     for (auto one = odd.rbegin(); one != odd.rend(); ++one) {
       d_.degradations.push_back(
           fmt::format("left out: {}: with {} most of its gap disappears, and the other runs have no such "
@@ -379,8 +379,8 @@ class Measuring {
   bool compared_;
   std::size_t runs_,
       left_out_ = 0;  // number of runs at first; of those left out since because they deviate from the others
-  std::map<std::string, double> missed_;  // as returned by FindOddRuns
-  std::optional<std::pair<DataSet, std::vector<std::string>>> with_odd_;
+  std::map<std::string, double> missed_;  // as returned by FindDeviatingRuns
+  std::optional<std::pair<DataSet, std::vector<std::string>>> before_leaving_out_;
 };
 
 }  // namespace
@@ -395,14 +395,14 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   // The robot file's own list of effects is part of the model; changing it again would list an effect twice.
   set.robot = sim::FoldEffects(given.robot);
   RequireTendons(set);
-  TakeOutShort(set, d);
+  LeaveOutShortRuns(set, d);
   const auto said = [&](const std::vector<std::string>& lines) {
     d.degradations.insert(d.degradations.end(), lines.begin(), lines.end());
   };
-  said(TakeOutOtherTime(set));
+  said(LeaveOutOtherTimeUnits(set));
   FillMissing(set);
   said(KeepOwnReadings(set));
-  said(TakeOutImplausible(set));
+  said(MaskImplausible(set));
   progress("aligning the logs and finding the noise floor", 0);
   RefuseOtherTime(set);
   d.robot_name = set.robot.name;
@@ -411,8 +411,8 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   d.version = Version();
   d.revision = GitRevision();
 
-  Measuring measuring(set, d, options, threads, Compared(given));
-  Evaluator evaluator = measuring.Settled();
+  MeasurementCheck measuring(set, d, options, threads, Compared(given));
+  Evaluator evaluator = measuring.PrepareComparable();
   std::map<std::string, std::string> before_sha256;
   for (const Run& run : set.runs) before_sha256.emplace(run.before, "");
   std::erase_if(set.runs, [&](const Run& run) {
@@ -472,15 +472,15 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   // The floor may be raised only for the cause that raises it.
   const auto search_again = [&](const Evaluator& those, const Model& cause) -> std::optional<SearchResult> {
     SearchResult again = search_in(those);
-    return Finds(again, cause) ? std::optional(std::move(again)) : std::nullopt;
+    return ContainsCause(again, cause) ? std::optional(std::move(again)) : std::nullopt;
   };
-  if (MayHide(evaluator) && !Compared(set)) {
+  if (MayHideCause(evaluator) && !Compared(set)) {
     stage = "searching for what makes repetitions differ";
-    auto narrow = NarrowedByCause(evaluator, set, MayNotRepeat(search), evaluation);
+    auto narrow = WithRepeatabilityOfCause(evaluator, set, MayNotRepeat(search), evaluation);
     if (!narrow && evaluator.repetitions_differ() > 0) {
       // Differences between repetitions may hide small causes, and also the large one that makes them.
       const Evaluator repeated = AsThoughRepeated(set, evaluation);
-      narrow = NarrowedByCause(evaluator, set, MayNotRepeat(search_in(repeated)), evaluation);
+      narrow = WithRepeatabilityOfCause(evaluator, set, MayNotRepeat(search_in(repeated)), evaluation);
     }
     stage = "searching again with the repeatability of the cause";
     std::optional<SearchResult> again;
@@ -498,7 +498,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     }
   }
   std::optional<Candidate> widened_by;
-  if (auto wide = WidenedByCause(evaluator, set, search, evaluation)) {
+  if (auto wide = WithFloorOfCause(evaluator, set, search, evaluation)) {
     stage = "searching again with the floor of the cause";
     auto again = search_again(*wide, search.fits.front().model);
     // Unless no gap would be left to close.
@@ -510,7 +510,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     }
   }
   progress("judging", 0);
-  TakeOffQuiet(evaluator, set, evaluation, search);
+  SubtractNoiseGain(evaluator, set, evaluation, search);
   const auto fit_numbers = [&]() -> std::vector<NumberFit> {
     if (Compared(set)) return {};  // errors of the file were present before the change as well
     constexpr int kRefined = 6;
@@ -605,7 +605,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
       mistake.left < std::hypot(1, d.leftover_sigma)) {
     d.verdict = Verdict::kInsufficientData;
     d.accepted.clear();
-    Doubt(d.causes);
+    ShiftToUnknown(d.causes);
   }
   const bool hides = (d.verdict == Verdict::kNoGap || judgement.unrepeated) &&
                      !mistake.with.empty();  // in the difference between repetitions
@@ -620,14 +620,14 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
   }
   d.sentence =
       judgement.unrepeated ? Unrepeated(*d.repeatability) : First(d) + Sentence(d, set.robot, hiding);
-  if (d.repeatability && !judgement.unrepeated) d.sentence += ButUnrepeated(*d.repeatability);
+  if (d.repeatability && !judgement.unrepeated) d.sentence += UnrepeatedRemark(*d.repeatability);
   if (!d.repeatability && evaluator.repetitions_differ() > 0) {
     d.sentence += fmt::format(
         " But repetitions differ by {:.2g} times the noise: if the robot was changed between them, they do "
         "not define the noise floor.",
         evaluator.repetitions_differ());
   }
-  d.sentence += InFewRuns(d, measuring.missed());
+  d.sentence += FewRunsRemark(d, measuring.missed());
   if (!mistake.with.empty()) {
     d.sentence = fmt::format("Check the measurement first: with {} most of {} disappears. {}", mistake.with,
                              hides ? "the difference between repetitions" : "this gap", d.sentence);

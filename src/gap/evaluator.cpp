@@ -172,8 +172,8 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
   leave_out_the_first();
 
   FindCuts(set);
-  FindCommandsARow();
-  StandInForCells();
+  FindTargetsPerRow();
+  SubstituteMissingCells();
   zeros_from_rest_ =
       std::all_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return r.rest_samples > 0; });
   if (zeros_from_rest_) {
@@ -182,7 +182,7 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
                     "zero is estimated from the {}, so encoder_offset and slack cannot be seen",
                     has(kC3) ? "load cells there" : "torques"));
   }
-  TellHoles();
+  ReportSensorGaps();
   ListChannels();
 
   nominal_motion_.resize(runs_.size());
@@ -248,7 +248,7 @@ void Evaluator::FindCuts(const DataSet& set) {
   }
   if (std::any_of(cuts.begin(), cuts.end(), [](const CutOfSet& c) { return !c.allowed(); }))
     degradations_.push_back(CutsLine(cuts));
-  if (!motor) TellWithoutMotors();
+  if (!motor) ReportMissingMotors();
   if (!target || !torque)
     degradations_.push_back("no target or actual torque: the drives' current loop (C1) is not seen");
   if (!cell) {
@@ -272,7 +272,7 @@ void Evaluator::FindCuts(const DataSet& set) {
 }
 
 // Load cells drive the body by themselves; the chain before them is not seen.
-void Evaluator::TellWithoutMotors() {
+void Evaluator::ReportMissingMotors() {
   const bool before_pulleys = std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) {
     return r.signals.load_cell == LoadCellPlace::kMotorSide;
   });
@@ -286,9 +286,9 @@ void Evaluator::TellWithoutMotors() {
 
 // A controller's target acts a cycle after it was sent. In a log of every n-th cycle motors seem to respond
 // at once, or early; the actual torque shows how many targets were sent per row.
-void Evaluator::FindCommandsARow() {
+void Evaluator::FindTargetsPerRow() {
   constexpr double kFastest_s = 0.9e-3;  // of controllers
-  constexpr double kPlainly = 0.8;       // of the residual with one target per row
+  constexpr double kClearlyLess = 0.8;   // of the residual with one target per row
   double step_s = std::numeric_limits<double>::infinity();
   std::vector<PreparedRun*> in_doubt;
   for (PreparedRun& run : runs_) {
@@ -323,7 +323,7 @@ void Evaluator::FindCommandsARow() {
     return squares.rms();
   };
   int commands = 1;
-  double least = kPlainly * left(1);
+  double least = kClearlyLess * left(1);
   for (int n = 2; step_s / n >= kFastest_s; ++n) {
     if (const double rms = left(n); rms < least) commands = n, least = rms;
   }
@@ -337,7 +337,7 @@ void Evaluator::FindCommandsARow() {
 
 // Without a cell, the tension on the body follows from the tendon's stretch between motor and body; without a
 // motor position as well, it is unknown.
-void Evaluator::StandInForCells() {
+void Evaluator::SubstituteMissingCells() {
   for (std::size_t i = 0; i < runs_.size(); ++i) {
     PreparedRun& run = runs_[i];
     const bool by_cell = driven_by_ == sim::Replay::DrivenBy::kCell;
@@ -362,7 +362,7 @@ void Evaluator::StandInForCells() {
 }
 
 // Reports gaps of single sensors, one sentence per sensor with all its runs.
-void Evaluator::TellHoles() {
+void Evaluator::ReportSensorGaps() {
   const auto tell = [&](std::vector<Hole> PreparedRun::*holes, const char* what, const char* so) {
     std::map<std::string, std::string> tendons;  // by the rest of the sentence
     for (int j = 0; j < nominal_.body.tendons(); ++j) {

@@ -161,21 +161,21 @@ class Evaluator {
                               const Eigen::MatrixXd& shortening, const Eigen::MatrixXd& reading_N) const;
   double TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const;
   void FindCuts(const DataSet& set);
-  void TellWithoutMotors();
+  void ReportMissingMotors();
   /// For logs slower than the controller: whether a row holds every target sent or every n-th.
-  void FindCommandsARow();
-  void StandInForCells();
-  void TellHoles();
+  void FindTargetsPerRow();
+  void SubstituteMissingCells();
+  void ReportSensorGaps();
   void ListChannels();
   void FindFrame();
   /// Masks windows that depend on unrecorded parts of a run. In unseen.cpp.
-  void Forget(int threads);
+  void MaskAfterUnrecordedMotion(int threads);
 
   // In floors.cpp.
   void FindFloors(const DataSet& set, const Options& options);
   void FindWhiteNoise();
   void FindVariances(const DataSet& set, const Options& options);
-  void TakeDifferences();
+  void SubtractBefore();
   void ScaleByRepetition(const Options& options);
   bool AlikeIn(const Evaluator& other) const;  // same runs, channels and windows
   /// Standard deviation of the measured signal of a channel over all runs; 0 for torque.

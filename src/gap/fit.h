@@ -65,7 +65,7 @@ struct Fit {
   Eigen::MatrixXd scatter;      // jackknife part of it, from the estimates without each fold
   std::vector<Column> columns;  // at the optimum, by parameter
   double score = 0, held_out_score = 0;  // log scores over all channels
-  std::optional<double> quiet;           // subtracted from both: gain by less noise, see TakeOffQuiet
+  std::optional<double> quiet;           // subtracted from both: gain by less noise, see SubtractNoiseGain
 
   /// Recomputes the scores with newer weights; `rest` as for LogScore.
   void Rescore(const Weights& weights, const Residuals& rest);

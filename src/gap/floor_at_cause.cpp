@@ -63,8 +63,8 @@ bool SameChannels(const Evaluator& a, const Evaluator& b) {
 
 }  // namespace
 
-std::optional<Evaluator> WidenedByCause(const Evaluator& evaluator, const DataSet& set,
-                                        const SearchResult& search, const Evaluator::Options& options) {
+std::optional<Evaluator> WithFloorOfCause(const Evaluator& evaluator, const DataSet& set,
+                                          const SearchResult& search, const Evaluator::Options& options) {
   const Fit* best = LikeliestCause(set, search);
   if (best == nullptr || !evaluator.repeated()) return std::nullopt;
   DataSet with_cause = set;
@@ -84,7 +84,7 @@ Evaluator AsThoughRepeated(const DataSet& set, const Evaluator::Options& options
   return {set, at};
 }
 
-bool MayHide(const Evaluator& evaluator) {
+bool MayHideCause(const Evaluator& evaluator) {
   return evaluator.repetitions_by().size() > 0 && evaluator.repetitions_by().maxCoeff() > kMayHide;
 }
 
@@ -99,8 +99,9 @@ std::vector<Model> MayNotRepeat(const SearchResult& search) {
   return causes;
 }
 
-std::optional<Narrowed> NarrowedByCause(const Evaluator& evaluator, const DataSet& set,
-                                        const std::vector<Model>& causes, const Evaluator::Options& options) {
+std::optional<Narrowed> WithRepeatabilityOfCause(const Evaluator& evaluator, const DataSet& set,
+                                                 const std::vector<Model>& causes,
+                                                 const Evaluator::Options& options) {
   const DataSet repeated = Repeated(set);
   const Eigen::VectorXd& by = evaluator.repetitions_by();
   double least =
@@ -141,8 +142,8 @@ std::optional<Narrowed> NarrowedByCause(const Evaluator& evaluator, const DataSe
   }
 }
 
-void TakeOffQuiet(const Evaluator& evaluator, const DataSet& set, const Evaluator::Options& options,
-                  SearchResult& search) {
+void SubtractNoiseGain(const Evaluator& evaluator, const DataSet& set, const Evaluator::Options& options,
+                       SearchResult& search) {
   if (Compared(set)) return;
   const Weights weights(evaluator, search.leftover);
   for (std::vector<Fit>* fits : {&search.fits, &search.pairs}) {

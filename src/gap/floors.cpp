@@ -171,8 +171,8 @@ Eigen::VectorXd OffStraight(const Eigen::Ref<const Eigen::VectorXd>& target, int
 void Evaluator::FindFloors(const DataSet& set, const Options& options) {
   FindWhiteNoise();
   FindVariances(set, options);
-  Forget(options.threads);
-  TakeDifferences();
+  MaskAfterUnrecordedMotion(options.threads);
+  SubtractBefore();
   ScaleByRepetition(options);
 }
 
@@ -355,7 +355,7 @@ double Evaluator::Spread(const Channel& channel) const {
 // What the nominal robot leaves of a run less what it left of the same commands before: errors of the model
 // that were there before cancel, window by window, and the noise of both runs remains. A model that was off
 // by a tenth of the motion then is taken to be off by a tenth of the change now: that is in the noise.
-void Evaluator::TakeDifferences() {
+void Evaluator::SubtractBefore() {
   std::map<std::string, std::size_t> by_name;
   for (std::size_t i = 0; i < runs_.size(); ++i) by_name[runs_[i].name] = i;
   std::vector<char> is_before(runs_.size(), 0);
@@ -483,7 +483,7 @@ bool Evaluator::AlikeIn(const Evaluator& other) const {
 }
 
 bool Evaluator::Widen(const Evaluator& other) {
-  constexpr double kPlainly = 1.5;  // times the variance, by the median
+  constexpr double kClearlyLarger = 1.5;  // times the variance, by the median
   if (!AlikeIn(other)) return false;
   bool any = false;
   for (std::size_t c = 0; c < channels_.size(); ++c) {
@@ -500,7 +500,7 @@ bool Evaluator::Widen(const Evaluator& other) {
         is.push_back(v);
       }
     }
-    if (Median(std::move(is)) <= kPlainly * Median(std::move(was))) continue;
+    if (Median(std::move(is)) <= kClearlyLarger * Median(std::move(was))) continue;
     for (std::size_t i = 0; i < runs_.size(); ++i) variance_[i][c] = std::move(wider[i]);
     any = true;
   }

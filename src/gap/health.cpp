@@ -127,38 +127,34 @@ class Checkup {
     const auto lacks = [&](bool there, const char* channel, const char* text) {
       if (!there) Add(Severity::kWarning, "", channel, 0, text);
     };
-    lacks(tip, "tip position",
-          "no run has a tip; the shape and the motion of the body (C4, C5) cannot be told; add a tracker");
+    lacks(
+        tip, "tip position",
+        "no run has a tip; the shape and the motion of the body (C4, C5) cannot be compared; add a tracker");
     lacks(tension, "tension",
           "no run has tensions; motors, pulleys and tendons (C2, C3) cannot be told apart; add a load cell");
     lacks(torque, "actual torque",
-          "no run has actual torques; the current loop and the drivetrain (C1, C2) cannot be told; log the "
-          "drives' "
-          "actual torque or current");
+          "no run has actual torques; the current loop and the drivetrain (C1, C2) cannot be compared; log "
+          "the drives' actual torque or current");
     lacks(motor, "motor position",
-          "no run has motor positions; tendons and drivetrain (C2, C3) cannot be told; log the encoders");
+          "no run has motor positions; tendons and drivetrain (C2, C3) cannot be compared; log the encoders");
     lacks(repeats, "repetitions",
-          "no run repeats another; the noise floor is taken from fast differences, which misses what does "
-          "not come "
-          "back the same; repeat at least one run unchanged and say so by repeat_of");
+          "no run repeats another; the noise floor is taken from fast differences, which do not include "
+          "imperfect repeatability; repeat at least one run unchanged and declare it by repeat_of");
     if (families.size() < 2) {
       Add(Severity::kWarning, "", "families", static_cast<double>(families.size()),
-          "all runs are of one family; nothing can be held out, so that a cause cannot be tested on another "
-          "kind of "
-          "motion; record another family and name families in runs.yaml");
+          "all runs are of one family; no family can be held out, so a cause cannot be tested on another "
+          "kind of motion; record another family and name the families in runs.yaml");
     }
     if (tension && tension_range < 0.5) {
       Add(Severity::kWarning, "", "tension", tension_range,
-          fmt::format("no tension changes by more than {:.2g} N over all runs; what grows with tension "
-                      "cannot be told "
-                      "from what does not; pull harder",
+          fmt::format("no tension changes by more than {:.2g} N over all runs; effects that grow with "
+                      "tension cannot be told from those that do not; pull harder",
                       tension_range));
     }
     if (motor && reversals < 2) {
       Add(Severity::kWarning, "", "motor position", reversals,
-          "no motor turns round twice in any run; friction, backlash and hysteresis cannot be told from "
-          "wrong gains; "
-          "record slow triangles");
+          "no motor reverses twice in any run; friction, backlash and hysteresis cannot be told from wrong "
+          "gains; record slow triangles");
     }
   }
 
@@ -184,30 +180,28 @@ class Checkup {
     if (s.usual < kQuasiStatic_s && s.lost > 0.001 * static_cast<double>(t.size())) {
       Add(s.lost > 0.1 * static_cast<double>(t.size()) ? Severity::kError : Severity::kWarning, "time",
           s.lost,
-          fmt::format(
-              "{:.0f} of {:.0f} rows are missing in {} gaps; nothing is told from the gaps and just after; "
-              "record with less load on the logger",
-              s.lost, s.lost + static_cast<double>(t.size()), s.gaps));
+          fmt::format("{:.0f} of {:.0f} rows are missing in {} gaps; the gaps and the time just after are "
+                      "masked; record with less load on the logger",
+                      s.lost, s.lost + static_cast<double>(t.size()), s.gaps));
     }
     if (s.usual > 0.9) {
       Add(Severity::kWarning, "time", s.usual,
-          fmt::format(
-              "a step is {:.3g} s; if the column is in milliseconds divide it by 1000, else the run is "
-              "quasi-static and motion (C5) cannot be told",
-              s.usual));
+          fmt::format("a step is {:.3g} s; if the column is in milliseconds divide it by 1000, else the run "
+                      "is quasi-static and motion (C5) cannot be compared",
+                      s.usual));
     } else if (s.usual > 0.02) {
       Add(Severity::kWarning, "time", 1 / s.usual,
-          fmt::format(
-              "{:.3g} Hz; drives (C1) and motion (C5) need 100 Hz and more, the rest is told all the same",
-              1 / s.usual));
+          fmt::format("{:.3g} Hz; drives (C1) and motion (C5) need 100 Hz or more, the other cuts do not",
+                      1 / s.usual));
     } else if (s.usual < 2e-5) {
       Add(Severity::kWarning, "time", s.usual,
           fmt::format("a step is {:.3g} s; is the column in another unit than seconds?", s.usual));
     }
     if (t[t.size() - 1] - t[0] < 2) {
       Add(Severity::kWarning, "time", t[t.size() - 1] - t[0],
-          fmt::format("{:.3g} s is short; slow effects and averages over noise cannot be told; record longer",
-                      t[t.size() - 1] - t[0]));
+          fmt::format(
+              "{:.3g} s is short; slow effects and averages over noise cannot be determined; record longer",
+              t[t.size() - 1] - t[0]));
     }
   }
 
@@ -218,8 +212,8 @@ class Checkup {
       const double missing = 1 - static_cast<double>(rows.size()) / static_cast<double>(m.rows());
       if (rows.empty()) {
         Add(Severity::kWarning, ChannelOf(kind, c), 1,
-            "holds no value at all; what needs it cannot be told for this tendon or axis; check sensor and "
-            "column");
+            "has no value at all; cuts that need it cannot be compared for this tendon or axis; check sensor "
+            "and column");
       } else if (missing > 0.01) {
         // A slower sensor has its own regular grid: what counts is what is missing from that.
         const double lost = LostOfOwnGrid(rows);
@@ -246,10 +240,9 @@ class Checkup {
       const bool motor = kind.matrix == &Run::motor_position_rad && LoadChanges(c);
       if (!cell && !motor) continue;
       Add(Severity::kWarning, ChannelOf(kind, c), range.least,
-          fmt::format(
-              "is {:.6g} {} throughout; a dead sensor tells nothing and looks like a perfect one; check its "
-              "cable and its column",
-              range.least, kind.unit));
+          fmt::format("is {:.6g} {} throughout; a dead sensor carries no information and looks like a "
+                      "perfect one; check its cable and its column",
+                      range.least, kind.unit));
     }
   }
 
@@ -270,12 +263,12 @@ class Checkup {
         const Plateau p = FlatExtreme(m.col(c), top);
         if (p.share < 0.003) continue;
         Add(p.share > 0.1 ? Severity::kError : Severity::kWarning, ChannelOf(kind, c), p.share,
-            fmt::format(
-                "is cut off at {:.6g} {} for {:.1f} % of the run{}; choose a larger range of the sensor "
-                "or a smaller motion",
-                p.value, kind.unit, 100 * p.share,
-                kind.matrix == &Run::torque_actual_Nm ? ": the end of the reading, or of what the drive can"
-                                                      : "; there it tells nothing of the robot"));
+            fmt::format("is clipped at {:.6g} {} for {:.1f} % of the run{}; use a sensor with a larger range "
+                        "or a smaller motion",
+                        p.value, kind.unit, 100 * p.share,
+                        kind.matrix == &Run::torque_actual_Nm
+                            ? ": the end of the reading's range, or of the drive's"
+                            : "; clipped values say nothing about the robot"));
       }
     }
   }
@@ -317,10 +310,9 @@ class Checkup {
         // Values that only ever differ by several steps are coarser than the file says, not of another unit.
         Add(ratio < 0.98 && kind.matrix == &Run::motor_position_rad ? Severity::kWarning : Severity::kInfo,
             ChannelOf(kind, j), step,
-            fmt::format(
-                "comes in steps of {:.6g} {}, by the robot file {:.6g} ({:.4g} times); {} may be another "
-                "robot's; check it",
-                step, kind.unit, wanted, ratio, key));
+            fmt::format("comes in steps of {:.6g} {}, but {:.6g} by the robot file ({:.4g} times); {} may be "
+                        "another robot's; check it",
+                        step, kind.unit, wanted, ratio, key));
       }
     };
     check(
@@ -349,11 +341,10 @@ class Checkup {
       const double scatter = Scatter(x);
       if (scatter > kLess * noise) return;
       Add(Severity::kWarning, ChannelOf(kind, column), scatter,
-          fmt::format(
-              "scatters by {:.2g} {} from value to value, by the robot file's sensor {:.2g}: filtered, "
-              "averaged, interpolated or written again on the way; what was fast may be missing, which "
-              "looks like a gap; log what the sensor says when it says it",
-              scatter, kind.unit, noise));
+          fmt::format("scatters by {:.2g} {} from value to value, but {:.2g} by the robot file: filtered, "
+                      "averaged, interpolated or repeated before logging; fast changes may be missing, which "
+                      "looks like a gap; log the sensor's raw readings",
+                      scatter, kind.unit, noise));
     };
     if (Fits(kTension)) {
       for (Eigen::Index j = 0; j < std::min(Of(kTension).cols(), Tendons()); ++j) {
@@ -427,11 +418,11 @@ class Checkup {
                           best->first)
             : "check the column and the robot file";
     const bool motor = kind.matrix == &Run::motor_position_rad;
-    const char* so = reached > most && !motor ? "what this robot cannot reach is left out of the diagnosis"
+    const char* so = reached > most && !motor ? "values that this robot cannot reach are masked"
                                               : "wrong units make every number of the diagnosis wrong";
     Add(Severity::kError, kind.name, reached,
-        fmt::format("reaches {:.4g} {} where this robot has up to {:.4g}; {}; {}", reached, kind.unit, most,
-                    so, hint));
+        fmt::format("reaches {:.4g} {}, but this robot reaches {:.4g} at most; {}; {}", reached, kind.unit,
+                    most, so, hint));
   }
 
   void TipUnits() {
@@ -457,10 +448,10 @@ class Checkup {
                       rest, length_m));
     } else if (far > 1.05 * length_m + 0.002) {
       Add(Severity::kWarning, kTip.name, far,
-          fmt::format("is up to {:.4g} m from the base, the robot is {:.4g} m long; a frame with another "
-                      "origin or the "
-                      "file of another robot looks like a gap; transform the tracker's frame to the base",
-                      far, length_m));
+          fmt::format(
+              "is up to {:.4g} m from the base, the robot is {:.4g} m long; a frame with another origin, or "
+              "the file of another robot, looks like a gap; transform the tracker's frame to the base",
+              far, length_m));
     } else if (far < kNearest * length_m) {
       Add(Severity::kWarning, kTip.name, far,
           fmt::format(
@@ -483,12 +474,11 @@ class Checkup {
       const double share = below / static_cast<double>(rows.size());
       if (share > 0.9) {
         Add(Severity::kError, ChannelOf(kTension, j), share,
-            "is negative throughout; a tendon pulls only; turn its sign (pulling is positive)");
+            "is negative throughout; a tendon can only pull; reverse its sign (pulling is positive)");
       } else if (share > 0.001) {
         Add(Severity::kWarning, ChannelOf(kTension, j), RangeOf(m.col(j)).least,
-            fmt::format("falls to {:.3g} N; a tendon cannot push, so that the cell has an offset; zero the "
-                        "cells with "
-                        "slack tendons before the run",
+            fmt::format("falls to {:.3g} N; a tendon cannot push, so the cell has an offset; zero the cells "
+                        "with slack tendons before the run",
                         RangeOf(m.col(j)).least));
       }
     }
@@ -517,10 +507,9 @@ class Checkup {
     }
     if (worst < 0.05) return;
     Add(Severity::kWarning, channel, worst,
-        fmt::format(
-            "moves by {:.0f} % of its range in the first {} s; the state at the beginning is then not known; "
-            "begin runs straight, at pretension and at rest",
-            100 * worst, kRest_s));
+        fmt::format("moves by {:.0f} % of its range in the first {} s; the initial state is therefore "
+                    "unknown; begin runs straight, at pretension and at rest",
+                    100 * worst, kRest_s));
   }
 
   void Excitation() {
@@ -596,12 +585,10 @@ class Checkup {
       if (best != j && back != j && c(best, j) > (has_its_own ? kSurely : 0.7) &&
           c(best, j) - c(j, j) > 0.4) {
         Add(Severity::kError, ChannelOf(to, j), c(j, j),
-            fmt::format(
-                "follows the {} of tendon {} (correlation {:.2f}), not of its own ({:.2f}); the columns are "
-                "in "
-                "another order than the tendons, and every tendon's cause would be put on another; exchange "
-                "them",
-                from.name, best + 1, c(best, j), c(j, j)));
+            fmt::format("follows the {} of tendon {} (correlation {:.2f}), not its own ({:.2f}); the columns "
+                        "are in another order than the tendons, so causes would be attributed to the wrong "
+                        "tendons; exchange them",
+                        from.name, best + 1, c(best, j), c(j, j)));
       } else if (c(j, j) < -0.8 && (n == 1 || c(best, j) < 0.7)) {
         Add(Severity::kError, ChannelOf(to, j), c(j, j),
             fmt::format("falls when the {} of its tendon rises (correlation {:.2f}); one of the two has the "
@@ -631,11 +618,11 @@ class Checkup {
         fmt::format("the tip follows the motors {:.1f} ms {} (correlation {:.3f}){}",
                     1e3 * std::abs(shift->seconds), shift->seconds < 0 ? "too early" : "later",
                     shift->correlation,
-                    unknown_s < -0.015 ? "; no robot does, so that the clocks differ; synchronise them"
+                    unknown_s < -0.015 ? "; no robot does, so the clocks differ; synchronise them"
                     : unknown_s > most_s
-                        ? "; more than the body's own lag usually is: a robot that is softer, heavier or "
-                          "damped more than its file says, or clocks that differ, or a slow tracker; "
-                          "synchronise the clocks, or give the tracker's delay_s in the robot file"
+                        ? "; more than the usual lag of the body: a robot that is softer, heavier or more "
+                          "damped than its file says, clocks that differ, or a slow tracker; synchronise the "
+                          "clocks, or give the tracker's delay_s in the robot file"
                         : ""));
   }
 
@@ -655,11 +642,10 @@ class Checkup {
       if (!std::isfinite(rms)) continue;
       const bool poor = rms > 0.1 * range && range > 0 && rms > 3 * Scatter(Of(kind).col(0));
       Add(poor ? Severity::kWarning : Severity::kInfo, kind.name, rms,
-          fmt::format(
-              "differs from {} by {:.3g} {} rms{}", original->name, rms, kind.unit,
-              poor ? "; that is no repetition, whose differences from the model may pass for noise; check "
-                     "that commands and beginning were the same (repeat_of in runs.yaml)"
-                   : ", the floor below which nothing can be told"));
+          fmt::format("differs from {} by {:.3g} {} rms{}", original->name, rms, kind.unit,
+                      poor ? "; this is not a repetition, and its differences would count as noise; check "
+                             "that commands and beginning were the same (repeat_of in runs.yaml)"
+                           : ", the floor below which no gap can be seen"));
     }
   }
 

@@ -333,7 +333,7 @@ std::vector<Eigen::Index> LonePositions(const Eigen::Ref<const Eigen::VectorXd>&
   return LoneValues(position_rad, std::max(kLonePosition * usual_rad, kLoneWay * MostMotorWay_rad(robot)));
 }
 
-std::vector<std::string> TakeOutImplausible(DataSet& set) {
+std::vector<std::string> MaskImplausible(DataSet& set) {
   std::vector<std::string> said;
   const RobotParameters& robot = set.robot;
   for (Run& run : set.runs) {

@@ -20,6 +20,6 @@ std::vector<Eigen::Index> LonePositions(const Eigen::Ref<const Eigen::VectorXd>&
 /// tip that lie there (another unit); isolated motor positions far from their neighbours; stretches in which
 /// a cell or the tracker keeps one value to the last bit while the motor turns; and values clipped at the end
 /// of a sensor's range. Returns what was removed, one sentence each.
-std::vector<std::string> TakeOutImplausible(DataSet& set);
+std::vector<std::string> MaskImplausible(DataSet& set);
 
 }  // namespace tendril::gap

@@ -66,7 +66,7 @@ class Importer {
     const std::size_t rows = table_.lines.size();
     if (rows == 0) {
       throw TableError(fmt::format(
-          "{}: names of columns and no row below them; accepted: one row a sample; record or export it again",
+          "{}: column names without any row; accepted: one row per sample; record or export it again",
           file_));
     }
     const std::vector<double> time = Times(rows);
@@ -153,7 +153,7 @@ class Importer {
         Printable(name), map_path_,
         option.empty() && Unlike(name, *nearest) < 0.4 ? "; did you mean '" + Printable(*nearest) + "'?" : "",
         Printable(all, 300),
-        option.empty() ? "correct the map" : "the names stand elsewhere: say " + option + " in the map"));
+        option.empty() ? "correct the map" : "the names are in another line: set " + option + " in the map"));
   }
 
   /// All columns that the map names.
@@ -170,8 +170,8 @@ class Importer {
   [[noreturn]] void ThrowTwice(const std::string& name, const std::string& places) const {
     throw TableError(fmt::format(
         "{}:{}: {} are both called '{}', which the map {} names; accepted: a name of its own for each; "
-        "rename "
-        "one, or say table: {{header: none, skip_lines: {}}} in the map and call all columns 1, 2, ...",
+        "rename one, or set table: {{header: none, skip_lines: {}}} in the map and call all columns 1, 2, "
+        "...",
         file_, names_line_, places, Printable(name), map_path_, names_line_ + map_.format.unit_rows));
   }
 
@@ -232,8 +232,7 @@ class Importer {
 
   [[noreturn]] void ThrowTime(std::size_t row, const std::string& text, const char* accepted) const {
     throw TableError(fmt::format(
-        "{}:{}: column {}: '{}' is no time; accepted: {}; correct the cell, or time.unit "
-        "of the map {}",
+        "{}:{}: column {}: '{}' is not a time; accepted: {}; correct the cell, or time.unit of the map {}",
         file_, table_.lines[row], Printable(map_.time_column), Printable(text), accepted, map_path_));
   }
 
@@ -372,7 +371,7 @@ class Importer {
       run.tip_quaternion.row(i) << q.w(), q.x(), q.y(), q.z();
     }
     if (bad > 0)
-      run.warnings.push_back(fmt::format("{} orientations that are no rotations taken as missing", bad));
+      run.warnings.push_back(fmt::format("{} orientations that are not rotations taken as missing", bad));
   }
 
   /// Offset and turn that make the first rows the straight robot at rest.

@@ -226,7 +226,7 @@ class Reader {
     map_.format.skip_lines = block.Whole("skip_lines", 0, 0, 1000000);
     map_.format.unit_rows = block.Whole("unit_rows", 0, 0, 100);
     if (map_.format.header == Header::kNone && map_.format.unit_rows > 0)
-      block.Fail("unit_rows", "is there without names", "skip_lines beside header: none");
+      block.Fail("unit_rows", "is set without names", "skip_lines beside header: none");
     Comment(block);
     block.Close();
   }
@@ -240,11 +240,11 @@ class Reader {
     });
     if (marks != "none" && (marks.empty() || marks.size() > 8 || !fit)) {
       block.Fail(
-          "comment", fmt::format("'{}' begins no remark", Printable(marks)),
-          "none, or characters with which remarks begin, such as '#' or '#%;', other than the delimiter");
+          "comment", fmt::format("'{}' cannot begin a comment", Printable(marks)),
+          "none, or characters with which comments begin, such as '#' or '#%;', other than the delimiter");
     }
     if (marks == "none" && map_.format.header == Header::kRemark)
-      block.Fail("comment", "is none, and header: comment takes the names from a remark", "such as '#'");
+      block.Fail("comment", "is none, but header: comment takes the names from a comment", "such as '#'");
   }
 
   void Time(Block block) {
@@ -262,7 +262,7 @@ class Reader {
     map_.rate_Hz = block.Number("rate_Hz", 0, 1e-3, 1e6);
     map_.index_column = block.Text("index", "");
     if (map_.time_column.empty() == (map_.rate_Hz == 0)) {
-      block.Fail("", "says both or neither of column and rate_Hz",
+      block.Fail("", "has both or neither of column and rate_Hz",
                  "one of the two: a time column, or a constant rate");
     }
     if (!map_.index_column.empty() && map_.rate_Hz == 0)
@@ -286,7 +286,7 @@ class Reader {
       try {
         text.match = std::regex(match, std::regex::ECMAScript);
       } catch (const std::regex_error& e) {
-        sub.Fail("match", fmt::format("'{}' is no regular expression ({})", Printable(match), e.what()),
+        sub.Fail("match", fmt::format("'{}' is not a regular expression ({})", Printable(match), e.what()),
                  "an ECMAScript expression that the whole label matches");
       }
     }
@@ -322,7 +322,8 @@ class Reader {
                               sign = block.Numbers("sign", count, 1);
     std::vector<MappedColumn> columns;
     for (std::size_t i = 0; i < count; ++i) {
-      if (sign[i] != 1 && sign[i] != -1) block.Fail("sign", fmt::format("{} is no sign", sign[i]), "1 or -1");
+      if (sign[i] != 1 && sign[i] != -1)
+        block.Fail("sign", fmt::format("{} is not a sign", sign[i]), "1 or -1");
       if (scale[i] == 0) block.Fail("scale", "is zero", "a factor other than 0");
       columns.push_back({names[i], sign[i] * scale[i] * unit[i], sign[i] * offset[i] * unit[i]});
     }
@@ -332,8 +333,7 @@ class Reader {
 
   const TendonDriveParameters& Drive(Block& block, std::size_t j) {
     if (!robot_.actuation) {
-      block.Fail("unit", "needs a robot file with actuation",
-                 "a rig file that tells motors, gears and spools");
+      block.Fail("unit", "needs a robot file with actuation", "a rig file with motors, gears and spools");
     }
     return robot_.actuation->tendons[j];
   }
@@ -453,7 +453,7 @@ class Reader {
       std::string sorted = order;
       std::sort(sorted.begin(), sorted.end());
       if (sorted != "wxyz")
-        block.Fail("order", "'" + Printable(order) + "' is no order",
+        block.Fail("order", "'" + Printable(order) + "' is not an order",
                    "wxyz, xyzw, or any other order of the four");
       std::vector<MappedColumn> columns =
           Group(block, 4, "the quaternion in the given order", std::vector<double>(4, 1));
@@ -468,7 +468,7 @@ class Reader {
         const bool upper = order.find_first_not_of("XYZ") == order.npos,
                    lower = order.find_first_not_of("xyz") == order.npos;
         if (order.size() != 3 || !(upper || lower) || order[0] == order[1] || order[1] == order[2]) {
-          block.Fail("order", "'" + Printable(order) + "' is no order",
+          block.Fail("order", "'" + Printable(order) + "' is not an order",
                      "three axes such as ZYX (about the turned axes) or xyz (about the fixed ones)");
         }
       }
@@ -489,11 +489,11 @@ class Reader {
         const std::string& name = names[static_cast<std::size_t>(i)];
         const std::string axis = !name.empty() && (name[0] == '-' || name[0] == '+') ? name.substr(1) : name;
         if (axis != "x" && axis != "y" && axis != "z")
-          block.Fail("axes", "'" + Printable(name) + "' is no axis", "x, y, z, -x, -y, -z");
+          block.Fail("axes", "'" + Printable(name) + "' is not an axis", "x, y, z, -x, -y, -z");
         axes(i, axis[0] - 'x') = name[0] == '-' ? -1 : 1;
       }
       if (std::abs(axes.determinant() - 1) > 1e-9) {
-        block.Fail("axes", "these axes are no right-handed frame",
+        block.Fail("axes", "these axes do not form a right-handed frame",
                    "each of x, y, z once, and an even number of exchanges and minus signs");
       }
     }

@@ -214,7 +214,7 @@ class Case {
     if (shown < 0.5 && evaluator_.repetitions_differ() > 0) unknown = std::max(unknown, kUnlistedInScatter);
     // A law of the library that made them differ would have given the floor.
     if (judgement_.unrepeated && repeatability->law) unknown = 1 - kLapse;
-    judgement_.doubt = shown < 0.5 ? "" : Doubt();
+    judgement_.doubt = shown < 0.5 ? "" : WhyNotEstablished();
     const bool doubted = !judgement_.doubt.empty();
     if (doubted && !MayBeEnough()) unknown = std::max(unknown, 0.5);
     if (shown >= 0.5 && MayBeANumber()) unknown = std::max(unknown, Suspect(fit_numbers()));
@@ -376,7 +376,7 @@ class Case {
   }
 
   /// Why the best is not established however far it is ahead, as a clause; empty where it is.
-  std::string Doubt() const {
+  std::string WhyNotEstablished() const {
     if (best_ == nullptr) return "";
     if (judgement_.leftover_sigma > kMostLeft_sigma) {
       return fmt::format(

@@ -35,7 +35,7 @@ constexpr double kTried_s = 12;        // of each
 using Kind = std::pair<sim::Cut, Channel::Quantity>;
 
 /// What the nominal robot leaves of runs, by kinds of channels that they have.
-using Left = std::map<Kind, Squares>;
+using KindResiduals = std::map<Kind, Squares>;
 
 /// Calls with each residual of a run's channel.
 template <class Call>
@@ -46,7 +46,7 @@ void EachOf(const Evaluator& evaluator, std::size_t run, std::size_t channel, Ca
   }
 }
 
-void AddLeft(const Evaluator& evaluator, std::size_t run, Left& left) {
+void AddResiduals(const Evaluator& evaluator, std::size_t run, KindResiduals& left) {
   for (std::size_t c = 0; c < evaluator.channels().size(); ++c) {
     const Channel& channel = evaluator.channels()[c];
     EachOf(evaluator, run, c, [&](double residual) { left[{channel.cut, channel.quantity}].Add(residual); });
@@ -54,7 +54,7 @@ void AddLeft(const Evaluator& evaluator, std::size_t run, Left& left) {
 }
 
 /// The kTried_s in which the motors go farthest.
-Run Liveliest(const Run& run) {
+Run MostActivePart(const Run& run) {
   constexpr double kHop_s = 2;
   const Eigen::VectorXd& t = run.time_s;
   const double end_s = t[t.size() - 1];
@@ -81,24 +81,24 @@ Run Liveliest(const Run& run) {
 }
 
 /// Runs by themselves.
-DataSet Apart(const DataSet& set, const std::vector<const Run*>& runs) {
+DataSet SubsetOf(const DataSet& set, const std::vector<const Run*>& runs) {
   DataSet apart;
   apart.name = set.name;
   apart.robot = set.robot;
   apart.fit_frame = set.fit_frame;
   for (const Run* run : runs) {
-    apart.runs.push_back(Liveliest(*run));
+    apart.runs.push_back(MostActivePart(*run));
     apart.runs.back().repeat_of.clear();
   }
   return apart;
 }
 
 /// What is left of runs; nothing where they cannot be simulated. `with_cells`: of load cells, or not at all.
-std::optional<Left> LeftOf(const DataSet& apart, bool with_cells) {
+std::optional<KindResiduals> ResidualsOfRuns(const DataSet& apart, bool with_cells) {
   try {
     const Evaluator evaluator(apart, {.threads = 1, .readings = 0});
-    Left left;
-    for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddLeft(evaluator, i, left);
+    KindResiduals left;
+    for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddResiduals(evaluator, i, left);
     // Without cells torque is compared with another thing.
     if (with_cells && !evaluator.has_cells())
       left.erase({sim::Cut::kDrivetrain, Channel::Quantity::kTension});
@@ -109,13 +109,14 @@ std::optional<Left> LeftOf(const DataSet& apart, bool with_cells) {
 }
 
 /// The same with a mistake undone.
-std::optional<Left> LeftWith(DataSet apart, const Mistake* mistake, const Evaluator& whole) {
+std::optional<KindResiduals> ResidualsOnceUndone(DataSet apart, const Mistake* mistake,
+                                                 const Evaluator& whole) {
   if (mistake != nullptr) mistake->Undo(apart);
-  return LeftOf(apart, whole.has_cells());
+  return ResidualsOfRuns(apart, whole.has_cells());
 }
 
 /// True where as much can be compared as before.
-bool AsMuch(const std::optional<Left>& left, const Left& before) {
+bool ComparesAsMuch(const std::optional<KindResiduals>& left, const KindResiduals& before) {
   return left && std::all_of(before.begin(), before.end(), [&](const auto& of_kind) {
            const auto found = left->find(of_kind.first);
            return found != left->end() && found->second.count >= kLess * of_kind.second.count;
@@ -123,7 +124,7 @@ bool AsMuch(const std::optional<Left>& left, const Left& before) {
 }
 
 /// Mean over the kinds of channels, in floors.
-double Misfit(const Left& left, const std::map<Kind, double>& floors) {
+double Misfit(const KindResiduals& left, const std::map<Kind, double>& floors) {
   double total = 0;
   int kinds = 0;
   for (const auto& [kind, squares] : left) {
@@ -137,7 +138,8 @@ double Misfit(const Left& left, const std::map<Kind, double>& floors) {
 }
 
 /// The largest of them beyond the noise, in floors.
-double Beyond(const Left& left, const std::map<Kind, Squares>& noise, const std::map<Kind, double>& floors) {
+double Beyond(const KindResiduals& left, const std::map<Kind, Squares>& noise,
+              const std::map<Kind, double>& floors) {
   double most = 0;
   for (const auto& [kind, squares] : left) {
     const auto found = noise.find(kind);
@@ -150,7 +152,7 @@ double Beyond(const Left& left, const std::map<Kind, Squares>& noise, const std:
 }
 
 /// The largest of them, over what is usual.
-double Worst(const Left& left, const std::map<Kind, double>& usual) {
+double Worst(const KindResiduals& left, const std::map<Kind, double>& usual) {
   double worst = 0;
   for (const auto& [kind, squares] : left) {
     const auto found = usual.find(kind);
@@ -160,7 +162,7 @@ double Worst(const Left& left, const std::map<Kind, double>& usual) {
 }
 
 /// True where some kind is large that was not, or less so.
-bool Worse(const Left& after, const Left& before, const std::map<Kind, double>& usual) {
+bool Worse(const KindResiduals& after, const KindResiduals& before, const std::map<Kind, double>& usual) {
   return std::any_of(after.begin(), after.end(), [&](const auto& of_kind) {
     const auto found = usual.find(of_kind.first);
     const auto was = before.find(of_kind.first);
@@ -174,8 +176,8 @@ struct Found {
   const Mistake* mistake = nullptr;
   double left = std::numeric_limits<double>::infinity();
 };
-Found LeavesLeast(const std::vector<Mistake>& mistakes, const std::function<double(const Mistake*)>& left,
-                  int threads) {
+Found BestCorrection(const std::vector<Mistake>& mistakes, const std::function<double(const Mistake*)>& left,
+                     int threads) {
   constexpr std::size_t kRefined = 3;
   const auto try_all = [&](const std::vector<const Mistake*>& some) {
     std::vector<Found> tried(some.size());
@@ -206,7 +208,7 @@ Found LeavesLeast(const std::vector<Mistake>& mistakes, const std::function<doub
 
 /// Tendon whose load cell disagrees far more than any other's with torque (without it, with stretch, which
 /// what another cell did to the body spoils too) in runs [from, to); -1: none does.
-int OddCell(const Evaluator& evaluator, std::size_t from, std::size_t to) {
+int DisagreeingCell(const Evaluator& evaluator, std::size_t from, std::size_t to) {
   constexpr double kFar = 2;
   const sim::Cut cut = evaluator.has(kC2) ? sim::Cut::kDrivetrain : sim::Cut::kTendon;
   std::map<int, double> by_tendon;  // floors
@@ -230,7 +232,7 @@ int OddCell(const Evaluator& evaluator, std::size_t from, std::size_t to) {
 }
 
 Measured MeasuredOf(const Evaluator& evaluator, std::size_t from, std::size_t to) {
-  return {evaluator.has_cells(), evaluator.has_tracker(), OddCell(evaluator, from, to)};
+  return {evaluator.has_cells(), evaluator.has_tracker(), DisagreeingCell(evaluator, from, to)};
 }
 
 /// Some runs of different kinds but one: those with all sensors first, then the shortest.
@@ -262,7 +264,7 @@ Run SomeStates(const Run& run) {
 }
 
 /// How many times smaller `after` is in the kind of channels that falls most; 0 where another rises.
-double Smaller(const Left& after, const Left& before) {
+double ReductionFactor(const KindResiduals& after, const KindResiduals& before) {
   constexpr double kRises = 2;
   double most = 0;
   for (const auto& [kind, squares] : before) {
@@ -301,21 +303,23 @@ void RefuseOtherTime(const DataSet& set) {
   const auto motion = [&](const Run& run) { return UsualStep(run) > kFastest_s && !slow(run); };
   if (motions.runs.empty() || !std::all_of(set.runs.begin(), set.runs.end(), slow)) return;
   const std::vector<const Run*> some = SomeRuns(motions, nullptr);
-  DataSet states = Apart(motions, some);
+  DataSet states = SubsetOf(motions, some);
   for (Run& run : states.runs) run = SomeStates(run);
-  const std::optional<Left> at_rest = LeftOf(states, false);
+  const std::optional<KindResiduals> at_rest = ResidualsOfRuns(states, false);
   if (!at_rest) return;
   for (const TimeUnit& unit : kTimeUnits) {
     DataSet in_time = motions;
     for (Run& run : in_time.runs) run.time_s *= unit.seconds;
     if (!std::all_of(in_time.runs.begin(), in_time.runs.end(), motion)) continue;
-    const std::optional<Left> left = LeftOf(Apart(in_time, SomeRuns(in_time, nullptr)), false);
-    if (!left || Smaller(*left, *at_rest) < kLarge) continue;
+    const std::optional<KindResiduals> left =
+        ResidualsOfRuns(SubsetOf(in_time, SomeRuns(in_time, nullptr)), false);
+    if (!left || ReductionFactor(*left, *at_rest) < kLarge) continue;
     throw std::runtime_error(fmt::format(
         "the time of these runs seems to be in {}: rows are {:.4g} s apart ({}), motors move smoothly from "
         "row to row, and the robot file leaves residuals up to {:.2g} times smaller in that unit; accepted: "
         "seconds; divide t_s by {:.0f} in every run",
-        unit.name, UsualStep(*some.front()), some.front()->name, Smaller(*left, *at_rest), 1 / unit.seconds));
+        unit.name, UsualStep(*some.front()), some.front()->name, ReductionFactor(*left, *at_rest),
+        1 / unit.seconds));
   }
 }
 
@@ -337,59 +341,60 @@ FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool ex
   }
   std::map<Kind, double> floors;
   for (auto& [kind, all] : of_kind) floors[kind] = Median(std::move(all));
-  Left all;
-  for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddLeft(evaluator, i, all);
+  KindResiduals all;
+  for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddResiduals(evaluator, i, all);
   // Of a small gap that nothing explains, what is beyond the noise: noise itself would hide that it goes.
   const bool small = !explained && Worst(all, floors) < kTakenAway;
-  const auto misfit_of = [&](const Left& left) {
+  const auto misfit_of = [&](const KindResiduals& left) {
     return explained ? Misfit(left, floors) : small ? Beyond(left, noise, floors) : Worst(left, floors);
   };
   if (misfit_of(all) < (explained ? kLarge : small ? kSmallest : kTakenAway)) return {};
 
   const std::vector<const Run*> runs = SomeRuns(set, nullptr);
-  const DataSet some = Apart(set, runs);
-  const std::optional<Left> as_they_are = LeftWith(some, nullptr, evaluator);
+  const DataSet some = SubsetOf(set, runs);
+  const std::optional<KindResiduals> as_they_are = ResidualsOnceUndone(some, nullptr, evaluator);
   if (!as_they_are) return {};
   // Most are plainly none by the run that is missed most.
   DataSet first;
-  std::optional<Left> first_as_it_is;
+  std::optional<KindResiduals> first_as_it_is;
   for (const Run* run : runs) {
-    DataSet alone = Apart(set, {run});
-    std::optional<Left> left = LeftWith(alone, nullptr, evaluator);
+    DataSet alone = SubsetOf(set, {run});
+    std::optional<KindResiduals> left = ResidualsOnceUndone(alone, nullptr, evaluator);
     if (!left || (first_as_it_is && misfit_of(*left) <= misfit_of(*first_as_it_is))) continue;
     first = std::move(alone);
     first_as_it_is = std::move(left);
   }
   if (!first_as_it_is) return {};
   const auto may_be = [&](const Mistake* mistake) {
-    const std::optional<Left> left = LeftWith(first, mistake, evaluator);
-    return AsMuch(left, *first_as_it_is) && kHelps * misfit_of(*left) < misfit_of(*first_as_it_is);
+    const std::optional<KindResiduals> left = ResidualsOnceUndone(first, mistake, evaluator);
+    return ComparesAsMuch(left, *first_as_it_is) && kHelps * misfit_of(*left) < misfit_of(*first_as_it_is);
   };
   const auto misfit = [&](const Mistake* mistake) {
     if (!may_be(mistake)) return std::numeric_limits<double>::infinity();
-    const std::optional<Left> left = LeftWith(some, mistake, evaluator);
-    const bool other = !AsMuch(left, *as_they_are) || (!explained && Worse(*left, *as_they_are, floors));
+    const std::optional<KindResiduals> left = ResidualsOnceUndone(some, mistake, evaluator);
+    const bool other =
+        !ComparesAsMuch(left, *as_they_are) || (!explained && Worse(*left, *as_they_are, floors));
     // Where the worst place is at its noise the others tell sizes apart.
     constexpr double kOthers = 0.1;
     return other ? std::numeric_limits<double>::infinity()
                  : misfit_of(*left) + kOthers * Misfit(*left, floors);
   };
   const std::vector<Mistake> mistakes = AllMistakes(set, MeasuredOf(evaluator, 0, evaluator.runs().size()));
-  const Found found = LeavesLeast(mistakes, misfit, threads);
+  const Found found = BestCorrection(mistakes, misfit, threads);
   if (!std::isfinite(found.left)) return {};
-  const std::optional<Left> left = LeftWith(some, found.mistake, evaluator);
+  const std::optional<KindResiduals> left = ResidualsOnceUndone(some, found.mistake, evaluator);
   const double smaller = small ? kSmallTakenAway : kTakenAway;
   if (!left || !(smaller * misfit_of(*left) < misfit_of(*as_they_are))) return {};
   return {found.mistake->with, Worst(*left, floors)};
 }
 
-std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
-                                std::map<std::string, double>& missed, int threads) {
+std::vector<DeviatingRun> FindDeviatingRuns(const DataSet& set, const Evaluator& evaluator,
+                                            std::map<std::string, double>& missed, int threads) {
   if (Compared(set) || set.runs.size() < 2) return {};
-  std::vector<Left> left(set.runs.size());
+  std::vector<KindResiduals> left(set.runs.size());
   std::map<Kind, std::vector<double>> of_kind;
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
-    AddLeft(evaluator, i, left[i]);
+    AddResiduals(evaluator, i, left[i]);
     for (const auto& [kind, squares] : left[i]) of_kind[kind].push_back(squares.rms());
   }
   std::map<Kind, double> usual;  // of two runs the better one's
@@ -398,27 +403,27 @@ std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
     std::nth_element(all.begin(), middle, all.end());
     if (all.size() > 1) usual[kind] = *middle;
   }
-  std::vector<OddRun> odd;
+  std::vector<DeviatingRun> odd;
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     const Run& run = set.runs[i];
     const double by = Worst(left[i], usual);
     if (by < kLarge || !missed.emplace(run.name, by).second) continue;
-    const DataSet alone = Apart(set, {&run});
-    const std::optional<Left> as_it_is = LeftWith(alone, nullptr, evaluator);
+    const DataSet alone = SubsetOf(set, {&run});
+    const std::optional<KindResiduals> as_it_is = ResidualsOnceUndone(alone, nullptr, evaluator);
     if (!as_it_is || Worst(*as_it_is, usual) < kLarge) continue;
     const auto worst = [&](const Mistake* mistake) {
-      const std::optional<Left> its = LeftWith(alone, mistake, evaluator);
-      return AsMuch(its, *as_it_is) ? Worst(*its, usual) : std::numeric_limits<double>::infinity();
+      const std::optional<KindResiduals> its = ResidualsOnceUndone(alone, mistake, evaluator);
+      return ComparesAsMuch(its, *as_it_is) ? Worst(*its, usual) : std::numeric_limits<double>::infinity();
     };
     std::vector<Mistake> mistakes = MistakesOfReading(set, MeasuredOf(evaluator, i, i + 1));
     AddMovedZeros(evaluator, i, mistakes);
-    const Found found = LeavesLeast(mistakes, worst, threads);
+    const Found found = BestCorrection(mistakes, worst, threads);
     if (found.left > kLarge / 2 || kTakenAway * found.left > Worst(*as_it_is, usual)) continue;
     // The others are right as they are: else it is a mistake in all runs that shows in this one most.
-    const DataSet others = Apart(set, SomeRuns(set, &run));
-    const std::optional<Left> before = LeftWith(others, nullptr, evaluator);
-    const std::optional<Left> after = LeftWith(others, found.mistake, evaluator);
-    if (before && (!AsMuch(after, *before) || Worse(*after, *before, usual)))
+    const DataSet others = SubsetOf(set, SomeRuns(set, &run));
+    const std::optional<KindResiduals> before = ResidualsOnceUndone(others, nullptr, evaluator);
+    const std::optional<KindResiduals> after = ResidualsOnceUndone(others, found.mistake, evaluator);
+    if (before && (!ComparesAsMuch(after, *before) || Worse(*after, *before, usual)))
       odd.push_back({i, found.mistake->with});
   }
   return odd;

@@ -28,14 +28,14 @@ struct FoundMistake {
 FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool explained, int threads);
 
 /// A run that was measured differently from the others.
-struct OddRun {
+struct DeviatingRun {
   std::size_t run = 0;  // index in the set
   std::string with;     // phrase that follows "with", as above
 };
 /// Runs with a far larger model error than the others, which falls by far once a measurement error is undone
 /// that the others do not have. `missed` holds the names of the runs examined so far and the ratio of their
 /// model error to the usual one.
-std::vector<OddRun> FindOddRuns(const DataSet& set, const Evaluator& evaluator,
-                                std::map<std::string, double>& missed, int threads);
+std::vector<DeviatingRun> FindDeviatingRuns(const DataSet& set, const Evaluator& evaluator,
+                                            std::map<std::string, double>& missed, int threads);
 
 }  // namespace tendril::gap

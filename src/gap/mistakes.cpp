@@ -202,7 +202,7 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
     });
   };
   if (measured.cells && fast) late({});
-  if (measured.odd_cell >= 0 && fast) late({measured.odd_cell});
+  if (measured.disagreeing_cell >= 0 && fast) late({measured.disagreeing_cell});
   if (!measured.tracker) return all;
   const bool bent = std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) {
     return run.tip_m.cols() == 0 && run.tip_quaternion.cols() == 0 && run.bending_rad.cols() > 0;

@@ -27,7 +27,7 @@ struct Mistake {
 /// The sensors of these runs that an error can concern.
 struct Measured {
   bool cells = false, tracker = false;
-  int odd_cell = -1;  // tendon whose load cell disagrees far more than the others; -1: none
+  int disagreeing_cell = -1;  // tendon whose load cell disagrees far more than the others; -1: none
 };
 
 /// Errors that may concern one run as well as all of them.

@@ -22,7 +22,7 @@ constexpr double kFurther = 0.5;      // log score by which another start of the
 constexpr double kNearStart = 0.2, kLeastStart = 0.1, kMostStart = 2;
 
 /// Subtracts `part` from `from`, channel by channel.
-void Take(const Residuals& part, Residuals& from) {
+void SubtractPart(const Residuals& part, Residuals& from) {
   for (std::size_t i = 0; i < from.size(); ++i) {
     for (std::size_t c = 0; c < from[i].size(); ++c) from[i][c] -= part[i][c];
   }
@@ -34,7 +34,7 @@ void Append(std::vector<Fit> more, std::vector<Fit>& fits) {
 }
 
 /// The part of a pair by itself, with the values that it has in it.
-Model Alone(const Model& both, int part) {
+Model PartAlone(const Model& both, int part) {
   Model one = Model::Of(both.parts[part]);
   one.derivative_step = both.derivative_step;
   one.values = both.values.segment(both.offset(part), one.size());
@@ -95,11 +95,11 @@ std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights,
   } catch (const std::exception&) {
     return starts;
   }
-  Take(Completed(first.residuals, nominal_), taken_out);
+  SubtractPart(Completed(first.residuals, nominal_), taken_out);
   const auto score_at = [&](const Model& model) {
     try {
       Residuals r = AtModel(model);
-      Take(taken_out, r);
+      SubtractPart(taken_out, r);
       return LogScore(weights, r, nominal_);
     } catch (const std::exception&) {
       return -std::numeric_limits<double>::infinity();
@@ -170,7 +170,7 @@ bool Searching::Tried(const Model& both) const {
 /// Beside each partner one place of an effect was tried, by a score of first order that places share: the
 /// best two once more, each of them everywhere if it was at one place and at one if everywhere, and at the
 /// units beside its own.
-std::vector<Model> Searching::Elsewhere() const {
+std::vector<Model> Searching::AtOtherPlaces() const {
   std::vector<Model> elsewhere;
   const auto try_at = [&](int part, const auto& moves) {
     const Model& both = result_.pairs[0].model;
@@ -199,12 +199,12 @@ std::vector<Model> Searching::Alike(const Weights& weights) const {
   std::vector<Model> alike;
   try {
     Residuals taken_out = AtModel(both.model);
-    Take(Completed(both.residuals, nominal_), taken_out);
+    SubtractPart(Completed(both.residuals, nominal_), taken_out);
     for (int part = 0; part < 2; ++part) {
       Fit beside;
-      beside.model = Alone(both.model, 1 - part);
+      beside.model = PartAlone(both.model, 1 - part);
       beside.residuals = AtModel(beside.model);
-      Take(taken_out, beside.residuals);
+      SubtractPart(taken_out, beside.residuals);
       for (Model& start : Partners(beside, weights, kAlike, 1, both.model.parts[part].effect)) {
         if (!Tried(start)) alike.push_back(std::move(start));
       }
@@ -234,7 +234,7 @@ void Searching::KeepDistinct() {
 void Searching::AddMembers(const Weights& weights, bool held_out_again) {
   const Model& both = result_.pairs[0].model;
   bool further = false;
-  for (Fit& fit : Refit({Alone(both, 0), Alone(both, 1)}, weights, kIterations, {0.98, 1})) {
+  for (Fit& fit : Refit({PartAlone(both, 0), PartAlone(both, 1)}, weights, kIterations, {0.98, 1})) {
     const auto known = std::find_if(result_.fits.begin(), result_.fits.end(), [&](const Fit& other) {
       return other.model.parts.front() == fit.model.parts.front();
     });
@@ -264,12 +264,12 @@ void Searching::FindPairs() {
   if (result_.pairs.empty()) return;
   // The second may be the real first: keep it and look for another partner.
   const std::vector<Fit> second =
-      Refit({Alone(result_.pairs[0].model, 1)}, weights, kIterations, {0.81, 0.83});
+      Refit({PartAlone(result_.pairs[0].model, 1)}, weights, kIterations, {0.81, 0.83});
   if (!second.empty()) {
     const std::vector<Model> swapped = Partners(second[0], weights, kPartnersOfSecond, 1);
     Append(Refit(swapped, weights, kIterations, {0.83, 0.87}), result_.pairs);
   }
-  Append(Refit(Elsewhere(), weights, kIterations, {0.87, 0.89}), result_.pairs);
+  Append(Refit(AtOtherPlaces(), weights, kIterations, {0.87, 0.89}), result_.pairs);
   KeepDistinct();
   if (left) {
     Append(Refit(Alike(weights), weights, kIterations, {0.89, 0.92}), result_.pairs);

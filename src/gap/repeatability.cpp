@@ -313,7 +313,7 @@ std::string Unrepeated(const Repeatability& r) {
               "touched between the runs, they are not repetitions (repeat_of: none in runs.yaml).");
 }
 
-std::string ButUnrepeated(const Repeatability& r) {
+std::string UnrepeatedRemark(const Repeatability& r) {
   return fmt::format(
       " But {}: the robot does not repeat at {}{}.", Differ(r), Place(r),
       r.law ? "" : ", and if it was changed between the runs, they do not define the noise floor");

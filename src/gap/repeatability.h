@@ -17,6 +17,6 @@ std::optional<Repeatability> FindRepeatability(const Evaluator& evaluator, const
 
 /// The sentence where no place has a gap, and the one added where a place has one.
 std::string Unrepeated(const Repeatability& repeatability);
-std::string ButUnrepeated(const Repeatability& repeatability);
+std::string UnrepeatedRemark(const Repeatability& repeatability);
 
 }  // namespace tendril::gap

@@ -122,8 +122,7 @@ class Columns {
     const std::string lower = LowerCase(name);
     if (const std::string places = Twice(lower_, lower); !places.empty()) {
       throw TableError(
-          fmt::format("{}: {} are both called {}; accepted: one column of a name; rename or remove "
-                      "the other",
+          fmt::format("{}: {} are both called {}; accepted: one column per name; rename or remove the other",
                       where, places, name));
     }
     const auto found = index_.find(lower);
@@ -171,8 +170,8 @@ std::pair<std::size_t, std::size_t> LongestOfOneClock(const std::vector<double>&
   part_ends(t.size());
   if (restarts > 0) {
     run.warnings.push_back(fmt::format(
-        "the clock restarts {} time{}, first in line {}: the longest part is read, {} of {} rows; split "
-        "the file there to have the others",
+        "the clock restarts {} time{}, first in line {}: the longest part is read, {} of {} rows; split the "
+        "file there to use the others",
         restarts, restarts == 1 ? "" : "s", first_line, longest.second - longest.first, t.size()));
   }
   return longest;
@@ -350,7 +349,7 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
           "{}: no column t_s (time in seconds); there are: {}; {}", where, Listed(names),
           option.empty()
               ? "rename the columns to the canonical ones or use tendril gap import with a column map"
-              : "it stands elsewhere: remove what is before it, or say " + option +
+              : "it is in another line: remove the lines before it, or set " + option +
                     " in a map of tendril gap import"));
     }
     kinds[static_cast<std::size_t>(time_column)] = CellKind::kNumber;
@@ -368,7 +367,7 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
       } else if (!missing.empty()) {
         run.notes.push_back(
             fmt::format("columns missing: {}{}", Listed(missing),
-                        block.whole ? "; the others of their kind are of no use without" : ""));
+                        block.whole ? "; the others of their kind cannot be used without them" : ""));
         if (block.whole) found.clear();
       }
       for (const int c : found) {
@@ -383,8 +382,7 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
     if (!ignored.empty()) run.notes.push_back("columns ignored: " + Listed(ignored));
     if (std::all_of(columns.begin(), columns.end(), [](const auto& c) { return c.empty(); })) {
       throw TableError(fmt::format(
-          "{}: no column that could be used; there are: {}; accepted: torque_target_Nm_j, "
-          "torque_actual_Nm_j, "
+          "{}: no usable column; there are: {}; accepted: torque_target_Nm_j, torque_actual_Nm_j, "
           "motor_position_rad_j, tension_N_j (j = 1..{}), tip_x_m, tip_y_m, tip_z_m, tip_qw, tip_qx, tip_qy, "
           "tip_qz, us_k, vs_k; rename them or use tendril gap import with a column map",
           where, Listed(names), tendons));

@@ -61,7 +61,7 @@ class Searching {
                               const sim::Effect* like = nullptr) const;
   std::vector<Model> Together(const Weights& weights, std::size_t count) const;
   bool Tried(const Model& both) const;
-  std::vector<Model> Elsewhere() const;
+  std::vector<Model> AtOtherPlaces() const;
   std::vector<Model> Alike(const Weights& weights) const;
   void KeepDistinct();
   void AddMembers(const Weights& weights, bool held_out_again);

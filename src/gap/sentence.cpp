@@ -163,7 +163,7 @@ std::string First(const Diagnosis& d) {
   return fmt::format("No cause is established: the likeliest is {}, but {}. ", NameOf(*likeliest), d.doubt);
 }
 
-std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& missed) {
+std::string FewRunsRemark(const Diagnosis& d, const std::map<std::string, double>& missed) {
   std::string names;
   std::size_t few = 0;
   double most = 0;

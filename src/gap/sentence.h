@@ -26,7 +26,7 @@ std::string First(const Diagnosis& d);
 
 /// The first question to ask about an unexplained gap that fewer than half of the runs have. `missed`: ratio
 /// of their model error to that of the other runs.
-std::string InFewRuns(const Diagnosis& d, const std::map<std::string, double>& missed);
+std::string FewRunsRemark(const Diagnosis& d, const std::map<std::string, double>& missed);
 
 /// The sentence preceded by the runs it does not use: "With 2 of 7 runs left out (a, b: too short), the gap
 /// lies ...". Only lines of `notes` of the form "left out: NAME: reason" count.

@@ -112,23 +112,23 @@ std::string OptionForNames(std::string_view text, const TableFormat& format,
 std::string HintForCell(std::string_view cell, std::string_view column, std::string_view line,
                         const TableFormat& format) {
   if (const bool iso = ParseIso8601(cell).has_value(); iso || ParseClock(cell)) {
-    return fmt::format("; if it is the time, say time: {{column: '{}', unit: {}}} in a map",
+    return fmt::format("; if it is the time, set time: {{column: '{}', unit: {}}} in a map",
                        Printable(column), iso ? "iso8601" : "clock");
   }
   const std::string_view said = Trimmed(line);
   if (!said.empty() && kCommentMarks.find(said.front()) != kCommentMarks.npos &&
       format.comment.find(said.front()) == format.comment.npos) {
-    return fmt::format("; if the line is a remark, say table: {{comment: '{}'}} in a map", said.front());
+    return fmt::format("; if the line is a comment, set table: {{comment: '{}'}} in a map", said.front());
   }
   const bool one_comma = std::count(cell.begin(), cell.end(), ',') == 1;
   if (Grouped(cell)) {
-    return fmt::format("; marks between thousands are not read: export without them{}",
+    return fmt::format("; thousands separators are not read: export without them{}",
                        one_comma && format.decimal == '.' && cell.find('.') == cell.npos
-                           ? ", or if the comma is a decimal one, say table: {decimal: comma} in a map"
+                           ? ", or if the comma is a decimal one, set table: {decimal: comma} in a map"
                            : "");
   }
   if (one_comma && format.decimal == '.')
-    return "; if its comma is a decimal one, say table: {decimal: comma} in a map of tendril gap import";
+    return "; if its comma is a decimal one, set table: {decimal: comma} in a map of tendril gap import";
   return {};
 }
 

@@ -97,8 +97,8 @@ PreparedRun MovedOtherwise(const PreparedRun& read, Unseen unseen) {
 // the body, which slides the other tendons. How long all that lasts depends on the motion, so it is tried:
 // every other way in which the run may have gone on unseen. What that changes plainly tells nothing of the
 // robot.
-void Evaluator::Forget(int threads) {
-  constexpr double kPlainly = 0.5;  // of the noise
+void Evaluator::MaskAfterUnrecordedMotion(int threads) {
+  constexpr double kClearlyChanged = 0.5;  // of the noise
   const int runs = static_cast<int>(runs_.size()), tendons = nominal_.body.tendons();
   struct Trial {
     int run, what;  // tendon, or M: the whole motion
@@ -150,7 +150,8 @@ void Evaluator::Forget(int threads) {
       }
       int windows = 0;
       for (int w = 0; w < r.size(); ++w) {
-        if (!std::isfinite(variance[w]) || !(open.row(w).sum() > kPlainly * std::sqrt(variance[w]))) continue;
+        if (!std::isfinite(variance[w]) || !(open.row(w).sum() > kClearlyChanged * std::sqrt(variance[w])))
+          continue;
         variance[w] = std::numeric_limits<double>::infinity();
         r[w] = 0;
         ++windows;

@@ -305,7 +305,7 @@ TEST_F(DataSetTest, WhatIsWrongIsNamedWithItsLineColumnAndRemedy) {
   EXPECT_THAT(Refusal("t_s,tension_N_1\n0,1\n1,1,1\n2,1\n"), HasSubstr("a.csv:3: too many cells"));
   EXPECT_THAT(Refusal("time,tension_N_1\n0,1\n1,1\n"),
               HasSubstr("no column t_s (time in seconds); there are: time"));
-  EXPECT_THAT(Refusal("t_s,foo\n0,1\n1,1\n"), HasSubstr("no column that could be used"));
+  EXPECT_THAT(Refusal("t_s,foo\n0,1\n1,1\n"), HasSubstr("no usable column"));
   EXPECT_THAT(Refusal("0,1\n1,1\n"), HasSubstr("no column names"));
   EXPECT_THAT(Refusal(""), HasSubstr("empty"));
   EXPECT_THAT(Refusal("t_s,tension_N_1\n"), HasSubstr("0 usable rows"));

@@ -218,7 +218,7 @@ TEST_F(DiagnoseCommandTest, ATruncatedFileIsUsedAsFarAsItGoesAndSaid) {
   WriteText(folder_ / "set/03_triangle.csv", text.substr(0, text.size() * 2 / 3));
   ASSERT_TRUE(Found());
   EXPECT_THAT(Said(),
-              ContainsRegex("03_triangle file: set/03_triangle.csv:[0-9]+: the last line has no end"));
+              ContainsRegex("03_triangle file: set/03_triangle.csv:[0-9]+: the last line has no line end"));
 }
 
 TEST_F(DiagnoseCommandTest, EmptyFilesAndTextAreNamed) {
@@ -328,7 +328,7 @@ TEST_F(DiagnoseCommandTest, AFolderForAReportThatThereIsNotIsNotLeftBehind) {
     return Run("gap diagnose --robot set/robot.yaml empty --out " + out);
   };
   EXPECT_EQ(refused("new"), 1);
-  EXPECT_THAT(error_, HasSubstr("no run that can be used"));
+  EXPECT_THAT(error_, HasSubstr("no usable run"));
   EXPECT_FALSE(fs::exists(folder_ / "new"));
   fs::create_directory(folder_ / "there");
   EXPECT_EQ(refused("there"), 1);
@@ -381,7 +381,7 @@ TEST_F(DiagnoseCommandTest, AChannelWithoutAnyNumberIsSaid) {
     for (auto& row : table.rows) row[table.Column("tension_N_3")] = "nan";
   });
   ASSERT_TRUE(Found());
-  EXPECT_THAT(Said(), HasSubstr("tension 3: holds no value at all"));
+  EXPECT_THAT(Said(), HasSubstr("tension 3: has no value at all"));
   EXPECT_THAT(Said(), HasSubstr("the load cell of tendon 3 has no data"));
 }
 

@@ -188,10 +188,10 @@ TEST(Health, MissingValuesDeadSensorsAndDeadTrackers) {
 TEST(Health, CutOffSignals) {
   const HealthFinding cut =
       Only([](gap::Run& run) { run.tension_N.col(1) = run.tension_N.col(1).cwiseMin(2.0).eval(); },
-           "tension 2", "is cut off at 2 N");
+           "tension 2", "is clipped at 2 N");
   EXPECT_GT(cut.value, 0.01);
   Only([](gap::Run& run) { run.torque_actual_Nm.col(0) = run.torque_actual_Nm.col(0).cwiseMax(5e-4).eval(); },
-       "actual torque 1", "is cut off");
+       "actual torque 1", "is clipped");
   // A coarse torque of a slow log that comes back to where it rested is at no end of its range.
   DataSet rested = GoodSet();
   for (gap::Run& run : rested.runs) {
@@ -204,7 +204,7 @@ TEST(Health, CutOffSignals) {
     }
   }
   for (const HealthFinding& f : CheckHealth(rested))
-    EXPECT_EQ(f.text.find("is cut off"), std::string::npos) << f.channel << " " << f.text;
+    EXPECT_EQ(f.text.find("is clipped"), std::string::npos) << f.channel << " " << f.text;
   // The target of a drive at its limit: 0.0196 N m/A times 0.36 A.
   All(
       1, [](gap::Run& run) { run.torque_target_Nm.col(0).segment(2000, 100).setConstant(0.007056); },
@@ -307,7 +307,7 @@ TEST(Health, ACellThatWasFilteredIsSmootherThanItsSensor) {
             run.tension_N(i, 1) = raw.segment(i - 10, 21).mean();
         }
       },
-      "tension 2", "by the robot file's sensor 0.0052: filtered");
+      "tension 2", "but 0.0052 by the robot file: filtered");
   EXPECT_LT(smooth.value, 5e-4);
 }
 
@@ -316,7 +316,7 @@ TEST(Health, ARepetitionThatIsNone) {
     set.runs[2] = GoodRun("gentle", "triangle", 3, -0.8);
     set.runs[2].repeat_of = "sway";
   });
-  EXPECT_THAT(Shown(found), HasSubstr("that is no repetition"));
+  EXPECT_THAT(Shown(found), HasSubstr("this is not a repetition"));
 }
 
 TEST(Health, WhatASetLacksIsSaid) {

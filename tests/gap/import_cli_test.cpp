@@ -165,16 +165,16 @@ TEST_F(ImportCommandTest, WhatTheTableLacksIsSaidAllOfIt) {
   const std::string table = Write("plain.csv", rows + "1,2,3,1,2,58,0.0");
   const std::string out = (folder_ / "out").string();
   ASSERT_EQ(Run(fmt::format("--robot {} --map {} {} --out {}", kRobot, map, table, out)), 0) << error_;
-  EXPECT_THAT(error_, HasSubstr("plain.csv:102: the last line has no end and may be cut short; dropped"));
+  EXPECT_THAT(error_, HasSubstr("plain.csv:102: the last line has no line end and may be truncated; dropped"));
   EXPECT_THAT(error_, HasSubstr("column i1: 1 infinite values taken as missing"));
-  EXPECT_THAT(error_, HasSubstr("1 cell that says 'n/a' taken as missing, the first in line 9, column i1"));
+  EXPECT_THAT(error_, HasSubstr("1 cell with 'n/a' taken as missing, the first in line 9, column i1"));
   // Of one channel more than the first.
   EXPECT_THAT(error_, HasSubstr("tension: no run has tensions"));
   EXPECT_THAT(error_, HasSubstr("columns of the table that the map does not use: note"));
 
   const std::string ended = Write("ended.csv", rows + "1,2,3,1,2,58\n\n");
   ASSERT_EQ(Run(fmt::format("--robot {} --map {} {} --out {}e", kRobot, map, ended, out)), 0) << error_;
-  EXPECT_THAT(error_, HasSubstr("ended.csv:102: the last line is cut short; dropped"));
+  EXPECT_THAT(error_, HasSubstr("ended.csv:102: the last line is truncated; dropped"));
 
   std::string many = "--robot " + kRobot + " --map " + map + " --out " + out + "2";
   for (int i = 0; i < 40; ++i) many += fmt::format(" {}", Write(fmt::format("t{}.csv", i), rows));
@@ -201,7 +201,7 @@ TEST_F(ImportCommandTest, TablesWithoutRowsAreNamedWithTheReason) {
   const std::string map = Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z]}}\n");
   const std::string table = Write("head.csv", "x,y,z\n");
   EXPECT_EQ(Run(fmt::format("--robot {} --map {} {} --out {}/out", kRobot, map, table, folder_.string())), 1);
-  EXPECT_THAT(error_, HasSubstr("head.csv: names of columns and no row below them"));
+  EXPECT_THAT(error_, HasSubstr("head.csv: column names without any row"));
   EXPECT_EQ(std::count(error_.begin(), error_.end(), '\n'), 1) << error_;
   EXPECT_FALSE(fs::exists(folder_ / "out"));
 }

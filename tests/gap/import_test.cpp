@@ -250,9 +250,9 @@ TEST_F(ImportTest, WrongMapsAreNamedWithTheirLineAndWhatIsAccepted) {
   expect("time: {}\ncolumns:\n  tension: {names: [x, null, null]}\n", "neither");
   expect("time: {column: t}\ncolumns:\n  tension: {names: [x, x]}\n",
          "map.yaml:3: columns.tension.names: has 2 entries; accepted: a list of 3");
-  expect("time: {column: t}\ncolumns:\n  tension: {names: [x, null, null], sign: 2}\n", "2 is no sign");
-  expect(good + "frame: {axes: [x, y, -z]}\n", "no right-handed frame");
-  expect(good + "runs: {by: {column: t, match: '(('}}\n", "is no regular expression");
+  expect("time: {column: t}\ncolumns:\n  tension: {names: [x, null, null], sign: 2}\n", "2 is not a sign");
+  expect(good + "frame: {axes: [x, y, -z]}\n", "do not form a right-handed frame");
+  expect(good + "runs: {by: {column: t, match: '(('}}\n", "is not a regular expression");
   expect("time: {column: t}\ncolumns:\n  tension: {names: [x, null, null], unit: lb}\n",
          "'lb' is not known; accepted: N, mN, kN, g, kg, V, mV");
   expect("time: [", "not YAML");
@@ -392,9 +392,9 @@ TEST_F(ImportTest, DecimalCommasInQuotesAreReadWhereTheMapSaysSo) {
   EXPECT_EQ(Refusal("table: {delimiter: comma, decimal: comma}\ntime: {rate_Hz: 100}\n" + columns, table),
             "");
   EXPECT_THAT(Refusal("time: {rate_Hz: 100}\n" + columns, table),
-              HasSubstr("if its comma is a decimal one, say table: {decimal: comma}"));
+              HasSubstr("if its comma is a decimal one, set table: {decimal: comma}"));
   EXPECT_THAT(Refusal("table: {decimal: comma}\ntime: {rate_Hz: 100}\n" + columns, "x,y,z\n0,1,0,2,0,3\n"),
-              HasSubstr("numbers with a decimal comma stand in quotes"));
+              HasSubstr("numbers with a decimal comma need quotes"));
 }
 
 TEST_F(ImportTest, AColumnIsOneTendons) {

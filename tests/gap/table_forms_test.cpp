@@ -70,7 +70,7 @@ class TableFormsTest : public testing::Test {
 
 TEST_F(TableFormsTest, ColumnsWithoutNamesAreCalledByTheirPlaces) {
   const std::string map = "time: {column: 1}\ncolumns: {tension: {names: [2, 3, null]}}\n";
-  EXPECT_THAT(Refusal(kMap, kRows), HasSubstr("say table: {header: none}"));
+  EXPECT_THAT(Refusal(kMap, kRows), HasSubstr("set table: {header: none}"));
   ExpectRows("table: {header: none}\n" + map, kRows);
   ExpectRows("table: {header: none}\n" + map, "# made by hand\n\n0;1,5;2\n0,01;1,25;-3\n0,02;0,5;1e-3\n");
   ExpectRows("table: {header: none}\n" + map, "0 1.5 2\n0.01 1.25  -3\n 0.02\t0.5 1e-3\n");
@@ -79,7 +79,7 @@ TEST_F(TableFormsTest, ColumnsWithoutNamesAreCalledByTheirPlaces) {
       Refusal("table: {header: none}\n" + map, "t,a,a\ns,N,N\n" + kRows),
       HasSubstr("table.csv:1: column 1: 't' is not a number; accepted: a number such as -0.0125, or an "
                 "empty cell for no value; correct the cell or remove the line; if the lines before line 3 "
-                "are no rows, say table: {skip_lines: 2} in the map"));
+                "are not rows, set table: {skip_lines: 2} in the map"));
   EXPECT_THAT(Refusal("table: {header: none}\n" + map, "0,1\n1,2\n"),
               HasSubstr("no column '3', which the map"));
 }
@@ -92,7 +92,7 @@ TEST_F(TableFormsTest, LinesBeforeTheNamesArePassed) {
   ExpectRemedy(kMap, "sep=,\nt,a,b\n" + kRows, "table: {skip_lines: 1}");
   ExpectRemedy(kMap, "\xEF\xBB\xBFMade\ton\tMonday\n\"t\",\"a\",\"b\"\n" + kRows, "table: {skip_lines: 1}");
   EXPECT_THAT(Refusal("table: {skip_lines: 9}\n" + kMap, "t,a,b\n" + kRows),
-              HasSubstr("the file ends within the 9 lines that table.skip_lines passes"));
+              HasSubstr("the file ends within the 9 lines that table.skip_lines skips"));
 }
 
 TEST_F(TableFormsTest, RemarksBeginWithAnyCharacterThatTheMapSays) {
@@ -106,8 +106,8 @@ TEST_F(TableFormsTest, RemarksBeginWithAnyCharacterThatTheMapSays) {
   ExpectRemedy(kMap, "# t,a,b\n" + kRows, "table: {header: comment}");
   ExpectRemedy(kMap, "% lab 3\n%t a b\n0 1.5 2\n0.01 1.25 -3\n0.02 0.5 1e-3\n",
                "table: {header: comment, comment: '%'}");
-  EXPECT_THAT(Refusal("table: {header: comment}\n" + kMap, "t,a,b\n" + kRows), HasSubstr("no remark before"));
-  EXPECT_THAT(Refusal("table: {comment: ab}\n" + kMap, kRows), HasSubstr("'ab' begins no remark"));
+  EXPECT_THAT(Refusal("table: {header: comment}\n" + kMap, "t,a,b\n" + kRows), HasSubstr("no comment before"));
+  EXPECT_THAT(Refusal("table: {comment: ab}\n" + kMap, kRows), HasSubstr("'ab' cannot begin a comment"));
   EXPECT_THAT(Refusal("table: {comment: ';', delimiter: semicolon}\n" + kMap, kRows),
               HasSubstr("other than the delimiter"));
 }
@@ -118,7 +118,7 @@ TEST_F(TableFormsTest, RowsOfUnitsArePassedAndRowsOfNumbersAreNot) {
                "table: {unit_rows: 2}");
   EXPECT_THAT(
       Refusal("table: {unit_rows: 2}\n" + kMap, "t,a,b\ns,N,N\n" + kRows),
-      HasSubstr("table.csv:3: a row of numbers, which table.unit_rows: 2 would pass; accepted: unit_rows: "
+      HasSubstr("table.csv:3: a row of numbers, which table.unit_rows: 2 would skip; accepted: unit_rows: "
                 "1 for this table"));
   EXPECT_THAT(Refusal("table: {unit_rows: 1, header: none}\n" + kMap, kRows), HasSubstr("without names"));
   // A wrong number in the first row is one.
@@ -131,7 +131,7 @@ TEST_F(TableFormsTest, NamesMayHoldUnitsSpacesAndDelimiters) {
              "\"Time (Seconds)\",\"Force [N]\",\"F, 2\"\n" + kRows);
   EXPECT_THAT(
       Refusal("time: {column: Time}\n" + kColumns, "Time a b (N)\n0 1.5 2\n0.01 1.25 -3\n0.02 0.5 1e-3\n"),
-      HasSubstr("say table: {header: none, skip_lines: 1}"));
+      HasSubstr("set table: {header: none, skip_lines: 1}"));
 }
 
 TEST_F(TableFormsTest, TimesMayBeDates) {
@@ -141,7 +141,7 @@ TEST_F(TableFormsTest, TimesMayBeDates) {
   };
   const std::string plain =
       table("2024-05-01 12:00:00.000", "2024-05-01 12:00:00.010", "2024-05-01 12:00:00.020");
-  EXPECT_THAT(Refusal(kMap, plain), HasSubstr("say time: {column: 't', unit: iso8601}"));
+  EXPECT_THAT(Refusal(kMap, plain), HasSubstr("set time: {column: 't', unit: iso8601}"));
   ExpectRows(map, plain);
   ExpectRows(map, table("2024-12-31T23:59:59.99Z", "2025-01-01T00:00:00Z", "2025-01-01T00:00:00.010000000Z"));
   // Clocks are put forward between the first row and the second; the offsets say so.
@@ -158,11 +158,11 @@ TEST_F(TableFormsTest, TimesMayBeDates) {
                         "12:00:00,020\""));
   EXPECT_THAT(
       Refusal(map, table("2024-05-01 12:00:00Z", "2024-05-01 12:00:01", "2024-05-01 12:00:02Z")),
-      HasSubstr("table.csv:3: column t: '2024-05-01 12:00:01' is no time; accepted: an offset from UTC"));
+      HasSubstr("table.csv:3: column t: '2024-05-01 12:00:01' is not a time; accepted: an offset from UTC"));
   for (const char* wrong : {"2023-02-29 12:00:00", "05/01/2024 12:00:00", "2024-05-01 24:30:00", "12.5",
                             "2024-05-01", "2024-05-01 12:00:00.", "2024-05-01 12:00:00 CET"}) {
     EXPECT_THAT(Refusal(map, table("2024-02-28 12:00:00", wrong, "2024-05-01 12:00:02")),
-                HasSubstr(fmt::format("table.csv:3: column t: '{}' is no time; accepted: such as", wrong)));
+                HasSubstr(fmt::format("table.csv:3: column t: '{}' is not a time; accepted: such as", wrong)));
   }
 }
 
@@ -172,7 +172,7 @@ TEST_F(TableFormsTest, TimesMayBeOfTheDayAndPassMidnight) {
     return fmt::format("t,a,b\n{},1.5,2\n{},1.25,-3\n{},0.5,1e-3\n", t0, t1, t2);
   };
   EXPECT_THAT(Refusal(kMap, table("12:00:00.000", "12:00:00.010", "12:00:00.020")),
-              HasSubstr("say time: {column: 't', unit: clock}"));
+              HasSubstr("set time: {column: 't', unit: clock}"));
   ExpectRows(map, table("12:00:00.000", "12:00:00.010", "12:00:00.020"));
   ExpectRows(map, table("23:59:59.985", "23:59:59.995", "00:00:00.005"));
   EXPECT_THAT(Import(map, table("23:59:59.985", "23:59:59.995", "00:00:00.005")).notes,
@@ -182,7 +182,7 @@ TEST_F(TableFormsTest, TimesMayBeOfTheDayAndPassMidnight) {
   ExpectRows(map, table("99:59:59.99", "100:00:00.00", "100:00:00.01"));
   for (const char* wrong : {"12:00", "12:61:00", "12:00:00:05", "0.5", "noon"}) {
     EXPECT_THAT(Refusal(map, table("11:00:00", wrong, "12:30:00")),
-                HasSubstr(fmt::format("'{}' is no time; accepted: HH:MM:SS", wrong)));
+                HasSubstr(fmt::format("'{}' is not a time; accepted: HH:MM:SS", wrong)));
   }
   // A row back over midnight is still a row back, which is dropped.
   const gap::Run back =
@@ -195,7 +195,7 @@ TEST_F(TableFormsTest, AColumnThatIsThereTwiceIsRefused) {
   const std::string table = "t,a,b,c,a\n0,1,2,3,4\n1,1,2,3,4\n";
   const std::string refusal = Refusal(kMap, table);
   EXPECT_THAT(refusal, HasSubstr("table.csv:1: columns 2 and 5 are both called 'a'"));
-  EXPECT_THAT(refusal, HasSubstr("say table: {header: none, skip_lines: 1}"));
+  EXPECT_THAT(refusal, HasSubstr("set table: {header: none, skip_lines: 1}"));
   const gap::Run run = Import(
       "table: {header: none, skip_lines: 1}\ntime: {column: 1}\ncolumns: {tension: {names: [5, 3, 2]}}\n",
       table);
@@ -216,7 +216,7 @@ TEST_F(TableFormsTest, AColumnThatIsThereTwiceIsRefused) {
   Write("times.csv", "# x\nt_s,tension_N_1,t_s\n0,1,2\n1,1,2\n");
   EXPECT_THAT(load("times.csv"), HasSubstr("times.csv:2: columns 1 and 3 are both called t_s"));
   Write("late.csv", "some,text\nmore,text\nt_s,tension_N_1\n0,1\n1,1\n");
-  EXPECT_THAT(load("late.csv"), HasSubstr("say table: {skip_lines: 2} in a map"));
+  EXPECT_THAT(load("late.csv"), HasSubstr("set table: {skip_lines: 2} in a map"));
 }
 
 TEST_F(TableFormsTest, OtherEncodingsAndWorkbooksAreRefused) {
@@ -233,7 +233,7 @@ TEST_F(TableFormsTest, MarksBetweenThousandsAreRefused) {
                            "12\xC2\xA0"
                            "345,6"}) {
     EXPECT_THAT(Refusal(kMap, fmt::format("t,a,b\n0,1.5,2\n0.01,\"{}\",-3\n0.02,0.5,1\n", cell)),
-                HasSubstr("marks between thousands are not read"))
+                HasSubstr("thousands separators are not read"))
         << cell;
   }
   // Where either mark would do as the decimal one, both in one table are a contradiction.
