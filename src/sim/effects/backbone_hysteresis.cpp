@@ -128,18 +128,17 @@ Effect BackboneHysteresis() {
                       .typical = 0.5,
                       .shape = true,
                       .starts = {1}}},
-      .summary = "bending the backbone costs a moment that depends on the way, not on the speed",
+      .summary = "bending the backbone takes a moment that depends on the path, not on the speed",
       .physics =
           "Each unit resists its change of bend with a moment that builds up over yield_rad and stays at "
           "moment_Nm, against the motion in the plane of (u, v), the same in every direction (four springs "
-          "in "
-          "parallel, each slipping at its own bend, evenly spaced at a spread of 1, more of them early at a "
-          "larger one). Strands rubbing on each other, sleeves, glue, and "
-          "phase changes of NiTi do this. Everything lost is heat; without motion it holds the shape.",
+          "in parallel, each slipping at its own bend, evenly spaced at a spread of 1, more of them early at "
+          "a larger one). Strands rubbing on each other, sleeves, glue, and phase changes of NiTi do this. "
+          "The energy lost becomes heat; at rest the moment holds the shape.",
       .signature =
           "Shape against tension draws a loop whose height does not depend on speed nor on the level of "
-          "tension, at every bend alike; released, the robot stops short of straight by up to moment_Nm "
-          "over EI / l a unit.",
+          "tension, at every bend alike; when released, each unit stops up to moment_Nm / (EI / l) short of "
+          "straight.",
       .experiment =
           "Slow triangles with reversals at several amplitudes at three levels of co-contraction: a loop of "
           "pulleys or disks widens with the tension, that of the backbone does not. Sways at zero tension "

@@ -18,11 +18,11 @@ Effect BaseTilt() {
       .parameters = {x, y},
       .summary = "the base is turned about its x and y against gravity",
       .physics =
-          "The base is turned by the rotation vector w = (x_rad, y_rad, 0) from where it was thought to be, "
-          "and the tracker with it: in the base frame F_0 gravity becomes R(w)^T g. Nothing else changes.",
+          "The base is turned by the rotation vector w = (x_rad, y_rad, 0) from its nominal orientation, and "
+          "the tracker with it: in the base frame F_0 gravity becomes R(w)^T g. Nothing else changes.",
       .signature =
           "The robot leans to one fixed side, in proportion to its weight: small on a light robot, the same "
-          "at every bend of the upright robot, and lost where tensions make it stiff.",
+          "at every bend of the upright robot, and hidden where tensions make it stiff.",
       .experiment =
           "A level on the base; or the same run with the base rolled by half a turn: a tilt of the table "
           "stays where it is, a bent backbone turns with it. A known mass at the tip makes it larger.",

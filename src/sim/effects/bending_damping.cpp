@@ -19,7 +19,7 @@ Effect BendingDamping() {
           "Every unit of the section resists with scale x c (du/dt, dv/dt). The coefficient cannot be read "
           "from a drawing: it stands for the material, glue, sleeves and the air.",
       .signature =
-          "Nothing at rest. After a step the ringing decays slower or faster, and near the body's own "
+          "Nothing at rest. After a step the ringing decays slower or faster, and near the body's natural "
           "frequencies amplitude and phase of the tip are wrong; the error grows with speed and vanishes in "
           "slow motion.",
       .experiment = "Steps with holds and a multisine from 0.1 to 10 Hz, the tracker at 100 Hz or more.",

@@ -15,10 +15,10 @@ Effect BendingStiffness() {
       .parameters = {Scale(0.3, 3, 0.1)},
       .summary = "the backbone's bending stiffness differs from E pi r^4 / 4 by a factor",
       .physics =
-          "Every unit of the section holds against bending with scale x EI / l. The radius enters to the "
-          "fourth power: 1 % more wire is 4 % more stiffness. NiTi's modulus depends on alloy, temperature "
-          "and training (some 25 to 80 GPa), and glue, sleeves or electric cables along the backbone add "
-          "their own.",
+          "Every unit of the section resists bending with scale x EI / l. The radius enters to the fourth "
+          "power: 1 % more wire is 4 % more stiffness. NiTi's modulus depends on alloy, temperature and "
+          "training (some 25 to 80 GPa), and glue, sleeves or electric cables along the backbone add their "
+          "own.",
       .signature =
           "The same tensions bend the robot less (scale above 1) or more, in every direction alike, in "
           "proportion to the bend and without a loop; also at rest frequencies rise with the root of the "

@@ -14,9 +14,9 @@ Effect CapstanAlpha() {
       .parameters = {Scale(0.1, 4, 0.2)},
       .summary = "the pulleys' friction coefficient differs from nominal",
       .physics =
-          "In the improved Capstan equation the friction per length is alpha N^n; alpha is scale x "
-          "nominal. Wear, dust, another tendon or a changed lubricant do that. The ratio of the "
-          "tensions on both sides grows with alpha in every direction of motion.",
+          "In the improved Capstan equation the friction per length is alpha N^n; alpha is scale x nominal. "
+          "Wear, dust, another tendon or a different lubricant change it. The ratio of the tensions on both "
+          "sides grows with alpha in every direction of motion.",
       .signature =
           "Tension is lost between motor and robot in proportion to the tension, in a loop between "
           "pulling and paying out. Scale above 1: the robot receives less when pulled and keeps more "

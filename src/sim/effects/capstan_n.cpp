@@ -14,7 +14,7 @@ Effect CapstanN() {
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
       .parameters = {Scale(0.5, 1.5, 0.1)},
-      .summary = "the pulleys' friction grows with the load by another power than nominal",
+      .summary = "the pulleys' friction grows with another power of the load than nominal",
       .physics =
           "In the improved Capstan equation the friction per length is alpha N^n; n is scale x nominal, "
           "at most 1 (dry metal 1, polymers and fibres less). With n < 1 the ratio of the tensions "

@@ -20,8 +20,8 @@ Effect CellDrift() {
       .summary = "the load cell's zero wanders during a run",
       .physics = "Reading = tension + N_per_s x time since the start: a bridge or amplifier warming up.",
       .signature =
-          "The difference of the reading from what torque, stretch and shape say grows steadily with "
-          "time, whatever the motion.",
+          "The difference of the reading from what torque, stretch and shape imply grows steadily with time, "
+          "whatever the motion.",
       .experiment = "Read the cells at rest before and after a run.",
       .confusable = {"cell_offset", "tendon_creep"},
       .add =

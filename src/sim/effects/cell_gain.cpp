@@ -14,12 +14,12 @@ Effect CellGain() {
       .parameters = {Scale(0.5, 1.5, 0.05)},
       .summary = "the load cell's calibration factor is off",
       .physics =
-          "Reading = scale x tension + offset: another cell, another supply, an amplifier's gain. The "
-          "real tension is not affected; a controller that believes the cell is.",
+          "Reading = scale x tension + offset: another cell, another supply, an amplifier's gain. The real "
+          "tension is not affected; a controller that uses the cell is.",
       .signature =
-          "The reading differs from what torque, stretch and shape say, by the same percentage "
-          "everywhere; torque against reading looks like another torque constant, and stretch against "
-          "reading like another stiffness, at the same time.",
+          "The reading differs from what torque, stretch and shape imply, by the same percentage everywhere; "
+          "torque against reading looks like another torque constant, and stretch against reading like "
+          "another stiffness, at the same time.",
       .experiment =
           "Hang a known mass on the tendon. With the robot: co-contraction at a fixed shape, where "
           "torque, stretch and reading must agree.",

@@ -21,11 +21,10 @@ Effect CellOffset() {
                       .of = Yardstick::kTension}},
       .summary = "the load cell's zero is off",
       .physics =
-          "Reading = gain x tension + N: an amplifier's offset, a cell mounted under stress, a tare "
-          "that was taken with tension on it. The real tension is not affected; a controller that "
-          "believes the cell is.",
+          "Reading = gain x tension + N: an amplifier's offset, a cell mounted under stress, a tare that was "
+          "taken with tension on it. The real tension is not affected; a controller that uses the cell is.",
       .signature =
-          "The reading differs from what torque, stretch and shape say by the same newtons, at every "
+          "The reading differs from what torque, stretch and shape imply by the same newtons, at every "
           "tension and time.",
       .experiment = "Read the cells with loose tendons: what they show then is the offset.",
       .confusable = {"cell_drift", "encoder_offset", "slack"},

@@ -55,7 +55,8 @@ Effect Cogging() {
       .physics =
           "Magnets and teeth (or an eccentric gear wheel on the motor shaft) add amplitude_Nm x "
           "sin(periods_per_turn x angle + phase_rad) against the shaft. It does no work over a period; "
-          "current does not show it. Motors are mounted as they come: of all, each has its phase.",
+          "current does not show it. With `all`, each motor has its own phase, since motors are mounted at "
+          "arbitrary angles.",
       .signature =
           "The difference between torque and tension is a wave over the motor angle, equal in both "
           "directions and at every speed and load.",

@@ -12,7 +12,7 @@ Effect CommandDelay() {
       .cut_robot_side = Cut::kCurrentLoop,
       .on_one = true,
       .parameters = {{.name = "s", .nominal = 0, .lower = 0, .upper = 0.05, .typical = 0.003}},
-      .summary = "a torque command comes to act later than nominal",
+      .summary = "a torque command takes effect later than nominal",
       .physics =
           "Gateways, drives that take a command one or more cycles late, and filters with a fixed "
           "number of taps shift the target by s before the current loop sees it.",

@@ -114,11 +114,11 @@ Effect Contact() {
           "x-y plane. Each disk whose centre gets behind it is pushed back by stiffness_Npm times the depth "
           "(less within the 450th part of the length); there is no friction along the wall.",
       .signature =
-          "Nothing wrong up to a place in space, the tip short of its target beyond it, always at the same "
-          "place whatever the speed and direction of approach; no loop.",
+          "The model is right up to a place in space, and the tip falls short of its target beyond it: "
+          "always at the same place, whatever the speed and direction of approach; no loop.",
       .experiment =
           "A circle or slow bends in every direction: a map of the error over the tip's position shows a "
-          "straight edge. Then looking there.",
+          "straight edge. Then inspect that place.",
       .confusable = {"superelastic", "unit_stiffness", "tip_force"},
       .add =
           [](PlantLaws& laws, const RobotParameters& robot, Target, std::span<const double> v) {

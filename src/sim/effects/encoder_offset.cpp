@@ -22,10 +22,10 @@ Effect EncoderOffset() {
                       .of = Yardstick::kMotorTravel}},
       .summary = "the motor's reported angle is off by a constant",
       .physics =
-          "Reported angle = angle + rad: the zero was taken with the robot bent, or with another "
-          "pretension. A programme that sets its zero at the start of each run takes it out.",
+          "Reported angle = angle + rad: the zero was taken with the robot bent, or with another pretension. "
+          "A program that sets its zero at the start of each run removes it.",
       .signature =
-          "All of a run the reported displacement stands ahead of tension and shape by the same length "
+          "Throughout a run the reported displacement is ahead of tension and shape by the same length "
           "(positive: reported ahead), from the first sample on and without any slack at the start.",
       .experiment = "Set the zero again on the straight robot at pretension, and compare.",
       .confusable = {"slack", "backlash", "precurvature"},

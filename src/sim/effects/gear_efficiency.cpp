@@ -14,7 +14,7 @@ Effect GearEfficiency() {
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
       .parameters = {Scale(0.5, 1.2, 0.1)},
-      .summary = "the gear's efficiency is not the one of its data sheet",
+      .summary = "the gear's efficiency differs from its data sheet",
       .physics =
           "Driving, the load at the motor is tension x arm / efficiency; driven back, tension x arm x "
           "efficiency. The direction switches over a few milliradians of the shaft. Dry, cold or "

@@ -13,7 +13,7 @@ Effect GearPresliding() {
       .on_one = true,
       .nuisance = true,
       .parameters = {Scale(0.1, 10, 1)},
-      .summary = "the gear's friction changes direction over another angle than nominal",
+      .summary = "the gear's friction changes direction over a different angle than nominal",
       .physics =
           "Between driving and being driven the gear's teeth settle over a few milliradians of the "
           "shaft: stop operators of the motor angle, whose yields are all scale x nominal. The "

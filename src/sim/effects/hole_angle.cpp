@@ -13,7 +13,7 @@ Effect HoleAngle() {
       .on_all = true,
       .on_one = true,
       .parameters = {{.name = "rad", .nominal = 0, .lower = -0.5, .upper = 0.5, .typical = 0.05}},
-      .summary = "the tendons pull towards another angle than drawn",
+      .summary = "the tendons pull towards a different angle than drawn",
       .physics =
           "The tendon's holes are at angle + rad in every disk. `all`: the whole pattern is turned against "
           "the base, an assembly or homing error. One: a misdrilled column of holes.",
@@ -21,7 +21,7 @@ Effect HoleAngle() {
           "The bend leaves the commanded plane by a constant angle, whatever its size; when all are turned "
           "the tip's path is the right one turned about the base's z axis, and nothing else is wrong.",
       .experiment =
-          "Pulling each tendon alone and looking at the plane in which the tip moves. With all turned alike, "
+          "Pull each tendon alone and observe the plane in which the tip moves. With all turned alike, "
           "gravity at a slant or the tip's own orientation is needed to tell the holes from the tracker.",
       .confusable = {"tracker_rotation", "torsion", "hole_radius"},
       .edit =

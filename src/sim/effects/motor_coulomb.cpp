@@ -14,9 +14,9 @@ Effect MotorCoulomb() {
       .parameters = {Scale(0, 10, 0.5)},
       .summary = "the motor's dry friction is larger or smaller than nominal",
       .physics =
-          "A torque of scale x nominal against the motion, whatever speed and load, building up over "
-          "the nominal pre-sliding angle after each reversal. Brushes, seals and bearing preload make "
-          "it; it falls while a motor runs in.",
+          "A torque of scale x nominal against the motion at any speed and load, building up over the "
+          "nominal pre-sliding angle after each reversal. Brushes, seals and bearing preload make it; it "
+          "falls while a motor runs in.",
       .signature =
           "A loop of torque against tension with constant height, the same at every speed and load. "
           "Scale above 1: less tension at the same torque when pulling, more when paying out.",

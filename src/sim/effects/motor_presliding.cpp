@@ -13,7 +13,7 @@ Effect MotorPresliding() {
       .on_one = true,
       .nuisance = true,
       .parameters = {Scale(0.1, 10, 1)},
-      .summary = "the motor's dry friction builds up over another angle than nominal",
+      .summary = "the motor's dry friction builds up over a different angle than nominal",
       .physics =
           "After a reversal the friction torque swings from one sign to the other over a few "
           "milliradians (Dahl: it approaches its full value exponentially with the angle moved). The "

@@ -13,7 +13,7 @@ Effect Presliding() {
       .on_one = true,
       .nuisance = true,
       .parameters = {Scale(0.1, 10, 1)},
-      .summary = "the pulleys' friction builds up over another displacement than nominal",
+      .summary = "the pulleys' friction builds up over a different displacement than nominal",
       .physics =
           "After a reversal the tendon creeps before it slides: friction swings from one sign to the "
           "other over a displacement of scale x nominal (stop operators of 1/4, 1/2, 3/4 and all of "

@@ -13,17 +13,17 @@ Effect PulleyCoulomb() {
       .on_one = true,
       .parameters =
           {{.name = "N", .nominal = 0, .lower = 0, .upper = 2, .typical = 0.1, .of = Yardstick::kTension}},
-      .summary = "the pulleys take a constant part of the tension, whatever the load",
+      .summary = "the pulleys reduce the tension by a constant amount at any load",
       .physics =
           "Bearings, seals and guides resist with a constant force: on the robot's side N less when the "
-          "motor pulls, N more when it pays out, with the pre-sliding of the pulleys. It fades below "
-          "the tension at which the friction law is continued, for a slack tendon turns nothing.",
+          "motor pulls, N more when it pays out, with the pre-sliding of the pulleys. It fades below the "
+          "tension at which the friction law is continued, since a slack tendon turns no pulley.",
       .signature =
           "A loop of the tensions on both sides with constant height: it does not shrink with the "
           "tension, while Capstan friction does.",
       .experiment =
-          "Slow reversals at three levels of co-contraction: height of the loop against the level; what "
-          "is left at level zero is this.",
+          "Slow reversals at three levels of co-contraction: height of the loop against the level; the "
+          "height left at level zero is this effect.",
       .confusable = {"capstan_alpha", "capstan_n", "motor_coulomb", "routing_friction",
                      "backbone_hysteresis"},
       .edit =

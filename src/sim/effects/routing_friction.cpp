@@ -124,11 +124,11 @@ Effect RoutingFriction() {
       .parameters = {{.name = "mu", .nominal = 0, .lower = 0, .upper = 0.6, .typical = 0.1}},
       .summary = "Coulomb friction of the tendons in the holes of the disks",
       .physics =
-          "At every disk where it goes on, a tendon turns by half the bends of the units on either side. "
+          "At every disk that it passes, a tendon turns by half the bends of the units on either side. "
           "Sliding over it costs the factor exp(-mu x turn), as on a capstan: a pulled tendon arrives at the "
           "tip with less tension than at the base, a released one keeps it there. After a reversal the "
-          "friction reverses over 0.04 mm of sliding. With n units bent by theta in all the last unit "
-          "lacks about mu theta (n - 1) / n of the tension.",
+          "friction reverses over 0.04 mm of sliding. With n units bent by theta in all the last unit lacks "
+          "about mu theta (n - 1) / n of the tension.",
       .signature =
           "Hysteresis of the shape against base tension that grows with tension and with bend and vanishes "
           "when straight; while pulling, units near the tip bend less than those near the base.",

@@ -23,10 +23,10 @@ Effect Slack() {
           "that. If m exceeds the stretch of the pretension the tendon hangs loose until the spool has "
           "wound the rest: a tendon only pulls.",
       .signature =
-          "All of a run the motor angle stands ahead of tension and shape by the same length, and at "
-          "the beginning the motor turns without tension.",
+          "Throughout a run the motor angle is ahead of tension and shape by the same length, and at the "
+          "beginning the motor turns without tension.",
       .experiment =
-          "Wind each tendon in slowly from loose until its load cell answers, then compare with the "
+          "Wind each tendon in slowly from loose until its load cell responds, then compare with the "
           "encoder's zero.",
       .confusable = {"encoder_offset", "tendon_creep", "backlash"},
       .add =

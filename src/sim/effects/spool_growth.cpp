@@ -17,7 +17,7 @@ Effect SpoolGrowth() {
                       .upper = 0.001,
                       .typical = 0.0001,
                       .of = Yardstick::kSpool}},
-      .summary = "the spool's radius grows with what is wound on it",
+      .summary = "the spool's radius grows with the tendon wound on it",
       .physics =
           "Tendon laid over tendon: per radian wound the radius gains m_per_rad (a tendon of 0.4 mm in "
           "one layer over the other: 6e-5), so s = r phi + m_per_rad phi^2 / 2 at the spool angle phi, "

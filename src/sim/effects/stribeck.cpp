@@ -46,9 +46,9 @@ Effect Stribeck() {
                       .of = Yardstick::kMotorSpeed}},
       .summary = "the motor's friction is higher near standstill and falls with speed",
       .physics =
-          "At low speed the lubricant film is not there yet: on top of the Coulomb friction there is "
-          "torque_Nm x exp(-(speed / speed_radps)^2), with the same smooth sign at reversals. Friction "
-          "that falls with speed makes a slow motor stick and slip.",
+          "At low speed the lubricant film has not formed yet: on top of the Coulomb friction there is "
+          "torque_Nm x exp(-(speed / speed_radps)^2), with the same smooth sign at reversals. Friction that "
+          "falls with speed makes a slow motor stick and slip.",
       .signature =
           "Torque against tension is off at creeping speed and right at high speed; slow motions start "
           "with a jerk.",

@@ -82,7 +82,7 @@ Effect Superelastic() {
           "Small bends fit the model; large ones are too large for their tensions, in every direction alike "
           "and without a loop.",
       .experiment =
-          "One slow pull to the largest bend and back, at low co-contraction: a bend in the curve of shape "
+          "One slow pull to the largest bend and back, at low co-contraction: a kink in the curve of shape "
           "against tension, at the same shape on both branches.",
       .confusable = {"bending_stiffness", "backbone_hysteresis", "contact"},
       .add =

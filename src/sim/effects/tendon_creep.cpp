@@ -51,12 +51,13 @@ Effect TendonCreep() {
                       .starts = {0.5, 3, 20, 100}}},
       .summary = "the tendon creeps under a constant load and recovers",
       .physics =
-          "Beside its elastic stretch the tendon gains length towards fraction x (tension - pretension) "
-          "/ stiffness, with the time constant tau_s (a standard linear solid): stiff when pulled fast, "
-          "softer by 1 / (1 + fraction) in the long run. Polymer ropes do it, wire ropes hardly.",
+          "In addition to its elastic stretch the tendon gains length towards fraction x (tension - "
+          "pretension) / stiffness, with the time constant tau_s (a standard linear solid): stiff when "
+          "pulled fast, softer by 1 / (1 + fraction) in the long run. Polymer ropes creep, wire ropes "
+          "hardly.",
       .signature =
-          "After a step to a tension that is then held the motor turns on, or the tip sinks, "
-          "exponentially; on release it comes back. A fast run shows nothing.",
+          "After a step to a constant tension the motor keeps turning, or the tip keeps sinking, "
+          "exponentially; it recovers on release. A fast run does not show it.",
       .experiment = "A hold of 60 s at high tension, then one at low tension.",
       .confusable = {"tendon_stiffness", "slack", "cell_drift"},
       .add =

@@ -23,7 +23,7 @@ Effect TipForce() {
       .signature =
           "An offset of the tip towards one fixed side that is smaller where the robot is stiff (high "
           "tension) and does not turn when the base is rolled; frequencies stay as they are. Along the "
-          "backbone a pull hardly does more than stiffen it, a push soften it.",
+          "backbone a pull mainly stiffens it and a push softens it.",
       .experiment =
           "Bends in every direction at two co-contractions; take off whatever hangs at the tip and repeat "
           "one of them.",

@@ -21,8 +21,8 @@ Effect TipPayload() {
           "A point mass m at the centre of the last disk: weight m g at the full length of the robot, and "
           "inertia there. An upright robot under it is also nearer to buckling, as if it were softer.",
       .signature =
-          "A bent robot hangs lower (upright: bends further) in the direction of gravity, the more the "
-          "farther the tip is out; frequencies fall, the lowest one most.",
+          "A bent robot hangs lower (upright: bends further) in the direction of gravity, more so the "
+          "farther out the tip is; frequencies fall, the lowest one most.",
       .experiment =
           "Bends in several planes with the base tilted or turned over: only weight changes sign with it. "
           "Hanging a known mass to the tip calibrates the answer.",

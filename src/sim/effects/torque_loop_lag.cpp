@@ -14,8 +14,8 @@ Effect TorqueLoopLag() {
       .parameters = {{.name = "s", .nominal = 0, .lower = 0, .upper = 0.05, .typical = 0.003}},
       .summary = "the drive's torque follows its target more slowly than nominal",
       .physics =
-          "The current loop is a first-order lag; its time constant is the nominal one plus s. A badly "
-          "tuned or voltage-limited current controller, or an output filter, does that.",
+          "The current loop is a first-order lag; its time constant is the nominal one plus s. A badly tuned "
+          "or voltage-limited current controller, or an output filter, adds to it.",
       .signature =
           "Reported torque trails the target: steps become exponentials, a ramp is late by s, fast "
           "sines lose amplitude. Reported torque and tension agree.",

@@ -19,7 +19,7 @@ Effect TorqueSaturation() {
                       .upper = 0.007,
                       .typical = 0.004,
                       .of = Yardstick::kTorqueLimit}},
-      .summary = "the drive cuts the torque off below the limit in its data sheet",
+      .summary = "the drive limits the torque below the limit in its data sheet",
       .physics =
           "The target is clipped to +-(torque constant x current limit - deficit_Nm): a thermal "
           "derating, a supply that sags, or a limit set too low. Nothing happens below it.",

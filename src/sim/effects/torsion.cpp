@@ -19,11 +19,11 @@ Effect Torsion() {
       .summary = "the holes turn about the backbone along it: disks glued askew, a twisted wire",
       .physics =
           "The holes of the disk at arc length s are turned by rad_per_m x s about the disk's z. Tendons "
-          "become slightly helical: each unit bends in a plane turned a little against the last one's, and "
+          "become slightly helical: each unit bends in a plane turned slightly from the previous one's, and "
           "the tip leaves the plane of a planar bend. The twist is a shape, not a load: it does not change "
           "with tension.",
       .signature =
-          "The tip moves sideways out of the commanded plane, always to the same hand, in proportion to the "
+          "The tip moves sideways out of the commanded plane, always to the same side, in proportion to the "
           "bend; near the base the plane is right. All tendons alike.",
       .experiment =
           "One tendon pulled alone, each in turn, with position and orientation of the tip: the direction of "

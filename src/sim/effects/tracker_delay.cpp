@@ -11,7 +11,7 @@ Effect TrackerDelay() {
       .cut = Cut::kSensors,
       .cut_robot_side = Cut::kSensors,
       .parameters = {{.name = "s", .nominal = 0, .lower = 0, .upper = 0.5, .typical = 0.02}},
-      .summary = "the tracker shows the tip where it was a moment ago",
+      .summary = "the tracker reports the tip's pose late",
       .physics = "Exposure, image processing and transport delay the pose by s beyond the nominal delay.",
       .signature =
           "The tip is late by the same time at every frequency: off in proportion to its speed, right "

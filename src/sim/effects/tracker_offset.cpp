@@ -30,7 +30,7 @@ Effect TrackerOffset() {
                       .of = Yardstick::kLength}},
       .summary = "the tracker's origin is not at the robot's base",
       .physics =
-          "Reported position = R p + (x_m, y_m, z_m). A marker beside the tip's centre looks alike as "
+          "Reported position = R p + (x_m, y_m, z_m). A marker beside the tip's centre looks the same as "
           "long as the tip does not turn.",
       .signature = "The tip is off by the same vector everywhere; the orientation is right.",
       .experiment = "The straight robot, at rest: its tip is one length above the base.",

@@ -18,8 +18,8 @@ Effect TrackerRotation() {
           "Reported position = R p + offset and reported orientation = R R_tip, R the rotation by the "
           "vector (x_rad, y_rad, z_rad): camera and base were not aligned well.",
       .signature =
-          "The tip is off in proportion to its distance from the base, at rest too; the straight robot "
-          "seems to lean. Forces, angles and gravity know nothing of it.",
+          "The tip is off in proportion to its distance from the base, at rest too; the straight robot seems "
+          "to lean. Forces, angles and gravity are not affected.",
       .experiment =
           "Register the tracker to markers on the base plate. A tilted base, in contrast, also changes "
           "what gravity does.",

@@ -19,8 +19,8 @@ Effect UnitMass() {
           "Mass and both moments of inertia of every disk of the section are scale x nominal: the weight of "
           "tendons, glue, cables and the backbone itself is not in a disk's drawing.",
       .signature =
-          "Slow: a sag that grows with the bend and points where gravity does, a few per cent of the "
-          "elastic forces on a small robot. Fast: own frequencies fall with the root of the mass.",
+          "Slow: a sag that grows with the bend and points where gravity does, a few per cent of the elastic "
+          "forces on a small robot. Fast: natural frequencies fall with the root of the mass.",
       .experiment =
           "The same slow bends upright and hanging upside down: only weight changes sign. Steps or a "
           "multisine show the inertia.",

@@ -15,13 +15,13 @@ Effect UnitStiffness() {
       .parameters = {Scale(0.3, 3, 0.2)},
       .summary = "one unit's bending stiffness differs from that of the others",
       .physics =
-          "Unit i holds with scale x EI / l: a kink, a worn spot, a joint or a glued sleeve. The tendons' "
-          "moment is nearly the same in every unit, so a soft unit bends more by itself and turns all that "
-          "lies beyond it.",
+          "Unit i resists bending with scale x EI / l: a kink, a worn spot, a joint or a glued sleeve. The "
+          "tendons' moment is nearly the same in every unit, so a soft unit bends more by itself and turns "
+          "all that lies beyond it.",
       .signature =
-          "The tip's position and its orientation do not match as on an even arc: a soft unit "
-          "near the base moves the tip far for little orientation, one near the tip turns it without moving "
-          "it. No loop, every direction alike.",
+          "The tip's position and its orientation do not match those of a uniform arc: a soft unit near the "
+          "base moves the tip far with little change of orientation, one near the tip turns it without "
+          "moving it. No loop, every direction alike.",
       .experiment =
           "Slow bends in several planes with position and orientation of the tip tracked, or a camera on the "
           "disks; the ratio of tip displacement to tip angle identifies the unit.",

@@ -14,17 +14,17 @@ Effect WrapAngle() {
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
       .parameters = {{.name = "extra_rad", .nominal = 0, .lower = -3.1, .upper = 6.3, .typical = 0.4}},
-      .summary = "the tendon turns through a larger angle on its way than drawn",
+      .summary = "the tendon wraps a larger angle along its path than drawn",
       .physics =
           "Friction grows with the angle that the tendon is turned through: a pulley out of place, a "
           "bent sheath or an edge that it drags over add extra_rad to the wrap (shared by the pulleys "
           "of the path; never less than none).",
       .signature =
-          "As a larger friction coefficient: tension lost between motor and robot, in a loop between "
+          "Like a larger friction coefficient: tension lost between motor and robot, in a loop between "
           "pulling and paying out.",
       .experiment =
-          "Look at the path. Data separate it from the coefficient only where the tendons differ in wrap, "
-          "or by the dependence on the tension.",
+          "Inspect the path. Data separate it from the coefficient only where the tendons differ in wrap, or "
+          "by the dependence on the tension.",
       .confusable = {"capstan_alpha", "capstan_n", "routing_friction"},
       .edit =
           [](RobotParameters& robot, Target target, std::span<const double> v) {
