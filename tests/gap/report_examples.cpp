@@ -96,7 +96,7 @@ struct Maker {
     }
   }
 
-  // Runs held back: tension loops of two tendons and the tip in time, with a gap that the cause removes to
+  // Held-out runs: tension loops of two tendons and the tip in time, with a gap that the cause removes to
   // `left`.
   void Curves(double gap_N, double gap_m, double left, bool after, double seconds = 40) {
     const double rate = 250;
@@ -278,7 +278,7 @@ Diagnosis ExampleDiagnosis(Verdict verdict) {
       d.sentence =
           "The gap starts in the drivetrain (C2) of tendons 2 and 3: the motors' dry friction is 1.84 times "
           "what the "
-          "robot file says (96 % sure), and adding it closes 93 % of the gap on runs held back, from 0.38 N "
+          "robot file says (96 % sure), and adding it closes 93 % of the gap on held-out runs, from 0.38 N "
           "to 0.041 N; "
           "no further experiment is needed.";
       m.Chain(Cut::kDrivetrain, 12.3, true, 0.5);
@@ -391,7 +391,7 @@ Diagnosis ExampleDiagnosis(Verdict verdict) {
       break;
     case Verdict::kInsufficientData:
       d.sentence =
-          "These logs cannot settle it: there is no tracker and only one run, so nothing can be held back. "
+          "These logs cannot settle it: there is no tracker and only one run, so nothing can be held out. "
           "Record the "
           "standard set (tendril excite) with at least one repeat.";
       m.Chain(Cut::kSensors, 0, false);
@@ -404,7 +404,7 @@ Diagnosis ExampleDiagnosis(Verdict verdict) {
       d.held_out_by = "quarters of the runs";
       d.next.family = "standard_set";
       d.next.reason =
-          "Two families with a repeat each are the least with which a cause can be tested on runs held back.";
+          "Two families with a repeat each are the least with which a cause can be tested on held-out runs.";
       d.next.yaml = "runs:\n  - family: triangle\n    repeats: 2\n  - family: circle\n    repeats: 2\n";
       d.health = {
           {HealthFinding::Severity::kError, "triangle_1.csv", "tension 3", 0,
@@ -418,7 +418,7 @@ Diagnosis ExampleDiagnosis(Verdict verdict) {
            "3 gaps, the longest of 12 ms, were bridged."}};
       d.degradations = {
           "No tracker: shape and motion (C4, C5) cannot be compared; a payload and a wrong E look alike.",
-          "One run only: no trajectory can be held back, so no cause is accepted.",
+          "One run only: no run can be held out, so no cause is accepted.",
           "No repeats: the noise floor is a guess from high frequencies."};
       break;
   }

@@ -137,7 +137,7 @@ Diagnosis Pair() {
   return d;
 }
 
-// The model made it worse on the runs held back.
+// The model made it worse on the held-out runs.
 Diagnosis Worse() {
   Diagnosis d = ExampleDiagnosis(Verdict::kUnexplained);
   d.closed = Estimate{-0.4, -0.9, 0.1};

@@ -317,7 +317,7 @@ const facts = () => {
     fact('Where', `${capital(title(strongest[0].cut))} (${strongest[0].cut})`, `${digits(strongest[0].excess_sigma, 2)} times the noise floor`);
   } else {
     const judged = new Set(measuredCuts.map(l => l.cut)).size;
-    fact('Where', 'Not settled', judged ? `${judged} of ${report.chain.length} places could be judged; none exceeds its floor for sure` : 'no place in the chain could be judged');
+    fact('Where', 'Not settled', judged ? `${judged} of ${report.chain.length} places could be judged; none exceeds its floor significantly` : 'no place in the chain could be judged');
   }
 
   const causes = report.accepted;
@@ -340,7 +340,7 @@ const facts = () => {
   const pooled = report.closed.pooled;
   if (pooled && pooled.value !== null) {
     const meter = el('div', {class: 'meter'}, el('i', {style: `width:${Math.max(0, Math.min(100, 100 * pooled.value))}%`}));
-    fact('Gap closed', percent(pooled.value), [range(pooled.ci), report.accepted.length ? `on ${report.provenance.held_out_by} held back` : 'by the best model of the library'].filter(Boolean).join(' · '), meter);
+    fact('Gap closed', percent(pooled.value), [range(pooled.ci), report.accepted.length ? `on held-out ${report.provenance.held_out_by}` : 'by the best model of the library'].filter(Boolean).join(' · '), meter);
   } else {
     fact('Gap closed', '–', report.verdict === 'no_gap' ? 'nothing to close' : 'no cause to add');
   }
@@ -362,7 +362,7 @@ const chain = s => {
     return {...c, rows, told, excess: told.some(l => l.excess), first: rows.some(l => l.first), worst: d3.max(told, l => l.excess_sigma) || 0};
   });
   const rowTip = l => [`${l.cut} ${title(l.cut)}: ${[place(l.where), l.quantity].filter(Boolean).join(', ')}`,
-    !l.measured ? 'cannot be told from these logs' : `residual ${show(l.rms, l.unit)} rms, floor ${show(l.floor, l.unit)}, what matters ${show(l.delta, l.unit)}`,
+    !l.measured ? 'not covered by these logs' : `residual ${show(l.rms, l.unit)} rms, floor ${show(l.floor, l.unit)}, materiality ${show(l.delta, l.unit)}`,
     l.measured ? `excess ${digits(l.excess_sigma, 2)} σ, p = ${digits(l.p_value, 2)}${l.excess ? '' : ' (no gap here)'}` : '', l.note].filter(Boolean).join('\n');
   chart(card, 'Chain from command to tip, coloured by excess over the noise floor', (svg, width) => {
     hatch(svg, 'hatch-none', '--line');
@@ -393,7 +393,7 @@ const chain = s => {
         g.append('text').attr('class', 'tiny').attr('x', 10).attr('y', 68).style('opacity', .82).text('→ ' + c.to);
         g.append('text').attr('class', 'bold').attr('x', 10).attr('y', 101).style('font-size', c.excess ? '22px' : '13px')
           .style('fill', !told ? 'var(--soft)' : c.excess ? null : 'var(--good)')
-          .text(!told ? (c.rows.length ? 'cannot be told' : 'not measured') : c.excess ? `${digits(c.worst, 2)} σ` : '✓ at the floor');
+          .text(!told ? (c.rows.length ? 'not covered' : 'not measured') : c.excess ? `${digits(c.worst, 2)} σ` : '✓ at the floor');
         if (i + 1 < line.length) {
           g.append('path').attr('class', 'arrow').attr('d', `M${w + 4},${boxHeight / 2}h${gap - 11}`);
           g.append('path').attr('class', 'arrow-head').attr('d', `M${w + gap - 8},${boxHeight / 2 - 4}l6,4l-6,4z`);
@@ -421,7 +421,7 @@ const chain = s => {
     return top - 14;
   }, () => [['cut', 'place', 'quantity', 'unit', 'measured', 'residual rms', 'floor', 'what matters', 'excess [sigma]', 'p value', 'excess', 'first', 'note'],
     ...report.location.map(l => [l.cut, l.where, l.quantity, l.unit, l.measured, l.rms, l.floor, l.delta, l.excess_sigma, l.p_value, l.excess, l.first, l.note])]);
-  card.append(el('p', {class: 'note'}, 'Squares are tendons, circles sections, numbered from the first. σ: how many times its own noise floor the residual exceeds it. Only what passes the size that matters (δ) is coloured.'),
+  card.append(el('p', {class: 'note'}, 'Squares are tendons, circles sections, numbered from the first. σ: how many times its own noise floor the residual exceeds it. Only excess beyond the materiality δ is coloured.'),
     more('All residuals as a table', table(
       [['cut', 'c'], ['place', 'c'], ['quantity', 'c'], ['residual rms', 'n'], ['floor', 'n'], ['δ', 'n'], ['excess', 'n'], ['p', 'n'], ['', 'c']],
       report.location.map(l => ({kind: l.first ? 'first' : l.excess ? '' : 'muted', cells: [`${l.cut} ${title(l.cut)}`, place(l.where) || 'all', l.quantity,
@@ -463,7 +463,7 @@ const causes = s => {
         .text([parametersText(c), c.bound_hit ? 'at a bound!' : ''].filter(Boolean).join(' '))
         .each(function () { while (this.getComputedTextLength() > right && this.textContent.length > 4) this.textContent = this.textContent.slice(0, -3) + '…'; });
       row.append('rect').attr('x', -left).attr('width', width).attr('height', height).attr('fill', 'transparent');
-      tipped(row, () => [causeText(c) + ': ' + percent(c.p), c.about, parametersText(c), special(c) || !c.held_out_gain ? '' : `removes ${percent(c.held_out_gain)} of the excess on runs held back`,
+      tipped(row, () => [causeText(c) + ': ' + percent(c.p), c.about, parametersText(c), special(c) || !c.held_out_gain ? '' : `removes ${percent(c.held_out_gain)} of the excess on held-out runs`,
         c.bound_hit ? 'The fit ended at a physical bound: do not trust the value.' : '', c.note].filter(Boolean).join('\n'));
     });
     let begin = 0;
@@ -484,7 +484,7 @@ const causes = s => {
     card.append(el('div', {class: 'controls', style: 'margin:8px 0 0'}, button));
   }
   const groups = d3.nest().key(c => c.group).entries(report.causes.filter(c => c.group > 0)).filter(g => g.values.length > 1);
-  for (const g of groups) card.append(el('p', {class: 'note'}, `Bracketed: ${g.values.map(causeText).join(', ')} leave the same mark in these runs. Together ${percent(d3.sum(g.values, c => c.p))}.`));
+  for (const g of groups) card.append(el('p', {class: 'note'}, `Bracketed: ${g.values.map(causeText).join(', ')} have the same signature in these runs. Together ${percent(d3.sum(g.values, c => c.p))}.`));
   const about = report.accepted.map(a => report.causes.find(c => c.effect === a.effect && c.where === a.where) || a).filter(c => c.about);
   for (const c of about) card.append(el('p', {class: 'note'}, `${causeText(c)}: ${c.about} (tendril gap explain ${c.effect})`));
   for (const c of report.accepted.filter(c => c.bound_hit)) card.append(el('p', {class: 'note problem'}, `The fit of ${causeText(c)} ended at a physical bound: its value is not to be trusted.`));
@@ -550,7 +550,7 @@ const closing = s => {
   if (!channels.length) return;
   const withCeiling = channels.some(c => c.ceiling !== null && c.ceiling !== undefined);
   const withAfter = report.accepted.length > 0 || (pooled !== null && pooled.value !== null);
-  const card = el('div', {class: 'card'}, el('div', {class: 'plot-title'}, 'Residual of each channel on runs held back, rms, and how much of its gap closes'),
+  const card = el('div', {class: 'card'}, el('div', {class: 'plot-title'}, 'Residual of each channel on held-out runs, rms, and how much of its gap closes'),
     legend('bar-before', ...(withAfter ? ['bar-after'] : []), ...(withCeiling ? ['bar-ceiling'] : []), 'floor-line'));
   s.append(card);
   chart(card, 'Residual of each channel before and after, with the noise floor', (svg, width) => {
@@ -592,7 +592,7 @@ const closing = s => {
           if (c.value !== null && withAfter) group.append('text').attr('class', 'tiny bold').attr('x', x.bandwidth() / 2).attr('y', y(Math.max(c.before || 0, c.after || 0, c.ceiling || 0) * s0.factor) - 5).attr('text-anchor', 'middle').text(percent(c.value));
           group.append('rect').attr('x', -6).attr('width', x.bandwidth() + 12).attr('height', h).attr('fill', 'transparent');
           tipped(group, () => [`${c.channel} (${c.cut} ${title(c.cut)})`, `before ${show(c.before, c.unit)}, after ${show(c.after, c.unit)}, floor ${show(c.floor, c.unit)}`,
-            withCeiling ? `refit of all file numbers ${show(c.ceiling, c.unit)}` : '', c.value === null ? 'no gap here for sure: not counted' : `closed ${percent(c.value)} (${range(c.ci)})`].filter(Boolean).join('\n'));
+            withCeiling ? `refit of all file numbers ${show(c.ceiling, c.unit)}` : '', c.value === null ? 'no significant gap here: not counted' : `closed ${percent(c.value)} (${range(c.ci)})`].filter(Boolean).join('\n'));
         });
         left += full + 16;
       }
@@ -605,7 +605,7 @@ const closing = s => {
     channels.map(c => ({cells: [c.channel, c.cut, show(c.before, c.unit), show(c.after, c.unit), show(c.ceiling, c.unit), show(c.floor, c.unit), percent(c.value), range(c.ci)]})))));
 };
 
-// ---- runs held back ----------------------------------------------------------------------------------------
+// ---- held-out runs ----------------------------------------------------------------------------------------
 
 const overlays = s => {
   const shown = report.overlays.filter(o => o.time_s.length > 1 && o.measured.some(v => v !== null));
@@ -782,7 +782,7 @@ const growth = s => {
     card.append(el('p', {class: 'note'}, 'Flat: an offset of the sensors. Rising as the time: a wrong speed. Rising as its square: a wrong force.'));
   }
   if (correlations.length) {
-    const card = el('div', {class: 'card'}, el('div', {class: 'plot-title'}, 'Correlation of what is left with the inputs'));
+    const card = el('div', {class: 'card'}, el('div', {class: 'plot-title'}, 'Correlation of the remaining residual with the inputs'));
     both.append(card);
     chart(card, 'Correlation of the residual with the inputs', (svg, width) => {
       const left = Math.min(200, width * .4), w = width - left - 50, step = 26, x = d3.scaleLinear([-1, 1], [0, w]).clamp(true);
@@ -820,7 +820,7 @@ const rivals = s => {
     const ranked = [...pairs].sort((a, b) => Math.abs(b.cosine || 0) - Math.abs(a.cosine || 0));
     right.append(el('div', {class: 'plot-title'}, 'Most alike'), el('ul', {class: 'plain'}, ranked.slice(0, 6).map(p => el('li', {}, el('span', {class: 'likeness'}, digits(Math.abs(p.cosine || 0), 2)),
       el('span', {}, `${label(p.a)} and ${label(p.b)}`, el('br'), el('small', {class: p.confirmed ? 'problem' : 'quiet'}, p.confirmed ? 'cannot be told apart by these runs' : 'can be told apart'))))));
-    chart(left, 'Likeness of the marks that causes leave', (svg, width) => {
+    chart(left, 'Similarity of the signatures of causes', (svg, width) => {
       const left = Math.min(230, width * .4), cell = Math.min(54, Math.max(26, (width - left - 10) / names.length)), head = 20;
       const g = svg.append('g').attr('transform', `translate(${left},${head})`);
       names.forEach((a, i) => {
@@ -836,12 +836,12 @@ const rivals = s => {
           c.append('rect').attr('class', 'heat').attr('width', cell - 2).attr('height', cell - 2).attr('rx', 4).attr('opacity', Math.max(0, (v - .3) / .7) * .75);
           if (pair.confirmed) c.append('rect').attr('width', cell - 4).attr('height', cell - 4).attr('x', 1).attr('y', 1).attr('rx', 4).attr('fill', 'none').attr('stroke', 'var(--bad)').attr('stroke-width', 2.2);
           c.append('text').attr('class', 'tiny').attr('x', cell / 2 - 1).attr('y', cell / 2 + 3).attr('text-anchor', 'middle').text(cell >= 34 ? (pair.cosine || 0).toFixed(2).replace('-', '−').replace('0.', '.') : '');
-          tipped(c, () => `${label(a)} and ${label(b)}\nlikeness ${digits(pair.cosine, 3)} (1: the same mark)\nscore lost when one stands for the other: ${digits(pair.profile_gap, 2)} of log score\n${pair.confirmed ? 'cannot be told apart by these runs' : 'can be told apart'}`);
+          tipped(c, () => `${label(a)} and ${label(b)}\nsimilarity ${digits(pair.cosine, 3)} (1: the same signature)\nscore lost when one replaces the other: ${digits(pair.profile_gap, 2)} of log score\n${pair.confirmed ? 'cannot be told apart by these runs' : 'can be told apart'}`);
         });
       });
       return head + names.length * cell + 6;
     }, () => columnRows(['one', '', ranked.map(p => p.a)], ['other', '', ranked.map(p => p.b)], ['cosine', '', ranked.map(p => p.cosine)], ['score between', '', ranked.map(p => p.profile_gap)], ['cannot be told apart', '', ranked.map(p => p.confirmed)]));
-    card.append(el('p', {class: 'note'}, '1 or −1: the two leave the same mark. Outlined in red: confirmed by refitting, these runs cannot tell the two apart.'),
+    card.append(el('p', {class: 'note'}, '1 or −1: both have the same signature. Outlined in red: confirmed by refitting, these runs cannot tell the two apart.'),
       more(`All ${pairs.length} pairs as a table`, table([['one', 'c'], ['other', 'c'], ['cosine', 'n'], ['score between', 'n'], ['', 'c']],
         ranked.map(p => ({cells: [label(p.a), label(p.b), digits(p.cosine, 3), digits(p.profile_gap, 2), p.confirmed ? 'cannot be told apart' : '']})))));
   }
@@ -904,7 +904,7 @@ const health = s => {
   const card = el('div', {class: 'card'});
   s.append(card);
   if (troubles.length) card.append(list(troubles));
-  else card.append(el('p', {style: 'margin:0'}, '✓ Nothing to complain about: no clipping, gaps, dead channels or clock trouble was found.'));
+  else card.append(el('p', {style: 'margin:0'}, '✓ No problem found: no clipping, gaps, dead channels or clock differences.'));
   if (notes.length) card.append(more(`${notes.length} routine note${notes.length === 1 ? '' : 's'}`, list(notes)));
 };
 
@@ -920,8 +920,8 @@ const provenance = s => {
   // JavaScript's numbers cannot hold every 64-bit seed: its digits as they were written.
   const seed = (source.match(/"seed":\s*(\d+)/) || [, String(p.seed)])[1];
   const rows = [['robot', p.robot_name], ['command', p.command], ['version', [p.version, p.revision].filter(Boolean).join(' · ')], ['seed', seed],
-    ['size that matters (δ)', `${show(p.delta_N, 'N')}, ${show(p.delta_m, 'm')}`], 
-    ['held back, each in turn', p.held_out_families.map(plain).join(', ') || '–'], ['took', `${digits(p.seconds, 3)} s`]];
+    ['materiality (δ)', `${show(p.delta_N, 'N')}, ${show(p.delta_m, 'm')}`], 
+    ['held out, each in turn', p.held_out_families.map(plain).join(', ') || '–'], ['took', `${digits(p.seconds, 3)} s`]];
   const card = el('div', {class: 'card'}, table([['', 'c'], ['', 'c']], rows.map(([k, v]) => ({cells: [k, k === 'command' ? el('span', {class: 'mono'}, v) : v]}))));
   card.querySelector('thead').remove();
   if (p.runs.length) card.append(el('h3', {}, 'Runs'), table([['run', 'c'], ['family', 'c'], ['repeats', 'c'], ['duration', 'n'], ['rate', 'n'], ['samples', 'n'], ['SHA-256 of the file', 'mono']],
@@ -932,13 +932,13 @@ const provenance = s => {
 
 try { facts(); } catch (error) { problems.push(`facts: ${error.message}`); console.error(error); }
 section('where', 'Where the gap lies', 'Where', 'Each box feeds what was measured before it into the model of one part of the robot and compares what comes out with what was measured after it; colour shows how far the difference exceeds the noise.', chain);
-section('cause', 'Which effect causes it', 'Cause', 'Each bar is the probability of one explanation, judged on runs held back, that is, not used to find it; “no gap” and “unknown” compete with the rest.', causes);
-section('closed', 'How far the gap shrinks', 'Closed', 'The difference between robot and simulation before and after the cause is put into the simulator, on runs held back; dotted lines mark the noise floor, below which nothing can be gained.', closing);
-section('runs', 'Runs held back, measured and simulated', 'Runs', 'The robot against the nominal simulation and the corrected one over time; below, what each of them misses. Good is: the blue line stays within the grey band.', overlays);
+section('cause', 'Which effect causes it', 'Cause', 'Each bar is the probability of one explanation, judged on held-out runs, which were not used to find it; “no gap” and “unknown” compete with the rest.', causes);
+section('closed', 'How far the gap shrinks', 'Closed', 'The difference between robot and simulation before and after the cause is put into the simulator, on held-out runs; dotted lines mark the noise floor, below which nothing can be gained.', closing);
+section('runs', 'Held-out runs, measured and simulated', 'Runs', 'The robot against the nominal simulation and the corrected one over time; below, the error of each. A good result stays within the grey band.', overlays);
 section('conditions', 'When the difference appears', 'Conditions', 'The mean difference (measured less simulated) against one condition at a time: a step at zero speed hints at friction, a slope at a wrong scale, a bow at a wrong law.', maps);
 section('loops', 'Hysteresis loops', 'Loops', 'The same runs as loops: width is energy lost to friction, tilt is stiffness, a flat stretch at the turns is play. The simulation should trace the measured loop.', loops);
-section('growth', 'What is left, and how errors grow', 'Left over', 'How fast the simulation drifts from the robot once it is left alone, and whether what remains still follows the inputs.', growth);
-section('rivals', 'Which causes look alike', 'Rivals', 'How similar the marks are that two causes would leave in exactly these runs; the likeliest of a look-alike group is not to be trusted without another experiment.', rivals);
+section('growth', 'What remains, and how errors grow', 'Left over', 'How fast the simulation drifts from the robot once it runs freely, and whether what remains still follows the inputs.', growth);
+section('rivals', 'Which causes look alike', 'Rivals', 'How similar the signatures of two causes would be in these runs; do not trust the likeliest of a look-alike group without another experiment.', rivals);
 section('next', 'What to do next', 'Next', 'To copy into a shell. Where explanations remain: the run from the menu that would separate them most, within the limits of this robot.', next);
 section('health', 'Health of the data', 'Data', 'What was noticed in the logs themselves, what it means for the diagnosis, and the remedy.', health);
 section('limits', 'What these logs cannot tell', 'Limits', 'Missing sensors, repeats or runs narrow what can be said; this is what they cost.', degradations);
