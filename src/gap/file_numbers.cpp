@@ -1,4 +1,5 @@
-// One line a number; each is followed from the file's value in the direction that helps, in doubling steps.
+// Describes each number of the robot file; a fit follows it from the file's value in the direction that
+// helps, in doubling steps.
 #include "file_numbers.h"
 
 #include <fmt/core.h>
@@ -16,7 +17,7 @@
 namespace tendril::gap {
 namespace {
 
-/// By the end of the key, the effect that is the same number.
+/// The effect that is the same number, by the end of the key.
 constexpr std::pair<std::string_view, std::string_view> kEffects[] = {
     {"unit_length_m", "unit_length"},
     {"youngs_modulus_Pa", "bending_stiffness"},
@@ -70,7 +71,7 @@ void AddBody(const RobotParameters& robot, std::vector<FileNumber>& all) {
   section("bending_damping_Nms", &SectionParameters::bending_damping_Nms);
   section("disk_inertia_xx_kgm2", &SectionParameters::disk_inertia_xx_kgm2);
   section("disk_inertia_zz_kgm2", &SectionParameters::disk_inertia_zz_kgm2);
-  // A disk's inertia follows from its mass where the file gives its diameter.
+  // A disk's inertia follows from its mass if the file gives its diameter.
   const double mass_kg = robot.body.sections.front().unit_mass_kg;
   all.push_back({"body.sections.unit_mass_kg", mass_kg, false, [](RobotParameters& r, double change) {
                    for (SectionParameters& s : r.body.sections) {
@@ -99,10 +100,11 @@ void AddBody(const RobotParameters& robot, std::vector<FileNumber>& all) {
   }
 }
 
-/// The runs' angles were made with the file's counts. As though they were right, the spool winds otherwise by each
-/// radian, and torques, inertia and angles are those of a motor behind a gear of that ratio.
+/// Changes the encoder counts. The runs' angles were computed with the file's counts, so a wrong count scales
+/// them: this is equivalent to a different spool travel per radian, and to torques, inertia and angles of a
+/// motor behind a gear of that ratio.
 void RecountMotor(TendonDriveParameters& drive, double change) {
-  const double turned = std::exp(change);  // angle in the runs over the motor's own
+  const double turned = std::exp(change);  // angle in the runs over the motor's true angle
   drive.spool.radius_m /= turned;
   drive.motor.torque_scale /= turned;
   drive.motor.coulomb_friction_Nm /= turned;
@@ -155,7 +157,7 @@ void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
   pulley("exponent", &PulleyParameters::exponent);
 }
 
-/// Log score of one number at its changes, on some runs or on all, with the nuisances free.
+/// Log score of one number as a function of its change, on some or all runs, with the nuisances free.
 class Scored {
  public:
   Scored(const Evaluator& evaluator, const Weights& weights, const Nuisances& nuisances, const Folds& folds)
@@ -164,7 +166,7 @@ class Scored {
     for (const double deviation : nuisances.prior) bounds_.AddNuisance(deviation);
   }
 
-  /// -infinity where the robot cannot be simulated so.
+  /// -infinity where that robot cannot be simulated.
   double At(const FileNumber& number, double change, const std::vector<int>& runs,
             Residuals* residuals = nullptr) const {
     try {
@@ -217,7 +219,7 @@ struct Point {
   double change = 0, score = -INFINITY;
 };
 
-/// Halves the bracket of `step` about a point.
+/// Refines about a point by halving the step.
 Point Refined(const std::function<double(double)>& score, Point best, double step, int halvings) {
   for (int k = 0; k < halvings; ++k, step /= 2) {
     for (const double change : {best.change - step, best.change + step}) {
@@ -230,8 +232,8 @@ Point Refined(const std::function<double(double)>& score, Point best, double ste
   return best;
 }
 
-/// The best of a ladder of doubling steps in both directions, refined. The first steps are all taken, since a number
-/// that is far off may do worse before it does better; later ones as long as each is better than the last.
+/// The best of doubling steps in both directions, refined. The first steps are always taken, since the score
+/// may fall before it rises for a number that is far off; later ones only while the score improves.
 Point Followed(const std::function<double(double)>& score, const Point& start, double first_step, double most,
                int halvings) {
   constexpr double kAnyway = 1;  // a factor of e, or a radian
@@ -248,7 +250,7 @@ Point Followed(const std::function<double(double)>& score, const Point& start, d
   return best.change == 0 ? best : Refined(score, best, std::abs(best.change) / 2, halvings);
 }
 
-/// A run of each kind of motion, the shortest, up to three.
+/// The shortest run of each family, up to three.
 std::vector<int> FewRuns(const Evaluator& evaluator) {
   constexpr std::size_t kRuns = 3;
   std::vector<int> order(evaluator.runs().size());
@@ -286,7 +288,7 @@ std::vector<FileNumber> FileNumbers(const RobotParameters& robot) {
 std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Weights& weights,
                                   const Nuisances& nuisances, const Folds& folds, int count, int threads,
                                   const std::function<void(double)>& progress) {
-  // From a fifth to three orders of magnitude, a slip of milli for one; angles up to half a turn.
+  // From a fifth to three orders of magnitude, such as a missing milli; angles up to half a turn.
   constexpr double kFirstStep = 0.2, kMost = 7, kFirstStep_rad = 0.1, kMost_rad = std::numbers::pi;
   constexpr int kCoarse = 2, kFine = 6;
   const Scored scored(evaluator, weights, nuisances, folds);

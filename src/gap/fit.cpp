@@ -12,7 +12,7 @@
 namespace tendril::gap {
 namespace {
 
-/// Minimum of 1/2 x'Hx - g'x within bounds, by fixing what runs against its bound (few variables).
+/// Minimum of 1/2 x'Hx - g'x within bounds, fixing variables that reach a bound (few variables).
 Eigen::VectorXd Bounded(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, const Eigen::VectorXd& lower,
                         const Eigen::VectorXd& upper) {
   const int n = static_cast<int>(g.size());
@@ -46,7 +46,7 @@ Eigen::VectorXd Bounded(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, cons
   return x;
 }
 
-// How far a parameter may go, in plainly visible deviations: next to free.
+// Prior of effect parameters, in plainly visible deviations: nearly unconstrained.
 constexpr double kPriorScales = 30;
 
 void Append(Eigen::VectorXd& x, double value) {
@@ -54,11 +54,11 @@ void Append(Eigen::VectorXd& x, double value) {
   x[x.size() - 1] = value;
 }
 
-// What a gap that one fold alone can show has to bring beyond what any parameter takes up by chance, and the
-// share of what is known of a parameter that the other folds must have for it to be held out.
+// Cost of a gap that only one fold can show, beyond what any parameter gains by chance, and the share of a
+// parameter's information that the other folds must have for the fold to be held out.
 constexpr double kOnlyFoldCost = 8, kElsewhere = 0.02;
 
-/// The fold that alone says what one of the first `own` parameters is, or -1.
+/// The only fold that determines one of the first `own` parameters, or -1.
 int OnlyFold(const Normal& normal, int own) {
   for (int k = 0; k < own; ++k) {
     double sum = 0;
@@ -174,8 +174,7 @@ unsigned CutsOf(const Evaluator& evaluator, const Model& model) {
 
 namespace {
 
-/// Residuals in one vector, weighted, of the channels that the cuts contain, nuisances as linear terms,
-/// priors below.
+/// Weighted residuals in one vector: the channels of the cuts, nuisances as linear terms, then the priors.
 class Cost final : public ceres::CostFunction {
  public:
   Cost(const Evaluator& evaluator, const Weights& weights, const Nuisances& nuisances, const Model& model,
@@ -189,7 +188,7 @@ class Cost final : public ceres::CostFunction {
     mutable_parameter_block_sizes()->push_back(free);
   }
 
-  /// Simulated once a point: the solver asks for residuals first and for derivatives there later.
+  /// Simulates each point once: the solver asks for residuals first and for derivatives there later.
   const Residuals& ResidualsOf(const Model& model) const {
     if (linear_.IsOf(model)) return linear_.residuals;
     if (!tried_.IsOf(model)) {
@@ -243,14 +242,14 @@ class Cost final : public ceres::CostFunction {
       }
       return true;
     } catch (const std::exception&) {
-      return false;  // parameters that cannot be simulated: the step is shortened
+      return false;  // cannot be simulated: the solver shortens the step
     }
   }
 
   double Scale(int k) const { return ScaleOf(model_.parameter(k)); }
 
  private:
-  /// sqrt(w) times factor times the channels that `like` has.
+  /// sqrt(w) times factor times the channels of `like`.
   template <class Out>
   void Stack(const Residuals& values, const Residuals& like, double factor, Out&& out) const {
     int row = 0;
@@ -286,11 +285,11 @@ class Cost final : public ceres::CostFunction {
       return values.size() == model.values.size() && !residuals.empty() && values == model.values;
     }
   };
-  mutable Point tried_, linear_;  // where residuals alone were asked for last, and where derivatives were
+  mutable Point tried_, linear_;  // last points of a residual and of a derivative evaluation
 };
 
-/// Of estimates without each fold (a jackknife): it says more than the noise, since the folds differ by what
-/// the model lacks.
+/// Jackknife covariance of the estimates without each fold. It includes model discrepancy, by which folds
+/// differ, in addition to noise.
 Eigen::MatrixXd Scatter(const std::vector<Eigen::VectorXd>& estimates) {
   const auto n = estimates.front().size(), folds = static_cast<Eigen::Index>(estimates.size());
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
@@ -344,13 +343,13 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
   const unsigned cuts = CutsOf(evaluator_, start);
   const int n = start.size(), extra = static_cast<int>(nuisances_.columns.size());
   std::vector<double> x(n + extra, 0.0);
-  Model first = start;  // as the solver's variables give it back, to the last bit: that point is known then
+  Model first = start;  // exactly as the solver's variables return it, so that this point is cached
   for (int k = 0; k < n; ++k) {
     const auto& p = start.parameter(k);
     x[k] = std::clamp(start.values[k], p.lower, p.upper) / ScaleOf(p);
     first.values[k] = x[k] * ScaleOf(p);
   }
-  Cost* cost = new Cost(evaluator_, weights_, nuisances_, first, cuts);  // the problem's
+  Cost* cost = new Cost(evaluator_, weights_, nuisances_, first, cuts);  // owned by the problem
   ceres::Problem problem;
   problem.AddResidualBlock(cost, nullptr, x.data());
   for (int k = 0; k < n; ++k) {
@@ -365,8 +364,8 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
   options.logging_type = ceres::SILENT;
   options.num_threads = 1;
   options.max_num_consecutive_invalid_steps = 3;
-  // Between bounds each step would be searched along by gradients besides, at two simulations a trial or
-  // more: a third of all time for what the trust region does anyway.
+  // Bounds would add a projected line search to each step, at two or more simulations per trial, although the
+  // trust region already handles them.
   options.max_num_line_search_step_size_iterations = 0;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
@@ -380,11 +379,11 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
     const double width = p.upper - p.lower;
     const bool at_bound =
         fit.model.values[k] < p.lower + 1e-3 * width || fit.model.values[k] > p.upper - 1e-3 * width;
-    // A law of the robot file that is gone is at no bound.
+    // A law of the robot file that is removed is not at a bound.
     const bool gone = !p.shape && std::abs(fit.model.values[k] - start.nothing(k)) <= 1e-3 * width;
     if (at_bound && !gone && std::abs(fit.model.values[k] - p.nominal) > 1e-3 * width) {
       fit.bound_hit = true;
-      // A factor of zero leaves nothing of a number: there is no less of it.
+      // A factor of zero removes the number: there is no smaller value.
       const bool nothing_left = p.nominal == 1 && p.lower == 0 && fit.model.values[k] < 1e-3 * width;
       if (!p.shape && !nothing_left) fit.bound = k;
     }
@@ -396,7 +395,7 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
   std::vector<const Column*> columns;
   for (const auto& column : fit.columns) columns.push_back(&column);
   for (const auto& column : nuisances_.columns) columns.push_back(&column);
-  // Nuisances act on channels outside these cuts as well; there the nominal residuals count.
+  // Nuisances also act on channels outside these cuts; nominal residuals are used there.
   const Residuals& rest = evaluator_.AtNominal();
   const Normal normal = Accumulate(columns, at, rest, weights_, folds_);
   Bounds bounds;
@@ -406,7 +405,7 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n + extra);
   for (std::size_t f = 0; f < normal.A.size(); ++f) A += normal.A[f], b += normal.b[f];
   const Eigen::MatrixXd regular = bounds.prior.array().square().inverse().matrix().asDiagonal();
-  // The model's own parameters are at their optimum; only the nuisances move with all data.
+  // The model's own parameters are at their optimum; only the nuisances are refitted to all data.
   const auto leave_out = [&](int fold) {
     const Eigen::MatrixXd Af = fold < 0 ? A : Eigen::MatrixXd(A - normal.A[fold]);
     const Eigen::VectorXd bf = fold < 0 ? b : Eigen::VectorXd(b - normal.b[fold]);
@@ -445,7 +444,8 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
   fit.scatter = Scatter(estimates);
   const Eigen::MatrixXd inverse = (A + regular).ldlt().solve(Eigen::MatrixXd::Identity(n + extra, n + extra));
   fit.covariance = inverse.topLeftCorner(n, n) + fit.scatter;
-  // A model that misjudged the motion before misjudges a change by as much in all runs alike.
+  // A model with an error in the motion before the change is assumed to have the same relative error in the
+  // change, fully correlated over all runs.
   for (int k = 0; k < n; ++k) {
     const double change = fit.model.values[k] - start.parameter(k).nominal;
     fit.covariance(k, k) += std::pow(evaluator_.wrong_before() * change, 2);

@@ -1,4 +1,4 @@
-// Floors and scores as a cause makes them.
+// Floors and scores of a robot with a cause.
 #include "floor_at_cause.h"
 
 #include <algorithm>
@@ -14,12 +14,12 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kPlainlyLess = 0.5;  // of what repetitions differ by
-constexpr double kMayHide = 2;        // times the sensors' noise: what differs by less hides little
-// Of the best singles and of the best pairs, to be tried for making repetitions differ.
+constexpr double kPlainlyLess = 0.5;  // of the differences between repetitions
+constexpr double kMayHide = 2;        // in units of sensor noise; smaller differences hide little
+// Number of best singles and best pairs tried as the cause of the differences between repetitions.
 constexpr std::size_t kMayNotRepeat = 4;
 
-/// Log score that the missing noise alone is expected to bring.
+/// Expected log score gained by the missing noise alone.
 double Quiet(const Evaluator& nominal, const Evaluator& other, const Weights& weights) {
   double sum = 0;
   for (int c = 0; c < static_cast<int>(nominal.channels().size()); ++c) {
@@ -34,7 +34,7 @@ double Quiet(const Evaluator& nominal, const Evaluator& other, const Weights& we
   return sum;
 }
 
-/// The runs that were repeated, and their repetitions.
+/// The repeated runs and their repetitions.
 DataSet Repeated(const DataSet& set) {
   std::set<std::string> names;
   for (const Run& run : set.runs) {
@@ -47,8 +47,8 @@ DataSet Repeated(const DataSet& set) {
   return repeated;
 }
 
-/// The best single cause, where the floor may be taken at it: what is compared with runs from before has the
-/// noise of both.
+/// The best single cause, if the floor may be determined with it: comparisons with runs from before contain
+/// the noise of both.
 const Fit* LikeliestCause(const DataSet& set, const SearchResult& search) {
   if (search.fits.empty() || Compared(set)) return nullptr;
   const Fit& best = search.fits.front();
@@ -104,8 +104,7 @@ std::optional<Narrowed> WithRepeatabilityOfCause(const Evaluator& evaluator, con
                                                  const Evaluator::Options& options) {
   const DataSet repeated = Repeated(set);
   const Eigen::VectorXd& by = evaluator.repetitions_by();
-  double least =
-      0;  // sum over the channels that do not repeat of log floors, less those of the nominal robot
+  double least = 0;  // sum over non-repeating channels of log floors, less those of the nominal robot
   const Model* best = nullptr;
   double differed = 0;
   const auto with = [&](const Model& cause, const DataSet& runs) {
@@ -118,7 +117,7 @@ std::optional<Narrowed> WithRepeatabilityOfCause(const Evaluator& evaluator, con
       const Evaluator there = with(cause, repeated);
       if (!SameChannels(there, evaluator)) continue;
       double sum = 0;
-      double most = 0;  // of the channels that repeat plainly better with it
+      double most = 0;  // of the channels that repeat clearly better with the cause
       for (int c = 0; c < by.size(); ++c) {
         if (by[c] <= kMayHide) continue;
         const double share = there.channels()[c].floor / evaluator.channels()[c].floor;
@@ -128,7 +127,7 @@ std::optional<Narrowed> WithRepeatabilityOfCause(const Evaluator& evaluator, con
       }
       if (most > 0 && sum < least) least = sum, best = &cause, differed = most;
     } catch (const std::exception&) {
-      // A robot that cannot follow these runs says nothing of how they repeat.
+      // A robot that cannot follow these runs does not show how they repeat.
     }
   }
   if (best == nullptr) return std::nullopt;
@@ -155,7 +154,7 @@ void SubtractNoiseGain(const Evaluator& evaluator, const DataSet& set, const Eva
         with_cause.robot = best.model.Robot(evaluator.nominal());
         best.quiet = Quiet(evaluator, Evaluator(with_cause, options), weights);
       } catch (const std::exception&) {
-        // A robot that cannot follow other readings of these runs is not known to be quiet.
+        // A robot that cannot follow alternative readings of these runs is not known to be quieter.
       }
       best.score -= *best.quiet;
       best.held_out_score -= *best.quiet;

@@ -1,5 +1,5 @@
-// How much of the residuals is not the model's fault: noise, resolution, what a robot does not repeat, and
-// what the model had wrong before a change.
+// The part of the residuals that is not a model error: noise, resolution, imperfect repeatability, and the
+// model error before a change.
 #include <fmt/core.h>
 
 #include <Eigen/Core>
@@ -24,20 +24,20 @@ namespace {
 
 using Quantity = Channel::Quantity;
 
-// Nobody cares about less than this share of the floor, nor of the signal: simulations of one model agree no
+// Minimum materiality as a share of the floor and of the signal: two simulations of one model agree no
 // better.
 constexpr double kFloorShare = 0.2, kSignalShare = 1e-3;
 constexpr double kTransient = 4;  // times the white noise's variance, within one window
 constexpr double kResolutionWindow_s = 0.25;
-// Motors all within this share of their range stand as before; with fewer such returns nothing is known of
-// how a robot repeats.
+// Motors within this share of their range count as back at the same position; fewer returns than this do not
+// show how a robot repeats.
 constexpr double kReturnShare = 0.01;
 constexpr int kLeastReturns = 20;
-constexpr int kLeastWindows = 20;  // of two repetitions, to know how a channel repeats
-// Repetitions that differ by more, in times of the sensors' noise, may well be of another robot.
+constexpr int kLeastWindows = 20;  // of two repetitions, for an estimate of a channel's repeatability
+// Repetitions that differ by more (in units of sensor noise) may be of different robots.
 constexpr double kOtherRobot = 5;
 
-/// rms of white noise on a smooth signal, from third differences (robust against the motion itself).
+/// rms of the white noise of a smooth signal, from third differences (robust against motion).
 double WhiteNoise(const Eigen::Ref<const Eigen::VectorXd>& signal) {
   std::vector<double> differences;
   for (Eigen::Index i = 3; i < signal.size(); ++i) {
@@ -47,8 +47,8 @@ double WhiteNoise(const Eigen::Ref<const Eigen::VectorXd>& signal) {
   if (differences.size() < 50) return 0;
   const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
   std::nth_element(differences.begin(), middle, differences.end());
-  // The median is no motion's; but of a coarsely rounded signal it is one of a few values, and the mean
-  // square of what is of its size says more.
+  // The median ignores motion, but for a coarsely rounded signal it is one of a few values; the mean square
+  // of differences of that size is more accurate.
   const double most = 4 * *middle / 0.6745;
   double square = 0, count = 0;
   for (const double d : differences) {
@@ -57,13 +57,13 @@ double WhiteNoise(const Eigen::Ref<const Eigen::VectorXd>& signal) {
   return std::sqrt(square / count / 20);
 }
 
-/// Of a cell that is slower than the log: a straight line between readings has no noise.
+/// Own readings of a cell that is slower than the log: an interpolated line has no noise.
 Eigen::VectorXd OwnReadings(const PreparedRun& run, int tendon) {
   const std::vector<int>& read = run.cell_read[static_cast<std::size_t>(tendon)];
   return read.empty() ? run.cell_N.col(tendon).eval() : run.cell_N.col(tendon)(read).eval();
 }
 
-/// Samples of a channel in one of its windows; tracker, and cells at times, are slower than the grid.
+/// Samples of a channel in one of its windows; trackers and some cells are slower than the grid.
 double SamplesIn(const PreparedRun& run, const Channel& channel) {
   const double width = WindowSamples(run, channel);
   if (channel.quantity == Channel::Quantity::kTension && run.cell_N.cols() > channel.index) {
@@ -75,9 +75,9 @@ double SamplesIn(const PreparedRun& run, const Channel& channel) {
   return std::clamp(run.tracker_s.size() / duration * width * run.signals.step_s, 1.0, width);
 }
 
-/// Spread of a log's readings, from their mean square distance to the best one, smoothed over neighbouring
-/// windows: a few draws alone say little. The readings scatter about the truth as the best one does: twice
-/// their distance from it, half of it each.
+/// Spread of alternative readings, from their mean square distance to the best one, smoothed over
+/// neighbouring windows because there are few draws. Draws and best reading scatter equally about the truth,
+/// so half of that distance belongs to each.
 Eigen::VectorXd ReadingSpread(const Eigen::VectorXd& square, double window_s) {
   const auto windows = static_cast<int>(square.size());
   const Eigen::VectorXd scatter = square.array().isFinite().select(square, 0.0);
@@ -90,9 +90,9 @@ Eigen::VectorXd ReadingSpread(const Eigen::VectorXd& square, double window_s) {
   return spread;
 }
 
-/// A residual that changes within a window by more than white noise does is a transient (a motor breaking
-/// loose, a tendon catching), and what the window's mean is depends on microseconds. What scatters in half of
-/// the windows is noise: of the torque as well, where it is the input.
+/// A residual that changes more within a window than white noise is a transient (a motor breaking loose, a
+/// tendon catching) whose mean depends on microseconds. A channel with transients in half of its windows is
+/// noisy instead, and so is the torque where it is the input.
 Eigen::VectorXd Transients(const Eigen::VectorXd& within, double white) {
   const auto windows = static_cast<int>(within.size());
   std::vector<double> scatters;
@@ -111,8 +111,8 @@ Eigen::VectorXd Transients(const Eigen::VectorXd& within, double white) {
   return excess;
 }
 
-/// Mean square of white noise of rms `noise` about a whole count, rounded to whole counts: what a torque
-/// shows that has settled on one.
+/// Mean square of white noise of rms `noise` about a whole count after rounding to whole counts: the reported
+/// torque of a settled drive.
 double RoundedSquare(double noise) {
   constexpr double kNone = 1e-6;
   double square = 0;
@@ -124,10 +124,10 @@ double RoundedSquare(double noise) {
   return square;
 }
 
-/// Share of a run's rows at which a drive that reports whole counts has its torque between two of them. What
-/// was sent is whole counts as well: a torque that has settled lies on one, where rounding takes most of the
-/// noise away; on its way to the next target (86 % there after two lags) rounding is up to half a count.
-/// Which rows those are depends on a delay that is not known yet; how many does not.
+/// Share of a run's rows in which the torque of a drive that reports whole counts lies between two of them.
+/// Targets are whole counts as well, so a settled torque lies on one and rounding suppresses most of its
+/// noise; in between, the rounding error is up to half a count. The share does not depend on the unknown
+/// delay, unlike the rows themselves.
 double ShareOnItsWay(const sim::ReplaySignals& signals, int tendon, double lag_s, double count_Nm) {
   constexpr double kWhole = 0.01;  // of a count
   const auto whole = [&](double torque_Nm) {
@@ -144,11 +144,12 @@ double ShareOnItsWay(const sim::ReplaySignals& signals, int tendon, double lag_s
     rounded += 1;
     if (i - changed < rows_a_change || !whole(target[i])) on_its_way += 1;
   }
-  // Straight lines across lost rows are not whole; what hardly ever is was never rounded.
+  // Interpolated values across lost rows are not whole counts; a signal that rarely is whole was never
+  // rounded.
   return rounded > 0.5 * static_cast<double>(target.size()) ? on_its_way / rounded : 0;
 }
 
-/// What a target did between the samples of a slow log is open by as much as it changed over them.
+/// Uncertainty of a target between the samples of a slow log: its change over them.
 Eigen::VectorXd BetweenSamples(const Eigen::Ref<const Eigen::VectorXd>& target, int windows) {
   Eigen::VectorXd square = Eigen::VectorXd::Zero(windows);
   for (int w = 1; w + 1 < windows; ++w) {
@@ -158,7 +159,7 @@ Eigen::VectorXd BetweenSamples(const Eigen::Ref<const Eigen::VectorXd>& target, 
   return square;
 }
 
-/// What it did between samples, of which it is known that it went about straight, by how much it bends there.
+/// Uncertainty of an approximately straight signal between samples: its curvature there.
 Eigen::VectorXd OffStraight(const Eigen::Ref<const Eigen::VectorXd>& target, int windows) {
   Eigen::VectorXd square = Eigen::VectorXd::Zero(windows);
   for (int w = 1; w + 1 < windows; ++w)
@@ -176,13 +177,13 @@ void Evaluator::FindFloors(const DataSet& set, const Options& options) {
   ScaleByRepetition(options);
 }
 
-// White noise of one sample, from the measured signals themselves; a sensor's resolution is a floor even
-// where it shows none.
+// White noise of one sample, from the measured signals; the sensor's resolution is a lower limit even where
+// no noise shows.
 void Evaluator::FindWhiteNoise() {
   for (auto& channel : channels_) {
     std::vector<double> noise;
     for (const auto& run : runs_) {
-      if (run.signals.at_rest) continue;  // from one state to the next is no noise
+      if (run.signals.at_rest) continue;  // differences between states are motion, not noise
       switch (channel.quantity) {
         case Quantity::kTorque: {
           Eigen::VectorXd torque_Nm = run.signals.torque_actual_Nm.col(channel.index);
@@ -202,7 +203,7 @@ void Evaluator::FindWhiteNoise() {
           if (run.tip_R.empty()) break;
           Eigen::MatrixXd turn(static_cast<int>(run.tip_R.size()), 3);
           for (int k = 0; k < turn.rows(); ++k) {
-            // Against the first orientation, in the tip's own axes, where no turn is near pi.
+            // Relative to the first orientation, in the tip's own axes, where no rotation is near pi.
             turn.row(k) = RotationVector(run.tip_R[0].transpose() * run.tip_R[k]);
           }
           if (const double n = WhiteNoise(turn.col(channel.index)); n > 0) noise.push_back(n);
@@ -219,7 +220,7 @@ void Evaluator::FindWhiteNoise() {
             ->tendons[channel.quantity == Quantity::kTorque || channel.quantity == Quantity::kTension
                           ? channel.index
                           : 0];
-    double least = 0;  // a sensor's resolution is a floor even where it shows no noise
+    double least = 0;  // a sensor's resolution limits it even without visible noise
     if (channel.quantity == Quantity::kTorque)
       least = 1e-3 * p.drive.rated_torque_Nm *
               std::sqrt(std::max(1.0 / 12, RoundedSquare(p.drive.actual_torque_noise_permille)));
@@ -236,7 +237,7 @@ void Evaluator::FindWhiteNoise() {
   }
 }
 
-// The nominal residuals, and how they scatter over alternative readings of the same logs.
+// The nominal residuals, and their scatter over alternative readings of the same logs.
 void Evaluator::FindVariances(const DataSet& set, const Options& options) {
   const int runs = static_cast<int>(runs_.size()), channels = static_cast<int>(channels_.size());
   std::vector<Residuals> readings(static_cast<std::size_t>(options.readings), Residuals(runs));
@@ -303,7 +304,7 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
         for (const Residuals& reading : readings) scatter += (reading[i][c] - r).cwiseAbs2();
         spread = ReadingSpread(scatter / options.readings, window_s(i, c));
       }
-      // What is rounded stays off by the same as long as nothing moves.
+      // Rounding errors are constant while nothing moves.
       if (channel.quantity == Quantity::kTipPosition) spread.array() += std::pow(runs_[i].tip_step_m, 2) / 12;
       if (channel.quantity == Quantity::kTipDirection)
         spread.array() += std::pow(runs_[i].tip_step_rad, 2) / 12;
@@ -335,7 +336,7 @@ double Evaluator::Spread(const Channel& channel) const {
       }
     };
     if (channel.quantity == Quantity::kTension && has(kC3)) add(run.cell_N);
-    // Without cells, of what torque makes: roughly, which is all that it is used for.
+    // Without cells the tension is taken from the torque, which is accurate enough for this.
     if (channel.quantity == Quantity::kTension && !has(kC3)) {
       const double travel_m =
           nominal_.actuation->tendons[static_cast<std::size_t>(channel.index)].SpoolTravelPerMotorRad();
@@ -352,14 +353,15 @@ double Evaluator::Spread(const Channel& channel) const {
   return signals > 0 ? std::sqrt(std::max(0.0, square / signals - std::pow(signal_sum / signals, 2))) : 0;
 }
 
-// What the nominal robot leaves of a run less what it left of the same commands before: errors of the model
-// that were there before cancel, window by window, and the noise of both runs remains. A model that was off
-// by a tenth of the motion then is taken to be off by a tenth of the change now: that is in the noise.
+// The nominal residual of a run less that of the same commands before: earlier model errors cancel, window by
+// window, and the noise of both runs remains. The model is assumed to have the same relative error in the
+// change as in the earlier motion; this is added to the noise.
 void Evaluator::SubtractBefore() {
   std::map<std::string, std::size_t> by_name;
   for (std::size_t i = 0; i < runs_.size(); ++i) by_name[runs_[i].name] = i;
   std::vector<char> is_before(runs_.size(), 0);
-  std::map<std::pair<sim::Cut, Quantity>, std::pair<double, double>> wrong;  // squares: left before, measured
+  std::map<std::pair<sim::Cut, Quantity>, std::pair<double, double>>
+      wrong;  // squares: residual before, measurement
   int compared = 0;
   CommandsCompared least_alike;
   for (const auto& run : runs_) {
@@ -428,7 +430,7 @@ void Evaluator::SubtractBefore() {
     if (!(measured > 0)) continue;
     wrong_before_ = std::max(wrong_before_, std::sqrt(left / measured));
   }
-  // Where and whether something changed is then told by the noise alone, and a cause by nothing.
+  // Whether and where something changed then depends on the noise alone, and no cause is named.
   for (std::size_t c = 0; !useless() && c < channels_.size(); ++c) {
     const auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
     if (!(measured > 0)) continue;
@@ -508,12 +510,12 @@ bool Evaluator::Widen(const Evaluator& other) {
 }
 
 double Evaluator::Unrepeated(int channel, int& returns) const {
-  // States of all runs one after the other.
+  // States of all runs in sequence.
   struct State {
     int run, row;
   };
   std::vector<State> states;
-  // Where motors are nowhere known, by how the tendons are pulled.
+  // Without any motor positions, by the tendons' tensions.
   const bool motors =
       std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return !r.without_motors(); });
   const auto by = motors ? &sim::ReplaySignals::motor_angle_rad : &sim::ReplaySignals::tension_N;
@@ -541,7 +543,7 @@ double Evaluator::Unrepeated(int channel, int& returns) const {
   for (std::size_t b = 1; b < states.size(); ++b) {
     const auto at = (runs_[states[b].run].signals.*by).row(states[b].row);
     for (std::size_t a = 0; a < b; ++a) {
-      // Not having moved is no return.
+      // A motor that never moved has not returned.
       if (states[a].run == states[b].run && states[b].row - states[a].row < 3) continue;
       const auto was = (runs_[states[a].run].signals.*by).row(states[a].row);
       if ((at - was).cwiseAbs().maxCoeff() > kReturnShare * range) continue;
@@ -555,8 +557,8 @@ double Evaluator::Unrepeated(int channel, int& returns) const {
   return returns > 0 ? sum / returns : 0;
 }
 
-// How much more than noise and resolution identical runs differ, and what follows of each channel's floor and
-// materiality.
+// How much more identical runs differ than noise and resolution explain, and the resulting floor and
+// materiality of each channel.
 void Evaluator::ScaleByRepetition(const Options& options) {
   const int runs = static_cast<int>(runs_.size()), channels = static_cast<int>(channels_.size());
   // Identical repetitions: half the mean-square difference of their residuals.
@@ -564,7 +566,7 @@ void Evaluator::ScaleByRepetition(const Options& options) {
   for (int i = 0; i < runs; ++i) by_name[runs_[i].name] = i;
   int most_returns = 0;
   struct Repeated {
-    double ratio = 0, square = 0;  // of half a squared difference to what noise makes of it, and itself
+    double ratio = 0, square = 0;  // half a squared difference over its noise, and that difference itself
     int windows = 0;
     bool known() const { return windows > kLeastWindows; }
   };
@@ -592,8 +594,8 @@ void Evaluator::ScaleByRepetition(const Options& options) {
       repeated.square /= repeated.windows;
     }
   }
-  // A motor that stood in the runs that were repeated, and moves in others, is taken to repeat no better than
-  // the others of its kind.
+  // A motor that rested in the repeated runs and moves in others is assumed to repeat no better than the
+  // others of its kind.
   const auto others = [&](int c) {
     Repeated sum;
     for (int o = 0; o < channels; ++o) {

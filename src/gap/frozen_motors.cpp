@@ -1,4 +1,4 @@
-// What stands, and whether the residual between tension and stretch believes it.
+// Positions that stand still, tested by the residual between tension and stretch.
 #include "frozen_motors.h"
 
 #include <algorithm>
@@ -15,15 +15,15 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kFrozen_s = 0.3;
-constexpr double kHeld = 0.15;  // of the largest tension: less is not worth a look
-constexpr double kLarge = 8;    // times what stretch leaves of tension elsewhere
+constexpr double kHeld = 0.15;  // of the largest tension: smaller changes are ignored
+constexpr double kLarge = 8;    // times the residual between stretch and tension elsewhere
 
-/// Stretches of one motor at one value.
+/// Intervals of one motor at one value.
 void AddStanding(const DataSet& set, std::size_t at, Eigen::Index tendon,
                  std::vector<FrozenMotor>& standing) {
   const Run& run = set.runs[at];
   const auto x = run.motor_position_rad.col(tendon);
-  const double next_s = kBridged_s + UsualStep(run);  // longer, and it may have gone and come back
+  const double next_s = kBridged_s + UsualStep(run);  // in a longer gap the motor may have moved and returned
   FrozenMotor now{at, tendon, 0, 0};
   const auto end = [&] {
     if (now.to == 0 || run.time_s[now.to - 1] - run.time_s[now.from] < kFrozen_s) return;
@@ -44,7 +44,7 @@ void AddStanding(const DataSet& set, std::size_t at, Eigen::Index tendon,
   end();
 }
 
-/// By how much a tension may change while friction in motor and gear holds the motor.
+/// The change of tension that friction in motor and gear can hold.
 double Held_N(const DataSet& set, const FrozenMotor& f) {
   const Run& run = set.runs[f.run];
   const auto tension_N = run.tension_N.col(f.tendon).segment(f.from, f.to - f.from);
@@ -80,7 +80,7 @@ std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& e
     return standing;
   }
 
-  // What stretch leaves of a tendon's tension in each, and where its motor does not stand so.
+  // The residual between stretch and tension in each such interval, and elsewhere.
   std::map<std::pair<std::size_t, Eigen::Index>, std::vector<std::size_t>> of_motor;  // by run and tendon
   for (std::size_t k = 0; k < standing.size(); ++k)
     of_motor[{standing[k].run, standing[k].tendon}].push_back(k);
@@ -100,7 +100,7 @@ std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& e
       const auto& variance = evaluator.Variance()[i][c];
       for (Eigen::Index w = 0; w < variance.size(); ++w) {
         if (!std::isfinite(variance[w])) continue;
-        // Of states at rest a window is a row.
+        // For states at rest a window is a row.
         const double at_s = run.signals.at_rest ? run.start_s + run.signals.time_s[w]
                                                 : run.start_s + (static_cast<double>(w) + 0.5) * window_s;
         const double about_s = run.signals.at_rest ? 1e-9 : window_s;
@@ -121,7 +121,7 @@ std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& e
     const Eigen::Index tendon = standing[k].tendon;
     return still[k].rms() > kLarge * std::max({usual.rms(), moving[tendon].rms(), floor[tendon]});
   };
-  std::set<Eigen::Index> known;  // tendons of which one is frozen for certain
+  std::set<Eigen::Index> known;  // tendons with at least one clearly frozen interval
   for (std::size_t k = 0; k < standing.size(); ++k) {
     if (loaded(standing[k]) && wrong(k)) known.insert(standing[k].tendon);
   }

@@ -1,4 +1,4 @@
-// What is wrong with measured runs, one function a question; see the header.
+// Checks of measured runs, one function per question; see the header.
 #include "tendril/gap/health.h"
 
 #include <fmt/core.h>
@@ -19,17 +19,17 @@ namespace {
 using Severity = HealthFinding::Severity;
 using Matrix = Eigen::MatrixXd;
 
-// What a robot that is straight now and then reaches at least, of its length.
+// Minimum reach, as a share of its length, of a robot that is straight at times.
 constexpr double kNearest = 0.8;
-constexpr double kRest_s = 0.5;  // that a run begins with
+constexpr double kRest_s = 0.5;  // initial rest of a run
 constexpr double kPi = std::numbers::pi;
 
-/// A kind of channel: where it is in a run, what it is called, and what its numbers usually are.
+/// A kind of channel: its matrix in a run, its name and its usual unit.
 struct Kind {
   Eigen::MatrixXd Run::*matrix;
   const char* name;
   const char* unit;
-  bool a_tendon;  // a column is a tendon's
+  bool a_tendon;  // one column per tendon
 };
 constexpr Kind kTarget{&Run::torque_target_Nm, "target torque", "N m", true};
 constexpr Kind kActual{&Run::torque_actual_Nm, "actual torque", "N m", true};
@@ -51,7 +51,7 @@ class Checkup {
   explicit Checkup(const DataSet& set) : set_(set), robot_(set.robot) {}
 
   std::vector<HealthFinding> All() {
-    // What was lost on reading comes before advice on what to record.
+    // Losses on reading come before advice on recording.
     for (const std::string& note : set_.notes) Add(Severity::kWarning, "", "files", 0, note);
     for (const Run& run : set_.runs) {
       for (const std::string& warning : run.warnings) Add(Severity::kWarning, run.name, "file", 0, warning);
@@ -88,7 +88,7 @@ class Checkup {
 
  private:
   const Matrix& Of(const Kind& kind) const { return run_->*kind.matrix; }
-  /// Measured, with a row a sample.
+  /// Measured, with one row per sample.
   bool Fits(const Kind& kind) const { return Of(kind).cols() > 0 && Of(kind).rows() == run_->time_s.size(); }
 
   void Add(Severity severity, const std::string& run, const std::string& channel, double value,
@@ -163,7 +163,7 @@ class Checkup {
   void Sampling() {
     const Eigen::VectorXd& t = run_->time_s;
     TimeSteps s = StepsOf(t);
-    // Stamps that scatter by more than a step leave no grid in which rows could be missing.
+    // Time stamps that scatter by more than a step define no grid in which rows could be missing.
     if (s.gaps > t.size() / 5) s.gaps = 0, s.lost = 0;
     Add(Severity::kInfo, "time", 1 / s.usual,
         fmt::format(
@@ -176,7 +176,7 @@ class Checkup {
                       "samples where they are taken",
                       s.jitter, s.usual));
     }
-    // Where nothing moves between rows, none is missed.
+    // Missing rows do not matter where nothing moves between rows.
     if (s.usual < kQuasiStatic_s && s.lost > 0.001 * static_cast<double>(t.size())) {
       Add(s.lost > 0.1 * static_cast<double>(t.size()) ? Severity::kError : Severity::kWarning, "time",
           s.lost,
@@ -215,7 +215,7 @@ class Checkup {
             "has no value at all; cuts that need it cannot be compared for this tendon or axis; check sensor "
             "and column");
       } else if (missing > 0.01) {
-        // A slower sensor has its own regular grid: what counts is what is missing from that.
+        // A slower sensor has its own regular grid: only values missing from that grid count.
         const double lost = LostOfOwnGrid(rows);
         if (lost > 0.02) {
           Add(lost > 0.3 ? Severity::kError : Severity::kWarning, ChannelOf(kind, c), lost,
@@ -225,7 +225,7 @@ class Checkup {
                   100 * lost));
         }
       }
-      if (!kind.a_tendon) break;  // the axes of a pose are there or missing together
+      if (!kind.a_tendon) break;  // the axes of a pose are present or missing together
     }
   }
 
@@ -234,8 +234,8 @@ class Checkup {
     for (Eigen::Index c = 0; c < m.cols(); ++c) {
       const Range range = RangeOf(m.col(c));
       if (range.count < 20 || range.width() > 0) continue;
-      // A target may well stay, and a tip of a simulation; of motors only one that is still under changing
-      // load.
+      // A target may stay constant, and so may a simulated tip; a motor is suspicious only if its load
+      // changes.
       const bool cell = kind.matrix == &Run::tension_N || kind.matrix == &Run::torque_actual_Nm;
       const bool motor = kind.matrix == &Run::motor_position_rad && LoadChanges(c);
       if (!cell && !motor) continue;
@@ -282,7 +282,7 @@ class Checkup {
       if (!(most > 0)) continue;
       const double share = static_cast<double>((m.col(j).array().abs() >= 0.995 * most).count()) /
                            static_cast<double>(m.rows());
-      // Beyond the limit by far it is a matter of units.
+      // Values far beyond the limit indicate a wrong unit.
       if (share < 0.002 || m.col(j).array().isNaN().select(0, m.col(j)).cwiseAbs().maxCoeff() > 5 * most)
         continue;
       Add(Severity::kWarning, ChannelOf(kTarget, j), share,
@@ -307,7 +307,7 @@ class Checkup {
         if (!(step > 0) || !(wanted > 0)) continue;
         const double ratio = step / wanted;
         if (std::abs(ratio - 1) < 0.02) continue;
-        // Values that only ever differ by several steps are coarser than the file says, not of another unit.
+        // Values that differ only by several steps are coarser than the file says, not in another unit.
         Add(ratio < 0.98 && kind.matrix == &Run::motor_position_rad ? Severity::kWarning : Severity::kInfo,
             ChannelOf(kind, j), step,
             fmt::format("comes in steps of {:.6g} {}, but {:.6g} by the robot file ({:.4g} times); {} may be "
@@ -329,8 +329,8 @@ class Checkup {
         "actuation.load_cell.gain_VpN or resolution_V");
   }
 
-  // A sensor is as noisy as its data sheet says; less has been taken out of its readings, and what was fast
-  // with it.
+  // A sensor is as noisy as its data sheet says; with less noise, its readings were filtered and fast changes
+  // are missing too.
   void Smoothed() {
     constexpr double kLess = 0.1, kSteps = 0.3;
     if (!robot_.actuation || StepsOf(run_->time_s).usual > kQuasiStatic_s) return;
@@ -358,7 +358,7 @@ class Checkup {
 
   // ---- units ----
 
-  /// Largest magnitude but for the rarest, which say nothing of a unit.
+  /// Largest magnitude except for the rarest values, which do not indicate a unit.
   static double Usual(const Matrix& m) {
     std::vector<double> sizes;
     for (const double x : m.reshaped()) {
@@ -402,8 +402,8 @@ class Checkup {
             {{"degrees", kPi / 180}, {"encoder counts", 2 * kPi / t.drive.encoder_counts_per_turn}});
   }
 
-  /// Complains when what a channel reaches is far from what the robot can; of the units that it might be in,
-  /// names the one that would bring it nearest to the middle of what is usual.
+  /// Reports a channel whose range is far from the robot's; of the candidate units, names the one that brings
+  /// it nearest to the middle of the usual range.
   void UnitsBy(const Kind& kind, double reached, double most, double least,
                const std::vector<std::pair<const char*, double>>& units) {
     if (!Fits(kind) || !(most > 0) || !(reached > 0)) return;
@@ -541,7 +541,7 @@ class Checkup {
     if (!text.empty()) Add(Severity::kInfo, "excitation", value, text);
   }
 
-  /// Largest angle of the tip's axis from where it was first; negative without orientation.
+  /// Largest angle of the tip's axis from its first direction; negative without orientation.
   double BendRange() const {
     if (!Fits(kDirection)) return -1;
     const Matrix& q = Of(kDirection);
@@ -559,9 +559,9 @@ class Checkup {
 
   // ---- order and sign ----
 
-  // Two signals of the same tendon rise and fall together, whatever lies between them. When each of some
-  // signals goes with another tendon's by far better than with its own, columns are exchanged; where that
-  // other one goes with its own, what ties the two may as well be the motion.
+  // Two signals of the same tendon rise and fall together. When several signals correlate far better with
+  // another tendon than with their own, columns are exchanged; if that other tendon also correlates with its
+  // own signal, the motion itself may be the reason.
   void Pairing(const Kind& from, const Kind& to) {
     if (!Fits(from) || !Fits(to)) return;
     const Eigen::Index n = std::min(Of(from).cols(), Of(to).cols());
@@ -608,7 +608,7 @@ class Checkup {
     const double told_s =
         set_.robot.actuation && set_.robot.actuation->tracker ? set_.robot.actuation->tracker->delay_s : 0;
     const double unknown_s = shift->seconds - told_s;
-    // A damped body follows its tensions by about its damping over its stiffness, which grows with its size.
+    // A damped body lags its tensions by about its damping over its stiffness, which grows with its size.
     double own_s = 0;
     for (const SectionParameters& s : set_.robot.body.sections)
       own_s = std::max(own_s, s.bending_damping_Nms / s.UnitStiffness());

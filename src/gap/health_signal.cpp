@@ -13,11 +13,11 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-// More values than these say nothing more about steps and clocks.
+// More values than this do not improve estimates of steps and clocks.
 constexpr std::size_t kEnough = 4000;
-constexpr double kChange_s = 0.1;  // over which changes are looked at
+constexpr double kChange_s = 0.1;  // interval for changes
 
-// Number of samples, at least `least`, that make up the time over which changes are looked at.
+// Number of samples, at least `least`, in the interval for changes.
 Eigen::Index Span(double step_s, Eigen::Index least) {
   const double samples = std::round(kChange_s / step_s);
   return samples > static_cast<double>(least) ? static_cast<Eigen::Index>(std::min(samples, 1e9)) : least;
@@ -145,7 +145,7 @@ double LostOfOwnGrid(const std::vector<Eigen::Index>& rows) {
 
 double Scatter(const Signal& x) {
   std::vector<double> second;
-  // Of the values that are there: a slower sensor's are never in neighbouring rows.
+  // Over existing values only: a slower sensor never has neighbouring rows.
   double one = kNone, two = kNone;
   for (const double v : x) {
     if (!std::isfinite(v)) continue;
@@ -153,7 +153,7 @@ double Scatter(const Signal& x) {
     two = one;
     one = v;
   }
-  // Of white noise of rms 1 the second difference has rms sqrt(6), its median magnitude 0.6745 of that.
+  // White noise of rms 1 has second differences of rms sqrt(6), and their median magnitude is 0.6745 of that.
   return Median(second) / (0.6745 * std::sqrt(6.0));
 }
 
@@ -161,9 +161,9 @@ Plateau FlatExtreme(const Signal& x, bool top) {
   const Range range = RangeOf(x);
   if (range.count < 100 || range.width() <= 0) return {};
   const double value = top ? range.most : range.least;
-  std::vector<Eigen::Index> stretches;  // at the extreme, without a break
+  std::vector<Eigen::Index> stretches;  // uninterrupted intervals at the extreme
   Eigen::Index moving = 0, still = 0, beside = 0;
-  double before = kNone, next = kNone;  // the value nearest to the extreme, and how often it is there
+  double before = kNone, next = kNone;  // value nearest to the extreme, and its number of occurrences
   double first = kNone;
   for (const double v : x) {
     if (!std::isfinite(v)) continue;
@@ -179,25 +179,25 @@ Plateau FlatExtreme(const Signal& x, bool top) {
     }
     before = v;
   }
-  // A signal that stands still elsewhere too is without noise: then a flat extreme means nothing.
+  // A signal that also stands still elsewhere has no noise, so a flat extreme means nothing.
   const double same = static_cast<double>(still) / static_cast<double>(still + moving);
   if (moving < 50 || same > 0.9) return {};
-  // Longer than a signal that scatters like this one stands still by chance.
+  // Longer than a signal with this scatter stands still by chance.
   const double chance = std::ceil(std::log(1e-6) / std::log(std::max(same, 0.25)));
   Eigen::Index flat = 0;
   for (const Eigen::Index stretch : stretches) {
     if (static_cast<double>(stretch) >= chance) flat += stretch;
   }
-  // A coarse signal that turns round gently is at its last two values for about as long, and one that comes
-  // back to rest stays where it began.
+  // A coarse signal that turns smoothly stays at its last two values for similar times, and one that returns
+  // to rest stays where it began.
   if (flat < 5 * beside || std::abs(first - value) <= 2 * std::abs(next - value)) return {};
   return {value, static_cast<double>(flat) / static_cast<double>(range.count)};
 }
 
 bool Slips(const std::vector<double>& distances) {
-  constexpr double kLeast = 2, kShare = 1e-3;  // rows in all, and of the values
+  constexpr double kLeast = 2, kShare = 1e-3;  // rows in total, and share of the values
   const double usual = Median(distances);
-  double slipped = 0;  // but for what is lost
+  double slipped = 0;  // except for lost rows
   for (const double d : distances) {
     if (std::abs(d - usual) <= 1) slipped += d - usual;
   }
@@ -234,7 +234,7 @@ double Quantum(const Signal& x) {
   if (values.size() < 12) return 0;
   double step = std::numeric_limits<double>::infinity();
   for (std::size_t i = 1; i < values.size(); ++i) step = std::min(step, values[i] - values[i - 1]);
-  // The nearest values give the step roughly, ever farther ones more exactly.
+  // The nearest values give an approximate step, values farther apart refine it.
   const double first = values.front();
   std::size_t off = 0;
   for (const double v : values) {
@@ -246,7 +246,7 @@ double Quantum(const Signal& x) {
       step = (v - first) / whole;
     }
   }
-  // Decimal places are the writer's doing, not the sensor's.
+  // Decimal places come from the writer, not from the sensor.
   const double power = std::log10(step);
   return std::abs(power - std::round(power)) < 1e-6 ? 0 : step;
 }
@@ -338,7 +338,7 @@ std::optional<Shift> ClockShift(const Eigen::VectorXd& time_s, const Eigen::Matr
   std::vector<double> steps;
   for (std::size_t i = 1; i < rows.size(); ++i) steps.push_back(time_s[rows[i]] - time_s[rows[i - 1]]);
   const double own = Median(steps);
-  // Slower readings cannot tell a shift of milliseconds.
+  // Slower readings cannot resolve a shift of milliseconds.
   if (own > kChange_s) return std::nullopt;
   const auto n = static_cast<std::size_t>(Span(own, 1));
   std::vector<std::pair<double, double>> spans;
@@ -361,7 +361,8 @@ std::optional<Shift> ClockShift(const Eigen::VectorXd& time_s, const Eigen::Matr
         response.row(to[static_cast<std::size_t>(k)]) - response.row(from[static_cast<std::size_t>(k)]);
   }
   Eigen::RowVectorXd a(inputs), b(inputs);
-  // Share of the response's changes that a linear map of the drive's changes, `shift` earlier, leaves.
+  // Share of the response's changes that a linear map of the drive's changes, `shift` earlier, does not
+  // explain.
   const auto left = [&](double shift) {
     Eigen::MatrixXd d = Eigen::MatrixXd::Zero(count, inputs);
     Eigen::MatrixXd seen = Eigen::MatrixXd::Zero(count, y.cols());
@@ -390,12 +391,12 @@ std::optional<Shift> ClockShift(const Eigen::VectorXd& time_s, const Eigen::Matr
   search(0, kMost_s, 4 * kCoarse_s);
   search(best, 3 * kCoarse_s, kCoarse_s);
   search(best, kCoarse_s, kFine_s);
-  // A motion that looks the same a little later (a slow circle) does not tell.
+  // A motion that looks the same a little later (a slow circle) is not conclusive.
   const double before = left(-kMost_s), after = left(kMost_s);
   if (least > 0.3 || std::min(before, after) < 2 * least + 0.02 || std::abs(best) > kMost_s - kCoarse_s) {
     return std::nullopt;
   }
-  // Between the steps, where a parabola through the last three is least.
+  // Interpolates between steps by a parabola through the three points about the minimum.
   const double sooner = left(best - kFine_s), later = left(best + kFine_s);
   const double bend = sooner - 2 * least + later;
   if (bend > 0) best += std::clamp(0.5 * kFine_s * (sooner - later) / bend, -kFine_s, kFine_s);

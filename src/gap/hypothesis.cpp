@@ -8,7 +8,7 @@ namespace tendril::gap {
 
 double ScaleOf(const sim::EffectParameter& parameter) {
   if (parameter.typical > 0) return parameter.typical;
-  // A shape parameter: a part of its usual value.
+  // For a shape parameter: a fraction of its usual value.
   const double usual = 0.3 * std::abs(parameter.nominal);
   return usual > 0 ? usual : 0.05 * (parameter.upper - parameter.lower);
 }
@@ -21,7 +21,8 @@ std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cel
     const auto add = [&](sim::Target target) {
       candidates.push_back(
           {&effect, target, sim::TargetText(effect, target), sim::ParametersOf(effect, target, robot)});
-      // A law that the file has may be there with more, with less, or gone: sought about what the file says.
+      // A law of the file may be there with more, with less, or not at all: the search starts at the file's
+      // values.
       const auto law = sim::FindLaw(robot, effect, target);
       if (!law) return;
       const std::vector<double> values = sim::ValuesOf(robot.effects[*law], robot);
@@ -84,7 +85,7 @@ double Model::nothing(int k) const {
     }
     break;
   }
-  return 0;  // what number i has beyond the first
+  return 0;  // value of number i in addition to the first's
 }
 
 int Model::offset(int part) const {

@@ -1,4 +1,4 @@
-// One function for each kind of nonsense.
+// Removes implausible samples, one function per kind.
 #include "implausible.h"
 
 #include <fmt/core.h>
@@ -19,23 +19,23 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kRare = 0.02;     // share of a column's values up to which they are single mishaps
-constexpr double kBeyond = 3;      // times what the robot can
+constexpr double kRare = 0.02;     // share of a column's values up to which they are isolated errors
+constexpr double kBeyond = 3;      // times the robot's range
 constexpr double kCutOff = 0.003;  // share of a run at the flat end of a channel
-constexpr double kAround_s = 0.6 * kBridged_s;  // to either side: more in all than what is bridged
-constexpr double kFrozen_s = 0.3;               // one value for so long ...
-constexpr double kMoved = 0.15;  // ... while the motor turns by this share of what it does in the run
-constexpr double kLoneWithin_s = 0.0025;  // from a lone tension to those beside it
-constexpr double kCoarse = 0.01;          // of a channel's range: a table's steps
+constexpr double kAround_s = 0.6 * kBridged_s;  // on either side: more in total than interpolation bridges
+constexpr double kFrozen_s = 0.3;               // one value for this long ...
+constexpr double kMoved = 0.15;           // ... while the motor turns by this share of its range in the run
+constexpr double kLoneWithin_s = 0.0025;  // from an isolated tension to its neighbours
+constexpr double kCoarse = 0.01;          // of a channel's range: a table's resolution
 constexpr double kGoesOn = 0.05;          // of the largest tension
-constexpr double kFollows = 0.25;         // of what a torque gives without friction
-constexpr double kSlack = 0.5;            // of the pretension: below, a cell without noise may keep its value
-constexpr double kLonePosition = 0.05;    // of what a motor usually does in the run
-constexpr double kLoneTension = 0.1;      // of what a tension usually does in the run
-constexpr double kLoneWay = 0.01;         // of its way from one limit to the other
+constexpr double kFollows = 0.25;         // of the tension that a torque gives without friction
+constexpr double kSlack = 0.5;            // of the pretension: below, a cell without noise may be constant
+constexpr double kLonePosition = 0.05;    // of the motor's usual motion in the run
+constexpr double kLoneTension = 0.1;      // of the tension's usual change in the run
+constexpr double kLoneWay = 0.01;         // of the motor's travel from one limit to the other
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
-/// Of the straight line through y over x in the least squares; 0 of hardly anything.
+/// Slope of the least-squares line of y over x; 0 for too few values.
 double Slope(const std::vector<double>& x, const std::vector<double>& y) {
   const auto n = static_cast<Eigen::Index>(x.size());
   if (n < 2) return 0;
@@ -54,7 +54,7 @@ struct Finder {
     said.push_back(fmt::format("{}: {} {}", run.name, channel, text));
   }
 
-  /// Values of larger magnitude than `most` of column j.
+  /// Values of column j with a magnitude above `most`.
   void Beyond(Eigen::MatrixXd& matrix, Eigen::Index j, const std::string& channel, const char* unit,
               double most) {
     if (matrix.rows() != run.time_s.size() || !(most > 0)) return;
@@ -83,15 +83,15 @@ struct Finder {
     }
   }
 
-  /// Of an encoder of one turn: from one row to the next, soon after, a motor goes a whole turn but for what
-  /// it goes in other rows. It begins where it is nearest to zero, as a robot at rest does.
+  /// Single-turn encoder: from one row to the next the angle jumps by a whole turn, apart from the usual
+  /// motion between rows. It starts at the turn nearest to zero, as a robot at rest does.
   void Unwrap(Eigen::Index j) {
     constexpr double kTurn_rad = 2 * std::numbers::pi, kMost_rad = 0.25 * kTurn_rad;
     const auto x = run.motor_position_rad.col(j);
     if (RangeOf(x).width() > 1.001 * kTurn_rad) return;
-    std::vector<std::pair<Eigen::Index, double>> jumps;  // row, turns to be added from there on
+    std::vector<std::pair<Eigen::Index, double>> jumps;  // row, and turns to add from there on
     Eigen::Index last = -1;
-    double farthest_rad = 0, missing_rad = 0;  // in one row elsewhere; of a whole turn at a jump
+    double farthest_rad = 0, missing_rad = 0;  // largest step elsewhere; error of a jump as a turn
     for (Eigen::Index i = 0; i < x.size(); ++i) {
       if (!std::isfinite(x[i])) continue;
       const double step_rad = last < 0 ? 0 : x[i] - x[last];
@@ -116,7 +116,8 @@ struct Finder {
                     jumps.size() == 1 ? "once" : fmt::format("{} times", jumps.size())));
   }
 
-  /// What no motor can do is a mishap of the encoder; what only the file's cannot says so of the file.
+  /// A motion that no motor can make is an encoder error; one that only the file's motor cannot make
+  /// indicates a wrong file.
   void LoneMotorPositions(Eigen::Index j, const RobotParameters& robot) {
     auto x = run.motor_position_rad.col(j);
     std::vector<Eigen::Index> rows;
@@ -151,10 +152,10 @@ struct Finder {
                     leap.file_Nm));
   }
 
-  /// A cell that shows something else for a single row, such as a code for no reading.
+  /// A cell that shows an outlier in a single row, such as a code for no reading.
   void LoneTensions(Eigen::Index j, const RobotParameters& robot) {
     auto x = run.tension_N.col(j);
-    // Between readings that are further apart a tension may well have gone and come back.
+    // Between distant readings a tension may have risen and returned.
     if (Median(RowsApart(x)) * UsualStep(run) > kLoneWithin_s) return;
     const std::vector<Eigen::Index> rows = TensionsAlone(
         run, j, robot, LoneValues(x, std::max(kLoneTension * UsualWidth({x.begin(), x.end()}), slack_N)));
@@ -167,7 +168,7 @@ struct Finder {
                     run.time_s[rows.front()] - run.time_s[0]));
   }
 
-  /// Calls with rows [from, to) of stretches in which `same(i)` says that row i repeats the reading before.
+  /// Calls with rows [from, to) of intervals in which `same(i)` says that row i repeats the previous reading.
   template <class There, class Same, class Found>
   void Stretches(There&& there, Same&& same, Found&& found) {
     const Eigen::Index rows = run.time_s.size();
@@ -186,7 +187,7 @@ struct Finder {
     end(last + 1);
   }
 
-  /// Share of its way in the run that motor j goes within rows [from, to).
+  /// Share of motor j's motion in the run that happens within rows [from, to).
   double Moved(Eigen::Index j, Eigen::Index from, Eigen::Index to) const {
     if (j >= run.motor_position_rad.cols()) return 0;
     const auto x = run.motor_position_rad.col(j);
@@ -199,7 +200,7 @@ struct Finder {
                        run.time_s[to - 1] - run.time_s[0]);
   }
 
-  /// Also shortly before and after, so that no straight line stands for what was beyond.
+  /// Removes neighbours as well, so that no interpolation covers clipped samples.
   void TakeOutAround(Eigen::Ref<Eigen::VectorXd> x, const std::vector<double>& at_s) {
     for (Eigen::Index i = 0; i < x.size(); ++i) {
       const auto next = std::lower_bound(at_s.begin(), at_s.end(), run.time_s[i] - kAround_s);
@@ -207,11 +208,11 @@ struct Finder {
     }
   }
 
-  /// What a sensor shows at the end of its range is less than there was.
+  /// A sensor at the end of its range shows less than the true value.
   void CutOff(Eigen::MatrixXd& matrix, Eigen::Index j, const std::string& channel, const char* unit) {
     for (const bool top : {true, false}) {
       const Plateau end = FlatExtreme(matrix.col(j), top);
-      // A slack tendon's cell may well show nothing.
+      // A slack tendon's cell may well show zero.
       if (end.share < kCutOff || (&matrix == &run.tension_N && std::abs(end.value) < slack_N)) continue;
       std::vector<double> at_s;
       for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
@@ -223,9 +224,9 @@ struct Finder {
     }
   }
 
-  /// The torque at which the reading of motor j ends in this run, upwards or downwards: it stays there while
-  /// more is asked for and the tension follows what is asked. The motor's own end is the robot's, and to be
-  /// seen.
+  /// The limit of motor j's reported torque in this run, upwards or downwards: the reading stays constant
+  /// while more is commanded and the tension follows the command. A limit of the motor itself is a property
+  /// of the robot and stays in the data.
   std::optional<double> ReadingEnds(Eigen::Index j, bool top, const RobotParameters& robot) const {
     const auto x = run.torque_actual_Nm.col(j);
     const Eigen::Index known =
@@ -245,7 +246,7 @@ struct Finder {
       target_Nm.push_back(run.torque_target_Nm(i, j));
       tension_N.push_back(run.tension_N(i, j));
     }
-    // Other tendons change it as well.
+    // Other tendons change the tension as well.
     const double follows = Slope(target_Nm, tension_N) * travel_m;
     if (2 * asked < flat || UsualWidth(std::move(tension_N)) < kGoesOn * robot.limits.max_tension_motor_N ||
         follows < kFollows)
@@ -253,7 +254,7 @@ struct Finder {
     return end.value;
   }
 
-  /// Takes out what lies at an end of the reading, which any run may have shown.
+  /// Removes readings at the limit found in any run.
   void TorqueCutOff(Eigen::Index j, bool top, const std::set<double>& ends_Nm) {
     auto x = run.torque_actual_Nm.col(j);
     const Plateau end = FlatExtreme(x, top);
@@ -296,7 +297,8 @@ struct Finder {
   }
 };
 
-/// A drive's reading ends at the same torque in every run, be its tension seen to go on there or not.
+/// A drive's reported torque is limited at the same value in every run, even where the tension does not show
+/// it.
 void TakeOutTorquesCutOff(DataSet& set, std::vector<std::string>& said) {
   const double slack_N = kSlack * set.robot.limits.min_tension_N;
   for (const bool top : {true, false}) {
@@ -351,7 +353,7 @@ std::vector<std::string> MaskImplausible(DataSet& set) {
         column(run.torque_target_Nm, "target torque", "N m", kBeyond * drive.rated_torque_Nm);
       }
     }
-    // In a frame that nobody knows the tip may be anywhere.
+    // In an unknown frame the tip may be anywhere.
     for (Eigen::Index axis = 0; axis < run.tip_m.cols() && !set.fit_frame; ++axis)
       find.Beyond(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m", kBeyond * robot.body.length_m());
     if (run.motor_position_rad.rows() != run.time_s.size()) continue;
@@ -367,7 +369,7 @@ std::vector<std::string> MaskImplausible(DataSet& set) {
     }
     if (run.tip_m.cols() == 3) find.FrozenTip();
     for (Eigen::Index axis = 0; axis < run.tip_m.cols(); ++axis) {
-      // A coarse table stays at one value wherever nothing moves.
+      // A coarse table repeats values wherever nothing moves.
       if (DecimalStep(run.tip_m.col(axis)) < kCoarse * RangeOf(run.tip_m.col(axis)).width())
         find.CutOff(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m");
     }

@@ -13,66 +13,61 @@
 namespace tendril::gap {
 namespace {
 
-// Set on open data sets of another simulator of the rig (tests/blind) and on campaigns that had been opened,
-// never on sealed ones.
+// Constants calibrated on open data sets of another simulator of the rig (tests/blind), never on sealed ones.
 
-// Log scores are divided by the first and by the second share of the best score: a law that differs a little
-// from the real one costs in proportion to what it explains.
+// Tempering: log scores are divided by the first plus the second share of the best score, since a slightly
+// inaccurate law costs in proportion to what it explains.
 constexpr double kTemperature = 2.0;
 constexpr double kRelativeTemperature = 0.005;
-// A gap: log score at which the best cause makes one as likely as not, with the materialities by which it
-// then has to move some channel (without a gap the best of all candidates brings some 2; what two simulations
-// of one robot differ by brings 20 and moves less); log score with which one materiality is enough;
-// steepness.
+// Probability of a gap: log score at which the best cause makes a gap as likely as not, the change in
+// materialities that it then needs in some channel, the log score at which one materiality is enough, and
+// steepness. Chance alone brings a small score without a gap.
 constexpr double kGapGain = 9.0;
-// More where all runs are of one kind of motion: what is held out of it is too like what is fitted.
+// Higher where all runs are of one family: the held-out data are too similar to the fitted ones.
 constexpr double kOneKind = 3.0;
 constexpr double kGapDeltas = 2.5;
 constexpr double kClearGain = 25.0;
 constexpr double kGapSteepness = 6.0;
-// That there is a gap although the data show none: one too small for them, or, where runs differ from their
-// repetitions by more than the sensors' noise, hidden in that. Of the robots of an opened campaign that
-// showed none, one third in all had one, most of less than 0.3 floors.
+// Probability of an unseen gap although the data show none: a small one, or, where repetitions differ by more
+// than sensor noise, one hidden by that.
 constexpr double kUnseen = 0.3, kUnseenInScatter = 0.4;
-// Share of the latter that no effect of the library has, at least: had one made the runs differ so, the floor
-// would be taken at it. Of fourteen opened sets without a gap in such scatter nine had one, three of them
-// gusts and a fixture with play.
+// Least share of the latter for effects outside the library: a library effect that made the runs differ would
+// have set the floor.
 constexpr double kUnlistedInScatter = 0.5;
-// Share of a gap's mean square that a right cause may leave, since its law differs a little from the real one: of
-// all places together, and at each place of the largest gap. What leaves more is not established.
+// Share of a gap's mean square that a correct cause may leave, since its law is not exact: over all places,
+// and at each place of the largest gap. A cause that leaves more is not established.
 constexpr double kMayStay = 0.1;
-// Floors that may remain at a place whatever the gap was: noise is known within so much, and the most that
-// anything established leaves.
+// Floors that may remain at a place whatever the gap was: the uncertainty of the noise, and the most that an
+// established cause leaves.
 constexpr double kUnknownFloor = 0.3, kMostLeft_sigma = 5;
 constexpr double kUnknownSteepness = 4.0;
-// Where no place has anything left and all of the gap may be closed, so far as its runs tell: at most this.
-// Of six opened sets in which that was called unexplained, all had a cause of the library.
+// Upper limit where no place has anything left and the whole gap may be closed, as far as the runs show.
 constexpr double kUnknownAllClosed = 0.3;
-// That something else has the very effect of a cause that explains everything; more where the gap is so small
-// that noise would hide how the two differ: kMimic, halved at a log score of kMimicGain.
+// Probability that something else has the same effect as a cause that explains everything; higher where the
+// gap is so small that noise would hide the difference: kMimic, halved at a log score of kMimicGain.
 constexpr double kLapse = 0.03, kMimic = 0.1, kMimicGain = 50;
-// From this leftover on [sigma] a cause has to close something; else it is unknown with so much probability.
+// From this leftover on [sigma] a cause has to close something; otherwise the cause is unknown with this
+// probability.
 constexpr double kLeftover = 1.0, kUnproven = 0.9;
-constexpr double kParameterCost = 1.5, kBoundCost = 1.5;  // temperatures a parameter, and for a bound
-// Two causes are not told apart within so many temperatures and with marks so alike.
+constexpr double kParameterCost = 1.5, kBoundCost = 1.5;  // temperatures per parameter, and per bound
+// Causes within this many temperatures and with signatures this similar are not told apart.
 constexpr double kSame = 3.0;
 constexpr double kSameCosine = 0.95;
-constexpr double kClear = 0.8;  // share of its group's probability that a cause named alone has
-// A second cause: log score that is enough where the first leaves a gap and both together leave none
-// (otherwise kPairGain and more); materialities by which it moves some channel, least share of the gap there
-// and in all, or share in some channel of its own; share of what the first leaves there: of what a law that
-// is a little off leaves, another takes up a little of everything and most of nothing. A number of the robot
-// file is hardly off.
+constexpr double kClear = 0.8;  // share of its group's probability needed to name a single cause
+// A second cause needs: a log score, where the first leaves a gap and both leave none (otherwise kPairGain
+// and more); materialities by which it changes some channel; a share of the gap there and in total, or of a
+// channel of its own; and a share of what the first cause leaves there. The residual of a slightly inaccurate
+// law is explained a little by many effects and mostly by none. The law of a file number is nearly exact.
 constexpr double kPairExplains = 3.0;
 constexpr double kPairDeltas = 2.0;
 constexpr double kPairShare = 0.01, kPairShareNumber = 0.002;
 constexpr double kOwnShare = 0.25;
 constexpr double kPairOfLeft = 0.5;
-// Two causes that hide each other: floors by which each alone would change a place without a gap, share of it
-// that both together change, probability then that neither is the cause. Sizes that were drawn apart cancel
-// so well by a small chance; an unlisted effect that lies between what the two do makes them do it.
+// Two cancelling causes: floors by which each alone would change a place without a gap, share that cancels,
+// and probability then that neither is the cause. Independent sizes rarely cancel so well, but an unlisted
+// effect between the two causes does.
 constexpr double kHides = 1.0, kHidden = 0.25, kUnknownHidden = 0.6;
-constexpr std::size_t kListed = 12;  // causes in the report
+constexpr std::size_t kListed = 12;  // causes listed in the report
 
 Cause CauseOf(const Fit& fit, int part) {
   Cause cause;
@@ -93,7 +88,7 @@ Cause CauseOf(const Fit& fit, int part) {
   return cause;
 }
 
-/// As the screening sees it: to first order.
+/// By the screening: to first order.
 Cause CauseOf(const Screened& screened) {
   Cause cause;
   cause.effect = screened.candidate.effect->name;
@@ -124,8 +119,8 @@ double Cosine(const Weights& weights, const Residuals& nominal, const Residuals&
   return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
 }
 
-/// Largest rms change that a model makes in a channel, in materialities: of a tip's axes in the largest of
-/// them, since nobody cares about the axis along which this tip hardly moves more than about the others.
+/// Largest rms change by a model in a channel, in materialities: of a tip's axes relative to the largest
+/// materiality, since an axis along which the tip hardly moves does not matter more.
 double Material(const Evaluator& evaluator, const Residuals& residuals) {
   const Residuals& nominal = evaluator.AtNominal();
   const auto materiality = [&](const Channel& channel) {
@@ -162,13 +157,13 @@ Residuals Difference(Residuals of, const Residuals& and_these) {
   return of;
 }
 
-/// From 0 to 1, a half at x = 1.
+/// From 0 to 1, with a half at x = 1.
 double Saturating(double x, double steepness) { return 1 - 1 / (1 + std::pow(x, steepness)); }
 
-/// From 0 to 1, a half at `at`.
+/// From 0 to 1, with a half at `at`.
 double Sure(double gain, double at) { return 1 / (1 + std::exp(at - gain)); }
 
-/// One case as it is judged, from is there a gap to the verdict.
+/// The judgement of one data set, from the presence of a gap to the verdict.
 class Case {
  public:
   Case(const Evaluator& evaluator, const SearchResult& search, const std::vector<CutFinding>& location,
@@ -201,18 +196,19 @@ class Case {
 
   Judgement Judged(const std::function<std::vector<NumberFit>()>& fit_numbers) {
     const double shown = WithUnseen(GapProbability());
-    // What differs between runs of the same commands is in no model that repeats, though no place shows it.
+    // Differences between repetitions are not explained by any repeatable model, even where no place shows a
+    // gap.
     const auto& repeatability = evaluator_.repeatability();
     judgement_.unrepeated = shown < 0.5 && repeatability;
     const double p_gap = judgement_.unrepeated ? repeatability->law ? 1 - kLapse : 0.5 : shown;
     two_ = HasSecond();
     judgement_.nearest = best_ = two_ ? pair_ : single_;
-    // All that the best explains, what the constants that every model may move take up included.
+    // Everything that the best model explains, including the constants that every model may adjust.
     const double explains = best_ == nullptr ? 0 : Gain(*best_) + std::max(0.0, base_gain_);
     const double mimic = best_ == nullptr ? 0 : kMimic / (1 + std::max(0.0, explains) / kMimicGain);
     double unknown = kLapse + mimic + (1 - 2 * kLapse - mimic) * UnknownProbability();
     if (shown < 0.5 && evaluator_.repetitions_differ() > 0) unknown = std::max(unknown, kUnlistedInScatter);
-    // A law of the library that made them differ would have given the floor.
+    // A library law that made the runs differ would have set the floor.
     if (judgement_.unrepeated && repeatability->law) unknown = 1 - kLapse;
     judgement_.doubt = shown < 0.5 ? "" : WhyNotEstablished();
     const bool doubted = !judgement_.doubt.empty();
@@ -241,13 +237,13 @@ class Case {
   };
 
   double Gain(const Fit& fit) const { return fit.held_out_score - search_.base_score; }
-  /// Every further parameter is another way to take up what a simpler cause has nearly explained; a law at
-  /// its bound has turned into something else.
+  /// Every additional parameter is another way to fit what a simpler cause nearly explains; a law at its
+  /// bound has become a different law.
   double Cost(const Fit& fit) const { return temperature_ * Burden(fit); }
   static double Burden(const Fit& fit) {
     return kParameterCost * (fit.model.size() - 1) + (fit.bound_hit ? kBoundCost : 0.0);
   }
-  /// Among pairs: what they have in common is not in question, and takes no part in their temperature.
+  /// Among pairs the common part is not in question and does not count in their temperature.
   double PairScore(const Fit& fit) const { return fit.held_out_score - pair_temperature_ * Burden(fit); }
   double InFloors(int channel, double square) const {
     return square / std::pow(evaluator_.channels()[channel].floor, 2);
@@ -257,8 +253,7 @@ class Case {
                      [](const Scored& a, const Scored& b) { return a.cause.p > b.cause.p; });
   }
 
-  /// From the largest excess, or from the score of the best cause and the largest change it makes, both in
-  /// materialities.
+  /// From the largest excess, or from the best cause's score and its largest change, both in materialities.
   double GapProbability() const {
     double in_deltas = 0;
     for (const auto& f : location_) {
@@ -266,8 +261,8 @@ class Case {
         in_deltas = std::max(in_deltas, f.excess_sigma * f.floor / f.delta);
     }
     double p = Saturating(in_deltas, kGapSteepness);
-    // The log score takes windows for independent. Where runs differ from their repetitions by so much more
-    // than the sensors' noise, what makes them differ lasts longer than one, and only the excess counts.
+    // The log score treats windows as independent. Where repetitions differ by much more than sensor noise,
+    // the differences last longer than a window, and only the excess counts.
     if (single_ != nullptr && evaluator_.repetitions_differ() == 0) {
       const double gain = Gain(*single_) - Cost(*single_);
       const double material = Material(evaluator_, single_->residuals);
@@ -285,7 +280,8 @@ class Case {
                        [&](const PreparedRun& run) { return run.family == runs.front().family; });
   }
 
-  /// Below one half: the data show no gap, which is not that there is none. Order and one half stay.
+  /// Limits the probability to below one half, keeping its order: the data show no gap, but that does not
+  /// exclude one.
   double WithUnseen(double p) const {
     const double unseen = evaluator_.repetitions_differ() > 0 ? kUnseenInScatter : kUnseen;
     return p >= 0.5 ? p : unseen + (1 - 2 * unseen) * p;
@@ -304,8 +300,8 @@ class Case {
     if (single_ == nullptr || pair_ == nullptr) return false;
     const double brings = pair_->held_out_score - single_->held_out_score;
     const bool explains = LeavesSigma(single_->held_out) > kLeftover && LeavesSigma(pair_->held_out) == 0;
-    // Where the first leaves nothing at any place, only the score speaks for a second; it has to bring what
-    // tells two causes apart.
+    // Where the first leaves no excess at any place, only the score supports a second cause; it has to reach
+    // what distinguishes two causes.
     const bool hidden = LeavesSigma(single_->held_out) == 0;
     const double unexpected = hidden ? std::max(kPairGain, kSame * temperature_) : kPairGain;
     const double enough = explains ? kPairExplains : unexpected;
@@ -322,13 +318,13 @@ class Case {
       if (more <= share * gap || more <= kPairOfLeft * std::pow(one.Excess(c), 2)) continue;
       const double in_deltas = std::sqrt(more) / evaluator_.channels()[c].delta;
       in_one = std::max(in_one, in_deltas);
-      // Where the first cause does little, the second may be nearly all there is.
+      // Where the first cause has little effect the second may explain nearly everything.
       if (more > kOwnShare * gap) own = std::max(own, in_deltas);
     }
     return own > kPairDeltas || (in_one > kPairDeltas && more_in_all > share * gap_in_all);
   }
 
-  /// Given a gap, that its cause is not among the candidates: from what the best of them leaves.
+  /// Probability, given a gap, that its cause is not among the candidates: from what the best of them leaves.
   double UnknownProbability() {
     if (best_ == nullptr) return 1;
     const std::array<std::vector<double>, 2> changed = ChangedByEach();
@@ -337,7 +333,7 @@ class Case {
       if (g.excess && g.cut != sim::Cut::kClock && g.cut != sim::Cut::kSensors)
         largest = std::max(largest, g.excess_sigma);
     }
-    double unknown = 0;  // largest leftover over what may be left
+    double unknown = 0;  // largest leftover relative to what may be left
     for (const auto& f : Locate(evaluator_, Completed(best_->held_out, nominal_), kLeftDiscoveries)) {
       if (!f.excess || f.cut == sim::Cut::kClock || f.cut == sim::Cut::kSensors) continue;
       double was = 0;
@@ -352,9 +348,8 @@ class Case {
     }
     const auto& closed = closed_ = Closed(best_->held_out);
     if (closed) {
-      // Of a small gap little is certain; half of the doubt is for the cause. All of it where runs do not
-      // repeat and no place has anything left: what their scatter makes of the fraction is not the cause's
-      // fault.
+      // A small gap is uncertain; half of the doubt concerns the cause, or all of it where runs do not repeat
+      // and no place has an excess, since their scatter distorts the closed fraction.
       const auto independent = std::count_if(evaluator_.runs().begin(), evaluator_.runs().end(),
                                              [](const PreparedRun& run) { return run.repeat_of.empty(); });
       const bool scatter = evaluator_.repetitions_differ() > 0 && judgement_.leftover_sigma == 0 &&
@@ -366,7 +361,7 @@ class Case {
     if (judgement_.leftover_sigma == 0 && closed && closed->high >= 1) p = std::min(p, kUnknownAllClosed);
     if (p < kUnknownHidden) judgement_.hidden_at = HiddenAt(changed);
     if (judgement_.hidden_at) p = kUnknownHidden;
-    // What leaves a gap, and closes nothing for sure of what it was not fitted to, is hardly its cause.
+    // A cause that leaves a gap and closes nothing significantly on held-out data is unlikely.
     const bool unproven = closed && closed->low <= 0 && judgement_.leftover_sigma >= kLeftover;
     return unproven ? std::max(p, kUnproven) : p;
   }
@@ -375,7 +370,7 @@ class Case {
     return PooledClosure(evaluator_, nominal_, Completed(with, nominal_), with_gap_, seed_);
   }
 
-  /// Why the best is not established however far it is ahead, as a clause; empty where it is.
+  /// Why the best is not established despite its lead, as a clause; empty where it is.
   std::string WhyNotEstablished() const {
     if (best_ == nullptr) return "";
     if (judgement_.leftover_sigma > kMostLeft_sigma) {
@@ -395,7 +390,7 @@ class Case {
                        best_->model.values[best_->bound], p.lower, p.upper);
   }
 
-  /// Takes the causes' probabilities down by the factor at which none is likelier than not. Returns the factor.
+  /// Reduces the causes' probabilities by the factor at which none is likelier than not. Returns the factor.
   double Halved() {
     double first = 0.5;
     for (const Scored& s : scored_) first = std::max(first, s.cause.p);
@@ -403,19 +398,19 @@ class Case {
     return 0.5 / first;
   }
 
-  /// The doubt may be of the data alone: they do not tell whether enough closes.
+  /// Only the data may be insufficient: they do not show whether enough closes.
   bool MayBeEnough() const {
     return judgement_.leftover_sigma <= kMostLeft_sigma && best_->bound < 0 && closed_ &&
            closed_->high >= 1 - kMayStay;
   }
 
-  /// The best leaves something of the gap for sure, is not established, or takes two causes.
+  /// The best leaves a significant part of the gap, is not established, or takes two causes.
   bool MayBeANumber() const {
     return best_ == nullptr || two_ || !judgement_.doubt.empty() || judgement_.leftover_sigma > 0 ||
            (closed_ && closed_->high < 1);
   }
 
-  /// The library's own search has had this number at this value.
+  /// The library's own search has tried this number at this value.
   bool Searched(const NumberFit& fit) const {
     const auto its = std::find_if(
         search_.screened.begin(), search_.screened.end(),
@@ -426,9 +421,9 @@ class Case {
     return p.lower < by && by < p.upper;
   }
 
-  /// Numbers of the file that explain the runs better than the best cause, by so much as tells two causes
-  /// apart where no more is taken for the model's discrepancy than the best number leaves. Returns the
-  /// probability that it is one of them.
+  /// Numbers of the file that explain the runs better than the best cause by enough to tell two causes apart,
+  /// with the model discrepancy reduced to what the best number leaves. Returns the probability that it is
+  /// one of them.
   double Suspect(std::vector<NumberFit> numbers) {
     std::erase_if(numbers, [&](const NumberFit& fit) { return Searched(fit); });
     if (numbers.empty()) return 0;
@@ -439,11 +434,12 @@ class Case {
     std::stable_sort(numbers.begin(), numbers.end(),
                      [](const NumberFit& a, const NumberFit& b) { return a.score > b.score; });
     const double nominal = score(nominal_);
-    // A number that leaves nothing where the best cause leaves a gap shows that the model has no discrepancy here.
+    // A number that leaves nothing where the best cause leaves a gap shows that the model has no discrepancy
+    // here.
     const bool exact = judgement_.leftover_sigma > 0 && LeavesSigma(numbers.front().residuals) == 0;
     const double relative = exact ? 0 : kRelativeTemperature;
     const double temperature = kTemperature + relative * std::max(0.0, numbers.front().score - nominal);
-    // What takes several parameters to say as much is less likely.
+    // A cause with more parameters for the same explanation is less likely.
     const double best =
         best_ == nullptr ? nominal : score(best_->residuals) - temperature * Burden(*best_);
     const double ahead = numbers.front().score - best;
@@ -457,7 +453,7 @@ class Case {
     return judgement_.suspected.empty() ? 0 : Sure(ahead / temperature, 0);
   }
 
-  /// rms that a change of the residuals makes at each place of `location_`, in floors.
+  /// rms of a residual change at each place of `location_`, in floors.
   std::vector<double> InFloorsByPlace(const Residuals& change) const {
     std::vector<double> changed(location_.size(), 0.0);
     for (const auto& g : Locate(evaluator_, change, kLeftDiscoveries)) {
@@ -470,9 +466,9 @@ class Case {
     return changed;
   }
 
-  /// What the two of a pair change at each place of `location_`, each beside the other, in floors: two laws
-  /// that work against each other each leave their share, of more than the gap. 0 of a single, whose change
-  /// is the gap where it is right.
+  /// The change by each of a pair at each place of `location_`, in addition to the other, in floors; opposing
+  /// laws each take a share of more than the gap. 0 for a single cause, whose change is the gap if it is
+  /// right.
   std::array<std::vector<double>, 2> ChangedByEach() const {
     const std::vector<double> nothing(location_.size(), 0.0);
     std::array<std::vector<double>, 2> changed{nothing, nothing};
@@ -488,13 +484,13 @@ class Case {
       try {
         changed[part] = InFloorsByPlace(Difference(at(both), at(other)));
       } catch (const std::exception&) {
-        // What one alone cannot be simulated with says nothing.
+        // A member that cannot be simulated alone is not conclusive.
       }
     }
     return changed;
   }
 
-  /// The first cut without a gap at which the two of a pair hide each other.
+  /// The first cut without a gap at which the two of a pair cancel each other.
   std::optional<sim::Cut> HiddenAt(const std::array<std::vector<double>, 2>& changed) const {
     if (!two_) return std::nullopt;
     const std::vector<double> together =
@@ -508,7 +504,7 @@ class Case {
     return std::nullopt;
   }
 
-  /// All candidates, refitted or only screened, sharing the probability `p`.
+  /// All candidates, refitted or screened only, sharing the probability `p`.
   void ListSingles(double p) {
     for (const Fit& fit : search_.fits) scored_.push_back({CauseOf(fit, 0), Gain(fit) - Cost(fit), &fit});
     for (const Screened& s : search_.screened) {
@@ -517,13 +513,13 @@ class Case {
       if (!refitted) scored_.push_back({CauseOf(s), s.gain - base_gain_, nullptr, true});
     }
     const double gain = single_ != nullptr ? Gain(*single_) : 0;
-    // Where the constants that every model may move explain the gap by themselves, one of them is its cause.
+    // Where the constants that every model may adjust explain the gap, one of them is its cause.
     if (gain < kGapGain && base_gain_ > kGapGain) {
       for (auto& s : scored_) {
         if (!sim::FindEffect(s.cause.effect)->nuisance) s.gain -= base_gain_;
       }
     }
-    // What screening alone saw is not worth more than the best refit.
+    // A screened candidate does not count more than the best refit.
     double top = -1e300, sum = 0;
     for (auto& s : scored_) {
       if (s.screened_only && single_ != nullptr)
@@ -549,8 +545,8 @@ class Case {
     Sort();
   }
 
-  /// Both members of a pair are causes: the probability of each is that of all pairs with it, and what could
-  /// stand in its place beside the same partner makes a group with it.
+  /// Both members of a pair are causes: the probability of each is that of all pairs containing it, and
+  /// alternatives beside the same partner form a group with it.
   void SharePairs(double p) {
     const auto weight = [&](const Fit& fit) {
       return std::exp((PairScore(fit) - PairScore(*pair_)) / pair_temperature_);
@@ -624,7 +620,7 @@ class Case {
                      [](const Cause& a, const Cause& b) { return a.p > b.p; });
 
     double first = 0;
-    bool divided = false;  // a group of which no member has most
+    bool divided = false;  // a group without a member that has most of its probability
     for (const auto& s : scored_) first = std::max(first, s.cause.p);
     for (const int number : {1, 2}) {
       double group = 0, first_of_group = 0;
@@ -638,7 +634,7 @@ class Case {
     if (p_gap < 0.5) {
       j.verdict = Verdict::kNoGap;
     } else if (j.unrepeated) {
-      // Without a law in it the robot may have been changed or pushed between the runs.
+      // Without a law, the robot may have been changed or pushed between the runs.
       j.verdict = evaluator_.repeatability()->law ? Verdict::kUnexplained : Verdict::kInsufficientData;
     } else if (p_unknown > 0.5 * p_gap) {
       j.verdict = Verdict::kUnexplained;
@@ -671,7 +667,7 @@ class Case {
   const std::vector<char> with_gap_;
   const Weights weights_;
   const ChannelScore before_;
-  const double base_gain_;  // of the constants that every model may move, over the nominal robot
+  const double base_gain_;  // of the constants that every model may adjust, over the nominal robot
   double temperature_ = 0, pair_temperature_ = 0;
   const Fit* single_ = nullptr;
   const Fit* pair_ = nullptr;
