@@ -1,5 +1,5 @@
-// See the header. A rotor of acceleration a at most is within a (t - t0)(t1 - t) / 2 of the straight line
-// between where it is at t0 and t1; a tendon hangs on it like a spring, for the body moves slower.
+// See the header. A rotor with acceleration at most a is within a (t - t0)(t1 - t) / 2 of the straight line
+// between its angles at t0 and t1; the tendon loads it like a spring, since the body moves more slowly.
 #include "leap.h"
 
 #include <algorithm>
@@ -9,13 +9,14 @@
 namespace tendril::gap {
 namespace {
 
-// What goes with a motor shows all that the spring makes of it, a mishap nothing: half way between them.
+// A real motion shows the full change that the spring predicts, an encoder error none; the threshold is half
+// way.
 constexpr double kGoesWith = 0.5;
 constexpr double kNoise = 5;  // standard deviations of a cell
 
 using Signal = Eigen::Ref<const Eigen::VectorXd>;
 
-/// Rows that follow each other but for rows without a reading, and the readings beside them.
+/// Rows that follow each other, apart from rows without a reading, and the readings beside them.
 struct Group {
   std::vector<Eigen::Index> rows;
   Eigen::Index before = -1, after = -1;
@@ -23,7 +24,7 @@ struct Group {
 
 std::vector<Group> GroupsOf(const Signal& x, const std::vector<Eigen::Index>& rows) {
   std::vector<Group> groups;
-  bool open = false;  // the last group may go on
+  bool open = false;  // the last group may continue
   Eigen::Index last = -1;
   auto next = rows.begin();
   for (Eigen::Index i = 0; i < x.size(); ++i) {
@@ -42,7 +43,7 @@ std::vector<Group> GroupsOf(const Signal& x, const std::vector<Eigen::Index>& ro
   return groups;
 }
 
-/// How far x is off the straight line between the rows beside; NaN where one of the three is missing.
+/// Deviation of x from the straight line between its neighbours; NaN where one of the three is missing.
 double OffLine(const Run& run, const Signal& x, const Group& group, Eigen::Index row) {
   if (group.before < 0 || group.after < 0) return std::numeric_limits<double>::quiet_NaN();
   const Eigen::VectorXd& t = run.time_s;
@@ -56,7 +57,7 @@ Eigen::Index Farthest(const Run& run, const Signal& x, const Group& group) {
   });
 }
 
-/// What the tendon's spring adds to a tension when its motor turns: until it is slack, when it pays out.
+/// Change of a tension by the tendon's spring when its motor turns; limited by slack when it pays out.
 double SpringTension(const TendonDriveParameters& tendon, double turn_rad, double tension_N) {
   const double added_N = tendon.tendon.stiffness_Npm * tendon.SpoolTravelPerMotorRad() * turn_rad;
   return std::max(added_N, -std::max(tension_N, 0.0));

@@ -1,4 +1,4 @@
-// Excess over the noise by place, its significance by blocks of time, and what load cells read wrong.
+// Excess over the noise by place, its significance from blocks of time, and what load cells read wrong.
 #include "locate.h"
 
 #include <fmt/core.h>
@@ -17,11 +17,11 @@ namespace {
 using Quantity = Channel::Quantity;
 
 constexpr double kBlock_s = 1.0;
-// Floors and materialities from which on a gap may lie in a few seconds alone.
+// Floors and materialities from which a gap of a few seconds counts.
 constexpr double kPlainFloors = 2, kPlainDeltas = 3;
 constexpr double kMotionWindow_s = 1.0;  // slower is shape (C4), faster is motion (C5)
 
-/// One-sided p-value that blocks with these sums have a mean above zero by chance.
+/// One-sided p-value of blocks with these sums having a mean above zero by chance.
 double PositiveMean(const std::vector<double>& blocks) {
   const int n = static_cast<int>(blocks.size());
   if (n < 4) return 1;
@@ -33,9 +33,9 @@ double PositiveMean(const std::vector<double>& blocks) {
   return 0.5 * std::erfc(mean / error / std::sqrt(2.0));
 }
 
-/// p-value that a block as large as the largest is one of the others, whose scatter is taken from their
-/// middle and trusted by a third: how probable a gap in a few seconds alone is, which a mean over all hides
-/// in its own scatter.
+/// p-value of the largest block being one of the others, whose scatter is estimated from their median with an
+/// uncertainty of a third. Detects a gap of a few seconds, which a mean over all blocks hides in its own
+/// scatter.
 double LargestBlock(std::vector<double> blocks) {
   constexpr double kTrust = 3;
   const std::size_t n = blocks.size();
@@ -55,7 +55,7 @@ struct Part {
   bool fast = false;  // of a tip channel: faster than kMotionWindow_s; else slower
 };
 
-/// Slow part of a residual: mean over a window about each sample.
+/// Slow part of a residual: the mean over a window about each sample.
 Eigen::VectorXd Slow(const Eigen::VectorXd& r, const Eigen::VectorXd& variance, int half) {
   Eigen::VectorXd slow(r.size());
   double sum = 0;
@@ -85,9 +85,9 @@ void Measure(const Evaluator& evaluator, const Residuals& residuals, Part& part)
       const auto& v = evaluator.Variance()[i][c];
       Eigen::VectorXd r = residuals[i][c];
       if (r.size() == 0) continue;
-      double share = 1;  // of white noise that the filter lets through
+      double share = 1;  // of white noise, that the filter passes
       const double white = evaluator.WhiteVariance(i, c);
-      const bool at_rest = evaluator.runs()[i].signals.at_rest;  // all of it is shape
+      const bool at_rest = evaluator.runs()[i].signals.at_rest;  // everything is shape
       if (at_rest && part.fast) continue;
       if (channels[c].cut == sim::Cut::kShape && !at_rest) {
         const int half = std::max(1, static_cast<int>(0.5 * kMotionWindow_s / evaluator.window_s(i, c)));
@@ -135,8 +135,8 @@ void Measure(const Evaluator& evaluator, const Residuals& residuals, Part& part)
   f.p_value = PositiveMean(blocks);
   const double excess = std::sqrt(std::max(0.0, square - kNoiseSlack * noise));
   f.excess = excess > f.delta;
-  // In a slow log the seconds in which motors turn round are worse than the others: what happened between two
-  // samples is open there.
+  // In a slow log the seconds in which motors reverse have larger errors, because the motion between samples
+  // is unknown.
   const bool slow = f.cut < sim::Cut::kTendon && evaluator.runs().front().signals.step_s >= kSlowLog_s;
   if (!slow && excess > std::max(kPlainFloors * f.floor, kPlainDeltas * f.delta))
     f.p_value = std::min(f.p_value, LargestBlock(blocks));
@@ -226,7 +226,7 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
   for (auto* part : sorted) part->finding.excess = part->finding.excess && part->finding.p_value <= limit;
 
   std::vector<CutFinding> location;
-  // C0: the time stamps themselves.
+  // C0: the time stamps.
   {
     CutFinding f;
     f.cut = sim::Cut::kClock;
@@ -266,7 +266,7 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
     missing(sim::Cut::kShape, "needs a tracker");
     missing(sim::Cut::kMotion, "needs a tracker");
   }
-  // C6: what both ways to a load cell's reading agree on is the cell's.
+  // C6: the residual common to C2 and C3 belongs to the load cell.
   for (int j = 0; j < evaluator.nominal().body.tendons(); ++j) {
     int c2 = -1, c3 = -1;
     for (int c = 0; c < static_cast<int>(channels.size()); ++c) {
@@ -284,7 +284,7 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
       for (int w = 0; w < std::min(a.size(), b.size()); ++w) {
         if (std::isfinite(va[w]) && std::isfinite(vb[w])) {
           const double weight = 1 / (va[w] + vb[w]);
-          // White noise of the cell is in both.
+          // The cell's white noise is in both.
           const double common = a[w] * b[w] - std::pow(channels[c2].white, 2) *
                                                   evaluator.runs()[i].signals.step_s /
                                                   evaluator.window_s(i, c2);

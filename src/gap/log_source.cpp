@@ -1,5 +1,5 @@
-// Runs out of LCM logs of the daemon or the demo. Knows the drives' objects and what a cycle holds; takes no
-// estimate of the controller for a measurement.
+// Reads runs from LCM logs of the daemon or the demo. Knows the drives' objects and the contents of a cycle;
+// does not use the controller's estimates as measurements.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -25,13 +25,13 @@ bool Enabled(const CycleRecord& record) {
                      [](const DriveFeedback& d) { return d.state == DriveState::kEnabled; });
 }
 
-/// Drives enabled and the robot tensioned: pretension is over, nothing is being let go.
+/// Drives enabled and the robot tensioned: after pretension, before release.
 bool Measured(const CycleRecord& record) {
   const Mode mode = record.output.mode;
   return (mode == Mode::kRunning || mode == Mode::kHold) && Enabled(record);
 }
 
-/// The counter wraps: its difference counts.
+/// The counter wraps, so only differences are used.
 std::int32_t Difference(std::int32_t now, std::int32_t before) {
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(now) - static_cast<std::uint32_t>(before));
 }
@@ -39,8 +39,8 @@ std::int32_t CountsSince(const CycleRecord& zero, const CycleRecord& now, std::s
   return Difference(now.input.drive[drive].position_counts, zero.input.drive[drive].position_counts);
 }
 
-/// Counts of each drive where the controller has its zero, by the displacement that it shows in a cycle. It
-/// keeps the zero of the first arming, and a log may begin later.
+/// Counts of each drive at the controller's zero, from the displacement in one cycle. The controller keeps
+/// the zero of the first arming, and a log may begin later.
 std::vector<std::int32_t> ZeroCounts(const CycleRecord& cycle, const RobotParameters& controllers) {
   std::vector<std::int32_t> zero;
   constexpr double kMost = std::numeric_limits<std::int32_t>::max();
@@ -58,8 +58,8 @@ std::vector<std::int32_t> ZeroCounts(const CycleRecord& cycle, const RobotParame
   return zero;
 }
 
-/// First cycle of the rest before `running`: tensioned already, no motor more than three counts from where it
-/// is then, at most half a second.
+/// First cycle of the rest before `running`: tensioned, and no motor more than three counts from its later
+/// position; at most half a second.
 std::size_t BeginOfRest(const std::vector<CycleRecord>& cycles, std::size_t running) {
   constexpr int kStillCounts = 3;
   const CycleRecord& zero = cycles[running];
@@ -79,7 +79,7 @@ std::size_t BeginOfRest(const std::vector<CycleRecord>& cycles, std::size_t runn
   return begin;
 }
 
-/// The usual number of cycles from one record to the next: logs may hold every n-th.
+/// The usual number of cycles per record: logs may hold every n-th cycle.
 std::uint64_t Stride(const std::vector<CycleRecord>& cycles) {
   std::vector<std::uint64_t> steps;
   for (std::size_t i = 1; i < cycles.size(); ++i) {
@@ -92,7 +92,7 @@ std::uint64_t Stride(const std::vector<CycleRecord>& cycles) {
   return *middle;
 }
 
-/// True when time goes on from one cycle to the next, and not by more than a pause could be.
+/// True when time increases from one cycle to the next by no more than a plausible pause.
 bool Follows(const CycleRecord& before, const CycleRecord& now) {
   constexpr std::uint64_t kLongest_ns = 100'000ULL * kNsPerS;
   const TimeNs a = before.input.time_ns, b = now.input.time_ns;
@@ -102,19 +102,19 @@ bool Follows(const CycleRecord& before, const CycleRecord& now) {
 
 class LogRun {
  public:
-  /// Of the cycles from `running` to `last`, and the rest before them; `controllers`: the robot that the log
-  /// was made with.
+  /// The cycles from `running` to `last` and the rest before them; `controllers`: the robot of the log's
+  /// controller.
   LogRun(const std::vector<CycleRecord>& cycles, std::size_t running, std::size_t last,
          const RobotParameters& robot, const RobotParameters& controllers)
       : cycles_(cycles),
         first_(BeginOfRest(cycles, running)),
         last_(last),
         robot_(robot) {
-    // The first cycle still shows the zero before.
+    // The first cycle still has the previous zero.
     zero_counts_ = ZeroCounts(cycles[std::min(running + 1, last - 1)], controllers);
   }
 
-  /// A run of less than two rows when the log is damaged.
+  /// Fewer than two rows when the log is damaged.
   Run Make() {
     const std::vector<std::size_t> kept = KeptCycles();
     if (kept.size() < 2) return {};
@@ -173,7 +173,7 @@ class LogRun {
     }
   }
 
-  // A reading stands in the row whose time is nearest to that of its measurement, not where it arrived.
+  // A reading belongs to the row nearest to its measurement time, not to the row of its arrival.
   void FillTracker(const std::vector<std::size_t>& kept) {
     const auto rows = static_cast<Eigen::Index>(kept.size());
     std::vector<const TrackerSample*> samples;
@@ -225,21 +225,21 @@ class LogRun {
   Run run_;
 };
 
-/// The robot that the controller believed in; none where the log does not say, or not in words of today.
+/// The robot of the controller; empty where the log has none, or one that this version cannot read.
 std::optional<RobotParameters> ControllersRobot(const io::RunInfo& run, int tendons) {
   if (run.robot_yaml.empty()) return std::nullopt;
   try {
     RobotParameters robot = config::ParseRobot(run.robot_yaml, "robot of the log");
     if (robot.actuation && std::ssize(robot.actuation->tendons) == tendons) return robot;
   } catch (const std::exception&) {
-    // Counts then mean what they mean to the robot named.
+    // Counts are then interpreted with the given robot.
   }
   return std::nullopt;
 }
 
 }  // namespace
 
-// One whose first bytes are damaged is a log by its name.
+// A log whose first bytes are damaged is recognised by its name.
 bool IsLcmLog(const std::filesystem::path& file) {
   if (file.extension() == ".lcmlog") return true;
   std::ifstream in(file, std::ios::binary);
@@ -289,7 +289,7 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotOfSet&
     if (Run run = LogRun(log.cycles, first, last, robot, controllers ? *controllers : robot).Make();
         run.time_s.size() >= 2) {
       run.name = RunName(file);
-      // A log is called run.lcmlog; what it was is what its folder is called.
+      // A log is always called run.lcmlog, so the run takes the name of its folder.
       if (run.name == "run" && std::filesystem::absolute(file).parent_path().has_filename()) {
         run.name = std::filesystem::absolute(file).lexically_normal().parent_path().filename().string();
       }

@@ -1,4 +1,4 @@
-// Each mistake is undone on a few runs, to see what the nominal robot leaves of them then.
+// Undoes each measurement error on a few runs and compares the remaining residual of the nominal robot.
 #include "measured_wrong.h"
 
 #include <fmt/core.h>
@@ -23,18 +23,18 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kLarge = 8;           // floors, or times what other runs leave: effects are rarely larger
-constexpr double kTakenAway = 4;       // times smaller is a gap whose reason was this mistake
-constexpr double kSmallest = 0.5;      // floors beyond the noise, of a small gap whose reason may be one
-constexpr double kSmallTakenAway = 3;  // times smaller is that, whose noise hides more
-constexpr double kHelps = 1.5;         // times smaller at least, where a run shows most of it
-constexpr double kLess = 0.5;          // of what could be compared before: a sensor was lost with the mistake
-constexpr std::size_t kRuns = 3;       // that each is tried on
-constexpr double kTried_s = 12;        // of each
+constexpr double kLarge = 8;       // floors, or times the residual of other runs: effects are rarely larger
+constexpr double kTakenAway = 4;   // reduction of a gap that is due to this error
+constexpr double kSmallest = 0.5;  // floors beyond the noise, for a small gap that may be due to an error
+constexpr double kSmallTakenAway = 3;  // reduction of such a gap, which noise partly hides
+constexpr double kHelps = 1.5;         // minimum reduction where a run shows the error most
+constexpr double kLess = 0.5;     // of the comparisons before: the error concerned a sensor that is lost now
+constexpr std::size_t kRuns = 3;  // for trying each error
+constexpr double kTried_s = 12;   // of each run
 
 using Kind = std::pair<sim::Cut, Channel::Quantity>;
 
-/// What the nominal robot leaves of runs, by kinds of channels that they have.
+/// Residuals of the nominal robot, by the kinds of channels that the runs have.
 using KindResiduals = std::map<Kind, Squares>;
 
 /// Calls with each residual of a run's channel.
@@ -53,7 +53,7 @@ void AddResiduals(const Evaluator& evaluator, std::size_t run, KindResiduals& le
   }
 }
 
-/// The kTried_s in which the motors go farthest.
+/// The kTried_s with the largest motor motion.
 Run MostActivePart(const Run& run) {
   constexpr double kHop_s = 2;
   const Eigen::VectorXd& t = run.time_s;
@@ -70,7 +70,7 @@ Run MostActivePart(const Run& run) {
     double way = 0;
     for (Eigen::Index j = 0; j < run.motor_position_rad.cols(); ++j)
       way += RangeOf(run.motor_position_rad.col(j).segment(a, b - a)).width();
-    // Without motors a run is as lively as its tendons are pulled.
+    // Without motors, the changes of the tensions count.
     for (Eigen::Index j = 0; j < run.tension_N.cols() && !motors; ++j)
       way += RangeOf(run.tension_N.col(j).segment(a, b - a)).width();
     if (way > farthest) farthest = way, first = a, last = b;
@@ -80,7 +80,7 @@ Run MostActivePart(const Run& run) {
   return OfRows(run, rows);
 }
 
-/// Runs by themselves.
+/// A set of these runs only.
 DataSet SubsetOf(const DataSet& set, const std::vector<const Run*>& runs) {
   DataSet apart;
   apart.name = set.name;
@@ -93,13 +93,14 @@ DataSet SubsetOf(const DataSet& set, const std::vector<const Run*>& runs) {
   return apart;
 }
 
-/// What is left of runs; nothing where they cannot be simulated. `with_cells`: of load cells, or not at all.
+/// The residuals of runs; empty where they cannot be simulated. `with_cells`: of load cells, or only without
+/// them.
 std::optional<KindResiduals> ResidualsOfRuns(const DataSet& apart, bool with_cells) {
   try {
     const Evaluator evaluator(apart, {.threads = 1, .readings = 0});
     KindResiduals left;
     for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddResiduals(evaluator, i, left);
-    // Without cells torque is compared with another thing.
+    // Without cells torque is compared with a different quantity.
     if (with_cells && !evaluator.has_cells())
       left.erase({sim::Cut::kDrivetrain, Channel::Quantity::kTension});
     return left;
@@ -108,7 +109,7 @@ std::optional<KindResiduals> ResidualsOfRuns(const DataSet& apart, bool with_cel
   }
 }
 
-/// The same with a mistake undone.
+/// The same with an error undone.
 std::optional<KindResiduals> ResidualsOnceUndone(DataSet apart, const Mistake* mistake,
                                                  const Evaluator& whole) {
   if (mistake != nullptr) mistake->Undo(apart);
@@ -130,14 +131,14 @@ double Misfit(const KindResiduals& left, const std::map<Kind, double>& floors) {
   for (const auto& [kind, squares] : left) {
     const auto floor = floors.find(kind);
     if (floor == floors.end() || !(floor->second > 0)) continue;
-    // What noise leaves anyway is not to be told from nothing.
+    // Residuals at the noise level are indistinguishable from none.
     total += std::hypot(1.0, squares.rms() / floor->second);
     ++kinds;
   }
   return kinds > 0 ? total / kinds : 0;
 }
 
-/// The largest of them beyond the noise, in floors.
+/// The largest kind beyond the noise, in floors.
 double Beyond(const KindResiduals& left, const std::map<Kind, Squares>& noise,
               const std::map<Kind, double>& floors) {
   double most = 0;
@@ -151,7 +152,7 @@ double Beyond(const KindResiduals& left, const std::map<Kind, Squares>& noise,
   return most;
 }
 
-/// The largest of them, over what is usual.
+/// The largest kind, relative to the usual value.
 double Worst(const KindResiduals& left, const std::map<Kind, double>& usual) {
   double worst = 0;
   for (const auto& [kind, squares] : left) {
@@ -161,7 +162,7 @@ double Worst(const KindResiduals& left, const std::map<Kind, double>& usual) {
   return worst;
 }
 
-/// True where some kind is large that was not, or less so.
+/// True where a kind becomes large that was not, or larger.
 bool Worse(const KindResiduals& after, const KindResiduals& before, const std::map<Kind, double>& usual) {
   return std::any_of(after.begin(), after.end(), [&](const auto& of_kind) {
     const auto found = usual.find(of_kind.first);
@@ -171,7 +172,7 @@ bool Worse(const KindResiduals& after, const KindResiduals& before, const std::m
   });
 }
 
-/// The mistake that, once undone, leaves least, and how much that is.
+/// The error whose correction leaves the smallest residual, and that residual.
 struct Found {
   const Mistake* mistake = nullptr;
   double left = std::numeric_limits<double>::infinity();
@@ -206,8 +207,8 @@ Found BestCorrection(const std::vector<Mistake>& mistakes, const std::function<d
   return best;
 }
 
-/// Tendon whose load cell disagrees far more than any other's with torque (without it, with stretch, which
-/// what another cell did to the body spoils too) in runs [from, to); -1: none does.
+/// Tendon whose load cell disagrees far more than any other with torque in runs [from, to), or without torque
+/// with stretch, which also depends on errors of other cells through the body; -1: none.
 int DisagreeingCell(const Evaluator& evaluator, std::size_t from, std::size_t to) {
   constexpr double kFar = 2;
   const sim::Cut cut = evaluator.has(kC2) ? sim::Cut::kDrivetrain : sim::Cut::kTendon;
@@ -235,7 +236,7 @@ Measured MeasuredOf(const Evaluator& evaluator, std::size_t from, std::size_t to
   return {evaluator.has_cells(), evaluator.has_tracker(), DisagreeingCell(evaluator, from, to)};
 }
 
-/// Some runs of different kinds but one: those with all sensors first, then the shortest.
+/// Some runs of different families except one: runs with all sensors first, then the shortest.
 std::vector<const Run*> SomeRuns(const DataSet& set, const Run* but) {
   const auto lacks = [](const Run* run) {
     return !run->tension_N.array().isFinite().any() + !run->tip_m.array().isFinite().any();
@@ -254,7 +255,7 @@ std::vector<const Run*> SomeRuns(const DataSet& set, const Run* but) {
   return runs;
 }
 
-/// As many states as tell enough, spread over a run.
+/// Enough states for a test, spread over a run.
 Run SomeStates(const Run& run) {
   constexpr int kStates = 100;
   const auto rows = static_cast<int>(run.time_s.size());
@@ -263,7 +264,7 @@ Run SomeStates(const Run& run) {
   return OfRows(run, some);
 }
 
-/// How many times smaller `after` is in the kind of channels that falls most; 0 where another rises.
+/// Reduction of the kind of channels that falls most; 0 where another kind rises.
 double ReductionFactor(const KindResiduals& after, const KindResiduals& before) {
   constexpr double kRises = 2;
   double most = 0;
@@ -276,8 +277,8 @@ double ReductionFactor(const KindResiduals& after, const KindResiduals& before) 
   return most;
 }
 
-/// A load cell that was set to zero otherwise than before the other runs: by what it shows more than torque,
-/// or without it stretch, says.
+/// A load cell that was zeroed differently from the other runs: its mean difference from torque, or without
+/// torque from stretch.
 void AddMovedZeros(const Evaluator& evaluator, std::size_t run, std::vector<Mistake>& all) {
   std::map<int, double> zero_N;  // by tendon
   for (const sim::Cut by : {sim::Cut::kDrivetrain, sim::Cut::kTendon}) {
@@ -327,7 +328,7 @@ FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool ex
   if (Compared(set)) return {};
   std::map<Kind, std::vector<double>> of_kind;
   std::map<Kind, Squares> noise;
-  // Where repetitions differ by far more than noise, a mistake may be what makes them.
+  // Where repetitions differ by far more than noise, a measurement error may be the reason.
   const bool scatter = evaluator.repetitions_differ() > 0;
   for (std::size_t c = 0; c < evaluator.channels().size(); ++c) {
     const Channel& channel = evaluator.channels()[c];
@@ -343,7 +344,7 @@ FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool ex
   for (auto& [kind, all] : of_kind) floors[kind] = Median(std::move(all));
   KindResiduals all;
   for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddResiduals(evaluator, i, all);
-  // Of a small gap that nothing explains, what is beyond the noise: noise itself would hide that it goes.
+  // Of a small unexplained gap only the part beyond the noise counts, since noise would hide its removal.
   const bool small = !explained && Worst(all, floors) < kTakenAway;
   const auto misfit_of = [&](const KindResiduals& left) {
     return explained ? Misfit(left, floors) : small ? Beyond(left, noise, floors) : Worst(left, floors);
@@ -354,7 +355,7 @@ FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool ex
   const DataSet some = SubsetOf(set, runs);
   const std::optional<KindResiduals> as_they_are = ResidualsOnceUndone(some, nullptr, evaluator);
   if (!as_they_are) return {};
-  // Most are plainly none by the run that is missed most.
+  // Most errors are excluded by the run with the largest residual.
   DataSet first;
   std::optional<KindResiduals> first_as_it_is;
   for (const Run* run : runs) {
@@ -374,7 +375,7 @@ FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool ex
     const std::optional<KindResiduals> left = ResidualsOnceUndone(some, mistake, evaluator);
     const bool other =
         !ComparesAsMuch(left, *as_they_are) || (!explained && Worse(*left, *as_they_are, floors));
-    // Where the worst place is at its noise the others tell sizes apart.
+    // Where the worst place is at its noise level, the other places distinguish sizes.
     constexpr double kOthers = 0.1;
     return other ? std::numeric_limits<double>::infinity()
                  : misfit_of(*left) + kOthers * Misfit(*left, floors);
@@ -397,7 +398,7 @@ std::vector<DeviatingRun> FindDeviatingRuns(const DataSet& set, const Evaluator&
     AddResiduals(evaluator, i, left[i]);
     for (const auto& [kind, squares] : left[i]) of_kind[kind].push_back(squares.rms());
   }
-  std::map<Kind, double> usual;  // of two runs the better one's
+  std::map<Kind, double> usual;  // the smaller of the values of two runs
   for (auto& [kind, all] : of_kind) {
     const auto middle = all.begin() + static_cast<std::ptrdiff_t>((all.size() - 1) / 2);
     std::nth_element(all.begin(), middle, all.end());
@@ -419,7 +420,7 @@ std::vector<DeviatingRun> FindDeviatingRuns(const DataSet& set, const Evaluator&
     AddMovedZeros(evaluator, i, mistakes);
     const Found found = BestCorrection(mistakes, worst, threads);
     if (found.left > kLarge / 2 || kTakenAway * found.left > Worst(*as_it_is, usual)) continue;
-    // The others are right as they are: else it is a mistake in all runs that shows in this one most.
+    // The others must be right as they are; otherwise it is an error in all runs that this one shows most.
     const DataSet others = SubsetOf(set, SomeRuns(set, &run));
     const std::optional<KindResiduals> before = ResidualsOnceUndone(others, nullptr, evaluator);
     const std::optional<KindResiduals> after = ResidualsOnceUndone(others, found.mistake, evaluator);

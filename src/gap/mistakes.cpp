@@ -1,4 +1,4 @@
-// One function a mistake.
+// One function per measurement error.
 #include "mistakes.h"
 
 #include <fmt/core.h>
@@ -25,7 +25,7 @@ void Exchange(Eigen::MatrixXd& values, Eigen::Index a, Eigen::Index b) {
   if (std::max(a, b) < values.cols()) values.col(a).swap(values.col(b));
 }
 
-/// The tracker's frame turned about the base's axis, positions and orientations.
+/// The tracker's frame rotated about the base's axis, positions and orientations.
 void Turn(Run& run, const Eigen::AngleAxisd& by) {
   const Eigen::Matrix3d R = by.toRotationMatrix();
   if (run.tip_m.cols() == 3) run.tip_m = (run.tip_m * R.transpose()).eval();
@@ -36,7 +36,7 @@ void Turn(Run& run, const Eigen::AngleAxisd& by) {
   }
 }
 
-/// Mistakes in the bend of sections, (us, vs) each.
+/// Errors in the bending of sections, (us, vs) each.
 void OfBends(std::size_t sections, std::vector<Mistake>& all) {
   const auto of = [&](const std::string& with, void (*undo)(Eigen::MatrixXd&, Eigen::Index)) {
     for (std::size_t k = 0; k < sections; ++k) {
@@ -55,7 +55,7 @@ void OfBends(std::size_t sections, std::vector<Mistake>& all) {
   all.push_back({"the bends read as degrees", [](Run& run) { run.bending_rad *= std::numbers::pi / 180; }});
 }
 
-/// Readings of one cell: rows, times and values of those that are there.
+/// Readings of one cell: rows, times and values where they exist.
 struct Readings {
   std::vector<Eigen::Index> row;
   std::vector<double> time_s, value;
@@ -71,7 +71,7 @@ struct Readings {
   std::size_t size() const { return row.size(); }
 };
 
-/// Whose readings: one tendon's, or all.
+/// Of one tendon, or of all.
 struct Cells {
   int one = -1;
 
@@ -81,7 +81,7 @@ struct Cells {
   }
 };
 
-/// The cells' readings, each as it came so much later.
+/// The cells' readings, shifted in time by their delay.
 void Advance(Run& run, Cells cells, double late_s) {
   for (Eigen::Index j = 0; j < run.tension_N.cols(); ++j) {
     if (!cells.has(j)) continue;
@@ -171,8 +171,8 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   };
   tensions_in("pounds-force", 4.4482216);
   tensions_in("kilograms-force", 9.80665);
-  // A half of such a mistake goes with a size that is half as large again: tried so far apart, and about
-  // those that help in steps of a twelfth.
+  // Half-corrected, such an error looks like one that is half as large; sizes are tried at this spacing, and
+  // about those that help in steps of a twelfth.
   const auto of_all_sizes = [&](double least, double most, auto&& of_size) {
     for (double size = least; size < most; size *= 2.25) {
       Mistake mistake = of_size(size);
@@ -188,7 +188,7 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
                      [=](Run& run) { run.tip_m *= 1 + 0.01 * sign * percent; }};
     });
   }
-  // Slower logs show no such delay.
+  // Slower logs do not resolve such a delay.
   const bool fast = std::any_of(set.runs.begin(), set.runs.end(),
                                 [](const Run& run) { return UsualStep(run) <= kBridged_s; });
   const auto late = [&](Cells cells) {

@@ -1,4 +1,4 @@
-// Which rows are a sensor's own, by how regularly news comes.
+// Finds a sensor's own rows by the regularity of new values.
 #include "own_readings.h"
 
 #include <fmt/core.h>
@@ -20,18 +20,18 @@ namespace {
 using Rows = std::vector<Eigen::Index>;
 
 constexpr std::size_t kLeastReadings = 30;
-constexpr double kMostApart_s = 0.1;  // own readings; what stays longer may well be at rest
-constexpr double kRegular = 0.7;      // share of the readings that come as usual, but for a row
+constexpr double kMostApart_s = 0.1;  // between own readings; a longer constant value may be a rest
+constexpr double kRegular = 0.7;      // share of readings at the usual distance, to within a row
 constexpr double kAtOnce = 0.15;      // share of them that may be followed by another in the next row
 
-/// Rows from one own reading to the next, and the rows of the readings.
+/// Rows between own readings, and the rows of these readings.
 struct Own {
   int every = 1;
   Rows rows;
-  double late_s = 0;  // from a reading to its row, on average
+  double late_s = 0;  // mean delay from a reading to its row
 };
 
-/// The usual one of these distances in rows; 1 where they are not regular.
+/// The usual distance in rows; 1 where distances are not regular.
 int Usual(const std::vector<double>& distances) {
   if (distances.size() < kLeastReadings) return 1;
   const double usual = Median(distances);
@@ -45,9 +45,9 @@ int Usual(const std::vector<double>& distances) {
              : 1;
 }
 
-/// A reading that is written again until the next one comes. `there`: rows with a value, in order.
+/// Repeated readings. `there`: rows with a value, in order.
 Own Held(const Run& run, const Eigen::MatrixXd& values, const Rows& there) {
-  std::vector<std::size_t> begins;  // of equal values, as places in `there`
+  std::vector<std::size_t> begins;  // starts of equal values, as indices into `there`
   for (std::size_t i = 0; i < there.size(); ++i) {
     if (i == 0 || values.row(there[i]) != values.row(there[i - 1])) begins.push_back(i);
   }
@@ -64,7 +64,7 @@ Own Held(const Run& run, const Eigen::MatrixXd& values, const Rows& there) {
   Own own{Usual(distances), {}};
   // A slow change of a coarsely rounded signal comes in steps of one size.
   if (own.every == 1 || Median(std::move(news)) < 2 * least) return {};
-  // At a rate of its own a reading waits half a row for the next row, as often longer as shorter.
+  // With its own rate, a reading waits half a row on average for the next row.
   if (Slips(distances)) own.late_s = 0.5 * UsualStep(run);
   begins.push_back(there.size());
   for (std::size_t k = 0; k + 1 < begins.size(); ++k) {
@@ -76,8 +76,8 @@ Own Held(const Run& run, const Eigen::MatrixXd& values, const Rows& there) {
   return own;
 }
 
-/// By how much a value is off the straight line between its neighbours, of each column; NaN beside a pause
-/// and where it stays.
+/// Deviation of a value from the straight line between its neighbours, for each column; NaN beside a pause
+/// and where the value is constant.
 Eigen::MatrixXd Bends(const Run& run, const Eigen::MatrixXd& values, const Rows& there) {
   const double usual_s = UsualStep(run);
   const auto rows = static_cast<Eigen::Index>(there.size());
@@ -93,23 +93,23 @@ Eigen::MatrixXd Bends(const Run& run, const Eigen::MatrixXd& values, const Rows&
   return bends;
 }
 
-/// Straight lines from reading to reading: rows at which they bend.
+/// Interpolated readings: the rows at which the lines bend.
 Own Interpolated(const Run& run, const Eigen::MatrixXd& values, const Rows& there) {
-  constexpr double kRounded = 4;    // medians: what rounding alone bends a line by at most
-  constexpr double kExact = 1e-13;  // of the largest value: nothing
-  constexpr double kSingle = 1e-6;  // of the largest value: single-precision numbers
-  constexpr double kPlain = 2;      // times what rounding can
+  constexpr double kRounded = 4;    // medians: the largest bend by rounding alone
+  constexpr double kExact = 1e-13;  // of the largest value: zero
+  constexpr double kSingle = 1e-6;  // of the largest value: resolution of single-precision numbers
+  constexpr double kPlain = 2;      // times the rounding error
   constexpr double kRowsAKnot =
-      2.2;  // that are bent, two for one that was taken between rows: a smooth curve bends in many
+      2.2;  // rows that bend, two for a reading between rows; a smooth curve bends in many
   const Eigen::MatrixXd bends = Bends(run, values, there);
-  std::vector<double> bend(there.size(), 0.0);  // of the most bent column, of what rounding can
+  std::vector<double> bend(there.size(), 0.0);  // of the most bent column, relative to rounding
   for (Eigen::Index c = 0; c < values.cols(); ++c) {
     std::vector<double> all;
     for (const double x : bends.col(c)) {
       if (std::isfinite(x)) all.push_back(x);
     }
     const double usual = Median(std::move(all)), largest = Largest(values.col(c));
-    // What scatters about a line is no line.
+    // A signal that scatters about a line is not interpolated.
     if (usual > std::max(DecimalStep(values.col(c)), kSingle * largest)) return {};
     const double rounding = std::max({kRounded * usual, kExact * largest, 1e-300});
     for (std::size_t i = 0; i < bend.size(); ++i) {
@@ -132,8 +132,7 @@ Own Interpolated(const Run& run, const Eigen::MatrixXd& values, const Rows& ther
   if (own.every == 1 || Median(std::move(of_knots)) < kPlain ||
       static_cast<double>(bent) > kRowsAKnot * static_cast<double>(knots.size()))
     return {};
-  // Between readings in line with each other nothing bends: to leave them out would favour those that are
-  // not.
+  // Collinear readings do not bend the line; omitting them would bias the sample towards others.
   const auto between = [&](std::size_t from, std::size_t to) {
     const auto readings = static_cast<std::size_t>(
         std::max(1L, std::lround(static_cast<double>(to - from) / static_cast<double>(own.every))));
@@ -145,7 +144,7 @@ Own Interpolated(const Run& run, const Eigen::MatrixXd& values, const Rows& ther
   return own;
 }
 
-/// What the readings' straight lines say at their rows, the readings being as much earlier as they were late.
+/// Values of the lines through the readings, with each reading shifted earlier by its delay.
 void Advance(const Eigen::VectorXd& time_s, const Own& own, Eigen::Ref<Eigen::MatrixXd> values) {
   if (own.late_s == 0) return;
   for (std::size_t k = 0; k + 1 < own.rows.size(); ++k) {
@@ -155,7 +154,7 @@ void Advance(const Eigen::VectorXd& time_s, const Own& own, Eigen::Ref<Eigen::Ma
   }
 }
 
-/// Keeps the own rows alone of these matrices. Rows from one to the next; 1 where all are.
+/// Keeps only the own rows of these matrices. Returns the distance of rows; 1 where all are own.
 template <class Find>
 int Keep(Run& run, const Eigen::MatrixXd& by, std::initializer_list<Eigen::Ref<Eigen::MatrixXd>> of,
          Find&& find) {
@@ -182,7 +181,7 @@ int Keep(Run& run, const Eigen::MatrixXd& by, std::initializer_list<Eigen::Ref<E
 std::vector<std::string> KeepOwnReadings(DataSet& set) {
   std::vector<std::string> said;
   const auto look = [&](const char* between, auto&& find) {
-    std::map<std::string, int> every;  // by sensor, the most
+    std::map<std::string, int> every;  // the largest distance, by sensor
     for (Run& run : set.runs) {
       if (run.time_s.size() < kLeastRows || UsualStep(run) > kQuasiStatic_s) continue;
       const auto note = [&](const std::string& sensor, int rows) {

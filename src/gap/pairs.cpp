@@ -1,4 +1,4 @@
-// Two causes at once: what adds most to the best, what else could stand in its place, where.
+// Pairs of causes: what adds most to the best, what may replace it, and where.
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -14,11 +14,11 @@ namespace {
 constexpr int kIterations = 3;
 constexpr int kPartners = 4, kPartnersOfNext = 2, kPartnersOfSecond = 3;
 constexpr int kPolishedPairs = 3;
-constexpr std::size_t kTogether = 2;  // of other singles, to be tried beside the best as they stand
-constexpr int kAlike = 3;             // of what looks like a member, to be tried in its place
-constexpr double kFurther = 0.5;      // log score by which another start of the same cause has to do better
-// Where a second begins, in plainly visible deviations: near where it does nothing, or where the line for
-// both puts it, within these.
+constexpr std::size_t kTogether = 2;  // other singles, tried together with the best at their fitted values
+constexpr int kAlike = 3;             // look-alikes of a member, tried in its place
+constexpr double kFurther = 0.5;      // log score by which another start of the same cause has to be better
+// Start of a second cause, in plainly visible deviations: near no effect, or at the joint linear solution,
+// within these limits.
 constexpr double kNearStart = 0.2, kLeastStart = 0.1, kMostStart = 2;
 
 /// Subtracts `part` from `from`, channel by channel.
@@ -33,7 +33,7 @@ void Append(std::vector<Fit> more, std::vector<Fit>& fits) {
   std::stable_sort(fits.begin(), fits.end(), ByHeldOut);
 }
 
-/// The part of a pair by itself, with the values that it has in it.
+/// One member of a pair alone, with its values in the pair.
 Model PartAlone(const Model& both, int part) {
   Model one = Model::Of(both.parts[part]);
   one.derivative_step = both.derivative_step;
@@ -48,8 +48,8 @@ Residuals Searching::AtModel(const Model& model) const {
   return Completed(evaluator_.At(model.Robot(evaluator_.nominal()), cuts), nominal_);
 }
 
-/// What each candidate adds to `first`, to first order and with the first's parameters free where it has
-/// columns, most first. What a first that is off loses by being held out is lost without a second too.
+/// Gain of each candidate in addition to `first`, to first order, with the first's parameters free where it
+/// has columns; by falling gain. A loss of the first on held-out data occurs with or without a second cause.
 std::vector<Searching::Promise> Searching::Promises(const Fit& first, const Weights& weights) const {
   const auto line_with = [&](const Screened* second) {
     std::vector<const Column*> columns;
@@ -83,8 +83,8 @@ std::vector<Searching::Promise> Searching::Promises(const Fit& first, const Weig
   return promises;
 }
 
-/// Starts of pairs of `first` and each of the `count` that promise most beside it, at least `least`; with
-/// `like`, of those that are said to look like it.
+/// Starts of pairs of `first` with each of the `count` most promising candidates, at least `least`; with
+/// `like`, only with look-alikes of it.
 std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights, int count, double least,
                                        const sim::Effect* like) const {
   const std::vector<Promise> promises = Promises(first, weights);
@@ -117,11 +117,11 @@ std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights,
     for (int i = 0; i < s.candidate.size(); ++i) both.values[offset + i] = s.start.values[i];
     const Eigen::VectorXd& step = promise.step;
     const int own = static_cast<int>(s.primary.size());
-    Model near = both;  // what a line laid far from here says may be far off: a little of the second then
+    Model near = both;  // a linear prediction far away may be inaccurate, so a small second cause is tried too
     for (int i = 0; i < own; ++i) {
       const int at = offset + s.primary[i];
       const auto& p = s.start.parameter(s.primary[i]);
-      // Not where the effect is gone: there its shape means nothing.
+      // Unless the effect is absent, where its shape has no meaning.
       const double size = std::clamp(std::abs(step[i]), kLeastStart * ScaleOf(p), kMostStart * ScaleOf(p));
       both.values[at] = Inside(p, s.start.values[s.primary[i]] + std::copysign(size, step[i]));
       near.values[at] = Inside(p, s.start.values[s.primary[i]] + kNearStart * ScaleOf(p));
@@ -134,8 +134,8 @@ std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights,
   return starts;
 }
 
-/// The best single with the `count` others that leave least beside it, each where it stands by itself: what
-/// is no straight line from nothing, such as a wall, has come further alone than a line would put it.
+/// The best single with the `count` others that leave least in addition, each at its own fit: strongly
+/// nonlinear effects, such as a wall, get further alone than by a linear prediction.
 std::vector<Model> Searching::Together(const Weights& weights, std::size_t count) const {
   const Fit& first = result_.fits[0];
   std::vector<std::pair<double, Model>> tried;
@@ -167,9 +167,9 @@ bool Searching::Tried(const Model& both) const {
   });
 }
 
-/// Beside each partner one place of an effect was tried, by a score of first order that places share: the
-/// best two once more, each of them everywhere if it was at one place and at one if everywhere, and at the
-/// units beside its own.
+/// Each partner was tried at one place, chosen by a first-order score that places share. The best two are
+/// tried again at other places: everywhere if at one place, at one place if everywhere, and at neighbouring
+/// units.
 std::vector<Model> Searching::AtOtherPlaces() const {
   std::vector<Model> elsewhere;
   const auto try_at = [&](int part, const auto& moves) {
@@ -192,8 +192,8 @@ std::vector<Model> Searching::AtOtherPlaces() const {
   return elsewhere;
 }
 
-/// The best two with what is said to look like either in its place, beside the other as it stands there: to
-/// first order it may promise less than others, and be the cause.
+/// The best two with look-alikes of either in its place, starting at the other's fit: to first order they may
+/// promise less than others and still be the cause.
 std::vector<Model> Searching::Alike(const Weights& weights) const {
   const Fit& both = result_.pairs[0];
   std::vector<Model> alike;
@@ -210,12 +210,12 @@ std::vector<Model> Searching::Alike(const Weights& weights) const {
       }
     }
   } catch (const std::exception&) {
-    // One of them cannot be simulated alone: nothing stands in the other's place beside it.
+    // A member that cannot be simulated alone cannot be replaced.
   }
   return alike;
 }
 
-/// The same two, found from either or from other starts, count once.
+/// The same two causes count once, whatever their order and start.
 void Searching::KeepDistinct() {
   const auto same = [](const Fit& a, const Fit& b) {
     return std::is_permutation(a.model.parts.begin(), a.model.parts.end(), b.model.parts.begin());
@@ -229,8 +229,8 @@ void Searching::KeepDistinct() {
   result_.pairs = std::move(distinct);
 }
 
-/// Each of the best two by itself, from where it stands beside the other: it may have come further there than
-/// alone, and what a pair has to beat is the best that one can do.
+/// Each of the best two alone, starting at its fit in the pair: it may be better than its single fit, and a
+/// pair has to beat the best single.
 void Searching::AddMembers(const Weights& weights, bool held_out_again) {
   const Model& both = result_.pairs[0].model;
   bool further = false;
@@ -251,7 +251,7 @@ void Searching::AddMembers(const Weights& weights, bool held_out_again) {
 
 void Searching::FindPairs() {
   const Weights weights(evaluator_, leftover_);
-  // Where nothing is left at any one place, what is spread thinly over many of them still has a score.
+  // Where no single place has an excess, a small one spread over many places still has a score.
   const bool left = !Explained(result_.fits.front());
   std::vector<Model> starts = Partners(result_.fits[0], weights, kPartners, left ? 1 : kPairGain);
   if (result_.fits.size() > 1 && (left || !starts.empty())) {
@@ -262,7 +262,7 @@ void Searching::FindPairs() {
   }
   result_.pairs = Refit(starts, weights, kIterations, {0.75, 0.81});
   if (result_.pairs.empty()) return;
-  // The second may be the real first: keep it and look for another partner.
+  // The second may be the true first: keep it and look for another partner.
   const std::vector<Fit> second =
       Refit({PartAlone(result_.pairs[0].model, 1)}, weights, kIterations, {0.81, 0.83});
   if (!second.empty()) {
@@ -273,9 +273,8 @@ void Searching::FindPairs() {
   KeepDistinct();
   if (left) {
     Append(Refit(Alike(weights), weights, kIterations, {0.89, 0.92}), result_.pairs);
-    // What is still on its way takes more steps, where a gap is left.
-    // Also what explains more than the best where nothing is held out: by a line from where it stands now, a
-    // fold left out may seem to cost too much.
+    // Fits that have not converged get more steps if a gap is left, and so do fits that explain more than the
+    // best before holding out: the linear held-out score may overstate their loss.
     const double best = result_.pairs.front().score;
     const auto others =
         result_.pairs.begin() + std::min<std::ptrdiff_t>(kPolishedPairs, std::ssize(result_.pairs));
