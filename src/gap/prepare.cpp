@@ -1,5 +1,5 @@
-// Grid, gaps, encoder, tracker. An encoder count is a cell in which the motor may be anywhere; where the
-// count changes the motor was on the cell's border, and that is known far better than the count itself.
+// Grid, gaps, encoder, tracker. An encoder count is an interval that contains the motor angle; where the
+// count changes, the motor is at the interval's border, which is known far more accurately than the count.
 #include "prepare.h"
 
 #include <fmt/core.h>
@@ -20,24 +20,24 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kSlowestGrid_s =
-    0.01;  // slower logs are interpolated: the body's motion is integrated on the grid
-constexpr double kDerivativeHalf_s =
-    0.01;                           // half width of the local polynomial that gives speed and acceleration
-constexpr double kSettle_s = 0.02;  // a motor that stays within one count has come to rest by then
+    0.01;  // slower logs are interpolated, since the body's motion is integrated on the grid
+constexpr double kDerivativeHalf_s = 0.01;  // half width of the local polynomial for speed and acceleration
+constexpr double kSettle_s = 0.02;          // a motor that stays within one count for this long is at rest
 constexpr double kSlidingCounts =
-    4;  // 12 mrad at 2048 counts: friction in motor and gear has turned round by then
-constexpr double kSlow_s = 0.05;    // a motor that takes longer from count to count may be at rest
-constexpr double kAtOnce_s = 0.01;  // and so may one that takes twice as long as before, and longer than this
-constexpr int kWidestSmoothing = 150;  // samples to either side, of a cell's reading at rest
-constexpr double kCoarse = 1.5;        // times a cell's own resolution and noise: a table's steps
-constexpr double kCoarseTurn = 2e-3;   // of a quaternion's numbers: more than what trackers are noisy by
-constexpr double kMostlyPause = 10;    // times as long as its rows account for
-constexpr double kOwnSteps = 2.5;      // and so many steps of a sensor that is slower than the log
-// After lost samples: nothing is told for the first; friction's memory is lost with more than the second, but
-// where the motor stood still for the third on both sides.
+    4;                            // 12 mrad at 2048 counts: friction in motor and gear has reversed by then
+constexpr double kSlow_s = 0.05;  // a motor with a longer time between counts may be at rest
+constexpr double kAtOnce_s =
+    0.01;  // and so may one with twice the previous time between counts, if longer than this
+constexpr int kWidestSmoothing = 150;  // samples on either side, for a cell's reading at rest
+constexpr double kCoarse = 1.5;        // times a cell's own resolution and noise: a table's resolution
+constexpr double kCoarseTurn = 2e-3;   // of a quaternion's numbers: more than the noise of trackers
+constexpr double kMostlyPause = 10;    // times the duration of its rows
+constexpr double kOwnSteps = 2.5;      // and this many steps of a sensor that is slower than the log
+// After lost samples: nothing is compared within the first time; a gap longer than the second loses
+// friction's memory, unless the motor stood still for the third on both sides.
 constexpr double kAfterGap_s = 0.3, kForgets_s = 0.1, kStoodStill_s = 0.1;
 
-/// Local polynomial of degree 4 through 2h+1 equally spaced points: weights that give value, first and second
+/// Local polynomial of degree 4 through 2h+1 equally spaced points: weights for value, first and second
 /// derivative (per sample) at the middle.
 struct LocalPolynomial {
   explicit LocalPolynomial(int half_width) : half(half_width) {
@@ -59,7 +59,7 @@ struct LocalPolynomial {
   Eigen::RowVectorXd value, first, second;
 };
 
-/// Linear between knots, constant beyond.
+/// Linear between knots, constant outside.
 class Interpolator {
  public:
   void Add(double t, double y) {
@@ -81,7 +81,7 @@ class Interpolator {
   std::size_t at_ = 0;
 };
 
-/// True when the readings step by whole counts.
+/// True when the readings change by whole counts.
 bool Quantised(const Eigen::VectorXd& angle, double count) {
   int moved = 0, whole = 0;
   for (int i = 1; i < angle.size(); ++i) {
@@ -93,8 +93,7 @@ bool Quantised(const Eigen::VectorXd& angle, double count) {
   return moved > 0 && whole > 0.98 * moved;
 }
 
-/// Whole counts between readings as well, where a straight line bridges what was lost (`read`: samples with a
-/// reading).
+/// Whole counts for interpolated samples as well (`read`: samples with a reading).
 void CountThroughHoles(Eigen::Ref<Eigen::VectorXd> angle, const std::vector<char>& read, double count) {
   for (Eigen::Index i = 1; i < angle.size(); ++i) {
     if (read[static_cast<std::size_t>(i)]) continue;
@@ -102,9 +101,9 @@ void CountThroughHoles(Eigen::Ref<Eigen::VectorXd> angle, const std::vector<char
   }
 }
 
-/// Angle inside the counts: through the cell's border where the count changes by one, through the reading
-/// itself where the motor is faster than that. Where it rests or turns round within a cell nobody knows how
-/// far it went in: half way, or with `random` anywhere. It begins at the middle of its cell when `in_middle`.
+/// Angle within the counts: at the border where the count changes by one, at the reading where the motor is
+/// faster. Where it rests or reverses within a count the travel is unknown: half way, or with `random`
+/// anywhere. Starts at the middle of its count if `in_middle`.
 Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, double step_s, bool in_middle,
                              std::mt19937_64* random) {
   const int n = static_cast<int>(reading.size());
@@ -112,8 +111,8 @@ Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, doubl
   std::uniform_real_distribution<double> anywhere(0, 1);
   const double begin = in_middle || random == nullptr ? 0 : (anywhere(*random) - 0.5) * count;
   path.Add(0, reading[0] + begin);
-  int dwell = 0;         // first sample of the present count
-  double entered = NAN;  // border by which its cell was entered; NaN: jumped in, or there from the beginning
+  int dwell = 0;         // first sample at the present count
+  double entered = NAN;  // border by which this count was entered; NaN: by a jump, or from the beginning
   for (int i = 1; i <= n; ++i) {
     const bool end = i == n;
     const double steps = end ? 0 : std::round((reading[i] - reading[i - 1]) / count);
@@ -123,7 +122,7 @@ Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, doubl
     const double from_s = step_s * (dwell - 0.5), to_s = step_s * (end ? i - 1 : i - 0.5);
     const bool rests = to_s - from_s > 2.5 * kSettle_s;
     const bool turns = !std::isnan(entered) && (end || std::abs(left - entered) < 0.5 * count);
-    // Before it rests a motor may swing back within the cell, unseen, and turn its friction round.
+    // Before it rests a motor may swing back unseen within the count, reversing its friction.
     double deepest = middle;
     double rest = middle + (dwell == 0 ? begin : random != nullptr ? (anywhere(*random) - 0.5) * count : 0);
     if (!std::isnan(entered)) {
@@ -148,10 +147,9 @@ Eigen::VectorXd InsideCounts(const Eigen::VectorXd& reading, double count, doubl
   return angle;
 }
 
-/// White noise of rms `noise` taken out of a signal that is smooth most of the time: each sample becomes the
-/// mean over the widest window about it in which a straight line leaves no more than the noise, so that rest
-/// is smoothed over many samples and a fast change over none. Friction memories driven by noise creep; that
-/// is what this is for.
+/// Removes white noise of rms `noise` from a signal that is smooth most of the time: each sample becomes the
+/// mean over the widest window in which a straight line leaves no more than the noise, so rest is smoothed
+/// strongly and fast changes are not. Without this, friction memories driven by noise would creep.
 Eigen::VectorXd Denoised(const Eigen::VectorXd& signal, double noise) {
   const int n = static_cast<int>(signal.size());
   if (noise <= 0 || !signal.allFinite()) return signal;
@@ -175,7 +173,7 @@ Eigen::VectorXd Denoised(const Eigen::VectorXd& signal, double noise) {
       const double slope_sum = ty[b] - ty[a] - i * sum;  // of (k - i) v
       const double spread = half * (half + 1.0) * count / 3;
       const double left = yy[b] - yy[a] - sum * sum / count - slope_sum * slope_sum / spread;
-      // Three standard deviations of what white noise leaves; shorter windows must have passed as well.
+      // Three standard deviations of the residual of white noise; shorter windows must have passed as well.
       if (left > noise * noise * (count - 2) * (1 + 3 * std::sqrt(2 / (count - 2)))) break;
       smooth[i] = mean + sum / count;
     }
@@ -183,9 +181,8 @@ Eigen::VectorXd Denoised(const Eigen::VectorXd& signal, double noise) {
   return smooth;
 }
 
-/// Where a motor has moved on in one direction by kSlidingCounts since it turned or rested, and is on its way
-/// from one count to the next, which it reaches soon: at rest, and where samples were lost, its friction may
-/// be anything.
+/// Samples where a motor has moved in one direction by kSlidingCounts since it reversed or rested, and soon
+/// reaches the next count. At rest and where samples were lost, its friction is unknown.
 void MarkSliding(const Eigen::VectorXd& reading, const Eigen::Matrix<char, -1, 1>& valid, double count,
                  double step_s, double sampled_s, Eigen::Ref<Eigen::Matrix<char, -1, 1>> out) {
   const int samples = static_cast<int>(reading.size());
@@ -209,7 +206,7 @@ void MarkSliding(const Eigen::VectorXd& reading, const Eigen::Matrix<char, -1, 1
     changed = i;
     before = lasted;
   }
-  // Between the samples of a slow log a motor may have turned or rested unseen.
+  // Between the samples of a slow log a motor may have reversed or rested unseen.
   const int unseen =
       step_s < kSlowLog_s ? 0 : 2 * std::max(1, static_cast<int>(std::lround(sampled_s / step_s)));
   const Eigen::Matrix<char, -1, 1> whole = out;
@@ -219,11 +216,11 @@ void MarkSliding(const Eigen::VectorXd& reading, const Eigen::Matrix<char, -1, 1
   }
 }
 
-/// After samples [from, to) of a tendon were lost, or of all (tendon -1), though they are there again: where
-/// the body is, and which way friction holds in pulleys, is not known if anything moved.
+/// Marks the time after samples [from, to) of a tendon (or of all, tendon -1) were lost: the body's position
+/// and the direction of pulley friction are unknown if anything moved.
 void MarkMoved(int tendon, int from, int to, PreparedRun& out) {
   constexpr double kStill_rad = 0.008;  // 2.5 counts of a coarse encoder
-  constexpr double kStillFor_s = 2;     // longer, a motor may well have gone and come back
+  constexpr double kStillFor_s = 2;     // in a longer gap a motor may have moved and returned
   const int samples = out.samples();
   const auto after = [&](double time_s) {
     return static_cast<int>(std::lround(time_s / out.signals.step_s));
@@ -233,7 +230,7 @@ void MarkMoved(int tendon, int from, int to, PreparedRun& out) {
   const int a = std::max(0, from - after(kStoodStill_s)), b = std::min(samples, to + after(kStoodStill_s));
   bool moved = to - from >= after(kStillFor_s);
   for (int j = first; j < last; ++j) {
-    // What is not known may have moved.
+    // An unknown signal may have moved.
     moved =
         moved || (out.signals.no_motor.size() > 0 && out.signals.no_motor[static_cast<std::size_t>(j)] != 0);
     const auto about = out.signals.motor_angle_rad.col(j).segment(a, b - a);
@@ -245,10 +242,10 @@ void MarkMoved(int tendon, int from, int to, PreparedRun& out) {
             char{0});
 }
 
-/// Of motors that count from where they rested: where that was, as far as cells and counts (S x M) tell.
+/// Rest position of motors that count from it, as far as cells and counts (S x M) determine it.
 void FindRest(const RobotParameters& robot, const Eigen::MatrixXd& reading, PreparedRun& out) {
-  constexpr double kRest_s = 0.5;     // runs begin with this
-  constexpr double kStillCounts = 3;  // that a tendon creeps while friction settles
+  constexpr double kRest_s = 0.5;     // initial rest of a run
+  constexpr double kStillCounts = 3;  // creep of a tendon while friction settles
   constexpr double kSigmas = 3;
   const auto tendons = reading.cols();
   const auto count_of = [&](Eigen::Index j) {
@@ -286,7 +283,7 @@ void FindRest(const RobotParameters& robot, const Eigen::MatrixXd& reading, Prep
   }
 }
 
-/// Rows in which nothing was recorded are rows that are missing.
+/// Rows without any data count as missing rows.
 std::optional<Run> WithoutEmptyRows(const Run& run) {
   const Eigen::Index rows = run.time_s.size();
   std::vector<int> kept;
@@ -301,8 +298,8 @@ std::optional<Run> WithoutEmptyRows(const Run& run) {
   return OfRows(run, kept);
 }
 
-/// Step of the grid that the stamps lie on. One step alone is as coarse as a stamp is written (a date in
-/// seconds leaves 1e-7 s), which adds up over a run; the mean of all that are no gaps is not.
+/// Step of the grid of the stamps. A single step has the resolution of a stamp (a date in seconds leaves 1e-7
+/// s), which accumulates over a run, so the mean of all steps without gaps is used.
 double GridStep(const Run& run, double usual_s) {
   double sum_s = 0, count = 0;
   for (Eigen::Index i = 1; i < run.time_s.size(); ++i) {
@@ -314,7 +311,7 @@ double GridStep(const Run& run, double usual_s) {
   return count > 0 ? sum_s / count : usual_s;
 }
 
-/// Where within its step a rounded reading may have been: the same as long as the reading stays.
+/// Rounding error of a reading within its step: constant while the reading is constant.
 class WithinSteps {
  public:
   WithinSteps(double step, std::mt19937_64& random) : part_(-0.5 * step, 0.5 * step), random_(random) {}
@@ -330,8 +327,8 @@ class WithinSteps {
   double last_ = NAN, off_ = 0;
 };
 
-/// Where column j says nothing for longer than a straight line bridges: everywhere for a sensor that is never
-/// faster, or hardly ever there. `at`: grid sample of each row.
+/// Gaps of column j longer than interpolation bridges: everywhere for a sensor that is always slower, or has
+/// hardly any readings. `at`: grid sample of each row.
 void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int samples, double step_s,
                bool at_rest, int j, std::vector<Hole>& holes) {
   constexpr std::size_t kHardlyEver = 5;  // readings
@@ -353,18 +350,17 @@ void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int sa
     return;
   }
   const double bridged_s = std::max(kBridged_s, kOwnSteps * own_s);
-  int last = -1;  // row with a reading
+  int last = -1;  // last row with a reading
   for (const int i : there) {
     const int from = last < 0 ? 0 : at[last] + 1;
-    // Rows that are missing whole are nobody's hole.
+    // Dropped rows do not count as sensor dropouts.
     if (i - last > 1 && (at[i] - from) * step_s > bridged_s) holes.push_back({j, from, at[i]});
     last = i;
   }
   if ((samples - at[last] - 1) * step_s > bridged_s) holes.push_back({j, at[last] + 1, samples});
 }
 
-/// What shows the shape, of the rows at samples `at`. A bend says nothing that a tip's pose does not say, and
-/// of the same sensor.
+/// Shape signals of the rows at samples `at`. Bending adds nothing to a tip pose from the same sensor.
 void ReadTracker(const Run& run, const RobotParameters& robot, const std::vector<int>& at,
                  std::optional<std::uint64_t> seed, std::mt19937_64& random, PreparedRun& out) {
   const auto rows = static_cast<int>(run.time_s.size());
@@ -479,10 +475,10 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   out.start_s = run.time_s[0];
   out.signals.step_s = step_s;
   out.signals.load_cell = run.load_cell;
-  // Logged every cycle, a target acts one row after it was sent.
+  // In a log of every cycle, a target acts one row after it was sent.
   if (refine == 1 && step_s > 0.4e-3 && step_s < 6e-3) out.signals.command_delay_s = step_s;
   const double steps = at_rest ? rows - 1 : std::round((run.time_s[rows - 1] - out.start_s) / step_s);
-  // A straight line across a pause tells nothing, however long it is.
+  // Interpolation across a pause has no information, however long it is.
   if (!at_rest && steps >= kMostlyPause * rows * refine) {
     int at = 1;
     for (int i = 1; i < rows; ++i) {
@@ -507,11 +503,11 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   out.jitter_s = std::sqrt(square / rows);
   out.valid.assign(samples, 1);
   const int memory = static_cast<int>(kAfterGap_s / step_s);
-  std::vector<std::pair<int, int>> lost;  // samples
+  std::vector<std::pair<int, int>> lost;  // sample ranges
   for (int i = 1; i < rows; ++i) {
     const int between = at[i] - at[i - 1];
     if (between > refine) out.lost += between / refine - 1;
-    // A few lost samples are bridged; a longer hole loses the friction memories.
+    // A few lost samples are bridged; after a longer gap the friction memories are unknown.
     if (between > 5 * refine && between * step_s > kBridged_s) {
       if (between * step_s > kForgets_s) lost.emplace_back(at[i - 1] + 1, at[i]);
       for (int k = at[i - 1] + 1; k < std::min(samples, at[i] + memory); ++k) out.valid[k] = 0;
@@ -588,7 +584,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
       if (j >= s.tension_N.cols()) continue;
       const double cell_step_N = out.cell_step_N[static_cast<std::size_t>(j)];
       if (cell_step_N > kCoarse * std::max(own_step_N(p.load_cell), p.load_cell.noise_N)) {
-        // Of a coarse table: what is off by a part of a step stays so until the reading changes.
+        // In a coarse table the rounding error is constant until the reading changes.
         WithinSteps within(cell_step_N, random);
         for (int i = 0; i < s.tension_N.rows(); ++i) {
           const double off_N = within.At(s.tension_N(i, j));
@@ -607,16 +603,16 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
           std::hypot(p.noise_N, out.cell_step_N[static_cast<std::size_t>(j)] / std::sqrt(12.0));
       s.tension_N.col(j) = Denoised(s.tension_N.col(j), seed ? std::sqrt(2.0) * noise : noise);
       if (!seed) continue;
-      // What a tension did between two samples is open by as much as its slope changes over them: when a
-      // slack tendon catches, most of the blow may fall between.
+      // The tension between two samples is uncertain by its change of slope: when a slack tendon catches,
+      // most of the impact may fall between samples.
       std::uniform_real_distribution<double> part(-0.5, 0.5);
       const Eigen::VectorXd read = s.tension_N.col(j);
       const std::vector<int>& at_read = out.cell_read[static_cast<std::size_t>(j)];
       const auto count = at_read.empty() ? samples : static_cast<int>(at_read.size());
       const auto sample = [&](int k) { return at_read.empty() ? k : at_read[static_cast<std::size_t>(k)]; };
-      // At which part of its row a reading was taken is open too, where they slip.
+      // The time of a reading within its row is uncertain too, where they slip.
       const bool slips = Slips(RowsApart(run.tension_N.col(j)));
-      Interpolator by;  // what the readings are moved by
+      Interpolator by;  // time shift of the readings
       by.Add(-1, 0);
       for (int k = 1; k + 1 < count; ++k) {
         const int a = sample(k - 1), b = sample(k), c = sample(k + 1);
@@ -653,7 +649,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
     s.motor_angle_rad.resize(samples, tendons);
     s.motor_velocity_radps.resize(samples, tendons);
     s.motor_acceleration_radps2.resize(samples, tendons);
-    // How far speed and acceleration depend on the window is part of what the encoder leaves open.
+    // The dependence of speed and acceleration on the window is part of the encoder's uncertainty.
     std::uniform_real_distribution<double> anywhere(0, 1);
     constexpr std::array<double, 4> kOtherWidths{0.6, 0.8, 1.25, 1.6};
     const double half_s = kDerivativeHalf_s * (seed ? kOtherWidths[*seed % kOtherWidths.size()] : 1);
@@ -690,14 +686,14 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
           Eigen::VectorXd::Constant(h, angle[samples - 1]);
       for (int i = 0; i < samples; ++i) {
         const auto window = padded.segment(i, 2 * h + 1);
-        s.motor_angle_rad(i, j) = angle[i];  // not smoothed: its turning points count for friction
+        s.motor_angle_rad(i, j) = angle[i];  // not smoothed: its turning points matter for friction
         s.motor_velocity_radps(i, j) = (local.first * window).value() / step_s;
         s.motor_acceleration_radps2(i, j) = (local.second * window).value() / (step_s * step_s);
       }
     }
   }
 
-  // A log that begins on the way says as little of what was before.
+  // A log that begins in motion has the same unknown history.
   constexpr double kTurned_rad = 0.02;
   if (!at_rest && s.motor_angle_rad.cols() > 0 &&
       s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad)
@@ -705,7 +701,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   for (const auto& [from, to] : lost) {
     if (!at_rest) MarkMoved(-1, from, to, out);
   }
-  // Pulleys slide with a motor of which nothing is known for a while.
+  // Pulleys slide with a motor whose position is unknown for a while.
   for (const Hole& hole : out.motor_holes) {
     if (at_rest || hole.size() == samples) continue;
     std::fill(out.driven.begin() + hole.from, out.driven.begin() + hole.to, char{0});

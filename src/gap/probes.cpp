@@ -1,4 +1,4 @@
-// Sensitivities about every start, onsets of what does nothing at first, sums over places.
+// Sensitivities at every start, onsets of effects without an initial response, and sums over places.
 #include "probes.h"
 
 #include <algorithm>
@@ -12,13 +12,13 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kScreeningStep = 0.5;  // of a parameter's plainly visible deviation
-// Where an effect begins to act is found to a share of 2^-kOnsetHalvings of the way to the bound, and it is
-// tried in steps of these shares from there.
+// The onset of an effect is located to 2^-kOnsetHalvings of the way to the bound, and probed at these shares
+// from there.
 constexpr int kOnsetHalvings = 6;
-constexpr double kOnsetDerivative = 0.0125;  // plainly visible deviations
+constexpr double kOnsetDerivative = 0.0125;  // in plainly visible deviations
 constexpr double kOnsetSteps[] = {0.02, 0.1, 0.4};
 
-/// Of a candidate's parameters, the one that each place has of its own, or -1.
+/// Index of the candidate's parameter that each place has of its own, or -1.
 int EachOf(const Candidate& candidate) {
   if (candidate.target) return -1;
   for (int k = 0; k < candidate.size(); ++k) {
@@ -27,7 +27,7 @@ int EachOf(const Candidate& candidate) {
   return -1;
 }
 
-/// Every combination of the shape parameters' starts; what each place has of its own stays nominal.
+/// Every combination of the shape parameters' starts; parameters of single places stay nominal.
 std::vector<Model> Variants(const Candidate& candidate) {
   std::vector<Model> variants{Model::Of(candidate)};
   for (int k = 0; k < candidate.size(); ++k) {
@@ -45,7 +45,7 @@ std::vector<Model> Variants(const Candidate& candidate) {
   return variants;
 }
 
-/// A change of the parameter by `change` moves no channel: what remains is rounding.
+/// The change moves no channel beyond rounding.
 bool IsSilent(const Evaluator& evaluator, const Column& column, double change) {
   constexpr double kRounding = 1e-6;  // of a floor
   for (const auto& run : column) {
@@ -71,7 +71,7 @@ void AddTo(Column& sum, const Column& column) {
   }
 }
 
-/// Every candidate about every start, without columns.
+/// Every candidate at every start, without columns.
 std::vector<Probe> Starts(const Evaluator& evaluator, const std::vector<Candidate>& candidates) {
   std::vector<Probe> probes;
   for (const Candidate& c : candidates) {
@@ -79,13 +79,13 @@ std::vector<Probe> Starts(const Evaluator& evaluator, const std::vector<Candidat
     for (int k = 0; k < c.size(); ++k) {
       if (!c.parameters[k].shape) primary.push_back(k);
     }
-    // Of the only tendon there is no candidate beside that of all.
+    // With a single tendon there is no candidate beside that of all.
     const bool summed = c.effect->on_all && c.effect->on_one && !c.target &&
                         c.effect->scope == sim::Scope::kTendon && evaluator.nominal().body.tendons() > 1;
     for (const auto& variant : Variants(c)) {
       probes.push_back({c, variant, primary, {}, kScreeningStep, summed, EachOf(c)});
       if (primary.size() != 1) continue;
-      // What acts otherwise where it is weak, or far off, is tried there as well.
+      // Effects that act differently where they are weak, or far off, are probed there too.
       const auto& p = c.parameters[primary[0]];
       for (const double start : p.starts) {
         probes.push_back({c, variant, primary, {}, (start - p.nominal) / ScaleOf(p), summed, EachOf(c)});
@@ -103,7 +103,7 @@ Column Nothing(const Evaluator& evaluator) {
 
 void Differentiate(const Evaluator& evaluator, std::vector<Probe>& probes, int threads,
                    const std::function<void(double)>& progress) {
-  std::vector<std::pair<int, int>> tasks;  // probe, index of its primary
+  std::vector<std::pair<int, int>> tasks;  // probe, and index of its primary
   for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
     if (probes[p].summed) continue;
     for (int k = 0; k < static_cast<int>(probes[p].primary.size()); ++k) tasks.emplace_back(p, k);
@@ -124,8 +124,8 @@ void Differentiate(const Evaluator& evaluator, std::vector<Probe>& probes, int t
   });
 }
 
-/// The same from where the effect begins to act, on the way to the bound that its step points to, or, where
-/// no start lies there, to the other; empty when nothing happens.
+/// The probe at the onset of the effect, on the way to the bound that its step points to, or to the other
+/// bound if no start lies in that direction; empty without any response.
 std::vector<Probe> FromItsOnset(const Evaluator& evaluator, const Probe& probe) {
   std::vector<Probe> woken;
   const int k = probe.primary[0];
@@ -138,7 +138,7 @@ std::vector<Probe> FromItsOnset(const Evaluator& evaluator, const Probe& probe) 
       at.values[k] += from * way;
       return Sensitivity(evaluator, at, k, step * way, evaluator.AtNominal(), cuts);
     };
-    // What cannot be simulated is not silent.
+    // A probe that cannot be simulated does have a response.
     const auto is_silent = [&](double step) {
       try {
         return IsSilent(evaluator, column(0, step), step * way);
@@ -161,7 +161,7 @@ std::vector<Probe> FromItsOnset(const Evaluator& evaluator, const Probe& probe) 
         there.columns[0] = column(quiet, step);
         woken.push_back(std::move(there));
       } catch (const std::exception&) {
-        // What cannot be simulated explains nothing.
+        // A probe that cannot be simulated explains nothing.
       }
     }
   };
@@ -171,7 +171,8 @@ std::vector<Probe> FromItsOnset(const Evaluator& evaluator, const Probe& probe) 
   return woken;
 }
 
-/// A limit, a contact, a dead zone: nothing happens before it is reached. Probed from where something does.
+/// Limits, contacts and dead zones have no response before they are reached, so they are probed from their
+/// onset.
 void Wake(const Evaluator& evaluator, std::vector<Probe>& probes, int threads) {
   std::vector<int> silent;
   for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
@@ -186,7 +187,7 @@ void Wake(const Evaluator& evaluator, std::vector<Probe>& probes, int threads) {
     };
     if (!probes[p].summed || probes[p].each >= 0) continue;
     if (std::none_of(silent.begin(), silent.end(), its_place)) continue;
-    probes[p].summed = false;  // places that begin to act at different values do not add up
+    probes[p].summed = false;  // places with different onsets do not add up
     probes[p].columns[0] = Nothing(evaluator);
     silent.push_back(p);
   }
@@ -200,7 +201,7 @@ void Wake(const Evaluator& evaluator, std::vector<Probe>& probes, int threads) {
   }
 }
 
-/// An effect on all tendons is, to first order, the sum of those on each.
+/// An effect on all tendons is, to first order, the sum of the effects on each.
 void SumPlaces(std::vector<Probe>& probes, std::size_t runs) {
   for (auto& probe : probes) {
     if (!probe.summed) continue;

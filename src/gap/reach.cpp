@@ -1,8 +1,8 @@
-// A backbone of length L has its tip at L from the base where it is straight, as at rest, and nowhere
+// A backbone of length L has its tip at distance L from the base when straight, as at rest, and never
 // farther. With d from the tip at rest and e the unit vector from base to tip at rest, |d + L e| <= L, which
-// is -d.e >= |d|^2 / (2 L). That no e meets this for all d is a statement about the path alone: e is free, so
-// that neither a tracker that is turned or moved nor a tilted base matters. A section that bends evenly needs
-// three quarters of its length for it, which leaves room for a rest that is not quite straight.
+// is -d.e >= |d|^2 / (2 L). Whether any e satisfies this for all d depends on the path alone: since e is
+// free, neither the tracker's pose nor the tilt of the base matters. A uniformly bent section needs three
+// quarters of its length for it, which tolerates a rest that is not quite straight.
 #include "reach.h"
 
 #include <algorithm>
@@ -19,22 +19,22 @@ namespace {
 
 using Points = std::vector<Eigen::Vector3d>;
 
-constexpr double kRest_s = 0.5;  // that a run begins with
-// Readings of which the median is taken: two of five may be mishaps. It scatters by 0.54 of one reading.
+constexpr double kRest_s = 0.5;  // initial rest of a run
+// Readings per median: two of five may be outliers. The median scatters by 0.54 of one reading.
 constexpr std::size_t kBlock = 5;
 constexpr double kBlockScatter = 0.54;
-constexpr std::size_t kMostPoints = 1000;  // more of a path hardly say more
-// Of normal noise on three axes one in a million is farther out than so many standard deviations.
+constexpr std::size_t kMostPoints = 1000;  // more points add little
+// Normal noise on three axes exceeds this many standard deviations once in a million.
 constexpr double kNoise = 5.5;
-// A robot at pretension may sag or be set by this angle; an arc of it is 1 - angle^2 / 24 as far from end to
-// end as it is long.
+// A robot at pretension may be bent by this angle, by weight or set; the chord of such an arc is 1 - angle^2
+// / 24 of its length.
 constexpr double kRestBend_rad = 0.2;
 
-/// Where the tip was in a run.
+/// Tip path of a run.
 struct Path {
   Eigen::Vector3d rest_m = Eigen::Vector3d::Zero();
-  Points moved_m;      // from there
-  double noise_m = 0;  // by which each may be off
+  Points moved_m;      // relative to the rest position
+  double noise_m = 0;  // uncertainty of each point
   double farthest_m = 0;
 };
 
@@ -48,7 +48,7 @@ Eigen::Vector3d MedianOf(const Points& points, std::size_t from, std::size_t to)
   return middle;
 }
 
-/// The motors are where they leave the robot straight, by the file's spools and holes.
+/// The motors are where they leave the robot straight, according to the file's spools and holes.
 bool BeginsStraight(const Run& run, const RobotParameters& robot) {
   if (!robot.actuation || run.motor_position_rad.rows() != run.time_s.size()) return false;
   std::size_t j = 0;
@@ -58,7 +58,7 @@ bool BeginsStraight(const Run& run, const RobotParameters& robot) {
       const auto column = static_cast<Eigen::Index>(j++);
       if (column >= run.motor_position_rad.cols()) return false;
       const auto rows = FiniteRows(run.motor_position_rad.col(column));
-      if (rows.empty()) continue;  // an encoder that is missing does not make the others wrong
+      if (rows.empty()) continue;  // a missing encoder does not make the others wrong
       const double pulled_m = travel_m * run.motor_position_rad(rows.front(), column);
       if (!(std::abs(pulled_m) <= kRestBend_rad * route.radius_m)) return false;
     }
@@ -66,7 +66,7 @@ bool BeginsStraight(const Run& run, const RobotParameters& robot) {
   return true;
 }
 
-/// Of a run in motion that begins at rest and straight; states at rest may be anywhere from the first on.
+/// Path of a recorded motion that begins at rest and straight; states at rest may begin anywhere.
 std::optional<Path> PathOf(const Run& run, const RobotParameters& robot) {
   if (run.tip_m.cols() != 3 || run.tip_m.rows() != run.time_s.size()) return {};
   if (UsualStep(run) > kQuasiStatic_s || !BeginsStraight(run, robot)) return {};
@@ -78,7 +78,7 @@ std::optional<Path> PathOf(const Run& run, const RobotParameters& robot) {
     resting += run.time_s[i] - run.time_s[0] <= kRest_s;
   }
   if (read.size() < 2 * kBlock || resting == 0) return {};
-  // At rest, for a tip in motion scatters by what it does.
+  // At rest only, since motion adds to the scatter.
   double noise_m = robot.actuation->tracker ? robot.actuation->tracker->position_noise_m : 0;
   for (int axis = 0; axis < 3; ++axis) {
     Eigen::VectorXd at_rest(static_cast<Eigen::Index>(resting));
@@ -88,7 +88,7 @@ std::optional<Path> PathOf(const Run& run, const RobotParameters& robot) {
 
   Path path;
   path.rest_m = MedianOf(read, 0, std::max(resting, kBlock));
-  // Of the tip then and at rest: a median scatters by sqrt(pi / 2) times the mean.
+  // Of the moving and the resting tip: a median scatters by sqrt(pi / 2) times the mean.
   const double rest_scatter = std::sqrt(std::numbers::pi / 2 / static_cast<double>(resting));
   path.noise_m = kNoise * noise_m * std::hypot(kBlockScatter, rest_scatter);
   const std::size_t step = std::max(kBlock, read.size() / kMostPoints);
@@ -99,10 +99,10 @@ std::optional<Path> PathOf(const Run& run, const RobotParameters& robot) {
   return path;
 }
 
-/// True where no base is right for a backbone of this length: then the convex hull of d / b, b the least that
-/// -d.e may be, comes nearer than 1 to the origin (Gilbert's algorithm for its nearest point).
+/// True where no base direction fits a backbone of this length: then the convex hull of d / b, with b the
+/// least allowed -d.e, comes nearer than 1 to the origin (Gilbert's algorithm for its nearest point).
 bool Impossible(const Path& path, double length_m) {
-  constexpr int kMostSteps = 20'000;  // what is not settled by then is taken as possible
+  constexpr int kMostSteps = 20'000;  // if not decided by then, the path is assumed possible
   const double short_m = length_m * kRestBend_rad * kRestBend_rad / 24;
   Points hull;
   for (const Eigen::Vector3d& d : path.moved_m) {
@@ -123,7 +123,7 @@ bool Impossible(const Path& path, double length_m) {
   return false;
 }
 
-/// Of a path that is impossible for `length_m`: the length up to which it is.
+/// Largest length for which the path is impossible, given that it is impossible for `length_m`.
 double NeededLength(const Path& path, double length_m) {
   double too_short_m = length_m, enough_m = 2 * length_m;
   while (Impossible(path, enough_m) && enough_m < 100 * length_m) {
@@ -149,7 +149,7 @@ std::optional<PathBeyondReach> FindPathBeyondReach(const DataSet& set) {
     farthest_m = std::max(farthest_m, path->farthest_m);
     paths.emplace_back(&run, std::move(*path));
   }
-  // A run that hardly moves is possible for any robot and says nothing for this one.
+  // A run with little motion is possible for any robot and is not evidence for this one.
   std::erase_if(paths, [&](const auto& path) { return path.second.farthest_m < 0.5 * farthest_m; });
   std::optional<PathBeyondReach> found;
   std::size_t impossible = 0;

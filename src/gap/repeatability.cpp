@@ -20,14 +20,14 @@ namespace {
 using Eigen::VectorXd;
 using Quantity = Channel::Quantity;
 
-// Dry friction of a usual robot is another one in every run by this share (rms): wear, warmth, lubricant.
+// Run-to-run scatter (rms) of dry friction of a usual robot, by wear, temperature and lubricant.
 constexpr double kFrictionScatter = 0.1;
-constexpr double kChance = 0.01;  // of calling a set of runs non-repeating that does repeat
-// Blocks of windows that count as one: within it what drives a motor off its way may last.
+constexpr double kChance = 0.01;  // probability of calling a repeatable set non-repeatable
+// Windows per independent block: a disturbance of a motor may last as long.
 constexpr double kBlock_s = 0.5;
 constexpr int kBlockStates = 5, kLeastBlocks = 4;
 
-/// Indices of runs of the same commands, two or more, the one that others repeat first.
+/// Indices of repeated runs, two or more, the original first.
 std::vector<std::vector<int>> RepeatedRuns(const Evaluator& evaluator) {
   const auto& runs = evaluator.runs();
   std::vector<std::vector<int>> groups;
@@ -57,7 +57,7 @@ RobotParameters MoreFriction(RobotParameters robot, int tendon) {
   return robot;
 }
 
-/// Variance [run][channel] that a scatter of friction from run to run leaves, in the mean of a run's windows.
+/// Variance [run][channel] of a window's mean due to the scatter of friction from run to run.
 std::vector<VectorXd> FrictionScatter(const Evaluator& evaluator, const std::vector<int>& repeated,
                                       int threads) {
   const int tendons = evaluator.nominal().body.tendons();
@@ -81,8 +81,8 @@ std::vector<VectorXd> FrictionScatter(const Evaluator& evaluator, const std::vec
   return scatter;
 }
 
-/// Variance of a torque that follows its target where the commands of a run reach the drive up to a sample
-/// sooner or later than the log says.
+/// Variance of a torque that follows its target, if commands reach the drive up to a sample earlier or later
+/// than the log says.
 double LateCommands(const PreparedRun& run, const Channel& channel) {
   if (channel.quantity != Quantity::kTorque) return 0;
   const auto target = run.signals.torque_target_Nm.col(channel.index);
@@ -91,20 +91,20 @@ double LateCommands(const PreparedRun& run, const Channel& channel) {
          static_cast<double>(3 * std::max<Eigen::Index>(1, steps));
 }
 
-/// Variance that the step of a reading leaves in the mean of a window: a rounded signal that stays within a
-/// step is off by the same all the time; of one that crosses k steps whole ones cancel, and a k-th part is
-/// left.
+/// Variance of a window's mean due to the resolution of a reading: the rounding error is constant while the
+/// signal stays within a step; over k steps it averages to a k-th part.
 double StepVariance(const Eigen::Ref<const VectorXd>& reading, double step) {
   int readings = 1;
   for (Eigen::Index i = 1; i < reading.size(); ++i) readings += reading[i] != reading[i - 1];
   return std::pow(step / readings, 2) / 12;
 }
 
-/// What the sensors leave in a window of a run.
+/// Variance due to the sensors in a window of a run.
 double SensorVariance(const Evaluator& evaluator, int run, int c, Eigen::Index w) {
   const double variance = evaluator.Variance()[run][c][w];
   const Channel& channel = evaluator.channels()[c];
-  if (!std::isfinite(variance) || channel.cut == sim::Cut::kShape) return variance;  // of a tip it is in
+  if (!std::isfinite(variance) || channel.cut == sim::Cut::kShape)
+    return variance;  // for a tip it is included
   const PreparedRun& its = evaluator.runs()[run];
   const Eigen::Index width = WindowSamples(its, channel), from = w * width;
   const auto j = static_cast<std::size_t>(channel.index);
@@ -122,13 +122,13 @@ double SensorVariance(const Evaluator& evaluator, int run, int c, Eigen::Index w
   return std::max(variance, steps);
 }
 
-/// How one channel repeats.
+/// Repeatability of one channel.
 struct Spread {
-  double square = 0;    // half the mean square difference, windows that say most counting most
-  double noise = 0;     // what the sensors leave of it
-  double friction = 0;  // and what the scatter from run to run does
-  double p_noise = 1;   // of the sensors' noise alone making as much
-  double p_usual = 1;   // of noise and scatter together
+  double square = 0;    // half the mean square difference, weighted by information
+  double noise = 0;     // its part due to the sensors
+  double friction = 0;  // its part due to friction scatter
+  double p_noise = 1;   // of sensor noise alone giving as much
+  double p_usual = 1;   // of noise and friction scatter together
 };
 
 /// Probability that a sum of n squares of standard normals is as large.
@@ -139,7 +139,7 @@ double ChiSquare(int n, double sum) {
   return q;
 }
 
-/// At worst noise is one draw in a whole block; the scatter of friction is one in a whole run.
+/// Worst case: noise is constant over a block, and the scatter of friction over a whole run.
 Spread SpreadOf(const Evaluator& evaluator, int c, const std::vector<VectorXd>& scatter) {
   Spread s;
   int pairs = 0;
@@ -170,13 +170,14 @@ Spread SpreadOf(const Evaluator& evaluator, int c, const std::vector<VectorXd>& 
   return s;
 }
 
-/// Repeated runs as they show in one channel, beside the states of the motors that it may follow: its own, or
-/// of a tip all. Stretches that were bridged are no evidence.
+/// Repeated runs in one channel, with the states of the motors that it may depend on: its own, or all for a
+/// tip. Bridged samples are left out.
 Repetitions Shown(const Evaluator& evaluator, int c, bool conditions) {
   const Channel& channel = evaluator.channels()[c];
   Repetitions all;
   all.conditions = conditions;
-  all.angles = channel.cut != sim::Cut::kShape;  // a motor's angle acts up to its tendon, which is measured
+  all.angles =
+      channel.cut != sim::Cut::kShape;  // a motor's angle acts only up to its tendon, which is measured
   std::vector<int> motors;
   for (int j = 0; j < evaluator.nominal().body.tendons(); ++j) {
     if (channel.cut != sim::Cut::kShape && channel.index != j) continue;
@@ -264,7 +265,7 @@ std::optional<Repeatability> FindRepeatability(const Evaluator& evaluator,
   try {
     scatter = FrictionScatter(evaluator, repeated, options.threads);
   } catch (const std::runtime_error&) {
-    return std::nullopt;  // what friction may make them differ by is not known then
+    return std::nullopt;  // the effect of friction is unknown then
   }
   for (const int i : repeated) {
     for (std::size_t c = 0; c < channels; ++c)
@@ -286,7 +287,7 @@ std::optional<Repeatability> FindRepeatability(const Evaluator& evaluator,
     if (beyond && (worst < 0 || ratio(channel) > ratio(worst))) worst = channel;
   }
   Repeatability r;
-  // A scatter of friction does not follow an angle: what does counts however little it is.
+  // Friction scatter does not follow an angle, so a dependence on one counts however small it is.
   if (const auto on = DependsOn(shown, options.seed)) {
     worst = on->channel;
     r.depends_on = on->on, r.p_value = on->p_value, r.law = on->law;

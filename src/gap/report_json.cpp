@@ -1,4 +1,4 @@
-// A diagnosis as JSON and back, by the one list of fields in report_fields.h. Knows nothing of the page.
+// Converts a diagnosis to JSON and back, using the field lists of report_fields.h. Knows nothing of the page.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -37,7 +37,7 @@ constexpr std::array<CutText, sim::kCuts> kCutTexts{{
     {"sensors", "one sensor", "another"},
 }};
 
-// How the names of parameters end, and the unit that it stands for; longer endings first.
+// Suffixes of parameter names and their units; longer suffixes first.
 constexpr std::array<std::pair<std::string_view, std::string_view>, 13> kUnits{{
     {"m_per_rad", "m/rad"},
     {"rad_per_m", "rad/m"},
@@ -121,7 +121,7 @@ Json ToJson(const T& v) requires std::is_class_v<T> {
   return j;
 }
 
-// The number of "tendon:2" under its own key, as other programs expect it.
+// The number in "tendon:2" under its own key, for other programs.
 Json ToJson(const CutFinding& v) {
   Json j{{"cut", ToJson(v.cut)}};
   for (const std::string_view kind : {"tendon", "section"}) {
@@ -136,8 +136,8 @@ Json ToJson(const CutFinding& v) {
   return j;
 }
 
-// With what the registry says of the effect and the names and units of its parameters, for readers of the
-// page; these are not read back.
+// Includes the registry's text on the effect and the names and units of its parameters, for the page; not
+// read back.
 Json ToJson(const Cause& v) {
   Json j = Json::object();
   Writer w(j);
@@ -291,7 +291,7 @@ Json WriteClosed(const Diagnosis& d) {
     j["unit"] = c.unit;
     j["cut"] = ToJson(c.cut);
     j["channel"] = c.channel;
-    // One channel may be judged at two cuts; keys are unique.
+    // One channel may be judged at two cuts, but keys must be unique.
     std::string key = c.channel;
     if (channels.contains(key)) key += fmt::format(" ({})", sim::CutName(c.cut));
     for (int n = 2; channels.contains(key); ++n)
@@ -336,7 +336,7 @@ Json Chain() {
   return chain;
 }
 
-/// In which units values are shown, for the page.
+/// Display units, for the page.
 Json Units() {
   Json units = Json::object();
   for (const auto& [unit, choices] : ShownUnits()) {
@@ -367,8 +367,7 @@ void Keep(std::vector<double>& curve, const std::vector<std::size_t>& indices) {
   curve = std::move(kept);
 }
 
-// Of each stretch of samples the first, and those where what was measured and what the simulation misses are
-// extreme.
+// Of each interval of samples, the first and those with extreme measurements and simulation errors.
 void Thin(Overlay& o, std::size_t most) {
   const std::size_t samples = o.time_s.size();
   for (const auto* curve : {&o.measured, &o.before, &o.after, &o.x}) {
@@ -459,7 +458,7 @@ std::string ReportJson(const Diagnosis& diagnosis) {
   Writer p(provenance);
   ProvenanceFields(p, d);
   j["provenance"] = std::move(provenance);
-  // A run's name may hold any bytes: what is no UTF-8 is replaced.
+  // A run's name may contain any bytes; invalid UTF-8 is replaced.
   return j.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
@@ -481,7 +480,7 @@ Diagnosis ParseReport(const std::string& text) {
   // Reports of earlier versions have none.
   if (j.contains("next_commands")) FromJson(j.at("next_commands"), "next_commands", d.next_commands);
   ReadClosed(Member(j, "", "closed"), d);
-  // Older reports do not have it.
+  // Missing in older reports.
   if (j.contains("repeatability")) FromJson(j["repeatability"], "repeatability", d.repeatability);
   Reader p(Member(j, "", "provenance"), "provenance");
   ProvenanceFields(p, d);

@@ -1,5 +1,5 @@
-// The page: a template filled with the report's JSON, a style, a script and the plotting library. Knows
-// nothing of what the numbers mean; the script in the page draws them.
+// The page: a template filled with the report's JSON, a style sheet, a script and the plotting library. Knows
+// nothing of the numbers' meaning; the script in the page draws them.
 #include <fmt/format.h>
 
 #include <stdexcept>
@@ -36,8 +36,8 @@ std::string EscapeHtml(std::string_view text) {
   return out;
 }
 
-// Within a script element no text may close it or open a comment; JSON has its own way to write these
-// letters.
+// Inside a script element no text may close it or open a comment, so JSON escapes are used for these
+// characters.
 std::string EscapeForScript(std::string_view json) {
   std::string out;
   out.reserve(json.size());
@@ -59,7 +59,7 @@ std::string EscapeForScript(std::string_view json) {
   return out;
 }
 
-// Line ends and indentation of the JSON file, which the page does without.
+// The page needs no line ends and indentation of the JSON file.
 std::string Compact(std::string_view json) {
   std::string out;
   out.reserve(json.size());
@@ -72,7 +72,7 @@ std::string Compact(std::string_view json) {
   return out;
 }
 
-// Every {{key}} of the template by its text, in one pass: what is filled in is not looked at again.
+// Replaces every {{key}} of the template in one pass, without looking at inserted text again.
 std::string Fill(std::string_view form, const std::vector<std::pair<std::string_view, std::string>>& texts) {
   std::string out;
   for (std::size_t at = 0;;) {
@@ -88,7 +88,7 @@ std::string Fill(std::string_view form, const std::vector<std::pair<std::string_
   }
 }
 
-// `d` as read from `json`, so that both have the same, valid letters.
+// `d` as read back from `json`, so that both have the same valid text.
 std::string Page(const Diagnosis& d, const std::string& json) {
   const std::string title =
       EscapeHtml(d.robot_name.empty() ? "Gap report" : fmt::format("Gap report: {}", d.robot_name));

@@ -1,4 +1,4 @@
-// What report.json holds, as a list for the reference: the fields of report_fields.h with their types.
+// The contents of report.json as a list for the reference: the fields of report_fields.h with their types.
 #include <cxxabi.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -15,7 +15,7 @@ namespace {
 
 using sim::Cut;
 
-// Keys that are called otherwise than the members that they hold.
+// Keys with other names than their members.
 constexpr std::pair<std::string_view, std::string_view> kOtherNames[] = {
     {"condition_maps", "maps"}, {"next_experiment", "next"}, {"data_health", "health"}};
 
@@ -58,7 +58,7 @@ std::string TypeText(const std::vector<T>&) {
   return "list of objects";
 }
 
-/// "CutFinding", the structure whose members the fields are.
+/// "CutFinding": the structure whose members the fields are.
 template <class T>
 std::string NameOfType() {
   const std::unique_ptr<char, void (*)(void*)> name(
@@ -94,7 +94,7 @@ void Lister::operator()(const char* key, const T& value) {
 
 }  // namespace
 
-// Beside what Fields() names stand the few that report_json.cpp writes by itself.
+// Fields() and the few that report_json.cpp writes by itself.
 std::vector<ReportField> ReportFields() {
   std::vector<ReportField> fields;
   const auto add = [&](const char* path, const char* type, const char* meaning) {

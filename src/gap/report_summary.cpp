@@ -1,5 +1,5 @@
-// What the terminal shows of a diagnosis: the page's first screen in a few lines of text. Knows nothing of
-// the terminal itself.
+// The terminal's summary of a diagnosis: the page's first screen in a few lines of text. Knows nothing of the
+// terminal itself.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kWidth = 100;
 
-// Letters, not bytes, of a UTF-8 text.
+// Characters, not bytes, of a UTF-8 text.
 int Width(std::string_view text) {
   return static_cast<int>(std::count_if(
       text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
@@ -38,7 +38,7 @@ std::string Pad(std::string_view text, int width) {
   return out + std::string(static_cast<std::size_t>(std::max(0, width - Width(out))), ' ');
 }
 
-// A hostile name must not steer the terminal.
+// Control characters in a name must not reach the terminal.
 std::string Clean(std::string_view text) {
   std::string out(text);
   for (char& c : out) {
@@ -91,7 +91,7 @@ std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
     return head +
            paint(kYellow, fmt::format("{:>6} sigma  in too few seconds", Sigmas(worst->excess_sigma))) + "\n";
   if (!worst->excess) return head + paint(kGreen, "at the noise floor") + "\n";
-  // Stamps that are there may be exact where others are lost.
+  // Existing stamps may be exact where others are lost.
   const std::string state =
       worst->excess_sigma > 0
           ? fmt::format("{:>6} sigma  {} rms", Sigmas(worst->excess_sigma), Quantity(worst->rms, worst->unit))
@@ -163,7 +163,7 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
     const auto bound = [](double share) { return share < -1 ? "below -100 %" : Percent(share); };
     out += fmt::format("\nClosed {} of the gap on held-out {} (95 %: {} to {})\n", Percent(d.closed->value),
                        d.held_out_by, bound(d.closed->low), bound(d.closed->high));
-    // The channels with the largest gap, for their size in units.
+    // The channels with the largest gap.
     std::vector<const Closure*> rows;
     for (const Closure& c : d.closures) {
       if (c.closed) rows.push_back(&c);
@@ -183,7 +183,7 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
     const std::string family = d.next.family.empty() ? "" : ": " + paint(kBold, Clean(d.next.family));
     out += fmt::format("\nNext{}\n{}", family, d.next.reason.empty() ? "" : Wrapped(d.next.reason, 2));
   }
-  // Not wrapped: they are to be copied.
+  // Not wrapped, so that they can be copied.
   for (std::size_t i = 0; i < d.next_commands.size(); ++i)
     out += fmt::format("{}  {}\n", i == 0 ? "\nTo run next\n" : "", paint(kBold, Clean(d.next_commands[i])));
   if (!d.degradations.empty()) {

@@ -1,5 +1,5 @@
-// One run as a CSV with the canonical columns, both ways. Knows the columns' names and what must hold between
-// them, nothing of folders.
+// Reads and writes one run as a CSV with the canonical columns. Knows the columns' names and their relations,
+// nothing of folders.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -22,19 +22,19 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-// A list in a note names at most this many.
+// Maximum number of names in a note.
 constexpr std::size_t kNamed = 6;
 
-/// One canonical block of columns and where it goes.
+/// One canonical block of columns and its destination.
 struct Block {
   Eigen::MatrixXd Run::*matrix;
   std::vector<std::string> names;  // in the matrix's order
-  bool whole;                      // nothing of it is of use when a column is missing
+  bool whole;                      // a missing column makes the others useless
 };
 
 constexpr ColumnText kTime{"t_s", "s", "Time, increasing."};
 
-/// A row of the table of columns and the matrix that it goes into; rows of one matrix follow each other.
+/// A row of the column table and the matrix it goes into; rows of one matrix follow each other.
 struct ColumnOf {
   ColumnText text;
   Eigen::MatrixXd Run::*matrix;
@@ -56,7 +56,7 @@ const ColumnOf kColumns[] = {
     {{"vs_k", "rad", "Bending of section k, θ sin β."}, &Run::bending_rad},
 };
 
-/// The name of number `n` of tendon or section: "tension_N_2" of "tension_N_j".
+/// The column of tendon or section `n`: "tension_N_2" of "tension_N_j".
 std::string Numbered(std::string_view name, int n) { return fmt::format("{}{}", name.substr(0, name.size() - 1), n); }
 
 std::vector<Block> Blocks(int tendons, int sections) {
@@ -69,7 +69,7 @@ std::vector<Block> Blocks(int tendons, int sections) {
     if (block.whole) block.names.emplace_back(column.text.name);
     for (int j = 1; each_tendon && j <= tendons; ++j) block.names.push_back(Numbered(column.text.name, j));
   }
-  // The two columns of a section stand side by side.
+  // The two columns of a section are adjacent.
   for (int k = 1; k <= sections; ++k) {
     for (const ColumnOf& column : kColumns) {
       if (column.text.name.ends_with("_k")) blocks.back().names.push_back(Numbered(column.text.name, k));
@@ -87,7 +87,7 @@ std::string Listed(const std::vector<std::string>& names) {
   return text;
 }
 
-// Quaternions of unit norm; what is no rotation is no value.
+// Unit quaternions; rows that are not rotations become NaN.
 void Normalise(Run& run) {
   if (run.tip_quaternion.cols() == 0) return;
   for (const auto number : run.tip_quaternion.colwise())
@@ -134,7 +134,7 @@ class Columns {
   std::map<std::string, std::size_t> index_;
 };
 
-/// The highest number of a tendon in canonical names; 0: none.
+/// Highest tendon number in canonical names; 0: none.
 int TendonsNamed(const Columns& columns, const std::string& where) {
   int most = 0;
   for (const Block& block : Blocks(kMaxTendons, 0)) {
@@ -146,8 +146,8 @@ int TendonsNamed(const Columns& columns, const std::string& where) {
   return most;
 }
 
-/// Rows [begin, end) of the longest part of a table whose clock restarted: it goes back, and on from there
-/// for long without coming to where it was.
+/// Rows [begin, end) of the longest part of a table whose clock restarted: time jumps back and continues for
+/// long without reaching its previous value.
 std::pair<std::size_t, std::size_t> LongestOfOneClock(const std::vector<double>& t,
                                                       const std::vector<int>& lines, Run& run) {
   constexpr std::size_t kLong = 50;
@@ -159,7 +159,7 @@ std::pair<std::size_t, std::size_t> LongestOfOneClock(const std::vector<double>&
     begin = end;
   };
   for (std::size_t i = 2; i + kLong <= t.size(); ++i) {
-    // A single row that jumps ahead is followed by what goes back, too.
+    // A single row that jumps ahead is also followed by a jump back.
     const double before = std::min(t[i - 2], t[i - 1]);
     bool restarted = t[i] < before && t[i + kLong - 1] < before;
     for (std::size_t k = i + 1; k < i + kLong && restarted; ++k) restarted = t[k] > t[k - 1];
@@ -177,13 +177,13 @@ std::pair<std::size_t, std::size_t> LongestOfOneClock(const std::vector<double>&
   return longest;
 }
 
-/// Several rows a stamp: their clock is coarser than they are. They lie evenly from its tick to the next;
-/// after the beginning and after a pause, when some of a tick's may be missing, up to the next; before the
-/// end and before a pause on from their own.
+/// Spreads rows with equal stamps, from a clock coarser than the log: evenly from its tick to the next. After
+/// the beginning and after a pause, where rows of a tick may be missing, they end at the next tick; before
+/// the end and before a pause they begin at their own.
 void SpreadStamps(std::vector<double>& t, const SameRow& same, Run& run) {
-  constexpr double kMany = 0.2;     // of the rows: fewer are rows recorded twice
-  constexpr double kPause = 1.5;    // usual ticks
-  std::vector<std::size_t> begins;  // of rows with one stamp
+  constexpr double kMany = 0.2;     // of the rows: fewer are duplicates
+  constexpr double kPause = 1.5;    // in usual ticks
+  std::vector<std::size_t> begins;  // first row of each stamp
   bool others = false;
   for (std::size_t i = 0; i < t.size(); ++i) {
     if (i == 0 || t[i] != t[i - 1])
@@ -229,8 +229,8 @@ void SpreadStamps(std::vector<double>& t, const SameRow& same, Run& run) {
 
 }  // namespace
 
-// What follows a clock that restarted is another run. A single row that jumps ahead of the two after it is
-// the wrong one, not they.
+// Rows after a clock restart belong to another run. A single row that jumps ahead of the next two is itself
+// wrong.
 std::vector<int> RowsInTime(std::vector<double>& t, const std::vector<int>& lines, const SameRow& same,
                             Run& run) {
   SpreadStamps(t, same, run);
@@ -284,7 +284,7 @@ void NoteGaps(Run& run) {
       where = run.time_s[static_cast<Eigen::Index>(i)];
     }
   }
-  // A log of irregular times has no grid in which rows could be missing.
+  // A log with irregular times has no grid in which rows could be missing.
   if (gaps == 0 || gaps > rows / 5) return;
   run.notes.push_back(
       fmt::format("{} gaps in the time grid of {:.6g} s ({:.0f} rows missing), the longest {:.6g} s "
@@ -334,7 +334,7 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
 
   const int tendons = robot.body.tendons();
   std::vector<Block> blocks;
-  int named = 0;  // tendons
+  int named = 0;  // number of tendons named
   int time_column = -1;
   std::vector<std::vector<int>> columns;  // by block; -1: missing
   const std::string name = file.string();
@@ -425,7 +425,7 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
         copy(table.numbers[static_cast<std::size_t>(columns[b][c])], column);
       }
     }
-    // What no column is named after this table does not say to exist.
+    // Tendons without any column may still exist.
     const bool a_tendon = !blocks[b].whole && blocks[b].matrix != &Run::bending_rad;
     if (a_tendon && named < matrix.cols()) matrix.conservativeResize(Eigen::NoChange, named);
   }

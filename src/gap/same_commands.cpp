@@ -1,4 +1,4 @@
-// Signals of two runs beside each other.
+// Compares the signals of two runs.
 #include "same_commands.h"
 
 #include <fmt/core.h>
@@ -12,7 +12,7 @@
 namespace tendril::gap {
 namespace {
 
-/// A signal whose variance is less than this many of its noise's does not move: what differs is noise.
+/// Below this multiple of its noise variance a signal does not move: a difference is noise.
 constexpr double kMoves = 4;
 
 Eigen::VectorXd TimesOf(const PreparedRun& run) {
@@ -20,7 +20,7 @@ Eigen::VectorXd TimesOf(const PreparedRun& run) {
   return Eigen::VectorXd::LinSpaced(samples, 0, (samples - 1) * run.signals.step_s);
 }
 
-/// S x M, NaN where nothing was recorded.
+/// S x M, NaN without a reading.
 Eigen::MatrixXd Known(const PreparedRun& run, const Eigen::MatrixXd& values, const std::vector<Hole>& holes) {
   Eigen::MatrixXd known = values;
   for (const Hole& hole : holes) known.col(hole.tendon).segment(hole.from, hole.size()).setConstant(NAN);
@@ -38,18 +38,18 @@ double Variance(const Signal& x) {
   return count > 0 ? std::max(0.0, square / count - std::pow(sum / count, 2)) : 0;
 }
 
-/// One kind of signal in one run; times rise.
+/// One kind of signal in one run; times increase.
 struct Recorded {
   Eigen::VectorXd time_s;
   Eigen::MatrixXd values;
-  bool at_rest = false;  // from one state to the next is motion, no noise
+  bool at_rest = false;  // differences between states are motion, not noise
 
   double NoiseVariance(Eigen::Index column) const {
     return at_rest ? 0 : std::pow(Scatter(values.col(column)), 2);
   }
 };
 
-/// Nothing where either run has none of it, or where it does not move.
+/// Empty where either run lacks it, or where it does not move.
 std::optional<SignalCompared> Compare(const char* name, const char* unit, const Recorded& a,
                                       const Recorded& b) {
   if (a.values.cols() != b.values.cols()) return std::nullopt;

@@ -1,5 +1,5 @@
-// An entry that no correction of a robot file changes tells robots apart; one that a correction may change
-// does so beyond the correction's bounds.
+// Entries that no correction of a robot file changes identify a robot; entries that a correction may change
+// do so beyond plausible bounds.
 #include "same_robot.h"
 
 #include <fmt/core.h>
@@ -15,7 +15,7 @@
 namespace tendril::gap {
 namespace {
 
-/// Entries with other values, as "gear.ratio is 19 there, 16 in the file".
+/// Entries with different values, as "gear.ratio is 19 there, 16 in the file".
 struct Differences {
   std::vector<std::string> of_robots, of_numbers;
 };
@@ -25,7 +25,7 @@ std::string Differs(const std::string& key, const Value& recorded, const Value& 
   return fmt::format("{} is {} there, {} in the file", key, recorded, file);
 }
 
-/// The largest factor by which the effect unit_length makes a section longer or shorter.
+/// The largest factor by which the effect unit_length changes a section's length.
 double MostLengthFactor() {
   const sim::EffectParameter& scale = sim::FindEffect("unit_length")->parameters.front();
   return std::max(scale.upper, 1 / scale.lower);
@@ -103,7 +103,7 @@ void RobotOfSet::Check(const RobotParameters& recorded, const std::string& where
   others.insert(others.end(), found.of_numbers.begin(), found.of_numbers.end());
   if (others.empty()) return;
   const std::string list = fmt::format("{}", fmt::join(others, ", "));
-  // Logs of one robot all differ alike.
+  // Logs of one robot all differ in the same way.
   if (std::any_of(notes.begin(), notes.end(), [&](const auto& n) { return n.find(list) != n.npos; })) return;
   notes.push_back(
       fmt::format("{} differs from {}, which is taken as the corrected file of the same robot: {}; if it is "

@@ -8,7 +8,7 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kLasting_s = 0.1;  // a residual that is large for half of this is no mere transient
+constexpr double kLasting_s = 0.1;  // a residual that is large for half of this is not a transient
 
 }  // namespace
 
@@ -38,7 +38,7 @@ Folds MakeFolds(const std::vector<PreparedRun>& runs) {
     for (const auto& [name, k] : families) folds.names[k] = name;
     for (std::size_t i = 0; i < runs.size(); ++i) folds.of_run[i] = families[runs[i].family];
   } else if (runs.size() >= 3) {
-    // A repetition stays with its original.
+    // A repetition stays in the fold of its original.
     std::map<std::string, int> originals;
     for (std::size_t i = 0; i < runs.size(); ++i) {
       const std::string& key = runs[i].repeat_of.empty() ? runs[i].name : runs[i].repeat_of;
@@ -68,7 +68,7 @@ Weights::Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover) {
       const double white = evaluator.WhiteVariance(static_cast<int>(i), static_cast<int>(c));
       const double distrust = channels[c].distrust * channels[c].distrust;
       const double misjudged = static_cast<double>(weight_[i][c].size()) * distrust;
-      // What resolution leaves open stays alike as long; a change is misjudged alike throughout.
+      // Resolution errors stay correlated as long; errors of the change are correlated throughout.
       for (auto& w : weight_[i][c])
         w = 1 / (white + m * std::max(0.0, w - white - distrust) + systematic + misjudged);
     }
@@ -145,7 +145,7 @@ ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, co
       const Eigen::VectorXd squares = CalmSquares(r, v, v, evaluator.window_s(i, c));
       for (int w = 0; w < r.size(); ++w) {
         if (!std::isfinite(v[w])) continue;
-        // Where resolution leaves much open a window says little about the mean square.
+        // Windows with a large resolution error contribute little to the mean square.
         const double weight = 1 / (v[w] + delta2);
         score.square[c] += weight * squares[w];
         score.noise[c] += weight * v[w];
@@ -166,7 +166,7 @@ ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, co
 }
 
 Eigen::VectorXd Leftover(const Evaluator& evaluator, const Residuals& part) {
-  constexpr double kSlack = 1.2;  // the noise is known within some tens of per cent
+  constexpr double kSlack = 1.2;  // the noise is known to within some tens of per cent
   const ChannelScore score = ScoreChannels(evaluator, part, evaluator.AtNominal());
   Eigen::VectorXd leftover(score.square.size());
   for (int c = 0; c < leftover.size(); ++c) leftover[c] = score.Excess(c, kSlack);

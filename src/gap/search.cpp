@@ -1,4 +1,4 @@
-// Screening, refits of the best, everything refitted at once.
+// Screening, refits of the best, and a refit of everything.
 #include "search.h"
 
 #include <Eigen/Cholesky>
@@ -14,16 +14,15 @@
 namespace tendril::gap {
 namespace {
 
-// Plainly visible deviations: constants nobody knows move freely by little, and by no more than three of
-// these.
+// Prior of nuisances, in plainly visible deviations: small changes are free, at most three of these.
 constexpr double kNuisancePrior = 0.05;
 constexpr int kIterations = 3, kPolish = 6, kPolished = 3;
-// Share of what a fit brings that a straight line may lose on the folds held out; where it loses more, so
-// many of the best are refitted without each fold, by so many steps.
+// Share of a fit's gain that the linear step may lose on held-out folds; beyond it, this many of the best are
+// refitted without each fold, with this many steps.
 constexpr double kFoldLoss = 0.05;
 constexpr int kHeldOutAgain = 2, kFoldIterations = 3;
-constexpr int kPlacesOfOneEffect = 2;   // of the candidates that are refitted
-constexpr int kAlike = 4;               // of those that look like the best, refitted as well
+constexpr int kPlacesOfOneEffect = 2;  // among the refitted candidates
+constexpr int kAlike = 4;              // look-alikes of the best, refitted as well
 
 Residuals Subtract(const Residuals& from, const std::vector<const Column*>& columns,
                    const Eigen::VectorXd& values) {
@@ -39,7 +38,7 @@ Residuals Subtract(const Residuals& from, const std::vector<const Column*>& colu
   return r;
 }
 
-/// Where to refit from: the screening's linear solution.
+/// Start of a refit: the screening's linear solution.
 Model StartOf(const Screened& s) {
   Model start = s.start;
   for (std::size_t k = 0; k < s.primary.size(); ++k) {
@@ -157,8 +156,7 @@ void Searching::ScreenAll() {
     result_.screened = Screen(weights);
     result_.base_score = BaseScore(weights);
     if (pass == 1) break;
-    // What the best candidate would leave, to first order: nothing else is worth distinguishing by less than
-    // that.
+    // Residual of the best candidate, to first order: models are not distinguished by less than that.
     Eigen::VectorXd least;
     for (int k = 0; k < std::min<int>(3, static_cast<int>(result_.screened.size())); ++k) {
       std::vector<const Column*> columns;
@@ -232,7 +230,7 @@ bool Searching::HoldOutAgain(std::vector<Fit>& fits, const Weights& weights, boo
     try {
       Fitter(evaluator_, folds_, weights, beside).HoldOutByRefits(*best[k], kFoldIterations);
     } catch (const std::exception&) {
-      // Without a fold it cannot be simulated: the straight line stays.
+      // Without this fold it cannot be simulated: the linear step stays.
     }
   });
   std::stable_sort(fits.begin(), fits.end(), ByHeldOut);
@@ -257,7 +255,7 @@ void Searching::RefitBest() {
   }
   if (result_.fits.empty()) return;
   {
-    // What is said to look like the best may be behind others to first order, and be the cause.
+    // A look-alike of the best may be behind others to first order and still be the cause.
     const Weights weights(evaluator_, leftover_);
     const sim::Effect& best = *result_.fits.front().model.parts.front().effect;
     std::vector<Model> starts;
@@ -269,10 +267,10 @@ void Searching::RefitBest() {
     for (Fit& fit : Refit(starts, weights, kIterations, {0.5, 0.6})) result_.fits.push_back(std::move(fit));
     std::stable_sort(result_.fits.begin(), result_.fits.end(), ByHeldOut);
   }
-  // With what the best really leaves, once more from there.
+  // Again from the optimum, with the residual that the best really leaves.
   leftover_ = Leftover(evaluator_, result_.fits.front().residuals);
   const Weights weights(evaluator_, leftover_);
-  // Where that is a gap, what is still on its way may be the cause: a large one takes more steps.
+  // If a gap remains, a fit that has not converged may be the cause: large effects take more steps.
   const bool far = !Explained(result_.fits.front());
   const auto others = result_.fits.begin() + std::min<std::ptrdiff_t>(kPolished, std::ssize(result_.fits));
   const auto on = std::stable_partition(others, result_.fits.end(),
@@ -284,7 +282,7 @@ void Searching::RefitBest() {
   singles_again_ = HoldOutAgain(result_.fits, weights, false);
 }
 
-/// All numbers of the nominal file at once, to first order.
+/// All numbers of the nominal file together, to first order.
 void Searching::RefitEverything() {
   const Weights weights(evaluator_, leftover_);
   std::vector<const Column*> columns;
@@ -311,7 +309,7 @@ void Searching::RefitEverything() {
     Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
     for (std::size_t f = 0; f < normal.A.size(); ++f) A += normal.A[f], b += normal.b[f];
     const Eigen::VectorXd moved = A.ldlt().solve(b);
-    // The nuisances beside them are no numbers of the file.
+    // The nuisances among them are not numbers of the file.
     for (std::size_t k = 0; k < result_.everything_moved.size(); ++k) {
       const auto at = static_cast<Eigen::Index>(k);
       result_.everything_moved[k].second = 3 * moved[at] / sd[at];

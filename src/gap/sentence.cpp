@@ -1,5 +1,5 @@
 // The first sentence of a diagnosis: where, why, how far it closes, what to do next. Knows nothing of how
-// they were found.
+// these were found.
 #include "sentence.h"
 
 #include <fmt/core.h>
@@ -21,8 +21,8 @@ std::string NameOf(const Cause& cause) {
 
 namespace {
 
-/// Its size, and that of the same law in the robot file; what only shapes it (a time constant, a direction)
-/// is in the report.
+/// The size of a cause, and that of the same law in the robot file; shape parameters (a time constant, a
+/// direction) are only in the report.
 std::string ValueOf(const Cause& cause, const RobotParameters& robot) {
   const auto told = ToldParameters(cause);
   if (told.empty()) return "";
@@ -42,7 +42,7 @@ bool Seen(const Diagnosis& d, sim::Cut cut) {
                      [&](const CutFinding& f) { return f.cut == cut && f.measured; });
 }
 
-/// Cuts that nothing was measured at: "C4, C5".
+/// Cuts without any measurement: "C4, C5".
 std::string CutsNotSeen(const Diagnosis& d) {
   std::set<sim::Cut> seen;
   std::string names;
@@ -64,7 +64,7 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
   for (const auto& f : d.location) {
     if (f.first) first = &f;
   }
-  const CutFinding* off = nullptr;  // most of what is uncertain
+  const CutFinding* off = nullptr;  // the largest uncertain finding
   for (const auto& f : d.location) {
     if (f.uncertain() && (off == nullptr || f.excess_sigma > off->excess_sigma)) off = &f;
   }
@@ -100,7 +100,7 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
       if (!d.doubt.empty()) return where + "." + next;  // First() says why
       const auto best = std::find_if(d.causes.begin(), d.causes.end(),
                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
-      // Where no place has anything left for sure, what all of them leave together decided.
+      // Without a significant place, the sum over all places decided.
       const std::string remains =
           d.leftover_sigma == 0 && d.closed
               ? fmt::format("{} of it remains", Percent(1 - d.closed->value))
@@ -190,7 +190,7 @@ std::string WithLeftOut(const std::string& sentence, const std::vector<std::stri
     if (!note.starts_with(kMark)) continue;
     ++left_out;
     std::string name, reason = note.substr(kMark.size());
-    // A run's name, which may hold spaces; a summary of several runs has its unit in brackets there.
+    // A run's name, which may contain spaces; a summary of several runs has its unit in brackets there.
     if (const std::size_t colon = reason.find(": "); colon < reason.find('(')) {
       name = reason.substr(0, colon);
       reason.erase(0, colon + 2);

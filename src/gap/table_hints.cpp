@@ -11,9 +11,9 @@
 namespace tendril::gap {
 namespace {
 
-// Of programs that write tables.
+// Comment marks of common programs.
 constexpr std::string_view kCommentMarks = "#%;!/";
-// What stands before a table's names is a preamble of no more lines.
+// Maximum number of lines before a table's names.
 constexpr int kMostPreamble = 200;
 
 std::string_view Unquoted(std::string_view cell) {
@@ -35,9 +35,9 @@ bool HasAll(std::string_view line, char delimiter, const std::vector<std::string
   });
 }
 
-/// Digits in groups of three, with one kind of mark between them; perhaps a fraction behind another mark.
+/// Digits in groups of three with one kind of separator, optionally with a fraction after another mark.
 bool Grouped(std::string_view cell) {
-  std::string plain;  // spaces of several bytes as one
+  std::string plain;  // multi-byte spaces replaced by one character
   for (std::size_t i = 0; i < cell.size(); ++i) {
     const std::string_view rest = cell.substr(i);
     if (rest.starts_with("\xC2\xA0")) {
@@ -75,7 +75,7 @@ char FindDelimiter(std::string_view line, std::string_view comment) {
 std::string OptionForNames(std::string_view text, const TableFormat& format,
                            const std::vector<std::string>& wanted) {
   if (wanted.empty() || format.header == Header::kNone) return {};
-  char common = '\0';  // begins every line so far that says anything
+  char common = '\0';  // first character of every non-empty line so far
   bool all_alike = true;
   for (int line = 1; line <= kMostPreamble && !text.empty(); ++line) {
     const std::size_t end = std::min(text.find_first_of("\r\n"), text.size());

@@ -14,7 +14,7 @@ constexpr std::int64_t kSecond_ns = 1'000'000'000, kMinute_ns = 60 * kSecond_ns,
 
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 
-/// Of the Gregorian calendar; nothing for a day that is not in it.
+/// Of the Gregorian calendar; empty for a day that does not exist.
 std::optional<std::int64_t> DaysSince1970(std::int64_t year, std::int64_t month, std::int64_t day) {
   static constexpr std::array<int, 13> kBefore{0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334, 365};
   if (month < 1 || month > 12 || day < 1) return {};
@@ -25,7 +25,7 @@ std::optional<std::int64_t> DaysSince1970(std::int64_t year, std::int64_t month,
   return years_end(year - 1) - years_end(1969) + kBefore[m] + (leap && month > 2) + day - 1;
 }
 
-/// Takes fields off the front of a text; `ok` becomes false with the first that is not there.
+/// Reads fields from the front of a text; `ok` becomes false at the first missing one.
 struct Fields {
   std::string_view rest;
   bool ok = true;
@@ -36,7 +36,7 @@ struct Fields {
     return true;
   }
   void Expect(char c) { ok = Skip(c) && ok; }
-  /// A whole number of so many digits, in [0, most].
+  /// A whole number with this many digits, in [0, most].
   std::int64_t Digits(std::size_t least, std::size_t width, std::int64_t most) {
     std::int64_t value = 0;
     std::size_t n = 0;
@@ -45,7 +45,7 @@ struct Fields {
     ok = ok && n >= least && value <= most;
     return value;
   }
-  /// Nothing, or a point or comma and digits; those beyond nanoseconds are dropped.
+  /// Nothing, or a point or comma and digits; digits beyond nanoseconds are dropped.
   std::int64_t Fraction_ns() {
     if (!Skip('.') && !Skip(',')) return 0;
     std::int64_t value = 0, unit = kSecond_ns / 10;
@@ -54,7 +54,7 @@ struct Fields {
       value += unit * (rest.front() - '0');
     return value;
   }
-  /// Seconds up to 60: a leap second is one.
+  /// Up to 60 seconds, for leap seconds.
   std::int64_t Seconds_ns() {
     const std::int64_t whole = Digits(2, 2, 60);
     return whole * kSecond_ns + Fraction_ns();

@@ -1,4 +1,4 @@
-// What lost samples, and what was before the first, leave open of the rest of a run.
+// Effects of lost samples, and of the time before the first sample, on the rest of a run.
 #include <fmt/core.h>
 
 #include <Eigen/Core>
@@ -16,12 +16,12 @@
 namespace tendril::gap {
 namespace {
 
-/// The run as if the spool of tendon j had gone further and come back by when the body has settled, whenever
-/// it moved unseen: friction in its pulleys then holds against the way back.
+/// The run as if the spool of tendon j had overshot and returned by the time the body has settled, whenever
+/// it moved unseen: friction in its pulleys then acts in the opposite direction.
 PreparedRun SlidOtherwise(PreparedRun run, const RobotParameters& robot, int j, int way) {
-  constexpr double kSurely = 2.2;  // from one way to the other takes twice the presliding
+  constexpr double kSurely = 2.2;  // reversing takes twice the presliding
   const auto& drive = robot.actuation->tendons[static_cast<std::size_t>(j)];
-  // Where the body stays a tendon slides by half of what its spool does.
+  // With a fixed body a tendon slides by half of its spool's motion.
   const double far_rad = way * kSurely * 2 * drive.transmission.presliding_m / drive.SpoolTravelPerMotorRad();
   const double step_s = run.signals.step_s;
   for (const Hole& hole : run.moved_unseen) {
@@ -38,11 +38,11 @@ PreparedRun SlidOtherwise(PreparedRun run, const RobotParameters& robot, int j, 
   return run;
 }
 
-/// How a run may have gone on unseen, other than straight on.
+/// A different unseen motion of a run, instead of a straight line.
 enum class Unseen { kFirstHalf, kSecondHalf, kAsBefore, kAsAfter };
 
-/// Signal x at sample i of a hole between `before` and `after`: moved in one half of it, or as it went before
-/// or after, mirrored at that end and tilted to meet the other.
+/// Signal x at sample i of a gap between `before` and `after`: moved within one half of it, or continued with
+/// the motion before or after, mirrored at that end and tilted to meet the other.
 double Otherwise(const Eigen::Ref<const Eigen::VectorXd>& x, int i, int before, int after, Unseen unseen) {
   const auto last = static_cast<int>(x.size()) - 1;
   const double done = static_cast<double>(i - before) / (after - before);
@@ -61,7 +61,7 @@ double Otherwise(const Eigen::Ref<const Eigen::VectorXd>& x, int i, int before, 
   return x[i];
 }
 
-/// The run with every hole gone through otherwise: the body swings otherwise after.
+/// The run with different motions in all gaps, so that the body swings differently afterwards.
 PreparedRun MovedOtherwise(const PreparedRun& read, Unseen unseen) {
   PreparedRun run = read;
   const sim::ReplaySignals& was = read.signals;
@@ -71,7 +71,8 @@ PreparedRun MovedOtherwise(const PreparedRun& read, Unseen unseen) {
     const int last = hole.tendon < 0 ? static_cast<int>(was.motor_angle_rad.cols()) : hole.tendon + 1;
     const auto move = [&](const Eigen::MatrixXd& signal, Eigen::MatrixXd& moved, int j) {
       if (signal.cols() <= j) return;
-      const double least = signal.col(j).minCoeff(), most = signal.col(j).maxCoeff();  // of what it ever was
+      const double least = signal.col(j).minCoeff(),
+                   most = signal.col(j).maxCoeff();  // range of the signal in the run
       for (int i = hole.from; i < hole.to; ++i)
         moved(i, j) = std::clamp(Otherwise(signal.col(j), i, before, after, unseen), least, most);
     };
@@ -92,13 +93,12 @@ PreparedRun MovedOtherwise(const PreparedRun& read, Unseen unseen) {
 
 }  // namespace
 
-// After lost samples, and where a run begins on the way, the body swings from where nobody knows, and
-// friction may hold either way until its tendon has slid over its presliding and back; until then it moves
-// the body, which slides the other tendons. How long all that lasts depends on the motion, so it is tried:
-// every other way in which the run may have gone on unseen. What that changes plainly tells nothing of the
-// robot.
+// After lost samples, and where a run begins in motion, the body swings from an unknown position, and
+// friction may act in either direction until each tendon has slid over its presliding and back; meanwhile it
+// moves the body, which slides the other tendons. The duration depends on the motion, so every alternative
+// unseen motion is simulated, and windows that it clearly changes are masked.
 void Evaluator::MaskAfterUnrecordedMotion(int threads) {
-  constexpr double kClearlyChanged = 0.5;  // of the noise
+  constexpr double kClearlyChanged = 0.5;  // relative to the noise
   const int runs = static_cast<int>(runs_.size()), tendons = nominal_.body.tendons();
   struct Trial {
     int run, what;  // tendon, or M: the whole motion

@@ -23,7 +23,7 @@ ShownUnit UnitFor(std::string_view unit, double size) {
   return found == listed->second.end() ? listed->second.back() : *found;
 }
 
-/// Decimals that show `digits` digits of a value of this size.
+/// Decimals for `digits` significant digits of a value of this size.
 int Decimals(double size, int digits) {
   return size > 0 ? digits - 1 - static_cast<int>(std::floor(std::log10(size))) : 0;
 }
@@ -53,7 +53,7 @@ std::string WithUnit(const std::string& number, std::string_view unit) {
   return fmt::format("{}{}{}", number, unit.starts_with("°") ? "" : " ", unit);
 }
 
-/// How all numbers of one parameter are written: they are compared with each other.
+/// One format for all numbers of a parameter, since they are compared with each other.
 class ParameterFormat {
  public:
   ParameterFormat(std::string_view parameter, const Estimate& e) : text_(TextOf(parameter)) {
