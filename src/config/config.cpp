@@ -1,5 +1,5 @@
-// Files in, structs out, and the resolved configuration back as text.
-// Knows the kinds of file; their keys are in describe_robot.h, describe_daemon.h and describe_fault.h.
+// Reads files into structs and writes the resolved configuration back as text. Knows the kinds of file; their
+// keys are in describe_robot.h, describe_daemon.h and describe_fault.h.
 #include "tendril/config/config.h"
 
 #include <fmt/format.h>
@@ -21,7 +21,7 @@
 
 namespace tendril::config {
 
-/// Common blocks are the first tendon's; tendons that differ from it are spelled out below `per_tendon`.
+/// Common blocks are those of the first tendon; tendons that differ are written below `per_tendon`.
 void WriteActuation(Writer& out, ActuationParameters& p);
 
 namespace {
@@ -34,7 +34,7 @@ constexpr std::string_view kAnyKeys =
 
 constexpr std::string_view kScenarioKeys = "a scenario file with faults";
 
-// Tensions of a fault that take longer to come down are not on their way down.
+// Upper limit for the release of tensions after a fault.
 constexpr double kLongestRamp_s = 30;
 
 enum class Kind { kRobot, kDaemon, kScenario, kUnknown };
@@ -114,7 +114,7 @@ ConfigError ErrorAt(const std::string& path, std::string_view key, const std::st
   try {
     Reader(source, {ParseDocument(ReadFile(path), source, kAnyKeys)}).Refuse(key, text);
   } catch (const ConfigError& e) {
-    // Whatever stops the file from being read now, this refusal is the one to report.
+    // If the file can no longer be read, this error is still the one to report.
     const std::string line = e.what();
     return line.ends_with(text) ? e : ConfigError(fmt::format("{}: {}: {}", path, key, text));
   }
@@ -172,7 +172,7 @@ std::vector<FaultParameters> LoadScenario(const std::string& path) {
 
 FaultParameters ParseFault(const std::string& text, const std::string& name_for_errors) {
   constexpr std::string_view kForm = "a kind, then key=value, e.g. drop node=2 probability=0.1 for_s=5";
-  // Rewritten as the YAML of one entry of a scenario, so that both have the same keys and the same refusals.
+  // Rewritten as the YAML of one scenario entry, so that keys and errors are the same.
   std::string yaml;
   std::istringstream words(text.substr(0, 1000));
   for (std::string word; words >> word;) {
@@ -191,7 +191,7 @@ FaultParameters ParseFault(const std::string& text, const std::string& name_for_
     throw ConfigError(fmt::format("{}: is empty; accepted: {}; write one", name_for_errors, kForm));
   try {
     return Parse<FaultParameters>(yaml + "}", {name_for_errors}, Kind::kUnknown, kForm);
-  } catch (const ConfigError& e) {  // one line has no number
+  } catch (const ConfigError& e) {  // a single line has no line number
     const std::string line = e.what(), lead = name_for_errors + ":1";
     throw line.starts_with(lead) ? ConfigError(name_for_errors + line.substr(lead.size())) : e;
   }

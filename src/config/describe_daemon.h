@@ -1,6 +1,5 @@
-// The daemon file, key by key: the one place that says which keys there are, their accepted ranges and the
-// rules between them, what each means. Used with Reader to parse, with Writer to write back, and with Lister for
-// the reference.
+// The daemon file, key by key: the single definition of its keys, accepted ranges, rules between them, and
+// meanings. Used with Reader to parse, with Writer to write back, and with Lister for the reference.
 #pragma once
 
 #include <fmt/format.h>
@@ -31,7 +30,7 @@ void Describe(Io& io, TrajectoryParameters& p) {
   OptionalSwitch(
       io, "look_ahead", p.look_ahead, true,
       "Moving targets are extrapolated over the delay of smoothing and drives; off: the sender sends ahead.");
-  // The smoothing's windows are held in memory, and delay all motion by half their length.
+  // The smoothing's windows are in memory and delay all motion by half their length.
   const double gather_s = 2 * p.max_rate_radps / p.max_acceleration_radps2,
                build_up_s = 2 * p.max_acceleration_radps2 / p.max_jerk_radps3;
   io.Check(!(gather_s > kMostSmoothing_s), "max_acceleration_radps2",

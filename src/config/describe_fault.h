@@ -1,5 +1,5 @@
-// A fault and a scenario, key by key: which keys each kind of fault has, and their accepted ranges.
-// Used with Reader and Lister only, for nothing writes them back; knows nothing of drives.
+// A fault and a scenario, key by key: the keys of each kind of fault and their accepted ranges. Used with
+// Reader and Lister only, since they are never written back; knows nothing of drives.
 #pragma once
 
 #include <string_view>
@@ -15,7 +15,7 @@ struct Scenario {
   std::vector<FaultParameters> faults;
 };
 
-/// Reads a key that may be left out; `otherwise` says what holds then.
+/// Reads a key that may be omitted; `otherwise` describes the default.
 template <class Io, class Read>
 void Optional(Io& in, std::string_view key, std::string_view otherwise, Read read) {
   if constexpr (Io::kReading) {

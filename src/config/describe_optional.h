@@ -1,4 +1,4 @@
-// Keys that may be left out, and what stands for them, as the files' descriptions need them. Knows no key.
+// Keys that may be omitted, and their defaults, for the files' descriptions. Knows no key.
 #pragma once
 
 #include <string_view>
@@ -7,8 +7,8 @@
 
 namespace tendril::config {
 
-/// Whether a key is to be read or written now: where a file leaves it out, `nominal` stands, which people
-/// read as `shown`.
+/// Whether to read or write a key now: where a file omits it, `nominal` applies, which the reference shows as
+/// `shown`.
 template <class Io, class T, class Shown>
 bool Given(Io& io, std::string_view key, T& value, T nominal, Shown shown) {
   if constexpr (Io::kReading) {
@@ -20,7 +20,7 @@ bool Given(Io& io, std::string_view key, T& value, T nominal, Shown shown) {
   if constexpr (Io::kListing) io.MayBeLeftOut(shown);
   return true;
 }
-/// The same of a key that is written only where it is not nominal.
+/// The same for a key that is written only where it is not nominal.
 template <class Io, class T, class Shown>
 bool GivenOrOther(Io& io, std::string_view key, T& value, T nominal, Shown shown) {
   const bool given = Given(io, key, value, nominal, shown);
@@ -34,7 +34,7 @@ void OptionalNumber(Io& io, std::string_view key, double& value, double nominal,
   if (GivenOrOther(io, key, value, nominal, nominal)) io.Number(key, value, range, meaning);
 }
 
-/// Always written, for what spells out nothing may be overridden by a common block.
+/// Always written, because a resolved file must not let a common block override it.
 template <class Io>
 void NumberOrNominal(Io& io, std::string_view key, double& value, double nominal, Range range,
                      std::string_view meaning) {

@@ -1,6 +1,5 @@
-// The robot file, key by key: the one place that says which keys there are, their accepted ranges and the
-// rules between them, what each means. Used with Reader to parse, with Writer to write back, and with Lister for
-// the reference.
+// The robot file, key by key: the single definition of its keys, accepted ranges, rules between them, and
+// meanings. Used with Reader to parse, with Writer to write back, and with Lister for the reference.
 #pragma once
 
 #include <fmt/format.h>
@@ -117,7 +116,7 @@ void DescribeVector(Io& io, std::string_view key, Eigen::Vector3d& value, Range 
   if (numbers.size() == 3) value = {numbers[0], numbers[1], numbers[2]};
 }
 
-/// At most one entry for each unit that there is; sorted by unit.
+/// At most one entry per existing unit; sorted by unit.
 inline void CheckDeviations(Reader& io, BodyParameters& p) {
   std::set<int> seen;
   for (const UnitDeviation& d : p.unit_deviations) {
@@ -130,7 +129,7 @@ inline void CheckDeviations(Reader& io, BodyParameters& p) {
             [](const UnitDeviation& a, const UnitDeviation& b) { return a.unit < b.unit; });
 }
 
-/// Keys of the body that a robot like its drawing does without.
+/// Keys of the body that an ideal robot does not need.
 template <class Io>
 void DescribeDeviations(Io& io, BodyParameters& p) {
   OptionalNumber(io, "tip_payload_kg", p.tip_payload_kg, 0, {0, 1000},
@@ -326,7 +325,7 @@ void Describe(Io& io, TrackerParameters& p) {
   io.Number("delay_s", p.delay_s, {0, 10}, "From the measurement to the time stamp of its reading.");
 }
 
-/// The blocks of one tendon's drivetrain; its node id is part of the list `nodes`.
+/// The blocks of one tendon's drivetrain; its node id is in the list `nodes`.
 template <class Io>
 void Describe(Io& io, TendonDriveParameters& p) {
   io.Block("motor", p.motor, "Motor of each tendon.");
@@ -338,8 +337,8 @@ void Describe(Io& io, TendonDriveParameters& p) {
   io.Block("load_cell", p.load_cell, "Load cell on the drive's analog input.");
 }
 
-/// Rules between the blocks of tendon `j` and the robot's limits; refused at the tendon's own key where it
-/// has one.
+/// Rules between the blocks of tendon `j` and the robot's limits; errors are reported at the tendon's own key
+/// where it has one.
 inline void CheckTendon(Reader& io, int j, const TendonDriveParameters& p, const LimitParameters& limits) {
   const double rated_Nm = p.motor.torque_constant_NmpA * p.motor.nominal_current_A;
   const std::string_view rated = "drive.rated_torque_Nm";
@@ -373,7 +372,7 @@ void DescribeTracker(Io& io, std::optional<TrackerParameters>& tracker) {
   io.OptionalBlock("tracker", tracker, "An outside measurement of the tip's pose.");
 }
 
-/// The keys of the block `actuation`: those of one tendon, and what is for all of them.
+/// The keys of the block `actuation`: those of a tendon, and those common to all.
 inline void DescribeActuation(Lister& io, ActuationParameters& p) {
   std::vector<long long> nodes;
   io.MayBeLeftOut("1, 2, ... in tendon order");
@@ -442,7 +441,7 @@ inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tend
   }
 }
 
-/// Every key but two is a parameter; which there are, and their bounds, the simulator knows.
+/// Every key but two is a parameter; the simulator knows the parameters and their bounds.
 template <class Io>
 void Describe(Io& io, EffectSetting& p) {
   const auto where = [&] { io.Text("where", p.where, kPlaceRule, "Where the robot has it."); };

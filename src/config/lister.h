@@ -22,15 +22,15 @@ class Lister {
  public:
   static constexpr bool kReading = false, kListing = true;
 
-  /// Adds to `keys`, all below `prefix` ("bus."). `defaults`: the values in the structs stand for a missing
-  /// block.
+  /// Adds to `keys`, all below `prefix` ("bus."). `defaults`: the structs' values apply if the block is
+  /// missing.
   Lister(std::vector<Key>& keys, std::string prefix, bool defaults = false)
       : keys_(keys), prefix_(std::move(prefix)), defaults_(defaults) {}
 
-  /// The next key may be left out, and then this holds.
+  /// The next key may be omitted, and this is its default.
   void MayBeLeftOut(std::string_view otherwise) { otherwise_ = otherwise; }
   void MayBeLeftOut(double otherwise) { otherwise_ = fmt::format("{}", otherwise); }
-  /// The next block may be left out, and then its struct holds as it is.
+  /// The next block may be omitted, and its struct is the default.
   void BlockMayBeLeftOut() {
     MayBeLeftOut("the values given at its keys");
     block_has_defaults_ = true;
@@ -92,7 +92,7 @@ class Lister {
     Lister inside(keys_, fmt::format("{}{}.", prefix_, key), defaults);
     describe(inside);
   }
-  /// A mapping whose keys are the writer's choice.
+  /// A mapping whose keys the writer chooses.
   void Mapping(std::string_view key, std::string_view accepted, std::string_view meaning) {
     Add(key, meaning, accepted).kind = Key::Kind::kMapping;
   }

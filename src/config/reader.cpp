@@ -1,4 +1,4 @@
-// Strict reading of one YAML mapping and the wording of every refusal. Knows nothing of robots.
+// Strict reading of one YAML mapping and the wording of every error. Knows nothing of robots.
 #include "reader.h"
 
 #include <fmt/format.h>
@@ -17,7 +17,7 @@
 namespace tendril::config {
 namespace {
 
-/// Text of the file as it may stand in a one-line message.
+/// Text of the file, made safe for a one-line message.
 std::string Printable(std::string_view text) {
   constexpr std::size_t kLongest = 48;
   std::string out;
@@ -26,7 +26,7 @@ std::string Printable(std::string_view text) {
   return out;
 }
 
-/// Where documents begin, and nothing else of them.
+/// Records where documents begin.
 class DocumentStarts : public YAML::EventHandler {
  public:
   std::vector<int> lines;
@@ -44,7 +44,7 @@ class DocumentStarts : public YAML::EventHandler {
   void OnMapEnd() override {}
 };
 
-/// Lines of the first two documents. Not YAML::LoadAll: behind a stray comma yaml-cpp begins documents
+/// Lines of the first two documents. YAML::LoadAll is not used: after a stray comma yaml-cpp begins documents
 /// without end.
 std::vector<int> DocumentLines(const std::string& yaml) {
   std::istringstream in(yaml);
@@ -402,7 +402,7 @@ std::vector<Layer> Reader::Items(std::string_view key, Range count) {
 }
 
 void Reader::Refuse(std::string_view key, const std::string& wrong_accepted_remedy) const {
-  // Walk down as far as the path of keys exists; the deepest key found is the line to show.
+  // Walks down the key path as far as it exists; the deepest key found gives the line.
   std::vector<Layer> level = layers_;
   int line = level.back().line;
   std::string path = level.back().path;
@@ -410,7 +410,7 @@ void Reader::Refuse(std::string_view key, const std::string& wrong_accepted_reme
     const std::string_view step = key.substr(0, key.find('.'));
     const std::string_view name = step.substr(0, step.find('['));
     key.remove_prefix(std::min(key.size(), step.size() + 1));
-    std::size_t item = 0;  // of a list, from 1: "effects[2]"
+    std::size_t item = 0;  // entry of a list, from 1: "effects[2]"
     if (name.size() < step.size()) {
       std::from_chars(step.data() + name.size() + 1, step.data() + step.size(), item);
     }
@@ -458,7 +458,7 @@ std::string_view Reader::FirstOverridden(std::initializer_list<std::string_view>
 }
 
 void Reader::Check(bool ok, std::string_view key, const std::string& wrong_accepted_remedy) {
-  // While a key is missing the values are not complete; Finish reports that instead.
+  // With missing keys the values are incomplete; Finish reports that instead.
   if (!ok && !missing_) Refuse(key, wrong_accepted_remedy);
 }
 

@@ -1,5 +1,5 @@
-// One YAML mapping read strictly into a struct: every key looked up is a key known, what is left over is
-// refused. Speaks of keys, types, ranges and lines; knows nothing of robots.
+// Reads one YAML mapping strictly into a struct: every key that is looked up is known, all others are
+// refused. Knows keys, types, ranges and lines, nothing of robots.
 #pragma once
 
 #include <yaml-cpp/yaml.h>
@@ -27,7 +27,7 @@ struct Range {
 template <class E>
 using Choices = std::initializer_list<std::pair<std::string_view, E>>;
 
-/// What a text may look like: a check, and how to say it.
+/// The accepted form of a text: a check and its description.
 struct TextRule {
   bool (*ok)(std::string_view text);
   std::string_view accepted;
@@ -35,24 +35,24 @@ struct TextRule {
 
 /// The file under the reader, for messages.
 struct Source {
-  std::string name;  // as the person gave it
+  std::string name;  // as given on the command line
 };
 
-/// A mapping with the key path and the line that led to it.
+/// A mapping with its key path and the line of its key.
 struct Layer {
   YAML::Node map;
   std::string path;
   int line = 0;
 };
 
-/// Several layers are one mapping in which earlier layers override later ones key by key, at any depth.
+/// Several layers form one mapping in which earlier layers override later ones key by key, at any depth.
 class Reader {
  public:
   static constexpr bool kReading = true, kListing = false;
 
   Reader(const Source& source, std::vector<Layer> layers);
 
-  // The last argument of each is what the key means, for people: see lister.h.
+  // The last argument of each is the key's meaning: see lister.h.
 
   void Number(std::string_view key, double& value, Range range, std::string_view meaning);
   template <std::integral T>
@@ -61,7 +61,7 @@ class Reader {
     IntegerValue(key, wide, range);
     value = static_cast<T>(wide);
   }
-  /// An integer that people write in hexadecimal.
+  /// An integer usually written in hexadecimal.
   void Identifier(std::string_view key, std::uint32_t& value, std::string_view meaning) {
     Integer(key, value, {0, std::numeric_limits<std::uint32_t>::max()}, meaning);
   }
@@ -108,22 +108,22 @@ class Reader {
   }
 
   bool Has(std::string_view key) const;
-  /// The key may be there; this description does not read it.
+  /// The key is allowed but not read by this description.
   void Allow(std::string_view key) { known_.emplace_back(key); }
   /// Known only in the last (common) layer.
   void AllowInCommon(std::string_view key) { known_in_common_.emplace_back(key); }
 
-  /// A rule between keys: unless `ok`, refuses at `key` (may be a path of keys, "motor.nominal_current_A").
+  /// A rule between keys: unless `ok`, reports an error at `key` (may be a path, "motor.nominal_current_A").
   void Check(bool ok, std::string_view key, const std::string& wrong_accepted_remedy);
   [[noreturn]] void Refuse(std::string_view key, const std::string& wrong_accepted_remedy) const;
 
-  /// The first of these paths of keys that an overriding layer gives itself; the first of all when none does.
+  /// The first of these key paths that an overriding layer contains; the first path when none does.
   std::string_view FirstOverridden(std::initializer_list<std::string_view> keys) const;
 
-  /// Refuses keys that nothing asked for, then keys that were asked for and are not there.
+  /// Refuses unknown keys, then reports missing ones.
   void Finish();
 
-  /// The mappings under `key`, one for each layer that has it; empty (and noted as missing) when none has.
+  /// The mappings under `key`, one for each layer that has it; empty (and recorded as missing) when none has.
   std::vector<Layer> Children(std::string_view key);
   const std::vector<Layer>& layers() const { return layers_; }
   const Source& source() const { return *source_; }

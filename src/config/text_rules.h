@@ -1,4 +1,4 @@
-// What the few texts of the configuration may look like, and how to say it. Knows nothing of files.
+// Accepted forms of the texts in the configuration, and their descriptions. Knows nothing of files.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,7 @@ inline bool IsWord(std::string_view text, std::size_t longest) {
 
 inline constexpr TextRule kNameRule{[](std::string_view t) { return IsWord(t, 64); },
                                     "1 .. 64 letters, digits, '_', '-' or '.'"};
-/// Which of several equal parts of a robot.
+/// One of several equal parts of a robot.
 inline constexpr TextRule kPlaceRule{
     [](std::string_view t) {
       const auto colon = t.find(':');

@@ -1,4 +1,4 @@
-// Table of units and of their usual mix-ups. Knows nothing of any particular key.
+// Units and their usual confusions. Knows nothing of any particular key.
 #include "units.h"
 
 #include <array>
@@ -48,7 +48,7 @@ struct MixUp {
   OtherUnit other;
 };
 
-// Likeliest first: the first that makes the value fit is the one suggested.
+// By likelihood: the first one that makes the value fit is suggested.
 constexpr MixUp kMixUps[] = {
     {"m", {"mm", "millimetres", 1e-3}},
     {"m", {"cm", "centimetres", 1e-2}},

@@ -1,5 +1,5 @@
-// Values that lie within their range and yet make no sense on this robot: guards above all, for each the
-// threshold from which on it cannot trip. Knows what the rules compare, not how.
+// Values within their range that make no sense on this robot: mainly guards, with the threshold from which
+// each cannot trip. Knows what the guards compare, not how.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,25 +12,25 @@
 namespace tendril::config {
 namespace {
 
-// A drive's analog input ends there.
+// Range of a drive's analog input.
 constexpr double kInputEnd_V = 10;
-// Longer than this a robot is not to pull, or to wait for a motion, with nobody there.
+// Longest time for a robot to pull, or wait for a motion, unattended.
 constexpr double kUnattended_s = 2, kSilence_s = 60;
-// Beyond this share of a threshold that cannot trip on a guard comes too late to be one.
+// Beyond this share of a threshold that cannot trip, a guard trips too late.
 constexpr double kLate = 0.8;
-// Tensions that rise and fall faster from end to end are jerks; a state comes more often than one waits for
-// it.
+// Faster changes of tension from end to end are jerks; states must come more often than programs wait for
+// them.
 constexpr double kShortestRamp_s = 0.1, kRamp_s = 4, kState_s = 1;
-// A slack tendon that is found with less probability than this is not found.
+// Minimum probability of detecting a slack tendon.
 constexpr double kFound = 1e-3;
-// Of the tension between the limits, at the speed of a move that names none.
+// Share of the tension range, at the default speed.
 constexpr double kDampingShare = 0.5;
-// Deviations of noise that come once in an hour of cycles.
+// Standard deviations of noise that occur once in an hour of cycles.
 constexpr double kSurely = 5;
 
 struct Bound {
-  double value = INFINITY;  // from here on (or, for what must be large, up to here) the guard is idle
-  std::size_t tendon = 0;   // whose, from 1
+  double value = INFINITY;  // from this value on (or down, for lower limits) the guard cannot trip
+  std::size_t tendon = 0;   // the tendon, from 1
   void Take(double candidate, std::size_t at) {
     if (candidate >= value) return;
     value = candidate;
@@ -40,21 +40,21 @@ struct Bound {
 
 struct Scale {
   Bound way_m, unexplained_m, shown_N, torque_N;
-  Bound torque_noise_N{.value = 0};  // of the reported torque, the most that is usual
-  Bound held_N{.value = 0};          // by friction and pretension, the most: what pulls by less moves nothing
+  Bound torque_noise_N{.value = 0};  // largest usual error of the reported torque
+  Bound held_N{.value = 0};  // largest tension held by friction and pretension: a smaller pull moves nothing
 };
 
-// Bends that the section's tendons show: one where all of them lie on a line through its axis, else two.
+// Number of bends that the section's tendons show: one where all lie on a line through its axis, else two.
 double Explained(const SectionParameters& section) {
   const double first_rad = section.tendons.front().angle_rad;
   const bool line =
       std::all_of(section.tendons.begin(), section.tendons.end(), [&](const TendonRoute& route) {
-        return std::abs(std::sin(route.angle_rad - first_rad)) < 0.01;  // as exact as holes are drilled
+        return std::abs(std::sin(route.angle_rad - first_rad)) < 0.01;  // tolerance of drilled holes
       });
   return line ? 1 : 2;
 }
 
-// Of the tendon on which each counts most.
+// For the tendon on which each is largest.
 Scale ScaleOf(const RobotParameters& robot) {
   Scale scale;
   std::size_t at = 0;
@@ -65,9 +65,8 @@ Scale ScaleOf(const RobotParameters& robot) {
       const TendonDriveParameters& t = robot.actuation->tendons[at++];
       const double own_m = route.radius_m * robot.limits.max_bending_rad;
       scale.way_m.Take(own_m * sections, at);
-      // Two bends explain the displacements of m tendons but for this share of a single one's error; that of
-      // tendons on one line is explained by one bend. As many tendons as bends leave nothing at any
-      // threshold.
+      // Two bends explain the displacements of m tendons except for this share of a single tendon's error;
+      // tendons on one line have one bend. With as many tendons as bends nothing remains at any threshold.
       const double share = 1 - Explained(section) / static_cast<double>(section.tendons.size());
       if (share > 0) scale.unexplained_m.Take(own_m * share, at);
       const double travel_m = t.SpoolTravelPerMotorRad();
@@ -87,7 +86,8 @@ Scale ScaleOf(const RobotParameters& robot) {
   return scale;
 }
 
-// Of a slack tendon's reading to stay below the threshold for all of max_slack_s, on the noisiest cell.
+// Probability that a slack tendon's reading stays below the threshold for all of max_slack_s, on the noisiest
+// cell.
 double SlackFound(const RobotParameters& robot, const GuardParameters& g, double cycle_s) {
   double found = g.slack_tension_N > 0 ? 1 : 0;
   for (const TendonDriveParameters& t : robot.actuation->tendons) {
@@ -116,8 +116,8 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
     const std::string text = fmt::format("{:g} {} {}: {}; {}", value, what, robot.name, why, remedy);
     lines.emplace_back(ErrorAt(daemon_path, key, text).what());
   };
-  // Idle from `bound` on, late from kLate of it; suggested is what is usual, or half of the bound where that
-  // is less.
+  // Cannot trip from `bound` on, late from kLate of it; suggests the usual value, or half of the bound if
+  // that is smaller.
   const auto below = [&](const std::string& key, double value, double bound, double usual_value,
                          const std::string& why, bool whole = false) {
     if (value <= kLate * bound) return;
@@ -157,7 +157,7 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
                     std::clamp(5 * noise_N, 0.1 * limits.min_tension_N, 0.5 * limits.min_tension_N),
                     limits.min_tension_N));
   }
-  // Without friction the base carries what a cell before the pulleys shows.
+  // Without friction the base carries the tension that a cell before the pulleys shows.
   below(guards + "tension_margin", g.tension_margin,
         scale.shown_N.value / std::min(limits.max_tension_motor_N, limits.max_tension_base_N) - 1,
         usual.tension_margin,
@@ -260,7 +260,7 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
                     limits.max_tension_base_N),
         fmt::format("set {:g} or more, or a lower limit of the base", limits.max_tension_base_N));
   }
-  // What damping takes of a tendon at the usual speed is missing for everything else.
+  // Tension needed for damping at the default speed is not available for anything else.
   const double speed_radps = daemon.controller.trajectory.default_speed_radps;
   const double room_N = limits.max_tension_base_N - limits.min_tension_N;
   for (std::size_t k = 0; k < robot.body.sections.size(); ++k) {
@@ -292,7 +292,7 @@ std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotPar
                           step_N(*coarse), limits.min_tension_N),
               "use the analog input's step, or another gain_VpN");
   }
-  // One reading over the limit is a fault: noise must not make it.
+  // A single reading over the limit is a fault, so noise must not reach it.
   const double limit_N = std::min(limits.max_tension_motor_N, limits.max_tension_base_N);
   const double over_N = limit_N * (1 + g.tension_margin);
   const auto noise_N = [](const TendonDriveParameters& t) {

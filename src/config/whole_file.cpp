@@ -1,4 +1,4 @@
-// Written beside it, then renamed.
+// Written beside the file, then renamed.
 #include "tendril/config/whole_file.h"
 
 #include <fmt/core.h>
@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 
 std::string Reason() { return std::strerror(errno != 0 ? errno : EIO); }
 
-/// What a name stands for: of a link to a file, that file.
+/// The file that a name refers to, through links.
 fs::path Target(const fs::path& file) {
   std::error_code error;
   if (!fs::exists(file, error)) return file;
@@ -37,7 +37,7 @@ fs::path Beside(const fs::path& target) {
   return fmt::format("{}.new-{:x}", target.string(), std::random_device{}());
 }
 
-/// A device or a pipe takes the text and stays what it is.
+/// A device or a pipe receives the text and stays what it is.
 bool TakesText(const fs::path& target) {
   std::error_code none;
   return fs::exists(target, none) && !fs::is_regular_file(target, none);
@@ -74,7 +74,7 @@ void CheckMayWrite(const fs::path& file) {
   const fs::path target = Target(file);
   if (TakesText(target)) {
     std::error_code none;
-    if (fs::is_fifo(target, none)) return;  // without a reader it would wait
+    if (fs::is_fifo(target, none)) return;  // without a reader, opening it would block
     errno = 0;
     if (!std::ofstream(target, std::ios::app)) Refuse(file, Reason());
     return;

@@ -1,5 +1,5 @@
-// The other direction of reader.h: the same descriptions, every value spelled out. Doubles get as many digits
-// as reading them back bit for bit takes. Knows nothing of robots.
+// The inverse of reader.h: the same descriptions, every value written out. Doubles get enough digits to be
+// read back bit for bit. Knows nothing of robots.
 #pragma once
 
 #include <fmt/format.h>
@@ -69,7 +69,7 @@ class Writer {
   void BeginBlock(const std::string& key) { out_ << YAML::Key << key << YAML::Value << YAML::BeginMap; }
   void EndBlock() { out_ << YAML::EndMap; }
 
-  /// The whole text; the writer is used up.
+  /// The whole text; the writer must not be used afterwards.
   std::string Finish() {
     out_ << YAML::EndMap;
     return std::string(out_.c_str()) + "\n";

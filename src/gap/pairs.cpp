@@ -117,7 +117,7 @@ std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights,
     for (int i = 0; i < s.candidate.size(); ++i) both.values[offset + i] = s.start.values[i];
     const Eigen::VectorXd& step = promise.step;
     const int own = static_cast<int>(s.primary.size());
-    Model near = both;  // a linear prediction far away may be inaccurate, so a small second cause is tried too
+    Model near = both;  // a linear prediction far away may be wrong, so a small second cause is tried too
     for (int i = 0; i < own; ++i) {
       const int at = offset + s.primary[i];
       const auto& p = s.start.parameter(s.primary[i]);

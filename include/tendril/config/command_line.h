@@ -1,5 +1,5 @@
-// What the command lines of all programs have in common: what is wrong with one is told in one line, with the
-// name that was probably meant, and no value is empty. Knows no option.
+// Shared by the command lines of all programs: an error is one line that suggests the probable name, and
+// values must not be empty. Knows no option.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -12,7 +12,7 @@
 
 namespace tendril::config {
 
-/// An empty value, of a variable that is not set say, would pass for an option that was left out.
+/// An empty value, for instance from an unset shell variable, would look like an omitted option.
 inline void RefuseEmptyValues(CLI::App& app) {
   const CLI::Validator given(
       [](std::string& value) {
@@ -24,7 +24,7 @@ inline void RefuseEmptyValues(CLI::App& app) {
   for (CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) RefuseEmptyValues(*sub);
 }
 
-/// How many letters must change to make one word of the other; small and capital ones are the same.
+/// Edit distance of two words, ignoring case.
 inline std::size_t LettersApart(std::string_view a, std::string_view b) {
   const auto same = [](char x, char y) {
     return std::tolower(static_cast<unsigned char>(x)) == std::tolower(static_cast<unsigned char>(y));
@@ -43,8 +43,8 @@ inline std::size_t LettersApart(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-/// The name that `word` was probably meant to be: one that it begins, or one at most a third of whose letters
-/// are wrong, two at least for letters that changed places; empty where none is so near.
+/// The name that `word` was probably meant to be: one that it begins, or one that differs in at most a third
+/// of its letters (at least two, for exchanged letters); empty where none is close enough.
 inline std::string Nearest(std::string_view word, const std::vector<std::string>& names) {
   std::string best;
   std::size_t least = std::max<std::size_t>(2, word.size() / 3) + 1;
@@ -82,7 +82,7 @@ inline std::string CommandList(const CLI::App& app) {
   return list;
 }
 
-/// "'demoo' is not known here (did you mean demo?)", with the commands where one is due.
+/// "'demoo' is not known here (did you mean demo?)", followed by the commands where a command is expected.
 inline std::string NotKnown(const CLI::App& app, const std::string& word) {
   std::string text = "'" + word + "' is not known here";
   const bool option = word.starts_with("-");
@@ -98,7 +98,7 @@ inline std::string WrongUse(const CLI::App& app, const CLI::Error& error) {
   std::string command = program, what = error.what();
   for (const CLI::App* at = &app; at != nullptr;) {
     const auto next = at->get_subcommands();
-    // CLI11 asks for a subcommand where a wrong one was given: name the wrong word.
+    // CLI11 reports a missing subcommand for a wrong one, so the wrong word is named here.
     if (const auto rest = at->remaining(); !rest.empty()) {
       what = NotKnown(*at, rest.front());
     } else if (error.get_name() == "RequiredError" && next.empty() && at->get_require_subcommand_min() > 0) {
@@ -112,7 +112,7 @@ inline std::string WrongUse(const CLI::App& app, const CLI::Error& error) {
 }
 
 /// `help` in the place of a command, as in `tendril help`, `tendril help gap` or `tendril gap help`, means
-/// --help. `words` begin with the program.
+/// --help. The first of `words` is the program.
 inline std::vector<std::string> HelpAsOption(const CLI::App& app, std::vector<std::string> words) {
   const CLI::App* at = &app;
   for (std::size_t i = 1; i < words.size() && at != nullptr; ++i) {
@@ -128,7 +128,7 @@ inline std::vector<std::string> HelpAsOption(const CLI::App& app, std::vector<st
   return words;
 }
 
-/// Call when all options are there; `app` has the program's name.
+/// To be called after all options are added; `app` has the program's name.
 inline void SettleCommandLine(CLI::App& app) {
   RefuseEmptyValues(app);
   app.failure_message([](const CLI::App* at, const CLI::Error& error) { return WrongUse(*at, error); });

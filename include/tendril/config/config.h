@@ -13,14 +13,14 @@
 
 namespace tendril::config {
 
-/// What a configuration file got wrong; what() is the whole line.
+/// An error in a configuration file; what() is the whole line.
 class ConfigError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// Robot file (config/robots/*.yaml). Unknown, missing and duplicate keys, wrong types, values out of range:
-/// ConfigError.
+/// Robot file (config/robots/*.yaml). Throws ConfigError for unknown, missing and duplicate keys, wrong types
+/// and values out of range.
 RobotParameters LoadRobot(const std::string& path);
 RobotParameters ParseRobot(const std::string& yaml, const std::string& name_for_errors);
 
@@ -38,18 +38,19 @@ FaultParameters ParseFault(const std::string& text, const std::string& name_for_
 std::string ToYaml(const RobotParameters& robot);
 std::string ToYaml(const DaemonParameters& daemon);
 
-/// Both files fit each other: every tendon has exactly one node, all nodes differ. Throws ConfigError.
+/// Checks that both files fit each other: every tendon has exactly one node, and all nodes differ. Throws
+/// ConfigError.
 void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
                    const std::string& daemon_path);
 
-/// A line for each value of the daemon file that is accepted and yet makes no sense on this robot (a guard
-/// that cannot trip there, or hardly; a ramp that is a jump): file, line, key, value, why, and a value that
-/// does. max_slack_s is none of them: its range ends at a minute. Both files fit each other.
+/// Warnings for accepted values of the daemon file that make no sense on this robot (a guard that cannot
+/// trip, or hardly; a ramp that is a jump): file, line, key, value, reason, and a value that does.
+/// max_slack_s is never among them, since its range ends at a minute. Both files must fit each other.
 std::vector<std::string> Warnings(const DaemonParameters& daemon, const RobotParameters& robot,
                                   const std::string& daemon_path);
 
-/// A refusal at `key` ("bus.nodes", "effects[2]") of the file, with the key's line when the file can still be
-/// read. `text` is what is wrong, the accepted range and the remedy, separated by "; ".
+/// An error at `key` ("bus.nodes", "effects[2]") of the file, with the key's line if the file can still be
+/// read. `text` is the error, the accepted range and the remedy, separated by "; ".
 ConfigError ErrorAt(const std::string& path, std::string_view key, const std::string& text);
 
 /// "robot", "daemon" or "scenario", by the file's top-level keys. Throws ConfigError when it is none.

@@ -1,5 +1,5 @@
-// Every key of the configuration files with what it means and accepts, as the files' descriptions have them:
-// for the reference and for whoever checks it. Reads no file.
+// Every key of the configuration files with its meaning and accepted values, from the files' descriptions,
+// for the reference and its tests. Reads no file.
 #pragma once
 
 #include <optional>
@@ -12,13 +12,13 @@ namespace tendril::config {
 struct Key {
   enum class Kind { kValue, kBlock, kList, kMapping };
 
-  std::string path;     // "bus.cycle_ns"; of a list's entries "body.sections[].units"
+  std::string path;     // "bus.cycle_ns"; for entries of a list "body.sections[].units"
   std::string meaning;  // a sentence
   Kind kind = Kind::kValue;
-  std::string accepted;                  // "0.0001 .. 1", "paper, equilibrium"; of a list how many entries
-  std::string unit;                      // "N·m"; empty: none
-  std::optional<std::string> otherwise;  // what holds where the key is left out; none: it must be given
-  std::string without_block;             // of a block that may be left out whole: what holds then
+  std::string accepted;  // "0.0001 .. 1", "paper, equilibrium"; for a list the number of entries
+  std::string unit;      // "N·m"; empty: none
+  std::optional<std::string> otherwise;  // the default where the key may be omitted; none: required
+  std::string without_block;             // for a block that may be omitted: the default
 };
 
 std::vector<Key> RobotFileKeys();
@@ -28,10 +28,10 @@ struct FaultKeys {
   std::string name, meaning;  // "drop"
   std::vector<Key> keys;
 };
-/// Of every kind of fault that a scenario file, or an order to the plant, may have.
+/// Every kind of fault that a scenario file, or a command to the plant, may have.
 std::vector<FaultKeys> KeysOfFaults();
 
-/// "N·m" of "rated_torque_Nm"; empty when the key ends in no unit.
+/// "N·m" for "rated_torque_Nm"; empty when the key has no unit suffix.
 std::string UnitOfKey(std::string_view key);
 
 }  // namespace tendril::config

@@ -1,5 +1,5 @@
-// Files that are there whole or not at all, whatever stops the program or fills the disk (a program that does
-// not ignore SIGXFSZ is ended by a limit on file sizes all the same).
+// Writes files completely or not at all, even if the program stops or the disk is full (a program that does
+// not ignore SIGXFSZ is still ended by a limit on file sizes).
 #pragma once
 
 #include <filesystem>
@@ -7,11 +7,10 @@
 
 namespace tendril::config {
 
-/// Replaces `file`, with the permissions of the one that is there; of a link to a file, that file; writes
-/// into what is no regular file. Throws std::runtime_error "cannot write FILE: REASON; REMEDY" and leaves the
-/// old one.
+/// Replaces `file` with the same permissions; for a link, the file it points to; writes into a file that is
+/// not regular. Throws std::runtime_error "cannot write FILE: REASON; REMEDY" and keeps the old file.
 void WriteWhole(const std::filesystem::path& file, const std::string& text);
-/// Throws as WriteWhole would where it may not write; leaves everything as it is.
+/// Throws as WriteWhole would where it may not write; changes nothing.
 void CheckMayWrite(const std::filesystem::path& file);
 
 }  // namespace tendril::config
