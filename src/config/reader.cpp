@@ -180,7 +180,7 @@ std::optional<Reader::Found> Reader::Find(std::string_view key) const {
 
 bool Reader::Has(std::string_view key) const { return Find(key).has_value(); }
 
-std::optional<Reader::Found> Reader::Take(std::string_view key, const std::string& accepted) {
+std::optional<Reader::Found> Reader::Lookup(std::string_view key, const std::string& accepted) {
   known_.emplace_back(key);
   auto found = Find(key);
   if (!found) {
@@ -271,16 +271,16 @@ long long Reader::ToInteger(const Found& found, std::string_view key, Range rang
 }
 
 void Reader::Number(std::string_view key, double& value, Range range, std::string_view) {
-  if (const auto found = Take(key, RangeText(key, range))) value = ToNumber(*found, key, range);
+  if (const auto found = Lookup(key, RangeText(key, range))) value = ToNumber(*found, key, range);
 }
 
 void Reader::IntegerValue(std::string_view key, long long& value, Range range) {
-  if (const auto found = Take(key, "whole number " + RangeText(key, range)))
+  if (const auto found = Lookup(key, "whole number " + RangeText(key, range)))
     value = ToInteger(*found, key, range);
 }
 
 void Reader::Flag(std::string_view key, bool& value, std::string_view) {
-  const auto found = Take(key, "true or false");
+  const auto found = Lookup(key, "true or false");
   if (!found) return;
   const bool plain = IsPlainScalar(found->value);
   const std::string text = plain ? found->value.Scalar() : std::string(TypeName(found->value));
@@ -293,7 +293,7 @@ void Reader::Flag(std::string_view key, bool& value, std::string_view) {
 }
 
 void Reader::Text(std::string_view key, std::string& value, const TextRule& rule, std::string_view) {
-  const auto found = Take(key, std::string(rule.accepted));
+  const auto found = Lookup(key, std::string(rule.accepted));
   if (!found) return;
   if (!found->value.IsScalar()) {
     Fail(found->line, found->path,
@@ -310,7 +310,7 @@ void Reader::Text(std::string_view key, std::string& value, const TextRule& rule
 
 int Reader::ChoiceIndex(std::string_view key, const std::vector<std::string_view>& names) {
   const std::string accepted = fmt::format("{}", fmt::join(names, ", "));
-  const auto found = Take(key, accepted);
+  const auto found = Lookup(key, accepted);
   if (!found) return -1;
   if (found->value.IsScalar()) {
     const auto it = std::find(names.begin(), names.end(), found->value.Scalar());
@@ -324,7 +324,7 @@ int Reader::ChoiceIndex(std::string_view key, const std::vector<std::string_view
 
 std::vector<Reader::Found> Reader::Elements(std::string_view key, std::string_view what, Range count) {
   const std::string accepted = CountText(count, what);
-  const auto found = Take(key, accepted);
+  const auto found = Lookup(key, accepted);
   if (!found) return {};
   if (!found->value.IsSequence()) {
     Fail(found->line, found->path,
@@ -371,7 +371,7 @@ void Reader::Identifiers(std::string_view key, std::vector<std::uint32_t>& value
 
 std::vector<Layer> Reader::Children(std::string_view key) {
   static const std::string kAccepted = "a mapping of keys to values";
-  if (!Take(key, kAccepted)) return {};
+  if (!Lookup(key, kAccepted)) return {};
   std::vector<Layer> inner;
   for (const Layer& layer : layers_) {
     for (const auto& entry : layer.map) {

@@ -137,7 +137,7 @@ class Reader {
   };
 
   std::optional<Found> Find(std::string_view key) const;
-  std::optional<Found> Take(std::string_view key, const std::string& accepted);
+  std::optional<Found> Lookup(std::string_view key, const std::string& accepted);
   void IntegerValue(std::string_view key, long long& value, Range range);
   int ChoiceIndex(std::string_view key, const std::vector<std::string_view>& names);
   std::vector<Layer> Items(std::string_view key, Range count);

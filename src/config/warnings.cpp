@@ -31,7 +31,7 @@ constexpr double kSurely = 5;
 struct Bound {
   double value = INFINITY;  // from this value on (or down, for lower limits) the guard cannot trip
   std::size_t tendon = 0;   // the tendon, from 1
-  void Take(double candidate, std::size_t at) {
+  void Lower(double candidate, std::size_t at) {
     if (candidate >= value) return;
     value = candidate;
     tendon = at;
@@ -64,23 +64,23 @@ Scale ScaleOf(const RobotParameters& robot) {
     for (const TendonRoute& route : section.tendons) {
       const TendonDriveParameters& t = robot.actuation->tendons[at++];
       const double own_m = route.radius_m * robot.limits.max_bending_rad;
-      scale.way_m.Take(own_m * sections, at);
+      scale.way_m.Lower(own_m * sections, at);
       // Two bends explain the displacements of m tendons except for this share of a single tendon's error;
       // tendons on one line have one bend. With as many tendons as bends nothing remains at any threshold.
       const double share = 1 - Explained(section) / static_cast<double>(section.tendons.size());
-      if (share > 0) scale.unexplained_m.Take(own_m * share, at);
+      if (share > 0) scale.unexplained_m.Lower(own_m * share, at);
       const double travel_m = t.SpoolTravelPerMotorRad();
       const double friction_N = t.motor.coulomb_friction_Nm / travel_m;
       const double most_N = std::min(t.drive.current_limit_A * t.motor.torque_constant_NmpA / travel_m,
                                      robot.limits.max_tension_motor_N / t.gear.efficiency + friction_N);
-      scale.torque_N.Take(most_N + friction_N, at);
+      scale.torque_N.Lower(most_N + friction_N, at);
       const double per_mille_N = 1e-3 * t.drive.rated_torque_Nm / travel_m;
       const double noise_N = per_mille_N * (1 + 0.5 * t.drive.actual_torque_noise_permille);
       if (noise_N > scale.torque_noise_N.value) scale.torque_noise_N = {noise_N, at};
       const double held_N = friction_N + robot.limits.min_tension_N / t.gear.efficiency;
       if (held_N > scale.held_N.value) scale.held_N = {held_N, at};
       const bool cell = t.load_cell.place != LoadCellPlace::kNone;
-      scale.shown_N.Take(cell ? kInputEnd_V / t.load_cell.gain_VpN - t.load_cell.offset_N : most_N, at);
+      scale.shown_N.Lower(cell ? kInputEnd_V / t.load_cell.gain_VpN - t.load_cell.offset_N : most_N, at);
     }
   }
   return scale;

@@ -68,7 +68,7 @@ TEST(BodyKeys, UnitsMayBeListedInAnyOrder) {
   EXPECT_EQ(robot.body.unit_deviations[1].rest_u_rad, 0);
 }
 
-TEST(BodyKeys, NonsenseIsRefusedWithItsLine) {
+TEST(BodyKeys, InvalidValuesAreRefusedWithTheirLine) {
   struct Case {
     const char *given, *key;
     std::vector<const char*> says;

@@ -41,7 +41,7 @@ TEST(Fault, OneLineHoldsWhatAScenarioHolds) {
   EXPECT_EQ(ParseFault(" stick_sensor\tsensor=load_cell node=1", "").sensor, DriveSensor::kLoadCell);
 }
 
-TEST(Fault, ALineThatIsNotUnderstoodSaysWhatIs) {
+TEST(Fault, AnInvalidLineListsTheValidOnes) {
   const auto refusal = [](const std::string& text) -> std::string {
     try {
       (void)ParseFault(text, "--fault");

@@ -95,7 +95,7 @@ auto Told(const std::string& edited, const char* line, const char* key, const ch
                HasSubstr("; set "));
 }
 
-TEST(Warnings, EachGuardIsToldFromTheValueOnThatIsLateOrCannotTrip) {
+TEST(Warnings, EachGuardThatIsLateOrCannotTripIsWarnedOf) {
   const std::string text = ReadText(ConfigPath("tendrild.yaml"));
   for (const Idle& k : kKeys) {
     SCOPED_TRACE(k.key);
@@ -126,7 +126,7 @@ const Idle kOthers[] = {
      "state_every_cycles: 1001 ", " hides rig_60mm: a state comes every 1 s"},
 };
 
-TEST(Warnings, ValuesThatNobodyMeansAreTold) {
+TEST(Warnings, UnreasonableValuesAreWarnedOf) {
   const std::string text = ReadText(ConfigPath("tendrild.yaml"));
   for (const Idle& k : kOthers) {
     SCOPED_TRACE(k.key);
@@ -137,7 +137,7 @@ TEST(Warnings, ValuesThatNobodyMeansAreTold) {
 }
 
 // What is suggested is not told again.
-TEST(Warnings, WhatIsSuggestedIsNotToldAgain) {
+TEST(Warnings, SuggestedValuesRaiseNoWarning) {
   const std::string text = ReadText(ConfigPath("tendrild.yaml"));
   std::vector<Idle> all(std::begin(kKeys), std::end(kKeys));
   for (const Idle& k : kOthers) all.push_back({k.key, k.line, k.works, "", k.late});
@@ -154,7 +154,7 @@ TEST(Warnings, WhatIsSuggestedIsNotToldAgain) {
   }
 }
 
-TEST(Warnings, AnAddressThatNobodyElseHears) {
+TEST(Warnings, AnAddressWithinTheProcessOnly) {
   DaemonParameters daemon = LoadDaemon(ConfigPath("tendrild.yaml"));
   const RobotParameters robot = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
   daemon.lcm.url = "memq://";
@@ -173,7 +173,7 @@ TEST(Warnings, CommandsThatCrossRouters) {
               ElementsAre(AllOf(HasSubstr("lcm.url: ttl=99: commands"), HasSubstr("; set ttl=0"))));
 }
 
-TEST(Warnings, RobotsThatNobodyMeans) {
+TEST(Warnings, UnreasonableRobots) {
   const DaemonParameters daemon = LoadDaemon(ConfigPath("tendrild.yaml"));
   const RobotParameters usual = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
   const auto told = [&](auto&& change) {

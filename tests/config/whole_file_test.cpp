@@ -98,7 +98,7 @@ TEST_F(WholeFile, ACheckLeavesWhatIsThere) {
   EXPECT_EQ(Files(), 1);
 }
 
-TEST_F(WholeFile, WhatIsNoFileStaysWhatItIs) {
+TEST_F(WholeFile, DevicesAndPipesStayWhatTheyAre) {
   WriteWhole("/dev/null", "text");
   EXPECT_TRUE(fs::is_character_file("/dev/null"));
 }

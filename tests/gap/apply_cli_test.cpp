@@ -86,7 +86,7 @@ TEST_F(ApplyCommandTest, OnlyWhatIsEstablishedIsApplied) {
   EXPECT_THAT(error_, HasSubstr("nothing to apply"));
 }
 
-TEST_F(ApplyCommandTest, NonsenseIsRefusedAndNothingWritten) {
+TEST_F(ApplyCommandTest, InvalidInputIsRefusedAndNothingWritten) {
   const struct {
     gap::Cause cause;
     const char* says;
@@ -134,7 +134,7 @@ TEST_F(ApplyCommandTest, NonsenseIsRefusedAndNothingWritten) {
   EXPECT_EQ(ReadText(folder_ / "rig.yaml"), rig_);
 }
 
-TEST_F(ApplyCommandTest, AnotherRobotsReportIsSaid) {
+TEST_F(ApplyCommandTest, AReportOfAnotherRobotIsReported) {
   Diagnosis d = gap::ExampleDiagnosis(Verdict::kAttributed);
   d.robot_name = "somebody_elses";
   d.robot_yaml = config::ToYaml(config::LoadRobot(kRig));
@@ -155,7 +155,7 @@ TEST_F(ApplyCommandTest, InPlaceChangesTheFileItself) {
 }
 
 // A law that the file lists is not listed twice; one elsewhere stays.
-TEST_F(ApplyCommandTest, ALawThatTheFileHasIsWrittenAnew) {
+TEST_F(ApplyCommandTest, ALawThatTheFileHasIsRewritten) {
   ASSERT_EQ(Apply("--effect 'backlash where=tendon:2 rad=0.1' --effect 'backlash where=tendon:3 rad=0.05' "
                   "--effect 'tendon_creep where=tendon:1 fraction=0.1' --in-place"),
             0)
@@ -210,7 +210,7 @@ TEST_F(ApplyCommandTest, AReportIsRefusedOnAnyOtherFileThanItsOwn) {
   EXPECT_EQ(Apply("report.json --out new.yaml --anyway --overwrite"), 0) << error_;
 }
 
-TEST_F(ApplyCommandTest, AFileThatIsThereIsReplacedOnRequestOnly) {
+TEST_F(ApplyCommandTest, AnExistingFileIsReplacedOnlyOnRequest) {
   WriteText(folder_ / "new.yaml", "somebody's work\n");
   EXPECT_EQ(Apply("--effect 'tip_payload mass_kg=0.002' --out new.yaml"), 2);
   EXPECT_THAT(error_, HasSubstr("new.yaml already exists"));
@@ -231,7 +231,7 @@ TEST_F(ApplyCommandTest, ThroughALinkTheFileBehindItIsChanged) {
   EXPECT_EQ(ReadText(folder_ / "real.yaml.new"), "mine");
 }
 
-TEST_F(ApplyCommandTest, AMarkOfByteOrderIsNoObstacleAndStays) {
+TEST_F(ApplyCommandTest, AByteOrderMarkIsAcceptedAndKept) {
   const std::string mark = "\xEF\xBB\xBF";
   for (const std::string& text : {rig_, rig_.substr(rig_.find("name:"))}) {
     WriteText(folder_ / "rig.yaml", mark + text);
@@ -246,7 +246,7 @@ TEST_F(ApplyCommandTest, AMarkOfByteOrderIsNoObstacleAndStays) {
   }
 }
 
-TEST_F(ApplyCommandTest, ExplainNamesWhatEveryMotorHasOfItsOwn) {
+TEST_F(ApplyCommandTest, ExplainNamesTheParametersOfSingleMotors) {
   ASSERT_EQ(Run("gap explain cogging"), 0);
   EXPECT_THAT(out_, testing::HasSubstr("phase_2_rad, ... where=all: the value of tendons 2, 3, ... less"));
   ASSERT_EQ(Run("gap explain cogging --json"), 0);
@@ -274,7 +274,7 @@ TEST_F(ApplyCommandTest, WhatExplainSuggestsCanBeApplied) {
   }
 }
 
-TEST_F(ApplyCommandTest, ExplainListsWhatHasToDoWithAWord) {
+TEST_F(ApplyCommandTest, ExplainListsEffectsThatMatchAWord) {
   ASSERT_EQ(Run("gap explain friction"), 0) << error_;
   for (const char* effect : {"routing_friction", "capstan_alpha", "motor_coulomb", "motor_viscous",
                              "stribeck", "presliding", "pulley_coulomb", "gear_efficiency", "wrap_angle"})

@@ -225,7 +225,7 @@ TEST_F(DataSetTest, QuaternionsOfAnotherNormAreNoRotation) {
   EXPECT_THAT(run.warnings, Contains(HasSubstr("2 orientations")));
 }
 
-TEST_F(DataSetTest, RowsThatGoBackInTimeAreDroppedGapsAreKeptAndBothAreSaid) {
+TEST_F(DataSetTest, RowsBackInTimeAreDroppedGapsAreKeptAndBothAreReported) {
   std::string text = "t_s,tension_N_1\n";
   for (int i = 0; i < 100; ++i) {
     if (i >= 40 && i < 45) continue;
@@ -278,7 +278,7 @@ TEST_F(DataSetTest, RowsRecordedTwiceAreDropped) {
   EXPECT_THAT(run.warnings, Contains(HasSubstr("100 rows whose time does not increase dropped")));
 }
 
-TEST_F(DataSetTest, OneTimeThatJumpsAheadDoesNotCostTheRowsAfterIt) {
+TEST_F(DataSetTest, ASingleTimeThatJumpsAheadDoesNotDropLaterRows) {
   const gap::Run run = LoadTable("t_s,tension_N_1\n0,0\n1,1\n1e9,2\n3,3\n4,4\n5,5\n");
   EXPECT_TRUE(SameBits(run.time_s, (Eigen::VectorXd(5) << 0, 1, 3, 4, 5).finished()));
 }
@@ -369,7 +369,7 @@ TEST_F(DataSetTest, TheStepOfACoarseOrientationIsThatOfItsTable) {
 }
 
 // A copy would pass for a repetition without any noise; a key that nobody reads, for one that was heeded.
-TEST_F(DataSetTest, CopiesAreLeftOutAndUnknownKeysTold) {
+TEST_F(DataSetTest, CopiesAreLeftOutAndUnknownKeysReported) {
   std::string table = "t_s,tension_N_1\n";
   for (int i = 0; i < 50; ++i) table += fmt::format("{},{}\n", i, i % 7);
   for (const char* name : {"a.csv", "copy.csv"}) Write(name, table);

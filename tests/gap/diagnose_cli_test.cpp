@@ -187,13 +187,13 @@ TEST_F(DiagnoseCommandTest, WholeSetsAreDiagnosed) {
   EXPECT_TRUE(command.ends_with(" --seed 7 --delta-mm=0.5")) << command;
 }
 
-TEST_F(DiagnoseCommandTest, AMissingRunIsLeftOutAndSaid) {
+TEST_F(DiagnoseCommandTest, AMissingRunIsLeftOutAndReported) {
   fs::remove(folder_ / "set/04_multisine.csv");
   ASSERT_TRUE(Found());
   EXPECT_THAT(Said(), HasSubstr("left out: cannot read set/04_multisine.csv"));
 }
 
-TEST_F(DiagnoseCommandTest, ValuesThatAreNoNumbersAreGapsAndSaid) {
+TEST_F(DiagnoseCommandTest, ValuesThatAreNotNumbersAreReportedAsGaps) {
   Edit(
       [](Table& table) {
         for (std::size_t i = 1000; i < 1400; ++i) table.rows[i][table.Column("tension_N_2")] = "nan";
@@ -213,7 +213,7 @@ TEST_F(DiagnoseCommandTest, FilesWithoutAnyNumberAreRefused) {
   EXPECT_TRUE(Refused());
 }
 
-TEST_F(DiagnoseCommandTest, ATruncatedFileIsUsedAsFarAsItGoesAndSaid) {
+TEST_F(DiagnoseCommandTest, ATruncatedFileIsUsedUpToItsEndAndReported) {
   const std::string text = ReadText(folder_ / "set/03_triangle.csv");
   WriteText(folder_ / "set/03_triangle.csv", text.substr(0, text.size() * 2 / 3));
   ASSERT_TRUE(Found());
@@ -233,7 +233,7 @@ TEST_F(DiagnoseCommandTest, EmptyFilesAndTextAreNamed) {
   EXPECT_TRUE(Refused());
 }
 
-TEST_F(DiagnoseCommandTest, WrongUnitsAreSaidWithAHint) {
+TEST_F(DiagnoseCommandTest, WrongUnitsAreReportedWithAHint) {
   const struct {
     const char* column;
     double factor;
@@ -301,7 +301,7 @@ TEST_F(DiagnoseCommandTest, ATipPathThatTheRobotIsTooShortForIsTheVerdict) {
   EXPECT_TRUE(report_["accepted"].empty());
 }
 
-TEST_F(DiagnoseCommandTest, AConstantChannelIsSaid) {
+TEST_F(DiagnoseCommandTest, AConstantChannelIsReported) {
   Edit([](Table& table) {
     for (auto& row : table.rows) row[table.Column("tension_N_3")] = "0.3";
   });
@@ -309,7 +309,7 @@ TEST_F(DiagnoseCommandTest, AConstantChannelIsSaid) {
   EXPECT_THAT(Said(), HasSubstr("tension 3: is 0.3 N throughout"));
 }
 
-TEST_F(DiagnoseCommandTest, AClippedChannelIsSaid) {
+TEST_F(DiagnoseCommandTest, AClippedChannelIsReported) {
   Edit([](Table& table) {
     for (auto& row : table.rows) {
       std::string& cell = row[table.Column("tension_N_1")];
@@ -322,7 +322,7 @@ TEST_F(DiagnoseCommandTest, AClippedChannelIsSaid) {
   EXPECT_EQ(report_["verdict"], "attributed") << "what was cut off is no cause: " << report_["sentence"];
 }
 
-TEST_F(DiagnoseCommandTest, AFolderForAReportThatThereIsNotIsNotLeftBehind) {
+TEST_F(DiagnoseCommandTest, AFailedDiagnosisLeavesNoReportFolder) {
   fs::create_directory(folder_ / "empty");
   const auto refused = [&](const std::string& out) {
     return Run("gap diagnose --robot set/robot.yaml empty --out " + out);
@@ -335,7 +335,7 @@ TEST_F(DiagnoseCommandTest, AFolderForAReportThatThereIsNotIsNotLeftBehind) {
   EXPECT_TRUE(fs::exists(folder_ / "there")) << "somebody else's";
 }
 
-TEST_F(DiagnoseCommandTest, OneRunAloneIsDiagnosedWithLessToSay) {
+TEST_F(DiagnoseCommandTest, ASingleRunIsDiagnosedWithFewerStatements) {
   for (const char* name : {"01_circle", "02_circle", "04_multisine"})
     fs::remove(folder_ / "set" / (std::string(name) + ".csv"));
   WriteText(folder_ / "set/runs.yaml", "runs:\n  - {file: 03_triangle.csv, family: triangle}\n");
@@ -360,14 +360,14 @@ TEST_F(DiagnoseCommandTest, WithoutATrackerTheBodyIsNotSeen) {
   EXPECT_THAT(Said(), HasSubstr("no tracker: shape and motion (C4, C5) are not seen"));
 }
 
-TEST_F(DiagnoseCommandTest, WithoutAnyLoadCellPlacesCannotBeTold) {
+TEST_F(DiagnoseCommandTest, WithoutLoadCellsPlacesCannotBeToldApart) {
   Edit([](Table& table) { Drop(table, "tension_N"); });
   ASSERT_EQ(Diagnose(), 0) << error_;
   EXPECT_THAT(Said(), HasSubstr("no load cell: the tensions on the body are taken from the motors"));
   EXPECT_EQ(report_["causes"][0]["effect"], "torque_constant") << report_["sentence"];
 }
 
-TEST_F(DiagnoseCommandTest, WithoutMotorPositionsAndTensionsThereIsNothingToGoBy) {
+TEST_F(DiagnoseCommandTest, RunsWithoutMotorPositionsAndTensionsAreRefused) {
   Edit([](Table& table) {
     Drop(table, "motor_position");
     Drop(table, "tension_N");
@@ -376,7 +376,7 @@ TEST_F(DiagnoseCommandTest, WithoutMotorPositionsAndTensionsThereIsNothingToGoBy
   EXPECT_THAT(error_, HasSubstr("motor positions of every tendon"));
 }
 
-TEST_F(DiagnoseCommandTest, AChannelWithoutAnyNumberIsSaid) {
+TEST_F(DiagnoseCommandTest, AnEmptyChannelIsReported) {
   Edit([](Table& table) {
     for (auto& row : table.rows) row[table.Column("tension_N_3")] = "nan";
   });
@@ -385,7 +385,7 @@ TEST_F(DiagnoseCommandTest, AChannelWithoutAnyNumberIsSaid) {
   EXPECT_THAT(Said(), HasSubstr("the load cell of tendon 3 has no data"));
 }
 
-TEST_F(DiagnoseCommandTest, WithoutALoadCellOnOneTendonItsStretchSaysWhatPulls) {
+TEST_F(DiagnoseCommandTest, WithoutALoadCellATendonsTensionComesFromItsStretch) {
   Edit([](Table& table) {
     for (auto& row : table.rows) row[table.Column("tension_N_3")].clear();
   });
@@ -395,7 +395,7 @@ TEST_F(DiagnoseCommandTest, WithoutALoadCellOnOneTendonItsStretchSaysWhatPulls) 
                           "the motor and the tendon's stretch"));
 }
 
-TEST_F(DiagnoseCommandTest, SlowLogsAreDiagnosedAndSaid) {
+TEST_F(DiagnoseCommandTest, SlowLogsAreDiagnosedAndReported) {
   Edit([](Table& table) {
     std::vector<std::vector<std::string>> kept;
     for (std::size_t i = 0; i < table.rows.size(); i += 20) kept.push_back(table.rows[i]);
@@ -414,7 +414,7 @@ TEST_F(DiagnoseCommandTest, LogsOf100HzAreEnough) {
   ASSERT_TRUE(Found());
 }
 
-TEST_F(DiagnoseCommandTest, LostRowsAreGapsAndSaid) {
+TEST_F(DiagnoseCommandTest, LostRowsAreReportedAsGaps) {
   Edit([](Table& table) {
     std::vector<std::vector<std::string>> kept;
     for (std::size_t i = 0; i < table.rows.size(); ++i) {
@@ -426,7 +426,7 @@ TEST_F(DiagnoseCommandTest, LostRowsAreGapsAndSaid) {
   EXPECT_THAT(Said(), ContainsRegex("rows are missing in 2 gaps"));
 }
 
-TEST_F(DiagnoseCommandTest, ATrackerOnAnotherClockIsSaidWithItsOffset) {
+TEST_F(DiagnoseCommandTest, ATrackerOnAnotherClockIsReportedWithItsOffset) {
   ASSERT_EQ(Run(fmt::format(
                 "gap simulate --robot {} --plan plan.yaml --out set --overwrite --seed 10 --jobs 1", kRig)),
             0)
@@ -452,7 +452,7 @@ TEST_F(DiagnoseCommandTest, TimesThatGoBackAreNamed) {
   EXPECT_THAT(Said(), HasSubstr("1 rows whose time does not increase dropped, the first in line 1002"));
 }
 
-TEST_F(DiagnoseCommandTest, WrongUseIsTold) {
+TEST_F(DiagnoseCommandTest, WrongUseIsReported) {
   EXPECT_EQ(Run("gap diagnose set"), 2);
   EXPECT_THAT(error_, HasSubstr("--robot"));
   EXPECT_EQ(Run(fmt::format("gap diagnose --robot {}", kRig)), 2);

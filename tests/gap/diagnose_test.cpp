@@ -225,7 +225,7 @@ TEST(Diagnose, NominalRigHasNoGap) {
 
 // A robot whose numbers were wrong all along, and something hung on its tip since: against the model alone
 // both show, against the runs from before only what changed.
-TEST(Diagnose, RunsFromBeforeTakeOffWhatTheModelHadWrong) {
+TEST(Diagnose, ModelErrorsOfTheRunsFromBeforeAreSubtracted) {
   const std::vector<std::string> wrong{"bending_stiffness scale=0.85", "motor_coulomb scale=1.4"};
   std::vector<std::string> since = wrong;
   since.push_back("tip_payload mass_kg=0.003");
@@ -258,7 +258,7 @@ TEST(Diagnose, RunsFromBeforeTakeOffWhatTheModelHadWrong) {
 }
 
 // A model that misses most of a motion has nothing to say about what changed in it.
-TEST(Diagnose, RunsFromBeforeThatTheModelMissesTellNoCause) {
+TEST(Diagnose, NoCauseIsNamedWhenTheModelWasFarOffBefore) {
   const DataSet earlier = Recorded({"bending_stiffness scale=2"}, 4, 31);
   DataSet changed = Recorded({"bending_stiffness scale=2", "tip_payload mass_kg=0.01"}, 4, 51);
   CompareWithBefore(changed, earlier);
@@ -306,7 +306,7 @@ TEST(Diagnose, ARunFromBeforeOfOtherCommandsIsNotComparedWith) {
 
 // Where no targets were recorded, what was tells of the commands: another place is another motion, though it
 // goes alike there; another zero of the encoders alone is none, as the other signals say.
-TEST(Diagnose, WithoutTargetsWhatWasRecordedTellsOfTheCommands) {
+TEST(Diagnose, WithoutTargetsTheOtherSignalsIdentifyTheCommands) {
   DataSet earlier = Recorded("", 4);
   const DataSet now = Recorded(std::vector<std::string>{}, 4, 41);
   const auto compared = [&](double motors_rad, double cells_N, double tip_m) {
@@ -343,7 +343,7 @@ TEST(Diagnose, TargetsThatTheRunFromBeforeLacksAreNotCompared) {
 }
 
 // Where both have an encoder that is dead, their difference says nothing of it.
-TEST(Diagnose, ADeadEncoderBeforeAndNowIsTakenOut) {
+TEST(Diagnose, ADeadEncoderBeforeAndAfterIsMasked) {
   DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
   for (DataSet* set : {&earlier, &now}) {
     for (gap::Run& run : set->runs) run.motor_position_rad.col(1).setZero();
@@ -373,7 +373,7 @@ TEST(Diagnose, RunsFromBeforeWithoutCellsAndTrackerAreNotBelievedToBeRight) {
 
 // A body with little damping carries the noise of the cells that drive its replay on into shape and stretch:
 // with the cause in the model the floor is higher than with the nominal robot, and nothing is left.
-TEST(Diagnose, ABodyThatRingsCarriesTheNoiseOfItsCellsAndIsNotBlamedForIt) {
+TEST(Diagnose, CellNoiseAmplifiedByAnUnderdampedBodyIsNoGap) {
   const DataSet set =
       RecordedAtRobotSide("bending_damping scale=0.2", {"circle", "triangle", "multisine", "circle"}, 7, 5);
   const Diagnosis d = Diagnose(
@@ -400,7 +400,7 @@ TEST(Diagnose, ACalmerBodyIsNoSecondCause) {
 // Spools of another radius than the file says move the tendons by another share of the angle, and nothing
 // else: a smaller pitch circle of the holes does that too, with a softer backbone to hide what it does to the
 // bend. Two errors that cancel are less likely than one that is not listed.
-TEST(Diagnose, TwoCausesThatHideEachOtherAreNotBelieved) {
+TEST(Diagnose, TwoCausesThatCancelAreNotAccepted) {
   DataSet set = Recorded("");
   for (auto& run : set.runs) run.motor_position_rad *= 1.008;
   const Diagnosis d =
@@ -451,7 +451,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // A cell that reads 6 % too much: what is measured exceeds what torque says by 6 % of the tension, at every
 // tension alike, and by nothing once the gain is in the model.
-TEST(Diagnose, MapsAndCurvesShowTheMarkOfTheCause) {
+TEST(Diagnose, MapsAndCurvesShowTheSignatureOfTheCause) {
   constexpr double kGain = 1.06;
   const Diagnosis d = Diagnose(Recorded("cell_gain where=tendon:2 scale=1.06"), Only({"cell_gain"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
@@ -547,7 +547,7 @@ TEST(Diagnose, ATrackersOwnDelayIsFound) {
 }
 
 // Of several parameters the one that differs is told.
-TEST(Diagnose, ATurnedTrackerIsToldByItsAngle) {
+TEST(Diagnose, ARotatedTrackerIsFoundWithItsAngle) {
   const Diagnosis d = Diagnose(Recorded("tracker_rotation z_rad=0.2", 4), Only({"tracker_rotation"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_THAT(d.sentence, testing::HasSubstr("tracker_rotation, z 11.4"));
@@ -585,7 +585,7 @@ TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
 
 // What no two runs have in common is known from those that were repeated; of a motor that stood in them only
 // from the others.
-TEST(Diagnose, AMotorThatStoodInTheRepeatedRunsRepeatsAsTheOthersDo) {
+TEST(Diagnose, AMotorAtRestInTheRepeatedRunsGetsTheFloorOfTheOthers) {
   DataSet set = Recorded("");
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     gap::Run& run = set.runs[i];
@@ -609,7 +609,7 @@ TEST(Diagnose, AMotorThatStoodInTheRepeatedRunsRepeatsAsTheOthersDo) {
 
 // A push on the tip that is another one in each run makes all windows of that run err together: they are no
 // independent witnesses for the mean of the pushes, which is less than two like runs differ by.
-TEST(Diagnose, WhatDiffersFromRunToRunIsNoGap) {
+TEST(Diagnose, RunToRunDifferencesAreNoGap) {
   DataSet set = Recorded("");
   const double push_N[] = {0.02, 0.01, 0.03, -0.005};
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
@@ -657,7 +657,7 @@ TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
 }
 
 // What turns round within few samples, or waits and then steps, is no mishap.
-TEST(Diagnose, QuickMotionsOfAMotorAreNoLonePositions) {
+TEST(Diagnose, QuickMotionsOfAMotorAreNotOutliers) {
   DataSet set = Recorded("", 4);
   const auto steps = [](Eigen::Index i) { return static_cast<double>(i / 700 % 2); };
   for (Eigen::Index i = 0; i < set.runs[0].time_s.size(); ++i) {
@@ -752,7 +752,7 @@ void LoseRows(Run& run) { Lose(run, 700, run.time_s.size() / 3); }
 
 class DiagnoseWithLess : public testing::TestWithParam<Lost> {};
 
-TEST_P(DiagnoseWithLess, SeesNoGapWhereNoneIsAndOneWhereOneIs) {
+TEST_P(DiagnoseWithLess, FindsAGapOnlyWhereThereIsOne) {
   const gap::DiagnoseOptions only =
       Only({"unit_mass", "tip_payload", "bending_stiffness", "gear_presliding", "presliding", "cell_offset"});
   for (const char* effect : {"", "unit_mass scale=1.3"}) {
@@ -834,7 +834,7 @@ struct Shown {
 class DiagnoseTensionAgainstShape : public testing::TestWithParam<Shown> {};
 
 // Of tensions and shape alone the body is compared (C4, C5), and no more is claimed.
-TEST_P(DiagnoseTensionAgainstShape, NamesWhatTheBodyHasAndSaysWhatIsNotSeen) {
+TEST_P(DiagnoseTensionAgainstShape, NamesBodyEffectsAndReportsHiddenCuts) {
   const gap::DiagnoseOptions only =
       Only({"bending_stiffness", "tip_payload", "torque_constant", "tendon_stiffness", "cell_drift"});
   for (const char* planted : GetParam().planted) {
@@ -877,7 +877,7 @@ INSTANTIATE_TEST_SUITE_P(Of, DiagnoseTensionAgainstShape,
                                          Shown{"bending", BendForPose, {"", "bending_stiffness scale=0.8"}}),
                          [](const auto& shown) { return shown.param.name; });
 
-TEST(Diagnose, ShapeThatNothingIsKnownToPullOnIsRefused) {
+TEST(Diagnose, ShapeWithoutKnownTensionsIsRefused) {
   DataSet set = Recorded("", 1);
   for (gap::Run& run : set.runs) {
     WithoutMotors(run);
@@ -892,7 +892,7 @@ TEST(Diagnose, ShapeThatNothingIsKnownToPullOnIsRefused) {
 }
 
 // Cells that all failed in one run are no reason to do without those of the others.
-TEST(Diagnose, ARunWithoutCellsLeavesTheOthersTheirs) {
+TEST(Diagnose, ARunWithoutCellsDoesNotAffectTheOthers) {
   DataSet set = Recorded("cell_gain where=tendon:2 scale=0.9");
   set.runs[1].tension_N.setConstant(std::nan(""));
   const Diagnosis d = Diagnose(set, Only({"cell_gain", "cell_offset", "tendon_stiffness"}));
@@ -901,7 +901,7 @@ TEST(Diagnose, ARunWithoutCellsLeavesTheOthersTheirs) {
   EXPECT_NEAR(d.accepted[0].parameters.at("scale").value, 0.9, 0.01);
 }
 
-TEST(Diagnose, ARunWithoutTorqueLeavesTheOthersTheirs) {
+TEST(Diagnose, ARunWithoutTorqueDoesNotAffectTheOthers) {
   DataSet set = Recorded("torque_constant scale=0.9");
   set.runs[1].torque_actual_Nm *= 1e3;  // another unit
   const Diagnosis d = Diagnose(set, Only({"torque_constant", "motor_coulomb", "tendon_stiffness"}));
@@ -946,7 +946,7 @@ TEST(Diagnose, LostRowsAloneAreNoGap) {
 }
 
 // The end of a cell's range is no gap: what was beyond is the tendon's stretch, not a straight line.
-TEST(Diagnose, ACellThatIsCutOffIsNoGap) {
+TEST(Diagnose, AClippedCellIsNoGap) {
   DataSet whole = Recorded("", 4);
   whole.runs.push_back(Record(Rig(), "sway", 4, 31));
   for (const double most_N : {2.5, 4.0}) {
@@ -988,7 +988,7 @@ TEST(Diagnose, EveryNthRowIsNoGap) {
 
 // A little friction is seen by two kinds of motion, and taken for chance by one: the same data, named
 // otherwise.
-TEST(Diagnose, OneKindOfMotionHasToShowMoreOfAGap) {
+TEST(Diagnose, ASingleFamilyNeedsMoreEvidenceOfAGap) {
   DataSet set = Recorded("motor_coulomb scale=1.02", 4.5);
   set.runs.erase(set.runs.begin() + 1, set.runs.begin() + 3);
   const auto only = Only({"bending_stiffness", "motor_viscous", "motor_coulomb", "tendon_stiffness"});
@@ -1128,7 +1128,7 @@ class DiagnoseWrongFile : public testing::TestWithParam<WrongNumber> {};
 
 // A number that is wrong by more than its effect reaches, or that no effect stands for, is said first with the value
 // that the runs point to; no cause is likelier than not.
-TEST_P(DiagnoseWrongFile, TheNumberIsSaidFirst) {
+TEST_P(DiagnoseWrongFile, TheNumberIsReportedFirst) {
   DataSet set = Recorded("", 3);
   GetParam().change(set.robot, GetParam().factor);
   const Diagnosis d = Diagnose(set, Only(GetParam().effects));
@@ -1182,7 +1182,7 @@ INSTANTIATE_TEST_SUITE_P(
     });
 
 // Angles that were made from counts with another number of them a turn.
-TEST(Diagnose, OtherCountsPerTurnAreSaidFirst) {
+TEST(Diagnose, WrongCountsPerTurnAreReportedFirst) {
   DataSet set = Recorded("", 3);
   for (gap::Run& run : set.runs) run.motor_position_rad *= 0.5;  // 1024 of the encoder where the file has 2048
   const Diagnosis d = Diagnose(set, Only({"torque_constant", "tendon_stiffness", "hole_radius"}));
@@ -1192,7 +1192,7 @@ TEST(Diagnose, OtherCountsPerTurnAreSaidFirst) {
 }
 
 // A cause that leaves more than a tenth of the gap is not established, however far the others are behind.
-TEST(Diagnose, WhatLeavesMuchIsNotEstablished) {
+TEST(Diagnose, ACauseThatLeavesMuchIsNotEstablished) {
   DataSet set = Recorded(std::vector<std::string>{"routing_friction mu=0.2", "backlash where=all rad=0.3"}, 4);
   const Diagnosis d = Diagnose(set, Only({"routing_friction"}));
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
@@ -1203,7 +1203,7 @@ TEST(Diagnose, WhatLeavesMuchIsNotEstablished) {
 }
 
 // Encoders that count from where they were switched on.
-TEST(Diagnose, MotorsZeroedAnewBeforeEachRunAreNamed) {
+TEST(Diagnose, MotorsZeroedBeforeEachRunAreNamed) {
   DataSet set = Recorded("", 3);
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     for (int j = 0; j < 3; ++j)
@@ -1259,7 +1259,7 @@ TEST(Diagnose, SensorsSlowerThanTheLogAreNoGap) {
 }
 
 // A cell that is read three times in ten rows slips against the log: its readings wait for their rows.
-TEST(Diagnose, CellsOfARateOfTheirOwnAreNoGap) {
+TEST(Diagnose, CellsWithTheirOwnRateAreNoGap) {
   DataSet set = Recorded("", 4);
   for (gap::Run& run : set.runs) {
     const Eigen::MatrixXd all = run.tension_N;
@@ -1344,7 +1344,7 @@ TEST(Diagnose, SlowCellsAreNamed) {
 }
 
 // A mistake in all runs that one of them shows most is no reason to do without that one.
-TEST(Diagnose, AMistakeInAllRunsLeavesOutNone) {
+TEST(Diagnose, AnErrorInAllRunsLeavesOutNone) {
   DataSet set = Recorded("", 4);
   set.runs = {Record(Rig(), "rest", 4, 21), Record(Rig(), "rest", 4, 22), set.runs[2]};
   set.runs[1].name = "rest again";
@@ -1376,7 +1376,7 @@ TEST(Diagnose, RepetitionsOfARunThatIsLeftOutStayRepetitions) {
 }
 
 // One run that was measured otherwise than the others is no gap of the robot's: it is left out and said.
-TEST(Diagnose, ARunMeasuredOtherwiseIsLeftOut) {
+TEST(Diagnose, ARunMeasuredDifferentlyIsLeftOut) {
   const DataSet right = Recorded("", 4);
   const MadeMistake mistakes[] = {
       {[](gap::Run& run) { run.time_s *= 1e3; }, "its time is in milliseconds"},
@@ -1459,7 +1459,7 @@ TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
 }
 
 // What is at no place for sure, and what nothing closes any of, is not called a gap.
-TEST(Diagnose, WhatShowsNowhereAndClosesNothingIsTooLittleData) {
+TEST(Diagnose, NoSignificantPlaceAndNoClosureIsInsufficientData) {
   RobotParameters plant = Rig();
   plant.effects.push_back(sim::ParseEffect("command_delay s=0.0008", plant));
   DataSet set;
@@ -1473,7 +1473,7 @@ TEST(Diagnose, WhatShowsNowhereAndClosesNothingIsTooLittleData) {
 }
 
 // Nor is what is far off in one short run called none.
-TEST(Diagnose, WhatIsFarOffInTooFewSecondsIsTooLittleData) {
+TEST(Diagnose, ALargeExcessInTooFewSecondsIsInsufficientData) {
   DataSet set;
   set.robot = Rig();
   set.runs = {Record(Rig(), "circle", 2, 7)};
@@ -1487,7 +1487,7 @@ TEST(Diagnose, WhatIsFarOffInTooFewSecondsIsTooLittleData) {
   EXPECT_EQ(Diagnose(set, Only({"contact", "unit_mass"})).verdict, Verdict::kNoGap);
 }
 
-TEST(Diagnose, AnEncoderThatFreezesHalfWayIsTakenOutThere) {
+TEST(Diagnose, AnEncoderThatFreezesHalfWayIsMaskedThere) {
   DataSet set = Recorded("");
   gap::Run& run = set.runs[2];
   auto motor = run.motor_position_rad.col(1);
@@ -1541,7 +1541,7 @@ TEST(Diagnose, StatesBesideMotionsStay) {
 
 // Declared without load cell, or without motor positions where there are cells, a run leaves the others
 // theirs.
-TEST(Diagnose, ColumnsThatARunLacksLeaveTheOthersTheirs) {
+TEST(Diagnose, MissingColumnsOfARunDoNotAffectTheOthers) {
   DataSet set = Recorded("cell_gain where=tendon:2 scale=0.9");
   set.runs[1].load_cell = LoadCellPlace::kNone;
   set.runs[1].tension_N.resize(0, 0);
@@ -1567,7 +1567,7 @@ TEST(Diagnose, TwoCausesInTwoShortRuns) {
 
 // Of two frictions neither alone comes near, and what the nearest is off by loses more on motions held out
 // than any second brings to first order.
-TEST(Diagnose, ASecondIsTriedBesideAFirstThatIsOff) {
+TEST(Diagnose, ASecondCauseIsTriedWithAnInaccurateFirst) {
   const Diagnosis d =
       Diagnose(Recorded(std::vector<std::string>{"pulley_coulomb N=0.15", "routing_friction mu=0.05"}, 5),
                Only({"pulley_coulomb", "routing_friction", "capstan_alpha", "wrap_angle"}));
@@ -1582,7 +1582,7 @@ TEST(Diagnose, ASecondIsTriedBesideAFirstThatIsOff) {
 
 // Heavier disks and a mass at the tip look alike without a tracker: whichever is screened as the better, the
 // other is fitted too.
-TEST(Diagnose, WhatLooksLikeTheBestIsFittedAsWell) {
+TEST(Diagnose, LookAlikesOfTheBestAreFittedAsWell) {
   DataSet set = Recorded("unit_mass scale=1.5");
   for (gap::Run& run : set.runs) {
     run.tip_m.resize(0, 0);
@@ -1613,7 +1613,7 @@ DataSet PushedAgain(const std::string& effect, const std::string& force_N) {
 
 // In detents a motor stops elsewhere each time, and what holds it there differs: as the cause says, and no
 // scatter.
-TEST(Diagnose, WhatTheCauseMakesDifferIsNoFloor) {
+TEST(Diagnose, DifferencesMadeByTheCauseAreNotInTheFloor) {
   const DataSet set = PushedAgain("cogging where=tendon:2 amplitude_Nm=4e-4 phase_rad=0.5", "0.001");
   const Diagnosis d = Diagnose(set, Only({"cogging", "stribeck", "motor_coulomb", "gear_efficiency"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
@@ -1623,7 +1623,7 @@ TEST(Diagnose, WhatTheCauseMakesDifferIsNoFloor) {
 }
 
 // So too where they differ by less than robots do that were changed between them.
-TEST(Diagnose, WhatTheCauseMakesDifferALittleIsNoFloor) {
+TEST(Diagnose, SmallDifferencesMadeByTheCauseAreNotInTheFloor) {
   const DataSet set = PushedAgain("cogging where=tendon:2 amplitude_Nm=5e-5 phase_rad=0.5", "0.0003");
   const Diagnosis d = Diagnose(set, Only({"cogging", "stribeck", "motor_coulomb", "gear_efficiency"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
@@ -1734,7 +1734,7 @@ TEST(Diagnose, DetentsOfAllMotorsAreFoundEachWithItsPhase) {
 
 // Somebody leans on the robot in one of two runs: what no effect of the library makes differ may hide one
 // that it has not.
-TEST(Diagnose, WhatMakesRunsDifferMayBeUnlisted) {
+TEST(Diagnose, AnUnlistedEffectMayMakeRunsDiffer) {
   DataSet set = Recorded("", 7);
   RobotParameters pushed = Rig();
   pushed.effects.push_back(sim::ParseEffect("tip_force x_N=0.01", pushed));
@@ -1799,7 +1799,7 @@ TEST(Diagnose, ALimitThatOneKindOfExperimentReachesIsFound) {
   EXPECT_EQ(First(d), sim::Cut::kCurrentLoop);
 }
 
-TEST(Diagnose, AnEffectOutsideTheLibraryIsNotAccused) {
+TEST(Diagnose, AnEffectOutsideTheLibraryIsUnexplained) {
   gap::DiagnoseOptions options;
   options.without = {"backlash"};
   const Diagnosis d = Diagnose(Recorded("backlash rad=0.3", 4.5), options);
@@ -1818,7 +1818,7 @@ TEST(Diagnose, TheSameForAnyNumberOfThreads) {
   EXPECT_EQ(gap::ReportJson(a), gap::ReportJson(b));
 }
 
-TEST(Diagnose, WithoutATrackerItSaysWhatCannotBeSeen) {
+TEST(Diagnose, WithoutATrackerTheHiddenCutsAreReported) {
   DataSet set = Recorded("torque_constant scale=0.9", 4);
   for (auto& run : set.runs) {
     run.tip_m.resize(0, 0);
@@ -1847,7 +1847,7 @@ TEST(Diagnose, CausesThatTheRunsCannotTellApartAreAGroup) {
   EXPECT_EQ(Named(d, "torque_loop_lag")->group, 1);
 }
 
-TEST(Diagnose, RunsThatHardlyMoveAreNotEnough) {
+TEST(Diagnose, RunsWithHardlyAnyMotionAreInsufficientData) {
   DataSet set;
   set.robot = Rig();
   for (const char* name : {"still", "still again", "still once more"}) {

@@ -185,7 +185,7 @@ TEST(Health, MissingValuesDeadSensorsAndDeadTrackers) {
       "tip position", "25.0 %");
 }
 
-TEST(Health, CutOffSignals) {
+TEST(Health, ClippedSignals) {
   const HealthFinding cut =
       Only([](gap::Run& run) { run.tension_N.col(1) = run.tension_N.col(1).cwiseMin(2.0).eval(); },
            "tension 2", "is clipped at 2 N");
@@ -311,7 +311,7 @@ TEST(Health, ACellThatWasFilteredIsSmootherThanItsSensor) {
   EXPECT_LT(smooth.value, 5e-4);
 }
 
-TEST(Health, ARepetitionThatIsNone) {
+TEST(Health, ARepetitionThatDoesNotRepeat) {
   const auto found = Complaints([](DataSet& set) {
     set.runs[2] = GoodRun("gentle", "triangle", 3, -0.8);
     set.runs[2].repeat_of = "sway";
@@ -319,7 +319,7 @@ TEST(Health, ARepetitionThatIsNone) {
   EXPECT_THAT(Shown(found), HasSubstr("this is not a repetition"));
 }
 
-TEST(Health, WhatASetLacksIsSaid) {
+TEST(Health, MissingChannelsOfASetAreReported) {
   const auto found = Complaints([](DataSet& set) {
     set.runs.erase(set.runs.begin(), set.runs.begin() + 2);
     set.runs[0].tip_m.resize(0, 0);
@@ -335,7 +335,7 @@ TEST(Health, WhatASetLacksIsSaid) {
 
 // Whatever was loaded is looked at without a fault: nothing but missing values, two rows, other numbers of
 // columns.
-TEST(Health, OddRunsDoNotHarm) {
+TEST(Health, UnusualRunsDoNotCrash) {
   DataSet set = GoodSet();
   set.runs[0].tension_N.setConstant(kNone);
   set.runs[0].motor_position_rad.setConstant(kNone);

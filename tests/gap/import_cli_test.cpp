@@ -119,7 +119,7 @@ TEST_F(ImportCommandTest, WrongUseAndWrongDataSayWhatToDo) {
   EXPECT_THAT(error_, HasSubstr("these are millimetres; divide by 1000"));
 }
 
-TEST_F(ImportCommandTest, NothingThatIsReadIsEverReplaced) {
+TEST_F(ImportCommandTest, InputsAreNeverReplaced) {
   const std::string map =
       Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z]}, " + kMotors);
   std::string rows = "x,y,z,m1,m2,m3\n";
@@ -152,7 +152,7 @@ TEST_F(ImportCommandTest, NothingThatIsReadIsEverReplaced) {
   EXPECT_EQ(Run(command + "--overwrite --out " + out), 0) << error_;
 }
 
-TEST_F(ImportCommandTest, WhatTheTableLacksIsSaidAllOfIt) {
+TEST_F(ImportCommandTest, AllMissingChannelsOfATableAreReported) {
   const std::string map = Write("map.yaml",
                                 "time: {rate_Hz: 100}\n"
                                 "columns:\n"
@@ -207,7 +207,7 @@ TEST_F(ImportCommandTest, TablesWithoutRowsAreNamedWithTheReason) {
 }
 
 // What a set allows is said where it is made, not when it is diagnosed.
-TEST_F(ImportCommandTest, WhatCanBeComparedIsSaidAndNothingIsAnError) {
+TEST_F(ImportCommandTest, ComparableCutsAreReportedAndNoneIsAnError) {
   std::string rows = "t,f1,f2,f3,m1,theta,phi,qw,qx,qy,qz\n";
   for (int i = 0; i < 100; ++i)
     rows += fmt::format("{},{},1,1,0,{},0,1,0,0,0\n", 0.01 * i, 1 + 0.01 * i, 0.002 * i);

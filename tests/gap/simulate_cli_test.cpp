@@ -50,7 +50,7 @@ double Change(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   return std::sqrt(square / count);
 }
 
-TEST_F(SimulateCommandTest, WhatIsPlantedIsInTheTruthAndInTheRunsButNotInTheNominalFile) {
+TEST_F(SimulateCommandTest, PlantedEffectsAreInTruthAndRunsButNotInTheNominalFile) {
   ASSERT_EQ(Simulate("--out plain"), 0) << error_;
   ASSERT_EQ(Simulate("--effect 'tracker_offset x_m=0.002' --effect 'cell_offset where=tendon:2 N=0.2' "
                      "--out planted --truth truth.json"),
@@ -146,7 +146,7 @@ TEST_F(SimulateCommandTest, SensorsCanBeLeftOut) {
   EXPECT_EQ(Load("other").runs[0].load_cell, LoadCellPlace::kRobotSide);
 }
 
-TEST_F(SimulateCommandTest, WrongUseIsToldBeforeAnythingIsWritten) {
+TEST_F(SimulateCommandTest, WrongUseIsReportedBeforeAnythingIsWritten) {
   const struct {
     const char *arguments, *says;
   } cases[] = {
@@ -212,7 +212,7 @@ TEST_F(SimulateCommandTest, WrongUseIsToldBeforeAnythingIsWritten) {
   EXPECT_FALSE(fs::exists(folder_ / "refused.json"));
 }
 
-TEST_F(SimulateCommandTest, AWrongRobotFileIsToldWithFileAndLine) {
+TEST_F(SimulateCommandTest, AWrongRobotFileIsReportedWithFileAndLine) {
   WriteText(folder_ / "robot.yaml",
             ReadText(kRig) + "\neffects:\n  - {effect: backlash, where: all, rad: 7}\n");
   EXPECT_EQ(Run("gap simulate --robot robot.yaml --plan plan.yaml --out refused"), 1);
@@ -220,7 +220,7 @@ TEST_F(SimulateCommandTest, AWrongRobotFileIsToldWithFileAndLine) {
   EXPECT_TRUE(OneLine());
 }
 
-TEST_F(SimulateCommandTest, AnEarlierSetIsNotTouchedUntilItMayGoAndTheNewOneIsWhole) {
+TEST_F(SimulateCommandTest, AnEarlierSetIsReplacedOnlyByACompleteOne) {
   ASSERT_EQ(Simulate("--out set"), 0) << error_;
   EXPECT_THAT(out_, HasSubstr("3 runs"));
   WriteText(folder_ / "set/01_mine.csv", "t_s\n0\n");
@@ -253,7 +253,7 @@ TEST_F(SimulateCommandTest, AnEarlierSetIsNotTouchedUntilItMayGoAndTheNewOneIsWh
   EXPECT_EQ(after.size(), 5u) << "01_circle.csv, runs.yaml, robot.yaml, and what was not the set's";
 }
 
-TEST_F(SimulateCommandTest, WhatIsNoEarlierSetIsNeverReplaced) {
+TEST_F(SimulateCommandTest, OnlyEarlierSetsAreEverReplaced) {
   fs::create_directories(folder_ / "mine");
   WriteText(folder_ / "mine/01_circle.csv", "t_s\n0\n");
   const auto before = Files("mine");
@@ -273,7 +273,7 @@ TEST_F(SimulateCommandTest, WhatIsNoEarlierSetIsNeverReplaced) {
 }
 
 // However early it comes: the old set, or one that is true.
-TEST_F(SimulateCommandTest, CtrlCLeavesTheEarlierSetOrATrueOne) {
+TEST_F(SimulateCommandTest, CtrlCLeavesTheEarlierSetOrAConsistentOne) {
   ASSERT_EQ(Simulate("--out set"), 0) << error_;
   const auto before = Files("set");
   WriteText(folder_ / "plan.yaml",
@@ -307,7 +307,7 @@ TEST_F(SimulateCommandTest, WithoutNoiseEveryRunReachesItsEnd) {
   EXPECT_NEAR(Load("quiet").runs[0].time_s.tail(1)[0], 8, 0.1);
 }
 
-TEST_F(SimulateCommandTest, TheControllerMayBeAnotherDaemons) {
+TEST_F(SimulateCommandTest, TheControllerMayUseAnotherDaemonFile) {
   std::string daemon = ReadText(TENDRIL_SOURCE_DIR "/config/tendrild.yaml");
   const std::string robot = "robots/rig_60mm.yaml", friction = "capstan_compensation: true";
   ASSERT_NE(daemon.find(friction), std::string::npos);

@@ -178,7 +178,7 @@ TEST(States, ManyOfThemAreStates) {
   EXPECT_EQ(gap::Diagnose(set, options).runs.size(), set.runs.size());
 }
 
-TEST(States, ShortRunsAreLeftOutAndSaid) {
+TEST(States, ShortRunsAreLeftOutAndReported) {
   DataSet set = States(Bare(), Frame());
   gap::Run& run = set.runs.back();
   run.time_s.conservativeResize(4);

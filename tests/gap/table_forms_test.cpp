@@ -84,7 +84,7 @@ TEST_F(TableFormsTest, ColumnsWithoutNamesAreCalledByTheirPlaces) {
               HasSubstr("no column '3', which the map"));
 }
 
-TEST_F(TableFormsTest, LinesBeforeTheNamesArePassed) {
+TEST_F(TableFormsTest, LinesBeforeTheNamesAreSkipped) {
   // As motion capture writes them: other numbers of cells, an empty line.
   ExpectRemedy(kMap, "Format Version,1.23,Take Name,Take 1\r\n\r\n,,Marker\r\nt,a,b\r\n" + kRows,
                "table: {skip_lines: 3}");
@@ -95,7 +95,7 @@ TEST_F(TableFormsTest, LinesBeforeTheNamesArePassed) {
               HasSubstr("the file ends within the 9 lines that table.skip_lines skips"));
 }
 
-TEST_F(TableFormsTest, RemarksBeginWithAnyCharacterThatTheMapSays) {
+TEST_F(TableFormsTest, CommentsBeginWithTheMapsCharacters) {
   ExpectRows(kMap, "# lab 3\n# 1000 Hz\nt,a,b\n" + kRows);
   ExpectRemedy(kMap, "% lab 3\n% 1000 Hz\nt,a,b\n" + kRows, "table: {comment: '%'}");
   ExpectRemedy(kMap, "; lab 3\nt,a,b\n" + kRows, "table: {comment: ';'}");
@@ -112,7 +112,7 @@ TEST_F(TableFormsTest, RemarksBeginWithAnyCharacterThatTheMapSays) {
               HasSubstr("other than the delimiter"));
 }
 
-TEST_F(TableFormsTest, RowsOfUnitsArePassedAndRowsOfNumbersAreNot) {
+TEST_F(TableFormsTest, RowsOfUnitsAreSkippedAndRowsOfNumbersAreNot) {
   ExpectRemedy(kMap, "t,a,b\ns,N,N\n" + kRows, "table: {unit_rows: 1}");
   ExpectRemedy(kMap, "t\ta\tb\n[s]\t[N]\t[N]\nraw\traw\traw\n0\t1.5\t2\n0.01\t1.25\t-3\n0.02\t0.5\t1e-3\n",
                "table: {unit_rows: 2}");
@@ -228,7 +228,7 @@ TEST_F(TableFormsTest, OtherEncodingsAndWorkbooksAreRefused) {
   EXPECT_THAT(Refusal(kMap, "PK\x03\x04 and so on"), HasSubstr("export it as CSV"));
 }
 
-TEST_F(TableFormsTest, MarksBetweenThousandsAreRefused) {
+TEST_F(TableFormsTest, ThousandsSeparatorsAreRefused) {
   for (const char* cell : {"1,234.5", "1.234,5", "1 234", "1'234.5", "1,234,567",
                            "12\xC2\xA0"
                            "345,6"}) {
