@@ -474,7 +474,7 @@ TEST(RefusedPair, TendonsAndNodes) {
   DaemonParameters slow = daemon;
   slow.controller.pretension_ramp_Nps = 0.001;
   EXPECT_THAT(ErrorOf([&] { CheckTogether(slow, robot, path); }),
-              AllOf(HasSubstr("controller.pretension_ramp_Nps: 0.001 N/s would lead rig_60mm down"),
+              AllOf(HasSubstr("controller.pretension_ramp_Nps: 0.001 N/s would take rig_60mm down"),
                     HasSubstr("accepted: 0.267 N/s or more")));
   DaemonParameters strong = daemon;
   strong.controller.take_up.pull_N = 1.1 * robot.limits.max_tension_motor_N;

@@ -187,7 +187,7 @@ TEST(Warnings, UnreasonableRobots) {
   EXPECT_THAT(told([](RobotParameters& r) {
                 for (TendonDriveParameters& t : r.actuation->tendons) t.gear.efficiency = 0.01;
               }),
-              Contains(AllOf(HasSubstr("take_up.pull_N: 2 N winds"), HasSubstr("allows no pull"),
+              Contains(AllOf(HasSubstr("take_up.pull_N: 2 N cannot wind in"), HasSubstr("allows no pull"),
                              Not(HasSubstr("; set")))));
   EXPECT_THAT(told([](RobotParameters& r) { r.body.sections[0].bending_damping_Nms = 0.12; }), IsEmpty());
   EXPECT_THAT(

@@ -23,6 +23,7 @@
 #include "tendril/control/guard_table.h"
 #include "tendril/control/supervisor.h"
 #include "tendril/gap/data_set.h"
+#include "tendril/gap/import.h"
 #include "tendril/gap/report.h"
 #include "tendril/sim/effects.h"
 
@@ -181,6 +182,9 @@ TEST(Reference, EveryFieldOfEveryMessageIsDescribed) {
       ++fields;
       const std::string row = RowOf(TextOf("messages.md"), message + "." + match[1].str());
       EXPECT_NE(row, "") << message << ": " << line;
+      // A constant may speak for itself; a field has its unit, frame or meaning beside it.
+      EXPECT_TRUE(line.find("const ") != line.npos || line.find("// ") != line.npos)
+          << message << ": " << line;
       // A comment behind it, as far as its first word that Markdown leaves alone.
       const std::size_t comment = line.find("// ");
       std::smatch word;
@@ -339,6 +343,87 @@ TEST(Reference, EveryColumnOfATableIsDescribed) {
   std::istringstream names(page.substr(head + 1, page.find('\n', head + 1) - head - 1));
   for (std::string name; std::getline(names, name, ',');) {
     EXPECT_THAT(columns, HasSubstr(std::regex_replace(name, std::regex("_[0-9]+$"), "_j") + " "));
+  }
+}
+
+// By what the reader itself says that it accepts.
+TEST(Reference, EveryKeyAndChoiceOfAColumnMapIsDescribed) {
+  const RobotParameters robot = config::LoadRobot((kSource / "config/robots/rig_60mm.yaml").string());
+  const fs::path folder = fs::path(testing::TempDir()) / "column_map";
+  fs::create_directories(folder);
+  // What stands after "accepted:" when the map is refused.
+  const auto accepted = [&](std::string map) {
+    if (map.find("time:") == map.npos) map += "time: {column: t}\n";
+    if (map.find("columns:") == map.npos) map += "columns: {tip: {names: [x, y, z]}}\n";
+    std::ofstream(folder / "map.yaml") << map;
+    std::ofstream(folder / "table.csv") << "t,x,y,z\n0,0,0,0\n1,0,0,0\n";
+    try {
+      gap::ImportTables((folder / "map.yaml").string(), {(folder / "table.csv").string()}, robot);
+    } catch (const std::runtime_error& e) {
+      const std::string text = e.what(), mark = "accepted: ";
+      const std::size_t from = text.find(mark);
+      EXPECT_NE(from, text.npos) << text;
+      return text.substr(from + mark.size(), text.find("; correct", from) - from - mark.size());
+    }
+    ADD_FAILURE() << "not refused: " << map;
+    return std::string();
+  };
+  const auto words = [](const std::string& list) {
+    std::vector<std::string> found;
+    std::istringstream in(list);
+    for (std::string word; std::getline(in, word, ',');)
+      found.push_back(word.substr(word.find_first_not_of(' ')));
+    return found;
+  };
+  const std::string& page = TextOf("import-map.md");
+  const auto expect_keys = [&](const std::string& block, const std::string& map) {
+    for (const std::string& key : words(accepted(map))) {
+      const bool everywhere = key == "names" || key == "scale" || key == "offset" || key == "sign";
+      const std::string at = everywhere ? "columns.torque_target" : block;
+      EXPECT_NE(RowOf(page, (at.empty() ? "" : at + ".") + key), "") << block << ": " << key;
+    }
+  };
+  expect_keys("", "odd: 1\n");
+  expect_keys("table", "table: {odd: 1}\n");
+  expect_keys("time", "time: {column: t, odd: 1}\n");
+  expect_keys("runs", "runs: {odd: 1}\n");
+  expect_keys("runs.by", "runs: {by: {column: t, odd: 1}}\n");
+  expect_keys("columns", "columns: {odd: 1}\n");
+  expect_keys("frame", "frame: {odd: 1}\n");
+  const std::pair<const char*, const char*> channels[] = {
+      {"torque_target", "names: [a, b, c]"},
+      {"torque_actual", "names: [a, b, c]"},
+      {"motor_position", "names: [a, b, c]"},
+      {"tension", "names: [a, b, c]"},
+      {"tip", "names: [a, b, c]"},
+      {"orientation", "names: [a, b, c, d]"},
+      {"orientation", "kind: euler, names: [a, b, c], order: ZYX"},
+      {"bending", "names: [a, b]"}};
+  for (const auto& [channel, keys] : channels) {
+    expect_keys(std::string("columns.") + channel,
+                fmt::format("columns: {{{}: {{{}, odd: 1}}}}\n", channel, keys));
+  }
+  const std::pair<const char*, const char*> choices[] = {
+      {"table.delimiter", "table: {delimiter: odd}\n"},
+      {"table.decimal", "table: {decimal: odd}\n"},
+      {"table.header", "table: {header: odd}\n"},
+      {"time.unit", "time: {column: t, unit: odd}\n"},
+      {"runs.load_cell", "runs: {load_cell: odd}\n"},
+      {"columns.torque_target.unit", "columns: {torque_target: {names: [a, b, c], unit: odd}}\n"},
+      {"columns.torque_actual.unit", "columns: {torque_actual: {names: [a, b, c], unit: odd}}\n"},
+      {"columns.motor_position.unit", "columns: {motor_position: {names: [a, b, c], unit: odd}}\n"},
+      {"columns.motor_position.at", "columns: {motor_position: {names: [a, b, c], at: odd}}\n"},
+      {"columns.tension.unit", "columns: {tension: {names: [a, b, c], unit: odd}}\n"},
+      {"columns.tip.unit", "columns: {tip: {names: [a, b, c], unit: odd}}\n"},
+      {"columns.orientation.kind", "columns: {orientation: {names: [a, b, c, d], kind: odd}}\n"},
+      {"columns.orientation.unit", "columns: {orientation: {names: [a, b, c], kind: euler, unit: odd}}\n"},
+      {"columns.bending.kind", "columns: {bending: {names: [a, b], kind: odd}}\n"},
+      {"columns.bending.unit", "columns: {bending: {names: [a, b], unit: odd}}\n"},
+      {"frame.origin", "frame: {origin: odd}\n"}};
+  for (const auto& [key, map] : choices) {
+    for (const std::string& choice : words(accepted(map))) {
+      EXPECT_THAT(RowOf(page, key), testing::ContainsRegex("[^a-zA-Z]" + choice + "[^a-zA-Z]")) << key;
+    }
   }
 }
 

@@ -207,7 +207,7 @@ TEST(FewTendons, OfARobotNotMeasuredAreStillItsOwn) {
   }
   read.robot = Rig(kPair);
   EXPECT_THAT([&] { gap::Diagnose(read, {}); },
-              testing::ThrowsMessage<std::runtime_error>(HasSubstr("of 3 tendons, robot 'few_60mm' has 2")));
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("have 3 tendons, robot 'few_60mm' has 2")));
   fs::remove_all(folder);
 }
 

@@ -349,7 +349,7 @@ TEST_F(DataSetTest, RepetitionsMayNameFilesOrRunsAndLeadToTheFirstOfTheirKind) {
   EXPECT_EQ(set.runs[4].load_cell, LoadCellPlace::kMotorSide);  // the robot file's
   EXPECT_THAT(set.notes, Contains(HasSubstr("load_cell 'left'")));
   Write("runs.yaml", "- {file: a.csv, repeat_of: b}\n- {file: b.csv, repeat_of: a}\n");
-  EXPECT_THAT(Load().notes, Contains(HasSubstr("circle")));
+  EXPECT_THAT(Load().notes, Contains(HasSubstr("repeat_of forms a cycle")));
 }
 
 // What a table of few places rounds is known before quaternions are made to be of norm 1.

@@ -60,7 +60,7 @@ class TableFormsTest : public testing::Test {
   }
   /// Refused with a line that names an option; the map with that option reads the table.
   void ExpectRemedy(const std::string& map, const std::string& table, const std::string& option) const {
-    EXPECT_THAT(Refusal(map, table), HasSubstr("say " + option));
+    EXPECT_THAT(Refusal(map, table), HasSubstr("set " + option));
     ExpectRows(option + "\n" + map, table);
   }
 

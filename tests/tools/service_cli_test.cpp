@@ -58,7 +58,7 @@ TEST_F(ServiceCommandTest, AnEmptyValueIsRefusedByEveryProgram) {
        {"send arm --lcm ''", "replay x.lcmlog --robot ''", "replay ''", "commission --config x.yaml --lcm ''",
         "rt-check --config ''", "demo --out ''", "config check ''"})
     ExpectWrongUse(arguments, empty + "tendril ");
-  ExpectWrongUse("status --prefix ''", "'' is no prefix");
+  ExpectWrongUse("status --prefix ''", "'' is not a prefix");
 }
 
 TEST_F(ServiceCommandTest, WrongUseIsOneLineThatTellsWhereToReadOn) {

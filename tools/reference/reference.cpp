@@ -38,6 +38,7 @@ std::vector<Page> AllPages(const std::filesystem::path& source) {
                           EffectsPage(),
                           ReportPage(source),
                           DataSetPage(source),
+                          ImportMapPage(source),
                           DriveObjectsPage(source),
                           FaultsPage()};
   pages.push_back(Index(pages));

@@ -26,6 +26,7 @@ Page EffectsPage();
 Page DriveObjectsPage(const std::filesystem::path& source);
 Page ReportPage(const std::filesystem::path& source);
 Page DataSetPage(const std::filesystem::path& source);
+Page ImportMapPage(const std::filesystem::path& source);
 
 /// Every command line of the programs: "tendril", "tendril gap diagnose", "tendrild", ...
 std::vector<std::string> Commands();
