@@ -19,12 +19,6 @@ constexpr int kReceiveBatch = 64, kMaxBatches = 64;
 constexpr TimeNs kShutdownDisable_ns = 300 * kNsPerMs, kShutdownEnd_ns = 600 * kNsPerMs;
 constexpr TimeNs kRepeatedEvent_ns = kNsPerS;  // at most one event of a kind in this time
 
-BusParameters WithNodes(BusParameters bus, std::span<const DriveSetup> drives) {
-  bus.nodes.clear();
-  for (const DriveSetup& drive : drives) bus.nodes.push_back({drive.node_id, 0});
-  return bus;
-}
-
 /// Throws std::invalid_argument naming what does not fit.
 void Check(const BusParameters& bus, std::span<const DriveSetup> drives) {
   if (drives.empty() || drives.size() > kMaxTendons) {
@@ -48,8 +42,7 @@ void Check(const BusParameters& bus, std::span<const DriveSetup> drives) {
   if (bus.bitrate_bps <= 0 || bus.cycle_ns <= 0) {
     throw std::invalid_argument("bus.bitrate_bps and bus.cycle_ns must be positive");
   }
-  const BusParameters with_nodes = WithNodes(bus, drives);
-  const BusBudget budget = ComputeBusBudget(with_nodes);
+  const BusBudget budget = ComputeBusBudget(bus, drives);
   if (budget.load > bus.max_load) {
     std::array<char, 320> text{};
     std::snprintf(
@@ -67,14 +60,14 @@ void Check(const BusParameters& bus, std::span<const DriveSetup> drives) {
     }
     throw std::invalid_argument(line);
   }
-  if (const std::string problem = FeedbackDeadlineProblem(with_nodes); !problem.empty()) {
+  if (const std::string problem = FeedbackDeadlineProblem(bus, drives); !problem.empty()) {
     throw std::invalid_argument("bus.feedback_deadline_ns: " + problem);
   }
 }
 
 /// Bits of a cycle up to bus.max_load, less what statuswords and heartbeats may need.
 int BitsForCyclicAndSdo(const BusParameters& bus, std::span<const DriveSetup> drives) {
-  const BusBudget budget = ComputeBusBudget(WithNodes(bus, drives));
+  const BusBudget budget = ComputeBusBudget(bus, drives);
   const double bits_per_s =
       bus.max_load * bus.bitrate_bps - (budget.other_bits_per_s - budget.sdo_bits_per_s);
   return static_cast<int>(ToSeconds(bus.cycle_ns) * bits_per_s);
@@ -104,7 +97,12 @@ struct Master::State {
   void WatchBus(TimeNs now_ns) noexcept;
   void Drain(TimeNs now_ns) noexcept;
   void Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept;
-  static const char* MastersOwn(std::uint32_t id, bool ours) noexcept;
+  static const char* MastersOwn(std::uint32_t id, const Node* node) noexcept;
+  struct Expected {
+    const char* what = "";
+    int bytes = 0;
+  };
+  static bool Deliver(Node& node, const can::CanFrame& frame, TimeNs now_ns, Expected* expected) noexcept;
   void Foreign(const can::CanFrame& frame, const char* what, TimeNs now_ns) noexcept;
   void Malformed(const can::CanFrame& frame, const char* what, int bytes, TimeNs now_ns) noexcept;
   void SendSync(TimeNs now_ns) noexcept;
@@ -276,9 +274,8 @@ void Master::State::SendHeartbeat(TimeNs now_ns) noexcept {
 /// frames, which all have higher priority, by at most one frame.
 void Master::State::SendPending(TimeNs now_ns) noexcept {
   if (watch.down()) return;
-  const auto cyclic =
-      std::count_if(nodes.begin(), nodes.end(), [](const auto& node) { return node->started(); });
-  const int left = cycle_bits - can::WorstCaseBits(0) - static_cast<int>(cyclic) * kPdoBits;
+  int left = cycle_bits - can::WorstCaseBits(0);
+  for (const auto& node : nodes) left -= node->started() ? PdoBits(node->pdos()) : 0;
   sdo_credit = std::min(sdo_credit + left, std::max(kSdoExchangeBits, left));
   const std::size_t first = first_node;
   for (std::size_t i = 0; i < nodes.size(); ++i) {
@@ -323,7 +320,7 @@ void Master::State::Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept
   if (frame.error || frame.remote) return;  // WatchBus handles the state of the bus
   if (!running) return;
   Node* node = node_of_id[static_cast<std::size_t>(CobNode(frame.id))];
-  if (const char* what = MastersOwn(frame.id, node != nullptr)) {
+  if (const char* what = MastersOwn(frame.id, node)) {
     // Drives answer a SYNC of any sender.
     if (frame.id == kSyncCobId) {
       for (auto& any : nodes) any->OnSync();
@@ -332,54 +329,56 @@ void Master::State::Dispatch(const can::CanFrame& frame, TimeNs now_ns) noexcept
     return Foreign(frame, what, now_ns);
   }
   if (node == nullptr) return;
-  const char* what = "";
-  int bytes = 8;
-  bool fits = true;
-  switch (CobFunction(frame.id)) {
-    case TpdoCobId(kTpdoFeedback.number, 0):
-      what = "TPDO";
-      bytes = kTpdoFeedback.bytes();
-      fits = node->OnFeedback(frame, now_ns);
-      break;
-    case TpdoCobId(kTpdoStatus.number, 0):
-      what = "TPDO";
-      bytes = kTpdoStatus.bytes();
-      fits = node->OnStatus(frame, now_ns);
-      break;
-    case kSdoResponseBase:
-      what = "SDO response";
-      fits = frame.size == bytes;
-      if (fits) node->OnSdo(frame, now_ns);
-      break;
-    case kHeartbeatBase: {
-      what = "heartbeat";
-      bytes = 1;
-      const auto heartbeat = ParseHeartbeat(frame);
-      fits = heartbeat.has_value();
-      if (fits) node->OnHeartbeat(heartbeat->state, now_ns);
-      break;
-    }
-    case kEmcyBase: {
-      what = "EMCY";
-      const auto emcy = ParseEmcy(frame);
-      fits = emcy.has_value();
-      if (fits) node->OnEmcy(*emcy, now_ns);
-      break;
-    }
-    default:
-      return;
-  }
-  if (!fits) Malformed(frame, what, bytes, now_ns);
+  Expected expected;
+  const bool fits = Deliver(*node, frame, now_ns, &expected);
+  if (!fits) Malformed(frame, expected.what, expected.bytes, now_ns);
 }
 
-/// Text for a frame that only the master sends; nullptr for other identifiers. `ours`: the identifier belongs
-/// to one of our drives.
-const char* Master::State::MastersOwn(std::uint32_t id, bool ours) noexcept {
+/// A frame from one of our drives; false when its contents are not as expected. Other identifiers are
+/// ignored.
+bool Master::State::Deliver(Node& node, const can::CanFrame& frame, TimeNs now_ns,
+                            Expected* expected) noexcept {
+  const std::uint32_t function = CobFunction(frame.id);
+  const DrivePdos& pdos = node.pdos();
+  if (function == TpdoCobId(pdos.feedback.number, 0)) {
+    *expected = {"TPDO", pdos.feedback.bytes()};
+    return node.OnFeedback(frame, now_ns);
+  }
+  if (function == TpdoCobId(pdos.status.number, 0)) {
+    *expected = {"TPDO", pdos.status.bytes()};
+    return node.OnStatus(frame, now_ns);
+  }
+  switch (function) {
+    case kSdoResponseBase:
+      *expected = {"SDO response", 8};
+      if (frame.size != 8) return false;
+      node.OnSdo(frame, now_ns);
+      return true;
+    case kHeartbeatBase: {
+      *expected = {"heartbeat", 1};
+      const auto heartbeat = ParseHeartbeat(frame);
+      if (heartbeat) node.OnHeartbeat(heartbeat->state, now_ns);
+      return heartbeat.has_value();
+    }
+    case kEmcyBase: {
+      *expected = {"EMCY", 8};
+      const auto emcy = ParseEmcy(frame);
+      if (emcy) node.OnEmcy(*emcy, now_ns);
+      return emcy.has_value();
+    }
+    default:
+      return true;
+  }
+}
+
+/// Text for a frame that only the master sends; nullptr for other identifiers. `node`: the drive of ours that
+/// the identifier belongs to, or nullptr.
+const char* Master::State::MastersOwn(std::uint32_t id, const Node* node) noexcept {
   if (id == kNmtCobId) return "NMT command";
   if (id == kSyncCobId) return "SYNC";
   if (id == kHeartbeatBase + static_cast<std::uint32_t>(kMasterNodeId)) return "heartbeat of the master";
-  if (!ours) return nullptr;
-  if (CobFunction(id) == RpdoCobId(kRpdoTorque.number, 0)) return "torque command";
+  if (node == nullptr) return nullptr;
+  if (CobFunction(id) == RpdoCobId(node->pdos().torque.number, 0)) return "torque command";
   if (CobFunction(id) == kSdoRequestBase) return "SDO request";
   return nullptr;
 }

@@ -3,14 +3,15 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <vector>
 
 #include "answer_watch.h"
 #include "event_ring.h"
 #include "reply_watch.h"
 #include "tendril/can/can_port.h"
-#include "tendril/canopen/boot_script.h"
 #include "tendril/canopen/cia402.h"
+#include "tendril/canopen/drive_profile.h"
 #include "tendril/canopen/emcy.h"
 #include "tendril/canopen/master.h"
 #include "tendril/canopen/pdo.h"
@@ -23,6 +24,7 @@ class Node {
   Node(const BusParameters& bus, const DriveSetup& drive, EventRing& events);
 
   int id() const noexcept { return id_; }
+  const DrivePdos& pdos() const noexcept { return profile_->pdos; }
   const DriveFeedback& feedback() const noexcept { return feedback_; }
   /// The drive answers SYNC: NMT start was sent, or a restarted drive is checked for a duplicate id.
   bool started() const noexcept {
@@ -82,6 +84,17 @@ class Node {
   enum class Transfer : std::uint8_t { kNone, kProbe, kRead, kWrite, kReadBack, kStatusword, kRelease };
   enum class Reset : std::uint8_t { kNone, kLow, kHigh };
 
+  static constexpr TimeNs kFaultReset_ns = 1000 * kNsPerMs;
+  // A lost statusword TPDO is replaced by a read after this.
+  static constexpr TimeNs kStatusRefresh_ns = 200 * kNsPerMs;
+  static constexpr std::uint16_t kNeverHeard = std::numeric_limits<std::uint16_t>::max();
+
+  /// Places of the values in the drive's PDOs.
+  struct Slots {
+    explicit Slots(const DriveProfile& profile);
+    std::size_t controlword, target_torque, position, torque, analog, statusword;
+  };
+
   DriveMachine machine() const noexcept { return DecodeStatusword(feedback_.statusword); }
   const BootAction& action() const noexcept { return script_[at_]; }
 
@@ -94,7 +107,18 @@ class Node {
   void OnTransferEnd(TimeNs now_ns) noexcept;
   void OnTransferFailed(TimeNs now_ns) noexcept;
   void OnRead(std::int64_t value, TimeNs now_ns) noexcept;
+  void ReportMismatch(std::int64_t value, TimeNs now_ns) noexcept;
   void OnReadBack(std::int64_t value, TimeNs now_ns) noexcept;
+  static DriveState MismatchOf(ObjectAddress address) noexcept;
+  int WidthOf(ObjectAddress address) const noexcept;
+  static std::int16_t Saturate16(double value) noexcept;
+  /// Per mille of the robot file's rated torque to per mille of the drive's, which has whole units only.
+  std::int16_t ToDrive(std::int16_t permille) const noexcept {
+    return Saturate16(permille * drive_permille_per_permille_);
+  }
+  std::int16_t FromDrive(std::int16_t permille) const noexcept {
+    return Saturate16(permille / drive_permille_per_permille_);
+  }
   void OnStatusword(std::uint16_t statusword, TimeNs now_ns) noexcept;
   void QueueNmt(NmtCommand command) noexcept;
   void RefreshStatusword(TimeNs now_ns) noexcept;
@@ -111,8 +135,12 @@ class Node {
   [[gnu::format(printf, 4, 5)]] void Report(TimeNs now_ns, Status status, const char* format, ...) noexcept;
 
   const int id_;
+  const DriveProfilePtr profile_;
+  const Slots slots_;
   const std::vector<BootAction> script_;
   const std::vector<std::uint32_t> product_codes_;
+  const std::uint32_t rated_torque_uNm_;
+  double drive_permille_per_permille_ = 1;
   const TimeNs cycle_ns_, sdo_timeout_ns_, boot_timeout_ns_, heartbeat_timeout_ns_;
   EventRing& events_;
 

@@ -17,7 +17,7 @@
 #include "tendril/core/version.h"
 #include "tendril/model/capstan.h"
 
-namespace tendril::tools {
+namespace tendril::commission {
 namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
@@ -54,7 +54,12 @@ class Procedure {
  public:
   Procedure(CommissionLink& link, const RobotParameters& robot, const DaemonParameters& daemon,
             const AskDirection& ask, const std::function<void(const std::string&)>& tell)
-      : link_(link), robot_(robot), take_up_(daemon.controller.take_up), ask_(ask), tell_(tell) {
+      : link_(link),
+        robot_(robot),
+        take_up_(daemon.controller.take_up),
+        ask_(ask),
+        tell_(tell),
+        tables_(model::MakeCapstanTables(robot.actuation->tendons, robot.limits.max_tension_motor_N)) {
     const int m = robot.body.tendons();
     pull_N_ = TendonVector::Zero(m);
     result_.pull_N = take_up_.pull_N;
@@ -71,7 +76,6 @@ class Procedure {
       f.has_cell = t.load_cell.place != LoadCellPlace::kNone;
       f.friction_N = t.motor.coulomb_friction_Nm / t.SpoolTravelPerMotorRad();
       result_.drives.push_back(f);
-      tables_.emplace_back(t.transmission, robot.limits.max_tension_motor_N);
       if (ExpectedN(j, take_up_.pull_N) < 0.5 * robot.limits.min_tension_N) {
         throw std::runtime_error(
             fmt::format("controller.take_up.pull_N of {:g} N leaves {:.2g} N of tendon {}'s tension after "
@@ -111,7 +115,7 @@ class Procedure {
   }
   double AtCell(int j, double motor_N) const {
     if (Drive(j).load_cell.place != LoadCellPlace::kRobotSide) return motor_N;
-    return tables_[static_cast<std::size_t>(j)].MotorToBase(std::max(0., motor_N), 1);
+    return tables_[static_cast<std::size_t>(j)]->MotorToBase(std::max(0., motor_N), 1);
   }
 
   // ---- steps ----
@@ -448,8 +452,8 @@ class Procedure {
   const TakeUpParameters take_up_;
   const AskDirection& ask_;
   const std::function<void(const std::string&)>& tell_;
+  const std::vector<std::shared_ptr<const model::CapstanTable>> tables_;
   std::vector<double> angles_rad_;
-  std::vector<model::CapstanTable> tables_;
   CommissionResult result_;
   const CycleRecord* record_ = nullptr;
   CycleInput start_;
@@ -517,11 +521,25 @@ std::vector<NodeParameters> FoundNodes(const CommissionResult& result) {
   return nodes;
 }
 
+namespace {
+
+// What a node's line says beside the wiring, with a comma before it: which drive it is.
+std::string OtherKeys(const std::string& inside) {
+  static const std::regex kOther(
+      R"((profile|eds|analog_input|analog_mV_per_count)\s*:\s*("[^"]*"|'[^']*'|[^,]*[^,\s]))");
+  std::string keys;
+  for (std::sregex_iterator at(inside.begin(), inside.end(), kOther), end; at != end; ++at)
+    keys += ", " + at->str();
+  return keys;
+}
+
+}  // namespace
+
 std::string PatchNodes(const std::string& text, const std::string& path,
                        const std::vector<NodeParameters>& nodes) {
   std::string out;
   std::size_t patched = 0;
-  static const std::regex kNode(R"(^(\s*-\s*)\{[^}]*node_id:\s*(\d+)[^}]*\}(.*)$)");
+  static const std::regex kNode(R"(^(\s*-\s*)\{(?=[^}]*node_id:\s*(\d+))([^}]*)\}(.*)$)");
   for (std::size_t from = 0; from < text.size();) {
     const std::size_t end = std::min(text.find('\n', from), text.size());
     std::string line = text.substr(from, end - from);
@@ -529,9 +547,10 @@ std::string PatchNodes(const std::string& text, const std::string& path,
     if (std::regex_match(line, match, kNode)) {
       for (const NodeParameters& n : nodes) {
         if (n.node_id != std::atoi(match[2].str().c_str())) continue;
-        line = fmt::format("{}{{node_id: {}, tendon: {}{}{}}}{}", match[1].str(), n.node_id, n.tendon,
+        line = fmt::format("{}{{node_id: {}, tendon: {}{}{}{}}}{}", match[1].str(), n.node_id, n.tendon,
                            n.motor_reversed ? ", motor: reversed" : "",
-                           n.encoder_reversed ? ", encoder: reversed" : "", match[3].str());
+                           n.encoder_reversed ? ", encoder: reversed" : "", OtherKeys(match[3].str()),
+                           match[4].str());
         ++patched;
         break;
       }
@@ -573,4 +592,4 @@ daemon::CommissioningRecord RecordOf(const CommissionResult& result, const Robot
   return record;
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::commission

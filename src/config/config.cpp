@@ -163,6 +163,16 @@ DaemonParameters LoadDaemon(const std::string& path) {
         fmt::format("no such file: {}; accepted: {}; correct the path", robot.string(), kPathRule.accepted));
   }
   daemon.robot_file = robot.string();
+  for (NodeParameters& node : daemon.bus.nodes) {
+    if (node.eds_file.empty()) continue;
+    const fs::path eds = fs::absolute(fs::absolute(path).parent_path() / node.eds_file).lexically_normal();
+    if (!fs::exists(eds, error)) {
+      throw ErrorAt(path, "bus.nodes",
+                    fmt::format("node {} has eds: {}: no such file; accepted: {}; correct the path",
+                                node.node_id, eds.string(), kEdsRule.accepted));
+    }
+    node.eds_file = eds.string();
+  }
   return daemon;
 }
 
@@ -232,6 +242,19 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
               "list",
               tendon, robot.name, count, tendons));
     }
+  }
+  for (const NodeParameters& node : daemon.bus.nodes) {
+    const auto& drive = robot.actuation->tendons[static_cast<std::size_t>(node.tendon - 1)];
+    if (node.profile == DriveKind::kEpos4 || !node.analog_input.empty() ||
+        drive.load_cell.place == LoadCellPlace::kNone) {
+      continue;
+    }
+    throw ErrorAt(
+        daemon_path, "bus.nodes",
+        fmt::format("node {} pulls tendon {}, which has a load cell in {}, and names no object that "
+                    "reads it; accepted: analog_input: OBJECT beside its eds, or load_cell.place: "
+                    "none in the robot file; correct the one or the other",
+                    node.node_id, node.tendon, robot.name));
   }
   std::set<int> ids;
   for (const NodeParameters& node : daemon.bus.nodes) {

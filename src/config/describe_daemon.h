@@ -146,6 +146,31 @@ void Describe(Io& io, IdentityParameters& p) {
                        p.max_revision, p.min_revision));
 }
 
+/// Keys of a drive that its maker's EDS file describes; an EPOS4 has none of them.
+template <class Io>
+void DescribeGenericDrive(Io& io, NodeParameters& p) {
+  const bool generic = p.profile == DriveKind::kCia402;
+  if (GivenOrOther(io, "eds", p.eds_file, std::string(), "none"))
+    io.Text("eds", p.eds_file, kEdsRule, "EDS file of the drive's maker; needed with profile: cia402.");
+  io.Check(
+      generic || p.eds_file.empty(), "eds",
+      "given for an EPOS4, whose objects are known; accepted: profile: cia402 beside it; change one of the "
+      "two");
+  io.Check(!generic || !p.eds_file.empty(), "profile",
+           "cia402 without the drive's objects; accepted: eds: FILE beside it, the EDS file of the drive's "
+           "maker; add it");
+  if (GivenOrOther(io, "analog_input", p.analog_input, std::string(), "none"))
+    io.Text("analog_input", p.analog_input, kObjectRule,
+            "Object of the load cell's analog input, for profile: cia402; an EPOS4's is 0x3160:01.");
+  io.Check(generic || p.analog_input.empty(), "analog_input",
+           "given for an EPOS4, whose load cell is at 0x3160:01; accepted: profile: cia402 beside it; remove "
+           "one of the two");
+  OptionalNumber(io, "analog_mV_per_count", p.analog_mV_per_count, 1, {1e-6, 1e3, true},
+                 "Millivolts per count of analog_input.");
+  io.Check(!p.analog_input.empty() || p.analog_mV_per_count == 1, "analog_mV_per_count",
+           "given without an input; accepted: analog_input beside it; add it, or remove this");
+}
+
 template <class Io>
 void Describe(Io& io, NodeParameters& p) {
   io.Integer("node_id", p.node_id, {1, 126},
@@ -153,6 +178,11 @@ void Describe(Io& io, NodeParameters& p) {
   io.Integer("tendon", p.tendon, {1, kMaxTendons}, "The tendon that it pulls, counted over all sections.");
   Direction(io, "motor", p.motor_reversed, "reversed: negative torque pulls the tendon.");
   Direction(io, "encoder", p.encoder_reversed, "reversed: counts fall while the motor pulls.");
+  if (GivenOrOther(io, "profile", p.profile, DriveKind::kEpos4, "epos4"))
+    io.Choice("profile", p.profile, kDriveKinds,
+              "epos4: maxon EPOS4; cia402: a drive of any maker with cyclic synchronous torque, by its EDS "
+              "file.");
+  DescribeGenericDrive(io, p);
 }
 
 template <class Io>
@@ -174,9 +204,20 @@ void Describe(Io& io, BusParameters& p) {
              "Object 0x6007, what a drive does that hears no daemon: 2 disables voltage, 3 brakes first.");
   io.Number("max_load", p.max_load, {0.05, 0.8},
             "Largest share of the bit rate in the worst case; above it the daemon does not start.");
-  io.Block("identity", p.identity, "What object 0x1018 of every drive must report.");
+  const auto identity = [&] {
+    io.Block("identity", p.identity,
+             "What object 0x1018 of every EPOS4 must report; of another drive its EDS file says it.");
+  };
+  if constexpr (Io::kListing) io.MayBeLeftOut("none, where no drive is an EPOS4");
+  if (Io::kListing || (!Io::kReading && !p.identity.product_codes.empty())) identity();
   io.List("nodes", p.nodes, {1, kMaxTendons},
           "Which drive pulls which tendon; every tendon of the robot once.");
+  if constexpr (Io::kReading) {
+    p.identity = {};
+    const bool needed = std::any_of(p.nodes.begin(), p.nodes.end(),
+                                    [](const NodeParameters& n) { return n.profile == DriveKind::kEpos4; });
+    needed || io.Has("identity") ? identity() : io.Allow("identity");
+  }
 
   constexpr int kBitRates[] = {125000, 250000, 500000, 800000, 1000000};
   io.Check(std::find(std::begin(kBitRates), std::end(kBitRates), p.bitrate_bps) != std::end(kBitRates),

@@ -36,6 +36,15 @@ inline constexpr TextRule kPathRule{
       return !t.empty() && std::none_of(t.begin(), t.end(), [](unsigned char c) { return std::iscntrl(c); });
     },
     "the path of a robot file, absolute or relative to this file"};
+inline constexpr TextRule kEdsRule{kPathRule.ok,
+                                   "the path of an EDS file, absolute or relative to this file"};
+inline constexpr TextRule kObjectRule{[](std::string_view t) {
+                                        constexpr std::string_view kHex = "0123456789ABCDEFabcdef";
+                                        return t.size() == 9 && t.starts_with("0x") && t[6] == ':' &&
+                                               t.substr(2, 4).find_first_not_of(kHex) == t.npos &&
+                                               t.substr(7).find_first_not_of(kHex) == t.npos;
+                                      },
+                                      "an object's index and sub-index, e.g. 0x6401:01"};
 inline constexpr TextRule kFolderRule{[](std::string_view t) {
                                         return t.starts_with('/') &&
                                                std::none_of(t.begin(), t.end(),

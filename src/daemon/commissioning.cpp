@@ -63,6 +63,8 @@ std::string WiringHash(const RobotParameters& robot, const BusParameters& bus) {
   std::string text = robot.name + "\n";
   for (const NodeParameters& n : bus.nodes) {
     text += fmt::format("{} {} {} {}\n", n.node_id, n.tendon, n.motor_reversed, n.encoder_reversed);
+    if (n.profile != DriveKind::kEpos4)
+      text += fmt::format("{} {:.9g}\n", n.analog_input, n.analog_mV_per_count);
   }
   for (const SectionParameters& s : robot.body.sections) {
     text += fmt::format("{} {:.9g}\n", s.units, s.unit_length_m);

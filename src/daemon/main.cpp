@@ -22,6 +22,7 @@
 #include <string>
 #include <system_error>
 #include <thread>
+#include <vector>
 
 #include "arguments.h"
 #include "tendril/can/bus_guard.h"
@@ -31,6 +32,7 @@
 #include "tendril/core/version.h"
 #include "tendril/daemon/daemon.h"
 #include "tendril/daemon/foreign_sync.h"
+#include "tendril/daemon/wiring.h"
 #include "tendril/io/connection.h"
 #include "tendril/io/gateway.h"
 #include "tendril/model/held_directions.h"
@@ -153,8 +155,11 @@ DaemonOptions Load(const Arguments& arguments) {
 void LogSettings(const DaemonOptions& o, const std::string& config_path) {
   const DaemonParameters& p = o.parameters;
   std::string nodes;
-  for (const NodeParameters& n : p.bus.nodes) {
-    nodes += fmt::format("{}{} -> tendon {}", nodes.empty() ? "" : ", ", n.node_id, n.tendon);
+  const std::vector<canopen::DriveSetup> drives = DriveSetups(o.robot, p.bus);
+  for (std::size_t i = 0; i < drives.size(); ++i) {
+    nodes += fmt::format("{}{} -> tendon {}", nodes.empty() ? "" : ", ", drives[i].node_id, i + 1);
+    if (const canopen::DriveProfile& drive = *drives[i].profile; !drive.file.empty())
+      nodes += fmt::format(" ({} by {})", drive.name, drive.file);
   }
   spdlog::info("tendrild {} ({}), configuration {}", Version(), GitRevision(), config_path);
   spdlog::info("robot {} ({}): {} section(s), {} units, {} tendons, {:.0f} mm", o.robot.name, p.robot_file,
@@ -162,7 +167,7 @@ void LogSettings(const DaemonOptions& o, const std::string& config_path) {
                1e3 * o.robot.body.length_m());
   spdlog::info("bus {}: {} bit/s, cycle {:g} ms, worst-case load {:.0f} %, nodes {}", p.bus.interface,
                p.bus.bitrate_bps, static_cast<double>(p.bus.cycle_ns) / 1e6,
-               100 * canopen::ComputeBusBudget(p.bus).load, nodes);
+               100 * canopen::ComputeBusBudget(p.bus, drives).load, nodes);
   spdlog::info("controller: Capstan compensation {}, default speed {:g} rad/s",
                p.controller.capstan_compensation ? "on" : "off", p.controller.trajectory.default_speed_radps);
   spdlog::info("real time: priority {}, cpu {}, memory {}, {}", p.realtime.priority,

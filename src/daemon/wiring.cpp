@@ -26,17 +26,25 @@ std::vector<canopen::DriveSetup> DriveSetups(const RobotParameters& robot, const
   for (const TendonDriveParameters& t : robot.actuation->tendons) {
     ++tendon;
     canopen::DriveSetup setup;
+    const NodeParameters* pulls = nullptr;
     for (const NodeParameters& node : bus.nodes) {
-      if (node.tendon == tendon) setup.node_id = node.node_id;
+      if (node.tendon == tendon) pulls = &node;
     }
-    if (setup.node_id == 0) {
+    if (pulls == nullptr) {
       throw std::invalid_argument("tendon " + std::to_string(tendon) + " of robot '" + robot.name +
                                   "' has no drive: add it to bus.nodes");
     }
+    setup.node_id = pulls->node_id;
+    setup.profile = canopen::ProfileOf(*pulls);
     setup.nominal_current_mA = Scaled(t.motor.nominal_current_A, 1e3);
     setup.output_current_limit_mA = Scaled(t.drive.current_limit_A, 1e3);
     setup.torque_constant_uNmpA = Scaled(t.motor.torque_constant_NmpA, 1e6);
     setup.rated_torque_uNm = Scaled(t.drive.rated_torque_Nm, 1e6);
+    if (const std::string problem = canopen::Unsupported(bus, setup); !problem.empty()) {
+      throw std::invalid_argument(problem + "; accepted: a drive that can be node " +
+                                  std::to_string(setup.node_id) +
+                                  "; take another one, or a newer EDS file of this one");
+    }
     setups.push_back(setup);
   }
   return setups;

@@ -1,4 +1,4 @@
-// One emulated EPOS4: NMT, objects, PDOs, heartbeats, EMCY, and the power stage behind them.
+// One emulated drive of any profile: NMT, objects, PDOs, heartbeats, EMCY, and the power stage behind them.
 // Knows its own frames and sensors only; nothing of the rack, the robot or a wall clock.
 #pragma once
 
@@ -41,6 +41,10 @@ class Drive final : private SdoObjects {
   void SetSto(bool active);
 
  private:
+  static constexpr int kHistory = 5;                       // entries of 0x1003
+  static constexpr std::uint16_t kSafeTorqueOff = 0x8A88;  // of an EPOS4; CiA 402 has no code of its own
+  static bool SupportedMode(std::int64_t mode);
+
   struct Consumer {  // of one heartbeat, 0x1016
     const Object* setting = nullptr;
     bool heard = false;
@@ -84,6 +88,7 @@ class Drive final : private SdoObjects {
 
   int node_id_;
   can::CanPort& port_;
+  canopen::DriveProfilePtr profile_;
   ObjectDictionary objects_;
   std::array<Pdo, 4> rpdos_, tpdos_;
   SdoServer sdo_;
@@ -110,10 +115,11 @@ class Drive final : private SdoObjects {
   std::array<Event, 4> events_;
 
   // Objects used in each cycle.
-  Object &error_register_, &heartbeat_time_, &nominal_current_, &current_limit_, &thermal_time_,
+  Object &error_register_, &heartbeat_time_, &nominal_current_, &current_limit_, &pole_pairs_, &thermal_time_,
       &torque_constant_, &sto_inputs_, &current_average_, &current_, &torque_average_, &analog1_, &analog2_,
       &error_code_, &controlword_, &statusword_, &mode_, &mode_shown_, &position_, &velocity_,
       &target_torque_, &torque_offset_, &rated_torque_, &torque_, &deceleration_;
+  const Object* max_torque_;  // 0x6072, which not every drive has
 };
 
 }  // namespace tendril::emulator

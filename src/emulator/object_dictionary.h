@@ -1,10 +1,11 @@
 // The values behind one drive's object dictionary: current, power-on and factory. Types, access and ranges
-// come from the one object table. Knows nothing of what a value does.
+// come from the profile's object table. Knows nothing of what a value does.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
-#include "tendril/canopen/epos4.h"
+#include "tendril/canopen/drive_profile.h"
 
 namespace tendril::emulator {
 
@@ -20,11 +21,13 @@ struct Object {
 
 class ObjectDictionary {
  public:
-  explicit ObjectDictionary(int node_id);
+  ObjectDictionary(const canopen::DriveProfile& profile, int node_id);
 
-  /// nullptr when there is no such entry. Pointers stay valid as long as the dictionary lives.
+  /// nullptr when the drive shows no such entry. Pointers stay valid as long as the dictionary lives.
   Object* Find(canopen::ObjectAddress address) noexcept;
-  /// The same for entries that the emulator itself needs; throws std::logic_error when the table lacks one.
+  /// What the emulation works with, by its address in an EPOS4: motor data, fault options, PDOs. Where the
+  /// drive shows no such object, or has its maker's own at that place, this is a value that no bus sees.
+  /// Throws std::logic_error for an address that an EPOS4 lacks too.
   Object& At(std::uint16_t index, std::uint8_t sub);
 
   /// Restores the power-on values of first..last.
@@ -37,7 +40,12 @@ class ObjectDictionary {
   void Load() noexcept;
 
  private:
-  std::vector<Object> objects_;
+  template <class Act>
+  void Each(Act act) {
+    for (auto* objects : {&shown_, &inner_}) std::for_each(objects->begin(), objects->end(), act);
+  }
+
+  std::vector<Object> shown_, inner_;  // ascending
 };
 
 }  // namespace tendril::emulator

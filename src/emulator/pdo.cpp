@@ -2,6 +2,8 @@
 // Knows nothing of the bus, of time and of what the mapped values do.
 #include "pdo.h"
 
+#include <algorithm>
+
 #include "tendril/canopen/sdo.h"
 
 namespace tendril::emulator {
@@ -97,10 +99,13 @@ void Pdo::Refresh() noexcept {
   inhibit_ns_ = inhibit_ == nullptr ? 0 : inhibit_->value * 100 * kNsPerUs;
   mapped_count_ = 0;
   bytes_ = 0;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(count_->value); ++i) {
+  // A data sheet may give defaults that map more than fits, or objects that it does not have.
+  const auto count = std::min(static_cast<std::size_t>(count_->value), entries_.size());
+  for (std::size_t i = 0; i < count; ++i) {
     const auto value = static_cast<std::uint32_t>(entries_[i]->value);
     Object* object =
         objects_.Find({static_cast<std::uint16_t>(value >> 16), static_cast<std::uint8_t>(value >> 8)});
+    if (object == nullptr || object->bytes() == 0 || bytes_ + object->bytes() > 8) continue;
     mapped_[static_cast<std::size_t>(mapped_count_++)] = object;
     bytes_ += object->bytes();
   }

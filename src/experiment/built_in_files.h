@@ -4,8 +4,8 @@
 
 #include <string_view>
 
-namespace tendril::tools {
+namespace tendril::experiment {
 
 extern const std::string_view kDaemonFile;  // config/tendrild.yaml
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

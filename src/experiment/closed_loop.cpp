@@ -1,13 +1,14 @@
 #include "tendril/experiment/closed_loop.h"
 
 #include <stdexcept>
+#include <utility>
 
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/daemon/wiring.h"
 #include "tendril/io/connection.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 // Runs in simulated time: LCM's in-process transport carries the messages.
@@ -19,11 +20,20 @@ LcmParameters InProcess(LcmParameters lcm) {
 }  // namespace
 
 DaemonParameters FitBus(DaemonParameters daemon, const RobotParameters& robot) {
-  daemon.bus.nodes.clear();
+  const std::vector<NodeParameters> given = std::exchange(daemon.bus.nodes, {});
   for (int j = 0; j < robot.body.tendons(); ++j) {
-    daemon.bus.nodes.push_back({robot.actuation->tendons[static_cast<std::size_t>(j)].node_id, j + 1});
+    // The kind of drive is that of the file's tendon, or of its first one.
+    NodeParameters node;
+    for (const NodeParameters& other : given) {
+      if (&other == &given.front() || other.tendon == j + 1) node = other;
+    }
+    node.node_id = robot.actuation->tendons[static_cast<std::size_t>(j)].node_id;
+    node.tendon = j + 1;
+    node.motor_reversed = node.encoder_reversed = false;
+    daemon.bus.nodes.push_back(std::move(node));
   }
-  const canopen::BusBudget budget = canopen::ComputeBusBudget(daemon.bus);
+  const canopen::BusBudget budget =
+      canopen::ComputeBusBudget(daemon.bus, daemon::DriveSetups(robot, daemon.bus));
   if (budget.load > daemon.bus.max_load) {
     const TimeNs cycle_ns = budget.min_cycle_ns_for_these_drives;
     daemon.bus.feedback_deadline_ns = daemon.bus.feedback_deadline_ns * cycle_ns / daemon.bus.cycle_ns;
@@ -45,9 +55,10 @@ ClosedLoop::ClosedLoop(const ClosedLoopOptions& options) : bus_(clock_) {
         std::to_string(options.plant_robot.body.tendons()) + ": give two files of the same robot");
   }
   daemon_ = options.keep_nodes ? options.daemon : FitBus(options.daemon, robot);
-  rig_ = std::make_unique<VirtualRig>(options.plant_robot, bus_.AddPort(), options.plant);
-  const auto setups = daemon::DriveSetups(robot, daemon_.bus);
-  master_ = std::make_unique<canopen::Master>(daemon_.bus, setups, bus_.AddPort());
+  rig_ = std::make_unique<rig::VirtualRig>(options.plant_robot, bus_.AddPort(), options.plant,
+                                           rig::DriveProfiles(daemon_.bus.nodes));
+  setups_ = daemon::DriveSetups(robot, daemon_.bus);
+  master_ = std::make_unique<canopen::Master>(daemon_.bus, setups_, bus_.AddPort());
   controller_ = std::make_unique<control::Controller>(robot, daemon_.controller, daemon_.bus.cycle_ns);
   cycle_ =
       std::make_unique<daemon::ControlCycle>(*controller_, *master_, clock_, daemon_.bus, [this](TimeNs) {
@@ -146,4 +157,4 @@ void ClosedLoop::ThrowTimeout(const char* what) const {
       std::string(StatusText(o.status)) + (last_event_.empty() ? "" : "; last event: " + last_event_));
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

@@ -12,7 +12,7 @@
 
 #include "tendril/experiment/excitation.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 PlannedRun Usual(std::string_view family, double duration_s, int repeats = 0) {
@@ -233,4 +233,4 @@ std::string ToYaml(const Plan& plan) {
   return text;
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

@@ -20,7 +20,7 @@
 #include "tendril/io/wire.h"
 #include "tendril/model/pull_cone.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 // Bend at the minimum tension: straight, or where tendons do not pull in every direction the controller's
@@ -342,4 +342,4 @@ ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std
   return set;
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

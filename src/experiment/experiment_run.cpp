@@ -18,7 +18,7 @@
 #include "tendril/config/config.h"
 #include "tendril/experiment/closed_loop.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
@@ -275,4 +275,4 @@ ExperimentSet RunSet(const Plan& plan, const ExperimentOptions& options, const s
   return set;
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

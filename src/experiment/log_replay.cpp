@@ -15,7 +15,7 @@
 #include "tendril/control/controller.h"
 #include "tendril/io/log.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 class Comparison {
@@ -201,4 +201,4 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
       path, *first_seen, damaged));
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

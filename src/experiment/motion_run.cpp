@@ -4,7 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 // A robot closer than this to the motion's first target has arrived.
@@ -19,7 +19,7 @@ std::uint64_t CyclesOf(const ClosedLoop& loop, double period_s) {
   return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(std::llround(cycles)));
 }
 
-void ApproachStart(ClosedLoop& loop, const Motion& motion, const CycleObserver& observe) {
+void ApproachStart(ClosedLoop& loop, const motion::Motion& motion, const CycleObserver& observe) {
   loop.Send(motion.Start());
   const double end_s = loop.now_s() + kApproachTimeout_s;
   for (double still_since_s = loop.now_s(); loop.now_s() - still_since_s < kRest_s;) {
@@ -31,7 +31,8 @@ void ApproachStart(ClosedLoop& loop, const Motion& motion, const CycleObserver& 
   }
 }
 
-void StreamMotion(ClosedLoop& loop, const Motion& motion, const CycleObserver& observe, double ahead_s) {
+void StreamMotion(ClosedLoop& loop, const motion::Motion& motion, const CycleObserver& observe,
+                  double ahead_s) {
   const std::uint64_t command_every = CyclesOf(loop, kCommandPeriod_s);
   const TimeNs start_ns = loop.now_ns();
   for (std::uint64_t step = 0; ToSeconds(loop.now_ns() - start_ns) < motion.duration_s(); ++step) {
@@ -42,4 +43,4 @@ void StreamMotion(ClosedLoop& loop, const Motion& motion, const CycleObserver& o
   }
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

@@ -10,7 +10,7 @@
 #include <sstream>
 #include <stdexcept>
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 constexpr double kMostSigma = 1000, kNear = 0.02;
@@ -170,4 +170,4 @@ SizedEffect AmountFor(const RequestedSize& requested,
   return best;
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

@@ -481,19 +481,17 @@ bool SameTable(const TransmissionParameters& a, const TransmissionParameters& b)
 
 }  // namespace
 
-std::vector<CapstanTable> MakeCapstanTables(std::span<const TransmissionParameters> transmissions,
-                                            double max_tension_N, double relative_error) {
-  std::vector<CapstanTable> tables;
-  tables.reserve(transmissions.size());
-  for (std::size_t i = 0; i < transmissions.size(); ++i) {
-    const auto equal = std::find_if(transmissions.begin(), transmissions.begin() + i,
-                                    [&](const auto& other) { return SameTable(other, transmissions[i]); });
-    const auto first = static_cast<std::size_t>(equal - transmissions.begin());
-    if (first < i) {
-      tables.push_back(tables[first]);
-    } else {
-      tables.emplace_back(transmissions[i], max_tension_N, relative_error);
-    }
+std::vector<std::shared_ptr<const CapstanTable>> MakeCapstanTables(
+    std::span<const TendonDriveParameters> tendons, double max_tension_N, double relative_error) {
+  std::vector<std::shared_ptr<const CapstanTable>> tables;
+  for (const TendonDriveParameters& t : tendons) {
+    const auto equal = std::find_if(tendons.begin(), tendons.begin() + tables.size(), [&](const auto& other) {
+      return SameTable(other.transmission, t.transmission);
+    });
+    const auto first = static_cast<std::size_t>(equal - tendons.begin());
+    tables.push_back(first < tables.size() ? tables[first]
+                                           : std::make_shared<const CapstanTable>(
+                                                 t.transmission, max_tension_N, relative_error));
   }
   return tables;
 }

@@ -9,7 +9,7 @@
 #include "tendril/model/held_directions.h"
 #include "tendril/model/pull_cone.h"
 
-namespace tendril::tools {
+namespace tendril::motion {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
@@ -278,4 +278,4 @@ std::unique_ptr<Motion> MakeMotion(const std::string& name, const RobotParameter
   return motion;
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::motion

@@ -10,7 +10,7 @@
 #include "tendril/core/tip_unit.h"
 #include "tendril/model/inverse.h"
 
-namespace tendril::tools {
+namespace tendril::motion {
 namespace {
 
 using Eigen::MatrixXd;
@@ -218,68 +218,84 @@ PathTiming::Point PathTiming::At(double t_s) const {
   return p;
 }
 
-PathTiming::PathTiming(const Spline& curve, const PathLimits& limits) {
-  Profile profile(curve, limits);
-  bound_s_ = profile.Run(1, 1).back().t;
-
+/// Searches shares of the limits and a window for the least time.
+struct PathTiming::Search {
   struct Choice {
     double rate, acceleration, window;  // shares of both limits; of acceleration over jerk
     double duration_s = HUGE_VAL;
   };
-  // Computes this timing for a choice and returns its duration. `seen`: factors by which the grid's points
-  // must be slowed down.
-  const auto take = [&](Choice& c, bool dense, std::vector<double>* seen) {
-    knots_ = profile.Run(c.rate, c.acceleration);
-    window_s_ = c.window * c.acceleration * limits.acceleration_radps2 / limits.jerk_radps3;
-    const double whole_s = knots_.back().t + window_s_;
-    // The acceleration jumps at the knots, and the jerk there and one window later.
-    std::vector<double> times;
-    for (const Knot& k : knots_) times.insert(times.end(), {k.t, k.t + window_s_});
-    if (dense) {
-      const int looks = std::clamp(static_cast<int>(whole_s / kLook_s), kFewLooks, kMostLooks);
-      for (int i = 0; i <= looks; ++i) times.push_back(whole_s * i / looks);
-    }
-    stretch_ = 0;
-    for (const double t : times) {
-      const Point p = Averaged(t);
-      const Spline::Point q = curve.At(p.s);
-      const double use =
-          UseOf(
-              limits, q.first * p.rate, q.second * p.rate * p.rate + q.first * p.acceleration,
-              q.third * p.rate * p.rate * p.rate + 3 * q.second * p.rate * p.acceleration + q.first * p.jerk)
-              .stretch();
-      stretch_ = std::max(stretch_, use);
-      if (seen) {
-        const auto at = std::lower_bound(profile.s.begin(), profile.s.end() - 1, p.s) - profile.s.begin();
-        (*seen)[static_cast<std::size_t>(at)] = std::max((*seen)[static_cast<std::size_t>(at)], use);
-      }
-    }
-    stretch_ *= kMargin;
-    c.duration_s = duration_s_ = stretch_ * whole_s;
-  };
 
+  PathTiming& timing;
+  const Spline& curve;
+  const PathLimits& limits;
+  Profile& profile;
   Choice best{1, 1, 1};
+
+  /// Computes the timing for a choice and its duration. `seen`: factors by which the grid's points must be
+  /// slowed down.
+  void Take(Choice& c, bool dense, std::vector<double>* seen);
+  void OnGrid();
+  void AroundBest();
+  /// Where a single place exceeds a limit, slows down only there.
+  void SlowWhereNeeded();
+};
+
+void PathTiming::Search::Take(Choice& c, bool dense, std::vector<double>* seen) {
+  timing.knots_ = profile.Run(c.rate, c.acceleration);
+  timing.window_s_ = c.window * c.acceleration * limits.acceleration_radps2 / limits.jerk_radps3;
+  const double whole_s = timing.knots_.back().t + timing.window_s_;
+  // The acceleration jumps at the knots, and the jerk there and one window later.
+  std::vector<double> times;
+  for (const Knot& k : timing.knots_) times.insert(times.end(), {k.t, k.t + timing.window_s_});
+  if (dense) {
+    const int looks = std::clamp(static_cast<int>(whole_s / kLook_s), kFewLooks, kMostLooks);
+    for (int i = 0; i <= looks; ++i) times.push_back(whole_s * i / looks);
+  }
+  timing.stretch_ = 0;
+  for (const double t : times) {
+    const Point p = timing.Averaged(t);
+    const Spline::Point q = curve.At(p.s);
+    const double use =
+        UseOf(limits, q.first * p.rate, q.second * p.rate * p.rate + q.first * p.acceleration,
+              q.third * p.rate * p.rate * p.rate + 3 * q.second * p.rate * p.acceleration + q.first * p.jerk)
+            .stretch();
+    timing.stretch_ = std::max(timing.stretch_, use);
+    if (seen) {
+      const auto at = std::lower_bound(profile.s.begin(), profile.s.end() - 1, p.s) - profile.s.begin();
+      (*seen)[static_cast<std::size_t>(at)] = std::max((*seen)[static_cast<std::size_t>(at)], use);
+    }
+  }
+  timing.stretch_ *= kMargin;
+  c.duration_s = timing.duration_s_ = timing.stretch_ * whole_s;
+}
+
+void PathTiming::Search::OnGrid() {
   for (double rate = 1; rate > 0.003; rate *= 0.62) {
     for (double acceleration = 1; acceleration > 0.02; acceleration *= 0.62) {
       for (const double window : {1.0, 2.0}) {
         Choice c{rate, acceleration, window};
-        take(c, false, nullptr);
+        Take(c, false, nullptr);
         if (c.duration_s < best.duration_s) best = c;
       }
     }
   }
+}
+
+void PathTiming::Search::AroundBest() {
   for (double step = 0.2; step > 0.01; step *= 0.6) {
     for (double Choice::*what : {&Choice::rate, &Choice::acceleration, &Choice::window}) {
       for (const double factor : {1 - step, 1 / (1 - step)}) {
         Choice c = best;
         c.*what *= factor;
         if (what != &Choice::window) c.*what = std::min(1.0, c.*what);
-        take(c, false, nullptr);
+        Take(c, false, nullptr);
         if (c.duration_s < best.duration_s) best = c;
       }
     }
   }
-  // Where a single place exceeds a limit, slow down only there.
+}
+
+void PathTiming::Search::SlowWhereNeeded() {
   std::vector<double> best_most = profile.most;
   const Choice evenly = best;
   for (Choice start : {evenly, Choice{1, 1, 1}, Choice{1, 1, 2}, Choice{1, 0.7, 1.4}, Choice{1, 0.5, 1},
@@ -287,7 +303,7 @@ PathTiming::PathTiming(const Spline& curve, const PathLimits& limits) {
     profile.most.assign(profile.s.size(), HUGE_VAL);
     for (int round = 0; round < kRounds; ++round) {
       std::vector<double> seen(profile.s.size(), 0);
-      take(start, false, &seen);
+      Take(start, false, &seen);
       if (start.duration_s < best.duration_s) {
         best = start;
         best_most = profile.most;
@@ -298,13 +314,22 @@ PathTiming::PathTiming(const Spline& curve, const PathLimits& limits) {
         for (int j = std::max(0, i - kReach); j <= std::min(n - 1, i + kReach); ++j)
           worst = std::max(worst, seen[static_cast<std::size_t>(j)]);
         const auto at = static_cast<std::size_t>(i);
-        const double x = knots_[at].rate * knots_[at].rate;
+        const double x = timing.knots_[at].rate * timing.knots_[at].rate;
         if (worst > 1 && x > 0) profile.most[at] = std::min(profile.most[at], x / (worst * worst));
       }
     }
   }
   profile.most = best_most;
-  take(best, true, nullptr);
+}
+
+PathTiming::PathTiming(const Spline& curve, const PathLimits& limits) {
+  Profile profile(curve, limits);
+  bound_s_ = profile.Run(1, 1).back().t;
+  Search search{*this, curve, limits, profile};
+  search.OnGrid();
+  search.AroundBest();
+  search.SlowWhereNeeded();
+  search.Take(search.best, true, nullptr);
 }
 
 // ---- points and tip paths ---------------------------------------------------------------------------------
@@ -438,4 +463,4 @@ Spline AlongTip(const TipPath& path, const std::string& name, TipSolver& solver,
   return curve;
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::motion

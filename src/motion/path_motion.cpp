@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-namespace tendril::tools {
+namespace tendril::motion {
 namespace {
 
 using Eigen::VectorXd;
@@ -134,4 +134,4 @@ std::unique_ptr<Motion> MakeTableMotion(std::string name, const Spline& table, c
   return std::make_unique<TableMotion>(std::move(name), table, limits, robot);
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::motion

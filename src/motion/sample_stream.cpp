@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-namespace tendril::tools {
+namespace tendril::motion {
 
 void SampleStream::Add(TimeNs arrived_ns, const Eigen::VectorXd& value, TimeNs valid_for_ns) {
   // Of two at the same time the later one counts.
@@ -35,4 +35,4 @@ bool SampleStream::Expired(TimeNs now_ns) const {
   return !samples_.empty() && now_ns > std::max(samples_.back().until_ns, samples_.back().at_ns + delay_ns_);
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::motion

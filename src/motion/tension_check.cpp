@@ -9,11 +9,11 @@
 
 #include "tendril/control/controller.h"
 #include "tendril/control/reach.h"
+#include "tendril/model/arc_tensions.h"
 #include "tendril/model/capstan.h"
 #include "tendril/model/held_directions.h"
-#include "tendril/model/inverse.h"
 
-namespace tendril::tools {
+namespace tendril::motion {
 namespace {
 
 constexpr double kLook_s = 0.002;
@@ -36,18 +36,10 @@ class Check {
   explicit Check(const RobotParameters& robot)
       : robot_(robot),
         body_(robot.body),
-        workspace_(body_),
-        allocator_(body_.tendons(), 2 * body_.sections()),
+        arcs_(body_),
         reach_(robot, body_, CommandedLimits(robot.limits), 0, true),
-        q_(UnitVector::Zero(body_.dof())),
-        dq_(q_),
-        ddq_(q_),
-        force_Nm_(q_),
-        wanted_Nm_(BendingVector::Zero(2 * body_.sections())),
-        per_tension_(2 * body_.sections(), body_.tendons()) {
-    for (const auto& t : robot.actuation->tendons)
-      tables_.emplace_back(t.transmission, robot.limits.max_tension_motor_N);
-  }
+        tables_(model::MakeCapstanTables(robot.actuation->tendons, robot.limits.max_tension_motor_N)),
+        q_(UnitVector::Zero(body_.dof())) {}
 
   Instant At(const Motion& motion, double t_s) {
     const double half_s = kLook_s / 2;
@@ -71,14 +63,9 @@ class Check {
   /// Empty, or what is exceeded.
   std::string Problem(const Instant& at) {
     const LimitParameters& limits = robot_.limits;
-    body_.SpreadBending(at.bending_rad, q_);
-    body_.SpreadBending(at.rate_radps, dq_);
-    body_.SpreadBending(at.acceleration_radps2, ddq_);
-    body_.InverseDynamics(q_, dq_, ddq_, force_Nm_, workspace_);
-    body_.ProjectForce(force_Nm_, wanted_Nm_);
-    model::SectionForcePerTension(body_, at.bending_rad, per_tension_);
     const double most_N = control::kCommandedTensionShare * limits.max_tension_base_N;
-    const auto allocated = allocator_.Allocate(per_tension_, wanted_Nm_, limits.min_tension_N, most_N);
+    const auto allocated =
+        arcs_.Move(at.bending_rad, at.rate_radps, at.acceleration_radps2, limits.min_tension_N, most_N);
     BendingVector held_rad = at.bending_rad;
     if (reach_.Limit(held_rad) == Status::kLimitedDirection) return model::HeldDirections(robot_.body);
     if (allocated.bound == Status::kLimitedTensionMax) {
@@ -87,7 +74,7 @@ class Check {
     }
     for (int j = 0; j < body_.tendons(); ++j) {
       const auto& t = robot_.actuation->tendons[static_cast<std::size_t>(j)];
-      const auto& table = tables_[static_cast<std::size_t>(j)];
+      const model::CapstanTable& table = *tables_[static_cast<std::size_t>(j)];
       const double travel_m = t.SpoolTravelPerMotorRad(), base_N = allocated.tension_N[j];
       const bool pulls = at.shortening_mps[j] >= 0;
       const double motor_N = pulls ? table.Pull(base_N) : table.Release(base_N);
@@ -117,13 +104,10 @@ class Check {
 
   const RobotParameters& robot_;
   model::Body body_;
-  model::Body::Workspace workspace_;
-  model::TensionAllocator allocator_;
+  model::ArcTensions arcs_;
   control::Reach reach_;
-  std::vector<model::CapstanTable> tables_;
-  UnitVector q_, dq_, ddq_, force_Nm_;
-  BendingVector wanted_Nm_;
-  Eigen::MatrixXd per_tension_;
+  const std::vector<std::shared_ptr<const model::CapstanTable>> tables_;
+  UnitVector q_;
 };
 
 }  // namespace
@@ -145,4 +129,4 @@ void RequireTensions(const Motion& motion, const RobotParameters& robot) {
   }
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::motion

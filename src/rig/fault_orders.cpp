@@ -12,7 +12,7 @@
 #include "tendril/config/config.h"
 #include "tendril/io/connection.h"
 
-namespace tendril::tools {
+namespace tendril::rig {
 namespace {
 
 /// Makes external text printable in one line of a terminal.
@@ -83,4 +83,4 @@ void FaultListener::Answer(const std::string& line) {
   lines_.push_back(line);
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::rig

@@ -14,7 +14,7 @@
 
 #include "tendril/canopen/wire.h"
 
-namespace tendril::tools {
+namespace tendril::rig {
 namespace {
 
 constexpr double kLongestStep_s = 1e-3;
@@ -118,4 +118,4 @@ void FreeMotors::Poll(TimeNs now_ns) {
   }
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::rig

@@ -9,18 +9,18 @@
 #include "tendril/io/client.h"
 #include "tendril/rig/fault_orders.h"
 
-namespace tendril::tools {
+namespace tendril::rig {
 
 struct SimulatedRobot::State {
-  State(const RobotParameters& robot, const LcmParameters& parameters, const Clock& robot_clock,
+  State(const RobotParameters& robot, const DaemonParameters& daemon, const Clock& robot_clock,
         std::uint64_t seed)
       : clock(robot_clock),
         bus(robot_clock),
         faults(bus.AddPort(), seed),
-        rig(robot, faults, {.seed = seed}),
-        lcm(io::OpenLcm(parameters.url)),
-        listener(*lcm, parameters.channel_prefix, faults, robot_clock),
-        tracker_channel(io::ChannelName(parameters.channel_prefix, "TRACKER")),
+        rig(robot, faults, {.seed = seed}, DriveProfiles(daemon.bus.nodes)),
+        lcm(io::OpenLcm(daemon.lcm.url)),
+        listener(*lcm, daemon.lcm.channel_prefix, faults, robot_clock),
+        tracker_channel(io::ChannelName(daemon.lcm.channel_prefix, "TRACKER")),
         port(*this) {
     faults.Attach(rig.drives());
   }
@@ -82,9 +82,9 @@ struct SimulatedRobot::State {
   std::vector<std::string> lines;
 };
 
-SimulatedRobot::SimulatedRobot(const RobotParameters& robot, const LcmParameters& lcm, const Clock& clock,
-                               std::uint64_t seed)
-    : state_(std::make_unique<State>(robot, lcm, clock, seed)) {}
+SimulatedRobot::SimulatedRobot(const RobotParameters& robot, const DaemonParameters& daemon,
+                               const Clock& clock, std::uint64_t seed)
+    : state_(std::make_unique<State>(robot, daemon, clock, seed)) {}
 
 SimulatedRobot::~SimulatedRobot() = default;
 
@@ -97,4 +97,4 @@ std::vector<std::string> SimulatedRobot::TakeLines() {
   return std::exchange(state_->lines, {});
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::rig

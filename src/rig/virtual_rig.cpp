@@ -7,11 +7,12 @@
 #include <limits>
 #include <numbers>
 
-namespace tendril::tools {
+namespace tendril::rig {
 namespace {
 
 std::vector<emulator::EmulatedDriveParameters> Drives(
-    const RobotParameters& robot, std::span<const emulator::EmulatedDriveParameters> more) {
+    const RobotParameters& robot, const DriveProfiles& profiles,
+    std::span<const emulator::EmulatedDriveParameters> more) {
   std::vector<emulator::EmulatedDriveParameters> drives;
   for (const auto& tendon : robot.actuation->tendons) {
     emulator::EmulatedDriveParameters drive;
@@ -20,6 +21,7 @@ std::vector<emulator::EmulatedDriveParameters> Drives(
     drive.nominal_current_mA = static_cast<std::uint32_t>(std::lround(tendon.motor.nominal_current_A * 1e3));
     drive.torque_constant_uNmpA =
         static_cast<std::uint32_t>(std::lround(tendon.motor.torque_constant_NmpA * 1e6));
+    drive.profile = profiles.Of(drive.node_id);
     drives.push_back(drive);
   }
   drives.insert(drives.end(), more.begin(), more.end());
@@ -33,12 +35,21 @@ std::int16_t Millivolts(double volts) {
 
 }  // namespace
 
+DriveProfiles::DriveProfiles(std::span<const NodeParameters> nodes) {
+  for (const NodeParameters& node : nodes) profiles_[node.node_id] = canopen::ProfileOf(node);
+}
+
+canopen::DriveProfilePtr DriveProfiles::Of(int node_id) const {
+  const auto at = profiles_.find(node_id);
+  return at == profiles_.end() ? canopen::Epos4Profile() : at->second;
+}
+
 // The plant comes first: it refuses a robot without actuation.
 VirtualRig::VirtualRig(const RobotParameters& robot, can::CanPort& port, const sim::PlantOptions& options,
-                       std::span<const emulator::EmulatedDriveParameters> more)
+                       const DriveProfiles& profiles, std::span<const emulator::EmulatedDriveParameters> more)
     : robot_(robot),
       plant_(robot_, options),
-      rack_(Drives(robot_, more), port),
+      rack_(Drives(robot_, profiles, more), port),
       released_(robot_.actuation->tendons.size(), false),
       torque_Nm_(plant_.tendons()),
       wiring_(released_.size()),
@@ -143,4 +154,4 @@ void VirtualRig::ShowSensors() {
   }
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::rig

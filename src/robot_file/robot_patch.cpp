@@ -18,7 +18,7 @@
 #include "tendril/config/config.h"
 #include "tendril/sim/effects.h"
 
-namespace tendril::tools {
+namespace tendril::robot_file {
 namespace {
 
 using Path = std::vector<std::string>;
@@ -568,4 +568,4 @@ std::string DiffLines(const std::string& before, const std::string& after) {
   return text;
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::robot_file

@@ -14,6 +14,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "actuation.h"
 #include "drivetrain.h"
 #include "integrator.h"
 #include "laws.h"
@@ -34,35 +35,10 @@ constexpr double kNewtonTension = 0.125;
 // oscillates on its micro-slip (some 100 Hz) must not fall into one step.
 constexpr double kLongestStep_s = 0.5e-3;
 
-bool Same(const PulleyParameters& a, const PulleyParameters& b) {
-  return a.law == b.law && a.wrap_rad == b.wrap_rad && a.radius_ratio == b.radius_ratio &&
-         a.alpha == b.alpha && a.exponent == b.exponent && a.entry_angle_rad == b.entry_angle_rad;
-}
-
-bool SameMap(const TransmissionParameters& a, const TransmissionParameters& b) {
-  return a.low_tension_N == b.low_tension_N && a.pulleys.size() == b.pulleys.size() &&
-         std::equal(a.pulleys.begin(), a.pulleys.end(), b.pulleys.begin(), Same);
-}
-
 Eigen::Matrix3d Rotation(const Eigen::Vector3d& vector) {
   const double angle = vector.norm();
   return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix()
                    : Eigen::Matrix3d::Identity();
-}
-
-const ActuationParameters& Actuation(const RobotParameters& robot) {
-  if (!robot.actuation) {
-    throw std::invalid_argument(
-        fmt::format("robot '{}' has no actuation: the plant needs motors and tendons; use a robot file with "
-                    "an 'actuation' section",
-                    robot.name));
-  }
-  const int expected = robot.body.tendons();
-  if (static_cast<int>(robot.actuation->tendons.size()) != expected) {
-    throw std::invalid_argument(fmt::format("robot '{}': actuation names {} tendons, the body has {}",
-                                            robot.name, robot.actuation->tendons.size(), expected));
-  }
-  return *robot.actuation;
 }
 
 // The tracker has a separate random sequence, so that reading it leaves the drives' noise unchanged.
@@ -91,7 +67,7 @@ struct Plant::Impl final : OdeSystem {
       : robot(FoldEffects(robot_parameters)),
         laws(PlantLaws::Of(robot)),
         options(plant_options),
-        actuation(Actuation(robot)),
+        actuation(Actuation(robot, "the plant")),
         body(robot.body),
         workspace(body),
         n(body.dof()),
@@ -100,19 +76,11 @@ struct Plant::Impl final : OdeSystem {
         lu(n),
         sensor_noise(plant_options.sensor_noise, plant_options.seed),
         tracker_noise(plant_options.sensor_noise, plant_options.seed + kTrackerSeed) {
-    std::vector<std::shared_ptr<const model::CapstanTable>> tables;
-    for (int j = 0; j < m; ++j) {
-      const auto& p = actuation.tendons[j];
-      for (int i = 0; i < j && static_cast<int>(tables.size()) == j; ++i) {
-        if (SameMap(actuation.tendons[i].transmission, p.transmission)) tables.push_back(tables[i]);
-      }
-      if (static_cast<int>(tables.size()) == j) {
-        // The motor's rated torque bounds its continuous pull; the table's own limit is twice the file's.
-        const double most = std::max(2 * robot.limits.max_tension_motor_N, 20.0);
-        tables.push_back(std::make_shared<model::CapstanTable>(p.transmission, most));
-      }
-      drive.emplace_back(p, robot.limits.min_tension_N, tables.back(),
-                         laws.tendon[static_cast<std::size_t>(j)]);
+    // The motor's rated torque bounds its continuous pull; the table's own limit is twice the file's.
+    const auto tables =
+        model::MakeCapstanTables(actuation.tendons, std::max(2 * robot.limits.max_tension_motor_N, 20.0));
+    for (std::size_t j = 0; j < tables.size(); ++j) {
+      drive.emplace_back(actuation.tendons[j], robot.limits.min_tension_N, tables[j], laws.tendon[j]);
     }
     for (const auto& section : robot.body.sections) {
       for (int i = 0; i < 2 * section.units; ++i) damping.push_back(section.bending_damping_Nms);

@@ -12,6 +12,7 @@
 #include <mutex>
 #include <stdexcept>
 
+#include "actuation.h"
 #include "body_motion.h"
 #include "drivetrain.h"
 #include "laws.h"
@@ -76,21 +77,6 @@ class CapstanTables {
   long clock_ = 0;
 };
 
-const ActuationParameters& Actuation(const RobotParameters& robot) {
-  if (!robot.actuation) {
-    throw std::invalid_argument(fmt::format(
-        "robot '{}' has no actuation: a replay needs motors and tendons; use a robot file with an "
-        "'actuation' section",
-        robot.name));
-  }
-  const int expected = robot.body.tendons();
-  if (static_cast<int>(robot.actuation->tendons.size()) != expected) {
-    throw std::invalid_argument(fmt::format("robot '{}': actuation names {} tendons, the body has {}",
-                                            robot.name, robot.actuation->tendons.size(), expected));
-  }
-  return *robot.actuation;
-}
-
 /// Bridges gaps of NaN linearly, held at the ends; false when there is no value.
 bool Bridge(Eigen::Ref<VectorXd> values) {
   Index last = -1;
@@ -125,7 +111,7 @@ void Differentiate(Eigen::Ref<const VectorXd> x, double step, Eigen::Ref<VectorX
 struct Replay::Impl {
   explicit Impl(const RobotParameters& given)
       : robot(FoldEffects(given)),
-        actuation(Actuation(robot)),
+        actuation(Actuation(robot, "a replay")),
         laws(PlantLaws::Of(robot)),
         body(robot.body),
         n(body.dof()),
@@ -135,7 +121,7 @@ struct Replay::Impl {
       const double most = std::max(2 * robot.limits.max_tension_motor_N, 20.0);
       drive.emplace_back(p, robot.limits.min_tension_N, CapstanTables::For(p.transmission, most),
                          laws.tendon[At(j)]);
-      const auto& nominal = Actuation(given).tendons[At(j)].load_cell;
+      const auto& nominal = Actuation(given, "a replay").tendons[At(j)].load_cell;
       if (nominal.place == LoadCellPlace::kNone) {
         cell.push_back({1, 0, 0});
       } else {

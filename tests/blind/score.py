@@ -11,6 +11,7 @@ from pathlib import Path
 
 from tests.blind.seal import (HEAD, LEDGER, OPENED, NotRun, Wrong, diagnose_one, digest, end_of, enter, entered, listed, now,
                               parts_of, seal_of, seal_sha, sha, shard_ids, vault_of, write_once)
+from tools.shares import wilson
 
 SEEN = 0.3  # sigma from which half of all effects shall be seen
 UNSEEN = 0.03  # sigma, a third of the least that is drawn: the short runs that tell sizes missed the effect
@@ -60,15 +61,6 @@ def check_closed(closed):
     share = lambda v: v is None or (isinstance(v, dict) and (v.get("value") is None or
                                                             (isinstance(v["value"], (int, float)) and math.isfinite(v["value"]))))
     need(isinstance(closed, dict) and all(share(closed.get(k)) for k in ("pooled", "ceiling")), "closed")
-
-
-def wilson(k, n, z=1.959964):
-    if n == 0:
-        return float("nan"), 0.0, 1.0
-    p = k / n
-    c = (p + z * z / (2 * n)) / (1 + z * z / n)
-    h = z / (1 + z * z / n) * (p * (1 - p) / n + z * z / (4 * n * n)) ** 0.5
-    return p, max(0.0, c - h), min(1.0, c + h)
 
 
 def refused(seal, answer_text, record, data=None):

@@ -276,6 +276,8 @@ TEST(Cia402, DisableVoltageCutsThePowerFromEveryState) {
 
 // ---- EMCY ---------------------------------------------------------------------------------------
 
+const EmcyInfo& Find(std::uint16_t code) { return FindEmcy(Epos4Profile()->emcy, code); }
+
 TEST(Emcy, CodesRegisterAndReaction) {
   using R = EmcyReaction;
   const std::tuple<std::uint16_t, int, R> cases[] = {
@@ -298,19 +300,23 @@ TEST(Emcy, CodesRegisterAndReaction) {
       {0x0000, 0x00, R::kNone},
   };
   for (const auto& [code, bit, reaction] : cases) {
-    EXPECT_EQ(FindEmcy(code).register_bit, bit) << std::hex << code;
-    EXPECT_EQ(FindEmcy(code).reaction, reaction) << std::hex << code;
-    EXPECT_THAT(FindEmcy(code).text, ::testing::Not(HasSubstr("not in the drive's list")));
+    EXPECT_EQ(Find(code).register_bit, bit) << std::hex << code;
+    EXPECT_EQ(Find(code).reaction, reaction) << std::hex << code;
+    EXPECT_THAT(Find(code).text, ::testing::Not(HasSubstr("not in the drive's list")));
   }
   for (int code = 0; code <= 0xFFFF; ++code) {
-    const EmcyInfo& info = FindEmcy(static_cast<std::uint16_t>(code));
+    const EmcyInfo& info = Find(static_cast<std::uint16_t>(code));
     ASSERT_STRNE(info.text, "");
     ASSERT_TRUE(code >= info.first && code <= info.last);
   }
-  EXPECT_THAT(FindEmcy(0x2345).text, HasSubstr("not in the drive's list"));
+  EXPECT_THAT(Find(0x2345).text, HasSubstr("not in the drive's list"));
 }
 
 // ---- PDO ----------------------------------------------------------------------------------------
+
+const ObjectTable& Objects() { return Epos4Profile()->objects; }
+
+const DrivePdos& Pdos() { return Epos4Profile()->pdos; }
 
 std::span<const MappingEntry> Entries(const PdoLayout& pdo) {
   return {pdo.entries.data(), static_cast<std::size_t>(pdo.count)};
@@ -318,24 +324,24 @@ std::span<const MappingEntry> Entries(const PdoLayout& pdo) {
 
 TEST(Pdo, BytesOfOurThree) {
   std::array<std::uint8_t, 8> data{};
-  EXPECT_EQ(EncodePdo(Entries(kRpdoTorque), std::array<std::int64_t, 2>{0x000F, -250}, data), 4);
+  EXPECT_EQ(EncodePdo(Entries(Pdos().torque), std::array<std::int64_t, 2>{0x000F, -250}, data), 4);
   EXPECT_THAT(data, ElementsAre(0x0F, 0x00, 0x06, 0xFF, 0, 0, 0, 0));
   const std::array<std::uint8_t, 8> feedback{0xFF, 0xFF, 0xFF, 0x7F, 0x00, 0x80, 0x88, 0x13};
   PdoValues values{};
-  ASSERT_TRUE(DecodePdo(Entries(kTpdoFeedback), feedback, values));
+  ASSERT_TRUE(DecodePdo(Entries(Pdos().feedback), feedback, values));
   EXPECT_EQ(values[0], 0x7FFFFFFF);
   EXPECT_EQ(values[1], -32768);
   EXPECT_EQ(values[2], 5000);
-  EXPECT_FALSE(DecodePdo(Entries(kTpdoFeedback), std::span(feedback).first(7), values));
-  EXPECT_EQ(kRpdoTorque.bytes(), 4);
-  EXPECT_EQ(kTpdoFeedback.bytes(), 8);
-  EXPECT_EQ(kTpdoStatus.bytes(), 2);
+  EXPECT_FALSE(DecodePdo(Entries(Pdos().feedback), std::span(feedback).first(7), values));
+  EXPECT_EQ(Pdos().torque.bytes(), 4);
+  EXPECT_EQ(Pdos().feedback.bytes(), 8);
+  EXPECT_EQ(Pdos().status.bytes(), 2);
 }
 
 TEST(Pdo, WhatWeMapIsMappableAsWideAndAsSigned) {
-  for (const PdoLayout* pdo : {&kRpdoTorque, &kTpdoFeedback, &kTpdoStatus}) {
+  for (const PdoLayout* pdo : {&Pdos().torque, &Pdos().feedback, &Pdos().status}) {
     for (const MappingEntry& entry : Entries(*pdo)) {
-      const ObjectEntry* object = FindObject({entry.index, entry.sub});
+      const ObjectEntry* object = Objects().Find({entry.index, entry.sub});
       ASSERT_NE(object, nullptr) << std::hex << entry.index;
       EXPECT_EQ(8 * TypeBytes(object->type), entry.bits) << std::hex << entry.index;
       EXPECT_EQ(TypeSigned(object->type), entry.is_signed) << std::hex << entry.index;
@@ -348,11 +354,11 @@ TEST(Pdo, WhatWeMapIsMappableAsWideAndAsSigned) {
 // ---- object table -------------------------------------------------------------------------------
 
 TEST(ObjectTable, IsSortedUniqueAndWithinItsOwnRanges) {
-  const auto table = ObjectTable();
+  const auto table = Objects().entries();
   for (std::size_t i = 0; i < table.size(); ++i) {
     const ObjectEntry& entry = table[i];
-    EXPECT_EQ(FindObject(entry.address()), &entry);
-    EXPECT_TRUE(HasIndex(entry.index));
+    EXPECT_EQ(Objects().Find(entry.address()), &entry);
+    EXPECT_TRUE(Objects().HasIndex(entry.index));
     EXPECT_LE(entry.min, entry.max) << std::hex << entry.index;
     if (i > 0) {
       EXPECT_LT(std::pair(table[i - 1].index, table[i - 1].sub), std::pair(entry.index, entry.sub));
@@ -362,8 +368,8 @@ TEST(ObjectTable, IsSortedUniqueAndWithinItsOwnRanges) {
     EXPECT_GE(entry.default_value, entry.min) << std::hex << entry.index << ":" << int{entry.sub};
     EXPECT_LE(entry.default_value, entry.max) << std::hex << entry.index << ":" << int{entry.sub};
   }
-  EXPECT_EQ(FindObject({0x6072, 0}), nullptr) << "the drive has no max torque";
-  EXPECT_EQ(FindObject({0x1018, 5}), nullptr);
+  EXPECT_EQ(Objects().Find({0x6072, 0}), nullptr) << "the drive has no max torque";
+  EXPECT_EQ(Objects().Find({0x1018, 5}), nullptr);
 }
 
 TEST(ObjectTable, RatedTorqueAsRealDrivesShowIt) {
@@ -395,14 +401,20 @@ BusParameters Bus(int drives, TimeNs cycle_ns) {
   return bus;
 }
 
+std::vector<DriveSetup> Drives(int count) { return std::vector<DriveSetup>(static_cast<std::size_t>(count)); }
+
+BusBudget Budget(int drives, TimeNs cycle_ns) {
+  return ComputeBusBudget(Bus(drives, cycle_ns), Drives(drives));
+}
+
 TEST(BusBudget, FrameLengths) {
   const int expected[] = {55, 65, 75, 85, 95, 105, 115, 125, 135};
   for (int n = 0; n <= 8; ++n) EXPECT_EQ(can::WorstCaseBits(n), expected[n]);
-  EXPECT_EQ(can::WorstCaseBits(kRpdoTorque.bytes()) + can::WorstCaseBits(kTpdoFeedback.bytes()), 230);
+  EXPECT_EQ(can::WorstCaseBits(Pdos().torque.bytes()) + can::WorstCaseBits(Pdos().feedback.bytes()), 230);
 }
 
 TEST(BusBudget, ThreeDrivesAtOneKilohertz) {
-  const BusBudget budget = ComputeBusBudget(Bus(3, kNsPerMs));
+  const BusBudget budget = Budget(3, kNsPerMs);
   // By hand: 1000 (55 + 3 x 230) cyclic; 3 x 100 x 75 statuswords; 4 x 10 x 65 heartbeats; 50 x 270 SDO.
   EXPECT_DOUBLE_EQ(budget.cyclic_bits_per_s, 745'000);
   EXPECT_DOUBLE_EQ(budget.other_bits_per_s, 22'500 + 2'600 + 13'500);
@@ -414,19 +426,20 @@ TEST(BusBudget, ThreeDrivesAtOneKilohertz) {
 }
 
 TEST(BusBudget, WhatFits) {
-  EXPECT_EQ(ComputeBusBudget(Bus(4, kNsPerMs)).max_drives_at_this_cycle, 3);
-  EXPECT_EQ(ComputeBusBudget(Bus(4, kNsPerMs)).min_cycle_ns_for_these_drives, 2 * kNsPerMs);
-  EXPECT_GT(ComputeBusBudget(Bus(4, kNsPerMs)).load, 0.8);
-  EXPECT_EQ(ComputeBusBudget(Bus(1, 2 * kNsPerMs)).max_drives_at_this_cycle, 6);
-  EXPECT_LE(ComputeBusBudget(Bus(6, 2 * kNsPerMs)).load, 0.8);
-  EXPECT_GT(ComputeBusBudget(Bus(7, 2 * kNsPerMs)).load, 0.8);
-  EXPECT_EQ(ComputeBusBudget(Bus(12, 2 * kNsPerMs)).min_cycle_ns_for_these_drives, 5 * kNsPerMs)
+  EXPECT_EQ(Budget(4, kNsPerMs).max_drives_at_this_cycle, 3);
+  EXPECT_EQ(Budget(4, kNsPerMs).min_cycle_ns_for_these_drives, 2 * kNsPerMs);
+  EXPECT_GT(Budget(4, kNsPerMs).load, 0.8);
+  EXPECT_EQ(Budget(1, 2 * kNsPerMs).max_drives_at_this_cycle, 6);
+  EXPECT_LE(Budget(6, 2 * kNsPerMs).load, 0.8);
+  EXPECT_GT(Budget(7, 2 * kNsPerMs).load, 0.8);
+  EXPECT_EQ(Budget(12, 2 * kNsPerMs).min_cycle_ns_for_these_drives, 5 * kNsPerMs)
       << "at 4 ms by hand: 250 (55 + 12 x 230) + 90 000 + 8450 + 3375 = 805 575 bit/s";
   BusParameters slow = Bus(3, kNsPerMs);
   slow.bitrate_bps = 10'000;
-  EXPECT_EQ(ComputeBusBudget(slow).max_drives_at_this_cycle, 0);
-  EXPECT_EQ(ComputeBusBudget(slow).min_cycle_ns_for_these_drives, 0) << "statuswords alone fill it";
-  EXPECT_THAT(ComputeBusBudget(Bus(3, kNsPerMs)).ToString(),
+  EXPECT_EQ(ComputeBusBudget(slow, Drives(3)).max_drives_at_this_cycle, 0);
+  EXPECT_EQ(ComputeBusBudget(slow, Drives(3)).min_cycle_ns_for_these_drives, 0)
+      << "statuswords alone fill it";
+  EXPECT_THAT(Budget(3, kNsPerMs).ToString(),
               HasSubstr("78.4 % (745000 bit/s cyclic, 38600 bit/s other); at most 3 drives fit this cycle"));
 }
 
@@ -434,7 +447,7 @@ TEST(BusBudget, TheFeedbackDeadlineLeavesTimeForFeedbackAndForTorques) {
   const auto problem = [](int drives, TimeNs cycle_ns, TimeNs deadline_ns) {
     BusParameters bus = Bus(drives, cycle_ns);
     bus.feedback_deadline_ns = deadline_ns;
-    return FeedbackDeadlineProblem(bus);
+    return FeedbackDeadlineProblem(bus, Drives(drives));
   };
   EXPECT_EQ(problem(3, kNsPerMs, 595'000), "");
   EXPECT_EQ(problem(3, kNsPerMs, 715'000), "");

@@ -89,7 +89,7 @@ TEST(WithEmulator, LoadOnTheBusIsTheBudgetsCyclicShareAndNeverMoreThanTheWhole) 
     const std::uint64_t before = rig.bus.totals().bits;
     for (TimeNs t = 0; t < kNsPerS; t += cycle_ns) rig.Step();
     const auto counted = static_cast<double>(rig.bus.totals().bits - before);
-    const BusBudget budget = ComputeBusBudget(TestBus(drives, cycle_ns));
+    const BusBudget budget = ComputeBusBudget(TestBus(drives, cycle_ns), TestDrives(drives));
     // No SDO, for there is nothing to ask. Nothing happens to the statuswords here, so what is left beside
     // the cycle is heartbeats: 65 bits, 10 a second, from every drive and the master.
     EXPECT_DOUBLE_EQ(counted, budget.cyclic_bits_per_s + (drives + 1) * 650);
@@ -107,7 +107,7 @@ TEST(WithEmulator, SdoNeverTakesMoreThanTheBudgetLeaves) {
   rig.bus.SetFilter([&](const can::CanFrame& frame) {
     cycle_bits += can::WorstCaseBits(frame);
     exchanges += CobFunction(frame.id) == kSdoRequestBase ? 1 : 0;
-    return CobFunction(frame.id) != TpdoCobId(kTpdoStatus.number, 0);
+    return CobFunction(frame.id) != TpdoCobId(Epos4Profile()->pdos.status.number, 0);
   });
   rig.request = DriveRequest::kEnable;
   std::vector<int> bits;

@@ -1,4 +1,5 @@
-// Our master alone on a CAN interface, for slaves that are no code of ours: drives 1..N until the input ends.
+// Our master alone on a CAN interface, for slaves that are no code of ours: drives 1..N until the input ends. The
+// first is an EPOS4, the others too, or generic drives of an EDS file with a load cell of 2.5 mV a count.
 // Orders come as lines on standard input; events and every change of a drive's state go out as lines.
 #include <poll.h>
 #include <unistd.h>
@@ -31,6 +32,20 @@ BusParameters Bus(int drives) {
   return bus;
 }
 
+std::vector<canopen::DriveSetup> Drives(int count, const std::string& eds) {
+  std::vector<canopen::DriveSetup> drives = canopen::TestDrives(count);
+  for (std::size_t i = 1; i < drives.size() && !eds.empty(); ++i) {
+    NodeParameters node;
+    node.node_id = drives[i].node_id;
+    node.profile = DriveKind::kCia402;
+    node.eds_file = eds;
+    node.analog_input = "0x6401:01";
+    node.analog_mV_per_count = 2.5;
+    drives[i].profile = canopen::ProfileOf(node);
+  }
+  return drives;
+}
+
 const char* Name(DriveState state) {
   switch (state) {
     case DriveState::kOffline:
@@ -59,9 +74,9 @@ const char* Name(DriveState state) {
 
 class Program {
  public:
-  Program(const std::string& interface, int drives)
+  Program(const std::string& interface, int drives, const std::string& eds)
       : port_(interface),
-        master_(Bus(drives), canopen::TestDrives(drives), port_),
+        master_(Bus(drives), Drives(drives, eds), port_),
         torques_(static_cast<std::size_t>(drives)),
         shown_(static_cast<std::size_t>(drives), DriveState::kOffline) {}
 
@@ -138,12 +153,12 @@ class Program {
 
 int main(int argc, char** argv) {
   std::ios::sync_with_stdio(false);  // so that lines which wait in the buffer are known of
-  if (argc != 3) {
-    std::fprintf(stderr, "usage: %s INTERFACE DRIVES\n", argv[0]);
+  if (argc != 3 && argc != 4) {
+    std::fprintf(stderr, "usage: %s INTERFACE DRIVES [EDS]\n", argv[0]);
     return 2;
   }
   try {
-    Program(argv[1], std::stoi(argv[2])).Run();
+    Program(argv[1], std::stoi(argv[2]), argc == 4 ? argv[3] : "").Run();
   } catch (const std::exception& e) {
     std::fprintf(stderr, "%s\n", e.what());
     return 1;

@@ -52,8 +52,8 @@ def command_of(controlword):
 class Slave:
     """One drive: a LocalNode, the walk through CiA 402, and a record of what the master did."""
 
-    def __init__(self, network, node_id, refuse=None):
-        self.node = canopen.LocalNode(node_id, EDS)
+    def __init__(self, network, node_id, refuse=None, eds=None):
+        self.node = canopen.LocalNode(node_id, eds or EDS)
         self.id = node_id
         self.network = network
         self.writes = []  # (index, sub, value), in order
@@ -70,8 +70,12 @@ class Slave:
         self.node.add_write_callback(self.on_write)
         network.subscribe(0x200 + node_id, self.on_rpdo)
         network.subscribe(0x80, self.on_sync)
-        self.set(0x3001, 1, 0)
+        self.prepare()
         self.boot()
+
+    def prepare(self):
+        """Values of a drive that is not set up for its motor yet."""
+        self.set(0x3001, 1, 0)
 
     # ---- objects ----
 
@@ -94,6 +98,9 @@ class Slave:
             self.check_mapping(index, subindex, value)
         if index == 0x6060:
             self.set(0x6061, 0, value)
+        self.follow(index, subindex, value)
+
+    def follow(self, index, subindex, value):
         if index == 0x3001:  # rated torque, as the drive computes it
             values = {sub: self.get(0x3001, sub) for sub in (1, 5)}
             values[subindex] = value
@@ -186,12 +193,17 @@ class Slave:
         self.boot()
 
 
-class Slaves(unittest.TestCase):
-    def start(self, count=2, refuse=None, product=None):
+class Bench(unittest.TestCase):
+    """Slaves on vcan0 and the master that drives them."""
+
+    def make_slave(self, node_id, refuse):
+        return Slave(self.network, node_id, refuse)
+
+    def start(self, count=2, refuse=None, product=None, master=()):
         self.network = canopen.Network()
         self.network.connect(interface="socketcan", channel="vcan0")
         self.addCleanup(self.network.disconnect)
-        self.slaves = [Slave(self.network, i, refuse if i == 1 else None) for i in range(1, count + 1)]
+        self.slaves = [self.make_slave(i, refuse if i == 1 else None) for i in range(1, count + 1)]
         if product:
             self.slaves[0].set(0x1018, 2, product)
         for slave in self.slaves:
@@ -199,7 +211,7 @@ class Slaves(unittest.TestCase):
         self.network.subscribe(0, self.on_nmt)
         self.lines, self.seen, self.states = queue.Queue(), [], {}
         self.master = subprocess.Popen(
-            [MASTER, "vcan0", str(count)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [MASTER, "vcan0", str(count), *master], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
         threading.Thread(target=self.read_master, args=(self.master.stdout,), daemon=True).start()
         self.addCleanup(self.stop_master)
@@ -246,8 +258,8 @@ class Slaves(unittest.TestCase):
     def events(self, node, status):
         return [line for line in self.seen if line.startswith(f"event {node} {status} ")]
 
-    # ---- what must hold ----
 
+class Slaves(Bench):
     def test_boots_checks_and_maps_in_the_order_of_the_standard(self):
         self.start()
         self.wait_for_all("ready")

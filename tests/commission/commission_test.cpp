@@ -17,18 +17,18 @@
 namespace tendril::daemon {
 namespace {
 
+using commission::CommissionResult;
+using commission::DriveFinding;
+using experiment::ClosedLoop;
+using rig::Wiring;
 using testing::AllOf;
 using testing::HasSubstr;
-using tools::ClosedLoop;
-using tools::CommissionResult;
-using tools::DriveFinding;
-using tools::Wiring;
 
 std::string Config(const std::string& name) { return std::string(TENDRIL_SOURCE_DIR) + "/config/" + name; }
 
-class Link final : public tools::CommissionLink {
+class Link final : public commission::CommissionLink {
  public:
-  explicit Link(ClosedLoop& loop) : loop_(loop) {}
+  explicit Link(experiment::ClosedLoop& loop) : loop_(loop) {}
   void Pull(const TendonVector& pull_N) override {
     pull_N_ = pull_N;
     Send();
@@ -53,7 +53,7 @@ class Link final : public tools::CommissionLink {
     c.tension_N = pull_N_;
     loop_.Send(c);
   }
-  ClosedLoop& loop_;
+  experiment::ClosedLoop& loop_;
   TendonVector pull_N_;
   int cycles_ = 0;
 };
@@ -68,13 +68,13 @@ struct Arm {
     daemon.lcm.state_every_cycles = 1000;
   }
 
-  CommissionResult Commission() {
-    loop.emplace(tools::ClosedLoopOptions{.controller_robot = robot,
-                                          .plant_robot = plant,
-                                          .daemon = daemon,
-                                          .plant = {},
-                                          .log_path = {},
-                                          .keep_nodes = keep_nodes});
+  commission::CommissionResult Commission() {
+    loop.emplace(experiment::ClosedLoopOptions{.controller_robot = robot,
+                                               .plant_robot = plant,
+                                               .daemon = daemon,
+                                               .plant = {},
+                                               .log_path = {},
+                                               .keep_nodes = keep_nodes});
     for (const auto& [drive, wiring] : wirings) loop->rig().Connect(drive, wiring);
     loop->StepUntil([](const CycleRecord& r) { return r.output.mode == Mode::kConfigured; }, 10,
                     "the drives");
@@ -86,7 +86,7 @@ struct Arm {
     Link link(*loop);
     // What the closed loop makes of the bus is what the daemon would run with.
     DaemonParameters used = loop->daemon();
-    const CommissionResult result = tools::Commission(
+    const commission::CommissionResult result = commission::Commission(
         link, robot, used, [](int, const std::function<void()>&) { return std::nullopt; },
         [](const std::string&) {});
     highest_N = link.highest_N;
@@ -97,8 +97,8 @@ struct Arm {
 
   RobotParameters robot, plant;
   DaemonParameters daemon;
-  std::vector<std::pair<int, Wiring>> wirings;
-  std::optional<ClosedLoop> loop;
+  std::vector<std::pair<int, rig::Wiring>> wirings;
+  std::optional<experiment::ClosedLoop> loop;
   bool keep_nodes = false;  // of the daemon's file; else the robot file's
   double highest_N = 0;
 };
@@ -109,11 +109,11 @@ TEST(Commission, TheRigAsItsFilesSayPassesWithFiguresAndCanBeArmedAfterwards) {
                                       {"robots/four_tendon_90mm.yaml", "tendrild_four_tendon.yaml"}}) {
     SCOPED_TRACE(robot);
     Arm arm(robot, daemon);
-    const CommissionResult r = arm.Commission();
-    std::printf("%s\nhighest tension %.2f N, %.0f s\n", CommissionTable(r).c_str(), arm.highest_N,
+    const commission::CommissionResult r = arm.Commission();
+    std::printf("%s\nhighest tension %.2f N, %.0f s\n", commission::CommissionTable(r).c_str(), arm.highest_N,
                 arm.loop->now_s());
     EXPECT_TRUE(r.passed());
-    for (const DriveFinding& f : r.drives) {
+    for (const commission::DriveFinding& f : r.drives) {
       EXPECT_EQ(f.seen_tendon, f.tendon);
       EXPECT_EQ(f.cell_tendon, f.tendon);
       EXPECT_NEAR(f.cell_zero_N, 0, 0.02);
@@ -135,7 +135,7 @@ struct Mistake {
   const char* remedy;
 };
 
-void Connect(Arm& arm, Wiring wiring) { arm.wirings.emplace_back(1, wiring); }
+void Connect(Arm& arm, rig::Wiring wiring) { arm.wirings.emplace_back(1, wiring); }
 
 const Mistake kMistakes[] = {
     {"MotorLeadsSwapped", [](Arm& a) { Connect(a, {.motor_reversed = true}); }, "motor reversed",
@@ -173,8 +173,8 @@ TEST_P(CommissionMistake, IsNamedAtItsTendonOnly) {
   const Mistake& m = GetParam();
   Arm arm;
   m.make(arm);
-  const CommissionResult r = arm.Commission();
-  SCOPED_TRACE(CommissionTable(r));
+  const commission::CommissionResult r = arm.Commission();
+  SCOPED_TRACE(commission::CommissionTable(r));
   EXPECT_EQ(r.drives[1].verdict, m.verdict);
   if (*m.what != '\0') {
     ASSERT_FALSE(r.drives[1].disagreements.empty());
@@ -195,6 +195,17 @@ TEST_P(CommissionMistake, IsNamedAtItsTendonOnly) {
 INSTANTIATE_TEST_SUITE_P(All, CommissionMistake, testing::ValuesIn(kMistakes),
                          [](const auto& c) { return std::string(c.param.name); });
 
+TEST(Commission, WritingTheNodesKeepsWhichDriveTheyAre) {
+  const std::string servo = "profile: cia402, eds: \"drives/servo.eds\", analog_input: 0x6401:01";
+  const std::string text = "  nodes:\n    - {" + servo + ", node_id: 2, motor: reversed, tendon: 1}  # new\n";
+  NodeParameters found;
+  found.node_id = 2;
+  found.tendon = 3;
+  found.encoder_reversed = true;
+  EXPECT_EQ(commission::PatchNodes(text, "tendrild.yaml", {found}),
+            "  nodes:\n    - {node_id: 2, tendon: 3, encoder: reversed, " + servo + "}  # new\n");
+}
+
 // Two drives exchanged, one of them with its motor's leads swapped as well: the node list that is found makes
 // the same rig pass, and the robot then bends where it is told to.
 TEST(Commission, WhatItFindsPutIntoTheFileMakesTheRigRight) {
@@ -202,20 +213,20 @@ TEST(Commission, WhatItFindsPutIntoTheFileMakesTheRigRight) {
   arm.plant.actuation->tendons[0].node_id = 2;
   arm.plant.actuation->tendons[1].node_id = 1;
   arm.wirings = {{1, {.motor_reversed = true}}};  // of tendon 2, on node 1
-  const CommissionResult r = arm.Commission();
-  SCOPED_TRACE(CommissionTable(r));
+  const commission::CommissionResult r = arm.Commission();
+  SCOPED_TRACE(commission::CommissionTable(r));
   EXPECT_FALSE(r.passed());
   EXPECT_EQ(r.drives[0].verdict, "motor reversed");
   EXPECT_EQ(r.drives[0].seen_tendon, 2);
   EXPECT_EQ(r.drives[1].verdict, "pulls 1");
   EXPECT_EQ(r.drives[2].verdict, "ok");
 
-  const std::vector<NodeParameters> nodes = tools::FoundNodes(r);
+  const std::vector<NodeParameters> nodes = commission::FoundNodes(r);
   ASSERT_EQ(nodes.size(), 3U);
   std::ifstream in(Config("tendrild.yaml"));
   const std::string text{std::istreambuf_iterator<char>(in), {}};
   const DaemonParameters patched =
-      config::ParseDaemon(tools::PatchNodes(text, "tendrild.yaml", nodes), "patched");
+      config::ParseDaemon(commission::PatchNodes(text, "tendrild.yaml", nodes), "patched");
   ASSERT_EQ(patched.bus.nodes.size(), 3U);
   EXPECT_EQ(patched.bus.nodes[0].node_id, 2);
   EXPECT_FALSE(patched.bus.nodes[0].motor_reversed);
@@ -225,8 +236,8 @@ TEST(Commission, WhatItFindsPutIntoTheFileMakesTheRigRight) {
 
   arm.daemon.bus.nodes = patched.bus.nodes;
   arm.keep_nodes = true;
-  const CommissionResult again = arm.Commission();
-  EXPECT_TRUE(again.passed()) << CommissionTable(again);
+  const commission::CommissionResult again = arm.Commission();
+  EXPECT_TRUE(again.passed()) << commission::CommissionTable(again);
   arm.loop->ArmAndPretension();
   Command bend;
   bend.kind = CommandKind::kBending;
@@ -241,13 +252,13 @@ TEST(Commission, WhatItFindsPutIntoTheFileMakesTheRigRight) {
 // Nobody is to ride on a motor whose operator went away.
 TEST(Commission, EndsByItselfWhenNothingIsAskedForAnyMore) {
   Arm arm;
-  arm.loop.emplace(tools::ClosedLoopOptions{.controller_robot = arm.robot,
-                                            .plant_robot = arm.plant,
-                                            .daemon = arm.daemon,
-                                            .plant = {},
-                                            .log_path = {},
-                                            .keep_nodes = false});
-  ClosedLoop& loop = *arm.loop;
+  arm.loop.emplace(experiment::ClosedLoopOptions{.controller_robot = arm.robot,
+                                                 .plant_robot = arm.plant,
+                                                 .daemon = arm.daemon,
+                                                 .plant = {},
+                                                 .log_path = {},
+                                                 .keep_nodes = false});
+  experiment::ClosedLoop& loop = *arm.loop;
   loop.StepUntil([](const CycleRecord& r) { return r.output.mode == Mode::kConfigured; }, 10, "the drives");
   loop.Send(ModeRequest::kCommission);
   for (int i = 0; i < 500; ++i) loop.Step();
@@ -359,16 +370,16 @@ TEST_F(RecordTest, ADamagedOneArmsNothing) {
 }
 
 TEST_F(RecordTest, NamesTheDrivesThatWereExchanged) {
-  CommissionResult result;
+  commission::CommissionResult result;
   for (int j = 1; j <= 3; ++j) {
-    DriveFinding f;
+    commission::DriveFinding f;
     f.tendon = j;
     f.node.node_id = 10 + j;
     result.drives.push_back(f);
   }
   // That of node 13 was not told.
   WriteRecord(RecordPath(arm.daemon),
-              tools::RecordOf(result, arm.robot, arm.daemon, {{11, 4'100'200'300}, {12, 5}}));
+              commission::RecordOf(result, arm.robot, arm.daemon, {{11, 4'100'200'300}, {12, 5}}));
   const auto exchanged = [&](std::vector<std::uint32_t> serials) {
     return ExchangedDrives(arm.daemon, serials);
   };

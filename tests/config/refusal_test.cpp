@@ -161,6 +161,12 @@ const Case kCases[] = {
     {"ExponentZero", kRig, "exponent: 0.67", "exponent: 0", "exponent: 0", "actuation.transmission.pulleys[1].exponent", {"0.05 .. 1"}},
     {"NodeIdZero", kDaemon, "node_id: 1,", "node_id: 0,", "node_id: 0", "bus.nodes[1].node_id", {"1 .. 126"}},
     {"NodeIdOfTheMaster", kDaemon, "node_id: 3,", "node_id: 127,", "node_id: 127", "bus.nodes[3].node_id", {"1 .. 126"}},
+    {"UnknownProfile", kDaemon, "{node_id: 2, tendon: 2}", "{node_id: 2, tendon: 2, profile: cia401}", "cia401", "bus.nodes[2].profile", {"accepted: epos4, cia402"}},
+    {"GenericDriveWithoutEds", kDaemon, "{node_id: 2, tendon: 2}", "{node_id: 2, tendon: 2, profile: cia402}", "cia402", "bus.nodes[2].profile", {"cia402 without the drive's objects", "eds: FILE beside it"}},
+    {"EdsOfAnEpos4", kDaemon, "{node_id: 2, tendon: 2}", "{node_id: 2, tendon: 2, eds: a.eds}", "a.eds", "bus.nodes[2].eds", {"profile: cia402 beside it"}},
+    {"AnalogInputOfAnEpos4", kDaemon, "{node_id: 2, tendon: 2}", "{node_id: 2, tendon: 2, analog_input: 0x6401:01}", "0x6401:01", "bus.nodes[2].analog_input", {"whose load cell is at 0x3160:01"}},
+    {"AnalogInputThatIsNone", kDaemon, "{node_id: 2, tendon: 2}", "{node_id: 2, tendon: 2, profile: cia402, eds: a.eds, analog_input: 0x6401}", "a.eds", "bus.nodes[2].analog_input", {"an object's index and sub-index, e.g. 0x6401:01"}},
+    {"ScaleWithoutAnalogInput", kDaemon, "{node_id: 2, tendon: 2}", "{node_id: 2, tendon: 2, profile: cia402, eds: a.eds, analog_mV_per_count: 2.5}", "a.eds", "bus.nodes[2].analog_mV_per_count", {"analog_input beside it"}},
     {"CycleInMilliseconds", kDaemon, "cycle_ns: 1000000", "cycle_ns: 1", "cycle_ns: 1", "bus.cycle_ns", {"looks like milliseconds: write 1000000"}},
     {"HeartbeatInMicroseconds", kDaemon, "heartbeat_ms: 100 ", "heartbeat_ms: 65535 ", "heartbeat_ms: 65535", "bus.heartbeat_ms", {"5 .. 10000 ms", "looks like microseconds: write 66"}},
 
@@ -486,6 +492,23 @@ TEST(RefusedPair, TendonsAndNodes) {
               StartsWith("gone.yaml: bus.nodes: tendon 3"));
 }
 
+TEST(RefusedPair, GenericDrives) {
+  const std::string path = ConfigPath("tendrild.yaml");
+  const DaemonParameters daemon = LoadDaemon(path);
+  const RobotParameters robot = LoadRobot(daemon.robot_file);
+  DaemonParameters unread = daemon;
+  unread.bus.nodes[1].profile = DriveKind::kCia402;
+  EXPECT_THAT(ErrorOf([&] { CheckTogether(unread, robot, path); }),
+              AllOf(HasSubstr("bus.nodes: node 2 pulls tendon 2, which has a load cell in rig_60mm"),
+                    HasSubstr("accepted: analog_input: OBJECT")));
+  unread.bus.nodes[1].analog_input = "0x6401:01";
+  EXPECT_NO_THROW(CheckTogether(unread, robot, path));
+  unread.bus.nodes[1].analog_input = "";
+  RobotParameters bare = robot;
+  bare.actuation->tendons[1].load_cell.place = LoadCellPlace::kNone;
+  EXPECT_NO_THROW(CheckTogether(unread, bare, path));
+}
+
 // ---- what is accepted
 // -----------------------------------------------------------------------------------------------
 
@@ -515,6 +538,30 @@ TEST(Accepted, AnchorsHexAndPlusSigns) {
   const RobotParameters robot = ParseRobot(yaml, "some.yaml");
   EXPECT_EQ(robot.actuation->tendons[1].spool.radius_m, 0.008);
   EXPECT_EQ(robot.body.sections[0].units, 4);
+}
+
+TEST(Accepted, DrivesOfOtherMakers) {
+  const std::string yaml =
+      Edited(ReadText(ConfigPath(kDaemon)), "{node_id: 2, tendon: 2}",
+             "{node_id: 2, tendon: 2, profile: cia402, eds: servo.eds, analog_input: 0x6401:01, "
+             "analog_mV_per_count: 2.5}");
+  const DaemonParameters mixed = ParseDaemon(yaml, "some.yaml");
+  EXPECT_EQ(mixed.bus.nodes[0].profile, DriveKind::kEpos4);
+  EXPECT_EQ(mixed.bus.nodes[1].profile, DriveKind::kCia402);
+  EXPECT_EQ(mixed.bus.nodes[1].eds_file, "servo.eds");
+  EXPECT_EQ(mixed.bus.nodes[1].analog_input, "0x6401:01");
+  EXPECT_EQ(mixed.bus.nodes[1].analog_mV_per_count, 2.5);
+  EXPECT_EQ(ToYaml(ParseDaemon(ToYaml(mixed), "again")), ToYaml(mixed));
+
+  // The identity of generic drives is in their EDS files.
+  DaemonParameters generic = mixed;
+  generic.bus.identity = {};
+  EXPECT_THAT(ErrorOf([&] { ParseDaemon(ToYaml(generic), "again"); }), HasSubstr("bus.identity: missing"));
+  for (NodeParameters& node : generic.bus.nodes) {
+    node.profile = DriveKind::kCia402;
+    node.eds_file = "servo.eds";
+  }
+  EXPECT_EQ(ToYaml(ParseDaemon(ToYaml(generic), "again")), ToYaml(generic));
 }
 
 TEST(Accepted, NodesInAnyOrder) {

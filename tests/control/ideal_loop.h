@@ -10,6 +10,7 @@
 
 #include "tendril/config/config.h"
 #include "tendril/control/controller.h"
+#include "tendril/control/law.h"
 
 namespace tendril::control {
 
@@ -31,7 +32,9 @@ class IdealLoop {
   explicit IdealLoop(const char* file = "rig_60mm.yaml")
       : IdealLoop(config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file), kParameters) {}
   IdealLoop(const RobotParameters& driven, const ControllerParameters& parameters)
-      : robot(driven), controller(robot, parameters, kNsPerMs) {
+      : IdealLoop(driven, parameters, Laws()[static_cast<std::size_t>(parameters.law)]) {}
+  IdealLoop(const RobotParameters& driven, const ControllerParameters& parameters, const LawRow& law)
+      : robot(driven), controller(robot, parameters, kNsPerMs, law) {
     input.drives = robot.body.tendons();
     output.displacement_desired_m = TendonVector::Zero(input.drives);
     output.tension_desired_motor_N = TendonVector::Zero(input.drives);

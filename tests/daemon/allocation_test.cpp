@@ -221,7 +221,7 @@ TEST(Replay, OfEveryFeedbackGivesTheSameBitsWithoutAllocationLockOrWrite) {
     again.Step(r.input, output);
     allocated += test::AllocationCount() - allocated_before;
     outside += test::OutsideCount() - outside_before;
-    const auto difference = tools::FirstDifference(r.output, output);
+    const auto difference = experiment::FirstDifference(r.output, output);
     ASSERT_FALSE(difference) << difference->field << " in cycle " << r.input.cycle;
   }
   EXPECT_EQ(allocated, 0U);

@@ -88,6 +88,7 @@ class EmulatedDrives {
       d.serial = kFirstSerial + static_cast<std::uint32_t>(drives.size());
       d.nominal_current_mA = setup.nominal_current_mA;
       d.torque_constant_uNmpA = setup.torque_constant_uNmpA;
+      d.profile = setup.profile;
       drives.push_back(d);
     }
     return drives;

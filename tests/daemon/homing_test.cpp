@@ -94,7 +94,7 @@ INSTANTIATE_TEST_SUITE_P(All, Homing,
 
 struct Trouble {
   const char* name;
-  tools::Wiring wiring;
+  rig::Wiring wiring;
   double slack_m;
   Status status;
 };

@@ -168,7 +168,7 @@ class SafetyRig {
   const CycleRecord& record() const { return record_; }
   const CycleOutput& output() const { return record_.output; }
   const SafetyOptions& options() const { return options_; }
-  tools::VirtualRig& rig() { return rig_; }
+  rig::VirtualRig& rig() { return rig_; }
   double now_s() const { return ToSeconds(clock_.Now()); }
   const std::string& last_event() const { return last_event_; }
   const std::string& events() const { return events_; }
@@ -384,7 +384,7 @@ class SafetyRig {
   SimulatedClock clock_;
   can::MemoryBus bus_;
   emulator::FaultInjector faults_;
-  tools::VirtualRig rig_;
+  rig::VirtualRig rig_;
   std::optional<emulator::DriveRack> guest_;
   Port port_;
   canopen::Master master_;

@@ -17,7 +17,7 @@
 #include "commands.h"
 #include "gap/report_examples.h"
 #include "markdown.h"
-#include "tendril/canopen/epos4.h"
+#include "tendril/canopen/drive_profile.h"
 #include "tendril/config/config.h"
 #include "tendril/config/keys.h"
 #include "tendril/control/guard_table.h"
@@ -280,8 +280,22 @@ TEST(Reference, EveryEffectHasLawParametersBoundsAndLookAlikes) {
   }
 }
 
+TEST(Reference, AnotherMakersDriveSaysWhatItNeeds) {
+  const std::string& page = TextOf("drive-objects.md");
+  const std::string text = page.substr(page.find("Another maker's drive, at start-up"));
+  const auto row = [&text](const char* object) {
+    const std::size_t at = text.find(std::string("`") + object + "`");
+    return at == text.npos ? std::string() : text.substr(at, text.find("\n", at) - at);
+  };
+  const auto optional = HasSubstr("where the drive has it");
+  for (const char* object : {"0x6071:00", "0x6076:00", "0x1016:01", "0x6007:00", "0x1A00:01"})
+    EXPECT_THAT(row(object), AllOf(HasSubstr("</"), ::testing::Not(optional))) << object;
+  for (const char* object : {"0x605E:00", "0x6072:00", "0x60C2:01", "0x6502:00"})
+    EXPECT_THAT(row(object), optional) << object;
+}
+
 TEST(Reference, EveryObjectOfTheDriveIsListed) {
-  for (const canopen::ObjectEntry& entry : canopen::ObjectTable()) {
+  for (const canopen::ObjectEntry& entry : canopen::Epos4Profile()->objects.entries()) {
     const std::string name = fmt::format("0x{:04X}:{:02X}", entry.index, entry.sub);
     EXPECT_THAT(RowOf(TextOf("drive-objects.md"), name), HasSubstr(entry.name));
   }

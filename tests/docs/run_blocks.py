@@ -1,8 +1,8 @@
 #!/usr/bin/python3 -B
 """Runs the shell blocks of a documentation page and compares what they print with what the page shows.
 
-A block to run is fenced ```{.sh .run}, or ```{.sh .vcan} where it needs a virtual CAN bus (--kind vcan, under
-tools/vcan-run); the block of class `output` that follows it shows its standard output. Blocks of one kind run in order in one fresh folder, with the programs of --bin first on PATH and the source tree in $TENDRIL. In an output
+A block to run is fenced ```{.sh .run}, ```{.sh .live} where it needs LCM (--kind live, under tests/tools/own_network.sh),
+or ```{.sh .vcan} where it needs a virtual CAN bus (--kind vcan, under tools/vcan-run); the block of class `output` that follows it shows its standard output. Blocks of one kind run in order in one fresh folder, with the programs of --bin first on PATH and the source tree in $TENDRIL. In an output
 block "..." matches anything: on a line of its own any number of lines, within a line any text. Spaces count as one.
 Numbers must be equal unless the block says tolerance="5%".
 """
@@ -19,7 +19,7 @@ import tempfile
 
 FENCE = re.compile(r"^( *)(`{3,})\s*(.*?)\s*$")
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w])")
-KINDS = {"run", "vcan"}
+KINDS = {"run", "live", "vcan"}
 # Of one block, on a machine that does other things as well.
 TIME_LIMIT_S = 600
 

@@ -98,7 +98,7 @@ class BusLoad : public ::testing::Test {
 // that the budget counts, SDO excepted. Over 2 s the count can be off by one heartbeat of each of the four
 // stations and one statusword of each drive, 485 bits of a million and a half; 0.1 % is three times that.
 TEST_F(BusLoad, CountedOnTheWireIsTheBudgetsFigure) {
-  const canopen::BusBudget budget = canopen::ComputeBusBudget(canopen::TestBus(kDrives));
+  const canopen::BusBudget budget = canopen::ComputeBusBudget(canopen::TestBus(kDrives), canopen::TestDrives(kDrives));
   ASSERT_TRUE(StepUntil(DriveState::kReady));
   request_ = DriveRequest::kEnable;
   ASSERT_TRUE(StepUntil(DriveState::kEnabled));

@@ -150,7 +150,7 @@ TEST_F(ClosedLoop, LoadStaysWithinTheComputedBudget) {
   const std::uint64_t before = bus_.totals().bits;
   for (int i = 0; i < 2000; ++i) Cycle(DriveRequest::kEnable, static_cast<std::int16_t>(i % 100));
   const double load = static_cast<double>(bus_.totals().bits - before) / 2e6;
-  EXPECT_LE(load, canopen::ComputeBusBudget(Bus()).load);
+  EXPECT_LE(load, canopen::ComputeBusBudget(Bus(), Setups()).load);
   EXPECT_GE(load, 0.745) << "3 x 230 + 55 bits each millisecond";
 }
 

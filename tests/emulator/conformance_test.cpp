@@ -35,7 +35,7 @@ TEST(Objects, EachIsReadWithItsWidthAndValue) {
   RawMaster m({RawMaster::Drive(5)});
   m.Poll();
   int checked = 0;
-  for (const ObjectEntry& e : canopen::ObjectTable()) {
+  for (const ObjectEntry& e : canopen::Epos4Profile()->objects.entries()) {
     const SdoResult r = m.Read(e.index, e.sub, 5);
     ASSERT_EQ(r.abort, 0u) << Name(e);
     if (e.type == DataType::kString) {
@@ -46,7 +46,7 @@ TEST(Objects, EachIsReadWithItsWidthAndValue) {
     }
     ++checked;
   }
-  const int objects = static_cast<int>(canopen::ObjectTable().size());
+  const int objects = static_cast<int>(canopen::Epos4Profile()->objects.entries().size());
   RecordProperty("objects", checked);
   std::printf("objects read as the table says: %d of %d\n", checked, objects);
   EXPECT_EQ(checked, objects);
@@ -62,7 +62,7 @@ TEST(Objects, EachRefusesWhatItMust) {
     refused += abort == expected;
     EXPECT_EQ(abort, expected) << std::hex << Name(e);
   };
-  for (const ObjectEntry& e : canopen::ObjectTable()) {
+  for (const ObjectEntry& e : canopen::Epos4Profile()->objects.entries()) {
     const int bytes = canopen::TypeBytes(e.type);
     if (e.access != Access::kReadWrite) {
       expect_refused(m.Write(e.index, e.sub, 0, bytes == 0 ? 4 : bytes, 5), 0x06010002u, e);
@@ -95,7 +95,7 @@ TEST(Objects, EachRefusesWhatItMust) {
 
 TEST(Objects, EachWritableOneTakesItsOwnValueAndItsLimits) {
   int taken = 0, written = 0;
-  for (const ObjectEntry& e : canopen::ObjectTable()) {
+  for (const ObjectEntry& e : canopen::Epos4Profile()->objects.entries()) {
     // Those whose writing depends on more than the range have their own tests.
     const bool special = (e.index >= 0x1400 && e.index < 0x1C00) || e.index == 0x1003 || e.index == 0x1010 ||
                          e.index == 0x1011 || e.index == 0x1016 || e.index == 0x6040;

@@ -14,7 +14,7 @@
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
 
-namespace tendril::tools {
+namespace tendril::rig {
 namespace {
 
 using ::testing::ElementsAre;
@@ -112,4 +112,4 @@ TEST_F(FaultOrders, ByLcmCountFromTheirArrival) {
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::rig

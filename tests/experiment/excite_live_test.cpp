@@ -22,7 +22,7 @@ class LiveTest : public testing::Test {
     daemon_.emplace("rig_90mm.yaml", prefix_);
   }
 
-  LiveOptions Options(bool arm) const {
+  experiment::LiveOptions Options(bool arm) const {
     return {.lcm_url = kLiveUrl, .channel_prefix = prefix_, .robot = {}, .arm = arm};
   }
 
@@ -30,17 +30,17 @@ class LiveTest : public testing::Test {
   std::optional<LiveDaemon> daemon_;
 };
 
-Plan Sway() {
-  PlannedRun run = UsualRun("sway");
+experiment::Plan Sway() {
+  experiment::PlannedRun run = experiment::UsualRun("sway");
   run.duration_s = 4;
   return {"live", {run}};
 }
 
 TEST_F(LiveTest, ArmsRecordsAndDisarms) {
   std::string remark = "not asked";
-  const ExperimentSet set = RunLiveSet(
+  const experiment::ExperimentSet set = experiment::RunLiveSet(
       Sway(), Options(true), nullptr, [&](const std::string& r) { remark = r; },
-      [](std::size_t, double, const Experiment*) {});
+      [](std::size_t, double, const experiment::Experiment*) {});
   EXPECT_EQ(set.trouble, "");
   EXPECT_EQ(remark, "");
   ASSERT_EQ(set.data.runs.size(), 1u);
@@ -52,33 +52,33 @@ TEST_F(LiveTest, ArmsRecordsAndDisarms) {
     EXPECT_LT(run.motor_position_rad.row(i).cwiseAbs().maxCoeff(), 0.05)
         << "still at first, at the controller's zero";
   // What was armed here is disarmed here: a second operator may not find it running.
-  const ExperimentSet refused = RunLiveSet(
+  const experiment::ExperimentSet refused = experiment::RunLiveSet(
       Sway(), Options(false), nullptr, [](const std::string&) {},
-      [](std::size_t, double, const Experiment*) {});
+      [](std::size_t, double, const experiment::Experiment*) {});
   EXPECT_TRUE(refused.data.runs.empty());
   EXPECT_THAT(refused.trouble, HasSubstr("--arm")) << "nothing arms by itself";
 }
 
 TEST_F(LiveTest, StopDisarmsAndKeepsTheData) {
   std::atomic<bool> stop = false;
-  const ExperimentSet set = RunLiveSet(
+  const experiment::ExperimentSet set = experiment::RunLiveSet(
       Sway(), Options(true), &stop, [](const std::string&) {},
-      [&](std::size_t, double share, const Experiment*) { stop = share > 0.2; });
+      [&](std::size_t, double share, const experiment::Experiment*) { stop = share > 0.2; });
   EXPECT_THAT(set.trouble, HasSubstr("stopped"));
   ASSERT_EQ(set.data.runs.size(), 1u);
   EXPECT_LT(set.data.runs[0].time_s.tail(1)[0], 3);
   stop = false;
-  const ExperimentSet after = RunLiveSet(
+  const experiment::ExperimentSet after = experiment::RunLiveSet(
       Sway(), Options(false), nullptr, [](const std::string&) {},
-      [](std::size_t, double, const Experiment*) {});
+      [](std::size_t, double, const experiment::Experiment*) {});
   EXPECT_THAT(after.trouble, HasSubstr("configured")) << "released, drives disabled";
 }
 
 TEST(Live, WithoutADaemonOneLineSaysSo) {
   try {
-    RunLiveSet(
+    experiment::RunLiveSet(
         Sway(), {.lcm_url = "memq://", .channel_prefix = "NOBODY", .robot = {}, .arm = true}, nullptr,
-        [](const std::string&) {}, [](std::size_t, double, const Experiment*) {});
+        [](const std::string&) {}, [](std::size_t, double, const experiment::Experiment*) {});
     FAIL();
   } catch (const std::runtime_error& e) {
     EXPECT_THAT(e.what(), HasSubstr("no daemon answers"));

@@ -17,7 +17,7 @@
 #include "tendril/robot_file/robot_patch.h"
 #include "tendril/sim/effects.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 namespace fs = std::filesystem;
@@ -32,18 +32,18 @@ std::string ReadText(const fs::path& path) {
 }
 
 DaemonParameters Daemon() {
-  return ForExperiments(config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"));
+  return experiment::ForExperiments(config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"));
 }
 
-ExperimentOptions Nominal(const std::string& file, std::uint64_t seed) {
+experiment::ExperimentOptions Nominal(const std::string& file, std::uint64_t seed) {
   const RobotParameters robot = config::LoadRobot(kRobots + file);
   return {.controller_robot = robot, .plant_robot = robot, .daemon = Daemon(), .seed = seed, .threads = 2};
 }
 
-Plan OnePlan(PlannedRun run) { return {"one", {std::move(run)}}; }
+experiment::Plan OnePlan(experiment::PlannedRun run) { return {"one", {std::move(run)}}; }
 
-PlannedRun Short(const char* family, double duration_s) {
-  PlannedRun run = UsualRun(family);
+experiment::PlannedRun Short(const char* family, double duration_s) {
+  experiment::PlannedRun run = experiment::UsualRun(family);
   run.duration_s = duration_s;
   return run;
 }
@@ -53,8 +53,8 @@ PlannedRun Short(const char* family, double duration_s) {
 class QuickSet : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    options_ = new ExperimentOptions(Nominal("rig_90mm.yaml", 7));
-    set_ = new ExperimentSet(RunSet(QuickPlan(), *options_, nullptr, {}));
+    options_ = new experiment::ExperimentOptions(Nominal("rig_90mm.yaml", 7));
+    set_ = new experiment::ExperimentSet(experiment::RunSet(experiment::QuickPlan(), *options_, nullptr, {}));
   }
   static void TearDownTestSuite() {
     delete set_;
@@ -62,17 +62,17 @@ class QuickSet : public testing::Test {
     set_ = nullptr;
     options_ = nullptr;
   }
-  static ExperimentOptions* options_;
-  static ExperimentSet* set_;
+  static experiment::ExperimentOptions* options_;
+  static experiment::ExperimentSet* set_;
 };
-ExperimentOptions* QuickSet::options_ = nullptr;
-ExperimentSet* QuickSet::set_ = nullptr;
+experiment::ExperimentOptions* QuickSet::options_ = nullptr;
+experiment::ExperimentSet* QuickSet::set_ = nullptr;
 
 TEST_F(QuickSet, StaysWithinEveryLimitAndUsesMostOfTheRange) {
   ASSERT_EQ(set_->trouble, "");
   const LimitParameters& limits = options_->controller_robot.limits;
   double most_N = 0, most_tip_m = 0;
-  for (const Experiment& e : set_->experiments) {
+  for (const experiment::Experiment& e : set_->experiments) {
     EXPECT_LT(e.largest_tension_N, limits.max_tension_base_N);
     EXPECT_LE(e.largest_command_N, limits.max_tension_base_N);
     most_N = std::max(most_N, e.largest_tension_N);
@@ -85,7 +85,7 @@ TEST_F(QuickSet, StaysWithinEveryLimitAndUsesMostOfTheRange) {
       if (run.tip_m.row(i).allFinite()) most_tip_m = std::max(most_tip_m, run.tip_m.row(i).head<2>().norm());
     }
   }
-  EXPECT_EQ(families.size(), Families().size());
+  EXPECT_EQ(families.size(), experiment::Families().size());
   EXPECT_GT(most_N, 4);
   EXPECT_GT(most_tip_m, 0.055) << "of 90 mm: a bend of about 1.5 rad";
   EXPECT_NEAR(set_->simulated_s, 60, 10);
@@ -94,7 +94,7 @@ TEST_F(QuickSet, StaysWithinEveryLimitAndUsesMostOfTheRange) {
 TEST_F(QuickSet, EveryRunBeginsStillWhereThePlantBegins) {
   for (const gap::Run& run : set_->data.runs) {
     EXPECT_EQ(run.time_s[0], 0);
-    for (Eigen::Index i = 0; run.time_s[i] < kStillBefore_s; ++i) {
+    for (Eigen::Index i = 0; run.time_s[i] < experiment::kStillBefore_s; ++i) {
       ASSERT_EQ(run.motor_position_rad.row(i).cwiseAbs().maxCoeff(), 0) << run.name << " row " << i;
       ASSERT_NEAR(run.tension_N.row(i).minCoeff(), 0.3, 0.05);
       ASSERT_NEAR(run.tension_N.row(i).maxCoeff(), 0.3, 0.05);
@@ -145,15 +145,15 @@ TEST_F(QuickSet, FolderLoadsAgain) {
     EXPECT_EQ(again.runs[i].repeat_of, set_->data.runs[i].repeat_of);
     EXPECT_EQ(again.runs[i].tension_N, set_->data.runs[i].tension_N);
   }
-  EXPECT_LT(RobotDifference(again.robot, options_->controller_robot), 1e-15);
+  EXPECT_LT(robot_file::RobotDifference(again.robot, options_->controller_robot), 1e-15);
 }
 
 TEST(Experiments, SameSeedSameNumbers) {
-  const Plan plan = OnePlan(Short("sway", 4));
+  const experiment::Plan plan = OnePlan(Short("sway", 4));
   const auto run = [&](std::uint64_t seed, int threads) {
-    ExperimentOptions options = Nominal("rig_90mm.yaml", seed);
+    experiment::ExperimentOptions options = Nominal("rig_90mm.yaml", seed);
     options.threads = threads;
-    return RunSet(plan, options, nullptr, {}).data.runs.at(0);
+    return experiment::RunSet(plan, options, nullptr, {}).data.runs.at(0);
   };
   const gap::Run a = run(1, 1), b = run(1, 2), c = run(2, 1);
   EXPECT_EQ(a.tension_N, b.tension_N);
@@ -164,12 +164,12 @@ TEST(Experiments, SameSeedSameNumbers) {
 
 // A delay in the robot file is in the logs, as it is in the model that they are compared with.
 TEST(Experiments, ATrackersDelayShowsInTheTipAndNowhereElse) {
-  ExperimentOptions options = Nominal("rig_90mm.yaml", 3);
-  const Plan plan = OnePlan(Short("circle", 4));
-  const gap::Run prompt = RunSet(plan, options, nullptr, {}).data.runs.at(0);
+  experiment::ExperimentOptions options = Nominal("rig_90mm.yaml", 3);
+  const experiment::Plan plan = OnePlan(Short("circle", 4));
+  const gap::Run prompt = experiment::RunSet(plan, options, nullptr, {}).data.runs.at(0);
   constexpr int kLate = 30;  // rows of 1 ms
   options.plant_robot.actuation->tracker->delay_s = 1e-3 * kLate;
-  const gap::Run late = RunSet(plan, options, nullptr, {}).data.runs.at(0);
+  const gap::Run late = experiment::RunSet(plan, options, nullptr, {}).data.runs.at(0);
   EXPECT_EQ(prompt.motor_position_rad, late.motor_position_rad);
   const auto off = [&](Eigen::Index earlier) {
     double square = 0, count = 0;
@@ -190,13 +190,13 @@ TEST(Experiments, ATrackersDelayShowsInTheTipAndNowhereElse) {
 // What is simulated can be had again, so that a set holds nothing but whole runs.
 TEST(Experiments, StopKeepsTheRunsThatAreWhole) {
   std::atomic<bool> stop = false;
-  Plan plan = OnePlan(Short("sway", 4));
+  experiment::Plan plan = OnePlan(Short("sway", 4));
   plan.runs.push_back(Short("hold", 10));
   plan.runs.push_back(Short("circle", 4));
-  ExperimentOptions options = Nominal("rig_90mm.yaml", 1);
+  experiment::ExperimentOptions options = Nominal("rig_90mm.yaml", 1);
   options.threads = 1;
-  const ExperimentSet set =
-      RunSet(plan, options, &stop, [&](std::size_t run, double share, const Experiment*) {
+  const experiment::ExperimentSet set = experiment::RunSet(
+      plan, options, &stop, [&](std::size_t run, double share, const experiment::Experiment*) {
         if (run == 1 && share > 0.3) stop = true;
       });
   EXPECT_TRUE(set.trouble.starts_with("02_hold: stopped")) << set.trouble;
@@ -207,12 +207,13 @@ TEST(Experiments, StopKeepsTheRunsThatAreWhole) {
 
 // A load cell that shows 2 N too much trips the controller's guard: the run ends there, with its data.
 TEST(Experiments, AFaultEndsTheRunWithItsData) {
-  ExperimentOptions options = Nominal("rig_90mm.yaml", 1);
+  experiment::ExperimentOptions options = Nominal("rig_90mm.yaml", 1);
   options.plant_robot.effects.push_back(
       sim::ParseEffect("cell_offset where=tendon:1 N=2", options.plant_robot));
   options.controller_robot.limits.max_tension_motor_N = 5.5;
   options.plant_robot.limits = options.controller_robot.limits;
-  const ExperimentSet set = RunSet(OnePlan(Short("triangle", 8)), options, nullptr, {});
+  const experiment::ExperimentSet set =
+      experiment::RunSet(OnePlan(Short("triangle", 8)), options, nullptr, {});
   EXPECT_NE(set.trouble.find("triangle"), std::string::npos);
   ASSERT_EQ(set.data.runs.size(), 1u);
   EXPECT_FALSE(set.data.runs[0].notes.empty());
@@ -224,9 +225,9 @@ TEST(Programs, FitEveryShippedRig) {
   for (const char* file : {"rig_60mm.yaml", "rig_90mm.yaml", "two_section.yaml", "four_tendon_90mm.yaml"}) {
     const RobotParameters robot = config::LoadRobot(kRobots + file);
     const ControllerParameters controller = Daemon().controller;
-    for (const PlannedRun& run : QuickPlan().runs) {
+    for (const experiment::PlannedRun& run : experiment::QuickPlan().runs) {
       SCOPED_TRACE(std::string(file) + " " + run.family);
-      const Program program = MakeProgram(run, robot, controller);
+      const experiment::Program program = experiment::MakeProgram(run, robot, controller);
       EXPECT_NEAR(program.duration_s(), run.duration_s, 0.02);
       EXPECT_EQ(program.At(0.4).kind, CommandKind::kNone) << "still at first";
       EXPECT_NE(program.At(0.6).kind, CommandKind::kNone);
@@ -253,8 +254,10 @@ TEST(Programs, AskTheRobotForNoMoreThanItCan) {
   const RobotParameters robot = config::LoadRobot(kRobots + "rig_90mm.yaml");
   RobotParameters weak = robot;
   weak.limits.max_tension_base_N = 2;
-  const Program full = MakeProgram(UsualRun("triangle"), robot, Daemon().controller);
-  const Program less = MakeProgram(UsualRun("triangle"), weak, Daemon().controller);
+  const experiment::Program full =
+      experiment::MakeProgram(experiment::UsualRun("triangle"), robot, Daemon().controller);
+  const experiment::Program less =
+      experiment::MakeProgram(experiment::UsualRun("triangle"), weak, Daemon().controller);
   EXPECT_GT(full.targets.maxCoeff(), 1.4);
   EXPECT_LT(less.targets.maxCoeff(), 0.7) << "a quarter of the tension, a quarter of the bend";
   EXPECT_GT(less.targets.maxCoeff(), 0.2);
@@ -262,14 +265,14 @@ TEST(Programs, AskTheRobotForNoMoreThanItCan) {
 
 TEST(Programs, OwnTargetsAreCheckedAgainstTheRobot) {
   const RobotParameters robot = config::LoadRobot(kRobots + "rig_90mm.yaml");
-  const auto run = [&](PlannedRun::Targets kind, std::vector<Waypoint> waypoints) {
-    PlannedRun r;
+  const auto run = [&](experiment::PlannedRun::Targets kind, std::vector<experiment::Waypoint> waypoints) {
+    experiment::PlannedRun r;
     r.family = "mine";
     r.targets = kind;
     r.waypoints = std::move(waypoints);
-    return MakeProgram(r, robot, Daemon().controller);
+    return experiment::MakeProgram(r, robot, Daemon().controller);
   };
-  using enum PlannedRun::Targets;
+  using enum experiment::PlannedRun::Targets;
   EXPECT_NEAR(run(kBending, {{1, {0.8, 0}}, {2, {0.8, 0}}}).At(2.0).bending_rad[0], 0.8, 1e-9);
   EXPECT_NEAR(run(kTension, {{1, {2, 1, 1}}}).At(1.5).tension_N[0], 2, 0.02);
   EXPECT_THROW(run(kBending, {{1, {0.8}}}), std::invalid_argument);
@@ -281,24 +284,24 @@ TEST(Programs, OwnTargetsAreCheckedAgainstTheRobot) {
 
 TEST(Programs, MultisinePhasesFollowTheSeed) {
   const RobotParameters robot = config::LoadRobot(kRobots + "rig_90mm.yaml");
-  PlannedRun run = UsualRun("multisine");
-  const auto a = MakeProgram(run, robot, Daemon().controller).targets;
-  EXPECT_EQ(a, MakeProgram(run, robot, Daemon().controller).targets);
+  experiment::PlannedRun run = experiment::UsualRun("multisine");
+  const auto a = experiment::MakeProgram(run, robot, Daemon().controller).targets;
+  EXPECT_EQ(a, experiment::MakeProgram(run, robot, Daemon().controller).targets);
   run.seed = 2;
-  EXPECT_NE(a, MakeProgram(run, robot, Daemon().controller).targets);
+  EXPECT_NE(a, experiment::MakeProgram(run, robot, Daemon().controller).targets);
 }
 
 // ---- plan files ----
 
 TEST(Plans, ComeBackFromTheirText) {
-  Plan plan = StandardPlan();
-  PlannedRun own;
+  experiment::Plan plan = experiment::StandardPlan();
+  experiment::PlannedRun own;
   own.family = "mine";
   own.repeats = 2;
-  own.targets = PlannedRun::Targets::kTension;
+  own.targets = experiment::PlannedRun::Targets::kTension;
   own.waypoints = {{0.5, {1, 2, 3.25}}, {1.5, {1, 1, 1}}};
   plan.runs.push_back(own);
-  const Plan again = ParsePlan(ToYaml(plan), "text");
+  const experiment::Plan again = experiment::ParsePlan(ToYaml(plan), "text");
   EXPECT_EQ(ToYaml(again), ToYaml(plan));
   ASSERT_EQ(again.runs.size(), plan.runs.size());
   EXPECT_EQ(again.runs.back().waypoints[0].value, own.waypoints[0].value);
@@ -333,7 +336,7 @@ TEST(Plans, BadOnesAreRefusedWithLineAndRemedy) {
   };
   for (const auto& c : cases) {
     try {
-      ParsePlan(c.text, "plan.yaml");
+      experiment::ParsePlan(c.text, "plan.yaml");
       ADD_FAILURE() << "accepted: " << c.text;
     } catch (const std::runtime_error& e) {
       const std::string what = e.what();
@@ -342,7 +345,7 @@ TEST(Plans, BadOnesAreRefusedWithLineAndRemedy) {
       EXPECT_EQ(what.find('\n'), std::string::npos) << what;
     }
   }
-  EXPECT_THROW(LoadPlan("/no/such/plan.yaml"), std::runtime_error);
+  EXPECT_THROW(experiment::LoadPlan("/no/such/plan.yaml"), std::runtime_error);
 }
 
 // ---- a diagnosis worked into a robot file ----
@@ -389,9 +392,9 @@ TEST(Patch, EveryEffectOnEveryPlaceReadsBackAsFolded) {
         }
         SCOPED_TRACE(std::string(file) + " " + std::string(effect.name) + " " + where);
         wanted.effects = {Typical(effect, where, robot)};
-        const RobotPatch patch = PatchRobot(text, file, wanted.effects, {"why"});
-        EXPECT_LE(RobotDifference(patch.robot, wanted), 1e-9);
-        EXPECT_GT(RobotDifference(patch.robot, robot), 1e-9) << "nothing was changed";
+        const robot_file::RobotPatch patch = robot_file::PatchRobot(text, file, wanted.effects, {"why"});
+        EXPECT_LE(robot_file::RobotDifference(patch.robot, wanted), 1e-9);
+        EXPECT_GT(robot_file::RobotDifference(patch.robot, robot), 1e-9) << "nothing was changed";
         // A number that the file has is not left to the list of effects: the controller must know it too.
         EXPECT_EQ(patch.robot.effects.size(), effect.edit ? 0u : 1u);
       }
@@ -407,7 +410,8 @@ TEST(Patch, KeepsCommentsOrderAndEverythingElse) {
       {.name = "tip_payload", .where = "all", .values = {{"mass_kg", 0.002}}},
       {.name = "backlash", .where = "tendon:3", .values = {{"rad", 0.1}}},
   };
-  const RobotPatch patch = PatchRobot(text, "rig", effects, {"by the test", "for a reason"});
+  const robot_file::RobotPatch patch =
+      robot_file::PatchRobot(text, "rig", effects, {"by the test", "for a reason"});
   const auto before = Comments(text), after = Comments(patch.text);
   std::size_t at = 0;
   for (const std::string& comment : before) {
@@ -426,11 +430,11 @@ TEST(Patch, KeepsCommentsOrderAndEverythingElse) {
   EXPECT_EQ(patch.robot.actuation->tendons[1].motor.torque_scale, 0.95);
   EXPECT_EQ(patch.robot.actuation->tendons[0].motor.torque_scale, 1);
   // Patched again, by other effects: what is there is kept.
-  const RobotPatch twice =
-      PatchRobot(patch.text, "rig",
-                 {{.name = "torque_constant", .where = "tendon:1", .values = {{"scale", 1.1}}},
-                  {.name = "stribeck", .where = "all", .values = {{"torque_Nm", 5e-5}}}},
-                 {"again"});
+  const robot_file::RobotPatch twice =
+      robot_file::PatchRobot(patch.text, "rig",
+                             {{.name = "torque_constant", .where = "tendon:1", .values = {{"scale", 1.1}}},
+                              {.name = "stribeck", .where = "all", .values = {{"torque_Nm", 5e-5}}}},
+                             {"again"});
   EXPECT_NEAR(twice.robot.actuation->tendons[0].motor.torque_scale, 1.1, 1e-12);
   EXPECT_EQ(twice.robot.actuation->tendons[1].motor.torque_scale, 0.95);
   EXPECT_EQ(twice.robot.effects.size(), 2u);
@@ -438,7 +442,7 @@ TEST(Patch, KeepsCommentsOrderAndEverythingElse) {
 
 TEST(Patch, EffectsThatDoNotFitAreRefused) {
   const std::string text = ReadText(kRobots + "rig_90mm.yaml");
-  const auto patch = [&](EffectSetting e) { return PatchRobot(text, "rig", {std::move(e)}, {}); };
+  const auto patch = [&](EffectSetting e) { return robot_file::PatchRobot(text, "rig", {std::move(e)}, {}); };
   EXPECT_THROW(patch({.name = "gremlins", .where = "all", .values = {{"scale", 1}}}), std::invalid_argument);
   EXPECT_THROW(patch({.name = "torque_constant", .where = "tendon:9", .values = {{"scale", 1.1}}}),
                std::invalid_argument);
@@ -448,9 +452,9 @@ TEST(Patch, EffectsThatDoNotFitAreRefused) {
 }
 
 TEST(Patch, DiffShowsWhatChanged) {
-  EXPECT_EQ(DiffLines("a\nb\nc\nd\ne\n", "a\nb\nX\nd\ne\n"), "  b\n- c\n+ X\n  d\n");
-  EXPECT_EQ(DiffLines("same\n", "same\n"), "");
+  EXPECT_EQ(robot_file::DiffLines("a\nb\nc\nd\ne\n", "a\nb\nX\nd\ne\n"), "  b\n- c\n+ X\n  d\n");
+  EXPECT_EQ(robot_file::DiffLines("same\n", "same\n"), "");
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

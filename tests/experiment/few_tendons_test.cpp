@@ -23,7 +23,7 @@
 #include "tendril/gap/diagnose.h"
 #include "tendril/sim/effects.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 namespace fs = std::filesystem;
@@ -41,12 +41,12 @@ RobotParameters Rig(const std::vector<double>& tendons_rad) {
   return robot;
 }
 
-ClosedLoopOptions Options(const RobotParameters& robot, ControlLaw law) {
-  ClosedLoopOptions o{.controller_robot = robot,
-                      .plant_robot = robot,
-                      .daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"),
-                      .plant = {.seed = 1},
-                      .log_path = ""};
+experiment::ClosedLoopOptions Options(const RobotParameters& robot, ControlLaw law) {
+  experiment::ClosedLoopOptions o{.controller_robot = robot,
+                                  .plant_robot = robot,
+                                  .daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"),
+                                  .plant = {.seed = 1},
+                                  .log_path = ""};
   o.daemon.controller.law = law;
   return o;
 }
@@ -56,15 +56,15 @@ struct Figures {
   std::map<Status, int> cycles;
 };
 
-Figures FollowPlanar(const ClosedLoopOptions& options) {
-  const auto motion = MakeMotion("planar", options.controller_robot);
-  ClosedLoop loop(options);
+Figures FollowPlanar(const experiment::ClosedLoopOptions& options) {
+  const auto motion = motion::MakeMotion("planar", options.controller_robot);
+  experiment::ClosedLoop loop(options);
   loop.ArmAndPretension();
-  ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
+  experiment::ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
   Figures run;
   double sum2 = 0;
   int count = 0;
-  StreamMotion(loop, *motion, [&](const CycleRecord& r, double t_s) {
+  experiment::StreamMotion(loop, *motion, [&](const CycleRecord& r, double t_s) {
     ++run.cycles[r.output.status];
     const double error_m = (loop.plant().TipPose().p_WA - motion->TipAt(t_s)).norm();
     run.largest_m = std::max(run.largest_m, error_m);
@@ -98,7 +98,7 @@ TEST(FewTendons, FollowAPlanarBendUnderBothLaws) {
 TEST(FewTendons, AreToldWhatTheyCannotHold) {
   for (const ControlLaw law : {ControlLaw::kPaper, ControlLaw::kEquilibrium}) {
     const RobotParameters robot = Rig(kPair);
-    ClosedLoop loop(Options(robot, law));
+    experiment::ClosedLoop loop(Options(robot, law));
     loop.ArmAndPretension();
     Command command;
     command.kind = CommandKind::kBending;
@@ -140,7 +140,7 @@ TEST(FewTendons, AreToldWhatTheyCannotHold) {
 
 // Its zero is the bend that the least tension makes, which estimate and displacement both say.
 TEST(FewTendons, OneTendonRestsBentAndKnowsIt) {
-  ClosedLoop loop(Options(Rig(kOne), ControlLaw::kPaper));
+  experiment::ClosedLoop loop(Options(Rig(kOne), ControlLaw::kPaper));
   loop.ArmAndPretension();
   for (int i = 0; i < 1000; ++i) loop.Step();
   BendingVector bend(2);
@@ -152,13 +152,14 @@ TEST(FewTendons, OneTendonRestsBentAndKnowsIt) {
 
 TEST(FewTendons, AreMovedByEveryExperiment) {
   const ControllerParameters controller =
-      ForExperiments(config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml")).controller;
+      experiment::ForExperiments(config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml")).controller;
   for (const auto& tendons : {kOne, kPair, kPairAcross}) {
     const RobotParameters robot = Rig(tendons);
     const Eigen::Vector2d along(std::cos(tendons[0]), std::sin(tendons[0]));
-    for (const std::string_view family : Families()) {
+    for (const std::string_view family : experiment::Families()) {
       SCOPED_TRACE(std::string(family) + " of " + std::to_string(tendons.size()));
-      const Program program = MakeProgram(UsualRun(family), robot, controller);
+      const experiment::Program program =
+          experiment::MakeProgram(experiment::UsualRun(family), robot, controller);
       const double span =
           (program.targets.colwise().maxCoeff() - program.targets.colwise().minCoeff()).maxCoeff();
       EXPECT_GT(span, program.tension ? 1.0 : 0.5);
@@ -168,11 +169,11 @@ TEST(FewTendons, AreMovedByEveryExperiment) {
         EXPECT_LT((bend - along * along.dot(bend)).norm(), 1e-9) << "out of the plane that is held";
       }
     }
-    PlannedRun own;
+    experiment::PlannedRun own;
     own.family = "own";
-    own.targets = PlannedRun::Targets::kBending;
+    own.targets = experiment::PlannedRun::Targets::kBending;
     own.waypoints = {{2, {0.3 * along.y(), 0.3 * along.x()}}};
-    EXPECT_THAT([&] { MakeProgram(own, robot, controller); },
+    EXPECT_THAT([&] { experiment::MakeProgram(own, robot, controller); },
                 testing::ThrowsMessage<std::invalid_argument>(HasSubstr("cannot be held")));
   }
 }
@@ -182,13 +183,14 @@ TEST(FewTendons, OfARobotNotMeasuredAreStillItsOwn) {
   const fs::path folder = fs::temp_directory_path() / ("tendril_few_set_" + std::to_string(getpid()));
   const RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
   const DaemonParameters daemon =
-      ForExperiments(config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"));
-  PlannedRun run = UsualRun("hold");
+      experiment::ForExperiments(config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"));
+  experiment::PlannedRun run = experiment::UsualRun("hold");
   run.duration_s = 4;
   gap::DataSet set =
-      RunSet({"one", {run}},
-             {.controller_robot = robot, .plant_robot = robot, .daemon = daemon, .seed = 1, .threads = 1},
-             nullptr, {})
+      experiment::RunSet(
+          {"one", {run}},
+          {.controller_robot = robot, .plant_robot = robot, .daemon = daemon, .seed = 1, .threads = 1},
+          nullptr, {})
           .data;
   set.runs[0].torque_target_Nm.col(2).setConstant(std::nan(""));
   set.runs[0].torque_actual_Nm.col(2).setConstant(std::nan(""));
@@ -282,4 +284,4 @@ TEST_F(FewTendonsPrograms, ModelTakesThem) {
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

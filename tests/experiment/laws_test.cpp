@@ -16,18 +16,18 @@
 #include "tendril/experiment/motion_run.h"
 #include "tendril/sim/effects.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
-ClosedLoopOptions Options(const char* robot, bool tension_feedback, bool tip_feedback = false,
-                          bool shape_feedback = false) {
+experiment::ClosedLoopOptions Options(const char* robot, bool tension_feedback, bool tip_feedback = false,
+                                      bool shape_feedback = false) {
   const std::string folder = TENDRIL_SOURCE_DIR "/config/";
   const RobotParameters parameters = config::LoadRobot(folder + "robots/" + robot);
-  ClosedLoopOptions o{.controller_robot = parameters,
-                      .plant_robot = parameters,
-                      .daemon = config::LoadDaemon(folder + "tendrild.yaml"),
-                      .plant = {.seed = 1},
-                      .log_path = ""};
+  experiment::ClosedLoopOptions o{.controller_robot = parameters,
+                                  .plant_robot = parameters,
+                                  .daemon = config::LoadDaemon(folder + "tendrild.yaml"),
+                                  .plant = {.seed = 1},
+                                  .log_path = ""};
   auto& c = o.daemon.controller;
   c.law = ControlLaw::kEquilibrium;
   c.tension_feedback = tension_feedback;
@@ -49,16 +49,16 @@ struct Figures {
   }
 };
 
-Figures Follow(const ClosedLoopOptions& options, const char* name) {
-  const auto motion = MakeMotion(name, options.controller_robot);
-  ClosedLoop loop(options);
+Figures Follow(const experiment::ClosedLoopOptions& options, const char* name) {
+  const auto motion = motion::MakeMotion(name, options.controller_robot);
+  experiment::ClosedLoop loop(options);
   loop.ArmAndPretension();
-  ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
+  experiment::ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
   Figures run;
   double sum2 = 0;
   int count = 0;
   std::optional<TendonVector> last_Nm;
-  StreamMotion(
+  experiment::StreamMotion(
       loop, *motion,
       [&](const CycleRecord& r, double t_s) {
         ++run.cycles[r.output.status];
@@ -99,7 +99,7 @@ TEST(Laws, NoTorqueJumpsOnTheSlowCircle) {
 // Without load cells to hold them the spools must not lose their tendons: a rotor takes 0.36 N at this pace,
 // more than the least tension.
 TEST(Laws, ACircleASecondNeedsNoFeedback) {
-  const ClosedLoopOptions options = Options("rig_60mm.yaml", false);
+  const experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", false);
   const Figures run = Follow(options, "fast_circle");
   EXPECT_LT(run.rms_m, 1e-3);
   EXPECT_LT(run.slack_cycles(), 100) << "of 7000, all while it gathers speed and loses it";
@@ -109,11 +109,11 @@ TEST(Laws, ACircleASecondNeedsNoFeedback) {
 
 // The tip is held on a payload that the controller does not know, which only the tracker shows.
 TEST(Laws, ALostAnOldAndAJumpingTracker) {
-  ClosedLoopOptions options = Options("rig_60mm.yaml", true, true);
+  experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", true, true);
   options.plant_robot.body.tip_payload_kg += 0.002;
-  const auto motion = MakeMotion("circle", options.controller_robot);
+  const auto motion = motion::MakeMotion("circle", options.controller_robot);
   const Eigen::Vector3d goal = motion->TipAt(0);
-  ClosedLoop loop(options);
+  experiment::ClosedLoop loop(options);
   double late_s = 0, jump_m = 0;
   bool lost = false;
   loop.OnTracker([&](const TrackerSample& s) -> std::optional<TrackerSample> {
@@ -146,7 +146,7 @@ TEST(Laws, ALostAnOldAndAJumpingTracker) {
     return seen;
   };
   loop.ArmAndPretension();
-  ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
+  experiment::ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
   run(6, goal);
   Eigen::Vector3d held = tip();
   EXPECT_LT((held - goal).norm(), 2.5e-4) << "0.9 mm without the tracker";
@@ -198,7 +198,8 @@ Command Bend(double u_rad, double v_rad, double speed_radps = 0) {
   return c;
 }
 
-void StepFor(ClosedLoop& loop, double seconds, const std::function<void(const CycleRecord&)>& see) {
+void StepFor(experiment::ClosedLoop& loop, double seconds,
+             const std::function<void(const CycleRecord&)>& see) {
   for (const double end_s = loop.now_s() + seconds; loop.now_s() < end_s;) see(loop.Step());
 }
 
@@ -209,7 +210,7 @@ TEST(Laws, ARobotAtRestStands) {
     for (const int law : {1, 2, 3}) {
       if (law != 2 && std::string(robot) == "rig_90mm.yaml") continue;
       SCOPED_TRACE(std::string(robot) + ", law " + std::to_string(law));
-      ClosedLoop loop(Options(robot, law >= 2, law >= 3, law >= 3));
+      experiment::ClosedLoop loop(Options(robot, law >= 2, law >= 3, law >= 3));
       loop.ArmAndPretension();
       loop.Send(Bend(1, 0));
       StepFor(loop, 8, [](const CycleRecord&) {});
@@ -233,7 +234,7 @@ TEST(Laws, ARobotAtRestStands) {
 
 // Two integrals over one error, on sections that carry each other, come to an end as well.
 TEST(Laws, TwoSectionsAtRestStandUnderEveryFeedback) {
-  ClosedLoop loop(Options("two_section.yaml", true, true, true));
+  experiment::ClosedLoop loop(Options("two_section.yaml", true, true, true));
   loop.ArmAndPretension();
   Command c = Bend(0, 0);
   c.speed_radps = 3;
@@ -255,7 +256,7 @@ TEST(Laws, TwoSectionsAtRestStandUnderEveryFeedback) {
 // One load cell that shows too much: its tendon is not let go, for a rope cannot be pushed.
 TEST(Laws, ACellThatShowsTooMuchUnwindsNoSpool) {
   for (const bool tip : {false, true}) {
-    ClosedLoopOptions options = Options("rig_60mm.yaml", true, tip);
+    experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", true, tip);
     for (const char* effect : {"cell_offset N=0.1 where=tendon:2", "cell_offset N=0.3 where=tendon:2"}) {
       options.plant_robot.effects.assign(1, sim::ParseEffect(effect, options.plant_robot));
       const Figures run = Follow(options, "circle");
@@ -270,9 +271,9 @@ TEST(Laws, ACellThatShowsTooMuchUnwindsNoSpool) {
 TEST(Laws, ABendBeyondAllTensionStaysWithinTheirLimits) {
   for (const int law : {1, 2, 3}) {
     SCOPED_TRACE(law);
-    const ClosedLoopOptions options = Options("rig_60mm.yaml", law >= 2, law >= 3);
+    const experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", law >= 2, law >= 3);
     const LimitParameters& limits = options.controller_robot.limits;
-    ClosedLoop loop(options);
+    experiment::ClosedLoop loop(options);
     loop.ArmAndPretension();
     std::optional<TendonVector> last_Nm;
     double base_N = 0, motor_N = 0, step_Nm = 0;
@@ -302,10 +303,10 @@ TEST(Laws, NoCommandIsTooFastForTheTendons) {
   for (const int law : {0, 1, 2}) {
     for (const double bend_rad : {1.2, 2.5}) {
       SCOPED_TRACE("law " + std::to_string(law) + ", " + std::to_string(bend_rad) + " rad");
-      ClosedLoopOptions options = Options("rig_60mm.yaml", law >= 2);
+      experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", law >= 2);
       if (law == 0) options.daemon.controller.law = ControlLaw::kPaper;
       const LimitParameters& limits = options.controller_robot.limits;
-      ClosedLoop loop(options);
+      experiment::ClosedLoop loop(options);
       loop.ArmAndPretension();
       double base_N = 0, motor_N = 0;
       int limited = 0;
@@ -336,19 +337,19 @@ TEST(Laws, NoCommandIsTooFastForTheTendons) {
 TEST(Laws, FrictionThatNobodyKnowsBreaksNoLimit) {
   for (const bool tip_feedback : {false, true}) {
     SCOPED_TRACE(tip_feedback);
-    ClosedLoopOptions options = Options("rig_60mm.yaml", true, tip_feedback, true);
+    experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", true, tip_feedback, true);
     for (const char* effect : {"capstan_alpha scale=2", "motor_coulomb scale=2"})
       options.plant_robot.effects.push_back(sim::ParseEffect(effect, options.plant_robot));
     options.daemon.controller.trajectory.look_ahead = true;
     const LimitParameters& limits = options.controller_robot.limits;
     const double bound_N = control::kCommandedTensionShare * limits.max_tension_base_N;
-    const auto motion = MakeMotion("spiral", options.controller_robot);
-    ClosedLoop loop(options);
+    const auto motion = motion::MakeMotion("spiral", options.controller_robot);
+    experiment::ClosedLoop loop(options);
     loop.ArmAndPretension();
-    ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
+    experiment::ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
     double base_N = 0, motor_N = 0, wanted_N = 0;
     std::optional<TendonVector> last_N;
-    StreamMotion(
+    experiment::StreamMotion(
         loop, *motion,
         [&](const CycleRecord& r, double t_s) {
           ASSERT_EQ(r.output.mode, Mode::kRunning) << t_s;
@@ -377,9 +378,9 @@ TEST(Laws, FrictionThatNobodyKnowsBreaksNoLimit) {
 TEST(Laws, ArmedAgainTheRobotStandsStill) {
   for (const int law : {0, 1, 2}) {
     SCOPED_TRACE("law " + std::to_string(law));
-    ClosedLoopOptions options = Options("rig_60mm.yaml", law >= 2);
+    experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", law >= 2);
     if (law == 0) options.daemon.controller.law = ControlLaw::kPaper;
-    ClosedLoop loop(options);
+    experiment::ClosedLoop loop(options);
     double most_N = 0, bend_rad = 0;
     const auto see = [&](const CycleRecord& r) {
       ASSERT_EQ(r.output.mode, Mode::kRunning) << static_cast<int>(r.output.status);
@@ -408,7 +409,7 @@ TEST(Laws, ArmedAgainTheRobotStandsStill) {
 // Tensions that are commanded arrive at the base, though the cells sit before the pulleys.
 TEST(Laws, CommandedTensionsArriveAtTheBase) {
   for (const bool feedback : {false, true}) {
-    ClosedLoop loop(Options("rig_60mm.yaml", feedback));
+    experiment::ClosedLoop loop(Options("rig_60mm.yaml", feedback));
     loop.ArmAndPretension();
     for (const Eigen::Vector3d& wanted_N : {Eigen::Vector3d(1, 1, 3), Eigen::Vector3d(3, 1, 1)}) {
       Command c;
@@ -428,10 +429,10 @@ TEST(Laws, CommandedTensionsArriveAtTheBase) {
 // next starts from there without a blow.
 TEST(Laws, BriskTensionsAndABendAfterThemStayWithinLimits) {
   for (const ControlLaw law : {ControlLaw::kPaper, ControlLaw::kEquilibrium}) {
-    ClosedLoopOptions options = Options("rig_60mm.yaml", false);
+    experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", false);
     options.daemon.controller.law = law;
     if (law == ControlLaw::kEquilibrium) options.daemon.controller.pretension_ramp_Nps = 100;
-    ClosedLoop loop(options);
+    experiment::ClosedLoop loop(options);
     loop.ArmAndPretension();
     const double travel_m = options.plant_robot.actuation->tendons[0].SpoolTravelPerMotorRad();
     double most_N = 0, jump_Nm = 0, overrun_m = 0;
@@ -471,11 +472,11 @@ TEST(Laws, BriskTensionsAndABendAfterThemStayWithinLimits) {
 // Tensions that take over from a motion at high tension: there a stretched tendon's friction has three
 // solutions, and it must not go from one to another at once.
 TEST(Laws, TensionsTakeOverFromAMotionWithoutAJump) {
-  ClosedLoopOptions options = Options("rig_60mm.yaml", true, false, true);
+  experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", true, false, true);
   for (RobotParameters* robot : {&options.controller_robot, &options.plant_robot}) {
     for (auto& t : robot->actuation->tendons) t.load_cell.place = LoadCellPlace::kRobotSide;
   }
-  ClosedLoop loop(options);
+  experiment::ClosedLoop loop(options);
   loop.ArmAndPretension();
   double jump_Nm = 0;
   TendonVector last_Nm = loop.record().output.torque_desired_Nm;
@@ -502,7 +503,7 @@ TEST(Laws, TensionsTakeOverFromAMotionWithoutAJump) {
 TEST(Laws, TheTendonsShowWhatTheFileHasWrong) {
   for (const std::vector<const char*>& effects : {std::vector<const char*>{"bending_stiffness scale=1.2"},
                                                   {"capstan_alpha scale=2", "motor_coulomb scale=2"}}) {
-    ClosedLoopOptions options = Options("rig_60mm.yaml", true, false, true);
+    experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", true, false, true);
     for (const char* effect : effects)
       options.plant_robot.effects.push_back(sim::ParseEffect(effect, options.plant_robot));
     const Figures run = Follow(options, "circle");
@@ -516,16 +517,16 @@ TEST(Laws, TheTendonsShowWhatTheFileHasWrong) {
 
 // A spool that ran out without its tendon, when that is found out: winding it in again would end in a blow.
 TEST(Laws, AfterAFaultNoTendonIsSnatched) {
-  ClosedLoopOptions options = Options("rig_60mm.yaml", false);
+  experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", false);
   options.daemon.controller.law = ControlLaw::kPaper;
   for (const char* effect : {"bending_stiffness scale=1.2", "tendon_stiffness scale=0.5"}) {
     options.plant_robot.effects.assign(1, sim::ParseEffect(effect, options.plant_robot));
-    ClosedLoop loop(options);
-    const auto motion = MakeMotion("fast_circle", options.controller_robot);
+    experiment::ClosedLoop loop(options);
+    const auto motion = motion::MakeMotion("fast_circle", options.controller_robot);
     loop.ArmAndPretension();
-    ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
+    experiment::ApproachStart(loop, *motion, [](const CycleRecord&, double) {});
     double after_s = 0, base_N = 0;
-    StreamMotion(
+    experiment::StreamMotion(
         loop, *motion,
         [&](const CycleRecord& r, double) {
           if (r.output.mode != Mode::kFault || after_s > 3) return;
@@ -539,4 +540,4 @@ TEST(Laws, AfterAFaultNoTendonIsSnatched) {
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

@@ -15,7 +15,7 @@
 #include "control/ideal_loop.h"
 #include "tendril/io/log.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 using testing::HasSubstr;
@@ -61,7 +61,7 @@ struct ReplayTest : testing::Test {
   }
   std::string WhyNot(const std::optional<RobotParameters>& robot = {}) {
     try {
-      ReplayLog(path, robot);
+      experiment::ReplayLog(path, robot);
     } catch (const std::runtime_error& e) {
       return e.what();
     }
@@ -78,7 +78,7 @@ struct ReplayTest : testing::Test {
 
 TEST_F(ReplayTest, AWholeLogGivesTheSameBits) {
   Write(0, 0, 0, false);
-  const ReplayResult r = ReplayLog(path);
+  const experiment::ReplayResult r = experiment::ReplayLog(path);
   EXPECT_FALSE(r.difference) << r.difference->field;
   EXPECT_EQ(r.replayed, records.size());
   EXPECT_EQ(r.unchecked, 0U);
@@ -92,7 +92,7 @@ TEST_F(ReplayTest, OneChangedBitIsFoundWhereItIs) {
   changed = WithBitFlipped(was, 0);
   records[850].output.torque_desired_Nm[0] = 1;  // later: not the first
   Write(0, 0, 0, false);
-  const ReplayResult r = ReplayLog(path);
+  const experiment::ReplayResult r = experiment::ReplayLog(path);
   ASSERT_TRUE(r.difference);
   EXPECT_EQ(r.difference->cycle, 812U);
   EXPECT_EQ(r.difference->field, "tension_desired_base_N[1]");
@@ -106,7 +106,7 @@ TEST_F(ReplayTest, OneChangedBitIsFoundWhereItIs) {
 TEST_F(ReplayTest, AChangedInputShowsInItsCycle) {
   records[500].input.drive[2].analog_mV ^= 1;
   Write(0, 0, 0, false);
-  const ReplayResult r = ReplayLog(path);
+  const experiment::ReplayResult r = experiment::ReplayLog(path);
   ASSERT_TRUE(r.difference);
   EXPECT_EQ(r.difference->cycle, 500U);
   EXPECT_EQ(r.difference->field, "tension_measured_N[2]");
@@ -114,7 +114,7 @@ TEST_F(ReplayTest, AChangedInputShowsInItsCycle) {
 
 TEST_F(ReplayTest, FromASnapshotInTheMiddle) {
   Write(kSnapshotAt, 0, 0, true);
-  ReplayResult r = ReplayLog(path);
+  experiment::ReplayResult r = experiment::ReplayLog(path);
   EXPECT_FALSE(r.difference) << r.difference->field;
   EXPECT_TRUE(r.from_snapshot);
   EXPECT_EQ(r.first_cycle, kSnapshotAt);
@@ -124,7 +124,7 @@ TEST_F(ReplayTest, FromASnapshotInTheMiddle) {
   records[750].output.reference.velocity_radps[0] =
       WithBitFlipped(records[750].output.reference.velocity_radps[0], 3);
   Write(kSnapshotAt, 0, 0, true);
-  r = ReplayLog(path);
+  r = experiment::ReplayLog(path);
   ASSERT_TRUE(r.difference);
   EXPECT_EQ(r.difference->cycle, 750U);
   EXPECT_EQ(r.difference->field, "reference_rate_radps[0]");
@@ -138,7 +138,7 @@ TEST_F(ReplayTest, FromASnapshotInTheMiddle) {
 
 TEST_F(ReplayTest, WhatCannotBeKnownIsNotClaimed) {
   Write(0, 650, 651, false);
-  const ReplayResult r = ReplayLog(path);
+  const experiment::ReplayResult r = experiment::ReplayLog(path);
   EXPECT_FALSE(r.difference);
   EXPECT_EQ(r.replayed, 650U);
   EXPECT_EQ(r.unchecked, records.size() - 651);
@@ -147,4 +147,4 @@ TEST_F(ReplayTest, WhatCannotBeKnownIsNotClaimed) {
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

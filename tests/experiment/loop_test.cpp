@@ -10,19 +10,20 @@
 #include "tendril/experiment/motion_run.h"
 #include "tendril/motion/path_motion.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 RobotParameters Robot(const char* file) {
   return config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file);
 }
 
-ClosedLoopOptions Options(const char* robot, bool equilibrium, bool look_ahead, std::uint64_t seed = 1) {
-  ClosedLoopOptions o{.controller_robot = Robot(robot),
-                      .plant_robot = Robot(robot),
-                      .daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"),
-                      .plant = {.seed = seed},
-                      .log_path = ""};
+experiment::ClosedLoopOptions Options(const char* robot, bool equilibrium, bool look_ahead,
+                                      std::uint64_t seed = 1) {
+  experiment::ClosedLoopOptions o{.controller_robot = Robot(robot),
+                                  .plant_robot = Robot(robot),
+                                  .daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"),
+                                  .plant = {.seed = seed},
+                                  .log_path = ""};
   auto& c = o.daemon.controller;
   c.law = equilibrium ? ControlLaw::kEquilibrium : ControlLaw::kPaper;
   c.tension_feedback = equilibrium;
@@ -31,9 +32,10 @@ ClosedLoopOptions Options(const char* robot, bool equilibrium, bool look_ahead, 
 }
 
 /// The circle of the tip at so many turns a second, as fast_circle but slower or faster.
-class Turning final : public Motion {
+class Turning final : public motion::Motion {
  public:
-  Turning(const RobotParameters& robot, double turns_per_s) : fast_(MakeMotion("fast_circle", robot)) {
+  Turning(const RobotParameters& robot, double turns_per_s)
+      : fast_(motion::MakeMotion("fast_circle", robot)) {
     scale_ = turns_per_s;
     name_ = "turning";
     duration_s_ = fast_->duration_s() / scale_;
@@ -48,7 +50,7 @@ class Turning final : public Motion {
   Eigen::Vector3d TipAt(double t_s) const override { return fast_->TipAt(t_s * scale_); }
 
  private:
-  std::unique_ptr<Motion> fast_;
+  std::unique_ptr<motion::Motion> fast_;
   double scale_;
 };
 
@@ -57,12 +59,12 @@ struct Sent {
 };
 
 /// As `tendril follow` does it: a command every 10 ms, from one lead before the motion on.
-void Follow(ClosedLoop& loop, const Motion& motion, const Sent& sent,
+void Follow(experiment::ClosedLoop& loop, const motion::Motion& motion, const Sent& sent,
             const std::function<void(const CycleRecord&, double t_s)>& observe) {
   loop.ArmAndPretension();
-  ApproachStart(loop, motion, [](const CycleRecord&, double) {});
+  experiment::ApproachStart(loop, motion, [](const CycleRecord&, double) {});
   const double start_s = loop.now_s() + sent.ahead_s;
-  const std::uint64_t every = CyclesOf(loop, 0.01);
+  const std::uint64_t every = experiment::CyclesOf(loop, 0.01);
   for (std::uint64_t step = 0; loop.now_s() - start_s < motion.duration_s(); ++step) {
     const double t_s = loop.now_s() - start_s;
     if (step % every == 0) loop.Send(motion.SentAhead(t_s, sent.ahead_s, sent.extrapolates_s));
@@ -72,8 +74,9 @@ void Follow(ClosedLoop& loop, const Motion& motion, const Sent& sent,
   }
 }
 
-double TipRmsMm(const ClosedLoopOptions& options, const Motion& motion, const Sent& sent) {
-  ClosedLoop loop(options);
+double TipRmsMm(const experiment::ClosedLoopOptions& options, const motion::Motion& motion,
+                const Sent& sent) {
+  experiment::ClosedLoop loop(options);
   double sum2 = 0;
   int count = 0;
   Follow(loop, motion, sent, [&](const CycleRecord&, double t_s) {
@@ -84,10 +87,10 @@ double TipRmsMm(const ClosedLoopOptions& options, const Motion& motion, const Se
   return 1e3 * std::sqrt(sum2 / count);
 }
 
-double LeadOf(const ClosedLoopOptions& options) {
-  ClosedLoopOptions o = options;
+double LeadOf(const experiment::ClosedLoopOptions& options) {
+  experiment::ClosedLoopOptions o = options;
   o.daemon.controller.trajectory.look_ahead = false;
-  return ClosedLoop(o).sender_lead_s();
+  return experiment::ClosedLoop(o).sender_lead_s();
 }
 
 TEST(SentAhead, IsTheSameGoalWhetherTheControllerLooksAheadOrNot) {
@@ -106,7 +109,7 @@ TEST(SentAhead, FastCirclesAreFollowedManyTimesBetter) {
     double turns_per_s, times_better;
   };
   for (const Row& row : {Row{0.5, 8}, Row{1, 10}}) {
-    const ClosedLoopOptions looking = Options("rig_60mm.yaml", true, true);
+    const experiment::ClosedLoopOptions looking = Options("rig_60mm.yaml", true, true);
     const Turning motion(looking.controller_robot, row.turns_per_s);
     const double lead_s = LeadOf(looking);
     const double extrapolated = TipRmsMm(looking, motion, {0, 0});
@@ -126,13 +129,14 @@ TEST(SentAhead, FastCirclesAreFollowedManyTimesBetter) {
 }
 
 TEST(Followed, ViaPointsArePassedWithinTheLimitsOfTheReference) {
-  const ClosedLoopOptions options = Options("rig_60mm.yaml", true, true);
+  const experiment::ClosedLoopOptions options = Options("rig_60mm.yaml", true, true);
   const RobotParameters& robot = options.controller_robot;
   Eigen::MatrixXd points(5, 2);
   points << 0.1, 0, 0.6, 0.3, 0.2, 0.8, -0.5, 0.2, 0, -0.3;
   const auto& limits = options.daemon.controller.trajectory;
-  const auto motion = MakePathMotion("via", {ThroughPoints(points, robot)}, {1, 4, 40}, robot);
-  ClosedLoop loop(options);
+  const auto motion =
+      motion::MakePathMotion("via", {motion::ThroughPoints(points, robot)}, {1, 4, 40}, robot);
+  experiment::ClosedLoop loop(options);
   const double lead_s = LeadOf(options);
   std::vector<double> nearest(5, 1);
   Eigen::VectorXd acceleration = Eigen::VectorXd::Zero(2);
@@ -164,9 +168,9 @@ TEST(Estimate, AgreesWithThePlantAsWellAsItsCovarianceSays) {
     double normalised = 0, largest = 0, sum2 = 0;
     int count = 0;
     for (const std::uint64_t seed : {1, 2}) {
-      const ClosedLoopOptions options = Options(c.robot, true, true, seed);
-      const auto motion = MakeMotion(c.motion, options.controller_robot);
-      ClosedLoop loop(options);
+      const experiment::ClosedLoopOptions options = Options(c.robot, true, true, seed);
+      const auto motion = motion::MakeMotion(c.motion, options.controller_robot);
+      experiment::ClosedLoop loop(options);
       BendingVector truth(2);
       Follow(loop, *motion, {0, 0}, [&](const CycleRecord& r, double) {
         if (r.input.cycle % 20 != 0) return;
@@ -191,4 +195,4 @@ TEST(Estimate, AgreesWithThePlantAsWellAsItsCovarianceSays) {
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

@@ -222,7 +222,7 @@ int RunEmcy(std::span<const std::uint8_t> bytes) {
             "an EMCY is a data frame of 8 bytes on 0x081..0x0FF");
     if (!emcy) continue;
     Require(Same(canopen::EmcyFrame(*emcy), frame), "it encodes to the same frame");
-    const canopen::EmcyInfo& info = canopen::FindEmcy(emcy->code);
+    const canopen::EmcyInfo& info = canopen::FindEmcy(canopen::Epos4Profile()->emcy, emcy->code);
     Require(info.text[0] != '\0' && info.cause[0] != '\0', "every code has a text");
   }
   return source.frames();
@@ -404,7 +404,7 @@ class Rack {
       return;
     }
     const bool aimed = what == 4;
-    const auto table = canopen::ObjectTable();
+    const auto table = canopen::Epos4Profile()->objects.entries();
     const std::size_t entry = aimed ? (source.Byte() | source.Byte() << 8) % table.size() : 0;
     can::CanFrame frame = source.Frame(0x600 + static_cast<std::uint32_t>(node));
     if (aimed) {  // an object that is there, in expedited form of the right length or as it came

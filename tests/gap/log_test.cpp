@@ -37,12 +37,13 @@ std::vector<Truth> Record(const std::string& path, bool tracker, bool noise,
                           const char* robot_file = kRobot.c_str()) {
   RobotParameters robot = config::LoadRobot(robot_file);
   if (!tracker) robot.actuation->tracker.reset();
-  tools::ClosedLoopOptions options{.controller_robot = robot,
-                                   .plant_robot = robot,
-                                   .daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"),
-                                   .plant = {.seed = 5, .sensor_noise = noise},
-                                   .log_path = path};
-  tools::ClosedLoop loop(options);
+  experiment::ClosedLoopOptions options{
+      .controller_robot = robot,
+      .plant_robot = robot,
+      .daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"),
+      .plant = {.seed = 5, .sensor_noise = noise},
+      .log_path = path};
+  experiment::ClosedLoop loop(options);
   std::vector<Truth> truth;
   const auto step = [&] {
     const CycleRecord& r = loop.Step();

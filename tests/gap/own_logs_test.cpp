@@ -41,7 +41,7 @@ RobotParameters Robot(const Case& c) {
   return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/" + c.robot + ".yaml");
 }
 
-void Home(tools::ClosedLoop& loop) {
+void Home(experiment::ClosedLoop& loop) {
   const auto reaches = [&](Mode mode, const char* what) {
     loop.StepUntil([mode](const CycleRecord& r) { return r.output.mode == mode; }, 60, what);
   };
@@ -56,18 +56,19 @@ void Record(const Case& c, const std::string& effect, const fs::path& log) {
   const RobotParameters nominal = Robot(c);
   RobotParameters plant = nominal;
   if (!effect.empty()) plant.effects.push_back(sim::ParseEffect(effect, plant));
-  tools::ClosedLoopOptions options{.controller_robot = nominal,
-                                   .plant_robot = plant,
-                                   .daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"),
-                                   .plant = {.seed = c.seed},
-                                   .log_path = log.string()};
+  experiment::ClosedLoopOptions options{
+      .controller_robot = nominal,
+      .plant_robot = plant,
+      .daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml"),
+      .plant = {.seed = c.seed},
+      .log_path = log.string()};
   options.daemon.controller.law = c.law;
-  tools::ClosedLoop loop(options);
-  const auto motion = tools::MakeMotion(c.motion, nominal);
+  experiment::ClosedLoop loop(options);
+  const auto motion = motion::MakeMotion(c.motion, nominal);
   c.home ? Home(loop) : loop.ArmAndPretension();
   const auto nothing = [](const CycleRecord&, double) {};
-  tools::ApproachStart(loop, *motion, nothing);
-  tools::StreamMotion(loop, *motion, nothing, loop.sender_lead_s());
+  experiment::ApproachStart(loop, *motion, nothing);
+  experiment::StreamMotion(loop, *motion, nothing, loop.sender_lead_s());
   loop.DisarmAndWait();
 }
 

@@ -1,4 +1,5 @@
 // `tendril model` as another program sees it: columns by name, 17 digits, one clear line for what is wrong.
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -24,7 +25,7 @@ std::string Refusal(const std::string& text, std::vector<std::string> required,
                     std::vector<std::vector<std::string>> optional = {}) {
   std::istringstream in(text);
   try {
-    CsvReader rows(in, "in", std::move(required), std::move(optional));
+    io::CsvReader rows(in, "in", std::move(required), std::move(optional));
     while (rows.Next()) {
     }
   } catch (const std::runtime_error& e) {
@@ -35,7 +36,7 @@ std::string Refusal(const std::string& text, std::vector<std::string> required,
 
 TEST(Csv, ColumnsAreMatchedByNameInAnyOrder) {
   std::istringstream in("\xEF\xBB\xBF b , \"a\",fy,fx\r\n 2 ,1,4,3\r\n\r\n+5,-6e-3,7,8");
-  CsvReader rows(in, "in", {"a", "b"}, {{"fx", "fy"}, {"t"}});
+  io::CsvReader rows(in, "in", {"a", "b"}, {{"fx", "fy"}, {"t"}});
   ASSERT_TRUE(rows.Next());
   EXPECT_THAT(rows.required(), ElementsAre(1, 2));
   EXPECT_TRUE(rows.has(0));
@@ -125,8 +126,10 @@ class ModelCommand : public testing::Test {
 
 TEST_F(ModelCommand, AccelGivesTheIndependentAccelerationsToTheLastDigits) {
   const test::Golden golden("accel_paper.csv");
-  std::string input = fmt::format(
-      "{}\n", fmt::join(Numbered("T", 3) + NumberedPairs("dv", "du", 4) + NumberedPairs("u", "v", 4), ","));
+  std::string input =
+      fmt::format("{}\n", fmt::join(io::Columns(io::Numbered("T", 3), io::NumberedPairs("dv", "du", 4),
+                                                io::NumberedPairs("u", "v", 4)),
+                                    ","));
   for (std::size_t row = 0; row < golden.size(); ++row) {
     Eigen::VectorXd dq = golden.At(row, "du1", 8);
     for (int i = 0; i < 8; i += 2) std::swap(dq[i], dq[i + 1]);

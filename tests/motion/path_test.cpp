@@ -12,7 +12,7 @@
 #include "tendril/core/tip_unit.h"
 #include "tendril/motion/path_motion.h"
 
-namespace tendril::tools {
+namespace tendril::motion {
 namespace {
 
 using Eigen::MatrixXd;
@@ -25,14 +25,14 @@ RobotParameters Robot(const char* file = "rig_60mm.yaml") {
   return config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file);
 }
 
-Spline Line(double length) {
+motion::Spline Line(double length) {
   MatrixXd ends(2, 2);
   ends << 0, 0, 0.6 * length, 0.8 * length;
   return {VectorXd{{0, 1}}, ends};
 }
 
 // By differences of what is put out, not by its own derivatives.
-void ExpectWithin(const Motion& motion, const PathLimits& limits) {
+void ExpectWithin(const motion::Motion& motion, const motion::PathLimits& limits) {
   constexpr double kStep_s = 1e-3;
   VectorXd before, rate_before, acceleration_before;
   double most_rate = 0, most_acceleration = 0, most_jerk = 0;
@@ -68,7 +68,7 @@ TEST(Spline, IsTheCubicThatItIsGiven) {
   const VectorXd knots{{0, 0.3, 1.1, 1.5, 2}};
   MatrixXd values(5, 1);
   for (int i = 0; i < 5; ++i) values(i, 0) = 3 - 2 * knots[i];
-  const Spline line(knots, values);
+  const motion::Spline line(knots, values);
   for (double s = 0; s <= 2; s += 0.01) {
     EXPECT_NEAR(line.At(s).value[0], 3 - 2 * s, 1e-14);
     EXPECT_NEAR(line.At(s).first[0], -2, 1e-13);
@@ -85,7 +85,7 @@ TEST(Spline, HasTwoContinuousDerivativesThatBelongTogether) {
     knots[i] = i + 0.3 * std::sin(i);
     values.row(i) << normal(random), normal(random);
   }
-  const Spline spline(knots, values);
+  const motion::Spline spline(knots, values);
   constexpr double kEps = 1e-6;
   for (int i = 1; i < 7; ++i) {
     EXPECT_NEAR((spline.At(knots[i]).value - values.row(i).transpose()).norm(), 0, 1e-12);
@@ -117,7 +117,7 @@ class LeastTime : public testing::TestWithParam<Golden> {};
 
 TEST_P(LeastTime, OfAStraightWayIsMetWithinOnePercent) {
   const Golden& g = GetParam();
-  const PathTiming timing(Line(g.way_rad), {g.rate, g.acceleration, g.jerk});
+  const motion::PathTiming timing(Line(g.way_rad), {g.rate, g.acceleration, g.jerk});
   EXPECT_GT(timing.duration_s(), g.least_s * (1 - 1e-9)) << "nothing is faster than the least time";
   EXPECT_LT(timing.duration_s(), g.least_s * 1.01);
   RecordProperty("ratio", std::to_string(timing.duration_s() / g.least_s));
@@ -127,7 +127,7 @@ INSTANTIATE_TEST_SUITE_P(Ways, LeastTime, testing::ValuesIn(kGolden));
 
 TEST(PathTiming, NeverTurnsBackOnAStraightWayAndArrives) {
   for (const double way : {0.001, 0.05, 0.5, 2.0}) {
-    const PathTiming timing(Line(way), {2, 40, 2000});
+    const motion::PathTiming timing(Line(way), {2, 40, 2000});
     double last = 0;
     for (double t = 0; t <= timing.duration_s(); t += 1e-3) {
       const auto p = timing.At(t);
@@ -147,11 +147,11 @@ TEST(PathTiming, NeverTurnsBackOnAStraightWayAndArrives) {
 // greatest. Least time within rate v and acceleration a: gather speed, cruise, turn round at -a, cruise,
 // stop.
 TEST(PathTiming, ThereAndBackTakesItsLeastTime) {
-  const PathLimits limits{2, 40, 2000};
+  const motion::PathLimits limits{2, 40, 2000};
   for (const double way : {0.2, 1.0}) {
     MatrixXd points(3, 2);
     points << 0, 0, way, 0, 0, 0;
-    const PathTiming timing(ThroughPoints(points, Robot()), limits);
+    const motion::PathTiming timing(motion::ThroughPoints(points, Robot()), limits);
     const double v = limits.rate_radps, a = limits.acceleration_radps2, least_s = 2 * (way / v + v / a);
     EXPECT_GT(timing.bound_s(), least_s * 0.98) << way;
     EXPECT_LT(timing.bound_s(), least_s * 1.02) << way;
@@ -159,7 +159,7 @@ TEST(PathTiming, ThereAndBackTakesItsLeastTime) {
   }
   MatrixXd points(3, 2);
   points << 0, 0, 1, 0, 0.5, 0;
-  EXPECT_LT(PathTiming(ThroughPoints(points, Robot()), limits).duration_s(), 1.2);
+  EXPECT_LT(motion::PathTiming(motion::ThroughPoints(points, Robot()), limits).duration_s(), 1.2);
 }
 
 class Through : public testing::TestWithParam<const char*> {};
@@ -170,11 +170,12 @@ TEST_P(Through, RandomPointsWithinEveryLimitAndWithoutStopping) {
   std::mt19937 random(11);
   std::uniform_real_distribution<double> bend(-0.7, 0.7);
   double worst_ratio = 0;
-  for (const PathLimits& limits : {PathLimits{0.5, 2, 20}, PathLimits{8, 160, 8000}, PathLimits{2, 4, 400}}) {
+  for (const motion::PathLimits& limits :
+       {motion::PathLimits{0.5, 2, 20}, motion::PathLimits{8, 160, 8000}, motion::PathLimits{2, 4, 400}}) {
     MatrixXd points(6, 2 * sections);
     for (Eigen::Index i = 0; i < points.size(); ++i) points.data()[i] = bend(random);
-    const Spline curve = ThroughPoints(points, robot);
-    const auto motion = MakePathMotion("via", {curve}, limits, robot);
+    const motion::Spline curve = motion::ThroughPoints(points, robot);
+    const auto motion = motion::MakePathMotion("via", {curve}, limits, robot);
     ExpectWithin(*motion, limits);
     for (int i = 0; i < points.rows(); ++i) {
       double nearest = HUGE_VAL, rate_there = 0;
@@ -191,7 +192,7 @@ TEST_P(Through, RandomPointsWithinEveryLimitAndWithoutStopping) {
         EXPECT_GT(rate_there, 0.02 * limits.rate_radps) << "point " << i;
       }
     }
-    const PathTiming timing(curve, limits);
+    const motion::PathTiming timing(curve, limits);
     worst_ratio = std::max(worst_ratio, timing.duration_s() / timing.bound_s());
     EXPECT_GE(timing.duration_s(), timing.bound_s() * (1 - 1e-3));
   }
@@ -204,13 +205,13 @@ INSTANTIATE_TEST_SUITE_P(Robots, Through, testing::Values("rig_60mm.yaml", "two_
 TEST(Through, TheSamePointTwiceIsRefused) {
   MatrixXd points(3, 2);
   points << 0, 0, 0.2, 0.1, 0.2, 0.1;
-  EXPECT_THROW(ThroughPoints(points, Robot()), PathError);
+  EXPECT_THROW(motion::ThroughPoints(points, Robot()), motion::PathError);
 }
 
 TEST(Through, ACurveThatBendsTooFarIsRefused) {
   MatrixXd points(4, 2);
   points << 0, 0, 2.55, 0, 2.55, 0.5, 0, 0.2;
-  EXPECT_THROW(ThroughPoints(points, Robot()), PathError);
+  EXPECT_THROW(motion::ThroughPoints(points, Robot()), motion::PathError);
 }
 
 TEST(Arc, ByThreePointsIsTheCircleThroughThem) {
@@ -218,27 +219,27 @@ TEST(Arc, ByThreePointsIsTheCircleThroughThem) {
   const Vector3d x = Vector3d(1, 2, 0.5).normalized(), y = x.unitOrthogonal();
   const auto at = [&](double a) { return Vector3d(centre + 0.03 * (std::cos(a) * x + std::sin(a) * y)); };
   for (const auto& [through, to] : {std::pair{1.0, 2.0}, {3.0, 5.0}, {0.2, 6.0}, {-1.0, -2.0}}) {
-    const TipPath arc = ArcThrough(at(0), at(through), at(to));
+    const motion::TipPath arc = motion::ArcThrough(at(0), at(through), at(to));
     for (double u = 0; u <= 1; u += 0.05)
       EXPECT_LT((arc(u) - at(u * to)).norm(), 1e-12) << through << " " << to;
   }
 }
 
 TEST(Arc, ThreePointsOnALineAreRefused) {
-  EXPECT_THROW(ArcThrough({0, 0, 0}, {0, 0, 1}, {0, 0, 2}), PathError);
-  EXPECT_THROW(ArcThrough({0, 0, 0}, {0, 0, 1}, {0, 0, 1}), PathError);
-  EXPECT_THROW(ArcAround({0, 0, 0}, {0, 0, 0}, {1, 0, 0}, 1), PathError);
-  EXPECT_THROW(ArcAround({0, 0, 0}, {0, 0, 1}, {1, 0, 0.1}, 1), PathError);
+  EXPECT_THROW(motion::ArcThrough({0, 0, 0}, {0, 0, 1}, {0, 0, 2}), motion::PathError);
+  EXPECT_THROW(motion::ArcThrough({0, 0, 0}, {0, 0, 1}, {0, 0, 1}), motion::PathError);
+  EXPECT_THROW(motion::ArcAround({0, 0, 0}, {0, 0, 0}, {1, 0, 0}, 1), motion::PathError);
+  EXPECT_THROW(motion::ArcAround({0, 0, 0}, {0, 0, 1}, {1, 0, 0.1}, 1), motion::PathError);
 }
 
 TEST(Arc, OfTheTipAboutTheRobotsAxisIsMetEverywhere) {
   const RobotParameters robot = Robot();
   const double theta = kPi / 3, l = robot.body.length_m();
   const Vector3d from(l / theta * (1 - std::cos(theta)), 0, l / theta * std::sin(theta));
-  TipSolver solver(robot, false);
-  const Spline curve =
-      AlongTip(ArcAround({0, 0, from.z()}, {0, 0, 1}, from, 2 * kPi), "circle", solver, robot);
-  const auto motion = MakePathMotion("circle", {curve}, {1, 5, 50}, robot);
+  motion::TipSolver solver(robot, false);
+  const motion::Spline curve = motion::AlongTip(motion::ArcAround({0, 0, from.z()}, {0, 0, 1}, from, 2 * kPi),
+                                                "circle", solver, robot);
+  const auto motion = motion::MakePathMotion("circle", {curve}, {1, 5, 50}, robot);
   ExpectWithin(*motion, {1, 5, 50});
   double turned = 0, last = 0;
   for (double t = 0; t <= motion->judged_until_s(); t += 0.01) {
@@ -256,11 +257,11 @@ TEST(Arc, OfManyTurnsIsAsExactAsOfOne) {
   const RobotParameters robot = Robot();
   const double theta = 0.8, l = robot.body.length_m();
   const Vector3d from(l / theta * (1 - std::cos(theta)), 0, l / theta * std::sin(theta));
-  TipSolver solver(robot, false);
-  const PathLimits limits{2, 10, 100};
-  const Spline curve =
-      AlongTip(ArcAround({0, 0, from.z()}, {0, 0, 1}, from, -20 * kPi), "circle", solver, robot);
-  const auto motion = MakePathMotion("circle", {curve}, limits, robot);
+  motion::TipSolver solver(robot, false);
+  const motion::PathLimits limits{2, 10, 100};
+  const motion::Spline curve = motion::AlongTip(
+      motion::ArcAround({0, 0, from.z()}, {0, 0, 1}, from, -20 * kPi), "circle", solver, robot);
+  const auto motion = motion::MakePathMotion("circle", {curve}, limits, robot);
   ExpectWithin(*motion, limits);
   for (double t = 0; t <= motion->judged_until_s(); t += 0.0123) {
     EXPECT_NEAR(motion->TipAt(t).head<2>().norm(), from.x(), 1e-6);
@@ -276,22 +277,22 @@ TEST(Arc, OfManyTurnsIsAsExactAsOfOne) {
 
 TEST(Arc, OutOfReachIsNamedOrProjected) {
   const RobotParameters robot = Robot();
-  TipSolver strict(robot, false), nearest(robot, true);
-  const TipPath line = LineTo({0.01, 0, 0.058}, {0.03, 0.01, 0.058});
+  motion::TipSolver strict(robot, false), nearest(robot, true);
+  const motion::TipPath line = motion::LineTo({0.01, 0, 0.058}, {0.03, 0.01, 0.058});
   try {
-    AlongTip(line, "line", strict, robot);
+    motion::AlongTip(line, "line", strict, robot);
     FAIL() << "a straight line leaves the surface that one section's tip can reach";
-  } catch (const PathError& e) {
+  } catch (const motion::PathError& e) {
     EXPECT_NE(std::string(e.what()).find("mm away"), std::string::npos) << e.what();
     EXPECT_NE(std::string(e.what()).find("--nearest"), std::string::npos);
   }
-  EXPECT_NO_THROW(AlongTip(line, "line", nearest, robot));
+  EXPECT_NO_THROW(motion::AlongTip(line, "line", nearest, robot));
   EXPECT_GT(nearest.farthest_m(), 1e-3);
-  for (TipSolver* solver : {&strict, &nearest}) {
+  for (motion::TipSolver* solver : {&strict, &nearest}) {
     try {
       solver->Solve({10, 0, 58}, "point 1");
       FAIL() << "58 m";
-    } catch (const PathError& e) {
+    } catch (const motion::PathError& e) {
       EXPECT_NE(std::string(e.what()).find("; millimetres? That would be 0.01 0 0.058 m"), std::string::npos)
           << e.what();
     }
@@ -314,8 +315,8 @@ TEST(Spline, ThatOvershootsIsRefusedWithItsPlace) {
   b << 0, 0, 0, 0, most, 0, most, 0;
   const auto refused = [&](const VectorXd& knots) {
     try {
-      RequireWithinBend(Spline(knots, b), robot, "rows");
-    } catch (const PathError& e) {
+      motion::RequireWithinBend(motion::Spline(knots, b), robot, "rows");
+    } catch (const motion::PathError& e) {
       return std::string(e.what());
     }
     return std::string();
@@ -334,7 +335,7 @@ TEST(Table, GoesThroughItsRowsAtTheirTimes) {
     t[i] = 2 + 0.1 * i;
     b.row(i) << 0.5 * std::sin(0.5 * t[i]), 0.3 * std::cos(0.7 * t[i]);
   }
-  const auto motion = MakeTableMotion("table", Spline(t, b), {8, 160, 8000}, robot);
+  const auto motion = motion::MakeTableMotion("table", motion::Spline(t, b), {8, 160, 8000}, robot);
   for (int i = 0; i < 50; ++i)
     EXPECT_LT((motion->At(t[i] - 2).bending_rad - b.row(i).transpose()).norm(), 1e-12);
   for (double at = 0.5; at < 4.4; at += 0.013) {
@@ -353,10 +354,10 @@ TEST(Table, TooFastIsRefusedWithTheFactorThatHelps) {
     t[i] = 0.05 * i;
     b.row(i) << 0.5 * std::sin(20 * t[i]), 0;
   }
-  const PathLimits limits{4, 160, 8000};
+  const motion::PathLimits limits{4, 160, 8000};
   std::string why;
   try {
-    MakeTableMotion("table", Spline(t, b), limits, robot);
+    motion::MakeTableMotion("table", motion::Spline(t, b), limits, robot);
     FAIL() << "10 rad/s were asked for";
   } catch (const std::runtime_error& e) {
     why = e.what();
@@ -364,9 +365,9 @@ TEST(Table, TooFastIsRefusedWithTheFactorThatHelps) {
   const auto at = why.find("--stretch ");
   ASSERT_NE(at, std::string::npos) << why;
   const double factor = std::stod(why.substr(at + 10));
-  EXPECT_NO_THROW(MakeTableMotion("table", Spline(t * factor, b), limits, robot));
-  EXPECT_ANY_THROW(MakeTableMotion("table", Spline(t * factor * 0.95, b), limits, robot));
+  EXPECT_NO_THROW(motion::MakeTableMotion("table", motion::Spline(t * factor, b), limits, robot));
+  EXPECT_ANY_THROW(motion::MakeTableMotion("table", motion::Spline(t * factor * 0.95, b), limits, robot));
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::motion

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <random>
 
-namespace tendril::tools {
+namespace tendril::motion {
 namespace {
 
 using Eigen::VectorXd;
@@ -16,7 +16,7 @@ VectorXd V(double a) { return VectorXd{{a, -2 * a}}; }
 
 TEST(SampleStream, AStraightMotionComesOutStraightWhateverTheSpacing) {
   constexpr TimeNs kDelay = 120 * kNsPerMs;
-  SampleStream stream(kDelay);
+  motion::SampleStream stream(kDelay);
   std::mt19937 random(2);
   std::uniform_int_distribution<TimeNs> spacing(20 * kNsPerMs, 100 * kNsPerMs);
   TimeNs next = 0;
@@ -34,13 +34,13 @@ TEST(SampleStream, AStraightMotionComesOutStraightWhateverTheSpacing) {
 }
 
 TEST(SampleStream, PassesEverySampleOneDelayLater) {
-  SampleStream stream(100 * kNsPerMs);
+  motion::SampleStream stream(100 * kNsPerMs);
   for (int i = 0; i < 20; ++i) stream.Add(i * 50 * kNsPerMs, V(std::sin(i)), kNsPerS);
   for (int i = 0; i < 20; ++i) EXPECT_NEAR(stream.At((i * 50 + 100) * kNsPerMs).value[0], std::sin(i), 1e-12);
 }
 
 TEST(SampleStream, RestsOnTheLastSampleAndExpires) {
-  SampleStream stream(100 * kNsPerMs);
+  motion::SampleStream stream(100 * kNsPerMs);
   stream.Add(0, V(0), 300 * kNsPerMs);
   stream.Add(50 * kNsPerMs, V(1), 300 * kNsPerMs);
   const auto end = stream.At(200 * kNsPerMs);
@@ -51,14 +51,14 @@ TEST(SampleStream, RestsOnTheLastSampleAndExpires) {
 }
 
 TEST(SampleStream, AShortValidityDoesNotCutOffTheMotionToTheLastSample) {
-  SampleStream stream(100 * kNsPerMs);
+  motion::SampleStream stream(100 * kNsPerMs);
   stream.Add(0, V(0), 10 * kNsPerMs);
   EXPECT_FALSE(stream.Expired(100 * kNsPerMs));
   EXPECT_TRUE(stream.Expired(101 * kNsPerMs));
 }
 
 TEST(SampleStream, AfterAPauseItDoesNotJump) {
-  SampleStream stream(100 * kNsPerMs);
+  motion::SampleStream stream(100 * kNsPerMs);
   stream.Add(0, V(0), 10 * kNsPerS);
   stream.Add(50 * kNsPerMs, V(0.1), 10 * kNsPerS);
   VectorXd last = stream.At(50 * kNsPerMs).value;
@@ -72,11 +72,11 @@ TEST(SampleStream, AfterAPauseItDoesNotJump) {
 }
 
 TEST(SampleStream, OfTwoAtOnceTheLaterCounts) {
-  SampleStream stream(100 * kNsPerMs);
+  motion::SampleStream stream(100 * kNsPerMs);
   stream.Add(0, V(0), kNsPerS);
   stream.Add(0, V(1), kNsPerS);
   EXPECT_EQ(stream.At(0).value[0], 1);
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::motion

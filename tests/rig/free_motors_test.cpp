@@ -10,7 +10,7 @@
 
 #include "emulator/raw_master.h"
 
-namespace tendril::tools {
+namespace tendril::rig {
 namespace {
 
 using ::testing::ElementsAre;
@@ -34,15 +34,15 @@ std::vector<int> Nodes(int first, int last) {
 }
 
 TEST(NodeList, IsNodesAndRanges) {
-  EXPECT_THAT(ParseNodeList("7", {}), ElementsAre(7));
-  EXPECT_THAT(ParseNodeList("4-6,40,1-1", {}), ElementsAre(4, 5, 6, 40, 1));
-  EXPECT_EQ(ParseNodeList("1-127", {}).size(), 127u);
+  EXPECT_THAT(rig::ParseNodeList("7", {}), ElementsAre(7));
+  EXPECT_THAT(rig::ParseNodeList("4-6,40,1-1", {}), ElementsAre(4, 5, 6, 40, 1));
+  EXPECT_EQ(rig::ParseNodeList("1-127", {}).size(), 127u);
 }
 
 TEST(NodeList, SaysWhatDoesNotFit) {
   const auto refusal = [](const std::string& text) -> std::string {
     try {
-      ParseNodeList(text, {1, 2, 3});
+      rig::ParseNodeList(text, {1, 2, 3});
     } catch (const std::invalid_argument& e) {
       return e.what();
     }
@@ -61,8 +61,8 @@ TEST(NodeList, SaysWhatDoesNotFit) {
 
 TEST(FreeMotors, TurnAsARotorUnderFrictionDoes) {
   const TendonDriveParameters like = Like();
-  emulator::RawMaster m(FreeDrives(Nodes(1, 127), like));
-  FreeMotors motors(m.rack(), 0, like);
+  emulator::RawMaster m(rig::FreeDrives(Nodes(1, 127), like));
+  rig::FreeMotors motors(m.rack(), 0, like);
   m.Poll();
   m.Enable(100);
   m.Enable(101);
@@ -105,8 +105,8 @@ TEST(FreeMotors, TurnAsARotorUnderFrictionDoes) {
 TEST(FreeMotors, CountersWrapAsTheDrivesDo) {
   TendonDriveParameters like = Like();
   like.drive.encoder_counts_per_turn = 1 << 30;
-  emulator::RawMaster m(FreeDrives({1}, like));
-  FreeMotors motors(m.rack(), 0, like);
+  emulator::RawMaster m(rig::FreeDrives({1}, like));
+  rig::FreeMotors motors(m.rack(), 0, like);
   m.Enable();
   m.Command(0x0F, 1000);
   m.Sync();
@@ -121,4 +121,4 @@ TEST(FreeMotors, CountersWrapAsTheDrivesDo) {
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::rig

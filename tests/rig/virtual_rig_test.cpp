@@ -11,7 +11,7 @@
 #include "tendril/can/memory_bus.h"
 #include "tendril/core/clock.h"
 
-namespace tendril::tools {
+namespace tendril::rig {
 namespace {
 
 constexpr int kTorqueMode = 10;
@@ -46,7 +46,7 @@ class Bench {
     rig_.Poll(clock_.Now());
     Read();
   }
-  VirtualRig& rig() { return rig_; }
+  rig::VirtualRig& rig() { return rig_; }
   int refused() const { return refused_; }
 
   struct Feedback {
@@ -104,7 +104,7 @@ class Bench {
 
   SimulatedClock clock_;
   can::MemoryBus bus_;
-  VirtualRig rig_;
+  rig::VirtualRig rig_;
   can::CanPort& port_;
   int refused_ = 0;
 };
@@ -172,4 +172,4 @@ TEST_F(VirtualRigTest, DisabledAgainItHasNoTorqueAndNoBrake) {
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::rig

@@ -38,7 +38,7 @@ class LiveBus final : public can::CanPort {
  private:
   MonotonicClock clock_;
   can::MemoryBus bus_;
-  VirtualRig rig_;
+  rig::VirtualRig rig_;
   can::CanPort& port_;
 };
 

@@ -82,7 +82,7 @@ TEST_F(SetFolderTest, AnIncompleteSetStandsBesideTheEarlierOne) {
 
 // What a program made can be made again; what a robot did cannot.
 TEST_F(SetFolderTest, WhatEndedEarlyGivesWayToTheEarlierSetUnlessItWasMeasured) {
-  ExperimentSet part;
+  experiment::ExperimentSet part;
   part.data = Set({"01_circle"});
   part.trouble = "02_hold: stopped";
   // Nothing is in the way: what there is stays.
@@ -93,10 +93,10 @@ TEST_F(SetFolderTest, WhatEndedEarlyGivesWayToTheEarlierSetUnlessItWasMeasured) 
   EXPECT_EQ(WriteSet(part, Folder("set", true), true), folder_ / "set.incomplete");
   EXPECT_EQ(gap::LoadDataSet(folder_ / "set.incomplete", "").runs.at(0).name, "01_circle");
   EXPECT_EQ(In("set"), before);
-  ExperimentSet none;
+  experiment::ExperimentSet none;
   none.trouble = "no daemon";
   EXPECT_THROW(WriteSet(none, Folder("set", true), true), std::runtime_error);
-  ExperimentSet whole;
+  experiment::ExperimentSet whole;
   whole.data = Set({"01_hold"});
   EXPECT_EQ(WriteSet(whole, Folder("set", true), true), folder_ / "set");
   EXPECT_FALSE(fs::exists(folder_ / "set/01_circle.csv"));

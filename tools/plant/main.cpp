@@ -49,7 +49,7 @@ class Tracker {
   explicit Tracker(lcm::LCM& lcm) : lcm_(lcm), channel_(io::ChannelName(kPrefix, "TRACKER")) {}
 
   /// `now_ns` is that of the rig's last poll.
-  void PublishIfDue(VirtualRig& rig, TimeNs now_ns) {
+  void PublishIfDue(rig::VirtualRig& rig, TimeNs now_ns) {
     const auto reading = rig.TakeTrackerReading();
     if (!reading) return;
     const auto epoch = std::chrono::system_clock::now().time_since_epoch();
@@ -66,7 +66,7 @@ class Tracker {
   std::uint64_t published_ = 0, failed_ = 0;
 };
 
-void Show(FaultListener& listener) {
+void Show(rig::FaultListener& listener) {
   for (const std::string& line : listener.TakeLines()) fmt::print("tendril-plant: {}\n", line);
   std::fflush(stdout);
 }
@@ -86,16 +86,22 @@ std::vector<int> ExtraNodes(const std::string& list, const ActuationParameters& 
   std::vector<int> taken;
   for (const auto& tendon : actuation.tendons) taken.push_back(tendon.node_id);
   try {
-    return ParseNodeList(list, taken);
+    return rig::ParseNodeList(list, taken);
   } catch (const std::invalid_argument& e) {
     throw CLI::ValidationError(fmt::format("--extra-nodes: {}", e.what()));
   }
 }
 
+/// What the daemon's file says of its drives.
+rig::DriveProfiles Profiles(const std::string& daemon_file) {
+  if (daemon_file.empty()) return {};
+  return rig::DriveProfiles(config::LoadDaemon(daemon_file).bus.nodes);
+}
+
 void Run(const PlantOptions& options) {
-  const std::vector<FaultOrder> faults = AsUse([&] { return ReadFaults(options.faults); });
-  const std::vector<FaultOrder> scenario =
-      options.scenario.empty() ? std::vector<FaultOrder>{} : ReadScenario(options.scenario);
+  const std::vector<rig::FaultOrder> faults = AsUse([&] { return rig::ReadFaults(options.faults); });
+  const std::vector<rig::FaultOrder> scenario =
+      options.scenario.empty() ? std::vector<rig::FaultOrder>{} : rig::ReadScenario(options.scenario);
   const RobotParameters robot = sim::LoadRobot(options.robot);
   if (!robot.actuation) {
     throw std::runtime_error(
@@ -109,18 +115,19 @@ void Run(const PlantOptions& options) {
   const can::BusGuard guard("tendril-plant", options.interface);
   can::SocketCanPort bus(options.interface);
   emulator::FaultInjector port(bus, options.seed);
-  VirtualRig rig(robot, port, {.seed = options.seed}, FreeDrives(extra, like));
-  FreeMotors free_motors(rig.drives(), static_cast<int>(robot.actuation->tendons.size()), like);
+  const rig::DriveProfiles profiles = Profiles(options.drives);
+  rig::VirtualRig rig(robot, port, {.seed = options.seed}, profiles, rig::FreeDrives(extra, like));
+  rig::FreeMotors free_motors(rig.drives(), static_cast<int>(robot.actuation->tendons.size()), like);
   port.Attach(rig.drives());
-  AsUse([&] { Order(faults, port, clock.Now()); });
-  Order(scenario, port, clock.Now());
+  AsUse([&] { rig::Order(faults, port, clock.Now()); });
+  rig::Order(scenario, port, clock.Now());
 
   std::unique_ptr<lcm::LCM> lcm;
   std::unique_ptr<Tracker> tracker;
-  std::unique_ptr<FaultListener> listener;
+  std::unique_ptr<rig::FaultListener> listener;
   if (!options.lcm_url.empty()) {
     lcm = io::OpenLcm(options.lcm_url);
-    listener = std::make_unique<FaultListener>(*lcm, kPrefix, port, clock);
+    listener = std::make_unique<rig::FaultListener>(*lcm, kPrefix, port, clock);
     if (robot.actuation->tracker) tracker = std::make_unique<Tracker>(*lcm);
   }
 
@@ -128,6 +135,8 @@ void Run(const PlantOptions& options) {
   std::string nodes;
   for (const auto& tendon : robot.actuation->tendons) {
     nodes += fmt::format("{}{}", nodes.empty() ? "" : " ", tendon.node_id);
+    if (const auto profile = profiles.Of(tendon.node_id); !profile->file.empty())
+      nodes += fmt::format(" ({})", profile->name);
   }
   if (!extra.empty()) nodes += fmt::format(", free motors on nodes {}", options.extra_nodes);
   const std::string on_lcm =

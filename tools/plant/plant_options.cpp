@@ -11,14 +11,17 @@ namespace tendril::tools {
 std::unique_ptr<CLI::App> MakePlantApp(PlantOptions& options) {
   auto app = std::make_unique<CLI::App>(
       "tendril-plant: emulated drives and a simulated robot on a CAN interface, in real time.\n"
-      "Stands in for the rig: any CANopen master finds EPOS4 drives, whose motors move the robot of the "
-      "file.\n"
+      "Stands in for the rig: any CANopen master finds EPOS4 drives, or those of --drives, whose motors move "
+      "the robot of the file.\n"
       "Exit status: 0 stopped by Ctrl-C or SIGTERM, 1 the work failed, 2 wrong use.",
       "tendril-plant");
   app->set_version_flag("--version", fmt::format("tendril-plant {} ({})", Version(), GitRevision()));
   app->add_option("--robot", options.robot,
                   "robot file with motors and drives, for example config/robots/rig_90mm.yaml")
       ->required();
+  app->add_option(
+      "--drives", options.drives,
+      "daemon file whose bus.nodes say what each drive is (profile, eds); EPOS4 drives without it");
   app->add_option("--can", options.interface, "CAN interface")->capture_default_str();
   app->add_option(
       "--lcm", options.lcm_url,

@@ -10,7 +10,7 @@
 namespace tendril::tools {
 
 struct PlantOptions {
-  std::string robot, interface = "vcan0", lcm_url, scenario, extra_nodes;
+  std::string robot, drives, interface = "vcan0", lcm_url, scenario, extra_nodes;
   std::vector<std::string> faults;
   std::uint64_t seed = 1;
 };

@@ -19,6 +19,7 @@
 #include "tendril/control/reach.h"
 #include "tendril/control/tension_loop_design.h"
 #include "tendril/control/tip_feedback.h"
+#include "tendril/daemon/wiring.h"
 #include "tendril/model/held_directions.h"
 #include "tendril/model/pull_cone.h"
 #include "tendril/sim/effects.h"
@@ -141,6 +142,16 @@ std::string DirectionsComment(const RobotParameters& robot) {
                             robot.name, held);
 }
 
+// Refuses what a drive's EDS file says that the drive cannot do.
+std::vector<canopen::DriveSetup> Drives(const DaemonParameters& daemon, const RobotParameters& robot,
+                                        const std::string& path) {
+  try {
+    return daemon::DriveSetups(robot, daemon.bus);
+  } catch (const std::invalid_argument& e) {
+    throw config::ErrorAt(path, "bus.nodes", e.what());
+  }
+}
+
 void Check(const std::string& path) {
   if (config::KindOf(path) == "robot") {
     const RobotParameters robot = sim::LoadRobot(path);
@@ -150,14 +161,15 @@ void Check(const std::string& path) {
   const DaemonParameters daemon = config::LoadDaemon(path);
   const RobotParameters robot = sim::LoadRobot(daemon.robot_file);
   config::CheckTogether(daemon, robot, path);
-  const canopen::BusBudget budget = canopen::ComputeBusBudget(daemon.bus);
+  const std::vector<canopen::DriveSetup> drives = Drives(daemon, robot, path);
+  const canopen::BusBudget budget = canopen::ComputeBusBudget(daemon.bus, drives);
   if (budget.load > daemon.bus.max_load) {
     throw config::ErrorAt(
         path, "bus.cycle_ns",
         fmt::format("{:.1f} % of the bus needed by {} drives; accepted: up to {:.1f} % (bus.max_load); {}",
                     100 * budget.load, daemon.bus.nodes.size(), 100 * daemon.bus.max_load, Remedy(budget)));
   }
-  if (const std::string problem = canopen::FeedbackDeadlineProblem(daemon.bus); !problem.empty()) {
+  if (const std::string problem = canopen::FeedbackDeadlineProblem(daemon.bus, drives); !problem.empty()) {
     throw config::ErrorAt(path, "bus.feedback_deadline_ns", problem);
   }
   const std::string feedback = FeedbackComment(daemon, robot, path);

@@ -32,21 +32,22 @@ struct ExciteOptions {
 
 std::atomic<bool> stop = false;
 
-ExperimentSet RunInProcess(const Plan& plan, const ExciteOptions& options, const SetProgress& progress) {
+experiment::ExperimentSet RunInProcess(const experiment::Plan& plan, const ExciteOptions& options,
+                                       const experiment::SetProgress& progress) {
   const std::string robot_file = options.robot.empty() ? ConfigFile("robots/rig_90mm.yaml") : options.robot;
   RobotParameters nominal = sim::LoadRobot(robot_file);
-  const ExperimentOptions experiment{
+  const experiment::ExperimentOptions experiment{
       .controller_robot = nominal,
       .plant_robot = sim::LoadRobot(options.plant.empty() ? robot_file : options.plant),
-      .daemon = DaemonOfExperiments(options.daemon),
+      .daemon = experiment::DaemonOfExperiments(options.daemon),
       .seed = options.seed,
       .threads = options.jobs};
-  return RunSet(plan, experiment, &stop, progress);
+  return experiment::RunSet(plan, experiment, &stop, progress);
 }
 
 void RunExcite(const ExciteOptions& options) {
   if (!options.print_plan.empty()) {
-    fmt::print("{}", ToYaml(NamedPlan(options.print_plan)));
+    fmt::print("{}", ToYaml(experiment::NamedPlan(options.print_plan)));
     return;
   }
   if (options.live && !options.plant.empty()) {
@@ -57,23 +58,24 @@ void RunExcite(const ExciteOptions& options) {
         "--daemon is for the controller in this process; with --live the daemon has its own file");
   if (options.arm && !options.live)
     throw UsageError("--arm goes with --live; in process there is nothing to arm");
-  Plan plan = options.plan.empty() ? NamedPlan(options.set) : LoadPlan(options.plan);
+  experiment::Plan plan =
+      options.plan.empty() ? experiment::NamedPlan(options.set) : experiment::LoadPlan(options.plan);
   if (options.repeats >= 0) {
-    for (PlannedRun& run : plan.runs) run.repeats = options.repeats;
+    for (experiment::PlannedRun& run : plan.runs) run.repeats = options.repeats;
   }
   const SetFolder folder(options.out, options.overwrite,
                          {options.robot, options.plant, options.plan, options.daemon});
   folder.CheckNames(FileNames(plan));
-  SetProgressLine line(NameRuns(plan));
-  const auto progress = [&line](std::size_t run, double share, const Experiment* done) {
+  SetProgressLine line(experiment::NameRuns(plan));
+  const auto progress = [&line](std::size_t run, double share, const experiment::Experiment* done) {
     line.Show(run, share, done);
   };
-  ExperimentSet set;
+  experiment::ExperimentSet set;
   if (options.live) {
-    LiveOptions live{
+    experiment::LiveOptions live{
         .lcm_url = options.lcm.url, .channel_prefix = options.lcm.prefix, .robot = {}, .arm = options.arm};
     if (!options.robot.empty()) live.robot = sim::LoadRobot(options.robot);
-    set = RunLiveSet(
+    set = experiment::RunLiveSet(
         plan, live, &stop,
         [](const std::string& remark) {
           if (!remark.empty()) fmt::print(stderr, "note: {}\n", remark);

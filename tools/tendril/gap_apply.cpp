@@ -84,7 +84,7 @@ std::string Misfit(const gap::Diagnosis& d, const ApplyOptions& options, const R
   } catch (const std::exception& e) {
     return fmt::format("the robot file it was made with cannot be read: {}", e.what());
   }
-  const auto difference = FirstDifference(its, robot);
+  const auto difference = robot_file::FirstDifference(its, robot);
   if (!difference) return {};
   return fmt::format("{} was made with another robot file: {} is {} there and {} in {}", options.report,
                      difference->key, difference->left, difference->right, options.robot);
@@ -156,8 +156,8 @@ void RunApply(const ApplyOptions& options) {
     heading.push_back(fmt::format("{} by `tendril gap apply` ({}): {}",
                                   heading.empty() ? "Patched" : "and by hand,", Version(), given));
   }
-  const RobotPatch patch = PatchRobot(text, options.robot, effects, heading);
-  fmt::print("{}", DiffLines(text, patch.text));
+  const robot_file::RobotPatch patch = robot_file::PatchRobot(text, options.robot, effects, heading);
+  fmt::print("{}", robot_file::DiffLines(text, patch.text));
 
   config::WriteWhole(out, mark + patch.text);
   std::size_t laws = 0;

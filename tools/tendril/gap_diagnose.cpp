@@ -44,21 +44,22 @@ struct DiagnoseCommand {
 /// Runs that `tendril excite` knows, simulated in process: what the diagnosis compares rivals on.
 gap::ExperimentMenu Menu(const RobotParameters& nominal, const std::string& daemon_file, std::uint64_t seed) {
   gap::ExperimentMenu menu;
-  const DaemonParameters daemon = DaemonOfExperiments(daemon_file);
-  for (const std::string_view family : Families()) menu.families.emplace_back(family);
+  const DaemonParameters daemon = experiment::DaemonOfExperiments(daemon_file);
+  for (const std::string_view family : experiment::Families()) menu.families.emplace_back(family);
   menu.simulate = [nominal, daemon, seed](const std::string& family, const RobotParameters& plant) {
-    const ExperimentOptions options{
+    const experiment::ExperimentOptions options{
         .controller_robot = nominal, .plant_robot = plant, .daemon = daemon, .seed = seed};
-    PlannedRun planned = UsualRun(family);
-    const Program program = MakeProgram(planned, nominal, daemon.controller);
-    Experiment experiment = RunExperiment(program, family, options, seed, nullptr, {});
+    experiment::PlannedRun planned = experiment::UsualRun(family);
+    const experiment::Program program = experiment::MakeProgram(planned, nominal, daemon.controller);
+    experiment::Experiment experiment =
+        experiment::RunExperiment(program, family, options, seed, nullptr, {});
     if (!experiment.trouble.empty()) throw std::runtime_error(experiment.trouble);
     return experiment.run;
   };
   menu.plan = [](const std::string& family) {
-    Plan plan;
+    experiment::Plan plan;
     plan.name = "next";
-    plan.runs.push_back(UsualRun(family));
+    plan.runs.push_back(experiment::UsualRun(family));
     plan.runs.back().repeats = 1;
     return ToYaml(plan);
   };

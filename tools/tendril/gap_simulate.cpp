@@ -40,18 +40,18 @@ struct SimulateOptions {
 std::atomic<bool> stop = false;
 
 /// Amounts of the effects that are given by their size, each by itself on the nominal robot.
-std::vector<std::optional<SizedEffect>> FindAmounts(
-    const Plan& plan, ExperimentOptions experiment,
-    const std::vector<std::optional<RequestedSize>>& requested) {
-  std::vector<std::optional<SizedEffect>> sized(requested.size());
+std::vector<std::optional<experiment::SizedEffect>> FindAmounts(
+    const experiment::Plan& plan, experiment::ExperimentOptions experiment,
+    const std::vector<std::optional<experiment::RequestedSize>>& requested) {
+  std::vector<std::optional<experiment::SizedEffect>> sized(requested.size());
   if (std::none_of(requested.begin(), requested.end(), [](const auto& w) { return w.has_value(); }))
     return sized;
   Progress progress;
   experiment.plant_robot = experiment.controller_robot;
   experiment.sensor_noise = true;  // a floor is what noise makes it, whether or not the data get any
-  std::vector<double> shares(NameRuns(plan).size(), 0.0);
-  const ExperimentSet nominal =
-      RunSet(plan, experiment, &stop, [&](std::size_t run, double share, const Experiment*) {
+  std::vector<double> shares(experiment::NameRuns(plan).size(), 0.0);
+  const experiment::ExperimentSet nominal = experiment::RunSet(
+      plan, experiment, &stop, [&](std::size_t run, double share, const experiment::Experiment*) {
         shares[run] = share;
         progress("running the plan without the effects, for their sizes",
                  std::accumulate(shares.begin(), shares.end(), 0.0) / static_cast<double>(shares.size()));
@@ -64,7 +64,7 @@ std::vector<std::optional<SizedEffect>> FindAmounts(
     if (!requested[i]) continue;
     progress("finding the amounts for the requested sizes",
              static_cast<double>(i) / static_cast<double>(requested.size()));
-    sized[i] = AmountFor(*requested[i], [&](const EffectSetting& setting) {
+    sized[i] = experiment::AmountFor(*requested[i], [&](const EffectSetting& setting) {
       if (stop) throw std::runtime_error("stopped");
       return ruler.Of(setting);
     });
@@ -83,8 +83,8 @@ std::vector<std::optional<SizedEffect>> FindAmounts(
 }
 
 void WriteTruth(const SimulateOptions& options, const std::vector<EffectSetting>& effects,
-                const std::vector<std::optional<RequestedSize>>& requested,
-                const std::vector<std::optional<SizedEffect>>& sized) {
+                const std::vector<std::optional<experiment::RequestedSize>>& requested,
+                const std::vector<std::optional<experiment::SizedEffect>>& sized) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   // What the robot's own file has comes first; the options' follow.
   const std::size_t own = effects.size() - requested.size();
@@ -126,11 +126,11 @@ void RunSimulate(const SimulateOptions& options) {
   if (options.tracker == "off") nominal.actuation->tracker.reset();
 
   RobotParameters plant = nominal;
-  std::vector<std::optional<RequestedSize>> requested;
+  std::vector<std::optional<experiment::RequestedSize>> requested;
   try {
     for (const std::string& text : options.effects) {
       CheckEffectNamed(text);
-      requested.push_back(ParseRequestedSize(text, nominal));
+      requested.push_back(experiment::ParseRequestedSize(text, nominal));
       plant.effects.push_back(requested.back() ? requested.back()->setting : sim::ParseEffect(text, nominal));
     }
     sim::CheckEffects(plant);
@@ -140,16 +140,17 @@ void RunSimulate(const SimulateOptions& options) {
     throw UsageError(std::string("--effect: ") + e.what());
   }
 
-  Plan plan = options.plan.empty() ? NamedPlan(options.set) : LoadPlan(options.plan);
+  experiment::Plan plan =
+      options.plan.empty() ? experiment::NamedPlan(options.set) : experiment::LoadPlan(options.plan);
   if (options.repeats >= 0) {
-    for (PlannedRun& run : plan.runs) run.repeats = options.repeats;
+    for (experiment::PlannedRun& run : plan.runs) run.repeats = options.repeats;
   }
-  ExperimentOptions experiment{.controller_robot = nominal,
-                               .plant_robot = plant,
-                               .daemon = DaemonOfExperiments(options.daemon),
-                               .seed = options.seed,
-                               .sensor_noise = options.noise == "on",
-                               .threads = options.jobs};
+  experiment::ExperimentOptions experiment{.controller_robot = nominal,
+                                           .plant_robot = plant,
+                                           .daemon = experiment::DaemonOfExperiments(options.daemon),
+                                           .seed = options.seed,
+                                           .sensor_noise = options.noise == "on",
+                                           .threads = options.jobs};
   const std::vector<std::string> inputs{options.robot, options.plan, options.daemon};
   const SetFolder folder(options.out, options.overwrite, inputs);
   folder.CheckNames(FileNames(plan));
@@ -157,16 +158,17 @@ void RunSimulate(const SimulateOptions& options) {
     RefuseToReplace(options.truth, "--truth", inputs);
     CheckWritable(options.truth);
   }
-  const std::vector<std::optional<SizedEffect>> sized = FindAmounts(plan, experiment, requested);
+  const std::vector<std::optional<experiment::SizedEffect>> sized = FindAmounts(plan, experiment, requested);
   auto& planted = experiment.plant_robot.effects;
   for (std::size_t i = 0; i < sized.size(); ++i) {
     if (sized[i]) planted[planted.size() - sized.size() + i] = sized[i]->setting;
   }
 
-  SetProgressLine line(NameRuns(plan));
-  ExperimentSet set =
-      RunSet(plan, experiment, &stop,
-             [&](std::size_t run, double share, const Experiment* done) { line.Show(run, share, done); });
+  SetProgressLine line(experiment::NameRuns(plan));
+  experiment::ExperimentSet set = experiment::RunSet(
+      plan, experiment, &stop, [&](std::size_t run, double share, const experiment::Experiment* done) {
+        line.Show(run, share, done);
+      });
   const std::filesystem::path out = WriteSet(set, folder, false);
   if (!options.truth.empty()) WriteTruth(options, planted, requested, sized);
   fmt::print("{}, {:.1f} s of data in {:.1f} s ({:.1f} x real time): {}\n",

@@ -23,12 +23,12 @@ using Eigen::VectorXd;
 using model::Body;
 using Names = std::vector<std::string>;
 
-Names Positions(int units) { return NumberedPairs("u", "v", units); }
-Names Velocities(int units) { return NumberedPairs("du", "dv", units); }
-Names Accelerations(int units) { return NumberedPairs("ddu", "ddv", units); }
-Names Tensions(int tendons) { return Numbered("T", tendons); }
+Names Positions(int units) { return io::NumberedPairs("u", "v", units); }
+Names Velocities(int units) { return io::NumberedPairs("du", "dv", units); }
+Names Accelerations(int units) { return io::NumberedPairs("ddu", "ddv", units); }
+Names Tensions(int tendons) { return io::Numbered("T", tendons); }
 
-CsvReader Stdin(Names required, std::vector<Names> optional = {}) {
+io::CsvReader Stdin(Names required, std::vector<Names> optional = {}) {
   return {std::cin, "stdin", std::move(required), std::move(optional)};
 }
 
@@ -51,8 +51,9 @@ void Accelerate(const RobotParameters& robot) {
   Body::Workspace workspace(body);
   const int n = body.dof();
   VectorXd force(n), ddq(n);
-  CsvReader rows = Stdin(Positions(body.units()) + Velocities(body.units()) + Tensions(body.tendons()));
-  CsvWriter out(stdout, Accelerations(body.units()));
+  io::CsvReader rows =
+      Stdin(io::Columns(Positions(body.units()), Velocities(body.units()), Tensions(body.tendons())));
+  io::CsvWriter out(stdout, Accelerations(body.units()));
   while (rows.Next()) {
     Cursor row(rows.required());
     const VectorXd q = row.Take(n), dq = row.Take(n), tension = row.Take(body.tendons());
@@ -75,8 +76,8 @@ void Mass(const RobotParameters& robot) {
     // H111 would be both (1, 11) and (11, 1).
     for (int j = 1; j <= n; ++j) columns.push_back(fmt::format("H{}{}{}", i, n < 10 ? "" : "_", j));
   }
-  CsvReader rows = Stdin(Positions(body.units()));
-  CsvWriter out(stdout, columns);
+  io::CsvReader rows = Stdin(Positions(body.units()));
+  io::CsvWriter out(stdout, columns);
   while (rows.Next()) {
     const VectorXd q = Cursor(rows.required()).Take(n);
     RequireOpenDisks(rows, body, q);
@@ -90,8 +91,8 @@ void Energies(const RobotParameters& robot) {
   const Body body(robot.body);
   Body::Workspace workspace(body);
   const int n = body.dof();
-  CsvReader rows = Stdin(Positions(body.units()) + Velocities(body.units()));
-  CsvWriter out(stdout, {"kinetic", "elastic", "gravity"});
+  io::CsvReader rows = Stdin(io::Columns(Positions(body.units()), Velocities(body.units())));
+  io::CsvWriter out(stdout, {"kinetic", "elastic", "gravity"});
   while (rows.Next()) {
     Cursor row(rows.required());
     const VectorXd q = row.Take(n), dq = row.Take(n);
@@ -102,7 +103,7 @@ void Energies(const RobotParameters& robot) {
 }
 
 // The stable equilibrium on the branch from zero tension, or the row's error.
-VectorXd RequireEquilibrium(const CsvReader& rows, const Body& body, const VectorXd& tension_N,
+VectorXd RequireEquilibrium(const io::CsvReader& rows, const Body& body, const VectorXd& tension_N,
                             const Vector3d& tip_force_W_N) {
   const model::Equilibrium found = model::SolveStatics(body, tension_N, tip_force_W_N);
   const double percent = 100 * found.load_fraction;
@@ -130,8 +131,8 @@ VectorXd RequireEquilibrium(const CsvReader& rows, const Body& body, const Vecto
 
 void Statics(const RobotParameters& robot) {
   const Body body(robot.body);
-  CsvReader rows = Stdin(Tensions(body.tendons()), {{"fx", "fy", "fz"}});
-  CsvWriter out(stdout, Positions(body.units()) + Names{"x", "y", "z"});
+  io::CsvReader rows = Stdin(Tensions(body.tendons()), {{"fx", "fy", "fz"}});
+  io::CsvWriter out(stdout, io::Columns(Positions(body.units()), Names{"x", "y", "z"}));
   while (rows.Next()) {
     const VectorXd tension = Cursor(rows.required()).Take(body.tendons());
     RequirePulling(rows, tension);
@@ -143,8 +144,8 @@ void Statics(const RobotParameters& robot) {
 
 void Frequencies(const RobotParameters& robot) {
   const Body body(robot.body);
-  CsvReader rows = Stdin(Tensions(body.tendons()));
-  CsvWriter out(stdout, Numbered("f", body.dof()));
+  io::CsvReader rows = Stdin(Tensions(body.tendons()));
+  io::CsvWriter out(stdout, io::Numbered("f", body.dof()));
   while (rows.Next()) {
     const VectorXd tension = Cursor(rows.required()).Take(body.tendons());
     RequirePulling(rows, tension);
@@ -158,8 +159,9 @@ void Frequencies(const RobotParameters& robot) {
 void ForwardKinematics(const RobotParameters& robot) {
   const Body body(robot.body);
   VectorXd length(body.tendons());
-  CsvReader rows = Stdin(Positions(body.units()));
-  CsvWriter out(stdout, Names{"x", "y", "z", "qw", "qx", "qy", "qz"} + Numbered("L", body.tendons()));
+  io::CsvReader rows = Stdin(Positions(body.units()));
+  io::CsvWriter out(stdout,
+                    io::Columns({"x", "y", "z", "qw", "qx", "qy", "qz"}, io::Numbered("L", body.tendons())));
   while (rows.Next()) {
     const VectorXd q = Cursor(rows.required()).Take(body.dof());
     RequireOpenDisks(rows, body, q);
@@ -180,12 +182,12 @@ struct SimulateOptions {
 void SimulateMotion(const RobotParameters& robot, const SimulateOptions& options) {
   const Body body(robot.body);
   const int n = body.dof(), m = body.tendons();
-  const Names state = Positions(body.units()) + Velocities(body.units());
+  const Names state = io::Columns(Positions(body.units()), Velocities(body.units()));
   VectorXd q = VectorXd::Zero(n), dq = VectorXd::Zero(n);
   if (!options.initial.empty()) {
     std::ifstream file(options.initial);
     if (!file) throw UsageError(fmt::format("--initial: cannot read '{}'", options.initial));
-    CsvReader initial(file, options.initial, state, {{"t"}});  // a row of an earlier output will do
+    io::CsvReader initial(file, options.initial, state, {{"t"}});  // a row of an earlier output will do
     if (!initial.Next()) throw std::runtime_error(options.initial + ": no row with the initial state");
     Cursor row(initial.required());
     q = row.Take(n);
@@ -194,7 +196,7 @@ void SimulateMotion(const RobotParameters& robot, const SimulateOptions& options
     if (initial.Next()) throw initial.Error("one row only: the initial state");
   }
 
-  CsvReader rows = Stdin(Names{"t"} + Tensions(m));
+  io::CsvReader rows = Stdin(io::Columns({"t"}, Tensions(m)));
   std::vector<double> times, tensions;
   while (rows.Next()) {
     Cursor row(rows.required());
@@ -208,7 +210,7 @@ void SimulateMotion(const RobotParameters& robot, const SimulateOptions& options
     times.push_back(t);
     tensions.insert(tensions.end(), tension.begin(), tension.end());
   }
-  CsvWriter out(stdout, Names{"t"} + state);
+  io::CsvWriter out(stdout, io::Columns({"t"}, state));
   if (times.empty()) return;
   const auto knots = static_cast<Eigen::Index>(times.size());
   const model::TensionProfile profile{Eigen::Map<const VectorXd>(times.data(), knots),
@@ -230,7 +232,7 @@ CLI::App* AddModelEvaluation(CLI::App& model, const std::string& name, const std
   return command;
 }
 
-void RequirePulling(const CsvReader& rows, const VectorXd& tension_N) {
+void RequirePulling(const io::CsvReader& rows, const VectorXd& tension_N) {
   for (Eigen::Index j = 0; j < tension_N.size(); ++j) {
     if (tension_N[j] < 0) {
       throw rows.Error(fmt::format("T{} = {} N: tendons only pull; give 0 or more", j + 1, tension_N[j]));
@@ -238,7 +240,7 @@ void RequirePulling(const CsvReader& rows, const VectorXd& tension_N) {
   }
 }
 
-void RequireOpenDisks(const CsvReader& rows, const Body& body, const VectorXd& q) {
+void RequireOpenDisks(const io::CsvReader& rows, const Body& body, const VectorXd& q) {
   for (int s = 0; s < body.sections(); ++s) {
     const auto& sections = body.parameters().sections;
     for (int i = body.first_unit(s); i < body.end_unit(s); ++i) {

@@ -18,9 +18,9 @@ CLI::App* AddModelEvaluation(CLI::App& model, const std::string& name, const std
                              std::function<void(const RobotParameters&)> run);
 
 /// Throws for the current row when a tension is negative: tendons only pull.
-void RequirePulling(const CsvReader& rows, const Eigen::VectorXd& tension_N);
+void RequirePulling(const io::CsvReader& rows, const Eigen::VectorXd& tension_N);
 /// Throws for the current row when a unit is bent so far that its disks would cut through each other.
-void RequireOpenDisks(const CsvReader& rows, const model::Body& body, const Eigen::VectorXd& q);
+void RequireOpenDisks(const io::CsvReader& rows, const model::Body& body, const Eigen::VectorXd& q);
 
 /// ik, inverse, inverse-tip.
 void AddModelInverseCommands(CLI::App& model);

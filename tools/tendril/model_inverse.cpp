@@ -7,6 +7,7 @@
 #include "commands.h"
 #include "model.h"
 #include "tendril/core/tip_unit.h"
+#include "tendril/model/arc_tensions.h"
 #include "tendril/model/inverse.h"
 #include "tendril/model/inverse_equilibrium.h"
 #include "tendril/model/statics.h"
@@ -22,7 +23,7 @@ using Names = std::vector<std::string>;
 /// Rows whose target is out of reach: the first few by line, the rest as a number at the end.
 class Unmet {
  public:
-  void Add(const CsvReader& rows, const std::string& what) {
+  void Add(const io::CsvReader& rows, const std::string& what) {
     if (++count_ <= kShown) fmt::print(stderr, "tendril: stdin: line {}: {}\n", rows.line(), what);
   }
   ~Unmet() {
@@ -59,7 +60,7 @@ VectorXd Part(std::span<const double> values, std::size_t part, Eigen::Index siz
 }
 
 // A tip in metres; far beyond any robot its distances would overflow.
-Vector3d TipOf(const CsvReader& rows) {
+Vector3d TipOf(const io::CsvReader& rows) {
   constexpr double kFarthest_m = 1e6;
   const Vector3d tip = Part(rows.required(), 0, 3);
   if (tip.cwiseAbs().maxCoeff() > kFarthest_m) throw rows.Error("x,y,z must lie within 1e6 m of the base");
@@ -69,8 +70,8 @@ Vector3d TipOf(const CsvReader& rows) {
 void InverseKinematicsRows(const RobotParameters& robot) {
   const Body body(robot.body);
   const model::InverseKinematics ik(body, robot.limits.max_bending_rad);
-  CsvReader rows(std::cin, "stdin", {"x", "y", "z"});
-  CsvWriter out(stdout, NumberedPairs("us", "vs", body.sections()));
+  io::CsvReader rows(std::cin, "stdin", {"x", "y", "z"});
+  io::CsvWriter out(stdout, io::NumberedPairs("us", "vs", body.sections()));
   Unmet unmet;
   BendingVector seed = BendingVector::Zero(2 * body.sections());
   while (rows.Next()) {
@@ -85,7 +86,7 @@ void InverseKinematicsRows(const RobotParameters& robot) {
   }
 }
 
-[[noreturn]] void NoShape(const CsvReader& rows, const model::TensionedShape& shape,
+[[noreturn]] void NoShape(const io::CsvReader& rows, const model::TensionedShape& shape,
                           const std::string& asked = {}) {
   throw rows.Error(
       fmt::format("no stable equilibrium found ({:.3g} left of the target, {:.3g} N·m of the balance){}; "
@@ -96,20 +97,19 @@ void InverseKinematicsRows(const RobotParameters& robot) {
 void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
   const Body body(robot.body);
   const Bounds bounds = TensionBounds(robot, options);
-  const int k = body.sections(), n = body.dof();
-  CsvReader rows(std::cin, "stdin", NumberedPairs("us", "vs", k),
-                 {NumberedPairs("dus", "dvs", k) + NumberedPairs("ddus", "ddvs", k)});
-  CsvWriter out(stdout, Numbered("T", body.tendons()));
+  const int k = body.sections();
+  io::CsvReader rows(std::cin, "stdin", io::NumberedPairs("us", "vs", k),
+                     {io::Columns(io::NumberedPairs("dus", "dvs", k), io::NumberedPairs("ddus", "ddvs", k))});
+  io::CsvWriter out(stdout, io::Numbered("T", body.tendons()));
   Unmet unmet;
-  const model::TensionAllocator allocator(body.tendons(), 2 * k);
+  model::ArcTensions arcs(body);
   const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N);
-  Body::Workspace workspace(body);
   while (rows.Next()) {
     const VectorXd bend = Part(rows.required(), 0, 2 * k);
     const bool moving = rows.has(0);
     const VectorXd rate = moving ? Part(rows.optional(0), 0, 2 * k) : VectorXd::Zero(2 * k);
     const VectorXd acceleration = moving ? Part(rows.optional(0), 1, 2 * k) : VectorXd::Zero(2 * k);
-    VectorXd q(n), dq(n), ddq(n), force(n), section_force(2 * k);
+    VectorXd q(body.dof());
     body.SpreadBending(bend, q);
     RequireOpenDisks(rows, body, q);
     if (options.equilibrium) {
@@ -123,13 +123,7 @@ void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
       out.PutAll(shape.tension_N).EndRow();
       continue;
     }
-    body.SpreadBending(rate, dq);
-    body.SpreadBending(acceleration, ddq);
-    body.InverseDynamics(q, dq, ddq, force, workspace);
-    body.ProjectForce(force, section_force);
-    Eigen::MatrixXd per_tension(2 * k, body.tendons());
-    model::SectionForcePerTension(body, bend, per_tension);
-    const auto result = allocator.Allocate(per_tension, section_force, bounds.low_N, bounds.high_N);
+    const auto result = arcs.Move(bend, rate, acceleration, bounds.low_N, bounds.high_N);
     if (result.status != Status::kOk) {
       unmet.Add(rows, fmt::format("out of reach between {} and {} N: {:.6g} N·m of the force are missing",
                                   bounds.low_N, bounds.high_N, result.residual_Nm));
@@ -142,8 +136,9 @@ void InverseTipRows(const RobotParameters& robot, const TensionOptions& options)
   const Body body(robot.body);
   const Bounds bounds = TensionBounds(robot, options);
   const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N);
-  CsvReader rows(std::cin, "stdin", {"x", "y", "z"}, {{"dx", "dy", "dz", "ddx", "ddy", "ddz"}});
-  CsvWriter out(stdout, Numbered("T", body.tendons()) + NumberedPairs("u", "v", body.units()));
+  io::CsvReader rows(std::cin, "stdin", {"x", "y", "z"}, {{"dx", "dy", "dz", "ddx", "ddy", "ddz"}});
+  io::CsvWriter out(
+      stdout, io::Columns(io::Numbered("T", body.tendons()), io::NumberedPairs("u", "v", body.units())));
   Unmet unmet;
   while (rows.Next()) {
     const Vector3d tip = TipOf(rows);

@@ -24,7 +24,7 @@ void Run(const Options& o) {
   std::optional<DaemonParameters> parameters;
   if (!o.robot.empty()) robot = config::LoadRobot(o.robot);
   if (!o.config.empty()) parameters = config::LoadDaemon(o.config);
-  const ReplayResult r = ReplayLog(o.log, robot, parameters);
+  const experiment::ReplayResult r = experiment::ReplayLog(o.log, robot, parameters);
 
   if (r.git_revision != GitRevision()) {
     fmt::print("log written by {} ({}), this is {} ({})\n", r.version, r.git_revision, Version(),
@@ -33,7 +33,7 @@ void Run(const Options& o) {
   fmt::print("{} cycles replayed, {} to {}{}\n", r.replayed, r.first_cycle, r.last_cycle,
              r.from_snapshot ? ", from the controller's state in the log" : "");
   if (r.difference) {
-    const Difference& d = *r.difference;
+    const experiment::Difference& d = *r.difference;
     fmt::print("first difference: cycle {} at {:.6f} s, {}, bit {}\n  logged   {}\n  replayed {}\n", d.cycle,
                ToSeconds(d.time_ns), d.field, d.bit, d.logged, d.replayed);
     const std::string damage = r.damage.empty() ? "" : "; the log is damaged: " + r.damage;

@@ -19,10 +19,10 @@ namespace tendril::tools {
 
 class SetProgressLine {
  public:
-  explicit SetProgressLine(std::vector<NamedRun> runs)
+  explicit SetProgressLine(std::vector<experiment::NamedRun> runs)
       : runs_(std::move(runs)), terminal_(isatty(STDERR_FILENO)) {}
 
-  void Show(std::size_t run, double share, const Experiment* done) {
+  void Show(std::size_t run, double share, const experiment::Experiment* done) {
     if (done) {
       going_.erase(run);
       const auto& t = done->run.time_s;
@@ -43,21 +43,22 @@ class SetProgressLine {
   // Whatever becomes of it: showing progress must not end the run.
   static void Put(const std::string& text) { std::fputs(text.c_str(), stderr); }
 
-  std::vector<NamedRun> runs_;
+  std::vector<experiment::NamedRun> runs_;
   bool terminal_;
   std::map<std::size_t, double> going_;
 };
 
 /// What the runs of a plan will be called.
-inline std::vector<std::string> FileNames(const Plan& plan) {
+inline std::vector<std::string> FileNames(const experiment::Plan& plan) {
   std::vector<std::string> names;
-  for (const NamedRun& run : NameRuns(plan)) names.push_back(run.name);
+  for (const experiment::NamedRun& run : experiment::NameRuns(plan)) names.push_back(run.name);
   return names;
 }
 
 /// Leaves a set in its folder and returns where. An earlier set gives way to a complete one only; what was
 /// `measured` so far then goes beside it. Throws std::runtime_error where nothing is left.
-inline std::filesystem::path WriteSet(const ExperimentSet& set, const SetFolder& folder, bool measured) {
+inline std::filesystem::path WriteSet(const experiment::ExperimentSet& set, const SetFolder& folder,
+                                      bool measured) {
   if (set.data.runs.empty()) throw std::runtime_error("nothing was recorded: " + set.trouble);
   if (set.trouble.empty()) {
     folder.Write(set.data);

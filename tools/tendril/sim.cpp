@@ -41,7 +41,7 @@ volatile std::sig_atomic_t stop = 0;
 daemon::DaemonOptions Controller(const SimOptions& o) {
   daemon::DaemonOptions options;
   DaemonParameters& p = options.parameters;
-  p = DaemonFile(o.daemon);
+  p = experiment::DaemonFile(o.daemon);
   options.robot = config::LoadRobot(
       o.robot.empty() ? (o.daemon.empty() ? ConfigFile("robots/rig_60mm.yaml") : p.robot_file) : o.robot);
   if (!options.robot.actuation) {
@@ -50,8 +50,8 @@ daemon::DaemonOptions Controller(const SimOptions& o) {
                     "rig_90mm.yaml",
                     options.robot.name));
   }
-  if (o.daemon.empty() || !o.robot.empty()) {
-    p = FitBus(p, options.robot);
+  if (o.daemon.empty()) {
+    p = experiment::FitBus(p, options.robot);
   } else {
     config::CheckTogether(p, options.robot, o.daemon);
   }
@@ -86,7 +86,7 @@ void RunSim(const SimOptions& o) {
   const RobotParameters plant = Plant(o, options.robot);
   SetUpMessages(o.headless);
   rt::PacedTime time(o.speed);
-  SimulatedRobot robot(plant, options.parameters.lcm, time.clock(), o.seed);
+  rig::SimulatedRobot robot(plant, options.parameters, time.clock(), o.seed);
   // Also in cycles that do not wait for the drives, such as the last ones.
   time.AfterEachCycle([&robot] { robot.Answer(); });
   daemon::Daemon daemon(options, robot.port(), time);

@@ -16,6 +16,7 @@
 
 #include "commands.h"
 #include "lcm_options.h"
+#include "tendril/canopen/drive_profile.h"
 #include "tendril/canopen/emcy.h"
 #include "tendril/config/config.h"
 #include "tendril/core/clock.h"
@@ -68,7 +69,9 @@ std::string StateText(int state) {
 
 std::string ErrorText(int code) {
   if (code == 0) return "none";
-  return fmt::format("0x{:04X} {}", code, canopen::FindEmcy(static_cast<std::uint16_t>(code)).text);
+  // A state does not say which kind of drive it is of; most codes mean the same to all.
+  const auto& table = canopen::Epos4Profile()->emcy;
+  return fmt::format("0x{:04X} {}", code, canopen::FindEmcy(table, static_cast<std::uint16_t>(code)).text);
 }
 
 std::string TimeText(std::int64_t utime) {

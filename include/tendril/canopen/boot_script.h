@@ -1,11 +1,9 @@
-// The SDO actions between a drive's boot-up message and readiness, as a list. Knows the drive's objects and
-// the configuration; executes nothing.
+// The SDO actions between a drive's boot-up message and readiness, as a list. Executes nothing; the list of a
+// kind of drive is in its profile.
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
-#include "tendril/canopen/master.h"
 #include "tendril/canopen/wire.h"
 
 namespace tendril::canopen {
@@ -29,7 +27,5 @@ struct BootAction {
   ObjectAddress address;
   std::int64_t value = 0, max = 0;
 };
-
-std::vector<BootAction> MakeBootScript(const BusParameters& bus, const DriveSetup& drive);
 
 }  // namespace tendril::canopen

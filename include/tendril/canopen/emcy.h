@@ -1,5 +1,5 @@
-// Emergency messages: frame codec, and each EPOS4 code with its cause, remedy and reaction.
-// One table for master and emulator; knows no node's state.
+// Emergency messages: frame codec, and what a drive's table of codes says of each: cause, remedy, reaction.
+// The tables are in the profiles, for master and emulator; knows no node's state.
 #pragma once
 
 #include <array>
@@ -34,9 +34,8 @@ struct EmcyInfo {
   const char* remedy = "";
 };
 
-std::span<const EmcyInfo> EmcyTable() noexcept;
-/// Never fails: a code outside the table gives an entry that says so, by CiA 301's error class.
-const EmcyInfo& FindEmcy(std::uint16_t code) noexcept;
+/// The first entry of a drive's table that covers the code; the last entry of every table covers all codes.
+const EmcyInfo& FindEmcy(std::span<const EmcyInfo> table, std::uint16_t code) noexcept;
 
 struct EmcyMessage {
   int node_id = 0;

@@ -11,19 +11,11 @@
 #include <vector>
 
 #include "tendril/can/can_port.h"
+#include "tendril/canopen/drive_profile.h"
 #include "tendril/core/cycle.h"
 #include "tendril/core/daemon.h"
 
 namespace tendril::canopen {
-
-/// Settings and checks of one drive, beyond BusParameters.
-struct DriveSetup {
-  int node_id = 0;
-  std::uint32_t nominal_current_mA = 0;
-  std::uint32_t output_current_limit_mA = 0;
-  std::uint32_t torque_constant_uNmpA = 0;
-  std::uint32_t rated_torque_uNm = 0;  // must agree with what 0x6076 reports
-};
 
 /// One line, stored inline so that a cycle may write it. Large enough for every text of the master; the
 /// longest, an EMCY with cause and remedy, is checked at compile time.
@@ -55,10 +47,10 @@ struct BusBudget {
   TimeNs min_cycle_ns_for_these_drives = 0;  // shortest whole-millisecond cycle that fits
   std::string ToString() const;
 };
-BusBudget ComputeBusBudget(const BusParameters& bus);
+BusBudget ComputeBusBudget(const BusParameters& bus, std::span<const DriveSetup> drives);
 /// What is wrong with bus.feedback_deadline_ns, else empty: all feedback must be able to arrive before it,
 /// and the torques to reach the drives after it, before the next SYNC.
-std::string FeedbackDeadlineProblem(const BusParameters& bus);
+std::string FeedbackDeadlineProblem(const BusParameters& bus, std::span<const DriveSetup> drives);
 
 class Master {
  public:

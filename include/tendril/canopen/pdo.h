@@ -23,15 +23,15 @@ constexpr std::uint32_t MappingValue(const MappingEntry& entry) {
          entry.bits;
 }
 
-inline constexpr int kMaxMappingEntries = 12;  // of an EPOS4
-inline constexpr int kMaxPdoEntries = 4;       // of ours
+inline constexpr int kMaxMappingEntries = 12;  // that a drive of ours has room for
+inline constexpr int kMaxPdoEntries = 4;       // that ours use
 
 /// One PDO as we use it.
 struct PdoLayout {
   bool transmit = false;            // seen from the drive
   int number = 1;                   // 1..4
   std::uint8_t transmission = 0;    // object sub 2: 1 every SYNC, 255 on change
-  std::uint16_t inhibit_100us = 0;  // TPDO sub 3
+  std::uint16_t inhibit_100us = 0;  // TPDO sub 3; written to what is sent on change, and to where it exists
   int count = 0;
   std::array<MappingEntry, kMaxPdoEntries> entries{};
 
@@ -50,13 +50,13 @@ struct PdoLayout {
 
 using PdoValues = std::array<std::int64_t, kMaxPdoEntries>;
 
-/// Place of an object in a layout's values; does not compile for an object that is not mapped there.
-consteval std::size_t Slot(const PdoLayout& layout, std::uint16_t index, std::uint8_t sub) {
+/// Place of an object in a layout's values; -1: it is not mapped there.
+constexpr int Slot(const PdoLayout& layout, std::uint16_t index, std::uint8_t sub) {
   for (int i = 0; i < layout.count; ++i) {
     const MappingEntry& entry = layout.entries[static_cast<std::size_t>(i)];
-    if (entry.index == index && entry.sub == sub) return static_cast<std::size_t>(i);
+    if (entry.index == index && entry.sub == sub) return i;
   }
-  throw "object is not mapped in this PDO";
+  return -1;
 }
 
 /// Packs one value per entry, first entry first, least significant byte first. Returns the bytes used (at
@@ -66,30 +66,5 @@ int EncodePdo(std::span<const MappingEntry> entries, std::span<const std::int64_
 /// The inverse; false when fewer than the mapped bytes arrived. Further bytes are ignored, as CiA 301 allows.
 bool DecodePdo(std::span<const MappingEntry> entries, std::span<const std::uint8_t> data,
                std::span<std::int64_t> values) noexcept;
-
-// ---- the PDOs of this system --------------------------------------------------------------------
-
-/// Torque to the drive. Type 1: a value received before a SYNC acts at that SYNC.
-inline constexpr PdoLayout kRpdoTorque{.transmit = false,
-                                       .number = 1,
-                                       .transmission = 1,
-                                       .inhibit_100us = 0,
-                                       .count = 2,
-                                       .entries = {{{0x6040, 0, 16, false}, {0x6071, 0, 16, true}}}};
-/// All feedback of the control loop, at each SYNC.
-inline constexpr PdoLayout kTpdoFeedback{
-    .transmit = true,
-    .number = 1,
-    .transmission = 1,
-    .inhibit_100us = 0,
-    .count = 3,
-    .entries = {{{0x6064, 0, 32, true}, {0x6077, 0, 16, true}, {0x3160, 1, 16, true}}}};
-/// Statusword when it changes, at most every 10 ms.
-inline constexpr PdoLayout kTpdoStatus{.transmit = true,
-                                       .number = 2,
-                                       .transmission = 255,
-                                       .inhibit_100us = 100,
-                                       .count = 1,
-                                       .entries = {{{0x6041, 0, 16, false}}}};
 
 }  // namespace tendril::canopen

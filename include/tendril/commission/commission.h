@@ -15,7 +15,7 @@
 #include "tendril/core/robot.h"
 #include "tendril/daemon/commissioning.h"
 
-namespace tendril::tools {
+namespace tendril::commission {
 
 /// A controller in mode commissioning, from its operator's side.
 class CommissionLink {
@@ -86,4 +86,4 @@ using DriveSerials = std::map<int, std::uint32_t>;
 daemon::CommissioningRecord RecordOf(const CommissionResult& result, const RobotParameters& robot,
                                      const DaemonParameters& daemon, const DriveSerials& serials);
 
-}  // namespace tendril::tools
+}  // namespace tendril::commission

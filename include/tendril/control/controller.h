@@ -17,11 +17,16 @@ namespace tendril::control {
 /// friction and for oscillation of the body.
 inline constexpr double kCommandedTensionShare = 0.9;
 
+struct LawRow;
+
 class Controller {
  public:
   /// Builds tables and workspaces; throws std::invalid_argument when the robot cannot be controlled (no
   /// actuation, sizes above the capacities of core/limits.h). `period_ns` is the cycle.
   Controller(const RobotParameters& robot, const ControllerParameters& parameters, TimeNs period_ns);
+  /// The same with a law of the caller's, whatever `parameters.law`.
+  Controller(const RobotParameters& robot, const ControllerParameters& parameters, TimeNs period_ns,
+             const LawRow& law);
   ~Controller();
 
   /// One cycle. No allocation, lock, system call or unbounded loop.

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "tendril/core/clock.h"
@@ -65,6 +67,13 @@ struct ControllerParameters {
   TakeUpParameters take_up;
 };
 
+/// The kinds of drive that the CANopen room has a profile of, and their words in the daemon file.
+enum class DriveKind : std::uint8_t { kEpos4, kCia402 };
+inline const std::initializer_list<std::pair<std::string_view, DriveKind>> kDriveKinds = {
+    {"epos4", DriveKind::kEpos4},   // maxon EPOS4
+    {"cia402", DriveKind::kCia402}  // any CiA 402 drive with cyclic synchronous torque, by its maker's EDS file
+};
+
 struct IdentityParameters {             // what object 0x1018 must report
   std::uint32_t vendor_id = 0;
   std::vector<std::uint32_t> product_codes;  // any of these
@@ -76,6 +85,10 @@ struct NodeParameters {
   int tendon = 0;                       // 1..M
   bool motor_reversed = false;          // negative torque pulls
   bool encoder_reversed = false;        // counts fall when the motor pulls
+  DriveKind profile = DriveKind::kEpos4;
+  std::string eds_file{};               // of a generic drive; absolute, or relative to the daemon's file
+  std::string analog_input{};           // of a generic drive: its load cell's object, "0x6401:01"; empty: none
+  double analog_mV_per_count = 1;       // of that object
 };
 
 struct BusParameters {
@@ -89,7 +102,7 @@ struct BusParameters {
   int boot_timeout_ms = 0;              // per node, NMT to configured
   int abort_connection_option = 0;      // 0x6007: 2 disable voltage, 3 quick stop
   double max_load = 0.8;                // refuse to start above this share of the bit rate
-  IdentityParameters identity;
+  IdentityParameters identity;          // of the EPOS4 drives; no product codes: there are none of them
   std::vector<NodeParameters> nodes;    // in tendon order once loaded
 };
 

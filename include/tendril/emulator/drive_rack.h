@@ -1,15 +1,17 @@
-// Emulated EPOS4 drives on one CanPort: object dictionary, SDO server, PDOs, heartbeat, CiA 402 state
-// machine. Sensor values are inputs, torque commands outputs; time is passed in. Knows nothing of the robot
-// behind the motors.
+// Emulated drives, EPOS4 or of another profile, on one CanPort: object dictionary, SDO server, PDOs,
+// heartbeat, CiA 402 state machine. Sensor values are inputs, torque commands outputs; time is passed in.
+// Knows nothing of the robot behind the motors.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "tendril/can/can_port.h"
+#include "tendril/canopen/drive_profile.h"
 #include "tendril/core/clock.h"
 #include "tendril/core/fault.h"
 
@@ -17,11 +19,11 @@ namespace tendril::emulator {
 
 struct EmulatedDriveParameters {
   int node_id = 1;
-  std::uint32_t product_code = 0x60500000;  // EPOS4 24/1.5
-  std::uint32_t revision = 0x01700000;
+  std::optional<std::uint32_t> product_code{}, revision{};  // none: as the profile's objects have them
   std::uint32_t serial = 1;
   std::uint32_t nominal_current_mA = 0;
   std::uint32_t torque_constant_uNmpA = 0;
+  canopen::DriveProfilePtr profile = canopen::Epos4Profile();
 };
 
 /// Readings of the drive's sensors, set before Poll.
@@ -56,8 +58,8 @@ class DriveRack {
 
   // ---- faults on demand ----
 
-  /// The drive detects the error of an EPOS4 code: history, EMCY message and reaction. The cause ends at
-  /// once, so a fault reset works.
+  /// The drive detects the error of a code of its profile: history, EMCY message and reaction. The cause ends
+  /// at once, so a fault reset works.
   void InjectEmcy(int drive, std::uint16_t code);
   /// No reception or transmission, with the last torque held, as with a hung processor; frames meanwhile are
   /// lost to it.

@@ -5,7 +5,9 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include "tendril/can/memory_bus.h"
 #include "tendril/canopen/master.h"
@@ -17,7 +19,7 @@
 #include "tendril/io/log.h"
 #include "tendril/rig/virtual_rig.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 
 struct ClosedLoopOptions {
   RobotParameters controller_robot;  // model of the controller
@@ -41,13 +43,14 @@ class ClosedLoop {
   double now_s() const { return ToSeconds(clock_.Now()); }
   TimeNs cycle_ns() const { return daemon_.bus.cycle_ns; }
   const DaemonParameters& daemon() const { return daemon_; }
+  std::span<const canopen::DriveSetup> drive_setups() const { return setups_; }
   /// How far ahead of its time a moving target must be sent to a controller without look-ahead.
   double sender_lead_s() const {
     return daemon_.controller.trajectory.look_ahead ? 0 : ToSeconds(controller_->look_ahead_ns());
   }
   const sim::Plant& plant() const { return rig_->plant(); }
   /// For changes to the drives' wiring, before the first step.
-  VirtualRig& rig() { return *rig_; }
+  rig::VirtualRig& rig() { return *rig_; }
   const can::CanCounters& bus() const { return bus_.totals(); }
   std::uint64_t log_events() const { return log_ ? log_->events() : 0; }
   const io::Gateway& gateway() const { return *gateway_; }
@@ -86,7 +89,8 @@ class ClosedLoop {
   SimulatedClock clock_;
   DaemonParameters daemon_;
   can::MemoryBus bus_;
-  std::unique_ptr<VirtualRig> rig_;
+  std::unique_ptr<rig::VirtualRig> rig_;
+  std::vector<canopen::DriveSetup> setups_;
   std::unique_ptr<canopen::Master> master_;
   std::unique_ptr<control::Controller> controller_;
   std::unique_ptr<daemon::ControlCycle> cycle_;
@@ -108,4 +112,4 @@ class ClosedLoop {
 /// and the shortest whole-millisecond cycle within the bus budget.
 DaemonParameters FitBus(DaemonParameters daemon, const RobotParameters& robot);
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

@@ -13,7 +13,7 @@
 #include "tendril/core/daemon.h"
 #include "tendril/core/robot.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 
 /// Rest at pretension at the start of every program.
 inline constexpr double kStillBefore_s = 0.5;
@@ -80,4 +80,4 @@ struct Program {
 Program MakeProgram(const PlannedRun& run, const RobotParameters& robot,
                     const ControllerParameters& controller);
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

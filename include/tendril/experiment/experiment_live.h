@@ -8,7 +8,7 @@
 
 #include "tendril/experiment/experiment_run.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 
 struct LiveOptions {
   std::string lcm_url, channel_prefix;
@@ -24,4 +24,4 @@ ExperimentSet RunLiveSet(const Plan& plan, const LiveOptions& options, const std
                          const std::function<void(const std::string& remark)>& planned,
                          const SetProgress& progress);
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

@@ -14,7 +14,7 @@
 #include "tendril/experiment/excitation.h"
 #include "tendril/gap/data_set.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 
 /// Cycle records as a measured run; the first row is time 0.
 class RunRecorder {
@@ -101,4 +101,4 @@ inline constexpr double kShortestRun_s = kStillBefore_s + 0.25;
 ExperimentSet RunSet(const Plan& plan, const ExperimentOptions& options, const std::atomic<bool>* stop,
                      const SetProgress& progress);
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

@@ -10,7 +10,7 @@
 #include "tendril/core/daemon.h"
 #include "tendril/core/robot.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 
 struct Difference {
   std::uint64_t cycle = 0;
@@ -42,4 +42,4 @@ std::optional<Difference> FirstDifference(const CycleOutput& logged, const Cycle
 ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParameters>& robot = {},
                        const std::optional<DaemonParameters>& parameters = {});
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

@@ -10,7 +10,7 @@
 #include "tendril/gap/effect_size.h"
 #include "tendril/sim/effects.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 
 /// An effect whose amount is to be determined.
 struct RequestedSize {
@@ -36,4 +36,4 @@ struct SizedEffect {
 SizedEffect AmountFor(const RequestedSize& requested,
                       const std::function<gap::EffectRuler::Size(const EffectSetting&)>& size_of);
 
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

@@ -4,6 +4,7 @@
 // is inverted, alpha keeps its sign).
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -85,9 +86,8 @@ class CapstanTable {
   std::vector<Node> nodes_;
 };
 
-/// One table per transmission, in order. Equal transmissions are solved once (a table takes some 10 ms) and
-/// copied.
-std::vector<CapstanTable> MakeCapstanTables(std::span<const TransmissionParameters> transmissions,
-                                            double max_tension_N, double relative_error = 1e-6);
+/// One table per tendon, in order; tendons over equal pulleys share one (a table takes some 10 ms).
+std::vector<std::shared_ptr<const CapstanTable>> MakeCapstanTables(
+    std::span<const TendonDriveParameters> tendons, double max_tension_N, double relative_error = 1e-6);
 
 }  // namespace tendril::model

@@ -10,7 +10,7 @@
 #include "tendril/core/robot.h"
 #include "tendril/model/body.h"
 
-namespace tendril::tools {
+namespace tendril::motion {
 
 class Motion {
  public:
@@ -55,4 +55,4 @@ std::unique_ptr<Motion> MakePlanarBend(const RobotParameters& robot);
 /// bends planar only.
 std::unique_ptr<Motion> MakeMotion(const std::string& name, const RobotParameters& robot);
 
-}  // namespace tendril::tools
+}  // namespace tendril::motion

@@ -13,7 +13,7 @@
 #include "tendril/core/robot.h"
 #include "tendril/model/body.h"
 
-namespace tendril::tools {
+namespace tendril::motion {
 
 /// A point of a path that the robot cannot reach; what() is the whole line.
 class PathError : public std::runtime_error {
@@ -73,6 +73,7 @@ class PathTiming {
 
  private:
   struct Profile;
+  struct Search;
   struct Knot {
     double t, s, rate, acceleration, integral;  // integral of s over t
   };
@@ -132,4 +133,4 @@ TipPath LineTo(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
 Spline AlongTip(const TipPath& path, const std::string& name, TipSolver& solver,
                 const RobotParameters& robot);
 
-}  // namespace tendril::tools
+}  // namespace tendril::motion

@@ -9,7 +9,7 @@
 #include "tendril/motion/motion.h"
 #include "tendril/motion/path.h"
 
-namespace tendril::tools {
+namespace tendril::motion {
 
 /// Along curves in sequence, from rest to rest on each, with a short rest at the end. Throws PathError.
 std::unique_ptr<Motion> MakePathMotion(std::string name, const std::vector<Spline>& curves,
@@ -20,4 +20,4 @@ std::unique_ptr<Motion> MakePathMotion(std::string name, const std::vector<Splin
 std::unique_ptr<Motion> MakeTableMotion(std::string name, const Spline& table, const PathLimits& limits,
                                         const RobotParameters& robot);
 
-}  // namespace tendril::tools
+}  // namespace tendril::motion

@@ -7,7 +7,7 @@
 
 #include "tendril/core/clock.h"
 
-namespace tendril::tools {
+namespace tendril::motion {
 
 class SampleStream {
  public:
@@ -38,4 +38,4 @@ class SampleStream {
   std::deque<Sample> samples_;
 };
 
-}  // namespace tendril::tools
+}  // namespace tendril::motion

@@ -5,7 +5,7 @@
 #include "tendril/core/robot.h"
 #include "tendril/motion/motion.h"
 
-namespace tendril::tools {
+namespace tendril::motion {
 
 /// Throws std::runtime_error with place and remedy where the motion's bendings need more base tension than
 /// the control laws command, more motor-side tension than its limit, or more torque than the drives have:
@@ -13,4 +13,4 @@ namespace tendril::tools {
 /// the tip are not checked.
 void RequireTensions(const Motion& motion, const RobotParameters& robot);
 
-}  // namespace tendril::tools
+}  // namespace tendril::motion

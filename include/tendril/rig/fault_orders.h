@@ -10,7 +10,7 @@
 #include "tendril/core/clock.h"
 #include "tendril/emulator/faults.h"
 
-namespace tendril::tools {
+namespace tendril::rig {
 
 struct FaultOrder {
   std::string where;  // for messages
@@ -53,4 +53,4 @@ class FaultListener {
   std::vector<std::string> lines_;
 };
 
-}  // namespace tendril::tools
+}  // namespace tendril::rig

@@ -8,7 +8,7 @@
 #include "tendril/core/robot.h"
 #include "tendril/emulator/drive_rack.h"
 
-namespace tendril::tools {
+namespace tendril::rig {
 
 /// Node ids of a list such as "4-127" or "4-8,40". Throws std::invalid_argument with one line naming the
 /// error: not understood, out of 1..127, given twice, or one of `taken`.
@@ -41,4 +41,4 @@ class FreeMotors {
   TimeNs now_ns_ = -1;
 };
 
-}  // namespace tendril::tools
+}  // namespace tendril::rig

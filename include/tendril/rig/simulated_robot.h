@@ -13,14 +13,14 @@
 #include "tendril/io/connection.h"
 #include "tendril/rig/virtual_rig.h"
 
-namespace tendril::tools {
+namespace tendril::rig {
 
 class FaultListener;
 
 class SimulatedRobot {
  public:
-  /// Throws as VirtualRig and io::OpenLcm do. `clock` must outlive the robot.
-  SimulatedRobot(const RobotParameters& robot, const LcmParameters& lcm, const Clock& clock,
+  /// With the drives and on the channels of the daemon's file. Throws as VirtualRig and io::OpenLcm do. `clock` must outlive the robot.
+  SimulatedRobot(const RobotParameters& robot, const DaemonParameters& daemon, const Clock& clock,
                  std::uint64_t seed);
   ~SimulatedRobot();
 
@@ -38,4 +38,4 @@ class SimulatedRobot {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace tendril::tools
+}  // namespace tendril::rig

@@ -2,17 +2,20 @@
 // in, so the same rig runs in simulated time and in real time. Knows nothing of the controller.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "tendril/can/can_port.h"
+#include "tendril/canopen/drive_profile.h"
 #include "tendril/core/cycle.h"
+#include "tendril/core/daemon.h"
 #include "tendril/core/robot.h"
 #include "tendril/emulator/drive_rack.h"
 #include "tendril/sim/plant.h"
 
-namespace tendril::tools {
+namespace tendril::rig {
 
 /// Wiring faults of one drive.
 struct Wiring {
@@ -26,12 +29,26 @@ struct Wiring {
   int cell_of = -1;         // the cell on this drive's input measures that drive's tendon; -1: its own
 };
 
+/// Which kind of drive each node of a daemon's file is. Reads the EDS files that it names.
+class DriveProfiles {
+ public:
+  DriveProfiles() = default;
+  explicit DriveProfiles(std::span<const NodeParameters> nodes);
+  /// An EPOS4's for a node that is not in the file.
+  canopen::DriveProfilePtr Of(int node_id) const;
+
+ private:
+  std::map<int, canopen::DriveProfilePtr> profiles_;
+};
+
 class VirtualRig {
  public:
-  /// Drives answer as the node ids of the robot's actuation, in tendon order; load cells are on each drive's
-  /// first analog input. Throws std::invalid_argument when the robot has no actuation. `port` must outlive
-  /// the rig. `more` drives follow those of the tendons; the caller simulates what is behind them.
+  /// Drives answer as the node ids of the robot's actuation, in tendon order, as EPOS4s unless `profiles` has
+  /// their node; load cells are on each drive's first analog input, or the one of its profile. Throws
+  /// std::invalid_argument when the robot has no actuation. `port` must outlive the rig. `more` drives follow
+  /// those of the tendons; the caller simulates what is behind them.
   VirtualRig(const RobotParameters& robot, can::CanPort& port, const sim::PlantOptions& options = {},
+             const DriveProfiles& profiles = {},
              std::span<const emulator::EmulatedDriveParameters> more = {});
 
   /// Moves the plant to `now_ns`, passes its sensors to the drives, lets them handle waiting frames and due
@@ -75,4 +92,4 @@ class VirtualRig {
   std::vector<EmptySpool> empty_;  // of drives whose tendon is off
 };
 
-}  // namespace tendril::tools
+}  // namespace tendril::rig

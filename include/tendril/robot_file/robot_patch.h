@@ -8,7 +8,7 @@
 
 #include "tendril/core/robot.h"
 
-namespace tendril::tools {
+namespace tendril::robot_file {
 
 struct RobotPatch {
   std::string text;       // the new file
@@ -36,4 +36,4 @@ struct KeyDifference {
 /// robots' names may differ. Empty when there is none.
 std::optional<KeyDifference> FirstDifference(const RobotParameters& left, const RobotParameters& right);
 
-}  // namespace tendril::tools
+}  // namespace tendril::robot_file

@@ -1,0 +1,44 @@
+// What `tendril follow` is asked to follow, made into a motion for a robot and the limits of its daemon.
+// Knows files and the command line's words, nothing of a running daemon.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "tendril/core/daemon.h"
+#include "tendril/core/robot.h"
+#include "tendril/motion/motion.h"
+
+namespace tendril::motion {
+
+/// Words that cannot be meant; what() is the whole line.
+class RequestError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+struct MotionRequest {
+  std::string kind;                      // a motion of MakeMotion, or via, line, arc, csv
+  std::vector<std::string> tips;         // via, line, arc: "X,Y,Z" [m]
+  std::vector<std::string> bends;        // via: "U,V,..." [rad], two a section
+  std::string points;                    // via: a CSV of points; csv: one with times
+  std::string centre, normal = "0,0,1";  // arc around a centre
+  std::optional<double> angle_deg;       // the same; none: the arc goes through three points
+  bool nearest = false;                  // out of reach: the nearest point that the robot reaches
+  double stretch = 1;                    // csv: of its times
+  double speed_radps = 0, acceleration_radps2 = 0,
+         jerk_radps3 = 0;  // along paths; 0: what follows from the daemon
+};
+
+/// Checked against what the tendons and drives can do. What the tip reaches only nearly is told to `remark`,
+/// in a line. Throws RequestError for words that cannot be meant, std::runtime_error with file, line or point
+/// for what this robot and these limits cannot do.
+std::unique_ptr<Motion> MakeRequestedMotion(const MotionRequest& request, const RobotParameters& robot,
+                                            const TrajectoryParameters& limits,
+                                            const std::function<void(const std::string&)>& remark);
+
+}  // namespace tendril::motion
