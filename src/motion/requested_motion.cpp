@@ -208,8 +208,8 @@ Spline Arc(const MotionRequest& r, const RobotParameters& robot) {
         solver, robot);
   }
   if (r.tips.size() != 1 || !r.angle_deg)
-    throw RequestError("arc: with --centre go one --tip, where it starts, and --angle");
-  if (*r.angle_deg == 0) throw RequestError("arc: --angle 0 is no arc; give by how many degrees it turns");
+    throw RequestError("arc: --centre needs one --tip, where it starts, and --angle");
+  if (*r.angle_deg == 0) throw RequestError("arc: --angle 0 is not an arc; give the angle in degrees");
   const TipPath path = ArcAround(Point(r.centre, "--centre"), Point(r.normal, "--normal", "X,Y,Z"),
                                  Point(r.tips[0], "--tip"), *r.angle_deg * std::numbers::pi / 180);
   return AlongTip(path, "arc", solver, robot);

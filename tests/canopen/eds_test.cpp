@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <unistd.h>
+
 #include <fstream>
 #include <sstream>
 
@@ -223,7 +225,7 @@ class GenericDrive : public ::testing::Test {
     return at == text.npos ? text : text.replace(at, 3 + object.size(), "=0x6502");
   }
 
-  const std::string path_ = testing::TempDir() + "eds_test.eds";
+  const std::string path_ = testing::TempDir() + "eds_test_" + std::to_string(getpid()) + ".eds";
 };
 
 TEST_F(GenericDrive, TheServoCanAllThatIsNeeded) {

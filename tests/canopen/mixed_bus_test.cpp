@@ -2,6 +2,7 @@
 // them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -199,7 +200,7 @@ std::string Damaged(const std::vector<std::string>& sheet, std::mt19937& random)
 TEST(Sheets, DamagedAreRefusedByNameOrMakeADriveThatRuns) {
   NodeParameters node;
   node.profile = DriveKind::kCia402;
-  node.eds_file = testing::TempDir() + "damaged.eds";
+  node.eds_file = testing::TempDir() + "damaged_" + std::to_string(getpid()) + ".eds";
   std::vector<std::string> sheet;
   std::ifstream in(TENDRIL_SOURCE_DIR "/config/drives/cia402_servo.eds");
   for (std::string line; std::getline(in, line);) sheet.push_back(line);
