@@ -55,19 +55,24 @@ constexpr Need kQuick{"rows closer than 0.2 s", [](const Run& run, int) {
                         return run.time_s.size() > 1 && UsualStep(run) <= kQuasiStatic_s;
                       }};
 
+static_assert(kLeastRows == 20 && kLeastStates == 5);
+constexpr Need kLong{"run of 20 rows or 5 states at rest", [](const Run& run, int) {
+                       return run.time_s.size() > 1 && run.time_s.size() >= LeastRows(run);
+                     }};
+
 struct CutNeeds {
   Cut cut;
   bool a_tendon;
-  std::array<const Need*, 3> needs;  // null after the last
+  std::array<const Need*, 4> needs;  // null after the last
 };
 constexpr CutNeeds kCutNeeds[] = {
     {Cut::kClock, false, {}},
-    {Cut::kCurrentLoop, true, {&kTarget, &kActual, &kPull}},
-    {Cut::kDrivetrain, true, {&kActual, &kMotor}},
-    {Cut::kTendon, true, {&kTension, &kMotor}},
-    {Cut::kShape, false, {&kPull, &kShape}},
-    {Cut::kMotion, false, {&kPull, &kShape, &kQuick}},
-    {Cut::kSensors, true, {&kActual, &kTension, &kMotor}},
+    {Cut::kCurrentLoop, true, {&kTarget, &kActual, &kPull, &kLong}},
+    {Cut::kDrivetrain, true, {&kActual, &kMotor, &kLong}},
+    {Cut::kTendon, true, {&kTension, &kMotor, &kLong}},
+    {Cut::kShape, false, {&kPull, &kShape, &kLong}},
+    {Cut::kMotion, false, {&kPull, &kShape, &kQuick, &kLong}},
+    {Cut::kSensors, true, {&kActual, &kTension, &kMotor, &kLong}},
 };
 
 /// What a run lacks for one tendon.

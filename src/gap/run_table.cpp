@@ -238,7 +238,7 @@ std::vector<int> RowsInTime(std::vector<double>& t, const std::vector<int>& line
   std::vector<int> rows;
   rows.reserve(t.size());
   const auto later = [&](std::size_t i, std::size_t than) { return t[i] > t[than]; };
-  std::size_t without = 0, back = 0;
+  std::size_t without = 0, back = 0, earlier = 0;
   int first_back = 0;
   for (std::size_t i = begin; i < end; ++i) {
     if (!std::isfinite(t[i])) {
@@ -250,11 +250,20 @@ std::vector<int> RowsInTime(std::vector<double>& t, const std::vector<int>& line
                         (rows.empty() || later(i + 1, last));
     if (jumped || (!rows.empty() && !later(i, last))) {
       if (back++ == 0) first_back = lines[i];
+      if (!rows.empty() && later(last, i)) ++earlier;
       continue;
     }
     rows.push_back(static_cast<int>(i));
   }
   if (without > 0) run.warnings.push_back(fmt::format("{} rows without a time dropped", without));
+  // More rows that go back than rows that go on: what goes on is chance, and no run.
+  if (earlier > rows.size()) {
+    run.warnings.push_back(
+        fmt::format("the rows are not in the order of their times, the first that goes back in line {}; sort "
+                    "the table by its time",
+                    first_back));
+    return {};
+  }
   if (back > 0) {
     run.warnings.push_back(
         fmt::format("{} rows whose time does not increase dropped, the first in line {}; if the clock "

@@ -278,6 +278,19 @@ TEST_F(DataSetTest, RowsRecordedTwiceAreDropped) {
   EXPECT_THAT(run.warnings, Contains(HasSubstr("100 rows whose time does not increase dropped")));
 }
 
+TEST_F(DataSetTest, RowsInNoOrderAreNoRun) {
+  for (const int stride : {-1, 89}) {  // backwards; shuffled
+    std::string text = "t_s,tension_N_1\n";
+    for (int i = 0; i < 300; ++i) text += fmt::format("{},0\n", 0.001 * ((300 + i * (300 + stride)) % 300));
+    try {
+      LoadTable(text);
+      ADD_FAILURE() << "read, stride " << stride;
+    } catch (const std::exception& e) {
+      EXPECT_THAT(e.what(), HasSubstr("sort the table by its time"));
+    }
+  }
+}
+
 TEST_F(DataSetTest, ASingleTimeThatJumpsAheadDoesNotDropLaterRows) {
   const gap::Run run = LoadTable("t_s,tension_N_1\n0,0\n1,1\n1e9,2\n3,3\n4,4\n5,5\n");
   EXPECT_TRUE(SameBits(run.time_s, (Eigen::VectorXd(5) << 0, 1, 3, 4, 5).finished()));

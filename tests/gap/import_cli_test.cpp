@@ -152,6 +152,20 @@ TEST_F(ImportCommandTest, InputsAreNeverReplaced) {
   EXPECT_EQ(Run(command + "--overwrite --out " + out), 0) << error_;
 }
 
+TEST_F(ImportCommandTest, ARunTooShortToBeDiagnosedAllowsNothing) {
+  const std::string map =
+      Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z], unit: mm}, " + kMotors);
+  std::string rows = "x,y,z,m1,m2,m3\n";
+  for (int i = 0; i < 19; ++i) rows += fmt::format("{},0,58,1,2,3\n", i % 7);
+  const auto import = [&](const std::string& table) {
+    return Run(
+        fmt::format("--robot {} --map {} {} --out {}/o --overwrite", kRobot, map, table, folder_.string()));
+  };
+  EXPECT_EQ(import(Write("short.csv", rows)), 1);
+  EXPECT_THAT(out_, HasSubstr("no run of 20 rows"));
+  EXPECT_EQ(import(Write("long.csv", rows + "1,0,58,1,2,3\n")), 0) << error_;
+}
+
 TEST_F(ImportCommandTest, AllMissingChannelsOfATableAreReported) {
   const std::string map = Write("map.yaml",
                                 "time: {rate_Hz: 100}\n"
