@@ -515,8 +515,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
     if (Compared(set)) return {};  // errors of the file were present before the change as well
     constexpr int kRefined = 6;
     stage = "fitting the numbers of the robot file";
-    const Weights weights(evaluator, search.leftover);
-    return FitNumbers(evaluator, weights, search.nuisances, folds, kRefined, threads, in_stage);
+    return FitNumbers(evaluator, search.leftover, search.nuisances, folds, kRefined, threads, in_stage);
   };
   Judgement judgement = Judge(evaluator, search, d.location, options.seed, fit_numbers);
   d.verdict = judgement.verdict;

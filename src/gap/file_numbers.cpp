@@ -119,14 +119,16 @@ void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
   const int counts = robot.actuation->tendons.front().drive.encoder_counts_per_turn;
   all.push_back({"actuation.drive.encoder_counts_per_turn", static_cast<double>(counts), false,
                  [](RobotParameters& changed, double change) {
-                   for (TendonDriveParameters& drive : changed.actuation->tendons) RecountMotor(drive, change);
+                   for (TendonDriveParameters& drive : changed.actuation->tendons)
+                     RecountMotor(drive, change);
                  }});
   const auto part = [&](const char* key, auto TendonDriveParameters::*member, auto number) {
-    AddFactor(robot, fmt::format("actuation.{}", key), number,
-              [member](RobotParameters& r, const auto& call) {
-                for (TendonDriveParameters& drive : r.actuation->tendons) call(drive.*member);
-              },
-              all);
+    AddFactor(
+        robot, fmt::format("actuation.{}", key), number,
+        [member](RobotParameters& r, const auto& call) {
+          for (TendonDriveParameters& drive : r.actuation->tendons) call(drive.*member);
+        },
+        all);
   };
   using Drive = TendonDriveParameters;
   part("motor.torque_constant_NmpA", &Drive::motor, &MotorParameters::torque_scale);
@@ -143,13 +145,14 @@ void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
   part("load_cell.gain_VpN", &Drive::load_cell, &LoadCellParameters::gain_VpN);
   part("transmission.presliding_m", &Drive::transmission, &TransmissionParameters::presliding_m);
   const auto pulley = [&](const char* key, double PulleyParameters::*number) {
-    AddFactor(robot, fmt::format("actuation.transmission.pulleys.{}", key), number,
-              [](RobotParameters& r, const auto& call) {
-                for (TendonDriveParameters& drive : r.actuation->tendons) {
-                  for (PulleyParameters& p : drive.transmission.pulleys) call(p);
-                }
-              },
-              all);
+    AddFactor(
+        robot, fmt::format("actuation.transmission.pulleys.{}", key), number,
+        [](RobotParameters& r, const auto& call) {
+          for (TendonDriveParameters& drive : r.actuation->tendons) {
+            for (PulleyParameters& p : drive.transmission.pulleys) call(p);
+          }
+        },
+        all);
   };
   pulley("wrap_rad", &PulleyParameters::wrap_rad);
   pulley("radius_ratio", &PulleyParameters::radius_ratio);
@@ -267,6 +270,19 @@ std::vector<int> FewRuns(const Evaluator& evaluator) {
   return order;
 }
 
+/// What a model leaves in its worst channel, in noise floors, allowed in every channel. On the way from a
+/// number that is far off to the right one, channels that the wrong model happens to meet get worse: a body
+/// too stiff to bend does not ring either.
+Eigen::VectorXd AlikeEverywhere(const Evaluator& evaluator, Eigen::VectorXd leftover) {
+  const auto& channels = evaluator.channels();
+  double most = 0;
+  for (std::size_t c = 0; c < channels.size(); ++c)
+    most = std::max(most, leftover[static_cast<Eigen::Index>(c)] / channels[c].floor);
+  for (std::size_t c = 0; c < channels.size(); ++c)
+    leftover[static_cast<Eigen::Index>(c)] = most * channels[c].floor;
+  return leftover;
+}
+
 }  // namespace
 
 double FileNumber::ValueAt(double change) const {
@@ -285,23 +301,25 @@ std::vector<FileNumber> FileNumbers(const RobotParameters& robot) {
   return all;
 }
 
-std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Weights& weights,
+std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Eigen::VectorXd& leftover,
                                   const Nuisances& nuisances, const Folds& folds, int count, int threads,
                                   const std::function<void(double)>& progress) {
   // From a fifth to three orders of magnitude, such as a missing milli; angles up to half a turn.
   constexpr double kFirstStep = 0.2, kMost = 7, kFirstStep_rad = 0.1, kMost_rad = std::numbers::pi;
   constexpr int kCoarse = 2, kFine = 6;
-  const Scored scored(evaluator, weights, nuisances, folds);
+  const Weights on_the_way(evaluator, AlikeEverywhere(evaluator, leftover)), weights(evaluator, leftover);
+  const Scored followed(evaluator, on_the_way, nuisances, folds),
+      scored(evaluator, weights, nuisances, folds);
   const std::vector<FileNumber> numbers = FileNumbers(evaluator.nominal());
   const std::vector<int> few = FewRuns(evaluator), every{};
   std::vector<std::pair<FileNumber, Point>> coarse;
   for (const FileNumber& number : numbers) coarse.push_back({number, {}});
   const auto follow = [&](const FileNumber& number, const std::vector<int>& runs, const Point& start,
                           double first_step, int halvings) {
-    const auto score = [&](double change) { return scored.At(number, change, runs); };
+    const auto score = [&](double change) { return followed.At(number, change, runs); };
     return Followed(score, start, first_step, number.angle ? kMost_rad : kMost, halvings);
   };
-  const double at_nominal = scored.At(numbers.front(), 0, few);
+  const double at_nominal = followed.At(numbers.front(), 0, few);
   std::atomic<int> done{0};
   ParallelFor(static_cast<int>(coarse.size()), threads, [&](int k) {
     auto& [number, best] = coarse[static_cast<std::size_t>(k)];
@@ -316,8 +334,7 @@ std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Weights& wei
   ParallelFor(static_cast<int>(coarse.size()), threads, [&](int k) {
     const auto& [number, about] = coarse[static_cast<std::size_t>(k)];
     const auto score = [&](double change) { return scored.At(number, change, every); };
-    const Point best =
-        Refined(score, {about.change, score(about.change)}, std::abs(about.change) / 8, kFine);
+    const Point best = Refined(score, {about.change, score(about.change)}, std::abs(about.change) / 8, kFine);
     NumberFit& fit = fits[static_cast<std::size_t>(k)];
     fit.number = number;
     fit.value = number.ValueAt(best.change);

@@ -29,14 +29,14 @@ std::vector<FileNumber> FileNumbers(const RobotParameters& robot);
 /// A number fitted to the runs.
 struct NumberFit {
   FileNumber number;
-  double value = 0;   // in its unit
-  double score = 0;   // log score over all channels, nuisances free
+  double value = 0;     // in its unit
+  double score = 0;     // log score over all channels, nuisances free
   Residuals residuals;  // residuals with this value, nuisances subtracted
 };
 
-/// The best `count` of them by falling score, each refined on all runs, with the weights and nuisances used
+/// The best `count` of them by falling score, each refined on all runs, with the `leftover` and nuisances used
 /// for the causes. `progress`: from 0 to 1.
-std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Weights& weights,
+std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Eigen::VectorXd& leftover,
                                   const Nuisances& nuisances, const Folds& folds, int count, int threads,
                                   const std::function<void(double)>& progress);
 

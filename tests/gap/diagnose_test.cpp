@@ -323,13 +323,14 @@ TEST(Diagnose, WithoutTargetsTheOtherSignalsIdentifyTheCommands) {
     CompareWithBefore(set, before);
     return Diagnose(set, Only({"tendon_stiffness", "tip_payload"})).degradations;
   };
-  EXPECT_THAT(compared(40, 12, 0.1),
-              testing::Contains(testing::ContainsRegex("left out: circle: not of the same commands as before: "
-                                                       ".*motor positions by 40 rad rms.*tensions by")));
+  EXPECT_THAT(compared(40, 12, 0.1), testing::Contains(testing::ContainsRegex(
+                                         "left out: circle: not of the same commands as before: "
+                                         ".*motor positions by 40 rad rms.*tensions by")));
   const std::vector<std::string> same = compared(0, 0, 0);
   EXPECT_THAT(same, testing::Not(testing::Contains(testing::HasSubstr("left out: "))));
   EXPECT_THAT(same, testing::Contains(testing::ContainsRegex("same commands from before \\(.* differ by")));
-  EXPECT_THAT(compared(40, 0, 0), testing::Not(testing::Contains(testing::HasSubstr("same commands as bef"))));
+  EXPECT_THAT(compared(40, 0, 0),
+              testing::Not(testing::Contains(testing::HasSubstr("same commands as bef"))));
 }
 
 // Columns that only one of the runs has are no targets of zero.
@@ -671,8 +672,8 @@ TEST(Diagnose, QuickMotionsOfAMotorAreNotOutliers) {
   }
 }
 
-/// A run in which motor 1 is 1.5 rad off its way in one row, more than a twentieth of it; `pulls`: with what its tendon's spring makes of
-/// it. Every so many of its rows are kept.
+/// A run in which motor 1 is 1.5 rad off its way in one row, more than a twentieth of it; `pulls`: with what
+/// its tendon's spring makes of it. Every so many of its rows are kept.
 DataSet WithOvershoot(int every, bool pulls) {
   DataSet set;
   set.robot = Rig();
@@ -703,7 +704,8 @@ std::string SaidOf(const DataSet& set) {
 // A motion that the file's motor can make is none; one that it cannot make is one where the tendon goes with
 // it, and then the file is wrong; what nothing goes with is the encoder's mishap.
 TEST(Diagnose, AnOvershootIsKeptWhereAMotorCanHaveMadeIt) {
-  const std::string slow = SaidOf(WithOvershoot(12, false));  // 1.5 rad in 12 ms: 5.6 of 7 mN m beside the tendon
+  const std::string slow =
+      SaidOf(WithOvershoot(12, false));  // 1.5 rad in 12 ms: 5.6 of 7 mN m beside the tendon
   EXPECT_THAT(slow, testing::Not(testing::HasSubstr("too weak")));
   EXPECT_THAT(slow, testing::Not(testing::ContainsRegex("jumps[^\n]*first at 1\\.")));  // half way
   const std::string quick = SaidOf(WithOvershoot(1, true));
@@ -1126,8 +1128,8 @@ struct WrongNumber {
 
 class DiagnoseWrongFile : public testing::TestWithParam<WrongNumber> {};
 
-// A number that is wrong by more than its effect reaches, or that no effect stands for, is said first with the value
-// that the runs point to; no cause is likelier than not.
+// A number that is wrong by more than its effect reaches, or that no effect stands for, is said first with
+// the value that the runs point to; no cause is likelier than not.
 TEST_P(DiagnoseWrongFile, TheNumberIsReportedFirst) {
   DataSet set = Recorded("", 3);
   GetParam().change(set.robot, GetParam().factor);
@@ -1149,34 +1151,47 @@ TEST_P(DiagnoseWrongFile, TheNumberIsReportedFirst) {
 
 INSTANTIATE_TEST_SUITE_P(
     Numbers, DiagnoseWrongFile,
-    testing::Values(WrongNumber{"body.sections.tendons.radius_m", 1.5,
+    testing::Values(WrongNumber{"body.sections.tendons.radius_m",
+                                1.5,
                                 [](RobotParameters& robot, double factor) {
-                                  for (auto& tendon : robot.body.sections[0].tendons) tendon.radius_m *= factor;
+                                  for (auto& tendon : robot.body.sections[0].tendons)
+                                    tendon.radius_m *= factor;
                                 },
                                 {"hole_radius", "tendon_stiffness", "bending_stiffness", "unit_stiffness"}},
-                    WrongNumber{"actuation.gear.ratio", 16.0 / 19,
+                    WrongNumber{"actuation.gear.ratio",
+                                16.0 / 19,
                                 [](RobotParameters& robot, double factor) {
                                   for (auto& tendon : robot.actuation->tendons) tendon.gear.ratio *= factor;
                                 },
                                 {"torque_constant", "tendon_stiffness", "gear_efficiency"}},
                     // A diameter taken for the radius.
-                    WrongNumber{"actuation.spool.radius_m", 2,
+                    WrongNumber{"actuation.spool.radius_m",
+                                2,
                                 [](RobotParameters& robot, double factor) {
-                                  for (auto& tendon : robot.actuation->tendons) tendon.spool.radius_m *= factor;
+                                  for (auto& tendon : robot.actuation->tendons)
+                                    tendon.spool.radius_m *= factor;
                                 },
                                 {"torque_constant", "spool_growth", "tendon_stiffness"}},
-                    WrongNumber{"body.sections.core_radius_m", 0.5,
+                    WrongNumber{"body.sections.core_radius_m",
+                                0.5,
                                 [](RobotParameters& robot, double factor) {
                                   robot.body.sections[0].core_radius_m *= factor;
                                 },
                                 {"bending_stiffness", "tip_force", "tracker_offset"}},
-                    WrongNumber{"body.gravity_W_mps2", 1.5,
+                    // A backbone sixteen times too stiff hardly bends, and does not ring.
+                    WrongNumber{"body.sections.core_radius_m",
+                                2,
                                 [](RobotParameters& robot, double factor) {
-                                  robot.body.gravity_W_mps2 *= factor;
+                                  robot.body.sections[0].core_radius_m *= factor;
                                 },
-                                {"tip_force", "unit_stiffness", "base_tilt"}}),
+                                {"bending_stiffness", "tip_force", "tendon_stiffness"}},
+                    WrongNumber{
+                        "body.gravity_W_mps2",
+                        1.5,
+                        [](RobotParameters& robot, double factor) { robot.body.gravity_W_mps2 *= factor; },
+                        {"tip_force", "unit_stiffness", "base_tilt"}}),
     [](const auto& about) {
-      std::string name = about.param.key;
+      std::string name = fmt::format("{}_{:.2g}", about.param.key, about.param.factor);
       for (char& c : name) c = std::isalnum(static_cast<unsigned char>(c)) ? c : '_';
       return name;
     });
@@ -1184,19 +1199,22 @@ INSTANTIATE_TEST_SUITE_P(
 // Angles that were made from counts with another number of them a turn.
 TEST(Diagnose, WrongCountsPerTurnAreReportedFirst) {
   DataSet set = Recorded("", 3);
-  for (gap::Run& run : set.runs) run.motor_position_rad *= 0.5;  // 1024 of the encoder where the file has 2048
+  for (gap::Run& run : set.runs)
+    run.motor_position_rad *= 0.5;  // 1024 of the encoder where the file has 2048
   const Diagnosis d = Diagnose(set, Only({"torque_constant", "tendon_stiffness", "hole_radius"}));
-  EXPECT_THAT(d.sentence,
-              testing::ContainsRegex("^Check the robot file first: with "
-                                     "actuation.drive.encoder_counts_per_turn 102[3-5] where the file has 2048"));
+  EXPECT_THAT(d.sentence, testing::ContainsRegex(
+                              "^Check the robot file first: with "
+                              "actuation.drive.encoder_counts_per_turn 102[3-5] where the file has 2048"));
 }
 
 // A cause that leaves more than a tenth of the gap is not established, however far the others are behind.
 TEST(Diagnose, ACauseThatLeavesMuchIsNotEstablished) {
-  DataSet set = Recorded(std::vector<std::string>{"routing_friction mu=0.2", "backlash where=all rad=0.3"}, 4);
+  DataSet set =
+      Recorded(std::vector<std::string>{"routing_friction mu=0.2", "backlash where=all rad=0.3"}, 4);
   const Diagnosis d = Diagnose(set, Only({"routing_friction"}));
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
-  EXPECT_THAT(d.sentence, testing::StartsWith("No cause is established: the likeliest is routing_friction, but "));
+  EXPECT_THAT(d.sentence,
+              testing::StartsWith("No cause is established: the likeliest is routing_friction, but "));
   EXPECT_FALSE(d.doubt.empty());
   ASSERT_NE(Named(d, "routing_friction"), nullptr);
   EXPECT_LE(Named(d, "routing_friction")->p, 0.5);
@@ -1454,7 +1472,8 @@ TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   const Diagnosis repeated = Diagnose(set, Only({"unit_mass"}));
   EXPECT_THAT(repeated.degradations,
               testing::Contains(testing::HasSubstr("if anything was changed between them")));
-  EXPECT_THAT(repeated.sentence, testing::HasSubstr("obot does not repeat at C4 (tip position, section:1): "));
+  EXPECT_THAT(repeated.sentence,
+              testing::HasSubstr("obot does not repeat at C4 (tip position, section:1): "));
   EXPECT_EQ(repeated.verdict, Verdict::kInsufficientData);
 }
 
@@ -1632,9 +1651,9 @@ TEST(Diagnose, SmallDifferencesMadeByTheCauseAreNotInTheFloor) {
                                   "differ by [2-4]\\..* as cogging tendon:2 makes them differ")));
 }
 
-/// Of the nominal rig, whose motors' friction is another one by `scatter_Nm` rms in every run, and whose second
-/// motor has so much more of it at three angles a turn; the first kind of motion three times, with `push_N` at
-/// the tip to one side and the other when it is repeated.
+/// Of the nominal rig, whose motors' friction is another one by `scatter_Nm` rms in every run, and whose
+/// second motor has so much more of it at three angles a turn; the first kind of motion three times, with
+/// `push_N` at the tip to one side and the other when it is repeated.
 DataSet Rubbed(double scatter_Nm, double peaks_Nm, double push_N, std::uint64_t seed) {
   DataSet set;
   set.robot = Rig();
@@ -1673,8 +1692,8 @@ TEST(Diagnose, FrictionThatPeaksAtAnglesDoesNotRepeat) {
   EXPECT_LE(Named(d, "no_gap")->p, 0.5);
 }
 
-// Friction of no run is exactly that of the next; that alone is no finding, nor are lost rows, coarse readings and
-// commands that come a cycle later.
+// Friction of no run is exactly that of the next; that alone is no finding, nor are lost rows, coarse
+// readings and commands that come a cycle later.
 TEST(Diagnose, ScatterOfFrictionIsNoGap) {
   DataSet set = Rubbed(1e-5, 0, 0, 5);
   const auto round = [](Eigen::MatrixXd& values, double step) {
@@ -1866,9 +1885,7 @@ TEST(Diagnose, RunsOfFewerTendonsAreAnotherRobots) {
                   testing::HasSubstr("these runs are of 3 tendons, robot 'four_tendon_90mm' has 4")));
 }
 
-RobotParameters ShortRig() {
-  return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
-}
+RobotParameters ShortRig() { return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml"); }
 
 // A frame that is turned and moved, or not known, changes nothing; nor does a run that hardly moves.
 TEST(Diagnose, ATipPathBeyondTheRobotsReachIsTheVerdict) {
