@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <lcm/lcm-cpp.hpp>
@@ -26,6 +28,8 @@ constexpr TimeNs kCommandPeriod_ns = 10 * kNsPerMs;
 constexpr double kValidFor_s = 0.1;
 // Its validity counts from a target's arrival.
 constexpr TimeNs kLetGo_ns = 20 * kNsPerMs;
+// Time that may pass after the last state before the daemon's clock is taken to stand still.
+constexpr TimeNs kBeyondState_ns = 50 * kNsPerMs;
 constexpr TimeNs kAnswer_ns = 3 * kNsPerS, kSilence_ns = kNsPerS, kArmingAtMost_ns = 10 * kNsPerS;
 // Further from the robot's reach than this, the motion was made for another robot.
 constexpr double kOutOfReach_m = 1e-3;
@@ -92,7 +96,7 @@ struct Follower::Impl {
     client_.OnState([this](const tendril_lcm::state_t& s) {
       state_ = s;
       heard_ns_ = clock_.Now();
-      ++states_;
+      daemon_ahead_ns_[states_++ % daemon_ahead_ns_.size()] = s.utime * kNsPerUs - heard_ns_;
       if (s.command_status == static_cast<std::int16_t>(Status::kAnotherSender) &&
           io::SenderOf(s.command_sequence) == io::SenderOfProcess())
         another_leads_ = s.command_status_text;
@@ -315,6 +319,14 @@ struct Follower::Impl {
     std::this_thread::sleep_for(std::chrono::nanoseconds(next_ns - now_ns));
   }
 
+  // The daemon's time: that of a simulated robot passes at a pace of its own, and falls behind on a busy
+  // machine. By the state that came soonest of the last ones, and never far beyond the last one.
+  TimeNs DaemonNow() const {
+    const auto known = std::min<std::size_t>(states_, daemon_ahead_ns_.size());
+    const TimeNs ahead_ns = *std::max_element(daemon_ahead_ns_.begin(), daemon_ahead_ns_.begin() + known);
+    return std::min(clock_.Now(), heard_ns_ + kBeyondState_ns) + ahead_ns;
+  }
+
   // To the first target, until the reference has rested there.
   void Approach(const Command& first) {
     const TimeNs start_ns = clock_.Now();
@@ -335,17 +347,17 @@ struct Follower::Impl {
   }
 
   void Stream(const Motion& motion) {
-    const TimeNs start_ns = clock_.Now() + ToNs(lead_s_);
+    const TimeNs start_ns = DaemonNow() + ToNs(lead_s_);
     TimeNs next_ns = clock_.Now();
     Errors of_reference, of_motion;
     int shown_s = -1;
-    for (double t_s = -lead_s_; t_s < motion.duration_s(); t_s = ToSeconds(clock_.Now() - start_ns)) {
+    for (double t_s = -lead_s_; t_s < motion.duration_s(); t_s = ToSeconds(DaemonNow() - start_ns)) {
       Send(motion.SentAhead(t_s, lead_s_, extrapolates_s_));
       SleepToNext(next_ns);
       CheckRunning();
       const Eigen::Map<const Eigen::Vector3d> estimate(state_.tip_estimate_W_m),
           desired(state_.tip_desired_W_m);
-      const double heard_s = ToSeconds(heard_ns_ - start_ns);
+      const double heard_s = ToSeconds(state_.utime * kNsPerUs - start_ns);
       if (heard_s >= motion.judged_from_s() && heard_s <= motion.judged_until_s() && estimate.allFinite()) {
         of_reference.Add((estimate - desired).norm());
         of_motion.Add((estimate - motion.TipAt(heard_s)).norm());
@@ -373,6 +385,7 @@ struct Follower::Impl {
   tendril_lcm::run_t run_{};
   tendril_lcm::state_t state_{};
   TimeNs heard_ns_ = 0, leads_until_ns_ = 0;
+  std::array<TimeNs, 16> daemon_ahead_ns_{};  // of this clock, by the last states
   std::uint64_t states_ = 0;
   TipSolver* solver_ = nullptr;
   std::optional<SampleStream> stream_;

@@ -301,7 +301,7 @@ TEST(Diagnose, ARunFromBeforeOfOtherCommandsIsNotComparedWith) {
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
   EXPECT_THAT(d.degradations,
               testing::Contains(testing::HasSubstr(
-                  "left out: circle: not of the same commands as before: torque targets differ by ")));
+                  "left out: circle: not the same commands as before: torque targets differ by ")));
 }
 
 // Where no targets were recorded, what was tells of the commands: another place is another motion, though it
@@ -324,7 +324,7 @@ TEST(Diagnose, WithoutTargetsTheOtherSignalsIdentifyTheCommands) {
     return Diagnose(set, Only({"tendon_stiffness", "tip_payload"})).degradations;
   };
   EXPECT_THAT(compared(40, 12, 0.1), testing::Contains(testing::ContainsRegex(
-                                         "left out: circle: not of the same commands as before: "
+                                         "left out: circle: not the same commands as before: "
                                          ".*motor positions by 40 rad rms.*tensions by")));
   const std::vector<std::string> same = compared(0, 0, 0);
   EXPECT_THAT(same, testing::Not(testing::Contains(testing::HasSubstr("left out: "))));
@@ -1340,7 +1340,7 @@ TEST(Diagnose, SlowCellsAreNamed) {
     run.tension_N.bottomRows(rows - 50) = run.tension_N.topRows(rows - 50).eval();
   }
   const std::string late = Diagnose(set, Only({"unit_mass"})).sentence;
-  EXPECT_THAT(late, testing::ContainsRegex("with the load cells' readings taken (4.|5.) ms earlier"));
+  EXPECT_THAT(late, testing::ContainsRegex("with the load cells' readings shifted (4.|5.) ms earlier"));
   // One cell alone.
   set = Recorded("", 4);
   for (gap::Run& run : set.runs) {
@@ -1348,7 +1348,7 @@ TEST(Diagnose, SlowCellsAreNamed) {
     run.tension_N.col(1).tail(rows - 12) = run.tension_N.col(1).head(rows - 12).eval();
   }
   const std::string one = Diagnose(set, Only({"unit_mass"})).sentence;
-  EXPECT_THAT(one, testing::ContainsRegex("with the readings of load cell 2 taken 1[123] ms earlier"));
+  EXPECT_THAT(one, testing::ContainsRegex("with the readings of load cell 2 shifted 1[123] ms earlier"));
   // Cells that are slower than the log were not filtered.
   set = Recorded("cell_gain where=tendon:2 scale=0.8", 4);
   for (gap::Run& run : set.runs) {
@@ -1514,7 +1514,7 @@ TEST(Diagnose, AnEncoderThatFreezesHalfWayIsMaskedThere) {
   const Diagnosis d = Diagnose(set, Only({"tendon_stiffness", "bending_stiffness", "presliding"}));
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
   EXPECT_EQ(d.runs.size(), set.runs.size());
-  EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("motor position 2 keeps")));
+  EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("motor position 2 stays at")));
 }
 
 // Before minutes are spent on a cause of it, with a gap or without.
@@ -1526,7 +1526,7 @@ TEST(Diagnose, TimeOfAllRunsInMillisecondsIsRefused) {
       Diagnose(set, Only({"bending_stiffness"}));
       FAIL() << "accepted: " << effect;
     } catch (const std::runtime_error& error) {
-      EXPECT_THAT(error.what(), testing::HasSubstr("is in milliseconds")) << effect;
+      EXPECT_THAT(error.what(), testing::HasSubstr("seems to be in milliseconds")) << effect;
       EXPECT_THAT(error.what(), testing::HasSubstr("divide t_s by 1000")) << effect;
     }
   }
@@ -1882,7 +1882,7 @@ TEST(Diagnose, RunsOfFewerTendonsAreAnotherRobots) {
   set.robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml");
   EXPECT_THAT([&] { Diagnose(set, {}); },
               testing::ThrowsMessage<std::runtime_error>(
-                  testing::HasSubstr("these runs are of 3 tendons, robot 'four_tendon_90mm' has 4")));
+                  testing::HasSubstr("these runs have 3 tendons, robot 'four_tendon_90mm' has 4")));
 }
 
 RobotParameters ShortRig() { return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml"); }
