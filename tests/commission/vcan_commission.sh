@@ -35,7 +35,7 @@ open(sys.argv[1] + "/arm.yaml", "w").write(text + "\neffects:\n  - {effect: cell
 ARM
 
 sed 's/^commissioning: .*/commissioning: not_required/' "$work/tendrild.yaml" >"$work/not_required.yaml"
-refused "say commissioning: required there" "$bin/tendril" commission --config "$work/not_required.yaml" --lcm "$lcm"
+refused "set commissioning: required there" "$bin/tendril" commission --config "$work/not_required.yaml" --lcm "$lcm"
 
 start_plant "$work/arm.yaml"
 sed -i 's/cycle_every_cycles: 1 /cycle_every_cycles: 20 /' "$work/tendrild.yaml"

@@ -32,7 +32,7 @@ Page GuardsPage() {
            "What is watched in every cycle. A fault latches: tensions ramp down, drives are disabled, and "
            "only `tendril send clear` ends it. `tendril config check` warns of a threshold that cannot "
            "trip on its robot.",
-           {"src/control/guard_table.cpp"});
+           {"src/control/modes/guard_table.cpp"});
   Table table({"What is wrong", "Status", "Thresholds"});
   for (const control::GuardEntry& guard : control::GuardTable()) {
     table.Row({Sentence(guard.what) +

@@ -56,7 +56,7 @@ Page ModesPage() {
            "Nothing moves without `arm`, `home` or `commission`, and nothing resumes by itself after a "
            "fault. A command that the mode does not accept is refused with status "
            "[204](status-codes.md#204) and changes nothing.",
-           {"src/control/supervisor.cpp", "src/control/gate.cpp", "src/core/cycle.cpp"});
+           {"src/control/modes/supervisor.cpp", "src/control/modes/gate.cpp", "src/core/cycle.cpp"});
   Table overview({"Mode", "Meaning"});
   std::string each;
   for (int i = 0; i <= static_cast<int>(kLastMode); ++i) {
