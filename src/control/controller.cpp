@@ -82,34 +82,6 @@ TimeNs ActuationDelay(const RobotParameters& robot, TimeNs period_ns) {
   return period_ns + period_ns / 2 + static_cast<TimeNs>(lag_s * 1e9);
 }
 
-bool SameTransmission(const TransmissionParameters& a, const TransmissionParameters& b) {
-  if (a.low_tension_N != b.low_tension_N || a.pulleys.size() != b.pulleys.size()) return false;
-  for (std::size_t i = 0; i < a.pulleys.size(); ++i) {
-    const PulleyParameters &p = a.pulleys[i], &q = b.pulleys[i];
-    if (p.law != q.law || p.wrap_rad != q.wrap_rad || p.radius_ratio != q.radius_ratio ||
-        p.alpha != q.alpha || p.exponent != q.exponent || p.entry_angle_rad != q.entry_angle_rad) {
-      return false;
-    }
-  }
-  return true;
-}
-
-// One table per tendon; tendons over equal pulleys share one.
-std::vector<std::shared_ptr<const model::CapstanTable>> MakeTables(const RobotParameters& robot) {
-  std::vector<std::shared_ptr<const model::CapstanTable>> tables;
-  const auto& drives = robot.actuation->tendons;
-  for (std::size_t j = 0; j < drives.size(); ++j) {
-    for (std::size_t i = 0; i < j && tables.size() == j; ++i) {
-      if (SameTransmission(drives[i].transmission, drives[j].transmission)) tables.push_back(tables[i]);
-    }
-    if (tables.size() == j) {
-      tables.push_back(std::make_shared<const model::CapstanTable>(drives[j].transmission,
-                                                                   robot.limits.max_tension_motor_N));
-    }
-  }
-  return tables;
-}
-
 void Clear(const CycleInput& input, int sections, int tendons, CycleOutput& output) noexcept {
   output = CycleOutput{};
   output.cycle = input.cycle;
@@ -139,7 +111,7 @@ struct Controller::Impl {
         actuation_delay_ns(row.feeds_forward ? ActuationDelay(robot, period_ns) : 0),
         gains(TensionFeedbackGains(robot, parameters, period_s)),
         body(robot.body),
-        tables(MakeTables(robot)),
+        tables(model::MakeCapstanTables(robot.actuation->tendons, robot.limits.max_tension_motor_N)),
         estimator(robot, body, tables, period_s),
         tracker_check(robot),
         guards(robot, parameters.guards, period_ns, body, tables),
