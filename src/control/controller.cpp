@@ -69,12 +69,6 @@ std::optional<TensionLoopGains> TensionFeedbackGains(const RobotParameters& robo
   return gains;
 }
 
-LimitParameters CommandedLimits(LimitParameters limits) {
-  limits.max_tension_base_N =
-      std::max(kCommandedTensionShare * limits.max_tension_base_N, limits.min_tension_N);
-  return limits;
-}
-
 // A torque sent in this cycle acts a cycle later, for one cycle, through the drives' torque loops.
 TimeNs ActuationDelay(const RobotParameters& robot, TimeNs period_ns) {
   double lag_s = 0;
@@ -99,6 +93,12 @@ void Clear(const CycleInput& input, int sections, int tendons, CycleOutput& outp
 }
 
 }  // namespace
+
+LimitParameters CommandedLimits(LimitParameters limits) noexcept {
+  limits.max_tension_base_N =
+      std::max(kCommandedTensionShare * limits.max_tension_base_N, limits.min_tension_N);
+  return limits;
+}
 
 // The wiring: what each stage knows of the others.
 struct Controller::Impl {

@@ -25,19 +25,13 @@ struct Instant {
   TendonVector shortening_mps, shortening_mps2;
 };
 
-LimitParameters CommandedLimits(LimitParameters limits) {
-  limits.max_tension_base_N =
-      std::max(control::kCommandedTensionShare * limits.max_tension_base_N, limits.min_tension_N);
-  return limits;
-}
-
 class Check {
  public:
   explicit Check(const RobotParameters& robot)
       : robot_(robot),
         body_(robot.body),
         arcs_(body_),
-        reach_(robot, body_, CommandedLimits(robot.limits), 0, true),
+        reach_(robot, body_, control::CommandedLimits(robot.limits), 0, true),
         tables_(model::MakeCapstanTables(robot.actuation->tendons, robot.limits.max_tension_motor_N)),
         q_(UnitVector::Zero(body_.dof())) {}
 

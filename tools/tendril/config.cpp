@@ -7,7 +7,6 @@
 #include <sched.h>
 #include <yaml-cpp/yaml.h>
 
-#include <algorithm>
 #include <memory>
 #include <numbers>
 #include <string>
@@ -70,15 +69,13 @@ std::string FeedbackComment(const DaemonParameters& daemon, const RobotParameter
       gains.margins.phase_deg);
 }
 
-// Bends that the tendons do not hold: nothing breaks, for goals are brought back, but nobody means it.
+// Bends that the tendons do not hold: goals beyond them are limited, which is rarely intended.
 std::string ReachWarning(const DaemonParameters& daemon, const RobotParameters& robot) {
   const LimitParameters& limits = robot.limits;
-  LimitParameters led = limits;
-  led.max_tension_base_N =
-      std::max(control::kCommandedTensionShare * limits.max_tension_base_N, limits.min_tension_N);
   const model::Body body(robot.body);
   const bool every_way = model::PullsEveryWay(robot.body);
-  const double holdable_rad = control::Reach(robot, body, led, 0, true).holdable_rad();
+  const double holdable_rad =
+      control::Reach(robot, body, control::CommandedLimits(limits), 0, true).holdable_rad();
   if (holdable_rad >= kHeldShare * limits.max_bending_rad) return "";
   const char* bases = body.sections() > 1 ? "the base section carries all others, and " : "";
   const std::string text = fmt::format(

@@ -16,6 +16,8 @@ namespace tendril::control {
 /// Reference shapes are held with at most this share of limits.max_tension_base_N; the rest is margin for
 /// friction and for oscillation of the body.
 inline constexpr double kCommandedTensionShare = 0.9;
+/// The robot's limits, with that share as the largest base tension.
+LimitParameters CommandedLimits(LimitParameters limits) noexcept;
 
 struct LawRow;
 
