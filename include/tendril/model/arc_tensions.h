@@ -23,6 +23,11 @@ class ArcTensions {
                                 const BendingVector& acceleration_radps2, double least_N,
                                 double most_N) noexcept;
 
+  // Of the last call: unit angles of the arcs, force on the sections, and their force per tension.
+  const UnitVector& q() const noexcept { return q_; }
+  const BendingVector& force_Nm() const noexcept { return force_Nm_; }
+  const Eigen::MatrixXd& force_per_tension() const noexcept { return force_per_tension_; }
+
  private:
   const Body& body_;
   Body::Workspace workspace_;
