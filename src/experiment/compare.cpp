@@ -46,7 +46,7 @@ struct Tracking {
   std::string fault;  // of a run that did not reach its end
   Error tip, tension;
   std::uint64_t cycles = 0, limited_cycles = 0;
-  std::map<Status, std::uint64_t> held_back;  // cycles by why it was not led where it should be
+  std::map<Status, std::uint64_t> held_back;  // cycles in which a limit or refusal kept it from its goal
   // Worst excess of a limit: of what was asked for; of what the plant's tendons then carried, and how it
   // bent, within the motion and the two seconds that follow a fault.
   double tension_over_N = 0, tension_under_N = 0, true_tension_over_N = 0, bending_over_rad = 0,
@@ -101,7 +101,7 @@ const std::vector<PlantKind>& PlantKinds() {
 }
 
 constexpr double kAfterFault_s = 2;
-constexpr double kMuchHeldBack = 0.1;  // of the cycles: more is told
+constexpr double kMuchHeldBack = 0.1;  // share of the cycles above which it is reported
 
 // The codes of output that is limited and of commands that are refused.
 bool HoldsBack(Status status) { return static_cast<int>(status) >= 100 && static_cast<int>(status) < 300; }
@@ -229,7 +229,7 @@ Tracking Track(const std::string& controller_file, const std::string& plant_file
   }
 }
 
-// Of a robot that does not go where it is led its error says nothing: why it does not.
+// Why a robot was kept from its goals, in which case its error says nothing about the law; else empty.
 std::string HeldBack(const Tracking& t) {
   const auto most = std::max_element(t.held_back.begin(), t.held_back.end(),
                                      [](const auto& a, const auto& b) { return a.second < b.second; });

@@ -27,13 +27,12 @@ using nlohmann::ordered_json;
 
 struct Statistic {
   std::uint64_t count = 0;
-  double sum = 0, sum2 = 0, largest = -std::numeric_limits<double>::infinity(), largest_size = 0;
+  double sum = 0, sum2 = 0, largest = -std::numeric_limits<double>::infinity();
   void Add(double x) {
     ++count;
     sum += x;
     sum2 += x * x;
     largest = std::max(largest, x);
-    largest_size = std::max(largest_size, std::abs(x));
   }
   double mean() const { return count ? sum / static_cast<double>(count) : 0; }
   double rms() const { return count ? std::sqrt(sum2 / static_cast<double>(count)) : 0; }

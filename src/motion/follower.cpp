@@ -28,8 +28,8 @@ constexpr TimeNs kCommandPeriod_ns = 10 * kNsPerMs;
 constexpr double kValidFor_s = 0.1;
 // Its validity counts from a target's arrival.
 constexpr TimeNs kLetGo_ns = 20 * kNsPerMs;
-// Time that may pass after the last state before the daemon's clock is taken to stand still.
-constexpr TimeNs kBeyondState_ns = 50 * kNsPerMs;
+// Of the daemon's time, how long after the next state was due it is taken to stand still.
+constexpr TimeNs kOverdueState_ns = 50 * kNsPerMs;
 constexpr TimeNs kAnswer_ns = 3 * kNsPerS, kSilence_ns = kNsPerS, kArmingAtMost_ns = 10 * kNsPerS;
 // Further from the robot's reach than this, the motion was made for another robot.
 constexpr double kOutOfReach_m = 1e-3;
@@ -129,7 +129,7 @@ struct Follower::Impl {
     LetGo();
   }
 
-  /// Commands that somebody sends on channels of his own, as one even motion.
+  /// Commands of another program, on channels of its own, as one even motion.
   void FollowSamples(const std::string& from, double delay_s, bool nearest) {
     delay_s_ = delay_s;
     AwaitRunning();
@@ -305,7 +305,7 @@ struct Follower::Impl {
     }
   }
 
-  // Until then the daemon takes targets from nobody else: who comes next in a script is not to be refused.
+  // Until then the daemon refuses targets of other senders, such as the next command of a script.
   void LetGo() const {
     std::this_thread::sleep_for(
         std::chrono::nanoseconds(std::max<TimeNs>(leads_until_ns_ - clock_.Now(), 0)));
@@ -320,11 +320,13 @@ struct Follower::Impl {
   }
 
   // The daemon's time: that of a simulated robot passes at a pace of its own, and falls behind on a busy
-  // machine. By the state that came soonest of the last ones, and never far beyond the last one.
+  // machine. By the state that was delayed least of the last ones, and never far beyond the next one, which
+  // bounds the error where time passes more slowly than here.
   TimeNs DaemonNow() const {
     const auto known = std::min<std::size_t>(states_, daemon_ahead_ns_.size());
     const TimeNs ahead_ns = *std::max_element(daemon_ahead_ns_.begin(), daemon_ahead_ns_.begin() + known);
-    return std::min(clock_.Now(), heard_ns_ + kBeyondState_ns) + ahead_ns;
+    const TimeNs every_ns = subject_.daemon.lcm.state_every_cycles * subject_.daemon.bus.cycle_ns;
+    return std::min(clock_.Now() + ahead_ns, state_.utime * kNsPerUs + every_ns + kOverdueState_ns);
   }
 
   // To the first target, until the reference has rested there.
@@ -385,7 +387,7 @@ struct Follower::Impl {
   tendril_lcm::run_t run_{};
   tendril_lcm::state_t state_{};
   TimeNs heard_ns_ = 0, leads_until_ns_ = 0;
-  std::array<TimeNs, 16> daemon_ahead_ns_{};  // of this clock, by the last states
+  std::array<TimeNs, 16> daemon_ahead_ns_{};  // the daemon's time less this clock's, by the last states
   std::uint64_t states_ = 0;
   TipSolver* solver_ = nullptr;
   std::optional<SampleStream> stream_;

@@ -21,9 +21,8 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// Along paths, where nobody asks for anything else: full speed in a quarter of a second, full acceleration in
-// a tenth. The daemon's smoothing takes 0.0005 s^2 of the acceleration off a path; this leaves a milliradian
-// at 0.5 rad/s.
+// Along paths, by default: full speed in a quarter of a second, full acceleration in a tenth. The daemon's
+// smoothing takes 0.0005 s^2 of the acceleration off a path; this leaves a milliradian at 0.5 rad/s.
 constexpr double kGather_s = 0.25, kBuildUp_s = 0.1;
 constexpr double kFarthest_m = 1000;  // of any point; squares of more would overflow somewhere
 
@@ -178,14 +177,14 @@ MatrixXd ViaPoints(const MotionRequest& r, const RobotParameters& robot, const R
     }
     points.row(static_cast<Eigen::Index>(i)) = bending.transpose();
   }
-  // Only now: a value that is wrong is told first.
+  // Only now, because a wrong value is reported first.
   if (count < 2) throw RequestError("via: one point is no path; give two or more, or use tendril send");
   TellNearest(solver, remark);
   return points;
 }
 
 std::vector<Spline> Lines(const MotionRequest& r, const RobotParameters& robot, const Remark& remark) {
-  for (const std::string& tip : r.tips) Point(tip, "--tip");  // a value that is wrong is told first
+  for (const std::string& tip : r.tips) Point(tip, "--tip");  // a wrong value is reported first
   if (r.tips.size() < 2) throw RequestError("line: give two or more corners by --tip X,Y,Z");
   std::vector<Spline> curves;
   TipSolver solver(robot, r.nearest);
@@ -197,22 +196,25 @@ std::vector<Spline> Lines(const MotionRequest& r, const RobotParameters& robot, 
   return curves;
 }
 
-Spline Arc(const MotionRequest& r, const RobotParameters& robot) {
-  TipSolver solver(robot, r.nearest);
+TipPath ArcPath(const MotionRequest& r) {
   if (r.centre.empty()) {
     if (r.tips.size() != 3 || r.angle_deg) {
       throw RequestError("arc: give three points by --tip, or one with --centre and --angle");
     }
-    return AlongTip(
-        ArcThrough(Point(r.tips[0], "--tip"), Point(r.tips[1], "--tip"), Point(r.tips[2], "--tip")), "arc",
-        solver, robot);
+    return ArcThrough(Point(r.tips[0], "--tip"), Point(r.tips[1], "--tip"), Point(r.tips[2], "--tip"));
   }
   if (r.tips.size() != 1 || !r.angle_deg)
     throw RequestError("arc: --centre needs one --tip, where it starts, and --angle");
   if (*r.angle_deg == 0) throw RequestError("arc: --angle 0 is not an arc; give the angle in degrees");
-  const TipPath path = ArcAround(Point(r.centre, "--centre"), Point(r.normal, "--normal", "X,Y,Z"),
-                                 Point(r.tips[0], "--tip"), *r.angle_deg * std::numbers::pi / 180);
-  return AlongTip(path, "arc", solver, robot);
+  return ArcAround(Point(r.centre, "--centre"), Point(r.normal, "--normal", "X,Y,Z"),
+                   Point(r.tips[0], "--tip"), *r.angle_deg * std::numbers::pi / 180);
+}
+
+Spline Arc(const MotionRequest& r, const RobotParameters& robot, const Remark& remark) {
+  TipSolver solver(robot, r.nearest);
+  Spline curve = AlongTip(ArcPath(r), "arc", solver, robot);
+  TellNearest(solver, remark);
+  return curve;
 }
 
 std::unique_ptr<Motion> Planned(const MotionRequest& r, const RobotParameters& robot,
@@ -230,7 +232,8 @@ std::unique_ptr<Motion> Planned(const MotionRequest& r, const RobotParameters& r
     return MakePathMotion(r.kind, {ThroughPoints(ViaPoints(r, robot, remark), robot)}, AlongPaths(r, limits),
                           robot);
   if (r.kind == "line") return MakePathMotion(r.kind, Lines(r, robot, remark), AlongPaths(r, limits), robot);
-  if (r.kind == "arc") return MakePathMotion(r.kind, {Arc(r, robot)}, AlongPaths(r, limits), robot);
+  if (r.kind == "arc")
+    return MakePathMotion(r.kind, {Arc(r, robot, remark)}, AlongPaths(r, limits), robot);
   return MakeMotion(r.kind, robot);
 }
 

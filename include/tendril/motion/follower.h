@@ -43,8 +43,8 @@ class Follower {
 
   /// From the motion's first target to its end, of an armed daemon.
   void Follow(const Motion& motion);
-  /// Commands that somebody sends on channels with the prefix `from`, as one even motion `delay_s` behind
-  /// them, until the last one expires. `nearest`: for tips out of reach, the nearest point.
+  /// Commands that another program sends on channels with the prefix `from`, as one even motion `delay_s`
+  /// behind them, until the last one expires. `nearest`: for tips out of reach, the nearest point.
   void FollowSamples(const std::string& from, double delay_s, bool nearest);
 
  private:

@@ -15,7 +15,7 @@
 
 namespace tendril::motion {
 
-/// Words that cannot be meant; what() is the whole line.
+/// A request that makes no sense; what() is the whole line.
 class RequestError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -30,13 +30,13 @@ struct MotionRequest {
   std::optional<double> angle_deg;       // the same; none: the arc goes through three points
   bool nearest = false;                  // out of reach: the nearest point that the robot reaches
   double stretch = 1;                    // csv: of its times
-  double speed_radps = 0, acceleration_radps2 = 0,
-         jerk_radps3 = 0;  // along paths; 0: what follows from the daemon
+  // Along paths; 0: what follows from the daemon's file.
+  double speed_radps = 0, acceleration_radps2 = 0, jerk_radps3 = 0;
 };
 
-/// Checked against what the tendons and drives can do. What the tip reaches only nearly is told to `remark`,
-/// in a line. Throws RequestError for words that cannot be meant, std::runtime_error with file, line or point
-/// for what this robot and these limits cannot do.
+/// Checked against what the tendons and drives can do. Points out of reach, where the nearest ones are taken,
+/// are one line to `remark`. Throws RequestError for a request that makes no sense, std::runtime_error with
+/// file, line or point for what this robot and these limits cannot do.
 std::unique_ptr<Motion> MakeRequestedMotion(const MotionRequest& request, const RobotParameters& robot,
                                             const TrajectoryParameters& limits,
                                             const std::function<void(const std::string&)>& remark);
