@@ -30,7 +30,7 @@ void WriteFindings(const CommissionResult& result, const std::string& config_pat
   if (nodes.empty()) {
     throw std::runtime_error(
         "nothing is written: not every drive could be identified; correct the problems above and commission "
-        "commission again");
+        "again");
   }
   bool same = true;
   std::vector<EffectSetting> zeros;

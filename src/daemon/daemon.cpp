@@ -390,7 +390,7 @@ struct Daemon::State {
   void HeardRun(const io::RunInfo& r) {
     if (r.daemon == run.daemon && r.start_utime == run.start_utime) return;  // our own, looped back
     other = r.daemon.empty() ? "which does not say where it runs" : r.daemon;
-    other_heard_ns = clock.Now();
+    other_heard_ns = machine.Now();
   }
 
   std::string OtherText() const {
@@ -403,7 +403,7 @@ struct Daemon::State {
 
   void WatchOther(TimeNs now_ns) {
     if (other.empty()) return;
-    if (now_ns - other_heard_ns > kOtherGone_ns) {
+    if (machine.Now() - other_heard_ns > kOtherGone_ns) {
       Event(Status::kOk, "daemon",
             fmt::format("the other daemon ({}) is silent: this one may be armed again", other));
       other.clear();
@@ -425,7 +425,6 @@ struct Daemon::State {
   }
 
   void ListenForOthers(TimeNs listen_ns) {
-    const MonotonicClock machine;  // simulated time stands still before the loop runs
     for (const TimeNs end_ns = machine.Now() + listen_ns; machine.Now() < end_ns && other.empty();)
       gateway.Handle(kListen_ms);
     if (!other.empty()) throw std::runtime_error(OtherText());
@@ -457,8 +456,8 @@ struct Daemon::State {
         ready_told = true;
         sd_notify(0, "READY=1");
       }
-      if (now_ns >= report_ns) {
-        report_ns = now_ns + kReportEvery_ns;
+      if (machine.Now() >= report_ns) {
+        report_ns = machine.Now() + kReportEvery_ns;
         Report();
       }
       if (now_ns >= statistics_ns) {
@@ -595,8 +594,9 @@ struct Daemon::State {
     LoopStatistics& s = statistics;
     const TimeNs now_ns = clock.Now();
     const double elapsed_s = ToSeconds(now_ns - s.time_ns);
-    s.bus_load =
-        static_cast<double>(can.bits - reported_bits) / options.parameters.bus.bitrate_bps / elapsed_s;
+    s.bus_load = elapsed_s > 0 ? static_cast<double>(can.bits - reported_bits) /
+                                     options.parameters.bus.bitrate_bps / elapsed_s
+                               : 0;
     reported_bits = can.bits;
     s.time_ns = now_ns;
     s.cycles = wake_latency.count();
@@ -707,6 +707,7 @@ struct Daemon::State {
   DaemonOptions options;
   rt::Timebase& time;
   const Clock& clock;
+  const MonotonicClock machine;  // for what other programs wait for, however fast the robot's time passes
   can::CanPort& port;
   io::Gateway gateway;
   std::vector<canopen::DriveSetup> setups;

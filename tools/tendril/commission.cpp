@@ -100,7 +100,7 @@ void RunCommission(const CommissionOptions& options) {
   const DaemonParameters daemon = config::LoadDaemon(options.config);
   const RobotParameters robot = config::LoadRobot(daemon.robot_file);
   config::CheckTogether(daemon, robot, options.config);
-  // A record that nobody asks for would promise what is not kept.
+  // The daemon would not check the record.
   if (!daemon.commissioning_required) {
     throw std::runtime_error(options.config +
                              " has commissioning: not_required, so tendrild would arm without the record; "
@@ -151,8 +151,7 @@ void RunCommission(const CommissionOptions& options) {
                                 [](const std::string& text) { fmt::print("{}", text); });
       fmt::print(
           "\nwritten; restart tendrild, which reads its files once, and commission again: nothing is armed "
-          "before "
-          "that passes\n");
+          "before that passes\n");
     }
     throw std::runtime_error(options.write ? "not commissioned yet"
                                            : "not commissioned: correct the problems above (or let --write "
@@ -166,7 +165,8 @@ void RunCommission(const CommissionOptions& options) {
 
 void AddCommissionCommand(CLI::App& app) {
   auto options = std::make_shared<CommissionOptions>();
-  CLI::App* command = app.add_subcommand("commission", "say, and write the record needed for arming");
+  CLI::App* command = app.add_subcommand(
+      "commission", "Check that a robot is wired as its files say, and write the record needed for arming");
   command->add_option("--config", options->config, "the file that the daemon runs with")
       ->required()
       ->option_text("FILE");

@@ -21,7 +21,7 @@ class LiveLink final : public CommissionLink {
 
   RobotParameters Robot() const;
   DaemonParameters Daemon() const;
-  /// Of the drives by node, as told once a second.
+  /// Of the drives by node, as published once a second.
   const DriveSerials& serials() const;
 
   /// Into the mode, until all drives are enabled and pull nothing.
