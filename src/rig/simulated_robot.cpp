@@ -2,12 +2,18 @@
 
 #include <fmt/format.h>
 
+#include <exception>
 #include <lcm/lcm-cpp.hpp>
 #include <mutex>
+#include <optional>
 #include <utility>
 
+#include "tendril/can/memory_bus.h"
+#include "tendril/emulator/faults.h"
 #include "tendril/io/client.h"
+#include "tendril/io/connection.h"
 #include "tendril/rig/fault_orders.h"
+#include "tendril/rig/virtual_rig.h"
 
 namespace tendril::rig {
 

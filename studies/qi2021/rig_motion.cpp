@@ -17,14 +17,15 @@ BendingVector Bend(double theta_rad, double beta_rad) {
 }
 
 RobotParameters WithLength(RobotParameters robot, double length_m) {
-  for (auto& s : robot.body.sections) s.unit_length_m *= length_m / robot.body.length_m();
+  const double scale = length_m / robot.body.length_m();
+  for (auto& s : robot.body.sections) s.unit_length_m *= scale;
   return robot;
 }
 
 TendonVector NeededTensions(const Body& body, const BendingVector& us_vs, double min_tension_N) {
   constexpr double kAnyTension_N = 1e3;
   const auto result = model::ArcTensions(body).Hold(us_vs, min_tension_N, kAnyTension_N);
-  if (result.status != Status::kOk) throw std::runtime_error("5: no tensions hold the bend wanted");
+  if (result.status != Status::kOk) throw std::runtime_error("5: no tensions hold the bend");
   return result.tension_N;
 }
 
@@ -62,7 +63,7 @@ Run Follow(Study& study, const RobotParameters& robot, const std::string& motion
                   TendonVector(tendons)};
     loop.plant().body().SumBending(loop.plant().q(), s.bend_rad);
     for (int j = 0; j < tendons; ++j) {
-      const sim::TendonState& t = loop.plant().tendon()[static_cast<std::size_t>(j)];
+      const auto& t = loop.plant().tendon()[static_cast<std::size_t>(j)];
       s.base_N[j] = t.tension_base_N;
       s.motor_N[j] = t.tension_motor_N;
     }

@@ -45,7 +45,7 @@ struct Run {
   double TipRms_m() const {
     return Rms([](const Sample& s) { return (s.tip_W_m - s.wanted_W_m).norm(); });
   }
-  /// Calls use(sample, tendon) where a tendon is wanted to carry a load, as the demo's figures do.
+  /// Calls use(sample, tendon) where a tendon is commanded to carry a load, as the demo's figures do.
   template <class Use>
   void ForLoaded(Use use) const {
     for (const Sample& s : samples) {

@@ -77,7 +77,7 @@ void ConstantCurvature(Study& study) {
        .our_value = worst_mm,
        .verdict = worst < 0.01 ? Verdict::kConfirmed : Verdict::kDiffers,
        .reason = fmt::format("Tensions computed for a perfect arc leave the paper's own four-unit robot, "
-                             "friction aside, {:.1f} mm ({:.1f} % of its length) from the wanted tip, with "
+                             "friction aside, {:.1f} mm ({:.1f} % of its length) from the arc's tip, with "
                              "units up to {:.0f} % apart: gravity does not bend them equally.",
                              worst_mm, 100 * worst, 100 * worst_spread),
        .readings = readings});

@@ -1,5 +1,5 @@
-// tendril fault: orders a fault from a running tendril-plant over LCM and tells what it answers. Knows no
-// drive.
+// `tendril fault`: orders a fault from a running tendril-plant or tendril sim over LCM and shows its answer.
+// Knows no drive.
 #include <fmt/format.h>
 
 #include <chrono>
@@ -69,8 +69,8 @@ void OrderFault(const FaultOptions& o) {
   while (answer.text().empty() && clock.Now() < end_ns) io::HandleWaiting(*lcm, 20);
   if (answer.text().empty()) {
     throw std::runtime_error(fmt::format(
-        "no tendril-plant answers on {} ({}_FAULT) within {:g} s; is it running, with the same --lcm "
-        "(without --lcm it takes no faults)?",
+        "no tendril-plant or tendril sim answers on {} ({}_FAULT) within {:g} s; is it running, with the "
+        "same --lcm (without --lcm tendril-plant takes no faults)?",
         o.lcm.url, o.lcm.prefix, o.timeout_s));
   }
   if (answer.text().starts_with("fault refused")) throw std::runtime_error(answer.text());
@@ -82,7 +82,9 @@ void OrderFault(const FaultOptions& o) {
 void AddFaultCommand(CLI::App& app) {
   auto o = std::make_shared<FaultOptions>();
   CLI::App* fault = app.add_subcommand(
-      "fault", "Inject a fault into a running tendril-plant's emulated drives or bus, never into real ones");
+      "fault",
+      "Inject a fault into emulated drives or their bus, of a running tendril-plant or tendril sim; never into "
+      "real ones");
   fault->footer(
       "Kinds and their keys, times in s from now, without for_s to the end:\n  drop, duplicate, corrupt    "
       "frames  [node= direction=to_drives|from_drives cob_id= probability= count= for_s=]\n  delay delay_s=  "
@@ -91,8 +93,8 @@ void AddFaultCommand(CLI::App& app) {
       "stop_heartbeat node=        until it is reset\n  emcy node= code=            the error behind a "
       "code\n  stick_sensor node= sensor=encoder|load_cell|torque [for_s=]\n  sto [node= for_s=]          "
       "safe torque off; without node, of every drive\n  bus_off [for_s=]\nand at_s= with each, for example: "
-      "tendril fault emcy node=2 code=0x7320 at_s=1\nThe plant accepts them when started with --lcm. Exit "
-      "status: 0 accepted, 1 refused or no answer, 2 wrong use.");
+      "tendril fault emcy node=2 code=0x7320 at_s=1\ntendril-plant accepts them when started with --lcm. "
+      "Exit status: 0 accepted, 1 refused or no answer, 2 wrong use.");
   AddLcmOptions(*fault, o->lcm);
   fault->add_option("--timeout", o->timeout_s, "how long to wait for the plant's answer [s]; 0: not at all")
       ->capture_default_str()

@@ -98,6 +98,7 @@ void RunSim(const SimOptions& o) {
   if (!o.headless) fmt::print("in another terminal: tendril send arm && tendril follow circle\n");
   std::fflush(stdout);
   for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, [](int) { stop = 1; });
+  std::signal(SIGPIPE, SIG_IGN);  // a reader of its messages may go away
   const TimeNs start_ns = time.clock().Now();
   double slipped_s = 0;
   daemon.Run([&] {

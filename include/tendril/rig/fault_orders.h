@@ -1,5 +1,5 @@
-// Sources of tendril-plant's fault orders: its command line, a scenario file, an LCM channel. Knows words and
-// files; the faults themselves are the emulator's.
+// Sources of fault orders for a simulated rig: a command line, a scenario file, an LCM channel. Knows words
+// and files; the faults themselves are the emulator's.
 #pragma once
 
 #include <lcm/lcm-cpp.hpp>

@@ -2,24 +2,22 @@
 // its fault orders on LCM as with tendril-plant. Knows nothing of the controller.
 #pragma once
 
+#include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "tendril/can/memory_bus.h"
+#include "tendril/can/can_port.h"
+#include "tendril/core/clock.h"
 #include "tendril/core/daemon.h"
-#include "tendril/emulator/faults.h"
-#include "tendril/io/connection.h"
-#include "tendril/rig/virtual_rig.h"
+#include "tendril/core/robot.h"
 
 namespace tendril::rig {
 
-class FaultListener;
-
 class SimulatedRobot {
  public:
-  /// With the drives and on the channels of the daemon's file. Throws as VirtualRig and io::OpenLcm do. `clock` must outlive the robot.
+  /// With the drives and on the channels of the daemon's file. Throws as VirtualRig and io::OpenLcm do.
+  /// `clock` must outlive the robot.
   SimulatedRobot(const RobotParameters& robot, const DaemonParameters& daemon, const Clock& clock,
                  std::uint64_t seed);
   ~SimulatedRobot();
