@@ -104,6 +104,13 @@ class Sim(unittest.TestCase):
         self.assertIn("safe stop -> configured", said.read_text())
         self.assertNotIn("no heartbeat", said.read_text())
 
+    def test_with_commissioning_it_needs_the_record_beside_its_robot(self):
+        robot = self.folder / "rig.yaml"
+        robot.write_text(RIG.read_text())
+        with self.running("--robot", robot, "--commissioning"):
+            self.assertIn(f"{robot}.commissioned is not there", tendril("send", "arm", succeeds=False))
+            self.assertEqual(state()["mode"], "configured")
+
     def test_faster_than_time(self):
         start_s = time.monotonic()
         said = tendril("sim", "--speed", "4", "--duration", "12")

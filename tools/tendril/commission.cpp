@@ -92,7 +92,8 @@ void RequireSameFiles(const commission::LiveLink& link, const RobotParameters& r
   }
   if (!link.Daemon().commissioning_required) {
     throw std::runtime_error(
-        "the daemon runs with --simulated, so it would arm without the record; restart it without");
+        "the daemon runs with --simulated (or is a tendril sim without --commissioning), so it would arm "
+        "without the record; restart it so that it requires the record");
   }
 }
 

@@ -42,8 +42,10 @@ daemon::DaemonOptions Controller(const SimOptions& o) {
   daemon::DaemonOptions options;
   DaemonParameters& p = options.parameters;
   p = experiment::DaemonFile(o.daemon);
-  options.robot = config::LoadRobot(
-      o.robot.empty() ? (o.daemon.empty() ? ConfigFile("robots/rig_60mm.yaml") : p.robot_file) : o.robot);
+  std::string robot = o.robot;
+  if (robot.empty()) robot = o.daemon.empty() ? ConfigFile("robots/rig_60mm.yaml") : p.robot_file;
+  options.robot = config::LoadRobot(robot);
+  p.robot_file = std::filesystem::absolute(robot).lexically_normal().string();  // its record lies beside it
   if (!options.robot.actuation) {
     throw std::runtime_error(
         fmt::format("robot '{}' has no 'actuation' section (motors, drives, tendons); use a rig file such as "
