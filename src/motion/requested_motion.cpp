@@ -232,8 +232,7 @@ std::unique_ptr<Motion> Planned(const MotionRequest& r, const RobotParameters& r
     return MakePathMotion(r.kind, {ThroughPoints(ViaPoints(r, robot, remark), robot)}, AlongPaths(r, limits),
                           robot);
   if (r.kind == "line") return MakePathMotion(r.kind, Lines(r, robot, remark), AlongPaths(r, limits), robot);
-  if (r.kind == "arc")
-    return MakePathMotion(r.kind, {Arc(r, robot, remark)}, AlongPaths(r, limits), robot);
+  if (r.kind == "arc") return MakePathMotion(r.kind, {Arc(r, robot, remark)}, AlongPaths(r, limits), robot);
   return MakeMotion(r.kind, robot);
 }
 

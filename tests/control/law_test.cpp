@@ -90,7 +90,7 @@ TEST(Laws, OneOfTheCallersRunsTheRobot) {
     const double most_N = Rig().limits.min_tension_N + Tightening::kMost_N;
     EXPECT_NEAR(loop.output.tension_desired_base_N.minCoeff(), most_N, 1e-9);
     EXPECT_NEAR(loop.output.tension_desired_base_N.maxCoeff(), most_N, 1e-9);
-    // Armed again it begins anew.
+    // Armed again it starts from zero.
     loop.Step(loop.ModeCommand(ModeRequest::kDisarm));
     for (int i = 0; i < 2000 && loop.output.mode != Mode::kConfigured; ++i) loop.Step();
     loop.RunUntilRunning();

@@ -10,9 +10,12 @@
 #include "support/live_daemon.h"
 #include "tendril/experiment/experiment_live.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
+using test::kLiveUrl;
+using test::LiveDaemon;
+using test::WhyNotLive;
 using testing::HasSubstr;
 
 class LiveTest : public testing::Test {
@@ -22,7 +25,7 @@ class LiveTest : public testing::Test {
     daemon_.emplace("rig_90mm.yaml", prefix_);
   }
 
-  experiment::LiveOptions Options(bool arm) const {
+  LiveOptions Options(bool arm) const {
     return {.lcm_url = kLiveUrl, .channel_prefix = prefix_, .robot = {}, .arm = arm};
   }
 
@@ -30,17 +33,17 @@ class LiveTest : public testing::Test {
   std::optional<LiveDaemon> daemon_;
 };
 
-experiment::Plan Sway() {
-  experiment::PlannedRun run = experiment::UsualRun("sway");
+Plan Sway() {
+  PlannedRun run = UsualRun("sway");
   run.duration_s = 4;
   return {"live", {run}};
 }
 
 TEST_F(LiveTest, ArmsRecordsAndDisarms) {
   std::string remark = "not asked";
-  const experiment::ExperimentSet set = experiment::RunLiveSet(
+  const ExperimentSet set = RunLiveSet(
       Sway(), Options(true), nullptr, [&](const std::string& r) { remark = r; },
-      [](std::size_t, double, const experiment::Experiment*) {});
+      [](std::size_t, double, const Experiment*) {});
   EXPECT_EQ(set.trouble, "");
   EXPECT_EQ(remark, "");
   ASSERT_EQ(set.data.runs.size(), 1u);
@@ -52,33 +55,33 @@ TEST_F(LiveTest, ArmsRecordsAndDisarms) {
     EXPECT_LT(run.motor_position_rad.row(i).cwiseAbs().maxCoeff(), 0.05)
         << "still at first, at the controller's zero";
   // What was armed here is disarmed here: a second operator may not find it running.
-  const experiment::ExperimentSet refused = experiment::RunLiveSet(
+  const ExperimentSet refused = RunLiveSet(
       Sway(), Options(false), nullptr, [](const std::string&) {},
-      [](std::size_t, double, const experiment::Experiment*) {});
+      [](std::size_t, double, const Experiment*) {});
   EXPECT_TRUE(refused.data.runs.empty());
   EXPECT_THAT(refused.trouble, HasSubstr("--arm")) << "nothing arms by itself";
 }
 
 TEST_F(LiveTest, StopDisarmsAndKeepsTheData) {
   std::atomic<bool> stop = false;
-  const experiment::ExperimentSet set = experiment::RunLiveSet(
+  const ExperimentSet set = RunLiveSet(
       Sway(), Options(true), &stop, [](const std::string&) {},
-      [&](std::size_t, double share, const experiment::Experiment*) { stop = share > 0.2; });
+      [&](std::size_t, double share, const Experiment*) { stop = share > 0.2; });
   EXPECT_THAT(set.trouble, HasSubstr("stopped"));
   ASSERT_EQ(set.data.runs.size(), 1u);
   EXPECT_LT(set.data.runs[0].time_s.tail(1)[0], 3);
   stop = false;
-  const experiment::ExperimentSet after = experiment::RunLiveSet(
+  const ExperimentSet after = RunLiveSet(
       Sway(), Options(false), nullptr, [](const std::string&) {},
-      [](std::size_t, double, const experiment::Experiment*) {});
+      [](std::size_t, double, const Experiment*) {});
   EXPECT_THAT(after.trouble, HasSubstr("configured")) << "released, drives disabled";
 }
 
 TEST(Live, WithoutADaemonOneLineSaysSo) {
   try {
-    experiment::RunLiveSet(
+    RunLiveSet(
         Sway(), {.lcm_url = "memq://", .channel_prefix = "NOBODY", .robot = {}, .arm = true}, nullptr,
-        [](const std::string&) {}, [](std::size_t, double, const experiment::Experiment*) {});
+        [](const std::string&) {}, [](std::size_t, double, const Experiment*) {});
     FAIL();
   } catch (const std::runtime_error& e) {
     EXPECT_THAT(e.what(), HasSubstr("no daemon answers"));
@@ -86,4 +89,4 @@ TEST(Live, WithoutADaemonOneLineSaysSo) {
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

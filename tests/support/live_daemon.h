@@ -16,7 +16,7 @@
 #include "tendril/io/connection.h"
 #include "tendril/rig/virtual_rig.h"
 
-namespace tendril::tools {
+namespace tendril::test {
 
 /// Drives and plant answer whenever the master looks at the bus.
 class LiveBus final : public can::CanPort {
@@ -104,4 +104,4 @@ class LiveDaemon {
   std::thread thread_;
 };
 
-}  // namespace tendril::tools
+}  // namespace tendril::test

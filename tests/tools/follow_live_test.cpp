@@ -15,6 +15,9 @@
 namespace tendril::tools {
 namespace {
 
+using test::kLiveUrl;
+using test::LiveDaemon;
+using test::WhyNotLive;
 using testing::HasSubstr;
 using namespace std::chrono_literals;
 

@@ -11,6 +11,8 @@
 namespace tendril::tools {
 namespace {
 
+using test::kLiveUrl;
+using test::WhyNotLive;
 using testing::HasSubstr;
 using testing::Not;
 using namespace std::chrono_literals;

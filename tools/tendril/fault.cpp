@@ -81,10 +81,10 @@ void OrderFault(const FaultOptions& o) {
 
 void AddFaultCommand(CLI::App& app) {
   auto o = std::make_shared<FaultOptions>();
-  CLI::App* fault = app.add_subcommand(
-      "fault",
-      "Inject a fault into emulated drives or their bus, of a running tendril-plant or tendril sim; never into "
-      "real ones");
+  CLI::App* fault = app.add_subcommand("fault",
+                                       "Inject a fault into emulated drives or their bus, of a running "
+                                       "tendril-plant or tendril sim; never into "
+                                       "real ones");
   fault->footer(
       "Kinds and their keys, times in s from now, without for_s to the end:\n  drop, duplicate, corrupt    "
       "frames  [node= direction=to_drives|from_drives cob_id= probability= count= for_s=]\n  delay delay_s=  "

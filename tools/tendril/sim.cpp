@@ -107,8 +107,10 @@ void RunSim(const SimOptions& o) {
     for (const std::string& line : robot.TakeLines()) spdlog::warn("plant: {}", line);
     if (time.slipped_s() > slipped_s + 1) {
       slipped_s = time.slipped_s();
-      spdlog::warn("this machine is too slow for this speed: {:.1f} s behind so far; nothing is lost",
-                   slipped_s);
+      spdlog::warn(
+          "this machine is too slow for this speed: {:.1f} s behind so far; no cycle is missed, and a "
+          "smaller --speed keeps pace",
+          slipped_s);
     }
     return stop != 0 || (o.duration_s > 0 && ToSeconds(time.clock().Now() - start_ns) >= o.duration_s);
   });
@@ -133,7 +135,7 @@ void AddSimCommand(CLI::App& app) {
   sim->add_option("--daemon", o->daemon, "daemon file (default: the shipped one)");
   AddLcmOptions(*sim, o->lcm);
   sim->add_option("--speed", o->speed,
-                  "of its time against this machine's; a busy machine falls behind and loses nothing")
+                  "of its time against this machine's; a busy machine falls behind and misses no cycle")
       ->capture_default_str()
       ->check(NumberFrom(0.01, 20, "1 is real time"));
   sim->add_option("--duration", o->duration_s, "simulated time after which it stops [s]; 0: until Ctrl-C")

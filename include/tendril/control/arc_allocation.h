@@ -1,5 +1,5 @@
-// A cycle's tensions for the reference arcs: where a law starts from, or falls back to. Keeps nothing from one
-// call to the next. Safe in the tick.
+// A cycle's tensions for the reference arcs: where a law starts from, or falls back to. Keeps nothing from
+// one call to the next. Safe in the tick.
 #pragma once
 
 #include <Eigen/Core>

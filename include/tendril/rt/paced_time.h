@@ -1,5 +1,5 @@
-// Simulated time at the pace of the machine's clock. A cycle that is late is done late and loses nothing: the
-// time that the machine does not have slips away, where a real-time loop would miss cycles.
+// Simulated time at the pace of the machine's clock. A late cycle runs late and none is skipped: where a
+// real-time loop would miss cycles, simulated time falls behind.
 #pragma once
 
 #include <atomic>
