@@ -29,6 +29,17 @@ struct SimulatedRobot::State {
         tracker_channel(io::ChannelName(daemon.lcm.channel_prefix, "TRACKER")),
         port(*this) {
     faults.Attach(rig.drives());
+    for (const NodeParameters& node : daemon.bus.nodes) Wire(robot, node);
+  }
+
+  /// The leads of a drive as the daemon's file says they are.
+  void Wire(const RobotParameters& robot, const NodeParameters& node) {
+    const auto& tendons = robot.actuation->tendons;
+    for (std::size_t j = 0; j < tendons.size(); ++j) {
+      if (tendons[j].node_id != node.node_id) continue;
+      rig.Connect(static_cast<int>(j),
+                  {.motor_reversed = node.motor_reversed, .encoder_reversed = node.encoder_reversed});
+    }
   }
 
   /// The daemon's end of the bus.

@@ -111,6 +111,22 @@ class Sim(unittest.TestCase):
             self.assertIn(f"{robot}.commissioned is not there", tendril("send", "arm", succeeds=False))
             self.assertEqual(state()["mode"], "configured")
 
+    def test_its_drives_are_wired_as_the_daemons_file_says(self):
+        text = (ROOT / "config/tendrild.yaml").read_text()
+        nodes = ("{node_id: 1, tendon: 1}", "{node_id: 2, tendon: 2}", "{node_id: 3, tendon: 3}")
+        wired = ("{node_id: 3, tendon: 1, motor: reversed}", "{node_id: 2, tendon: 2, encoder: reversed}",
+                 "{node_id: 1, tendon: 3}")
+        for before, after in zip(nodes, wired):
+            self.assertIn(before, text)
+            text = text.replace(before, after)
+        daemon = self.folder / "tendrild.yaml"
+        daemon.write_text(text.replace("robot: robots/", f"robot: {ROOT}/config/robots/"))
+        with self.running("--daemon", daemon, "--headless"):
+            tendril("send", "arm")
+            tendril("send", "tip", "0.015", "0", "0.0575")
+            until("the tip arrives", lambda: abs(1e3 * state()["tip_estimate_W_m"][0] - 15) < 2)
+            self.assertEqual(state()["mode"], "running")
+
     def test_faster_than_time(self):
         start_s = time.monotonic()
         said = tendril("sim", "--speed", "4", "--duration", "12")

@@ -65,8 +65,13 @@ daemon::DaemonOptions Controller(const SimOptions& o) {
   return options;
 }
 
-RobotParameters Plant(const SimOptions& o, const RobotParameters& controllers) {
+/// Wired as the daemon's file says, unless a file of its own says otherwise.
+RobotParameters Plant(const SimOptions& o, const RobotParameters& controllers, const BusParameters& bus) {
   RobotParameters plant = o.plant.empty() ? controllers : sim::LoadRobot(o.plant);
+  for (const NodeParameters& node : bus.nodes) {
+    if (o.plant.empty())
+      plant.actuation->tendons[static_cast<std::size_t>(node.tendon) - 1].node_id = node.node_id;
+  }
   if (plant.body.tendons() != controllers.body.tendons()) {
     throw std::runtime_error(
         fmt::format("the controller's robot has {} tendons, the plant's {}: give two files of one robot",
@@ -85,7 +90,7 @@ void SetUpMessages(bool headless) {
 
 void RunSim(const SimOptions& o) {
   const daemon::DaemonOptions options = Controller(o);
-  const RobotParameters plant = Plant(o, options.robot);
+  const RobotParameters plant = Plant(o, options.robot, options.parameters.bus);
   SetUpMessages(o.headless);
   rt::PacedTime time(o.speed);
   rig::SimulatedRobot robot(plant, options.parameters, time.clock(), o.seed);

@@ -16,8 +16,8 @@ namespace tendril::rig {
 
 class SimulatedRobot {
  public:
-  /// With the drives and on the channels of the daemon's file. Throws as VirtualRig and io::OpenLcm do.
-  /// `clock` must outlive the robot.
+  /// With the drives, their leads and the channels of the daemon's file; nodes pull the tendons that `robot`
+  /// says. Throws as VirtualRig and io::OpenLcm do. `clock` must outlive the robot.
   SimulatedRobot(const RobotParameters& robot, const DaemonParameters& daemon, const Clock& clock,
                  std::uint64_t seed);
   ~SimulatedRobot();
