@@ -288,7 +288,7 @@ struct Daemon::State {
       command.mode = ModeRequest::kStop;
     } else if (disarm_waits.exchange(false, std::memory_order_relaxed)) {
       command.mode = ModeRequest::kDisarm;
-    } else if (CommandThreadStalled(now_ns)) {
+    } else if (CommandThreadStalled()) {
       command.mode = ModeRequest::kDisarm;
       canopen::BusEvent event{.time_ns = now_ns, .status = Status::kUnattended};
       std::snprintf(event.text.data(), event.text.size(), "%s", StatusText(Status::kUnattended).data());
@@ -316,8 +316,8 @@ struct Daemon::State {
   }
 
   // True once each time the other thread stalls while drives are on.
-  bool CommandThreadStalled(TimeNs now_ns) {
-    if (now_ns - served_ns.load(std::memory_order_relaxed) < kUnattended_ns) {
+  bool CommandThreadStalled() {
+    if (machine.Now() - served_ns.load(std::memory_order_relaxed) < kUnattended_ns) {
       left_alone = false;
       return false;
     }
@@ -446,7 +446,7 @@ struct Daemon::State {
     TimeNs statistics_ns = clock.Now() + kStatisticsEvery_ns;
     bool ready_told = false, stop_told = false;
     while (!finished.load(std::memory_order_acquire)) {
-      served_ns.store(clock.Now(), std::memory_order_relaxed);
+      served_ns.store(machine.Now(), std::memory_order_relaxed);
       gateway.Handle(kLcmWait_ms);
       WatchOther(clock.Now());
       Publish();
@@ -779,7 +779,7 @@ void Daemon::Run(const std::function<bool()>& stop) {
   State& s = *state_;
   if (!s.options.log_path.empty()) s.log.emplace(s.gateway, s.options.log_path, s.clock);
   s.gateway.PublishRun(s.run);  // a log begins with what its cycles belong to
-  s.served_ns.store(s.clock.Now(), std::memory_order_relaxed);
+  s.served_ns.store(s.machine.Now(), std::memory_order_relaxed);
   const WatchdogFeeder feeder(s.tick);
   std::promise<std::string> ready;
   std::thread realtime([&] { s.RealtimeThread(ready); });

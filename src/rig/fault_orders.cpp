@@ -4,13 +4,13 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <chrono>
 #include <stdexcept>
 #include <tendril_lcm/event_t.hpp>
 #include <utility>
 
 #include "tendril/config/config.h"
 #include "tendril/io/connection.h"
+#include "tendril/io/wire.h"
 
 namespace tendril::rig {
 namespace {
@@ -74,9 +74,7 @@ void FaultListener::OnFault(const lcm::ReceiveBuffer*, const std::string& channe
 
 void FaultListener::Answer(const std::string& line) {
   tendril_lcm::event_t event{};
-  event.utime = std::chrono::duration_cast<std::chrono::microseconds>(
-                    std::chrono::system_clock::now().time_since_epoch())
-                    .count();
+  event.utime = clock_.Now() / kNsPerUs + io::EpochOffsetUs(clock_);
   event.source = "plant";
   event.text = line;
   lcm_.publish(event_channel_, &event);

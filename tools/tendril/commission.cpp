@@ -68,10 +68,14 @@ std::optional<double> AskTerminal(int tendon, const std::function<void()>& keep_
   }
   std::string line;
   std::getline(std::cin, line);
+  if (line.find_first_not_of(" \t\r") == std::string::npos) return std::nullopt;
   char* end = nullptr;
   const double deg = std::strtod(line.c_str(), &end);
-  if (end == line.c_str() || !std::isfinite(deg)) return std::nullopt;
-  return deg * std::numbers::pi / 180;
+  if (std::isfinite(deg) && end != line.c_str() &&
+      std::string_view(end).find_first_not_of(" \t\r") == std::string_view::npos)
+    return deg * std::numbers::pi / 180;
+  fmt::print("'{}' is not an angle; give degrees such as 120, or Enter\n", line);
+  return AskTerminal(tendon, keep_going);
 }
 
 /// What is commissioned must be what the daemon runs with, and it must ask for the record.

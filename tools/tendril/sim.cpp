@@ -142,7 +142,7 @@ void AddSimCommand(CLI::App& app) {
   sim->add_option("--speed", o->speed,
                   "of its time against this machine's; a busy machine falls behind and misses no cycle")
       ->capture_default_str()
-      ->check(NumberFrom(0.01, 20, "1 is real time"));
+      ->check(NumberFrom(0.01, 10, "1 is real time; faster, commands would expire between two"));
   sim->add_option("--duration", o->duration_s, "simulated time after which it stops [s]; 0: until Ctrl-C")
       ->capture_default_str()
       ->check(NumberFrom(0, 1e6, "give seconds"));
