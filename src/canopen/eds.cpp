@@ -5,17 +5,20 @@
 #include <array>
 #include <charconv>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <map>
 #include <stdexcept>
 #include <string_view>
+#include <system_error>
+#include <utility>
 #include <vector>
 
 namespace tendril::canopen {
 namespace {
 
-constexpr std::size_t kLargestFile = 8u << 20;
+constexpr std::uintmax_t kLargestFile = 8u << 20;
 constexpr int kMostSubIndices = 254;
 constexpr std::string_view kNumber = "a whole number, as 16 or 0x10";
 
@@ -32,11 +35,11 @@ std::string_view Trim(std::string_view text) {
   return text;
 }
 
-/// Text of the file as a message may show it: short, and without control characters.
+/// Text of the file as a message may show it: short, and of printable ASCII only.
 std::string Shown(std::string_view text) {
   constexpr std::size_t kMost = 40;
   std::string shown(text.substr(0, kMost));
-  for (char& c : shown) c = c < ' ' || c == 0x7F ? '?' : c;
+  for (char& c : shown) c = c < ' ' || c > '~' ? '?' : c;
   return text.size() > kMost ? shown + "..." : shown;
 }
 
@@ -222,6 +225,7 @@ class Parser {
       if (IsObject(Lower(section.name), &address, &has_sub)) ReadObject(section, address, has_sub);
     }
     CheckLists();
+    CheckOnce();
     eds_.objects.Sort();
     return std::move(eds_);
   }
@@ -399,6 +403,18 @@ class Parser {
     }
   }
 
+  /// Two sections can be of one object, as [1018sub1] and [1018sub01], or one beside a CompactSubObj.
+  void CheckOnce() const {
+    std::map<std::pair<int, int>, int> line_of;
+    for (const ObjectEntry& entry : eds_.objects.entries()) {
+      const auto [at, added] = line_of.emplace(std::pair<int, int>(entry.index, entry.sub), entry.line);
+      if (added) continue;
+      file_.Fail(entry.line, "object 0x" + Hex(entry.index, 4) + ":" + Hex(entry.sub, 2) + " is in line " +
+                                 std::to_string(at->second) +
+                                 " already; accepted: every object once; remove one");
+    }
+  }
+
   const File& file_;
   Eds eds_;
 };
@@ -410,16 +426,19 @@ Eds ParseEds(const std::string& text, const std::string& name_for_errors) {
 }
 
 Eds ReadEds(const std::string& path) {
+  namespace fs = std::filesystem;
+  const auto refuse = [&path](const char* why) {
+    throw std::invalid_argument(path + ": " + why + "; accepted: an EDS file (CiA 306); name one");
+  };
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (!fs::exists(status)) refuse("no such file, or it cannot be reached");
+  if (!fs::is_regular_file(status)) refuse("is not an ordinary file");
+  if (fs::file_size(path, error) > kLargestFile) refuse("is larger than 8 MiB, or cannot be read");
   std::ifstream in(path, std::ios::binary);
   std::string text;
   if (in) text.assign(std::istreambuf_iterator<char>(in), {});
-  if (in.bad() || text.empty()) {
-    throw std::invalid_argument(path +
-                                ": cannot be read, or is empty; accepted: an EDS file (CiA 306); name one");
-  }
-  if (text.size() > kLargestFile) {
-    throw std::invalid_argument(path + ": is larger than 8 MiB; accepted: an EDS file (CiA 306); name one");
-  }
+  if (text.empty()) refuse("cannot be read, or is empty");
   return ParseEds(text, path);
 }
 

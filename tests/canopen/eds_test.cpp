@@ -167,6 +167,7 @@ TEST(Eds, RefusesInOneLineWithFileAndLine) {
       {"6077", "[6077]", "[6064]", "section [6064] is in line"},
       {"6077", "[6077]", "[6078]", "lists 0x6077, which has no section"},
       {"1018", "[1018]", "[1019]", "[1018sub0] belongs to no object"},
+      {"1018sub2", "[1018sub2]", "[1018sub01]", "object 0x1018:01 is in line"},
       {"OptionalObjects", "SupportedObjects=", "SupportedObjects=9", "lists no "},
   };
   for (const auto& [section, from, to, said] : cases) {
@@ -186,10 +187,30 @@ TEST(Eds, RefusesInOneLineWithFileAndLine) {
   EXPECT_THAT(Refusal("[DeviceInfo]\n"), HasSubstr("no section [MandatoryObjects]"));
   EXPECT_THAT(Refusal("; nothing\n"), HasSubstr("no section [DeviceInfo]"));
   EXPECT_THAT(Refusal(std::string("[DeviceInfo]\n\0\1", 15)), HasSubstr("this is no text"));
-  EXPECT_THROW(ReadEds("/no/such/file.eds"), std::invalid_argument);
   // Cut off anywhere it is refused, or still whole: never half a drive.
   const std::string whole = Text(kServo);
   for (std::size_t n = 0; n + 40 < whole.size(); n += 997) EXPECT_NE(Refusal(whole.substr(0, n)), "") << n;
+}
+
+TEST(Eds, WhatIsNoFileIsRefusedByItsPath) {
+  const auto refusal = [](const std::string& path) -> std::string {
+    try {
+      ReadEds(path);
+    } catch (const std::invalid_argument& e) {
+      return e.what();
+    }
+    return "";
+  };
+  const auto is = [](const std::string& path, const std::string& why) {
+    return AllOf(StartsWith(path + ": "), HasSubstr(why), HasSubstr("; accepted: an EDS file"));
+  };
+  EXPECT_THAT(refusal("/no/such/file.eds"), is("/no/such/file.eds", "no such file"));
+  EXPECT_THAT(refusal("/"), is("/", "is not an ordinary file"));
+  EXPECT_THAT(refusal("/dev/zero"), is("/dev/zero", "is not an ordinary file"));
+  const std::string empty = testing::TempDir() + "empty_" + std::to_string(getpid()) + ".eds";
+  std::ofstream(empty).close();
+  EXPECT_THAT(refusal(empty), is(empty, "is empty"));
+  std::filesystem::remove(empty);
 }
 
 // ---- the generic drive of a sheet ---------------------------------------------------------------

@@ -18,11 +18,12 @@ struct Eds {
 
 /// Throws std::invalid_argument, one line "file:line: what is wrong; accepted: ...; remedy", for a line that
 /// is none of an EDS, a value that is no number or not of its object's type, a listed object without a
-/// section, a section or key that is there twice, and a file that names no objects. Sections and keys that
-/// CiA 306 does not know are makers' own and are not read; of DCF files neither are ParameterValue and
+/// section, a section, key or object that is there twice, and a file that lists no objects. Sections and keys
+/// that CiA 306 does not know are makers' own and are not read; of DCF files neither are ParameterValue and
 /// NodeID.
 Eds ParseEds(const std::string& text, const std::string& name_for_errors);
-/// The same; throws std::invalid_argument when the file cannot be read.
+/// The same; throws std::invalid_argument, one line, also when `path` is no ordinary file of at most 8 MiB or
+/// cannot be read.
 Eds ReadEds(const std::string& path);
 
 }  // namespace tendril::canopen
