@@ -27,11 +27,6 @@ bool IsIdentity(ObjectAddress address) noexcept {
   return address.index == 0x1000 || address.index == 0x1018 || address.index == 0x6502;
 }
 
-bool IsCobId(ObjectAddress address) noexcept {
-  return address.sub == 1 && ((address.index >= 0x1400 && address.index < 0x1600) ||
-                              (address.index >= 0x1800 && address.index < 0x1A00));
-}
-
 }  // namespace
 
 DriveState Node::MismatchOf(ObjectAddress address) noexcept {
@@ -313,7 +308,7 @@ void Node::ReportMismatch(std::int64_t value, TimeNs now_ns) noexcept {
 void Node::OnReadBack(std::int64_t value, TimeNs now_ns) noexcept {
   const ObjectAddress address = action().address;
   // Bit 30 of a COB-ID states whether a remote request is allowed; drives differ in how they report it.
-  const std::int64_t mask = IsCobId(address) ? ~static_cast<std::int64_t>(kPdoNoRtr) : -1;
+  const std::int64_t mask = IsPdoCobId(address) ? ~static_cast<std::int64_t>(kPdoNoRtr) : -1;
   if ((value & mask) == (written_ & mask)) {
     NextAction(now_ns);
     return;

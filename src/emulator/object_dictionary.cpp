@@ -55,9 +55,8 @@ ObjectDictionary::ObjectDictionary(const canopen::DriveProfile& profile, int nod
     if (!MakersOwn(entry.index) && profile.objects.Find(entry.address()) != nullptr) continue;
     // PDOs that the drive does not have do not exist, and map nothing.
     const bool pdo = entry.index >= 0x1400 && entry.index < 0x1C00;
-    const bool communication = entry.index < 0x1600 || (entry.index >= 0x1800 && entry.index < 0x1A00);
-    const bool cob_id = communication && entry.sub == 1;
-    add(inner_, entry, pdo ? (cob_id ? canopen::kPdoInvalid : 0) : entry.default_value);
+    const std::int64_t none = canopen::IsPdoCobId(entry.address()) ? canopen::kPdoInvalid : 0;
+    add(inner_, entry, pdo ? none : entry.default_value);
   }
 }
 

@@ -289,6 +289,11 @@ TEST_F(GenericDrive, WhatTheSheetSaysItCannotDoIsSaidByObject) {
   EXPECT_THAT(Problem(Text(kServo), "0x2200:01"), HasSubstr("0x2200:01 cannot be mapped into a TPDO"));
   EXPECT_THAT(Problem(Text(kServo), "0x2201:01"), HasSubstr("0x2201:01, for TPDO 1, is not there"));
   EXPECT_THAT(Problem(Text(kServo), "0x606C:00"), HasSubstr("TPDO 1 would need 10 bytes"));
+  for (const char* type : {"0x0008", "0x0015", "0x0009"}) {  // a real number, 64 bits, a string
+    EXPECT_THAT(Problem(ChangedIn("6401sub1", "DataType=0x0003", std::string("DataType=") + type)),
+                HasSubstr("0x6401:01 (PDO mapping) is no whole number of up to 32 bits"))
+        << type;
+  }
 }
 
 TEST_F(GenericDrive, OptionalObjectsAreWrittenWhereTheyAreThere) {
@@ -315,6 +320,8 @@ TEST_F(GenericDrive, APdoWithoutInhibitTimeIsSentAtEverySyncAndCounted) {
   EXPECT_EQ(Setup(Text(kServo)).profile->pdos.status.transmission, 255);
   const DriveSetup bare = Setup(Without("1801sub3"));
   EXPECT_EQ(bare.profile->pdos.status.transmission, 1);
+  const DriveSetup fixed = Setup(ChangedIn("1801sub3", "AccessType=rw", "AccessType=ro"));
+  EXPECT_EQ(fixed.profile->pdos.status.transmission, 1) << "one that cannot be set";
   const std::vector<DriveSetup> drives = {bare};
   // By hand: 1000 (55 + 95 + 135 + 75) cyclic.
   EXPECT_DOUBLE_EQ(ComputeBusBudget(TestBus(1), drives).cyclic_bits_per_s, 360'000);

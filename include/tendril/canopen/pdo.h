@@ -7,6 +7,7 @@
 #include <span>
 
 #include "tendril/can/can_port.h"
+#include "tendril/canopen/wire.h"
 
 namespace tendril::canopen {
 
@@ -47,6 +48,11 @@ struct PdoLayout {
     return static_cast<std::uint16_t>((transmit ? 0x1A00 : 0x1600) + number - 1);
   }
 };
+
+/// The COB-ID of a PDO, in its communication parameters.
+constexpr bool IsPdoCobId(ObjectAddress a) {
+  return a.sub == 1 && ((a.index >= 0x1400 && a.index < 0x1600) || (a.index >= 0x1800 && a.index < 0x1A00));
+}
 
 using PdoValues = std::array<std::int64_t, kMaxPdoEntries>;
 

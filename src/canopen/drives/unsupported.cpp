@@ -19,10 +19,6 @@ namespace {
   return line + " " + text.data();
 }
 
-bool IsPdoCobId(ObjectAddress a) {
-  return a.sub == 1 && ((a.index >= 0x1400 && a.index < 0x1600) || (a.index >= 0x1800 && a.index < 0x1A00));
-}
-
 /// Of a write, with its read-back.
 std::string WriteProblem(const BootAction& action, const ObjectEntry& entry) {
   if (entry.access == Access::kConst || entry.access == Access::kReadOnly) {
@@ -41,16 +37,19 @@ std::string WriteProblem(const BootAction& action, const ObjectEntry& entry) {
               static_cast<long long>(action.value));
 }
 
+/// Of an object that has no width here; empty where it has one.
+std::string TypeProblem(const ObjectEntry& entry, const char* use) {
+  if (TypeBytes(entry.type) != 0) return "";
+  return Text(&entry, "0x%04X:%02X (%s) is no whole number of up to 32 bits", entry.index, entry.sub, use);
+}
+
 std::string ActionProblem(const BootAction& action, const ObjectTable& objects) {
   const ObjectEntry* entry = objects.Find(action.address);
   if (entry == nullptr) {
     return Text(nullptr, "0x%04X:%02X (%s) is not there", action.address.index, action.address.sub,
                 action.step);
   }
-  if (TypeBytes(entry->type) == 0) {
-    return Text(entry, "0x%04X:%02X (%s) is no whole number of up to 32 bits", entry->index, entry->sub,
-                action.step);
-  }
+  if (std::string problem = TypeProblem(*entry, action.step); !problem.empty()) return problem;
   switch (action.kind) {
     case BootAction::Kind::kWrite:
     case BootAction::Kind::kDisablePdo:
@@ -80,6 +79,7 @@ std::string MappingProblem(const PdoLayout& pdo, const ObjectTable& objects) {
     if (entry->mapping != Mapping::kBoth && entry->mapping != direction) {
       return Text(entry, "0x%04X:%02X cannot be mapped into a %s", entry->index, entry->sub, way);
     }
+    if (std::string problem = TypeProblem(*entry, "PDO mapping"); !problem.empty()) return problem;
     if (8 * TypeBytes(entry->type) != mapped.bits || TypeSigned(entry->type) != mapped.is_signed) {
       return Text(entry, "0x%04X:%02X has %d bits%s, and must have %d%s", entry->index, entry->sub,
                   8 * TypeBytes(entry->type), TypeSigned(entry->type) ? " with a sign" : "", mapped.bits,

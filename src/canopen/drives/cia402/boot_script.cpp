@@ -111,12 +111,10 @@ std::vector<BootAction> BootScript(const DriveProfile& profile, const BusParamet
   s.Step("unused PDOs");
   const PdoLayout* const used[] = {&profile.pdos.torque, &profile.pdos.feedback, &profile.pdos.status};
   for (const ObjectEntry& entry : profile.objects.entries()) {
-    const bool communication =
-        (entry.index >= 0x1400 && entry.index < 0x1600) || (entry.index >= 0x1800 && entry.index < 0x1A00);
     const bool ours = std::any_of(std::begin(used), std::end(used), [&entry](const PdoLayout* pdo) {
       return pdo->communication_index() == entry.index;
     });
-    if (communication && entry.sub == 1 && !ours) s.Add(Kind::kDisablePdo, entry.index, 1);
+    if (IsPdoCobId(entry.address()) && !ours) s.Add(Kind::kDisablePdo, entry.index, 1);
   }
   for (const PdoLayout* pdo : used) Remap(s, *pdo, drive.node_id, profile.objects);
   SetTorqueMode(s);

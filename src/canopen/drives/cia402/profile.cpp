@@ -48,9 +48,10 @@ DrivePdos Pdos(const ObjectTable& objects, const std::optional<ObjectAddress>& a
         analog_input->index, analog_input->sub, static_cast<std::uint8_t>(8 * TypeBytes(type)),
         TypeSigned(type)};
   }
-  // Without an inhibit time nothing bounds how often a change is sent; at every SYNC the bus budget counts
-  // it.
-  if (objects.Find({pdos.status.communication_index(), 3}) == nullptr) {
+  // Without an inhibit time that can be set nothing bounds how often a change is sent; at every SYNC the bus
+  // budget counts it.
+  const ObjectEntry* inhibit = objects.Find({pdos.status.communication_index(), 3});
+  if (inhibit == nullptr || inhibit->access != Access::kReadWrite) {
     pdos.status.transmission = 1;
     pdos.status.inhibit_100us = 0;
   }
