@@ -43,7 +43,7 @@ std::vector<canopen::DriveSetup> DriveSetups(const RobotParameters& robot, const
     if (const std::string problem = canopen::Unsupported(bus, setup); !problem.empty()) {
       throw std::invalid_argument(problem + "; accepted: a drive that can be node " +
                                   std::to_string(setup.node_id) +
-                                  "; take another one, or a newer EDS file of this one");
+                                  "; correct its keys in bus.nodes, or take another drive or a newer EDS file");
     }
     setups.push_back(setup);
   }

@@ -18,7 +18,7 @@ namespace tendril {
   X(LimitedMotorTension, 105, "motor-side tension limited by limits.max_tension_motor_N", "less bending, or raise the limit") \
   X(LimitedTorque, 106, "torque limited by the drive's nominal current (actuation.drive.current_limit_A)", "less bending, or a stronger drive") \
   X(TargetUnreachable, 107, "tip target out of reach: going to the nearest reachable point", "see target_distance_m") \
-  X(LimitedByDrive, 108, "torque limited by the drive itself (internal limit active)", "see object 0x3001 and the motor's temperature") \
+  X(LimitedByDrive, 108, "torque limited by the drive itself (internal limit active)", "see the drive's torque and current limits (an EPOS4's: object 0x3001) and the motor's temperature") \
   X(LimitedTipCorrection, 109, "correction by the tracker limited to a fifth of the robot's length", "check the tracker's frame; else find what differs: tendril gap diagnose") \
   X(SlowedByTension, 110, "motion slowed: rotors as fast as that would take more tension than the limits leave", "command a slower motion or less bending; with law: paper, try law: equilibrium, which pulls for its rotors") \
   X(LimitedShapeCorrection, 111, "correction by the tendons' displacement limited to half of what the robot's stiffness takes", "look for what holds or loads the robot; else find what differs: tendril gap diagnose") \
@@ -59,7 +59,7 @@ namespace tendril {
   X(TrackerDisagrees, 322, "tracker and tendons disagree on the tip by more than a tenth of the robot's length", "check the tracker's frame and units; else disarm, look whether the robot is straight and no tendon off its pulley, and arm") \
   X(TwoSenders, 323, "two programs send targets: one is in control, the other's are refused", "end one of the two; the log names them") \
   X(TipErrorLeft, 324, "the tip rests off its goal: tip feedback went twice the error's way without getting it there, and stopped", "look for what holds the robot, and send another target; where it comes again, the robot file has more friction than pulleys and gears have, or less play: tendril gap diagnose") \
-  X(OtherDevice, 325, "a drive is not the device that bus.identity names: nothing can be armed", "see its node and object in the log; correct bus.identity or the node id, or exchange the drive; then clear") \
+  X(OtherDevice, 325, "a drive is not the device that bus.identity, or its EDS file, names: nothing can be armed", "see its node and object in the log; correct bus.identity, its EDS file or the node id, or exchange the drive; then clear") \
   X(DriveMisconfigured, 326, "a drive refused or did not keep its configuration, or its motor data differ from the robot file: nothing can be armed", "see its node, step and object in the log; correct the robot or daemon file, or restore the drive's defaults (0x1011); then clear") \
   X(NodeIdTwice, 327, "two drives answer with one node id: nothing can be armed", "disconnect one of the two and give it a node id of its own; then clear") \
   X(CyclesMissed, 328, "the daemon misses more of its own cycles than guards.max_late_cycles, and drives seem not to answer", "first take load off this machine and set up real time: tendril rt-check; then clear") \

@@ -67,13 +67,15 @@ std::string ActionProblem(const BootAction& action, const ObjectTable& objects) 
   }
 }
 
-std::string MappingProblem(const PdoLayout& pdo, const ObjectTable& objects) {
+std::string MappingProblem(const PdoLayout& pdo, const DriveProfile& profile) {
   const char* way = pdo.transmit ? "TPDO" : "RPDO";
   for (int i = 0; i < pdo.count; ++i) {
     const MappingEntry& mapped = pdo.entries[static_cast<std::size_t>(i)];
-    const ObjectEntry* entry = objects.Find({mapped.index, mapped.sub});
+    const ObjectAddress address{mapped.index, mapped.sub};
+    const ObjectEntry* entry = profile.objects.Find(address);
     if (entry == nullptr) {
-      return Text(nullptr, "0x%04X:%02X, for %s %d, is not there", mapped.index, mapped.sub, way, pdo.number);
+      return Text(nullptr, "0x%04X:%02X, for %s %d, is not there%s", mapped.index, mapped.sub, way,
+                  pdo.number, profile.analog_input == address ? " (analog_input)" : "");
     }
     const Mapping direction = pdo.transmit ? Mapping::kTransmit : Mapping::kReceive;
     if (entry->mapping != Mapping::kBoth && entry->mapping != direction) {
@@ -97,7 +99,7 @@ std::string Unsupported(const BusParameters& bus, const DriveSetup& drive) {
   const DriveProfile& profile = *drive.profile;
   std::string problem;
   for (const PdoLayout* pdo : {&profile.pdos.torque, &profile.pdos.feedback, &profile.pdos.status}) {
-    if (problem.empty()) problem = MappingProblem(*pdo, profile.objects);
+    if (problem.empty()) problem = MappingProblem(*pdo, profile);
   }
   for (const BootAction& action : profile.boot_script(profile, bus, drive)) {
     if (problem.empty()) problem = ActionProblem(action, profile.objects);

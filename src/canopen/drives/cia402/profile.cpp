@@ -66,9 +66,9 @@ void SetIdentity(Eds& eds) {
   set(1, eds.vendor);
   set(2, eds.product);
   const ObjectEntry* vendor = eds.objects.Find({0x1018, 1});
-  if (vendor == nullptr || vendor->default_value == 0) {
+  if (vendor != nullptr && vendor->default_value == 0) {  // a drive without the object is Unsupported
     throw std::invalid_argument(
-        eds.file +
+        eds.file + ":" + std::to_string(vendor->line) +
         ": names no vendor; accepted: VendorNumber in [DeviceInfo], or a DefaultValue "
         "of 0x1018:01; add what the drive shows there");
   }
