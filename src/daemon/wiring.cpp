@@ -41,9 +41,9 @@ std::vector<canopen::DriveSetup> DriveSetups(const RobotParameters& robot, const
     setup.torque_constant_uNmpA = Scaled(t.motor.torque_constant_NmpA, 1e6);
     setup.rated_torque_uNm = Scaled(t.drive.rated_torque_Nm, 1e6);
     if (const std::string problem = canopen::Unsupported(bus, setup); !problem.empty()) {
-      throw std::invalid_argument(problem + "; accepted: a drive that can be node " +
-                                  std::to_string(setup.node_id) +
-                                  "; correct its keys in bus.nodes, or take another drive or a newer EDS file");
+      throw std::invalid_argument(
+          problem + "; accepted: a drive that can be node " + std::to_string(setup.node_id) +
+          "; correct its keys in bus.nodes, or take another drive or a newer EDS file");
     }
     setups.push_back(setup);
   }

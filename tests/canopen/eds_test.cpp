@@ -4,10 +4,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-
-#include <filesystem>
 #include <unistd.h>
 
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 
@@ -287,7 +286,8 @@ TEST_F(GenericDrive, WhatTheSheetSaysItCannotDoIsSaidByObject) {
   EXPECT_THAT(Problem(ChangedIn("1A00sub0", "HighLimit=8", "HighLimit=2")),
               HasSubstr("0x1A00:00 (PDO mapping) takes 0 .. 2, and must be 3"));
   EXPECT_THAT(Problem(Text(kServo), "0x2200:01"), HasSubstr("0x2200:01 cannot be mapped into a TPDO"));
-  EXPECT_THAT(Problem(Text(kServo), "0x2201:01"), HasSubstr("0x2201:01, for TPDO 1, is not there (analog_input)"));
+  EXPECT_THAT(Problem(Text(kServo), "0x2201:01"),
+              HasSubstr("0x2201:01, for TPDO 1, is not there (analog_input)"));
   EXPECT_THAT(Problem(Text(kServo), "0x606C:00"), HasSubstr("TPDO 1 would need 10 bytes"));
   for (const char* type : {"0x0008", "0x0015", "0x0009"}) {  // a real number, 64 bits, a string
     EXPECT_THAT(Problem(ChangedIn("6401sub1", "DataType=0x0003", std::string("DataType=") + type)),

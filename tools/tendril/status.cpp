@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <csignal>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -43,7 +44,8 @@ volatile std::sig_atomic_t interrupted = 0;
 
 /// Who answers: from the run record, which comes once a second.
 struct Subject {
-  std::string daemon, robot, bus;  // host and process; names
+  std::string daemon, robot, bus;   // host and process; names
+  std::map<int, DriveKind> drives;  // by node id
 };
 
 Subject SubjectOf(const tendril_lcm::run_t& message) {
@@ -53,7 +55,9 @@ Subject SubjectOf(const tendril_lcm::run_t& message) {
   subject.daemon = run.daemon;
   try {
     subject.robot = config::ParseRobot(run.robot_yaml, "the daemon's robot").name;
-    subject.bus = config::ParseDaemon(run.daemon_yaml, "the daemon's file").bus.interface;
+    const BusParameters bus = config::ParseDaemon(run.daemon_yaml, "the daemon's file").bus;
+    subject.bus = bus.interface;
+    for (const NodeParameters& node : bus.nodes) subject.drives[node.node_id] = node.profile;
   } catch (const config::ConfigError&) {
     // Another version's files: the daemon's own line has the names.
   }
@@ -67,11 +71,15 @@ std::string StateText(int state) {
                                                                : "?";
 }
 
-std::string ErrorText(int code) {
+/// With what the code means to its kind of drive, once that is known.
+std::string ErrorText(int code, int node_id, const std::optional<Subject>& subject) {
   if (code == 0) return "none";
-  // A state does not say which kind of drive it is of; most codes mean the same to all.
-  const auto& table = canopen::Epos4Profile()->emcy;
-  return fmt::format("0x{:04X} {}", code, canopen::FindEmcy(table, static_cast<std::uint16_t>(code)).text);
+  std::string text = fmt::format("0x{:04X}", code);
+  if (!subject) return text;
+  const auto drive = subject->drives.find(node_id);
+  if (drive == subject->drives.end()) return text;
+  const auto table = canopen::EmcyOf(drive->second);
+  return text + " " + canopen::FindEmcy(table, static_cast<std::uint16_t>(code)).text;
 }
 
 std::string TimeText(std::int64_t utime) {
@@ -229,12 +237,13 @@ std::string Bars(const std::vector<std::int64_t>& counts) {
   return bars;
 }
 
-std::string Table(const tendril_lcm::statistics_t& s) {
+std::string Table(const tendril_lcm::statistics_t& s, const std::optional<Subject>& subject) {
   std::string t =
       fmt::format("\n{:<12}{:>11}{:>13}{:>13}   {}\n", "drive", "node", "serial", "state", "error");
   for (std::size_t i = 0; i < s.drive_node_id.size(); ++i) {
     t += fmt::format("  {:<10}{:>11}{:>13}{:>13}   {}\n", i + 1, s.drive_node_id[i], s.drive_serial[i],
-                     StateText(s.drive_state[i]), ErrorText(s.drive_error_code[i]));
+                     StateText(s.drive_state[i]),
+                     ErrorText(s.drive_error_code[i], s.drive_node_id[i], subject));
   }
   t += "last fault: ";
   t += s.last_fault_utime == 0
@@ -288,7 +297,7 @@ void Show(const StatusOptions& o, const std::optional<Subject>& subject, const t
   } else {
     const bool redraw = o.watch && isatty(STDOUT_FILENO) != 0;
     fmt::print("{}{}{}{}{}", redraw ? kClearScreen : "", subject ? Table(*subject) : "", Table(state),
-               statistics ? Table(*statistics) : "", footer);
+               statistics ? Table(*statistics, subject) : "", footer);
   }
   std::fflush(stdout);
 }

@@ -60,6 +60,9 @@ struct DriveProfile {
 /// is none.
 DriveProfilePtr ProfileOf(const NodeParameters& node);
 
+/// The emergency codes of a kind of drive, which need no EDS file.
+std::span<const EmcyInfo> EmcyOf(DriveKind kind) noexcept;
+
 /// The first thing that the start-up or the cycle needs and the drive's objects do not allow, by object and
 /// with the line of its EDS file; empty when the drive can do all of it.
 std::string Unsupported(const BusParameters& bus, const DriveSetup& drive);

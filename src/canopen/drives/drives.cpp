@@ -2,6 +2,7 @@
 #include <stdexcept>
 
 #include "cia402/cia402_drive.h"
+#include "epos4/epos4.h"
 #include "tendril/canopen/drive_profile.h"
 
 namespace tendril::canopen {
@@ -10,11 +11,12 @@ namespace {
 struct Row {
   DriveKind kind;
   DriveProfilePtr (*profile)(const NodeParameters& node);
+  std::span<const EmcyInfo> (*emcy)() noexcept;
 };
 
 constexpr Row kRows[] = {
-    {DriveKind::kEpos4, [](const NodeParameters&) { return Epos4Profile(); }},
-    {DriveKind::kCia402, cia402::Profile},
+    {DriveKind::kEpos4, [](const NodeParameters&) { return Epos4Profile(); }, epos4::EmcyTable},
+    {DriveKind::kCia402, cia402::Profile, cia402::EmcyTable},
 };
 
 }  // namespace
@@ -24,6 +26,13 @@ DriveProfilePtr ProfileOf(const NodeParameters& node) {
     if (row.kind == node.profile) return row.profile(node);
   }
   throw std::invalid_argument("node " + std::to_string(node.node_id) + ": its kind of drive has no profile");
+}
+
+std::span<const EmcyInfo> EmcyOf(DriveKind kind) noexcept {
+  for (const Row& row : kRows) {
+    if (row.kind == kind) return row.emcy();
+  }
+  return cia402::EmcyTable();
 }
 
 }  // namespace tendril::canopen
