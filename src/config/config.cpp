@@ -154,8 +154,10 @@ DaemonParameters ParseDaemon(const std::string& yaml, const std::string& name_fo
 DaemonParameters LoadDaemon(const std::string& path) {
   DaemonParameters daemon = ParseDaemon(ReadFile(path), path);
   namespace fs = std::filesystem;
-  const fs::path robot =
-      fs::absolute(fs::absolute(path).parent_path() / daemon.robot_file).lexically_normal();
+  const auto beside = [&path](const std::string& file) {
+    return fs::absolute(fs::absolute(path).parent_path() / file).lexically_normal();
+  };
+  const fs::path robot = beside(daemon.robot_file);
   std::error_code error;
   if (!fs::exists(robot, error)) {
     throw ErrorAt(
@@ -165,7 +167,7 @@ DaemonParameters LoadDaemon(const std::string& path) {
   daemon.robot_file = robot.string();
   for (NodeParameters& node : daemon.bus.nodes) {
     if (node.eds_file.empty()) continue;
-    const fs::path eds = fs::absolute(fs::absolute(path).parent_path() / node.eds_file).lexically_normal();
+    const fs::path eds = beside(node.eds_file);
     if (!fs::exists(eds, error)) {
       throw ErrorAt(path, "bus.nodes",
                     fmt::format("node {} has eds: {}: no such file; accepted: {}; correct the path",

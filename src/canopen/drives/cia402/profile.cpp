@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "../torque_pdos.h"
 #include "cia402_drive.h"
 #include "tendril/canopen/eds.h"
 
@@ -10,7 +11,6 @@ namespace tendril::canopen::cia402 {
 namespace {
 
 constexpr std::uint32_t kMilliNewtonMetre_uNm = 1000;  // CiA 402's unit of 0x6076
-constexpr int kStatusPdo = 2;
 
 /// "0x6401:01", whose form the configuration has checked.
 ObjectAddress AddressOf(std::string_view text) {
@@ -23,31 +23,14 @@ ObjectAddress AddressOf(std::string_view text) {
 }
 
 DrivePdos Pdos(const ObjectTable& objects, const std::optional<ObjectAddress>& analog_input) {
-  DrivePdos pdos{.torque = {.transmit = false,
-                            .number = 1,
-                            .transmission = 1,
-                            .inhibit_100us = 0,
-                            .count = 2,
-                            .entries = {{{0x6040, 0, 16, false}, {0x6071, 0, 16, true}}}},
-                 .feedback = {.transmit = true,
-                              .number = 1,
-                              .transmission = 1,
-                              .inhibit_100us = 0,
-                              .count = 2,
-                              .entries = {{{0x6064, 0, 32, true}, {0x6077, 0, 16, true}}}},
-                 .status = {.transmit = true,
-                            .number = kStatusPdo,
-                            .transmission = 255,
-                            .inhibit_100us = 100,
-                            .count = 1,
-                            .entries = {{{0x6041, 0, 16, false}}}}};
+  std::optional<MappingEntry> load_cell;
   if (analog_input) {
     const ObjectEntry* entry = objects.Find(*analog_input);
     const DataType type = entry == nullptr ? DataType::kI16 : entry->type;
-    pdos.feedback.entries[static_cast<std::size_t>(pdos.feedback.count++)] = {
-        analog_input->index, analog_input->sub, static_cast<std::uint8_t>(8 * TypeBytes(type)),
-        TypeSigned(type)};
+    load_cell = {analog_input->index, analog_input->sub, static_cast<std::uint8_t>(8 * TypeBytes(type)),
+                 TypeSigned(type)};
   }
+  DrivePdos pdos = TorquePdos(load_cell);
   // Without an inhibit time that can be set nothing bounds how often a change is sent; at every SYNC the bus
   // budget counts it.
   const ObjectEntry* inhibit = objects.Find({pdos.status.communication_index(), 3});
