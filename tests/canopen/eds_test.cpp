@@ -283,7 +283,7 @@ TEST_F(GenericDrive, WhatTheSheetSaysItCannotDoIsSaidByObject) {
               HasSubstr("0x6060:00 (mode) is read-only"));
   EXPECT_THAT(Problem(ChangedIn("6007", "HighLimit=3", "HighLimit=1")),
               HasSubstr("0x6007:00 (stop reactions) takes 0 .. 1, and must be 2"));
-  EXPECT_THAT(Problem(ChangedIn("1A00sub0", "HighLimit=8", "HighLimit=2")),
+  EXPECT_THAT(Problem(ChangedIn("1A00sub0", "HighLimit=4", "HighLimit=2")),
               HasSubstr("0x1A00:00 (PDO mapping) takes 0 .. 2, and must be 3"));
   EXPECT_THAT(Problem(Text(kServo), "0x2200:01"), HasSubstr("0x2200:01 cannot be mapped into a TPDO"));
   EXPECT_THAT(Problem(Text(kServo), "0x2201:01"),
