@@ -137,7 +137,7 @@ void Describe(Io& io, ControllerParameters& p) {
 
 template <class Io>
 void Describe(Io& io, IdentityParameters& p) {
-  io.Identifier("vendor_id", p.vendor_id, "Object 0x1018:01 of every drive.");
+  io.Identifier("vendor_id", p.vendor_id, "Object 0x1018:01 of every EPOS4.");
   io.Identifiers("product_codes", p.product_codes, {1, 32}, "Accepted values of object 0x1018:02.");
   io.Identifier("min_revision", p.min_revision, "Lowest accepted value of object 0x1018:03.");
   io.Identifier("max_revision", p.max_revision, "Highest accepted value of object 0x1018:03.");

@@ -236,7 +236,8 @@ void Describe(Io& io, DriveParameters& p) {
   io.Number("rated_torque_Nm", p.rated_torque_Nm, {1e-6, 1000},
             "Object 0x6076: torque_constant_NmpA times nominal_current_A, within 1 %.");
   io.Number("current_limit_A", p.current_limit_A, {0.01, 100},
-            "Output current limit of the drive, object 0x3001:02.");
+            "Output current limit of the drive: object 0x3001:02 of an EPOS4; of others the torque limit "
+            "0x6072, per mille of nominal current.");
   io.Integer("encoder_counts_per_turn", p.encoder_counts_per_turn, {1, 1e8},
              "Counts of object 0x6064 for one turn of the motor shaft.");
   io.Number("actual_torque_noise_permille", p.actual_torque_noise_permille, {0, 100},

@@ -69,7 +69,7 @@ struct DriveFeedback {
   std::uint16_t error_code = 0;         // last EMCY code, 0 when none
   std::int32_t position_counts = 0;     // 0x6064
   std::int16_t torque_permille = 0;     // 0x6077, of rated torque
-  std::int16_t analog_mV = 0;           // 0x3160:01, the load cell
+  std::int16_t analog_mV = 0;           // of the load cell: 0x3160:01 of an EPOS4, else analog_input
   std::uint16_t age_cycles = 0;         // 0: arrived in this cycle
 };
 

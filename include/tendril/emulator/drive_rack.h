@@ -31,7 +31,7 @@ struct DriveSensors {
   std::int32_t position_counts = 0;
   std::int32_t velocity_rpm = 0;
   double actual_torque_Nm = 0;              // from the current, motor shaft
-  std::array<std::int16_t, 2> analog_mV{};  // 0x3160:01, :02
+  std::array<std::int16_t, 2> analog_mV{};  // of the load cell (0x3160:01, or analog_input), and 0x3160:02
 };
 
 class DriveRack {
