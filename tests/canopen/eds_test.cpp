@@ -270,9 +270,9 @@ TEST_F(GenericDrive, WhatTheSheetSaysItCannotDoIsSaidByObject) {
     EXPECT_THAT(Problem(Without(object)), AllOf(HasSubstr(address), HasSubstr("is not there"))) << object;
   }
   EXPECT_THAT(Problem(ChangedIn("6064", "PDOMapping=1", "PDOMapping=0")),
-              HasSubstr("0x6064:00 cannot be mapped into a TPDO"));
+              HasSubstr("0x6064:00 cannot be mapped into TPDO 1"));
   EXPECT_THAT(Problem(ChangedIn("6071", "PDOMapping=1", "PDOMapping=0")),
-              HasSubstr("0x6071:00 cannot be mapped into a RPDO"));
+              HasSubstr("0x6071:00 cannot be mapped into RPDO 1"));
   EXPECT_THAT(Problem(ChangedIn("6071", "DataType=0x0003", "DataType=0x0004")),
               HasSubstr("0x6071:00 has 32 bits with a sign, and must have 16 with a sign"));
   EXPECT_THAT(Problem(ChangedIn("6502", "0x000003A5", "0x000001A5")),
@@ -285,7 +285,7 @@ TEST_F(GenericDrive, WhatTheSheetSaysItCannotDoIsSaidByObject) {
               HasSubstr("0x6007:00 (stop reactions) takes 0 .. 1, and must be 2"));
   EXPECT_THAT(Problem(ChangedIn("1A00sub0", "HighLimit=4", "HighLimit=2")),
               HasSubstr("0x1A00:00 (PDO mapping) takes 0 .. 2, and must be 3"));
-  EXPECT_THAT(Problem(Text(kServo), "0x2200:01"), HasSubstr("0x2200:01 cannot be mapped into a TPDO"));
+  EXPECT_THAT(Problem(Text(kServo), "0x2200:01"), HasSubstr("0x2200:01 cannot be mapped into TPDO 1"));
   EXPECT_THAT(Problem(Text(kServo), "0x2201:01"),
               HasSubstr("0x2201:01, for TPDO 1, is not there (analog_input)"));
   EXPECT_THAT(Problem(Text(kServo), "0x606C:00"), HasSubstr("TPDO 1 would need 10 bytes"));

@@ -1,5 +1,4 @@
-// The check that the texts of a table of emergency codes fit a line of the master. Knows no
-// drive.
+// The check that the texts of a table of emergency codes fit a line of the master. Knows no drive.
 #pragma once
 
 #include <algorithm>

@@ -79,7 +79,8 @@ std::string MappingProblem(const PdoLayout& pdo, const DriveProfile& profile) {
     }
     const Mapping direction = pdo.transmit ? Mapping::kTransmit : Mapping::kReceive;
     if (entry->mapping != Mapping::kBoth && entry->mapping != direction) {
-      return Text(entry, "0x%04X:%02X cannot be mapped into a %s", entry->index, entry->sub, way);
+      return Text(entry, "0x%04X:%02X cannot be mapped into %s %d", entry->index, entry->sub, way,
+                  pdo.number);
     }
     if (std::string problem = TypeProblem(*entry, "PDO mapping"); !problem.empty()) return problem;
     if (8 * TypeBytes(entry->type) != mapped.bits || TypeSigned(entry->type) != mapped.is_signed) {
