@@ -242,7 +242,7 @@ class GenericDrive : public ::testing::Test {
   static std::string Without(const std::string& object) {
     std::string text = ChangedIn(object, "[" + object + "]", "[X]");
     const std::size_t at = text.find("=0x" + object + "\n");
-    return at == text.npos ? text : text.replace(at, 3 + object.size(), "=0x6502");
+    return at == text.npos ? text : text.replace(at, 3 + object.size(), "=0x1000");
   }
 
   const std::string path_ = testing::TempDir() + "eds_test_" + std::to_string(getpid()) + ".eds";
@@ -278,6 +278,7 @@ TEST_F(GenericDrive, WhatTheSheetSaysItCannotDoIsSaidByObject) {
   EXPECT_THAT(Problem(ChangedIn("6502", "0x000003A5", "0x000001A5")),
               HasSubstr("0x6502:00 is 0x1A5: no cyclic synchronous torque mode"));
   EXPECT_THAT(Problem(ChangedIn("6502", "0x000003A5", "0")), IsEmpty()) << "not stated";
+  EXPECT_THAT(Problem(Without("6502")), IsEmpty()) << "not there";
   EXPECT_THAT(Problem(ChangedIn("1000", "0x00020192", "0x00020191")), HasSubstr("no CiA 402 drive"));
   EXPECT_THAT(Problem(ChangedIn("6060", "AccessType=rww", "AccessType=ro")),
               HasSubstr("0x6060:00 (mode) is read-only"));

@@ -18,7 +18,7 @@ class Optional {
   /// Where the drive has the object and takes the value.
   void Write(std::uint16_t index, std::uint8_t sub, std::int64_t value) {
     const ObjectEntry* entry = objects_.Find({index, sub});
-    if (entry == nullptr || entry->access != Access::kReadWrite) return;
+    if (entry == nullptr || entry->access != Access::kReadWrite || TypeBytes(entry->type) == 0) return;
     if (value >= entry->min && value <= entry->max) script_.Write(index, sub, value);
   }
   /// The nearest value that it takes.
