@@ -407,6 +407,20 @@ TEST_F(Scratch, RobotOfADaemonIsLookedForBesideIt) {
   EXPECT_EQ(LoadDaemon(path).robot_file, (dir_ / "robots/rig_60mm.yaml").string());
 }
 
+TEST_F(Scratch, EdsFileOfADriveIsLookedForBesideTheDaemons) {
+  std::string daemon = ReadText(ConfigPath("tendrild.yaml"));
+  daemon = Edited(daemon, "robot: robots/", "robot: " + ConfigPath("robots/"));
+  daemon = Edited(daemon, "{node_id: 2, tendon: 2}",
+                  "{node_id: 2, tendon: 2, profile: cia402, eds: drives/servo.eds}");
+  const std::string path = Write("tendrild.yaml", daemon), eds = (dir_ / "drives/servo.eds").string();
+  EXPECT_THAT(
+      ErrorOf([&] { LoadDaemon(path); }),
+      AllOf(StartsWith(path + ":"), HasSubstr("node 2 has eds: " + eds + ": no such file; accepted: ")));
+  std::filesystem::create_directory(dir_ / "drives");
+  Write("drives/servo.eds", "");
+  EXPECT_EQ(LoadDaemon(path).bus.nodes[1].eds_file, eds);
+}
+
 // ---- what the controller's keys say of each other
 
 TEST(RefusedController, KeysThatDoNotGoTogether) {
