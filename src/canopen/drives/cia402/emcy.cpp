@@ -8,7 +8,8 @@ namespace {
 using R = EmcyReaction;
 using namespace error_register;
 
-constexpr const char* kManual = "see the drive's manual";
+constexpr const char* kMakers = "only the drive's manual says what it means";
+constexpr const char* kManual = "look the code up there";
 
 constexpr EmcyInfo kTable[] = {
     {0x0000, 0x0000, 0, R::kNone, "no error", "an earlier error was cleared", ""},
@@ -70,13 +71,16 @@ constexpr EmcyInfo kTable[] = {
      "check the drive's velocity limits"},
     {0x8600, 0x86FF, kMotion, R::kFaultOption, "positioning error", "position left its window",
      "check what blocks the motor; widen the window 0x6065"},
+    {0x8700, 0x87FF, kMotion, R::kFaultOption, "synchronisation error", "SYNC was missing or came unsteadily",
+     "check that the daemon runs and misses no cycles, and 0x60C2 against bus.cycle_ns"},
     // Codes that CiA does not define, by its classes.
-    {0x2000, 0x2FFF, kCurrent, R::kDisable, "current error (the maker's code)", kManual, kManual},
-    {0x3000, 0x3FFF, kVoltage, R::kDisable, "voltage error (the maker's code)", kManual, kManual},
-    {0x4000, 0x4FFF, kTemperature, R::kDisable, "temperature error (the maker's code)", kManual, kManual},
-    {0x8100, 0x82FF, kCommunication, R::kAbortConnection, "communication error (the maker's code)", kManual,
+    {0x2000, 0x2FFF, kCurrent, R::kDisable, "current error (the maker's code)", kMakers, kManual},
+    {0x3000, 0x3FFF, kVoltage, R::kDisable, "voltage error (the maker's code)", kMakers, kManual},
+    {0x4000, 0x4FFF, kTemperature, R::kDisable, "temperature error (the maker's code)", kMakers, kManual},
+    {0x5000, 0x5FFF, kGeneric, R::kDisable, "hardware error (the maker's code)", kMakers, kManual},
+    {0x8100, 0x82FF, kCommunication, R::kAbortConnection, "communication error (the maker's code)", kMakers,
      kManual},
-    {0x0001, 0xFFFF, kGeneric, R::kDisable, "error (the maker's code)", kManual, kManual},
+    {0x0001, 0xFFFF, kGeneric, R::kDisable, "error (the maker's code)", kMakers, kManual},
 };
 static_assert(EmcyTextsFit(kTable));
 
