@@ -20,6 +20,8 @@ namespace {
 
 constexpr std::uintmax_t kLargestFile = 8u << 20;
 constexpr int kMostSubIndices = 254;
+// Makers' sheets have some hundreds to thousands; a damaged one could stand for millions.
+constexpr std::size_t kMostObjects = 50'000;
 constexpr std::string_view kNumber = "a whole number, as 16 or 0x10";
 
 std::string Lower(std::string_view text) {
@@ -312,6 +314,10 @@ class Parser {
       file_.Fail(section.line, "[" + section.name + "] has no DataType; accepted: one, as 0x0007; add it");
     }
     const DataType type = TypeOf(Number(section, "datatype", 0xF, 0xFFFF));
+    if (eds_.objects.entries().size() >= kMostObjects) {
+      file_.Fail(section.line, "more than " + std::to_string(kMostObjects) +
+                                   " objects; accepted: fewer; name the maker's sheet of one drive");
+    }
     ObjectEntry& entry = eds_.objects.Add(address, type, Access::kReadOnly, name);
     entry.line = section.line;
     SetAccess(section, entry);

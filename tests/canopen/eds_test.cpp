@@ -191,6 +191,19 @@ TEST(Eds, RefusesInOneLineWithFileAndLine) {
   for (std::size_t n = 0; n + 40 < whole.size(); n += 997) EXPECT_NE(Refusal(whole.substr(0, n)), "") << n;
 }
 
+// Few lines can stand for many objects.
+TEST(Eds, ASheetOfMoreObjectsThanAnyDriveHasIsRefused) {
+  std::string text = Text(kServo);
+  for (int k = 0; k < 250; ++k) {
+    std::stringstream index;
+    index << std::hex << 0x3000 + k;
+    text += "[" + index.str() +
+            "]\nParameterName=many\nObjectType=0x8\nCompactSubObj=254\nDataType=7\nAccessType=ro\n"
+            "PDOMapping=0\n";
+  }
+  EXPECT_THAT(Refusal(text), HasSubstr("more than 50000 objects; accepted: fewer"));
+}
+
 TEST(Eds, WhatIsNoFileIsRefusedByItsPath) {
   const auto refusal = [](const std::string& path) -> std::string {
     try {
