@@ -86,8 +86,8 @@ std::string Text(const YAML::Node& entry, const char* key) {
 }
 
 /// Keys that have no meaning here, perhaps typing errors.
-void NoteUnknown(const YAML::Node& map, const std::vector<std::string_view>& known,
-                 const std::string& where, std::vector<std::string>& notes) {
+void NoteUnknown(const YAML::Node& map, const std::vector<std::string_view>& known, const std::string& where,
+                 std::vector<std::string>& notes) {
   std::string unknown;
   for (const auto& pair : map) {
     const std::string key = pair.first.IsScalar() ? pair.first.Scalar() : "?";

@@ -34,8 +34,8 @@ struct NumberFit {
   Residuals residuals;  // residuals with this value, nuisances subtracted
 };
 
-/// The best `count` of them by falling score, each refined on all runs, with the `leftover` and nuisances used
-/// for the causes. `progress`: from 0 to 1.
+/// The best `count` of them by falling score, each refined on all runs, with the `leftover` and nuisances
+/// used for the causes. `progress`: from 0 to 1.
 std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Eigen::VectorXd& leftover,
                                   const Nuisances& nuisances, const Folds& folds, int count, int threads,
                                   const std::function<void(double)>& progress);

@@ -609,8 +609,7 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     if (sum.windows > 0) sum.ratio /= sum.windows, sum.square /= sum.windows;
     return sum;
   };
-  if (!options.repeats && options.with_cause == nullptr)
-    repeatability_ = FindRepeatability(*this, options);
+  if (!options.repeats && options.with_cause == nullptr) repeatability_ = FindRepeatability(*this, options);
   const Evaluator* other = options.with_cause;
   if (other != nullptr && !AlikeIn(*other))
     throw std::invalid_argument("with a cause, other places are measured");

@@ -412,9 +412,9 @@ class Case {
 
   /// The library's own search has tried this number at this value.
   bool Searched(const NumberFit& fit) const {
-    const auto its = std::find_if(
-        search_.screened.begin(), search_.screened.end(),
-        [&](const Screened& s) { return s.candidate.effect->name == fit.number.effect; });
+    const auto its = std::find_if(search_.screened.begin(), search_.screened.end(), [&](const Screened& s) {
+      return s.candidate.effect->name == fit.number.effect;
+    });
     if (its == search_.screened.end()) return false;
     const sim::EffectParameter& p = its->candidate.parameters.front();
     const double by = fit.number.angle ? fit.value - fit.number.in_file : fit.value / fit.number.in_file;
@@ -440,8 +440,7 @@ class Case {
     const double relative = exact ? 0 : kRelativeTemperature;
     const double temperature = kTemperature + relative * std::max(0.0, numbers.front().score - nominal);
     // A cause with more parameters for the same explanation is less likely.
-    const double best =
-        best_ == nullptr ? nominal : score(best_->residuals) - temperature * Burden(*best_);
+    const double best = best_ == nullptr ? nominal : score(best_->residuals) - temperature * Burden(*best_);
     const double ahead = numbers.front().score - best;
     if (ahead < kSame * temperature) return 0;
     for (const NumberFit& fit : numbers) {

@@ -107,8 +107,8 @@ std::vector<MotorLeap> MotorLeaps(const Run& run, Eigen::Index tendon, const Rob
           cell ? OffLine(run, run.tension_N.col(tendon), group, leap.farthest) : std::nan("");
       const double spring_N =
           cell ? SpringTension(its, leap.off_rad, run.tension_N(group.before, tendon)) : 0;
-      const bool goes_with = std::abs(seen_N) > kNoise * its.load_cell.noise_N &&
-                             seen_N * spring_N > 0 && std::abs(seen_N) > kGoesWith * std::abs(spring_N);
+      const bool goes_with = std::abs(seen_N) > kNoise * its.load_cell.noise_N && seen_N * spring_N > 0 &&
+                             std::abs(seen_N) > kGoesWith * std::abs(spring_N);
       if (goes_with) leap.tension_N = seen_N;
       if (leap.needed_Nm <= file_Nm) {
         leap.is = MotorLeap::Is::kMotion;

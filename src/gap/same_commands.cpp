@@ -104,7 +104,9 @@ CommandsCompared CompareCommands(const PreparedRun& run, const PreparedRun& befo
       [](const PreparedRun& of) { return Known(of, of.signals.motor_angle_rad, of.motor_holes); });
   add("tensions", "N", [](const PreparedRun& of) { return of.cell_N; });
   if (run.tracked() && before.tracked()) {
-    const auto tip = [](const PreparedRun& of) { return Recorded{of.tracker_s, of.tip_m, of.signals.at_rest}; };
+    const auto tip = [](const PreparedRun& of) {
+      return Recorded{of.tracker_s, of.tip_m, of.signals.at_rest};
+    };
     if (const auto one = Compare("tip positions", "m", tip(run), tip(before))) compared.by.push_back(*one);
   }
   std::stable_sort(compared.by.begin(), compared.by.end(),

@@ -590,8 +590,7 @@ class OtherRobotTest : public DataSetTest {
 };
 
 TEST_F(OtherRobotTest, IsRefusedWithEveryEntryThatDiffers) {
-  const std::string longer =
-      RefusalOf(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"));
+  const std::string longer = RefusalOf(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"));
   EXPECT_THAT(longer, HasSubstr("robot.yaml: these runs are of another robot than " + kRobot));
   EXPECT_THAT(longer, HasSubstr("name is rig_90mm there, rig_60mm in the file"));
   EXPECT_THAT(longer, HasSubstr("body.sections[0] is 0.09 m there, 0.06 m in the file"));

@@ -292,7 +292,8 @@ TEST_F(DiagnoseCommandTest, TheFileOfAnotherRobotIsRefused) {
 // Where a set does not say whose it is, the tip's path does.
 TEST_F(DiagnoseCommandTest, ATipPathThatTheRobotIsTooShortForIsTheVerdict) {
   WriteText(folder_ / "wide.yaml", "runs:\n  - {family: circle, duration_s: 7, amplitude_rad: 1.5}\n");
-  ASSERT_EQ(Run(fmt::format("gap simulate --robot {} --plan wide.yaml --out set --overwrite", kRig)), 0) << error_;
+  ASSERT_EQ(Run(fmt::format("gap simulate --robot {} --plan wide.yaml --out set --overwrite", kRig)), 0)
+      << error_;
   fs::remove(folder_ / "set/robot.yaml");
   ASSERT_EQ(Diagnose("", TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml"), 0) << error_;
   EXPECT_EQ(report_["verdict"], "unexplained");

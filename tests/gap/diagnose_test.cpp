@@ -323,9 +323,9 @@ TEST(Diagnose, WithoutTargetsTheOtherSignalsIdentifyTheCommands) {
     CompareWithBefore(set, before);
     return Diagnose(set, Only({"tendon_stiffness", "tip_payload"})).degradations;
   };
-  EXPECT_THAT(compared(40, 12, 0.1), testing::Contains(testing::ContainsRegex(
-                                         "left out: circle: not the same commands as before: "
-                                         ".*motor positions by 40 rad rms.*tensions by")));
+  EXPECT_THAT(compared(40, 12, 0.1),
+              testing::Contains(testing::ContainsRegex("left out: circle: not the same commands as before: "
+                                                       ".*motor positions by 40 rad rms.*tensions by")));
   const std::vector<std::string> same = compared(0, 0, 0);
   EXPECT_THAT(same, testing::Not(testing::Contains(testing::HasSubstr("left out: "))));
   EXPECT_THAT(same, testing::Contains(testing::ContainsRegex("same commands from before \\(.* differ by")));
@@ -1880,9 +1880,8 @@ TEST(Diagnose, RunsWithHardlyAnyMotionAreInsufficientData) {
 TEST(Diagnose, RunsOfFewerTendonsAreAnotherRobots) {
   DataSet set = Recorded("", 4);
   set.robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml");
-  EXPECT_THAT([&] { Diagnose(set, {}); },
-              testing::ThrowsMessage<std::runtime_error>(
-                  testing::HasSubstr("these runs have 3 tendons, robot 'four_tendon_90mm' has 4")));
+  EXPECT_THAT([&] { Diagnose(set, {}); }, testing::ThrowsMessage<std::runtime_error>(testing::HasSubstr(
+                                              "these runs have 3 tendons, robot 'four_tendon_90mm' has 4")));
 }
 
 RobotParameters ShortRig() { return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml"); }

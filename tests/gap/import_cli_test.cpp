@@ -179,7 +179,8 @@ TEST_F(ImportCommandTest, AllMissingChannelsOfATableAreReported) {
   const std::string table = Write("plain.csv", rows + "1,2,3,1,2,58,0.0");
   const std::string out = (folder_ / "out").string();
   ASSERT_EQ(Run(fmt::format("--robot {} --map {} {} --out {}", kRobot, map, table, out)), 0) << error_;
-  EXPECT_THAT(error_, HasSubstr("plain.csv:102: the last line has no line end and may be truncated; dropped"));
+  EXPECT_THAT(error_,
+              HasSubstr("plain.csv:102: the last line has no line end and may be truncated; dropped"));
   EXPECT_THAT(error_, HasSubstr("column i1: 1 infinite values taken as missing"));
   EXPECT_THAT(error_, HasSubstr("1 cell with 'n/a' taken as missing, the first in line 9, column i1"));
   // Of one channel more than the first.

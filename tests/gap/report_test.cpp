@@ -252,7 +252,8 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
   d.horizon.resize(2);
   d.runs.resize(1);
   d.order_effects = {{"a", 0.5}};
-  d.repeatability = {sim::Cut::kDrivetrain, "tendon:2", "tension", "N", 0.04, 0.01, 3.9, "tension 2", 0.002, true};
+  d.repeatability = {sim::Cut::kDrivetrain, "tendon:2", "tension", "N", 0.04, 0.01, 3.9,
+                     "tension 2",           0.002,      true};
   const Json original = Parsed(d);
   int changed = 0;
   const Json flat = original.flatten();
@@ -475,13 +476,14 @@ TEST(Words, AreTheSameOnTheTerminalAndInTheFile) {
 TEST(Words, RunsLeftOutAreInTheFirstSentence) {
   const std::string found = "The gap lies at C4 (tip position).";
   EXPECT_EQ(WithLeftOut(found, {"a.csv: 3 gaps", "tension is left out of it"}, 7), found);
-  EXPECT_EQ(WithLeftOut(found,
-                        {"left out: a: too short (12 rows; accepted: at least 50)", "something else",
-                         "left out: b: too short (13 rows; accepted: at least 50)",
-                         "left out: cannot read set/04.csv: no such file"},
-                        4),
-            "With 3 of 7 runs left out (a, b: too short; cannot read set/04.csv: no such file), the gap lies at C4 "
-            "(tip position).");
+  EXPECT_EQ(
+      WithLeftOut(found,
+                  {"left out: a: too short (12 rows; accepted: at least 50)", "something else",
+                   "left out: b: too short (13 rows; accepted: at least 50)",
+                   "left out: cannot read set/04.csv: no such file"},
+                  4),
+      "With 3 of 7 runs left out (a, b: too short; cannot read set/04.csv: no such file), the gap lies at C4 "
+      "(tip position).");
   EXPECT_EQ(
       WithLeftOut("C2 (torque) is off.", {"left out: a: its motors were told otherwise; accepted: alike"}, 1),
       "With 1 of 2 runs left out (a: its motors were told otherwise), C2 (torque) is off.");

@@ -106,7 +106,8 @@ TEST_F(TableFormsTest, CommentsBeginWithTheMapsCharacters) {
   ExpectRemedy(kMap, "# t,a,b\n" + kRows, "table: {header: comment}");
   ExpectRemedy(kMap, "% lab 3\n%t a b\n0 1.5 2\n0.01 1.25 -3\n0.02 0.5 1e-3\n",
                "table: {header: comment, comment: '%'}");
-  EXPECT_THAT(Refusal("table: {header: comment}\n" + kMap, "t,a,b\n" + kRows), HasSubstr("no comment before"));
+  EXPECT_THAT(Refusal("table: {header: comment}\n" + kMap, "t,a,b\n" + kRows),
+              HasSubstr("no comment before"));
   EXPECT_THAT(Refusal("table: {comment: ab}\n" + kMap, kRows), HasSubstr("'ab' cannot begin a comment"));
   EXPECT_THAT(Refusal("table: {comment: ';', delimiter: semicolon}\n" + kMap, kRows),
               HasSubstr("other than the delimiter"));
@@ -161,8 +162,9 @@ TEST_F(TableFormsTest, TimesMayBeDates) {
       HasSubstr("table.csv:3: column t: '2024-05-01 12:00:01' is not a time; accepted: an offset from UTC"));
   for (const char* wrong : {"2023-02-29 12:00:00", "05/01/2024 12:00:00", "2024-05-01 24:30:00", "12.5",
                             "2024-05-01", "2024-05-01 12:00:00.", "2024-05-01 12:00:00 CET"}) {
-    EXPECT_THAT(Refusal(map, table("2024-02-28 12:00:00", wrong, "2024-05-01 12:00:02")),
-                HasSubstr(fmt::format("table.csv:3: column t: '{}' is not a time; accepted: such as", wrong)));
+    EXPECT_THAT(
+        Refusal(map, table("2024-02-28 12:00:00", wrong, "2024-05-01 12:00:02")),
+        HasSubstr(fmt::format("table.csv:3: column t: '{}' is not a time; accepted: such as", wrong)));
   }
 }
 
