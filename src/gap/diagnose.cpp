@@ -618,7 +618,7 @@ Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
         parts[0].Name(), parts[1].Name(), sim::CutName(*judgement.hidden_at));
   }
   d.sentence =
-      judgement.unrepeated ? Unrepeated(*d.repeatability) : First(d) + Sentence(d, set.robot, hiding);
+      judgement.unrepeated ? Unrepeated(*d.repeatability) : Preface(d) + Sentence(d, set.robot, hiding);
   if (d.repeatability && !judgement.unrepeated) d.sentence += UnrepeatedRemark(*d.repeatability);
   if (!d.repeatability && evaluator.repetitions_differ() > 0) {
     d.sentence += fmt::format(

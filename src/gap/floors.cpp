@@ -187,7 +187,7 @@ void Evaluator::FindWhiteNoise() {
       switch (channel.quantity) {
         case Quantity::kTorque: {
           Eigen::VectorXd torque_Nm = run.signals.torque_actual_Nm.col(channel.index);
-          run.TakeOut(run.torque_holes, channel.index, torque_Nm);
+          run.TakeOut(run.torque_dropouts, channel.index, torque_Nm);
           if (const double n = WhiteNoise(torque_Nm); n > 0) noise.push_back(n);
           break;
         }
@@ -532,9 +532,9 @@ double Evaluator::Unrepeated(int channel, int& returns) const {
   for (int i = 0; i < static_cast<int>(runs_.size()); ++i) {
     if (!runs_[i].signals.at_rest) continue;
     for (int w = 0; w < nominal_residuals_[i][channel].size(); ++w) {
-      const auto unseen = [&](const Hole& hole) { return hole.from <= w && w < hole.to; };
-      const auto& holes = motors ? runs_[i].motor_holes : runs_[i].cell_holes;
-      if (std::isfinite(variance_[i][channel][w]) && std::none_of(holes.begin(), holes.end(), unseen))
+      const auto unseen = [&](const Dropout& dropout) { return dropout.from <= w && w < dropout.to; };
+      const auto& dropouts = motors ? runs_[i].motor_dropouts : runs_[i].cell_dropouts;
+      if (std::isfinite(variance_[i][channel][w]) && std::none_of(dropouts.begin(), dropouts.end(), unseen))
         states.push_back({i, w});
     }
   }

@@ -303,16 +303,16 @@ class Checkup {
       for (Eigen::Index j = 0; j < std::min<Eigen::Index>(m.cols(), Tendons()); ++j) {
         const auto& tendon = robot_.actuation->tendons[static_cast<std::size_t>(j)];
         const double step = Quantum(m.col(j));
-        const double wanted = expected(tendon);
-        if (!(step > 0) || !(wanted > 0)) continue;
-        const double ratio = step / wanted;
+        const double by_file = expected(tendon);
+        if (!(step > 0) || !(by_file > 0)) continue;
+        const double ratio = step / by_file;
         if (std::abs(ratio - 1) < 0.02) continue;
         // Values that differ only by several steps are coarser than the file says, not in another unit.
         Add(ratio < 0.98 && kind.matrix == &Run::motor_position_rad ? Severity::kWarning : Severity::kInfo,
             ChannelOf(kind, j), step,
             fmt::format("comes in steps of {:.6g} {}, but {:.6g} by the robot file ({:.4g} times); {} may be "
                         "another robot's; check it",
-                        step, kind.unit, wanted, ratio, key));
+                        step, kind.unit, by_file, ratio, key));
       }
     };
     check(

@@ -238,11 +238,11 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
 
 std::vector<Mistake> AllMistakes(const DataSet& set, Measured measured) {
   std::vector<Mistake> all = MistakesOfReading(set, measured);
-  const Eigen::Vector3d told = set.robot.body.gravity_W_mps2;
+  const Eigen::Vector3d in_file_mps2 = set.robot.body.gravity_W_mps2;
   for (int a = 0; a < 3; ++a) {
     for (const int sign : {1, -1}) {
-      const Eigen::Vector3d gravity = sign * told.norm() * Eigen::Vector3d::Unit(a);
-      if ((gravity - told).norm() <= 0.01 * told.norm()) continue;
+      const Eigen::Vector3d gravity = sign * in_file_mps2.norm() * Eigen::Vector3d::Unit(a);
+      if ((gravity - in_file_mps2).norm() <= 0.01 * in_file_mps2.norm()) continue;
       all.push_back({.with = fmt::format("gravity along {}{} of the base (gravity_W_mps2 in the robot file)",
                                          sign < 0 ? "-" : "+", kAxes[a]),
                      .in_file = [gravity](RobotParameters& robot) { robot.body.gravity_W_mps2 = gravity; }});

@@ -94,7 +94,7 @@ bool Quantised(const Eigen::VectorXd& angle, double count) {
 }
 
 /// Whole counts for interpolated samples as well (`read`: samples with a reading).
-void CountThroughHoles(Eigen::Ref<Eigen::VectorXd> angle, const std::vector<char>& read, double count) {
+void CountThroughDropouts(Eigen::Ref<Eigen::VectorXd> angle, const std::vector<char>& read, double count) {
   for (Eigen::Index i = 1; i < angle.size(); ++i) {
     if (read[static_cast<std::size_t>(i)]) continue;
     angle[i] = angle[i - 1] + count * std::round((angle[i] - angle[i - 1]) / count);
@@ -329,8 +329,8 @@ class WithinSteps {
 
 /// Gaps of column j longer than interpolation bridges: everywhere for a sensor that is always slower, or has
 /// hardly any readings. `at`: grid sample of each row.
-void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int samples, double step_s,
-               bool at_rest, int j, std::vector<Hole>& holes) {
+void FindDropouts(const Eigen::MatrixXd& values, const std::vector<int>& at, int samples, double step_s,
+                  bool at_rest, int j, std::vector<Dropout>& dropouts) {
   constexpr std::size_t kHardlyEver = 5;  // readings
   std::vector<double> steps_s;
   std::vector<int> there;
@@ -341,12 +341,12 @@ void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int sa
     there.push_back(i);
   }
   if (there.size() < kHardlyEver) {
-    holes.push_back({j, 0, samples});
+    dropouts.push_back({j, 0, samples});
     return;
   }
   const double own_s = at_rest ? 0 : Median(std::move(steps_s));
   if (own_s > kBridged_s + 1e-9) {
-    holes.push_back({j, 0, samples});
+    dropouts.push_back({j, 0, samples});
     return;
   }
   const double bridged_s = std::max(kBridged_s, kOwnSteps * own_s);
@@ -354,10 +354,10 @@ void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int sa
   for (const int i : there) {
     const int from = last < 0 ? 0 : at[last] + 1;
     // Dropped rows do not count as sensor dropouts.
-    if (i - last > 1 && (at[i] - from) * step_s > bridged_s) holes.push_back({j, from, at[i]});
+    if (i - last > 1 && (at[i] - from) * step_s > bridged_s) dropouts.push_back({j, from, at[i]});
     last = i;
   }
-  if ((samples - at[last] - 1) * step_s > bridged_s) holes.push_back({j, at[last] + 1, samples});
+  if ((samples - at[last] - 1) * step_s > bridged_s) dropouts.push_back({j, at[last] + 1, samples});
 }
 
 /// Shape signals of the rows at samples `at`. Bending adds nothing to a tip pose from the same sensor.
@@ -544,22 +544,23 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
       for (int i = 0; i < samples; ++i) {
         if (!out.valid[i]) out.cell_N(i, j) = NAN;
       }
-      FindHoles(run.tension_N, at, samples, step_s, at_rest, j, out.cell_holes);
+      FindDropouts(run.tension_N, at, samples, step_s, at_rest, j, out.cell_dropouts);
     }
-    for (const Hole& hole : out.cell_holes) {
-      out.cell_N.col(hole.tendon).segment(hole.from, hole.size()).setConstant(NAN);
-      if (hole.size() == samples) s.tension_N.col(hole.tendon).setZero();
+    for (const Dropout& dropout : out.cell_dropouts) {
+      out.cell_N.col(dropout.tendon).segment(dropout.from, dropout.size()).setConstant(NAN);
+      if (dropout.size() == samples) s.tension_N.col(dropout.tendon).setZero();
     }
   }
-  const auto known = [&](const Eigen::MatrixXd& values, Eigen::MatrixXd& grid, std::vector<Hole>& holes) {
+  const auto known = [&](const Eigen::MatrixXd& values, Eigen::MatrixXd& grid,
+                         std::vector<Dropout>& dropouts) {
     if (values.cols() != tendons) return;
     for (int j = 0; j < tendons; ++j) {
-      FindHoles(values, at, samples, step_s, at_rest, j, holes);
+      FindDropouts(values, at, samples, step_s, at_rest, j, dropouts);
       if (!grid.col(j).allFinite()) grid.col(j).setZero();
     }
   };
-  known(run.torque_target_Nm, s.torque_target_Nm, out.target_holes);
-  known(run.torque_actual_Nm, s.torque_actual_Nm, out.torque_holes);
+  known(run.torque_target_Nm, s.torque_target_Nm, out.target_dropouts);
+  known(run.torque_actual_Nm, s.torque_actual_Nm, out.torque_dropouts);
   for (int j = 0; j < s.tension_N.cols(); ++j) {
     std::vector<int>& read = out.cell_read.emplace_back();
     if (Median(RowsApart(run.tension_N.col(j))) <= 1) continue;
@@ -627,23 +628,24 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
 
   const bool with_motors = run.motor_position_rad.cols() == tendons;
   if (!with_motors) {
-    for (int j = 0; j < tendons; ++j) out.motor_holes.push_back({j, 0, samples});
+    for (int j = 0; j < tendons; ++j) out.motor_dropouts.push_back({j, 0, samples});
     s.no_motor.assign(static_cast<std::size_t>(tendons), 1);
     out.sliding.setZero(samples, tendons);
     for (auto* motion : {&s.motor_angle_rad, &s.motor_velocity_radps, &s.motor_acceleration_radps2})
       motion->setZero(samples, tendons);
   } else {
     Eigen::MatrixXd reading = on_grid(run.motor_position_rad);
-    known(run.motor_position_rad, reading, out.motor_holes);
+    known(run.motor_position_rad, reading, out.motor_dropouts);
     if (run.zero_at_rest && robot.actuation) FindRest(robot, reading, out);
-    for (const Hole& hole : out.motor_holes) {
+    for (const Dropout& dropout : out.motor_dropouts) {
       s.no_motor.resize(static_cast<std::size_t>(tendons), 0);
-      if (hole.size() == samples) s.no_motor[static_cast<std::size_t>(hole.tendon)] = 1;
+      if (dropout.size() == samples) s.no_motor[static_cast<std::size_t>(dropout.tendon)] = 1;
     }
     Eigen::Matrix<char, -1, -1> both(samples, tendons);  // torque and motor
     for (int i = 0; i < samples; ++i) both.row(i).setConstant(out.valid[static_cast<std::size_t>(i)]);
-    for (const auto* holes : {&out.torque_holes, &out.motor_holes}) {
-      for (const Hole& hole : *holes) both.col(hole.tendon).segment(hole.from, hole.size()).setZero();
+    for (const auto* dropouts : {&out.torque_dropouts, &out.motor_dropouts}) {
+      for (const Dropout& dropout : *dropouts)
+        both.col(dropout.tendon).segment(dropout.from, dropout.size()).setZero();
     }
     out.sliding.setZero(samples, tendons);
     s.motor_angle_rad.resize(samples, tendons);
@@ -668,7 +670,7 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
           std::vector<char> read(static_cast<std::size_t>(samples), 0);
           for (int i = 0; i < rows; ++i)
             read[static_cast<std::size_t>(at[i])] = std::isfinite(run.motor_position_rad(i, j));
-          CountThroughHoles(angle, read, count);
+          CountThroughDropouts(angle, read, count);
         }
         angle = InsideCounts(angle, count, step_s, !run.zero_at_rest, seed ? &random : nullptr);
       }
@@ -702,10 +704,10 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
     if (!at_rest) MarkMoved(-1, from, to, out);
   }
   // Pulleys slide with a motor whose position is unknown for a while.
-  for (const Hole& hole : out.motor_holes) {
-    if (at_rest || hole.size() == samples) continue;
-    std::fill(out.driven.begin() + hole.from, out.driven.begin() + hole.to, char{0});
-    MarkMoved(hole.tendon, hole.from, hole.to, out);
+  for (const Dropout& dropout : out.motor_dropouts) {
+    if (at_rest || dropout.size() == samples) continue;
+    std::fill(out.driven.begin() + dropout.from, out.driven.begin() + dropout.to, char{0});
+    MarkMoved(dropout.tendon, dropout.from, dropout.to, out);
   }
 
   ReadTracker(run, robot, at, seed, random, out);

@@ -372,9 +372,9 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
     for (const Block& block : blocks) {
       std::vector<int> found;
       std::vector<std::string> missing;
-      for (const std::string& wanted : block.names) {
-        found.push_back(in_file.Find(wanted, where));
-        if (found.back() < 0) missing.push_back(wanted);
+      for (const std::string& column : block.names) {
+        found.push_back(in_file.Find(column, where));
+        if (found.back() < 0) missing.push_back(column);
       }
       if (missing.size() == block.names.size()) {
         found.clear();

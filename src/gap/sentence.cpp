@@ -10,8 +10,8 @@
 #include <string_view>
 #include <utility>
 
+#include "parameters_by_deviation.h"
 #include "tendril/gap/words.h"
-#include "told_parameters.h"
 
 namespace tendril::gap {
 
@@ -24,9 +24,9 @@ namespace {
 /// The size of a cause, and that of the same law in the robot file; shape parameters (a time constant, a
 /// direction) are only in the report.
 std::string ValueOf(const Cause& cause, const RobotParameters& robot) {
-  const auto told = ToldParameters(cause);
-  if (told.empty()) return "";
-  const auto& [name, estimate] = told.front();
+  const auto parameters = ParametersByDeviation(cause);
+  if (parameters.empty()) return "";
+  const auto& [name, estimate] = parameters.front();
   std::string value = ParameterWords(name, estimate, false);
   const auto law = sim::FindLaw(robot, {cause.effect, cause.where, {}});
   if (!law) return value;
@@ -97,7 +97,7 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
       if (!d.suspected.empty()) return where + ".";
       if (!hiding.empty())
         return fmt::format("{}, and no effect of the library explains it: {}.{}", where, hiding, next);
-      if (!d.doubt.empty()) return where + "." + next;  // First() says why
+      if (!d.doubt.empty()) return where + "." + next;  // Preface() says why
       const auto best = std::find_if(d.causes.begin(), d.causes.end(),
                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
       // Without a significant place, the sum over all places decided.
@@ -146,7 +146,7 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
   return "";
 }
 
-std::string First(const Diagnosis& d) {
+std::string Preface(const Diagnosis& d) {
   if (!d.suspected.empty()) {
     std::string numbers;
     for (const SuspectNumber& number : d.suspected) {
