@@ -2,8 +2,10 @@
 """Runs the shell blocks of a documentation page and compares what they print with what the page shows.
 
 A block to run is fenced ```{.sh .run}, ```{.sh .live} where it needs LCM (--kind live, under tests/tools/own_network.sh),
-or ```{.sh .vcan} where it needs a virtual CAN bus (--kind vcan, under tools/vcan-run); the block of class `output` that follows it shows its standard output. Blocks of one kind run in order in one fresh folder, with the programs of --bin first on PATH and the source tree in $TENDRIL. In an output
-block "..." matches anything: on a line of its own any number of lines, within a line any text. Spaces count as one.
+or ```{.sh .vcan} where it needs a virtual CAN bus (--kind vcan, under tools/vcan-run); the block of class `output` that
+follows it shows its standard output. Blocks of one kind run in order in one fresh folder, with the programs of --bin
+first on PATH and the source tree in $TENDRIL. In an output block "..." matches anything: on a line of its own any number
+of lines, within a line any text. Spaces count as one.
 Numbers must be equal unless the block says tolerance="5%".
 """
 import argparse
