@@ -1,5 +1,5 @@
-// How much of each sensor's noise the plant's integration error is: rms change over a turn of a circle when
-// the tolerance is halved. Prints one JSON object a line; tools/results makes the page's table from it.
+// Integration error of the plant in units of each sensor's noise: rms change over a turn of a circle when the
+// tolerance is halved. Prints one JSON object a line, from which tools/results makes a table.
 #include <cmath>
 #include <cstdio>
 #include <numbers>
@@ -25,7 +25,7 @@ struct Shares {
   double encoder = 0, cell = 0, tracker = 0;  // rms change over noise
 };
 
-/// Of one circle, followed `speed` times as fast, at `times` the default tolerances.
+/// For one circle at `speed` times its usual speed, with `times` the default tolerances.
 Shares HalfTheTolerance(const RobotParameters& robot, double speed, double times) {
   const test::CircleTorque circle(robot);
   sim::Plant plant(robot, Tolerances(times)), finer(robot, Tolerances(0.5 * times));

@@ -45,7 +45,7 @@ class Sim(unittest.TestCase):
 
     @contextlib.contextmanager
     def running(self, *options):
-        """A simulation that is told to stop at the end, and what it printed."""
+        """A simulation that is asked to stop at the end, and what it printed."""
         said = self.folder / "sim.txt"
         with open(said, "w", encoding="utf-8") as out:
             sim = subprocess.Popen([TENDRIL, "sim", *map(str, options)], stdout=out, stderr=subprocess.STDOUT)
@@ -100,7 +100,7 @@ class Sim(unittest.TestCase):
             until("a fault", lambda: state()["mode"] == "fault")
             tendril("send", "clear")
             until("cleared", lambda: state()["mode"] == "configured")
-            tendril("send", "arm")  # armed when it is told to stop
+            tendril("send", "arm")  # still armed when it is asked to stop
         self.assertIn("safe stop -> configured", said.read_text())
         self.assertNotIn("no heartbeat", said.read_text())
 
