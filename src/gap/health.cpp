@@ -605,9 +605,9 @@ class Checkup {
     if (!Fits(kMotor) || !Fits(kTip)) return;
     const auto shift = ClockShift(run_->time_s, Of(kMotor), Of(kTip));
     if (!shift) return;
-    const double told_s =
+    const double file_delay_s =
         set_.robot.actuation && set_.robot.actuation->tracker ? set_.robot.actuation->tracker->delay_s : 0;
-    const double unknown_s = shift->seconds - told_s;
+    const double unknown_s = shift->seconds - file_delay_s;
     // A damped body lags its tensions by about its damping over its stiffness, which grows with its size.
     double own_s = 0;
     for (const SectionParameters& s : set_.robot.body.sections)
