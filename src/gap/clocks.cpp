@@ -41,7 +41,7 @@ Late LateOf(const PreparedRun& run, const sim::BodyMotion& motion) {
 }  // namespace
 
 TrackerClocks CompareClocks(const std::vector<PreparedRun>& runs, const std::vector<sim::BodyMotion>& motions,
-                            double told_s) {
+                            double file_delay_s) {
   std::vector<Late> late;
   for (std::size_t i = 0; i < runs.size(); ++i) late.push_back(LateOf(runs[i], motions[i]));
   const auto alike = [&](std::size_t i, double correlation) {
@@ -51,7 +51,7 @@ TrackerClocks CompareClocks(const std::vector<PreparedRun>& runs, const std::vec
   int before = 0, unlike_original = 0;
   std::vector<double> the_same_s;
   for (std::size_t i = 0; i < runs.size(); ++i) {
-    before += late[i].motors && late[i].motors->seconds < told_s - kBefore_s;
+    before += late[i].motors && late[i].motors->seconds < file_delay_s - kBefore_s;
     if (alike(i, kTheSame)) the_same_s.push_back(late[i].model->seconds);
     if (!alike(i, kAlike)) continue;
     for (std::size_t k = 0; k < runs.size(); ++k) {
@@ -74,8 +74,9 @@ TrackerClocks CompareClocks(const std::vector<PreparedRun>& runs, const std::vec
   const double usual_lag_s = Median(lag_s);
   for (std::size_t i = 0; i < runs.size(); ++i) {
     if (!late[i].model && !late[i].motors) continue;
-    found.late_s[i] = alike(i, kAlike) || !late[i].motors ? late[i].model->seconds
-                                                          : late[i].motors->seconds - told_s - usual_lag_s;
+    found.late_s[i] = alike(i, kAlike) || !late[i].motors
+                          ? late[i].model->seconds
+                          : late[i].motors->seconds - file_delay_s - usual_lag_s;
     moved_s.push_back(-found.late_s[i]);
   }
   const auto [least, most] = std::minmax_element(moved_s.begin(), moved_s.end());

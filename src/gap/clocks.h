@@ -15,11 +15,11 @@ struct TrackerClocks {
 };
 
 /// Compares each run with the motion that the nominal robot makes of its tensions (`motions`, as reported:
-/// with the delay `told_s` that the robot file gives the tracker). A delay shared by all runs may belong to
-/// the robot or the tracker and is left to the search. The clocks differ where no robot can be the reason:
-/// the tip moves before the motors, a repetition has another delay than its original, or runs differ in their
-/// delay and in nothing else.
+/// with the delay `file_delay_s` that the robot file gives the tracker). A delay shared by all runs may
+/// belong to the robot or the tracker and is left to the search. The clocks differ where no robot can be the
+/// reason: the tip moves before the motors, a repetition has another delay than its original, or runs differ
+/// in their delay and in nothing else.
 TrackerClocks CompareClocks(const std::vector<PreparedRun>& runs, const std::vector<sim::BodyMotion>& motions,
-                            double told_s);
+                            double file_delay_s);
 
 }  // namespace tendril::gap

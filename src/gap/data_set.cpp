@@ -86,8 +86,8 @@ std::string Text(const YAML::Node& entry, const char* key) {
 }
 
 /// Keys that have no meaning here, perhaps typing errors.
-void NoteUnknown(const YAML::Node& map, const std::vector<std::string_view>& known,
-                 const std::string& where, std::vector<std::string>& notes) {
+void NoteUnknown(const YAML::Node& map, const std::vector<std::string_view>& known, const std::string& where,
+                 std::vector<std::string>& notes) {
   std::string unknown;
   for (const auto& pair : map) {
     const std::string key = pair.first.IsScalar() ? pair.first.Scalar() : "?";
@@ -201,12 +201,12 @@ std::vector<Run> ReadAny(const fs::path& file, const RobotOfSet& robot, std::vec
 }
 
 /// Everything in a run that depends on the declared place of its load cells.
-void SettleCell(Run& run, std::optional<LoadCellPlace> told) {
-  if (told) run.load_cell = *told;
+void SettleCell(Run& run, std::optional<LoadCellPlace> declared) {
+  if (declared) run.load_cell = *declared;
   if (run.tension_N.cols() == 0) {
     run.load_cell = LoadCellPlace::kNone;
   } else if (run.load_cell == LoadCellPlace::kNone) {
-    if (told) {
+    if (declared) {
       run.notes.push_back("load_cell is none: its tension columns are not used");
       run.tension_N.resize(run.time_s.size(), 0);
     } else {
@@ -308,9 +308,9 @@ void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, cons
 void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::string>& notes) {
   std::set<std::string> taken;
   for (std::size_t i = 0; i < from; ++i) taken.insert(runs[i].name);
-  std::map<std::string, std::string> root;  // by the names that runs.yaml may use for a run
-  std::map<std::string, std::string> told;
-  const auto told_before = [&](const std::string& name) {
+  std::map<std::string, std::string> root;      // by the names that runs.yaml may use for a run
+  std::map<std::string, std::string> declared;  // repeat_of by run, as in runs.yaml
+  const auto before_of = [&](const std::string& name) {
     const auto run = std::find_if(runs.begin() + static_cast<std::ptrdiff_t>(from), runs.end(),
                                   [&](const Run& r) { return r.name == name; });
     return run->before;
@@ -319,13 +319,13 @@ void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::stri
     const std::string plain = runs[i].name;
     for (int n = 2; !taken.insert(runs[i].name).second; ++n) runs[i].name = fmt::format("{}#{}", plain, n);
     root.emplace(plain, runs[i].name);
-    told.emplace(runs[i].name, runs[i].repeat_of);
+    declared.emplace(runs[i].name, runs[i].repeat_of);
   }
   for (std::size_t i = from; i < runs.size(); ++i) {
     Run& run = runs[i];
     if (run.before.empty()) continue;
     const auto found = root.find(run.before);
-    if (found == root.end() || found->second == run.name || !told_before(found->second).empty()) {
+    if (found == root.end() || found->second == run.name || !before_of(found->second).empty()) {
       notes.push_back(
           fmt::format("run {}: before: '{}' is {}; the run is compared with the model alone; accepted: "
                       "another run of runs.yaml that has no 'before' itself",
@@ -350,7 +350,7 @@ void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::stri
         circle = true;
         break;
       }
-      original = told[at];
+      original = declared[at];
     }
     if (circle) {
       notes.push_back(

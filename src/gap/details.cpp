@@ -27,22 +27,22 @@ struct Condition {
 };
 
 /// Column j, NaN without a reading.
-Eigen::VectorXd Column(const PreparedRun& run, const Eigen::MatrixXd& matrix, const std::vector<Hole>& holes,
-                       int j) {
+Eigen::VectorXd Column(const PreparedRun& run, const Eigen::MatrixXd& matrix,
+                       const std::vector<Dropout>& dropouts, int j) {
   if (j >= matrix.cols()) return {};
   Eigen::VectorXd column = matrix.col(j);
-  run.TakeOut(holes, j, column);
+  run.TakeOut(dropouts, j, column);
   return column;
 }
 
 Eigen::VectorXd Speed(const PreparedRun& run, int j) {
-  return Column(run, run.signals.motor_velocity_radps, run.motor_holes, j);
+  return Column(run, run.signals.motor_velocity_radps, run.motor_dropouts, j);
 }
 Eigen::VectorXd Tension(const PreparedRun& run, int j) {
-  return Column(run, run.signals.tension_N, run.cell_holes, j);
+  return Column(run, run.signals.tension_N, run.cell_dropouts, j);
 }
 Eigen::VectorXd Angle(const PreparedRun& run, int j) {
-  return Column(run, run.signals.motor_angle_rad, run.motor_holes, j);
+  return Column(run, run.signals.motor_angle_rad, run.motor_dropouts, j);
 }
 Eigen::VectorXd Time(const PreparedRun& run, int) {
   return Eigen::VectorXd::LinSpaced(run.samples(), 0, (run.samples() - 1) * run.signals.step_s);

@@ -383,263 +383,343 @@ class MeasurementCheck {
   std::optional<std::pair<DataSet, std::vector<std::string>>> before_leaving_out_;
 };
 
-}  // namespace
+/// The steps of one diagnosis, in order, and what they share.
+class Diagnosing {
+ public:
+  Diagnosing(const DataSet& given, const DiagnoseOptions& options)
+      : given_(given),
+        options_(options),
+        threads_(options.threads > 0 ? options.threads : AllCores()),
+        evaluation_{threads_, options.delta_N, options.delta_m, options.seed},
+        set_(given) {}
 
-Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
-  const auto progress = [&](const std::string& stage, double fraction) {
-    if (options.progress) options.progress(stage, fraction);
-  };
-  const int threads = options.threads > 0 ? options.threads : AllCores();
-  Diagnosis d;
-  DataSet set = given;
-  // The robot file's own list of effects is part of the model; changing it again would list an effect twice.
-  set.robot = sim::FoldEffects(given.robot);
-  RequireTendons(set);
-  LeaveOutShortRuns(set, d);
-  const auto said = [&](const std::vector<std::string>& lines) {
-    d.degradations.insert(d.degradations.end(), lines.begin(), lines.end());
-  };
-  said(LeaveOutOtherTimeUnits(set));
-  FillMissing(set);
-  said(KeepOwnReadings(set));
-  said(MaskImplausible(set));
-  progress("aligning the logs and finding the noise floor", 0);
-  RefuseOtherTime(set);
-  d.robot_name = set.robot.name;
-  d.robot_yaml = config::ToYaml(given.robot);
-  d.seed = options.seed;
-  d.version = Version();
-  d.revision = GitRevision();
-
-  MeasurementCheck measuring(set, d, options, threads, Compared(given));
-  Evaluator evaluator = measuring.PrepareComparable();
-  std::map<std::string, std::string> before_sha256;
-  for (const Run& run : set.runs) before_sha256.emplace(run.before, "");
-  std::erase_if(set.runs, [&](const Run& run) {
-    const auto named = before_sha256.find(run.name);
-    if (named == before_sha256.end()) return false;
-    named->second = run.sha256;
-    return true;
-  });
-  said(evaluator.degradations());
-  std::stable_partition(d.degradations.begin(), d.degradations.end(),
-                        [](const std::string& line) { return line.starts_with("left out: "); });
-  for (std::size_t i = 0; i < set.runs.size(); ++i) {
-    const auto& run = set.runs[i];
-    const auto& prepared = evaluator.runs()[i];
-    d.runs.push_back({run.name, run.family, run.repeat_of, run.sha256,
-                      prepared.samples() * prepared.signals.step_s, 1 / prepared.signals.step_s,
-                      static_cast<int>(run.time_s.size()), run.before, before_sha256[run.before]});
-  }
-  const auto locate = [&] {
-    d.delta_N = d.delta_m = 0;
-    for (const auto& channel : evaluator.channels()) {
-      if (channel.quantity == Channel::Quantity::kTension) d.delta_N = std::max(d.delta_N, channel.delta);
-      if (channel.quantity == Channel::Quantity::kTipPosition) d.delta_m = std::max(d.delta_m, channel.delta);
+  Diagnosis Result() {
+    PrepareSet();
+    MeasurementCheck measuring(set_, d_, options_, threads_, Compared(given_));
+    evaluator_.emplace(measuring.PrepareComparable());
+    ListRuns();
+    LocateGap();
+    // For a change since earlier runs, errors of the robot file cancel.
+    const auto beyond = Compared(set_) ? std::nullopt : FindPathBeyondReach(set_);
+    if (beyond) {
+      NameNoCause(d_, *beyond, set_.robot);
+      MarkFirst(d_, Place());
+      AddDetails(*evaluator_, nullptr, evaluator_->AtNominal(), options_.seed, d_);
+      return std::move(d_);
     }
-    d.location = Locate(evaluator, evaluator.AtNominal(), kGapDiscoveries);
-  };
-  locate();
-  // For a change since earlier runs, errors of the robot file cancel.
-  const auto beyond = Compared(set) ? std::nullopt : FindPathBeyondReach(set);
-  if (beyond) {
-    NameNoCause(d, *beyond, set.robot);
-    MarkFirst(d, evaluator.runs().front().signals.load_cell);
-    AddDetails(evaluator, nullptr, evaluator.AtNominal(), options.seed, d);
-    return d;
+    SearchCauses();
+    TakeRepeatabilityOfCause();
+    TakeFloorOfCause();
+    JudgeCauses();
+    ReportUnseenEffects();
+    RejectIfModelWasWrongBefore();
+    MeasureClosure();
+    PlanNextExperiment();
+    LookForMistake();
+    ComposeSentence(measuring.missed());
+    return std::move(d_);
   }
 
-  const Folds folds = MakeFolds(evaluator.runs());
-  d.held_out_families = folds.names;
-  d.held_out_by = folds.by;
-  std::string stage = "screening every effect";
-  const auto in_stage = [&](double fraction) { progress(stage, fraction); };
-  const std::vector<Probe> probes = MakeProbes(evaluator, options.without, threads, in_stage);
-  stage = "searching for the cause";
-  SearchOptions search_options{threads, options.refits, in_stage, {}};
-  const auto search_in = [&](const Evaluator& those) {
-    SearchOptions its_options = search_options;
-    its_options.explained = [&](const Residuals& residuals) {
+ private:
+  void Progress(const std::string& stage, double fraction) const {
+    if (options_.progress) options_.progress(stage, fraction);
+  }
+  /// Progress within stage_.
+  std::function<void(double)> InStage() {
+    return [this](double fraction) { Progress(stage_, fraction); };
+  }
+  void Say(const std::vector<std::string>& lines) {
+    d_.degradations.insert(d_.degradations.end(), lines.begin(), lines.end());
+  }
+  LoadCellPlace Place() const { return evaluator_->runs().front().signals.load_cell; }
+
+  void PrepareSet() {
+    // The robot file's own list of effects is part of the model; changing it again would list an effect
+    // twice.
+    set_.robot = sim::FoldEffects(given_.robot);
+    RequireTendons(set_);
+    LeaveOutShortRuns(set_, d_);
+    Say(LeaveOutOtherTimeUnits(set_));
+    FillMissing(set_);
+    Say(KeepOwnReadings(set_));
+    Say(MaskImplausible(set_));
+    Progress("aligning the logs and finding the noise floor", 0);
+    RefuseOtherTime(set_);
+    d_.robot_name = set_.robot.name;
+    d_.robot_yaml = config::ToYaml(given_.robot);
+    d_.seed = options_.seed;
+    d_.version = Version();
+    d_.revision = GitRevision();
+  }
+
+  /// Takes the runs from before a change out of the set and lists the others.
+  void ListRuns() {
+    std::map<std::string, std::string> before_sha256;
+    for (const Run& run : set_.runs) before_sha256.emplace(run.before, "");
+    std::erase_if(set_.runs, [&](const Run& run) {
+      const auto named = before_sha256.find(run.name);
+      if (named == before_sha256.end()) return false;
+      named->second = run.sha256;
+      return true;
+    });
+    Say(evaluator_->degradations());
+    std::stable_partition(d_.degradations.begin(), d_.degradations.end(),
+                          [](const std::string& line) { return line.starts_with("left out: "); });
+    for (std::size_t i = 0; i < set_.runs.size(); ++i) {
+      const auto& run = set_.runs[i];
+      const auto& prepared = evaluator_->runs()[i];
+      d_.runs.push_back({run.name, run.family, run.repeat_of, run.sha256,
+                         prepared.samples() * prepared.signals.step_s, 1 / prepared.signals.step_s,
+                         static_cast<int>(run.time_s.size()), run.before, before_sha256[run.before]});
+    }
+  }
+
+  void LocateGap() {
+    d_.delta_N = d_.delta_m = 0;
+    for (const auto& channel : evaluator_->channels()) {
+      if (channel.quantity == Channel::Quantity::kTension) d_.delta_N = std::max(d_.delta_N, channel.delta);
+      if (channel.quantity == Channel::Quantity::kTipPosition)
+        d_.delta_m = std::max(d_.delta_m, channel.delta);
+    }
+    d_.location = Locate(*evaluator_, evaluator_->AtNominal(), kGapDiscoveries);
+  }
+
+  void SearchCauses() {
+    folds_ = MakeFolds(evaluator_->runs());
+    d_.held_out_families = folds_.names;
+    d_.held_out_by = folds_.by;
+    stage_ = "screening every effect";
+    probes_ = MakeProbes(*evaluator_, options_.without, threads_, InStage());
+    stage_ = "searching for the cause";
+    search_ = SearchIn(*evaluator_);
+  }
+
+  SearchResult SearchIn(const Evaluator& those) {
+    SearchOptions options{threads_, options_.refits, InStage(), {}};
+    options.explained = [&](const Residuals& residuals) {
       for (const auto& f : Locate(those, residuals, kLeftDiscoveries)) {
         if (f.excess && f.cut != sim::Cut::kClock && f.excess_sigma > 0.15) return false;
       }
       return true;
     };
-    return Search(those, folds, its_options, probes);
-  };
-  SearchResult search = search_in(evaluator);
-  const Evaluator::Options evaluation{threads, options.delta_N, options.delta_m, options.seed};
-  // The floor may be raised only for the cause that raises it.
-  const auto search_again = [&](const Evaluator& those, const Model& cause) -> std::optional<SearchResult> {
-    SearchResult again = search_in(those);
-    return ContainsCause(again, cause) ? std::optional(std::move(again)) : std::nullopt;
-  };
-  if (MayHideCause(evaluator) && !Compared(set)) {
-    stage = "searching for what makes repetitions differ";
-    auto narrow = WithRepeatabilityOfCause(evaluator, set, MayNotRepeat(search), evaluation);
-    if (!narrow && evaluator.repetitions_differ() > 0) {
-      // Differences between repetitions may hide small causes, and also the large one that makes them.
-      const Evaluator repeated = AsThoughRepeated(set, evaluation);
-      narrow = WithRepeatabilityOfCause(evaluator, set, MayNotRepeat(search_in(repeated)), evaluation);
-    }
-    stage = "searching again with the repeatability of the cause";
-    std::optional<SearchResult> again;
-    if (narrow) again = search_again(narrow->evaluator, narrow->cause);
-    if (again) {
-      for (const auto& line : evaluator.degradations()) std::erase(d.degradations, line);
-      evaluator = std::move(narrow->evaluator);
-      search = std::move(*again);
-      locate();
-      d.degradations.push_back(
-          fmt::format("repetitions differ by {:.2g} times the sensor noise, mostly as {} makes them differ; "
-                      "only the rest counts as noise floor",
-                      narrow->differed, narrow->cause.Name()));
-      said(evaluator.degradations());
-    }
+    return Search(those, folds_, options, probes_);
   }
-  std::optional<Candidate> widened_by;
-  if (auto wide = WithFloorOfCause(evaluator, set, search, evaluation)) {
-    stage = "searching again with the floor of the cause";
-    auto again = search_again(*wide, search.fits.front().model);
+
+  /// Empty where another cause is found: the floor may be raised only for the cause that raises it.
+  std::optional<SearchResult> SearchAgain(const Evaluator& those, const Model& cause) {
+    SearchResult again = SearchIn(those);
+    return ContainsCause(again, cause) ? std::optional(std::move(again)) : std::nullopt;
+  }
+
+  void TakeRepeatabilityOfCause() {
+    if (!MayHideCause(*evaluator_) || Compared(set_)) return;
+    stage_ = "searching for what makes repetitions differ";
+    auto narrow = WithRepeatabilityOfCause(*evaluator_, set_, MayNotRepeat(search_), evaluation_);
+    if (!narrow && evaluator_->repetitions_differ() > 0) {
+      // Differences between repetitions may hide small causes, and also the large one that makes them.
+      const Evaluator repeated = AsThoughRepeated(set_, evaluation_);
+      narrow = WithRepeatabilityOfCause(*evaluator_, set_, MayNotRepeat(SearchIn(repeated)), evaluation_);
+    }
+    stage_ = "searching again with the repeatability of the cause";
+    std::optional<SearchResult> again;
+    if (narrow) again = SearchAgain(narrow->evaluator, narrow->cause);
+    if (!again) return;
+    for (const auto& line : evaluator_->degradations()) std::erase(d_.degradations, line);
+    *evaluator_ = std::move(narrow->evaluator);
+    search_ = std::move(*again);
+    LocateGap();
+    d_.degradations.push_back(
+        fmt::format("repetitions differ by {:.2g} times the sensor noise, mostly as {} makes them differ; "
+                    "only the rest counts as noise floor",
+                    narrow->differed, narrow->cause.Name()));
+    Say(evaluator_->degradations());
+  }
+
+  void TakeFloorOfCause() {
+    auto wide = WithFloorOfCause(*evaluator_, set_, search_, evaluation_);
+    if (!wide) return;
+    stage_ = "searching again with the floor of the cause";
+    auto again = SearchAgain(*wide, search_.fits.front().model);
     // Unless no gap would be left to close.
     if (again && PooledClosure(*wide, wide->AtNominal(), wide->AtNominal(),
-                               ChannelsWithGap(*wide, d.location), options.seed)) {
-      widened_by = again->fits.front().model.parts.front();
-      evaluator = std::move(*wide);
-      search = std::move(*again);
+                               ChannelsWithGap(*wide, d_.location), options_.seed)) {
+      widened_by_ = again->fits.front().model.parts.front();
+      *evaluator_ = std::move(*wide);
+      search_ = std::move(*again);
     }
   }
-  progress("judging", 0);
-  SubtractNoiseGain(evaluator, set, evaluation, search);
-  const auto fit_numbers = [&]() -> std::vector<NumberFit> {
-    if (Compared(set)) return {};  // errors of the file were present before the change as well
-    constexpr int kRefined = 6;
-    stage = "fitting the numbers of the robot file";
-    return FitNumbers(evaluator, search.leftover, search.nuisances, folds, kRefined, threads, in_stage);
-  };
-  Judgement judgement = Judge(evaluator, search, d.location, options.seed, fit_numbers);
-  d.verdict = judgement.verdict;
-  d.causes = judgement.causes;
-  d.accepted = judgement.accepted;
-  d.confusable = judgement.confusable;
-  d.leftover_sigma = judgement.leftover_sigma;
-  d.suspected = judgement.suspected;
-  d.doubt = judgement.doubt;
-  d.repeatability = evaluator.repeatability();
-  if (widened_by && d.verdict != Verdict::kNoGap) {
-    d.degradations.push_back(fmt::format(
-        "{} amplifies the sensor noise more than the nominal robot does; the noise floor includes this",
-        widened_by->Name()));
-  }
-  d.baselines = Baselines(evaluator, search);
 
-  // Effects that these runs could not show, however large.
-  const std::vector<std::string> unseen = Unseen(evaluator, search);
-  if (!unseen.empty()) {
-    std::string names;
-    for (const auto& name : unseen) names += (names.empty() ? "" : ", ") + name;
-    d.degradations.push_back("not excited enough to be seen even when clearly wrong: " + names);
+  void JudgeCauses() {
+    Progress("judging", 0);
+    SubtractNoiseGain(*evaluator_, set_, evaluation_, search_);
+    const auto fit_numbers = [&]() -> std::vector<NumberFit> {
+      if (Compared(set_)) return {};  // errors of the file were present before the change as well
+      constexpr int kRefined = 6;
+      stage_ = "fitting the numbers of the robot file";
+      return FitNumbers(*evaluator_, search_.leftover, search_.nuisances, folds_, kRefined, threads_,
+                        InStage());
+    };
+    judgement_ = Judge(*evaluator_, search_, d_.location, options_.seed, fit_numbers);
+    d_.verdict = judgement_.verdict;
+    d_.causes = judgement_.causes;
+    d_.accepted = judgement_.accepted;
+    d_.confusable = judgement_.confusable;
+    d_.leftover_sigma = judgement_.leftover_sigma;
+    d_.suspected = judgement_.suspected;
+    d_.doubt = judgement_.doubt;
+    d_.repeatability = evaluator_->repeatability();
+    if (widened_by_ && d_.verdict != Verdict::kNoGap) {
+      d_.degradations.push_back(fmt::format(
+          "{} amplifies the sensor noise more than the nominal robot does; the noise floor includes this",
+          widened_by_->Name()));
+    }
+    d_.baselines = Baselines(*evaluator_, search_);
   }
-  const bool far_off =
-      std::any_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.uncertain(); });
-  if (d.verdict == Verdict::kNoGap && (far_off || 2 * unseen.size() > SearchedEffects(search)))
-    d.verdict = Verdict::kInsufficientData;
 
-  const bool distrusted = evaluator.useless() && d.verdict != Verdict::kNoGap;
-  if (distrusted) {
-    d.verdict = Verdict::kInsufficientData;
-    d.accepted.clear();
-    d.degradations.push_back(fmt::format(
+  /// Effects that these runs could not show, however large.
+  void ReportUnseenEffects() {
+    const std::vector<std::string> unseen = Unseen(*evaluator_, search_);
+    if (!unseen.empty()) {
+      std::string names;
+      for (const auto& name : unseen) names += (names.empty() ? "" : ", ") + name;
+      d_.degradations.push_back("not excited enough to be seen even when clearly wrong: " + names);
+    }
+    const bool far_off = std::any_of(d_.location.begin(), d_.location.end(),
+                                     [](const CutFinding& f) { return f.uncertain(); });
+    if (d_.verdict == Verdict::kNoGap && (far_off || 2 * unseen.size() > SearchedEffects(search_)))
+      d_.verdict = Verdict::kInsufficientData;
+  }
+
+  void RejectIfModelWasWrongBefore() {
+    distrusted_ = evaluator_->useless() && d_.verdict != Verdict::kNoGap;
+    if (!distrusted_) return;
+    d_.verdict = Verdict::kInsufficientData;
+    d_.accepted.clear();
+    d_.degradations.push_back(fmt::format(
         "the model error was {} of the motion before the change already, so no cause is named; diagnose the "
         "runs from before on their own, apply the result to the robot file (gap apply), then compare",
-        Percent(evaluator.wrong_before())));
+        Percent(evaluator_->wrong_before())));
   }
 
-  const Residuals& before = evaluator.AtNominal();
-  const Fit* shown = judgement.best;
-  if (shown == nullptr && d.verdict == Verdict::kUnexplained && !judgement.unrepeated)
-    shown = judgement.nearest;
-  const std::vector<char> with_gap = ChannelsWithGap(evaluator, d.location);
-  Residuals after = before;
-  if (shown != nullptr) {
-    after = Completed(shown->held_out, before);
-    d.closed = PooledClosure(evaluator, before, after, with_gap, options.seed);
+  void MeasureClosure() {
+    const Residuals& before = evaluator_->AtNominal();
+    const Fit* shown = judgement_.best;
+    if (shown == nullptr && d_.verdict == Verdict::kUnexplained && !judgement_.unrepeated)
+      shown = judgement_.nearest;
+    const std::vector<char> with_gap = ChannelsWithGap(*evaluator_, d_.location);
+    Residuals after = before;
+    if (shown != nullptr) {
+      after = Completed(shown->held_out, before);
+      d_.closed = PooledClosure(*evaluator_, before, after, with_gap, options_.seed);
+    }
+    // Without a significant place and without any closure there may be no gap.
+    if (d_.verdict == Verdict::kUnexplained && d_.closed && d_.closed->value <= 0 &&
+        std::none_of(d_.location.begin(), d_.location.end(), [](const CutFinding& f) { return f.excess; }))
+      d_.verdict = Verdict::kInsufficientData;
+    d_.closures = Closures(*evaluator_, before, after, with_gap, options_.seed);
+    d_.families = ClosuresByFamily(*evaluator_, before, after, with_gap, options_.seed);
+    if (!search_.everything.empty() && d_.verdict != Verdict::kNoGap) {
+      d_.closed_ceiling = PooledClosure(*evaluator_, before, search_.everything, with_gap, options_.seed);
+      const ChannelScore everything = ScoreChannels(*evaluator_, search_.everything, before);
+      for (std::size_t c = 0; c < d_.closures.size(); ++c)
+        d_.closures[c].ceiling_rms = std::sqrt(everything.square[static_cast<int>(c)]);
+    }
+    if (d_.accepted.size() == 2) AddOrders(*evaluator_, search_, with_gap, options_.seed, d_);
+    if (shown != nullptr) d_.profiles = ProfilesOf(*evaluator_, folds_, search_, *shown, threads_);
+    AddDetails(*evaluator_, shown ? &shown->model : nullptr, after, options_.seed, d_);
   }
-  // Without a significant place and without any closure there may be no gap.
-  if (d.verdict == Verdict::kUnexplained && d.closed && d.closed->value <= 0 &&
-      std::none_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.excess; }))
-    d.verdict = Verdict::kInsufficientData;
-  d.closures = Closures(evaluator, before, after, with_gap, options.seed);
-  d.families = ClosuresByFamily(evaluator, before, after, with_gap, options.seed);
-  if (!search.everything.empty() && d.verdict != Verdict::kNoGap) {
-    d.closed_ceiling = PooledClosure(evaluator, before, search.everything, with_gap, options.seed);
-    const ChannelScore everything = ScoreChannels(evaluator, search.everything, before);
-    for (std::size_t c = 0; c < d.closures.size(); ++c)
-      d.closures[c].ceiling_rms = std::sqrt(everything.square[static_cast<int>(c)]);
+
+  void PlanNextExperiment() {
+    if (!d_.suspected.empty()) {
+      d_.next.reason = fmt::format("measure {} on the robot, correct the file, and diagnose these runs again",
+                                   d_.suspected.front().key);
+      return;
+    }
+    if (!options_.menu.families.empty()) Progress("looking for the next experiment", 0);
+    d_.next = FindNextExperiment(*evaluator_, search_, d_, options_.menu, threads_);
   }
-  if (d.accepted.size() == 2) AddOrders(evaluator, search, with_gap, options.seed, d);
-  if (shown != nullptr) d.profiles = ProfilesOf(evaluator, folds, search, *shown, threads);
-  AddDetails(evaluator, shown ? &shown->model : nullptr, after, options.seed, d);
-  if (!d.suspected.empty()) {
-    d.next.reason = fmt::format("measure {} on the robot, correct the file, and diagnose these runs again",
-                                d.suspected.front().key);
-  } else {
-    if (!options.menu.families.empty()) progress("looking for the next experiment", 0);
-    d.next = FindNextExperiment(evaluator, search, d, options.menu, threads);
+
+  void LookForMistake() {
+    if (distrusted_ || (d_.verdict != Verdict::kNoGap && d_.verdict != Verdict::kInsufficientData))
+      MarkFirst(d_, Place());
+    const bool follows = judgement_.unrepeated && d_.repeatability->law;  // unlike a measurement error
+    if (follows) MarkUnrepeated(d_);
+    if (!follows && (d_.verdict != Verdict::kNoGap || evaluator_->repetitions_differ() > 0)) {
+      Progress("looking for measurement errors", 0);
+      const bool explained = d_.verdict != Verdict::kUnexplained && d_.verdict != Verdict::kNoGap &&
+                             !judgement_.unrepeated && d_.leftover_sigma < kMuchLeft_sigma;
+      mistake_ = FindMistake(set_, *evaluator_, explained, threads_);
+    }
+    if (mistake_.with.empty()) return;
+    // A cause that leaves much is doubtful where a measurement error explains most.
+    if (!d_.accepted.empty() && d_.leftover_sigma >= kMuchLeft_sigma &&
+        mistake_.left < std::hypot(1, d_.leftover_sigma)) {
+      d_.verdict = Verdict::kInsufficientData;
+      d_.accepted.clear();
+      ShiftToUnknown(d_.causes);
+    }
+    mistake_hides_ = d_.verdict == Verdict::kNoGap || judgement_.unrepeated;
+    if (mistake_hides_) d_.verdict = Verdict::kInsufficientData;
   }
-  const LoadCellPlace place = evaluator.runs().front().signals.load_cell;
-  if (distrusted || (d.verdict != Verdict::kNoGap && d.verdict != Verdict::kInsufficientData))
-    MarkFirst(d, place);
-  FoundMistake mistake;
-  const bool follows = judgement.unrepeated && d.repeatability->law;  // unlike a measurement error
-  if (follows) MarkUnrepeated(d);
-  if (!follows && (d.verdict != Verdict::kNoGap || evaluator.repetitions_differ() > 0)) {
-    progress("looking for measurement errors", 0);
-    const bool explained = d.verdict != Verdict::kUnexplained && d.verdict != Verdict::kNoGap &&
-                           !judgement.unrepeated && d.leftover_sigma < kMuchLeft_sigma;
-    mistake = FindMistake(set, evaluator, explained, threads);
+
+  /// `missed`: runs with a far larger model error than the others, and the ratio.
+  void ComposeSentence(const std::map<std::string, double>& missed) {
+    std::string hiding;
+    if (judgement_.hidden_at) {
+      const auto& parts = judgement_.nearest->model.parts;
+      hiding = fmt::format(
+          "{} and {} would only if they cancelled each other at {}, where there is no gap; one effect that "
+          "the "
+          "library lacks is likelier",
+          parts[0].Name(), parts[1].Name(), sim::CutName(*judgement_.hidden_at));
+    }
+    d_.sentence = judgement_.unrepeated ? Unrepeated(*d_.repeatability)
+                                        : Preface(d_) + Sentence(d_, set_.robot, hiding);
+    if (d_.repeatability && !judgement_.unrepeated) d_.sentence += UnrepeatedRemark(*d_.repeatability);
+    if (!d_.repeatability && evaluator_->repetitions_differ() > 0) {
+      d_.sentence += fmt::format(
+          " But repetitions differ by {:.2g} times the noise: if the robot was changed between them, they do "
+          "not define the noise floor.",
+          evaluator_->repetitions_differ());
+    }
+    d_.sentence += FewRunsRemark(d_, missed);
+    if (!mistake_.with.empty()) {
+      d_.sentence =
+          fmt::format("Check the measurement first: with {} most of {} disappears. {}", mistake_.with,
+                      mistake_hides_ ? "the difference between repetitions" : "this gap", d_.sentence);
+      d_.degradations.insert(
+          d_.degradations.begin(),
+          fmt::format("a measurement error? with {} most of {} disappears; correct the data set or the robot "
+                      "file and diagnose again",
+                      mistake_.with, mistake_hides_ ? "the difference between repetitions" : "the gap"));
+    }
+    std::vector<std::string> notes = given_.notes;
+    notes.insert(notes.end(), d_.degradations.begin(), d_.degradations.end());
+    d_.sentence = WithLeftOut(d_.sentence, notes, d_.runs.size());
   }
-  // A cause that leaves much is doubtful where a measurement error explains most.
-  if (!mistake.with.empty() && !d.accepted.empty() && d.leftover_sigma >= kMuchLeft_sigma &&
-      mistake.left < std::hypot(1, d.leftover_sigma)) {
-    d.verdict = Verdict::kInsufficientData;
-    d.accepted.clear();
-    ShiftToUnknown(d.causes);
-  }
-  const bool hides = (d.verdict == Verdict::kNoGap || judgement.unrepeated) &&
-                     !mistake.with.empty();  // in the difference between repetitions
-  if (hides) d.verdict = Verdict::kInsufficientData;
-  std::string hiding;
-  if (judgement.hidden_at) {
-    const auto& parts = judgement.nearest->model.parts;
-    hiding = fmt::format(
-        "{} and {} would only if they cancelled each other at {}, where there is no gap; one effect that the "
-        "library lacks is likelier",
-        parts[0].Name(), parts[1].Name(), sim::CutName(*judgement.hidden_at));
-  }
-  d.sentence =
-      judgement.unrepeated ? Unrepeated(*d.repeatability) : First(d) + Sentence(d, set.robot, hiding);
-  if (d.repeatability && !judgement.unrepeated) d.sentence += UnrepeatedRemark(*d.repeatability);
-  if (!d.repeatability && evaluator.repetitions_differ() > 0) {
-    d.sentence += fmt::format(
-        " But repetitions differ by {:.2g} times the noise: if the robot was changed between them, they do "
-        "not define the noise floor.",
-        evaluator.repetitions_differ());
-  }
-  d.sentence += FewRunsRemark(d, measuring.missed());
-  if (!mistake.with.empty()) {
-    d.sentence = fmt::format("Check the measurement first: with {} most of {} disappears. {}", mistake.with,
-                             hides ? "the difference between repetitions" : "this gap", d.sentence);
-    d.degradations.insert(
-        d.degradations.begin(),
-        fmt::format("a measurement error? with {} most of {} disappears; correct the data set or the robot "
-                    "file and diagnose again",
-                    mistake.with, hides ? "the difference between repetitions" : "the gap"));
-  }
-  std::vector<std::string> notes = given.notes;
-  notes.insert(notes.end(), d.degradations.begin(), d.degradations.end());
-  d.sentence = WithLeftOut(d.sentence, notes, d.runs.size());
-  return d;
+
+  const DataSet& given_;
+  const DiagnoseOptions& options_;
+  const int threads_;
+  const Evaluator::Options evaluation_;
+  DataSet set_;  // given_, with what cannot be used masked or left out
+  Diagnosis d_;
+  std::optional<Evaluator> evaluator_;  // of set_; from PrepareComparable on
+  Folds folds_;
+  std::vector<Probe> probes_;
+  SearchResult search_;
+  std::optional<Candidate> widened_by_;  // the cause that raises the floor
+  Judgement judgement_;                  // points into search_
+  bool distrusted_ = false;              // the model was too wrong before the change
+  FoundMistake mistake_;
+  bool mistake_hides_ = false;  // in the difference between repetitions
+  std::string stage_;           // for progress
+};
+
+}  // namespace
+
+Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
+  return Diagnosing(given, options).Result();
 }
 
 }  // namespace tendril::gap

@@ -222,17 +222,19 @@ void Evaluator::FindCuts(const DataSet& set) {
   const auto any = [&](auto&& test) { return std::any_of(runs_.begin(), runs_.end(), test); };
   const bool motor = any([](const PreparedRun& r) { return !r.without_motors(); });
   // A run with empty columns is diagnosed with the signals that it has.
-  const bool torque =
-      every([](const PreparedRun& r) { return r.signals.torque_actual_Nm.cols() > 0; }) &&
-      any([](const PreparedRun& r) { return r.Leave(r.torque_holes, r.signals.torque_actual_Nm.cols()); });
-  const bool target =
-      every([](const PreparedRun& r) { return r.signals.torque_target_Nm.cols() > 0; }) &&
-      any([](const PreparedRun& r) { return r.Leave(r.target_holes, r.signals.torque_target_Nm.cols()); });
+  const bool torque = every([](const PreparedRun& r) { return r.signals.torque_actual_Nm.cols() > 0; }) &&
+                      any([](const PreparedRun& r) {
+                        return r.LeaveSamples(r.torque_dropouts, r.signals.torque_actual_Nm.cols());
+                      });
+  const bool target = every([](const PreparedRun& r) { return r.signals.torque_target_Nm.cols() > 0; }) &&
+                      any([](const PreparedRun& r) {
+                        return r.LeaveSamples(r.target_dropouts, r.signals.torque_target_Nm.cols());
+                      });
   const auto cell_of = [](const PreparedRun& r) {
     return r.signals.load_cell != LoadCellPlace::kNone && r.signals.tension_N.cols() > 0;
   };
   const bool cell = every(cell_of) && any([](const PreparedRun& r) {
-                      return r.Leave(r.cell_holes, r.signals.tension_N.cols());
+                      return r.LeaveSamples(r.cell_dropouts, r.signals.tension_N.cols());
                     });
   const bool tracker = any([](const PreparedRun& r) { return r.tracked(); });
   available_ = (torque && target ? kC1 : 0u) | (torque && motor ? kC2 : 0u) | (cell && motor ? kC3 : 0u) |
@@ -312,8 +314,8 @@ void Evaluator::FindTargetsPerRow() {
       const Eigen::MatrixXd off = replay.ActualTorque(run->signals) - run->signals.torque_actual_Nm;
       for (Eigen::Index j = 0; j < off.cols(); ++j) {
         Eigen::VectorXd of_tendon = off.col(j);
-        run->TakeOut(run->torque_holes, static_cast<int>(j), of_tendon);
-        run->TakeOut(run->target_holes, static_cast<int>(j), of_tendon);
+        run->TakeOut(run->torque_dropouts, static_cast<int>(j), of_tendon);
+        run->TakeOut(run->target_dropouts, static_cast<int>(j), of_tendon);
         for (Eigen::Index i = 0; i < of_tendon.size(); ++i) {
           if (run->valid[static_cast<std::size_t>(i)] && std::isfinite(of_tendon[i]))
             squares.Add(of_tendon[i]);
@@ -342,20 +344,21 @@ void Evaluator::SubstituteMissingCells() {
     PreparedRun& run = runs_[i];
     const bool by_cell = driven_by_ == sim::Replay::DrivenBy::kCell;
     auto& no_cell = run.signals.no_cell;
-    if (by_cell && !run.cell_holes.empty()) {
+    if (by_cell && !run.cell_dropouts.empty()) {
       no_cell.setZero(run.samples(), nominal_.body.tendons());
-      for (const Hole& hole : run.cell_holes)
-        no_cell.col(hole.tendon).segment(hole.from, hole.size()).setOnes();
+      for (const Dropout& dropout : run.cell_dropouts)
+        no_cell.col(dropout.tendon).segment(dropout.from, dropout.size()).setOnes();
     }
-    for (const Hole& hole : run.motor_holes) {
-      const bool no_other = !by_cell || run.Without(run.cell_holes, hole.tendon) == run.samples();
-      if (no_other && hole.size() == run.samples()) {
+    for (const Dropout& dropout : run.motor_dropouts) {
+      const bool no_other =
+          !by_cell || run.MissingSamples(run.cell_dropouts, dropout.tendon) == run.samples();
+      if (no_other && dropout.size() == run.samples()) {
         const bool tension = run.signals.tension_N.cols() > 0 && !by_cell;
-        throw RunError(
-            i,
-            fmt::format("{}: {} of tendon {}{}", run.name,
-                        tension ? "no motor position" : "neither tension nor motor position", hole.tendon + 1,
-                        tension ? ", and other runs have no load cells to drive the body" : ""));
+        throw RunError(i,
+                       fmt::format("{}: {} of tendon {}{}", run.name,
+                                   tension ? "no motor position" : "neither tension nor motor position",
+                                   dropout.tendon + 1,
+                                   tension ? ", and other runs have no load cells to drive the body" : ""));
       }
     }
   }
@@ -363,13 +366,13 @@ void Evaluator::SubstituteMissingCells() {
 
 // Reports gaps of single sensors, one sentence per sensor with all its runs.
 void Evaluator::ReportSensorGaps() {
-  const auto tell = [&](std::vector<Hole> PreparedRun::*holes, const char* what, const char* so) {
+  const auto tell = [&](std::vector<Dropout> PreparedRun::*dropouts, const char* what, const char* so) {
     std::map<std::string, std::string> tendons;  // by the rest of the sentence
     for (int j = 0; j < nominal_.body.tendons(); ++j) {
       std::string names;
       double lost_s = 0, all_s = 0;
       for (const PreparedRun& run : runs_) {
-        const int samples = run.Without(run.*holes, j);
+        const int samples = run.MissingSamples(run.*dropouts, j);
         if (samples == 0) continue;
         lost_s += samples * run.signals.step_s;
         all_s += run.samples() * run.signals.step_s;
@@ -389,16 +392,16 @@ void Evaluator::ReportSensorGaps() {
     }
   };
   if (driven_by_ == sim::Replay::DrivenBy::kCell) {
-    tell(&PreparedRun::cell_holes, "load cell",
+    tell(&PreparedRun::cell_dropouts, "load cell",
          "the tension is taken from the motor and the tendon's stretch");
   }
-  if (has(kC1)) tell(&PreparedRun::target_holes, "target torque", "its drive (C1) is not seen");
+  if (has(kC1)) tell(&PreparedRun::target_dropouts, "target torque", "its drive (C1) is not seen");
   if (has(kC1) || has(kC2))
-    tell(&PreparedRun::torque_holes, "actual torque", "its drive and drivetrain (C1, C2) are not seen");
+    tell(&PreparedRun::torque_dropouts, "actual torque", "its drive and drivetrain (C1, C2) are not seen");
   const bool motors =
       std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return !r.without_motors(); });
   if (motors)
-    tell(&PreparedRun::motor_holes, "motor position", "its drivetrain and tendon (C2, C3) are not seen");
+    tell(&PreparedRun::motor_dropouts, "motor position", "its drivetrain and tendon (C2, C3) are not seen");
   std::string names;
   for (const PreparedRun& run : runs_) {
     if (has_tracker() && !run.tracked()) names += (names.empty() ? "" : ", ") + run.name;
@@ -657,7 +660,7 @@ Eigen::MatrixXd Evaluator::FromStretch(const sim::Replay& replay, const RobotPar
   const RobotParameters folded = sim::FoldEffects(robot);
   for (Eigen::Index j = 0; j < std::min(stretch_N.cols(), reading_N.cols()); ++j) {
     Eigen::VectorXd left_N = reading_N.col(j) - stretch_N.col(j);
-    run.TakeOut(run.motor_holes, static_cast<int>(j), left_N);
+    run.TakeOut(run.motor_dropouts, static_cast<int>(j), left_N);
     double off_N = 0, count = 0;
     for (Eigen::Index i = 0; i < left_N.size(); ++i) {
       // A slack tendon has no defined zero.
@@ -690,8 +693,8 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
     const auto j = channel.index;
     if (channel.cut == sim::Cut::kCurrentLoop && replayed.torque_Nm.cols() > 0) {
       all = run.signals.torque_actual_Nm.col(j) - replayed.torque_Nm.col(j);
-      run.TakeOut(run.target_holes, j, all);
-      run.TakeOut(run.torque_holes, j, all);
+      run.TakeOut(run.target_dropouts, j, all);
+      run.TakeOut(run.torque_dropouts, j, all);
     } else if (channel.cut == sim::Cut::kDrivetrain && replayed.from_torque_N.cols() > 0) {
       all = (has(kC3) ? run.cell_N.col(j) : replayed.from_stretch_N.col(j)) - replayed.from_torque_N.col(j);
       for (int i = 0; i < samples; ++i) {
@@ -699,7 +702,7 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
       }
     } else if (channel.cut == sim::Cut::kTendon && replayed.from_stretch_N.cols() > 0) {
       all = run.cell_N.col(j) - replayed.from_stretch_N.col(j);
-      run.TakeOut(run.motor_holes, j, all);
+      run.TakeOut(run.motor_dropouts, j, all);
     } else if (channel.cut == sim::Cut::kShape && tip.rows() > 0) {
       all = tip.col(ColumnOfTip(channel));
     } else {

@@ -175,7 +175,9 @@ class Evaluator {
   void FindFloors(const DataSet& set, const Options& options);
   void FindWhiteNoise();
   void FindVariances(const DataSet& set, const Options& options);
+  void SumVariances(const std::vector<Residuals>& readings, const Residuals& within);
   void SubtractBefore();
+  void DistrustChange(const std::vector<char>& is_before);
   void ScaleByRepetition(const Options& options);
   bool AlikeIn(const Evaluator& other) const;  // same runs, channels and windows
   /// Standard deviation of the measured signal of a channel over all runs; 0 for torque.

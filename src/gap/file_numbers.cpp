@@ -270,10 +270,10 @@ std::vector<int> FewRuns(const Evaluator& evaluator) {
   return order;
 }
 
-/// What a model leaves in its worst channel, in noise floors, allowed in every channel. On the way from a
-/// number that is far off to the right one, channels that the wrong model happens to meet get worse: a body
-/// too stiff to bend does not ring either.
-Eigen::VectorXd AlikeEverywhere(const Evaluator& evaluator, Eigen::VectorXd leftover) {
+/// Model discrepancy per channel for following a number that is far off: that of the worst channel, in noise
+/// floors, in all of them. With its own discrepancy, a channel that the wrong model happens to reproduce (a
+/// body too stiff to bend does not ring either) would count against every step towards the right value.
+Eigen::VectorXd WorstDiscrepancyEverywhere(const Evaluator& evaluator, Eigen::VectorXd leftover) {
   const auto& channels = evaluator.channels();
   double most = 0;
   for (std::size_t c = 0; c < channels.size(); ++c)
@@ -307,8 +307,9 @@ std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Eigen::Vecto
   // From a fifth to three orders of magnitude, such as a missing milli; angles up to half a turn.
   constexpr double kFirstStep = 0.2, kMost = 7, kFirstStep_rad = 0.1, kMost_rad = std::numbers::pi;
   constexpr int kCoarse = 2, kFine = 6;
-  const Weights on_the_way(evaluator, AlikeEverywhere(evaluator, leftover)), weights(evaluator, leftover);
-  const Scored followed(evaluator, on_the_way, nuisances, folds),
+  const Weights coarse_weights(evaluator, WorstDiscrepancyEverywhere(evaluator, leftover)),
+      weights(evaluator, leftover);
+  const Scored followed(evaluator, coarse_weights, nuisances, folds),
       scored(evaluator, weights, nuisances, folds);
   const std::vector<FileNumber> numbers = FileNumbers(evaluator.nominal());
   const std::vector<int> few = FewRuns(evaluator), every{};

@@ -12,7 +12,7 @@ namespace tendril::gap {
 
 /// One number of the robot file, common to all tendons or sections, or of one tendon.
 struct FileNumber {
-  std::string key;     // "actuation.gear.ratio", "body.tendon 2 angle_rad"
+  std::string key;     // "actuation.gear.ratio", "body.sections.tendons (tendon 2) angle_rad"
   double in_file = 0;  // its value; that of the first tendon or section where they differ
   bool angle = false;  // changed by addition [rad]; otherwise by a factor
   /// Changes it in a robot: by a factor exp(change), or an angle by change [rad].
@@ -34,8 +34,9 @@ struct NumberFit {
   Residuals residuals;  // residuals with this value, nuisances subtracted
 };
 
-/// The best `count` of them by falling score, each refined on all runs, with the `leftover` and nuisances used
-/// for the causes. `progress`: from 0 to 1.
+/// The best `count` of them by falling score. Each is followed on a few runs with one model discrepancy for
+/// all channels, then refined on all runs with the `leftover` and nuisances used for the causes. `progress`:
+/// from 0 to 1.
 std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Eigen::VectorXd& leftover,
                                   const Nuisances& nuisances, const Folds& folds, int count, int threads,
                                   const std::function<void(double)>& progress);

@@ -299,6 +299,55 @@ Eigen::MatrixXd Scatter(const std::vector<Eigen::VectorXd>& estimates) {
   return scatter * (static_cast<double>(folds) - 1) / static_cast<double>(folds);
 }
 
+/// Moves the solver's variables to the optimum within their bounds: the parameters of `start` in units of
+/// their scales, then the nuisances.
+void Minimise(Cost& cost, const Model& start, int iterations, std::vector<double>& x) {
+  ceres::Problem::Options owner;
+  owner.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem problem(owner);
+  problem.AddResidualBlock(&cost, nullptr, x.data());
+  for (int k = 0; k < start.size(); ++k) {
+    problem.SetParameterLowerBound(x.data(), k, start.parameter(k).lower / cost.Scale(k));
+    problem.SetParameterUpperBound(x.data(), k, start.parameter(k).upper / cost.Scale(k));
+  }
+  ceres::Solver::Options options;
+  options.max_num_iterations = iterations;
+  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  options.function_tolerance = 1e-4;
+  options.parameter_tolerance = 1e-5;
+  options.logging_type = ceres::SILENT;
+  options.num_threads = 1;
+  options.max_num_consecutive_invalid_steps = 3;
+  // Bounds would add a projected line search to each step, at two or more simulations per trial, although the
+  // trust region already handles them.
+  options.max_num_line_search_step_size_iterations = 0;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+}
+
+/// The model at the solver's variables, and which of its parameters are at a bound.
+Fit AtSolution(const Cost& cost, const Model& start, const std::vector<double>& x) {
+  Fit fit;
+  fit.model = start;
+  for (int k = 0; k < start.size(); ++k) {
+    const auto& p = start.parameter(k);
+    if (!std::isfinite(x[k])) throw std::runtime_error("no estimate of " + start.parts.front().Name());
+    fit.model.values[k] = x[k] * cost.Scale(k);
+    const double width = p.upper - p.lower;
+    const bool at_bound =
+        fit.model.values[k] < p.lower + 1e-3 * width || fit.model.values[k] > p.upper - 1e-3 * width;
+    // A law of the robot file that is removed is not at a bound.
+    const bool gone = !p.shape && std::abs(fit.model.values[k] - start.nothing(k)) <= 1e-3 * width;
+    if (at_bound && !gone && std::abs(fit.model.values[k] - p.nominal) > 1e-3 * width) {
+      fit.bound_hit = true;
+      // A factor of zero removes the number: there is no smaller value.
+      const bool nothing_left = p.nominal == 1 && p.lower == 0 && fit.model.values[k] < 1e-3 * width;
+      if (!p.shape && !nothing_left) fit.bound = k;
+    }
+  }
+  return fit;
+}
+
 }  // namespace
 
 Nuisances Nuisances::Beside(const Model& model) const {
@@ -349,48 +398,16 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
     x[k] = std::clamp(start.values[k], p.lower, p.upper) / ScaleOf(p);
     first.values[k] = x[k] * ScaleOf(p);
   }
-  Cost* cost = new Cost(evaluator_, weights_, nuisances_, first, cuts);  // owned by the problem
-  ceres::Problem problem;
-  problem.AddResidualBlock(cost, nullptr, x.data());
-  for (int k = 0; k < n; ++k) {
-    problem.SetParameterLowerBound(x.data(), k, start.parameter(k).lower / cost->Scale(k));
-    problem.SetParameterUpperBound(x.data(), k, start.parameter(k).upper / cost->Scale(k));
-  }
-  ceres::Solver::Options options;
-  options.max_num_iterations = iterations;
-  options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
-  options.function_tolerance = 1e-4;
-  options.parameter_tolerance = 1e-5;
-  options.logging_type = ceres::SILENT;
-  options.num_threads = 1;
-  options.max_num_consecutive_invalid_steps = 3;
-  // Bounds would add a projected line search to each step, at two or more simulations per trial, although the
-  // trust region already handles them.
-  options.max_num_line_search_step_size_iterations = 0;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
+  Cost cost(evaluator_, weights_, nuisances_, first, cuts);
+  Minimise(cost, start, iterations, x);
+  Fit fit = AtSolution(cost, start, x);
+  fit.columns = cost.SensitivitiesOf(fit.model);
+  HoldOutByStep(start, cost.ResidualsOf(fit.model), fit);
+  return fit;
+}
 
-  Fit fit;
-  fit.model = start;
-  for (int k = 0; k < n; ++k) {
-    const auto& p = start.parameter(k);
-    if (!std::isfinite(x[k])) throw std::runtime_error("no estimate of " + start.parts.front().Name());
-    fit.model.values[k] = x[k] * cost->Scale(k);
-    const double width = p.upper - p.lower;
-    const bool at_bound =
-        fit.model.values[k] < p.lower + 1e-3 * width || fit.model.values[k] > p.upper - 1e-3 * width;
-    // A law of the robot file that is removed is not at a bound.
-    const bool gone = !p.shape && std::abs(fit.model.values[k] - start.nothing(k)) <= 1e-3 * width;
-    if (at_bound && !gone && std::abs(fit.model.values[k] - p.nominal) > 1e-3 * width) {
-      fit.bound_hit = true;
-      // A factor of zero removes the number: there is no smaller value.
-      const bool nothing_left = p.nominal == 1 && p.lower == 0 && fit.model.values[k] < 1e-3 * width;
-      if (!p.shape && !nothing_left) fit.bound = k;
-    }
-  }
-  fit.columns = cost->SensitivitiesOf(fit.model);
-  const Residuals at = cost->ResidualsOf(fit.model);
-
+void Fitter::HoldOutByStep(const Model& start, const Residuals& at, Fit& fit) const {
+  const int n = start.size(), extra = static_cast<int>(nuisances_.columns.size());
   // Folds: one Gauss-Newton step from the common optimum, on each fold's complement.
   std::vector<const Column*> columns;
   for (const auto& column : fit.columns) columns.push_back(&column);
@@ -450,7 +467,6 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
     const double change = fit.model.values[k] - start.parameter(k).nominal;
     fit.covariance(k, k) += std::pow(evaluator_.wrong_before() * change, 2);
   }
-  return fit;
 }
 
 void Fitter::HoldOutByRefits(Fit& fit, int iterations) const {

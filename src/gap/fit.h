@@ -94,6 +94,10 @@ class Fitter {
   double Lost(const Fit& fit, int k, double value) const;
 
  private:
+  /// Completes a fit at its optimum, where its residuals are `at`: nuisances, held-out residuals, scores and
+  /// covariance, by one linear step without each fold.
+  void HoldOutByStep(const Model& start, const Residuals& at, Fit& fit) const;
+
   const Evaluator& evaluator_;
   const Folds& folds_;
   const Weights& weights_;

@@ -167,6 +167,25 @@ Eigen::VectorXd OffStraight(const Eigen::Ref<const Eigen::VectorXd>& target, int
   return square;
 }
 
+/// How alike the commands of run `i` and of its run from before are; throws RunError where they cannot be
+/// compared.
+CommandsCompared RequireComparable(std::size_t i, const PreparedRun& run, const PreparedRun& before) {
+  const double step = run.signals.step_s, its = before.signals.step_s;
+  if (run.signals.at_rest != before.signals.at_rest || std::abs(step - its) > 0.01 * step) {
+    throw RunError(i, fmt::format("{}: a sample every {:.4g} s, and every {:.4g} s before; accepted: runs "
+                                  "with the same commands, recorded at the same rate",
+                                  run.name, step, its));
+  }
+  const CommandsCompared commands = CompareCommands(run, before);
+  if (!commands.same()) {
+    throw RunError(i, fmt::format("{}: not the same commands as before: {}; accepted: at most {:.0f} % of "
+                                  "the difference between unrelated motions in one of these signals; send "
+                                  "the same commands, or diagnose it without --before",
+                                  run.name, commands.Text(true), 100 * CommandsCompared::kSame));
+  }
+  return commands;
+}
+
 }  // namespace
 
 void Evaluator::FindFloors(const DataSet& set, const Options& options) {
@@ -187,7 +206,7 @@ void Evaluator::FindWhiteNoise() {
       switch (channel.quantity) {
         case Quantity::kTorque: {
           Eigen::VectorXd torque_Nm = run.signals.torque_actual_Nm.col(channel.index);
-          run.TakeOut(run.torque_holes, channel.index, torque_Nm);
+          run.TakeOut(run.torque_dropouts, channel.index, torque_Nm);
           if (const double n = WhiteNoise(torque_Nm); n > 0) noise.push_back(n);
           break;
         }
@@ -276,7 +295,12 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
         fmt::format("{}: {}{}", runs_[i].name,
                     task < runs ? "" : "alternative reading within the sensors' resolution: ", what));
   }
+  SumVariances(readings, within);
+}
 
+// Variance of each window: white noise, and the scatter of the `readings` and `within` a window.
+void Evaluator::SumVariances(const std::vector<Residuals>& readings, const Residuals& within) {
+  const int runs = static_cast<int>(runs_.size()), channels = static_cast<int>(channels_.size());
   variance_.assign(runs, std::vector<Eigen::VectorXd>(channels));
   carried_ = variance_;
   white_.assign(runs, std::vector<double>(channels, 0.0));
@@ -302,7 +326,7 @@ void Evaluator::FindVariances(const DataSet& set, const Options& options) {
       if (!readings.empty() && readings[0][i][c].size() == windows) {
         Eigen::VectorXd scatter = Eigen::VectorXd::Zero(windows);
         for (const Residuals& reading : readings) scatter += (reading[i][c] - r).cwiseAbs2();
-        spread = ReadingSpread(scatter / options.readings, window_s(i, c));
+        spread = ReadingSpread(scatter / static_cast<int>(readings.size()), window_s(i, c));
       }
       // Rounding errors are constant while nothing moves.
       if (channel.quantity == Quantity::kTipPosition) spread.array() += std::pow(runs_[i].tip_step_m, 2) / 12;
@@ -353,65 +377,10 @@ double Evaluator::Spread(const Channel& channel) const {
   return signals > 0 ? std::sqrt(std::max(0.0, square / signals - std::pow(signal_sum / signals, 2))) : 0;
 }
 
-// The nominal residual of a run less that of the same commands before: earlier model errors cancel, window by
-// window, and the noise of both runs remains. The model is assumed to have the same relative error in the
-// change as in the earlier motion; this is added to the noise.
-void Evaluator::SubtractBefore() {
-  std::map<std::string, std::size_t> by_name;
-  for (std::size_t i = 0; i < runs_.size(); ++i) by_name[runs_[i].name] = i;
-  std::vector<char> is_before(runs_.size(), 0);
+// The model error before the change, and the same relative error of every channel in the change.
+void Evaluator::DistrustChange(const std::vector<char>& is_before) {
   std::map<std::pair<sim::Cut, Quantity>, std::pair<double, double>>
       wrong;  // squares: residual before, measurement
-  int compared = 0;
-  CommandsCompared least_alike;
-  for (const auto& run : runs_) {
-    if (run.before.empty()) continue;
-    if (by_name.contains(run.before)) is_before[by_name[run.before]] = 1;
-    ++compared;
-  }
-  if (compared == 0) return;
-  before_.resize(runs_.size());
-  for (std::size_t i = 0; i < runs_.size(); ++i) {
-    if (is_before[i]) continue;
-    const auto partner = by_name.find(runs_[i].before);
-    if (partner == by_name.end()) {
-      throw RunError(i, fmt::format("{}: {}", runs_[i].name,
-                                    runs_[i].before.empty() ? "no run from before, which other runs have"
-                                                            : "its run from before is left out"));
-    }
-    const std::size_t k = partner->second;
-    const double step = runs_[i].signals.step_s, its = runs_[k].signals.step_s;
-    if (runs_[i].signals.at_rest != runs_[k].signals.at_rest || std::abs(step - its) > 0.01 * step) {
-      throw RunError(i, fmt::format("{}: a sample every {:.4g} s, and every {:.4g} s before; accepted: runs "
-                                    "with the same commands, recorded at the same rate",
-                                    runs_[i].name, step, its));
-    }
-    const CommandsCompared commands = CompareCommands(runs_[i], runs_[k]);
-    if (!commands.same()) {
-      throw RunError(i, fmt::format("{}: not the same commands as before: {}; accepted: at most {:.0f} % of "
-                                    "the difference between unrelated motions in one of these signals; send "
-                                    "the same commands, or diagnose it without --before",
-                                    runs_[i].name, commands.Text(true), 100 * CommandsCompared::kSame));
-    }
-    if (!commands.by.empty() && (least_alike.by.empty() || commands.by[0].share > least_alike.by[0].share))
-      least_alike = commands;
-    before_[i].resize(channels_.size());
-    for (std::size_t c = 0; c < channels_.size(); ++c) {
-      auto &r = nominal_residuals_[i][c], &v = variance_[i][c];
-      const auto &r0 = nominal_residuals_[k][c], &v0 = variance_[k][c];
-      before_[i][c] = Eigen::VectorXd::Zero(r.size());
-      for (Eigen::Index w = 0; w < r.size(); ++w) {
-        v[w] = w < v0.size() ? v[w] + v0[w] : std::numeric_limits<double>::infinity();
-        if (!std::isfinite(v[w])) {
-          r[w] = 0;
-          continue;
-        }
-        before_[i][c][w] = r0[w];
-        r[w] -= r0[w];
-      }
-      white_[i][c] += white_[k][c];
-    }
-  }
   for (std::size_t c = 0; c < channels_.size(); ++c) {
     auto& [left, measured] = wrong[{channels_[c].cut, channels_[c].quantity}];
     double square = 0, count = 0;
@@ -449,6 +418,54 @@ void Evaluator::SubtractBefore() {
       if (!is_before[i]) variance_[i][c].array() += square;
     }
   }
+}
+
+// The nominal residual of a run less that of the same commands before: earlier model errors cancel, window by
+// window, and the noise of both runs remains. The model is assumed to have the same relative error in the
+// change as in the earlier motion; this is added to the noise.
+void Evaluator::SubtractBefore() {
+  std::map<std::string, std::size_t> by_name;
+  for (std::size_t i = 0; i < runs_.size(); ++i) by_name[runs_[i].name] = i;
+  std::vector<char> is_before(runs_.size(), 0);
+  int compared = 0;
+  CommandsCompared least_alike;
+  for (const auto& run : runs_) {
+    if (run.before.empty()) continue;
+    if (by_name.contains(run.before)) is_before[by_name[run.before]] = 1;
+    ++compared;
+  }
+  if (compared == 0) return;
+  before_.resize(runs_.size());
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    if (is_before[i]) continue;
+    const auto partner = by_name.find(runs_[i].before);
+    if (partner == by_name.end()) {
+      throw RunError(i, fmt::format("{}: {}", runs_[i].name,
+                                    runs_[i].before.empty() ? "no run from before, which other runs have"
+                                                            : "its run from before is left out"));
+    }
+    const std::size_t k = partner->second;
+    const CommandsCompared commands = RequireComparable(i, runs_[i], runs_[k]);
+    if (!commands.by.empty() && (least_alike.by.empty() || commands.by[0].share > least_alike.by[0].share))
+      least_alike = commands;
+    before_[i].resize(channels_.size());
+    for (std::size_t c = 0; c < channels_.size(); ++c) {
+      auto &r = nominal_residuals_[i][c], &v = variance_[i][c];
+      const auto &r0 = nominal_residuals_[k][c], &v0 = variance_[k][c];
+      before_[i][c] = Eigen::VectorXd::Zero(r.size());
+      for (Eigen::Index w = 0; w < r.size(); ++w) {
+        v[w] = w < v0.size() ? v[w] + v0[w] : std::numeric_limits<double>::infinity();
+        if (!std::isfinite(v[w])) {
+          r[w] = 0;
+          continue;
+        }
+        before_[i][c][w] = r0[w];
+        r[w] -= r0[w];
+      }
+      white_[i][c] += white_[k][c];
+    }
+  }
+  DistrustChange(is_before);
   const auto keep = [&](auto& all) {
     std::size_t kept = 0;
     for (std::size_t i = 0; i < is_before.size(); ++i) {
@@ -532,9 +549,9 @@ double Evaluator::Unrepeated(int channel, int& returns) const {
   for (int i = 0; i < static_cast<int>(runs_.size()); ++i) {
     if (!runs_[i].signals.at_rest) continue;
     for (int w = 0; w < nominal_residuals_[i][channel].size(); ++w) {
-      const auto unseen = [&](const Hole& hole) { return hole.from <= w && w < hole.to; };
-      const auto& holes = motors ? runs_[i].motor_holes : runs_[i].cell_holes;
-      if (std::isfinite(variance_[i][channel][w]) && std::none_of(holes.begin(), holes.end(), unseen))
+      const auto unseen = [&](const Dropout& dropout) { return dropout.from <= w && w < dropout.to; };
+      const auto& dropouts = motors ? runs_[i].motor_dropouts : runs_[i].cell_dropouts;
+      if (std::isfinite(variance_[i][channel][w]) && std::none_of(dropouts.begin(), dropouts.end(), unseen))
         states.push_back({i, w});
     }
   }
@@ -609,8 +626,7 @@ void Evaluator::ScaleByRepetition(const Options& options) {
     if (sum.windows > 0) sum.ratio /= sum.windows, sum.square /= sum.windows;
     return sum;
   };
-  if (!options.repeats && options.with_cause == nullptr)
-    repeatability_ = FindRepeatability(*this, options);
+  if (!options.repeats && options.with_cause == nullptr) repeatability_ = FindRepeatability(*this, options);
   const Evaluator* other = options.with_cause;
   if (other != nullptr && !AlikeIn(*other))
     throw std::invalid_argument("with a cause, other places are measured");

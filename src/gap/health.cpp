@@ -303,16 +303,16 @@ class Checkup {
       for (Eigen::Index j = 0; j < std::min<Eigen::Index>(m.cols(), Tendons()); ++j) {
         const auto& tendon = robot_.actuation->tendons[static_cast<std::size_t>(j)];
         const double step = Quantum(m.col(j));
-        const double wanted = expected(tendon);
-        if (!(step > 0) || !(wanted > 0)) continue;
-        const double ratio = step / wanted;
+        const double by_file = expected(tendon);
+        if (!(step > 0) || !(by_file > 0)) continue;
+        const double ratio = step / by_file;
         if (std::abs(ratio - 1) < 0.02) continue;
         // Values that differ only by several steps are coarser than the file says, not in another unit.
         Add(ratio < 0.98 && kind.matrix == &Run::motor_position_rad ? Severity::kWarning : Severity::kInfo,
             ChannelOf(kind, j), step,
             fmt::format("comes in steps of {:.6g} {}, but {:.6g} by the robot file ({:.4g} times); {} may be "
                         "another robot's; check it",
-                        step, kind.unit, wanted, ratio, key));
+                        step, kind.unit, by_file, ratio, key));
       }
     };
     check(
@@ -605,9 +605,9 @@ class Checkup {
     if (!Fits(kMotor) || !Fits(kTip)) return;
     const auto shift = ClockShift(run_->time_s, Of(kMotor), Of(kTip));
     if (!shift) return;
-    const double told_s =
+    const double file_delay_s =
         set_.robot.actuation && set_.robot.actuation->tracker ? set_.robot.actuation->tracker->delay_s : 0;
-    const double unknown_s = shift->seconds - told_s;
+    const double unknown_s = shift->seconds - file_delay_s;
     // A damped body lags its tensions by about its damping over its stiffness, which grows with its size.
     double own_s = 0;
     for (const SectionParameters& s : set_.robot.body.sections)

@@ -55,8 +55,8 @@ struct Finder {
   }
 
   /// Values of column j with a magnitude above `most`.
-  void Beyond(Eigen::MatrixXd& matrix, Eigen::Index j, const std::string& channel, const char* unit,
-              double most) {
+  void OutOfRange(Eigen::MatrixXd& matrix, Eigen::Index j, const std::string& channel, const char* unit,
+                  double most) {
     if (matrix.rows() != run.time_s.size() || !(most > 0)) return;
     Eigen::Index there = 0, beyond = 0;
     double worst = 0;
@@ -123,8 +123,9 @@ struct Finder {
     std::vector<Eigen::Index> rows;
     MotorLeap beyond;
     for (const MotorLeap& leap : MotorLeaps(run, j, robot, LonePositions(x, robot))) {
-      if (leap.is == MotorLeap::Is::kMishap) rows.insert(rows.end(), leap.rows.begin(), leap.rows.end());
-      if (leap.is == MotorLeap::Is::kBeyondFile && leap.needed_Nm > beyond.needed_Nm) beyond = leap;
+      if (leap.kind == MotorLeap::Kind::kEncoderError)
+        rows.insert(rows.end(), leap.rows.begin(), leap.rows.end());
+      if (leap.kind == MotorLeap::Kind::kExceedsFile && leap.needed_Nm > beyond.needed_Nm) beyond = leap;
     }
     if (beyond.needed_Nm > 0) SayTooWeak(j, beyond);
     if (rows.empty()) return;
@@ -346,7 +347,7 @@ std::vector<std::string> MaskImplausible(DataSet& set) {
       for (Eigen::Index j = 0; j < tendons; ++j) {
         const auto& drive = robot.actuation->tendons[static_cast<std::size_t>(j)].drive;
         const auto column = [&](Eigen::MatrixXd& matrix, const char* name, const char* unit, double most) {
-          if (j < matrix.cols()) find.Beyond(matrix, j, fmt::format("{} {}", name, j + 1), unit, most);
+          if (j < matrix.cols()) find.OutOfRange(matrix, j, fmt::format("{} {}", name, j + 1), unit, most);
         };
         column(run.tension_N, "tension", "N", kBeyond * robot.limits.max_tension_motor_N);
         column(run.torque_actual_Nm, "actual torque", "N m", kBeyond * drive.rated_torque_Nm);
@@ -355,7 +356,8 @@ std::vector<std::string> MaskImplausible(DataSet& set) {
     }
     // In an unknown frame the tip may be anywhere.
     for (Eigen::Index axis = 0; axis < run.tip_m.cols() && !set.fit_frame; ++axis)
-      find.Beyond(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m", kBeyond * robot.body.length_m());
+      find.OutOfRange(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m",
+                      kBeyond * robot.body.length_m());
     if (run.motor_position_rad.rows() != run.time_s.size()) continue;
     // Between states at rest a motor may have been anywhere.
     for (Eigen::Index j = 0; j < run.motor_position_rad.cols() && UsualStep(run) <= kQuasiStatic_s; ++j) {

@@ -108,7 +108,7 @@ class Block {
     return {v[0], v[1], v[2]};
   }
 
-  /// After all keys were asked for: what nobody asked for is an error.
+  /// To be called after all keys were read: a key that was not read is an error.
   void Close() const {
     if (!node_) return;
     for (const auto& entry : node_) {
@@ -351,7 +351,7 @@ class Reader {
     std::vector<MappedColumn> columns = Group(
         block, tendons, "one a tendon of the robot, in tendon order; null where there is none", factors);
     for (auto column = columns.begin(); column != columns.end(); ++column) {
-      // Of a motor that winds one tendon in and another one out, both may be told by its column.
+      // A motor that winds one tendon in and another one out gives both by its column.
       const bool again = std::any_of(columns.begin(), column, [&](const MappedColumn& c) {
         return !c.name.empty() && c.name == column->name && c.factor * column->factor > 0;
       });

@@ -121,7 +121,7 @@ double Cosine(const Weights& weights, const Residuals& nominal, const Residuals&
 
 /// Largest rms change by a model in a channel, in materialities: of a tip's axes relative to the largest
 /// materiality, since an axis along which the tip hardly moves does not matter more.
-double Material(const Evaluator& evaluator, const Residuals& residuals) {
+double LargestChange(const Evaluator& evaluator, const Residuals& residuals) {
   const Residuals& nominal = evaluator.AtNominal();
   const auto materiality = [&](const Channel& channel) {
     double delta = channel.delta;
@@ -161,7 +161,7 @@ Residuals Difference(Residuals of, const Residuals& and_these) {
 double Saturating(double x, double steepness) { return 1 - 1 / (1 + std::pow(x, steepness)); }
 
 /// From 0 to 1, with a half at `at`.
-double Sure(double gain, double at) { return 1 / (1 + std::exp(at - gain)); }
+double Logistic(double gain, double at) { return 1 / (1 + std::exp(at - gain)); }
 
 /// The judgement of one data set, from the presence of a gap to the verdict.
 class Case {
@@ -221,7 +221,7 @@ class Case {
     } else if (single_ != nullptr) {
       GroupSingles();
     }
-    if (doubted) p_unknown = p_gap - Halved() * (p_gap - p_unknown);
+    if (doubted) p_unknown = p_gap - CapAtHalf() * (p_gap - p_unknown);
     Conclude(p_gap, p_unknown);
     return judgement_;
   }
@@ -239,12 +239,13 @@ class Case {
   double Gain(const Fit& fit) const { return fit.held_out_score - search_.base_score; }
   /// Every additional parameter is another way to fit what a simpler cause nearly explains; a law at its
   /// bound has become a different law.
-  double Cost(const Fit& fit) const { return temperature_ * Burden(fit); }
-  static double Burden(const Fit& fit) {
+  double Cost(const Fit& fit) const { return temperature_ * Penalty(fit); }
+  /// In temperatures.
+  static double Penalty(const Fit& fit) {
     return kParameterCost * (fit.model.size() - 1) + (fit.bound_hit ? kBoundCost : 0.0);
   }
   /// Among pairs the common part is not in question and does not count in their temperature.
-  double PairScore(const Fit& fit) const { return fit.held_out_score - pair_temperature_ * Burden(fit); }
+  double PairScore(const Fit& fit) const { return fit.held_out_score - pair_temperature_ * Penalty(fit); }
   double InFloors(int channel, double square) const {
     return square / std::pow(evaluator_.channels()[channel].floor, 2);
   }
@@ -265,11 +266,11 @@ class Case {
     // the differences last longer than a window, and only the excess counts.
     if (single_ != nullptr && evaluator_.repetitions_differ() == 0) {
       const double gain = Gain(*single_) - Cost(*single_);
-      const double material = Material(evaluator_, single_->residuals);
-      p = std::max(p, Sure(gain, kClearGain) * Saturating(material, kGapSteepness));
+      const double change = LargestChange(evaluator_, single_->residuals);
+      p = std::max(p, Logistic(gain, kClearGain) * Saturating(change, kGapSteepness));
       const double enough = kGapGain + (OneKindOfMotion() ? kOneKind : 0);
       if (!single_->bound_hit)
-        p = std::max(p, Sure(gain, enough) * Saturating(material / kGapDeltas, kGapSteepness));
+        p = std::max(p, Logistic(gain, enough) * Saturating(change / kGapDeltas, kGapSteepness));
     }
     return p;
   }
@@ -391,7 +392,7 @@ class Case {
   }
 
   /// Reduces the causes' probabilities by the factor at which none is likelier than not. Returns the factor.
-  double Halved() {
+  double CapAtHalf() {
     double first = 0.5;
     for (const Scored& s : scored_) first = std::max(first, s.cause.p);
     for (Scored& s : scored_) s.cause.p *= 0.5 / first;
@@ -412,9 +413,9 @@ class Case {
 
   /// The library's own search has tried this number at this value.
   bool Searched(const NumberFit& fit) const {
-    const auto its = std::find_if(
-        search_.screened.begin(), search_.screened.end(),
-        [&](const Screened& s) { return s.candidate.effect->name == fit.number.effect; });
+    const auto its = std::find_if(search_.screened.begin(), search_.screened.end(), [&](const Screened& s) {
+      return s.candidate.effect->name == fit.number.effect;
+    });
     if (its == search_.screened.end()) return false;
     const sim::EffectParameter& p = its->candidate.parameters.front();
     const double by = fit.number.angle ? fit.value - fit.number.in_file : fit.value / fit.number.in_file;
@@ -440,8 +441,7 @@ class Case {
     const double relative = exact ? 0 : kRelativeTemperature;
     const double temperature = kTemperature + relative * std::max(0.0, numbers.front().score - nominal);
     // A cause with more parameters for the same explanation is less likely.
-    const double best =
-        best_ == nullptr ? nominal : score(best_->residuals) - temperature * Burden(*best_);
+    const double best = best_ == nullptr ? nominal : score(best_->residuals) - temperature * Penalty(*best_);
     const double ahead = numbers.front().score - best;
     if (ahead < kSame * temperature) return 0;
     for (const NumberFit& fit : numbers) {
@@ -450,7 +450,7 @@ class Case {
       if (closed && closed->value < 0.5) continue;  // most of the gap has another reason
       judgement_.suspected.push_back({fit.number.key, fit.number.in_file, fit.value, closed});
     }
-    return judgement_.suspected.empty() ? 0 : Sure(ahead / temperature, 0);
+    return judgement_.suspected.empty() ? 0 : Logistic(ahead / temperature, 0);
   }
 
   /// rms of a residual change at each place of `location_`, in floors.

@@ -11,7 +11,7 @@ namespace {
 
 // A real motion shows the full change that the spring predicts, an encoder error none; the threshold is half
 // way.
-constexpr double kGoesWith = 0.5;
+constexpr double kConfirms = 0.5;
 constexpr double kNoise = 5;  // standard deviations of a cell
 
 using Signal = Eigen::Ref<const Eigen::VectorXd>;
@@ -107,13 +107,13 @@ std::vector<MotorLeap> MotorLeaps(const Run& run, Eigen::Index tendon, const Rob
           cell ? OffLine(run, run.tension_N.col(tendon), group, leap.farthest) : std::nan("");
       const double spring_N =
           cell ? SpringTension(its, leap.off_rad, run.tension_N(group.before, tendon)) : 0;
-      const bool goes_with = std::abs(seen_N) > kNoise * its.load_cell.noise_N &&
-                             seen_N * spring_N > 0 && std::abs(seen_N) > kGoesWith * std::abs(spring_N);
-      if (goes_with) leap.tension_N = seen_N;
+      const bool confirmed = std::abs(seen_N) > kNoise * its.load_cell.noise_N && seen_N * spring_N > 0 &&
+                             std::abs(seen_N) > kConfirms * std::abs(spring_N);
+      if (confirmed) leap.tension_N = seen_N;
       if (leap.needed_Nm <= file_Nm) {
-        leap.is = MotorLeap::Is::kMotion;
-      } else if (leap.needed_Nm <= possible_Nm || goes_with) {
-        leap.is = MotorLeap::Is::kBeyondFile;
+        leap.kind = MotorLeap::Kind::kMotion;
+      } else if (leap.needed_Nm <= possible_Nm || confirmed) {
+        leap.kind = MotorLeap::Kind::kExceedsFile;
       }
     }
     leaps.push_back(std::move(leap));
@@ -132,7 +132,7 @@ std::vector<Eigen::Index> TensionsAlone(const Run& run, Eigen::Index tendon, con
     const double seen_N = OffLine(run, x, group, row);
     const double turned_rad = OffLine(run, run.motor_position_rad.col(tendon), group, row);
     const double spring_N = its.tendon.stiffness_Npm * its.SpoolTravelPerMotorRad() * turned_rad;
-    if (seen_N * spring_N > 0 && std::abs(spring_N) > kGoesWith * std::abs(seen_N)) continue;
+    if (seen_N * spring_N > 0 && std::abs(spring_N) > kConfirms * std::abs(seen_N)) continue;
     alone.insert(alone.end(), group.rows.begin(), group.rows.end());
   }
   return alone;

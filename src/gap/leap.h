@@ -11,8 +11,9 @@ namespace tendril::gap {
 
 /// Rows of a motor's position that stand out between the readings beside them.
 struct MotorLeap {
-  enum class Is { kMotion, kBeyondFile, kMishap };
-  Is is = Is::kMishap;
+  /// kExceedsFile: a motion for which the motor of the file is too weak.
+  enum class Kind { kMotion, kExceedsFile, kEncoderError };
+  Kind kind = Kind::kEncoderError;
   std::vector<Eigen::Index> rows;
   Eigen::Index farthest = 0;  // row of the largest deviation
   double off_rad = 0;         // that deviation from the straight line between the readings beside them

@@ -106,10 +106,7 @@ class LogRun {
   /// controller.
   LogRun(const std::vector<CycleRecord>& cycles, std::size_t running, std::size_t last,
          const RobotParameters& robot, const RobotParameters& controllers)
-      : cycles_(cycles),
-        first_(BeginOfRest(cycles, running)),
-        last_(last),
-        robot_(robot) {
+      : cycles_(cycles), first_(BeginOfRest(cycles, running)), last_(last), robot_(robot) {
     // The first cycle still has the previous zero.
     zero_counts_ = ZeroCounts(cycles[std::min(running + 1, last - 1)], controllers);
   }

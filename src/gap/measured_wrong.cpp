@@ -39,7 +39,7 @@ using KindResiduals = std::map<Kind, Squares>;
 
 /// Calls with each residual of a run's channel.
 template <class Call>
-void EachOf(const Evaluator& evaluator, std::size_t run, std::size_t channel, Call&& call) {
+void ForEachResidual(const Evaluator& evaluator, std::size_t run, std::size_t channel, Call&& call) {
   const auto& variance = evaluator.Variance()[run][channel];
   for (Eigen::Index w = 0; w < variance.size(); ++w) {
     if (std::isfinite(variance[w])) call(evaluator.AtNominal()[run][channel][w]);
@@ -49,7 +49,9 @@ void EachOf(const Evaluator& evaluator, std::size_t run, std::size_t channel, Ca
 void AddResiduals(const Evaluator& evaluator, std::size_t run, KindResiduals& left) {
   for (std::size_t c = 0; c < evaluator.channels().size(); ++c) {
     const Channel& channel = evaluator.channels()[c];
-    EachOf(evaluator, run, c, [&](double residual) { left[{channel.cut, channel.quantity}].Add(residual); });
+    ForEachResidual(evaluator, run, c, [&](double residual) {
+      left[{channel.cut, channel.quantity}].Add(residual);
+    });
   }
 }
 
@@ -139,8 +141,8 @@ double Misfit(const KindResiduals& left, const std::map<Kind, double>& floors) {
 }
 
 /// The largest kind beyond the noise, in floors.
-double Beyond(const KindResiduals& left, const std::map<Kind, Squares>& noise,
-              const std::map<Kind, double>& floors) {
+double LargestBeyondNoise(const KindResiduals& left, const std::map<Kind, Squares>& noise,
+                          const std::map<Kind, double>& floors) {
   double most = 0;
   for (const auto& [kind, squares] : left) {
     const auto found = noise.find(kind);
@@ -153,7 +155,7 @@ double Beyond(const KindResiduals& left, const std::map<Kind, Squares>& noise,
 }
 
 /// The largest kind, relative to the usual value.
-double Worst(const KindResiduals& left, const std::map<Kind, double>& usual) {
+double LargestMisfit(const KindResiduals& left, const std::map<Kind, double>& usual) {
   double worst = 0;
   for (const auto& [kind, squares] : left) {
     const auto found = usual.find(kind);
@@ -163,7 +165,7 @@ double Worst(const KindResiduals& left, const std::map<Kind, double>& usual) {
 }
 
 /// True where a kind becomes large that was not, or larger.
-bool Worse(const KindResiduals& after, const KindResiduals& before, const std::map<Kind, double>& usual) {
+bool Worsens(const KindResiduals& after, const KindResiduals& before, const std::map<Kind, double>& usual) {
   return std::any_of(after.begin(), after.end(), [&](const auto& of_kind) {
     const auto found = usual.find(of_kind.first);
     const auto was = before.find(of_kind.first);
@@ -218,7 +220,7 @@ int DisagreeingCell(const Evaluator& evaluator, std::size_t from, std::size_t to
     if (channel.cut != cut) continue;
     Squares squares;
     for (std::size_t i = from; i < to; ++i)
-      EachOf(evaluator, i, c, [&](double residual) { squares.Add(residual); });
+      ForEachResidual(evaluator, i, c, [&](double residual) { squares.Add(residual); });
     if (squares.count > 0 && channel.floor > 0) by_tendon[channel.index] = squares.rms() / channel.floor;
   }
   int odd = -1;
@@ -286,7 +288,7 @@ void AddMovedZeros(const Evaluator& evaluator, std::size_t run, std::vector<Mist
       const Channel& channel = evaluator.channels()[c];
       if (channel.cut != by || zero_N.contains(channel.index)) continue;
       double sum_N = 0, count = 0;
-      EachOf(evaluator, run, c, [&](double residual) { sum_N += residual, count += 1; });
+      ForEachResidual(evaluator, run, c, [&](double residual) { sum_N += residual, count += 1; });
       if (count > 0) zero_N[channel.index] = sum_N / count;
     }
   }
@@ -345,9 +347,11 @@ FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool ex
   KindResiduals all;
   for (std::size_t i = 0; i < evaluator.runs().size(); ++i) AddResiduals(evaluator, i, all);
   // Of a small unexplained gap only the part beyond the noise counts, since noise would hide its removal.
-  const bool small = !explained && Worst(all, floors) < kTakenAway;
+  const bool small = !explained && LargestMisfit(all, floors) < kTakenAway;
   const auto misfit_of = [&](const KindResiduals& left) {
-    return explained ? Misfit(left, floors) : small ? Beyond(left, noise, floors) : Worst(left, floors);
+    return explained ? Misfit(left, floors)
+           : small   ? LargestBeyondNoise(left, noise, floors)
+                     : LargestMisfit(left, floors);
   };
   if (misfit_of(all) < (explained ? kLarge : small ? kSmallest : kTakenAway)) return {};
 
@@ -374,7 +378,7 @@ FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool ex
     if (!may_be(mistake)) return std::numeric_limits<double>::infinity();
     const std::optional<KindResiduals> left = ResidualsOnceUndone(some, mistake, evaluator);
     const bool other =
-        !ComparesAsMuch(left, *as_they_are) || (!explained && Worse(*left, *as_they_are, floors));
+        !ComparesAsMuch(left, *as_they_are) || (!explained && Worsens(*left, *as_they_are, floors));
     // Where the worst place is at its noise level, the other places distinguish sizes.
     constexpr double kOthers = 0.1;
     return other ? std::numeric_limits<double>::infinity()
@@ -386,7 +390,7 @@ FoundMistake FindMistake(const DataSet& set, const Evaluator& evaluator, bool ex
   const std::optional<KindResiduals> left = ResidualsOnceUndone(some, found.mistake, evaluator);
   const double smaller = small ? kSmallTakenAway : kTakenAway;
   if (!left || !(smaller * misfit_of(*left) < misfit_of(*as_they_are))) return {};
-  return {found.mistake->with, Worst(*left, floors)};
+  return {found.mistake->with, LargestMisfit(*left, floors)};
 }
 
 std::vector<DeviatingRun> FindDeviatingRuns(const DataSet& set, const Evaluator& evaluator,
@@ -407,24 +411,25 @@ std::vector<DeviatingRun> FindDeviatingRuns(const DataSet& set, const Evaluator&
   std::vector<DeviatingRun> odd;
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     const Run& run = set.runs[i];
-    const double by = Worst(left[i], usual);
+    const double by = LargestMisfit(left[i], usual);
     if (by < kLarge || !missed.emplace(run.name, by).second) continue;
     const DataSet alone = SubsetOf(set, {&run});
     const std::optional<KindResiduals> as_it_is = ResidualsOnceUndone(alone, nullptr, evaluator);
-    if (!as_it_is || Worst(*as_it_is, usual) < kLarge) continue;
+    if (!as_it_is || LargestMisfit(*as_it_is, usual) < kLarge) continue;
     const auto worst = [&](const Mistake* mistake) {
       const std::optional<KindResiduals> its = ResidualsOnceUndone(alone, mistake, evaluator);
-      return ComparesAsMuch(its, *as_it_is) ? Worst(*its, usual) : std::numeric_limits<double>::infinity();
+      return ComparesAsMuch(its, *as_it_is) ? LargestMisfit(*its, usual)
+                                            : std::numeric_limits<double>::infinity();
     };
     std::vector<Mistake> mistakes = MistakesOfReading(set, MeasuredOf(evaluator, i, i + 1));
     AddMovedZeros(evaluator, i, mistakes);
     const Found found = BestCorrection(mistakes, worst, threads);
-    if (found.left > kLarge / 2 || kTakenAway * found.left > Worst(*as_it_is, usual)) continue;
+    if (found.left > kLarge / 2 || kTakenAway * found.left > LargestMisfit(*as_it_is, usual)) continue;
     // The others must be right as they are; otherwise it is an error in all runs that this one shows most.
     const DataSet others = SubsetOf(set, SomeRuns(set, &run));
     const std::optional<KindResiduals> before = ResidualsOnceUndone(others, nullptr, evaluator);
     const std::optional<KindResiduals> after = ResidualsOnceUndone(others, found.mistake, evaluator);
-    if (before && (!ComparesAsMuch(after, *before) || Worse(*after, *before, usual)))
+    if (before && (!ComparesAsMuch(after, *before) || Worsens(*after, *before, usual)))
       odd.push_back({i, found.mistake->with});
   }
   return odd;

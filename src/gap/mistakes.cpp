@@ -122,17 +122,8 @@ void Unfilter(Run& run, Cells cells, double time_constant_s) {
   }
 }
 
-}  // namespace
-
-Mistake MovedZero(int tendon, double zero_N) {
-  return {fmt::format("the zero of load cell {} moved by {:.2g} N", tendon + 1, -zero_N),
-          [tendon, zero_N](Run& run) {
-            if (tendon < run.tension_N.cols()) run.tension_N.col(tendon).array() -= zero_N;
-          }};
-}
-
-std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
-  std::vector<Mistake> all;
+/// Signs of motors, and tendons exchanged.
+void OfTendons(const DataSet& set, Measured measured, std::vector<Mistake>& all) {
   const int tendons = set.robot.body.tendons();
   for (int j = 0; j < tendons; ++j) {
     all.push_back({fmt::format("the sign of motor position {} reversed", j + 1),
@@ -149,6 +140,10 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
       if (measured.cells) exchanged("the load cells", {&Run::tension_N});
     }
   }
+}
+
+/// Units and zeros of the motors, units of the cells.
+void OfUnits(const DataSet& set, Measured measured, std::vector<Mistake>& all) {
   const auto motors_in = [&](const char* unit, double rad) {
     all.push_back({fmt::format("the motor positions read as {}", unit),
                    [rad](Run& run) { run.motor_position_rad *= rad; }});
@@ -171,19 +166,25 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   };
   tensions_in("pounds-force", 4.4482216);
   tensions_in("kilograms-force", 9.80665);
-  // Half-corrected, such an error looks like one that is half as large; sizes are tried at this spacing, and
-  // about those that help in steps of a twelfth.
-  const auto of_all_sizes = [&](double least, double most, auto&& of_size) {
-    for (double size = least; size < most; size *= 2.25) {
-      Mistake mistake = of_size(size);
-      for (double finer = size / 1.5; finer < 1.51 * size; finer *= 1.084)
-        mistake.finer.push_back(of_size(finer));
-      all.push_back(std::move(mistake));
-    }
-  };
+}
+
+/// Half-corrected, an error of a size looks like one that is half as large; sizes are tried at this spacing,
+/// and about those that help in steps of a twelfth.
+template <class OfSize>
+void AddAllSizes(std::vector<Mistake>& all, double least, double most, OfSize&& of_size) {
+  for (double size = least; size < most; size *= 2.25) {
+    Mistake mistake = of_size(size);
+    for (double finer = size / 1.5; finer < 1.51 * size; finer *= 1.084)
+      mistake.finer.push_back(of_size(finer));
+    all.push_back(std::move(mistake));
+  }
+}
+
+/// The scale of the tracker, delays of the cells.
+void OfSizes(const DataSet& set, Measured measured, std::vector<Mistake>& all) {
   for (const int sign : {-1, 1}) {
     if (!measured.tracker || set.fit_frame) break;
-    of_all_sizes(1, 12, [sign](double percent) {
+    AddAllSizes(all, 1, 12, [sign](double percent) {
       return Mistake{fmt::format("the tip's distances {:.2g} % {}", percent, sign < 0 ? "smaller" : "larger"),
                      [=](Run& run) { run.tip_m *= 1 + 0.01 * sign * percent; }};
     });
@@ -192,24 +193,28 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   const bool fast = std::any_of(set.runs.begin(), set.runs.end(),
                                 [](const Run& run) { return UsualStep(run) <= kBridged_s; });
   const auto late = [&](Cells cells) {
-    of_all_sizes(1, 150, [cells](double ms) {
+    AddAllSizes(all, 1, 150, [cells](double ms) {
       return Mistake{fmt::format("{} shifted {:.0f} ms earlier", cells.name(), ms),
                      [=](Run& run) { Advance(run, cells, 1e-3 * ms); }};
     });
-    of_all_sizes(1, 150, [cells](double ms) {
+    AddAllSizes(all, 1, 150, [cells](double ms) {
       return Mistake{fmt::format("a low-pass filter of {:.0f} ms removed from {}", ms, cells.name()),
                      [=](Run& run) { Unfilter(run, cells, 1e-3 * ms); }};
     });
   };
   if (measured.cells && fast) late({});
   if (measured.disagreeing_cell >= 0 && fast) late({measured.disagreeing_cell});
-  if (!measured.tracker) return all;
+}
+
+/// Order and frame of the tracker's readings.
+void OfTracker(const DataSet& set, Measured measured, std::vector<Mistake>& all) {
+  if (!measured.tracker) return;
   const bool bent = std::any_of(set.runs.begin(), set.runs.end(), [](const Run& run) {
     return run.tip_m.cols() == 0 && run.tip_quaternion.cols() == 0 && run.bending_rad.cols() > 0;
   });
   if (bent) {
     OfBends(set.robot.body.sections.size(), all);
-    return all;
+    return;
   }
   all.push_back({"the tip's quaternions read as x, y, z, w", [](Run& run) {
                    if (run.tip_quaternion.cols() == 4)
@@ -218,7 +223,7 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
   all.push_back({"the tip's orientations read as the base's in the tip's frame", [](Run& run) {
                    if (run.tip_quaternion.cols() == 4) run.tip_quaternion.rightCols(3) *= -1;
                  }});
-  if (set.fit_frame) return all;
+  if (set.fit_frame) return;
   for (int a = 0; a < 3; ++a) {
     all.push_back(
         {fmt::format("the sign of tip {} reversed", kAxes[a]), [a](Run& run) { Negate(run.tip_m, a); }});
@@ -233,16 +238,33 @@ std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
            [by](Run& run) { Turn(run, by); }});
     }
   }
+}
+
+}  // namespace
+
+Mistake MovedZero(int tendon, double zero_N) {
+  return {fmt::format("the zero of load cell {} moved by {:.2g} N", tendon + 1, -zero_N),
+          [tendon, zero_N](Run& run) {
+            if (tendon < run.tension_N.cols()) run.tension_N.col(tendon).array() -= zero_N;
+          }};
+}
+
+std::vector<Mistake> MistakesOfReading(const DataSet& set, Measured measured) {
+  std::vector<Mistake> all;
+  OfTendons(set, measured, all);
+  OfUnits(set, measured, all);
+  OfSizes(set, measured, all);
+  OfTracker(set, measured, all);
   return all;
 }
 
 std::vector<Mistake> AllMistakes(const DataSet& set, Measured measured) {
   std::vector<Mistake> all = MistakesOfReading(set, measured);
-  const Eigen::Vector3d told = set.robot.body.gravity_W_mps2;
+  const Eigen::Vector3d in_file_mps2 = set.robot.body.gravity_W_mps2;
   for (int a = 0; a < 3; ++a) {
     for (const int sign : {1, -1}) {
-      const Eigen::Vector3d gravity = sign * told.norm() * Eigen::Vector3d::Unit(a);
-      if ((gravity - told).norm() <= 0.01 * told.norm()) continue;
+      const Eigen::Vector3d gravity = sign * in_file_mps2.norm() * Eigen::Vector3d::Unit(a);
+      if ((gravity - in_file_mps2).norm() <= 0.01 * in_file_mps2.norm()) continue;
       all.push_back({.with = fmt::format("gravity along {}{} of the base (gravity_W_mps2 in the robot file)",
                                          sign < 0 ? "-" : "+", kAxes[a]),
                      .in_file = [gravity](RobotParameters& robot) { robot.body.gravity_W_mps2 = gravity; }});

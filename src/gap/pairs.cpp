@@ -14,9 +14,10 @@ namespace {
 constexpr int kIterations = 3;
 constexpr int kPartners = 4, kPartnersOfNext = 2, kPartnersOfSecond = 3;
 constexpr int kPolishedPairs = 3;
-constexpr std::size_t kTogether = 2;  // other singles, tried together with the best at their fitted values
-constexpr int kAlike = 3;             // look-alikes of a member, tried in its place
-constexpr double kFurther = 0.5;      // log score by which another start of the same cause has to be better
+constexpr std::size_t kOtherSingles =
+    2;                            // other singles, tried together with the best at their fitted values
+constexpr int kAlike = 3;         // look-alikes of a member, tried in its place
+constexpr double kFurther = 0.5;  // log score by which another start of the same cause has to be better
 // Start of a second cause, in plainly visible deviations: near no effect, or at the joint linear solution,
 // within these limits.
 constexpr double kNearStart = 0.2, kLeastStart = 0.1, kMostStart = 2;
@@ -50,7 +51,7 @@ Residuals Searching::AtModel(const Model& model) const {
 
 /// Gain of each candidate in addition to `first`, to first order, with the first's parameters free where it
 /// has columns; by falling gain. A loss of the first on held-out data occurs with or without a second cause.
-std::vector<Searching::Promise> Searching::Promises(const Fit& first, const Weights& weights) const {
+std::vector<Searching::SecondCause> Searching::SecondCauses(const Fit& first, const Weights& weights) const {
   const auto line_with = [&](const Screened* second) {
     std::vector<const Column*> columns;
     Bounds bounds;
@@ -66,28 +67,28 @@ std::vector<Searching::Promise> Searching::Promises(const Fit& first, const Weig
     return SolveLinear(Accumulate(columns, first.residuals, nominal_, weights, folds_), bounds, own);
   };
   const double alone = first.columns.empty() ? 0 : line_with(nullptr).held_out_score;
-  std::vector<Promise> promises(result_.screened.size());
+  std::vector<SecondCause> ranked(result_.screened.size());
   ParallelFor(static_cast<int>(result_.screened.size()), options_.threads, [&](int k) {
     const Screened& s = result_.screened[k];
-    promises[k].candidate = k;
+    ranked[k].candidate = k;
     if (s.candidate.effect == first.model.parts[0].effect &&
         (!s.candidate.target || !first.model.parts[0].target ||
          s.candidate.target == first.model.parts[0].target))
       return;
     const LinearFit fit = line_with(&s);
-    promises[k].gain = fit.held_out_score - alone;
-    promises[k].step = fit.value;
+    ranked[k].gain = fit.held_out_score - alone;
+    ranked[k].step = fit.value;
   });
-  std::stable_sort(promises.begin(), promises.end(),
-                   [](const Promise& a, const Promise& b) { return a.gain > b.gain; });
-  return promises;
+  std::stable_sort(ranked.begin(), ranked.end(),
+                   [](const SecondCause& a, const SecondCause& b) { return a.gain > b.gain; });
+  return ranked;
 }
 
 /// Starts of pairs of `first` with each of the `count` most promising candidates, at least `least`; with
 /// `like`, only with look-alikes of it.
-std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights, int count, double least,
-                                       const sim::Effect* like) const {
-  const std::vector<Promise> promises = Promises(first, weights);
+std::vector<Model> Searching::PairStarts(const Fit& first, const Weights& weights, int count, double least,
+                                         const sim::Effect* like) const {
+  const std::vector<SecondCause> ranked = SecondCauses(first, weights);
   std::vector<Model> starts;
   Residuals taken_out;
   try {
@@ -106,16 +107,16 @@ std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights,
     }
   };
   std::map<const sim::Effect*, int> seen;
-  for (const Promise& promise : promises) {
-    if (static_cast<int>(starts.size()) >= count || promise.gain < least) break;
-    const Screened& s = result_.screened[promise.candidate];
+  for (const SecondCause& second : ranked) {
+    if (static_cast<int>(starts.size()) >= count || second.gain < least) break;
+    const Screened& s = result_.screened[second.candidate];
     if (like != nullptr && !LookAlike(*like, *s.candidate.effect)) continue;
     if (seen[s.candidate.effect]++ >= 1) continue;
     Model both = first.model.With(s.candidate);
     both.derivative_step = std::min(both.derivative_step, s.start.derivative_step);
     const int offset = first.model.size();
     for (int i = 0; i < s.candidate.size(); ++i) both.values[offset + i] = s.start.values[i];
-    const Eigen::VectorXd& step = promise.step;
+    const Eigen::VectorXd& step = second.step;
     const int own = static_cast<int>(s.primary.size());
     Model near = both;  // a linear prediction far away may be wrong, so a small second cause is tried too
     for (int i = 0; i < own; ++i) {
@@ -136,7 +137,7 @@ std::vector<Model> Searching::Partners(const Fit& first, const Weights& weights,
 
 /// The best single with the `count` others that leave least in addition, each at its own fit: strongly
 /// nonlinear effects, such as a wall, get further alone than by a linear prediction.
-std::vector<Model> Searching::Together(const Weights& weights, std::size_t count) const {
+std::vector<Model> Searching::PairsOfSingles(const Weights& weights, std::size_t count) const {
   const Fit& first = result_.fits[0];
   std::vector<std::pair<double, Model>> tried;
   for (const Fit& other : result_.fits) {
@@ -194,7 +195,7 @@ std::vector<Model> Searching::AtOtherPlaces() const {
 
 /// The best two with look-alikes of either in its place, starting at the other's fit: to first order they may
 /// promise less than others and still be the cause.
-std::vector<Model> Searching::Alike(const Weights& weights) const {
+std::vector<Model> Searching::LookAlikePairs(const Weights& weights) const {
   const Fit& both = result_.pairs[0];
   std::vector<Model> alike;
   try {
@@ -205,7 +206,7 @@ std::vector<Model> Searching::Alike(const Weights& weights) const {
       beside.model = PartAlone(both.model, 1 - part);
       beside.residuals = AtModel(beside.model);
       SubtractPart(taken_out, beside.residuals);
-      for (Model& start : Partners(beside, weights, kAlike, 1, both.model.parts[part].effect)) {
+      for (Model& start : PairStarts(beside, weights, kAlike, 1, both.model.parts[part].effect)) {
         if (!Tried(start)) alike.push_back(std::move(start));
       }
     }
@@ -253,12 +254,13 @@ void Searching::FindPairs() {
   const Weights weights(evaluator_, leftover_);
   // Where no single place has an excess, a small one spread over many places still has a score.
   const bool left = !Explained(result_.fits.front());
-  std::vector<Model> starts = Partners(result_.fits[0], weights, kPartners, left ? 1 : kPairGain);
+  std::vector<Model> starts = PairStarts(result_.fits[0], weights, kPartners, left ? 1 : kPairGain);
   if (result_.fits.size() > 1 && (left || !starts.empty())) {
-    for (const auto& other : Partners(result_.fits[1], weights, kPartnersOfNext, 1)) starts.push_back(other);
+    for (const auto& other : PairStarts(result_.fits[1], weights, kPartnersOfNext, 1))
+      starts.push_back(other);
   }
   if (left) {
-    for (Model& both : Together(weights, kTogether)) starts.push_back(std::move(both));
+    for (Model& both : PairsOfSingles(weights, kOtherSingles)) starts.push_back(std::move(both));
   }
   result_.pairs = Refit(starts, weights, kIterations, {0.75, 0.81});
   if (result_.pairs.empty()) return;
@@ -266,13 +268,13 @@ void Searching::FindPairs() {
   const std::vector<Fit> second =
       Refit({PartAlone(result_.pairs[0].model, 1)}, weights, kIterations, {0.81, 0.83});
   if (!second.empty()) {
-    const std::vector<Model> swapped = Partners(second[0], weights, kPartnersOfSecond, 1);
+    const std::vector<Model> swapped = PairStarts(second[0], weights, kPartnersOfSecond, 1);
     Append(Refit(swapped, weights, kIterations, {0.83, 0.87}), result_.pairs);
   }
   Append(Refit(AtOtherPlaces(), weights, kIterations, {0.87, 0.89}), result_.pairs);
   KeepDistinct();
   if (left) {
-    Append(Refit(Alike(weights), weights, kIterations, {0.89, 0.92}), result_.pairs);
+    Append(Refit(LookAlikePairs(weights), weights, kIterations, {0.89, 0.92}), result_.pairs);
     // Fits that have not converged get more steps if a gap is left, and so do fits that explain more than the
     // best before holding out: the linear held-out score may overstate their loss.
     const double best = result_.pairs.front().score;

@@ -94,7 +94,7 @@ bool Quantised(const Eigen::VectorXd& angle, double count) {
 }
 
 /// Whole counts for interpolated samples as well (`read`: samples with a reading).
-void CountThroughHoles(Eigen::Ref<Eigen::VectorXd> angle, const std::vector<char>& read, double count) {
+void CountThroughDropouts(Eigen::Ref<Eigen::VectorXd> angle, const std::vector<char>& read, double count) {
   for (Eigen::Index i = 1; i < angle.size(); ++i) {
     if (read[static_cast<std::size_t>(i)]) continue;
     angle[i] = angle[i - 1] + count * std::round((angle[i] - angle[i - 1]) / count);
@@ -329,8 +329,8 @@ class WithinSteps {
 
 /// Gaps of column j longer than interpolation bridges: everywhere for a sensor that is always slower, or has
 /// hardly any readings. `at`: grid sample of each row.
-void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int samples, double step_s,
-               bool at_rest, int j, std::vector<Hole>& holes) {
+void FindDropouts(const Eigen::MatrixXd& values, const std::vector<int>& at, int samples, double step_s,
+                  bool at_rest, int j, std::vector<Dropout>& dropouts) {
   constexpr std::size_t kHardlyEver = 5;  // readings
   std::vector<double> steps_s;
   std::vector<int> there;
@@ -341,12 +341,12 @@ void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int sa
     there.push_back(i);
   }
   if (there.size() < kHardlyEver) {
-    holes.push_back({j, 0, samples});
+    dropouts.push_back({j, 0, samples});
     return;
   }
   const double own_s = at_rest ? 0 : Median(std::move(steps_s));
   if (own_s > kBridged_s + 1e-9) {
-    holes.push_back({j, 0, samples});
+    dropouts.push_back({j, 0, samples});
     return;
   }
   const double bridged_s = std::max(kBridged_s, kOwnSteps * own_s);
@@ -354,10 +354,10 @@ void FindHoles(const Eigen::MatrixXd& values, const std::vector<int>& at, int sa
   for (const int i : there) {
     const int from = last < 0 ? 0 : at[last] + 1;
     // Dropped rows do not count as sensor dropouts.
-    if (i - last > 1 && (at[i] - from) * step_s > bridged_s) holes.push_back({j, from, at[i]});
+    if (i - last > 1 && (at[i] - from) * step_s > bridged_s) dropouts.push_back({j, from, at[i]});
     last = i;
   }
-  if ((samples - at[last] - 1) * step_s > bridged_s) holes.push_back({j, at[last] + 1, samples});
+  if ((samples - at[last] - 1) * step_s > bridged_s) dropouts.push_back({j, at[last] + 1, samples});
 }
 
 /// Shape signals of the rows at samples `at`. Bending adds nothing to a tip pose from the same sensor.
@@ -411,6 +411,346 @@ void ReadTracker(const Run& run, const RobotParameters& robot, const std::vector
   }
 }
 
+/// The steps of Prepare, in order, and what they share.
+class Preparing {
+ public:
+  Preparing(const Run& run, const RobotParameters& robot, std::optional<std::uint64_t> seed)
+      : run_(run),
+        robot_(robot),
+        seed_(seed),
+        rows_(static_cast<int>(run.time_s.size())),
+        tendons_(robot.body.tendons()),
+        random_(seed.value_or(0)) {}
+
+  PreparedRun Result() {
+    MakeGrid();
+    PlaceRows();
+    TakeDriveSignals();
+    FindCellSteps();
+    if (seed_ && robot_.actuation) DrawWithinNoise();
+    if (robot_.actuation && !out_.signals.at_rest) SmoothTensions();
+    if (run_.motor_position_rad.cols() == tendons_) {
+      TakeMotors();
+    } else {
+      LeaveMotorsUnknown();
+    }
+    MarkUnrecordedMotion();
+    ReadTracker(run_, robot_, at_, seed_, random_, out_);
+    return std::move(out_);
+  }
+
+ private:
+  /// Step and number of samples. Throws std::runtime_error for too few rows and for a pause that is most of
+  /// the run.
+  void MakeGrid() {
+    out_.name = run_.name;
+    out_.family = run_.family;
+    out_.repeat_of = run_.repeat_of;
+    out_.before = run_.before;
+    if (rows_ < LeastRows(run_))
+      throw std::runtime_error(
+          fmt::format("{}: {} samples; accepted: at least {}", run_.name, rows_, LeastRows(run_)));
+
+    const double usual_s = UsualStep(run_);
+    const bool at_rest = usual_s > kQuasiStatic_s;
+    sampled_s_ = at_rest ? usual_s : GridStep(run_, usual_s);
+    out_.signals.at_rest = at_rest;
+    if (at_rest) out_.signals.time_s = run_.time_s.array() - run_.time_s[0];
+    refine_ = at_rest ? 1 : static_cast<int>(std::max(1.0, std::ceil(sampled_s_ / kSlowestGrid_s - 1e-6)));
+    step_s_ = sampled_s_ / refine_;
+    out_.start_s = run_.time_s[0];
+    out_.signals.step_s = step_s_;
+    out_.signals.load_cell = run_.load_cell;
+    // In a log of every cycle, a target acts one row after it was sent.
+    if (refine_ == 1 && step_s_ > 0.4e-3 && step_s_ < 6e-3) out_.signals.command_delay_s = step_s_;
+    const double steps = at_rest ? rows_ - 1 : std::round((run_.time_s[rows_ - 1] - out_.start_s) / step_s_);
+    // Interpolation across a pause has no information, however long it is.
+    if (!at_rest && steps >= kMostlyPause * rows_ * refine_) RefusePause();
+    samples_ = static_cast<int>(steps) + 1;
+    memory_ = static_cast<int>(kAfterGap_s / step_s_);
+  }
+
+  [[noreturn]] void RefusePause() const {
+    const Eigen::VectorXd& t = run_.time_s;
+    int at = 1;
+    for (int i = 1; i < rows_; ++i) {
+      if (t[i] - t[i - 1] > t[at] - t[at - 1]) at = i;
+    }
+    throw std::runtime_error(fmt::format(
+        "{}: its {} rows of {:.3g} s each span {:.4g} s, with a jump of {:.4g} s to {:.10g} s: a pause or a "
+        "wrong time stamp; cut the run there",
+        run_.name, rows_, sampled_s_, t[rows_ - 1] - out_.start_s, t[at] - t[at - 1], t[at]));
+  }
+
+  /// The sample of each row, and the samples without a row.
+  void PlaceRows() {
+    at_.resize(static_cast<std::size_t>(rows_));
+    double square = 0;
+    for (int i = 0; i < rows_; ++i) {
+      const double exact = out_.signals.at_rest ? i : (run_.time_s[i] - out_.start_s) / step_s_;
+      at_[i] = std::clamp(static_cast<int>(std::llround(exact)), 0, samples_ - 1);
+      square += std::pow((exact - at_[i]) * step_s_, 2);
+    }
+    out_.jitter_s = std::sqrt(square / rows_);
+    out_.valid.assign(samples_, 1);
+    for (int i = 1; i < rows_; ++i) {
+      const int between = at_[i] - at_[i - 1];
+      if (between > refine_) out_.lost += between / refine_ - 1;
+      // A few lost samples are bridged; after a longer gap the friction memories are unknown.
+      if (between > 5 * refine_ && between * step_s_ > kBridged_s) {
+        if (between * step_s_ > kForgets_s) lost_.emplace_back(at_[i - 1] + 1, at_[i]);
+        for (int k = at_[i - 1] + 1; k < std::min(samples_, at_[i] + memory_); ++k) out_.valid[k] = 0;
+      }
+    }
+    out_.driven = out_.valid;
+  }
+
+  /// Columns of rows on the grid, interpolated; NaN for a column without readings.
+  Eigen::MatrixXd OnGrid(const Eigen::MatrixXd& values) const {
+    Eigen::MatrixXd grid(samples_, values.cols());
+    for (int j = 0; j < values.cols(); ++j) {
+      Interpolator line;
+      for (int i = 0; i < rows_; ++i) {
+        if (std::isfinite(values(i, j))) line.Add(step_s_ * at_[i], values(i, j));
+      }
+      if (line.empty()) {
+        grid.col(j).setConstant(NAN);
+        continue;
+      }
+      for (int i = 0; i < samples_; ++i) grid(i, j) = line(step_s_ * i);
+    }
+    return grid;
+  }
+
+  /// The dropouts of each tendon's sensor; a column of `grid` without readings becomes 0.
+  void TakeDropouts(const Eigen::MatrixXd& values, Eigen::MatrixXd& grid, std::vector<Dropout>& dropouts) {
+    if (values.cols() != tendons_) return;
+    for (int j = 0; j < tendons_; ++j) {
+      FindDropouts(values, at_, samples_, step_s_, out_.signals.at_rest, j, dropouts);
+      if (!grid.col(j).allFinite()) grid.col(j).setZero();
+    }
+  }
+
+  /// Torques and tensions.
+  void TakeDriveSignals() {
+    auto& s = out_.signals;
+    if (run_.torque_target_Nm.cols() == tendons_) s.torque_target_Nm = OnGrid(run_.torque_target_Nm);
+    if (run_.torque_actual_Nm.cols() == tendons_) s.torque_actual_Nm = OnGrid(run_.torque_actual_Nm);
+    if (run_.tension_N.cols() == tendons_) {
+      s.tension_N = OnGrid(run_.tension_N);
+      out_.cell_N = s.tension_N;
+      for (int j = 0; j < tendons_; ++j) {
+        for (int i = 0; i < samples_; ++i) {
+          if (!out_.valid[i]) out_.cell_N(i, j) = NAN;
+        }
+        FindDropouts(run_.tension_N, at_, samples_, step_s_, s.at_rest, j, out_.cell_dropouts);
+      }
+      for (const Dropout& dropout : out_.cell_dropouts) {
+        out_.cell_N.col(dropout.tendon).segment(dropout.from, dropout.size()).setConstant(NAN);
+        if (dropout.size() == samples_) s.tension_N.col(dropout.tendon).setZero();
+      }
+    }
+    TakeDropouts(run_.torque_target_Nm, s.torque_target_Nm, out_.target_dropouts);
+    TakeDropouts(run_.torque_actual_Nm, s.torque_actual_Nm, out_.torque_dropouts);
+  }
+
+  static double OwnStep_N(const LoadCellParameters& cell) {
+    return cell.gain_VpN > 0 ? cell.resolution_V / cell.gain_VpN : 0;
+  }
+
+  /// When each cell was read, and in which steps.
+  void FindCellSteps() {
+    const Eigen::Index cells = out_.signals.tension_N.cols();
+    for (int j = 0; j < cells; ++j) {
+      std::vector<int>& read = out_.cell_read.emplace_back();
+      if (Median(RowsApart(run_.tension_N.col(j))) <= 1) continue;
+      for (int i = 0; i < rows_; ++i) {
+        if (std::isfinite(run_.tension_N(i, j))) read.push_back(at_[static_cast<std::size_t>(i)]);
+      }
+    }
+    out_.cell_step_N.assign(static_cast<std::size_t>(cells), 0);
+    for (int j = 0; j < cells && robot_.actuation; ++j) {
+      out_.cell_step_N[static_cast<std::size_t>(j)] =
+          std::max(OwnStep_N(robot_.actuation->tendons[j].load_cell), DecimalStep(run_.tension_N.col(j)));
+    }
+  }
+
+  /// Adds another draw of noise and rounding to torques and tensions.
+  void DrawWithinNoise() {
+    auto& s = out_.signals;
+    std::normal_distribution<double> normal;
+    for (int j = 0; j < tendons_; ++j) {
+      const auto& p = robot_.actuation->tendons[j];
+      const double permille = 1e-3 * p.drive.rated_torque_Nm;
+      const double torque = permille * std::hypot(p.drive.actual_torque_noise_permille, std::sqrt(1.0 / 12));
+      for (int i = 0; i < s.torque_actual_Nm.rows(); ++i)
+        s.torque_actual_Nm(i, j) += torque * normal(random_);
+      if (j >= s.tension_N.cols()) continue;
+      const double cell_step_N = out_.cell_step_N[static_cast<std::size_t>(j)];
+      if (cell_step_N > kCoarse * std::max(OwnStep_N(p.load_cell), p.load_cell.noise_N)) {
+        // In a coarse table the rounding error is constant until the reading changes.
+        WithinSteps within(cell_step_N, random_);
+        for (int i = 0; i < s.tension_N.rows(); ++i) {
+          const double off_N = within.At(s.tension_N(i, j));
+          s.tension_N(i, j) += off_N + p.load_cell.noise_N * normal(random_);
+        }
+        continue;
+      }
+      const double cell = std::hypot(p.load_cell.noise_N, cell_step_N / std::sqrt(12.0));
+      for (int i = 0; i < s.tension_N.rows(); ++i) s.tension_N(i, j) += cell * normal(random_);
+    }
+  }
+
+  void SmoothTensions() {
+    auto& s = out_.signals;
+    for (int j = 0; j < s.tension_N.cols(); ++j) {
+      const auto& p = robot_.actuation->tendons[j].load_cell;
+      const double noise =
+          std::hypot(p.noise_N, out_.cell_step_N[static_cast<std::size_t>(j)] / std::sqrt(12.0));
+      s.tension_N.col(j) = Denoised(s.tension_N.col(j), seed_ ? std::sqrt(2.0) * noise : noise);
+      if (seed_) DrawBetweenReadings(j);
+    }
+  }
+
+  /// The tension between two samples is uncertain by its change of slope: when a slack tendon catches, most
+  /// of the impact may fall between samples.
+  void DrawBetweenReadings(int j) {
+    auto& s = out_.signals;
+    std::uniform_real_distribution<double> part(-0.5, 0.5);
+    const Eigen::VectorXd read = s.tension_N.col(j);
+    const std::vector<int>& at_read = out_.cell_read[static_cast<std::size_t>(j)];
+    const auto count = at_read.empty() ? samples_ : static_cast<int>(at_read.size());
+    const auto sample = [&](int k) { return at_read.empty() ? k : at_read[static_cast<std::size_t>(k)]; };
+    // The time of a reading within its row is uncertain too, where they slip.
+    const bool slips = Slips(RowsApart(run_.tension_N.col(j)));
+    Interpolator by;  // change of the readings
+    by.Add(-1, 0);
+    for (int k = 1; k + 1 < count; ++k) {
+      const int a = sample(k - 1), b = sample(k), c = sample(k + 1);
+      double moved = part(random_) * (read[a] - 2 * read[b] + read[c]);
+      if (slips) moved += part(random_) * refine_ * (read[c] - read[a]) / (c - a);
+      by.Add(b, moved);
+    }
+    by.Add(samples_, 0);
+    for (int i = 1; i + 1 < samples_; ++i) s.tension_N(i, j) += by(i);
+  }
+
+  void LeaveMotorsUnknown() {
+    auto& s = out_.signals;
+    for (int j = 0; j < tendons_; ++j) out_.motor_dropouts.push_back({j, 0, samples_});
+    s.no_motor.assign(static_cast<std::size_t>(tendons_), 1);
+    out_.sliding.setZero(samples_, tendons_);
+    for (auto* motion : {&s.motor_angle_rad, &s.motor_velocity_radps, &s.motor_acceleration_radps2})
+      motion->setZero(samples_, tendons_);
+  }
+
+  /// S x M: torque and motor position are known.
+  Eigen::Matrix<char, -1, -1> TorqueAndMotorKnown() const {
+    Eigen::Matrix<char, -1, -1> both(samples_, tendons_);
+    for (int i = 0; i < samples_; ++i) both.row(i).setConstant(out_.valid[static_cast<std::size_t>(i)]);
+    for (const auto* dropouts : {&out_.torque_dropouts, &out_.motor_dropouts}) {
+      for (const Dropout& dropout : *dropouts)
+        both.col(dropout.tendon).segment(dropout.from, dropout.size()).setZero();
+    }
+    return both;
+  }
+
+  void TakeMotors() {
+    auto& s = out_.signals;
+    Eigen::MatrixXd reading = OnGrid(run_.motor_position_rad);
+    TakeDropouts(run_.motor_position_rad, reading, out_.motor_dropouts);
+    if (run_.zero_at_rest && robot_.actuation) FindRest(robot_, reading, out_);
+    for (const Dropout& dropout : out_.motor_dropouts) {
+      s.no_motor.resize(static_cast<std::size_t>(tendons_), 0);
+      if (dropout.size() == samples_) s.no_motor[static_cast<std::size_t>(dropout.tendon)] = 1;
+    }
+    const Eigen::Matrix<char, -1, -1> both = TorqueAndMotorKnown();
+    out_.sliding.setZero(samples_, tendons_);
+    s.motor_angle_rad.resize(samples_, tendons_);
+    s.motor_velocity_radps.resize(samples_, tendons_);
+    s.motor_acceleration_radps2.resize(samples_, tendons_);
+    // The dependence of speed and acceleration on the window is part of the encoder's uncertainty.
+    constexpr std::array<double, 4> kOtherWidths{0.6, 0.8, 1.25, 1.6};
+    const double half_s = kDerivativeHalf_s * (seed_ ? kOtherWidths[*seed_ % kOtherWidths.size()] : 1);
+    const LocalPolynomial local(std::max(2, static_cast<int>(std::lround(half_s / step_s_))));
+    for (int j = 0; j < tendons_; ++j) {
+      const int counts = robot_.actuation ? robot_.actuation->tendons[j].drive.encoder_counts_per_turn : 0;
+      const double count =
+          counts > 0 ? std::max(2 * std::numbers::pi / counts, DecimalStep(run_.motor_position_rad.col(j)))
+                     : 0;
+      const Eigen::VectorXd angle = AngleWithinCounts(j, reading.col(j), count);
+      if (s.at_rest) {
+        s.motor_angle_rad.col(j) = angle;
+        s.motor_velocity_radps.col(j).setZero();
+        s.motor_acceleration_radps2.col(j).setZero();
+        continue;
+      }
+      MarkSliding(reading.col(j), both.col(j), count > 0 ? count : 3e-3, step_s_, sampled_s_,
+                  out_.sliding.col(j));
+      Differentiate(j, angle, local);
+    }
+  }
+
+  /// Of motor j, from its reading on the grid; `count` in rad, 0: unknown.
+  Eigen::VectorXd AngleWithinCounts(int j, Eigen::VectorXd angle, double count) {
+    std::uniform_real_distribution<double> anywhere(0, 1);
+    if (count > 0 && out_.signals.at_rest) {
+      for (int i = 0; i < samples_ && seed_; ++i) angle[i] += (anywhere(random_) - 0.5) * count;
+    } else if (count > 0 && Quantised(refine_ == 1 ? run_.motor_position_rad.col(j).eval() : angle, count)) {
+      if (refine_ == 1) {
+        std::vector<char> read(static_cast<std::size_t>(samples_), 0);
+        for (int i = 0; i < rows_; ++i)
+          read[static_cast<std::size_t>(at_[i])] = std::isfinite(run_.motor_position_rad(i, j));
+        CountThroughDropouts(angle, read, count);
+      }
+      angle = InsideCounts(angle, count, step_s_, !run_.zero_at_rest, seed_ ? &random_ : nullptr);
+    }
+    return angle;
+  }
+
+  void Differentiate(int j, const Eigen::VectorXd& angle, const LocalPolynomial& local) {
+    auto& s = out_.signals;
+    const int h = local.half;
+    Eigen::VectorXd padded(samples_ + 2 * h);
+    padded << Eigen::VectorXd::Constant(h, angle[0]), angle,
+        Eigen::VectorXd::Constant(h, angle[samples_ - 1]);
+    for (int i = 0; i < samples_; ++i) {
+      const auto window = padded.segment(i, 2 * h + 1);
+      s.motor_angle_rad(i, j) = angle[i];  // not smoothed: its turning points matter for friction
+      s.motor_velocity_radps(i, j) = (local.first * window).value() / step_s_;
+      s.motor_acceleration_radps2(i, j) = (local.second * window).value() / (step_s_ * step_s_);
+    }
+  }
+
+  void MarkUnrecordedMotion() {
+    const auto& s = out_.signals;
+    if (s.at_rest) return;
+    // A log that begins in motion has the same unknown history.
+    constexpr double kTurned_rad = 0.02;
+    if (s.motor_angle_rad.cols() > 0 && s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad)
+      MarkMoved(-1, 0, std::min(samples_, memory_), out_);
+    for (const auto& [from, to] : lost_) MarkMoved(-1, from, to, out_);
+    // Pulleys slide with a motor whose position is unknown for a while.
+    for (const Dropout& dropout : out_.motor_dropouts) {
+      if (dropout.size() == samples_) continue;
+      std::fill(out_.driven.begin() + dropout.from, out_.driven.begin() + dropout.to, char{0});
+      MarkMoved(dropout.tendon, dropout.from, dropout.to, out_);
+    }
+  }
+
+  const Run& run_;
+  const RobotParameters& robot_;
+  const std::optional<std::uint64_t> seed_;
+  const int rows_, tendons_;
+  std::mt19937_64 random_;
+  double sampled_s_ = 0, step_s_ = 0;      // of the log, and of the grid
+  int refine_ = 1;                         // grid steps from row to row
+  int samples_ = 0, memory_ = 0;           // of the run, and after a gap until friction is known again
+  std::vector<int> at_;                    // sample of each row
+  std::vector<std::pair<int, int>> lost_;  // ranges of samples without rows that friction does not survive
+  PreparedRun out_;
+};
+
 }  // namespace
 
 void PreparedRun::MoveTracker(double by_s) {
@@ -454,262 +794,7 @@ int LeastRows(const Run& run) { return UsualStep(run) > kQuasiStatic_s ? kLeastS
 
 PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<std::uint64_t> seed) {
   if (const auto less = WithoutEmptyRows(run)) return Prepare(*less, robot, seed);
-  PreparedRun out;
-  out.name = run.name;
-  out.family = run.family;
-  out.repeat_of = run.repeat_of;
-  out.before = run.before;
-  const int rows = static_cast<int>(run.time_s.size());
-  if (rows < LeastRows(run))
-    throw std::runtime_error(
-        fmt::format("{}: {} samples; accepted: at least {}", run.name, rows, LeastRows(run)));
-
-  const double usual_s = UsualStep(run);
-  const bool at_rest = usual_s > kQuasiStatic_s;
-  const double sampled_s = at_rest ? usual_s : GridStep(run, usual_s);
-  out.signals.at_rest = at_rest;
-  if (at_rest) out.signals.time_s = run.time_s.array() - run.time_s[0];
-  const int refine =
-      at_rest ? 1 : static_cast<int>(std::max(1.0, std::ceil(sampled_s / kSlowestGrid_s - 1e-6)));
-  const double step_s = sampled_s / refine;
-  out.start_s = run.time_s[0];
-  out.signals.step_s = step_s;
-  out.signals.load_cell = run.load_cell;
-  // In a log of every cycle, a target acts one row after it was sent.
-  if (refine == 1 && step_s > 0.4e-3 && step_s < 6e-3) out.signals.command_delay_s = step_s;
-  const double steps = at_rest ? rows - 1 : std::round((run.time_s[rows - 1] - out.start_s) / step_s);
-  // Interpolation across a pause has no information, however long it is.
-  if (!at_rest && steps >= kMostlyPause * rows * refine) {
-    int at = 1;
-    for (int i = 1; i < rows; ++i) {
-      if (run.time_s[i] - run.time_s[i - 1] > run.time_s[at] - run.time_s[at - 1]) at = i;
-    }
-    throw std::runtime_error(fmt::format(
-        "{}: its {} rows of {:.3g} s each span {:.4g} s, with a jump of {:.4g} s to {:.10g} s: a pause or a "
-        "wrong time stamp; cut the run there",
-        run.name, rows, sampled_s, run.time_s[rows - 1] - out.start_s, run.time_s[at] - run.time_s[at - 1],
-        run.time_s[at]));
-  }
-  const int samples = static_cast<int>(steps) + 1;
-
-  // Rows onto the grid.
-  std::vector<int> at(rows);
-  double square = 0;
-  for (int i = 0; i < rows; ++i) {
-    const double exact = at_rest ? i : (run.time_s[i] - out.start_s) / step_s;
-    at[i] = std::clamp(static_cast<int>(std::llround(exact)), 0, samples - 1);
-    square += std::pow((exact - at[i]) * step_s, 2);
-  }
-  out.jitter_s = std::sqrt(square / rows);
-  out.valid.assign(samples, 1);
-  const int memory = static_cast<int>(kAfterGap_s / step_s);
-  std::vector<std::pair<int, int>> lost;  // sample ranges
-  for (int i = 1; i < rows; ++i) {
-    const int between = at[i] - at[i - 1];
-    if (between > refine) out.lost += between / refine - 1;
-    // A few lost samples are bridged; after a longer gap the friction memories are unknown.
-    if (between > 5 * refine && between * step_s > kBridged_s) {
-      if (between * step_s > kForgets_s) lost.emplace_back(at[i - 1] + 1, at[i]);
-      for (int k = at[i - 1] + 1; k < std::min(samples, at[i] + memory); ++k) out.valid[k] = 0;
-    }
-  }
-
-  out.driven = out.valid;
-
-  const auto on_grid = [&](const Eigen::MatrixXd& values) {
-    Eigen::MatrixXd grid(samples, values.cols());
-    for (int j = 0; j < values.cols(); ++j) {
-      Interpolator line;
-      for (int i = 0; i < rows; ++i) {
-        if (std::isfinite(values(i, j))) line.Add(step_s * at[i], values(i, j));
-      }
-      if (line.empty()) {
-        grid.col(j).setConstant(NAN);
-        continue;
-      }
-      for (int i = 0; i < samples; ++i) grid(i, j) = line(step_s * i);
-    }
-    return grid;
-  };
-  auto& s = out.signals;
-  const int tendons = robot.body.tendons();
-  std::mt19937_64 random(seed.value_or(0));
-  std::normal_distribution<double> normal;
-  if (run.torque_target_Nm.cols() == tendons) s.torque_target_Nm = on_grid(run.torque_target_Nm);
-  if (run.torque_actual_Nm.cols() == tendons) s.torque_actual_Nm = on_grid(run.torque_actual_Nm);
-  if (run.tension_N.cols() == tendons) {
-    s.tension_N = on_grid(run.tension_N);
-    out.cell_N = s.tension_N;
-    for (int j = 0; j < tendons; ++j) {
-      for (int i = 0; i < samples; ++i) {
-        if (!out.valid[i]) out.cell_N(i, j) = NAN;
-      }
-      FindHoles(run.tension_N, at, samples, step_s, at_rest, j, out.cell_holes);
-    }
-    for (const Hole& hole : out.cell_holes) {
-      out.cell_N.col(hole.tendon).segment(hole.from, hole.size()).setConstant(NAN);
-      if (hole.size() == samples) s.tension_N.col(hole.tendon).setZero();
-    }
-  }
-  const auto known = [&](const Eigen::MatrixXd& values, Eigen::MatrixXd& grid, std::vector<Hole>& holes) {
-    if (values.cols() != tendons) return;
-    for (int j = 0; j < tendons; ++j) {
-      FindHoles(values, at, samples, step_s, at_rest, j, holes);
-      if (!grid.col(j).allFinite()) grid.col(j).setZero();
-    }
-  };
-  known(run.torque_target_Nm, s.torque_target_Nm, out.target_holes);
-  known(run.torque_actual_Nm, s.torque_actual_Nm, out.torque_holes);
-  for (int j = 0; j < s.tension_N.cols(); ++j) {
-    std::vector<int>& read = out.cell_read.emplace_back();
-    if (Median(RowsApart(run.tension_N.col(j))) <= 1) continue;
-    for (int i = 0; i < rows; ++i) {
-      if (std::isfinite(run.tension_N(i, j))) read.push_back(at[static_cast<std::size_t>(i)]);
-    }
-  }
-  const auto own_step_N = [](const LoadCellParameters& cell) {
-    return cell.gain_VpN > 0 ? cell.resolution_V / cell.gain_VpN : 0;
-  };
-  out.cell_step_N.assign(static_cast<std::size_t>(s.tension_N.cols()), 0);
-  for (int j = 0; j < s.tension_N.cols() && robot.actuation; ++j) {
-    out.cell_step_N[static_cast<std::size_t>(j)] =
-        std::max(own_step_N(robot.actuation->tendons[j].load_cell), DecimalStep(run.tension_N.col(j)));
-  }
-  if (seed && robot.actuation) {
-    for (int j = 0; j < tendons; ++j) {
-      const auto& p = robot.actuation->tendons[j];
-      const double permille = 1e-3 * p.drive.rated_torque_Nm;
-      const double torque = permille * std::hypot(p.drive.actual_torque_noise_permille, std::sqrt(1.0 / 12));
-      for (int i = 0; i < s.torque_actual_Nm.rows(); ++i) s.torque_actual_Nm(i, j) += torque * normal(random);
-      if (j >= s.tension_N.cols()) continue;
-      const double cell_step_N = out.cell_step_N[static_cast<std::size_t>(j)];
-      if (cell_step_N > kCoarse * std::max(own_step_N(p.load_cell), p.load_cell.noise_N)) {
-        // In a coarse table the rounding error is constant until the reading changes.
-        WithinSteps within(cell_step_N, random);
-        for (int i = 0; i < s.tension_N.rows(); ++i) {
-          const double off_N = within.At(s.tension_N(i, j));
-          s.tension_N(i, j) += off_N + p.load_cell.noise_N * normal(random);
-        }
-        continue;
-      }
-      const double cell = std::hypot(p.load_cell.noise_N, cell_step_N / std::sqrt(12.0));
-      for (int i = 0; i < s.tension_N.rows(); ++i) s.tension_N(i, j) += cell * normal(random);
-    }
-  }
-  if (robot.actuation && !at_rest) {
-    for (int j = 0; j < s.tension_N.cols(); ++j) {
-      const auto& p = robot.actuation->tendons[j].load_cell;
-      const double noise =
-          std::hypot(p.noise_N, out.cell_step_N[static_cast<std::size_t>(j)] / std::sqrt(12.0));
-      s.tension_N.col(j) = Denoised(s.tension_N.col(j), seed ? std::sqrt(2.0) * noise : noise);
-      if (!seed) continue;
-      // The tension between two samples is uncertain by its change of slope: when a slack tendon catches,
-      // most of the impact may fall between samples.
-      std::uniform_real_distribution<double> part(-0.5, 0.5);
-      const Eigen::VectorXd read = s.tension_N.col(j);
-      const std::vector<int>& at_read = out.cell_read[static_cast<std::size_t>(j)];
-      const auto count = at_read.empty() ? samples : static_cast<int>(at_read.size());
-      const auto sample = [&](int k) { return at_read.empty() ? k : at_read[static_cast<std::size_t>(k)]; };
-      // The time of a reading within its row is uncertain too, where they slip.
-      const bool slips = Slips(RowsApart(run.tension_N.col(j)));
-      Interpolator by;  // time shift of the readings
-      by.Add(-1, 0);
-      for (int k = 1; k + 1 < count; ++k) {
-        const int a = sample(k - 1), b = sample(k), c = sample(k + 1);
-        double moved = part(random) * (read[a] - 2 * read[b] + read[c]);
-        if (slips) moved += part(random) * refine * (read[c] - read[a]) / (c - a);
-        by.Add(b, moved);
-      }
-      by.Add(samples, 0);
-      for (int i = 1; i + 1 < samples; ++i) s.tension_N(i, j) += by(i);
-    }
-  }
-
-  const bool with_motors = run.motor_position_rad.cols() == tendons;
-  if (!with_motors) {
-    for (int j = 0; j < tendons; ++j) out.motor_holes.push_back({j, 0, samples});
-    s.no_motor.assign(static_cast<std::size_t>(tendons), 1);
-    out.sliding.setZero(samples, tendons);
-    for (auto* motion : {&s.motor_angle_rad, &s.motor_velocity_radps, &s.motor_acceleration_radps2})
-      motion->setZero(samples, tendons);
-  } else {
-    Eigen::MatrixXd reading = on_grid(run.motor_position_rad);
-    known(run.motor_position_rad, reading, out.motor_holes);
-    if (run.zero_at_rest && robot.actuation) FindRest(robot, reading, out);
-    for (const Hole& hole : out.motor_holes) {
-      s.no_motor.resize(static_cast<std::size_t>(tendons), 0);
-      if (hole.size() == samples) s.no_motor[static_cast<std::size_t>(hole.tendon)] = 1;
-    }
-    Eigen::Matrix<char, -1, -1> both(samples, tendons);  // torque and motor
-    for (int i = 0; i < samples; ++i) both.row(i).setConstant(out.valid[static_cast<std::size_t>(i)]);
-    for (const auto* holes : {&out.torque_holes, &out.motor_holes}) {
-      for (const Hole& hole : *holes) both.col(hole.tendon).segment(hole.from, hole.size()).setZero();
-    }
-    out.sliding.setZero(samples, tendons);
-    s.motor_angle_rad.resize(samples, tendons);
-    s.motor_velocity_radps.resize(samples, tendons);
-    s.motor_acceleration_radps2.resize(samples, tendons);
-    // The dependence of speed and acceleration on the window is part of the encoder's uncertainty.
-    std::uniform_real_distribution<double> anywhere(0, 1);
-    constexpr std::array<double, 4> kOtherWidths{0.6, 0.8, 1.25, 1.6};
-    const double half_s = kDerivativeHalf_s * (seed ? kOtherWidths[*seed % kOtherWidths.size()] : 1);
-    const LocalPolynomial local(std::max(2, static_cast<int>(std::lround(half_s / step_s))));
-    for (int j = 0; j < tendons; ++j) {
-      Eigen::VectorXd angle = reading.col(j);
-      const int counts = robot.actuation ? robot.actuation->tendons[j].drive.encoder_counts_per_turn : 0;
-      const double count =
-          counts > 0 ? std::max(2 * std::numbers::pi / counts, DecimalStep(run.motor_position_rad.col(j)))
-                     : 0;
-      if (count > 0 && at_rest) {
-        // Anywhere within its count.
-        for (int i = 0; i < samples && seed; ++i) angle[i] += (anywhere(random) - 0.5) * count;
-      } else if (count > 0 && Quantised(refine == 1 ? run.motor_position_rad.col(j).eval() : angle, count)) {
-        if (refine == 1) {
-          std::vector<char> read(static_cast<std::size_t>(samples), 0);
-          for (int i = 0; i < rows; ++i)
-            read[static_cast<std::size_t>(at[i])] = std::isfinite(run.motor_position_rad(i, j));
-          CountThroughHoles(angle, read, count);
-        }
-        angle = InsideCounts(angle, count, step_s, !run.zero_at_rest, seed ? &random : nullptr);
-      }
-      if (at_rest) {
-        s.motor_angle_rad.col(j) = angle;
-        s.motor_velocity_radps.col(j).setZero();
-        s.motor_acceleration_radps2.col(j).setZero();
-        continue;
-      }
-      MarkSliding(reading.col(j), both.col(j), count > 0 ? count : 3e-3, step_s, sampled_s,
-                  out.sliding.col(j));
-      const int h = local.half;
-      Eigen::VectorXd padded(samples + 2 * h);
-      padded << Eigen::VectorXd::Constant(h, angle[0]), angle,
-          Eigen::VectorXd::Constant(h, angle[samples - 1]);
-      for (int i = 0; i < samples; ++i) {
-        const auto window = padded.segment(i, 2 * h + 1);
-        s.motor_angle_rad(i, j) = angle[i];  // not smoothed: its turning points matter for friction
-        s.motor_velocity_radps(i, j) = (local.first * window).value() / step_s;
-        s.motor_acceleration_radps2(i, j) = (local.second * window).value() / (step_s * step_s);
-      }
-    }
-  }
-
-  // A log that begins in motion has the same unknown history.
-  constexpr double kTurned_rad = 0.02;
-  if (!at_rest && s.motor_angle_rad.cols() > 0 &&
-      s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad)
-    MarkMoved(-1, 0, std::min(samples, memory), out);
-  for (const auto& [from, to] : lost) {
-    if (!at_rest) MarkMoved(-1, from, to, out);
-  }
-  // Pulleys slide with a motor whose position is unknown for a while.
-  for (const Hole& hole : out.motor_holes) {
-    if (at_rest || hole.size() == samples) continue;
-    std::fill(out.driven.begin() + hole.from, out.driven.begin() + hole.to, char{0});
-    MarkMoved(hole.tendon, hole.from, hole.to, out);
-  }
-
-  ReadTracker(run, robot, at, seed, random, out);
-  return out;
+  return Preparing(run, robot, seed).Result();
 }
 
 }  // namespace tendril::gap

@@ -27,7 +27,7 @@ constexpr double kBodySettles_s = 0.6;
 constexpr int kLeastRows = 20, kLeastStates = 5;
 
 /// Samples [from, to) without data of a tendon's sensor, longer than interpolation bridges.
-struct Hole {
+struct Dropout {
   int tendon = 0, from = 0, to = 0;
 
   int size() const { return to - from; }
@@ -41,13 +41,13 @@ struct PreparedRun {
   double start_s = 0;       // time of the first sample in the log
   std::vector<char> valid;  // S: false where samples were lost, and shortly after
   Eigen::MatrixXd cell_N;   // S x M as read, NaN without a reading
-  std::vector<Hole> cell_holes;
+  std::vector<Dropout> cell_dropouts;
   std::vector<double> cell_step_N;  // M: its resolution, or that of a table with fewer decimal places
   std::vector<std::vector<int>>
       cell_read;  // M: samples with a reading, for a cell slower than the log; else empty
   /// Gaps of target torque, actual torque and encoder bridged by interpolation (0 where the sensor never had
   /// data); results that need these samples are not available.
-  std::vector<Hole> target_holes, torque_holes, motor_holes;
+  std::vector<Dropout> target_dropouts, torque_dropouts, motor_dropouts;
   std::vector<char> driven;  // S: valid, and the inputs that move tendons and body are known
   /// For a run whose motors count from their rest position (Run::zero_at_rest), else 0 and empty: the first
   /// samples at rest, the cells' mean readings there (M; NaN: none), and the uncertainty of the motor zero
@@ -57,7 +57,7 @@ struct PreparedRun {
   Eigen::VectorXd rest_N, zero_open_rad;
   /// Gaps of a motor, or of all signals (tendon -1), in which it turned; the first moments of a run that
   /// begins in motion.
-  std::vector<Hole> moved_unseen;
+  std::vector<Dropout> moved_unseen;
   /// S x M: the motor is known to slide in one direction. Around reversals and at rest an encoder cannot show
   /// how far friction in motor and gear has reversed, so torque does not determine tension there.
   Eigen::Matrix<char, Eigen::Dynamic, Eigen::Dynamic> sliding;
@@ -74,28 +74,28 @@ struct PreparedRun {
 
   int samples() const { return static_cast<int>(valid.size()); }
   /// Number of tendon j's samples in these gaps.
-  int Without(const std::vector<Hole>& holes, int j) const {
+  int MissingSamples(const std::vector<Dropout>& dropouts, int j) const {
     int sum = 0;
-    for (const Hole& hole : holes) sum += hole.tendon == j ? hole.size() : 0;
+    for (const Dropout& dropout : dropouts) sum += dropout.tendon == j ? dropout.size() : 0;
     return sum;
   }
   /// Sets tendon j's samples in these gaps to NaN.
-  void TakeOut(const std::vector<Hole>& holes, int j, Eigen::VectorXd& samples) const {
-    for (const Hole& hole : holes) {
-      if (hole.tendon == j) samples.segment(hole.from, hole.size()).setConstant(NAN);
+  void TakeOut(const std::vector<Dropout>& dropouts, int j, Eigen::VectorXd& samples) const {
+    for (const Dropout& dropout : dropouts) {
+      if (dropout.tendon == j) samples.segment(dropout.from, dropout.size()).setConstant(NAN);
     }
   }
   /// True when the gaps leave samples of at least one of this many tendons.
-  bool Leave(const std::vector<Hole>& holes, Eigen::Index tendons) const {
+  bool LeaveSamples(const std::vector<Dropout>& dropouts, Eigen::Index tendons) const {
     for (int j = 0; j < tendons; ++j) {
-      if (Without(holes, j) < samples()) return true;
+      if (MissingSamples(dropouts, j) < samples()) return true;
     }
     return false;
   }
   /// Shifts the tracker's readings to the drives' clock; readings that leave the run are dropped.
   void MoveTracker(double by_s);
   /// No tendon's motor position is known.
-  bool without_motors() const { return !Leave(motor_holes, signals.motor_angle_rad.cols()); }
+  bool without_motors() const { return !LeaveSamples(motor_dropouts, signals.motor_angle_rad.cols()); }
   /// Enough readings to compare with.
   bool tracked() const { return tracker_s.size() > (signals.at_rest ? kLeastStates - 1 : 10); }
 };

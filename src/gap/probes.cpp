@@ -19,7 +19,7 @@ constexpr double kOnsetDerivative = 0.0125;  // in plainly visible deviations
 constexpr double kOnsetSteps[] = {0.02, 0.1, 0.4};
 
 /// Index of the candidate's parameter that each place has of its own, or -1.
-int EachOf(const Candidate& candidate) {
+int PerPlaceParameter(const Candidate& candidate) {
   if (candidate.target) return -1;
   for (int k = 0; k < candidate.size(); ++k) {
     if (!candidate.parameters[k].each.empty()) return k;
@@ -32,7 +32,7 @@ std::vector<Model> Variants(const Candidate& candidate) {
   std::vector<Model> variants{Model::Of(candidate)};
   for (int k = 0; k < candidate.size(); ++k) {
     const auto& p = candidate.parameters[k];
-    if (!p.shape || p.starts.empty() || k == EachOf(candidate)) continue;
+    if (!p.shape || p.starts.empty() || k == PerPlaceParameter(candidate)) continue;
     std::vector<Model> more;
     for (const auto& variant : variants) {
       for (const double start : p.starts) {
@@ -83,12 +83,13 @@ std::vector<Probe> Starts(const Evaluator& evaluator, const std::vector<Candidat
     const bool summed = c.effect->on_all && c.effect->on_one && !c.target &&
                         c.effect->scope == sim::Scope::kTendon && evaluator.nominal().body.tendons() > 1;
     for (const auto& variant : Variants(c)) {
-      probes.push_back({c, variant, primary, {}, kScreeningStep, summed, EachOf(c)});
+      probes.push_back({c, variant, primary, {}, kScreeningStep, summed, PerPlaceParameter(c)});
       if (primary.size() != 1) continue;
       // Effects that act differently where they are weak, or far off, are probed there too.
       const auto& p = c.parameters[primary[0]];
       for (const double start : p.starts) {
-        probes.push_back({c, variant, primary, {}, (start - p.nominal) / ScaleOf(p), summed, EachOf(c)});
+        probes.push_back(
+            {c, variant, primary, {}, (start - p.nominal) / ScaleOf(p), summed, PerPlaceParameter(c)});
         probes.back().variant.derivative_step = kOnsetDerivative;
       }
     }
@@ -97,7 +98,8 @@ std::vector<Probe> Starts(const Evaluator& evaluator, const std::vector<Candidat
   return probes;
 }
 
-Column Nothing(const Evaluator& evaluator) {
+/// Of a probe without response.
+Column EmptyColumn(const Evaluator& evaluator) {
   return Column(evaluator.runs().size(), std::vector<Eigen::VectorXd>(evaluator.channels().size()));
 }
 
@@ -118,7 +120,7 @@ void Differentiate(const Evaluator& evaluator, std::vector<Probe>& probes, int t
           Sensitivity(evaluator, probe.variant, k, probe.step * ScaleOf(probe.variant.parameter(k)),
                       evaluator.AtNominal(), cuts);
     } catch (const std::exception&) {
-      probe.columns[tasks[t].second] = Nothing(evaluator);
+      probe.columns[tasks[t].second] = EmptyColumn(evaluator);
     }
     progress(++done / static_cast<double>(tasks.size()));
   });
@@ -127,7 +129,7 @@ void Differentiate(const Evaluator& evaluator, std::vector<Probe>& probes, int t
 /// The probe at the onset of the effect, on the way to the bound that its step points to, or to the other
 /// bound if no start lies in that direction; empty without any response.
 std::vector<Probe> FromItsOnset(const Evaluator& evaluator, const Probe& probe) {
-  std::vector<Probe> woken;
+  std::vector<Probe> at_onset;
   const int k = probe.primary[0];
   const auto& p = probe.variant.parameter(k);
   const unsigned cuts = evaluator.CutsOf(*probe.candidate.effect);
@@ -159,7 +161,7 @@ std::vector<Probe> FromItsOnset(const Evaluator& evaluator, const Probe& probe) 
         there.variant.values[k] += quiet * way;
         there.variant.derivative_step = kOnsetDerivative;
         there.columns[0] = column(quiet, step);
-        woken.push_back(std::move(there));
+        at_onset.push_back(std::move(there));
       } catch (const std::exception&) {
         // A probe that cannot be simulated explains nothing.
       }
@@ -167,13 +169,13 @@ std::vector<Probe> FromItsOnset(const Evaluator& evaluator, const Probe& probe) 
   };
   try_towards(probe.step < 0 ? p.lower : p.upper);
   const bool other_way = probe.step > 0 && p.starts.empty() && p.lower < p.nominal;
-  if (woken.empty() && other_way) try_towards(p.lower);
-  return woken;
+  if (at_onset.empty() && other_way) try_towards(p.lower);
+  return at_onset;
 }
 
 /// Limits, contacts and dead zones have no response before they are reached, so they are probed from their
 /// onset.
-void Wake(const Evaluator& evaluator, std::vector<Probe>& probes, int threads) {
+void ProbeFromOnset(const Evaluator& evaluator, std::vector<Probe>& probes, int threads) {
   std::vector<int> silent;
   for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
     const Probe& probe = probes[p];
@@ -188,16 +190,16 @@ void Wake(const Evaluator& evaluator, std::vector<Probe>& probes, int threads) {
     if (!probes[p].summed || probes[p].each >= 0) continue;
     if (std::none_of(silent.begin(), silent.end(), its_place)) continue;
     probes[p].summed = false;  // places with different onsets do not add up
-    probes[p].columns[0] = Nothing(evaluator);
+    probes[p].columns[0] = EmptyColumn(evaluator);
     silent.push_back(p);
   }
-  std::vector<std::vector<Probe>> woken(silent.size());
+  std::vector<std::vector<Probe>> at_onset(silent.size());
   ParallelFor(static_cast<int>(silent.size()), threads,
-              [&](int i) { woken[i] = FromItsOnset(evaluator, probes[silent[i]]); });
+              [&](int i) { at_onset[i] = FromItsOnset(evaluator, probes[silent[i]]); });
   for (std::size_t i = 0; i < silent.size(); ++i) {
-    if (woken[i].empty()) continue;
-    probes[silent[i]] = std::move(woken[i].front());
-    for (std::size_t v = 1; v < woken[i].size(); ++v) probes.push_back(std::move(woken[i][v]));
+    if (at_onset[i].empty()) continue;
+    probes[silent[i]] = std::move(at_onset[i].front());
+    for (std::size_t v = 1; v < at_onset[i].size(); ++v) probes.push_back(std::move(at_onset[i][v]));
   }
 }
 
@@ -261,7 +263,7 @@ std::vector<Probe> MakeProbes(const Evaluator& evaluator, const std::vector<std:
   });
   std::vector<Probe> probes = Starts(evaluator, candidates);
   Differentiate(evaluator, probes, threads, progress);
-  Wake(evaluator, probes, threads);
+  ProbeFromOnset(evaluator, probes, threads);
   SumPlaces(probes, evaluator.runs().size());
   return probes;
 }

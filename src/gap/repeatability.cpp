@@ -194,11 +194,11 @@ Repetitions Shown(const Evaluator& evaluator, int c, bool conditions) {
     VectorXd variance = VectorXd::Zero(windows);
     for (Eigen::Index w = 0; w < windows; ++w) {
       for (const int i : group) {
-        const auto bridged = [&](const Hole& hole) {
-          return hole.from < (w + 1) * width && w * width < hole.to;
+        const auto bridged = [&](const Dropout& dropout) {
+          return dropout.from < (w + 1) * width && w * width < dropout.to;
         };
-        const auto& holes = evaluator.runs()[i].motor_holes;
-        variance[w] += std::any_of(holes.begin(), holes.end(), bridged)
+        const auto& dropouts = evaluator.runs()[i].motor_dropouts;
+        variance[w] += std::any_of(dropouts.begin(), dropouts.end(), bridged)
                            ? std::numeric_limits<double>::infinity()
                            : evaluator.Variance()[i][c][w];
       }

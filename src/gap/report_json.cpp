@@ -70,8 +70,8 @@ class Writer {
 
 // ---- reading ----------------------------------------------------------------------------------------------
 
-[[noreturn]] void Wrong(const std::string& at, const char* wanted) {
-  throw std::runtime_error(fmt::format("'{}' must be {}", at, wanted));
+[[noreturn]] void Wrong(const std::string& at, const char* expected) {
+  throw std::runtime_error(fmt::format("'{}' must be {}", at, expected));
 }
 
 class Reader {

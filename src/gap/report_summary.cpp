@@ -7,9 +7,9 @@
 #include <sstream>
 #include <vector>
 
+#include "parameters_by_deviation.h"
 #include "tendril/gap/report.h"
 #include "tendril/gap/words.h"
-#include "told_parameters.h"
 
 namespace tendril::gap {
 namespace {
@@ -109,7 +109,7 @@ std::string CauseLine(const Cause& c, const Paint& paint, bool accepted) {
                                              : c.effect;
   if (!c.where.empty() && c.where != "all") name += " " + c.where;
   std::string parameters;
-  for (const auto& [key, e] : ToldParameters(c)) {
+  for (const auto& [key, e] : ParametersByDeviation(c)) {
     parameters += (parameters.empty() ? "" : ", ") + ParameterWords(key, e, true);
   }
   if (c.bound_hit) parameters += ", at a bound";

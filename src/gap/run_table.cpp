@@ -40,10 +40,12 @@ struct ColumnOf {
   Eigen::MatrixXd Run::*matrix;
 };
 const ColumnOf kColumns[] = {
-    {{"torque_target_Nm_j", "N·m", "Commanded torque at the motor shaft, stamped when sent; it acts one bus cycle later."},
+    {{"torque_target_Nm_j", "N·m",
+      "Commanded torque at the motor shaft, stamped when sent; it acts one bus cycle later."},
      &Run::torque_target_Nm},
     {{"torque_actual_Nm_j", "N·m", "Reported torque at the motor shaft."}, &Run::torque_actual_Nm},
-    {{"motor_position_rad_j", "rad", "Angle of the motor shaft, pulling positive."}, &Run::motor_position_rad},
+    {{"motor_position_rad_j", "rad", "Angle of the motor shaft, pulling positive."},
+     &Run::motor_position_rad},
     {{"tension_N_j", "N", "Load cell."}, &Run::tension_N},
     {{"tip_x_m", "m", "Tip position by a tracker, x in the base frame."}, &Run::tip_m},
     {{"tip_y_m", "m", "The same, y."}, &Run::tip_m},
@@ -57,12 +59,15 @@ const ColumnOf kColumns[] = {
 };
 
 /// The column of tendon or section `n`: "tension_N_2" of "tension_N_j".
-std::string Numbered(std::string_view name, int n) { return fmt::format("{}{}", name.substr(0, name.size() - 1), n); }
+std::string Numbered(std::string_view name, int n) {
+  return fmt::format("{}{}", name.substr(0, name.size() - 1), n);
+}
 
 std::vector<Block> Blocks(int tendons, int sections) {
   std::vector<Block> blocks;
   for (const ColumnOf& column : kColumns) {
-    const bool each_tendon = column.text.name.ends_with("_j"), each_section = column.text.name.ends_with("_k");
+    const bool each_tendon = column.text.name.ends_with("_j"),
+               each_section = column.text.name.ends_with("_k");
     if (blocks.empty() || blocks.back().matrix != column.matrix)
       blocks.push_back({column.matrix, {}, !each_tendon && !each_section});
     Block& block = blocks.back();
@@ -367,9 +372,9 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
     for (const Block& block : blocks) {
       std::vector<int> found;
       std::vector<std::string> missing;
-      for (const std::string& wanted : block.names) {
-        found.push_back(in_file.Find(wanted, where));
-        if (found.back() < 0) missing.push_back(wanted);
+      for (const std::string& column : block.names) {
+        found.push_back(in_file.Find(column, where));
+        if (found.back() < 0) missing.push_back(column);
       }
       if (missing.size() == block.names.size()) {
         found.clear();

@@ -21,9 +21,11 @@ Eigen::VectorXd TimesOf(const PreparedRun& run) {
 }
 
 /// S x M, NaN without a reading.
-Eigen::MatrixXd Known(const PreparedRun& run, const Eigen::MatrixXd& values, const std::vector<Hole>& holes) {
+Eigen::MatrixXd Known(const PreparedRun& run, const Eigen::MatrixXd& values,
+                      const std::vector<Dropout>& dropouts) {
   Eigen::MatrixXd known = values;
-  for (const Hole& hole : holes) known.col(hole.tendon).segment(hole.from, hole.size()).setConstant(NAN);
+  for (const Dropout& dropout : dropouts)
+    known.col(dropout.tendon).segment(dropout.from, dropout.size()).setConstant(NAN);
   for (int i = 0; i < known.rows(); ++i) {
     if (!run.valid[static_cast<std::size_t>(i)]) known.row(i).setConstant(NAN);
   }
@@ -91,20 +93,22 @@ CommandsCompared CompareCommands(const PreparedRun& run, const PreparedRun& befo
   };
   const auto has_targets = [](const PreparedRun& of) {
     return of.signals.torque_target_Nm.cols() > 0 &&
-           of.Leave(of.target_holes, of.signals.torque_target_Nm.cols());
+           of.LeaveSamples(of.target_dropouts, of.signals.torque_target_Nm.cols());
   };
   if (has_targets(run) && has_targets(before)) {
     add("torque targets", "N·m",
-        [](const PreparedRun& of) { return Known(of, of.signals.torque_target_Nm, of.target_holes); });
+        [](const PreparedRun& of) { return Known(of, of.signals.torque_target_Nm, of.target_dropouts); });
     if (!compared.by.empty()) return compared;
   }
   add("actual torques", "N·m",
-      [](const PreparedRun& of) { return Known(of, of.signals.torque_actual_Nm, of.torque_holes); });
+      [](const PreparedRun& of) { return Known(of, of.signals.torque_actual_Nm, of.torque_dropouts); });
   add("motor positions", "rad",
-      [](const PreparedRun& of) { return Known(of, of.signals.motor_angle_rad, of.motor_holes); });
+      [](const PreparedRun& of) { return Known(of, of.signals.motor_angle_rad, of.motor_dropouts); });
   add("tensions", "N", [](const PreparedRun& of) { return of.cell_N; });
   if (run.tracked() && before.tracked()) {
-    const auto tip = [](const PreparedRun& of) { return Recorded{of.tracker_s, of.tip_m, of.signals.at_rest}; };
+    const auto tip = [](const PreparedRun& of) {
+      return Recorded{of.tracker_s, of.tip_m, of.signals.at_rest};
+    };
     if (const auto one = Compare("tip positions", "m", tip(run), tip(before))) compared.by.push_back(*one);
   }
   std::stable_sort(compared.by.begin(), compared.by.end(),

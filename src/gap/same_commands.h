@@ -10,10 +10,10 @@ namespace tendril::gap {
 
 /// One kind of signal compared between two runs.
 struct SignalCompared {
-  const char* name;     // "torque targets", "motor positions", ...
-  const char* unit;     // "N·m", "rad", "N", "m"
-  double rms = 0;       // difference of the worst motor (axis)
-  double share = 0;     // of the rms difference of two unrelated motions of this kind; 1: unrelated
+  const char* name;  // "torque targets", "motor positions", ...
+  const char* unit;  // "N·m", "rad", "N", "m"
+  double rms = 0;    // difference of the worst motor (axis)
+  double share = 0;  // of the rms difference of two unrelated motions of this kind; 1: unrelated
 };
 
 /// The signals that indicate the commands: torque targets where both runs have them, else everything that a

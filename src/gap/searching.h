@@ -51,18 +51,18 @@ class Searching {
   // In pairs.cpp: adds a second cause, then tries others in place of the first.
   void FindPairs();
   Residuals AtModel(const Model& model) const;  // of all channels, nuisances at nominal
-  struct Promise {
+  struct SecondCause {
     double gain = -1e300;  // held-out log score
     int candidate = 0;     // index into result_.screened
     Eigen::VectorXd step;  // step of its own parameters, then of the first cause's
   };
-  std::vector<Promise> Promises(const Fit& first, const Weights& weights) const;
-  std::vector<Model> Partners(const Fit& first, const Weights& weights, int count, double least,
-                              const sim::Effect* like = nullptr) const;
-  std::vector<Model> Together(const Weights& weights, std::size_t count) const;
+  std::vector<SecondCause> SecondCauses(const Fit& first, const Weights& weights) const;
+  std::vector<Model> PairStarts(const Fit& first, const Weights& weights, int count, double least,
+                                const sim::Effect* like = nullptr) const;
+  std::vector<Model> PairsOfSingles(const Weights& weights, std::size_t count) const;
   bool Tried(const Model& both) const;
   std::vector<Model> AtOtherPlaces() const;
-  std::vector<Model> Alike(const Weights& weights) const;
+  std::vector<Model> LookAlikePairs(const Weights& weights) const;
   void KeepDistinct();
   void AddMembers(const Weights& weights, bool held_out_again);
 

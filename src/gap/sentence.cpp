@@ -10,8 +10,8 @@
 #include <string_view>
 #include <utility>
 
+#include "parameters_by_deviation.h"
 #include "tendril/gap/words.h"
-#include "told_parameters.h"
 
 namespace tendril::gap {
 
@@ -24,9 +24,9 @@ namespace {
 /// The size of a cause, and that of the same law in the robot file; shape parameters (a time constant, a
 /// direction) are only in the report.
 std::string ValueOf(const Cause& cause, const RobotParameters& robot) {
-  const auto told = ToldParameters(cause);
-  if (told.empty()) return "";
-  const auto& [name, estimate] = told.front();
+  const auto parameters = ParametersByDeviation(cause);
+  if (parameters.empty()) return "";
+  const auto& [name, estimate] = parameters.front();
   std::string value = ParameterWords(name, estimate, false);
   const auto law = sim::FindLaw(robot, {cause.effect, cause.where, {}});
   if (!law) return value;
@@ -57,31 +57,85 @@ std::string CutsNotSeen(const Diagnosis& d) {
   return names;
 }
 
-}  // namespace
+/// Where the gap begins; null: no place is marked.
+const CutFinding* FirstFinding(const Diagnosis& d) {
+  const auto first =
+      std::find_if(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.first; });
+  return first == d.location.end() ? nullptr : &*first;
+}
 
-std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std::string& hiding) {
-  const CutFinding* first = nullptr;
-  for (const auto& f : d.location) {
-    if (f.first) first = &f;
-  }
-  const CutFinding* off = nullptr;  // the largest uncertain finding
+/// The largest finding that is uncertain; null: none.
+const CutFinding* UncertainFinding(const Diagnosis& d) {
+  const CutFinding* off = nullptr;
   for (const auto& f : d.location) {
     if (f.uncertain() && (off == nullptr || f.excess_sigma > off->excess_sigma)) off = &f;
   }
+  return off;
+}
+
+/// "The gap lies at C3 (tension, tendon:2)".
+std::string WhereText(const Diagnosis& d) {
+  const CutFinding *first = FirstFinding(d), *off = UncertainFinding(d);
   const bool nowhere =
       std::none_of(d.location.begin(), d.location.end(), [](const CutFinding& f) { return f.excess; });
-  const std::string where =
-      first && first->cut == sim::Cut::kDrivetrain && !Seen(d, sim::Cut::kTendon)
-          ? fmt::format(
-                "The gap lies at C2 or beyond (C2 to C5 cannot be told apart by place without load "
-                "cells; {}, {})",
-                first->quantity, first->where)
-      : first ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
-                            first->where == "all" ? "" : ", " + first->where)
-      : off   ? fmt::format("{} ({}) is {} sigma off, in too few seconds to be sure", sim::CutName(off->cut),
-                            off->quantity, Sigmas(off->excess_sigma))
-      : nowhere ? "All places together exceed the noise floor, but no single place does significantly"
-                : "The place of the gap is not clear";
+  return first && first->cut == sim::Cut::kDrivetrain && !Seen(d, sim::Cut::kTendon)
+             ? fmt::format(
+                   "The gap lies at C2 or beyond (C2 to C5 cannot be told apart by place without load "
+                   "cells; {}, {})",
+                   first->quantity, first->where)
+         : first ? fmt::format("The gap lies at {} ({}{})", sim::CutName(first->cut), first->quantity,
+                               first->where == "all" ? "" : ", " + first->where)
+         : off ? fmt::format("{} ({}) is {} sigma off, in too few seconds to be sure", sim::CutName(off->cut),
+                             off->quantity, Sigmas(off->excess_sigma))
+         : nowhere ? "All places together exceed the noise floor, but no single place does significantly"
+                   : "The place of the gap is not clear";
+}
+
+/// The accepted causes with their size and probability, or the groups that they belong to.
+std::string CausesText(const Diagnosis& d, const RobotParameters& robot) {
+  std::string causes;
+  bool grouped = false;
+  for (const auto& c : d.accepted) {
+    causes += causes.empty() ? "" : ", and ";
+    std::string names;
+    double group = 0;
+    for (const auto& rival : d.causes) {
+      if (c.group == 0 || rival.group != c.group) continue;
+      names += (names.empty() ? "" : " or ") + NameOf(rival);
+      group += rival.p;
+    }
+    if (!names.empty() && group < 0.5) names += " or another";
+    if (d.verdict == Verdict::kAmbiguousGroup && !names.empty()) {
+      causes += fmt::format("one of {}, which these runs cannot tell apart", names);
+      grouped = true;
+    } else {
+      causes += fmt::format("{}, {} ({} likely)", NameOf(c), ValueOf(c, robot), Percent(c.p));
+    }
+  }
+  if (d.verdict == Verdict::kAmbiguousGroup && !grouped) causes += ", or another";
+  return causes;
+}
+
+/// What closes with the accepted causes, and what remains.
+std::string ClosedText(const Diagnosis& d) {
+  const std::string closed =
+      d.closed && d.closed->low > 0
+          ? fmt::format(" With it in the model {} of the gap closes on held-out {}.",
+                        Percent(d.closed->value), d.held_out_by)
+          : " It is too close to the noise floor to say how much of the gap it closes.";
+  const std::string left =
+      d.leftover_sigma < kMuchLeft_sigma
+          ? ""
+          : fmt::format(" Up to {} sigma beyond the floor remain: it is not the only cause.",
+                        Sigmas(d.leftover_sigma));
+  return closed + left;
+}
+
+}  // namespace
+
+std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std::string& hiding) {
+  const CutFinding *first = FirstFinding(d), *off = UncertainFinding(d);
+  const std::string where = WhereText(d);
   const std::string next = d.next.family.empty() ? "" : fmt::format(" Next: run '{}'.", d.next.family);
   switch (d.verdict) {
     case Verdict::kNoGap: {
@@ -97,7 +151,7 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
       if (!d.suspected.empty()) return where + ".";
       if (!hiding.empty())
         return fmt::format("{}, and no effect of the library explains it: {}.{}", where, hiding, next);
-      if (!d.doubt.empty()) return where + "." + next;  // First() says why
+      if (!d.doubt.empty()) return where + "." + next;  // Preface() says why
       const auto best = std::find_if(d.causes.begin(), d.causes.end(),
                                      [](const Cause& c) { return sim::FindEffect(c.effect) != nullptr; });
       // Without a significant place, the sum over all places decided.
@@ -109,44 +163,13 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
                          where, remains, best == d.causes.end() ? "none" : NameOf(*best), next);
     }
     case Verdict::kAttributed:
-    case Verdict::kAmbiguousGroup: {
-      std::string causes;
-      bool grouped = false;
-      for (const auto& c : d.accepted) {
-        causes += causes.empty() ? "" : ", and ";
-        std::string names;
-        double group = 0;
-        for (const auto& rival : d.causes) {
-          if (c.group == 0 || rival.group != c.group) continue;
-          names += (names.empty() ? "" : " or ") + NameOf(rival);
-          group += rival.p;
-        }
-        if (!names.empty() && group < 0.5) names += " or another";
-        if (d.verdict == Verdict::kAmbiguousGroup && !names.empty()) {
-          causes += fmt::format("one of {}, which these runs cannot tell apart", names);
-          grouped = true;
-        } else {
-          causes += fmt::format("{}, {} ({} likely)", NameOf(c), ValueOf(c, robot), Percent(c.p));
-        }
-      }
-      if (d.verdict == Verdict::kAmbiguousGroup && !grouped) causes += ", or another";
-      const std::string closed =
-          d.closed && d.closed->low > 0
-              ? fmt::format(" With it in the model {} of the gap closes on held-out {}.",
-                            Percent(d.closed->value), d.held_out_by)
-              : " It is too close to the noise floor to say how much of the gap it closes.";
-      const std::string left =
-          d.leftover_sigma < kMuchLeft_sigma
-              ? ""
-              : fmt::format(" Up to {} sigma beyond the floor remain: it is not the only cause.",
-                            Sigmas(d.leftover_sigma));
-      return fmt::format("{}; its cause is {}.{}{}{}", where, causes, closed, left, next);
-    }
+    case Verdict::kAmbiguousGroup:
+      return fmt::format("{}; its cause is {}.{}{}", where, CausesText(d, robot), ClosedText(d), next);
   }
   return "";
 }
 
-std::string First(const Diagnosis& d) {
+std::string Preface(const Diagnosis& d) {
   if (!d.suspected.empty()) {
     std::string numbers;
     for (const SuspectNumber& number : d.suspected) {

@@ -22,7 +22,7 @@ std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std
 
 /// The text that precedes everything else: the numbers of the robot file that the runs point to, or why the
 /// likeliest cause is not established; else empty.
-std::string First(const Diagnosis& d);
+std::string Preface(const Diagnosis& d);
 
 /// The first question to ask about an unexplained gap that fewer than half of the runs have. `missed`: ratio
 /// of their model error to that of the other runs.

@@ -22,7 +22,7 @@ std::string_view Unquoted(std::string_view cell) {
   return Trimmed(cell);
 }
 
-bool HasAll(std::string_view line, char delimiter, const std::vector<std::string>& wanted) {
+bool HasAll(std::string_view line, char delimiter, const std::vector<std::string>& names) {
   std::vector<std::string_view> cells;
   while (true) {
     const std::size_t end = line.find(delimiter);
@@ -30,7 +30,7 @@ bool HasAll(std::string_view line, char delimiter, const std::vector<std::string
     if (end == line.npos) break;
     line.remove_prefix(end + 1);
   }
-  return std::all_of(wanted.begin(), wanted.end(), [&](const std::string& name) {
+  return std::all_of(names.begin(), names.end(), [&](const std::string& name) {
     return std::find(cells.begin(), cells.end(), name) != cells.end();
   });
 }
@@ -73,8 +73,8 @@ char FindDelimiter(std::string_view line, std::string_view comment) {
 }
 
 std::string OptionForNames(std::string_view text, const TableFormat& format,
-                           const std::vector<std::string>& wanted) {
-  if (wanted.empty() || format.header == Header::kNone) return {};
+                           const std::vector<std::string>& columns) {
+  if (columns.empty() || format.header == Header::kNone) return {};
   char common = '\0';  // first character of every non-empty line so far
   bool all_alike = true;
   for (int line = 1; line <= kMostPreamble && !text.empty(); ++line) {
@@ -86,7 +86,7 @@ std::string OptionForNames(std::string_view text, const TableFormat& format,
     if (said.empty()) continue;
     const auto all_in = [&](std::string_view names) {
       return HasAll(names, format.delimiter ? format.delimiter : FindDelimiter(names, format.comment),
-                    wanted);
+                    columns);
     };
     if (all_in(said)) {
       const char* header = format.header == Header::kRemark ? "header: first, " : "";

@@ -10,10 +10,10 @@
 
 namespace tendril::gap {
 
-/// Where the column names `wanted` are in another line than the one taken for the names: the option that
+/// Where the names of `columns` are in another line than the one taken for the names: the option that
 /// reads them, such as "table: {skip_lines: 3}"; else empty.
 std::string OptionForNames(std::string_view text, const TableFormat& format,
-                           const std::vector<std::string>& wanted);
+                           const std::vector<std::string>& columns);
 
 /// For a cell that is not a number: "; " and its meaning with the remedy (a time, grouped thousands, a
 /// decimal comma); else empty. `column` is its name and `line` its whole line.

@@ -24,13 +24,13 @@ PreparedRun SlidOtherwise(PreparedRun run, const RobotParameters& robot, int j, 
   // With a fixed body a tendon slides by half of its spool's motion.
   const double far_rad = way * kSurely * 2 * drive.transmission.presliding_m / drive.SpoolTravelPerMotorRad();
   const double step_s = run.signals.step_s;
-  for (const Hole& hole : run.moved_unseen) {
-    if (hole.tendon >= 0 && hole.tendon != j) continue;
+  for (const Dropout& dropout : run.moved_unseen) {
+    if (dropout.tendon >= 0 && dropout.tendon != j) continue;
     const int settled =
-        std::min(run.samples(), hole.to + static_cast<int>(std::lround(kBodySettles_s / step_s)));
-    const double half = 0.5 * (settled - hole.from), speed_radps = far_rad / (half * step_s);
-    for (int i = hole.from; i < settled; ++i) {
-      const double gone = (i + 0.5 - hole.from) / half;
+        std::min(run.samples(), dropout.to + static_cast<int>(std::lround(kBodySettles_s / step_s)));
+    const double half = 0.5 * (settled - dropout.from), speed_radps = far_rad / (half * step_s);
+    for (int i = dropout.from; i < settled; ++i) {
+      const double gone = (i + 0.5 - dropout.from) / half;
       run.signals.motor_angle_rad(i, j) += far_rad * std::min(gone, 2 - gone);
       run.signals.motor_velocity_radps(i, j) += gone < 1 ? speed_radps : -speed_radps;
     }
@@ -65,25 +65,25 @@ double Otherwise(const Eigen::Ref<const Eigen::VectorXd>& x, int i, int before, 
 PreparedRun MovedOtherwise(const PreparedRun& read, Unseen unseen) {
   PreparedRun run = read;
   const sim::ReplaySignals& was = read.signals;
-  for (const Hole& hole : run.moved_unseen) {
-    const int before = std::max(0, hole.from - 1), after = std::min(run.samples() - 1, hole.to);
-    const int first = std::max(0, hole.tendon);
-    const int last = hole.tendon < 0 ? static_cast<int>(was.motor_angle_rad.cols()) : hole.tendon + 1;
+  for (const Dropout& dropout : run.moved_unseen) {
+    const int before = std::max(0, dropout.from - 1), after = std::min(run.samples() - 1, dropout.to);
+    const int first = std::max(0, dropout.tendon);
+    const int last = dropout.tendon < 0 ? static_cast<int>(was.motor_angle_rad.cols()) : dropout.tendon + 1;
     const auto move = [&](const Eigen::MatrixXd& signal, Eigen::MatrixXd& moved, int j) {
       if (signal.cols() <= j) return;
       const double least = signal.col(j).minCoeff(),
                    most = signal.col(j).maxCoeff();  // range of the signal in the run
-      for (int i = hole.from; i < hole.to; ++i)
+      for (int i = dropout.from; i < dropout.to; ++i)
         moved(i, j) = std::clamp(Otherwise(signal.col(j), i, before, after, unseen), least, most);
     };
     for (int j = first; j < last; ++j) {
       move(was.motor_angle_rad, run.signals.motor_angle_rad, j);
-      for (int i = hole.from; i < hole.to; ++i) {
+      for (int i = dropout.from; i < dropout.to; ++i) {
         const int next = std::min(i + 1, after);
         run.signals.motor_velocity_radps(i, j) =
             (run.signals.motor_angle_rad(next, j) - run.signals.motor_angle_rad(i, j)) / was.step_s;
       }
-      if (hole.tendon >= 0) continue;
+      if (dropout.tendon >= 0) continue;
       move(was.torque_actual_Nm, run.signals.torque_actual_Nm, j);
       move(was.tension_N, run.signals.tension_N, j);
     }
@@ -109,11 +109,11 @@ void Evaluator::MaskAfterUnrecordedMotion(int threads) {
   std::vector<Trial> tried;
   for (int i = 0; i < runs; ++i) {
     const PreparedRun& run = runs_[i];
-    const auto& holes = run.moved_unseen;
-    if (holes.empty()) continue;
+    const auto& dropouts = run.moved_unseen;
+    if (dropouts.empty()) continue;
     for (int j = 0; j < tendons; ++j) {
-      const auto slid = [&](const Hole& hole) { return hole.tendon < 0 || hole.tendon == j; };
-      if (std::none_of(holes.begin(), holes.end(), slid)) continue;
+      const auto slid = [&](const Dropout& dropout) { return dropout.tendon < 0 || dropout.tendon == j; };
+      if (std::none_of(dropouts.begin(), dropouts.end(), slid)) continue;
       if (nominal_.actuation->tendons[static_cast<std::size_t>(j)].SpoolTravelPerMotorRad() <= 0) continue;
       for (const int way : {-1, 1})
         tried.push_back({i, j, [&run, this, j, way] { return SlidOtherwise(run, nominal_, j, way); }});

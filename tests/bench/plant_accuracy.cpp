@@ -1,5 +1,5 @@
-// How much of each sensor's noise the plant's integration error is: rms change over a turn of a circle when
-// the tolerance is halved. Prints one JSON object a line; tools/results makes the page's table from it.
+// Integration error of the plant in units of each sensor's noise: rms change over a turn of a circle when the
+// tolerance is halved. Prints one JSON object a line, from which tools/results makes a table.
 #include <cmath>
 #include <cstdio>
 #include <numbers>
@@ -13,9 +13,6 @@
 namespace tendril {
 namespace {
 
-// Noise of the rig's sensors.
-const double kEncoder_rad = 2 * std::numbers::pi / 2048 / std::sqrt(12.0);
-constexpr double kCell_N = 0.005, kTracker_m = 5e-5;
 constexpr int kTurn_s = 12;
 
 sim::PlantOptions Tolerances(double times) {
@@ -28,7 +25,7 @@ struct Shares {
   double encoder = 0, cell = 0, tracker = 0;  // rms change over noise
 };
 
-/// Of one circle, followed `speed` times as fast, at `times` the default tolerances.
+/// For one circle at `speed` times its usual speed, with `times` the default tolerances.
 Shares HalfTheTolerance(const RobotParameters& robot, double speed, double times) {
   const test::CircleTorque circle(robot);
   sim::Plant plant(robot, Tolerances(times)), finer(robot, Tolerances(0.5 * times));
@@ -49,7 +46,10 @@ Shares HalfTheTolerance(const RobotParameters& robot, double speed, double times
     tracker += (plant.TipPose().p_WA - finer.TipPose().p_WA).squaredNorm() / 3;
   }
   const auto rms = [&](double sum) { return std::sqrt(sum / milliseconds); };
-  return {rms(encoder) / kEncoder_rad, rms(cell) / kCell_N, rms(tracker) / kTracker_m};
+  const TendonDriveParameters& sensors = robot.actuation->tendons.front();
+  const double count_rad = 2 * std::numbers::pi / sensors.drive.encoder_counts_per_turn;
+  return {rms(encoder) / (count_rad / std::sqrt(12.0)), rms(cell) / sensors.load_cell.noise_N,
+          rms(tracker) / robot.actuation->tracker->position_noise_m};
 }
 
 const std::vector<std::string> kLaws{"",

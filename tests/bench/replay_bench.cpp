@@ -81,7 +81,7 @@ void BodyOfUnits(benchmark::State& state) {
   state.SetComplexityN(state.range(0));
 }
 
-/// A hypothesis that changes the pulleys needs its table of the Capstan equation; the others find it made.
+/// A hypothesis that changes the pulleys needs its own table of the Capstan equation; the others reuse one.
 void NewRobot(benchmark::State& state, double step) {
   RobotParameters robot = test::Rig();
   for (auto _ : state) {

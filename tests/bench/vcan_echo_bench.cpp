@@ -1,5 +1,5 @@
-// The bus cycle of three drives over a real vcan0 beside bare SocketCAN programs that move the same frames,
-// in alternating blocks of one run. Prints times and their ratios; run it under tools/vcan-run.
+// The bus cycle of three drives over a real vcan0 compared with bare SocketCAN programs that move the same
+// frames, in alternating blocks of one run. Prints times and their ratios; run it under tools/vcan-run.
 //
 // Two bare programs: one that waits for each frame until a deadline, as every control loop must (clock,
 // ppoll, read), and one that blocks in read() for ever, which no control loop may do but which nothing can
@@ -59,7 +59,7 @@ double Quantile_us(std::vector<TimeNs> times, double q) {
   return 1e-3 * static_cast<double>(times[static_cast<std::size_t>(at)]);
 }
 
-/// Runs `work` in a child process that ends with this one or when told.
+/// Runs `work` in a child process that ends with this one or when asked to.
 template <class Work>
 class Child {
  public:

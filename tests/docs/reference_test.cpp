@@ -182,7 +182,7 @@ TEST(Reference, EveryFieldOfEveryMessageIsDescribed) {
       ++fields;
       const std::string row = RowOf(TextOf("messages.md"), message + "." + match[1].str());
       EXPECT_NE(row, "") << message << ": " << line;
-      // A constant may speak for itself; a field has its unit, frame or meaning beside it.
+      // A constant may be self-explanatory; a field has its unit, frame or meaning in a comment.
       EXPECT_TRUE(line.find("const ") != line.npos || line.find("// ") != line.npos)
           << message << ": " << line;
       // A comment behind it, as far as its first word that Markdown leaves alone.
@@ -360,12 +360,12 @@ TEST(Reference, EveryColumnOfATableIsDescribed) {
   }
 }
 
-// By what the reader itself says that it accepts.
+// Compared with the keys that the reader's own error messages list.
 TEST(Reference, EveryKeyAndChoiceOfAColumnMapIsDescribed) {
   const RobotParameters robot = config::LoadRobot((kSource / "config/robots/rig_60mm.yaml").string());
   const fs::path folder = fs::path(testing::TempDir()) / "column_map";
   fs::create_directories(folder);
-  // What stands after "accepted:" when the map is refused.
+  // The list after "accepted:" in the error on refusing a map.
   const auto accepted = [&](std::string map) {
     if (map.find("time:") == map.npos) map += "time: {column: t}\n";
     if (map.find("columns:") == map.npos) map += "columns: {tip: {names: [x, y, z]}}\n";

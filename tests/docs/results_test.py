@@ -7,6 +7,7 @@ import pathlib
 import re
 import subprocess
 import sys
+import tempfile
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
@@ -42,6 +43,16 @@ class Results(unittest.TestCase):
         now = results.campaigns(PROGRAMS, None)
         page = ROOT / results.BLOCKS["campaigns"].page
         self.assertEqual([line for line in dict(places(page))["campaigns"].splitlines() if line.startswith("|")], now)
+
+    def test_the_headline_says_of_the_sealed_campaigns_what_their_records_say(self):
+        with tempfile.TemporaryDirectory() as folder:
+            now = [f"| {' | '.join(row)} |" for row in results.sealed(pathlib.Path(folder))]
+        said = dict(places(ROOT / "README.md"))["headline"].splitlines()
+        self.assertEqual([line for line in said if line.startswith("| Sealed campaigns")], now)
+
+    def test_numbers_have_no_exponent(self):
+        self.assertEqual([results.digits(v) for v in (0.0732, 0.63412, 11.0, 99.96, 721.4, 16432, 1.2e-5)],
+                         ["0.0732", "0.634", "11.0", "100", "721", "16400", "0.0000120"])
 
     def test_an_unknown_table_is_refused_with_those_there_are(self):
         done = subprocess.run([sys.executable, "-B", ROOT / "tools/results", "speeed"], capture_output=True, text=True, check=False)

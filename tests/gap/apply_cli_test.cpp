@@ -1,5 +1,5 @@
-// `tendril gap apply`, `gap explain` and `gap report` as a user runs them: what a diagnosis found is in the
-// new robot file with where it comes from, and nothing is written that does not hold.
+// `tendril gap apply`, `gap explain` and `gap report` as a user runs them: the new robot file contains the
+// finding and its source, and nothing is written for a finding that is not established.
 #include <nlohmann/json.hpp>
 
 #include "cli.h"
@@ -52,7 +52,7 @@ TEST_F(ApplyCommandTest, TheFindingIsInTheNewFileWithWhereItComesFrom) {
                                     Cause("backlash", "tendon:2", "rad", {0.05123456, 0.05, 0.0525})});
   ASSERT_EQ(Apply("report.json --out new.yaml"), 0) << error_;
   const RobotParameters before = sim::LoadRobot(kRig), after = sim::LoadRobot(folder_ / "new.yaml");
-  // As many digits as the interval knows.
+  // As many digits as the interval justifies.
   EXPECT_NEAR(after.body.sections[0].youngs_modulus_Pa / before.body.sections[0].youngs_modulus_Pa, 0.9215,
               1e-9);
   ASSERT_EQ(after.effects.size(), 1u);
@@ -169,7 +169,7 @@ TEST_F(ApplyCommandTest, ALawThatTheFileHasIsRewritten) {
   EXPECT_EQ(robot.effects[2].name, "tendon_creep");
 }
 
-// What a report found counts from the file that it was made with.
+// A finding is relative to the robot file that the report was made with.
 TEST_F(ApplyCommandTest, AReportIsRefusedOnAnyOtherFileThanItsOwn) {
   const Diagnosis d =
       Report(Verdict::kAttributed, {Cause("bending_stiffness", "all", "scale", {0.92, 0.91, 0.93})});
@@ -197,11 +197,11 @@ TEST_F(ApplyCommandTest, AReportIsRefusedOnAnyOtherFileThanItsOwn) {
   refused("backlash where=tendon:1 rad=0.05",
           "effects[0] is nothing there and backlash where=tendon:1 rad=0.05 in rig.yaml");
   EXPECT_FALSE(fs::exists(folder_ / "new.yaml"));
-  // The same values in another layout are the same robot.
+  // The same values in another layout describe the same robot.
   WriteText(folder_ / "rig.yaml", d.robot_yaml);
   EXPECT_EQ(Apply("report.json --out new.yaml"), 0) << error_;
   EXPECT_EQ(error_, "");
-  // One that does not tell.
+  // A report that does not contain its robot file.
   Diagnosis old = d;
   old.robot_yaml.clear();
   WriteText(folder_ / "report.json", gap::ReportJson(old));
@@ -256,7 +256,7 @@ TEST_F(ApplyCommandTest, ExplainNamesTheParametersOfSingleMotors) {
   EXPECT_EQ(Apply("--effect 'cogging amplitude_Nm=1e-4 phase_2_rad=0.5' --out new.yaml"), 0) << error_;
 }
 
-// What `explain` says can be tried, can be tried: every effect it knows, at what it calls plainly visible.
+// Every command that `explain` suggests works: every effect, at its plainly visible size.
 TEST_F(ApplyCommandTest, WhatExplainSuggestsCanBeApplied) {
   ASSERT_EQ(Run("gap explain --json"), 0);
   const json effects = json::parse(out_);

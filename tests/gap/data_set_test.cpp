@@ -1,5 +1,5 @@
-// Measured runs as files: what is written comes back bit for bit, what other programs write is understood,
-// what is wrong is named, and nothing crashes.
+// Measured runs as files: what is written is read back bit for bit, tables of other programs are read, errors
+// are named, and nothing crashes.
 #include "tendril/gap/data_set.h"
 
 #include <fmt/core.h>
@@ -48,7 +48,7 @@ class DataSetTest : public testing::Test {
     Write("a.csv", text);
     return Load().runs.at(0);
   }
-  /// Why a folder with this one table cannot be loaded.
+  /// The error on loading a folder with this one table.
   std::string Refusal(const std::string& text) const {
     Write("a.csv", text);
     try {
@@ -157,8 +157,8 @@ TEST_F(DataSetTest, ARunCarriesTheDigestOfItsFile) {
 }
 
 TEST_F(DataSetTest, TablesOfOtherProgramsAreUnderstood) {
-  // Byte order mark, Windows line ends, spaces, quotes, another order, further columns, words for no value, a
-  // plus sign, an empty line, a remark, another case, a delimiter at the end of each line.
+  // Byte order mark, Windows line ends, spaces, quotes, another order, additional columns, words for missing
+  // values, a plus sign, an empty line, a comment, another case, a delimiter at the end of each line.
   const gap::Run run = LoadTable(
       "\xEF\xBB\xBF# made by hand\r\n"
       " tension_N_2 , \"T_S\" ,tension_n_1, comment , tension_N_3,\r\n"
@@ -168,23 +168,23 @@ TEST_F(DataSetTest, TablesOfOtherProgramsAreUnderstood) {
       "2.5,0.002,,,4,\r\n");
   ASSERT_EQ(run.time_s.size(), 3);
   EXPECT_TRUE(SameBits(run.time_s, Eigen::Vector3d(0, 0.001, 0.002)));
-  Eigen::Matrix3d wanted;
-  wanted << 1, 2.5, kNone, 1.25, kNone, kNone, kNone, 2.5, 4;
-  EXPECT_TRUE(SameBits(run.tension_N, wanted));
+  Eigen::Matrix3d expected;
+  expected << 1, 2.5, kNone, 1.25, kNone, kNone, kNone, 2.5, 4;
+  EXPECT_TRUE(SameBits(run.tension_N, expected));
   EXPECT_EQ(run.torque_actual_Nm.cols(), 0);
   EXPECT_EQ(run.family, "unknown");
   EXPECT_THAT(run.notes, Contains(HasSubstr("comment")));
 }
 
 TEST_F(DataSetTest, SemicolonsWithDecimalCommasTabsAndSpacesSeparateCells) {
-  const Eigen::Vector2d wanted(1.5, -2.5e-3);
+  const Eigen::Vector2d expected(1.5, -2.5e-3);
   for (const char* text :
        {"t_s;tension_N_1\n0;1,5\n0,001;-2,5e-3\n", "t_s\ttension_N_1\n0\t1.5\n0.001\t-2.5e-3\n",
         "t_s tension_N_1\n  0   1.5\n 0.001  -2.5e-3\n", "t_s,tension_N_1\r0,1.5\r0.001,-.0025\r"}) {
     const gap::Run run = LoadTable(text);
     ASSERT_EQ(run.time_s.size(), 2) << text;
     EXPECT_EQ(run.time_s[1], 0.001) << text;
-    EXPECT_TRUE(SameBits(run.tension_N.col(0), wanted)) << text;
+    EXPECT_TRUE(SameBits(run.tension_N.col(0), expected)) << text;
   }
 }
 
@@ -202,7 +202,7 @@ TEST_F(DataSetTest, APoseThatLacksAColumnIsNotUsed) {
   EXPECT_THAT(run.notes, Contains(HasSubstr("tip_z_m")));
 }
 
-// A patched robot file finds no gap in the logs that showed what was patched.
+// With the patched robot file, the logs in which the gap was found show none.
 TEST_F(DataSetTest, TensionsAreTakenByTheCellsOfTheRobotFile) {
   RobotParameters robot = WithRobot().robot;
   const double gain_VpN = robot.actuation->tendons[1].load_cell.gain_VpN;
@@ -365,7 +365,7 @@ TEST_F(DataSetTest, RepetitionsMayNameFilesOrRunsAndLeadToTheFirstOfTheirKind) {
   EXPECT_THAT(Load().notes, Contains(HasSubstr("repeat_of forms a cycle")));
 }
 
-// What a table of few places rounds is known before quaternions are made to be of norm 1.
+// The resolution of a table with few decimal places is determined before its quaternions are normalised.
 TEST_F(DataSetTest, TheStepOfACoarseOrientationIsThatOfItsTable) {
   const auto step = [&](double to) {
     std::string table = "t_s,tip_qw,tip_qx,tip_qy,tip_qz\n";
@@ -381,7 +381,7 @@ TEST_F(DataSetTest, TheStepOfACoarseOrientationIsThatOfItsTable) {
   EXPECT_EQ(step(1e-9), 0);
 }
 
-// A copy would pass for a repetition without any noise; a key that nobody reads, for one that was heeded.
+// A copied run would count as a repetition without noise; an unknown key would be ignored silently.
 TEST_F(DataSetTest, CopiesAreLeftOutAndUnknownKeysReported) {
   std::string table = "t_s,tension_N_1\n";
   for (int i = 0; i < 50; ++i) table += fmt::format("{},{}\n", i, i % 7);
@@ -438,7 +438,7 @@ TEST_F(DataSetTest, ALoadCellIsWhereTheRunSaysOrTheRobot) {
   EXPECT_EQ(without.tension_N.cols(), 0);
 }
 
-// Damage of every kind: whatever the bytes, it loads or says in one exception why not. Meant for sanitizers.
+// Random damage: any bytes either load or raise one exception. For runs under sanitizers.
 TEST_F(DataSetTest, NoBytesCrashTheReader) {
   DataSet set;
   set.robot = config::LoadRobot(kRobot);
@@ -509,7 +509,7 @@ TEST_F(DataSetTest, TwoRunsOfOneFileAreNotWritten) {
   }
 }
 
-// 60 s at 1 kHz. The bound leaves room for slow machines and sanitizers; the figure is printed.
+// 60 s at 1 kHz. The bound leaves room for slow machines and sanitizers; the time is printed.
 TEST_F(DataSetTest, AMinuteIsReadInAFractionOfASecond) {
   DataSet set;
   set.robot = config::LoadRobot(kRobot);
@@ -568,7 +568,7 @@ TEST_F(DataSetTest, RunsBelongTogetherByNameOrAsTheOnlyOnesOfTheirKind) {
   EXPECT_THROW(CompareWithBefore(other, then), std::runtime_error);
 }
 
-// A folder says whose runs it holds; --robot may name another file of that robot, not another robot.
+// A folder names the robot of its runs; --robot may name another file of that robot, not another robot.
 class OtherRobotTest : public DataSetTest {
  protected:
   /// Loads a run of this robot with the rig's own file.
@@ -590,8 +590,7 @@ class OtherRobotTest : public DataSetTest {
 };
 
 TEST_F(OtherRobotTest, IsRefusedWithEveryEntryThatDiffers) {
-  const std::string longer =
-      RefusalOf(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"));
+  const std::string longer = RefusalOf(config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"));
   EXPECT_THAT(longer, HasSubstr("robot.yaml: these runs are of another robot than " + kRobot));
   EXPECT_THAT(longer, HasSubstr("name is rig_90mm there, rig_60mm in the file"));
   EXPECT_THAT(longer, HasSubstr("body.sections[0] is 0.09 m there, 0.06 m in the file"));
@@ -610,7 +609,7 @@ TEST_F(OtherRobotTest, IsRefusedWithEveryEntryThatDiffers) {
   EXPECT_THAT(RefusalOf(one), HasSubstr("name is sibling there, rig_60mm in the file"));
 }
 
-// Whatever `gap apply` may write into a file, and a finer model of the same backbone, is no other robot.
+// A file changed by `gap apply`, and a finer model of the same backbone, still describe the same robot.
 TEST_F(OtherRobotTest, ACorrectedFileIsAccepted) {
   EXPECT_THAT(LoadRunOf(rig_).notes, IsEmpty());
   RobotParameters other = rig_;
@@ -641,8 +640,8 @@ TEST_F(OtherRobotTest, IsNotedWhereTheUserSaysThatItIsTheSame) {
   EXPECT_THAT(set.notes, Contains(HasSubstr("name is sibling there, rig_60mm in the file")));
 }
 
-// A cell too many in one line, such as an unquoted decimal comma, shifts what stands behind it.
-// As `tendril demo` leaves it: subfolders with the runs, of one robot or of several.
+// An additional cell in a line, such as from an unquoted decimal comma, shifts the cells after it. As written
+// by `tendril demo`: subfolders with the runs, of one robot or of several.
 TEST_F(DataSetTest, AFolderOfFoldersStandsForThoseOfTheRobot) {
   const std::string other = TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml";
   const std::string table = "t_s,tension_N_1\n0,1\n0.001,3\n";

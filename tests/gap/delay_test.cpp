@@ -1,5 +1,5 @@
-// Delays of any fraction of a cycle, made by a drive of the test's own: targets held from the moment they
-// act, a first-order loop integrated in steps of 5 us. What the diagnosis takes them for.
+// Delays of any fraction of a cycle, made by the test's own drive model: targets held from the moment they
+// act, a first-order loop integrated in steps of 5 us; and which delay the diagnosis finds.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -24,7 +24,7 @@ class Drives {
  public:
   Drives(double cycle_s, double late_s, double lag_s) : cycle_s_(cycle_s), late_s_(late_s), lag_s_(lag_s) {}
 
-  /// On from the last call to `to_s`, through steps short beside the lag.
+  /// Continues from the last call to `to_s`, in steps that are short compared with the lag.
   template <class Targets>
   void Advance(double to_s, const Targets& target_of_row) {
     constexpr double kStep_s = 5e-6;
@@ -42,7 +42,7 @@ class Drives {
   Eigen::Vector3d torque_Nm_ = Eigen::Vector3d::Zero();
 };
 
-/// Torques that about hold the tensions of a family's motion, on the bus in whole per mille.
+/// Torques that approximately hold the tensions of a family's motion, quantised to per mille as on the bus.
 Eigen::Vector3d TargetAt(const RobotParameters& robot, const std::string& family, double time_s) {
   const auto& drive = robot.actuation->tendons[0];
   const double s = std::max(0.0, time_s - 0.5), begin = std::min(1.0, s);

@@ -1,6 +1,5 @@
-// `tendril gap diagnose` as a user runs it, on folders with less than all or with something broken: the gap
-// that is planted is found with what is left, what is missing is named, and what cannot be used gets one
-// line.
+// `tendril gap diagnose` as a user runs it, on incomplete or damaged folders: the planted gap is found with
+// the remaining data, missing data are named, and data that cannot be used get one line.
 #include <cmath>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -64,7 +63,7 @@ void WriteTable(const fs::path& path, const Table& table) {
 
 class DiagnoseCommandTest : public CommandTest {
  protected:
-  // The motors make 20 % less torque than they say.
+  // The motors make 20 % less torque than they report.
   void SetUp() override {
     CommandTest::SetUp();
     WriteText(folder_ / "plan.yaml",
@@ -133,7 +132,7 @@ class DiagnoseCommandTest : public CommandTest {
       for (auto& row : table.rows) row.erase(row.begin() + static_cast<std::ptrdiff_t>(i));
     }
   }
-  /// Everything that the report says of the data, line by line.
+  /// Everything that the report says about the data, line by line.
   std::string Said() const {
     std::string text;
     if (report_.is_null()) return text;
@@ -144,12 +143,12 @@ class DiagnoseCommandTest : public CommandTest {
     }
     return text;
   }
-  /// It ends with one line; no report is left that could be taken for one.
+  /// Fails with one line and leaves no report.
   testing::AssertionResult Refused(const std::string& more = "", const std::string& robot = kRig) {
     if (const int got = Diagnose(more, robot); got != 1)
       return testing::AssertionFailure() << "exit " << got << ": " << error_;
     if (!report_.is_null()) return testing::AssertionFailure() << "a report was written";
-    // Progress may stand before it, and one line a file that was left out after it.
+    // Progress may precede it, and one line for each file that was left out may follow it.
     const auto at = error_.rfind("tendril: ");
     if (at == std::string::npos) return testing::AssertionFailure() << error_;
     std::istringstream lines(error_.substr(at));
@@ -170,13 +169,13 @@ TEST_F(DiagnoseCommandTest, WholeSetsAreDiagnosed) {
   EXPECT_EQ(report_["verdict"], "attributed");
   EXPECT_THAT(out_, HasSubstr("torque_constant"));
   EXPECT_TRUE(fs::exists(folder_ / "report/report.html"));
-  // The same again, bit for bit, but for the time it took.
+  // The same report again, bit for bit except for its duration.
   json first = report_;
   ASSERT_EQ(Diagnose(), 0);
   first["provenance"].erase("seconds");
   report_["provenance"].erase("seconds");
   EXPECT_EQ(first, report_);
-  // The whole command, so that a shell takes it again as it was.
+  // The whole command, quoted so that a shell can run it again.
   EXPECT_EQ(report_["provenance"]["command"],
             fmt::format("tendril gap diagnose --robot {} set --out report --no-next --threads 1 --refits 2{}",
                         kRig, small_));
@@ -256,14 +255,14 @@ TEST_F(DiagnoseCommandTest, WrongUnitsAreReportedWithAHint) {
       }
     });
     const int code = Diagnose();
-    // Told before the long work begins, and in the report.
+    // Printed before the search begins, and in the report.
     EXPECT_THAT(error_, ContainsRegex(fmt::format("warning: [^\n]*{}", c.hint)))
         << c.column << " exit " << code;
     EXPECT_TRUE(code == 0 || code == 1) << code;
     if (code == 0) {
       EXPECT_THAT(Said(), HasSubstr(c.hint));
       if (std::string(c.column) == "tip_x_m") {
-        // The tip is left out and said, and what is wrong before it is found.
+        // The tip is left out with a note, and a cause at an earlier cut is found.
         EXPECT_EQ(report_["verdict"], "attributed") << report_["sentence"];
         EXPECT_EQ(report_["causes"][0]["effect"], "torque_constant");
         EXPECT_NEAR(report_["causes"][0]["parameters"]["scale"]["value"].get<double>(), 0.8, 0.05);
@@ -289,10 +288,11 @@ TEST_F(DiagnoseCommandTest, TheFileOfAnotherRobotIsRefused) {
   EXPECT_THAT(error_, HasSubstr("tendrild.yaml"));
 }
 
-// Where a set does not say whose it is, the tip's path does.
+// Where a set does not name its robot, the tip's path shows a mismatch.
 TEST_F(DiagnoseCommandTest, ATipPathThatTheRobotIsTooShortForIsTheVerdict) {
   WriteText(folder_ / "wide.yaml", "runs:\n  - {family: circle, duration_s: 7, amplitude_rad: 1.5}\n");
-  ASSERT_EQ(Run(fmt::format("gap simulate --robot {} --plan wide.yaml --out set --overwrite", kRig)), 0) << error_;
+  ASSERT_EQ(Run(fmt::format("gap simulate --robot {} --plan wide.yaml --out set --overwrite", kRig)), 0)
+      << error_;
   fs::remove(folder_ / "set/robot.yaml");
   ASSERT_EQ(Diagnose("", TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml"), 0) << error_;
   EXPECT_EQ(report_["verdict"], "unexplained");
@@ -402,7 +402,7 @@ TEST_F(DiagnoseCommandTest, SlowLogsAreDiagnosedAndReported) {
     table.rows = kept;
   });
   ASSERT_TRUE(Found());
-  EXPECT_THAT(Said(), HasSubstr("50 Hz; drives (C1) and motion (C5) need 100 Hz and more"));
+  EXPECT_THAT(Said(), HasSubstr("50 Hz; drives (C1) and motion (C5) need 100 Hz or more"));
 }
 
 TEST_F(DiagnoseCommandTest, LogsOf100HzAreEnough) {

@@ -27,41 +27,41 @@ using gap::Verdict;
 
 RobotParameters Rig() { return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"); }
 
-/// Torque at the motor that about holds a tension.
+/// Motor torque that approximately holds a tension.
 constexpr double kTorquePerN = 0.008 / 19;
 
-/// Base tensions wanted at a time of a family's run [N].
-Eigen::Vector3d Wanted(const std::string& family, double t) {
+/// Commanded base tensions [N] of a family's run at time t [s].
+Eigen::Vector3d CommandedTension(const std::string& family, double t) {
   constexpr double kRest_s = 0.5;
   const Eigen::Vector3d rest(0.3, 0.3, 0.3);
   if (t < kRest_s) return rest;
   const double s = t - kRest_s;
   const double begin = std::min(1.0, s);
-  Eigen::Vector3d wanted = rest;
+  Eigen::Vector3d tension_N = rest;
   for (int j = 0; j < 3; ++j) {
     const double phase = 2 * std::numbers::pi * j / 3;
-    if (family == "circle") wanted[j] += begin * 3.5 * (1 + std::sin(1.6 * s - phase));
-    if (family == "sway") wanted[j] += begin * 2.2 * (1 + std::sin(20 * s - phase));
-    if (family == "gentle") wanted[j] += begin * 0.15 * (1 + std::sin(1.6 * s - phase));
+    if (family == "circle") tension_N[j] += begin * 3.5 * (1 + std::sin(1.6 * s - phase));
+    if (family == "sway") tension_N[j] += begin * 2.2 * (1 + std::sin(20 * s - phase));
+    if (family == "gentle") tension_N[j] += begin * 0.15 * (1 + std::sin(1.6 * s - phase));
     if (family == "triangle") {
       const double part = std::fmod(s / 3 + j / 3.0, 1.0);
-      wanted[j] += begin * 7 * (1 - std::abs(2 * part - 1));
+      tension_N[j] += begin * 7 * (1 - std::abs(2 * part - 1));
     }
     if (family == "slow") {
       const double part = std::fmod(s / 6 + j / 3.0, 1.0);
-      wanted[j] += begin * 9 * (1 - std::abs(2 * part - 1));
+      tension_N[j] += begin * 9 * (1 - std::abs(2 * part - 1));
     }
     if (family == "multisine") {
-      wanted[j] += begin * (3.2 + 1.8 * std::sin(3 * s + phase) + 0.9 * std::sin(13 * s + 2 * phase));
+      tension_N[j] += begin * (3.2 + 1.8 * std::sin(3 * s + phase) + 0.9 * std::sin(13 * s + 2 * phase));
     }
   }
-  return wanted;
+  return tension_N;
 }
 
-/// Torque taken off a motor's shaft beside what its plant has, of its state and the time.
+/// Friction torque at a motor's shaft in addition to the plant's, as a function of its state and the time.
 using Rub = std::function<double(int j, const sim::TendonState& state, double time_s)>;
 
-/// One run of a plant as the rig's sensors show it, at 1 kHz, the tracker at 100 Hz.
+/// One run of a plant as the rig's sensors record it, at 1 kHz, the tracker at 100 Hz.
 Run Record(sim::Plant& plant, const std::string& family, double duration_s, const Rub& rub = nullptr) {
   const RobotParameters nominal = Rig();
   const auto& p = nominal.actuation->tendons[0];
@@ -76,10 +76,10 @@ Run Record(sim::Plant& plant, const std::string& family, double duration_s, cons
   }
   run.tip_m.setConstant(samples, 3, std::nan(""));
   run.tip_quaternion.setConstant(samples, 4, std::nan(""));
-  Eigen::Vector3d sent = Wanted(family, 0) * kTorquePerN, rubbed = Eigen::Vector3d::Zero();
+  Eigen::Vector3d sent = CommandedTension(family, 0) * kTorquePerN, rubbed = Eigen::Vector3d::Zero();
   for (int i = 0; i < samples; ++i) {
     const auto sensors = plant.ReadSensors();
-    const Eigen::Vector3d target = Wanted(family, 1e-3 * i) * kTorquePerN;
+    const Eigen::Vector3d target = CommandedTension(family, 1e-3 * i) * kTorquePerN;
     for (int j = 0; j < 3; ++j) {
       run.torque_target_Nm(i, j) = target[j];
       run.torque_actual_Nm(i, j) = sensors[j].torque_Nm + rubbed[j];
@@ -168,7 +168,7 @@ gap::DiagnoseOptions Only(const std::vector<std::string>& effects) {
   return options;
 }
 
-// A wall that yields answers otherwise than one that stops: it is looked for on both scales, in every
+// A compliant wall responds differently from a stiff one: both stiffness scales are searched, in every
 // direction.
 TEST(Diagnose, SoftWallIsFoundWhereItStands) {
   const Diagnosis d = Diagnose(Recorded("contact stiffness_Npm=0.15 gap_m=0.014 angle_rad=-0.5"),
@@ -181,7 +181,7 @@ TEST(Diagnose, SoftWallIsFoundWhereItStands) {
   EXPECT_THAT(d.sentence, testing::ContainsRegex("contact, stiffness 0\\.1[0-9]* N/m"));
 }
 
-// An angle has no end: from the start at half a turn the search goes on to what lies beyond.
+// Angles are periodic: from the start at half a turn the search continues beyond it.
 TEST(Diagnose, AWallBehindIsFoundAcrossHalfATurn) {
   const Diagnosis d = Diagnose(Recorded("contact stiffness_Npm=0.15 gap_m=0.014 angle_rad=-2.9"),
                                Only({"contact", "tip_force", "base_tilt", "bending_stiffness"}));
@@ -192,7 +192,7 @@ TEST(Diagnose, AWallBehindIsFoundAcrossHalfATurn) {
   EXPECT_NEAR(std::remainder(off_rad, 2 * std::numbers::pi), 0, 0.1);
 }
 
-// A zero so far off that the model's tendon is slack: from there no small step tells how far.
+// A zero so far off that the model's tendon is slack: no derivative there tells how far.
 TEST(Diagnose, AZeroFarOffIsFoundThoughTheModelsTendonIsSlack) {
   const Diagnosis d = Diagnose(Recorded("encoder_offset where=tendon:2 rad=-0.43"),
                                Only({"encoder_offset", "slack", "tendon_stiffness", "cell_offset"}));
@@ -200,11 +200,11 @@ TEST(Diagnose, AZeroFarOffIsFoundThoughTheModelsTendonIsSlack) {
   EXPECT_EQ(d.accepted[0].effect, "encoder_offset") << d.sentence;
   EXPECT_EQ(d.accepted[0].where, "tendon:2");
   EXPECT_NEAR(d.accepted[0].parameters.at("rad").value, -0.43, 0.02);
-  // Another zero at rest is no motion that was missed.
+  // A different zero at rest is not an unrecorded motion.
   EXPECT_THAT(d.degradations, testing::Not(testing::Contains(testing::HasSubstr("begins in motion"))));
 }
 
-// So far off that all tendons of the model hang slack, and a step of 0.4 rad towards it tautens none.
+// So far off that all tendons of the model are slack, and still are after a step of 0.4 rad towards it.
 TEST(Diagnose, AZeroFarOffOfAllTendonsIsFound) {
   const Diagnosis d = Diagnose(Recorded("encoder_offset rad=-1.1"),
                                Only({"encoder_offset", "slack", "tendon_stiffness", "capstan_n"}));
@@ -223,8 +223,8 @@ TEST(Diagnose, NominalRigHasNoGap) {
   EXPECT_TRUE(d.accepted.empty());
 }
 
-// A robot whose numbers were wrong all along, and something hung on its tip since: against the model alone
-// both show, against the runs from before only what changed.
+// A robot whose file was always wrong, and a mass added to its tip since: compared with the model alone both
+// show, compared with the earlier runs only what changed.
 TEST(Diagnose, ModelErrorsOfTheRunsFromBeforeAreSubtracted) {
   const std::vector<std::string> wrong{"bending_stiffness scale=0.85", "motor_coulomb scale=1.4"};
   std::vector<std::string> since = wrong;
@@ -246,7 +246,8 @@ TEST(Diagnose, ModelErrorsOfTheRunsFromBeforeAreSubtracted) {
   const Diagnosis d = Diagnose(changed, few);
   ASSERT_FALSE(d.causes.empty());
   EXPECT_EQ(d.causes[0].effect, "tip_payload") << d.sentence;
-  // A robot softer than its file bends further under a mass: the estimate may be off by as much, and says so.
+  // A robot softer than its file bends further under a mass: the estimate may be off by as much, and its
+  // interval includes that.
   const gap::Estimate mass = d.causes[0].parameters.at("mass_kg");
   EXPECT_LT(mass.low, 0.003);
   EXPECT_GT(mass.high, 0.003);
@@ -257,7 +258,7 @@ TEST(Diagnose, ModelErrorsOfTheRunsFromBeforeAreSubtracted) {
   }
 }
 
-// A model that misses most of a motion has nothing to say about what changed in it.
+// A model that misses most of a motion cannot explain what changed in it.
 TEST(Diagnose, NoCauseIsNamedWhenTheModelWasFarOffBefore) {
   const DataSet earlier = Recorded({"bending_stiffness scale=2"}, 4, 31);
   DataSet changed = Recorded({"bending_stiffness scale=2", "tip_payload mass_kg=0.01"}, 4, 51);
@@ -269,7 +270,8 @@ TEST(Diagnose, NoCauseIsNamedWhenTheModelWasFarOffBefore) {
               testing::Contains(testing::HasSubstr("of the motion before the change already")));
 }
 
-// What was recorded otherwise than before cannot be compared, and the runs from before alone are no answer.
+// A run recorded at another rate than before cannot be compared, and the earlier runs alone are not diagnosed
+// instead.
 TEST(Diagnose, WithoutARunToCompareTheRunsFromBeforeAreNotDiagnosedInstead) {
   DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
   for (gap::Run& run : now.runs) {
@@ -291,7 +293,7 @@ TEST(Diagnose, WithoutARunToCompareTheRunsFromBeforeAreNotDiagnosedInstead) {
   }
 }
 
-// Nor can another motion of the same name.
+// Nor can a different motion of the same name.
 TEST(Diagnose, ARunFromBeforeOfOtherCommandsIsNotComparedWith) {
   DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
   earlier.runs[0] = Record(Rig(), "sway", 4, 5);
@@ -304,8 +306,8 @@ TEST(Diagnose, ARunFromBeforeOfOtherCommandsIsNotComparedWith) {
                   "left out: circle: not the same commands as before: torque targets differ by ")));
 }
 
-// Where no targets were recorded, what was tells of the commands: another place is another motion, though it
-// goes alike there; another zero of the encoders alone is none, as the other signals say.
+// Without recorded targets the other signals identify the commands: the same shape of motion at another place
+// is another motion; another zero of the encoders alone is not, as the other signals show.
 TEST(Diagnose, WithoutTargetsTheOtherSignalsIdentifyTheCommands) {
   DataSet earlier = Recorded("", 4);
   const DataSet now = Recorded(std::vector<std::string>{}, 4, 41);
@@ -323,9 +325,9 @@ TEST(Diagnose, WithoutTargetsTheOtherSignalsIdentifyTheCommands) {
     CompareWithBefore(set, before);
     return Diagnose(set, Only({"tendon_stiffness", "tip_payload"})).degradations;
   };
-  EXPECT_THAT(compared(40, 12, 0.1), testing::Contains(testing::ContainsRegex(
-                                         "left out: circle: not the same commands as before: "
-                                         ".*motor positions by 40 rad rms.*tensions by")));
+  EXPECT_THAT(compared(40, 12, 0.1),
+              testing::Contains(testing::ContainsRegex("left out: circle: not the same commands as before: "
+                                                       ".*motor positions by 40 rad rms.*tensions by")));
   const std::vector<std::string> same = compared(0, 0, 0);
   EXPECT_THAT(same, testing::Not(testing::Contains(testing::HasSubstr("left out: "))));
   EXPECT_THAT(same, testing::Contains(testing::ContainsRegex("same commands from before \\(.* differ by")));
@@ -333,7 +335,7 @@ TEST(Diagnose, WithoutTargetsTheOtherSignalsIdentifyTheCommands) {
               testing::Not(testing::Contains(testing::HasSubstr("same commands as bef"))));
 }
 
-// Columns that only one of the runs has are no targets of zero.
+// Target columns that only one of the runs has do not count as targets of zero.
 TEST(Diagnose, TargetsThatTheRunFromBeforeLacksAreNotCompared) {
   DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
   earlier.runs[0].torque_target_Nm.resize(0, 0);
@@ -343,7 +345,7 @@ TEST(Diagnose, TargetsThatTheRunFromBeforeLacksAreNotCompared) {
   EXPECT_THAT(d.degradations, testing::Not(testing::Contains(testing::HasSubstr("left out: "))));
 }
 
-// Where both have an encoder that is dead, their difference says nothing of it.
+// Where an encoder is dead in both runs, their difference hides it.
 TEST(Diagnose, ADeadEncoderBeforeAndAfterIsMasked) {
   DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
   for (DataSet* set : {&earlier, &now}) {
@@ -356,7 +358,7 @@ TEST(Diagnose, ADeadEncoderBeforeAndAfterIsMasked) {
   EXPECT_THAT(d.degradations, testing::Not(testing::Contains(testing::HasSubstr("no cause is named"))));
 }
 
-// Nor does it take a model for right of which only torque and motors tell.
+// With only torque and motor positions recorded, a small residual does not show that the model is right.
 TEST(Diagnose, RunsFromBeforeWithoutCellsAndTrackerAreNotBelievedToBeRight) {
   const std::vector<std::string> wrong{"torque_constant scale=0.85"};
   DataSet earlier = Recorded(wrong, 4, 31), same = Recorded(wrong, 4, 41);
@@ -372,7 +374,7 @@ TEST(Diagnose, RunsFromBeforeWithoutCellsAndTrackerAreNotBelievedToBeRight) {
   EXPECT_THAT(d.degradations, testing::Not(testing::Contains(testing::HasSubstr("(up to 0 %"))));
 }
 
-// A body with little damping carries the noise of the cells that drive its replay on into shape and stretch:
+// A body with little damping amplifies the noise of the cells that drive its replay, in shape and stretch:
 // with the cause in the model the floor is higher than with the nominal robot, and nothing is left.
 TEST(Diagnose, CellNoiseAmplifiedByAnUnderdampedBodyIsNoGap) {
   const DataSet set =
@@ -383,14 +385,14 @@ TEST(Diagnose, CellNoiseAmplifiedByAnUnderdampedBodyIsNoGap) {
   ASSERT_EQ(d.accepted.size(), 1u) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "bending_damping") << d.sentence;
   EXPECT_EQ(d.leftover_sigma, 0) << d.sentence;
-  // Noise in what drives a replay makes its damping look larger, by more than the interval says: 0.24 here.
+  // Noise in the driving signal of a replay biases its damping upwards, by more than the interval: 0.24 here.
   EXPECT_NEAR(d.accepted[0].parameters.at("scale").value, 0.2, 0.05);
   EXPECT_THAT(d.degradations,
               testing::Contains(testing::HasSubstr("bending_damping amplifies the sensor noise")));
 }
 
-// Noise of the cells shakes the body that a replay drives by them; one that is damped more than the real one
-// stays calmer and fits better, which explains nothing. Gentle runs hardly contradict it.
+// Cell noise excites the body in a replay; a body damped more than the real one is excited less and fits
+// better, which explains nothing. Gentle runs hardly contradict it.
 TEST(Diagnose, ACalmerBodyIsNoSecondCause) {
   const DataSet set = RecordedAtRobotSide("slack where=tendon:3 m=3.3e-5", {"gentle", "gentle"}, 24, 21);
   const Diagnosis d = Diagnose(set, Only({"slack", "bending_damping"}));
@@ -398,9 +400,9 @@ TEST(Diagnose, ACalmerBodyIsNoSecondCause) {
   EXPECT_EQ(d.accepted[0].effect, "slack") << d.sentence;
 }
 
-// Spools of another radius than the file says move the tendons by another share of the angle, and nothing
-// else: a smaller pitch circle of the holes does that too, with a softer backbone to hide what it does to the
-// bend. Two errors that cancel are less likely than one that is not listed.
+// A different spool radius scales the tendon travel per motor angle and nothing else. A smaller pitch circle
+// of the tendon holes does so too, with a softer backbone to cancel its influence on the bend. Two errors
+// that cancel are less likely than one that is not listed.
 TEST(Diagnose, TwoCausesThatCancelAreNotAccepted) {
   DataSet set = Recorded("");
   for (auto& run : set.runs) run.motor_position_rad *= 1.008;
@@ -450,8 +452,8 @@ INSTANTIATE_TEST_SUITE_P(
         Planted{"TendonStiffness", "tendon_stiffness scale=0.8", "scale", 0.8, 0.03, sim::Cut::kTendon}),
     [](const testing::TestParamInfo<Planted>& test) { return std::string(test.param.name); });
 
-// A cell that reads 6 % too much: what is measured exceeds what torque says by 6 % of the tension, at every
-// tension alike, and by nothing once the gain is in the model.
+// A cell that reads 6 % too much: the measured tension exceeds the one from torque by 6 % at every tension,
+// and by nothing once the gain is in the model.
 TEST(Diagnose, MapsAndCurvesShowTheSignatureOfTheCause) {
   constexpr double kGain = 1.06;
   const Diagnosis d = Diagnose(Recorded("cell_gain where=tendon:2 scale=1.06"), Only({"cell_gain"}));
@@ -486,7 +488,7 @@ TEST(Diagnose, MapsAndCurvesShowTheSignatureOfTheCause) {
   EXPECT_NEAR(std::sqrt(before / measured), 1 - 1 / kGain, 0.01);
   EXPECT_LT(std::sqrt(after / measured), 0.01);
 
-  // Before, what is left followed the tension; with the cause in the model it follows nothing.
+  // Before, the residual correlates with the tension; with the cause in the model it does not.
   ASSERT_FALSE(d.input_correlations.empty());
   for (const auto& [pair, correlation] : d.input_correlations) {
     if (!pair.starts_with("tension 2 from torque")) continue;
@@ -494,7 +496,7 @@ TEST(Diagnose, MapsAndCurvesShowTheSignatureOfTheCause) {
   }
 }
 
-// A mean over all runs hides what happens in a few seconds of one in its own scatter.
+// A deviation of a few seconds in one run is lost in the scatter of a mean over all runs.
 TEST(Diagnose, ABumpedTrackerInOneRunIsAGapThatNothingExplains) {
   DataSet set = Recorded("");
   gap::Run& run = set.runs[1];
@@ -516,8 +518,8 @@ void StampLater(Run& run, int late_ms) {
   }
 }
 
-// Started anew for each run, a tracker's computer tells another time each time: of some runs the tip moves
-// before the motors.
+// A tracker's computer restarted for each run has a different clock offset each time: in some runs the tip
+// moves before the motors.
 TEST(Diagnose, ATrackerOnAClockOfItsOwnHidesNoCauseAndIsNone) {
   const auto offset = [](DataSet set) {
     const int late_ms[] = {35, -52, 8, -17};
@@ -535,7 +537,7 @@ TEST(Diagnose, ATrackerOnAClockOfItsOwnHidesNoCauseAndIsNone) {
   EXPECT_NEAR(damped.accepted[0].parameters.at("scale").value, 4, 0.2);
 }
 
-// A delay that all runs share is a finding, not a clock's.
+// A delay that all runs share is a finding, not a clock offset.
 TEST(Diagnose, ATrackersOwnDelayIsFound) {
   DataSet set = Recorded("");
   for (gap::Run& run : set.runs) StampLater(run, 30);
@@ -547,7 +549,7 @@ TEST(Diagnose, ATrackersOwnDelayIsFound) {
   EXPECT_THAT(d.sentence, testing::HasSubstr("The gap lies at C6 (tracker)"));
 }
 
-// Of several parameters the one that differs is told.
+// Of several parameters the sentence gives the one that differs.
 TEST(Diagnose, ARotatedTrackerIsFoundWithItsAngle) {
   const Diagnosis d = Diagnose(Recorded("tracker_rotation z_rad=0.2", 4), Only({"tracker_rotation"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
@@ -584,8 +586,8 @@ TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
   EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("Check the measurement")));
 }
 
-// What no two runs have in common is known from those that were repeated; of a motor that stood in them only
-// from the others.
+// The scatter between runs is known from the repeated runs; for a motor at rest in those it is taken from the
+// other motors.
 TEST(Diagnose, AMotorAtRestInTheRepeatedRunsGetsTheFloorOfTheOthers) {
   DataSet set = Recorded("");
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
@@ -608,8 +610,8 @@ TEST(Diagnose, AMotorAtRestInTheRepeatedRunsGetsTheFloorOfTheOthers) {
   EXPECT_EQ(places, 3);
 }
 
-// A push on the tip that is another one in each run makes all windows of that run err together: they are no
-// independent witnesses for the mean of the pushes, which is less than two like runs differ by.
+// A push on the tip that differs from run to run biases all windows of a run together: they are not
+// independent samples of the mean push, which is smaller than the difference between two repetitions.
 TEST(Diagnose, RunToRunDifferencesAreNoGap) {
   DataSet set = Recorded("");
   const double push_N[] = {0.02, 0.01, 0.03, -0.005};
@@ -626,8 +628,8 @@ TEST(Diagnose, RunToRunDifferencesAreNoGap) {
   EXPECT_THAT(d.sentence, testing::HasSubstr("repetitions differ by"));
 }
 
-// Beside a delay nothing is left at any one place; that the body swings less is spread over all of them,
-// below the noise everywhere, and told all the same.
+// With a delay in the model nothing is left at any single place; the additional damping is spread over all of
+// them, below the noise at each, and is found nevertheless.
 TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
   const gap::DiagnoseOptions only = Only({"command_delay", "bending_damping", "unit_mass", "tip_payload"});
   const std::vector<std::string> both = {"command_delay s=0.0015", "bending_damping scale=1.08"};
@@ -639,7 +641,8 @@ TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
   ASSERT_TRUE(Named(d, "bending_damping") && Named(d, "command_delay"));
   EXPECT_NEAR(Named(d, "bending_damping")->parameters.at("scale").value, 1.08, 0.03);
   EXPECT_NEAR(Named(d, "command_delay")->parameters.at("s").value, 0.0015, 1e-4);
-  // Where the second is no candidate, what no place shows is not held against the first;
+  // Where the second is excluded from the library, a residual that no place shows does not count against the
+  // first;
   const auto without = Only({"command_delay", "unit_mass", "tip_payload"});
   const Diagnosis half = Diagnose(Recorded(both), without);
   EXPECT_EQ(half.leftover_sigma, 0) << half.sentence;
@@ -647,17 +650,17 @@ TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
   EXPECT_GT(half.closed->value, 0.95);
   EXPECT_EQ(half.verdict, Verdict::kAttributed) << half.sentence;
   EXPECT_EQ(half.accepted.size(), 1u) << half.sentence;
-  // what a place shows is.
+  // a residual that a place shows does.
   const Diagnosis plain = Diagnose(Recorded({both[0], "bending_damping scale=2"}), without);
   ASSERT_TRUE(plain.closed.has_value());
   EXPECT_LT(plain.closed->value, 0.4);
   EXPECT_EQ(plain.verdict, Verdict::kUnexplained) << plain.sentence;
-  // One alone stays one.
+  // A single cause remains a single cause.
   const Diagnosis one = Diagnose(Recorded("command_delay s=0.0015"), only);
   EXPECT_EQ(one.accepted.size(), 1u) << one.sentence;
 }
 
-// What turns round within few samples, or waits and then steps, is no mishap.
+// A motor that reverses within a few samples, or waits and then steps, is not an encoder error.
 TEST(Diagnose, QuickMotionsOfAMotorAreNotOutliers) {
   DataSet set = Recorded("", 4);
   const auto steps = [](Eigen::Index i) { return static_cast<double>(i / 700 % 2); };
@@ -672,8 +675,8 @@ TEST(Diagnose, QuickMotionsOfAMotorAreNotOutliers) {
   }
 }
 
-/// A run in which motor 1 is 1.5 rad off its way in one row, more than a twentieth of it; `pulls`: with what
-/// its tendon's spring makes of it. Every so many of its rows are kept.
+/// A run in which motor 1 is 1.5 rad off its path in one row, more than a twentieth of its travel; `pulls`:
+/// with the tension change of its tendon's spring. Every n-th of its rows is kept.
 DataSet WithOvershoot(int every, bool pulls) {
   DataSet set;
   set.robot = Rig();
@@ -701,8 +704,8 @@ std::string SaidOf(const DataSet& set) {
   return text;
 }
 
-// A motion that the file's motor can make is none; one that it cannot make is one where the tendon goes with
-// it, and then the file is wrong; what nothing goes with is the encoder's mishap.
+// A leap that the file's motor can make is a motion; one that it cannot make is a motion if the tension
+// follows, and then the file is wrong; otherwise it is an encoder error.
 TEST(Diagnose, AnOvershootIsKeptWhereAMotorCanHaveMadeIt) {
   const std::string slow =
       SaidOf(WithOvershoot(12, false));  // 1.5 rad in 12 ms: 5.6 of 7 mN m beside the tendon
@@ -728,13 +731,13 @@ TEST(Diagnose, ColumnsOfAnotherUnitAreLeftOutAndTheRestIsDiagnosed) {
   EXPECT_NE(d.degradations.front().find("tension 2 reaches"), std::string::npos) << d.degradations.front();
 }
 
-// A sensor that is not there leaves the rest to be diagnosed: it neither makes a gap nor hides one.
+// A missing sensor neither causes a gap nor hides one that the other sensors show.
 struct Lost {
   const char* name;
   std::function<void(Run&)> what;
 };
 
-/// Rows out of a run: so many, from one on.
+/// Removes `lost` rows of a run, from row `from` on.
 void Lose(Run& run, Eigen::Index lost, Eigen::Index from) {
   const Eigen::Index rows = run.time_s.size(), kept = rows - lost;
   const auto without = [&](auto& values) {
@@ -749,7 +752,7 @@ void Lose(Run& run, Eigen::Index lost, Eigen::Index from) {
   run.time_s.conservativeResize(kept);
 }
 
-/// Rows out of every run, of 0.7 s at a third of it.
+/// Removes 0.7 s of rows at a third of every run.
 void LoseRows(Run& run) { Lose(run, 700, run.time_s.size() / 3); }
 
 class DiagnoseWithLess : public testing::TestWithParam<Lost> {};
@@ -801,7 +804,7 @@ INSTANTIATE_TEST_SUITE_P(
                for (double& x : run.motor_position_rad.col(0)) x = std::remainder(x, kTurn_rad);
                for (double& x : run.motor_position_rad.col(1)) x -= kTurn_rad * std::floor(x / kTurn_rad);
              }},
-        // In one kind of motion no tension is seen to go on there.
+        // With one kind of motion no tension is recorded beyond that range.
         Lost{"large_torques",
              [](Run& run) { run.torque_actual_Nm = run.torque_actual_Nm.cwiseMin(1.8e-3).eval(); }}),
     [](const auto& lost) { return lost.param.name; });
@@ -812,7 +815,7 @@ void WithoutMotors(Run& run) {
     values->resize(0, 0);
 }
 
-/// The bend of the only section in place of the tip's pose: how far its axis leans, and towards where.
+/// The bend of the only section instead of the tip's pose: angle and direction of the tip's axis.
 void BendForPose(Run& run) {
   const Eigen::Index rows = run.time_s.size();
   run.bending_rad.setConstant(rows, 2, std::nan(""));
@@ -835,7 +838,7 @@ struct Shown {
 
 class DiagnoseTensionAgainstShape : public testing::TestWithParam<Shown> {};
 
-// Of tensions and shape alone the body is compared (C4, C5), and no more is claimed.
+// With tensions and shape alone only the body is compared (C4, C5).
 TEST_P(DiagnoseTensionAgainstShape, NamesBodyEffectsAndReportsHiddenCuts) {
   const gap::DiagnoseOptions only =
       Only({"bending_stiffness", "tip_payload", "torque_constant", "tendon_stiffness", "cell_drift"});
@@ -893,7 +896,7 @@ TEST(Diagnose, ShapeWithoutKnownTensionsIsRefused) {
   }
 }
 
-// Cells that all failed in one run are no reason to do without those of the others.
+// Where all cells fail in one run, the cells of the other runs are still used.
 TEST(Diagnose, ARunWithoutCellsDoesNotAffectTheOthers) {
   DataSet set = Recorded("cell_gain where=tendon:2 scale=0.9");
   set.runs[1].tension_N.setConstant(std::nan(""));
@@ -915,8 +918,9 @@ TEST(Diagnose, ARunWithoutTorqueDoesNotAffectTheOthers) {
                                   testing::HasSubstr("(triangle)"))));
 }
 
-// After a hole, and where a run begins on the way, the body swings, and friction moves it until every tendon
-// has slid; a motor that set out from rest in a hole has gone straight on: no gap.
+// After lost rows, and where a run begins in motion, the state of body and friction is unknown until the body
+// has settled and every tendon has slid; a motor that started from rest within lost rows is taken to have
+// moved in one direction: no gap.
 TEST(Diagnose, LostRowsAloneAreNoGap) {
   const std::vector<std::string> families{"circle", "triangle", "multisine", "circle"};
   const std::vector<std::function<void(gap::Run&)>> losses{
@@ -947,7 +951,8 @@ TEST(Diagnose, LostRowsAloneAreNoGap) {
   }
 }
 
-// The end of a cell's range is no gap: what was beyond is the tendon's stretch, not a straight line.
+// A cell at the end of its range is no gap: the tension beyond it follows from the tendon's stretch, not from
+// a straight line.
 TEST(Diagnose, AClippedCellIsNoGap) {
   DataSet whole = Recorded("", 4);
   whole.runs.push_back(Record(Rig(), "sway", 4, 31));
@@ -971,7 +976,7 @@ TEST(Diagnose, FewDecimalPlacesAreNoGap) {
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
 }
 
-// A log that keeps every n-th row of its controller's, whose motors seem to obey at once.
+// A log that keeps every n-th row of the controller's, in which motors seem to respond without delay.
 TEST(Diagnose, EveryNthRowIsNoGap) {
   for (const int n : {2, 3, 5}) {
     DataSet set = Recorded("");
@@ -988,8 +993,8 @@ TEST(Diagnose, EveryNthRowIsNoGap) {
   }
 }
 
-// A little friction is seen by two kinds of motion, and taken for chance by one: the same data, named
-// otherwise.
+// A small friction is found with two families of motion and attributed to chance with one: the same data with
+// other family names.
 TEST(Diagnose, ASingleFamilyNeedsMoreEvidenceOfAGap) {
   DataSet set = Recorded("motor_coulomb scale=1.02", 4.5);
   set.runs.erase(set.runs.begin() + 1, set.runs.begin() + 3);
@@ -1001,7 +1006,7 @@ TEST(Diagnose, ASingleFamilyNeedsMoreEvidenceOfAGap) {
   EXPECT_NE(two.verdict, Verdict::kNoGap) << two.sentence;
 }
 
-// Rows in which nothing was recorded are no failure of each sensor.
+// Rows without any reading are not a failure of each sensor.
 TEST(Diagnose, EmptyRowsAreLostRows) {
   DataSet set = Recorded("");
   for (gap::Run& run : set.runs) {
@@ -1015,7 +1020,7 @@ TEST(Diagnose, EmptyRowsAreLostRows) {
   EXPECT_THAT(d.degradations, testing::Each(testing::Not(testing::HasSubstr("has no data"))));
 }
 
-// A motor that can no more is no reading that was cut off, however exactly it stays where it is.
+// A torque at the drive's limit is not a clipped reading, however constant it is.
 TEST(Diagnose, ATorqueThatSaturatesIsSeen) {
   RobotParameters plant = Rig();
   for (auto& tendon : plant.actuation->tendons) tendon.drive.actual_torque_noise_permille = 0;
@@ -1033,7 +1038,7 @@ TEST(Diagnose, ATorqueThatSaturatesIsSeen) {
   EXPECT_EQ(d.accepted[0].effect, "torque_saturation") << d.sentence;
 }
 
-// Stamps of a date are coarse, and their steps add up.
+// Time stamps with a date are coarse, and their steps add up.
 TEST(Diagnose, TimesSinceAnEpochAreNoGap) {
   DataSet set = Recorded("");
   for (gap::Run& run : set.runs) run.time_s.array() += 1.7e9;
@@ -1045,10 +1050,10 @@ TEST(Diagnose, TimesSinceAnEpochAreNoGap) {
 
 struct MadeMistake {
   std::function<void(gap::Run&)> what;
-  const char* told;
+  const char* message;
 };
 
-// A sign, an order or a side that is wrong makes a gap larger than effects do: undone, it goes.
+// A wrong sign, order or side causes a gap larger than effects do; undoing it removes the gap.
 TEST(Diagnose, MistakesOfMeasurementAreNamed) {
   const DataSet right = Recorded("", 3);
   const MadeMistake mistakes[] = {
@@ -1073,22 +1078,22 @@ TEST(Diagnose, MistakesOfMeasurementAreNamed) {
     for (gap::Run& run : set.runs) made.what(run);
     const Diagnosis d = Diagnose(set, Only({"unit_mass"}));
     EXPECT_THAT(d.sentence,
-                testing::StartsWith(std::string("Check the measurement first: with ") + made.told));
-    EXPECT_NE(d.degradations.front().find(made.told), std::string::npos) << d.degradations.front();
+                testing::StartsWith(std::string("Check the measurement first: with ") + made.message));
+    EXPECT_NE(d.degradations.front().find(made.message), std::string::npos) << d.degradations.front();
   }
   // Not even where one run has no tracker.
   DataSet untracked = right;
   for (gap::Run& run : untracked.runs) run.motor_position_rad.col(1) *= -1;
   untracked.runs[0].tip_m.resize(0, 0);
   untracked.runs[0].tip_quaternion.resize(0, 0);
-  const std::string told = Diagnose(untracked, Only({"unit_mass"})).sentence;
-  EXPECT_NE(told.find("the sign of motor position 2 reversed"), std::string::npos) << told;
-  // An effect is no mistake, however large.
+  const std::string message = Diagnose(untracked, Only({"unit_mass"})).sentence;
+  EXPECT_NE(message.find("the sign of motor position 2 reversed"), std::string::npos) << message;
+  // An effect is not a measurement error, however large.
   const Diagnosis d = Diagnose(Recorded("bending_stiffness scale=0.5", 4), Only({"bending_stiffness"}));
   EXPECT_EQ(d.sentence.find("Check the measurement"), std::string::npos) << d.sentence;
 }
 
-// A law that the robot file has may have grown since, or have been mended.
+// An effect that the robot file contains may have become larger since, or have been removed.
 TEST(Diagnose, ALawOfTheRobotFileIsFoundWithMoreAndWithLess) {
   for (const double rad : {0.0, 0.2}) {
     DataSet set = Recorded(rad > 0 ? fmt::format("backlash where=tendon:2 rad={}", rad) : "", 5);
@@ -1105,7 +1110,7 @@ TEST(Diagnose, ALawOfTheRobotFileIsFoundWithMoreAndWithLess) {
   }
 }
 
-// The robot file says which way the robot hangs, and a tracker how long a metre is.
+// A wrong direction of gravity in the robot file, and a wrong scale of the tracker.
 TEST(Diagnose, GravityAndScaleAreNamed) {
   DataSet set = Recorded("", 3);
   set.robot.body.gravity_W_mps2 *= -1;
@@ -1128,8 +1133,8 @@ struct WrongNumber {
 
 class DiagnoseWrongFile : public testing::TestWithParam<WrongNumber> {};
 
-// A number that is wrong by more than its effect reaches, or that no effect stands for, is said first with
-// the value that the runs point to; no cause is likelier than not.
+// A number that is wrong by more than its effect's range, or that no effect represents, is named first with
+// the value that fits the runs; no cause is likelier than not.
 TEST_P(DiagnoseWrongFile, TheNumberIsReportedFirst) {
   DataSet set = Recorded("", 3);
   GetParam().change(set.robot, GetParam().factor);
@@ -1196,7 +1201,7 @@ INSTANTIATE_TEST_SUITE_P(
       return name;
     });
 
-// Angles that were made from counts with another number of them a turn.
+// Angles computed with a wrong number of counts per turn.
 TEST(Diagnose, WrongCountsPerTurnAreReportedFirst) {
   DataSet set = Recorded("", 3);
   for (gap::Run& run : set.runs)
@@ -1207,7 +1212,7 @@ TEST(Diagnose, WrongCountsPerTurnAreReportedFirst) {
                               "actuation.drive.encoder_counts_per_turn 102[3-5] where the file has 2048"));
 }
 
-// A cause that leaves more than a tenth of the gap is not established, however far the others are behind.
+// A cause that leaves more than a tenth of the gap is not established, however much worse the others fit.
 TEST(Diagnose, ACauseThatLeavesMuchIsNotEstablished) {
   DataSet set =
       Recorded(std::vector<std::string>{"routing_friction mu=0.2", "backlash where=all rad=0.3"}, 4);
@@ -1220,7 +1225,7 @@ TEST(Diagnose, ACauseThatLeavesMuchIsNotEstablished) {
   EXPECT_LE(Named(d, "routing_friction")->p, 0.5);
 }
 
-// Encoders that count from where they were switched on.
+// Encoders that count from their position at power-on.
 TEST(Diagnose, MotorsZeroedBeforeEachRunAreNamed) {
   DataSet set = Recorded("", 3);
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
@@ -1232,9 +1237,9 @@ TEST(Diagnose, MotorsZeroedBeforeEachRunAreNamed) {
                                   "beginning of each run"));
 }
 
-// A logger that is faster than a sensor writes its last reading again, or a straight line.
+// A logger faster than a sensor repeats its last reading, or interpolates.
 TEST(Diagnose, SensorsSlowerThanTheLogAreNoGap) {
-  // Every tenth row its own: fills the others of these columns.
+  // Keeps every tenth row of these columns and fills the others.
   const auto fill = [](Eigen::Ref<Eigen::MatrixXd> values, bool line) {
     const Eigen::Index last = (values.rows() - 1) / 10 * 10;
     for (Eigen::Index i = 0; i < values.rows(); ++i) {
@@ -1262,7 +1267,7 @@ TEST(Diagnose, SensorsSlowerThanTheLogAreNoGap) {
             testing::HasSubstr("tension 2 (every 10 rows), tension 3 (every 10 rows), the tip (every 10 "
                                "rows)"))));
   }
-  // As small a gap as before shows.
+  // A gap of the same size is still found.
   DataSet heavy = Recorded("tip_payload mass_kg=0.0015", 4);
   const Diagnosis as_recorded = Diagnose(heavy, Only({"tip_payload", "cell_gain"}));
   for (gap::Run& run : heavy.runs) {
@@ -1276,14 +1281,15 @@ TEST(Diagnose, SensorsSlowerThanTheLogAreNoGap) {
               as_recorded.accepted[0].parameters.at("mass_kg").value, 1e-4);
 }
 
-// A cell that is read three times in ten rows slips against the log: its readings wait for their rows.
+// A cell that is read three times in ten rows is not synchronous with the log: each reading is stored in the
+// next row.
 TEST(Diagnose, CellsWithTheirOwnRateAreNoGap) {
   DataSet set = Recorded("", 4);
   for (gap::Run& run : set.runs) {
     const Eigen::MatrixXd all = run.tension_N;
     for (Eigen::Index i = 0; i < all.rows(); ++i) {
       const auto reading = static_cast<Eigen::Index>(std::floor(static_cast<double>(i) * 0.3));
-      // Of the row that is nearest to when it was read, and there from the row after that on.
+      // The reading of the row nearest to its sampling time, repeated from the row after that on.
       run.tension_N.row(i) = all.row(std::min(all.rows() - 1, (10 * reading + 1) / 3));
     }
   }
@@ -1292,7 +1298,7 @@ TEST(Diagnose, CellsWithTheirOwnRateAreNoGap) {
   EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("tension 1 (every 3 rows)")));
 }
 
-// A table of few places keeps what it rounds for as long as nothing moves.
+// In a table of few decimal places a rounding error lasts for as long as nothing moves.
 TEST(Diagnose, CoarseTablesAreNoGap) {
   const auto round = [](Eigen::MatrixXd& values, double step) {
     for (double& x : values.reshaped()) x = step * std::round(x / step);
@@ -1309,7 +1315,7 @@ TEST(Diagnose, CoarseTablesAreNoGap) {
   EXPECT_THAT(d.degradations, testing::Not(testing::Contains(testing::HasSubstr("clipped"))));
 }
 
-// A bus cycle is enough for a gap, though a small one.
+// A delay of one bus cycle is enough for a gap, though a small one.
 TEST(Diagnose, CellsACycleLateAreNamed) {
   DataSet set = Recorded("", 4);
   for (gap::Run& run : set.runs) {
@@ -1317,13 +1323,13 @@ TEST(Diagnose, CellsACycleLateAreNamed) {
     run.tension_N.bottomRows(rows - 2) = run.tension_N.topRows(rows - 2).eval();
   }
   const Diagnosis d = Diagnose(set, Only({"tip_payload", "cell_offset"}));
-  // A delay and a filter of so few milliseconds do the same to what these motions make of them.
+  // In these motions a delay and a filter of a few milliseconds are indistinguishable.
   EXPECT_THAT(d.sentence,
               testing::ContainsRegex("^Check the measurement first: with (the load cells' readings shifted "
                                      "[123] ms earlier|a low-pass filter of [123] ms removed)"));
 }
 
-// So does a filter's or an amplifier's delay.
+// The same for the delay of a filter or an amplifier.
 TEST(Diagnose, SlowCellsAreNamed) {
   DataSet set = Recorded("", 4);
   for (gap::Run& run : set.runs) {
@@ -1361,7 +1367,7 @@ TEST(Diagnose, SlowCellsAreNamed) {
   EXPECT_EQ(d.runs.size(), set.runs.size());
 }
 
-// A mistake in all runs that one of them shows most is no reason to do without that one.
+// An error in all runs is no reason to leave out the one that shows it most.
 TEST(Diagnose, AnErrorInAllRunsLeavesOutNone) {
   DataSet set = Recorded("", 4);
   set.runs = {Record(Rig(), "rest", 4, 21), Record(Rig(), "rest", 4, 22), set.runs[2]};
@@ -1379,7 +1385,7 @@ TEST(Diagnose, AnErrorInAllRunsLeavesOutNone) {
   EXPECT_EQ(Diagnose(set, Only({"unit_mass", "bending_stiffness"})).runs.size(), 3u);
 }
 
-// What repeated the one that is left out repeats the first of its repetitions.
+// Repetitions of a run that is left out then repeat the first of them.
 TEST(Diagnose, RepetitionsOfARunThatIsLeftOutStayRepetitions) {
   DataSet set = Recorded("", 4);
   set.runs.push_back(Record(Rig(), "circle", 4, 23));
@@ -1393,7 +1399,7 @@ TEST(Diagnose, RepetitionsOfARunThatIsLeftOutStayRepetitions) {
   EXPECT_EQ(d.runs[3].repeat_of, "circle again");
 }
 
-// One run that was measured otherwise than the others is no gap of the robot's: it is left out and said.
+// A run that was measured differently from the others is no gap of the robot: it is left out and named.
 TEST(Diagnose, ARunMeasuredDifferentlyIsLeftOut) {
   const DataSet right = Recorded("", 4);
   const MadeMistake mistakes[] = {
@@ -1411,17 +1417,17 @@ TEST(Diagnose, ARunMeasuredDifferentlyIsLeftOut) {
     DataSet set = right;
     made.what(set.runs[at]);
     const Diagnosis d = Diagnose(set, Only({"cell_offset", "bending_stiffness"}));
-    EXPECT_EQ(d.verdict, Verdict::kNoGap) << made.told << ": " << d.sentence;
-    EXPECT_EQ(d.runs.size(), right.runs.size() - 1) << made.told;
+    EXPECT_EQ(d.verdict, Verdict::kNoGap) << made.message << ": " << d.sentence;
+    EXPECT_EQ(d.runs.size(), right.runs.size() - 1) << made.message;
     EXPECT_THAT(d.degradations, testing::Contains(testing::AllOf(testing::HasSubstr("left out"),
                                                                  testing::HasSubstr(right.runs[at].name),
-                                                                 testing::HasSubstr(made.told))));
+                                                                 testing::HasSubstr(made.message))));
     if (&made != &mistakes[0]) {
       EXPECT_THAT(d.sentence, testing::StartsWith(fmt::format("With 1 of {} runs left out ({}: with ",
                                                               right.runs.size(), right.runs[at].name)));
     }
   }
-  // What touches something in one run alone was measured right.
+  // A contact in one run alone is not a measurement error.
   DataSet touched = right;
   RobotParameters plant = Rig();
   plant.effects.push_back(sim::ParseEffect("contact stiffness_Npm=40 gap_m=0.004 angle_rad=-0.5", plant));
@@ -1432,7 +1438,7 @@ TEST(Diagnose, ARunMeasuredDifferentlyIsLeftOut) {
   EXPECT_NE(d.verdict, Verdict::kNoGap) << d.sentence;
 }
 
-// Where cells are missing the cut of the cause is not measured: the place is still that of its tendon.
+// Without cells the cut of the cause is not measured; the place is still that of its tendon.
 TEST(Diagnose, WithoutCellsTheGapLiesAtTheTendonThatHasIt) {
   DataSet set = Recorded("backlash where=tendon:3 rad=0.15", 5);
   for (gap::Run& run : set.runs) {
@@ -1445,7 +1451,8 @@ TEST(Diagnose, WithoutCellsTheGapLiesAtTheTendonThatHasIt) {
                                  "cells; tension, tendon:3); its cause is backlash (tendon:3)"));
 }
 
-// A cause that one run shows and the others contradict closes nothing; a changed robot is no repetition.
+// A cause that one run shows and the others contradict closes nothing; a run of a changed robot is no
+// repetition.
 TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   RobotParameters plant = Rig();
   plant.effects.push_back(sim::ParseEffect("slack where=tendon:1 m=0.002", plant));
@@ -1477,7 +1484,7 @@ TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   EXPECT_EQ(repeated.verdict, Verdict::kInsufficientData);
 }
 
-// What is at no place for sure, and what nothing closes any of, is not called a gap.
+// A deviation that is significant at no place, and of which no cause closes anything, is not called a gap.
 TEST(Diagnose, NoSignificantPlaceAndNoClosureIsInsufficientData) {
   RobotParameters plant = Rig();
   plant.effects.push_back(sim::ParseEffect("command_delay s=0.0008", plant));
@@ -1491,7 +1498,7 @@ TEST(Diagnose, NoSignificantPlaceAndNoClosureIsInsufficientData) {
   EXPECT_THAT(d.sentence, testing::HasSubstr("not enough to tell whether there is a gap"));
 }
 
-// Nor is what is far off in one short run called none.
+// A large deviation in one short run is not called no gap either.
 TEST(Diagnose, ALargeExcessInTooFewSecondsIsInsufficientData) {
   DataSet set;
   set.robot = Rig();
@@ -1517,7 +1524,7 @@ TEST(Diagnose, AnEncoderThatFreezesHalfWayIsMaskedThere) {
   EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("motor position 2 stays at")));
 }
 
-// Before minutes are spent on a cause of it, with a gap or without.
+// Refused before the search begins, with a gap or without.
 TEST(Diagnose, TimeOfAllRunsInMillisecondsIsRefused) {
   for (const char* effect : {"", "bending_stiffness scale=0.5", "torque_constant scale=0.8"}) {
     DataSet set = Recorded(effect);
@@ -1532,7 +1539,7 @@ TEST(Diagnose, TimeOfAllRunsInMillisecondsIsRefused) {
   }
 }
 
-// A row of states that were waited for, a second apart, beside motions is no motion in milliseconds.
+// A run of states at rest, a second apart, among motions is not a motion with its time in milliseconds.
 TEST(Diagnose, StatesBesideMotionsStay) {
   DataSet set = Recorded("", 7);
   gap::Run& run = set.runs[1];
@@ -1543,7 +1550,7 @@ TEST(Diagnose, StatesBesideMotionsStay) {
     *values = (*values)(rows, Eigen::all).eval();
   run.time_s = Eigen::VectorXd::LinSpaced(350, 0, 349);
   EXPECT_EQ(Diagnose(set, Only({"bending_stiffness"})).runs.size(), set.runs.size());
-  // Nor are many, waited for one after the other wherever they are, beside slower logs.
+  // Nor is a run of many states in arbitrary order among slower logs.
   set = Recorded("", 7);
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     gap::Run& slow = set.runs[i];
@@ -1572,7 +1579,7 @@ TEST(Diagnose, MissingColumnsOfARunDoNotAffectTheOthers) {
   EXPECT_EQ(d.runs.size(), set.runs.size());
 }
 
-// Little data leaves little to gain by a second cause; that nothing is left with it tells enough.
+// With little data a second cause gains little; it is accepted because nothing is left with it.
 TEST(Diagnose, TwoCausesInTwoShortRuns) {
   DataSet set =
       Recorded(std::vector<std::string>{"bending_stiffness scale=0.95", "motor_coulomb scale=1.2"}, 5);
@@ -1584,8 +1591,8 @@ TEST(Diagnose, TwoCausesInTwoShortRuns) {
     EXPECT_NE(Named(d, effect), nullptr) << effect;
 }
 
-// Of two frictions neither alone comes near, and what the nearest is off by loses more on motions held out
-// than any second brings to first order.
+// Neither of two frictions fits alone, and on held-out motions the misfit of the better one loses more than
+// any second cause gains to first order.
 TEST(Diagnose, ASecondCauseIsTriedWithAnInaccurateFirst) {
   const Diagnosis d =
       Diagnose(Recorded(std::vector<std::string>{"pulley_coulomb N=0.15", "routing_friction mu=0.05"}, 5),
@@ -1617,7 +1624,7 @@ TEST(Diagnose, LookAlikesOfTheBestAreFittedAsWell) {
   }
 }
 
-/// Recorded, the run that repeats another with a force at the tip besides.
+/// Records the set; the repetition has a force at the tip in addition.
 DataSet PushedAgain(const std::string& effect, const std::string& force_N) {
   DataSet set = Recorded(effect, 7);
   RobotParameters pushed = Rig();
@@ -1630,8 +1637,8 @@ DataSet PushedAgain(const std::string& effect, const std::string& force_N) {
   return set;
 }
 
-// In detents a motor stops elsewhere each time, and what holds it there differs: as the cause says, and no
-// scatter.
+// With cogging a motor stops at a different angle each time, held by a different torque: that is due to the
+// cause and not scatter.
 TEST(Diagnose, DifferencesMadeByTheCauseAreNotInTheFloor) {
   const DataSet set = PushedAgain("cogging where=tendon:2 amplitude_Nm=4e-4 phase_rad=0.5", "0.001");
   const Diagnosis d = Diagnose(set, Only({"cogging", "stribeck", "motor_coulomb", "gear_efficiency"}));
@@ -1641,7 +1648,7 @@ TEST(Diagnose, DifferencesMadeByTheCauseAreNotInTheFloor) {
   EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("as cogging tendon:2 makes them differ")));
 }
 
-// So too where they differ by less than robots do that were changed between them.
+// The same where runs differ by less than those of a robot that was changed in between.
 TEST(Diagnose, SmallDifferencesMadeByTheCauseAreNotInTheFloor) {
   const DataSet set = PushedAgain("cogging where=tendon:2 amplitude_Nm=5e-5 phase_rad=0.5", "0.0003");
   const Diagnosis d = Diagnose(set, Only({"cogging", "stribeck", "motor_coulomb", "gear_efficiency"}));
@@ -1651,9 +1658,9 @@ TEST(Diagnose, SmallDifferencesMadeByTheCauseAreNotInTheFloor) {
                                   "differ by [2-4]\\..* as cogging tendon:2 makes them differ")));
 }
 
-/// Of the nominal rig, whose motors' friction is another one by `scatter_Nm` rms in every run, and whose
-/// second motor has so much more of it at three angles a turn; the first kind of motion three times, with
-/// `push_N` at the tip to one side and the other when it is repeated.
+/// Runs of the nominal rig with motor friction that differs by `scatter_Nm` rms from run to run, and
+/// additional friction of the second motor at three angles a turn; the first family three times, the
+/// repetitions with `push_N` at the tip to one side and the other.
 DataSet Rubbed(double scatter_Nm, double peaks_Nm, double push_N, std::uint64_t seed) {
   DataSet set;
   set.robot = Rig();
@@ -1676,8 +1683,8 @@ DataSet Rubbed(double scatter_Nm, double peaks_Nm, double push_N, std::uint64_t 
   return set;
 }
 
-// Friction that peaks at angles makes runs differ that come there at other times: the floor that this gives
-// hides it, and what it follows names it.
+// Friction with peaks at certain angles makes repetitions differ. The floor from repetitions hides it; its
+// dependence on the angle reveals it.
 TEST(Diagnose, FrictionThatPeaksAtAnglesDoesNotRepeat) {
   const Diagnosis d = Diagnose(Rubbed(2e-6, 1e-4, 0.01, 3), Only({"motor_coulomb"}));
   ASSERT_TRUE(d.repeatability) << d.sentence;
@@ -1692,8 +1699,8 @@ TEST(Diagnose, FrictionThatPeaksAtAnglesDoesNotRepeat) {
   EXPECT_LE(Named(d, "no_gap")->p, 0.5);
 }
 
-// Friction of no run is exactly that of the next; that alone is no finding, nor are lost rows, coarse
-// readings and commands that come a cycle later.
+// Friction that varies a little from run to run is no finding, nor are lost rows, coarse readings and
+// commands a cycle late.
 TEST(Diagnose, ScatterOfFrictionIsNoGap) {
   DataSet set = Rubbed(1e-5, 0, 0, 5);
   const auto round = [](Eigen::MatrixXd& values, double step) {
@@ -1710,19 +1717,19 @@ TEST(Diagnose, ScatterOfFrictionIsNoGap) {
   EXPECT_FALSE(d.repeatability) << d.sentence;
 }
 
-/// A run after two seconds of co-contraction that nobody recorded, and a rest: friction of motors, gears and
-/// pulleys begins elsewhere.
+/// A run after two seconds of unrecorded co-contraction, and a rest: the friction memories of motors, gears
+/// and pulleys begin in a different state.
 Run RecordAfterStirring(const std::string& family, double duration_s, std::uint64_t seed) {
   sim::Plant plant(Rig(), {.seed = seed});
   for (int i = 0; i < 3000; ++i) {
     const double more_N = i < 2000 ? 0.2 * std::sin(std::numbers::pi * 1e-3 * i) : 0;
-    plant.SetTorque((Wanted(family, 0).array() + more_N).matrix() * kTorquePerN);
+    plant.SetTorque((CommandedTension(family, 0).array() + more_N).matrix() * kTorquePerN);
     plant.Advance(kNsPerMs);
   }
   return Record(plant, family, duration_s);
 }
 
-// Nor does it matter from which side friction holds where a run begins.
+// The friction state at the beginning of a run makes no gap.
 TEST(Diagnose, AnotherWayToTheStartRepeats) {
   for (const std::uint64_t seed : {3, 13}) {
     DataSet set = Recorded(std::vector<std::string>{}, 5, seed);
@@ -1736,7 +1743,7 @@ TEST(Diagnose, AnotherWayToTheStartRepeats) {
   }
 }
 
-// Nobody mounts motors with their detents in line.
+// The cogging phases of the motors differ.
 TEST(Diagnose, DetentsOfAllMotorsAreFoundEachWithItsPhase) {
   const Diagnosis d =
       Diagnose(Recorded("cogging amplitude_Nm=1.5e-4 phase_rad=0.5 phase_2_rad=1.9 phase_3_rad=-2"),
@@ -1751,8 +1758,8 @@ TEST(Diagnose, DetentsOfAllMotorsAreFoundEachWithItsPhase) {
   EXPECT_NEAR(std::remainder(value("phase_3_rad") + 2, 2 * std::numbers::pi), 0, 0.15);
 }
 
-// Somebody leans on the robot in one of two runs: what no effect of the library makes differ may hide one
-// that it has not.
+// An external force in one of two repetitions: a scatter that no effect of the library explains may hide an
+// effect outside it.
 TEST(Diagnose, AnUnlistedEffectMayMakeRunsDiffer) {
   DataSet set = Recorded("", 7);
   RobotParameters pushed = Rig();
@@ -1784,10 +1791,11 @@ TEST(Diagnose, RunsWithAPauseAreLeftOut) {
   ASSERT_NE(Named(d, "bending_stiffness"), nullptr) << d.sentence;
   ASSERT_GE(d.degradations.size(), 2u);
   for (const auto& [line, pause] : {std::pair(0, "3600"), std::pair(1, "1e+12")}) {
-    const std::string& told = d.degradations[static_cast<std::size_t>(line)];
-    EXPECT_NE(told.find("left out: " + set.runs[static_cast<std::size_t>(line) + 1].name), std::string::npos)
-        << told;
-    EXPECT_NE(told.find(fmt::format("with a jump of {} s to ", pause)), std::string::npos) << told;
+    const std::string& message = d.degradations[static_cast<std::size_t>(line)];
+    EXPECT_NE(message.find("left out: " + set.runs[static_cast<std::size_t>(line) + 1].name),
+              std::string::npos)
+        << message;
+    EXPECT_NE(message.find(fmt::format("with a jump of {} s to ", pause)), std::string::npos) << message;
   }
 }
 
@@ -1799,7 +1807,7 @@ TEST(Diagnose, OneRunIsJudgedOnItsQuartersAndSaysSo) {
   EXPECT_NE(d.sentence.find("held-out quarters of the runs"), std::string::npos) << d.sentence;
 }
 
-// Leaving out the family that alone reaches the limit leaves nothing to learn the limit from.
+// If the only family that reaches the limit is held out, the others do not determine the limit.
 TEST(Diagnose, ALimitThatOneKindOfExperimentReachesIsFound) {
   RobotParameters plant = Rig();
   const std::string effect = "torque_saturation where=all deficit_Nm=0.0042";  // at about 6.8 N
@@ -1880,9 +1888,8 @@ TEST(Diagnose, RunsWithHardlyAnyMotionAreInsufficientData) {
 TEST(Diagnose, RunsOfFewerTendonsAreAnotherRobots) {
   DataSet set = Recorded("", 4);
   set.robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml");
-  EXPECT_THAT([&] { Diagnose(set, {}); },
-              testing::ThrowsMessage<std::runtime_error>(
-                  testing::HasSubstr("these runs have 3 tendons, robot 'four_tendon_90mm' has 4")));
+  EXPECT_THAT([&] { Diagnose(set, {}); }, testing::ThrowsMessage<std::runtime_error>(testing::HasSubstr(
+                                              "these runs have 3 tendons, robot 'four_tendon_90mm' has 4")));
 }
 
 RobotParameters ShortRig() { return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml"); }

@@ -1,5 +1,5 @@
-// Data health: a good set raises no complaint, and each kind of damage raises its own, on the channel it is
-// in. The signals are made up here, from sines and noise.
+// Data health: a good set has no findings, and each kind of damage has its own, on the channel concerned. The
+// signals are made up here, from sines and noise.
 #include "tendril/gap/health.h"
 
 #include <gmock/gmock.h>
@@ -25,7 +25,7 @@ constexpr int kRows = 8000;
 
 double Rounded(double value, double step) { return step * std::round(value / step); }
 
-/// Bending that begins with rest and then sways with two frequencies and some turning round.
+/// Bending that begins at rest and then oscillates with two frequencies and several reversals.
 Eigen::Vector2d Bend(double t, double scale) {
   if (t < 0.6) return {0, 0};
   const double s = std::min(1.0, (t - 0.6) / 0.5);
@@ -97,7 +97,7 @@ std::string Shown(const std::vector<HealthFinding>& findings) {
   return text;
 }
 
-/// What is complained of after the damage; only of the run that has it, or of the set.
+/// The findings after the damage, about the damaged run or the set only.
 std::vector<HealthFinding> Complaints(const std::function<void(DataSet&)>& damage) {
   DataSet set = GoodSet();
   damage(set);
@@ -106,7 +106,7 @@ std::vector<HealthFinding> Complaints(const std::function<void(DataSet&)>& damag
   return found;
 }
 
-/// Exactly one complaint, on this channel of run "gentle", with this in its text.
+/// Exactly one finding, on this channel of run "gentle", with this in its text.
 HealthFinding Only(const std::function<void(gap::Run&)>& damage, const std::string& channel,
                    const std::string& text) {
   const auto found = Complaints([&](DataSet& set) { damage(set.runs[2]); });
@@ -119,7 +119,7 @@ HealthFinding Only(const std::function<void(gap::Run&)>& damage, const std::stri
   return found[0];
 }
 
-/// Complaints of several channels, all with this in their text.
+/// Findings of several channels, all with this in their text.
 void All(std::size_t count, const std::function<void(gap::Run&)>& damage, const std::string& text) {
   const auto found = Complaints([&](DataSet& set) { damage(set.runs[2]); });
   EXPECT_EQ(found.size(), count) << Shown(found);
@@ -138,7 +138,7 @@ TEST(Health, AGoodSetRaisesNoComplaintAndItsFiguresAreRight) {
     }
     if (f.run == "sway_again" && f.channel == "tension") {
       ++repeats;
-      // Two readings of the same, each with 5 mN of noise and a step of 5 mN.
+      // Two readings of the same tension, each with 5 mN of noise and a resolution of 5 mN.
       EXPECT_NEAR(f.value, std::sqrt(2 * (0.005 * 0.005 + 0.005 * 0.005 / 12)), 2e-4);
     }
   }
@@ -192,7 +192,7 @@ TEST(Health, ClippedSignals) {
   EXPECT_GT(cut.value, 0.01);
   Only([](gap::Run& run) { run.torque_actual_Nm.col(0) = run.torque_actual_Nm.col(0).cwiseMax(5e-4).eval(); },
        "actual torque 1", "is clipped");
-  // A coarse torque of a slow log that comes back to where it rested is at no end of its range.
+  // A coarse torque of a slow log that returns to its value at rest is not at the end of its range.
   DataSet rested = GoodSet();
   for (gap::Run& run : rested.runs) {
     for (Eigen::Index i = 0; i < run.torque_actual_Nm.rows(); ++i) {
@@ -215,7 +215,7 @@ TEST(Health, WrongUnitsAreTakenForWhatTheyAre) {
   Only([](gap::Run& run) { run.tip_m *= 1000; }, "tip position", "these are millimetres");
   Only([](gap::Run& run) { run.tip_m.col(2).array() -= 0.06; }, "tip position", "displacement");
   Only([](gap::Run& run) { run.tip_m.col(0).array() += 0.04; }, "tip position", "is up to");
-  // Those of a robot two thirds as long.
+  // The lengths of a robot two thirds as long.
   Only([](gap::Run& run) { run.tip_m /= 1.5; }, "tip position",
        "the file of a longer robot looks like a gap");
   Only([](gap::Run& run) { run.tension_N *= 1000; }, "tension", "millinewtons");
@@ -233,7 +233,7 @@ TEST(Health, WrongUnitsAreTakenForWhatTheyAre) {
   const auto counts =
       Complaints([](DataSet& set) { set.runs[2].motor_position_rad *= 2048 / (2 * std::numbers::pi); });
   EXPECT_THAT(Shown(counts), HasSubstr("are these encoder counts"));
-  // One bad count is no unit.
+  // One bad count does not indicate another unit.
   const auto once = Complaints([](DataSet& set) { set.runs[2].motor_position_rad(1000, 0) = 1e5; });
   EXPECT_THAT(Shown(once), Not(HasSubstr("are these")));
 }
@@ -253,8 +253,8 @@ TEST(Health, TendonsInAnotherOrderOrWithAnotherSign) {
       1, [](gap::Run& run) { run.tension_N.col(1).array() -= 1.2; }, "a tendon cannot push");
 }
 
-// A tendon may go with another by its motion, which is no exchange where that one goes with its own; twice
-// the same column is one.
+// A motion may correlate two tendons, which is no exchange where each also correlates with its own signals;
+// the same column twice is one.
 TEST(Health, ATendonThatGoesWithAnotherIsNotExchanged) {
   const auto tied = Complaints([](DataSet& set) {
     gap::Run& run = set.runs[2];
@@ -333,8 +333,7 @@ TEST(Health, MissingChannelsOfASetAreReported) {
   EXPECT_THAT(text, HasSubstr("no run has tensions"));
 }
 
-// Whatever was loaded is looked at without a fault: nothing but missing values, two rows, other numbers of
-// columns.
+// Any loaded set can be checked: only missing values, two rows, other numbers of columns.
 TEST(Health, UnusualRunsDoNotCrash) {
   DataSet set = GoodSet();
   set.runs[0].tension_N.setConstant(kNone);

@@ -1,4 +1,4 @@
-// `tendril gap import` as a user runs it: folders and logs that are read back, hints, exit codes.
+// `tendril gap import` as a user runs it: written folders are read back, logs, hints, exit codes.
 #include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@ using testing::HasSubstr;
 
 const std::string kRobot = TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml";
 
-// A tip alone is compared with nothing.
+// With a tip alone nothing can be compared.
 const std::string kMotors = "motor_position: {names: [m1, m2, m3]}}\n";
 
 class ImportCommandTest : public testing::Test {
@@ -144,7 +144,7 @@ TEST_F(ImportCommandTest, InputsAreNeverReplaced) {
   EXPECT_EQ(text(table), rows);
   EXPECT_EQ(text(folder_ / "robot.yaml"), "# mine\n");
   EXPECT_FALSE(fs::exists(folder_ / "runs.yaml"));
-  // A set of another import stays, until it may go.
+  // A set of an earlier import is kept unless --overwrite is given.
   const std::string out = (folder_ / "out").string();
   ASSERT_EQ(Run(command + "--out " + out), 0) << error_;
   EXPECT_EQ(Run(command + "--out " + out), 2);
@@ -179,10 +179,11 @@ TEST_F(ImportCommandTest, AllMissingChannelsOfATableAreReported) {
   const std::string table = Write("plain.csv", rows + "1,2,3,1,2,58,0.0");
   const std::string out = (folder_ / "out").string();
   ASSERT_EQ(Run(fmt::format("--robot {} --map {} {} --out {}", kRobot, map, table, out)), 0) << error_;
-  EXPECT_THAT(error_, HasSubstr("plain.csv:102: the last line has no line end and may be truncated; dropped"));
+  EXPECT_THAT(error_,
+              HasSubstr("plain.csv:102: the last line has no line end and may be truncated; dropped"));
   EXPECT_THAT(error_, HasSubstr("column i1: 1 infinite values taken as missing"));
   EXPECT_THAT(error_, HasSubstr("1 cell with 'n/a' taken as missing, the first in line 9, column i1"));
-  // Of one channel more than the first.
+  // One channel more than the first.
   EXPECT_THAT(error_, HasSubstr("tension: no run has tensions"));
   EXPECT_THAT(error_, HasSubstr("columns of the table that the map does not use: note"));
 
@@ -196,7 +197,7 @@ TEST_F(ImportCommandTest, AllMissingChannelsOfATableAreReported) {
   EXPECT_LE(std::count(error_.begin(), error_.end(), '\n'), 25) << error_;
 }
 
-// A script that goes on would go on with less than was meant.
+// The exit code stops a script that would otherwise continue with incomplete data.
 TEST_F(ImportCommandTest, ATableThatIsLeftOutIsAnError) {
   const std::string map =
       Write("map.yaml", "time: {rate_Hz: 100}\ncolumns: {tip: {names: [x, y, z], unit: mm}}\n");
@@ -220,7 +221,7 @@ TEST_F(ImportCommandTest, TablesWithoutRowsAreNamedWithTheReason) {
   EXPECT_FALSE(fs::exists(folder_ / "out"));
 }
 
-// What a set allows is said where it is made, not when it is diagnosed.
+// The import, not only the diagnosis, says which cuts a set allows.
 TEST_F(ImportCommandTest, ComparableCutsAreReportedAndNoneIsAnError) {
   std::string rows = "t,f1,f2,f3,m1,theta,phi,qw,qx,qy,qz\n";
   for (int i = 0; i < 100; ++i)

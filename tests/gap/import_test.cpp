@@ -1,5 +1,5 @@
-// Foreign tables through column maps: units, signs, frames and runs come out as a hand calculation says, and
-// what a map gets wrong is named. Tables of published robots are tried where they are at hand.
+// Tables of other programs through column maps: units, signs, frames and runs agree with a calculation by
+// hand, and errors of a map are named. Tables of published robots are tested where available.
 #include "tendril/gap/import.h"
 
 #include <fmt/core.h>
@@ -87,8 +87,8 @@ TEST_F(ImportTest, UnitsSignsScalesAndOrderOfTendonsAreThoseOfTheMap) {
 }
 
 TEST_F(ImportTest, AnglesOfMotorSpoolTurnsAndCountsAgree) {
-  // A quarter turn of the spool is 4.75 turns of the motor, whatever it is written in.
-  const double wanted = 4.75 * 2 * kPi;
+  // A quarter turn of the spool is 4.75 turns of the motor in every unit.
+  const double expected_rad = 4.75 * 2 * kPi;
   for (const auto& [unit, number] : {std::pair{"{unit: deg, at: spool,", "90"},
                                      {"{unit: rad, at: spool,", "1.5707963267948966"},
                                      {"{unit: turns, at: motor,", "4.75"},
@@ -98,12 +98,12 @@ TEST_F(ImportTest, AnglesOfMotorSpoolTurnsAndCountsAgree) {
         Import(fmt::format(
                    "time: {{rate_Hz: 10}}\ncolumns: {{motor_position: {} names: [null, a, null]}}}}\n", unit),
                fmt::format("a\n{0}\n{0}\n{0}\n", number));
-    EXPECT_NEAR(set.runs.at(0).motor_position_rad(2, 1), wanted, 1e-9) << unit;
+    EXPECT_NEAR(set.runs.at(0).motor_position_rad(2, 1), expected_rad, 1e-9) << unit;
     EXPECT_NEAR(set.runs.at(0).time_s[2], 0.2, 1e-12);
   }
 }
 
-// One sensor's numbers are not two channels', and tensions are of some load cell.
+// One column cannot serve two channels, and tensions need the place of their load cell.
 TEST_F(ImportTest, OneColumnIsOneSensors) {
   const auto refusal = [&](const std::string& map) -> std::string {
     try {
@@ -123,7 +123,7 @@ TEST_F(ImportTest, OneColumnIsOneSensors) {
               HasSubstr("load_cell is none, and columns.tension names load cells"));
 }
 
-// The same pose in every way to write an orientation.
+// The same pose in every notation of an orientation.
 TEST_F(ImportTest, EveryOrientationIsTheSameRotation) {
   const Eigen::Matrix3d R =
       (Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(-0.3, Eigen::Vector3d::UnitY()) *
@@ -225,7 +225,7 @@ TEST_F(ImportTest, LabelsSplitATableIntoRunsFamiliesAndRepetitions) {
   EXPECT_EQ(set.runs[4].name, "table_odd_2");  // after the hole
   EXPECT_EQ(set.runs[4].repeat_of, "table_odd");
   EXPECT_THAT(set.notes, Contains(HasSubstr("table_lonely left out: it has 1 usable row of")));
-  // And it is a data set like any other.
+  // The result is an ordinary data set.
   WriteDataSet(set, folder_ / "set");
   const DataSet back = LoadDataSet(folder_ / "set", "");
   ASSERT_EQ(back.runs.size(), 5u);
@@ -319,13 +319,12 @@ TEST_F(ImportTest, NoBytesCrashMapOrTable) {
   EXPECT_GT(imported, 30);
 }
 
-// The maps and robot files that are shipped fit together; where the published tables are at hand, they go
-// through.
+// The shipped maps and robot files fit together; where the published tables are available, they are imported.
 class PublishedTest : public testing::Test {
  protected:
   static std::string Folder() {
-    const char* told = std::getenv("TENDRIL_REAL_DATA");
-    return told != nullptr ? told : kSource + "/../shared/real";
+    const char* given = std::getenv("TENDRIL_REAL_DATA");
+    return given != nullptr ? given : kSource + "/../shared/real";
   }
   static RobotParameters Robot(const std::string& name) {
     return config::LoadRobot(kSource + "/config/import/" + name + ".yaml");
@@ -341,8 +340,8 @@ TEST_F(PublishedTest, ThreeSectionsQuasiStatic) {
   if (!fs::exists(Folder() + "/opencr_tdcr"))
     GTEST_SKIP() << "no tables in " << Folder() << "; TENDRIL_REAL_DATA names their folder";
   const DataSet v4 = Import("opencr_tdcr_v4", {"opencr_tdcr/v4_tendon_pull.csv"});
-  // Nine tendons, one pull each: the tip goes towards the tendon that is pulled, whose place on the disk the
-  // robot file has; sections turn by 30 deg.
+  // Nine tendons, one pull each: the tip moves towards the pulled tendon's angle in the robot file; sections
+  // are rotated by 30 deg against each other.
   int pulls = 0;
   for (const gap::Run& run : v4.runs) {
     EXPECT_EQ(run.family, "tendon_pull");

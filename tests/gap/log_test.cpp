@@ -1,5 +1,5 @@
-// Runs out of the controller's own logs: what the file holds in counts, per mille and millivolts comes back
-// as the motion, torque and tension that the simulated robot had.
+// Runs from the controller's own logs: counts, per mille and millivolts are converted to the motion, torque
+// and tension that the simulated robot had.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -25,7 +25,7 @@ using testing::IsEmpty;
 
 const std::string kRobot = TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml";
 
-/// What the plant was, where the log's run begins and later.
+/// State of the plant where the log's run begins, and later.
 struct Truth {
   TimeNs time_ns;
   Eigen::Vector3d angle_rad, tension_N, torque_Nm, target_Nm, tip_m;
@@ -172,7 +172,7 @@ TEST_F(LogTest, WhatLiesBehindDamageIsUsed) {
   std::ifstream in(log_, std::ios::binary);
   std::string bytes((std::istreambuf_iterator<char>(in)), {});
   in.close();
-  // The first event, of which the robot would be known, and a stretch while it moves.
+  // The first event, which contains the robot file, and some cycles during the motion.
   bytes.replace(0, 100, 100, '\0');
   bytes.erase(bytes.size() / 2, 20000);
   std::ofstream(log_, std::ios::binary | std::ios::trunc) << bytes;
@@ -185,7 +185,7 @@ TEST_F(LogTest, WhatLiesBehindDamageIsUsed) {
   EXPECT_THAT(run.notes, Contains(HasSubstr("cycles are missing from the log")));
 }
 
-// A logger that was started while the robot moved: positions count from where the controller has its zero.
+// A logger started while the robot moved: positions count from the controller's zero.
 TEST_F(LogTest, TheZeroIsTheControllersWhereverTheLogBegins) {
   Record(log_.string(), true, true);
   const gap::Run whole = Load();
@@ -199,7 +199,7 @@ TEST_F(LogTest, TheZeroIsTheControllersWhereverTheLogBegins) {
   EXPECT_EQ(run.motor_position_rad.bottomRows(100), whole.motor_position_rad.bottomRows(100));
 }
 
-// Damage anywhere: what is read is in order, what cannot be read says so. Meant for sanitizers.
+// Random damage: what is read is in order, what cannot be read raises an error. For runs under sanitizers.
 TEST_F(LogTest, NoBytesCrashTheReader) {
   Record(log_.string(), true, true);
   std::ifstream in(log_, std::ios::binary);
@@ -230,7 +230,7 @@ TEST_F(LogTest, NoBytesCrashTheReader) {
   EXPECT_GT(loaded, 5);
 }
 
-// A log carries the file of the robot that it was recorded with.
+// A log contains the robot file that it was recorded with.
 TEST_F(LogTest, ARobotThatIsNotTheLogsIsRefused) {
   Record(log_.string(), true, true);
   const auto refusal = [&](const char* robot) -> std::string {
@@ -247,7 +247,7 @@ TEST_F(LogTest, ARobotThatIsNotTheLogsIsRefused) {
   EXPECT_THAT(longer, HasSubstr("run.lcmlog: these runs are of another robot than"));
   EXPECT_THAT(longer, HasSubstr("name is rig_60mm there, rig_90mm in the file"));
   EXPECT_EQ(longer.find('\n'), longer.npos);
-  // The other runs of a set do not make it right.
+  // The other runs of a set do not change that.
   fs::create_directories(folder_ / "set");
   fs::copy_file(kRobot, folder_ / "set/robot.yaml");
   std::ofstream(folder_ / "set/a.csv") << "t_s,motor_position_rad_1\n0,0\n0.001,0\n0.002,0\n";

@@ -1,5 +1,5 @@
-// The diagnosis of the controller's own logs, from the LCM file on: the nominal robot shows no gap however it
-// was armed, and a payload is named.
+// Diagnosis of the controller's own LCM logs: the nominal robot shows no gap whichever way it was armed, and
+// a payload is named.
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -24,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// How a log comes about: `tendril demo`, or with `home` as `tendril home`, `send arm`, `follow`.
+/// How a log is recorded: `tendril demo`, or with `home` as `tendril home`, `send arm`, `follow`.
 struct Case {
   std::string robot, motion;
   ControlLaw law = ControlLaw::kPaper;
@@ -123,7 +123,7 @@ TEST_P(OwnLogs, NameAPayload) {
   EXPECT_NE(d.sentence.find("tip_payload"), std::string::npos) << d.sentence;
 }
 
-// The drives' torques rise from nothing when the log begins.
+// The drives' torques rise from zero when the log begins.
 TEST_P(OwnLogs, NameADelay) {
   const gap::Diagnosis d =
       Diagnosed(GetParam(), "command_delay s=0.0016",

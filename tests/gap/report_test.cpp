@@ -1,4 +1,4 @@
-// The report: other programs' contract with report.json, a page that opens anywhere and cannot be hurt by
+// The report: the contract of report.json with other programs, a page that opens offline and is safe against
 // names in the data, and a summary that fits the terminal. Knows nothing of how diagnoses are made.
 #include "tendril/gap/report.h"
 
@@ -59,7 +59,7 @@ class Folder {
   fs::path path_;
 };
 
-// What a hostile or careless person may call a run, a channel, a robot.
+// Hostile or careless names of runs, channels and robots.
 const std::string kHostile =
     "</script><script>document.documentElement.dataset.hurt=1</script>\"><img src=x "
     "onerror='document.documentElement.dataset.hurt=1'>${hurt}{{script}} & 'Größe' 机器人 \x1b[31m\r\n\t\\";
@@ -230,8 +230,8 @@ TEST(ReportJson, ComesBackAsItWas) {
   }
 }
 
-// Every leaf of the file, changed by itself, must be heard by the reader: else a number of the page could
-// come back different from what the file says.
+// Changing any single value of the file must change what is read: otherwise a value that is written is not
+// read back.
 TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
   Diagnosis d = ExampleDiagnosis(Verdict::kAmbiguousGroup);
   for (Overlay& o : d.overlays) {
@@ -252,12 +252,13 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
   d.horizon.resize(2);
   d.runs.resize(1);
   d.order_effects = {{"a", 0.5}};
-  d.repeatability = {sim::Cut::kDrivetrain, "tendon:2", "tension", "N", 0.04, 0.01, 3.9, "tension 2", 0.002, true};
+  d.repeatability = {sim::Cut::kDrivetrain, "tendon:2", "tension", "N", 0.04, 0.01, 3.9,
+                     "tension 2",           0.002,      true};
   const Json original = Parsed(d);
   int changed = 0;
   const Json flat = original.flatten();
   for (const auto& [pointer, value] : flat.items()) {
-    // Made from other fields or from the registry, not read.
+    // Derived from other fields or from the registry, not read.
     if (std::regex_search(pointer, std::regex("^/(chain|format|verdict|shown_units)|"
                                               "/(about|tendon|section|cut|severity|word|text)$|/"
                                               "scale/unit$|^/profiles/0/unit$")))
@@ -277,7 +278,7 @@ TEST(ReportJson, NoNumberOrTextOfTheFileIsIgnored) {
     }
     if (pointer.ends_with("/p") || (other == original)) continue;  // would sort the causes anew
     Json back = Json::parse(ReportJson(ParseReport(other.dump())));
-    // Words are made of the number beside them.
+    // Texts are derived from the number beside them.
     for (Json* j : {&other, &back}) {
       for (const auto& [at, text] : flat.items()) {
         if (at.ends_with("/text") && at.find("/parameters/") != std::string::npos)
@@ -475,13 +476,14 @@ TEST(Words, AreTheSameOnTheTerminalAndInTheFile) {
 TEST(Words, RunsLeftOutAreInTheFirstSentence) {
   const std::string found = "The gap lies at C4 (tip position).";
   EXPECT_EQ(WithLeftOut(found, {"a.csv: 3 gaps", "tension is left out of it"}, 7), found);
-  EXPECT_EQ(WithLeftOut(found,
-                        {"left out: a: too short (12 rows; accepted: at least 50)", "something else",
-                         "left out: b: too short (13 rows; accepted: at least 50)",
-                         "left out: cannot read set/04.csv: no such file"},
-                        4),
-            "With 3 of 7 runs left out (a, b: too short; cannot read set/04.csv: no such file), the gap lies at C4 "
-            "(tip position).");
+  EXPECT_EQ(
+      WithLeftOut(found,
+                  {"left out: a: too short (12 rows; accepted: at least 50)", "something else",
+                   "left out: b: too short (13 rows; accepted: at least 50)",
+                   "left out: cannot read set/04.csv: no such file"},
+                  4),
+      "With 3 of 7 runs left out (a, b: too short; cannot read set/04.csv: no such file), the gap lies at C4 "
+      "(tip position).");
   EXPECT_EQ(
       WithLeftOut("C2 (torque) is off.", {"left out: a: its motors were told otherwise; accepted: alike"}, 1),
       "With 1 of 2 runs left out (a: its motors were told otherwise), C2 (torque) is off.");
@@ -498,7 +500,7 @@ TEST(ReportPage, NeedsNothingFromOutside) {
   const std::regex outside(
       "(src|href|action|data)\\s*=\\s*[\"']?(https?:|//|file:)|@import|url\\(\\s*[\"']?[^#\\s)\"'$]",
       std::regex::icase);
-  // The plotting library and its licence name addresses without asking for them.
+  // The plotting library and its licence contain addresses that are not fetched.
   std::istringstream lines(page);
   for (std::string line; std::getline(lines, line);) {
     if (line.size() > 50000) continue;
@@ -569,7 +571,7 @@ struct Drawn {
 Drawn Draw(const std::string& page, const fs::path& folder) {
   fs::create_directories(folder);
   std::ofstream(folder / "page.html", std::ios::binary) << page;
-  // Time of its own: what the page does after it was loaded is done before it is read.
+  // Virtual time: what the page does after loading is done before it is read.
   const std::string command = fmt::format(
       "HOME='{0}' timeout 200 '{1}' --headless --no-sandbox --disable-gpu --user-data-dir='{0}/profile' "
       "--enable-logging=stderr --virtual-time-budget=20000 --window-size=1280,900 --dump-dom "
@@ -587,7 +589,7 @@ Drawn Draw(const std::string& page, const fs::path& folder) {
   return drawn;
 }
 
-// A browser draws the page: no error on its console, every part there, nothing of the data run as a program.
+// A browser draws the page: no error on its console, every part present, no text of the data run as a script.
 TEST(ReportPage, DrawsItselfInABrowser) {
   if (Chromium().empty()) GTEST_SKIP() << "no chromium here: Debian's package chromium has it";
   const Folder folder;
@@ -614,7 +616,7 @@ TEST(ReportPage, DrawsItselfInABrowser) {
   }
 }
 
-// What a reader does with the page, done by a script in it: every answer is written where the test finds it.
+// A script in the page operates it as a reader does and writes the results where the test reads them.
 constexpr const char* kReader = R"js(<script>{
 const fire = (target, type, x, y) => target.dispatchEvent(
     new MouseEvent(type, {bubbles: true, cancelable: true, view: window, clientX: x, clientY: y, button: 0}));
@@ -659,7 +661,7 @@ TEST(ReportPage, AnswersItsReader) {
   EXPECT_EQ(drawn.console, "");
 }
 
-// Every figure as files, its words within it, no part without content, the same words for the same number.
+// Every figure as files, with its text, no part without content, the same text for the same number.
 constexpr const char* kInspector = R"js(<script>(async () => {
 const root = document.documentElement, said = {files: '', outside: '', empty: '', words: ''};
 const made = {}, texts = [];

@@ -1,5 +1,5 @@
-// `tendril gap simulate` as a user runs it: what is planted is in the data and in the truth, sizes are what
-// was asked for, wrong use is told before anything is written.
+// `tendril gap simulate` as a user runs it: the planted effect is in the data and in the truth file, sizes
+// are as requested, wrong use is refused before anything is written.
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -67,12 +67,12 @@ TEST_F(SimulateCommandTest, PlantedEffectsAreInTruthAndRunsButNotInTheNominalFil
   ASSERT_EQ(planted.runs.size(), 3u);
   EXPECT_TRUE(planted.robot.effects.empty());
   EXPECT_EQ(planted.runs[1].repeat_of, planted.runs[0].name);
-  // The same noise in both, and sensors that nothing is controlled by: what differs is the effect.
+  // The same noise in both and no feedback from the sensors: only the effect differs.
   EXPECT_NEAR(Change(plain.runs[0].tip_m.col(0), planted.runs[0].tip_m.col(0)), 2e-3, 1e-6);
   EXPECT_LT(Change(plain.runs[0].tip_m.col(1), planted.runs[0].tip_m.col(1)), 1e-6);
   EXPECT_NEAR(Change(plain.runs[0].tension_N.col(1), planted.runs[0].tension_N.col(1)), 0.2, 0.005);
   EXPECT_LT(Change(plain.runs[0].tension_N.col(0), planted.runs[0].tension_N.col(0)), 1e-6);
-  // A truth beside the runs would be read by whoever is to find it.
+  // A truth file beside the runs would reveal it to the one who diagnoses them.
   for (const auto& entry : fs::directory_iterator(folder_ / "planted")) {
     EXPECT_EQ(ReadText(entry.path()).find("tracker_offset"), std::string::npos) << entry.path();
   }
@@ -88,7 +88,7 @@ TEST_F(SimulateCommandTest, TheSameSeedGivesTheSameBytes) {
   EXPECT_NE(ReadText(folder_ / "a/01_circle.csv"), ReadText(folder_ / "c/01_circle.csv"));
 }
 
-// The tip moves by so many floors; what a floor is follows from the tracker's own noise and resolution.
+// The tip moves by this many floors; the floor follows from the tracker's noise and resolution.
 TEST_F(SimulateCommandTest, AnEffectBySizeHasThatSize) {
   double previous = 0;
   for (const double sigma : {1.0, 10.0}) {
@@ -113,7 +113,7 @@ TEST_F(SimulateCommandTest, AnEffectBySizeHasThatSize) {
   ASSERT_EQ(Simulate("--effect 'bending_stiffness sigma=-3' --out planted --overwrite --truth truth.json"), 0)
       << error_;
   EXPECT_LT(Truth()["effects"][0]["parameters"]["scale"], 1.0);
-  // The planted data, compared with nominal data of the same noise, change by about as much as was asked for.
+  // The planted data differ from nominal data of the same noise by about the requested size.
   ASSERT_EQ(Simulate("--effect 'tip_force sigma=10 vary=y_N' --out planted --overwrite --truth truth.json"),
             0)
       << error_;
@@ -242,7 +242,7 @@ TEST_F(SimulateCommandTest, AnEarlierSetIsReplacedOnlyByACompleteOne) {
   EXPECT_THAT(error_, HasSubstr("would replace set/robot.yaml, which is read here"));
   EXPECT_EQ(Files("set"), before);
 
-  // Only what the earlier set lists goes.
+  // Only files that the earlier set lists are removed.
   WriteText(folder_ / "plan.yaml", "runs: [{family: circle, duration_s: 3}]\n");
   ASSERT_EQ(Simulate("--out set/ --overwrite"), 0) << error_;
   EXPECT_THAT(out_, HasSubstr("1 run,"));
@@ -272,7 +272,7 @@ TEST_F(SimulateCommandTest, OnlyEarlierSetsAreEverReplaced) {
   EXPECT_THAT(error_, HasSubstr("cannot write into plan.yaml"));
 }
 
-// However early it comes: the old set, or one that is true.
+// Whenever it is interrupted, the folder holds the earlier set or a consistent one.
 TEST_F(SimulateCommandTest, CtrlCLeavesTheEarlierSetOrAConsistentOne) {
   ASSERT_EQ(Simulate("--out set"), 0) << error_;
   const auto before = Files("set");
@@ -298,7 +298,7 @@ TEST_F(SimulateCommandTest, CtrlCLeavesTheEarlierSetOrAConsistentOne) {
   }
 }
 
-// A load cell without noise shows one value while the robot rests; that is no broken cell.
+// A load cell without noise is constant while the robot rests; that is no broken cell.
 TEST_F(SimulateCommandTest, WithoutNoiseEveryRunReachesItsEnd) {
   WriteText(folder_ / "plan.yaml", "runs: [{family: cocontraction, duration_s: 8}]\n");
   ASSERT_EQ(Simulate("--noise off --load-cell robot_side --effect 'gear_efficiency scale=0.6' --out quiet"),
@@ -319,8 +319,8 @@ TEST_F(SimulateCommandTest, TheControllerMayUseAnotherDaemonFile) {
   EXPECT_GT(Change(Load("usual").runs[0].tension_N, Load("other").runs[0].tension_N), 0.05);
 }
 
-// A drive reports whole counts: between two targets its torque is rounded by more than where it has settled,
-// and that is no gap that a delay leaves.
+// A drive reports quantised torque: between two targets the rounding error is larger than once settled, and
+// that is no gap due to a delay.
 TEST_F(CommandTest, ADelayOfAPartOfACycleIsExplainedToTheNoise) {
   ASSERT_EQ(Run(fmt::format("gap simulate --robot {} --set quick --effect 'command_delay s=0.0004' --out set",
                             kRig)),

@@ -1,5 +1,5 @@
 // `tendril gap simulate`, `diagnose` and `explain` on robots of other sizes than the rig, from 30 mm and a
-// gram to 2 m and 5 kg: what is plainly visible there may be planted, and is named with about its size.
+// gram to 2 m and 5 kg: an effect of plainly visible size can be planted and is named with about its size.
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -18,7 +18,7 @@ std::string FileOf(const std::string& robot) {
 
 class SizesTest : public CommandTest, public testing::WithParamInterface<const char*> {
  protected:
-  /// Plants the effect, times a plainly visible size of this robot, and has the runs diagnosed.
+  /// Plants the effect at a multiple of its plainly visible size for this robot, and diagnoses the runs.
   void Diagnose(const std::string& effect, const std::string& where, const std::string& parameter,
                 double times) {
     const RobotParameters robot = sim::LoadRobot(FileOf(GetParam()));
@@ -45,7 +45,7 @@ class SizesTest : public CommandTest, public testing::WithParamInterface<const c
     const json& first = report["causes"][0];
     for (const json& cause : report["causes"]) {
       if (cause["effect"] != effect || cause["where"] != where) continue;
-      // Slack and a motor's zero are one thing to a tendon that is never let go.
+      // Slack and a motor's zero are indistinguishable for a tendon that never becomes slack.
       const bool alike = first["group"] != 0 && cause["group"] == first["group"];
       EXPECT_TRUE(cause == first || alike) << out_;
       EXPECT_GT(cause["p"].get<double>(), alike ? 0.3 : 0.8) << out_;

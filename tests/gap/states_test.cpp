@@ -1,5 +1,5 @@
-// Logs of states at rest, rows seconds apart, by a tracker whose frame nobody knows: what published tables of
-// tendon-driven robots are. Compared with the motion in time, and with what was planted.
+// Logs of states at rest, rows seconds apart, by a tracker in an unknown frame, as published tables of
+// tendon-driven robots are. Compared with the motion in time, and with the planted effect.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -20,7 +20,7 @@ using gap::Diagnosis;
 using gap::Run;
 using gap::Verdict;
 
-/// The rig with nothing measured but motors and tip.
+/// The rig with only motors and tip measured.
 RobotParameters Bare() {
   RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml");
   for (auto& tendon : robot.actuation->tendons) tendon.load_cell.place = LoadCellPlace::kNone;
@@ -30,8 +30,9 @@ RobotParameters Bare() {
 constexpr int kTendons = 3;
 constexpr double kApart_s = 0.6;
 
-/// Motor angles of a run of states: the tip goes out in a direction and back, or round, others paid out.
-Eigen::MatrixXd Wanted(const RobotParameters& robot, const std::string& family, int states, double way) {
+/// Motor angles [rad] of a run of states: the tip moves out in a direction and back, or on a circle; tendons
+/// on the other side are paid out.
+Eigen::MatrixXd MotorAngles(const RobotParameters& robot, const std::string& family, int states, double way) {
   const auto& p = robot.actuation->tendons[0];
   const double to_rad = p.gear.ratio / p.spool.radius_m;  // of the motor by metre of tendon
   Eigen::MatrixXd angle(states, kTendons);
@@ -47,7 +48,7 @@ Eigen::MatrixXd Wanted(const RobotParameters& robot, const std::string& family, 
   return angle;
 }
 
-/// What motors and tracker show of a robot, the tracker in a frame of its own; so many states a run.
+/// Motor positions and tip of a robot, the tip in the tracker's own frame; `each` states a run.
 DataSet States(const RobotParameters& plant, const Eigen::Isometry3d& frame, int each = 31) {
   constexpr double kNoise_m = 1e-4;
   DataSet set;
@@ -63,7 +64,7 @@ DataSet States(const RobotParameters& plant, const Eigen::Isometry3d& frame, int
       run.name = std::string(family) + std::to_string(++number);
       run.family = family;
       run.load_cell = LoadCellPlace::kNone;
-      run.motor_position_rad = Wanted(set.robot, family, each, way);
+      run.motor_position_rad = MotorAngles(set.robot, family, each, way);
       const Eigen::Index states = run.motor_position_rad.rows();
       run.time_s = Eigen::VectorXd::LinSpaced(states, 0, kApart_s * static_cast<double>(states - 1));
       sim::ReplaySignals s;
@@ -98,18 +99,18 @@ gap::DiagnoseOptions Quick() {
 
 TEST(States, AreWhereMotionComesToRest) {
   const RobotParameters robot = Bare();
-  const Eigen::MatrixXd wanted = Wanted(robot, "round", 9, 0.7);
+  const Eigen::MatrixXd angles_rad = MotorAngles(robot, "round", 9, 0.7);
   sim::ReplaySignals states;
   states.step_s = kApart_s;
   states.at_rest = true;
   states.load_cell = LoadCellPlace::kNone;
-  states.motor_angle_rad = wanted;
+  states.motor_angle_rad = angles_rad;
   const Eigen::MatrixXd tip = sim::Replay(robot).Body(states, sim::Replay::DrivenBy::kMotor, 1).tip_m;
 
-  // The same in time: from state to state in a second, and two of holding.
+  // The same in time: a second from state to state, and two of holding.
   constexpr double kStep_s = 0.005;
   constexpr int kGo = 200, kHold = 400;
-  const int samples = static_cast<int>(wanted.rows()) * (kGo + kHold);
+  const int samples = static_cast<int>(angles_rad.rows()) * (kGo + kHold);
   sim::ReplaySignals motion;
   motion.step_s = kStep_s;
   motion.load_cell = LoadCellPlace::kNone;
@@ -118,12 +119,12 @@ TEST(States, AreWhereMotionComesToRest) {
   for (int i = 0; i < samples; ++i) {
     const int state = i / (kGo + kHold);
     const double part = std::min(1.0, static_cast<double>(i % (kGo + kHold)) / kGo);
-    const auto from = wanted.row(std::max(0, state - 1)), to = wanted.row(state);
+    const auto from = angles_rad.row(std::max(0, state - 1)), to = angles_rad.row(state);
     motion.motor_angle_rad.row(i) = from + part * (to - from);
     if (part < 1) motion.motor_velocity_radps.row(i) = (to - from) / (kGo * kStep_s);
   }
   const Eigen::MatrixXd moved = sim::Replay(robot).Body(motion, sim::Replay::DrivenBy::kMotor, 1).tip_m;
-  for (int k = 0; k < wanted.rows(); ++k) {
+  for (int k = 0; k < angles_rad.rows(); ++k) {
     const double apart = (moved.row((k + 1) * (kGo + kHold) - 1) - tip.row(k)).norm();
     EXPECT_LT(apart, 2e-4) << "state " << k;  // of 40 mm; pulleys' friction holds what is left of a swing
   }
@@ -134,7 +135,7 @@ TEST(States, ACauseIsFoundThroughAnUnknownFrame) {
   plant.effects.push_back(sim::ParseEffect("hole_radius where=all scale=0.9", plant));
   const Diagnosis d = gap::Diagnose(States(plant, Frame()), Quick());
   ASSERT_FALSE(d.accepted.empty()) << d.sentence;
-  // What a spool too large does is the same but for the tendons' stretch.
+  // A spool that is too large does the same except for the tendons' stretch.
   bool named = false;
   for (const auto& cause : d.causes) {
     if (cause.effect != "hole_radius" || cause.where != "all") continue;
@@ -146,12 +147,12 @@ TEST(States, ACauseIsFoundThroughAnUnknownFrame) {
   EXPECT_TRUE(named) << d.sentence;
   ASSERT_TRUE(d.closed);
   EXPECT_GT(d.closed->value, 0.95);
-  // Motion was not seen, and the report says what was done.
-  std::string told;
-  for (const auto& line : d.degradations) told += line + "\n";
-  EXPECT_NE(told.find("the tracker's frame is unknown"), told.npos) << told;
-  EXPECT_NE(told.find("at rest at each row"), told.npos) << told;
-  // Family by family, on runs that were not fitted to.
+  // Motion was not recorded, and the report says how the rows are compared.
+  std::string notes;
+  for (const auto& line : d.degradations) notes += line + "\n";
+  EXPECT_NE(notes.find("the tracker's frame is unknown"), notes.npos) << notes;
+  EXPECT_NE(notes.find("at rest at each row"), notes.npos) << notes;
+  // Family by family, on held-out runs.
   ASSERT_EQ(d.families.size(), 3u);
   for (const auto& family : d.families) {
     EXPECT_EQ(family.runs, 3);
@@ -164,7 +165,8 @@ TEST(States, AWrongFrameAloneIsNoGap) {
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
 }
 
-// So close together that motors seem to go smoothly, with a gap: no motion in milliseconds.
+// States so close together that motors seem to move smoothly, with a gap: not a motion with its time in
+// milliseconds.
 TEST(States, ManyOfThemAreStates) {
   RobotParameters plant = Bare();
   plant.effects.push_back(sim::ParseEffect("hole_radius where=all scale=0.9", plant));

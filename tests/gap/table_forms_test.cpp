@@ -1,5 +1,5 @@
-// The forms in which programs write tables: each is read by options of the column map, and what is refused
-// names the option that reads it. All forms of one table give the same run.
+// The forms in which programs write tables: each is read by options of the column map, and a refusal names
+// the option that reads it. All forms of one table give the same run.
 #include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -85,7 +85,7 @@ TEST_F(TableFormsTest, ColumnsWithoutNamesAreCalledByTheirPlaces) {
 }
 
 TEST_F(TableFormsTest, LinesBeforeTheNamesAreSkipped) {
-  // As motion capture writes them: other numbers of cells, an empty line.
+  // As motion capture systems write them: rows with other numbers of cells, an empty line.
   ExpectRemedy(kMap, "Format Version,1.23,Take Name,Take 1\r\n\r\n,,Marker\r\nt,a,b\r\n" + kRows,
                "table: {skip_lines: 3}");
   ExpectRemedy(kMap, "Rig: 7; operator: nobody\nt,a,b\n" + kRows, "table: {skip_lines: 1}");
@@ -102,11 +102,12 @@ TEST_F(TableFormsTest, CommentsBeginWithTheMapsCharacters) {
   ExpectRemedy(kMap, "t,a,b\n" + kRows.substr(0, 8) + "% paused here,,\n" + kRows.substr(8),
                "table: {comment: '%'}");
   ExpectRows("table: {comment: '#%;'}\n" + kMap, "% x\n; y\n# z\nt,a,b\n" + kRows);
-  // Names within a remark, as numerical libraries write them.
+  // Names within a comment, as numerical libraries write them.
   ExpectRemedy(kMap, "# t,a,b\n" + kRows, "table: {header: comment}");
   ExpectRemedy(kMap, "% lab 3\n%t a b\n0 1.5 2\n0.01 1.25 -3\n0.02 0.5 1e-3\n",
                "table: {header: comment, comment: '%'}");
-  EXPECT_THAT(Refusal("table: {header: comment}\n" + kMap, "t,a,b\n" + kRows), HasSubstr("no comment before"));
+  EXPECT_THAT(Refusal("table: {header: comment}\n" + kMap, "t,a,b\n" + kRows),
+              HasSubstr("no comment before"));
   EXPECT_THAT(Refusal("table: {comment: ab}\n" + kMap, kRows), HasSubstr("'ab' cannot begin a comment"));
   EXPECT_THAT(Refusal("table: {comment: ';', delimiter: semicolon}\n" + kMap, kRows),
               HasSubstr("other than the delimiter"));
@@ -121,7 +122,7 @@ TEST_F(TableFormsTest, RowsOfUnitsAreSkippedAndRowsOfNumbersAreNot) {
       HasSubstr("table.csv:3: a row of numbers, which table.unit_rows: 2 would skip; accepted: unit_rows: "
                 "1 for this table"));
   EXPECT_THAT(Refusal("table: {unit_rows: 1, header: none}\n" + kMap, kRows), HasSubstr("without names"));
-  // A wrong number in the first row is one.
+  // A wrong number in the first row is an error as well.
   const std::string wrong = Refusal(kMap, "t,a,b\n0,1.2.3,2\n" + kRows.substr(8));
   EXPECT_THAT(wrong, HasSubstr("table.csv:2: column a: '1.2.3' is not a number"));
 }
@@ -144,7 +145,7 @@ TEST_F(TableFormsTest, TimesMayBeDates) {
   EXPECT_THAT(Refusal(kMap, plain), HasSubstr("set time: {column: 't', unit: iso8601}"));
   ExpectRows(map, plain);
   ExpectRows(map, table("2024-12-31T23:59:59.99Z", "2025-01-01T00:00:00Z", "2025-01-01T00:00:00.010000000Z"));
-  // Clocks are put forward between the first row and the second; the offsets say so.
+  // Daylight saving begins between the first row and the second; the offsets show it.
   ExpectRows(map, table("2024-03-31T01:59:59.990+01:00", "2024-03-31T03:00:00+02:00",
                         "2024-03-31T03:00:00.01+0200"));
   // Leap days are days; 1900 had none, 2000 had one.
@@ -161,8 +162,9 @@ TEST_F(TableFormsTest, TimesMayBeDates) {
       HasSubstr("table.csv:3: column t: '2024-05-01 12:00:01' is not a time; accepted: an offset from UTC"));
   for (const char* wrong : {"2023-02-29 12:00:00", "05/01/2024 12:00:00", "2024-05-01 24:30:00", "12.5",
                             "2024-05-01", "2024-05-01 12:00:00.", "2024-05-01 12:00:00 CET"}) {
-    EXPECT_THAT(Refusal(map, table("2024-02-28 12:00:00", wrong, "2024-05-01 12:00:02")),
-                HasSubstr(fmt::format("table.csv:3: column t: '{}' is not a time; accepted: such as", wrong)));
+    EXPECT_THAT(
+        Refusal(map, table("2024-02-28 12:00:00", wrong, "2024-05-01 12:00:02")),
+        HasSubstr(fmt::format("table.csv:3: column t: '{}' is not a time; accepted: such as", wrong)));
   }
 }
 
@@ -184,13 +186,13 @@ TEST_F(TableFormsTest, TimesMayBeOfTheDayAndPassMidnight) {
     EXPECT_THAT(Refusal(map, table("11:00:00", wrong, "12:30:00")),
                 HasSubstr(fmt::format("'{}' is not a time; accepted: HH:MM:SS", wrong)));
   }
-  // A row back over midnight is still a row back, which is dropped.
+  // A row that goes back over midnight is out of order and dropped.
   const gap::Run back =
       Import(map, "t,a,b\n23:59:59,1,1\n00:00:01,2,2\n23:59:58,3,3\n00:00:02,4,4\n00:00:03,5,5\n");
   EXPECT_TRUE(back.time_s.isApprox(Eigen::Vector4d(0, 2, 3, 4), 1e-9));
 }
 
-// Which of the two is meant is not known.
+// Which of the two columns applies is unknown.
 TEST_F(TableFormsTest, AColumnThatIsThereTwiceIsRefused) {
   const std::string table = "t,a,b,c,a\n0,1,2,3,4\n1,1,2,3,4\n";
   const std::string refusal = Refusal(kMap, table);
@@ -200,9 +202,9 @@ TEST_F(TableFormsTest, AColumnThatIsThereTwiceIsRefused) {
       "table: {header: none, skip_lines: 1}\ntime: {column: 1}\ncolumns: {tension: {names: [5, 3, 2]}}\n",
       table);
   EXPECT_TRUE(run.tension_N.row(0).isApprox(Eigen::RowVector3d(4, 2, 1)));
-  // Whatever else is there twice does not matter.
+  // Other duplicate columns do not matter.
   EXPECT_EQ(Refusal("time: {column: t}\ncolumns: {tension: {names: [b, c, null]}}\n", table), "");
-  // Canonical tables, whose names count without regard to case.
+  // Canonical tables, whose names are case-insensitive.
   Write("twice.csv", "t_s,tension_N_1,x,x,Tension_n_1\n0,1,2,3,4\n1,1,2,3,4\n");
   const auto load = [&](const std::string& name) -> std::string {
     try {
@@ -236,7 +238,7 @@ TEST_F(TableFormsTest, ThousandsSeparatorsAreRefused) {
                 HasSubstr("thousands separators are not read"))
         << cell;
   }
-  // Where either mark would do as the decimal one, both in one table are a contradiction.
+  // Where either mark could be the decimal one, both in one table are a contradiction.
   EXPECT_THAT(Refusal(kMap, "t;a;b\n0;1,234;2\n0.01;1.25;-3\n0.02;0.5;1\n"),
               HasSubstr("table.csv:3: '0.01', but a decimal comma in line 2"));
   EXPECT_THAT(Refusal(kMap, "t;a;b\n0.01;1,234;2\n0.02;1.25;-3\n"),

@@ -160,8 +160,8 @@ TEST_F(ExciteCommandTest, WrongUseIsTold) {
   EXPECT_THAT(error_, testing::ContainsRegex("robot.yaml:[0-9]+: effects"));
 }
 
-// Measurements are not made twice: without being told, a second set does not take the first one's place, and
-// a daemon that does not answer takes nothing.
+// Measurements cannot be repeated: without --overwrite a second set does not replace the first, and neither
+// does one that fails because no daemon answers.
 TEST_F(ExciteCommandTest, TheFirstMeasurementOutlivesTheSecond) {
   WriteText(folder_ / "short.yaml", "runs: [{family: circle, duration_s: 3}]\n");
   ASSERT_EQ(Run("excite --plan short.yaml"), 0) << error_;

@@ -1,5 +1,5 @@
-// `tendril follow` without a daemon: plans are told, and everything that cannot be meant or reached gets one
-// line with what, where, what would be accepted.
+// `tendril follow` without a daemon: the plan is printed, and input that is contradictory or out of reach
+// gets one line with what, where and what is accepted.
 #include "../gap/cli.h"
 
 namespace tendril {
@@ -112,8 +112,8 @@ TEST_F(FollowCommandTest, WrongUseIsTold) {
 
 TEST_F(FollowCommandTest, WhatTheRobotCannotReachIsTold) {
   ExpectRefused("via --bend 3,0 --bend 0,0", 1, {"point 1", "section 1", "2.6"});
-  // What no tendon may pull is told before anything moves: a bend that cannot be held, a pace that cannot be
-  // led.
+  // Refused before anything moves: a bend that needs more tension than allowed, and a pace that cannot be
+  // followed.
   ExpectRefused("via --bend 0,0 --bend 2.5,0", 1, {"t = ", "limits.max_tension_base_N", "bend it less"});
   ExpectRefused("via --tip 0.01,0,0.0589 --tip 0,0.01,0.07", 1, {"point 2", "mm away", "--nearest"});
   ExpectRefused("via --bend 0.1,0 --bend 0.1,0", 1, {"points 1 and 2", "same"});

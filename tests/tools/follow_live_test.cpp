@@ -118,7 +118,7 @@ TEST_F(FollowLive, WhatCannotBeFollowedMovesNothing) {
   EXPECT_EQ(moved, 0);
   EXPECT_EQ(Follow("via --bend 0.1,0 --bend 0,0.1"), 0) << error_;
   EXPECT_GT(moved, 0);
-  // One that stands still: refused in every mode but running, and told which it is.
+  // Not in mode running: refused, with the mode.
   EXPECT_EQ(Run("send --prefix " + prefix_ + " hold"), 0) << error_;
   EXPECT_EQ(Follow("via --bend 0.5,0 --bend 0,0.5"), 1);
   EXPECT_TRUE(OneLine());

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """tools/plot_demo.py on made-up samples: every picture is drawn, words stand apart from each other and from curves,
-nothing is hidden, and bad input is told in one line.
+nothing is hidden, and bad input gets one line.
 Knows the columns of the samples, not the demo."""
 import itertools
 import json
