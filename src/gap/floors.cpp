@@ -258,7 +258,7 @@ void Evaluator::FindWhiteNoise() {
 
 // The nominal residuals, and their scatter over alternative readings of the same logs.
 void Evaluator::FindVariances(const DataSet& set, const Options& options) {
-  const int runs = static_cast<int>(runs_.size()), channels = static_cast<int>(channels_.size());
+  const int runs = static_cast<int>(runs_.size());
   std::vector<Residuals> readings(static_cast<std::size_t>(options.readings), Residuals(runs));
   Residuals within(runs);
   const auto read = [&](int i, int k) {
