@@ -385,10 +385,28 @@ class Case {
           "{:.0f} %",
           100 * closed_->value, 100 * closed_->low, 100 * closed_->high, 100 * (1 - kMayStay));
     }
-    if (best_->bound < 0) return "";
-    const sim::EffectParameter& p = best_->model.parameter(best_->bound);
-    return fmt::format("its {} is at {:.4g}, a bound of the search range ({:.4g} to {:.4g})", p.name,
-                       best_->model.values[best_->bound], p.lower, p.upper);
+    if (best_->bound >= 0) return "its " + AtBoundText(*best_);
+    const Fit* rival = RivalAtBound();
+    if (rival == nullptr) return "";
+    return fmt::format("{} explains as much although its {}: beyond it, it may explain more",
+                       rival->model.parts[0].Name(), AtBoundText(*rival));
+  }
+
+  static std::string AtBoundText(const Fit& fit) {
+    const sim::EffectParameter& p = fit.model.parameter(fit.bound);
+    return fmt::format("{} is at {:.4g}, a bound of the search range ({:.4g} to {:.4g})", p.name,
+                       fit.model.values[fit.bound], p.lower, p.upper);
+  }
+
+  /// A cause that is not told apart from the single best, but ends at a bound of its range; null: none. It
+  /// would be fitted better beyond the bound, so the best is not established.
+  const Fit* RivalAtBound() const {
+    if (two_) return nullptr;
+    for (const Fit& fit : search_.fits) {
+      if (fit.bound < 0 || Gain(*best_) - Gain(fit) >= kSame * temperature_) continue;
+      if (Cosine(weights_, nominal_, best_->residuals, fit.residuals) >= kSameCosine) return &fit;
+    }
+    return nullptr;
   }
 
   /// Reduces the causes' probabilities by the factor at which none is likelier than not. Returns the factor.
@@ -443,7 +461,11 @@ class Case {
     // A cause with more parameters for the same explanation is less likely.
     const double best = best_ == nullptr ? nominal : score(best_->residuals) - temperature * Penalty(*best_);
     const double ahead = numbers.front().score - best;
-    if (ahead < kSame * temperature) return 0;
+    // The number that a rival at its bound points to is as likely as the best cause if it explains as much.
+    const Fit* rival = best_ == nullptr ? nullptr : RivalAtBound();
+    const bool pointed_to =
+        rival != nullptr && numbers.front().number.effect == rival->model.parts[0].effect->name;
+    if (ahead < (pointed_to ? 0 : kSame * temperature)) return 0;
     for (const NumberFit& fit : numbers) {
       if (numbers.front().score - fit.score > kSame * temperature) break;
       const auto closed = Closed(fit.residuals);
