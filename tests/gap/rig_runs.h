@@ -1,0 +1,55 @@
+// Runs of the simulated 90 mm rig for tests of the diagnosis: recorded as its sensors show them, with or
+// without an effect planted.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "tendril/core/robot.h"
+#include "tendril/gap/data_set.h"
+#include "tendril/gap/diagnose.h"
+#include "tendril/sim/plant.h"
+
+namespace tendril {
+
+RobotParameters Rig();
+
+/// Motor torque [N m] that approximately holds a tension [N].
+inline constexpr double kTorquePerN = 0.008 / 19;
+
+/// Commanded base tensions [N] of a family's run at time t [s].
+Eigen::Vector3d CommandedTension(const std::string& family, double t);
+
+/// Friction torque at a motor's shaft in addition to the plant's, as a function of its state and the time.
+using Rub = std::function<double(int j, const sim::TendonState& state, double time_s)>;
+
+/// One run of a plant as the rig's sensors record it, at 1 kHz, the tracker at 100 Hz.
+gap::Run Record(sim::Plant& plant, const std::string& family, double duration_s, const Rub& rub = nullptr);
+gap::Run Record(const RobotParameters& plant_robot, const std::string& family, double duration_s,
+                std::uint64_t seed);
+
+/// Three families and a repetition.
+gap::DataSet Recorded(const std::vector<std::string>& effects, double duration_s = 5,
+                      std::uint64_t seed = 11);
+gap::DataSet Recorded(const std::string& effect, double duration_s = 5);
+
+/// With the load cells between pulleys and robot; the last run repeats the first.
+gap::DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<std::string>& families,
+                                 double duration_s, std::uint64_t seed);
+
+/// Removes `lost` rows of a run, from row `from` on.
+void Lose(gap::Run& run, Eigen::Index lost, Eigen::Index from);
+/// Removes 0.7 s of rows at a third of every run.
+void LoseRows(gap::Run& run);
+
+/// The cause of this name; nullptr: not listed.
+const gap::Cause* Named(const gap::Diagnosis& d, const std::string& effect);
+/// Where the gap begins; C0: nowhere.
+sim::Cut First(const gap::Diagnosis& d);
+/// No effects but these: less to search.
+gap::DiagnoseOptions Only(const std::vector<std::string>& effects);
+
+}  // namespace tendril
