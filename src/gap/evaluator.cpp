@@ -757,13 +757,16 @@ unsigned Evaluator::CutsOf(const sim::Effect& effect) const {
   const bool pulleys =
       std::any_of(nominal_.actuation->tendons.begin(), nominal_.actuation->tendons.end(),
                   [](const TendonDriveParameters& p) { return !p.transmission.pulleys.empty(); });
-  const std::string_view name = effect.name;
-  if (!pulleys && (name.starts_with("capstan_") || name == "wrap_angle")) return 0;
+  if (!pulleys && effect.element == sim::Element::kPulleys) return 0;
+  const unsigned cuts = CutsBehind(effect.stage, effect.element);
+  if (effect.stage != sim::Stage::kDrive) return cuts;
+  const bool loop = effect.cut == sim::Cut::kCurrentLoop || effect.cut == sim::Cut::kClock;
+  return cuts & (loop ? kC1 : kC2);
+}
+
+unsigned Evaluator::CutsBehind(sim::Stage stage, sim::Element element) const {
   // Motors are driven along their measured positions, whatever turns them.
-  if (effect.stage == sim::Stage::kDrive) {
-    const bool loop = effect.cut == sim::Cut::kCurrentLoop || effect.cut == sim::Cut::kClock;
-    return available_ & (loop ? kC1 : kC2);
-  }
+  if (stage == sim::Stage::kDrive) return available_ & (kC1 | kC2);
   // Without a cell a tendon's effect shows in the body.
   const bool no_cell = std::any_of(runs_.begin(), runs_.end(),
                                    [](const PreparedRun& r) { return r.signals.no_cell.size() > 0; });
@@ -771,12 +774,11 @@ unsigned Evaluator::CutsOf(const sim::Effect& effect) const {
   const bool motor_side = std::all_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) {
     return r.signals.load_cell == LoadCellPlace::kMotorSide;
   });
-  switch (effect.stage) {
+  switch (stage) {
     case sim::Stage::kDrive:
       break;
     case sim::Stage::kTransmission:
-      if (motor_side && (name == "tendon_stiffness" || name == "tendon_creep" || name == "slack"))
-        return available_ & kC3;
+      if (motor_side && element == sim::Element::kTendon) return available_ & kC3;
       return kC2 | kC3 | kBody;
     case sim::Stage::kBody:
       return motor_side ? kC3 | kBody : kC2 | kC3 | kBody;

@@ -135,6 +135,8 @@ class Evaluator {
 
   /// The cuts that an effect can change, given these logs.
   unsigned CutsOf(const sim::Effect& effect) const;
+  /// The cuts that a change in this part of the chain can affect in these runs.
+  unsigned CutsBehind(sim::Stage stage, sim::Element element) const;
 
   /// Simulated (nominal) and measured signal of a run, by window of the channel, for plots.
   struct Curve {

@@ -17,30 +17,22 @@
 namespace tendril::gap {
 namespace {
 
-/// The effect that is the same number, by the end of the key.
-constexpr std::pair<std::string_view, std::string_view> kEffects[] = {
-    {"unit_length_m", "unit_length"},
-    {"youngs_modulus_Pa", "bending_stiffness"},
-    {"bending_damping_Nms", "bending_damping"},
-    {"unit_mass_kg", "unit_mass"},
-    {"tendons.radius_m", "hole_radius"},
-    {") radius_m", "hole_radius"},
-    {") angle_rad", "hole_angle"},
-    {"torque_constant_NmpA", "torque_constant"},
-    {"coulomb_friction_Nm", "motor_coulomb"},
-    {"coulomb_angle_rad", "motor_presliding"},
-    {"viscous_friction_Nms", "motor_viscous"},
-    {"gear.efficiency", "gear_efficiency"},
-    {"stiffness_Npm", "tendon_stiffness"},
-    {"gain_VpN", "cell_gain"},
-    {"presliding_m", "presliding"},
-    {"alpha", "capstan_alpha"},
-    {"exponent", "capstan_n"},
+/// What the effects of the registry call a number: its key without the tendon.
+std::string WithoutTendon(const std::string& key) {
+  const auto begin = key.find(" (tendon ");
+  if (begin == std::string::npos) return key;
+  return fmt::format("{}.{}", key.substr(0, begin), key.substr(key.find(") ", begin) + 2));
+}
+
+/// Where in the chain a number is.
+struct Place {
+  sim::Stage stage{};
+  sim::Element element = sim::Element::kAny;
 };
 
 /// A number that every `Part` of the robot has; `each(robot, call)` calls with each of them.
 template <class Part, class Each>
-void AddFactor(const RobotParameters& robot, std::string key, double Part::*number, Each each,
+void AddFactor(const RobotParameters& robot, std::string key, Place place, double Part::*number, Each each,
                std::vector<FileNumber>& all) {
   double first = 0;
   RobotParameters copy = robot;
@@ -48,12 +40,14 @@ void AddFactor(const RobotParameters& robot, std::string key, double Part::*numb
     if (first == 0) first = part.*number;
   });
   if (first == 0) return;
-  all.push_back({std::move(key), first, false, [=](RobotParameters& changed, double change) {
+  all.push_back({std::move(key), first, false, place.stage, place.element,
+                 [=](RobotParameters& changed, double change) {
                    each(changed, [&](Part& part) { part.*number *= std::exp(change); });
                  }});
 }
 
 void AddBody(const RobotParameters& robot, std::vector<FileNumber>& all) {
+  constexpr Place kBody{sim::Stage::kBody};
   const auto sections = [](RobotParameters& r, const auto& call) {
     for (SectionParameters& section : r.body.sections) call(section);
   };
@@ -63,7 +57,7 @@ void AddBody(const RobotParameters& robot, std::vector<FileNumber>& all) {
     }
   };
   const auto section = [&](const char* key, double SectionParameters::*number) {
-    AddFactor(robot, fmt::format("body.sections.{}", key), number, sections, all);
+    AddFactor(robot, fmt::format("body.sections.{}", key), kBody, number, sections, all);
   };
   section("unit_length_m", &SectionParameters::unit_length_m);
   section("youngs_modulus_Pa", &SectionParameters::youngs_modulus_Pa);
@@ -73,15 +67,16 @@ void AddBody(const RobotParameters& robot, std::vector<FileNumber>& all) {
   section("disk_inertia_zz_kgm2", &SectionParameters::disk_inertia_zz_kgm2);
   // A disk's inertia follows from its mass if the file gives its diameter.
   const double mass_kg = robot.body.sections.front().unit_mass_kg;
-  all.push_back({"body.sections.unit_mass_kg", mass_kg, false, [](RobotParameters& r, double change) {
+  all.push_back({"body.sections.unit_mass_kg", mass_kg, false, kBody.stage, kBody.element,
+                 [](RobotParameters& r, double change) {
                    for (SectionParameters& s : r.body.sections) {
                      for (double* x : {&s.unit_mass_kg, &s.disk_inertia_xx_kgm2, &s.disk_inertia_zz_kgm2})
                        *x *= std::exp(change);
                    }
                  }});
-  AddFactor(robot, "body.sections.tendons.radius_m", &TendonRoute::radius_m, routes, all);
+  AddFactor(robot, "body.sections.tendons.radius_m", kBody, &TendonRoute::radius_m, routes, all);
   if (robot.body.gravity_W_mps2.norm() > 0) {
-    all.push_back({"body.gravity_W_mps2", robot.body.gravity_W_mps2.norm(), false,
+    all.push_back({"body.gravity_W_mps2", robot.body.gravity_W_mps2.norm(), false, kBody.stage, kBody.element,
                    [](RobotParameters& r, double change) { r.body.gravity_W_mps2 *= std::exp(change); }});
   }
   int tendon = 0;
@@ -91,9 +86,9 @@ void AddBody(const RobotParameters& robot, std::vector<FileNumber>& all) {
         call(r.body.sections[k].tendons[j]);
       };
       const std::string key = fmt::format("body.sections.tendons (tendon {}) ", tendon + 1);
-      AddFactor(robot, key + "radius_m", &TendonRoute::radius_m, route, all);
-      all.push_back({key + "angle_rad", robot.body.sections[k].tendons[j].angle_rad, true,
-                     [route](RobotParameters& r, double change) {
+      AddFactor(robot, key + "radius_m", kBody, &TendonRoute::radius_m, route, all);
+      all.push_back({key + "angle_rad", robot.body.sections[k].tendons[j].angle_rad, true, kBody.stage,
+                     kBody.element, [route](RobotParameters& r, double change) {
                        route(r, [&](TendonRoute& t) { t.angle_rad += change; });
                      }});
     }
@@ -116,37 +111,41 @@ void RecountMotor(TendonDriveParameters& drive, double change) {
 }
 
 void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
+  constexpr Place kDrive{sim::Stage::kDrive}, kTransmission{sim::Stage::kTransmission},
+      kTendon{sim::Stage::kTransmission, sim::Element::kTendon},
+      kPulleys{sim::Stage::kTransmission, sim::Element::kPulleys}, kSensor{sim::Stage::kSensor};
   const int counts = robot.actuation->tendons.front().drive.encoder_counts_per_turn;
-  all.push_back({"actuation.drive.encoder_counts_per_turn", static_cast<double>(counts), false,
-                 [](RobotParameters& changed, double change) {
+  all.push_back({"actuation.drive.encoder_counts_per_turn", static_cast<double>(counts), false, kSensor.stage,
+                 kSensor.element, [](RobotParameters& changed, double change) {
                    for (TendonDriveParameters& drive : changed.actuation->tendons)
                      RecountMotor(drive, change);
                  }});
-  const auto part = [&](const char* key, auto TendonDriveParameters::*member, auto number) {
+  const auto part = [&](const char* key, Place place, auto TendonDriveParameters::*member, auto number) {
     AddFactor(
-        robot, fmt::format("actuation.{}", key), number,
+        robot, fmt::format("actuation.{}", key), place, number,
         [member](RobotParameters& r, const auto& call) {
           for (TendonDriveParameters& drive : r.actuation->tendons) call(drive.*member);
         },
         all);
   };
   using Drive = TendonDriveParameters;
-  part("motor.torque_constant_NmpA", &Drive::motor, &MotorParameters::torque_scale);
-  part("motor.rotor_inertia_kgm2", &Drive::motor, &MotorParameters::rotor_inertia_kgm2);
-  part("motor.coulomb_friction_Nm", &Drive::motor, &MotorParameters::coulomb_friction_Nm);
-  part("motor.coulomb_angle_rad", &Drive::motor, &MotorParameters::coulomb_angle_rad);
-  part("motor.viscous_friction_Nms", &Drive::motor, &MotorParameters::viscous_friction_Nms);
-  part("motor.torque_lag_s", &Drive::motor, &MotorParameters::torque_lag_s);
-  part("gear.ratio", &Drive::gear, &GearParameters::ratio);
-  part("gear.efficiency", &Drive::gear, &GearParameters::efficiency);
-  part("spool.radius_m", &Drive::spool, &SpoolParameters::radius_m);
-  part("tendon.stiffness_Npm", &Drive::tendon, &TendonParameters::stiffness_Npm);
-  part("tendon.damping_Nspm", &Drive::tendon, &TendonParameters::damping_Nspm);
-  part("load_cell.gain_VpN", &Drive::load_cell, &LoadCellParameters::gain_VpN);
-  part("transmission.presliding_m", &Drive::transmission, &TransmissionParameters::presliding_m);
+  part("motor.torque_constant_NmpA", kDrive, &Drive::motor, &MotorParameters::torque_scale);
+  part("motor.rotor_inertia_kgm2", kDrive, &Drive::motor, &MotorParameters::rotor_inertia_kgm2);
+  part("motor.coulomb_friction_Nm", kDrive, &Drive::motor, &MotorParameters::coulomb_friction_Nm);
+  part("motor.coulomb_angle_rad", kDrive, &Drive::motor, &MotorParameters::coulomb_angle_rad);
+  part("motor.viscous_friction_Nms", kDrive, &Drive::motor, &MotorParameters::viscous_friction_Nms);
+  part("motor.torque_lag_s", kDrive, &Drive::motor, &MotorParameters::torque_lag_s);
+  part("gear.ratio", kDrive, &Drive::gear, &GearParameters::ratio);
+  part("gear.efficiency", kDrive, &Drive::gear, &GearParameters::efficiency);
+  part("spool.radius_m", kTransmission, &Drive::spool, &SpoolParameters::radius_m);
+  part("tendon.stiffness_Npm", kTendon, &Drive::tendon, &TendonParameters::stiffness_Npm);
+  part("tendon.damping_Nspm", kTendon, &Drive::tendon, &TendonParameters::damping_Nspm);
+  part("load_cell.gain_VpN", kSensor, &Drive::load_cell, &LoadCellParameters::gain_VpN);
+  part("transmission.presliding_m", kTransmission, &Drive::transmission,
+       &TransmissionParameters::presliding_m);
   const auto pulley = [&](const char* key, double PulleyParameters::*number) {
     AddFactor(
-        robot, fmt::format("actuation.transmission.pulleys.{}", key), number,
+        robot, fmt::format("actuation.transmission.pulleys.{}", key), kPulleys, number,
         [](RobotParameters& r, const auto& call) {
           for (TendonDriveParameters& drive : r.actuation->tendons) {
             for (PulleyParameters& p : drive.transmission.pulleys) call(p);
@@ -175,7 +174,9 @@ class Scored {
     try {
       RobotParameters robot = evaluator_.nominal();
       number.apply(robot, change);
-      Residuals at = Completed(evaluator_.At(robot, kAllCuts, runs), evaluator_.AtNominal());
+      Residuals at =
+          Completed(evaluator_.At(robot, evaluator_.CutsBehind(number.stage, number.element), runs),
+                    evaluator_.AtNominal());
       for (const auto& run : at) {
         for (const auto& channel : run) {
           if (!channel.allFinite()) return -INFINITY;
@@ -294,9 +295,8 @@ std::vector<FileNumber> FileNumbers(const RobotParameters& robot) {
   AddBody(robot, all);
   if (robot.actuation) AddActuation(robot, all);
   for (FileNumber& number : all) {
-    for (const auto& [key, effect] : kEffects) {
-      if (number.key.ends_with(key)) number.effect = effect;
-    }
+    const sim::Effect* effect = sim::FindEffectOfNumber(WithoutTendon(number.key));
+    if (effect != nullptr) number.effect = effect->name;
   }
   return all;
 }

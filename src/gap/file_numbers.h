@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "fit.h"
+#include "tendril/sim/effects.h"
 
 namespace tendril::gap {
 
@@ -15,6 +16,8 @@ struct FileNumber {
   std::string key;     // "actuation.gear.ratio", "body.sections.tendons (tendon 2) angle_rad"
   double in_file = 0;  // its value; that of the first tendon or section where they differ
   bool angle = false;  // changed by addition [rad]; otherwise by a factor
+  sim::Stage stage{};  // where in the chain it is
+  sim::Element element{};
   /// Changes it in a robot: by a factor exp(change), or an angle by change [rad].
   std::function<void(RobotParameters&, double change)> apply{};
   /// The library effect that changes the same number, and searches it within its own bounds; empty: none.

@@ -257,9 +257,8 @@ std::vector<Probe> MakeProbes(const Evaluator& evaluator, const std::vector<std:
   std::vector<Candidate> candidates =
       AllCandidates(evaluator.nominal(), evaluator.has_cells(), evaluator.has_tracker());
   std::erase_if(candidates, [&](const Candidate& candidate) {
-    const std::string_view name = candidate.effect->name;
-    if (evaluator.zeros_from_rest() && (name == "encoder_offset" || name == "slack")) return true;
-    return std::find(without.begin(), without.end(), name) != without.end();
+    if (evaluator.zeros_from_rest() && candidate.effect->zero) return true;
+    return std::find(without.begin(), without.end(), candidate.effect->name) != without.end();
   });
   std::vector<Probe> probes = Starts(evaluator, candidates);
   Differentiate(evaluator, probes, threads, progress);

@@ -25,9 +25,10 @@ std::string Differs(const std::string& key, const Value& recorded, const Value& 
   return fmt::format("{} is {} there, {} in the file", key, recorded, file);
 }
 
-/// The largest factor by which the effect unit_length changes a section's length.
+/// The largest factor by which an effect of the library changes a section's length.
 double MostLengthFactor() {
-  const sim::EffectParameter& scale = sim::FindEffect("unit_length")->parameters.front();
+  const sim::EffectParameter& scale =
+      sim::FindEffectOfNumber("body.sections.unit_length_m")->parameters.front();
   return std::max(scale.upper, 1 / scale.lower);
 }
 

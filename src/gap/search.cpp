@@ -78,16 +78,17 @@ Searching::Searching(const Evaluator& evaluator, const Folds& folds, const Searc
 void Searching::FindNuisances() {
   for (const Probe& probe : probes_) {
     const auto& c = probe.candidate;
-    const bool turn = c.effect->name == "tracker_rotation", shift = c.effect->name == "tracker_offset";
-    const bool frame = evaluator_.frame() && (turn || shift);
+    const bool frame = evaluator_.frame() && c.effect->frame;
     if ((!c.effect->nuisance && !frame) || c.target) continue;
     for (std::size_t k = 0; k < probe.primary.size(); ++k) {
+      const sim::EffectParameter& parameter = c.parameters[probe.primary[k]];
       result_.nuisances.candidates.push_back(c);
       result_.nuisances.columns.push_back(probe.columns[k]);
       result_.nuisances.prior.conservativeResize(static_cast<int>(result_.nuisances.columns.size()));
       result_.nuisances.prior[static_cast<int>(result_.nuisances.columns.size()) - 1] =
-          frame ? (turn ? TrackerFrame::kTurn_rad : TrackerFrame::Shift_m(evaluator_.nominal()))
-                : kNuisancePrior * ScaleOf(c.parameters[probe.primary[k]]);
+          !frame                             ? kNuisancePrior * ScaleOf(parameter)
+          : parameter.name.ends_with("_rad") ? TrackerFrame::kTurn_rad
+                                             : TrackerFrame::Shift_m(evaluator_.nominal());
     }
   }
 }

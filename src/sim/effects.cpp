@@ -187,6 +187,12 @@ const Effect* FindEffect(std::string_view name) {
   return nullptr;
 }
 
+const Effect* FindEffectOfNumber(std::string_view key) {
+  const auto its = std::find_if(Effects().begin(), Effects().end(),
+                                [&](const Effect& effect) { return !key.empty() && effect.number == key; });
+  return its == Effects().end() ? nullptr : &*its;
+}
+
 std::vector<EffectParameter> ParametersOf(const Effect& effect, Target target, const RobotParameters& robot) {
   std::vector<EffectParameter> all = effect.parameters;
   const Place place = PlaceOf(effect.scope, target, robot);

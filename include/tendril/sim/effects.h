@@ -41,6 +41,9 @@ enum class Scope { kRobot, kTendon, kUnit, kSection };
 /// "robot", "tendon", "unit", "section".
 std::string_view ScopeName(Scope scope);
 
+/// The one element of the transmission that an effect is about; kAny: none, or several.
+enum class Element { kAny, kTendon, kPulleys };
+
 /// Of the registry (Effect::parameters): with the values of the reference rig, from which those of a robot
 /// follow by the yardstick; of ParametersOf: with the robot's own.
 struct EffectParameter {
@@ -74,6 +77,12 @@ struct Effect {
   /// Constant that nobody can know beforehand (a pre-sliding length): free within its bounds, not accused
   /// alone while its change is immaterial.
   bool nuisance = false;
+  Element element = Element::kAny;
+  bool zero = false;   // the same as another zero of the motor's position
+  bool frame = false;  // the same as another frame of the tracker
+  /// The key of the robot file whose number `edit` changes, without the numbers of sections and tendons;
+  /// empty: none, or not by itself.
+  std::string_view number{};
   std::vector<EffectParameter> parameters;
   // For people, a few sentences each (`tendril gap explain`).
   std::string_view summary;                  // one line
@@ -92,6 +101,8 @@ struct Effect {
 std::span<const Effect> Effects();
 /// nullptr when there is none of this name.
 const Effect* FindEffect(std::string_view name);
+/// The effect that changes the number at this key of the robot file (Effect::number); nullptr: none.
+const Effect* FindEffectOfNumber(std::string_view key);
 /// The effect's parameters at a place of this robot: effect.parameters with bounds, typical deviations,
 /// starts and usual shapes of its size (three digits, for a yardstick is no measurement), and behind them,
 /// where it is on all, those that each tendon (unit) has of its own.

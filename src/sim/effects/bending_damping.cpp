@@ -12,6 +12,7 @@ Effect BendingDamping() {
       .cut_robot_side = Cut::kMotion,
       .on_all = true,
       .on_one = true,
+      .number = "body.sections.bending_damping_Nms",
       // The response is nonlinear for a nearly undamped robot, so distant starts are tried as well.
       .parameters = {Scale(0.05, 10, 0.5, {0.3, 4})},
       .summary = "the viscous damping of bending differs by a factor",

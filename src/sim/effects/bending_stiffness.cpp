@@ -12,6 +12,7 @@ Effect BendingStiffness() {
       .cut_robot_side = Cut::kShape,
       .on_all = true,
       .on_one = true,
+      .number = "body.sections.youngs_modulus_Pa",
       .parameters = {Scale(0.3, 3, 0.1)},
       .summary = "the backbone's bending stiffness differs from E pi r^4 / 4 by a factor",
       .physics =

@@ -11,6 +11,8 @@ Effect CapstanAlpha() {
       .cut = Cut::kShape,
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
+      .element = Element::kPulleys,
+      .number = "actuation.transmission.pulleys.alpha",
       .parameters = {Scale(0.1, 4, 0.2)},
       .summary = "the pulleys' friction coefficient differs from nominal",
       .physics =

@@ -13,6 +13,8 @@ Effect CapstanN() {
       .cut = Cut::kShape,
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
+      .element = Element::kPulleys,
+      .number = "actuation.transmission.pulleys.exponent",
       .parameters = {Scale(0.5, 1.5, 0.1)},
       .summary = "the pulleys' friction grows with another power of the load than nominal",
       .physics =

@@ -11,6 +11,7 @@ Effect CellGain() {
       .cut = Cut::kSensors,
       .cut_robot_side = Cut::kSensors,
       .on_one = true,
+      .number = "actuation.load_cell.gain_VpN",
       .parameters = {Scale(0.5, 1.5, 0.05)},
       .summary = "the load cell's calibration factor is off",
       .physics =

@@ -11,6 +11,7 @@ Effect EncoderOffset() {
       .cut = Cut::kTendon,
       .cut_robot_side = Cut::kTendon,
       .on_one = true,
+      .zero = true,
       // With a large offset to one side the model's tendon is slack and insensitive, so a start there is
       // tried as well.
       .parameters = {{.name = "rad",

@@ -13,6 +13,7 @@ Effect GearEfficiency() {
       .cut = Cut::kDrivetrain,
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
+      .number = "actuation.gear.efficiency",
       .parameters = {Scale(0.5, 1.2, 0.1)},
       .summary = "the gear's efficiency differs from its data sheet",
       .physics =

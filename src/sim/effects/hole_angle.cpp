@@ -12,6 +12,7 @@ Effect HoleAngle() {
       .cut_robot_side = Cut::kShape,
       .on_all = true,
       .on_one = true,
+      .number = "body.sections.tendons.angle_rad",
       .parameters = {{.name = "rad", .nominal = 0, .lower = -0.5, .upper = 0.5, .typical = 0.05}},
       .summary = "the tendons pull towards a different angle than drawn",
       .physics =

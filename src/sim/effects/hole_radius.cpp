@@ -12,6 +12,7 @@ Effect HoleRadius() {
       .cut_robot_side = Cut::kShape,
       .on_all = true,
       .on_one = true,
+      .number = "body.sections.tendons.radius_m",
       .parameters = {Scale(0.7, 1.3, 0.05)},
       .summary = "the lever of the tendons about the backbone differs from the drawing",
       .physics =

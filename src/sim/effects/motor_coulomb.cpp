@@ -11,6 +11,7 @@ Effect MotorCoulomb() {
       .cut = Cut::kDrivetrain,
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
+      .number = "actuation.motor.coulomb_friction_Nm",
       .parameters = {Scale(0, 10, 0.5)},
       .summary = "the motor's dry friction is larger or smaller than nominal",
       .physics =

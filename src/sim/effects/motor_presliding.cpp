@@ -12,6 +12,7 @@ Effect MotorPresliding() {
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
       .nuisance = true,
+      .number = "actuation.motor.coulomb_angle_rad",
       .parameters = {Scale(0.1, 10, 1)},
       .summary = "the motor's dry friction builds up over a different angle than nominal",
       .physics =

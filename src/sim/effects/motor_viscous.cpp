@@ -11,6 +11,7 @@ Effect MotorViscous() {
       .cut = Cut::kDrivetrain,
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
+      .number = "actuation.motor.viscous_friction_Nms",
       .parameters = {Scale(0, 200, 20)},
       .summary = "the motor's viscous friction, a brake in proportion to its speed, differs from nominal",
       .physics =

@@ -12,6 +12,7 @@ Effect Presliding() {
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
       .nuisance = true,
+      .number = "actuation.transmission.presliding_m",
       .parameters = {Scale(0.1, 10, 1)},
       .summary = "the pulleys' friction builds up over a different displacement than nominal",
       .physics =

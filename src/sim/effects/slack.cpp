@@ -11,6 +11,8 @@ Effect Slack() {
       .cut = Cut::kTendon,
       .cut_robot_side = Cut::kTendon,
       .on_one = true,
+      .element = Element::kTendon,
+      .zero = true,
       .parameters = {{.name = "m",
                       .nominal = 0,
                       .lower = 0,

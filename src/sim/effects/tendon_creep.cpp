@@ -41,6 +41,7 @@ Effect TendonCreep() {
       .cut = Cut::kTendon,
       .cut_robot_side = Cut::kTendon,
       .on_one = true,
+      .element = Element::kTendon,
       .parameters = {{.name = "fraction", .nominal = 0, .lower = 0, .upper = 1, .typical = 0.2},
                      {.name = "tau_s",
                       .nominal = 5,

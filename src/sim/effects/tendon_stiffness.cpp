@@ -11,6 +11,8 @@ Effect TendonStiffness() {
       .cut = Cut::kTendon,
       .cut_robot_side = Cut::kTendon,
       .on_one = true,
+      .element = Element::kTendon,
+      .number = "actuation.tendon.stiffness_Npm",
       .parameters = {Scale(0.05, 5, 0.2)},
       .summary = "the tendon stretches more or less than nominal",
       .physics =

@@ -11,6 +11,7 @@ Effect TorqueConstant() {
       .cut = Cut::kDrivetrain,
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
+      .number = "actuation.motor.torque_constant_NmpA",
       .parameters = {Scale(0.5, 1.5, 0.1)},
       .summary = "the motor's real torque per ampere differs from its data sheet",
       .physics =

@@ -10,6 +10,7 @@ Effect TrackerOffset() {
       .scope = Scope::kRobot,
       .cut = Cut::kSensors,
       .cut_robot_side = Cut::kSensors,
+      .frame = true,
       .parameters = {{.name = "x_m",
                       .nominal = 0,
                       .lower = -0.05,

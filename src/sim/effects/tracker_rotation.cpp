@@ -10,6 +10,7 @@ Effect TrackerRotation() {
       .scope = Scope::kRobot,
       .cut = Cut::kSensors,
       .cut_robot_side = Cut::kSensors,
+      .frame = true,
       .parameters = {{.name = "x_rad", .nominal = 0, .lower = -0.5, .upper = 0.5, .typical = 0.02},
                      {.name = "y_rad", .nominal = 0, .lower = -0.5, .upper = 0.5, .typical = 0.02},
                      {.name = "z_rad", .nominal = 0, .lower = -0.5, .upper = 0.5, .typical = 0.02}},

@@ -12,6 +12,7 @@ Effect UnitLength() {
       .cut_robot_side = Cut::kShape,
       .on_all = true,
       .on_one = true,
+      .number = "body.sections.unit_length_m",
       .parameters = {Scale(0.8, 1.2, 0.02)},
       .summary = "the distance between disks differs from the drawing by a factor",
       .physics =

@@ -12,6 +12,7 @@ Effect UnitMass() {
       .cut_robot_side = Cut::kShape,
       .on_all = true,
       .on_one = true,
+      .number = "body.sections.unit_mass_kg",
       // A response at another frequency is soon out of phase, so distant starts are tried as well.
       .parameters = {Scale(0.2, 3, 0.3, {0.65, 1.8})},
       .summary = "mass and inertia of the disks differ by a factor",

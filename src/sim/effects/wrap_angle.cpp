@@ -13,6 +13,7 @@ Effect WrapAngle() {
       .cut = Cut::kShape,
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
+      .element = Element::kPulleys,
       .parameters = {{.name = "extra_rad", .nominal = 0, .lower = -3.1, .upper = 6.3, .typical = 0.4}},
       .summary = "the tendon wraps a larger angle along its path than drawn",
       .physics =
