@@ -107,6 +107,8 @@ class Evaluator {
   /// Share of the measurement before a change that the model got wrong, at the worst cut; 0 without runs from
   /// before.
   double wrong_before() const { return wrong_before_; }
+  /// How far a delay of the drives may be off [s], since the logs do not show how many targets a row holds.
+  double delay_unknown_s() const { return delay_unknown_s_; }
   /// The model was so wrong before the change that its statements on the change are not used.
   bool useless() const { return wrong_before_ > kUseless; }
   /// Windows over which model errors stay correlated.
@@ -166,6 +168,8 @@ class Evaluator {
   void ReportMissingMotors();
   /// For logs slower than the controller: whether a row holds every target sent or every n-th.
   void FindTargetsPerRow();
+  double TorqueLeft(const std::vector<PreparedRun*>& runs) const;
+  double TorqueNoise() const;
   void SubstituteMissingCells();
   void ReportSensorGaps();
   void ListChannels();
@@ -196,7 +200,7 @@ class Evaluator {
   bool repeated_ = false;
   bool zeros_from_rest_ = false;
   bool clocks_free_ = false;  // the tracker's time shift is refitted for every robot
-  double wrong_before_ = 0, repetitions_differ_ = 0;
+  double wrong_before_ = 0, repetitions_differ_ = 0, delay_unknown_s_ = 0;
   Eigen::VectorXd repetitions_by_;
   std::optional<Repeatability> repeatability_;
   std::optional<TrackerFrame> frame_;

@@ -348,6 +348,19 @@ Fit AtSolution(const Cost& cost, const Model& start, const std::vector<double>& 
   return fit;
 }
 
+/// Times of the current loop (a delay, a lag) are known only as far as the logs show when targets were sent.
+void AddUnknownDelay(double unknown_s, Fit& fit) {
+  for (int part = 0; part < static_cast<int>(fit.model.parts.size()); ++part) {
+    const Candidate& candidate = fit.model.parts[static_cast<std::size_t>(part)];
+    if (candidate.effect->cut != sim::Cut::kCurrentLoop) continue;
+    for (int k = 0; k < candidate.size(); ++k) {
+      if (candidate.parameters[static_cast<std::size_t>(k)].name != "s") continue;
+      const int at = fit.model.offset(part) + k;
+      fit.covariance(at, at) += std::pow(unknown_s / 1.96, 2);
+    }
+  }
+}
+
 }  // namespace
 
 Nuisances Nuisances::Beside(const Model& model) const {
@@ -467,6 +480,7 @@ void Fitter::HoldOutByStep(const Model& start, const Residuals& at, Fit& fit) co
     const double change = fit.model.values[k] - start.parameter(k).nominal;
     fit.covariance(k, k) += std::pow(evaluator_.wrong_before() * change, 2);
   }
+  AddUnknownDelay(evaluator_.delay_unknown_s(), fit);
 }
 
 void Fitter::HoldOutByRefits(Fit& fit, int iterations) const {

@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
 #include <numbers>
+#include <random>
 
 #include "rig_runs.h"
 #include "tendril/gap/diagnose.h"
@@ -95,10 +97,17 @@ TEST(Diagnose, SmallDifferencesMadeByTheCauseAreNotInTheFloor) {
                                   "differ by [2-4]\\..* as cogging tendon:2 makes them differ")));
 }
 
-/// Runs of the nominal rig with motor friction that differs by `scatter_Nm` rms from run to run, and
-/// additional friction of the second motor at three angles a turn; the first family three times, the
-/// repetitions with `push_N` at the tip to one side and the other.
-DataSet Rubbed(double scatter_Nm, double peaks_Nm, double push_N, std::uint64_t seed) {
+/// Additional friction of one motor at angles of its turn.
+struct Peaks {
+  double torque_Nm = 0;
+  int motor = 1;  // from 0
+  int per_turn = 3;
+  double at_rad = 0.4;
+};
+
+/// Runs of the nominal rig with motor friction that differs by `scatter_Nm` rms from run to run, and with
+/// `peaks`; the first family three times, the repetitions with `push_N` at the tip to one side and the other.
+DataSet Rubbed(double scatter_Nm, const Peaks& peaks, double push_N, std::uint64_t seed) {
   DataSet set;
   set.robot = Rig();
   for (const char* family : {"slow", "circle", "slow", "slow"}) {
@@ -108,8 +117,9 @@ DataSet Rubbed(double scatter_Nm, double peaks_Nm, double push_N, std::uint64_t 
     const double phase = 1.7 * static_cast<double>(seed++);
     const Rub rub = [&](int j, const sim::TendonState& state, double t) {
       const double more = scatter_Nm * (std::sin(3.1 * t + phase + j) + std::sin(7.3 * t + 2 * phase - j));
-      const double peak = j == 1 ? std::exp(4 * (std::cos(3 * state.motor_angle_rad + 0.4) - 1)) : 0;
-      return (more + peaks_Nm * peak) * std::tanh(state.motor_velocity_radps / 2);
+      const double angle_rad = peaks.per_turn * state.motor_angle_rad + peaks.at_rad;
+      const double peak = j == peaks.motor ? std::exp(4 * (std::cos(angle_rad) - 1)) : 0;
+      return (more + peaks.torque_Nm * peak) * std::tanh(state.motor_velocity_radps / 2);
     };
     sim::Plant plant(robot, {.seed = seed});
     set.runs.push_back(Record(plant, family, run == 1 ? 3 : 13, rub));
@@ -123,7 +133,7 @@ DataSet Rubbed(double scatter_Nm, double peaks_Nm, double push_N, std::uint64_t 
 // Friction with peaks at certain angles makes repetitions differ. The floor from repetitions hides it; its
 // dependence on the angle reveals it.
 TEST(Diagnose, FrictionThatPeaksAtAnglesDoesNotRepeat) {
-  const Diagnosis d = Diagnose(Rubbed(2e-6, 1e-4, 0.01, 3), Only({"motor_coulomb"}));
+  const Diagnosis d = Diagnose(Rubbed(2e-6, {.torque_Nm = 1e-4}, 0.01, 3), Only({"motor_coulomb"}));
   ASSERT_TRUE(d.repeatability) << d.sentence;
   EXPECT_EQ(d.repeatability->cut, sim::Cut::kDrivetrain);
   EXPECT_EQ(d.repeatability->where, "tendon:2");
@@ -139,7 +149,7 @@ TEST(Diagnose, FrictionThatPeaksAtAnglesDoesNotRepeat) {
 // Friction that varies a little from run to run is no finding, nor are lost rows, coarse readings and
 // commands a cycle late.
 TEST(Diagnose, ScatterOfFrictionIsNoGap) {
-  DataSet set = Rubbed(1e-5, 0, 0, 5);
+  DataSet set = Rubbed(1e-5, {}, 0, 5);
   const auto round = [](Eigen::MatrixXd& values, double step) {
     for (double& x : values.reshaped()) x = step * std::round(x / step);
   };
@@ -152,6 +162,41 @@ TEST(Diagnose, ScatterOfFrictionIsNoGap) {
   const Diagnosis d = Diagnose(set, Only({"motor_coulomb"}));
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
   EXPECT_FALSE(d.repeatability) << d.sentence;
+}
+
+// A command, not a test: minutes. Draws motors, angles, sizes and numbers of peaks, and as many robots
+// without; all repetitions are pushed to either side. Run it with --gtest_also_run_disabled_tests.
+TEST(Diagnose, DISABLED_CampaignOfFrictionPeaks) {
+  constexpr int kSets = 12;
+  std::mt19937_64 draw(std::random_device{}());
+  const auto within = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(draw);
+  };
+  int hits = 0, false_alarms = 0;
+  for (int k = 0; k < 2 * kSets; ++k) {
+    const std::uint64_t seed = draw() % 100000;
+    const double scatter_Nm = std::exp(within(std::log(1e-6), std::log(1e-5)));
+    Peaks peaks{.torque_Nm = std::exp(within(std::log(7e-5), std::log(2e-4))),
+                .motor = static_cast<int>(draw() % 3),
+                .per_turn = 1 + static_cast<int>(draw() % 6),
+                .at_rad = within(-3, 3)};
+    const bool planted = k % 2 == 0;
+    if (!planted) peaks.torque_Nm = 0;
+    const Diagnosis d = Diagnose(Rubbed(scatter_Nm, peaks, 0.01, seed), Only({"motor_coulomb"}));
+    const bool law = d.repeatability && d.repeatability->law;
+    const bool hit = law && d.repeatability->where == fmt::format("tendon:{}", peaks.motor + 1);
+    if (planted ? hit : law) ++(planted ? hits : false_alarms);
+    fmt::print(
+        "seed {} scatter {:.2g} N m, {}: {}\n", seed, scatter_Nm,
+        planted ? fmt::format("{:.2g} N m {} times a turn of motor {}", peaks.torque_Nm, peaks.per_turn,
+                              peaks.motor + 1)
+                : "none",
+        law ? fmt::format("{}, p {:.2g}", d.repeatability->depends_on, d.repeatability->p_value) : "no law");
+    std::fflush(stdout);
+  }
+  fmt::print("{} of {} found, {} false alarms of {}\n", hits, kSets, false_alarms, kSets);
+  EXPECT_EQ(false_alarms, 0);
+  EXPECT_GE(hits, 0.8 * kSets);
 }
 
 /// A run after two seconds of unrecorded co-contraction, and a rest: the friction memories of motors, gears
