@@ -32,7 +32,7 @@ TEST_P(DiagnoseWithLess, FindsAGapOnlyWhereThereIsOne) {
   const gap::DiagnoseOptions only =
       Only({"unit_mass", "tip_payload", "bending_stiffness", "gear_presliding", "presliding", "cell_offset"});
   for (const char* effect : {"", "unit_mass scale=1.3"}) {
-    DataSet set = Recorded(effect, 4.5);
+    DataSet set = RecordedAt500Hz(effect, 4.5);
     for (gap::Run& run : set.runs) GetParam().what(run);
     const Diagnosis d = Diagnose(set, only);
     if (*effect == 0) {
@@ -56,17 +56,19 @@ INSTANTIATE_TEST_SUITE_P(
         Lost{"every_cell", [](Run& run) { run.tension_N.setConstant(std::nan("")); }},
         Lost{"an_encoder", [](Run& run) { run.motor_position_rad.col(1).setZero(); }},
         Lost{"an_encoder_for_a_second",
-             [](Run& run) { run.motor_position_rad.col(1).segment(3000, 1000).setConstant(std::nan("")); }},
+             [](Run& run) {
+               run.motor_position_rad.col(1).segment(RowAt(run, 3), RowAt(run, 1)).setConstant(std::nan(""));
+             }},
         Lost{"what_was_in_rows",
              [](Run& run) {
                for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
                                     &run.tension_N, &run.tip_m, &run.tip_quaternion})
-                 values->middleRows(2300, 700).setConstant(std::nan(""));
+                 values->middleRows(RowAt(run, 2.3), RowAt(run, 0.7)).setConstant(std::nan(""));
              }},
         Lost{"most_readings_of_a_cell",
              [](Run& run) {
                for (Eigen::Index i = 0; i < run.tension_N.rows(); ++i) {
-                 if (i % 40 != 0) run.tension_N(i, 1) = std::nan("");
+                 if (i % 20 != 0) run.tension_N(i, 1) = std::nan("");
                }
              }},
         Lost{"turns_of_encoders",
@@ -115,7 +117,7 @@ TEST_P(DiagnoseTensionAgainstShape, NamesBodyEffectsAndReportsHiddenCuts) {
       Only({"bending_stiffness", "tip_payload", "torque_constant", "tendon_stiffness", "cell_drift"});
   for (const char* planted : GetParam().planted) {
     SCOPED_TRACE(planted);
-    DataSet set = Recorded(planted, 3.5);
+    DataSet set = RecordedAt500Hz(planted, 3.5);
     for (gap::Run& run : set.runs) {
       WithoutMotors(run);
       GetParam().what(run);

@@ -25,7 +25,7 @@ TEST(Diagnose, ACalmerBodyIsNoSecondCause) {
 // of the tendon holes does so too, with a softer backbone to cancel its influence on the bend. Two errors
 // that cancel are less likely than one that is not listed.
 TEST(Diagnose, TwoCausesThatCancelAreNotAccepted) {
-  DataSet set = Recorded("");
+  DataSet set = RecordedAt500Hz("");
   for (auto& run : set.runs) run.motor_position_rad *= 1.008;
   const Diagnosis d =
       Diagnose(set, Only({"hole_radius", "bending_stiffness", "unit_mass", "tendon_stiffness", "slack"}));
@@ -109,7 +109,7 @@ TEST(Diagnose, ASecondCauseIsTriedWithAnInaccurateFirst) {
 // Heavier disks and a mass at the tip look alike without a tracker: whichever is screened as the better, the
 // other is fitted too.
 TEST(Diagnose, LookAlikesOfTheBestAreFittedAsWell) {
-  DataSet set = Recorded("unit_mass scale=1.5");
+  DataSet set = RecordedAt500Hz("unit_mass scale=1.5");
   for (gap::Run& run : set.runs) {
     run.tip_m.resize(0, 0);
     run.tip_quaternion.resize(0, 0);
@@ -127,7 +127,7 @@ TEST(Diagnose, LookAlikesOfTheBestAreFittedAsWell) {
 // Delay and lag of a torque that changes slowly are the same thing.
 TEST(Diagnose, CausesThatTheRunsCannotTellApartAreAGroup) {
   const Diagnosis d =
-      Diagnose(Recorded("command_delay s=0.004", 4),
+      Diagnose(RecordedAt500Hz("command_delay s=0.004", 4),
                Only({"command_delay", "torque_loop_lag", "torque_constant", "tracker_delay"}));
   EXPECT_EQ(First(d), sim::Cut::kCurrentLoop) << d.sentence;
   ASSERT_EQ(d.verdict, Verdict::kAmbiguousGroup) << d.sentence;

@@ -122,7 +122,7 @@ DataSet Rubbed(double scatter_Nm, const Peaks& peaks, double push_N, std::uint64
       return (more + peaks.torque_Nm * peak) * std::tanh(state.motor_velocity_radps / 2);
     };
     sim::Plant plant(robot, {.seed = seed});
-    set.runs.push_back(Record(plant, family, run == 1 ? 3 : 13, rub));
+    set.runs.push_back(Record(plant, family, run == 1 ? 3 : 13, rub, 500));
     if (run < 2) continue;
     set.runs.back().name = fmt::format("slow {}", run);
     set.runs.back().repeat_of = "slow";
@@ -153,7 +153,7 @@ TEST(Diagnose, ScatterOfFrictionIsNoGap) {
   const auto round = [](Eigen::MatrixXd& values, double step) {
     for (double& x : values.reshaped()) x = step * std::round(x / step);
   };
-  Lose(set.runs[2], 900, 2000);
+  Lose(set.runs[2], RowAt(set.runs[2], 0.9), RowAt(set.runs[2], 2));
   round(set.runs[3].motor_position_rad, 0.01);
   round(set.runs[3].tension_N, 0.02);
   auto& targets = set.runs[3].torque_target_Nm;

@@ -22,7 +22,7 @@ using gap::Verdict;
 // A compliant wall responds differently from a stiff one: both stiffness scales are searched, in every
 // direction.
 TEST(Diagnose, SoftWallIsFoundWhereItStands) {
-  const Diagnosis d = Diagnose(Recorded("contact stiffness_Npm=0.15 gap_m=0.014 angle_rad=-0.5"),
+  const Diagnosis d = Diagnose(RecordedAt500Hz("contact stiffness_Npm=0.15 gap_m=0.014 angle_rad=-0.5"),
                                Only({"contact", "tip_force", "base_tilt", "bending_stiffness"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "contact") << d.sentence;
@@ -34,7 +34,7 @@ TEST(Diagnose, SoftWallIsFoundWhereItStands) {
 
 // Angles are periodic: from the start at half a turn the search continues beyond it.
 TEST(Diagnose, AWallBehindIsFoundAcrossHalfATurn) {
-  const Diagnosis d = Diagnose(Recorded("contact stiffness_Npm=0.15 gap_m=0.014 angle_rad=-2.9"),
+  const Diagnosis d = Diagnose(RecordedAt500Hz("contact stiffness_Npm=0.15 gap_m=0.014 angle_rad=-2.9"),
                                Only({"contact", "tip_force", "base_tilt", "bending_stiffness"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "contact") << d.sentence;
@@ -45,7 +45,7 @@ TEST(Diagnose, AWallBehindIsFoundAcrossHalfATurn) {
 
 // A zero so far off that the model's tendon is slack: no derivative there tells how far.
 TEST(Diagnose, AZeroFarOffIsFoundThoughTheModelsTendonIsSlack) {
-  const Diagnosis d = Diagnose(Recorded("encoder_offset where=tendon:2 rad=-0.43"),
+  const Diagnosis d = Diagnose(RecordedAt500Hz("encoder_offset where=tendon:2 rad=-0.43"),
                                Only({"encoder_offset", "slack", "tendon_stiffness", "cell_offset"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "encoder_offset") << d.sentence;
@@ -57,7 +57,7 @@ TEST(Diagnose, AZeroFarOffIsFoundThoughTheModelsTendonIsSlack) {
 
 // So far off that all tendons of the model are slack, and still are after a step of 0.4 rad towards it.
 TEST(Diagnose, AZeroFarOffOfAllTendonsIsFound) {
-  const Diagnosis d = Diagnose(Recorded("encoder_offset rad=-1.1"),
+  const Diagnosis d = Diagnose(RecordedAt500Hz("encoder_offset rad=-1.1"),
                                Only({"encoder_offset", "slack", "tendon_stiffness", "capstan_n"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "encoder_offset") << d.sentence;
@@ -66,7 +66,7 @@ TEST(Diagnose, AZeroFarOffOfAllTendonsIsFound) {
 }
 
 TEST(Diagnose, NominalRigHasNoGap) {
-  const Diagnosis d = Diagnose(Recorded(""), {});
+  const Diagnosis d = Diagnose(RecordedAt500Hz(""), {});
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
   ASSERT_TRUE(Named(d, "no_gap"));  // what is too small for the data is a gap too
   EXPECT_GT(Named(d, "no_gap")->p, 0.5);
@@ -89,7 +89,7 @@ class DiagnosePlanted : public testing::TestWithParam<Planted> {};
 
 TEST_P(DiagnosePlanted, IsFoundWithItsPlaceItsValueAndCloses) {
   const Planted& planted = GetParam();
-  const Diagnosis d = Diagnose(Recorded(planted.effect),
+  const Diagnosis d = Diagnose(RecordedAt500Hz(planted.effect),
                                Only({"torque_constant", "gear_efficiency", "motor_coulomb", "capstan_alpha",
                                      "pulley_coulomb", "tendon_stiffness", "slack", "bending_stiffness",
                                      "unit_mass", "tip_payload", "contact", "cell_offset", "cell_gain"}));
@@ -117,7 +117,7 @@ INSTANTIATE_TEST_SUITE_P(
 // and by nothing once the gain is in the model.
 TEST(Diagnose, MapsAndCurvesShowTheSignatureOfTheCause) {
   constexpr double kGain = 1.06;
-  const Diagnosis d = Diagnose(Recorded("cell_gain where=tendon:2 scale=1.06"), Only({"cell_gain"}));
+  const Diagnosis d = Diagnose(RecordedAt500Hz("cell_gain where=tendon:2 scale=1.06"), Only({"cell_gain"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
 
   const auto map = std::find_if(d.maps.begin(), d.maps.end(), [](const gap::ConditionMap& m) {
@@ -202,7 +202,7 @@ TEST(Diagnose, ALargeExcessInTooFewSecondsIsInsufficientData) {
 // The cogging phases of the motors differ.
 TEST(Diagnose, DetentsOfAllMotorsAreFoundEachWithItsPhase) {
   const Diagnosis d =
-      Diagnose(Recorded("cogging amplitude_Nm=1.5e-4 phase_rad=0.5 phase_2_rad=1.9 phase_3_rad=-2"),
+      Diagnose(RecordedAt500Hz("cogging amplitude_Nm=1.5e-4 phase_rad=0.5 phase_2_rad=1.9 phase_3_rad=-2"),
                Only({"cogging", "stribeck", "motor_coulomb", "gear_efficiency", "torque_constant"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   ASSERT_EQ(d.accepted.size(), 1u) << d.sentence;
@@ -236,14 +236,14 @@ TEST(Diagnose, ALimitThatOneKindOfExperimentReachesIsFound) {
 TEST(Diagnose, AnEffectOutsideTheLibraryIsUnexplained) {
   gap::DiagnoseOptions options;
   options.without = {"backlash"};
-  const Diagnosis d = Diagnose(Recorded("backlash rad=0.3", 4.5), options);
+  const Diagnosis d = Diagnose(RecordedAt500Hz("backlash rad=0.3", 4.5), options);
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
   ASSERT_NE(Named(d, "unknown"), nullptr);
   EXPECT_GT(Named(d, "unknown")->p, 0.5);
 }
 
 TEST(Diagnose, TheSameForAnyNumberOfThreads) {
-  const DataSet set = Recorded("tip_payload mass_kg=0.002", 4);
+  const DataSet set = RecordedAt500Hz("tip_payload mass_kg=0.002", 4);
   gap::DiagnoseOptions one = Only({"tip_payload", "unit_mass", "bending_stiffness", "cell_gain"}), two = one;
   one.threads = 1;
   two.threads = 2;

@@ -37,11 +37,11 @@ TEST(Diagnose, ALawOfTheRobotFileIsFoundWithMoreAndWithLess) {
 
 // A wrong direction of gravity in the robot file, and a wrong scale of the tracker.
 TEST(Diagnose, GravityAndScaleAreNamed) {
-  DataSet set = Recorded("", 3);
+  DataSet set = RecordedAt500Hz("", 3);
   set.robot.body.gravity_W_mps2 *= -1;
   EXPECT_THAT(Diagnose(set, Only({"unit_mass", "tip_force"})).sentence,
               testing::StartsWith("Check the measurement first: with gravity along -z of the base"));
-  set = Recorded("", 3);
+  set = RecordedAt500Hz("", 3);
   for (gap::Run& run : set.runs) run.tip_m *= 1.03;
   EXPECT_THAT(Diagnose(set, Only({"unit_mass", "tracker_offset"})).sentence,
               testing::ContainsRegex(
@@ -62,7 +62,7 @@ class DiagnoseWrongFile : public testing::TestWithParam<WrongNumber> {};
 // A number that is wrong by more than its effect's range, or that no effect represents, is named first with
 // the value that fits the runs; no cause is likelier than not.
 TEST_P(DiagnoseWrongFile, TheNumberIsReportedFirst) {
-  DataSet set = Recorded("", 3);
+  DataSet set = RecordedAt500Hz("", 3);
   GetParam().change(set.robot, GetParam().factor);
   const Diagnosis d = Diagnose(set, Only(GetParam().effects));
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
@@ -139,7 +139,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // Angles computed with a wrong number of counts per turn.
 TEST(Diagnose, WrongCountsPerTurnAreReportedFirst) {
-  DataSet set = Recorded("", 3);
+  DataSet set = RecordedAt500Hz("", 3);
   for (gap::Run& run : set.runs)
     run.motor_position_rad *= 0.5;  // 1024 of the encoder where the file has 2048
   const Diagnosis d = Diagnose(set, Only({"torque_constant", "tendon_stiffness", "hole_radius"}));
@@ -149,7 +149,7 @@ TEST(Diagnose, WrongCountsPerTurnAreReportedFirst) {
 }
 
 TEST(Diagnose, RunsOfFewerTendonsAreAnotherRobots) {
-  DataSet set = Recorded("", 4);
+  DataSet set = RecordedAt500Hz("", 4);
   set.robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml");
   EXPECT_THAT([&] { Diagnose(set, {}); }, testing::ThrowsMessage<std::runtime_error>(testing::HasSubstr(
                                               "these runs have 3 tendons, robot 'four_tendon_90mm' has 4")));
@@ -160,7 +160,7 @@ RobotParameters ShortRig() { return config::LoadRobot(TENDRIL_SOURCE_DIR "/confi
 // A frame that is turned and moved, or not known, changes nothing; nor does a run that hardly moves.
 TEST(Diagnose, ATipPathBeyondTheRobotsReachIsTheVerdict) {
   for (const bool moved : {false, true}) {
-    DataSet set = Recorded("", 4);
+    DataSet set = RecordedAt500Hz("", 4);
     set.robot = ShortRig();
     set.runs.push_back(Record(Rig(), "gentle", 4, 5));
     const Eigen::Matrix3d turn =
@@ -186,7 +186,7 @@ TEST(Diagnose, WrongNumbersAreWithinTheRobotsReach) {
                              "tracker_rotation x_rad=0.4 y_rad=0 z_rad=0", "base_tilt x_rad=0.6 y_rad=0",
                              "precurvature u_rad=0.1 v_rad=0", "tip_payload mass_kg=0.003"}) {
     const std::string name = std::string(effect).substr(0, std::string(effect).find(' '));
-    const Diagnosis d = Diagnose(Recorded(effect, 4), Only({name}));
+    const Diagnosis d = Diagnose(RecordedAt500Hz(effect, 4), Only({name}));
     EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("No pose"))) << effect;
     ASSERT_EQ(d.accepted.size(), 1u) << effect << ": " << d.sentence;
     EXPECT_EQ(d.accepted[0].effect, name);
@@ -195,7 +195,7 @@ TEST(Diagnose, WrongNumbersAreWithinTheRobotsReach) {
 
 // One run that another scale makes impossible is odd; the others move as far and are possible.
 TEST(Diagnose, OneImpossibleTipPathIsNotTheRobots) {
-  DataSet set = Recorded("bending_stiffness scale=0.9", 4);
+  DataSet set = RecordedAt500Hz("bending_stiffness scale=0.9", 4);
   set.runs[1].tip_m *= 1.6;
   const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "unit_length"}));
   EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("No pose")));

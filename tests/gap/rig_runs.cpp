@@ -45,14 +45,14 @@ Eigen::Vector3d CommandedTension(const std::string& family, double t) {
   return tension_N;
 }
 
-Run Record(sim::Plant& plant, const std::string& family, double duration_s, const Rub& rub) {
+Run Record(sim::Plant& plant, const std::string& family, double duration_s, const Rub& rub, int rows_Hz) {
   const RobotParameters nominal = Rig();
   const auto& p = nominal.actuation->tendons[0];
-  const int samples = static_cast<int>(duration_s * 1000);
+  const int samples = static_cast<int>(duration_s * rows_Hz);
   Run run;
   run.name = family;
   run.family = family;
-  run.time_s = Eigen::VectorXd::LinSpaced(samples, 0, 1e-3 * (samples - 1));
+  run.time_s = Eigen::VectorXd::LinSpaced(samples, 0, (samples - 1.0) / rows_Hz);
   for (auto* matrix :
        {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N}) {
     matrix->setZero(samples, 3);
@@ -62,7 +62,7 @@ Run Record(sim::Plant& plant, const std::string& family, double duration_s, cons
   Eigen::Vector3d sent = CommandedTension(family, 0) * kTorquePerN, rubbed = Eigen::Vector3d::Zero();
   for (int i = 0; i < samples; ++i) {
     const auto sensors = plant.ReadSensors();
-    const Eigen::Vector3d target = CommandedTension(family, 1e-3 * i) * kTorquePerN;
+    const Eigen::Vector3d target = CommandedTension(family, static_cast<double>(i) / rows_Hz) * kTorquePerN;
     for (int j = 0; j < 3; ++j) {
       run.torque_target_Nm(i, j) = target[j];
       run.torque_actual_Nm(i, j) = sensors[j].torque_Nm + rubbed[j];
@@ -70,37 +70,39 @@ Run Record(sim::Plant& plant, const std::string& family, double duration_s, cons
           2 * std::numbers::pi / p.drive.encoder_counts_per_turn * sensors[j].encoder_counts;
       run.tension_N(i, j) = sensors[j].load_cell_V / p.load_cell.gain_VpN;
     }
-    if (i % 10 == 0) {
+    if (i % (rows_Hz / 100) == 0) {
       const auto seen = plant.ReadTracker();
       run.tip_m.row(i) = seen.tip_W_m;
       const auto& o = seen.orientation_WT;
       run.tip_quaternion.row(i) << o.w(), o.x(), o.y(), o.z();
     }
     // A target acts at the SYNC after the cycle in which it was sent.
-    for (int j = 0; rub && j < 3; ++j) rubbed[j] = rub(j, plant.tendon()[j], 1e-3 * i);
+    for (int j = 0; rub && j < 3; ++j)
+      rubbed[j] = rub(j, plant.tendon()[j], static_cast<double>(i) / rows_Hz);
     plant.SetTorque(sent - rubbed);
     sent = target;
-    plant.Advance(kNsPerMs);
+    plant.Advance(1000 / rows_Hz * kNsPerMs);
   }
   return run;
 }
 
 Run Record(const RobotParameters& plant_robot, const std::string& family, double duration_s,
-           std::uint64_t seed) {
+           std::uint64_t seed, int rows_Hz) {
   sim::Plant plant(plant_robot, {.seed = seed});
-  return Record(plant, family, duration_s);
+  return Record(plant, family, duration_s, nullptr, rows_Hz);
 }
 
-DataSet Recorded(const std::vector<std::string>& effects, double duration_s, std::uint64_t seed) {
+DataSet Recorded(const std::vector<std::string>& effects, double duration_s, std::uint64_t seed,
+                 int rows_Hz) {
   DataSet set;
   set.name = "test";
   set.robot = Rig();
   RobotParameters plant = Rig();
   for (const auto& effect : effects) plant.effects.push_back(sim::ParseEffect(effect, plant));
   for (const char* family : {"circle", "triangle", "multisine"}) {
-    set.runs.push_back(Record(plant, family, duration_s, seed++));
+    set.runs.push_back(Record(plant, family, duration_s, seed++, rows_Hz));
   }
-  set.runs.push_back(Record(plant, "circle", duration_s, seed++));
+  set.runs.push_back(Record(plant, "circle", duration_s, seed++, rows_Hz));
   set.runs.back().name = "circle again";
   set.runs.back().repeat_of = "circle";
   return set;
@@ -108,6 +110,10 @@ DataSet Recorded(const std::vector<std::string>& effects, double duration_s, std
 
 DataSet Recorded(const std::string& effect, double duration_s) {
   return Recorded(effect.empty() ? std::vector<std::string>{} : std::vector{effect}, duration_s);
+}
+
+DataSet RecordedAt500Hz(const std::string& effect, double duration_s) {
+  return Recorded(effect.empty() ? std::vector<std::string>{} : std::vector{effect}, duration_s, 11, 500);
 }
 
 DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<std::string>& families,
@@ -162,6 +168,10 @@ void Lose(Run& run, Eigen::Index lost, Eigen::Index from) {
   run.time_s.conservativeResize(kept);
 }
 
-void LoseRows(Run& run) { Lose(run, 700, run.time_s.size() / 3); }
+void LoseRows(Run& run) { Lose(run, RowAt(run, 0.7), run.time_s.size() / 3); }
+
+Eigen::Index RowAt(const Run& run, double time_s) {
+  return static_cast<Eigen::Index>(std::lround(time_s / (run.time_s[1] - run.time_s[0])));
+}
 
 }  // namespace tendril

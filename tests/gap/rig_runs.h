@@ -26,15 +26,18 @@ Eigen::Vector3d CommandedTension(const std::string& family, double t);
 /// Friction torque at a motor's shaft in addition to the plant's, as a function of its state and the time.
 using Rub = std::function<double(int j, const sim::TendonState& state, double time_s)>;
 
-/// One run of a plant as the rig's sensors record it, at 1 kHz, the tracker at 100 Hz.
-gap::Run Record(sim::Plant& plant, const std::string& family, double duration_s, const Rub& rub = nullptr);
+/// One run of a plant as the rig's sensors record it, a row a cycle of the controller, the tracker at 100 Hz.
+gap::Run Record(sim::Plant& plant, const std::string& family, double duration_s, const Rub& rub = nullptr,
+                int rows_Hz = 1000);
 gap::Run Record(const RobotParameters& plant_robot, const std::string& family, double duration_s,
-                std::uint64_t seed);
+                std::uint64_t seed, int rows_Hz = 1000);
 
 /// Three families and a repetition.
-gap::DataSet Recorded(const std::vector<std::string>& effects, double duration_s = 5,
-                      std::uint64_t seed = 11);
+gap::DataSet Recorded(const std::vector<std::string>& effects, double duration_s = 5, std::uint64_t seed = 11,
+                      int rows_Hz = 1000);
 gap::DataSet Recorded(const std::string& effect, double duration_s = 5);
+/// The same by a controller of half the rate, which takes half the time to diagnose.
+gap::DataSet RecordedAt500Hz(const std::string& effect, double duration_s = 5);
 
 /// With the load cells between pulleys and robot; the last run repeats the first.
 gap::DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<std::string>& families,
@@ -44,6 +47,8 @@ gap::DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<st
 void Lose(gap::Run& run, Eigen::Index lost, Eigen::Index from);
 /// Removes 0.7 s of rows at a third of every run.
 void LoseRows(gap::Run& run);
+/// The row at a time [s] from the run's begin.
+Eigen::Index RowAt(const gap::Run& run, double time_s);
 
 /// The cause of this name; nullptr: not listed.
 const gap::Cause* Named(const gap::Diagnosis& d, const std::string& effect);
