@@ -11,12 +11,14 @@
 #include <stdexcept>
 
 #include "actuation.h"
+#include "begins_in_motion.h"
 #include "body_motion.h"
 #include "capstan_cache.h"
 #include "drivetrain.h"
 #include "laws.h"
 #include "measured_tension.h"
 #include "sampled.h"
+#include "sensors.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::sim {
@@ -36,6 +38,7 @@ struct Replay::Impl {
       : robot(FoldEffects(given)),
         actuation(Actuation(robot, "a replay")),
         laws(PlantLaws::Of(robot)),
+        sensor(actuation, laws.sensor),
         body(robot.body),
         n(body.dof()),
         m(body.tendons()) {
@@ -46,9 +49,9 @@ struct Replay::Impl {
                          laws.tendon[At(j)]);
       const auto& nominal = Actuation(given, "a replay").tendons[At(j)].load_cell;
       if (nominal.place == LoadCellPlace::kNone) {
-        cell.push_back({1, 0, 0});
+        cell.push_back({1, 0});
       } else {
-        cell.push_back({p.load_cell.gain_VpN / nominal.gain_VpN, p.load_cell.offset_N, nominal.offset_N});
+        cell.push_back({p.load_cell.gain_VpN / nominal.gain_VpN, nominal.offset_N});
       }
     }
   }
@@ -107,18 +110,20 @@ struct Replay::Impl {
     Motors motors{
         Needed(s.motor_angle_rad, samples, "motor angle"),
         s.at_rest ? MatrixXd::Zero(samples, m) : Needed(s.motor_velocity_radps, samples, "motor velocity")};
-    motors.angle.rowwise() -= laws.sensor.encoder_offset_rad.transpose();
+    for (int j = 0; j < m; ++j) {
+      for (double& angle : motors.angle.col(j)) angle = sensor.Motor(j, angle);
+    }
     return motors;
   }
 
+  /// As recorded with the gain and offset of the robot before its effects, and back.
   double Read(int j, double tension_N, double time_s) const {
     const Cell& c = cell[At(j)];
-    return c.gain * (tension_N + c.offset_N + laws.sensor.cell_drift_Nps[j] * time_s) - c.nominal_offset_N;
+    return c.gain * sensor.Shown(j, tension_N, time_s) - c.nominal_offset_N;
   }
   double Unread(int j, double reading_N, double time_s) const {
     const Cell& c = cell[At(j)];
-    return std::max(
-        0.0, (reading_N + c.nominal_offset_N) / c.gain - c.offset_N - laws.sensor.cell_drift_Nps[j] * time_s);
+    return std::max(0.0, sensor.Tension(j, (reading_N + c.nominal_offset_N) / c.gain, time_s));
   }
 
   // ---- cuts of one tendon at a time ----
@@ -261,18 +266,18 @@ struct Replay::Impl {
   std::unique_ptr<TensionSource> Source(const ReplaySignals& s, DrivenBy driven_by) const;
   /// Source of one kind for all tendons.
   std::unique_ptr<TensionSource> SourceOfAll(const ReplaySignals& s, DrivenBy driven_by) const;
-  bool BeginsInMotion(const ReplaySignals& s) const;
   MatrixXd Shortening(const ReplaySignals& s, const MatrixXd& q) const;
   /// `late`: the tracker's delay in samples.
   void Track(const MatrixXd& q, double late, int stride, BodyMotion& motion) const;
 
   struct Cell {
-    double gain, offset_N, nominal_offset_N;  // reading = gain (tension + offset + drift t) - nominal offset
+    double gain, nominal_offset_N;  // reading = gain * shown - nominal offset
   };
 
   RobotParameters robot;
   const ActuationParameters& actuation;
   PlantLaws laws;
+  Sensors sensor;
   model::Body body;
   int n, m;
   std::vector<Drivetrain> drive;
@@ -363,7 +368,7 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
   BodyStepper stepper(body, laws.body, kNear * robot.limits.max_tension_base_N);
   MatrixXd q(n, samples), tension(m, samples);
   const VectorXd time = TimesOf(s, samples);
-  if (!(!s.at_rest && BeginsInMotion(s) ? stepper.LetGo(*source, 0) : stepper.Settle(*source, 0))) {
+  if (!(!s.at_rest && BeginsInMotion(s, robot) ? stepper.LetGo(*source, 0) : stepper.Settle(*source, 0))) {
     throw std::runtime_error("replay: the body has no equilibrium under the first sample's tensions");
   }
   for (Index i = 0;; ++i) {
@@ -394,34 +399,6 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
   const bool delayed = actuation.tracker && !s.at_rest;  // at rest, delay has no effect
   Track(q, delayed ? actuation.tracker->delay_s / step : 0, stride, motion);
   return motion;
-}
-
-// Every simulation begins straight; where that is no equilibrium (tilt, rest bend, side load) the robot moves
-// at once, and motors and cells show it. A log that begins later begins at rest.
-bool Replay::Impl::BeginsInMotion(const ReplaySignals& s) const {
-  // Angles and tension hold for the reference rig: shares of a motor's travel and of the largest tension.
-  constexpr double kLook_s = 0.3, kMean_s = 0.004, kAngle_rad = 0.02, kTurned_rad = 0.2, kTension_N = 0.04,
-                   kNoise = 6;
-  const double travel = OverReference(Yardstick::kMotorTravel, robot).bound;
-  const double pull = OverReference(Yardstick::kTension, robot).bound;
-  const auto moves = [&](const MatrixXd& signal, double least) {
-    const auto mean = std::max<Index>(1, std::lround(kMean_s / s.step_s));
-    const Index windows = std::min(signal.rows(), static_cast<Index>(kLook_s / s.step_s)) / mean;
-    for (Index j = 0; j < signal.cols() && windows > 2; ++j) {
-      VectorXd value(windows), jump(windows - 1);
-      for (Index w = 0; w < windows; ++w) value[w] = signal.col(j).segment(w * mean, mean).mean();
-      if (!value.allFinite()) continue;
-      jump = (value.tail(windows - 1) - value.head(windows - 1)).cwiseAbs();
-      const auto middle = jump.data() + jump.size() / 2;
-      std::nth_element(jump.data(), middle, jump.data() + jump.size());
-      if (value.maxCoeff() - value.minCoeff() > least + kNoise * *middle) return true;
-    }
-    return false;
-  };
-  // A log that begins during a motion is neither: its motors have turned already.
-  if (s.motor_angle_rad.size() > 0 && s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad * travel)
-    return false;
-  return moves(s.motor_angle_rad, kAngle_rad * travel) || moves(s.tension_N, kTension_N * pull);
 }
 
 // Where bending is measured, the shape is corrected by the difference, spread evenly over the section's units
@@ -463,16 +440,10 @@ MatrixXd Replay::Impl::Shortening(const ReplaySignals& s, const MatrixXd& q) con
 
 void Replay::Impl::Track(const MatrixXd& q, double late, int stride, BodyMotion& motion) const {
   const Index rows = (q.cols() - 1) / stride + 1;
-  const Eigen::Vector3d turn = laws.sensor.tracker_turn_rad;
-  const double angle = turn.norm();
-  const Eigen::Matrix3d r =
-      angle > 0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
   motion.q.resize(rows, n);
   motion.tip_m.resize(rows, 3);
   motion.tip_rotation.resize(rows, 3);
   motion.bending_rad.resize(rows, 2 * body.sections());
-  // A bend is relative to the section's own base: of a rotated frame only the rotation about z is visible.
-  const Eigen::Rotation2Dd plane(turn.z());
   VectorXd shape(n);
   for (Index k = 0; k < rows; ++k) {
     const Index i = k * stride;
@@ -481,14 +452,14 @@ void Replay::Impl::Track(const MatrixXd& q, double late, int stride, BodyMotion&
     const auto before = static_cast<Index>(at);
     shape = q.col(before);
     if (before < i) shape += (at - static_cast<double>(before)) * (q.col(before + 1) - q.col(before));
-    const model::Pose pose = body.TipPose(shape);
-    motion.tip_m.row(k) = (r * pose.p_WA + laws.sensor.tracker_offset_m).transpose();
-    const Eigen::AngleAxisd rotation(Eigen::Matrix3d(r * pose.R_WA));
+    const model::Pose pose = sensor.Tracked(body.TipPose(shape));
+    motion.tip_m.row(k) = pose.p_WA.transpose();
+    const Eigen::AngleAxisd rotation(pose.R_WA);
     motion.tip_rotation.row(k) = (rotation.angle() * rotation.axis()).transpose();
     for (int section = 0; section < body.sections(); ++section) {
       Eigen::Vector2d bend(0, 0);
       for (int u = body.first_unit(section); u < body.end_unit(section); ++u) bend += shape.segment<2>(2 * u);
-      motion.bending_rad.row(k).segment<2>(2 * section) = (plane * bend).transpose();
+      motion.bending_rad.row(k).segment<2>(2 * section) = sensor.Tracked(bend).transpose();
     }
   }
 }
