@@ -27,13 +27,13 @@ function(tendril_room name)
   endif()
 endfunction()
 
-# tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s] [SERIAL filter] [WHOLE suites]): a GoogleTest program whose
-# cases ctest lists. Cases of the filter SERIAL check timing and run alone; a suite in WHOLE shares its set-up and is one
-# test. With the label vcan the program runs as a whole where a real vcan0 exists, because that may need the start of
-# another kernel. Cases of instantiations named Campaign take too long for every build; run them with
-# --gtest_filter='Campaign/*'.
+# tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s] [SERIAL filter] [WHOLE suites] [OWN_NETWORK]): a GoogleTest
+# program whose cases ctest lists. Cases of the filter SERIAL check timing and run alone; a suite in WHOLE is one test: it
+# shares its set-up, or with OWN_NETWORK a network without other programs. With the label vcan the program runs as a
+# whole where a real vcan0 exists, because that may need the start of another kernel. Cases of instantiations named
+# Campaign take too long for every build; run them with --gtest_filter='Campaign/*'.
 function(tendril_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT;SERIAL" "SOURCES;LINK;LABELS;WHOLE" ${ARGN})
+  cmake_parse_arguments(ARG "OWN_NETWORK" "TIMEOUT;SERIAL" "SOURCES;LINK;LABELS;WHOLE" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -59,14 +59,18 @@ function(tendril_test name)
     return()
   endif()
   set(elsewhere Campaign/*)
+  set(network)
+  if(ARG_OWN_NETWORK)
+    set(network ${PROJECT_SOURCE_DIR}/tests/tools/own_network.sh)
+  endif()
   if(ARG_SERIAL)
     gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES TEST_FILTER ${ARG_SERIAL} TEST_LIST ${name}_serial
       PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}" RUN_SERIAL TRUE)
     list(APPEND elsewhere ${ARG_SERIAL})
   endif()
   foreach(suite ${ARG_WHOLE})
-    add_test(NAME ${suite} COMMAND ${name} --gtest_filter=${suite}.*)
-    set_tests_properties(${suite} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+    add_test(NAME ${suite} COMMAND ${network} $<TARGET_FILE:${name}> --gtest_filter=${suite}.*)
+    set_tests_properties(${suite} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}" SKIP_RETURN_CODE 77)
     list(APPEND elsewhere ${suite}.*)
   endforeach()
   list(JOIN elsewhere : elsewhere)

@@ -5,62 +5,23 @@
 #include <chrono>
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <span>
 #include <string_view>
 #include <vector>
 
 #include "tendril/io/client.h"
+#include "wire_values.h"
 
 namespace tendril::io {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kHashBytes = 8;
-
-template <class Vector>
-void Fill(std::vector<double>& out, const Vector& values, int n) {
-  out.resize(static_cast<std::size_t>(n));
-  if (values.size() == n) {
-    std::copy(values.data(), values.data() + n, out.begin());
-  } else {
-    std::fill(out.begin(), out.end(), kNaN);
-  }
-}
-
-void Fill(double (&out)[3], const Eigen::Vector3d& v) { std::copy(v.data(), v.data() + 3, out); }
-
-void Fill(double (&out)[4], const Eigen::Quaterniond& q) {
-  out[0] = q.w();
-  out[1] = q.x();
-  out[2] = q.y();
-  out[3] = q.z();
-}
-
-template <class Vector>
-void FromArray(const std::vector<double>& values, int n, Vector& out) {
-  out.resize(n);
-  std::copy(values.begin(), values.begin() + n, out.data());
-}
-
-Eigen::Vector3d FromArray(const double (&v)[3]) { return {v[0], v[1], v[2]}; }
-Eigen::Quaterniond TakeQuaternion(const double (&q)[4]) { return {q[0], q[1], q[2], q[3]}; }
-
-template <class To, class From>
-void Number(To& to, From from) {
-  to = static_cast<To>(from);
-}
 
 // A validity beyond the integer's range becomes one that the gate refuses.
 TimeNs ToNs(double seconds) {
   if (std::isnan(seconds)) return 0;
   constexpr double kLongS = 1e9;
   return static_cast<TimeNs>(std::clamp(seconds, -kLongS, kLongS) * static_cast<double>(kNsPerS));
-}
-
-void TakeSequence(std::int64_t as_sent, Command& c) {
-  Number(c.sequence, as_sent);
-  c.sender = SenderOf(as_sent);
 }
 
 template <class Message>
@@ -104,193 +65,6 @@ bool CountsPlausible(const void* data, int size, int counts) noexcept {
 std::int64_t EpochOffsetUs(const Clock& clock) {
   if (dynamic_cast<const MonotonicClock*>(&clock) == nullptr) return 0;
   return EpochUs() - clock.Now() / kNsPerUs;
-}
-
-void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t utime,
-               tendril_lcm::cycle_t& m) {
-  const CycleInput& in = record.input;
-  const CycleOutput& out = record.output;
-  const Command& c = in.command;
-  const int nb = 2 * shape.sections;
-  const int nt = shape.tendons;
-
-  m.num_drives = std::clamp(in.drives, 0, kMaxTendons);
-  m.num_command_bending = static_cast<int>(c.bending_rad.size());
-  m.num_command_rate = static_cast<int>(c.bending_rate_radps.size());
-  m.num_command_tension = static_cast<int>(c.tension_N.size());
-  m.num_bending = nb;
-  m.num_tendons = nt;
-  m.utime = utime;
-
-  Number(m.cycle, in.cycle);
-  m.time_ns = in.time_ns;
-  m.bus_ok = in.bus_ok;
-  m.late = in.late;
-  const auto drives = static_cast<std::size_t>(m.num_drives);
-  m.drive_state.resize(drives);
-  m.drive_statusword.resize(drives);
-  m.drive_error_code.resize(drives);
-  m.drive_position_counts.resize(drives);
-  m.drive_torque_permille.resize(drives);
-  m.drive_analog_mV.resize(drives);
-  m.drive_age_cycles.resize(drives);
-  for (std::size_t i = 0; i < drives; ++i) {
-    const DriveFeedback& d = in.drive[i];
-    Number(m.drive_state[i], d.state);
-    m.drive_statusword[i] = d.statusword;
-    m.drive_error_code[i] = d.error_code;
-    m.drive_position_counts[i] = d.position_counts;
-    m.drive_torque_permille[i] = d.torque_permille;
-    m.drive_analog_mV[i] = d.analog_mV;
-    m.drive_age_cycles[i] = d.age_cycles;
-  }
-
-  Number(m.command_kind, c.kind);
-  Number(m.command_mode_request, c.mode);
-  m.command_sequence = SequenceOf(c);
-  m.command_received_ns = c.received_ns;
-  m.command_valid_for_ns = c.valid_for_ns;
-  m.command_speed_radps = c.speed_radps;
-  Fill(m.command_tip_W_m, c.tip_W_m);
-  Fill(m.command_tip_velocity_W_mps, c.tip_velocity_W_mps);
-  Fill(m.command_bending_rad, c.bending_rad, m.num_command_bending);
-  Fill(m.command_bending_rate_radps, c.bending_rate_radps, m.num_command_rate);
-  Fill(m.command_tension_base_N, c.tension_N, m.num_command_tension);
-
-  m.tracker_valid = in.tracker.valid;
-  m.tracker_time_ns = in.tracker.time_ns;
-  Fill(m.tracker_tip_W_m, in.tracker.tip_W_m);
-  Fill(m.tracker_orientation_WT, in.tracker.orientation_WT);
-
-  Number(m.mode, out.mode);
-  Number(m.status, out.status);
-  Fill(m.displacement_m, out.displacement_m, nt);
-  Fill(m.tension_measured_N, out.tension_measured_N, nt);
-  Fill(m.tension_base_estimate_N, out.tension_base_estimate_N, nt);
-  Fill(m.torque_measured_Nm, out.torque_measured_Nm, nt);
-  Fill(m.bending_estimate_rad, out.bending_estimate_rad, nb);
-  Fill(m.tip_estimate_W_m, out.tip_estimate_W_m);
-  Fill(m.orientation_estimate_WT, out.orientation_estimate_WT);
-
-  Fill(m.target_tip_W_m, out.target_tip_W_m);
-  m.target_distance_m = out.target_distance_m;
-  Fill(m.target_bending_rad, out.target_bending_rad, nb);
-  Fill(m.reference_bending_rad, out.reference.position_rad, nb);
-  Fill(m.reference_rate_radps, out.reference.velocity_radps, nb);
-  Fill(m.reference_acceleration_radps2, out.reference.acceleration_radps2, nb);
-  Fill(m.reference_tip_W_m, out.reference_tip_W_m);
-  Fill(m.generalised_force_Nm, out.generalised_force_Nm, nb);
-  Fill(m.tension_desired_base_N, out.tension_desired_base_N, nt);
-  Fill(m.sliding_direction, out.sliding_direction, nt);
-  Fill(m.tension_desired_motor_N, out.tension_desired_motor_N, nt);
-  Fill(m.torque_desired_Nm, out.torque_desired_Nm, nt);
-  Fill(m.displacement_desired_m, out.displacement_desired_m, nt);
-
-  Number(m.drive_request, out.drive_request);
-  m.clear_drive_faults = out.clear_drive_faults;
-  m.torque_target_permille.assign(out.torque_target_permille.begin(),
-                                  out.torque_target_permille.begin() + nt);
-
-  m.commands_accepted = out.commands_accepted;
-  m.commands_refused = out.commands_refused;
-  Number(m.command_status, out.command_status);
-  m.feedback_missing = out.feedback_missing;
-  Number(m.deadline_misses, record.timing.deadline_misses);
-
-  m.wake_latency_ns = record.timing.wake_latency_ns;
-  m.feedback_ns = record.timing.feedback_ns;
-  m.compute_ns = record.timing.compute_ns;
-  m.total_ns = record.timing.total_ns;
-}
-
-bool FromMessage(const tendril_lcm::cycle_t& m, CycleRecord& record) noexcept {
-  constexpr int kMaxBending = 2 * kMaxSections;
-  if (m.num_drives > kMaxTendons || m.num_command_bending > kMaxBending || m.num_command_rate > kMaxBending ||
-      m.num_command_tension > kMaxTendons || m.num_bending > kMaxBending || m.num_tendons > kMaxTendons) {
-    return false;
-  }
-  record = CycleRecord{};
-  CycleInput& in = record.input;
-  CycleOutput& out = record.output;
-  Command& c = in.command;
-  const int nb = m.num_bending;
-  const int nt = m.num_tendons;
-
-  Number(in.cycle, m.cycle);
-  in.time_ns = m.time_ns;
-  in.bus_ok = m.bus_ok != 0;
-  in.late = m.late != 0;
-  in.drives = m.num_drives;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(m.num_drives); ++i) {
-    DriveFeedback& d = in.drive[i];
-    Number(d.state, m.drive_state[i]);
-    Number(d.statusword, m.drive_statusword[i]);
-    Number(d.error_code, m.drive_error_code[i]);
-    d.position_counts = m.drive_position_counts[i];
-    d.torque_permille = m.drive_torque_permille[i];
-    d.analog_mV = m.drive_analog_mV[i];
-    Number(d.age_cycles, m.drive_age_cycles[i]);
-  }
-
-  Number(c.kind, m.command_kind);
-  Number(c.mode, m.command_mode_request);
-  TakeSequence(m.command_sequence, c);
-  c.received_ns = m.command_received_ns;
-  c.valid_for_ns = m.command_valid_for_ns;
-  c.speed_radps = m.command_speed_radps;
-  c.tip_W_m = FromArray(m.command_tip_W_m);
-  c.tip_velocity_W_mps = FromArray(m.command_tip_velocity_W_mps);
-  FromArray(m.command_bending_rad, m.num_command_bending, c.bending_rad);
-  FromArray(m.command_bending_rate_radps, m.num_command_rate, c.bending_rate_radps);
-  FromArray(m.command_tension_base_N, m.num_command_tension, c.tension_N);
-
-  in.tracker.valid = m.tracker_valid != 0;
-  in.tracker.time_ns = m.tracker_time_ns;
-  in.tracker.tip_W_m = FromArray(m.tracker_tip_W_m);
-  in.tracker.orientation_WT = TakeQuaternion(m.tracker_orientation_WT);
-
-  Number(out.cycle, m.cycle);
-  out.time_ns = m.time_ns;
-  Number(out.mode, m.mode);
-  Number(out.status, m.status);
-  FromArray(m.displacement_m, nt, out.displacement_m);
-  FromArray(m.tension_measured_N, nt, out.tension_measured_N);
-  FromArray(m.tension_base_estimate_N, nt, out.tension_base_estimate_N);
-  FromArray(m.torque_measured_Nm, nt, out.torque_measured_Nm);
-  FromArray(m.bending_estimate_rad, nb, out.bending_estimate_rad);
-  out.tip_estimate_W_m = FromArray(m.tip_estimate_W_m);
-  out.orientation_estimate_WT = TakeQuaternion(m.orientation_estimate_WT);
-
-  out.target_tip_W_m = FromArray(m.target_tip_W_m);
-  out.target_distance_m = m.target_distance_m;
-  FromArray(m.target_bending_rad, nb, out.target_bending_rad);
-  FromArray(m.reference_bending_rad, nb, out.reference.position_rad);
-  FromArray(m.reference_rate_radps, nb, out.reference.velocity_radps);
-  FromArray(m.reference_acceleration_radps2, nb, out.reference.acceleration_radps2);
-  out.reference_tip_W_m = FromArray(m.reference_tip_W_m);
-  FromArray(m.generalised_force_Nm, nb, out.generalised_force_Nm);
-  FromArray(m.tension_desired_base_N, nt, out.tension_desired_base_N);
-  FromArray(m.sliding_direction, nt, out.sliding_direction);
-  FromArray(m.tension_desired_motor_N, nt, out.tension_desired_motor_N);
-  FromArray(m.torque_desired_Nm, nt, out.torque_desired_Nm);
-  FromArray(m.displacement_desired_m, nt, out.displacement_desired_m);
-
-  Number(out.drive_request, m.drive_request);
-  out.clear_drive_faults = m.clear_drive_faults != 0;
-  std::copy(m.torque_target_permille.begin(), m.torque_target_permille.begin() + nt,
-            out.torque_target_permille.begin());
-
-  Number(out.commands_accepted, m.commands_accepted);
-  Number(out.commands_refused, m.commands_refused);
-  Number(out.command_status, m.command_status);
-  Number(out.feedback_missing, m.feedback_missing);
-
-  Number(record.timing.deadline_misses, m.deadline_misses);
-  record.timing.wake_latency_ns = m.wake_latency_ns;
-  record.timing.feedback_ns = m.feedback_ns;
-  record.timing.compute_ns = m.compute_ns;
-  record.timing.total_ns = m.total_ns;
-  return true;
 }
 
 void ToMessage(const CycleRecord& record, const RobotShape& shape, std::int64_t utime,

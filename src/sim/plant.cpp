@@ -18,6 +18,7 @@
 #include "drivetrain.h"
 #include "integrator.h"
 #include "laws.h"
+#include "sensors.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::sim {
@@ -34,12 +35,6 @@ constexpr double kNewtonTension = 0.125;
 // A reversal within a step is detected from the velocities at both ends, so two reversals of a motor that
 // oscillates on its micro-slip (some 100 Hz) must not fall into one step.
 constexpr double kLongestStep_s = 0.5e-3;
-
-Eigen::Matrix3d Rotation(const Eigen::Vector3d& vector) {
-  const double angle = vector.norm();
-  return angle > 0 ? Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix()
-                   : Eigen::Matrix3d::Identity();
-}
 
 // The tracker has a separate random sequence, so that reading it leaves the drives' noise unchanged.
 constexpr std::uint64_t kTrackerSeed = 0x9E3779B97F4A7C15;
@@ -68,6 +63,7 @@ struct Plant::Impl final : OdeSystem {
         laws(PlantLaws::Of(robot)),
         options(plant_options),
         actuation(Actuation(robot, "the plant")),
+        sensor(actuation, laws.sensor),
         body(robot.body),
         workspace(body),
         n(body.dof()),
@@ -311,8 +307,7 @@ struct Plant::Impl final : OdeSystem {
     const double now = ToSeconds(time_ns);
     for (int j = 0; j < m; ++j) {
       const auto& p = actuation.tendons[j];
-      const double turns =
-          (state[j].motor_angle_rad + laws.sensor.encoder_offset_rad[j]) / (2 * std::numbers::pi);
+      const double turns = sensor.Reported(j, state[j].motor_angle_rad) / (2 * std::numbers::pi);
       sensors[j].encoder_counts =
           static_cast<std::int32_t>(std::llround(turns * p.drive.encoder_counts_per_turn));
       const double permille = p.drive.rated_torque_Nm * 1e-3;
@@ -322,8 +317,7 @@ struct Plant::Impl final : OdeSystem {
       if (p.load_cell.place == LoadCellPlace::kNone) continue;
       const double tension_N =
           p.load_cell.place == LoadCellPlace::kMotorSide ? state[j].tension_motor_N : state[j].tension_base_N;
-      const double shift = p.load_cell.offset_N + laws.sensor.cell_drift_Nps[j] * now;
-      const double volts = p.load_cell.gain_VpN * (tension_N + cell + shift);
+      const double volts = p.load_cell.gain_VpN * sensor.Shown(j, tension_N + cell, now);
       sensors[j].load_cell_V = p.load_cell.resolution_V * std::round(volts / p.load_cell.resolution_V);
     }
     return sensors;
@@ -349,9 +343,7 @@ struct Plant::Impl final : OdeSystem {
 
   TrackerReading ReadTracker() {
     TrackerReading reading;
-    const model::Pose tip = body.TipPose(TrackedShape());
-    const Eigen::Matrix3d turned = Rotation(laws.sensor.tracker_turn_rad);
-    const model::Pose pose{turned * tip.R_WA, turned * tip.p_WA + laws.sensor.tracker_offset_m};
+    const model::Pose pose = sensor.Tracked(body.TipPose(TrackedShape()));
     const TrackerParameters tracker = actuation.tracker.value_or(TrackerParameters{});
     Eigen::Vector3d turn;
     for (int i = 0; i < 3; ++i)
@@ -366,6 +358,7 @@ struct Plant::Impl final : OdeSystem {
   PlantLaws laws;         // the law effects
   PlantOptions options;
   const ActuationParameters& actuation;
+  Sensors sensor;
   model::Body body;
   model::Body::Workspace workspace;
   int n, m;  // bending coordinates, tendons

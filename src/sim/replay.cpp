@@ -8,15 +8,17 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <mutex>
 #include <stdexcept>
 
 #include "actuation.h"
+#include "begins_in_motion.h"
 #include "body_motion.h"
+#include "capstan_cache.h"
 #include "drivetrain.h"
 #include "laws.h"
-#include "tendril/model/capstan.h"
+#include "measured_tension.h"
+#include "sampled.h"
+#include "sensors.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::sim {
@@ -29,83 +31,6 @@ using Eigen::VectorXd;
 // Longest step of the body's integrator: 0.01 mm at the tip for motions up to 10 Hz.
 constexpr double kLongestStep_s = 1.05e-3;
 
-// Caches tables of the Capstan equation: each takes some ten milliseconds, and a fit needs the same few
-// repeatedly.
-class CapstanTables {
- public:
-  using Table = std::shared_ptr<const model::CapstanTable>;
-
-  static Table For(const TransmissionParameters& transmission, double most_N) {
-    static CapstanTables all;
-    return all.Get(transmission, most_N);
-  }
-
- private:
-  static constexpr std::size_t kMost = 256;
-  static constexpr double kRelativeError = 1e-5;  // thousandths of a millinewton, in half the time of 1e-6
-
-  Table Get(const TransmissionParameters& t, double most_N) {
-    std::vector<double> key{most_N, t.low_tension_N};
-    for (const auto& p : t.pulleys) {
-      key.insert(key.end(), {static_cast<double>(p.law), p.wrap_rad, p.radius_ratio, p.alpha, p.exponent,
-                             p.entry_angle_rad});
-    }
-    {
-      const std::lock_guard lock(mutex_);
-      const auto found = tables_.find(key);
-      if (found != tables_.end()) {
-        found->second.used = ++clock_;
-        return found->second.table;
-      }
-    }
-    const auto table = std::make_shared<const model::CapstanTable>(t, most_N, kRelativeError);
-    const std::lock_guard lock(mutex_);
-    if (tables_.size() >= kMost) {
-      tables_.erase(std::min_element(tables_.begin(), tables_.end(), [](const auto& a, const auto& b) {
-        return a.second.used < b.second.used;
-      }));
-    }
-    return tables_.insert_or_assign(std::move(key), Entry{table, ++clock_}).first->second.table;
-  }
-
-  struct Entry {
-    Table table;
-    long used;
-  };
-  std::mutex mutex_;
-  std::map<std::vector<double>, Entry> tables_;
-  long clock_ = 0;
-};
-
-/// Bridges gaps of NaN linearly, held at the ends; false when there is no value.
-bool Bridge(Eigen::Ref<VectorXd> values) {
-  Index last = -1;
-  for (Index i = 0; i < values.size(); ++i) {
-    if (!std::isfinite(values[i])) continue;
-    for (Index k = last + 1; k < i; ++k) {
-      const double share = last < 0 ? 1 : static_cast<double>(k - last) / static_cast<double>(i - last);
-      values[k] = last < 0 ? values[i] : values[last] + share * (values[i] - values[last]);
-    }
-    last = i;
-  }
-  if (last < 0) return values.size() == 0;
-  values.tail(values.size() - 1 - last).setConstant(values[last]);
-  return true;
-}
-
-/// Rate of a smooth signal on a grid, by central differences of fourth order, lower ones at the ends.
-void Differentiate(Eigen::Ref<const VectorXd> x, double step, Eigen::Ref<VectorXd> rate) {
-  const Index s = x.size();
-  for (Index i = 0; i < s; ++i) {
-    if (i >= 2 && i + 2 < s) {
-      rate[i] = (8 * (x[i + 1] - x[i - 1]) - (x[i + 2] - x[i - 2])) / (12 * step);
-    } else {
-      const Index a = std::max<Index>(0, i - 1), b = std::min(s - 1, i + 1);
-      rate[i] = b > a ? (x[b] - x[a]) / (static_cast<double>(b - a) * step) : 0;
-    }
-  }
-}
-
 }  // namespace
 
 struct Replay::Impl {
@@ -113,19 +38,20 @@ struct Replay::Impl {
       : robot(FoldEffects(given)),
         actuation(Actuation(robot, "a replay")),
         laws(PlantLaws::Of(robot)),
+        sensor(actuation, laws.sensor),
         body(robot.body),
         n(body.dof()),
         m(body.tendons()) {
     for (int j = 0; j < m; ++j) {
       const auto& p = actuation.tendons[At(j)];
       const double most = std::max(2 * robot.limits.max_tension_motor_N, 20.0);
-      drive.emplace_back(p, robot.limits.min_tension_N, CapstanTables::For(p.transmission, most),
+      drive.emplace_back(p, robot.limits.min_tension_N, CachedCapstanTable(p.transmission, most),
                          laws.tendon[At(j)]);
       const auto& nominal = Actuation(given, "a replay").tendons[At(j)].load_cell;
       if (nominal.place == LoadCellPlace::kNone) {
-        cell.push_back({1, 0, 0});
+        cell.push_back({1, 0});
       } else {
-        cell.push_back({p.load_cell.gain_VpN / nominal.gain_VpN, p.load_cell.offset_N, nominal.offset_N});
+        cell.push_back({p.load_cell.gain_VpN / nominal.gain_VpN, nominal.offset_N});
       }
     }
   }
@@ -170,6 +96,11 @@ struct Replay::Impl {
     return s.time_s;
   }
 
+  /// Of samples at these times, equally spaced unless they are states at rest.
+  static Grid GridOf(const ReplaySignals& s, const VectorXd& time_s) {
+    return s.at_rest ? Grid(time_s) : Grid(s.step_s, time_s.size());
+  }
+
   /// Actual motor motion, from the encoders' readings.
   struct Motors {
     MatrixXd angle, velocity;
@@ -179,18 +110,20 @@ struct Replay::Impl {
     Motors motors{
         Needed(s.motor_angle_rad, samples, "motor angle"),
         s.at_rest ? MatrixXd::Zero(samples, m) : Needed(s.motor_velocity_radps, samples, "motor velocity")};
-    motors.angle.rowwise() -= laws.sensor.encoder_offset_rad.transpose();
+    for (int j = 0; j < m; ++j) {
+      for (double& angle : motors.angle.col(j)) angle = sensor.Motor(j, angle);
+    }
     return motors;
   }
 
+  /// As recorded with the gain and offset of the robot before its effects, and back.
   double Read(int j, double tension_N, double time_s) const {
     const Cell& c = cell[At(j)];
-    return c.gain * (tension_N + c.offset_N + laws.sensor.cell_drift_Nps[j] * time_s) - c.nominal_offset_N;
+    return c.gain * sensor.Shown(j, tension_N, time_s) - c.nominal_offset_N;
   }
   double Unread(int j, double reading_N, double time_s) const {
     const Cell& c = cell[At(j)];
-    return std::max(
-        0.0, (reading_N + c.nominal_offset_N) / c.gain - c.offset_N - laws.sensor.cell_drift_Nps[j] * time_s);
+    return std::max(0.0, sensor.Tension(j, (reading_N + c.nominal_offset_N) / c.gain, time_s));
   }
 
   // ---- cuts of one tendon at a time ----
@@ -333,248 +266,23 @@ struct Replay::Impl {
   std::unique_ptr<TensionSource> Source(const ReplaySignals& s, DrivenBy driven_by) const;
   /// Source of one kind for all tendons.
   std::unique_ptr<TensionSource> SourceOfAll(const ReplaySignals& s, DrivenBy driven_by) const;
-  bool BeginsInMotion(const ReplaySignals& s) const;
   MatrixXd Shortening(const ReplaySignals& s, const MatrixXd& q) const;
   /// `late`: the tracker's delay in samples.
   void Track(const MatrixXd& q, double late, int stride, BodyMotion& motion) const;
 
   struct Cell {
-    double gain, offset_N, nominal_offset_N;  // reading = gain (tension + offset + drift t) - nominal offset
+    double gain, nominal_offset_N;  // reading = gain * shown - nominal offset
   };
 
   RobotParameters robot;
   const ActuationParameters& actuation;
   PlantLaws laws;
+  Sensors sensor;
   model::Body body;
   int n, m;
   std::vector<Drivetrain> drive;
   std::vector<Cell> cell;
 };
-
-namespace {
-
-/// Signals at the samples, linear between them.
-class Grid {
- public:
-  /// Samples at these times, equally spaced unless they are states at rest.
-  Grid(const ReplaySignals& s, VectorXd time_s)
-      : step_(s.step_s), last_(time_s.size() - 1), time_s_(s.at_rest ? std::move(time_s) : VectorXd()) {}
-  void MoveTo(double time_s) noexcept {
-    const double at = time_s_.size() > 0 ? Sample(time_s) : time_s / step_, whole = std::round(at);
-    const double before = std::abs(at - whole) < 1e-6 ? whole : std::floor(at);
-    fraction_ = at - before < 1e-6 ? 0 : at - before;
-    sample_ = std::clamp<Index>(static_cast<Index>(before), 0, last_);
-    if (sample_ == last_) fraction_ = 0;
-  }
-  Index sample() const noexcept { return sample_; }
-  double Of(const double* x) const noexcept {
-    return fraction_ > 0 ? x[sample_] + fraction_ * (x[sample_ + 1] - x[sample_]) : x[sample_];
-  }
-
- private:
-  double Sample(double time_s) const noexcept {
-    const double* begin = time_s_.data();
-    const Index after = std::upper_bound(begin, begin + time_s_.size(), time_s) - begin;
-    if (after == 0) return 0;
-    if (after > last_) return static_cast<double>(last_);
-    return static_cast<double>(after - 1) +
-           (time_s - time_s_[after - 1]) / (time_s_[after] - time_s_[after - 1]);
-  }
-
-  double step_, fraction_ = 0;
-  Index last_, sample_ = 0;
-  VectorXd time_s_;
-};
-
-/// Measured base tensions, independent of the body.
-class GivenTension final : public TensionSource {
- public:
-  GivenTension(MatrixXd tension_N, Grid grid)
-      : tension_(std::move(tension_N)), grid_(std::move(grid)), now_(At(tension_.cols())) {}
-  void MoveTo(double time_s) noexcept override {
-    grid_.MoveTo(time_s);
-    for (Index j = 0; j < tension_.cols(); ++j) now_[At(j)] = grid_.Of(tension_.col(j).data());
-  }
-  void Evaluate(const double*, const double*, Tension* tension) const noexcept override {
-    for (std::size_t j = 0; j < now_.size(); ++j) tension[j] = {now_[j], 0, 0};
-  }
-  void Commit(const double*, const double*) noexcept override {}
-
- private:
-  static std::size_t At(Index j) { return static_cast<std::size_t>(j); }
-  MatrixXd tension_;
-  Grid grid_;
-  std::vector<double> now_;
-};
-
-/// Base tensions behind the pulleys, from known motor-side tensions and spools: only the sliding state
-/// depends on the body.
-class PulleyTension final : public TensionSource {
- public:
-  /// All S x M: pull of the spools and its rate, and the pulleys' map of the motor-side tension.
-  struct Signals {
-    MatrixXd spool_m, spool_rate_mps, middle_N, half_N;
-  };
-  PulleyTension(Signals signals, const std::vector<double>& presliding_m, const std::vector<char>& no_motor,
-                Grid grid)
-      : signals_(std::move(signals)), grid_(std::move(grid)) {
-    for (std::size_t j = 0; j < presliding_m.size(); ++j) {
-      pulley_.push_back({model::PulleyPresliding(presliding_m[j]), 1e-3 * presliding_m[j]});
-      if (j < no_motor.size() && no_motor[j] != 0) pulley_.back().of_body = 1;
-    }
-  }
-  void MoveTo(double time_s) noexcept override {
-    grid_.MoveTo(time_s);
-    time_s_ = time_s;
-    for (std::size_t j = 0; j < pulley_.size(); ++j) {
-      const auto column = static_cast<Index>(j);
-      Pulley& p = pulley_[j];
-      p.spool_m = grid_.Of(signals_.spool_m.col(column).data());
-      p.spool_rate_mps = grid_.Of(signals_.spool_rate_mps.col(column).data());
-      p.middle_N = grid_.Of(signals_.middle_N.col(column).data());
-      p.half_N = grid_.Of(signals_.half_N.col(column).data());
-    }
-  }
-  void Evaluate(const double* shortening_m, const double* rate_mps,
-                Tension* tension) const noexcept override {
-    for (std::size_t j = 0; j < pulley_.size(); ++j) {
-      const Pulley& p = pulley_[j];
-      const Way way = WayOf(p, shortening_m[j], rate_mps[j]);
-      const model::StopOperators<4>* memory = &p.memory;
-      model::StopOperators<4> turned;
-      if (way.turned) {
-        turned = p.memory;
-        turned.Commit(way.turn);
-        memory = &turned;
-      }
-      const double slope =
-          (memory->Peek(way.x + p.small_m) - memory->Peek(way.x - p.small_m)) / (2 * p.small_m);
-      const double value = p.middle_N - memory->Peek(way.x) * p.half_N;
-      tension[j] = value > 0 ? Tension{value, p.of_body * p.half_N * slope, 0} : Tension{};
-    }
-  }
-  void Commit(const double* shortening_m, const double* rate_mps) noexcept override {
-    for (std::size_t j = 0; j < pulley_.size(); ++j) {
-      Pulley& p = pulley_[j];
-      const Way way = WayOf(p, shortening_m[j], rate_mps[j]);
-      if (way.turned) p.memory.Commit(way.turn);
-      p.memory.Commit(way.x);
-      p.slide_m = way.x;
-      p.slide_rate_mps = p.Slid(p.spool_rate_mps, rate_mps[j]);
-    }
-    committed_s_ = time_s_;
-  }
-
- private:
-  struct Pulley {
-    model::StopOperators<4> memory;
-    double small_m = 0;
-    double of_body = 0.5;  // of the body's shortening in the slide
-    double Slid(double spool, double body) const noexcept { return 0.5 * spool + of_body * body; }
-    double slide_m = 0, slide_rate_mps = 0;                            // committed
-    double spool_m = 0, spool_rate_mps = 0, middle_N = 0, half_N = 0;  // now
-  };
-  Way WayOf(const Pulley& p, double shortening_m, double rate_mps) const noexcept {
-    return WayTo(p.slide_m, p.slide_rate_mps, p.Slid(p.spool_m, shortening_m),
-                 p.Slid(p.spool_rate_mps, rate_mps), time_s_ - committed_s_);
-  }
-
-  Signals signals_;
-  Grid grid_;
-  std::vector<Pulley> pulley_;
-  double time_s_ = 0, committed_s_ = 0;
-};
-
-/// Base tensions of the tendons' springs between measured motors and the body.
-class SpringTension final : public TensionSource {
- public:
-  SpringTension(MatrixXd angle, MatrixXd velocity, std::vector<Drivetrain> drive, Grid grid)
-      : angle_(std::move(angle)),
-        velocity_(std::move(velocity)),
-        grid_(std::move(grid)),
-        drive_(std::move(drive)),
-        motion_(drive_.size()) {}
-  void MoveTo(double time_s) noexcept override {
-    grid_.MoveTo(time_s);
-    time_s_ = time_s;
-    for (std::size_t j = 0; j < drive_.size(); ++j) {
-      const auto column = static_cast<Index>(j);
-      motion_[j].angle_rad = grid_.Of(angle_.col(column).data());
-      motion_[j].velocity_radps = grid_.Of(velocity_.col(column).data());
-    }
-  }
-  void Evaluate(const double* shortening_m, const double* rate_mps,
-                Tension* tension) const noexcept override {
-    for (std::size_t j = 0; j < drive_.size(); ++j) {
-      const DrivetrainMotion motion = Moved(j, shortening_m, rate_mps);
-      const DrivetrainForces forces = drive_[j].Evaluate(time_s_, motion);
-      const DrivetrainLinear linear = drive_[j].Linearise(motion, forces, 1);
-      const double ratio = forces.tension_motor_N > 0 ? forces.tension_base_N / forces.tension_motor_N : 0;
-      tension[j] = {forces.tension_base_N, ratio * drive_[j].stiffness_Npm() - linear.base_slide,
-                    ratio * drive_[j].damping_Nspm()};
-    }
-  }
-  void Commit(const double* shortening_m, const double* rate_mps) noexcept override {
-    for (std::size_t j = 0; j < drive_.size(); ++j) {
-      drive_[j].Commit(time_s_, Moved(j, shortening_m, rate_mps));
-    }
-  }
-
- private:
-  DrivetrainMotion Moved(std::size_t j, const double* shortening_m, const double* rate_mps) const noexcept {
-    DrivetrainMotion motion = motion_[j];
-    motion.shortening_m = shortening_m[j];
-    motion.shortening_rate_mps = rate_mps[j];
-    return motion;
-  }
-
-  MatrixXd angle_, velocity_;
-  Grid grid_;
-  std::vector<Drivetrain> drive_;
-  std::vector<DrivetrainMotion> motion_;
-  double time_s_ = 0;
-};
-
-/// Base tensions from load cells, and from springs where there is no cell.
-class MixedTension final : public TensionSource {
- public:
-  using Where = Eigen::Matrix<char, Eigen::Dynamic, Eigen::Dynamic>;
-  MixedTension(std::unique_ptr<TensionSource> cells, std::unique_ptr<TensionSource> springs, Where no_cell,
-               Grid grid)
-      : cells_(std::move(cells)),
-        springs_(std::move(springs)),
-        no_cell_(std::move(no_cell)),
-        grid_(std::move(grid)),
-        of_springs_(At(no_cell_.cols())) {}
-  void MoveTo(double time_s) noexcept override {
-    grid_.MoveTo(time_s);
-    cells_->MoveTo(time_s);
-    springs_->MoveTo(time_s);
-  }
-  void Evaluate(const double* shortening_m, const double* rate_mps,
-                Tension* tension) const noexcept override {
-    cells_->Evaluate(shortening_m, rate_mps, tension);
-    const auto now = no_cell_.row(grid_.sample());
-    if ((now.array() == 0).all()) return;
-    springs_->Evaluate(shortening_m, rate_mps, of_springs_.data());
-    for (Index j = 0; j < now.cols(); ++j) {
-      if (now[j] != 0) tension[j] = of_springs_[At(j)];
-    }
-  }
-  void Commit(const double* shortening_m, const double* rate_mps) noexcept override {
-    cells_->Commit(shortening_m, rate_mps);
-    springs_->Commit(shortening_m, rate_mps);
-  }
-
- private:
-  static std::size_t At(Index j) { return static_cast<std::size_t>(j); }
-  std::unique_ptr<TensionSource> cells_, springs_;
-  Where no_cell_;
-  Grid grid_;
-  mutable std::vector<Tension> of_springs_;
-};
-
-}  // namespace
 
 std::unique_ptr<TensionSource> Replay::Impl::Source(const ReplaySignals& s, DrivenBy driven_by) const {
   if (driven_by != DrivenBy::kCell || s.no_cell.size() == 0) return SourceOfAll(s, driven_by);
@@ -586,14 +294,14 @@ std::unique_ptr<TensionSource> Replay::Impl::Source(const ReplaySignals& s, Driv
     throw std::invalid_argument(fmt::format("replay: {} samples of tension, {} of motor angle",
                                             s.tension_N.rows(), s.motor_angle_rad.rows()));
   }
-  return std::make_unique<MixedTension>(SourceOfAll(s, DrivenBy::kCell), SourceOfAll(s, DrivenBy::kMotor),
-                                        s.no_cell, Grid(s, TimesOf(s, s.tension_N.rows())));
+  return MixedTension(SourceOfAll(s, DrivenBy::kCell), SourceOfAll(s, DrivenBy::kMotor), s.no_cell,
+                      GridOf(s, TimesOf(s, s.tension_N.rows())));
 }
 
 std::unique_ptr<TensionSource> Replay::Impl::SourceOfAll(const ReplaySignals& s, DrivenBy driven_by) const {
   const VectorXd time =
       TimesOf(s, driven_by == DrivenBy::kCell ? s.tension_N.rows() : s.motor_angle_rad.rows());
-  const Grid grid(s, time);
+  const Grid grid = GridOf(s, time);
   MatrixXd tension;
   if (driven_by == DrivenBy::kCell) {
     tension = Needed(s.tension_N, s.tension_N.rows(), "tension");
@@ -601,7 +309,7 @@ std::unique_ptr<TensionSource> Replay::Impl::SourceOfAll(const ReplaySignals& s,
       for (Index i = 0; i < tension.rows(); ++i) tension(i, j) = Unread(j, tension(i, j), time[i]);
     }
     if (s.load_cell == LoadCellPlace::kRobotSide) {
-      return std::make_unique<GivenTension>(std::move(tension), grid);
+      return GivenTension(std::move(tension), grid);
     }
     if (s.load_cell == LoadCellPlace::kNone) {
       throw std::invalid_argument("replay: no load cell; drive the body by torque or by motor");
@@ -609,7 +317,7 @@ std::unique_ptr<TensionSource> Replay::Impl::SourceOfAll(const ReplaySignals& s,
   }
   Motors motors = MotorsOf(s);
   if (driven_by == DrivenBy::kMotor) {
-    return std::make_unique<SpringTension>(std::move(motors.angle), std::move(motors.velocity), drive, grid);
+    return SpringTension(std::move(motors.angle), std::move(motors.velocity), drive, grid);
   }
   if (driven_by == DrivenBy::kTorque) tension = FromTorque(s, nullptr);
   const Index samples = tension.rows();
@@ -617,8 +325,8 @@ std::unique_ptr<TensionSource> Replay::Impl::SourceOfAll(const ReplaySignals& s,
     throw std::invalid_argument(
         fmt::format("replay: {} samples of tension, {} of motor angle", samples, motors.angle.rows()));
   }
-  PulleyTension::Signals signals{MatrixXd(samples, m), MatrixXd(samples, m), MatrixXd(samples, m),
-                                 MatrixXd(samples, m)};
+  PulleySignals signals{MatrixXd(samples, m), MatrixXd(samples, m), MatrixXd(samples, m),
+                        MatrixXd(samples, m)};
   std::vector<double> presliding;
   for (int j = 0; j < m; ++j) {
     Drivetrain line = drive[At(j)];
@@ -646,7 +354,7 @@ std::unique_ptr<TensionSource> Replay::Impl::SourceOfAll(const ReplaySignals& s,
       signals.spool_rate_mps.col(j) = rate;
     }
   }
-  return std::make_unique<PulleyTension>(std::move(signals), presliding, s.no_motor, grid);
+  return PulleyTension(std::move(signals), presliding, s.no_motor, grid);
 }
 
 BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int stride) const {
@@ -660,7 +368,7 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
   BodyStepper stepper(body, laws.body, kNear * robot.limits.max_tension_base_N);
   MatrixXd q(n, samples), tension(m, samples);
   const VectorXd time = TimesOf(s, samples);
-  if (!(!s.at_rest && BeginsInMotion(s) ? stepper.LetGo(*source, 0) : stepper.Settle(*source, 0))) {
+  if (!(!s.at_rest && BeginsInMotion(s, robot) ? stepper.LetGo(*source, 0) : stepper.Settle(*source, 0))) {
     throw std::runtime_error("replay: the body has no equilibrium under the first sample's tensions");
   }
   for (Index i = 0;; ++i) {
@@ -691,34 +399,6 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
   const bool delayed = actuation.tracker && !s.at_rest;  // at rest, delay has no effect
   Track(q, delayed ? actuation.tracker->delay_s / step : 0, stride, motion);
   return motion;
-}
-
-// Every simulation begins straight; where that is no equilibrium (tilt, rest bend, side load) the robot moves
-// at once, and motors and cells show it. A log that begins later begins at rest.
-bool Replay::Impl::BeginsInMotion(const ReplaySignals& s) const {
-  // Angles and tension hold for the reference rig: shares of a motor's travel and of the largest tension.
-  constexpr double kLook_s = 0.3, kMean_s = 0.004, kAngle_rad = 0.02, kTurned_rad = 0.2, kTension_N = 0.04,
-                   kNoise = 6;
-  const double travel = OverReference(Yardstick::kMotorTravel, robot).bound;
-  const double pull = OverReference(Yardstick::kTension, robot).bound;
-  const auto moves = [&](const MatrixXd& signal, double least) {
-    const auto mean = std::max<Index>(1, std::lround(kMean_s / s.step_s));
-    const Index windows = std::min(signal.rows(), static_cast<Index>(kLook_s / s.step_s)) / mean;
-    for (Index j = 0; j < signal.cols() && windows > 2; ++j) {
-      VectorXd value(windows), jump(windows - 1);
-      for (Index w = 0; w < windows; ++w) value[w] = signal.col(j).segment(w * mean, mean).mean();
-      if (!value.allFinite()) continue;
-      jump = (value.tail(windows - 1) - value.head(windows - 1)).cwiseAbs();
-      const auto middle = jump.data() + jump.size() / 2;
-      std::nth_element(jump.data(), middle, jump.data() + jump.size());
-      if (value.maxCoeff() - value.minCoeff() > least + kNoise * *middle) return true;
-    }
-    return false;
-  };
-  // A log that begins during a motion is neither: its motors have turned already.
-  if (s.motor_angle_rad.size() > 0 && s.motor_angle_rad.row(0).cwiseAbs().maxCoeff() > kTurned_rad * travel)
-    return false;
-  return moves(s.motor_angle_rad, kAngle_rad * travel) || moves(s.tension_N, kTension_N * pull);
 }
 
 // Where bending is measured, the shape is corrected by the difference, spread evenly over the section's units
@@ -760,16 +440,10 @@ MatrixXd Replay::Impl::Shortening(const ReplaySignals& s, const MatrixXd& q) con
 
 void Replay::Impl::Track(const MatrixXd& q, double late, int stride, BodyMotion& motion) const {
   const Index rows = (q.cols() - 1) / stride + 1;
-  const Eigen::Vector3d turn = laws.sensor.tracker_turn_rad;
-  const double angle = turn.norm();
-  const Eigen::Matrix3d r =
-      angle > 0 ? Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
   motion.q.resize(rows, n);
   motion.tip_m.resize(rows, 3);
   motion.tip_rotation.resize(rows, 3);
   motion.bending_rad.resize(rows, 2 * body.sections());
-  // A bend is relative to the section's own base: of a rotated frame only the rotation about z is visible.
-  const Eigen::Rotation2Dd plane(turn.z());
   VectorXd shape(n);
   for (Index k = 0; k < rows; ++k) {
     const Index i = k * stride;
@@ -778,14 +452,14 @@ void Replay::Impl::Track(const MatrixXd& q, double late, int stride, BodyMotion&
     const auto before = static_cast<Index>(at);
     shape = q.col(before);
     if (before < i) shape += (at - static_cast<double>(before)) * (q.col(before + 1) - q.col(before));
-    const model::Pose pose = body.TipPose(shape);
-    motion.tip_m.row(k) = (r * pose.p_WA + laws.sensor.tracker_offset_m).transpose();
-    const Eigen::AngleAxisd rotation(Eigen::Matrix3d(r * pose.R_WA));
+    const model::Pose pose = sensor.Tracked(body.TipPose(shape));
+    motion.tip_m.row(k) = pose.p_WA.transpose();
+    const Eigen::AngleAxisd rotation(pose.R_WA);
     motion.tip_rotation.row(k) = (rotation.angle() * rotation.axis()).transpose();
     for (int section = 0; section < body.sections(); ++section) {
       Eigen::Vector2d bend(0, 0);
       for (int u = body.first_unit(section); u < body.end_unit(section); ++u) bend += shape.segment<2>(2 * u);
-      motion.bending_rad.row(k).segment<2>(2 * section) = (plane * bend).transpose();
+      motion.bending_rad.row(k).segment<2>(2 * section) = sensor.Tracked(bend).transpose();
     }
   }
 }

@@ -1,4 +1,4 @@
-// `tendril follow` as a user runs it, against the whole daemon in real time.
+// `tendril follow` as a user runs it, against the whole daemon with a simulated robot.
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -17,7 +17,6 @@ namespace {
 
 using test::kLiveUrl;
 using test::LiveDaemon;
-using test::WhyNotLive;
 using testing::HasSubstr;
 using namespace std::chrono_literals;
 
@@ -25,7 +24,6 @@ class FollowLive : public CommandTest {
  protected:
   void SetUp() override {
     CommandTest::SetUp();
-    if (const std::string why = WhyNotLive(); !why.empty()) GTEST_SKIP() << why;
     daemon_.emplace("rig_60mm.yaml", prefix_);
     client_.emplace(kLiveUrl, prefix_);
     client_->OnState([this](const tendril_lcm::state_t& s) {

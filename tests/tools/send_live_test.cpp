@@ -12,17 +12,12 @@ namespace tendril::tools {
 namespace {
 
 using test::kLiveUrl;
-using test::WhyNotLive;
 using testing::HasSubstr;
 using testing::Not;
 using namespace std::chrono_literals;
 
 class SendLive : public CommandTest {
  protected:
-  void SetUp() override {
-    CommandTest::SetUp();
-    if (const std::string why = WhyNotLive(); !why.empty()) GTEST_SKIP() << why;
-  }
   void TearDown() override {
     stop_ = true;
     if (daemon_.joinable()) daemon_.join();

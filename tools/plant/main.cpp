@@ -11,6 +11,7 @@
 #include <lcm/lcm-cpp.hpp>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "plant_options.h"
 #include "tendril/can/bus_guard.h"
@@ -98,99 +99,149 @@ rig::DriveProfiles Profiles(const std::string& daemon_file) {
   return rig::DriveProfiles(config::LoadDaemon(daemon_file).bus.nodes);
 }
 
-void Run(const PlantOptions& options) {
-  const std::vector<rig::FaultOrder> faults = AsUse([&] { return rig::ReadFaults(options.faults); });
-  const std::vector<rig::FaultOrder> scenario =
-      options.scenario.empty() ? std::vector<rig::FaultOrder>{} : rig::ReadScenario(options.scenario);
-  const RobotParameters robot = sim::LoadRobot(options.robot);
-  if (!robot.actuation) {
-    throw std::runtime_error(
-        fmt::format("{}: robot '{}' has no 'actuation' section (motors, drives, tendons); use a rig file "
-                    "such as rig_90mm.yaml",
-                    options.robot, robot.name));
+/// What the command line names, read before anything touches the bus.
+struct Job {
+  explicit Job(const PlantOptions& options)
+      : faults(AsUse([&] { return rig::ReadFaults(options.faults); })),
+        scenario(options.scenario.empty() ? std::vector<rig::FaultOrder>{}
+                                          : rig::ReadScenario(options.scenario)),
+        robot(sim::LoadRobot(options.robot)) {
+    if (!robot.actuation) {
+      throw std::runtime_error(
+          fmt::format("{}: robot '{}' has no 'actuation' section (motors, drives, tendons); use a rig file "
+                      "such as rig_90mm.yaml",
+                      options.robot, robot.name));
+    }
+    extra_nodes = ExtraNodes(options.extra_nodes, *robot.actuation);
   }
-  const std::vector<int> extra = ExtraNodes(options.extra_nodes, *robot.actuation);
-  const TendonDriveParameters& like = robot.actuation->tendons.front();
-  const MonotonicClock clock;
-  const can::BusGuard guard("tendril-plant", options.interface);
-  can::SocketCanPort bus(options.interface);
-  emulator::FaultInjector port(bus, options.seed);
-  const rig::DriveProfiles profiles = Profiles(options.drives);
-  rig::VirtualRig rig(robot, port, {.seed = options.seed}, profiles, rig::FreeDrives(extra, like));
-  rig::FreeMotors free_motors(rig.drives(), static_cast<int>(robot.actuation->tendons.size()), like);
-  port.Attach(rig.drives());
-  AsUse([&] { rig::Order(faults, port, clock.Now()); });
-  rig::Order(scenario, port, clock.Now());
+  const std::vector<TendonDriveParameters>& tendons() const { return robot.actuation->tendons; }
 
-  std::unique_ptr<lcm::LCM> lcm;
-  std::unique_ptr<Tracker> tracker;
-  std::unique_ptr<rig::FaultListener> listener;
-  if (!options.lcm_url.empty()) {
-    lcm = io::OpenLcm(options.lcm_url);
-    listener = std::make_unique<rig::FaultListener>(*lcm, kPrefix, port, clock);
-    if (robot.actuation->tracker) tracker = std::make_unique<Tracker>(*lcm);
-  }
+  std::vector<rig::FaultOrder> faults, scenario;
+  RobotParameters robot;
+  std::vector<int> extra_nodes;
+};
 
-  CatchSignals();
+class Plant {
+ public:
+  explicit Plant(const PlantOptions& options);
+
+  void SayReady() const;
+  /// Until asked to stop.
+  void Serve();
+  void SaySummary() const;
+
+ private:
+  void ConnectLcm();
+
+  const PlantOptions& options_;
+  const Job job_;
+  const MonotonicClock clock_;
+  const can::BusGuard guard_;
+  can::SocketCanPort bus_;
+  emulator::FaultInjector port_;
+  const rig::DriveProfiles profiles_;
+  rig::VirtualRig rig_;
+  rig::FreeMotors free_motors_;
+  std::unique_ptr<lcm::LCM> lcm_;
+  std::unique_ptr<Tracker> tracker_;
+  std::unique_ptr<rig::FaultListener> listener_;
+  TimeNs start_ns_ = 0;
+  rt::Histogram lag_, work_;
+  std::uint64_t syncs_ = 0, skipped_ = 0;
+};
+
+Plant::Plant(const PlantOptions& options)
+    : options_(options),
+      job_(options),
+      guard_("tendril-plant", options.interface),
+      bus_(options.interface),
+      port_(bus_, options.seed),
+      profiles_(Profiles(options.drives)),
+      rig_(job_.robot, port_, {.seed = options.seed}, profiles_,
+           rig::FreeDrives(job_.extra_nodes, job_.tendons().front())),
+      free_motors_(rig_.drives(), static_cast<int>(job_.tendons().size()), job_.tendons().front()) {
+  port_.Attach(rig_.drives());
+  AsUse([&] { rig::Order(job_.faults, port_, clock_.Now()); });
+  rig::Order(job_.scenario, port_, clock_.Now());
+  if (!options.lcm_url.empty()) ConnectLcm();
+}
+
+void Plant::ConnectLcm() {
+  lcm_ = io::OpenLcm(options_.lcm_url);
+  listener_ = std::make_unique<rig::FaultListener>(*lcm_, kPrefix, port_, clock_);
+  if (job_.robot.actuation->tracker) tracker_ = std::make_unique<Tracker>(*lcm_);
+}
+
+void Plant::SayReady() const {
   std::string nodes;
-  for (const auto& tendon : robot.actuation->tendons) {
+  for (const auto& tendon : job_.tendons()) {
     nodes += fmt::format("{}{}", nodes.empty() ? "" : " ", tendon.node_id);
-    if (const auto profile = profiles.Of(tendon.node_id); !profile->file.empty())
+    if (const auto profile = profiles_.Of(tendon.node_id); !profile->file.empty())
       nodes += fmt::format(" ({})", profile->name);
   }
-  if (!extra.empty()) nodes += fmt::format(", free motors on nodes {}", options.extra_nodes);
+  if (!job_.extra_nodes.empty()) nodes += fmt::format(", free motors on nodes {}", options_.extra_nodes);
   const std::string on_lcm =
-      lcm ? fmt::format(", {}faults by LCM on {}", tracker ? "tracker and " : "", options.lcm_url) : "";
-  const std::string ordered = port.pending() > 0 ? fmt::format(", {} faults ordered", port.pending()) : "";
-  fmt::print("tendril-plant: '{}' on {}: {} units, nodes {}{}{}; ready, Ctrl-C stops\n", robot.name,
-             options.interface, robot.body.units(), nodes, on_lcm, ordered);
+      lcm_ ? fmt::format(", {}faults by LCM on {}", tracker_ ? "tracker and " : "", options_.lcm_url) : "";
+  const std::string ordered = port_.pending() > 0 ? fmt::format(", {} faults ordered", port_.pending()) : "";
+  fmt::print("tendril-plant: '{}' on {}: {} units, nodes {}{}{}; ready, Ctrl-C stops\n", job_.robot.name,
+             options_.interface, job_.robot.body.units(), nodes, on_lcm, ordered);
   std::fflush(stdout);
+}
 
-  // Wakes for frames and at least each millisecond; the grid only bounds how long the drives and the plant
-  // wait.
-  const TimeNs start_ns = clock.Now();
-  rt::DeadlineGrid grid(start_ns, kNsPerMs);
-  rt::Histogram lag, work;
-  std::uint64_t syncs = 0, skipped = 0;
+// Wakes for frames and at least each millisecond; the grid only bounds how long the drives and the plant
+// wait.
+void Plant::Serve() {
+  start_ns_ = clock_.Now();
+  rt::DeadlineGrid grid(start_ns_, kNsPerMs);
   bool up = true;
   while (!stop_asked) {
-    port.WaitUntil(grid.next_ns());
-    const TimeNs now_ns = clock.Now();
+    port_.WaitUntil(grid.next_ns());
+    const TimeNs now_ns = clock_.Now();
     if (now_ns >= grid.next_ns()) {
-      lag.Add(now_ns - grid.next_ns());
-      skipped += grid.Advance(now_ns);
-      if (lcm && io::HandleWaiting(*lcm, 0) > 0) Show(*listener);
+      lag_.Add(now_ns - grid.next_ns());
+      skipped_ += grid.Advance(now_ns);
+      if (lcm_ && io::HandleWaiting(*lcm_, 0) > 0) Show(*listener_);
     }
-    port.Poll(now_ns);
-    free_motors.Poll(now_ns);
-    syncs += static_cast<std::uint64_t>(rig.Poll(now_ns));
-    if (tracker) tracker->PublishIfDue(rig, now_ns);
-    work.Add(clock.Now() - now_ns);
-    if (port.up() != up) {
+    port_.Poll(now_ns);
+    free_motors_.Poll(now_ns);
+    syncs_ += static_cast<std::uint64_t>(rig_.Poll(now_ns));
+    if (tracker_) tracker_->PublishIfDue(rig_, now_ns);
+    work_.Add(clock_.Now() - now_ns);
+    if (port_.up() != up) {
       up = !up;
-      fmt::print(stderr, "tendril-plant: {} is {}\n", options.interface,
+      fmt::print(stderr, "tendril-plant: {} is {}\n", options_.interface,
                  up ? "up again" : "down; waiting for it");
     }
   }
+}
 
-  const can::CanCounters& frames = bus.counters();
+void Plant::SaySummary() const {
+  const can::CanCounters& frames = bus_.counters();
   const auto us = [](TimeNs ns) { return static_cast<double>(ns) * 1e-3; };
   fmt::print("tendril-plant: {:.1f} s, {} cycles (SYNC), {} frames in, {} out, {} lost\n",
-             ToSeconds(clock.Now() - start_ns), syncs, frames.received, frames.sent,
+             ToSeconds(clock_.Now() - start_ns_), syncs_, frames.received, frames.sent,
              frames.send_refused + frames.receive_dropped);
   fmt::print(
       "tendril-plant: real-time lag 99 % below {:.0f} us, at most {:.0f} us, {} whole milliseconds missed; "
       "work per "
       "wake-up 99 % below {:.0f} us, at most {:.0f} us\n",
-      us(lag.Percentile(0.99)), us(lag.max_ns()), skipped, us(work.Percentile(0.99)), us(work.max_ns()));
-  if (const emulator::FaultCounters& f = port.faults();
+      us(lag_.Percentile(0.99)), us(lag_.max_ns()), skipped_, us(work_.Percentile(0.99)), us(work_.max_ns()));
+  if (const emulator::FaultCounters& f = port_.faults();
       f.dropped + f.delayed + f.duplicated + f.corrupted > 0) {
     fmt::print("tendril-plant: frames by faults: {} dropped, {} delayed, {} duplicated, {} corrupted\n",
                f.dropped, f.delayed, f.duplicated, f.corrupted);
   }
-  if (tracker) {
-    fmt::print("tendril-plant: {} tracker messages, {} failed\n", tracker->published(), tracker->failed());
+  if (tracker_) {
+    fmt::print("tendril-plant: {} tracker messages, {} failed\n", tracker_->published(), tracker_->failed());
   }
+}
+
+void Run(const PlantOptions& options) {
+  Plant plant(options);
+  CatchSignals();
+  plant.SayReady();
+  plant.Serve();
+  plant.SaySummary();
 }
 
 }  // namespace

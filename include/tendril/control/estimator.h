@@ -82,6 +82,18 @@ class Estimator {
     BendingMatrix root_rad, count;
   };
 
+  // On both sides of the pulleys; the variance is that of motor_N.
+  struct Tension {
+    double motor_N, base_N, variance_N2;
+  };
+
+  double ReadTendon(int tendon, const DriveFeedback& drive, CycleOutput& output) noexcept;
+  static Tension TensionOf(const Tendon& tendon, const model::CapstanTable& pulleys, double z,
+                           double torque_Nm, double cell_N) noexcept;
+  static double MotorSideVariance(const Tendon& tendon, const model::CapstanTable& pulleys, double z,
+                                  double base_N) noexcept;
+  void BendingWithAllTaut(const TendonVector& tension_base_N, const TendonVector& variance_m2) noexcept;
+  void BendingWithSlack(const TendonVector& tension_base_N, TendonVector& variance_m2) noexcept;
   BendingVector Settling(const TendonVector& tension_base_N) noexcept;
   void EstimateBending(const TendonVector& counts, const TendonVector& variance_m2,
                        const Expected& expected) noexcept;

@@ -18,8 +18,8 @@ constexpr double RoundingVariance(double step) { return step * step / 12; }
 
 // Readings below this many standard deviations of the cell count as no tension.
 constexpr double kNoPullDeviations = 4;
-// Standard deviation of a taut tendon, for its weight against the prior.
-constexpr double kPriorDeviation_m = 1e-7;
+// Variance of a taut tendon, for its weight against the prior.
+constexpr double kPriorCount_m2 = 1e-7 * 1e-7;
 // Time constant with which an unmeasured robot settles under its tensions; its oscillation is not faster.
 constexpr double kSettles_s = 0.1;
 // Time after which a tendon that was slack counts as taut; noise alone may show tension for a cycle.
@@ -142,91 +142,11 @@ void Estimator::ZeroDisplacement(const CycleInput& input) noexcept {
 void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
   const int m = static_cast<int>(tendons_.size());
   TendonVector variance_m2(m);
-  for (int j = 0; j < m; ++j) {
-    Tendon& t = tendons_[j];
-    const DriveFeedback& d = input.drive[j];
-    const double pull_m = CountsMoved(d.position_counts, t.zero_counts) * t.travel_per_count_m;
-    const double z = t.presliding.Commit(pull_m);
-    const double torque_Nm = d.torque_permille * 1e-3 * t.rated_torque_Nm;
-    const double cell_N = d.analog_mV * t.newton_per_mV - t.cell_offset_N;
-    const double bearing_N = t.pulley_coulomb_N * z;  // lost in the pulleys at any load
-
-    double motor_N = 0, base_N = 0, variance_N2 = t.sensor_variance_N2;  // of motor_N
-    switch (t.place) {
-      case LoadCellPlace::kMotorSide:
-        motor_N = cell_N;
-        base_N = std::max(0.0, tables_[j]->MotorToBase(std::max(motor_N, 0.0), z) - bearing_N);
-        break;
-      case LoadCellPlace::kRobotSide:
-        base_N = cell_N;
-        motor_N = tables_[j]->BaseToMotor(std::max(base_N + bearing_N, 0.0), z);
-        if (base_N > 0) {
-          // Slope of the map over one standard deviation to either side.
-          const double low_N = std::max(0.0, base_N - std::sqrt(variance_N2)),
-                       high_N = base_N + std::sqrt(variance_N2);
-          const double spread_N = tables_[j]->BaseToMotor(high_N, z) - tables_[j]->BaseToMotor(low_N, z);
-          variance_N2 =
-              spread_N * spread_N / 4 +
-              FrictionVariance(tables_[j]->BaseToMotor(base_N + t.pulley_coulomb_N, 1),
-                               tables_[j]->BaseToMotor(std::max(0.0, base_N - t.pulley_coulomb_N), -1), z);
-        }
-        break;
-      case LoadCellPlace::kNone: {
-        const double pull_Nm = t.torque_scale * torque_Nm, losses = std::pow(t.efficiency, z);
-        motor_N = std::max(0.0, (pull_Nm - t.coulomb_Nm * z) / t.travel_m * losses);
-        variance_N2 = variance_N2 * losses * losses +
-                      FrictionVariance((pull_Nm + t.coulomb_Nm) / t.travel_m / t.efficiency,
-                                       (pull_Nm - t.coulomb_Nm) / t.travel_m * t.efficiency, z);
-        base_N = std::max(0.0, tables_[j]->MotorToBase(motor_N, z) - bearing_N);
-        break;
-      }
-    }
-    output.displacement_m[j] = pull_m;
-    output.tension_measured_N[j] = t.place == LoadCellPlace::kNone ? motor_N : cell_N;
-    output.tension_base_estimate_N[j] = base_N;
-    tension_base_N_[j] += averaged_ * (base_N - tension_base_N_[j]);
-    output.torque_measured_Nm[j] = torque_Nm;
-    const double stretch_m = (motor_N - min_tension_N_) / t.stiffness_Npm;
-    stretch_m_[j] += averaged_ * (stretch_m - stretch_m_[j]);
-    shortening_m_[j] = pull_m - stretch_m;
-    variance_m2[j] =
-        2 * RoundingVariance(t.travel_per_count_m) + variance_N2 / (t.stiffness_Npm * t.stiffness_Npm);
-    const double over_N = std::max((kTaut - kSlack) * min_tension_N_, t.slack_N);
-    const double pulls =
-        t.place == LoadCellPlace::kNone ? 1 : std::clamp((cell_N - t.slack_N) / over_N, 0., 1.);
-    t.taut = std::min(pulls, t.taut + grips_);
-    weight_[j] = t.taut * t.taut;
-  }
-  // With all tendons taut they count equally, and the straight-robot prior has negligible weight.
-  const auto k2 = bending_rad_.size();
-  const BendingMatrix one = BendingMatrix::Identity(k2, k2);
-  const double count_m2 = kPriorDeviation_m * kPriorDeviation_m;
+  for (int j = 0; j < m; ++j) variance_m2[j] = ReadTendon(j, input.drive[j], output);
   if (weight_.minCoeff() == 1) {
-    const BendingVector expected_rad =
-        pulls_every_way_ ? BendingVector(-bending_rad_) : Settling(output.tension_base_estimate_N);
-    EstimateBending(weight_, variance_m2,
-                    {expected_rad, one * std::sqrt(straight_rad2_), one * (count_m2 / straight_rad2_)});
+    BendingWithAllTaut(output.tension_base_estimate_N, variance_m2);
   } else {
-    // Second-order effect of the unknown shape on the tendon paths.
-    double unknown_m2 = 0;
-    for (int k = 0; k < body_.sections(); ++k) {
-      const double bent_m = curvature_mprad2_[static_cast<std::size_t>(k)] *
-                            covariance_rad2_.diagonal().segment<2>(2 * k).sum();
-      unknown_m2 += bent_m * bent_m / 2;
-    }
-    TendonVector counts(m);
-    for (int j = 0; j < m; ++j) {
-      const Tendon& t = tendons_[j];
-      variance_m2[j] += unknown_m2;
-      const double blind_m2 = t.range_variance_m2 * (1 - t.taut) * (1 - t.taut);
-      counts[j] = count_m2 * weight_[j] / (weight_[j] * (variance_m2[j] + kNoArc_m * kNoArc_m) + blind_m2);
-      if (weight_[j] > 0) variance_m2[j] += blind_m2 / weight_[j];
-    }
-    const double kept2 = kept_ * kept_;
-    const auto factor = BendingMatrix(kept2 * covariance_rad2_ + (1 - kept2) * straight_rad2_ * one).llt();
-    EstimateBending(
-        counts, variance_m2,
-        {Settling(output.tension_base_estimate_N), factor.matrixL(), factor.solve(one * count_m2)});
+    BendingWithSlack(output.tension_base_estimate_N, variance_m2);
   }
   output.bending_covariance_rad2 = covariance_rad2_;
   body_.SpreadBending(bending_rad_, q_);
@@ -234,6 +154,109 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
   output.bending_estimate_rad = bending_rad_;
   output.tip_estimate_W_m = tip.p_WA;
   output.orientation_estimate_WT = Eigen::Quaterniond(tip.R_WA);
+}
+
+// Variance of the shortening [m^2].
+double Estimator::ReadTendon(int j, const DriveFeedback& d, CycleOutput& output) noexcept {
+  Tendon& t = tendons_[j];
+  const double pull_m = CountsMoved(d.position_counts, t.zero_counts) * t.travel_per_count_m;
+  const double z = t.presliding.Commit(pull_m);
+  const double torque_Nm = d.torque_permille * 1e-3 * t.rated_torque_Nm;
+  const double cell_N = d.analog_mV * t.newton_per_mV - t.cell_offset_N;
+  const Tension tension = TensionOf(t, *tables_[j], z, torque_Nm, cell_N);
+  output.displacement_m[j] = pull_m;
+  output.tension_measured_N[j] = t.place == LoadCellPlace::kNone ? tension.motor_N : cell_N;
+  output.tension_base_estimate_N[j] = tension.base_N;
+  tension_base_N_[j] += averaged_ * (tension.base_N - tension_base_N_[j]);
+  output.torque_measured_Nm[j] = torque_Nm;
+  const double stretch_m = (tension.motor_N - min_tension_N_) / t.stiffness_Npm;
+  stretch_m_[j] += averaged_ * (stretch_m - stretch_m_[j]);
+  shortening_m_[j] = pull_m - stretch_m;
+  const double over_N = std::max((kTaut - kSlack) * min_tension_N_, t.slack_N);
+  const double pulls =
+      t.place == LoadCellPlace::kNone ? 1 : std::clamp((cell_N - t.slack_N) / over_N, 0., 1.);
+  t.taut = std::min(pulls, t.taut + grips_);
+  weight_[j] = t.taut * t.taut;
+  return 2 * RoundingVariance(t.travel_per_count_m) +
+         tension.variance_N2 / (t.stiffness_Npm * t.stiffness_Npm);
+}
+
+// From the load cell, or without one from the torque; z is the state of the friction between the two sides.
+Estimator::Tension Estimator::TensionOf(const Tendon& t, const model::CapstanTable& pulleys, double z,
+                                        double torque_Nm, double cell_N) noexcept {
+  const double bearing_N = t.pulley_coulomb_N * z;  // lost in the pulleys at any load
+  const auto at_base = [&](double motor_N) {
+    return std::max(0.0, pulleys.MotorToBase(motor_N, z) - bearing_N);
+  };
+  Tension tension{0, 0, t.sensor_variance_N2};
+  switch (t.place) {
+    case LoadCellPlace::kMotorSide:
+      tension.motor_N = cell_N;
+      tension.base_N = at_base(std::max(cell_N, 0.0));
+      break;
+    case LoadCellPlace::kRobotSide:
+      tension.base_N = cell_N;
+      tension.motor_N = pulleys.BaseToMotor(std::max(cell_N + bearing_N, 0.0), z);
+      if (cell_N > 0) tension.variance_N2 = MotorSideVariance(t, pulleys, z, cell_N);
+      break;
+    case LoadCellPlace::kNone: {
+      const double pull_Nm = t.torque_scale * torque_Nm, losses = std::pow(t.efficiency, z);
+      tension.motor_N = std::max(0.0, (pull_Nm - t.coulomb_Nm * z) / t.travel_m * losses);
+      tension.variance_N2 = t.sensor_variance_N2 * losses * losses +
+                            FrictionVariance((pull_Nm + t.coulomb_Nm) / t.travel_m / t.efficiency,
+                                             (pull_Nm - t.coulomb_Nm) / t.travel_m * t.efficiency, z);
+      tension.base_N = at_base(tension.motor_N);
+      break;
+    }
+  }
+  return tension;
+}
+
+// Of a robot-side reading: slope of the map over one standard deviation to either side, and the friction.
+double Estimator::MotorSideVariance(const Tendon& t, const model::CapstanTable& pulleys, double z,
+                                    double base_N) noexcept {
+  const double deviation_N = std::sqrt(t.sensor_variance_N2);
+  const double low_N = std::max(0.0, base_N - deviation_N), high_N = base_N + deviation_N;
+  const double spread_N = pulleys.BaseToMotor(high_N, z) - pulleys.BaseToMotor(low_N, z);
+  return spread_N * spread_N / 4 +
+         FrictionVariance(pulleys.BaseToMotor(base_N + t.pulley_coulomb_N, 1),
+                          pulleys.BaseToMotor(std::max(0.0, base_N - t.pulley_coulomb_N), -1), z);
+}
+
+// All tendons count equally, and the straight-robot prior has negligible weight.
+void Estimator::BendingWithAllTaut(const TendonVector& tension_base_N,
+                                   const TendonVector& variance_m2) noexcept {
+  const BendingMatrix one = BendingMatrix::Identity(bending_rad_.size(), bending_rad_.size());
+  const BendingVector expected_rad =
+      pulls_every_way_ ? BendingVector(-bending_rad_) : Settling(tension_base_N);
+  EstimateBending(weight_, variance_m2,
+                  {expected_rad, one * std::sqrt(straight_rad2_), one * (kPriorCount_m2 / straight_rad2_)});
+}
+
+// Tendons are weighted by their variance, against the prediction.
+void Estimator::BendingWithSlack(const TendonVector& tension_base_N, TendonVector& variance_m2) noexcept {
+  // Second-order effect of the unknown shape on the tendon paths.
+  double unknown_m2 = 0;
+  for (int k = 0; k < body_.sections(); ++k) {
+    const double bent_m =
+        curvature_mprad2_[static_cast<std::size_t>(k)] * covariance_rad2_.diagonal().segment<2>(2 * k).sum();
+    unknown_m2 += bent_m * bent_m / 2;
+  }
+  const int m = static_cast<int>(tendons_.size());
+  TendonVector counts(m);
+  for (int j = 0; j < m; ++j) {
+    const Tendon& t = tendons_[j];
+    variance_m2[j] += unknown_m2;
+    const double blind_m2 = t.range_variance_m2 * (1 - t.taut) * (1 - t.taut);
+    counts[j] =
+        kPriorCount_m2 * weight_[j] / (weight_[j] * (variance_m2[j] + kNoArc_m * kNoArc_m) + blind_m2);
+    if (weight_[j] > 0) variance_m2[j] += blind_m2 / weight_[j];
+  }
+  const BendingMatrix one = BendingMatrix::Identity(bending_rad_.size(), bending_rad_.size());
+  const double kept2 = kept_ * kept_;
+  const auto factor = BendingMatrix(kept2 * covariance_rad2_ + (1 - kept2) * straight_rad2_ * one).llt();
+  EstimateBending(counts, variance_m2,
+                  {Settling(tension_base_N), factor.matrixL(), factor.solve(one * kPriorCount_m2)});
 }
 
 // Step of one cycle towards the shape that balances the tensions, with time constant kSettles_s.
