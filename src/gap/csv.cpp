@@ -3,22 +3,19 @@
 #include "csv.h"
 
 #include <fmt/core.h>
-#include <openssl/evp.h>
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <map>
-#include <memory>
 #include <optional>
 #include <utility>
 
+#include "cell.h"
 #include "table_hints.h"
+#include "text.h"
 
 namespace tendril::gap {
 namespace {
@@ -26,34 +23,9 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 // A file with more columns than this is not a table of a robot.
 constexpr std::size_t kMostColumns = 4096;
-// A larger file, or one without end, is not a run.
-constexpr std::size_t kMostBytes = std::size_t{4} << 30;
 
 bool IsSpace(char c) { return c == ' ' || c == '\t'; }
 bool IsLineEnd(char c) { return c == '\n' || c == '\r'; }
-
-// True for the words that programs write for a missing value.
-bool MeansNone(std::string_view cell) {
-  static constexpr std::array<std::string_view, 24> kWords{
-      "nan", "-nan", "+nan", "na",      "n/a",      "null",      "none",     "-",
-      "--",  "---",  "nil",  "missing", "nan(ind)", "-nan(ind)", "<na>",     "#n/a",
-      "#na", "n.a.", "nat",  "1.#qnan", "1.#ind",   "-1.#ind",   "-1.#qnan", "undefined"};
-  if (cell.empty()) return true;
-  if (cell.size() > 9) return false;
-  return std::find(kWords.begin(), kWords.end(), LowerCase(cell)) != kWords.end();
-}
-
-std::optional<double> Number(std::string_view cell) {
-  if (!cell.empty() && cell.front() == '+') cell.remove_prefix(1);
-  double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error == std::errc::result_out_of_range && end == cell.data() + cell.size()) {
-    // Underflow is zero; overflow is an error.
-    return cell.find("e-") != cell.npos || cell.find("E-") != cell.npos ? std::optional(0.0) : std::nullopt;
-  }
-  if (error != std::errc{} || end != cell.data() + cell.size()) return std::nullopt;
-  return value;
-}
 
 class Parser {
  public:
@@ -148,7 +120,7 @@ class Parser {
       if (kinds_[c] != CellKind::kNumber || MeansNone(cell)) continue;
       std::string with_point(cell);
       if (format_.decimal == ',' || comma_too_) std::replace(with_point.begin(), with_point.end(), ',', '.');
-      const bool number = Number(with_point).has_value();
+      const bool number = CellNumber(with_point).has_value();
       any = any || number;
       all = all && number;
     }
@@ -221,7 +193,7 @@ class Parser {
     // Some programs end each line with a delimiter.
     while (table_.names.size() > 1 && table_.names.back().empty()) table_.names.pop_back();
     const bool any_name = std::any_of(table_.names.begin(), table_.names.end(), [](const std::string& n) {
-      return !n.empty() && !MeansNone(n) && !Number(n);
+      return !n.empty() && !MeansNone(n) && !CellNumber(n);
     });
     if (!any_name) {
       const bool in_remark = remark != nullptr && CellsOf(remark) == table_.names.size();
@@ -334,13 +306,13 @@ class Parser {
     }
     std::optional<double> value;
     // A point beside a decimal comma could be a thousands separator.
-    if (format_.decimal == '.' || cell.find('.') == cell.npos) value = Number(cell);
+    if (format_.decimal == '.' || cell.find('.') == cell.npos) value = CellNumber(cell);
     if (value && comma_too_ && point_line_ == 0) NotePoint(cell);
     if (!value && (format_.decimal == ',' || comma_too_) && std::count(cell.begin(), cell.end(), ',') == 1 &&
         cell.find('.') == cell.npos) {
       std::string with_point(cell);
       std::replace(with_point.begin(), with_point.end(), ',', '.');
-      value = Number(with_point);
+      value = CellNumber(with_point);
       if (value && comma_too_ && comma_line_ == 0) NoteComma(cell);
     }
     if (!value) {
@@ -491,59 +463,11 @@ class Parser {
   Table table_;
 };
 
-struct FileCloser {
-  void operator()(std::FILE* file) const noexcept { std::fclose(file); }
-};
-
 }  // namespace
 
 Table ParseTable(std::string_view text, const std::string& name_for_errors, const TableFormat& format,
                  const ChooseCells& choose) {
   return Parser(text, name_for_errors, format).Parse(choose);
-}
-
-std::string ReadBytes(const std::filesystem::path& file) {
-  std::error_code error;
-  if (std::filesystem::is_directory(file, error)) {
-    throw std::runtime_error("cannot read " + file.string() + ": it is a folder; name a file");
-  }
-  const std::unique_ptr<std::FILE, FileCloser> in(std::fopen(file.c_str(), "rb"));
-  if (!in) {
-    throw std::runtime_error("cannot read " + file.string() + ": " + std::strerror(errno) +
-                             "; name a file that exists and may be read");
-  }
-  std::string bytes;
-  const std::uintmax_t size = std::filesystem::file_size(file, error);
-  const auto check = [&](std::uintmax_t bytes_so_far) {
-    if (bytes_so_far > kMostBytes) {
-      throw std::runtime_error(file.string() + ": more than 4 GiB; accepted: one run a file; split it");
-    }
-  };
-  if (!error) {
-    check(size);
-    bytes.resize(size);
-  }
-  bytes.resize(std::fread(bytes.data(), 1, bytes.size(), in.get()));
-  // Data appended meanwhile, or a file without a size (a pipe).
-  std::array<char, 65536> more;
-  while (const std::size_t n = std::fread(more.data(), 1, more.size(), in.get())) {
-    bytes.append(more.data(), n);
-    check(bytes.size());
-  }
-  if (std::ferror(in.get()))
-    throw std::runtime_error("cannot read " + file.string() + ": " + std::strerror(errno));
-  return bytes;
-}
-
-std::string Sha256(std::string_view bytes) {
-  std::array<unsigned char, EVP_MAX_MD_SIZE> digest;
-  unsigned size = 0;
-  if (EVP_Digest(bytes.data(), bytes.size(), digest.data(), &size, EVP_sha256(), nullptr) != 1) {
-    throw std::runtime_error("libcrypto on this machine has no SHA-256");
-  }
-  std::string hex;
-  for (unsigned i = 0; i < size; ++i) hex += fmt::format("{:02x}", digest[i]);
-  return hex;
 }
 
 std::string Twice(const std::vector<std::string>& names, std::string_view name) {
@@ -556,28 +480,6 @@ std::string Twice(const std::vector<std::string>& names, std::string_view name) 
   for (std::size_t i = 1; i < places.size(); ++i)
     text += (i + 1 == places.size() ? " and " : ", ") + places[i];
   return text;
-}
-
-std::string_view Trimmed(std::string_view text) {
-  const auto blank = [](char c) { return static_cast<unsigned char>(c) <= ' '; };
-  while (!text.empty() && blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && blank(text.back())) text.remove_suffix(1);
-  return text;
-}
-
-std::string LowerCase(std::string_view text) {
-  std::string low(text);
-  for (char& c : low) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return low;
-}
-
-std::string Printable(std::string_view text, std::size_t most) {
-  std::string shown;
-  for (const char c : text.substr(0, most)) shown += c >= ' ' && c <= '~' ? c : '?';
-  if (text.size() > most) shown += "...";
-  return shown;
 }
 
 }  // namespace tendril::gap

@@ -2,7 +2,6 @@
 // columns mean.
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <stdexcept>
 #include <string>
@@ -53,19 +52,7 @@ using ChooseCells = std::function<std::vector<CellKind>(const std::vector<std::s
 Table ParseTable(std::string_view text, const std::string& name_for_errors, const TableFormat& format,
                  const ChooseCells& choose);
 
-/// The bytes of a file; throws std::runtime_error with the remedy when it cannot be read.
-std::string ReadBytes(const std::filesystem::path& file);
-
-/// SHA-256 of bytes, lower-case hex.
-std::string Sha256(std::string_view bytes);
-
 /// Positions, from 1, of the columns with this name, as "columns 2 and 20" for errors; empty for at most one.
 std::string Twice(const std::vector<std::string>& names, std::string_view name);
-
-/// Without leading and trailing spaces and control characters.
-std::string_view Trimmed(std::string_view text);
-std::string LowerCase(std::string_view text);
-/// At most `most` characters of arbitrary bytes; those that cannot be printed become '?'.
-std::string Printable(std::string_view text, std::size_t most = 40);
 
 }  // namespace tendril::gap

@@ -14,11 +14,12 @@
 #include <set>
 #include <stdexcept>
 
-#include "csv.h"
+#include "file_bytes.h"
 #include "same_robot.h"
 #include "sources.h"
 #include "tendril/config/config.h"
 #include "tendril/sim/effects.h"
+#include "text.h"
 
 namespace tendril::gap {
 namespace {

@@ -14,6 +14,7 @@
 #include "tendril/gap/diagnosis.h"
 #include "tendril/sim/effects.h"
 #include "tendril/sim/replay.h"
+#include "tracker_frame.h"
 
 namespace tendril::gap {
 
@@ -45,20 +46,6 @@ class RunError : public std::runtime_error {
  public:
   RunError(std::size_t at, const std::string& what) : std::runtime_error(what), run(at) {}
   std::size_t run;
-};
-
-/// Pose of the tracker's frame relative to the robot's base: it reports p = turn p_base + offset_m.
-struct TrackerFrame {
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();
-
-  /// Standard deviations of its error where it is fitted to the nominal robot; the offset's is a share of the
-  /// length.
-  static constexpr double kTurn_rad = 0.1;
-  static double Shift_m(const RobotParameters& robot) { return 2.0 / 9 * robot.body.length_m(); }
-
-  /// Transforms the tracker's readings of a run into the base's frame.
-  void ToBase(PreparedRun& run) const;
 };
 
 class Evaluator {
@@ -149,6 +136,7 @@ class Evaluator {
  private:
   static constexpr double kUseless = 0.5;  // share of the motion before the change
 
+  // In residuals.cpp.
   struct Replayed {
     Eigen::MatrixXd torque_Nm, from_torque_N, from_stretch_N;
     sim::BodyMotion motion;
@@ -157,13 +145,12 @@ class Evaluator {
                      const sim::BodyMotion* known_motion) const;
   std::vector<Eigen::VectorXd> ResidualsOf(const Replayed& replayed, const PreparedRun& run, unsigned cuts,
                                            std::vector<Eigen::VectorXd>* scatter = nullptr) const;
-  Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters& robot,
-                                     const sim::BodyMotion& motion) const;
   /// The cells' readings from the tendons' stretch (S x M). Motors that count from their rest position use
   /// the zero that this robot and `reading_N` (S x M; NaN: no reading) imply.
   Eigen::MatrixXd FromStretch(const sim::Replay& replay, const RobotParameters& robot, const PreparedRun& run,
                               const Eigen::MatrixXd& shortening, const Eigen::MatrixXd& reading_N) const;
   double TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const;
+
   void FindCuts(const DataSet& set);
   void ReportMissingMotors();
   /// For logs slower than the controller: whether a row holds every target sent or every n-th.
@@ -174,17 +161,27 @@ class Evaluator {
   void ReportSensorGaps();
   void ListChannels();
   void FindFrame();
-  /// Masks windows that depend on unrecorded parts of a run. In unseen.cpp.
+  /// Masks windows that depend on unrecorded parts of a run. In unrecorded_motion.cpp.
   void MaskAfterUnrecordedMotion(int threads);
 
-  // In floors.cpp.
-  void FindFloors(const DataSet& set, const Options& options);
+  // In variances.cpp.
   void FindWhiteNoise();
   void FindVariances(const DataSet& set, const Options& options);
   void SumVariances(const std::vector<Residuals>& readings, const Residuals& within);
+
+  // In earlier_runs.cpp.
   void SubtractBefore();
   void DistrustChange(const std::vector<char>& is_before);
+
+  // In floors.cpp.
+  void FindFloors(const DataSet& set, const Options& options);
   void ScaleByRepetition(const Options& options);
+  /// Scales the variance of a channel, to at least `least` and that of an evaluation `with_cause` (nullptr:
+  /// none).
+  void ScaleVariance(int channel, double scale, double least, const Evaluator* with_cause);
+  void SetFloor(int channel, const Options& options);
+  /// `most_returns`: pairs of equal rows that the floor comes from; 0: none.
+  void ReportRepetitions(int most_returns);
   bool AlikeIn(const Evaluator& other) const;  // same runs, channels and windows
   /// Standard deviation of the measured signal of a channel over all runs; 0 for torque.
   double Spread(const Channel& channel) const;

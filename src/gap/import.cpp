@@ -13,10 +13,12 @@
 #include <set>
 
 #include "csv.h"
+#include "file_bytes.h"
 #include "import_map.h"
 #include "rotation.h"
 #include "sources.h"
 #include "table_hints.h"
+#include "text.h"
 #include "time_text.h"
 
 namespace tendril::gap {

@@ -6,13 +6,13 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <map>
 #include <numbers>
-#include <set>
 
+#include "file_bytes.h"
 #include "rotation.h"
+#include "yaml_block.h"
 
 namespace tendril::gap {
 namespace {
@@ -26,125 +26,6 @@ using Units = std::map<std::string, double>;
 const Units kTimes{{"s", 1}, {"unix_s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}, {"min", 60}};
 const Units kLengths{{"m", 1}, {"cm", 1e-2}, {"mm", 1e-3}, {"um", 1e-6}, {"inch", 0.0254}};
 const Units kAngles{{"rad", 1}, {"deg", kDegree}, {"turns", 2 * std::numbers::pi}};
-
-std::string Join(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
-template <class Value>
-std::string Names(const std::map<std::string, Value>& of) {
-  std::vector<std::string> names;
-  for (const auto& [name, value] : of) names.push_back(name);
-  return Join(names);
-}
-
-/// One mapping of the file; every key that is read becomes an accepted one.
-class Block {
- public:
-  Block(const YAML::Node& node, std::string file, std::string key)
-      : node_(node), file_(std::move(file)), key_(std::move(key)) {
-    if (node_ && !node_.IsMap()) Fail("", "is not a block of keys", "a block such as 'column: t'");
-  }
-
-  bool Has(const char* key) {
-    known_.insert(key);
-    return node_ && node_[key];
-  }
-  YAML::Node Get(const char* key) { return Has(key) ? node_[key] : YAML::Node(YAML::NodeType::Undefined); }
-  Block Sub(const char* key) { return {Get(key), file_, key_.empty() ? key : key_ + "." + key}; }
-
-  std::string Text(const char* key, const std::string& otherwise) {
-    if (!Has(key)) return otherwise;
-    if (!node_[key].IsScalar()) Fail(key, "is not a text", "one word or number");
-    return node_[key].Scalar();
-  }
-  double Number(const char* key, double otherwise, double least, double most) {
-    if (!Has(key)) return otherwise;
-    return NumberOf(node_[key], key, least, most);
-  }
-  int Whole(const char* key, int otherwise, int least, int most) {
-    const double number = Number(key, otherwise, least, most);
-    if (number != std::floor(number)) Fail(key, fmt::format("{} is not whole", number), "a whole number");
-    return static_cast<int>(number);
-  }
-  template <class Value>
-  Value Choice(const char* key, const std::map<std::string, Value>& choices, const std::string& otherwise) {
-    const std::string text = Text(key, otherwise);
-    const auto found = choices.find(text);
-    if (found == choices.end()) Fail(key, "'" + Printable(text) + "' is not known", Names(choices));
-    return found->second;
-  }
-  /// A list of `count` texts; `null` is an empty one.
-  std::vector<std::string> Texts(const char* key, std::size_t count, const char* what) {
-    const YAML::Node list = Get(key);
-    if (!list || !list.IsSequence() || list.size() != count) {
-      Fail(key,
-           list && list.IsSequence() ? fmt::format("has {} entries", list.size()) : "is missing or no list",
-           fmt::format("a list of {} column names: {}", count, what));
-    }
-    std::vector<std::string> texts;
-    for (const YAML::Node& entry : list) {
-      if (!entry.IsScalar() && !entry.IsNull())
-        Fail(key, "holds something other than names", "column names, or null");
-      texts.push_back(entry.IsNull() ? std::string() : std::string(Trimmed(entry.Scalar())));
-    }
-    return texts;
-  }
-  /// A number for all, or a list of one each.
-  std::vector<double> Numbers(const char* key, std::size_t count, double otherwise) {
-    const YAML::Node node = Get(key);
-    if (!node) return std::vector<double>(count, otherwise);
-    if (node.IsScalar()) return std::vector<double>(count, NumberOf(node, key, -1e12, 1e12));
-    if (!node.IsSequence() || node.size() != count)
-      Fail(key, "does not fit", fmt::format("a number, or a list of {}", count));
-    std::vector<double> numbers;
-    for (const YAML::Node& entry : node) numbers.push_back(NumberOf(entry, key, -1e12, 1e12));
-    return numbers;
-  }
-  Eigen::Vector3d Vector(const char* key) {
-    const std::vector<double> v = Numbers(key, 3, 0);
-    return {v[0], v[1], v[2]};
-  }
-
-  /// To be called after all keys were read: a key that was not read is an error.
-  void Close() const {
-    if (!node_) return;
-    for (const auto& entry : node_) {
-      const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "?";
-      if (known_.contains(key)) continue;
-      throw std::runtime_error(fmt::format("{}:{}: {}: no such key; accepted: {}; correct or remove it",
-                                           file_, entry.first.Mark().line + 1, Path(Printable(key)),
-                                           Join({known_.begin(), known_.end()})));
-    }
-  }
-
-  [[noreturn]] void Fail(const char* key, const std::string& what, const std::string& accepted) const {
-    const YAML::Node at = *key != 0 && node_ && node_[key] ? node_[key] : node_;
-    const int line = at ? at.Mark().line : -1;
-    throw std::runtime_error(fmt::format("{}{}: {}: {}; accepted: {}", file_,
-                                         line >= 0 ? fmt::format(":{}", line + 1) : "", Path(key), what,
-                                         accepted));
-  }
-
- private:
-  std::string Path(const std::string& key) const {
-    return key_.empty() ? key : key.empty() ? key_ : key_ + "." + key;
-  }
-  double NumberOf(const YAML::Node& node, const char* key, double least, double most) const {
-    double value = 0;
-    if (!node.IsScalar() || !YAML::convert<double>::decode(node, value))
-      Fail(key, "is not a number", "a number");
-    if (!(value >= least && value <= most))
-      Fail(key, fmt::format("{} is out of range", value), fmt::format("{:g} .. {:g}", least, most));
-    return value;
-  }
-
-  YAML::Node node_;
-  std::string file_, key_;
-  std::set<std::string> known_;
-};
 
 class Reader {
  public:
@@ -164,7 +45,7 @@ class Reader {
                                ":1: no column map; accepted: a YAML file with the keys table, time, runs, "
                                "columns, frame; config/import holds examples");
     }
-    Block top(root, path_, "");
+    YamlBlock top(root, path_, "");
     Format(top.Sub("table"));
     if (!top.Has("time"))
       top.Fail("time", "is missing", "{column: NAME, unit: s}, or {rate_Hz: 100} without a time column");
@@ -185,7 +66,7 @@ class Reader {
 
  private:
   /// One column is one sensor's; of a motor that winds one tendon in and another one out it may be both's.
-  void RefuseTwice(Block& top) const {
+  void RefuseTwice(YamlBlock& top) const {
     std::map<std::string, std::string> used;  // channel by column
     const auto use = [&](const std::string& channel, const std::string& column, bool shared) {
       if (column.empty()) return;
@@ -214,7 +95,7 @@ class Reader {
     }
   }
 
-  void Format(Block block) {
+  void Format(YamlBlock block) {
     map_.format.delimiter = block.Choice<char>(
         "delimiter", {{"auto", '\0'}, {"comma", ','}, {"semicolon", ';'}, {"tab", '\t'}, {"space", ' '}},
         "auto");
@@ -231,7 +112,7 @@ class Reader {
     block.Close();
   }
 
-  void Comment(Block& block) {
+  void Comment(YamlBlock& block) {
     const std::string marks = block.Text("comment", map_.format.comment);
     map_.format.comment = marks == "none" ? "" : marks;
     const bool fit = std::all_of(marks.begin(), marks.end(), [&](char c) {
@@ -247,7 +128,7 @@ class Reader {
       block.Fail("comment", "is none, but header: comment takes the names from a comment", "such as '#'");
   }
 
-  void Time(Block block) {
+  void Time(YamlBlock block) {
     map_.time_column = block.Text("column", "");
     static const std::map<std::string, TimeKind> kWritten{{"iso8601", TimeKind::kIso8601},
                                                           {"clock", TimeKind::kClock}};
@@ -270,7 +151,7 @@ class Reader {
     block.Close();
   }
 
-  MappedText Label(Block& block, const char* key) {
+  MappedText Label(YamlBlock& block, const char* key) {
     MappedText text;
     const YAML::Node node = block.Get(key);
     if (!node) return text;
@@ -278,7 +159,7 @@ class Reader {
       text.constant = node.Scalar();
       return text;
     }
-    Block sub = block.Sub(key);
+    YamlBlock sub = block.Sub(key);
     text.column = sub.Text("column", "");
     if (text.column.empty()) sub.Fail("column", "is missing", "the name of a column with labels");
     text.as = sub.Text("as", "$&");
@@ -294,7 +175,7 @@ class Reader {
     return text;
   }
 
-  void Runs(Block block) {
+  void Runs(YamlBlock block) {
     map_.by = Label(block, "by");
     if (!map_.by.constant.empty())
       block.Fail("by", "is not a block", "{column: NAME, match: EXPRESSION, as: TEXT}");
@@ -314,7 +195,7 @@ class Reader {
   }
 
   /// Names with unit, scale, offset and sign of one channel; `units` by column.
-  std::vector<MappedColumn> Group(Block& block, std::size_t count, const char* what,
+  std::vector<MappedColumn> Group(YamlBlock& block, std::size_t count, const char* what,
                                   const std::vector<double>& unit) {
     const std::vector<std::string> names = block.Texts("names", count, what);
     const std::vector<double> scale = block.Numbers("scale", count, 1),
@@ -331,7 +212,7 @@ class Reader {
     return columns;
   }
 
-  const TendonDriveParameters& Drive(Block& block, std::size_t j) {
+  const TendonDriveParameters& Drive(YamlBlock& block, std::size_t j) {
     if (!robot_.actuation) {
       block.Fail("unit", "needs a robot file with actuation", "a rig file with motors, gears and spools");
     }
@@ -339,8 +220,8 @@ class Reader {
   }
 
   template <class UnitOf>
-  std::vector<MappedColumn> ATendon(Block block, const std::vector<std::string>& units, const char* otherwise,
-                                    UnitOf unit_of) {
+  std::vector<MappedColumn> ATendon(YamlBlock block, const std::vector<std::string>& units,
+                                    const char* otherwise, UnitOf unit_of) {
     const std::string unit = block.Text("unit", otherwise);
     if (std::find(units.begin(), units.end(), unit) == units.end()) {
       block.Fail("unit", "'" + Printable(unit) + "' is not known", Join(units));
@@ -364,8 +245,8 @@ class Reader {
     return columns;
   }
 
-  void Columns(Block block) {
-    const auto torque = [&](Block& at, const std::string& unit, std::size_t j) {
+  void Columns(YamlBlock block) {
+    const auto torque = [&](YamlBlock& at, const std::string& unit, std::size_t j) {
       static const Units kPlain{{"N m", 1}, {"Nm", 1}, {"mN m", 1e-3}, {"mNm", 1e-3}, {"N cm", 1e-2}};
       if (const auto found = kPlain.find(unit); found != kPlain.end()) return found->second;
       const auto& drive = Drive(at, j);
@@ -386,7 +267,7 @@ class Reader {
     if (has("motor_position")) {
       map_.motor_position = ATendon(
           block.Sub("motor_position"), {"rad", "deg", "turns", "counts", "m", "cm", "mm", "um", "inch"},
-          "rad", [&](Block& at, const std::string& unit, std::size_t j) {
+          "rad", [&](YamlBlock& at, const std::string& unit, std::size_t j) {
             const std::string where = at.Text("at", "motor");
             if (where != "motor" && where != "spool")
               at.Fail("at", "'" + Printable(where) + "' is not known", "motor, spool");
@@ -400,7 +281,7 @@ class Reader {
     }
     if (has("tension")) {
       map_.tension = ATendon(block.Sub("tension"), {"N", "mN", "kN", "g", "kg", "V", "mV"}, "N",
-                             [&](Block& at, const std::string& unit, std::size_t j) {
+                             [&](YamlBlock& at, const std::string& unit, std::size_t j) {
                                static const Units kPlain{
                                    {"N", 1}, {"mN", 1e-3}, {"kN", 1e3}, {"g", 9.80665e-3}, {"kg", 9.80665}};
                                if (const auto found = kPlain.find(unit); found != kPlain.end())
@@ -412,7 +293,7 @@ class Reader {
                              });
     }
     if (has("tip")) {
-      Block tip = block.Sub("tip");
+      YamlBlock tip = block.Sub("tip");
       const double unit = tip.Choice("unit", kLengths, "m");
       map_.tip = Group(tip, 3, "x, y, z", std::vector<double>(3, unit));
       if (std::any_of(map_.tip.begin(), map_.tip.end(), [](const auto& c) { return c.name.empty(); })) {
@@ -421,7 +302,7 @@ class Reader {
     }
     if (has("orientation")) Orientation(block.Sub("orientation"));
     if (has("bending")) {
-      Block bending = block.Sub("bending");
+      YamlBlock bending = block.Sub("bending");
       map_.bending_is_polar =
           bending.Choice<bool>("kind", {{"us_vs", false}, {"angle_and_plane", true}}, "us_vs");
       const double unit = bending.Choice("unit", kAngles, "rad");
@@ -437,7 +318,7 @@ class Reader {
                  "torque_target, torque_actual, motor_position, tension, tip, orientation, bending");
   }
 
-  void Orientation(Block block) {
+  void Orientation(YamlBlock block) {
     map_.orientation_kind =
         block.Choice<OrientationKind>("kind",
                                       {{"quaternion", OrientationKind::kQuaternion},
@@ -479,7 +360,7 @@ class Reader {
     }
   }
 
-  void Frame(Block block) {
+  void Frame(YamlBlock block) {
     Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
     if (block.Has("axes")) {
       const std::vector<std::string> names =

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <optional>
 
-#include "csv.h"
+#include "file_bytes.h"
 #include "sources.h"
 #include "tendril/config/config.h"
 #include "tendril/io/log.h"

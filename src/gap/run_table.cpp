@@ -12,11 +12,13 @@
 #include <utility>
 
 #include "csv.h"
+#include "file_bytes.h"
 #include "health_signal.h"
 #include "median.h"
 #include "sources.h"
 #include "table_hints.h"
 #include "tendril/core/limits.h"
+#include "text.h"
 
 namespace tendril::gap {
 namespace {

@@ -8,9 +8,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "csv.h"
 #include "tendril/config/config.h"
 #include "tendril/sim/effects.h"
+#include "text.h"
 
 namespace tendril::gap {
 namespace {

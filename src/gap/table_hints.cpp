@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cctype>
 
+#include "text.h"
 #include "time_text.h"
 
 namespace tendril::gap {
