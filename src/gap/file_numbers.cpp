@@ -135,7 +135,7 @@ void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
   part("motor.coulomb_angle_rad", kDrive, &Drive::motor, &MotorParameters::coulomb_angle_rad);
   part("motor.viscous_friction_Nms", kDrive, &Drive::motor, &MotorParameters::viscous_friction_Nms);
   part("motor.torque_lag_s", kDrive, &Drive::motor, &MotorParameters::torque_lag_s);
-  part("gear.ratio", kDrive, &Drive::gear, &GearParameters::ratio);
+  part("gear.ratio", kTransmission, &Drive::gear, &GearParameters::ratio);
   part("gear.efficiency", kDrive, &Drive::gear, &GearParameters::efficiency);
   part("spool.radius_m", kTransmission, &Drive::spool, &SpoolParameters::radius_m);
   part("tendon.stiffness_Npm", kTendon, &Drive::tendon, &TendonParameters::stiffness_Npm);

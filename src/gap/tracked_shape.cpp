@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
-#include <string_view>
 
 #include "rotation.h"
 #include "tendril/model/body.h"
@@ -34,25 +32,17 @@ Eigen::Vector2d BendOfTip(const Eigen::Vector3d& p) {
   return side > 1e-12 ? Eigen::Vector2d(bend / side * p.head<2>()) : Eigen::Vector2d(0, 0);
 }
 
-std::optional<EffectSetting> Setting(const RobotParameters& robot, std::string_view name) {
-  for (const auto& effect : robot.effects) {
-    if (effect.name == name) return effect;
-  }
-  return std::nullopt;
-}
-
 /// The frame that the robot's effects give the tracker.
 TrackerFrame FrameOf(const RobotParameters& robot) {
+  const sim::TrackerPlacement placement = sim::PlacementOfTracker(robot);
   TrackerFrame frame;
-  if (const auto s = Setting(robot, "tracker_rotation")) {
-    const auto v = sim::ValuesOf(*s, robot);
-    frame.turn = Rotation({v[0], v[1], v[2]});
-  }
-  if (const auto s = Setting(robot, "tracker_offset")) {
-    const auto v = sim::ValuesOf(*s, robot);
-    frame.offset_m = {v[0], v[1], v[2]};
-  }
+  frame.turn = placement.R;
+  frame.offset_m = placement.offset_m;
   return frame;
+}
+
+double DelayOf(const RobotParameters& robot) {
+  return robot.actuation && robot.actuation->tracker ? robot.actuation->tracker->delay_s : 0;
 }
 
 /// Sections whose bend the tracker shows separately; without bends of its own, one arc.
@@ -103,8 +93,9 @@ Eigen::MatrixXd Smoothed(const Eigen::MatrixXd& rows, const Eigen::VectorXd& tim
 }  // namespace
 
 bool HasTrackerEffect(const RobotParameters& robot) {
-  return Setting(robot, "tracker_rotation") || Setting(robot, "tracker_delay") ||
-         Setting(robot, "tracker_offset");
+  const sim::TrackerPlacement placement = sim::PlacementOfTracker(robot);
+  return !placement.R.isIdentity(0) || !placement.offset_m.isZero(0) ||
+         DelayOf(sim::FoldEffects(robot)) != DelayOf(robot);
 }
 
 TipResidual ResidualOfTip(const sim::BodyMotion& motion, const PreparedRun& run, double late_s) {

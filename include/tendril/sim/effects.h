@@ -3,6 +3,7 @@
 // or fits.
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 #include <span>
 #include <stdexcept>
@@ -148,5 +149,12 @@ void SetLaw(RobotParameters& robot, const EffectSetting& setting);
 /// The robot with every effect that is a parameter worked into its numbers; `effects` keeps only laws. Bounds
 /// are not checked again: they were those of the robot before.
 RobotParameters FoldEffects(const RobotParameters& robot);
+
+/// Where the robot's effects place its tracker: of a point p it reports R p + offset_m.
+struct TrackerPlacement {
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d offset_m = Eigen::Vector3d::Zero();
+};
+TrackerPlacement PlacementOfTracker(const RobotParameters& robot);
 
 }  // namespace tendril::sim
