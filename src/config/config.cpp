@@ -17,6 +17,7 @@
 #include "describe_daemon.h"
 #include "describe_fault.h"
 #include "describe_robot.h"
+#include "document.h"
 #include "writer.h"
 
 namespace tendril::config {
@@ -212,16 +213,11 @@ FaultParameters ParseFault(const std::string& text, const std::string& name_for_
 std::string ToYaml(const RobotParameters& robot) { return BlocksOf(robot); }
 std::string ToYaml(const DaemonParameters& daemon) { return BlocksOf(daemon); }
 
-void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
-                   const std::string& daemon_path) {
-  if (!robot.actuation) {
-    throw ErrorAt(
-        daemon_path, "robot",
-        fmt::format(
-            "{} has no actuation, so there is nothing to drive; accepted: a robot file with the block "
-            "actuation; name another one",
-            robot.name));
-  }
+namespace {
+
+// Each tendon is pulled by one node, whose drive reads what the robot file says is wired to it.
+void CheckNodes(const DaemonParameters& daemon, const RobotParameters& robot,
+                const std::string& daemon_path) {
   const int tendons = robot.body.tendons();
   for (const NodeParameters& node : daemon.bus.nodes) {
     if (node.tendon < 1 || node.tendon > tendons) {
@@ -266,6 +262,11 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
           fmt::format("node_id {} twice; accepted: 1 .. 126, all different; correct one", node.node_id));
     }
   }
+}
+
+// Values of the controller that this robot cannot bear or lacks the sensor for.
+void CheckController(const DaemonParameters& daemon, const RobotParameters& robot,
+                     const std::string& daemon_path) {
   if (daemon.controller.guards.slack_tension_N >= robot.limits.min_tension_N) {
     throw ErrorAt(
         daemon_path, "controller.guards.slack_tension_N",
@@ -296,6 +297,22 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
             "{} N is more than {} can bear; accepted: limits.max_tension_motor_N, {} N, or less; lower it",
             daemon.controller.take_up.pull_N, robot.name, robot.limits.max_tension_motor_N));
   }
+}
+
+}  // namespace
+
+void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
+                   const std::string& daemon_path) {
+  if (!robot.actuation) {
+    throw ErrorAt(
+        daemon_path, "robot",
+        fmt::format(
+            "{} has no actuation, so there is nothing to drive; accepted: a robot file with the block "
+            "actuation; name another one",
+            robot.name));
+  }
+  CheckNodes(daemon, robot, daemon_path);
+  CheckController(daemon, robot, daemon_path);
 }
 
 std::string KindOf(const std::string& path) {

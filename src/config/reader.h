@@ -161,7 +161,4 @@ inline int LineOf(const YAML::Node& node) { return node.Mark().line + 1; }
 /// "0.0001 .. 1 m", with the unit of the key's suffix.
 std::string RangeText(std::string_view key, Range range);
 
-/// Reads the text as exactly one YAML document holding a mapping. Throws ConfigError.
-Layer ParseDocument(const std::string& yaml, const Source& source, std::string_view expected);
-
 }  // namespace tendril::config

@@ -1,5 +1,4 @@
-// Compares resolved robots leaf by leaf and carries the differences into the text.
-// Knows robot files only as trees of keys.
+// Carries the differences of two resolved robots, leaf by leaf, into the file's text; see the header.
 #include "tendril/robot_file/robot_patch.h"
 
 #include <fmt/format.h>
@@ -9,54 +8,17 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <limits>
 #include <map>
-#include <optional>
 #include <stdexcept>
 #include <utility>
 
+#include "editor.h"
+#include "leaves.h"
 #include "tendril/config/config.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::robot_file {
 namespace {
-
-using Path = std::vector<std::string>;
-using Leaves = std::map<Path, std::string>;
-
-constexpr double kSame = 1e-9;
-
-void Flatten(const YAML::Node& node, Path& path, Leaves& leaves) {
-  if (node.IsMap()) {
-    for (const auto& entry : node) {
-      path.push_back(entry.first.Scalar());
-      Flatten(entry.second, path, leaves);
-      path.pop_back();
-    }
-  } else if (node.IsSequence()) {
-    for (std::size_t i = 0; i < node.size(); ++i) {
-      path.push_back(fmt::format("[{}]", i));
-      Flatten(node[i], path, leaves);
-      path.pop_back();
-    }
-  } else {
-    leaves[path] = node.Scalar();
-  }
-}
-
-Leaves LeavesOf(const YAML::Node& node) {
-  Leaves leaves;
-  Path path;
-  Flatten(node, path, leaves);
-  return leaves;
-}
-
-std::optional<double> AsNumber(const std::string& text) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return {};
-  return value;
-}
 
 // Short form of a number: 1.955e10, not 19550000000. The same digits, so the same value.
 std::string Written(const std::string& number) {
@@ -73,50 +35,6 @@ std::string Written(const std::string& number) {
   return written;
 }
 
-bool Same(const std::string& a, const std::string& b) {
-  const auto x = AsNumber(a), y = AsNumber(b);
-  if (!x || !y) return a == b;
-  return *x == *y || std::abs(*x - *y) <= 1e-12 * std::max(std::abs(*x), std::abs(*y));
-}
-
-YAML::Node Resolved(const RobotParameters& robot) { return YAML::Load(config::ToYaml(robot)); }
-
-// All leaves of one tendon's drivetrain, resolved.
-Leaves TendonLeaves(RobotParameters robot, std::size_t tendon) {
-  if (!robot.actuation) return {};
-  std::swap(robot.actuation->tendons[0], robot.actuation->tendons[tendon]);
-  YAML::Node blocks = Resolved(robot)["actuation"];
-  for (const char* key : {"nodes", "per_tendon", "tracker"}) blocks.remove(key);
-  return LeavesOf(blocks);
-}
-
-// All other leaves.
-Leaves OtherLeaves(const RobotParameters& robot) {
-  YAML::Node root = Resolved(robot);
-  root.remove("effects");
-  if (root["actuation"]) {
-    YAML::Node rest;
-    if (root["actuation"]["tracker"]) rest["tracker"] = root["actuation"]["tracker"];
-    root.remove("actuation");
-    if (rest.IsMap()) root["actuation"] = rest;
-  }
-  return LeavesOf(root);
-}
-
-YAML::Node Find(YAML::Node node, const Path& path) {
-  for (const std::string& key : path) {
-    if (key.front() == '[') {
-      const auto index = static_cast<std::size_t>(std::stoul(key.substr(1)));
-      if (!node.IsSequence() || index >= node.size()) return YAML::Node(YAML::NodeType::Undefined);
-      node.reset(node[index]);
-    } else {
-      if (!node.IsMap() || !node[key]) return YAML::Node(YAML::NodeType::Undefined);
-      node.reset(node[key]);
-    }
-  }
-  return node;
-}
-
 std::string Flow(const YAML::Node& node) {
   YAML::Emitter out;
   out.SetSeqFormat(YAML::Flow);
@@ -127,138 +45,6 @@ std::string Flow(const YAML::Node& node) {
   return text;
 }
 
-class Editor {
- public:
-  Editor(const std::string& text, std::string path) : path_(std::move(path)), root_(YAML::Load(text)) {
-    for (std::size_t from = 0; from < text.size();) {
-      const std::size_t end = std::min(text.find('\n', from), text.size());
-      lines_.push_back(text.substr(from, end - from));
-      from = end + 1;
-    }
-    above_.resize(lines_.size() + 1);
-  }
-
-  YAML::Node At(const Path& path) const { return Find(root_, path); }
-
-  /// Replaces a number in the file; the old one stays as a comment.
-  void Replace(const YAML::Node& node, const std::string& value) {
-    const auto line = static_cast<std::size_t>(node.Mark().line),
-               column = static_cast<std::size_t>(node.Mark().column);
-    const std::string& old = node.Scalar();
-    if (line >= lines_.size() || lines_[line].compare(column, old.size(), old) != 0) {
-      throw std::runtime_error(
-          fmt::format("{}:{}: cannot be edited in place; write a plain number", path_, line + 1));
-    }
-    edits_[line].push_back({column, old, value});
-  }
-
-  /// Inserts a missing key as the first of its map.
-  void Insert(const YAML::Node& map, const std::string& text) {
-    const YAML::Node first = map.begin()->first;
-    const auto line = static_cast<std::size_t>(first.Mark().line),
-               column = static_cast<std::size_t>(first.Mark().column);
-    if (map.Style() == YAML::EmitterStyle::Flow) {
-      edits_[line].push_back({column, "", text + ", "});
-    } else if (lines_[line].find_first_not_of(' ') != column) {
-      // The first key of a list's entry follows its dash; the new one goes below it.
-      below_[LastLineOf(line, column)].push_back(std::string(column, ' ') + text);
-    } else {
-      above_[line].push_back(std::string(column, ' ') + text);
-    }
-  }
-
-  /// Appends lines to a block that begins at `line` with keys at `column`.
-  void Append(const YAML::Node& map, const std::vector<std::string>& lines) {
-    const YAML::Node first = map.begin()->first;
-    const auto column = static_cast<std::size_t>(first.Mark().column);
-    const std::size_t last = LastLineOf(static_cast<std::size_t>(first.Mark().line), column, true);
-    for (const std::string& line : lines) below_[last].push_back(std::string(column, ' ') + line);
-  }
-
-  /// Removes a key with its value from the file.
-  void Remove(const YAML::Node& map, const std::string& key) {
-    for (const auto& entry : map) {
-      if (entry.first.Scalar() != key) continue;
-      const auto line = static_cast<std::size_t>(entry.first.Mark().line);
-      const std::size_t last = LastLineOf(line, static_cast<std::size_t>(entry.first.Mark().column));
-      for (std::size_t i = line; i <= last; ++i) removed_.push_back(i);
-    }
-  }
-
-  const YAML::Node& root() const { return root_; }
-
-  std::string Text(const std::vector<std::string>& heading) const {
-    std::string text;
-    // Below the file's first comment.
-    std::size_t start = 0;
-    while (start < lines_.size() && !lines_[start].empty() && lines_[start].front() == '#') ++start;
-    for (std::size_t i = 0; i < lines_.size(); ++i) {
-      if (i == start) text += Heading(heading, start > 0);
-      for (const std::string& added : above_[i]) text += added + "\n";
-      if (std::find(removed_.begin(), removed_.end(), i) == removed_.end()) text += Edited(i) + "\n";
-      if (const auto added = below_.find(i); added != below_.end()) {
-        for (const std::string& line : added->second) text += line + "\n";
-      }
-    }
-    return text;
-  }
-
- private:
-  struct Edit {
-    std::size_t column;
-    std::string old, value;
-  };
-
-  static std::string Heading(const std::vector<std::string>& heading, bool apart) {
-    std::string text = apart && !heading.empty() ? "#\n" : "";
-    for (const std::string& line : heading) text += "# " + line + "\n";
-    return text;
-  }
-
-  // Last line of the entry that begins at `line` with its key at `column`; with `siblings`, of the whole
-  // block of keys in that column. Trailing blank and comment lines are excluded.
-  std::size_t LastLineOf(std::size_t line, std::size_t column, bool siblings = false) const {
-    std::size_t last = line;
-    for (std::size_t i = line + 1; i < lines_.size(); ++i) {
-      const std::size_t indent = lines_[i].find_first_not_of(' ');
-      if (indent == std::string::npos || lines_[i][indent] == '#') continue;
-      // A list may have the indentation of its key.
-      const bool item = lines_[i][indent] == '-' && indent == column && !siblings;
-      if (indent < column || (indent == column && !siblings && !item)) break;
-      last = i;
-    }
-    return last;
-  }
-
-  std::string Edited(std::size_t i) const {
-    std::string line = lines_[i];
-    const auto found = edits_.find(i);
-    if (found == edits_.end()) return line;
-    std::vector<Edit> edits = found->second;
-    std::sort(edits.begin(), edits.end(), [](const Edit& a, const Edit& b) { return a.column > b.column; });
-    std::string was;
-    for (const Edit& edit : edits) {
-      line.replace(edit.column, edit.old.size(), edit.value);
-      if (!edit.old.empty()) was = edit.old + (was.empty() ? "" : ", " + was);
-    }
-    if (was.empty()) return line;
-    // A comment begins at the first '#' after a blank; quoted texts in robot files contain none.
-    const std::size_t comment = line.find(" #");
-    if (comment == std::string::npos) return line + "  # was " + was;
-    const std::size_t words = line.find_first_not_of("# ", comment);
-    return line.substr(0, comment) + " # was " + was +
-           (words == std::string::npos ? "" : "; " + line.substr(words));
-  }
-
-  std::string path_;
-  YAML::Node root_;
-  std::vector<std::string> lines_;
-  std::map<std::size_t, std::vector<Edit>> edits_;
-  std::vector<std::vector<std::string>> above_;
-  std::map<std::size_t, std::vector<std::string>> below_;
-  std::vector<std::size_t> removed_;
-};
-
 std::vector<Path> Changed(const Leaves& before, const Leaves& after) {
   std::vector<Path> changed;
   for (const auto& [path, value] : after) {
@@ -266,12 +52,6 @@ std::vector<Path> Changed(const Leaves& before, const Leaves& after) {
     if (old == before.end() || !Same(old->second, value)) changed.push_back(path);
   }
   return changed;
-}
-
-Path Join(const Path& a, const Path& b) {
-  Path joined = a;
-  joined.insert(joined.end(), b.begin(), b.end());
-  return joined;
 }
 
 // Carries one leaf outside the tendons' blocks, or in their common part.
@@ -421,85 +201,7 @@ void CarryLaws(Editor& editor, const RobotParameters& original, const std::vecto
   editor.Append(editor.root(), lines);
 }
 
-std::vector<std::string> LinesOf(const std::string& text) {
-  std::vector<std::string> lines;
-  for (std::size_t from = 0; from < text.size();) {
-    const std::size_t end = std::min(text.find('\n', from), text.size());
-    lines.push_back(text.substr(from, end - from));
-    from = end + 1;
-  }
-  return lines;
-}
-
 }  // namespace
-
-double RobotDifference(const RobotParameters& a, const RobotParameters& b) {
-  const RobotParameters x = sim::FoldEffects(a), y = sim::FoldEffects(b);
-  Leaves left = OtherLeaves(x), right = OtherLeaves(y);
-  const auto tendons = [](const RobotParameters& r) { return r.actuation ? r.actuation->tendons.size() : 0; };
-  constexpr double kOther = std::numeric_limits<double>::infinity();
-  if (tendons(x) != tendons(y) || x.effects.size() != y.effects.size()) return kOther;
-  for (std::size_t j = 0; j < tendons(x); ++j) {
-    for (const auto& [path, value] : TendonLeaves(x, j))
-      left[Join({"tendon", std::to_string(j)}, path)] = value;
-    for (const auto& [path, value] : TendonLeaves(y, j))
-      right[Join({"tendon", std::to_string(j)}, path)] = value;
-  }
-  if (left.size() != right.size()) return kOther;
-  double largest = 0;
-  for (const auto& [path, value] : left) {
-    const auto other = right.find(path);
-    if (other == right.end()) return kOther;
-    if (value == other->second) continue;
-    const auto p = AsNumber(value), q = AsNumber(other->second);
-    if (!p || !q) return kOther;
-    largest = std::max(largest, std::abs(*p - *q) / std::max(std::abs(*p), std::abs(*q)));
-  }
-  for (const EffectSetting& effect : x.effects) {
-    if (std::find(y.effects.begin(), y.effects.end(), effect) == y.effects.end()) return kOther;
-  }
-  return largest;
-}
-
-std::optional<KeyDifference> FirstDifference(const RobotParameters& left, const RobotParameters& right) {
-  const auto leaves_of = [](const RobotParameters& robot) {
-    std::map<std::string, std::string> leaves;
-    const auto named = [](const Path& path) {
-      std::string key;
-      for (const std::string& part : path) key += (key.empty() || part.front() == '[' ? "" : ".") + part;
-      return key;
-    };
-    for (const auto& [path, value] : OtherLeaves(robot)) leaves[named(path)] = value;
-    leaves.erase("name");
-    const std::size_t tendons = robot.actuation ? robot.actuation->tendons.size() : 0;
-    for (std::size_t j = 0; j < tendons; ++j) {
-      for (const auto& [path, value] : TendonLeaves(robot, j))
-        leaves[fmt::format("actuation.{} of tendon {}", named(path), j + 1)] = value;
-    }
-    for (std::size_t i = 0; i < robot.effects.size(); ++i) {
-      const EffectSetting& e = robot.effects[i];
-      std::string text = fmt::format("{} where={}", e.name, e.where);
-      for (const auto& [name, value] : e.values) text += fmt::format(" {}={}", name, value);
-      leaves[fmt::format("effects[{}]", i)] = text;
-    }
-    return leaves;
-  };
-  const auto same = [](const std::string& a, const std::string& b) {
-    const auto x = AsNumber(a), y = AsNumber(b);
-    return a == b || (x && y && std::abs(*x - *y) <= kSame * std::max(std::abs(*x), std::abs(*y)));
-  };
-  const auto a = leaves_of(left), b = leaves_of(right);
-  constexpr const char* kNothing = "nothing";
-  for (const auto& [key, value] : a) {
-    const auto other = b.find(key);
-    if (other == b.end()) return KeyDifference{key, value, kNothing};
-    if (!same(value, other->second)) return KeyDifference{key, value, other->second};
-  }
-  for (const auto& [key, value] : b) {
-    if (!a.contains(key)) return KeyDifference{key, kNothing, value};
-  }
-  return {};
-}
 
 RobotPatch PatchRobot(const std::string& text, const std::string& path,
                       const std::vector<EffectSetting>& effects, const std::vector<std::string>& heading) {
@@ -528,44 +230,6 @@ RobotPatch PatchRobot(const std::string& text, const std::string& path,
                     path, difference));
   }
   return patch;
-}
-
-std::string DiffLines(const std::string& before, const std::string& after) {
-  const std::vector<std::string> a = LinesOf(before), b = LinesOf(after);
-  // Longest common subsequence, from the end.
-  std::vector<std::vector<int>> common(a.size() + 1, std::vector<int>(b.size() + 1, 0));
-  for (std::size_t i = a.size(); i-- > 0;) {
-    for (std::size_t j = b.size(); j-- > 0;) {
-      common[i][j] = a[i] == b[j] ? common[i + 1][j + 1] + 1 : std::max(common[i + 1][j], common[i][j + 1]);
-    }
-  }
-  std::vector<std::pair<char, std::string>> lines;
-  for (std::size_t i = 0, j = 0; i < a.size() || j < b.size();) {
-    if (i < a.size() && j < b.size() && a[i] == b[j]) {
-      lines.push_back({' ', a[i++]});
-      ++j;
-    } else if (i < a.size() && (j == b.size() || common[i + 1][j] >= common[i][j + 1])) {
-      lines.push_back({'-', a[i++]});
-    } else {
-      lines.push_back({'+', b[j++]});
-    }
-  }
-  constexpr std::size_t kAround = 1;
-  std::string text;
-  bool gap = false;
-  for (std::size_t i = 0; i < lines.size(); ++i) {
-    bool near = false;
-    for (std::size_t k = i >= kAround ? i - kAround : 0; k <= std::min(lines.size() - 1, i + kAround); ++k)
-      near = near || lines[k].first != ' ';
-    if (!near) {
-      gap = true;
-      continue;
-    }
-    if (gap && !text.empty()) text += "  ...\n";
-    gap = false;
-    text += fmt::format("{} {}\n", lines[i].first, lines[i].second);
-  }
-  return text;
 }
 
 }  // namespace tendril::robot_file

@@ -1,0 +1,253 @@
+// The robot file's block actuation, key by key: the drivetrain of each tendon and the tracker. Used as
+// describe_robot.h.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "describe_optional.h"
+#include "lister.h"
+#include "reader.h"
+#include "tendril/core/limits.h"
+#include "tendril/core/robot.h"
+#include "text_rules.h"
+
+namespace tendril::config {
+
+template <class Io>
+void Describe(Io& io, MotorParameters& p) {
+  io.Number("torque_constant_NmpA", p.torque_constant_NmpA, {1e-4, 10}, "Torque constant of the motor.");
+  io.Number("nominal_current_A", p.nominal_current_A, {0.01, 100},
+            "Nominal current; per mille of torque on the bus refer to it.");
+  io.Number("rotor_inertia_kgm2", p.rotor_inertia_kgm2, {1e-10, 1e-2}, "Inertia of the rotor.");
+  io.Number("coulomb_friction_Nm", p.coulomb_friction_Nm, {0, 1}, "Coulomb friction at the motor shaft.");
+  io.Number("coulomb_angle_rad", p.coulomb_angle_rad, {1e-6, 1},
+            "Angle over which Coulomb friction builds up after a reversal (Dahl).");
+  io.Number("coulomb_damping_Nms", p.coulomb_damping_Nms, {0, 1e-2},
+            "Micro-damping of the Coulomb element while it builds up.");
+  io.Number("viscous_friction_Nms", p.viscous_friction_Nms, {0, 1e-2},
+            "Viscous friction at the motor shaft.");
+  io.Number("torque_lag_s", p.torque_lag_s, {0, 0.1}, "Time constant of the torque loop, first order.");
+  NumberOrNominal(io, "torque_scale", p.torque_scale, 1, {0.1, 10},
+                  "Real shaft torque over current times torque_constant_NmpA.");
+}
+
+template <class Io>
+void Describe(Io& io, DriveParameters& p) {
+  io.Number("rated_torque_Nm", p.rated_torque_Nm, {1e-6, 1000},
+            "Object 0x6076: torque_constant_NmpA times nominal_current_A, within 1 %.");
+  io.Number("current_limit_A", p.current_limit_A, {0.01, 100},
+            "Output current limit of the drive: object 0x3001:02 of an EPOS4; of others the torque limit "
+            "0x6072, per mille of nominal current.");
+  io.Integer("encoder_counts_per_turn", p.encoder_counts_per_turn, {1, 1e8},
+             "Counts of object 0x6064 for one turn of the motor shaft.");
+  io.Number("actual_torque_noise_permille", p.actual_torque_noise_permille, {0, 100},
+            "Noise of the reported torque, rms.");
+}
+
+template <class Io>
+void Describe(Io& io, GearParameters& p) {
+  io.Number("ratio", p.ratio, {0.01, 1e5}, "Motor turns for one turn of the spool.");
+  io.Number("efficiency", p.efficiency, {0, 1, true},
+            "Efficiency while the motor drives; its inverse while the tendon drives the motor.");
+  io.Numbers(
+      "presliding_yields_rad", p.presliding_yields_rad, {0, 10, true}, {1, 16},
+      "Motor angles over which the direction of the gear's losses changes; stop operators in parallel.");
+}
+
+template <class Io>
+void Describe(Io& io, SpoolParameters& p) {
+  io.Number("radius_m", p.radius_m, {1e-4, 1}, "Radius at which the tendon winds.");
+}
+
+template <class Io>
+void Describe(Io& io, TendonParameters& p) {
+  io.Number("stiffness_Npm", p.stiffness_Npm, {100, 1e8},
+            "Stiffness of the whole tendon, from spool to end.");
+  io.Number("damping_Nspm", p.damping_Nspm, {0, 1e4}, "Damping of the whole tendon.");
+  io.Number("free_length_m", p.free_length_m, {0, 10}, "Length from the spool to the robot's base.");
+}
+
+template <class Io>
+void Describe(Io& io, PulleyParameters& p) {
+  io.Choice("law", p.law,
+            Choices<CapstanLaw>{{"cumulative", CapstanLaw::kCumulative},
+                                {"local", CapstanLaw::kLocal},
+                                {"classic", CapstanLaw::kClassic}},
+            "Capstan law: power law of cumulative friction (the paper), of its local density, or the classic "
+            "exponential.");
+  io.Number("wrap_rad", p.wrap_rad, {0, 30}, "Angle over which the tendon lies on the pulley.");
+  io.Number("radius_ratio", p.radius_ratio, {0.1, 1e6}, "Pulley radius over tendon radius.");
+  io.Number("alpha", p.alpha, {0, 5}, "Friction coefficient of the law, N^(1 - exponent).");
+  io.Number("exponent", p.exponent, {0.05, 1}, "Exponent n of the power law; 1 is the classic Capstan law.");
+  io.Number("entry_angle_rad", p.entry_angle_rad, {0, 1.5}, "Angle φ₁ at which the tendon enters.");
+}
+
+template <class Io>
+void Describe(Io& io, TransmissionParameters& p) {
+  io.List("pulleys", p.pulleys, {0, 16}, "Guide pulleys and sheath bends from the base towards the motor.");
+  io.Number("presliding_m", p.presliding_m, {1e-9, 0.1},
+            "Sliding distance over which friction turns round after a reversal.");
+  io.Number("low_tension_N", p.low_tension_N, {1e-6, 100},
+            "Below it both sides keep their ratio; at most limits.min_tension_N.");
+  NumberOrNominal(io, "coulomb_N", p.coulomb_N, 0, {0, 10000},
+                  "Friction of the pulleys that does not depend on the tension.");
+}
+
+template <class Io>
+void Describe(Io& io, LoadCellParameters& p) {
+  io.Choice("place", p.place,
+            Choices<LoadCellPlace>{{"motor_side", LoadCellPlace::kMotorSide},
+                                   {"robot_side", LoadCellPlace::kRobotSide},
+                                   {"none", LoadCellPlace::kNone}},
+            "Between spool and pulleys, between pulleys and base, or no load cell.");
+  const bool none = !Io::kListing && p.place == LoadCellPlace::kNone;
+  const auto number = [&](const char* key, double& value, Range range, std::string_view meaning) {
+    if constexpr (Io::kReading) {
+      if (none && !io.Has(key)) return io.Allow(key);  // a cell that is not there has no data
+    }
+    if (none) range.min = 0;
+    io.Number(key, value, range, meaning);
+  };
+  number("gain_VpN", p.gain_VpN, {1e-6, 1000},
+         "Output of the cell; times max_tension_motor_N at most 10 V. Needless without a cell.");
+  number("resolution_V", p.resolution_V, {1e-6, 10},
+         "Step of the drive's analog input. Needless without a cell.");
+  number("noise_N", p.noise_N, {0, 100}, "Noise of the reading, rms. Needless without a cell.");
+  NumberOrNominal(io, "offset_N", p.offset_N, 0, {-10000, 10000},
+                  "Offset of the reading: gain times (tension + offset).");
+}
+
+template <class Io>
+void Describe(Io& io, TrackerParameters& p) {
+  io.Number("rate_Hz", p.rate_Hz, {0.1, 1e4}, "Readings a second.");
+  io.Number("position_noise_m", p.position_noise_m, {0, 1}, "Noise of the position on each axis, rms.");
+  io.Number("orientation_noise_rad", p.orientation_noise_rad, {0, 3},
+            "Noise of the orientation on each axis, rms.");
+  io.Number("delay_s", p.delay_s, {0, 10}, "From the measurement to the time stamp of its reading.");
+}
+
+/// The blocks of one tendon's drivetrain; its node id is in the list `nodes`.
+template <class Io>
+void Describe(Io& io, TendonDriveParameters& p) {
+  io.Block("motor", p.motor, "Motor of each tendon.");
+  io.Block("drive", p.drive, "Drive of each tendon, as it counts and limits.");
+  io.Block("gear", p.gear, "Gear between motor and spool.");
+  io.Block("spool", p.spool, "Spool that winds the tendon.");
+  io.Block("tendon", p.tendon, "The tendon itself, a spring and damper that only pulls.");
+  io.Block("transmission", p.transmission, "Pulleys and sheaths between spool and base.");
+  io.Block("load_cell", p.load_cell, "Load cell on the drive's analog input.");
+}
+
+/// Rules between the blocks of tendon `j` and the robot's limits; errors are reported at the tendon's own key
+/// where it has one.
+inline void CheckTendon(Reader& io, int j, const TendonDriveParameters& p, const LimitParameters& limits) {
+  const double rated_Nm = p.motor.torque_constant_NmpA * p.motor.nominal_current_A;
+  const std::string_view rated = "drive.rated_torque_Nm";
+  io.Check(
+      std::abs(p.drive.rated_torque_Nm - rated_Nm) <= 0.01 * rated_Nm,
+      io.FirstOverridden({rated, "motor.torque_constant_NmpA", "motor.nominal_current_A"}),
+      fmt::format(
+          "tendon {}: rated_torque_Nm {} does not fit torque_constant_NmpA x nominal_current_A = {:.6g}; "
+          "accepted: {:.6g} .. {:.6g} N·m (1 %); correct one of the three",
+          j, p.drive.rated_torque_Nm, rated_Nm, 0.99 * rated_Nm, 1.01 * rated_Nm));
+  io.Check(p.transmission.low_tension_N <= limits.min_tension_N, "transmission.low_tension_N",
+           fmt::format("tendon {}: {} lies above limits.min_tension_N; accepted: up to {} N; lower it", j,
+                       p.transmission.low_tension_N, limits.min_tension_N));
+  const double full_scale_V = p.load_cell.gain_VpN * limits.max_tension_motor_N;
+  io.Check(full_scale_V <= 10, "load_cell.gain_VpN",
+           fmt::format("tendon {}: {} gives {:.4g} V at limits.max_tension_motor_N, past the analog input; "
+                       "accepted: up to "
+                       "{:.6g} V/N; lower one of the two",
+                       j, p.load_cell.gain_VpN, full_scale_V, 10 / limits.max_tension_motor_N));
+}
+
+template <class Io>
+void DescribeNodeIds(Io& io, std::vector<long long>& nodes, int tendons) {
+  io.Integers(
+      "nodes", nodes, {1, 127}, {static_cast<double>(tendons), static_cast<double>(tendons)},
+      "CANopen node of each tendon's drive, in tendon order, all different; tendril-plant answers as these.");
+}
+
+template <class Io>
+void DescribeTracker(Io& io, std::optional<TrackerParameters>& tracker) {
+  io.OptionalBlock("tracker", tracker, "An outside measurement of the tip's pose.");
+}
+
+/// The keys of the block `actuation`: those of a tendon, and those common to all.
+inline void DescribeActuation(Lister& io, ActuationParameters& p) {
+  std::vector<long long> nodes;
+  io.MayBeLeftOut("1, 2, ... in tendon order");
+  DescribeNodeIds(io, nodes, kMaxTendons);
+  TendonDriveParameters drive;
+  Describe(io, drive);
+  io.MayBeLeftOut("all tendons alike");
+  io.Mapping("per_tendon",
+             "a tendon's number, and below it the blocks of actuation with the keys that differ",
+             "Tendons that differ from the common blocks.");
+  DescribeTracker(io, p.tracker);
+}
+
+/// All tendons' drivetrains: the common blocks, overridden per tendon.
+inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tendons,
+                          const LimitParameters& limits, ActuationParameters& p) {
+  const Source& source = io.source();
+  const Layer& common = layers.back();
+
+  Reader top(source, {common});
+  DescribeTracker(top, p.tracker);
+  std::vector<long long> nodes;
+  if (top.Has("nodes")) {
+    DescribeNodeIds(top, nodes, tendons);
+    for (std::size_t j = 0; j < nodes.size(); ++j) {
+      top.Check(
+          std::count(nodes.begin(), nodes.end(), nodes[j]) == 1, "nodes",
+          fmt::format("node {} twice; accepted: one id 1 .. 127 a tendon, all different; correct the list",
+                      nodes[j]));
+    }
+  } else {
+    for (int j = 1; j <= tendons; ++j) nodes.push_back(j);
+  }
+  std::vector<Layer> overrides;
+  if (top.Has("per_tendon")) overrides = top.Children("per_tendon");
+
+  p.tendons.clear();
+  std::vector<Layer> own(static_cast<std::size_t>(tendons));
+  for (const Layer& map : overrides) {
+    const Reader keys_once(source, {map});
+    for (const auto& entry : map.map) {
+      const std::string& key = entry.first.Scalar();
+      int tendon = 0;
+      for (int j = 1; j <= tendons; ++j) tendon = key == std::to_string(j) ? j : tendon;
+      if (tendon == 0 || !entry.second.IsMap()) {
+        keys_once.Refuse(
+            key, fmt::format("{}; accepted: a tendon's number 1 .. {} and below it the keys that differ; "
+                             "correct it",
+                             tendon == 0 ? "is not a tendon" : "is not a mapping", tendons));
+      }
+      own[static_cast<std::size_t>(tendon - 1)] = {entry.second, map.path + "." + key, LineOf(entry.first)};
+    }
+  }
+  for (int j = 1; j <= tendons; ++j) {
+    std::vector<Layer> both;
+    Layer& mine = own[static_cast<std::size_t>(j - 1)];
+    if (mine.line > 0) both.push_back(mine);
+    both.push_back(common);
+    Reader reader(source, std::move(both));
+    for (const char* key : {"tracker", "nodes", "per_tendon"}) reader.AllowInCommon(key);
+    TendonDriveParameters& drive = p.tendons.emplace_back();
+    Describe(reader, drive);
+    reader.Finish();
+    CheckTendon(reader, j, drive, limits);
+    drive.node_id = static_cast<int>(nodes[static_cast<std::size_t>(j - 1)]);
+  }
+}
+
+}  // namespace tendril::config
