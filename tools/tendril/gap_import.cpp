@@ -17,13 +17,13 @@
 
 #include "commands.h"
 #include "counted.h"
-#include "set_folder.h"
 #include "tendril/config/config.h"
 #include "tendril/core/version.h"
 #include "tendril/daemon/wiring.h"
 #include "tendril/gap/cuts.h"
 #include "tendril/gap/health.h"
 #include "tendril/gap/import.h"
+#include "tendril/gap/set_folder.h"
 #include "tendril/io/gateway.h"
 #include "tendril/io/log.h"
 #include "tendril/sim/effects.h"
@@ -218,12 +218,12 @@ void PrintFindings(const std::vector<gap::HealthFinding>& findings) {
 }
 
 /// What would lose a file is found before anything is read. Returns where the set goes, if anywhere.
-std::optional<SetFolder> CheckPlaces(const ImportOptions& options) {
+std::optional<gap::SetFolder> CheckPlaces(const ImportOptions& options) {
   std::vector<std::string> inputs{options.robot, options.map};
   inputs.insert(inputs.end(), options.tables.begin(), options.tables.end());
   if (!options.log.empty()) {
-    RefuseToReplace(options.log, "--log", inputs);
-    CheckWritable(options.log);
+    gap::RefuseToReplace(options.log, "--log", inputs);
+    gap::CheckWritable(options.log);
   }
   std::error_code ignored;
   for (const std::string& table : options.tables) {
@@ -234,14 +234,14 @@ std::optional<SetFolder> CheckPlaces(const ImportOptions& options) {
         options.out, table));
   }
   if (options.out.empty()) return {};
-  return SetFolder(options.out, options.overwrite, inputs);
+  return gap::SetFolder(options.out, options.overwrite, inputs);
 }
 
 void RunImport(const ImportOptions& options) {
   if (options.out.empty() && options.log.empty()) {
     throw UsageError("gap import: no destination; give a folder by --out or a log by --log");
   }
-  const std::optional<SetFolder> folder = CheckPlaces(options);
+  const std::optional<gap::SetFolder> folder = CheckPlaces(options);
   const RobotParameters robot = sim::LoadRobot(options.robot);
   if (!options.log.empty() && !robot.actuation) {
     throw std::runtime_error(

@@ -19,9 +19,9 @@
 #include "effect_name.h"
 #include "progress.h"
 #include "seed_option.h"
-#include "set_folder.h"
 #include "set_progress.h"
 #include "tendril/experiment/experiment_run.h"
+#include "tendril/experiment/set_output.h"
 #include "tendril/experiment/sized_effect.h"
 #include "tendril/gap/data_set.h"
 #include "tendril/sim/effects.h"
@@ -152,11 +152,11 @@ void RunSimulate(const SimulateOptions& options) {
                                            .sensor_noise = options.noise == "on",
                                            .threads = options.jobs};
   const std::vector<std::string> inputs{options.robot, options.plan, options.daemon};
-  const SetFolder folder(options.out, options.overwrite, inputs);
-  folder.CheckNames(FileNames(plan));
+  const gap::SetFolder folder(options.out, options.overwrite, inputs);
+  folder.CheckNames(experiment::FileNames(plan));
   if (!options.truth.empty()) {
-    RefuseToReplace(options.truth, "--truth", inputs);
-    CheckWritable(options.truth);
+    gap::RefuseToReplace(options.truth, "--truth", inputs);
+    gap::CheckWritable(options.truth);
   }
   const std::vector<std::optional<experiment::SizedEffect>> sized = FindAmounts(plan, experiment, requested);
   auto& planted = experiment.plant_robot.effects;
@@ -169,7 +169,7 @@ void RunSimulate(const SimulateOptions& options) {
       plan, experiment, &stop, [&](std::size_t run, double share, const experiment::Experiment* done) {
         line.Show(run, share, done);
       });
-  const std::filesystem::path out = WriteSet(set, folder, false);
+  const std::filesystem::path out = experiment::WriteSet(set, folder, false);
   if (!options.truth.empty()) WriteTruth(options, planted, requested, sized);
   fmt::print("{}, {:.1f} s of data in {:.1f} s ({:.1f} x real time): {}\n",
              Counted(set.data.runs.size(), "run"), set.simulated_s, set.wall_s, set.simulated_s / set.wall_s,
