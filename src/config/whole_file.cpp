@@ -7,6 +7,7 @@
 #include <cstring>
 #include <fstream>
 #include <random>
+#include <sstream>
 #include <stdexcept>
 #include <system_error>
 
@@ -83,6 +84,15 @@ void CheckMayWrite(const fs::path& file) {
   Write(file, temporary, "");
   std::error_code none;
   fs::remove(temporary, none);
+}
+
+std::string ReadWhole(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::stringstream text;
+  text << in.rdbuf();
+  std::error_code none;
+  if (!in || fs::is_directory(file, none)) throw std::runtime_error("cannot read " + file.string());
+  return text.str();
 }
 
 }  // namespace tendril::config

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "tendril/core/usage_error.h"
 #include "tendril/io/csv.h"
 #include "tendril/motion/path.h"
 #include "tendril/motion/path_motion.h"
@@ -42,13 +43,13 @@ VectorXd Numbers(const std::string& text, const char* option, Eigen::Index count
       number = error == std::errc() && stopped == end && std::isfinite(value);
     }
     if (!number)
-      throw RequestError(fmt::format("{} {}: '{}' is not a number; give {}", option, text, word, form));
+      throw UsageError(fmt::format("{} {}: '{}' is not a number; give {}", option, text, word, form));
     values.push_back(value);
     if (comma == text.size()) break;
     from = comma + 1;
   }
   if (static_cast<Eigen::Index>(values.size()) != count) {
-    throw RequestError(
+    throw UsageError(
         fmt::format("{} {}: {} numbers, accepted: {}; give {}", option, text, values.size(), count, form));
   }
   return Eigen::Map<const VectorXd>(values.data(), count);
@@ -57,7 +58,7 @@ VectorXd Numbers(const std::string& text, const char* option, Eigen::Index count
 Vector3d Point(const std::string& text, const char* option, const char* form = "X,Y,Z [m]") {
   const Vector3d point = Numbers(text, option, 3, form);
   if (point.cwiseAbs().maxCoeff() > kFarthest_m) {
-    throw RequestError(
+    throw UsageError(
         fmt::format("{} {}: farther than {:g} m; accepted: {} within that; are these millimetres?", option,
                     text, kFarthest_m, form));
   }
@@ -142,8 +143,8 @@ double Within(double asked, double usual, double most, const char* option, const
               const char* unit) {
   if (asked == 0) return std::min(usual, most);
   if (asked > most) {
-    throw RequestError(fmt::format("{} {:g} {}: the daemon keeps trajectory.{} = {:g}; accepted: up to that",
-                                   option, asked, unit, key, most));
+    throw UsageError(fmt::format("{} {:g} {}: the daemon keeps trajectory.{} = {:g}; accepted: up to that",
+                                 option, asked, unit, key, most));
   }
   return asked;
 }
@@ -160,7 +161,7 @@ PathLimits AlongPaths(const MotionRequest& r, const TrajectoryParameters& d) {
 
 MatrixXd ViaPoints(const MotionRequest& r, const RobotParameters& robot, const Remark& remark) {
   if ((r.tips.empty() ? 0 : 1) + (r.bends.empty() ? 0 : 1) + (r.points.empty() ? 0 : 1) != 1)
-    throw RequestError("via: give its points by --tip, by --bend or by --points, one of the three");
+    throw UsageError("via: give its points by --tip, by --bend or by --points, one of the three");
   if (!r.points.empty()) return ReadPoints(r.points, robot, r.nearest, nullptr, remark);
   const std::size_t count = r.tips.size() + r.bends.size();
   const Eigen::Index k2 = 2 * static_cast<Eigen::Index>(robot.body.sections.size());
@@ -178,14 +179,14 @@ MatrixXd ViaPoints(const MotionRequest& r, const RobotParameters& robot, const R
     points.row(static_cast<Eigen::Index>(i)) = bending.transpose();
   }
   // Only now, because a wrong value is reported first.
-  if (count < 2) throw RequestError("via: one point is no path; give two or more, or use tendril send");
+  if (count < 2) throw UsageError("via: one point is no path; give two or more, or use tendril send");
   TellNearest(solver, remark);
   return points;
 }
 
 std::vector<Spline> Lines(const MotionRequest& r, const RobotParameters& robot, const Remark& remark) {
   for (const std::string& tip : r.tips) Point(tip, "--tip");  // a wrong value is reported first
-  if (r.tips.size() < 2) throw RequestError("line: give two or more corners by --tip X,Y,Z");
+  if (r.tips.size() < 2) throw UsageError("line: give two or more corners by --tip X,Y,Z");
   std::vector<Spline> curves;
   TipSolver solver(robot, r.nearest);
   for (std::size_t i = 0; i + 1 < r.tips.size(); ++i) {
@@ -199,13 +200,13 @@ std::vector<Spline> Lines(const MotionRequest& r, const RobotParameters& robot, 
 TipPath ArcPath(const MotionRequest& r) {
   if (r.centre.empty()) {
     if (r.tips.size() != 3 || r.angle_deg) {
-      throw RequestError("arc: give three points by --tip, or one with --centre and --angle");
+      throw UsageError("arc: give three points by --tip, or one with --centre and --angle");
     }
     return ArcThrough(Point(r.tips[0], "--tip"), Point(r.tips[1], "--tip"), Point(r.tips[2], "--tip"));
   }
   if (r.tips.size() != 1 || !r.angle_deg)
-    throw RequestError("arc: --centre needs one --tip, where it starts, and --angle");
-  if (*r.angle_deg == 0) throw RequestError("arc: --angle 0 is not an arc; give the angle in degrees");
+    throw UsageError("arc: --centre needs one --tip, where it starts, and --angle");
+  if (*r.angle_deg == 0) throw UsageError("arc: --angle 0 is not an arc; give the angle in degrees");
   return ArcAround(Point(r.centre, "--centre"), Point(r.normal, "--normal", "X,Y,Z"),
                    Point(r.tips[0], "--tip"), *r.angle_deg * std::numbers::pi / 180);
 }

@@ -103,5 +103,15 @@ TEST_F(WholeFile, DevicesAndPipesStayWhatTheyAre) {
   EXPECT_TRUE(fs::is_character_file("/dev/null"));
 }
 
+TEST_F(WholeFile, ReadsEveryByteOfAFileAndNoFolder) {
+  const std::string bytes("a\r\n\0\xff b", 7);
+  WriteWhole(folder_ / "file", bytes);
+  EXPECT_EQ(ReadWhole(folder_ / "file"), bytes);
+  WriteWhole(folder_ / "empty", "");
+  EXPECT_EQ(ReadWhole(folder_ / "empty"), "");
+  EXPECT_THROW(ReadWhole(folder_), std::runtime_error);
+  EXPECT_THROW(ReadWhole(folder_ / "none"), std::runtime_error);
+}
+
 }  // namespace
 }  // namespace tendril::config

@@ -5,24 +5,15 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <fstream>
-#include <sstream>
-
 #include "markdown.h"
 #include "reference.h"
 #include "tendril/config/config.h"
+#include "tendril/config/whole_file.h"
 
 namespace tendril::reference {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string TextOf(const fs::path& file) {
-  std::ifstream in(file);
-  std::ostringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 gap::Run ExampleRun(const char* name, const char* repeat_of, int tendons) {
   gap::Run run;
@@ -47,7 +38,8 @@ std::string Example(const fs::path& source) {
   set.runs = {ExampleRun("circle_1", "", tendons), ExampleRun("circle_2", "circle_1", tendons)};
   const fs::path folder = fs::temp_directory_path() / fmt::format("tendril-reference-{}", getpid());
   gap::WriteDataSet(set, folder);
-  const std::string list = TextOf(folder / "runs.yaml"), table = TextOf(folder / "circle_1.csv");
+  const std::string list = config::ReadWhole(folder / "runs.yaml"),
+                    table = config::ReadWhole(folder / "circle_1.csv");
   fs::remove_all(folder);
   return fmt::format("```yaml\n{}```\n\n```text\n{}```\n\n", list, table);
 }

@@ -4,14 +4,10 @@
 
 #include <CLI/CLI.hpp>
 #include <memory>
-#include <stdexcept>
+
+#include "tendril/core/usage_error.h"
 
 namespace tendril::tools {
-
-class UsageError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
 
 /// The program's whole command line, ready to be parsed.
 std::unique_ptr<CLI::App> MakeApp();

@@ -1,5 +1,6 @@
 // `tendril commission`: is the robot on a running daemon wired as its files say? Pulls one motor at a time at
-// low torque, prints what was found with what to change, and leaves the record that tendrild arms by.
+// low torque, prints what was found with what to change, and leaves the record that tendrild arms by. Most of
+// it is the dialogue at the terminal.
 #include "tendril/commission/commission.h"
 
 #include <fmt/format.h>
@@ -20,6 +21,7 @@
 #include "number_option.h"
 #include "tendril/commission/findings_file.h"
 #include "tendril/commission/live_link.h"
+#include "tendril/commission/same_files.h"
 #include "tendril/config/config.h"
 #include "tendril/config/whole_file.h"
 #include "tendril/core/clock.h"
@@ -78,39 +80,11 @@ std::optional<double> AskTerminal(int tendon, const std::function<void()>& keep_
   return AskTerminal(tendon, keep_going);
 }
 
-/// What is commissioned must be what the daemon runs with, and it must ask for the record.
-void RequireSameFiles(const commission::LiveLink& link, const RobotParameters& robot,
-                      const DaemonParameters& daemon, const std::string& config_path) {
-  if (daemon::WiringHash(link.Robot(), link.Daemon().bus) != daemon::WiringHash(robot, daemon.bus)) {
-    throw std::runtime_error(
-        config_path +
-        " and its robot file are not what the daemon runs with (nodes, directions, motors or "
-        "cells differ); restart tendrild, or name its file");
-  }
-  if (const double own_N = link.Daemon().controller.take_up.pull_N;
-      own_N < daemon.controller.take_up.pull_N) {
-    throw std::runtime_error(fmt::format(
-        "{}: controller.take_up.pull_N: {:g} is more than the {:g} that the daemon runs with and pulls at "
-        "most; restart tendrild, or name its file",
-        config_path, daemon.controller.take_up.pull_N, own_N));
-  }
-  if (!link.Daemon().commissioning_required) {
-    throw std::runtime_error(
-        "the daemon runs with --simulated (or is a tendril sim without --commissioning), so it would arm "
-        "without the record; restart it so that it requires the record");
-  }
-}
-
 void RunCommission(const CommissionOptions& options) {
   const DaemonParameters daemon = config::LoadDaemon(options.config);
   const RobotParameters robot = config::LoadRobot(daemon.robot_file);
   config::CheckTogether(daemon, robot, options.config);
-  // The daemon would not check the record.
-  if (!daemon.commissioning_required) {
-    throw std::runtime_error(options.config +
-                             " has commissioning: not_required, so tendrild would arm without the record; "
-                             "set commissioning: required there, restart tendrild, and commission");
-  }
+  commission::RequireRecordAsked(daemon, options.config);
   const auto tendons = static_cast<std::size_t>(robot.body.tendons());
   if (!options.seen_deg.empty() && options.seen_deg.size() != tendons) {
     throw UsageError(fmt::format("--seen needs a direction for each of the {} tendons, {} given", tendons,
@@ -128,7 +102,7 @@ void RunCommission(const CommissionOptions& options) {
   {
     commission::LiveLink link(options.lcm.empty() ? daemon.lcm.url : options.lcm,
                               options.prefix.empty() ? daemon.lcm.channel_prefix : options.prefix, &stop);
-    RequireSameFiles(link, robot, daemon, options.config);
+    commission::RequireSameFiles({link.Robot(), link.Daemon()}, {robot, daemon}, options.config);
     if (!options.yes && isatty(STDIN_FILENO) == 0)
       throw UsageError(
           "no terminal for the confirmation before motors pull; accepted: --yes, to begin without it");

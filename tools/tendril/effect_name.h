@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 
@@ -39,6 +40,18 @@ inline void CheckEffectNamed(const std::string& text) {
   if (from == text.npos) return;
   const std::string name = text.substr(from, text.find_first_of(" \t", from) - from);
   if (name.find('=') == name.npos) EffectNamed(name);
+}
+
+/// What `read` throws of an effect's name or values, as wrong use of this option.
+template <class Read>
+auto ReadFor(const char* option, const Read& read) {
+  try {
+    return read();
+  } catch (const std::invalid_argument& e) {
+    throw UsageError(fmt::format("{}: {}", option, e.what()));
+  } catch (const UsageError& e) {
+    throw UsageError(fmt::format("{}: {}", option, e.what()));
+  }
 }
 
 }  // namespace tendril::tools

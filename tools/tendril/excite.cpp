@@ -12,10 +12,10 @@
 #include "lcm_options.h"
 #include "paths.h"
 #include "seed_option.h"
-#include "set_folder.h"
 #include "set_progress.h"
 #include "tendril/experiment/experiment_live.h"
 #include "tendril/experiment/experiment_run.h"
+#include "tendril/experiment/set_output.h"
 #include "tendril/gap/data_set.h"
 #include "tendril/sim/effects.h"
 
@@ -63,9 +63,9 @@ void RunExcite(const ExciteOptions& options) {
   if (options.repeats >= 0) {
     for (experiment::PlannedRun& run : plan.runs) run.repeats = options.repeats;
   }
-  const SetFolder folder(options.out, options.overwrite,
-                         {options.robot, options.plant, options.plan, options.daemon});
-  folder.CheckNames(FileNames(plan));
+  const gap::SetFolder folder(options.out, options.overwrite,
+                              {options.robot, options.plant, options.plan, options.daemon});
+  folder.CheckNames(experiment::FileNames(plan));
   SetProgressLine line(experiment::NameRuns(plan));
   const auto progress = [&line](std::size_t run, double share, const experiment::Experiment* done) {
     line.Show(run, share, done);
@@ -85,7 +85,7 @@ void RunExcite(const ExciteOptions& options) {
     set = RunInProcess(plan, options, progress);
   }
   // Measurements cannot be had again by running a program again.
-  const std::filesystem::path out = WriteSet(set, folder, options.live);
+  const std::filesystem::path out = experiment::WriteSet(set, folder, options.live);
   fmt::print("{}, {:.1f} s of data in {:.1f} s: {}\n", Counted(set.data.runs.size(), "run"), set.simulated_s,
              set.wall_s, std::filesystem::absolute(out).lexically_normal().string());
   if (!set.trouble.empty()) throw std::runtime_error("the set is not complete: " + set.trouble);

@@ -1,5 +1,5 @@
 // `tendril follow`: leads a running daemon's robot through a motion in real time. Knows the command line's
-// words; the motions and the streaming are motion's.
+// words; the motions and the streaming are motion's. Most of it is options, a paragraph for each motion.
 #include <fmt/format.h>
 
 #include <csignal>
@@ -28,12 +28,8 @@ struct FollowOptions {
 volatile std::sig_atomic_t interrupted = 0;
 
 std::unique_ptr<motion::Motion> Requested(const FollowOptions& options, const motion::Subject& subject) {
-  try {
-    return motion::MakeRequestedMotion(options.request, subject.robot, subject.daemon.controller.trajectory,
-                                       [](const std::string& line) { fmt::print(stderr, "{}\n", line); });
-  } catch (const motion::RequestError& e) {
-    throw UsageError(e.what());
-  }
+  return motion::MakeRequestedMotion(options.request, subject.robot, subject.daemon.controller.trajectory,
+                                     [](const std::string& line) { fmt::print(stderr, "{}\n", line); });
 }
 
 // What would be done, from the daemon's file alone.

@@ -2,19 +2,15 @@
 // found.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <memory>
-#include <sstream>
 
 #include "commands.h"
 #include "effect_name.h"
 #include "tendril/config/config.h"
 #include "tendril/config/whole_file.h"
 #include "tendril/core/version.h"
-#include "tendril/gap/diagnosis.h"
+#include "tendril/gap/found_effects.h"
 #include "tendril/gap/report.h"
 #include "tendril/robot_file/robot_patch.h"
 #include "tendril/sim/effects.h"
@@ -29,49 +25,6 @@ struct ApplyOptions {
   std::vector<std::string> effects;
   bool force = false, anyway = false, in_place = false, overwrite = false;
 };
-
-std::string ReadText(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::stringstream text;
-  text << in.rdbuf();
-  if (!in || fs::is_directory(path)) throw std::runtime_error("cannot read " + path);
-  return text.str();
-}
-
-// A value without digits that its interval does not know: what is rounded off is a hundredth of it at most.
-double Sensible(const gap::Estimate& e) {
-  const double width = e.high - e.low;
-  if (!(width > 0) || !std::isfinite(width) || !std::isfinite(e.value)) return e.value;
-  const int digits = std::clamp(-static_cast<int>(std::floor(std::log10(width / 50))), -15, 15);
-  const double rounded = std::stod(fmt::format("{:.{}f}", e.value, std::max(0, digits)));
-  return rounded >= e.low && rounded <= e.high ? rounded : e.value;
-}
-
-std::vector<std::string> Provenance(const gap::Diagnosis& d, const std::string& report) {
-  std::vector<std::string> lines{
-      fmt::format("Patched by `tendril gap apply` ({}) from {}:", Version(), report)};
-  lines.push_back(fmt::format("verdict {}, of robot '{}', diagnosed by {} {}", gap::VerdictName(d.verdict),
-                              d.robot_name, d.version, d.revision));
-  for (const gap::Cause& cause : d.accepted) {
-    std::string line = fmt::format("{} {} (p = {:.3g})", cause.effect, cause.where, cause.p);
-    for (const auto& [name, value] : cause.parameters)
-      line += fmt::format(", {} {:.4g} [{:.4g}, {:.4g}]", name, value.value, value.low, value.high);
-    lines.push_back(line);
-  }
-  if (d.closed) {
-    lines.push_back(fmt::format("closes {:.1f} % [{:.1f}, {:.1f}] of the gap on held-out runs",
-                                100 * d.closed->value, 100 * d.closed->low, 100 * d.closed->high));
-  }
-  for (const gap::RunSummary& run : d.runs)
-    lines.push_back(fmt::format("log {} sha256 {}", run.name, run.sha256));
-  // A comment is one line, whatever a log was called.
-  for (std::string& line : lines) {
-    for (char& c : line) {
-      if (static_cast<unsigned char>(c) < ' ') c = ' ';
-    }
-  }
-  return lines;
-}
 
 /// Why a report does not belong to this robot file; empty when it does. What it found counts from the file
 /// that it was made with, and on any other, its own result included, would count twice or for nothing.
@@ -90,21 +43,57 @@ std::string Misfit(const gap::Diagnosis& d, const ApplyOptions& options, const R
                      difference->key, difference->left, difference->right, options.robot);
 }
 
-void RunApply(const ApplyOptions& options) {
+/// Where the result goes.
+std::string Target(const ApplyOptions& options) {
   if (options.report.empty() && options.effects.empty()) {
     throw UsageError("nothing to apply: give the report.json of `tendril gap diagnose`, or --effect");
   }
   if (options.out.empty() == !options.in_place) {
     throw UsageError("give either --out FILE, or --in-place to change the robot file itself");
   }
-  const std::string out = options.in_place ? options.robot : options.out;
+  if (options.in_place) return options.robot;
   std::error_code none;
-  if (!options.in_place && fs::equivalent(out, options.robot, none)) {
+  if (fs::equivalent(options.out, options.robot, none)) {
     throw UsageError("--out is the robot file itself; give another name, or --in-place");
   }
-  if (!options.in_place && !options.overwrite && fs::exists(out, none))
-    throw UsageError(fmt::format("{} already exists; give another --out, or --overwrite to replace it", out));
-  std::string text = ReadText(options.robot);
+  if (!options.overwrite && fs::exists(options.out, none)) {
+    throw UsageError(
+        fmt::format("{} already exists; give another --out, or --overwrite to replace it", options.out));
+  }
+  return options.out;
+}
+
+/// The report, once it is sure that it has something to apply to this robot.
+gap::Diagnosis ReadFitting(const ApplyOptions& options, const RobotParameters& robot) {
+  gap::Diagnosis d = gap::ReadReport(options.report);
+  if (d.verdict == gap::Verdict::kNoGap)
+    throw std::runtime_error(options.report + ": the verdict is no_gap: there is nothing to apply");
+  if (d.verdict != gap::Verdict::kAttributed && !options.force) {
+    throw std::runtime_error(fmt::format(
+        "{}: the verdict is {}, so no cause is established; run the next experiment that the report names "
+        "and diagnose again, or give --force to apply the accepted causes nevertheless",
+        options.report, gap::VerdictName(d.verdict)));
+  }
+  if (d.accepted.empty())
+    throw std::runtime_error(options.report + ": it accepted no cause: there is nothing to apply");
+  if (const std::string misfit = Misfit(d, options, robot); !misfit.empty()) {
+    if (!options.anyway) {
+      throw std::runtime_error(
+          misfit +
+          "; name the file that was diagnosed, or diagnose this one; --anyway applies it nevertheless");
+    }
+    fmt::print(stderr, "warning: {}\n", misfit);
+  }
+  if (d.robot_name != robot.name) {
+    fmt::print(stderr, "note: the report is about robot '{}', {} is '{}'\n", d.robot_name, options.robot,
+               robot.name);
+  }
+  return d;
+}
+
+void RunApply(const ApplyOptions& options) {
+  const std::string out = Target(options);
+  std::string text = config::ReadWhole(options.robot);
   // The mark that some editors put first belongs to no line.
   const std::string mark = text.starts_with("\xEF\xBB\xBF") ? text.substr(0, 3) : "";
   text.erase(0, mark.size());
@@ -113,46 +102,15 @@ void RunApply(const ApplyOptions& options) {
   std::vector<EffectSetting> effects;
   std::vector<std::string> heading;
   if (!options.report.empty()) {
-    const gap::Diagnosis d = gap::ReadReport(options.report);
-    if (d.verdict == gap::Verdict::kNoGap)
-      throw std::runtime_error(options.report + ": the verdict is no_gap: there is nothing to apply");
-    if (d.verdict != gap::Verdict::kAttributed && !options.force) {
-      throw std::runtime_error(fmt::format(
-          "{}: the verdict is {}, so no cause is established; run the next experiment that the report names "
-          "and diagnose again, or give --force to apply the accepted causes nevertheless",
-          options.report, gap::VerdictName(d.verdict)));
-    }
-    if (d.accepted.empty())
-      throw std::runtime_error(options.report + ": it accepted no cause: there is nothing to apply");
-    if (const std::string misfit = Misfit(d, options, robot); !misfit.empty()) {
-      if (!options.anyway) {
-        throw std::runtime_error(
-            misfit +
-            "; name the file that was diagnosed, or diagnose this one; --anyway applies it "
-            "nevertheless");
-      }
-      fmt::print(stderr, "warning: {}\n", misfit);
-    }
-    for (const gap::Cause& cause : d.accepted) {
-      EffectSetting setting{.name = cause.effect, .where = cause.where, .values = {}};
-      for (const auto& [name, value] : cause.parameters) setting.values.emplace_back(name, Sensible(value));
-      effects.push_back(setting);
-    }
-    if (d.robot_name != robot.name) {
-      fmt::print(stderr, "note: the report is about robot '{}', {} is '{}'\n", d.robot_name, options.robot,
-                 robot.name);
-    }
-    heading = Provenance(d, options.report);
+    const gap::Diagnosis d = ReadFitting(options, robot);
+    effects = gap::FoundEffects(d);
+    heading = gap::Provenance(d, options.report);
   }
   for (const std::string& given : options.effects) {
-    try {
+    effects.push_back(ReadFor("--effect", [&] {
       CheckEffectNamed(given);
-      effects.push_back(sim::ParseEffect(given, robot));
-    } catch (const std::invalid_argument& e) {
-      throw UsageError(std::string("--effect: ") + e.what());
-    } catch (const UsageError& e) {
-      throw UsageError(std::string("--effect: ") + e.what());
-    }
+      return sim::ParseEffect(given, robot);
+    }));
     heading.push_back(fmt::format("{} by `tendril gap apply` ({}): {}",
                                   heading.empty() ? "Patched" : "and by hand,", Version(), given));
   }

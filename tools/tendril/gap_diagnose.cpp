@@ -1,30 +1,28 @@
 // `tendril gap diagnose`: logs of a robot and its nominal file in; where the gap lies, what causes it and how
-// far it shrinks out, on the terminal, as a page and as JSON.
+// far it shrinks out, on the terminal, as a page and as JSON. Half of it is options with their texts.
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cctype>
 #include <chrono>
-#include <cmath>
 #include <filesystem>
-#include <fstream>
-#include <map>
 #include <memory>
 #include <set>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "commands.h"
 #include "effect_name.h"
+#include "number_option.h"
 #include "output.h"
 #include "progress.h"
 #include "seed_option.h"
+#include "shell.h"
 #include "tendril/config/whole_file.h"
-#include "tendril/experiment/experiment_run.h"
+#include "tendril/experiment/simulated_menu.h"
 #include "tendril/gap/diagnose.h"
 #include "tendril/gap/health.h"
+#include "tendril/gap/health_lines.h"
 #include "tendril/gap/report.h"
 #include "tendril/sim/effects.h"
 
@@ -41,68 +39,6 @@ struct DiagnoseCommand {
   gap::DiagnoseOptions diagnose;
 };
 
-/// Runs that `tendril excite` knows, simulated in process: what the diagnosis compares rivals on.
-gap::ExperimentMenu Menu(const RobotParameters& nominal, const std::string& daemon_file, std::uint64_t seed) {
-  gap::ExperimentMenu menu;
-  const DaemonParameters daemon = experiment::DaemonOfExperiments(daemon_file);
-  for (const std::string_view family : experiment::Families()) menu.families.emplace_back(family);
-  menu.simulate = [nominal, daemon, seed](const std::string& family, const RobotParameters& plant) {
-    const experiment::ExperimentOptions options{
-        .controller_robot = nominal, .plant_robot = plant, .daemon = daemon, .seed = seed};
-    experiment::PlannedRun planned = experiment::UsualRun(family);
-    const experiment::Program program = experiment::MakeProgram(planned, nominal, daemon.controller);
-    experiment::Experiment experiment =
-        experiment::RunExperiment(program, family, options, seed, nullptr, {});
-    if (!experiment.trouble.empty()) throw std::runtime_error(experiment.trouble);
-    return experiment.run;
-  };
-  menu.plan = [](const std::string& family) {
-    experiment::Plan plan;
-    plan.name = "next";
-    plan.runs.push_back(experiment::UsualRun(family));
-    plan.runs.back().repeats = 1;
-    return ToYaml(plan);
-  };
-  return menu;
-}
-
-/// What makes the rest of the work doubtful is told before it begins, for it takes a while: one line a
-/// channel.
-void Warn(const std::vector<gap::HealthFinding>& health) {
-  std::vector<const gap::HealthFinding*> first;
-  std::map<std::string, int> runs;
-  for (const gap::HealthFinding& finding : health) {
-    if (finding.severity != gap::HealthFinding::Severity::kError) continue;
-    if (runs[finding.channel]++ == 0) first.push_back(&finding);
-  }
-  for (const gap::HealthFinding* finding : first) {
-    const int others = runs[finding->channel] - 1;
-    fmt::print(stderr, "warning: {}{}: {} {}\n", finding->run,
-               others > 0 ? fmt::format(" and {} more", others) : "", finding->channel, finding->text);
-  }
-}
-
-/// A word as a shell takes it for one.
-std::string Quoted(const std::string& word) {
-  const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](unsigned char c) {
-    return std::isalnum(c) ||
-           std::string_view("_@%+=:,./-").find(static_cast<char>(c)) != std::string_view::npos;
-  });
-  if (plain) return word;
-  std::string quoted = "'";
-  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return quoted + "'";
-}
-
-/// The whole command as it was given, to be pasted into a shell.
-std::string CommandLine() {
-  std::ifstream in("/proc/self/cmdline", std::ios::binary);
-  std::string line = "tendril", word;
-  std::getline(in, word, '\0');  // the program, wherever it is
-  while (std::getline(in, word, '\0')) line += " " + Quoted(word);
-  return line;
-}
-
 /// What to run now: the cause into a robot file, the experiment on the robot that tells rivals apart. `plan`
 /// is where the experiment lies.
 std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string& robot,
@@ -110,26 +46,16 @@ std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string
                                       const std::filesystem::path& plan) {
   std::vector<std::string> commands;
   if (d.verdict == gap::Verdict::kAttributed && !d.accepted.empty()) {
-    commands.push_back(fmt::format("tendril gap apply --robot {} {} --out {}", Quoted(robot),
-                                   Quoted((folder / "report.json").string()),
-                                   Quoted((folder / "better.yaml").string())));
+    commands.push_back(fmt::format("tendril gap apply --robot {} {} --out {}", ShellWord(robot),
+                                   ShellWord((folder / "report.json").string()),
+                                   ShellWord((folder / "better.yaml").string())));
   }
   if (!d.next.yaml.empty()) {
     commands.push_back(fmt::format("tendril excite --live --plan {} --robot {} --out {}",
-                                   Quoted(plan.string()), Quoted(robot), Quoted((folder / "next").string())));
+                                   ShellWord(plan.string()), ShellWord(robot),
+                                   ShellWord((folder / "next").string())));
   }
   return commands;
-}
-
-/// For differences that matter: CLI11's own check would print the largest number there is in full.
-CLI::Validator Positive() {
-  return CLI::Validator(
-      [](std::string& text) -> std::string {
-        double value = 0;
-        const bool good = CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value > 0;
-        return good ? "" : "'" + text + "' is out of range; accepted: a number above 0, such as 0.5";
-      },
-      "NUMBER > 0");
 }
 
 void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) {
@@ -142,15 +68,16 @@ void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) 
   options.diagnose.progress = [&](const std::string& stage, double share) { progress(stage, share); };
   options.diagnose.delta_m = 1e-3 * options.delta_mm;
   if (options.next && set.robot.actuation)
-    options.diagnose.menu = Menu(set.robot, options.daemon, options.diagnose.seed);
+    options.diagnose.menu = experiment::SimulatedMenu(set.robot, options.daemon, options.diagnose.seed);
   progress("checking the data", 0);
   std::vector<gap::HealthFinding> health = gap::CheckHealth(set);
-  Warn(health);
+  // What makes the rest doubtful is told before it begins, for it takes a while.
+  for (const std::string& line : gap::ErrorLines(health)) fmt::print(stderr, "warning: {}\n", line);
   const auto begin = std::chrono::steady_clock::now();
   gap::Diagnosis diagnosis = gap::Diagnose(set, options.diagnose);
   diagnosis.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   diagnosis.health = std::move(health);
-  diagnosis.command = CommandLine();
+  diagnosis.command = CommandAsGiven("tendril");
   const std::filesystem::path plan = folder / "next.yaml";
   std::error_code none;  // of an earlier report
   std::filesystem::remove(plan, none);
@@ -163,13 +90,7 @@ void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) 
 
 void Run(DiagnoseCommand options) {
   const auto check = [](const char* option, const std::vector<std::string>& names) {
-    for (const std::string& name : names) {
-      try {
-        EffectNamed(name);
-      } catch (const UsageError& e) {
-        throw UsageError(fmt::format("{}: {}", option, e.what()));
-      }
-    }
+    for (const std::string& name : names) ReadFor(option, [&] { return &EffectNamed(name); });
   };
   check("--without", options.diagnose.without);
   check("--only", options.only);

@@ -1,17 +1,12 @@
 // `tendril gap simulate`: data sets from the simulator with given effects, noise and experiments. Knows
-// nothing of how they are diagnosed.
+// nothing of how they are diagnosed. A third of it is options with their texts.
 #include <fmt/format.h>
-#include <unistd.h>
 
-#include <algorithm>
 #include <atomic>
-#include <cmath>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <memory>
-#include <nlohmann/json.hpp>
-#include <numeric>
 #include <optional>
 
 #include "commands.h"
@@ -19,11 +14,11 @@
 #include "effect_name.h"
 #include "progress.h"
 #include "seed_option.h"
-#include "set_folder.h"
 #include "set_progress.h"
+#include "tendril/experiment/effect_amounts.h"
 #include "tendril/experiment/experiment_run.h"
-#include "tendril/experiment/sized_effect.h"
-#include "tendril/gap/data_set.h"
+#include "tendril/experiment/set_output.h"
+#include "tendril/gap/set_folder.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {
@@ -39,74 +34,23 @@ struct SimulateOptions {
 
 std::atomic<bool> stop = false;
 
-/// Amounts of the effects that are given by their size, each by itself on the nominal robot.
+/// Amounts of the effects that are given by their size, and a line for each.
 std::vector<std::optional<experiment::SizedEffect>> FindAmounts(
-    const experiment::Plan& plan, experiment::ExperimentOptions experiment,
+    const experiment::Plan& plan, const experiment::ExperimentOptions& experiment,
     const std::vector<std::optional<experiment::RequestedSize>>& requested) {
-  std::vector<std::optional<experiment::SizedEffect>> sized(requested.size());
-  if (std::none_of(requested.begin(), requested.end(), [](const auto& w) { return w.has_value(); }))
-    return sized;
   Progress progress;
-  experiment.plant_robot = experiment.controller_robot;
-  experiment.sensor_noise = true;  // a floor is what noise makes it, whether or not the data get any
-  std::vector<double> shares(experiment::NameRuns(plan).size(), 0.0);
-  const experiment::ExperimentSet nominal = experiment::RunSet(
-      plan, experiment, &stop, [&](std::size_t run, double share, const experiment::Experiment*) {
-        shares[run] = share;
-        progress("running the plan without the effects, for their sizes",
-                 std::accumulate(shares.begin(), shares.end(), 0.0) / static_cast<double>(shares.size()));
-      });
-  if (!nominal.trouble.empty())
-    throw std::runtime_error("sizes cannot be found, the runs without effects are not complete: " +
-                             nominal.trouble);
-  const gap::EffectRuler ruler(nominal.data, experiment.threads);
-  for (std::size_t i = 0; i < requested.size(); ++i) {
-    if (!requested[i]) continue;
-    progress("finding the amounts for the requested sizes",
-             static_cast<double>(i) / static_cast<double>(requested.size()));
-    sized[i] = experiment::AmountFor(*requested[i], [&](const EffectSetting& setting) {
-      if (stop) throw std::runtime_error("stopped");
-      return ruler.Of(setting);
-    });
-  }
+  const auto sized =
+      experiment::AmountsFor(requested, plan, experiment, &stop,
+                             [&](const std::string& stage, double share) { progress(stage, share); });
   progress.Finish();
-  if (stop) throw std::runtime_error("stopped while looking for the amounts; nothing is written");
   for (const auto& effect : sized) {
-    if (!effect) continue;
-    const EffectSetting& e = effect->setting;
-    fmt::print("{} where={}", e.name, e.where);
-    for (const auto& [name, value] : e.values) fmt::print(" {}={}", name, value);
-    fmt::print(": {:.3g} sigma in {}{}\n", effect->size.floors, effect->size.channel,
-               effect->limited.empty() ? "" : "; " + effect->limited);
+    if (effect) fmt::print("{}\n", experiment::SizeLine(*effect));
   }
   return sized;
 }
 
-void WriteTruth(const SimulateOptions& options, const std::vector<EffectSetting>& effects,
-                const std::vector<std::optional<experiment::RequestedSize>>& requested,
-                const std::vector<std::optional<experiment::SizedEffect>>& sized) {
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  // What the robot's own file has comes first; the options' follow.
-  const std::size_t own = effects.size() - requested.size();
-  for (std::size_t i = 0; i < effects.size(); ++i) {
-    nlohmann::ordered_json entry{{"effect", effects[i].name}, {"where", effects[i].where}};
-    entry["parameters"] = nlohmann::ordered_json::object();
-    for (const auto& [name, value] : effects[i].values) entry["parameters"][name] = value;
-    if (i >= own && sized[i - own]) {
-      entry["sigma"] = {{"asked", std::abs(requested[i - own]->sigma)},
-                        {"reached", sized[i - own]->size.floors},
-                        {"channel", sized[i - own]->size.channel},
-                        {"limited", sized[i - own]->limited}};
-    }
-    list.push_back(entry);
-  }
-  std::ofstream truth(options.truth);
-  truth << nlohmann::ordered_json{{"robot", options.robot}, {"seed", options.seed}, {"effects", list}}.dump(2)
-        << "\n";
-  if (!truth.flush()) throw std::runtime_error("cannot write " + options.truth);
-}
-
-void RunSimulate(const SimulateOptions& options) {
+/// The robot file with the sensors that the options leave.
+RobotParameters Nominal(const SimulateOptions& options) {
   RobotParameters nominal = sim::LoadRobot(options.robot);
   if (!nominal.actuation) {
     throw std::runtime_error(
@@ -124,21 +68,21 @@ void RunSimulate(const SimulateOptions& options) {
     }
   }
   if (options.tracker == "off") nominal.actuation->tracker.reset();
+  return nominal;
+}
 
+void RunSimulate(const SimulateOptions& options) {
+  const RobotParameters nominal = Nominal(options);
   RobotParameters plant = nominal;
   std::vector<std::optional<experiment::RequestedSize>> requested;
-  try {
+  ReadFor("--effect", [&] {
     for (const std::string& text : options.effects) {
       CheckEffectNamed(text);
       requested.push_back(experiment::ParseRequestedSize(text, nominal));
       plant.effects.push_back(requested.back() ? requested.back()->setting : sim::ParseEffect(text, nominal));
     }
     sim::CheckEffects(plant);
-  } catch (const std::invalid_argument& e) {
-    throw UsageError(std::string("--effect: ") + e.what());
-  } catch (const UsageError& e) {
-    throw UsageError(std::string("--effect: ") + e.what());
-  }
+  });
 
   experiment::Plan plan =
       options.plan.empty() ? experiment::NamedPlan(options.set) : experiment::LoadPlan(options.plan);
@@ -152,11 +96,11 @@ void RunSimulate(const SimulateOptions& options) {
                                            .sensor_noise = options.noise == "on",
                                            .threads = options.jobs};
   const std::vector<std::string> inputs{options.robot, options.plan, options.daemon};
-  const SetFolder folder(options.out, options.overwrite, inputs);
-  folder.CheckNames(FileNames(plan));
+  const gap::SetFolder folder(options.out, options.overwrite, inputs);
+  folder.CheckNames(experiment::FileNames(plan));
   if (!options.truth.empty()) {
-    RefuseToReplace(options.truth, "--truth", inputs);
-    CheckWritable(options.truth);
+    gap::RefuseToReplace(options.truth, "--truth", inputs);
+    gap::CheckWritable(options.truth);
   }
   const std::vector<std::optional<experiment::SizedEffect>> sized = FindAmounts(plan, experiment, requested);
   auto& planted = experiment.plant_robot.effects;
@@ -169,8 +113,12 @@ void RunSimulate(const SimulateOptions& options) {
       plan, experiment, &stop, [&](std::size_t run, double share, const experiment::Experiment* done) {
         line.Show(run, share, done);
       });
-  const std::filesystem::path out = WriteSet(set, folder, false);
-  if (!options.truth.empty()) WriteTruth(options, planted, requested, sized);
+  const std::filesystem::path out = experiment::WriteSet(set, folder, false);
+  if (!options.truth.empty()) {
+    std::ofstream truth(options.truth);
+    truth << experiment::TruthJson(options.robot, options.seed, planted, requested, sized) << "\n";
+    if (!truth.flush()) throw std::runtime_error("cannot write " + options.truth);
+  }
   fmt::print("{}, {:.1f} s of data in {:.1f} s ({:.1f} x real time): {}\n",
              Counted(set.data.runs.size(), "run"), set.simulated_s, set.wall_s, set.simulated_s / set.wall_s,
              std::filesystem::absolute(out).lexically_normal().string());

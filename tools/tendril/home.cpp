@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <atomic>
-#include <chrono>
 #include <csignal>
 #include <memory>
 #include <stdexcept>
@@ -11,8 +10,9 @@
 #include "commands.h"
 #include "lcm_options.h"
 #include "number_option.h"
+#include "tendril/core/clock.h"
 #include "tendril/core/status.h"
-#include "tendril/io/client.h"
+#include "tendril/io/send_command.h"
 #include "tendril_lcm/event_t.hpp"
 #include "tendril_lcm/state_t.hpp"
 
@@ -31,14 +31,8 @@ std::int64_t Request(io::Client& client, ModeRequest mode, const std::string& ur
   Command command;
   command.kind = CommandKind::kMode;
   command.mode = mode;
-  command.sequence = io::SequenceFromTime();
-  command.sender = io::SenderOfProcess();
   command.valid_for_ns = kNsPerS;
-  const std::int64_t now_us = std::chrono::duration_cast<std::chrono::microseconds>(
-                                  std::chrono::system_clock::now().time_since_epoch())
-                                  .count();
-  if (!client.Send(command, now_us)) throw std::runtime_error("LCM could not send the command on " + url);
-  return io::SequenceOf(command);
+  return io::Publish(client, command, url);
 }
 
 void Home(const HomeOptions& o) {

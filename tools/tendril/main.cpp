@@ -52,7 +52,7 @@ int main(int argc, char** argv) {
     app->parse(static_cast<int>(pointers.size()), pointers.data());
   } catch (const CLI::ParseError& e) {
     return app->exit(e) == 0 ? CheckOutput() : 2;
-  } catch (const tendril::tools::UsageError& e) {
+  } catch (const tendril::UsageError& e) {
     Complain("tendril: {}\n", e.what());
     return 2;
   } catch (const std::exception& e) {

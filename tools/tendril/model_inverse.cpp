@@ -1,16 +1,13 @@
-// `tendril model ik | inverse | inverse-tip`: from wanted positions and bends to tensions, row by row.
-// Knows no equation itself; says on stderr where a target could not be met.
-#include <Eigen/Core>
-#include <functional>
-#include <iostream>
+// `tendril model inverse | inverse-tip`: from bends and positions to tensions, row by row.
+// Knows no equation itself; says on stderr where a target could not be met. A third of it is help.
+#include <memory>
 
 #include "commands.h"
 #include "model.h"
 #include "tendril/core/tip_unit.h"
 #include "tendril/model/arc_tensions.h"
-#include "tendril/model/inverse.h"
 #include "tendril/model/inverse_equilibrium.h"
-#include "tendril/model/statics.h"
+#include "tendril/model/loading.h"
 
 namespace tendril::tools {
 namespace {
@@ -18,22 +15,6 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 using model::Body;
-using Names = std::vector<std::string>;
-
-/// Rows whose target is out of reach: the first few by line, the rest as a number at the end.
-class Unmet {
- public:
-  void Add(const io::CsvReader& rows, const std::string& what) {
-    if (++count_ <= kShown) fmt::print(stderr, "tendril: stdin: line {}: {}\n", rows.line(), what);
-  }
-  ~Unmet() {
-    if (count_ > kShown) fmt::print(stderr, "tendril: {} rows with such a remark in total\n", count_);
-  }
-
- private:
-  static constexpr std::size_t kShown = 10;
-  std::size_t count_ = 0;
-};
 
 struct TensionOptions {
   double min_tension_N = 0;
@@ -55,37 +36,6 @@ Bounds TensionBounds(const RobotParameters& robot, const TensionOptions& options
   return {low_N, high_N};
 }
 
-VectorXd Part(std::span<const double> values, std::size_t part, Eigen::Index size) {
-  return Eigen::Map<const VectorXd>(values.data() + part * static_cast<std::size_t>(size), size);
-}
-
-// A tip in metres; far beyond any robot its distances would overflow.
-Vector3d TipOf(const io::CsvReader& rows) {
-  constexpr double kFarthest_m = 1e6;
-  const Vector3d tip = Part(rows.required(), 0, 3);
-  if (tip.cwiseAbs().maxCoeff() > kFarthest_m) throw rows.Error("x,y,z must lie within 1e6 m of the base");
-  return tip;
-}
-
-void InverseKinematicsRows(const RobotParameters& robot) {
-  const Body body(robot.body);
-  const model::InverseKinematics ik(body, robot.limits.max_bending_rad);
-  io::CsvReader rows(std::cin, "stdin", {"x", "y", "z"});
-  io::CsvWriter out(stdout, io::NumberedPairs("us", "vs", body.sections()));
-  Unmet unmet;
-  BendingVector seed = BendingVector::Zero(2 * body.sections());
-  while (rows.Next()) {
-    const Vector3d tip = TipOf(rows);
-    const auto solution = ik.Solve(tip, seed);
-    if (solution.status != Status::kOk) {
-      unmet.Add(rows, fmt::format("out of reach: the nearest tip is {:.6g} m away{}", solution.distance_m,
-                                  AskMillimetres(tip, robot.body.length_m())));
-    }
-    out.PutAll(solution.us_vs).EndRow();
-    seed = solution.us_vs;
-  }
-}
-
 [[noreturn]] void NoShape(const io::CsvReader& rows, const model::TensionedShape& shape,
                           const std::string& asked = {}) {
   throw rows.Error(
@@ -98,17 +48,19 @@ void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
   const Body body(robot.body);
   const Bounds bounds = TensionBounds(robot, options);
   const int k = body.sections();
-  io::CsvReader rows(std::cin, "stdin", io::NumberedPairs("us", "vs", k),
-                     {io::Columns(io::NumberedPairs("dus", "dvs", k), io::NumberedPairs("ddus", "ddvs", k))});
+  io::CsvReader rows =
+      Stdin(io::NumberedPairs("us", "vs", k),
+            {io::Columns(io::NumberedPairs("dus", "dvs", k), io::NumberedPairs("ddus", "ddvs", k))});
   io::CsvWriter out(stdout, io::Numbered("T", body.tendons()));
   Unmet unmet;
   model::ArcTensions arcs(body);
   const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N);
   while (rows.Next()) {
-    const VectorXd bend = Part(rows.required(), 0, 2 * k);
+    const VectorXd bend = Cursor(rows.required()).Take(2 * k);
     const bool moving = rows.has(0);
-    const VectorXd rate = moving ? Part(rows.optional(0), 0, 2 * k) : VectorXd::Zero(2 * k);
-    const VectorXd acceleration = moving ? Part(rows.optional(0), 1, 2 * k) : VectorXd::Zero(2 * k);
+    Cursor motion(rows.optional(0));
+    const VectorXd rate = moving ? motion.Take(2 * k) : VectorXd::Zero(2 * k);
+    const VectorXd acceleration = moving ? motion.Take(2 * k) : VectorXd::Zero(2 * k);
     VectorXd q(body.dof());
     body.SpreadBending(bend, q);
     RequireOpenDisks(rows, body, q);
@@ -136,16 +88,17 @@ void InverseTipRows(const RobotParameters& robot, const TensionOptions& options)
   const Body body(robot.body);
   const Bounds bounds = TensionBounds(robot, options);
   const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N);
-  io::CsvReader rows(std::cin, "stdin", {"x", "y", "z"}, {{"dx", "dy", "dz", "ddx", "ddy", "ddz"}});
+  io::CsvReader rows = Stdin({"x", "y", "z"}, {{"dx", "dy", "dz", "ddx", "ddy", "ddz"}});
   io::CsvWriter out(
       stdout, io::Columns(io::Numbered("T", body.tendons()), io::NumberedPairs("u", "v", body.units())));
   Unmet unmet;
   while (rows.Next()) {
     const Vector3d tip = TipOf(rows);
     const double most = robot.limits.max_bending_rad;
-    const auto shape = rows.has(0) ? equilibrium.ForTip(tip, Part(rows.optional(0), 0, 3),
-                                                        Part(rows.optional(0), 1, 3), most)
-                                   : equilibrium.ForTip(tip, most);
+    const bool moving = rows.has(0);
+    const VectorXd motion = moving ? Cursor(rows.optional(0)).Take(6) : VectorXd::Zero(6);
+    const auto shape = moving ? equilibrium.ForTip(tip, motion.head(3), motion.tail(3), most)
+                              : equilibrium.ForTip(tip, most);
     const std::string asked = AskMillimetres(tip, robot.body.length_m());
     if (shape.status == Status::kSolverFallback) NoShape(rows, shape, asked);
     if (shape.status != Status::kOk) {
@@ -153,17 +106,12 @@ void InverseTipRows(const RobotParameters& robot, const TensionOptions& options)
                 fmt::format("out of reach between {} and {} N: the nearest tip found is {:.6g} m away{}",
                             bounds.low_N, bounds.high_N, shape.target_error, asked));
     }
-    // An equilibrium that loading from rest does not lead to is still one, but the robot may not go there by
-    // itself.
-    if (!rows.has(0)) {
-      const model::Equilibrium loaded = model::SolveStatics(body, shape.tension_N, Vector3d::Zero());
-      if (loaded.result != model::StaticsResult::kConverged ||
-          (loaded.q - shape.q).cwiseAbs().maxCoeff() > 1e-6) {
-        unmet.Add(
-            rows,
-            "this equilibrium does not lie on the branch from zero tension: raising the tensions from rest "
-            "ends elsewhere (see `tendril model statics`)");
-      }
+    // It is one all the same, but the robot may not go there by itself.
+    if (!moving && !model::LoadingEndsAt(body, shape.tension_N, shape.q)) {
+      unmet.Add(
+          rows,
+          "this equilibrium does not lie on the branch from zero tension: raising the tensions from rest "
+          "ends elsewhere (see `tendril model statics`)");
     }
     out.PutAll(shape.tension_N).PutAll(shape.q).EndRow();
   }
@@ -179,15 +127,6 @@ void AddMinTension(CLI::App& command, const std::shared_ptr<TensionOptions>& opt
 }  // namespace
 
 void AddModelInverseCommands(CLI::App& model) {
-  CLI::App* ik = AddModelEvaluation(model, "ik", "tip x,y,z -> us,vs per section at constant curvature",
-                                    InverseKinematicsRows);
-  ik->footer(
-      "A tip out of reach gets the nearest reachable one (bend up to limits.max_bending_rad per section) and "
-      "a line\n"
-      "on stderr with the distance. With several sections each row starts from the row before, so that a "
-      "path stays\n"
-      "on one branch.");
-
   auto options = std::make_shared<TensionOptions>();
   CLI::App* inverse = AddModelEvaluation(
       model, "inverse", "us,vs per section [and dus,dvs,ddus,ddvs] -> T per tendon of least sum (T - Tmin)^2",

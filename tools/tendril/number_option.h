@@ -1,4 +1,4 @@
-// A check of options that are numbers: from one to the other, and no NaN, which comparisons let through.
+// Checks of options that are numbers, and no NaN, which comparisons let through.
 #pragma once
 
 #include <fmt/format.h>
@@ -18,6 +18,17 @@ inline CLI::Validator NumberFrom(double least, double most, const char* remedy) 
             return fmt::format("{} is not a number from {}; {}", text, range, remedy);
           },
           range};
+}
+
+/// CLI11's own check would print the largest number there is in full.
+inline CLI::Validator Positive() {
+  return CLI::Validator(
+      [](std::string& text) -> std::string {
+        double value = 0;
+        const bool good = CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value > 0;
+        return good ? "" : "'" + text + "' is out of range; accepted: a number above 0, such as 0.5";
+      },
+      "NUMBER > 0");
 }
 
 }  // namespace tendril::tools

@@ -2,7 +2,6 @@
 // settings to change if not. Touches neither bus nor robot.
 #include <fmt/format.h>
 
-#include <cmath>
 #include <csignal>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -15,15 +14,11 @@
 #include "paths.h"
 #include "tendril/config/config.h"
 #include "tendril/rt/compare.h"
+#include "tendril/rt/fitness.h"
 #include "tendril/rt/host.h"
 
 namespace tendril::tools {
 namespace {
-
-// A cycle's bus and computing time are budgeted to the cycle; what the wake-up may take of it is this.
-constexpr double kTypicalShare = 0.05;        // 99.9 % of the cycles
-constexpr double kWorstShare = 0.20;          // every one
-constexpr std::uint64_t kLeastCycles = 2000;  // that say anything of one in a thousand
 
 struct Options {
   std::string config, root;
@@ -33,62 +28,7 @@ struct Options {
 
 volatile std::sig_atomic_t interrupted = 0;
 
-struct Judgement {
-  bool fit = true;
-  std::vector<std::string> reasons;  // why not
-  std::string limit;                 // what was not judged
-};
-
 double Us(TimeNs t_ns) { return static_cast<double>(t_ns) * 1e-3; }
-
-Judgement Judge(const DaemonParameters& daemon, const rt::LoopComparison& measured,
-                const std::vector<rt::HostSetting>& settings) {
-  Judgement j;
-  const auto against = [&j](const std::string& reason) {
-    j.fit = false;
-    j.reasons.push_back(reason);
-  };
-  const auto period_us = Us(daemon.bus.cycle_ns);
-  if (!measured.problems.empty()) {
-    against("measured without real-time rights, so valid for an ordinary program only: " + measured.problems);
-  }
-  for (const rt::HostSetting& s : settings) {
-    if (s.verdict == rt::Verdict::kBad) against(s.name + ": " + s.value);
-  }
-  const double typical_us = Us(measured.loop.Percentile(0.999)), worst_us = Us(measured.loop.max_ns());
-  if (measured.loop_missed > 0) against(fmt::format("{} cycles were missed", measured.loop_missed));
-  if (const std::uint64_t cycles = measured.loop.count(); cycles < kLeastCycles) {
-    const double half_s = static_cast<double>(kLeastCycles) * 1e-6 * period_us;
-    j.limit =
-        fmt::format("{} cycles are too few to judge one in a thousand; measure for --seconds {:.0f} or more",
-                    cycles, std::ceil(2 * half_s));
-  } else if (typical_us > kTypicalShare * period_us) {
-    against(
-        fmt::format("one wake-up in a thousand is late by {:.0f} us or more; {:.0f} us ({:.0f} % of the "
-                    "cycle) are acceptable",
-                    typical_us, kTypicalShare * period_us, 100 * kTypicalShare));
-  }
-  if (worst_us > kWorstShare * period_us) {
-    against(fmt::format(
-        "the latest wake-up came {:.0f} us late; {:.0f} us ({:.0f} % of the cycle) are acceptable", worst_us,
-        kWorstShare * period_us, 100 * kWorstShare));
-  }
-  return j;
-}
-
-const char* VerdictText(rt::Verdict v) {
-  switch (v) {
-    case rt::Verdict::kGood:
-      return "good";
-    case rt::Verdict::kUnknown:
-      return "unknown";
-    case rt::Verdict::kBetter:
-      return "could be better";
-    case rt::Verdict::kBad:
-      return "bad";
-  }
-  return "";
-}
 
 nlohmann::json ToJson(const rt::Histogram& h, std::uint64_t missed) {
   return {{"cycles", h.count()},
@@ -105,11 +45,13 @@ double Ratio(const rt::LoopComparison& m) {
 }
 
 void PrintJson(const DaemonParameters& daemon, const rt::LoopComparison& m,
-               const std::vector<rt::HostSetting>& settings, const Judgement& j) {
+               const std::vector<rt::HostSetting>& settings, const rt::Judgement& j) {
   nlohmann::json list = nlohmann::json::array();
   for (const rt::HostSetting& s : settings) {
-    list.push_back(
-        {{"name", s.name}, {"verdict", VerdictText(s.verdict)}, {"value", s.value}, {"remedy", s.remedy}});
+    list.push_back({{"name", s.name},
+                    {"verdict", rt::VerdictText(s.verdict)},
+                    {"value", s.value},
+                    {"remedy", s.remedy}});
   }
   const nlohmann::json all{{"fit", j.fit},
                            {"reasons", j.reasons},
@@ -126,7 +68,7 @@ void PrintJson(const DaemonParameters& daemon, const rt::LoopComparison& m,
 }
 
 void PrintText(const DaemonParameters& daemon, const rt::LoopComparison& m,
-               const std::vector<rt::HostSetting>& settings, const Judgement& j) {
+               const std::vector<rt::HostSetting>& settings, const rt::Judgement& j) {
   fmt::print("cycle {:.0f} us, priority {}, CPU {}\n\n", Us(daemon.bus.cycle_ns), daemon.realtime.priority,
              daemon.realtime.cpu < 0 ? "any" : std::to_string(daemon.realtime.cpu));
   fmt::print("{:<14}{:>10}{:>10}{:>10}{:>10}{:>10}{:>10}\n", "late by [us]", "cycles", "median", "99 %",
@@ -140,7 +82,7 @@ void PrintText(const DaemonParameters& daemon, const rt::LoopComparison& m,
   row("  bare timer", m.timer, m.timer_missed);
   fmt::print("our loop / bare timer at 99.9 %: {:.2f}\n\n", Ratio(m));
   for (const rt::HostSetting& s : settings) {
-    fmt::print("{:<16}{:<17}{}\n", s.name, VerdictText(s.verdict), s.value);
+    fmt::print("{:<16}{:<17}{}\n", s.name, rt::VerdictText(s.verdict), s.value);
     if (!s.remedy.empty()) fmt::print("{:<33}-> {}\n", "", s.remedy);
   }
   fmt::print("\n{} for a cycle of {:.0f} us\n", j.fit ? "fit" : "not fit", Us(daemon.bus.cycle_ns));
@@ -157,7 +99,7 @@ void Run(const Options& o) {
   const rt::LoopComparison measured =
       rt::CompareLoops(daemon.realtime, daemon.bus.cycle_ns, static_cast<TimeNs>(o.seconds * 1e9),
                        [] { return interrupted != 0; });
-  const Judgement j = Judge(daemon, measured, settings);
+  const rt::Judgement j = rt::Judge(daemon.bus.cycle_ns, measured, settings);
   (o.json ? PrintJson : PrintText)(daemon, measured, settings, j);
   if (!j.fit) {
     throw std::runtime_error(

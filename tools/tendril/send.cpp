@@ -2,20 +2,16 @@
 // daemon judges.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <chrono>
 #include <memory>
-#include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "commands.h"
 #include "lcm_options.h"
 #include "number_option.h"
 #include "tendril/core/cycle.h"
-#include "tendril/core/status.h"
 #include "tendril/core/tip_unit.h"
-#include "tendril/io/client.h"
-#include "tendril_lcm/state_t.hpp"
+#include "tendril/io/send_command.h"
 
 namespace tendril::tools {
 namespace {
@@ -24,7 +20,6 @@ namespace {
 constexpr double kTimeout_s = 2, kArmTimeout_s = 15;
 // Of any value of a target: what is more means no robot, in whatever unit.
 constexpr double kMostValue = 1e6;
-constexpr TimeNs kLeastForAnswer_ns = 500 * kNsPerMs;
 
 struct SendOptions {
   LcmOptions lcm;
@@ -34,161 +29,19 @@ struct SendOptions {
   std::vector<double> values;
 };
 
-std::int64_t EpochUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
-
-// One line for people: where the robot is now, and which limit acts if one does.
-std::string Describe(const tendril_lcm::state_t& state) {
-  std::string text = "accepted; mode " + state.mode_text;
-  for (const std::int16_t number : state.reported) {
-    const auto status = static_cast<Status>(number);
-    // That another's targets are refused is no answer to this command.
-    if (status != Status::kTwoSenders) text += fmt::format("; {} {}", number, StatusText(status));
-  }
-  if (state.target_distance_m > 0) {
-    text += fmt::format(" ({:.2f} mm away from the requested point)", 1e3 * state.target_distance_m);
-  }
-  return text;
-}
-
-TimeNs ToNs(double seconds) { return static_cast<TimeNs>(seconds * static_cast<double>(kNsPerS)); }
-
-bool Is(const Command& command, ModeRequest request) {
-  return command.kind == CommandKind::kMode && command.mode == request;
-}
-
-// What is waited for is told when it is not there soon.
-class Waiting {
- public:
-  void For(const std::string& what, TimeNs tell_after_ns) {
-    if (what == told_ || clock_.Now() < since_ns_ + tell_after_ns) return;
-    told_ = what;
-    fmt::print(stderr, "waiting for {}\n", what);
-  }
-
- private:
-  MonotonicClock clock_;
-  TimeNs since_ns_ = clock_.Now();
-  std::string told_;
-};
-
-// What waiting does not mend.
-bool NeedsAHand(Status reason) {
-  return reason == Status::kDriveHasFault || reason == Status::kOtherDevice ||
-         reason == Status::kDriveMisconfigured || reason == Status::kNodeIdTwice;
-}
-
-// A robot whose daemon or drives are still starting is armed when they are ready. A drive in fault will not
-// be without its operator. Throws when they are not ready in time.
-void AwaitDrives(const SendOptions& o, io::Client& client, const tendril_lcm::state_t& latest,
-                 double timeout_s) {
-  // A daemon that waits itself tells so once a second.
-  constexpr TimeNs kTellAfter_ns = 300 * kNsPerMs, kTellNobodyAfter_ns = 1500 * kNsPerMs;
-  const MonotonicClock clock;
-  const TimeNs end_ns = clock.Now() + ToNs(timeout_s);
-  Waiting waiting;
-  Status reason = Status::kOk;
-  while (clock.Now() < end_ns) {
-    client.Handle(20);
-    if (latest.utime == 0) {
-      waiting.For(fmt::format("a daemon on {} ({}_STATE){}{}", o.lcm.url, o.lcm.prefix,
-                              client.waits().empty() ? "" : ", which is ", client.waits()),
-                  client.waits().empty() ? kTellNobodyAfter_ns : 0);
-      continue;
-    }
-    reason = io::ReasonForMode(latest);
-    if (latest.mode != tendril_lcm::state_t::MODE_DISCONNECTED || NeedsAHand(reason)) return;
-    waiting.For(reason == Status::kOk ? "the drives" : fmt::format("the drives: {}", StatusText(reason)),
-                kTellAfter_ns);
-  }
-  if (latest.utime == 0) throw std::runtime_error(NobodyAnswers(o.lcm, timeout_s, client));
-  throw std::runtime_error(
-      reason == Status::kOk
-          ? fmt::format("the drives did not start within {:g} s; see the daemon's log, or wait longer "
-                        "(--timeout)",
-                        timeout_s)
-          : fmt::format("the drives did not start within {:g} s: {} ({}); {}", timeout_s, StatusText(reason),
-                        static_cast<int>(reason), StatusRemedy(reason)));
-}
-
-// An arm that comes when it is done already, or about to be, is as good as the first.
-bool ArmedAlready(const tendril_lcm::state_t& s) {
-  return s.command_status == static_cast<std::int16_t>(Status::kCommandWrongMode) &&
-         (s.mode == tendril_lcm::state_t::MODE_ARMED || s.mode == tendril_lcm::state_t::MODE_PRETENSION ||
-          s.mode == tendril_lcm::state_t::MODE_RUNNING);
-}
-
 void Send(const SendOptions& o, Command command) {
-  command.sender = io::SenderOfProcess();
-  command.valid_for_ns = ToNs(o.valid_for_s);
+  command.valid_for_ns = static_cast<TimeNs>(o.valid_for_s * static_cast<double>(kNsPerS));
   command.speed_radps = o.speed_radps;
-
-  const bool arm = Is(command, ModeRequest::kArm), clear = Is(command, ModeRequest::kClear);
-  const double timeout_s = o.timeout_s >= 0 ? o.timeout_s : arm ? kArmTimeout_s : kTimeout_s;
-
-  io::Client client(o.lcm.url, o.lcm.prefix);
-  bool answered = false, settled = false;
-  tendril_lcm::state_t latest{}, answer{};
-  client.OnState([&](const tendril_lcm::state_t& state) {
-    latest = state;
-    if (settled || command.sequence == 0 || state.command_sequence != io::SequenceOf(command)) return;
-    answered = true;
-    // Drives that a clear starts again take a moment, in which nothing is to be said yet.
-    settled = !clear || state.command_status != 0 || state.mode != tendril_lcm::state_t::MODE_DISCONNECTED;
-    answer = state;
-  });
-  const MonotonicClock clock;
-  TimeNs end_ns = clock.Now() + ToNs(timeout_s);
-  if (arm && timeout_s > 0) {
-    AwaitDrives(o, client, latest, timeout_s);
-    end_ns = std::max(end_ns, clock.Now() + kLeastForAnswer_ns);
-  }
-  command.sequence = io::SequenceFromTime();
-  if (!client.Send(command, EpochUs())) {
-    throw std::runtime_error("LCM could not send the command on " + o.lcm.url);
-  }
-  while (!settled && clock.Now() < end_ns) client.Handle(20);
-  if (timeout_s == 0) return;
-  if (latest.utime == 0) throw std::runtime_error(NobodyAnswers(o.lcm, timeout_s, client));
-  if (!answered) {
-    throw std::runtime_error(fmt::format(
-        "the daemon is running but did not receive the command within {:g} s; try again", timeout_s));
-  }
-  const bool already = arm && ArmedAlready(answer);
-  if (answer.command_status != 0 && !already) {
-    std::string more;
-    for (const std::int16_t number : answer.reported) {
-      const auto status = static_cast<Status>(number);
-      // That there are two senders is what a target was refused for.
-      if (number != answer.command_status && status != Status::kTwoSenders)
-        more += fmt::format(": {} {}; {}", number, StatusText(status), StatusRemedy(status));
-    }
-    throw std::runtime_error(fmt::format("{} ({}, mode {}{})", answer.command_status_text,
-                                         answer.command_status, answer.mode_text, more));
-  }
-  // Targets are taken once pretension is reached.
-  const auto on_its_way = [&] {
-    return latest.mode == tendril_lcm::state_t::MODE_ARMED ||
-           latest.mode == tendril_lcm::state_t::MODE_PRETENSION;
-  };
-  while (arm && on_its_way() && clock.Now() < end_ns) client.Handle(20);
-  if (arm && latest.mode != tendril_lcm::state_t::MODE_RUNNING) {
-    const Status reason = io::ReasonForMode(latest);
-    throw std::runtime_error(
-        fmt::format("armed, but {} mode {}: {}",
-                    on_its_way() ? fmt::format("after {:g} s still in", timeout_s) : "then", latest.mode_text,
-                    reason == Status::kOk ? std::string("see the daemon's log; send arm again")
-                                          : fmt::format("{} ({}); {}", StatusText(reason),
-                                                        static_cast<int>(reason), StatusRemedy(reason))));
-  }
-  if (already) {
-    fmt::print("armed already; mode {}\n", latest.mode_text);
-  } else {
-    fmt::print("{}\n", Describe(arm ? latest : answer));
-  }
+  const bool arm = command.kind == CommandKind::kMode && command.mode == ModeRequest::kArm;
+  const io::CommandCall call{.url = o.lcm.url,
+                             .channel_prefix = o.lcm.prefix,
+                             .command = command,
+                             .timeout_s = o.timeout_s >= 0 ? o.timeout_s
+                                          : arm            ? kArmTimeout_s
+                                                           : kTimeout_s};
+  const std::string answer =
+      io::SendCommand(call, [](const std::string& what) { fmt::print(stderr, "waiting for {}\n", what); });
+  if (!answer.empty()) fmt::print("{}\n", answer);
 }
 
 template <class Vector>

@@ -1,5 +1,5 @@
-// One line a finished run, and on a terminal a line that moves: how a set of experiments gets on, and where
-// it is left. Knows nothing of how runs are made.
+// One line a finished run, and on a terminal a line that moves: how a set of experiments gets on. Knows
+// nothing of how runs are made.
 #pragma once
 
 #include <fmt/format.h>
@@ -11,8 +11,6 @@
 #include <utility>
 #include <vector>
 
-#include "counted.h"
-#include "set_folder.h"
 #include "tendril/experiment/experiment_run.h"
 
 namespace tendril::tools {
@@ -47,28 +45,5 @@ class SetProgressLine {
   bool terminal_;
   std::map<std::size_t, double> going_;
 };
-
-/// What the runs of a plan will be called.
-inline std::vector<std::string> FileNames(const experiment::Plan& plan) {
-  std::vector<std::string> names;
-  for (const experiment::NamedRun& run : experiment::NameRuns(plan)) names.push_back(run.name);
-  return names;
-}
-
-/// Leaves a set in its folder and returns where. An earlier set gives way to a complete one only; what was
-/// `measured` so far then goes beside it. Throws std::runtime_error where nothing is left.
-inline std::filesystem::path WriteSet(const experiment::ExperimentSet& set, const SetFolder& folder,
-                                      bool measured) {
-  if (set.data.runs.empty()) throw std::runtime_error("nothing was recorded: " + set.trouble);
-  if (set.trouble.empty()) {
-    folder.Write(set.data);
-    return folder.path();
-  }
-  if (folder.replaces() && !measured) {
-    throw std::runtime_error(fmt::format("the set is not complete: {}; {} still holds the earlier one",
-                                         set.trouble, folder.path().string()));
-  }
-  return folder.WriteIncomplete(set.data);
-}
 
 }  // namespace tendril::tools

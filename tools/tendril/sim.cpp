@@ -18,9 +18,9 @@
 #include "tendril/daemon/daemon.h"
 #include "tendril/experiment/closed_loop.h"
 #include "tendril/experiment/experiment_run.h"
+#include "tendril/rig/plant_of.h"
 #include "tendril/rig/simulated_robot.h"
 #include "tendril/rt/paced_time.h"
-#include "tendril/sim/effects.h"
 
 namespace tendril::tools {
 namespace {
@@ -65,23 +65,6 @@ daemon::DaemonOptions Controller(const SimOptions& o) {
   return options;
 }
 
-/// Wired as the daemon's file says, unless a file of its own says otherwise.
-RobotParameters Plant(const SimOptions& o, const RobotParameters& controllers, const BusParameters& bus) {
-  RobotParameters plant = o.plant.empty() ? controllers : sim::LoadRobot(o.plant);
-  for (const NodeParameters& node : bus.nodes) {
-    if (o.plant.empty())
-      plant.actuation->tendons[static_cast<std::size_t>(node.tendon) - 1].node_id = node.node_id;
-  }
-  if (plant.body.tendons() != controllers.body.tendons()) {
-    throw std::runtime_error(
-        fmt::format("the controller's robot has {} tendons, the plant's {}: give two files of one robot",
-                    controllers.body.tendons(), plant.body.tendons()));
-  }
-  for (const std::string& effect : o.effects) plant.effects.push_back(sim::ParseEffect(effect, plant));
-  sim::CheckEffects(plant);
-  return plant;
-}
-
 void SetUpMessages(bool headless) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("tendril sim"));
   spdlog::set_pattern("%H:%M:%S.%e %^%l%$: %v");
@@ -90,7 +73,7 @@ void SetUpMessages(bool headless) {
 
 void RunSim(const SimOptions& o) {
   const daemon::DaemonOptions options = Controller(o);
-  const RobotParameters plant = Plant(o, options.robot, options.parameters.bus);
+  const RobotParameters plant = rig::PlantOf(options.robot, options.parameters.bus, o.plant, o.effects);
   SetUpMessages(o.headless);
   rt::PacedTime time(o.speed);
   rig::SimulatedRobot robot(plant, options.parameters, time.clock(), o.seed);

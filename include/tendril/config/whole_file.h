@@ -1,5 +1,5 @@
-// Writes files completely or not at all, even if the program stops or the disk is full (a program that does
-// not ignore SIGXFSZ is still ended by a limit on file sizes).
+// Files as a whole: reads them, and writes them completely or not at all, even if the program stops or the
+// disk is full (a program that does not ignore SIGXFSZ is still ended by a limit on file sizes).
 #pragma once
 
 #include <filesystem>
@@ -12,5 +12,8 @@ namespace tendril::config {
 void WriteWhole(const std::filesystem::path& file, const std::string& text);
 /// Throws as WriteWhole would where it may not write; changes nothing.
 void CheckMayWrite(const std::filesystem::path& file);
+
+/// Every byte. Throws std::runtime_error "cannot read FILE"; of a folder, too.
+std::string ReadWhole(const std::filesystem::path& file);
 
 }  // namespace tendril::config

@@ -5,7 +5,6 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -14,12 +13,6 @@
 #include "tendril/motion/motion.h"
 
 namespace tendril::motion {
-
-/// A request that makes no sense; what() is the whole line.
-class RequestError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
 
 struct MotionRequest {
   std::string kind;                      // a motion of MakeMotion, or via, line, arc, csv
@@ -35,7 +28,7 @@ struct MotionRequest {
 };
 
 /// Checked against what the tendons and drives can do. Points out of reach, where the nearest ones are taken,
-/// are one line to `remark`. Throws RequestError for a request that makes no sense, std::runtime_error with
+/// are one line to `remark`. Throws UsageError for a request that makes no sense, std::runtime_error with
 /// file, line or point for what this robot and these limits cannot do.
 std::unique_ptr<Motion> MakeRequestedMotion(const MotionRequest& request, const RobotParameters& robot,
                                             const TrajectoryParameters& limits,

@@ -9,7 +9,7 @@
 
 #include "tendril/gap/data_set.h"
 
-namespace tendril::tools {
+namespace tendril::gap {
 
 class SetFolder {
  public:
@@ -29,11 +29,11 @@ class SetFolder {
   /// Writes the set beside the earlier one and exchanges the two when it is complete; with an error the
   /// earlier one stays. The earlier set's files are those that its runs.yaml lists, runs.yaml and robot.yaml;
   /// anything else in the folder is left alone.
-  void Write(const gap::DataSet& set) const;
+  void Write(const DataSet& set) const;
 
   /// Of what must not be lost but is no complete set: as Write where nothing is replaced, else into a new
   /// folder beside this one. Returns where.
-  std::filesystem::path WriteIncomplete(const gap::DataSet& set) const;
+  std::filesystem::path WriteIncomplete(const DataSet& set) const;
 
  private:
   std::filesystem::path folder_;
@@ -46,4 +46,4 @@ void RefuseToReplace(const std::string& file, const char* option, const std::vec
 /// Throws std::runtime_error when the file could not be written; writes nothing.
 void CheckWritable(const std::string& file);
 
-}  // namespace tendril::tools
+}  // namespace tendril::gap

@@ -1,5 +1,5 @@
 // Where data sets are left: what was measured is never lost, whatever goes wrong.
-#include "set_folder.h"
+#include "tendril/gap/set_folder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,15 +8,18 @@
 #include <fstream>
 #include <map>
 
-#include "commands.h"
-#include "set_progress.h"
 #include "tendril/config/config.h"
+#include "tendril/core/usage_error.h"
+#include "tendril/experiment/set_output.h"
 
-namespace tendril::tools {
+namespace tendril::experiment {
 namespace {
 
 namespace fs = std::filesystem;
 using Files = std::map<std::string, std::string>;
+using gap::CheckWritable;
+using gap::RefuseToReplace;
+using gap::SetFolder;
 using testing::HasSubstr;
 
 std::string ReadText(const fs::path& file) {
@@ -82,7 +85,7 @@ TEST_F(SetFolderTest, AnIncompleteSetStandsBesideTheEarlierOne) {
 
 // What a program made can be made again; what a robot did cannot.
 TEST_F(SetFolderTest, WhatEndedEarlyGivesWayToTheEarlierSetUnlessItWasMeasured) {
-  experiment::ExperimentSet part;
+  ExperimentSet part;
   part.data = Set({"01_circle"});
   part.trouble = "02_hold: stopped";
   // Nothing is in the way: what there is stays.
@@ -93,10 +96,10 @@ TEST_F(SetFolderTest, WhatEndedEarlyGivesWayToTheEarlierSetUnlessItWasMeasured) 
   EXPECT_EQ(WriteSet(part, Folder("set", true), true), folder_ / "set.incomplete");
   EXPECT_EQ(gap::LoadDataSet(folder_ / "set.incomplete", "").runs.at(0).name, "01_circle");
   EXPECT_EQ(In("set"), before);
-  experiment::ExperimentSet none;
+  ExperimentSet none;
   none.trouble = "no daemon";
   EXPECT_THROW(WriteSet(none, Folder("set", true), true), std::runtime_error);
-  experiment::ExperimentSet whole;
+  ExperimentSet whole;
   whole.data = Set({"01_hold"});
   EXPECT_EQ(WriteSet(whole, Folder("set", true), true), folder_ / "set");
   EXPECT_FALSE(fs::exists(folder_ / "set/01_circle.csv"));
@@ -137,4 +140,4 @@ TEST_F(SetFolderTest, AListThatNamesOtherFilesGivesThemNotAway) {
 }
 
 }  // namespace
-}  // namespace tendril::tools
+}  // namespace tendril::experiment

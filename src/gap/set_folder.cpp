@@ -1,5 +1,5 @@
 // Files of a set are moved one by one, so that other files in the folder stay; see the header.
-#include "set_folder.h"
+#include "tendril/gap/set_folder.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -10,10 +10,10 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "commands.h"
 #include "tendril/config/config.h"
+#include "tendril/core/usage_error.h"
 
-namespace tendril::tools {
+namespace tendril::gap {
 namespace {
 
 namespace fs = std::filesystem;
@@ -162,13 +162,13 @@ void SetFolder::CheckNames(const std::vector<std::string>& runs) const {
   }
 }
 
-void SetFolder::Write(const gap::DataSet& set) const {
+void SetFolder::Write(const DataSet& set) const {
   std::vector<std::string> runs;
-  for (const gap::Run& run : set.runs) runs.push_back(run.name);
+  for (const Run& run : set.runs) runs.push_back(run.name);
   CheckNames(runs);
   const Aside next(folder_ / fmt::format(".next-{}", getpid())),
       last(folder_ / fmt::format(".last-{}", getpid()));
-  gap::WriteDataSet(set, next.path());
+  WriteDataSet(set, next.path());
 
   std::vector<fs::path> from_next, from_last;
   const auto take_back = [&] {
@@ -198,7 +198,7 @@ void SetFolder::Write(const gap::DataSet& set) const {
   }
 }
 
-fs::path SetFolder::WriteIncomplete(const gap::DataSet& set) const {
+fs::path SetFolder::WriteIncomplete(const DataSet& set) const {
   if (!replaces()) {
     Write(set);
     return folder_;
@@ -229,4 +229,4 @@ void CheckWritable(const std::string& file) {
                              "; name a file in a folder that exists and may be written");
 }
 
-}  // namespace tendril::tools
+}  // namespace tendril::gap

@@ -1,0 +1,37 @@
+// One command to a daemon, and what became of it. Knows nothing of the robot: the daemon judges.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "tendril/core/cycle.h"
+#include "tendril/io/client.h"
+
+namespace tendril::io {
+
+/// Publishes the command now, with this process as its sender and a new sequence number, which are set in it;
+/// `url` is the client's, for the error. Returns the sequence number by which states answer it. Throws
+/// std::runtime_error when LCM does not take it.
+std::int64_t Publish(Client& client, Command& command, const std::string& url);
+
+struct CommandCall {
+  std::string url, channel_prefix;
+  Command command;  // without sender and sequence number
+  /// For the daemon's answer [s]; to arm, for daemon and drives to be ready and pretension, too. 0: does not
+  /// wait.
+  double timeout_s = 0;
+};
+
+/// Sends it and waits for its answer; an arm first for a daemon and drives that are still starting, and then
+/// until targets are taken. Returns a line on where the robot is now; empty with a timeout of 0. What is
+/// waited for and does not come soon goes to `waiting` ("the drives: ..."). Throws std::runtime_error with
+/// reason and remedy when nobody answers, the daemon refuses, or an arm ends elsewhere.
+std::string SendCommand(const CommandCall& call, const std::function<void(const std::string&)>& waiting);
+
+/// "accepted; mode hold", which limits act, and how far the requested point is away.
+std::string AcceptedText(const tendril_lcm::state_t& state);
+/// Why the command was refused, with what else the daemon reports and its remedies.
+std::string RefusedText(const tendril_lcm::state_t& state);
+
+}  // namespace tendril::io

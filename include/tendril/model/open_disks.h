@@ -1,0 +1,16 @@
+// Whether a shape is one that a body with disks can have.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+#include "tendril/model/body.h"
+
+namespace tendril::model {
+
+/// The first unit (0-based) that q (2N, u and v of each unit) bends so far that its disks would cut through
+/// each other: by a whole turn, or until a tendon of it or of a section above has no length left within it.
+/// Empty when every unit is open.
+std::optional<int> FirstClosedUnit(const Body& body, ConstVectorRef q);
+
+}  // namespace tendril::model

@@ -1,0 +1,36 @@
+// `tendril model fk`: where the tip is at a state, row by row.
+#include <Eigen/Geometry>
+
+#include "model.h"
+
+namespace tendril::tools {
+namespace {
+
+using Eigen::VectorXd;
+
+void ForwardKinematics(const RobotParameters& robot) {
+  const model::Body body(robot.body);
+  VectorXd length(body.tendons());
+  io::CsvReader rows = Stdin(Positions(body.units()));
+  io::CsvWriter out(stdout,
+                    io::Columns({"x", "y", "z", "qw", "qx", "qy", "qz"}, io::Numbered("L", body.tendons())));
+  while (rows.Next()) {
+    const VectorXd q = Cursor(rows.required()).Take(body.dof());
+    RequireOpenDisks(rows, body, q);
+    const model::Pose tip = body.TipPose(q);
+    Eigen::Quaterniond turn(tip.R_WA);
+    turn.normalize();
+    if (turn.w() < 0) turn.coeffs() *= -1;
+    body.TendonLengths(q, length);
+    out.PutAll(tip.p_WA).Put(turn.w()).PutAll(turn.vec()).PutAll(length).EndRow();
+  }
+}
+
+}  // namespace
+
+void AddModelForwardCommand(CLI::App& model) {
+  AddModelEvaluation(model, "fk", "u,v per unit -> tip x,y,z, quaternion, straight tendon lengths",
+                     ForwardKinematics);
+}
+
+}  // namespace tendril::tools
