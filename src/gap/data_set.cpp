@@ -3,18 +3,16 @@
 
 #include <fmt/core.h>
 #include <fmt/ranges.h>
-#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <cmath>
 #include <fstream>
 #include <limits>
-#include <map>
 #include <optional>
 #include <set>
 #include <stdexcept>
 
 #include "file_bytes.h"
+#include "runs_file.h"
 #include "same_robot.h"
 #include "sources.h"
 #include "tendril/config/config.h"
@@ -25,159 +23,6 @@ namespace tendril::gap {
 namespace {
 
 namespace fs = std::filesystem;
-
-// A larger list of runs is refused.
-constexpr std::size_t kMostList = std::size_t{4} << 20;
-
-constexpr RunsKey kRunsKeys[] = {
-    {"runs", false, "a list", "the file itself is the list",
-     "The runs; a file's name alone stands for its entry."},
-    {"tracker_frame", false, "given, fit", "given",
-     "fit: the pose of the tracker's frame relative to the base is unknown, and the diagnosis fits it."},
-    {"file", true, "a CSV or LCM log, relative to the folder", "", "Where the run is."},
-    {"family", true, "a name", "unknown",
-     "Kind of motion. A cause is tested on held-out families, so there should be at least two."},
-    {"repeat_of", true, "a file of the list, none", "none",
-     "The run that this one repeats unchanged; what differs between them is the noise floor."},
-    {"before", true, "a file of the list, none", "none",
-     "The run of the same commands from before the robot changed; the diagnosis is then of the change."},
-    {"load_cell", true, "motor_side, robot_side, none", "the robot file's", "Where the load cells sit."},
-    {"motor_zero", true, "at_pretension, at_rest", "at_pretension",
-     "at_rest: motor positions count from where friction had left the robot, not from the straight robot at "
-     "pretension."},
-};
-
-std::vector<std::string_view> KnownKeys(bool of_a_run) {
-  std::vector<std::string_view> names;
-  for (const RunsKey& key : kRunsKeys) {
-    if (key.of_a_run == of_a_run) names.push_back(key.name);
-  }
-  return names;
-}
-
-/// One entry of runs.yaml as written.
-struct Listed {
-  fs::path file;
-  std::string family = "unknown", repeat_of{}, before{};
-  std::optional<LoadCellPlace> load_cell{};
-  bool zero_at_rest = false;
-};
-
-std::string_view PlaceText(LoadCellPlace place) {
-  switch (place) {
-    case LoadCellPlace::kMotorSide:
-      return "motor_side";
-    case LoadCellPlace::kRobotSide:
-      return "robot_side";
-    case LoadCellPlace::kNone:
-      break;
-  }
-  return "none";
-}
-
-bool IsNoName(std::string_view text) {
-  const std::string low = LowerCase(Trimmed(text));
-  return low.empty() || low == "none" || low == "null" || low == "~";
-}
-
-/// The text of a key, trimmed; empty when it is missing, null or not a scalar.
-std::string Text(const YAML::Node& entry, const char* key) {
-  const YAML::Node node = entry[key];
-  return node && node.IsScalar() ? std::string(Trimmed(node.Scalar())) : std::string();
-}
-
-/// Keys that have no meaning here, perhaps typing errors.
-void NoteUnknown(const YAML::Node& map, const std::vector<std::string_view>& known, const std::string& where,
-                 std::vector<std::string>& notes) {
-  std::string unknown;
-  for (const auto& pair : map) {
-    const std::string key = pair.first.IsScalar() ? pair.first.Scalar() : "?";
-    if (std::find(known.begin(), known.end(), key) == known.end())
-      unknown += (unknown.empty() ? "" : ", ") + Printable(key);
-  }
-  if (!unknown.empty()) {
-    notes.push_back(
-        fmt::format("{}: not known and not used: {}; accepted: {}", where, unknown, fmt::join(known, ", ")));
-  }
-}
-
-Listed ReadEntry(const YAML::Node& entry, const std::string& where, std::vector<std::string>& notes) {
-  Listed listed;
-  NoteUnknown(entry, KnownKeys(true), where, notes);
-  listed.file = Text(entry, "file");
-  if (const std::string family = Text(entry, "family"); !family.empty()) listed.family = family;
-  if (const std::string name = Text(entry, "repeat_of"); !IsNoName(name)) listed.repeat_of = RunName(name);
-  if (const std::string name = Text(entry, "before"); !IsNoName(name)) listed.before = RunName(name);
-  const std::string place = LowerCase(Text(entry, "load_cell"));
-  if (place == "motor_side") listed.load_cell = LoadCellPlace::kMotorSide;
-  if (place == "robot_side") listed.load_cell = LoadCellPlace::kRobotSide;
-  if (place == "none") listed.load_cell = LoadCellPlace::kNone;
-  if (!place.empty() && !listed.load_cell) {
-    notes.push_back(
-        fmt::format("{}: load_cell '{}' is not known; accepted: motor_side, robot_side, none; the robot "
-                    "file's value is used",
-                    where, Printable(place)));
-  }
-  const std::string zero = LowerCase(Text(entry, "motor_zero"));
-  listed.zero_at_rest = zero == "at_rest";
-  if (!zero.empty() && zero != "at_rest" && zero != "at_pretension") {
-    notes.push_back(fmt::format(
-        "{}: motor_zero '{}' is not known; accepted: at_pretension, at_rest; at_pretension is used", where,
-        Printable(zero)));
-  }
-  return listed;
-}
-
-std::vector<Listed> ReadList(const fs::path& file, DataSet& set) {
-  std::vector<std::string>& notes = set.notes;
-  const std::string text = ReadBytes(file);
-  if (text.size() > kMostList) throw std::runtime_error(file.string() + ": too large for a list of runs");
-  YAML::Node list;
-  try {
-    list = YAML::Load(text);
-    if (list.IsMap() && list["tracker_frame"]) {
-      const std::string frame = LowerCase(Text(list, "tracker_frame"));
-      if (frame == "fit") set.fit_frame = true;
-      if (frame != "fit" && frame != "given") {
-        notes.push_back(
-            fmt::format("{}:{}: tracker_frame '{}' is not known; accepted: given, fit; given is used",
-                        file.string(), list["tracker_frame"].Mark().line + 1, Printable(frame)));
-      }
-    }
-    if (list.IsMap() && list["runs"]) {
-      NoteUnknown(list, KnownKeys(false), file.string(), notes);
-      list.reset(list["runs"]);
-      if (list.IsNull()) list = YAML::Node(YAML::NodeType::Sequence);
-    }
-  } catch (const YAML::Exception& e) {
-    throw std::runtime_error(fmt::format("{}:{}: not YAML ({})", file.string(), e.mark.line + 1, e.msg));
-  }
-  if (!list.IsSequence()) {
-    throw std::runtime_error(
-        file.string() +
-        ":1: no list of runs; accepted: a list, or the key 'runs' with a list, of entries "
-        "such as {file: circle_1.csv, family: circle, repeat_of: none}");
-  }
-  std::vector<Listed> runs;
-  for (const YAML::Node& entry : list) {
-    const std::string where = fmt::format("{}:{}", file.string(), entry.Mark().line + 1);
-    Listed listed;
-    if (entry.IsScalar()) {
-      listed.file = std::string(Trimmed(entry.Scalar()));
-    } else if (entry.IsMap()) {
-      listed = ReadEntry(entry, where, notes);
-    }
-    if (listed.file.empty()) {
-      notes.push_back(where + ": an entry without a file is left out; accepted: {file: circle_1.csv, ...}");
-      continue;
-    }
-    runs.push_back(std::move(listed));
-  }
-  if (list.size() == 0)
-    notes.push_back(file.string() +
-                    ": its list is empty; every CSV file is taken as a run of unknown family");
-  return runs;
-}
 
 std::vector<fs::path> FilesIn(const fs::path& folder) {
   std::vector<fs::path> files;
@@ -262,10 +107,10 @@ void NameTendons(Run& run, int tendons) {
 }
 
 /// Reads the files of a list into the set; files that cannot be read become notes.
-void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, const std::vector<Listed>& list) {
+void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, const std::vector<ListedRun>& list) {
   const std::optional<RobotParameters> recorded = RecordedWith(folder);
   std::set<int> other_cells;
-  for (const Listed& listed : list) {
+  for (const ListedRun& listed : list) {
     try {
       std::vector<Run> runs = ReadAny(listed.file, robot, set.notes);
       // A duplicated file would look like a robot that repeats without any noise. A few equal rows are
@@ -305,77 +150,11 @@ void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, cons
   }
 }
 
-/// Makes names unique, and resolves every repeat_of to an existing run, the first of its kind.
-void SettleNames(std::vector<Run>& runs, std::size_t from, std::vector<std::string>& notes) {
-  std::set<std::string> taken;
-  for (std::size_t i = 0; i < from; ++i) taken.insert(runs[i].name);
-  std::map<std::string, std::string> root;      // by the names that runs.yaml may use for a run
-  std::map<std::string, std::string> declared;  // repeat_of by run, as in runs.yaml
-  const auto before_of = [&](const std::string& name) {
-    const auto run = std::find_if(runs.begin() + static_cast<std::ptrdiff_t>(from), runs.end(),
-                                  [&](const Run& r) { return r.name == name; });
-    return run->before;
-  };
-  for (std::size_t i = from; i < runs.size(); ++i) {
-    const std::string plain = runs[i].name;
-    for (int n = 2; !taken.insert(runs[i].name).second; ++n) runs[i].name = fmt::format("{}#{}", plain, n);
-    root.emplace(plain, runs[i].name);
-    declared.emplace(runs[i].name, runs[i].repeat_of);
-  }
-  for (std::size_t i = from; i < runs.size(); ++i) {
-    Run& run = runs[i];
-    if (run.before.empty()) continue;
-    const auto found = root.find(run.before);
-    if (found == root.end() || found->second == run.name || !before_of(found->second).empty()) {
-      notes.push_back(
-          fmt::format("run {}: before: '{}' is {}; the run is compared with the model alone; accepted: "
-                      "another run of runs.yaml that has no 'before' itself",
-                      Printable(run.name), Printable(run.before),
-                      found == root.end() ? "not there" : "not a run from before"));
-      run.before.clear();
-    } else {
-      run.before = found->second;
-    }
-  }
-  std::map<std::string, std::string> stands_in;  // replacement for a missing original
-  for (std::size_t i = from; i < runs.size(); ++i) {
-    Run& run = runs[i];
-    std::string at = run.name, original = run.repeat_of;
-    std::set<std::string> seen{at};
-    bool circle = false;
-    while (!original.empty()) {
-      const auto found = root.find(original);
-      if (found == root.end()) break;
-      at = found->second;
-      if (!seen.insert(at).second) {
-        circle = true;
-        break;
-      }
-      original = declared[at];
-    }
-    if (circle) {
-      notes.push_back(
-          fmt::format("run {}: repeat_of forms a cycle; not taken as a repetition", Printable(run.name)));
-      run.repeat_of.clear();
-    } else if (!original.empty()) {
-      // The original is missing: the first of its repetitions takes its place.
-      const auto [place, first] = stands_in.emplace(original, run.name);
-      if (first) {
-        notes.push_back(fmt::format("run {}: its original '{}' is missing; it stands in for it",
-                                    Printable(run.name), Printable(original)));
-      }
-      run.repeat_of = first ? std::string() : place->second;
-    } else {
-      run.repeat_of = at == run.name ? std::string() : at;
-    }
-  }
-}
-
 void AddFolder(DataSet& set, const RobotOfSet& robot, const fs::path& folder) {
   const std::size_t from = set.runs.size();
   const fs::path list_file = folder / "runs.yaml";
   const std::vector<fs::path> files = FilesIn(folder);
-  std::vector<Listed> list;
+  std::vector<ListedRun> list;
   std::error_code ignored;
   if (fs::exists(list_file, ignored)) {
     try {
@@ -384,7 +163,7 @@ void AddFolder(DataSet& set, const RobotOfSet& robot, const fs::path& folder) {
       set.notes.push_back(fmt::format("{}; every CSV file is taken as a run of unknown family", e.what()));
     }
     std::set<fs::path> listed;
-    for (Listed& run : list) {
+    for (ListedRun& run : list) {
       if (run.file.is_relative()) run.file = folder / run.file;
       listed.insert(run.file.lexically_normal());
     }
@@ -499,8 +278,6 @@ void RefuseTwice(const std::vector<std::string>& paths) {
 
 }  // namespace
 
-std::span<const RunsKey> RunsFileKeys() { return kRunsKeys; }
-
 DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path, OtherRobot other_robot) {
   if (std::error_code error; !fs::is_directory(folder, error)) {
     throw std::runtime_error(folder.string() +
@@ -589,112 +366,29 @@ DataSet LoadLogs(const std::vector<std::string>& named, const std::string& robot
   return set;
 }
 
-bool IsBefore(const DataSet& set, const Run& run) {
-  return std::any_of(set.runs.begin(), set.runs.end(), [&](const Run& r) { return r.before == run.name; });
-}
-
-void CompareWithBefore(DataSet& set, DataSet before) {
-  if (const int was = before.robot.body.tendons(), is = set.robot.body.tendons(); was != is) {
-    throw std::runtime_error(fmt::format(
-        "the runs from before are of robot '{}' with {} tendons, these of '{}' with {}; accepted: "
-        "runs of the same robot",
-        before.robot.name, was, set.robot.name, is));
-  }
-  if (config::ToYaml(before.robot) != config::ToYaml(set.robot)) {
-    set.notes.push_back(
-        fmt::format("the runs from before have another robot file ('{}'); that of these runs ('{}') is used "
-                    "for both; give --robot to choose",
-                    before.robot.name, set.robot.name));
-  }
-  const auto named = [](const DataSet& data, const std::string& name) -> const Run* {
-    const auto run =
-        std::find_if(data.runs.begin(), data.runs.end(), [&](const Run& r) { return r.name == name; });
-    return run == data.runs.end() ? nullptr : &*run;
-  };
-  const auto only_of_kind = [](const DataSet& data, const std::string& family) -> const Run* {
-    const Run* only = nullptr;
-    for (const Run& run : data.runs) {
-      if (run.family != family || !run.repeat_of.empty()) continue;
-      if (only != nullptr) return nullptr;
-      only = &run;
-    }
-    return only;
-  };
-  std::string alone;
-  std::map<std::string, std::string> partner;
-  for (const Run& run : set.runs) {
-    const Run* its = named(before, run.name);
-    if (its == nullptr && only_of_kind(set, run.family) != nullptr) its = only_of_kind(before, run.family);
-    if (its != nullptr) {
-      partner.emplace(run.name, its->name);
-    } else {
-      alone += (alone.empty() ? "" : ", ") + Printable(run.name);
-    }
-  }
-  if (partner.empty()) {
-    throw std::runtime_error(
-        fmt::format("no run has a counterpart from before ({}); accepted: a run of the same name there, or "
-                    "the only one of the same kind ('family' in runs.yaml)",
-                    alone));
-  }
-  if (!alone.empty()) {
-    set.notes.push_back("left out, since there is no run of the same name or family from before: " + alone);
-    std::erase_if(set.runs, [&](const Run& run) { return !partner.contains(run.name); });
-  }
-
-  std::set<std::string> taken;
-  for (const Run& run : set.runs) taken.insert(run.name);
-  std::map<std::string, std::string> called;  // new names of the earlier runs
-  for (const Run& run : before.runs) {
-    std::string name = run.name + "@before";
-    while (!taken.insert(name).second) name += "'";
-    called.emplace(run.name, name);
-  }
-  for (Run& run : set.runs) run.before = called.at(partner.at(run.name));
-  for (Run& run : before.runs) {
-    run.name = called.at(run.name);
-    run.repeat_of.clear();
-    run.before.clear();
-    if (IsBefore(set, run)) set.runs.push_back(std::move(run));
-  }
-  for (const auto& note : before.notes) set.notes.push_back("before: " + note);
-}
-
 void WriteDataSet(const DataSet& set, const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw std::runtime_error("cannot make folder " + folder.string() + ": " + error.message());
   std::set<std::string> written;
-  YAML::Emitter list;
-  list << YAML::BeginMap;
-  if (set.fit_frame) list << YAML::Key << "tracker_frame" << YAML::Value << "fit";
-  list << YAML::Key << "runs" << YAML::Value << YAML::BeginSeq;
   for (const Run& run : set.runs) {
     if (run.name.empty() || run.name.find('/') != run.name.npos) {
       throw std::runtime_error(
           fmt::format("a run is called '{}'; accepted: a file name without folder", run.name));
     }
-    const std::string file = RunName(run.name) + ".csv";
+    const std::string file = FileOf(run.name);
     if (!written.insert(file).second) {
       throw std::runtime_error(
           fmt::format("two runs would be written to '{}'; each needs a name of its own", file));
     }
     WriteRun(run, folder / file);
-    list << YAML::BeginMap << YAML::Key << "file" << YAML::Value << file << YAML::Key << "family"
-         << YAML::Value << (run.family.empty() ? "unknown" : run.family) << YAML::Key << "repeat_of"
-         << YAML::Value << (run.repeat_of.empty() ? "none" : RunName(run.repeat_of) + ".csv");
-    if (!run.before.empty()) list << YAML::Key << "before" << YAML::Value << RunName(run.before) + ".csv";
-    list << YAML::Key << "load_cell" << YAML::Value << std::string(PlaceText(run.load_cell));
-    if (run.zero_at_rest) list << YAML::Key << "motor_zero" << YAML::Value << "at_rest";
-    list << YAML::EndMap;
   }
-  list << YAML::EndSeq << YAML::EndMap;
   const auto write = [&](const char* name, const std::string& text) {
     std::ofstream out(folder / name, std::ios::binary);
     out << text;
     if (!out.flush()) throw std::runtime_error("cannot write " + (folder / name).string());
   };
-  write("runs.yaml", std::string(list.c_str()) + "\n");
+  write("runs.yaml", ListText(set));
   write("robot.yaml", config::ToYaml(set.robot));
 }
 

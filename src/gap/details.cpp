@@ -4,11 +4,15 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <random>
 
+#include "closure.h"
 #include "parallel.h"
+#include "sentence.h"
 
 namespace tendril::gap {
 namespace {
@@ -190,38 +194,89 @@ int WorstRun(const Evaluator& evaluator, int channel) {
 
 std::vector<double> ToVector(const Eigen::VectorXd& v) { return {v.data(), v.data() + v.size()}; }
 
+/// The channel in its worst run, measured and simulated. `model` as for AddDetails.
+Overlay OverlayOf(const Evaluator& evaluator, int c, const Model* model, const Residuals& after) {
+  const Channel& channel = evaluator.channels()[c];
+  const int i = WorstRun(evaluator, c);
+  const Evaluator::Curve before = evaluator.NominalCurve(i, c);
+  Overlay overlay;
+  overlay.run = evaluator.runs()[i].name;
+  overlay.channel = channel.name;
+  overlay.unit = channel.unit;
+  overlay.cut = channel.cut;
+  overlay.floor = channel.floor;
+  overlay.time_s = ToVector(before.time_s);
+  overlay.measured = ToVector(before.measured);
+  overlay.before = ToVector(before.simulated);
+  // Held out: predicted by the fit to the other families.
+  if (model) overlay.after = ToVector(before.measured - after[i][c]);
+  const int windows = static_cast<int>(before.time_s.size());
+  if (channel.quantity == Quantity::kTension) {
+    overlay.against = fmt::format("motor angle {}", channel.index + 1);
+    overlay.against_unit = "rad";
+    overlay.x = ToVector(OnWindows(evaluator.runs()[i].signals.motor_angle_rad.col(channel.index), windows));
+  } else if (channel.quantity == Quantity::kTipPosition && !evaluator.runs()[i].without_motors()) {
+    overlay.against = "motor angle 1";
+    overlay.against_unit = "rad";
+    overlay.x = ToVector(OnWindows(evaluator.runs()[i].signals.motor_angle_rad.col(0), windows));
+  }
+  return overlay;
+}
+
+/// Correlation of a channel's residual with a condition; empty where there is too little of either.
+std::optional<double> Correlation(const Evaluator& evaluator, int c, const Condition& condition,
+                                  const Residuals& after) {
+  const Channel& channel = evaluator.channels()[c];
+  double rr = 0, xx = 0, rx = 0, r1 = 0, x1 = 0, n = 0;
+  for (int k = 0; k < static_cast<int>(evaluator.runs().size()); ++k) {
+    const auto& r = after[k][c];
+    const auto& v = evaluator.Variance()[k][c];
+    const Eigen::VectorXd grid =
+        condition.of(evaluator.runs()[k], channel.quantity == Quantity::kTension ? channel.index : 0);
+    if (grid.size() == 0 || r.size() == 0) continue;
+    const Eigen::VectorXd x = OnWindows(grid, static_cast<int>(r.size()));
+    for (int w = 0; w < r.size(); ++w) {
+      if (!std::isfinite(v[w]) || !std::isfinite(x[w])) continue;
+      rr += r[w] * r[w], xx += x[w] * x[w], rx += r[w] * x[w], r1 += r[w], x1 += x[w], n += 1;
+    }
+  }
+  const double spread = (rr - r1 * r1 / n) * (xx - x1 * x1 / n);
+  if (!(n > 100 && spread > 0)) return std::nullopt;
+  return (rx - r1 * x1 / n) / std::sqrt(spread);
+}
+
+/// Growth of the tip's residual with time: its change over a time interval.
+void AddHorizon(const Evaluator& evaluator, Diagnosis& d) {
+  for (const double horizon : {0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0}) {
+    double square = 0, noise = 0;
+    int count = 0;
+    for (int i = 0; i < static_cast<int>(evaluator.runs().size()); ++i) {
+      for (int c = 0; c < static_cast<int>(evaluator.channels().size()); ++c) {
+        if (evaluator.channels()[c].quantity != Quantity::kTipPosition) continue;
+        const auto& r = evaluator.AtNominal()[i][c];
+        const auto& v = evaluator.Variance()[i][c];
+        const int step = static_cast<int>(std::lround(horizon / evaluator.window_s(i, c)));
+        for (int w = 0; step > 0 && w + step < r.size(); w += std::max(1, step / 2)) {
+          if (!std::isfinite(v[w]) || !std::isfinite(v[w + step])) continue;
+          square += std::pow(r[w + step] - r[w], 2);
+          noise += v[w + step] + v[w];
+          ++count;
+        }
+      }
+    }
+    // Three axes.
+    if (count > 20)
+      d.horizon.push_back({horizon, std::sqrt(3 * square / count), std::sqrt(3 * noise / count)});
+  }
+}
+
 }  // namespace
 
 void AddDetails(const Evaluator& evaluator, const Model* model, const Residuals& after, std::uint64_t seed,
                 Diagnosis& d) {
-  const std::vector<int> shown = Shown(evaluator);
-  for (const int c : shown) {
+  for (const int c : Shown(evaluator)) {
     const Channel& channel = evaluator.channels()[c];
-    const int i = WorstRun(evaluator, c);
-    const Evaluator::Curve before = evaluator.NominalCurve(i, c);
-    Overlay overlay;
-    overlay.run = evaluator.runs()[i].name;
-    overlay.channel = channel.name;
-    overlay.unit = channel.unit;
-    overlay.cut = channel.cut;
-    overlay.floor = channel.floor;
-    overlay.time_s = ToVector(before.time_s);
-    overlay.measured = ToVector(before.measured);
-    overlay.before = ToVector(before.simulated);
-    // Held out: predicted by the fit to the other families.
-    if (model) overlay.after = ToVector(before.measured - after[i][c]);
-    const int windows = static_cast<int>(before.time_s.size());
-    if (channel.quantity == Quantity::kTension) {
-      overlay.against = fmt::format("motor angle {}", channel.index + 1);
-      overlay.against_unit = "rad";
-      overlay.x =
-          ToVector(OnWindows(evaluator.runs()[i].signals.motor_angle_rad.col(channel.index), windows));
-    } else if (channel.quantity == Quantity::kTipPosition && !evaluator.runs()[i].without_motors()) {
-      overlay.against = "motor angle 1";
-      overlay.against_unit = "rad";
-      overlay.x = ToVector(OnWindows(evaluator.runs()[i].signals.motor_angle_rad.col(0), windows));
-    }
-    d.overlays.push_back(overlay);
+    d.overlays.push_back(OverlayOf(evaluator, c, model, after));
     const auto add = [&](const Condition& condition) {
       ConditionMap map = MapOf(evaluator, c, condition, after, model != nullptr, seed);
       if (map.at.size() >= 3) d.maps.push_back(std::move(map));
@@ -231,55 +286,70 @@ void AddDetails(const Evaluator& evaluator, const Model* model, const Residuals&
     } else if (channel.quantity == Quantity::kTipPosition) {
       for (const auto& condition : kOfTip) add(condition);
     }
-
-    // Correlation of the remaining residual with the inputs; none is left with a correct model.
+    // A correct model leaves no correlation of the residual with the inputs.
     for (const auto& condition : kOfTension) {
       if (channel.quantity == Quantity::kTorque) break;
-      double rr = 0, xx = 0, rx = 0, r1 = 0, x1 = 0, n = 0;
-      for (int k = 0; k < static_cast<int>(evaluator.runs().size()); ++k) {
-        const auto& r = after[k][c];
-        const auto& v = evaluator.Variance()[k][c];
-        const Eigen::VectorXd grid =
-            condition.of(evaluator.runs()[k], channel.quantity == Quantity::kTension ? channel.index : 0);
-        if (grid.size() == 0 || r.size() == 0) continue;
-        const Eigen::VectorXd x = OnWindows(grid, static_cast<int>(r.size()));
-        for (int w = 0; w < r.size(); ++w) {
-          if (!std::isfinite(v[w]) || !std::isfinite(x[w])) continue;
-          rr += r[w] * r[w], xx += x[w] * x[w], rx += r[w] * x[w], r1 += r[w], x1 += x[w], n += 1;
-        }
-      }
-      const double spread = (rr - r1 * r1 / n) * (xx - x1 * x1 / n);
-      if (n > 100 && spread > 0) {
-        d.input_correlations.emplace_back(fmt::format("{} against {}", channel.name, condition.name),
-                                          (rx - r1 * x1 / n) / std::sqrt(spread));
+      if (const auto r = Correlation(evaluator, c, condition, after)) {
+        d.input_correlations.emplace_back(fmt::format("{} against {}", channel.name, condition.name), *r);
       }
     }
   }
+  if (evaluator.has_position()) AddHorizon(evaluator, d);
+}
 
-  // Growth of the tip's residual with time: the change of the residual over a time interval.
-  if (evaluator.has_position()) {
-    for (const double horizon : {0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0}) {
-      double square = 0, noise = 0;
-      int count = 0;
-      for (int i = 0; i < static_cast<int>(evaluator.runs().size()); ++i) {
-        for (int c = 0; c < static_cast<int>(evaluator.channels().size()); ++c) {
-          if (evaluator.channels()[c].quantity != Quantity::kTipPosition) continue;
-          const auto& r = evaluator.AtNominal()[i][c];
-          const auto& v = evaluator.Variance()[i][c];
-          const int step = static_cast<int>(std::lround(horizon / evaluator.window_s(i, c)));
-          for (int w = 0; step > 0 && w + step < r.size(); w += std::max(1, step / 2)) {
-            if (!std::isfinite(v[w]) || !std::isfinite(v[w + step])) continue;
-            square += std::pow(r[w + step] - r[w], 2);
-            noise += v[w + step] + v[w];
-            ++count;
-          }
-        }
-      }
-      // Three axes.
-      if (count > 20)
-        d.horizon.push_back({horizon, std::sqrt(3 * square / count), std::sqrt(3 * noise / count)});
+void AddOrders(const Evaluator& evaluator, const SearchResult& search, const std::vector<char>& with_gap,
+               std::uint64_t seed, Diagnosis& d) {
+  for (int one = 0; one < 2; ++one) {
+    const std::string name = NameOf(d.accepted[one]), other = NameOf(d.accepted[1 - one]);
+    for (const Fit& fit : search.members) {
+      if (fit.model.parts.front().effect->name != d.accepted[one].effect ||
+          fit.model.parts.front().where != d.accepted[one].where)
+        continue;
+      const auto alone = PooledClosure(evaluator, evaluator.AtNominal(),
+                                       Completed(fit.held_out, evaluator.AtNominal()), with_gap, seed);
+      if (!alone || !d.closed) continue;
+      d.order_effects.emplace_back(name + " alone", alone->value);
+      d.order_effects.emplace_back(other + " after " + name, d.closed->value - alone->value);
     }
   }
+}
+
+std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, const SearchResult& search,
+                                const Fit& fit, int threads) {
+  constexpr std::array<double, 7> kAt = {-4, -2, -1, 0, 1, 2, 4};
+  const Weights weights(evaluator, search.leftover);
+  const Nuisances beside = search.nuisances.Beside(fit.model);
+  const Fitter fitter(evaluator, folds, weights, beside);
+  std::vector<Profile> profiles;
+  for (int part = 0; part < static_cast<int>(fit.model.parts.size()); ++part) {
+    const Candidate& candidate = fit.model.parts[part];
+    for (int i = 0; i < candidate.size(); ++i) {
+      const int k = fit.model.offset(part) + i;
+      const auto& p = fit.model.parameter(k);
+      const double deviation = std::sqrt(std::max(0.0, fit.covariance(k, k)));
+      if (p.shape || !(deviation > 0)) continue;
+      std::vector<double> values, lost(kAt.size());
+      for (const double at : kAt) {
+        const double value = std::clamp(fit.model.values[k] + at * deviation, p.lower, p.upper);
+        if (values.empty() || value > values.back()) values.push_back(value);
+      }
+      ParallelFor(static_cast<int>(values.size()), threads, [&](int v) {
+        try {
+          lost[v] = fitter.Lost(fit, k, values[v]);
+        } catch (const std::exception&) {
+          lost[v] = std::nan("");
+        }
+      });
+      Profile profile{std::string(candidate.effect->name), candidate.where, std::string(p.name), {}, {}};
+      for (std::size_t v = 0; v < values.size(); ++v) {
+        if (!std::isfinite(lost[v])) continue;
+        profile.value.push_back(values[v]);
+        profile.score.push_back(lost[v]);
+      }
+      profiles.push_back(profile);
+    }
+  }
+  return profiles;
 }
 
 NextExperiment FindNextExperiment(const Evaluator& evaluator, const SearchResult& search, const Diagnosis& d,

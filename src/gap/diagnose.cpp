@@ -4,26 +4,24 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <optional>
 #include <set>
-#include <tuple>
 #include <utility>
 
-#include "alike.h"
 #include "baselines.h"
 #include "closure.h"
+#include "comparable.h"
 #include "details.h"
 #include "evaluator.h"
+#include "first_place.h"
 #include "floor_at_cause.h"
-#include "frozen_motors.h"
 #include "implausible.h"
 #include "judge.h"
 #include "locate.h"
 #include "measured_wrong.h"
+#include "measurement_check.h"
 #include "own_readings.h"
 #include "parallel.h"
 #include "reach.h"
@@ -36,94 +34,6 @@
 
 namespace tendril::gap {
 namespace {
-
-/// Number of tendons of the recorded robot according to the columns of its source, measured or not; 0 where
-/// the source names none.
-int TendonsOf(const Run& run) {
-  Eigen::Index most = 0;
-  for (const auto* m :
-       {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N})
-    most = std::max(most, m->cols());
-  return static_cast<int>(most);
-}
-
-/// Throws where a run has another number of tendons than the robot.
-void RequireTendons(const DataSet& set) {
-  for (const Run& run : set.runs) {
-    const int its = TendonsOf(run), tendons = set.robot.body.tendons();
-    if (its == 0 || its == tendons) continue;
-    throw std::runtime_error(
-        fmt::format("these runs have {} tendon{}, robot '{}' has {}; accepted: the robot file that they were "
-                    "recorded with",
-                    its, its == 1 ? "" : "s", set.robot.name, tendons));
-  }
-}
-
-/// The cut that a cause belongs to, given the place of the load cell.
-sim::Cut CutOf(const Cause& cause, LoadCellPlace place) {
-  const sim::Effect* effect = sim::FindEffect(cause.effect);
-  return place == LoadCellPlace::kRobotSide ? effect->cut_robot_side : effect->cut;
-}
-
-/// Marks the first place with an excess; a faulty sensor explains the excess at all cuts that read it.
-void MarkFirst(Diagnosis& d, LoadCellPlace place) {
-  std::optional<sim::Cut> cut;
-  for (const auto& cause : d.accepted) {
-    const sim::Cut its = CutOf(cause, place);
-    if (!cut || its < *cut) cut = its;
-  }
-  CutFinding* chosen = nullptr;
-  // A disagreement between cells and encoders is not a place of the tracker.
-  const bool tracker = cut == sim::Cut::kSensors &&
-                       std::all_of(d.accepted.begin(), d.accepted.end(),
-                                   [](const Cause& cause) { return cause.effect.starts_with("tracker_"); });
-  // A cause on one tendon marks that tendon, otherwise the largest excess is marked.
-  const auto better = [&](const CutFinding& f) {
-    const auto rank = [&](const CutFinding& x) {
-      return std::pair(cut && x.where == d.accepted.front().where, x.excess_sigma);
-    };
-    return chosen == nullptr || rank(f) > rank(*chosen);
-  };
-  if (cut) {
-    for (auto& f : d.location) {
-      if (f.cut == *cut && f.measured && !tracker && better(f)) chosen = &f;
-    }
-    if (chosen == nullptr && *cut == sim::Cut::kSensors) {
-      CutFinding f;
-      f.cut = sim::Cut::kSensors;
-      f.where = "all";
-      f.quantity = "tracker";
-      f.excess = true;
-      f.note = "accepted as the cause; it shows at the cuts that use this sensor";
-      for (const auto& other : d.location) f.excess_sigma = std::max(f.excess_sigma, other.excess_sigma);
-      d.location.push_back(f);
-      chosen = &d.location.back();
-    }
-    if (chosen != nullptr) chosen->excess = true;
-  }
-  // Without a cause, the first place in the chain. An excess in the body also distorts the tendons' stretch
-  // derived from its shape, whereas differing tendons leave the path from load cell to shape unaffected.
-  if (chosen == nullptr) {
-    const bool body = std::any_of(d.location.begin(), d.location.end(), [](const CutFinding& f) {
-      return f.excess && (f.cut == sim::Cut::kShape || f.cut == sim::Cut::kMotion);
-    });
-    for (auto& f : d.location) {
-      if (!f.excess || (body && f.cut == sim::Cut::kTendon)) continue;
-      // Lost samples are the gap only where there is no other.
-      if (chosen == nullptr || chosen->cut == sim::Cut::kClock || (f.cut == chosen->cut && better(f)))
-        chosen = &f;
-    }
-  }
-  if (chosen != nullptr) chosen->first = true;
-}
-
-/// Marks the place where repetitions differ by a law, if no place has a common gap.
-void MarkUnrepeated(Diagnosis& d) {
-  for (auto& f : d.location) {
-    f.first = f.cut == d.repeatability->cut && f.where == d.repeatability->where &&
-              f.quantity == d.repeatability->quantity;
-  }
-}
 
 /// True where the best single fit contains all of `cause`, or the best pair where that is clearly better.
 bool ContainsCause(const SearchResult& search, const Model& cause) {
@@ -210,179 +120,6 @@ std::vector<std::string> Unseen(const Evaluator& evaluator, const SearchResult& 
   return unseen;
 }
 
-/// What each of two causes closes by itself, and in addition to the other.
-void AddOrders(const Evaluator& evaluator, const SearchResult& search, const std::vector<char>& with_gap,
-               std::uint64_t seed, Diagnosis& d) {
-  for (int one = 0; one < 2; ++one) {
-    const std::string name = NameOf(d.accepted[one]), other = NameOf(d.accepted[1 - one]);
-    for (const Fit& fit : search.members) {
-      if (fit.model.parts.front().effect->name != d.accepted[one].effect ||
-          fit.model.parts.front().where != d.accepted[one].where)
-        continue;
-      const auto alone = PooledClosure(evaluator, evaluator.AtNominal(),
-                                       Completed(fit.held_out, evaluator.AtNominal()), with_gap, seed);
-      if (!alone || !d.closed) continue;
-      d.order_effects.emplace_back(name + " alone", alone->value);
-      d.order_effects.emplace_back(other + " after " + name, d.closed->value - alone->value);
-    }
-  }
-}
-
-/// Log score lost within four standard deviations of the estimate, for every parameter of the model.
-std::vector<Profile> ProfilesOf(const Evaluator& evaluator, const Folds& folds, const SearchResult& search,
-                                const Fit& fit, int threads) {
-  constexpr std::array<double, 7> kAt = {-4, -2, -1, 0, 1, 2, 4};
-  const Weights weights(evaluator, search.leftover);
-  const Nuisances beside = search.nuisances.Beside(fit.model);
-  const Fitter fitter(evaluator, folds, weights, beside);
-  std::vector<Profile> profiles;
-  for (int part = 0; part < static_cast<int>(fit.model.parts.size()); ++part) {
-    const Candidate& candidate = fit.model.parts[part];
-    for (int i = 0; i < candidate.size(); ++i) {
-      const int k = fit.model.offset(part) + i;
-      const auto& p = fit.model.parameter(k);
-      const double deviation = std::sqrt(std::max(0.0, fit.covariance(k, k)));
-      if (p.shape || !(deviation > 0)) continue;
-      std::vector<double> values, lost(kAt.size());
-      for (const double at : kAt) {
-        const double value = std::clamp(fit.model.values[k] + at * deviation, p.lower, p.upper);
-        if (values.empty() || value > values.back()) values.push_back(value);
-      }
-      ParallelFor(static_cast<int>(values.size()), threads, [&](int v) {
-        try {
-          lost[v] = fitter.Lost(fit, k, values[v]);
-        } catch (const std::exception&) {
-          lost[v] = std::nan("");
-        }
-      });
-      Profile profile{std::string(candidate.effect->name), candidate.where, std::string(p.name), {}, {}};
-      for (std::size_t v = 0; v < values.size(); ++v) {
-        if (!std::isfinite(lost[v])) continue;
-        profile.value.push_back(values[v]);
-        profile.score.push_back(lost[v]);
-      }
-      profiles.push_back(profile);
-    }
-  }
-  return profiles;
-}
-
-/// Leaves out runs that are too short, so that the others can be diagnosed.
-void LeaveOutShortRuns(DataSet& set, Diagnosis& d) {
-  constexpr int kNamed = 5;
-  std::string names;
-  int count = 0;
-  for (std::size_t i = 0; i < set.runs.size();) {
-    const Run& run = set.runs[i];
-    if (run.time_s.size() >= LeastRows(run)) {
-      ++i;
-      continue;
-    }
-    if (++count <= kNamed)
-      names += fmt::format("{}{} ({})", count > 1 ? ", " : "", run.name, run.time_s.size());
-    d.degradations.push_back(fmt::format("left out: {}: too short ({} rows; accepted: at least {})", run.name,
-                                         run.time_s.size(), LeastRows(run)));
-    LeaveOut(set, i);
-  }
-  if (set.runs.empty()) {
-    throw std::runtime_error(
-        fmt::format("no run is long enough: {} rows; accepted: at least {}, or for states at rest (rows more "
-                    "than {} s apart) {}; record longer runs",
-                    names, kLeastRows, kQuasiStatic_s, kLeastStates));
-  }
-}
-
-/// Finds and removes measurement errors by comparing the runs with each other and with the model.
-class MeasurementCheck {
- public:
-  /// `compared`: the given set compares runs with earlier ones.
-  MeasurementCheck(DataSet& set, Diagnosis& d, const DiagnoseOptions& options, int threads, bool compared)
-      : set_(set), d_(d), options_(options), threads_(threads), compared_(compared), runs_(set.runs.size()) {}
-
-  /// Runs with a far larger model error than the others, including those left out, and the ratio.
-  const std::map<std::string, double>& missed() const { return missed_; }
-
-  /// The comparable runs, with the set and its degradations reduced accordingly. Throws std::runtime_error
-  /// where nothing can be compared.
-  Evaluator PrepareComparable() {
-    for (;;) {
-      if (compared_ && !Compared(set_)) {
-        throw std::runtime_error(
-            fmt::format("no run is left that can be compared with one from before{}; accepted: runs with the "
-                        "same commands from before and after the change, recorded in the same way",
-                        d_.degradations.empty() ? "" : " (" + d_.degradations.back() + ")"));
-      }
-      try {
-        Evaluator evaluator(set_, {threads_, options_.delta_N, options_.delta_m, options_.seed});
-        if (options_.progress) options_.progress("comparing the runs with the model and with each other", 0);
-        if (MaskFrozenMotors(evaluator) || LeaveOutDeviatingRuns(evaluator)) continue;
-        ReportDeviatingRuns();
-        return evaluator;
-      } catch (const RunError& error) {
-        if (set_.runs.size() == 1) throw;
-        d_.degradations.push_back(fmt::format("left out: {}", error.what()));
-        LeaveOut(set_, error.run);
-      } catch (const std::runtime_error&) {
-        // The runs that remain without the deviating ones cannot be compared.
-        if (!before_leaving_out_) throw;
-        std::tie(set_, d_.degradations) = *std::exchange(before_leaving_out_, std::nullopt);
-      }
-    }
-  }
-
- private:
-  void ReportDeviatingRuns() {
-    for (const Run& run : set_.runs) {
-      if (const auto missed = missed_.find(run.name); missed != missed_.end()) {
-        d_.degradations.push_back(fmt::format(
-            "{}: its model error is {:.0f} times that of the other runs: what was different then?", run.name,
-            missed->second));
-      }
-    }
-  }
-
-  bool MaskFrozenMotors(const Evaluator& evaluator) {
-    const std::vector<FrozenMotor> frozen = FindFrozenMotors(set_, evaluator);
-    for (const FrozenMotor& motor : frozen) {
-      Run& run = set_.runs[motor.run];
-      auto x = run.motor_position_rad.col(motor.tendon);
-      d_.degradations.push_back(fmt::format(
-          "{}: motor position {} stays at {:.4g} rad from {:.4g} s to {:.4g} s while its tension changes "
-          "({:.3g} N) or contradicts a motor at rest: the encoder stopped; taken as missing there",
-          run.name, motor.tendon + 1, x[motor.from], run.time_s[motor.from] - run.time_s[0],
-          run.time_s[motor.to - 1] - run.time_s[0], motor.tension_N));
-      x.segment(motor.from, motor.to - motor.from).setConstant(std::numeric_limits<double>::quiet_NaN());
-    }
-    return !frozen.empty();
-  }
-
-  bool LeaveOutDeviatingRuns(const Evaluator& evaluator) {
-    const std::vector<DeviatingRun> odd = FindDeviatingRuns(set_, evaluator, missed_, threads_);
-    // Judged by the majority of the runs.
-    if (odd.empty() || 2 * (left_out_ + odd.size()) > runs_) return false;
-    left_out_ += odd.size();
-    before_leaving_out_.emplace(set_, d_.degradations);
-    for (auto one = odd.rbegin(); one != odd.rend(); ++one) {
-      d_.degradations.push_back(
-          fmt::format("left out: {}: with {} most of its gap disappears, and the other runs have no such "
-                      "gap; correct its file and diagnose again",
-                      set_.runs[one->run].name, one->with));
-      LeaveOut(set_, one->run);
-    }
-    return true;
-  }
-
-  DataSet& set_;
-  Diagnosis& d_;
-  const DiagnoseOptions& options_;
-  int threads_;
-  bool compared_;
-  std::size_t runs_,
-      left_out_ = 0;  // number of runs at first; of those left out since because they deviate from the others
-  std::map<std::string, double> missed_;  // as returned by FindDeviatingRuns
-  std::optional<std::pair<DataSet, std::vector<std::string>>> before_leaving_out_;
-};
-
 /// The steps of one diagnosis, in order, and what they share.
 class Diagnosing {
  public:
@@ -395,7 +132,7 @@ class Diagnosing {
 
   Diagnosis Result() {
     PrepareSet();
-    MeasurementCheck measuring(set_, d_, options_, threads_, Compared(given_));
+    MeasurementCheck measuring(set_, d_.degradations, options_, threads_, Compared(given_));
     evaluator_.emplace(measuring.PrepareComparable());
     ListRuns();
     LocateGap();
@@ -438,7 +175,7 @@ class Diagnosing {
     // twice.
     set_.robot = sim::FoldEffects(given_.robot);
     RequireTendons(set_);
-    LeaveOutShortRuns(set_, d_);
+    Say(LeaveOutShortRuns(set_));
     Say(LeaveOutOtherTimeUnits(set_));
     FillMissing(set_);
     Say(KeepOwnReadings(set_));

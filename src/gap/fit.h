@@ -1,5 +1,4 @@
-// Estimation: linear screening of a candidate from its sensitivities, and full refits of a model within its
-// bounds, both scored on held-out data. Knows nothing of verdicts.
+// Estimation: full refits of a model within its bounds, scored on held-out data. Knows nothing of verdicts.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,41 +7,10 @@
 
 #include "evaluator.h"
 #include "hypothesis.h"
+#include "linear_fit.h"
 #include "score.h"
 
 namespace tendril::gap {
-
-/// Derivative of the simulated values by one parameter, [run][channel][window]; channels that do not depend
-/// on it are empty.
-using Column = Residuals;
-
-/// Normal equations by fold.
-struct Normal {
-  std::vector<Eigen::MatrixXd> A;  // sum of w j j^T
-  std::vector<Eigen::VectorXd> b;  // sum of w j r
-  int size() const { return static_cast<int>(A[0].rows()); }
-};
-Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& part, const Residuals& rest,
-                  const Weights& weights, const Folds& folds);
-
-struct LinearFit {
-  Eigen::VectorXd value;      // change of the parameters
-  double score = 0;           // gain in log score on the data it was fitted to
-  double held_out_score = 0;  // gain on held-out folds
-};
-/// Changes of parameters: standard deviations of a zero-mean Gaussian prior, and bounds.
-struct Bounds {
-  Eigen::VectorXd prior, lower, upper;
-
-  /// For a parameter at `value`, within its own bounds.
-  void Add(const sim::EffectParameter& parameter, double value);
-  /// For a constant without bounds: three standard deviations.
-  void AddNuisance(double deviation);
-};
-
-/// Least squares within prior and bounds. Where one of the first `own` parameters is determined by a single
-/// fold only, that fold is scored with the fit to all data, less a fixed cost.
-LinearFit SolveLinear(const Normal& normal, const Bounds& bounds, int own = 0);
 
 /// Constants that every model may adjust: columns with their prior standard deviations.
 struct Nuisances {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "alike.h"
+#include "comparable.h"
 
 namespace tendril::gap {
 namespace {

@@ -7,7 +7,7 @@
 #include <set>
 #include <utility>
 
-#include "alike.h"
+#include "comparable.h"
 #include "health_signal.h"
 #include "squares.h"
 

@@ -16,6 +16,7 @@
 #include "file_bytes.h"
 #include "import_map.h"
 #include "rotation.h"
+#include "row_times.h"
 #include "sources.h"
 #include "table_hints.h"
 #include "text.h"

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "median.h"
@@ -167,8 +168,29 @@ std::string_view NameOf(Quantity quantity) {
   return "";
 }
 
-std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals,
-                               double false_discoveries) {
+namespace {
+
+Part PartOf(const Evaluator& evaluator, sim::Cut cut, std::vector<int> channels, bool fast) {
+  const Channel& channel = evaluator.channels()[channels.front()];
+  Part part;
+  part.finding.cut = cut;
+  part.finding.where = PlaceOf(channel, evaluator);
+  part.finding.quantity = NameOf(channel.quantity);
+  part.finding.unit = channel.unit;
+  part.channels = std::move(channels);
+  part.fast = fast;
+  return part;
+}
+
+/// Every run is a list of states at rest: nothing moves between rows.
+bool OnlyStates(const Evaluator& evaluator) {
+  return std::all_of(evaluator.runs().begin(), evaluator.runs().end(),
+                     [](const PreparedRun& run) { return run.signals.at_rest; });
+}
+
+/// The places to compare: each channel of a tendon, and the channels of the tip or of a section together,
+/// slow and fast.
+std::vector<Part> PartsOf(const Evaluator& evaluator) {
   const auto& channels = evaluator.channels();
   std::vector<Part> parts;
   std::vector<std::vector<int>> shapes(2 +
@@ -182,35 +204,21 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
     } else if (channel.quantity == Quantity::kBending) {
       shapes[2 + static_cast<std::size_t>(channel.index) / 2].push_back(c);
     } else {
-      Part part;
-      part.finding.cut = channel.cut;
-      part.finding.where = PlaceOf(channel, evaluator);
-      part.finding.quantity = NameOf(channel.quantity);
-      part.finding.unit = channel.unit;
-      part.channels = {c};
-      parts.push_back(part);
+      parts.push_back(PartOf(evaluator, channel.cut, {c}, false));
     }
   }
-  const bool states = std::all_of(evaluator.runs().begin(), evaluator.runs().end(),
-                                  [](const PreparedRun& run) { return run.signals.at_rest; });
   for (const bool fast : {false, true}) {
-    if (fast && states) continue;
+    if (fast && OnlyStates(evaluator)) continue;
     for (const std::vector<int>& list : shapes) {
       if (list.empty()) continue;
-      Part part;
-      part.finding.cut = fast ? sim::Cut::kMotion : sim::Cut::kShape;
-      const Channel& axis = channels[list.front()];
-      part.finding.where = PlaceOf(axis, evaluator);
-      part.finding.quantity = NameOf(axis.quantity);
-      part.finding.unit = axis.unit;
-      part.channels = list;
-      part.fast = fast;
-      parts.push_back(part);
+      parts.push_back(PartOf(evaluator, fast ? sim::Cut::kMotion : sim::Cut::kShape, list, fast));
     }
   }
-  for (auto& part : parts) Measure(evaluator, residuals, part);
+  return parts;
+}
 
-  // Benjamini-Hochberg over all places.
+/// Keeps the excesses that pass Benjamini and Hochberg's procedure over all places.
+void ControlDiscoveries(std::vector<Part>& parts, double false_discoveries) {
   std::vector<Part*> sorted;
   for (auto& part : parts) {
     if (part.finding.measured) sorted.push_back(&part);
@@ -224,90 +232,114 @@ std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& resi
     if (sorted[k]->finding.p_value <= allowed) limit = allowed;
   }
   for (auto* part : sorted) part->finding.excess = part->finding.excess && part->finding.p_value <= limit;
+}
 
-  std::vector<CutFinding> location;
-  // C0: the time stamps.
-  {
-    CutFinding f;
-    f.cut = sim::Cut::kClock;
-    f.where = "all";
-    f.quantity = "timestamps";
-    f.unit = "s";
-    double square = 0, step = 0, lost = 0, samples = 0;
-    for (const auto& run : evaluator.runs()) {
-      square += run.jitter_s * run.jitter_s * run.samples();
-      step += run.signals.step_s * run.samples();
-      lost += run.lost;
-      samples += run.samples();
-    }
-    f.rms = std::sqrt(square / samples);
-    f.floor = 0.02 * step / samples;
-    f.delta = 0.2 * step / samples;
-    f.excess_sigma = std::sqrt(std::max(0.0, f.rms * f.rms - f.floor * f.floor)) / f.floor;
-    f.excess = f.rms > f.delta || lost / samples > 0.01;
-    f.p_value = f.excess ? 0 : 1;
-    f.note = fmt::format("{:.0f} of {:.0f} samples lost", lost, samples);
-    location.push_back(f);
+/// C0: the time stamps.
+CutFinding OfClock(const Evaluator& evaluator) {
+  CutFinding f;
+  f.cut = sim::Cut::kClock;
+  f.where = "all";
+  f.quantity = "timestamps";
+  f.unit = "s";
+  double square = 0, step = 0, lost = 0, samples = 0;
+  for (const auto& run : evaluator.runs()) {
+    square += run.jitter_s * run.jitter_s * run.samples();
+    step += run.signals.step_s * run.samples();
+    lost += run.lost;
+    samples += run.samples();
   }
-  for (auto& part : parts) location.push_back(part.finding);
+  f.rms = std::sqrt(square / samples);
+  f.floor = 0.02 * step / samples;
+  f.delta = 0.2 * step / samples;
+  f.excess_sigma = std::sqrt(std::max(0.0, f.rms * f.rms - f.floor * f.floor)) / f.floor;
+  f.excess = f.rms > f.delta || lost / samples > 0.01;
+  f.p_value = f.excess ? 0 : 1;
+  f.note = fmt::format("{:.0f} of {:.0f} samples lost", lost, samples);
+  return f;
+}
+
+/// The cuts that these logs do not show, and what they lack.
+std::vector<CutFinding> NotMeasured(const Evaluator& evaluator) {
+  std::vector<CutFinding> findings;
   const auto missing = [&](sim::Cut cut, const char* why) {
     CutFinding f;
     f.cut = cut;
     f.where = "all";
     f.measured = false;
     f.note = why;
-    location.push_back(f);
+    findings.push_back(f);
   };
   if (!evaluator.has(kC1)) missing(sim::Cut::kCurrentLoop, "needs target and actual torque");
   if (!evaluator.has(kC2)) missing(sim::Cut::kDrivetrain, "needs actual torque and motor positions");
   if (!evaluator.has(kC3)) missing(sim::Cut::kTendon, "needs load cells and motor positions");
-  if (evaluator.has(kBody) && states) missing(sim::Cut::kMotion, "needs rows closer than 0.2 s");
+  if (evaluator.has(kBody) && OnlyStates(evaluator))
+    missing(sim::Cut::kMotion, "needs rows closer than 0.2 s");
   if (!evaluator.has(kBody)) {
     missing(sim::Cut::kShape, "needs a tracker");
     missing(sim::Cut::kMotion, "needs a tracker");
   }
-  // C6: the residual common to C2 and C3 belongs to the load cell.
-  for (int j = 0; j < evaluator.nominal().body.tendons(); ++j) {
-    int c2 = -1, c3 = -1;
-    for (int c = 0; c < static_cast<int>(channels.size()); ++c) {
-      if (channels[c].quantity != Quantity::kTension || channels[c].index != j) continue;
-      (channels[c].cut == sim::Cut::kDrivetrain ? c2 : c3) = c;
-    }
-    if (c2 < 0 || c3 < 0) continue;
-    double product = 0, total = 0;
-    std::vector<double> blocks;
-    for (int i = 0; i < static_cast<int>(residuals.size()); ++i) {
-      const auto &a = residuals[i][c2], &b = residuals[i][c3];
-      const auto &va = evaluator.Variance()[i][c2], &vb = evaluator.Variance()[i][c3];
-      const int per_block = std::max(1, static_cast<int>(kBlock_s / evaluator.window_s(i, c2)));
-      double block = 0;
-      for (int w = 0; w < std::min(a.size(), b.size()); ++w) {
-        if (std::isfinite(va[w]) && std::isfinite(vb[w])) {
-          const double weight = 1 / (va[w] + vb[w]);
-          // The cell's white noise is in both.
-          const double common = a[w] * b[w] - std::pow(channels[c2].white, 2) *
-                                                  evaluator.runs()[i].signals.step_s /
-                                                  evaluator.window_s(i, c2);
-          product += weight * common;
-          total += weight;
-          block += weight * common;
-        }
-        if ((w + 1) % per_block == 0) blocks.push_back(block), block = 0;
+  return findings;
+}
+
+/// C6: the residual of tendon j that is common to C2 and C3 belongs to its load cell; empty without both.
+std::optional<CutFinding> OfCell(const Evaluator& evaluator, const Residuals& residuals, int j,
+                                 double false_discoveries) {
+  const auto& channels = evaluator.channels();
+  int c2 = -1, c3 = -1;
+  for (int c = 0; c < static_cast<int>(channels.size()); ++c) {
+    if (channels[c].quantity != Quantity::kTension || channels[c].index != j) continue;
+    (channels[c].cut == sim::Cut::kDrivetrain ? c2 : c3) = c;
+  }
+  if (c2 < 0 || c3 < 0) return std::nullopt;
+  double product = 0, total = 0;
+  std::vector<double> blocks;
+  for (int i = 0; i < static_cast<int>(residuals.size()); ++i) {
+    const auto &a = residuals[i][c2], &b = residuals[i][c3];
+    const auto &va = evaluator.Variance()[i][c2], &vb = evaluator.Variance()[i][c3];
+    const int per_block = std::max(1, static_cast<int>(kBlock_s / evaluator.window_s(i, c2)));
+    double block = 0;
+    for (int w = 0; w < std::min(a.size(), b.size()); ++w) {
+      if (std::isfinite(va[w]) && std::isfinite(vb[w])) {
+        const double weight = 1 / (va[w] + vb[w]);
+        // The cell's white noise is in both.
+        const double common = a[w] * b[w] - std::pow(channels[c2].white, 2) *
+                                                evaluator.runs()[i].signals.step_s /
+                                                evaluator.window_s(i, c2);
+        product += weight * common;
+        total += weight;
+        block += weight * common;
       }
+      if ((w + 1) % per_block == 0) blocks.push_back(block), block = 0;
     }
-    if (total <= 0) continue;
-    CutFinding f;
-    f.cut = sim::Cut::kSensors;
-    f.where = fmt::format("tendon:{}", j + 1);
-    f.quantity = "tension, common to C2 and C3";
-    f.unit = "N";
-    f.rms = std::sqrt(std::max(0.0, product / total));
-    f.floor = channels[c3].floor;
-    f.delta = channels[c3].delta;
-    f.excess_sigma = f.rms / f.floor;
-    f.p_value = PositiveMean(blocks);
-    f.excess = f.rms > 2 * f.delta && f.p_value < false_discoveries;
-    location.push_back(f);
+  }
+  if (total <= 0) return std::nullopt;
+  CutFinding f;
+  f.cut = sim::Cut::kSensors;
+  f.where = fmt::format("tendon:{}", j + 1);
+  f.quantity = "tension, common to C2 and C3";
+  f.unit = "N";
+  f.rms = std::sqrt(std::max(0.0, product / total));
+  f.floor = channels[c3].floor;
+  f.delta = channels[c3].delta;
+  f.excess_sigma = f.rms / f.floor;
+  f.p_value = PositiveMean(blocks);
+  f.excess = f.rms > 2 * f.delta && f.p_value < false_discoveries;
+  return f;
+}
+
+}  // namespace
+
+std::vector<CutFinding> Locate(const Evaluator& evaluator, const Residuals& residuals,
+                               double false_discoveries) {
+  std::vector<Part> parts = PartsOf(evaluator);
+  for (Part& part : parts) Measure(evaluator, residuals, part);
+  ControlDiscoveries(parts, false_discoveries);
+
+  std::vector<CutFinding> location{OfClock(evaluator)};
+  for (const Part& part : parts) location.push_back(part.finding);
+  for (CutFinding& missing : NotMeasured(evaluator)) location.push_back(std::move(missing));
+  for (int j = 0; j < evaluator.nominal().body.tendons(); ++j) {
+    if (auto cell = OfCell(evaluator, residuals, j, false_discoveries)) location.push_back(std::move(*cell));
   }
   std::stable_sort(location.begin(), location.end(),
                    [](const CutFinding& a, const CutFinding& b) { return a.cut < b.cut; });

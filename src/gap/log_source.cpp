@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "file_bytes.h"
+#include "row_times.h"
 #include "sources.h"
 #include "tendril/config/config.h"
 #include "tendril/io/log.h"

@@ -13,7 +13,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "alike.h"
+#include "comparable.h"
 #include "health_signal.h"
 #include "median.h"
 #include "mistakes.h"

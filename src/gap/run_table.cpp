@@ -14,7 +14,7 @@
 #include "csv.h"
 #include "file_bytes.h"
 #include "health_signal.h"
-#include "median.h"
+#include "row_times.h"
 #include "sources.h"
 #include "table_hints.h"
 #include "tendril/core/limits.h"
@@ -153,160 +153,138 @@ int TendonsNamed(const Columns& columns, const std::string& where) {
   return most;
 }
 
-/// Rows [begin, end) of the longest part of a table whose clock restarted: time jumps back and continues for
-/// long without reaching its previous value.
-std::pair<std::size_t, std::size_t> LongestOfOneClock(const std::vector<double>& t,
-                                                      const std::vector<int>& lines, Run& run) {
-  constexpr std::size_t kLong = 50;
-  std::pair<std::size_t, std::size_t> longest{0, 0};
-  std::size_t begin = 0, restarts = 0;
-  int first_line = 0;
-  const auto part_ends = [&](std::size_t end) {
-    if (end - begin > longest.second - longest.first) longest = {begin, end};
-    begin = end;
-  };
-  for (std::size_t i = 2; i + kLong <= t.size(); ++i) {
-    // A single row that jumps ahead is also followed by a jump back.
-    const double before = std::min(t[i - 2], t[i - 1]);
-    bool restarted = t[i] < before && t[i + kLong - 1] < before;
-    for (std::size_t k = i + 1; k < i + kLong && restarted; ++k) restarted = t[k] > t[k - 1];
-    if (!restarted) continue;
-    if (restarts++ == 0) first_line = lines[i];
-    part_ends(i);
+/// Reads one canonical CSV: columns found by name, then rows in the order of their times.
+class RunTable {
+ public:
+  RunTable(const std::filesystem::path& file, const RobotParameters& robot)
+      : name_(file.string()), robot_(robot), bytes_(ReadBytes(file)) {
+    run_.name = RunName(file);
+    run_.family = "unknown";
+    run_.load_cell = CellPlace(robot);
+    run_.sha256 = Sha256(bytes_);
   }
-  part_ends(t.size());
-  if (restarts > 0) {
-    run.warnings.push_back(fmt::format(
-        "the clock restarts {} time{}, first in line {}: the longest part is read, {} of {} rows; split the "
-        "file there to use the others",
-        restarts, restarts == 1 ? "" : "s", first_line, longest.second - longest.first, t.size()));
-  }
-  return longest;
-}
 
-/// Spreads rows with equal stamps, from a clock coarser than the log: evenly from its tick to the next. After
-/// the beginning and after a pause, where rows of a tick may be missing, they end at the next tick; before
-/// the end and before a pause they begin at their own.
-void SpreadStamps(std::vector<double>& t, const SameRow& same, Run& run) {
-  constexpr double kMany = 0.2;     // of the rows: fewer are duplicates
-  constexpr double kPause = 1.5;    // in usual ticks
-  std::vector<std::size_t> begins;  // first row of each stamp
-  bool others = false;
-  for (std::size_t i = 0; i < t.size(); ++i) {
-    if (i == 0 || t[i] != t[i - 1])
-      begins.push_back(i);
-    else
-      others = others || !same(i, i - 1);
+  Run Read() {
+    const Table table = ParseTable(bytes_, name_, {}, [&](const std::vector<std::string>& names, int line) {
+      return FindColumns(names, line);
+    });
+    run_.notes.insert(run_.notes.end(), table.notes.begin(), table.notes.end());
+    TakeRows(table);
+    Normalise(run_);
+    NoteGaps(run_);
+    return std::move(run_);
   }
-  const std::size_t stamps = begins.size(), shared = t.size() - stamps;
-  if (!others || stamps < 3 || static_cast<double>(shared) < kMany * static_cast<double>(t.size())) return;
-  begins.push_back(t.size());
-  const std::vector<double> stamp = t;
-  std::vector<double> ticks_s, steps_s;
-  for (std::size_t k = 1; k + 1 < stamps; ++k) {
-    const double tick_s = stamp[begins[k + 1]] - stamp[begins[k]];
-    if (!(tick_s > 0)) continue;
-    ticks_s.push_back(tick_s);
-    steps_s.push_back(tick_s / static_cast<double>(begins[k + 1] - begins[k]));
-  }
-  if (ticks_s.empty()) return;
-  const double usual_s = Median(std::move(ticks_s)), step_s = Median(std::move(steps_s));
-  const auto goes_on = [&](std::size_t k) {  // from stamp k - 1 to stamp k
-    const double tick_s = k > 0 && k < stamps ? stamp[begins[k]] - stamp[begins[k - 1]] : 0;
-    return tick_s > 0 && tick_s < kPause * usual_s;
-  };
-  for (std::size_t k = 0; k < stamps; ++k) {
-    const std::size_t begin = begins[k], count = begins[k + 1] - begin;
-    const auto rows = static_cast<double>(count);
-    double from_s = stamp[begin], each_s = step_s;
-    if (goes_on(k + 1)) {
-      const double next_s = stamp[begins[k + 1]];
-      if (goes_on(k))
-        each_s = (next_s - from_s) / rows;
-      else
-        from_s = next_s - rows * step_s;
+
+ private:
+  std::vector<CellKind> FindColumns(const std::vector<std::string>& names, int line) {
+    const Columns in_file(names);
+    const std::string where = fmt::format("{}:{}", name_, line);
+    std::vector<CellKind> kinds(names.size(), CellKind::kIgnored);
+    time_column_ = in_file.Find("t_s", where);
+    if (time_column_ < 0) RefuseWithoutTime(names, where);
+    kinds[static_cast<std::size_t>(time_column_)] = CellKind::kNumber;
+    named_ = TendonsNamed(in_file, where);
+    blocks_ = Blocks(std::max(robot_.body.tendons(), named_), static_cast<int>(robot_.body.sections.size()));
+    for (const Block& block : blocks_) {
+      columns_.push_back(ColumnsOf(block, in_file, where));
+      for (const int c : columns_.back()) {
+        if (c >= 0) kinds[static_cast<std::size_t>(c)] = CellKind::kNumber;
+      }
     }
-    for (std::size_t i = 0; i < count; ++i) t[begin + i] = from_s + static_cast<double>(i) * each_s;
+    std::vector<std::string> ignored;
+    for (std::size_t c = 0; c < names.size(); ++c) {
+      if (kinds[c] == CellKind::kIgnored && !names[c].empty()) ignored.push_back(names[c]);
+    }
+    if (!ignored.empty()) run_.notes.push_back("columns ignored: " + Listed(ignored));
+    if (std::all_of(columns_.begin(), columns_.end(), [](const auto& c) { return c.empty(); })) {
+      throw TableError(fmt::format(
+          "{}: no usable column; there are: {}; accepted: torque_target_Nm_j, torque_actual_Nm_j, "
+          "motor_position_rad_j, tension_N_j (j = 1..{}), tip_x_m, tip_y_m, tip_z_m, tip_qw, tip_qx, tip_qy, "
+          "tip_qz, us_k, vs_k; rename them or use tendril gap import with a column map",
+          where, Listed(names), robot_.body.tendons()));
+    }
+    return kinds;
   }
-  run.warnings.push_back(fmt::format(
-      "{} of {} rows have the stamp of the row before, of a clock that ticks every {:.3g} s: spread evenly "
-      "between the ticks; fast effects (delay, damping) are blurred; stamp rows where they are taken",
-      shared, t.size(), usual_s));
-}
+
+  [[noreturn]] void RefuseWithoutTime(const std::vector<std::string>& names, const std::string& where) const {
+    const std::string option = OptionForNames(bytes_, {}, {"t_s"});
+    throw TableError(fmt::format(
+        "{}: no column t_s (time in seconds); there are: {}; {}", where, Listed(names),
+        option.empty()
+            ? "rename the columns to the canonical ones or use tendril gap import with a column map"
+            : "it is in another line: remove the lines before it, or set " + option +
+                  " in a map of tendril gap import"));
+  }
+
+  /// In the block's order, -1: missing; empty where the block cannot be used.
+  std::vector<int> ColumnsOf(const Block& block, const Columns& in_file, const std::string& where) {
+    std::vector<int> found;
+    std::vector<std::string> missing;
+    for (const std::string& column : block.names) {
+      found.push_back(in_file.Find(column, where));
+      if (found.back() < 0) missing.push_back(column);
+    }
+    if (missing.size() == block.names.size()) return {};
+    if (missing.empty()) return found;
+    run_.notes.push_back(
+        fmt::format("columns missing: {}{}", Listed(missing),
+                    block.whole ? "; the others of their kind cannot be used without them" : ""));
+    return block.whole ? std::vector<int>() : found;
+  }
+
+  void TakeRows(const Table& table) {
+    std::vector<double> time = table.numbers[static_cast<std::size_t>(time_column_)];
+    const std::vector<int> rows = RowsInTime(time, table.lines, SameNumbers(table, 0), run_);
+    if (rows.size() < 2) {
+      std::string why;
+      for (const std::string& warning : run_.warnings) why += " (" + warning + ")";
+      throw TableError(
+          fmt::format("{}: {} usable row{}{}; accepted: at least 2 with increasing t_s; record the run again",
+                      name_, rows.size(), rows.size() == 1 ? "" : "s", why));
+    }
+    const auto count = static_cast<Eigen::Index>(rows.size());
+    const bool all = rows.size() == time.size();
+    const auto copy = [&](const std::vector<double>& from, auto&& to) {
+      if (all) {
+        to = Eigen::Map<const Eigen::VectorXd>(from.data(), count);
+      } else {
+        for (Eigen::Index i = 0; i < count; ++i) {
+          to[i] = from[static_cast<std::size_t>(rows[static_cast<std::size_t>(i)])];
+        }
+      }
+    };
+    run_.time_s.resize(count);
+    copy(time, run_.time_s);
+    for (std::size_t b = 0; b < blocks_.size(); ++b) {
+      const std::vector<int>& columns = columns_[b];
+      if (columns.empty()) continue;
+      Eigen::MatrixXd& matrix = run_.*blocks_[b].matrix;
+      matrix.resize(count, static_cast<Eigen::Index>(columns.size()));
+      for (std::size_t c = 0; c < columns.size(); ++c) {
+        auto column = matrix.col(static_cast<Eigen::Index>(c));
+        if (columns[c] < 0) {
+          column.setConstant(kNone);
+        } else {
+          copy(table.numbers[static_cast<std::size_t>(columns[c])], column);
+        }
+      }
+      // Tendons without any column may still exist.
+      const bool a_tendon = !blocks_[b].whole && blocks_[b].matrix != &Run::bending_rad;
+      if (a_tendon && named_ < matrix.cols()) matrix.conservativeResize(Eigen::NoChange, named_);
+    }
+  }
+
+  const std::string name_;
+  const RobotParameters& robot_;
+  const std::string bytes_;
+  Run run_;
+  int time_column_ = -1;
+  std::vector<Block> blocks_;
+  int named_ = 0;                          // number of tendons that the columns name
+  std::vector<std::vector<int>> columns_;  // by block
+};
 
 }  // namespace
-
-// Rows after a clock restart belong to another run. A single row that jumps ahead of the next two is itself
-// wrong.
-std::vector<int> RowsInTime(std::vector<double>& t, const std::vector<int>& lines, const SameRow& same,
-                            Run& run) {
-  SpreadStamps(t, same, run);
-  const auto [begin, end] = LongestOfOneClock(t, lines, run);
-  std::vector<int> rows;
-  rows.reserve(t.size());
-  const auto later = [&](std::size_t i, std::size_t than) { return t[i] > t[than]; };
-  std::size_t without = 0, back = 0, earlier = 0;
-  int first_back = 0;
-  for (std::size_t i = begin; i < end; ++i) {
-    if (!std::isfinite(t[i])) {
-      ++without;
-      continue;
-    }
-    const auto last = rows.empty() ? t.size() : static_cast<std::size_t>(rows.back());
-    const bool jumped = i + 2 < end && !later(i + 1, i) && !later(i + 2, i) && later(i + 2, i + 1) &&
-                        (rows.empty() || later(i + 1, last));
-    if (jumped || (!rows.empty() && !later(i, last))) {
-      if (back++ == 0) first_back = lines[i];
-      if (!rows.empty() && later(last, i)) ++earlier;
-      continue;
-    }
-    rows.push_back(static_cast<int>(i));
-  }
-  if (without > 0) run.warnings.push_back(fmt::format("{} rows without a time dropped", without));
-  // More rows that go back than rows that go on: what goes on is chance, and no run.
-  if (earlier > rows.size()) {
-    run.warnings.push_back(
-        fmt::format("the rows are not in the order of their times, the first that goes back in line {}; sort "
-                    "the table by its time",
-                    first_back));
-    return {};
-  }
-  if (back > 0) {
-    run.warnings.push_back(
-        fmt::format("{} rows whose time does not increase dropped, the first in line {}; if the clock "
-                    "restarted there, split "
-                    "the file",
-                    back, first_back));
-  }
-  return rows;
-}
-
-void NoteGaps(Run& run) {
-  const Eigen::Index rows = run.time_s.size();
-  if (rows < 3) return;
-  std::vector<double> steps(static_cast<std::size_t>(rows - 1));
-  for (Eigen::Index i = 0; i + 1 < rows; ++i) {
-    steps[static_cast<std::size_t>(i)] = run.time_s[i + 1] - run.time_s[i];
-  }
-  const double usual = Median(steps);
-  int gaps = 0;
-  double longest = 0, where = 0, lost = 0;
-  for (std::size_t i = 0; i < steps.size(); ++i) {
-    if (steps[i] <= 1.5 * usual) continue;
-    ++gaps;
-    lost += std::round(steps[i] / usual) - 1;
-    if (steps[i] > longest) {
-      longest = steps[i];
-      where = run.time_s[static_cast<Eigen::Index>(i)];
-    }
-  }
-  // A log with irregular times has no grid in which rows could be missing.
-  if (gaps == 0 || gaps > rows / 5) return;
-  run.notes.push_back(
-      fmt::format("{} gaps in the time grid of {:.6g} s ({:.0f} rows missing), the longest {:.6g} s "
-                  "at t = {:.6g} s",
-                  gaps, usual, lost, longest, where));
-}
 
 LoadCellPlace CellPlace(const RobotParameters& robot) {
   if (!robot.actuation) return LoadCellPlace::kNone;
@@ -321,16 +299,6 @@ std::string RunName(const std::filesystem::path& file) {
   return ending == ".csv" || ending == ".lcmlog" ? file.stem().string() : file.filename().string();
 }
 
-SameRow SameNumbers(const Table& table, std::size_t from) {
-  return [&table, from](std::size_t a, std::size_t b) {
-    return std::all_of(table.numbers.begin(), table.numbers.end(), [&](const std::vector<double>& column) {
-      if (column.empty()) return true;
-      const double x = column[from + a], y = column[from + b];
-      return x == y || (std::isnan(x) && std::isnan(y));
-    });
-  };
-}
-
 std::span<const ColumnText> RunColumns() {
   static const std::vector<ColumnText> all = [] {
     std::vector<ColumnText> texts{kTime};
@@ -341,113 +309,7 @@ std::span<const ColumnText> RunColumns() {
 }
 
 Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot) {
-  const std::string bytes = ReadBytes(file);
-  Run run;
-  run.name = RunName(file);
-  run.family = "unknown";
-  run.load_cell = CellPlace(robot);
-  run.sha256 = Sha256(bytes);
-
-  const int tendons = robot.body.tendons();
-  std::vector<Block> blocks;
-  int named = 0;  // number of tendons named
-  int time_column = -1;
-  std::vector<std::vector<int>> columns;  // by block; -1: missing
-  const std::string name = file.string();
-  Table table = ParseTable(bytes, name, {}, [&](const std::vector<std::string>& names, int line) {
-    const Columns in_file(names);
-    const std::string where = fmt::format("{}:{}", name, line);
-    std::vector<CellKind> kinds(names.size(), CellKind::kIgnored);
-    time_column = in_file.Find("t_s", where);
-    if (time_column < 0) {
-      const std::string option = OptionForNames(bytes, {}, {"t_s"});
-      throw TableError(fmt::format(
-          "{}: no column t_s (time in seconds); there are: {}; {}", where, Listed(names),
-          option.empty()
-              ? "rename the columns to the canonical ones or use tendril gap import with a column map"
-              : "it is in another line: remove the lines before it, or set " + option +
-                    " in a map of tendril gap import"));
-    }
-    kinds[static_cast<std::size_t>(time_column)] = CellKind::kNumber;
-    named = TendonsNamed(in_file, where);
-    blocks = Blocks(std::max(tendons, named), static_cast<int>(robot.body.sections.size()));
-    for (const Block& block : blocks) {
-      std::vector<int> found;
-      std::vector<std::string> missing;
-      for (const std::string& column : block.names) {
-        found.push_back(in_file.Find(column, where));
-        if (found.back() < 0) missing.push_back(column);
-      }
-      if (missing.size() == block.names.size()) {
-        found.clear();
-      } else if (!missing.empty()) {
-        run.notes.push_back(
-            fmt::format("columns missing: {}{}", Listed(missing),
-                        block.whole ? "; the others of their kind cannot be used without them" : ""));
-        if (block.whole) found.clear();
-      }
-      for (const int c : found) {
-        if (c >= 0) kinds[static_cast<std::size_t>(c)] = CellKind::kNumber;
-      }
-      columns.push_back(found);
-    }
-    std::vector<std::string> ignored;
-    for (std::size_t c = 0; c < names.size(); ++c) {
-      if (kinds[c] == CellKind::kIgnored && !names[c].empty()) ignored.push_back(names[c]);
-    }
-    if (!ignored.empty()) run.notes.push_back("columns ignored: " + Listed(ignored));
-    if (std::all_of(columns.begin(), columns.end(), [](const auto& c) { return c.empty(); })) {
-      throw TableError(fmt::format(
-          "{}: no usable column; there are: {}; accepted: torque_target_Nm_j, torque_actual_Nm_j, "
-          "motor_position_rad_j, tension_N_j (j = 1..{}), tip_x_m, tip_y_m, tip_z_m, tip_qw, tip_qx, tip_qy, "
-          "tip_qz, us_k, vs_k; rename them or use tendril gap import with a column map",
-          where, Listed(names), tendons));
-    }
-    return kinds;
-  });
-  run.notes.insert(run.notes.end(), table.notes.begin(), table.notes.end());
-
-  std::vector<double> time = table.numbers[static_cast<std::size_t>(time_column)];
-  const std::vector<int> rows = RowsInTime(time, table.lines, SameNumbers(table, 0), run);
-  if (rows.size() < 2) {
-    std::string why;
-    for (const std::string& warning : run.warnings) why += " (" + warning + ")";
-    throw TableError(
-        fmt::format("{}: {} usable row{}{}; accepted: at least 2 with increasing t_s; record the run again",
-                    name, rows.size(), rows.size() == 1 ? "" : "s", why));
-  }
-  const auto count = static_cast<Eigen::Index>(rows.size());
-  const bool all = rows.size() == time.size();
-  const auto copy = [&](const std::vector<double>& from, auto&& to) {
-    if (all) {
-      to = Eigen::Map<const Eigen::VectorXd>(from.data(), count);
-    } else {
-      for (Eigen::Index i = 0; i < count; ++i) {
-        to[i] = from[static_cast<std::size_t>(rows[static_cast<std::size_t>(i)])];
-      }
-    }
-  };
-  run.time_s.resize(count);
-  copy(time, run.time_s);
-  for (std::size_t b = 0; b < blocks.size(); ++b) {
-    if (columns[b].empty()) continue;
-    Eigen::MatrixXd& matrix = run.*blocks[b].matrix;
-    matrix.resize(count, static_cast<Eigen::Index>(columns[b].size()));
-    for (std::size_t c = 0; c < columns[b].size(); ++c) {
-      auto column = matrix.col(static_cast<Eigen::Index>(c));
-      if (columns[b][c] < 0) {
-        column.setConstant(kNone);
-      } else {
-        copy(table.numbers[static_cast<std::size_t>(columns[b][c])], column);
-      }
-    }
-    // Tendons without any column may still exist.
-    const bool a_tendon = !blocks[b].whole && blocks[b].matrix != &Run::bending_rad;
-    if (a_tendon && named < matrix.cols()) matrix.conservativeResize(Eigen::NoChange, named);
-  }
-  Normalise(run);
-  NoteGaps(run);
-  return run;
+  return RunTable(file, robot).Read();
 }
 
 void WriteRun(const Run& run, const std::filesystem::path& file) {

@@ -51,7 +51,7 @@ Page DataSetPage(const fs::path& source) {
       Head("Data set",
            "Measured runs for `tendril gap`: a folder with `robot.yaml` (the nominal robot file), "
            "`runs.yaml` and one CSV or LCM log a run. `tendril gap import` makes one of other tables.",
-           {"src/gap/run_table.cpp", "src/gap/data_set.cpp"});
+           {"src/gap/run_table.cpp", "src/gap/runs_file.cpp"});
   text += Heading(2, "Columns", "columns") +
           "One row a sample, columns in any order; j counts tendons from 1, k sections. An empty cell means "
           "no new value. "

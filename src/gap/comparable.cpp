@@ -1,11 +1,12 @@
-// Compares runs with each other: their clocks and their columns.
-#include "alike.h"
+// Compares runs with the robot and with each other: their columns, lengths and clocks.
+#include "comparable.h"
 
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 #include <vector>
 
 #include "health_signal.h"
@@ -13,6 +14,19 @@
 #include "squares.h"
 
 namespace tendril::gap {
+namespace {
+
+/// Number of tendons of the recorded robot according to the columns of its source, measured or not; 0 where
+/// the source names none.
+int TendonsOf(const Run& run) {
+  Eigen::Index most = 0;
+  for (const auto* m :
+       {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N})
+    most = std::max(most, m->cols());
+  return static_cast<int>(most);
+}
+
+}  // namespace
 
 bool Smooth(const Run& run) {
   constexpr double kSmooth = 0.03;  // rms step of a motor, relative to its rms motion
@@ -46,6 +60,43 @@ void LeaveOut(DataSet& set, std::size_t run) {
     other.repeat_of = heir;
     if (heir.empty()) heir = other.name;
   }
+}
+
+void RequireTendons(const DataSet& set) {
+  for (const Run& run : set.runs) {
+    const int its = TendonsOf(run), tendons = set.robot.body.tendons();
+    if (its == 0 || its == tendons) continue;
+    throw std::runtime_error(
+        fmt::format("these runs have {} tendon{}, robot '{}' has {}; accepted: the robot file that they were "
+                    "recorded with",
+                    its, its == 1 ? "" : "s", set.robot.name, tendons));
+  }
+}
+
+std::vector<std::string> LeaveOutShortRuns(DataSet& set) {
+  constexpr int kNamed = 5;
+  std::vector<std::string> said;
+  std::string names;
+  int count = 0;
+  for (std::size_t i = 0; i < set.runs.size();) {
+    const Run& run = set.runs[i];
+    if (run.time_s.size() >= LeastRows(run)) {
+      ++i;
+      continue;
+    }
+    if (++count <= kNamed)
+      names += fmt::format("{}{} ({})", count > 1 ? ", " : "", run.name, run.time_s.size());
+    said.push_back(fmt::format("left out: {}: too short ({} rows; accepted: at least {})", run.name,
+                               run.time_s.size(), LeastRows(run)));
+    LeaveOut(set, i);
+  }
+  if (set.runs.empty()) {
+    throw std::runtime_error(
+        fmt::format("no run is long enough: {} rows; accepted: at least {}, or for states at rest (rows more "
+                    "than {} s apart) {}; record longer runs",
+                    names, kLeastRows, kQuasiStatic_s, kLeastStates));
+  }
+  return said;
 }
 
 std::vector<std::string> LeaveOutOtherTimeUnits(DataSet& set) {

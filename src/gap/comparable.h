@@ -15,6 +15,13 @@ bool Compared(const DataSet& set);
 /// Removes a run; its repetitions then repeat the first of them.
 void LeaveOut(DataSet& set, std::size_t run);
 
+/// Throws where a run has another number of tendons than the robot.
+void RequireTendons(const DataSet& set);
+
+/// Leaves out runs that are too short, so that the others can be diagnosed; returns one line for each. Throws
+/// std::runtime_error when no run is left.
+std::vector<std::string> LeaveOutShortRuns(DataSet& set);
+
 /// Units that the time column may be in by mistake.
 struct TimeUnit {
   double seconds;
