@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <lcm/lcm-cpp.hpp>
 #include <stdexcept>
 
@@ -12,6 +11,7 @@
 #include "tendril/core/clock.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
+#include "tendril/io/epoch.h"
 #include "tendril/io/wire.h"
 
 namespace tendril::commission {
@@ -19,12 +19,6 @@ namespace {
 
 constexpr TimeNs kValidFor_ns = kNsPerS, kRepeat_ns = 50 * kNsPerMs, kSilence_ns = kNsPerS;
 constexpr TimeNs kEnable_ns = 10 * kNsPerS;
-
-std::int64_t EpochUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 }  // namespace
 
@@ -143,7 +137,7 @@ struct LiveLink::Impl {
     command.sequence = sequence_ = std::max(sequence_ + 1, io::SequenceFromTime());
     command.sender = io::SenderOfProcess();
     command.valid_for_ns = kValidFor_ns;
-    if (!client_.Send(command, EpochUs())) throw std::runtime_error("LCM could not send on " + where_);
+    if (!client_.Send(command, io::EpochUs())) throw std::runtime_error("LCM could not send on " + where_);
   }
   // However it ends: no motor is left under power.
   void Disarm() noexcept {

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <chrono>
 #include <future>
 #include <map>
 #include <optional>
@@ -30,6 +29,7 @@
 #include "tendril/daemon/messages.h"
 #include "tendril/daemon/refusals.h"
 #include "tendril/daemon/wiring.h"
+#include "tendril/io/epoch.h"
 #include "tendril/io/log.h"
 #include "tendril/io/wire.h"
 #include "tendril/rt/cyclic.h"
@@ -43,12 +43,6 @@ constexpr int kBlackBoxCycles = 200;
 constexpr TimeNs kReportEvery_ns = kNsPerS;
 constexpr TimeNs kStatisticsEvery_ns = 60 * kNsPerS;
 constexpr TimeNs kDisarmAgain_ns = 100 * kNsPerMs;
-
-std::int64_t EpochUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 // Identifies this daemon to the operator of another one.
 std::string Identity(const DaemonOptions& o) {
@@ -105,7 +99,7 @@ struct Daemon::State {
            config::ToYaml(o.parameters),
            std::string(Version()),
            std::string(GitRevision()),
-           EpochUs(),
+           io::EpochUs(),
            Identity(o)};
     if (o.parameters.black_box) {
       black_box.emplace(*o.parameters.black_box, o.parameters.lcm, ShapeOf(o.robot), run,
@@ -291,7 +285,7 @@ struct Daemon::State {
         Event(status, "controller",
               fmt::format("{} -> {}: {} {}", ModeText(last_mode), ModeText(out.mode), static_cast<int>(cause),
                           what));
-        if (IsFault(status)) loop.Fault({EpochUs(), status, what});
+        if (IsFault(status)) loop.Fault({io::EpochUs(), status, what});
       }
       last_mode = out.mode;
       last_status = out.status;

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <lcm/lcm-cpp.hpp>
 #include <numbers>
@@ -17,6 +16,7 @@
 #include "tendril/core/clock.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
+#include "tendril/io/epoch.h"
 #include "tendril/io/wire.h"
 #include "tendril/model/pull_cone.h"
 
@@ -37,12 +37,6 @@ constexpr TimeNs kValidFor_ns = 100 * kNsPerMs, kSilence_ns = kNsPerS;
 constexpr double kRestBetween_s = 1.0, kHomeRate_radps = 0.5;
 // A slower rate of tension targets distorts the quick experiments.
 constexpr double kBriskTension_Nps = 30;
-
-std::int64_t EpochUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 class Operator {
  public:
@@ -235,7 +229,7 @@ class Operator {
     command.sequence = sequence_ = std::max(sequence_ + 1, io::SequenceFromTime());
     command.sender = io::SenderOfProcess();
     if (command.valid_for_ns == 0) command.valid_for_ns = kValidFor_ns;
-    if (!client_.Send(command, EpochUs()))
+    if (!client_.Send(command, io::EpochUs()))
       throw std::runtime_error("LCM could not send on " + options_.lcm_url);
   }
 

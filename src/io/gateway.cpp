@@ -2,12 +2,12 @@
 #include "tendril/io/gateway.h"
 
 #include <algorithm>
-#include <chrono>
 #include <lcm/lcm-cpp.hpp>
 #include <utility>
 #include <vector>
 
 #include "tendril/io/connection.h"
+#include "tendril/io/epoch.h"
 #include "tendril/io/wire.h"
 
 namespace tendril::io {
@@ -19,12 +19,6 @@ constexpr std::int64_t kLongestWait_us = 5'000'000;
 
 // Undecodable messages give one event per second; the counter has the total.
 constexpr TimeNs kComplaintEvery_ns = kNsPerS;
-
-std::int64_t EpochUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 }  // namespace
 

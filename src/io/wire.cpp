@@ -2,7 +2,6 @@
 #include "tendril/io/wire.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <functional>
 #include <span>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "tendril/io/client.h"
+#include "tendril/io/epoch.h"
 #include "wire_values.h"
 
 namespace tendril::io {
@@ -39,12 +39,6 @@ std::string TooMany(const char* what, int n, int most) {
 
 // YAML readers ignore it.
 const std::string kDaemonLine = "# daemon: ";
-
-std::int64_t EpochUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 }  // namespace
 

@@ -16,6 +16,7 @@
 #include "tendril/control/controller.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
+#include "tendril/io/epoch.h"
 #include "tendril/io/wire.h"
 #include "tendril/motion/path.h"
 #include "tendril/motion/sample_stream.h"
@@ -39,12 +40,6 @@ constexpr std::int64_t kMostRefused = 20;
 // Of the daemon's own speed: as fast the first samples are joined.
 constexpr double kJoinAt = 0.4;
 constexpr TimeNs kStillBefore_ns = 500 * kNsPerMs, kApproachAtMost_ns = 30 * kNsPerS;
-
-std::int64_t EpochUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 TimeNs ToNs(double seconds) { return static_cast<TimeNs>(seconds * 1e9); }
 
@@ -299,7 +294,7 @@ struct Follower::Impl {
     // As long again as the daemon extrapolates, or it would cut its own look ahead short.
     command.valid_for_ns = ToNs(kValidFor_s + extrapolates_s_);
     leads_until_ns_ = clock_.Now() + command.valid_for_ns + kLetGo_ns;
-    if (!client_.Send(command, EpochUs())) {
+    if (!client_.Send(command, io::EpochUs())) {
       throw std::runtime_error("LCM could not send on " + setup_.lcm_url +
                                ": check the address and the route");
     }

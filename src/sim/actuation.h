@@ -3,6 +3,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "tendril/core/robot.h"
@@ -24,6 +25,12 @@ inline const ActuationParameters& Actuation(const RobotParameters& robot, const 
                                             robot.name, robot.actuation->tendons.size(), expected));
   }
   return *robot.actuation;
+}
+
+/// Motor-side tension up to which the pulleys are tabulated. The motor's rated torque bounds its continuous
+/// pull; this is twice the file's limit.
+inline double TabulatedTo_N(const RobotParameters& robot) {
+  return std::max(2 * robot.limits.max_tension_motor_N, 20.0);
 }
 
 }  // namespace tendril::sim

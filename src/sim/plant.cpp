@@ -72,9 +72,7 @@ struct Plant::Impl final : OdeSystem {
         lu(n),
         sensor_noise(plant_options.sensor_noise, plant_options.seed),
         tracker_noise(plant_options.sensor_noise, plant_options.seed + kTrackerSeed) {
-    // The motor's rated torque bounds its continuous pull; the table's own limit is twice the file's.
-    const auto tables =
-        model::MakeCapstanTables(actuation.tendons, std::max(2 * robot.limits.max_tension_motor_N, 20.0));
+    const auto tables = model::MakeCapstanTables(actuation.tendons, TabulatedTo_N(robot));
     for (std::size_t j = 0; j < tables.size(); ++j) {
       drive.emplace_back(actuation.tendons[j], robot.limits.min_tension_N, tables[j], laws.tendon[j]);
     }

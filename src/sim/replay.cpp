@@ -44,9 +44,8 @@ struct Replay::Impl {
         m(body.tendons()) {
     for (int j = 0; j < m; ++j) {
       const auto& p = actuation.tendons[At(j)];
-      const double most = std::max(2 * robot.limits.max_tension_motor_N, 20.0);
-      drive.emplace_back(p, robot.limits.min_tension_N, CachedCapstanTable(p.transmission, most),
-                         laws.tendon[At(j)]);
+      drive.emplace_back(p, robot.limits.min_tension_N,
+                         CachedCapstanTable(p.transmission, TabulatedTo_N(robot)), laws.tendon[At(j)]);
       const auto& nominal = Actuation(given, "a replay").tendons[At(j)].load_cell;
       if (nominal.place == LoadCellPlace::kNone) {
         cell.push_back({1, 0});

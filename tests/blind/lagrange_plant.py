@@ -1,5 +1,7 @@
 # The rig as a Lagrangian system in numba: constant-curvature units, straight tendons, and the friction of each part.
 # Written from the rig's description alone; planted mechanisms are switched on by nonzero entries of the tables.
+# body_dynamics, rates and run are long because each is one compiled loop: numba hands few arrays, not objects, between
+# functions, and a split would pass twenty of them.
 import math
 from collections import namedtuple
 

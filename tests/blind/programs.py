@@ -87,98 +87,120 @@ def _triangle_knots(start, amplitudes, rate):
     return knots, t
 
 
+T0 = 0.45  # N, of rest
+
+
+def _times(end_s):
+    return np.arange(int(end_s / PERIOD_S)) * PERIOD_S
+
+
+# Each family: bend b, its plane and the least tension at every period. rng draws planes, levels and phases.
+
+def _triangle(rng, plane, grow):
+    rate = 2.0 * grow
+    knots, end = _triangle_knots(1.0, grow * np.array([0.8, 1.8, 3.2]) * rng.uniform(0.9, 1.1), rate)
+    time = _times(end + 0.5)
+    return zigzag(time, knots), plane, np.full(len(time), T0)
+
+
+def _cocontraction(rng, plane, grow):
+    pieces, t = [(0, T0), (1.0, T0)], 1.0
+    bend = [(0, 0), (1.0, 0)]
+    for level in (T0, 1.2 * rng.uniform(0.9, 1.1), 2.2 * rng.uniform(0.9, 1.1)):
+        t += 0.6
+        pieces.append((t, level))
+        bend.append((t, 0))
+        for goal, dur in ((1.2, 0.6), (-1.2, 1.2), (1.2, 1.2), (0, 0.6)):
+            t += dur
+            bend.append((t, goal * grow))
+            pieces.append((t, level))
+    time = _times(t + 0.3)
+    return zigzag(time, bend), plane, zigzag(time, pieces)
+
+
+def _circle(rng, plane, grow):
+    time = _times(9.0)
+    b = rng.uniform(1.8, 2.4) * grow * smooth((time - 0.8) / 1.0)
+    plane = plane + rng.choice([-1, 1]) * 2 * np.pi * np.clip(time - 1.8, 0, None) / 3.6
+    return b, plane, np.full(len(time), T0)
+
+
+def _steps(rng, plane, grow):
+    time = _times(10.0)
+    n = 7
+    at = 1.0 + 1.2 * np.arange(n)
+    levels = grow * rng.uniform(-1.9, 1.9, n)
+    planes = plane + rng.uniform(-0.8, 0.8, n)
+    lows = T0 + rng.uniform(0, 1.0, n)
+    b, least = np.zeros(len(time)), np.full(len(time), T0)
+    ang = np.full(len(time), planes[0])
+    before = (0.0, planes[0], T0)
+    for k in range(n):
+        s = smooth((time - at[k]) / 0.45)
+        on = time >= at[k]
+        b[on] = (before[0] + s * (levels[k] - before[0]))[on]
+        ang[on] = (before[1] + s * (planes[k] - before[1]))[on]
+        least[on] = (before[2] + s * (lows[k] - before[2]))[on]
+        before = (levels[k], planes[k], lows[k])
+    return b, ang, least
+
+
+def _multisine(rng, plane, grow):
+    time = _times(9.0)
+    f = np.geomspace(0.1, 10, 14)
+    fade = smooth((time - 1.5) / 0.5)
+    comp = []
+    for _ in range(2):
+        ph = rng.uniform(0, 2 * np.pi, len(f))
+        comp.append((np.sin(2 * np.pi * f * (time[:, None] - 1.5) + ph) * (f ** -0.3)).sum(1))
+    comp = np.array(comp) / np.std(comp) * 0.55 * grow * fade
+    comp[0] += 1.2 * grow * np.cos(plane) * smooth((time - 0.8) / 0.7)
+    comp[1] += 1.2 * grow * np.sin(plane) * smooth((time - 0.8) / 0.7)
+    return np.hypot(*comp), np.arctan2(comp[1], comp[0]), np.full(len(time), 0.8)
+
+
+def _ladder(rng, plane, grow):
+    knots, t, v = [(0, 0), (1.0, 0)], 1.0, 0.0
+    for rate in (1.0, 2.0, 4.0, 8.0, 16.0, 32.0):
+        for goal in (1.6 * grow, -1.6 * grow) if rate > 1.5 else (1.6 * grow, 0.0, -1.6 * grow):
+            t += abs(goal - v) / (rate * grow)
+            v = goal
+            knots.append((t, v))
+    time = _times(t + 0.6)
+    return zigzag(time, knots), plane, np.full(len(time), 0.6)
+
+
+def _hold(rng, plane, grow):
+    time = _times(24.0)
+    b = zigzag(time, [(0, 0), (1, 0), (2, 2.6 * grow), (14, 2.6 * grow), (15, 1.0 * grow), (24, 1.0 * grow)])
+    return b, plane, zigzag(time, [(0, T0), (1, T0), (2, 1.0), (14, 1.0), (15, T0), (24, T0)])
+
+
+def _sway(rng, plane, grow):
+    time = _times(6.0)
+    b = zigzag(time, [(0, 0), (0.8, 0), (1.6, 2.0 * grow), (2.0, 2.0 * grow), (2.02, 0), (6, 0)])
+    return b, plane, zigzag(time, [(0, T0), (2.0, T0), (2.02, 0.02), (6, 0.02)])
+
+
+def _weak(rng, plane, grow):  # too little motion to tell anything
+    time = _times(8.0)
+    return 0.12 * grow * np.sin(2 * np.pi * 0.4 * (time - 1)) * smooth((time - 1) / 0.5), plane, np.full(len(time), T0)
+
+
+_SHAPES = dict(triangle=_triangle, cocontraction=_cocontraction, circle=_circle, steps=_steps, multisine=_multisine,
+               ladder=_ladder, hold=_hold, sway=_sway, weak=_weak)
+FAMILIES = list(_SHAPES)
+
+
 def program(family, controller, rng, strength=1.0):
-    """Torque targets (S x M) of one run. rng draws planes, levels and phases: another seed, another run."""
+    """Torque targets (S x M) of one run: another seed, another run."""
     c = controller
-    T0 = 0.45
     plane = rng.uniform(0, 2 * np.pi)
     grow = strength * c.kb * c.units / (4 * 0.05017)
-    if family == "triangle":
-        rate = 2.0 * grow
-        knots, end = _triangle_knots(1.0, grow * np.array([0.8, 1.8, 3.2]) * rng.uniform(0.9, 1.1), rate)
-        time = np.arange(int((end + 0.5) / PERIOD_S)) * PERIOD_S
-        b, least = zigzag(time, knots), np.full(len(time), T0)
-        plane = np.full(len(time), plane)
-    elif family == "cocontraction":
-        pieces, t = [(0, T0), (1.0, T0)], 1.0
-        bend = [(0, 0), (1.0, 0)]
-        for level in (T0, 1.2 * rng.uniform(0.9, 1.1), 2.2 * rng.uniform(0.9, 1.1)):
-            t += 0.6
-            pieces.append((t, level))
-            bend.append((t, 0))
-            for goal, dur in ((1.2, 0.6), (-1.2, 1.2), (1.2, 1.2), (0, 0.6)):
-                t += dur
-                bend.append((t, goal * grow))
-                pieces.append((t, level))
-        time = np.arange(int((t + 0.3) / PERIOD_S)) * PERIOD_S
-        b, least = zigzag(time, bend), zigzag(time, pieces)
-        plane = np.full(len(time), plane)
-    elif family == "circle":
-        time = np.arange(int(9.0 / PERIOD_S)) * PERIOD_S
-        b = rng.uniform(1.8, 2.4) * grow * smooth((time - 0.8) / 1.0)
-        plane = plane + rng.choice([-1, 1]) * 2 * np.pi * np.clip(time - 1.8, 0, None) / 3.6
-        least = np.full(len(time), T0)
-    elif family == "steps":
-        time = np.arange(int(10.0 / PERIOD_S)) * PERIOD_S
-        n = 7
-        at = 1.0 + 1.2 * np.arange(n)
-        levels = grow * rng.uniform(-1.9, 1.9, n)
-        planes = plane + rng.uniform(-0.8, 0.8, n)
-        lows = T0 + rng.uniform(0, 1.0, n)
-        b, least = np.zeros(len(time)), np.full(len(time), T0)
-        ang = np.full(len(time), planes[0])
-        before = (0.0, planes[0], T0)
-        for k in range(n):
-            s = smooth((time - at[k]) / 0.45)
-            on = time >= at[k]
-            b[on] = (before[0] + s * (levels[k] - before[0]))[on]
-            ang[on] = (before[1] + s * (planes[k] - before[1]))[on]
-            least[on] = (before[2] + s * (lows[k] - before[2]))[on]
-            before = (levels[k], planes[k], lows[k])
-        plane = ang
-    elif family == "multisine":
-        time = np.arange(int(9.0 / PERIOD_S)) * PERIOD_S
-        f = np.geomspace(0.1, 10, 14)
-        fade = smooth((time - 1.5) / 0.5)
-        comp = []
-        for _ in range(2):
-            ph = rng.uniform(0, 2 * np.pi, len(f))
-            comp.append((np.sin(2 * np.pi * f * (time[:, None] - 1.5) + ph) * (f ** -0.3)).sum(1))
-        comp = np.array(comp) / np.std(comp) * 0.55 * grow * fade
-        comp[0] += 1.2 * grow * np.cos(plane) * smooth((time - 0.8) / 0.7)
-        comp[1] += 1.2 * grow * np.sin(plane) * smooth((time - 0.8) / 0.7)
-        b, plane = np.hypot(*comp), np.arctan2(comp[1], comp[0])
-        least = np.full(len(time), 0.8)
-    elif family == "ladder":
-        knots, t, v = [(0, 0), (1.0, 0)], 1.0, 0.0
-        for rate in (1.0, 2.0, 4.0, 8.0, 16.0, 32.0):
-            for goal in (1.6 * grow, -1.6 * grow) if rate > 1.5 else (1.6 * grow, 0.0, -1.6 * grow):
-                t += abs(goal - v) / (rate * grow)
-                v = goal
-                knots.append((t, v))
-        time = np.arange(int((t + 0.6) / PERIOD_S)) * PERIOD_S
-        b, least = zigzag(time, knots), np.full(len(time), 0.6)
-        plane = np.full(len(time), plane)
-    elif family == "hold":
-        time = np.arange(int(24.0 / PERIOD_S)) * PERIOD_S
-        b = zigzag(time, [(0, 0), (1, 0), (2, 2.6 * grow), (14, 2.6 * grow), (15, 1.0 * grow), (24, 1.0 * grow)])
-        least = zigzag(time, [(0, T0), (1, T0), (2, 1.0), (14, 1.0), (15, T0), (24, T0)])
-        plane = np.full(len(time), plane)
-    elif family == "sway":
-        time = np.arange(int(6.0 / PERIOD_S)) * PERIOD_S
-        b = zigzag(time, [(0, 0), (0.8, 0), (1.6, 2.0 * grow), (2.0, 2.0 * grow), (2.02, 0), (6, 0)])
-        least = zigzag(time, [(0, T0), (2.0, T0), (2.02, 0.02), (6, 0.02)])
-        plane = np.full(len(time), plane)
-    elif family == "weak":  # too little motion to tell anything
-        time = np.arange(int(8.0 / PERIOD_S)) * PERIOD_S
-        b = 0.12 * grow * np.sin(2 * np.pi * 0.4 * (time - 1)) * smooth((time - 1) / 0.5)
-        least, plane = np.full(len(time), T0), np.full(len(time), plane)
-    else:
+    if family not in _SHAPES:
         raise ValueError(f"family {family}: accepted are {', '.join(FAMILIES)}")
+    b, plane, least = _SHAPES[family](rng, plane, grow)
     b = np.asarray(b, float)
     plane = np.where(b < 0, plane + np.pi, plane)
     return c.torque(c.tensions(np.abs(b), plane, least))
-
-
-FAMILIES = ["triangle", "cocontraction", "circle", "steps", "multisine", "ladder", "hold", "sway", "weak"]
 USUAL = ["triangle", "cocontraction", "circle", "steps", "multisine", "ladder", "hold"]

@@ -18,7 +18,7 @@ from unittest import mock
 
 import numpy as np
 
-from tests.blind import campaign, score, seal
+from tests.blind import campaign, figures, score, seal
 
 SPY = """
 import json, pathlib, sys
@@ -586,14 +586,14 @@ class Seal(unittest.TestCase):
         unlisted = self.case("unlisted", ["gusts"], "unexplained", [("unknown", 0.9)])
         pair = self.case("pair", ["slack", "backlash"], "attributed", [("backlash", 0.9)], ["backlash", "slack"])
         null = self.case("null", [], "no_gap", [("no_gap", 0.9)])
-        _, numbers = score.table([small, unlisted, pair, null], [], [])
+        _, numbers = figures.table([small, unlisted, pair, null], [], [])
         self.assertEqual(numbers["reliability, none below 0 sigma"], [[0.9, 4, 4]])
         self.assertEqual(numbers["reliability, none below 0.3 sigma"], [[0.9, 3, 4]])
 
     def test_a_followup_counts_where_the_first_had_not_shown_it(self):
         weak = lambda name, hit, follow: self.case("weak", ["slack"], "attributed", [("slack" if hit else "backlash", 0.8)],
                                                    name=name + "_followup" * follow)
-        _, numbers = score.table([weak("0001", True, False), weak("0002", False, False)],
+        _, numbers = figures.table([weak("0001", True, False), weak("0002", False, False)],
                                  [weak("0001", True, True), weak("0002", True, True)], [])
         figure = numbers["follow-up finds the cause that weak excitation had not shown"]
         self.assertEqual((figure["k"], figure["n"]), (1, 1))
@@ -608,7 +608,7 @@ class Seal(unittest.TestCase):
                  self.case("pair", ["slack", "backlash"], "attributed", [("slack", 0.9)], ["slack"], name="0007"),
                  self.case("null", [], "no_gap", [("no_gap", 0.7)], name="0008"),
                  self.case("null", [], "ambiguous_group", [("no_gap", 0.6, 1), ("slack", 0.4, 1)], name="0009")]
-        lines, numbers = score.table(cases, [], [])
+        lines, numbers = figures.table(cases, [], [])
         self.assertEqual(numbers["confusion matrix, > 1 sigma"], {"slack": {"slack": 2, "backlash": 1}, "nothing": {"no gap": 1, "no gap or a cause": 1},
                                                                   "none of the library's": {"unexplained": 1}})
         missed = lines[[k for k, line in enumerate(lines) if line.startswith("\nNot found")][0] + 1:]
@@ -618,12 +618,12 @@ class Seal(unittest.TestCase):
         cases = [self.case("single", ["slack"], "attributed" if s > 0.3 else "no_gap", [("slack", 0.8)], sigma=s)
                  for s in np.geomspace(0.05, 2, 40)]
         unseen = self.case("single", ["slack"], "attributed", [("slack", 0.8)], sigma=0.0)
-        self.assertEqual(score.half_point(cases + [unseen])[0], score.half_point(cases)[0])
+        self.assertEqual(figures.half_point(cases + [unseen])[0], figures.half_point(cases)[0])
 
     def test_half_point_and_its_interval(self):
         cases = [self.case("single", ["slack"], "attributed" if k % 40 >= 20 - k // 40 else "no_gap", [("slack", 0.8)], sigma=s)
                  for k, s in enumerate(np.tile(np.geomspace(0.05, 2, 40), 4))]
-        half, (low, high), _, _ = score.half_point(cases)
+        half, (low, high), _, _ = figures.half_point(cases)
         self.assertTrue(low < half < high and 0.2 < half < 0.4 and high / low < 1.6, (low, half, high))
 
     def test_score_draws_its_picture(self):
@@ -674,7 +674,7 @@ class Seal(unittest.TestCase):
 
     def test_wilson(self):
         # 8 of 10: the textbook's 0.490 to 0.943
-        p, low, high = score.wilson(8, 10)
+        p, low, high = figures.wilson(8, 10)
         self.assertAlmostEqual(low, 0.4902, places=3)
         self.assertAlmostEqual(high, 0.9433, places=3)
 

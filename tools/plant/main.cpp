@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <lcm/lcm-cpp.hpp>
@@ -20,6 +19,7 @@
 #include "tendril/emulator/faults.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
+#include "tendril/io/epoch.h"
 #include "tendril/rig/fault_orders.h"
 #include "tendril/rig/free_motors.h"
 #include "tendril/rig/virtual_rig.h"
@@ -53,9 +53,7 @@ class Tracker {
   void PublishIfDue(rig::VirtualRig& rig, TimeNs now_ns) {
     const auto reading = rig.TakeTrackerReading();
     if (!reading) return;
-    const auto epoch = std::chrono::system_clock::now().time_since_epoch();
-    const std::int64_t utime = std::chrono::duration_cast<std::chrono::microseconds>(epoch).count() -
-                               (now_ns - reading->time_ns) / kNsPerUs;
+    const std::int64_t utime = io::EpochUs() - (now_ns - reading->time_ns) / kNsPerUs;
     (io::SendTracker(lcm_, channel_, *reading, utime) ? published_ : failed_)++;
   }
   std::uint64_t published() const { return published_; }
