@@ -69,7 +69,7 @@ void AddCapstanCommand(CLI::App& app) {
       "adds it). At zero\ntension the ratio is the limit. Without friction (alpha 0) and with no wrap the "
       "ratio is 1, except for the factor\ncos(phi1) of the improved law; the classic law has no phi1.");
   Options& o = *options;
-  // A value that is wrong is said before one that is missing.
+  // A wrong value is reported before a missing one.
   command->add_option("--alpha", o.pulley.alpha, "friction coefficient [N^(1-n)], 0 .. 100")
       ->required()
       ->check(NumberFrom(0, 100, "give a coefficient, 0 for no friction"));

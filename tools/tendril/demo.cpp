@@ -1,5 +1,5 @@
-// `tendril demo`: the paper's robot follows a commanded circle and a planar bend. Chooses files and shows how
-// it gets on; the run itself is experiment's.
+// `tendril demo`: the paper's robot follows a commanded circle and a planar bend. Chooses files and shows
+// the progress; the run itself is experiment's.
 #include "tendril/experiment/demo.h"
 
 #include <fmt/core.h>

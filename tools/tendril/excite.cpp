@@ -1,5 +1,5 @@
 // `tendril excite`: the identification experiments, on the plant in this process or on a running daemon,
-// left as a data-set folder. Knows nothing of what the data will be used for.
+// written as a data-set folder. Knows nothing of what the data will be used for.
 #include <fmt/format.h>
 
 #include <atomic>
@@ -84,7 +84,7 @@ void RunExcite(const ExciteOptions& options) {
   } else {
     set = RunInProcess(plan, options, progress);
   }
-  // Measurements cannot be had again by running a program again.
+  // Unlike simulated runs, measurements cannot be made again.
   const std::filesystem::path out = experiment::WriteSet(set, folder, options.live);
   fmt::print("{}, {:.1f} s of data in {:.1f} s: {}\n", Counted(set.data.runs.size(), "run"), set.simulated_s,
              set.wall_s, std::filesystem::absolute(out).lexically_normal().string());

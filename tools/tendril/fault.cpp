@@ -1,4 +1,4 @@
-// `tendril fault`: orders a fault from a running tendril-plant or tendril sim over LCM and shows its answer.
+// `tendril fault`: asks a running tendril-plant or tendril sim over LCM for a fault and shows its answer.
 // Knows no drive.
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-// `tendril follow`: leads a running daemon's robot through a motion in real time. Knows the command line's
+// `tendril follow`: streams a motion to a running daemon in real time. Knows the command line's
 // words; the motions and the streaming are motion's. Most of it is options, a paragraph for each motion.
 #include <fmt/format.h>
 

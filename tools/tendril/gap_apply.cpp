@@ -1,4 +1,4 @@
-// `tendril gap apply`: what a diagnosis found, worked into a new robot file. Knows nothing of how it was
+// `tendril gap apply`: writes what a diagnosis found into a new robot file. Knows nothing of how it was
 // found.
 #include <fmt/format.h>
 
@@ -63,7 +63,7 @@ std::string Target(const ApplyOptions& options) {
   return options.out;
 }
 
-/// The report, once it is sure that it has something to apply to this robot.
+/// The report; throws unless it has something to apply to this robot.
 gap::Diagnosis ReadFitting(const ApplyOptions& options, const RobotParameters& robot) {
   gap::Diagnosis d = gap::ReadReport(options.report);
   if (d.verdict == gap::Verdict::kNoGap)
@@ -94,7 +94,7 @@ gap::Diagnosis ReadFitting(const ApplyOptions& options, const RobotParameters& r
 void RunApply(const ApplyOptions& options) {
   const std::string out = Target(options);
   std::string text = config::ReadWhole(options.robot);
-  // The mark that some editors put first belongs to no line.
+  // A byte order mark belongs to no line.
   const std::string mark = text.starts_with("\xEF\xBB\xBF") ? text.substr(0, 3) : "";
   text.erase(0, mark.size());
   const RobotParameters robot = sim::LoadRobot(options.robot);

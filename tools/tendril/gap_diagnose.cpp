@@ -71,7 +71,7 @@ void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) 
     options.diagnose.menu = experiment::SimulatedMenu(set.robot, options.daemon, options.diagnose.seed);
   progress("checking the data", 0);
   std::vector<gap::HealthFinding> health = gap::CheckHealth(set);
-  // What makes the rest doubtful is told before it begins, for it takes a while.
+  // The diagnosis takes a while: what makes it doubtful is reported before it begins.
   for (const std::string& line : gap::ErrorLines(health)) fmt::print(stderr, "warning: {}\n", line);
   const auto begin = std::chrono::steady_clock::now();
   gap::Diagnosis diagnosis = gap::Diagnose(set, options.diagnose);

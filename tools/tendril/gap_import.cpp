@@ -1,5 +1,5 @@
-// tendril gap import: anybody's tables as a folder of runs, or as a log like the daemon's. Knows the command
-// line; what a map may say is the gap room's business.
+// tendril gap import: tables of other programs as a folder of runs, or as a log like the daemon's. Knows the
+// command line; what a map may say is the gap room's business.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -32,7 +32,7 @@ struct ImportOptions {
   bool overwrite = false;
 };
 
-/// What the log cannot hold is told, for whoever has only the log.
+/// Reports what the log cannot hold.
 void LeaveLog(const gap::DataSet& set, const std::string& path) {
   const gap::LostInLog lost = gap::WhatALogLoses(set);
   if (lost.start_position) {
@@ -111,7 +111,7 @@ void RunImport(const ImportOptions& options) {
   std::fflush(stdout);
   const auto left_out = std::count_if(set.notes.begin(), set.notes.end(),
                                       [](const std::string& note) { return note.starts_with("left out: "); });
-  // Somebody who calls this from a script would go on with less than was meant.
+  // A script that calls this would continue with less data than intended.
   if (left_out > 0) {
     throw std::runtime_error(fmt::format("{} of {} left out (above); the others were written",
                                          left_out == 1 ? "one" : std::to_string(left_out),

@@ -66,7 +66,7 @@ void Home(const HomeOptions& o) {
   }
   while (state.mode == tendril_lcm::state_t::MODE_HOMING && clock.Now() < end_ns && !stop) client.Handle(20);
   if (state.mode == tendril_lcm::state_t::MODE_HOMING) {
-    // Motors do not wind on unwatched.
+    // Nothing is wound in when nobody watches.
     Request(client, ModeRequest::kDisarm, o.lcm.url);
     for (const TimeNs until_ns = clock.Now() + 3 * kNsPerS;
          state.mode != tendril_lcm::state_t::MODE_CONFIGURED && clock.Now() < until_ns;)

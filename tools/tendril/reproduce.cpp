@@ -1,4 +1,4 @@
-// `tendril reproduce`: runs the study of the paper and shows how it gets on. Knows no physics.
+// `tendril reproduce`: runs the study of the paper and shows its progress. Knows no physics.
 #include <fmt/format.h>
 #include <unistd.h>
 

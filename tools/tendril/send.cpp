@@ -16,9 +16,9 @@
 namespace tendril::tools {
 namespace {
 
-// A daemon that is started takes two seconds to be sure that it is alone, and its drives some more.
+// A starting daemon listens for two seconds whether it is alone; its drives take some more.
 constexpr double kTimeout_s = 2, kArmTimeout_s = 15;
-// Of any value of a target: what is more means no robot, in whatever unit.
+// Largest value of a target: more is meant for no robot, in any unit.
 constexpr double kMostValue = 1e6;
 
 struct SendOptions {
@@ -49,7 +49,7 @@ Vector ToVector(const std::vector<double>& values) {
   return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
-// How many values there are is told with what they are, rather than with their number alone.
+// A wrong number of values is reported with what the values mean.
 void CheckCount(const std::string& name, std::size_t given, const char* values, int least, int most) {
   if (given >= static_cast<std::size_t>(least) && given <= static_cast<std::size_t>(most)) return;
   throw UsageError(fmt::format(

@@ -1,4 +1,4 @@
-// One line a finished run, and on a terminal a line that moves: how a set of experiments gets on. Knows
+// One line a finished run, and on a terminal a line that moves: the progress of a set of experiments. Knows
 // nothing of how runs are made.
 #pragma once
 
