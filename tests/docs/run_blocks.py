@@ -122,6 +122,10 @@ def run_block(text, folder, environment):
         os.killpg(process.pid, signal.SIGKILL)
         out, err = process.communicate()
         return f"none after {TIME_LIMIT_S} s", out, err
+    finally:
+        # A block that fails half way leaves the programs that it started in the background.
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 def indented(text):

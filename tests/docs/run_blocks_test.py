@@ -4,6 +4,7 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -60,6 +61,17 @@ class RunBlocks(unittest.TestCase):
         self.fails(page(run("false\ntrue")), "exit status 1")
         self.fails(page(run("false | cat")), "exit status 1")
         self.fails(page(run("no-such-program")), "exit status 127", "not found")
+
+    def test_what_a_failing_block_left_in_the_background_ends_with_it(self):
+        with tempfile.TemporaryDirectory() as folder:
+            left = pathlib.Path(folder) / "left"
+            self.fails(page(run(f"sleep 1000 > /dev/null 2>&1 & echo $! > {left}\nfalse")), "exit status 1")
+            state = pathlib.Path(f"/proc/{left.read_text().strip()}/stat")
+            # Gone, or dead and not yet collected by its parent.
+            deadline = time.monotonic() + 10
+            while state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z":
+                self.assertLess(time.monotonic(), deadline, "still running")
+                time.sleep(0.02)
 
     def test_an_expected_exit_status_is_held_to(self):
         self.passes(page(run("exit 2", 'exit="2"')))
