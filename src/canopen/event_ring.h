@@ -18,7 +18,7 @@ class EventRing {
     }
     events_[tail_++ % kCapacity] = event;
   }
-  bool Take(BusEvent* event) noexcept {
+  bool Pop(BusEvent* event) noexcept {
     if (head_ == tail_) return false;
     *event = events_[head_++ % kCapacity];
     return true;

@@ -95,12 +95,9 @@ struct Daemon::State {
         setups(DriveSetups(o.robot, o.parameters.bus)),
         realtime(options, p, t, setups, handover),
         loop(setups, o.parameters.bus.bitrate_bps) {
-    run = {config::ToYaml(o.robot),
-           config::ToYaml(o.parameters),
-           std::string(Version()),
-           std::string(GitRevision()),
-           io::EpochUs(),
-           Identity(o)};
+    run = {config::ToYaml(o.robot), config::ToYaml(o.parameters),
+           std::string(Version()),  std::string(GitRevision()),
+           io::EpochUs(),           Identity(o)};
     if (o.parameters.black_box) {
       black_box.emplace(*o.parameters.black_box, o.parameters.lcm, ShapeOf(o.robot), run,
                         io::EpochOffsetUs(clock), o.parameters.bus.cycle_ns, realtime.controller());
@@ -323,7 +320,7 @@ struct Daemon::State {
   // Once per second: the run record, losses and statistics.
   void Report() {
     gateway.PublishRun(run);
-    gateway.PublishStatistics(loop.Take(clock.Now(), gateway.counters()));
+    gateway.PublishStatistics(loop.Collect(clock.Now(), gateway.counters()));
     ReportExchangedDrives();
     if (const auto missed = loop.NewMisses()) Event(Status::kCycleLate, "timing", *missed);
     ReportLosses("command(s) arrived faster than one per cycle",

@@ -62,7 +62,7 @@ void LoopReport::Count(const Published& next) {
   last_usage_ = next.usage;
 }
 
-LoopStatistics LoopReport::Take(TimeNs now_ns, const io::Gateway::Counters& lcm) {
+LoopStatistics LoopReport::Collect(TimeNs now_ns, const io::Gateway::Counters& lcm) {
   LoopStatistics& s = statistics_;
   const double elapsed_s = ToSeconds(now_ns - s.time_ns);
   s.bus_load = elapsed_s > 0 ? static_cast<double>(can_.bits - reported_bits_) / bitrate_bps_ / elapsed_s : 0;

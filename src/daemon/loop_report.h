@@ -31,7 +31,7 @@ class LoopReport {
   std::uint64_t deadline_misses() const { return last_timing_.deadline_misses; }
 
   /// Up to now; the drives' worst ages begin again.
-  LoopStatistics Take(TimeNs now_ns, const io::Gateway::Counters& lcm);
+  LoopStatistics Collect(TimeNs now_ns, const io::Gateway::Counters& lcm);
   /// Of the latencies, for the log.
   std::string LatencyText() const;
   /// For the log, where cycles were missed since the last call.

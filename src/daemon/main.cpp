@@ -1,4 +1,4 @@
-// tendrild: reads the command line and the configuration, opens the bus, runs the daemon until it is told to
+// tendrild: reads the command line and the configuration, opens the bus, runs the daemon until it is asked to
 // stop. Everything that can go wrong before the robot moves ends here as one line.
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_color_sinks.h>

@@ -110,6 +110,19 @@ void RecountMotor(TendonDriveParameters& drive, double change) {
   for (double& yield : drive.gear.presliding_yields_rad) yield *= turned;
 }
 
+/// Readings are newtons by the file's gain, so another gain shows relative to it: as the effect does.
+void AddCellGain(const RobotParameters& robot, std::vector<FileNumber>& all) {
+  constexpr const char* kKey = "actuation.load_cell.gain_VpN";
+  const LoadCellParameters& first = robot.actuation->tendons.front().load_cell;
+  if (first.place == LoadCellPlace::kNone || first.gain_VpN == 0) return;
+  const sim::Effect& effect = *sim::FindEffectOfNumber(kKey);
+  const std::string name(effect.name), scale = effect.parameters.front().name;
+  all.push_back({kKey, first.gain_VpN, false, sim::Stage::kSensor, sim::Element::kAny,
+                 [name, scale](RobotParameters& changed, double change) {
+                   changed.effects.push_back({name, "all", {{scale, std::exp(change)}}});
+                 }});
+}
+
 void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
   constexpr Place kDrive{sim::Stage::kDrive}, kTransmission{sim::Stage::kTransmission},
       kTendon{sim::Stage::kTransmission, sim::Element::kTendon},
@@ -140,7 +153,7 @@ void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
   part("spool.radius_m", kTransmission, &Drive::spool, &SpoolParameters::radius_m);
   part("tendon.stiffness_Npm", kTendon, &Drive::tendon, &TendonParameters::stiffness_Npm);
   part("tendon.damping_Nspm", kTendon, &Drive::tendon, &TendonParameters::damping_Nspm);
-  part("load_cell.gain_VpN", kSensor, &Drive::load_cell, &LoadCellParameters::gain_VpN);
+  AddCellGain(robot, all);
   part("transmission.presliding_m", kTransmission, &Drive::transmission,
        &TransmissionParameters::presliding_m);
   const auto pulley = [&](const char* key, double PulleyParameters::*number) {

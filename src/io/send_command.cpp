@@ -49,7 +49,7 @@ std::string WithRemedy(Status reason) {
   return fmt::format("{} ({}); {}", StatusText(reason), static_cast<int>(reason), StatusRemedy(reason));
 }
 
-// What is waited for is told once, when it is not there soon.
+// Reports what is waited for, once, when it is not there soon.
 class Waiting {
  public:
   explicit Waiting(const std::function<void(const std::string&)>& tell) : tell_(tell) {}

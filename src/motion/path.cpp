@@ -233,14 +233,14 @@ struct PathTiming::Search {
 
   /// Computes the timing for a choice and its duration. `seen`: factors by which the grid's points must be
   /// slowed down.
-  void Take(Choice& c, bool dense, std::vector<double>* seen);
+  void Evaluate(Choice& c, bool dense, std::vector<double>* seen);
   void OnGrid();
   void AroundBest();
   /// Where a single place exceeds a limit, slows down only there.
   void SlowWhereNeeded();
 };
 
-void PathTiming::Search::Take(Choice& c, bool dense, std::vector<double>* seen) {
+void PathTiming::Search::Evaluate(Choice& c, bool dense, std::vector<double>* seen) {
   timing.knots_ = profile.Run(c.rate, c.acceleration);
   timing.window_s_ = c.window * c.acceleration * limits.acceleration_radps2 / limits.jerk_radps3;
   const double whole_s = timing.knots_.back().t + timing.window_s_;
@@ -274,7 +274,7 @@ void PathTiming::Search::OnGrid() {
     for (double acceleration = 1; acceleration > 0.02; acceleration *= 0.62) {
       for (const double window : {1.0, 2.0}) {
         Choice c{rate, acceleration, window};
-        Take(c, false, nullptr);
+        Evaluate(c, false, nullptr);
         if (c.duration_s < best.duration_s) best = c;
       }
     }
@@ -288,7 +288,7 @@ void PathTiming::Search::AroundBest() {
         Choice c = best;
         c.*what *= factor;
         if (what != &Choice::window) c.*what = std::min(1.0, c.*what);
-        Take(c, false, nullptr);
+        Evaluate(c, false, nullptr);
         if (c.duration_s < best.duration_s) best = c;
       }
     }
@@ -303,7 +303,7 @@ void PathTiming::Search::SlowWhereNeeded() {
     profile.most.assign(profile.s.size(), HUGE_VAL);
     for (int round = 0; round < kRounds; ++round) {
       std::vector<double> seen(profile.s.size(), 0);
-      Take(start, false, &seen);
+      Evaluate(start, false, &seen);
       if (start.duration_s < best.duration_s) {
         best = start;
         best_most = profile.most;
@@ -329,7 +329,7 @@ PathTiming::PathTiming(const Spline& curve, const PathLimits& limits) {
   search.OnGrid();
   search.AroundBest();
   search.SlowWhereNeeded();
-  search.Take(search.best, true, nullptr);
+  search.Evaluate(search.best, true, nullptr);
 }
 
 // ---- points and tip paths ---------------------------------------------------------------------------------

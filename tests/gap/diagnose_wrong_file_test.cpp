@@ -137,6 +137,17 @@ INSTANTIATE_TEST_SUITE_P(
       return name;
     });
 
+// Cells with twice the gain of the file, beyond what their effect is searched to.
+TEST(Diagnose, AWrongGainOfTheCellsIsReportedFirst) {
+  DataSet set = RecordedAt500Hz("", 3);
+  for (gap::Run& run : set.runs) run.tension_N *= 2;
+  const Diagnosis d = Diagnose(set, Only({"cell_gain", "bending_stiffness"}));
+  EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
+  EXPECT_THAT(d.sentence,
+              testing::ContainsRegex("^Check the robot file first: with "
+                                     "actuation.load_cell.gain_VpN 0.(4|40.*|39.*) where the file has 0.2"));
+}
+
 // Angles computed with a wrong number of counts per turn.
 TEST(Diagnose, WrongCountsPerTurnAreReportedFirst) {
   DataSet set = RecordedAt500Hz("", 3);

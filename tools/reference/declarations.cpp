@@ -43,7 +43,7 @@ void Append(std::string& text, const std::string& more) {
 /// Reads line by line; a comment that stands alone belongs to what follows it.
 class Parser {
  public:
-  std::vector<Structure> Take() { return std::move(structures_); }
+  std::vector<Structure> Finished() { return std::move(structures_); }
 
   void Read(const std::string& text) {
     const Line line = Apart(text);
@@ -122,7 +122,7 @@ std::vector<Structure> ReadDeclarations(const std::filesystem::path& file) {
     throw std::runtime_error(fmt::format("cannot read {}; name the folder of the repository", file.string()));
   Parser parser;
   for (std::string line; std::getline(in, line);) parser.Read(line);
-  return parser.Take();
+  return parser.Finished();
 }
 
 std::string CommentOf(const std::vector<Structure>& structures, std::string_view member) {

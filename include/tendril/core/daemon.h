@@ -113,7 +113,7 @@ struct RealtimeParameters {
   bool required = false;                // true: refuse to start without the rights; false: warn
 };
 
-/// LCM's subscriptions take names for patterns, so that one rule holds wherever a prefix is told.
+/// LCM takes the names of subscriptions for patterns, so one rule holds wherever a prefix is given.
 bool IsChannelPrefix(std::string_view prefix) noexcept;
 inline constexpr std::string_view kChannelPrefixRule = "1 to 40 letters, digits and '_'";
 

@@ -21,7 +21,7 @@ class Script {
   void Write(std::uint16_t index, std::uint8_t sub, std::int64_t value) {
     Add(BootAction::Kind::kWrite, index, sub, value);
   }
-  std::vector<BootAction> Take() { return std::move(actions_); }
+  std::vector<BootAction> Finished() { return std::move(actions_); }
 
  private:
   const char* step_ = "";

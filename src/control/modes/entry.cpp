@@ -27,7 +27,7 @@ void Modes::Enter(Mode mode, const CycleInput& input) noexcept {
     case Mode::kSafeStop:
     case Mode::kFault:
       gate_.Drop();
-      stages_.reference.Forget();
+      stages_.reference.Restart();
       stages_.tensions.Leave();
       break;
   }

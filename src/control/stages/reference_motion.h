@@ -46,8 +46,8 @@ class ReferenceMotion {
 
   /// At rest at `bending_rad`.
   void Reset(const BendingVector& bending_rad) noexcept { trajectory_.Reset(bending_rad); }
-  /// Forgets what was commanded.
-  void Forget() noexcept { source_ = CommandKind::kNone; }
+  /// The next reference is a new one, whatever was commanded before.
+  void Restart() noexcept { source_ = CommandKind::kNone; }
   /// Tensions are commanded, not a shape.
   bool tension_commanded() const noexcept { return source_ == CommandKind::kTension; }
   /// In this cycle the tensions' source changed between shape and commands.

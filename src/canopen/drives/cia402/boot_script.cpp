@@ -119,7 +119,7 @@ std::vector<BootAction> BootScript(const DriveProfile& profile, const BusParamet
   for (const PdoLayout* pdo : used) Remap(s, *pdo, drive.node_id, profile.objects);
   SetTorqueMode(s);
   StartAndReadState(s, profile.objects);
-  return s.Take();
+  return s.Finished();
 }
 
 }  // namespace tendril::canopen::cia402

@@ -71,7 +71,7 @@ std::vector<BootAction> BootScript(const DriveProfile& profile, const BusParamet
     Remap(s, *pdo, drive.node_id, profile.objects);
   SetTorqueMode(s);
   StartAndReadState(s, profile.objects);
-  return s.Take();
+  return s.Finished();
 }
 
 }  // namespace tendril::canopen::epos4

@@ -34,7 +34,7 @@ class Builder {
   void Record(std::uint16_t index, int count, const char* name) {
     Add(index, 0, T::kU8, A::kConst, M::kNone, count, name);
   }
-  ObjectTable Take() {
+  ObjectTable Finished() {
     table_.Sort();
     return std::move(table_);
   }
@@ -182,7 +182,7 @@ ObjectTable Objects() {
   AddPdos(b);
   AddManufacturer(b);
   AddDriveProfile(b);
-  return b.Take();
+  return b.Finished();
 }
 
 }  // namespace tendril::canopen::epos4
