@@ -6,19 +6,15 @@
 #include <cmath>
 #include <numbers>
 #include <random>
-#include <set>
 #include <string>
 #include <tuple>
 
-#include "tendril/config/config.h"
+#include "rig_runs.h"
 #include "tendril/gap/diagnose.h"
-#include "tendril/sim/effects.h"
 #include "tendril/sim/plant.h"
 
 namespace tendril {
 namespace {
-
-RobotParameters Rig() { return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml"); }
 
 /// Torque of three drives behind their loops. A target acts a cycle and `late_s` after its row.
 class Drives {
@@ -62,7 +58,7 @@ Eigen::Vector3d TargetAt(const RobotParameters& robot, const std::string& family
 }
 
 /// A run logged every cycle, the drives `late_s` late.
-gap::Run Record(const std::string& family, double cycle_s, double late_s, std::uint64_t seed) {
+gap::Run RecordLate(const std::string& family, double cycle_s, double late_s, std::uint64_t seed) {
   const RobotParameters robot = Rig();
   RobotParameters plant_robot = robot;
   for (auto& tendon : plant_robot.actuation->tendons) tendon.motor.torque_lag_s = 0;
@@ -79,28 +75,13 @@ gap::Run Record(const std::string& family, double cycle_s, double late_s, std::u
   constexpr double kPiece_s = 2e-4;  // the plant's torque is held so long
   const int samples = static_cast<int>(3.5 / cycle_s),
             pieces = static_cast<int>(std::lround(cycle_s / kPiece_s));
-  gap::Run run;
-  run.name = run.family = family;
-  run.time_s = Eigen::VectorXd::LinSpaced(samples, 0, cycle_s * (samples - 1));
-  for (auto* m : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N})
-    m->setZero(samples, 3);
-  run.tip_m.setConstant(samples, 3, std::nan(""));
-  run.tip_quaternion.setConstant(samples, 4, std::nan(""));
+  gap::Run run = EmptyRun(family, samples, cycle_s * (samples - 1));
   for (int i = 0; i < samples; ++i) {
-    const auto sensors = plant.ReadSensors();
+    ReadRow(plant, robot, i % static_cast<int>(std::lround(0.01 / cycle_s)) == 0, i, run);
     run.torque_target_Nm.row(i) = target_of_row(i).transpose();
     for (int j = 0; j < 3; ++j) {
       run.torque_actual_Nm(i, j) =
           permille_Nm * std::round(drives.torque_Nm()[j] / permille_Nm + noise(random));
-      run.motor_position_rad(i, j) = 2 * std::numbers::pi / p.drive.encoder_counts_per_turn *
-                                     sensors[static_cast<std::size_t>(j)].encoder_counts;
-      run.tension_N(i, j) = sensors[static_cast<std::size_t>(j)].load_cell_V / p.load_cell.gain_VpN;
-    }
-    if (i % static_cast<int>(std::lround(0.01 / cycle_s)) == 0) {
-      const auto seen = plant.ReadTracker();
-      run.tip_m.row(i) = seen.tip_W_m;
-      const auto& o = seen.orientation_WT;
-      run.tip_quaternion.row(i) << o.w(), o.x(), o.y(), o.z();
     }
     for (int piece = 1; piece <= pieces; ++piece) {
       drives.Advance(cycle_s * i + kPiece_s * (piece - 0.5), target_of_row);
@@ -112,34 +93,19 @@ gap::Run Record(const std::string& family, double cycle_s, double late_s, std::u
   return run;
 }
 
-/// The run with every `n`-th row.
-gap::Run EveryNth(gap::Run run, int n) {
-  const auto every_nth = [n](const auto& all) {
-    return Eigen::MatrixXd(all(Eigen::seq(0, Eigen::last, n), Eigen::all));
-  };
-  run.time_s = every_nth(run.time_s);
-  for (auto* m : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N,
-                  &run.tip_m, &run.tip_quaternion})
-    *m = every_nth(*m);
-  return run;
-}
-
 /// Logs of every `n`-th cycle.
 gap::Diagnosis DiagnoseLate(double cycle_s, double late_s, int n = 1) {
   gap::DataSet set;
   set.robot = Rig();
   std::uint64_t seed = 5;
-  for (const char* family : {"multisine", "sway", "steps", "sway"})
-    set.runs.push_back(EveryNth(Record(family, cycle_s, late_s, seed++), n));
+  for (const char* family : {"multisine", "sway", "steps", "sway"}) {
+    set.runs.push_back(RecordLate(family, cycle_s, late_s, seed++));
+    KeepEveryNth(set.runs.back(), n);
+  }
   set.runs.back().name = "sway again";
   set.runs.back().repeat_of = "sway";
-  gap::DiagnoseOptions options;
-  const std::set<std::string_view> rivals{"command_delay", "torque_loop_lag", "torque_constant",
-                                          "torque_saturation", "tip_payload"};
-  for (const sim::Effect& effect : sim::Effects()) {
-    if (!rivals.contains(effect.name)) options.without.emplace_back(effect.name);
-  }
-  return gap::Diagnose(set, options);
+  return gap::Diagnose(
+      set, Only({"command_delay", "torque_loop_lag", "torque_constant", "torque_saturation", "tip_payload"}));
 }
 
 class DelayTest : public testing::TestWithParam<std::tuple<double, double>> {};

@@ -63,15 +63,7 @@ TEST(Diagnose, NoCauseIsNamedWhenTheModelWasFarOffBefore) {
 // instead.
 TEST(Diagnose, WithoutARunToCompareTheRunsFromBeforeAreNotDiagnosedInstead) {
   DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
-  for (gap::Run& run : now.runs) {
-    const auto every_third = [](const Eigen::MatrixXd& all) {
-      return Eigen::MatrixXd(all(Eigen::seq(0, Eigen::last, 3), Eigen::all));
-    };
-    run.time_s = every_third(run.time_s);
-    for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
-                         &run.tension_N, &run.tip_m, &run.tip_quaternion})
-      *values = every_third(*values);
-  }
+  for (gap::Run& run : now.runs) KeepEveryNth(run, 3);
   CompareWithBefore(now, earlier);
   try {
     const Diagnosis d = Diagnose(now, Only({"tendon_stiffness"}));

@@ -88,13 +88,7 @@ DataSet WithOvershoot(int every, bool pulls) {
   set.robot = Rig();
   set.runs.push_back(Record(Rig(), "circle", 3, 7));
   Run& run = set.runs[0];
-  std::vector<Eigen::Index> rows;
-  for (Eigen::Index i = 0; i < run.time_s.size(); i += every) rows.push_back(i);
-  run.time_s = run.time_s(rows).eval();
-  for (Eigen::MatrixXd* m : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
-                             &run.tension_N, &run.tip_m, &run.tip_quaternion}) {
-    *m = (*m)(rows, Eigen::all).eval();
-  }
+  KeepEveryNth(run, every);
   const auto& tendon = set.robot.actuation->tendons[0];
   const Eigen::Index row = run.time_s.size() / 2;
   constexpr double kOff_rad = 1.5;
@@ -188,13 +182,7 @@ TEST(Diagnose, FewDecimalPlacesAreNoGap) {
 TEST(Diagnose, EveryNthRowIsNoGap) {
   for (const int n : {2, 3, 5}) {
     DataSet set = Recorded("");
-    for (gap::Run& run : set.runs) {
-      const auto rows = Eigen::seq(n / 2, run.time_s.size() - 1, n);
-      run.time_s = run.time_s(rows).eval();
-      for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
-                           &run.tension_N, &run.tip_m, &run.tip_quaternion})
-        *values = (*values)(rows, Eigen::all).eval();
-    }
+    for (gap::Run& run : set.runs) KeepEveryNth(run, n, n / 2);
     const Diagnosis d = Diagnose(set, Only({"command_delay", "bending_stiffness"}));
     EXPECT_EQ(d.verdict, Verdict::kNoGap) << n << ": " << d.sentence;
     EXPECT_THAT(d.degradations, testing::Contains(testing::HasSubstr("targets sent")));

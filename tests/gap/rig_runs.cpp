@@ -1,6 +1,5 @@
 #include "rig_runs.h"
 
-#include <fmt/core.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -45,37 +44,46 @@ Eigen::Vector3d CommandedTension(const std::string& family, double t) {
   return tension_N;
 }
 
-Run Record(sim::Plant& plant, const std::string& family, double duration_s, const Rub& rub, int rows_Hz) {
-  const RobotParameters nominal = Rig();
-  const auto& p = nominal.actuation->tendons[0];
-  const int samples = static_cast<int>(duration_s * rows_Hz);
+Run EmptyRun(const std::string& family, int rows, double last_s) {
   Run run;
   run.name = family;
   run.family = family;
-  run.time_s = Eigen::VectorXd::LinSpaced(samples, 0, (samples - 1.0) / rows_Hz);
+  run.time_s = Eigen::VectorXd::LinSpaced(rows, 0, last_s);
   for (auto* matrix :
        {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N}) {
-    matrix->setZero(samples, 3);
+    matrix->setZero(rows, 3);
   }
-  run.tip_m.setConstant(samples, 3, std::nan(""));
-  run.tip_quaternion.setConstant(samples, 4, std::nan(""));
+  run.tip_m.setConstant(rows, 3, std::nan(""));
+  run.tip_quaternion.setConstant(rows, 4, std::nan(""));
+  return run;
+}
+
+void ReadRow(sim::Plant& plant, const RobotParameters& nominal, bool tracked, int row, Run& run) {
+  const auto& p = nominal.actuation->tendons[0];
+  const auto sensors = plant.ReadSensors();
+  for (int j = 0; j < 3; ++j) {
+    run.torque_actual_Nm(row, j) = sensors[j].torque_Nm;
+    run.motor_position_rad(row, j) =
+        2 * std::numbers::pi / p.drive.encoder_counts_per_turn * sensors[j].encoder_counts;
+    run.tension_N(row, j) = sensors[j].load_cell_V / p.load_cell.gain_VpN;
+  }
+  if (!tracked) return;
+  const auto seen = plant.ReadTracker();
+  run.tip_m.row(row) = seen.tip_W_m;
+  const auto& o = seen.orientation_WT;
+  run.tip_quaternion.row(row) << o.w(), o.x(), o.y(), o.z();
+}
+
+Run Record(sim::Plant& plant, const std::string& family, double duration_s, const Rub& rub, int rows_Hz) {
+  const RobotParameters nominal = Rig();
+  const int samples = static_cast<int>(duration_s * rows_Hz);
+  Run run = EmptyRun(family, samples, (samples - 1.0) / rows_Hz);
   Eigen::Vector3d sent = CommandedTension(family, 0) * kTorquePerN, rubbed = Eigen::Vector3d::Zero();
   for (int i = 0; i < samples; ++i) {
-    const auto sensors = plant.ReadSensors();
+    ReadRow(plant, nominal, i % (rows_Hz / 100) == 0, i, run);
     const Eigen::Vector3d target = CommandedTension(family, static_cast<double>(i) / rows_Hz) * kTorquePerN;
-    for (int j = 0; j < 3; ++j) {
-      run.torque_target_Nm(i, j) = target[j];
-      run.torque_actual_Nm(i, j) = sensors[j].torque_Nm + rubbed[j];
-      run.motor_position_rad(i, j) =
-          2 * std::numbers::pi / p.drive.encoder_counts_per_turn * sensors[j].encoder_counts;
-      run.tension_N(i, j) = sensors[j].load_cell_V / p.load_cell.gain_VpN;
-    }
-    if (i % (rows_Hz / 100) == 0) {
-      const auto seen = plant.ReadTracker();
-      run.tip_m.row(i) = seen.tip_W_m;
-      const auto& o = seen.orientation_WT;
-      run.tip_quaternion.row(i) << o.w(), o.x(), o.y(), o.z();
-    }
+    run.torque_target_Nm.row(i) = target.transpose();
+    run.torque_actual_Nm.row(i) += rubbed.transpose();
     // A target acts at the SYNC after the cycle in which it was sent.
     for (int j = 0; rub && j < 3; ++j)
       rubbed[j] = rub(j, plant.tendon()[j], static_cast<double>(i) / rows_Hz);
@@ -152,6 +160,16 @@ gap::DiagnoseOptions Only(const std::vector<std::string>& effects) {
       options.without.emplace_back(effect.name);
   }
   return options;
+}
+
+void KeepEveryNth(Run& run, int n, Eigen::Index first) {
+  const Eigen::Index all = run.time_s.size();
+  const auto rows = Eigen::seq(first, all - 1, n);
+  run.time_s = run.time_s(rows).eval();
+  for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N,
+                       &run.tip_m, &run.tip_quaternion}) {
+    if (values->rows() == all) *values = (*values)(rows, Eigen::all).eval();
+  }
 }
 
 void Lose(Run& run, Eigen::Index lost, Eigen::Index from) {

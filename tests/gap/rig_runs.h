@@ -23,6 +23,12 @@ inline constexpr double kTorquePerN = 0.008 / 19;
 /// Commanded base tensions [N] of a family's run at time t [s].
 Eigen::Vector3d CommandedTension(const std::string& family, double t);
 
+/// A run of rows without readings, the last of them at `last_s`.
+gap::Run EmptyRun(const std::string& family, int rows, double last_s);
+/// Enters what drives, cells and (where `tracked`) the tracker read now into a row, with the numbers of the
+/// nominal robot.
+void ReadRow(sim::Plant& plant, const RobotParameters& nominal, bool tracked, int row, gap::Run& run);
+
 /// Friction torque at a motor's shaft in addition to the plant's, as a function of its state and the time.
 using Rub = std::function<double(int j, const sim::TendonState& state, double time_s)>;
 
@@ -43,6 +49,8 @@ gap::DataSet RecordedAt500Hz(const std::string& effect, double duration_s = 5);
 gap::DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<std::string>& families,
                                  double duration_s, std::uint64_t seed);
 
+/// Keeps every n-th row of a run, from row `first` on.
+void KeepEveryNth(gap::Run& run, int n, Eigen::Index first = 0);
 /// Removes `lost` rows of a run, from row `from` on.
 void Lose(gap::Run& run, Eigen::Index lost, Eigen::Index from);
 /// Removes 0.7 s of rows at a third of every run.
