@@ -207,23 +207,16 @@ TEST(Diagnose, WithoutCellsTheGapLiesAtTheTendonThatHasIt) {
 // A run of states at rest, a second apart, among motions is not a motion with its time in milliseconds.
 TEST(Diagnose, StatesBesideMotionsStay) {
   DataSet set = Recorded("", 7);
-  gap::Run& run = set.runs[1];
-  std::vector<int> rows;
-  for (int i = 0; i < 7000; i += 20) rows.push_back(i);
-  for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N,
-                       &run.tip_m, &run.tip_quaternion})
-    *values = (*values)(rows, Eigen::all).eval();
-  run.time_s = Eigen::VectorXd::LinSpaced(350, 0, 349);
+  KeepEveryNth(set.runs[1], 20);
+  set.runs[1].time_s = Eigen::VectorXd::LinSpaced(350, 0, 349);
   EXPECT_EQ(Diagnose(set, Only({"bending_stiffness"})).runs.size(), set.runs.size());
   // Nor is a run of many states in arbitrary order among slower logs.
   set = Recorded("", 7);
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     gap::Run& slow = set.runs[i];
-    rows.clear();
+    std::vector<Eigen::Index> rows;
     for (int row = 0; row < 7000; row += i == 1 ? 64 : 10) rows.push_back(i == 1 ? row * 3571 % 7000 : row);
-    for (auto* values : {&slow.torque_target_Nm, &slow.torque_actual_Nm, &slow.motor_position_rad,
-                         &slow.tension_N, &slow.tip_m, &slow.tip_quaternion})
-      *values = (*values)(rows, Eigen::all).eval();
+    KeepRows(slow, rows);
     const auto size = static_cast<Eigen::Index>(rows.size());
     slow.time_s = Eigen::VectorXd::LinSpaced(size, 0, static_cast<double>(size - 1) * (i == 1 ? 10 : 0.01));
   }

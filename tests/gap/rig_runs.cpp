@@ -163,8 +163,13 @@ gap::DiagnoseOptions Only(const std::vector<std::string>& effects) {
 }
 
 void KeepEveryNth(Run& run, int n, Eigen::Index first) {
+  std::vector<Eigen::Index> rows;
+  for (Eigen::Index row = first; row < run.time_s.size(); row += n) rows.push_back(row);
+  KeepRows(run, rows);
+}
+
+void KeepRows(Run& run, const std::vector<Eigen::Index>& rows) {
   const Eigen::Index all = run.time_s.size();
-  const auto rows = Eigen::seq(first, all - 1, n);
   run.time_s = run.time_s(rows).eval();
   for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N,
                        &run.tip_m, &run.tip_quaternion}) {

@@ -49,6 +49,8 @@ gap::DataSet RecordedAt500Hz(const std::string& effect, double duration_s = 5);
 gap::DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<std::string>& families,
                                  double duration_s, std::uint64_t seed);
 
+/// Keeps these rows of a run, in this order.
+void KeepRows(gap::Run& run, const std::vector<Eigen::Index>& rows);
 /// Keeps every n-th row of a run, from row `first` on.
 void KeepEveryNth(gap::Run& run, int n, Eigen::Index first = 0);
 /// Removes `lost` rows of a run, from row `from` on.
