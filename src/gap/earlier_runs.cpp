@@ -1,5 +1,5 @@
-// Runs compared with runs of the same commands from before a change of the robot: earlier model errors
-// cancel.
+// Evaluator, the comparison with runs of the same commands from before a change of the robot: model errors
+// that were there before cancel.
 #include <fmt/core.h>
 
 #include <Eigen/Core>

@@ -1,4 +1,5 @@
-// What the runs of a set can show: the cuts, what drives the replays, the channels, the tracker's frame.
+// Evaluator, what the runs of a set can show: the cuts, what drives the replays, the channels, the tracker's
+// frame.
 #include "evaluator.h"
 
 #include <fmt/core.h>

@@ -151,17 +151,22 @@ class Evaluator {
                               const Eigen::MatrixXd& shortening, const Eigen::MatrixXd& reading_N) const;
   double TrackerLate(const sim::BodyMotion& motion, const PreparedRun& run) const;
 
+  // In evaluator.cpp.
   void FindCuts(const DataSet& set);
   void ReportMissingMotors();
-  /// For logs slower than the controller: whether a row holds every target sent or every n-th.
-  void FindTargetsPerRow();
-  double TorqueLeft(const std::vector<PreparedRun*>& runs) const;
-  double TorqueNoise() const;
   void SubstituteMissingCells();
   void ReportSensorGaps();
   void ListChannels();
   void FindFrame();
-  /// Masks windows that depend on unrecorded parts of a run. In unrecorded_motion.cpp.
+
+  // In targets_per_row.cpp.
+  /// For logs slower than the controller: whether a row holds every target sent or every n-th.
+  void FindTargetsPerRow();
+  double TorqueLeft(const std::vector<PreparedRun*>& runs) const;
+  double TorqueNoise() const;
+
+  // In unrecorded_motion.cpp.
+  /// Masks windows that depend on unrecorded parts of a run.
   void MaskAfterUnrecordedMotion(int threads);
 
   // In variances.cpp.

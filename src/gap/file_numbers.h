@@ -26,7 +26,9 @@ struct FileNumber {
   double ValueAt(double change) const;
 };
 
-/// The numbers of `robot` that a replay depends on. Zeros are omitted: a factor does not change them.
+/// The numbers of `robot` that a replay depends on, but for the pretension (the same as another zero of the
+/// motors), the tracker's delay and the constants that only smooth friction. Zeros are omitted: a factor does
+/// not change them.
 std::vector<FileNumber> FileNumbers(const RobotParameters& robot);
 
 /// A number fitted to the runs.

@@ -211,7 +211,8 @@ Fit AtSolution(const Cost& cost, const Model& start, const std::vector<double>& 
   return fit;
 }
 
-/// Times of the current loop (a delay, a lag) are known only as far as the logs show when targets were sent.
+/// A delay and a lag of the current loop both make the torque late by their parameter `s`, a lag to first
+/// order. It is known only as far as the logs show when targets were sent.
 void AddUnknownDelay(double unknown_s, Fit& fit) {
   for (int part = 0; part < static_cast<int>(fit.model.parts.size()); ++part) {
     const Candidate& candidate = fit.model.parts[static_cast<std::size_t>(part)];

@@ -1,4 +1,4 @@
-// The noise floor and materiality of each channel: its variances, scaled by how runs repeat.
+// Evaluator, the noise floor and materiality of each channel: its variances, scaled by how runs repeat.
 #include <fmt/core.h>
 
 #include <Eigen/Core>

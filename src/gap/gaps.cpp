@@ -1,4 +1,4 @@
-// Dropouts of sensors and motion that nobody recorded; see the header.
+// Dropouts of sensors and unrecorded motion; see the header.
 #include "gaps.h"
 
 #include <algorithm>

@@ -386,7 +386,7 @@ class Case {
           100 * closed_->value, 100 * closed_->low, 100 * closed_->high, 100 * (1 - kMayStay));
     }
     if (best_->bound >= 0) return "its " + AtBoundText(*best_);
-    const Fit* rival = RivalAtBound();
+    const Fit* rival = InseparableAtBound();
     if (rival == nullptr) return "";
     return fmt::format("{} explains as much although its {}: beyond it, it may explain more",
                        rival->model.parts[0].Name(), AtBoundText(*rival));
@@ -398,10 +398,11 @@ class Case {
                        fit.model.values[fit.bound], p.lower, p.upper);
   }
 
-  /// A cause that is not told apart from the single best, but ends at a bound of its range; null: none. It
-  /// would be fitted better beyond the bound, so the best is not established.
-  const Fit* RivalAtBound() const {
-    if (two_) return nullptr;
+  /// A cause that the data do not separate from the single best (which it may be itself) and that ends at a
+  /// bound of its range; null: none. Beyond the bound it may explain more, so the best is not established. It
+  /// is compared by what it explains: the price of a bound does not apply, for the law may hold beyond it.
+  const Fit* InseparableAtBound() const {
+    if (best_ == nullptr || two_) return nullptr;
     for (const Fit& fit : search_.fits) {
       if (fit.bound < 0 || Gain(*best_) - Gain(fit) >= kSame * temperature_) continue;
       if (Cosine(weights_, nominal_, best_->residuals, fit.residuals) >= kSameCosine) return &fit;
@@ -461,10 +462,11 @@ class Case {
     // A cause with more parameters for the same explanation is less likely.
     const double best = best_ == nullptr ? nominal : score(best_->residuals) - temperature * Penalty(*best_);
     const double ahead = numbers.front().score - best;
-    // The number that a rival at its bound points to is as likely as the best cause if it explains as much.
-    const Fit* rival = best_ == nullptr ? nullptr : RivalAtBound();
+    // A number that a cause was searching when it came to its bound is the same hypothesis beyond it: it only
+    // has to explain as much as the best cause.
+    const Fit* bounded = InseparableAtBound();
     const bool pointed_to =
-        rival != nullptr && numbers.front().number.effect == rival->model.parts[0].effect->name;
+        bounded != nullptr && numbers.front().number.effect == bounded->model.parts[0].effect->name;
     if (ahead < (pointed_to ? 0 : kSame * temperature)) return 0;
     for (const NumberFit& fit : numbers) {
       if (numbers.front().score - fit.score > kSame * temperature) break;

@@ -1,4 +1,5 @@
-// Replays a run with a robot, cut by cut, and compares: measured less simulated, in windows.
+// Evaluator, the residuals: replays a run with a robot, cut by cut, and compares, measured less simulated, in
+// windows.
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>

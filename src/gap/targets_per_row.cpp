@@ -1,4 +1,4 @@
-// How many targets were sent per row of a log, and how well a delay is known then.
+// Evaluator, the targets sent per row of a log, and how well a delay is known then.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -35,8 +35,12 @@ double LeastOverDelays(const std::function<double(double)>& left) {
 // the delay that suits it best: a drive that is late is no reason to believe in fewer targets.
 void Evaluator::FindTargetsPerRow() {
   constexpr double kFastest_s = 0.9e-3;  // of controllers
-  constexpr double kClearlyLess = 0.8;   // of the residual with one target per row
-  constexpr double kAtNoise = 1.3;       // of noise and resolution, whose size is known to a third
+  // A number of targets is excluded where another leaves less than this share of its residual. Over thousands
+  // of rows chance makes a difference of one per cent; the rest is for drives that are not a first-order lag,
+  // whose error the numbers share, but not exactly.
+  constexpr double kClearlyLess = 0.8;
+  // With the right number the residual is noise and resolution; the file's noise is known to a third.
+  constexpr double kAtNoise = 1.3;
   double step_s = std::numeric_limits<double>::infinity();
   std::vector<PreparedRun*> in_doubt;
   for (PreparedRun& run : runs_) {

@@ -1,4 +1,4 @@
-// Effects of lost samples, and of the time before the first sample, on the rest of a run.
+// Evaluator, what lost samples and the time before the first sample do to the rest of a run.
 #include <fmt/core.h>
 
 #include <Eigen/Core>

@@ -1,5 +1,5 @@
-// The part of the residuals that is noise: white noise and resolution of the sensors, and what they make of
-// the signals that drive the model.
+// Evaluator, the noise in the residuals: white noise and resolution of the sensors, and what they make of the
+// signals that drive the model.
 #include <fmt/core.h>
 
 #include <Eigen/Core>
