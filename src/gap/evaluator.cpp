@@ -335,7 +335,14 @@ unsigned Evaluator::CutsBehind(sim::Stage stage, sim::Element element) const {
     case sim::Stage::kDrive:
       break;
     case sim::Stage::kTransmission:
-      if (motor_side && element == sim::Element::kTendon) return available_ & kC3;
+      if (motor_side && element == sim::Element::kTendon) {
+        // Where the motor's position is missing, the stretch gives how far the tendon slides over its pulleys.
+        const bool slides_by_stretch = std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) {
+          const std::vector<char>& none = r.signals.no_motor;
+          return std::any_of(none.begin(), none.end(), [](char motor) { return motor != 0; });
+        });
+        return (available_ & kC3) | (slides_by_stretch ? kBody : 0u);
+      }
       return kC2 | kC3 | kBody;
     case sim::Stage::kBody:
       return motor_side ? kC3 | kBody : kC2 | kC3 | kBody;
