@@ -66,13 +66,12 @@ void ShiftToUnknown(std::vector<Cause>& causes) {
 
 /// Ends the diagnosis where no pose of the robot explains the tip path: the best fit would not be a cause.
 void NameNoCause(Diagnosis& d, const PathBeyondReach& path, const RobotParameters& robot) {
-  constexpr double kSure = 0.97;  // upper limit of all causes together
   d.verdict = Verdict::kUnexplained;
   Cause unknown, none;
   unknown.effect = "unknown";
-  unknown.p = kSure;
+  unknown.p = 1 - kLapse;
   none.effect = "no_gap";
-  none.p = 1 - kSure;
+  none.p = 1 - unknown.p;
   d.causes = {unknown, none};
   d.sentence = fmt::format(
       "No pose of robot '{}' explains the recorded tip path, so no cause is named: in run {} the tip moves "
@@ -233,9 +232,10 @@ class Diagnosing {
 
   SearchResult SearchIn(const Evaluator& those) {
     SearchOptions options{threads_, options_.refits, InStage(), {}};
+    constexpr double kExplained_sigma = 0.15;  // left at a place: half of the least effect that shall be seen
     options.explained = [&](const Residuals& residuals) {
       for (const auto& f : Locate(those, residuals, kLeftDiscoveries)) {
-        if (f.excess && f.cut != sim::Cut::kClock && f.excess_sigma > 0.15) return false;
+        if (f.excess && f.cut != sim::Cut::kClock && f.excess_sigma > kExplained_sigma) return false;
       }
       return true;
     };
@@ -406,8 +406,7 @@ class Diagnosing {
       const auto& parts = judgement_.nearest->model.parts;
       hiding = fmt::format(
           "{} and {} would only if they cancelled each other at {}, where there is no gap; one effect that "
-          "the "
-          "library lacks is likelier",
+          "the library lacks is likelier",
           parts[0].Name(), parts[1].Name(), sim::CutName(*judgement_.hidden_at));
     }
     d_.sentence = judgement_.unrepeated ? Unrepeated(*d_.repeatability)

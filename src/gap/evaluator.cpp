@@ -336,7 +336,8 @@ unsigned Evaluator::CutsBehind(sim::Stage stage, sim::Element element) const {
       break;
     case sim::Stage::kTransmission:
       if (motor_side && element == sim::Element::kTendon) {
-        // Where the motor's position is missing, the stretch gives how far the tendon slides over its pulleys.
+        // Where the motor's position is missing, the stretch gives how far the tendon slides over its
+        // pulleys.
         const bool slides_by_stretch = std::any_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) {
           const std::vector<char>& none = r.signals.no_motor;
           return std::any_of(none.begin(), none.end(), [](char motor) { return motor != 0; });

@@ -43,9 +43,9 @@ constexpr double kUnknownFloor = 0.3, kMostLeft_sigma = 5;
 constexpr double kUnknownSteepness = 4.0;
 // Upper limit where no place has anything left and the whole gap may be closed, as far as the runs show.
 constexpr double kUnknownAllClosed = 0.3;
-// Probability that something else has the same effect as a cause that explains everything; higher where the
-// gap is so small that noise would hide the difference: kMimic, halved at a log score of kMimicGain.
-constexpr double kLapse = 0.03, kMimic = 0.1, kMimicGain = 50;
+// Added to kLapse where the gap is so small that noise would hide the difference between a cause and
+// something else: kMimic, halved at a log score of kMimicGain.
+constexpr double kMimic = 0.1, kMimicGain = 50;
 // From this leftover on [sigma] a cause has to close something; otherwise the cause is unknown with this
 // probability.
 constexpr double kLeftover = 1.0, kUnproven = 0.9;

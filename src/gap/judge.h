@@ -15,6 +15,10 @@
 
 namespace tendril::gap {
 
+/// Probability that something else has the same effect as a cause that explains everything: no conclusion is
+/// surer.
+inline constexpr double kLapse = 0.03;
+
 struct Judgement {
   Verdict verdict = Verdict::kInsufficientData;
   std::vector<Cause> causes;

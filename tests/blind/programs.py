@@ -1,4 +1,4 @@
-# Open-loop excitations of the rig: wanted tensions at the base, turned into motor torques with the nominal numbers.
+# Open-loop excitations of the rig: reference tensions at the base, turned into motor torques with the nominal numbers.
 # Knows the nominal robot only, never what was planted.
 import numpy as np
 
@@ -9,7 +9,7 @@ STILL_S = 0.5
 
 
 class Controller:
-    """Wanted base tensions -> torque, the friction's direction taken from the wanted motion of the spools."""
+    """Reference tensions at the base -> torque; the friction's direction is that of the reference motion of the spools."""
 
     def __init__(self, robot):
         self.p = lp.nominal(robot)
