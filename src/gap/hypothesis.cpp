@@ -59,6 +59,13 @@ Model Model::With(const Candidate& candidate) const {
   return model;
 }
 
+Model Model::Alone(int part) const {
+  Model one = Of(parts[part]);
+  one.derivative_step = derivative_step;
+  one.values = values.segment(offset(part), one.size());
+  return one;
+}
+
 std::string Model::Name() const {
   std::string name;
   for (const auto& part : parts) name += (name.empty() ? "" : " and ") + part.Name();

@@ -38,6 +38,7 @@ struct Model {
 
   static Model Of(const Candidate& candidate);   // at nominal
   Model With(const Candidate& candidate) const;  // and this one at nominal
+  Model Alone(int part) const;                   // one of its parts, with its values here
   int size() const { return static_cast<int>(values.size()); }
   /// Names of its parts: "backlash tendon:2 and torsion".
   std::string Name() const;

@@ -503,10 +503,8 @@ class Case {
       return Completed(evaluator_.At(model.Robot(evaluator_.nominal()), cuts), nominal_);
     };
     for (int part = 0; part < 2; ++part) {
-      Model other = Model::Of(both.parts[1 - part]);
-      other.values = both.values.segment(both.offset(1 - part), other.size());
       try {
-        changed[part] = InFloorsByPlace(Difference(at(both), at(other)));
+        changed[part] = InFloorsByPlace(Difference(at(both), at(both.Alone(1 - part))));
       } catch (const std::exception&) {
         // A member that cannot be simulated alone is not conclusive.
       }

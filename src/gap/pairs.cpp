@@ -34,14 +34,6 @@ void Append(std::vector<Fit> more, std::vector<Fit>& fits) {
   std::stable_sort(fits.begin(), fits.end(), ByHeldOut);
 }
 
-/// One member of a pair alone, with its values in the pair.
-Model PartAlone(const Model& both, int part) {
-  Model one = Model::Of(both.parts[part]);
-  one.derivative_step = both.derivative_step;
-  one.values = both.values.segment(both.offset(part), one.size());
-  return one;
-}
-
 }  // namespace
 
 Residuals Searching::AtModel(const Model& model) const {
@@ -203,7 +195,7 @@ std::vector<Model> Searching::LookAlikePairs(const Weights& weights) const {
     SubtractPart(Completed(both.residuals, nominal_), taken_out);
     for (int part = 0; part < 2; ++part) {
       Fit beside;
-      beside.model = PartAlone(both.model, 1 - part);
+      beside.model = both.model.Alone(1 - part);
       beside.residuals = AtModel(beside.model);
       SubtractPart(taken_out, beside.residuals);
       for (Model& start : PairStarts(beside, weights, kAlike, 1, both.model.parts[part].effect)) {
@@ -235,7 +227,7 @@ void Searching::KeepDistinct() {
 void Searching::AddMembers(const Weights& weights, bool held_out_again) {
   const Model& both = result_.pairs[0].model;
   bool further = false;
-  for (Fit& fit : Refit({PartAlone(both, 0), PartAlone(both, 1)}, weights, kIterations, {0.98, 1})) {
+  for (Fit& fit : Refit({both.Alone(0), both.Alone(1)}, weights, kIterations, {0.98, 1})) {
     const auto known = std::find_if(result_.fits.begin(), result_.fits.end(), [&](const Fit& other) {
       return other.model.parts.front() == fit.model.parts.front();
     });
@@ -266,7 +258,7 @@ void Searching::FindPairs() {
   if (result_.pairs.empty()) return;
   // The second may be the true first: keep it and look for another partner.
   const std::vector<Fit> second =
-      Refit({PartAlone(result_.pairs[0].model, 1)}, weights, kIterations, {0.81, 0.83});
+      Refit({result_.pairs[0].model.Alone(1)}, weights, kIterations, {0.81, 0.83});
   if (!second.empty()) {
     const std::vector<Model> swapped = PairStarts(second[0], weights, kPartnersOfSecond, 1);
     Append(Refit(swapped, weights, kIterations, {0.83, 0.87}), result_.pairs);
