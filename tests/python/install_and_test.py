@@ -40,7 +40,7 @@ def install(python, source, module, work):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     for option in ("source", "module", "tendril", "work"):
-        parser.add_argument(f"--{option}", type=pathlib.Path, required=True)
+        parser.add_argument(f"--{option}", type=lambda path: pathlib.Path(path).resolve(), required=True)
     parser.add_argument("pytest", nargs="*")
     a = parser.parse_args()
     python = fresh_environment(a.work / "fresh")
