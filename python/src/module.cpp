@@ -29,4 +29,5 @@ NB_MODULE(_core, m) {
   python::AddRobot(m);
   python::AddModel(m);
   python::AddClient(m);
+  python::AddStatus(m);
 }

@@ -8,5 +8,6 @@ namespace tendril::python {
 void AddRobot(nanobind::module_& m);
 void AddModel(nanobind::module_& m);
 void AddClient(nanobind::module_& m);
+void AddStatus(nanobind::module_& m);
 
 }  // namespace tendril::python
