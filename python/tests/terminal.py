@@ -23,10 +23,12 @@ class Terminal:
         self._socket = str(folder / "tmux")
         self._environment = {**os.environ, "LC_ALL": "C.UTF-8", "TERM": "xterm-256color", **environment}
         self._pid_file = folder / "pid"
-        words = f"echo $$ > {shlex.quote(str(self._pid_file))}; exec {shlex.join(command)} 2> {shlex.quote(str(folder / 'errors'))}"
         self._errors = folder / "errors"
+        # A shell between: tmux sends its own children on when they are stopped.
+        words = f"echo $$ > {shlex.quote(str(self._pid_file))}; {shlex.join(command)} 2> {shlex.quote(str(self._errors))}; :"
         self._tmux("-f", "/dev/null", "new-session", "-d", "-x", str(size[0]), "-y", str(size[1]), words)
-        until("started", self._pid_file.exists)
+        until("started", lambda: self._pid_file.exists() and self._child())
+        self.pid = int(self._child())
 
     def _tmux(self, *words: str) -> str:
         done = subprocess.run(
@@ -52,9 +54,9 @@ class Terminal:
     def until_shown(self, text: str, within_s: float = 20.0) -> None:
         until(f"'{text}' on the screen", lambda: text in self.shown(), within_s, self.shown)
 
-    @property
-    def pid(self) -> int:
-        return int(self._pid_file.read_text())
+    def _child(self) -> str:
+        shell = self._pid_file.read_text().strip()
+        return pathlib.Path(f"/proc/{shell}/task/{shell}/children").read_text().strip() if shell else ""
 
     def running(self) -> bool:
         return pathlib.Path(f"/proc/{self.pid}").exists()
