@@ -23,9 +23,8 @@ class Terminal:
         self._socket = str(folder / "tmux")
         self._environment = {**os.environ, "LC_ALL": "C.UTF-8", "TERM": "xterm-256color", **environment}
         self._pid_file = folder / "pid"
-        self._errors = folder / "errors"
         # A shell between: tmux sends its own children on when they are stopped.
-        words = f"echo $$ > {shlex.quote(str(self._pid_file))}; {shlex.join(command)} 2> {shlex.quote(str(self._errors))}; :"
+        words = f"echo $$ > {shlex.quote(str(self._pid_file))}; {shlex.join(command)}; :"
         self._tmux("-f", "/dev/null", "new-session", "-d", "-x", str(size[0]), "-y", str(size[1]), words)
         until("started", lambda: self._pid_file.exists() and self._child())
         self.pid = int(self._child())
@@ -37,7 +36,7 @@ class Terminal:
         return done.stdout
 
     def shown(self) -> str:
-        return self._tmux("capture-pane", "-p") + (self._errors.read_text() if self._errors.exists() else "")
+        return self._tmux("capture-pane", "-p")
 
     def key(self, *keys: str) -> None:
         self._tmux("send-keys", *keys)

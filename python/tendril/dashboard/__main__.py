@@ -73,7 +73,8 @@ def _missing() -> str:
     """Why it cannot start here; empty: it can."""
     if importlib.util.find_spec("textual") is None:
         return "the dashboard needs textual; install it with pip install './python[dashboard]' in the checkout"
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    # Textual draws on the standard error.
+    if not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr)):
         return "the dashboard needs a terminal; for scripts: tendril status --json, or --watch through a pipe"
     if os.environ.get("TERM", "") in ("", "dumb"):
         return "the dashboard needs a terminal that can be drawn on (TERM is not set, or dumb); see tendril status"

@@ -34,6 +34,8 @@ SHARES = (0.1, 0.25, 0.5, 1.0)
 # that limits hold back then stops the target too. Within a tenth of the length the gate takes any tip.
 _LEAD_RAD, _LEAD_LENGTHS, _MOST_LENGTHS, _LEAD_S = 0.15, 0.03, 0.08, 0.2
 _IN_REACH_LENGTHS = 1e-3
+# The rest is sent again, in case that its message was lost: a moving target that nobody ends ends in hold.
+_REST_AGAIN, _REST_EVERY_S = 2, 0.2
 
 
 class Reference(Protocol):
@@ -91,6 +93,8 @@ class Jog:
         self._start = np.zeros(0)
         self._stepped_at = 0.0
         self._held_back = False
+        self._rest: Target | None = None
+        self._rests_left, self._rested_at = 0, 0.0
 
     # ---- the keys ----
 
@@ -107,6 +111,10 @@ class Jog:
     def choose(self, kind: str, section: int = 0) -> None:
         """Jogs the tip, or the bend of a section (from 0); ends a motion."""
         self.release()
+        if self._target is not None:
+            self._rest = Target(self.kind, self._target, np.zeros_like(self._target), 1.0)
+            self._rests_left, self._rested_at = 1 + _REST_AGAIN, float("-inf")
+            self._target, self._held_back = None, False
         self.kind, self.section = kind, section
 
     def press(self, direction: tuple[float, ...], at: float) -> None:
@@ -149,6 +157,7 @@ class Jog:
         """The target to be sent now, every SEND_EVERY_S; None: nothing is to be sent."""
         if not self.permitted(at):
             return self._stop(at, limits)
+        self._rest = None
         now = self._now(reference)
         if not np.isfinite(now).all():
             self.release()
@@ -170,13 +179,23 @@ class Jog:
     def _stop(self, at: float, limits: Limits) -> Target | None:
         """At rest where the permission ended; the daemon came there meanwhile."""
         if self._target is None:
-            return None
+            if self._rest is None or self._rests_left == 0 or at < self._rested_at + _REST_EVERY_S:
+                return None
+            self._rests_left, self._rested_at = self._rests_left - 1, at
+            return self._rest
         value = self._target
         if not self._held_back:
             end = min(max(self._permitted_until, self._stepped_at), at)
             value = _bounded(value + self._rate(limits) * (end - self._stepped_at), limits, self.kind)
         self._target, self._held_back = None, False
-        return Target(self.kind, value, np.zeros_like(value), 1.0)
+        self._rest = Target(self.kind, value, np.zeros_like(value), 1.0)
+        self._rests_left, self._rested_at = _REST_AGAIN, at
+        return self._rest
+
+    def forget(self) -> None:
+        """Ends it without a last target: the robot takes none any more, or somebody else's."""
+        self.release()
+        self._target = self._rest = None
 
     def _now(self, reference: Reference) -> Array:
         return reference.tip_desired_W_m if self.kind == "tip" else reference.bending_desired_rad

@@ -136,6 +136,7 @@ class Operator:
         self._answered = state.command_sequence
         if state.command_status:
             self.jog.block(now)
+            self.jog.forget()
             self._refuse(f"{state.command_status_text} ({state.command_status})")
 
     def _look(self, now: float) -> None:
@@ -168,7 +169,7 @@ class Operator:
         if self.state is None or self.limits is None or now < self._jogged_at + 0.8 * SEND_EVERY_S:
             return
         if self.state.mode != state_t.MODE_RUNNING:
-            self.jog.release()
+            self.jog.forget()
         target = self.jog.step(now, self.state, self.limits)
         if target is None or not self._accepts("target"):
             return
@@ -197,7 +198,7 @@ class Operator:
 
     def request(self, name: str, now: float) -> None:
         """'arm', 'hold' or 'clear'."""
-        self.jog.release()
+        self.jog.forget()
         reason = self._why_not(name, now)
         if not reason and name == "arm" and not self._guard.ready():
             reason = "not sent: the process that disarms when this one ends does not start"
@@ -211,7 +212,7 @@ class Operator:
 
     def disarm(self, now: float) -> None:
         """At once, in every mode, and again until the daemon shows it."""
-        self.jog.release()
+        self.jog.forget()
         self.message = self.message if self.message.refused else Message("disarm sent")
         self._disarm_until = now + _DISARM_FOR_S
         self._send_disarm(now)
