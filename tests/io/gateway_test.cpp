@@ -12,6 +12,7 @@
 
 #include "random_record.h"
 #include "tendril/io/client.h"
+#include "tendril/io/epoch.h"
 #include "tendril/io/wire.h"
 
 namespace tendril::io {
@@ -135,9 +136,7 @@ TEST(GatewayOnThisMachine, ACommandAgesWhileItWaitsToBeHandled) {
   std::vector<Command> commands;
   gateway.OnCommand([&](const Command& c) { commands.push_back(c); });
   const auto hour_us = 3'600'000'000L;
-  const std::int64_t now_us = std::chrono::duration_cast<std::chrono::microseconds>(
-                                  std::chrono::system_clock::now().time_since_epoch())
-                                  .count();
+  const std::int64_t now_us = EpochUs();
   const TimeNs sent_ns = clock.Now();
   client.Send(Bending(), now_us - hour_us);
   client.Send(Bending(), now_us + hour_us);
