@@ -97,7 +97,7 @@ class SafetyRig {
     cycle_.Run({.cycle = count_++, .grid_ns = clock_.Now(), .wake_latency_ns = 0, .missed = skipped}, command,
                tip, record_);
     canopen::BusEvent event;
-    while (master_.TakeEvent(&event)) {
+    while (master_.PopEvent(&event)) {
       last_event_ = event.text.data();
       events_ += last_event_ + "\n";
     }
