@@ -70,7 +70,8 @@ function(tendril_test name)
   endif()
   foreach(suite ${ARG_WHOLE})
     add_test(NAME ${suite} COMMAND ${network} $<TARGET_FILE:${name}> --gtest_filter=${suite}.*)
-    set_tests_properties(${suite} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}" SKIP_RETURN_CODE 77)
+    set_tests_properties(${suite} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}" SKIP_RETURN_CODE 77
+      FAIL_REGULAR_EXPRESSION "Running 0 tests")  # a filter without a suite would pass
     list(APPEND elsewhere ${suite}.*)
   endforeach()
   list(JOIN elsewhere : elsewhere)
