@@ -117,8 +117,8 @@ TEST_F(GatewayTest, EachKindOfCommandArrivesAsItWasSent) {
   for (const Command& c : commands) EXPECT_EQ(c.received_ns, clock.Now());
 }
 
-// Wall clocks are set, by an hour when somebody corrects them, and those of two computers differ: how old a
-// command is counts from its arrival, by a clock that nobody sets.
+// Wall clocks are corrected, by an hour at times, and those of two computers differ: a command's age counts
+// from its arrival, by the monotonic clock.
 TEST_F(GatewayTest, ACommandsAgeCountsFromItsArrivalWhateverItsSendersClockSays) {
   for (const std::int64_t utime : {4'900'000L, 5'100'000L, -3'600'000'000L, 3'600'000'000L, 0L}) {
     client.Send(Bending(), utime);
@@ -128,7 +128,7 @@ TEST_F(GatewayTest, ACommandsAgeCountsFromItsArrivalWhateverItsSendersClockSays)
   for (const Command& c : commands) EXPECT_EQ(c.received_ns, 5 * kNsPerS);
 }
 
-// On this machine's clock: stamped when it came, not when somebody got round to it.
+// On this machine's clock: stamped when it arrived, not when it was handled.
 TEST(GatewayOnThisMachine, ACommandAgesWhileItWaitsToBeHandled) {
   const MonotonicClock clock;
   Gateway gateway(GatewayTest::Parameters(), kShape, clock);

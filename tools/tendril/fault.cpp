@@ -27,7 +27,7 @@ struct FaultOptions {
   std::vector<std::string> words;
 };
 
-/// Takes the plant's answer to one order: the text it came with tells it from others' orders.
+/// Takes the plant's answer to one order: its text distinguishes it from answers to others' orders.
 class Answer {
  public:
   Answer(lcm::LCM& lcm, const std::string& prefix, const std::string& fault)
