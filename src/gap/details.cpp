@@ -11,7 +11,7 @@
 #include <random>
 
 #include "closure.h"
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 #include "sentence.h"
 
 namespace tendril::gap {

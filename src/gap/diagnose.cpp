@@ -23,7 +23,7 @@
 #include "measured_wrong.h"
 #include "measurement_check.h"
 #include "own_readings.h"
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 #include "reach.h"
 #include "repeatability.h"
 #include "search.h"

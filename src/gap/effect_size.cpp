@@ -5,7 +5,7 @@
 #include <map>
 
 #include "evaluator.h"
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 
 namespace tendril::gap {
 namespace {

@@ -11,7 +11,7 @@
 #include <stdexcept>
 
 #include "clocks.h"
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 #include "tendril/gap/cuts.h"
 #include "tracked_shape.h"
 

@@ -12,7 +12,7 @@
 #include <string_view>
 #include <utility>
 
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 
 namespace tendril::gap {
 namespace {

@@ -17,7 +17,7 @@
 #include "health_signal.h"
 #include "median.h"
 #include "mistakes.h"
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 #include "squares.h"
 
 namespace tendril::gap {

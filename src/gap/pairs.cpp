@@ -5,7 +5,7 @@
 #include <limits>
 #include <map>
 
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 #include "searching.h"
 
 namespace tendril::gap {

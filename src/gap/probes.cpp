@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 
 namespace tendril::gap {
 namespace {

@@ -12,7 +12,7 @@
 #include "depends_on.h"
 #include "evaluator.h"
 #include "locate.h"
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 
 namespace tendril::gap {
 namespace {

@@ -8,7 +8,7 @@
 #include <iterator>
 #include <map>
 
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 #include "searching.h"
 
 namespace tendril::gap {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "evaluator.h"
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 
 namespace tendril::gap {
 namespace {

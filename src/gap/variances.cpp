@@ -12,7 +12,7 @@
 
 #include "evaluator.h"
 #include "median.h"
-#include "parallel.h"
+#include "tendril/core/parallel.h"
 #include "rotation.h"
 
 namespace tendril::gap {

@@ -82,7 +82,7 @@ class Conversation {
     Waiting waiting(tell);
     Status reason = Status::kOk;
     while (clock_.Now() < end_ns) {
-      client_.Handle(kHandle_ms);
+      Handle();
       if (latest_.utime == 0) {
         const bool waits = !client_.waits().empty();
         waiting.For(fmt::format("a daemon on {} ({}_STATE){}{}", call_.url, call_.channel_prefix,
@@ -104,11 +104,14 @@ class Conversation {
             : fmt::format("the drives did not start within {:g} s: {}", call_.timeout_s, WithRemedy(reason)));
   }
 
-  void Publish() { sequence_ = io::Publish(client_, command_, call_.url); }
+  void Publish() {
+    RequireNotStopped();
+    sequence_ = io::Publish(client_, command_, call_.url);
+  }
 
   /// The state that answers the command.
   const State& AwaitAnswer(TimeNs end_ns) {
-    while (!settled_ && clock_.Now() < end_ns) client_.Handle(kHandle_ms);
+    while (!settled_ && clock_.Now() < end_ns) Handle();
     RequireDaemon();
     if (!answered_) {
       throw std::runtime_error(fmt::format(
@@ -119,7 +122,7 @@ class Conversation {
 
   /// The state in which targets are taken.
   const State& AwaitRunning(TimeNs end_ns) {
-    while (OnItsWay(latest_) && clock_.Now() < end_ns) client_.Handle(kHandle_ms);
+    while (OnItsWay(latest_) && clock_.Now() < end_ns) Handle();
     if (latest_.mode == State::MODE_RUNNING) return latest_;
     const Status reason = ReasonForMode(latest_);
     throw std::runtime_error(fmt::format(
@@ -129,6 +132,15 @@ class Conversation {
   }
 
  private:
+  void RequireNotStopped() const {
+    if (call_.stop && *call_.stop) throw std::runtime_error("interrupted");
+  }
+
+  void Handle() {
+    RequireNotStopped();
+    client_.Handle(kHandle_ms);
+  }
+
   void Hear(const State& state) {
     latest_ = state;
     if (settled_ || sequence_ == kNotSent || state.command_sequence != sequence_) return;

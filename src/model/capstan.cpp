@@ -286,6 +286,23 @@ double CapstanRatioAtZero(const PulleyParameters& pulley) {
   return Finite(std::exp(LogRatioAtZero(pulley)));
 }
 
+double CapstanRatio(const PulleyParameters& pulley, double base_tension_N, bool release,
+                    double low_tension_N) {
+  if (!release) {
+    if (low_tension_N > 0 && base_tension_N < low_tension_N)
+      return SolveCapstan(pulley, low_tension_N) / low_tension_N;
+    if (base_tension_N == 0) return CapstanRatioAtZero(pulley);
+    return SolveCapstan(pulley, base_tension_N) / base_tension_N;
+  }
+  // While the motor pays out, the base has the higher tension.
+  if (low_tension_N > 0) {
+    const double high_of_low_N = SolveCapstan(pulley, low_tension_N);
+    if (base_tension_N < high_of_low_N) return low_tension_N / high_of_low_N;
+  }
+  if (base_tension_N == 0) return 1 / CapstanRatioAtZero(pulley);
+  return SolveCapstanInverse(pulley, base_tension_N) / base_tension_N;
+}
+
 double SolveCapstan(const PulleyParameters& pulley, double low_tension_N) {
   ValidatePulley(pulley);
   CheckTension("low-side", low_tension_N);

@@ -1,6 +1,8 @@
 #include "tendril/model/open_disks.h"
 
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 
 namespace tendril::model {
@@ -26,6 +28,16 @@ std::optional<int> FirstClosedUnit(const Body& body, ConstVectorRef q) {
     }
   }
   return std::nullopt;
+}
+
+std::string WhyDisksClose(const Body& body, ConstVectorRef q) {
+  const auto unit = FirstClosedUnit(body, q);
+  if (!unit) return {};
+  std::array<char, 160> text{};
+  std::snprintf(text.data(), text.size(),
+                "unit %d is bent by %.6g rad: its disks would cut through each other; bend it less",
+                *unit + 1, std::hypot(q[2 * *unit], q[2 * *unit + 1]));
+  return text.data();
 }
 
 }  // namespace tendril::model

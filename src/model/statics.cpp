@@ -6,7 +6,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 #include <optional>
 
@@ -242,6 +244,24 @@ VectorXd NaturalFrequencies(const Body& body, ConstVectorRef equilibrium_q, Cons
   return modes.eigenvalues().unaryExpr([](double square) {
     return std::copysign(std::sqrt(std::abs(square)) / (2 * std::numbers::pi), square);
   });
+}
+
+std::string WhyNoEquilibrium(const Equilibrium& found) {
+  if (found.result == StaticsResult::kConverged) return {};
+  const bool buckled = found.result == StaticsResult::kBuckled;
+  if (buckled && found.load_fraction <= 0) {
+    return "no stable equilibrium: the robot buckles under its own weight before any tension acts; "
+           "make it stiffer, lighter or shorter, or turn gravity";
+  }
+  std::array<char, 160> text{};
+  std::snprintf(text.data(), text.size(),
+                buckled
+                    ? "no stable equilibrium: the branch from zero tension buckles at %.6g %% of the load; "
+                      "lower the tensions"
+                    : "no equilibrium: the branch from zero tension could be followed only to %.6g %% of the "
+                      "load; lower the tensions",
+                100 * found.load_fraction);
+  return text.data();
 }
 
 }  // namespace tendril::model

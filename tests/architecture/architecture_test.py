@@ -20,7 +20,7 @@ OUTSIDE = re.compile(r"^(chrono|thread|mutex|condition_variable|future|ctime|tim
                      r"|lcm/.*|sys/.*|net/.*|netinet/.*|arpa/.*|linux/.*)$")
 OUTSIDE_EXCEPTIONS = {
     "src/core/clock.cpp",   # the one clock the others are given
-    "src/gap/parallel.h",   # work on all cores, whose result does not depend on their number
+    "include/tendril/core/parallel.h",   # work on all cores, whose result does not depend on their number
     "src/gap/set_folder.cpp",  # whether files may be made there, and a name that no other program uses
     "src/sim/capstan_cache.cpp",  # tables that replays on several threads share
     "src/experiment/experiment_live.cpp",  # the operator's side of a running daemon, in real time

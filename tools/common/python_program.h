@@ -1,4 +1,5 @@
-// Hands this process over to a module of the Python package tendril. Knows no module.
+// Hands over to a part of the Python package, which is installed apart from the programs. Knows none of its
+// parts.
 #pragma once
 
 #include <string>
@@ -6,8 +7,14 @@
 
 namespace tendril::tools {
 
-/// Becomes `python -m MODULE ARGUMENTS...` and does not return. Throws std::runtime_error, with the command
-/// that installs it, where no Python has the package.
-int RunPython(const std::string& module, const std::vector<std::string>& arguments);
+/// An interpreter that has the package tendril and these modules ("textual"); empty: none. TENDRIL_PYTHON in
+/// the environment is the only one asked where it is set; else those of the build and of the installation,
+/// and python3.
+std::string FindPython(const std::vector<std::string>& modules = {});
+
+/// Becomes `python -m MODULE ARGUMENTS...` ("tendril.view") with an interpreter that has `modules` too.
+/// Returns only by throwing std::runtime_error: what is missing, and the command that installs it.
+int RunPython(const std::string& module, const std::vector<std::string>& arguments,
+              const std::vector<std::string>& modules = {});
 
 }  // namespace tendril::tools

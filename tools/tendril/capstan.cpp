@@ -24,22 +24,6 @@ struct Options {
   CLI::Option* radius_ratio = nullptr;
 };
 
-double Ratio(const Options& o) {
-  const double base_N = o.tension_base_N, low_N = o.low_tension_N;
-  if (!o.release) {
-    if (low_N > 0 && base_N < low_N) return model::SolveCapstan(o.pulley, low_N) / low_N;
-    if (base_N == 0) return model::CapstanRatioAtZero(o.pulley);
-    return model::SolveCapstan(o.pulley, base_N) / base_N;
-  }
-  // While the motor pays out, the base has the higher tension.
-  if (low_N > 0) {
-    const double high_of_low_N = model::SolveCapstan(o.pulley, low_N);
-    if (base_N < high_of_low_N) return low_N / high_of_low_N;
-  }
-  if (base_N == 0) return 1 / model::CapstanRatioAtZero(o.pulley);
-  return model::SolveCapstanInverse(o.pulley, base_N) / base_N;
-}
-
 void Run(const Options& o) {
   if (o.pulley.law != CapstanLaw::kClassic && !(*o.exponent && *o.radius_ratio)) {
     throw UsageError("capstan: --n and --rho are required (only --law classic needs neither)");
@@ -49,7 +33,7 @@ void Run(const Options& o) {
   } catch (const std::invalid_argument& e) {
     throw UsageError(fmt::format("capstan: {}", e.what()));
   }
-  const double ratio = Ratio(o);
+  const double ratio = model::CapstanRatio(o.pulley, o.tension_base_N, o.release, o.low_tension_N);
   nlohmann::ordered_json answer;
   answer["ratio"] = ratio;
   answer["tension_motor_N"] = ratio * o.tension_base_N;

@@ -2,7 +2,6 @@
 // check them. Knows no equation and no evaluation itself.
 #include "model.h"
 
-#include <cmath>
 #include <iostream>
 #include <memory>
 
@@ -41,11 +40,7 @@ void RequirePulling(const io::CsvReader& rows, const Eigen::VectorXd& tension_N)
 }
 
 void RequireOpenDisks(const io::CsvReader& rows, const model::Body& body, const Eigen::VectorXd& q) {
-  const auto unit = model::FirstClosedUnit(body, q);
-  if (!unit) return;
-  throw rows.Error(
-      fmt::format("unit {} is bent by {:.6g} rad: its disks would cut through each other; bend it less",
-                  *unit + 1, std::hypot(q[2 * *unit], q[2 * *unit + 1])));
+  if (const std::string why = model::WhyDisksClose(body, q); !why.empty()) throw rows.Error(why);
 }
 
 void AddModelCommand(CLI::App& app) {

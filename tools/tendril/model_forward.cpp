@@ -1,7 +1,6 @@
 // `tendril model fk`: where the tip is at a state, row by row.
-#include <Eigen/Geometry>
-
 #include "model.h"
+#include "tendril/model/shape_points.h"
 
 namespace tendril::tools {
 namespace {
@@ -18,9 +17,7 @@ void ForwardKinematics(const RobotParameters& robot) {
     const VectorXd q = Cursor(rows.required()).Take(body.dof());
     RequireOpenDisks(rows, body, q);
     const model::Pose tip = body.TipPose(q);
-    Eigen::Quaterniond turn(tip.R_WA);
-    turn.normalize();
-    if (turn.w() < 0) turn.coeffs() *= -1;
+    const Eigen::Quaterniond turn = model::UnitQuaternion(tip.R_WA);
     body.TendonLengths(q, length);
     out.PutAll(tip.p_WA).Put(turn.w()).PutAll(turn.vec()).PutAll(length).EndRow();
   }

@@ -13,27 +13,8 @@ using model::Body;
 VectorXd RequireEquilibrium(const io::CsvReader& rows, const Body& body, const VectorXd& tension_N,
                             const Vector3d& tip_force_W_N) {
   const model::Equilibrium found = model::SolveStatics(body, tension_N, tip_force_W_N);
-  const double percent = 100 * found.load_fraction;
-  switch (found.result) {
-    case model::StaticsResult::kConverged:
-      return found.q;
-    case model::StaticsResult::kBuckled:
-      if (found.load_fraction <= 0) {
-        throw rows.Error(
-            "no stable equilibrium: the robot buckles under its own weight before any tension acts; "
-            "make it stiffer, lighter or shorter, or turn gravity");
-      }
-      throw rows.Error(
-          fmt::format("no stable equilibrium: the branch from zero tension buckles at {:.6g} % of the load; "
-                      "lower the tensions",
-                      percent));
-    case model::StaticsResult::kNoSolution:
-      break;
-  }
-  throw rows.Error(
-      fmt::format("no equilibrium: the branch from zero tension could be followed only to {:.6g} % of the "
-                  "load; lower the tensions",
-                  percent));
+  if (const std::string why = model::WhyNoEquilibrium(found); !why.empty()) throw rows.Error(why);
+  return found.q;
 }
 
 void Statics(const RobotParameters& robot) {

@@ -1,6 +1,7 @@
 // One command to a daemon, and what became of it. Knows nothing of the robot: the daemon judges.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -21,6 +22,9 @@ struct CommandCall {
   /// For the daemon's answer [s]; to arm, for daemon and drives to be ready and pretension, too. 0: does not
   /// wait.
   double timeout_s = 0;
+  /// From another thread: what is waited for is not waited for any more, and what was not sent yet is not
+  /// sent.
+  const std::atomic<bool>* stop = nullptr;
 };
 
 /// Sends it and waits for its answer; an arm first for a daemon and drives that are still starting, and then

@@ -28,6 +28,12 @@ double SolveCapstanInverse(std::span<const PulleyParameters> pulleys, double hig
 /// high/low as the tension goes to zero: finite, and the largest ratio of all tensions (T'' = rho T remains).
 double CapstanRatioAtZero(const PulleyParameters& pulley);
 
+/// Motor-side over base tension while the motor pulls, or pays out (`release`), over one pulley. Below
+/// `low_tension_N` on the low-tension side the ratio found there is kept (0: nowhere); at zero tension it is
+/// the limit.
+double CapstanRatio(const PulleyParameters& pulley, double base_tension_N, bool release,
+                    double low_tension_N = 0);
+
 /// Largest tension the solver and the table accept.
 inline constexpr double kMaxCapstanTension_N = 1e6;
 

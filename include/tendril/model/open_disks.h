@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 
 #include "tendril/model/body.h"
 
@@ -12,5 +13,8 @@ namespace tendril::model {
 /// each other: by a whole turn, or until a tendon of it or of a section above has no length left within it.
 /// Empty when every unit is open.
 std::optional<int> FirstClosedUnit(const Body& body, ConstVectorRef q);
+
+/// "unit 2 is bent by 6.5 rad: ..." with the remedy; empty when every unit is open.
+std::string WhyDisksClose(const Body& body, ConstVectorRef q);
 
 }  // namespace tendril::model

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 
 #include "tendril/model/body.h"
 
@@ -25,6 +26,8 @@ struct Equilibrium {
 /// Follows the equilibrium from the unloaded rest shape (gravity and the body's own tip force acting) to the
 /// given tensions and tip force.
 Equilibrium SolveStatics(const Body& body, ConstVectorRef tension_N, const Eigen::Vector3d& tip_force_W_N);
+/// Why there is no equilibrium and the remedy, as a clause; empty when it converged.
+std::string WhyNoEquilibrium(const Equilibrium& found);
 /// Minimum of the potential reached downhill from a start: Newton with the exact tangent and a line search;
 /// result kNoSolution when it does not converge and kBuckled when what it converges to is unstable.
 Equilibrium SolveStaticsFrom(const Body& body, ConstVectorRef start_q, ConstVectorRef tension_N,

@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-namespace tendril::gap {
+namespace tendril {
 
 inline int AllCores() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
 
@@ -39,4 +39,4 @@ inline void ParallelFor(int count, int threads, const std::function<void(int)>& 
   if (failure) std::rethrow_exception(failure);
 }
 
-}  // namespace tendril::gap
+}  // namespace tendril

@@ -1,0 +1,256 @@
+// The body's equations, row by row. Shapes are checked by the package; what goes wrong in a row is RowError.
+#include <fmt/format.h>
+#include <nanobind/eigen/dense.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <span>
+#include <tuple>
+#include <vector>
+
+#include "module.h"
+#include "rows.h"
+#include "tendril/core/robot.h"
+#include "tendril/core/tip_unit.h"
+#include "tendril/model/arc_tensions.h"
+#include "tendril/model/body.h"
+#include "tendril/model/capstan.h"
+#include "tendril/model/inverse.h"
+#include "tendril/model/inverse_equilibrium.h"
+#include "tendril/model/loading.h"
+#include "tendril/model/open_disks.h"
+#include "tendril/model/shape_points.h"
+#include "tendril/model/statics.h"
+
+namespace tendril::python {
+namespace {
+
+namespace nb = nanobind;
+using Eigen::Index;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using model::Body;
+
+/// A robot's body and what its file allows; the rows that are under way keep it alive.
+struct Subject {
+  explicit Subject(const RobotParameters& r) : robot(r), body(r.body) {}
+  RobotParameters robot;
+  Body body;
+};
+using SubjectPtr = std::shared_ptr<const Subject>;
+using RowsPtr = std::shared_ptr<const Rows>;
+
+struct NewWorkspace {
+  SubjectPtr of;
+  Body::Workspace operator()() const { return Body::Workspace(of->body); }
+};
+
+RowsPtr Keep(Rows rows) { return std::make_shared<const Rows>(std::move(rows)); }
+std::shared_ptr<Rows> Table(Index rows, Index columns) { return std::make_shared<Rows>(rows, columns); }
+
+struct Nothing {};
+
+VectorXd OpenShape(const Body& body, const Rows& q, Index i) {
+  const VectorXd row = q.row(i);
+  if (const std::string why = model::WhyDisksClose(body, row); !why.empty()) throw RowError(i, why);
+  return row;
+}
+
+VectorXd EquilibriumOf(const Body& body, const Rows& tension_N, Index i, const Vector3d& force_W_N) {
+  const model::Equilibrium found = model::SolveStatics(body, tension_N.row(i).transpose(), force_W_N);
+  if (const std::string why = model::WhyNoEquilibrium(found); !why.empty()) throw RowError(i, why);
+  return found.q;
+}
+
+Vector3d ForceOf(const RowsPtr& force_W_N, Index i) {
+  return force_W_N ? Vector3d(force_W_N->row(i)) : Vector3d(0, 0, 0);
+}
+
+/// One table of `columns`, filled by `fill(i, row, scratch)`.
+template <class Make, class Fill>
+Rows Filled(Index rows, Index columns, Make make, Fill fill) {
+  const auto out = Table(rows, columns);
+  EachRow(rows, std::move(make),
+          [out, fill = std::move(fill)](Index i, auto& scratch) { fill(i, out->row(i), scratch); });
+  return std::move(*out);
+}
+const auto kNoScratch = [] { return Nothing{}; };
+
+class Model {
+ public:
+  explicit Model(const RobotParameters& robot) : s_(std::make_shared<const Subject>(robot)) {}
+
+  Rows Statics(Rows tension_N, std::optional<Rows> tip_force_W_N) const {
+    const RowsPtr tension = Keep(std::move(tension_N));
+    const RowsPtr force = tip_force_W_N ? Keep(std::move(*tip_force_W_N)) : nullptr;
+    return Filled(tension->rows(), s_->body.dof(), kNoScratch,
+                  [s = s_, tension, force](Index i, auto row, Nothing&) {
+                    row = EquilibriumOf(s->body, *tension, i, ForceOf(force, i)).transpose();
+                  });
+  }
+
+  Rows Frequencies(Rows tension_N) const {
+    const RowsPtr tension = Keep(std::move(tension_N));
+    return Filled(tension->rows(), s_->body.dof(), kNoScratch,
+                  [s = s_, tension](Index i, auto row, Nothing&) {
+                    const VectorXd q = EquilibriumOf(s->body, *tension, i, Vector3d::Zero());
+                    const VectorXd f =
+                        model::NaturalFrequencies(s->body, q, tension->row(i).transpose(), Vector3d::Zero());
+                    if (!(f[0] > 0))
+                      throw RowError(i, "no frequencies: the equilibrium is at the edge of buckling");
+                    row = f.transpose();
+                  });
+  }
+
+  Rows ForwardDynamics(Rows q_rows, Rows dq_rows, Rows tension_N) const {
+    const RowsPtr q = Keep(std::move(q_rows)), dq = Keep(std::move(dq_rows)),
+                  tension = Keep(std::move(tension_N));
+    return Filled(q->rows(), s_->body.dof(), NewWorkspace{s_},
+                  [s = s_, q, dq, tension](Index i, auto row, auto& scratch) {
+                    const VectorXd shape = OpenShape(s->body, *q, i);
+                    VectorXd force(s->body.dof()), ddq(s->body.dof());
+                    s->body.TendonForce(shape, tension->row(i).transpose(), force);
+                    s->body.ForwardDynamics(shape, dq->row(i).transpose(), force, ddq, scratch);
+                    if (!ddq.allFinite())
+                      throw RowError(i, "the accelerations are not finite: the state has extreme values");
+                    row = ddq.transpose();
+                  });
+  }
+
+  /// Tip position, quaternion w, x, y, z, and straight tendon lengths, side by side.
+  Rows ForwardKinematics(Rows q_rows) const {
+    const RowsPtr q = Keep(std::move(q_rows));
+    return Filled(q->rows(), 7 + s_->body.tendons(), kNoScratch, [s = s_, q](Index i, auto row, Nothing&) {
+      const VectorXd shape = OpenShape(s->body, *q, i);
+      const model::Pose tip = s->body.TipPose(shape);
+      const Eigen::Quaterniond turn = model::UnitQuaternion(tip.R_WA);
+      VectorXd length_m(s->body.tendons());
+      s->body.TendonLengths(shape, length_m);
+      row << tip.p_WA.transpose(), turn.w(), turn.x(), turn.y(), turn.z(), length_m.transpose();
+    });
+  }
+
+  /// 6 x 2N a row, row by row.
+  Rows Jacobian(Rows q_rows) const {
+    const RowsPtr q = Keep(std::move(q_rows));
+    return Filled(q->rows(), 6 * s_->body.dof(), kNoScratch, [s = s_, q](Index i, auto row, Nothing&) {
+      Eigen::MatrixXd jacobian(6, s->body.dof());
+      s->body.TipJacobian(OpenShape(s->body, *q, i), jacobian);
+      const Rows by_row = jacobian;
+      row = Eigen::Map<const Eigen::RowVectorXd>(by_row.data(), by_row.size());
+    });
+  }
+
+  /// 2N x 2N a row, row by row.
+  Rows MassMatrix(Rows q_rows) const {
+    const RowsPtr q = Keep(std::move(q_rows));
+    return Filled(q->rows(), s_->body.dof() * s_->body.dof(), NewWorkspace{s_},
+                  [s = s_, q](Index i, auto row, auto& scratch) {
+                    Eigen::MatrixXd mass(s->body.dof(), s->body.dof());
+                    s->body.MassMatrix(OpenShape(s->body, *q, i), mass, scratch);
+                    const Rows by_row = mass;
+                    row = Eigen::Map<const Eigen::RowVectorXd>(by_row.data(), by_row.size());
+                  });
+  }
+
+  /// Kinetic, elastic, gravity.
+  Rows Energy(Rows q_rows, Rows dq_rows) const {
+    const RowsPtr q = Keep(std::move(q_rows)), dq = Keep(std::move(dq_rows));
+    return Filled(q->rows(), 3, NewWorkspace{s_}, [s = s_, q, dq](Index i, auto row, auto& scratch) {
+      const model::Energy e = s->body.EnergyOf(OpenShape(s->body, *q, i), dq->row(i).transpose(), scratch);
+      row << e.kinetic, e.elastic, e.gravity;
+    });
+  }
+
+  /// `points` positions a row along the backbone, 3 each.
+  Rows Backbone(Rows q_rows, int points) const {
+    const RowsPtr q = Keep(std::move(q_rows));
+    return Filled(q->rows(), 3 * points, kNoScratch, [s = s_, q, points](Index i, auto row, Nothing&) {
+      const Eigen::Matrix3Xd at = model::BackbonePoints(s->body, OpenShape(s->body, *q, i), points);
+      row = Eigen::Map<const Eigen::RowVectorXd>(at.data(), at.size());
+    });
+  }
+
+  /// N + 1 homogeneous frames a row, base disk first, 4 x 4 row by row.
+  Rows Disks(Rows q_rows) const {
+    const RowsPtr q = Keep(std::move(q_rows));
+    const Index disks = s_->body.units() + 1;
+    return Filled(q->rows(), 16 * disks, kNoScratch, [s = s_, q](Index i, auto row, Nothing&) {
+      Index at = 0;
+      for (const model::Pose& disk : model::DiskPoses(s->body, OpenShape(s->body, *q, i))) {
+        Eigen::Matrix<double, 4, 4, Eigen::RowMajor> frame = Eigen::Matrix4d::Identity();
+        frame.topLeftCorner<3, 3>() = disk.R_WA;
+        frame.topRightCorner<3, 1>() = disk.p_WA;
+        row.segment(at, 16) = Eigen::Map<const Eigen::RowVectorXd>(frame.data(), 16);
+        at += 16;
+      }
+    });
+  }
+
+  /// Holes of every tendon at every disk it passes, M x (N + 1) x 3; NaN beyond its end.
+  Rows TendonPoints(Rows q_rows) const {
+    const RowsPtr q = Keep(std::move(q_rows));
+    const Index each = 3 * (s_->body.units() + 1);
+    return Filled(
+        q->rows(), each * s_->body.tendons(), kNoScratch, [s = s_, q, each](Index i, auto row, Nothing&) {
+          const VectorXd shape = OpenShape(s->body, *q, i);
+          for (int j = 0; j < s->body.tendons(); ++j) {
+            const Eigen::Matrix3Xd at = model::TendonHoles(s->body, shape, j);
+            row.segment(j * each, each).setConstant(std::nan(""));
+            row.segment(j * each, at.size()) = Eigen::Map<const Eigen::RowVectorXd>(at.data(), at.size());
+          }
+        });
+  }
+
+  Rows SpreadBending(Rows us_vs) const {
+    Rows q(us_vs.rows(), s_->body.dof());
+    VectorXd one(s_->body.dof());
+    for (Index i = 0; i < us_vs.rows(); ++i) {
+      s_->body.SpreadBending(us_vs.row(i).transpose(), one);
+      q.row(i) = one.transpose();
+    }
+    return q;
+  }
+
+ private:
+  SubjectPtr s_;
+};
+
+void TranslateRowErrors() {
+  nb::register_exception_translator([](const std::exception_ptr& p, void*) {
+    try {
+      std::rethrow_exception(p);
+    } catch (const RowError& e) {
+      const nb::object type = nb::module_::import_("tendril.errors").attr("ModelError");
+      PyErr_SetObject(type.ptr(), type(e.what(), e.row).ptr());
+    }
+  });
+}
+
+}  // namespace
+
+void AddModel(nb::module_& m) {
+  TranslateRowErrors();
+  nb::class_<Model>(m, "Model")
+      .def(nb::init<const RobotParameters&>(), nb::arg("robot"))
+      .def("statics", &Model::Statics, nb::arg("tension"), nb::arg("tip_force").none())
+      .def("frequencies", &Model::Frequencies, nb::arg("tension"))
+      .def("forward_dynamics", &Model::ForwardDynamics, nb::arg("q"), nb::arg("dq"), nb::arg("tension"))
+      .def("fk", &Model::ForwardKinematics, nb::arg("q"))
+      .def("jacobian", &Model::Jacobian, nb::arg("q"))
+      .def("mass_matrix", &Model::MassMatrix, nb::arg("q"))
+      .def("energy", &Model::Energy, nb::arg("q"), nb::arg("dq"))
+      .def("backbone", &Model::Backbone, nb::arg("q"), nb::arg("points"))
+      .def("disks", &Model::Disks, nb::arg("q"))
+      .def("tendon_points", &Model::TendonPoints, nb::arg("q"))
+      .def("spread", &Model::SpreadBending, nb::arg("bending"));
+}
+
+}  // namespace tendril::python

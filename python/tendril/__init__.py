@@ -1,0 +1,65 @@
+"""Tendril: operate, model, simulate and diagnose tendon-driven continuum robots.
+
+    import tendril
+
+    robot = tendril.load_robot("config/robots/rig_60mm.yaml")
+    model = tendril.Model(robot)
+    q = model.statics([1.0, 0.5, 0.5])     # tensions [N] -> bends [rad]
+    model.fk(q).position                   # tip [m]
+
+    with tendril.Client() as client:       # a running daemon, or `tendril sim`
+        client.arm()
+        client.send_bending([0.5, 0.0])
+
+All quantities are in SI units: metres, newtons, radians, seconds. Positions are in the base frame F_0, the straight robot
+points along +z.
+"""
+
+from __future__ import annotations
+
+import atexit as _atexit
+import os as _os
+
+from . import _core
+from ._core import Daemon, Robot
+from .client import Client, Event, State, Statistics
+from .errors import ConfigError, DaemonError, Error, ModelError
+from .model import Model, Tip
+
+__version__: str = _core.version
+
+_atexit.register(_core.await_abandoned)
+
+
+def load_robot(path: str | _os.PathLike[str]) -> Robot:
+    """Reads a robot file (config/robots/*.yaml). Raises `ConfigError` with file, line and key."""
+    return _core.load_robot(_os.fspath(path))
+
+
+def parse_robot(yaml: str, name: str = "robot") -> Robot:
+    """A robot from the text of a robot file; `name` stands for the file in errors."""
+    return _core.parse_robot(yaml, name)
+
+
+def load_daemon(path: str | _os.PathLike[str]) -> Daemon:
+    """Reads a daemon file (config/tendrild.yaml). Raises `ConfigError` with file, line and key."""
+    return _core.load_daemon(_os.fspath(path))
+
+
+__all__ = [
+    "Client",
+    "ConfigError",
+    "Daemon",
+    "DaemonError",
+    "Error",
+    "Event",
+    "Model",
+    "ModelError",
+    "Robot",
+    "State",
+    "Statistics",
+    "Tip",
+    "load_daemon",
+    "load_robot",
+    "parse_robot",
+]

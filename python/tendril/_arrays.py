@@ -1,0 +1,70 @@
+"""Checks of what is given as numbers: shapes, finite values. Knows no equation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def numbers(name: str, value: ArrayLike, meaning: str) -> Array:
+    """`value` as an array of finite doubles."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        kind = type(value).__name__
+        raise ValueError(f"{name} is {kind}, not numbers ({error}); give {meaning}") from None
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        value_there = array[where]
+        place = f"[{', '.join(map(str, where))}]" if where else ""
+        raise ValueError(f"{name}{place} is {value_there}; give finite numbers: {meaning}")
+    return array
+
+
+def vector(name: str, value: ArrayLike, count: int | None, meaning: str) -> Array:
+    """One row of `count` numbers; None: any count but zero."""
+    array = numbers(name, value, meaning)
+    if array.ndim != 1 or array.size == 0 or (count is not None and array.size != count):
+        expected = f"({count},)" if count is not None else "(n,)"
+        raise ValueError(f"{name} has shape {array.shape}; expected {expected}: {meaning}")
+    return array
+
+
+class Batch:
+    """Arguments that are one row each, or N rows each; one row goes with any number of rows."""
+
+    def __init__(self) -> None:
+        self.rows: int | None = None
+        self._named = ""
+        self._arrays: list[Array] = []
+
+    def add(self, name: str, value: ArrayLike, columns: int, meaning: str) -> None:
+        array = numbers(name, value, meaning)
+        if array.ndim not in (1, 2) or array.shape[-1] != columns:
+            raise ValueError(
+                f"{name} has shape {array.shape}; expected ({columns},) or (N, {columns}): {meaning}"
+            )
+        if array.ndim == 2:
+            if self.rows is not None and array.shape[0] != self.rows:
+                raise ValueError(
+                    f"{name} has {array.shape[0]} rows and {self._named} {self.rows}; "
+                    "give the same number of rows, or one row for all"
+                )
+            self.rows, self._named = array.shape[0], name
+        self._arrays.append(array)
+
+    def tables(self) -> list[Any]:
+        """Each argument as N x columns, C-contiguous."""
+        rows = 1 if self.rows is None else self.rows
+        return [
+            np.ascontiguousarray(np.broadcast_to(array, (rows, array.shape[-1]))) for array in self._arrays
+        ]
+
+    def shaped(self, table: Array, *shape: int) -> Array:
+        """A result of N rows as the caller gave its arguments; `shape` of one row, if not the table's own."""
+        result = table.reshape(table.shape[0], *shape) if shape else table
+        return result[0] if self.rows is None else result

@@ -1,0 +1,196 @@
+"""The model of a robot's body: equilibria, motion, kinematics and their inverses, for one row or many."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import _core
+from ._arrays import Array, Batch
+
+_Q = "q = u1, v1, ..., uN, vN, the bend of each unit [rad]"
+_DQ = "dq = du1, dv1, ..., the rates of q [rad/s]"
+_T = "tensions at the base, one a tendon [N]"
+
+
+class Tip(NamedTuple):
+    """Where the tip is (`Model.fk`); with N rows each array has N rows."""
+
+    position: Array
+    """Position of the last disk's centre in the base frame [m], (3,)."""
+    orientation: Array
+    """Its frame in the base frame as a unit quaternion w, x, y, z with w >= 0, (4,)."""
+    tendon_lengths: Array
+    """Straight length of each tendon within the robot [m], (M,)."""
+
+
+class Model:
+    """The model of one robot.
+
+    Every method takes one row or a batch: arrays of shape `(n,)` give results of one row, arrays of shape `(N, n)` results
+    with N rows, computed on all cores without the GIL; one row goes with N rows of another argument. Results do not
+    depend on the number of cores, and equal those of `tendril model` bit for bit.
+
+    A robot has K sections, N units and M tendons. `q` has `2 N` numbers: the bend `(u, v) = angle (cos, sin)` of each unit
+    [rad]; bendings of sections have `2 K`. Positions are in the base frame W (F_0), the straight robot points along +z.
+
+    Wrong shapes and values that are not finite raise ValueError; a row without a solution raises `tendril.ModelError`.
+    """
+
+    def __init__(self, robot: _core.Robot) -> None:
+        if not isinstance(robot, _core.Robot):
+            raise ValueError(f"robot is {type(robot).__name__}; give a Robot, from tendril.load_robot(path)")
+        self._robot = robot
+        self._core = _core.Model(robot)
+        self._n = 2 * robot.units
+        self._m = robot.tendons
+
+    @property
+    def robot(self) -> _core.Robot:
+        """The robot that this is the model of."""
+        return self._robot
+
+    def statics(self, T: ArrayLike, tip_force: ArrayLike | None = None) -> Array:
+        """Shape at rest: the stable equilibrium on the branch from zero tension.
+
+        Args:
+            T: tensions at the base [N], (M,) or (N, M).
+            tip_force: force on the tip in the base frame [N], (3,) or (N, 3); beside the robot file's own.
+
+        Returns:
+            q [rad], (2N,) a row. The tip is `fk(q).position`.
+        """
+        batch = Batch()
+        self._add_tensions(batch, T)
+        if tip_force is not None:
+            batch.add("tip_force", tip_force, 3, "fx, fy, fz in the base frame [N]")
+        tension, *force = batch.tables()
+        return batch.shaped(self._core.statics(tension, force[0] if force else None))
+
+    def frequencies(self, T: ArrayLike) -> Array:
+        """Natural frequencies about the equilibrium at constant tensions, without damping.
+
+        Args:
+            T: tensions at the base [N], (M,) or (N, M).
+
+        Returns:
+            Frequencies [Hz], ascending, (2N,) a row.
+        """
+        batch = Batch()
+        self._add_tensions(batch, T)
+        return batch.shaped(self._core.frequencies(*batch.tables()))
+
+    def forward_dynamics(self, q: ArrayLike, dq: ArrayLike, T: ArrayLike) -> Array:
+        """Accelerations of a state under tensions.
+
+        Args:
+            q: bends of the units [rad], (2N,) or (N, 2N).
+            dq: their rates [rad/s], the same shape.
+            T: tensions at the base [N], (M,) or (N, M).
+
+        Returns:
+            ddq [rad/s^2], (2N,) a row.
+        """
+        batch = Batch()
+        batch.add("q", q, self._n, _Q)
+        batch.add("dq", dq, self._n, _DQ)
+        self._add_tensions(batch, T)
+        return batch.shaped(self._core.forward_dynamics(*batch.tables()))
+
+    def fk(self, q: ArrayLike) -> Tip:
+        """Pose of the tip and lengths of the tendons.
+
+        Args:
+            q: bends of the units [rad], (2N,) or (N, 2N).
+        """
+        batch = self._shapes(q)
+        rows = batch.shaped(self._core.fk(*batch.tables()))
+        return Tip(rows[..., 0:3], rows[..., 3:7], rows[..., 7:])
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Velocity of the tip per rate of q.
+
+        Args:
+            q: bends of the units [rad], (2N,) or (N, 2N).
+
+        Returns:
+            (6, 2N) a row: linear velocity [m/s] and angular velocity [rad/s] of the last disk, in the base frame, each
+            per dq [rad/s].
+        """
+        batch = self._shapes(q)
+        return batch.shaped(self._core.jacobian(*batch.tables()), 6, self._n)
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Mass matrix H(q) [kg m^2], (2N, 2N) a row, symmetric and positive definite."""
+        batch = self._shapes(q)
+        return batch.shaped(self._core.mass_matrix(*batch.tables()), self._n, self._n)
+
+    def energy(self, q: ArrayLike, dq: ArrayLike) -> Array:
+        """Kinetic, elastic and gravity energy [J], (3,) a row; gravity's is zero at the base frame's origin."""
+        batch = self._shapes(q)
+        batch.add("dq", dq, self._n, _DQ)
+        return batch.shaped(self._core.energy(*batch.tables()))
+
+    def backbone(self, q: ArrayLike, points: int = 101) -> Array:
+        """Positions along the backbone, equally spaced by arc length from base to tip.
+
+        Args:
+            q: bends of the units [rad], (2N,) or (N, 2N).
+            points: how many, at least 2.
+
+        Returns:
+            Positions in the base frame [m], (points, 3) a row.
+        """
+        if not 2 <= points <= 100_000:
+            raise ValueError(f"points is {points}; give 2 to 100000")
+        batch = self._shapes(q)
+        return batch.shaped(self._core.backbone(*batch.tables(), points), points, 3)
+
+    def disks(self, q: ArrayLike) -> Array:
+        """Frames of the base disk and of each unit's disk, from the base on.
+
+        Args:
+            q: bends of the units [rad], (2N,) or (N, 2N).
+
+        Returns:
+            Homogeneous frames in the base frame [m], (N+1, 4, 4) a row. The disk's axis is the frame's z.
+        """
+        batch = self._shapes(q)
+        return batch.shaped(self._core.disks(*batch.tables()), self._robot.units + 1, 4, 4)
+
+    def tendon_points(self, q: ArrayLike) -> Array:
+        """Each tendon's polyline: its hole in the base disk and in each disk up to the one where it ends.
+
+        Args:
+            q: bends of the units [rad], (2N,) or (N, 2N).
+
+        Returns:
+            Positions in the base frame [m], (M, N+1, 3) a row; NaN beyond a tendon's end.
+        """
+        batch = self._shapes(q)
+        return batch.shaped(self._core.tendon_points(*batch.tables()), self._m, self._robot.units + 1, 3)
+
+    def spread(self, bending: ArrayLike) -> Array:
+        """q of arcs: each section's bend shared equally by its units.
+
+        Args:
+            bending: us1, vs1, ..., usK, vsK of the sections [rad], (2K,) or (N, 2K).
+        """
+        batch = Batch()
+        batch.add("bending", bending, 2 * self._robot.sections, "us, vs of each section [rad]")
+        return batch.shaped(self._core.spread(*batch.tables()))
+
+    def _shapes(self, q: ArrayLike) -> Batch:
+        batch = Batch()
+        batch.add("q", q, self._n, _Q)
+        return batch
+
+    def _add_tensions(self, batch: Batch, T: ArrayLike) -> None:
+        batch.add("T", T, self._m, _T)
+        if (np.asarray(T, dtype=np.float64) < 0).any():
+            raise ValueError("T has a negative value: tendons only pull; give 0 or more [N]")
+
+    def __repr__(self) -> str:
+        return f"Model({self._robot!r})"

@@ -1,0 +1,28 @@
+"""What the tests share: files of the checkout, and the program whose results they compare with."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import subprocess
+
+import pytest
+
+import tendril
+
+SOURCE = pathlib.Path(os.environ.get("TENDRIL_SOURCE", pathlib.Path(__file__).parents[2]))
+ROBOTS = SOURCE / "config" / "robots"
+
+
+@pytest.fixture(scope="session")
+def rig() -> tendril.Robot:
+    return tendril.load_robot(ROBOTS / "rig_60mm.yaml")
+
+
+def program(*words: object, text: str = "") -> str:
+    """What `tendril WORDS` prints, with `text` as its input."""
+    done = subprocess.run(
+        ["tendril", *map(str, words)], input=text, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout

@@ -1,0 +1,143 @@
+"""A client against a simulated robot: commands, states and events; what is wrong is said and leaves nothing armed."""
+
+from __future__ import annotations
+
+import dataclasses
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import tendril
+from tendril import messages
+
+from conftest import SOURCE
+from simulated import simulated_robot
+
+
+@pytest.fixture(scope="module")
+def robot():
+    with simulated_robot("--speed", "4") as process:
+        yield process
+
+
+@pytest.fixture()
+def client(robot):
+    with tendril.Client() as client:
+        yield client
+
+
+def wait_until(client, condition, what, timeout=20.0):
+    end = time.monotonic() + timeout
+    for state in client:
+        if condition(state):
+            return state
+        assert time.monotonic() < end, f"{what}: still {state.mode_text}, {state.status_text}"
+    raise AssertionError("the states ended")
+
+
+@pytest.mark.parametrize("kind", [tendril.State, tendril.Event, tendril.Statistics])
+def test_dataclasses_mirror_the_messages(kind):
+    message = {tendril.State: messages.state_t, tendril.Event: messages.event_t, tendril.Statistics: messages.statistics_t}[kind]
+    fields = [name for name in message.__slots__ if not name.startswith("num_")]
+    assert [field.name for field in dataclasses.fields(kind)] == fields
+
+
+def test_bends_as_it_is_told_and_is_disarmed_on_leaving(robot):
+    with tendril.Client() as client:
+        assert "running" in client.arm()
+        assert "accepted" in client.send_bending([0.3, -0.2], speed=2.0)
+        state = wait_until(client, lambda s: np.allclose(s.bending_desired_rad, [0.3, -0.2], atol=1e-3), "bend")
+        assert state.running and state.tension_measured_N.shape == (3,)
+        model = tendril.Model(client.robot())
+        arc = model.fk(model.spread(state.bending_desired_rad)).position
+        assert np.allclose(arc, state.tip_desired_W_m, atol=1e-12)
+        assert "accepted" in client.send_tip(arc, speed=2.0)
+        assert client.send_tip(arc, timeout=0) == ""
+        assert client.daemon().prefix == "TENDRIL"
+    with tendril.Client() as client:
+        wait_until(client, lambda s: s.disarmed, "disarm")
+
+
+def test_an_exception_disarms_too(robot):
+    with pytest.raises(ZeroDivisionError), tendril.Client() as client:
+        client.arm()
+        1 / 0
+    with tendril.Client() as client:
+        wait_until(client, lambda s: s.disarmed, "disarm")
+
+
+def test_watching_disarms_nothing(robot):
+    with tendril.Client() as first:
+        first.arm()
+        with tendril.Client() as second:
+            assert second.state().running
+            found = second.statistics() or time.sleep(1.5) or second.statistics()
+            assert found is not None and found.drive_node_id.size == 3
+        time.sleep(0.2)
+        assert first.state().running
+
+
+def test_refusals_have_reason_and_remedy(client):
+    with pytest.raises(tendril.DaemonError, match="refused"):
+        client.send_bending([0.1, 0.1])  # not armed
+    with pytest.raises(ValueError, match="millimetres"):
+        client.send_tip([0, 0, 60])
+    with pytest.raises(ValueError, match=r"tip has shape \(2,\); expected \(3,\)"):
+        client.send_tip([0, 0.05])
+    with pytest.raises(ValueError, match=r"bending\[1\] is nan"):
+        client.send_bending([0, np.nan])
+    with pytest.raises(ValueError, match="timeout is -1"):
+        client.arm(timeout=-1)
+    client.close()
+    with pytest.raises(ValueError, match="closed"):
+        client.state()
+
+
+def test_nobody_there_is_said():
+    with tendril.Client(prefix="NOBODY") as client, pytest.raises(tendril.DaemonError, match="no daemon answers"):
+        client.state(timeout=0.3)
+    with pytest.raises(tendril.DaemonError):
+        tendril.Client(url="udpm://1.2.3.4:80")
+
+
+def test_ctrl_c_disarms(robot):
+    script = (
+        "import tendril\n"
+        "with tendril.Client() as client:\n"
+        "    client.arm()\n"
+        "    print('armed', flush=True)\n"
+        "    for state in client:\n"
+        "        pass\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "armed\n"
+    begin = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=20)
+    assert "KeyboardInterrupt" in errors and time.monotonic() - begin < 5
+    with tendril.Client() as client:
+        wait_until(client, lambda s: s.disarmed, "disarm")
+
+
+def test_messages_serve_plain_lcm_programs(client):
+    lcm = pytest.importorskip("lcm")
+    heard = []
+    connection = lcm.LCM(tendril.client.DEFAULT_URL)
+    connection.subscribe("TENDRIL_STATE", lambda _channel, data: heard.append(messages.state_t.decode(data)))
+    end = time.monotonic() + 5
+    while not heard and time.monotonic() < end:
+        connection.handle_timeout(100)
+    assert heard and heard[0].num_tendons == 3 and heard[0].mode == client.state().mode
+
+
+def test_a_square_in_twenty_lines(robot):
+    program = SOURCE / "examples" / "square.py"
+    lines = [line for line in program.read_text().splitlines() if line.strip() and not line.strip().startswith("#")]
+    assert len(lines) <= 20
+    done = subprocess.run([sys.executable, program], capture_output=True, text=True, timeout=100, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "largest distance" in done.stdout

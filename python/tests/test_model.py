@@ -1,0 +1,135 @@
+"""The model: results equal those of `tendril model` bit for bit, one row and many, and what is wrong is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import tendril
+
+from conftest import ROBOTS, program
+
+FILES = ["rig_60mm.yaml", "two_section.yaml", "four_tendon_90mm.yaml"]
+
+
+@pytest.fixture(params=FILES, scope="module")
+def file(request):
+    return ROBOTS / request.param
+
+
+@pytest.fixture(scope="module")
+def model(file):
+    return tendril.Model(tendril.load_robot(file))
+
+
+def states(model, count=40, seed=1):
+    random = np.random.default_rng(seed)
+    n, m = 2 * model.robot.units, model.robot.tendons
+    return 0.1 * random.standard_normal((count, n)), random.standard_normal((count, n)), random.random((count, m))
+
+
+def evaluated(what, file, names, table):
+    """Columns of `tendril model WHAT` for the table's rows; both texts are exact."""
+    lines = [",".join(names)] + [",".join(repr(float(x)) for x in row) for row in table]
+    out = program("model", what, "--robot", file, text="\n".join(lines) + "\n").splitlines()
+    return np.array([[float(x) for x in line.split(",")] for line in out[1:]])
+
+
+def pairs(a, b, count):
+    return [f"{x}{i}" for i in range(1, count + 1) for x in (a, b)]
+
+
+def tensions(model):
+    return [f"T{j}" for j in range(1, model.robot.tendons + 1)]
+
+
+def test_equals_the_command_line(file, model):
+    q, dq, tension = states(model)
+    units = model.robot.units
+    accel = evaluated(
+        "accel", file, pairs("u", "v", units) + pairs("du", "dv", units) + tensions(model), np.hstack([q, dq, tension])
+    )
+    assert np.array_equal(model.forward_dynamics(q, dq, tension), accel)
+    tip = model.fk(q)
+    fk = evaluated("fk", file, pairs("u", "v", units), q)
+    assert np.array_equal(np.hstack([tip.position, tip.orientation, tip.tendon_lengths]), fk)
+    statics = evaluated("statics", file, tensions(model) + ["fx", "fy", "fz"], np.hstack([tension, 1e-3 * dq[:, :3]]))
+    shape = model.statics(tension, 1e-3 * dq[:, :3])
+    assert np.array_equal(np.hstack([shape, model.fk(shape).position]), statics)
+    assert np.array_equal(model.frequencies(tension), evaluated("frequencies", file, tensions(model), tension))
+    mass = evaluated("mass", file, pairs("u", "v", units), q)
+    assert np.array_equal(model.mass_matrix(q).reshape(len(q), -1), mass)
+    energy = evaluated("energy", file, pairs("u", "v", units) + pairs("du", "dv", units), np.hstack([q, dq]))
+    assert np.array_equal(model.energy(q, dq), energy)
+
+
+def test_one_row_equals_its_row_of_many(model):
+    q, dq, tension = states(model, 9)
+    many = model.forward_dynamics(q, dq, tension)
+    one = model.forward_dynamics(q[4], dq[4], tension[4])
+    assert one.shape == (2 * model.robot.units,) and np.array_equal(one, many[4])
+    assert np.array_equal(model.forward_dynamics(q, dq[4], tension)[4], many[4])
+    assert model.jacobian(q[0]).shape == (6, 2 * model.robot.units)
+
+
+def test_jacobian_is_the_derivative_of_the_tip(model):
+    q = states(model, 1)[0][0]
+    step = 1e-6
+    for k in range(q.size):
+        moved = np.array([q, q])
+        moved[0, k] += step
+        moved[1, k] -= step
+        ends = model.fk(moved).position
+        assert np.allclose(model.jacobian(q)[:3, k], (ends[0] - ends[1]) / (2 * step), atol=1e-8)
+
+
+def test_points_of_the_shape_fit_each_other(model):
+    q = states(model, 3)[0]
+    disks, points, tip = model.disks(q), model.tendon_points(q), model.fk(q)
+    assert np.allclose(disks[:, -1, :3, 3], tip.position, atol=1e-15)
+    # Tendons are straight between disks: their polylines are as long as the model says.
+    pieces = np.linalg.norm(np.diff(points, axis=2), axis=-1)
+    assert np.allclose(np.nansum(pieces, axis=-1), tip.tendon_lengths, rtol=1e-12)
+    backbone = model.backbone(q, points=2001)
+    length = np.linalg.norm(np.diff(backbone, axis=1), axis=-1).sum(axis=-1)
+    assert np.allclose(length, model.robot.length, rtol=1e-6)
+    assert np.allclose(backbone[:, -1], tip.position, atol=1e-12) and not backbone[:, 0].any()
+
+
+def test_wrong_arguments_say_what_is_expected(rig):
+    model = tendril.Model(rig)
+    with pytest.raises(ValueError, match=r"T has shape \(2,\); expected \(3,\) or \(N, 3\): tensions"):
+        model.statics([1, 2])
+    with pytest.raises(ValueError, match=r"T\[1, 2\] is nan; give finite numbers"):
+        model.statics([[1, 2, 3], [1, 2, np.nan]])
+    with pytest.raises(ValueError, match="tendons only pull"):
+        model.frequencies([1, -2, 3])
+    with pytest.raises(ValueError, match="dq has 3 rows and q 2"):
+        n = 2 * rig.units
+        model.forward_dynamics(np.zeros((2, n)), np.zeros((3, n)), np.zeros(3))
+    with pytest.raises(ValueError, match="is str, not numbers"):
+        model.fk("straight")
+    with pytest.raises(ValueError, match="give a Robot"):
+        tendril.Model("rig")
+
+
+def test_a_row_without_solution_is_named(rig):
+    model = tendril.Model(rig)
+    with pytest.raises(tendril.ModelError, match="row 1: no .*equilibrium.*lower the tensions") as error:
+        model.statics([[1, 1, 1], [1e5, 0, 0]])
+    assert error.value.row == 1
+    with pytest.raises(tendril.ModelError, match="row 0: unit 1 is bent .*bend it less"):
+        model.fk(np.full(2 * rig.units, 5.0))
+
+
+def test_errors_of_files_name_file_line_and_key(tmp_path):
+    text = (ROBOTS / "rig_60mm.yaml").read_text()
+    assert "youngs_modulus_Pa:" in text
+    path = tmp_path / "robot.yaml"
+    path.write_text(text.replace("youngs_modulus_Pa:", "youngs_modulus:", 1))
+    with pytest.raises(tendril.ConfigError) as error:
+        tendril.load_robot(path)
+    assert error.value.file == str(path) and error.value.line and "youngs_modulus" in (error.value.key or "")
+    with pytest.raises(tendril.ConfigError, match="no such file") as error:
+        tendril.load_robot(tmp_path / "none.yaml")
+    assert error.value.line is None and error.value.file == str(tmp_path / "none.yaml")
