@@ -10,12 +10,11 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "tendril/core/angle.h"
 #include "tendril/model/capstan.h"
 
 namespace tendril::commission {
 namespace {
-
-constexpr double kDegrees = 180 / std::numbers::pi;
 
 // Shares of controller.take_up.max_travel_m: travel of the first look for the tendon, and travel that loosens
 // it.
@@ -418,12 +417,13 @@ class Procedure {
     if (nearest > kNearShare * neighbours) {
       f.seen_tendon = 0;
       say("direction?",
-          fmt::format("the robot bends to {:.0f} deg, where no tendon is", f.seen_angle_rad * kDegrees),
+          fmt::format("the robot bends to {:.0f} deg, where no tendon is",
+                      f.seen_angle_rad * kDegreesPerRadian),
           "check what the base frame's x axis is, and the holes' angle_rad in the robot file");
     } else if (f.seen_tendon != f.tendon) {
       say(fmt::format("pulls {}", f.seen_tendon),
           fmt::format("the robot bends to {:.0f} deg, where tendon {} is: node {} pulls that one",
-                      f.seen_angle_rad * kDegrees, f.seen_tendon, f.node.node_id),
+                      f.seen_angle_rad * kDegreesPerRadian, f.seen_tendon, f.node.node_id),
           fmt::format("give node {} tendon: {} in bus.nodes of the daemon's file (or exchange the tendons)",
                       f.node.node_id, f.seen_tendon));
     }

@@ -19,8 +19,6 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
 bool Enabled(const CycleRecord& record) {
   return std::all_of(record.input.drive.begin(), record.input.drive.begin() + record.input.drives,
                      [](const DriveFeedback& d) { return d.state == DriveState::kEnabled; });
@@ -161,13 +159,13 @@ class LogRun {
     if (!fresh) ++stale_;
     const std::int32_t counts = Difference(drive.position_counts, zero_counts_[d]);
     run_.motor_position_rad(row, j) =
-        fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn : kNone;
-    run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNone;
+        fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn : kNoReading;
+    run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNoReading;
     if (run_.tension_N.cols() > 0) {
       const bool cell = tendon.load_cell.place != LoadCellPlace::kNone && tendon.load_cell.gain_VpN > 0;
       run_.tension_N(row, j) =
           fresh && cell ? drive.analog_mV * 1e-3 / tendon.load_cell.gain_VpN - tendon.load_cell.offset_N
-                        : kNone;
+                        : kNoReading;
     }
   }
 
@@ -181,8 +179,8 @@ class LogRun {
       if (cycles_[i].input.tracker.valid) samples.push_back(&cycles_[i].input.tracker);
     }
     if (samples.empty()) return;
-    run_.tip_m.setConstant(rows, 3, kNone);
-    run_.tip_quaternion.setConstant(rows, 4, kNone);
+    run_.tip_m.setConstant(rows, 3, kNoReading);
+    run_.tip_quaternion.setConstant(rows, 4, kNoReading);
     const TimeNs start_ns = cycles_[kept.front()].input.time_ns;
     int used = 0;
     for (const TrackerSample* sample : samples) {

@@ -23,7 +23,6 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 // Maximum number of names in a note.
 constexpr std::size_t kNamed = 6;
 
@@ -103,9 +102,9 @@ void Normalise(Run& run) {
   for (Eigen::Index i = 0; i < run.tip_quaternion.rows(); ++i) {
     const double norm = run.tip_quaternion.row(i).norm();
     if (std::isnan(norm)) {
-      run.tip_quaternion.row(i).setConstant(kNone);
+      run.tip_quaternion.row(i).setConstant(kNoReading);
     } else if (std::abs(norm - 1) > 0.05) {
-      run.tip_quaternion.row(i).setConstant(kNone);
+      run.tip_quaternion.row(i).setConstant(kNoReading);
       ++bad;
     } else if (std::abs(norm - 1) > 1e-12) {
       run.tip_quaternion.row(i) /= norm;
@@ -263,7 +262,7 @@ class RunTable {
       for (std::size_t c = 0; c < columns.size(); ++c) {
         auto column = matrix.col(static_cast<Eigen::Index>(c));
         if (columns[c] < 0) {
-          column.setConstant(kNone);
+          column.setConstant(kNoReading);
         } else {
           copy(table.numbers[static_cast<std::size_t>(columns[c])], column);
         }

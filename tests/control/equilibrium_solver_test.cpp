@@ -9,15 +9,14 @@
 #include <string>
 
 #include "ideal_loop.h"
+#include "support/rig_file.h"
 #include "tendril/model/inverse.h"
 #include "tendril/model/statics.h"
 
 namespace tendril::control {
 namespace {
 
-RobotParameters Rig(const std::string& name) {
-  return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/" + name + ".yaml");
-}
+using test::Rig;
 
 BendingReference At(const BendingVector& position) {
   const BendingVector zero = BendingVector::Zero(position.size());

@@ -10,15 +10,13 @@
 #include <numbers>
 #include <string>
 
-#include "tendril/config/config.h"
+#include "support/rig_file.h"
 #include "tendril/model/body.h"
 
 namespace tendril::control {
 namespace {
 
-RobotParameters Rig(const std::string& name) {
-  return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/" + name + ".yaml");
-}
+using test::Rig;
 
 // Largest tension error in the last of several seconds after a kick, relative to that in the first: rotors,
 // tendons and the straight body's bending in small Euler steps, each drive with the loop under test.
@@ -226,7 +224,8 @@ TEST_F(OneLoop, ASlackTendonIsTakenUpQuickly) {
 // While the pulleys turn round nobody knows what a cell before them should show.
 TEST_F(OneLoop, WhatThePulleysLeaveOpenIsNoError) {
   const auto step = [&](double measured_N) {
-    return loop.Step(still, measured_N, {.cell_N = 1.0, .motor_velocity_radps = 1e-3, .uncertainty_N = 0.2}, true);
+    return loop.Step(still, measured_N, {.cell_N = 1.0, .motor_velocity_radps = 1e-3, .uncertainty_N = 0.2},
+                     true);
   };
   double torque = 0;
   for (int i = 0; i < 1000; ++i) torque = step(0.81);

@@ -17,15 +17,11 @@
 namespace tendril::emulator {
 namespace {
 
-constexpr int kDrives = 3;
-
 using canopen::BusEvent;
 using canopen::Master;
 using ::testing::AllOf;
 using ::testing::Each;
 using ::testing::HasSubstr;
-
-constexpr double kRated_Nm = 7.056e-3;
 
 class Rig {
  public:

@@ -19,8 +19,6 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr RobotShape kShape{1, 4, 3};
-
 struct GatewayTest : testing::Test {
   static LcmParameters Parameters() { return {"memq://", "TENDRIL", 1, 1}; }
 

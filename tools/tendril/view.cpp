@@ -32,7 +32,7 @@ void View(const ViewOptions& o) {
   if (o.no_browser) words.emplace_back("--no-browser");
   words.emplace_back("--");
   words.insert(words.end(), o.sources.begin(), o.sources.end());
-  RunPython("tendril.view", words);
+  RunPython("tendril.view", words, {"viser", "lcm"});
 }
 
 }  // namespace
