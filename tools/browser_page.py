@@ -77,9 +77,9 @@ class Page:
         return result["result"].get("value")
 
     def until(self, script, within_s=30):
-        """Waits until the script's value is true."""
+        """Waits until the script's value is true. One that fails is not true yet: a new page has no body."""
         end = time.monotonic() + within_s
-        while not self.evaluate(script):
+        while not self.evaluate(f"(() => {{ try {{ return Boolean({script}) }} catch {{ return false }} }})()"):
             if time.monotonic() > end:
                 raise TimeoutError(f"not within {within_s} s: {script}; the page says: {self.messages[-3:]}")
             time.sleep(0.2)
@@ -113,11 +113,12 @@ def main():
     parser.add_argument("--size", default="1280x720")
     parser.add_argument("--wait", default="true", help="a script whose value is true once the page is ready")
     parser.add_argument("--after", type=float, default=2, help="seconds from then to the picture")
+    parser.add_argument("--within", type=float, default=120, help="seconds that this may take")
     parser.add_argument("--do", default="null", help="a script to run before the picture")
     options = parser.parse_args()
     width, height = (int(n) for n in options.size.split("x"))
     with Page(options.address, width, height) as page:
-        page.until(options.wait)
+        page.until(options.wait, options.within)
         page.evaluate(options.do)
         end = time.monotonic() + options.after
         while time.monotonic() < end:

@@ -15,6 +15,8 @@ namespace nb = nanobind;
 NB_MODULE(_core, m) {
   using namespace tendril;
   m.doc() = "The C++ rooms of Tendril, as the package tendril uses them. Programs import tendril instead.";
+  // Threads of other packages may hold objects until Python ends; that is nothing to tell a user.
+  nb::set_leak_warnings(false);
   m.attr("version") = std::string(Version());
   m.attr("revision") = std::string(GitRevision());
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {

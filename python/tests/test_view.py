@@ -1,11 +1,12 @@
 """The view: what it reads, what it draws, whom it answers. A browser is not needed here; see test_view_page.py."""
 
-import asyncio
 import json
 import os
+import shutil
 import socket
 import subprocess
 import sys
+import time
 import urllib.error
 import urllib.request
 
@@ -17,13 +18,13 @@ lcm = pytest.importorskip("lcm", reason="the extra 'view' is not installed")
 
 import stand_in
 import view_help
+from conftest import SOURCE
 
 stand_in.install()
 
 from tendril.view import __main__ as program
 from tendril.view import (
     colours,
-    diagnosis,
     frames,
     geometry,
     logs,
@@ -150,9 +151,9 @@ def test_takes_no_message_but_a_controls_value(served, monkeypatch):
         page.send(msgspec.msgpack.encode({"type": kind, **fields}))
 
     def settled(holds):
-        end = __import__("time").monotonic() + 10
-        while not holds() and __import__("time").monotonic() < end:
-            __import__("time").sleep(0.02)
+        end = time.monotonic() + 10
+        while not holds() and time.monotonic() < end:
+            time.sleep(0.02)
         return holds()
 
     uuid = slider._impl.uuid
@@ -262,7 +263,7 @@ def test_logs_that_cannot_be_shown_are_one_line(tmp_path):
         "y.lcmlog",
         "the robot in this log",
     )
-    two = robots.load_robot(str(view_help.ROOT / "config/robots/two_section.yaml"))
+    two = robots.load_robot(str(SOURCE / "config/robots/two_section.yaml"))
     path = view_help.write_log(tmp_path / "two.lcmlog", [("STATE", state)])
     refused(lambda: logs.read_log(path, two), "1 sections", "--robot")
     cut = view_help.circle_log(tmp_path / "cut.lcmlog", seconds=0.5)
@@ -292,7 +293,7 @@ def test_words_that_are_no_source_are_one_line(tmp_path):
 
 @pytest.mark.parametrize("file", ["rig_60mm.yaml", "two_section.yaml"])
 def test_the_arcs_through_a_tip_are_those_it_was_made_of(file):
-    robot = robots.drawn(robots.load_robot(str(view_help.ROOT / "config/robots" / file)))
+    robot = robots.drawn(robots.load_robot(str(SOURCE / "config/robots" / file)))
     sections = len(robot.units)
     bends = np.random.default_rng(1).uniform(-0.9, 0.9, (20, 2 * sections))
     bends[0] = 0
@@ -358,7 +359,7 @@ def test_a_set_shows_its_tip_and_its_cells(tmp_path):
     )
     refused(
         lambda: sources.open_sources([str(write_set(tmp_path / "empty", rows[:0], columns))], None),
-        "no run to draw",
+        "0 usable rows",
     )
 
 
@@ -500,23 +501,19 @@ def test_a_run_is_chosen_and_time_sought(served, circle):
     showing.panel.trail_s = 0.5
     assert showing.panel.frames()[0].time_s == pytest.approx(1.0, abs=0.02)
     showing.panel.chosen = 1
+    showing.step(0.1)
     assert showing.panel.frames()[-1].time_s <= second.duration_s
 
 
 # ---- the command ----
 
 
-def command(*words, **environment):
-    code = (
-        "import sys, stand_in; stand_in.install(); from tendril.view.__main__ import main; sys.exit(main())"
-    )
-    path = os.pathsep.join(p for p in sys.path if p)
+def command(*words):
     return subprocess.run(
-        [sys.executable, "-B", "-c", code, *words],
+        [sys.executable, "-P", "-m", "tendril.view", *words],
         capture_output=True,
         text=True,
         timeout=60,
-        env={**os.environ, "PYTHONPATH": path, **environment},
         check=False,
     )
 
@@ -554,3 +551,27 @@ def test_help_names_every_option():
         "127.0.0.1",
     ):
         assert word in done.stdout
+
+
+@pytest.mark.skipif(not shutil.which("tendril"), reason="the program is not on the path")
+def test_tendril_hands_over_to_the_view():
+    def handed_over(python, *words):
+        environment = {**os.environ, "TENDRIL_PYTHON": python}
+        done = subprocess.run(
+            ["tendril", "view", *words],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            env=environment,
+            check=False,
+        )
+        assert done.stdout == "" and done.stderr.count("\n") == 1, done.stderr
+        return done.returncode, done.stderr
+
+    assert handed_over(sys.executable, "--", "-nowhere")[1].startswith(
+        "tendril: view: '-nowhere': no such file"
+    )
+    status, line = handed_over("/usr/bin/false", "nowhere")
+    assert status == 1 and "pip install './python[view]'" in line
+    assert handed_over(sys.executable, "--port", "99999")[0] == 2
+    assert handed_over(sys.executable, "--robot", "x.yaml")[0] == 2

@@ -1,7 +1,6 @@
 """The view of a running daemon: states, robots and trackers as they come over LCM, in a network of its own
 (tests/tools/own_network.sh); skipped where there is no route for it."""
 
-import dataclasses
 import socket
 import time
 
@@ -13,10 +12,11 @@ lcm = pytest.importorskip("lcm", reason="the extra 'view' is not installed")
 
 import stand_in
 import view_help
+from conftest import SOURCE
 
 stand_in.install()
 
-from tendril.view import live, show
+from tendril.view import live
 from tendril.view.frames import ViewError
 
 URL = "udpm://239.255.76.67:7667?ttl=0"
@@ -178,7 +178,7 @@ def test_no_route_is_one_line(monkeypatch):
 
 def test_nothing_of_the_view_publishes():
     """It listens: there is no call that sends, and no client of the package."""
-    folder = view_help.ROOT / "python/tendril/view"
+    folder = SOURCE / "python/tendril/view"
     for path in folder.glob("*.py"):
         text = path.read_text()
         assert "publish" not in text.replace("nothing here publishes", ""), path

@@ -1,37 +1,17 @@
 """What the view's tests share: logs and robots written here, from the message types and robot files alone."""
 
-import pathlib
-import subprocess
-import sys
-import tempfile
-
 import numpy as np
 
-HERE = pathlib.Path(__file__).resolve().parent
-ROOT = HERE.parent.parent
-ROBOT = ROOT / "config/robots/rig_60mm.yaml"
+from tendril import messages
+
+from conftest import SOURCE
+
+ROBOT = SOURCE / "config/robots/rig_60mm.yaml"
 START = 1_700_000_000_000_000  # [us] of the logs
 
 
-def generated_messages():
-    """The message types, made by lcm-gen."""
-    folder = tempfile.mkdtemp()
-    files = sorted(map(str, (ROOT / "lcm_types").glob("*.lcm")))
-    subprocess.run(["lcm-gen", "-p", "--ppath", folder, *files], check=True)
-    sys.path.insert(0, folder)
-    import tendril_lcm
-
-    return tendril_lcm
-
-
-def with_message_types():
-    from tendril import messages
-
-    return messages
-
-
 def run_message(robot_yaml=None):
-    message = with_message_types().run_t()
+    message = messages.run_t()
     message.utime = message.start_utime = START
     message.num_sections, message.num_units, message.num_tendons = 1, 4, 3
     message.version, message.git_revision = "0.1.0", "test"
@@ -42,7 +22,7 @@ def run_message(robot_yaml=None):
 def state_message(
     time_s, bending=(0.5, 0.0), tensions=(1.0, 2.0, 3.0), tip=(0.01, 0.0, 0.05), mode="running"
 ):
-    message = with_message_types().state_t()
+    message = messages.state_t()
     message.num_bending, message.num_tendons, message.num_covariance, message.num_reported = 2, 3, 4, 0
     message.utime, message.cycle = START + round(1e6 * time_s), round(1e3 * time_s)
     message.mode, message.mode_text = 4, mode
@@ -65,7 +45,7 @@ def state_message(
 
 
 def tracker_message(time_s, tip=(0.011, 0.0, 0.05), valid=True):
-    message = with_message_types().tracker_t()
+    message = messages.tracker_t()
     message.utime, message.valid, message.tip_W_m = START + round(1e6 * time_s), valid, tuple(tip)
     message.orientation_WT = (1.0, 0.0, 0.0, 0.0)
     return message

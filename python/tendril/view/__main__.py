@@ -133,6 +133,8 @@ def show(options: argparse.Namespace) -> None:
         print(running.rate.line(), flush=True)
     finally:
         servers.stop(server)
+        if live is not None:
+            live.close()
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -58,12 +58,13 @@ def runs_of_command(report: dict[str, Any], path: pathlib.Path) -> list[str]:
 
 
 def simulated(robot: Any, run: Any, times_s: Array) -> Array:
-    """n x 2N: the motion that this robot makes with the signals of the run, as the diagnosis simulates it."""
-    import tendril
+    """T x 2N: the shape that this robot would have had in the run, as the diagnosis simulates it; NaN where nothing
+    recorded can drive a model."""
+    from tendril import _core
 
     try:
-        return np.asarray(tendril.replay_motion(robot, run, times_s))
-    except (RuntimeError, ValueError):
+        return _core.replayed_shape(robot, run, run.time[0] + times_s)
+    except RuntimeError:
         return unknown(len(times_s), 2 * robot.units)
 
 
@@ -98,7 +99,7 @@ def side_by_side(measured: Recording, others: list[tuple[DrawnRobot, Array]]) ->
         if np.isfinite(distances).any():
             rms = np.sqrt(np.nanmean(distances**2))
             remarks.append(f"{robot.title}: {1e3 * rms:.2f} mm rms from the measured tip")
-    drawn = (dataclasses.replace(measured.robots[0], title="measured"), *(robot for robot, _ in others))
+    drawn = (measured.robots[0], *(robot for robot, _ in others))
     return Recording(measured.title, drawn, frames, tuple(remarks))
 
 
@@ -131,7 +132,7 @@ def read_diagnosis(path: pathlib.Path, data: list[str]) -> list[Recording]:
         )
         titles.append((f"corrected: {causes}", corrected))
     names = {"coloured_by": "cell", "measured_is": "its tip", "reference_is": "measured tip"}
-    measured_robot = robots.drawn(nominal, **names)
+    measured_robot = robots.drawn(nominal, "measured", **names)
     drawn = [(robots.drawn(robot, title, **names), robot) for title, robot in titles]
     recordings = []
     for run in data_set.runs:

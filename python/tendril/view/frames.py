@@ -41,7 +41,7 @@ class Frame:
     note: str = ""  # of this moment: the mode, a fault and its remedy
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class DrawnRobot:
     """A robot of the picture."""
 

@@ -55,12 +55,16 @@ class Live:
         self._robot_yaml, self._first_utime = "", 0
         self._tracker, self._frames = Tracker(), collections.deque[Frame]()
         self._state: bytes | None = None
-        for name, take in (
-            ("STATE", self._take_state),
-            ("RUN", self._take_run),
-            ("TRACKER", self._take_tracker),
-        ):
-            self.lcm.subscribe(f"{re.escape(prefix)}_{name}", take).set_queue_capacity(200)
+        takes = {"STATE": self._take_state, "RUN": self._take_run, "TRACKER": self._take_tracker}
+        self._subscriptions = [
+            self.lcm.subscribe(f"{re.escape(prefix)}_{name}", takes[name]) for name in takes
+        ]
+        for subscription in self._subscriptions:
+            subscription.set_queue_capacity(200)
+
+    def close(self) -> None:
+        while self._subscriptions:
+            self.lcm.unsubscribe(self._subscriptions.pop())
 
     def _take_state(self, _channel: str, data: bytes) -> None:
         self._state, self._heard_s = data, time.monotonic()

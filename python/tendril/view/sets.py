@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import pathlib
 from typing import Any
 
 import numpy as np
@@ -30,13 +29,13 @@ class Run:
 
 
 def open_set(paths: list[str], robot: Any = None) -> Any:
-    """The package's data set of any mixture of folders, CSV files and logs; `robot` instead of its own."""
+    """The package's data set of any mixture of folders, CSV files and logs; `robot` (or its file) instead of its own."""
     import tendril
 
     try:
-        return tendril.DataSet.from_folder(paths[0], robot)
+        return tendril.DataSet.from_folder(*paths, robot=robot)
     except (OSError, RuntimeError, ValueError) as e:
-        raise ViewError(str(e)) from None
+        raise ViewError("; ".join(line.strip() for line in str(e).splitlines())) from None
 
 
 def held(time_s: Array, values: Array) -> Array:
@@ -108,6 +107,9 @@ def recording_of(robot: DrawnRobot, run: Run) -> Recording:
     except ViewError as e:
         raise ViewError(f"run {run.name}: {e}") from None
     shape, how = measured_shape(robot, run, rows)
+    known = np.flatnonzero(np.isfinite(shape).all(axis=1))
+    if len(known) and run.time_s[rows[known[0]]] - run.time_s[0] <= HOLD_S:
+        rows, shape = rows[known[0] :], shape[known[0] :]  # until a slower sensor's first reading
     if not how:
         raise ViewError(
             f"run {run.name}: neither bends, a tip nor tensions are recorded: nothing can be drawn of it"
@@ -128,11 +130,10 @@ def recording_of(robot: DrawnRobot, run: Run) -> Recording:
 
 
 def columns(run: Any) -> Run:
-    """Of the package's run, whose arrays are named alike."""
-    return Run(
-        run.name,
-        *(np.asarray(getattr(run, field.name), dtype=float) for field in dataclasses.fields(Run)[1:]),
-    )
+    """Of the package's run, where None is what was not measured."""
+    none = unknown(0, 0)
+    channels = (run.tension, run.tip, run.tip_orientation, run.bending)
+    return Run(run.name, run.time, *(none if channel is None else channel for channel in channels))
 
 
 def read_set(paths: list[str], given: Any = None) -> list[Recording]:
