@@ -106,6 +106,19 @@ class Page:
         self.close()
 
 
+def await_server(address, within_s):
+    """A browser that finds nobody there does not try again."""
+    end = time.monotonic() + within_s
+    while True:
+        try:
+            urllib.request.urlopen(address, timeout=10).close()
+            return
+        except OSError as e:
+            if time.monotonic() > end:
+                sys.exit(f"{address}: nobody answers within {within_s:g} s ({e})")
+            time.sleep(0.1)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("address")
@@ -117,6 +130,7 @@ def main():
     parser.add_argument("--do", default="null", help="a script to run before the picture")
     options = parser.parse_args()
     width, height = (int(n) for n in options.size.split("x"))
+    await_server(options.address, options.within)
     with Page(options.address, width, height) as page:
         page.until(options.wait, options.within)
         page.evaluate(options.do)

@@ -10,11 +10,8 @@ import pytest
 pytest.importorskip("viser", reason="the extra 'view' is not installed")
 lcm = pytest.importorskip("lcm", reason="the extra 'view' is not installed")
 
-import stand_in
 import view_help
 from conftest import SOURCE
-
-stand_in.install()
 
 from tendril.view import live
 from tendril.view.frames import ViewError

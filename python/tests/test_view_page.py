@@ -80,7 +80,7 @@ READY = "document.querySelector('canvas') !== null && document.body.innerText.in
 
 
 def test_the_page_draws_and_moves(view):
-    with browser_page.Page(view.address, 900, 600) as page:
+    with browser_page.Page(view.address + "?fixedDpr=0.5", 800, 500) as page:
         page.until(READY, within_s=120)
         first_time = page.evaluate("document.body.innerText.match(/([0-9.]+) s running/)[1]")
         page.until(f"document.body.innerText.match(/([0-9.]+) s running/)[1] - {first_time} > 1", within_s=60)
@@ -97,12 +97,12 @@ def test_the_page_draws_and_moves(view):
     for word in ("time [s]", "play", "speed", "trail [s]", "tension", "reference", "tip off its reference"):
         assert word in words, words
     assert "Share" not in words
-    left = first[:, :560]
+    left = first[:, :460]
     assert (
         like(left, (230, 128, 10), 90) > 20 and like(left, (10, 140, 125), 90) > 20
     )  # the tips and their trails
     assert (left.sum(axis=2) < 250).sum() > 200  # backbone and base
-    assert (np.abs(first[:, :560] - second[:, :560]).sum(axis=2) > 60).sum() > 500
+    assert (np.abs(first[:, :460] - second[:, :460]).sum(axis=2) > 60).sum() > 500
 
 
 def test_a_page_of_another_site_does_not_reach_it(view, tmp_path):
