@@ -43,6 +43,8 @@ void Translate(const std::exception_ptr& p, void*) {
 NB_MODULE(_core, m) {
   using namespace tendril;
   m.doc() = "The C++ rooms of Tendril, as the package tendril uses them. Programs import tendril instead.";
+  // Threads of other packages may hold objects until Python ends; that is nothing to tell a user.
+  nb::set_leak_warnings(false);
   m.def("version", [] { return std::string(Version()); });
   m.def("revision", [] { return std::string(GitRevision()); });
   nb::register_exception_translator(&Translate);
@@ -53,5 +55,6 @@ NB_MODULE(_core, m) {
   python::AddDataSet(m);
   python::AddSimulate(m);
   python::AddDiagnose(m);
+  python::AddReplay(m);
   python::AddClient(m);
 }

@@ -41,7 +41,11 @@ def wait_until(client, condition, what, timeout=20.0):
 
 @pytest.mark.parametrize("kind", [tendril.State, tendril.Event, tendril.Statistics])
 def test_dataclasses_mirror_the_messages(kind):
-    message = {tendril.State: messages.state_t, tendril.Event: messages.event_t, tendril.Statistics: messages.statistics_t}[kind]
+    message = {
+        tendril.State: messages.state_t,
+        tendril.Event: messages.event_t,
+        tendril.Statistics: messages.statistics_t,
+    }[kind]
     fields = [name for name in message.__slots__ if not name.startswith("num_")]
     assert [field.name for field in dataclasses.fields(kind)] == fields
 
@@ -50,7 +54,9 @@ def test_bends_as_it_is_told_and_is_disarmed_on_leaving(robot):
     with tendril.Client() as client:
         assert "running" in client.arm()
         assert "accepted" in client.send_bending([0.3, -0.2], speed=2.0)
-        state = wait_until(client, lambda s: np.allclose(s.bending_desired_rad, [0.3, -0.2], atol=1e-3), "bend")
+        state = wait_until(
+            client, lambda s: np.allclose(s.bending_desired_rad, [0.3, -0.2], atol=1e-3), "bend"
+        )
         assert state.running and state.tension_measured_N.shape == (3,)
         model = tendril.Model(client.robot())
         arc = model.fk(model.spread(state.bending_desired_rad)).position
@@ -100,7 +106,10 @@ def test_refusals_have_reason_and_remedy(client):
 
 
 def test_nobody_there_is_said():
-    with tendril.Client(prefix="NOBODY") as client, pytest.raises(tendril.DaemonError, match="no daemon answers"):
+    with (
+        tendril.Client(prefix="NOBODY") as client,
+        pytest.raises(tendril.DaemonError, match="no daemon answers"),
+    ):
         client.state(timeout=0.3)
     with pytest.raises(tendril.DaemonError):
         tendril.Client(url="udpm://1.2.3.4:80")
@@ -140,7 +149,9 @@ def test_ctrl_c_disarms(robot):
         "    for state in client:\n"
         "        pass\n"
     )
-    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     assert process.stdout.readline() == "armed\n"
     begin = time.monotonic()
     process.send_signal(signal.SIGINT)
@@ -163,7 +174,9 @@ def test_messages_serve_plain_lcm_programs(client):
 
 def test_a_square_in_twenty_lines(robot):
     program = SOURCE / "examples" / "square.py"
-    lines = [line for line in program.read_text().splitlines() if line.strip() and not line.strip().startswith("#")]
+    lines = [
+        line for line in program.read_text().splitlines() if line.strip() and not line.strip().startswith("#")
+    ]
     assert len(lines) <= 20
     done = subprocess.run([sys.executable, program], capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 0, done.stderr

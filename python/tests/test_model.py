@@ -25,7 +25,11 @@ def model(file):
 def states(model, count=40, seed=1):
     random = np.random.default_rng(seed)
     n, m = 2 * model.robot.units, model.robot.tendons
-    return 0.1 * random.standard_normal((count, n)), random.standard_normal((count, n)), random.random((count, m))
+    return (
+        0.1 * random.standard_normal((count, n)),
+        random.standard_normal((count, n)),
+        random.random((count, m)),
+    )
 
 
 def evaluated(what, file, names, table):
@@ -47,16 +51,23 @@ def test_equals_the_command_line(file, model):
     q, dq, tension = states(model)
     units = model.robot.units
     accel = evaluated(
-        "accel", file, pairs("u", "v", units) + pairs("du", "dv", units) + tensions(model), np.hstack([q, dq, tension])
+        "accel",
+        file,
+        pairs("u", "v", units) + pairs("du", "dv", units) + tensions(model),
+        np.hstack([q, dq, tension]),
     )
     assert np.array_equal(model.forward_dynamics(q, dq, tension), accel)
     tip = model.fk(q)
     fk = evaluated("fk", file, pairs("u", "v", units), q)
     assert np.array_equal(np.hstack([tip.position, tip.orientation, tip.tendon_lengths]), fk)
-    statics = evaluated("statics", file, tensions(model) + ["fx", "fy", "fz"], np.hstack([tension, 1e-3 * dq[:, :3]]))
+    statics = evaluated(
+        "statics", file, tensions(model) + ["fx", "fy", "fz"], np.hstack([tension, 1e-3 * dq[:, :3]])
+    )
     shape = model.statics(tension, 1e-3 * dq[:, :3])
     assert np.array_equal(np.hstack([shape, model.fk(shape).position]), statics)
-    assert np.array_equal(model.frequencies(tension), evaluated("frequencies", file, tensions(model), tension))
+    assert np.array_equal(
+        model.frequencies(tension), evaluated("frequencies", file, tensions(model), tension)
+    )
     mass = evaluated("mass", file, pairs("u", "v", units), q)
     assert np.array_equal(model.mass_matrix(q).reshape(len(q), -1), mass)
     energy = evaluated("energy", file, pairs("u", "v", units) + pairs("du", "dv", units), np.hstack([q, dq]))

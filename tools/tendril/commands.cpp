@@ -35,6 +35,7 @@ std::unique_ptr<CLI::App> MakeApp() {
   AddSendCommand(*app);
   AddSimCommand(*app);
   AddStatusCommand(*app);
+  AddViewCommand(*app);
   config::SettleCommandLine(*app);
   return app;
 }

@@ -44,5 +44,6 @@ void AddRtCheckCommand(CLI::App& app);
 void AddSendCommand(CLI::App& app);
 void AddSimCommand(CLI::App& app);
 void AddStatusCommand(CLI::App& app);
+void AddViewCommand(CLI::App& app);
 
 }  // namespace tendril::tools
