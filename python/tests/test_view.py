@@ -503,7 +503,10 @@ def test_a_run_is_chosen_and_time_sought(served, circle):
     assert showing.panel.frames()[0].time_s == 0  # a trail of three seconds
     showing.panel.trail_s = 0.5
     assert showing.panel.frames()[0].time_s == pytest.approx(1.0, abs=0.02)
-    showing.panel.chosen = 1
+    for chosen, run in (("2 circle.lcmlog", 1), ("no such run", 1)):
+        showing.panel._wanted = chosen
+        showing.step(0.0)
+        assert showing.panel.chosen == run
     showing.step(0.1)
     assert showing.panel.frames()[-1].time_s <= second.duration_s
 

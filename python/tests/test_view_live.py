@@ -1,7 +1,10 @@
 """The view of a running daemon: states, robots and trackers as they come over LCM, in a network of its own
 (tests/tools/own_network.sh); skipped where there is no route for it."""
 
+import signal
 import socket
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -180,3 +183,24 @@ def test_nothing_of_the_view_publishes():
         text = path.read_text()
         assert "publish" not in text.replace("nothing here publishes", ""), path
         assert "Client(" not in text and "send_" not in text, path
+
+
+@needs_network
+def test_the_command_waits_for_a_daemon_and_says_so():
+    words = [sys.executable, "-P", "-u", "-m", "tendril.view", "--port", "0", "--no-browser"]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if "waiting" in line:
+            break
+    process.send_signal(signal.SIGINT)
+    lines += process.communicate(timeout=30)[0].splitlines(keepends=True)
+    assert process.returncode == 0, lines
+    assert [line.split(":")[0] for line in lines] == [
+        "tendril view",
+        "http",
+        "tendril view",
+        "no page was open\n",
+    ]
+    assert "no daemon answers on " + URL in lines[2] and "same --lcm and --prefix" in lines[2]

@@ -113,9 +113,6 @@ def show(options: argparse.Namespace) -> None:
     from .show import Show
     from .sources import open_sources
 
-    stop = threading.Event()
-    for one in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(one, lambda *_: stop.set())
     servers.require_free(options.port)  # before a long log is read
     recordings = open_sources(options.source, options.robot) if options.source else None
     live = None if recordings else Live(options.lcm, options.prefix)
@@ -127,7 +124,9 @@ def show(options: argparse.Namespace) -> None:
                 print(f"  {remark}")
         else:
             print(f"tendril view: live from {options.lcm}, {options.prefix}_STATE")
-        running = Show(server, recordings, live)
+        running, stop = Show(server, recordings, live), threading.Event()
+        for one in (signal.SIGINT, signal.SIGTERM):  # until here they end it at once
+            signal.signal(one, lambda *_: stop.set())
         open_browser(f"http://{servers.HOST}:{server.get_port()}", not options.no_browser)
         running.run(stop, options.duration)
         print(running.rate.line(), flush=True)
@@ -148,6 +147,8 @@ def main(arguments: list[str] | None = None) -> int:
     except ViewError as e:
         print(f"tendril: view: {e}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        return 130
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return 1

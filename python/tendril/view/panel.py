@@ -80,6 +80,8 @@ class Panel:
     def __init__(self, server: Any, recordings: list[Recording], live: bool, grid_mm: float):
         self.recordings, self.live = recordings, live
         self.chosen, self.trail_s, self.back_s = 0, 3.0, 0.0
+        self._titles: list[str] = []
+        self._wanted = ""  # controls answer on threads of their own, and a page may send any text
         self.clock = Clock(recordings[0].duration_s)
         self.gui = server.gui
         self.gui.reset()
@@ -93,6 +95,11 @@ class Panel:
     def recording(self) -> Recording:
         return self.recordings[self.chosen]
 
+    def choose(self) -> None:
+        """Takes the run that was asked for; between two frames, so that one is of one run."""
+        if self._wanted in self._titles:
+            self.chosen = self._titles.index(self._wanted)
+
     def _add_time(self) -> None:
         if self.live:
             self.time = self.gui.add_slider("seconds back", 0.0, 60.0, 0.1, 0.0)
@@ -101,14 +108,15 @@ class Panel:
         if len(self.recordings) > 1:
             titles = [f"{n + 1} {recording.title}" for n, recording in enumerate(self.recordings)]
             choice = self.gui.add_dropdown("run", titles, initial_value=titles[0])
-            choice.on_update(lambda event: setattr(self, "chosen", titles.index(choice.value)))
+            choice.on_update(lambda event: setattr(self, "_wanted", choice.value))
+            self._titles = titles
         longest = max(max(recording.duration_s for recording in self.recordings), 0.01)
         self.time = self.gui.add_slider("time [s]", 0.0, longest, 0.01, 0.0)
         self.time.on_update(self._seek)
         playing = self.gui.add_checkbox("play", True)
         playing.on_update(lambda event: setattr(self.clock, "playing", bool(playing.value)))
         speed = self.gui.add_dropdown("speed", list(SPEEDS), initial_value="1")
-        speed.on_update(lambda event: setattr(self.clock, "speed", SPEEDS[speed.value]))
+        speed.on_update(lambda event: setattr(self.clock, "speed", SPEEDS.get(speed.value, 1.0)))
 
     def _seek(self, event: Any) -> None:
         if event.client is not None:  # moved by a hand, not by the clock

@@ -37,13 +37,11 @@ def refusal(hosts: list[str], origins: list[str]) -> str | None:
     """Why a request with these Host and Origin headers is refused; None where it is not. The name counts and not the
     port, which differs where an SSH tunnel leads here; a page of another port has another origin than its Host.
     """
-    if (
-        len(hosts) != 1
-        or hosts[0].lower().rpartition(":")[0] not in OWN_NAMES
-        and hosts[0].lower() not in OWN_NAMES
-    ):
+    host = hosts[0].lower() if len(hosts) == 1 else ""
+    name = host.rpartition(":")[0] if ":" in host else host
+    if name not in OWN_NAMES:
         return f"the view answers to {' and '.join(OWN_NAMES)} only, not to the host {', '.join(hosts) or '(none)'}"
-    if any(origin.lower() != f"http://{hosts[0].lower()}" for origin in origins):
+    if any(origin.lower() != f"http://{host}" for origin in origins):
         return f"the view answers to its own page only, not to one of {', '.join(origins)}"
     return None
 

@@ -13,6 +13,7 @@ from .panel import WORDS_PER_S, Panel
 from .scene import Drawing
 
 FRAMES_PER_S = 30
+FIRST_WITHIN_S = 2.0  # a daemon that is there is heard by then
 
 
 class Rate:
@@ -53,6 +54,7 @@ class Show:
         self.panel: Panel | None = None
         self._drawn_robots: tuple[DrawnRobot, ...] = ()
         self._told_s = 0.0
+        self._said, self._say_from_s = "", time.monotonic() + FIRST_WITHIN_S
         self._waiting: Any = server.gui.add_html("") if live is not None else None
 
     def _silence(self) -> str:
@@ -64,6 +66,8 @@ class Show:
             if self.live.recording is None:
                 return None
             self.recordings = [self.live.recording]
+        elif self.panel is not None:
+            self.panel.choose()
         recording = self.panel.recording if self.panel and self.live is None else self.recordings[0]
         if recording.robots != self._drawn_robots:
             self.drawing = Drawing(self.server, recording.robots)
@@ -71,6 +75,15 @@ class Show:
             if self.live is not None or self.panel is None:
                 self.panel = Panel(self.server, self.recordings, self.live is not None, self.drawing.grid_mm)
         return self.panel
+
+    def _say_silence(self) -> None:
+        """On the terminal too, once each time that it begins or ends."""
+        silence = self._silence()
+        kind = silence.partition(" for ")[0]
+        if time.monotonic() < self._say_from_s or kind == self._said:
+            return
+        print(f"tendril view: {silence or 'states arrive'}", flush=True)
+        self._said = kind
 
     def step(self, by_s: float) -> None:
         """The next frame."""
@@ -106,6 +119,8 @@ class Show:
                 self.rate.count(now - before, time.process_time() - busy)
             elif self.live is not None:
                 self.live.poll()
+            if self.live is not None:
+                self._say_silence()
             before, busy = now, time.process_time()
             if seconds and self.rate.seconds >= seconds:
                 return
