@@ -1,6 +1,7 @@
 // `tendril config check`: validates a robot or daemon file and prints it resolved; for a daemon, the bus
-// budget too. Knows nothing of the keys.
+// budget too. `tendril config schema`: what editors need. Knows nothing of the keys.
 #include "tendril/config/config.h"
+#include "tendril/config/schema.h"
 
 #include <fmt/core.h>
 
@@ -41,6 +42,18 @@ void AddConfigCommand(CLI::App& app) {
   check->add_option("FILE", *file, "robot file (config/robots/*.yaml) or daemon file (config/tendrild.yaml)")
       ->required();
   check->callback([file] { Check(*file); });
+
+  CLI::App* schema = group->add_subcommand(
+      "schema", "JSON Schema of the robot or daemon file, for completion and checks in editors");
+  auto kind = std::make_shared<std::string>();
+  schema->add_option("KIND", *kind, "robot or daemon")->required()->check(CLI::IsMember({"robot", "daemon"}));
+  schema->footer(
+      "An editor with yaml-language-server reads it for a file whose first lines name it:\n"
+      "# yaml-language-server: $schema=PATH\n"
+      "The installed copies are robot.schema.json and daemon.schema.json in share/tendril/schema.");
+  schema->callback([kind] {
+    fmt::print("{}", *kind == "robot" ? config::RobotFileSchema() : config::DaemonFileSchema());
+  });
 }
 
 }  // namespace tendril::tools
