@@ -34,7 +34,9 @@ class Lister {
   /// The next key stands in place of these.
   void InsteadOf(std::vector<std::string> others) { instead_of_ = std::move(others); }
   /// Until the next call: keys that may be omitted, or 0, where `key` has this value.
-  void NeedlessWhere(std::string_view key, std::string_view value) { needless_ = {std::string(key), std::string(value)}; }
+  void NeedlessWhere(std::string_view key, std::string_view value) {
+    needless_ = {std::string(key), std::string(value)};
+  }
   /// The last key accepts only these of its range.
   void Only(std::span<const int> numbers) {
     for (const int number : numbers) keys_.back().choices.push_back(fmt::format("{}", number));

@@ -45,7 +45,8 @@ std::vector<const Key*> Schema::Below(std::string_view block) const {
   std::vector<const Key*> below;
   for (const Key& key : keys_) {
     const std::size_t dot = key.path.rfind('.');
-    if (std::string_view(key.path).substr(0, dot == std::string::npos ? 0 : dot) == block) below.push_back(&key);
+    if (std::string_view(key.path).substr(0, dot == std::string::npos ? 0 : dot) == block)
+      below.push_back(&key);
   }
   return below;
 }
@@ -160,7 +161,8 @@ Json Alternatives(const Key& key) {
 /// Keys that a block must have, and those of its blocks. Where some of it is given tendon by tendon, the
 /// common blocks need not be complete.
 Json Schema::Requirements(const std::string& block) const {
-  Json required = Json::array(), properties = Json::object(), optional = Json::object(), rules = Json::object();
+  Json required = Json::array(), properties = Json::object(), optional = Json::object(),
+       rules = Json::object();
   const std::vector<const Key*> below = Below(block);
   const auto replaced = [&](const Key& key) {
     return std::any_of(below.begin(), below.end(), [&](const Key* other) {
@@ -202,6 +204,8 @@ Json Schema::Requirements(const std::string& block) const {
 }  // namespace
 
 std::string RobotFileSchema() { return Schema(RobotFileKeys()).Whole("Tendril robot file").dump(2) + "\n"; }
-std::string DaemonFileSchema() { return Schema(DaemonFileKeys()).Whole("Tendril daemon file").dump(2) + "\n"; }
+std::string DaemonFileSchema() {
+  return Schema(DaemonFileKeys()).Whole("Tendril daemon file").dump(2) + "\n";
+}
 
 }  // namespace tendril::config

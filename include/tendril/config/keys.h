@@ -18,8 +18,8 @@ struct Range {
 };
 
 struct Key {
-  /// A kMapping with a range: more keys of the same block, each a number. Without: entries by number, each with
-  /// blocks that the mapping's own block requires, in part.
+  /// A kMapping with a range: more keys of the same block, each a number. Without: entries by number, each
+  /// with blocks that the mapping's own block requires, in part.
   enum class Kind { kValue, kBlock, kList, kMapping };
   /// Of a value; of a list of values that of each.
   enum class Type { kNumber, kInteger, kFlag, kText, kChoice };
@@ -34,12 +34,13 @@ struct Key {
 
   // The same for programs.
   Type type = Type::kText;
-  std::optional<Range> range;            // of a number; in a mapping, of each of its numbers
-  std::optional<Range> count;            // of a list: its entries
-  std::vector<std::string> choices;      // of a kChoice; the only numbers accepted of an integer that has any
-  std::string pattern;                   // of a kText: a regular expression (ECMAScript) for the whole text
-  std::vector<std::string> instead_of;   // keys of the same block in whose place this one stands
-  std::pair<std::string, std::string> needless;  // the key of the same block, and its value, without need of this
+  std::optional<Range> range;           // of a number; in a mapping, of each of its numbers
+  std::optional<Range> count;           // of a list: its entries
+  std::vector<std::string> choices;     // of a kChoice; the only numbers accepted of an integer that has any
+  std::string pattern;                  // of a kText: a regular expression (ECMAScript) for the whole text
+  std::vector<std::string> instead_of;  // keys of the same block in whose place this one stands
+  std::pair<std::string, std::string>
+      needless;  // the key of the same block, and its value, without need of this
 };
 
 std::vector<Key> RobotFileKeys();
