@@ -1,3 +1,4 @@
+// Ranges get narrower with the answers; a refused answer is asked for again.
 #include "asker.h"
 
 #include <fmt/format.h>
@@ -26,8 +27,9 @@ double Rounded(double value, bool up) {
   if (value == 0 || !std::isfinite(value)) return value;
   const double unit = std::pow(10, std::floor(std::log10(std::abs(value)))) / kDigits;
   const double steps = value / unit;
-  const double whole = std::round(steps);
-  return std::abs(steps - whole) < 1e-6 ? value : (up ? std::ceil(steps) : std::floor(steps)) * unit;
+  double whole = std::round(steps);
+  if (std::abs(steps - whole) > 1e-6) whole = up ? std::ceil(steps) : std::floor(steps);
+  return std::stod(fmt::format("{:.6g}", whole * unit));  // the double that the text means
 }
 
 std::string Number(double value) { return fmt::format("{:.3g}", value); }

@@ -1,3 +1,4 @@
+// Sections from lengths, diameters and masses as a person measures them.
 #include "tendril/model/body.h"
 
 #include <fmt/format.h>

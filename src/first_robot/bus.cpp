@@ -1,3 +1,4 @@
+// Nodes and the cycle that their drives fit; thresholds follow from the answers.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// One drivetrain for all tendons; limits and the largest bend are suggested by what it can pull.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -87,7 +88,7 @@ void AskBend(Asker& ask, RobotParameters& robot) {
   const double held_rad =
       control::Reach(robot, body, control::CommandedLimits(limits), 0, true).holdable_rad();
   const double usual_rad =
-      held_rad > 0 ? std::min(limits.max_bending_rad, 1.2 * held_rad) : limits.max_bending_rad;
+      held_rad > 0 ? std::min(limits.max_bending_rad, held_rad) : limits.max_bending_rad;
   limits.max_bending_rad = ask.Number("max_bending_rad", usual_rad, {0, 0.999 * touch_rad});
 }
 

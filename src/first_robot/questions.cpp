@@ -1,3 +1,4 @@
+// The order of the parts; see the header.
 #include "tendril/first_robot/questions.h"
 
 #include "built_in_files.h"

@@ -132,7 +132,7 @@ TEST(FirstRobot, AnswersBecomeTheFilesNumbers) {
   EXPECT_NEAR(body.length_m(), 0.14, 1e-12);
   EXPECT_EQ(body.sections[0].units, 8);
   EXPECT_EQ(body.sections[1].units, 3);
-  EXPECT_NEAR(8 * body.sections[0].unit_mass_kg, 2000 * 0.08 * M_PI * 0.01 * 0.01 / 4, 1e-8);
+  EXPECT_NEAR(8 * body.sections[0].unit_mass_kg, 2000 * 0.08 * M_PI * 0.01 * 0.01 / 4, 1e-6);
   EXPECT_NEAR(3 * body.sections[1].unit_mass_kg, 0.003, 1e-12);
   EXPECT_EQ(body.sections[0].youngs_modulus_Pa, 2e11);
   // E I as given, of a rod of 1 mm.
