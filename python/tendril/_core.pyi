@@ -196,7 +196,8 @@ class Model:
 
 class Run:
     """
-    One measured run with S samples. SI units, pulling positive, motor shaft; NaN: no new value of a slower sensor;\\nNone: not measured.
+    One measured run with S samples. SI units, pulling positive, motor shaft; NaN: no new value of a slower sensor;
+    None: not measured.
     """
 
     @property
@@ -294,7 +295,7 @@ def load_set(paths: Sequence[str], robot_file: str, same_robot: bool) -> Set: ..
 
 def import_tables(map: str, tables: Sequence[str], robot: Robot) -> Set: ...
 
-def write_run(run: Run, file: str) -> None: ...
+def table_of(run: Run) -> tuple[list[str], Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]]: ...
 
 def replayed_shape(robot: Robot, run: Run, times: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
 

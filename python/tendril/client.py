@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import dataclasses
 import os
 import pathlib
 import tempfile
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Any, TypeVar
@@ -228,10 +230,21 @@ class Statistics:
     """Page faults from disk."""
 
 
+_open: weakref.WeakSet[Client] = weakref.WeakSet()
+
+
+@atexit.register
+def _close_all() -> None:
+    """A program that ends leaves nothing armed that it armed."""
+    for client in list(_open):
+        client.close()
+
+
 class Client:
     """Operates a daemon over LCM: commands out, states and events in.
 
-    As a context manager it disarms on leaving the block, also after an exception or Ctrl-C, if it commanded anything:
+    As a context manager it disarms on leaving the block, also after an exception or Ctrl-C, if it commanded anything;
+    without one it does so when it is closed, or the program ends:
 
         with tendril.Client() as client:
             client.arm()
@@ -252,6 +265,7 @@ class Client:
             self._core = _core.Client(url or os.environ.get("LCM_DEFAULT_URL") or DEFAULT_URL, prefix)
         except Error as error:
             raise DaemonError(str(error)) from None
+        _open.add(self)
 
     # ---- receiving ----
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._arrays import Array, Batch, numbers
+
+Reached: TypeAlias = "np.bool_ | NDArray[np.bool_]"
+Numbers: TypeAlias = "np.float64 | Array"
 
 _Q = "q = u1, v1, ..., uN, vN, the bend of each unit [rad]"
 _DQ = "dq = du1, dv1, ..., the rates of q [rad/s]"
@@ -31,9 +34,9 @@ class Inverse(NamedTuple):
 
     tension: Array
     """At the base [N], (M,)."""
-    reached: Any
+    reached: Reached
     """True where they hold the bend; else they are the admissible ones that come nearest."""
-    missing: Any
+    missing: Numbers
     """What is missing: arcs: of the force [N m]; equilibrium: of the bend [rad]. 0 where it is reached."""
 
 
@@ -44,11 +47,11 @@ class InverseTip(NamedTuple):
     """At the base [N], (M,)."""
     q: Array
     """Shape of the equilibrium [rad], (2N,)."""
-    reached: Any
+    reached: Reached
     """True where the tip is there; else it is the nearest found within the tension bounds."""
-    distance: Any
+    distance: Numbers
     """From the target to the tip [m]; 0 where it is reached."""
-    from_rest: Any
+    from_rest: Reached
     """True where raising the tensions from zero ends in this shape; other equilibria exist, to which a robot does not come
     by itself. At rest only; True in motion."""
 
@@ -58,9 +61,9 @@ class Bending(NamedTuple):
 
     bending: Array
     """us, vs of each section [rad], (2K,)."""
-    reached: Any
+    reached: Reached
     """True where the tip is there; else it is the nearest reachable."""
-    distance: Any
+    distance: Numbers
     """From the target to the tip [m]; 0 where it is reached."""
 
 

@@ -63,6 +63,8 @@ def test_bends_as_it_is_told_and_is_disarmed_on_leaving(robot):
         assert np.allclose(arc, state.tip_desired_W_m, atol=1e-12)
         assert "accepted" in client.send_tip(arc, speed=2.0)
         assert client.send_tip(arc, timeout=0) == ""
+        # The high half of a sequence number names the sender: this process, on this host.
+        assert client.state().command_sequence >> 32 == tendril._core.sender()
         assert client.daemon().prefix == "TENDRIL"
     with tendril.Client() as client:
         wait_until(client, lambda s: s.disarmed, "disarm")
@@ -111,6 +113,31 @@ def test_nobody_there_is_said():
         client.state(timeout=0.3)
     with pytest.raises(tendril.DaemonError):
         tendril.Client(url="udpm://1.2.3.4:80")
+
+
+def test_a_program_that_ends_leaves_nothing_armed(robot):
+    script = "import tendril\nclient = tendril.Client()\nclient.arm()\nprint(client.state().mode_text)\n"
+    done = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "running\n", "")
+    with tendril.Client() as client:
+        assert client.state().disarmed
+
+
+def test_follows_points_and_named_motions(client):
+    client.arm()
+    model = tendril.Model(client.robot())
+    angle = np.linspace(0, 1.5, 16)
+    path = model.fk(model.spread(0.3 * np.column_stack([np.cos(angle), np.sin(angle)]))).position
+    said = client.follow(path, speed=0.8)
+    assert "error of the estimated tip against the motion" in said
+    state = client.state()
+    assert np.linalg.norm(state.tip_desired_W_m - path[-1]) < 1e-4
+    with pytest.raises(ValueError, match="there is no motion 'cirle'; accepted: circle, planar"):
+        client.follow("cirle")
+    with pytest.raises(ValueError, match=r"path has shape \(4,\)"):
+        client.follow([0, 0, 0, 0])
+    with pytest.raises(tendril.DaemonError):
+        client.follow(10 * path)
 
 
 def test_ctrl_c_disarms(robot):

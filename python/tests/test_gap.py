@@ -54,7 +54,7 @@ def test_simulated_files_equal_the_command_lines(data, folder, tmp_path):
 
 def comparable(report):
     """A report without what its maker and its time of day put into it."""
-    report["provenance"].update(command="", seconds=0)
+    report["provenance"].update(command="", revision="", seconds=0)
     report["next_commands"] = []
     return report
 
@@ -80,6 +80,13 @@ def test_a_planted_effect_is_found(data, report):
     better = report.corrected(data.robot)
     tip = [tendril.Model(robot).fk(tendril.Model(robot).statics([1, 0.3, 0.3])).position for robot in (data.robot, better)]
     assert tip[1][2] < tip[0][2]  # the payload bends it further
+
+
+def test_what_changed_is_found(data):
+    before = tendril.simulate(ROBOT, plan=PLAN, seed=4)
+    change = tendril.diagnose(ROBOT, data, before, only=FEW, next=False)
+    assert change.accepted[0].effect == "tip_payload"
+    assert {run.before for run in change.provenance.runs} - {""}
 
 
 def mirrored(value):

@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "tendril/core/angle.h"
+#include "tendril/core/drive_counts.h"
 #include "tendril/model/capstan.h"
 
 namespace tendril::commission {
@@ -119,16 +120,15 @@ class Procedure {
     if (last_counts_.empty()) return;
     for (std::size_t j = 0; j < counts_.size(); ++j) {
       const std::int32_t now = record_->input.drive[j].position_counts;
-      counts_[j] += static_cast<std::int32_t>(static_cast<std::uint32_t>(now) -
-                                              static_cast<std::uint32_t>(last_counts_[j]));
+      counts_[j] += CountsMoved(now, last_counts_[j]);
       last_counts_[j] = now;
     }
   }
   double Now() const { return ToSeconds(record_->input.time_ns); }
   double TravelM(int j) const {
     const TendonDriveParameters& t = Drive(j);
-    return static_cast<double>(counts_[static_cast<std::size_t>(j)]) * 2 * std::numbers::pi /
-           t.drive.encoder_counts_per_turn * t.SpoolTravelPerMotorRad();
+    const auto counts = static_cast<double>(counts_[static_cast<std::size_t>(j)]);
+    return MotorAngle_rad(t.drive, counts) * t.SpoolTravelPerMotorRad();
   }
 
   void PullOnly(int j, double pull_N) {

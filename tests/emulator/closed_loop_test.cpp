@@ -61,7 +61,7 @@ class ClosedLoop : public ::testing::Test {
                                                        static_cast<std::int16_t>(-torque)};
     master_->EndCycle(clock_.Now(), request, torques);
     canopen::BusEvent event;
-    while (master_->TakeEvent(&event)) events_ += std::string(event.text.data()) + "\n";
+    while (master_->PopEvent(&event)) events_ += std::string(event.text.data()) + "\n";
     return all;
   }
 

@@ -1,5 +1,5 @@
-// Tensions from a wanted bend or tip in true equilibrium: round trips through the statics solver (which knows
-// nothing of this one), optimality by finite differences of it, targets out of reach against a grid.
+// Tensions from a desired bend or tip in true equilibrium: round trips through the statics solver (which
+// knows nothing of this one), optimality by finite differences of it, targets out of reach against a grid.
 #include "tendril/model/inverse_equilibrium.h"
 
 #include <gtest/gtest.h>

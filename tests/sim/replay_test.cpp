@@ -308,7 +308,8 @@ TEST(ReplayInput, TargetsBetweenTheSamplesAreStraight) {
   EXPECT_GT(Rms(replay.ActualTorque(third) - whole(rows, Eigen::all)), kPermille_Nm);
 }
 
-// Signals that no robot gives, on robots that nobody built: the fit of a diagnosis passes by such places.
+// Signals that no robot gives, on robots that cannot exist: the fit of a diagnosis passes through such
+// values.
 TEST(ReplayInput, WildSignalsOnWildRobotsGiveFiniteMotionOrAReason) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> one(0, 1);

@@ -34,7 +34,7 @@ struct DiagnoseCommand {
   gap::DiagnoseOptions diagnose;
 };
 
-/// What to run now: the cause into a robot file, the experiment on the robot that tells rivals apart. `plan`
+/// What to run now: the cause into a robot file, the experiment that distinguishes rivals. `plan`
 /// is where the experiment lies.
 std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string& robot,
                                       const std::filesystem::path& folder,

@@ -5,7 +5,6 @@
 #include <atomic>
 #include <csignal>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <optional>
 
@@ -15,6 +14,7 @@
 #include "progress.h"
 #include "seed_option.h"
 #include "set_progress.h"
+#include "tendril/config/whole_file.h"
 #include "tendril/experiment/experiment_run.h"
 #include "tendril/experiment/planted_set.h"
 #include "tendril/experiment/set_output.h"
@@ -87,11 +87,10 @@ void RunSimulate(const SimulateOptions& options) {
       });
   const std::filesystem::path out = experiment::WriteSet(set, folder, false);
   if (!options.truth.empty()) {
-    std::ofstream truth(options.truth);
-    truth << experiment::TruthJson(options.robot, options.seed, experiment.plant_robot.effects,
-                                   effects.requested, effects.sized)
-          << "\n";
-    if (!truth.flush()) throw std::runtime_error("cannot write " + options.truth);
+    config::WriteWhole(options.truth,
+                       experiment::TruthJson(options.robot, options.seed, experiment.plant_robot.effects,
+                                             effects.requested, effects.sized) +
+                           "\n");
   }
   fmt::print("{}, {:.1f} s of data in {:.1f} s ({:.1f} x real time): {}\n",
              Counted(set.data.runs.size(), "run"), set.simulated_s, set.wall_s, set.simulated_s / set.wall_s,
