@@ -283,12 +283,7 @@ def test_words_that_are_no_source_are_one_line(tmp_path):
         "neither a log, a table nor a report",
     )
     (tmp_path / "report.json").write_text("{}")
-    refused(
-        lambda: sources.open_sources([str(tmp_path / "report.json")], None),
-        "no report of tendril gap diagnose",
-    )
-    (tmp_path / "report.json").write_text('{"format": 99, "provenance": {}}')
-    refused(lambda: sources.open_sources([str(tmp_path)], None), "has format 99")
+    refused(lambda: sources.open_sources([str(tmp_path)], None), "report.json", "tendril gap diagnose")
 
 
 # ---- shapes from measurements ----
@@ -370,29 +365,34 @@ def test_a_set_shows_its_tip_and_its_cells(tmp_path):
     )
 
 
-def write_report(folder, runs, accepted):
-    folder.mkdir()
-    command = f"tendril gap diagnose --robot x.yaml {runs} --out gap"
-    provenance = {"robot_yaml": view_help.ROBOT.read_text(), "command": command}
-    report = {"format": 1, "sentence": "The gap lies at C4.", "accepted": accepted, "provenance": provenance}
-    (folder / "report.json").write_text(json.dumps(report))
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory):
+    """A softer robot's runs, and the report on them; beside each other as `tendril gap diagnose` leaves them."""
+    folder = tmp_path_factory.mktemp("diagnosed")
+    plan = folder / "plan.yaml"
+    plan.write_text("runs:\n  - {family: circle, duration_s: 3}\n  - {family: triangle, duration_s: 4}\n")
+    robot = tendril.load_robot(view_help.ROBOT)
+    data = tendril.simulate(robot, ["bending_stiffness scale=0.9"], plan=plan)
+    data.to_folder(folder / "runs")
+    report = tendril.diagnose(robot, data, only=["bending_stiffness"], next=False)
+    report.save(folder / "gap")
+    assert [cause.effect for cause in report.accepted] == ["bending_stiffness"]
     return folder
 
 
-def test_a_diagnosis_stands_side_by_side(tmp_path):
-    plan, runs = tmp_path / "plan.yaml", tmp_path / "runs"
-    plan.write_text("runs:\n  - {family: circle, duration_s: 3}\n")
-    softer = "bending_stiffness where=all scale=0.9"
-    tendril.simulate(tendril.load_robot(view_help.ROBOT), [softer], plan=plan).to_folder(runs)
-    cause = {
-        "effect": "bending_stiffness",
-        "where": "all",
-        "parameters": {"scale": {"value": 0.9, "ci": [0.89, 0.91]}},
-    }
-    recording = sources.open_sources([str(write_report(tmp_path / "gap", runs, [cause]))], None)[0]
+def changed(report, to, **values):
+    """A copy of a report with other values."""
+    to.mkdir()
+    content = json.loads(report.read_text())
+    content["provenance"].update(values.pop("provenance", {}))
+    (to / "report.json").write_text(json.dumps(content | values))
+    return str(to)
+
+
+def test_a_diagnosis_stands_side_by_side(diagnosed):
+    recording = sources.open_sources([str(diagnosed / "gap"), str(diagnosed / "runs")], None)[0]
     titles = [robot.title for robot in recording.robots]
     assert titles == ["measured", "nominal", "corrected: bending_stiffness"]
-    assert recording.remarks[0] == "The gap lies at C4."
     poses = [frame.poses for frame in recording.frames]
     away = np.array(
         [[np.linalg.norm(p[n].measured_tip_m - p[0].measured_tip_m) for p in poses] for n in (1, 2)]
@@ -404,25 +404,18 @@ def test_a_diagnosis_stands_side_by_side(tmp_path):
     np.testing.assert_array_equal(poses[50][1].reference_tip_m, poses[50][0].measured_tip_m)
 
 
-def test_a_diagnosis_without_a_cause_or_without_its_runs(tmp_path):
-    t = np.arange(0, 0.5, 0.02)
-    columns = ["t_s", *(f"tension_N_{j}" for j in (1, 2, 3)), "tip_x_m", "tip_y_m", "tip_z_m"]
-    rows = np.column_stack([t, np.full((len(t), 3), 0.7), np.zeros((len(t), 2)), np.full(len(t), 0.06)])
-    runs = write_set(tmp_path / "runs", rows, columns)
-    only = sources.open_sources([str(write_report(tmp_path / "no", runs, [])), str(runs)], None)[0]
+def test_a_diagnosis_without_a_cause_or_without_its_runs(diagnosed, tmp_path):
+    report, runs = diagnosed / "gap/report.json", str(diagnosed / "runs")
+    command = f"tendril gap diagnose --robot x.yaml {runs} --out gap"
+    none = changed(report, tmp_path / "no", accepted=[], provenance={"command": command})
+    only = sources.open_sources([none], None)[0]
     assert [robot.title for robot in only.robots] == ["measured", "nominal"]
-    gone = write_report(tmp_path / "gone", "elsewhere", [])
-    refused(
-        lambda: sources.open_sources([str(gone)], None), "elsewhere", "not where they were", "tendril view"
-    )
-    odd = {
-        "effect": "bending_stiffness",
-        "where": "tendon:99",
-        "parameters": {"scale": {"value": None, "ci": []}},
-    }
-    refused(
-        lambda: sources.open_sources([str(write_report(tmp_path / "odd", runs, [odd]))], None), "do not fit"
-    )
+    command = "tendril gap diagnose elsewhere --robot x.yaml"
+    gone = changed(report, tmp_path / "gone", provenance={"command": command})
+    refused(lambda: sources.open_sources([gone], None), "elsewhere", "not where they were", "tendril view")
+    later = changed(report, tmp_path / "later", format=99)
+    refused(lambda: sources.open_sources([later], None), "format 99", "this version")
+    refused(lambda: sources.open_sources([str(diagnosed / "gap")], "x.yaml"), "leave out --robot")
 
 
 # ---- what is drawn ----
