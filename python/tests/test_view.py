@@ -484,6 +484,9 @@ def test_the_clock_runs_rests_and_begins_again():
     clock.playing, clock.speed = True, 2.0
     clock.advance(3.0)
     assert clock.at_s == pytest.approx(1.0)
+    resting = panel.Clock(10.0, 2.5)
+    resting.advance(1.0)
+    assert resting.at_s == 2.5
 
 
 def test_words_of_a_log_are_text_and_no_script(circle):
@@ -532,6 +535,7 @@ def command(*words):
         (["--port", "http"], 2, "--port"),
         (["--duration", "nan"], 2, "--duration"),
         (["--robot", "x.yaml"], 2, "--robot is for logs"),
+        (["--at", "1"], 2, "--at is a time of a recording"),
         (["nowhere.lcmlog"], 1, "no such file"),
         (["--lcm", "tcp://nowhere"], 1, "LCM address"),
     ],
