@@ -84,9 +84,7 @@ def test_follows_a_daemon_and_says_when_it_is_silent():
         lambda: source.recording.frames[-1].poses[0].measured_tip_m[0] == 0.011,
     )
     assert "tracker" in source.recording.robots[0].measured_is
-    time.sleep(1.2)
-    source.poll()
-    assert "has the daemon stopped" in source.silence()
+    polled(lambda: None, source, lambda: "has the daemon stopped" in source.silence())
 
 
 @needs_network

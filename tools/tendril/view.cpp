@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <optional>
 
 #include "commands.h"
 #include "lcm_options.h"
@@ -14,6 +15,7 @@ namespace {
 struct ViewOptions {
   std::vector<std::string> sources;
   std::string robot;
+  std::optional<double> at_s;
   LcmOptions lcm;
   int port = 8095;
   double duration_s = 0;
@@ -24,11 +26,15 @@ void View(const ViewOptions& o) {
   if (o.sources.empty() && !o.robot.empty()) {
     throw UsageError("--robot is for logs and tables; a running daemon says itself which robot it controls");
   }
+  if (o.sources.empty() && o.at_s) {
+    throw UsageError("--at is a time of a recording; a live view begins at the present");
+  }
   std::vector<std::string> words{"--lcm",      o.lcm.url,
                                  "--prefix",   o.lcm.prefix,
                                  "--port",     fmt::format("{}", o.port),
                                  "--duration", fmt::format("{}", o.duration_s)};
   if (!o.robot.empty()) words.insert(words.end(), {"--robot", o.robot});
+  if (o.at_s) words.insert(words.end(), {"--at", fmt::format("{}", *o.at_s)});
   if (o.no_browser) words.emplace_back("--no-browser");
   words.emplace_back("--");
   words.insert(words.end(), o.sources.begin(), o.sources.end());
@@ -48,6 +54,8 @@ void AddViewCommand(CLI::App& app) {
                    "report.json of tendril gap diagnose, or its folder, and the runs that it was made from "
                    "(those of its own command line if left out); without any: live");
   view->add_option("--robot", o->robot, "robot file, instead of the one in a log or a data set");
+  view->add_option("--at", o->at_s, "begin at rest at this time of the recording [s], instead of playing it")
+      ->check(NumberFrom(0, 1e9, "give seconds"));
   AddLcmOptions(*view, o->lcm);
   view->add_option("--port", o->port, "of 127.0.0.1, where alone it is served; 0: any that is free")
       ->capture_default_str()

@@ -63,6 +63,12 @@ def make_parser() -> argparse.ArgumentParser:
         default=8095,
         help="of 127.0.0.1; 0: any that is free (%(default)s)",
     )
+    parser.add_argument(
+        "--at",
+        type=number(0, 1e9),
+        metavar="S",
+        help="begin at rest at this time of the recording, instead of playing it",
+    )
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
     parser.add_argument(
         "--duration",
@@ -124,7 +130,7 @@ def show(options: argparse.Namespace) -> None:
                 print(f"  {remark}")
         else:
             print(f"tendril view: live from {options.lcm}, {options.prefix}_STATE")
-        running, stop = Show(server, recordings, live), threading.Event()
+        running, stop = Show(server, recordings, live, options.at), threading.Event()
         for one in (signal.SIGINT, signal.SIGTERM):  # until here they end it at once
             signal.signal(one, lambda *_: stop.set())
         open_browser(f"http://{servers.HOST}:{server.get_port()}", not options.no_browser)
@@ -142,6 +148,8 @@ def main(arguments: list[str] | None = None) -> int:
         make_parser().error(
             "--robot is for logs and tables; a running daemon says itself which robot it controls"
         )
+    if options.source == [] and options.at is not None:
+        make_parser().error("--at is a time of a recording; a live view begins at the present")
     try:
         show(options)
     except ViewError as e:

@@ -4,7 +4,6 @@ corrected one side by side, the last two simulated with the signals that were re
 from __future__ import annotations
 
 import dataclasses
-import json
 import pathlib
 import shlex
 from typing import Any
@@ -14,30 +13,23 @@ import numpy as np
 from . import robots, sets
 from .frames import Array, DrawnRobot, Frame, Pose, Recording, ViewError, unknown
 
-FORMAT = 1  # of report.json
 
+def read_report(path: pathlib.Path) -> Any:
+    """tendril.Report of a report.json, with the robot file that it was made with."""
+    import tendril
 
-def read_report(path: pathlib.Path) -> dict[str, Any]:
     try:
-        report = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as e:
-        raise ViewError(f"{path}: cannot be read as a report ({e})") from None
-    if (
-        not isinstance(report, dict)
-        or "format" not in report
-        or not isinstance(report.get("provenance"), dict)
-    ):
-        raise ViewError(f"{path}: no report of tendril gap diagnose; accepted: its report.json")
-    if report["format"] != FORMAT:
-        raise ViewError(f"{path}: has format {report['format']}, this program reads {FORMAT}: diagnose again")
-    if not report["provenance"].get("robot_yaml"):
+        report = tendril.Report.load(path)
+    except (OSError, RuntimeError, ValueError) as e:
+        raise ViewError(f"{e}; accepted: the report.json of tendril gap diagnose, of this version") from None
+    if not report.provenance.robot_yaml:
         raise ViewError(f"{path}: does not contain the robot file it was made with: diagnose again")
     return report
 
 
-def runs_of_command(report: dict[str, Any], path: pathlib.Path) -> list[str]:
+def runs_of_command(report: Any, path: pathlib.Path) -> list[str]:
     """The data of the recorded command line, where they still lie there: the words that are no options."""
-    words = shlex.split(report["provenance"].get("command", ""))
+    words = shlex.split(report.provenance.command)
     found = []
     takes_value = False
     for word in words[3:]:
@@ -103,37 +95,29 @@ def side_by_side(measured: Recording, others: list[tuple[DrawnRobot, Array]]) ->
     return Recording(measured.title, drawn, frames, tuple(remarks))
 
 
-def effect_words(cause: dict[str, Any]) -> str:
-    """A cause as `--effect` takes it: "backlash where=tendon:2 rad=0.05"."""
-    values = [f"{name}={estimate['value']!r}" for name, estimate in cause["parameters"].items()]
-    return " ".join([cause["effect"], *([f"where={cause['where']}"] if cause["where"] else []), *values])
-
-
-def corrected_robot(report: dict[str, Any], nominal: Any, path: pathlib.Path) -> Any:
-    """The nominal robot with the accepted causes as its effects; None where the report accepts none."""
-    if not report.get("accepted"):
+def corrected_robot(report: Any, nominal: Any, path: pathlib.Path) -> Any:
+    """The nominal robot with the accepted causes; None where the report accepts none."""
+    if not report.accepted:
         return None
     try:
-        return nominal.with_effects([effect_words(cause) for cause in report["accepted"]])
-    except (KeyError, TypeError, ValueError) as e:
+        return report.corrected(nominal)
+    except (RuntimeError, ValueError) as e:
         raise ViewError(f"{path}: its causes do not fit its robot: {e}") from None
 
 
 def read_diagnosis(path: pathlib.Path, data: list[str]) -> list[Recording]:
+    """One recording a run that can be drawn."""
     report = read_report(path)
-    yaml = report["provenance"]["robot_yaml"]
-    nominal = robots.parse_robot(yaml, f"{path}: its robot")
+    nominal = robots.parse_robot(report.provenance.robot_yaml, f"{path}: its robot")
+    titles = {"nominal": nominal}
     corrected = corrected_robot(report, nominal, path)
-    data_set = sets.open_set(data or runs_of_command(report, path), nominal)
-    titles = [("nominal", nominal)]
     if corrected is not None:
-        causes = " + ".join(
-            f"{c['effect']} {c['where']}".removesuffix(" all").strip() for c in report["accepted"]
-        )
-        titles.append((f"corrected: {causes}", corrected))
+        causes = [f"{cause.effect} {cause.where}".removesuffix(" all") for cause in report.accepted]
+        titles[f"corrected: {' + '.join(causes)}"] = corrected
+    data_set = sets.open_set(data or runs_of_command(report, path), nominal)
     names = {"coloured_by": "cell", "measured_is": "its tip", "reference_is": "measured tip"}
     measured_robot = robots.drawn(nominal, "measured", **names)
-    drawn = [(robots.drawn(robot, title, **names), robot) for title, robot in titles]
+    drawn = [(robots.drawn(robot, title, **names), robot) for title, robot in titles.items()]
     recordings = []
     for run in data_set.runs:
         try:
@@ -142,7 +126,7 @@ def read_diagnosis(path: pathlib.Path, data: list[str]) -> list[Recording]:
             continue
         times_s = np.array([frame.time_s for frame in measured.frames])
         recording = side_by_side(measured, [(d, simulated(robot, run, times_s)) for d, robot in drawn])
-        recording.remarks = (report["sentence"], *recording.remarks)
+        recording.remarks = (report.sentence, *recording.remarks)
         recordings.append(recording)
     if not recordings:
         raise ViewError(

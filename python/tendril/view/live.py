@@ -11,7 +11,7 @@ from typing import Any
 
 from . import robots
 from .frames import Frame, Recording, ViewError
-from .messages import OtherVersion, Tracker, decode, frame_of, lcm_module, types
+from .messages import OtherVersion, Tracker, decode, finite, frame_of, lcm_module, types
 
 KEPT_S = 60.0  # that one can go back
 SILENT_S = 1.0
@@ -132,7 +132,8 @@ class Live:
         if self._tracker.seen and recording.robots[0].measured_is != "tip, by the tracker":
             robot = dataclasses.replace(recording.robots[0], measured_is="tip, by the tracker")
             recording.robots = (robot,)
-        frames.append(frame_of(recording.robots[0], message, time_s, self._tracker))
+        tip = self._tracker.tip_at(message.utime, finite(message.tip_estimate_W_m, 3))
+        frames.append(frame_of(recording.robots[0], message, time_s, tip))
         while frames[-1].time_s - frames[0].time_s > KEPT_S:
             frames.popleft()
         return True

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from . import robots
-from .frames import DrawnRobot, Frame, Recording, ViewError
-from .messages import OtherVersion, Tracker, decode, frame_of, lcm_module, require_same_layout, types
+from .frames import Array, DrawnRobot, Recording, ViewError, unknown
+from .messages import OtherVersion, decode, finite, frame_of, lcm_module, require_same_layout, types
+from .readings import between
 
 FRAMES_PER_S = 60  # kept of a recording: enough at half speed
 
@@ -21,7 +22,7 @@ class Events:
 
     states: list[bytes]
     cycles: list[bytes]
-    trackers: list[bytes]
+    trackers: list[tuple[bytes, int]]  # and when they were recorded [us]
     run: bytes | None
     other: int  # events of other channels
 
@@ -29,13 +30,15 @@ class Events:
 def read_events(path: pathlib.Path) -> Events:
     lcm = lcm_module()
     events = Events([], [], [], None, 0)
-    lists = {"STATE": events.states, "CYCLE": events.cycles, "TRACKER": events.trackers}
+    lists = {"STATE": events.states, "CYCLE": events.cycles}
     try:
         log = lcm.EventLog(str(path), "r")
         for event in log:
             ending = event.channel.rpartition("_")[2]
             if ending in lists:
                 lists[ending].append(event.data)
+            elif ending == "TRACKER":
+                events.trackers.append((event.data, event.timestamp))
             elif ending == "RUN":
                 events.run = event.data
             else:
@@ -65,46 +68,48 @@ def robot_of_log(path: pathlib.Path, events: Events, given: Any) -> DrawnRobot:
     return robots.drawn(robots.parse_robot(yaml, f"{path}: the robot in this log"))
 
 
-def _readings(events: Events, path: pathlib.Path) -> list[tuple[int, np.ndarray, bool]]:
+def _tracker(path: pathlib.Path, events: Events, messages: list[Any]) -> tuple[Array, Array]:
+    """Times [us] and tips (k x 3, NaN where it lost the tip) of the tracker's readings, by its own messages or those of
+    the cycles."""
     try:
-        decoded = [decode(types().tracker_t, data) for data in events.trackers]
+        own = [(decode(types().tracker_t, data), utime) for data, utime in events.trackers]
     except OtherVersion:
         raise other_version(path, "TRACKER") from None
-    return sorted(((m.utime, m.tip_W_m, bool(m.valid)) for m in decoded), key=lambda reading: reading[0])
+    found = [(m.utime or arrived, finite(m.tip_W_m, 3) if m.valid else unknown(3)) for m, arrived in own]
+    for m in messages if not found else []:
+        if getattr(m, "tracker_valid", False):
+            found.append((m.utime - (m.time_ns - m.tracker_time_ns) // 1000, finite(m.tracker_tip_W_m, 3)))
+    found.sort(key=lambda reading: reading[0])
+    times = np.array([utime for utime, _ in found], dtype=float)
+    return times, np.array([tip for _, tip in found]).reshape(-1, 3)
 
 
-def _frames(path: pathlib.Path, robot: DrawnRobot, events: Events) -> tuple[list[Frame], bool, int]:
-    """The frames, whether a tracker was read, and the number of messages whose time does not increase."""
+def _decoded(path: pathlib.Path, events: Events) -> list[Any]:
+    """The states, or the cycles of a log that has no states."""
     kind = types().state_t if events.states else types().cycle_t
-    messages = events.states or events.cycles
-    readings, used = _readings(events, path), 0
-    tracker, backwards = Tracker(), 0
-    frames: list[Frame] = []
-    first = last = None
-    for n, data in enumerate(messages):
+    messages: list[Any] = []
+    for n, data in enumerate(data_of := events.states or events.cycles):
         try:
-            message = decode(kind, data)
+            messages.append(decode(kind, data))
         except OtherVersion:
             # A log may end in the middle of a message.
-            if n == len(messages) - 1 and frames:
+            if n == len(data_of) - 1 and messages:
                 break
             raise other_version(path, "STATE" if events.states else "CYCLE") from None
-        if first is None:
-            require_same_layout(robot, message, f"{path}: the log")
-            first = message.utime
-        while used < len(readings) and readings[used][0] <= message.utime:
-            tracker.read(readings[used][1], readings[used][2], readings[used][0])
-            used += 1
-        if getattr(message, "tracker_valid", False):
-            tracker.read(message.tracker_tip_W_m, True, message.utime)
-        if last is not None and message.utime < last:
-            backwards += 1
+    return messages
+
+
+def _kept(messages: list[Any]) -> tuple[list[Any], int]:
+    """Sixty a second, and how many were left out because their time does not increase."""
+    kept: list[Any] = []
+    latest, backwards = messages[0].utime, 0
+    for message in messages:
+        backwards += message.utime < latest
+        if message.utime < latest or kept and message.utime - kept[-1].utime < 1e6 / FRAMES_PER_S - 1:
             continue
-        if last is not None and message.utime - last < 1e6 / FRAMES_PER_S - 1:
-            continue
-        last = message.utime
-        frames.append(frame_of(robot, message, 1e-6 * (message.utime - first), tracker))
-    return frames, tracker.seen, backwards
+        kept.append(message)
+        latest = message.utime
+    return kept, backwards
 
 
 def read_log(path: pathlib.Path, given: Any = None) -> Recording:
@@ -118,9 +123,19 @@ def read_log(path: pathlib.Path, given: Any = None) -> Recording:
             f"{path}: {what} in this log; accepted: LCM logs of a daemon, tendril sim or tendril demo"
         )
     robot = robot_of_log(path, events, given)
-    frames, tracked, backwards = _frames(path, robot, events)
-    measured = "tip, by the tracker" if tracked else "tip, estimated from the tendons"
-    robot = dataclasses.replace(robot, measured_is=measured)
+    messages = _decoded(path, events)
+    require_same_layout(robot, messages[0], f"{path}: the log")
+    kept, backwards = _kept(messages)
+    read_us, tips = _tracker(path, events, messages)
+    at_us = np.array([message.utime for message in kept], dtype=float)
+    times_s = 1e-6 * (at_us - at_us[0])
+    if len(read_us):
+        robot = dataclasses.replace(robot, measured_is="tip, by the tracker")
+        measured = between(times_s, 1e-6 * (read_us - at_us[0]), tips)
+    else:
+        robot = dataclasses.replace(robot, measured_is="tip, estimated from the tendons")
+        measured = np.array([finite(message.tip_estimate_W_m, 3) for message in kept])
+    frames = [frame_of(robot, m, float(t), tip) for m, t, tip in zip(kept, times_s, measured)]
     remarks = []
     if backwards:
         remarks.append(f"{backwards} messages whose time does not increase left out")

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from .readings import LONGEST_GAP_S
 from .frames import Array, DrawnRobot, Frame, Pose, ViewError, unknown
 
-HOLD_TRACKER_S = 0.1  # a tracker's reading counts until the next, and no longer than this
 INSTALL_LCM = "pip install 'tendril[view]' (from the sources: pip install './python[view]')"
 
 
@@ -68,7 +68,7 @@ class Tracker:
         """Measured where there is a reading; estimated from the tendons on a robot without a tracker."""
         if not self.seen:
             return estimate_m
-        return self.tip_m if utime - self.utime <= 1e6 * HOLD_TRACKER_S else unknown(3)
+        return self.tip_m if utime - self.utime <= 1e6 * LONGEST_GAP_S else unknown(3)
 
 
 def mode_words() -> dict[int, str]:
@@ -87,7 +87,7 @@ def note_of(message: Any) -> str:
     return f"{message.mode_text} · {message.status} {message.status_text}{remedy}"
 
 
-def frame_of(robot: DrawnRobot, message: Any, time_s: float, tracker: Tracker) -> Frame:
+def frame_of(robot: DrawnRobot, message: Any, time_s: float, measured_tip_m: Array) -> Frame:
     """A frame of a state_t or a cycle_t, which name the same values alike but for the reference's tip."""
     tendons = robot.tendons
     bending = finite(message.bending_estimate_rad, 2 * len(robot.units))
@@ -97,7 +97,7 @@ def frame_of(robot: DrawnRobot, message: Any, time_s: float, tracker: Tracker) -
         tension_N=finite(message.tension_base_estimate_N, tendons),
         cell_N=finite(message.tension_measured_N, tendons),
         reference_tip_m=finite(reference, 3),
-        measured_tip_m=tracker.tip_at(message.utime, finite(message.tip_estimate_W_m, 3)),
+        measured_tip_m=measured_tip_m,
     )
     return Frame(time_s, (pose,), note_of(message))
 

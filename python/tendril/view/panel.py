@@ -17,9 +17,9 @@ WORDS_PER_S = 5  # how often words change: nobody reads thirty numbers a second
 class Clock:
     """The time that is shown of a recording: runs, rests, or follows a hand on the slider."""
 
-    def __init__(self, duration_s: float):
-        self.duration_s, self.at_s = duration_s, 0.0
-        self.playing, self.speed = True, 1.0
+    def __init__(self, duration_s: float, rest_at_s: float | None = None):
+        self.duration_s, self.at_s = duration_s, rest_at_s or 0.0
+        self.playing, self.speed = rest_at_s is None, 1.0
 
     def advance(self, by_s: float) -> None:
         if not self.playing:
@@ -77,12 +77,12 @@ def words(recording: Recording, frame: Frame | None, silence: str, frames_per_s:
 class Panel:
     """The controls of a recording (with a clock), or of a running daemon (without)."""
 
-    def __init__(self, server: Any, recordings: list[Recording], live: bool, grid_mm: float):
-        self.recordings, self.live = recordings, live
+    def __init__(self, server: Any, recordings: list[Recording], clock: Clock | None, grid_mm: float):
+        self.recordings, self.live = recordings, clock is None
         self.chosen, self.trail_s, self.back_s = 0, 3.0, 0.0
         self._titles: list[str] = []
         self._wanted = ""  # controls answer on threads of their own, and a page may send any text
-        self.clock = Clock(recordings[0].duration_s)
+        self.clock = clock or Clock(0.0)
         self.gui = server.gui
         self.gui.reset()
         self.gui.main_panel.dock_right()
@@ -113,7 +113,7 @@ class Panel:
         longest = max(max(recording.duration_s for recording in self.recordings), 0.01)
         self.time = self.gui.add_slider("time [s]", 0.0, longest, 0.01, 0.0)
         self.time.on_update(self._seek)
-        playing = self.gui.add_checkbox("play", True)
+        playing = self.gui.add_checkbox("play", self.clock.playing)
         playing.on_update(lambda event: setattr(self.clock, "playing", bool(playing.value)))
         speed = self.gui.add_dropdown("speed", list(SPEEDS), initial_value="1")
         speed.on_update(lambda event: setattr(self.clock, "speed", SPEEDS.get(speed.value, 1.0)))

@@ -12,8 +12,7 @@ from . import robots
 from .frames import Array, DrawnRobot, Frame, Pose, Recording, ViewError, unknown
 from .geometry import bending_of_tips
 from .logs import FRAMES_PER_S
-
-HOLD_S = 0.1  # a sensor slower than the rows counts until its next reading, and no longer than this
+from .readings import LONGEST_GAP_S, filled, same_side
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,19 +35,6 @@ def open_set(paths: list[str], robot: Any = None) -> Any:
         return tendril.DataSet.from_folder(*paths, robot=robot)
     except (OSError, RuntimeError, ValueError) as e:
         raise ViewError("; ".join(line.strip() for line in str(e).splitlines())) from None
-
-
-def held(time_s: Array, values: Array) -> Array:
-    """Each column's last finite value, for as long as it counts."""
-    result = np.where(np.isfinite(values), values, np.nan)
-    if result.size == 0:
-        return result
-    rows = np.arange(len(time_s))
-    for column in result.T:
-        last = np.maximum.accumulate(np.where(np.isfinite(column), rows, -1))
-        fresh = (last >= 0) & (time_s - time_s[np.maximum(last, 0)] <= HOLD_S)
-        column[:] = np.where(fresh, column[np.maximum(last, 0)], np.nan)
-    return result
 
 
 def kept_rows(time_s: Array) -> NDArray[np.intp]:
@@ -78,20 +64,20 @@ def rotations_of(quaternions: Array) -> Array:
 def measured_shape(robot: DrawnRobot, run: Run, rows: NDArray[np.intp]) -> tuple[Array, str]:
     """n x 2N, and how it was found: recorded bends, else the arc through the tracked tip, else the model's
     equilibrium under the measured tensions."""
-    bends = held(run.time_s, run.bending_rad)[rows] if run.bending_rad.size else unknown(len(rows), 0)
+    bends = filled(run.time_s, run.bending_rad)[rows] if run.bending_rad.size else unknown(len(rows), 0)
     if np.isfinite(bends).any():
         return np.array([robot.spread(row) for row in bends]), "bends as recorded"
     if np.isfinite(run.tip_m).any():
-        tip = held(run.time_s, run.tip_m)[rows]
+        tip = filled(run.time_s, run.tip_m)[rows]
         rotation = None
         if run.tip_quaternion.size and len(robot.units) > 1:
-            quaternion = held(run.time_s, run.tip_quaternion)[rows]
+            quaternion = filled(run.time_s, same_side(run.tip_quaternion))[rows]
             tip[~np.isfinite(quaternion).all(axis=1)] = np.nan
-            rotation = rotations_of(quaternion)
+            rotation = rotations_of(quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
         bends = bending_of_tips(robot, tip, rotation)
         return np.array([robot.spread(row) for row in bends]), "arcs through the tracked tip"
     if np.isfinite(run.tension_N).any():
-        tension = held(run.time_s, run.tension_N)[rows]
+        tension = filled(run.time_s, run.tension_N)[rows]
         known = np.isfinite(tension).all(axis=1)
         shape = unknown(len(rows), 2 * sum(robot.units))
         if known.any():
@@ -108,15 +94,15 @@ def recording_of(robot: DrawnRobot, run: Run) -> Recording:
         raise ViewError(f"run {run.name}: {e}") from None
     shape, how = measured_shape(robot, run, rows)
     known = np.flatnonzero(np.isfinite(shape).all(axis=1))
-    if len(known) and run.time_s[rows[known[0]]] - run.time_s[0] <= HOLD_S:
+    if len(known) and run.time_s[rows[known[0]]] - run.time_s[0] <= LONGEST_GAP_S:
         rows, shape = rows[known[0] :], shape[known[0] :]  # until a slower sensor's first reading
     if not how:
         raise ViewError(
             f"run {run.name}: neither bends, a tip nor tensions are recorded: nothing can be drawn of it"
         )
     n, tendons = len(rows), robot.tendons
-    tension = held(run.time_s, run.tension_N)[rows] if run.tension_N.size else unknown(n, tendons)
-    tip = held(run.time_s, run.tip_m)[rows] if run.tip_m.size else unknown(n, 3)
+    tension = filled(run.time_s, run.tension_N)[rows] if run.tension_N.size else unknown(n, tendons)
+    tip = filled(run.time_s, run.tip_m)[rows] if run.tip_m.size else unknown(n, 3)
     times = run.time_s[rows] - run.time_s[0]
     frames = [
         Frame(float(times[i]), (Pose(shape[i], tension[i], tension[i], unknown(3), tip[i]),))

@@ -9,7 +9,7 @@ from typing import Any
 
 from .frames import DrawnRobot, Recording
 from .live import Live
-from .panel import WORDS_PER_S, Panel
+from .panel import WORDS_PER_S, Clock, Panel
 from .scene import Drawing
 
 FRAMES_PER_S = 30
@@ -47,10 +47,17 @@ class Rate:
 class Show:
     """Recordings, or a running daemon, on a server."""
 
-    def __init__(self, server: Any, recordings: list[Recording] | None = None, live: Live | None = None):
+    def __init__(
+        self,
+        server: Any,
+        recordings: list[Recording] | None = None,
+        live: Live | None = None,
+        rest_at_s: float | None = None,
+    ) -> None:
         self.server, self.live = server, live
         self.recordings = recordings or [Recording("live", (), [])]
         self.rate = Rate()
+        self._rest_at_s = rest_at_s  # begin at rest at this time of the recording
         self.panel: Panel | None = None
         self._drawn_robots: tuple[DrawnRobot, ...] = ()
         self._told_s = 0.0
@@ -73,7 +80,8 @@ class Show:
             self.drawing = Drawing(self.server, recording.robots)
             self._drawn_robots = recording.robots
             if self.live is not None or self.panel is None:
-                self.panel = Panel(self.server, self.recordings, self.live is not None, self.drawing.grid_mm)
+                clock = Clock(recording.duration_s, self._rest_at_s) if self.live is None else None
+                self.panel = Panel(self.server, self.recordings, clock, self.drawing.grid_mm)
         return self.panel
 
     def _say_silence(self) -> None:
