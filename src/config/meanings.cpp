@@ -32,7 +32,7 @@ std::string Wrapped(const std::string& text, std::size_t indent) {
   return lines + line + "\n";
 }
 
-std::string Described(const Key& key) {
+std::string MeaningAndRange(const Key& key) {
   if (key.kind != Key::Kind::kValue || key.accepted.empty()) return key.meaning;
   return fmt::format("{} Accepted: {}{}.", key.meaning, key.accepted, key.unit.empty() ? "" : " " + key.unit);
 }
@@ -56,7 +56,7 @@ std::string WithMeanings(const std::string& yaml, const std::vector<Key>& keys) 
     for (const Key& key : keys) {
       if (key.path != path || !seen.insert(path).second) continue;
       if (first == 0 && !text.empty()) text += "\n";
-      text += Wrapped(Described(key), indent);
+      text += Wrapped(MeaningAndRange(key), indent);
     }
     text += line + "\n";
     if (colon + 1 == line.size()) {  // a block or a list follows, deeper

@@ -88,7 +88,7 @@ Json Single(const Key& key) {
   return single;
 }
 
-std::string Described(const Key& key) {
+std::string DescriptionOf(const Key& key) {
   std::string text = key.meaning;
   if (!key.accepted.empty())
     text += fmt::format(" Accepted: {}{}.", key.accepted, key.unit.empty() ? "" : " " + key.unit);
@@ -122,7 +122,7 @@ Json Schema::ValueOf(const Key& key) const {
       schema = Tendons(key.path.substr(0, key.path.rfind('.')));
       break;
   }
-  schema["description"] = Described(key);
+  schema["description"] = DescriptionOf(key);
   return schema;
 }
 
@@ -142,7 +142,7 @@ Json Schema::Object(const std::string& block) const {
   Json object{{"type", "object"}, {"properties", Json::object()}, {"additionalProperties", false}};
   for (const Key* key : Below(block)) {
     if (key->kind == Key::Kind::kMapping && key->range) {
-      object["additionalProperties"] = {{"type", "number"}, {"description", Described(*key)}};
+      object["additionalProperties"] = {{"type", "number"}, {"description", DescriptionOf(*key)}};
       Limit(object["additionalProperties"], *key->range);
     } else {
       object["properties"][NameOf(*key)] = ValueOf(*key);
