@@ -57,4 +57,5 @@ NB_MODULE(_core, m) {
   python::AddDiagnose(m);
   python::AddReplay(m);
   python::AddClient(m);
+  python::AddStatus(m);
 }

@@ -12,5 +12,6 @@ void AddSimulate(nanobind::module_& m);
 void AddDiagnose(nanobind::module_& m);
 void AddReplay(nanobind::module_& m);
 void AddClient(nanobind::module_& m);
+void AddStatus(nanobind::module_& m);
 
 }  // namespace tendril::python

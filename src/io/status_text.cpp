@@ -17,13 +17,6 @@
 namespace tendril::io {
 namespace {
 
-std::string DriveStateText(int state) {
-  constexpr std::array kTexts = {"offline", "booting",     "ready",        "enabled",       "quick stop",
-                                 "fault",   "unreachable", "other device", "misconfigured", "id twice"};
-  return state >= 0 && state < static_cast<int>(kTexts.size()) ? kTexts[static_cast<std::size_t>(state)]
-                                                               : "?";
-}
-
 /// With what the code means to its kind of drive, where that is known.
 std::string ErrorText(int code, int node_id, const std::optional<DaemonSubject>& subject) {
   if (code == 0) return "none";
@@ -237,6 +230,13 @@ std::string Table(const DaemonSubject& s) {
 }
 
 }  // namespace
+
+std::string_view DriveStateText(int state) {
+  constexpr std::array kTexts = {"offline", "booting",     "ready",        "enabled",       "quick stop",
+                                 "fault",   "unreachable", "other device", "misconfigured", "id twice"};
+  return state >= 0 && state < static_cast<int>(kTexts.size()) ? kTexts[static_cast<std::size_t>(state)]
+                                                               : "?";
+}
 
 std::string StatusTable(const DaemonStatus& status) {
   return (status.subject ? Table(*status.subject) : "") + Table(status.state) +

@@ -7,9 +7,12 @@
 #include <memory>
 #include <optional>
 #include <stdexcept>
+#include <string>
+#include <vector>
 
 #include "commands.h"
 #include "lcm_options.h"
+#include "python_program.h"
 #include "tendril/canopen/drive_profile.h"
 #include "tendril/canopen/emcy.h"
 #include "tendril/config/config.h"
@@ -29,7 +32,7 @@ constexpr const char* kClearScreen = "\033[H\033[J";
 
 struct StatusOptions {
   LcmOptions lcm;
-  bool watch = false, json = false;
+  bool watch = false, json = false, plain = false;
 };
 
 volatile std::sig_atomic_t interrupted = 0;
@@ -66,7 +69,15 @@ void Show(const StatusOptions& o, const io::DaemonStatus& status, const std::str
   std::fflush(stdout);
 }
 
+/// Becomes the dashboard; returns where there is none to become: no terminal, or no Python package.
+void BecomeDashboard(const StatusOptions& o) {
+  const std::vector<std::string> needs{"tendril.dashboard", "textual"};
+  if (isatty(STDIN_FILENO) == 0 || isatty(STDOUT_FILENO) == 0 || FindPython(needs).empty()) return;
+  RunPython("tendril.dashboard", {"--lcm", o.lcm.url, "--prefix", o.lcm.prefix}, needs);
+}
+
 void Status(const StatusOptions& o) {
+  if (o.watch && !o.json && !o.plain) BecomeDashboard(o);
   io::Client client(o.lcm.url, o.lcm.prefix);
   const MonotonicClock clock;
   bool heard = false;
@@ -113,8 +124,10 @@ void AddStatusCommand(CLI::App& app) {
   CLI::App* status = app.add_subcommand("status", "Show what a running daemon is doing");
   AddLcmOptions(*status, o->lcm);
   status->add_flag("--watch", o->watch,
-                   "keep updating, five times a second, until interrupted; with robot, bus, drives (state, "
-                   "error, serial), last fault and timing, which the daemon publishes once a second");
+                   "keep updating until interrupted, with robot, bus, drives (state, error, serial), last fault "
+                   "and timing, which the daemon publishes once a second; on a terminal, with the Python package "
+                   "(pip install './python[dashboard]'), as a dashboard that also arms, jogs and disarms");
+  status->add_flag("--plain", o->plain, "with --watch: the table, five times a second, also on a terminal");
   status->add_flag("--json", o->json, "one JSON object a line instead of a table");
   status->callback([o] { Status(*o); });
 }

@@ -5,6 +5,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "tendril_lcm/state_t.hpp"
 #include "tendril_lcm/statistics_t.hpp"
@@ -25,6 +26,9 @@ struct DaemonStatus {
   std::optional<tendril_lcm::statistics_t> statistics;
   std::optional<DaemonSubject> subject;
 };
+
+/// DRIVE_... of cycle_t in words: "enabled"; "?" for another number.
+std::string_view DriveStateText(int state);
 
 /// Lines for a terminal: who it is, mode and reasons with their remedies, tip [mm], bends [deg], tendons
 /// [N, mm, mNm]; with statistics also drives, last fault, times [us], CAN and LCM. A dash is a value that is

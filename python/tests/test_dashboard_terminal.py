@@ -1,0 +1,112 @@
+"""The dashboard as its operator has it: `tendril status --watch` in a terminal, beside a simulated robot."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import tendril
+
+from simulated import simulated_robot
+from terminal import Terminal, until
+
+pytest.importorskip("textual", reason="SKIPPED: textual is not installed")
+pytestmark = pytest.mark.skipif(shutil.which("tmux") is None, reason="SKIPPED: no tmux; tools/setup installs it")
+
+STILL_RAD = 1e-5
+
+
+@pytest.fixture(scope="module")
+def client():
+    with simulated_robot(), tendril.Client() as client:
+        client.state(timeout=10)
+        yield client
+
+
+@pytest.fixture()
+def terminal(client, tmp_path):
+    terminal = Terminal(tmp_path, ["tendril", "status", "--watch"], {"TENDRIL_PYTHON": sys.executable})
+    try:
+        terminal.until_shown("SPACE or d  disarm", 30)
+        terminal.until_shown("rig_60mm")
+        yield terminal
+    finally:
+        terminal.close()
+        until("disarmed", lambda: not client.state().running, 20)
+        until("configured", lambda: client.state().mode_text == "configured", 20)
+
+
+def arm(terminal, client):
+    terminal.key("a")
+    until("running", lambda: client.state().running, 20, terminal.shown)
+
+
+def still(client):
+    before = client.state().bending_desired_rad
+    time.sleep(0.3)
+    return np.abs(client.state().bending_desired_rad - before).max() < STILL_RAD
+
+
+def test_jog_moves_release_stops_space_disarms(terminal, client):
+    terminal.key("Right")
+    arm(terminal, client)
+    begin = client.state().tip_desired_W_m
+    assert abs(begin[0]) < 1e-9, "a jog that is off moves nothing"
+    terminal.key("j")
+    terminal.until_shown("jog tip")
+    terminal.hold("Right", 1.2)
+    let_go, at_release = time.monotonic(), client.state().tip_desired_W_m
+    assert at_release[0] - begin[0] > 1e-3, terminal.shown()
+    until("still", lambda: still(client), 5, terminal.shown)
+    assert time.monotonic() - let_go < 1.5
+    assert np.linalg.norm(client.state().tip_desired_W_m - at_release) < 2e-3
+    assert client.state().running, "a jog that ended well does not end in hold"
+    terminal.key("1", "Up")
+    until("bends", lambda: client.state().bending_desired_rad[1] > 0.005, 5, terminal.shown)
+    terminal.key("Space")
+    until("disarmed", lambda: client.state().disarmed, 5, terminal.shown)
+    terminal.key("Up")
+    terminal.until_shown("command refused in this mode")
+    terminal.key("q")
+    until("left", lambda: not terminal.running(), 10)
+
+
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL, "closed"])
+def test_whatever_ends_it_leaves_the_robot_disarmed(terminal, client, end):
+    arm(terminal, client)
+    terminal.key("j")
+    terminal.hold("Left", 0.5)
+    if end == "closed":
+        terminal.close()
+    else:
+        terminal.kill_program(end)
+    until("disarmed", lambda: client.state().disarmed, 5)
+    until("left", lambda: not terminal.running(), 10)
+
+
+def test_one_that_is_stopped_moves_nothing_and_is_disarmed(terminal, client):
+    arm(terminal, client)
+    terminal.key("j")
+    terminal.hold("Left", 0.5)
+    terminal.kill_program(signal.SIGSTOP)
+    time.sleep(0.5)
+    assert still(client), "the daemon ends a target whose sender is silent"
+    until("disarmed", lambda: client.state().disarmed, 10)
+    terminal.kill_program(signal.SIGCONT)
+
+
+def test_without_a_terminal_it_is_the_table(client):
+    done = subprocess.Popen(["tendril", "status", "--watch"], stdout=subprocess.PIPE, text=True)
+    try:
+        assert done.stdout.readline().startswith(("robot", "mode"))
+    finally:
+        done.send_signal(signal.SIGINT)
+        done.communicate(timeout=10)
+    done = subprocess.run([sys.executable, "-P", "-m", "tendril.dashboard"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "needs a terminal" in done.stderr and len(done.stderr.splitlines()) == 1
