@@ -415,3 +415,22 @@ class Client:
 
     @property
     def prefix(self) -> str: ...
+
+def status_text(number: int) -> str:
+    """Meaning of a status number."""
+
+def status_remedy(number: int) -> str:
+    """What to do about it; empty where nothing is needed."""
+
+def drive_state_text(state: int) -> str:
+    """A drive's state (cycle_t.DRIVE_...) in words."""
+
+def drive_error_text(daemon: Daemon, node_id: int, code: int) -> str | None:
+    """
+    What an emergency code means to the drive at a node of this daemon; None for another node.
+    """
+
+def accepted_in(mode: int, command: str) -> bool:
+    """
+    Whether the daemon's gate accepts 'arm', 'disarm', 'hold', 'clear' or a 'target' in a mode (state_t.MODE_...).
+    """

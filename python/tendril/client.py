@@ -230,6 +230,9 @@ class Statistics:
     """Page faults from disk."""
 
 
+# No drive pulls in these.
+_LIMP = (state_t.MODE_DISCONNECTED, state_t.MODE_CONFIGURED, state_t.MODE_FAULT)
+
 _open: weakref.WeakSet[Client] = weakref.WeakSet()
 
 
@@ -278,14 +281,14 @@ class Client:
         return _mirror(State, state_t.decode(message))
 
     def states(self, timeout: float = 2.0) -> Iterator[State]:
-        """Each state as it arrives, up to a thousand behind; ends with DaemonError after `timeout` seconds without one."""
-        number = 0
+        """Each state that arrives from now on; up to a thousand wait for a slow reader.
 
-        def following(part: float) -> tuple[int, bytes] | None:
-            return self._core.next(number, part)
-
+        Ends with DaemonError after `timeout` seconds without one.
+        """
+        newest = self._core.state(1e9, 0.0)
+        number = 0 if newest is None else newest[0]
         while True:
-            number, message = self._await(timeout, following)
+            number, message = self._following(number, timeout)
             yield _mirror(State, state_t.decode(message))
 
     def __iter__(self) -> Iterator[State]:
@@ -324,7 +327,10 @@ class Client:
         """
         self._armed = True
         try:
-            return self._mode("arm", timeout, waiting)
+            answer = self._mode("arm", timeout, waiting)
+            if timeout > 0:
+                self._until((state_t.MODE_RUNNING,), 2.0)
+            return answer
         except KeyboardInterrupt:
             self._disarm_quietly(0)
             raise
@@ -338,7 +344,7 @@ class Client:
         answer = self._mode("disarm", min(timeout, 2.0))
         self._armed = False
         if timeout > 0:
-            self._await(timeout, self._at_rest)
+            self._until(_LIMP, timeout)
         return answer
 
     def hold(self, timeout: float = 2.0) -> str:
@@ -498,11 +504,16 @@ class Client:
         except DaemonError:
             pass
 
-    def _at_rest(self, part: float) -> bool | None:
-        """True in a state after the call in which no drive pulls any more."""
-        found = self._core.state(0.05, part)
-        mode = None if found is None else state_t.decode(found[1]).mode
-        return True if mode in (state_t.MODE_DISCONNECTED, state_t.MODE_CONFIGURED, state_t.MODE_FAULT) else None
+    def _following(self, number: int, timeout: float) -> tuple[int, bytes]:
+        """The state after the `number`-th, with its number."""
+        return self._await(timeout, lambda part: self._core.next(number, part))
+
+    def _until(self, modes: tuple[int, ...], timeout: float) -> None:
+        """Until the newest state shows one of these modes."""
+        end = time.monotonic() + timeout
+        number, message = self._await(timeout, lambda part: self._core.state(0.5, part))
+        while state_t.decode(message).mode not in modes:
+            number, message = self._following(number, max(end - time.monotonic(), 0.0))
 
     def _run(self, timeout: float) -> Any:
         return run_t.decode(self._await(timeout, self._core.run))

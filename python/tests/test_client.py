@@ -20,7 +20,7 @@ from simulated import simulated_robot
 
 @pytest.fixture(scope="module")
 def robot():
-    with simulated_robot("--speed", "4") as process:
+    with simulated_robot() as process:
         yield process
 
 
@@ -39,6 +39,13 @@ def wait_until(client, condition, what, timeout=20.0):
     raise AssertionError("the states ended")
 
 
+def straighten(client):
+    """Disarmed while bent, a robot is left with slack tendons, and its next motion ends in a fault."""
+    client.send_bending([0, 0], speed=1.0)
+    wait_until(client, lambda s: np.abs(s.bending_desired_rad).max() < 1e-3, "straight")
+    time.sleep(0.3)
+
+
 @pytest.mark.parametrize("kind", [tendril.State, tendril.Event, tendril.Statistics])
 def test_dataclasses_mirror_the_messages(kind):
     message = {
@@ -53,19 +60,18 @@ def test_dataclasses_mirror_the_messages(kind):
 def test_bends_as_it_is_told_and_is_disarmed_on_leaving(robot):
     with tendril.Client() as client:
         assert "running" in client.arm()
-        assert "accepted" in client.send_bending([0.3, -0.2], speed=2.0)
-        state = wait_until(
-            client, lambda s: np.allclose(s.bending_desired_rad, [0.3, -0.2], atol=1e-3), "bend"
-        )
+        assert "accepted" in client.send_bending([0.3, -0.2], speed=1.0)
+        state = wait_until(client, lambda s: np.allclose(s.bending_desired_rad, [0.3, -0.2], atol=1e-3), "bend")
         assert state.running and state.tension_measured_N.shape == (3,)
         model = tendril.Model(client.robot())
         arc = model.fk(model.spread(state.bending_desired_rad)).position
         assert np.allclose(arc, state.tip_desired_W_m, atol=1e-12)
-        assert "accepted" in client.send_tip(arc, speed=2.0)
+        assert "accepted" in client.send_tip(arc, speed=1.0)
         assert client.send_tip(arc, timeout=0) == ""
         # The high half of a sequence number names the sender: this process, on this host.
         assert client.state().command_sequence >> 32 == tendril._core.sender()
         assert client.daemon().prefix == "TENDRIL"
+        straighten(client)
     with tendril.Client() as client:
         wait_until(client, lambda s: s.disarmed, "disarm")
 
@@ -138,6 +144,7 @@ def test_follows_points_and_named_motions(client):
         client.follow([0, 0, 0, 0])
     with pytest.raises(tendril.DaemonError):
         client.follow(10 * path)
+    straighten(client)
 
 
 def test_ctrl_c_disarms(robot):

@@ -194,7 +194,7 @@ class Dashboard(App[int]):
             self._end(signal.SIGHUP)
 
     def _draw(self) -> None:
-        if not self.is_mounted:
+        if not self.is_running:
             return
         small = self._small()
         self.screen.set_class(bool(small), "small")
