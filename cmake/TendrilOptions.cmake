@@ -3,6 +3,7 @@ option(TENDRIL_TESTS "Build the tests" ON)
 option(TENDRIL_BENCH "Build the benchmarks" ON)
 option(TENDRIL_WERROR "Treat warnings as errors" ON)
 option(TENDRIL_NATIVE "Use every instruction of this machine (binaries are not portable)" OFF)
+option(TENDRIL_UNITY "Compile a room's files together: faster as a whole, slower after a small change" ON)
 # tools/setup makes an environment with the packages of tests/requirements.txt and others; tests that miss one skip, and
 # without nanobind the Python package is not built.
 set(TENDRIL_TEST_PYTHON /usr/bin/python3 CACHE FILEPATH "Python for tests with PyPI packages")

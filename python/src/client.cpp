@@ -24,6 +24,8 @@
 #include "tendril/core/tip_unit.h"
 #include "tendril/core/usage_error.h"
 #include "tendril/io/send_command.h"
+#include "tendril/motion/follower.h"
+#include "tendril/motion/requested_motion.h"
 #include "tendril_lcm/event_t.hpp"
 #include "tendril_lcm/run_t.hpp"
 #include "tendril_lcm/state_t.hpp"
@@ -207,6 +209,31 @@ class Client {
     command.tension_N = ToVector<TendonVector>(tension_N, kMaxTendons, "tension");
     return Target(command, 0, valid_for_s, timeout_s);
   }
+  /// A motion as `tendril follow` words it, at its end with what it said of how well it went.
+  std::string Follow(const motion::MotionRequest& request, const std::string& robot_file,
+                     const nb::object& progress) {
+    listener();
+    const auto said = std::make_shared<std::string>();
+    const auto work = std::make_shared<Work>();
+    const auto say = [said](const std::string& line) { *said += line + "\n"; };
+    const motion::FollowSetup setup{
+        .lcm_url = url_,
+        .channel_prefix = prefix_,
+        .robot_file = robot_file,
+        .stopped_by = [work] { return std::string(work->stopped() ? "Ctrl-C" : ""); },
+        .tell = say,
+        .progress = [work = work.get()](const std::string& line) { work->Tell(line, 0); }};
+    Run(
+        work,
+        [=] {
+          motion::Follower follower(setup);
+          const auto& subject = follower.subject();
+          follower.Follow(*motion::MakeRequestedMotion(request, subject.robot,
+                                                       subject.daemon.controller.trajectory, say));
+        },
+        progress);
+    return *said;
+  }
   void Close() {
     auto last = std::exchange(listener_, nullptr);
     const nb::gil_scoped_release released;
@@ -264,17 +291,36 @@ class Client {
   std::shared_ptr<Listener> listener_;
 };
 
+void AddMotionRequest(nb::module_& m) {
+  using motion::MotionRequest;
+  nb::class_<MotionRequest>(m, "MotionRequest")
+      .def(nb::init<>())
+      .def_rw("kind", &MotionRequest::kind)
+      .def_rw("tips", &MotionRequest::tips)
+      .def_rw("bends", &MotionRequest::bends)
+      .def_rw("points", &MotionRequest::points)
+      .def_rw("nearest", &MotionRequest::nearest)
+      .def_rw("stretch", &MotionRequest::stretch)
+      .def_rw("speed", &MotionRequest::speed_radps)
+      .def_rw("acceleration", &MotionRequest::acceleration_radps2)
+      .def_rw("jerk", &MotionRequest::jerk_radps3);
+}
+
 }  // namespace
 
 void AddClient(nb::module_& m) {
   m.def("sender", &io::SenderOfProcess, "Sender number of this process's commands.");
+  AddMotionRequest(m);
   nb::class_<Client>(m, "Client")
       .def(nb::init<std::string, std::string>(), nb::arg("url"), nb::arg("prefix"))
-      .def("state", &Client::State, nb::arg("max_age"), nb::arg("timeout"))
-      .def("next", &Client::Next, nb::arg("after"), nb::arg("timeout"))
-      .def("events", &Client::Events)
-      .def("statistics", &Client::Statistics)
-      .def("run", &Client::RunRecord, nb::arg("timeout"))
+      .def("state", &Client::State, nb::arg("max_age"), nb::arg("timeout"),
+           nb::sig("def state(self, max_age: float, timeout: float) -> tuple[int, bytes] | None"))
+      .def("next", &Client::Next, nb::arg("after"), nb::arg("timeout"),
+           nb::sig("def next(self, after: int, timeout: float) -> tuple[int, bytes] | None"))
+      .def("events", &Client::Events, nb::sig("def events(self) -> list[bytes]"))
+      .def("statistics", &Client::Statistics, nb::sig("def statistics(self) -> bytes | None"))
+      .def("run", &Client::RunRecord, nb::arg("timeout"),
+           nb::sig("def run(self, timeout: float) -> bytes | None"))
       .def("nobody_answers", &Client::NobodyAnswers, nb::arg("within"))
       .def("mode", &Client::Mode, nb::arg("request"), nb::arg("timeout"), nb::arg("waiting").none())
       .def("tip", &Client::Tip, nb::arg("tip"), nb::arg("velocity"), nb::arg("speed"), nb::arg("valid_for"),
@@ -282,6 +328,7 @@ void AddClient(nb::module_& m) {
       .def("bending", &Client::Bending, nb::arg("bending"), nb::arg("rate"), nb::arg("speed"),
            nb::arg("valid_for"), nb::arg("timeout"))
       .def("tension", &Client::Tension, nb::arg("tension"), nb::arg("valid_for"), nb::arg("timeout"))
+      .def("follow", &Client::Follow, nb::arg("request"), nb::arg("robot_file"), nb::arg("progress").none())
       .def("close", &Client::Close)
       .def_prop_ro("closed", &Client::closed)
       .def_prop_ro("url", &Client::url)

@@ -36,6 +36,10 @@ std::vector<std::thread>& Abandoned() {
 
 void Work::Report(const std::string& stage, double share) {
   if (stop_) throw Interrupted();
+  Tell(stage, share);
+}
+
+void Work::Tell(const std::string& stage, double share) {
   const std::lock_guard lock(mutex_);
   if (!reports_.empty() && reports_.back().first == stage) reports_.pop_back();
   reports_.emplace_back(stage, share);

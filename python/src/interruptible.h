@@ -3,6 +3,7 @@
 #pragma once
 
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/string.h>
 
 #include <atomic>
 #include <deque>
@@ -28,6 +29,8 @@ class Work {
   const std::atomic<bool>* stop() const { return &stop_; }
   /// From any thread of the work: a stage and its completed share. Throws Interrupted once it shall end.
   void Report(const std::string& stage, double share);
+  /// The same without throwing, for work that hears of `stop` otherwise.
+  void Tell(const std::string& stage, double share);
 
  private:
   friend void Run(const std::shared_ptr<Work>&, std::function<void()>, const nanobind::object&);

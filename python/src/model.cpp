@@ -52,6 +52,16 @@ struct NewWorkspace {
   Body::Workspace operator()() const { return Body::Workspace(of->body); }
 };
 
+struct NewArcs {
+  SubjectPtr of;
+  std::unique_ptr<model::ArcTensions> operator()() const {
+    return std::make_unique<model::ArcTensions>(of->body);
+  }
+};
+
+/// What is missed counts only where the target was not reached.
+double Missed(Status status, double by) { return status == Status::kOk ? 0 : by; }
+
 RowsPtr Keep(Rows rows) { return std::make_shared<const Rows>(std::move(rows)); }
 std::shared_ptr<Rows> Table(Index rows, Index columns) { return std::make_shared<Rows>(rows, columns); }
 
@@ -209,6 +219,81 @@ class Model {
         });
   }
 
+  /// Tensions, then how far the target is missed: as `tendril model inverse` of arcs [N·m of force], or of
+  /// equilibria [rad].
+  Rows Inverse(Rows bending_rad, std::optional<Rows> rate_rows, std::optional<Rows> acceleration_rows,
+               double min_tension_N, bool equilibrium) const {
+    const RowsPtr bending = Keep(std::move(bending_rad));
+    const bool moving = rate_rows.has_value();
+    const RowsPtr rate = moving ? Keep(std::move(*rate_rows)) : nullptr;
+    const RowsPtr acceleration = moving ? Keep(std::move(*acceleration_rows)) : nullptr;
+    const auto motion = [moving](const RowsPtr& rows, Index i, Index size) -> VectorXd {
+      return moving ? VectorXd(rows->row(i).transpose()) : VectorXd::Zero(size);
+    };
+    return Filled(
+        bending->rows(), s_->body.tendons() + 1, NewArcs{s_},
+        [s = s_, bending, rate, acceleration, motion, min_tension_N, moving, equilibrium](Index i, auto row,
+                                                                                          auto& arcs) {
+          const VectorXd bend = bending->row(i).transpose();
+          const VectorXd dbend = motion(rate, i, bend.size()), ddbend = motion(acceleration, i, bend.size());
+          VectorXd spread(s->body.dof());
+          s->body.SpreadBending(bend, spread);
+          if (const std::string why = model::WhyDisksClose(s->body, spread); !why.empty())
+            throw RowError(i, why);
+          const double most_N = s->robot.limits.max_tension_base_N;
+          if (!equilibrium) {
+            const auto result = arcs->Move(bend, dbend, ddbend, min_tension_N, most_N);
+            row << result.tension_N.transpose(), Missed(result.status, result.residual_Nm);
+            return;
+          }
+          const model::InverseEquilibrium solver(s->body, min_tension_N, most_N);
+          const auto shape = moving ? solver.ForBending(bend, dbend, ddbend) : solver.ForBending(bend);
+          if (const std::string why = model::WhyNoShape(shape); !why.empty())
+            throw RowError(i, why + "; reduce the target");
+          row << shape.tension_N.transpose(), Missed(shape.status, shape.target_error);
+        });
+  }
+
+  /// Tensions, q, then the distance by which the target is missed [m], as `tendril model inverse-tip`, and 1
+  /// where raising the tensions from zero ends there (only asked at rest, else 1).
+  Rows InverseTip(Rows tip_m, std::optional<Rows> velocity_rows, std::optional<Rows> acceleration_rows,
+                  double min_tension_N) const {
+    const RowsPtr tip = Keep(std::move(tip_m));
+    const bool moving = velocity_rows.has_value();
+    const RowsPtr velocity = moving ? Keep(std::move(*velocity_rows)) : nullptr;
+    const RowsPtr acceleration = moving ? Keep(std::move(*acceleration_rows)) : nullptr;
+    return Filled(
+        tip->rows(), s_->body.tendons() + s_->body.dof() + 2, kNoScratch,
+        [s = s_, tip, velocity, acceleration, min_tension_N, moving](Index i, auto row, Nothing&) {
+          const model::InverseEquilibrium solver(s->body, min_tension_N, s->robot.limits.max_tension_base_N);
+          const Vector3d target = tip->row(i).transpose();
+          const double most = s->robot.limits.max_bending_rad;
+          const auto shape = moving ? solver.ForTip(target, velocity->row(i).transpose(),
+                                                    acceleration->row(i).transpose(), most)
+                                    : solver.ForTip(target, most);
+          if (const std::string why = model::WhyNoShape(shape); !why.empty())
+            throw RowError(i, why + AskMillimetres(target, s->robot.body.length_m()) + "; reduce the target");
+          const bool loaded = moving || model::LoadingEndsAt(s->body, shape.tension_N, shape.q);
+          row << shape.tension_N.transpose(), shape.q.transpose(), Missed(shape.status, shape.target_error),
+              loaded ? 1.0 : 0.0;
+        });
+  }
+
+  /// us, vs a section, then the distance by which the target is missed [m]. Each row's search begins at the
+  /// row before.
+  Rows InverseKinematics(const Rows& tip_m) const {
+    const nb::gil_scoped_release released;
+    const model::InverseKinematics ik(s_->body, s_->robot.limits.max_bending_rad);
+    Rows out(tip_m.rows(), 2 * s_->body.sections() + 1);
+    BendingVector seed = BendingVector::Zero(2 * s_->body.sections());
+    for (Index i = 0; i < tip_m.rows(); ++i) {
+      const auto solution = ik.Solve(tip_m.row(i).transpose(), seed);
+      out.row(i) << solution.us_vs.transpose(), Missed(solution.status, solution.distance_m);
+      seed = solution.us_vs;
+    }
+    return out;
+  }
+
   Rows SpreadBending(Rows us_vs) const {
     Rows q(us_vs.rows(), s_->body.dof());
     VectorXd one(s_->body.dof());
@@ -223,21 +308,28 @@ class Model {
   SubjectPtr s_;
 };
 
-void TranslateRowErrors() {
-  nb::register_exception_translator([](const std::exception_ptr& p, void*) {
-    try {
-      std::rethrow_exception(p);
-    } catch (const RowError& e) {
-      const nb::object type = nb::module_::import_("tendril.errors").attr("ModelError");
-      PyErr_SetObject(type.ptr(), type(e.what(), e.row).ptr());
-    }
-  });
+double CapstanRatioOf(double alpha, double wrap_rad, double tension_N, std::optional<double> exponent,
+                      std::optional<double> radius_ratio, double entry_angle_rad, bool release,
+                      const std::string& law, double low_tension_N) {
+  PulleyParameters pulley;
+  pulley.law = law == "classic" ? CapstanLaw::kClassic
+               : law == "local" ? CapstanLaw::kLocal
+                                : CapstanLaw::kCumulative;
+  pulley.alpha = alpha;
+  pulley.wrap_rad = wrap_rad;
+  pulley.entry_angle_rad = entry_angle_rad;
+  if (exponent) pulley.exponent = *exponent;
+  if (radius_ratio) pulley.radius_ratio = *radius_ratio;
+  model::ValidatePulley(pulley);
+  return model::CapstanRatio(pulley, tension_N, release, low_tension_N);
 }
 
 }  // namespace
 
 void AddModel(nb::module_& m) {
-  TranslateRowErrors();
+  m.def("capstan_ratio", &CapstanRatioOf, nb::arg("alpha"), nb::arg("wrap"), nb::arg("tension"),
+        nb::arg("n").none(), nb::arg("rho").none(), nb::arg("phi1"), nb::arg("release"), nb::arg("law"),
+        nb::arg("low_tension"));
   nb::class_<Model>(m, "Model")
       .def(nb::init<const RobotParameters&>(), nb::arg("robot"))
       .def("statics", &Model::Statics, nb::arg("tension"), nb::arg("tip_force").none())
@@ -250,6 +342,11 @@ void AddModel(nb::module_& m) {
       .def("backbone", &Model::Backbone, nb::arg("q"), nb::arg("points"))
       .def("disks", &Model::Disks, nb::arg("q"))
       .def("tendon_points", &Model::TendonPoints, nb::arg("q"))
+      .def("inverse", &Model::Inverse, nb::arg("bending"), nb::arg("rate").none(),
+           nb::arg("acceleration").none(), nb::arg("min_tension"), nb::arg("equilibrium"))
+      .def("inverse_tip", &Model::InverseTip, nb::arg("tip"), nb::arg("velocity").none(),
+           nb::arg("acceleration").none(), nb::arg("min_tension"))
+      .def("ik", &Model::InverseKinematics, nb::arg("tip"))
       .def("spread", &Model::SpreadBending, nb::arg("bending"));
 }
 

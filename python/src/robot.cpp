@@ -174,22 +174,9 @@ void AddDaemonClass(nb::module_& m) {
            [](D d) { return fmt::format("<Daemon on {}, robot file {}>", d.bus.interface, d.robot_file); });
 }
 
-/// tendril.ConfigError, which reads file, line and key from the line.
-void TranslateConfigErrors() {
-  nb::register_exception_translator([](const std::exception_ptr& p, void*) {
-    try {
-      std::rethrow_exception(p);
-    } catch (const config::ConfigError& e) {
-      const nb::object type = nb::module_::import_("tendril.errors").attr("ConfigError");
-      PyErr_SetObject(type.ptr(), type(e.what()).ptr());
-    }
-  });
-}
-
 }  // namespace
 
 void AddRobot(nb::module_& m) {
-  TranslateConfigErrors();
   AddRobotClass(m);
   AddDaemonClass(m);
   m.def(

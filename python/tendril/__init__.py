@@ -21,12 +21,18 @@ import atexit as _atexit
 import os as _os
 
 from . import _core
-from ._core import Daemon, Robot
+from ._core import Daemon, Robot, Run
 from .client import Client, Event, State, Statistics
+from .data_set import DataSet
+from .diagnosis import diagnose
+from .effects import effects
 from .errors import ConfigError, DaemonError, Error, ModelError
-from .model import Model, Tip
+from .model import Bending, Inverse, InverseTip, Model, Tip
+from .report import Report
+from .simulation import simulate
+from .transmission import Capstan, capstan
 
-__version__: str = _core.version
+__version__: str = _core.version()
 
 _atexit.register(_core.await_abandoned)
 
@@ -47,19 +53,30 @@ def load_daemon(path: str | _os.PathLike[str]) -> Daemon:
 
 
 __all__ = [
+    "Bending",
+    "Capstan",
     "Client",
     "ConfigError",
     "Daemon",
     "DaemonError",
+    "DataSet",
     "Error",
     "Event",
+    "Inverse",
+    "InverseTip",
     "Model",
     "ModelError",
+    "Report",
     "Robot",
+    "Run",
     "State",
     "Statistics",
     "Tip",
+    "capstan",
+    "diagnose",
+    "effects",
     "load_daemon",
     "load_robot",
     "parse_robot",
+    "simulate",
 ]

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import dataclasses
 import os
+import pathlib
+import tempfile
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Any, TypeVar
@@ -14,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from . import _core
 from ._arrays import Array, numbers, vector
-from .errors import DaemonError
+from .errors import ConfigError, DaemonError, Error
 from .messages import event_t, run_t, state_t, statistics_t
 
 DEFAULT_URL = "udpm://239.255.76.67:7667?ttl=0"
@@ -107,12 +111,12 @@ class State:
     @property
     def running(self) -> bool:
         """True where targets are taken."""
-        return self.mode == state_t.MODE_RUNNING
+        return bool(self.mode == state_t.MODE_RUNNING)
 
     @property
     def faulted(self) -> bool:
         """True in mode fault: `clear()`, then `arm()`."""
-        return self.mode == state_t.MODE_FAULT
+        return bool(self.mode == state_t.MODE_FAULT)
 
     @property
     def disarmed(self) -> bool:
@@ -226,10 +230,24 @@ class Statistics:
     """Page faults from disk."""
 
 
+# No drive pulls in these.
+_LIMP = (state_t.MODE_DISCONNECTED, state_t.MODE_CONFIGURED, state_t.MODE_FAULT)
+
+_open: weakref.WeakSet[Client] = weakref.WeakSet()
+
+
+@atexit.register
+def _close_all() -> None:
+    """A program that ends leaves nothing armed that it armed."""
+    for client in list(_open):
+        client.close()
+
+
 class Client:
     """Operates a daemon over LCM: commands out, states and events in.
 
-    As a context manager it disarms on leaving the block, also after an exception or Ctrl-C, if it commanded anything:
+    As a context manager it disarms on leaving the block, also after an exception or Ctrl-C, if it commanded anything;
+    without one it does so when it is closed, or the program ends:
 
         with tendril.Client() as client:
             client.arm()
@@ -248,8 +266,9 @@ class Client:
         self._armed = False
         try:
             self._core = _core.Client(url or os.environ.get("LCM_DEFAULT_URL") or DEFAULT_URL, prefix)
-        except RuntimeError as error:
+        except Error as error:
             raise DaemonError(str(error)) from None
+        _open.add(self)
 
     # ---- receiving ----
 
@@ -258,15 +277,18 @@ class Client:
 
         Raises DaemonError when there is none within `timeout` seconds.
         """
-        found = self._await(timeout, lambda part: self._core.state(0.5, part))
-        return _mirror(State, state_t.decode(found[1]))
+        _number, message = self._await(timeout, lambda part: self._core.state(0.5, part))
+        return _mirror(State, state_t.decode(message))
 
     def states(self, timeout: float = 2.0) -> Iterator[State]:
-        """Each state as it arrives, up to a thousand behind; ends with DaemonError after `timeout` seconds without one."""
-        number = 0
+        """Each state that arrives from now on; up to a thousand wait for a slow reader.
+
+        Ends with DaemonError after `timeout` seconds without one.
+        """
+        newest = self._core.state(1e9, 0.0)
+        number = 0 if newest is None else newest[0]
         while True:
-            after = number
-            number, message = self._await(timeout, lambda part: self._core.next(after, part))
+            number, message = self._following(number, timeout)
             yield _mirror(State, state_t.decode(message))
 
     def __iter__(self) -> Iterator[State]:
@@ -305,15 +327,24 @@ class Client:
         """
         self._armed = True
         try:
-            return self._mode("arm", timeout, waiting)
+            answer = self._mode("arm", timeout, waiting)
+            if timeout > 0:
+                self._until((state_t.MODE_RUNNING,), 2.0)
+            return answer
         except KeyboardInterrupt:
             self._disarm_quietly(0)
             raise
 
-    def disarm(self, timeout: float = 2.0) -> str:
-        """Ramps the tensions down and disables the drives."""
-        answer = self._mode("disarm", timeout)
+    def disarm(self, timeout: float = 10.0) -> str:
+        """Ramps the tensions down and disables the drives; waits until they are.
+
+        Args:
+            timeout: at most so long [s]; 0: does not wait.
+        """
+        answer = self._mode("disarm", min(timeout, 2.0))
         self._armed = False
+        if timeout > 0:
+            self._until(_LIMP, timeout)
         return answer
 
     def hold(self, timeout: float = 2.0) -> str:
@@ -380,6 +411,52 @@ class Client:
             lambda: self._core.tension(list(tensions), valid_for, timeout), 0.0, valid_for, timeout
         )
 
+    def follow(
+        self,
+        path: str | ArrayLike,
+        *,
+        times: ArrayLike | None = None,
+        corners: bool = False,
+        nearest: bool = False,
+        speed: float = 0.0,
+        acceleration: float = 0.0,
+        jerk: float = 0.0,
+        stretch: float = 1.0,
+        robot: str | os.PathLike[str] | None = None,
+        progress: Callable[[str], None] | None = None,
+    ) -> str:
+        """Follows a motion with an armed robot, from its first target to its end, as `tendril follow` does.
+
+        Args:
+            path: a motion by name ('circle', 'planar', 'fast_circle', 'square', 'spiral'); or points: tips in the base
+                frame [m], (N, 3), or bends of all sections [rad], (N, 2K).
+            times: of the points [s], (N,), increasing; None: as fast as the limits allow.
+            corners: along straight lines of the tip, at rest in each point; else through the points without stopping.
+            nearest: replace points out of reach by the nearest that the tip can reach.
+            speed: of a section's bend at most [rad/s]; 0: the daemon's default.
+            acceleration: [rad/s^2]; 0: that speed in 0.25 s.
+            jerk: [rad/s^3]; 0: that acceleration in 0.1 s.
+            stretch: `times` are multiplied by this.
+            robot: robot file in place of the daemon's own.
+            progress: called once a second with a line.
+
+        Returns:
+            What was done and how well it was followed, a line each.
+
+        Raises:
+            DaemonError: what goes wrong on the way; the robot then holds the last target.
+            ValueError: points that make no sense.
+        """
+        request = _core.MotionRequest()
+        request.nearest, request.stretch = nearest, stretch
+        request.speed, request.acceleration, request.jerk = speed, acceleration, jerk
+        tell = None if progress is None else (lambda line, _share: progress(line))
+        self._armed = True
+        file = "" if robot is None else os.fspath(robot)
+        with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
+            _word(request, path, times, corners, pathlib.Path(folder))
+            return _daemon_errors(lambda: self._core.follow(request, file, tell))
+
     # ---- life ----
 
     def close(self) -> None:
@@ -388,7 +465,7 @@ class Client:
             return
         try:
             if self._armed:
-                self._disarm_quietly(2.0)
+                self._disarm_quietly(10.0)
         finally:
             self._core.close()
 
@@ -427,6 +504,17 @@ class Client:
         except DaemonError:
             pass
 
+    def _following(self, number: int, timeout: float) -> tuple[int, bytes]:
+        """The state after the `number`-th, with its number."""
+        return self._await(timeout, lambda part: self._core.next(number, part))
+
+    def _until(self, modes: tuple[int, ...], timeout: float) -> None:
+        """Until the newest state shows one of these modes."""
+        end = time.monotonic() + timeout
+        number, message = self._await(timeout, lambda part: self._core.state(0.5, part))
+        while state_t.decode(message).mode not in modes:
+            number, message = self._following(number, max(end - time.monotonic(), 0.0))
+
     def _run(self, timeout: float) -> Any:
         return run_t.decode(self._await(timeout, self._core.run))
 
@@ -441,12 +529,48 @@ class Client:
                 raise DaemonError(self._core.nobody_answers(timeout))
 
 
+def _word(
+    request: _core.MotionRequest, path: str | ArrayLike, times: ArrayLike | None, corners: bool, folder: pathlib.Path
+) -> None:
+    """The path in the words of `tendril follow`."""
+    if isinstance(path, str):
+        named = ("circle", "planar", "fast_circle", "square", "spiral")
+        if path not in named:
+            raise ValueError(f"there is no motion {path!r}; accepted: {', '.join(named)}, or points")
+        if times is not None or corners:
+            raise ValueError(f"times and corners go with points, not with the motion {path!r}")
+        request.kind = path
+        return
+    points = numbers("path", path, "tips [m] (N, 3) or bends [rad] (N, 2K)")
+    if points.ndim != 2 or points.shape[0] < 2 or (points.shape[1] != 3 and points.shape[1] % 2):
+        raise ValueError(f"path has shape {points.shape}; expected (N, 3) tips [m] or (N, 2K) bends [rad], N >= 2")
+    tips = points.shape[1] == 3
+    if corners and (not tips or times is not None):
+        raise ValueError("corners goes with tips and without times")
+    names = ["tip_x_m", "tip_y_m", "tip_z_m"]
+    if not tips:
+        names = [f"{x}s_{k}" for k in range(1, points.shape[1] // 2 + 1) for x in "uv"]
+    if corners:
+        request.kind = "line"
+        request.tips = [",".join(map(repr, map(float, point))) for point in points]
+        return
+    request.kind = "via"
+    if times is not None:
+        request.kind, names = "csv", ["t_s", *names]
+        at = vector("times", times, len(points), "one time a point [s]")
+        points = np.column_stack([at, points])
+    rows = [",".join(names)] + [",".join(map(repr, map(float, row))) for row in points]
+    file = folder / "path"
+    file.write_text("\n".join(rows) + "\n")
+    request.points = str(file)
+
+
 def _daemon_errors(call: Callable[[], str]) -> str:
     try:
         return call()
-    except ValueError:
+    except ConfigError:
         raise
-    except RuntimeError as error:
+    except Error as error:
         raise DaemonError(str(error)) from None
 
 

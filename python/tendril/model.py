@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._arrays import Array, Batch
+from ._arrays import Array, Batch, numbers
+
+Reached: TypeAlias = "np.bool_ | NDArray[np.bool_]"
+Numbers: TypeAlias = "np.float64 | Array"
 
 _Q = "q = u1, v1, ..., uN, vN, the bend of each unit [rad]"
 _DQ = "dq = du1, dv1, ..., the rates of q [rad/s]"
@@ -24,6 +27,44 @@ class Tip(NamedTuple):
     """Its frame in the base frame as a unit quaternion w, x, y, z with w >= 0, (4,)."""
     tendon_lengths: Array
     """Straight length of each tendon within the robot [m], (M,)."""
+
+
+class Inverse(NamedTuple):
+    """Tensions for a bend (`Model.inverse`); with N rows each array has N rows."""
+
+    tension: Array
+    """At the base [N], (M,)."""
+    reached: Reached
+    """True where they hold the bend; else they are the admissible ones that come nearest."""
+    missing: Numbers
+    """What is missing: arcs: of the force [N m]; equilibrium: of the bend [rad]. 0 where it is reached."""
+
+
+class InverseTip(NamedTuple):
+    """Tensions for a tip position (`Model.inverse_tip`); with N rows each array has N rows."""
+
+    tension: Array
+    """At the base [N], (M,)."""
+    q: Array
+    """Shape of the equilibrium [rad], (2N,)."""
+    reached: Reached
+    """True where the tip is there; else it is the nearest found within the tension bounds."""
+    distance: Numbers
+    """From the target to the tip [m]; 0 where it is reached."""
+    from_rest: Reached
+    """True where raising the tensions from zero ends in this shape; other equilibria exist, to which a robot does not come
+    by itself. At rest only; True in motion."""
+
+
+class Bending(NamedTuple):
+    """Bends of the sections for a tip position (`Model.ik`); with N rows each array has N rows."""
+
+    bending: Array
+    """us, vs of each section [rad], (2K,)."""
+    reached: Reached
+    """True where the tip is there; else it is the nearest reachable."""
+    distance: Numbers
+    """From the target to the tip [m]; 0 where it is reached."""
 
 
 class Model:
@@ -68,6 +109,81 @@ class Model:
             batch.add("tip_force", tip_force, 3, "fx, fy, fz in the base frame [N]")
         tension, *force = batch.tables()
         return batch.shaped(self._core.statics(tension, force[0] if force else None))
+
+    def inverse(
+        self,
+        bending: ArrayLike,
+        rate: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        *,
+        shape: str = "arc",
+        min_tension: float | None = None,
+    ) -> Inverse:
+        """Tensions of least sum (T - Tmin)^2 that hold a bend, or drive a motion.
+
+        Args:
+            bending: us, vs of each section [rad], (2K,) or (N, 2K).
+            rate: their rates [rad/s], and
+            acceleration: their accelerations [rad/s^2], the same shape; both or neither.
+            shape: 'arc': the units of a section share its bend equally, and the tensions balance Kane's equations
+                projected on that motion; 'equilibrium': the units bend according to the forces, their sums are us, vs.
+            min_tension: least tension of every tendon [N]; None: the robot file's. The upper bound is its
+                max_tension_base.
+        """
+        if shape not in ("arc", "equilibrium"):
+            raise ValueError(f"shape is {shape!r}; accepted: arc, equilibrium")
+        k = 2 * self._robot.sections
+        batch = Batch()
+        batch.add("bending", bending, k, "us, vs of each section [rad]")
+        _add_motion(batch, k, ("rate", rate), ("acceleration", acceleration))
+        bend, *motion = batch.tables()
+        dbend, ddbend = motion or (None, None)
+        least = self._least(min_tension)
+        rows = batch.shaped(self._core.inverse(bend, dbend, ddbend, least, shape == "equilibrium"))
+        missing = rows[..., -1]
+        return Inverse(rows[..., :-1], missing == 0, missing)
+
+    def inverse_tip(
+        self,
+        tip: ArrayLike,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        *,
+        min_tension: float | None = None,
+    ) -> InverseTip:
+        """Tensions and shape of the true equilibrium with its tip at a point, or on its way through it.
+
+        Args:
+            tip: position in the base frame [m], (3,) or (N, 3).
+            velocity: [m/s], and
+            acceleration: [m/s^2], the same shape; both or neither.
+            min_tension: as in `inverse`.
+        """
+        batch = Batch()
+        batch.add("tip", tip, 3, "x, y, z in the base frame [m]")
+        _check_near(tip)
+        _add_motion(batch, 3, ("velocity", velocity), ("acceleration", acceleration))
+        point, *motion = batch.tables()
+        dtip, ddtip = motion or (None, None)
+        rows = batch.shaped(self._core.inverse_tip(point, dtip, ddtip, self._least(min_tension)))
+        distance = rows[..., -2]
+        m = self._m
+        return InverseTip(rows[..., :m], rows[..., m:-2], distance == 0, distance, rows[..., -1] != 0)
+
+    def ik(self, tip: ArrayLike) -> Bending:
+        """Bends of the sections, as arcs of constant curvature, that bring the tip to a point.
+
+        The search for a row begins at the row before, so that points along a path give bends along a path.
+
+        Args:
+            tip: position in the base frame [m], (3,) or (N, 3).
+        """
+        batch = Batch()
+        batch.add("tip", tip, 3, "x, y, z in the base frame [m]")
+        _check_near(tip)
+        rows = batch.shaped(self._core.ik(*batch.tables()))
+        distance = rows[..., -1]
+        return Bending(rows[..., :-1], distance == 0, distance)
 
     def frequencies(self, T: ArrayLike) -> Array:
         """Natural frequencies about the equilibrium at constant tensions, without damping.
@@ -146,7 +262,8 @@ class Model:
         if not 2 <= points <= 100_000:
             raise ValueError(f"points is {points}; give 2 to 100000")
         batch = self._shapes(q)
-        return batch.shaped(self._core.backbone(*batch.tables(), points), points, 3)
+        (rows,) = batch.tables()
+        return batch.shaped(self._core.backbone(rows, points), points, 3)
 
     def disks(self, q: ArrayLike) -> Array:
         """Frames of the base disk and of each unit's disk, from the base on.
@@ -182,6 +299,14 @@ class Model:
         batch.add("bending", bending, 2 * self._robot.sections, "us, vs of each section [rad]")
         return batch.shaped(self._core.spread(*batch.tables()))
 
+    def _least(self, min_tension: float | None) -> float:
+        if min_tension is None:
+            return self._robot.min_tension
+        least, most = float(numbers("min_tension", min_tension, "newtons")), self._robot.max_tension_base
+        if not 0 <= least <= most:
+            raise ValueError(f"min_tension is {least} N; give 0 to {most} N (limits.max_tension_base_N of the robot)")
+        return least
+
     def _shapes(self, q: ArrayLike) -> Batch:
         batch = Batch()
         batch.add("q", q, self._n, _Q)
@@ -194,3 +319,18 @@ class Model:
 
     def __repr__(self) -> str:
         return f"Model({self._robot!r})"
+
+
+def _add_motion(batch: Batch, columns: int, *given: tuple[str, ArrayLike | None]) -> None:
+    """Rates and accelerations, which come together or not at all."""
+    named = {name: value for name, value in given if value is not None}
+    if len(named) == 1:
+        missing = next(name for name, value in given if value is None)
+        raise ValueError(f"{next(iter(named))} is given without {missing}; give both, or neither for rest")
+    for name, value in named.items():
+        batch.add(name, value, columns, "as many as in the first argument")
+
+
+def _check_near(tip: ArrayLike) -> None:
+    if (np.abs(np.asarray(tip, dtype=np.float64)) > 1e6).any():
+        raise ValueError("tip is more than 1e6 m from the base; give metres")

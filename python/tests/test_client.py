@@ -20,7 +20,7 @@ from simulated import simulated_robot
 
 @pytest.fixture(scope="module")
 def robot():
-    with simulated_robot("--speed", "4") as process:
+    with simulated_robot() as process:
         yield process
 
 
@@ -39,9 +39,20 @@ def wait_until(client, condition, what, timeout=20.0):
     raise AssertionError("the states ended")
 
 
+def straighten(client):
+    """Disarmed while bent, a robot is left with slack tendons, and its next motion ends in a fault."""
+    client.send_bending([0, 0], speed=1.0)
+    wait_until(client, lambda s: np.abs(s.bending_desired_rad).max() < 1e-3, "straight")
+    time.sleep(0.3)
+
+
 @pytest.mark.parametrize("kind", [tendril.State, tendril.Event, tendril.Statistics])
 def test_dataclasses_mirror_the_messages(kind):
-    message = {tendril.State: messages.state_t, tendril.Event: messages.event_t, tendril.Statistics: messages.statistics_t}[kind]
+    message = {
+        tendril.State: messages.state_t,
+        tendril.Event: messages.event_t,
+        tendril.Statistics: messages.statistics_t,
+    }[kind]
     fields = [name for name in message.__slots__ if not name.startswith("num_")]
     assert [field.name for field in dataclasses.fields(kind)] == fields
 
@@ -49,15 +60,18 @@ def test_dataclasses_mirror_the_messages(kind):
 def test_bends_as_it_is_told_and_is_disarmed_on_leaving(robot):
     with tendril.Client() as client:
         assert "running" in client.arm()
-        assert "accepted" in client.send_bending([0.3, -0.2], speed=2.0)
+        assert "accepted" in client.send_bending([0.3, -0.2], speed=1.0)
         state = wait_until(client, lambda s: np.allclose(s.bending_desired_rad, [0.3, -0.2], atol=1e-3), "bend")
         assert state.running and state.tension_measured_N.shape == (3,)
         model = tendril.Model(client.robot())
         arc = model.fk(model.spread(state.bending_desired_rad)).position
         assert np.allclose(arc, state.tip_desired_W_m, atol=1e-12)
-        assert "accepted" in client.send_tip(arc, speed=2.0)
+        assert "accepted" in client.send_tip(arc, speed=1.0)
         assert client.send_tip(arc, timeout=0) == ""
+        # The high half of a sequence number names the sender: this process, on this host.
+        assert client.state().command_sequence >> 32 == tendril._core.sender()
         assert client.daemon().prefix == "TENDRIL"
+        straighten(client)
     with tendril.Client() as client:
         wait_until(client, lambda s: s.disarmed, "disarm")
 
@@ -98,10 +112,39 @@ def test_refusals_have_reason_and_remedy(client):
 
 
 def test_nobody_there_is_said():
-    with tendril.Client(prefix="NOBODY") as client, pytest.raises(tendril.DaemonError, match="no daemon answers"):
+    with (
+        tendril.Client(prefix="NOBODY") as client,
+        pytest.raises(tendril.DaemonError, match="no daemon answers"),
+    ):
         client.state(timeout=0.3)
     with pytest.raises(tendril.DaemonError):
         tendril.Client(url="udpm://1.2.3.4:80")
+
+
+def test_a_program_that_ends_leaves_nothing_armed(robot):
+    script = "import tendril\nclient = tendril.Client()\nclient.arm()\nprint(client.state().mode_text)\n"
+    done = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "running\n", "")
+    with tendril.Client() as client:
+        assert client.state().disarmed
+
+
+def test_follows_points_and_named_motions(client):
+    client.arm()
+    model = tendril.Model(client.robot())
+    angle = np.linspace(0, 1.5, 16)
+    path = model.fk(model.spread(0.3 * np.column_stack([np.cos(angle), np.sin(angle)]))).position
+    said = client.follow(path, speed=0.8)
+    assert "error of the estimated tip against the motion" in said
+    state = client.state()
+    assert np.linalg.norm(state.tip_desired_W_m - path[-1]) < 1e-4
+    with pytest.raises(ValueError, match="there is no motion 'cirle'; accepted: circle, planar"):
+        client.follow("cirle")
+    with pytest.raises(ValueError, match=r"path has shape \(4,\)"):
+        client.follow([0, 0, 0, 0])
+    with pytest.raises(tendril.DaemonError):
+        client.follow(10 * path)
+    straighten(client)
 
 
 def test_ctrl_c_disarms(robot):
@@ -113,7 +156,9 @@ def test_ctrl_c_disarms(robot):
         "    for state in client:\n"
         "        pass\n"
     )
-    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     assert process.stdout.readline() == "armed\n"
     begin = time.monotonic()
     process.send_signal(signal.SIGINT)
@@ -136,7 +181,9 @@ def test_messages_serve_plain_lcm_programs(client):
 
 def test_a_square_in_twenty_lines(robot):
     program = SOURCE / "examples" / "square.py"
-    lines = [line for line in program.read_text().splitlines() if line.strip() and not line.strip().startswith("#")]
+    lines = [
+        line for line in program.read_text().splitlines() if line.strip() and not line.strip().startswith("#")
+    ]
     assert len(lines) <= 20
     done = subprocess.run([sys.executable, program], capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 0, done.stderr

@@ -1,368 +1,182 @@
-"""The dashboard without a daemon: what is shown, the dead man, what is sent, and its screen by Textual's own driver."""
+"""The dashboard's screen and keys by Textual's own driver, with a daemon that records what it is sent."""
 
 from __future__ import annotations
 
 import asyncio
-import os
-import threading
-import types
+import dataclasses
+import time
 
 import numpy as np
 import pytest
 
 import tendril
-from tendril.dashboard import guard as guard_side
-from tendril.dashboard import state as view
-from tendril.dashboard.jog import SEND_EVERY_S, Jog, Limits
-from tendril.dashboard.operator import Operator
 from tendril.messages import state_t
 
-SENDER = 7
-LIMITS = Limits(sections=1, length=0.06, max_bending=2.6, tip_speed=0.012, bend_speed=0.5)
+from conftest import ROBOTS, SOURCE
+from simulated import simulated_robot
+
+pytest.importorskip("textual", reason="SKIPPED: textual is not installed")
+
+from tendril.dashboard.app import Dashboard
+from tendril.dashboard.jog import Jog
+from tendril.dashboard.operator import Operator
 
 
-def a_state(mode=state_t.MODE_RUNNING, cycle=1, **changed):
-    """A state at rest, upright."""
-    message = state_t()
-    values = {name: getattr(message, name) for name in tendril.State.__dataclass_fields__}
-    nan3 = np.full(3, np.nan)
-    values |= dict(mode=mode, cycle=cycle, utime=cycle, mode_text="running" if mode == 4 else f"mode {mode}",
-                   status_text="ok", reported=np.array([], int), target_tip_W_m=nan3,
-                   tip_desired_W_m=np.array([0, 0, 0.06]), tip_estimate_W_m=np.array([1e-4, 0, 0.06]),
-                   bending_desired_rad=np.zeros(2), bending_estimate_rad=np.zeros(2),
-                   tension_desired_base_N=np.full(3, 0.3), tension_base_estimate_N=np.array([0.3, 7.9, np.nan]),
-                   tension_measured_N=np.array([0.3, 10.5, np.nan]))
-    return tendril.State(**(values | changed))
+@pytest.fixture(scope="module")
+def state():
+    with simulated_robot(prefix="SCREEN"), tendril.Client(prefix="SCREEN") as client:
+        return client.state(timeout=10)
 
 
 class Daemon:
-    """Stands in for `tendril.Client`: takes commands as a gate would, and moves at once."""
+    """Answers in a mode; keeps every command: name, value, rate, how long it is valid [s]."""
 
-    def __init__(self, rig):
-        self.rig, self.mode, self.cycle, self.sent, self.heard = rig, state_t.MODE_CONFIGURED, 0, [], True
-        self.changed, self.news, self.target = {}, [], None
+    def __init__(self, state: tendril.State, mode: int) -> None:
+        self._state = dataclasses.replace(state, mode=mode, mode_text={state_t.MODE_RUNNING: "running"}.get(mode, "other"))
+        self._robot, self._daemon = (
+            tendril.load_robot(ROBOTS / "rig_60mm.yaml"),
+            tendril.load_daemon(SOURCE / "config" / "tendrild.yaml"),
+        )
+        self.sent: list[tuple] = []
 
-    def state(self, timeout=0.0):
-        if not self.heard:
-            raise tendril.DaemonError("no daemon answers")
-        self.cycle += 1
-        return a_state(self.mode, self.cycle, **self.changed)
+    def state(self, timeout: float = 0) -> tendril.State:
+        self._state = dataclasses.replace(self._state, cycle=self._state.cycle + 1)
+        return self._state
 
-    def events(self):
-        news, self.news = self.news, []
-        return news
+    def events(self) -> list:
+        return []
 
-    def statistics(self):
+    def statistics(self) -> None:
         return None
 
-    def robot(self, timeout=0.0):
-        return self.rig
+    def robot(self, timeout: float = 0):
+        return self._robot
 
-    def daemon(self, timeout=0.0):
-        return types.SimpleNamespace(interface="can0", default_speed=0.5, max_rate=8.0)
+    def daemon(self, timeout: float = 0):
+        return self._daemon
 
-    def _mode(self, name, mode):
-        self.sent.append(name)
-        self.mode = mode if self.heard else self.mode
+    def arm(self, timeout: float = 0) -> str:
+        return self._keep("arm")
+
+    def disarm(self, timeout: float = 0) -> str:
+        return self._keep("disarm")
+
+    def hold(self, timeout: float = 0) -> str:
+        return self._keep("hold")
+
+    def clear(self, timeout: float = 0) -> str:
+        return self._keep("clear")
+
+    def send_tip(self, tip, velocity=None, *, valid_for=0.0, timeout=0) -> str:
+        return self._keep("tip", tip, velocity, valid_for)
+
+    def send_bending(self, bending, rate=None, *, valid_for=0.0, timeout=0) -> str:
+        return self._keep("bend", bending, rate, valid_for)
+
+    def _keep(self, *command) -> str:
+        self.sent.append(command)
         return ""
-
-    def arm(self, timeout=0.0):
-        return self._mode("arm", state_t.MODE_RUNNING)
-
-    def disarm(self, timeout=0.0):
-        return self._mode("disarm", state_t.MODE_CONFIGURED)
-
-    def hold(self, timeout=0.0):
-        return self._mode("hold", state_t.MODE_HOLD)
-
-    def clear(self, timeout=0.0):
-        return self._mode("clear", state_t.MODE_DISCONNECTED)
-
-    def _target(self, kind, value, rate, valid_for):
-        self.sent.append((kind, np.array(value), None if rate is None else np.array(rate), valid_for))
-        return ""
-
-    def send_tip(self, tip, velocity=None, *, valid_for=1.0, timeout=0.0):
-        return self._target("tip", tip, velocity, valid_for)
-
-    def send_bending(self, bending, rate=None, *, valid_for=1.0, timeout=0.0):
-        return self._target("bend", bending, rate, valid_for)
-
-    @property
-    def targets(self):
-        return [words for words in self.sent if not isinstance(words, str)]
 
 
 class NoGuard:
-    def __init__(self, there=True):
-        self.there, self.told, self.left = there, [], None
+    """A guard that is there."""
 
-    def ready(self):
-        return self.there
+    def ready(self) -> bool:
+        return True
 
-    def tell(self, ours, now):
-        self.told.append(ours)
-        return self.there
+    def tell(self, ours: bool, now: float) -> bool:
+        return True
 
-    def leave(self, in_order):
-        self.left = in_order
+    def leave(self, in_order: bool) -> None:
+        pass
 
 
-@pytest.fixture()
-def daemon(rig):
-    return Daemon(rig)
+def at(state, mode, size, steps):
+    """Runs `steps(app, pilot)` on a screen of that size; returns the daemon."""
+    daemon = Daemon(state, mode)
 
-
-@pytest.fixture()
-def operator(daemon):
-    operator = Operator(daemon, NoGuard(), Jog(), sender=SENDER)
-    operator.tick(0.0)
-    return operator
-
-
-
-# ---- the dead man ----
-
-
-@pytest.mark.parametrize("delay", [0.25, 0.5, 0.66])
-def test_a_tap_moves_for_one_permission_whatever_the_keyboards_delay(delay):
-    jog = Jog()
-    jog.press((1, 0, 0), 0.0)
-    assert jog.permitted(0.149) and not jog.permitted(0.151)
-    assert not jog.permitted(delay - 0.01), "a held key pauses until it repeats"
-    jog.press((1, 0, 0), delay)
-    assert jog.permitted(delay + 0.092), "steady at the repeat of a Linux console"
-
-
-def test_events_that_queued_up_move_nothing():
-    jog = Jog()
-    for at in np.arange(0, 1, 0.033):
-        jog.press((1, 0, 0), float(at))
-    assert not jog.permitted(2.0), "handled two seconds late"
-
-
-def test_each_target_ends_by_itself_and_the_motion_in_a_rest():
-    jog, state, at = Jog(), a_state(), 0.0
-    jog.press((1, 0, 0), 0.0)
-    targets = []
-    while at < 1.0:
-        if target := jog.step(at, state, LIMITS):
-            targets.append((at, target))
-        at += SEND_EVERY_S
-    moving = [(when, target) for when, target in targets if target.rate.any()]
-    assert moving and all(when + target.valid_for <= 0.15 + SEND_EVERY_S + 1e-9 for when, target in moving)
-    assert np.allclose(moving[0][1].rate, [0.25 * 0.012, 0, 0]), "at a quarter of the limit"
-    rests = [target for _, target in targets if not target.rate.any()]
-    assert len(rests) == 3 and len({target.value.tobytes() for target in rests}) == 1
-    assert rests[0].value[0] == pytest.approx(0.15 * 0.25 * 0.012, rel=1e-6)
-
-
-def test_no_target_leaves_what_the_gate_accepts():
-    jog = Jog()
-    jog.faster(5)
-    jog.choose("bend")
-    at_limit = a_state(bending_desired_rad=np.array([2.59, 0.3]))
-    for i in range(40):
-        jog.press((1, 0), 0.05 * i)
-        target = jog.step(0.05 * i, at_limit, LIMITS)
-        assert np.linalg.norm(target.value) <= 2.6
-    assert jog.held_back and not target.rate.any()
-    jog.choose("tip")
-    for i in range(40, 120):
-        jog.press((0, 0, 1), 0.05 * i)
-        target = jog.step(0.05 * i, a_state(), LIMITS)
-    assert np.linalg.norm(target.value - [0, 0, 0.06]) < 0.1 * 0.06, "the robot does not follow: the target waits"
-
-
-def test_another_kind_ends_the_motion_of_the_first():
-    jog = Jog()
-    jog.press((1, 0, 0), 0.0)
-    jog.step(0.0, a_state(), LIMITS)
-    jog.choose("bend")
-    target = jog.step(0.05, a_state(), LIMITS)
-    assert target.kind == "tip" and not target.rate.any()
-
-
-# ---- what is sent ----
-
-
-def test_what_the_gate_would_refuse_is_not_sent(operator, daemon):
-    operator.jog_on = True
-    operator.press((1, 0, 0), 0.1, 0.1)
-    operator.tick(0.1)
-    assert daemon.sent == [] and "204" in operator.message.text and "press a to arm" in operator.message.text
-    operator.request("clear", 0.2)
-    assert daemon.sent == [] and operator.message.refused
-    daemon.heard = False
-    operator.tick(2.0)
-    operator.request("arm", 2.0)
-    assert daemon.sent == [] and "no state" in operator.message.text
-
-
-def test_arms_jogs_and_disarms_on_leaving(operator, daemon):
-    operator.request("arm", 0.1)
-    operator.tick(0.2)
-    operator.press((1, 0, 0), 0.2, 0.2)
-    operator.tick(0.25)
-    assert daemon.sent == ["arm"], "the jog is off"
-    operator.jog_on = True
-    operator.press((1, 0, 0), 0.3, 0.3)
-    operator.tick(0.3)
-    assert daemon.targets[0][0] == "tip" and operator._guard.told[-1]
-    assert operator.leave() == "" and daemon.sent[-1] == "disarm" and operator._guard.left is True
-
-
-def test_only_watching_commands_nothing(operator, daemon):
-    daemon.mode = state_t.MODE_RUNNING
-    for i in range(40):
-        operator.tick(0.05 * i)
-    operator.leave()
-    assert daemon.sent == []
-
-
-def test_a_refusal_is_shown_and_ends_the_jog_until_the_key_is_let_go(operator, daemon):
-    daemon.mode, operator.jog_on = state_t.MODE_RUNNING, True
-    operator.tick(0.1)
-    operator.press((1, 0, 0), 0.1, 0.1)
-    operator.tick(0.15)
-    daemon.changed = dict(command_sequence=(SENDER << 32) + 1, command_status=212, command_status_text="another; end it")
-    operator.tick(0.2)
-    assert operator.message.text == "another; end it (212)"
-    count = len(daemon.targets)
-    for at in (0.23, 0.26, 0.3, 0.35):
-        operator.press((1, 0, 0), at, at)
-        operator.tick(at)
-    assert len(daemon.targets) == count
-    operator.press((1, 0, 0), 0.9, 0.9)
-    operator.tick(0.9)
-    assert len(daemon.targets) == count + 1
-
-
-def test_a_daemon_that_is_lost_is_disarmed_when_it_comes_back(operator, daemon):
-    operator.request("arm", 0.1)
-    operator.tick(0.2)
-    daemon.heard = False
-    operator.tick(1.5)
-    assert daemon.sent[-1] == "disarm" and daemon.mode == state_t.MODE_RUNNING, "it heard nothing"
-    daemon.heard = True
-    operator.tick(1.8)
-    assert daemon.mode == state_t.MODE_CONFIGURED
-
-
-def test_without_its_guard_it_neither_arms_nor_jogs(daemon):
-    operator = Operator(daemon, NoGuard(there=False), Jog(), sender=SENDER)
-    operator.tick(0.0)
-    operator.request("arm", 0.0)
-    assert daemon.sent == [] and operator.message.refused
-
-
-@pytest.mark.parametrize("letters, disarms", [(b"nna", 1), (b"nan", 0), (b"aq", 0), (b"n", 0), (b"", 0)])
-def test_the_guard_disarms_what_was_left_armed(daemon, letters, disarms):
-    read, write = os.pipe()
-    with open(read, "rb") as end:
-        os.write(write, letters)
-        os.close(write)
-        guard_side.stand_by(end, daemon)
-    assert len(daemon.sent) == disarms
-
-
-def test_the_guard_disarms_for_one_that_hangs(daemon):
-    read, write = os.pipe()
-    with open(read, "rb") as end:
-        os.write(write, b"a")
-        thread = threading.Thread(target=guard_side.stand_by, args=(end, daemon, 0.1))
-        thread.start()
-        thread.join(0.5)
-        assert thread.is_alive() and daemon.sent == ["disarm"]
-        os.close(write)
-        thread.join(5)
-    assert daemon.sent == ["disarm"]
-
-
-# ---- what is shown ----
-
-
-def test_words_are_those_of_the_daemons_tables(rig):
-    event = tendril.Event(1, 402, "", "bus", "node 2: \x1b[31m0x7320")
-    shown = view.text_of(view.events([event, event], 5))
-    assert tendril._core.status_remedy(402) in shown and "(2 times)" in shown and "\x1b" not in shown
-    head = view.text_of(view.heading(a_state(reported=np.array([310])), rig, None, 0))
-    assert tendril._core.status_text(310) in head and tendril._core.status_remedy(310) in head
-    assert tendril._core.drive_state_text(3) == "enabled" and tendril._core.drive_state_text(99) == "?"
-    with pytest.raises(ValueError, match="accepted: arm"):
-        tendril._core.accepted_in(4, "dance")
-
-
-def test_tensions_stand_against_their_limits(rig):
-    lines = view.tendons(a_state(), None, rig, None)
-    bars = [line[1] for line in lines[1:]]
-    assert bars[0][1] == "good" and bars[1] == ("█" * 16, "warn") and lines[2][3][1] == "bad"
-    assert "-" in lines[3][2][0], "not known"
-    assert view.bar(4, 8, 10) == "█████░░░░░" and view.bar(float("nan"), 8, 4) == "░░░░"
-
-
-# ---- the screen ----
-
-
-def on_screen(daemon, size, act):
-    pytest.importorskip("textual", reason="SKIPPED: textual is not installed")
-    from tendril.dashboard.app import Dashboard
-
-    operator = Operator(daemon, NoGuard(), Jog(), sender=SENDER)
-    app = Dashboard(operator)
-
-    async def run():
+    async def run() -> None:
+        app = Dashboard(Operator(daemon, NoGuard(), Jog(), sender=1))
         async with app.run_test(size=size) as pilot:
-            await pilot.pause(0.3)
-            await act(pilot, app, operator)
+            await pilot.pause(0.1)
+            await steps(app, pilot)
 
     asyncio.run(run())
+    return daemon
 
 
-def shown(app):
-    return "\n".join("".join(segment.text for segment in strip) for strip in app.screen._compositor.render_strips())
+def shown(app) -> str:
+    """The screen's text."""
+    lines = app.screen._compositor.render_strips()
+    return "\n".join("".join(segment.text for segment in strip) for strip in lines)
 
 
-def test_everything_is_on_80x24(daemon):
-    async def act(pilot, app, operator):
+def test_everything_that_matters_is_on_80x24(state):
+    async def steps(app, pilot):
         text = shown(app)
-        for part in ("rig_60mm on can0", "tip [mm]", "tendon", "timing", "jog off", "SPACE or d  disarm"):
-            assert part in text, text
-        assert all(len(line) <= 80 for line in text.splitlines())
+        for words in ("SPACE or d  disarm", "other", "tip [mm]", "bend 1", "a arm", "q quit"):
+            assert words in text, text
+        assert max(map(len, text.splitlines())) <= 80
 
-    on_screen(daemon, (80, 24), act)
+    at(state, state_t.MODE_CONFIGURED, (80, 24), steps)
 
 
-def test_keys_arm_jog_and_disarm(daemon):
-    async def act(pilot, app, operator):
-        await pilot.press("right", "a")
-        await pilot.pause(0.2)
-        assert daemon.sent == ["arm"]
-        await pilot.press("j", "right")
-        await pilot.pause(0.5)
-        assert daemon.targets[0][2] is not None and daemon.targets[-1][2] is None, "moves, and rests"
-        await pilot.press("1", "up")
-        await pilot.pause(0.1)
-        assert daemon.targets[-1][0] == "bend"
+def test_a_small_terminal_says_so_and_moves_nothing(state):
+    async def steps(app, pilot):
+        text = " ".join(shown(app).split())
+        assert "80x24 needed; d disarms" in text, text
+        await pilot.press("j", "right", "right")
         await pilot.press("space")
         await pilot.pause(0.1)
-        assert "disarm" in daemon.sent and not operator.jog.permitted(1e9)
-        await pilot.press("2")
-        await pilot.pause(0.3)
-        assert "section 2: this robot has 1" in shown(app)
 
-    on_screen(daemon, (80, 24), act)
+    daemon = at(state, state_t.MODE_RUNNING, (40, 10), steps)
+    assert [command[0] for command in daemon.sent] == ["disarm"] * len(daemon.sent) and daemon.sent
 
 
-def test_a_terminal_too_small_says_so_moves_nothing_and_disarms(daemon):
-    async def act(pilot, app, operator):
-        assert "40x10 is too small: 80x24 needed" in " ".join(shown(app).split())
-        operator.jog_on, daemon.mode = True, state_t.MODE_RUNNING
+def test_a_held_key_moves_and_its_release_stops(state):
+    async def steps(app, pilot):
         await pilot.press("right")
-        await pilot.pause(0.2)
-        assert daemon.sent == []
-        await pilot.press("d")
-        await pilot.pause(0.1)
-        assert daemon.sent[0] == "disarm"
+        await pilot.pause(0.15)
+        assert not daemon_of(app).sent, "the jog is off"
+        await pilot.press("j")
+        end = time.monotonic() + 0.5
+        while time.monotonic() < end:
+            await pilot.press("right")
+        await pilot.pause(0.5)
 
-    on_screen(daemon, (40, 10), act)
+    daemon = at(state, state_t.MODE_RUNNING, (80, 24), steps)
+    moving = [command for command in daemon.sent if command[2] is not None and np.any(command[2])]
+    assert len(moving) >= 3 and all(command[0] == "tip" for command in moving)
+    assert all(command[2][0] > 0 and command[3] <= 0.25 for command in moving)
+    assert daemon.sent[-1][2] is None, "the last target is at rest"
+
+
+def test_a_key_that_waited_moves_nothing(state):
+    async def steps(app, pilot):
+        app.operator.jog_on = True
+        now = time.monotonic()
+        app.operator.press((1.0, 0.0, 0.0), now - 0.5, now)
+        await pilot.pause(0.2)
+
+    assert not at(state, state_t.MODE_RUNNING, (80, 24), steps).sent
+
+
+def test_what_the_gate_would_refuse_is_not_sent(state):
+    async def steps(app, pilot):
+        await pilot.press("a")
+        await pilot.pause(0.25)
+        assert "204" in app.operator.message.text and "press c" in app.operator.message.text
+
+    assert not at(state, state_t.MODE_FAULT, (80, 24), steps).sent
+
+
+def test_arm_and_disarm_are_one_key_each(state):
+    async def steps(app, pilot):
+        await pilot.press("a")
+        await pilot.press("d")
+
+    assert [command[0] for command in at(state, state_t.MODE_CONFIGURED, (80, 24), steps).sent][:2] == ["arm", "disarm"]
+
+
+def daemon_of(app) -> Daemon:
+    return app.operator._client

@@ -155,7 +155,7 @@ bool Master::interface_down() const noexcept {
 std::uint32_t Master::serial(int drive) const noexcept {
   return state_->nodes[static_cast<std::size_t>(drive)]->serial();
 }
-bool Master::TakeEvent(BusEvent* event) noexcept { return state_->events.Pop(event); }
+bool Master::PopEvent(BusEvent* event) noexcept { return state_->events.Pop(event); }
 const FrameFaults& Master::frame_faults() const noexcept { return state_->faults; }
 std::uint64_t Master::events_lost() const noexcept { return state_->events.lost(); }
 

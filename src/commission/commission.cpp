@@ -10,12 +10,12 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "tendril/core/angle.h"
+#include "tendril/core/drive_counts.h"
 #include "tendril/model/capstan.h"
 
 namespace tendril::commission {
 namespace {
-
-constexpr double kDegrees = 180 / std::numbers::pi;
 
 // Shares of controller.take_up.max_travel_m: travel of the first look for the tendon, and travel that loosens
 // it.
@@ -120,16 +120,15 @@ class Procedure {
     if (last_counts_.empty()) return;
     for (std::size_t j = 0; j < counts_.size(); ++j) {
       const std::int32_t now = record_->input.drive[j].position_counts;
-      counts_[j] += static_cast<std::int32_t>(static_cast<std::uint32_t>(now) -
-                                              static_cast<std::uint32_t>(last_counts_[j]));
+      counts_[j] += CountsMoved(now, last_counts_[j]);
       last_counts_[j] = now;
     }
   }
   double Now() const { return ToSeconds(record_->input.time_ns); }
   double TravelM(int j) const {
     const TendonDriveParameters& t = Drive(j);
-    return static_cast<double>(counts_[static_cast<std::size_t>(j)]) * 2 * std::numbers::pi /
-           t.drive.encoder_counts_per_turn * t.SpoolTravelPerMotorRad();
+    const auto counts = static_cast<double>(counts_[static_cast<std::size_t>(j)]);
+    return MotorAngle_rad(t.drive, counts) * t.SpoolTravelPerMotorRad();
   }
 
   void PullOnly(int j, double pull_N) {
@@ -418,12 +417,13 @@ class Procedure {
     if (nearest > kNearShare * neighbours) {
       f.seen_tendon = 0;
       say("direction?",
-          fmt::format("the robot bends to {:.0f} deg, where no tendon is", f.seen_angle_rad * kDegrees),
+          fmt::format("the robot bends to {:.0f} deg, where no tendon is",
+                      f.seen_angle_rad * kDegreesPerRadian),
           "check what the base frame's x axis is, and the holes' angle_rad in the robot file");
     } else if (f.seen_tendon != f.tendon) {
       say(fmt::format("pulls {}", f.seen_tendon),
           fmt::format("the robot bends to {:.0f} deg, where tendon {} is: node {} pulls that one",
-                      f.seen_angle_rad * kDegrees, f.seen_tendon, f.node.node_id),
+                      f.seen_angle_rad * kDegreesPerRadian, f.seen_tendon, f.node.node_id),
           fmt::format("give node {} tendon: {} in bus.nodes of the daemon's file (or exchange the tendons)",
                       f.node.node_id, f.seen_tendon));
     }

@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <fstream>
-#include <sstream>
 #include <stdexcept>
 
 #include "tendril/config/config.h"
@@ -12,18 +10,6 @@
 #include "tendril/robot_file/robot_patch.h"
 
 namespace tendril::commission {
-namespace {
-
-std::string ReadText(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::stringstream text;
-  text << in.rdbuf();
-  if (!in) throw std::runtime_error("cannot read " + path);
-  return text.str();
-}
-
-}  // namespace
-
 void WriteFindings(const CommissionResult& result, const std::string& config_path,
                    const std::string& robot_path, const std::function<void(const std::string&)>& tell) {
   const std::vector<NodeParameters> nodes = FoundNodes(result);
@@ -47,13 +33,13 @@ void WriteFindings(const CommissionResult& result, const std::string& config_pat
     }
   }
   if (!same) {
-    const std::string text = ReadText(config_path), patched = PatchNodes(text, config_path, nodes);
+    const std::string text = config::ReadWhole(config_path), patched = PatchNodes(text, config_path, nodes);
     config::ParseDaemon(patched, config_path);
     config::WriteWhole(config_path, patched);
     tell(fmt::format("\n{}\n{}", config_path, robot_file::DiffLines(text, patched)));
   }
   if (!zeros.empty()) {
-    const std::string text = ReadText(robot_path);
+    const std::string text = config::ReadWhole(robot_path);
     const robot_file::RobotPatch patch = robot_file::PatchRobot(text, robot_path, zeros, {});
     config::WriteWhole(robot_path, patch.text);
     tell(fmt::format("\n{}\n{}", robot_path, robot_file::DiffLines(text, patch.text)));

@@ -9,17 +9,15 @@
 #include <cmath>
 #include <cstdlib>
 #include <ctime>
-#include <numbers>
 #include <regex>
 #include <stdexcept>
 
 #include "tendril/commission/commission.h"
+#include "tendril/core/angle.h"
 #include "tendril/core/version.h"
 
 namespace tendril::commission {
 namespace {
-
-constexpr double kDegrees = 180 / std::numbers::pi;
 
 std::string Value(double value, double scale, int decimals) {
   return std::isnan(value) ? "-" : fmt::format("{:.{}f}", scale * value, decimals);
@@ -40,7 +38,7 @@ std::string CommissionTable(const CommissionResult& result) {
                                   : fmt::format("{:.2f} ({:.2f}..{:.2f})", f.pulled_N, f.least_N, f.most_N);
     t += fmt::format("{:<8}{:>5}{:>10}{:>10}{:>9}{:>8}{:>7}{:>10}{:>8}{:>18}{:>11}   {}\n", f.tendon,
                      f.node.node_id, SignText(f.torque_sign), SignText(f.encoder_sign),
-                     Value(f.seen_angle_rad, kDegrees, 0),
+                     Value(f.seen_angle_rad, kDegreesPerRadian, 0),
                      f.seen_tendon == 0 ? "-" : std::to_string(f.seen_tendon),
                      f.cell_tendon == 0 ? "-" : std::to_string(f.cell_tendon), Value(f.cell_zero_N, 1, 3),
                      Value(f.cell_gain, 1, 2), shows, Value(f.slack_m, 1e3, 1), f.verdict);

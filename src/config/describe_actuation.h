@@ -116,11 +116,13 @@ void Describe(Io& io, LoadCellParameters& p) {
     if (none) range.min = 0;
     io.Number(key, value, range, meaning);
   };
+  if constexpr (Io::kListing) io.NeedlessWhere("place", "none");
   number("gain_VpN", p.gain_VpN, {1e-6, 1000},
          "Output of the cell; times max_tension_motor_N at most 10 V. Needless without a cell.");
   number("resolution_V", p.resolution_V, {1e-6, 10},
          "Step of the drive's analog input. Needless without a cell.");
   number("noise_N", p.noise_N, {0, 100}, "Noise of the reading, rms. Needless without a cell.");
+  if constexpr (Io::kListing) io.NeedlessWhere("", "");
   NumberOrNominal(io, "offset_N", p.offset_N, 0, {-10000, 10000},
                   "Offset of the reading: gain times (tension + offset).");
 }

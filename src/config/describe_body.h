@@ -39,6 +39,7 @@ void Describe(Io& io, SectionParameters& p) {
       "Diameter of a uniform thin disk, in place of both inertias: I_xx = m d²/16, I_zz = m d²/8.";
   if constexpr (Io::kListing) {
     io.MayBeLeftOut("both inertias");
+    io.InsteadOf({"disk_inertia_xx_kgm2", "disk_inertia_zz_kgm2"});
     io.Number("disk_diameter_m", disk_diameter_m, kDiameter, kDiameterMeaning);
     io.MayBeLeftOut("disk_diameter_m");
   }

@@ -188,8 +188,10 @@ void Describe(Io& io, NodeParameters& p) {
 template <class Io>
 void Describe(Io& io, BusParameters& p) {
   io.Text("interface", p.interface, kInterfaceRule, "CAN interface of the drives.");
+  constexpr int kBitRates[] = {125000, 250000, 500000, 800000, 1000000};
   io.Integer("bitrate_bps", p.bitrate_bps, {125000, 1000000},
              "Bit rate: 125000, 250000, 500000, 800000 or 1000000.");
+  if constexpr (Io::kListing) io.Only(kBitRates);
   io.Integer("cycle_ns", p.cycle_ns, {500000, 100000000}, "Period of the control cycle and of SYNC.");
   io.Integer("feedback_deadline_ns", p.feedback_deadline_ns, {50000, 100000000},
              "Time after SYNC by which feedback must be in; shorter than cycle_ns.");
@@ -219,7 +221,6 @@ void Describe(Io& io, BusParameters& p) {
     needed || io.Has("identity") ? identity() : io.Allow("identity");
   }
 
-  constexpr int kBitRates[] = {125000, 250000, 500000, 800000, 1000000};
   io.Check(std::find(std::begin(kBitRates), std::end(kBitRates), p.bitrate_bps) != std::end(kBitRates),
            "bitrate_bps",
            fmt::format("{} is not a CANopen bit rate; accepted: {} bit/s; choose one", p.bitrate_bps,

@@ -38,6 +38,7 @@ void Describe(Io& io, LimitParameters& p) {
 /// Every key but two is a parameter; the simulator knows the parameters and their bounds.
 template <class Io>
 void Describe(Io& io, EffectSetting& p) {
+  constexpr Range kEffectValues{-1e6, 1e6};
   const auto where = [&] { io.Text("where", p.where, kPlaceRule, "Where the robot has it."); };
   io.Text("effect", p.name, kNameRule, "Name of an effect of the library; tendril gap explain lists them.");
   if constexpr (Io::kReading) {
@@ -51,13 +52,13 @@ void Describe(Io& io, EffectSetting& p) {
     for (const auto& entry : io.layers().back().map) {
       const std::string key = entry.first.Scalar();
       if (key == "effect" || key == "where") continue;
-      io.Number(key, p.values.emplace_back(key, 0).second, {-1e6, 1e6}, "");
+      io.Number(key, p.values.emplace_back(key, 0).second, kEffectValues, "");
     }
   } else if constexpr (Io::kListing) {
     io.MayBeLeftOut("all");
     where();
     io.Mapping("PARAMETER", "a number; the effects' reference gives names and bounds",
-               "The effect's parameters, by name; at least one that is no shape of the law.");
+               "The effect's parameters, by name; at least one that is no shape of the law.", kEffectValues);
   } else {
     where();
     for (auto& [key, value] : p.values) io.Number(key, value, {}, "");

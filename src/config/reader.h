@@ -14,15 +14,9 @@
 #include <vector>
 
 #include "tendril/config/config.h"
+#include "tendril/config/keys.h"
 
 namespace tendril::config {
-
-/// Accepted values: [min, max], or (min, max] where `above_min`.
-struct Range {
-  double min = 0;
-  double max = 0;
-  bool above_min = false;
-};
 
 template <class E>
 using Choices = std::initializer_list<std::pair<std::string_view, E>>;
@@ -31,6 +25,7 @@ using Choices = std::initializer_list<std::pair<std::string_view, E>>;
 struct TextRule {
   bool (*ok)(std::string_view text);
   std::string_view accepted;
+  std::string_view pattern;  // the same as a regular expression (ECMAScript), for editors
 };
 
 /// The file under the reader, for messages.

@@ -87,11 +87,18 @@ void CheckMayWrite(const fs::path& file) {
 }
 
 std::string ReadWhole(const fs::path& file) {
+  const auto refuse = [&file](const std::string& reason) {
+    throw std::runtime_error(
+        fmt::format("cannot read {}: {}; name a file that exists and may be read", file.string(), reason));
+  };
+  std::error_code none;
+  if (fs::is_directory(file, none)) refuse("it is a folder");
+  errno = 0;
   std::ifstream in(file, std::ios::binary);
+  if (!in) refuse(Reason());
   std::stringstream text;
   text << in.rdbuf();
-  std::error_code none;
-  if (!in || fs::is_directory(file, none)) throw std::runtime_error("cannot read " + file.string());
+  if (!in) refuse(Reason());
   return text.str();
 }
 

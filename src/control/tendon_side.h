@@ -3,8 +3,8 @@
 #pragma once
 
 #include <cstdint>
-#include <numbers>
 
+#include "tendril/core/drive_counts.h"
 #include "tendril/core/robot.h"
 
 namespace tendril::control {
@@ -12,14 +12,7 @@ namespace tendril::control {
 /// A live load cell's last digit, and a live drive's feedback, change within this many cycles.
 inline constexpr std::int32_t kRestingCycles = 200;
 
-/// now - before, across a wrap of the drive's position counter.
-constexpr std::int32_t CountsMoved(std::int32_t now, std::int32_t before) noexcept {
-  return static_cast<std::int32_t>(static_cast<std::uint32_t>(now) - static_cast<std::uint32_t>(before));
-}
-
-inline double RadPerCount(const TendonDriveParameters& t) {
-  return 2 * std::numbers::pi / t.drive.encoder_counts_per_turn;
-}
+inline double RadPerCount(const TendonDriveParameters& t) { return MotorAngle_rad(t.drive, 1); }
 
 /// Tendon travel per count [m].
 inline double TravelPerCount(const TendonDriveParameters& t) {

@@ -157,7 +157,10 @@ std::string BusComment(const DaemonParameters& daemon, const RobotParameters& ro
   if (const std::string problem = canopen::FeedbackDeadlineProblem(daemon.bus, drives); !problem.empty()) {
     throw config::ErrorAt(path, "bus.feedback_deadline_ns", problem);
   }
-  return "# " + budget.ToString() + "\n";
+  const double cycle_s = ToSeconds(daemon.bus.cycle_ns);
+  return fmt::format("#   {:<20} {:.0f} of {:.0f} bits a cycle are cyclic, {:.0f} for all else\n# {}\n",
+                     "bus", budget.cyclic_bits_per_s * cycle_s, daemon.bus.bitrate_bps * cycle_s,
+                     budget.other_bits_per_s * cycle_s, budget.ToString());
 }
 
 std::string LeftOutComment(const DaemonParameters& daemon, const std::string& path) {
@@ -181,7 +184,8 @@ std::string CheckedText(const DaemonParameters& daemon, const RobotParameters& r
   config::CheckTogether(daemon, robot, path);
   const std::string bus = BusComment(daemon, robot, path);
   const std::string feedback = FeedbackComment(daemon, robot, path);
-  return config::ToYaml(daemon) + bus + feedback + DirectionsComment(robot) + LeftOutComment(daemon, path);
+  return config::ToYaml(daemon) + FiguresComment(robot) + bus + feedback + DirectionsComment(robot) +
+         LeftOutComment(daemon, path);
 }
 
 std::vector<std::string> FileWarnings(const DaemonParameters& daemon, const RobotParameters& robot,

@@ -43,7 +43,7 @@ class LoopReport {
   rt::Histogram wake_latency_, round_trip_, compute_, total_;
   LoopStatistics statistics_;
   std::deque<MissedCycles> misses_;
-  MissedCycles worst_miss_;  // since last told
+  MissedCycles worst_miss_;  // since the last report
   std::uint64_t misses_told_ = 0;
   can::CanCounters can_;
   canopen::FrameFaults frame_faults_;

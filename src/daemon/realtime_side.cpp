@@ -153,7 +153,7 @@ bool RealtimeSide::AllDisabled() const {
 
 void RealtimeSide::ForwardEvents() {
   canopen::BusEvent event;
-  for (int i = 0; i < kEventsPerCycle && master_.TakeEvent(&event); ++i) handover_.events.TryPush(event);
+  for (int i = 0; i < kEventsPerCycle && master_.PopEvent(&event); ++i) handover_.events.TryPush(event);
   handover_.master_events_lost.store(master_.events_lost(), std::memory_order_relaxed);
 }
 

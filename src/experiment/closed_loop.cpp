@@ -110,7 +110,7 @@ void ClosedLoop::PublishTracker() {
 
 void ClosedLoop::ForwardEvents() {
   canopen::BusEvent event;
-  while (master_->TakeEvent(&event)) {
+  while (master_->PopEvent(&event)) {
     last_event_ = event.text.data();
     gateway_->PublishEvent(event.time_ns, event.status, "bus", last_event_);
   }

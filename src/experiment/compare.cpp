@@ -167,8 +167,8 @@ void AddErrors(Tracking& result, const ClosedLoop& loop, const CycleRecord& r, c
   if (HoldsBack(why)) ++result.held_back[why];
 }
 
-Tracking Track(ClosedLoopOptions options, const motion::Motion& motion, bool faults_end_it,
-               const std::atomic<bool>* stop) {
+Tracking RunAndTrack(ClosedLoopOptions options, const motion::Motion& motion, bool faults_end_it,
+                     const std::atomic<bool>* stop) {
   Tracking result;
   options.daemon.lcm.state_every_cycles = 1000;
   options.daemon.lcm.cycle_every_cycles = 0;
@@ -212,15 +212,15 @@ Tracking Track(ClosedLoopOptions options, const motion::Motion& motion, bool fau
   return result;
 }
 
-Tracking Track(const std::string& controller_file, const std::string& plant_file,
-               const motion::Motion& motion, const CompareSetup& setup) {
+Tracking RunAndTrack(const std::string& controller_file, const std::string& plant_file,
+                     const motion::Motion& motion, const CompareSetup& setup) {
   try {
-    Tracking result = Track({.controller_robot = sim::LoadRobot(controller_file),
-                             .plant_robot = sim::LoadRobot(plant_file),
-                             .daemon = config::LoadDaemon(setup.config_file("tendrild.yaml")),
-                             .plant = {.seed = setup.seed},
-                             .log_path = ""},
-                            motion, false, setup.stop);
+    Tracking result = RunAndTrack({.controller_robot = sim::LoadRobot(controller_file),
+                                   .plant_robot = sim::LoadRobot(plant_file),
+                                   .daemon = config::LoadDaemon(setup.config_file("tendrild.yaml")),
+                                   .plant = {.seed = setup.seed},
+                                   .log_path = ""},
+                                  motion, false, setup.stop);
     result.controller = controller_file;
     result.plant = plant_file;
     return result;
@@ -357,7 +357,7 @@ class LawTable {
     run.daemon.controller.trajectory.look_ahead = false;
     for (const char* effect : kind.effects)
       run.plant_robot.effects.push_back(sim::ParseEffect(effect, run.plant_robot));
-    Tracking t = Track(run, motion, true, setup_.stop);
+    Tracking t = RunAndTrack(run, motion, true, setup_.stop);
     t.law = law.name;
     t.plant = kind.name;
     return t;
@@ -467,8 +467,8 @@ Comparison CompareRobots(const std::vector<std::string>& robots, const std::stri
     const auto motion = motion::MakeMotion(name, nominal);
     // What the control law leaves by itself, knowing all that the plant's file says; then everyone on the
     // plant.
-    std::vector<Tracking> runs{Track(plant, plant, *motion, setup)};
-    for (const std::string& robot : robots) runs.push_back(Track(robot, plant, *motion, setup));
+    std::vector<Tracking> runs{RunAndTrack(plant, plant, *motion, setup)};
+    for (const std::string& robot : robots) runs.push_back(RunAndTrack(robot, plant, *motion, setup));
 
     ordered_json entry = {
         {"trajectory", name}, {"description", motion->description()}, {"runs", ordered_json::array()}};

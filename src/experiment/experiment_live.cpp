@@ -7,13 +7,13 @@
 #include <algorithm>
 #include <cmath>
 #include <lcm/lcm-cpp.hpp>
-#include <numbers>
 #include <stdexcept>
 #include <utility>
 
 #include "tendril/config/config.h"
 #include "tendril/control/nearest_held.h"
 #include "tendril/core/clock.h"
+#include "tendril/core/drive_counts.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
 #include "tendril/io/epoch.h"
@@ -151,8 +151,7 @@ class Operator {
     Eigen::VectorXd zero(robot.body.tendons());
     for (int j = 0; j < zero.size(); ++j) {
       const auto& t = robot.actuation->tendons[static_cast<std::size_t>(j)];
-      zero[j] = record_.input.drive[static_cast<std::size_t>(j)].position_counts * 2 * std::numbers::pi /
-                    t.drive.encoder_counts_per_turn -
+      zero[j] = MotorAngle_rad(t.drive, record_.input.drive[static_cast<std::size_t>(j)].position_counts) -
                 record_.output.displacement_m[j] / t.SpoolTravelPerMotorRad();
     }
     return zero;

@@ -10,12 +10,12 @@
 #include <limits>
 #include <map>
 #include <mutex>
-#include <numbers>
 #include <stdexcept>
 #include <thread>
 
 #include "built_in_files.h"
 #include "tendril/config/config.h"
+#include "tendril/core/drive_counts.h"
 #include "tendril/experiment/closed_loop.h"
 
 namespace tendril::experiment {
@@ -47,10 +47,7 @@ void RunRecorder::Add(const CycleRecord& record) {
     const double permille_Nm = 1e-3 * tendon.drive.rated_torque_Nm;
     row.target_Nm[j] = record.output.torque_target_permille[static_cast<std::size_t>(j)] * permille_Nm;
     row.actual_Nm[j] = fresh ? drive.torque_permille * permille_Nm : kNone;
-    row.position_rad[j] =
-        fresh ? drive.position_counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn -
-                    zero_rad_[j]
-              : kNone;
+    row.position_rad[j] = fresh ? MotorAngle_rad(tendon.drive, drive.position_counts) - zero_rad_[j] : kNone;
     const bool cell = tendon.load_cell.place != LoadCellPlace::kNone && tendon.load_cell.gain_VpN > 0;
     row.tension_N[j] = fresh && cell ? drive.analog_mV * 1e-3 / tendon.load_cell.gain_VpN : kNone;
   }

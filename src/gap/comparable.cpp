@@ -143,7 +143,7 @@ void FillMissing(DataSet& set) {
     const LoadCellPlace place = first->load_cell;
     for (Run& run : set.runs) {
       if (has(run, values)) continue;
-      (run.*values).setConstant(run.time_s.size(), tendons, std::numeric_limits<double>::quiet_NaN());
+      (run.*values).setConstant(run.time_s.size(), tendons, kNoReading);
       if (values == &Run::tension_N) run.load_cell = place;
     }
   }

@@ -15,12 +15,12 @@
 
 #include "cell.h"
 #include "table_hints.h"
+#include "tendril/gap/data_set.h"
 #include "text.h"
 
 namespace tendril::gap {
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 // A file with more columns than this is not a table of a robot.
 constexpr std::size_t kMostColumns = 4096;
 
@@ -302,7 +302,7 @@ class Parser {
   double NumberOf(std::string_view cell, std::size_t column) {
     if (MeansNone(cell)) {
       if (!cell.empty()) ++words_.try_emplace(std::string(cell), Word{0, line_, column}).first->second.count;
-      return kNone;
+      return kNoReading;
     }
     std::optional<double> value;
     // A point beside a decimal comma could be a thousands separator.
@@ -324,7 +324,7 @@ class Parser {
     }
     if (std::isinf(*value)) {
       ++infinite_[column];
-      return kNone;
+      return kNoReading;
     }
     return *value;
   }

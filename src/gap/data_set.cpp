@@ -102,12 +102,13 @@ void NameTendons(Run& run, int tendons) {
     const Eigen::Index named = m->cols();
     if (named == 0 || named >= tendons) continue;
     m->conservativeResize(Eigen::NoChange, tendons);
-    m->rightCols(tendons - named).setConstant(std::numeric_limits<double>::quiet_NaN());
+    m->rightCols(tendons - named).setConstant(kNoReading);
   }
 }
 
 /// Reads the files of a list into the set; files that cannot be read become notes.
-void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder, const std::vector<ListedRun>& list) {
+void AddRuns(DataSet& set, const RobotOfSet& robot, const fs::path& folder,
+             const std::vector<ListedRun>& list) {
   const std::optional<RobotParameters> recorded = RecordedWith(folder);
   std::set<int> other_cells;
   for (const ListedRun& listed : list) {

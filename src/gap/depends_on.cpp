@@ -26,9 +26,6 @@ constexpr double kChance = 0.01;
 // Of the mean square: a function that covers less than half of the rms does not explain the differences.
 constexpr double kLeastShare = 0.25;
 constexpr double kKinds = 2;  // functions of states, and the order of the runs
-// Windows within one correlation time are one draw of chance; the minimum is the time that a motor
-// disturbance lasts.
-constexpr double kBlock_s = 0.5;
 // With fewer blocks the signs alone would coincide in one of a hundred cases.
 constexpr int kLeastBlocks = 8, kLeastInOrder = 6;
 // An angle's period can be distinguished from drift with at least two of them; a period shorter than two
@@ -77,7 +74,7 @@ Index Alike(const Repetitions& r, const VectorXd& off) {
 class Signs {
  public:
   Signs(const Repetitions& r, const VectorXd& off, std::mt19937_64& random) : off_(off), block_(off.size()) {
-    const Index width = std::max<Index>(std::lround(kBlock_s / r.window_s), 2 * Alike(r, off));
+    const Index width = std::max<Index>(std::lround(kDisturbance_s / r.window_s), 2 * Alike(r, off));
     Index blocks = 0, row = 0;
     for (const auto& group : r.groups) {
       for (Index k = 0; k < group.windows * group.runs; ++k)

@@ -10,6 +10,9 @@
 
 namespace tendril::gap {
 
+/// A disturbance of a motor lasts up to this: windows within it are one draw of chance.
+inline constexpr double kDisturbance_s = 0.5;
+
 /// Repeated runs in one channel: rows are the windows of the first run of the first group, then of its next
 /// run, and so on.
 struct Repetitions {

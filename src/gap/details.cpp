@@ -17,11 +17,8 @@
 namespace tendril::gap {
 namespace {
 
-using Quantity = Channel::Quantity;
-
 constexpr int kBins = 12;
 constexpr int kResamples = 200;
-constexpr double kBlock_s = 1.0;
 
 /// A condition on the grid of a run, for one channel.
 struct Condition {
@@ -31,8 +28,8 @@ struct Condition {
 };
 
 /// Column j, NaN without a reading.
-Eigen::VectorXd Column(const PreparedRun& run, const Eigen::MatrixXd& matrix,
-                       const std::vector<Dropout>& dropouts, int j) {
+Eigen::VectorXd WithGaps(const PreparedRun& run, const Eigen::MatrixXd& matrix,
+                         const std::vector<Dropout>& dropouts, int j) {
   if (j >= matrix.cols()) return {};
   Eigen::VectorXd column = matrix.col(j);
   run.TakeOut(dropouts, j, column);
@@ -40,13 +37,13 @@ Eigen::VectorXd Column(const PreparedRun& run, const Eigen::MatrixXd& matrix,
 }
 
 Eigen::VectorXd Speed(const PreparedRun& run, int j) {
-  return Column(run, run.signals.motor_velocity_radps, run.motor_dropouts, j);
+  return WithGaps(run, run.signals.motor_velocity_radps, run.motor_dropouts, j);
 }
 Eigen::VectorXd Tension(const PreparedRun& run, int j) {
-  return Column(run, run.signals.tension_N, run.cell_dropouts, j);
+  return WithGaps(run, run.signals.tension_N, run.cell_dropouts, j);
 }
 Eigen::VectorXd Angle(const PreparedRun& run, int j) {
-  return Column(run, run.signals.motor_angle_rad, run.motor_dropouts, j);
+  return WithGaps(run, run.signals.motor_angle_rad, run.motor_dropouts, j);
 }
 Eigen::VectorXd Time(const PreparedRun& run, int) {
   return Eigen::VectorXd::LinSpaced(run.samples(), 0, (run.samples() - 1) * run.signals.step_s);
@@ -103,7 +100,7 @@ ConditionMap MapOf(const Evaluator& evaluator, int channel, const Condition& con
     const Eigen::VectorXd grid = condition.of(evaluator.runs()[i], c.index);
     if (grid.size() == 0 || r.size() == 0) continue;
     const Eigen::VectorXd x = OnWindows(grid, static_cast<int>(r.size()));
-    const int per_block = std::max(1, static_cast<int>(kBlock_s / evaluator.window_s(i, channel)));
+    const int per_block = evaluator.WindowsPerBlock(i, channel);
     for (int w = 0; w < r.size(); ++w) {
       if (w % per_block == 0) ++block;
       if (std::isfinite(v[w]) && std::isfinite(x[w]))
@@ -169,7 +166,7 @@ std::vector<int> Shown(const Evaluator& evaluator) {
     int best = -1;
     for (int c = 0; c < static_cast<int>(evaluator.channels().size()); ++c) {
       const Channel& channel = evaluator.channels()[c];
-      const bool beside = channel.quantity == Quantity::kTipDirection && evaluator.has_position();
+      const bool beside = channel.quantity == Channel::Quantity::kTipDirection && evaluator.has_position();
       if (channel.cut != cut || beside) continue;
       if (best < 0 || score.Excess(c) / channel.floor > score.Excess(best) / evaluator.channels()[best].floor)
         best = c;
@@ -211,11 +208,11 @@ Overlay OverlayOf(const Evaluator& evaluator, int c, const Model* model, const R
   // Held out: predicted by the fit to the other families.
   if (model) overlay.after = ToVector(before.measured - after[i][c]);
   const int windows = static_cast<int>(before.time_s.size());
-  if (channel.quantity == Quantity::kTension) {
+  if (channel.quantity == Channel::Quantity::kTension) {
     overlay.against = fmt::format("motor angle {}", channel.index + 1);
     overlay.against_unit = "rad";
     overlay.x = ToVector(OnWindows(evaluator.runs()[i].signals.motor_angle_rad.col(channel.index), windows));
-  } else if (channel.quantity == Quantity::kTipPosition && !evaluator.runs()[i].without_motors()) {
+  } else if (channel.quantity == Channel::Quantity::kTipPosition && !evaluator.runs()[i].without_motors()) {
     overlay.against = "motor angle 1";
     overlay.against_unit = "rad";
     overlay.x = ToVector(OnWindows(evaluator.runs()[i].signals.motor_angle_rad.col(0), windows));
@@ -231,8 +228,8 @@ std::optional<double> Correlation(const Evaluator& evaluator, int c, const Condi
   for (int k = 0; k < static_cast<int>(evaluator.runs().size()); ++k) {
     const auto& r = after[k][c];
     const auto& v = evaluator.Variance()[k][c];
-    const Eigen::VectorXd grid =
-        condition.of(evaluator.runs()[k], channel.quantity == Quantity::kTension ? channel.index : 0);
+    const Eigen::VectorXd grid = condition.of(
+        evaluator.runs()[k], channel.quantity == Channel::Quantity::kTension ? channel.index : 0);
     if (grid.size() == 0 || r.size() == 0) continue;
     const Eigen::VectorXd x = OnWindows(grid, static_cast<int>(r.size()));
     for (int w = 0; w < r.size(); ++w) {
@@ -252,7 +249,7 @@ void AddHorizon(const Evaluator& evaluator, Diagnosis& d) {
     int count = 0;
     for (int i = 0; i < static_cast<int>(evaluator.runs().size()); ++i) {
       for (int c = 0; c < static_cast<int>(evaluator.channels().size()); ++c) {
-        if (evaluator.channels()[c].quantity != Quantity::kTipPosition) continue;
+        if (evaluator.channels()[c].quantity != Channel::Quantity::kTipPosition) continue;
         const auto& r = evaluator.AtNominal()[i][c];
         const auto& v = evaluator.Variance()[i][c];
         const int step = static_cast<int>(std::lround(horizon / evaluator.window_s(i, c)));
@@ -281,14 +278,14 @@ void AddDetails(const Evaluator& evaluator, const Model* model, const Residuals&
       ConditionMap map = MapOf(evaluator, c, condition, after, model != nullptr, seed);
       if (map.at.size() >= 3) d.maps.push_back(std::move(map));
     };
-    if (channel.quantity == Quantity::kTension) {
+    if (channel.quantity == Channel::Quantity::kTension) {
       for (const auto& condition : kOfTension) add(condition);
-    } else if (channel.quantity == Quantity::kTipPosition) {
+    } else if (channel.quantity == Channel::Quantity::kTipPosition) {
       for (const auto& condition : kOfTip) add(condition);
     }
     // A correct model leaves no correlation of the residual with the inputs.
     for (const auto& condition : kOfTension) {
-      if (channel.quantity == Quantity::kTorque) break;
+      if (channel.quantity == Channel::Quantity::kTorque) break;
       if (const auto r = Correlation(evaluator, c, condition, after)) {
         d.input_correlations.emplace_back(fmt::format("{} against {}", channel.name, condition.name), *r);
       }
@@ -374,11 +371,11 @@ NextExperiment FindNextExperiment(const Evaluator& evaluator, const SearchResult
       // The part that the other rival cannot reproduce by changing its own parameters, to first order.
       const Folds folds = MakeFolds(there.runs());
       const Weights weights(there, Eigen::VectorXd::Zero(static_cast<int>(there.channels().size())));
-      std::vector<gap::Column> columns;
+      std::vector<Column> columns;
       for (int p = 0; p < b.model.size(); ++p) {
         columns.push_back(Sensitivity(there, b.model, p, 0.1 * ScaleOf(b.model.parameter(p)), with_b, cuts));
       }
-      std::vector<const gap::Column*> pointers;
+      std::vector<const Column*> pointers;
       for (const auto& column : columns) pointers.push_back(&column);
       Residuals difference = with_b;
       for (std::size_t c = 0; c < difference[0].size(); ++c) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <stdexcept>
@@ -70,6 +71,10 @@ class Evaluator {
   const std::vector<PreparedRun>& runs() const { return runs_; }
   const std::vector<Channel>& channels() const { return channels_; }
   double window_s(int run, int channel) const;
+  /// Windows in a second: residuals further apart count as independent.
+  int WindowsPerBlock(int run, int channel) const {
+    return std::max(1, static_cast<int>(1.0 / window_s(run, channel)));
+  }
   bool has(unsigned cut) const { return (available_ & cut) != 0; }
   bool has_tracker() const { return has(kBody); }
   /// Load cells drive the body, even where their readings cannot be compared.

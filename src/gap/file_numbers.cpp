@@ -284,6 +284,25 @@ std::vector<int> FewRuns(const Evaluator& evaluator) {
   return order;
 }
 
+/// Of these runs the one with the largest gap: there a wrong number shows most.
+int MostTelling(const Evaluator& evaluator, const Weights& weights, const std::vector<int>& runs) {
+  const auto gap = [&](int i) {
+    double sum = 0;
+    const auto& residuals = evaluator.AtNominal()[static_cast<std::size_t>(i)];
+    for (std::size_t c = 0; c < residuals.size(); ++c)
+      sum += (weights(i, static_cast<int>(c)).array() * residuals[c].array().square()).sum();
+    return sum;
+  };
+  return *std::max_element(runs.begin(), runs.end(), [&](int a, int b) { return gap(a) < gap(b); });
+}
+
+/// The `most` with the highest score, the best first.
+void KeepBest(std::size_t most, std::vector<std::pair<FileNumber, Point>>& numbers) {
+  std::stable_sort(numbers.begin(), numbers.end(),
+                   [](const auto& a, const auto& b) { return a.second.score > b.second.score; });
+  numbers.resize(std::min(numbers.size(), most));
+}
+
 /// Model discrepancy per channel for following a number that is far off: that of the worst channel, in noise
 /// floors, in all of them. With its own discrepancy, a channel that the wrong model happens to reproduce (a
 /// body too stiff to bend does not ring either) would count against every step towards the right value.
@@ -319,34 +338,41 @@ std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Eigen::Vecto
                                   const std::function<void(double)>& progress) {
   // From a fifth to three orders of magnitude, such as a missing milli; angles up to half a turn.
   constexpr double kFirstStep = 0.2, kMost = 7, kFirstStep_rad = 0.1, kMost_rad = std::numbers::pi;
-  constexpr int kCoarse = 2, kFine = 6;
+  constexpr int kCoarse = 2, kMiddle = 1, kFine = 6;
+  // A race: every number on one run, the first of them on a few, the best on all. A right number explains
+  // nearly all of any run, so it is far from the last on one.
+  const std::size_t raced = 3 * static_cast<std::size_t>(count);
   const Weights coarse_weights(evaluator, WorstDiscrepancyEverywhere(evaluator, leftover)),
       weights(evaluator, leftover);
   const Scored followed(evaluator, coarse_weights, nuisances, folds),
       scored(evaluator, weights, nuisances, folds);
-  const std::vector<FileNumber> numbers = FileNumbers(evaluator.nominal());
-  const std::vector<int> few = FewRuns(evaluator), every{};
-  std::vector<std::pair<FileNumber, Point>> coarse;
-  for (const FileNumber& number : numbers) coarse.push_back({number, {}});
-  const auto follow = [&](const FileNumber& number, const std::vector<int>& runs, const Point& start,
-                          double first_step, int halvings) {
-    const auto score = [&](double change) { return followed.At(number, change, runs); };
-    return Followed(score, start, first_step, number.angle ? kMost_rad : kMost, halvings);
-  };
-  const double at_nominal = followed.At(numbers.front(), 0, few);
+  const std::vector<int> few = FewRuns(evaluator), every{},
+                         telling{MostTelling(evaluator, coarse_weights, few)};
+  std::vector<std::pair<FileNumber, Point>> entered;
+  for (const FileNumber& number : FileNumbers(evaluator.nominal())) entered.push_back({number, {}});
+  const double at_nominal = followed.At(entered.front().first, 0, telling);
   std::atomic<int> done{0};
-  ParallelFor(static_cast<int>(coarse.size()), threads, [&](int k) {
-    auto& [number, best] = coarse[static_cast<std::size_t>(k)];
-    best = follow(number, few, {0, at_nominal}, number.angle ? kFirstStep_rad : kFirstStep, kCoarse);
-    if (progress) progress(0.8 * ++done / static_cast<double>(coarse.size()));
+  ParallelFor(static_cast<int>(entered.size()), threads, [&](int k) {
+    auto& [number, best] = entered[static_cast<std::size_t>(k)];
+    const auto score = [&, &changed = number](double change) {
+      return followed.At(changed, change, telling);
+    };
+    best = Followed(score, {0, at_nominal}, number.angle ? kFirstStep_rad : kFirstStep,
+                    number.angle ? kMost_rad : kMost, kCoarse);
+    if (progress) progress(0.6 * ++done / static_cast<double>(entered.size()));
   });
-  std::erase_if(coarse, [](const auto& one) { return one.second.change == 0; });
-  std::stable_sort(coarse.begin(), coarse.end(),
-                   [](const auto& a, const auto& b) { return a.second.score > b.second.score; });
-  coarse.resize(std::min(coarse.size(), static_cast<std::size_t>(count)));
-  std::vector<NumberFit> fits(coarse.size());
-  ParallelFor(static_cast<int>(coarse.size()), threads, [&](int k) {
-    const auto& [number, about] = coarse[static_cast<std::size_t>(k)];
+  std::erase_if(entered, [](const auto& one) { return one.second.change == 0; });
+  KeepBest(raced, entered);
+  ParallelFor(static_cast<int>(entered.size()), threads, [&](int k) {
+    auto& [number, best] = entered[static_cast<std::size_t>(k)];
+    const auto score = [&, &changed = number](double change) { return followed.At(changed, change, few); };
+    best = Refined(score, {best.change, score(best.change)}, std::abs(best.change) / 4, kMiddle);
+  });
+  KeepBest(static_cast<std::size_t>(count), entered);
+  if (progress) progress(0.8);
+  std::vector<NumberFit> fits(entered.size());
+  ParallelFor(static_cast<int>(entered.size()), threads, [&](int k) {
+    const auto& [number, about] = entered[static_cast<std::size_t>(k)];
     const auto score = [&](double change) { return scored.At(number, change, every); };
     const Point best = Refined(score, {about.change, score(about.change)}, std::abs(about.change) / 8, kFine);
     NumberFit& fit = fits[static_cast<std::size_t>(k)];

@@ -153,7 +153,7 @@ class Cost final : public ceres::CostFunction {
 
 /// Jackknife covariance of the estimates without each fold. It includes model discrepancy, by which folds
 /// differ, in addition to noise.
-Eigen::MatrixXd Scatter(const std::vector<Eigen::VectorXd>& estimates) {
+Eigen::MatrixXd CovarianceOf(const std::vector<Eigen::VectorXd>& estimates) {
   const auto n = estimates.front().size(), folds = static_cast<Eigen::Index>(estimates.size());
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
   for (const auto& x : estimates) mean += x / static_cast<double>(folds);
@@ -335,7 +335,7 @@ void Fitter::HoldOutByStep(const Model& start, const Residuals& at, Fit& fit) co
   fit.Rescore(weights_, rest);
   std::vector<Eigen::VectorXd> estimates;
   for (const auto& x_f : without) estimates.push_back(x_f.head(n));
-  fit.scatter = Scatter(estimates);
+  fit.scatter = CovarianceOf(estimates);
   const Eigen::MatrixXd inverse = (A + regular).ldlt().solve(Eigen::MatrixXd::Identity(n + extra, n + extra));
   fit.covariance = inverse.topLeftCorner(n, n) + fit.scatter;
   // A model with an error in the motion before the change is assumed to have the same relative error in the
@@ -373,7 +373,7 @@ void Fitter::HoldOutByRefits(Fit& fit, int iterations) const {
   fit.held_out = std::move(held_out);
   fit.Rescore(weights_, rest);
   fit.covariance -= fit.scatter;
-  fit.scatter = Scatter(estimates);
+  fit.scatter = CovarianceOf(estimates);
   fit.covariance += fit.scatter;
 }
 

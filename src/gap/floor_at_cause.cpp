@@ -35,7 +35,7 @@ double Quiet(const Evaluator& nominal, const Evaluator& other, const Weights& we
 }
 
 /// The repeated runs and their repetitions.
-DataSet Repeated(const DataSet& set) {
+DataSet WithRepetitions(const DataSet& set) {
   std::set<std::string> names;
   for (const Run& run : set.runs) {
     if (run.repeat_of.empty()) continue;
@@ -102,7 +102,7 @@ std::vector<Model> MayNotRepeat(const SearchResult& search) {
 std::optional<Narrowed> WithRepeatabilityOfCause(const Evaluator& evaluator, const DataSet& set,
                                                  const std::vector<Model>& causes,
                                                  const Evaluator::Options& options) {
-  const DataSet repeated = Repeated(set);
+  const DataSet repeated = WithRepetitions(set);
   const Eigen::VectorXd& by = evaluator.repetitions_by();
   double least = 0;  // sum over non-repeating channels of log floors, less those of the nominal robot
   const Model* best = nullptr;

@@ -9,14 +9,14 @@
 
 #include "comparable.h"
 #include "health_signal.h"
+#include "implausible.h"
 #include "squares.h"
 
 namespace tendril::gap {
 namespace {
 
-constexpr double kFrozen_s = 0.3;
-constexpr double kHeld = 0.15;  // of the largest tension: smaller changes are ignored
-constexpr double kLarge = 8;    // times the residual between stretch and tension elsewhere
+constexpr double kHeld = 0.15;   // of the largest tension: smaller changes are ignored
+constexpr double kFarAbove = 8;  // times the residual between stretch and tension elsewhere
 
 /// Intervals of one motor at one value.
 void AddStanding(const DataSet& set, std::size_t at, Eigen::Index tendon,
@@ -119,7 +119,7 @@ std::vector<FrozenMotor> FindFrozenMotors(const DataSet& set, const Evaluator& e
   }
   const auto wrong = [&](std::size_t k) {
     const Eigen::Index tendon = standing[k].tendon;
-    return still[k].rms() > kLarge * std::max({usual.rms(), moving[tendon].rms(), floor[tendon]});
+    return still[k].rms() > kFarAbove * std::max({usual.rms(), moving[tendon].rms(), floor[tendon]});
   };
   std::set<Eigen::Index> known;  // tendons with at least one clearly frozen interval
   for (std::size_t k = 0; k < standing.size(); ++k) {

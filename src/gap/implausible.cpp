@@ -23,8 +23,9 @@ constexpr double kRare = 0.02;     // share of a column's values up to which the
 constexpr double kBeyond = 3;      // times the robot's range
 constexpr double kCutOff = 0.003;  // share of a run at the flat end of a channel
 constexpr double kAround_s = 0.6 * kBridged_s;  // on either side: more in total than interpolation bridges
-constexpr double kFrozen_s = 0.3;               // one value for this long ...
-constexpr double kMoved = 0.15;           // ... while the motor turns by this share of its range in the run
+// A sensor is frozen that keeps one value for kFrozen_s while the motor turns by this share of its range in
+// the run.
+constexpr double kMoved = 0.15;
 constexpr double kLoneWithin_s = 0.0025;  // from an isolated tension to its neighbours
 constexpr double kCoarse = 0.01;          // of a channel's range: a table's resolution
 constexpr double kGoesOn = 0.05;          // of the largest tension
@@ -33,7 +34,6 @@ constexpr double kSlack = 0.5;            // of the pretension: below, a cell wi
 constexpr double kLonePosition = 0.05;    // of the motor's usual motion in the run
 constexpr double kLoneTension = 0.1;      // of the tension's usual change in the run
 constexpr double kLoneWay = 0.01;         // of the motor's travel from one limit to the other
-constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
 /// Slope of the least-squares line of y over x; 0 for too few values.
 double Slope(const std::vector<double>& x, const std::vector<double>& y) {
@@ -69,7 +69,7 @@ struct Finder {
     if (beyond == 0) return;
     const bool rare = static_cast<double>(beyond) <= kRare * static_cast<double>(there);
     for (double& x : matrix.col(j)) {
-      if (!rare || std::abs(x) > most) x = kNothing;
+      if (!rare || std::abs(x) > most) x = kNoReading;
     }
     if (rare) {
       Say(channel,
@@ -132,7 +132,7 @@ struct Finder {
     double worst = 0;
     for (const Eigen::Index i : rows) {
       if (std::abs(x[i]) > std::abs(worst)) worst = x[i];
-      x[i] = kNothing;
+      x[i] = kNoReading;
     }
     Say(fmt::format("motor position {}", j + 1),
         fmt::format("jumps to {:.4g} rad and back{}, first at {:.4g} s: taken as missing there", worst,
@@ -162,7 +162,7 @@ struct Finder {
         run, j, robot, LoneValues(x, std::max(kLoneTension * UsualWidth({x.begin(), x.end()}), slack_N)));
     if (rows.empty()) return;
     const double first_N = x[rows.front()];
-    for (const Eigen::Index i : rows) x[i] = kNothing;
+    for (const Eigen::Index i : rows) x[i] = kNoReading;
     Say(fmt::format("tension {}", j + 1),
         fmt::format("jumps to {:.4g} N and back{}, first at {:.4g} s: taken as missing there", first_N,
                     rows.size() == 1 ? "" : fmt::format(" and {} times more", rows.size() - 1),
@@ -205,7 +205,7 @@ struct Finder {
   void TakeOutAround(Eigen::Ref<Eigen::VectorXd> x, const std::vector<double>& at_s) {
     for (Eigen::Index i = 0; i < x.size(); ++i) {
       const auto next = std::lower_bound(at_s.begin(), at_s.end(), run.time_s[i] - kAround_s);
-      if (next != at_s.end() && *next <= run.time_s[i] + kAround_s) x[i] = kNothing;
+      if (next != at_s.end() && *next <= run.time_s[i] + kAround_s) x[i] = kNoReading;
     }
   }
 
@@ -261,7 +261,7 @@ struct Finder {
     const Plateau end = FlatExtreme(x, top);
     if (end.share <= 0 || !ends_Nm.contains(end.value)) return;
     for (double& value : x) {
-      if (value == end.value) value = kNothing;
+      if (value == end.value) value = kNoReading;
     }
     Say(fmt::format("actual torque {}", j + 1),
         fmt::format("is clipped at {:.4g} N m for {:.2g} % of the run while its tension still changes: taken "
@@ -293,7 +293,7 @@ struct Finder {
                 if (moved < kMoved) return;
                 Say("the tip", fmt::format("does not move {} while motors turn: taken as missing there",
                                            Span(from, to)));
-                x.middleRows(from, to - from).setConstant(kNothing);
+                x.middleRows(from, to - from).setConstant(kNoReading);
               });
   }
 };

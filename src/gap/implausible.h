@@ -9,6 +9,9 @@
 
 namespace tendril::gap {
 
+/// A sensor that keeps one value for so long while the robot moves is frozen.
+inline constexpr double kFrozen_s = 0.3;
+
 /// Motor angle that bends every section from one limit to the other; 0 where the robot file does not give it.
 double MostMotorWay_rad(const RobotParameters& robot);
 

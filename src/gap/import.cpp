@@ -27,7 +27,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kRest_s = 0.5;          // that shows the robot at rest, where a map says so
 constexpr std::size_t kLongLabel = 200;  // regular expressions are not run on longer ones
 
@@ -226,7 +225,7 @@ class Importer {
                                      table_.lines[static_cast<std::size_t>(row)]));
     }
     const auto first = std::find_if(ns.begin(), ns.end(), [](const auto& t) { return t.has_value(); });
-    std::vector<double> time(ns.size(), kNone);
+    std::vector<double> time(ns.size(), kNoReading);
     for (std::size_t i = 0; i < ns.size(); ++i) {
       if (ns[i]) time[i] = static_cast<double>(*ns[i] - **first) / 1e9;
     }
@@ -303,7 +302,7 @@ class Importer {
     for (std::size_t c = 0; c < columns.size(); ++c) {
       auto column = filled.col(static_cast<Eigen::Index>(c));
       if (columns[c].name.empty()) {
-        column.setConstant(kNone);
+        column.setConstant(kNoReading);
         continue;
       }
       const std::vector<double>& numbers = Numbers(columns[c].name);
@@ -356,12 +355,12 @@ class Importer {
       run.tip_m = Fill(map_.tip, rows) * map_.R_base_table.transpose();
       run.tip_m.rowwise() += (map_.offset_m + rest_offset_m_).transpose();
       for (Eigen::Index i = 0; i < run.tip_m.rows(); ++i) {
-        if (!run.tip_m.row(i).allFinite()) run.tip_m.row(i).setConstant(kNone);
+        if (!run.tip_m.row(i).allFinite()) run.tip_m.row(i).setConstant(kNoReading);
       }
     }
     if (map_.orientation.empty()) return;
     const Eigen::MatrixXd numbers = Fill(map_.orientation, rows);
-    run.tip_quaternion.setConstant(numbers.rows(), 4, kNone);
+    run.tip_quaternion.setConstant(numbers.rows(), 4, kNoReading);
     int bad = 0;
     Eigen::Matrix3d R;
     for (Eigen::Index i = 0; i < numbers.rows(); ++i) {

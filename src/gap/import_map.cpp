@@ -19,7 +19,7 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 // A map that is larger is not one.
-constexpr std::size_t kMostBytes = std::size_t{1} << 20;
+constexpr std::size_t kLargestMap_B = std::size_t{1} << 20;
 
 using Units = std::map<std::string, double>;
 
@@ -33,7 +33,7 @@ class Reader {
 
   ImportMap Read() {
     const std::string text = ReadBytes(path_);
-    if (text.size() > kMostBytes) throw std::runtime_error(path_ + ": too large for a column map");
+    if (text.size() > kLargestMap_B) throw std::runtime_error(path_ + ": too large for a column map");
     YAML::Node root;
     try {
       root = YAML::Load(text);

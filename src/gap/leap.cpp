@@ -45,7 +45,7 @@ std::vector<Group> GroupsOf(const Signal& x, const std::vector<Eigen::Index>& ro
 
 /// Deviation of x from the straight line between its neighbours; NaN where one of the three is missing.
 double OffLine(const Run& run, const Signal& x, const Group& group, Eigen::Index row) {
-  if (group.before < 0 || group.after < 0) return std::numeric_limits<double>::quiet_NaN();
+  if (group.before < 0 || group.after < 0) return kNoReading;
   const Eigen::VectorXd& t = run.time_s;
   const double part = (t[row] - t[group.before]) / (t[group.after] - t[group.before]);
   return x[row] - (1 - part) * x[group.before] - part * x[group.after];

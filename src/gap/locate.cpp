@@ -17,7 +17,6 @@ namespace {
 
 using Quantity = Channel::Quantity;
 
-constexpr double kBlock_s = 1.0;
 // Floors and materialities from which a gap of a few seconds counts.
 constexpr double kPlainFloors = 2, kPlainDeltas = 3;
 constexpr double kMotionWindow_s = 1.0;  // slower is shape (C4), faster is motion (C5)
@@ -96,8 +95,8 @@ void Measure(const Evaluator& evaluator, const Residuals& residuals, Part& part)
         share = part.fast ? 1 - 1.0 / (2 * half + 1) : 1.0 / (2 * half + 1);
         r = part.fast ? Eigen::VectorXd(r - slow) : slow;
       }
-      const int per_block = at_rest ? static_cast<int>(evaluator.Correlated(i, c))
-                                    : std::max(1, static_cast<int>(kBlock_s / evaluator.window_s(i, c)));
+      const int per_block =
+          at_rest ? static_cast<int>(evaluator.Correlated(i, c)) : evaluator.WindowsPerBlock(i, c);
       const Eigen::VectorXd expected =
           v.unaryExpr([&](double variance) { return variance - (1 - share) * std::min(white, variance); });
       const Eigen::VectorXd squares = CalmSquares(r, v, expected, evaluator.window_s(i, c));
@@ -296,7 +295,7 @@ std::optional<CutFinding> OfCell(const Evaluator& evaluator, const Residuals& re
   for (int i = 0; i < static_cast<int>(residuals.size()); ++i) {
     const auto &a = residuals[i][c2], &b = residuals[i][c3];
     const auto &va = evaluator.Variance()[i][c2], &vb = evaluator.Variance()[i][c3];
-    const int per_block = std::max(1, static_cast<int>(kBlock_s / evaluator.window_s(i, c2)));
+    const int per_block = evaluator.WindowsPerBlock(i, c2);
     double block = 0;
     for (int w = 0; w < std::min(a.size(), b.size()); ++w) {
       if (std::isfinite(va[w]) && std::isfinite(vb[w])) {

@@ -14,12 +14,11 @@
 #include "row_times.h"
 #include "sources.h"
 #include "tendril/config/config.h"
+#include "tendril/core/drive_counts.h"
 #include "tendril/io/log.h"
 
 namespace tendril::gap {
 namespace {
-
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 bool Enabled(const CycleRecord& record) {
   return std::all_of(record.input.drive.begin(), record.input.drive.begin() + record.input.drives,
@@ -32,12 +31,8 @@ bool Measured(const CycleRecord& record) {
   return (mode == Mode::kRunning || mode == Mode::kHold) && Enabled(record);
 }
 
-/// The counter wraps, so only differences are used.
-std::int32_t Difference(std::int32_t now, std::int32_t before) {
-  return static_cast<std::int32_t>(static_cast<std::uint32_t>(now) - static_cast<std::uint32_t>(before));
-}
 std::int32_t CountsSince(const CycleRecord& zero, const CycleRecord& now, std::size_t drive) {
-  return Difference(now.input.drive[drive].position_counts, zero.input.drive[drive].position_counts);
+  return CountsMoved(now.input.drive[drive].position_counts, zero.input.drive[drive].position_counts);
 }
 
 /// Counts of each drive at the controller's zero, from the displacement in one cycle. The controller keeps
@@ -53,8 +48,8 @@ std::vector<std::int32_t> ZeroCounts(const CycleRecord& cycle, const RobotParame
         2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn * tendon.SpoolTravelPerMotorRad();
     const double moved = row < displacement_m.size() ? displacement_m[row] / count_m : 0;
     const bool known = std::abs(moved) < kMost;
-    zero.push_back(Difference(cycle.input.drive[d].position_counts,
-                              known ? static_cast<std::int32_t>(std::lround(moved)) : 0));
+    zero.push_back(CountsMoved(cycle.input.drive[d].position_counts,
+                               known ? static_cast<std::int32_t>(std::lround(moved)) : 0));
   }
   return zero;
 }
@@ -159,15 +154,14 @@ class LogRun {
     run_.torque_target_Nm(row, j) = cycles_[at].output.torque_target_permille[d] * rated_Nm;
     const bool fresh = drive.age_cycles == 0;
     if (!fresh) ++stale_;
-    const std::int32_t counts = Difference(drive.position_counts, zero_counts_[d]);
-    run_.motor_position_rad(row, j) =
-        fresh ? counts * 2 * std::numbers::pi / tendon.drive.encoder_counts_per_turn : kNone;
-    run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNone;
+    const std::int32_t counts = CountsMoved(drive.position_counts, zero_counts_[d]);
+    run_.motor_position_rad(row, j) = fresh ? MotorAngle_rad(tendon.drive, counts) : kNoReading;
+    run_.torque_actual_Nm(row, j) = fresh ? drive.torque_permille * rated_Nm : kNoReading;
     if (run_.tension_N.cols() > 0) {
       const bool cell = tendon.load_cell.place != LoadCellPlace::kNone && tendon.load_cell.gain_VpN > 0;
       run_.tension_N(row, j) =
           fresh && cell ? drive.analog_mV * 1e-3 / tendon.load_cell.gain_VpN - tendon.load_cell.offset_N
-                        : kNone;
+                        : kNoReading;
     }
   }
 
@@ -181,8 +175,8 @@ class LogRun {
       if (cycles_[i].input.tracker.valid) samples.push_back(&cycles_[i].input.tracker);
     }
     if (samples.empty()) return;
-    run_.tip_m.setConstant(rows, 3, kNone);
-    run_.tip_quaternion.setConstant(rows, 4, kNone);
+    run_.tip_m.setConstant(rows, 3, kNoReading);
+    run_.tip_quaternion.setConstant(rows, 4, kNoReading);
     const TimeNs start_ns = cycles_[kept.front()].input.time_ns;
     int used = 0;
     for (const TrackerSample* sample : samples) {

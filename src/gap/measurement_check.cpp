@@ -68,7 +68,7 @@ bool MeasurementCheck::MaskFrozenMotors(const Evaluator& evaluator) {
         "({:.3g} N) or contradicts a motor at rest: the encoder stopped; taken as missing there",
         run.name, motor.tendon + 1, x[motor.from], run.time_s[motor.from] - run.time_s[0],
         run.time_s[motor.to - 1] - run.time_s[0], motor.tension_N));
-    x.segment(motor.from, motor.to - motor.from).setConstant(std::numeric_limits<double>::quiet_NaN());
+    x.segment(motor.from, motor.to - motor.from).setConstant(kNoReading);
   }
   return !frozen.empty();
 }

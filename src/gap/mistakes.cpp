@@ -92,7 +92,7 @@ void Advance(Run& run, Cells cells, double late_s) {
       while (next < read.size() && read.time_s[next] < at_s) ++next;
       double& value = run.tension_N(read.row[i], j);
       if (next == 0 || next == read.size()) {
-        value = std::numeric_limits<double>::quiet_NaN();
+        value = kNoReading;
         continue;
       }
       const double share = (at_s - read.time_s[next - 1]) / (read.time_s[next] - read.time_s[next - 1]);

@@ -168,8 +168,7 @@ int Keep(Run& run, const Eigen::MatrixXd& by, std::initializer_list<Eigen::Ref<E
   for (const Eigen::Index i : own.rows) keep[static_cast<std::size_t>(i)] = 1;
   for (Eigen::Ref<Eigen::MatrixXd> values : of) {
     for (Eigen::Index i = 0; i < values.rows(); ++i) {
-      if (!keep[static_cast<std::size_t>(i)])
-        values.row(i).setConstant(std::numeric_limits<double>::quiet_NaN());
+      if (!keep[static_cast<std::size_t>(i)]) values.row(i).setConstant(kNoReading);
     }
     Advance(run.time_s, own, values);
   }

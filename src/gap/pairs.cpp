@@ -11,12 +11,11 @@
 namespace tendril::gap {
 namespace {
 
-constexpr int kIterations = 3;
 constexpr int kPartners = 4, kPartnersOfNext = 2, kPartnersOfSecond = 3;
 constexpr int kPolishedPairs = 3;
 constexpr std::size_t kOtherSingles =
     2;                            // other singles, tried together with the best at their fitted values
-constexpr int kAlike = 3;         // look-alikes of a member, tried in its place
+constexpr int kAlikeMembers = 3;  // look-alikes of a member, tried in its place
 constexpr double kFurther = 0.5;  // log score by which another start of the same cause has to be better
 // Start of a second cause, in plainly visible deviations: near no effect, or at the joint linear solution,
 // within these limits.
@@ -198,7 +197,7 @@ std::vector<Model> Searching::LookAlikePairs(const Weights& weights) const {
       beside.model = both.model.Alone(1 - part);
       beside.residuals = AtModel(beside.model);
       SubtractPart(taken_out, beside.residuals);
-      for (Model& start : PairStarts(beside, weights, kAlike, 1, both.model.parts[part].effect)) {
+      for (Model& start : PairStarts(beside, weights, kAlikeMembers, 1, both.model.parts[part].effect)) {
         if (!Tried(start)) alike.push_back(std::move(start));
       }
     }

@@ -22,10 +22,9 @@ using Quantity = Channel::Quantity;
 
 // Run-to-run scatter (rms) of dry friction of a usual robot, by wear, temperature and lubricant.
 constexpr double kFrictionScatter = 0.1;
-constexpr double kChance = 0.01;  // probability of calling a repeatable set non-repeatable
-// Windows per independent block: a disturbance of a motor may last as long.
-constexpr double kBlock_s = 0.5;
-constexpr int kBlockStates = 5, kLeastBlocks = 4;
+constexpr double kFalseAlarm = 0.01;  // probability of calling a repeatable set non-repeatable
+// Independent blocks of states at rest, and the fewest blocks that are conclusive.
+constexpr int kBlockStates = 5, kFewestBlocks = 4;
 
 /// Indices of repeated runs, two or more, the original first.
 std::vector<std::vector<int>> RepeatedRuns(const Evaluator& evaluator) {
@@ -159,10 +158,10 @@ Spread SpreadOf(const Evaluator& evaluator, int c, const std::vector<VectorXd>& 
       }
       s.noise += windows;
       const bool at_rest = evaluator.runs()[i].signals.at_rest;
-      blocks += windows / (at_rest ? kBlockStates : std::max(1.0, kBlock_s / evaluator.window_s(i, c)));
+      blocks += windows / (at_rest ? kBlockStates : std::max(1.0, kDisturbance_s / evaluator.window_s(i, c)));
     }
   }
-  if (blocks < kLeastBlocks) return s;
+  if (blocks < kFewestBlocks) return s;
   s.square /= total, s.noise /= total, s.friction /= total;
   s.p_noise = ChiSquare(static_cast<int>(blocks), std::floor(blocks) * s.square / (kNoiseSlack * s.noise));
   const double beyond = s.square - kNoiseSlack * s.noise;
@@ -281,8 +280,8 @@ std::optional<Repeatability> FindRepeatability(const Evaluator& evaluator,
     const int channel = static_cast<int>(c);
     const Spread& s = spreads[c] = SpreadOf(evaluator, channel, scatter);
     const double delta = DeltaOf(evaluator.channels()[c], options);
-    if (s.p_noise > kChance || s.square - s.noise <= delta * delta) continue;
-    const bool beyond = s.p_usual * static_cast<double>(channels) <= kChance;
+    if (s.p_noise > kFalseAlarm || s.square - s.noise <= delta * delta) continue;
+    const bool beyond = s.p_usual * static_cast<double>(channels) <= kFalseAlarm;
     if (evaluator.channels()[c].quantity != Quantity::kTorque) shown[c] = Shown(evaluator, channel, beyond);
     if (beyond && (worst < 0 || ratio(channel) > ratio(worst))) worst = channel;
   }

@@ -94,7 +94,7 @@ std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
   // Existing stamps may be exact where others are lost.
   const std::string state =
       worst->excess_sigma > 0
-          ? fmt::format("{:>6} sigma  {} rms", Sigmas(worst->excess_sigma), Quantity(worst->rms, worst->unit))
+          ? fmt::format("{:>6} sigma  {} rms", Sigmas(worst->excess_sigma), WithUnit(worst->rms, worst->unit))
           : Clean(worst->note);
   const std::string mark = first ? "  <- starts here" : "";
   const int rest = kWidth - Width(head) - Width(state) - Width(mark) - 2;
@@ -174,8 +174,8 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
     for (std::size_t i = 0; i < std::min<std::size_t>(rows.size(), 4); ++i) {
       const Closure& c = *rows[i];
       out += fmt::format("  {} {} -> {}  (floor {})\n", Pad(Clean(c.channel), 36),
-                         Quantity(c.before_rms, c.unit), Quantity(c.after_rms, c.unit),
-                         Quantity(c.floor_rms, c.unit));
+                         WithUnit(c.before_rms, c.unit), WithUnit(c.after_rms, c.unit),
+                         WithUnit(c.floor_rms, c.unit));
     }
   }
 

@@ -1,6 +1,9 @@
 // Reads and writes one run as a CSV with the canonical columns. Knows the columns' names and their relations,
 // nothing of folders.
+#include "tendril/gap/run_table.h"
+
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -23,7 +26,6 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 // Maximum number of names in a note.
 constexpr std::size_t kNamed = 6;
 
@@ -103,9 +105,9 @@ void Normalise(Run& run) {
   for (Eigen::Index i = 0; i < run.tip_quaternion.rows(); ++i) {
     const double norm = run.tip_quaternion.row(i).norm();
     if (std::isnan(norm)) {
-      run.tip_quaternion.row(i).setConstant(kNone);
+      run.tip_quaternion.row(i).setConstant(kNoReading);
     } else if (std::abs(norm - 1) > 0.05) {
-      run.tip_quaternion.row(i).setConstant(kNone);
+      run.tip_quaternion.row(i).setConstant(kNoReading);
       ++bad;
     } else if (std::abs(norm - 1) > 1e-12) {
       run.tip_quaternion.row(i) /= norm;
@@ -154,9 +156,9 @@ int TendonsNamed(const Columns& columns, const std::string& where) {
 }
 
 /// Reads one canonical CSV: columns found by name, then rows in the order of their times.
-class RunTable {
+class TableReader {
  public:
-  RunTable(const std::filesystem::path& file, const RobotParameters& robot)
+  TableReader(const std::filesystem::path& file, const RobotParameters& robot)
       : name_(file.string()), robot_(robot), bytes_(ReadBytes(file)) {
     run_.name = RunName(file);
     run_.family = "unknown";
@@ -263,7 +265,7 @@ class RunTable {
       for (std::size_t c = 0; c < columns.size(); ++c) {
         auto column = matrix.col(static_cast<Eigen::Index>(c));
         if (columns[c] < 0) {
-          column.setConstant(kNone);
+          column.setConstant(kNoReading);
         } else {
           copy(table.numbers[static_cast<std::size_t>(columns[c])], column);
         }
@@ -309,12 +311,11 @@ std::span<const ColumnText> RunColumns() {
 }
 
 Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot) {
-  return RunTable(file, robot).Read();
+  return TableReader(file, robot).Read();
 }
 
-void WriteRun(const Run& run, const std::filesystem::path& file) {
-  std::string text = "t_s";
-  std::vector<Eigen::Ref<const Eigen::VectorXd>> columns;
+RunTable TableOf(const Run& run) {
+  RunTable table{{"t_s"}, run.time_s};
   const auto tendons = [](const Eigen::MatrixXd& m) { return static_cast<int>(m.cols()); };
   const int most = std::max({tendons(run.torque_target_Nm), tendons(run.torque_actual_Nm),
                              tendons(run.motor_position_rad), tendons(run.tension_N)});
@@ -324,23 +325,29 @@ void WriteRun(const Run& run, const std::filesystem::path& file) {
       throw std::runtime_error(fmt::format("run {}: {} has {} rows, the time {}", run.name,
                                            block.names.front(), matrix.rows(), run.time_s.size()));
     }
-    for (Eigen::Index c = 0; c < matrix.cols(); ++c) {
-      text += "," + block.names[static_cast<std::size_t>(c)];
-      columns.push_back(matrix.col(c));
-    }
+    if (matrix.cols() == 0) continue;
+    table.names.insert(table.names.end(), block.names.begin(), block.names.begin() + matrix.cols());
+    const Eigen::Index before = table.values.cols();
+    table.values.conservativeResize(Eigen::NoChange, before + matrix.cols());
+    table.values.rightCols(matrix.cols()) = matrix;
   }
+  return table;
+}
+
+void WriteRun(const Run& run, const std::filesystem::path& file) {
+  const RunTable table = TableOf(run);
+  std::string text = fmt::format("{}", fmt::join(table.names, ","));
   text += '\n';
   std::array<char, 32> digits;
   const auto append = [&](double value) {
     if (std::isnan(value)) return;
     text.append(digits.data(), std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr);
   };
-  text.reserve(text.size() + static_cast<std::size_t>(run.time_s.size()) * (columns.size() + 1) * 20);
-  for (Eigen::Index i = 0; i < run.time_s.size(); ++i) {
-    append(run.time_s[i]);
-    for (const auto& column : columns) {
-      text += ',';
-      append(column[i]);
+  text.reserve(text.size() + static_cast<std::size_t>(table.values.size()) * 20);
+  for (Eigen::Index i = 0; i < table.values.rows(); ++i) {
+    for (Eigen::Index c = 0; c < table.values.cols(); ++c) {
+      if (c > 0) text += ',';
+      append(table.values(i, c));
     }
     text += '\n';
   }

@@ -16,7 +16,7 @@ namespace {
 
 // Prior of nuisances, in plainly visible deviations: small changes are free, at most three of these.
 constexpr double kNuisancePrior = 0.05;
-constexpr int kIterations = 3, kPolish = 6, kPolished = 3;
+constexpr int kPolish = 6, kPolished = 3;
 // Share of a fit's gain that the linear step may lose on held-out folds; beyond it, this many of the best are
 // refitted without each fold, with this many steps.
 constexpr double kFoldLoss = 0.05;

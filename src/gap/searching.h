@@ -8,6 +8,8 @@
 
 namespace tendril::gap {
 
+inline constexpr int kIterations = 3;  // of a refit
+
 /// The value, moved slightly off a bound of its parameter.
 double Inside(const sim::EffectParameter& parameter, double value);
 

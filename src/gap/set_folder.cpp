@@ -6,11 +6,10 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <fstream>
-#include <sstream>
 #include <stdexcept>
 
 #include "tendril/config/config.h"
+#include "tendril/config/whole_file.h"
 #include "tendril/core/usage_error.h"
 
 namespace tendril::gap {
@@ -19,13 +18,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char *kList = "runs.yaml", *kRobot = "robot.yaml";
-
-std::string TextOf(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::stringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
 
 bool IsTable(const fs::path& file) {
   std::string ending = file.extension().string();
@@ -38,7 +30,7 @@ bool IsTable(const fs::path& file) {
 std::set<std::string> ListedIn(const fs::path& file) {
   std::set<std::string> names;
   try {
-    YAML::Node list = YAML::Load(TextOf(file));
+    YAML::Node list = YAML::Load(config::ReadWhole(file));
     if (list.IsMap() && list["runs"]) list.reset(list["runs"]);
     for (const YAML::Node& entry : list) {
       const YAML::Node name = entry.IsMap() ? entry["file"] : entry;
@@ -56,7 +48,7 @@ std::set<std::string> ListedIn(const fs::path& file) {
 
 /// A robot file as a program writes it: nothing of a person's would be lost with it.
 bool IsWritten(const fs::path& file) {
-  const std::string text = TextOf(file);
+  const std::string text = config::ReadWhole(file);
   if (text.find('#') == text.npos) return true;
   try {
     return config::ToYaml(config::ParseRobot(text, file.string())) == text;
@@ -134,7 +126,7 @@ SetFolder::SetFolder(fs::path folder, bool overwrite, const std::vector<std::str
         folder_.string(), Some(there)));
   }
   if (list) {
-    old_ = ListedIn(folder_ / kList);
+    if (fs::is_regular_file(folder_ / kList, ignored)) old_ = ListedIn(folder_ / kList);
     old_.insert(kList);
   }
   if (fs::exists(folder_ / kRobot, ignored)) old_.insert(kRobot);

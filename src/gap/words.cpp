@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "tendril/core/angle.h"
 #include "tendril/gap/report.h"
 
 namespace tendril::gap {
@@ -90,22 +90,21 @@ class ParameterFormat {
 }  // namespace
 
 const std::map<std::string_view, std::vector<ShownUnit>>& ShownUnits() {
-  constexpr double kDegrees = 180 / std::numbers::pi;
   static const std::map<std::string_view, std::vector<ShownUnit>> units{
       {"m", {{1e-5, 1e6, "µm"}, {1, 1e3, "mm"}, {kAny, 1, "m"}}},
-      {"rad", {{kAny, kDegrees, "°"}}},
+      {"rad", {{kAny, kDegreesPerRadian, "°"}}},
       {"N", {{0.05, 1e3, "mN"}, {kAny, 1, "N"}}},
       {"N·m", {{1e-3, 1e6, "µN·m"}, {0.5, 1e3, "mN·m"}, {kAny, 1, "N·m"}}},
       {"s", {{1e-3, 1e6, "µs"}, {0.5, 1e3, "ms"}, {kAny, 1, "s"}}},
       {"kg", {{0.5, 1e3, "g"}, {kAny, 1, "kg"}}},
       {"m/s", {{1, 1e3, "mm/s"}, {kAny, 1, "m/s"}}},
-      {"rad/s", {{kAny, kDegrees, "°/s"}}},
+      {"rad/s", {{kAny, kDegreesPerRadian, "°/s"}}},
       {"m/rad", {{1, 1e3, "mm/rad"}, {kAny, 1, "m/rad"}}},
   };
   return units;
 }
 
-std::string Quantity(double value, std::string_view unit) {
+std::string WithUnit(double value, std::string_view unit) {
   const ShownUnit shown = UnitFor(unit, value);
   return WithUnit(Digits(value * shown.factor, kQuantityDigits), shown.unit);
 }

@@ -16,7 +16,7 @@
 namespace tendril::io {
 namespace {
 
-constexpr std::size_t kFileBuffer = std::size_t{1} << 20;
+constexpr std::size_t kReadBuffer_B = std::size_t{1} << 20;
 constexpr std::size_t kHeader = 28, kChunk = std::size_t{1} << 16;
 constexpr std::array<std::uint8_t, 4> kSync{0xED, 0xA1, 0xDA, 0x01};
 constexpr std::size_t kPlacesNamed = 4;
@@ -35,7 +35,7 @@ EventReader::EventReader(const std::string& path) : file_(std::fopen(path.c_str(
   std::error_code error;
   size_ = std::filesystem::file_size(path, error);
   if (error) throw std::runtime_error("cannot read log " + path + ": " + error.message());
-  std::setvbuf(file_.get(), nullptr, _IOFBF, kFileBuffer);
+  std::setvbuf(file_.get(), nullptr, _IOFBF, kReadBuffer_B);
 }
 
 bool EventReader::Next() {

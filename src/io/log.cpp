@@ -20,7 +20,7 @@
 namespace tendril::io {
 namespace {
 
-constexpr std::size_t kFileBuffer = std::size_t{1} << 20;
+constexpr std::size_t kWriteBuffer_B = std::size_t{1} << 20;
 // Upper bound of what a crash of the machine loses.
 constexpr std::int64_t kFlushEvery_us = 1'000'000;
 
@@ -70,7 +70,7 @@ struct LogWriter::State {
   lcm_t* lcm;
   lcm_subscription_t* subscription = nullptr;
   lcm_eventlog_t* log = nullptr;
-  std::vector<char> file_buffer = std::vector<char>(kFileBuffer);
+  std::vector<char> file_buffer = std::vector<char>(kWriteBuffer_B);
   std::int64_t flushed_us = 0;
   std::string path, error;
 };

@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <stdexcept>
 
 #include "tendril/core/clock.h"
 #include "tendril/core/status.h"
+#include "tendril/io/epoch.h"
 #include "tendril_lcm/state_t.hpp"
 
 namespace tendril::io {
@@ -17,12 +17,6 @@ using State = tendril_lcm::state_t;
 
 constexpr TimeNs kLeastForAnswer_ns = 500 * kNsPerMs;
 constexpr int kHandle_ms = 20;
-
-std::int64_t EpochUs() {
-  return std::chrono::duration_cast<std::chrono::microseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 TimeNs ToNs(double seconds) { return static_cast<TimeNs>(seconds * static_cast<double>(kNsPerS)); }
 

@@ -4,7 +4,9 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <stdexcept>
 #include <string>
 
@@ -308,6 +310,15 @@ TensionedShape InverseEquilibrium::ForTip(const Vector3d& target_W_m, const Vect
     if ((state.q - before).cwiseAbs().maxCoeff() <= 1e-13) break;
   }
   return Finish(Goal::kTip, target_W_m, state);
+}
+
+std::string WhyNoShape(const TensionedShape& shape) {
+  if (shape.status != Status::kSolverFallback) return {};
+  std::array<char, 128> text{};
+  std::snprintf(text.data(), text.size(),
+                "no stable equilibrium found (%.3g left of the target, %.3g N·m of the balance)",
+                shape.target_error, shape.residual_Nm);
+  return text.data();
 }
 
 }  // namespace tendril::model

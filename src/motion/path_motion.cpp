@@ -13,8 +13,8 @@ using Eigen::VectorXd;
 
 // Rest at the end, so that the arrival is visible.
 constexpr double kRestAfter_s = 0.5;
-constexpr double kLook_s = 0.001;
-constexpr int kMostLooks = 200000;
+constexpr double kLimitLook_s = 0.001;
+constexpr int kMostLimitLooks = 200000;
 constexpr double kMoving = 0.01;  // share of the greatest rate that counts as rest
 
 Command BendingTarget(const VectorXd& bending_rad, const VectorXd& rate_radps) {
@@ -90,7 +90,7 @@ class TableMotion final : public BendingMotion {
         at_s = t_s;
       }
     };
-    const int looks = std::clamp(static_cast<int>(whole_s / kLook_s), 100, kMostLooks);
+    const int looks = std::clamp(static_cast<int>(whole_s / kLimitLook_s), 100, kMostLimitLooks);
     for (int i = 0; i <= looks; ++i) look(table_.begin() + whole_s * i / looks);
     for (const double knot_s : table_.knots()) look(knot_s);
     if (stretch > 1 + 1e-9) {

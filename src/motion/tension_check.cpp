@@ -16,8 +16,8 @@
 namespace tendril::motion {
 namespace {
 
-constexpr double kLook_s = 0.002;
-constexpr int kMostLooks = 50000;
+constexpr double kTensionLook_s = 0.002;
+constexpr int kMostTensionLooks = 50000;
 
 // One instant of a motion: bending, its rates, and the rate at which each tendon's path shortens.
 struct Instant {
@@ -36,7 +36,7 @@ class Check {
         q_(UnitVector::Zero(body_.dof())) {}
 
   Instant At(const Motion& motion, double t_s) {
-    const double half_s = kLook_s / 2;
+    const double half_s = kTensionLook_s / 2;
     const double before_s = std::max(0.0, t_s - half_s),
                  after_s = std::min(motion.duration_s(), t_s + half_s);
     const Command now = motion.At(t_s), before = motion.At(before_s), after = motion.At(after_s);
@@ -110,7 +110,7 @@ void RequireTensions(const Motion& motion, const RobotParameters& robot) {
   if (!robot.actuation || motion.Start().kind != CommandKind::kBending) return;
   Check check(robot);
   const double end_s = motion.duration_s();
-  const int looks = std::clamp(static_cast<int>(end_s / kLook_s), 1, kMostLooks);
+  const int looks = std::clamp(static_cast<int>(end_s / kTensionLook_s), 1, kMostTensionLooks);
   for (int i = 0; i <= looks; ++i) {
     const double t_s = end_s * i / looks;
     const Instant at = check.At(motion, t_s);

@@ -65,16 +65,12 @@ std::optional<KeyDifference> FirstDifference(const RobotParameters& left, const 
     }
     return leaves;
   };
-  const auto same = [](const std::string& a, const std::string& b) {
-    const auto x = AsNumber(a), y = AsNumber(b);
-    return a == b || (x && y && std::abs(*x - *y) <= kSame * std::max(std::abs(*x), std::abs(*y)));
-  };
   const auto a = leaves_of(left), b = leaves_of(right);
   constexpr const char* kNothing = "nothing";
   for (const auto& [key, value] : a) {
     const auto other = b.find(key);
     if (other == b.end()) return KeyDifference{key, value, kNothing};
-    if (!same(value, other->second)) return KeyDifference{key, value, other->second};
+    if (!Same(value, other->second, kSame)) return KeyDifference{key, value, other->second};
   }
   for (const auto& [key, value] : b) {
     if (!a.contains(key)) return KeyDifference{key, kNothing, value};

@@ -27,7 +27,7 @@ class Editor {
   /// Inserts a missing key as the first of its map.
   void Insert(const YAML::Node& map, const std::string& text);
 
-  /// Appends lines to a block that begins at `line` with keys at `column`.
+  /// Appends lines below the last key of a block, indented as its keys.
   void Append(const YAML::Node& map, const std::vector<std::string>& lines);
 
   /// Removes a key with its value from the file.

@@ -52,10 +52,10 @@ std::optional<double> AsNumber(const std::string& text) {
   return value;
 }
 
-bool Same(const std::string& a, const std::string& b) {
+bool Same(const std::string& a, const std::string& b, double relative) {
+  if (a == b) return true;
   const auto x = AsNumber(a), y = AsNumber(b);
-  if (!x || !y) return a == b;
-  return *x == *y || std::abs(*x - *y) <= 1e-12 * std::max(std::abs(*x), std::abs(*y));
+  return x && y && std::abs(*x - *y) <= relative * std::max(std::abs(*x), std::abs(*y));
 }
 
 YAML::Node Resolved(const RobotParameters& robot) { return YAML::Load(config::ToYaml(robot)); }

@@ -21,8 +21,8 @@ inline constexpr double kSame = 1e-9;
 
 Path Join(const Path& a, const Path& b);
 std::optional<double> AsNumber(const std::string& text);
-/// Up to round-off.
-bool Same(const std::string& a, const std::string& b);
+/// The same text, or numbers that differ by this share of the larger one at most: by default round-off only.
+bool Same(const std::string& a, const std::string& b, double relative = 1e-12);
 
 YAML::Node Resolved(const RobotParameters& robot);
 /// Undefined where there is none.

@@ -25,7 +25,8 @@ class Sensors {
     return reported_rad - laws_.encoder_offset_rad[tendon];
   }
 
-  /// The tension that the cell shows, its gain aside, and back [N].
+  /// The tension that the cell shows, its gain aside, and back [N]. Offset and drift are added one after the
+  /// other, so plant and replay round alike.
   double Shown(int tendon, double tension_N, double time_s) const {
     return tension_N + offset_N_[At(tendon)] + laws_.cell_drift_Nps[tendon] * time_s;
   }

@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 using model::Body;
 using nlohmann::ordered_json;
 
-constexpr int kSteps = 80;  // of the bend, in statics
+constexpr int kBendSteps = 80;  // of the bend, in statics
 
 /// Slope of y over t by least squares.
 template <class Time, class Value>
@@ -66,8 +66,8 @@ Statics StaticsOf(Study& study, const RobotParameters& rig) {
       study.OpenSeries("planar_statics", {"bend_rad", "tension_1_N", "tension_2_N", "tension_3_N", "loss_N"});
   const model::InverseKinematics ik(body, rig.limits.max_bending_rad);
   Statics out;
-  for (int i = 0; i <= kSteps; ++i) {
-    const double theta = kPlanarBend_rad * i / kSteps, last_loss_N = out.loss_N;
+  for (int i = 0; i <= kBendSteps; ++i) {
+    const double theta = kPlanarBend_rad * i / kBendSteps, last_loss_N = out.loss_N;
     const TendonVector t = NeededTensions(body, Bend(theta, 0), 0);
     out.needed_N = t[0];
     out.loss_N = PullLoss(transmission, t[0]);
@@ -221,7 +221,7 @@ void Losses(Study& study, const RobotParameters& rig, const Statics& statics, co
               .reason = fmt::format(
                   "The needed tension grows with the bend and the loss with the tension, at each of {} "
                   "steps; in the closed loop the loss is largest, {:.2f} N, at a true bend of {:.2f} rad.",
-                  kSteps, largest_N, bend_at_largest_rad)});
+                  kBendSteps, largest_N, bend_at_largest_rad)});
 }
 
 }  // namespace

@@ -164,7 +164,7 @@ ordered_json RestOf(Study& study, const BodyParameters& damped) {
 }
 
 /// Every mounting and length, and the wire of section 5.
-ordered_json Readings(Study& study, double damping_Nms) {
+ordered_json PrintedReadings(Study& study, double damping_Nms) {
   ordered_json readings;
   for (const auto& [length_name, file] :
        {std::pair{"90 mm", "robots/qi2021_90mm.yaml"}, std::pair{"60 mm", "robots/qi2021_60mm.yaml"}}) {
@@ -258,7 +258,7 @@ void SingleTendon(Study& study) {
   const PulledMotion damped = Convergence(study, parameters, rest.q, undamped, damping_Nms);
 
   study.Begin("3.2: orientations and lengths");
-  const ordered_json readings = Readings(study, damping_Nms);
+  const ordered_json readings = PrintedReadings(study, damping_Nms);
   const Spread spread = SpreadOf(readings);
   const VectorXd theta = EndAngles(damped);
   Equilibrium(study, readings, spread, theta);

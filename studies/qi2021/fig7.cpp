@@ -16,17 +16,17 @@ using nlohmann::ordered_json;
 // Fig. 7: two values of each factor, tension 1 on the low side, wrap 0..pi.
 constexpr double kAlpha[] = {0.15, 0.6}, kExponent[] = {0.67, 1}, kRho[] = {1, 10};
 constexpr double kOutput_N = 1;
-constexpr int kSteps = 60;
+constexpr int kWraps = 60;
 
 struct Curve {
   PulleyParameters pulley;
-  std::vector<double> ratio;  // at kSteps + 1 wraps
+  std::vector<double> ratio;  // at kWraps + 1 wraps
 };
 
 Curve Compute(PulleyParameters pulley) {
   Curve curve{pulley, {}};
-  for (int i = 0; i <= kSteps; ++i) {
-    pulley.wrap_rad = kPi * i / kSteps;
+  for (int i = 0; i <= kWraps; ++i) {
+    pulley.wrap_rad = kPi * i / kWraps;
     curve.ratio.push_back(model::SolveCapstan(pulley, kOutput_N) / kOutput_N);
   }
   return curve;
@@ -45,7 +45,7 @@ double Effect(const Cube& cube, std::size_t bit) {
 double Steepest(const std::vector<double>& ratio) {
   double most = 0;
   for (std::size_t i = 1; i < ratio.size(); ++i)
-    most = std::max(most, (ratio[i] - ratio[i - 1]) / (kPi / kSteps));
+    most = std::max(most, (ratio[i] - ratio[i - 1]) / (kPi / kWraps));
   return most;
 }
 
@@ -85,12 +85,12 @@ void LawResult::Add(const Curve& c, const Curve& reference, std::size_t corner) 
 }
 
 void Put(Series& series, double law, const Curve& c) {
-  for (int i = 0; i <= kSteps; ++i) {
+  for (int i = 0; i <= kWraps; ++i) {
     const double row[] = {law,
                           c.pulley.alpha,
                           c.pulley.exponent,
                           c.pulley.radius_ratio,
-                          kPi * i / kSteps,
+                          kPi * i / kWraps,
                           c.ratio[static_cast<std::size_t>(i)]};
     series.row().PutAll(row).EndRow();
   }
@@ -156,7 +156,7 @@ void Losses(Study& study, const std::array<LawResult, 2>& results) {
               .verdict = std::min(cumulative.smallest_step, local.smallest_step) > 0 ? Verdict::kConfirmed
                                                                                      : Verdict::kDiffers,
               .reason = fmt::format(
-                  "The ratio rises from each of {} wraps to the next on all curves of both laws.", kSteps)});
+                  "The ratio rises from each of {} wraps to the next on all curves of both laws.", kWraps)});
   study.Find("fig7_gentler",
              {.ours = fmt::format("slope {:.2f} to 1 at least", cumulative.least_gentler),
               .our_value = cumulative.least_gentler,

@@ -26,6 +26,7 @@ OUTSIDE_EXCEPTIONS = {
     "src/experiment/experiment_live.cpp",  # the operator's side of a running daemon, in real time
     "src/experiment/experiment_run.cpp",   # runs on several threads, and how long they took
     "src/motion/follower.cpp",             # an operator's program: streams in real time
+    "src/experiment/diagnosis_run.cpp",    # how long it took
     "src/experiment/demo.cpp",             # how much faster than real time it was
     "src/commission/live_link.cpp",        # an operator's program: pulls in real time
     "src/commission/outcome.cpp",          # the date of a record, and on which computer it was made

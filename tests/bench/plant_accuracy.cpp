@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "../sim/motions.h"
+#include "sim/motions.h"
 #include "tendril/sim/effects.h"
 #include "tendril/sim/plant.h"
 

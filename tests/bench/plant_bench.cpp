@@ -2,7 +2,7 @@
 // evaluations of the equations of motion per millisecond and the factor over real time.
 #include <benchmark/benchmark.h>
 
-#include "../sim/motions.h"
+#include "sim/motions.h"
 #include "tendril/sim/plant.h"
 
 namespace tendril {
@@ -39,11 +39,11 @@ void Millisecond(benchmark::State& state, const char* file, const std::vector<Ef
 }
 
 // A whole number of turns of the circle.
-BENCHMARK_CAPTURE(Millisecond, four_units_three_tendons, "rig_90mm.yaml")->Iterations(12000);
-BENCHMARK_CAPTURE(Millisecond, four_tendons, "four_tendon_90mm.yaml")->Iterations(12000);
-BENCHMARK_CAPTURE(Millisecond, two_sections_six_tendons, "two_section.yaml")->Iterations(12000);
-BENCHMARK_CAPTURE(Millisecond, drivetrain_laws, "rig_90mm.yaml", kDrivetrainLaws)->Iterations(12000);
-BENCHMARK_CAPTURE(Millisecond, body_laws, "rig_90mm.yaml", kBodyLaws)->Iterations(12000);
+BENCHMARK_CAPTURE(Millisecond, four_units_three_tendons, "rig_90mm")->Iterations(12000);
+BENCHMARK_CAPTURE(Millisecond, four_tendons, "four_tendon_90mm")->Iterations(12000);
+BENCHMARK_CAPTURE(Millisecond, two_sections_six_tendons, "two_section")->Iterations(12000);
+BENCHMARK_CAPTURE(Millisecond, drivetrain_laws, "rig_90mm", kDrivetrainLaws)->Iterations(12000);
+BENCHMARK_CAPTURE(Millisecond, body_laws, "rig_90mm", kBodyLaws)->Iterations(12000);
 
 }  // namespace
 }  // namespace tendril

@@ -26,7 +26,7 @@ TEST(RealTime, NoAllocationFromStartThroughFaultsToShutdown) {
       count([&] { rig.master.EndCycle(now_ns, rig.request, rig.torques); });
       BusEvent event;
       count([&] {
-        while (rig.master.TakeEvent(&event)) {
+        while (rig.master.PopEvent(&event)) {
         }
       });
     }

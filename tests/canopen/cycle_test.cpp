@@ -629,7 +629,7 @@ TEST(Bus, FullQueueIsToldAndNeverBlocks) {
   for (TimeNs t = 0; t < 500 * kNsPerMs; t += kNsPerMs) master.BeginCycle(t);
   BusEvent event;
   int told = 0;
-  while (master.TakeEvent(&event)) told += event.status == Status::kFrameNotSent;
+  while (master.PopEvent(&event)) told += event.status == Status::kFrameNotSent;
   EXPECT_EQ(told, 1) << "once a second, not once a frame";
 }
 

@@ -60,7 +60,7 @@ class FakeNode {
   bool sends_feedback = true;
   bool sends_heartbeat = true;
   bool accepts_fault_reset = true;
-  bool obeys = true;      // false: its state stays whatever it is told
+  bool obeys = true;      // false: its state stays whatever the controlword
   TimeNs inhibit_ns = 0;  // of the statusword's TPDO
 
   DriveMachine machine = DriveMachine::kSwitchOnDisabled;
@@ -69,7 +69,7 @@ class FakeNode {
   std::int32_t position = 0;
   std::int16_t torque = 0, analog = 0;
 
-  // what it was told
+  // what it received
   std::vector<std::uint16_t> controlwords;  // each new one, when it acted
   std::int16_t target = 0;                  // in force since the last SYNC
   std::int16_t largest_target_while_off = 0;
@@ -228,7 +228,7 @@ struct Rig {
     const bool complete = master.Poll(clock.Now());
     master.EndCycle(clock.Now(), request, torques);
     BusEvent event;
-    while (master.TakeEvent(&event)) events.push_back(event);
+    while (master.PopEvent(&event)) events.push_back(event);
     return complete;
   }
   void Steps(int n) {
@@ -243,7 +243,7 @@ struct Rig {
     }
     return false;
   }
-  /// Boots; then requests as told.
+  /// Boots; then requests as given.
   bool Ready() {
     master.Start(clock.Now());
     return StepUntil(DriveState::kReady);

@@ -59,7 +59,7 @@ class MixedBus : public ::testing::Test {
     const bool complete = master_.Poll(clock_.Now());
     master_.EndCycle(clock_.Now(), request_, torques_);
     BusEvent event;
-    while (master_.TakeEvent(&event)) log_ += std::string(event.text.data()) + "\n";
+    while (master_.PopEvent(&event)) log_ += std::string(event.text.data()) + "\n";
     return complete;
   }
   bool StepUntil(DriveState state, int limit = 3000) {
@@ -158,7 +158,7 @@ TEST_F(MixedBus, AnotherDeviceThanTheSheetNamesIsNotStarted) {
     master.Poll(clock_.Now());
     master.EndCycle(clock_.Now(), DriveRequest::kDisable, torques_);
     BusEvent event;
-    while (master.TakeEvent(&event)) log += std::string(event.text.data()) + "\n";
+    while (master.PopEvent(&event)) log += std::string(event.text.data()) + "\n";
   }
   EXPECT_EQ(master.feedback(kServo).state, DriveState::kOtherDevice);
   EXPECT_THAT(log,

@@ -54,7 +54,7 @@ class Rig {
     const bool complete = master.Poll(clock.Now());
     master.EndCycle(clock.Now(), request, torques);
     BusEvent event;
-    while (master.TakeEvent(&event)) events.push_back(event);
+    while (master.PopEvent(&event)) events.push_back(event);
     return complete;
   }
   void Run(int cycles) {

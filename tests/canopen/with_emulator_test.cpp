@@ -31,7 +31,7 @@ class WithEmulator {
     const bool complete = master.Poll(clock.Now());
     master.EndCycle(clock.Now(), request, torques);
     BusEvent event;
-    while (master.TakeEvent(&event)) events.push_back(event);
+    while (master.PopEvent(&event)) events.push_back(event);
     return complete;
   }
   bool StepUntil(DriveState state, int limit = 3000) {
@@ -203,7 +203,7 @@ TEST(WithEmulator, WrongMotorIsRefused) {
   }
   EXPECT_EQ(master.feedback(0).state, DriveState::kMisconfigured);
   BusEvent event;
-  ASSERT_TRUE(master.TakeEvent(&event));
+  ASSERT_TRUE(master.PopEvent(&event));
   EXPECT_EQ(event.status, Status::kConfigurationMismatch);
   EXPECT_THAT(event.text.data(), ::testing::HasSubstr("rated torque: 6076:00 is 7056 uNm, expected 9000"));
 }

@@ -1,5 +1,5 @@
-// Our master alone on a CAN interface, for slaves that are no code of ours: drives 1..N until the input ends. The
-// first is an EPOS4, the others too, or generic drives of an EDS file with a load cell of 2.5 mV a count.
+// Our master alone on a CAN interface, for slaves that are no code of ours: drives 1..N until the input ends.
+// The first is an EPOS4, the others too, or generic drives of an EDS file with a load cell of 2.5 mV a count.
 // Orders come as lines on standard input; events and every change of a drive's state go out as lines.
 #include <poll.h>
 #include <unistd.h>
@@ -129,7 +129,7 @@ class Program {
 
   void Tell() {
     canopen::BusEvent event;
-    while (master_.TakeEvent(&event)) {
+    while (master_.PopEvent(&event)) {
       std::printf("event %d %d %s\n", event.node_id, static_cast<int>(event.status), event.text.data());
     }
     for (int i = 0; i < master_.drives(); ++i) {

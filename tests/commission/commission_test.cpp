@@ -207,7 +207,7 @@ TEST(Commission, WritingTheNodesKeepsWhichDriveTheyAre) {
 }
 
 // Two drives exchanged, one of them with its motor's leads swapped as well: the node list that is found makes
-// the same rig pass, and the robot then bends where it is told to.
+// the same rig pass, and the robot then bends as commanded.
 TEST(Commission, WhatItFindsPutIntoTheFileMakesTheRigRight) {
   Arm arm;
   arm.plant.actuation->tendons[0].node_id = 2;
@@ -344,7 +344,7 @@ TEST_F(RecordTest, OnlyOfExactlyThisWiringCounts) {
   EXPECT_EQ(Problem(), "") << "a simulation";
 }
 
-// Whatever a record does not tell nobody would watch.
+// Nothing would guard what is missing in a record.
 TEST_F(RecordTest, ADamagedOneArmsNothing) {
   Write();
   const std::string path = RecordPath(arm.daemon);

@@ -1,6 +1,6 @@
 // Values that are accepted and make no sense: none in the shipped files; each key beyond the robot's scale is
-// told with its place, its value and a value that helps. What the scale is comes from the robot's data sheet,
-// typed in here.
+// reported with its place, its value and a value that helps. What the scale is comes from the robot's data
+// sheet, typed in here.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -136,7 +136,7 @@ TEST(Warnings, UnreasonableValuesAreWarnedOf) {
   }
 }
 
-// What is suggested is not told again.
+// A suggested value raises no further warning.
 TEST(Warnings, SuggestedValuesRaiseNoWarning) {
   const std::string text = ReadText(ConfigPath("tendrild.yaml"));
   std::vector<Idle> all(std::begin(kKeys), std::end(kKeys));

@@ -109,8 +109,19 @@ TEST_F(WholeFile, ReadsEveryByteOfAFileAndNoFolder) {
   EXPECT_EQ(ReadWhole(folder_ / "file"), bytes);
   WriteWhole(folder_ / "empty", "");
   EXPECT_EQ(ReadWhole(folder_ / "empty"), "");
-  EXPECT_THROW(ReadWhole(folder_), std::runtime_error);
-  EXPECT_THROW(ReadWhole(folder_ / "none"), std::runtime_error);
+  const auto refusal = [](const fs::path& file) -> std::string {
+    try {
+      ReadWhole(file);
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal(folder_),
+            "cannot read " + folder_.string() + ": it is a folder; name a file that exists and may be read");
+  EXPECT_EQ(refusal(folder_ / "none"),
+            "cannot read " + (folder_ / "none").string() +
+                ": No such file or directory; name a file that exists and may be read");
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The torque that makes a wanted base tension, checked against the friction chain written out by hand.
+// The torque that gives a desired base tension, checked against the friction chain written out by hand.
 #include "tendril/control/compensation.h"
 
 #include <gtest/gtest.h>

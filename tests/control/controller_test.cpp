@@ -1,4 +1,4 @@
-// The whole tick against drives that do exactly what they are told: modes, limits, reactions, no allocation,
+// The whole tick against drives that do exactly what is commanded: modes, limits, reactions, no allocation,
 // same bits.
 #include "tendril/control/controller.h"
 
@@ -137,7 +137,7 @@ TEST(Controller, ATipFarOutOfReachIsRefusedWithTheNearestPointAndMovesNothing) {
   }
 }
 
-// Beyond what tensions hold the distance is that from where the robot is really led to.
+// Beyond the tension limits, target_distance_m is measured from the point to which the robot really moves.
 TEST(Controller, HowFarOffATipIsCountsFromWhereTheRobotIsLed) {
   IdealLoop loop;
   loop.RunUntilRunning();
@@ -152,8 +152,8 @@ TEST(Controller, HowFarOffATipIsCountsFromWhereTheRobotIsLed) {
   EXPECT_GT(loop.output.target_distance_m, 1e-3);
 }
 
-// After power was lost under tension the least tension may not turn the motors: nothing is led with tendons
-// that hang, on a zero that means nothing.
+// After power was lost under tension the minimum tension may not turn the motors: the robot does not move
+// with slack tendons and a meaningless zero.
 TEST(Controller, PretensionDoesNotEndWithATendonThatHangs) {
   IdealLoop loop;
   loop.RunUntilRunning();
@@ -293,8 +293,8 @@ TEST(Controller, HoldStopsSoftlyAndRefusesTargetsUntilArmed) {
   EXPECT_LT((loop.output.reference.position_rad - held).norm(), 1e-12) << "resumes where it stopped";
 }
 
-// The way back is at the ramp's rate and the motion waits for it: 0.7 N at 2 N/s. The motion itself then
-// takes what it takes of a robot that was never led by tensions, to the last bit of it: 2.2 N/s at 0.5 rad/s
+// The way back is at the ramp's rate and the motion waits for it: 0.7 N at 2 N/s. The motion itself is then
+// that of a robot that never followed a tension command, bit for bit: 2.2 N/s at 0.5 rad/s
 // and 4.4 at 1 rad/s, for that is the stiffness of this backbone over its tendons' lever.
 TEST(Controller, TensionCommandIsFollowedAtTheRampAndReturnsSmoothly) {
   for (const double speed_radps : {0.5, 1.0}) {
@@ -343,8 +343,8 @@ TEST(Controller, TensionCommandIsFollowedAtTheRampAndReturnsSmoothly) {
   }
 }
 
-// What tensions cannot hold is brought back before anything is led there, and no motion is led faster than
-// its rotors' share of tension allows; both are said.
+// Goals beyond the tension limits are projected before the robot moves, and no motion is faster than its
+// rotors' share of tension allows; both are reported.
 TEST(Controller, GoalsAndRatesAreWithinWhatTensionsGive) {
   for (const ControlLaw law : {ControlLaw::kPaper, ControlLaw::kEquilibrium}) {
     ControllerParameters parameters = kParameters;
@@ -391,7 +391,7 @@ TEST(Controller, CommandedTensionsStopAtTheShareThatShapesHave) {
   EXPECT_EQ(loop.output.status, Status::kLimitedTensionMax);
 }
 
-// With or without feedback of the tip: a tracker that the tendons contradict is told after half a second.
+// With or without feedback of the tip: a tracker that the tendons contradict is reported after half a second.
 TEST(Controller, ATrackerThatDisagreesIsToldUnderEveryLaw) {
   for (const ControlLaw law : {ControlLaw::kPaper, ControlLaw::kEquilibrium}) {
     ControllerParameters parameters = kParameters;

@@ -1,4 +1,4 @@
-// The motor's torque for a wanted tension and motion, against the drivetrain's laws written out by hand.
+// The motor's torque for a desired tension and motion, against the drivetrain's laws written out by hand.
 #include "tendril/control/drive_feed_forward.h"
 
 #include <gtest/gtest.h>
@@ -113,9 +113,9 @@ TEST_F(DriveFeedForwardTest, NoTorqueJumpsAtAReversal) {
   }
 }
 
-// The base still gets the tension that is wanted, but while the friction of a reversal under high tension is
-// led across: and that is over, with the base within a hundredth of a newton, before the motion has covered
-// the pulleys' and tendon's own pre-sliding.
+// The base still gets the desired tension, except while friction reverses under high tension. The reversal
+// ends, with the base within a hundredth of a newton, before the motion has covered the pre-sliding of
+// pulleys and tendon.
 TEST_F(DriveFeedForwardTest, UnderHighTensionTheFrictionIsLedAcrossAndThenRight) {
   DriveFeedForward f = Make();
   model::StopOperators<4> pulley = model::PulleyPresliding(drive.transmission.presliding_m);

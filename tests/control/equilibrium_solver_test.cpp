@@ -9,15 +9,14 @@
 #include <string>
 
 #include "ideal_loop.h"
+#include "support/rig_file.h"
 #include "tendril/model/inverse.h"
 #include "tendril/model/statics.h"
 
 namespace tendril::control {
 namespace {
 
-RobotParameters Rig(const std::string& name) {
-  return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/" + name + ".yaml");
-}
+using test::Rig;
 
 BendingReference At(const BendingVector& position) {
   const BendingVector zero = BendingVector::Zero(position.size());
@@ -123,7 +122,7 @@ TEST(EquilibriumSolver, AShiftOfTheGoalMovesTheTip) {
   EXPECT_NEAR((body.TipPose(law.q()).p_WA - before).dot(along), 1e-3, 2e-5);
 }
 
-// What a motion that is led fast keeps in every tendon does not move the tip.
+// The tension that a fast motion adds to every tendon does not move the tip.
 TEST(EquilibriumSolver, MoreTensionInEveryTendonLeavesTheTipWhereItIs) {
   const RobotParameters robot = Rig("rig_60mm");
   const model::Body body(robot.body);
@@ -160,7 +159,7 @@ TEST(EquilibriumSolver, AMomentThatTheModelLacksMakesItTheOtherRobot) {
   EXPECT_LT((law.tension_N() - true_law.tension_N()).cwiseAbs().maxCoeff(), 0.01) << "of some 3 N";
 }
 
-// The shape that commanded tensions make, with the tensions led up as the controller does.
+// The shape that commanded tensions make, with the tensions ramped as by the controller.
 TEST(EquilibriumSolver, FollowsCommandedTensions) {
   for (const char* name : {"rig_60mm", "two_section"}) {
     const RobotParameters robot = Rig(name);

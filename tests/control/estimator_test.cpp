@@ -70,7 +70,7 @@ TEST_P(EstimatorTest, SeesThroughOffsetBearingsAndAStrongMotor) {
   EXPECT_NEAR(output.tension_measured_N[0], shown_N, resolution_N);
 }
 
-// A tendon that hangs shows nothing; where the others do not tell either, the covariance says so.
+// A slack tendon shows nothing; where the others show nothing either, the covariance is large.
 TEST(SlackTendon, DoesNotCount) {
   const RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
   const model::Body body(robot.body);

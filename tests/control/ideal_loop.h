@@ -1,5 +1,5 @@
-// Drives and tendons without any loss around a controller: encoder and load cell show what it wanted a cycle
-// ago.
+// Drives and tendons without any loss around a controller: encoder and load cell show what it commanded
+// a cycle ago.
 #pragma once
 
 #include <gtest/gtest.h>

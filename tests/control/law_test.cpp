@@ -75,19 +75,19 @@ LawRow Tighten(bool feeds_forward) {
           }};
 }
 
-const RobotParameters& Rig() {
+const RobotParameters& SharedRig() {
   static const RobotParameters rig = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
   return rig;
 }
 
 TEST(Laws, OneOfTheCallersRunsTheRobot) {
   for (const bool feeds_forward : {false, true}) {
-    IdealLoop loop(Rig(), kParameters, Tighten(feeds_forward));
+    IdealLoop loop(SharedRig(), kParameters, Tighten(feeds_forward));
     loop.RunUntilRunning();
     loop.Run(1000);
     ASSERT_EQ(loop.output.mode, Mode::kRunning);
     // Straight and upright the arcs need no more than the minimum.
-    const double most_N = Rig().limits.min_tension_N + Tightening::kMost_N;
+    const double most_N = SharedRig().limits.min_tension_N + Tightening::kMost_N;
     EXPECT_NEAR(loop.output.tension_desired_base_N.minCoeff(), most_N, 1e-9);
     EXPECT_NEAR(loop.output.tension_desired_base_N.maxCoeff(), most_N, 1e-9);
     // Armed again it starts from zero.
@@ -99,7 +99,7 @@ TEST(Laws, OneOfTheCallersRunsTheRobot) {
 }
 
 TEST(Laws, WhatOneRemembersIsInTheControllersState) {
-  IdealLoop loop(Rig(), kParameters, Tighten(true));
+  IdealLoop loop(SharedRig(), kParameters, Tighten(true));
   loop.RunUntilRunning();
   loop.Run(100);
   std::vector<std::byte> state(loop.controller.state_bytes());

@@ -9,14 +9,12 @@
 #include <string>
 #include <vector>
 
-#include "tendril/config/config.h"
+#include "support/rig_file.h"
 
 namespace tendril::control {
 namespace {
 
-RobotParameters Rig(const std::string& name) {
-  return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/" + name + ".yaml");
-}
+using test::Rig;
 
 // Greatest tension that holds the arc at rest with none above the limit; infinite where there is none.
 double MostTension(const model::Body& body, const BendingVector& us_vs, double min_N) {

@@ -1,5 +1,5 @@
 // What tendons show of a robot that is not as its file says, on a section whose bend answers a moment at
-// once: it comes to where it is wanted, keeps to it while it is led round, and stands at rest.
+// once: it reaches its reference, tracks it around a circle, and stands at rest.
 #include "tendril/control/shape_feedback.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kFriction_Nm = 1e-4;
 
-// A section that bends by what is wanted and the moment that is added, times `softer`, and turned by `turned`
+// A section that bends by the reference and the added moment, times `softer`, and turned by `turned`
 // as friction turns it behind a motion.
 class Section {
  public:
@@ -130,7 +130,7 @@ TEST(ShapeFeedback, PushesNoHarderThanFrictionHolds) {
   EXPECT_GT(section.feedback().moment_Nm().norm(), section.hold_Nm * 0.99);
 }
 
-// A robot that sticks and slips past where it is wanted is left alone after a few times.
+// A robot that sticks and slips past its reference is left alone after a few times.
 TEST(ShapeFeedback, DoesNotHunt) {
   Section section(0.8);
   section.stick_rad = 0.1;

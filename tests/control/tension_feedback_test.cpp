@@ -10,15 +10,13 @@
 #include <numbers>
 #include <string>
 
-#include "tendril/config/config.h"
+#include "support/rig_file.h"
 #include "tendril/model/body.h"
 
 namespace tendril::control {
 namespace {
 
-RobotParameters Rig(const std::string& name) {
-  return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/" + name + ".yaml");
-}
+using test::Rig;
 
 // Largest tension error in the last of several seconds after a kick, relative to that in the first: rotors,
 // tendons and the straight body's bending in small Euler steps, each drive with the loop under test.
@@ -186,8 +184,7 @@ TEST_F(OneLoop, DoesNotIntegrateAgainstFrictionAtRest) {
   EXPECT_GT(Step(1.5, 1.0, true, 0), torque) << "more than friction is put right";
 }
 
-// What is wrong when a robot begins to be led comes to the drive through the cell's low-pass and the
-// integral.
+// The error at the start of a motion reaches the drive through the cell's low-pass and the integral.
 TEST_F(OneLoop, SetsInWithoutABlow) {
   double torque = 0, largest = 0;
   for (int i = 0; i < 500; ++i) {
@@ -223,10 +220,11 @@ TEST_F(OneLoop, ASlackTendonIsTakenUpQuickly) {
       << "bounded, should the tendon have torn";
 }
 
-// While the pulleys turn round nobody knows what a cell before them should show.
+// While friction of the pulleys reverses, the reading of a cell before them is not predictable.
 TEST_F(OneLoop, WhatThePulleysLeaveOpenIsNoError) {
   const auto step = [&](double measured_N) {
-    return loop.Step(still, measured_N, {.cell_N = 1.0, .motor_velocity_radps = 1e-3, .uncertainty_N = 0.2}, true);
+    return loop.Step(still, measured_N, {.cell_N = 1.0, .motor_velocity_radps = 1e-3, .uncertainty_N = 0.2},
+                     true);
   };
   double torque = 0;
   for (int i = 0; i < 1000; ++i) torque = step(0.81);

@@ -197,7 +197,7 @@ TEST_F(TipFeedbackTest, ATipThatLeapsIsNotHuntedForAndItsErrorIsTold) {
   EXPECT_GT(by_then, 0);
   EXPECT_EQ(leaps, by_then);
   EXPECT_EQ(fresh.shift_W_m(), left_m);
-  goal.y() += 1e-3;  // another goal is tried for anew
+  goal.y() += 1e-3;  // another goal is another attempt
   run(1);
   EXPECT_EQ(status, Status::kOk);
 }

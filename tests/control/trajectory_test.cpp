@@ -167,7 +167,7 @@ TEST(Trajectory, AMovingTargetThatIsBehindLeadsNoSectionBeyondItsLimit) {
 
 TEST(Trajectory, BeyondItsLimitItGoesNoFurtherAndComesBackAtItsRate) {
   Trajectory t(1, kLimits, kMaxBending_rad, kNsPerMs);
-  t.Reset(V(2.8, 0));  // where a robot led by tensions was found
+  t.Reset(V(2.8, 0));  // where tension commands left the robot
   double last = 2.8;
   for (int i = 0; i < 4000; ++i) {
     t.Advance(V(2, 0), V(0, 0), 0.5);

@@ -119,7 +119,7 @@ TEST(ControlCycle, AnInterfaceThatIsGoneIsToldFromBusOff) {
     EXPECT_EQ(loop.record.input.drive[0].state, down ? DriveState::kUnreachable : DriveState::kOffline);
     canopen::BusEvent event;
     std::string told;
-    while (loop.master.TakeEvent(&event)) {
+    while (loop.master.PopEvent(&event)) {
       if (event.status == expected) told = event.text.data();
     }
     EXPECT_NE(told.find(down ? "went down" : "bus-off"), std::string::npos) << told;

@@ -643,7 +643,7 @@ TEST(Guards, AreSilentOnGoodRuns) {
 TEST(Guards, EndMotionsThatThrowTheRobotAboutBeforeATensionIsTooHigh) {
   for (const bool guarded : {true, false}) {
     SafetyOptions o = Rig();
-    // By a file that knows little of the rotors; with its own the robot is not led so fast.
+    // By a file that knows little of the rotors; with its own the motion is not so fast.
     for (auto& t : o.robot.actuation->tendons) t.motor.rotor_inertia_kgm2 /= 10;
     GuardParameters& g = o.daemon.controller.guards;
     if (!guarded) {
@@ -690,8 +690,8 @@ TEST(AfterAFault, AWrongEncoderBesideASlackTendonMovesNothing) {
   }
 }
 
-// Load cells hold a motor that is half as strong again as told to what is wanted; the end of that, by a fault
-// or by the operator, is no jerk.
+// Load cells hold a motor that is half as strong again as its file says to the desired tension; the end of
+// that, by a fault or by the operator, is no jerk.
 TEST(AfterAFault, WhatTensionFeedbackTookOffDoesNotComeBackAtOnce) {
   for (const bool fault : {true, false}) {
     SCOPED_TRACE(fault);

@@ -123,8 +123,8 @@ const Trouble kTroubles[] = {
 INSTANTIATE_TEST_SUITE_P(All, HomingTrouble, testing::ValuesIn(kTroubles),
                          [](const auto& c) { return std::string(c.param.name); });
 
-// Drives need some cycles to go off; whoever asks for power anew in the very cycle of configured, as a script
-// does, must not find them in fault for it.
+// Drives need some cycles to go off; whoever asks for power again in the very cycle of configured, as a
+// script does, must not find them in fault for it.
 class AtOnceAfterDisarm : public testing::TestWithParam<ModeRequest> {};
 
 TEST_P(AtOnceAfterDisarm, DrivesGoOffFirstAndThenOn) {

@@ -46,7 +46,7 @@ struct SafetyOptions {
 /// cycles of a reaction, and the noise of its cell.
 inline constexpr double kTensionSlop_N = 0.3;
 /// The same at the base, and what the pulleys hide between it and a cell before them: 0.66 N behind motors
-/// that are eight times as strong as told.
+/// that are eight times as strong as their file says.
 inline constexpr double kBaseSlop_N = 0.7;
 
 /// Above what a tendon carries, or should, when a stop begins: what swings still adds.
@@ -97,7 +97,7 @@ class SafetyRig {
     cycle_.Run({.cycle = count_++, .grid_ns = clock_.Now(), .wake_latency_ns = 0, .missed = skipped}, command,
                tip, record_);
     canopen::BusEvent event;
-    while (master_.TakeEvent(&event)) {
+    while (master_.PopEvent(&event)) {
       last_event_ = event.text.data();
       events_ += last_event_ + "\n";
     }
@@ -177,7 +177,7 @@ class SafetyRig {
   double max_tension_N() const { return max_tension_N_; }  // true, motor side
   double max_base_N() const { return max_base_N_; }        // true, at the robot's base
   double max_tension_wanted_N() const { return max_wanted_N_; }
-  /// Time from entering a fault to drives told to disable; negative: not yet.
+  /// Time from entering a fault to the drives' disable command; negative: not yet.
   double fall_s() const { return fall_s_; }
 
   Tampering tampering;
@@ -333,7 +333,7 @@ class SafetyRig {
     if (falling && was_falling && before.tension_desired_base_N.size() == m) {
       const double step_N =
           options_.daemon.controller.pretension_ramp_Nps * ToSeconds(options_.daemon.bus.cycle_ns);
-      // Of what pulls: a bare motor that pays out is led to nothing.
+      // Of what pulls: a bare motor that pays out goes to zero.
       const TendonVector change =
           o.tension_desired_base_N.cwiseMax(0) - before.tension_desired_base_N.cwiseMax(0);
       // Down to pretension by the ramp, from there to nothing by disabling the drives.

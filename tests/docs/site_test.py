@@ -76,9 +76,10 @@ class Names(unittest.TestCase):
 
     def test_every_name_of_the_pages_is_in_the_sources(self):
         sources = set()
-        for folder in ("include", "src", "tools", "tests", "cmake"):
+        for folder in ("include", "src", "tools", "tests", "cmake", "python"):
             for path in (ROOT / folder).rglob("*"):
-                if path.suffix in (".h", ".cpp", ".txt", ".inc", ".cmake"):
+                of_package = path.suffix == ".py" and folder == "python"
+                if of_package or path.suffix in (".h", ".cpp", ".txt", ".inc", ".cmake"):
                     sources |= set(re.findall(r"\w+", path.read_text(errors="replace")))
         gone = [f"{page.relative_to(ROOT)}: {name}" for page in sorted((ROOT / "docs").rglob("*.md"))
                 for name in names_gone(page.read_text(), sources)]

@@ -20,8 +20,6 @@
 namespace tendril::emulator {
 namespace {
 
-constexpr int kDrives = 3;
-
 // Worst case of an 11-bit data frame with 0 to 8 bytes, from the frame's layout: 8 n + 47 bits and a stuff
 // bit for each four of the 34 + 8 n - 1 that are stuffed.
 constexpr std::array<int, 9> kBits = {55, 65, 75, 85, 95, 105, 115, 125, 135};
@@ -98,7 +96,8 @@ class BusLoad : public ::testing::Test {
 // that the budget counts, SDO excepted. Over 2 s the count can be off by one heartbeat of each of the four
 // stations and one statusword of each drive, 485 bits of a million and a half; 0.1 % is three times that.
 TEST_F(BusLoad, CountedOnTheWireIsTheBudgetsFigure) {
-  const canopen::BusBudget budget = canopen::ComputeBusBudget(canopen::TestBus(kDrives), canopen::TestDrives(kDrives));
+  const canopen::BusBudget budget =
+      canopen::ComputeBusBudget(canopen::TestBus(kDrives), canopen::TestDrives(kDrives));
   ASSERT_TRUE(StepUntil(DriveState::kReady));
   request_ = DriveRequest::kEnable;
   ASSERT_TRUE(StepUntil(DriveState::kEnabled));

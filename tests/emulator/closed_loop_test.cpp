@@ -7,15 +7,13 @@
 #include <string>
 #include <vector>
 
+#include "support/test_rack.h"
 #include "tendril/can/memory_bus.h"
 #include "tendril/canopen/master.h"
 #include "tendril/emulator/drive_rack.h"
 
 namespace tendril::emulator {
 namespace {
-
-constexpr double kRated_Nm = 7056e-6;
-constexpr int kDrives = 3;
 
 class ClosedLoop : public ::testing::Test {
  protected:
@@ -63,7 +61,7 @@ class ClosedLoop : public ::testing::Test {
                                                        static_cast<std::int16_t>(-torque)};
     master_->EndCycle(clock_.Now(), request, torques);
     canopen::BusEvent event;
-    while (master_->TakeEvent(&event)) events_ += std::string(event.text.data()) + "\n";
+    while (master_->PopEvent(&event)) events_ += std::string(event.text.data()) + "\n";
     return all;
   }
 

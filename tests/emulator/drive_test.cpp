@@ -5,14 +5,13 @@
 #include <cmath>
 
 #include "raw_master.h"
+#include "support/test_rack.h"
 
 namespace tendril::emulator {
 namespace {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
-
-constexpr double kRated_Nm = 7056e-6;  // 360 mA x 19600 uNm/A, by hand
 
 // ---- start-up
 // ---------------------------------------------------------------------------------------------------

@@ -17,15 +17,11 @@
 namespace tendril::emulator {
 namespace {
 
-constexpr int kDrives = 3;
-
 using canopen::BusEvent;
 using canopen::Master;
 using ::testing::AllOf;
 using ::testing::Each;
 using ::testing::HasSubstr;
-
-constexpr double kRated_Nm = 7.056e-3;
 
 class Rig {
  public:
@@ -49,7 +45,7 @@ class Rig {
     const bool complete = master.Poll(clock.Now());
     master.EndCycle(clock.Now(), request, torques);
     BusEvent event;
-    while (master.TakeEvent(&event)) events.push_back(event);
+    while (master.PopEvent(&event)) events.push_back(event);
     return complete;
   }
   void Run(int cycles) {

@@ -39,7 +39,7 @@ experiment::ClosedLoopOptions Options(const char* robot, bool tension_feedback, 
 
 struct Figures {
   double rms_m = 0, largest_m = 0;
-  double largest_step_Nm = 0;  // of a torque that is wanted, from one cycle to the next
+  double largest_step_Nm = 0;  // of a desired torque, from one cycle to the next
   double most_base_N = 0;      // that a tendon carried
   std::map<Status, int> cycles;
 
@@ -80,7 +80,7 @@ Figures Follow(const experiment::ClosedLoopOptions& options, const char* name) {
   return run;
 }
 
-// A bend begins with pulleys of which nobody knows how they were left when the robot was armed.
+// A bend begins with pulleys whose friction state is unknown after arming.
 TEST(Laws, TensionFeedbackCostsNothingAtTheStartOfABend) {
   const Figures open = Follow(Options("rig_90mm.yaml", false), "planar");
   const Figures closed = Follow(Options("rig_90mm.yaml", true), "planar");
@@ -203,7 +203,7 @@ void StepFor(experiment::ClosedLoop& loop, double seconds,
   for (const double end_s = loop.now_s() + seconds; loop.now_s() < end_s;) see(loop.Step());
 }
 
-// A robot that was bent and is left alone stands: what the drives are told does not change, so that nothing
+// A robot that was bent and is left alone stands: the commanded torques do not change, so that nothing
 // shakes it through its own dry friction, and no tendon goes slack.
 TEST(Laws, ARobotAtRestStands) {
   for (const char* robot : {"rig_60mm.yaml", "rig_90mm.yaml"}) {
@@ -297,8 +297,8 @@ TEST(Laws, ABendBeyondAllTensionStaysWithinTheirLimits) {
   }
 }
 
-// Whatever is commanded, and however fast: the base's limit holds. What no tension can hold is brought back
-// before anything is led there, so that no rotor runs into the end of its tendon.
+// Whatever is commanded, and however fast: the base's limit holds. Goals beyond it are projected before the
+// robot moves, so that no rotor runs into the end of its tendon.
 TEST(Laws, NoCommandIsTooFastForTheTendons) {
   for (const int law : {0, 1, 2}) {
     for (const double bend_rad : {1.2, 2.5}) {
@@ -499,7 +499,7 @@ TEST(Laws, TensionsTakeOverFromAMotionWithoutAJump) {
   EXPECT_LT(jump_Nm, 3e-4) << "0.96 mNm when friction turns at once";
 }
 
-// A robot that is not as its file says, with no tracker to tell: the tendons' own way does.
+// A robot that is not as its file says, without a tracker: the tendons' displacement shows it.
 TEST(Laws, TheTendonsShowWhatTheFileHasWrong) {
   for (const std::vector<const char*>& effects : {std::vector<const char*>{"bending_stiffness scale=1.2"},
                                                   {"capstan_alpha scale=2", "motor_coulomb scale=2"}}) {

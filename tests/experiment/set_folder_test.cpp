@@ -3,11 +3,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <fstream>
 #include <map>
 
+#include "support/own_folder.h"
 #include "tendril/config/config.h"
 #include "tendril/core/usage_error.h"
 #include "tendril/experiment/set_output.h"
@@ -20,22 +20,11 @@ using Files = std::map<std::string, std::string>;
 using gap::CheckWritable;
 using gap::RefuseToReplace;
 using gap::SetFolder;
+using test::ReadText;
 using testing::HasSubstr;
 
-std::string ReadText(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-class SetFolderTest : public testing::Test {
+class SetFolderTest : public test::OwnFolder {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("tendril_set_folder_test_" + std::to_string(getpid()));
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   static gap::DataSet Set(const std::vector<std::string>& names) {
     gap::DataSet set;
     set.robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml");
@@ -57,8 +46,6 @@ class SetFolderTest : public testing::Test {
   SetFolder Folder(const std::string& name, bool overwrite = false) const {
     return {folder_ / name, overwrite, {}};
   }
-
-  fs::path folder_;
 };
 
 TEST_F(SetFolderTest, LookingMakesNothing) {

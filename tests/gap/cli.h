@@ -6,13 +6,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 #include <string>
+
+#include "support/own_folder.h"
 
 namespace tendril {
 
@@ -20,28 +20,14 @@ namespace fs = std::filesystem;
 
 inline const std::string kRig = TENDRIL_SOURCE_DIR "/config/robots/rig_90mm.yaml";
 
-inline std::string ReadText(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::stringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
+using test::ReadText;
 
 inline void WriteText(const fs::path& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }
 
-class CommandTest : public testing::Test {
+class CommandTest : public test::OwnFolder {
  protected:
-  void SetUp() override {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::temp_directory_path() /
-              fmt::format("tendril_{}_{}_{}", test->test_suite_name(), test->name(), getpid());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   /// Runs `tendril ARGUMENTS` (or another program) in the test's folder, from which its relative paths count.
   int Run(const std::string& arguments, const std::string& program = TENDRIL_BINARY) {
     const fs::path out = folder_ / "stdout", error = folder_ / "stderr";
@@ -59,7 +45,6 @@ class CommandTest : public testing::Test {
     return testing::AssertionFailure() << "not one line: " << error_;
   }
 
-  fs::path folder_;
   std::string out_, error_;
 };
 

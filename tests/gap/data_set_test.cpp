@@ -5,7 +5,6 @@
 #include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <ctime>
@@ -15,6 +14,7 @@
 #include <random>
 #include <sstream>
 
+#include "support/own_folder.h"
 #include "tendril/config/config.h"
 
 namespace tendril::gap {
@@ -29,15 +29,8 @@ using testing::Not;
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 const std::string kRobot = TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml";
 
-class DataSetTest : public testing::Test {
+class DataSetTest : public test::OwnFolder {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("tendril_data_set_test_" + std::to_string(getpid()));
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   void Write(const std::string& name, const std::string& text) const {
     fs::create_directories((folder_ / name).parent_path());
     std::ofstream(folder_ / name, std::ios::binary) << text;
@@ -65,8 +58,6 @@ class DataSetTest : public testing::Test {
     Write("a.csv", "t_s,tension_N_1,tension_N_2\n0,1,2\n0.001,3,4\n");
     return Load();
   }
-
-  fs::path folder_;
 };
 
 /// A run with every channel, numbers of many magnitudes, and a tracker ten times slower than the rest.

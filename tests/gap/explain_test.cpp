@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tendril/config/config.h"
+#include "support/rig_file.h"
 #include "tendril/gap/report.h"
 
 namespace tendril::gap {
@@ -16,9 +16,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
 
-RobotParameters Rig(const std::string& name) {
-  return config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/" + name + ".yaml");
-}
+using test::Rig;
 
 TEST(Explain, TheTableHasEveryEffectAndEveryCut) {
   const std::string table = EffectsTable();

@@ -442,12 +442,12 @@ TEST(Words, AShareIsRoundedOneWay) {
 }
 
 TEST(Words, AValueHasOneUnitAndTheDigitsOfItsInterval) {
-  EXPECT_EQ(Quantity(3.14159e-4, "m"), "0.314 mm");
-  EXPECT_EQ(Quantity(3.1e-5, "m"), "0.031 mm");
-  EXPECT_EQ(Quantity(3.1e-6, "m"), "3.1 µm");
-  EXPECT_EQ(Quantity(0.02, "rad"), "1.15°");
-  EXPECT_EQ(Quantity(-0.012, "N"), "-12 mN");
-  EXPECT_EQ(Quantity(std::numeric_limits<double>::infinity(), "N"), "-");
+  EXPECT_EQ(WithUnit(3.14159e-4, "m"), "0.314 mm");
+  EXPECT_EQ(WithUnit(3.1e-5, "m"), "0.031 mm");
+  EXPECT_EQ(WithUnit(3.1e-6, "m"), "3.1 µm");
+  EXPECT_EQ(WithUnit(0.02, "rad"), "1.15°");
+  EXPECT_EQ(WithUnit(-0.012, "N"), "-12 mN");
+  EXPECT_EQ(WithUnit(std::numeric_limits<double>::infinity(), "N"), "-");
   EXPECT_EQ(ParameterWords("rad", {0.04947, 0.0487, 0.0502}, true), "2.834° [2.790, 2.876]");
   EXPECT_EQ(ParameterWords("mass_kg", {0.001997, 0.001982, 0.002013}, true), "mass 1.997 g [1.982, 2.013]");
   EXPECT_EQ(ParameterWords("scale", {1.84, 1.79, 1.90}, false), "scale × 1.84");
@@ -711,7 +711,7 @@ TEST(ReportPage, GivesItsFiguresAsFilesAndKeepsItsWordsInside) {
   for (const double share : {0.0, .004, .006, .99, .994, .996, 1.0, -.42}) words += Percent(share) + "|";
   for (const auto& [v, unit] : std::initializer_list<std::pair<double, const char*>>{
            {3.14159e-4, "m"}, {.02, "rad"}, {-.012, "N"}, {.3, "N·m"}, {1234567, "Pa"}})
-    words += Quantity(v, unit) + "|";
+    words += WithUnit(v, unit) + "|";
   words.pop_back();
   // As markup, and with the sign that a page has for it.
   words = std::regex_replace(std::regex_replace(words, std::regex("<"), "&lt;"), std::regex(">"), "&gt;");

@@ -12,14 +12,13 @@
 
 #include "random_record.h"
 #include "tendril/io/client.h"
+#include "tendril/io/epoch.h"
 #include "tendril/io/wire.h"
 
 namespace tendril::io {
 namespace {
 
 using testing::HasSubstr;
-
-constexpr RobotShape kShape{1, 4, 3};
 
 struct GatewayTest : testing::Test {
   static LcmParameters Parameters() { return {"memq://", "TENDRIL", 1, 1}; }
@@ -116,8 +115,8 @@ TEST_F(GatewayTest, EachKindOfCommandArrivesAsItWasSent) {
   for (const Command& c : commands) EXPECT_EQ(c.received_ns, clock.Now());
 }
 
-// Wall clocks are set, by an hour when somebody corrects them, and those of two computers differ: how old a
-// command is counts from its arrival, by a clock that nobody sets.
+// Wall clocks are corrected, by an hour at times, and those of two computers differ: a command's age counts
+// from its arrival, by the monotonic clock.
 TEST_F(GatewayTest, ACommandsAgeCountsFromItsArrivalWhateverItsSendersClockSays) {
   for (const std::int64_t utime : {4'900'000L, 5'100'000L, -3'600'000'000L, 3'600'000'000L, 0L}) {
     client.Send(Bending(), utime);
@@ -127,7 +126,7 @@ TEST_F(GatewayTest, ACommandsAgeCountsFromItsArrivalWhateverItsSendersClockSays)
   for (const Command& c : commands) EXPECT_EQ(c.received_ns, 5 * kNsPerS);
 }
 
-// On this machine's clock: stamped when it came, not when somebody got round to it.
+// On this machine's clock: stamped when it arrived, not when it was handled.
 TEST(GatewayOnThisMachine, ACommandAgesWhileItWaitsToBeHandled) {
   const MonotonicClock clock;
   Gateway gateway(GatewayTest::Parameters(), kShape, clock);
@@ -135,9 +134,7 @@ TEST(GatewayOnThisMachine, ACommandAgesWhileItWaitsToBeHandled) {
   std::vector<Command> commands;
   gateway.OnCommand([&](const Command& c) { commands.push_back(c); });
   const auto hour_us = 3'600'000'000L;
-  const std::int64_t now_us = std::chrono::duration_cast<std::chrono::microseconds>(
-                                  std::chrono::system_clock::now().time_since_epoch())
-                                  .count();
+  const std::int64_t now_us = EpochUs();
   const TimeNs sent_ns = clock.Now();
   client.Send(Bending(), now_us - hour_us);
   client.Send(Bending(), now_us + hour_us);

@@ -23,7 +23,6 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-constexpr RobotShape kShape{1, 4, 3};
 constexpr int kCycles = 200;
 
 struct LogTest : testing::Test {

@@ -9,6 +9,9 @@
 
 namespace tendril::io {
 
+/// One section of four units and three tendons.
+inline constexpr RobotShape kShape{1, 4, 3};
+
 class RandomRecords {
  public:
   RandomRecords(const RobotShape& shape, unsigned seed) : shape_(shape), random_(seed) {}

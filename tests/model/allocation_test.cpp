@@ -183,7 +183,7 @@ TEST(Allocation, BalanceIsExactWithinBounds) {
   }
 }
 
-// One section, three tendons: the wanted force turns once about the axis while tendons take over from each
+// One section, three tendons: the desired force turns once about the axis while tendons take over from each
 // other.
 TEST(Allocation, TensionsAreContinuousWhereTendonsTakeOver) {
   const MatrixXd a = StraightJacobian(1, 3);
@@ -252,7 +252,7 @@ TEST(Allocation, TurningTheTendonsTurnsTheTensions) {
   }
 }
 
-// A direction in which no tension does much: what the tensions of a wanted tip position look like.
+// A direction in which no tension does much: what the tensions of a desired tip position look like.
 TEST(Allocation, NearlyDependentForcesAreStillExact) {
   std::mt19937 random(10);
   std::uniform_real_distribution<double> uniform(-1, 1);

@@ -1,5 +1,5 @@
-// Tensions from a wanted bend or tip in true equilibrium: round trips through the statics solver (which knows
-// nothing of this one), optimality by finite differences of it, targets out of reach against a grid.
+// Tensions from a desired bend or tip in true equilibrium: round trips through the statics solver (which
+// knows nothing of this one), optimality by finite differences of it, targets out of reach against a grid.
 #include "tendril/model/inverse_equilibrium.h"
 
 #include <gtest/gtest.h>
@@ -19,9 +19,9 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 using std::numbers::pi;
 
-constexpr double kLeast_N = 0.3, kMost_N = 8;
+constexpr double kMinTension_N = 0.3, kMaxTension_N = 8;
 
-SectionParameters Section(double unit_length_m, int tendons, double twist_rad, double damping = 0) {
+SectionParameters SlenderSection(double unit_length_m, int tendons, double twist_rad, double damping = 0) {
   SectionParameters s;
   s.units = 4;
   s.unit_length_m = unit_length_m;
@@ -37,25 +37,25 @@ SectionParameters Section(double unit_length_m, int tendons, double twist_rad, d
 
 Body ThreeTendons() {
   BodyParameters p;
-  p.sections = {Section(0.0225, 3, 0)};
+  p.sections = {SlenderSection(0.0225, 3, 0)};
   return Body(p);
 }
 Body FiveTendons() {
   BodyParameters p;
-  p.sections = {Section(0.0225, 5, 0)};
+  p.sections = {SlenderSection(0.0225, 5, 0)};
   p.gravity_W_mps2 = {4, 3, -8.4};  // mounted at a slant: nothing is symmetric
   return Body(p);
 }
 Body TwoSections() {
   BodyParameters p;
-  p.sections = {Section(0.015, 3, 0, 2e-4), Section(0.015, 3, pi / 3, 2e-4)};
+  p.sections = {SlenderSection(0.015, 3, 0, 2e-4), SlenderSection(0.015, 3, pi / 3, 2e-4)};
   return Body(p);
 }
 
 /// Payload, a steady pull at the tip, twisted holes, units that are soft or bent by themselves.
 Body AsBuilt() {
   BodyParameters p;
-  p.sections = {Section(0.0225, 3, 0.2, 2e-4)};
+  p.sections = {SlenderSection(0.0225, 3, 0.2, 2e-4)};
   p.tip_payload_kg = 0.002;
   p.tip_force_W_N = {0.01, -0.02, 0};
   p.twist_rad_per_m = 3;
@@ -67,7 +67,7 @@ Body AsBuilt() {
 VectorXd RandomTensions(std::mt19937& random, int count, double most) {
   std::uniform_real_distribution<double> uniform(-0.6, 1);
   VectorXd t(count);
-  for (double& v : t) v = std::max(kLeast_N, most * uniform(random));
+  for (double& v : t) v = std::max(kMinTension_N, most * uniform(random));
   return t;
 }
 
@@ -77,7 +77,7 @@ VectorXd Sums(const Body& body, const VectorXd& q) {
   return sums;
 }
 
-double Effort(const VectorXd& t) { return (t.array() - kLeast_N).matrix().squaredNorm(); }
+double Effort(const VectorXd& t) { return (t.array() - kMinTension_N).matrix().squaredNorm(); }
 
 /// First-order conditions of the least sum, with the slope of `goal` by each tension from the statics solver.
 template <class Goal>
@@ -95,13 +95,14 @@ void ExpectOptimal(const Body& body, const TensionedShape& shape, Goal goal, dou
   // it.
   std::vector<int> free;
   for (int j = 0; j < m; ++j) {
-    if (shape.tension_N[j] > kLeast_N + 1e-9 && shape.tension_N[j] < kMost_N - 1e-9) free.push_back(j);
+    if (shape.tension_N[j] > kMinTension_N + 1e-9 && shape.tension_N[j] < kMaxTension_N - 1e-9)
+      free.push_back(j);
   }
   MatrixXd rows(free.size(), slope.rows());
   VectorXd above(free.size());
   for (std::size_t i = 0; i < free.size(); ++i) {
     rows.row(i) = slope.col(free[i]).transpose();
-    above[i] = shape.tension_N[free[i]] - kLeast_N;
+    above[i] = shape.tension_N[free[i]] - kMinTension_N;
   }
   SCOPED_TRACE(testing::Message() << shape.tension_N.transpose() << "\n" << slope);
   Eigen::CompleteOrthogonalDecomposition<MatrixXd> inverse;
@@ -114,11 +115,11 @@ void ExpectOptimal(const Body& body, const TensionedShape& shape, Goal goal, dou
   if (free.empty() || inverse.rank() < slope.rows()) return;  // the multiplier is not unique
   for (int j = 0; j < m; ++j) {
     const double pull = slope.col(j).dot(y);
-    if (shape.tension_N[j] <= kLeast_N + 1e-9) {
+    if (shape.tension_N[j] <= kMinTension_N + 1e-9) {
       EXPECT_LT(pull, tolerance * (1 + above.norm()));
     }
-    if (shape.tension_N[j] >= kMost_N - 1e-9) {
-      EXPECT_GT(pull, kMost_N - kLeast_N - tolerance * (1 + above.norm()));
+    if (shape.tension_N[j] >= kMaxTension_N - 1e-9) {
+      EXPECT_GT(pull, kMaxTension_N - kMinTension_N - tolerance * (1 + above.norm()));
     }
   }
 }
@@ -126,7 +127,7 @@ void ExpectOptimal(const Body& body, const TensionedShape& shape, Goal goal, dou
 TEST(InverseEquilibrium, BendingComesBackWithTheLeastTensions) {
   for (const Body& body : {ThreeTendons(), FiveTendons(), TwoSections(), AsBuilt()}) {
     std::mt19937 random(1);
-    const InverseEquilibrium inverse(body, kLeast_N, kMost_N);
+    const InverseEquilibrium inverse(body, kMinTension_N, kMaxTension_N);
     int cases = 0;
     for (int i = 0; i < 40; ++i) {
       const VectorXd t = RandomTensions(random, body.tendons(), body.sections() == 1 ? 5.5 : 3.5);
@@ -140,9 +141,9 @@ TEST(InverseEquilibrium, BendingComesBackWithTheLeastTensions) {
       // nanoradians.
       EXPECT_LT(shape.target_error, 2e-8);
       EXPECT_LT(shape.residual_Nm, 1e-14);
-      EXPECT_GE(shape.tension_N.minCoeff(), kLeast_N);
+      EXPECT_GE(shape.tension_N.minCoeff(), kMinTension_N);
       EXPECT_LE(Effort(shape.tension_N), Effort(t) * (1 + 1e-9) + 1e-12) << t.transpose();
-      if (body.tendons() == 3 && t.minCoeff() == kLeast_N) {
+      if (body.tendons() == 3 && t.minCoeff() == kMinTension_N) {
         EXPECT_LT((shape.tension_N - t).norm(), 1e-10);  // no others do it
       }
       const Equilibrium back = SolveStatics(body, shape.tension_N, Vector3d::Zero());
@@ -157,7 +158,7 @@ TEST(InverseEquilibrium, BendingComesBackWithTheLeastTensions) {
 TEST(InverseEquilibrium, TipComesBackWithTheLeastTensions) {
   for (const Body& body : {ThreeTendons(), FiveTendons(), TwoSections(), AsBuilt()}) {
     std::mt19937 random(2);
-    const InverseEquilibrium inverse(body, kLeast_N, kMost_N);
+    const InverseEquilibrium inverse(body, kMinTension_N, kMaxTension_N);
     int cases = 0, same_or_less = 0, other_face = 0;
     for (int i = 0; i < 40; ++i) {
       const VectorXd t = RandomTensions(random, body.tendons(), body.sections() == 1 ? 5.5 : 3.5);
@@ -194,19 +195,20 @@ TEST(InverseEquilibrium, TipComesBackWithTheLeastTensions) {
 TEST(InverseEquilibrium, OutOfReachGoesNearest) {
   const Body body = ThreeTendons();
   const double most = 2;
-  const InverseEquilibrium inverse(body, kLeast_N, most);
+  const InverseEquilibrium inverse(body, kMinTension_N, most);
   for (double angle : {0.0, 0.4, pi / 3, 2.0, -1.3}) {
     const VectorXd wanted = 1.8 * Eigen::Vector2d(std::cos(angle), std::sin(angle));
     const TensionedShape shape = inverse.ForBending(wanted);
     EXPECT_EQ(shape.status, Status::kTargetUnreachable);
-    EXPECT_GE(shape.tension_N.minCoeff(), kLeast_N);
+    EXPECT_GE(shape.tension_N.minCoeff(), kMinTension_N);
     EXPECT_LE(shape.tension_N.maxCoeff(), most * (1 + 1e-15));
     double nearest = 1e9;
     for (int a = 0; a <= 12; ++a) {
       for (int b = 0; b <= 12; ++b) {
         for (int c = 0; c <= 12; ++c) {
           if (a > 0 && a < 12 && b > 0 && b < 12 && c > 0 && c < 12) continue;  // the boundary is enough
-          const Vector3d t = Vector3d::Constant(kLeast_N) + (most - kLeast_N) / 12 * Vector3d(a, b, c);
+          const Vector3d t =
+              Vector3d::Constant(kMinTension_N) + (most - kMinTension_N) / 12 * Vector3d(a, b, c);
           nearest =
               std::min(nearest, (Sums(body, SolveStatics(body, t, Vector3d::Zero()).q) - wanted).norm());
         }
@@ -222,7 +224,7 @@ TEST(InverseEquilibrium, OutOfReachGoesNearest) {
 TEST(InverseEquilibrium, MotionAtRestIsTheStaticSolutionAndMotionBalances) {
   for (const Body& body : {ThreeTendons(), TwoSections(), AsBuilt()}) {
     const int k = 2 * body.sections();
-    const InverseEquilibrium inverse(body, kLeast_N, kMost_N);
+    const InverseEquilibrium inverse(body, kMinTension_N, kMaxTension_N);
     VectorXd bend(k), rate(k), acceleration(k);
     for (int i = 0; i < k; ++i) {
       bend[i] = 0.4 - 0.25 * i;

@@ -132,7 +132,7 @@ TEST(BodyLaws, PeekingMovesNoMemory) {
 TEST(BodyLaws, ElasticLawsGiveBackWhatTheyTookOnAnyClosedPath) {
   for (const char* effect :
        {"superelastic softening=0.5 onset_rad=0.2", "contact stiffness_Npm=300 gap_m=0.004 angle_rad=0.5"}) {
-    for (const char* file : {"rig_60mm.yaml", "two_section.yaml"}) {
+    for (const char* file : {"rig_60mm", "two_section"}) {
       Bent bent(With(Rig(file), {effect}));
       std::mt19937 random(4);
       const VectorXd start = Random(random, bent.n, 0.3), none = VectorXd::Zero(bent.m);
@@ -210,7 +210,7 @@ TEST(BackboneHysteresis, HoldsWithItsMomentAgainstTheMotionWhateverTheDirection)
 }
 
 TEST(BackboneHysteresis, OnlyItsSectionHasIt) {
-  Bent bent(With(Rig("two_section.yaml"), {"backbone_hysteresis where=section:2 moment_Nm=0.002"}));
+  Bent bent(With(Rig("two_section"), {"backbone_hysteresis where=section:2 moment_Nm=0.002"}));
   const int first = 2 * bent.body.first_unit(1);
   const VectorXd force = bent.LawForce(VectorXd::Constant(bent.n, 0.3));
   EXPECT_EQ(force.head(first), VectorXd::Zero(first));
@@ -291,7 +291,7 @@ TEST(RoutingFriction, WithoutItTheWeightedLengthsAreTheLengths) {
 // The base does no net work at constant tensions on a closed path; what the body is not given, friction took.
 TEST(RoutingFriction, TakesWorkOnEveryClosedPath) {
   std::mt19937 random(9);
-  for (const char* file : {"rig_90mm.yaml", "two_section.yaml"}) {
+  for (const char* file : {"rig_90mm", "two_section"}) {
     for (int trial = 0; trial < 6; ++trial) {
       Bent bent(With(Rig(file), {"routing_friction mu=0.2"}));
       VectorXd tension = Random(random, bent.m, 2);
@@ -346,7 +346,7 @@ TEST(BodyLaws, StiffnessIsTheSlopeOfTheForces) {
         // Differences over 1e-6 of a yield of 1.6e-3 rad are that far from the slope.
         Case{"backbone_hysteresis moment_Nm=0.003 yield_rad=0.1 spread=3", 4e-7},
         Case{"routing_friction mu=0.2", 0.03}, Case{"contact stiffness_Npm=500 gap_m=0.002", 0.03}}) {
-    for (const char* file : {"rig_90mm.yaml", "two_section.yaml"}) {
+    for (const char* file : {"rig_90mm", "two_section"}) {
       Bent bent(With(Rig(file), {effect}));
       std::mt19937 random(12);
       const VectorXd tension = VectorXd::Constant(bent.m, 2);
@@ -380,7 +380,7 @@ TEST(BodyLaws, StiffnessIsTheSlopeOfTheForces) {
 // ---- numbers of the robot ----
 
 TEST(BodyEffects, AreTheNumbersTheyAreCalled) {
-  const RobotParameters nominal = Rig("two_section.yaml");
+  const RobotParameters nominal = Rig("two_section");
   const auto body = [&](const char* effect) { return FoldEffects(With(nominal, {effect})).body; };
   const auto& was = nominal.body;
   EXPECT_EQ(body("bending_stiffness where=section:2 scale=0.9").sections[1].youngs_modulus_Pa,
@@ -463,7 +463,7 @@ AtRest Settle(const RobotParameters& robot, const PlantOptions& options = {}) {
 }
 
 TEST(PlantWithBodyEffects, SettlesWhereTheBodyAsBuiltIsInEquilibrium) {
-  for (const char* file : {"rig_90mm.yaml", "two_section.yaml"}) {
+  for (const char* file : {"rig_90mm", "two_section"}) {
     const RobotParameters robot =
         With(Rig(file), {"tip_payload mass_kg=0.002", "tip_force x_N=0.01", "torsion rad_per_m=3",
                          "unit_stiffness where=unit:2 scale=0.8", "precurvature where=unit:3 v_rad=0.05",

@@ -687,7 +687,7 @@ TEST(EffectRegistry, NonsenseIsRefusedInOneLine) {
   twice.effects = {ParseEffect("slack m=1e-4", robot), ParseEffect("slack m=1e-3", robot)};
   EXPECT_THAT([&] { Plant plant(twice); },
               testing::ThrowsMessage<EffectError>(testing::StartsWith("effects[2]: slack on all twice")));
-  const RobotParameters bare = Rig("qi2021_90mm.yaml");
+  const RobotParameters bare = Rig("qi2021_90mm");
   EXPECT_THROW(ParseEffect("backlash rad=0.1", bare), std::invalid_argument);
   EXPECT_NO_THROW(ParseEffect("tip_payload mass_kg=0.001", bare));
 }

@@ -7,15 +7,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "tendril/config/config.h"
+#include "support/rig_file.h"
 #include "tendril/core/robot.h"
 #include "tendril/model/capstan.h"
 
 namespace tendril::test {
-
-inline RobotParameters Rig(const char* file = "rig_90mm.yaml") {
-  return config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + file);
-}
 
 /// A whole number of per mille of the drive's rated torque.
 inline double OnTheBus(const TendonDriveParameters& drive, double torque_Nm) {

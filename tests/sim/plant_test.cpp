@@ -56,7 +56,7 @@ TEST(PlantStart, StraightRobotUnderHoldingTorqueStays) {
 }
 
 TEST(PlantStart, RobotWithoutMotorsIsRefused) {
-  EXPECT_THAT([] { Plant plant(Rig("qi2021_90mm.yaml")); },
+  EXPECT_THAT([] { Plant plant(Rig("qi2021_90mm")); },
               testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr("no actuation")));
 }
 
@@ -539,7 +539,7 @@ TEST(PlantCost, OneCycleTakesFewStepsAndEvaluations) {
 }
 
 TEST(PlantManyTendons, TendonOfTheSecondSectionBendsBoth) {
-  const RobotParameters robot = Rig("two_section.yaml");
+  const RobotParameters robot = Rig("two_section");
   ASSERT_EQ(robot.body.tendons(), 6);
   Plant plant(robot);
   Eigen::VectorXd torque = Holding(robot);

@@ -92,7 +92,7 @@ INSTANTIATE_TEST_SUITE_P(SlowAndFast, ReplayOfThePlant, testing::Bool(),
                          [](const auto& with) { return with.param ? "multisine" : "triangles"; });
 
 TEST(ReplayOfOtherRobots, FourTendonsAndTwoSections) {
-  for (const char* file : {"four_tendon_90mm.yaml", "two_section.yaml"}) {
+  for (const char* file : {"four_tendon_90mm", "two_section"}) {
     const RobotParameters robot = Rig(file);
     const Recording r = Record(robot, test::Multisine(robot), 3000);
     for (const auto by : {Replay::DrivenBy::kCell, Replay::DrivenBy::kMotor}) {
@@ -230,7 +230,7 @@ TEST(ReplayThreads, SeveralAtOnceGiveWhatOneGives) {
 
 TEST(ReplayInput, NonsenseIsRefusedWithWhatIsWrong) {
   const RobotParameters robot = Rig();
-  EXPECT_THAT([] { Replay replay(Rig("qi2021_90mm.yaml")); },
+  EXPECT_THAT([] { Replay replay(Rig("qi2021_90mm")); },
               ThrowsMessage<std::invalid_argument>(HasSubstr("no actuation")));
   const Replay replay(robot);
   const Recording r = Record(robot, test::Triangles(robot), 50);
@@ -308,7 +308,8 @@ TEST(ReplayInput, TargetsBetweenTheSamplesAreStraight) {
   EXPECT_GT(Rms(replay.ActualTorque(third) - whole(rows, Eigen::all)), kPermille_Nm);
 }
 
-// Signals that no robot gives, on robots that nobody built: the fit of a diagnosis passes by such places.
+// Signals that no robot gives, on robots that cannot exist: the fit of a diagnosis passes through such
+// values.
 TEST(ReplayInput, WildSignalsOnWildRobotsGiveFiniteMotionOrAReason) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> one(0, 1);

@@ -29,7 +29,7 @@ std::vector<EffectParameter> On(std::string_view name, const RobotParameters& ro
 }
 
 TEST(Yardstick, TheRegistryHoldsTheReferenceRig) {
-  const RobotParameters rig = test::Rig("rig_90mm.yaml");
+  const RobotParameters rig = test::Rig("rig_90mm");
   for (const Effect& effect : Effects()) {
     const Target places[] = {std::nullopt, 0, 2};
     for (const Target& place : places) {
@@ -199,7 +199,7 @@ TEST(Yardstick, AVisibleForceMovesTheTipByAFewPerCentOfTheLength) {
   RobotParameters hanging = Sized("large_2m.yaml");
   hanging.body.gravity_W_mps2 *= -1;
   for (const RobotParameters& robot :
-       {test::Rig("rig_90mm.yaml"), Sized("small_30mm.yaml"), Sized("large_2m.yaml"), hanging}) {
+       {test::Rig("rig_90mm"), Sized("small_30mm.yaml"), Sized("large_2m.yaml"), hanging}) {
     const double typical_N = On("tip_force", robot)[0].typical;
     SCOPED_TRACE(fmt::format("{}: {} N", robot.name, typical_N));
     const double moved = TipMoved(robot, fmt::format("tip_force x_N={}", typical_N));
@@ -210,7 +210,7 @@ TEST(Yardstick, AVisibleForceMovesTheTipByAFewPerCentOfTheLength) {
 
 // A section's own stiffness and a tendon's own travel count at their place.
 TEST(Yardstick, APlaceHasItsOwn) {
-  RobotParameters robot = test::Rig("two_section.yaml");
+  RobotParameters robot = test::Rig("two_section");
   robot.body.sections[1].youngs_modulus_Pa *= 0.25;
   const auto moment = [&](Target target) {
     return ParametersOf(*FindEffect("backbone_hysteresis"), target, robot)[0].upper;

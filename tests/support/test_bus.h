@@ -1,4 +1,4 @@
-// A bus of alike drives as a master is told of it. Test use only.
+// Parameters of a bus of identical drives, as a master gets them. Test use only.
 #pragma once
 
 #include <cstdint>

@@ -9,6 +9,9 @@
 
 namespace tendril::emulator {
 
+inline constexpr int kDrives = 3;
+inline constexpr double kRated_Nm = 7056e-6;  // 360 mA x 19600 uNm/A, by hand
+
 inline std::vector<EmulatedDriveParameters> TestRack(int drives) {
   std::vector<EmulatedDriveParameters> rack;
   for (int i = 1; i <= drives; ++i) {

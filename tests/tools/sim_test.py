@@ -144,7 +144,7 @@ class Sim(unittest.TestCase):
             self.assertIn("s simulated", tendril("sim", "--duration", "1", "--prefix", "OTHER"))
 
     def test_wrong_use(self):
-        self.assertIn("no_such", self.refused("--effect", "no_such"))
+        self.assertIn("--effect: there is no effect 'no_such'; did you mean", self.refused("--effect", "no_such"))
         self.assertIn("3 tendons, the plant's 4", self.refused("--plant", ROOT / "config/robots/four_tendon_90mm.yaml"))
         self.assertIn("has no 'actuation' section", self.refused("--robot", ROOT / "config/robots/qi2021_60mm.yaml"))
         self.assertIn("0.01", self.refused("--speed", "0"))

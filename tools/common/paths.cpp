@@ -43,4 +43,10 @@ std::string ScriptFile(const std::string& name) {
   return Find({bin / "../share/tendril", bin / "../../../tools", TENDRIL_SOURCE_DIR "/tools"}, name);
 }
 
+std::string SchemaFile(const std::string& kind) {
+  const fs::path file = BinaryFolder() / "../share/tendril/schema" / (kind + ".schema.json");
+  std::error_code ignored;
+  return fs::is_regular_file(file, ignored) ? fs::weakly_canonical(file).string() : "";
+}
+
 }  // namespace tendril::tools

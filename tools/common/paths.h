@@ -14,4 +14,7 @@ std::string ConfigFile(const std::string& name);
 /// Path of a helper script that is installed with the programs, for example ScriptFile("plot_demo.py").
 std::string ScriptFile(const std::string& name);
 
+/// Path of the JSON Schema of the "robot" or "daemon" file; empty where it is not installed.
+std::string SchemaFile(const std::string& kind);
+
 }  // namespace tendril::tools

@@ -28,6 +28,7 @@ std::unique_ptr<CLI::App> MakeApp() {
   AddGapReportCommand(*app);
   AddGapSimulateCommand(*app);
   AddHomeCommand(*app);
+  AddInitCommand(*app);
   AddModelCommand(*app);
   AddReplayCommand(*app);
   AddReproduceCommand(*app);
@@ -35,6 +36,7 @@ std::unique_ptr<CLI::App> MakeApp() {
   AddSendCommand(*app);
   AddSimCommand(*app);
   AddStatusCommand(*app);
+  AddViewCommand(*app);
   config::SettleCommandLine(*app);
   return app;
 }

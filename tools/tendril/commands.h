@@ -37,6 +37,7 @@ void AddGapImportCommand(CLI::App& app);
 void AddGapReportCommand(CLI::App& app);
 void AddGapSimulateCommand(CLI::App& app);
 void AddHomeCommand(CLI::App& app);
+void AddInitCommand(CLI::App& app);
 void AddModelCommand(CLI::App& app);
 void AddReplayCommand(CLI::App& app);
 void AddReproduceCommand(CLI::App& app);
@@ -44,5 +45,6 @@ void AddRtCheckCommand(CLI::App& app);
 void AddSendCommand(CLI::App& app);
 void AddSimCommand(CLI::App& app);
 void AddStatusCommand(CLI::App& app);
+void AddViewCommand(CLI::App& app);
 
 }  // namespace tendril::tools

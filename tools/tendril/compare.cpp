@@ -6,13 +6,13 @@
 
 #include <atomic>
 #include <csignal>
-#include <fstream>
 #include <memory>
 
 #include "commands.h"
 #include "output.h"
 #include "paths.h"
 #include "seed_option.h"
+#include "tendril/config/whole_file.h"
 
 namespace tendril::tools {
 namespace {
@@ -30,11 +30,7 @@ std::atomic<bool> stop = false;
 
 void Finish(const CompareOptions& options, const fs::path& out, const experiment::Comparison& comparison) {
   const auto& [json, lines] = comparison;
-  {
-    std::ofstream file(out / "compare.json");
-    file << json.dump(1) << "\n";
-    if (!file.flush()) throw std::runtime_error("cannot write " + (out / "compare.json").string());
-  }
+  config::WriteWhole(out / "compare.json", json.dump(1) + "\n");
   if (options.plots) RunPlotScript("plot_compare.py", {out}, "the plot");
   if (options.json) {
     fmt::print("{}\n", json.dump(1));

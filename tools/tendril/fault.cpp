@@ -2,7 +2,6 @@
 // Knows no drive.
 #include <fmt/format.h>
 
-#include <chrono>
 #include <lcm/lcm-cpp.hpp>
 #include <memory>
 #include <stdexcept>
@@ -17,6 +16,7 @@
 #include "tendril/config/config.h"
 #include "tendril/core/clock.h"
 #include "tendril/io/connection.h"
+#include "tendril/io/epoch.h"
 
 namespace tendril::tools {
 namespace {
@@ -27,7 +27,7 @@ struct FaultOptions {
   std::vector<std::string> words;
 };
 
-/// Takes the plant's answer to one order: the text it came with tells it from others' orders.
+/// Takes the plant's answer to one order: its text distinguishes it from answers to others' orders.
 class Answer {
  public:
   Answer(lcm::LCM& lcm, const std::string& prefix, const std::string& fault)
@@ -56,9 +56,7 @@ void OrderFault(const FaultOptions& o) {
   const auto lcm = io::OpenLcm(o.lcm.url);
   Answer answer(*lcm, o.lcm.prefix, fault);
   tendril_lcm::fault_t message{};
-  message.utime = std::chrono::duration_cast<std::chrono::microseconds>(
-                      std::chrono::system_clock::now().time_since_epoch())
-                      .count();
+  message.utime = io::EpochUs();
   message.fault = fault;
   if (lcm->publish(io::ChannelName(o.lcm.prefix, "FAULT"), &message) != 0) {
     throw std::runtime_error("LCM could not send the fault on " + o.lcm.url);

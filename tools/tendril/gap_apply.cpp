@@ -93,11 +93,11 @@ gap::Diagnosis ReadFitting(const ApplyOptions& options, const RobotParameters& r
 
 void RunApply(const ApplyOptions& options) {
   const std::string out = Target(options);
+  const RobotParameters robot = sim::LoadRobot(options.robot);
   std::string text = config::ReadWhole(options.robot);
   // A byte order mark belongs to no line.
   const std::string mark = text.starts_with("\xEF\xBB\xBF") ? text.substr(0, 3) : "";
   text.erase(0, mark.size());
-  const RobotParameters robot = sim::LoadRobot(options.robot);
 
   std::vector<EffectSetting> effects;
   std::vector<std::string> heading;

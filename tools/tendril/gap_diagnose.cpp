@@ -3,11 +3,8 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <memory>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -19,12 +16,10 @@
 #include "seed_option.h"
 #include "shell.h"
 #include "tendril/config/whole_file.h"
-#include "tendril/experiment/simulated_menu.h"
+#include "tendril/experiment/diagnosis_run.h"
 #include "tendril/gap/diagnose.h"
-#include "tendril/gap/health.h"
 #include "tendril/gap/health_lines.h"
 #include "tendril/gap/report.h"
-#include "tendril/sim/effects.h"
 
 namespace tendril::tools {
 namespace {
@@ -39,7 +34,7 @@ struct DiagnoseCommand {
   gap::DiagnoseOptions diagnose;
 };
 
-/// What to run now: the cause into a robot file, the experiment on the robot that tells rivals apart. `plan`
+/// What to run now: the cause into a robot file, the experiment that distinguishes rivals. `plan`
 /// is where the experiment lies.
 std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string& robot,
                                       const std::filesystem::path& folder,
@@ -67,16 +62,12 @@ void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) 
     gap::CompareWithBefore(set, gap::LoadLogs(options.before, options.robot, other));
   options.diagnose.progress = [&](const std::string& stage, double share) { progress(stage, share); };
   options.diagnose.delta_m = 1e-3 * options.delta_mm;
-  if (options.next && set.robot.actuation)
-    options.diagnose.menu = experiment::SimulatedMenu(set.robot, options.daemon, options.diagnose.seed);
-  progress("checking the data", 0);
-  std::vector<gap::HealthFinding> health = gap::CheckHealth(set);
   // The diagnosis takes a while: what makes it doubtful is reported before it begins.
-  for (const std::string& line : gap::ErrorLines(health)) fmt::print(stderr, "warning: {}\n", line);
-  const auto begin = std::chrono::steady_clock::now();
-  gap::Diagnosis diagnosis = gap::Diagnose(set, options.diagnose);
-  diagnosis.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  diagnosis.health = std::move(health);
+  const auto warn = [](const std::vector<gap::HealthFinding>& health) {
+    for (const std::string& line : gap::ErrorLines(health)) fmt::print(stderr, "warning: {}\n", line);
+  };
+  gap::Diagnosis diagnosis = experiment::RunDiagnosis(
+      set, {.options = options.diagnose, .next = options.next, .daemon = options.daemon, .checked = warn});
   diagnosis.command = CommandAsGiven("tendril");
   const std::filesystem::path plan = folder / "next.yaml";
   std::error_code none;  // of an earlier report
@@ -94,13 +85,8 @@ void Run(DiagnoseCommand options) {
   };
   check("--without", options.diagnose.without);
   check("--only", options.only);
-  for (const sim::Effect& effect : sim::Effects()) {
-    const bool named = std::find(options.only.begin(), options.only.end(), effect.name) != options.only.end();
-    if (!options.only.empty() && !named) options.diagnose.without.emplace_back(effect.name);
-  }
-  const std::set<std::string> without(options.diagnose.without.begin(), options.diagnose.without.end());
-  if (without.size() == sim::Effects().size())
-    throw UsageError("--only, --without: no effect is left to search for; accepted: at least one");
+  options.diagnose.without = ReadFor(
+      "--only, --without", [&] { return experiment::LeftOut(options.only, options.diagnose.without); });
   const bool there = std::filesystem::exists(options.out);
   const std::filesystem::path folder = MakeOutputFolder(options.out);
   try {

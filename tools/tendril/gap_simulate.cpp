@@ -5,7 +5,6 @@
 #include <atomic>
 #include <csignal>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <optional>
 
@@ -15,8 +14,9 @@
 #include "progress.h"
 #include "seed_option.h"
 #include "set_progress.h"
-#include "tendril/experiment/effect_amounts.h"
+#include "tendril/config/whole_file.h"
 #include "tendril/experiment/experiment_run.h"
+#include "tendril/experiment/planted_set.h"
 #include "tendril/experiment/set_output.h"
 #include "tendril/gap/set_folder.h"
 #include "tendril/sim/effects.h"
@@ -34,61 +34,37 @@ struct SimulateOptions {
 
 std::atomic<bool> stop = false;
 
-/// Amounts of the effects that are given by their size, and a line for each.
-std::vector<std::optional<experiment::SizedEffect>> FindAmounts(
-    const experiment::Plan& plan, const experiment::ExperimentOptions& experiment,
-    const std::vector<std::optional<experiment::RequestedSize>>& requested) {
+/// The amounts of the effects that are given by their size, and a line for each.
+void FindAmounts(experiment::PlantedEffects& effects, const experiment::Plan& plan,
+                 experiment::ExperimentOptions& experiment) {
   Progress progress;
-  const auto sized =
-      experiment::AmountsFor(requested, plan, experiment, &stop,
-                             [&](const std::string& stage, double share) { progress(stage, share); });
+  experiment::SetAmounts(effects, plan, experiment, &stop,
+                         [&](const std::string& stage, double share) { progress(stage, share); });
   progress.Finish();
-  for (const auto& effect : sized) {
+  for (const auto& effect : effects.sized) {
     if (effect) fmt::print("{}\n", experiment::SizeLine(*effect));
   }
-  return sized;
 }
 
 /// The robot file with the sensors that the options leave.
 RobotParameters Nominal(const SimulateOptions& options) {
-  RobotParameters nominal = sim::LoadRobot(options.robot);
-  if (!nominal.actuation) {
-    throw std::runtime_error(
-        options.robot + " has no actuation (motors, drives, tendons); use a rig file such as rig_90mm.yaml");
-  }
-  if (!options.load_cell.empty()) {
-    const LoadCellPlace place = options.load_cell == "motor_side"   ? LoadCellPlace::kMotorSide
-                                : options.load_cell == "robot_side" ? LoadCellPlace::kRobotSide
-                                                                    : LoadCellPlace::kNone;
-    for (auto& tendon : nominal.actuation->tendons) {
-      if (place != LoadCellPlace::kNone && !(tendon.load_cell.gain_VpN > 0)) {
-        throw UsageError(options.robot + " has no load cell whose place could be changed");
-      }
-      tendon.load_cell.place = place;
-    }
-  }
-  if (options.tracker == "off") nominal.actuation->tracker.reset();
-  return nominal;
+  std::optional<LoadCellPlace> cell;
+  if (!options.load_cell.empty()) cell = experiment::LoadCellPlaceNamed(options.load_cell);
+  return experiment::WithSensors(sim::LoadRobot(options.robot), options.robot, cell, options.tracker == "on");
 }
 
 void RunSimulate(const SimulateOptions& options) {
   const RobotParameters nominal = Nominal(options);
   RobotParameters plant = nominal;
-  std::vector<std::optional<experiment::RequestedSize>> requested;
+  experiment::PlantedEffects effects;
   ReadFor("--effect", [&] {
-    for (const std::string& text : options.effects) {
-      CheckEffectNamed(text);
-      requested.push_back(experiment::ParseRequestedSize(text, nominal));
-      plant.effects.push_back(requested.back() ? requested.back()->setting : sim::ParseEffect(text, nominal));
-    }
-    sim::CheckEffects(plant);
+    for (const std::string& text : options.effects) CheckEffectNamed(text);
+    effects = experiment::Plant(options.effects, nominal, plant);
   });
 
   experiment::Plan plan =
       options.plan.empty() ? experiment::NamedPlan(options.set) : experiment::LoadPlan(options.plan);
-  if (options.repeats >= 0) {
-    for (experiment::PlannedRun& run : plan.runs) run.repeats = options.repeats;
-  }
+  if (options.repeats >= 0) experiment::RepeatEach(plan, options.repeats);
   experiment::ExperimentOptions experiment{.controller_robot = nominal,
                                            .plant_robot = plant,
                                            .daemon = experiment::DaemonOfExperiments(options.daemon),
@@ -102,11 +78,7 @@ void RunSimulate(const SimulateOptions& options) {
     gap::RefuseToReplace(options.truth, "--truth", inputs);
     gap::CheckWritable(options.truth);
   }
-  const std::vector<std::optional<experiment::SizedEffect>> sized = FindAmounts(plan, experiment, requested);
-  auto& planted = experiment.plant_robot.effects;
-  for (std::size_t i = 0; i < sized.size(); ++i) {
-    if (sized[i]) planted[planted.size() - sized.size() + i] = sized[i]->setting;
-  }
+  FindAmounts(effects, plan, experiment);
 
   SetProgressLine line(experiment::NameRuns(plan));
   experiment::ExperimentSet set = experiment::RunSet(
@@ -115,9 +87,10 @@ void RunSimulate(const SimulateOptions& options) {
       });
   const std::filesystem::path out = experiment::WriteSet(set, folder, false);
   if (!options.truth.empty()) {
-    std::ofstream truth(options.truth);
-    truth << experiment::TruthJson(options.robot, options.seed, planted, requested, sized) << "\n";
-    if (!truth.flush()) throw std::runtime_error("cannot write " + options.truth);
+    config::WriteWhole(options.truth,
+                       experiment::TruthJson(options.robot, options.seed, experiment.plant_robot.effects,
+                                             effects.requested, effects.sized) +
+                           "\n");
   }
   fmt::print("{}, {:.1f} s of data in {:.1f} s ({:.1f} x real time): {}\n",
              Counted(set.data.runs.size(), "run"), set.simulated_s, set.wall_s, set.simulated_s / set.wall_s,

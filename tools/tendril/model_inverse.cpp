@@ -36,12 +36,10 @@ Bounds TensionBounds(const RobotParameters& robot, const TensionOptions& options
   return {low_N, high_N};
 }
 
-[[noreturn]] void NoShape(const io::CsvReader& rows, const model::TensionedShape& shape,
-                          const std::string& asked = {}) {
-  throw rows.Error(
-      fmt::format("no stable equilibrium found ({:.3g} left of the target, {:.3g} N·m of the balance){}; "
-                  "reduce the target",
-                  shape.target_error, shape.residual_Nm, asked));
+void RequireShape(const io::CsvReader& rows, const model::TensionedShape& shape,
+                  const std::string& asked = {}) {
+  const std::string why = model::WhyNoShape(shape);
+  if (!why.empty()) throw rows.Error(fmt::format("{}{}; reduce the target", why, asked));
 }
 
 void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
@@ -67,7 +65,7 @@ void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
     if (options.equilibrium) {
       const auto shape =
           moving ? equilibrium.ForBending(bend, rate, acceleration) : equilibrium.ForBending(bend);
-      if (shape.status == Status::kSolverFallback) NoShape(rows, shape);
+      RequireShape(rows, shape);
       if (shape.status != Status::kOk) {
         unmet.Add(rows, fmt::format("out of reach between {} and {} N: the nearest bend is {:.6g} rad away",
                                     bounds.low_N, bounds.high_N, shape.target_error));
@@ -100,7 +98,7 @@ void InverseTipRows(const RobotParameters& robot, const TensionOptions& options)
     const auto shape = moving ? equilibrium.ForTip(tip, motion.head(3), motion.tail(3), most)
                               : equilibrium.ForTip(tip, most);
     const std::string asked = AskMillimetres(tip, robot.body.length_m());
-    if (shape.status == Status::kSolverFallback) NoShape(rows, shape, asked);
+    RequireShape(rows, shape, asked);
     if (shape.status != Status::kOk) {
       unmet.Add(rows,
                 fmt::format("out of reach between {} and {} N: the nearest tip found is {:.6g} m away{}",

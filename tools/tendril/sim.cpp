@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "commands.h"
+#include "effect_name.h"
 #include "lcm_options.h"
 #include "number_option.h"
 #include "paths.h"
@@ -21,6 +22,7 @@
 #include "tendril/rig/plant_of.h"
 #include "tendril/rig/simulated_robot.h"
 #include "tendril/rt/paced_time.h"
+#include "tendril/sim/effects.h"
 
 namespace tendril::tools {
 namespace {
@@ -44,7 +46,7 @@ daemon::DaemonOptions Controller(const SimOptions& o) {
   p = experiment::DaemonFile(o.daemon);
   std::string robot = o.robot;
   if (robot.empty()) robot = o.daemon.empty() ? ConfigFile("robots/rig_60mm.yaml") : p.robot_file;
-  options.robot = config::LoadRobot(robot);
+  options.robot = sim::LoadRobot(robot);
   p.robot_file = std::filesystem::absolute(robot).lexically_normal().string();  // its record lies beside it
   if (!options.robot.actuation) {
     throw std::runtime_error(
@@ -73,7 +75,10 @@ void SetUpMessages(bool headless) {
 
 void RunSim(const SimOptions& o) {
   const daemon::DaemonOptions options = Controller(o);
-  const RobotParameters plant = rig::PlantOf(options.robot, options.parameters.bus, o.plant, o.effects);
+  const RobotParameters plant = ReadFor("--effect", [&] {
+    for (const std::string& effect : o.effects) CheckEffectNamed(effect);
+    return rig::PlantOf(options.robot, options.parameters.bus, o.plant, o.effects);
+  });
   SetUpMessages(o.headless);
   rt::PacedTime time(o.speed);
   rig::SimulatedRobot robot(plant, options.parameters, time.clock(), o.seed);

@@ -91,7 +91,7 @@ class Master {
   std::uint32_t serial(int drive) const noexcept;
   /// Oldest event not yet taken; false when there is none. Events beyond the ring's capacity are counted and
   /// dropped.
-  bool TakeEvent(BusEvent* event) noexcept;
+  bool PopEvent(BusEvent* event) noexcept;
   std::uint64_t events_lost() const noexcept;
   const FrameFaults& frame_faults() const noexcept;
 

@@ -13,7 +13,7 @@ void WriteWhole(const std::filesystem::path& file, const std::string& text);
 /// Throws as WriteWhole would where it may not write; changes nothing.
 void CheckMayWrite(const std::filesystem::path& file);
 
-/// Every byte. Throws std::runtime_error "cannot read FILE"; of a folder, too.
+/// Every byte. Throws std::runtime_error "cannot read FILE: REASON; REMEDY"; of a folder, too.
 std::string ReadWhole(const std::filesystem::path& file);
 
 }  // namespace tendril::config

@@ -26,7 +26,7 @@ class MonotonicClock final : public Clock {
   TimeNs Now() const noexcept override;
 };
 
-/// A clock that only moves when told to: closed-loop tests and the demo run on it.
+/// A clock that moves only by calls: closed-loop tests and the demo run on it.
 class SimulatedClock final : public Clock {
  public:
   explicit SimulatedClock(TimeNs start_ns = 0) : now_ns_(start_ns) {}

@@ -42,7 +42,7 @@ struct Command {
   Eigen::Vector3d tip_velocity_W_mps{0, 0, 0};  // target moves on with it until the command expires
   BendingVector bending_rad;            // (us, vs) a section
   BendingVector bending_rate_radps;
-  TendonVector tension_N;               // wanted at the robot's base; while commissioning of the bare motors, +-
+  TendonVector tension_N;               // desired at the robot's base; while commissioning of the bare motors, +-
   double speed_radps = 0;               // bending speed towards the target; 0: the configured default
 };
 
@@ -155,7 +155,7 @@ struct CycleOutput {
 
   std::array<Status, 8> reported{};     // all that this cycle has to say, as it came up; the rest is kOk
   Eigen::Vector3d nearest_tip_W_m{0, 0, 0};  // to the tip that was refused in this cycle as out of reach
-  int blamed_tendon = 0;                // of the fault that began in this cycle, from 1; 0: none or not told
+  int blamed_tendon = 0;                // of the fault that began in this cycle, from 1; 0: none, or not known
 };
 
 /// Measured by the loop around the controller; not an input of it, so replay stays exact.

@@ -1,4 +1,4 @@
-// What the controller, the bus and the daemon are told by their configuration file: plain numbers with units.
+// Parameters of controller, bus and daemon from their configuration file: plain numbers with units.
 #pragma once
 
 #include <cstdint>
@@ -138,7 +138,7 @@ struct BlackBoxParameters {             // the last cycles, written out on every
 struct DaemonParameters {
   std::string robot_file;               // absolute, or relative to the daemon's file
   bool commissioning_required = true;   // false, for a simulation: arms a robot that was never commissioned
-  bool exchanged_drives_refused = true; // false: a drive with another serial number than recorded is only told
+  bool exchanged_drives_refused = true; // false: a drive with another serial number than recorded is only reported
   ControllerParameters controller;
   BusParameters bus;
   RealtimeParameters realtime;

@@ -60,8 +60,8 @@ struct LoopStatistics {
   std::uint64_t messages_ignored = 0, publish_failed = 0;  // LCM: not understood; not sent
   double bus_load = 0;  // of the bit rate, since the last report, worst-case stuffing
   // Of the real-time thread, within its cycles. What a cycle waits for on the bus is not counted.
-  std::uint64_t voluntary_switches = 0;              // it waited for somebody: should be 0
-  std::uint64_t involuntary_switches = 0;            // somebody more important took its CPU
+  std::uint64_t voluntary_switches = 0;              // the thread waited: should be 0
+  std::uint64_t involuntary_switches = 0;            // a thread of higher priority took its CPU
   std::uint64_t minor_faults = 0, major_faults = 0;  // pages were fetched: should be 0
 };
 

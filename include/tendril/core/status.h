@@ -118,8 +118,7 @@ struct StatusBlock {
 /// By rising number, which is rising severity.
 std::span<const StatusBlock> StatusBlocks() noexcept;
 
-/// Whether it tells why a robot is in its mode, where no command led there: faults, and what keeps it from being
-/// armed or ended its motion.
+/// Whether it explains a mode that no command caused: faults, and what prevents arming or ended a motion.
 bool ExplainsMode(Status status) noexcept;
 
 inline bool IsFault(Status status) noexcept { return static_cast<std::uint16_t>(status) >= 400; }

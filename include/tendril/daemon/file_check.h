@@ -13,7 +13,11 @@ namespace tendril::daemon {
 /// The directions that the robot's tendons do not hold, as a YAML comment; empty where they hold all.
 std::string DirectionsComment(const RobotParameters& robot);
 
-/// The resolved daemon file, still one YAML file, with comments: the bus's budget, margins of the load cells'
+/// What the robot's numbers amount to (model/figures.h), as YAML comments.
+std::string FiguresComment(const RobotParameters& robot);
+
+/// The resolved daemon file, still one YAML file, with comments: what its robot's numbers amount to, the bus's
+/// budget, margins of the load cells'
 /// loops, the directions that cannot be held, and the keys at their defaults. Throws config::ConfigError for
 /// files that do not fit each other, a drive that its EDS file says cannot do this, a bus that is too slow,
 /// and load cell loops that would not be stable.

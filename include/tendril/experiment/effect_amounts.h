@@ -18,7 +18,7 @@ namespace tendril::experiment {
 /// options.controller_robot; empty where none is requested, and nothing is run where none is at all. A floor
 /// is what noise makes it: sensors have theirs whether or not the data get any. `progress` receives a stage
 /// and its completed share, from several threads, one at a time. Throws std::runtime_error when the runs
-/// without effects are not complete, or after `stop`.
+/// without effects are not complete, or after `stop`, which is not null.
 std::vector<std::optional<SizedEffect>> AmountsFor(
     const std::vector<std::optional<RequestedSize>>& requested, const Plan& plan, ExperimentOptions options,
     const std::atomic<bool>* stop,

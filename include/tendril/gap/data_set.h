@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <limits>
 #include <span>
 #include <string>
 #include <string_view>
@@ -12,6 +13,9 @@
 #include "tendril/core/robot.h"
 
 namespace tendril::gap {
+
+/// A value that was not read.
+inline constexpr double kNoReading = std::numeric_limits<double>::quiet_NaN();
 
 /// One measured run with S samples. NaN marks rows where a slower sensor has no new value; a matrix without
 /// columns marks a channel that was not measured. SI units, pulling positive, motor shaft.

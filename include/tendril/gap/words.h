@@ -21,7 +21,7 @@ struct ShownUnit {
 const std::map<std::string_view, std::vector<ShownUnit>>& ShownUnits();
 
 /// "0.31 mm" for 3.1e-4 and "m": three significant digits; "-" when not finite.
-std::string Quantity(double value, std::string_view unit);
+std::string WithUnit(double value, std::string_view unit);
 
 /// A multiple of the noise floor with two significant digits: "7.7", "25", "123".
 std::string Sigmas(double value);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 
 #include "tendril/core/status.h"
 #include "tendril/model/body.h"
@@ -19,6 +20,9 @@ struct TensionedShape {
   Status status = Status::kOk;
   int iterations = 0;
 };
+
+/// "no stable equilibrium found (...)" where there is none (kSolverFallback), without the remedy; else empty.
+std::string WhyNoShape(const TensionedShape& shape);
 
 /// Unknown unit angles q and tensions T with
 ///   balance(q, dq, ddq) = -sum_j T_j dL_j/dq  (every unit's equation),   g(q) = target,   T_min <= T <=

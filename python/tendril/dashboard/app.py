@@ -36,7 +36,7 @@ _DIRECTIONS: dict[str, tuple[float, ...]] = {
 }
 KEYS = [
     [("SPACE or d  disarm", "bold reverse"), ("   a arm   h hold   c clear fault   q quit (disarms)", "")],
-    [("j jog on/off   t tip   1-4 bend of a section   + - speed   jog off: arrows scroll", "")],
+    [("j jog on/off   t tip   1-4 bend of a section   + - speed   (off: arrows scroll)", "")],
 ]
 
 
@@ -54,6 +54,7 @@ def _text(lines: Iterable[view.Line]) -> Text:
 class Dashboard(App[int]):
     """Shows one daemon, and takes the keys."""
 
+    TITLE = "tendril status --watch"
     ENABLE_COMMAND_PALETTE = False
     CSS = """
     Screen { layout: vertical; }
@@ -194,7 +195,7 @@ class Dashboard(App[int]):
             self._end(signal.SIGHUP)
 
     def _draw(self) -> None:
-        if not self.is_mounted:
+        if not self.is_running:
             return
         small = self._small()
         self.screen.set_class(bool(small), "small")

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from .. import _core
+from .._arrays import Array
 from ..client import Event, State, Statistics
 from ..messages import state_t
 from .jog import Jog, Limits
@@ -75,7 +76,7 @@ def motion(state: State) -> list[Line]:
     """Tip [mm] and bends [deg], reference beside estimate."""
     lines: list[Line] = [[(f"{'':<11}{'reference':<30}estimate", "dim")]]
 
-    def row(name: str, left: Sequence[float], right: Sequence[float], scale: float) -> None:
+    def row(name: str, left: Array, right: Array, scale: float) -> None:
         both = ["".join(_number(v, scale, 2, 9) for v in values) for values in (left, right)]
         lines.append([(f"{name:<11}{both[0]:<30}{both[1]}", "")])
 

@@ -14,7 +14,7 @@ namespace {
 constexpr double kBent_rad = 0.3;
 constexpr double kRest_radps = 1e-4;
 constexpr double kLeastShown = 1e-9;
-constexpr double kErrorFilter_s = 0.05;
+constexpr double kShapeErrorFilter_s = 0.05;
 
 using Complex = std::complex<double>;
 Complex At(const BendingVector& v, int section) { return {v[2 * section], v[2 * section + 1]}; }
@@ -71,7 +71,7 @@ Status ShapeFeedback::Step(const BendingVector& bending_rad, const TendonVector&
   if (!acts || !error_rad.allFinite()) {
     error_rad_.setZero();
   } else {
-    error_rad_ += (1 - std::exp(-period_s_ / kErrorFilter_s)) * (error_rad - error_rad_);
+    error_rad_ += (1 - std::exp(-period_s_ / kShapeErrorFilter_s)) * (error_rad - error_rad_);
   }
   Status status = Status::kOk;
   const BendingVector bends_Nm = compliance.ldlt().solve(error_rad_);

@@ -13,7 +13,7 @@ constexpr double kFastest_s = 0.3;
 // A live tracker's last digit changes within this time.
 constexpr double kStuck_s = 0.2;
 // Time constant for averaging the error before it is compared with the tracker's noise.
-constexpr double kErrorFilter_s = 0.1;
+constexpr double kTipErrorFilter_s = 0.1;
 // Smallest rest band as share of the robot's length: a better tracker does not reduce dry friction.
 constexpr double kLeastRestBand = 5e-4;
 constexpr double kRest_mps = 1e-5;
@@ -32,7 +32,7 @@ TipFeedback::TipFeedback(const TrackerParameters& tracker, double length_m, doub
       max_shift_m_(kMaxShare * length_m),
       max_disagreement_m_(kMaxDisagreement * length_m),
       rest_band_m_(std::max(kLeastRestBand * length_m, tracker.position_noise_m)),
-      error_share_(1 - std::exp(-reading_every_s_ / kErrorFilter_s)),
+      error_share_(1 - std::exp(-reading_every_s_ / kTipErrorFilter_s)),
       most_same_(tracker.position_noise_m > 0
                      ? std::max(3, static_cast<std::int32_t>(kStuck_s * tracker.rate_Hz))
                      : 0),

@@ -7,7 +7,7 @@ namespace {
 
 using enum Mode;
 
-constexpr Transition kTable[] = {
+constexpr Transition kTransitions[] = {
     {kDisconnected, Event::kDrivesReady, kConfigured},
 
     {kConfigured, Event::kArm, kArmed},
@@ -76,10 +76,10 @@ std::string_view EventText(Event event) noexcept {
   return "";
 }
 
-std::span<const Transition> Supervisor::Table() noexcept { return kTable; }
+std::span<const Transition> Supervisor::Table() noexcept { return kTransitions; }
 
 bool Supervisor::Handle(Event event, Status cause) noexcept {
-  for (const Transition& t : kTable) {
+  for (const Transition& t : kTransitions) {
     if (t.from != mode_ || t.event != event) continue;
     mode_ = t.to;
     cause_ = event == Event::kFault ? cause : Status::kOk;

@@ -12,7 +12,7 @@ namespace {
 
 // Speed is averaged over this many cycles: fast enough to damp a bare rotor, slow enough to smooth the
 // encoder's quantisation.
-constexpr double kSpeedCycles = 5;
+constexpr double kWindingSpeedCycles = 5;
 // Share of max_speed_mps up to which the full pull acts, so that oscillation about rest is not excited.
 constexpr double kUnfaded = 0.4;
 // A motor stands when it has moved less than kStanding_m for this long.
@@ -66,7 +66,7 @@ Status TakeUp::Watch(const CycleInput& input) noexcept {
     const DriveFeedback& drive = input.drive[j];
     if (drive.age_cycles > 0) continue;
     const double speed_mps = CountsMoved(drive.position_counts, t.counts) * t.travel_per_count_m / period_s_;
-    t.speed_mps += (speed_mps - t.speed_mps) / kSpeedCycles;
+    t.speed_mps += (speed_mps - t.speed_mps) / kWindingSpeedCycles;
     t.counts = drive.position_counts;
     if (std::abs(t.TravelM()) > parameters_.max_travel_m && status == Status::kOk) {
       status = Status::kTravelOverLimit;

@@ -7,7 +7,7 @@
 namespace tendril::control {
 namespace {
 
-constexpr int kMaxIterations = 20;
+constexpr int kMaxSearchSteps = 20;
 constexpr double kLongest_rad = 0.3;    // step limit per section: the linear model is invalid beyond it
 constexpr double kSettled_rad = 1e-11;  // tight, because moving goals are differentiated from cycle to cycle
 
@@ -63,7 +63,7 @@ Status NearestHeld::Project(BendingVector& bending_rad) noexcept {
   BendingVector at_rad = asked_rad;
   TendonVector tension_N = TendonVector::Constant(body_.tendons(), min_tension_N_);
   Status bound = Status::kOk;
-  for (int i = 0; i < kMaxIterations; ++i) {
+  for (int i = 0; i < kMaxSearchSteps; ++i) {
     if (!Linearise(at_rad, tension_N)) return Status::kOk;
     if (i == 0) {
       const auto held = allocator_.Allocate(force_per_tension_, force_Nm_, min_tension_N_, max_tension_N_);

@@ -1,0 +1,83 @@
+// The diagnosis and its report. The report is handed over as its JSON, which the package reads into
+// dataclasses.
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "data_set.h"
+#include "interruptible.h"
+#include "module.h"
+#include "tendril/experiment/diagnosis_run.h"
+#include "tendril/gap/found_effects.h"
+#include "tendril/gap/report.h"
+#include "tendril/sim/effects.h"
+
+namespace tendril::python {
+namespace {
+
+namespace nb = nanobind;
+using gap::Diagnosis;
+
+Diagnosis Diagnose(const Set& set, double delta_N, double delta_m, std::uint64_t seed,
+                   const std::vector<std::string>& only, const std::vector<std::string>& without, int refits,
+                   int threads, bool next, const std::string& daemon, const nb::object& progress) {
+  const auto work = std::make_shared<Work>();
+  experiment::DiagnosisRun run;
+  run.options.delta_N = delta_N;
+  run.options.delta_m = delta_m;
+  run.options.seed = seed;
+  run.options.without = experiment::LeftOut(only, without);
+  run.options.refits = refits;
+  run.options.threads = threads;
+  run.options.progress = [work = work.get()](const std::string& stage, double share) {
+    work->Report(stage, share);
+  };
+  run.next = next;
+  run.daemon = daemon;
+  const auto found = std::make_shared<Diagnosis>();
+  Run(
+      work, [=] { *found = experiment::RunDiagnosis(*set, run); }, progress);
+  found->command = "tendril.diagnose";
+  return std::move(*found);
+}
+
+RobotParameters Corrected(RobotParameters robot, const Diagnosis& diagnosis) {
+  for (const EffectSetting& effect : gap::FoundEffects(diagnosis)) robot.effects.push_back(effect);
+  sim::CheckEffects(robot);
+  return sim::FoldEffects(robot);
+}
+
+std::vector<std::string> EffectNames() {
+  std::vector<std::string> names;
+  for (const sim::Effect& effect : sim::Effects()) names.emplace_back(effect.name);
+  return names;
+}
+
+}  // namespace
+
+void AddDiagnose(nb::module_& m) {
+  nb::class_<Diagnosis>(m, "Diagnosis")
+      .def("json", &gap::ReportJson)
+      .def("page", &gap::ReportPage)
+      .def("summary", [](const Diagnosis& d) { return gap::Summary(d); })
+      .def(
+          "write", [](const Diagnosis& d, const std::string& folder) { gap::WriteReport(d, folder); },
+          nb::arg("folder"))
+      .def(
+          "corrected", [](const Diagnosis& d, const RobotParameters& robot) { return Corrected(robot, d); },
+          nb::arg("robot"));
+  m.def(
+      "read_report", [](const std::string& file) { return gap::ReadReport(file); }, nb::arg("file"));
+  m.def("effect_names", &EffectNames);
+  m.def("diagnose", &Diagnose, nb::arg("set"), nb::arg("delta_N"), nb::arg("delta_m"), nb::arg("seed"),
+        nb::arg("only"), nb::arg("without"), nb::arg("refits"), nb::arg("threads"), nb::arg("next"),
+        nb::arg("daemon"), nb::arg("progress").none());
+}
+
+}  // namespace tendril::python

@@ -1,0 +1,95 @@
+"""The diagnosis of the sim-to-real gap."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+from . import _core
+from ._arrays import numbers
+from .data_set import DataSet, Path, as_set
+from .effects import check_effect
+from .report import Report
+from .simulation import Progress, _check
+
+
+def diagnose(
+    robot: _core.Robot | Path,
+    data: DataSet | Path | Sequence[Path] | Any,
+    before: DataSet | Path | Sequence[Path] | Any = None,
+    *,
+    delta_N: float | None = None,
+    delta_m: float | None = None,
+    only: Sequence[str] = (),
+    without: Sequence[str] = (),
+    seed: int = 1,
+    refits: int = 8,
+    threads: int = 0,
+    next: bool = True,
+    daemon: Path | None = None,
+    same_robot: bool = False,
+    progress: Progress | None = None,
+) -> Report:
+    """Finds where the gap lies, which effect causes it, and how far it shrinks with the effect in the model.
+
+    Runs without the GIL; Ctrl-C ends it within a second. What makes the data doubtful is warned of before it begins. The
+    report depends only on the arguments, and equals that of `tendril gap diagnose` bit for bit.
+
+    Args:
+        robot: nominal robot, the one the controller used, or its file.
+        data: runs: a DataSet, folders, CSV files or LCM logs, or pandas tables.
+        before: runs of the same commands from before the robot changed: the change is diagnosed, and model errors common
+            to both cancel.
+        delta_N: tension difference that does not matter in practice [N]; None: from noise floor and signal.
+        delta_m: tip distance that does not matter in practice [m]; None: from noise floor and signal.
+        only: search for these effects only, by name.
+        without: effects to leave out of the library.
+        seed: of bootstraps and of alternative readings of the sensors.
+        refits: candidates refitted in full after the screening, 1 to 200.
+        threads: 0: all cores. The result does not depend on it.
+        next: look for the next experiment.
+        daemon: daemon file whose controller would run the next experiment; None: the one built in.
+        same_robot: the runs are of `robot` although their own robot file differs.
+        progress: called with each stage and its completed share.
+
+    Raises:
+        tendril.Error: the set cannot be diagnosed at all; lesser shortcomings are in `report.degradations`.
+    """
+    names = {"only": only, "without": without}
+    for option, effects in names.items():
+        if isinstance(effects, str):
+            raise ValueError(f"{option} is the text {effects!r}; give a list of names: [{effects!r}]")
+        for effect in effects:
+            check_effect(effect)
+    _check("seed", seed, 0, 2**64 - 1)
+    _check("refits", refits, 1, 200)
+    _check("threads", threads, 0, 256)
+    runs = as_set(robot, data, same_robot)
+    if before is not None:
+        runs = runs.with_before(as_set(robot, before, same_robot))
+    for line in runs._core.errors():
+        warnings.warn(line, stacklevel=2)
+    diagnosis = _core.diagnose(
+        runs._core,
+        _materiality("delta_N", delta_N),
+        _materiality("delta_m", delta_m),
+        seed,
+        list(only),
+        list(without),
+        refits,
+        threads,
+        next,
+        "" if daemon is None else os.fspath(daemon),
+        progress,
+    )
+    return Report._of(diagnosis)
+
+
+def _materiality(name: str, value: float | None) -> float:
+    if value is None:
+        return 0.0
+    if not float(numbers(name, value, "a number above 0")) > 0:
+        raise ValueError(f"{name} is {value}; give a number above 0, or None")
+    return float(value)

@@ -1,0 +1,54 @@
+"""From the package's robots to what the view draws: the only place of the view that knows tendril's robots."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .frames import DrawnRobot, ViewError
+
+DISK_PER_HOLE = 1.25  # a disk's radius to that of its outermost hole; the model has no use for the disk's own
+
+
+def load_robot(path: str) -> Any:
+    """tendril.load_robot; its errors, which name file, line and key, become ViewError."""
+    import tendril
+
+    try:
+        return tendril.load_robot(path)
+    except (OSError, RuntimeError, ValueError) as e:
+        raise ViewError(str(e)) from None
+
+
+def parse_robot(yaml: str, of: str) -> Any:
+    """A robot from the text of its file; `of` names it in errors."""
+    import tendril
+
+    try:
+        return tendril.parse_robot(yaml, of)
+    except (RuntimeError, ValueError) as e:
+        raise ViewError(str(e)) from None
+
+
+def drawn(robot: Any, title: str = "", *, coloured_by: str = "base", **names: str) -> DrawnRobot:
+    """`coloured_by`: the tension at the base, or the reading of the load cells ("cell")."""
+    import tendril
+
+    at_base = coloured_by == "base" or robot.load_cell == "robot_side"
+    return DrawnRobot(
+        title=title,
+        name=robot.name,
+        model=tendril.Model(robot),
+        units=tuple(robot.section_units),
+        length_m=float(robot.length),
+        disk_radius_m=DISK_PER_HOLE * float(np.max(robot.tendon_radii)),
+        tendons=int(robot.tendons),
+        least_tension_N=float(robot.min_tension),
+        most_tension_N=float(robot.max_tension_base if at_base else robot.max_tension_motor),
+        most_cell_N=float(
+            robot.max_tension_base if robot.load_cell == "robot_side" else robot.max_tension_motor
+        ),
+        gravity_W_mps2=np.asarray(robot.gravity, dtype=float),
+        **names,
+    )

@@ -1,0 +1,210 @@
+"""Simulated sets, tables and the diagnosis: the numbers of the command line bit for bit, exact tables, Ctrl-C, errors."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas
+import pytest
+
+import tendril
+
+from conftest import ROBOTS, SOURCE, program
+
+ROBOT = ROBOTS / "rig_60mm.yaml"
+PLAN = SOURCE / "examples" / "session_plan.yaml"
+PAYLOAD = "tip_payload mass_kg=0.002"
+FEW = ["tip_payload", "bending_stiffness", "backlash"]
+
+
+@pytest.fixture(scope="module")
+def data():
+    seen = []
+    made = tendril.simulate(ROBOT, [PAYLOAD], plan=PLAN, seed=3, progress=lambda *stage: seen.append(stage))
+    assert {name for name, _ in seen} >= {run.name for run in made} and all(0 <= share <= 1 for _, share in seen)
+    return made
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The same set by the command line."""
+    out = tmp_path_factory.mktemp("cli") / "set"
+    program("gap", "simulate", "--robot", ROBOT, "--plan", PLAN, "--effect", PAYLOAD, "--seed", 3, "--out", out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def report(data):
+    return tendril.diagnose(ROBOT, data, only=FEW, next=False)
+
+
+def test_simulated_files_equal_the_command_lines(data, folder, tmp_path):
+    data.to_folder(tmp_path / "set")
+    names = sorted(file.name for file in folder.iterdir())
+    assert names == sorted(file.name for file in (tmp_path / "set").iterdir()) and "robot.yaml" in names
+    for name in names:
+        assert (folder / name).read_bytes() == (tmp_path / "set" / name).read_bytes(), name
+
+
+def comparable(report):
+    """A report without what its maker and its time of day put into it."""
+    report["provenance"].update(command="", revision="", seconds=0)
+    report["next_commands"] = []
+    return report
+
+
+def test_report_equals_the_command_lines(folder, tmp_path):
+    few = ",".join(FEW)
+    program("gap", "diagnose", "--robot", ROBOT, folder, "--only", few, "--no-next", "--out", tmp_path / "out")
+    theirs = json.loads((tmp_path / "out" / "report.json").read_text())
+    stages = []
+    ours = tendril.diagnose(ROBOT, folder, only=FEW, next=False, progress=lambda *stage: stages.append(stage))
+    assert comparable(json.loads(ours.to_json())) == comparable(theirs)
+    assert len({stage for stage, _ in stages}) > 2
+    ours.save(tmp_path / "ours")
+    assert tendril.Report.load(tmp_path / "ours" / "report.json") == ours
+    assert (tmp_path / "ours" / "report.html").read_text() == ours.to_html()
+
+
+def test_a_planted_effect_is_found(data, report):
+    assert report.verdict == "attributed" and report.accepted[0].effect == "tip_payload"
+    assert report.accepted[0].parameters["mass_kg"].value == pytest.approx(0.002, rel=0.1)
+    assert report.closed.pooled.value > 0.8
+    assert report.sentence in str(report).replace("\n", " ") or "tip_payload" in str(report)
+    better = report.corrected(data.robot)
+    tip = [tendril.Model(robot).fk(tendril.Model(robot).statics([1, 0.3, 0.3])).position for robot in (data.robot, better)]
+    assert tip[1][2] < tip[0][2]  # the payload bends it further
+
+
+def test_what_changed_is_found(data):
+    before = tendril.simulate(ROBOT, plan=PLAN, seed=4)
+    change = tendril.diagnose(ROBOT, data, before, only=FEW, next=False)
+    assert change.accepted[0].effect == "tip_payload"
+    assert {run.before for run in change.provenance.runs} - {""}
+
+
+def mirrored(value):
+    if dataclasses.is_dataclass(value):
+        fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(value) if f.name != "_diagnosis"}
+        return {("from" if k == "_from" else k): mirrored(v) for k, v in fields.items()}
+    if isinstance(value, dict):
+        return {key: mirrored(item) for key, item in value.items()}
+    return [mirrored(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+def test_dataclasses_mirror_the_json(report):
+    values = json.loads(report.to_json())
+    ours = mirrored(report)
+    for finding in ours["location"]:  # these two are there only where they have a value
+        for key in ("tendon", "section"):
+            if finding[key] is None:
+                del finding[key]
+    assert ours == values
+
+
+def test_tables_come_back_as_they_went(data):
+    tables = data.to_pandas()
+    assert list(tables) == [run.name for run in data]
+    runs = {run.name: {"family": run.family, "repeat_of": run.repeat_of or "none"} for run in data}
+    again = tendril.DataSet.from_dataframe(tables, data.robot, runs=runs)
+    for run, same in zip(data, again):
+        assert (run.family, run.repeat_of) == (same.family, same.repeat_of)
+        for channel in ("time", "torque_target", "torque_actual", "motor_position", "tension", "tip", "bending"):
+            a, b = getattr(run, channel), getattr(same, channel)
+            assert (a is None) == (b is None) and (a is None or np.array_equal(a, b, equal_nan=True)), channel
+
+
+def test_logs_give_runs(tmp_path):
+    program("demo", "--trajectory", "planar", "--out", tmp_path)
+    runs = tendril.DataSet.from_log(next(tmp_path.rglob("*.lcmlog")))
+    assert len(runs) == 1 and runs.runs[0].tension.shape[1] == runs.robot.tendons
+    assert "C4" in runs.cuts()
+
+
+def test_wrong_tables_say_what_is_missing(rig):
+    good = pandas.DataFrame({"t_s": [0, 0.01, 0.02], "tension_N_1": [1.0, 1.1, 1.2]})
+    with pytest.raises(ValueError, match=r"a\.csv:1: no column t_s"):
+        tendril.DataSet.from_dataframe({"a": good.drop(columns="t_s")}, rig)
+    with pytest.raises(ValueError, match="no usable column"):
+        tendril.DataSet.from_dataframe(good.rename(columns={"tension_N_1": "force"}), rig)
+    with pytest.raises(ValueError, match="load_cell 'left' is not known; accepted: motor_side"):
+        tendril.DataSet.from_dataframe({"a": good}, rig, runs={"a": {"load_cell": "left"}})
+    with pytest.raises(ValueError, match="runs names b; there are only a"):
+        tendril.DataSet.from_dataframe({"a": good}, rig, runs={"b": {}})
+    with pytest.raises(ValueError, match="give a pandas DataFrame"):
+        tendril.DataSet.from_dataframe({"a": [1, 2]}, rig)
+
+
+def test_wrong_arguments_are_named(rig, data, tmp_path):
+    with pytest.raises(ValueError, match="there is no effect 'tip_paylod'; did you mean tip_payload"):
+        tendril.simulate(rig, ["tip_paylod mass_kg=0.002"])
+    with pytest.raises(ValueError, match="mass_kg"):
+        tendril.simulate(rig, ["tip_payload mass_kg=-5"])
+    with pytest.raises(ValueError, match="give a list of texts"):
+        tendril.simulate(rig, PAYLOAD)
+    with pytest.raises(ValueError, match="no effect is left"):
+        tendril.diagnose(rig, data, without=tendril.effects())
+    with pytest.raises(ValueError, match="delta_m is 0; give a number above 0"):
+        tendril.diagnose(rig, data, delta_m=0)
+    with pytest.raises(tendril.Error, match="no such file or folder"):
+        tendril.diagnose(rig, tmp_path / "none")
+    with pytest.raises(ValueError, match="give a DataSet, paths, or pandas tables"):
+        tendril.diagnose(rig, 7)
+    with pytest.raises(tendril.Error, match="actuation"):
+        tendril.simulate(ROBOTS / "qi2021_60mm.yaml")
+
+
+@pytest.mark.parametrize("work", ["tendril.diagnose({robot!r}, {folder!r})", "tendril.simulate({robot!r})"])
+def test_ctrl_c_is_heard_within_a_second(work, folder):
+    call = work.format(robot=str(ROBOT), folder=str(folder))
+    script = (
+        "import sys, time, tendril\n"
+        "def progress(stage, share):\n"
+        "    print(stage, flush=True)\n"
+        "try:\n"
+        f"    {call[:-1]}, progress=progress)\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted', time.time(), flush=True)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    process.stdout.readline()
+    time.sleep(0.7)
+    sent = time.time()
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=60)
+    line = out.splitlines()[-1]
+    assert line.startswith("interrupted"), out
+    assert float(line.split()[1]) - sent < 1.0
+
+
+def test_an_exception_in_progress_ends_the_work(folder):
+    def progress(stage, share):
+        raise ZeroDivisionError(stage)
+
+    with pytest.raises(ZeroDivisionError):
+        tendril.diagnose(ROBOT, folder, progress=progress)
+
+
+def test_the_gil_is_released(folder):
+    import threading
+
+    counted = [0, True]
+
+    def count():
+        while counted[1]:
+            counted[0] += 1
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    before = counted[0]
+    tendril.diagnose(ROBOT, folder, only=["tip_payload"], next=False)
+    counted[1] = False
+    thread.join()
+    assert counted[0] - before > 50

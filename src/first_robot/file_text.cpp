@@ -1,0 +1,50 @@
+// The files as text: resolved, with each key's meaning above it, and what to do about what nobody was asked.
+#include <fmt/format.h>
+
+#include <regex>
+#include <string>
+
+#include "tendril/config/answer.h"
+#include "tendril/config/config.h"
+#include "tendril/first_robot/questions.h"
+
+namespace tendril::first_robot {
+namespace {
+
+std::string Head(const std::string& schema, const std::string& text) {
+  return (schema.empty() ? "" : fmt::format("# yaml-language-server: $schema={}\n", schema)) + text +
+         "# SI units; the unit of each number is the end of its key. Keys with a default may be left "
+         "out.\n\n";
+}
+
+/// The disks' diameter in place of the inertias that follow from it.
+std::string WithDiameters(std::string yaml, const NewRobot& made) {
+  static const std::regex kInertias(R"(disk_inertia_xx_kgm2: \S+\n( *)disk_inertia_zz_kgm2: \S+)");
+  for (const double diameter_m : made.disk_diameter_m) {
+    yaml = std::regex_replace(yaml, kInertias, fmt::format("disk_diameter_m: {}", diameter_m),
+                              std::regex_constants::format_first_only);
+  }
+  return yaml;
+}
+
+}  // namespace
+
+std::string RobotFileText(const NewRobot& made, const std::string& schema) {
+  const std::string head =
+      "# Tendril robot file, written by `tendril init`.\n"
+      "# Friction, damping, tendon stiffness, noise and pulleys that no answer gave are those of the shipped "
+      "rig, in\n"
+      "# proportion: measure them, or let `tendril gap diagnose` find them.\n";
+  const std::string yaml = WithDiameters(config::ToYaml(made.robot), made);
+  return Head(schema, head) + config::WithMeanings(yaml, config::RobotFileKeys());
+}
+
+std::string DaemonFileText(const NewRobot& made, const std::string& schema) {
+  const std::string head = fmt::format(
+      "# tendrild for {}, written by `tendril init`. Thresholds of the guards are those of the shipped\n"
+      "# rig, in proportion to the tendons' travel and tension.\n",
+      made.robot.name);
+  return Head(schema, head) + config::WithMeanings(config::ToYaml(made.daemon), config::DaemonFileKeys());
+}
+
+}  // namespace tendril::first_robot

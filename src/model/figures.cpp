@@ -1,0 +1,123 @@
+// Each figure by the functions that the programs compute with.
+#include "tendril/model/figures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <numbers>
+
+#include "tendril/model/arc_tensions.h"
+#include "tendril/model/body.h"
+#include "tendril/model/capstan.h"
+#include "tendril/model/pull_cone.h"
+#include "tendril/model/statics.h"
+
+namespace tendril::model {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double kStandardGravity_mps2 = 9.81;
+constexpr int kDirections = 24;
+
+/// The tip under these tensions with another gravity; none where the branch from zero tension ends.
+std::optional<Vector3d> TipUnder(BodyParameters parameters, const Vector3d& gravity_W_mps2,
+                                 double tension_N) {
+  parameters.gravity_W_mps2 = gravity_W_mps2;
+  const Body body(parameters);
+  const auto found = SolveStatics(body, VectorXd::Constant(body.tendons(), tension_N), Vector3d::Zero());
+  if (found.result != StaticsResult::kConverged) return std::nullopt;
+  return body.TipPose(found.q).p_WA;
+}
+
+std::optional<double> Sag(const RobotParameters& robot, const Vector3d& gravity_W_mps2) {
+  const auto with = TipUnder(robot.body, gravity_W_mps2, robot.limits.min_tension_N);
+  const auto without = TipUnder(robot.body, Vector3d::Zero(), robot.limits.min_tension_N);
+  if (!with || !without) return std::nullopt;
+  return (*with - *without).norm();
+}
+
+std::vector<double> Frequencies(const RobotParameters& robot) {
+  const Body body(robot.body);
+  const VectorXd tension_N = VectorXd::Constant(body.tendons(), robot.limits.min_tension_N);
+  const auto rest = SolveStatics(body, tension_N, Vector3d::Zero());
+  if (rest.result != StaticsResult::kConverged) return {};
+  const VectorXd frequencies_Hz = NaturalFrequencies(body, rest.q, tension_N, Vector3d::Zero());
+  if (!(frequencies_Hz[0] > 0)) return {};
+  return {frequencies_Hz.begin(), frequencies_Hz.end()};
+}
+
+/// Each tendon's largest tension over full bends of one section; none where one cannot be held.
+std::optional<TendonVector> FullBend(const RobotParameters& robot, const Body& body, int section) {
+  const PullCone cone = PullConeOf(robot.body, section);
+  ArcTensions tensions(body);
+  TendonVector most_N = TendonVector::Zero(body.tendons());
+  bool any = false;
+  for (int i = 0; i < kDirections; ++i) {
+    const double angle_rad = cone.from_rad + 2 * std::numbers::pi * i / kDirections;
+    const Vector2d bend_rad =
+        robot.limits.max_bending_rad * Vector2d(std::cos(angle_rad), std::sin(angle_rad));
+    if ((cone.Nearest(bend_rad) - bend_rad).norm() > 1e-9) continue;
+    BendingVector us_vs = BendingVector::Zero(2 * body.sections());
+    us_vs.segment<2>(2 * section) = bend_rad;
+    const auto held = tensions.Hold(us_vs, robot.limits.min_tension_N, kMaxCapstanTension_N);
+    if (held.bound != Status::kOk) return std::nullopt;
+    most_N = most_N.cwiseMax(held.tension_N);
+    any = true;
+  }
+  if (!any) return std::nullopt;
+  return most_N;
+}
+
+// Of friction that grows beyond all bounds the solver may find no tension: then there are no such figures.
+void AddMotors(const ActuationParameters& actuation, const TendonVector& base_N, SectionFigures& figures) {
+  figures.full_bend_motor_N = figures.full_bend_torque_Nm = figures.full_bend_rated_share = 0;
+  for (std::size_t j = 0; j < actuation.tendons.size(); ++j) {
+    const TendonDriveParameters& t = actuation.tendons[j];
+    const double pulled_N = base_N[static_cast<Eigen::Index>(j)] + t.transmission.coulomb_N;
+    const double motor_N = SolveCapstan(t.transmission.pulleys, pulled_N);
+    const double torque_Nm =
+        motor_N * t.SpoolTravelPerMotorRad() / t.gear.efficiency + t.motor.coulomb_friction_Nm;
+    figures.full_bend_motor_N = std::max(*figures.full_bend_motor_N, motor_N);
+    figures.full_bend_torque_Nm = std::max(*figures.full_bend_torque_Nm, torque_Nm);
+    figures.full_bend_rated_share =
+        std::max(*figures.full_bend_rated_share, torque_Nm / t.drive.rated_torque_Nm);
+  }
+}
+
+SectionFigures Section(const RobotParameters& robot, const Body& body, int section) {
+  const SectionParameters& p = robot.body.sections[static_cast<std::size_t>(section)];
+  SectionFigures figures;
+  figures.bending_stiffness_Nm2 = p.UnitStiffness() * p.unit_length_m;
+  figures.stiffness_Nm = p.UnitStiffness() / p.units;
+  if (const auto base_N = FullBend(robot, body, section)) {
+    figures.full_bend_base_N = base_N->maxCoeff();
+    try {
+      if (robot.actuation) AddMotors(*robot.actuation, *base_N, figures);
+    } catch (const std::exception&) {
+      figures.full_bend_motor_N = figures.full_bend_torque_Nm = figures.full_bend_rated_share = std::nullopt;
+    }
+  }
+  return figures;
+}
+
+}  // namespace
+
+Figures FiguresOf(const RobotParameters& robot) {
+  const Body body(robot.body);
+  Figures figures;
+  const double gravity_mps2 = robot.body.gravity_W_mps2.norm();
+  double mass_kg = robot.body.tip_payload_kg;
+  for (const SectionParameters& s : robot.body.sections) mass_kg += s.units * s.unit_mass_kg;
+  figures.weight_N = mass_kg * gravity_mps2;
+  figures.pretension_N = body.tendons() * robot.limits.min_tension_N;
+  figures.sag_mounted_m = Sag(robot, robot.body.gravity_W_mps2);
+  figures.sag_level_m = Sag(robot, Vector3d(gravity_mps2 > 0 ? -gravity_mps2 : -kStandardGravity_mps2, 0, 0));
+  figures.frequencies_Hz = Frequencies(robot);
+  for (int k = 0; k < body.sections(); ++k) figures.sections.push_back(Section(robot, body, k));
+  return figures;
+}
+
+}  // namespace tendril::model
