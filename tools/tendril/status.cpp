@@ -126,10 +126,11 @@ void AddStatusCommand(CLI::App& app) {
   auto o = std::make_shared<StatusOptions>();
   CLI::App* status = app.add_subcommand("status", "Show what a running daemon is doing");
   AddLcmOptions(*status, o->lcm);
-  status->add_flag("--watch", o->watch,
-                   "keep updating until interrupted, with robot, bus, drives (state, error, serial), last fault "
-                   "and timing, which the daemon publishes once a second; on a terminal, with the Python package "
-                   "(pip install './python[dashboard]'), as a dashboard that also arms, jogs and disarms");
+  status->add_flag(
+      "--watch", o->watch,
+      "keep updating until interrupted, with robot, bus, drives (state, error, serial), last fault "
+      "and timing, which the daemon publishes once a second; on a terminal, with the Python package "
+      "(pip install './python[dashboard]'), as a dashboard that also arms, jogs and disarms");
   status->add_flag("--plain", o->plain, "with --watch: the table, five times a second, also on a terminal");
   status->add_flag("--json", o->json, "one JSON object a line instead of a table");
   status->callback([o] { Status(*o); });
