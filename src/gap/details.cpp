@@ -11,8 +11,8 @@
 #include <random>
 
 #include "closure.h"
-#include "tendril/core/parallel.h"
 #include "sentence.h"
+#include "tendril/core/parallel.h"
 
 namespace tendril::gap {
 namespace {

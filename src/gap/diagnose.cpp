@@ -23,12 +23,12 @@
 #include "measured_wrong.h"
 #include "measurement_check.h"
 #include "own_readings.h"
-#include "tendril/core/parallel.h"
 #include "reach.h"
 #include "repeatability.h"
 #include "search.h"
 #include "sentence.h"
 #include "tendril/config/config.h"
+#include "tendril/core/parallel.h"
 #include "tendril/core/version.h"
 #include "tendril/gap/words.h"
 

@@ -39,8 +39,9 @@ struct NumberFit {
   Residuals residuals;  // residuals with this value, nuisances subtracted
 };
 
-/// The best `count` of them by falling score. Each is followed on a few runs with one model discrepancy for
-/// all channels, then refined on all runs with the `leftover` and nuisances used for the causes. `progress`:
+/// The best `count` of them by falling score. Each is followed on the run with the largest gap, the first of
+/// them also on a few, with one model discrepancy for all channels; the best are refined on all runs with the
+/// `leftover` and nuisances used for the causes. `progress`:
 /// from 0 to 1.
 std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Eigen::VectorXd& leftover,
                                   const Nuisances& nuisances, const Folds& folds, int count, int threads,

@@ -17,8 +17,8 @@
 #include "health_signal.h"
 #include "median.h"
 #include "mistakes.h"
-#include "tendril/core/parallel.h"
 #include "squares.h"
+#include "tendril/core/parallel.h"
 
 namespace tendril::gap {
 namespace {

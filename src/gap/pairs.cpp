@@ -5,8 +5,8 @@
 #include <limits>
 #include <map>
 
-#include "tendril/core/parallel.h"
 #include "searching.h"
+#include "tendril/core/parallel.h"
 
 namespace tendril::gap {
 namespace {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 #include "prepare.h"
@@ -54,8 +53,7 @@ Eigen::MatrixXd ReplayedShape(const RobotParameters& robot, const Run& run, cons
   const Eigen::MatrixXd q = sim::Replay(robot).Body(prepared.signals, driven_by, 1).q;
   const Eigen::VectorXd at_s = SampleTimes(prepared);
 
-  Eigen::MatrixXd shape =
-      Eigen::MatrixXd::Constant(times_s.size(), q.cols(), std::numeric_limits<double>::quiet_NaN());
+  Eigen::MatrixXd shape = Eigen::MatrixXd::Constant(times_s.size(), q.cols(), kNoReading);
   const double* const begin = at_s.data();
   const double* const end = begin + q.rows();
   for (Eigen::Index i = 0; i < times_s.size(); ++i) {

@@ -8,8 +8,8 @@
 #include <iterator>
 #include <map>
 
-#include "tendril/core/parallel.h"
 #include "searching.h"
+#include "tendril/core/parallel.h"
 
 namespace tendril::gap {
 namespace {

@@ -12,8 +12,8 @@
 
 #include "evaluator.h"
 #include "median.h"
-#include "tendril/core/parallel.h"
 #include "rotation.h"
+#include "tendril/core/parallel.h"
 
 namespace tendril::gap {
 namespace {
