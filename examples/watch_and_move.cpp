@@ -29,14 +29,9 @@ int main(int argc, char** argv) try {
   if (argc == 5) {
     tendril::Command command;
     command.kind = tendril::CommandKind::kTip;
-    command.sequence = tendril::io::SequenceFromTime();
-    command.sender = tendril::io::SenderOfProcess();
     command.valid_for_ns = 5 * tendril::kNsPerS;
     for (int i = 0; i < 3; ++i) command.tip_W_m[i] = std::atof(argv[2 + i]);
-    if (!client.Send(command, 0)) {
-      std::cerr << "the command could not be published on " << argv[1] << '\n';
-      return 1;
-    }
+    tendril::io::Publish(client, command, argv[1]);
   }
   for (const auto end = Clock::now() + std::chrono::seconds(5); Clock::now() < end;) client.Handle(100);
   if (seen > 0) return 0;

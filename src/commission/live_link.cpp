@@ -11,7 +11,6 @@
 #include "tendril/core/clock.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
-#include "tendril/io/epoch.h"
 #include "tendril/io/wire.h"
 
 namespace tendril::commission {
@@ -134,10 +133,8 @@ struct LiveLink::Impl {
     }
   }
   void Send(Command command) {
-    command.sequence = sequence_ = std::max(sequence_ + 1, io::SequenceFromTime());
-    command.sender = io::SenderOfProcess();
     command.valid_for_ns = kValidFor_ns;
-    if (!client_.Send(command, io::EpochUs())) throw std::runtime_error("LCM could not send on " + where_);
+    io::Publish(client_, command, where_);
   }
   // However it ends: no motor is left under power.
   void Disarm() noexcept {
@@ -183,7 +180,6 @@ struct LiveLink::Impl {
   TendonVector pull_N_;
   TimeNs heard_ns_ = 0, sent_ns_ = 0;
   std::uint64_t cycles_ = 0;
-  std::uint32_t sequence_ = 0;
   bool entered_ = false, pulls_ = false;
 };
 

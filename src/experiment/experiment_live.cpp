@@ -16,7 +16,6 @@
 #include "tendril/core/drive_counts.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
-#include "tendril/io/epoch.h"
 #include "tendril/io/wire.h"
 #include "tendril/model/pull_cone.h"
 
@@ -225,11 +224,8 @@ class Operator {
     Send(command);
   }
   void Send(Command command) {
-    command.sequence = sequence_ = std::max(sequence_ + 1, io::SequenceFromTime());
-    command.sender = io::SenderOfProcess();
     if (command.valid_for_ns == 0) command.valid_for_ns = kValidFor_ns;
-    if (!client_.Send(command, io::EpochUs()))
-      throw std::runtime_error("LCM could not send on " + options_.lcm_url);
+    io::Publish(client_, command, options_.lcm_url);
   }
 
   void HandleUntil(TimeNs time_ns) {
@@ -267,7 +263,6 @@ class Operator {
   std::function<void(const CycleRecord&)> sink_;
   TimeNs heard_ns_ = 0;
   bool every_cycle_ = false;  // two consecutive cycles were received
-  std::uint32_t sequence_ = 0;
   bool armed_ = false;
   Status refused_ = Status::kOk;     // reason for our own last refused command
   bool another_in_control_ = false;  // another sender is in control while ours are refused

@@ -5,13 +5,17 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <functional>
 #include <lcm/lcm-cpp.hpp>
+#include <mutex>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
 #include "tendril/io/connection.h"
+#include "tendril/io/epoch.h"
 #include "tendril/io/wire.h"
 
 namespace tendril::io {
@@ -26,6 +30,12 @@ std::uint32_t ThisHost() {
   std::array<char, 256> host{};
   if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '?';
   return (static_cast<std::uint32_t>(std::hash<std::string>{}(host.data())) << kProcessBits) & kNotNegative;
+}
+
+std::uint32_t TicksOfEpoch() {
+  using Tick = std::chrono::duration<std::int64_t, std::ratio<1, 100'000>>;
+  return static_cast<std::uint32_t>(
+      std::chrono::duration_cast<Tick>(std::chrono::system_clock::now().time_since_epoch()).count());
 }
 
 }  // namespace
@@ -190,11 +200,27 @@ bool SendTracker(lcm::LCM& lcm, const std::string& channel, const TrackerSample&
   return lcm.publish(channel, &message) == 0;
 }
 
-std::uint32_t SequenceFromTime() {
-  constexpr int kPerSecond = 100'000;
-  using Tick = std::chrono::duration<std::int64_t, std::ratio<1, kPerSecond>>;
-  return static_cast<std::uint32_t>(
-      std::chrono::duration_cast<Tick>(std::chrono::system_clock::now().time_since_epoch()).count());
+std::int64_t Publish(Client& client, Command& command, const std::string& url) {
+  static std::mutex sending;  // a number is not overtaken by the next one's message
+  const std::lock_guard lock(sending);
+  command.sequence = NextSequence();
+  command.sender = SenderOfProcess();
+  if (!client.Send(command, EpochUs())) {
+    throw std::runtime_error("LCM could not send the command on " + url +
+                             ": check the address and the route");
+  }
+  return SequenceOf(command);
+}
+
+std::uint32_t NextSequence() {
+  static std::atomic<std::uint32_t> latest = TicksOfEpoch() - 1;
+  std::uint32_t before = latest, next = 0;
+  do {
+    const std::uint32_t now = TicksOfEpoch();
+    // Two in one tick, or a clock that was set back: the number increases all the same. It may wrap.
+    next = static_cast<std::int32_t>(now - before) > 0 ? now : before + 1;
+  } while (!latest.compare_exchange_weak(before, next));
+  return next;
 }
 
 std::uint32_t SenderOfProcess() { return ThisHost() | static_cast<std::uint32_t>(getpid()); }

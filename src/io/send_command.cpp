@@ -7,7 +7,6 @@
 
 #include "tendril/core/clock.h"
 #include "tendril/core/status.h"
-#include "tendril/io/epoch.h"
 #include "tendril_lcm/state_t.hpp"
 
 namespace tendril::io {
@@ -162,13 +161,6 @@ class Conversation {
 };
 
 }  // namespace
-
-std::int64_t Publish(Client& client, Command& command, const std::string& url) {
-  command.sequence = SequenceFromTime();
-  command.sender = SenderOfProcess();
-  if (!client.Send(command, EpochUs())) throw std::runtime_error("LCM could not send the command on " + url);
-  return SequenceOf(command);
-}
 
 std::string SendCommand(const CommandCall& call, const std::function<void(const std::string&)>& waiting) {
   const bool arm = Is(call.command, ModeRequest::kArm);

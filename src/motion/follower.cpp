@@ -16,7 +16,6 @@
 #include "tendril/control/controller.h"
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
-#include "tendril/io/epoch.h"
 #include "tendril/io/wire.h"
 #include "tendril/motion/path.h"
 #include "tendril/motion/sample_stream.h"
@@ -289,15 +288,10 @@ struct Follower::Impl {
   }
 
   void Send(Command command) {
-    command.sequence = io::SequenceFromTime();
-    command.sender = io::SenderOfProcess();
     // As long again as the daemon extrapolates, or it would cut its own look ahead short.
     command.valid_for_ns = ToNs(kValidFor_s + extrapolates_s_);
     leads_until_ns_ = clock_.Now() + command.valid_for_ns + kLetGo_ns;
-    if (!client_.Send(command, io::EpochUs())) {
-      throw std::runtime_error("LCM could not send on " + setup_.lcm_url +
-                               ": check the address and the route");
-    }
+    io::Publish(client_, command, setup_.lcm_url);
   }
 
   // Until then the daemon refuses targets of other senders, such as the next command of a script.

@@ -115,6 +115,30 @@ TEST_F(GatewayTest, EachKindOfCommandArrivesAsItWasSent) {
   for (const Command& c : commands) EXPECT_EQ(c.received_ns, clock.Now());
 }
 
+// The gate refuses a number that is not above the sender's last one, whichever thread of the process sent it.
+TEST_F(GatewayTest, TheNumbersOfAProcessIncreaseInTheOrderOfSending) {
+  constexpr int kThreads = 2, kCommands = 500;
+  std::vector<std::thread> senders;
+  for (int i = 0; i < kThreads; ++i) {
+    senders.emplace_back([this] {
+      Client own(gateway.lcm(), "TENDRIL");
+      Command c = Bending();
+      for (int n = 0; n < kCommands; ++n) {
+        const std::int64_t number = Publish(own, c, "memq://");
+        EXPECT_EQ(number, SequenceOf(c));
+      }
+    });
+  }
+  for (std::thread& sender : senders) sender.join();
+  Settle();
+  ASSERT_EQ(commands.size(), std::size_t{kThreads * kCommands});
+  for (std::size_t i = 1; i < commands.size(); ++i) {
+    ASSERT_EQ(commands[i].sender, SenderOfProcess());
+    ASSERT_GT(static_cast<std::int32_t>(commands[i].sequence - commands[i - 1].sequence), 0)
+        << "command " << i;
+  }
+}
+
 // Wall clocks are corrected, by an hour at times, and those of two computers differ: a command's age counts
 // from its arrival, by the monotonic clock.
 TEST_F(GatewayTest, ACommandsAgeCountsFromItsArrivalWhateverItsSendersClockSays) {

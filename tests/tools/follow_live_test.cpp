@@ -38,7 +38,7 @@ class FollowLive : public CommandTest {
     Command arm;
     arm.kind = CommandKind::kMode;
     arm.mode = ModeRequest::kArm;
-    arm.sequence = io::SequenceFromTime();
+    arm.sequence = io::NextSequence();
     arm.valid_for_ns = 10 * kNsPerS;
     client_->Send(arm, 0);
     ASSERT_TRUE(Reaches(tendril_lcm::state_t::MODE_RUNNING));
@@ -108,7 +108,7 @@ TEST_F(FollowLive, WhatCannotBeFollowedMovesNothing) {
   Command early;
   early.kind = CommandKind::kBending;
   early.bending_rad = BendingVector::Zero(2);
-  early.sequence = io::SequenceFromTime() + 3'000'000;
+  early.sequence = io::NextSequence() + 3'000'000;
   early.valid_for_ns = kNsPerS;
   client_->Send(early, 0);
   EXPECT_EQ(Follow("csv late.csv"), 1);
@@ -178,7 +178,7 @@ TEST_F(FollowLive, JoinsSamplesAndEndsWhenTheyExpire) {
       Command c;
       c.kind = CommandKind::kBending;
       c.bending_rad = BendingVector{{0.2 + 0.15 * std::sin(0.15 * i), 0.1}};
-      c.sequence = io::SequenceFromTime();
+      c.sequence = io::NextSequence();
       c.valid_for_ns = 500 * kNsPerMs;
       samples.Send(c, 0);
       std::this_thread::sleep_for(100ms);
@@ -203,7 +203,7 @@ TEST_F(FollowLive, ASampleThatIsNoNumberEndsItInOneLine) {
       Command c;
       c.kind = CommandKind::kBending;
       c.bending_rad = BendingVector{{i < 10 ? 0.05 : std::nan(""), 0.0}};
-      c.sequence = io::SequenceFromTime();
+      c.sequence = io::NextSequence();
       c.valid_for_ns = kNsPerS;
       samples.Send(c, 0);
       std::this_thread::sleep_for(100ms);

@@ -12,7 +12,7 @@
 #include "number_option.h"
 #include "tendril/core/clock.h"
 #include "tendril/core/status.h"
-#include "tendril/io/send_command.h"
+#include "tendril/io/client.h"
 #include "tendril_lcm/event_t.hpp"
 #include "tendril_lcm/state_t.hpp"
 

@@ -66,9 +66,16 @@ std::string NobodyAnswers(const std::string& url, const std::string& channel_pre
 /// failed.
 bool SendTracker(lcm::LCM& lcm, const std::string& channel, const TrackerSample& sample, std::int64_t utime);
 
-/// Sequence number for short-lived senders: ticks of 10 us since the epoch, so that a later sender has a
-/// greater number. It wraps every 12 hours; the gate compares with numbers of the last hour only.
-std::uint32_t SequenceFromTime();
+/// Publishes the command now, with this process as its sender and its next sequence number, which are set in
+/// it. Commands of several clients and threads are numbered in the order in which they are sent. `url` is the
+/// client's, for the error. Returns the sequence number by which states answer it. Throws std::runtime_error
+/// when LCM does not take it.
+std::int64_t Publish(Client& client, Command& command, const std::string& url);
+
+/// A sequence number above all earlier ones of this process: ticks of 10 us since the epoch, so that it is
+/// also above those of an earlier process with the same id. It wraps every 12 hours; the gate compares with
+/// numbers of the last hour only.
+std::uint32_t NextSequence();
 
 /// Command::sender of this process: its process id, with bits of the host's name above it.
 std::uint32_t SenderOfProcess();

@@ -11,11 +11,6 @@
 
 namespace tendril::io {
 
-/// Publishes the command now, with this process as its sender and a new sequence number, which are set in it;
-/// `url` is the client's, for the error. Returns the sequence number by which states answer it. Throws
-/// std::runtime_error when LCM does not take it.
-std::int64_t Publish(Client& client, Command& command, const std::string& url);
-
 struct CommandCall {
   std::string url, channel_prefix;
   Command command;  // without sender and sequence number

@@ -15,7 +15,7 @@ constexpr TimeNs kControlHolds_ns = kNsPerS;
 // How long the status of two senders is reported after a refused target, so that an operator sees it.
 constexpr TimeNs kContended_ns = 3 * kNsPerS;
 
-// Sequence numbers of io::SequenceFromTime count 10 us. A number more than a minute behind is not a reordered
+// Sequence numbers of io::NextSequence count 10 us. A number more than a minute behind is not a reordered
 // message: the sender's clock was set back, or it restarted.
 constexpr std::int32_t kOvertaken = 60 * 100'000;
 
