@@ -9,85 +9,68 @@
 namespace tendril::first_robot {
 namespace {
 
+/// Asked at a terminal.
+constexpr Item Usual(std::string_view name, std::string_view path, std::string_view meaning = {}) {
+  return {.name = name, .path = path, .usual = true, .meaning = meaning};
+}
+/// Likewise, a value for each section.
+constexpr Item PerSection(std::string_view name, std::string_view path, std::string_view meaning) {
+  return {.name = name, .path = path, .usual = true, .per_section = true, .meaning = meaning};
+}
+/// Keeps its suggestion unless an answer is given.
+constexpr Item Rarely(std::string_view name, std::string_view path, std::string_view meaning = {}) {
+  return {.name = name, .path = path, .meaning = meaning};
+}
+/// A key of the daemon file.
+constexpr Item OfDaemon(Item item) {
+  item.daemon_file = true;
+  return item;
+}
+
 constexpr Item kItems[] = {
-    {.name = "name", .path = "name", .usual = true},
-    {.name = "mount",
-     .usual = true,
-     .meaning = "How the base is mounted: the robot standing up, hanging down, or level."},
-    {.name = "sections", .path = "body.sections", .usual = true, .meaning = "Number of sections."},
-    {.name = "tendons",
-     .path = "body.sections[].tendons",
-     .usual = true,
-     .per_section = true,
-     .meaning = "Number of tendons that end at a section's last disk, evenly around it."},
-    {.name = "length_m",
-     .path = "body.sections[].unit_length_m",
-     .usual = true,
-     .per_section = true,
-     .meaning = "Backbone length of a section."},
-    {.name = "disks",
-     .path = "body.sections[].units",
-     .usual = true,
-     .per_section = true,
-     .meaning = "Disks of a section, one at the end of each unit."},
-    {.name = "hole_radius_m",
-     .path = "body.sections[].tendons[].radius_m",
-     .usual = true,
-     .per_section = true,
-     .meaning = "Distance of the tendons' holes from the disk's centre."},
-    {.name = "disk_diameter_m",
-     .path = "body.sections[].disk_diameter_m",
-     .usual = true,
-     .per_section = true,
-     .meaning = "Diameter of the disks, taken as uniform and thin."},
-    {.name = "mass_kg",
-     .path = "body.sections[].unit_mass_kg",
-     .usual = true,
-     .per_section = true,
-     .meaning = "Mass of a section, all disks and backbone; or the mean density of the cylinder around it, "
-                "as in '1100 kg/m3'."},
-    {.name = "backbone_diameter_m",
-     .path = "body.sections[].core_radius_m",
-     .usual = true,
-     .per_section = true,
-     .meaning = "Diameter of the backbone."},
-    {.name = "material_Pa",
-     .path = "body.sections[].youngs_modulus_Pa",
-     .usual = true,
-     .per_section = true,
-     .meaning = "Backbone's material: nitinol, steel, glass_fibre, carbon_fibre, peek, nylon; or its Young's "
-                "modulus; or the measured bending stiffness E I, as in '0.0011 Nm2'."},
-    {.name = "torque_constant_NmpA", .path = "actuation.motor.torque_constant_NmpA", .usual = true},
-    {.name = "nominal_current_A", .path = "actuation.motor.nominal_current_A", .usual = true},
-    {.name = "rotor_inertia_kgm2", .path = "actuation.motor.rotor_inertia_kgm2"},
-    {.name = "current_limit_A", .path = "actuation.drive.current_limit_A"},
-    {.name = "encoder_counts_per_turn", .path = "actuation.drive.encoder_counts_per_turn", .usual = true},
-    {.name = "gear_ratio", .path = "actuation.gear.ratio", .usual = true},
-    {.name = "gear_efficiency", .path = "actuation.gear.efficiency"},
-    {.name = "spool_radius_m", .path = "actuation.spool.radius_m", .usual = true},
-    {.name = "tendon_stiffness_Npm", .path = "actuation.tendon.stiffness_Npm"},
-    {.name = "free_length_m", .path = "actuation.tendon.free_length_m"},
-    {.name = "wrap_rad",
-     .path = "actuation.transmission.pulleys[].wrap_rad",
-     .meaning = "Angle over which guide pulleys turn a tendon between spool and base; 0: none."},
-    {.name = "min_tension_N", .path = "limits.min_tension_N"},
-    {.name = "max_tension_motor_N", .path = "limits.max_tension_motor_N", .usual = true},
-    {.name = "max_tension_base_N", .path = "limits.max_tension_base_N", .usual = true},
-    {.name = "load_cell", .path = "actuation.load_cell.place", .usual = true},
-    {.name = "load_cell_gain_VpN", .path = "actuation.load_cell.gain_VpN"},
-    {.name = "tracker_Hz",
-     .path = "actuation.tracker.rate_Hz",
-     .usual = true,
-     .meaning = "Readings a second of an outside measurement of the tip's pose, or none."},
-    {.name = "max_bending_rad", .path = "limits.max_bending_rad", .usual = true},
-    {.name = "nodes",
-     .path = "bus.nodes[].node_id",
-     .daemon_file = true,
-     .usual = true,
-     .meaning = "CANopen nodes of the drives, in tendon order, with commas."},
-    {.name = "interface", .path = "bus.interface", .daemon_file = true},
-    {.name = "bitrate_bps", .path = "bus.bitrate_bps", .daemon_file = true},
-    {.name = "cycle_ns", .path = "bus.cycle_ns", .daemon_file = true, .usual = true},
+    Usual("name", "name"),
+    Usual("mount", "", "How the base is mounted: the robot standing up, hanging down, or level."),
+    Usual("sections", "body.sections", "Number of sections."),
+    PerSection("tendons", "body.sections[].tendons",
+               "Number of tendons that end at a section's last disk, evenly around it."),
+    PerSection("length_m", "body.sections[].unit_length_m", "Backbone length of a section."),
+    PerSection("disks", "body.sections[].units", "Disks of a section, one at the end of each unit."),
+    PerSection("hole_radius_m", "body.sections[].tendons[].radius_m",
+               "Distance of the tendons' holes from the disk's centre."),
+    PerSection("disk_diameter_m", "body.sections[].disk_diameter_m",
+               "Diameter of the disks, taken as uniform and thin."),
+    PerSection("mass_kg", "body.sections[].unit_mass_kg",
+               "Mass of a section, all disks and backbone; or the mean density of the cylinder around it, "
+               "as in '1100 kg/m3'."),
+    PerSection("backbone_diameter_m", "body.sections[].core_radius_m", "Diameter of the backbone."),
+    PerSection("material_Pa", "body.sections[].youngs_modulus_Pa",
+               "Backbone's material: nitinol, steel, glass_fibre, carbon_fibre, peek, nylon; or its Young's "
+               "modulus; or the measured bending stiffness E I, as in '0.0011 Nm2'."),
+    Usual("torque_constant_NmpA", "actuation.motor.torque_constant_NmpA"),
+    Usual("nominal_current_A", "actuation.motor.nominal_current_A"),
+    Rarely("rotor_inertia_kgm2", "actuation.motor.rotor_inertia_kgm2"),
+    Rarely("current_limit_A", "actuation.drive.current_limit_A"),
+    Usual("encoder_counts_per_turn", "actuation.drive.encoder_counts_per_turn"),
+    Usual("gear_ratio", "actuation.gear.ratio"),
+    Rarely("gear_efficiency", "actuation.gear.efficiency"),
+    Usual("spool_radius_m", "actuation.spool.radius_m"),
+    Rarely("tendon_stiffness_Npm", "actuation.tendon.stiffness_Npm"),
+    Rarely("free_length_m", "actuation.tendon.free_length_m"),
+    Rarely("wrap_rad", "actuation.transmission.pulleys[].wrap_rad",
+           "Angle over which guide pulleys turn a tendon between spool and base; 0: none."),
+    Rarely("min_tension_N", "limits.min_tension_N"),
+    Usual("max_tension_motor_N", "limits.max_tension_motor_N"),
+    Usual("max_tension_base_N", "limits.max_tension_base_N"),
+    Usual("load_cell", "actuation.load_cell.place"),
+    Rarely("load_cell_gain_VpN", "actuation.load_cell.gain_VpN"),
+    Usual("tracker_Hz", "actuation.tracker.rate_Hz",
+          "Readings a second of an outside measurement of the tip's pose, or none."),
+    Usual("max_bending_rad", "limits.max_bending_rad"),
+    OfDaemon(
+        Usual("nodes", "bus.nodes[].node_id", "CANopen nodes of the drives, in tendon order, with commas.")),
+    OfDaemon(Rarely("interface", "bus.interface")),
+    OfDaemon(Rarely("bitrate_bps", "bus.bitrate_bps")),
+    OfDaemon(Usual("cycle_ns", "bus.cycle_ns")),
 };
 
 }  // namespace

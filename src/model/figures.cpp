@@ -19,7 +19,6 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kStandardGravity_mps2 = 9.81;
 constexpr int kDirections = 24;
 
 /// The tip under these tensions with another gravity; none where the branch from zero tension ends.
@@ -32,11 +31,18 @@ std::optional<Vector3d> TipUnder(BodyParameters parameters, const Vector3d& grav
   return body.TipPose(found.q).p_WA;
 }
 
-std::optional<double> Sag(const RobotParameters& robot, const Vector3d& gravity_W_mps2) {
-  const auto with = TipUnder(robot.body, gravity_W_mps2, robot.limits.min_tension_N);
+void AddSags(const RobotParameters& robot, Figures& figures) {
   const auto without = TipUnder(robot.body, Vector3d::Zero(), robot.limits.min_tension_N);
-  if (!with || !without) return std::nullopt;
-  return (*with - *without).norm();
+  if (!without) return;
+  const auto sag_m = [&](const Vector3d& gravity_W_mps2) -> std::optional<double> {
+    const auto with = TipUnder(robot.body, gravity_W_mps2, robot.limits.min_tension_N);
+    if (!with) return std::nullopt;
+    return (*with - *without).norm();
+  };
+  const double own_mps2 = robot.body.gravity_W_mps2.norm();
+  const double level_mps2 = own_mps2 > 0 ? own_mps2 : BodyParameters{}.gravity_W_mps2.norm();
+  figures.sag_mounted_m = sag_m(robot.body.gravity_W_mps2);
+  figures.sag_level_m = sag_m(Vector3d(-level_mps2, 0, 0));
 }
 
 std::vector<double> Frequencies(const RobotParameters& robot) {
@@ -108,13 +114,11 @@ SectionFigures Section(const RobotParameters& robot, const Body& body, int secti
 Figures FiguresOf(const RobotParameters& robot) {
   const Body body(robot.body);
   Figures figures;
-  const double gravity_mps2 = robot.body.gravity_W_mps2.norm();
   double mass_kg = robot.body.tip_payload_kg;
   for (const SectionParameters& s : robot.body.sections) mass_kg += s.units * s.unit_mass_kg;
-  figures.weight_N = mass_kg * gravity_mps2;
+  figures.weight_N = mass_kg * robot.body.gravity_W_mps2.norm();
   figures.pretension_N = body.tendons() * robot.limits.min_tension_N;
-  figures.sag_mounted_m = Sag(robot, robot.body.gravity_W_mps2);
-  figures.sag_level_m = Sag(robot, Vector3d(gravity_mps2 > 0 ? -gravity_mps2 : -kStandardGravity_mps2, 0, 0));
+  AddSags(robot, figures);
   figures.frequencies_Hz = Frequencies(robot);
   for (int k = 0; k < body.sections(); ++k) figures.sections.push_back(Section(robot, body, k));
   return figures;
