@@ -4,12 +4,26 @@
 #include <chrono>
 #include <set>
 
+#include "tendril/config/whole_file.h"
 #include "tendril/core/usage_error.h"
 #include "tendril/experiment/simulated_menu.h"
 #include "tendril/gap/health.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::experiment {
+
+gap::DataSet LoadDiagnosedLogs(const DiagnosedLogs& logs) {
+  const auto other = logs.same_robot ? gap::OtherRobot::kNoted : gap::OtherRobot::kRefused;
+  gap::DataSet set = gap::LoadLogs(logs.logs, logs.robot, other);
+  if (!logs.before.empty()) gap::CompareWithBefore(set, gap::LoadLogs(logs.before, logs.robot, other));
+  return set;
+}
+
+void WriteNextPlan(const gap::Diagnosis& diagnosis, const std::filesystem::path& file) {
+  std::error_code none;  // of an earlier report
+  std::filesystem::remove(file, none);
+  if (!diagnosis.next.yaml.empty()) config::WriteWhole(file, diagnosis.next.yaml);
+}
 
 gap::Diagnosis RunDiagnosis(const gap::DataSet& set, DiagnosisRun run) {
   if (run.next && set.robot.actuation)

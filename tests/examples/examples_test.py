@@ -66,6 +66,16 @@ class Examples(unittest.TestCase):
         self.assertEqual(done.returncode, 1)
         self.assertIn("no daemon was heard on memq://", done.stdout)
 
+    def test_new_files_name_the_installed_schemas(self):
+        tendril, schemas = self.prefix / "bin/tendril", self.prefix / "share/tendril/schema"
+        done = run(tendril, "init", self.folder, "--name", "arm", "--defaults")
+        self.assertEqual(done.returncode, 0, done.stdout)
+        for kind, file in (("robot", "arm.yaml"), ("daemon", "arm_tendrild.yaml")):
+            schema = schemas / f"{kind}.schema.json"
+            self.assertEqual(schema.read_text(), run(tendril, "config", "schema", kind).stdout)
+            first = (self.folder / file).read_text().splitlines()[0]
+            self.assertEqual(first, f"# yaml-language-server: $schema={schema.resolve()}")
+
     def complete(self, *words):
         """What bash offers for the last word."""
         script = ('source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _tendril; printf "%s\\n" "${COMPREPLY[@]}"')

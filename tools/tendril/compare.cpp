@@ -4,14 +4,13 @@
 
 #include <fmt/format.h>
 
-#include <atomic>
-#include <csignal>
 #include <memory>
 
 #include "commands.h"
 #include "output.h"
 #include "paths.h"
 #include "seed_option.h"
+#include "stop_signals.h"
 #include "tendril/config/whole_file.h"
 
 namespace tendril::tools {
@@ -25,8 +24,6 @@ struct CompareOptions {
   std::uint64_t seed = 1;
   bool json = false, plots = true;
 };
-
-std::atomic<bool> stop = false;
 
 void Finish(const CompareOptions& options, const fs::path& out, const experiment::Comparison& comparison) {
   const auto& [json, lines] = comparison;
@@ -44,7 +41,7 @@ void Finish(const CompareOptions& options, const fs::path& out, const experiment
 void RunCompare(const CompareOptions& options) {
   const fs::path out = MakeOutputFolder(options.out);
   const experiment::CompareSetup setup{
-      .config_file = ConfigFile, .folder = out, .seed = options.seed, .stop = &stop};
+      .config_file = ConfigFile, .folder = out, .seed = options.seed, .stop = &CatchStopSignals()};
   const bool laws = options.robots.empty();
   std::vector<std::string> trajectories{"circle", "planar"};
   if (laws) trajectories.insert(trajectories.end(), {"fast_circle", "square", "spiral"});
@@ -82,8 +79,6 @@ void AddCompareCommand(CLI::App& app) {
   command->add_flag("--json", options->json, "print the JSON instead of the table");
   command->add_flag("!--no-plots", options->plots, "leave out the plot");
   command->callback([options] {
-    std::signal(SIGINT, [](int) { stop = true; });
-    std::signal(SIGTERM, [](int) { stop = true; });
     if (options->robots.empty() != options->plant.empty())
       throw UsageError("--robot and --plant belong together; without both, the control laws are compared");
     if (!options->robots.empty() && !(options->laws.empty() && options->plants.empty()))

@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <csignal>
 #include <memory>
 #include <vector>
 
@@ -14,6 +13,7 @@
 #include "output.h"
 #include "paths.h"
 #include "seed_option.h"
+#include "stop_signals.h"
 #include "tendril/config/config.h"
 #include "tendril/model/held_directions.h"
 #include "tendril/sim/effects.h"
@@ -29,8 +29,6 @@ struct DemoOptions {
   std::uint64_t seed = 1;
   bool plots = true;
 };
-
-volatile std::sig_atomic_t interrupted = 0;
 
 class DemoBar {
  public:
@@ -68,10 +66,7 @@ ordered_json RunMotion(const std::string& name, const DemoOptions& options, cons
        .capstan_compensation = options.compensation == "on",
        .seed = options.seed,
        .folder = folder},
-      [&](const experiment::DemoProgress& p) { bar.Show(p); },
-      [] { return interrupted == 0         ? std::string()
-                  : interrupted == SIGTERM ? "SIGTERM"
-                                           : "Ctrl-C"; });
+      [&](const experiment::DemoProgress& p) { bar.Show(p); }, StoppedBy);
 }
 
 void RunDemo(const DemoOptions& options) {
@@ -91,8 +86,7 @@ void RunDemo(const DemoOptions& options) {
   } else {
     names = {options.trajectory};
   }
-  std::signal(SIGINT, [](int signal) { interrupted = signal; });
-  std::signal(SIGTERM, [](int signal) { interrupted = signal; });
+  CatchStopSignals();
   const fs::path out(options.out);
   std::vector<fs::path> folders;
   for (const auto& name : names) folders.push_back(MakeOutputFolder(out / name));  // before any work is done

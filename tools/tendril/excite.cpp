@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <atomic>
-#include <csignal>
 #include <filesystem>
 #include <memory>
 
@@ -13,8 +12,10 @@
 #include "paths.h"
 #include "seed_option.h"
 #include "set_progress.h"
+#include "stop_signals.h"
 #include "tendril/experiment/experiment_live.h"
 #include "tendril/experiment/experiment_run.h"
+#include "tendril/experiment/planted_set.h"
 #include "tendril/experiment/set_output.h"
 #include "tendril/gap/data_set.h"
 #include "tendril/sim/effects.h"
@@ -30,9 +31,8 @@ struct ExciteOptions {
   int repeats = -1, jobs = 2;
 };
 
-std::atomic<bool> stop = false;
-
 experiment::ExperimentSet RunInProcess(const experiment::Plan& plan, const ExciteOptions& options,
+                                       const std::atomic<bool>& stop,
                                        const experiment::SetProgress& progress) {
   const std::string robot_file = options.robot.empty() ? ConfigFile("robots/rig_90mm.yaml") : options.robot;
   RobotParameters nominal = sim::LoadRobot(robot_file);
@@ -60,12 +60,11 @@ void RunExcite(const ExciteOptions& options) {
     throw UsageError("--arm goes with --live; in process there is nothing to arm");
   experiment::Plan plan =
       options.plan.empty() ? experiment::NamedPlan(options.set) : experiment::LoadPlan(options.plan);
-  if (options.repeats >= 0) {
-    for (experiment::PlannedRun& run : plan.runs) run.repeats = options.repeats;
-  }
+  if (options.repeats >= 0) experiment::RepeatEach(plan, options.repeats);
   const gap::SetFolder folder(options.out, options.overwrite,
                               {options.robot, options.plant, options.plan, options.daemon});
   folder.CheckNames(experiment::FileNames(plan));
+  const std::atomic<bool>& stop = CatchStopSignals();
   SetProgressLine line(experiment::NameRuns(plan));
   const auto progress = [&line](std::size_t run, double share, const experiment::Experiment* done) {
     line.Show(run, share, done);
@@ -82,7 +81,7 @@ void RunExcite(const ExciteOptions& options) {
         },
         progress);
   } else {
-    set = RunInProcess(plan, options, progress);
+    set = RunInProcess(plan, options, stop, progress);
   }
   // Unlike simulated runs, measurements cannot be made again.
   const std::filesystem::path out = experiment::WriteSet(set, folder, options.live);
@@ -126,11 +125,7 @@ void AddExciteCommand(CLI::App& app) {
   command->add_flag("--live", options->live, "on a running daemon instead of the plant in this process");
   command->add_flag("--arm", options->arm, "with --live: arm before every run, disarm after the last");
   AddLcmOptions(*command, options->lcm);
-  command->callback([options] {
-    std::signal(SIGINT, [](int) { stop = true; });
-    std::signal(SIGTERM, [](int) { stop = true; });
-    RunExcite(*options);
-  });
+  command->callback([options] { RunExcite(*options); });
 }
 
 }  // namespace tendril::tools

@@ -15,7 +15,6 @@
 #include "progress.h"
 #include "seed_option.h"
 #include "shell.h"
-#include "tendril/config/whole_file.h"
 #include "tendril/experiment/diagnosis_run.h"
 #include "tendril/gap/diagnose.h"
 #include "tendril/gap/health_lines.h"
@@ -25,20 +24,17 @@ namespace tendril::tools {
 namespace {
 
 struct DiagnoseCommand {
-  std::string robot;
-  std::vector<std::string> logs, before;
+  experiment::DiagnosedLogs logs;
   std::string out = "out/gap", daemon;
   double delta_mm = 0;
-  bool next = true, same_robot = false;
+  bool next = true;
   std::vector<std::string> only;
   gap::DiagnoseOptions diagnose;
 };
 
-/// What to run now: the cause into a robot file, the experiment that distinguishes rivals. `plan`
-/// is where the experiment lies.
+/// What to run now: the cause into a robot file, the experiment that distinguishes rivals.
 std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string& robot,
-                                      const std::filesystem::path& folder,
-                                      const std::filesystem::path& plan) {
+                                      const std::filesystem::path& folder) {
   std::vector<std::string> commands;
   if (d.verdict == gap::Verdict::kAttributed && !d.accepted.empty()) {
     commands.push_back(fmt::format("tendril gap apply --robot {} {} --out {}", ShellWord(robot),
@@ -47,7 +43,7 @@ std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string
   }
   if (!d.next.yaml.empty()) {
     commands.push_back(fmt::format("tendril excite --live --plan {} --robot {} --out {}",
-                                   ShellWord(plan.string()), ShellWord(robot),
+                                   ShellWord((folder / "next.yaml").string()), ShellWord(robot),
                                    ShellWord((folder / "next").string())));
   }
   return commands;
@@ -56,10 +52,7 @@ std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string
 void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) {
   Progress progress;
   progress("reading the logs", 0);
-  const auto other = options.same_robot ? gap::OtherRobot::kNoted : gap::OtherRobot::kRefused;
-  gap::DataSet set = gap::LoadLogs(options.logs, options.robot, other);
-  if (!options.before.empty())
-    gap::CompareWithBefore(set, gap::LoadLogs(options.before, options.robot, other));
+  const gap::DataSet set = experiment::LoadDiagnosedLogs(options.logs);
   options.diagnose.progress = [&](const std::string& stage, double share) { progress(stage, share); };
   options.diagnose.delta_m = 1e-3 * options.delta_mm;
   // The diagnosis takes a while: what makes it doubtful is reported before it begins.
@@ -69,22 +62,16 @@ void DiagnoseInto(const std::filesystem::path& folder, DiagnoseCommand options) 
   gap::Diagnosis diagnosis = experiment::RunDiagnosis(
       set, {.options = options.diagnose, .next = options.next, .daemon = options.daemon, .checked = warn});
   diagnosis.command = CommandAsGiven("tendril");
-  const std::filesystem::path plan = folder / "next.yaml";
-  std::error_code none;  // of an earlier report
-  std::filesystem::remove(plan, none);
-  if (!diagnosis.next.yaml.empty()) config::WriteWhole(plan, diagnosis.next.yaml);
-  diagnosis.next_commands = NextCommands(diagnosis, options.robot, folder, plan);
+  experiment::WriteNextPlan(diagnosis, folder / "next.yaml");
+  diagnosis.next_commands = NextCommands(diagnosis, options.logs.robot, folder);
   gap::WriteReport(diagnosis, folder);
   progress.Finish();
   fmt::print("{}", gap::Summary(diagnosis, folder / "report.html", isatty(STDOUT_FILENO) != 0));
 }
 
 void Run(DiagnoseCommand options) {
-  const auto check = [](const char* option, const std::vector<std::string>& names) {
-    for (const std::string& name : names) ReadFor(option, [&] { return &EffectNamed(name); });
-  };
-  check("--without", options.diagnose.without);
-  check("--only", options.only);
+  for (const auto& name : options.diagnose.without) ReadFor("--without", [&] { return &EffectNamed(name); });
+  for (const auto& name : options.only) ReadFor("--only", [&] { return &EffectNamed(name); });
   options.diagnose.without = ReadFor(
       "--only, --without", [&] { return experiment::LeftOut(options.only, options.diagnose.without); });
   const bool there = std::filesystem::exists(options.out);
@@ -105,14 +92,14 @@ void AddGapDiagnoseCommand(CLI::App& app) {
   CLI::App* command = GapCommand(app).add_subcommand(
       "diagnose",
       "Find where the gap lies, which effect causes it, and how far it shrinks with the effect in the model");
-  command->add_option("--robot", options->robot, "nominal robot file, the one the controller used")
+  command->add_option("--robot", options->logs.robot, "nominal robot file, the one the controller used")
       ->required();
   command
-      ->add_option("logs", options->logs,
+      ->add_option("logs", options->logs.logs,
                    "data-set folders (robot.yaml, runs.yaml, CSV), CSV files or LCM logs, in any mixture")
       ->required();
   command
-      ->add_option("--before", options->before,
+      ->add_option("--before", options->logs.before,
                    "runs of the same commands from before the robot changed: the change is diagnosed, and "
                    "model errors common to both are subtracted; runs are paired by name, or by family if "
                    "there is only one of it")
@@ -121,29 +108,26 @@ void AddGapDiagnoseCommand(CLI::App& app) {
       ->add_option("--out", options->out,
                    "folder for report.html, report.json and next.yaml, the next experiment")
       ->capture_default_str();
-  command
-      ->add_option("--delta-N", options->diagnose.delta_N,
-                   "tension difference that does not matter in practice [N]; default from the noise floor "
-                   "and the signal")
-      ->check(Positive());
-  command
-      ->add_option(
-          "--delta-mm", options->delta_mm,
-          "tip distance that does not matter in practice [mm]; default from the noise floor and the signal")
-      ->check(Positive());
+  const auto add_least = [command](const char* option, double& least, const char* meaning) {
+    command->add_option(option, least, meaning)->check(Positive());
+  };
+  add_least(
+      "--delta-N", options->diagnose.delta_N,
+      "tension difference that does not matter in practice [N]; default from the noise floor and the signal");
+  add_least(
+      "--delta-mm", options->delta_mm,
+      "tip distance that does not matter in practice [mm]; default from the noise floor and the signal");
   command
       ->add_option("--seed", options->diagnose.seed,
                    "of bootstraps and of alternative readings of the sensors")
       ->check(Seed())
       ->capture_default_str();
-  command->add_option("--only", options->only, "search for these effects only, by name, separated by commas")
-      ->delimiter(',')
-      ->allow_extra_args(false);
-  command
-      ->add_option("--without", options->diagnose.without,
-                   "effects to leave out of the library, by name, separated by commas")
-      ->delimiter(',')
-      ->allow_extra_args(false);
+  const auto add_names = [command](const char* option, std::vector<std::string>& names, const char* meaning) {
+    command->add_option(option, names, meaning)->delimiter(',')->allow_extra_args(false);
+  };
+  add_names("--only", options->only, "search for these effects only, by name, separated by commas");
+  add_names("--without", options->diagnose.without,
+            "effects to leave out of the library, by name, separated by commas");
   command->add_option("--refits", options->diagnose.refits, "candidates refitted in full after the screening")
       ->check(CLI::Range(1, 200))
       ->capture_default_str();
@@ -153,7 +137,7 @@ void AddGapDiagnoseCommand(CLI::App& app) {
   command->add_option("--daemon", options->daemon,
                       "daemon file whose controller would run the next experiment (default: that of "
                       "tendrild.yaml, built in)");
-  command->add_flag("--same-robot", options->same_robot,
+  command->add_flag("--same-robot", options->logs.same_robot,
                     "the runs are of the robot of --robot although their own robot file differs (a wrong "
                     "name, length, number of tendons or encoder counts in one of them)");
   command->add_flag("!--no-next", options->next, "do not look for the next experiment");

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <atomic>
-#include <csignal>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -14,6 +13,7 @@
 #include "progress.h"
 #include "seed_option.h"
 #include "set_progress.h"
+#include "stop_signals.h"
 #include "tendril/config/whole_file.h"
 #include "tendril/experiment/experiment_run.h"
 #include "tendril/experiment/planted_set.h"
@@ -32,11 +32,9 @@ struct SimulateOptions {
   bool overwrite = false;
 };
 
-std::atomic<bool> stop = false;
-
 /// The amounts of the effects that are given by their size, and a line for each.
 void FindAmounts(experiment::PlantedEffects& effects, const experiment::Plan& plan,
-                 experiment::ExperimentOptions& experiment) {
+                 experiment::ExperimentOptions& experiment, const std::atomic<bool>& stop) {
   Progress progress;
   experiment::SetAmounts(effects, plan, experiment, &stop,
                          [&](const std::string& stage, double share) { progress(stage, share); });
@@ -54,6 +52,7 @@ RobotParameters Nominal(const SimulateOptions& options) {
 }
 
 void RunSimulate(const SimulateOptions& options) {
+  const std::atomic<bool>& stop = CatchStopSignals();
   const RobotParameters nominal = Nominal(options);
   RobotParameters plant = nominal;
   experiment::PlantedEffects effects;
@@ -78,7 +77,7 @@ void RunSimulate(const SimulateOptions& options) {
     gap::RefuseToReplace(options.truth, "--truth", inputs);
     gap::CheckWritable(options.truth);
   }
-  FindAmounts(effects, plan, experiment);
+  FindAmounts(effects, plan, experiment, stop);
 
   SetProgressLine line(experiment::NameRuns(plan));
   experiment::ExperimentSet set = experiment::RunSet(
@@ -139,11 +138,7 @@ void AddGapSimulateCommand(CLI::App& app) {
   command->add_option("--jobs", options->jobs, "runs at a time")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
-  command->callback([options] {
-    std::signal(SIGINT, [](int) { stop = true; });
-    std::signal(SIGTERM, [](int) { stop = true; });
-    RunSimulate(*options);
-  });
+  command->callback([options] { RunSimulate(*options); });
 }
 
 }  // namespace tendril::tools

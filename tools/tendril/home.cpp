@@ -2,14 +2,13 @@
 // the robot: the daemon does the homing.
 #include <fmt/format.h>
 
-#include <atomic>
-#include <csignal>
 #include <memory>
 #include <stdexcept>
 
 #include "commands.h"
 #include "lcm_options.h"
 #include "number_option.h"
+#include "stop_signals.h"
 #include "tendril/core/clock.h"
 #include "tendril/core/status.h"
 #include "tendril/io/client.h"
@@ -24,8 +23,6 @@ struct HomeOptions {
   double timeout_s = 120;
 };
 
-std::atomic<bool> stop = false;
-
 // Sequence number of the request.
 std::int64_t Request(io::Client& client, ModeRequest mode, const std::string& url) {
   Command command;
@@ -36,6 +33,7 @@ std::int64_t Request(io::Client& client, ModeRequest mode, const std::string& ur
 }
 
 void Home(const HomeOptions& o) {
+  const std::atomic<bool>& stop = CatchStopSignals();
   io::Client client(o.lcm.url, o.lcm.prefix);
   std::int64_t sequence = 0;
   bool heard = false, seen = false;
@@ -100,11 +98,7 @@ void AddHomeCommand(CLI::App& app) {
   home->add_option("--timeout", o->timeout_s, "how long to wait for the end [s]")
       ->capture_default_str()
       ->check(NumberFrom(1, 3600, "give seconds"));
-  home->callback([o] {
-    std::signal(SIGINT, [](int) { stop = true; });
-    std::signal(SIGTERM, [](int) { stop = true; });
-    Home(*o);
-  });
+  home->callback([o] { Home(*o); });
 }
 
 }  // namespace tendril::tools

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 #include <unistd.h>
 
-#include <filesystem>
 #include <iostream>
 #include <map>
 #include <memory>
@@ -14,14 +13,13 @@
 #include "paths.h"
 #include "tendril/config/config.h"
 #include "tendril/config/keys.h"
-#include "tendril/config/whole_file.h"
 #include "tendril/daemon/file_check.h"
+#include "tendril/first_robot/files.h"
 #include "tendril/first_robot/questions.h"
 
 namespace tendril::tools {
 namespace {
 
-namespace fs = std::filesystem;
 using first_robot::Item;
 using first_robot::Question;
 
@@ -77,28 +75,6 @@ first_robot::Dialogue DialogueOf(const InitOptions& options, bool terminal) {
               }};
 }
 
-struct Files {
-  fs::path robot, daemon;
-};
-
-Files FilesOf(const InitOptions& options, const std::string& name) {
-  const Files files{fs::path(options.folder) / (name + ".yaml"),
-                    fs::path(options.folder) / (name + "_tendrild.yaml")};
-  for (const fs::path& file : {files.robot, files.daemon}) {
-    if (!options.force && fs::exists(file))
-      throw std::runtime_error(file.string() +
-                               " exists; give another --name, another folder, or --force to replace it");
-  }
-  return files;
-}
-
-void WriteFiles(const InitOptions& options, const first_robot::NewRobot& made, const Files& files) {
-  fs::create_directories(options.folder);
-  for (const fs::path& file : {files.robot, files.daemon}) config::CheckMayWrite(file);
-  config::WriteWhole(files.robot, first_robot::RobotFileText(made, SchemaFile("robot")));
-  config::WriteWhole(files.daemon, first_robot::DaemonFileText(made, SchemaFile("daemon")));
-}
-
 void Init(const InitOptions& options) {
   const bool terminal = isatty(STDIN_FILENO) != 0 && !options.defaults;
   if (!terminal && !options.defaults && options.given.empty()) {
@@ -107,13 +83,13 @@ void Init(const InitOptions& options) {
         "rig's");
   }
   if (terminal) fmt::print("Enter takes what is in brackets; a unit may follow a number, as in 60 mm.\n");
-  Files files;
+  first_robot::FilePair files;
   const first_robot::NewRobot made =
       first_robot::Ask(DialogueOf(options, terminal), [&](const std::string& name) {
-        files = FilesOf(options, name);
+        files = first_robot::FilesFor(options.folder, name, options.force);
         return files.robot.filename().string();
       });
-  WriteFiles(options, made, files);
+  first_robot::WriteFiles(made, files, {SchemaFile("robot"), SchemaFile("daemon")});
   const std::string robot = files.robot.string(), daemon = files.daemon.string();
   const DaemonParameters checked = config::LoadDaemon(daemon);
   const RobotParameters loaded = config::LoadRobot(robot);

@@ -8,6 +8,7 @@
 #include "tendril/model/arc_tensions.h"
 #include "tendril/model/inverse_equilibrium.h"
 #include "tendril/model/loading.h"
+#include "tension_bounds.h"
 
 namespace tendril::tools {
 namespace {
@@ -16,25 +17,10 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 using model::Body;
 
-struct TensionOptions {
-  double min_tension_N = 0;
+struct InverseOptions {
+  MinTensionOption min_tension;
   bool equilibrium = false;
-  CLI::Option* min_tension = nullptr;
 };
-
-struct Bounds {
-  double low_N, high_N;
-};
-
-Bounds TensionBounds(const RobotParameters& robot, const TensionOptions& options) {
-  const double low_N = *options.min_tension ? options.min_tension_N : robot.limits.min_tension_N;
-  const double high_N = robot.limits.max_tension_base_N;
-  if (!(low_N >= 0 && low_N <= high_N)) {
-    throw UsageError(fmt::format(
-        "--min-tension = {} N: accepted 0 .. {} N (limits.max_tension_base_N of the robot)", low_N, high_N));
-  }
-  return {low_N, high_N};
-}
 
 void RequireShape(const io::CsvReader& rows, const model::TensionedShape& shape,
                   const std::string& asked = {}) {
@@ -42,9 +28,9 @@ void RequireShape(const io::CsvReader& rows, const model::TensionedShape& shape,
   if (!why.empty()) throw rows.Error(fmt::format("{}{}; reduce the target", why, asked));
 }
 
-void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
+void InverseRows(const RobotParameters& robot, const InverseOptions& options) {
   const Body body(robot.body);
-  const Bounds bounds = TensionBounds(robot, options);
+  const TensionBounds bounds = options.min_tension.BoundsOf(robot);
   const int k = body.sections();
   io::CsvReader rows =
       Stdin(io::NumberedPairs("us", "vs", k),
@@ -82,9 +68,9 @@ void InverseRows(const RobotParameters& robot, const TensionOptions& options) {
   }
 }
 
-void InverseTipRows(const RobotParameters& robot, const TensionOptions& options) {
+void InverseTipRows(const RobotParameters& robot, const MinTensionOption& min_tension) {
   const Body body(robot.body);
-  const Bounds bounds = TensionBounds(robot, options);
+  const TensionBounds bounds = min_tension.BoundsOf(robot);
   const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N);
   io::CsvReader rows = Stdin({"x", "y", "z"}, {{"dx", "dy", "dz", "ddx", "ddy", "ddz"}});
   io::CsvWriter out(
@@ -115,17 +101,10 @@ void InverseTipRows(const RobotParameters& robot, const TensionOptions& options)
   }
 }
 
-void AddMinTension(CLI::App& command, const std::shared_ptr<TensionOptions>& options) {
-  options->min_tension = command.add_option("--min-tension", options->min_tension_N,
-                                            "least tension [N] of every tendon (default: "
-                                            "limits.min_tension_N of the robot file; the upper bound is its "
-                                            "limits.max_tension_base_N)");
-}
-
 }  // namespace
 
 void AddModelInverseCommands(CLI::App& model) {
-  auto options = std::make_shared<TensionOptions>();
+  auto options = std::make_shared<InverseOptions>();
   CLI::App* inverse = AddModelEvaluation(
       model, "inverse", "us,vs per section [and dus,dvs,ddus,ddvs] -> T per tendon of least sum (T - Tmin)^2",
       [options](const RobotParameters& robot) { InverseRows(robot, *options); });
@@ -134,7 +113,7 @@ void AddModelInverseCommands(CLI::App& model) {
           "--shape", [options](const std::string& text) { options->equilibrium = text == "equilibrium"; },
           "arc (default) or equilibrium")
       ->check(CLI::IsMember({"arc", "equilibrium"}));
-  AddMinTension(*inverse, options);
+  options->min_tension.AddTo(*inverse);
   inverse->footer(
       "arc: the units of a section share its bend, rates and accelerations equally; the tensions balance "
       "Kane's\nequations projected on that motion, two a section.\nequilibrium: the units bend according to "
@@ -142,13 +121,13 @@ void AddModelInverseCommands(CLI::App& model) {
       "section's units, and every unit's equation of motion holds.\nOut of reach within the tension bounds: "
       "the nearest admissible tensions, and a line on stderr with what is\nmissing.");
 
-  auto tip_options = std::make_shared<TensionOptions>();
+  auto tip_options = std::make_shared<MinTensionOption>();
   CLI::App* inverse_tip = AddModelEvaluation(
       model, "inverse-tip",
       "tip x,y,z [and dx,dy,dz,ddx,ddy,ddz] -> T per tendon and u,v per unit of the true equilibrium with "
       "its tip there",
       [tip_options](const RobotParameters& robot) { InverseTipRows(robot, *tip_options); });
-  AddMinTension(*inverse_tip, tip_options);
+  tip_options->AddTo(*inverse_tip);
   inverse_tip->footer(
       "Tip velocity and acceleration, when given, become section rates of least norm (one section: least "
       "squares),\n"

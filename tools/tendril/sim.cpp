@@ -14,6 +14,7 @@
 #include "number_option.h"
 #include "paths.h"
 #include "seed_option.h"
+#include "stop_signals.h"
 #include "tendril/config/command_line.h"
 #include "tendril/config/config.h"
 #include "tendril/daemon/daemon.h"
@@ -38,7 +39,6 @@ struct SimOptions {
 
 // Another daemon says once a second that it is there.
 constexpr TimeNs kListenForDaemons_ns = 1500 * kNsPerMs;
-volatile std::sig_atomic_t stop = 0;
 
 daemon::DaemonOptions Controller(const SimOptions& o) {
   daemon::DaemonOptions options;
@@ -92,7 +92,7 @@ void RunSim(const SimOptions& o) {
              options.parameters.lcm.url);
   if (!o.headless) fmt::print("in another terminal: tendril send arm && tendril follow circle\n");
   std::fflush(stdout);
-  for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, [](int) { stop = 1; });
+  const std::atomic<bool>& stop = CatchStopSignals();
   std::signal(SIGPIPE, SIG_IGN);  // a reader of its messages may go away
   const TimeNs start_ns = time.clock().Now();
   double slipped_s = 0;
@@ -105,7 +105,7 @@ void RunSim(const SimOptions& o) {
           "smaller --speed keeps pace",
           slipped_s);
     }
-    return stop != 0 || (o.duration_s > 0 && ToSeconds(time.clock().Now() - start_ns) >= o.duration_s);
+    return stop || (o.duration_s > 0 && ToSeconds(time.clock().Now() - start_ns) >= o.duration_s);
   });
   fmt::print("tendril sim: {:.1f} s simulated, {:.1f} s behind\n", ToSeconds(time.clock().Now() - start_ns),
              time.slipped_s());

@@ -51,8 +51,4 @@ struct NewRobot {
 /// Asks all, in the order of Items(). `robot_file`: as the daemon's file names it, from the robot's name.
 NewRobot Ask(const Dialogue& dialogue, const std::function<std::string(const std::string& name)>& robot_file);
 
-/// The commented files. `schema` is the path of the JSON Schema for editors, empty where there is none.
-std::string RobotFileText(const NewRobot& made, const std::string& schema);
-std::string DaemonFileText(const NewRobot& made, const std::string& schema);
-
 }  // namespace tendril::first_robot

@@ -1,12 +1,14 @@
-// The files as text: resolved, with each key's meaning above it, and what to do about what nobody was asked.
+// Resolved, with each key's meaning above it, and what to do about what nobody was asked.
+#include "tendril/first_robot/files.h"
+
 #include <fmt/format.h>
 
 #include <regex>
-#include <string>
+#include <stdexcept>
 
 #include "tendril/config/answer.h"
 #include "tendril/config/config.h"
-#include "tendril/first_robot/questions.h"
+#include "tendril/config/whole_file.h"
 
 namespace tendril::first_robot {
 namespace {
@@ -45,6 +47,23 @@ std::string DaemonFileText(const NewRobot& made, const std::string& schema) {
       "# rig, in proportion to the tendons' travel and tension.\n",
       made.robot.name);
   return Head(schema, head) + config::WithMeanings(config::ToYaml(made.daemon), config::DaemonFileKeys());
+}
+
+FilePair FilesFor(const std::filesystem::path& folder, const std::string& name, bool replace) {
+  FilePair files{folder / (name + ".yaml"), folder / (name + "_tendrild.yaml")};
+  for (const auto& file : {files.robot, files.daemon}) {
+    if (!replace && std::filesystem::exists(file))
+      throw std::runtime_error(file.string() +
+                               " exists; give another --name, another folder, or --force to replace it");
+  }
+  return files;
+}
+
+void WriteFiles(const NewRobot& made, const FilePair& files, const FilePair& schemas) {
+  std::filesystem::create_directories(files.robot.parent_path());
+  for (const auto& file : {files.robot, files.daemon}) config::CheckMayWrite(file);
+  config::WriteWhole(files.robot, RobotFileText(made, schemas.robot.string()));
+  config::WriteWhole(files.daemon, DaemonFileText(made, schemas.daemon.string()));
 }
 
 }  // namespace tendril::first_robot

@@ -1,0 +1,30 @@
+#include "stop_signals.h"
+
+#include <csignal>
+
+namespace tendril::tools {
+namespace {
+
+std::atomic<bool> stopped = false;
+std::atomic<int> last_signal = 0;
+static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<int>::is_always_lock_free,
+              "a signal handler takes no lock");
+
+void Take(int signal) {
+  last_signal = signal;
+  stopped = true;
+}
+
+}  // namespace
+
+const std::atomic<bool>& CatchStopSignals() {
+  for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, Take);
+  return stopped;
+}
+
+std::string StoppedBy() {
+  if (last_signal == 0) return {};
+  return last_signal == SIGTERM ? "SIGTERM" : "Ctrl-C";
+}
+
+}  // namespace tendril::tools

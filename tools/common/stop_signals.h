@@ -1,0 +1,15 @@
+// Ctrl-C and SIGTERM as a request to end in order. Knows nothing of the work.
+#pragma once
+
+#include <atomic>
+#include <string>
+
+namespace tendril::tools {
+
+/// From now on these signals do not end the program: they set the flag that is returned.
+const std::atomic<bool>& CatchStopSignals();
+
+/// "Ctrl-C" or "SIGTERM", whichever came last; empty: neither.
+std::string StoppedBy();
+
+}  // namespace tendril::tools
