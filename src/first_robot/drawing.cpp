@@ -12,6 +12,7 @@
 
 #include "tendril/model/body.h"
 #include "tendril/model/pull_cone.h"
+#include "tendril/model/shape_points.h"
 
 namespace tendril::first_robot {
 namespace {
@@ -27,13 +28,6 @@ constexpr std::string_view kColours[] = {"#0072b2", "#d55e00", "#009e73", "#cc79
 constexpr std::string_view kBackbone = "#222", kFaint = "#9aa0a6";
 
 Vector2d Side(const Vector3d& p_W) { return {p_W.x(), p_W.z()}; }
-
-/// Frames 0 (the base) to N of a shape.
-std::vector<Pose> Frames(const Body& body, const Eigen::VectorXd& q) {
-  std::vector<Pose> frames(static_cast<std::size_t>(body.units()) + 1);
-  body.Poses(q, std::span(frames).subspan(1));
-  return frames;
-}
 
 /// Diameter of the disk of a unit (from 0): that of a uniform thin disk with its inertia, around all holes.
 double Diameter(const BodyParameters& body, const SectionParameters& section) {
@@ -63,11 +57,10 @@ struct Shape {
   std::vector<Vector2d> backbone, tangents;          // at the frames
   std::vector<std::pair<Vector2d, Vector2d>> disks;  // ends of their edges
   std::vector<std::vector<Vector2d>> tendons;        // through the holes
-  std::vector<int> tendon_section;
 };
 
 Shape ShapeOf(const RobotParameters& robot, const Body& body, const Eigen::VectorXd& q) {
-  const std::vector<Pose> frames = Frames(body, q);
+  const std::vector<Pose> frames = model::DiskPoses(body, q);
   Shape shape;
   for (const Pose& f : frames) {
     shape.backbone.push_back(Side(f.p_WA));
@@ -81,23 +74,12 @@ Shape ShapeOf(const RobotParameters& robot, const Body& body, const Eigen::Vecto
       const Vector2d along = Vector2d(axis.y(), -axis.x()).normalized() * half_m;
       shape.disks.emplace_back(Side(f.p_WA) - along, Side(f.p_WA) + along);
     }
-    for (const TendonRoute& t : robot.body.sections[static_cast<std::size_t>(k)].tendons) {
-      std::vector<Vector2d> holes;
-      for (int i = 0; i <= body.end_unit(k); ++i) {
-        const Pose& f = frames[static_cast<std::size_t>(i)];
-        // Disks of a twisted robot have their holes turned.
-        double length_m = 0;
-        for (int n = 0, at = 0; n < body.sections(); ++n) {
-          for (int u = body.first_unit(n); u < body.end_unit(n) && at < i; ++u, ++at)
-            length_m += robot.body.sections[static_cast<std::size_t>(n)].unit_length_m;
-        }
-        const double angle_rad = t.angle_rad + robot.body.twist_rad_per_m * length_m;
-        holes.push_back(Side(f.p_WA + f.R_WA * Vector3d(t.radius_m * std::cos(angle_rad),
-                                                        t.radius_m * std::sin(angle_rad), 0)));
-      }
-      shape.tendons.push_back(std::move(holes));
-      shape.tendon_section.push_back(k);
-    }
+  }
+  for (int tendon = 0; tendon < body.tendons(); ++tendon) {
+    const Eigen::Matrix3Xd at = model::TendonHoles(body, q, tendon);
+    std::vector<Vector2d> holes;
+    for (Eigen::Index i = 0; i < at.cols(); ++i) holes.push_back(Side(at.col(i)));
+    shape.tendons.push_back(std::move(holes));
   }
   return shape;
 }
@@ -148,7 +130,8 @@ std::string BackbonePath(const Shape& shape, const Canvas& canvas, const Body& b
   return path;
 }
 
-std::string ShapeGroup(const Shape& shape, const Canvas& canvas, const std::string& backbone, bool faint) {
+std::string ShapeGroup(const Shape& shape, const Canvas& canvas, const Body& body, const Eigen::VectorXd& q,
+                       bool faint) {
   std::string svg =
       fmt::format("<g class=\"{}\"{}>\n", faint ? "straight" : "bent", faint ? " opacity=\"0.4\"" : "");
   for (std::size_t j = 0; j < shape.tendons.size(); ++j) {
@@ -156,7 +139,7 @@ std::string ShapeGroup(const Shape& shape, const Canvas& canvas, const std::stri
     for (const Vector2d& p : shape.tendons[j]) points += fmt::format("{} ", canvas.Text(p));
     svg += fmt::format(
         "<polyline class=\"tendon\" points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.3\"/>\n",
-        points, kColours[static_cast<std::size_t>(shape.tendon_section[j])]);
+        points, kColours[static_cast<std::size_t>(body.tendon_section(static_cast<int>(j)))]);
   }
   for (const auto& [from, to] : shape.disks) {
     svg += fmt::format(
@@ -167,7 +150,7 @@ std::string ShapeGroup(const Shape& shape, const Canvas& canvas, const std::stri
   return svg +
          fmt::format(
              "<path class=\"backbone\" d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"3\"/>\n</g>\n",
-             backbone, kBackbone);
+             BackbonePath(shape, canvas, body, q), kBackbone);
 }
 
 std::string Label(double x, double y, const std::string& text, std::string_view more = "") {
@@ -274,8 +257,8 @@ std::string Drawing(const RobotParameters& robot) {
       "<rect width=\"{0}\" height=\"{1}\" fill=\"#fff\"/>\n",
       kWidth, kHeight, robot.name);
   svg += Base(canvas, half_m);
-  svg += ShapeGroup(shapes[0], canvas, BackbonePath(shapes[0], canvas, body, straight), true);
-  svg += ShapeGroup(shapes[1], canvas, BackbonePath(shapes[1], canvas, body, bent), false);
+  svg += ShapeGroup(shapes[0], canvas, body, straight, true);
+  svg += ShapeGroup(shapes[1], canvas, body, bent, false);
   return svg + Legend(robot, canvas) + "</svg>\n";
 }
 

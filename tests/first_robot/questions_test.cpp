@@ -16,6 +16,7 @@
 
 #include "tendril/config/config.h"
 #include "tendril/daemon/file_check.h"
+#include "tendril/first_robot/files.h"
 
 namespace tendril::first_robot {
 namespace {

@@ -72,8 +72,19 @@ bool Has(const Place& place, const std::vector<std::string>& modules) {
   return WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }
 
-/// Leaves the environment as the interpreter that is found needs it.
-std::string Find(const std::vector<std::string>& modules) {
+/// Becomes it, in the environment that FindPython left.
+[[noreturn]] void Become(const std::string& interpreter, const std::string& module,
+                         const std::vector<std::string>& arguments) {
+  std::vector<std::string> words{interpreter, "-m", module};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  execvp(interpreter.c_str(), Pointers(words).data());
+  throw std::runtime_error(fmt::format("cannot start {}: {}", interpreter, std::strerror(errno)));
+}
+
+}  // namespace
+
+// Leaves the environment as the interpreter that is found needs it.
+std::string FindPython(const std::vector<std::string>& modules) {
   const char* before = std::getenv("PYTHONPATH");
   const std::string path = before ? before : "";
   for (const Place& place : Places()) {
@@ -88,28 +99,23 @@ std::string Find(const std::vector<std::string>& modules) {
   return {};
 }
 
-}  // namespace
+void RunPython(const std::string& module, const std::vector<std::string>& arguments,
+               const std::vector<std::string>& modules) {
+  RunPythonIfThere(module, arguments, modules);
+  std::vector<std::string> asked;
+  for (const Place& place : Places()) asked.push_back(place.interpreter);
+  throw std::runtime_error(fmt::format(
+      "{} is a part of the Python package tendril{}, which none of these has: {}; install it with "
+      "pip install './python[{}]' in the checkout (in a venv), or name the interpreter that has it "
+      "in TENDRIL_PYTHON",
+      module, modules.empty() ? "" : fmt::format(" (with {})", fmt::join(modules, ", ")),
+      fmt::join(asked, ", "), module.substr(module.rfind('.') + 1)));
+}
 
-std::string FindPython(const std::vector<std::string>& modules) { return Find(modules); }
-
-int RunPython(const std::string& module, const std::vector<std::string>& arguments,
-              const std::vector<std::string>& modules) {
-  const std::string interpreter = Find(modules);
-  const std::string extra = module.substr(module.rfind('.') + 1);
-  if (interpreter.empty()) {
-    std::vector<std::string> asked;
-    for (const Place& place : Places()) asked.push_back(place.interpreter);
-    throw std::runtime_error(fmt::format(
-        "{} is a part of the Python package tendril{}, which none of these has: {}; install it with "
-        "pip install './python[{}]' in the checkout (in a venv), or name the interpreter that has it "
-        "in TENDRIL_PYTHON",
-        module, modules.empty() ? "" : fmt::format(" (with {})", fmt::join(modules, ", ")),
-        fmt::join(asked, ", "), extra));
-  }
-  std::vector<std::string> words{interpreter, "-m", module};
-  words.insert(words.end(), arguments.begin(), arguments.end());
-  execvp(interpreter.c_str(), Pointers(words).data());
-  throw std::runtime_error(fmt::format("cannot start {}: {}", interpreter, std::strerror(errno)));
+void RunPythonIfThere(const std::string& module, const std::vector<std::string>& arguments,
+                      const std::vector<std::string>& modules) {
+  if (const std::string interpreter = FindPython(modules); !interpreter.empty())
+    Become(interpreter, module, arguments);
 }
 
 }  // namespace tendril::tools

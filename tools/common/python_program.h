@@ -13,8 +13,11 @@ namespace tendril::tools {
 std::string FindPython(const std::vector<std::string>& modules = {});
 
 /// Becomes `python -m MODULE ARGUMENTS...` ("tendril.view") with an interpreter that has `modules` too.
-/// Returns only by throwing std::runtime_error: what is missing, and the command that installs it.
-int RunPython(const std::string& module, const std::vector<std::string>& arguments,
-              const std::vector<std::string>& modules = {});
+/// Throws std::runtime_error: what is missing, and the command that installs it.
+[[noreturn]] void RunPython(const std::string& module, const std::vector<std::string>& arguments,
+                            const std::vector<std::string>& modules = {});
+/// The same; returns where no interpreter has them.
+void RunPythonIfThere(const std::string& module, const std::vector<std::string>& arguments,
+                      const std::vector<std::string>& modules);
 
 }  // namespace tendril::tools

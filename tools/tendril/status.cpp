@@ -71,12 +71,11 @@ void Show(const StatusOptions& o, const io::DaemonStatus& status, const std::str
 
 /// Becomes the dashboard; returns where there is none to become: no terminal, or no Python package.
 void BecomeDashboard(const StatusOptions& o) {
-  const std::vector<std::string> needs{"tendril.dashboard", "textual"};
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
     if (isatty(stream) == 0) return;
   }
-  if (FindPython(needs).empty()) return;
-  RunPython("tendril.dashboard", {"--lcm", o.lcm.url, "--prefix", o.lcm.prefix}, needs);
+  RunPythonIfThere("tendril.dashboard", {"--lcm", o.lcm.url, "--prefix", o.lcm.prefix},
+                   {"tendril.dashboard", "textual"});
 }
 
 void Status(const StatusOptions& o) {
