@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -131,6 +133,17 @@ def test_a_row_without_solution_is_named(rig):
     assert error.value.row == 1
     with pytest.raises(tendril.ModelError, match="row 0: unit 1 is bent .*bend it less"):
         model.fk(np.full(2 * rig.units, 5.0))
+
+
+def test_errors_come_back_from_another_process():
+    """A multiprocessing.Pool whose worker raises what cannot be unpickled waits for ever."""
+    for error in (
+        tendril.ModelError("no stable equilibrium; lower the tensions", 3),
+        tendril.ConfigError("robot.yaml:7: body.units: is missing; add it"),
+        tendril.DaemonError("no daemon answers"),
+    ):
+        again = pickle.loads(pickle.dumps(error))
+        assert type(again) is type(error) and str(again) == str(error) and vars(again) == vars(error)
 
 
 def test_errors_of_files_name_file_line_and_key(tmp_path):
