@@ -11,7 +11,7 @@ import time
 import weakref
 from collections.abc import Callable, Iterator
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -234,6 +234,8 @@ class Statistics:
 _LIMP = (state_t.MODE_DISCONNECTED, state_t.MODE_CONFIGURED, state_t.MODE_FAULT)
 
 _open: weakref.WeakSet[Client] = weakref.WeakSet()
+# Commanded something, and not closed since: kept here, so that a client that the program drops is disarmed in the end too.
+_in_control: set[Client] = set()
 
 
 @atexit.register
@@ -241,6 +243,16 @@ def _close_all() -> None:
     """A program that ends leaves nothing armed that it armed."""
     for client in list(_open):
         client.close()
+
+
+def _leave_to_parent() -> None:
+    """A forked process has the robot of no client: it is the parent's to command and to disarm."""
+    for client in list(_open):
+        client._core.leave_to_parent()
+    _in_control.clear()
+
+
+os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 class Client:
@@ -325,7 +337,7 @@ class Client:
         Returns:
             A line on where the robot is now.
         """
-        self._armed = True
+        self._take_control()
         try:
             answer = self._mode("arm", timeout, waiting)
             if timeout > 0:
@@ -451,7 +463,7 @@ class Client:
         request.nearest, request.stretch = nearest, stretch
         request.speed, request.acceleration, request.jerk = speed, acceleration, jerk
         tell = None if progress is None else (lambda line, _share: progress(line))
-        self._armed = True
+        self._take_control()
         file = "" if robot is None else os.fspath(robot)
         with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
             _word(request, path, times, corners, pathlib.Path(folder))
@@ -467,7 +479,15 @@ class Client:
             if self._armed:
                 self._disarm_quietly(10.0)
         finally:
+            _in_control.discard(self)
             self._core.close()
+
+    def _take_control(self) -> None:
+        self._armed = True
+        _in_control.add(self)
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a client is not copied: who closes it disarms the robot; open another one: tendril.Client()")
 
     def __enter__(self) -> Client:
         return self
@@ -494,7 +514,7 @@ class Client:
             raise ValueError(f"speed is {speed}; give 0 to 1000 rad/s, 0 for the daemon's own")
         if not 1e-3 <= float(numbers("valid_for", valid_for, "seconds")) <= 3600:
             raise ValueError(f"valid_for is {valid_for}; give 0.001 to 3600 s")
-        self._armed = True
+        self._take_control()
         return _daemon_errors(send)
 
     def _disarm_quietly(self, timeout: float) -> None:
