@@ -141,6 +141,12 @@ def test_wrong_tables_say_what_is_missing(rig):
         tendril.DataSet.from_dataframe({"a": [1, 2]}, rig)
 
 
+def test_times_in_another_unit_are_refused_before_they_fill_the_memory(rig, data):
+    table = next(iter(data.to_pandas().values())).iloc[:200]
+    with pytest.raises(tendril.Error, match="run: its rows are 1e-12 s apart; accepted: 1e-06 s or more"):
+        tendril.diagnose(rig, table.assign(t_s=1e-9 * table["t_s"]), next=False)
+
+
 def test_wrong_arguments_are_named(rig, data, tmp_path):
     with pytest.raises(ValueError, match="there is no effect 'tip_paylod'; did you mean tip_payload"):
         tendril.simulate(rig, ["tip_paylod mass_kg=0.002"])
