@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "commands.h"
+#include "output.h"
 #include "paths.h"
 #include "tendril/config/config.h"
 #include "tendril/config/keys.h"
@@ -85,7 +86,8 @@ Files FilesOf(const InitOptions& options, const std::string& name) {
   const Files files{fs::path(options.folder) / (name + ".yaml"),
                     fs::path(options.folder) / (name + "_tendrild.yaml")};
   for (const fs::path& file : {files.robot, files.daemon}) {
-    if (!options.force && fs::exists(file))
+    std::error_code none;  // what cannot be looked at is not there; making the folder says why
+    if (!options.force && fs::exists(file, none))
       throw std::runtime_error(file.string() +
                                " exists; give another --name, another folder, or --force to replace it");
   }
@@ -93,7 +95,7 @@ Files FilesOf(const InitOptions& options, const std::string& name) {
 }
 
 void WriteFiles(const InitOptions& options, const first_robot::NewRobot& made, const Files& files) {
-  fs::create_directories(options.folder);
+  MakeOutputFolder(options.folder, "name another folder");
   for (const fs::path& file : {files.robot, files.daemon}) config::CheckMayWrite(file);
   config::WriteWhole(files.robot, first_robot::RobotFileText(made, SchemaFile("robot")));
   config::WriteWhole(files.daemon, first_robot::DaemonFileText(made, SchemaFile("daemon")));
