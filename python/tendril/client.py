@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _core
-from ._arrays import Array, numbers, vector
+from ._arrays import Array, file_name, flag, number, numbers, text, vector
 from .errors import ConfigError, DaemonError, Error
 from .messages import event_t, run_t, state_t, statistics_t
 
@@ -276,8 +276,9 @@ class Client:
 
     def __init__(self, url: str | None = None, prefix: str = "TENDRIL") -> None:
         self._armed = False
+        address = text("url", url or os.environ.get("LCM_DEFAULT_URL") or DEFAULT_URL)
         try:
-            self._core = _core.Client(url or os.environ.get("LCM_DEFAULT_URL") or DEFAULT_URL, prefix)
+            self._core = _core.Client(address, text("prefix", prefix))
         except Error as error:
             raise DaemonError(str(error)) from None
         _open.add(self)
@@ -460,11 +461,18 @@ class Client:
             ValueError: points that make no sense.
         """
         request = _core.MotionRequest()
-        request.nearest, request.stretch = nearest, stretch
-        request.speed, request.acceleration, request.jerk = speed, acceleration, jerk
+        request.nearest = flag("nearest", nearest)
+        request.speed = number("speed", speed, "rad/s")
+        request.acceleration = number("acceleration", acceleration, "rad/s^2")
+        request.jerk = number("jerk", jerk, "rad/s^3")
+        request.stretch = number("stretch", stretch, "above 0")
+        if request.stretch <= 0 or (times is None and request.stretch != 1):
+            raise ValueError(f"stretch is {stretch}; give a number above 0, and times, which it multiplies")
+        if min(request.speed, request.acceleration, request.jerk) < 0:
+            raise ValueError("speed, acceleration or jerk is negative; give 0 for the daemon's own, or more")
         tell = None if progress is None else (lambda line, _share: progress(line))
         self._take_control()
-        file = "" if robot is None else os.fspath(robot)
+        file = "" if robot is None else file_name("robot", robot)
         with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
             _word(request, path, times, corners, pathlib.Path(folder))
             return _daemon_errors(lambda: self._core.follow(request, file, tell))
@@ -510,9 +518,9 @@ class Client:
 
     def _target(self, send: Callable[[], str], speed: float, valid_for: float, timeout: float) -> str:
         _seconds("timeout", timeout)
-        if not 0 <= float(numbers("speed", speed, "rad/s")) <= 1e3:
+        if not 0 <= number("speed", speed, "rad/s") <= 1e3:
             raise ValueError(f"speed is {speed}; give 0 to 1000 rad/s, 0 for the daemon's own")
-        if not 1e-3 <= float(numbers("valid_for", valid_for, "seconds")) <= 3600:
+        if not 1e-3 <= number("valid_for", valid_for, "seconds") <= 3600:
             raise ValueError(f"valid_for is {valid_for}; give 0.001 to 3600 s")
         self._take_control()
         return _daemon_errors(send)
@@ -595,6 +603,6 @@ def _daemon_errors(call: Callable[[], str]) -> str:
 
 
 def _seconds(name: str, value: float) -> float:
-    if not 0 <= float(numbers(name, value, "seconds")) <= 3600:
+    if not 0 <= number(name, value, "seconds") <= 3600:
         raise ValueError(f"{name} is {value}; give 0 to 3600 s")
     return float(value)

@@ -105,6 +105,13 @@ def test_refusals_have_reason_and_remedy(client):
         client.send_tip([0, 0.05])
     with pytest.raises(ValueError, match=r"bending\[1\] is nan"):
         client.send_bending([0, np.nan])
+    for arguments in ({"stretch": 2}, {"stretch": np.nan}, {"speed": "fast"}, {"jerk": -1}, {"nearest": 1}):
+        with pytest.raises(ValueError, match=next(iter(arguments))):
+            client.follow("circle", **arguments)
+    with pytest.raises(ValueError, match=r"timeout has shape \(1,\)"):
+        client.state(timeout=[1])
+    with pytest.raises(ValueError, match="prefix is NoneType; give a text"):
+        tendril.Client(prefix=None)
     with pytest.raises(ValueError, match="timeout is -1"):
         client.arm(timeout=-1)
     client.close()

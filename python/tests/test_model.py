@@ -122,6 +122,19 @@ def test_wrong_arguments_say_what_is_expected(rig):
         model.forward_dynamics(np.zeros((2, n)), np.zeros((3, n)), np.zeros(3))
     with pytest.raises(ValueError, match="is str, not numbers"):
         model.fk("straight")
+    with pytest.raises(ValueError, match="some values are masked"):
+        model.statics(np.ma.masked_less([1.0, 2.0, 3.0], 2))
+    for given in ([1, 2, 3j], ["1", "2", "3"], np.array(["2024-01-01"] * 3, dtype="M8[D]")):
+        with pytest.raises(ValueError, match="T is .*, not numbers"):
+            model.statics(given)
+    with pytest.raises(ValueError, match=r"or one for all, of shape \(3,\)"):
+        model.statics(np.ones((3, 3)), np.zeros((1, 3)))
+    with pytest.raises(ValueError, match="points is 'many'; give a whole number from 2"):
+        model.backbone(np.zeros(2 * rig.units), points="many")
+    assert model.backbone(np.zeros(2 * rig.units), points=np.int64(3)).shape == (3, 3)
+    for path in (b"none\xff", "none\udcff", "", "a\0b", None, 7):
+        with pytest.raises(ValueError, match="path is .*; give a path"):
+            tendril.load_robot(path)
     with pytest.raises(ValueError, match="give a Robot"):
         tendril.Model("rig")
 
