@@ -239,6 +239,8 @@ class Client {
     const nb::gil_scoped_release released;
     last.reset();
   }
+  /// After a fork, in the child: connection and thread are the parent's, and nothing here can end them.
+  void LeaveToParent() { (void)new std::shared_ptr<Listener>(std::exchange(listener_, nullptr)); }
   bool closed() const { return !listener_; }
   const std::string& url() const { return url_; }
   const std::string& prefix() const { return prefix_; }
@@ -330,6 +332,7 @@ void AddClient(nb::module_& m) {
       .def("tension", &Client::Tension, nb::arg("tension"), nb::arg("valid_for"), nb::arg("timeout"))
       .def("follow", &Client::Follow, nb::arg("request"), nb::arg("robot_file"), nb::arg("progress").none())
       .def("close", &Client::Close)
+      .def("leave_to_parent", &Client::LeaveToParent)
       .def_prop_ro("closed", &Client::closed)
       .def_prop_ro("url", &Client::url)
       .def_prop_ro("prefix", &Client::prefix);

@@ -21,6 +21,7 @@ import atexit as _atexit
 import os as _os
 
 from . import _core
+from ._arrays import file_name as _file_name
 from ._core import Daemon, Robot, Run
 from .client import Client, Event, State, Statistics
 from .data_set import DataSet
@@ -39,7 +40,7 @@ _atexit.register(_core.await_abandoned)
 
 def load_robot(path: str | _os.PathLike[str]) -> Robot:
     """Reads a robot file (config/robots/*.yaml). Raises `ConfigError` with file, line and key."""
-    return _core.load_robot(_os.fspath(path))
+    return _core.load_robot(_file_name("path", path))
 
 
 def parse_robot(yaml: str, name: str = "robot") -> Robot:
@@ -49,7 +50,7 @@ def parse_robot(yaml: str, name: str = "robot") -> Robot:
 
 def load_daemon(path: str | _os.PathLike[str]) -> Daemon:
     """Reads a daemon file (config/tendrild.yaml). Raises `ConfigError` with file, line and key."""
-    return _core.load_daemon(_os.fspath(path))
+    return _core.load_daemon(_file_name("path", path))
 
 
 __all__ = [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import operator
+import os
 from typing import Any
 
 import numpy as np
@@ -11,9 +13,14 @@ Array = NDArray[np.float64]
 
 
 def numbers(name: str, value: ArrayLike, meaning: str) -> Array:
-    """`value` as an array of finite doubles."""
+    """`value` as an array of finite doubles. What numpy turns into doubles by leaving something out is refused."""
     try:
-        array = np.asarray(value, dtype=np.float64)
+        given = np.asanyarray(value)
+        if given.dtype.kind not in "buifO":
+            raise TypeError(f"of type {given.dtype}")
+        if np.ma.is_masked(given):
+            raise TypeError("some values are masked")
+        array = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError) as error:
         kind = type(value).__name__
         raise ValueError(f"{name} is {kind}, not numbers ({error}); give {meaning}") from None
@@ -23,6 +30,49 @@ def numbers(name: str, value: ArrayLike, meaning: str) -> Array:
         place = f"[{', '.join(map(str, where))}]" if where else ""
         raise ValueError(f"{name}{place} is {value_there}; give finite numbers: {meaning}")
     return array
+
+
+def number(name: str, value: ArrayLike, meaning: str) -> float:
+    """One finite number."""
+    array = numbers(name, value, meaning)
+    if array.ndim != 0:
+        raise ValueError(f"{name} has shape {array.shape}; give one number: {meaning}")
+    return float(array)
+
+
+def whole(name: str, value: Any, least: int, most: int) -> int:
+    """A whole number of Python or numpy."""
+    try:
+        number_there = operator.index(value)
+    except TypeError:
+        number_there = least - 1
+    if isinstance(value, (bool, np.bool_)) or not least <= number_there <= most:
+        raise ValueError(f"{name} is {value!r}; give a whole number from {least} to {most}")
+    return number_there
+
+
+def flag(name: str, value: Any) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise ValueError(f"{name} is {value!r}; give True or False")
+    return bool(value)
+
+
+def text(name: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{name} is {type(value).__name__}; give a text")
+    return value
+
+
+def file_name(name: str, path: Any) -> str:
+    """The path of a file or folder, as UTF-8 text."""
+    try:
+        file = os.fsdecode(path)
+        file.encode()
+    except (TypeError, UnicodeEncodeError):
+        raise ValueError(f"{name} is {path!r}; give a path as str or pathlib.Path, in UTF-8") from None
+    if not file or "\0" in file:
+        raise ValueError(f"{name} is {path!r}; give a path")
+    return file
 
 
 def vector(name: str, value: ArrayLike, count: int | None, meaning: str) -> Array:
@@ -52,7 +102,7 @@ class Batch:
             if self.rows is not None and array.shape[0] != self.rows:
                 raise ValueError(
                     f"{name} has {array.shape[0]} rows and {self._named} {self.rows}; "
-                    "give the same number of rows, or one row for all"
+                    f"give the same number of rows, or one for all, of shape ({columns},)"
                 )
             self.rows, self._named = array.shape[0], name
         self._arrays.append(array)

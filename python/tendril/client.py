@@ -11,13 +11,13 @@ import time
 import weakref
 from collections.abc import Callable, Iterator
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _core
-from ._arrays import Array, numbers, vector
+from ._arrays import Array, file_name, flag, number, numbers, text, vector
 from .errors import ConfigError, DaemonError, Error
 from .messages import event_t, run_t, state_t, statistics_t
 
@@ -234,6 +234,8 @@ class Statistics:
 _LIMP = (state_t.MODE_DISCONNECTED, state_t.MODE_CONFIGURED, state_t.MODE_FAULT)
 
 _open: weakref.WeakSet[Client] = weakref.WeakSet()
+# Commanded something, and not closed since: kept here, so that a client that the program drops is disarmed in the end too.
+_in_control: set[Client] = set()
 
 
 @atexit.register
@@ -241,6 +243,16 @@ def _close_all() -> None:
     """A program that ends leaves nothing armed that it armed."""
     for client in list(_open):
         client.close()
+
+
+def _leave_to_parent() -> None:
+    """A forked process has the robot of no client: it is the parent's to command and to disarm."""
+    for client in list(_open):
+        client._core.leave_to_parent()
+    _in_control.clear()
+
+
+os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 class Client:
@@ -264,8 +276,9 @@ class Client:
 
     def __init__(self, url: str | None = None, prefix: str = "TENDRIL") -> None:
         self._armed = False
+        address = text("url", url or os.environ.get("LCM_DEFAULT_URL") or DEFAULT_URL)
         try:
-            self._core = _core.Client(url or os.environ.get("LCM_DEFAULT_URL") or DEFAULT_URL, prefix)
+            self._core = _core.Client(address, text("prefix", prefix))
         except Error as error:
             raise DaemonError(str(error)) from None
         _open.add(self)
@@ -325,7 +338,7 @@ class Client:
         Returns:
             A line on where the robot is now.
         """
-        self._armed = True
+        self._take_control()
         try:
             answer = self._mode("arm", timeout, waiting)
             if timeout > 0:
@@ -448,11 +461,18 @@ class Client:
             ValueError: points that make no sense.
         """
         request = _core.MotionRequest()
-        request.nearest, request.stretch = nearest, stretch
-        request.speed, request.acceleration, request.jerk = speed, acceleration, jerk
+        request.nearest = flag("nearest", nearest)
+        request.speed = number("speed", speed, "rad/s")
+        request.acceleration = number("acceleration", acceleration, "rad/s^2")
+        request.jerk = number("jerk", jerk, "rad/s^3")
+        request.stretch = number("stretch", stretch, "above 0")
+        if request.stretch <= 0 or (times is None and request.stretch != 1):
+            raise ValueError(f"stretch is {stretch}; give a number above 0, and times, which it multiplies")
+        if min(request.speed, request.acceleration, request.jerk) < 0:
+            raise ValueError("speed, acceleration or jerk is negative; give 0 for the daemon's own, or more")
         tell = None if progress is None else (lambda line, _share: progress(line))
-        self._armed = True
-        file = "" if robot is None else os.fspath(robot)
+        self._take_control()
+        file = "" if robot is None else file_name("robot", robot)
         with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
             _word(request, path, times, corners, pathlib.Path(folder))
             return _daemon_errors(lambda: self._core.follow(request, file, tell))
@@ -467,7 +487,15 @@ class Client:
             if self._armed:
                 self._disarm_quietly(10.0)
         finally:
+            _in_control.discard(self)
             self._core.close()
+
+    def _take_control(self) -> None:
+        self._armed = True
+        _in_control.add(self)
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a client is not copied: who closes it disarms the robot; open another one: tendril.Client()")
 
     def __enter__(self) -> Client:
         return self
@@ -490,11 +518,11 @@ class Client:
 
     def _target(self, send: Callable[[], str], speed: float, valid_for: float, timeout: float) -> str:
         _seconds("timeout", timeout)
-        if not 0 <= float(numbers("speed", speed, "rad/s")) <= 1e3:
+        if not 0 <= number("speed", speed, "rad/s") <= 1e3:
             raise ValueError(f"speed is {speed}; give 0 to 1000 rad/s, 0 for the daemon's own")
-        if not 1e-3 <= float(numbers("valid_for", valid_for, "seconds")) <= 3600:
+        if not 1e-3 <= number("valid_for", valid_for, "seconds") <= 3600:
             raise ValueError(f"valid_for is {valid_for}; give 0.001 to 3600 s")
-        self._armed = True
+        self._take_control()
         return _daemon_errors(send)
 
     def _disarm_quietly(self, timeout: float) -> None:
@@ -575,6 +603,6 @@ def _daemon_errors(call: Callable[[], str]) -> str:
 
 
 def _seconds(name: str, value: float) -> float:
-    if not 0 <= float(numbers(name, value, "seconds")) <= 3600:
+    if not 0 <= number(name, value, "seconds") <= 3600:
         raise ValueError(f"{name} is {value}; give 0 to 3600 s")
     return float(value)

@@ -5,17 +5,20 @@ from __future__ import annotations
 import contextlib
 import os
 import pathlib
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from . import _core
+from ._arrays import file_name, flag, text
 from ._core import Robot, Run
 from .errors import ConfigError, Error
 
 if TYPE_CHECKING:
     import pandas
 
+_NAME = re.compile(r"[^/.\s]([^/]{0,98}[^/\s])?")  # of a run, and so of its file
 Path = str | os.PathLike[str]
 
 
@@ -39,9 +42,9 @@ class DataSet:
             robot: nominal robot or its file; None: the folder's robot.yaml, or the log's own.
             same_robot: the runs are of that robot although their own robot file differs.
         """
-        names = [os.fspath(path) for path in paths]
+        names = [file_name("a path", path) for path in paths]
         with _robot_file(robot) as file:
-            return cls(_core.load_set(names, file, same_robot))
+            return cls(_core.load_set(names, file, flag("same_robot", same_robot)))
 
     @classmethod
     def from_log(cls, *paths: Path, robot: Robot | Path | None = None, same_robot: bool = False) -> DataSet:
@@ -79,21 +82,21 @@ class DataSet:
         Raises:
             ValueError: a table that cannot be used, with its name and what is missing.
         """
-        nominal = robot if isinstance(robot, Robot) else _core.load_robot(os.fspath(robot))
+        nominal = robot if isinstance(robot, Robot) else _core.load_robot(file_name("robot", robot))
         named = tables if isinstance(tables, Mapping) else {"run": tables}
         with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
             files = _written(named, pathlib.Path(folder))
             try:
                 if map is not None:
-                    core = _core.import_tables(os.fspath(map), files, nominal)
+                    core = _core.import_tables(file_name("map", map), files, nominal)
                 else:
                     _describe(pathlib.Path(folder), nominal, named, runs or {}, fit_frame)
                     core = _core.load_set([folder], "", False)
             except ConfigError:
                 raise
             except Error as error:
-                raise ValueError(str(error).replace(f"{folder}/", "")) from None
-            core = core.named(name, f"{folder}/")
+                raise ValueError(_of_tables(str(error), folder)) from None
+            core = core.named(text("name", name), f"{folder}/")
         # In a folder these are remarks; whoever gives a table and its keys wants them used.
         unused = [note for note in core.notes if note.startswith(("left out", "runs.yaml"))]
         if unused:
@@ -147,7 +150,10 @@ class DataSet:
         Args:
             overwrite: replace a data set that is there; other files of the folder are left alone.
         """
-        self._core.write(os.fspath(path), overwrite)
+        self._core.write(file_name("path", path), flag("overwrite", overwrite))
+
+    def __contains__(self, run: object) -> bool:
+        return any(run is own or run == own.name for own in self._runs)
 
     def __len__(self) -> int:
         return len(self._runs)
@@ -168,14 +174,15 @@ class DataSet:
 def as_set(robot: Robot | Path, data: Any, same_robot: bool = False) -> DataSet:
     """What a program gives as data, as runs to be compared with `robot`."""
     if isinstance(data, DataSet):
-        nominal = robot if isinstance(robot, Robot) else _core.load_robot(os.fspath(robot))
+        nominal = robot if isinstance(robot, Robot) else _core.load_robot(file_name("robot", robot))
         if nominal.to_yaml() == data.robot.to_yaml():
             return data
         # Recorded with another file: by way of a folder, whose reading compares the two.
         with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
             place = os.path.join(folder, data.name or "set")
             data.to_folder(place)
-            return DataSet.from_folder(place, robot=robot, same_robot=same_robot)
+            with _said_without(f"{folder}/", ""):
+                return DataSet.from_folder(place, robot=robot, same_robot=same_robot)
     if isinstance(data, (str, os.PathLike)):
         return DataSet.from_folder(data, robot=robot, same_robot=same_robot)
     if isinstance(data, Sequence) and all(isinstance(item, (str, os.PathLike)) for item in data):
@@ -188,12 +195,22 @@ def as_set(robot: Robot | Path, data: Any, same_robot: bool = False) -> DataSet:
 @contextlib.contextmanager
 def _robot_file(robot: Robot | Path | None) -> Iterator[str]:
     if not isinstance(robot, Robot):
-        yield "" if robot is None else os.fspath(robot)
+        yield "" if robot is None else file_name("robot", robot)
         return
     with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
         file = pathlib.Path(folder) / "robot.yaml"
         file.write_text(robot.to_yaml())
-        yield str(file)
+        with _said_without(str(file), f"the robot {robot.name!r}"):
+            yield str(file)
+
+
+@contextlib.contextmanager
+def _said_without(place: str, instead: str) -> Iterator[None]:
+    """Errors name what the caller gave, and not where it was put to be read."""
+    try:
+        yield
+    except Error as error:
+        raise type(error)(str(error).replace(place, instead)) from None
 
 
 def _pandas() -> Any:
@@ -211,8 +228,8 @@ def _written(tables: Mapping[str, Any], folder: pathlib.Path) -> list[str]:
     for name, table in tables.items():
         if not hasattr(table, "to_csv"):
             raise ValueError(f"table {name!r} is {type(table).__name__}; give a pandas DataFrame")
-        if not name or "/" in name or name.startswith("."):
-            raise ValueError(f"a run is called {name!r}; accepted: a file name without folder")
+        if not isinstance(name, str) or not _NAME.fullmatch(name) or not name.isprintable():
+            raise ValueError(f"a run is called {name!r}; accepted: 1 to 100 printable characters, as of a file's name")
         file = folder / f"{name}.csv"
         table.to_csv(file, index=False)
         files.append(str(file))
@@ -227,14 +244,24 @@ def _describe(
     fit_frame: bool,
 ) -> None:
     """robot.yaml and runs.yaml beside the tables."""
+    if not isinstance(runs, Mapping) or not all(isinstance(keys, Mapping) for keys in runs.values()):
+        raise ValueError(f"runs is {runs!r}; give keys of runs.yaml by the name of a run, {{'run': {{'family': 'circle'}}}}")
     if unknown := runs.keys() - tables.keys():
-        raise ValueError(f"runs names {', '.join(sorted(unknown))}; there are only {', '.join(tables)}")
+        raise ValueError(f"runs names {', '.join(sorted(map(str, unknown)))}; there are only {', '.join(tables)}")
     (folder / "robot.yaml").write_text(robot.to_yaml())
     lines = [f"tracker_frame: {'fit' if fit_frame else 'given'}", "runs:"]
     for name in tables:
         lines.append(f"  - file: {_quoted(name + '.csv')}")
-        lines += [f"    {key}: {_quoted(str(value))}" for key, value in runs.get(name, {}).items()]
+        lines += [f"    {key}: {_quoted(str(value))}" for key, value in runs.get(name, {}).items() if value is not None]
     (folder / "runs.yaml").write_text("\n".join(lines) + "\n")
+
+
+def _of_tables(error: str, folder: str) -> str:
+    """What is wrong with tables, in one line and without the folder that they were read from."""
+    lines = [line.strip() for line in error.replace(f"{folder}/", "").split("\n")]
+    if len(lines) > 1 and lines[0].startswith(f"{folder}: no usable run"):
+        del lines[0]
+    return "; ".join(line.removeprefix("left out: ") for line in lines).replace(folder, "the tables")
 
 
 def _quoted(text: str) -> str:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Sequence
 from typing import Any
 
 from . import _core
-from ._arrays import numbers
+from ._arrays import file_name, flag, number, whole
 from .data_set import DataSet, Path, as_set
 from .effects import check_effect
 from .report import Report
-from .simulation import Progress, _check
+from .simulation import Progress
 
 
 def diagnose(
@@ -63,9 +62,10 @@ def diagnose(
             raise ValueError(f"{option} is the text {effects!r}; give a list of names: [{effects!r}]")
         for effect in effects:
             check_effect(effect)
-    _check("seed", seed, 0, 2**64 - 1)
-    _check("refits", refits, 1, 200)
-    _check("threads", threads, 0, 256)
+    seed = whole("seed", seed, 0, 2**64 - 1)
+    refits = whole("refits", refits, 1, 200)
+    threads = whole("threads", threads, 0, 256)
+    next = flag("next", next)
     runs = as_set(robot, data, same_robot)
     if before is not None:
         runs = runs.with_before(as_set(robot, before, same_robot))
@@ -81,7 +81,7 @@ def diagnose(
         refits,
         threads,
         next,
-        "" if daemon is None else os.fspath(daemon),
+        "" if daemon is None else file_name("daemon", daemon),
         progress,
     )
     return Report._of(diagnosis)
@@ -90,6 +90,6 @@ def diagnose(
 def _materiality(name: str, value: float | None) -> float:
     if value is None:
         return 0.0
-    if not float(numbers(name, value, "a number above 0")) > 0:
+    if not number(name, value, "above 0") > 0:
         raise ValueError(f"{name} is {value}; give a number above 0, or None")
     return float(value)

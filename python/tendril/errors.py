@@ -38,6 +38,11 @@ class ModelError(Error):
     def __init__(self, text: str, row: int) -> None:
         super().__init__(f"row {row}: {text}")
         self.row = row
+        self._made_of = (text, row)
+
+    def __reduce__(self) -> tuple[type[ModelError], tuple[str, int]]:
+        """Made anew from its own arguments in another process: a pool that cannot do it waits without end."""
+        return ModelError, self._made_of
 
 
 class DaemonError(Error):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._arrays import Array, Batch, numbers
+from ._arrays import Array, Batch, number, whole
 
 Reached: TypeAlias = "np.bool_ | NDArray[np.bool_]"
 Numbers: TypeAlias = "np.float64 | Array"
@@ -259,8 +259,7 @@ class Model:
         Returns:
             Positions in the base frame [m], (points, 3) a row.
         """
-        if not 2 <= points <= 100_000:
-            raise ValueError(f"points is {points}; give 2 to 100000")
+        points = whole("points", points, 2, 100_000)
         batch = self._shapes(q)
         (rows,) = batch.tables()
         return batch.shaped(self._core.backbone(rows, points), points, 3)
@@ -302,7 +301,7 @@ class Model:
     def _least(self, min_tension: float | None) -> float:
         if min_tension is None:
             return self._robot.min_tension
-        least, most = float(numbers("min_tension", min_tension, "newtons")), self._robot.max_tension_base
+        least, most = number("min_tension", min_tension, "newtons"), self._robot.max_tension_base
         if not 0 <= least <= most:
             raise ValueError(f"min_tension is {least} N; give 0 to {most} N (limits.max_tension_base_N of the robot)")
         return least

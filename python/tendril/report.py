@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from . import _core
+from ._arrays import file_name
 
 _T = TypeVar("_T")
 
@@ -349,7 +350,7 @@ class Report:
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Report:
         """Reads a report.json."""
-        return Report._of(_core.read_report(os.fspath(path)))
+        return Report._of(_core.read_report(file_name("path", path)))
 
     @staticmethod
     def _of(diagnosis: _core.Diagnosis) -> Report:
@@ -366,7 +367,7 @@ class Report:
 
     def save(self, folder: str | os.PathLike[str]) -> None:
         """Writes report.json and report.html into the folder, creating it."""
-        self._diagnosis.write(os.fspath(folder))
+        self._diagnosis.write(file_name("folder", folder))
 
     def corrected(self, robot: _core.Robot) -> _core.Robot:
         """The robot with the accepted causes: numbers of its file changed, laws in its `effects`."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 
 from . import _core
+from ._arrays import file_name, flag, text, whole
 from .data_set import DataSet, Path
 from .effects import check_effect
 
@@ -48,32 +48,26 @@ def simulate(
     Returns:
         The runs, with `robot` as their nominal robot. Equal arguments give equal numbers.
     """
-    nominal = robot if isinstance(robot, _core.Robot) else _core.load_robot(os.fspath(robot))
+    nominal = robot if isinstance(robot, _core.Robot) else _core.load_robot(file_name("robot", robot))
     if isinstance(effects, str):
         raise ValueError(f"effects is the text {effects!r}; give a list of texts: [{effects!r}]")
     for effect in effects:
         check_effect(effect)
-    _check("seed", seed, 0, 2**64 - 1)
-    _check("jobs", jobs, 1, 64)
-    if repeats is not None:
-        _check("repeats", repeats, 0, 20)
+    seed = whole("seed", seed, 0, 2**64 - 1)
+    jobs = whole("jobs", jobs, 1, 64)
+    repeats = None if repeats is None else whole("repeats", repeats, 0, 20)
     runs, _sizes = _core.simulate(
         nominal,
         list(effects),
-        set,
-        None if plan is None else os.fspath(plan),
-        "" if daemon is None else os.fspath(daemon),
+        text("set", set),
+        None if plan is None else file_name("plan", plan),
+        "" if daemon is None else file_name("daemon", daemon),
         seed,
         repeats,
-        noise,
-        load_cell,
-        tracker,
+        flag("noise", noise),
+        None if load_cell is None else text("load_cell", load_cell),
+        flag("tracker", tracker),
         jobs,
         progress,
     )
     return DataSet(runs)
-
-
-def _check(name: str, value: int, least: int, most: int) -> None:
-    if not isinstance(value, int) or not least <= value <= most:
-        raise ValueError(f"{name} is {value!r}; give a whole number from {least} to {most}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import signal
 import subprocess
@@ -104,6 +105,13 @@ def test_refusals_have_reason_and_remedy(client):
         client.send_tip([0, 0.05])
     with pytest.raises(ValueError, match=r"bending\[1\] is nan"):
         client.send_bending([0, np.nan])
+    for arguments in ({"stretch": 2}, {"stretch": np.nan}, {"speed": "fast"}, {"jerk": -1}, {"nearest": 1}):
+        with pytest.raises(ValueError, match=next(iter(arguments))):
+            client.follow("circle", **arguments)
+    with pytest.raises(ValueError, match=r"timeout has shape \(1,\)"):
+        client.state(timeout=[1])
+    with pytest.raises(ValueError, match="prefix is NoneType; give a text"):
+        tendril.Client(prefix=None)
     with pytest.raises(ValueError, match="timeout is -1"):
         client.arm(timeout=-1)
     client.close()
@@ -127,6 +135,31 @@ def test_a_program_that_ends_leaves_nothing_armed(robot):
     assert (done.returncode, done.stdout, done.stderr) == (0, "running\n", "")
     with tendril.Client() as client:
         assert client.state().disarmed
+
+
+def test_a_client_that_nobody_holds_is_disarmed_at_the_end(robot):
+    script = "import tendril\ntendril.Client().arm()\nprint(tendril.Client().state().mode_text)\n"
+    done = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "running\n", "")
+    with tendril.Client() as client:
+        assert client.state().disarmed
+
+
+def test_a_forked_process_leaves_the_robot_to_its_parent(robot):
+    script = (
+        "import os, sys, tendril\n"
+        "client = tendril.Client()\nclient.arm()\nchild = os.fork()\n"
+        "if child == 0:\n"
+        "    try:\n        client.state()\n    except ValueError as error:\n        sys.exit('closed' not in str(error))\n"
+        "print(os.waitpid(child, 0)[1], client.state().mode_text)\n"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "0 running\n", "")
+
+
+def test_a_client_is_not_copied(client):
+    with pytest.raises(TypeError, match="not copied"):
+        copy.copy(client)
 
 
 def test_follows_points_and_named_motions(client):

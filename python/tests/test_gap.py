@@ -137,8 +137,23 @@ def test_wrong_tables_say_what_is_missing(rig):
         tendril.DataSet.from_dataframe({"a": good}, rig, runs={"a": {"load_cell": "left"}})
     with pytest.raises(ValueError, match="runs names b; there are only a"):
         tendril.DataSet.from_dataframe({"a": good}, rig, runs={"b": {}})
+    with pytest.raises(ValueError, match="runs is .*; give keys of runs.yaml"):
+        tendril.DataSet.from_dataframe({"a": good}, rig, runs={"a": 3})
+    for name in (1, "a/b", " a", "a\nb", "a\0", "\udcff", 101 * "a", ""):
+        with pytest.raises(ValueError, match="a run is called .*; accepted: 1 to 100 printable characters"):
+            tendril.DataSet.from_dataframe({name: good}, rig)
+    for table in (good.iloc[:0], good.iloc[::-1], good.assign(t_s=np.nan), good.assign(tension_N_1="a"), pandas.DataFrame()):
+        with pytest.raises(ValueError, match=r"^run\.csv:[^\n]*$") as error:
+            tendril.DataSet.from_dataframe(table, rig)
+        assert "tendril-" not in str(error.value)
     with pytest.raises(ValueError, match="give a pandas DataFrame"):
         tendril.DataSet.from_dataframe({"a": [1, 2]}, rig)
+
+
+def test_times_in_another_unit_are_refused_before_they_fill_the_memory(rig, data):
+    table = next(iter(data.to_pandas().values())).iloc[:200]
+    with pytest.raises(tendril.Error, match="run: its rows are 1e-12 s apart; accepted: 1e-06 s or more"):
+        tendril.diagnose(rig, table.assign(t_s=1e-9 * table["t_s"]), next=False)
 
 
 def test_wrong_arguments_are_named(rig, data, tmp_path):
@@ -150,6 +165,16 @@ def test_wrong_arguments_are_named(rig, data, tmp_path):
         tendril.simulate(rig, PAYLOAD)
     with pytest.raises(ValueError, match="no effect is left"):
         tendril.diagnose(rig, data, without=tendril.effects())
+    for arguments in ({"noise": "no"}, {"load_cell": 3}, {"set": None}, {"jobs": True}, {"seed": 1.5}):
+        with pytest.raises(ValueError, match=next(iter(arguments))):
+            tendril.simulate(rig, **arguments)
+    for another in (ROBOTS / "rig_90mm.yaml", tendril.load_robot(ROBOTS / "rig_90mm.yaml")):
+        with pytest.raises(tendril.Error, match="robot.yaml: these runs are of another robot") as error:
+            tendril.diagnose(another, data)
+        assert "tendril-" not in str(error.value)
+    with pytest.raises(ValueError, match="next is 'no'; give True or False"):
+        tendril.diagnose(rig, data, next="no")
+    assert data.runs[0] in data and data.runs[0].name in data and "none" not in data
     with pytest.raises(ValueError, match="delta_m is 0; give a number above 0"):
         tendril.diagnose(rig, data, delta_m=0)
     with pytest.raises(tendril.Error, match="no such file or folder"):

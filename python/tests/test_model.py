@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -120,6 +122,19 @@ def test_wrong_arguments_say_what_is_expected(rig):
         model.forward_dynamics(np.zeros((2, n)), np.zeros((3, n)), np.zeros(3))
     with pytest.raises(ValueError, match="is str, not numbers"):
         model.fk("straight")
+    with pytest.raises(ValueError, match="some values are masked"):
+        model.statics(np.ma.masked_less([1.0, 2.0, 3.0], 2))
+    for given in ([1, 2, 3j], ["1", "2", "3"], np.array(["2024-01-01"] * 3, dtype="M8[D]")):
+        with pytest.raises(ValueError, match="T is .*, not numbers"):
+            model.statics(given)
+    with pytest.raises(ValueError, match=r"or one for all, of shape \(3,\)"):
+        model.statics(np.ones((3, 3)), np.zeros((1, 3)))
+    with pytest.raises(ValueError, match="points is 'many'; give a whole number from 2"):
+        model.backbone(np.zeros(2 * rig.units), points="many")
+    assert model.backbone(np.zeros(2 * rig.units), points=np.int64(3)).shape == (3, 3)
+    for path in (b"none\xff", "none\udcff", "", "a\0b", None, 7):
+        with pytest.raises(ValueError, match="path is .*; give a path"):
+            tendril.load_robot(path)
     with pytest.raises(ValueError, match="give a Robot"):
         tendril.Model("rig")
 
@@ -131,6 +146,17 @@ def test_a_row_without_solution_is_named(rig):
     assert error.value.row == 1
     with pytest.raises(tendril.ModelError, match="row 0: unit 1 is bent .*bend it less"):
         model.fk(np.full(2 * rig.units, 5.0))
+
+
+def test_errors_come_back_from_another_process():
+    """A multiprocessing.Pool whose worker raises what cannot be unpickled waits for ever."""
+    for error in (
+        tendril.ModelError("no stable equilibrium; lower the tensions", 3),
+        tendril.ConfigError("robot.yaml:7: body.units: is missing; add it"),
+        tendril.DaemonError("no daemon answers"),
+    ):
+        again = pickle.loads(pickle.dumps(error))
+        assert type(again) is type(error) and str(again) == str(error) and vars(again) == vars(error)
 
 
 def test_errors_of_files_name_file_line_and_key(tmp_path):

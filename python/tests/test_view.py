@@ -274,6 +274,19 @@ def test_logs_that_cannot_be_shown_are_one_line(tmp_path):
     assert logs.read_log(cut).duration_s > 0.4
 
 
+def test_a_damaged_log_shows_what_is_left(tmp_path):
+    """lcm's reader takes a length of 2 GB as it is, and crashes."""
+    path = view_help.circle_log(tmp_path / "circle.lcmlog", seconds=1.0)
+    whole, whole_s = path.read_bytes(), logs.read_log(path).duration_s
+    second = whole.index(logs.LCM_SYNC, 4)
+    for place, damage in ((24, b"\x7f\xff\xff\xff"), (24, b"\xff" * 4), (20, b"\x7f\xff\xff\xff"), (0, b"none")):
+        at = whole.index(logs.LCM_SYNC, second + 4) + place  # of the first state
+        path.write_bytes(whole[:at] + damage + whole[at + 4 :])
+        recording = logs.read_log(path)
+        assert whole_s - 0.1 < recording.duration_s <= whole_s
+        assert any("bytes of the log are damaged" in remark for remark in recording.remarks)
+
+
 def test_words_that_are_no_source_are_one_line(tmp_path):
     refused(lambda: sources.open_sources([str(tmp_path / "nothing")], None), "no such file", "accepted")
     refused(lambda: sources.open_sources([str(tmp_path)], None), "the folder is empty")
@@ -538,6 +551,7 @@ def command(*words):
         (["--at", "1"], 2, "--at is a time of a recording"),
         (["nowhere.lcmlog"], 1, "no such file"),
         (["--lcm", "tcp://nowhere"], 1, "LCM address"),
+        (["--prefix", "a b"], 2, "1 to 40 letters"),
     ],
 )
 def test_bad_words_are_one_line(words, status, line):
@@ -546,6 +560,18 @@ def test_bad_words_are_one_line(words, status, line):
     assert (
         done.stderr.count("\n") == 1 and done.stderr.startswith("tendril: view: ") and line in done.stderr
     ), done.stderr
+
+
+def test_a_time_after_the_end_is_one_line(circle):
+    done = command("--no-browser", "--port", "0", "--at", "100", str(circle))
+    assert (done.returncode, done.stdout) == (1, "") and "ends at 4.0 s" in done.stderr
+
+
+def test_a_full_standard_output_is_one_line(circle):
+    words = [sys.executable, "-P", "-m", "tendril.view", "--no-browser", "--port", "0", str(circle)]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    assert done.returncode == 1 and done.stderr.count("\n") == 1 and "No space left" in done.stderr, done.stderr
 
 
 def test_help_names_every_option():

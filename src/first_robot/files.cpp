@@ -52,7 +52,8 @@ std::string DaemonFileText(const NewRobot& made, const std::string& schema) {
 FilePair FilesFor(const std::filesystem::path& folder, const std::string& name, bool replace) {
   FilePair files{folder / (name + ".yaml"), folder / (name + "_tendrild.yaml")};
   for (const auto& file : {files.robot, files.daemon}) {
-    if (!replace && std::filesystem::exists(file))
+    std::error_code none;  // what cannot be looked at is not there; making the folder says why
+    if (!replace && std::filesystem::exists(file, none))
       throw std::runtime_error(file.string() +
                                " exists; give another --name, another folder, or --force to replace it");
   }
@@ -60,7 +61,6 @@ FilePair FilesFor(const std::filesystem::path& folder, const std::string& name, 
 }
 
 void WriteFiles(const NewRobot& made, const FilePair& files, const FilePair& schemas) {
-  std::filesystem::create_directories(files.robot.parent_path());
   for (const auto& file : {files.robot, files.daemon}) config::CheckMayWrite(file);
   config::WriteWhole(files.robot, RobotFileText(made, schemas.robot.string()));
   config::WriteWhole(files.daemon, DaemonFileText(made, schemas.daemon.string()));

@@ -32,6 +32,7 @@ constexpr double kMostlyPause = 10;         // times the duration of its rows
 // After lost samples: nothing is compared within the first time; a gap longer than the second loses
 // friction's memory.
 constexpr double kAfterGap_s = 0.3, kForgets_s = 0.1;
+constexpr double kFastestRows_s = 1e-6;  // faster ones are times in another unit, and a grid without end
 
 /// Rows without any data count as missing rows.
 std::optional<Run> WithoutEmptyRows(const Run& run) {
@@ -90,8 +91,8 @@ class Preparing {
   }
 
  private:
-  /// Step and number of samples. Throws std::runtime_error for too few rows and for a pause that is most of
-  /// the run.
+  /// Step and number of samples. Throws std::runtime_error for too few rows, rows too close in time, and a
+  /// pause that is most of the run.
   void MakeGrid() {
     out_.name = run_.name;
     out_.family = run_.family;
@@ -102,6 +103,10 @@ class Preparing {
           fmt::format("{}: {} samples; accepted: at least {}", run_.name, rows_, LeastRows(run_)));
 
     const double usual_s = UsualStep(run_);
+    if (usual_s < kFastestRows_s)
+      throw std::runtime_error(
+          fmt::format("{}: its rows are {:.3g} s apart; accepted: {:g} s or more; t_s is in seconds, so convert it",
+                      run_.name, usual_s, kFastestRows_s));
     const bool at_rest = usual_s > kQuasiStatic_s;
     sampled_s_ = at_rest ? usual_s : GridStep(run_, usual_s);
     out_.signals.at_rest = at_rest;

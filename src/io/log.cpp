@@ -8,9 +8,12 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <lcm/lcm-cpp.hpp>
 #include <span>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 
 #include "event_reader.h"
@@ -23,6 +26,25 @@ namespace {
 constexpr std::size_t kWriteBuffer_B = std::size_t{1} << 20;
 // Upper bound of what a crash of the machine loses.
 constexpr std::int64_t kFlushEvery_us = 1'000'000;
+
+/// Opens a new log, in place of an older one; throws std::runtime_error where it cannot, or where the file is
+/// something else, such as a robot file named by mistake.
+lcm_eventlog_t* NewLog(const std::string& path) {
+  constexpr std::string_view kFirst = "\xED\xA1\xDA\x01";
+  std::string begin(kFirst.size(), '\0');
+  std::ifstream there(path, std::ios::binary);
+  std::error_code none;
+  if (std::filesystem::is_regular_file(path, none) && there.read(begin.data(), 1) &&
+      (!there.read(begin.data() + 1, 3) || begin != kFirst)) {
+    throw std::runtime_error("cannot write log " + path +
+                             ": the file is there and is no LCM log; give the log another name");
+  }
+  lcm_eventlog_t* log = lcm_eventlog_create(path.c_str(), "w");
+  if (log == nullptr)
+    throw std::runtime_error("cannot write log " + path + ": " + std::strerror(errno) +
+                             "; name a file in an existing folder you may write to");
+  return log;
+}
 
 }  // namespace
 
@@ -79,11 +101,7 @@ LogWriter::LogWriter(Gateway& gateway, const std::string& path, const Clock& clo
     : state_(std::make_unique<State>(gateway, clock)) {
   State& s = *state_;
   s.path = path;
-  s.log = lcm_eventlog_create(path.c_str(), "w");
-  if (s.log == nullptr) {
-    throw std::runtime_error("cannot write log " + path + ": " + std::strerror(errno) +
-                             "; name a file in an existing folder you may write to");
-  }
+  s.log = NewLog(path);
   std::setvbuf(s.log->f, s.file_buffer.data(), _IOFBF, s.file_buffer.size());
   gateway.SetTap([state = state_.get()](const std::string& channel, const void* data, int size) {
     state->Write(channel.data(), channel.size(), data, size);
@@ -145,8 +163,7 @@ RecordLog::RecordLog(const std::string& path, const RobotShape& shape, const std
   s.cycle_channel = ChannelName(channel_prefix, "CYCLE");
   s.shape = shape;
   s.epoch_offset_us = epoch_offset_us;
-  s.log = lcm_eventlog_create(path.c_str(), "w");
-  if (s.log == nullptr) throw std::runtime_error("cannot write log " + path + ": " + std::strerror(errno));
+  s.log = NewLog(path);
 }
 
 RecordLog::~RecordLog() { Close(); }

@@ -58,6 +58,10 @@ def options():
     assert "arm.yaml exists" in exists and "--force" in exists, exists
     assert open("arm.yaml", encoding="utf-8").read() == text
     run("init", "--name", "arm", "--defaults", "--force")
+    for folder in ("arm.yaml", "/dev/null/x", 300 * "d"):
+        refused = run("init", folder, "--defaults", status=1)
+        assert refused.startswith(f"tendril: cannot write into {folder} ("), refused
+        assert refused.count("\n") == 1 and refused.endswith("): name another folder\n"), refused
     assert open("arm.yaml", encoding="utf-8").read() != text
 
 
@@ -77,6 +81,10 @@ def drawing():
         root = xml.etree.ElementTree.parse("arm.svg").getroot()
         assert root.tag.endswith("}svg") and len(root) > 5
         os.remove("arm.svg")
+    text = open("arm.yaml", encoding="utf-8").read()
+    refused = run("config", "check", "arm.yaml", "--draw", "arm.yaml", status=2)
+    assert refused.count("\n") == 1 and "a name that ends in .svg" in refused, refused
+    assert open("arm.yaml", encoding="utf-8").read() == text
     refused = run("config", "check", "arm.yaml", "--draw", "no/folder/arm.svg", status=1)
     assert refused.count("\n") == 1 and "no/folder/arm.svg" in refused, refused
 

@@ -252,6 +252,21 @@ TEST_F(LogTest, WhatIsNoLogIsSaidToBeNone) {
   EXPECT_EQ(ReadLog(path).damage, "the file is empty");
 }
 
+TEST_F(LogTest, AFileThatIsNoLogIsNotOverwritten) {
+  SimulatedClock clock;
+  Gateway gateway({"memq://", "TENDRIL", 1, 1}, kShape, clock);
+  for (const std::string text : {"name: my_robot\n", "x"}) {
+    std::ofstream(path, std::ios::trunc) << text;
+    EXPECT_THROW(LogWriter(gateway, path, clock), std::runtime_error);
+    EXPECT_THROW(RecordLog(path, kShape, "TENDRIL", 0), std::runtime_error);
+    std::string left;
+    std::getline(std::ifstream(path), left, '\0');
+    EXPECT_EQ(left, text);
+  }
+  std::ofstream(path, std::ios::trunc).flush();  // as mktemp leaves it
+  for (int i = 0; i < 2; ++i) EXPECT_NO_THROW(LogWriter(gateway, path, clock)) << "an older log is replaced";
+}
+
 TEST_F(LogTest, PathsThatDoNotWorkAreNamed) {
   const std::string nowhere = folder / "no" / "such.lcmlog";
   SimulatedClock clock;

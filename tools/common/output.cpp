@@ -13,14 +13,13 @@ namespace tendril::tools {
 
 namespace fs = std::filesystem;
 
-fs::path MakeOutputFolder(const fs::path& folder) {
+fs::path MakeOutputFolder(const fs::path& folder, const std::string& remedy) {
   std::error_code error;
   fs::create_directories(folder, error);
   const bool usable = !error && fs::is_directory(folder) && access(folder.c_str(), W_OK | X_OK) == 0;
   if (!usable) {
     throw std::runtime_error("cannot write into " + folder.string() +
-                             (error ? " (" + error.message() + ")" : "") +
-                             ": choose another folder with --out");
+                             (error ? " (" + error.message() + ")" : "") + ": " + remedy);
   }
   return folder;
 }

@@ -9,7 +9,8 @@ namespace tendril::tools {
 
 /// Creates the folder with its parents and returns it; throws std::runtime_error with the remedy when it is
 /// not writable.
-std::filesystem::path MakeOutputFolder(const std::filesystem::path& folder);
+std::filesystem::path MakeOutputFolder(const std::filesystem::path& folder,
+                                       const std::string& remedy = "choose another folder with --out");
 
 /// Runs an installed script (see ScriptFile) with Debian's Python and these folders as arguments. Throws
 /// std::runtime_error naming the missing `result` and the last line of the script's stderr.

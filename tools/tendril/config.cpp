@@ -17,6 +17,11 @@
 namespace tendril::tools {
 namespace {
 
+/// Anything else could be a file that the user still needs, such as the robot's own.
+std::string DrawingNamed(const std::string& file) {
+  return file.ends_with(".svg") ? "" : "'" + file + "' is not a drawing; accepted: a name that ends in .svg";
+}
+
 void Draw(const RobotParameters& robot, const std::string& file) {
   if (!file.empty()) config::WriteWhole(file, first_robot::Drawing(robot));
 }
@@ -54,7 +59,8 @@ void AddConfigCommand(CLI::App& app) {
       ->required();
   auto drawing = std::make_shared<std::string>();
   check->add_option("--draw", *drawing, "write a side view of the robot, straight and fully bent, as SVG")
-      ->option_text("FILE.svg");
+      ->option_text("FILE.svg")
+      ->check(DrawingNamed);
   check->callback([file, drawing] { Check(*file, *drawing); });
 
   CLI::App* schema = group->add_subcommand(

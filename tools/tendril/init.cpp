@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "commands.h"
+#include "output.h"
 #include "paths.h"
 #include "tendril/config/config.h"
 #include "tendril/config/keys.h"
@@ -89,6 +90,7 @@ void Init(const InitOptions& options) {
         files = first_robot::FilesFor(options.folder, name, options.force);
         return files.robot.filename().string();
       });
+  MakeOutputFolder(options.folder, "name another folder");
   first_robot::WriteFiles(made, files, {SchemaFile("robot"), SchemaFile("daemon")});
   const std::string robot = files.robot.string(), daemon = files.daemon.string();
   const DaemonParameters checked = config::LoadDaemon(daemon);

@@ -20,7 +20,7 @@ struct FilePair {
 /// exists, unless it may be replaced.
 FilePair FilesFor(const std::filesystem::path& folder, const std::string& name, bool replace);
 
-/// Both, creating their folder; the schemas are in the order robot, daemon. Nothing is written when either
+/// Both, in a folder that is there; the schemas are in the order robot, daemon. Nothing is written when either
 /// cannot be.
 void WriteFiles(const NewRobot& made, const FilePair& files, const FilePair& schemas);
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import signal
 import socket
 import sys
@@ -39,6 +40,12 @@ def number(least: float, most: float, kind: type = float) -> Callable[[str], Any
     return read
 
 
+def prefix(text: str) -> str:
+    if not re.fullmatch("[A-Za-z0-9_]{1,40}", text):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a prefix; accepted: 1 to 40 letters, digits and '_'")
+    return text
+
+
 def make_parser() -> argparse.ArgumentParser:
     parser = Parser(prog="tendril view", description=DESCRIPTION)
     parser.add_argument("source", metavar="SOURCE", nargs="*", help=SOURCES)
@@ -53,6 +60,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--prefix",
+        type=prefix,
         metavar="WORD",
         default="TENDRIL",
         help="live: as in the daemon's lcm.channel_prefix (%(default)s)",
@@ -113,6 +121,11 @@ def summary(recordings: list[Recording]) -> str:
     return f"tendril view: '{robots}': {times}{more}"
 
 
+def require_within(recordings: list[Recording] | None, at_s: float | None) -> None:
+    if recordings and at_s is not None and at_s > (most := recordings[0].duration_s):
+        raise ViewError(f"--at {at_s:g}: '{recordings[0].title}' ends at {most:.1f} s; give a time up to that")
+
+
 def show(options: argparse.Namespace) -> None:
     from . import server as servers
     from .live import Live
@@ -121,6 +134,7 @@ def show(options: argparse.Namespace) -> None:
 
     servers.require_free(options.port)  # before a long log is read
     recordings = open_sources(options.source, options.robot) if options.source else None
+    require_within(recordings, options.at)
     live = None if recordings else Live(options.lcm, options.prefix)
     server = servers.start(options.port, "tendril view")
     try:
@@ -157,8 +171,10 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         return 130
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    except OSError as e:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is still to be written has no place
+        if not isinstance(e, BrokenPipeError):
+            print(f"tendril: view: {e.filename or 'the standard output'}: {e.strerror}", file=sys.stderr)
         return 1
     return 0
 

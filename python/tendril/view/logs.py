@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import pathlib
-from typing import Any
+import struct
+from collections.abc import Iterator
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from . import robots
 from .frames import Array, DrawnRobot, Recording, ViewError, unknown
-from .messages import OtherVersion, decode, finite, frame_of, lcm_module, require_same_layout, types
+from .messages import OtherVersion, decode, finite, frame_of, require_same_layout, types
 from .readings import between
 
 FRAMES_PER_S = 60  # kept of a recording: enough at half speed
+LCM_SYNC = b"\xed\xa1\xda\x01"
+EVENT = struct.Struct(">4sqqii")  # sync, number, time [us], lengths of channel and data
+LONGEST_CHANNEL = 63  # LCM_MAX_CHANNEL_NAME_LENGTH
 
 
 @dataclasses.dataclass
@@ -25,27 +31,62 @@ class Events:
     trackers: list[tuple[bytes, int]]  # and when they were recorded [us]
     run: bytes | None
     other: int  # events of other channels
+    damaged: int = 0  # bytes that are no event
+
+
+def _next_sync(file: BinaryIO, at: int) -> int:
+    """Where the next event may begin, from `at` on; the file's end where none does."""
+    file.seek(at)
+    while block := file.read(2**20):
+        if (found := block.find(LCM_SYNC)) >= 0:
+            return at + found
+        if len(block) < len(LCM_SYNC):
+            break
+        at += len(block) - len(LCM_SYNC) + 1
+        file.seek(at)
+    return file.seek(0, os.SEEK_END)
+
+
+def events_of(file: BinaryIO) -> Iterator[tuple[str, bytes, int] | int]:
+    """Channel, data and time [us] of each event of an LCM log; between them the number of bytes that are none. lcm's own
+    EventLog believes whatever length a damaged log claims, and crashes."""
+    size = os.fstat(file.fileno()).st_size
+    at = 0
+    while at < size:
+        file.seek(at)
+        head = file.read(EVENT.size)
+        sync, _, utime, name_size, data_size = EVENT.unpack(head.ljust(EVENT.size, b"\0"))
+        end = at + EVENT.size + name_size + data_size
+        if sync == LCM_SYNC and 0 < name_size <= LONGEST_CHANNEL and 0 <= data_size and end <= size:
+            yield file.read(name_size).decode(errors="replace"), file.read(data_size), utime
+            at = end
+        else:
+            following = _next_sync(file, at + 1)
+            yield following - at
+            at = following
 
 
 def read_events(path: pathlib.Path) -> Events:
-    lcm = lcm_module()
     events = Events([], [], [], None, 0)
     lists = {"STATE": events.states, "CYCLE": events.cycles}
     try:
-        log = lcm.EventLog(str(path), "r")
-        for event in log:
-            ending = event.channel.rpartition("_")[2]
-            if ending in lists:
-                lists[ending].append(event.data)
-            elif ending == "TRACKER":
-                events.trackers.append((event.data, event.timestamp))
-            elif ending == "RUN":
-                events.run = event.data
-            else:
-                events.other += 1
-        log.close()
-    except (OSError, ValueError) as e:
-        raise ViewError(f"{path}: cannot be read as an LCM log ({e})") from None
+        with path.open("rb") as file:
+            for event in events_of(file):
+                if isinstance(event, int):
+                    events.damaged += event
+                    continue
+                channel, data, utime = event
+                ending = channel.rpartition("_")[2]
+                if ending in lists:
+                    lists[ending].append(data)
+                elif ending == "TRACKER":
+                    events.trackers.append((data, utime))
+                elif ending == "RUN":
+                    events.run = data
+                else:
+                    events.other += 1
+    except OSError as e:
+        raise ViewError(f"{path}: cannot be read as an LCM log ({e.strerror})") from None
     return events
 
 
@@ -137,6 +178,8 @@ def read_log(path: pathlib.Path, given: Any = None) -> Recording:
         measured = np.array([finite(message.tip_estimate_W_m, 3) for message in kept])
     frames = [frame_of(robot, m, float(t), tip) for m, t, tip in zip(kept, times_s, measured)]
     remarks = []
+    if events.damaged:
+        remarks.append(f"{events.damaged} bytes of the log are damaged and left out")
     if backwards:
         remarks.append(f"{backwards} messages whose time does not increase left out")
     hidden = sum(not np.isfinite(frame.poses[0].q_rad).all() for frame in frames)

@@ -19,7 +19,7 @@ def lcm_module() -> Any:
         import lcm
     except ImportError:
         raise ViewError(
-            f"logs and running daemons need lcm, which is not installed; install it: {INSTALL_LCM}"
+            f"running daemons need lcm, which is not installed; install it: {INSTALL_LCM}"
         ) from None
     return lcm
 

@@ -11,7 +11,6 @@ ACCEPTED = (
     "LCM logs (.lcmlog) or folders with one, data-set folders (runs.yaml), CSV files with --robot, or the report.json "
     "of tendril gap diagnose, or its folder, and the runs that it was made from"
 )
-LCM_SYNC = b"\xed\xa1\xda\x01"
 
 
 def is_log(path: pathlib.Path) -> bool:
@@ -19,7 +18,7 @@ def is_log(path: pathlib.Path) -> bool:
         return True
     try:
         with path.open("rb") as file:
-            return file.read(4) == LCM_SYNC
+            return file.read(4) == logs.LCM_SYNC
     except OSError:
         return False
 
