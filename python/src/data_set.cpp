@@ -17,6 +17,7 @@
 
 #include "interruptible.h"
 #include "module.h"
+#include "tendril/core/load_cell_place.h"
 #include "tendril/gap/cuts.h"
 #include "tendril/gap/health.h"
 #include "tendril/gap/health_lines.h"
@@ -90,18 +91,6 @@ std::optional<MatrixXd> Measured(const MatrixXd& channel) {
   return channel;
 }
 
-std::string PlaceText(const Run& run) {
-  switch (run.load_cell) {
-    case LoadCellPlace::kMotorSide:
-      return "motor_side";
-    case LoadCellPlace::kRobotSide:
-      return "robot_side";
-    case LoadCellPlace::kNone:
-      break;
-  }
-  return "none";
-}
-
 template <MatrixXd Run::*channel>
 std::optional<MatrixXd> Channel(const Run& run) {
   return Measured(run.*channel);
@@ -119,7 +108,9 @@ void AddRunClass(nb::module_& m) {
       .def_ro("sha256", &Run::sha256, "Of the source file; empty for a run that is from none.")
       .def_ro("notes", &Run::notes, "Remarks on the file, one line each.")
       .def_ro("warnings", &Run::warnings, "What was dropped or repaired on reading, one line each.")
-      .def_prop_ro("load_cell", &PlaceText, "Place of the load cells: 'none', 'motor_side' or 'robot_side'.")
+      .def_prop_ro(
+          "load_cell", [](const Run& r) { return std::string(LoadCellPlaceText(r.load_cell)); },
+          "Place of the load cells: 'none', 'motor_side' or 'robot_side'.")
       .def_prop_ro(
           "time", [](const Run& r) { return r.time_s; }, "Time [s], (S,).")
       .def_prop_ro("torque_target", &Channel<&Run::torque_target_Nm>,

@@ -11,6 +11,7 @@
 
 #include "module.h"
 #include "tendril/config/config.h"
+#include "tendril/core/load_cell_place.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::python {
@@ -46,16 +47,9 @@ VectorXd UnitLengths(const RobotParameters& robot) {
 }
 
 std::string CellPlace(const RobotParameters& robot) {
-  if (!robot.actuation || robot.actuation->tendons.empty()) return "none";
-  switch (robot.actuation->tendons.front().load_cell.place) {
-    case LoadCellPlace::kMotorSide:
-      return "motor_side";
-    case LoadCellPlace::kRobotSide:
-      return "robot_side";
-    case LoadCellPlace::kNone:
-      break;
-  }
-  return "none";
+  const bool none = !robot.actuation || robot.actuation->tendons.empty();
+  return std::string(
+      LoadCellPlaceText(none ? LoadCellPlace::kNone : robot.actuation->tendons.front().load_cell.place));
 }
 
 std::string EffectText(const EffectSetting& effect) {
