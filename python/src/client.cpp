@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "interruptible.h"
+#include "mode_request.h"
 #include "module.h"
 #include "tendril/core/tip_unit.h"
 #include "tendril/core/usage_error.h"
@@ -132,10 +133,7 @@ class Listener {
 };
 
 ModeRequest ModeNamed(const std::string& name) {
-  if (name == "arm") return ModeRequest::kArm;
-  if (name == "disarm") return ModeRequest::kDisarm;
-  if (name == "hold") return ModeRequest::kHold;
-  if (name == "clear") return ModeRequest::kClear;
+  if (const auto request = FindModeRequest(name)) return *request;
   throw UsageError("'" + name + "' is no request; accepted: arm, disarm, hold, clear");
 }
 
