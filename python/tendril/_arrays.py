@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,17 @@ def vector(name: str, value: ArrayLike, count: int | None, meaning: str) -> Arra
         expected = f"({count},)" if count is not None else "(n,)"
         raise ValueError(f"{name} has shape {array.shape}; expected {expected}: {meaning}")
     return array
+
+
+def whole(name: str, value: int, least: int, most: int) -> int:
+    """A whole number within bounds, numpy's too."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = least - 1
+    if not least <= number <= most:
+        raise ValueError(f"{name} is {value!r}; give a whole number from {least} to {most}")
+    return number
 
 
 class Batch:

@@ -6,8 +6,9 @@ import os
 from collections.abc import Callable, Sequence
 
 from . import _core
-from .data_set import DataSet, Path
-from .effects import check_effect
+from ._arrays import whole
+from .data_set import DataSet, Path, as_robot
+from .effects import effect_texts
 
 Progress = Callable[[str, float], object]
 """Called as `progress(stage, share)` with the completed share of the stage, 0 to 1, on the caller's thread."""
@@ -48,32 +49,18 @@ def simulate(
     Returns:
         The runs, with `robot` as their nominal robot. Equal arguments give equal numbers.
     """
-    nominal = robot if isinstance(robot, _core.Robot) else _core.load_robot(os.fspath(robot))
-    if isinstance(effects, str):
-        raise ValueError(f"effects is the text {effects!r}; give a list of texts: [{effects!r}]")
-    for effect in effects:
-        check_effect(effect)
-    _check("seed", seed, 0, 2**64 - 1)
-    _check("jobs", jobs, 1, 64)
-    if repeats is not None:
-        _check("repeats", repeats, 0, 20)
     runs, _sizes = _core.simulate(
-        nominal,
-        list(effects),
+        as_robot(robot),
+        effect_texts("effects", effects, "texts"),
         set,
         None if plan is None else os.fspath(plan),
         "" if daemon is None else os.fspath(daemon),
-        seed,
-        repeats,
+        whole("seed", seed, 0, 2**64 - 1),
+        None if repeats is None else whole("repeats", repeats, 0, 20),
         noise,
         load_cell,
         tracker,
-        jobs,
+        whole("jobs", jobs, 1, 64),
         progress,
     )
     return DataSet(runs)
-
-
-def _check(name: str, value: int, least: int, most: int) -> None:
-    if not isinstance(value, int) or not least <= value <= most:
-        raise ValueError(f"{name} is {value!r}; give a whole number from {least} to {most}")

@@ -14,9 +14,9 @@ import numpy as np
 
 from .. import _core
 from .._arrays import Array
-from ..client import Event, State, Statistics
 from ..errors import DaemonError
 from ..messages import state_t
+from ..state import DRIVES_OFF, Event, State, Statistics
 from .jog import SEND_EVERY_S, Jog, Limits
 
 LOST_S = 1.0
@@ -25,8 +25,6 @@ _LOOK_EVERY_S = 1.0
 _DISARM_EVERY_S, _DISARM_FOR_S = 0.2, 5.0
 _SETTLED_S = 1.0
 _EVENTS_KEPT = 100
-_OFF = (state_t.MODE_DISCONNECTED, state_t.MODE_CONFIGURED, state_t.MODE_FAULT)
-_GOING_OFF = (*_OFF, state_t.MODE_SAFE_STOP)
 
 
 class DaemonClient(Protocol):
@@ -123,9 +121,9 @@ class Operator:
         if self.state is None or (state.cycle, state.utime) != (self.state.cycle, self.state.utime):
             self._heard_at, self.state = now, state
             self._answer(state, now)
-            if state.mode in _GOING_OFF and now < self._disarm_until:
+            if state.disarmed and now < self._disarm_until:
                 self._disarm_until = float("-inf")
-            if state.mode in _OFF and now > self._sent_at + _SETTLED_S:
+            if state.mode in DRIVES_OFF and now > self._sent_at + _SETTLED_S:
                 self.ours = False
         self.events.extend(self._client.events())
 

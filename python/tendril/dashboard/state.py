@@ -10,8 +10,8 @@ from typing import Any
 
 from .. import _core
 from .._arrays import Array
-from ..client import Event, State, Statistics
 from ..messages import state_t
+from ..state import Event, State, Statistics
 from .jog import Jog, Limits
 
 Span = tuple[str, str]
