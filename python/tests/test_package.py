@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import pathlib
 import re
 import subprocess
@@ -34,8 +35,9 @@ def test_type_stub_is_the_modules(tmp_path):
 def test_types_are_sound(tmp_path):
     pytest.importorskip("mypy")
     config = SOURCE / "python" / "pyproject.toml"
-    words = [sys.executable, "-P", "-m", "mypy", "--config-file", str(config), "--cache-dir", str(tmp_path), "-p", "tendril"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    words = [sys.executable, "-P", "-m", "mypy", "--config-file", str(config), "-p", "tendril"]
+    environment = {"MYPY_CACHE_DIR": str(tmp_path), **os.environ}
+    done = subprocess.run(words, capture_output=True, text=True, check=False, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
