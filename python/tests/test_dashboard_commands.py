@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import subprocess
 import threading
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 import tendril
 from tendril.dashboard import guard as guard_side
 from tendril.dashboard import state as view
+from tendril.dashboard.__main__ import parser
 from tendril.dashboard.jog import SEND_EVERY_S, Jog, Limits
 from tendril.dashboard.operator import Operator
 from tendril.messages import state_t
@@ -211,3 +214,18 @@ def test_tensions_stand_against_their_limits(rig):
     assert bars[0][1] == "good" and bars[1] == ("█" * 16, "warn") and lines[2][3][1] == "bad"
     assert "-" in lines[3][2][0], "not known"
     assert view.bar(4, 8, 10) == "█████░░░░░" and view.bar(float("nan"), 8, 4) == "░░░░"
+
+
+# ---- its options ----
+
+
+@pytest.mark.parametrize("option", ["--tip-speed", "--bend-speed", "--release"])
+def test_options_have_the_bounds_of_tendril_status(option, capsys):
+    with pytest.raises(SystemExit):
+        parser().parse_args([option, "nan"])
+    ours = capsys.readouterr().err
+    bounds = re.fullmatch(rf"tendril: status: argument {option}: 'nan' is not accepted; give (.+) (\S+); see .+\n", ours)
+    assert bounds, ours
+    words = ["tendril", "status", "--watch", option, "nan"]
+    theirs = subprocess.run(words, capture_output=True, text=True, timeout=20, check=False)
+    assert theirs.returncode == 2 and f"nan is not a number from {bounds[1]}; give {bounds[2]}" in theirs.stderr
