@@ -99,8 +99,8 @@ std::optional<MatrixXd> Channel(const Run& run) {
 void AddRunClass(nb::module_& m) {
   nb::class_<Run>(m, "Run",
                   "One measured run with S samples. SI units, pulling positive, motor shaft; NaN: no new "
-                  "value of a slower "
-                  "sensor;\nNone: not measured.")
+                  "value of a slower sensor;\n"
+                  "None: not measured.")
       .def_ro("name", &Run::name, "Name of the run: its file's, without the extension.")
       .def_ro("family", &Run::family, "Kind of motion: 'triangle', 'circle', ...; 'unknown' where not given.")
       .def_ro("repeat_of", &Run::repeat_of, "Run that this one repeats unchanged, or empty.")
