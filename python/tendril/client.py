@@ -117,6 +117,7 @@ class Client:
         Returns:
             A line on where the robot is now.
         """
+        _seconds("timeout", timeout)
         self._armed = True
         try:
             answer = self._mode("arm", timeout, waiting)
@@ -237,10 +238,10 @@ class Client:
         request.nearest, request.stretch = nearest, stretch
         request.speed, request.acceleration, request.jerk = speed, acceleration, jerk
         tell = None if progress is None else (lambda line, _share: progress(line))
-        self._armed = True
         file = "" if robot is None else os.fspath(robot)
         with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
             _word(request, path, times, corners, pathlib.Path(folder))
+            self._armed = True
             return _daemon_errors(lambda: self._core.follow(request, file, tell))
 
     # ---- life ----
@@ -286,8 +287,12 @@ class Client:
             options["speed"] = speed
         if not 1e-3 <= float(numbers("valid_for", valid_for, "seconds")) <= 3600:
             raise ValueError(f"valid_for is {valid_for}; give 0.001 to 3600 s")
-        self._armed = True
-        return _daemon_errors(lambda: send(*(values.tolist() for values in target), **options))
+        before, self._armed = self._armed, True
+        try:
+            return _daemon_errors(lambda: send(*(values.tolist() for values in target), **options))
+        except ValueError:
+            self._armed = before  # nothing was sent
+            raise
 
     def _disarm_quietly(self, timeout: float) -> None:
         """Whoever leaves hears of the error that made it leave, not of a daemon that is gone."""
