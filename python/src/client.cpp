@@ -20,10 +20,12 @@
 #include <vector>
 
 #include "interruptible.h"
+#include "mode_request.h"
 #include "module.h"
 #include "tendril/core/tip_unit.h"
 #include "tendril/core/usage_error.h"
 #include "tendril/io/send_command.h"
+#include "tendril/io/status_text.h"
 #include "tendril/motion/follower.h"
 #include "tendril/motion/requested_motion.h"
 #include "tendril_lcm/event_t.hpp"
@@ -99,6 +101,7 @@ class Listener {
     return run_;
   }
   std::string waits() const { return Get(waits_); }
+  /// To send: what it received belongs to the thread.
   io::Client& client() { return client_; }
 
  private:
@@ -132,10 +135,7 @@ class Listener {
 };
 
 ModeRequest ModeNamed(const std::string& name) {
-  if (name == "arm") return ModeRequest::kArm;
-  if (name == "disarm") return ModeRequest::kDisarm;
-  if (name == "hold") return ModeRequest::kHold;
-  if (name == "clear") return ModeRequest::kClear;
+  if (const auto request = FindModeRequest(name)) return *request;
   throw UsageError("'" + name + "' is no request; accepted: arm, disarm, hold, clear");
 }
 
@@ -175,7 +175,7 @@ class Client {
     return ToPython(found);
   }
   std::string NobodyAnswers(double within_s) {
-    return io::NobodyAnswers(url_, prefix_, within_s, listener()->client());
+    return io::NobodyAnswersText(url_, prefix_, within_s, listener()->waits());
   }
 
   std::string Mode(const std::string& request, double timeout_s, const nb::object& waiting) {

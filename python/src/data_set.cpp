@@ -17,6 +17,7 @@
 
 #include "interruptible.h"
 #include "module.h"
+#include "tendril/core/load_cell_place.h"
 #include "tendril/gap/cuts.h"
 #include "tendril/gap/health.h"
 #include "tendril/gap/health_lines.h"
@@ -90,18 +91,6 @@ std::optional<MatrixXd> Measured(const MatrixXd& channel) {
   return channel;
 }
 
-std::string PlaceText(const Run& run) {
-  switch (run.load_cell) {
-    case LoadCellPlace::kMotorSide:
-      return "motor_side";
-    case LoadCellPlace::kRobotSide:
-      return "robot_side";
-    case LoadCellPlace::kNone:
-      break;
-  }
-  return "none";
-}
-
 template <MatrixXd Run::*channel>
 std::optional<MatrixXd> Channel(const Run& run) {
   return Measured(run.*channel);
@@ -110,8 +99,8 @@ std::optional<MatrixXd> Channel(const Run& run) {
 void AddRunClass(nb::module_& m) {
   nb::class_<Run>(m, "Run",
                   "One measured run with S samples. SI units, pulling positive, motor shaft; NaN: no new "
-                  "value of a slower "
-                  "sensor;\nNone: not measured.")
+                  "value of a slower sensor;\n"
+                  "None: not measured.")
       .def_ro("name", &Run::name, "Name of the run: its file's, without the extension.")
       .def_ro("family", &Run::family, "Kind of motion: 'triangle', 'circle', ...; 'unknown' where not given.")
       .def_ro("repeat_of", &Run::repeat_of, "Run that this one repeats unchanged, or empty.")
@@ -119,7 +108,9 @@ void AddRunClass(nb::module_& m) {
       .def_ro("sha256", &Run::sha256, "Of the source file; empty for a run that is from none.")
       .def_ro("notes", &Run::notes, "Remarks on the file, one line each.")
       .def_ro("warnings", &Run::warnings, "What was dropped or repaired on reading, one line each.")
-      .def_prop_ro("load_cell", &PlaceText, "Place of the load cells: 'none', 'motor_side' or 'robot_side'.")
+      .def_prop_ro(
+          "load_cell", [](const Run& r) { return std::string(LoadCellPlaceText(r.load_cell)); },
+          "Place of the load cells: 'none', 'motor_side' or 'robot_side'.")
       .def_prop_ro(
           "time", [](const Run& r) { return r.time_s; }, "Time [s], (S,).")
       .def_prop_ro("torque_target", &Channel<&Run::torque_target_Nm>,

@@ -11,6 +11,7 @@
 
 #include "module.h"
 #include "tendril/config/config.h"
+#include "tendril/core/load_cell_place.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::python {
@@ -46,16 +47,9 @@ VectorXd UnitLengths(const RobotParameters& robot) {
 }
 
 std::string CellPlace(const RobotParameters& robot) {
-  if (!robot.actuation || robot.actuation->tendons.empty()) return "none";
-  switch (robot.actuation->tendons.front().load_cell.place) {
-    case LoadCellPlace::kMotorSide:
-      return "motor_side";
-    case LoadCellPlace::kRobotSide:
-      return "robot_side";
-    case LoadCellPlace::kNone:
-      break;
-  }
-  return "none";
+  const bool none = !robot.actuation || robot.actuation->tendons.empty();
+  return std::string(
+      LoadCellPlaceText(none ? LoadCellPlace::kNone : robot.actuation->tendons.front().load_cell.place));
 }
 
 std::string EffectText(const EffectSetting& effect) {
@@ -87,8 +81,8 @@ void AddRobotClass(nb::module_& m) {
   nb::class_<RobotParameters>(
       m, "Robot",
       "A robot as its file describes it, in SI units. The base frame is F_0 (world frame W): its origin is "
-      "the centre of "
-      "the\nbase disk, the straight robot points along +z. Does not change once loaded.")
+      "the centre of the\n"
+      "base disk, the straight robot points along +z. Does not change once loaded.")
       .def_prop_ro(
           "name", [](R r) { return r.name; }, "Name in the file.")
       .def_prop_ro(
@@ -140,8 +134,8 @@ void AddRobotClass(nb::module_& m) {
                    "Effects beyond the nominal model, each as `tendril gap explain` writes them.")
       .def("with_effects", &WithEffects, nb::arg("effects"),
            "A robot with these effects more, each as a text such as 'backlash where=tendon:2 rad=0.05'. "
-           "Raises ValueError "
-           "with\nwhat is accepted.")
+           "Raises ValueError with\n"
+           "what is accepted.")
       .def(
           "to_yaml", [](R r) { return config::ToYaml(r); },
           "The resolved file, with every value spelled out.")

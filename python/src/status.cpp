@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "mode_request.h"
 #include "module.h"
 #include "tendril/canopen/drive_profile.h"
 #include "tendril/canopen/emcy.h"
@@ -24,15 +25,9 @@ namespace nb = nanobind;
 
 Command CommandNamed(const std::string& name) {
   Command command;
-  command.kind = CommandKind::kMode;
-  if (name == "arm") {
-    command.mode = ModeRequest::kArm;
-  } else if (name == "disarm") {
-    command.mode = ModeRequest::kDisarm;
-  } else if (name == "hold") {
-    command.mode = ModeRequest::kHold;
-  } else if (name == "clear") {
-    command.mode = ModeRequest::kClear;
+  if (const auto request = FindModeRequest(name)) {
+    command.kind = CommandKind::kMode;
+    command.mode = *request;
   } else if (name == "target") {
     command.kind = CommandKind::kBending;
   } else {

@@ -23,7 +23,7 @@ import os as _os
 from . import _core
 from ._arrays import file_name as _file_name
 from ._core import Daemon, Robot, Run
-from .client import Client, Event, State, Statistics
+from .client import Client
 from .data_set import DataSet
 from .diagnosis import diagnose
 from .effects import effects
@@ -31,6 +31,7 @@ from .errors import ConfigError, DaemonError, Error, ModelError
 from .model import Bending, Inverse, InverseTip, Model, Tip
 from .report import Report
 from .simulation import simulate
+from .state import Event, State, Statistics
 from .transmission import Capstan, capstan
 
 __version__: str = _core.version()

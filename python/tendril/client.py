@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import dataclasses
 import os
 import pathlib
 import tempfile
@@ -20,218 +19,11 @@ from . import _core
 from ._arrays import Array, file_name, flag, number, numbers, text, vector
 from .errors import ConfigError, DaemonError, Error
 from .messages import event_t, run_t, state_t, statistics_t
+from .state import DRIVES_OFF, Event, State, Statistics, mirror
 
 DEFAULT_URL = "udpm://239.255.76.67:7667?ttl=0"
 
-_Message = TypeVar("_Message")
 _Found = TypeVar("_Found")
-
-
-def _mirror(kind: type[_Message], message: Any) -> _Message:
-    """The dataclass `kind` with the fields of an LCM message: lists of numbers become arrays."""
-    values = {}
-    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
-        value = getattr(message, field.name)
-        is_list = isinstance(value, (list, tuple))
-        values[field.name] = np.array(value) if is_list and "Array" in str(field.type) else value
-    return kind(**values)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class State:
-    """State of robot and controller in a cycle: the fields of LCM's `state_t`, without the counts.
-
-    Bending is (us, vs) = angle (cos, sin) of each section [rad], (2K,); tendon values are in tendon order, (M,), pull
-    positive; positions are in the base frame. NaN: not known.
-    """
-
-    utime: int
-    """Start of the cycle [us since the epoch]; in simulation: simulated time."""
-    cycle: int
-    """Number of the cycle since the start of the controller."""
-    mode: int
-    """`tendril.messages.state_t.MODE_...`"""
-    mode_text: str
-    """The same in words, such as 'running'."""
-    status: int
-    """Number of the most severe status of this cycle; 0: ok, 400 and above: fault."""
-    status_text: str
-    """Its meaning."""
-    status_remedy: str
-    """Remedy; empty when none is needed."""
-    reported: Array
-    """Numbers of all statuses of this cycle, the most severe first."""
-    commands_accepted: int
-    """Commands accepted since start."""
-    commands_refused: int
-    """Commands refused since start."""
-    command_sequence: int
-    """Sequence number of the last command seen, as sent."""
-    command_status: int
-    """Reason of the last command's refusal; 0: accepted."""
-    command_status_text: str
-    """The same in words, with the remedy."""
-    target_tip_W_m: Array
-    """Commanded tip [m], (3,); NaN when bending or tensions were commanded."""
-    target_distance_m: float
-    """Distance from there to the nearest reachable point [m]; 0: reachable."""
-    bending_target_rad: Array
-    """Target of the motion [rad], (2K,)."""
-    bending_desired_rad: Array
-    """Present reference within the limits of the trajectory [rad], (2K,)."""
-    bending_rate_desired_radps: Array
-    """Its rate [rad/s], (2K,)."""
-    bending_estimate_rad: Array
-    """Bending from tendon displacements and tensions [rad], (2K,)."""
-    bending_covariance_rad2: Array
-    """Covariance of the estimate by the sensors' noise and resolution [rad^2], row by row, (2K * 2K,)."""
-    tip_desired_W_m: Array
-    """Tip of the desired bending [m], (3,)."""
-    tip_estimate_W_m: Array
-    """Tip of the estimated bending [m], (3,)."""
-    orientation_estimate_WT: Array
-    """Unit quaternion w, x, y, z of the tip frame in the base frame, (4,)."""
-    tension_desired_base_N: Array
-    """Desired tensions at the robot's base, from the model [N], (M,)."""
-    tension_desired_motor_N: Array
-    """Desired tensions at the motor side, friction compensated [N], (M,)."""
-    tension_measured_N: Array
-    """Load cells, on their side of the pulleys [N], (M,)."""
-    tension_base_estimate_N: Array
-    """Tensions at the robot's base, from the load cells [N], (M,)."""
-    displacement_desired_m: Array
-    """Tendons pulled in since pretension, desired [m], (M,)."""
-    displacement_m: Array
-    """The same, measured at the spool [m], (M,)."""
-    torque_desired_Nm: Array
-    """Desired torques at the motor shaft [N m], (M,)."""
-    torque_measured_Nm: Array
-    """Torques at the motor shaft from the drives' current [N m], (M,)."""
-
-    @property
-    def running(self) -> bool:
-        """True where targets are taken."""
-        return bool(self.mode == state_t.MODE_RUNNING)
-
-    @property
-    def faulted(self) -> bool:
-        """True in mode fault: `clear()`, then `arm()`."""
-        return bool(self.mode == state_t.MODE_FAULT)
-
-    @property
-    def disarmed(self) -> bool:
-        """True where the drives are disabled, or about to be."""
-        return self.mode in (
-            state_t.MODE_DISCONNECTED,
-            state_t.MODE_CONFIGURED,
-            state_t.MODE_SAFE_STOP,
-            state_t.MODE_FAULT,
-        )
-
-
-@dataclasses.dataclass(frozen=True)
-class Event:
-    """A single event for operators: the fields of LCM's `event_t`."""
-
-    utime: int
-    """When it happened [us since the epoch]; in simulation: simulated time."""
-    status: int
-    """Status number; 0: information."""
-    status_text: str
-    """Meaning of the number."""
-    source: str
-    """Source, for example 'bus', 'gateway', 'daemon'."""
-    text: str
-    """One line, with the remedy."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Statistics:
-    """Timing of the loop, drives and bus, once a second: the fields of LCM's `statistics_t`, without the counts.
-
-    Counts are since the daemon's start.
-    """
-
-    utime: int
-    """[us since the epoch]"""
-    cycles: int
-    """Cycles run."""
-    deadline_misses: int
-    """Whole cycles skipped."""
-    bin_below_ns: Array
-    """Upper edge of each bin of the histograms, exclusive [ns]."""
-    wake_latency_counts: Array
-    """Cycles in each bin: wake-up less the grid point."""
-    compute_counts: Array
-    """Cycles in each bin: the controller's step."""
-    round_trip_counts: Array
-    """Cycles in each bin: SYNC to the last feedback."""
-    wake_latency_ns: Array
-    """Median, 99 %, 99.9 %, maximum [ns]."""
-    compute_ns: Array
-    """Median, 99 %, 99.9 %, maximum [ns]."""
-    round_trip_ns: Array
-    """Median, 99 %, 99.9 %, maximum [ns]."""
-    miss_cycle: Array
-    """The late cycles, oldest first."""
-    miss_skipped: Array
-    """Periods skipped before each."""
-    miss_cause: list[str]
-    """The part of each cycle that took longest."""
-    messages_ignored: int
-    """LCM messages that could not be decoded."""
-    publish_failed: int
-    """LCM messages that could not be sent."""
-    last_fault_utime: int
-    """[us since the epoch]; 0: none since start."""
-    last_fault_status: int
-    """Status number."""
-    last_fault_text: str
-    """Its meaning, with tendon and node where it concerns one."""
-    can_sent: int
-    """Frames."""
-    can_received: int
-    """Frames."""
-    can_send_refused: int
-    """The interface's queue was full."""
-    can_receive_dropped: int
-    """The reader was too slow."""
-    can_error_frames: int
-    """Error frames of the interface."""
-    can_bus_off: int
-    """Times that the interface went off the bus."""
-    can_malformed: int
-    """From a drive's identifier, with invalid length or contents."""
-    can_foreign: int
-    """That only the daemon may send, from another sender."""
-    bus_load: float
-    """Of the bit rate, over the last second, 0 to 1."""
-    drive_node_id: Array
-    """CANopen node id of each drive, (M,)."""
-    drive_state: Array
-    """`tendril.messages.cycle_t.DRIVE_...` of each drive, (M,)."""
-    drive_statusword: Array
-    """Object 0x6041, (M,)."""
-    drive_error_code: Array
-    """Last emergency code; 0: none, (M,)."""
-    drive_serial: Array
-    """Object 0x1018:04; 0: not read yet, (M,)."""
-    drive_age_cycles: Array
-    """Age of the feedback [cycles]; 0: arrived in the last cycle, (M,)."""
-    drive_worst_age_cycles: Array
-    """The same, the worst over the last second, (M,)."""
-    voluntary_switches: int
-    """Waits of the real-time thread for anything but the bus: should stay 0."""
-    involuntary_switches: int
-    """Preemption by a higher priority."""
-    minor_faults: int
-    """Page faults: should stay 0."""
-    major_faults: int
-    """Page faults from disk."""
-
-
-# No drive pulls in these.
-_LIMP = (state_t.MODE_DISCONNECTED, state_t.MODE_CONFIGURED, state_t.MODE_FAULT)
 
 _open: weakref.WeakSet[Client] = weakref.WeakSet()
 # Commanded something, and not closed since: kept here, so that a client that the program drops is disarmed in the end too.
@@ -291,7 +83,7 @@ class Client:
         Raises DaemonError when there is none within `timeout` seconds.
         """
         _number, message = self._await(timeout, lambda part: self._core.state(0.5, part))
-        return _mirror(State, state_t.decode(message))
+        return mirror(State, state_t.decode(message))
 
     def states(self, timeout: float = 2.0) -> Iterator[State]:
         """Each state that arrives from now on; up to a thousand wait for a slow reader.
@@ -302,19 +94,19 @@ class Client:
         number = 0 if newest is None else newest[0]
         while True:
             number, message = self._following(number, timeout)
-            yield _mirror(State, state_t.decode(message))
+            yield mirror(State, state_t.decode(message))
 
     def __iter__(self) -> Iterator[State]:
         return self.states()
 
     def events(self) -> list[Event]:
         """The events that arrived since the last call, oldest first."""
-        return [_mirror(Event, event_t.decode(event)) for event in self._core.events()]
+        return [mirror(Event, event_t.decode(event)) for event in self._core.events()]
 
     def statistics(self) -> Statistics | None:
         """The newest statistics; None before the first, which comes within a second."""
         found = self._core.statistics()
-        return None if found is None else _mirror(Statistics, statistics_t.decode(found))
+        return None if found is None else mirror(Statistics, statistics_t.decode(found))
 
     def robot(self, timeout: float = 3.0) -> _core.Robot:
         """The robot that the daemon controls, as it describes it once a second."""
@@ -338,6 +130,7 @@ class Client:
         Returns:
             A line on where the robot is now.
         """
+        _seconds("timeout", timeout)
         self._take_control()
         try:
             answer = self._mode("arm", timeout, waiting)
@@ -357,7 +150,7 @@ class Client:
         answer = self._mode("disarm", min(timeout, 2.0))
         self._armed = False
         if timeout > 0:
-            self._until(_LIMP, timeout)
+            self._until(DRIVES_OFF, timeout)
         return answer
 
     def hold(self, timeout: float = 2.0) -> str:
@@ -391,9 +184,7 @@ class Client:
         """
         point = vector("tip", tip, 3, "x, y, z in the base frame [m]")
         along = vector("velocity", [0, 0, 0] if velocity is None else velocity, 3, "dx, dy, dz [m/s]")
-        return self._target(
-            lambda: self._core.tip(list(point), list(along), speed, valid_for, timeout), speed, valid_for, timeout
-        )
+        return self._target(self._core.tip, point, along, speed=speed, valid_for=valid_for, timeout=timeout)
 
     def send_bending(
         self,
@@ -412,17 +203,13 @@ class Client:
             speed, valid_for, timeout: as in `send_tip`.
         """
         bends = vector("bending", bending, None, "us, vs of each section [rad]")
-        rates = [] if rate is None else list(vector("rate", rate, bends.size, "rates of us, vs [rad/s]"))
-        return self._target(
-            lambda: self._core.bending(list(bends), rates, speed, valid_for, timeout), speed, valid_for, timeout
-        )
+        rates = np.zeros(0) if rate is None else vector("rate", rate, bends.size, "rates of us, vs [rad/s]")
+        return self._target(self._core.bending, bends, rates, speed=speed, valid_for=valid_for, timeout=timeout)
 
     def send_tension(self, tension: ArrayLike, *, valid_for: float = 1.0, timeout: float = 2.0) -> str:
         """Holds tensions at the robot's base [N], one a tendon, (M,)."""
         tensions = vector("tension", tension, None, "one tension a tendon [N]")
-        return self._target(
-            lambda: self._core.tension(list(tensions), valid_for, timeout), 0.0, valid_for, timeout
-        )
+        return self._target(self._core.tension, tensions, valid_for=valid_for, timeout=timeout)
 
     def follow(
         self,
@@ -471,10 +258,10 @@ class Client:
         if min(request.speed, request.acceleration, request.jerk) < 0:
             raise ValueError("speed, acceleration or jerk is negative; give 0 for the daemon's own, or more")
         tell = None if progress is None else (lambda line, _share: progress(line))
-        self._take_control()
         file = "" if robot is None else file_name("robot", robot)
         with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
             _word(request, path, times, corners, pathlib.Path(folder))
+            self._take_control()
             return _daemon_errors(lambda: self._core.follow(request, file, tell))
 
     # ---- life ----
@@ -493,6 +280,10 @@ class Client:
     def _take_control(self) -> None:
         self._armed = True
         _in_control.add(self)
+
+    def _leave_control(self) -> None:
+        self._armed = False
+        _in_control.discard(self)
 
     def __reduce__(self) -> NoReturn:
         raise TypeError("a client is not copied: who closes it disarms the robot; open another one: tendril.Client()")
@@ -516,14 +307,26 @@ class Client:
         tell = None if waiting is None else (lambda what, _share: waiting(what))
         return _daemon_errors(lambda: self._core.mode(request, timeout, tell))
 
-    def _target(self, send: Callable[[], str], speed: float, valid_for: float, timeout: float) -> str:
+    def _target(
+        self, send: Callable[..., str], *target: Array, valid_for: float, timeout: float, speed: float | None = None
+    ) -> str:
+        """Checks what targets of every kind have in common, and sends one; `speed`: None where the kind has none."""
         _seconds("timeout", timeout)
-        if not 0 <= number("speed", speed, "rad/s") <= 1e3:
-            raise ValueError(f"speed is {speed}; give 0 to 1000 rad/s, 0 for the daemon's own")
+        options = {"valid_for": valid_for, "timeout": timeout}
+        if speed is not None:
+            if not 0 <= number("speed", speed, "rad/s") <= 1e3:
+                raise ValueError(f"speed is {speed}; give 0 to 1000 rad/s, 0 for the daemon's own")
+            options["speed"] = speed
         if not 1e-3 <= number("valid_for", valid_for, "seconds") <= 3600:
             raise ValueError(f"valid_for is {valid_for}; give 0.001 to 3600 s")
+        before = self._armed
         self._take_control()
-        return _daemon_errors(send)
+        try:
+            return _daemon_errors(lambda: send(*(values.tolist() for values in target), **options))
+        except ValueError:
+            if not before:
+                self._leave_control()  # nothing was sent
+            raise
 
     def _disarm_quietly(self, timeout: float) -> None:
         """Whoever leaves hears of the error that made it leave, not of a daemon that is gone."""

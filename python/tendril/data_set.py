@@ -82,7 +82,7 @@ class DataSet:
         Raises:
             ValueError: a table that cannot be used, with its name and what is missing.
         """
-        nominal = robot if isinstance(robot, Robot) else _core.load_robot(file_name("robot", robot))
+        nominal = as_robot(robot)
         named = tables if isinstance(tables, Mapping) else {"run": tables}
         with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
             files = _written(named, pathlib.Path(folder))
@@ -161,6 +161,9 @@ class DataSet:
     def __iter__(self) -> Iterator[Run]:
         return iter(self._runs)
 
+    def __contains__(self, run: object) -> bool:
+        return any(own is run or own.name == run for own in self._runs)
+
     def __getitem__(self, name: str) -> Run:
         for run in self._runs:
             if run.name == name:
@@ -171,18 +174,23 @@ class DataSet:
         return f"<DataSet {self.name!r}: {len(self)} runs of robot {self.robot.name!r}>"
 
 
+def as_robot(robot: Robot | Path) -> Robot:
+    """A robot, or the one of a file."""
+    return robot if isinstance(robot, Robot) else _core.load_robot(file_name("robot", robot))
+
+
 def as_set(robot: Robot | Path, data: Any, same_robot: bool = False) -> DataSet:
     """What a program gives as data, as runs to be compared with `robot`."""
     if isinstance(data, DataSet):
-        nominal = robot if isinstance(robot, Robot) else _core.load_robot(file_name("robot", robot))
-        if nominal.to_yaml() == data.robot.to_yaml():
+        if as_robot(robot).to_yaml() == data.robot.to_yaml():
             return data
         # Recorded with another file: by way of a folder, whose reading compares the two.
         with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
-            place = os.path.join(folder, data.name or "set")
+            place = os.path.join(folder, "set")
             data.to_folder(place)
             with _said_without(f"{folder}/", ""):
-                return DataSet.from_folder(place, robot=robot, same_robot=same_robot)
+                again = DataSet.from_folder(place, robot=robot, same_robot=same_robot)
+            return DataSet(again._core.named(data.name or "set", f"{folder}/"))
     if isinstance(data, (str, os.PathLike)):
         return DataSet.from_folder(data, robot=robot, same_robot=same_robot)
     if isinstance(data, Sequence) and all(isinstance(item, (str, os.PathLike)) for item in data):

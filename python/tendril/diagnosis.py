@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from . import _core
-from ._arrays import file_name, flag, number, whole
+from ._arrays import flag, number, whole
 from .data_set import DataSet, Path, as_set
-from .effects import check_effect
+from .effects import effect_texts
 from .report import Report
 from .simulation import Progress
 
@@ -56,15 +56,9 @@ def diagnose(
     Raises:
         tendril.Error: the set cannot be diagnosed at all; lesser shortcomings are in `report.degradations`.
     """
-    names = {"only": only, "without": without}
-    for option, effects in names.items():
-        if isinstance(effects, str):
-            raise ValueError(f"{option} is the text {effects!r}; give a list of names: [{effects!r}]")
-        for effect in effects:
-            check_effect(effect)
+    only, without = effect_texts("only", only, "names"), effect_texts("without", without, "names")
     seed = whole("seed", seed, 0, 2**64 - 1)
-    refits = whole("refits", refits, 1, 200)
-    threads = whole("threads", threads, 0, 256)
+    refits, threads = whole("refits", refits, 1, 200), whole("threads", threads, 0, 256)
     next = flag("next", next)
     runs = as_set(robot, data, same_robot)
     if before is not None:
@@ -76,8 +70,8 @@ def diagnose(
         _materiality("delta_N", delta_N),
         _materiality("delta_m", delta_m),
         seed,
-        list(only),
-        list(without),
+        only,
+        without,
         refits,
         threads,
         next,

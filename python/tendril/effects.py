@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 
 from . import _core
 
@@ -12,7 +13,16 @@ def effects() -> list[str]:
     return _core.effect_names()
 
 
-def check_effect(text: str) -> None:
+def effect_texts(name: str, given: Sequence[str], what: str) -> list[str]:
+    """An argument that is a list of effects, each known; `what`: what each of them is, as 'names'."""
+    if isinstance(given, str):
+        raise ValueError(f"{name} is the text {given!r}; give a list of {what}: [{given!r}]")
+    for text in given:
+        _check_effect(text)
+    return list(given)
+
+
+def _check_effect(text: str) -> None:
     """Raises ValueError where the first word of an effect's text is no effect's name."""
     if not isinstance(text, str):
         raise ValueError(f"an effect is {type(text).__name__}; give a text such as 'backlash rad=0.05'")

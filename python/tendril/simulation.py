@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 from . import _core
 from ._arrays import file_name, flag, text, whole
-from .data_set import DataSet, Path
-from .effects import check_effect
+from .data_set import DataSet, Path, as_robot
+from .effects import effect_texts
 
 Progress = Callable[[str, float], object]
 """Called as `progress(stage, share)` with the completed share of the stage, 0 to 1, on the caller's thread."""
@@ -48,26 +48,18 @@ def simulate(
     Returns:
         The runs, with `robot` as their nominal robot. Equal arguments give equal numbers.
     """
-    nominal = robot if isinstance(robot, _core.Robot) else _core.load_robot(file_name("robot", robot))
-    if isinstance(effects, str):
-        raise ValueError(f"effects is the text {effects!r}; give a list of texts: [{effects!r}]")
-    for effect in effects:
-        check_effect(effect)
-    seed = whole("seed", seed, 0, 2**64 - 1)
-    jobs = whole("jobs", jobs, 1, 64)
-    repeats = None if repeats is None else whole("repeats", repeats, 0, 20)
     runs, _sizes = _core.simulate(
-        nominal,
-        list(effects),
+        as_robot(robot),
+        effect_texts("effects", effects, "texts"),
         text("set", set),
         None if plan is None else file_name("plan", plan),
         "" if daemon is None else file_name("daemon", daemon),
-        seed,
-        repeats,
+        whole("seed", seed, 0, 2**64 - 1),
+        None if repeats is None else whole("repeats", repeats, 0, 20),
         flag("noise", noise),
         None if load_cell is None else text("load_cell", load_cell),
         flag("tracker", tracker),
-        jobs,
+        whole("jobs", jobs, 1, 64),
         progress,
     )
     return DataSet(runs)

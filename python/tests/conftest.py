@@ -26,3 +26,21 @@ def program(*words: object, text: str = "") -> str:
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+@pytest.fixture()
+def served():
+    """A server of the view on any free port."""
+    from tendril.view import server
+
+    opened = server.start(0, "test")
+    yield opened
+    server.stop(opened)
+
+
+@pytest.fixture(scope="session")
+def circle(tmp_path_factory):
+    """A log of a robot whose tip goes round."""
+    import view_help
+
+    return view_help.circle_log(tmp_path_factory.mktemp("logs") / "circle.lcmlog")

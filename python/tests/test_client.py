@@ -90,6 +90,10 @@ def test_watching_disarms_nothing(robot):
         first.arm()
         with tendril.Client() as second:
             assert second.state().running
+            with pytest.raises(ValueError, match="there is no motion 'cirle'"):
+                second.follow("cirle")  # nothing was sent
+            with pytest.raises(ValueError, match="millimetres"):
+                second.send_tip([0, 0, 60])
             found = second.statistics() or time.sleep(1.5) or second.statistics()
             assert found is not None and found.drive_node_id.size == 3
         time.sleep(0.2)

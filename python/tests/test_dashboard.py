@@ -1,19 +1,16 @@
-"""The dashboard's screen and keys by Textual's own driver, with a daemon that records what it is sent."""
+"""The dashboard's screen and keys by Textual's own driver, beside a daemon that records what it is sent."""
 
 from __future__ import annotations
 
 import asyncio
-import dataclasses
 import time
 
 import numpy as np
 import pytest
 
-import tendril
 from tendril.messages import state_t
 
-from conftest import ROBOTS, SOURCE
-from simulated import simulated_robot
+from stand_ins import Daemon, Guard
 
 pytest.importorskip("textual", reason="SKIPPED: textual is not installed")
 
@@ -22,81 +19,12 @@ from tendril.dashboard.jog import Jog
 from tendril.dashboard.operator import Operator
 
 
-@pytest.fixture(scope="module")
-def state():
-    with simulated_robot(prefix="SCREEN"), tendril.Client(prefix="SCREEN") as client:
-        return client.state(timeout=10)
-
-
-class Daemon:
-    """Answers in a mode; keeps every command: name, value, rate, how long it is valid [s]."""
-
-    def __init__(self, state: tendril.State, mode: int) -> None:
-        self._state = dataclasses.replace(state, mode=mode, mode_text={state_t.MODE_RUNNING: "running"}.get(mode, "other"))
-        self._robot, self._daemon = (
-            tendril.load_robot(ROBOTS / "rig_60mm.yaml"),
-            tendril.load_daemon(SOURCE / "config" / "tendrild.yaml"),
-        )
-        self.sent: list[tuple] = []
-
-    def state(self, timeout: float = 0) -> tendril.State:
-        self._state = dataclasses.replace(self._state, cycle=self._state.cycle + 1)
-        return self._state
-
-    def events(self) -> list:
-        return []
-
-    def statistics(self) -> None:
-        return None
-
-    def robot(self, timeout: float = 0):
-        return self._robot
-
-    def daemon(self, timeout: float = 0):
-        return self._daemon
-
-    def arm(self, timeout: float = 0) -> str:
-        return self._keep("arm")
-
-    def disarm(self, timeout: float = 0) -> str:
-        return self._keep("disarm")
-
-    def hold(self, timeout: float = 0) -> str:
-        return self._keep("hold")
-
-    def clear(self, timeout: float = 0) -> str:
-        return self._keep("clear")
-
-    def send_tip(self, tip, velocity=None, *, valid_for=0.0, timeout=0) -> str:
-        return self._keep("tip", tip, velocity, valid_for)
-
-    def send_bending(self, bending, rate=None, *, valid_for=0.0, timeout=0) -> str:
-        return self._keep("bend", bending, rate, valid_for)
-
-    def _keep(self, *command) -> str:
-        self.sent.append(command)
-        return ""
-
-
-class NoGuard:
-    """A guard that is there."""
-
-    def ready(self) -> bool:
-        return True
-
-    def tell(self, ours: bool, now: float) -> bool:
-        return True
-
-    def leave(self, in_order: bool) -> None:
-        pass
-
-
-def at(state, mode, size, steps):
+def at(rig, mode, size, steps):
     """Runs `steps(app, pilot)` on a screen of that size; returns the daemon."""
-    daemon = Daemon(state, mode)
+    daemon = Daemon(rig, mode)
 
     async def run() -> None:
-        app = Dashboard(Operator(daemon, NoGuard(), Jog(), sender=1))
+        app = Dashboard(Operator(daemon, Guard(), Jog(), sender=1))
         async with app.run_test(size=size) as pilot:
             await pilot.pause(0.1)
             await steps(app, pilot)
@@ -111,17 +39,17 @@ def shown(app) -> str:
     return "\n".join("".join(segment.text for segment in strip) for strip in lines)
 
 
-def test_everything_that_matters_is_on_80x24(state):
+def test_everything_that_matters_is_on_80x24(rig):
     async def steps(app, pilot):
         text = shown(app)
-        for words in ("SPACE or d  disarm", "other", "tip [mm]", "bend 1", "a arm", "q quit"):
+        for words in ("SPACE or d  disarm", f"mode {state_t.MODE_CONFIGURED}", "tip [mm]", "bend 1", "a arm", "q quit"):
             assert words in text, text
         assert max(map(len, text.splitlines())) <= 80
 
-    at(state, state_t.MODE_CONFIGURED, (80, 24), steps)
+    at(rig, state_t.MODE_CONFIGURED, (80, 24), steps)
 
 
-def test_a_small_terminal_says_so_and_moves_nothing(state):
+def test_a_small_terminal_says_so_and_moves_nothing(rig):
     async def steps(app, pilot):
         text = " ".join(shown(app).split())
         assert "80x24 needed; d disarms" in text, text
@@ -129,11 +57,11 @@ def test_a_small_terminal_says_so_and_moves_nothing(state):
         await pilot.press("space")
         await pilot.pause(0.1)
 
-    daemon = at(state, state_t.MODE_RUNNING, (40, 10), steps)
-    assert [command[0] for command in daemon.sent] == ["disarm"] * len(daemon.sent) and daemon.sent
+    daemon = at(rig, state_t.MODE_RUNNING, (40, 10), steps)
+    assert daemon.sent == ["disarm"] * len(daemon.sent) and daemon.sent
 
 
-def test_a_held_key_moves_and_its_release_stops(state):
+def test_a_held_key_moves_and_its_release_stops(rig):
     async def steps(app, pilot):
         await pilot.press("right")
         await pilot.pause(0.15)
@@ -144,38 +72,39 @@ def test_a_held_key_moves_and_its_release_stops(state):
             await pilot.press("right")
         await pilot.pause(0.5)
 
-    daemon = at(state, state_t.MODE_RUNNING, (80, 24), steps)
+    daemon = at(rig, state_t.MODE_RUNNING, (80, 24), steps)
+    assert len(daemon.targets) == len(daemon.sent)
     moving = [command for command in daemon.sent if command[2] is not None and np.any(command[2])]
     assert len(moving) >= 3 and all(command[0] == "tip" for command in moving)
     assert all(command[2][0] > 0 and command[3] <= 0.25 for command in moving)
     assert daemon.sent[-1][2] is None, "the last target is at rest"
 
 
-def test_a_key_that_waited_moves_nothing(state):
+def test_a_key_that_waited_moves_nothing(rig):
     async def steps(app, pilot):
         app.operator.jog_on = True
         now = time.monotonic()
         app.operator.press((1.0, 0.0, 0.0), now - 0.5, now)
         await pilot.pause(0.2)
 
-    assert not at(state, state_t.MODE_RUNNING, (80, 24), steps).sent
+    assert not at(rig, state_t.MODE_RUNNING, (80, 24), steps).sent
 
 
-def test_what_the_gate_would_refuse_is_not_sent(state):
+def test_what_the_gate_would_refuse_is_not_sent(rig):
     async def steps(app, pilot):
         await pilot.press("a")
         await pilot.pause(0.25)
         assert "204" in app.operator.message.text and "press c" in app.operator.message.text
 
-    assert not at(state, state_t.MODE_FAULT, (80, 24), steps).sent
+    assert not at(rig, state_t.MODE_FAULT, (80, 24), steps).sent
 
 
-def test_arm_and_disarm_are_one_key_each(state):
+def test_arm_and_disarm_are_one_key_each(rig):
     async def steps(app, pilot):
         await pilot.press("a")
         await pilot.press("d")
 
-    assert [command[0] for command in at(state, state_t.MODE_CONFIGURED, (80, 24), steps).sent][:2] == ["arm", "disarm"]
+    assert at(rig, state_t.MODE_CONFIGURED, (80, 24), steps).sent[:2] == ["arm", "disarm"]
 
 
 def daemon_of(app) -> Daemon:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
+import subprocess
 import threading
-import types
 
 import numpy as np
 import pytest
@@ -12,99 +13,15 @@ import pytest
 import tendril
 from tendril.dashboard import guard as guard_side
 from tendril.dashboard import state as view
+from tendril.dashboard.__main__ import parser
 from tendril.dashboard.jog import SEND_EVERY_S, Jog, Limits
 from tendril.dashboard.operator import Operator
 from tendril.messages import state_t
 
+from stand_ins import Daemon, Guard, a_state
+
 SENDER = 7
 LIMITS = Limits(sections=1, length=0.06, max_bending=2.6, tip_speed=0.012, bend_speed=0.5)
-
-
-def a_state(mode=state_t.MODE_RUNNING, cycle=1, **changed):
-    """A state at rest, upright."""
-    message = state_t()
-    values = {name: getattr(message, name) for name in tendril.State.__dataclass_fields__}
-    nan3 = np.full(3, np.nan)
-    values |= dict(mode=mode, cycle=cycle, utime=cycle, mode_text="running" if mode == 4 else f"mode {mode}",
-                   status_text="ok", reported=np.array([], int), target_tip_W_m=nan3,
-                   tip_desired_W_m=np.array([0, 0, 0.06]), tip_estimate_W_m=np.array([1e-4, 0, 0.06]),
-                   bending_desired_rad=np.zeros(2), bending_estimate_rad=np.zeros(2),
-                   tension_desired_base_N=np.full(3, 0.3), tension_base_estimate_N=np.array([0.3, 7.9, np.nan]),
-                   tension_measured_N=np.array([0.3, 10.5, np.nan]))
-    return tendril.State(**(values | changed))
-
-
-class Daemon:
-    """Stands in for `tendril.Client`: takes commands as a gate would, and moves at once."""
-
-    def __init__(self, rig):
-        self.rig, self.mode, self.cycle, self.sent, self.heard = rig, state_t.MODE_CONFIGURED, 0, [], True
-        self.changed, self.news, self.target = {}, [], None
-
-    def state(self, timeout=0.0):
-        if not self.heard:
-            raise tendril.DaemonError("no daemon answers")
-        self.cycle += 1
-        return a_state(self.mode, self.cycle, **self.changed)
-
-    def events(self):
-        news, self.news = self.news, []
-        return news
-
-    def statistics(self):
-        return None
-
-    def robot(self, timeout=0.0):
-        return self.rig
-
-    def daemon(self, timeout=0.0):
-        return types.SimpleNamespace(interface="can0", default_speed=0.5, max_rate=8.0)
-
-    def _mode(self, name, mode):
-        self.sent.append(name)
-        self.mode = mode if self.heard else self.mode
-        return ""
-
-    def arm(self, timeout=0.0):
-        return self._mode("arm", state_t.MODE_RUNNING)
-
-    def disarm(self, timeout=0.0):
-        return self._mode("disarm", state_t.MODE_CONFIGURED)
-
-    def hold(self, timeout=0.0):
-        return self._mode("hold", state_t.MODE_HOLD)
-
-    def clear(self, timeout=0.0):
-        return self._mode("clear", state_t.MODE_DISCONNECTED)
-
-    def _target(self, kind, value, rate, valid_for):
-        self.sent.append((kind, np.array(value), None if rate is None else np.array(rate), valid_for))
-        return ""
-
-    def send_tip(self, tip, velocity=None, *, valid_for=1.0, timeout=0.0):
-        return self._target("tip", tip, velocity, valid_for)
-
-    def send_bending(self, bending, rate=None, *, valid_for=1.0, timeout=0.0):
-        return self._target("bend", bending, rate, valid_for)
-
-    @property
-    def targets(self):
-        return [words for words in self.sent if not isinstance(words, str)]
-
-
-class NoGuard:
-    def __init__(self, there=True):
-        self.there, self.told, self.left = there, [], None
-
-    def ready(self):
-        return self.there
-
-    def tell(self, ours, now):
-        self.told.append(ours)
-        return self.there
-
-    def leave(self, in_order):
-        self.left = in_order
 
 
 @pytest.fixture()
@@ -114,10 +31,9 @@ def daemon(rig):
 
 @pytest.fixture()
 def operator(daemon):
-    operator = Operator(daemon, NoGuard(), Jog(), sender=SENDER)
+    operator = Operator(daemon, Guard(), Jog(), sender=SENDER)
     operator.tick(0.0)
     return operator
-
 
 
 # ---- the dead man ----
@@ -249,7 +165,7 @@ def test_a_daemon_that_is_lost_is_disarmed_when_it_comes_back(operator, daemon):
 
 
 def test_without_its_guard_it_neither_arms_nor_jogs(daemon):
-    operator = Operator(daemon, NoGuard(there=False), Jog(), sender=SENDER)
+    operator = Operator(daemon, Guard(there=False), Jog(), sender=SENDER)
     operator.tick(0.0)
     operator.request("arm", 0.0)
     assert daemon.sent == [] and operator.message.refused
@@ -298,3 +214,18 @@ def test_tensions_stand_against_their_limits(rig):
     assert bars[0][1] == "good" and bars[1] == ("█" * 16, "warn") and lines[2][3][1] == "bad"
     assert "-" in lines[3][2][0], "not known"
     assert view.bar(4, 8, 10) == "█████░░░░░" and view.bar(float("nan"), 8, 4) == "░░░░"
+
+
+# ---- its options ----
+
+
+@pytest.mark.parametrize("option", ["--tip-speed", "--bend-speed", "--release"])
+def test_options_have_the_bounds_of_tendril_status(option, capsys):
+    with pytest.raises(SystemExit):
+        parser().parse_args([option, "nan"])
+    ours = capsys.readouterr().err
+    bounds = re.fullmatch(rf"tendril: status: argument {option}: 'nan' is not accepted; give (.+) (\S+); see .+\n", ours)
+    assert bounds, ours
+    words = ["tendril", "status", "--watch", option, "nan"]
+    theirs = subprocess.run(words, capture_output=True, text=True, timeout=20, check=False)
+    assert theirs.returncode == 2 and f"nan is not a number from {bounds[1]}; give {bounds[2]}" in theirs.stderr

@@ -31,7 +31,7 @@ def client():
 
 @pytest.fixture()
 def terminal(client, tmp_path):
-    terminal = Terminal(tmp_path, ["tendril", "status", "--watch"], {"TENDRIL_PYTHON": sys.executable})
+    terminal = Terminal(tmp_path, ["tendril", "status", "--watch", "--tip-speed", "14"], {"TENDRIL_PYTHON": sys.executable})
     try:
         terminal.until_shown("SPACE or d  disarm", 30)
         terminal.until_shown("rig_60mm")
@@ -59,7 +59,7 @@ def test_jog_moves_release_stops_space_disarms(terminal, client):
     begin = client.state().tip_desired_W_m
     assert abs(begin[0]) < 1e-9, "a jog that is off moves nothing"
     terminal.key("j")
-    terminal.until_shown("jog tip")
+    terminal.until_shown("jog tip at 3.5 mm/s")  # a quarter of --tip-speed
     terminal.hold("Right", 1.2)
     let_go, at_release = time.monotonic(), client.state().tip_desired_W_m
     assert at_release[0] - begin[0] > 1e-3, terminal.shown()
@@ -108,5 +108,8 @@ def test_without_a_terminal_it_is_the_table(client):
     finally:
         done.send_signal(signal.SIGINT)
         done.communicate(timeout=10)
+    words = ["tendril", "status", "--watch", "--release", "100"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=20, check=False)
+    assert done.returncode == 2 and "--release is for the dashboard" in done.stderr and len(done.stderr.splitlines()) == 1
     done = subprocess.run([sys.executable, "-P", "-m", "tendril.dashboard"], capture_output=True, text=True, check=False)
     assert done.returncode == 2 and "needs a terminal" in done.stderr and len(done.stderr.splitlines()) == 1

@@ -7,6 +7,7 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -14,6 +15,7 @@ import pandas
 import pytest
 
 import tendril
+from tendril.data_set import as_set
 
 from conftest import ROBOTS, SOURCE, program
 
@@ -39,9 +41,38 @@ def folder(tmp_path_factory):
     return out
 
 
+@dataclasses.dataclass
+class Diagnosed:
+    """A diagnosis, and what was seen while it ran."""
+
+    report: tendril.Report
+    stages: list[str]
+    turns: int
+    """That another thread of the interpreter took, at most one a millisecond."""
+
+
 @pytest.fixture(scope="module")
-def report(data):
-    return tendril.diagnose(ROBOT, data, only=FEW, next=False)
+def diagnosed(folder):
+    stages, turns, over = [], 0, threading.Event()
+
+    def count():
+        nonlocal turns
+        while not over.wait(0.001):
+            turns += 1
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    try:
+        report = tendril.diagnose(ROBOT, folder, only=FEW, next=False, progress=lambda stage, _: stages.append(stage))
+    finally:
+        over.set()
+        thread.join()
+    return Diagnosed(report, stages, turns)
+
+
+@pytest.fixture(scope="module")
+def report(diagnosed):
+    return diagnosed.report
 
 
 def test_simulated_files_equal_the_command_lines(data, folder, tmp_path):
@@ -59,14 +90,13 @@ def comparable(report):
     return report
 
 
-def test_report_equals_the_command_lines(folder, tmp_path):
+def test_report_equals_the_command_lines(diagnosed, folder, tmp_path):
     few = ",".join(FEW)
     program("gap", "diagnose", "--robot", ROBOT, folder, "--only", few, "--no-next", "--out", tmp_path / "out")
     theirs = json.loads((tmp_path / "out" / "report.json").read_text())
-    stages = []
-    ours = tendril.diagnose(ROBOT, folder, only=FEW, next=False, progress=lambda *stage: stages.append(stage))
+    ours = diagnosed.report
     assert comparable(json.loads(ours.to_json())) == comparable(theirs)
-    assert len({stage for stage, _ in stages}) > 2
+    assert len(set(diagnosed.stages)) > 2
     ours.save(tmp_path / "ours")
     assert tendril.Report.load(tmp_path / "ours" / "report.json") == ours
     assert (tmp_path / "ours" / "report.html").read_text() == ours.to_html()
@@ -111,6 +141,7 @@ def test_dataclasses_mirror_the_json(report):
 def test_tables_come_back_as_they_went(data):
     tables = data.to_pandas()
     assert list(tables) == [run.name for run in data]
+    assert all(run in data and run.name in data for run in data) and "none" not in data
     runs = {run.name: {"family": run.family, "repeat_of": run.repeat_of or "none"} for run in data}
     again = tendril.DataSet.from_dataframe(tables, data.robot, runs=runs)
     for run, same in zip(data, again):
@@ -118,6 +149,13 @@ def test_tables_come_back_as_they_went(data):
         for channel in ("time", "torque_target", "torque_actual", "motor_position", "tension", "tip", "bending"):
             a, b = getattr(run, channel), getattr(same, channel)
             assert (a is None) == (b is None) and (a is None or np.array_equal(a, b, equal_nan=True)), channel
+
+
+def test_a_set_keeps_its_name_with_another_robot(data):
+    named = tendril.DataSet.from_dataframe(data.to_pandas(), data.robot, name="../elsewhere")
+    other = data.robot.with_effects([PAYLOAD])
+    again = as_set(other, named, same_robot=True)
+    assert again.name == "../elsewhere" and again.robot.effects == other.effects
 
 
 def test_logs_give_runs(tmp_path):
@@ -163,6 +201,8 @@ def test_wrong_arguments_are_named(rig, data, tmp_path):
         tendril.simulate(rig, ["tip_payload mass_kg=-5"])
     with pytest.raises(ValueError, match="give a list of texts"):
         tendril.simulate(rig, PAYLOAD)
+    with pytest.raises(ValueError, match="seed is 1.5; give a whole number from 0"):
+        tendril.simulate(rig, seed=1.5)
     with pytest.raises(ValueError, match="no effect is left"):
         tendril.diagnose(rig, data, without=tendril.effects())
     for arguments in ({"noise": "no"}, {"load_cell": 3}, {"set": None}, {"jobs": True}, {"seed": 1.5}):
@@ -216,20 +256,5 @@ def test_an_exception_in_progress_ends_the_work(folder):
         tendril.diagnose(ROBOT, folder, progress=progress)
 
 
-def test_the_gil_is_released(folder):
-    import threading
-
-    counted = [0, True]
-
-    def count():
-        while counted[1]:
-            counted[0] += 1
-            time.sleep(0.001)
-
-    thread = threading.Thread(target=count)
-    thread.start()
-    before = counted[0]
-    tendril.diagnose(ROBOT, folder, only=["tip_payload"], next=False)
-    counted[1] = False
-    thread.join()
-    assert counted[0] - before > 50
+def test_the_gil_is_released(diagnosed):
+    assert diagnosed.turns > 50

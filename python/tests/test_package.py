@@ -1,8 +1,9 @@
-"""The package itself: its types are checked, its stub is the module's, everything public says what it is."""
+"""The package itself: its types are checked, its type stub is the module's, everything public says what it is."""
 
 from __future__ import annotations
 
 import inspect
+import os
 import pathlib
 import re
 import subprocess
@@ -23,7 +24,7 @@ def test_version_is_the_projects():
     assert tendril.__version__ == re.search(r"project\(tendril VERSION ([0-9.]+)", text)[1]
 
 
-def test_stub_is_the_modules(tmp_path):
+def test_type_stub_is_the_modules(tmp_path):
     pytest.importorskip("nanobind")
     words = [sys.executable, "-P", "-m", "nanobind.stubgen", "-q", "-m", "tendril._core", "-o", str(tmp_path / "_core.pyi")]
     subprocess.run(words, check=True)
@@ -34,8 +35,9 @@ def test_stub_is_the_modules(tmp_path):
 def test_types_are_sound(tmp_path):
     pytest.importorskip("mypy")
     config = SOURCE / "python" / "pyproject.toml"
-    words = [sys.executable, "-P", "-m", "mypy", "--config-file", str(config), "--cache-dir", str(tmp_path), "-p", "tendril"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    words = [sys.executable, "-P", "-m", "mypy", "--config-file", str(config), "-p", "tendril"]
+    environment = {"MYPY_CACHE_DIR": str(tmp_path), **os.environ}
+    done = subprocess.run(words, capture_output=True, text=True, check=False, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

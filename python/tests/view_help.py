@@ -1,6 +1,7 @@
 """What the view's tests share: logs and robots written here, from the message types and robot files alone."""
 
 import numpy as np
+import pytest
 
 from tendril import messages
 
@@ -73,3 +74,15 @@ def circle_log(path, seconds=4.0, rate=200):
         tip = 0.06 * np.array([*(bend * (1 - np.cos(1.0))), np.sin(1.0)])
         messages.append(("STATE", state_message(t, bend, tensions, tip)))
     return write_log(path, messages)
+
+
+def refused(call, *words):
+    """`call` raises ViewError of one line that has these words."""
+    from tendril.view.frames import ViewError
+
+    with pytest.raises(ViewError) as error:
+        call()
+    line = str(error.value)
+    assert "\n" not in line
+    for word in words:
+        assert word in line, line

@@ -16,6 +16,7 @@
 #include "lister.h"
 #include "reader.h"
 #include "tendril/core/limits.h"
+#include "tendril/core/load_cell_place.h"
 #include "tendril/core/robot.h"
 #include "text_rules.h"
 
@@ -103,10 +104,7 @@ void Describe(Io& io, TransmissionParameters& p) {
 
 template <class Io>
 void Describe(Io& io, LoadCellParameters& p) {
-  io.Choice("place", p.place,
-            Choices<LoadCellPlace>{{"motor_side", LoadCellPlace::kMotorSide},
-                                   {"robot_side", LoadCellPlace::kRobotSide},
-                                   {"none", LoadCellPlace::kNone}},
+  io.Choice("place", p.place, kLoadCellPlaces,
             "Between spool and pulleys, between pulleys and base, or no load cell.");
   const bool none = !Io::kListing && p.place == LoadCellPlace::kNone;
   const auto number = [&](const char* key, double& value, Range range, std::string_view meaning) {

@@ -4,17 +4,15 @@
 
 #include <stdexcept>
 
+#include "tendril/core/load_cell_place.h"
 #include "tendril/core/usage_error.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::experiment {
 
 LoadCellPlace LoadCellPlaceNamed(const std::string& name) {
-  if (name == "motor_side") return LoadCellPlace::kMotorSide;
-  if (name == "robot_side") return LoadCellPlace::kRobotSide;
-  if (name == "none") return LoadCellPlace::kNone;
-  throw UsageError(
-      fmt::format("'{}' is no place of a load cell; accepted: motor_side, robot_side, none", name));
+  if (const auto place = FindLoadCellPlace(name)) return *place;
+  throw UsageError(fmt::format("'{}' is no place of a load cell; accepted: {}", name, kLoadCellPlaceWords));
 }
 
 RobotParameters WithSensors(RobotParameters robot, const std::string& from,

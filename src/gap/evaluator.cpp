@@ -50,7 +50,13 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
 
   FindCuts(set);
   FindTargetsPerRow();
-  SubstituteMissingCells();
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    try {
+      SubstituteMissingCells(runs_[i], driven_by_, nominal_.body.tendons());
+    } catch (const std::runtime_error& error) {
+      throw RunError(i, error.what());
+    }
+  }
   zeros_from_rest_ =
       std::all_of(runs_.begin(), runs_.end(), [](const PreparedRun& r) { return r.rest_samples > 0; });
   if (zeros_from_rest_) {
@@ -108,16 +114,11 @@ void Evaluator::FindCuts(const DataSet& set) {
                       any([](const PreparedRun& r) {
                         return r.LeaveSamples(r.target_dropouts, r.signals.torque_target_Nm.cols());
                       });
-  const auto cell_of = [](const PreparedRun& r) {
-    return r.signals.load_cell != LoadCellPlace::kNone && r.signals.tension_N.cols() > 0;
-  };
-  const bool cell = every(cell_of) && any([](const PreparedRun& r) {
-                      return r.LeaveSamples(r.cell_dropouts, r.signals.tension_N.cols());
-                    });
+  driven_by_ = BodyInputs(runs_);
+  const bool cell = driven_by_ == sim::Replay::DrivenBy::kCell;
   const bool tracker = any([](const PreparedRun& r) { return r.tracked(); });
   available_ = (torque && target ? kC1 : 0u) | (torque && motor ? kC2 : 0u) | (cell && motor ? kC3 : 0u) |
                (tracker ? kBody : 0u);
-  driven_by_ = cell ? sim::Replay::DrivenBy::kCell : sim::Replay::DrivenBy::kMotor;
   // The body is simulated with every comparison.
   const std::vector<CutOfSet> cuts = gap::CutsOf(set);
   if (available_ == 0 || !(cell || motor)) {
@@ -162,33 +163,6 @@ void Evaluator::ReportMissingMotors() {
                        "tendon's stretch: the direction of friction is known where the shape moves, and "
                        "without bending (all tendons pulled alike) only from the stretch"
                      : ""));
-}
-
-// Without a cell, the tension on the body follows from the tendon's stretch between motor and body; without a
-// motor position as well, it is unknown.
-void Evaluator::SubstituteMissingCells() {
-  for (std::size_t i = 0; i < runs_.size(); ++i) {
-    PreparedRun& run = runs_[i];
-    const bool by_cell = driven_by_ == sim::Replay::DrivenBy::kCell;
-    auto& no_cell = run.signals.no_cell;
-    if (by_cell && !run.cell_dropouts.empty()) {
-      no_cell.setZero(run.samples(), nominal_.body.tendons());
-      for (const Dropout& dropout : run.cell_dropouts)
-        no_cell.col(dropout.tendon).segment(dropout.from, dropout.size()).setOnes();
-    }
-    for (const Dropout& dropout : run.motor_dropouts) {
-      const bool no_other =
-          !by_cell || run.MissingSamples(run.cell_dropouts, dropout.tendon) == run.samples();
-      if (no_other && dropout.size() == run.samples()) {
-        const bool tension = run.signals.tension_N.cols() > 0 && !by_cell;
-        throw RunError(i,
-                       fmt::format("{}: {} of tendon {}{}", run.name,
-                                   tension ? "no motor position" : "neither tension nor motor position",
-                                   dropout.tendon + 1,
-                                   tension ? ", and other runs have no load cells to drive the body" : ""));
-      }
-    }
-  }
 }
 
 // Reports gaps of single sensors, one sentence per sensor with all its runs.

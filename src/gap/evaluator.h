@@ -159,7 +159,6 @@ class Evaluator {
   // In evaluator.cpp.
   void FindCuts(const DataSet& set);
   void ReportMissingMotors();
-  void SubstituteMissingCells();
   void ReportSensorGaps();
   void ListChannels();
   void FindFrame();

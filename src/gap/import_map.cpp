@@ -12,6 +12,7 @@
 
 #include "file_bytes.h"
 #include "rotation.h"
+#include "tendril/core/load_cell_place.h"
 #include "yaml_block.h"
 
 namespace tendril::gap {
@@ -185,11 +186,8 @@ class Reader {
       block.Fail("repeats", "is not a block", "{column: NAME, match: EXPRESSION, as: TEXT}");
     map_.longest_gap_s = block.Number("longest_gap_s", 0, 1e-6, 1e9);
     if (block.Has("load_cell")) {
-      map_.load_cell = block.Choice<LoadCellPlace>("load_cell",
-                                                   {{"motor_side", LoadCellPlace::kMotorSide},
-                                                    {"robot_side", LoadCellPlace::kRobotSide},
-                                                    {"none", LoadCellPlace::kNone}},
-                                                   "");
+      map_.load_cell =
+          block.Choice<LoadCellPlace>("load_cell", {kLoadCellPlaces.begin(), kLoadCellPlaces.end()}, "");
     }
     block.Close();
   }

@@ -452,4 +452,30 @@ PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<
   return Preparing(run, robot, seed).Result();
 }
 
+sim::Replay::DrivenBy BodyInputs(std::span<const PreparedRun> runs) {
+  const bool cells =
+      std::all_of(runs.begin(), runs.end(), [](const PreparedRun& r) { return r.has_cells(); }) &&
+      std::any_of(runs.begin(), runs.end(), [](const PreparedRun& r) { return !r.without_cells(); });
+  return cells ? sim::Replay::DrivenBy::kCell : sim::Replay::DrivenBy::kMotor;
+}
+
+void SubstituteMissingCells(PreparedRun& run, sim::Replay::DrivenBy driven_by, int tendons) {
+  const bool by_cell = driven_by == sim::Replay::DrivenBy::kCell;
+  if (by_cell && !run.cell_dropouts.empty()) {
+    auto& no_cell = run.signals.no_cell;
+    no_cell.setZero(run.samples(), tendons);
+    for (const Dropout& dropout : run.cell_dropouts)
+      no_cell.col(dropout.tendon).segment(dropout.from, dropout.size()).setOnes();
+  }
+  for (const Dropout& dropout : run.motor_dropouts) {
+    const bool no_other = !by_cell || run.MissingSamples(run.cell_dropouts, dropout.tendon) == run.samples();
+    if (!no_other || dropout.size() != run.samples()) continue;
+    const bool tension = run.signals.tension_N.cols() > 0 && !by_cell;
+    throw std::runtime_error(
+        fmt::format("{}: {} of tendon {}{}", run.name,
+                    tension ? "no motor position" : "neither tension nor motor position", dropout.tendon + 1,
+                    tension ? ", and other runs have no load cells to drive the body" : ""));
+  }
+}
+
 }  // namespace tendril::gap

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -96,6 +97,12 @@ struct PreparedRun {
   void MoveTracker(double by_s);
   /// No tendon's motor position is known.
   bool without_motors() const { return !LeaveSamples(motor_dropouts, signals.motor_angle_rad.cols()); }
+  /// Load cells are recorded, whether or not one of them has a reading.
+  bool has_cells() const { return signals.load_cell != LoadCellPlace::kNone && signals.tension_N.cols() > 0; }
+  /// No tendon's load cell has a reading.
+  bool without_cells() const {
+    return !has_cells() || !LeaveSamples(cell_dropouts, signals.tension_N.cols());
+  }
   /// Enough readings to compare with.
   bool tracked() const { return tracker_s.size() > (signals.at_rest ? kLeastStates - 1 : 10); }
 };
@@ -113,5 +120,14 @@ int LeastRows(const Run& run);
 /// likely reading; with a seed it draws one that would have been recorded identically. The spread of
 /// simulations over such draws is the uncertainty due to sensor resolution.
 PreparedRun Prepare(const Run& run, const RobotParameters& robot, std::optional<std::uint64_t> seed = {});
+
+/// What drives the body in runs that are simulated alike: the load cells where all of them have some and at
+/// least one has readings, else the motors' positions by the tendons' stretch.
+sim::Replay::DrivenBy BodyInputs(std::span<const PreparedRun> runs);
+
+/// Where load cells drive the body and one of them has no reading, the tendon's stretch between motor and
+/// body stands in for it (signals.no_cell). Throws std::runtime_error naming a tendon whose tension remains
+/// unknown.
+void SubstituteMissingCells(PreparedRun& run, sim::Replay::DrivenBy driven_by, int tendons);
 
 }  // namespace tendril::gap

@@ -10,31 +10,6 @@
 namespace tendril::gap {
 namespace {
 
-using DrivenBy = sim::Replay::DrivenBy;
-
-/// By the cells where there are any; where one has no reading, the tendon's stretch stands in for it.
-DrivenBy ChooseInputs(PreparedRun& run, int tendons) {
-  sim::ReplaySignals& signals = run.signals;
-  const bool cells = signals.load_cell != LoadCellPlace::kNone && signals.tension_N.cols() > 0 &&
-                     run.LeaveSamples(run.cell_dropouts, signals.tension_N.cols());
-  if (!cells && run.without_motors()) {
-    throw std::runtime_error("run " + run.name +
-                             ": neither load cells nor motor positions can drive the model in it");
-  }
-  if (cells && !run.cell_dropouts.empty()) {
-    signals.no_cell.setZero(run.samples(), tendons);
-    for (const Dropout& dropout : run.cell_dropouts)
-      signals.no_cell.col(dropout.tendon).segment(dropout.from, dropout.size()).setOnes();
-  }
-  for (int j = 0; j < tendons && cells; ++j) {
-    if (signals.motor_angle_rad.cols() > 0 && run.MissingSamples(run.motor_dropouts, j) < run.samples())
-      continue;
-    signals.no_motor.resize(static_cast<std::size_t>(tendons), 0);
-    signals.no_motor[static_cast<std::size_t>(j)] = 1;
-  }
-  return cells ? DrivenBy::kCell : DrivenBy::kMotor;
-}
-
 /// Times of the prepared run's samples, as Run::time_s.
 Eigen::VectorXd SampleTimes(const PreparedRun& run) {
   const Eigen::Index samples = run.samples();
@@ -49,7 +24,12 @@ Eigen::MatrixXd ReplayedShape(const RobotParameters& robot, const Run& run, cons
   if (run.time_s.size() < 2 || run.time_s.size() < LeastRows(run))
     throw std::runtime_error("run " + run.name + ": too few rows to simulate");
   PreparedRun prepared = Prepare(run, robot);
-  const DrivenBy driven_by = ChooseInputs(prepared, robot.body.tendons());
+  if (prepared.without_cells() && prepared.without_motors()) {
+    throw std::runtime_error("run " + run.name +
+                             ": neither load cells nor motor positions can drive the model in it");
+  }
+  const sim::Replay::DrivenBy driven_by = BodyInputs({&prepared, 1});
+  SubstituteMissingCells(prepared, driven_by, robot.body.tendons());
   const Eigen::MatrixXd q = sim::Replay(robot).Body(prepared.signals, driven_by, 1).q;
   const Eigen::VectorXd at_s = SampleTimes(prepared);
 

@@ -13,6 +13,7 @@
 
 #include "file_bytes.h"
 #include "sources.h"
+#include "tendril/core/load_cell_place.h"
 #include "text.h"
 
 namespace tendril::gap {
@@ -35,7 +36,7 @@ constexpr RunsKey kRunsKeys[] = {
      "The run that this one repeats unchanged; what differs between them is the noise floor."},
     {"before", true, "a file of the list, none", "none",
      "The run of the same commands from before the robot changed; the diagnosis is then of the change."},
-    {"load_cell", true, "motor_side, robot_side, none", "the robot file's", "Where the load cells sit."},
+    {"load_cell", true, kLoadCellPlaceWords, "the robot file's", "Where the load cells sit."},
     {"motor_zero", true, "at_pretension, at_rest", "at_pretension",
      "at_rest: motor positions count from where friction had left the robot, not from the straight robot at "
      "pretension."},
@@ -47,18 +48,6 @@ std::vector<std::string_view> KnownKeys(bool of_a_run) {
     if (key.of_a_run == of_a_run) names.push_back(key.name);
   }
   return names;
-}
-
-std::string_view PlaceText(LoadCellPlace place) {
-  switch (place) {
-    case LoadCellPlace::kMotorSide:
-      return "motor_side";
-    case LoadCellPlace::kRobotSide:
-      return "robot_side";
-    case LoadCellPlace::kNone:
-      break;
-  }
-  return "none";
 }
 
 bool IsNoName(std::string_view text) {
@@ -95,14 +84,11 @@ ListedRun ReadEntry(const YAML::Node& entry, const std::string& where, std::vect
   if (const std::string name = Text(entry, "repeat_of"); !IsNoName(name)) listed.repeat_of = RunName(name);
   if (const std::string name = Text(entry, "before"); !IsNoName(name)) listed.before = RunName(name);
   const std::string place = LowerCase(Text(entry, "load_cell"));
-  if (place == "motor_side") listed.load_cell = LoadCellPlace::kMotorSide;
-  if (place == "robot_side") listed.load_cell = LoadCellPlace::kRobotSide;
-  if (place == "none") listed.load_cell = LoadCellPlace::kNone;
+  listed.load_cell = FindLoadCellPlace(place);
   if (!place.empty() && !listed.load_cell) {
     notes.push_back(
-        fmt::format("{}: load_cell '{}' is not known; accepted: motor_side, robot_side, none; the robot "
-                    "file's value is used",
-                    where, Printable(place)));
+        fmt::format("{}: load_cell '{}' is not known; accepted: {}; the robot file's value is used", where,
+                    Printable(place), kLoadCellPlaceWords));
   }
   const std::string zero = LowerCase(Text(entry, "motor_zero"));
   listed.zero_at_rest = zero == "at_rest";
@@ -246,7 +232,7 @@ std::string ListText(const DataSet& set) {
          << YAML::Value << (run.family.empty() ? "unknown" : run.family) << YAML::Key << "repeat_of"
          << YAML::Value << (run.repeat_of.empty() ? "none" : FileOf(run.repeat_of));
     if (!run.before.empty()) list << YAML::Key << "before" << YAML::Value << FileOf(run.before);
-    list << YAML::Key << "load_cell" << YAML::Value << std::string(PlaceText(run.load_cell));
+    list << YAML::Key << "load_cell" << YAML::Value << std::string(LoadCellPlaceText(run.load_cell));
     if (run.zero_at_rest) list << YAML::Key << "motor_zero" << YAML::Value << "at_rest";
     list << YAML::EndMap;
   }

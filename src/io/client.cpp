@@ -1,7 +1,6 @@
 // Client side of the gateway; see the header.
 #include "tendril/io/client.h"
 
-#include <fmt/format.h>
 #include <unistd.h>
 
 #include <array>
@@ -16,6 +15,7 @@
 
 #include "tendril/io/connection.h"
 #include "tendril/io/epoch.h"
+#include "tendril/io/status_text.h"
 #include "tendril/io/wire.h"
 
 namespace tendril::io {
@@ -180,12 +180,7 @@ int Client::Handle(int timeout_ms) { return HandleWaiting(*state_->lcm, timeout_
 
 std::string NobodyAnswers(const std::string& url, const std::string& channel_prefix, double within_s,
                           const Client& client) {
-  if (!client.waits().empty())
-    return fmt::format("the daemon does not control anything yet, it is {}", client.waits());
-  return fmt::format(
-      "no daemon answers on {} ({}_STATE) within {:g} s; is tendrild running, with the same --lcm and "
-      "--prefix?",
-      url, channel_prefix, within_s);
+  return NobodyAnswersText(url, channel_prefix, within_s, client.waits());
 }
 
 bool SendTracker(lcm::LCM& lcm, const std::string& channel, const TrackerSample& sample, std::int64_t utime) {

@@ -254,4 +254,13 @@ std::string StatusJson(const DaemonStatus& status) {
   return all.dump();
 }
 
+std::string NobodyAnswersText(const std::string& url, const std::string& channel_prefix, double within_s,
+                              const std::string& waits) {
+  if (!waits.empty()) return fmt::format("the daemon does not control anything yet, it is {}", waits);
+  return fmt::format(
+      "no daemon answers on {} ({}_STATE) within {:g} s; is tendrild running, with the same --lcm and "
+      "--prefix?",
+      url, channel_prefix, within_s);
+}
+
 }  // namespace tendril::io

@@ -81,6 +81,10 @@ TEST(ReplayedShape, RefusesWhatCannotDriveAModel) {
     return "none";
   };
   EXPECT_THAT(error(run), HasSubstr("neither load cells nor motor positions"));
+  gap::Run without_one = Record(Rig(), "circle", 1, 5, 500);
+  without_one.tension_N.col(1).setConstant(std::numeric_limits<double>::quiet_NaN());
+  without_one.motor_position_rad.col(1).setConstant(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_THAT(error(without_one), HasSubstr("neither tension nor motor position of tendon 2"));
   EXPECT_THAT(error(shortest), HasSubstr("too few rows"));
 }
 

@@ -48,7 +48,9 @@ def main():
     # Not from the source folder, whose package has no module.
     run(python, "-P", "-B", "-m", "pytest", "-q", "--rootdir", a.source, a.source / "tests", *a.pytest, cwd=a.work,
         env={"PATH": f"{a.tendril.parent}:/usr/bin:/bin", "HOME": str(a.work), "LANG": "C.UTF-8",
-             "TENDRIL_SOURCE": str(a.source.parent), "MPLCONFIGDIR": str(a.work)})
+             "TENDRIL_SOURCE": str(a.source.parent), "MPLCONFIGDIR": str(a.work),
+             # What mypy found in files that are the same as before is not looked for again.
+             "MYPY_CACHE_DIR": str(a.work / "mypy")})
 
 
 if __name__ == "__main__":

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "commands.h"
+#include "dashboard.h"
 #include "lcm_options.h"
-#include "python_program.h"
 #include "tendril/canopen/drive_profile.h"
 #include "tendril/canopen/emcy.h"
 #include "tendril/config/config.h"
@@ -33,6 +33,7 @@ constexpr const char* kClearScreen = "\033[H\033[J";
 struct StatusOptions {
   LcmOptions lcm;
   bool watch = false, json = false, plain = false;
+  DashboardOptions dashboard;
 };
 
 volatile std::sig_atomic_t interrupted = 0;
@@ -69,17 +70,9 @@ void Show(const StatusOptions& o, const io::DaemonStatus& status, const std::str
   std::fflush(stdout);
 }
 
-/// Becomes the dashboard; returns where there is none to become: no terminal, or no Python package.
-void BecomeDashboard(const StatusOptions& o) {
-  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
-    if (isatty(stream) == 0) return;
-  }
-  RunPythonIfThere("tendril.dashboard", {"--lcm", o.lcm.url, "--prefix", o.lcm.prefix},
-                   {"tendril.dashboard", "textual"});
-}
-
 void Status(const StatusOptions& o) {
-  if (o.watch && !o.json && !o.plain) BecomeDashboard(o);
+  if (o.watch && !o.json && !o.plain) BecomeDashboard(o.lcm, o.dashboard);
+  RefuseDashboardOptions(o.dashboard);
   io::Client client(o.lcm.url, o.lcm.prefix);
   const MonotonicClock clock;
   bool heard = false;
@@ -132,6 +125,7 @@ void AddStatusCommand(CLI::App& app) {
       "(pip install './python[dashboard]'), as a dashboard that also arms, jogs and disarms");
   status->add_flag("--plain", o->plain, "with --watch: the table, five times a second, also on a terminal");
   status->add_flag("--json", o->json, "one JSON object a line instead of a table");
+  AddDashboardOptions(*status, o->dashboard);
   status->callback([o] { Status(*o); });
 }
 

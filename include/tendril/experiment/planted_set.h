@@ -13,7 +13,7 @@
 
 namespace tendril::experiment {
 
-/// "motor_side", "robot_side" or "none" -> the place; throws UsageError naming them.
+/// By its word (core/load_cell_place.h); throws UsageError naming them all.
 LoadCellPlace LoadCellPlaceNamed(const std::string& name);
 
 /// The robot with its load cells at another place (empty: as they are), and with its tracker or without.

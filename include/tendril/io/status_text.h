@@ -39,4 +39,9 @@ std::string StatusTable(const DaemonStatus& status);
 /// `daemon` with a run record, `statistics` with statistics. NaN becomes null.
 std::string StatusJson(const DaemonStatus& status);
 
+/// Why there is nothing to show: no daemon answered within some time. `waits`: the last line of a daemon that
+/// waits for its networks (Client::waits), or empty.
+std::string NobodyAnswersText(const std::string& url, const std::string& channel_prefix, double within_s,
+                              const std::string& waits);
+
 }  // namespace tendril::io

@@ -8,6 +8,8 @@ import os
 import signal
 import sys
 
+from .._command_line import Parser, add_lcm_options, number
+
 DESCRIPTION = """Shows what a daemon and its robot do, and operates it from the keyboard.
 
 Modes and statuses with their remedies, tip and bends, tensions against their limits, drives, timing and events.
@@ -17,52 +19,32 @@ EPILOG = """A jog key moves the robot only while it repeats; released, the motio
 moved from here is disarmed when the dashboard ends in any way. Needs a terminal of 80x24."""
 
 
-def _number(name: str, least: float, most: float, unit: str):  # type: ignore[no-untyped-def]
-    def parse(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = float("nan")
-        if not least <= value <= most:
-            raise argparse.ArgumentTypeError(f"'{text}' is no {name}; accepted: {least:g} to {most:g} {unit}")
-        return value
-
-    return parse
-
-
 def parser() -> argparse.ArgumentParser:
     """The options."""
-    p = argparse.ArgumentParser(
-        prog="python -m tendril.dashboard",
+    p = Parser(
+        prog="tendril status --watch",
         description=DESCRIPTION,
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    p.add_argument(
-        "--lcm",
-        metavar="URL",
-        help="LCM address, as in the daemon's lcm.url (default: LCM_DEFAULT_URL, else this computer alone)",
-    )
-    p.add_argument(
-        "--prefix", default="TENDRIL", help="as in the daemon's lcm.channel_prefix (default: %(default)s)"
-    )
+    add_lcm_options(p)
     p.add_argument(
         "--tip-speed",
         metavar="MM/S",
-        type=_number("speed", 0.1, 100, "mm/s"),
+        type=number(0.1, 100, "mm/s"),
         help="limit of the jog of the tip (default: a fifth of the robot's length per second)",
     )
     p.add_argument(
         "--bend-speed",
         metavar="RAD/S",
-        type=_number("speed", 0.01, 2, "rad/s"),
+        type=number(0.01, 2, "rad/s"),
         help="limit of the jog of a bend (default: the daemon's trajectory.default_speed_radps)",
     )
     p.add_argument(
         "--release",
         metavar="MS",
         default=150.0,
-        type=_number("time", 60, 300, "ms"),
+        type=number(60, 300, "ms"),
         help="how long one event of a jog key permits motion; longer than the keyboard's repeat, shorter than its "
         "delay (default: %(default)g)",
     )
@@ -105,7 +87,7 @@ def _run(options: argparse.Namespace) -> int:
         trouble = operator.leave()
         client.close()
     if trouble:
-        print(f"tendril dashboard: {trouble}", file=sys.stderr)
+        print(f"tendril: status: {trouble}", file=sys.stderr)
         return 1
     if was_ours and not app.ended_by:
         print("disarmed")
@@ -118,12 +100,12 @@ def main() -> int:
     from .. import Error
 
     if missing := _missing():
-        print(f"tendril dashboard: {missing}", file=sys.stderr)
+        print(f"tendril: status: {missing}", file=sys.stderr)
         return 2
     try:
         return _run(options)
     except (Error, ValueError, OSError) as error:
-        print(f"tendril dashboard: {error}", file=sys.stderr)
+        print(f"tendril: status: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130

@@ -8,6 +8,7 @@ it disarms when the input ends, or when no letter comes for SILENT_S (a dashboar
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import select
 import signal
@@ -17,11 +18,13 @@ import time
 from typing import IO
 
 from .. import Client, DaemonError
+from .._command_line import add_lcm_options
 
 BEAT_EVERY_S = 0.5
 SILENT_S = 5.0
 _TRIES_FOR_S = 15.0
 _READY_S = 10.0
+_LEAVES_WITHIN_S = 5.0
 
 
 class Guard:
@@ -74,12 +77,11 @@ class Guard:
             return
         if in_order:
             self._write("q")
-        try:
+        with contextlib.suppress(OSError):
             self._process.stdin.close()
-        except OSError:
-            pass
         if in_order:
-            self._process.wait()
+            with contextlib.suppress(subprocess.TimeoutExpired):  # stopped: its end is not worth waiting for
+                self._process.wait(_LEAVES_WITHIN_S)
 
     def _write(self, letter: str) -> bool:
         if self._process is None or self._process.stdin is None or self._process.poll() is not None:
@@ -124,8 +126,7 @@ def _disarm(client: Client) -> None:
 
 def _main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tendril.dashboard.guard", description=__doc__)
-    parser.add_argument("--lcm", metavar="URL")
-    parser.add_argument("--prefix", default="TENDRIL")
+    add_lcm_options(parser)
     options = parser.parse_args()
     for number in (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT):
         signal.signal(number, signal.SIG_IGN)

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import collections
 import dataclasses
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .. import _core
 from .._arrays import Array
-from ..client import Event, State, Statistics
 from ..errors import DaemonError
 from ..messages import state_t
+from ..state import DRIVES_OFF, Event, State, Statistics
 from .jog import SEND_EVERY_S, Jog, Limits
 
 LOST_S = 1.0
@@ -25,8 +27,7 @@ _LOOK_EVERY_S = 1.0
 _DISARM_EVERY_S, _DISARM_FOR_S = 0.2, 5.0
 _SETTLED_S = 1.0
 _EVENTS_KEPT = 100
-_OFF = (state_t.MODE_DISCONNECTED, state_t.MODE_CONFIGURED, state_t.MODE_FAULT)
-_GOING_OFF = (*_OFF, state_t.MODE_SAFE_STOP)
+_REFUSED_IN_MODE = 204  # status number
 
 
 class DaemonClient(Protocol):
@@ -35,14 +36,18 @@ class DaemonClient(Protocol):
     def state(self, timeout: float = ...) -> State: ...
     def events(self) -> list[Event]: ...
     def statistics(self) -> Statistics | None: ...
-    def robot(self, timeout: float = ...) -> Any: ...
-    def daemon(self, timeout: float = ...) -> Any: ...
+    def robot(self, timeout: float = ...) -> _core.Robot: ...
+    def daemon(self, timeout: float = ...) -> _core.Daemon: ...
     def arm(self, timeout: float = ...) -> str: ...
     def disarm(self, timeout: float = ...) -> str: ...
     def hold(self, timeout: float = ...) -> str: ...
     def clear(self, timeout: float = ...) -> str: ...
-    def send_tip(self, tip: Any, velocity: Any = ..., *, valid_for: float = ..., timeout: float = ...) -> str: ...
-    def send_bending(self, bending: Any, rate: Any = ..., *, valid_for: float = ..., timeout: float = ...) -> str: ...
+    def send_tip(
+        self, tip: ArrayLike, velocity: ArrayLike | None = ..., *, valid_for: float = ..., timeout: float = ...
+    ) -> str: ...
+    def send_bending(
+        self, bending: ArrayLike, rate: ArrayLike | None = ..., *, valid_for: float = ..., timeout: float = ...
+    ) -> str: ...
 
 
 class Watcher(Protocol):
@@ -85,8 +90,8 @@ class Operator:
         self._sender = _core.sender() if sender is None else sender
         self.state: State | None = None
         self.statistics: Statistics | None = None
-        self.robot: Any = None
-        self.daemon: Any = None
+        self.robot: _core.Robot | None = None
+        self.daemon: _core.Daemon | None = None
         self.limits: Limits | None = None
         self.events: collections.deque[Event] = collections.deque(maxlen=_EVENTS_KEPT)
         self.message = Message()
@@ -108,7 +113,7 @@ class Operator:
             self._send_disarm(now)
         self._step(now)
         if not self._guard.tell(self.ours, now) and self.ours and not self._guard.ready():
-            self._refuse("the process that disarms when this one ends is gone and does not start: disarmed")
+            self.refuse("the process that disarms when this one ends is gone and does not start: disarmed")
             self.disarm(now)
 
     def silent_s(self, now: float) -> float:
@@ -123,9 +128,9 @@ class Operator:
         if self.state is None or (state.cycle, state.utime) != (self.state.cycle, self.state.utime):
             self._heard_at, self.state = now, state
             self._answer(state, now)
-            if state.mode in _GOING_OFF and now < self._disarm_until:
+            if state.disarmed and now < self._disarm_until:
                 self._disarm_until = float("-inf")
-            if state.mode in _OFF and now > self._sent_at + _SETTLED_S:
+            if state.mode in DRIVES_OFF and now > self._sent_at + _SETTLED_S:
                 self.ours = False
         self.events.extend(self._client.events())
 
@@ -137,7 +142,7 @@ class Operator:
         if state.command_status:
             self.jog.block(now)
             self.jog.forget()
-            self._refuse(f"{state.command_status_text} ({state.command_status})")
+            self.refuse(f"{state.command_status_text} ({state.command_status})")
 
     def _look(self, now: float) -> None:
         """Robot and daemon as they describe themselves once a second; a daemon may have been started anew."""
@@ -185,12 +190,9 @@ class Operator:
         """An event of a jog key."""
         if not self.jog_on:
             return
-        reason = self._why_not("target", now)
-        if not reason and not self._guard.ready():
-            reason = "not sent: the process that disarms when this one ends does not start"
-        if reason:
+        if reason := self._why_not("target", now) or self._why_unguarded():
             self.jog.release()
-            self._refuse(reason)
+            self.refuse(reason)
             return
         if not self.jog.permitted(now):
             self.message = Message()
@@ -199,11 +201,8 @@ class Operator:
     def request(self, name: str, now: float) -> None:
         """'arm', 'hold' or 'clear'."""
         self.jog.forget()
-        reason = self._why_not(name, now)
-        if not reason and name == "arm" and not self._guard.ready():
-            reason = "not sent: the process that disarms when this one ends does not start"
-        if reason:
-            self._refuse(reason)
+        if reason := self._why_not(name, now) or (self._why_unguarded() if name == "arm" else ""):
+            self.refuse(reason)
             return
         self._disarm_until = float("-inf")
         self.message = Message(f"{name} sent")
@@ -219,7 +218,7 @@ class Operator:
 
     def refuse(self, text: str) -> None:
         """Shows why a key did nothing."""
-        self._refuse(text)
+        self.message = Message(text, refused=True)
 
     def leave(self, timeout: float = 2.0) -> str:
         """Undoes what was done here. Returns what could not be; empty: all."""
@@ -247,10 +246,14 @@ class Operator:
             return "not sent: the daemon has not described its robot yet; a moment"
         if self._accepts(name):
             return ""
-        number = 204
-        return f"{_core.status_text(number)} ({number}, mode {self.state.mode_text}); {_hint(name, self.state)}"
+        words = f"{_core.status_text(_REFUSED_IN_MODE)} ({_REFUSED_IN_MODE}, mode {self.state.mode_text})"
+        return f"{words}; {_hint(name, self.state)}"
 
-    def _command(self, now: float, send: Any, ours: bool = True) -> None:
+    def _why_unguarded(self) -> str:
+        """Why nothing is armed or moved: nobody would disarm after this process; empty: the guard would."""
+        return "" if self._guard.ready() else "not sent: the process that disarms when this one ends does not start"
+
+    def _command(self, now: float, send: Callable[[], object], ours: bool = True) -> None:
         """Sends; what makes the robot ours is known to the guard before."""
         self.ours = self.ours or ours
         self._sent_at = now
@@ -259,17 +262,14 @@ class Operator:
             send()
         except (DaemonError, ValueError) as error:
             self.jog.block(now)
-            self._refuse(str(error))
+            self.refuse(str(error))
 
     def _send_disarm(self, now: float) -> None:
         self._disarmed_at = now
         try:
             self._client.disarm(timeout=0.0)
         except DaemonError as error:
-            self._refuse(str(error))
-
-    def _refuse(self, text: str) -> None:
-        self.message = Message(text, refused=True)
+            self.refuse(str(error))
 
 
 def _hint(name: str, state: State) -> str:
@@ -278,4 +278,4 @@ def _hint(name: str, state: State) -> str:
         return "remove its cause, then press c to clear"
     if state.mode == state_t.MODE_HOLD or (state.mode == state_t.MODE_CONFIGURED and name != "clear"):
         return "press a to arm"
-    return str(_core.status_remedy(204))
+    return _core.status_remedy(_REFUSED_IN_MODE)

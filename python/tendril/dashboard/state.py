@@ -6,12 +6,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 from .. import _core
 from .._arrays import Array
-from ..client import Event, State, Statistics
 from ..messages import state_t
+from ..state import Event, State, Statistics
 from .jog import Jog, Limits
 
 Span = tuple[str, str]
@@ -40,7 +39,7 @@ def too_small(width: int, height: int) -> str:
     return f"{width}x{height} is too small: 80x24 needed"
 
 
-def heading(state: State, robot: Any, daemon: Any, silent_s: float) -> list[Line]:
+def heading(state: State, robot: _core.Robot | None, daemon: _core.Daemon | None, silent_s: float) -> list[Line]:
     """Who it is, its mode, and each reported status with its remedy."""
     who = f"{robot.name} on {daemon.interface}" if robot is not None and daemon is not None else "robot not described yet"
     lines: list[Line] = [
@@ -103,7 +102,9 @@ def tension_style(value: float, least: float, most: float) -> str:
     return "warn" if value > 0.9 * most else "good"
 
 
-def tendons(state: State, statistics: Statistics | None, robot: Any, daemon: Any) -> list[Line]:
+def tendons(
+    state: State, statistics: Statistics | None, robot: _core.Robot | None, daemon: _core.Daemon | None
+) -> list[Line]:
     """Each tendon: tension at the base against its limit, motor side, and its drive."""
     most = robot.max_tension_base if robot is not None else math.nan
     side = robot.max_tension_motor if robot is not None else math.nan
@@ -131,7 +132,7 @@ def tendons(state: State, statistics: Statistics | None, robot: Any, daemon: Any
     return lines
 
 
-def _drive(j: int, statistics: Statistics | None, daemon: Any) -> Line:
+def _drive(j: int, statistics: Statistics | None, daemon: _core.Daemon | None) -> Line:
     if statistics is None or j >= len(statistics.drive_node_id):
         return [("  -", "dim")]
     node, code = int(statistics.drive_node_id[j]), int(statistics.drive_error_code[j])

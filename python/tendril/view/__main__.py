@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import signal
 import socket
 import sys
 import threading
 import webbrowser
-from typing import Any, Callable, NoReturn
 
+from .._command_line import Parser, add_lcm_options, number
 from .frames import Recording, ViewError
 
-DEFAULT_URL = "udpm://239.255.76.67:7667?ttl=0"
 DESCRIPTION = """The robot in 3-D, in a browser of this machine: live (without SOURCE), a log, a data set, or a
 diagnosis. Backbone, disks, tendons coloured by tension between their limits, reference and measured tip with trails,
 load cells as bars, base and gravity, with a time slider; a diagnosis shows the measured, the nominal and the corrected
@@ -23,64 +21,29 @@ SOURCES = """LCM logs or folders with one, data-set folders, CSV files (with --r
 tendril gap diagnose, or its folder, and the runs that it was made from (those of its own command line if left out)"""
 
 
-class Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        print(f"tendril: view: {message}; see tendril view --help", file=sys.stderr)
-        raise SystemExit(2)
-
-
-def number(least: float, most: float, kind: type = float) -> Callable[[str], Any]:
-    def read(text: str) -> Any:
-        value = kind(text)
-        if not least <= value <= most:
-            raise ValueError
-        return value
-
-    read.__name__ = f"number from {least:g} to {most:g}"
-    return read
-
-
-def prefix(text: str) -> str:
-    if not re.fullmatch("[A-Za-z0-9_]{1,40}", text):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a prefix; accepted: 1 to 40 letters, digits and '_'")
-    return text
-
-
 def make_parser() -> argparse.ArgumentParser:
     parser = Parser(prog="tendril view", description=DESCRIPTION)
     parser.add_argument("source", metavar="SOURCE", nargs="*", help=SOURCES)
     parser.add_argument(
         "--robot", metavar="FILE", help="robot file, instead of the one in a log or a data set"
     )
-    parser.add_argument(
-        "--lcm",
-        metavar="URL",
-        default=os.environ.get("LCM_DEFAULT_URL") or DEFAULT_URL,
-        help="live: LCM address, as in the daemon's lcm.url (LCM_DEFAULT_URL; %(default)s)",
-    )
-    parser.add_argument(
-        "--prefix",
-        type=prefix,
-        metavar="WORD",
-        default="TENDRIL",
-        help="live: as in the daemon's lcm.channel_prefix (%(default)s)",
-    )
+    add_lcm_options(parser)
     parser.add_argument(
         "--port",
-        type=number(0, 65535, int),
+        type=number(0, 65535, kind=int),
         default=8095,
         help="of 127.0.0.1; 0: any that is free (%(default)s)",
     )
     parser.add_argument(
         "--at",
-        type=number(0, 1e9),
+        type=number(0, 1e9, "s"),
         metavar="S",
         help="begin at rest at this time of the recording, instead of playing it",
     )
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
     parser.add_argument(
         "--duration",
-        type=number(0, 1e6),
+        type=number(0, 1e6, "s"),
         default=0.0,
         metavar="S",
         help="end this long after a page was first open; 0: on Ctrl-C (%(default)g)",

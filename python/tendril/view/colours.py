@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .frames import Array
+from .._arrays import Array
 
 BACKBONE = (31, 42, 51)
 DISK = (196, 206, 215)

@@ -6,20 +6,20 @@ from __future__ import annotations
 import dataclasses
 import pathlib
 import shlex
-from typing import Any
 
 import numpy as np
 
+from .. import _core
+from .._arrays import Array
+from ..report import Report
 from . import robots, sets
-from .frames import Array, DrawnRobot, Frame, Pose, Recording, ViewError, unknown
+from .frames import DrawnRobot, Frame, Pose, Recording, ViewError, unknown
 
 
-def read_report(path: pathlib.Path) -> Any:
-    """tendril.Report of a report.json, with the robot file that it was made with."""
-    import tendril
-
+def read_report(path: pathlib.Path) -> Report:
+    """Of a report.json, with the robot file that it was made with."""
     try:
-        report = tendril.Report.load(path)
+        report = Report.load(path)
     except (OSError, RuntimeError, ValueError) as e:
         raise ViewError(f"{e}; accepted: the report.json of tendril gap diagnose, of this version") from None
     if not report.provenance.robot_yaml:
@@ -27,7 +27,7 @@ def read_report(path: pathlib.Path) -> Any:
     return report
 
 
-def runs_of_command(report: Any, path: pathlib.Path) -> list[str]:
+def runs_of_command(report: Report, path: pathlib.Path) -> list[str]:
     """The data of the recorded command line, where they still lie there: the words that are no options."""
     words = shlex.split(report.provenance.command)
     found = []
@@ -49,11 +49,9 @@ def runs_of_command(report: Any, path: pathlib.Path) -> list[str]:
     )
 
 
-def simulated(robot: Any, run: Any, times_s: Array) -> Array:
+def simulated(robot: _core.Robot, run: _core.Run, times_s: Array) -> Array:
     """T x 2N: the shape that this robot would have had in the run, as the diagnosis simulates it; NaN where nothing
     recorded can drive a model."""
-    from tendril import _core
-
     try:
         return _core.replayed_shape(robot, run, run.time[0] + times_s)
     except RuntimeError:
@@ -95,7 +93,7 @@ def side_by_side(measured: Recording, others: list[tuple[DrawnRobot, Array]]) ->
     return Recording(measured.title, drawn, frames, tuple(remarks))
 
 
-def corrected_robot(report: Any, nominal: Any, path: pathlib.Path) -> Any:
+def corrected_robot(report: Report, nominal: _core.Robot, path: pathlib.Path) -> _core.Robot | None:
     """The nominal robot with the accepted causes; None where the report accepts none."""
     if not report.accepted:
         return None

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
-from typing import Any, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .._arrays import Array
+from ..model import Model
 
 
 class ViewError(Exception):
@@ -47,7 +47,7 @@ class DrawnRobot:
 
     title: str
     name: str
-    model: Any  # tendril.Model: backbone, disks, tendon_points
+    model: Model
     units: tuple[int, ...]  # of each section
     length_m: float
     disk_radius_m: float

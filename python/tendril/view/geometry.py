@@ -6,7 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from .frames import Array, DrawnRobot
+from .._arrays import Array
+from .frames import DrawnRobot
 
 POINTS_PER_UNIT = 6  # of the backbone
 

@@ -9,9 +9,10 @@ import socket
 import time
 from typing import Any
 
+from ..messages import run_t, state_t, tracker_t
 from . import robots
 from .frames import Frame, Recording, ViewError
-from .messages import OtherVersion, Tracker, decode, finite, frame_of, lcm_module, types
+from .messages import OtherVersion, Tracker, decode, finite, frame_of, lcm_module
 
 KEPT_S = 60.0  # that one can go back
 SILENT_S = 1.0
@@ -71,7 +72,7 @@ class Live:
 
     def _take_tracker(self, _channel: str, data: bytes) -> None:
         try:
-            message = decode(types().tracker_t, data)
+            message = decode(tracker_t, data)
         except OtherVersion:
             return
         # Without a time of measurement that of arrival counts, on the clock of the states.
@@ -81,7 +82,7 @@ class Live:
 
     def _take_run(self, _channel: str, data: bytes) -> None:
         try:
-            run = decode(types().run_t, data)
+            run = decode(run_t, data)
             if run.robot_yaml == self._robot_yaml:
                 return
             robot = robots.drawn(robots.parse_robot(run.robot_yaml, "the daemon's robot"))
@@ -107,7 +108,7 @@ class Live:
             return False
         data, self._state = self._state, None
         try:
-            message = decode(types().state_t, data)
+            message = decode(state_t, data)
         except OtherVersion:
             self.problem = (
                 "the daemon's messages are of another version of Tendril: use the same version for both"

@@ -11,9 +11,12 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from .. import _core
+from .._arrays import Array
+from ..messages import cycle_t, run_t, state_t, tracker_t
 from . import robots
-from .frames import Array, DrawnRobot, Recording, ViewError, unknown
-from .messages import OtherVersion, decode, finite, frame_of, require_same_layout, types
+from .frames import DrawnRobot, Recording, ViewError, unknown
+from .messages import OtherVersion, decode, finite, frame_of, require_same_layout
 from .readings import between
 
 FRAMES_PER_S = 60  # kept of a recording: enough at half speed
@@ -97,13 +100,13 @@ def other_version(path: pathlib.Path, message: str) -> ViewError:
     )
 
 
-def robot_of_log(path: pathlib.Path, events: Events, given: Any) -> DrawnRobot:
+def robot_of_log(path: pathlib.Path, events: Events, given: _core.Robot | None) -> DrawnRobot:
     if given is not None:
         return robots.drawn(given)
     if events.run is None:
         raise ViewError(f"{path}: no RUN message says which robot this is; give its file with --robot")
     try:
-        yaml = decode(types().run_t, events.run).robot_yaml
+        yaml = decode(run_t, events.run).robot_yaml
     except OtherVersion:
         raise other_version(path, "RUN") from None
     return robots.drawn(robots.parse_robot(yaml, f"{path}: the robot in this log"))
@@ -113,7 +116,7 @@ def _tracker(path: pathlib.Path, events: Events, messages: list[Any]) -> tuple[A
     """Times [us] and tips (k x 3, NaN where it lost the tip) of the tracker's readings, by its own messages or those of
     the cycles."""
     try:
-        own = [(decode(types().tracker_t, data), utime) for data, utime in events.trackers]
+        own = [(decode(tracker_t, data), utime) for data, utime in events.trackers]
     except OtherVersion:
         raise other_version(path, "TRACKER") from None
     found = [(m.utime or arrived, finite(m.tip_W_m, 3) if m.valid else unknown(3)) for m, arrived in own]
@@ -127,7 +130,7 @@ def _tracker(path: pathlib.Path, events: Events, messages: list[Any]) -> tuple[A
 
 def _decoded(path: pathlib.Path, events: Events) -> list[Any]:
     """The states, or the cycles of a log that has no states."""
-    kind = types().state_t if events.states else types().cycle_t
+    kind = state_t if events.states else cycle_t
     messages: list[Any] = []
     for n, data in enumerate(data_of := events.states or events.cycles):
         try:
@@ -153,7 +156,7 @@ def _kept(messages: list[Any]) -> tuple[list[Any], int]:
     return kept, backwards
 
 
-def read_log(path: pathlib.Path, given: Any = None) -> Recording:
+def read_log(path: pathlib.Path, given: _core.Robot | None = None) -> Recording:
     """The whole log, 60 frames a second. `given`: the robot, instead of the log's own."""
     events = read_events(path)
     if not events.states and not events.cycles:

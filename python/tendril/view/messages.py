@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from .._arrays import Array
+from ..messages import state_t
+from .frames import DrawnRobot, Frame, Pose, ViewError, unknown
 from .readings import LONGEST_GAP_S
-from .frames import Array, DrawnRobot, Frame, Pose, ViewError, unknown
 
 INSTALL_LCM = "pip install 'tendril[view]' (from the sources: pip install './python[view]')"
 
@@ -22,13 +24,6 @@ def lcm_module() -> Any:
             f"running daemons need lcm, which is not installed; install it: {INSTALL_LCM}"
         ) from None
     return lcm
-
-
-def types() -> Any:
-    """The generated message types."""
-    from tendril import messages
-
-    return messages
 
 
 class OtherVersion(Exception):
@@ -72,9 +67,8 @@ class Tracker:
 
 
 def mode_words() -> dict[int, str]:
-    state = types().state_t
-    names = [name for name in dir(state) if name.startswith("MODE_")]
-    return {getattr(state, name): name[5:].replace("_", " ").lower() for name in names}
+    names = [name for name in dir(state_t) if name.startswith("MODE_")]
+    return {getattr(state_t, name): name[5:].replace("_", " ").lower() for name in names}
 
 
 def note_of(message: Any) -> str:

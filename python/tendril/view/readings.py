@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .frames import Array, unknown
+from .._arrays import Array
+from .frames import unknown
 
 LONGEST_GAP_S = 0.1  # that is bridged between two readings
 

@@ -2,44 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from .. import _core
+from ..model import Model
 from .frames import DrawnRobot, ViewError
 
 DISK_PER_HOLE = 1.25  # a disk's radius to that of its outermost hole; the model has no use for the disk's own
 
 
-def load_robot(path: str) -> Any:
+def load_robot(path: str) -> _core.Robot:
     """tendril.load_robot; its errors, which name file, line and key, become ViewError."""
-    import tendril
-
     try:
-        return tendril.load_robot(path)
+        return _core.load_robot(path)
     except (OSError, RuntimeError, ValueError) as e:
         raise ViewError(str(e)) from None
 
 
-def parse_robot(yaml: str, of: str) -> Any:
+def parse_robot(yaml: str, of: str) -> _core.Robot:
     """A robot from the text of its file; `of` names it in errors."""
-    import tendril
-
     try:
-        return tendril.parse_robot(yaml, of)
+        return _core.parse_robot(yaml, of)
     except (RuntimeError, ValueError) as e:
         raise ViewError(str(e)) from None
 
 
-def drawn(robot: Any, title: str = "", *, coloured_by: str = "base", **names: str) -> DrawnRobot:
+def drawn(robot: _core.Robot, title: str = "", *, coloured_by: str = "base", **names: str) -> DrawnRobot:
     """`coloured_by`: the tension at the base, or the reading of the load cells ("cell")."""
-    import tendril
-
     at_base = coloured_by == "base" or robot.load_cell == "robot_side"
     return DrawnRobot(
         title=title,
         name=robot.name,
-        model=tendril.Model(robot),
+        model=Model(robot),
         units=tuple(robot.section_units),
         length_m=float(robot.length),
         disk_radius_m=DISK_PER_HOLE * float(np.max(robot.tendon_radii)),

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._arrays import Array
 from . import colours
-from .frames import Array, DrawnRobot, Frame, Pose
+from .frames import DrawnRobot, Frame, Pose
 from .geometry import points_of, quaternions_of, rotations_to
 
 BETWEEN_ROBOTS = 1.45  # in lengths of the longest

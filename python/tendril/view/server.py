@@ -17,8 +17,10 @@ import io
 import logging
 import math
 import os
+import re
 import socket
-from typing import Any, Iterator
+from collections.abc import Iterator
+from typing import Any
 
 from .frames import ViewError
 
@@ -38,8 +40,8 @@ def refusal(hosts: list[str], origins: list[str]) -> str | None:
     port, which differs where an SSH tunnel leads here; a page of another port has another origin than its Host.
     """
     host = hosts[0].lower() if len(hosts) == 1 else ""
-    name = host.rpartition(":")[0] if ":" in host else host
-    if name not in OWN_NAMES:
+    name = re.fullmatch(r"([^:]*)(:[0-9]+)?", host)
+    if name is None or name[1] not in OWN_NAMES:
         return f"the view answers to {' and '.join(OWN_NAMES)} only, not to the host {', '.join(hosts) or '(none)'}"
     if any(origin.lower() != f"http://{host}" for origin in origins):
         return f"the view answers to its own page only, not to one of {', '.join(origins)}"

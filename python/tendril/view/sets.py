@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import _core
+from .._arrays import Array
+from ..data_set import DataSet
 from . import robots
-from .frames import Array, DrawnRobot, Frame, Pose, Recording, ViewError, unknown
+from .frames import DrawnRobot, Frame, Pose, Recording, ViewError, unknown
 from .geometry import bending_of_tips
 from .logs import FRAMES_PER_S
 from .readings import LONGEST_GAP_S, filled, same_side
@@ -27,12 +29,10 @@ class Run:
     bending_rad: Array  # S x 2K
 
 
-def open_set(paths: list[str], robot: Any = None) -> Any:
-    """The package's data set of any mixture of folders, CSV files and logs; `robot` (or its file) instead of its own."""
-    import tendril
-
+def open_set(paths: list[str], robot: _core.Robot | None = None) -> DataSet:
+    """The package's data set of any mixture of folders, CSV files and logs; `robot` instead of its own."""
     try:
-        return tendril.DataSet.from_folder(*paths, robot=robot)
+        return DataSet.from_folder(*paths, robot=robot)
     except (OSError, RuntimeError, ValueError) as e:
         raise ViewError("; ".join(line.strip() for line in str(e).splitlines())) from None
 
@@ -115,14 +115,14 @@ def recording_of(robot: DrawnRobot, run: Run) -> Recording:
     return Recording(run.name, (robot,), frames, tuple(remarks))
 
 
-def columns(run: Any) -> Run:
+def columns(run: _core.Run) -> Run:
     """Of the package's run, where None is what was not measured."""
     none = unknown(0, 0)
     channels = (run.tension, run.tip, run.tip_orientation, run.bending)
     return Run(run.name, run.time, *(none if channel is None else channel for channel in channels))
 
 
-def read_set(paths: list[str], given: Any = None) -> list[Recording]:
+def read_set(paths: list[str], given: _core.Robot | None = None) -> list[Recording]:
     data = open_set(paths, given)
     robot = robots.drawn(data.robot, coloured_by="cell", measured_is="tip, by the tracker")
     recordings, problems = [], []

@@ -1,0 +1,19 @@
+// The requests of a program by name, as `tendril send` has them.
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+#include "tendril/core/cycle.h"
+
+namespace tendril::python {
+
+inline std::optional<ModeRequest> FindModeRequest(std::string_view name) {
+  if (name == "arm") return ModeRequest::kArm;
+  if (name == "disarm") return ModeRequest::kDisarm;
+  if (name == "hold") return ModeRequest::kHold;
+  if (name == "clear") return ModeRequest::kClear;
+  return std::nullopt;
+}
+
+}  // namespace tendril::python
