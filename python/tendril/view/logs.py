@@ -28,15 +28,18 @@ class Events:
 
 
 def read_events(path: pathlib.Path) -> Events:
+    """Of one daemon: another one's on the same address have a prefix of their own and are left out."""
     lcm = lcm_module()
-    events = Events([], [], [], None, 0)
-    lists = {"STATE": events.states, "CYCLE": events.cycles}
+    by_prefix: dict[str, Events] = {}
     try:
         log = lcm.EventLog(str(path), "r")
         for event in log:
-            ending = event.channel.rpartition("_")[2]
-            if ending in lists:
-                lists[ending].append(event.data)
+            prefix, _, ending = event.channel.rpartition("_")
+            events = by_prefix.setdefault(prefix, Events([], [], [], None, 0))
+            if ending == "STATE":
+                events.states.append(event.data)
+            elif ending == "CYCLE":
+                events.cycles.append(event.data)
             elif ending == "TRACKER":
                 events.trackers.append((event.data, event.timestamp))
             elif ending == "RUN":
@@ -46,7 +49,11 @@ def read_events(path: pathlib.Path) -> Events:
         log.close()
     except (OSError, ValueError) as e:
         raise ViewError(f"{path}: cannot be read as an LCM log ({e})") from None
-    return events
+    of_daemons = [events for events in by_prefix.values() if events.states or events.cycles]
+    # Of several the first one that says which robot it is.
+    of_daemons.sort(key=lambda events: events.run is None)
+    nothing = Events([], [], [], None, sum(e.other + (e.run is not None) for e in by_prefix.values()))
+    return of_daemons[0] if of_daemons else nothing
 
 
 def other_version(path: pathlib.Path, message: str) -> ViewError:
