@@ -6,7 +6,9 @@ import atexit
 import dataclasses
 import os
 import pathlib
+import signal
 import tempfile
+import threading
 import time
 import weakref
 from collections.abc import Callable, Iterator
@@ -243,11 +245,26 @@ def _close_all() -> None:
         client.close()
 
 
+def _leave(number: int, _frame: Any) -> None:
+    raise SystemExit(128 + number)
+
+
+def _leave_on_signals() -> None:
+    """SIGTERM and SIGHUP (the terminal closes) end a program at once, past every `with` and `atexit`. Where it leaves
+    them to their default, they end it as Ctrl-C does instead."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _leave)
+
+
 class Client:
     """Operates a daemon over LCM: commands out, states and events in.
 
     As a context manager it disarms on leaving the block, also after an exception or Ctrl-C, if it commanded anything;
-    without one it does so when it is closed, or the program ends:
+    without one it does so when it is closed, or the program ends. From the first command on, SIGTERM and SIGHUP end the
+    program by SystemExit, unless it handles or ignores them:
 
         with tendril.Client() as client:
             client.arm()
@@ -325,13 +342,13 @@ class Client:
         Returns:
             A line on where the robot is now.
         """
-        self._armed = True
+        self._take_charge()
         try:
             answer = self._mode("arm", timeout, waiting)
             if timeout > 0:
                 self._until((state_t.MODE_RUNNING,), 2.0)
             return answer
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, SystemExit):
             self._disarm_quietly(0)
             raise
 
@@ -451,7 +468,7 @@ class Client:
         request.nearest, request.stretch = nearest, stretch
         request.speed, request.acceleration, request.jerk = speed, acceleration, jerk
         tell = None if progress is None else (lambda line, _share: progress(line))
-        self._armed = True
+        self._take_charge()
         file = "" if robot is None else os.fspath(robot)
         with tempfile.TemporaryDirectory(prefix="tendril-") as folder:
             _word(request, path, times, corners, pathlib.Path(folder))
@@ -494,8 +511,13 @@ class Client:
             raise ValueError(f"speed is {speed}; give 0 to 1000 rad/s, 0 for the daemon's own")
         if not 1e-3 <= float(numbers("valid_for", valid_for, "seconds")) <= 3600:
             raise ValueError(f"valid_for is {valid_for}; give 0.001 to 3600 s")
-        self._armed = True
+        self._take_charge()
         return _daemon_errors(send)
+
+    def _take_charge(self) -> None:
+        """From now on whatever ends this program disarms."""
+        self._armed = True
+        _leave_on_signals()
 
     def _disarm_quietly(self, timeout: float) -> None:
         """Whoever leaves hears of the error that made it leave, not of a daemon that is gone."""

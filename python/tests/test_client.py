@@ -147,7 +147,8 @@ def test_follows_points_and_named_motions(client):
     straighten(client)
 
 
-def test_ctrl_c_disarms(robot):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_what_ends_a_program_disarms(robot, number):
     script = (
         "import tendril\n"
         "with tendril.Client() as client:\n"
@@ -161,9 +162,10 @@ def test_ctrl_c_disarms(robot):
     )
     assert process.stdout.readline() == "armed\n"
     begin = time.monotonic()
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, errors = process.communicate(timeout=20)
-    assert "KeyboardInterrupt" in errors and time.monotonic() - begin < 5
+    assert time.monotonic() - begin < 5
+    assert "KeyboardInterrupt" in errors if number == signal.SIGINT else process.returncode == 128 + number
     with tendril.Client() as client:
         wait_until(client, lambda s: s.disarmed, "disarm")
 
