@@ -427,6 +427,8 @@ def test_a_diagnosis_without_a_cause_or_without_its_runs(diagnosed, tmp_path):
     command = "tendril gap diagnose elsewhere --robot x.yaml"
     gone = changed(report, tmp_path / "gone", provenance={"command": command})
     refused(lambda: sources.open_sources([gone], None), "elsewhere", "not where they were", "tendril view")
+    made = changed(report, tmp_path / "made", provenance={"command": ""})
+    refused(lambda: sources.open_sources([made], None), "does not say from which files", "RUNS")
     later = changed(report, tmp_path / "later", format=99)
     refused(lambda: sources.open_sources([later], None), "format 99", "this version")
     refused(lambda: sources.open_sources([str(diagnosed / "gap")], "x.yaml"), "leave out --robot")
