@@ -14,7 +14,7 @@ import pytest
 import tendril
 from tendril import messages
 
-from conftest import SOURCE
+from conftest import SOURCE, program
 from simulated import simulated_robot
 
 
@@ -190,3 +190,12 @@ def test_a_square_in_twenty_lines(robot):
     done = subprocess.run([sys.executable, program], capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 0, done.stderr
     assert "largest distance" in done.stdout
+
+
+def test_a_fault_is_told_with_its_own_remedy(client):
+    client.arm()
+    program("fault", "emcy", "node=2", "code=0x7320")
+    wait_until(client, lambda state: state.mode_text == "fault", "no fault")
+    with pytest.raises(tendril.DaemonError, match="see the drive's error code, then clear"):
+        client.follow("circle")
+    client.clear()

@@ -29,8 +29,8 @@ constexpr std::int64_t kFlushEvery_us = 1'000'000;
 // What a daemon publishes, by the fingerprint with which LCM begins every message.
 bool IsOfADaemon(const void* data, std::size_t size) {
   using namespace tendril_lcm;
-  static const std::array<std::int64_t, 6> kinds = {state_t::getHash(), cycle_t::getHash(),
-                                                    run_t::getHash(),   event_t::getHash(),
+  static const std::array<std::int64_t, 6> kinds = {state_t::getHash(),      cycle_t::getHash(),
+                                                    run_t::getHash(),        event_t::getHash(),
                                                     statistics_t::getHash(), snapshot_t::getHash()};
   std::int64_t kind = 0;
   if (__int64_t_decode_array(data, 0, static_cast<int>(size), &kind, 1) < 0) return false;
@@ -101,8 +101,8 @@ LogWriter::LogWriter(Gateway& gateway, const std::string& path, const Clock& clo
   gateway.SetTap([state = state_.get()](const std::string& channel, const void* data, int size) {
     state->Write(channel.data(), channel.size(), data, size);
   });
-  // The gateway's own channels arrive through the tap; subscribing to them would cost a copy per message. What
-  // daemons of other robots publish on the same address is no part of this robot's log.
+  // The gateway's own channels arrive through the tap; subscribing to them would cost a copy per message.
+  // What daemons of other robots publish on the same address is no part of this robot's log.
   const std::string others = "(?!" + gateway.channel_prefix() + "_(STATE|CYCLE|RUN|EVENT|STATISTICS)$).*";
   s.subscription = lcm_subscribe(
       s.lcm, others.c_str(),
