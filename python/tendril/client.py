@@ -5,7 +5,9 @@ from __future__ import annotations
 import atexit
 import os
 import pathlib
+import signal
 import tempfile
+import threading
 import time
 import weakref
 from collections.abc import Callable, Iterator
@@ -47,11 +49,26 @@ def _leave_to_parent() -> None:
 os.register_at_fork(after_in_child=_leave_to_parent)
 
 
+def _leave(number: int, _frame: Any) -> None:
+    raise SystemExit(128 + number)
+
+
+def _leave_on_signals() -> None:
+    """SIGTERM and SIGHUP (the terminal closes) end a program at once, past every `with` and `atexit`. Where it leaves
+    them to their default, they end it as Ctrl-C does instead."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _leave)
+
+
 class Client:
     """Operates a daemon over LCM: commands out, states and events in.
 
     As a context manager it disarms on leaving the block, also after an exception or Ctrl-C, if it commanded anything;
-    without one it does so when it is closed, or the program ends:
+    without one it does so when it is closed, or the program ends. From the first command on, SIGTERM and SIGHUP end the
+    program by SystemExit, unless it handles or ignores them:
 
         with tendril.Client() as client:
             client.arm()
@@ -137,7 +154,7 @@ class Client:
             if timeout > 0:
                 self._until((state_t.MODE_RUNNING,), 2.0)
             return answer
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, SystemExit):
             self._disarm_quietly(0)
             raise
 
@@ -278,8 +295,10 @@ class Client:
             self._core.close()
 
     def _take_control(self) -> None:
+        """From now on whatever ends this program disarms."""
         self._armed = True
         _in_control.add(self)
+        _leave_on_signals()
 
     def _leave_control(self) -> None:
         self._armed = False

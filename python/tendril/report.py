@@ -306,9 +306,10 @@ class Provenance:
     """Duration of the diagnosis, the only number that differs between identical runs."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
-    """The outcome of a diagnosis. `print(report)` shows the summary that the command line prints."""
+    """The outcome of a diagnosis. `print(report)`, or `report` at the end of a notebook's cell, shows the summary that
+    the command line prints."""
 
     format: int
     verdict: str
@@ -345,7 +346,7 @@ class Report:
     chain: list[Cut]
     shown_units: dict[str, list[tuple[float | None, float, str]]]
     provenance: Provenance
-    _diagnosis: _core.Diagnosis = dataclasses.field(repr=False, compare=False)
+    _diagnosis: _core.Diagnosis = dataclasses.field(compare=False)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Report:
@@ -375,6 +376,13 @@ class Report:
 
     def __str__(self) -> str:
         return self._diagnosis.summary()
+
+    def __repr__(self) -> str:
+        return f"<Report {self.verdict!r} of robot {self.provenance.robot_name!r}: {self.sentence}>"
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        """What IPython and Jupyter show of it."""
+        printer.text(str(self))
 
 
 def _made(kind: type[_T], values: dict[str, Any], at: str, **more: Any) -> _T:

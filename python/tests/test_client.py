@@ -15,7 +15,7 @@ import pytest
 import tendril
 from tendril import messages
 
-from conftest import SOURCE
+from conftest import SOURCE, program
 from simulated import simulated_robot
 
 
@@ -184,7 +184,8 @@ def test_follows_points_and_named_motions(client):
     straighten(client)
 
 
-def test_ctrl_c_disarms(robot):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_what_ends_a_program_disarms(robot, number):
     script = (
         "import tendril\n"
         "with tendril.Client() as client:\n"
@@ -198,9 +199,10 @@ def test_ctrl_c_disarms(robot):
     )
     assert process.stdout.readline() == "armed\n"
     begin = time.monotonic()
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, errors = process.communicate(timeout=20)
-    assert "KeyboardInterrupt" in errors and time.monotonic() - begin < 5
+    assert time.monotonic() - begin < 5
+    assert "KeyboardInterrupt" in errors if number == signal.SIGINT else process.returncode == 128 + number
     with tendril.Client() as client:
         wait_until(client, lambda s: s.disarmed, "disarm")
 
@@ -225,3 +227,12 @@ def test_a_square_in_twenty_lines(robot):
     done = subprocess.run([sys.executable, program], capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 0, done.stderr
     assert "largest distance" in done.stdout
+
+
+def test_a_fault_is_told_with_its_own_remedy(client):
+    client.arm()
+    program("fault", "emcy", "node=2", "code=0x7320")
+    wait_until(client, lambda state: state.mode_text == "fault", "no fault")
+    with pytest.raises(tendril.DaemonError, match="see the drive's error code, then clear"):
+        client.follow("circle")
+    client.clear()

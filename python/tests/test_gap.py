@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 
 import numpy as np
 import pandas
@@ -126,6 +127,13 @@ def mirrored(value):
     if isinstance(value, dict):
         return {key: mirrored(item) for key, item in value.items()}
     return [mirrored(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+def test_a_notebook_shows_the_summary_and_a_debugger_one_line(report):
+    shown = []
+    report._repr_pretty_(types.SimpleNamespace(text=shown.append), False)
+    assert shown == [str(report)]
+    assert "tip_payload" in repr(report) and "\n" not in repr(report) and len(repr(report)) < 500
 
 
 def test_dataclasses_mirror_the_json(report):

@@ -53,6 +53,20 @@ def test_a_tracker_is_shown_while_it_reads(tmp_path):
     assert sources.name_of(path) == tmp_path.name
 
 
+def test_of_a_log_of_two_daemons_the_first_one_is_shown(tmp_path):
+    both = [("RUN", view_help.run_message()), ("OTHER_RUN", view_help.run_message())]
+    for k in range(11):
+        both += [
+            ("OTHER_STATE", view_help.state_message(0.1 * k, (0.9, 0.0))),
+            ("OTHER_TRACKER", view_help.tracker_message(0.1 * k)),
+            ("STATE", view_help.state_message(0.1 * k, (0.2, 0.0))),
+        ]
+    recording = logs.read_log(view_help.write_log(tmp_path / "both.lcmlog", both))
+    assert len(recording.frames) == 11
+    assert all(np.linalg.norm(frame.poses[0].q_rad) < 0.3 for frame in recording.frames)
+    assert "estimated" in recording.robots[0].measured_is
+
+
 def test_values_that_are_not_finite_hide_the_robot(tmp_path):
     bends = [(0.1, 0.0), (float("nan"), 0.0), (float("inf"), 0.0), (0.2, 0.0)]
     messages = [("STATE", view_help.state_message(0.1 * k, bend)) for k, bend in enumerate(bends)]
@@ -248,6 +262,8 @@ def test_a_diagnosis_without_a_cause_or_without_its_runs(diagnosed, tmp_path):
     command = "tendril gap diagnose elsewhere --robot x.yaml"
     gone = changed(report, tmp_path / "gone", provenance={"command": command})
     refused(lambda: sources.open_sources([gone], None), "elsewhere", "not where they were", "tendril view")
+    made = changed(report, tmp_path / "made", provenance={"command": ""})
+    refused(lambda: sources.open_sources([made], None), "does not say from which files", "RUNS")
     later = changed(report, tmp_path / "later", format=99)
     refused(lambda: sources.open_sources([later], None), "format 99", "this version")
     refused(lambda: sources.open_sources([str(diagnosed / "gap")], "x.yaml"), "leave out --robot")

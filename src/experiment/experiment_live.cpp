@@ -207,13 +207,15 @@ class Operator {
   void Check() const {
     CheckAlive();
     if (mode() == Mode::kRunning) return;
-    const std::string remedy = mode() == Mode::kFault        ? "clear it with `tendril send clear`"
-                               : mode() == Mode::kConfigured ? "give --arm, or arm it with `tendril send arm`"
-                                                             : "bring it to running first";
-    throw std::runtime_error(fmt::format(
-        "the daemon is in mode {}{}: {}", ModeText(mode()),
-        record_.output.status == Status::kOk ? "" : fmt::format(" ({})", StatusText(record_.output.status)),
-        remedy));
+    const Status reason = record_.output.status;
+    const std::string_view remedy = mode() == Mode::kFault && reason != Status::kOk ? StatusRemedy(reason)
+                                    : mode() == Mode::kFault ? "clear it with `tendril send clear`"
+                                    : mode() == Mode::kConfigured
+                                        ? "give --arm, or arm it with `tendril send arm`"
+                                        : "bring it to running first";
+    throw std::runtime_error(
+        fmt::format("the daemon is in mode {}{}: {}", ModeText(mode()),
+                    reason == Status::kOk ? "" : fmt::format(" ({})", StatusText(reason)), remedy));
   }
 
   void Send(ModeRequest request) {

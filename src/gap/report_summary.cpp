@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <sstream>
 #include <vector>
 
@@ -66,10 +67,57 @@ class Paint {
 
 constexpr const char *kBold = "1", *kRed = "1;31", *kGreen = "32", *kYellow = "33", *kDim = "2";
 
+// "1, 3 to 6".
+std::string Ranges(const std::vector<std::string>& numbers) {
+  std::string text;
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    std::size_t last = i;
+    const auto follows = [&](std::size_t next) {
+      return next < numbers.size() &&
+             numbers[next] == std::to_string(std::atoi(numbers[next - 1].c_str()) + 1);
+    };
+    while (follows(last + 1)) ++last;
+    text += (text.empty() ? "" : ", ") + numbers[i];
+    if (last - i >= 2) text += " to " + numbers[i = last];
+  }
+  return text;
+}
+
+// "tendons 1, 3 to 6, section 1" for tendon:1, tendon:3, ..., section:1.
+std::string PlacesText(const std::vector<std::string>& places) {
+  std::vector<std::pair<std::string, std::vector<std::string>>> kinds;  // and their numbers
+  for (const std::string& place : places) {
+    const auto colon = place.find(':');
+    const std::string kind = place.substr(0, colon);
+    if (kinds.empty() || kinds.back().first != kind) kinds.push_back({kind, {}});
+    if (colon != place.npos) kinds.back().second.push_back(place.substr(colon + 1));
+  }
+  std::string text;
+  for (const auto& [kind, numbers] : kinds) {
+    text += (text.empty() ? "" : ", ") + kind + (numbers.size() > 1 ? "s" : "");
+    if (!numbers.empty()) text += " " + Ranges(numbers);
+  }
+  return text;
+}
+
+// Each of `parts` whole, on as many lines as they need from a column of the first line on.
+std::string InColumn(const std::vector<std::string>& parts, int column) {
+  std::string out, line;
+  for (const std::string& whole : parts) {
+    const std::string part = Cut(whole, kWidth - column);
+    if (!line.empty() && column + Width(line) + 2 + Width(part) > kWidth) {
+      out += line + ",\n" + std::string(static_cast<std::size_t>(column), ' ');
+      line.clear();
+    }
+    line += (line.empty() ? "" : ", ") + part;
+  }
+  return out + line;
+}
+
 std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
   const CutFinding* worst = nullptr;
   bool listed = false, first = false;
-  std::string places;
+  std::vector<std::string> places;
   for (const CutFinding& f : d.location) {
     if (f.cut != cut) continue;
     listed = true;
@@ -77,11 +125,8 @@ std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
     first |= f.first;
     if (!worst || std::pair(f.excess, f.excess_sigma) > std::pair(worst->excess, worst->excess_sigma))
       worst = &f;
-    if (f.excess && f.where != "all") {
-      std::string place = f.where;
-      std::replace(place.begin(), place.end(), ':', ' ');
-      if (places.find(place) == std::string::npos) places += (places.empty() ? "" : ", ") + place;
-    }
+    if (f.excess && f.where != "all" && std::find(places.begin(), places.end(), f.where) == places.end())
+      places.push_back(f.where);
   }
   const CutText& text = TextOf(cut);
   const std::string head = fmt::format("  {} {} {} ", sim::CutName(cut), Pad(text.title, 13),
@@ -99,7 +144,7 @@ std::string ChainLine(sim::Cut cut, const Diagnosis& d, const Paint& paint) {
   const std::string mark = first ? "  <- starts here" : "";
   const int rest = kWidth - Width(head) - Width(state) - Width(mark) - 2;
   std::string line = head + paint(first ? kRed : kYellow, state);
-  if (!places.empty() && rest > 8) line += "  " + Cut(Clean(places), rest);
+  if (!places.empty() && rest > 8) line += "  " + Cut(Clean(PlacesText(places)), rest);
   return line + paint(kRed, mark) + "\n";
 }
 
@@ -108,14 +153,13 @@ std::string CauseLine(const Cause& c, const Paint& paint, bool accepted) {
                      : c.effect == "unknown" ? "unknown (not in the library)"
                                              : c.effect;
   if (!c.where.empty() && c.where != "all") name += " " + c.where;
-  std::string parameters;
-  for (const auto& [key, e] : ParametersByDeviation(c)) {
-    parameters += (parameters.empty() ? "" : ", ") + ParameterWords(key, e, true);
-  }
-  if (c.bound_hit) parameters += ", at a bound";
+  std::vector<std::string> parameters;
+  for (const auto& [key, e] : ParametersByDeviation(c))
+    parameters.push_back(Clean(ParameterWords(key, e, true)));
+  if (c.bound_hit) parameters.emplace_back("at a bound");
   const std::string head = fmt::format("  {} {} {:>5}", Pad(Clean(name), 30), Bar(c.p, 20), Percent(c.p));
   return (accepted ? paint(kBold, head) : head) +
-         (parameters.empty() ? "" : "  " + Cut(Clean(parameters), kWidth - Width(head) - 2)) + "\n";
+         (parameters.empty() ? "" : "  " + InColumn(parameters, Width(head) + 2)) + "\n";
 }
 
 }  // namespace

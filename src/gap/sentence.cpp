@@ -21,17 +21,27 @@ std::string NameOf(const Cause& cause) {
 
 namespace {
 
-/// The size of a cause, and that of the same law in the robot file; shape parameters (a time constant, a
-/// direction) are only in the report.
+/// A parameter that says how something goes on (a time constant, a direction), not how large it is.
+bool IsShape(const Cause& cause, const std::string& name) {
+  const sim::Effect* effect = sim::FindEffect(cause.effect);
+  if (effect == nullptr) return true;
+  const auto parameter = std::find_if(effect->parameters.begin(), effect->parameters.end(),
+                                      [&](const sim::EffectParameter& p) { return p.name == name; });
+  return parameter == effect->parameters.end() || parameter->shape;
+}
+
+/// The size of a cause, with every component where it has several, and that of the same law in the robot
+/// file; shape parameters are only in the report.
 std::string ValueOf(const Cause& cause, const RobotParameters& robot) {
-  const auto parameters = ParametersByDeviation(cause);
-  if (parameters.empty()) return "";
-  const auto& [name, estimate] = parameters.front();
-  std::string value = ParameterWords(name, estimate, false);
   const auto law = sim::FindLaw(robot, {cause.effect, cause.where, {}});
-  if (!law) return value;
-  for (const auto& [its_name, its_value] : robot.effects[*law].values) {
-    if (its_name == name) value += " where the robot file has " + ParameterValue(name, estimate, its_value);
+  std::string value;
+  for (const auto& [name, estimate] : ParametersByDeviation(cause)) {
+    if (!value.empty() && IsShape(cause, name)) continue;
+    value += (value.empty() ? "" : ", ") + ParameterWords(name, estimate, false);
+    if (!law) continue;
+    for (const auto& [its_name, its_value] : robot.effects[*law].values) {
+      if (its_name == name) value += " where the robot file has " + ParameterValue(name, estimate, its_value);
+    }
   }
   return value;
 }

@@ -5,12 +5,14 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <lcm/lcm-cpp.hpp>
+#include <set>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -44,6 +46,17 @@ lcm_eventlog_t* NewLog(const std::string& path) {
     throw std::runtime_error("cannot write log " + path + ": " + std::strerror(errno) +
                              "; name a file in an existing folder you may write to");
   return log;
+}
+
+// What a daemon publishes, by the fingerprint with which LCM begins every message.
+bool IsOfADaemon(const void* data, std::size_t size) {
+  using namespace tendril_lcm;
+  static const std::array<std::int64_t, 6> kinds = {state_t::getHash(),      cycle_t::getHash(),
+                                                    run_t::getHash(),        event_t::getHash(),
+                                                    statistics_t::getHash(), snapshot_t::getHash()};
+  std::int64_t kind = 0;
+  if (__int64_t_decode_array(data, 0, static_cast<int>(size), &kind, 1) < 0) return false;
+  return std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
 }
 
 }  // namespace
@@ -107,10 +120,12 @@ LogWriter::LogWriter(Gateway& gateway, const std::string& path, const Clock& clo
     state->Write(channel.data(), channel.size(), data, size);
   });
   // The gateway's own channels arrive through the tap; subscribing to them would cost a copy per message.
+  // What daemons of other robots publish on the same address is no part of this robot's log.
   const std::string others = "(?!" + gateway.channel_prefix() + "_(STATE|CYCLE|RUN|EVENT|STATISTICS)$).*";
   s.subscription = lcm_subscribe(
       s.lcm, others.c_str(),
       [](const lcm_recv_buf_t* bytes, const char* channel, void* state) {
+        if (IsOfADaemon(bytes->data, bytes->data_size)) return;
         static_cast<State*>(state)->Write(channel, std::strlen(channel), bytes->data,
                                           static_cast<int>(bytes->data_size));
       },
@@ -241,11 +256,34 @@ class CycleCheck {
   std::int64_t epoch_us_ = 0, cycle_ = 0;
 };
 
+// The prefix of a channel with records of a daemon ("TENDRIL" of TENDRIL_CYCLE); empty for any other channel.
+std::string_view PrefixOfRecords(std::string_view channel) {
+  for (const std::string_view ending : {"_CYCLE", "_RUN", "_SNAPSHOT"}) {
+    if (channel.ends_with(ending)) return channel.substr(0, channel.size() - ending.size());
+  }
+  return {};
+}
+
+// The first prefix with two records: one record alone may have its name from damaged bytes.
+std::string PrefixOfLog(const std::string& path) {
+  EventReader reader(path);
+  std::set<std::string, std::less<>> seen;
+  std::string first;
+  while (reader.Next()) {
+    const std::string prefix(PrefixOfRecords(reader.channel()));
+    if (prefix.empty()) continue;
+    if (!seen.insert(prefix).second) return prefix;
+    if (first.empty()) first = prefix;
+  }
+  return first;
+}
+
 }  // namespace
 
 std::string StreamLog(const std::string& path, const std::function<void(const RunInfo&)>& run,
                       const std::function<void(const CycleRecord&, std::uint64_t offset)>& cycle,
                       const std::function<void(const StateSnapshot&)>& snapshot) {
+  const std::string prefix = PrefixOfLog(path);
   EventReader reader(path);
   CycleCheck check;
   tendril_lcm::cycle_t cycle_message{};
@@ -253,6 +291,7 @@ std::string StreamLog(const std::string& path, const std::function<void(const Ru
   tendril_lcm::snapshot_t snapshot_message{};
   while (reader.Next()) {
     const std::string_view channel = reader.channel();
+    if (PrefixOfRecords(channel) != prefix) continue;
     const void* data = reader.data().data();
     const int size = static_cast<int>(reader.data().size());
     const auto refuse = [&](const char* kind) {

@@ -16,11 +16,19 @@ using State = tendril_lcm::state_t;
 
 constexpr TimeNs kLeastForAnswer_ns = 500 * kNsPerMs;
 constexpr int kHandle_ms = 20;
+// UDP may lose a command, as where a busy machine does not empty the daemon's queue in time.
+constexpr TimeNs kRepeat_ns = 200 * kNsPerMs;
 
 TimeNs ToNs(double seconds) { return static_cast<TimeNs>(seconds * static_cast<double>(kNsPerS)); }
 
 bool Is(const Command& command, ModeRequest request) {
   return command.kind == CommandKind::kMode && command.mode == request;
+}
+
+// Stopping twice is stopping once. Any other command may be out of date when it comes a second time: an arm
+// after another operator's disarm.
+bool MayRepeat(const Command& command) {
+  return Is(command, ModeRequest::kDisarm) || Is(command, ModeRequest::kHold);
 }
 
 // What waiting does not mend.
@@ -100,11 +108,16 @@ class Conversation {
   void Publish() {
     RequireNotStopped();
     sequence_ = io::Publish(client_, command_, call_.url);
+    if (first_ == kNotSent) first_ = sequence_;
+    sent_ns_ = clock_.Now();
   }
 
   /// The state that answers the command.
   const State& AwaitAnswer(TimeNs end_ns) {
-    while (!settled_ && clock_.Now() < end_ns) Handle();
+    while (!settled_ && clock_.Now() < end_ns) {
+      Handle();
+      if (!answered_ && MayRepeat(command_) && clock_.Now() > sent_ns_ + kRepeat_ns) Publish();
+    }
     RequireDaemon();
     if (!answered_) {
       throw std::runtime_error(fmt::format(
@@ -136,7 +149,9 @@ class Conversation {
 
   void Hear(const State& state) {
     latest_ = state;
-    if (settled_ || sequence_ == kNotSent || state.command_sequence != sequence_) return;
+    if (settled_ || first_ == kNotSent || state.command_sequence < first_ ||
+        state.command_sequence > sequence_)
+      return;
     answered_ = true;
     // Drives that a clear starts again take a moment, in which nothing is to be said yet.
     settled_ = !Is(command_, ModeRequest::kClear) || state.command_status != 0 ||
@@ -155,7 +170,8 @@ class Conversation {
   Command command_;
   Client client_;
   MonotonicClock clock_;
-  std::int64_t sequence_ = kNotSent;
+  std::int64_t first_ = kNotSent, sequence_ = kNotSent;  // between them are this conversation's alone
+  TimeNs sent_ns_ = 0;
   bool answered_ = false, settled_ = false;
   State latest_{}, answer_{};
 };

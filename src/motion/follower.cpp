@@ -265,10 +265,12 @@ struct Follower::Impl {
     if (state_.mode != tendril_lcm::state_t::MODE_RUNNING) {
       const Status reason = io::ReasonForMode(state_);
       const std::string why = reason == Status::kOk ? "" : fmt::format(" ({})", StatusText(reason));
-      throw std::runtime_error(fmt::format("the daemon is in mode {}{}: {}", state_.mode_text, why,
-                                           state_.mode == tendril_lcm::state_t::MODE_FAULT
-                                               ? "clear it with `tendril send clear`, then arm"
-                                               : "arm it first with `tendril send arm`"));
+      // Clearing alone does not bring back a robot whose tendons hang.
+      const std::string_view remedy = state_.mode != tendril_lcm::state_t::MODE_FAULT
+                                          ? "arm it first with `tendril send arm`"
+                                      : reason == Status::kOk ? "clear it with `tendril send clear`, then arm"
+                                                              : StatusRemedy(reason);
+      throw std::runtime_error(fmt::format("the daemon is in mode {}{}: {}", state_.mode_text, why, remedy));
     }
     if (!another_leads_.empty()) {
       throw std::runtime_error(fmt::format("the daemon refuses these commands: {} ({})", another_leads_,

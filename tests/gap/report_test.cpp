@@ -785,6 +785,35 @@ TEST(Summary, SaysWhatTheClocksLack) {
   EXPECT_THAT(Summary(d), testing::ContainsRegex("C0 clocks .*392 of 9001 samples lost"));
 }
 
+// A cause with several components is named with all of them, each with its interval.
+TEST(Summary, GivesEveryComponentOfACauseWhole) {
+  Diagnosis d = ExampleDiagnosis(Verdict::kAttributed);
+  Cause cause;
+  cause.effect = "tip_force", cause.where = "all", cause.p = 0.97;
+  cause.parameters = {{"x_N", {0.0293, 0.0275, 0.0311}},
+                      {"y_N", {-0.0195, -0.021, -0.018}},
+                      {"z_N", {0.0042, 0.0011, 0.0073}}};
+  d.causes = d.accepted = {cause};
+  const std::string text = Summary(d);
+  for (const auto& [name, e] : cause.parameters) EXPECT_THAT(text, HasSubstr(ParameterWords(name, e, true)));
+  const std::string sentence = Sentence(d, {}, "");
+  for (const auto& [name, e] : cause.parameters) {
+    EXPECT_THAT(sentence, HasSubstr(ParameterWords(name, e, false)));
+  }
+}
+
+TEST(Summary, NamesEveryPlaceOfACut) {
+  Diagnosis d = ExampleDiagnosis(Verdict::kAttributed);
+  CutFinding found = d.location.front();
+  found.cut = sim::Cut::kTendon, found.measured = found.excess = true, found.excess_sigma = 9;
+  d.location.clear();
+  for (const int j : {1, 3, 4, 5, 6}) {
+    found.where = "tendon:" + std::to_string(j);
+    d.location.push_back(found);
+  }
+  EXPECT_THAT(Summary(d), HasSubstr("tendons 1, 3 to 6"));
+}
+
 TEST(Wrapped, KeepsEveryWord) {
   const std::string text = Wrapped("one two\tthree\nfour \xc3\xa4\xc3\xb6\xc3\xbc", 4);
   EXPECT_EQ(text, "    one two three four äöü\n");

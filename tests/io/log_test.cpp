@@ -6,6 +6,7 @@
 #include <lcm/eventlog.h>
 #include <unistd.h>
 
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -16,6 +17,8 @@
 
 #include "random_record.h"
 #include "tendril/io/client.h"
+#include "tendril_lcm/event_t.hpp"
+#include "tendril_lcm/run_t.hpp"
 
 namespace tendril::io {
 namespace {
@@ -122,6 +125,44 @@ TEST_F(LogTest, AMessageWithoutAChannelCostsNoneOfTheRest) {
   }
   const LogContents log = ReadLog(path);
   EXPECT_EQ(log.cycles.size(), 3U);
+  EXPECT_EQ(log.damage, "");
+}
+
+// Robots that share an address have prefixes of their own, and each its own log.
+TEST_F(LogTest, WhatAnotherDaemonPublishesIsNotInTheLog) {
+  SimulatedClock clock;
+  Gateway gateway({"memq://", "TENDRIL", 1, 1}, kShape, clock);
+  LogWriter writer(gateway, path, clock);
+  const tendril_lcm::run_t other_run{};
+  const tendril_lcm::event_t other_event{};
+  ASSERT_EQ(gateway.lcm()->publish("OTHER_RUN", &other_run), 0);
+  ASSERT_EQ(gateway.lcm()->publish("OTHER_EVENT", &other_event), 0);
+  ASSERT_EQ(gateway.lcm()->publish("MINE_RUN", "of another type", 15), 0);
+  ASSERT_EQ(gateway.lcm()->publish("SHORT_RUN", "x", 1), 0);
+  gateway.Handle(0);
+  EXPECT_EQ(writer.events(), 2U) << "what other programs send stays in";
+}
+
+// As other LCM tools record two robots on one address.
+TEST_F(LogTest, OfALogOfTwoDaemonsTheFirstOneIsRead) {
+  Write();
+  const std::string both = folder / "both.lcmlog";
+  lcm_eventlog_t* from = lcm_eventlog_create(path.c_str(), "r");
+  lcm_eventlog_t* to = lcm_eventlog_create(both.c_str(), "w");
+  while (lcm_eventlog_event_t* event = lcm_eventlog_read_next_event(from)) {
+    ASSERT_EQ(lcm_eventlog_write_event(to, event), 0);
+    std::string channel = std::string("OTHER") + std::strchr(event->channel, '_');
+    lcm_eventlog_event_t other = *event;
+    other.channel = channel.data();
+    other.channellen = static_cast<std::int32_t>(channel.size());
+    ASSERT_EQ(lcm_eventlog_write_event(to, &other), 0);
+    lcm_eventlog_free_event(event);
+  }
+  lcm_eventlog_destroy(from);
+  lcm_eventlog_destroy(to);
+  const LogContents log = ReadLog(both);
+  ASSERT_EQ(log.cycles.size(), records.size());
+  ExpectSamePrefix(log.cycles, records);
   EXPECT_EQ(log.damage, "");
 }
 

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <chrono>
 #include <thread>
+#include <utility>
 
 #include "../gap/cli.h"
 #include "support/live_daemon.h"
@@ -25,8 +26,8 @@ class SendLive : public CommandTest {
   }
   /// Ten times a second until the end of the test.
   template <class Publish>
-  void Tell(const Publish& publish) {
-    daemon_ = std::thread([this, publish] {
+  void Tell(Publish publish) {
+    daemon_ = std::thread([this, publish]() mutable {
       io::Gateway gateway({kLiveUrl, prefix_, 1, 0}, {1, 4, 3}, clock_);
       while (!stop_) {
         publish(gateway);
@@ -70,6 +71,31 @@ TEST_F(SendLive, ArmSaysWhyTheDrivesDoNotStart) {
   EXPECT_THAT(error_, HasSubstr("the drives did not start within 1 s: a drive does not answer or was not "
                                 "started: nothing can be armed (317); see the log; check power and bus"));
   EXPECT_THAT(error_, Not(HasSubstr("cycle finished late")));
+}
+
+// As where a machine is too busy to empty the kernel's queue in time.
+TEST_F(SendLive, AStopThatWasLostIsSentAgainAndNothingElse) {
+  std::atomic<int> heard = 0;
+  CycleRecord record;
+  record.output.mode = Mode::kRunning;
+  Tell([&, listens = false](io::Gateway& g) mutable {
+    if (!std::exchange(listens, true)) {
+      g.OnCommand([&](const Command& command) {
+        if (++heard % 2 == 0) record.input.command = command;
+      });
+    }
+    g.PublishState(record);
+  });
+  for (const char* stop : {"disarm", "hold"}) {
+    SCOPED_TRACE(stop);
+    heard = 0;
+    EXPECT_EQ(Run("send --timeout 5 --prefix " + prefix_ + " " + stop), 0) << error_;
+    EXPECT_GE(heard, 2);
+  }
+  heard = 0;
+  EXPECT_EQ(Run("send --timeout 1 --prefix " + prefix_ + " clear"), 1);
+  EXPECT_EQ(heard, 1);
+  EXPECT_THAT(error_, HasSubstr("did not receive the command"));
 }
 
 }  // namespace

@@ -16,7 +16,8 @@
 namespace tendril::io {
 
 /// Writes every message on a gateway's connection into an LCM event log: the gateway's own as they are
-/// published, all others (commands, tracker) as Gateway::Handle receives them.
+/// published, all others (commands, tracker) as Gateway::Handle receives them, without what the daemons of
+/// other robots publish on the same address.
 class LogWriter {
  public:
   /// Throws std::runtime_error naming the path when it cannot be written. Events are stamped by `clock` in
@@ -60,8 +61,9 @@ struct StateSnapshot {
 
 /// Reads a log back, calling `run`, `cycle` (with the offset of its event in the file) and `snapshot` (any
 /// may be empty) for each record in order: for logs of any length. Continues after damage; the returned line
-/// names the damaged places by offset, and how much was read (empty: undamaged). Throws std::runtime_error
-/// when the file cannot be opened.
+/// names the damaged places by offset, and how much was read (empty: undamaged). Of a log with records of
+/// several daemons, as other LCM tools write it, the first daemon's are read. Throws std::runtime_error when
+/// the file cannot be opened.
 std::string StreamLog(const std::string& path, const std::function<void(const RunInfo&)>& run,
                       const std::function<void(const CycleRecord&, std::uint64_t offset)>& cycle,
                       const std::function<void(const StateSnapshot&)>& snapshot = {});

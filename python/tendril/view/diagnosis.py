@@ -43,10 +43,12 @@ def runs_of_command(report: Report, path: pathlib.Path) -> list[str]:
         at = [start / word for word in found]
         if at and all(p.exists() for p in at):
             return [str(p) for p in at]
-    raise ViewError(
-        f"{path}: the runs that it was made from ({', '.join(found) or 'not recorded'}) are not where they were; name "
-        f"them: tendril view {path} RUNS"
+    lost = (
+        f"the runs that it was made from ({', '.join(found)}) are not where they were"
+        if found
+        else "it does not say from which files its runs were read, as a report made in Python does not"
     )
+    raise ViewError(f"{path}: {lost}; name them: tendril view {path} RUNS")
 
 
 def simulated(robot: _core.Robot, run: _core.Run, times_s: Array) -> Array:

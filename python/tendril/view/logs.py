@@ -70,16 +70,19 @@ def events_of(file: BinaryIO) -> Iterator[tuple[str, bytes, int] | int]:
 
 
 def read_events(path: pathlib.Path) -> Events:
-    events = Events([], [], [], None, 0)
-    lists = {"STATE": events.states, "CYCLE": events.cycles}
+    """Of one daemon: another one's on the same address have a prefix of their own and are left out."""
+    by_prefix: dict[str, Events] = {}
+    damaged = 0
     try:
         with path.open("rb") as file:
             for event in events_of(file):
                 if isinstance(event, int):
-                    events.damaged += event
+                    damaged += event
                     continue
                 channel, data, utime = event
-                ending = channel.rpartition("_")[2]
+                prefix, _, ending = channel.rpartition("_")
+                events = by_prefix.setdefault(prefix, Events([], [], [], None, 0))
+                lists = {"STATE": events.states, "CYCLE": events.cycles}
                 if ending in lists:
                     lists[ending].append(data)
                 elif ending == "TRACKER":
@@ -90,7 +93,14 @@ def read_events(path: pathlib.Path) -> Events:
                     events.other += 1
     except OSError as e:
         raise ViewError(f"{path}: cannot be read as an LCM log ({e.strerror})") from None
-    return events
+    of_daemons = [events for events in by_prefix.values() if events.states or events.cycles]
+    # Of several the first one that says which robot it is.
+    of_daemons.sort(key=lambda events: events.run is None)
+    found = of_daemons[0] if of_daemons else Events([], [], [], None, 0)
+    if not of_daemons:
+        found.other = sum(e.other + (e.run is not None) for e in by_prefix.values())
+    found.damaged = damaged
+    return found
 
 
 def other_version(path: pathlib.Path, message: str) -> ViewError:
