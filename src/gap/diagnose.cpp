@@ -2,6 +2,7 @@
 #include "tendril/gap/diagnose.h"
 
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -17,13 +18,12 @@
 #include "evaluator.h"
 #include "first_place.h"
 #include "floor_at_cause.h"
-#include "implausible.h"
 #include "judge.h"
 #include "locate.h"
 #include "measured_wrong.h"
 #include "measurement_check.h"
-#include "own_readings.h"
 #include "reach.h"
+#include "readable.h"
 #include "repeatability.h"
 #include "search.h"
 #include "sentence.h"
@@ -126,8 +126,7 @@ class Diagnosing {
       : given_(given),
         options_(options),
         threads_(options.threads > 0 ? options.threads : AllCores()),
-        evaluation_{threads_, options.delta_N, options.delta_m, options.seed},
-        set_(given) {}
+        evaluation_{threads_, options.delta_N, options.delta_m, options.seed} {}
 
   Diagnosis Result() {
     PrepareSet();
@@ -170,17 +169,10 @@ class Diagnosing {
   LoadCellPlace Place() const { return evaluator_->runs().front().signals.load_cell; }
 
   void PrepareSet() {
-    // The robot file's own list of effects is part of the model; changing it again would list an effect
-    // twice.
-    set_.robot = sim::FoldEffects(given_.robot);
-    RequireTendons(set_);
-    Say(LeaveOutShortRuns(set_));
-    Say(LeaveOutOtherTimeUnits(set_));
-    FillMissing(set_);
-    Say(KeepOwnReadings(set_));
-    Say(MaskImplausible(set_));
     Progress("aligning the logs and finding the noise floor", 0);
-    RefuseOtherTime(set_);
+    ReadableSet readable = Readable(given_, d_.degradations);
+    set_ = std::move(readable.set);
+    contradictions_ = std::move(readable.contradictions);
     d_.robot_name = set_.robot.name;
     d_.robot_yaml = config::ToYaml(given_.robot);
     d_.seed = options_.seed;
@@ -323,8 +315,9 @@ class Diagnosing {
     }
     const bool far_off = std::any_of(d_.location.begin(), d_.location.end(),
                                      [](const CutFinding& f) { return f.uncertain(); });
-    if (d_.verdict == Verdict::kNoGap && (far_off || 2 * unseen.size() > SearchedEffects(search_)))
-      d_.verdict = Verdict::kInsufficientData;
+    // What lies beyond the robot's range was left out, and is itself a gap.
+    const bool partial = far_off || !contradictions_.empty() || 2 * unseen.size() > SearchedEffects(search_);
+    if (d_.verdict == Verdict::kNoGap && partial) d_.verdict = Verdict::kInsufficientData;
   }
 
   void RejectIfModelWasWrongBefore() {
@@ -429,6 +422,10 @@ class Diagnosing {
                       "file and diagnose again",
                       mistake_.with, mistake_hides_ ? "the difference between repetitions" : "the gap"));
     }
+    if (!contradictions_.empty()) {
+      d_.sentence = fmt::format("Check units and robot file first: {}, so it is left out. {}",
+                                fmt::join(contradictions_, "; "), d_.sentence);
+    }
     std::vector<std::string> notes = given_.notes;
     notes.insert(notes.end(), d_.degradations.begin(), d_.degradations.end());
     d_.sentence = WithLeftOut(d_.sentence, notes, d_.runs.size());
@@ -438,7 +435,8 @@ class Diagnosing {
   const DiagnoseOptions& options_;
   const int threads_;
   const Evaluator::Options evaluation_;
-  DataSet set_;  // given_, with what cannot be used masked or left out
+  DataSet set_;                              // given_, with what cannot be used masked or left out
+  std::vector<std::string> contradictions_;  // between the readings and the robot's range
   Diagnosis d_;
   std::optional<Evaluator> evaluator_;  // of set_; from PrepareComparable on
   Folds folds_;

@@ -143,6 +143,7 @@ void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
   };
   using Drive = TendonDriveParameters;
   part("motor.torque_constant_NmpA", kDrive, &Drive::motor, &MotorParameters::torque_scale);
+  all.back().in_file *= robot.actuation->tendons.front().motor.torque_constant_NmpA;
   part("motor.rotor_inertia_kgm2", kDrive, &Drive::motor, &MotorParameters::rotor_inertia_kgm2);
   part("motor.coulomb_friction_Nm", kDrive, &Drive::motor, &MotorParameters::coulomb_friction_Nm);
   part("motor.coulomb_angle_rad", kDrive, &Drive::motor, &MotorParameters::coulomb_angle_rad);

@@ -45,6 +45,13 @@ double Slope(const std::vector<double>& x, const std::vector<double>& y) {
   return square > 0 ? ((dx - dx.mean()) * (dy - dy.mean())).sum() / square : 0;
 }
 
+/// Columns of one kind of signal, and those that lie beyond the robot's range.
+struct Beyond {
+  const char* unit;
+  int columns = 0, left_out = 0;
+  double worst = 0, most = 0;
+};
+
 struct Finder {
   Run& run;
   std::vector<std::string>& said;
@@ -55,9 +62,11 @@ struct Finder {
   }
 
   /// Values of column j with a magnitude above `most`.
-  void OutOfRange(Eigen::MatrixXd& matrix, Eigen::Index j, const std::string& channel, const char* unit,
-                  double most) {
+  void OutOfRange(Eigen::MatrixXd& matrix, Eigen::Index j, const std::string& channel, double most,
+                  Beyond& kind) {
+    const char* unit = kind.unit;
     if (matrix.rows() != run.time_s.size() || !(most > 0)) return;
+    ++kind.columns;
     Eigen::Index there = 0, beyond = 0;
     double worst = 0;
     for (const double x : matrix.col(j)) {
@@ -76,6 +85,9 @@ struct Finder {
           fmt::format("has {} value{} up to {:.4g} {}, which this robot cannot reach: taken as missing",
                       beyond, beyond == 1 ? "" : "s", worst, unit));
     } else {
+      ++kind.left_out;
+      kind.worst = std::max(kind.worst, worst);
+      kind.most = most;
       Say(channel,
           fmt::format(
               "reaches {:.4g} {} and is beyond this robot's range in {:.0f} % of its values: left out", worst,
@@ -336,9 +348,11 @@ std::vector<Eigen::Index> LonePositions(const Eigen::Ref<const Eigen::VectorXd>&
   return LoneValues(position_rad, std::max(kLonePosition * usual_rad, kLoneWay * MostMotorWay_rad(robot)));
 }
 
-std::vector<std::string> MaskImplausible(DataSet& set) {
-  std::vector<std::string> said;
+Masked MaskImplausible(DataSet& set) {
+  Masked masked;
+  std::vector<std::string>& said = masked.lines;
   const RobotParameters& robot = set.robot;
+  Beyond tensions{"N"}, torques{"N m"}, targets{"N m"}, tips{"m"};
   for (Run& run : set.runs) {
     if (run.time_s.size() < 2) continue;
     Finder find{run, said, kSlack * robot.limits.min_tension_N};
@@ -346,18 +360,18 @@ std::vector<std::string> MaskImplausible(DataSet& set) {
       const auto tendons = static_cast<Eigen::Index>(robot.actuation->tendons.size());
       for (Eigen::Index j = 0; j < tendons; ++j) {
         const auto& drive = robot.actuation->tendons[static_cast<std::size_t>(j)].drive;
-        const auto column = [&](Eigen::MatrixXd& matrix, const char* name, const char* unit, double most) {
-          if (j < matrix.cols()) find.OutOfRange(matrix, j, fmt::format("{} {}", name, j + 1), unit, most);
+        const auto column = [&](Eigen::MatrixXd& matrix, const char* name, Beyond& kind, double most) {
+          if (j < matrix.cols()) find.OutOfRange(matrix, j, fmt::format("{} {}", name, j + 1), most, kind);
         };
-        column(run.tension_N, "tension", "N", kBeyond * robot.limits.max_tension_motor_N);
-        column(run.torque_actual_Nm, "actual torque", "N m", kBeyond * drive.rated_torque_Nm);
-        column(run.torque_target_Nm, "target torque", "N m", kBeyond * drive.rated_torque_Nm);
+        column(run.tension_N, "tension", tensions, kBeyond * robot.limits.max_tension_motor_N);
+        column(run.torque_actual_Nm, "actual torque", torques, kBeyond * drive.rated_torque_Nm);
+        column(run.torque_target_Nm, "target torque", targets, kBeyond * drive.rated_torque_Nm);
       }
     }
     // In an unknown frame the tip may be anywhere.
     for (Eigen::Index axis = 0; axis < run.tip_m.cols() && !set.fit_frame; ++axis)
-      find.OutOfRange(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), "m",
-                      kBeyond * robot.body.length_m());
+      find.OutOfRange(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), kBeyond * robot.body.length_m(),
+                      tips);
     if (run.motor_position_rad.rows() != run.time_s.size()) continue;
     // Between states at rest a motor may have been anywhere.
     for (Eigen::Index j = 0; j < run.motor_position_rad.cols() && UsualStep(run) <= kQuasiStatic_s; ++j) {
@@ -377,7 +391,15 @@ std::vector<std::string> MaskImplausible(DataSet& set) {
     }
   }
   TakeOutTorquesCutOff(set, said);
-  return said;
+  for (const auto& [name, kind] : {std::pair{"tension", tensions}, std::pair{"actual torque", torques},
+                                   std::pair{"target torque", targets}, std::pair{"tip position", tips}}) {
+    if (kind.left_out > 0 && 2 * kind.left_out >= kind.columns) {
+      masked.contradictions.push_back(
+          fmt::format("the {} reaches {:.4g} {}, and this robot {:.3g} {} at most", name, kind.worst,
+                      kind.unit, kind.most, kind.unit));
+    }
+  }
+  return masked;
 }
 
 }  // namespace tendril::gap

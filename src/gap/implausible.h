@@ -19,10 +19,18 @@ double MostMotorWay_rad(const RobotParameters& robot);
 std::vector<Eigen::Index> LonePositions(const Eigen::Ref<const Eigen::VectorXd>& position_rad,
                                         const RobotParameters& robot);
 
+/// What was masked, and what contradicts the robot.
+struct Masked {
+  std::vector<std::string> lines;  // one sentence each
+  /// Kinds of signal of which at least half of the columns lie beyond the robot's range: "the tension reaches
+  /// 5550 N, and this robot 15 N at most".
+  std::vector<std::string> contradictions;
+};
+
 /// Turns into missing values: rare values far beyond the robot's reach; whole columns of tension, torque or
 /// tip that lie there (another unit); isolated motor positions far from their neighbours; stretches in which
 /// a cell or the tracker keeps one value to the last bit while the motor turns; and values clipped at the end
-/// of a sensor's range. Returns what was removed, one sentence each.
-std::vector<std::string> MaskImplausible(DataSet& set);
+/// of a sensor's range.
+Masked MaskImplausible(DataSet& set);
 
 }  // namespace tendril::gap

@@ -20,14 +20,18 @@
 namespace tendril::robot_file {
 namespace {
 
-// Short form of a number: 1.955e10, not 19550000000. The same digits, so the same value.
+// Short form of a number: 1.955e10, not 19550000000, and without the last digits of its arithmetic.
 std::string Written(const std::string& number) {
   const auto value = AsNumber(number);
-  if (!value || *value == 0 || (std::abs(*value) < 1e6 && std::abs(*value) >= 1e-4)) return number;
+  if (!value || *value == 0) return number;
+  std::string written = fmt::format("{:.12g}", *value);
+  if (!Same(written, number)) written = number;
+  if (std::abs(*value) < 1e6 && std::abs(*value) >= 1e-4) return written;
   std::array<char, 40> text;
   const auto end =
-      std::to_chars(text.data(), text.data() + text.size(), *value, std::chars_format::scientific).ptr;
-  std::string written(text.data(), end);
+      std::to_chars(text.data(), text.data() + text.size(), *AsNumber(written), std::chars_format::scientific)
+          .ptr;
+  written.assign(text.data(), end);
   const std::size_t exponent = written.find('e') + 1;
   if (written[exponent] == '+') written.erase(exponent, 1);
   const std::size_t digits = exponent + (written[exponent] == '-');
@@ -201,6 +205,19 @@ void CarryLaws(Editor& editor, const RobotParameters& original, const std::vecto
   editor.Append(editor.root(), lines);
 }
 
+/// The new file, read back and found to be what was meant.
+RobotPatch Checked(std::string text, const std::string& path, const RobotParameters& expected) {
+  RobotPatch patch{.text = std::move(text), .robot = {}};
+  patch.robot = config::ParseRobot(patch.text, path + " with the effects");
+  if (const double difference = RobotDifference(patch.robot, expected); !(difference <= kSame)) {
+    throw std::runtime_error(
+        fmt::format("{}: the effects could not be written in this file's layout (a number would differ by "
+                    "{:.1g}); write every key on its own line, as `tendril config check` prints it",
+                    path, difference));
+  }
+  return patch;
+}
+
 }  // namespace
 
 RobotPatch PatchRobot(const std::string& text, const std::string& path,
@@ -221,15 +238,21 @@ RobotPatch PatchRobot(const std::string& text, const std::string& path,
   CarryOthers(editor, before, after);
   CarryTendons(editor, before, after);
   CarryLaws(editor, original, after.effects);
-  RobotPatch patch{.text = editor.Text(heading), .robot = {}};
-  patch.robot = config::ParseRobot(patch.text, path + " with the effects");
-  if (const double difference = RobotDifference(patch.robot, expected); !(difference <= kSame)) {
-    throw std::runtime_error(
-        fmt::format("{}: the effects could not be written in this file's layout (a number would differ by "
-                    "{:.1g}); write every key on its own line, as `tendril config check` prints it",
-                    path, difference));
-  }
-  return patch;
+  return Checked(editor.Text(heading), path, expected);
+}
+
+RobotPatch PatchNumbers(const std::string& text, const std::string& path, const RobotParameters& given,
+                        const std::vector<std::string>& heading) {
+  RobotParameters before = config::ParseRobot(text, path), after = given;
+  const auto of_file = static_cast<std::ptrdiff_t>(before.effects.size());
+  const std::vector<EffectSetting> listed = std::exchange(before.effects, {});
+  after.effects.erase(after.effects.begin(), after.effects.begin() + of_file);
+  after = sim::FoldEffects(after);
+  Editor editor(text, path);
+  CarryOthers(editor, before, after);
+  CarryTendons(editor, before, after);
+  after.effects = listed;
+  return Checked(editor.Text(heading), path, after);
 }
 
 }  // namespace tendril::robot_file

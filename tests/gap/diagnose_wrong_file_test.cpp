@@ -48,6 +48,15 @@ TEST(Diagnose, GravityAndScaleAreNamed) {
                   "^Check the measurement first: with the tip's distances (2.[789]|3|3.1) % smaller"));
 }
 
+// Readings that the robot cannot give are left out; what is left may well agree with the model.
+TEST(Diagnose, ReadingsBeyondTheRobotsRangeAreNoProof) {
+  DataSet set = RecordedAt500Hz("", 3);
+  for (gap::Run& run : set.runs) run.tension_N *= 1000;
+  const Diagnosis d = Diagnose(set, Only({"unit_mass", "tendon_stiffness"}));
+  EXPECT_EQ(d.verdict, Verdict::kInsufficientData);
+  EXPECT_THAT(d.sentence, testing::StartsWith("Check units and robot file first: the tension reaches "));
+}
+
 /// A number of the robot file, `factor` times what it is.
 struct WrongNumber {
   const char* key;

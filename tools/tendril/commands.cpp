@@ -22,6 +22,7 @@ std::unique_ptr<CLI::App> MakeApp() {
   AddFaultCommand(*app);
   AddFollowCommand(*app);
   AddGapApplyCommand(*app);
+  AddGapCalibrateCommand(*app);
   AddGapDiagnoseCommand(*app);
   AddGapExplainCommand(*app);
   AddGapImportCommand(*app);

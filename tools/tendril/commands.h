@@ -31,6 +31,7 @@ void AddExciteCommand(CLI::App& app);
 void AddFaultCommand(CLI::App& app);
 void AddFollowCommand(CLI::App& app);
 void AddGapApplyCommand(CLI::App& app);
+void AddGapCalibrateCommand(CLI::App& app);
 void AddGapDiagnoseCommand(CLI::App& app);
 void AddGapExplainCommand(CLI::App& app);
 void AddGapImportCommand(CLI::App& app);

@@ -22,6 +22,11 @@ struct RobotPatch {
 RobotPatch PatchRobot(const std::string& text, const std::string& path,
                       const std::vector<EffectSetting>& effects, const std::vector<std::string>& heading);
 
+/// The same for other numbers: those in which `after` differs from the file, a robot of the same layout. Effects
+/// at the end of its list that the file does not have are folded in.
+RobotPatch PatchNumbers(const std::string& text, const std::string& path, const RobotParameters& after,
+                        const std::vector<std::string>& heading);
+
 /// The lines that differ, with - and +, and some context.
 std::string DiffLines(const std::string& before, const std::string& after);
 
