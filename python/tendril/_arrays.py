@@ -84,17 +84,6 @@ def vector(name: str, value: ArrayLike, count: int | None, meaning: str) -> Arra
     return array
 
 
-def whole(name: str, value: int, least: int, most: int) -> int:
-    """A whole number within bounds, numpy's too."""
-    try:
-        number = operator.index(value)
-    except TypeError:
-        number = least - 1
-    if not least <= number <= most:
-        raise ValueError(f"{name} is {value!r}; give a whole number from {least} to {most}")
-    return number
-
-
 class Batch:
     """Arguments that are one row each, or N rows each; one row goes with any number of rows."""
 

@@ -161,9 +161,6 @@ class DataSet:
     def __iter__(self) -> Iterator[Run]:
         return iter(self._runs)
 
-    def __contains__(self, run: object) -> bool:
-        return any(own is run or own.name == run for own in self._runs)
-
     def __getitem__(self, name: str) -> Run:
         for run in self._runs:
             if run.name == name:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from . import _core
-from ._arrays import flag, number, whole
+from ._arrays import file_name, flag, number, whole
 from .data_set import DataSet, Path, as_set
 from .effects import effect_texts
 from .report import Report
