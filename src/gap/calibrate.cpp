@@ -54,9 +54,7 @@ class Calibrating {
     for (const std::string& line : evaluator_->degradations()) found_.notes.push_back(line);
     free_ = FreeNumbersOf(evaluator_->nominal());
     if (free_.size() == 0) {
-      throw std::runtime_error(
-          "every number of the robot file is known: nothing to calibrate; say how uncertain some are "
-          "(youngs_modulus_Pa: {value: 2.3e10, within: 10 %})");
+      throw std::runtime_error("no number of the robot file is uncertain: there is nothing to calibrate");
     }
     folds_ = MakeFolds(evaluator_->runs());
   }
