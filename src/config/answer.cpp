@@ -12,6 +12,7 @@
 
 #include "reader.h"
 #include "units.h"
+#include "within.h"
 
 namespace tendril::config {
 namespace {
@@ -64,6 +65,21 @@ double ReadNumber(const Key& key, const std::string& text) {
       std::find(key.choices.begin(), key.choices.end(), fmt::format("{}", value)) == key.choices.end())
     throw Refused(key, text, fmt::format("{}", fmt::join(key.choices, ", ")));
   return value;
+}
+
+std::pair<std::string, std::string> PartsOfAnswer(const std::string& text) {
+  constexpr std::string_view kWithin = " within ";
+  const std::size_t at = text.find(kWithin);
+  if (at == text.npos) return {text, ""};
+  return {text.substr(0, at), std::string(Trimmed(std::string_view(text).substr(at + kWithin.size())))};
+}
+
+Uncertainty ReadUncertainty(const Key& key, const std::string& text, double value) {
+  try {
+    return ReadWithin(InUnitOf(key.path, text), key.path, value, *key.range);
+  } catch (const ConfigError& e) {
+    throw ConfigError(fmt::format("{}: within: {}", key.path, e.what()));
+  }
 }
 
 std::string ReadText(const Key& key, const std::string& text) {

@@ -13,6 +13,7 @@
 #include <iterator>
 #include <optional>
 #include <sstream>
+#include <type_traits>
 
 #include "describe_daemon.h"
 #include "describe_fault.h"
@@ -22,7 +23,8 @@
 
 namespace tendril::config {
 
-/// Common blocks are those of the first tendon; tendons that differ are written below `per_tendon`.
+/// Common blocks are those of the first tendon; tendons that differ, or whose numbers are known in another
+/// way, are written below `per_tendon`.
 void WriteActuation(Writer& out, ActuationParameters& p);
 
 namespace {
@@ -94,16 +96,18 @@ T Parse(const std::string& yaml, const Source& source, Kind expected, std::strin
     throw ConfigError(fmt::format("{}:{}: this is a {} file; accepted: {}; name the other file", source.name,
                                   document.line, KindText(kind), keys));
   }
-  Reader reader(source, {std::move(document)});
   T value;
+  Source known = source;
+  if constexpr (std::is_same_v<T, RobotParameters>) known.uncertain = &value.uncertain;
+  Reader reader(known, {std::move(document)});
   Describe(reader, value);
   reader.Finish();
   return value;
 }
 
 template <class T>
-std::string BlocksOf(T value) {
-  Writer out;
+std::string BlocksOf(T value, const std::map<std::string, Uncertainty>* uncertain = nullptr) {
+  Writer out(uncertain);
   Describe(out, value);
   return out.Finish();
 }
@@ -130,8 +134,9 @@ void WriteActuation(Writer& out, ActuationParameters& p) {
     Describe(out, p.tendons.front());
     const std::string common = BlocksOf(p.tendons.front());
     bool open = false;
-    for (std::size_t j = 1; j < p.tendons.size(); ++j) {
-      if (BlocksOf(p.tendons[j]) == common) continue;
+    for (std::size_t j = 0; j < p.tendons.size(); ++j) {
+      const std::string own = fmt::format("actuation.per_tendon.{}.", j + 1);
+      if (!out.HasUncertainty(own) && BlocksOf(p.tendons[j]) == common) continue;
       if (!open) out.BeginBlock("per_tendon");
       open = true;
       out.Block(std::to_string(j + 1), p.tendons[j], {});
@@ -210,7 +215,7 @@ FaultParameters ParseFault(const std::string& text, const std::string& name_for_
   }
 }
 
-std::string ToYaml(const RobotParameters& robot) { return BlocksOf(robot); }
+std::string ToYaml(const RobotParameters& robot) { return BlocksOf(robot, &robot.uncertain); }
 std::string ToYaml(const DaemonParameters& daemon) { return BlocksOf(daemon); }
 
 namespace {

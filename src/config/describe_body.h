@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <set>
 #include <string_view>
 #include <vector>
@@ -55,6 +56,8 @@ void Describe(Io& io, SectionParameters& p) {
       io.Number("disk_diameter_m", disk_diameter_m, kDiameter, kDiameterMeaning);
       p.disk_inertia_xx_kgm2 = p.unit_mass_kg * disk_diameter_m * disk_diameter_m / 16;
       p.disk_inertia_zz_kgm2 = p.unit_mass_kg * disk_diameter_m * disk_diameter_m / 8;
+      io.PassUncertainty("disk_diameter_m", disk_diameter_m, 2,
+                         {"disk_inertia_xx_kgm2", "disk_inertia_zz_kgm2"});
     } else {
       io.Allow("disk_diameter_m");
     }
@@ -125,6 +128,12 @@ inline void CheckDeviations(Reader& io, BodyParameters& p) {
     io.Check(seen.insert(d.unit).second, "unit_deviations",
              fmt::format("unit {} twice; accepted: at most one entry a unit; join the two", d.unit));
   }
+  std::vector<std::size_t> order(p.unit_deviations.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return p.unit_deviations[a].unit < p.unit_deviations[b].unit;
+  });
+  io.ReorderUncertainty("unit_deviations", order);
   std::sort(p.unit_deviations.begin(), p.unit_deviations.end(),
             [](const UnitDeviation& a, const UnitDeviation& b) { return a.unit < b.unit; });
 }

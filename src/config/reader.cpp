@@ -12,6 +12,7 @@
 
 #include "document.h"
 #include "units.h"
+#include "within.h"
 
 namespace tendril::config {
 namespace {
@@ -116,6 +117,13 @@ std::optional<Reader::Found> Reader::Lookup(std::string_view key, const std::str
 }
 
 double Reader::ToNumber(const Found& found, std::string_view key, Range range) const {
+  const Parts parts = PartsOf(found, RangeText(key, range));
+  const double value = ToPlainNumber(parts.value, key, range);
+  if (parts.within) KeepUncertainty(found, *parts.within, key, value, range);
+  return value;
+}
+
+double Reader::ToPlainNumber(const Found& found, std::string_view key, Range range) const {
   const std::string accepted = RangeText(key, range);
   if (!IsPlainScalar(found.value)) {
     Fail(found.line, found.path,
@@ -158,6 +166,13 @@ double Reader::ToNumber(const Found& found, std::string_view key, Range range) c
 }
 
 long long Reader::ToInteger(const Found& found, std::string_view key, Range range) const {
+  const Parts parts = PartsOf(found, "whole number " + RangeText(key, range));
+  const long long value = ToPlainInteger(parts.value, key, range);
+  if (parts.within) KeepUncertainty(found, *parts.within, key, static_cast<double>(value), range);
+  return value;
+}
+
+long long Reader::ToPlainInteger(const Found& found, std::string_view key, Range range) const {
   const std::string accepted = "whole number " + RangeText(key, range);
   if (!IsPlainScalar(found.value)) {
     Fail(found.line, found.path,
@@ -192,12 +207,86 @@ long long Reader::ToInteger(const Found& found, std::string_view key, Range rang
 }
 
 void Reader::Number(std::string_view key, double& value, Range range, std::string_view) {
-  if (const auto found = Lookup(key, RangeText(key, range))) value = ToNumber(*found, key, range);
+  const auto found = Lookup(key, RangeText(key, range));
+  if (!found) return;
+  value = ToNumber(*found, key, range);
+  ReadHidden(key, range);
+}
+
+Reader::Parts Reader::PartsOf(const Found& number, const std::string& accepted) const {
+  const bool uncertain = source_->uncertain != nullptr && number.value.IsMap() &&
+                         (number.value["value"] || number.value["within"]);
+  if (!uncertain) return {number, std::nullopt};
+  Reader inside(*source_, {{number.value, number.path, number.line}});
+  const auto value = inside.Lookup("value", accepted);
+  std::optional<Found> within;
+  if (inside.Has("within")) {
+    within = inside.Lookup("within", WithinAccepted(""));
+  } else {
+    inside.Allow("within");
+  }
+  inside.Finish();
+  return {*value, within};  // Finish has refused the mapping without a value
+}
+
+void Reader::KeepUncertainty(const Found& number, const Found& within, std::string_view key, double value,
+                             Range range) const {
+  try {
+    (*source_->uncertain)[number.path] = ReadWithin(within.value, key, value, range);
+  } catch (const ConfigError& e) {
+    Fail(within.line, within.path, e.what());
+  }
+}
+
+void Reader::ReadHidden(std::string_view key, Range range) const {
+  const auto first = Find(key);
+  if (source_->uncertain == nullptr || !first) return;
+  for (const Layer& layer : layers_) {
+    for (const auto& entry : layer.map) {
+      if (&layer == first->layer || entry.first.Scalar() != key) continue;
+      Found hidden{entry.second, &layer, LineOf(entry.first), Join(layer.path, key)};
+      if (entry.second.IsMap()) ToNumber(hidden, key, range);
+      for (std::size_t i = 0; entry.second.IsSequence() && i < entry.second.size(); ++i) {
+        const YAML::Node item = entry.second[i];
+        if (item.IsMap())
+          ToNumber({item, &layer, LineOf(item), fmt::format("{}[{}]", hidden.path, i + 1)}, key, range);
+      }
+    }
+  }
+}
+
+void Reader::PassUncertainty(std::string_view from, double value, double power,
+                             std::initializer_list<std::string_view> to) {
+  if (source_->uncertain == nullptr) return;
+  const std::string& path = layers_.back().path;
+  const auto given = source_->uncertain->extract(Join(path, from));
+  if (given.empty()) return;
+  Uncertainty passed = given.mapped();
+  if (passed.kind == Uncertainty::Kind::kAbsolute)
+    passed = {Uncertainty::Kind::kShare, passed.deviation / value};
+  passed.deviation *= power;
+  for (const std::string_view key : to) (*source_->uncertain)[Join(path, key)] = passed;
+}
+
+void Reader::ReorderUncertainty(std::string_view list, const std::vector<std::size_t>& order) {
+  if (source_->uncertain == nullptr) return;
+  const std::string path = Join(layers_.back().path, list) + "[";
+  std::map<std::string, Uncertainty> renamed;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const std::string was = fmt::format("{}{}]", path, order[i] + 1), is = fmt::format("{}{}]", path, i + 1);
+    for (const auto& [key, uncertainty] : *source_->uncertain) {
+      if (key.starts_with(was)) renamed[is + key.substr(was.size())] = uncertainty;
+    }
+  }
+  std::erase_if(*source_->uncertain, [&](const auto& entry) { return entry.first.starts_with(path); });
+  source_->uncertain->merge(renamed);
 }
 
 void Reader::IntegerValue(std::string_view key, long long& value, Range range) {
-  if (const auto found = Lookup(key, "whole number " + RangeText(key, range)))
-    value = ToInteger(*found, key, range);
+  const auto found = Lookup(key, "whole number " + RangeText(key, range));
+  if (!found) return;
+  value = ToInteger(*found, key, range);
+  ReadHidden(key, range);
 }
 
 void Reader::Flag(std::string_view key, bool& value, std::string_view) {
@@ -272,6 +361,7 @@ void Reader::Numbers(std::string_view key, std::vector<double>& values, Range ra
   for (const Found& item : Elements(key, fmt::format("numbers, each {}", RangeText(key, range)), count)) {
     values.push_back(ToNumber(item, key, range));
   }
+  ReadHidden(key, range);
 }
 
 void Reader::Integers(std::string_view key, std::vector<long long>& values, Range range, Range count,

@@ -7,6 +7,7 @@
 #include <concepts>
 #include <initializer_list>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,6 +16,7 @@
 
 #include "tendril/config/config.h"
 #include "tendril/config/keys.h"
+#include "tendril/core/uncertainty.h"
 
 namespace tendril::config {
 
@@ -31,6 +33,8 @@ struct TextRule {
 /// The file under the reader, for messages.
 struct Source {
   std::string name;  // as given on the command line
+  /// Takes how well numbers are known, by key path; null: the numbers of this file may not say it.
+  std::map<std::string, Uncertainty>* uncertain = nullptr;
 };
 
 /// A mapping with its key path and the line of its key.
@@ -102,6 +106,12 @@ class Reader {
     }
   }
 
+  /// What was read of how well `from` is known counts for the keys in its place, which go by a power of it.
+  void PassUncertainty(std::string_view from, double value, double power,
+                       std::initializer_list<std::string_view> to);
+  /// The entries of a list that was read are in another order now: entry i of them was `order[i]`, from 0.
+  void ReorderUncertainty(std::string_view list, const std::vector<std::size_t>& order);
+
   bool Has(std::string_view key) const;
   /// The key is allowed but not read by this description.
   void Allow(std::string_view key) { known_.emplace_back(key); }
@@ -131,14 +141,28 @@ class Reader {
     std::string path;
   };
 
+  /// Of `{value: 2.3e10, within: 10 %}` both; of anything else the value.
+  struct Parts {
+    Found value;
+    std::optional<Found> within;
+  };
+
   std::optional<Found> Find(std::string_view key) const;
   std::optional<Found> Lookup(std::string_view key, const std::string& accepted);
   void IntegerValue(std::string_view key, long long& value, Range range);
   int ChoiceIndex(std::string_view key, const std::vector<std::string_view>& names);
   std::vector<Layer> Items(std::string_view key, Range count);
   std::vector<Found> Elements(std::string_view key, std::string_view what, Range count);
+  Parts PartsOf(const Found& number, const std::string& accepted) const;
   double ToNumber(const Found& found, std::string_view key, Range range) const;
+  double ToPlainNumber(const Found& found, std::string_view key, Range range) const;
   long long ToInteger(const Found& found, std::string_view key, Range range) const;
+  long long ToPlainInteger(const Found& found, std::string_view key, Range range) const;
+  /// The same of the common layers that an override hides: what they say of the key's uncertainty still
+  /// counts.
+  void ReadHidden(std::string_view key, Range range) const;
+  void KeepUncertainty(const Found& number, const Found& within, std::string_view key, double value,
+                       Range range) const;
   [[noreturn]] void Fail(int line, const std::string& path, const std::string& rest) const;
 
   const Source* source_;

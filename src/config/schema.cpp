@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tendril/config/keys.h"
+#include "within.h"
 
 namespace tendril::config {
 namespace {
@@ -19,13 +20,25 @@ using Json = nlohmann::ordered_json;
 
 std::string NameOf(const Key& key) { return key.path.substr(key.path.rfind('.') + 1); }
 
+/// What may follow `within:`.
+Json SchemaOfWithin() {
+  return {
+      {"description",
+       "How well the value is known, as one standard deviation: a share of it (10 %), a number in "
+       "its own unit, or known, or unknown."},
+      {"anyOf",
+       {{{"type", "number"}, {"exclusiveMinimum", 0}}, {{"type", "string"}, {"pattern", kWithinPattern}}}}};
+}
+
 /// Keys right below a block ("body", "body.sections[]"), with what they contain.
 class Schema {
  public:
-  explicit Schema(std::vector<Key> keys) : keys_(std::move(keys)) {}
+  /// `uncertain`: a number may say how well it is known.
+  Schema(std::vector<Key> keys, bool uncertain) : keys_(std::move(keys)), uncertain_(uncertain) {}
 
   Json Whole(std::string_view title) const {
     Json schema{{"$schema", "http://json-schema.org/draft-07/schema#"}, {"title", title}};
+    if (uncertain_) schema["definitions"]["within"] = SchemaOfWithin();
     schema.update(Object(""));
     schema.update(Requirements(""));
     return schema;
@@ -37,8 +50,11 @@ class Schema {
   Json Requirements(const std::string& block) const;
   Json ValueOf(const Key& key) const;
   Json Tendons(const std::string& block) const;
+  Json Single(const Key& key) const;
+  Json NumberOrUncertain(Json number) const;
 
   std::vector<Key> keys_;
+  bool uncertain_;
 };
 
 std::vector<const Key*> Schema::Below(std::string_view block) const {
@@ -62,8 +78,20 @@ void Limit(Json& schema, Range range) {
   schema["maximum"] = NumberOf(range.max);
 }
 
+/// The number, or the same number as `value` beside its `within`. Bounds of numbers say nothing of mappings,
+/// and keys nothing of numbers, so both are in one.
+Json Schema::NumberOrUncertain(Json number) const {
+  if (!uncertain_) return number;
+  Json either = number;
+  either["type"] = {number["type"], "object"};
+  either["properties"] = {{"value", std::move(number)}, {"within", {{"$ref", "#/definitions/within"}}}};
+  either["required"] = {"value"};
+  either["additionalProperties"] = false;
+  return either;
+}
+
 /// One value, or one of a list of values, without its meaning.
-Json Single(const Key& key) {
+Json Schema::Single(const Key& key) const {
   Json single;
   switch (key.type) {
     case Key::Type::kNumber:
@@ -73,7 +101,7 @@ Json Single(const Key& key) {
       for (const std::string& choice : key.choices) single["enum"].push_back(std::stoll(choice));
       // What needs no value where something is missing may be 0 there; Requirements has the other case.
       if (!key.needless.first.empty()) single["minimum"] = 0;
-      return single;
+      return NumberOrUncertain(std::move(single));
     case Key::Type::kFlag:
       return {{"type", "boolean"}};
     case Key::Type::kChoice:
@@ -142,8 +170,10 @@ Json Schema::Object(const std::string& block) const {
   Json object{{"type", "object"}, {"properties", Json::object()}, {"additionalProperties", false}};
   for (const Key* key : Below(block)) {
     if (key->kind == Key::Kind::kMapping && key->range) {
-      object["additionalProperties"] = {{"type", "number"}, {"description", DescriptionOf(*key)}};
-      Limit(object["additionalProperties"], *key->range);
+      Json number{{"type", "number"}};
+      Limit(number, *key->range);
+      object["additionalProperties"] = NumberOrUncertain(std::move(number));
+      object["additionalProperties"]["description"] = DescriptionOf(*key);
     } else {
       object["properties"][NameOf(*key)] = ValueOf(*key);
     }
@@ -178,7 +208,9 @@ Json Schema::Requirements(const std::string& block) const {
     if (!key->needless.first.empty()) {
       missing = key;
       needed["required"].push_back(NameOf(*key));
-      needed["properties"][NameOf(*key)]["minimum"] = NumberOf(key->range->min);
+      const Json least{{"minimum", NumberOf(key->range->min)}};
+      needed["properties"][NameOf(*key)] = least;
+      if (uncertain_) needed["properties"][NameOf(*key)]["properties"]["value"] = least;
     } else if (!key->otherwise && !replaced(*key) && key->kind != Key::Kind::kMapping) {
       required.push_back(NameOf(*key));
     }
@@ -203,9 +235,11 @@ Json Schema::Requirements(const std::string& block) const {
 
 }  // namespace
 
-std::string RobotFileSchema() { return Schema(RobotFileKeys()).Whole("Tendril robot file").dump(2) + "\n"; }
+std::string RobotFileSchema() {
+  return Schema(RobotFileKeys(), true).Whole("Tendril robot file").dump(2) + "\n";
+}
 std::string DaemonFileSchema() {
-  return Schema(DaemonFileKeys()).Whole("Tendril daemon file").dump(2) + "\n";
+  return Schema(DaemonFileKeys(), false).Whole("Tendril daemon file").dump(2) + "\n";
 }
 
 }  // namespace tendril::config

@@ -3,15 +3,18 @@
 #pragma once
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <yaml-cpp/yaml.h>
 
 #include <concepts>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "reader.h"
+#include "tendril/core/uncertainty.h"
 
 namespace tendril::config {
 
@@ -19,12 +22,17 @@ class Writer {
  public:
   static constexpr bool kReading = false, kListing = false;
 
-  Writer() { out_ << YAML::BeginMap; }
+  /// `uncertain`: how well numbers are known, by key path; null: of none it is said.
+  explicit Writer(const std::map<std::string, Uncertainty>* uncertain = nullptr) : uncertain_(uncertain) {
+    out_ << YAML::BeginMap;
+  }
 
-  void Number(std::string_view key, double& value, Range, std::string_view) { Put(key, Shortest(value)); }
+  void Number(std::string_view key, double& value, Range, std::string_view) {
+    PutNumber(key, Shortest(value));
+  }
   template <std::integral T>
   void Integer(std::string_view key, T& value, Range, std::string_view) {
-    Put(key, fmt::format("{}", value));
+    PutNumber(key, fmt::format("{}", value));
   }
   void Identifier(std::string_view key, std::uint32_t& value, std::string_view) { Put(key, Hex(value)); }
   void Flag(std::string_view key, bool& value, std::string_view) { Put(key, value ? "true" : "false"); }
@@ -50,7 +58,7 @@ class Writer {
   template <class T>
   void Block(std::string_view key, T& value, std::string_view) {
     out_ << YAML::Key << std::string(key) << YAML::Value;
-    Map(value);
+    Map(value, key);
   }
   template <class T>
   void OptionalBlock(std::string_view key, std::optional<T>& value, std::string_view) {
@@ -61,13 +69,26 @@ class Writer {
     out_ << YAML::Key << std::string(key) << YAML::Value;
     if (values.empty()) out_ << YAML::Flow;
     out_ << YAML::BeginSeq;
-    for (T& value : values) Map(value);
+    for (std::size_t i = 0; i < values.size(); ++i) Map(values[i], fmt::format("{}[{}]", key, i + 1));
     out_ << YAML::EndSeq;
   }
   void Check(bool, std::string_view, const std::string&) {}
 
-  void BeginBlock(const std::string& key) { out_ << YAML::Key << key << YAML::Value << YAML::BeginMap; }
-  void EndBlock() { out_ << YAML::EndMap; }
+  void BeginBlock(const std::string& key) {
+    out_ << YAML::Key << key << YAML::Value << YAML::BeginMap;
+    path_.push_back(key);
+  }
+  void EndBlock() {
+    out_ << YAML::EndMap;
+    path_.pop_back();
+  }
+
+  /// Whether it is said of any number below this path ("actuation.per_tendon.2.").
+  bool HasUncertainty(const std::string& below) const {
+    if (uncertain_ == nullptr) return false;
+    const auto first = uncertain_->lower_bound(below);
+    return first != uncertain_->end() && first->first.starts_with(below);
+  }
 
   /// The whole text; the writer must not be used afterwards.
   std::string Finish() {
@@ -81,10 +102,27 @@ class Writer {
   static std::string Hex(std::uint32_t value) { return fmt::format("0x{:08X}", value); }
 
   template <class T>
-  void Map(T& value) {
+  void Map(T& value, std::string_view name) {
     out_ << YAML::BeginMap;
+    path_.emplace_back(name);
     Describe(*this, value);
+    path_.pop_back();
     out_ << YAML::EndMap;
+  }
+  void PutNumber(std::string_view key, const std::string& text) {
+    out_ << YAML::Key << std::string(key) << YAML::Value;
+    PutUncertain(key, text);
+  }
+  void PutUncertain(std::string_view key, const std::string& text) {
+    if (uncertain_ != nullptr && !uncertain_->empty()) {
+      const std::string path = fmt::format("{}{}{}", fmt::join(path_, "."), path_.empty() ? "" : ".", key);
+      if (const auto found = uncertain_->find(path); found != uncertain_->end()) {
+        out_ << YAML::Flow << YAML::BeginMap << YAML::Key << "value" << YAML::Value << text << YAML::Key
+             << "within" << YAML::Value << UncertaintyText(found->second) << YAML::EndMap;
+        return;
+      }
+    }
+    out_ << text;
   }
   void Put(std::string_view key, const std::string& text) {
     out_ << YAML::Key << std::string(key) << YAML::Value << text;
@@ -92,11 +130,14 @@ class Writer {
   template <class T, class F>
   void PutAll(std::string_view key, const std::vector<T>& values, F text) {
     out_ << YAML::Key << std::string(key) << YAML::Value << YAML::Flow << YAML::BeginSeq;
-    for (const T& value : values) out_ << text(value);
+    for (std::size_t i = 0; i < values.size(); ++i)
+      PutUncertain(fmt::format("{}[{}]", key, i + 1), text(values[i]));
     out_ << YAML::EndSeq;
   }
 
   YAML::Emitter out_;
+  const std::map<std::string, Uncertainty>* uncertain_ = nullptr;
+  std::vector<std::string> path_;
 };
 
 }  // namespace tendril::config

@@ -10,6 +10,7 @@
 
 #include "tendril/canopen/master.h"
 #include "tendril/config/config.h"
+#include "tendril/config/keys.h"
 #include "tendril/config/left_out.h"
 #include "tendril/control/controller.h"
 #include "tendril/control/reach.h"
@@ -179,13 +180,33 @@ std::string DirectionsComment(const RobotParameters& robot) {
                             robot.name, held);
 }
 
+std::string UncertaintyComment(const RobotParameters& robot) {
+  constexpr std::size_t kListed = 12;
+  const std::size_t count = robot.uncertain.size();
+  if (count == 0) return "";
+  std::string text = fmt::format(
+      "# uncertainty: the file says of {} {} how well {} known, by one standard deviation; of all others the "
+      "usual "
+      "one holds\n",
+      count, count == 1 ? "number" : "numbers", count == 1 ? "it is" : "they are");
+  std::size_t listed = 0;
+  for (const auto& [key, uncertainty] : robot.uncertain) {
+    if (++listed > kListed) return text + fmt::format("#   and {} more\n", count - kListed);
+    const std::string number = key.substr(0, key.ends_with(']') ? key.rfind('[') : key.npos);
+    const std::string unit =
+        uncertainty.kind == Uncertainty::Kind::kAbsolute ? config::UnitOfKey(number) : "";
+    text += fmt::format("#   {}: {}{}{}\n", key, UncertaintyText(uncertainty), unit.empty() ? "" : " ", unit);
+  }
+  return text;
+}
+
 std::string CheckedText(const DaemonParameters& daemon, const RobotParameters& robot,
                         const std::string& path) {
   config::CheckTogether(daemon, robot, path);
   const std::string bus = BusComment(daemon, robot, path);
   const std::string feedback = FeedbackComment(daemon, robot, path);
-  return config::ToYaml(daemon) + FiguresComment(robot) + bus + feedback + DirectionsComment(robot) +
-         LeftOutComment(daemon, path);
+  return config::ToYaml(daemon) + FiguresComment(robot) + UncertaintyComment(robot) + bus + feedback +
+         DirectionsComment(robot) + LeftOutComment(daemon, path);
 }
 
 std::vector<std::string> FileWarnings(const DaemonParameters& daemon, const RobotParameters& robot,

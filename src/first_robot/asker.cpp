@@ -119,8 +119,22 @@ double Asker::Number(std::string_view name, double suggestion, Range range) {
   question.key.range = Within(*question.key.range, range);
   question.suggestion = Suggestion(suggestion, *question.key.range);
   double value = 0;
-  Until(question, [&](const std::string& answer) { value = config::ReadNumber(question.key, answer); });
+  Until(question, [&](const std::string& answer) {
+    const auto [number, within] = config::PartsOfAnswer(answer);
+    value = config::ReadNumber(question.key, number);
+    if (within.empty()) return;
+    std::string path(question.item->path);
+    if (const std::size_t list = path.find("[]"); list != path.npos) path.insert(list + 1, "1");
+    Key own = question.key;
+    own.range = RangeOf(question.item->path);
+    uncertain_[path] = config::ReadUncertainty(own, within, value);
+  });
   return value;
+}
+
+std::optional<Uncertainty> Asker::WithinOf(std::string_view name, std::size_t k) const {
+  const auto found = within_.find(name);
+  return found == within_.end() ? std::nullopt : found->second[k];
 }
 
 int Asker::Integer(std::string_view name, double suggestion, Range range) {
@@ -157,11 +171,15 @@ std::vector<double> Asker::Each(std::string_view name, const std::vector<double>
                             ? fmt::format("{:.0f}", std::clamp(suggestions[k], ranges[k].min, ranges[k].max))
                             : Suggestion(suggestions[k], ranges[k]));
   }
+  Key own = question.key;  // its range is not narrowed by other answers
   question.key.range = ranges.front();
   const bool same = std::all_of(suggested.begin(), suggested.end(),
                                 [&](const std::string& text) { return text == suggested.front(); });
   question.suggestion = same ? suggested.front() : fmt::format("{}", fmt::join(suggested, ", "));
   std::vector<double> values;
+  const auto rewritten = [&](std::size_t k, const std::string& text) {
+    return rewrite ? rewrite(k, text) : text;
+  };
   Until(question, [&](const std::string& answer) {
     const std::vector<std::string> parts = Parts(answer);
     if (parts.size() != 1 && parts.size() != ranges.size()) {
@@ -170,10 +188,15 @@ std::vector<double> Asker::Each(std::string_view name, const std::vector<double>
                       parts.size(), ranges.size()));
     }
     values.clear();
+    std::vector<std::optional<Uncertainty>> uncertainties(ranges.size());
     for (std::size_t k = 0; k < ranges.size(); ++k) {
       const std::string& text = parts[parts.size() == 1 ? 0 : k];
-      values.push_back(config::ReadNumber(keys[k], rewrite ? rewrite(k, text) : text));
+      // A count has no uncertainty: there "within" is refused as no number.
+      const auto [number, within] = whole ? std::pair(text, std::string()) : config::PartsOfAnswer(text);
+      values.push_back(config::ReadNumber(keys[k], rewritten(k, number)));
+      if (!within.empty()) uncertainties[k] = config::ReadUncertainty(own, rewritten(k, within), values[k]);
     }
+    within_.insert_or_assign(std::string(name), uncertainties);
   });
   return values;
 }

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <functional>
+#include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,7 +23,7 @@ class Asker {
   std::string Choice(std::string_view name, std::vector<std::string> choices, const std::string& suggestion);
   /// Of the choices that the item's key has.
   std::string Choice(std::string_view name, const std::string& suggestion);
-  /// Within the item's own range and this one.
+  /// Within the item's own range and this one. The answer may say how well it is known ("0.02 within 4 %").
   double Number(std::string_view name, double suggestion, config::Range range = kAny);
   int Integer(std::string_view name, double suggestion, config::Range range = kAny);
   /// The same, or a word: `none`.
@@ -30,6 +32,10 @@ class Asker {
   /// answer as a number in the item's unit.
   std::vector<double> Each(std::string_view name, const std::vector<double>& suggestions,
                            const std::vector<config::Range>& ranges, const Rewrite& rewrite = nullptr);
+  /// What the answer of Each said of how well section k's number is known, from 0.
+  std::optional<Uncertainty> WithinOf(std::string_view name, std::size_t k) const;
+  /// The same of the answers of Number, by key of the robot file.
+  const std::map<std::string, Uncertainty>& uncertain() const { return uncertain_; }
   /// Whole numbers, `count` of them, all different.
   std::vector<int> Different(std::string_view name, const std::vector<int>& suggestion);
 
@@ -45,6 +51,8 @@ class Asker {
 
   const Dialogue& dialogue_;
   std::vector<config::Key> robot_keys_, daemon_keys_;
+  std::map<std::string, Uncertainty> uncertain_;
+  std::map<std::string, std::vector<std::optional<Uncertainty>>, std::less<>> within_;  // by item
 };
 
 /// The part of `own` that lies in `narrower`, its ends of four digits.

@@ -169,6 +169,26 @@ void AskBackbone(Asker& ask, std::vector<SectionParameters>& sections) {
   for (std::size_t k = 0; k < sections.size(); ++k) sections[k].youngs_modulus_Pa = moduli_Pa[k];
 }
 
+/// What an answer says of a section's number counts for the keys that follow from it in proportion.
+void KeepUncertainties(const Asker& ask, NewRobot& made) {
+  for (std::size_t k = 0; k < made.robot.body.sections.size(); ++k) {
+    const SectionParameters& s = made.robot.body.sections[k];
+    const auto keep = [&](std::string_view name, const std::string& key, double factor) {
+      std::optional<Uncertainty> within = ask.WithinOf(name, k);
+      if (!within) return;
+      if (within->kind == Uncertainty::Kind::kAbsolute) within->deviation *= factor;
+      made.robot.uncertain[fmt::format("body.sections[{}].{}", k + 1, key)] = *within;
+    };
+    keep("length_m", "unit_length_m", 1. / s.units);
+    keep("mass_kg", "unit_mass_kg", 1. / s.units);
+    keep("disk_diameter_m", "disk_diameter_m", 1);
+    keep("backbone_diameter_m", "core_radius_m", 0.5);
+    keep("material_Pa", "youngs_modulus_Pa", 1);
+    for (std::size_t j = 0; j < s.tendons.size(); ++j)
+      keep("hole_radius_m", fmt::format("tendons[{}].radius_m", j + 1), 1);
+  }
+}
+
 /// From the first natural frequency; of a robot that buckles, from the shipped rig's relation to stiffness.
 void SetDamping(BodyParameters& body) {
   const model::Body undamped(body);
@@ -201,6 +221,7 @@ void AskBody(Asker& ask, NewRobot& made) {
   AskMasses(ask, made);
   AskBackbone(ask, body.sections);
   SetDamping(body);
+  KeepUncertainties(ask, made);
 }
 
 }  // namespace tendril::first_robot

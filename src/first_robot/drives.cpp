@@ -87,8 +87,7 @@ void AskBend(Asker& ask, RobotParameters& robot) {
   const model::Body body(robot.body);
   const double held_rad =
       control::Reach(robot, body, control::CommandedLimits(limits), 0, true).holdable_rad();
-  const double usual_rad =
-      held_rad > 0 ? std::min(limits.max_bending_rad, held_rad) : limits.max_bending_rad;
+  const double usual_rad = held_rad > 0 ? std::min(limits.max_bending_rad, held_rad) : limits.max_bending_rad;
   limits.max_bending_rad = ask.Number("max_bending_rad", usual_rad, {0, 0.999 * touch_rad});
 }
 
@@ -103,6 +102,7 @@ void AskDrives(Asker& ask, NewRobot& made) {
   AskSensors(ask, *robot.actuation, t, robot.limits);
   robot.actuation->tendons.assign(static_cast<std::size_t>(robot.body.tendons()), t);
   AskBend(ask, robot);
+  robot.uncertain.insert(ask.uncertain().begin(), ask.uncertain().end());
 }
 
 }  // namespace tendril::first_robot

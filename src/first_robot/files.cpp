@@ -22,8 +22,12 @@ std::string Head(const std::string& schema, const std::string& text) {
 /// The disks' diameter in place of the inertias that follow from it.
 std::string WithDiameters(std::string yaml, const NewRobot& made) {
   static const std::regex kInertias(R"(disk_inertia_xx_kgm2: \S+\n( *)disk_inertia_zz_kgm2: \S+)");
-  for (const double diameter_m : made.disk_diameter_m) {
-    yaml = std::regex_replace(yaml, kInertias, fmt::format("disk_diameter_m: {}", diameter_m),
+  for (std::size_t k = 0; k < made.disk_diameter_m.size(); ++k) {
+    std::string number = fmt::format("{}", made.disk_diameter_m[k]);
+    const auto said = made.robot.uncertain.find(fmt::format("body.sections[{}].disk_diameter_m", k + 1));
+    if (said != made.robot.uncertain.end())
+      number = fmt::format("{{value: {}, within: {}}}", number, UncertaintyText(said->second));
+    yaml = std::regex_replace(yaml, kInertias, "disk_diameter_m: " + number,
                               std::regex_constants::format_first_only);
   }
   return yaml;
@@ -36,7 +40,11 @@ std::string RobotFileText(const NewRobot& made, const std::string& schema) {
       "# Tendril robot file, written by `tendril init`.\n"
       "# Friction, damping, tendon stiffness, noise and pulleys that no answer gave are those of the shipped "
       "rig, in\n"
-      "# proportion: measure them, or let `tendril gap diagnose` find them.\n";
+      "# proportion: measure them, or let `tendril gap diagnose` find them.\n"
+      "# Any number may say how well it is known, as one standard deviation: {value: 2.3e10, within: 10 %}, "
+      "or\n"
+      "# within: 2e9 in its own unit, or known, or unknown. Of all others what is usual for their kind "
+      "holds.\n";
   const std::string yaml = WithDiameters(config::ToYaml(made.robot), made);
   return Head(schema, head) + config::WithMeanings(yaml, config::RobotFileKeys());
 }

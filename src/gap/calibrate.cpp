@@ -54,7 +54,9 @@ class Calibrating {
     for (const std::string& line : evaluator_->degradations()) found_.notes.push_back(line);
     free_ = FreeNumbersOf(evaluator_->nominal());
     if (free_.size() == 0) {
-      throw std::runtime_error("no number of the robot file is uncertain: there is nothing to calibrate");
+      throw std::runtime_error(
+          "every number of the robot file is known: nothing to calibrate; say how uncertain some are "
+          "(youngs_modulus_Pa: {value: 2.3e10, within: 10 %})");
     }
     folds_ = MakeFolds(evaluator_->runs());
   }
@@ -174,31 +176,40 @@ class Calibrating {
     if (!start) throw std::runtime_error("the robot of the file cannot be simulated in these runs");
     best_ = std::move(*start);
     basis_ = free_.deviation.cwiseMin(kMostProbe).cwiseMax(kLeastProbe).asDiagonal();
+    bool stuck = false;
     for (; found_.iterations < kMostIterations && !found_.converged; ++found_.iterations) {
       Linearise(best_);
-      found_.converged = !Step() && found_.iterations > 0;
+      const Outcome outcome = Step();
+      if (outcome == Outcome::kStuck && stuck) break;
+      stuck = outcome == Outcome::kStuck;
+      // Along single numbers alone the model of the posterior may be too poor to tell.
+      found_.converged = outcome == Outcome::kSettled && found_.iterations > 0;
       TurnBasis();
     }
     Linearise(best_);
   }
 
-  /// False where no step is worth it.
-  bool Step() {
+  enum class Outcome {
+    kTaken,    // a step
+    kSettled,  // none promises or brings anything
+    kStuck,    // one promises much, and none that is tried brings it
+  };
+  Outcome Step() {
     const double here = LogPosterior(best_, *weights_);
     for (double damping = 0; damping <= kMostDamping; damping = damping == 0 ? kFirstDamping : 10 * damping) {
       Eigen::MatrixXd damped = curvature_;
       damped.diagonal() *= 1 + damping;
       const Eigen::VectorXd step = damped.ldlt().solve(slope_);
       const double promised = step.dot(slope_) - 0.5 * step.dot(curvature_ * step);
-      if (!(promised > kWorthAStep)) return false;
+      if (!(promised > kWorthAStep)) return Outcome::kSettled;
       auto there = At(best_.x + basis_ * step);
       if (!there) continue;
       const double gained = LogPosterior(*there, *weights_) - here;
       if (gained <= 0) continue;
       best_ = std::move(*there);
-      return gained > kWorthAStep;
+      return gained > kWorthAStep ? Outcome::kTaken : Outcome::kSettled;
     }
-    return false;
+    return Outcome::kStuck;
   }
 
   /// Predicts each fold with the numbers that the others give, one step from the common maximum.

@@ -25,7 +25,11 @@ void CompareWithBefore(DataSet& set, DataSet before) {
         "runs of the same robot",
         before.robot.name, was, set.robot.name, is));
   }
-  if (config::ToYaml(before.robot) != config::ToYaml(set.robot)) {
+  const auto numbers = [](RobotParameters robot) {
+    robot.uncertain.clear();  // the same robot, measured better
+    return config::ToYaml(robot);
+  };
+  if (numbers(before.robot) != numbers(set.robot)) {
     set.notes.push_back(
         fmt::format("the runs from before have another robot file ('{}'); that of these runs ('{}') is used "
                     "for both; give --robot to choose",

@@ -17,13 +17,6 @@
 namespace tendril::gap {
 namespace {
 
-/// What the effects of the registry call a number: its key without the tendon.
-std::string WithoutTendon(const std::string& key) {
-  const auto begin = key.find(" (tendon ");
-  if (begin == std::string::npos) return key;
-  return fmt::format("{}.{}", key.substr(0, begin), key.substr(key.find(") ", begin) + 2));
-}
-
 /// Where in the chain a number is.
 struct Place {
   sim::Stage stage{};
@@ -86,11 +79,13 @@ void AddBody(const RobotParameters& robot, std::vector<FileNumber>& all) {
         call(r.body.sections[k].tendons[j]);
       };
       const std::string key = fmt::format("body.sections.tendons (tendon {}) ", tendon + 1);
+      const std::size_t before = all.size();
       AddFactor(robot, key + "radius_m", kBody, &TendonRoute::radius_m, route, all);
       all.push_back({key + "angle_rad", robot.body.sections[k].tendons[j].angle_rad, true, kBody.stage,
                      kBody.element, [route](RobotParameters& r, double change) {
                        route(r, [&](TendonRoute& t) { t.angle_rad += change; });
                      }});
+      for (std::size_t n = before; n < all.size(); ++n) all[n].tendon = tendon + 1;
     }
   }
 }
@@ -318,6 +313,12 @@ Eigen::VectorXd WorstDiscrepancyEverywhere(const Evaluator& evaluator, Eigen::Ve
 }
 
 }  // namespace
+
+std::string WithoutTendon(const std::string& key) {
+  const auto begin = key.find(" (tendon ");
+  if (begin == std::string::npos) return key;
+  return fmt::format("{}.{}", key.substr(0, begin), key.substr(key.find(") ", begin) + 2));
+}
 
 double FileNumber::ValueAt(double change) const {
   return angle ? in_file + change : in_file * std::exp(change);

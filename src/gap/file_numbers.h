@@ -22,6 +22,7 @@ struct FileNumber {
   std::function<void(RobotParameters&, double change)> apply{};
   /// The library effect that changes the same number, and searches it within its own bounds; empty: none.
   std::string effect{};
+  int tendon = 0;  // whose own it is, from 1; 0: common to all
 
   double ValueAt(double change) const;
 };
@@ -30,6 +31,10 @@ struct FileNumber {
 /// motors), the tracker's delay and the constants that only smooth friction. Zeros are omitted: a factor does
 /// not change them.
 std::vector<FileNumber> FileNumbers(const RobotParameters& robot);
+
+/// A number's key without its tendon: "body.sections.tendons.radius_m" of "body.sections.tendons (tendon 2)
+/// radius_m".
+std::string WithoutTendon(const std::string& key);
 
 /// A number fitted to the runs.
 struct NumberFit {

@@ -1,10 +1,13 @@
 #include "free_numbers.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <regex>
 
 #include "tendril/core/uncertainty.h"
 
@@ -17,15 +20,35 @@ constexpr double kUnknownFactor = 1.15, kUnknown_rad = std::numbers::pi / 2;
 // Of the deviations of one kind of number over the tendons: made by the same hand with the same drill.
 constexpr double kToleranceShared = 0.8;
 
-/// "body.sections.tendons.radius_m" for "body.sections.tendons (tendon 2) radius_m"; else empty.
-std::string KindOfOneTendons(const std::string& key) {
-  const auto begin = key.find(" (tendon ");
-  if (begin == std::string::npos) return {};
-  return key.substr(0, begin) + "." + key.substr(key.find(") ", begin) + 2);
+/// A key of the file without places in lists and tendons, as those of FileNumber: "actuation.gear.ratio" for
+/// "actuation.per_tendon.2.gear.ratio".
+std::string WithoutPlaces(const std::string& key) {
+  static const std::regex kPlaces(R"(\[\d+\]|per_tendon\.\d+\.)");
+  return std::regex_replace(key, kPlaces, "");
 }
 
-/// What the file says of a number, else what is usual.
-Uncertainty UncertaintyOf(const RobotParameters&, const std::string& key) { return UsualUncertainty(key); }
+/// The key of a hole's number in the file: "body.sections[1].tendons[2].radius_m".
+std::string KeyOfHole(const BodyParameters& body, const FileNumber& number) {
+  int tendon = number.tendon;
+  const std::string word = number.key.substr(number.key.rfind(' ') + 1);
+  for (std::size_t k = 0; k < body.sections.size(); ++k) {
+    const int count = static_cast<int>(body.sections[k].tendons.size());
+    if (tendon <= count) return fmt::format("body.sections[{}].tendons[{}].{}", k + 1, tendon, word);
+    tendon -= count;
+  }
+  return {};
+}
+
+/// What the file says of a number, else what is usual. Of a number common to sections or tendons: what it
+/// says of all of them, else of the first of which it says anything.
+Uncertainty UncertaintyOf(const RobotParameters& file, const FileNumber& number) {
+  const auto own = file.uncertain.find(number.tendon > 0 ? KeyOfHole(file.body, number) : number.key);
+  if (own != file.uncertain.end()) return own->second;
+  for (const auto& [key, uncertainty] : file.uncertain) {
+    if (number.tendon == 0 && WithoutPlaces(key) == number.key) return uncertainty;
+  }
+  return UsualUncertainty(WithoutTendon(number.key));
+}
 
 /// Standard deviation of a number's change; none for one that is known.
 std::optional<double> DeviationOf(const FileNumber& number, const Uncertainty& u) {
@@ -59,15 +82,15 @@ FreeNumbers FreeNumbersOf(const RobotParameters& file) {
   for (const FileNumber& number : all) {
     // Where each tendon has its own, the number common to all would be the same unknown twice.
     const bool of_each = std::any_of(all.begin(), all.end(), [&](const FileNumber& other) {
-      return KindOfOneTendons(other.key) == number.key;
+      return other.tendon > 0 && WithoutTendon(other.key) == number.key;
     });
-    // A disk's inertia moves with its mass, and a file may give it by the disk's diameter. Counts are whole, and a
-    // wrong one is a mistake rather than uncertain.
+    // A disk's inertia moves with its mass, and a file may give it by the disk's diameter. Counts are whole,
+    // and a wrong one is a mistake rather than uncertain.
     if (of_each || number.key.find("disk_inertia") != std::string::npos ||
         number.key.ends_with("encoder_counts_per_turn")) {
       continue;
     }
-    const auto deviation = DeviationOf(number, UncertaintyOf(file, number.key));
+    const auto deviation = DeviationOf(number, UncertaintyOf(file, number));
     if (!deviation) {
       free.known.push_back(number.key);
       continue;
@@ -79,9 +102,10 @@ FreeNumbers FreeNumbersOf(const RobotParameters& file) {
   free.deviation = Eigen::Map<Eigen::VectorXd>(deviations.data(), n);
   Eigen::MatrixXd covariance = free.deviation.cwiseAbs2().asDiagonal();
   for (int a = 0; a < n; ++a) {
-    const std::string kind = KindOfOneTendons(free.numbers[static_cast<std::size_t>(a)].key);
-    for (int b = 0; b < a && !kind.empty(); ++b) {
-      if (KindOfOneTendons(free.numbers[static_cast<std::size_t>(b)].key) != kind) continue;
+    for (int b = 0; b < a; ++b) {
+      const FileNumber &one = free.numbers[static_cast<std::size_t>(a)],
+                       &other = free.numbers[static_cast<std::size_t>(b)];
+      if (one.tendon == 0 || WithoutTendon(one.key) != WithoutTendon(other.key)) continue;
       covariance(a, b) = covariance(b, a) = kToleranceShared * free.deviation[a] * free.deviation[b];
     }
   }

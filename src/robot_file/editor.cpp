@@ -21,6 +21,11 @@ std::vector<std::string> LinesOf(const std::string& text) {
 Editor::Editor(const std::string& text, std::string path)
     : path_(std::move(path)), root_(YAML::Load(text)), lines_(LinesOf(text)), above_(lines_.size() + 1) {}
 
+YAML::Node Editor::NumberAt(const Path& path) const {
+  const YAML::Node node = At(path);
+  return node.IsDefined() && node.IsMap() && node["value"] ? node["value"] : node;
+}
+
 void Editor::Replace(const YAML::Node& node, const std::string& value) {
   const auto line = static_cast<std::size_t>(node.Mark().line),
              column = static_cast<std::size_t>(node.Mark().column);

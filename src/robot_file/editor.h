@@ -20,6 +20,8 @@ class Editor {
   Editor(const std::string& text, std::string path);
 
   YAML::Node At(const Path& path) const { return Find(root_, path); }
+  /// The number there; of `{value: 2.3e10, within: 10 %}` its value, so that a new one keeps the rest.
+  YAML::Node NumberAt(const Path& path) const;
 
   /// Replaces a number in the file; the old one stays as a comment.
   void Replace(const YAML::Node& node, const std::string& value);

@@ -58,7 +58,10 @@ bool Same(const std::string& a, const std::string& b, double relative) {
   return x && y && std::abs(*x - *y) <= relative * std::max(std::abs(*x), std::abs(*y));
 }
 
-YAML::Node Resolved(const RobotParameters& robot) { return YAML::Load(config::ToYaml(robot)); }
+YAML::Node Resolved(RobotParameters robot) {
+  robot.uncertain.clear();
+  return YAML::Load(config::ToYaml(robot));
+}
 
 Leaves TendonLeaves(RobotParameters robot, std::size_t tendon) {
   if (!robot.actuation) return {};

@@ -24,7 +24,8 @@ std::optional<double> AsNumber(const std::string& text);
 /// The same text, or numbers that differ by this share of the larger one at most: by default round-off only.
 bool Same(const std::string& a, const std::string& b, double relative = 1e-12);
 
-YAML::Node Resolved(const RobotParameters& robot);
+/// Without how well its numbers are known: that is no part of what the robot is.
+YAML::Node Resolved(RobotParameters robot);
 /// Undefined where there is none.
 YAML::Node Find(YAML::Node node, const Path& path);
 /// All leaves of one tendon's drivetrain, resolved.

@@ -60,7 +60,7 @@ std::vector<Path> Changed(const Leaves& before, const Leaves& after) {
 
 // Carries one leaf outside the tendons' blocks, or in their common part.
 void Carry(Editor& editor, const Path& path, const YAML::Node& resolved, const Path& resolved_path) {
-  if (const YAML::Node there = editor.At(path); there.IsDefined() && there.IsScalar()) {
+  if (const YAML::Node there = editor.NumberAt(path); there.IsDefined() && there.IsScalar()) {
     return editor.Replace(there, Written(Find(resolved, resolved_path).Scalar()));
   }
   // Not in the file: inserted whole below the first missing key.
@@ -76,6 +76,25 @@ void Carry(Editor& editor, const Path& path, const YAML::Node& resolved, const P
   throw std::runtime_error("the robot file has no place for " + fmt::format("{}", fmt::join(path, ".")));
 }
 
+/// A unit's entry in flow style; what the old entries say of how well its numbers are known stays.
+std::string UnitEntry(const YAML::Node& unit, const YAML::Node& old_entries) {
+  YAML::Node entry = YAML::Clone(unit);
+  const auto number_of = [](const YAML::Node& given) {
+    return given["unit"].IsMap() ? given["unit"]["value"].Scalar() : given["unit"].Scalar();
+  };
+  for (std::size_t i = 0; old_entries.IsDefined() && i < old_entries.size(); ++i) {
+    if (number_of(old_entries[i]) != unit["unit"].Scalar()) continue;
+    for (const auto& number : old_entries[i]) {
+      const std::string& key = number.first.Scalar();
+      if (!number.second.IsMap() || !entry[key]) continue;
+      YAML::Node both = YAML::Clone(number.second);
+      both["value"] = entry[key].Scalar();
+      entry[key] = both;
+    }
+  }
+  return Flow(entry);
+}
+
 void CarryOthers(Editor& editor, const RobotParameters& before, const RobotParameters& after) {
   const YAML::Node resolved = Resolved(after);
   std::vector<Path> whole;  // lists and vectors that are inserted whole
@@ -85,9 +104,11 @@ void CarryOthers(Editor& editor, const RobotParameters& before, const RobotParam
       if (std::find(whole.begin(), whole.end(), list) != whole.end()) continue;
       whole.push_back(list);
       const YAML::Node body = editor.At({"body"});
-      if (editor.At(list).IsDefined()) editor.Remove(body, "unit_deviations");
+      const YAML::Node old = editor.At(list);
+      if (old.IsDefined()) editor.Remove(body, "unit_deviations");
       std::vector<std::string> lines{"unit_deviations:"};
-      for (const auto& unit : resolved["body"]["unit_deviations"]) lines.push_back("  - " + Flow(unit));
+      for (const auto& unit : resolved["body"]["unit_deviations"])
+        lines.push_back("  - " + UnitEntry(unit, old));
       editor.Append(body, lines);
       continue;
     }
@@ -140,7 +161,7 @@ void CarryTendons(Editor& editor, const RobotParameters& before, const RobotPara
         continue;
       }
       if (const auto change = by_tendon.find(j); change != by_tendon.end()) {
-        editor.Replace(editor.At(Join(own(j), path)), Written(change->second));
+        editor.Replace(editor.NumberAt(Join(own(j), path)), Written(change->second));
       }
     }
     const bool alike = !sharing.empty() && std::all_of(sharing.begin(), sharing.end(), [&](std::size_t j) {
@@ -208,10 +229,10 @@ void CarryLaws(Editor& editor, const RobotParameters& original, const std::vecto
 /// The new file, read back and found to be what was meant.
 RobotPatch Checked(std::string text, const std::string& path, const RobotParameters& expected) {
   RobotPatch patch{.text = std::move(text), .robot = {}};
-  patch.robot = config::ParseRobot(patch.text, path + " with the effects");
+  patch.robot = config::ParseRobot(patch.text, path + " with the changes");
   if (const double difference = RobotDifference(patch.robot, expected); !(difference <= kSame)) {
     throw std::runtime_error(
-        fmt::format("{}: the effects could not be written in this file's layout (a number would differ by "
+        fmt::format("{}: the changes could not be written in this file's layout (a number would differ by "
                     "{:.1g}); write every key on its own line, as `tendril config check` prints it",
                     path, difference));
   }

@@ -325,6 +325,9 @@ RobotParameters FoldEffects(const RobotParameters& robot) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (!all[i].effect->edit) folded.effects.push_back(robot.effects[i]);
   }
+  if (folded.effects.size() < robot.effects.size()) {  // by their places in the list, which are others now
+    std::erase_if(folded.uncertain, [](const auto& number) { return number.first.starts_with("effects["); });
+  }
   return folded;
 }
 

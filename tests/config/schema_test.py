@@ -113,9 +113,15 @@ def just_beyond(value, sign, whole):
     return value + sign if whole else value + sign * max(abs(value), 1e-12) * 1e-6
 
 
+def number_type(schema):
+    """number or integer; of a robot file's, which may be a mapping with `within`, that of the value."""
+    types = schema.get("type")
+    return types[0] if isinstance(types, list) else types
+
+
 def numbers(limits):
     """(value, within the range) at and beyond both ends."""
-    whole = limits["type"] == "integer"
+    whole = number_type(limits) == "integer"
     if "enum" in limits:
         yield from ((n, True) for n in limits["enum"])
         return
@@ -135,21 +141,41 @@ TEXTS = ["", "a", "all", "can0", "tendon:2", "tendon:", "tendon:x", "a b", "ä",
          "udpm://239.255.76.67:7667?ttl=0&", "memq://", "http://x"]
 
 
+WITHINS = [("10 %", True), ("2.5%", True), ("known", True), ("unknown", True), ("1e1 %", True), ("0.5", False), ("about 1 %", False),
+           ("-1 %", False), ("%", False), ("", False), (0, False), (-1, False), (True, False), ([1], False), (None, False)]
+
+
+def uncertain_cases(key, limits, put):
+    """(changed document, words of the refusal, whether it is accepted) where the number says how well it is known."""
+    for value, within in numbers(limits):
+        yield put({"value": value, "within": "known"}), "out of range", within
+    good = limits["maximum"]
+    every = key in ("youngs_modulus_Pa", "units", "gravity_W_mps2", "gain_VpN")
+    for text, accepted in WITHINS if every else (WITHINS[0], WITHINS[6]):
+        yield put({"value": good, "within": text}), "within: ", accepted
+    yield put({"value": good}), "out of range", True
+    yield put({"value": good, "within": good * 0.1}), "within: ", True
+    yield put({"within": "10 %"}), "value: missing", False
+    yield put({"value": good, "within": "10 %", "a": 1}), "unknown key", False
+
+
 def cases(document, path, schema):
     """(changed document, words of the refusal that belong to the change, whether it is within what is accepted)."""
     def put(value):
         return with_value(document, path, lambda at, key: at.__setitem__(key, value))
     kind = schema.get("type")
-    listed = kind == "array" and "properties" not in schema["items"]
+    listed = kind == "array" and schema["items"].get("type") != "object"
     limits = schema["items"] if listed else schema
     count = {"nodes": 3}.get(path[-1], schema.get("minItems", 1))
-    if limits.get("type") in ("number", "integer"):
+    if number_type(limits) in ("number", "integer"):
         if path[-1] in ("gain_VpN", "resolution_V"):  # their range depends on `place`
             limits = dict(limits, minimum=1e-6)
         for value, within in numbers(limits):
             yield put([value] * count if listed else value), "out of range", within
         yield put(["x"] * count if listed else "x"), "is ", False
         yield put({"a": 1}), "is ", False
+        if isinstance(limits["type"], list):
+            yield from uncertain_cases(path[-1], limits, lambda value: put([value] * count if listed else value))
     elif "enum" in limits:
         for choice in limits["enum"]:
             yield put(choice), "is not known", True
@@ -237,11 +263,27 @@ def no_load_cell():
             accepted = refusal("robot", robot) == ""
             if accepted != (place == "none") or valid("robot", robot) != accepted:
                 wrong.append(f"load cell {cell}: the loader {accepted}, schema {valid('robot', robot)}")
+        robot = full_robot_by_inertias()
+        robot["actuation"]["load_cell"] = {"place": place, "gain_VpN": {"value": 0, "within": "known"}, "resolution_V": 0.1, "noise_N": 0}
+        if (valid("robot", robot), refusal("robot", robot) == "") != (place == "none",) * 2:
+            wrong.append(f"load cell {place} with an uncertain gain of 0: schema {valid('robot', robot)}")
+    return wrong
+
+
+def parameters_of_effects():
+    """An effect's numbers may say how well they are known, as others may."""
+    wrong = []
+    for number, accepted in ((0.01, True), ({"value": 0.01, "within": "10 %"}, True), ({"value": 0.01, "within": "x"}, False),
+                             ({"within": "10 %"}, False)):
+        robot = full_robot()
+        robot["effects"][0]["rad"] = number
+        if (valid("robot", robot), refusal("robot", robot) == "") != (accepted,) * 2:
+            wrong.append(f"rad of an effect: {number}: schema {valid('robot', robot)}, the loader: {refusal('robot', robot)}")
     return wrong
 
 
 def main():
-    wrong = shipped_files() + tendons_that_differ() + no_load_cell()
+    wrong = shipped_files() + tendons_that_differ() + no_load_cell() + parameters_of_effects()
     wrong += every_key("robot", full_robot_by_inertias())
     wrong += every_key("robot", full_robot())
     wrong += every_key("daemon", full_daemon())

@@ -65,6 +65,22 @@ def options():
     assert open("arm.yaml", encoding="utf-8").read() != text
 
 
+def uncertainty():
+    """An answer says how well it is known; the file has it, and config check lists it."""
+    run("init", "--name", "unsure", "--length", "60 mm within 1 %", "--material", "nitinol within 10 %")
+    text = open("unsure.yaml", encoding="utf-8").read()
+    assert "youngs_modulus_Pa: {value: 23000000000, within: 10 %}" in text, text
+    assert "# Any number may say how well it is known" in text, text
+    checked = run("config", "check", "unsure.yaml")
+    assert "# uncertainty: the file says of 2 numbers how well they are known" in checked, checked
+    assert "#   body.sections[1].youngs_modulus_Pa: 10 %\n" in checked, checked
+    assert "# uncertainty" not in run("config", "check", "arm.yaml")
+    refused = run("init", "--name", "x", "--length", "60 mm within ten", status=2)
+    assert refused.startswith("tendril: --length: within: 'ten' is not understood; accepted: "), refused
+    open("again.yaml", "w", encoding="utf-8").write(checked)
+    assert run("config", "check", "again.yaml") == checked
+
+
 def terminal():
     shown, status = at_terminal(["arm2", "hanging", "", "9999", "3", "60", "60 mm"], "init", "new/folder")
     assert status == 0, shown
@@ -98,6 +114,7 @@ def works_at_once():
 
 without_terminal()
 options()
+uncertainty()
 terminal()
 drawing()
 works_at_once()

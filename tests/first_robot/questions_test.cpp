@@ -145,6 +145,50 @@ TEST(FirstRobot, AnswersBecomeTheFilesNumbers) {
   Checked(made);
 }
 
+TEST(FirstRobot, AnswersMaySayHowWellTheyAreKnown) {
+  const NewRobot made = Ask(Given({{"name", "arm"},
+                                   {"sections", "2"},
+                                   {"tendons", "3"},
+                                   {"disks", "4"},
+                                   {"length_m", "80 mm within 1 mm, 0.06"},
+                                   {"hole_radius_m", "4 mm within 5 %"},
+                                   {"disk_diameter_m", "0.01, 10 mm within 2%"},
+                                   {"mass_kg", "2000 kg/m3 within 200 kg/m3, 3 g within unknown"},
+                                   {"backbone_diameter_m", "1 mm within 0.02 mm"},
+                                   {"material_Pa", "steel within 3 %, 0.001 Nm2 within 0.0001 Nm2"},
+                                   {"torque_constant_NmpA", "0.02 within 4 %"},
+                                   {"wrap_rad", "180 deg within 10 deg"},
+                                   {"gear_ratio", "19 within known"}}),
+                            SameName);
+  Checked(made);
+  const RobotParameters robot = config::ParseRobot(RobotFileText(made, ""), "arm.yaml");
+  const auto expect = [&](const std::string& key, Uncertainty::Kind kind, double deviation) {
+    ASSERT_TRUE(robot.uncertain.contains(key)) << key;
+    EXPECT_EQ(robot.uncertain.at(key).kind, kind) << key;
+    EXPECT_NEAR(robot.uncertain.at(key).deviation, deviation, 1e-4 * deviation) << key;
+  };
+  using Kind = Uncertainty::Kind;
+  expect("body.sections[1].unit_length_m", Kind::kAbsolute, 0.00025);
+  EXPECT_FALSE(robot.uncertain.contains("body.sections[2].unit_length_m"));
+  for (const int section : {1, 2}) {
+    for (const int tendon : {1, 2, 3})
+      expect(fmt::format("body.sections[{}].tendons[{}].radius_m", section, tendon), Kind::kShare, 0.05);
+    expect(fmt::format("body.sections[{}].core_radius_m", section), Kind::kAbsolute, 0.00001);
+  }
+  expect("body.sections[2].disk_inertia_xx_kgm2", Kind::kShare, 0.04);
+  EXPECT_FALSE(robot.uncertain.contains("body.sections[1].disk_inertia_xx_kgm2"));
+  expect("body.sections[1].unit_mass_kg", Kind::kAbsolute, 0.1 * robot.body.sections[0].unit_mass_kg);
+  expect("body.sections[2].unit_mass_kg", Kind::kUnknown, 0);
+  expect("body.sections[1].youngs_modulus_Pa", Kind::kShare, 0.03);
+  expect("body.sections[2].youngs_modulus_Pa", Kind::kAbsolute,
+         0.1 * robot.body.sections[1].youngs_modulus_Pa);
+  expect("actuation.motor.torque_constant_NmpA", Kind::kShare, 0.04);
+  expect("actuation.transmission.pulleys[1].wrap_rad", Kind::kAbsolute, M_PI / 18);
+  expect("actuation.gear.ratio", Kind::kKnown, 0);
+  EXPECT_EQ(robot.uncertain.size(), 1 + 6 + 2 + 2 + 2 + 2 + 3U);
+  EXPECT_THAT(RobotFileText(made, ""), HasSubstr("disk_diameter_m: {value: 0.01, within: 2 %}\n"));
+}
+
 TEST(FirstRobot, WhatIsRefusedNamesTheAcceptedRange) {
   const std::tuple<const char*, const char*, const char*> wrong[] = {
       {"length_m", "60",
@@ -157,6 +201,14 @@ TEST(FirstRobot, WhatIsRefusedNamesTheAcceptedRange) {
       {"hole_radius_m", "nan", "not finite"},
       {"disk_diameter_m", "0.004", "accepted: 0.00804 .. 1 m"},
       {"material_Pa", "wood", "accepted: 1000000 .. 1000000000000 Pa"},
+      {"material_Pa", "nitinol within a tenth",
+       "within: 'a tenth' is not understood; accepted: one standard deviation"},
+      {"length_m", "60 mm within 10 m", "within: 10 is more than the whole range"},
+      {"wrap_rad", "0 within 5 %",
+       "within: 5 % of 0 is nothing; accepted: one standard deviation as a share (10 %) or a "
+       "number in rad, or known, or unknown; give the deviation in rad"},
+      {"disks", "4 within 10 %", "'4 within 10 %' is not a whole number"},
+      {"sections", "1 within known", "'1 within known' is not a whole number"},
       {"max_bending_rad", "90 deg/s", "accepted: 0.01 .. 6.2 rad"},
       {"nodes", "1,2,2", "accepted: 3 different numbers"},
       {"nodes", "1,2", "accepted: 3 different numbers"},

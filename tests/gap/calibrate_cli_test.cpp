@@ -22,8 +22,12 @@ TEST_F(CalibrateCommand, WritesTheNumbersOfTheRunsIntoACopyOfTheFile) {
                             kRig)),
             0)
       << error_;
-  ASSERT_EQ(Run(fmt::format("gap calibrate --robot {} runs --out better.yaml --json found.json", kRig)), 0)
-      << error_;
+  std::string file = ReadText(kRig);
+  const std::string number = "unit_length_m: 0.0225 ",
+                    known = "unit_length_m: {value: 0.0225, within: known} ";
+  ASSERT_NE(file.find(number), file.npos);
+  WriteText(folder_ / "mine.yaml", file.replace(file.find(number), number.size(), known));
+  ASSERT_EQ(Run("gap calibrate --robot mine.yaml runs --out better.yaml --json found.json"), 0) << error_;
   EXPECT_THAT(out_, HasSubstr("Numbers learned"));
   const RobotParameters was = config::LoadRobot(kRig),
                         is = config::LoadRobot((folder_ / "better.yaml").string());
@@ -32,6 +36,10 @@ TEST_F(CalibrateCommand, WritesTheNumbersOfTheRunsIntoACopyOfTheFile) {
   const json found = json::parse(ReadText(folder_ / "found.json"));
   EXPECT_EQ(found["robot"], "rig_90mm");
   EXPECT_TRUE(found["converged"].get<bool>());
+  // What the file says of a number holds, and stays in it.
+  EXPECT_THAT(found["known"], testing::Contains("body.sections.unit_length_m"));
+  EXPECT_EQ(is.body.sections[0].unit_length_m, was.body.sections[0].unit_length_m);
+  EXPECT_THAT(ReadText(folder_ / "better.yaml"), HasSubstr(known));
 
   // What is there already is not replaced.
   ASSERT_EQ(Run(fmt::format("gap calibrate --robot {} runs --out better.yaml", kRig)), 2);

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "gap/free_numbers.h"
 #include "rig_runs.h"
 #include "tendril/config/config.h"
 #include "tendril/gap/calibration_text.h"
@@ -141,6 +142,40 @@ TEST_F(Calibrated, TextAndJsonSayTheSame) {
   EXPECT_EQ(json["correlation"].size(), found().numbers.size());
   EXPECT_EQ(json["numbers"][0]["value"].get<double>(), found().numbers[0].value);
   EXPECT_EQ(json["channels"].size(), found().channels.size());
+}
+
+// Its key in the file may stand in a list, below per_tendon, or be that of one tendon's hole.
+TEST(FreeNumbers, WhatTheFileSaysGoesBeforeWhatIsUsual) {
+  RobotParameters file = Rig();
+  using enum Uncertainty::Kind;
+  file.uncertain = {{"body.sections[1].youngs_modulus_Pa", {kKnown, 0}},
+                    {"body.sections[1].unit_mass_kg", {kShare, 0.01}},
+                    {"body.sections[1].tendons[2].radius_m", {kAbsolute, 4e-5}},
+                    {"body.sections[1].tendons[3].angle_rad", {kUnknown, 0}},
+                    {"body.gravity_W_mps2[3]", {kShare, 0.02}},
+                    {"actuation.gear.ratio", {kUnknown, 0}},
+                    {"actuation.per_tendon.2.spool.radius_m", {kShare, 0.3}},
+                    {"actuation.spool.radius_m", {kShare, 0.03}},
+                    {"actuation.transmission.pulleys[1].alpha", {kShare, 0.2}}};
+  const gap::FreeNumbers free = gap::FreeNumbersOf(file);
+  const auto prior = [&](const std::string& key) {
+    for (int k = 0; k < free.size(); ++k) {
+      if (free.numbers[static_cast<std::size_t>(k)].key == key) return free.deviation[k];
+    }
+    return 0.0;
+  };
+  EXPECT_EQ(prior("body.sections.youngs_modulus_Pa"), 0);
+  EXPECT_THAT(free.known, testing::Contains("body.sections.youngs_modulus_Pa"));
+  EXPECT_EQ(prior("body.sections.unit_mass_kg"), 0.01);
+  EXPECT_EQ(prior("body.sections.core_radius_m"), 0.05);  // usual
+  EXPECT_EQ(prior("body.sections.tendons (tendon 1) radius_m"), 0.05);
+  EXPECT_NEAR(prior("body.sections.tendons (tendon 2) radius_m"), 0.01, 1e-12);
+  EXPECT_GT(prior("body.sections.tendons (tendon 3) angle_rad"), 1);
+  EXPECT_EQ(prior("body.sections.tendons.radius_m"), 0);  // the holes have their own
+  EXPECT_EQ(prior("body.gravity_W_mps2"), 0.02);
+  EXPECT_GT(prior("actuation.gear.ratio"), 1);
+  EXPECT_EQ(prior("actuation.spool.radius_m"), 0.03);
+  EXPECT_EQ(prior("actuation.transmission.pulleys.alpha"), 0.2);
 }
 
 TEST(Calibrate, TheSameForAnyNumberOfThreads) {

@@ -5,6 +5,7 @@
 #include "markdown.h"
 #include "reference.h"
 #include "tendril/config/keys.h"
+#include "tendril/core/uncertainty.h"
 
 namespace tendril::reference {
 namespace {
@@ -15,6 +16,7 @@ using config::Key;
 struct Shipped {
   std::string name;  // "rig_60mm"
   YAML::Node root;
+  bool uncertain = false;  // its numbers may say how well they are known
 };
 
 /// The value at "body.sections[].units", of a list its first entry; empty where there is none, or no single
@@ -43,6 +45,16 @@ std::string ValueAt(const YAML::Node& root, std::string path) {
   return "[" + items + "]";
 }
 
+/// "15 %", "0.035 rad" where the file does not say it; empty for what is taken as known.
+std::string UsualOf(const Key& key) {
+  const bool number = key.type == Key::Type::kNumber || key.type == Key::Type::kInteger;
+  if (key.kind != Key::Kind::kValue || !number) return "";
+  const Uncertainty usual = UsualUncertainty(key.path);
+  if (usual.kind == Uncertainty::Kind::kKnown) return "";
+  if (usual.kind != Uncertainty::Kind::kAbsolute) return UncertaintyText(usual);
+  return fmt::format("{:.2g} {}", usual.deviation, key.unit);
+}
+
 std::string Facts(const Key& key, const Shipped* shipped) {
   std::string facts = Escaped(key.accepted);
   if (!key.unit.empty()) facts += " " + Escaped(key.unit);
@@ -55,6 +67,8 @@ std::string Facts(const Key& key, const Shipped* shipped) {
   }
   const std::string value = shipped == nullptr ? "" : ValueAt(shipped->root, key.path);
   if (!value.empty()) add(fmt::format("{}: {}", Code(shipped->name), Code(value)));
+  const std::string usual = shipped == nullptr || !shipped->uncertain ? "" : UsualOf(key);
+  if (!usual.empty()) add("usually known within " + Escaped(usual));
   return facts;
 }
 
@@ -92,9 +106,23 @@ Page RobotFilePage(const std::filesystem::path& source) {
       "robot-file.md", "Robot file",
       "One robot as numbers, in SI units: the end of a key names its unit. Every key is required unless it "
       "has a default; unknown keys are refused with file, line and the accepted range. "
-      "`tendril config check FILE` prints the resolved file.",
+      "`tendril config check FILE` prints the resolved file.\n\n"
+      "Any number may say how well it is known before any run is looked at: "
+      "`youngs_modulus_Pa: {value: 2.3e10, within: 10 %}`. `within` is one standard deviation: a share of "
+      "the value "
+      "with a percent sign, a number in the key's own unit (`within: 2e9`), or `known` (exact) or `unknown` "
+      "(its order "
+      "of magnitude only). In a list, each number may: `[0, 0, {value: -9.81, within: 0.02}]`. What is said "
+      "of "
+      "all tendons holds for a tendon's own value under `per_tendon` too, unless it says its own; what is "
+      "said of "
+      "`disk_diameter_m` counts twice for both inertias. It changes no motion and no simulation. Where the "
+      "file "
+      "does not say it, what is usual for the kind of number holds, below as *usually known within*; a "
+      "number "
+      "without that is taken as known.",
       "src/config/describe_robot.h", config::RobotFileKeys(),
-      {"rig_60mm", YAML::LoadFile((source / "config/robots/rig_60mm.yaml").string())});
+      {"rig_60mm", YAML::LoadFile((source / "config/robots/rig_60mm.yaml").string()), true});
 }
 
 Page DaemonFilePage(const std::filesystem::path& source) {

@@ -2,11 +2,11 @@
 // found.
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <memory>
 
 #include "commands.h"
 #include "effect_name.h"
+#include "gap_options.h"
 #include "tendril/config/config.h"
 #include "tendril/config/whole_file.h"
 #include "tendril/core/version.h"
@@ -17,8 +17,6 @@
 
 namespace tendril::tools {
 namespace {
-
-namespace fs = std::filesystem;
 
 struct ApplyOptions {
   std::string robot, report, out;
@@ -52,14 +50,7 @@ std::string Target(const ApplyOptions& options) {
     throw UsageError("give either --out FILE, or --in-place to change the robot file itself");
   }
   if (options.in_place) return options.robot;
-  std::error_code none;
-  if (fs::equivalent(options.out, options.robot, none)) {
-    throw UsageError("--out is the robot file itself; give another name, or --in-place");
-  }
-  if (!options.overwrite && fs::exists(options.out, none)) {
-    throw UsageError(
-        fmt::format("{} already exists; give another --out, or --overwrite to replace it", options.out));
-  }
+  CheckNewRobotFile(options.out, options.robot, options.overwrite, "give another name, or --in-place");
   return options.out;
 }
 

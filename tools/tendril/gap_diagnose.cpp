@@ -10,6 +10,7 @@
 
 #include "commands.h"
 #include "effect_name.h"
+#include "gap_options.h"
 #include "number_option.h"
 #include "output.h"
 #include "progress.h"
@@ -94,10 +95,7 @@ void AddGapDiagnoseCommand(CLI::App& app) {
       "Find where the gap lies, which effect causes it, and how far it shrinks with the effect in the model");
   command->add_option("--robot", options->logs.robot, "nominal robot file, the one the controller used")
       ->required();
-  command
-      ->add_option("logs", options->logs.logs,
-                   "data-set folders (robot.yaml, runs.yaml, CSV), CSV files or LCM logs, in any mixture")
-      ->required();
+  AddLogOptions(*command, options->logs);
   command
       ->add_option("--before", options->logs.before,
                    "runs of the same commands from before the robot changed: the change is diagnosed, and "
@@ -131,15 +129,10 @@ void AddGapDiagnoseCommand(CLI::App& app) {
   command->add_option("--refits", options->diagnose.refits, "candidates refitted in full after the screening")
       ->check(CLI::Range(1, 200))
       ->capture_default_str();
-  command->add_option("--threads", options->diagnose.threads, "threads; 0: all cores")
-      ->check(CLI::Range(0, 256))
-      ->capture_default_str();
+  AddThreadsOption(*command, options->diagnose.threads);
   command->add_option("--daemon", options->daemon,
                       "daemon file whose controller would run the next experiment (default: that of "
                       "tendrild.yaml, built in)");
-  command->add_flag("--same-robot", options->logs.same_robot,
-                    "the runs are of the robot of --robot although their own robot file differs (a wrong "
-                    "name, length, number of tendons or encoder counts in one of them)");
   command->add_flag("!--no-next", options->next, "do not look for the next experiment");
   command->callback([options] { Run(*options); });
 }

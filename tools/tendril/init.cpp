@@ -83,7 +83,10 @@ void Init(const InitOptions& options) {
         "no terminal to ask at; give answers as options (tendril init --help), or --defaults for the shipped "
         "rig's");
   }
-  if (terminal) fmt::print("Enter takes what is in brackets; a unit may follow a number, as in 60 mm.\n");
+  if (terminal)
+    fmt::print(
+        "Enter takes what is in brackets; a unit may follow a number, as in 60 mm, and how well it is known, "
+        "as in 60 mm within 1 %.\n");
   first_robot::FilePair files;
   const first_robot::NewRobot made =
       first_robot::Ask(DialogueOf(options, terminal), [&](const std::string& name) {
@@ -127,9 +130,13 @@ void AddInitCommand(CLI::App& app) {
                     "ask nothing: what no option gives is suggested by the shipped rig");
   command->add_flag("--force", options->force, "replace files that exist");
   command->footer(
-      "A number may have a unit: --length '60 mm'. A value out of range is asked for again, or refused with "
-      "the\n"
-      "accepted range where it was an option. Exit status: 0 written, 1 could not be written, 2 wrong use.");
+      "A number may have a unit, --length '60 mm', and may say how well it is known, by one standard "
+      "deviation:\n"
+      "'60 mm within 1 %', 'nitinol within 10 %'; the file then has {value: 0.015, within: 1 %}. A value out "
+      "of\n"
+      "range is asked for again, or refused with the accepted range where it was an option. Exit status: 0 "
+      "written,\n"
+      "1 could not be written, 2 wrong use.");
   command->callback([options] { Init(*options); });
 }
 

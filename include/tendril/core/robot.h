@@ -3,10 +3,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "tendril/core/uncertainty.h"
 
 namespace tendril {
 
@@ -174,6 +177,10 @@ struct RobotParameters {
   LimitParameters limits;
   std::optional<ActuationParameters> actuation;  // absent: a body alone, good for `tendril model`
   std::vector<EffectSetting> effects;
+  /// How well numbers are known, by key as in error messages ("body.sections[1].youngs_modulus_Pa"); only what the
+  /// file says. A tendon's own ("actuation.per_tendon.2.motor.torque_constant_NmpA") goes before that of all
+  /// tendons ("actuation.motor.torque_constant_NmpA"). No part of what the robot is.
+  std::map<std::string, Uncertainty> uncertain;
 };
 
 }  // namespace tendril

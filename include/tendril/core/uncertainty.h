@@ -2,6 +2,7 @@
 // the numbers do.
 #pragma once
 
+#include <string>
 #include <string_view>
 
 namespace tendril {
@@ -24,5 +25,8 @@ struct Uncertainty {
 /// ("body.sections[1].youngs_modulus_Pa"): lengths and radii to a few per cent, friction to four tenths.
 /// Limits, names of objects, counts and what a data sheet fixes are known. See docs/reference/robot-file.md.
 Uncertainty UsualUncertainty(std::string_view key);
+
+/// As the robot file says it after `within:`: "10 %", "2e-05", "known", "unknown". Read back, the same.
+std::string UncertaintyText(const Uncertainty& uncertainty);
 
 }  // namespace tendril

@@ -16,6 +16,9 @@ std::string DirectionsComment(const RobotParameters& robot);
 /// What the robot's numbers amount to (model/figures.h), as YAML comments.
 std::string FiguresComment(const RobotParameters& robot);
 
+/// The numbers of which the robot file says how well they are known, as YAML comments; empty where of none.
+std::string UncertaintyComment(const RobotParameters& robot);
+
 /// The resolved daemon file, still one YAML file, with comments: what its robot's numbers amount to, the bus's
 /// budget, margins of the load cells'
 /// loops, the directions that cannot be held, and the keys at their defaults. Throws config::ConfigError for

@@ -43,7 +43,7 @@ struct Dialogue {
 };
 
 struct NewRobot {
-  RobotParameters robot;
+  RobotParameters robot;  // `uncertain` has what answers said, also of a section's disk_diameter_m
   DaemonParameters daemon;
   std::vector<double> disk_diameter_m{};  // of the sections
 };
