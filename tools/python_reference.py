@@ -2,7 +2,7 @@
 """Writes the reference of the Python package from its sources: python_reference.py PACKAGE REFERENCE
 
 PACKAGE is python/tendril, REFERENCE the folder of the generated reference. Imports nothing: signatures and descriptions
-are read as text, those of the compiled module from its type stub (_core.pyi).
+are read as text, those of the compiled module from its type declarations (_core.pyi).
 """
 
 import ast

@@ -47,7 +47,8 @@ Diagnosis Diagnose(const Set& set, double delta_N, double delta_m, std::uint64_t
   return std::move(*found);
 }
 
-RobotParameters Corrected(RobotParameters robot, const Diagnosis& diagnosis) {
+RobotParameters Corrected(const RobotParameters& file, const Diagnosis& diagnosis) {
+  RobotParameters robot = gap::WithLearnedNumbers(file, diagnosis);
   for (const EffectSetting& effect : gap::FoundEffects(diagnosis)) robot.effects.push_back(effect);
   sim::CheckEffects(robot);
   return sim::FoldEffects(robot);

@@ -145,6 +145,17 @@ class NamedValue:
 
 
 @dataclass(frozen=True)
+class LearnedNumber:
+    """A number of the robot file as the runs tell it, within what the file leaves open."""
+
+    key: str
+    in_file: float | None
+    value: float | None
+    moved: float | None
+    """From the file, in standard deviations of its prior."""
+
+
+@dataclass(frozen=True)
 class SuspectNumber:
     """A number of the robot file that, at another value, explains the runs better than any cause in the library."""
 
@@ -325,6 +336,8 @@ class Report:
     order_effects: list[NamedValue]
     leftover_sigma: float | None
     """What the best model leaves beyond the floor on held-out data."""
+    learned: list[LearnedNumber]
+    """By falling distance from the file; empty: it explains the runs as it is."""
     suspected: list[SuspectNumber]
     doubt: str
     """Why the likeliest cause is not established; empty where it is, or there is none."""

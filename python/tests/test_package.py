@@ -1,4 +1,4 @@
-"""The package itself: its types are checked, its type stub is the module's, everything public says what it is."""
+"""The package itself: its types are checked, its type declarations are the module's, everything public says what it is."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_version_is_the_projects():
     assert tendril.__version__ == re.search(r"project\(tendril VERSION ([0-9.]+)", text)[1]
 
 
-def test_type_stub_is_the_modules(tmp_path):
+def test_type_declarations_are_the_modules(tmp_path):
     pytest.importorskip("nanobind")
     words = [sys.executable, "-P", "-m", "nanobind.stubgen", "-q", "-m", "tendril._core", "-o", str(tmp_path / "_core.pyi")]
     subprocess.run(words, check=True)

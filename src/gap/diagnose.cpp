@@ -9,6 +9,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "baselines.h"
@@ -19,6 +20,7 @@
 #include "first_place.h"
 #include "floor_at_cause.h"
 #include "judge.h"
+#include "learned_robot.h"
 #include "locate.h"
 #include "measured_wrong.h"
 #include "measurement_check.h"
@@ -31,6 +33,7 @@
 #include "tendril/core/parallel.h"
 #include "tendril/core/version.h"
 #include "tendril/gap/words.h"
+#include "unseen_effects.h"
 
 namespace tendril::gap {
 namespace {
@@ -84,41 +87,6 @@ void NameNoCause(Diagnosis& d, const PathBeyondReach& path, const RobotParameter
   d.next.reason = "diagnose these runs with the file of the robot that was measured";
 }
 
-std::size_t SearchedEffects(const SearchResult& search) {
-  std::set<const sim::Effect*> effects;
-  for (const auto& s : search.screened) effects.insert(s.candidate.effect);
-  return effects.size();
-}
-
-/// Effects that change no channel by half its noise floor at a plainly visible deviation by the registry.
-std::vector<std::string> Unseen(const Evaluator& evaluator, const SearchResult& search) {
-  constexpr double kSeen = 0.5;
-  std::vector<std::string> unseen;
-  for (const sim::Effect& effect : sim::Effects()) {
-    double most = 0;
-    bool searched = false;
-    for (const auto& s : search.screened) {
-      if (s.candidate.effect != &effect) continue;
-      searched = true;
-      for (std::size_t k = 0; k < s.columns.size(); ++k) {
-        const double deviation = ScaleOf(s.start.parameter(s.primary[k]));
-        for (int c = 0; c < static_cast<int>(evaluator.channels().size()); ++c) {
-          double square = 0, count = 0;
-          for (const auto& run : s.columns[k]) {
-            if (run.empty() || run[c].size() == 0) continue;
-            square += run[c].squaredNorm();
-            count += static_cast<double>(run[c].size());
-          }
-          if (count > 0)
-            most = std::max(most, deviation * std::sqrt(square / count) / evaluator.channels()[c].floor);
-        }
-      }
-    }
-    if (searched && most < kSeen) unseen.emplace_back(effect.name);
-  }
-  return unseen;
-}
-
 /// The steps of one diagnosis, in order, and what they share.
 class Diagnosing {
  public:
@@ -146,11 +114,13 @@ class Diagnosing {
     TakeRepeatabilityOfCause();
     TakeFloorOfCause();
     JudgeCauses();
+    LearnNumbers();
     ReportUnseenEffects();
     RejectIfModelWasWrongBefore();
     MeasureClosure();
     PlanNextExperiment();
-    LookForMistake();
+    MarkPlaces();
+    WeighMistake();
     ComposeSentence(measuring.missed());
     return std::move(d_);
   }
@@ -217,13 +187,32 @@ class Diagnosing {
     d_.held_out_families = folds_.names;
     d_.held_out_by = folds_.by;
     stage_ = "screening every effect";
-    probes_ = MakeProbes(*evaluator_, options_.without, threads_, InStage());
+    ProbeEffects({});
     stage_ = "searching for the cause";
-    search_ = SearchIn(*evaluator_);
+    search_ = SearchIn(*evaluator_, {});
   }
 
-  SearchResult SearchIn(const Evaluator& those) {
-    SearchOptions options{threads_, options_.refits, InStage(), {}};
+  /// Finds what each effect does in these runs. `learned`: numbers that follow the runs, so that an effect
+  /// which only changes one of them everywhere is no cause beside it.
+  void ProbeEffects(const std::vector<FileNumber>& learned) {
+    const auto excluded = [&](const Candidate& candidate) {
+      const std::string_view name = candidate.effect->name;
+      if (std::find(options_.without.begin(), options_.without.end(), name) != options_.without.end())
+        return true;
+      return !candidate.target && std::any_of(learned.begin(), learned.end(), [&](const FileNumber& number) {
+        return number.effect == name;
+      });
+    };
+    probes_ = MakeProbes(*evaluator_, excluded, threads_, InStage());
+  }
+
+  SearchResult SearchIn(const Evaluator& those, const Nuisances& numbers, bool pairs = true) {
+    SearchOptions options;
+    options.numbers = numbers;
+    options.pairs = pairs;
+    options.threads = threads_;
+    options.refits = options_.refits;
+    options.progress = InStage();
     constexpr double kExplained_sigma = 0.15;  // left at a place: half of the least effect that shall be seen
     options.explained = [&](const Residuals& residuals) {
       for (const auto& f : Locate(those, residuals, kLeftDiscoveries)) {
@@ -236,7 +225,7 @@ class Diagnosing {
 
   /// Empty where another cause is found: the floor may be raised only for the cause that raises it.
   std::optional<SearchResult> SearchAgain(const Evaluator& those, const Model& cause) {
-    SearchResult again = SearchIn(those);
+    SearchResult again = SearchIn(those, {});
     return ContainsCause(again, cause) ? std::optional(std::move(again)) : std::nullopt;
   }
 
@@ -247,7 +236,7 @@ class Diagnosing {
     if (!narrow && evaluator_->repetitions_differ() > 0) {
       // Differences between repetitions may hide small causes, and also the large one that makes them.
       const Evaluator repeated = AsThoughRepeated(set_, evaluation_);
-      narrow = WithRepeatabilityOfCause(*evaluator_, set_, MayNotRepeat(SearchIn(repeated)), evaluation_);
+      narrow = WithRepeatabilityOfCause(*evaluator_, set_, MayNotRepeat(SearchIn(repeated, {})), evaluation_);
     }
     stage_ = "searching again with the repeatability of the cause";
     std::optional<SearchResult> again;
@@ -289,6 +278,15 @@ class Diagnosing {
                         InStage());
     };
     judgement_ = Judge(*evaluator_, search_, d_.location, options_.seed, fit_numbers);
+    Adopt();
+    if (widened_by_ && d_.verdict != Verdict::kNoGap) {
+      d_.degradations.push_back(fmt::format(
+          "{} amplifies the sensor noise more than the nominal robot does; the noise floor includes this",
+          widened_by_->Name()));
+    }
+  }
+
+  void Adopt() {
     d_.verdict = judgement_.verdict;
     d_.causes = judgement_.causes;
     d_.accepted = judgement_.accepted;
@@ -297,17 +295,85 @@ class Diagnosing {
     d_.suspected = judgement_.suspected;
     d_.doubt = judgement_.doubt;
     d_.repeatability = evaluator_->repeatability();
-    if (widened_by_ && d_.verdict != Verdict::kNoGap) {
-      d_.degradations.push_back(fmt::format(
-          "{} amplifies the sensor noise more than the nominal robot does; the noise floor includes this",
-          widened_by_->Name()));
-    }
     d_.baselines = Baselines(*evaluator_, search_);
+  }
+
+  /// Where no cause is established with the file as it is: with its numbers as the runs tell them.
+  void LearnNumbers() {
+    const bool established = d_.verdict != Verdict::kUnexplained && d_.doubt.empty();
+    if (established || judgement_.unrepeated || Compared(set_)) return;
+    FreeNumbers free = FreeNumbersOf(set_.robot);
+    LookForMistake();
+    if (free.size() == 0 || !mistake_.with.empty() || OneNumberCloses()) return;
+    Standing as_filed{std::move(*evaluator_), std::move(probes_), std::move(search_), judgement_,
+                      d_.location};
+    try {
+      const LearnOptions options{.threads = threads_, .progress = InStage()};
+      stage_ = "learning the robot's numbers";
+      const LearnedNumbers alone = Learn(as_filed.evaluator, std::move(free), folds_, options);
+      if (LogEvidence(as_filed.evaluator, alone) > 0 &&
+          ExplainedByNumbers(as_filed.evaluator, alone, options))
+        return;
+    } catch (const std::exception&) {
+      // No robot within the priors can be simulated in these runs.
+    }
+    evaluator_ = std::move(as_filed.evaluator);
+    probes_ = std::move(as_filed.probes);
+    search_ = std::move(as_filed.search);
+    judgement_ = as_filed.judgement;
+    d_.location = as_filed.location;
+  }
+
+  bool ExplainedByNumbers(const Evaluator& as_filed, const LearnedNumbers& alone,
+                          const LearnOptions& options) {
+    SearchBeside(alone, false);
+    // Numbers that moved to explain a cause move back where it is in the model.
+    stage_ = "learning them beside the likeliest causes";
+    const auto beside = LearnBesideCause(as_filed, alone, LikelyCauses(search_), folds_, options);
+    return ExplainedWith(beside ? *beside : alone);
+  }
+
+  /// One number that closes the gap is a simpler explanation than all of them.
+  bool OneNumberCloses() const {
+    constexpr double kCloses = 0.9;
+    return std::any_of(d_.suspected.begin(), d_.suspected.end(), [](const SuspectNumber& number) {
+      return number.closed && number.closed->value > kCloses;
+    });
+  }
+
+  /// Searches for causes beside these numbers of the file, which stay free.
+  LearnedRobot SearchBeside(const LearnedNumbers& numbers, bool pairs) {
+    LearnedRobot robot = LearnRobot(numbers, set_, evaluation_);
+    evaluator_ = robot.evaluator;
+    LocateGap();
+    stage_ = "screening every effect with the numbers learned";
+    ProbeEffects(numbers.free.numbers);
+    stage_ = "searching for the cause with the numbers learned";
+    search_ = SearchIn(*evaluator_, robot.open, pairs);
+    return robot;
+  }
+
+  /// True where the runs are explained by the robot with these numbers, which its file has to allow, with or
+  /// without a cause.
+  bool ExplainedWith(const LearnedNumbers& numbers) {
+    constexpr double kMostMoved = 3;  // deviations of the prior
+    const LearnedRobot robot = SearchBeside(numbers, true);
+    judgement_ =
+        Judge(*evaluator_, search_, d_.location, options_.seed, [] { return std::vector<NumberFit>(); });
+    const bool established =
+        judgement_.verdict == Verdict::kNoGap || (judgement_.best != nullptr && judgement_.doubt.empty());
+    std::vector<LearnedNumber> found = robot.At(judgement_.best);
+    if (!established || std::abs(found.front().moved) >= kMostMoved) return false;
+    d_.learned = std::move(found);
+    set_.robot = evaluator_->nominal();
+    Adopt();
+    return true;
   }
 
   /// Effects that these runs could not show, however large.
   void ReportUnseenEffects() {
-    const std::vector<std::string> unseen = Unseen(*evaluator_, search_);
+    const UnseenEffects found = FindUnseenEffects(*evaluator_, search_);
+    const std::vector<std::string>& unseen = found.names;
     if (!unseen.empty()) {
       std::string names;
       for (const auto& name : unseen) names += (names.empty() ? "" : ", ") + name;
@@ -316,7 +382,7 @@ class Diagnosing {
     const bool far_off = std::any_of(d_.location.begin(), d_.location.end(),
                                      [](const CutFinding& f) { return f.uncertain(); });
     // What lies beyond the robot's range was left out, and is itself a gap.
-    const bool partial = far_off || !contradictions_.empty() || 2 * unseen.size() > SearchedEffects(search_);
+    const bool partial = far_off || !contradictions_.empty() || 2 * unseen.size() > found.searched;
     if (d_.verdict == Verdict::kNoGap && partial) d_.verdict = Verdict::kInsufficientData;
   }
 
@@ -369,17 +435,27 @@ class Diagnosing {
     d_.next = FindNextExperiment(*evaluator_, search_, d_, options_.menu, threads_);
   }
 
+  /// A mistake of measurement with the robot of the file: one thing, where the numbers of the file are many.
   void LookForMistake() {
+    const bool follows = judgement_.unrepeated && d_.repeatability->law;  // unlike a measurement error
+    if (mistake_looked_for_ || follows ||
+        (d_.verdict == Verdict::kNoGap && evaluator_->repetitions_differ() == 0))
+      return;
+    mistake_looked_for_ = true;
+    Progress("looking for measurement errors", 0);
+    const bool explained = d_.verdict != Verdict::kUnexplained && d_.verdict != Verdict::kNoGap &&
+                           !judgement_.unrepeated && d_.leftover_sigma < kMuchLeft_sigma;
+    mistake_ = FindMistake(set_, *evaluator_, explained, threads_);
+  }
+
+  void MarkPlaces() {
     if (distrusted_ || (d_.verdict != Verdict::kNoGap && d_.verdict != Verdict::kInsufficientData))
       MarkFirst(d_, Place());
-    const bool follows = judgement_.unrepeated && d_.repeatability->law;  // unlike a measurement error
-    if (follows) MarkUnrepeated(d_);
-    if (!follows && (d_.verdict != Verdict::kNoGap || evaluator_->repetitions_differ() > 0)) {
-      Progress("looking for measurement errors", 0);
-      const bool explained = d_.verdict != Verdict::kUnexplained && d_.verdict != Verdict::kNoGap &&
-                             !judgement_.unrepeated && d_.leftover_sigma < kMuchLeft_sigma;
-      mistake_ = FindMistake(set_, *evaluator_, explained, threads_);
-    }
+    if (judgement_.unrepeated && d_.repeatability->law) MarkUnrepeated(d_);
+  }
+
+  void WeighMistake() {
+    LookForMistake();
     if (mistake_.with.empty()) return;
     // A cause that leaves much is doubtful where a measurement error explains most.
     if (!d_.accepted.empty() && d_.leftover_sigma >= kMuchLeft_sigma &&
@@ -402,8 +478,9 @@ class Diagnosing {
           "the library lacks is likelier",
           parts[0].Name(), parts[1].Name(), sim::CutName(*judgement_.hidden_at));
     }
-    d_.sentence = judgement_.unrepeated ? Unrepeated(*d_.repeatability)
-                                        : Preface(d_) + Sentence(d_, set_.robot, hiding);
+    d_.sentence = judgement_.unrepeated
+                      ? Unrepeated(*d_.repeatability)
+                      : WithLearned(Preface(d_) + Sentence(d_, set_.robot, hiding), d_.learned);
     if (d_.repeatability && !judgement_.unrepeated) d_.sentence += UnrepeatedRemark(*d_.repeatability);
     if (!d_.repeatability && evaluator_->repetitions_differ() > 0) {
       d_.sentence += fmt::format(
@@ -431,6 +508,15 @@ class Diagnosing {
     d_.sentence = WithLeftOut(d_.sentence, notes, d_.runs.size());
   }
 
+  /// What one nominal robot leads to.
+  struct Standing {
+    Evaluator evaluator;
+    std::vector<Probe> probes;
+    SearchResult search;
+    Judgement judgement;  // points into `search`
+    std::vector<CutFinding> location;
+  };
+
   const DataSet& given_;
   const DiagnoseOptions& options_;
   const int threads_;
@@ -446,6 +532,7 @@ class Diagnosing {
   Judgement judgement_;                  // points into search_
   bool distrusted_ = false;              // the model was too wrong before the change
   FoundMistake mistake_;
+  bool mistake_looked_for_ = false;
   bool mistake_hides_ = false;  // in the difference between repetitions
   std::string stage_;           // for progress
 };

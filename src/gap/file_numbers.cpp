@@ -173,8 +173,7 @@ class Scored {
  public:
   Scored(const Evaluator& evaluator, const Weights& weights, const Nuisances& nuisances, const Folds& folds)
       : evaluator_(evaluator), weights_(weights), nuisances_(nuisances), folds_(folds) {
-    for (const Column& column : nuisances.columns) columns_.push_back(&column);
-    for (const double deviation : nuisances.prior) bounds_.AddNuisance(deviation);
+    nuisances.AddTo(columns_, bounds_);
   }
 
   /// -infinity where that robot cannot be simulated.
@@ -322,6 +321,10 @@ std::string WithoutTendon(const std::string& key) {
 
 double FileNumber::ValueAt(double change) const {
   return angle ? in_file + change : in_file * std::exp(change);
+}
+
+double FileNumber::ChangeTo(double value) const {
+  return angle ? value - in_file : std::log(value / in_file);
 }
 
 std::vector<FileNumber> FileNumbers(const RobotParameters& robot) {

@@ -25,6 +25,7 @@ struct FileNumber {
   int tendon = 0;  // whose own it is, from 1; 0: common to all
 
   double ValueAt(double change) const;
+  double ChangeTo(double value) const;
 };
 
 /// The numbers of `robot` that a replay depends on, but for the pretension (the same as another zero of the

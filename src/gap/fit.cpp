@@ -37,18 +37,121 @@ unsigned CutsOf(const Evaluator& evaluator, const Model& model) {
 
 namespace {
 
-/// Weighted residuals in one vector: the channels of the cuts, nuisances as linear terms, then the priors.
+/// Every constant that the model may adjust follows the model's own parameters by linear least squares, also
+/// on the channels that these do not reach.
+class Followers {
+ public:
+  /// `reached`: residuals of the channels that the model reaches; on the others those of the nominal robot.
+  Followers(const Nuisances& nuisances, const Weights& weights, const Residuals& reached,
+            const Residuals& nominal)
+      : weights_(weights) {
+    Bounds bounds;
+    nuisances.AddTo(columns_, bounds);
+    if (columns_.empty()) return;
+    beside_ = bounds.Precision();
+    pull_ = beside_ * bounds.center;
+    Eigen::MatrixXd within = Eigen::MatrixXd::Zero(size(), size());
+    for (int c = 0; c < static_cast<int>(nominal.front().size()); ++c) {
+      const bool is_reached = std::any_of(reached.begin(), reached.end(),
+                                          [c](const auto& run) { return !run.empty() && run[c].size() > 0; });
+      AddProducts(c, nominal, is_reached ? within : beside_);
+      for (int i = 0; !is_reached && i < static_cast<int>(nominal.size()); ++i)
+        AddProducts(i, c, nominal[i][c], pull_);
+    }
+    all_.compute(beside_ + within);
+    root_ = beside_.llt().matrixL();
+  }
+
+  int size() const { return static_cast<int>(columns_.size()); }
+
+  /// Their changes for these residuals, or (`pulled` false) for a change of the residuals.
+  Eigen::VectorXd Follow(const Residuals& residuals, bool pulled) const {
+    Eigen::VectorXd b = pulled ? pull_ : Eigen::VectorXd::Zero(size());
+    for (int i = 0; i < static_cast<int>(residuals.size()); ++i) {
+      for (int c = 0; c < static_cast<int>(residuals[i].size()); ++c) AddProducts(i, c, residuals[i][c], b);
+    }
+    return all_.solve(b);
+  }
+
+  /// Rows whose half square is what the changes cost beside the reached channels.
+  Eigen::VectorXd Rows(const Eigen::VectorXd& changes, bool pulled) const {
+    Eigen::VectorXd rows = root_.transpose() * changes;
+    if (pulled) rows -= root_.triangularView<Eigen::Lower>().solve(pull_);
+    return rows;
+  }
+
+  /// Subtracts their response at one channel of a run.
+  void Subtract(int run, int channel, const Eigen::VectorXd& changes, Eigen::VectorXd& from) const {
+    for (int e = 0; e < size(); ++e) {
+      if (const Eigen::VectorXd* j = Response(e, run, channel)) from -= changes[e] * *j;
+    }
+  }
+
+ private:
+  const Eigen::VectorXd* Response(int e, int run, int channel) const {
+    const auto& of_run = (*columns_[e])[run];
+    return of_run.empty() || of_run[channel].size() == 0 ? nullptr : &of_run[channel];
+  }
+
+  /// w j r of one channel.
+  void AddProducts(int run, int channel, const Eigen::VectorXd& residual, Eigen::VectorXd& sum) const {
+    if (residual.size() == 0) return;
+    const Eigen::VectorXd weighted = weights_(run, channel).cwiseProduct(residual);
+    for (int e = 0; e < size(); ++e) {
+      if (const Eigen::VectorXd* j = Response(e, run, channel)) sum[e] += j->dot(weighted);
+    }
+  }
+
+  /// w j j' of one channel in all runs, as computed before where the weights know it.
+  void AddProducts(int channel, const Residuals& runs, Eigen::MatrixXd& sum) const {
+    if (const Weights::Products* known = weights_.products()) {
+      std::vector<int> at;
+      for (const Column* column : columns_) at.push_back(known->IndexOf(column));
+      if (std::find(at.begin(), at.end(), -1) == at.end()) {
+        for (int a = 0; a < size(); ++a) {
+          for (int b = 0; b < size(); ++b) sum(a, b) += known->At(channel, at[a], at[b]);
+        }
+        return;
+      }
+    }
+    for (int i = 0; i < static_cast<int>(runs.size()); ++i) {
+      for (int a = 0; a < size(); ++a) {
+        const Eigen::VectorXd* ja = Response(a, i, channel);
+        if (ja == nullptr) continue;
+        const Eigen::VectorXd weighted = weights_(i, channel).cwiseProduct(*ja);
+        for (int b = 0; b <= a; ++b) {
+          const Eigen::VectorXd* jb = Response(b, i, channel);
+          if (jb == nullptr) continue;
+          const double product = jb->dot(weighted);
+          sum(a, b) += product;
+          if (a != b) sum(b, a) += product;
+        }
+      }
+    }
+  }
+
+  const Weights& weights_;
+  std::vector<const Column*> columns_;
+  Eigen::VectorXd pull_;                // of priors and channels beside
+  Eigen::MatrixXd beside_, root_;       // their curvature, and its lower factor
+  Eigen::LDLT<Eigen::MatrixXd> all_{};  // with that of the reached channels
+};
+
+/// Weighted residuals of the channels that the model reaches, nuisances following; then what these cost.
 class Cost final : public ceres::CostFunction {
  public:
   Cost(const Evaluator& evaluator, const Weights& weights, const Nuisances& nuisances, const Model& model,
        unsigned cuts)
-      : evaluator_(evaluator), weights_(weights), nuisances_(nuisances), model_(model), cuts_(cuts) {
+      : evaluator_(evaluator),
+        weights_(weights),
+        model_(model),
+        cuts_(cuts),
+        followers_(nuisances, weights, ResidualsOf(model_), evaluator.AtNominal()) {
     for (const auto& run : ResidualsOf(model_)) {
       for (const auto& channel : run) data_rows_ += static_cast<int>(channel.size());
     }
-    const int free = model_.size() + static_cast<int>(nuisances.columns.size());
-    set_num_residuals(data_rows_ + free);
-    mutable_parameter_block_sizes()->push_back(free);
+    set_num_residuals(data_rows_ + followers_.size() + model_.size());
+    mutable_parameter_block_sizes()->push_back(model_.size());
   }
 
   /// Simulates each point once: the solver asks for residuals first and for derivatives there later.
@@ -74,34 +177,23 @@ class Cost final : public ceres::CostFunction {
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
     try {
-      const int n = model_.size(), extra = static_cast<int>(nuisances_.columns.size());
+      const int n = model_.size();
       Model model = model_;
       for (int k = 0; k < n; ++k) model.values[k] = parameters[0][k] * Scale(k);
-      const Residuals& at = ResidualsOf(model);
       Eigen::Map<Eigen::VectorXd> out(residuals, num_residuals());
-      Stack(at, at, 1, out.head(data_rows_));
-      Eigen::VectorXd column(data_rows_);
-      for (int e = 0; e < extra; ++e) {
-        Stack(nuisances_.columns[e], at, nuisances_.prior[e], column);
-        out.head(data_rows_) -= parameters[0][n + e] * column;
-      }
+      Fill(ResidualsOf(model), ResidualsOf(model), true, 1, out);
       for (int k = 0; k < n; ++k)
-        out[data_rows_ + k] = 1e-3 * (parameters[0][k] - model_.parameter(k).nominal / Scale(k));
-      for (int e = 0; e < extra; ++e) out[data_rows_ + n + e] = parameters[0][n + e];
+        out[num_residuals() - n + k] = 1e-3 * (parameters[0][k] - model_.parameter(k).nominal / Scale(k));
       if (jacobians == nullptr || jacobians[0] == nullptr) return true;
       Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> J(
-          jacobians[0], num_residuals(), n + extra);
-      J.setZero();
+          jacobians[0], num_residuals(), n);
+      Eigen::VectorXd column(num_residuals());
       const std::vector<Column>& sensitivities = SensitivitiesOf(model);
       for (int k = 0; k < n; ++k) {
-        Stack(sensitivities[k], linear_.residuals, -Scale(k), column);
-        J.col(k).head(data_rows_) = column;
-        J(data_rows_ + k, k) = 1e-3;
-      }
-      for (int e = 0; e < extra; ++e) {
-        Stack(nuisances_.columns[e], linear_.residuals, -nuisances_.prior[e], column);
-        J.col(n + e).head(data_rows_) = column;
-        J(data_rows_ + n + e, n + e) = 1;
+        Fill(sensitivities[k], linear_.residuals, false, -Scale(k), column);
+        column.tail(n).setZero();
+        column[num_residuals() - n + k] = 1e-3;
+        J.col(k) = column;
       }
       return true;
     } catch (const std::exception&) {
@@ -112,29 +204,30 @@ class Cost final : public ceres::CostFunction {
   double Scale(int k) const { return ScaleOf(model_.parameter(k)); }
 
  private:
-  /// sqrt(w) times factor times the channels of `like`.
+  /// factor times the rows of `values` in the channels of `like`, nuisances following them (`pulled`: or
+  /// their change).
   template <class Out>
-  void Stack(const Residuals& values, const Residuals& like, double factor, Out&& out) const {
+  void Fill(const Residuals& values, const Residuals& like, bool pulled, double factor, Out& out) const {
+    const Eigen::VectorXd following =
+        followers_.size() > 0 ? followers_.Follow(values, pulled) : Eigen::VectorXd();
     int row = 0;
-    for (std::size_t i = 0; i < like.size(); ++i) {
-      for (std::size_t c = 0; c < like[i].size(); ++c) {
-        const int size = static_cast<int>(like[i][c].size());
+    for (int i = 0; i < static_cast<int>(like.size()); ++i) {
+      for (int c = 0; c < static_cast<int>(like[i].size()); ++c) {
+        const auto size = like[i][c].size();
         if (size == 0) continue;
-        if (values[i].empty() || values[i][c].size() == 0) {
-          out.segment(row, size).setZero();
-        } else {
-          out.segment(row, size) = factor *
-                                   weights_(static_cast<int>(i), static_cast<int>(c)).array().sqrt() *
-                                   values[i][c].array();
-        }
-        row += size;
+        const bool has = !values[i].empty() && values[i][c].size() > 0;
+        Eigen::VectorXd r = has ? values[i][c] : Eigen::VectorXd::Zero(size);
+        followers_.Subtract(i, c, following, r);
+        out.segment(row, size) = factor * weights_(i, c).array().sqrt() * r.array();
+        row += static_cast<int>(size);
       }
     }
+    if (followers_.size() > 0)
+      out.segment(row, followers_.size()) = factor * followers_.Rows(following, pulled);
   }
 
   const Evaluator& evaluator_;
   const Weights& weights_;
-  const Nuisances& nuisances_;
   Model model_;
   unsigned cuts_;
   int data_rows_ = 0;
@@ -149,6 +242,7 @@ class Cost final : public ceres::CostFunction {
     }
   };
   mutable Point tried_, linear_;  // last points of a residual and of a derivative evaluation
+  Followers followers_;
 };
 
 /// Jackknife covariance of the estimates without each fold. It includes model discrepancy, by which folds
@@ -163,7 +257,7 @@ Eigen::MatrixXd CovarianceOf(const std::vector<Eigen::VectorXd>& estimates) {
 }
 
 /// Moves the solver's variables to the optimum within their bounds: the parameters of `start` in units of
-/// their scales, then the nuisances.
+/// their scales.
 void Minimise(Cost& cost, const Model& start, int iterations, std::vector<double>& x) {
   ceres::Problem::Options owner;
   owner.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -229,16 +323,19 @@ void AddUnknownDelay(double unknown_s, Fit& fit) {
 
 Nuisances Nuisances::Beside(const Model& model) const {
   Nuisances beside;
-  for (std::size_t e = 0; e < candidates.size(); ++e) {
+  for (const Nuisance& nuisance : *this) {
     const bool own = std::any_of(model.parts.begin(), model.parts.end(),
-                                 [&](const Candidate& c) { return c.effect == candidates[e].effect; });
-    if (own) continue;
-    beside.candidates.push_back(candidates[e]);
-    beside.columns.push_back(columns[e]);
-    beside.prior.conservativeResize(beside.prior.size() + 1);
-    beside.prior[beside.prior.size() - 1] = prior[static_cast<int>(e)];
+                                 [&](const Candidate& c) { return c.effect == nuisance.effect; });
+    if (!own) beside.push_back(nuisance);
   }
   return beside;
+}
+
+void Nuisances::AddTo(std::vector<const Column*>& columns, Bounds& bounds) const {
+  for (const Nuisance& nuisance : *this) {
+    columns.push_back(nuisance.column.get());
+    bounds.AddNuisance(nuisance.prior, nuisance.center);
+  }
 }
 
 double Fitter::Lost(const Fit& fit, int k, double value) const {
@@ -247,8 +344,7 @@ double Fitter::Lost(const Fit& fit, int k, double value) const {
   const Residuals at = evaluator_.At(held.Robot(evaluator_.nominal()), CutsOf(evaluator_, held));
   std::vector<const Column*> columns;
   Bounds bounds;
-  for (const auto& column : nuisances_.columns) columns.push_back(&column);
-  for (const double deviation : nuisances_.prior) bounds.AddNuisance(deviation);
+  nuisances_.AddTo(columns, bounds);
   for (int o = 0; o < held.size(); ++o) {
     if (o == k) continue;
     columns.push_back(&fit.columns[o]);
@@ -261,14 +357,14 @@ double Fitter::Lost(const Fit& fit, int k, double value) const {
 }
 
 void Fit::Rescore(const Weights& weights, const Residuals& rest) {
-  score = LogScore(weights, residuals, rest);
-  held_out_score = LogScore(weights, held_out, rest) - (only_fold >= 0 ? kOnlyFoldCost : 0);
+  score = LogScore(weights, residuals, rest) + log_prior;
+  held_out_score = LogScore(weights, held_out, rest) + log_prior - (only_fold >= 0 ? kOnlyFoldCost : 0);
 }
 
 Fit Fitter::Refit(const Model& start, int iterations) const {
   const unsigned cuts = CutsOf(evaluator_, start);
-  const int n = start.size(), extra = static_cast<int>(nuisances_.columns.size());
-  std::vector<double> x(n + extra, 0.0);
+  const int n = start.size();
+  std::vector<double> x(n, 0.0);
   Model first = start;  // exactly as the solver's variables return it, so that this point is cached
   for (int k = 0; k < n; ++k) {
     const auto& p = start.parameter(k);
@@ -284,28 +380,30 @@ Fit Fitter::Refit(const Model& start, int iterations) const {
 }
 
 void Fitter::HoldOutByStep(const Model& start, const Residuals& at, Fit& fit) const {
-  const int n = start.size(), extra = static_cast<int>(nuisances_.columns.size());
+  const int n = start.size(), extra = static_cast<int>(nuisances_.size());
   // Folds: one Gauss-Newton step from the common optimum, on each fold's complement.
   std::vector<const Column*> columns;
+  Bounds bounds;
   for (const auto& column : fit.columns) columns.push_back(&column);
-  for (const auto& column : nuisances_.columns) columns.push_back(&column);
+  for (int k = 0; k < n; ++k) bounds.Add(start.parameter(k), fit.model.values[k]);
+  nuisances_.AddTo(columns, bounds);
   // Nuisances also act on channels outside these cuts; nominal residuals are used there.
   const Residuals& rest = evaluator_.AtNominal();
   const Normal normal = Accumulate(columns, at, rest, weights_, folds_);
-  Bounds bounds;
-  for (int k = 0; k < n; ++k) bounds.Add(start.parameter(k), fit.model.values[k]);
-  for (const double deviation : nuisances_.prior) bounds.AddNuisance(deviation);
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n + extra, n + extra);
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n + extra);
   for (std::size_t f = 0; f < normal.A.size(); ++f) A += normal.A[f], b += normal.b[f];
-  const Eigen::MatrixXd regular = bounds.prior.array().square().inverse().matrix().asDiagonal();
+  const Eigen::MatrixXd regular = bounds.Precision();
+  const Eigen::VectorXd pull = regular * bounds.center;
   // The model's own parameters are at their optimum; only the nuisances are refitted to all data.
   const auto leave_out = [&](int fold) {
     const Eigen::MatrixXd Af = fold < 0 ? A : Eigen::MatrixXd(A - normal.A[fold]);
     const Eigen::VectorXd bf = fold < 0 ? b : Eigen::VectorXd(b - normal.b[fold]);
-    return Bounded(Af + regular, bf, bounds.lower, bounds.upper);
+    return Bounded(Af + regular, bf + pull, bounds.lower, bounds.upper);
   };
   const Eigen::VectorXd all = leave_out(-1);
+  fit.nuisances = all.tail(extra);
+  fit.log_prior = bounds.LogPrior(all);
   fit.only_fold = OnlyFold(normal, n);
   std::vector<Eigen::VectorXd> without;
   for (int f = 0; f < folds_.count; ++f) without.push_back(f == fit.only_fold ? all : leave_out(f));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -12,14 +13,18 @@
 
 namespace tendril::gap {
 
-/// Constants that every model may adjust: columns with their prior standard deviations.
-struct Nuisances {
-  std::vector<Candidate> candidates;
-  std::vector<Column> columns;
-  Eigen::VectorXd prior;
+/// A constant that every model may adjust, about the robot of the evaluator.
+struct Nuisance {
+  const sim::Effect* effect = nullptr;  // that it is a parameter of; null: numbers of the robot file together
+  std::shared_ptr<const Column> column;
+  double prior = 0;   // standard deviation
+  double center = 0;  // of the prior
+};
 
+struct Nuisances : std::vector<Nuisance> {
   /// Those that are not parameters of the model itself.
   Nuisances Beside(const Model& model) const;
+  void AddTo(std::vector<const Column*>& columns, Bounds& bounds) const;
 };
 
 struct Fit {
@@ -32,7 +37,9 @@ struct Fit {
   Eigen::MatrixXd covariance;   // of model.values, scaled by the remaining residual
   Eigen::MatrixXd scatter;      // jackknife part of it, from the estimates without each fold
   std::vector<Column> columns;  // at the optimum, by parameter
-  double score = 0, held_out_score = 0;  // log scores over all channels
+  Eigen::VectorXd nuisances;    // their changes, at the optimum
+  double log_prior = 0;         // of the nuisances, over that at no change
+  double score = 0, held_out_score = 0;  // log scores over all channels, with it
   std::optional<double> quiet;           // subtracted from both: gain by less noise, see SubtractNoiseGain
 
   /// Recomputes the scores with newer weights; `rest` as for LogScore.

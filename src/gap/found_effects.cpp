@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "file_numbers.h"
 #include "tendril/core/version.h"
 
 namespace tendril::gap {
@@ -31,6 +32,16 @@ std::vector<EffectSetting> FoundEffects(const Diagnosis& diagnosis) {
   return effects;
 }
 
+RobotParameters WithLearnedNumbers(const RobotParameters& file, const Diagnosis& diagnosis) {
+  RobotParameters robot = file;
+  for (const FileNumber& number : FileNumbers(file)) {
+    const auto learned = std::find_if(diagnosis.learned.begin(), diagnosis.learned.end(),
+                                      [&](const LearnedNumber& n) { return n.key == number.key; });
+    if (learned != diagnosis.learned.end()) number.apply(robot, number.ChangeTo(learned->value));
+  }
+  return robot;
+}
+
 std::vector<std::string> Provenance(const Diagnosis& d, const std::string& report) {
   std::vector<std::string> lines{
       fmt::format("Patched by `tendril gap apply` ({}) from {}:", Version(), report)};
@@ -42,6 +53,8 @@ std::vector<std::string> Provenance(const Diagnosis& d, const std::string& repor
       line += fmt::format(", {} {:.4g} [{:.4g}, {:.4g}]", name, value.value, value.low, value.high);
     lines.push_back(line);
   }
+  for (const LearnedNumber& n : d.learned)
+    lines.push_back(fmt::format("learned {}: {:.6g}, was {:.6g}", n.key, n.value, n.in_file));
   if (d.closed) {
     lines.push_back(fmt::format("closes {:.1f} % [{:.1f}, {:.1f}] of the gap on held-out runs",
                                 100 * d.closed->value, 100 * d.closed->low, 100 * d.closed->high));

@@ -69,10 +69,51 @@ std::optional<double> DeviationOf(const FileNumber& number, const Uncertainty& u
 
 RobotParameters FreeNumbers::Robot(const RobotParameters& file, const Eigen::VectorXd& x) const {
   RobotParameters robot = file;
-  for (int k = 0; k < size(); ++k) {
-    if (x[k] != 0) numbers[static_cast<std::size_t>(k)].apply(robot, x[k]);
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    const double change = x[static_cast<Eigen::Index>(k)];
+    if (change != 0) numbers[k].apply(robot, change);
   }
-  return robot;
+  return cause ? CauseAt(x).Robot(robot) : robot;
+}
+
+Model FreeNumbers::CauseAt(const Eigen::VectorXd& x) const {
+  Model at = *cause;
+  if (!cause_is_free) return at;
+  const Eigen::VectorXd changes = x.tail(at.size());
+  for (int k = 0; k < at.size(); ++k) {
+    const sim::EffectParameter& p = at.parameter(k);
+    at.values[k] = std::clamp(p.nominal + changes[k] * ScaleOf(p), p.lower, p.upper);
+  }
+  return at;
+}
+
+FreeNumbers FreeNumbers::With(const Model& its) const {
+  FreeNumbers with = *this;
+  with.cause = its;
+  return with;
+}
+
+FreeNumbers FreeNumbers::WithFree(const Model& its) const {
+  constexpr double kFlat = 30;  // plainly visible deviations
+  FreeNumbers with = With(its);
+  with.cause_is_free = true;
+  const int n = size(), all = with.size();
+  with.deviation.conservativeResize(all);
+  with.deviation.tail(its.size()).setConstant(kFlat);
+  with.precision.setZero(all, all);
+  with.precision.topLeftCorner(n, n) = precision;
+  with.precision.diagonal().tail(its.size()).setConstant(1 / (kFlat * kFlat));
+  return with;
+}
+
+Eigen::VectorXd FreeNumbers::StartAt(const Eigen::VectorXd& of_numbers) const {
+  Eigen::VectorXd x(size());
+  x.head(of_numbers.size()) = of_numbers;
+  for (int k = 0; cause_is_free && k < cause->size(); ++k) {
+    const sim::EffectParameter& p = cause->parameter(k);
+    x[static_cast<Eigen::Index>(numbers.size()) + k] = (cause->values[k] - p.nominal) / ScaleOf(p);
+  }
+  return x;
 }
 
 FreeNumbers FreeNumbersOf(const RobotParameters& file) {

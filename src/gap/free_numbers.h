@@ -2,10 +2,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "file_numbers.h"
+#include "hypothesis.h"
 
 namespace tendril::gap {
 
@@ -15,9 +17,20 @@ struct FreeNumbers {
   Eigen::VectorXd deviation;       // prior standard deviation of each change
   Eigen::MatrixXd precision;       // inverse of the prior covariance
   std::vector<std::string> known;  // keys of numbers taken as exact
+  std::optional<Model> cause{};    // that the robot has besides
+  /// Its parameters change too: after the numbers, in plainly visible deviations from no effect.
+  bool cause_is_free = false;
 
-  int size() const { return static_cast<int>(numbers.size()); }
+  int size() const { return static_cast<int>(numbers.size()) + (cause_is_free ? cause->size() : 0); }
   RobotParameters Robot(const RobotParameters& file, const Eigen::VectorXd& x) const;
+  /// With a cause of free size; a nearly flat prior.
+  FreeNumbers WithFree(const Model& its) const;
+  /// With a cause as it is.
+  FreeNumbers With(const Model& its) const;
+  /// The cause at x.
+  Model CauseAt(const Eigen::VectorXd& x) const;
+  /// Changes of the numbers, then those of a free cause at its present values.
+  Eigen::VectorXd StartAt(const Eigen::VectorXd& of_numbers) const;
 };
 
 /// Priors are those of the file, else the usual ones of such numbers. Holes drilled alike are off alike:

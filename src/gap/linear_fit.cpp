@@ -72,6 +72,9 @@ Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& pa
   Normal normal;
   normal.A.assign(folds.count, Eigen::MatrixXd::Zero(n, n));
   normal.b.assign(folds.count, Eigen::VectorXd::Zero(n));
+  const Weights::Products* products = weights.products();
+  std::vector<int> known(n, -1);
+  for (int a = 0; products != nullptr && a < n; ++a) known[a] = products->IndexOf(columns[a]);
   const auto add = [&](int fold, int run, int channel, int from, int count) {
     const auto& r = Pick(part, rest, run, channel);
     const auto w = weights(run, channel).segment(from, count).array();
@@ -81,7 +84,9 @@ Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& pa
       if (ja.empty() || ja[channel].size() == 0) continue;
       const Eigen::ArrayXd wj = w * ja[channel].segment(from, count).array();
       normal.b[fold][a] += (wj * rs).sum();
-      for (int b = 0; b <= a; ++b) {
+      for (int b = 0; b < n; ++b) {
+        // Each pair once, and those that are known not at all.
+        if ((known[a] >= 0 && known[b] >= 0) || (b > a && known[b] < 0) || (b < a && known[a] >= 0)) continue;
         const auto& jb = (*columns[b])[run];
         if (jb.empty() || jb[channel].size() == 0) continue;
         const double product = (wj * jb[channel].segment(from, count).array()).sum();
@@ -93,16 +98,15 @@ Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& pa
   for (int i = 0; i < static_cast<int>(rest.size()); ++i) {
     for (int c = 0; c < static_cast<int>(rest[i].size()); ++c) {
       const int windows = static_cast<int>(Pick(part, rest, i, c).size());
-      if (windows == 0) continue;
-      if (!folds.by_time) {
-        add(folds.of_run[i], i, c, 0, windows);
-        continue;
-      }
-      for (int f = 0, from = 0; f < folds.count; ++f) {
-        int to = from;
-        while (to < windows && folds.Of(i, to, windows) == f) ++to;
-        if (to > from) add(f, i, c, from, to - from);
-        from = to;
+      ForEachStretch(folds, i, windows, [&](int fold, int from, int count) { add(fold, i, c, from, count); });
+    }
+  }
+  for (int a = 0; a < n; ++a) {
+    for (int b = 0; b < n; ++b) {
+      if (known[a] < 0 || known[b] < 0) continue;
+      for (int f = 0; f < folds.count; ++f) {
+        for (int c = 0; c < products->channels(); ++c)
+          normal.A[f](a, b) += products->At(f, c, known[a], known[b]);
       }
     }
   }
@@ -111,30 +115,42 @@ Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& pa
 
 void Bounds::Add(const sim::EffectParameter& parameter, double value) {
   Append(prior, kPriorScales * ScaleOf(parameter));
+  Append(center, 0);
   Append(lower, parameter.lower - value);
   Append(upper, parameter.upper - value);
 }
 
-void Bounds::AddNuisance(double deviation) {
+void Bounds::AddNuisance(double deviation, double at) {
   Append(prior, deviation);
-  Append(lower, -3 * deviation);
-  Append(upper, 3 * deviation);
+  Append(center, at);
+  Append(lower, std::min(at, 0.0) - 3 * deviation);
+  Append(upper, std::max(at, 0.0) + 3 * deviation);
+}
+
+Eigen::MatrixXd Bounds::Precision() const { return prior.array().square().inverse().matrix().asDiagonal(); }
+
+double Bounds::LogPrior(const Eigen::VectorXd& change) const {
+  const auto of = [&](const auto& x) { return ((x - center).array() / prior.array()).square().sum(); };
+  return 0.5 * (of(Eigen::VectorXd::Zero(change.size()).eval()) - of(change));
 }
 
 LinearFit SolveLinear(const Normal& normal, const Bounds& bounds, int own) {
   const int n = normal.size();
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(n, n);
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
-  const Eigen::MatrixXd regular = bounds.prior.array().square().inverse().matrix().asDiagonal();
+  const Eigen::MatrixXd regular = bounds.Precision();
+  const Eigen::VectorXd pull = regular * bounds.center;
   for (std::size_t f = 0; f < normal.A.size(); ++f) A += normal.A[f], b += normal.b[f];
   LinearFit fit;
-  fit.value = Bounded(A + regular, b, bounds.lower, bounds.upper);
-  fit.score = fit.value.dot(b) - 0.5 * fit.value.dot(A * fit.value);
+  fit.value = Bounded(A + regular, b + pull, bounds.lower, bounds.upper);
+  const double prior = bounds.LogPrior(fit.value);
+  fit.score = fit.value.dot(b) - 0.5 * fit.value.dot(A * fit.value) + prior;
+  fit.held_out_score = prior;
   const int only = OnlyFold(normal, own);
   for (std::size_t f = 0; f < normal.A.size(); ++f) {
     const bool predicted = static_cast<int>(f) != only;
     const Eigen::VectorXd x =
-        predicted ? Bounded(A - normal.A[f] + regular, b - normal.b[f], bounds.lower, bounds.upper)
+        predicted ? Bounded(A - normal.A[f] + regular, b - normal.b[f] + pull, bounds.lower, bounds.upper)
                   : fit.value;
     fit.held_out_score += x.dot(normal.b[f]) - 0.5 * x.dot(normal.A[f] * x) - (predicted ? 0 : kOnlyFoldCost);
   }

@@ -26,17 +26,21 @@ Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& pa
 
 struct LinearFit {
   Eigen::VectorXd value;      // change of the parameters
-  double score = 0;           // gain in log score on the data it was fitted to
-  double held_out_score = 0;  // gain on held-out folds
+  double score = 0;           // gain in log score on the data it was fitted to, and in log prior
+  double held_out_score = 0;  // gain on held-out folds, and in log prior
 };
-/// Changes of parameters: standard deviations of a zero-mean Gaussian prior, and bounds.
+/// Changes of parameters: a Gaussian prior with its standard deviations about its centre, and bounds.
 struct Bounds {
-  Eigen::VectorXd prior, lower, upper;
+  Eigen::VectorXd prior, center, lower, upper;
 
   /// For a parameter at `value`, within its own bounds.
   void Add(const sim::EffectParameter& parameter, double value);
-  /// For a constant without bounds: three standard deviations.
-  void AddNuisance(double deviation);
+  /// For a constant without bounds: three standard deviations about the centre, and about no change.
+  void AddNuisance(double deviation, double at);
+  /// Inverse of the prior covariance.
+  Eigen::MatrixXd Precision() const;
+  /// Log of the prior's density at a change over that at none.
+  double LogPrior(const Eigen::VectorXd& change) const;
 };
 
 /// Least squares within prior and bounds. Where one of the first `own` parameters is determined by a single

@@ -242,7 +242,7 @@ void Searching::AddMembers(const Weights& weights, bool held_out_again) {
 }
 
 void Searching::FindPairs() {
-  const Weights weights(evaluator_, leftover_);
+  const Weights weights = WeightsNow();
   // Where no single place has an excess, a small one spread over many places still has a score.
   const bool left = !Explained(result_.fits.front());
   std::vector<Model> starts = PairStarts(result_.fits[0], weights, kPartners, left ? 1 : kPairGain);

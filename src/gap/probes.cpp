@@ -252,13 +252,13 @@ Probe WithEach(Probe probe, const std::vector<Probe>& probes, const std::vector<
   return probe;
 }
 
-std::vector<Probe> MakeProbes(const Evaluator& evaluator, const std::vector<std::string>& without,
-                              int threads, const std::function<void(double)>& progress) {
+std::vector<Probe> MakeProbes(const Evaluator& evaluator,
+                              const std::function<bool(const Candidate&)>& excluded, int threads,
+                              const std::function<void(double)>& progress) {
   std::vector<Candidate> candidates =
       AllCandidates(evaluator.nominal(), evaluator.has_cells(), evaluator.has_tracker());
   std::erase_if(candidates, [&](const Candidate& candidate) {
-    if (evaluator.zeros_from_rest() && candidate.effect->zero) return true;
-    return std::find(without.begin(), without.end(), candidate.effect->name) != without.end();
+    return (evaluator.zeros_from_rest() && candidate.effect->zero) || excluded(candidate);
   });
   std::vector<Probe> probes = Starts(evaluator, candidates);
   Differentiate(evaluator, probes, threads, progress);

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <functional>
-#include <string>
 #include <vector>
 
 #include "evaluator.h"
@@ -32,9 +31,10 @@ struct Probe {
 /// the sum of the places' columns. Empty where a place has none.
 Probe WithEach(Probe probe, const std::vector<Probe>& probes, const std::vector<double>& gains);
 
-/// Every start of every effect that these runs can show, at each of its places, except the effects named in
-/// `without`; those that cannot be simulated have zero columns. `progress`: from 0 to 1.
-std::vector<Probe> MakeProbes(const Evaluator& evaluator, const std::vector<std::string>& without,
-                              int threads, const std::function<void(double)>& progress);
+/// Every start of every effect that these runs can show, at each of its places, but for the candidates that
+/// are `excluded`; those that cannot be simulated have zero columns. `progress`: from 0 to 1.
+std::vector<Probe> MakeProbes(const Evaluator& evaluator,
+                              const std::function<bool(const Candidate&)>& excluded, int threads,
+                              const std::function<void(double)>& progress);
 
 }  // namespace tendril::gap

@@ -115,6 +115,14 @@ void Fields(A& a, typename A::template Ref<Profile> p) {
 }
 
 template <class A>
+void Fields(A& a, typename A::template Ref<LearnedNumber> n) {
+  a("key", n.key);
+  a("in_file", n.in_file);
+  a("value", n.value);
+  a("moved", n.moved);
+}
+
+template <class A>
 void Fields(A& a, typename A::template Ref<SuspectNumber> n) {
   a("key", n.key);
   a("in_file", n.in_file);
@@ -177,6 +185,7 @@ void Fields(A& a, typename A::template Ref<Diagnosis> d) {
   // "closed" combines several members: see WriteClosed and ReadClosed.
   a("order_effects", d.order_effects);
   a("leftover_sigma", d.leftover_sigma);
+  a("learned", d.learned);
   a("suspected", d.suspected);
   a("doubt", d.doubt);
   a("confusable", d.confusable);

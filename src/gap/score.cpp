@@ -75,8 +75,45 @@ Weights::Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover) {
   }
 }
 
+Weights::Products::Products(const std::vector<const Residuals*>& columns, const Weights& weights,
+                            const Folds& folds)
+    : columns_(columns) {
+  const int n = static_cast<int>(columns.size());
+  const int runs = static_cast<int>(weights.weight_.size()),
+            channels = static_cast<int>(weights.weight_[0].size());
+  sums_.assign(folds.count, std::vector<Eigen::MatrixXd>(channels, Eigen::MatrixXd::Zero(n, n)));
+  for (int i = 0; i < runs; ++i) {
+    for (int c = 0; c < channels; ++c) {
+      const auto& w = weights(i, c);
+      ForEachStretch(folds, i, static_cast<int>(w.size()), [&](int fold, int from, int count) {
+        Eigen::MatrixXd rooted = Eigen::MatrixXd::Zero(count, n);
+        const Eigen::VectorXd root = w.segment(from, count).cwiseSqrt();
+        for (int a = 0; a < n; ++a) {
+          const auto& run = (*columns[a])[i];
+          if (!run.empty() && run[c].size() > 0)
+            rooted.col(a) = root.cwiseProduct(run[c].segment(from, count));
+        }
+        sums_[fold][c].selfadjointView<Eigen::Lower>().rankUpdate(rooted.transpose());
+      });
+    }
+  }
+  for (auto& fold : sums_) {
+    for (Eigen::MatrixXd& sum : fold) sum = Eigen::MatrixXd(sum.selfadjointView<Eigen::Lower>());
+  }
+}
+
+int Weights::Products::IndexOf(const Residuals* column) const {
+  const auto found = std::find(columns_.begin(), columns_.end(), column);
+  return found == columns_.end() ? -1 : static_cast<int>(found - columns_.begin());
+}
+
+void Weights::Multiply(const std::vector<const Residuals*>& columns, const Folds& folds) {
+  products_ = columns.empty() ? nullptr : std::make_shared<const Products>(columns, *this, folds);
+}
+
 Weights Weights::Without(const Folds& folds, int fold) const {
   Weights others = *this;
+  others.products_ = nullptr;
   for (std::size_t i = 0; i < weight_.size(); ++i) {
     for (auto& weights : others.weight_[i]) {
       const int windows = static_cast<int>(weights.size());

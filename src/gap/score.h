@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <vector>
 
 #include "evaluator.h"
@@ -35,14 +36,55 @@ Folds MakeFolds(const std::vector<PreparedRun>& runs);
 /// a correlation time and n those of the run.
 class Weights {
  public:
+  /// Sums of w j j' of some columns by fold, of each channel: computed once, and used by everything that adds
+  /// these columns to others.
+  class Products;
+
   Weights(const Evaluator& evaluator, const Eigen::VectorXd& leftover);
+  /// Computes the products of these columns, which have to outlive the weights.
+  void Multiply(const std::vector<const Residuals*>& columns, const Folds& folds);
+  const Products* products() const { return products_.get(); }
   const Eigen::VectorXd& operator()(int run, int channel) const { return weight_[run][channel]; }
   /// The same with zero weight in the windows of a fold.
   Weights Without(const Folds& folds, int fold) const;
 
  private:
   Residuals weight_;
+  std::shared_ptr<const Products> products_;
 };
+
+class Weights::Products {
+ public:
+  Products(const std::vector<const Residuals*>& columns, const Weights& weights, const Folds& folds);
+  /// Its place here, or -1.
+  int IndexOf(const Residuals* column) const;
+  double At(int fold, int channel, int a, int b) const { return sums_[fold][channel](a, b); }
+  double At(int channel, int a, int b) const {
+    double sum = 0;
+    for (const auto& fold : sums_) sum += fold[channel](a, b);
+    return sum;
+  }
+  int channels() const { return static_cast<int>(sums_.front().size()); }
+
+ private:
+  std::vector<const Residuals*> columns_;
+  std::vector<std::vector<Eigen::MatrixXd>> sums_;  // by fold and channel
+};
+
+/// Calls with fold, begin and length of each stretch of a run's windows that is in one fold.
+template <class Call>
+void ForEachStretch(const Folds& folds, int run, int windows, const Call& call) {
+  if (!folds.by_time) {
+    if (windows > 0) call(folds.of_run[run], 0, windows);
+    return;
+  }
+  for (int f = 0, from = 0; f < folds.count; ++f) {
+    int to = from;
+    while (to < windows && folds.Of(run, to, windows) == f) ++to;
+    if (to > from) call(f, from, to - from);
+    from = to;
+  }
+}
 
 /// -1/2 sum of w r^2 over the channels of `part`; channels that it lacks are taken from `rest`.
 double LogScore(const Weights& weights, const Residuals& part, const Residuals& rest);

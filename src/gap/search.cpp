@@ -76,21 +76,28 @@ Searching::Searching(const Evaluator& evaluator, const Folds& folds, const Searc
 }
 
 void Searching::FindNuisances() {
+  result_.nuisances = options_.numbers;
   for (const Probe& probe : probes_) {
     const auto& c = probe.candidate;
     const bool frame = evaluator_.frame() && c.effect->frame;
     if ((!c.effect->nuisance && !frame) || c.target) continue;
     for (std::size_t k = 0; k < probe.primary.size(); ++k) {
       const sim::EffectParameter& parameter = c.parameters[probe.primary[k]];
-      result_.nuisances.candidates.push_back(c);
-      result_.nuisances.columns.push_back(probe.columns[k]);
-      result_.nuisances.prior.conservativeResize(static_cast<int>(result_.nuisances.columns.size()));
-      result_.nuisances.prior[static_cast<int>(result_.nuisances.columns.size()) - 1] =
-          !frame                             ? kNuisancePrior * ScaleOf(parameter)
-          : parameter.name.ends_with("_rad") ? TrackerFrame::kTurn_rad
-                                             : TrackerFrame::Shift_m(evaluator_.nominal());
+      const double prior = !frame                             ? kNuisancePrior * ScaleOf(parameter)
+                           : parameter.name.ends_with("_rad") ? TrackerFrame::kTurn_rad
+                                                              : TrackerFrame::Shift_m(evaluator_.nominal());
+      result_.nuisances.push_back({c.effect, std::make_shared<Column>(probe.columns[k]), prior, 0});
     }
   }
+}
+
+Weights Searching::WeightsNow() const {
+  std::vector<const Column*> columns;
+  Bounds bounds;
+  result_.nuisances.AddTo(columns, bounds);
+  Weights weights(evaluator_, leftover_);
+  weights.Multiply(columns, folds_);
+  return weights;
 }
 
 std::vector<Screened> Searching::Screen(const Weights& weights) const {
@@ -105,10 +112,10 @@ std::vector<Screened> Searching::Screen(const Weights& weights) const {
     Bounds bounds;
     for (const auto& column : probe.columns) columns.push_back(&column);
     for (const int k : s.primary) bounds.Add(s.start.parameter(k), s.start.values[k]);
-    for (std::size_t e = 0; e < result_.nuisances.candidates.size(); ++e) {
-      if (result_.nuisances.candidates[e].effect == s.candidate.effect) continue;
-      columns.push_back(&result_.nuisances.columns[e]);
-      bounds.AddNuisance(result_.nuisances.prior[static_cast<int>(e)]);
+    for (const Nuisance& nuisance : result_.nuisances) {
+      if (nuisance.effect == s.candidate.effect) continue;
+      columns.push_back(nuisance.column.get());
+      bounds.AddNuisance(nuisance.prior, nuisance.center);
     }
     s.linear = SolveLinear(Accumulate(columns, nominal_, nominal_, weights, folds_), bounds,
                            static_cast<int>(s.primary.size()));
@@ -143,8 +150,7 @@ std::vector<Screened> Searching::Screen(const Weights& weights) const {
 double Searching::BaseScore(const Weights& weights) const {
   std::vector<const Column*> columns;
   Bounds bounds;
-  for (const auto& column : result_.nuisances.columns) columns.push_back(&column);
-  for (const double prior : result_.nuisances.prior) bounds.AddNuisance(prior);
+  result_.nuisances.AddTo(columns, bounds);
   if (columns.empty()) return LogScore(weights, nominal_, nominal_);
   const LinearFit fit = SolveLinear(Accumulate(columns, nominal_, nominal_, weights, folds_), bounds);
   return LogScore(weights, nominal_, nominal_) + fit.held_out_score;
@@ -153,7 +159,7 @@ double Searching::BaseScore(const Weights& weights) const {
 void Searching::ScreenAll() {
   leftover_ = Eigen::VectorXd::Zero(static_cast<int>(evaluator_.channels().size()));
   for (int pass = 0; pass < 2; ++pass) {
-    const Weights weights(evaluator_, leftover_);
+    const Weights weights = WeightsNow();
     result_.screened = Screen(weights);
     result_.base_score = BaseScore(weights);
     if (pass == 1) break;
@@ -249,7 +255,7 @@ void Searching::RefitBest() {
     chosen.push_back(k);
   }
   {
-    const Weights weights(evaluator_, leftover_);
+    const Weights weights = WeightsNow();
     std::vector<Model> starts;
     for (const int k : chosen) starts.push_back(StartOf(result_.screened[k]));
     result_.fits = Refit(starts, weights, kIterations, {0.1, 0.5});
@@ -257,7 +263,7 @@ void Searching::RefitBest() {
   if (result_.fits.empty()) return;
   {
     // A look-alike of the best may be behind others to first order and still be the cause.
-    const Weights weights(evaluator_, leftover_);
+    const Weights weights = WeightsNow();
     const sim::Effect& best = *result_.fits.front().model.parts.front().effect;
     std::vector<Model> starts;
     for (const Screened& s : result_.screened) {
@@ -270,7 +276,7 @@ void Searching::RefitBest() {
   }
   // Again from the optimum, with the residual that the best really leaves.
   leftover_ = Leftover(evaluator_, result_.fits.front().residuals);
-  const Weights weights(evaluator_, leftover_);
+  const Weights weights = WeightsNow();
   // If a gap remains, a fit that has not converged may be the cause: large effects take more steps.
   const bool far = !Explained(result_.fits.front());
   const auto others = result_.fits.begin() + std::min<std::ptrdiff_t>(kPolished, std::ssize(result_.fits));
@@ -285,7 +291,7 @@ void Searching::RefitBest() {
 
 /// All numbers of the nominal file together, to first order.
 void Searching::RefitEverything() {
-  const Weights weights(evaluator_, leftover_);
+  const Weights weights = WeightsNow();
   std::vector<const Column*> columns;
   std::vector<double> prior;
   for (const auto& s : result_.screened) {
@@ -298,9 +304,10 @@ void Searching::RefitEverything() {
       result_.everything_moved.emplace_back(s.candidate, 0.0);
     }
   }
-  for (std::size_t e = 0; evaluator_.frame() && e < result_.nuisances.columns.size(); ++e) {
-    columns.push_back(&result_.nuisances.columns[e]);
-    prior.push_back(result_.nuisances.prior[static_cast<int>(e)]);
+  for (const Nuisance& nuisance : result_.nuisances) {
+    if (nuisance.effect != nullptr && !evaluator_.frame()) continue;
+    columns.push_back(nuisance.column.get());
+    prior.push_back(nuisance.prior);
   }
   if (!columns.empty()) {
     const int n = static_cast<int>(columns.size());
@@ -342,7 +349,7 @@ SearchResult Searching::Result() {
   ScreenAll();
   RefitBest();
   result_.leftover = leftover_;
-  if (!result_.fits.empty()) FindPairs();
+  if (!result_.fits.empty() && options_.pairs) FindPairs();
   RefitEverything();
   return std::move(result_);
 }
@@ -350,6 +357,18 @@ SearchResult Searching::Result() {
 SearchResult Search(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options,
                     const std::vector<Probe>& probes) {
   return Searching(evaluator, folds, options, probes).Result();
+}
+
+std::vector<Model> LikelyCauses(const SearchResult& search) {
+  constexpr std::size_t kMost = 4;
+  std::vector<Model> causes;
+  for (const Fit& fit : search.fits) {
+    const bool tried = std::any_of(causes.begin(), causes.end(), [&](const Model& other) {
+      return other.parts.front().effect == fit.model.parts.front().effect;
+    });
+    if (!tried && causes.size() < kMost) causes.push_back(fit.model);
+  }
+  return causes;
 }
 
 }  // namespace tendril::gap

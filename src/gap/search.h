@@ -31,7 +31,9 @@ struct Screened {
 struct SearchOptions {
   int threads = 1;
   int refits = 8;
+  bool pairs = true;  // are searched too
   std::function<void(double)> progress;
+  Nuisances numbers{};  // of the robot file, where they were learned from the runs
   /// True when these residuals leave no excess at any place: only second causes that promise kPairGain are
   /// tried then, for small excesses spread over many places.
   std::function<bool(const Residuals&)> explained;
@@ -48,6 +50,9 @@ struct SearchResult {
   Eigen::VectorXd leftover;  // per channel: residual of the best single cause beyond the noise
   Nuisances nuisances;
 };
+
+/// The best single causes, of different effects.
+std::vector<Model> LikelyCauses(const SearchResult& search);
 
 /// Searches among the candidates of `probes`, which may come from another evaluator of the same runs:
 /// responses do not depend on the floors.

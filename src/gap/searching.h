@@ -34,6 +34,8 @@ class Searching {
     if (options_.progress) options_.progress(fraction);
   }
   void FindNuisances();
+  /// Weights with the present leftover, and the products of the nuisances.
+  Weights WeightsNow() const;
   std::vector<Screened> Screen(const Weights& weights) const;
   double BaseScore(const Weights& weights) const;
   void ScreenAll();

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <set>
 #include <string_view>
 #include <utility>
@@ -141,6 +142,13 @@ std::string ClosedText(const Diagnosis& d) {
   return closed + left;
 }
 
+/// To go on after a comma; "C2 ..." keeps its capital.
+std::string LowerFirst(std::string sentence) {
+  if (sentence.size() > 1 && std::islower(static_cast<unsigned char>(sentence[1])))
+    sentence[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(sentence[0])));
+  return sentence;
+}
+
 }  // namespace
 
 std::string Sentence(const Diagnosis& d, const RobotParameters& robot, const std::string& hiding) {
@@ -213,6 +221,24 @@ std::string FewRunsRemark(const Diagnosis& d, const std::map<std::string, double
       names, few == 1 ? "" : "up to ", most, d.runs.size() - few, few == 1 ? "it" : "them");
 }
 
+std::string WithLearned(const std::string& sentence, const std::vector<LearnedNumber>& learned) {
+  constexpr std::size_t kNames = 4;
+  constexpr double kMoved = 0.3;  // deviations of the prior
+  if (learned.empty()) return sentence;
+  std::string numbers;
+  for (std::size_t k = 0; k < std::min(kNames, learned.size()); ++k) {
+    const LearnedNumber& n = learned[k];
+    if (k > 0 && std::abs(n.moved) < kMoved) break;
+    numbers +=
+        fmt::format("{}{} {:.4g} where the file has {:.4g}", k > 0 ? ", " : "", n.key, n.value, n.in_file);
+  }
+  return fmt::format(
+      "With the numbers of the robot file as these runs tell them, within its uncertainty ({}{}; `tendril "
+      "gap "
+      "apply` writes them): {}",
+      numbers, learned.size() > kNames ? ", ..." : "", LowerFirst(sentence));
+}
+
 std::string WithLeftOut(const std::string& sentence, const std::vector<std::string>& notes,
                         std::size_t used) {
   constexpr std::string_view kMark = "left out: ";
@@ -244,11 +270,8 @@ std::string WithLeftOut(const std::string& sentence, const std::vector<std::stri
     reasons += (names.size() > kNames ? ", ..." : "") + std::string(names.empty() ? "" : ": ") + reason;
   }
   if (by_reason.size() > kReasons) reasons += "; ...";
-  std::string rest = sentence;
-  // "C2 ..." keeps its capital.
-  if (rest.size() > 1 && std::islower(static_cast<unsigned char>(rest[1])))
-    rest[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(rest[0])));
-  return fmt::format("With {} of {} runs left out ({}), {}", left_out, left_out + used, reasons, rest);
+  return fmt::format("With {} of {} runs left out ({}), {}", left_out, left_out + used, reasons,
+                     LowerFirst(sentence));
 }
 
 }  // namespace tendril::gap

@@ -28,6 +28,9 @@ std::string Preface(const Diagnosis& d);
 /// of their model error to that of the other runs.
 std::string FewRunsRemark(const Diagnosis& d, const std::map<std::string, double>& missed);
 
+/// The sentence preceded by the numbers of the file that were learned for it, those furthest from the file.
+std::string WithLearned(const std::string& sentence, const std::vector<LearnedNumber>& learned);
+
 /// The sentence preceded by the runs it does not use: "With 2 of 7 runs left out (a, b: too short), the gap
 /// lies ...". Only lines of `notes` of the form "left out: NAME: reason" count.
 std::string WithLeftOut(const std::string& sentence, const std::vector<std::string>& notes, std::size_t used);

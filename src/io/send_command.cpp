@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <vector>
 
 #include "tendril/core/clock.h"
 #include "tendril/core/status.h"
@@ -107,8 +108,7 @@ class Conversation {
 
   void Publish() {
     RequireNotStopped();
-    sequence_ = io::Publish(client_, command_, call_.url);
-    if (first_ == kNotSent) first_ = sequence_;
+    sent_.push_back(io::Publish(client_, command_, call_.url));
     sent_ns_ = clock_.Now();
   }
 
@@ -149,9 +149,8 @@ class Conversation {
 
   void Hear(const State& state) {
     latest_ = state;
-    if (settled_ || first_ == kNotSent || state.command_sequence < first_ ||
-        state.command_sequence > sequence_)
-      return;
+    // Another operator's command may have a number between two of these.
+    if (settled_ || std::find(sent_.begin(), sent_.end(), state.command_sequence) == sent_.end()) return;
     answered_ = true;
     // Drives that a clear starts again take a moment, in which nothing is to be said yet.
     settled_ = !Is(command_, ModeRequest::kClear) || state.command_status != 0 ||
@@ -164,13 +163,11 @@ class Conversation {
     throw std::runtime_error(NobodyAnswers(call_.url, call_.channel_prefix, call_.timeout_s, client_));
   }
 
-  static constexpr std::int64_t kNotSent = -1;  // sequence numbers are never negative
-
   const CommandCall& call_;
   Command command_;
   Client client_;
   MonotonicClock clock_;
-  std::int64_t first_ = kNotSent, sequence_ = kNotSent;  // between them are this conversation's alone
+  std::vector<std::int64_t> sent_;  // numbers of this command, once more for each repetition
   TimeNs sent_ns_ = 0;
   bool answered_ = false, settled_ = false;
   State latest_{}, answer_{};

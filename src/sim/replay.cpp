@@ -30,12 +30,24 @@ using Eigen::VectorXd;
 
 // Longest step of the body's integrator: 0.01 mm at the tip for motions up to 10 Hz.
 constexpr double kLongestStep_s = 1.05e-3;
+// Displacement below which the friction of pulleys may not build up: some ten times what the body's
+// integrator resolves. No sensor shows less, and its steps would not converge.
+constexpr double kLeastPresliding_m = 5e-7;
+
+RobotParameters Resolvable(RobotParameters robot) {
+  if (!robot.actuation) return robot;
+  for (TendonDriveParameters& drive : robot.actuation->tendons) {
+    double& presliding_m = drive.transmission.presliding_m;
+    if (presliding_m > 0) presliding_m = std::max(presliding_m, kLeastPresliding_m);
+  }
+  return robot;
+}
 
 }  // namespace
 
 struct Replay::Impl {
   explicit Impl(const RobotParameters& given)
-      : robot(FoldEffects(given)),
+      : robot(Resolvable(FoldEffects(given))),
         actuation(Actuation(robot, "a replay")),
         laws(PlantLaws::Of(robot)),
         sensor(actuation, laws.sensor),

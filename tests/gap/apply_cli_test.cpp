@@ -70,6 +70,26 @@ TEST_F(ApplyCommandTest, TheFindingIsInTheNewFileWithWhereItComesFrom) {
   EXPECT_EQ(Run("config check new.yaml"), 0) << error_;
 }
 
+TEST_F(ApplyCommandTest, NumbersLearnedAreAppliedWithTheCauseOrAlone) {
+  for (const Verdict verdict : {Verdict::kAttributed, Verdict::kNoGap}) {
+    const bool cause = verdict == Verdict::kAttributed;
+    Diagnosis d =
+        Report(verdict, cause ? std::vector{Cause("backlash", "tendon:2", "rad", {0.05, 0.04, 0.06})}
+                              : std::vector<gap::Cause>());
+    d.learned = {{"body.sections.unit_mass_kg", 0.0025, 0.0021, -0.9},
+                 {"body.sections.tendons (tendon 2) radius_m", 0.004, 0.0041, 0.5}};
+    WriteText(folder_ / "report.json", gap::ReportJson(d));
+    ASSERT_EQ(Apply("report.json --overwrite --out new.yaml"), 0) << error_;
+    const RobotParameters after = sim::LoadRobot(folder_ / "new.yaml");
+    EXPECT_NEAR(after.body.sections[0].unit_mass_kg, 0.0021, 1e-12);
+    EXPECT_NEAR(after.body.sections[0].tendons[1].radius_m, 0.0041, 1e-12);
+    EXPECT_EQ(after.body.sections[0].tendons[0].radius_m, 0.004);
+    EXPECT_EQ(after.effects.size(), cause ? 1u : 0u);
+    EXPECT_THAT(ReadText(folder_ / "new.yaml"),
+                HasSubstr("learned body.sections.unit_mass_kg: 0.0021, was 0.0025"));
+  }
+}
+
 TEST_F(ApplyCommandTest, OnlyWhatIsEstablishedIsApplied) {
   for (const Verdict verdict :
        {Verdict::kNoGap, Verdict::kAmbiguousGroup, Verdict::kUnexplained, Verdict::kInsufficientData}) {

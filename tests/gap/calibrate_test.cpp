@@ -22,12 +22,7 @@ namespace {
 using gap::CalibratedNumber;
 using gap::Calibration;
 
-// Each within what is usual of such a number, and together far from the file.
-const std::vector<std::string> kOff{"bending_stiffness scale=0.85", "unit_mass scale=0.86",
-                                    "capstan_alpha scale=1.25",     "motor_coulomb scale=1.2",
-                                    "tendon_stiffness scale=1.1",   "torque_constant scale=0.96"};
-
-gap::DataSet RunsOfOther(std::uint64_t seed) { return Recorded(kOff, 3, seed, 500); }
+gap::DataSet RunsOfOther(std::uint64_t seed) { return Recorded(kNumbersOff, 3, seed, 500); }
 
 /// The runs with this file, whose load cells have a gain of their own.
 gap::DataSet With(const RobotParameters& file, gap::DataSet set) {
@@ -115,7 +110,7 @@ TEST_F(Calibrated, WithItTheSameRobotHasNoGapAndAChangedOneIsNamed) {
       Diagnose(With(file, RunsOfOther(31)), Only({"tip_payload", "unit_mass", "tendon_stiffness"})).verdict,
       gap::Verdict::kNoGap);
 
-  std::vector<std::string> with_load = kOff;
+  std::vector<std::string> with_load = kNumbersOff;
   with_load.push_back("tip_payload mass_kg=0.002");
   const gap::Diagnosis d = Diagnose(With(file, Recorded(with_load, 3, 51, 500)),
                                     Only({"tip_payload", "tendon_stiffness", "motor_coulomb"}));

@@ -1,11 +1,13 @@
 #include "rig_runs.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "gap/file_numbers.h"
 #include "tendril/config/config.h"
 #include "tendril/sim/effects.h"
 
@@ -150,6 +152,21 @@ sim::Cut First(const Diagnosis& d) {
     if (finding.first) return finding.cut;
   }
   return sim::Cut::kClock;
+}
+
+const std::vector<std::string> kNumbersOff{"bending_stiffness scale=0.85", "unit_mass scale=0.86",
+                                           "capstan_alpha scale=1.25",     "motor_coulomb scale=1.2",
+                                           "tendon_stiffness scale=1.1",   "torque_constant scale=0.96"};
+
+void KnowEveryNumber(RobotParameters& robot) {
+  constexpr Uncertainty kKnown{Uncertainty::Kind::kKnown, 0};
+  for (const gap::FileNumber& number : gap::FileNumbers(robot)) robot.uncertain[number.key] = kKnown;
+  for (std::size_t k = 0; k < robot.body.sections.size(); ++k) {
+    for (std::size_t j = 0; j < robot.body.sections[k].tendons.size(); ++j) {
+      for (const char* word : {"radius_m", "angle_rad"})
+        robot.uncertain[fmt::format("body.sections[{}].tendons[{}].{}", k + 1, j + 1, word)] = kKnown;
+    }
+  }
 }
 
 gap::DiagnoseOptions Only(const std::vector<std::string>& effects) {

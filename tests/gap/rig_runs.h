@@ -38,6 +38,12 @@ gap::Run Record(sim::Plant& plant, const std::string& family, double duration_s,
 gap::Run Record(const RobotParameters& plant_robot, const std::string& family, double duration_s,
                 std::uint64_t seed, int rows_Hz = 1000);
 
+/// Numbers of the file that are each within what is usual of such a number, and together far from the file.
+extern const std::vector<std::string> kNumbersOff;
+
+/// Takes every number of the file as exact.
+void KnowEveryNumber(RobotParameters& robot);
+
 /// Three families and a repetition.
 gap::DataSet Recorded(const std::vector<std::string>& effects, double duration_s = 5, std::uint64_t seed = 11,
                       int rows_Hz = 1000);

@@ -207,6 +207,17 @@ TEST(ReplayGrid, StrideTakesEveryFewRowsAndCoarseGridsTheSameMotion) {
   EXPECT_LT(worst, 2e-4);
 }
 
+// Less would take a thousand times as many steps.
+TEST(ReplayGrid, FrictionBuildsUpOverWhatTheIntegratorResolves) {
+  const auto tip = [r = Record(Rig(), test::Triangles(Rig()), 1000)](double presliding_m) {
+    RobotParameters robot = Rig();
+    for (auto& t : robot.actuation->tendons) t.transmission.presliding_m = presliding_m;
+    return Replay(robot).Body(r.signals, Replay::DrivenBy::kCell, 1).tip_m;
+  };
+  EXPECT_EQ(tip(1e-9), tip(5e-7));
+  EXPECT_NE(tip(5e-7), tip(6e-7));
+}
+
 TEST(ReplayThreads, SeveralAtOnceGiveWhatOneGives) {
   const RobotParameters robot = Rig();
   RobotParameters other = robot;

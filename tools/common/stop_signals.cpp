@@ -18,13 +18,21 @@ void Take(int signal) {
 }  // namespace
 
 const std::atomic<bool>& CatchStopSignals() {
-  for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, Take);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, Take);
   return stopped;
 }
 
 std::string StoppedBy() {
-  if (last_signal == 0) return {};
-  return last_signal == SIGTERM ? "SIGTERM" : "Ctrl-C";
+  switch (last_signal) {
+    case SIGINT:
+      return "Ctrl-C";
+    case SIGTERM:
+      return "SIGTERM";
+    case SIGHUP:
+      return "SIGHUP";
+    default:
+      return {};
+  }
 }
 
 }  // namespace tendril::tools

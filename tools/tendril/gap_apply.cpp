@@ -57,15 +57,16 @@ std::string Target(const ApplyOptions& options) {
 /// The report; throws unless it has something to apply to this robot.
 gap::Diagnosis ReadFitting(const ApplyOptions& options, const RobotParameters& robot) {
   gap::Diagnosis d = gap::ReadReport(options.report);
-  if (d.verdict == gap::Verdict::kNoGap)
+  const bool numbers_alone = d.verdict == gap::Verdict::kNoGap && !d.learned.empty();
+  if (d.verdict == gap::Verdict::kNoGap && !numbers_alone)
     throw std::runtime_error(options.report + ": the verdict is no_gap: there is nothing to apply");
-  if (d.verdict != gap::Verdict::kAttributed && !options.force) {
+  if (d.verdict != gap::Verdict::kAttributed && !numbers_alone && !options.force) {
     throw std::runtime_error(fmt::format(
         "{}: the verdict is {}, so no cause is established; run the next experiment that the report names "
         "and diagnose again, or give --force to apply the accepted causes nevertheless",
         options.report, gap::VerdictName(d.verdict)));
   }
-  if (d.accepted.empty())
+  if (d.accepted.empty() && !numbers_alone)
     throw std::runtime_error(options.report + ": it accepted no cause: there is nothing to apply");
   if (const std::string misfit = Misfit(d, options, robot); !misfit.empty()) {
     if (!options.anyway) {
@@ -92,10 +93,15 @@ void RunApply(const ApplyOptions& options) {
 
   std::vector<EffectSetting> effects;
   std::vector<std::string> heading;
+  std::string after = text;
   if (!options.report.empty()) {
     const gap::Diagnosis d = ReadFitting(options, robot);
     effects = gap::FoundEffects(d);
     heading = gap::Provenance(d, options.report);
+    if (!d.learned.empty()) {
+      after = robot_file::PatchNumbers(text, options.robot, gap::WithLearnedNumbers(robot, d), {}).text;
+      fmt::print("{} numbers as the runs tell them\n", d.learned.size());
+    }
   }
   for (const std::string& given : options.effects) {
     effects.push_back(ReadFor("--effect", [&] {
@@ -105,7 +111,7 @@ void RunApply(const ApplyOptions& options) {
     heading.push_back(fmt::format("{} by `tendril gap apply` ({}): {}",
                                   heading.empty() ? "Patched" : "and by hand,", Version(), given));
   }
-  const robot_file::RobotPatch patch = robot_file::PatchRobot(text, options.robot, effects, heading);
+  const robot_file::RobotPatch patch = robot_file::PatchRobot(after, options.robot, effects, heading);
   fmt::print("{}", robot_file::DiffLines(text, patch.text));
 
   config::WriteWhole(out, mark + patch.text);

@@ -33,11 +33,14 @@ struct DiagnoseCommand {
   gap::DiagnoseOptions diagnose;
 };
 
-/// What to run now: the cause into a robot file, the experiment that distinguishes rivals.
+/// What to run now: the cause and the numbers learned into a robot file, the experiment that distinguishes
+/// rivals.
 std::vector<std::string> NextCommands(const gap::Diagnosis& d, const std::string& robot,
                                       const std::filesystem::path& folder) {
   std::vector<std::string> commands;
-  if (d.verdict == gap::Verdict::kAttributed && !d.accepted.empty()) {
+  const bool cause = d.verdict == gap::Verdict::kAttributed && !d.accepted.empty();
+  const bool numbers = d.verdict == gap::Verdict::kNoGap && !d.learned.empty();
+  if (cause || numbers) {
     commands.push_back(fmt::format("tendril gap apply --robot {} {} --out {}", ShellWord(robot),
                                    ShellWord((folder / "report.json").string()),
                                    ShellWord((folder / "better.yaml").string())));

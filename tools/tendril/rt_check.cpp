@@ -2,7 +2,6 @@
 // settings to change if not. Touches neither bus nor robot.
 #include <fmt/format.h>
 
-#include <csignal>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -12,6 +11,7 @@
 #include "commands.h"
 #include "number_option.h"
 #include "paths.h"
+#include "stop_signals.h"
 #include "tendril/config/config.h"
 #include "tendril/rt/compare.h"
 #include "tendril/rt/fitness.h"
@@ -25,8 +25,6 @@ struct Options {
   double seconds = 10;
   bool json = false;
 };
-
-volatile std::sig_atomic_t interrupted = 0;
 
 double Us(TimeNs t_ns) { return static_cast<double>(t_ns) * 1e-3; }
 
@@ -95,10 +93,10 @@ void Run(const Options& o) {
       config::LoadDaemon(o.config.empty() ? ConfigFile("tendrild.yaml") : o.config);
   const auto settings =
       rt::ReadHost(o.root, daemon.realtime, daemon.bus.interface, static_cast<int>(daemon.bus.nodes.size()));
-  std::signal(SIGINT, [](int) { interrupted = 1; });
+  const std::atomic<bool>& stop = CatchStopSignals();
   const rt::LoopComparison measured =
       rt::CompareLoops(daemon.realtime, daemon.bus.cycle_ns, static_cast<TimeNs>(o.seconds * 1e9),
-                       [] { return interrupted != 0; });
+                       [&stop] { return stop.load(); });
   const rt::Judgement j = rt::Judge(daemon.bus.cycle_ns, measured, settings);
   (o.json ? PrintJson : PrintText)(daemon, measured, settings, j);
   if (!j.fit) {

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <map>
 #include <memory>
 #include <optional>
@@ -13,6 +12,7 @@
 #include "commands.h"
 #include "dashboard.h"
 #include "lcm_options.h"
+#include "stop_signals.h"
 #include "tendril/canopen/drive_profile.h"
 #include "tendril/canopen/emcy.h"
 #include "tendril/config/config.h"
@@ -35,8 +35,6 @@ struct StatusOptions {
   bool watch = false, json = false, plain = false;
   DashboardOptions dashboard;
 };
-
-volatile std::sig_atomic_t interrupted = 0;
 
 io::DaemonSubject SubjectOf(const tendril_lcm::run_t& message) {
   io::RunInfo run;
@@ -92,8 +90,9 @@ void Status(const StatusOptions& o) {
   });
   client.OnEvent([&](const tendril_lcm::event_t& e) { last_event = e.source + ": " + e.text; });
 
+  const std::atomic<bool>& stop = CatchStopSignals();
   const auto wait = [&](TimeNs until_ns, bool first_only) {
-    while (interrupted == 0 && clock.Now() < until_ns && !(first_only && heard)) client.Handle(20);
+    while (!stop && clock.Now() < until_ns && !(first_only && heard)) client.Handle(20);
   };
   wait(clock.Now() + static_cast<TimeNs>(kFirstWithin_s * 1e9), true);
   if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, kFirstWithin_s, client));
@@ -101,8 +100,7 @@ void Status(const StatusOptions& o) {
     Show(o, status, "");
     return;
   }
-  std::signal(SIGINT, [](int) { interrupted = 1; });
-  while (interrupted == 0) {
+  while (!stop) {
     const double silent_s = ToSeconds(clock.Now() - heard_ns);
     std::string footer = "\n";
     if (!last_event.empty()) footer += "last event: " + last_event + "\n";

@@ -134,6 +134,13 @@ struct SuspectNumber {
       closed;  // share of the gap that the fitted value closes, pooled as Diagnosis::closed
 };
 
+/// A number of the robot file as the runs tell it, within its prior.
+struct LearnedNumber {
+  std::string key;                // "body.sections.youngs_modulus_Pa"
+  double in_file = 0, value = 0;  // in the key's unit
+  double moved = 0;               // from the file, in standard deviations of the prior
+};
+
 struct NextExperiment {
   std::string family;           // name of the `tendril excite` family; empty: none needed, or none helps
   std::string reason;           // which rivals it separates and why
@@ -184,6 +191,7 @@ struct Diagnosis {
   std::vector<std::pair<std::string, double>>
       order_effects;                     // closed by each cause of a pair alone, and after the other
   double leftover_sigma = 0;             // what the best model leaves beyond the floor on held-out data
+  std::vector<LearnedNumber> learned;    // by falling distance; empty: the file explains the runs as it is
   std::vector<SuspectNumber> suspected;  // by falling score; these runs may not tell several apart
   std::string
       doubt;  // why the likeliest cause is not established, as a clause; empty where it is, or there is none

@@ -13,6 +13,9 @@ namespace tendril::gap {
 /// hundredth of the interval, and never out of it.
 std::vector<EffectSetting> FoundEffects(const Diagnosis& diagnosis);
 
+/// The robot of the file with the numbers that the diagnosis learned; without such, the file's.
+RobotParameters WithLearnedNumbers(const RobotParameters& file, const Diagnosis& diagnosis);
+
 /// Where they come from, as lines for comments: the program and `report`'s name, verdict and robot, a line
 /// for each cause with its intervals, what they close, and each log's sha256. No line has control characters.
 std::vector<std::string> Provenance(const Diagnosis& diagnosis, const std::string& report);
