@@ -179,7 +179,7 @@ TEST(FreeNumbers, WhatTheFileSaysGoesBeforeWhatIsUsual) {
 }
 
 TEST(Calibrate, TheSameForAnyNumberOfThreads) {
-  gap::DataSet set = RunsOfOther(11);
+  gap::DataSet set = Recorded(kOff, 2, 11, 500);
   set.runs.resize(2);
   gap::CalibrateOptions alone;
   alone.threads = 1;

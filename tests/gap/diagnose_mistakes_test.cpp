@@ -182,7 +182,7 @@ TEST(Diagnose, SlowCellsAreNamed) {
   const std::string late = Diagnose(set, Only({"unit_mass"})).sentence;
   EXPECT_THAT(late, testing::ContainsRegex("with the load cells' readings shifted (4.|5.) ms earlier"));
   // One cell alone.
-  set = RecordedAt500Hz("", 3);
+  set = RecordedAt500Hz("", 4);
   for (gap::Run& run : set.runs) {
     const Eigen::Index rows = run.tension_N.rows();
     run.tension_N.col(1).tail(rows - 6) = run.tension_N.col(1).head(rows - 6).eval();
@@ -235,7 +235,7 @@ TEST(Diagnose, RepetitionsOfARunThatIsLeftOutStayRepetitions) {
 
 // A run that was measured differently from the others is no gap of the robot: it is left out and named.
 TEST(Diagnose, ARunMeasuredDifferentlyIsLeftOut) {
-  const DataSet right = RecordedAt500Hz("", 2.5);
+  const DataSet right = RecordedAt500Hz("", 3);
   const MadeMistake mistakes[] = {
       {[](gap::Run& run) { run.time_s *= 1e3; }, "its time is in milliseconds"},
       {[](gap::Run& run) { run.motor_position_rad.col(1) *= -1; }, "the sign of motor position 2"},
@@ -265,7 +265,7 @@ TEST(Diagnose, ARunMeasuredDifferentlyIsLeftOut) {
   DataSet touched = right;
   RobotParameters plant = Rig();
   plant.effects.push_back(sim::ParseEffect("contact stiffness_Npm=40 gap_m=0.004 angle_rad=-0.5", plant));
-  const gap::Run bumped = Record(plant, "triangle", 2.5, 12, 500);
+  const gap::Run bumped = Record(plant, "triangle", 3, 12, 500);
   touched.runs[1] = bumped;
   const Diagnosis d = Diagnose(touched, Only({"contact", "bending_stiffness"}));
   EXPECT_EQ(d.runs.size(), right.runs.size()) << d.degradations.front();
@@ -277,8 +277,8 @@ TEST(Diagnose, ARunMeasuredDifferentlyIsLeftOut) {
 TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   RobotParameters plant = Rig();
   plant.effects.push_back(sim::ParseEffect("slack where=tendon:1 m=0.002", plant));
-  DataSet set = RecordedAt500Hz("", 3);
-  set.runs[2] = Record(plant, "multisine", 3, 13, 500);
+  DataSet set = RecordedAt500Hz("", 4);
+  set.runs[2] = Record(plant, "multisine", 4, 13, 500);
   const Diagnosis mixed = Diagnose(set, Only({"tendon_stiffness", "slack", "encoder_offset"}));
   EXPECT_NE(mixed.verdict, Verdict::kAttributed) << mixed.sentence;
   EXPECT_THAT(mixed.degradations, testing::Contains(testing::HasSubstr("multisine: its model error is")));
@@ -286,15 +286,15 @@ TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   // Where few of the runs have it, the sentence says so.
   plant = Rig();
   plant.effects.push_back(sim::ParseEffect("base_tilt x_rad=0.2", plant));
-  set.runs[2] = Record(plant, "multisine", 3, 13, 500);
+  set.runs[2] = Record(plant, "multisine", 4, 13, 500);
   const Diagnosis tilted = Diagnose(set, Only({"tendon_stiffness", "encoder_offset"}));
   EXPECT_EQ(tilted.verdict, Verdict::kUnexplained) << tilted.sentence;
   EXPECT_THAT(tilted.sentence, testing::HasSubstr("It lies mainly in multisine, with"));
 
   plant = Rig();
   plant.effects.push_back(sim::ParseEffect("bending_stiffness scale=0.8", plant));
-  set = RecordedAt500Hz("", 3);
-  set.runs[3] = Record(plant, "circle", 3, 14, 500);
+  set = RecordedAt500Hz("", 4);
+  set.runs[3] = Record(plant, "circle", 4, 14, 500);
   set.runs[3].name = "circle again";
   set.runs[3].repeat_of = "circle";
   const Diagnosis repeated = Diagnose(set, Only({"unit_mass"}));

@@ -62,7 +62,7 @@ TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
   EXPECT_LT(plain.closed->value, 0.4);
   EXPECT_EQ(plain.verdict, Verdict::kUnexplained) << plain.sentence;
   // A single cause remains a single cause.
-  const Diagnosis one = Diagnose(RecordedAt500Hz("command_delay s=0.0015"), only);
+  const Diagnosis one = Diagnose(Recorded("command_delay s=0.0015"), only);
   EXPECT_EQ(one.accepted.size(), 1u) << one.sentence;
 }
 

@@ -148,7 +148,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // Cells with twice the gain of the file, beyond what their effect is searched to.
 TEST(Diagnose, AWrongGainOfTheCellsIsReportedFirst) {
-  DataSet set = RecordedAt500Hz("", 2.5);
+  DataSet set = RecordedAt500Hz("", 3);
   for (gap::Run& run : set.runs) run.tension_N *= 2;
   const Diagnosis d = Diagnose(set, Only({"cell_gain", "bending_stiffness"}));
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
@@ -206,7 +206,7 @@ TEST(Diagnose, WrongNumbersAreWithinTheRobotsReach) {
                              "tracker_rotation x_rad=0.4 y_rad=0 z_rad=0", "base_tilt x_rad=0.6 y_rad=0",
                              "precurvature u_rad=0.1 v_rad=0", "tip_payload mass_kg=0.003"}) {
     const std::string name = std::string(effect).substr(0, std::string(effect).find(' '));
-    const Diagnosis d = Diagnose(RecordedAt500Hz(effect, 2.5), Only({name}));
+    const Diagnosis d = Diagnose(RecordedAt500Hz(effect, 3), Only({name}));
     EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("No pose"))) << effect;
     ASSERT_EQ(d.accepted.size(), 1u) << effect << ": " << d.sentence;
     EXPECT_EQ(d.accepted[0].effect, name);
