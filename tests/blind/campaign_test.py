@@ -31,8 +31,8 @@ def answered(folder, shard):
     """A half of the sets, made and diagnosed in a folder of its own."""
     part = ["--campaign", folder, "--sets", SETS, "--shard", shard]
     gap_blind("make", *part, "--families", FAMILIES, "--effects", ",".join(EFFECTS), "--mujoco", "0.05")
-    gap_blind("diagnose", *part, "--", TENDRIL, "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "--no-next", "--threads", "1",
-              "--refits", "3", "--only", ",".join(EFFECTS + FREE), "{set}")
+    gap_blind("diagnose", *part, "--", TENDRIL, "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "--no-next",
+              "--threads", "1", "--refits", "3", "--only", ",".join(EFFECTS + FREE), "{set}")
     return folder
 
 

@@ -98,7 +98,7 @@ struct MadeMistake {
 
 // A wrong sign, order or side causes a gap larger than effects do; undoing it removes the gap.
 TEST(Diagnose, MistakesOfMeasurementAreNamed) {
-  const DataSet right = RecordedAt500Hz("", 2);
+  const DataSet right = TwoFamilies("", 2);
   const MadeMistake mistakes[] = {
       {[](gap::Run& run) { run.motor_position_rad.col(1) *= -1; }, "the sign of motor position 2 reversed"},
       {[](gap::Run& run) {
@@ -132,8 +132,7 @@ TEST(Diagnose, MistakesOfMeasurementAreNamed) {
   const std::string message = Diagnose(untracked, Only({"unit_mass"})).sentence;
   EXPECT_NE(message.find("the sign of motor position 2 reversed"), std::string::npos) << message;
   // An effect is not a measurement error, however large.
-  const Diagnosis d =
-      Diagnose(RecordedAt500Hz("bending_stiffness scale=0.5", 3), Only({"bending_stiffness"}));
+  const Diagnosis d = Diagnose(TwoFamilies("bending_stiffness scale=0.5", 3), Only({"bending_stiffness"}));
   EXPECT_EQ(d.sentence.find("Check the measurement"), std::string::npos) << d.sentence;
 }
 
@@ -165,7 +164,7 @@ TEST(Diagnose, CellsACycleLateAreNamed) {
 
 // The same for the delay of a filter or an amplifier.
 TEST(Diagnose, SlowCellsAreNamed) {
-  DataSet set = RecordedAt500Hz("", 3);
+  DataSet set = TwoFamilies("", 3);
   for (gap::Run& run : set.runs) {
     for (Eigen::Index i = 1; i < run.tension_N.rows(); ++i)
       run.tension_N.row(i) =
@@ -174,7 +173,7 @@ TEST(Diagnose, SlowCellsAreNamed) {
   const std::string filtered = Diagnose(set, Only({"unit_mass"})).sentence;
   EXPECT_THAT(filtered,
               testing::ContainsRegex("with a low-pass filter of (4.|5.) ms removed from the load cells"));
-  set = RecordedAt500Hz("", 3);
+  set = TwoFamilies("", 3);
   for (gap::Run& run : set.runs) {
     const Eigen::Index rows = run.tension_N.rows();
     run.tension_N.bottomRows(rows - 25) = run.tension_N.topRows(rows - 25).eval();
@@ -182,7 +181,7 @@ TEST(Diagnose, SlowCellsAreNamed) {
   const std::string late = Diagnose(set, Only({"unit_mass"})).sentence;
   EXPECT_THAT(late, testing::ContainsRegex("with the load cells' readings shifted (4.|5.) ms earlier"));
   // One cell alone.
-  set = RecordedAt500Hz("", 4);
+  set = TwoFamilies("", 4);
   for (gap::Run& run : set.runs) {
     const Eigen::Index rows = run.tension_N.rows();
     run.tension_N.col(1).tail(rows - 6) = run.tension_N.col(1).head(rows - 6).eval();
@@ -190,7 +189,7 @@ TEST(Diagnose, SlowCellsAreNamed) {
   const std::string one = Diagnose(set, Only({"unit_mass"})).sentence;
   EXPECT_THAT(one, testing::ContainsRegex("with the readings of load cell 2 shifted 1[123] ms earlier"));
   // Cells that are slower than the log were not filtered.
-  set = RecordedAt500Hz("cell_gain where=tendon:2 scale=0.8", 3);
+  set = TwoFamilies("cell_gain where=tendon:2 scale=0.8", 3);
   for (gap::Run& run : set.runs) {
     for (Eigen::Index i = 0; i < run.tension_N.rows(); ++i) {
       if (i % 5 != 0) run.tension_N.row(i).setConstant(std::nan(""));

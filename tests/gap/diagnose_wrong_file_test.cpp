@@ -71,7 +71,7 @@ class DiagnoseWrongFile : public testing::TestWithParam<WrongNumber> {};
 // A number that is wrong by more than its effect's range, or that no effect represents, is named first with
 // the value that fits the runs; no cause is likelier than not.
 TEST_P(DiagnoseWrongFile, TheNumberIsReportedFirst) {
-  DataSet set = RecordedAt500Hz("", 2.5);
+  DataSet set = TwoFamilies("", 2.5);
   GetParam().change(set.robot, GetParam().factor);
   const Diagnosis d = Diagnose(set, Only(GetParam().effects));
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
@@ -148,7 +148,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // Cells with twice the gain of the file, beyond what their effect is searched to.
 TEST(Diagnose, AWrongGainOfTheCellsIsReportedFirst) {
-  DataSet set = RecordedAt500Hz("", 3);
+  DataSet set = TwoFamilies("", 3);
   for (gap::Run& run : set.runs) run.tension_N *= 2;
   const Diagnosis d = Diagnose(set, Only({"cell_gain", "bending_stiffness"}));
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;

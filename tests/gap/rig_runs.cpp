@@ -124,6 +124,12 @@ DataSet RecordedAt500Hz(const std::string& effect, double duration_s) {
   return Recorded(effect.empty() ? std::vector<std::string>{} : std::vector{effect}, duration_s, 11, 500);
 }
 
+DataSet TwoFamilies(const std::string& effect, double duration_s) {
+  DataSet set = RecordedAt500Hz(effect, duration_s);
+  set.runs.erase(set.runs.begin() + 2);
+  return set;
+}
+
 DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<std::string>& families,
                             double duration_s, std::uint64_t seed, int rows_Hz) {
   DataSet set;

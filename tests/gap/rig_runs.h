@@ -44,6 +44,8 @@ gap::DataSet Recorded(const std::vector<std::string>& effects, double duration_s
 gap::DataSet Recorded(const std::string& effect, double duration_s = 5);
 /// The same by a controller of half the rate, which takes half the time to diagnose.
 gap::DataSet RecordedAt500Hz(const std::string& effect, double duration_s = 5);
+/// Of these, two families and the repetition, where the third tells nothing more.
+gap::DataSet TwoFamilies(const std::string& effect, double duration_s);
 
 /// With the load cells between pulleys and robot; the last run repeats the first.
 gap::DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<std::string>& families,
