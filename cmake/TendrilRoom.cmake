@@ -41,15 +41,19 @@ function(tendril_compile_together target)
   endforeach()
 endfunction()
 
-# tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s] [SERIAL filter] [WHOLE suites] [OWN_NETWORK]): a GoogleTest
-# program whose cases ctest lists. Cases of the filter SERIAL check timing and run alone; a suite in WHOLE is one test: it
+# tendril_test(NAME SOURCES ... LINK ... [LABELS ...] [TIMEOUT s] [COST s] [SERIAL filter] [WHOLE suites] [OWN_NETWORK]): a
+# GoogleTest program whose cases ctest lists. COST is what its longest case takes: ctest starts those of a high cost first, so
+# that none is left alone at the end. Cases of the filter SERIAL check timing and run alone; a suite in WHOLE is one test: it
 # shares its set-up, or with OWN_NETWORK a network without other programs. With the label vcan the program runs as a
 # whole where a real vcan0 exists, because that may need the start of another kernel. Cases of instantiations named
 # Campaign take too long for every build; run them with --gtest_filter='Campaign/*'.
 function(tendril_test name)
-  cmake_parse_arguments(ARG "OWN_NETWORK" "TIMEOUT;SERIAL" "SOURCES;LINK;LABELS;WHOLE" ${ARGN})
+  cmake_parse_arguments(ARG "OWN_NETWORK" "TIMEOUT;COST;SERIAL" "SOURCES;LINK;LABELS;WHOLE" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
+  endif()
+  if(NOT ARG_COST)
+    set(ARG_COST 0)
   endif()
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE tendril_options ${ARG_LINK} GTest::gtest_main GTest::gmock)
@@ -83,18 +87,18 @@ function(tendril_test name)
   endif()
   if(ARG_SERIAL)
     gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES TEST_FILTER ${ARG_SERIAL} TEST_LIST ${name}_serial
-      PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}" RUN_SERIAL TRUE)
+      PROPERTIES TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST} LABELS "${ARG_LABELS}" RUN_SERIAL TRUE)
     list(APPEND elsewhere ${ARG_SERIAL})
   endif()
   foreach(suite ${ARG_WHOLE})
     add_test(NAME ${suite} COMMAND ${network} $<TARGET_FILE:${name}> --gtest_filter=${suite}.*)
-    set_tests_properties(${suite} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}" SKIP_RETURN_CODE 77
+    set_tests_properties(${suite} PROPERTIES TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST} LABELS "${ARG_LABELS}" SKIP_RETURN_CODE 77
       FAIL_REGULAR_EXPRESSION "Running 0 tests")  # a filter without a suite would pass
     list(APPEND elsewhere ${suite}.*)
   endforeach()
   list(JOIN elsewhere : elsewhere)
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES TEST_FILTER *-${elsewhere}
-    PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+    PROPERTIES TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST} LABELS "${ARG_LABELS}")
 endfunction()
 
 # tendril_vcan_test(NAME COMMAND ... [TIMEOUT s]): a test that runs where a real vcan0 exists; else skipped with the

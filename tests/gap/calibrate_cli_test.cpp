@@ -15,8 +15,8 @@ class CalibrateCommand : public CommandTest {};
 TEST_F(CalibrateCommand, WritesTheNumbersOfTheRunsIntoACopyOfTheFile) {
   WriteText(folder_ / "plan.yaml",
             "runs:\n"
-            "  - {family: triangle, duration_s: 5, amplitude_rad: 1.0, repeats: 1}\n"
-            "  - {family: circle, duration_s: 5, amplitude_rad: 0.8}\n");
+            "  - {family: triangle, duration_s: 4, amplitude_rad: 1.0, repeats: 1}\n"
+            "  - {family: circle, duration_s: 4, amplitude_rad: 0.8}\n");
   ASSERT_EQ(Run(fmt::format("gap simulate --robot {} --plan plan.yaml --out runs "
                             "--effect 'bending_stiffness scale=0.8' --effect 'unit_mass scale=0.85'",
                             kRig)),

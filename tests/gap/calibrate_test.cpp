@@ -174,7 +174,7 @@ TEST(FreeNumbers, WhatTheFileSaysGoesBeforeWhatIsUsual) {
 }
 
 TEST(Calibrate, TheSameForAnyNumberOfThreads) {
-  gap::DataSet set = RunsOfOther(11);
+  gap::DataSet set = Recorded(kNumbersOff, 2, 11, 500);
   set.runs.resize(2);
   gap::CalibrateOptions alone;
   alone.threads = 1;

@@ -18,11 +18,11 @@ TEST(Diagnose, ModelErrorsOfTheRunsFromBeforeAreSubtracted) {
   const std::vector<std::string> wrong{"bending_stiffness scale=0.85", "motor_coulomb scale=1.4"};
   std::vector<std::string> since = wrong;
   since.push_back("tip_payload mass_kg=0.003");
-  const DataSet earlier = Recorded(wrong, 4, 31);
+  const DataSet earlier = Recorded(wrong, 4, 31, 500);
   const gap::DiagnoseOptions few =
       Only({"tip_payload", "unit_mass", "bending_stiffness", "motor_coulomb", "base_tilt", "cell_offset"});
 
-  DataSet same = Recorded(wrong, 4, 41);
+  DataSet same = Recorded(wrong, 4, 41, 500);
   CompareWithBefore(same, earlier);
   ASSERT_EQ(same.runs.size(), 8U);
   const Diagnosis unchanged = Diagnose(same, few);
@@ -30,7 +30,7 @@ TEST(Diagnose, ModelErrorsOfTheRunsFromBeforeAreSubtracted) {
   ASSERT_EQ(unchanged.runs.size(), 4U);
   EXPECT_EQ(unchanged.runs[0].before, "circle@before");
 
-  DataSet changed = Recorded(since, 4, 51);
+  DataSet changed = Recorded(since, 4, 51, 500);
   CompareWithBefore(changed, earlier);
   const Diagnosis d = Diagnose(changed, few);
   ASSERT_FALSE(d.causes.empty());
@@ -49,8 +49,8 @@ TEST(Diagnose, ModelErrorsOfTheRunsFromBeforeAreSubtracted) {
 
 // A model that misses most of a motion cannot explain what changed in it.
 TEST(Diagnose, NoCauseIsNamedWhenTheModelWasFarOffBefore) {
-  const DataSet earlier = Recorded({"bending_stiffness scale=2"}, 4, 31);
-  DataSet changed = Recorded({"bending_stiffness scale=2", "tip_payload mass_kg=0.01"}, 4, 51);
+  const DataSet earlier = Recorded({"bending_stiffness scale=2"}, 4, 31, 500);
+  DataSet changed = Recorded({"bending_stiffness scale=2", "tip_payload mass_kg=0.01"}, 4, 51, 500);
   CompareWithBefore(changed, earlier);
   const Diagnosis d = Diagnose(changed, Only({"tip_payload", "cell_gain"}));
   EXPECT_EQ(d.verdict, Verdict::kInsufficientData) << d.sentence;
@@ -62,7 +62,7 @@ TEST(Diagnose, NoCauseIsNamedWhenTheModelWasFarOffBefore) {
 // A run recorded at another rate than before cannot be compared, and the earlier runs alone are not diagnosed
 // instead.
 TEST(Diagnose, WithoutARunToCompareTheRunsFromBeforeAreNotDiagnosedInstead) {
-  DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
+  DataSet earlier = RecordedAt500Hz("", 4), now = Recorded(std::vector<std::string>{}, 4, 41, 500);
   for (gap::Run& run : now.runs) KeepEveryNth(run, 3);
   CompareWithBefore(now, earlier);
   try {
@@ -70,14 +70,14 @@ TEST(Diagnose, WithoutARunToCompareTheRunsFromBeforeAreNotDiagnosedInstead) {
     FAIL() << d.sentence;
   } catch (const std::runtime_error& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("no run is left that can be compared with one from before"));
-    EXPECT_THAT(error.what(), testing::HasSubstr("a sample every 0.003 s, and every 0.001 s before"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("a sample every 0.006 s, and every 0.002 s before"));
   }
 }
 
 // Nor can a different motion of the same name.
 TEST(Diagnose, ARunFromBeforeOfOtherCommandsIsNotComparedWith) {
-  DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
-  earlier.runs[0] = Record(Rig(), "sway", 4, 5);
+  DataSet earlier = RecordedAt500Hz("", 4), now = Recorded(std::vector<std::string>{}, 4, 41, 500);
+  earlier.runs[0] = Record(Rig(), "sway", 4, 5, 500);
   earlier.runs[0].name = "circle";
   CompareWithBefore(now, earlier);
   const Diagnosis d = Diagnose(now, Only({"tendon_stiffness"}));
@@ -90,8 +90,8 @@ TEST(Diagnose, ARunFromBeforeOfOtherCommandsIsNotComparedWith) {
 // Without recorded targets the other signals identify the commands: the same shape of motion at another place
 // is another motion; another zero of the encoders alone is not, as the other signals show.
 TEST(Diagnose, WithoutTargetsTheOtherSignalsIdentifyTheCommands) {
-  DataSet earlier = Recorded("", 4);
-  const DataSet now = Recorded(std::vector<std::string>{}, 4, 41);
+  DataSet earlier = RecordedAt500Hz("", 4);
+  const DataSet now = Recorded(std::vector<std::string>{}, 4, 41, 500);
   const auto compared = [&](double motors_rad, double cells_N, double tip_m) {
     DataSet set = now, before = earlier;
     before.runs[0].motor_position_rad.array() += motors_rad;
@@ -118,7 +118,7 @@ TEST(Diagnose, WithoutTargetsTheOtherSignalsIdentifyTheCommands) {
 
 // Target columns that only one of the runs has do not count as targets of zero.
 TEST(Diagnose, TargetsThatTheRunFromBeforeLacksAreNotCompared) {
-  DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
+  DataSet earlier = RecordedAt500Hz("", 4), now = Recorded(std::vector<std::string>{}, 4, 41, 500);
   earlier.runs[0].torque_target_Nm.resize(0, 0);
   CompareWithBefore(now, earlier);
   const Diagnosis d = Diagnose(now, Only({"tendon_stiffness"}));
@@ -128,7 +128,7 @@ TEST(Diagnose, TargetsThatTheRunFromBeforeLacksAreNotCompared) {
 
 // Where an encoder is dead in both runs, their difference hides it.
 TEST(Diagnose, ADeadEncoderBeforeAndAfterIsMasked) {
-  DataSet earlier = Recorded("", 4), now = Recorded(std::vector<std::string>{}, 4, 41);
+  DataSet earlier = RecordedAt500Hz("", 4), now = Recorded(std::vector<std::string>{}, 4, 41, 500);
   for (DataSet* set : {&earlier, &now}) {
     for (gap::Run& run : set->runs) run.motor_position_rad.col(1).setZero();
   }
@@ -142,7 +142,7 @@ TEST(Diagnose, ADeadEncoderBeforeAndAfterIsMasked) {
 // With only torque and motor positions recorded, a small residual does not show that the model is right.
 TEST(Diagnose, RunsFromBeforeWithoutCellsAndTrackerAreNotBelievedToBeRight) {
   const std::vector<std::string> wrong{"torque_constant scale=0.85"};
-  DataSet earlier = Recorded(wrong, 4, 31), same = Recorded(wrong, 4, 41);
+  DataSet earlier = Recorded(wrong, 4, 31, 500), same = Recorded(wrong, 4, 41, 500);
   for (DataSet* set : {&earlier, &same}) {
     for (gap::Run& run : set->runs) {
       for (auto* values : {&run.tension_N, &run.tip_m, &run.tip_quaternion}) values->resize(0, 0);

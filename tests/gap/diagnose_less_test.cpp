@@ -32,7 +32,7 @@ TEST_P(DiagnoseWithLess, FindsAGapOnlyWhereThereIsOne) {
   const gap::DiagnoseOptions only =
       Only({"unit_mass", "tip_payload", "bending_stiffness", "gear_presliding", "presliding", "cell_offset"});
   for (const char* effect : {"", "unit_mass scale=1.3"}) {
-    DataSet set = RecordedAt500Hz(effect, 4.5);
+    DataSet set = RecordedAt500Hz(effect, 3.5);
     for (gap::Run& run : set.runs) GetParam().what(run);
     const Diagnosis d = Diagnose(set, only);
     if (*effect == 0) {
@@ -55,10 +55,11 @@ INSTANTIATE_TEST_SUITE_P(
         Lost{"a_cell", [](Run& run) { run.tension_N.col(1).setConstant(std::nan("")); }},
         Lost{"every_cell", [](Run& run) { run.tension_N.setConstant(std::nan("")); }},
         Lost{"an_encoder", [](Run& run) { run.motor_position_rad.col(1).setZero(); }},
-        Lost{"an_encoder_for_a_second",
-             [](Run& run) {
-               run.motor_position_rad.col(1).segment(RowAt(run, 3), RowAt(run, 1)).setConstant(std::nan(""));
-             }},
+        Lost{
+            "an_encoder_for_a_second",
+            [](Run& run) {
+              run.motor_position_rad.col(1).segment(RowAt(run, 2.2), RowAt(run, 1)).setConstant(std::nan(""));
+            }},
         Lost{"what_was_in_rows",
              [](Run& run) {
                for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
@@ -117,7 +118,7 @@ TEST_P(DiagnoseTensionAgainstShape, NamesBodyEffectsAndReportsHiddenCuts) {
       Only({"bending_stiffness", "tip_payload", "torque_constant", "tendon_stiffness", "cell_drift"});
   for (const char* planted : GetParam().planted) {
     SCOPED_TRACE(planted);
-    DataSet set = RecordedAt500Hz(planted, 3.5);
+    DataSet set = RecordedAt500Hz(planted, 2.5);
     for (gap::Run& run : set.runs) {
       WithoutMotors(run);
       GetParam().what(run);
@@ -171,7 +172,7 @@ TEST(Diagnose, ShapeWithoutKnownTensionsIsRefused) {
 
 // Where all cells fail in one run, the cells of the other runs are still used.
 TEST(Diagnose, ARunWithoutCellsDoesNotAffectTheOthers) {
-  DataSet set = Recorded("cell_gain where=tendon:2 scale=0.9");
+  DataSet set = RecordedAt500Hz("cell_gain where=tendon:2 scale=0.9", 4);
   set.runs[1].tension_N.setConstant(std::nan(""));
   const Diagnosis d = Diagnose(set, Only({"cell_gain", "cell_offset", "tendon_stiffness"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
@@ -180,7 +181,7 @@ TEST(Diagnose, ARunWithoutCellsDoesNotAffectTheOthers) {
 }
 
 TEST(Diagnose, ARunWithoutTorqueDoesNotAffectTheOthers) {
-  DataSet set = Recorded("torque_constant scale=0.9");
+  DataSet set = RecordedAt500Hz("torque_constant scale=0.9");
   set.runs[1].torque_actual_Nm *= 1e3;  // another unit
   const Diagnosis d = Diagnose(set, Only({"torque_constant", "motor_coulomb", "tendon_stiffness"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
@@ -193,7 +194,7 @@ TEST(Diagnose, ARunWithoutTorqueDoesNotAffectTheOthers) {
 
 // Without cells the cut of the cause is not measured; the place is still that of its tendon.
 TEST(Diagnose, WithoutCellsTheGapLiesAtTheTendonThatHasIt) {
-  DataSet set = Recorded("backlash where=tendon:3 rad=0.15", 5);
+  DataSet set = RecordedAt500Hz("backlash where=tendon:3 rad=0.15", 5);
   for (gap::Run& run : set.runs) {
     run.load_cell = LoadCellPlace::kNone;
     run.tension_N.resize(0, 0);
@@ -206,16 +207,16 @@ TEST(Diagnose, WithoutCellsTheGapLiesAtTheTendonThatHasIt) {
 
 // A run of states at rest, a second apart, among motions is not a motion with its time in milliseconds.
 TEST(Diagnose, StatesBesideMotionsStay) {
-  DataSet set = Recorded("", 7);
-  KeepEveryNth(set.runs[1], 20);
-  set.runs[1].time_s = Eigen::VectorXd::LinSpaced(350, 0, 349);
+  DataSet set = RecordedAt500Hz("", 4);
+  KeepEveryNth(set.runs[1], 10);
+  set.runs[1].time_s = Eigen::VectorXd::LinSpaced(200, 0, 199);
   EXPECT_EQ(Diagnose(set, Only({"bending_stiffness"})).runs.size(), set.runs.size());
   // Nor is a run of many states in arbitrary order among slower logs.
-  set = Recorded("", 7);
+  set = RecordedAt500Hz("", 4);
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     gap::Run& slow = set.runs[i];
     std::vector<Eigen::Index> rows;
-    for (int row = 0; row < 7000; row += i == 1 ? 64 : 10) rows.push_back(i == 1 ? row * 3571 % 7000 : row);
+    for (int row = 0; row < 2000; row += i == 1 ? 32 : 5) rows.push_back(i == 1 ? row * 1021 % 2000 : row);
     KeepRows(slow, rows);
     const auto size = static_cast<Eigen::Index>(rows.size());
     slow.time_s = Eigen::VectorXd::LinSpaced(size, 0, static_cast<double>(size - 1) * (i == 1 ? 10 : 0.01));
@@ -226,7 +227,7 @@ TEST(Diagnose, StatesBesideMotionsStay) {
 // Declared without load cell, or without motor positions where there are cells, a run leaves the others
 // theirs.
 TEST(Diagnose, MissingColumnsOfARunDoNotAffectTheOthers) {
-  DataSet set = Recorded("cell_gain where=tendon:2 scale=0.9");
+  DataSet set = RecordedAt500Hz("cell_gain where=tendon:2 scale=0.9", 4);
   set.runs[1].load_cell = LoadCellPlace::kNone;
   set.runs[1].tension_N.resize(0, 0);
   set.runs[2].motor_position_rad.resize(0, 0);
@@ -240,7 +241,7 @@ TEST(Diagnose, MissingColumnsOfARunDoNotAffectTheOthers) {
 // An hour between two rows is no motion: the run would be simulated through it. Nor are 30,000 years, the
 // number of whose samples no integer holds.
 TEST(Diagnose, RunsWithAPauseAreLeftOut) {
-  DataSet set = Recorded("bending_stiffness scale=0.93");
+  DataSet set = RecordedAt500Hz("bending_stiffness scale=0.93", 4);
   for (const auto& [run, pause_s] : {std::pair(1, 3600.0), std::pair(2, 1e12)}) {
     Eigen::VectorXd& time_s = set.runs.at(static_cast<std::size_t>(run)).time_s;
     time_s[time_s.size() - 1] += pause_s;
@@ -258,7 +259,7 @@ TEST(Diagnose, RunsWithAPauseAreLeftOut) {
 }
 
 TEST(Diagnose, OneRunIsJudgedOnItsQuartersAndSaysSo) {
-  DataSet set = Recorded("bending_stiffness scale=0.93");
+  DataSet set = RecordedAt500Hz("bending_stiffness scale=0.93", 4);
   set.runs.resize(1);
   const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "cell_gain"}));
   EXPECT_EQ(d.held_out_by, "quarters of the runs");
@@ -266,7 +267,7 @@ TEST(Diagnose, OneRunIsJudgedOnItsQuartersAndSaysSo) {
 }
 
 TEST(Diagnose, WithoutATrackerTheHiddenCutsAreReported) {
-  DataSet set = Recorded("torque_constant scale=0.9", 4);
+  DataSet set = RecordedAt500Hz("torque_constant scale=0.9", 4);
   for (auto& run : set.runs) {
     run.tip_m.resize(0, 0);
     run.tip_quaternion.resize(0, 0);
@@ -285,7 +286,7 @@ TEST(Diagnose, RunsWithHardlyAnyMotionAreInsufficientData) {
   DataSet set;
   set.robot = Rig();
   for (const char* name : {"still", "still again", "still once more"}) {
-    set.runs.push_back(Record(Rig(), "rest", 3, set.runs.size() + 1));
+    set.runs.push_back(Record(Rig(), "rest", 3, set.runs.size() + 1, 500));
     set.runs.back().name = name;
   }
   const Diagnosis d = Diagnose(set, {});
@@ -293,7 +294,7 @@ TEST(Diagnose, RunsWithHardlyAnyMotionAreInsufficientData) {
 }
 
 TEST(Diagnose, LogsWithoutMotorPositionsAndCellsAreRefused) {
-  DataSet set = Recorded("", 2);
+  DataSet set = RecordedAt500Hz("", 2);
   for (gap::Run& run : set.runs) {
     run.motor_position_rad.resize(0, 0);
     run.tension_N.resize(0, 0);

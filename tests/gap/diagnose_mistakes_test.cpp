@@ -21,9 +21,9 @@ using gap::Verdict;
 
 // A deviation of a few seconds in one run is lost in the scatter of a mean over all runs.
 TEST(Diagnose, ABumpedTrackerInOneRunIsAGapThatNothingExplains) {
-  DataSet set = Recorded("");
+  DataSet set = RecordedAt500Hz("", 4);
   gap::Run& run = set.runs[1];
-  for (Eigen::Index i = 3000; i < run.tip_m.rows(); ++i) run.tip_m(i, 0) += 0.01;
+  for (Eigen::Index i = RowAt(run, 2); i < run.tip_m.rows(); ++i) run.tip_m(i, 0) += 0.01;
   const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "tip_payload", "cell_gain", "backlash"}));
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
   EXPECT_EQ(First(d), sim::Cut::kShape);
@@ -32,11 +32,12 @@ TEST(Diagnose, ABumpedTrackerInOneRunIsAGapThatNothingExplains) {
 
 /// The tracker's readings of a run stamped `late_ms` later.
 void StampLater(Run& run, int late_ms) {
+  const Eigen::Index late = RowAt(run, 1e-3 * late_ms);
   for (Eigen::MatrixXd* m : {&run.tip_m, &run.tip_quaternion}) {
     const Eigen::MatrixXd read = *m;
     m->setConstant(std::nan(""));
     for (Eigen::Index i = 0; i < read.rows(); ++i) {
-      if (i + late_ms >= 0 && i + late_ms < read.rows()) m->row(i + late_ms) = read.row(i);
+      if (i + late >= 0 && i + late < read.rows()) m->row(i + late) = read.row(i);
     }
   }
 }
@@ -45,16 +46,16 @@ void StampLater(Run& run, int late_ms) {
 // moves before the motors.
 TEST(Diagnose, ATrackerOnAClockOfItsOwnHidesNoCauseAndIsNone) {
   const auto offset = [](DataSet set) {
-    const int late_ms[] = {35, -52, 8, -17};
+    const int late_ms[] = {36, -52, 8, -18};
     for (std::size_t i = 0; i < set.runs.size(); ++i) StampLater(set.runs[i], late_ms[i]);
     return set;
   };
   const auto look_for = Only({"bending_damping", "unit_mass", "tracker_offset", "backlash"});
-  const Diagnosis none = Diagnose(offset(Recorded("")), look_for);
+  const Diagnosis none = Diagnose(offset(RecordedAt500Hz("")), look_for);
   EXPECT_EQ(none.verdict, Verdict::kNoGap) << none.sentence;
   EXPECT_THAT(none.degradations,
               testing::Contains(testing::HasSubstr("the tracker's clock is not the drives'")));
-  const Diagnosis damped = Diagnose(offset(Recorded("bending_damping scale=4")), look_for);
+  const Diagnosis damped = Diagnose(offset(RecordedAt500Hz("bending_damping scale=4")), look_for);
   ASSERT_EQ(damped.verdict, Verdict::kAttributed) << damped.sentence;
   EXPECT_EQ(damped.accepted[0].effect, "bending_damping");
   EXPECT_NEAR(damped.accepted[0].parameters.at("scale").value, 4, 0.2);
@@ -62,7 +63,7 @@ TEST(Diagnose, ATrackerOnAClockOfItsOwnHidesNoCauseAndIsNone) {
 
 // A delay that all runs share is a finding, not a clock offset.
 TEST(Diagnose, ATrackersOwnDelayIsFound) {
-  DataSet set = Recorded("");
+  DataSet set = RecordedAt500Hz("");
   for (gap::Run& run : set.runs) StampLater(run, 30);
   const Diagnosis d = Diagnose(set, Only({"bending_damping", "tracker_delay"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
@@ -74,13 +75,13 @@ TEST(Diagnose, ATrackersOwnDelayIsFound) {
 
 // Of several parameters the sentence gives the one that differs.
 TEST(Diagnose, ARotatedTrackerIsFoundWithItsAngle) {
-  const Diagnosis d = Diagnose(Recorded("tracker_rotation z_rad=0.2", 4), Only({"tracker_rotation"}));
+  const Diagnosis d = Diagnose(RecordedAt500Hz("tracker_rotation z_rad=0.2", 3), Only({"tracker_rotation"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_THAT(d.sentence, testing::HasSubstr("tracker_rotation, z 11.4"));
 }
 
 TEST(Diagnose, ColumnsOfAnotherUnitAreLeftOutAndTheRestIsDiagnosed) {
-  DataSet set = Recorded("bending_stiffness scale=0.93");
+  DataSet set = RecordedAt500Hz("bending_stiffness scale=0.93", 4);
   for (gap::Run& run : set.runs) run.tension_N.col(1) *= 1000 / 9.81;
   const Diagnosis d =
       Diagnose(set, Only({"bending_stiffness", "tip_payload", "cell_gain", "torque_constant"}));
@@ -97,7 +98,7 @@ struct MadeMistake {
 
 // A wrong sign, order or side causes a gap larger than effects do; undoing it removes the gap.
 TEST(Diagnose, MistakesOfMeasurementAreNamed) {
-  const DataSet right = Recorded("", 3);
+  const DataSet right = TwoFamilies("", 2);
   const MadeMistake mistakes[] = {
       {[](gap::Run& run) { run.motor_position_rad.col(1) *= -1; }, "the sign of motor position 2 reversed"},
       {[](gap::Run& run) {
@@ -131,13 +132,13 @@ TEST(Diagnose, MistakesOfMeasurementAreNamed) {
   const std::string message = Diagnose(untracked, Only({"unit_mass"})).sentence;
   EXPECT_NE(message.find("the sign of motor position 2 reversed"), std::string::npos) << message;
   // An effect is not a measurement error, however large.
-  const Diagnosis d = Diagnose(Recorded("bending_stiffness scale=0.5", 4), Only({"bending_stiffness"}));
+  const Diagnosis d = Diagnose(TwoFamilies("bending_stiffness scale=0.5", 3), Only({"bending_stiffness"}));
   EXPECT_EQ(d.sentence.find("Check the measurement"), std::string::npos) << d.sentence;
 }
 
 // Encoders that count from their position at power-on.
 TEST(Diagnose, MotorsZeroedBeforeEachRunAreNamed) {
-  DataSet set = Recorded("", 3);
+  DataSet set = RecordedAt500Hz("", 3);
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     for (int j = 0; j < 3; ++j)
       set.runs[i].motor_position_rad.col(j).array() += 0.4 * std::sin(1.0 + 3.0 * static_cast<double>(i) + j);
@@ -149,10 +150,10 @@ TEST(Diagnose, MotorsZeroedBeforeEachRunAreNamed) {
 
 // A delay of one bus cycle is enough for a gap, though a small one.
 TEST(Diagnose, CellsACycleLateAreNamed) {
-  DataSet set = Recorded("", 4);
+  DataSet set = RecordedAt500Hz("", 3);
   for (gap::Run& run : set.runs) {
     const Eigen::Index rows = run.tension_N.rows();
-    run.tension_N.bottomRows(rows - 2) = run.tension_N.topRows(rows - 2).eval();
+    run.tension_N.bottomRows(rows - 1) = run.tension_N.topRows(rows - 1).eval();
   }
   const Diagnosis d = Diagnose(set, Only({"tip_payload", "cell_offset"}));
   // In these motions a delay and a filter of a few milliseconds are indistinguishable.
@@ -163,35 +164,35 @@ TEST(Diagnose, CellsACycleLateAreNamed) {
 
 // The same for the delay of a filter or an amplifier.
 TEST(Diagnose, SlowCellsAreNamed) {
-  DataSet set = Recorded("", 4);
+  DataSet set = TwoFamilies("", 3);
   for (gap::Run& run : set.runs) {
     for (Eigen::Index i = 1; i < run.tension_N.rows(); ++i)
       run.tension_N.row(i) =
-          run.tension_N.row(i - 1) + (run.tension_N.row(i) - run.tension_N.row(i - 1)) / 50;
+          run.tension_N.row(i - 1) + (run.tension_N.row(i) - run.tension_N.row(i - 1)) / 25;
   }
   const std::string filtered = Diagnose(set, Only({"unit_mass"})).sentence;
   EXPECT_THAT(filtered,
               testing::ContainsRegex("with a low-pass filter of (4.|5.) ms removed from the load cells"));
-  set = Recorded("", 4);
+  set = TwoFamilies("", 3);
   for (gap::Run& run : set.runs) {
     const Eigen::Index rows = run.tension_N.rows();
-    run.tension_N.bottomRows(rows - 50) = run.tension_N.topRows(rows - 50).eval();
+    run.tension_N.bottomRows(rows - 25) = run.tension_N.topRows(rows - 25).eval();
   }
   const std::string late = Diagnose(set, Only({"unit_mass"})).sentence;
   EXPECT_THAT(late, testing::ContainsRegex("with the load cells' readings shifted (4.|5.) ms earlier"));
   // One cell alone.
-  set = Recorded("", 4);
+  set = TwoFamilies("", 4);
   for (gap::Run& run : set.runs) {
     const Eigen::Index rows = run.tension_N.rows();
-    run.tension_N.col(1).tail(rows - 12) = run.tension_N.col(1).head(rows - 12).eval();
+    run.tension_N.col(1).tail(rows - 6) = run.tension_N.col(1).head(rows - 6).eval();
   }
   const std::string one = Diagnose(set, Only({"unit_mass"})).sentence;
   EXPECT_THAT(one, testing::ContainsRegex("with the readings of load cell 2 shifted 1[123] ms earlier"));
   // Cells that are slower than the log were not filtered.
-  set = Recorded("cell_gain where=tendon:2 scale=0.8", 4);
+  set = TwoFamilies("cell_gain where=tendon:2 scale=0.8", 3);
   for (gap::Run& run : set.runs) {
     for (Eigen::Index i = 0; i < run.tension_N.rows(); ++i) {
-      if (i % 10 != 0) run.tension_N.row(i).setConstant(std::nan(""));
+      if (i % 5 != 0) run.tension_N.row(i).setConstant(std::nan(""));
     }
   }
   const Diagnosis d = Diagnose(set, Only({"cell_gain", "tendon_stiffness"}));
@@ -201,15 +202,15 @@ TEST(Diagnose, SlowCellsAreNamed) {
 
 // An error in all runs is no reason to leave out the one that shows it most.
 TEST(Diagnose, AnErrorInAllRunsLeavesOutNone) {
-  DataSet set = Recorded("", 4);
-  set.runs = {Record(Rig(), "rest", 4, 21), Record(Rig(), "rest", 4, 22), set.runs[2]};
+  DataSet set = RecordedAt500Hz("", 2.5);
+  set.runs = {Record(Rig(), "rest", 2.5, 21, 500), Record(Rig(), "rest", 2.5, 22, 500), set.runs[2]};
   set.runs[1].name = "rest again";
   for (gap::Run& run : set.runs) run.motor_position_rad.col(1) *= -1;
   const Diagnosis d = Diagnose(set, Only({"unit_mass", "bending_stiffness"}));
   EXPECT_EQ(d.runs.size(), 3u) << d.degradations.front();
   EXPECT_THAT(d.sentence, testing::HasSubstr("with the sign of motor position 2 reversed"));
   // Nor are all left out where each has its own.
-  set = Recorded("", 4);
+  set = RecordedAt500Hz("", 2.5);
   set.runs.resize(3);
   set.runs[0].tip_m.col(0) *= -1;
   set.runs[1].motor_position_rad.col(1) *= -1;
@@ -219,8 +220,8 @@ TEST(Diagnose, AnErrorInAllRunsLeavesOutNone) {
 
 // Repetitions of a run that is left out then repeat the first of them.
 TEST(Diagnose, RepetitionsOfARunThatIsLeftOutStayRepetitions) {
-  DataSet set = Recorded("", 4);
-  set.runs.push_back(Record(Rig(), "circle", 4, 23));
+  DataSet set = RecordedAt500Hz("", 4);
+  set.runs.push_back(Record(Rig(), "circle", 4, 23, 500));
   set.runs.back().name = "circle once more";
   set.runs.back().repeat_of = "circle";
   set.runs[0].motor_position_rad.col(1) *= -1;
@@ -233,7 +234,7 @@ TEST(Diagnose, RepetitionsOfARunThatIsLeftOutStayRepetitions) {
 
 // A run that was measured differently from the others is no gap of the robot: it is left out and named.
 TEST(Diagnose, ARunMeasuredDifferentlyIsLeftOut) {
-  const DataSet right = Recorded("", 4);
+  const DataSet right = RecordedAt500Hz("", 3);
   const MadeMistake mistakes[] = {
       {[](gap::Run& run) { run.time_s *= 1e3; }, "its time is in milliseconds"},
       {[](gap::Run& run) { run.motor_position_rad.col(1) *= -1; }, "the sign of motor position 2"},
@@ -263,7 +264,7 @@ TEST(Diagnose, ARunMeasuredDifferentlyIsLeftOut) {
   DataSet touched = right;
   RobotParameters plant = Rig();
   plant.effects.push_back(sim::ParseEffect("contact stiffness_Npm=40 gap_m=0.004 angle_rad=-0.5", plant));
-  const gap::Run bumped = Record(plant, "triangle", 4, 12);
+  const gap::Run bumped = Record(plant, "triangle", 3, 12, 500);
   touched.runs[1] = bumped;
   const Diagnosis d = Diagnose(touched, Only({"contact", "bending_stiffness"}));
   EXPECT_EQ(d.runs.size(), right.runs.size()) << d.degradations.front();
@@ -275,8 +276,8 @@ TEST(Diagnose, ARunMeasuredDifferentlyIsLeftOut) {
 TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   RobotParameters plant = Rig();
   plant.effects.push_back(sim::ParseEffect("slack where=tendon:1 m=0.002", plant));
-  DataSet set = Recorded("", 4);
-  set.runs[2] = Record(plant, "multisine", 4, 13);
+  DataSet set = RecordedAt500Hz("", 4);
+  set.runs[2] = Record(plant, "multisine", 4, 13, 500);
   const Diagnosis mixed = Diagnose(set, Only({"tendon_stiffness", "slack", "encoder_offset"}));
   EXPECT_NE(mixed.verdict, Verdict::kAttributed) << mixed.sentence;
   EXPECT_THAT(mixed.degradations, testing::Contains(testing::HasSubstr("multisine: its model error is")));
@@ -284,15 +285,15 @@ TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
   // Where few of the runs have it, the sentence says so.
   plant = Rig();
   plant.effects.push_back(sim::ParseEffect("base_tilt x_rad=0.2", plant));
-  set.runs[2] = Record(plant, "multisine", 4, 13);
+  set.runs[2] = Record(plant, "multisine", 4, 13, 500);
   const Diagnosis tilted = Diagnose(set, Only({"tendon_stiffness", "encoder_offset"}));
   EXPECT_EQ(tilted.verdict, Verdict::kUnexplained) << tilted.sentence;
   EXPECT_THAT(tilted.sentence, testing::HasSubstr("It lies mainly in multisine, with"));
 
   plant = Rig();
   plant.effects.push_back(sim::ParseEffect("bending_stiffness scale=0.8", plant));
-  set = Recorded("", 4);
-  set.runs[3] = Record(plant, "circle", 4, 14);
+  set = RecordedAt500Hz("", 4);
+  set.runs[3] = Record(plant, "circle", 4, 14, 500);
   set.runs[3].name = "circle again";
   set.runs[3].repeat_of = "circle";
   const Diagnosis repeated = Diagnose(set, Only({"unit_mass"}));
@@ -306,7 +307,7 @@ TEST(Diagnose, RunsOfTwoRobotsAreNoProof) {
 // Refused before the search begins, with a gap or without.
 TEST(Diagnose, TimeOfAllRunsInMillisecondsIsRefused) {
   for (const char* effect : {"", "bending_stiffness scale=0.5", "torque_constant scale=0.8"}) {
-    DataSet set = Recorded(effect);
+    DataSet set = RecordedAt500Hz(effect, 3);
     for (gap::Run& run : set.runs) run.time_s *= 1e3;
     try {
       Diagnose(set, Only({"bending_stiffness"}));

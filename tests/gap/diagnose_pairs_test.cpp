@@ -15,7 +15,7 @@ using gap::Verdict;
 // Cell noise excites the body in a replay; a body damped more than the real one is excited less and fits
 // better, which explains nothing. Gentle runs hardly contradict it.
 TEST(Diagnose, ACalmerBodyIsNoSecondCause) {
-  const DataSet set = RecordedAtRobotSide("slack where=tendon:3 m=3.3e-5", {"gentle", "gentle"}, 24, 21);
+  const DataSet set = RecordedAtRobotSide("slack where=tendon:3 m=3.3e-5", {"gentle", "gentle"}, 24, 21, 500);
   const Diagnosis d = Diagnose(set, Only({"slack", "bending_damping"}));
   ASSERT_EQ(d.accepted.size(), 1u) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "slack") << d.sentence;
@@ -25,7 +25,7 @@ TEST(Diagnose, ACalmerBodyIsNoSecondCause) {
 // of the tendon holes does so too, with a softer backbone to cancel its influence on the bend. Two errors
 // that cancel are less likely than one that is not listed.
 TEST(Diagnose, TwoCausesThatCancelAreNotAccepted) {
-  DataSet set = RecordedAt500Hz("");
+  DataSet set = RecordedAt500Hz("", 3);
   for (auto& run : set.runs) run.motor_position_rad *= 1.008;
   const auto allowed = Diagnose(set, Only({"hole_radius", "unit_mass"}));
   EXPECT_EQ(allowed.verdict, Verdict::kNoGap) << allowed.sentence;  // the file allows another spool
@@ -60,7 +60,7 @@ TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
   EXPECT_EQ(half.verdict, Verdict::kAttributed) << half.sentence;
   EXPECT_EQ(half.accepted.size(), 1u) << half.sentence;
   // a residual that a place shows does.
-  const Diagnosis plain = Diagnose(Recorded({both[0], "bending_damping scale=2"}), without);
+  const Diagnosis plain = Diagnose(Recorded({both[0], "bending_damping scale=2"}, 4, 11, 500), without);
   ASSERT_TRUE(plain.closed.has_value());
   EXPECT_LT(plain.closed->value, 0.4);
   EXPECT_EQ(plain.verdict, Verdict::kUnexplained) << plain.sentence;
@@ -72,7 +72,7 @@ TEST(Diagnose, ASecondCauseThatNoPlaceShowsIsFound) {
 // A cause that leaves more than a tenth of the gap is not established, however much worse the others fit.
 TEST(Diagnose, ACauseThatLeavesMuchIsNotEstablished) {
   DataSet set =
-      Recorded(std::vector<std::string>{"routing_friction mu=0.2", "backlash where=all rad=0.3"}, 4);
+      Recorded(std::vector<std::string>{"routing_friction mu=0.2", "backlash where=all rad=0.3"}, 3, 11, 500);
   const Diagnosis d = Diagnose(set, Only({"routing_friction"}));
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
   EXPECT_THAT(d.sentence,
@@ -84,8 +84,8 @@ TEST(Diagnose, ACauseThatLeavesMuchIsNotEstablished) {
 
 // With little data a second cause gains little; it is accepted because nothing is left with it.
 TEST(Diagnose, TwoCausesInTwoShortRuns) {
-  DataSet set =
-      Recorded(std::vector<std::string>{"bending_stiffness scale=0.95", "motor_coulomb scale=1.2"}, 5);
+  DataSet set = Recorded(std::vector<std::string>{"bending_stiffness scale=0.95", "motor_coulomb scale=1.2"},
+                         4, 11, 500);
   set.runs.resize(3);
   set.runs.erase(set.runs.begin() + 1);
   const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "motor_coulomb", "cell_gain", "unit_mass"}));
@@ -97,9 +97,9 @@ TEST(Diagnose, TwoCausesInTwoShortRuns) {
 // Neither of two frictions fits alone, and on held-out motions the misfit of the better one loses more than
 // any second cause gains to first order.
 TEST(Diagnose, ASecondCauseIsTriedWithAnInaccurateFirst) {
-  const Diagnosis d =
-      Diagnose(Recorded(std::vector<std::string>{"pulley_coulomb N=0.15", "routing_friction mu=0.05"}, 5),
-               Only({"pulley_coulomb", "routing_friction", "capstan_alpha", "wrap_angle"}));
+  const Diagnosis d = Diagnose(
+      Recorded(std::vector<std::string>{"pulley_coulomb N=0.15", "routing_friction mu=0.05"}, 4, 11, 500),
+      Only({"pulley_coulomb", "routing_friction", "capstan_alpha", "wrap_angle"}));
   EXPECT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   ASSERT_EQ(d.accepted.size(), 2u) << d.sentence;
   for (const gap::Cause& cause : d.accepted) {
@@ -112,7 +112,7 @@ TEST(Diagnose, ASecondCauseIsTriedWithAnInaccurateFirst) {
 // Heavier disks and a mass at the tip look alike without a tracker: whichever is screened as the better, the
 // other is fitted too.
 TEST(Diagnose, LookAlikesOfTheBestAreFittedAsWell) {
-  DataSet set = RecordedAt500Hz("unit_mass scale=1.5");
+  DataSet set = RecordedAt500Hz("unit_mass scale=1.5", 3);
   for (gap::Run& run : set.runs) {
     run.tip_m.resize(0, 0);
     run.tip_quaternion.resize(0, 0);
@@ -130,7 +130,7 @@ TEST(Diagnose, LookAlikesOfTheBestAreFittedAsWell) {
 // Delay and lag of a torque that changes slowly are the same thing.
 TEST(Diagnose, CausesThatTheRunsCannotTellApartAreAGroup) {
   const Diagnosis d =
-      Diagnose(RecordedAt500Hz("command_delay s=0.004", 4),
+      Diagnose(RecordedAt500Hz("command_delay s=0.004", 3),
                Only({"command_delay", "torque_loop_lag", "torque_constant", "tracker_delay"}));
   EXPECT_EQ(First(d), sim::Cut::kCurrentLoop) << d.sentence;
   ASSERT_EQ(d.verdict, Verdict::kAmbiguousGroup) << d.sentence;

@@ -23,7 +23,7 @@ using gap::Verdict;
 // with the cause in the model the floor is higher than with the nominal robot, and nothing is left.
 TEST(Diagnose, CellNoiseAmplifiedByAnUnderdampedBodyIsNoGap) {
   const DataSet set =
-      RecordedAtRobotSide("bending_damping scale=0.2", {"circle", "triangle", "multisine", "circle"}, 7, 5);
+      RecordedAtRobotSide("bending_damping scale=0.2", {"circle", "triangle", "multisine", "circle"}, 5, 5);
   const Diagnosis d = Diagnose(
       set, Only({"bending_damping", "bending_stiffness", "unit_mass", "tendon_stiffness", "presliding"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
@@ -37,15 +37,15 @@ TEST(Diagnose, CellNoiseAmplifiedByAnUnderdampedBodyIsNoGap) {
 }
 
 TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
-  DataSet set = Recorded("bending_stiffness scale=0.93", 7);
-  set.runs[0].tension_N.col(0).tail(5000).setConstant(3);
-  set.runs[1].tension_N(2500, 1) = 9999;
-  set.runs[1].torque_actual_Nm(3000, 1) = 7;
-  set.runs[2].tip_m(3000, 1) = 5;
-  for (int i = 100; i < 7000; i += 50) set.runs[2].tension_N(i, 2) = i % 100 ? 0 : -1;
-  set.runs[0].motor_position_rad(1500, 2) = 1e9;
-  set.runs[1].motor_position_rad(1000, 0) = 300;
-  set.runs[1].motor_position_rad(1800, 0) = -300;
+  DataSet set = RecordedAt500Hz("bending_stiffness scale=0.93", 7);
+  set.runs[0].tension_N.col(0).tail(2500).setConstant(3);
+  set.runs[1].tension_N(1250, 1) = 9999;
+  set.runs[1].torque_actual_Nm(1500, 1) = 7;
+  set.runs[2].tip_m(1500, 1) = 5;
+  for (int i = 50; i < 3500; i += 25) set.runs[2].tension_N(i, 2) = i % 50 ? 0 : -1;
+  set.runs[0].motor_position_rad(750, 2) = 1e9;
+  set.runs[1].motor_position_rad(500, 0) = 300;
+  set.runs[1].motor_position_rad(900, 0) = -300;
   const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "tip_payload", "cell_gain", "cell_offset"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "bending_stiffness");
@@ -68,8 +68,8 @@ TEST(Diagnose, AFrozenCellAndImpossibleValuesDoNotHideTheCause) {
 
 // A motor that reverses within a few samples, or waits and then steps, is not an encoder error.
 TEST(Diagnose, QuickMotionsOfAMotorAreNotOutliers) {
-  DataSet set = Recorded("", 4);
-  const auto steps = [](Eigen::Index i) { return static_cast<double>(i / 700 % 2); };
+  DataSet set = RecordedAt500Hz("", 3);
+  const auto steps = [](Eigen::Index i) { return static_cast<double>(i / 350 % 2); };
   for (Eigen::Index i = 0; i < set.runs[0].time_s.size(); ++i) {
     set.runs[0].motor_position_rad(i, 0) = 5 * std::sin(2 * std::numbers::pi * static_cast<double>(i) / 6.3);
     set.runs[1].motor_position_rad(i, 0) = steps(i);
@@ -127,20 +127,20 @@ TEST(Diagnose, LostRowsAloneAreNoGap) {
   const std::vector<std::string> families{"circle", "triangle", "multisine", "circle"};
   const std::vector<std::function<void(gap::Run&)>> losses{
       [](gap::Run& run) {
-        Lose(run, 450, run.time_s.size() / 3);
-        Lose(run, 150, 3000);
+        Lose(run, RowAt(run, 0.45), run.time_s.size() / 3);
+        Lose(run, RowAt(run, 0.15), RowAt(run, 3));
       },
-      [](gap::Run& run) { Lose(run, 400, 350); },
-      [](gap::Run& run) { Lose(run, 1000, 0); },
+      [](gap::Run& run) { Lose(run, RowAt(run, 0.4), RowAt(run, 0.35)); },
+      [](gap::Run& run) { Lose(run, RowAt(run, 1), 0); },
       [](gap::Run& run) {  // others whole
-        if (run.name == "circle") Lose(run, 2500, 0);
+        if (run.name == "circle") Lose(run, RowAt(run, 2.5), 0);
       },
   };
   for (const std::size_t seed : {11, 50}) {
-    const DataSet before_pulleys = Recorded(std::vector<std::string>{}, 4.5, seed);
+    const DataSet before_pulleys = Recorded(std::vector<std::string>{}, 4.5, seed, 500);
     DataSet no_cells = before_pulleys;
     for (gap::Run& run : no_cells.runs) run.tension_N.setConstant(std::nan(""));
-    const DataSet behind_pulleys = RecordedAtRobotSide("", families, 4.5, seed);
+    const DataSet behind_pulleys = RecordedAtRobotSide("", families, 4.5, seed, 500);
     for (const DataSet& whole : {before_pulleys, behind_pulleys, no_cells}) {
       for (std::size_t k = seed % 2; k < losses.size(); k += 2) {  // half of them with either seed
         DataSet set = whole;
@@ -156,8 +156,8 @@ TEST(Diagnose, LostRowsAloneAreNoGap) {
 // A cell at the end of its range is no gap: the tension beyond it follows from the tendon's stretch, not from
 // a straight line.
 TEST(Diagnose, AClippedCellIsNoGap) {
-  DataSet whole = Recorded("", 4);
-  whole.runs.push_back(Record(Rig(), "sway", 4, 31));
+  DataSet whole = RecordedAt500Hz("", 3);
+  whole.runs.push_back(Record(Rig(), "sway", 3, 31, 500));
   for (const double most_N : {2.5, 4.0}) {
     DataSet set = whole;
     for (gap::Run& run : set.runs) run.tension_N.col(0) = run.tension_N.col(0).cwiseMin(most_N).eval();
@@ -169,7 +169,7 @@ TEST(Diagnose, AClippedCellIsNoGap) {
 
 // A table of two decimal places, which are fewer than cells and encoders have.
 TEST(Diagnose, FewDecimalPlacesAreNoGap) {
-  DataSet set = Recorded("");
+  DataSet set = RecordedAt500Hz("");
   for (gap::Run& run : set.runs) {
     for (auto* values : {&run.tension_N, &run.motor_position_rad})
       *values = ((*values * 100).array().round() / 100).matrix().eval();
@@ -191,11 +191,11 @@ TEST(Diagnose, EveryNthRowIsNoGap) {
 
 // Rows without any reading are not a failure of each sensor.
 TEST(Diagnose, EmptyRowsAreLostRows) {
-  DataSet set = Recorded("");
+  DataSet set = RecordedAt500Hz("");
   for (gap::Run& run : set.runs) {
     for (auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
                          &run.tension_N, &run.tip_m, &run.tip_quaternion})
-      values->middleRows(3000, 400).setConstant(std::nan(""));
+      values->middleRows(RowAt(run, 3), RowAt(run, 0.4)).setConstant(std::nan(""));
   }
   const Diagnosis d = Diagnose(set, Only({"motor_coulomb", "bending_stiffness"}));
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
@@ -208,10 +208,10 @@ TEST(Diagnose, ATorqueThatSaturatesIsSeen) {
   RobotParameters plant = Rig();
   for (auto& tendon : plant.actuation->tendons) tendon.drive.actual_torque_noise_permille = 0;
   plant.effects.push_back(sim::ParseEffect("torque_saturation where=tendon:1 deficit_Nm=0.0065", plant));
-  DataSet set = Recorded("");
+  DataSet set = RecordedAt500Hz("", 1);
   for (gap::Run& run : set.runs) {
     const std::string name = run.name, repeat_of = run.repeat_of;
-    run = Record(plant, run.family, 7, 11);
+    run = Record(plant, run.family, 7, 11, 500);
     run.name = name;
     run.repeat_of = repeat_of;
   }
@@ -223,7 +223,7 @@ TEST(Diagnose, ATorqueThatSaturatesIsSeen) {
 
 // Time stamps with a date are coarse, and their steps add up.
 TEST(Diagnose, TimesSinceAnEpochAreNoGap) {
-  DataSet set = Recorded("");
+  DataSet set = RecordedAt500Hz("");
   for (gap::Run& run : set.runs) run.time_s.array() += 1.7e9;
   const Diagnosis d = Diagnose(set, Only({"unit_mass"}));
   EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
@@ -233,17 +233,16 @@ TEST(Diagnose, TimesSinceAnEpochAreNoGap) {
 
 // A logger faster than a sensor repeats its last reading, or interpolates.
 TEST(Diagnose, SensorsSlowerThanTheLogAreNoGap) {
-  // Keeps every tenth row of these columns and fills the others.
+  // Keeps every fifth row of these columns and fills the others.
   const auto fill = [](Eigen::Ref<Eigen::MatrixXd> values, bool line) {
-    const Eigen::Index last = (values.rows() - 1) / 10 * 10;
+    const Eigen::Index last = (values.rows() - 1) / 5 * 5;
     for (Eigen::Index i = 0; i < values.rows(); ++i) {
-      const Eigen::Index a = i / 10 * 10;
-      const double share = line && a < last ? static_cast<double>(i - a) / 10 : 0;
-      if (i != a)
-        values.row(i) = values.row(a) + share * (values.row(std::min(a + 10, last)) - values.row(a));
+      const Eigen::Index a = i / 5 * 5;
+      const double share = line && a < last ? static_cast<double>(i - a) / 5 : 0;
+      if (i != a) values.row(i) = values.row(a) + share * (values.row(std::min(a + 5, last)) - values.row(a));
     }
   };
-  const DataSet right = Recorded("", 3);
+  const DataSet right = RecordedAt500Hz("", 3);
   for (const bool line : {false, true}) {
     DataSet set = right;
     for (gap::Run& run : set.runs) {
@@ -254,15 +253,14 @@ TEST(Diagnose, SensorsSlowerThanTheLogAreNoGap) {
     const Diagnosis d = Diagnose(set, Only({"tip_payload", "cell_gain"}));
     EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
     EXPECT_EQ(d.sentence.find("repetitions differ"), std::string::npos) << d.sentence;
-    EXPECT_THAT(
-        d.degradations,
-        testing::Contains(testing::AllOf(
-            testing::HasSubstr(line ? "interpolates between" : "repeats the last one between"),
-            testing::HasSubstr("tension 2 (every 10 rows), tension 3 (every 10 rows), the tip (every 10 "
-                               "rows)"))));
+    EXPECT_THAT(d.degradations,
+                testing::Contains(testing::AllOf(
+                    testing::HasSubstr(line ? "interpolates between" : "repeats the last one between"),
+                    testing::HasSubstr("tension 2 (every 5 rows), tension 3 (every 5 rows), the tip (every 5 "
+                                       "rows)"))));
   }
   // A gap of the same size is still found.
-  DataSet heavy = Recorded("tip_payload mass_kg=0.0015", 4);
+  DataSet heavy = RecordedAt500Hz("tip_payload mass_kg=0.0015", 4);
   const Diagnosis as_recorded = Diagnose(heavy, Only({"tip_payload", "cell_gain"}));
   for (gap::Run& run : heavy.runs) {
     fill(run.tip_m, true);
@@ -297,7 +295,7 @@ TEST(Diagnose, CoarseTablesAreNoGap) {
   const auto round = [](Eigen::MatrixXd& values, double step) {
     for (double& x : values.reshaped()) x = step * std::round(x / step);
   };
-  DataSet set = Recorded("", 4);
+  DataSet set = RecordedAt500Hz("", 4);
   for (gap::Run& run : set.runs) {
     round(run.tension_N, 0.1);
     round(run.tip_m, 1e-3);
@@ -310,7 +308,7 @@ TEST(Diagnose, CoarseTablesAreNoGap) {
 }
 
 TEST(Diagnose, AnEncoderThatFreezesHalfWayIsMaskedThere) {
-  DataSet set = Recorded("");
+  DataSet set = RecordedAt500Hz("");
   gap::Run& run = set.runs[2];
   auto motor = run.motor_position_rad.col(1);
   motor.tail(motor.size() / 2).setConstant(motor[motor.size() / 2]);

@@ -24,7 +24,7 @@ using gap::Verdict;
 // The scatter between runs is known from the repeated runs; for a motor at rest in those it is taken from the
 // other motors.
 TEST(Diagnose, AMotorAtRestInTheRepeatedRunsGetsTheFloorOfTheOthers) {
-  DataSet set = Recorded("");
+  DataSet set = RecordedAt500Hz("");
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     gap::Run& run = set.runs[i];
     for (Eigen::Index j = 0; j < 3; ++j) {
@@ -48,12 +48,12 @@ TEST(Diagnose, AMotorAtRestInTheRepeatedRunsGetsTheFloorOfTheOthers) {
 // A push on the tip that differs from run to run biases all windows of a run together: they are not
 // independent samples of the mean push, which is smaller than the difference between two repetitions.
 TEST(Diagnose, RunToRunDifferencesAreNoGap) {
-  DataSet set = Recorded("");
+  DataSet set = RecordedAt500Hz("", 1);
   const double push_N[] = {0.02, 0.01, 0.03, -0.005};
   for (std::size_t i = 0; i < set.runs.size(); ++i) {
     RobotParameters pushed = Rig();
     pushed.effects.push_back(sim::ParseEffect(fmt::format("tip_force x_N={}", push_N[i]), pushed));
-    gap::Run run = Record(pushed, set.runs[i].family, 7, 40 + i);
+    gap::Run run = Record(pushed, set.runs[i].family, 5, 40 + i, 500);
     run.name = set.runs[i].name;
     run.repeat_of = set.runs[i].repeat_of;
     set.runs[i] = std::move(run);
@@ -107,8 +107,9 @@ struct Peaks {
 };
 
 /// Runs of the nominal rig with motor friction that differs by `scatter_Nm` rms from run to run, and with
-/// `peaks`; the first family three times, the repetitions with `push_N` at the tip to one side and the other.
-DataSet Rubbed(double scatter_Nm, const Peaks& peaks, double push_N, std::uint64_t seed) {
+/// `peaks`; the first family three times for `slow_s` each, the repetitions with `push_N` at the tip to one
+/// side and the other.
+DataSet Rubbed(double scatter_Nm, const Peaks& peaks, double push_N, std::uint64_t seed, double slow_s = 13) {
   DataSet set;
   set.robot = Rig();
   for (const char* family : {"slow", "circle", "slow", "slow"}) {
@@ -123,7 +124,7 @@ DataSet Rubbed(double scatter_Nm, const Peaks& peaks, double push_N, std::uint64
       return (more + peaks.torque_Nm * peak) * std::tanh(state.motor_velocity_radps / 2);
     };
     sim::Plant plant(robot, {.seed = seed});
-    set.runs.push_back(Record(plant, family, run == 1 ? 3 : 13, rub, 500));
+    set.runs.push_back(Record(plant, family, run == 1 ? 3 : slow_s, rub, 500));
     if (run < 2) continue;
     set.runs.back().name = fmt::format("slow {}", run);
     set.runs.back().repeat_of = "slow";
@@ -134,7 +135,7 @@ DataSet Rubbed(double scatter_Nm, const Peaks& peaks, double push_N, std::uint64
 // Friction with peaks at certain angles makes repetitions differ. The floor from repetitions hides it; its
 // dependence on the angle reveals it.
 TEST(Diagnose, FrictionThatPeaksAtAnglesDoesNotRepeat) {
-  const Diagnosis d = Diagnose(Rubbed(2e-6, {.torque_Nm = 1e-4}, 0.01, 3), Only({"motor_coulomb"}));
+  const Diagnosis d = Diagnose(Rubbed(2e-6, {.torque_Nm = 1e-4}, 0.01, 3, 10), Only({"motor_coulomb"}));
   ASSERT_TRUE(d.repeatability) << d.sentence;
   EXPECT_EQ(d.repeatability->cut, sim::Cut::kDrivetrain);
   EXPECT_EQ(d.repeatability->where, "tendon:2");
@@ -209,13 +210,13 @@ Run RecordAfterStirring(const std::string& family, double duration_s, std::uint6
     plant.SetTorque((CommandedTension(family, 0).array() + more_N).matrix() * kTorquePerN);
     plant.Advance(kNsPerMs);
   }
-  return Record(plant, family, duration_s);
+  return Record(plant, family, duration_s, nullptr, 500);
 }
 
 // The friction state at the beginning of a run makes no gap.
 TEST(Diagnose, AnotherWayToTheStartRepeats) {
   for (const std::uint64_t seed : {3, 13}) {
-    DataSet set = Recorded(std::vector<std::string>{}, 5, seed);
+    DataSet set = Recorded(std::vector<std::string>{}, 5, seed, 500);
     gap::Run again = RecordAfterStirring("circle", 5, seed + 5);
     again.name = "circle again";
     again.repeat_of = "circle";
@@ -229,10 +230,10 @@ TEST(Diagnose, AnotherWayToTheStartRepeats) {
 // An external force in one of two repetitions: a scatter that no effect of the library explains may hide an
 // effect outside it.
 TEST(Diagnose, AnUnlistedEffectMayMakeRunsDiffer) {
-  DataSet set = Recorded("", 7);
+  DataSet set = RecordedAt500Hz("", 5);
   RobotParameters pushed = Rig();
   pushed.effects.push_back(sim::ParseEffect("tip_force x_N=0.01", pushed));
-  gap::Run again = Record(pushed, "circle", 7, 40);
+  gap::Run again = Record(pushed, "circle", 5, 40, 500);
   again.name = set.runs.back().name;
   again.repeat_of = "circle";
   set.runs.back() = std::move(again);

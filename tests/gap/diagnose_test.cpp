@@ -22,7 +22,7 @@ using gap::Verdict;
 // A compliant wall responds differently from a stiff one: both stiffness scales are searched, in every
 // direction.
 TEST(Diagnose, SoftWallIsFoundWhereItStands) {
-  const Diagnosis d = Diagnose(RecordedAt500Hz("contact stiffness_Npm=0.15 gap_m=0.014 angle_rad=-0.5"),
+  const Diagnosis d = Diagnose(RecordedAt500Hz("contact stiffness_Npm=0.15 gap_m=0.014 angle_rad=-0.5", 4),
                                Only({"contact", "tip_force", "base_tilt", "bending_stiffness"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "contact") << d.sentence;
@@ -45,7 +45,7 @@ TEST(Diagnose, AWallBehindIsFoundAcrossHalfATurn) {
 
 // A zero so far off that the model's tendon is slack: no derivative there tells how far.
 TEST(Diagnose, AZeroFarOffIsFoundThoughTheModelsTendonIsSlack) {
-  const Diagnosis d = Diagnose(RecordedAt500Hz("encoder_offset where=tendon:2 rad=-0.43"),
+  const Diagnosis d = Diagnose(RecordedAt500Hz("encoder_offset where=tendon:2 rad=-0.43", 3),
                                Only({"encoder_offset", "slack", "tendon_stiffness", "cell_offset"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "encoder_offset") << d.sentence;
@@ -57,7 +57,7 @@ TEST(Diagnose, AZeroFarOffIsFoundThoughTheModelsTendonIsSlack) {
 
 // So far off that all tendons of the model are slack, and still are after a step of 0.4 rad towards it.
 TEST(Diagnose, AZeroFarOffOfAllTendonsIsFound) {
-  const Diagnosis d = Diagnose(RecordedAt500Hz("encoder_offset rad=-1.1"),
+  const Diagnosis d = Diagnose(RecordedAt500Hz("encoder_offset rad=-1.1", 2.5),
                                Only({"encoder_offset", "slack", "tendon_stiffness", "capstan_n"}));
   ASSERT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
   EXPECT_EQ(d.accepted[0].effect, "encoder_offset") << d.sentence;
@@ -89,7 +89,7 @@ class DiagnosePlanted : public testing::TestWithParam<Planted> {};
 
 TEST_P(DiagnosePlanted, IsFoundWithItsPlaceItsValueAndCloses) {
   const Planted& planted = GetParam();
-  const Diagnosis d = Diagnose(RecordedAt500Hz(planted.effect),
+  const Diagnosis d = Diagnose(RecordedAt500Hz(planted.effect, 4),
                                Only({"torque_constant", "gear_efficiency", "motor_coulomb", "capstan_alpha",
                                      "pulley_coulomb", "tendon_stiffness", "slack", "bending_stiffness",
                                      "unit_mass", "tip_payload", "contact", "cell_offset", "cell_gain"}));
@@ -222,8 +222,8 @@ TEST(Diagnose, ALimitThatOneKindOfExperimentReachesIsFound) {
   DataSet set;
   set.name = "test";
   set.robot = Rig();
-  set.runs = {Record(plant, "multisine", 7, 1), Record(plant, "multisine", 7, 2),
-              Record(plant, "circle", 7, 3)};
+  set.runs = {Record(plant, "multisine", 7, 1, 500), Record(plant, "multisine", 7, 2, 500),
+              Record(plant, "circle", 7, 3, 500)};
   set.runs[1].name = set.runs[1].family = "other";
   const Diagnosis d = Diagnose(set, Only({"torque_saturation", "torque_constant", "torque_loop_lag",
                                           "command_delay", "motor_coulomb"}));
@@ -236,15 +236,18 @@ TEST(Diagnose, ALimitThatOneKindOfExperimentReachesIsFound) {
 TEST(Diagnose, AnEffectOutsideTheLibraryIsUnexplained) {
   gap::DiagnoseOptions options;
   options.without = {"backlash"};
-  const Diagnosis d = Diagnose(RecordedAt500Hz("backlash rad=0.3", 4.5), options);
+  options.menu.families.clear();
+  const Diagnosis d = Diagnose(RecordedAt500Hz("backlash rad=0.3", 3), options);
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
   ASSERT_NE(Named(d, "unknown"), nullptr);
   EXPECT_GT(Named(d, "unknown")->p, 0.5);
 }
 
 TEST(Diagnose, TheSameForAnyNumberOfThreads) {
-  const DataSet set = RecordedAt500Hz("tip_payload mass_kg=0.002", 4);
-  gap::DiagnoseOptions one = Only({"tip_payload", "unit_mass", "bending_stiffness", "cell_gain"}), two = one;
+  const DataSet set = RecordedAt500Hz("tip_payload mass_kg=0.002", 3);
+  gap::DiagnoseOptions one = Only({"tip_payload", "unit_mass", "bending_stiffness", "cell_gain"});
+  one.menu = {};  // the plan of the next experiment runs on the threads as well
+  gap::DiagnoseOptions two = one;
   one.threads = 1;
   two.threads = 2;
   Diagnosis a = Diagnose(set, one), b = Diagnose(set, two);

@@ -21,7 +21,7 @@ using gap::Verdict;
 // An effect that the robot file contains may have become larger since, or have been removed.
 TEST(Diagnose, ALawOfTheRobotFileIsFoundWithMoreAndWithLess) {
   for (const double rad : {0.0, 0.2}) {
-    DataSet set = Recorded(rad > 0 ? fmt::format("backlash where=tendon:2 rad={}", rad) : "", 5);
+    DataSet set = RecordedAt500Hz(rad > 0 ? fmt::format("backlash where=tendon:2 rad={}", rad) : "", 4);
     set.robot.effects.push_back(sim::ParseEffect("backlash where=tendon:2 rad=0.1", set.robot));
     set.robot.effects.push_back(sim::ParseEffect("unit_mass scale=1.0001", set.robot));
     const Diagnosis d = Diagnose(set, Only({"backlash", "encoder_offset", "tendon_stiffness", "unit_mass"}));
@@ -37,11 +37,11 @@ TEST(Diagnose, ALawOfTheRobotFileIsFoundWithMoreAndWithLess) {
 
 // A wrong direction of gravity in the robot file, and a wrong scale of the tracker.
 TEST(Diagnose, GravityAndScaleAreNamed) {
-  DataSet set = RecordedAt500Hz("", 3);
+  DataSet set = RecordedAt500Hz("", 2);
   set.robot.body.gravity_W_mps2 *= -1;
   EXPECT_THAT(Diagnose(set, Only({"unit_mass", "tip_force"})).sentence,
               testing::StartsWith("Check the measurement first: with gravity along -z of the base"));
-  set = RecordedAt500Hz("", 3);
+  set = RecordedAt500Hz("", 2);
   for (gap::Run& run : set.runs) run.tip_m *= 1.03;
   EXPECT_THAT(Diagnose(set, Only({"unit_mass", "tracker_offset"})).sentence,
               testing::ContainsRegex(
@@ -71,7 +71,7 @@ class DiagnoseWrongFile : public testing::TestWithParam<WrongNumber> {};
 // A number that is wrong by more than its effect's range, or that no effect represents, is named first with
 // the value that fits the runs; no cause is likelier than not.
 TEST_P(DiagnoseWrongFile, TheNumberIsReportedFirst) {
-  DataSet set = RecordedAt500Hz("", 3);
+  DataSet set = TwoFamilies("", 2.5);
   GetParam().change(set.robot, GetParam().factor);
   const Diagnosis d = Diagnose(set, Only(GetParam().effects));
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
@@ -148,7 +148,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // Cells with twice the gain of the file, beyond what their effect is searched to.
 TEST(Diagnose, AWrongGainOfTheCellsIsReportedFirst) {
-  DataSet set = RecordedAt500Hz("", 3);
+  DataSet set = TwoFamilies("", 3);
   for (gap::Run& run : set.runs) run.tension_N *= 2;
   const Diagnosis d = Diagnose(set, Only({"cell_gain", "bending_stiffness"}));
   EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
@@ -169,7 +169,7 @@ TEST(Diagnose, WrongCountsPerTurnAreReportedFirst) {
 }
 
 TEST(Diagnose, RunsOfFewerTendonsAreAnotherRobots) {
-  DataSet set = RecordedAt500Hz("", 4);
+  DataSet set = RecordedAt500Hz("", 1);
   set.robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/four_tendon_90mm.yaml");
   EXPECT_THAT([&] { Diagnose(set, {}); }, testing::ThrowsMessage<std::runtime_error>(testing::HasSubstr(
                                               "these runs have 3 tendons, robot 'four_tendon_90mm' has 4")));
@@ -182,7 +182,7 @@ TEST(Diagnose, ATipPathBeyondTheRobotsReachIsTheVerdict) {
   for (const bool moved : {false, true}) {
     DataSet set = RecordedAt500Hz("", 4);
     set.robot = ShortRig();
-    set.runs.push_back(Record(Rig(), "gentle", 4, 5));
+    set.runs.push_back(Record(Rig(), "gentle", 4, 5, 500));
     const Eigen::Matrix3d turn =
         Eigen::AngleAxisd(2.1, Eigen::Vector3d(1, -2, 0.5).normalized()).toRotationMatrix();
     for (gap::Run& run : set.runs) {
@@ -206,7 +206,7 @@ TEST(Diagnose, WrongNumbersAreWithinTheRobotsReach) {
                              "tracker_rotation x_rad=0.4 y_rad=0 z_rad=0", "base_tilt x_rad=0.6 y_rad=0",
                              "precurvature u_rad=0.1 v_rad=0", "tip_payload mass_kg=0.003"}) {
     const std::string name = std::string(effect).substr(0, std::string(effect).find(' '));
-    const Diagnosis d = Diagnose(RecordedAt500Hz(effect, 4), Only({name}));
+    const Diagnosis d = Diagnose(RecordedAt500Hz(effect, 3), Only({name}));
     EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("No pose"))) << effect;
     ASSERT_EQ(d.accepted.size(), 1u) << effect << ": " << d.sentence;
     EXPECT_EQ(d.accepted[0].effect, name);
@@ -215,7 +215,7 @@ TEST(Diagnose, WrongNumbersAreWithinTheRobotsReach) {
 
 // One run that another scale makes impossible is odd; the others move as far and are possible.
 TEST(Diagnose, OneImpossibleTipPathIsNotTheRobots) {
-  DataSet set = RecordedAt500Hz("bending_stiffness scale=0.9", 4);
+  DataSet set = RecordedAt500Hz("bending_stiffness scale=0.9", 2.5);
   set.runs[1].tip_m *= 1.6;
   const Diagnosis d = Diagnose(set, Only({"bending_stiffness", "unit_length"}));
   EXPECT_THAT(d.sentence, testing::Not(testing::HasSubstr("No pose")));

@@ -83,6 +83,7 @@ gap::Diagnosis Diagnosed(const Case& c, const std::string& effect = "",
   fs::remove_all(folder);
   gap::DiagnoseOptions options;
   options.threads = 1;
+  options.menu.families.clear();
   for (const sim::Effect& e : sim::Effects()) {
     if (!only.empty() && !only.contains(e.name)) options.without.emplace_back(e.name);
   }

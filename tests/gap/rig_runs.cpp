@@ -126,14 +126,20 @@ DataSet RecordedAt500Hz(const std::string& effect, double duration_s) {
   return Recorded(effect.empty() ? std::vector<std::string>{} : std::vector{effect}, duration_s, 11, 500);
 }
 
+DataSet TwoFamilies(const std::string& effect, double duration_s) {
+  DataSet set = RecordedAt500Hz(effect, duration_s);
+  set.runs.erase(set.runs.begin() + 2);
+  return set;
+}
+
 DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<std::string>& families,
-                            double duration_s, std::uint64_t seed) {
+                            double duration_s, std::uint64_t seed, int rows_Hz) {
   DataSet set;
   set.robot = Rig();
   for (auto& tendon : set.robot.actuation->tendons) tendon.load_cell.place = LoadCellPlace::kRobotSide;
   RobotParameters plant = set.robot;
   if (!effect.empty()) plant.effects.push_back(sim::ParseEffect(effect, plant));
-  for (const auto& family : families) set.runs.push_back(Record(plant, family, duration_s, seed++));
+  for (const auto& family : families) set.runs.push_back(Record(plant, family, duration_s, seed++, rows_Hz));
   for (auto& run : set.runs) run.load_cell = LoadCellPlace::kRobotSide;
   set.runs.back().name = families.front() + " again";
   set.runs.back().repeat_of = families.front();
@@ -171,6 +177,7 @@ void KnowEveryNumber(RobotParameters& robot) {
 
 gap::DiagnoseOptions Only(const std::vector<std::string>& effects) {
   gap::DiagnoseOptions options;
+  options.menu.families.clear();
   for (const std::string& name : effects) EXPECT_NE(sim::FindEffect(name), nullptr) << name;
   for (const sim::Effect& effect : sim::Effects()) {
     if (std::find(effects.begin(), effects.end(), effect.name) == effects.end())

@@ -50,10 +50,12 @@ gap::DataSet Recorded(const std::vector<std::string>& effects, double duration_s
 gap::DataSet Recorded(const std::string& effect, double duration_s = 5);
 /// The same by a controller of half the rate, which takes half the time to diagnose.
 gap::DataSet RecordedAt500Hz(const std::string& effect, double duration_s = 5);
+/// Of these, two families and the repetition, where the third tells nothing more.
+gap::DataSet TwoFamilies(const std::string& effect, double duration_s);
 
 /// With the load cells between pulleys and robot; the last run repeats the first.
 gap::DataSet RecordedAtRobotSide(const std::string& effect, const std::vector<std::string>& families,
-                                 double duration_s, std::uint64_t seed);
+                                 double duration_s, std::uint64_t seed, int rows_Hz = 1000);
 
 /// Keeps these rows of a run, in this order.
 void KeepRows(gap::Run& run, const std::vector<Eigen::Index>& rows);
@@ -70,7 +72,7 @@ Eigen::Index RowAt(const gap::Run& run, double time_s);
 const gap::Cause* Named(const gap::Diagnosis& d, const std::string& effect);
 /// Where the gap begins; C0: nowhere.
 sim::Cut First(const gap::Diagnosis& d);
-/// No effects but these: less to search.
+/// No effects but these, and no plan of the next experiment: less to search and to simulate.
 gap::DiagnoseOptions Only(const std::vector<std::string>& effects);
 
 }  // namespace tendril
