@@ -14,6 +14,8 @@
 #include "interruptible.h"
 #include "module.h"
 #include "tendril/experiment/diagnosis_run.h"
+#include "tendril/gap/calibrate.h"
+#include "tendril/gap/calibration_text.h"
 #include "tendril/gap/found_effects.h"
 #include "tendril/gap/report.h"
 #include "tendril/sim/effects.h"
@@ -47,6 +49,20 @@ Diagnosis Diagnose(const Set& set, double delta_N, double delta_m, std::uint64_t
   return std::move(*found);
 }
 
+gap::Calibration Calibrate(const Set& set, std::uint64_t seed, int threads, const nb::object& progress) {
+  const auto work = std::make_shared<Work>();
+  gap::CalibrateOptions options;
+  options.seed = seed;
+  options.threads = threads;
+  options.progress = [work = work.get()](const std::string& stage, double share) {
+    work->Report(stage, share);
+  };
+  const auto found = std::make_shared<gap::Calibration>();
+  Run(
+      work, [=] { *found = gap::Calibrate(*set, options); }, progress);
+  return std::move(*found);
+}
+
 RobotParameters Corrected(const RobotParameters& file, const Diagnosis& diagnosis) {
   RobotParameters robot = gap::WithLearnedNumbers(file, diagnosis);
   for (const EffectSetting& effect : gap::FoundEffects(diagnosis)) robot.effects.push_back(effect);
@@ -73,6 +89,12 @@ void AddDiagnose(nb::module_& m) {
       .def(
           "corrected", [](const Diagnosis& d, const RobotParameters& robot) { return Corrected(robot, d); },
           nb::arg("robot"));
+  nb::class_<gap::Calibration>(m, "Calibration")
+      .def("json", &gap::CalibrationJson)
+      .def("text", &gap::CalibrationText)
+      .def_ro("robot", &gap::Calibration::robot);
+  m.def("calibrate", &Calibrate, nb::arg("set"), nb::arg("seed"), nb::arg("threads"),
+        nb::arg("progress").none());
   m.def(
       "read_report", [](const std::string& file) { return gap::ReadReport(file); }, nb::arg("file"));
   m.def("effect_names", &EffectNames);

@@ -23,6 +23,7 @@ import os as _os
 from . import _core
 from ._arrays import file_name as _file_name
 from ._core import Daemon, Robot, Run
+from .calibration import Calibration, calibrate
 from .client import Client
 from .data_set import DataSet
 from .diagnosis import diagnose
@@ -56,6 +57,7 @@ def load_daemon(path: str | _os.PathLike[str]) -> Daemon:
 
 __all__ = [
     "Bending",
+    "Calibration",
     "Capstan",
     "Client",
     "ConfigError",
@@ -74,6 +76,7 @@ __all__ = [
     "State",
     "Statistics",
     "Tip",
+    "calibrate",
     "capstan",
     "diagnose",
     "effects",

@@ -384,7 +384,7 @@ class Report:
         self._diagnosis.write(file_name("folder", folder))
 
     def corrected(self, robot: _core.Robot) -> _core.Robot:
-        """The robot with the accepted causes: numbers of its file changed, laws in its `effects`."""
+        """The robot with the numbers learned and the accepted causes: numbers of its file changed, laws in its `effects`."""
         return self._diagnosis.corrected(robot)
 
     def __str__(self) -> str:

@@ -233,7 +233,29 @@ def test_wrong_arguments_are_named(rig, data, tmp_path):
         tendril.simulate(ROBOTS / "qi2021_60mm.yaml")
 
 
-@pytest.mark.parametrize("work", ["tendril.diagnose({robot!r}, {folder!r})", "tendril.simulate({robot!r})"])
+def test_calibration_is_the_command_lines(folder, tmp_path):
+    found = tendril.calibrate(ROBOT, folder, threads=1)
+    program("gap", "calibrate", "--robot", ROBOT, folder, "--out", tmp_path / "better.yaml", "--json", tmp_path / "c.json")
+    theirs = json.loads((tmp_path / "c.json").read_text())
+    assert [dataclasses.asdict(n) for n in found.numbers] == theirs["numbers"]
+    assert [dataclasses.asdict(c) for c in found.channels] == theirs["channels"]
+    assert found.correlation.tolist() == theirs["correlation"]
+    assert found.converged and "Numbers learned" in str(found)
+    mass = next(n for n in found.numbers if n.key == "body.sections.unit_mass_kg")
+    assert mass.low <= mass.value <= mass.high and mass.deviation <= mass.prior_deviation
+    assert found.robot.to_yaml() != tendril.load_robot(ROBOT).to_yaml()
+    with pytest.raises(ValueError, match="seed is -1"):
+        tendril.calibrate(ROBOT, folder, seed=-1)
+
+
+@pytest.mark.parametrize(
+    "work",
+    [
+        "tendril.diagnose({robot!r}, {folder!r})",
+        "tendril.calibrate({robot!r}, {folder!r})",
+        "tendril.simulate({robot!r})",
+    ],
+)
 def test_ctrl_c_is_heard_within_a_second(work, folder):
     call = work.format(robot=str(ROBOT), folder=str(folder))
     script = (

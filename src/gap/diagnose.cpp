@@ -307,16 +307,11 @@ class Diagnosing {
     if (free.size() == 0 || !mistake_.with.empty() || OneNumberCloses()) return;
     Standing as_filed{std::move(*evaluator_), std::move(probes_), std::move(search_), judgement_,
                       d_.location};
-    try {
-      const LearnOptions options{.threads = threads_, .progress = InStage()};
-      stage_ = "learning the robot's numbers";
-      const LearnedNumbers alone = Learn(as_filed.evaluator, std::move(free), folds_, options);
-      if (LogEvidence(as_filed.evaluator, alone) > 0 &&
-          ExplainedByNumbers(as_filed.evaluator, alone, options))
-        return;
-    } catch (const std::exception&) {
-      // No robot within the priors can be simulated in these runs.
-    }
+    const LearnOptions options{.threads = threads_, .progress = InStage()};
+    stage_ = "learning the robot's numbers";
+    const LearnedNumbers alone = Learn(as_filed.evaluator, std::move(free), folds_, options);
+    if (LogEvidence(as_filed.evaluator, alone) > 0 && ExplainedByNumbers(as_filed.evaluator, alone, options))
+      return;
     evaluator_ = std::move(as_filed.evaluator);
     probes_ = std::move(as_filed.probes);
     search_ = std::move(as_filed.search);
@@ -326,7 +321,7 @@ class Diagnosing {
 
   bool ExplainedByNumbers(const Evaluator& as_filed, const LearnedNumbers& alone,
                           const LearnOptions& options) {
-    SearchBeside(alone, false);
+    if (!SearchBeside(alone, false)) return false;
     // Numbers that moved to explain a cause move back where it is in the model.
     stage_ = "learning them beside the likeliest causes";
     const auto beside = LearnBesideCause(as_filed, alone, LikelyCauses(search_), folds_, options);
@@ -341,15 +336,17 @@ class Diagnosing {
     });
   }
 
-  /// Searches for causes beside these numbers of the file, which stay free.
-  LearnedRobot SearchBeside(const LearnedNumbers& numbers, bool pairs) {
-    LearnedRobot robot = LearnRobot(numbers, set_, evaluation_);
-    evaluator_ = robot.evaluator;
+  /// Searches for causes beside these numbers of the file, which stay free; empty where such a robot cannot
+  /// be simulated in these runs.
+  std::optional<LearnedRobot> SearchBeside(const LearnedNumbers& numbers, bool pairs) {
+    std::optional<LearnedRobot> robot = LearnRobot(numbers, set_, evaluation_);
+    if (!robot) return robot;
+    evaluator_ = robot->evaluator;
     LocateGap();
     stage_ = "screening every effect with the numbers learned";
     ProbeEffects(numbers.free.numbers);
     stage_ = "searching for the cause with the numbers learned";
-    search_ = SearchIn(*evaluator_, robot.open, pairs);
+    search_ = SearchIn(*evaluator_, robot->open, pairs);
     return robot;
   }
 
@@ -357,12 +354,13 @@ class Diagnosing {
   /// without a cause.
   bool ExplainedWith(const LearnedNumbers& numbers) {
     constexpr double kMostMoved = 3;  // deviations of the prior
-    const LearnedRobot robot = SearchBeside(numbers, true);
+    const std::optional<LearnedRobot> robot = SearchBeside(numbers, true);
+    if (!robot) return false;
     judgement_ =
         Judge(*evaluator_, search_, d_.location, options_.seed, [] { return std::vector<NumberFit>(); });
     const bool established =
         judgement_.verdict == Verdict::kNoGap || (judgement_.best != nullptr && judgement_.doubt.empty());
-    std::vector<LearnedNumber> found = robot.At(judgement_.best);
+    std::vector<LearnedNumber> found = robot->At(judgement_.best);
     if (!established || std::abs(found.front().moved) >= kMostMoved) return false;
     d_.learned = std::move(found);
     set_.robot = evaluator_->nominal();

@@ -51,7 +51,8 @@ std::vector<LearnedNumber> LearnedRobot::At(const Fit* fit) const {
   return all;
 }
 
-LearnedRobot LearnRobot(LearnedNumbers numbers, const DataSet& set, const Evaluator::Options& evaluation) {
+std::optional<LearnedRobot> LearnRobot(LearnedNumbers numbers, const DataSet& set,
+                                       const Evaluator::Options& evaluation) {
   // Directions that prior and runs both see as independent, one deviation of the prior long.
   const Eigen::MatrixXd prior = numbers.basis.transpose() * numbers.free.precision * numbers.basis;
   Eigen::MatrixXd told = Eigen::MatrixXd::Zero(prior.rows(), prior.cols());
@@ -61,7 +62,13 @@ LearnedRobot LearnRobot(LearnedNumbers numbers, const DataSet& set, const Evalua
   FreeNumbers alone = numbers.free;
   alone.cause.reset();
   learned.robot = alone.Robot(set.robot, numbers.x);
-  LearnedRobot robot{std::move(numbers), Evaluator(learned, evaluation), {}, {}};
+  std::optional<Evaluator> evaluator;
+  try {
+    evaluator.emplace(learned, evaluation);
+  } catch (const std::exception&) {
+    return std::nullopt;
+  }
+  LearnedRobot robot{std::move(numbers), std::move(*evaluator), {}, {}};
   const LearnedNumbers& of = robot.numbers;
   const Eigen::MatrixXd all = of.basis * independent.eigenvectors();
   const Eigen::VectorXd file = -all.transpose() * of.free.precision * of.x;

@@ -24,9 +24,9 @@ struct LearnedRobot {
   std::vector<LearnedNumber> At(const Fit* fit) const;
 };
 
-/// `numbers` were learned about the robot of `set`. Throws std::runtime_error where that robot cannot be
-/// simulated.
-LearnedRobot LearnRobot(LearnedNumbers numbers, const DataSet& set, const Evaluator::Options& evaluation);
+/// `numbers` were learned about the robot of `set`. Empty where that robot cannot be simulated.
+std::optional<LearnedRobot> LearnRobot(LearnedNumbers numbers, const DataSet& set,
+                                       const Evaluator::Options& evaluation);
 
 /// Log evidence of numbers that are free within their priors over that of the file as it is: what they
 /// explain, less what their freedom costs.
