@@ -245,7 +245,7 @@ Point Refined(const std::function<double(double)>& score, Point best, double ste
 }
 
 /// The best of doubling steps in both directions, refined. The first steps are always taken, since the score
-/// may fall before it rises for a number that is far off; later ones only while the score improves.
+/// may fall before it rises for a number that is far off; later ones only while the score does not fall.
 Point Followed(const std::function<double(double)>& score, const Point& start, double first_step, double most,
                int halvings) {
   constexpr double kAnyway = 1;  // a factor of e, or a radian
@@ -254,7 +254,7 @@ Point Followed(const std::function<double(double)>& score, const Point& start, d
     double last = start.score;
     for (double step = first_step; step <= most; step *= 2) {
       const Point next{sign * step, score(sign * step)};
-      if (step > kAnyway && next.score <= last) break;
+      if (step > kAnyway && next.score < last) break;
       last = next.score;
       if (next.score > best.score) best = next;
     }
