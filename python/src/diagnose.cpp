@@ -5,6 +5,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -26,6 +27,10 @@ namespace {
 namespace nb = nanobind;
 using gap::Diagnosis;
 
+std::function<void(const std::string&, double)> ReportTo(Work* work) {
+  return [work](const std::string& stage, double share) { work->Report(stage, share); };
+}
+
 Diagnosis Diagnose(const Set& set, double delta_N, double delta_m, std::uint64_t seed,
                    const std::vector<std::string>& only, const std::vector<std::string>& without, int refits,
                    int threads, bool next, const std::string& daemon, const nb::object& progress) {
@@ -37,9 +42,7 @@ Diagnosis Diagnose(const Set& set, double delta_N, double delta_m, std::uint64_t
   run.options.without = experiment::LeftOut(only, without);
   run.options.refits = refits;
   run.options.threads = threads;
-  run.options.progress = [work = work.get()](const std::string& stage, double share) {
-    work->Report(stage, share);
-  };
+  run.options.progress = ReportTo(work.get());
   run.next = next;
   run.daemon = daemon;
   const auto found = std::make_shared<Diagnosis>();
@@ -54,9 +57,7 @@ gap::Calibration Calibrate(const Set& set, std::uint64_t seed, int threads, cons
   gap::CalibrateOptions options;
   options.seed = seed;
   options.threads = threads;
-  options.progress = [work = work.get()](const std::string& stage, double share) {
-    work->Report(stage, share);
-  };
+  options.progress = ReportTo(work.get());
   const auto found = std::make_shared<gap::Calibration>();
   Run(
       work, [=] { *found = gap::Calibrate(*set, options); }, progress);

@@ -1,4 +1,4 @@
-"""The numbers of a robot file, learned from runs of the robot as it is."""
+"""The numbers of a robot file, inferred from runs of the robot as it is."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class CalibratedChannel:
 
 @dataclass(frozen=True)
 class Calibration:
-    """All uncertain numbers of a robot file as runs tell them. `print(calibration)` shows the table that the command line
+    """All uncertain numbers of a robot file, inferred from runs. `print(calibration)` shows the table that the command line
     prints."""
 
     numbers: list[CalibratedNumber]
@@ -69,7 +69,7 @@ class Calibration:
     notes: list[str]
     """What was left out of the runs, and why."""
     held_out_by: str
-    """What each was predicted by the others: 'kinds of motion', 'runs' or 'quarters of the runs'."""
+    """What was held out in turn: 'kinds of motion', 'runs' or 'quarters of the runs'."""
     iterations: int
     converged: bool
     format: int

@@ -146,7 +146,7 @@ class NamedValue:
 
 @dataclass(frozen=True)
 class LearnedNumber:
-    """A number of the robot file as the runs tell it, within what the file leaves open."""
+    """A number of the robot file, fitted to the runs with all others within their priors."""
 
     key: str
     in_file: float | None

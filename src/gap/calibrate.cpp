@@ -40,8 +40,8 @@ class Calibrating {
     reading.progress = options.progress;
     evaluator_.emplace(MeasurementCheck(set, found_.notes, reading, threads_, false).PrepareComparable());
     for (const std::string& line : evaluator_->degradations()) found_.notes.push_back(line);
-    free_ = FreeNumbersOf(evaluator_->nominal());
-    if (free_.size() == 0) {
+    learned_.free = FreeNumbersOf(evaluator_->nominal());
+    if (learned_.free.size() == 0) {
       throw std::runtime_error(
           "every number of the robot file is known: nothing to calibrate; say how uncertain some are "
           "(youngs_modulus_Pa: {value: 2.3e10, within: 10 %})");
@@ -52,7 +52,9 @@ class Calibrating {
   Calibration Result() {
     const LearnOptions learning{.threads = threads_,
                                 .progress = [this](double fraction) { Progress(fraction); }};
-    learned_ = Learn(*evaluator_, free_, folds_, learning);
+    auto learned = Learn(*evaluator_, learned_.free, folds_, learning);
+    if (!learned) throw std::runtime_error("the robot of the file cannot be simulated in these runs");
+    learned_ = std::move(*learned);
     found_.converged = learned_.converged;
     found_.iterations = learned_.iterations;
     HoldOut();
@@ -63,7 +65,7 @@ class Calibrating {
  private:
   /// Predicts each fold with the numbers that the others give, one step from the common maximum.
   void HoldOut() {
-    const int n = free_.size();
+    const int n = learned_.free.size();
     const Normal& normal = learned_.normal;
     std::vector<Eigen::VectorXd> without;
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(n);
@@ -89,7 +91,7 @@ class Calibrating {
     for (int i = 0; i < static_cast<int>(held_out_.size()); ++i) {
       if (folds_.by_time || folds_.of_run[static_cast<std::size_t>(i)] == fold) runs.push_back(i);
     }
-    const auto predicted = ResidualsWith(*evaluator_, free_, x, runs, threads_);
+    const auto predicted = ResidualsWith(*evaluator_, learned_.free, x, runs, threads_);
     if (!predicted) return;
     for (const int i : runs) {
       for (std::size_t c = 0; c < evaluator_->channels().size(); ++c) {
@@ -106,8 +108,8 @@ class Calibrating {
   /// Digits far beyond a number's uncertainty would only burden its reader.
   void RoundToDeviation(const Eigen::VectorXd& deviation) {
     constexpr double kFiner = 0.01;
-    for (int k = 0; k < free_.size(); ++k) {
-      const FileNumber& number = free_.numbers[static_cast<std::size_t>(k)];
+    for (int k = 0; k < learned_.free.size(); ++k) {
+      const FileNumber& number = learned_.free.numbers[static_cast<std::size_t>(k)];
       const double value = number.ValueAt(learned_.x[k]);
       const double fine = kFiner * deviation[k] * (number.angle ? 1 : std::abs(value));
       if (!(fine > 0)) continue;
@@ -120,20 +122,20 @@ class Calibrating {
   void Summarise() {
     const Eigen::VectorXd deviation = covariance_.diagonal().cwiseSqrt();
     RoundToDeviation(deviation);
-    found_.robot = free_.Robot(file_, learned_.x);
-    found_.known = free_.known;
+    found_.robot = learned_.free.Robot(file_, learned_.x);
+    found_.known = learned_.free.known;
     found_.held_out_by = folds_.by;
     found_.correlation =
         deviation.cwiseInverse().asDiagonal() * covariance_ * deviation.cwiseInverse().asDiagonal();
-    for (int k = 0; k < free_.size(); ++k) {
-      const FileNumber& number = free_.numbers[static_cast<std::size_t>(k)];
+    for (int k = 0; k < learned_.free.size(); ++k) {
+      const FileNumber& number = learned_.free.numbers[static_cast<std::size_t>(k)];
       CalibratedNumber c;
       c.key = number.key;
       c.unit = config::UnitOfKey(number.key.substr(number.key.find_last_of(". ") + 1));
       c.angle = number.angle;
       c.in_file = number.in_file;
       c.value = number.ValueAt(learned_.x[k]);
-      c.prior = free_.deviation[k];
+      c.prior = learned_.free.deviation[k];
       c.deviation = std::min(deviation[k], c.prior);
       c.low = number.ValueAt(learned_.x[k] - kTwoSided95 * c.deviation);
       c.high = number.ValueAt(learned_.x[k] + kTwoSided95 * c.deviation);
@@ -159,7 +161,6 @@ class Calibrating {
   const RobotParameters& file_;
   Calibration found_;
   std::optional<Evaluator> evaluator_;
-  FreeNumbers free_;
   Folds folds_;
   LearnedNumbers learned_;
   Eigen::MatrixXd covariance_;

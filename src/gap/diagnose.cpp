@@ -38,20 +38,6 @@
 namespace tendril::gap {
 namespace {
 
-/// True where the best single fit contains all of `cause`, or the best pair where that is clearly better.
-bool ContainsCause(const SearchResult& search, const Model& cause) {
-  const auto in = [&](const Fit& fit) {
-    const auto& found = fit.model.parts;
-    return std::all_of(cause.parts.begin(), cause.parts.end(), [&](const Candidate& part) {
-      return std::find(found.begin(), found.end(), part) != found.end();
-    });
-  };
-  if (search.fits.empty()) return false;
-  const Fit& single = search.fits.front();
-  return in(single) || (!search.pairs.empty() && in(search.pairs.front()) &&
-                        search.pairs.front().held_out_score >= single.held_out_score + kPairGain);
-}
-
 /// Lowers the causes' probabilities, because a measurement error is likelier than each of them.
 void ShiftToUnknown(std::vector<Cause>& causes) {
   constexpr double kLeft = 0.3;  // share of their probability that is kept
@@ -126,6 +112,16 @@ class Diagnosing {
   }
 
  private:
+  /// What one nominal robot leads to.
+  struct Standing {
+    RobotParameters robot;
+    Evaluator evaluator;
+    std::vector<Probe> probes;
+    SearchResult search;
+    Judgement judgement;  // points into `search`
+    std::vector<CutFinding> location;
+  };
+
   void Progress(const std::string& stage, double fraction) const {
     if (options_.progress) options_.progress(stage, fraction);
   }
@@ -298,72 +294,72 @@ class Diagnosing {
     d_.baselines = Baselines(*evaluator_, search_);
   }
 
-  /// Where no cause is established with the file as it is: with its numbers as the runs tell them.
+  /// Where no cause is established with the file as it is: its numbers fitted to the runs within their
+  /// uncertainties, and causes beside them.
   void LearnNumbers() {
     const bool established = d_.verdict != Verdict::kUnexplained && d_.doubt.empty();
     if (established || judgement_.unrepeated || Compared(set_)) return;
     FreeNumbers free = FreeNumbersOf(set_.robot);
     LookForMistake();
     if (free.size() == 0 || !mistake_.with.empty() || OneNumberCloses()) return;
-    Standing as_filed{std::move(*evaluator_), std::move(probes_), std::move(search_), judgement_,
+    Standing as_filed{set_.robot, std::move(*evaluator_), std::move(probes_), std::move(search_), judgement_,
                       d_.location};
+    stage_ = "fitting the numbers of the robot file together";
     const LearnOptions options{.threads = threads_, .progress = InStage()};
-    stage_ = "learning the robot's numbers";
-    const LearnedNumbers alone = Learn(as_filed.evaluator, std::move(free), folds_, options);
-    if (LogEvidence(as_filed.evaluator, alone) > 0 && ExplainedByNumbers(as_filed.evaluator, alone, options))
-      return;
+    const auto alone = Learn(as_filed.evaluator, std::move(free), folds_, options);
+    if (alone && LogEvidence(as_filed.evaluator, *alone) > 0 && ExplainedByNumbers(as_filed, *alone)) return;
+    set_.robot = std::move(as_filed.robot);
     evaluator_ = std::move(as_filed.evaluator);
     probes_ = std::move(as_filed.probes);
     search_ = std::move(as_filed.search);
-    judgement_ = as_filed.judgement;
-    d_.location = as_filed.location;
-  }
-
-  bool ExplainedByNumbers(const Evaluator& as_filed, const LearnedNumbers& alone,
-                          const LearnOptions& options) {
-    if (!SearchBeside(alone, false)) return false;
-    // Numbers that moved to explain a cause move back where it is in the model.
-    stage_ = "learning them beside the likeliest causes";
-    const auto beside = LearnBesideCause(as_filed, alone, LikelyCauses(search_), folds_, options);
-    return ExplainedWith(beside ? *beside : alone);
+    judgement_ = std::move(as_filed.judgement);
+    d_.location = std::move(as_filed.location);
   }
 
   /// One number that closes the gap is a simpler explanation than all of them.
   bool OneNumberCloses() const {
-    constexpr double kCloses = 0.9;
     return std::any_of(d_.suspected.begin(), d_.suspected.end(), [](const SuspectNumber& number) {
-      return number.closed && number.closed->value > kCloses;
+      return number.closed && number.closed->value > 1 - kMayStay;
     });
   }
 
-  /// Searches for causes beside these numbers of the file, which stay free; empty where such a robot cannot
-  /// be simulated in these runs.
-  std::optional<LearnedRobot> SearchBeside(const LearnedNumbers& numbers, bool pairs) {
-    std::optional<LearnedRobot> robot = LearnRobot(numbers, set_, evaluation_);
-    if (!robot) return robot;
-    evaluator_ = robot->evaluator;
-    LocateGap();
-    stage_ = "screening every effect with the numbers learned";
-    ProbeEffects(numbers.free.numbers);
-    stage_ = "searching for the cause with the numbers learned";
-    search_ = SearchIn(*evaluator_, robot->open, pairs);
-    return robot;
+  bool ExplainedByNumbers(const Standing& as_filed, const LearnedNumbers& alone) {
+    if (!SearchWith(RobotWith(alone, as_filed.robot), false)) return false;
+    // Numbers that moved to explain a cause move back where it is in the model.
+    stage_ = "fitting them beside the likeliest causes";
+    const LearnOptions options{.threads = threads_, .progress = InStage()};
+    const auto beside = LearnBesideCause(as_filed.evaluator, alone, LikelyCauses(search_), folds_, options);
+    return ExplainedWith(RobotWith(beside ? *beside : alone, as_filed.robot));
   }
 
-  /// True where the runs are explained by the robot with these numbers, which its file has to allow, with or
-  /// without a cause.
-  bool ExplainedWith(const LearnedNumbers& numbers) {
-    constexpr double kMostMoved = 3;  // deviations of the prior
-    const std::optional<LearnedRobot> robot = SearchBeside(numbers, true);
-    if (!robot) return false;
+  /// Searches for causes beside numbers that stay free. False where that robot cannot be simulated in these
+  /// runs.
+  bool SearchWith(const LearnedRobot& learned, bool pairs) {
+    set_.robot = learned.robot;
+    try {
+      evaluator_.emplace(set_, evaluation_);
+    } catch (const std::exception&) {
+      return false;
+    }
+    LocateGap();
+    stage_ = "screening every effect with the numbers fitted";
+    ProbeEffects(learned.numbers.free.numbers);
+    stage_ = "searching for the cause with the numbers fitted";
+    search_ = SearchIn(*evaluator_, learned.open, pairs);
+    return true;
+  }
+
+  /// True where this robot, which its file has to allow, explains the runs with or without a cause.
+  bool ExplainedWith(const LearnedRobot& learned) {
+    constexpr double kMostMoved = 3;  // deviations of the prior: more contradicts it
+    if (!SearchWith(learned, true)) return false;
     judgement_ =
         Judge(*evaluator_, search_, d_.location, options_.seed, [] { return std::vector<NumberFit>(); });
     const bool established =
         judgement_.verdict == Verdict::kNoGap || (judgement_.best != nullptr && judgement_.doubt.empty());
-    std::vector<LearnedNumber> found = robot->At(judgement_.best);
+    std::vector<LearnedNumber> found = learned.At(judgement_.best);
     if (!established || std::abs(found.front().moved) >= kMostMoved) return false;
     d_.learned = std::move(found);
-    set_.robot = evaluator_->nominal();
     Adopt();
     return true;
   }
@@ -505,15 +501,6 @@ class Diagnosing {
     notes.insert(notes.end(), d_.degradations.begin(), d_.degradations.end());
     d_.sentence = WithLeftOut(d_.sentence, notes, d_.runs.size());
   }
-
-  /// What one nominal robot leads to.
-  struct Standing {
-    Evaluator evaluator;
-    std::vector<Probe> probes;
-    SearchResult search;
-    Judgement judgement;  // points into `search`
-    std::vector<CutFinding> location;
-  };
 
   const DataSet& given_;
   const DiagnoseOptions& options_;

@@ -94,15 +94,14 @@ FreeNumbers FreeNumbers::With(const Model& its) const {
 }
 
 FreeNumbers FreeNumbers::WithFree(const Model& its) const {
-  constexpr double kFlat = 30;  // plainly visible deviations
   FreeNumbers with = With(its);
   with.cause_is_free = true;
   const int n = size(), all = with.size();
   with.deviation.conservativeResize(all);
-  with.deviation.tail(its.size()).setConstant(kFlat);
+  with.deviation.tail(its.size()).setConstant(kFlatPrior);
   with.precision.setZero(all, all);
   with.precision.topLeftCorner(n, n) = precision;
-  with.precision.diagonal().tail(its.size()).setConstant(1 / (kFlat * kFlat));
+  with.precision.diagonal().tail(its.size()).setConstant(1 / (kFlatPrior * kFlatPrior));
   return with;
 }
 

@@ -26,6 +26,10 @@ struct Candidate {
 /// A plainly visible change of a parameter: the unit of steps, starts and priors.
 double ScaleOf(const sim::EffectParameter& parameter);
 
+/// Standard deviation of the prior of an effect's parameter, in plainly visible deviations: nearly
+/// unconstrained.
+inline constexpr double kFlatPrior = 30;
+
 /// All candidates of the registry for this robot, in its order.
 std::vector<Candidate> AllCandidates(const RobotParameters& robot, bool load_cell, bool tracker);
 

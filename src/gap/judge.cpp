@@ -34,9 +34,6 @@ constexpr double kUnseen = 0.3, kUnseenInScatter = 0.4;
 // Least share of the latter for effects outside the library: a library effect that made the runs differ would
 // have set the floor.
 constexpr double kUnlistedInScatter = 0.5;
-// Share of a gap's mean square that a correct cause may leave, since its law is not exact: over all places,
-// and at each place of the largest gap. A cause that leaves more is not established.
-constexpr double kMayStay = 0.1;
 // Floors that may remain at a place whatever the gap was: the uncertainty of the noise, and the most that an
 // established cause leaves.
 constexpr double kUnknownFloor = 0.3, kMostLeft_sigma = 5;

@@ -18,6 +18,9 @@ namespace tendril::gap {
 /// Probability that something else has the same effect as a cause that explains everything: no conclusion is
 /// surer.
 inline constexpr double kLapse = 0.03;
+/// Share of a gap's mean square that a correct cause may leave, since its law is not exact: over all places,
+/// and at each place of the largest gap. A cause that leaves more is not established.
+inline constexpr double kMayStay = 0.1;
 
 struct Judgement {
   Verdict verdict = Verdict::kInsufficientData;

@@ -7,7 +7,6 @@
 #include <atomic>
 #include <cmath>
 #include <numeric>
-#include <stdexcept>
 #include <utility>
 
 #include "tendril/core/parallel.h"
@@ -26,7 +25,6 @@ constexpr double kFirstDamping = 1e-2, kMostDamping = 1e4;
 // Finite differences: the first along each number, its prior deviation within limits; later ones along
 // principal directions of the posterior, in its deviations.
 constexpr double kLeastProbe = 1e-3, kMostProbe = 0.02, kProbe_sd = 2;
-constexpr double kCauseProbe = 0.1;  // of a cause's parameter, in plainly visible deviations
 
 class Learning {
  public:
@@ -36,17 +34,17 @@ class Learning {
     found_.free = std::move(free);
   }
 
-  LearnedNumbers Result() {
-    Begin();
+  std::optional<LearnedNumbers> Result() {
+    if (!Begin()) return std::nullopt;
     bool stuck = false;
     for (; found_.iterations < MostIterations() && !found_.converged; ++found_.iterations) {
+      if (found_.iterations > 0) TurnBasis();
       if (!begun_with_columns_ || found_.iterations > 0) FindColumns();
       const Outcome outcome = Walk();
       if (outcome == Outcome::kStuck && stuck) break;
       stuck = outcome == Outcome::kStuck;
       // Along single numbers alone the model of the posterior may be too poor to tell.
       found_.converged = outcome == Outcome::kSettled && (begun_with_columns_ || found_.iterations > 0);
-      if (!found_.converged && !options_.quick) TurnBasis();
     }
     if (away_ > 1 && !options_.quick) FindColumns();
     Linearise();
@@ -57,30 +55,33 @@ class Learning {
   int size() const { return found_.free.size(); }
   int MostIterations() const { return options_.quick ? 1 : kMostIterations; }
 
-  void Begin() {
+  /// False where the robot there cannot be simulated.
+  bool Begin() {
     const LearnedNumbers* from = options_.from;
     begun_with_columns_ = from != nullptr;
     found_.x = found_.free.StartAt(from != nullptr ? Eigen::VectorXd(from->x.head(Numbers()))
                                                    : Eigen::VectorXd::Zero(Numbers()));
     auto start = At(found_.x);
-    if (!start) throw std::runtime_error("the robot to begin with cannot be simulated in these runs");
+    if (!start) return false;
     found_.residuals = std::move(*start);
     if (from == nullptr) {
       found_.basis = found_.free.deviation.cwiseMin(kMostProbe).cwiseMax(kLeastProbe).asDiagonal();
-      return;
+      return true;
     }
     found_.basis = Eigen::MatrixXd::Zero(size(), size());
     found_.basis.topLeftCorner(Numbers(), Numbers()) = from->basis.topLeftCorner(Numbers(), Numbers());
     found_.columns.assign(from->columns.begin(), from->columns.begin() + Numbers());
     for (int k = Numbers(); k < size(); ++k) {
-      found_.basis(k, k) = kCauseProbe;
+      found_.basis(k, k) = found_.free.cause->derivative_step;
       found_.columns.push_back(ColumnOf(k, false));
     }
+    return true;
   }
 
   int Numbers() const { return static_cast<int>(found_.free.numbers.size()); }
 
   std::optional<Residuals> At(const Eigen::VectorXd& x) const {
+    Progress(found_.iterations);
     return ResidualsWith(evaluator_, found_.free, x, every_, options_.threads);
   }
 
@@ -120,9 +121,12 @@ class Learning {
     away_ = 0;
     ParallelFor(size(), options_.threads, [&](int k) {
       found_.columns[static_cast<std::size_t>(k)] = ColumnOf(k, central);
-      if (options_.progress)
-        options_.progress((found_.iterations + ++done / static_cast<double>(size())) / kMostIterations);
+      Progress(found_.iterations + ++done / static_cast<double>(size()));
     });
+  }
+
+  void Progress(double iterations) const {
+    if (options_.progress) options_.progress(iterations / kMostIterations);
   }
 
   /// Quadratic model of the log posterior about the present point, with the columns found last.
@@ -236,8 +240,8 @@ double LearnedNumbers::LogOccam() const {
   return 0.5 * (log_determinant(prior) - log_determinant(curvature));
 }
 
-LearnedNumbers Learn(const Evaluator& evaluator, FreeNumbers free, const Folds& folds,
-                     const LearnOptions& options) {
+std::optional<LearnedNumbers> Learn(const Evaluator& evaluator, FreeNumbers free, const Folds& folds,
+                                    const LearnOptions& options) {
   return Learning(evaluator, std::move(free), folds, options).Result();
 }
 

@@ -1,4 +1,4 @@
-// The robot's numbers as runs tell them: the maximum of their posterior, and Laplace's approximation about
+// The robot's numbers inferred from runs: the maximum of their posterior, and Laplace's approximation about
 // it. Knows nothing of effects or verdicts.
 #pragma once
 
@@ -36,7 +36,7 @@ struct LearnedNumbers {
 
 struct LearnOptions {
   int threads = 1;
-  std::function<void(double)> progress{};  // from 0 to 1
+  std::function<void(double)> progress{};  // from 0 to 1, at every replay
   /// Where to begin; null: at the nominal robot, along single numbers. The directions and derivatives there
   /// are taken over; those of a free cause that it does not have are added.
   const LearnedNumbers* from = nullptr;
@@ -44,10 +44,10 @@ struct LearnOptions {
   bool quick = false;
 };
 
-/// Gauss-Newton steps with the discrepancy of each channel re-estimated. Throws std::runtime_error where the
-/// robot to begin with cannot be simulated.
-LearnedNumbers Learn(const Evaluator& evaluator, FreeNumbers free, const Folds& folds,
-                     const LearnOptions& options);
+/// Gauss-Newton steps with the discrepancy of each channel re-estimated. Empty where the robot to begin with
+/// cannot be simulated.
+std::optional<LearnedNumbers> Learn(const Evaluator& evaluator, FreeNumbers free, const Folds& folds,
+                                    const LearnOptions& options);
 
 /// Residuals, of all channels, of the robot with changes `x` in some of the runs, of the nominal robot in the
 /// others; empty where it cannot be simulated.

@@ -1,4 +1,4 @@
-// Learns the numbers and turns what is open of them into independent directions.
+// Fits the numbers beside causes, and turns what is open of them into independent directions.
 #include "learned_robot.h"
 
 #include <fmt/format.h>
@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -13,8 +14,8 @@
 namespace tendril::gap {
 namespace {
 
-// Information of the runs on a direction, in that of its prior, below which they say nothing of it.
-constexpr double kTold = 0.05;
+// Information of the runs on a direction, in that of its prior, below which they leave it to the prior.
+constexpr double kLeastInformation = 0.05;
 
 Column Combined(const std::vector<Column>& columns, const Eigen::VectorXd& by) {
   Column sum = columns.front();
@@ -33,6 +34,16 @@ Column Combined(const std::vector<Column>& columns, const Eigen::VectorXd& by) {
   return sum;
 }
 
+double LogEvidence(const Weights& weights, const Residuals& nominal, const LearnedNumbers& numbers) {
+  return LogScore(weights, numbers.residuals, nominal) + numbers.LogPrior() + numbers.LogOccam();
+}
+
+/// Progress of a part that begins at `from` and is `length` of the whole.
+std::function<void(double)> Part(const std::function<void(double)>& whole, double from, double length) {
+  if (!whole) return {};
+  return [=](double share) { whole(from + length * share); };
+}
+
 }  // namespace
 
 std::vector<LearnedNumber> LearnedRobot::At(const Fit* fit) const {
@@ -41,7 +52,7 @@ std::vector<LearnedNumber> LearnedRobot::At(const Fit* fit) const {
   std::vector<LearnedNumber> all;
   for (int k = 0; k < numbers.free.size(); ++k) {
     const FileNumber& number = numbers.free.numbers[static_cast<std::size_t>(k)];
-    // Digits that no runs tell would only burden whoever reads the file.
+    // More digits would only burden whoever reads the file.
     const double value = std::stod(fmt::format("{:.6g}", number.ValueAt(x[k])));
     all.push_back({number.key, number.in_file, value, x[k] / numbers.free.deviation[k]});
   }
@@ -51,76 +62,67 @@ std::vector<LearnedNumber> LearnedRobot::At(const Fit* fit) const {
   return all;
 }
 
-std::optional<LearnedRobot> LearnRobot(LearnedNumbers numbers, const DataSet& set,
-                                       const Evaluator::Options& evaluation) {
-  // Directions that prior and runs both see as independent, one deviation of the prior long.
+LearnedRobot RobotWith(LearnedNumbers numbers, const RobotParameters& file) {
+  // Directions that are independent for prior and runs alike, one deviation of the prior long.
   const Eigen::MatrixXd prior = numbers.basis.transpose() * numbers.free.precision * numbers.basis;
-  Eigen::MatrixXd told = Eigen::MatrixXd::Zero(prior.rows(), prior.cols());
-  for (const Eigen::MatrixXd& A : numbers.normal.A) told += A;
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> independent(told, prior);
-  DataSet learned = set;
-  FreeNumbers alone = numbers.free;
-  alone.cause.reset();
-  learned.robot = alone.Robot(set.robot, numbers.x);
-  std::optional<Evaluator> evaluator;
-  try {
-    evaluator.emplace(learned, evaluation);
-  } catch (const std::exception&) {
-    return std::nullopt;
-  }
-  LearnedRobot robot{std::move(numbers), std::move(*evaluator), {}, {}};
-  const LearnedNumbers& of = robot.numbers;
-  const Eigen::MatrixXd all = of.basis * independent.eigenvectors();
-  const Eigen::VectorXd file = -all.transpose() * of.free.precision * of.x;
-  robot.directions.resize(of.free.size(), 0);
-  for (int k = 0; k < of.free.size(); ++k) {
-    if (independent.eigenvalues()[k] < kTold) continue;
-    robot.open.push_back({nullptr,
-                          std::make_shared<Column>(Combined(of.columns, independent.eigenvectors().col(k))),
-                          1, file[k]});
-    robot.directions.conservativeResize(Eigen::NoChange, robot.directions.cols() + 1);
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> independent(numbers.curvature - prior,
+                                                                              prior);
+  const Eigen::MatrixXd all = numbers.basis * independent.eigenvectors();
+  const Eigen::VectorXd center = -all.transpose() * numbers.free.precision * numbers.x;
+  LearnedRobot robot;
+  for (int k = 0; k < numbers.free.size(); ++k) {
+    if (independent.eigenvalues()[k] < kLeastInformation) continue;
+    robot.open.push_back(
+        {nullptr, std::make_shared<Column>(Combined(numbers.columns, independent.eigenvectors().col(k))), 1,
+         center[k]});
+    robot.directions.conservativeResize(all.rows(), robot.directions.cols() + 1);
     robot.directions.rightCols(1) = all.col(k);
   }
+  FreeNumbers alone = numbers.free;
+  alone.cause.reset();
+  robot.robot = alone.Robot(file, numbers.x);
+  robot.numbers = std::move(numbers);
   return robot;
 }
 
 double LogEvidence(const Evaluator& evaluator, const LearnedNumbers& numbers) {
   const Weights weights(evaluator, Leftover(evaluator, numbers.residuals));
   const Residuals& nominal = evaluator.AtNominal();
-  return LogScore(weights, numbers.residuals, nominal) - LogScore(weights, nominal, nominal) +
-         numbers.LogPrior() + numbers.LogOccam();
+  return LogEvidence(weights, nominal, numbers) - LogScore(weights, nominal, nominal);
 }
 
 std::optional<LearnedNumbers> LearnBesideCause(const Evaluator& evaluator, const LearnedNumbers& alone,
                                                const std::vector<Model>& causes, const Folds& folds,
                                                const LearnOptions& options) {
-  // Log posterior by which a cause has to be better than none: chance alone brings a few.
-  constexpr double kEnough = 9;
+  constexpr double kQuick = 0.6;  // share of the progress
   std::vector<LearnedNumbers> beside;
   Eigen::VectorXd left = Leftover(evaluator, alone.residuals);
-  for (const Model& cause : causes) {
-    try {
-      beside.push_back(Learn(evaluator, alone.free.WithFree(cause), folds,
-                             {.threads = options.threads, .from = &alone, .quick = true}));
-      left = left.cwiseMin(Leftover(evaluator, beside.back().residuals));
-    } catch (const std::exception&) {
-      // This cause cannot be simulated beside the numbers.
-    }
-    if (options.progress)
-      options.progress(0.7 * static_cast<double>(beside.size()) / static_cast<double>(causes.size()));
+  const double each = kQuick / std::max<double>(1, static_cast<double>(causes.size()));
+  for (std::size_t k = 0; k < causes.size(); ++k) {
+    const LearnOptions quick{options.threads, Part(options.progress, static_cast<double>(k) * each, each),
+                             &alone, true};
+    auto with = Learn(evaluator, alone.free.WithFree(causes[k]), folds, quick);
+    if (!with) continue;
+    left = left.cwiseMin(Leftover(evaluator, with->residuals));
+    beside.push_back(std::move(*with));
   }
+  // With one discrepancy for all; one of several causes has as many chances to fit by accident.
   const Weights weights(evaluator, left);
-  const auto posterior = [&](const LearnedNumbers& l) {
-    return LogScore(weights, l.residuals, evaluator.AtNominal()) + l.LogPrior();
+  const auto evidence = [&](const LearnedNumbers& l) {
+    return LogEvidence(weights, evaluator.AtNominal(), l);
   };
-  const auto best = std::max_element(beside.begin(), beside.end(), [&](const auto& a, const auto& b) {
-    return posterior(a) < posterior(b);
-  });
-  if (best == beside.end() || posterior(*best) - posterior(alone) < kEnough) return std::nullopt;
-  const LearnedNumbers together =
-      Learn(evaluator, best->free, folds, {.threads = options.threads, .from = &*best});
-  return Learn(evaluator, alone.free.With(together.free.CauseAt(together.x)), folds,
-               {.threads = options.threads, .from = &together});
+  const auto best = std::max_element(beside.begin(), beside.end(),
+                                     [&](const auto& a, const auto& b) { return evidence(a) < evidence(b); });
+  if (best == beside.end() ||
+      evidence(*best) - std::log(static_cast<double>(beside.size())) < evidence(alone))
+    return std::nullopt;
+  const auto together =
+      Learn(evaluator, best->free, folds,
+            {options.threads, Part(options.progress, kQuick, 0.5 * (1 - kQuick)), &*best, false});
+  if (!together) return std::nullopt;
+  return Learn(
+      evaluator, alone.free.With(together->free.CauseAt(together->x)), folds,
+      {options.threads, Part(options.progress, 0.5 * (1 + kQuick), 0.5 * (1 - kQuick)), &*together, false});
 }
 
 }  // namespace tendril::gap

@@ -9,9 +9,6 @@
 namespace tendril::gap {
 namespace {
 
-// Prior of effect parameters, in plainly visible deviations: nearly unconstrained.
-constexpr double kPriorScales = 30;
-
 // Share of a parameter's information that the other folds must have for the fold to be held out.
 constexpr double kElsewhere = 0.02;
 
@@ -114,7 +111,7 @@ Normal Accumulate(const std::vector<const Column*>& columns, const Residuals& pa
 }
 
 void Bounds::Add(const sim::EffectParameter& parameter, double value) {
-  Append(prior, kPriorScales * ScaleOf(parameter));
+  Append(prior, kFlatPrior * ScaleOf(parameter));
   Append(center, 0);
   Append(lower, parameter.lower - value);
   Append(upper, parameter.upper - value);

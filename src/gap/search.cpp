@@ -359,6 +359,19 @@ SearchResult Search(const Evaluator& evaluator, const Folds& folds, const Search
   return Searching(evaluator, folds, options, probes).Result();
 }
 
+bool ContainsCause(const SearchResult& search, const Model& cause) {
+  const auto in = [&](const Fit& fit) {
+    const auto& found = fit.model.parts;
+    return std::all_of(cause.parts.begin(), cause.parts.end(), [&](const Candidate& part) {
+      return std::find(found.begin(), found.end(), part) != found.end();
+    });
+  };
+  if (search.fits.empty()) return false;
+  const Fit& single = search.fits.front();
+  return in(single) || (!search.pairs.empty() && in(search.pairs.front()) &&
+                        search.pairs.front().held_out_score >= single.held_out_score + kPairGain);
+}
+
 std::vector<Model> LikelyCauses(const SearchResult& search) {
   constexpr std::size_t kMost = 4;
   std::vector<Model> causes;

@@ -51,6 +51,9 @@ struct SearchResult {
   Nuisances nuisances;
 };
 
+/// True where the best single fit contains all of `cause`, or the best pair where that is clearly better.
+bool ContainsCause(const SearchResult& search, const Model& cause);
+
 /// The best single causes, of different effects.
 std::vector<Model> LikelyCauses(const SearchResult& search);
 

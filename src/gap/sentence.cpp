@@ -233,7 +233,7 @@ std::string WithLearned(const std::string& sentence, const std::vector<LearnedNu
         fmt::format("{}{} {:.4g} where the file has {:.4g}", k > 0 ? ", " : "", n.key, n.value, n.in_file);
   }
   return fmt::format(
-      "With the numbers of the robot file as these runs tell them, within its uncertainty ({}{}; `tendril "
+      "With the numbers of the robot file fitted to these runs within their uncertainties ({}{}; `tendril "
       "gap "
       "apply` writes them): {}",
       numbers, learned.size() > kNames ? ", ..." : "", LowerFirst(sentence));

@@ -28,7 +28,8 @@ std::string Preface(const Diagnosis& d);
 /// of their model error to that of the other runs.
 std::string FewRunsRemark(const Diagnosis& d, const std::map<std::string, double>& missed);
 
-/// The sentence preceded by the numbers of the file that were learned for it, those furthest from the file.
+/// The sentence preceded by the numbers of the file that were fitted for it, those furthest from the file
+/// first.
 std::string WithLearned(const std::string& sentence, const std::vector<LearnedNumber>& learned);
 
 /// The sentence preceded by the runs it does not use: "With 2 of 7 runs left out (a, b: too short), the gap

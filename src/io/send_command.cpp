@@ -149,7 +149,7 @@ class Conversation {
 
   void Hear(const State& state) {
     latest_ = state;
-    // Another operator's command may have a number between two of these.
+    // Another command of this process may have a number between two of these.
     if (settled_ || std::find(sent_.begin(), sent_.end(), state.command_sequence) == sent_.end()) return;
     answered_ = true;
     // Drives that a clear starts again take a moment, in which nothing is to be said yet.

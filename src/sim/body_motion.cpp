@@ -20,9 +20,6 @@ constexpr double kRateWeight = kGamma * kShare, kBendWeight = kBeta * kShare;
 
 // Newton's matrix is recomputed beyond this bend from its reference, or beyond the constructor's tension.
 constexpr double kReferenceBend_rad = 0.02;
-// Tolerance on the last correction of the bending; with a nearby matrix the remaining error is some per cent
-// of it.
-constexpr double kTolerance_rad = 1e-5;
 // Smaller changes between two iterates give no slope.
 constexpr double kSecant_m = 1e-10;
 constexpr int kMostIterations = 12;
@@ -211,7 +208,7 @@ bool BodyStepper::TryStep(TensionSource& source, double h) {
     }
     size *= bend_weight;
     if (!std::isfinite(size) || size > 1) return false;
-    if (size < kTolerance_rad) break;
+    if (size < kBendTolerance_rad) break;
     if (iteration + 1 >= kMostIterations) return false;
     if (iteration > 0 && size > 0.3 * last) reference_h_ = 0;  // the matrix is stale
     last = size;

@@ -11,6 +11,10 @@
 
 namespace tendril::sim {
 
+/// Tolerance on the last correction of the bending in a step; with a nearby matrix the remaining error is
+/// some per cent of it.
+inline constexpr double kBendTolerance_rad = 1e-5;
+
 /// Tensions at the robot's base, one per tendon, as functions of the body's motion at one time.
 class TensionSource {
  public:

@@ -30,15 +30,20 @@ using Eigen::VectorXd;
 
 // Longest step of the body's integrator: 0.01 mm at the tip for motions up to 10 Hz.
 constexpr double kLongestStep_s = 1.05e-3;
-// Displacement below which the friction of pulleys may not build up: some ten times what the body's
-// integrator resolves. No sensor shows less, and its steps would not converge.
-constexpr double kLeastPresliding_m = 5e-7;
+// Displacement over which the friction of pulleys builds up, at least, in what the body's integrator resolves
+// of a tendon's displacement: over less its steps would not converge, and no sensor shows the difference.
+constexpr double kLeastPresliding = 10;
 
 RobotParameters Resolvable(RobotParameters robot) {
   if (!robot.actuation) return robot;
+  double hole_m = 0;
+  for (const SectionParameters& section : robot.body.sections) {
+    for (const TendonRoute& route : section.tendons) hole_m = std::max(hole_m, route.radius_m);
+  }
+  const double least_m = kLeastPresliding * kBendTolerance_rad * hole_m;
   for (TendonDriveParameters& drive : robot.actuation->tendons) {
     double& presliding_m = drive.transmission.presliding_m;
-    if (presliding_m > 0) presliding_m = std::max(presliding_m, kLeastPresliding_m);
+    if (presliding_m > 0) presliding_m = std::max(presliding_m, least_m);
   }
   return robot;
 }

@@ -34,7 +34,7 @@ const gap::LearnedNumber& Learned(const gap::Diagnosis& d, const std::string& ke
 TEST(LearnedRobot, WithoutAnEffectThereIsNoGap) {
   const gap::Diagnosis d = Diagnose(RunsWith(""), Library());
   ASSERT_EQ(d.verdict, gap::Verdict::kNoGap) << d.sentence;
-  EXPECT_THAT(d.sentence, testing::StartsWith("With the numbers of the robot file as these runs tell them"));
+  EXPECT_THAT(d.sentence, testing::StartsWith("With the numbers of the robot file fitted to these runs"));
   EXPECT_NEAR(Learned(d, "body.sections.unit_mass_kg").value / Rig().body.sections[0].unit_mass_kg, 0.86,
               0.03);
   EXPECT_TRUE(std::is_sorted(d.learned.begin(), d.learned.end(), [](const auto& a, const auto& b) {

@@ -1,5 +1,6 @@
 // udpm:// in a network namespace of its own: without a multicast route it says what to do, and what it says
 // works.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sched.h>
@@ -7,13 +8,16 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cstdlib>
 #include <fstream>
 #include <functional>
 #include <string>
+#include <thread>
 
 #include "tendril/io/client.h"
 #include "tendril/io/gateway.h"
+#include "tendril/io/send_command.h"
 #include "tendril_lcm/state_t.hpp"
 
 namespace tendril::io {
@@ -31,6 +35,12 @@ bool EnterNewNetwork() {
   if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return false;
   std::ofstream("/proc/self/uid_map") << "0 " << user << " 1";
   return true;
+}
+
+// The route that the gateway's error names.
+bool AddRoute() {
+  return std::system("ip link set lo up && ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo") ==
+         0;
 }
 
 // What `work` returns, run in a process with an empty network.
@@ -73,10 +83,7 @@ TEST(Network, WithoutAMulticastRouteTheRemedyIsNamed) {
 TEST(Network, TheRemedyWorksAndTwoConnectionsHearEachOther) {
   const std::string text = InEmptyNetwork([]() -> std::string {
     if (std::system("command -v ip >/dev/null") != 0) return kNoIpTool;
-    if (std::system("ip link set lo up && ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo") !=
-        0) {
-      return "the remedy failed";
-    }
+    if (!AddRoute()) return "the remedy failed";
     const MonotonicClock clock;
     Gateway gateway({kUrl, "TENDRIL", 1, 1}, {1, 4, 3}, clock);
     Client client(std::string(kUrl), "TENDRIL");
@@ -97,6 +104,45 @@ TEST(Network, TheRemedyWorksAndTwoConnectionsHearEachOther) {
   });
   if (text == kNoNamespace || text == kNoIpTool) GTEST_SKIP() << text;
   EXPECT_EQ(text, "state 42, command 7");
+}
+
+// A daemon that hears no disarm, only another command whose number lies between those of two repetitions.
+TEST(Network, TheAnswerToAnotherCommandIsNoAnswer) {
+  const std::string text = InEmptyNetwork([]() -> std::string {
+    if (std::system("command -v ip >/dev/null") != 0) return kNoIpTool;
+    if (!AddRoute()) return "the route failed";
+    const MonotonicClock clock;
+    Gateway gateway({kUrl, "TENDRIL", 1, 1}, {1, 4, 3}, clock);
+    CycleRecord record;
+    int heard = 0;
+    gateway.OnCommand([&](const Command& command) {
+      if (heard++ > 0) return;
+      record.input.command = command;
+      ++record.input.command.sequence;
+    });
+    std::atomic<bool> ended = false;
+    std::thread daemon([&] {
+      while (!ended) {
+        if (heard != 1) gateway.PublishState(record);
+        gateway.Handle(20);
+      }
+    });
+    CommandCall call{.url = kUrl, .channel_prefix = "TENDRIL", .command = {}, .timeout_s = 1};
+    call.command.kind = CommandKind::kMode;
+    call.command.mode = ModeRequest::kDisarm;
+    std::string answer;
+    try {
+      answer = SendCommand(call, {});
+    } catch (const std::runtime_error& e) {
+      answer = e.what();
+    }
+    ended = true;
+    daemon.join();
+    return fmt::format("{} {}", heard > 1 ? "repeated:" : "sent once:", answer);
+  });
+  if (text == kNoNamespace || text == kNoIpTool) GTEST_SKIP() << text;
+  EXPECT_THAT(text, testing::StartsWith("repeated:"));
+  EXPECT_THAT(text, HasSubstr("did not receive the command"));
 }
 
 }  // namespace

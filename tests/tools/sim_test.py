@@ -44,7 +44,7 @@ class Sim(unittest.TestCase):
         self.folder = pathlib.Path(folder.name)
 
     @contextlib.contextmanager
-    def running(self, *options):
+    def running(self, *options, ended_by=signal.SIGTERM):
         """A simulation, stopped at the end, and the file with what it printed."""
         said = self.folder / "sim.txt"
         with open(said, "w", encoding="utf-8") as out:
@@ -53,7 +53,7 @@ class Sim(unittest.TestCase):
                 until("configured", lambda: sim.poll() is not None or '"mode":"configured"' in
                       tendril("status", "--json", succeeds=False).replace(" ", ""))
                 yield said
-                sim.send_signal(signal.SIGTERM)
+                sim.send_signal(ended_by)
                 self.assertEqual(sim.wait(timeout=30), 0, said.read_text())
             finally:
                 sim.kill()
@@ -81,7 +81,7 @@ class Sim(unittest.TestCase):
 
     def test_what_is_planted_is_in_the_log(self):
         log = self.folder / "run.lcmlog"
-        with self.running("--log", log, "--headless", "--effect", "tip_payload mass_kg=0.004"):
+        with self.running("--log", log, "--headless", "--effect", "tip_payload mass_kg=0.004", ended_by=signal.SIGHUP):
             tendril("send", "arm")
             tendril("follow", "planar", "--robot", RIG)
             tendril("send", "disarm")

@@ -18,7 +18,9 @@ void Take(int signal) {
 }  // namespace
 
 const std::atomic<bool>& CatchStopSignals() {
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, Take);
+  for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, Take);
+  // Below nohup a program outlives its terminal.
+  if (std::signal(SIGHUP, Take) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);
   return stopped;
 }
 

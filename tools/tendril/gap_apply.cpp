@@ -93,14 +93,15 @@ void RunApply(const ApplyOptions& options) {
 
   std::vector<EffectSetting> effects;
   std::vector<std::string> heading;
-  std::string after = text;
+  std::string with_numbers = text;
   if (!options.report.empty()) {
     const gap::Diagnosis d = ReadFitting(options, robot);
     effects = gap::FoundEffects(d);
     heading = gap::Provenance(d, options.report);
     if (!d.learned.empty()) {
-      after = robot_file::PatchNumbers(text, options.robot, gap::WithLearnedNumbers(robot, d), {}).text;
-      fmt::print("{} numbers as the runs tell them\n", d.learned.size());
+      with_numbers =
+          robot_file::PatchNumbers(text, options.robot, gap::WithLearnedNumbers(robot, d), {}).text;
+      fmt::print("{} numbers fitted to the runs\n", d.learned.size());
     }
   }
   for (const std::string& given : options.effects) {
@@ -111,7 +112,7 @@ void RunApply(const ApplyOptions& options) {
     heading.push_back(fmt::format("{} by `tendril gap apply` ({}): {}",
                                   heading.empty() ? "Patched" : "and by hand,", Version(), given));
   }
-  const robot_file::RobotPatch patch = robot_file::PatchRobot(after, options.robot, effects, heading);
+  const robot_file::RobotPatch patch = robot_file::PatchRobot(with_numbers, options.robot, effects, heading);
   fmt::print("{}", robot_file::DiffLines(text, patch.text));
 
   config::WriteWhole(out, mark + patch.text);

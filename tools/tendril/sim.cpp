@@ -138,7 +138,8 @@ void AddSimCommand(CLI::App& app) {
   sim->add_option("--seed", o->seed, "of the sensors' noise")->capture_default_str()->check(Seed());
   sim->add_flag("--commissioning", o->commissioning,
                 "arm only a robot that is commissioned, as the daemon file says");
-  sim->add_flag("--headless", o->headless, "for scripts: between the lines of its start and its end say only warnings and errors");
+  sim->add_flag("--headless", o->headless,
+                "for scripts: a line at its start and one at its end, between them only warnings and errors");
   sim->callback([o] { RunSim(*o); });
 }
 

@@ -95,6 +95,7 @@ void Status(const StatusOptions& o) {
     while (!stop && clock.Now() < until_ns && !(first_only && heard)) client.Handle(20);
   };
   wait(clock.Now() + static_cast<TimeNs>(kFirstWithin_s * 1e9), true);
+  if (stop) throw std::runtime_error("interrupted");
   if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, kFirstWithin_s, client));
   if (!o.watch) {
     Show(o, status, "");

@@ -134,7 +134,7 @@ struct SuspectNumber {
       closed;  // share of the gap that the fitted value closes, pooled as Diagnosis::closed
 };
 
-/// A number of the robot file as the runs tell it, within its prior.
+/// A number of the robot file, fitted to the runs with all others within their priors.
 struct LearnedNumber {
   std::string key;                // "body.sections.youngs_modulus_Pa"
   double in_file = 0, value = 0;  // in the key's unit
