@@ -151,7 +151,11 @@ RobotParameters ParseRobot(const std::string& yaml, const std::string& name_for_
   return Parse<RobotParameters>(yaml, {name_for_errors}, Kind::kRobot, kRobotKeys);
 }
 
-RobotParameters LoadRobot(const std::string& path) { return ParseRobot(ReadFile(path), path); }
+RobotParameters LoadRobot(const std::string& path, KnownStrains known) {
+  RobotParameters robot = ParseRobot(ReadFile(path), path);
+  if (known == KnownStrains::kBending) RequireBendingOnly(robot.body, path, "this command");
+  return robot;
+}
 
 DaemonParameters ParseDaemon(const std::string& yaml, const std::string& name_for_errors) {
   return Parse<DaemonParameters>(yaml, {name_for_errors}, Kind::kDaemon, kDaemonKeys);
@@ -318,6 +322,30 @@ void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
   }
   CheckNodes(daemon, robot, daemon_path);
   CheckController(daemon, robot, daemon_path);
+}
+
+void RequireBendingOnly(const BodyParameters& body, const std::string& robot_path, std::string_view what) {
+  for (std::size_t k = 0; k < body.sections.size(); ++k) {
+    const SectionParameters& s = body.sections[k];
+    const std::string section = fmt::format("body.sections[{}]", k + 1);
+    if (s.torsion || s.extension) {
+      throw ErrorAt(
+          robot_path, section + ".strains",
+          fmt::format("{}: {} knows bending alone, unlike tendril model; accepted: [bending]; remove the "
+                      "others and their keys in a copy of the file",
+                      s.torsion && s.extension ? "torsion, extension"
+                      : s.torsion              ? "torsion"
+                                               : "extension",
+                      what));
+    }
+    if (s.units_per_disk != 1) {
+      throw ErrorAt(
+          robot_path, section + ".units_per_disk",
+          fmt::format("{}: {} knows one unit a disk, unlike tendril model; accepted: 1; use as many units as "
+                      "disks in a copy of the file",
+                      s.units_per_disk, what));
+    }
+  }
 }
 
 std::string KindOf(const std::string& path) {

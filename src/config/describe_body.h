@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "describe_optional.h"
+#include "describe_strains.h"
 #include "lister.h"
 #include "reader.h"
 #include "tendril/core/limits.h"
@@ -31,13 +32,17 @@ void Describe(Io& io, TendonRoute& p) {
 template <class Io>
 void Describe(Io& io, SectionParameters& p) {
   io.Integer("units", p.units, {1, kMaxUnits},
-             "Equal constant-curvature units of the section, one disk each.");
+             "Equal units of constant strain, one disk each unless units_per_disk says otherwise.");
+  DescribeSpacing(io, p);
   io.Number("unit_length_m", p.unit_length_m, {1e-4, 1}, "Backbone length of one unit.");
-  io.Number("unit_mass_kg", p.unit_mass_kg, {1e-7, 10}, "Mass of one unit, lumped at its disk.");
+  io.Number("unit_mass_kg", p.unit_mass_kg, {1e-7, 10}, "Mass of one unit, lumped at its end.");
+  OptionalNumber(io, "disk_mass_kg", p.disk_mass_kg, 0, {0, 10},
+                 "Mass of each disk, beside that of the units.");
   double disk_diameter_m = 0;
   constexpr Range kDiameter{1e-4, 1};
   constexpr std::string_view kDiameterMeaning =
-      "Diameter of a uniform thin disk, in place of both inertias: I_xx = m d²/16, I_zz = m d²/8.";
+      "Diameter of a uniform thin disk, in place of both inertias: I_xx = m d²/16, I_zz = m d²/8 with m = "
+      "disk_mass_kg, or unit_mass_kg without it.";
   if constexpr (Io::kListing) {
     io.MayBeLeftOut("both inertias");
     io.InsteadOf({"disk_inertia_xx_kgm2", "disk_inertia_zz_kgm2"});
@@ -54,8 +59,9 @@ void Describe(Io& io, SectionParameters& p) {
             "disk_inertia_zz_kgm2; remove one of the two");
       }
       io.Number("disk_diameter_m", disk_diameter_m, kDiameter, kDiameterMeaning);
-      p.disk_inertia_xx_kgm2 = p.unit_mass_kg * disk_diameter_m * disk_diameter_m / 16;
-      p.disk_inertia_zz_kgm2 = p.unit_mass_kg * disk_diameter_m * disk_diameter_m / 8;
+      const double disk_kg = p.disk_mass_kg > 0 ? p.disk_mass_kg : p.unit_mass_kg;
+      p.disk_inertia_xx_kgm2 = disk_kg * disk_diameter_m * disk_diameter_m / 16;
+      p.disk_inertia_zz_kgm2 = disk_kg * disk_diameter_m * disk_diameter_m / 8;
       io.PassUncertainty("disk_diameter_m", disk_diameter_m, 2,
                          {"disk_inertia_xx_kgm2", "disk_inertia_zz_kgm2"});
     } else {
@@ -80,6 +86,7 @@ void Describe(Io& io, SectionParameters& p) {
             "Radius r of the backbone; a unit's bending stiffness is E π r⁴ / (4 unit_length_m).");
   io.Number("bending_damping_Nms", p.bending_damping_Nms, {0, 1000},
             "Viscous damping of each unit, on the rate of its two bending angles.");
+  DescribeStrains(io, p);
   io.List("tendons", p.tendons, {1, kMaxTendons},
           "The tendons that end at the section's last disk, one hole each.");
   if constexpr (Io::kReading) {

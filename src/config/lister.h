@@ -3,9 +3,11 @@
 #pragma once
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <concepts>
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 #include <optional>
 #include <span>
@@ -85,6 +87,13 @@ class Lister {
   void Identifiers(std::string_view key, std::vector<std::uint32_t>&, Range count, std::string_view meaning) {
     Typed(Add(key, meaning, CountText(count, "numbers") + fmt::format(", each {}", kIdentifier)),
           Key::Type::kInteger, kIdentifiers, count);
+  }
+  void Words(std::string_view key, std::vector<std::string>&, std::initializer_list<std::string_view> choices,
+             std::string_view meaning) {
+    Key& added = Add(key, meaning, fmt::format("a list of {}, each at most once", fmt::join(choices, ", ")));
+    added.type = Key::Type::kChoice;
+    added.choices.assign(choices.begin(), choices.end());
+    added.count = Range{1, static_cast<double>(choices.size())};
   }
 
   template <class T>

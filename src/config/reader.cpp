@@ -380,6 +380,25 @@ void Reader::Identifiers(std::string_view key, std::vector<std::uint32_t>& value
   values.assign(wide.begin(), wide.end());
 }
 
+void Reader::Words(std::string_view key, std::vector<std::string>& values,
+                   std::initializer_list<std::string_view> choices, std::string_view) {
+  values.clear();
+  const std::string accepted = fmt::format("{}", fmt::join(choices, ", "));
+  const Range count{1, static_cast<double>(choices.size())};
+  for (const Found& item : Elements(key, fmt::format("of {}", accepted), count)) {
+    const std::string word = item.value.IsScalar() ? item.value.Scalar() : "";
+    const bool known = std::find(choices.begin(), choices.end(), word) != choices.end();
+    if (!known || std::find(values.begin(), values.end(), word) != values.end()) {
+      Fail(item.line, item.path,
+           fmt::format("'{}' is {}; accepted: {}, each at most once; {}",
+                       item.value.IsScalar() ? Printable(word) : TypeName(item.value),
+                       known ? "there twice" : "not known", accepted,
+                       known ? "remove one" : "choose among them"));
+    }
+    values.push_back(word);
+  }
+}
+
 std::vector<Layer> Reader::Children(std::string_view key) {
   static const std::string kAccepted = "a mapping of keys to values";
   if (!Lookup(key, kAccepted)) return {};

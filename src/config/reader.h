@@ -80,6 +80,10 @@ class Reader {
   void Identifiers(std::string_view key, std::vector<std::uint32_t>& values, Range count,
                    std::string_view meaning);
 
+  /// A list of at least one of these words, each at most once.
+  void Words(std::string_view key, std::vector<std::string>& values,
+             std::initializer_list<std::string_view> choices, std::string_view meaning);
+
   /// A mapping under `key`, described by Describe(Reader&, T&).
   template <class T>
   void Block(std::string_view key, T& value, std::string_view) {

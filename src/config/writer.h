@@ -55,6 +55,11 @@ class Writer {
     PutAll(key, values, Hex);
   }
 
+  void Words(std::string_view key, std::vector<std::string>& values, std::initializer_list<std::string_view>,
+             std::string_view) {
+    out_ << YAML::Key << std::string(key) << YAML::Value << YAML::Flow << values;
+  }
+
   template <class T>
   void Block(std::string_view key, T& value, std::string_view) {
     out_ << YAML::Key << std::string(key) << YAML::Value;

@@ -10,6 +10,31 @@ double SectionParameters::UnitStiffness() const {
   return youngs_modulus_Pa * std::numbers::pi * r2 * r2 / 4 / unit_length_m;
 }
 
+double SectionParameters::UnitTorsionalStiffness() const {
+  if (torsional_stiffness_Nm2) return *torsional_stiffness_Nm2 / unit_length_m;
+  // G J = E / (2 (1 + nu)) * 2 I of a round rod.
+  return UnitStiffness() / (1 + poissons_ratio.value());
+}
+
+double SectionParameters::UnitAxialStiffness() const {
+  const double area_m2 = std::numbers::pi * core_radius_m * core_radius_m;
+  return axial_stiffness_N.value_or(youngs_modulus_Pa * area_m2) * unit_length_m;
+}
+
+double SectionParameters::MassAt(int unit_of_section) const {
+  return EndsAtDisk(unit_of_section) ? unit_mass_kg + disk_mass_kg : unit_mass_kg;
+}
+
+double SectionParameters::InertiaXxAt(int unit_of_section) const {
+  if (EndsAtDisk(unit_of_section)) return disk_inertia_xx_kgm2;
+  return unit_mass_kg * (core_radius_m * core_radius_m / 4 + unit_length_m * unit_length_m / 12);
+}
+
+double SectionParameters::InertiaZzAt(int unit_of_section) const {
+  if (EndsAtDisk(unit_of_section)) return disk_inertia_zz_kgm2;
+  return unit_mass_kg * core_radius_m * core_radius_m / 2;
+}
+
 int BodyParameters::units() const {
   int n = 0;
   for (const auto& s : sections) n += s.units;
@@ -26,6 +51,18 @@ double BodyParameters::length_m() const {
   double l = 0;
   for (const auto& s : sections) l += s.units * s.unit_length_m;
   return l;
+}
+
+double BodyParameters::mass_kg() const {
+  double m = tip_payload_kg;
+  for (const auto& s : sections) m += s.units * s.unit_mass_kg + s.units / s.units_per_disk * s.disk_mass_kg;
+  return m;
+}
+
+bool BodyParameters::BendsOnly() const {
+  return std::none_of(sections.begin(), sections.end(), [](const SectionParameters& s) {
+    return s.torsion || s.extension || s.units_per_disk != 1;
+  });
 }
 
 UnitDeviation& BodyParameters::DeviationOf(int unit) {

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "tendril/daemon/file_check.h"
+#include "tendril/model/bending_model.h"
 #include "tendril/model/figures.h"
 
 namespace tendril::daemon {
@@ -60,6 +61,15 @@ std::string FiguresComment(const RobotParameters& robot) {
                                             Millimetres(figures.sag_mounted_m),
                                             Millimetres(figures.sag_level_m), 1e3 * robot.body.length_m()));
   text += Line("natural frequencies", FrequenciesText(figures.frequencies_Hz));
+  if (!robot.body.BendsOnly()) {
+    const auto worst_m = model::WorstTipErrorOfBending(robot);
+    text += Line(
+        "bending-only model",
+        worst_m
+            ? fmt::format("its tip is up to {} off: each tendon in turn at {:g} N, the others at {:g} N",
+                          Millimetres(worst_m), robot.limits.max_tension_base_N, robot.limits.min_tension_N)
+            : "no equilibrium of this or that model under one tendon at limits.max_tension_base_N");
+  }
   return text + Line("weight",
                      fmt::format("{:.3g} N, against {:.3g} N of pretension ({} x {:g} N)", figures.weight_N,
                                  figures.pretension_N, robot.body.tendons(), robot.limits.min_tension_N));

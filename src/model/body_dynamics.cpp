@@ -1,33 +1,12 @@
 // The body's recursions in motion: forward and inverse dynamics, mass matrix, energy. Knows nothing of
 // motors.
+#include "articulated_inertia.h"
+#include "strained_chain.h"
 #include "tendril/model/body.h"
 #include "unit_joint.h"
 
 namespace tendril::model {
 namespace {
-
-// Inertia of disks about a point: force = mass a + cross alpha, moment = cross^T a + inertia alpha.
-struct ArticulatedInertia {
-  Symmetric mass, inertia;
-  Mat cross{kZero, kZero, kZero};
-
-  // To the point at -p: alpha there adds alpha x p to a here, a force here adds p x f to the moment there.
-  void Shift(const Vec& p) {
-    const Mat c = cross;
-    cross.x +=
-        Vec(mass.xz * p.y - mass.xy * p.z, mass.yz * p.y - mass.yy * p.z, mass.zz * p.y - mass.yz * p.z);
-    cross.y +=
-        Vec(mass.xx * p.z - mass.xz * p.x, mass.xy * p.z - mass.yz * p.x, mass.xz * p.z - mass.zz * p.x);
-    cross.z +=
-        Vec(mass.xy * p.x - mass.xx * p.y, mass.yy * p.x - mass.xy * p.y, mass.yz * p.x - mass.xz * p.y);
-    inertia.xx += p.y * (c.x.z + cross.x.z) - p.z * (c.x.y + cross.x.y);
-    inertia.xy += p.z * c.x.x - p.x * c.x.z + p.y * cross.y.z - p.z * cross.y.y;
-    inertia.xz += p.x * c.x.y - p.y * c.x.x + p.y * cross.z.z - p.z * cross.z.y;
-    inertia.yy += p.z * (c.y.x + cross.y.x) - p.x * (c.y.z + cross.y.z);
-    inertia.yz += p.x * c.y.y - p.y * c.y.x + p.z * cross.z.x - p.x * cross.z.z;
-    inertia.zz += p.x * (c.z.y + cross.z.y) - p.y * (c.z.x + cross.z.x);
-  }
-};
 
 // Accelerations of B relative to A that remain when ddu = ddv = 0, in the axes of A (eqs. 11, 12); d_k as
 // above, e_k = 2 dd_k/dx.
@@ -91,7 +70,10 @@ inline void Body::Workspace::Unit::PassOn(ArticulatedInertia& all, Vec& force, V
   all.Shift(joint.p);
 }
 
-Body::Workspace::Workspace(const Body& body) : units_(body.units()) {}
+struct Body::Workspace::Strained : StrainedState {};
+
+Body::Workspace::Workspace(const Body& body)
+    : units_(body.bends_only() ? body.units() : 0), strained_(body.bends_only() ? 0 : body.units()) {}
 Body::Workspace::Workspace(const Workspace& other) = default;
 Body::Workspace::Workspace(Workspace&& other) noexcept = default;
 Body::Workspace& Body::Workspace::operator=(const Workspace& other) = default;
@@ -100,6 +82,7 @@ Body::Workspace::~Workspace() = default;
 
 void Body::InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef ddq, VectorRef force_Nm,
                            Workspace& workspace) const noexcept {
+  if (strained_) return strained_->InverseDynamics(q, dq, ddq, force_Nm, workspace.strained_.data());
   Workspace::Unit* const unit = workspace.units_.data();
   Mat r = kIdentity;
   Vec w = kZero, dw = kZero, a = -Vec(parameters_.gravity_W_mps2);
@@ -141,6 +124,7 @@ void Body::InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef d
 
 void Body::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef force_Nm, VectorRef ddq,
                            Workspace& workspace) const noexcept {
+  if (strained_) return strained_->ForwardDynamics(q, dq, force_Nm, ddq, workspace.strained_.data());
   Workspace::Unit* const unit = workspace.units_.data();
   Mat r = kIdentity;
   Vec w = kZero;
@@ -197,6 +181,7 @@ void Body::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef f
 }
 
 void Body::MassMatrix(ConstVectorRef q, MatrixRef mass, Workspace& workspace) const noexcept {
+  if (strained_) return strained_->MassMatrix(q, mass, workspace.strained_.data());
   Workspace::Unit* const unit = workspace.units_.data();
   Mat r = kIdentity;
   for (int i = 0; i < units_; ++i) {
@@ -243,6 +228,7 @@ void Body::MassMatrix(ConstVectorRef q, MatrixRef mass, Workspace& workspace) co
 }
 
 Energy Body::EnergyOf(ConstVectorRef q, ConstVectorRef dq, Workspace& workspace) const noexcept {
+  if (strained_) return strained_->EnergyOf(q, dq);
   Energy energy;
   const Vec gravity(parameters_.gravity_W_mps2);
   Joint& j = workspace.units_[0].joint;

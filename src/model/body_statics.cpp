@@ -1,6 +1,7 @@
 // The body at rest: forces that hold a shape, and how they change with it.
 #include <array>
 
+#include "strained_chain.h"
 #include "tendril/core/limits.h"
 #include "tendril/model/body.h"
 #include "unit_joint.h"
@@ -12,7 +13,7 @@ namespace {
 // unit of its length.
 struct JointCurvature {
   Vec p_uu, p_uv, p_vv;
-  Vec w_uu, w_uv, w_vv;  // d jw_u / du, d jw_u / dv, d jw_v / dv
+  Vec w_uu, w_uv, w_vu, w_vv;  // d jw_u / du, d jw_u / dv, d jw_v / du, d jw_v / dv
 
   JointCurvature(double u, double v, const Stumpffs& c) {
     const double d1 = c[3] - c[2], d2 = 2 * c[4] - c[3], d3 = 3 * c[5] - c[4];
@@ -23,19 +24,20 @@ struct JointCurvature {
     p_vv = {u * (d2 + vv * e2), v * (3 * d2 + vv * e2), d1 + vv * e1};
     w_uu = {-v * (c[3] + uu * d3), -u * vv * d3, -uv * d2};
     w_uv = {-u * (c[3] + vv * d3), -v * (2 * c[3] + vv * d3), -(c[2] + vv * d2)};
+    w_vu = {u * (2 * c[3] + uu * d3), v * (c[3] + uu * d3), c[2] + uu * d2};
     w_vv = {uu * v * d3, u * (c[3] + vv * d3), uv * d2};
   }
 };
 
 }  // namespace
 
-void Body::StaticForce(ConstVectorRef q, const Eigen::Vector3d& tip_force_W_N,
-                       VectorRef force_Nm) const noexcept {
+void Body::StaticForce(ConstVectorRef q, const TipWrench& tip, VectorRef force_Nm) const noexcept {
+  if (strained_) return strained_->StaticForce(q, tip, force_Nm);
   std::array<Joint, kMaxUnits> joints;
   PlaceJoints(
       units_, [this](int i) { return unit_[i].length_m; }, q, joints);
   const Vec gravity(parameters_.gravity_W_mps2);
-  Vec f = Vec(tip_force_W_N) + Vec(parameters_.tip_force_W_N), n = kZero;
+  Vec f = Vec(tip.force_W_N) + Vec(parameters_.tip_force_W_N), n(tip.moment_W_Nm);
   for (int i = units_ - 1; i >= 0; --i) {
     const UnitConstants& k = unit_[i];
     const Joint& j = joints[i];
@@ -48,6 +50,7 @@ void Body::StaticForce(ConstVectorRef q, const Eigen::Vector3d& tip_force_W_N,
 
 void Body::DiskForce(ConstVectorRef q, const Eigen::Ref<const Eigen::Matrix3Xd>& force_W_N,
                      VectorRef force_Nm) const noexcept {
+  if (strained_) return strained_->DiskForce(q, force_W_N, force_Nm);
   std::array<Joint, kMaxUnits> joints;
   PlaceJoints(
       units_, [this](int i) { return unit_[i].length_m; }, q, joints);
@@ -61,8 +64,9 @@ void Body::DiskForce(ConstVectorRef q, const Eigen::Ref<const Eigen::Matrix3Xd>&
   }
 }
 
-void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Eigen::Vector3d& tip_force_W_N,
+void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const TipWrench& tip,
                             MatrixRef stiffness) const noexcept {
+  if (strained_) return strained_->TangentStiffness(q, tension_N, tip, stiffness);
   std::array<Joint, kMaxUnits> joints;
   std::array<Mat, kMaxUnits> r_wa;
   std::array<Stumpffs, kMaxUnits> stumpff;
@@ -78,7 +82,7 @@ void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Ei
   // Forces F_k at disks k >= i, seen from the origin of B with arms d_k: sum F, sum d x F, and sum d F^T -
   // (d.F) 1, which turns a small rotation w into sum (w x d) x F.
   const Vec gravity(parameters_.gravity_W_mps2);
-  Vec f = Vec(tip_force_W_N) + Vec(parameters_.tip_force_W_N), n = kZero;
+  Vec f = Vec(tip.force_W_N) + Vec(parameters_.tip_force_W_N), n = kZero;
   Mat turning{kZero, kZero, kZero};
   double sum = 0, moment_u = 0, moment_v = 0;
   int counted = tendons();
@@ -140,6 +144,36 @@ void Body::TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Ei
     turning.x.x -= trace;
     turning.y.y -= trace;
     turning.z.z -= trace;
+  }
+  if (!tip.moment_W_Nm.isZero(0)) AddMomentStiffness(q, tip.moment_W_Nm, stiffness);
+}
+
+// A constant moment M has the generalised force jw . M, and jw turns with the units before its own alone.
+void Body::AddMomentStiffness(ConstVectorRef q, const Eigen::Vector3d& moment_W_Nm,
+                              MatrixRef stiffness) const noexcept {
+  std::array<Joint, kMaxUnits> joints;
+  Mat r = kIdentity;
+  const Vec moment(moment_W_Nm);
+  for (int i = 0; i < units_; ++i) {
+    const double u = q[2 * i], v = q[2 * i + 1];
+    const Stumpffs c = Stumpff(u * u + v * v);
+    const Joint& j = joints[i];
+    PlaceJoint(r, unit_[i].length_m, u, v, c, joints[i]);
+    const Vec local = r.TransposeTimes(moment);
+    const JointCurvature bent(u, v, c);
+    stiffness(2 * i, 2 * i) -= local.dot(bent.w_uu);
+    stiffness(2 * i, 2 * i + 1) -= local.dot(bent.w_uv);
+    stiffness(2 * i + 1, 2 * i) -= local.dot(bent.w_vu);
+    stiffness(2 * i + 1, 2 * i + 1) -= local.dot(bent.w_vv);
+    const Vec y_u = Cross(j.jw_u, moment), y_v = Cross(j.jw_v, moment);
+    for (int below = 0; below < i; ++below) {
+      const Joint& g = joints[below];
+      stiffness(2 * i, 2 * below) -= g.jw_u.dot(y_u);
+      stiffness(2 * i, 2 * below + 1) -= g.jw_v.dot(y_u);
+      stiffness(2 * i + 1, 2 * below) -= g.jw_u.dot(y_v);
+      stiffness(2 * i + 1, 2 * below + 1) -= g.jw_v.dot(y_v);
+    }
+    r = Turn(r, u, v, c);
   }
 }
 

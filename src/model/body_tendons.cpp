@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 
+#include "strained_chain.h"
 #include "tendril/core/limits.h"
 #include "tendril/model/body.h"
 #include "unit_joint.h"
@@ -45,6 +46,7 @@ Body::SpanSlopes Body::TwistedSlopes(int i, int j, double u, double v) const noe
 }
 
 void Body::TendonLengths(ConstVectorRef q, VectorRef length_m) const noexcept {
+  if (strained_) return strained_->TendonLengths(q, length_m);
   const int m = tendons();
   length_m.setZero();
   if (!twisted_.empty()) {
@@ -66,6 +68,7 @@ void Body::TendonLengths(ConstVectorRef q, VectorRef length_m) const noexcept {
 }
 
 void Body::TendonShortening(ConstVectorRef q, VectorRef shortening_m) const noexcept {
+  if (strained_) return strained_->TendonShortening(q, shortening_m);
   // l (1 - k) + r a k with 1 - k = y c3(y), y = x/4: exact also where the robot is almost straight.
   const int m = tendons();
   shortening_m.setZero();
@@ -90,6 +93,7 @@ void Body::TendonShortening(ConstVectorRef q, VectorRef shortening_m) const noex
 }
 
 void Body::SpanShortening(ConstVectorRef q, MatrixRef shortening_m) const noexcept {
+  if (strained_) return strained_->SpanShortening(q, shortening_m);
   const int m = tendons();
   shortening_m.setZero();
   for (int i = 0; i < units_; ++i) {
@@ -106,6 +110,7 @@ void Body::SpanShortening(ConstVectorRef q, MatrixRef shortening_m) const noexce
 }
 
 void Body::TendonTurns(ConstVectorRef q, MatrixRef turn_rad) const noexcept {
+  if (strained_) return strained_->TendonTurns(q, turn_rad);
   // In the frame at the middle of a unit's arc the chord of the arc points along z, and so does a tendon
   // except for the twist: d = 2 r sin(delta) (-sin a, cos a) across, whose component along the bend is
   // shortened. Half the unit's rotation to either side gives the frames of its disks.
@@ -146,6 +151,7 @@ void Body::TendonLengthJacobian(ConstVectorRef q, MatrixRef jacobian) const noex
 
 void Body::TendonShortening(ConstVectorRef q, VectorRef shortening_m,
                             MatrixRef length_jacobian) const noexcept {
+  if (strained_) return strained_->TendonShortening(q, shortening_m, length_jacobian);
   const int m = tendons();
   for (int j = 0; j < m; ++j) shortening_m[j] = 0;
   for (int i = 0; i < units_; ++i) {
@@ -176,6 +182,7 @@ void Body::TendonShortening(ConstVectorRef q, VectorRef shortening_m,
 }
 
 void Body::TendonForce(ConstVectorRef q, ConstVectorRef tension_N, VectorRef force_Nm) const noexcept {
+  if (strained_) return strained_->TendonForce(q, tension_N, force_Nm);
   if (!twisted_.empty()) {
     force_Nm.setZero();
     for (int i = 0; i < units_; ++i) {

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "tendril/model/arc_tensions.h"
+#include "tendril/model/bending_model.h"
 #include "tendril/model/body.h"
 #include "tendril/model/capstan.h"
 #include "tendril/model/pull_cone.h"
@@ -114,13 +115,15 @@ SectionFigures Section(const RobotParameters& robot, const Body& body, int secti
 Figures FiguresOf(const RobotParameters& robot) {
   const Body body(robot.body);
   Figures figures;
-  double mass_kg = robot.body.tip_payload_kg;
-  for (const SectionParameters& s : robot.body.sections) mass_kg += s.units * s.unit_mass_kg;
-  figures.weight_N = mass_kg * robot.body.gravity_W_mps2.norm();
+  figures.weight_N = robot.body.mass_kg() * robot.body.gravity_W_mps2.norm();
   figures.pretension_N = body.tendons() * robot.limits.min_tension_N;
   AddSags(robot, figures);
   figures.frequencies_Hz = Frequencies(robot);
-  for (int k = 0; k < body.sections(); ++k) figures.sections.push_back(Section(robot, body, k));
+  // Tensions of a bend are the controller's, which knows bending alone.
+  RobotParameters bending = robot;
+  bending.body = BendingModel(robot.body);
+  const Body bends(bending.body);
+  for (int k = 0; k < bends.sections(); ++k) figures.sections.push_back(Section(bending, bends, k));
   return figures;
 }
 

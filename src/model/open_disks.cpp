@@ -8,12 +8,16 @@
 namespace tendril::model {
 namespace {
 
-bool IsOpen(const BodyParameters& body, std::size_t section, double u, double v) {
-  if (std::hypot(u, v) >= 2 * std::numbers::pi) return false;
+// Of a bent unit's two ends; a turn by 2 pi has no rotation vector of its own.
+bool IsOpen(const BodyParameters& body, std::size_t section, const Eigen::Vector4d& strains) {
+  const double u = strains[0], v = strains[1], w = strains[2];
+  if (std::hypot(std::hypot(u, v), w) >= 2 * std::numbers::pi) return false;
+  const double length_m = body.sections[section].unit_length_m * (1 + strains[3]);
+  if (!(length_m > 0)) return false;
   for (std::size_t k = section; k < body.sections.size(); ++k) {
     for (const TendonRoute& t : body.sections[k].tendons) {
       const double towards = u * std::cos(t.angle_rad) + v * std::sin(t.angle_rad);
-      if (!(body.sections[section].unit_length_m > t.radius_m * towards)) return false;
+      if (!(length_m > t.radius_m * towards)) return false;
     }
   }
   return true;
@@ -24,7 +28,7 @@ bool IsOpen(const BodyParameters& body, std::size_t section, double u, double v)
 std::optional<int> FirstClosedUnit(const Body& body, ConstVectorRef q) {
   for (int s = 0; s < body.sections(); ++s) {
     for (int i = body.first_unit(s); i < body.end_unit(s); ++i) {
-      if (!IsOpen(body.parameters(), static_cast<std::size_t>(s), q[2 * i], q[2 * i + 1])) return i;
+      if (!IsOpen(body.parameters(), static_cast<std::size_t>(s), body.StrainsOf(i, q))) return i;
     }
   }
   return std::nullopt;
@@ -33,10 +37,19 @@ std::optional<int> FirstClosedUnit(const Body& body, ConstVectorRef q) {
 std::string WhyDisksClose(const Body& body, ConstVectorRef q) {
   const auto unit = FirstClosedUnit(body, q);
   if (!unit) return {};
-  std::array<char, 160> text{};
-  std::snprintf(text.data(), text.size(),
-                "unit %d is bent by %.6g rad: its disks would cut through each other; bend it less",
-                *unit + 1, std::hypot(q[2 * *unit], q[2 * *unit + 1]));
+  const Eigen::Vector4d strains = body.StrainsOf(*unit, q);
+  std::array<char, 240> text{};
+  if (body.twists(*unit) || body.stretches(*unit)) {
+    std::snprintf(text.data(), text.size(),
+                  "unit %d is bent by %.6g rad, twisted by %.6g rad and stretched by %.6g of its length: its "
+                  "ends would "
+                  "cut through each other; strain it less",
+                  *unit + 1, strains.head<2>().norm(), strains[2], strains[3]);
+  } else {
+    std::snprintf(text.data(), text.size(),
+                  "unit %d is bent by %.6g rad: its disks would cut through each other; bend it less",
+                  *unit + 1, std::hypot(strains[0], strains[1]));
+  }
   return text.data();
 }
 

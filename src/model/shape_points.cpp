@@ -8,20 +8,6 @@
 namespace tendril::model {
 namespace {
 
-/// From the frame at its begin to a unit's frame after the part `share` of its arc, whose bend is that part
-/// too.
-Pose Along(const Pose& from, double length_m, double u, double v, double share) {
-  const double x = u * share, y = v * share;
-  const Stumpffs c = Stumpff(x * x + y * y);
-  const Eigen::Vector3d step = share * length_m * Eigen::Vector3d(c[2] * x, c[2] * y, c[1]);
-  const double xy = -c[2] * x * y;
-  Eigen::Matrix3d turn;
-  turn << 1 - c[2] * x * x, xy, c[1] * x,  //
-      xy, 1 - c[2] * y * y, c[1] * y,      //
-      -c[1] * x, -c[1] * y, c[0];
-  return {from.R_WA * turn, from.p_WA + from.R_WA * step};
-}
-
 std::vector<double> UnitLengths(const Body& body) {
   std::vector<double> length_m;
   for (const SectionParameters& section : body.parameters().sections)
@@ -38,14 +24,22 @@ Eigen::Quaterniond UnitQuaternion(const Eigen::Matrix3d& R) {
   return turn;
 }
 
-std::vector<Pose> DiskPoses(const Body& body, ConstVectorRef q) {
+std::vector<Pose> UnitPoses(const Body& body, ConstVectorRef q) {
   std::vector<Pose> poses(static_cast<std::size_t>(body.units()) + 1);
   body.Poses(q, std::span(poses).subspan(1));
   return poses;
 }
 
+std::vector<Pose> DiskPoses(const Body& body, ConstVectorRef q) {
+  const std::vector<Pose> ends = UnitPoses(body, q);
+  std::vector<Pose> poses{ends.front()};
+  for (int disk = 0; disk < body.disks(); ++disk)
+    poses.push_back(ends[static_cast<std::size_t>(body.disk_unit(disk)) + 1]);
+  return poses;
+}
+
 Eigen::Matrix3Xd BackbonePoints(const Body& body, ConstVectorRef q, int points) {
-  const std::vector<Pose> disks = DiskPoses(body, q);
+  const std::vector<Pose> ends = UnitPoses(body, q);
   const std::vector<double> length_m = UnitLengths(body);
   Eigen::Matrix3Xd at(3, points);
   std::size_t unit = 0;
@@ -54,8 +48,7 @@ Eigen::Matrix3Xd BackbonePoints(const Body& body, ConstVectorRef q, int points) 
     const double arc_m = body.parameters().length_m() * i / (points - 1);
     while (unit + 1 < length_m.size() && arc_m > begin_m + length_m[unit]) begin_m += length_m[unit++];
     const double share = std::clamp((arc_m - begin_m) / length_m[unit], 0.0, 1.0);
-    const auto k = static_cast<Eigen::Index>(2 * unit);
-    at.col(i) = Along(disks[unit], length_m[unit], q[k], q[k + 1], share).p_WA;
+    at.col(i) = ends[unit].p_WA + ends[unit].R_WA * body.PoseWithin(static_cast<int>(unit), q, share).p_WA;
   }
   return at;
 }
@@ -70,14 +63,19 @@ Eigen::Matrix3Xd TendonHoles(const Body& body, ConstVectorRef q, int tendon) {
   const TendonRoute& route = body.parameters()
                                  .sections[static_cast<std::size_t>(section)]
                                  .tendons[static_cast<std::size_t>(tendon - before)];
-  Eigen::Matrix3Xd at(3, body.end_unit(section) + 1);
+  int count = 0;
+  while (count < body.disks() && body.disk_unit(count) < body.end_unit(section)) ++count;
+  Eigen::Matrix3Xd at(3, count + 1);
   double arc_m = 0;
+  std::size_t unit = 0;
   for (Eigen::Index i = 0; i < at.cols(); ++i) {
     const double angle = route.angle_rad + body.parameters().twist_rad_per_m * arc_m;
     const Eigen::Vector3d hole(route.radius_m * std::cos(angle), route.radius_m * std::sin(angle), 0);
     const auto disk = static_cast<std::size_t>(i);
     at.col(i) = disks[disk].p_WA + disks[disk].R_WA * hole;
-    if (disk < length_m.size()) arc_m += length_m[disk];
+    if (i < count) {
+      while (unit <= static_cast<std::size_t>(body.disk_unit(static_cast<int>(i)))) arc_m += length_m[unit++];
+    }
   }
   return at;
 }

@@ -27,24 +27,37 @@ constexpr int kMostLoadSteps = 4000;
 
 struct Load {
   VectorXd tension_N;
-  Vector3d tip_force_W_N;
+  TipWrench tip;
 };
 
 VectorXd Residual(const Body& body, const VectorXd& q, const Load& load) {
   VectorXd held(body.dof()), pulled(body.dof());
-  body.StaticForce(q, load.tip_force_W_N, held);
+  body.StaticForce(q, load.tip, held);
   body.TendonForce(q, load.tension_N, pulled);
   return held - pulled;
 }
 
 MatrixXd Tangent(const Body& body, const VectorXd& q, const Load& load) {
   MatrixXd k(body.dof(), body.dof());
-  body.TangentStiffness(q, load.tension_N, load.tip_force_W_N, k);
+  body.TangentStiffness(q, load.tension_N, load.tip, k);
   return k;
 }
 
-double SmallestEigenvalue(const MatrixXd& k) {
-  return Eigen::SelfAdjointEigenSolver<MatrixXd>(k, Eigen::EigenvaluesOnly).eigenvalues()[0];
+// A tip moment makes the tangent unsymmetric: then the real part decides.
+double SmallestEigenvalue(const MatrixXd& k, const Load& load) {
+  if (load.tip.moment_W_Nm.isZero(0))
+    return Eigen::SelfAdjointEigenSolver<MatrixXd>(k, Eigen::EigenvaluesOnly).eigenvalues()[0];
+  return Eigen::EigenSolver<MatrixXd>(k, false).eigenvalues().real().minCoeff();
+}
+
+bool Stable(const MatrixXd& k, const Load& load) {
+  if (load.tip.moment_W_Nm.isZero(0)) return k.llt().info() == Eigen::Success;
+  return SmallestEigenvalue(k, load) > 0;
+}
+
+VectorXd Solve(const MatrixXd& k, const VectorXd& rate, const Load& load) {
+  if (load.tip.moment_W_Nm.isZero(0)) return k.ldlt().solve(rate);
+  return k.partialPivLu().solve(rate);
 }
 
 // Plain Newton from a start near the solution. Returns the equilibrium, or nothing when the steps do not
@@ -79,8 +92,8 @@ void Follow(const At& at, const Rate& rate, Equilibrium& result) {
   for (int steps = 0; steps < kMostLoadSteps; ++steps) {
     const auto& [body, load] = at(lambda);
     const MatrixXd k = Tangent(body, result.q, load);
-    if (steps == 0) stiffness_at_start = SmallestEigenvalue(k);
-    const VectorXd slope = k.ldlt().solve(rate(body, result.q, load));
+    if (steps == 0) stiffness_at_start = SmallestEigenvalue(k, load);
+    const VectorXd slope = Solve(k, rate(body, result.q, load), load);
     const double fastest = slope.lpNorm<Eigen::Infinity>();
     bool accepted = false;
     while (!accepted) {
@@ -88,8 +101,8 @@ void Follow(const At& at, const Rate& rate, Equilibrium& result) {
       h = std::min({h, 1 - lambda, fastest > 0 ? kLargestMove_rad / fastest : 1.0});
       if (!(h >= std::min(kSmallestLoadStep, 1 - lambda))) {
         result.load_fraction = lambda;
-        result.result = SmallestEigenvalue(k) < 0.02 * stiffness_at_start ? StaticsResult::kBuckled
-                                                                          : StaticsResult::kNoSolution;
+        result.result = SmallestEigenvalue(k, load) < 0.02 * stiffness_at_start ? StaticsResult::kBuckled
+                                                                                : StaticsResult::kNoSolution;
         return;
       }
       const bool last = h >= 1 - lambda;
@@ -99,7 +112,7 @@ void Follow(const At& at, const Rate& rate, Equilibrium& result) {
       const auto q =
           Correct(next_body, next_load, result.q + (next - lambda) * slope, last, result.iterations);
       // An unstable point is either past the loss of stability or on another branch: a shorter step decides.
-      accepted = q && Tangent(next_body, *q, next_load).llt().info() == Eigen::Success;
+      accepted = q && Stable(Tangent(next_body, *q, next_load), next_load);
       if (!accepted) {
         h /= 2;
         continue;
@@ -121,10 +134,10 @@ void Follow(const At& at, const Rate& rate, Equilibrium& result) {
 // Applies the dead loads, first of all the robot's weight, gradually to the rest shape: the start of the
 // branch.
 void Sag(const Body& body, Equilibrium& result) {
-  const Load none{VectorXd::Zero(body.tendons()), Vector3d::Zero()};
+  const Load none{VectorXd::Zero(body.tendons()), {}};
   const int n = body.dof();
   result.q.resize(n);
-  for (int i = 0; i < body.units(); ++i) result.q.segment<2>(2 * i) = body.rest_bend_rad(i);
+  body.RestShape(result.q);
   const auto at = [&](double lambda) {
     BodyParameters parameters = body.parameters();
     parameters.gravity_W_mps2 *= lambda;
@@ -134,9 +147,7 @@ void Sag(const Body& body, Equilibrium& result) {
   const auto rate = [&](const Body&, const VectorXd& q, const Load&) {
     VectorXd all(n), elastic(n);
     body.StaticForce(q, Vector3d::Zero(), all);
-    for (int i = 0; i < body.units(); ++i) {
-      elastic.segment<2>(2 * i) = body.unit_stiffness_Nm(i) * (q.segment<2>(2 * i) - body.rest_bend_rad(i));
-    }
+    body.ElasticForce(q, elastic);
     return VectorXd(elastic - all);
   };
   Follow(at, rate, result);
@@ -147,33 +158,33 @@ double Potential(const Body& body, const VectorXd& q, const Load& load, Body::Wo
   VectorXd length(body.tendons());
   body.TendonLengths(q, length);
   return energy.elastic + energy.gravity + load.tension_N.dot(length) -
-         load.tip_force_W_N.dot(body.TipPose(q).p_WA);
+         load.tip.force_W_N.dot(body.TipPose(q).p_WA);
 }
 
 }  // namespace
 
-Equilibrium SolveStatics(const Body& body, ConstVectorRef tension_N, const Vector3d& tip_force_W_N) {
+Equilibrium SolveStatics(const Body& body, ConstVectorRef tension_N, const TipWrench& tip) {
   Equilibrium result;
-  const Load full{tension_N, tip_force_W_N};
+  const Load full{tension_N, tip};
   Sag(body, result);
   if (result.result != StaticsResult::kConverged) {
     result.load_fraction = 0;
     result.residual_Nm = Residual(body, result.q, full).lpNorm<Eigen::Infinity>();
     return result;
   }
-  const auto at = [&](double lambda) {
-    return std::pair<const Body&, Load>(body, Load{lambda * full.tension_N, lambda * full.tip_force_W_N});
+  const auto part = [&](double lambda) {
+    return Load{lambda * full.tension_N, {lambda * tip.force_W_N, lambda * tip.moment_W_Nm}};
   };
+  const auto at = [&](double lambda) { return std::pair<const Body&, Load>(body, part(lambda)); };
   const auto rate = [&](const Body&, const VectorXd& q, const Load&) {
     VectorXd pulled(body.dof()), with_tip(body.dof()), without(body.dof());
     body.TendonForce(q, full.tension_N, pulled);
-    body.StaticForce(q, full.tip_force_W_N, with_tip);
+    body.StaticForce(q, full.tip, with_tip);
     body.StaticForce(q, Vector3d::Zero(), without);
     return VectorXd(pulled + without - with_tip);
   };
   Follow(at, rate, result);
-  const Load reached{result.load_fraction * full.tension_N, result.load_fraction * full.tip_force_W_N};
-  result.residual_Nm = Residual(body, result.q, reached).lpNorm<Eigen::Infinity>();
+  result.residual_Nm = Residual(body, result.q, part(result.load_fraction)).lpNorm<Eigen::Infinity>();
   return result;
 }
 

@@ -18,6 +18,13 @@ namespace tendril::model {
 
 using Stumpffs = std::array<double, kStumpffCount>;
 
+inline Pose ToPose(const Vec& p, const Mat& r) {
+  Pose pose;
+  pose.p_WA = p.eigen();
+  pose.R_WA << r.x.eigen(), r.y.eigen(), r.z.eigen();
+  return pose;
+}
+
 // One unit's geometry in F_0: place of B relative to A and the motion subspace.
 struct Joint {
   Vec p;           // from A to B

@@ -389,7 +389,10 @@ struct Plant::Impl final : OdeSystem {
 };
 
 Plant::Plant(const RobotParameters& robot, const PlantOptions& options)
-    : impl_(std::make_unique<Impl>(robot, options)) {}
+    : impl_(std::make_unique<Impl>(robot, options)) {
+  if (!impl_->body.bends_only())
+    throw std::invalid_argument("plant: knows bodies that only bend, one unit a disk");
+}
 Plant::~Plant() = default;
 
 int Plant::tendons() const { return impl_->m; }

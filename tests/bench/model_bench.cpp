@@ -11,9 +11,16 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// A body of `units` units in a bent, moving state.
+BodyParameters Strained(int units) {
+  BodyParameters body = test::PaperBody(units);
+  body.sections[0].torsion = body.sections[0].extension = true;
+  body.sections[0].poissons_ratio = 0.3;
+  return body;
+}
+
+// A body in a bent, moving state.
 struct Case {
-  explicit Case(int units) : body(test::PaperBody(units)), workspace(body), n(body.dof()) {
+  explicit Case(const BodyParameters& parameters) : body(parameters), workspace(body), n(body.dof()) {
     test::Random random(1);
     q = random.Vector(n, -0.7, 0.7);
     dq = random.Vector(n, -5, 5);
@@ -27,8 +34,8 @@ struct Case {
 };
 
 template <class Call>
-void Measure(benchmark::State& state, Call call) {
-  Case c(static_cast<int>(state.range(0)));
+void Measure(benchmark::State& state, Call call, BodyParameters (*make)(int)) {
+  Case c(make(static_cast<int>(state.range(0))));
   for (auto _ : state) {
     call(c);
     benchmark::DoNotOptimize(c.ddq.data());
@@ -38,21 +45,39 @@ void Measure(benchmark::State& state, Call call) {
                                                   benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
 }
 
+BodyParameters Bending(int units) { return test::PaperBody(units); }
+
 void ForwardDynamics(benchmark::State& state) {
-  Measure(state, [](Case& c) { c.body.ForwardDynamics(c.q, c.dq, c.force, c.ddq, c.workspace); });
+  Measure(
+      state, [](Case& c) { c.body.ForwardDynamics(c.q, c.dq, c.force, c.ddq, c.workspace); }, Bending);
+}
+
+// Bending, torsion and extension.
+void ForwardDynamicsOfAllStrains(benchmark::State& state) {
+  Measure(
+      state, [](Case& c) { c.body.ForwardDynamics(c.q, c.dq, c.force, c.ddq, c.workspace); }, Strained);
 }
 
 void InverseDynamics(benchmark::State& state) {
-  Measure(state, [](Case& c) { c.body.InverseDynamics(c.q, c.dq, c.force, c.ddq, c.workspace); });
+  Measure(
+      state, [](Case& c) { c.body.InverseDynamics(c.q, c.dq, c.force, c.ddq, c.workspace); }, Bending);
 }
 
 void TendonForce(benchmark::State& state) {
-  Measure(state, [](Case& c) { c.body.TendonForce(c.q, c.tension, c.ddq); });
+  Measure(
+      state, [](Case& c) { c.body.TendonForce(c.q, c.tension, c.ddq); }, Bending);
+}
+
+void TendonForceOfAllStrains(benchmark::State& state) {
+  Measure(
+      state, [](Case& c) { c.body.TendonForce(c.q, c.tension, c.ddq); }, Strained);
 }
 
 BENCHMARK(ForwardDynamics)->Arg(4)->Arg(8)->Arg(16)->Arg(32);
+BENCHMARK(ForwardDynamicsOfAllStrains)->Arg(4)->Arg(8)->Arg(16)->Arg(32)->Arg(64);
 BENCHMARK(InverseDynamics)->Arg(4)->Arg(8)->Arg(16)->Arg(32);
 BENCHMARK(TendonForce)->Arg(4)->Arg(8)->Arg(16)->Arg(32);
+BENCHMARK(TendonForceOfAllStrains)->Arg(4)->Arg(8)->Arg(16)->Arg(32)->Arg(64);
 
 }  // namespace
 }  // namespace tendril::model

@@ -71,6 +71,24 @@ def full_robot_by_inertias():
     return robot
 
 
+def strained_robot():
+    """The keys of a section that twists and stretches, by Poisson's ratio."""
+    robot = full_robot()
+    robot["body"]["sections"][0].update(
+        units_per_disk=2, disk_mass_kg=0.001, strains=["bending", "torsion", "extension"], poissons_ratio=0.3,
+        axial_stiffness_N=1e4, torsional_damping_Nms=1e-6, axial_damping_Nspm=1, rest_torsion_rad_per_m=1,
+        rest_extension=0.01)
+    return robot
+
+
+def strained_robot_by_stiffness():
+    robot = strained_robot()
+    section = robot["body"]["sections"][0]
+    del section["poissons_ratio"]
+    section.update(torsional_stiffness_Nm2=1e-3)
+    return robot
+
+
 def full_daemon():
     daemon = load(SOURCE + "/config/tendrild.yaml")
     daemon["bus"]["nodes"][0].update(motor="normal", encoder="normal", profile="epos4")
@@ -178,8 +196,8 @@ def cases(document, path, schema):
             yield from uncertain_cases(path[-1], limits, lambda value: put([value] * count if listed else value))
     elif "enum" in limits:
         for choice in limits["enum"]:
-            yield put(choice), "is not known", True
-        yield put("no_such_choice"), "is not known", False
+            yield put([choice] if listed else choice), "is not known", True
+        yield put(["no_such_choice"] if listed else "no_such_choice"), "is not known", False
     elif limits.get("type") == "boolean":
         yield put("maybe"), "neither true", False
     elif limits.get("type") == "string":
@@ -286,6 +304,8 @@ def main():
     wrong = shipped_files() + tendons_that_differ() + no_load_cell() + parameters_of_effects()
     wrong += every_key("robot", full_robot_by_inertias())
     wrong += every_key("robot", full_robot())
+    wrong += every_key("robot", strained_robot())
+    wrong += every_key("robot", strained_robot_by_stiffness())
     wrong += every_key("daemon", full_daemon())
     wrong += every_key("daemon", foreign_daemon())
     print("\n".join(wrong))

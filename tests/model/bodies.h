@@ -88,4 +88,46 @@ class Random {
   std::mt19937 engine_;
 };
 
+/// A robot of random numbers whose sections bend, twist and stretch in every combination, with one to three
+/// units a disk: some of it rests twisted or stretched, its holes may be turned against each other, its base
+/// may hang.
+inline BodyParameters RandomStrained(unsigned seed) {
+  Random random(seed);
+  BodyParameters body;
+  for (unsigned k = 0; k < 1 + seed % 2; ++k) {
+    SectionParameters s;
+    s.units_per_disk = 1 + static_cast<int>((seed + k) % 3);
+    s.units = 2 * s.units_per_disk;
+    s.unit_length_m = random.Uniform(0.008, 0.02);
+    s.unit_mass_kg = random.Uniform(0.0005, 0.002);
+    s.disk_mass_kg = random.Uniform(0.001, 0.003);
+    s.disk_inertia_xx_kgm2 = random.Uniform(1e-8, 2e-8);
+    s.disk_inertia_zz_kgm2 = random.Uniform(1e-8, 3e-8);
+    s.youngs_modulus_Pa = random.Uniform(1e10, 3e10);
+    s.core_radius_m = random.Uniform(0.0004, 0.0006);
+    s.bending_damping_Nms = random.Uniform(0, 3e-5);
+    s.torsion = (seed + k) % 4 != 1;
+    s.extension = (seed + k) % 4 != 2;
+    if (s.torsion) {
+      s.poissons_ratio = 0.3;
+      s.torsional_damping_Nms = random.Uniform(0, 1e-5);
+      s.rest_torsion_rad_per_m = random.Uniform(-10, 10);
+    }
+    if (s.extension) {
+      s.axial_stiffness_N = random.Uniform(20, 200);  // a spring: soft enough to be seen
+      s.axial_damping_Nspm = random.Uniform(0, 0.05);
+      s.rest_extension = random.Uniform(-0.05, 0.05);
+    }
+    s.tendons = Around(3 + static_cast<int>(k), random.Uniform(0.003, 0.005), random.Uniform(0, 1));
+    body.sections.push_back(s);
+  }
+  body.gravity_W_mps2 = random.Vector(3, -9, 9);
+  body.tip_force_W_N = random.Vector(3, -0.02, 0.02);
+  body.tip_payload_kg = random.Uniform(0, 0.002);
+  if (seed % 3 == 0) body.twist_rad_per_m = random.Uniform(-5, 5);
+  body.DeviationOf(2).rest_u_rad = random.Uniform(-0.2, 0.2);
+  body.DeviationOf(2).stiffness_scale = random.Uniform(0.8, 1.2);
+  return body;
+}
+
 }  // namespace tendril::test

@@ -23,7 +23,7 @@ TEST_P(BodyAllocation, NoCallOfTheBodyAllocates) {
   test::Random random(1);
   const VectorXd q = random.Vector(n, -1, 1), dq = random.Vector(n, -1, 1), tension = random.Vector(m, 0, 5);
   VectorXd force(n), ddq(n), length(m), section(2 * body.sections());
-  MatrixXd mass(n, n), tip(6, n), jacobian(m, n), spans(m, body.units());
+  MatrixXd mass(n, n), tip(6, n), jacobian(m, n), spans(m, body.disks());
   const Eigen::Matrix3Xd on_disks = Eigen::Matrix3Xd::Ones(3, body.units());
   std::vector<Pose> poses(static_cast<std::size_t>(body.units()));
   double sum = 0;
@@ -43,8 +43,9 @@ TEST_P(BodyAllocation, NoCallOfTheBodyAllocates) {
   body.InverseDynamics(q, dq, ddq, force, workspace);
   body.MassMatrix(q, mass, workspace);
   sum += body.EnergyOf(q, dq, workspace).total();
-  body.StaticForce(q, Eigen::Vector3d(0.1, 0, 0), force);
-  body.TangentStiffness(q, tension, Eigen::Vector3d(0.1, 0, 0), mass);
+  const TipWrench tip{Eigen::Vector3d(0.1, 0, 0), Eigen::Vector3d(0, 0.01, 0)};
+  body.StaticForce(q, tip, force);
+  body.TangentStiffness(q, tension, tip, mass);
   body.SumBending(q, section);
   body.ProjectForce(force, section);
   body.SpreadBending(section, ddq);
@@ -53,16 +54,19 @@ TEST_P(BodyAllocation, NoCallOfTheBodyAllocates) {
   EXPECT_TRUE(std::isfinite(sum));
 
   // Vectors of fixed size are taken as they are.
-  Eigen::Matrix<double, 10, 1> q10 = q, force10 = Eigen::Matrix<double, 10, 1>::Zero(), ddq10;
-  body.ForwardDynamics(q10, q10, force10, ddq10, workspace);
-  body.InverseDynamics(q10, q10, ddq10, force10, workspace);
+  if (n == 10) {
+    Eigen::Matrix<double, 10, 1> q10 = q, force10 = Eigen::Matrix<double, 10, 1>::Zero(), ddq10;
+    body.ForwardDynamics(q10, q10, force10, ddq10, workspace);
+    body.InverseDynamics(q10, q10, ddq10, force10, workspace);
+  }
   EXPECT_EQ(test::AllocationCount(), before);
 
   const VectorXd counted(3);  // the counter does count
   EXPECT_GT(test::AllocationCount(), before);
 }
 
-INSTANTIATE_TEST_SUITE_P(Robots, BodyAllocation, testing::Values(test::TwoSections(), test::AsBuilt()));
+INSTANTIATE_TEST_SUITE_P(Robots, BodyAllocation,
+                         testing::Values(test::TwoSections(), test::AsBuilt(), test::RandomStrained(3)));
 
 }  // namespace
 }  // namespace tendril::model

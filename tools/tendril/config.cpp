@@ -12,6 +12,7 @@
 #include "tendril/config/whole_file.h"
 #include "tendril/daemon/file_check.h"
 #include "tendril/first_robot/drawing.h"
+#include "tendril/model/bending_model.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::tools {
@@ -28,10 +29,12 @@ void Draw(const RobotParameters& robot, const std::string& file) {
 
 void Check(const std::string& path, const std::string& drawing) {
   if (config::KindOf(path) == "robot") {
-    const RobotParameters robot = sim::LoadRobot(path);
-    Draw(robot, drawing);
+    const RobotParameters robot = sim::LoadRobot(path, config::KnownStrains::kAll);
+    RobotParameters bending = robot;
+    bending.body = model::BendingModel(robot.body);
+    Draw(bending, drawing);
     fmt::print("{}{}{}{}", config::ToYaml(robot), daemon::FiguresComment(robot),
-               daemon::UncertaintyComment(robot), daemon::DirectionsComment(robot));
+               daemon::UncertaintyComment(robot), daemon::DirectionsComment(bending));
     return;
   }
   const DaemonParameters daemon = config::LoadDaemon(path);

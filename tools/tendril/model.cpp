@@ -15,12 +15,39 @@ io::CsvReader Stdin(Names required, std::vector<Names> optional) {
   return {std::cin, "stdin", std::move(required), std::move(optional)};
 }
 
+Names StrainColumns(const model::Body& body, std::string_view prefix) {
+  Names names;
+  for (int i = 0; i < body.units(); ++i) {
+    const auto add = [&](char strain) { names.push_back(fmt::format("{}{}{}", prefix, strain, i + 1)); };
+    add('u');
+    add('v');
+    if (body.twists(i)) add('w');
+    if (body.stretches(i)) add('e');
+  }
+  return names;
+}
+
+CLI::App* AddBendingEvaluation(CLI::App& model, const std::string& name, const std::string& description,
+                               std::function<void(const RobotParameters&)> run) {
+  CLI::App* command = model.add_subcommand(name, description);
+  auto file = std::make_shared<std::string>();
+  command->add_option("--robot", *file, "robot file (config/robots/*.yaml) whose units only bend")
+      ->required();
+  command->callback([file, name, run = std::move(run)] {
+    const RobotParameters robot = config::LoadRobot(*file, config::KnownStrains::kAll);
+    config::RequireBendingOnly(robot.body, *file, "tendril model " + name);
+    run(robot);
+  });
+  return command;
+}
+
 CLI::App* AddModelEvaluation(CLI::App& model, const std::string& name, const std::string& description,
                              std::function<void(const RobotParameters&)> run) {
   CLI::App* command = model.add_subcommand(name, description);
   auto file = std::make_shared<std::string>();
   command->add_option("--robot", *file, "robot file (config/robots/*.yaml)")->required();
-  command->callback([file, run = std::move(run)] { run(config::LoadRobot(*file)); });
+  command->callback(
+      [file, run = std::move(run)] { run(config::LoadRobot(*file, config::KnownStrains::kAll)); });
   return command;
 }
 

@@ -20,8 +20,10 @@ namespace tendril::tools {
 
 using Names = std::vector<std::string>;
 
-inline Names Positions(int units) { return io::NumberedPairs("u", "v", units); }
-inline Names Velocities(int units) { return io::NumberedPairs("du", "dv", units); }
+/// u1,v1[,w1][,e1],u2,.. of the units, each name after `prefix` ("", "d", "dd").
+Names StrainColumns(const model::Body& body, std::string_view prefix);
+inline Names Positions(const model::Body& body) { return StrainColumns(body, ""); }
+inline Names Velocities(const model::Body& body) { return StrainColumns(body, "d"); }
 inline Names Tensions(int tendons) { return io::Numbered("T", tendons); }
 
 io::CsvReader Stdin(Names required, std::vector<Names> optional = {});
@@ -59,6 +61,9 @@ class Unmet {
 /// file.
 CLI::App* AddModelEvaluation(CLI::App& model, const std::string& name, const std::string& description,
                              std::function<void(const RobotParameters&)> run);
+/// The same of what knows bending alone: refuses files with other strains.
+CLI::App* AddBendingEvaluation(CLI::App& model, const std::string& name, const std::string& description,
+                               std::function<void(const RobotParameters&)> run);
 
 /// The required columns of a row that begin with x, y, z of a tip in metres. Throws for the current row when
 /// it is so far away that distances would overflow.

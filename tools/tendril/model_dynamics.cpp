@@ -12,9 +12,8 @@ void Accelerate(const RobotParameters& robot) {
   Body::Workspace workspace(body);
   const int n = body.dof();
   VectorXd force(n), ddq(n);
-  io::CsvReader rows =
-      Stdin(io::Columns(Positions(body.units()), Velocities(body.units()), Tensions(body.tendons())));
-  io::CsvWriter out(stdout, io::NumberedPairs("ddu", "ddv", body.units()));
+  io::CsvReader rows = Stdin(io::Columns(Positions(body), Velocities(body), Tensions(body.tendons())));
+  io::CsvWriter out(stdout, StrainColumns(body, "dd"));
   while (rows.Next()) {
     Cursor row(rows.required());
     const VectorXd q = row.Take(n), dq = row.Take(n), tension = row.Take(body.tendons());
@@ -37,7 +36,7 @@ void Mass(const RobotParameters& robot) {
     // H111 would be both (1, 11) and (11, 1).
     for (int j = 1; j <= n; ++j) columns.push_back(fmt::format("H{}{}{}", i, n < 10 ? "" : "_", j));
   }
-  io::CsvReader rows = Stdin(Positions(body.units()));
+  io::CsvReader rows = Stdin(Positions(body));
   io::CsvWriter out(stdout, columns);
   while (rows.Next()) {
     const VectorXd q = Cursor(rows.required()).Take(n);
@@ -52,7 +51,7 @@ void Energies(const RobotParameters& robot) {
   const Body body(robot.body);
   Body::Workspace workspace(body);
   const int n = body.dof();
-  io::CsvReader rows = Stdin(io::Columns(Positions(body.units()), Velocities(body.units())));
+  io::CsvReader rows = Stdin(io::Columns(Positions(body), Velocities(body)));
   io::CsvWriter out(stdout, {"kinetic", "elastic", "gravity"});
   while (rows.Next()) {
     Cursor row(rows.required());
@@ -66,7 +65,10 @@ void Energies(const RobotParameters& robot) {
 }  // namespace
 
 void AddModelDynamicsCommands(CLI::App& model) {
-  AddModelEvaluation(model, "accel", "u,v,du,dv per unit and T per tendon -> ddu,ddv", Accelerate);
+  AddModelEvaluation(
+      model, "accel",
+      "u,v,du,dv per unit and T per tendon -> ddu,ddv; units that twist or stretch have w or e after v",
+      Accelerate);
   AddModelEvaluation(model, "mass", "u,v per unit -> mass matrix, row by row", Mass);
   AddModelEvaluation(model, "energy", "u,v,du,dv per unit -> kinetic, elastic, gravity energy", Energies);
 }

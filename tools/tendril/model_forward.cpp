@@ -10,7 +10,7 @@ using Eigen::VectorXd;
 void ForwardKinematics(const RobotParameters& robot) {
   const model::Body body(robot.body);
   VectorXd length(body.tendons());
-  io::CsvReader rows = Stdin(Positions(body.units()));
+  io::CsvReader rows = Stdin(Positions(body));
   io::CsvWriter out(stdout,
                     io::Columns({"x", "y", "z", "qw", "qx", "qy", "qz"}, io::Numbered("L", body.tendons())));
   while (rows.Next()) {
@@ -26,7 +26,7 @@ void ForwardKinematics(const RobotParameters& robot) {
 }  // namespace
 
 void AddModelForwardCommand(CLI::App& model) {
-  AddModelEvaluation(model, "fk", "u,v per unit -> tip x,y,z, quaternion, straight tendon lengths",
+  AddModelEvaluation(model, "fk", "u,v[,w][,e] per unit -> tip x,y,z, quaternion, straight tendon lengths",
                      ForwardKinematics);
 }
 

@@ -105,7 +105,7 @@ void InverseTipRows(const RobotParameters& robot, const MinTensionOption& min_te
 
 void AddModelInverseCommands(CLI::App& model) {
   auto options = std::make_shared<InverseOptions>();
-  CLI::App* inverse = AddModelEvaluation(
+  CLI::App* inverse = AddBendingEvaluation(
       model, "inverse", "us,vs per section [and dus,dvs,ddus,ddvs] -> T per tendon of least sum (T - Tmin)^2",
       [options](const RobotParameters& robot) { InverseRows(robot, *options); });
   inverse
@@ -122,7 +122,7 @@ void AddModelInverseCommands(CLI::App& model) {
       "the nearest admissible tensions, and a line on stderr with what is\nmissing.");
 
   auto tip_options = std::make_shared<MinTensionOption>();
-  CLI::App* inverse_tip = AddModelEvaluation(
+  CLI::App* inverse_tip = AddBendingEvaluation(
       model, "inverse-tip",
       "tip x,y,z [and dx,dy,dz,ddx,ddy,ddz] -> T per tendon and u,v per unit of the true equilibrium with "
       "its tip there",

@@ -31,8 +31,8 @@ void InverseKinematicsRows(const RobotParameters& robot) {
 }  // namespace
 
 void AddModelReachCommand(CLI::App& model) {
-  CLI::App* ik = AddModelEvaluation(model, "ik", "tip x,y,z -> us,vs per section at constant curvature",
-                                    InverseKinematicsRows);
+  CLI::App* ik = AddBendingEvaluation(model, "ik", "tip x,y,z -> us,vs per section at constant curvature",
+                                      InverseKinematicsRows);
   ik->footer(
       "A tip out of reach gets the nearest reachable one (bend up to limits.max_bending_rad per section) and "
       "a line\n"

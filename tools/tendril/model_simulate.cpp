@@ -21,7 +21,7 @@ struct SimulateOptions {
 void SimulateMotion(const RobotParameters& robot, const SimulateOptions& options) {
   const Body body(robot.body);
   const int n = body.dof(), m = body.tendons();
-  const Names state = io::Columns(Positions(body.units()), Velocities(body.units()));
+  const Names state = io::Columns(Positions(body), Velocities(body));
   VectorXd q = VectorXd::Zero(n), dq = VectorXd::Zero(n);
   if (!options.initial.empty()) {
     std::ifstream file(options.initial);
@@ -65,7 +65,8 @@ void SimulateMotion(const RobotParameters& robot, const SimulateOptions& options
 void AddModelSimulateCommand(CLI::App& model) {
   auto options = std::make_shared<SimulateOptions>();
   CLI::App* simulate = AddModelEvaluation(
-      model, "simulate", "t and T per tendon (knots, linear between) -> t, u,v and du,dv per unit",
+      model, "simulate",
+      "t and T per tendon (knots, linear between) -> t, u,v[,w][,e] and du,dv[,dw][,de] per unit",
       [options](const RobotParameters& robot) { SimulateMotion(robot, *options); });
   simulate->add_option(
       "--initial", options->initial,

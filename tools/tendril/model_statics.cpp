@@ -1,5 +1,8 @@
 // `tendril model statics | frequencies`: equilibria under tensions and the vibrations about them, row by row.
+#include <memory>
+
 #include "model.h"
+#include "tendril/model/shape_points.h"
 #include "tendril/model/statics.h"
 
 namespace tendril::tools {
@@ -11,22 +14,40 @@ using model::Body;
 
 // The stable equilibrium on the branch from zero tension, or the row's error.
 VectorXd RequireEquilibrium(const io::CsvReader& rows, const Body& body, const VectorXd& tension_N,
-                            const Vector3d& tip_force_W_N) {
-  const model::Equilibrium found = model::SolveStatics(body, tension_N, tip_force_W_N);
+                            const model::TipWrench& tip) {
+  const model::Equilibrium found = model::SolveStatics(body, tension_N, tip);
   if (const std::string why = model::WhyNoEquilibrium(found); !why.empty()) throw rows.Error(why);
   return found.q;
 }
 
-void Statics(const RobotParameters& robot) {
+Names DiskColumns(int disks) {
+  Names names;
+  for (int disk = 1; disk <= disks; ++disk) {
+    for (const char* value : {"x", "y", "z", "qw", "qx", "qy", "qz"})
+      names.push_back(fmt::format("{}{}", value, disk));
+  }
+  return names;
+}
+
+void Statics(const RobotParameters& robot, bool disks) {
   const Body body(robot.body);
-  io::CsvReader rows = Stdin(Tensions(body.tendons()), {{"fx", "fy", "fz"}});
-  io::CsvWriter out(stdout, io::Columns(Positions(body.units()), Names{"x", "y", "z"}));
+  io::CsvReader rows = Stdin(Tensions(body.tendons()), {{"fx", "fy", "fz"}, {"mx", "my", "mz"}});
+  io::CsvWriter out(stdout, io::Columns(Positions(body), Names{"x", "y", "z"},
+                                        disks ? DiskColumns(body.disks()) : Names{}));
   while (rows.Next()) {
     const VectorXd tension = Cursor(rows.required()).Take(body.tendons());
     RequirePulling(rows, tension);
-    const Vector3d tip_force = rows.has(0) ? Vector3d(Cursor(rows.optional(0)).Take(3)) : Vector3d(0, 0, 0);
-    const VectorXd q = RequireEquilibrium(rows, body, tension, tip_force);
-    out.PutAll(q).PutAll(body.TipPose(q).p_WA).EndRow();
+    model::TipWrench tip;
+    if (rows.has(0)) tip.force_W_N = Cursor(rows.optional(0)).Take(3);
+    if (rows.has(1)) tip.moment_W_Nm = Cursor(rows.optional(1)).Take(3);
+    const VectorXd q = RequireEquilibrium(rows, body, tension, tip);
+    out.PutAll(q).PutAll(body.TipPose(q).p_WA);
+    const std::vector<model::Pose> poses = model::DiskPoses(body, q);
+    for (std::size_t disk = 1; disks && disk < poses.size(); ++disk) {
+      const Eigen::Quaterniond turn = model::UnitQuaternion(poses[disk].R_WA);
+      out.PutAll(poses[disk].p_WA).Put(turn.w()).PutAll(turn.vec());
+    }
+    out.EndRow();
   }
 }
 
@@ -47,11 +68,18 @@ void Frequencies(const RobotParameters& robot) {
 }  // namespace
 
 void AddModelStaticsCommands(CLI::App& model) {
-  AddModelEvaluation(
-      model, "statics",
-      "T per tendon [and tip force fx,fy,fz] -> u,v per unit and tip x,y,z at the equilibrium on the "
-      "branch from zero tension",
-      Statics);
+  auto disks = std::make_shared<bool>(false);
+  CLI::App* statics = AddModelEvaluation(model, "statics",
+                                         "T per tendon [and fx,fy,fz, mx,my,mz at the tip] -> u,v[,w][,e] "
+                                         "per unit and tip x,y,z at the equilibrium "
+                                         "on the branch from zero tension",
+                                         [disks](const RobotParameters& robot) { Statics(robot, *disks); });
+  statics->add_flag("--disks", *disks,
+                    "each disk's position and quaternion too: x1,y1,z1,qw1,qx1,qy1,qz1,x2,..");
+  statics->footer(
+      "fx,fy,fz [N] and mx,my,mz [N·m] act at the centre of the last disk and keep their direction in the "
+      "base "
+      "frame.\nA backbone that twists has w and one that stretches e after each unit's u,v.");
   AddModelEvaluation(
       model, "frequencies",
       "T per tendon -> natural frequencies [Hz] about the equilibrium, ascending, without damping",

@@ -20,8 +20,10 @@ class ConfigError : public std::runtime_error {
 };
 
 /// Robot file (config/robots/*.yaml). Throws ConfigError for unknown, missing and duplicate keys, wrong types
-/// and values out of range.
-RobotParameters LoadRobot(const std::string& path);
+/// and values out of range; and for a robot that does more than bend unit by unit, unless the caller knows
+/// `kAll` strains.
+enum class KnownStrains { kBending, kAll };
+RobotParameters LoadRobot(const std::string& path, KnownStrains known = KnownStrains::kBending);
 RobotParameters ParseRobot(const std::string& yaml, const std::string& name_for_errors);
 
 /// Daemon file (config/tendrild.yaml); the robot file it names is resolved but not loaded.
@@ -42,6 +44,10 @@ std::string ToYaml(const DaemonParameters& daemon);
 /// ConfigError.
 void CheckTogether(const DaemonParameters& daemon, const RobotParameters& robot,
                    const std::string& daemon_path);
+
+/// Refuses, at its `strains` or `units_per_disk`, a body that does more than bend unit by unit, for `what`
+/// ("tendril model ik"), which knows bending alone. Throws ConfigError.
+void RequireBendingOnly(const BodyParameters& body, const std::string& robot_path, std::string_view what);
 
 /// Warnings for accepted values of the daemon file that make no sense on this robot (a guard that cannot
 /// trip, or hardly; a ramp that is a jump): file, line, key, value, reason, and a value that does.

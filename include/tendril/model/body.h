@@ -1,12 +1,14 @@
-// The robot's body: kinematics, straight tendons and Kane dynamics of a chain of constant-curvature units in
-// (u, v). Pure maths: no I/O, no exceptions after construction, no allocation outside constructors. Knows
-// nothing of motors.
+// The robot's body: kinematics, straight tendons and Kane dynamics of a chain of units of constant strain.
+// Pure maths: no I/O, no exceptions after construction, no allocation outside constructors. Knows nothing of
+// motors.
 //
-// q = (u_1, v_1, ..., u_N, v_N) with (u, v) = theta (cos beta, sin beta) of each unit [rad]; F_0 is the base
-// frame.
+// q = (u_1, v_1[, w_1][, e_1], ..., u_N, v_N[, w_N][, e_N]): of each unit the bend (u, v) = theta (cos beta,
+// sin beta) [rad] and, where its section has them, torsion w [rad] about its backbone and extension e, its
+// change of length over unit_length_m; F_0 is the base frame. Forces on e are in N·m like those on angles.
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -31,13 +33,42 @@ struct Energy {
   double total() const { return kinetic + elastic + gravity; }
 };
 
+/// Force [N] and moment [N·m] at the centre of the last disk, both constant in F_0. A constant moment has no
+/// potential: the tangent stiffness under it is not symmetric.
+struct TipWrench {
+  Eigen::Vector3d force_W_N = Eigen::Vector3d::Zero();
+  Eigen::Vector3d moment_W_Nm = Eigen::Vector3d::Zero();
+
+  TipWrench() = default;
+  /// A force alone.
+  template <class Derived>
+  TipWrench(const Eigen::MatrixBase<Derived>& force) : force_W_N(force) {}
+  TipWrench(const Eigen::Vector3d& force, const Eigen::Vector3d& moment)
+      : force_W_N(force), moment_W_Nm(moment) {}
+};
+
+class StrainedChain;
+
 class Body {
  public:
   /// Throws std::invalid_argument naming the invalid parameter.
   explicit Body(const BodyParameters& parameters);
 
   int units() const { return units_; }
-  int dof() const { return 2 * units_; }
+  int dof() const { return dof_; }
+  /// Whether q = (u_1, v_1, ..., u_N, v_N) and every unit ends at a disk. What only a body of this kind can
+  /// do says so.
+  bool bends_only() const { return strained_ == nullptr; }
+  /// Index in q of a unit's u; v follows, then w and e where the unit has them.
+  int coordinate(int unit) const { return strained_ ? coordinate_[unit] : 2 * unit; }
+  bool twists(int unit) const { return SectionOf(unit).torsion; }
+  bool stretches(int unit) const { return SectionOf(unit).extension; }
+  /// (u, v, w, e) of a unit; 0 where it does not have a strain.
+  Eigen::Vector4d StrainsOf(int unit, ConstVectorRef q) const;
+  /// Disks, D; D = N where every unit ends at one.
+  int disks() const { return static_cast<int>(disk_unit_.size()); }
+  /// Unit (0-based) that ends at a disk (0-based).
+  int disk_unit(int disk) const { return disk_unit_[disk]; }
   int tendons() const { return static_cast<int>(tendons_.size()); }
   int sections() const { return static_cast<int>(parameters_.sections.size()); }
   /// First unit (0-based) of section k and one past its last.
@@ -48,6 +79,10 @@ class Body {
   /// Bending stiffness of a unit (0-based) [N·m/rad] and the bend in which it is free of stress [rad].
   double unit_stiffness_Nm(int unit) const { return unit_[unit].stiffness_Nm; }
   Eigen::Vector2d rest_bend_rad(int unit) const { return {unit_[unit].rest_u, unit_[unit].rest_v}; }
+  /// The shape in which the backbone is free of stress.
+  void RestShape(VectorRef q) const noexcept;
+  /// Stiffness times the strain from the rest shape [N·m].
+  void ElasticForce(ConstVectorRef q, VectorRef force_Nm) const noexcept;
   const BodyParameters& parameters() const { return parameters_; }
 
   /// Scratch memory of the dynamics, allocated once; one per thread.
@@ -63,22 +98,26 @@ class Body {
    private:
     friend class Body;
     struct Unit;
-    std::vector<Unit> units_;
+    struct Strained;
+    std::vector<Unit> units_;         // of a body that only bends
+    std::vector<Strained> strained_;  // of any other
   };
 
   // ---- kinematics (paper eqs. 2-4, 10) ----
 
-  /// Poses of frames 1..N in F_0; `poses` has N entries.
+  /// Poses of frames 1..N, the units' ends, in F_0; `poses` has N entries.
   void Poses(ConstVectorRef q, std::span<Pose> poses) const noexcept;
   /// Pose of the last disk in F_0.
   Pose TipPose(ConstVectorRef q) const noexcept;
-  /// 6 x 2N: rows (v_W, w_W) of the last disk per unit dq.
+  /// Pose after the part `share` (0..1) of a unit (0-based), relative to the frame at its begin.
+  Pose PoseWithin(int unit, ConstVectorRef q, double share) const noexcept;
+  /// 6 x dof: rows (v_W, w_W) of the last disk per unit dq.
   void TipJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept;
 
-  // ---- straight tendons between neighbouring disks (eqs. 17-19) ----
+  // ---- straight tendons between neighbouring disks (eqs. 17-19), over all units between them ----
   //
-  // In a unit of length l, between holes at angle a - delta and a + delta (delta half the disks' twist
-  // against each other), a tendon has the length L with
+  // In a unit that only bends, of length l, between holes at angle a - delta and a + delta (delta half the
+  // disks' twist against each other), a tendon has the length L with
   //   L^2 = 2 c2(theta^2) [(l - r cos(delta) g)^2 - (r sin(delta) h)^2] + (2 r sin(delta))^2,
   //   g = u cos a + v sin a,  h = v cos a - u sin a,  c2(x) = (1 - cos sqrt x) / x;
   // without twist L = (l - r g) 2 sin(theta / 2) / theta.
@@ -87,17 +126,17 @@ class Body {
   void TendonLengths(ConstVectorRef q, VectorRef length_m) const noexcept;
   /// L(straight) - L(q) [m], positive when the tendon is pulled.
   void TendonShortening(ConstVectorRef q, VectorRef shortening_m) const noexcept;
-  /// M x 2N, dL_j/dq [m/rad].
+  /// M x dof, dL_j/dq [m/rad].
   void TendonLengthJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept;
   /// Both at once, at little more than the cost of one.
   void TendonShortening(ConstVectorRef q, VectorRef shortening_m, MatrixRef length_jacobian) const noexcept;
-  /// M x N: straight length of each tendon within each unit of the straight robot, less that at q [m]; a
-  /// row's sum is the tendon's shortening. 0 beyond its end.
+  /// M x D: straight length of each tendon up to each disk from the one before in the straight robot, less
+  /// that at q [m]; a row's sum is the tendon's shortening. 0 beyond its end.
   void SpanShortening(ConstVectorRef q, MatrixRef shortening_m) const noexcept;
-  /// M x N: angle by which each tendon turns at the disk that ends each unit, where it goes on into the next
-  /// [rad]; 0 from its last disk on.
+  /// M x D: angle by which each tendon turns at each disk, where it goes on to the next [rad]; 0 from its
+  /// last disk on.
   void TendonTurns(ConstVectorRef q, MatrixRef turn_rad) const noexcept;
-  /// Generalised force -sum_j T_j dL_j/dq [N·m] of uniform tensions (eqs. 20, 21), 2N entries.
+  /// Generalised force -sum_j T_j dL_j/dq [N·m] of uniform tensions (eqs. 20, 21), dof entries.
   void TendonForce(ConstVectorRef q, ConstVectorRef tension_N, VectorRef force_Nm) const noexcept;
 
   // ---- dynamics (eqs. 22-25, as O(N) recursions) ----
@@ -109,29 +148,38 @@ class Body {
   /// Forward: accelerations [rad/s^2] under the applied generalised force (tendons and any other).
   void ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVectorRef force_Nm, VectorRef ddq,
                        Workspace& workspace) const noexcept;
-  /// H(q), 2N x 2N, symmetric positive definite [kg·m^2].
+  /// H(q), dof x dof, symmetric positive definite [kg·m^2].
   void MassMatrix(ConstVectorRef q, MatrixRef mass, Workspace& workspace) const noexcept;
-  /// Elastic minus gravity minus tip-force terms of the equations at rest: the generalised force that holds q
-  /// [N·m]. The tip force here and below adds to the parameters' own.
-  void StaticForce(ConstVectorRef q, const Eigen::Vector3d& tip_force_W_N, VectorRef force_Nm) const noexcept;
-  /// Exact derivative of (StaticForce - TendonForce) by q at given tensions: the tangent stiffness [N·m/rad].
-  void TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const Eigen::Vector3d& tip_force_W_N,
+  /// Elastic minus gravity minus tip-wrench terms of the equations at rest: the generalised force that holds
+  /// q [N·m]. The wrench here and below adds to the parameters' own tip force.
+  void StaticForce(ConstVectorRef q, const TipWrench& tip, VectorRef force_Nm) const noexcept;
+  /// Exact derivative of (StaticForce - TendonForce) by q at given tensions: the tangent stiffness [N·m/rad],
+  /// symmetric without a tip moment.
+  void TangentStiffness(ConstVectorRef q, ConstVectorRef tension_N, const TipWrench& tip,
                         MatrixRef stiffness) const noexcept;
-  /// Generalised force of a force on every disk's centre, columns of a 3 x N matrix in F_0.
+  /// Generalised force of a force on every unit's end, columns of a 3 x N matrix in F_0.
   void DiskForce(ConstVectorRef q, const Eigen::Ref<const Eigen::Matrix3Xd>& force_W_N,
                  VectorRef force_Nm) const noexcept;
   Energy EnergyOf(ConstVectorRef q, ConstVectorRef dq, Workspace& workspace) const noexcept;
 
-  // ---- constant curvature over sections: all units of a section share its bend equally ----
+  // ---- constant curvature over sections: all units of a section share its bend equally; torsion and
+  // extension,
+  //      where there are any, stay at rest ----
 
   /// q of the arc shape: u_i = us_k / n_k; us_vs has 2K entries.
   void SpreadBending(ConstVectorRef us_vs, VectorRef q) const noexcept;
   /// Sum over each section's units: (us, vs) per section.
   void SumBending(ConstVectorRef q, VectorRef us_vs) const noexcept;
-  /// Generalised force on (us, vs) of the arc motion: virtual work of a 2N generalised force.
+  /// Generalised force on (us, vs) of the arc motion: virtual work of a generalised force.
   void ProjectForce(ConstVectorRef force_Nm, VectorRef section_force_Nm) const noexcept;
 
  private:
+  const SectionParameters& SectionOf(int unit) const;
+  void CheckSections();
+  void AddTwist();
+  void AddMomentStiffness(ConstVectorRef q, const Eigen::Vector3d& moment_W_Nm,
+                          MatrixRef stiffness) const noexcept;
+
   struct Tendon {
     int section;
     double cos_angle, sin_angle, radius_m;
@@ -152,11 +200,13 @@ class Body {
   SpanSlopes TwistedSlopes(int unit, int tendon, double u, double v) const noexcept;
 
   BodyParameters parameters_;
-  int units_ = 0;
-  std::vector<int> first_unit_;
+  int units_ = 0, dof_ = 0;
+  std::vector<int> first_unit_, disk_unit_, coordinate_;
   std::vector<Tendon> tendons_;
   std::vector<UnitConstants> unit_;
   std::vector<TwistedSpan> twisted_;  // N x M, empty without twist
+  // Of a body that does not only bend; everything is computed there. Never changed, so copies share it.
+  std::shared_ptr<const StrainedChain> strained_;
 };
 
 }  // namespace tendril::model

@@ -9,9 +9,9 @@
 
 namespace tendril::model {
 
-/// The first unit (0-based) that q (2N, u and v of each unit) bends so far that its disks would cut through
-/// each other: by a whole turn, or until a tendon of it or of a section above has no length left within it.
-/// Empty when every unit is open.
+/// The first unit (0-based) that q strains so far that its ends would cut through each other: it turns by a
+/// whole turn, or a tendon of it or of a section above has no length left within it. Empty when every unit is
+/// open.
 std::optional<int> FirstClosedUnit(const Body& body, ConstVectorRef q);
 
 /// "unit 2 is bent by 6.5 rad: ..." with the remedy; empty when every unit is open.

@@ -13,11 +13,15 @@ namespace tendril::model {
 /// The rotation as a unit quaternion with w >= 0.
 Eigen::Quaterniond UnitQuaternion(const Eigen::Matrix3d& R);
 
-/// Frames of the base disk and of the N units' disks in F_0, from the base on.
+/// Frames of the base and of the N units' ends in F_0, from the base on.
+std::vector<Pose> UnitPoses(const Body& body, ConstVectorRef q);
+
+/// Frames of the base disk and of the D other disks in F_0, from the base on; those of the units' ends where
+/// every unit ends at a disk.
 std::vector<Pose> DiskPoses(const Body& body, ConstVectorRef q);
 
 /// `points` >= 2 positions [m, F_0] of the backbone, equally spaced by arc length from base to tip; each unit
-/// is an arc of constant curvature.
+/// is a curve of constant strain; by the arc length of the unstrained backbone.
 Eigen::Matrix3Xd BackbonePoints(const Body& body, ConstVectorRef q, int points);
 
 /// Positions [m, F_0] of a tendon's (0-based) hole in the base disk and in each disk up to the one where it

@@ -17,15 +17,15 @@ enum class StaticsResult {
 
 struct Equilibrium {
   StaticsResult result = StaticsResult::kNoSolution;
-  Eigen::VectorXd q;         // 2N; where the branch ended when it did not converge
+  Eigen::VectorXd q;         // dof entries; where the branch ended when it did not converge
   double load_fraction = 0;  // fraction of the load reached: 1 when converged
   double residual_Nm = 0;    // largest component of the residual
   int iterations = 0;        // total Newton steps
 };
 
 /// Follows the equilibrium from the unloaded rest shape (gravity and the body's own tip force acting) to the
-/// given tensions and tip force.
-Equilibrium SolveStatics(const Body& body, ConstVectorRef tension_N, const Eigen::Vector3d& tip_force_W_N);
+/// given tensions and tip wrench, all raised together.
+Equilibrium SolveStatics(const Body& body, ConstVectorRef tension_N, const TipWrench& tip);
 /// Why there is no equilibrium and the remedy, as a clause; empty when it converged.
 std::string WhyNoEquilibrium(const Equilibrium& found);
 /// Minimum of the potential reached downhill from a start: Newton with the exact tangent and a line search;
@@ -33,9 +33,9 @@ std::string WhyNoEquilibrium(const Equilibrium& found);
 Equilibrium SolveStaticsFrom(const Body& body, ConstVectorRef start_q, ConstVectorRef tension_N,
                              const Eigen::Vector3d& tip_force_W_N);
 
-/// Undamped natural frequencies [Hz], ascending, 2N, about an equilibrium at constant tensions: f =
-/// sqrt(lambda) / 2 pi of K x = lambda H x. A mode in which the equilibrium is unstable comes out negative:
-/// -f is its growth rate / 2 pi.
+/// Undamped natural frequencies [Hz], ascending, one a coordinate, about an equilibrium at constant tensions:
+/// f = sqrt(lambda) / 2 pi of K x = lambda H x. A mode in which the equilibrium is unstable comes out
+/// negative: -f is its growth rate / 2 pi.
 Eigen::VectorXd NaturalFrequencies(const Body& body, ConstVectorRef equilibrium_q, ConstVectorRef tension_N,
                                    const Eigen::Vector3d& tip_force_W_N);
 

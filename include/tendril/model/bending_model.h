@@ -1,0 +1,20 @@
+// The body that only bends as the projection of one that also twists and stretches: what a controller knows
+// of it, and how far off that is. For programs, not for the tick.
+#pragma once
+
+#include <optional>
+
+#include "tendril/core/robot.h"
+
+namespace tendril::model {
+
+/// One unit a disk, without torsion and extension: the same disks, masses, stiffness and damping of bending.
+/// A body that only bends comes back as it is.
+BodyParameters BendingModel(const BodyParameters& body);
+
+/// The largest distance of the bending model's tip from the body's own, over the robot's loads: all tendons
+/// at limits.min_tension_N, and each in turn at limits.max_tension_base_N beside them, under its gravity and
+/// tip force. None where one of the two has no equilibrium under any of these loads.
+std::optional<double> WorstTipErrorOfBending(const RobotParameters& robot);
+
+}  // namespace tendril::model

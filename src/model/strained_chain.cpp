@@ -1,0 +1,133 @@
+// Units, spans and kinematics of the strained chain.
+#include "strained_chain.h"
+
+#include <cmath>
+
+#include "unit_joint.h"
+
+namespace tendril::model {
+namespace {
+
+std::array<double, kStrains> Stiffness(const SectionParameters& s, double bending_scale) {
+  const double bending = s.UnitStiffness() * bending_scale;
+  return {bending, bending, s.torsion ? s.UnitTorsionalStiffness() : 0,
+          s.extension ? s.UnitAxialStiffness() : 0};
+}
+
+Vec Hole(const TendonRoute& route, double turn_rad) {
+  const double angle = route.angle_rad + turn_rad;
+  return {route.radius_m * std::cos(angle), route.radius_m * std::sin(angle), 0};
+}
+
+}  // namespace
+
+StrainedChain::StrainedChain(const BodyParameters& parameters)
+    : tendons_(parameters.tendons()),
+      gravity_(parameters.gravity_W_mps2),
+      tip_force_(parameters.tip_force_W_N) {
+  MakeUnits(parameters);
+  MakeSpans(parameters);
+}
+
+void StrainedChain::MakeUnits(const BodyParameters& parameters) {
+  for (const SectionParameters& s : parameters.sections) {
+    const double stretching_damping = s.axial_damping_Nspm * s.unit_length_m * s.unit_length_m;
+    for (int i = 0; i < s.units; ++i) {
+      StrainedUnit& unit = units_.emplace_back();
+      unit.length_m = s.unit_length_m;
+      unit.mass_kg = s.MassAt(i);
+      unit.inertia_xx = s.InertiaXxAt(i);
+      unit.inertia_zz = s.InertiaZzAt(i);
+      unit.twists = s.torsion;
+      unit.stretches = s.extension;
+      unit.coordinate = dof_;
+      dof_ += 2 + (s.torsion ? 1 : 0) + (s.extension ? 1 : 0);
+      unit.stiffness = Stiffness(s, 1);
+      unit.damping = {s.bending_damping_Nms, s.bending_damping_Nms, s.torsional_damping_Nms,
+                      stretching_damping};
+      unit.rest = {0, 0, s.rest_torsion_rad_per_m * s.unit_length_m, s.rest_extension};
+    }
+  }
+  units_.back().mass_kg += parameters.tip_payload_kg;
+  for (const UnitDeviation& d : parameters.unit_deviations) {
+    StrainedUnit& unit = units_[static_cast<std::size_t>(d.unit - 1)];
+    unit.stiffness[0] *= d.stiffness_scale;
+    unit.stiffness[1] *= d.stiffness_scale;
+    unit.rest[0] = d.rest_u_rad;
+    unit.rest[1] = d.rest_v_rad;
+  }
+}
+
+void StrainedChain::MakeSpans(const BodyParameters& parameters) {
+  int unit = 0, first_tendon = 0;
+  double begin_m = 0;  // arc length
+  for (const SectionParameters& s : parameters.sections) {
+    const double span_m = s.units_per_disk * s.unit_length_m;
+    for (int disk = 0; disk < s.units / s.units_per_disk; ++disk) {
+      spans_.push_back({unit, unit + s.units_per_disk, first_tendon});
+      for (const SectionParameters& owner : parameters.sections) {
+        for (const TendonRoute& route : owner.tendons) {
+          const Vec begin = Hole(route, parameters.twist_rad_per_m * begin_m);
+          const Vec end = Hole(route, parameters.twist_rad_per_m * (begin_m + span_m));
+          const Vec line = end + -begin + Vec(0, 0, span_m);
+          holes_.push_back({begin, end, std::sqrt(line.dot(line))});
+        }
+      }
+      unit += s.units_per_disk;
+      begin_m += span_m;
+    }
+    first_tendon += static_cast<int>(s.tendons.size());
+  }
+}
+
+void StrainedChain::Advance(const StrainedUnit& unit, ConstVectorRef q, Vec& p, Mat& r) noexcept {
+  const Strains at = unit.At(q);
+  const StrainSeries k(at);
+  const double length = unit.length_m * (1 + at.e), c3w = k.c[3] * at.w;
+  p += Times(r, length * (k.c[2] * at.u - c3w * at.v), length * (k.c[2] * at.v + c3w * at.u),
+             length * (k.c[1] + c3w * at.w));
+  r = Turn(r, at, k);
+}
+
+Pose StrainedChain::PoseWithin(int unit, ConstVectorRef q, double share) const noexcept {
+  StrainedUnit part = units_[static_cast<std::size_t>(unit)];
+  part.length_m *= share;
+  Strains at = part.At(q);
+  const double stretch = 1 + at.e;
+  part.length_m *= stretch;
+  part.coordinate = 0;
+  const Eigen::Vector4d strain(share * at.u, share * at.v, share * at.w, 0);
+  part.twists = part.stretches = true;
+  Vec p = kZero;
+  Mat r = kIdentity;
+  Advance(part, strain, p, r);
+  return ToPose(p, r);
+}
+
+void StrainedChain::Place(ConstVectorRef q, Placed& placed) const noexcept {
+  placed.r[0] = kIdentity;
+  for (std::size_t i = 0; i < units_.size(); ++i) {
+    const StrainedUnit& unit = units_[i];
+    const Strains at = unit.At(q);
+    const StrainSeries k(at);
+    PlaceJoint(placed.r[i], unit.length_m, at, k, unit.twists, unit.stretches, placed.joints[i]);
+    placed.r[i + 1] = Turn(placed.r[i], at, k);
+  }
+}
+
+void StrainedChain::TipJacobian(ConstVectorRef q, MatrixRef jacobian) const noexcept {
+  Placed placed;
+  Place(q, placed);
+  Vec to_tip = kZero;  // from B to the tip
+  for (std::size_t i = units_.size(); i-- > 0;) {
+    const StrainJoint& j = placed.joints[i];
+    for (int a = 0; a < kStrains; ++a) {
+      if (!units_[i].Has(a)) continue;
+      const Vec turning = j.Turning(a);
+      jacobian.col(units_[i].IndexOf(a)) << (j.jv[a] + Cross(turning, to_tip)).eigen(), turning.eigen();
+    }
+    to_tip += j.p;
+  }
+}
+
+}  // namespace tendril::model

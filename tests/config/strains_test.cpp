@@ -1,0 +1,124 @@
+// Keys of sections that twist and stretch: may be left out, come back bit for bit, are refused with their
+// line.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "files.h"
+#include "tendril/config/config.h"
+
+namespace tendril::config {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+const std::string kRod = "robots/rod_5disks.yaml";
+
+std::string RefusalOf(const std::string& yaml) {
+  try {
+    ParseRobot(yaml, "rod.yaml");
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+  return "accepted";
+}
+
+TEST(Strains, ABodyThatOnlyBendsHasAndWritesNone) {
+  const RobotParameters robot = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
+  EXPECT_TRUE(robot.body.BendsOnly());
+  for (const char* key :
+       {"strains", "units_per_disk", "disk_mass_kg", "poissons_ratio", "torsional", "axial", "rest_"})
+    EXPECT_THAT(ToYaml(robot), Not(HasSubstr(key)));
+}
+
+TEST(Strains, TheShippedRodIsThePapersWireBetweenFiveDisks) {
+  const RobotParameters robot = LoadRobot(ConfigPath(kRod), KnownStrains::kAll);
+  const SectionParameters& s = robot.body.sections.front();
+  EXPECT_TRUE(s.torsion && s.extension);
+  EXPECT_DOUBLE_EQ(robot.body.length_m(), 0.09);
+  EXPECT_EQ(s.units / s.units_per_disk, 5);
+  EXPECT_NEAR(robot.body.mass_kg(), 5 * 0.002 + 10 * 4.56e-5, 1e-15);
+  // Textbook values of a round rod of 1 mm: G J = 8.684e-4 N·m², E A = 18064 N.
+  EXPECT_NEAR(s.UnitTorsionalStiffness() * s.unit_length_m, 2.3e10 / 2.6 * 9.817477e-14, 1e-9);
+  EXPECT_NEAR(s.UnitAxialStiffness() / s.unit_length_m, 2.3e10 * 7.853982e-7, 1e-2);
+  EXPECT_DOUBLE_EQ(s.disk_inertia_zz_kgm2, 0.002 * 0.01 * 0.01 / 8);
+}
+
+TEST(Strains, ComeBackBitForBit) {
+  RobotParameters robot = LoadRobot(ConfigPath(kRod), KnownStrains::kAll);
+  SectionParameters& s = robot.body.sections.front();
+  s.poissons_ratio.reset();
+  s.torsional_stiffness_Nm2 = 1.0 / 3e3;
+  s.axial_stiffness_N = 1e4 / 3;
+  s.torsional_damping_Nms = 1e-6 / 3;
+  s.axial_damping_Nspm = 2.0 / 3;
+  s.rest_torsion_rad_per_m = -1.0 / 3;
+  s.rest_extension = 1.0 / 30;
+  for (const bool extension : {true, false}) {
+    if (!extension) {
+      s.extension = false;
+      s.axial_stiffness_N.reset();
+      s.axial_damping_Nspm = s.rest_extension = 0;
+    }
+    const SectionParameters again = ParseRobot(ToYaml(robot), "again").body.sections.front();
+    EXPECT_EQ(again.torsion, true);
+    EXPECT_EQ(again.extension, extension);
+    EXPECT_EQ(again.units_per_disk, 2);
+    EXPECT_EQ(again.disk_mass_kg, s.disk_mass_kg);
+    EXPECT_EQ(again.poissons_ratio, s.poissons_ratio);
+    EXPECT_EQ(again.torsional_stiffness_Nm2, s.torsional_stiffness_Nm2);
+    EXPECT_EQ(again.axial_stiffness_N, s.axial_stiffness_N);
+    EXPECT_EQ(again.torsional_damping_Nms, s.torsional_damping_Nms);
+    EXPECT_EQ(again.axial_damping_Nspm, s.axial_damping_Nspm);
+    EXPECT_EQ(again.rest_torsion_rad_per_m, s.rest_torsion_rad_per_m);
+    EXPECT_EQ(again.rest_extension, s.rest_extension);
+  }
+}
+
+TEST(Strains, WhatMakesNoSenseIsRefusedWithItsLineKeyAndRange) {
+  const std::string rod = ReadText(ConfigPath(kRod)), strains = "strains: [bending, torsion, extension]";
+  const std::string ratio = "poissons_ratio: 0.3 ";
+  const auto refused = [&](const std::string& from, const std::string& to, const std::string& key,
+                           const std::string& accepted) {
+    const std::string yaml = Edited(rod, from, to);
+    const std::string line = std::to_string(LineWith(yaml, key + ":"));
+    EXPECT_THAT(RefusalOf(yaml), AllOf(StartsWith("rod.yaml:" + line + ": body.sections[1]." + key),
+                                       HasSubstr("accepted: " + accepted)));
+  };
+  refused("units_per_disk: 2", "units_per_disk: 0", "units_per_disk", "");
+  refused("units_per_disk: 2", "units_per_disk: 3", "units_per_disk", "a divisor of units");
+  refused(ratio, "", "strains", "torsion beside poissons_ratio (-0.99 .. 0.5)");
+  refused(ratio, "poissons_ratio: 0.6 ", "poissons_ratio", "-0.99 .. 0.5");
+  refused(ratio, "poissons_ratio: 0.3\n      torsional_stiffness_Nm2: 1e-3 ", "poissons_ratio",
+          "one of the two");
+  refused(ratio, "torsional_stiffness_Nm2: -1 ", "torsional_stiffness_Nm2", "1e-12 .. 1000000 N·m²");
+  refused(ratio, "poissons_ratio: 0.3\n      axial_stiffness_N: 0 ", "axial_stiffness_N", "0.001 .. ");
+  refused(ratio, "poissons_ratio: 0.3\n      axial_damping_Nspm: -1 ", "axial_damping_Nspm", "0 .. ");
+  refused(ratio, "poissons_ratio: 0.3\n      rest_extension: -1 ", "rest_extension", "-0.5 .. 1");
+  refused(strains, "strains: [torsion, extension]", "strains", "bending");
+  refused(strains, "strains: [bending, shear]", "strains", "bending, torsion, extension");
+  refused(strains, "strains: [bending, bending]", "strains", "bending, torsion, extension");
+  refused(strains, "strains: bending", "strains", "");
+  refused(strains, "strains: [bending, extension]", "poissons_ratio", "only where strains names torsion");
+}
+
+TEST(Strains, WhatKnowsBendingAloneSaysSo) {
+  const std::string path = ConfigPath(kRod);
+  const auto refusal = [](const std::string& file) -> std::string {
+    try {
+      LoadRobot(file);
+    } catch (const ConfigError& e) {
+      return e.what();
+    }
+    return "accepted";
+  };
+  EXPECT_THAT(refusal(path), AllOf(HasSubstr(":" + std::to_string(LineWith(ReadText(path), "strains:")) +
+                                             ": body.sections[1].strains: torsion, extension"),
+                                   HasSubstr("accepted: [bending]")));
+  EXPECT_EQ(refusal(ConfigPath("robots/two_section.yaml")), "accepted");
+}
+
+}  // namespace
+}  // namespace tendril::config
