@@ -153,7 +153,8 @@ RobotParameters ParseRobot(const std::string& yaml, const std::string& name_for_
 
 RobotParameters LoadRobot(const std::string& path, KnownStrains known) {
   RobotParameters robot = ParseRobot(ReadFile(path), path);
-  if (known == KnownStrains::kBending) RequireBendingOnly(robot.body, path, "this command");
+  if (known == KnownStrains::kBending)
+    RequireBendingOnly(robot.body, path, "this command (unlike tendril model)");
   return robot;
 }
 
@@ -329,21 +330,19 @@ void RequireBendingOnly(const BodyParameters& body, const std::string& robot_pat
     const SectionParameters& s = body.sections[k];
     const std::string section = fmt::format("body.sections[{}]", k + 1);
     if (s.torsion || s.extension) {
-      throw ErrorAt(
-          robot_path, section + ".strains",
-          fmt::format("{}: {} knows bending alone, unlike tendril model; accepted: [bending]; remove the "
-                      "others and their keys in a copy of the file",
-                      s.torsion && s.extension ? "torsion, extension"
-                      : s.torsion              ? "torsion"
-                                               : "extension",
-                      what));
+      throw ErrorAt(robot_path, section + ".strains",
+                    fmt::format("{}: {} knows bending alone; accepted: [bending]; remove the "
+                                "others and their keys in a copy of the file",
+                                s.torsion && s.extension ? "torsion, extension"
+                                : s.torsion              ? "torsion"
+                                                         : "extension",
+                                what));
     }
     if (s.units_per_disk != 1) {
-      throw ErrorAt(
-          robot_path, section + ".units_per_disk",
-          fmt::format("{}: {} knows one unit a disk, unlike tendril model; accepted: 1; use as many units as "
-                      "disks in a copy of the file",
-                      s.units_per_disk, what));
+      throw ErrorAt(robot_path, section + ".units_per_disk",
+                    fmt::format("{}: {} knows one unit a disk; accepted: 1; use as many units as "
+                                "disks in a copy of the file",
+                                s.units_per_disk, what));
     }
   }
 }
