@@ -1,12 +1,15 @@
 """For colcon (ament_python). The package `tendril` itself comes by `pip install ./python` of this checkout."""
 
+from xml.etree import ElementTree
+
 from setuptools import setup
 
-NAME = "tendril_ros2"
+PACKAGE = {part.tag: part.text for part in ElementTree.parse("package.xml").getroot()}
+NAME = PACKAGE["name"]
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=PACKAGE["version"],
     packages=[NAME],
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
@@ -15,7 +18,7 @@ setup(
     ],
     install_requires=["setuptools", "tendril"],
     zip_safe=True,
-    description="A tendon-driven continuum robot that tendrild controls, as topics and services",
-    license="Apache-2.0",
+    description=PACKAGE["description"],
+    license=PACKAGE["license"],
     entry_points={"console_scripts": [f"bridge = {NAME}.bridge:main"]},
 )

@@ -57,6 +57,7 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
                 f"rate is {rate_Hz} Hz, valid_for {self._valid_for} s; give 0.1 to 1000 Hz, 0.001 to 3600 s"
             )
         self._client, self._guard = connect(url, prefix), watch(url, prefix)
+        self._guard.start()  # by the time that somebody arms it stands by
         self._advertise()
         self._listen()
         self.create_timer(1 / rate_Hz, self.publish, callback_group=MutuallyExclusiveCallbackGroup())
@@ -92,8 +93,10 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
         self._guard_knows()
         try:
             state = self._client.state(timeout=0.0)
-            model = self._model or self._describe()
+            model = self._model_of(state)
         except tendril.Error:
+            return
+        if model is None:
             return
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._base)
         for publisher, message in (
@@ -140,9 +143,15 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
         else:
             self.get_logger().info(line)
 
-    def _describe(self) -> tendril.Model:
-        self._model = tendril.Model(self._client.robot(timeout=0.0))
-        return self._model
+    def _model_of(self, state: tendril.State) -> tendril.Model | None:
+        """The model of the robot in this state; None while the daemon has not said yet which it is."""
+
+        def fits() -> bool:
+            return self._model is not None and 2 * self._model.robot.sections == state.bending_estimate_rad.size
+
+        if not fits():
+            self._model = tendril.Model(self._client.robot(timeout=0.0))
+        return self._model if fits() else None
 
     def _tell_refusals(self, state: tendril.State) -> None:
         """Targets are sent without waiting for an answer: refusals show in the state."""

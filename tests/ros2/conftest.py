@@ -89,10 +89,13 @@ class Guard:
     """Stands in for the guard: it is there, or it does not start; `told`: whether the robot is ours, as it was told."""
 
     def __init__(self) -> None:
-        self.there, self.told, self.in_order = True, [], None
+        self.there, self.started, self.told, self.in_order = True, False, [], None
+
+    def start(self):
+        self.started = True
 
     def ready(self):
-        return self.there
+        return self.started and self.there
 
     def tell(self, ours, now):
         self.told.append(ours)

@@ -152,6 +152,16 @@ def test_a_silent_daemon_is_stale_and_the_next_may_be_another_robot(bridge, daem
     assert len(bridge.sent["/joint_states"][-1].name) == 16
 
 
+def test_states_of_another_robot_wait_for_its_description(bridge, daemon):
+    bridge.publish()
+    daemon.changed = {"bending_estimate_rad": np.zeros(4)}
+    bridge.publish()
+    assert len(bridge.sent["/joint_states"]) == len(bridge.sent["/tendril/tendons"]) == 1
+    daemon.robot = lambda timeout: tendril.load_robot(ROBOT.with_name("two_section.yaml"))
+    bridge.publish()
+    assert len(bridge.sent["/joint_states"][-1].name) == 16
+
+
 @pytest.mark.parametrize("name, value", [("rate", 0.0), ("rate", math.nan), ("valid_for", 0.0)])
 def test_parameters_out_of_range(daemon, guard, name, value):
     from tendril_ros2.bridge import Bridge

@@ -68,13 +68,17 @@ class Node:
         self.subscriptions_by_topic: dict[str, tuple[type, Any]] = {}
         self.timers: list[tuple[float, Any]] = []
         self.logger = _Logger()
+        self.declared: dict[str, Any] = {}
         rclpy.nodes.append(self)
 
     def _full(self, topic: str) -> str:
         return topic.replace("~", "/" + self.name) if topic.startswith("~") else "/" + topic.lstrip("/")
 
     def declare_parameter(self, name: str, default: Any) -> _Parameter:
-        return _Parameter(rclpy.parameters.get(name, default))
+        value = rclpy.parameters.get(name, default)
+        assert type(value) is type(default), (name, value)
+        self.declared[name] = value
+        return _Parameter(value)
 
     def create_publisher(self, kind: type, topic: str, qos: Any) -> _Publisher:
         return _Publisher(kind, self.sent.setdefault(self._full(topic), []))
