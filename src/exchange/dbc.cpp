@@ -238,8 +238,7 @@ std::vector<Drive> DrivesOf(const RobotParameters& robot, const BusParameters& b
 std::string Dbc(const RobotParameters& robot, const BusParameters& bus, std::span<const DriveSetup> setups) {
   const std::vector<Drive> drives = DrivesOf(robot, bus, setups);
   const std::vector<Message> messages = MessagesOf(bus, drives);
-  std::string text =
-      fmt::format("VERSION \"{}\"\n\nNS_ :\n\nBS_:\n\nBU_: {}", robot.name, kDaemon);
+  std::string text = fmt::format("VERSION \"{}\"\n\nNS_ :\n\nBS_:\n\nBU_: {}", robot.name, kDaemon);
   for (const Drive& drive : drives) text.append(" ").append(drive.name());
   text += "\n\n";
   for (const Message& message : messages) text += MessageText(message);

@@ -223,8 +223,8 @@ void AddOptions(Xml& xml, const Parts& p) {
   xml.Open("<default>");
   xml.Line("<geom contype=\"0\" conaffinity=\"0\" rgba=\"0.6 0.6 0.65 1\"/>");
   xml.Line("<site size=\"0.0005\"/>");
-  // As stiff as MuJoCo allows: tied hinges differ by some 1e-6 rad, and friction on these light disks does
-  // not creep.
+  // As stiff as MuJoCo allows: tied hinges differ by some 1e-6 rad; softer friction would not hold disks this
+  // light.
   for (const auto& [element, of] : {std::pair{"equality", ""}, {"joint", "friction"}, {"tendon", "friction"}})
     xml.Line("<{0} solref{1}=\"{2:.10g} 1\" solimp{1}=\"0.9999 0.9999 0.001\"/>", element, of,
              2 * p.timestep_s);

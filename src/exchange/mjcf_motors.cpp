@@ -82,6 +82,7 @@ std::vector<std::string> LeftOutOfMotors(const std::vector<SpoolSlide>& slides, 
                       "a tendon; motors and gears: {:.3g} N.",
                       friction_at_N, fmt::join(pulleys_N, ", "), fmt::join(spools_N, ", ")),
           "Pre-sliding: the friction of pulleys, gears and motors reverses at once.",
+          "Sticking: a tendon that friction holds creeps, by some hundredths of a millimetre a second.",
           "A slack tendon has no force here either, but keeps its damping."};
 }
 

@@ -81,7 +81,8 @@ std::vector<std::string> LeftOutOfBoth(const RobotParameters& robot) {
     lines.emplace_back(
         "Drives and sensors: the bus and its cycle, torque steps, encoder counts, noise, delays.");
   }
-  lines.emplace_back("How well numbers are known (within: ...): each is taken as it stands.");
+  if (!robot.uncertain.empty())
+    lines.emplace_back("How well numbers are known (within: ...): each is taken as it stands.");
   return lines;
 }
 
