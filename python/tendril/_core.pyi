@@ -115,6 +115,17 @@ class Robot:
     def to_yaml(self) -> str:
         """The resolved file, with every value spelled out."""
 
+    def to_mjcf(self, *, actuators: str | None = None, friction_at: float | None = None, timestep: float | None = None) -> str:
+        """
+        The robot for MuJoCo, as `tendril model export` writes it. actuators: 'tensions' at the base, or 'motors', the default
+        where the robot has them; friction_at: base tension [N] whose losses the constant friction has; timestep [s].
+        """
+
+    def to_urdf(self) -> str:
+        """
+        The kinematic chain with its inertias as URDF; joint angles: `Model.hinge_angles`.
+        """
+
     def __repr__(self) -> str: ...
 
 class Daemon:
@@ -181,6 +192,8 @@ class Model:
     def energy(self, q: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')], dq: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]: ...
 
     def backbone(self, q: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')], points: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]: ...
+
+    def hinge_angles(self, q: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]: ...
 
     def disks(self, q: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]: ...
 
