@@ -1,0 +1,54 @@
+#include "message_kind.h"
+
+#include <algorithm>
+#include <array>
+
+#include "tendril/io/log_messages.h"
+#include "tendril/io/wire.h"
+#include "tendril_lcm/fault_t.hpp"
+
+namespace tendril::io {
+namespace {
+
+template <class Message>
+MessageKind Kind() {
+  return {Message::getTypeName(), Message::getHash(), [](std::span<const std::uint8_t> data) noexcept {
+            static thread_local Message message;  // reused, so that decoding does not allocate anew
+            return Decode(data.data(), static_cast<int>(data.size()), message);
+          }};
+}
+
+template <class... Messages>
+std::array<MessageKind, sizeof...(Messages)> Kinds() {
+  return {Kind<Messages>()...};
+}
+
+}  // namespace
+
+const MessageKind* KindOf(std::span<const std::uint8_t> data) noexcept {
+  using namespace tendril_lcm;
+  static const auto kinds =
+      Kinds<cycle_t, state_t, command_bending_t, command_mode_t, command_tension_t, command_tip_t, event_t,
+            fault_t, run_t, snapshot_t, statistics_t, tracker_t>();
+  std::int64_t fingerprint = 0;
+  if (__int64_t_decode_array(data.data(), 0, static_cast<int>(data.size()), &fingerprint, 1) < 0)
+    return nullptr;
+  const auto found = std::find_if(kinds.begin(), kinds.end(),
+                                  [&](const MessageKind& kind) { return kind.fingerprint == fingerprint; });
+  return found == kinds.end() ? nullptr : &*found;
+}
+
+std::string_view TypeOfMessage(std::span<const std::uint8_t> data) noexcept {
+  const MessageKind* kind = KindOf(data);
+  return kind != nullptr && kind->decodes(data) ? kind->name : std::string_view();
+}
+
+bool IsChannelOfTendril(std::string_view channel) noexcept {
+  constexpr std::array<std::string_view, 12> kEndings = {
+      "_CYCLE", "_STATE", "_COMMAND_BENDING", "_COMMAND_MODE", "_COMMAND_TENSION", "_COMMAND_TIP", "_EVENT",
+      "_FAULT", "_RUN",   "_SNAPSHOT",        "_STATISTICS",   "_TRACKER"};
+  return std::any_of(kEndings.begin(), kEndings.end(),
+                     [&](auto ending) { return channel.ends_with(ending); });
+}
+
+}  // namespace tendril::io
